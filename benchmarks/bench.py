@@ -1,0 +1,171 @@
+"""`python benchmarks/bench.py [--quick] [--full]`: the library against the yardstick and its peers, every figure as one line and in build/bench.json.
+
+Times are measured alternating in one process and compared as ratios: absolute times on shared machines say little.
+--quick leaves out the day, the processes and the peers; --full also scores the slow peers on the whole 30 minutes (minutes of work).
+"""
+import argparse
+import os
+import platform
+import sys
+import time
+from importlib.metadata import version
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent / "src")]
+
+import numpy as np  # noqa: E402
+
+import figures  # noqa: E402
+import peers  # noqa: E402
+import processes  # noqa: E402
+import subject  # noqa: E402
+import workload  # noqa: E402
+import yardstick  # noqa: E402
+
+OUT = HERE.parent / "build" / "bench.json"
+ERRORS = (("position", "m"), ("velocity", "m/s"), ("attitude", "deg"))
+
+
+class Book:
+    """The figures so far; each is printed when it is known."""
+
+    def __init__(self):
+        self.tables, self.figures = figures.targets(), []
+
+    def add(self, figure):
+        self.figures.append(figure)
+        print(figure, flush=True)
+
+    def target(self, name, value, note=""):
+        self.add(figures.against_target(name, value, self.tables, note))
+
+    def measure(self, names, function):
+        """Add `names` with what `function` gives for them, (value, note) each; one that fails is a missed figure and says why."""
+        try:
+            found = function()
+        except Exception as error:  # a broken part must not hide the other figures
+            found = [(None, f"{type(error).__name__}: {error}".splitlines()[0])] * len(names)
+        for name, (value, note) in zip(names, found):
+            self.target(name, value, note)
+
+    def skip(self, names):
+        for name in names:
+            self.add(figures.against_target(name, None, self.tables, "left out by --quick")._replace(holds=None))
+
+
+def seconds_of(function):
+    """Seconds that one call takes."""
+    begin = time.perf_counter()
+    function()
+    return time.perf_counter() - begin
+
+
+def alternating(first, second, times):
+    """Medians of (first, second, second / first), called in turns."""
+    pairs = np.array([(seconds_of(first), seconds_of(second)) for _ in range(times)])
+    return (*np.median(pairs, axis=0), float(np.median(pairs[:, 1] / pairs[:, 0])))
+
+
+def yardstick_figures(book, name):
+    """Accuracy of the yardstick itself: it must reproduce the targets that it set."""
+    w = workload.load(name)
+    inputs, outputs = yardstick.arguments(w)
+    yardstick.run(*inputs, *outputs)
+    rms = workload.score(w, w.t[1:], *outputs[:3])
+    for value, (what, unit) in zip(rms, ERRORS):
+        book.add(figures.informative(f"{name} yardstick {what}", value, unit))
+
+
+def accuracy_figures(book):
+    for name in "AB":
+        yardstick_figures(book, name)
+        book.measure([f"{name} accuracy {what}" for what, _ in ERRORS],
+                     lambda: [(value, "") for value in subject.accuracy(workload.load(name), "closed-loop")])
+    for loop in ("open", "closed"):
+        book.measure([f"N {loop} loop position"], lambda: [(subject.accuracy(workload.load("N"), f"{loop}-loop").position, "")])
+
+
+def ratio(name, times):
+    """[(closed-loop time over the yardstick's, note)] on a workload."""
+    w = workload.load(name)
+    inputs, outputs = yardstick.arguments(w)
+    ours, samples = subject.Run(w, "closed-loop"), len(w.t) - 1
+    yardstick.run(*inputs, *outputs)
+    ours()
+    theirs, own, value = alternating(lambda: yardstick.run(*inputs, *outputs), ours, times)
+    return [(value, f"{own / samples * 1e6:.3f} against {theirs / samples * 1e6:.3f} us per IMU sample")]
+
+
+def speed_figures(book, times):
+    book.measure(["A closed loop time"], lambda: ratio("A", times))
+    book.measure(["B closed loop time"], lambda: ratio("B", 2 * times))
+    book.measure(["stream step, IMU sample", "stream step, fix"], lambda: [(us, "") for us in subject.stream_times(workload.load("A").first(300))])
+
+
+def process_figures(book):
+    book.measure(["day at 100 Hz, time", "day at 100 Hz, memory"], lambda: day(book))
+    book.measure(["first compilation", "first solution, warm cache"],
+                 lambda: [(seconds, "whole process") for seconds in processes.first_solution(subject.write_log(workload.load("A").first(600)))])
+    book.measure(["strapdown --help"], lambda: [(processes.help_seconds(), "whole process")])
+
+
+def day(book):
+    took, megabytes, position = processes.day(workload.stored_period())
+    book.add(figures.informative("day at 100 Hz, position", position, "m", "rms of the last hour"))
+    return [(took, ""), (megabytes, "interpreter and libraries included")]
+
+
+def peer_figures(book, full):
+    """Times of the peers over strapdown's on the same workload, strapdown run before and after each."""
+    versions = peers.versions()
+    for title, function, package, pieces in peers.RUNS:
+        for name, enough in pieces.items():
+            if versions[package] is None:
+                book.add(figures.informative(f"{name} {title} time", None, "x strapdown", f"{package} is not installed"))
+                continue
+            try:
+                book.add(peer_figure(name, title, function, 1800.0 if full else enough, versions[package]))
+            except Exception as error:  # a peer that fails is worth a line, not the end
+                book.add(figures.informative(f"{name} {title} time", None, "x strapdown", f"{package} {versions[package]}: {error}".splitlines()[0]))
+
+
+def peer_figure(name, title, function, seconds, release):
+    w = workload.load(name)
+    ours = subject.Run(w, "open-loop" if "feedforward" in title else "closed-loop")
+    ours()
+    before = seconds_of(ours)
+    us, rms = function(w, seconds)
+    own = (before + seconds_of(ours)) / 2 / (len(w.t) - 1) * 1e6
+    note = f"{release}: {us:.1f} us per IMU sample over {seconds:g} s" + (f"; {rms}" if rms else "")
+    return figures.informative(f"{name} {title} time", us / own, "x strapdown", note)
+
+
+def machine():
+    """What was measured on and with."""
+    packages = {name: version(name) for name in ("numpy", "scipy", "numba")}
+    return {"python": platform.python_version(), "system": f"{platform.system()} {platform.machine()}", "cores": os.cpu_count(),
+            "load": os.getloadavg()[0] if hasattr(os, "getloadavg") else None, **packages, **peers.versions()}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="accuracy, ratios and stream only")
+    parser.add_argument("--full", action="store_true", help="score the slow peers on the whole workloads, too")
+    options = parser.parse_args()
+    print(", ".join(f"{key} {value}" for key, value in machine().items()))
+    book = Book()
+    accuracy_figures(book)
+    speed_figures(book, 5 if options.quick else 15)
+    if options.quick:
+        book.skip([name for name in book.tables if name not in {figure.name for figure in book.figures}])
+    else:
+        process_figures(book)
+        peer_figures(book, options.full)
+    figures.write(OUT, book.figures, machine())
+    judged = [figure.holds for figure in book.figures if figure.target is not None]
+    print(f"{judged.count(True)} figures hold, {judged.count(False)} missed, {judged.count(None)} left out; {OUT}")
+
+
+if __name__ == "__main__":
+    main()

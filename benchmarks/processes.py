@@ -1,0 +1,97 @@
+"""Figures that need a process of their own: a day in bounded memory, the first solution, the first compilation, `--help`.
+
+`python benchmarks/processes.py day PERIOD SECONDS` and `... first LOG` are what those processes run; each prints one JSON line.
+"""
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+SOURCE = HERE.parent / "src"
+DAY = 86400.0
+
+
+def environment(**changes):
+    """This process' environment with strapdown importable from the checkout."""
+    path = os.pathsep.join(filter(None, [str(SOURCE), os.environ.get("PYTHONPATH")]))
+    return {**os.environ, "PYTHONPATH": path, **changes}
+
+
+def child(*arguments, **changes):
+    """(seconds of the whole process, its last line of output as JSON or text). Raises RuntimeError with its last words."""
+    begin = time.perf_counter()
+    done = subprocess.run([sys.executable, *map(str, arguments)], env=environment(**changes), capture_output=True, text=True)
+    seconds = time.perf_counter() - begin
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(map(str, arguments))[:80]}: {(done.stderr.strip() or done.stdout.strip() or 'no output').splitlines()[-1]}")
+    last = (done.stdout.strip().splitlines() or ["null"])[-1]
+    try:
+        return seconds, json.loads(last)
+    except ValueError:
+        return seconds, last
+
+
+def help_seconds(times=5):
+    """Median time of `strapdown --help`, as its console script runs it."""
+    runs = sorted(child("-c", "import sys; from strapdown.cli import main; sys.exit(main())", "--help")[0] for _ in range(times))
+    return runs[times // 2]
+
+
+def first_solution(log, times=3):
+    """(seconds with nothing cached, median seconds with a warm cache) of a process that reads and fuses `log`."""
+    with tempfile.TemporaryDirectory() as empty:
+        cold = child(__file__, "first", log, XDG_CACHE_HOME=empty, NUMBA_CACHE_DIR="")
+        runs = sorted(child(__file__, "first", log, XDG_CACHE_HOME=empty, NUMBA_CACHE_DIR="")[0] for _ in range(times))
+    return cold[0], runs[times // 2]
+
+
+def day(period, seconds=DAY):
+    """(seconds, MB above the input arrays, rms position error in m over the last hour) of a closed loop over a synthetic day."""
+    child(__file__, "day", period, 20)  # compiles
+    return child(__file__, "day", period, seconds)[1]
+
+
+def peak_bytes():
+    """The largest resident memory of this process so far."""
+    try:
+        return 1024 * next(int(line.split()[1]) for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
+    except OSError:  # not Linux
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+
+
+def run_day(path, seconds):
+    """What the process of `day` does. Everything but the input arrays counts as memory: the interpreter and its libraries, too."""
+    import numpy as np
+    import workload
+    with np.load(path) as piece:
+        piece = dict(piece)
+    w = workload.repeated(piece, seconds)
+    arrays = sum(array.nbytes for array in (w.t, w.dtheta, w.dv, w.fix_t, w.fix))
+    import subject
+    begin = time.perf_counter()
+    solution = subject.fuse(w, "closed-loop", every=1.0)
+    took, peak = time.perf_counter() - begin, peak_bytes()
+    late = solution.t > solution.t[-1] - 3600
+    error = (solution.trajectory.lla[late] - workload.round_position(piece, solution.t[late])) * [*workload.round_scale(piece), 1.0]
+    print(json.dumps([took, (peak - arrays) / 1e6, float(np.sqrt((error ** 2).sum(axis=1).mean()))]))
+
+
+def run_first(log):
+    """What the process of `first_solution` does: the user's three lines."""
+    import strapdown as sd
+    recording = sd.read(log)
+    solution = sd.fuse(recording, "closed-loop")
+    print(json.dumps(float(solution.t[-1])))
+
+
+if __name__ == "__main__":
+    what, *rest = sys.argv[1:]
+    if what == "day":
+        run_day(rest[0], float(rest[1]))
+    else:
+        run_first(rest[0])

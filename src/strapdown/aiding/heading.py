@@ -1,0 +1,21 @@
+"""Heading of the body's x axis, clockwise from true north: y = rad. The Jacobian is exact at every heading (the published compass row is not)."""
+import math
+
+from ..core.contract import OBSERVE, Sensor, kernel
+from ..core.rotation import wrap
+
+HEADING = 2
+
+
+@kernel(OBSERVE)
+def observe(belief, y, parameters, innovation, H):
+    C = belief.C
+    horizontal = max(C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0], 1e-12)  # zero where the x axis points up or down
+    innovation[0] = wrap(y[0] - math.atan2(C[1, 0], C[0, 0]))
+    H[0, 6] = -C[2, 0] * C[0, 0] / horizontal
+    H[0, 7] = -C[2, 0] * C[1, 0] / horizontal
+    H[0, 8] = 1.0
+    return 1
+
+
+SENSOR = Sensor("heading", HEADING, observe, ("angle",), reference="derivative of atan2(C21, C11); Fossen (2021) eq. 14.254 corrected")

@@ -1,0 +1,16 @@
+"""Zero velocity over ground while the vehicle is at rest; `io.samples.at_rest` finds when."""
+from ..core.contract import OBSERVE, Sensor, kernel
+
+ZERO_VELOCITY = 7
+
+
+@kernel(OBSERVE)
+def observe(belief, y, parameters, innovation, H):
+    for i in range(3):
+        innovation[i] = -belief.v[i]
+        H[i, 3 + i] = 1.0
+    return 3
+
+
+SENSOR = Sensor("zero-velocity", ZERO_VELOCITY, observe, ("speed", "speed", "speed"), recorded=False, when="at rest",
+                reference="Groves (2013) section 15.3")

@@ -1,0 +1,1 @@
+"""Compiled mathematics on arrays, SI and radians, one sample at a time."""

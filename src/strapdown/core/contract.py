@@ -1,0 +1,154 @@
+"""The contract between sensors, filters and the loop that runs them: four kernel signatures and the tuples they pass.
+
+Everything is SI and radians, navigation frame NED, body frame forward-right-down; errors are true - estimate. `docs/design.md` tells why.
+"""
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+
+from .compiling import COMPILED, address, caller, compile_kernel, helper, is_cached, kernel, matrix
+
+__all__ = ["Belief", "Start", "Noise", "Imu", "Fixes", "Cursor", "Output", "Filter", "Sensor", "PARAMETERS", "POSITION_KIND", "OBSERVE", "PREDICT", "CORRECT", "RUN",
+           "POS", "VEL", "ATT", "BA", "BG", "STATES", "COMPILED", "kernel", "helper", "matrix", "address", "caller", "compile_kernel", "is_cached"]
+
+POS, VEL, ATT, BA, BG = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
+STATES = 15
+"""The library's error states, in this order: position (m, NED), velocity (m/s, NED), attitude (rad, in n), accelerometer bias (m/s^2),
+gyro bias (rad/s). States that an aiding brings along follow them."""
+
+
+class Belief(NamedTuple):
+    """What a filter believes at one instant, at the IMU; arrays updated in place."""
+    lla: np.ndarray     # latitude rad, longitude rad, ellipsoidal height m
+    v: np.ndarray       # velocity NED, m/s
+    C: np.ndarray       # C_nb, body to navigation frame
+    ba: np.ndarray      # accelerometer bias, m/s^2
+    bg: np.ndarray      # gyro bias, rad/s
+    P: np.ndarray       # error covariance (n, n)
+    omega: np.ndarray   # last bias-free angular rate omega_ib_b, rad/s
+    f: np.ndarray       # last bias-free specific force f_ib_b, m/s^2
+    aux: np.ndarray     # what one architecture alone needs; its first numbers are the filter's extra output columns
+
+
+class Noise(NamedTuple):
+    """What a filter assumes of the IMU, per axis, in root densities."""
+    gyro: float         # angle random walk, rad/sqrt(s)
+    accel: float        # velocity random walk, m/s/sqrt(s)
+    gyro_bias: float    # driving noise of the gyro bias, rad/s/sqrt(s)
+    accel_bias: float   # driving noise of the accelerometer bias, m/s^2/sqrt(s)
+    gyro_decay: float   # 1/time constant of the gyro bias, 1/s; 0 is a random walk
+    accel_decay: float  # 1/time constant of the accelerometer bias, 1/s
+
+
+class Start(NamedTuple):
+    """Where a filter begins: state and standard deviations, SI and radians. Print it, or override a part with `_replace`."""
+    t: float
+    lla: tuple          # latitude rad, longitude rad, ellipsoidal height m
+    v: tuple            # NED, m/s
+    rph: tuple          # roll, pitch, heading, rad
+    ba: tuple           # accelerometer bias, m/s^2
+    bg: tuple           # gyro bias, rad/s
+    sd: tuple           # 15 standard deviations in the order of the error states
+    note: str = ""      # how each part was found
+
+    def belief(self, aux):
+        """A Belief at this start with a diagonal P; `aux` is the filter's own array."""
+        from .rotation import euler_to_matrix
+        column = lambda values: np.array(values, float)
+        C = np.empty((3, 3))
+        euler_to_matrix(*(float(angle) for angle in self.rph), C)
+        return Belief(column(self.lla), column(self.v), C, column(self.ba), column(self.bg), np.diag(column(self.sd) ** 2),
+                      np.zeros(3), np.zeros(3), aux)
+
+
+class Imu(NamedTuple):
+    """IMU samples as columns: row k is the integral over (t[k] - dt[k], t[k]]."""
+    t: np.ndarray       # s
+    dt: np.ndarray      # s
+    dtheta: np.ndarray  # (n, 3) integral of the angular rate, body FRD, rad
+    dv: np.ndarray      # (n, 3) integral of the specific force, body FRD, m/s
+
+
+class Fixes(NamedTuple):
+    """All aiding of a run, merged and sorted by time, and what each source of it is."""
+    t: np.ndarray           # s
+    source: np.ndarray      # int64, row of the three tables below
+    y: np.ndarray           # (m, 3); what a sensor does not measure is NaN
+    sd: np.ndarray          # (m, 3) of the rows of the innovation
+    kind: np.ndarray        # int64 per source
+    parameters: np.ndarray  # (sources, PARAMETERS)
+    gate: np.ndarray        # per source, bound on NIS; inf switches gating off
+
+
+class Cursor(NamedTuple):
+    """The loop's own state, so that a run can stop and go on at any sample."""
+    at: np.ndarray        # int64, see the names in core/loop.py
+    now: np.ndarray       # time of the belief, s
+    previous: np.ndarray  # the last sample: increments (6), seconds
+    work: np.ndarray      # increments in use (6), a part of them (6), innovation (3)
+    accepted: np.ndarray  # int64 per source
+    rejected: np.ndarray  # int64 per source
+    in_a_row: np.ndarray  # int64 per source: rejections since the last accepted fix
+    since: np.ndarray     # time of the first of them
+
+
+class Output(NamedTuple):
+    """What a run writes: a row per kept IMU sample, a row per fix."""
+    nav: np.ndarray         # (rows, NAV_COLUMNS + extra columns of the filter)
+    covariance: np.ndarray  # (rows, n, n), or (0, n, n)
+    fix: np.ndarray         # (m, FIX_COLUMNS)
+
+
+PARAMETERS = 8
+"""Numbers that a source hands to its observer."""
+POSITION_KIND = 0
+"""The kind of a position fix: the one that makes a solution valid again after a long gap."""
+
+if COMPILED:
+    _f8, _i8 = types.float64, types.int64
+    _line, _table, _cube = types.Array(_f8, 1, "C"), types.Array(_f8, 2, "C"), types.Array(_f8, 3, "C")
+    _count = types.Array(_i8, 1, "C")
+    _named = lambda cls, *fields: types.NamedTuple(fields, cls)
+    BELIEF = _named(Belief, _line, _line, _table, _line, _line, _table, _line, _line, _line)
+    NOISE = types.NamedUniTuple(_f8, len(Noise._fields), Noise)
+    IMU = _named(Imu, _line, _line, _table, _table)
+    FIXES = _named(Fixes, _line, _count, _table, _table, _count, _table, _line)
+    CURSOR = _named(Cursor, _count, _line, _line, _line, _count, _count, _count, _line)
+    OUTPUT = _named(Output, _table, _cube, _table)
+
+    OBSERVE = _i8(BELIEF, _line, _line, _line, _table)
+    PREDICT = types.void(BELIEF, _line, _f8, NOISE)
+    CORRECT = _f8(BELIEF, _line, _line, _i8, types.FunctionType(OBSERVE), _line, _f8, _line)
+    RUN = types.void(_i8, _i8, _count, BELIEF, IMU, FIXES, NOISE, CURSOR, OUTPUT)
+else:
+    OBSERVE, PREDICT, CORRECT, RUN = "observe", "predict", "correct", "run"
+
+
+class Filter(NamedTuple):
+    """One architecture. `name` is its file's name with dashes; `reference` its source in the literature."""
+    name: str
+    reference: str
+    start: Callable         # (Start, Noise, **options) -> Belief; plain Python, refuses bad options
+    predict: Callable       # (belief, u, dt, noise): u[0:6] = rotation (rad) and velocity (m/s) increments
+    correct: Callable       # (belief, y, sd, kind, observe, parameters, gate, innovation) -> NIS
+    states: tuple = tuple(range(STATES))  # the standard deviations it claims; the others are published as NaN
+    columns: tuple = ()     # names, with units, of its extra output columns
+
+    def __reduce__(self):
+        from ..filters import find
+        return find, (self.name,)
+
+
+class Sensor(NamedTuple):
+    """One kind of aiding: how it is observed, and what the edge must know to read it."""
+    name: str
+    kind: int               # index of the observer, a module constant
+    observe: Callable       # (belief, y, parameters, innovation, H) -> rows, at most 3 of y - h(belief) in m, m/s or rad
+    quantities: tuple       # what each component of y is: "latitude", "longitude", "length", "speed", "angle"
+    parameters: str = ""    # what parameters[0:3] is: "" nothing, "antenna" or "reference": lever arm from the IMU to that point, m, body
+    vector: str = ""        # frame of y where it is a vector that the description's axes turn: "n" or "b"
+    recorded: bool = True   # False: a constraint of the vehicle, rows at a rate instead of a file
+    when: str = ""          # a constraint that holds only then: "at rest"
+    reference: str = ""

@@ -1,0 +1,101 @@
+"""What the error-state filters share: their aux array, the linearised step, the measurement, the injection of an error into the belief."""
+import math
+
+import numpy as np
+
+from .compiling import helper, matrix
+from .contract import ATT, BA, BG, POS, STATES, VEL
+from .earth import displace
+from .error_dynamics import BLOCKS, MODELS, kinematic_blocks
+from .gaussian import WORKSPACE, decay, propagate, propagate_error, update
+from .rotation import orthonormalise, rotate_left
+
+X = slice(0, STATES)                            # error state kept apart from the belief; zero where it is injected at once
+MODEL = X.stop                                  # which error model; see error_dynamics
+OWN = MODEL + 1                                 # 40 numbers for the architecture itself
+BLOCK = slice(OWN + 40, OWN + 40 + BLOCKS)      # blocks of F
+MID = BLOCK.stop                                # C_nb at mid-interval, 3 x 3
+DV = slice(MID + 9, MID + 12)                   # specific-force velocity increment in n, bias-free, m/s
+DX = slice(DV.stop, DV.stop + 2 * STATES)       # the correction that `measure` found, n numbers
+WORK = DX.stop                                  # workspace of core.gaussian, to the end; its last 3 n numbers are H (3, n)
+
+
+def auxiliary(n, error_model="corrected"):
+    """The aux array of an error-state filter with n states; refuses an unknown error model."""
+    if error_model not in MODELS:
+        raise ValueError(f"error_model is {error_model!r}; it must be one of {', '.join(MODELS)}")
+    aux = np.zeros(WORK + max(WORKSPACE, n * n + 3 * n + 4) + 3 * n)
+    aux[MODEL] = MODELS[error_model]
+    return aux
+
+
+@helper
+def linearised_step(belief, u, dt, noise, beside):
+    """Propagate P, and the error state where one is kept `beside` the belief, over dt, linearised at the belief with bias-corrected increments; state and attitude stay.
+
+    Also publishes the bias-free rate and specific force, and decays the biases.
+    """
+    aux, C, mid, dv_n, ba, bg = belief.aux, belief.C, matrix(belief.aux, MID, 3, 3), belief.aux[DV], belief.ba, belief.bg
+    r0, r1, r2 = 0.5 * (u[0] - bg[0] * dt), 0.5 * (u[1] - bg[1] * dt), 0.5 * (u[2] - bg[2] * dt)
+    a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
+    for i in range(3):
+        mid[i, 0] = C[i, 0] + C[i, 1] * r2 - C[i, 2] * r1
+        mid[i, 1] = C[i, 1] + C[i, 2] * r0 - C[i, 0] * r2
+        mid[i, 2] = C[i, 2] + C[i, 0] * r1 - C[i, 1] * r0
+        dv_n[i] = mid[i, 0] * a0 + mid[i, 1] * a1 + mid[i, 2] * a2
+    blocks = aux[BLOCK]
+    w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, int(aux[MODEL]), blocks)
+    w0, w1, w2 = w0 * dt, w1 * dt, w2 * dt
+    propagate(belief.P, blocks, mid, dv_n, w0, w1, w2, dt, noise, aux[WORK:])
+    if beside:
+        propagate_error(aux[X], blocks, mid, dv_n, w0, w1, w2, dt, noise, aux[WORK:])
+    if dt > 0:
+        belief.omega[0], belief.omega[1], belief.omega[2] = 2 * r0 / dt, 2 * r1 / dt, 2 * r2 / dt
+        belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
+    decay_biases(ba, bg, dt, noise)
+
+
+@helper
+def decay_biases(ba, bg, dt, noise):
+    """The mean of a Gauss-Markov bias over dt; a random walk (decay 0) keeps it."""
+    keep_a, keep_g = decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt)
+    for i in range(3):
+        ba[i] *= keep_a
+        bg[i] *= keep_g
+
+
+@helper
+def measure(belief, y, sd, observe, parameters, gate, innovation):
+    """Correct P by one fix and leave the correction of the states in aux[DX]. Returns the NIS.
+
+    Unless NIS <= gate, P is left as it was and the correction must not be used.
+    """
+    n = belief.P.shape[0]
+    H = matrix(belief.aux, belief.aux.size - 3 * n, 3, n)
+    for i in range(3):
+        innovation[i] = math.nan
+        for j in range(n):
+            H[i, j] = 0.0
+    rows = observe(belief, y, parameters, innovation, H)
+    return update(belief.P, H, innovation, sd, rows, gate, belief.aux[WORK:], belief.aux[DX])
+
+
+@helper
+def inject(lla, v, C, dx):
+    """Compose position (m, NED), velocity (m/s) and attitude errors (rad, n) into a state: true = estimate (+) error."""
+    p, dv, theta = dx[POS], dx[VEL], dx[ATT]
+    displace(lla, p[0], p[1], p[2])
+    v[0] += dv[0]
+    v[1] += dv[1]
+    v[2] += dv[2]
+    rotate_left(theta[0], theta[1], theta[2], C)
+    orthonormalise(C)
+
+
+@helper
+def inject_biases(belief, dx):
+    """Add bias errors to the estimated biases."""
+    a, g = dx[BA], dx[BG]
+    for i in range(3):
+        belief.ba[i] += a[i]
+        belief.bg[i] += g[i]

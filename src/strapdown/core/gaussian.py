@@ -1,0 +1,217 @@
+"""Covariance: prediction with the block-sparse transition of the 15 error states, correction that keeps P symmetric and positive.
+
+The transition is applied to rows, in the order in which the states feed each other (bias, attitude, velocity, position) and with mid-interval
+values, so that it is of second order in dt at the cost of the first-order one. Tests compare it with Van Loan's matrix exponential (IEEE TAC
+1978) and the correction with the Joseph form.
+"""
+import math
+
+from .compiling import flatten, helper, inlined
+from .error_dynamics import PP, TP, TV, VP, VV
+
+COPY, PRODUCT, TRANSPOSED = 0, 225, 480
+WORKSPACE = 600  # and n * n + 3 * n + 4 numbers for the correction, which uses it in its own way
+"""Parts of the flat workspace: P (rows of 15), Phi P (rows of 16), the first 8 rows of Phi P transposed (rows of 8). One array with constant
+offsets, strides and trip counts, because then the compiler sees that nothing overlaps and makes vector code."""
+LEAST_NOISE = 1e-9
+"""A fix counts as at least this fraction of the predicted innovation variance: below it P would lose its positive sign to rounding."""
+
+
+def transition(source, source_stride, target, target_stride, blocks_of_lanes, lanes):
+    """A helper that applies Phi to columns of the workspace: the 9 rows of position, velocity and attitude errors from `source` to `target`.
+
+    The columns are `lanes` beginning at each of `blocks_of_lanes`. Bias rows, which only decay, are left to the caller.
+    """
+    p, v, t = (tuple(source + (3 * k + i) * source_stride for i in range(3)) for k in range(3))
+    a, g = (tuple(source + (3 * k + i) * source_stride for i in range(3)) for k in (3, 4))
+    P, V, T = (tuple(target + (3 * k + i) * target_stride for i in range(3)) for k in range(3))
+
+    @helper
+    def apply(work, blocks, C, dv_n, w0, w1, w2, dt):
+        half = 0.5 * dt
+        pp0, pp2, pp3, pp4, pp5 = dt * blocks[PP], dt * blocks[PP + 2], dt * blocks[PP + 3], dt * blocks[PP + 4], dt * blocks[PP + 5]
+        vp0, vp2, vp3, vp5 = dt * blocks[VP], dt * blocks[VP + 2], dt * blocks[VP + 3], dt * blocks[VP + 5]
+        vp6, vp8 = dt * blocks[VP + 6], dt * blocks[VP + 8]
+        vv0, vv1, vv2, vv3 = dt * blocks[VV], dt * blocks[VV + 1], dt * blocks[VV + 2], dt * blocks[VV + 3]
+        vv4, vv5, vv6, vv7 = dt * blocks[VV + 4], dt * blocks[VV + 5], dt * blocks[VV + 6], dt * blocks[VV + 7]
+        tp0, tp2, tp5, tp6, tp8 = dt * blocks[TP], dt * blocks[TP + 2], dt * blocks[TP + 5], dt * blocks[TP + 6], dt * blocks[TP + 8]
+        tv1, tv3, tv7 = dt * blocks[TV + 1], dt * blocks[TV + 3], dt * blocks[TV + 7]
+        c00, c01, c02 = dt * C[0, 0], dt * C[0, 1], dt * C[0, 2]
+        c10, c11, c12 = dt * C[1, 0], dt * C[1, 1], dt * C[1, 2]
+        c20, c21, c22 = dt * C[2, 0], dt * C[2, 1], dt * C[2, 2]
+        f0, f1, f2 = 0.5 * dv_n[0], 0.5 * dv_n[1], 0.5 * dv_n[2]  # halves: they meet the sum of old and new attitude
+        for block in blocks_of_lanes:
+            for lane in range(lanes):
+                j = block + lane
+                p0, p1, p2 = work[p[0] + j], work[p[1] + j], work[p[2] + j]
+                v0, v1, v2 = work[v[0] + j], work[v[1] + j], work[v[2] + j]
+                t0, t1, t2 = work[t[0] + j], work[t[1] + j], work[t[2] + j]
+                a0, a1, a2 = work[a[0] + j], work[a[1] + j], work[a[2] + j]
+                g0, g1, g2 = work[g[0] + j], work[g[1] + j], work[g[2] + j]
+                # sums in groups that do not wait for each other
+                n0 = (t0 + w2 * t1 - w1 * t2) + (tp0 * p0 + tp2 * p2 + tv1 * v1) - (c00 * g0 + c01 * g1 + c02 * g2)
+                n1 = (t1 + w0 * t2 - w2 * t0) + (tp5 * p2 + tv3 * v0) - (c10 * g0 + c11 * g1 + c12 * g2)
+                n2 = (t2 + w1 * t0 - w0 * t1) + (tp6 * p0 + tp8 * p2 + tv7 * v1) - (c20 * g0 + c21 * g1 + c22 * g2)
+                u0 = (v0 + vp0 * p0 + vp2 * p2) + (vv0 * v0 + vv1 * v1 + vv2 * v2) - (c00 * a0 + c01 * a1 + c02 * a2)
+                u1 = (v1 + vp3 * p0 + vp5 * p2) + (vv3 * v0 + vv4 * v1 + vv5 * v2) - (c10 * a0 + c11 * a1 + c12 * a2)
+                u2 = (v2 + vp6 * p0 + vp8 * p2) + (vv6 * v0 + vv7 * v1) - (c20 * a0 + c21 * a1 + c22 * a2)
+                s0, s1, s2 = t0 + n0, t1 + n1, t2 + n2
+                u0 += f2 * s1 - f1 * s2
+                u1 += f0 * s2 - f2 * s0
+                u2 += f1 * s0 - f0 * s1
+                work[P[0] + j] = (p0 + pp0 * p0 + pp2 * p2) + half * (v0 + u0)
+                work[P[1] + j] = (p1 + pp3 * p0 + pp4 * p1 + pp5 * p2) + half * (v1 + u1)
+                work[P[2] + j] = p2 + half * (v2 + u2)
+                work[V[0] + j], work[V[1] + j], work[V[2] + j] = u0, u1, u2
+                work[T[0] + j], work[T[1] + j], work[T[2] + j] = n0, n1, n2
+    return apply
+
+
+_rows = transition(COPY, 15, PRODUCT, 16, (0, 7), 8)            # all 15 columns; the eighth is done twice, alike
+_columns = transition(TRANSPOSED, 8, TRANSPOSED, 8, (0,), 8)    # columns 0-7 of Phi P: symmetry gives the rest
+_last = transition(PRODUCT + 8 * 16, 1, COPY, 1, (0,), 1)       # its row 8
+_single = transition(COPY, 1, PRODUCT, 1, (0,), 1)
+
+
+@helper
+def propagate(P, blocks, C, dv_n, w0, w1, w2, dt, noise, work):
+    """P <- Phi P Phi' + Q_d over dt, by symmetry from 9 rows of Phi P.
+
+    `blocks` from kinematic_blocks, C and the specific-force increment dv_n (m/s, n) at mid-interval, w = omega_in dt (rad).
+    Half of Q_d is added before and half after the transition: the trapezoidal rule for its integral.
+    """
+    keep_a, keep_g = decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt)
+    keep = (keep_a, keep_a, keep_a, keep_g, keep_g, keep_g)
+    q_v, q_t = noise.accel * noise.accel * 0.5 * dt, noise.gyro * noise.gyro * 0.5 * dt
+    q_a, q_g = noise.accel_bias * noise.accel_bias * 0.5 * dt, noise.gyro_bias * noise.gyro_bias * 0.5 * dt
+    q = (q_v, q_v, q_v, q_t, q_t, q_t, q_a, q_a, q_a, q_g, q_g, q_g)
+    for i in range(12):
+        P[3 + i, 3 + i] += q[i]
+    if P.shape[0] == 15:  # one copy of constant length instead of fifteen
+        numbers = flatten(P)
+        for i in range(225):
+            work[COPY + i] = numbers[i]
+    else:
+        for i in range(15):
+            for j in range(15):
+                work[COPY + 15 * i + j] = P[i, j]
+    _rows(work, blocks, C, dv_n, w0, w1, w2, dt)
+    for i in range(15):
+        for j in range(8):
+            work[TRANSPOSED + 8 * i + j] = work[PRODUCT + 16 * j + i]
+    _columns(work, blocks, C, dv_n, w0, w1, w2, dt)
+    _last(work, blocks, C, dv_n, w0, w1, w2, dt)
+    for i in range(9):
+        for j in range(min(i + 1, 8)):
+            P[i, j] = P[j, i] = work[TRANSPOSED + 8 * i + j]
+        for j in range(6):
+            P[i, 9 + j] = P[9 + j, i] = keep[j] * work[PRODUCT + 16 * i + 9 + j]
+    P[8, 8] = work[COPY + 8]
+    for i in range(6):
+        for j in range(6):
+            P[9 + i, 9 + j] *= keep[i] * keep[j]
+    for i in range(12):
+        P[3 + i, 3 + i] += q[i]
+    for column in range(15, P.shape[0]):
+        _propagate_column(P, column, keep, blocks, C, dv_n, w0, w1, w2, dt, work)
+
+
+@helper
+def _propagate_column(P, column, keep, blocks, C, dv_n, w0, w1, w2, dt, work):
+    """The covariance with a state beyond the fifteenth, which stands still itself."""
+    for i in range(15):
+        work[COPY + i] = P[i, column]
+    _single(work, blocks, C, dv_n, w0, w1, w2, dt)
+    for i in range(15):
+        P[i, column] = P[column, i] = work[PRODUCT + i] if i < 9 else keep[i - 9] * work[COPY + i]
+
+
+@helper
+def propagate_error(x, blocks, C, dv_n, w0, w1, w2, dt, noise, work):
+    """x <- Phi x over dt, arguments as for `propagate`."""
+    for i in range(15):
+        work[COPY + i] = x[i]
+    _single(work, blocks, C, dv_n, w0, w1, w2, dt)
+    keep_a, keep_g = decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt)
+    for i in range(9):
+        x[i] = work[PRODUCT + i]
+    for i in range(3):
+        x[9 + i] *= keep_a
+        x[12 + i] *= keep_g
+
+
+@helper
+def decay(a):
+    """exp(-a); exactly 1 for a random walk, without the price of an exponential."""
+    return math.exp(-a) if a > 0 else 1.0
+
+
+@helper
+def update(P, H, innovation, sd, rows, gate, work, dx):
+    """Correct P by the measured rows (not NaN) of an innovation y - h with Jacobian H (3, n) and standard deviations sd.
+
+    Writes dx = P H' (H P H' + R)^-1 innovation and returns the NIS, NaN without any measured row. Unless NIS <= gate P is left as it was.
+    """
+    if P.shape[0] == 15:  # the same code with constant lengths
+        return _update(15, P, H, innovation, sd, rows, gate, work, dx)
+    return _update(P.shape[0], P, H, innovation, sd, rows, gate, work, dx)
+
+
+@inlined
+def _update(n, P, H, innovation, sd, rows, gate, work, dx):
+    """Whitening: U = L^-1 H P with L L' = H P H' + R row by row, then P - U' U, which is symmetric to the last bit.
+
+    Rows of P in the workspace are worked on with n + 1 lanes: the last one reaches into the next row, where U has a zero.
+    """
+    numbers = flatten(P)
+    for i in range(n * n):
+        work[i] = numbers[i]
+    U = n * n + 1
+    for i in range(3 * (n + 1)):
+        work[U + i] = 0.0
+    m, nis, e0, e1, e2 = 0, 0.0, 0.0, 0.0, 0.0
+    for i in range(rows):
+        e = innovation[i]
+        if math.isnan(e):
+            continue
+        row = U + m * (n + 1)
+        for j in range(n):
+            h = H[i, j]
+            if h != 0:
+                for lane in range(n + 1):
+                    work[row + lane] += h * work[n * j + lane]
+        for k in range(m):
+            overlap = _sparse_dot(n, H, i, work, U + k * (n + 1))
+            e -= overlap * (e0 if k == 0 else e1)
+            for lane in range(n + 1):
+                work[row + lane] -= overlap * work[U + k * (n + 1) + lane]
+        variance = _sparse_dot(n, H, i, work, row)
+        scale = 1 / math.sqrt(variance + max(sd[i] * sd[i], LEAST_NOISE * variance))
+        for lane in range(n + 1):
+            work[row + lane] *= scale
+        work[row + n] = 0.0
+        e *= scale
+        nis += e * e
+        e0, e1, e2 = (e, e1, e2) if m == 0 else ((e0, e, e2) if m == 1 else (e0, e1, e))
+        m += 1
+    for j in range(n):
+        dx[j] = e0 * work[U + j] + e1 * work[U + n + 1 + j] + e2 * work[U + 2 * n + 2 + j]
+    if m == 0:
+        return math.nan
+    if nis <= gate:
+        for i in range(n):
+            a, b, c = work[U + i], work[U + n + 1 + i], work[U + 2 * n + 2 + i]
+            for lane in range(n + 1):
+                work[n * i + lane] -= a * work[U + lane] + b * work[U + n + 1 + lane] + c * work[U + 2 * n + 2 + lane]
+        for i in range(n * n):
+            numbers[i] = work[i]
+    return nis
+
+
+@inlined
+def _sparse_dot(n, H, i, work, first):
+    total = 0.0
+    for j in range(n):
+        if H[i, j] != 0:
+            total += H[i, j] * work[first + j]
+    return total

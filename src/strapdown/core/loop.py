@@ -1,0 +1,162 @@
+"""The one loop: IMU samples and fixes in time order through any filter, with the rules for partial samples, gaps and re-acquisition.
+
+Rules (stated in docs/filters.md):
+- A sample is split at the time of a fix inside it, in proportion.
+- A gap of at most BRIDGE seconds is bridged with the last sample's rates and added noise, the row after it marked BRIDGED. Over a longer one
+  velocity and attitude are held, the covariance grows at the HOLD densities, and rows are INVALID until a position fix is accepted.
+- A source whose fixes were rejected REJECTED times in a row over at least PATIENCE seconds has its gate lifted until a fix passes it again.
+"""
+import math
+
+from .compiling import caller, helper, kernel
+from .contract import CORRECT, OBSERVE, POSITION_KIND, PREDICT, RUN, Noise
+from .earth import LATITUDE_LIMIT
+from .mechanization import compensate, stationary_increments
+from .rotation import matrix_to_quaternion
+
+ROW, STOP, FIX, FIXES, OUT, EVERY, PHASE, OUT_COVARIANCE, COVARIANCE_EVERY, STATUS, FAULT, CURSOR_SIZE = range(12)
+"""Cursor.at: next IMU row, where to stop, next fix, how many there are, next output row, keep rows with row % every == phase, the same for the
+covariance, status of the belief, and FAULT = 1 once the belief left the latitudes where results hold, or is not a number."""
+T, LLA, V, Q, BIASES, SD, ROW_STATUS, NAV_WIDTH = 0, 1, 4, 7, 11, 17, 32, 33
+"""Columns of Output.nav: time, position, velocity, quaternion, biases (accelerometer, gyro), 15 standard deviations, status; then a filter's own."""
+F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, FIX_WIDTH = 0, 1, 2, 5, 6, 7
+"""Columns of Output.fix; use is one of the next four."""
+UNMEASURED, REJECTED_FIX, ACCEPTED, REACQUIRED = -1.0, 0.0, 1.0, 2.0
+VALID, BRIDGED, INVALID = 0, 1, 2
+
+BRIDGE = 1.0                            # s
+STEP = 0.1                              # s: longest prediction inside a gap
+BRIDGE_GYRO, BRIDGE_ACCEL = 0.05, 1.0   # rad/sqrt(s), m/s/sqrt(s): added in a bridged gap
+HOLD_GYRO, HOLD_ACCEL = 0.1, 3.0        # the same in a longer one
+REJECTED, PATIENCE = 5, 3.0             # rejections in a row; s
+SAME_TIME = 1e-6                        # s: a fix this close to a sample's end is taken there
+
+predict_at, correct_at, observe_at = caller(PREDICT), caller(CORRECT), caller(OBSERVE)
+
+
+@kernel(RUN)
+def run(predict, correct, observers, belief, imu, fixes, noise, cursor, out):
+    at, now, sample = cursor.at, cursor.now, cursor.work[0:6]
+    for row in range(at[ROW], at[STOP]):
+        t, dt = imu.t[row], imu.dt[row]
+        begin = t - dt
+        if begin - now[0] > 0.5 * dt + SAME_TIME:
+            _cross_gap(predict, correct, observers, belief, fixes, noise, cursor, out, begin)
+        elif at[STATUS] == BRIDGED:
+            at[STATUS] = VALID
+        compensate(imu.dtheta[row], imu.dv[row], dt, cursor.previous, sample)
+        for i in range(3):
+            cursor.previous[i], cursor.previous[3 + i] = imu.dtheta[row, i], imu.dv[row, i]
+        cursor.previous[6] = dt
+        if now[0] - begin > 0.5 * dt:  # the belief stands inside this sample: use the rest of it
+            share = max(t - now[0], 0.0) / dt
+            dt *= share
+            for i in range(6):
+                sample[i] *= share
+        _advance(predict, correct, observers, belief, fixes, noise, cursor, out, t, dt)
+        if not abs(belief.lla[0]) <= LATITUDE_LIMIT:
+            at[FAULT] = 1
+            at[STOP] = row
+            return
+        at[ROW] = row + 1
+        if row % at[EVERY] == at[PHASE]:
+            _write_row(belief, t, at[STATUS], out.nav[at[OUT]])
+            at[OUT] += 1
+        if at[COVARIANCE_EVERY] > 0 and row % at[COVARIANCE_EVERY] == at[PHASE] % at[COVARIANCE_EVERY]:
+            _write_covariance(belief.P, out.covariance[at[OUT_COVARIANCE]])
+            at[OUT_COVARIANCE] += 1
+
+
+@helper
+def _advance(predict, correct, observers, belief, fixes, noise, cursor, out, until, left):
+    """Bring the belief to `until` with the increments in cursor.work[0:6], which last `left` seconds, stopping at each fix on the way."""
+    at, now, whole, part = cursor.at, cursor.now, cursor.work[0:6], cursor.work[6:12]
+    while at[FIX] < at[FIXES] and fixes.t[at[FIX]] <= until + SAME_TIME:
+        span = fixes.t[at[FIX]] - (until - left)
+        if span > SAME_TIME and left - span > SAME_TIME:
+            for i in range(6):
+                part[i] = whole[i] * (span / left)
+                whole[i] -= part[i]
+            predict_at(predict)(belief, part, span, noise)
+            left -= span
+        elif span > SAME_TIME:
+            predict_at(predict)(belief, whole, left, noise)
+            left = 0.0
+        _use_fix(correct, observers, belief, fixes, cursor, out)
+    if left > 0:
+        predict_at(predict)(belief, whole, left, noise)
+    now[0] = until
+
+
+@helper
+def _use_fix(correct, observers, belief, fixes, cursor, out):
+    """Hand the next fix to the filter and keep the books of its source."""
+    at, k = cursor.at, cursor.at[FIX]
+    s, innovation, row = fixes.source[k], cursor.work[12:15], out.fix[k]
+    lifted = cursor.in_a_row[s] >= REJECTED and fixes.t[k] - cursor.since[s] >= PATIENCE
+    gate = math.inf if lifted else fixes.gate[s]
+    nis = correct_at(correct)(belief, fixes.y[k], fixes.sd[k], fixes.kind[s], observe_at(observers[fixes.kind[s]]),
+                              fixes.parameters[s], gate, innovation)
+    use = ACCEPTED
+    if math.isnan(nis):
+        if math.isnan(innovation[0]) and math.isnan(innovation[1]) and math.isnan(innovation[2]):
+            use = UNMEASURED
+    elif nis > fixes.gate[s]:
+        use = REACQUIRED if lifted else REJECTED_FIX
+        if cursor.in_a_row[s] == 0:
+            cursor.since[s] = fixes.t[k]
+        cursor.in_a_row[s] += 1
+    else:
+        cursor.in_a_row[s] = 0
+    if use > 0 and fixes.kind[s] == POSITION_KIND:
+        at[STATUS] = VALID
+    cursor.accepted[s] += use > 0
+    cursor.rejected[s] += use == REJECTED_FIX
+    row[F_T], row[F_SOURCE], row[F_NIS], row[F_USE] = fixes.t[k], s, nis, use
+    for i in range(3):
+        row[F_INNOVATION + i] = innovation[i]
+    at[FIX] += 1
+
+
+@helper
+def _cross_gap(predict, correct, observers, belief, fixes, noise, cursor, out, until):
+    """Bring the belief over missing samples to the time `until`, in steps of at most STEP seconds."""
+    at, now, u, last = cursor.at, cursor.now, cursor.work[0:6], cursor.previous
+    short = until - now[0] <= BRIDGE
+    at[STATUS] = max(at[STATUS], BRIDGED if short else INVALID)
+    gyro, accel = (BRIDGE_GYRO, BRIDGE_ACCEL) if short else (HOLD_GYRO, HOLD_ACCEL)
+    wide = Noise(math.hypot(noise.gyro, gyro), math.hypot(noise.accel, accel), noise.gyro_bias, noise.accel_bias,
+                 noise.gyro_decay, noise.accel_decay)
+    while until - now[0] > SAME_TIME:
+        step = min(STEP, until - now[0])
+        if short and last[6] > 0:
+            for i in range(6):
+                u[i] = last[i] * (step / last[6])
+        else:
+            stationary_increments(belief.lla, belief.v, belief.C, step, u)
+            for i in range(3):
+                u[i] += belief.bg[i] * step
+                u[3 + i] += belief.ba[i] * step
+        _advance(predict, correct, observers, belief, fixes, wide, cursor, out, now[0] + step, step)
+    if not short:
+        last[6] = 0.0
+
+
+@helper
+def _write_row(belief, t, status, row):
+    row[T], row[ROW_STATUS] = t, status
+    for i in range(3):
+        row[LLA + i], row[V + i] = belief.lla[i], belief.v[i]
+        row[BIASES + i], row[BIASES + 3 + i] = belief.ba[i], belief.bg[i]
+    matrix_to_quaternion(belief.C, row[Q:Q + 4])
+    for i in range(ROW_STATUS - SD):
+        row[SD + i] = math.sqrt(max(belief.P[i, i], 0.0))
+    for i in range(row.size - NAV_WIDTH):
+        row[NAV_WIDTH + i] = belief.aux[i]
+
+
+@helper
+def _write_covariance(P, out):
+    for i in range(P.shape[0]):
+        for j in range(P.shape[0]):
+            out[i, j] = P[i, j]

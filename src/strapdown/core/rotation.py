@@ -1,0 +1,100 @@
+"""Rotations: exponential map, quaternions, Euler angles (ZYX). Hamilton quaternions, scalar first, body to navigation frame.
+
+Compiled helpers that write into arrays. Source: Groves (2013) sections 2.2 and 5.5.
+"""
+import math
+
+from .compiling import helper
+
+
+@helper
+def wrap(angle):
+    """`angle` in [-pi, pi], rad."""
+    return angle - 2 * math.pi * math.floor((angle + math.pi) / (2 * math.pi))
+
+
+@helper
+def euler_to_matrix(roll, pitch, heading, C):
+    """C_nb = Rz(heading) Ry(pitch) Rx(roll), rad."""
+    sr, cr, sp, cp, sh, ch = math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch), math.sin(heading), math.cos(heading)
+    C[0, 0], C[0, 1], C[0, 2] = cp * ch, sr * sp * ch - cr * sh, cr * sp * ch + sr * sh
+    C[1, 0], C[1, 1], C[1, 2] = cp * sh, sr * sp * sh + cr * ch, cr * sp * sh - sr * ch
+    C[2, 0], C[2, 1], C[2, 2] = -sp, sr * cp, cr * cp
+
+
+@helper
+def matrix_to_euler(C):
+    """Roll, pitch, heading of C_nb, rad; at pitch +-90 deg roll and heading are not separate and roll is what atan2 makes of zeros."""
+    return math.atan2(C[2, 1], C[2, 2]), math.asin(min(1.0, max(-1.0, -C[2, 0]))), math.atan2(C[1, 0], C[0, 0])
+
+
+@helper
+def matrix_to_quaternion(C, q):
+    """Unit quaternion q[0:4] of a rotation matrix, q_w >= 0; the largest component is computed first (Shepperd 1978)."""
+    trace = C[0, 0] + C[1, 1] + C[2, 2]
+    if trace >= max(C[0, 0], C[1, 1], C[2, 2]):
+        w = 0.5 * math.sqrt(1 + trace)
+        x, y, z = (C[2, 1] - C[1, 2]) / (4 * w), (C[0, 2] - C[2, 0]) / (4 * w), (C[1, 0] - C[0, 1]) / (4 * w)
+    elif C[0, 0] >= C[1, 1] and C[0, 0] >= C[2, 2]:
+        x = 0.5 * math.sqrt(1 + 2 * C[0, 0] - trace)
+        w, y, z = (C[2, 1] - C[1, 2]) / (4 * x), (C[0, 1] + C[1, 0]) / (4 * x), (C[0, 2] + C[2, 0]) / (4 * x)
+    elif C[1, 1] >= C[2, 2]:
+        y = 0.5 * math.sqrt(1 + 2 * C[1, 1] - trace)
+        w, x, z = (C[0, 2] - C[2, 0]) / (4 * y), (C[0, 1] + C[1, 0]) / (4 * y), (C[1, 2] + C[2, 1]) / (4 * y)
+    else:
+        z = 0.5 * math.sqrt(1 + 2 * C[2, 2] - trace)
+        w, x, y = (C[1, 0] - C[0, 1]) / (4 * z), (C[0, 2] + C[2, 0]) / (4 * z), (C[1, 2] + C[2, 1]) / (4 * z)
+    sign = 1.0 if w >= 0 else -1.0
+    q[0], q[1], q[2], q[3] = sign * w, sign * x, sign * y, sign * z
+
+
+@helper
+def _exponential(x, y, z):
+    """sin(|r|)/|r| and (1 - cos|r|)/|r|^2 of a rotation vector r, with their series near zero."""
+    square = x * x + y * y + z * z
+    if square < 1e-4:  # the dropped terms are below 1e-16
+        return 1 - square / 6 * (1 - square / 20), 0.5 - square / 24 * (1 - square / 30)
+    angle = math.sqrt(square)
+    return math.sin(angle) / angle, (1 - math.cos(angle)) / square
+
+
+@helper
+def rotate_left(x, y, z, C):
+    """C <- exp([x y z]) C, a rotation vector in the frame on the left of C, rad."""
+    a, b = _exponential(x, y, z)
+    xx, yy, zz = 1 - b * (y * y + z * z), 1 - b * (x * x + z * z), 1 - b * (x * x + y * y)
+    xy, xz, yz = b * x * y, b * x * z, b * y * z
+    for j in range(3):
+        c0, c1, c2 = C[0, j], C[1, j], C[2, j]
+        C[0, j] = xx * c0 + (xy - a * z) * c1 + (xz + a * y) * c2
+        C[1, j] = (xy + a * z) * c0 + yy * c1 + (yz - a * x) * c2
+        C[2, j] = (xz - a * y) * c0 + (yz + a * x) * c1 + zz * c2
+
+
+@helper
+def rotate_right(C, x, y, z):
+    """C <- C exp([x y z]), a rotation vector in the frame on the right of C, rad."""
+    a, b = _exponential(x, y, z)
+    xx, yy, zz = 1 - b * (y * y + z * z), 1 - b * (x * x + z * z), 1 - b * (x * x + y * y)
+    xy, xz, yz = b * x * y, b * x * z, b * y * z
+    for i in range(3):
+        c0, c1, c2 = C[i, 0], C[i, 1], C[i, 2]
+        C[i, 0] = c0 * xx + c1 * (xy + a * z) + c2 * (xz - a * y)
+        C[i, 1] = c0 * (xy - a * z) + c1 * yy + c2 * (yz + a * x)
+        C[i, 2] = c0 * (xz + a * y) + c1 * (yz - a * x) + c2 * zz
+
+
+@helper
+def orthonormalise(C):
+    """One Newton step towards the nearest rotation, C <- C (3 I - C'C) / 2: undoes the rounding of many products."""
+    a = C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0] + C[2, 0] * C[2, 0]
+    b = C[0, 1] * C[0, 1] + C[1, 1] * C[1, 1] + C[2, 1] * C[2, 1]
+    c = C[0, 2] * C[0, 2] + C[1, 2] * C[1, 2] + C[2, 2] * C[2, 2]
+    ab = C[0, 0] * C[0, 1] + C[1, 0] * C[1, 1] + C[2, 0] * C[2, 1]
+    ac = C[0, 0] * C[0, 2] + C[1, 0] * C[1, 2] + C[2, 0] * C[2, 2]
+    bc = C[0, 1] * C[0, 2] + C[1, 1] * C[1, 2] + C[2, 1] * C[2, 2]
+    for i in range(3):
+        c0, c1, c2 = C[i, 0], C[i, 1], C[i, 2]
+        C[i, 0] = 0.5 * (c0 * (3 - a) - c1 * ab - c2 * ac)
+        C[i, 1] = 0.5 * (c1 * (3 - b) - c0 * ab - c2 * bc)
+        C[i, 2] = 0.5 * (c2 * (3 - c) - c0 * ac - c1 * bc)

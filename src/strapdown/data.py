@@ -1,0 +1,203 @@
+"""The types a user meets: Trajectory, Aiding, Recording, Solution. Inside SI and radians; tables are in degrees and say so.
+
+Tables follow the column names of pyins: lat, lon, alt, VN, VE, VD, roll, pitch, heading (deg, m, m/s).
+"""
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from .core.contract import Imu
+
+ATTITUDE_COLUMNS = ["roll", "pitch", "heading"]
+NAV_COLUMNS = ["lat", "lon", "alt", "VN", "VE", "VD", *ATTITUDE_COLUMNS]
+BIAS_COLUMNS = ["accel_bias_x", "accel_bias_y", "accel_bias_z", "gyro_bias_x", "gyro_bias_y", "gyro_bias_z"]
+SD_COLUMNS = ["sd_north", "sd_east", "sd_down", "sd_VN", "sd_VE", "sd_VD", "sd_rotation_north", "sd_rotation_east", "sd_rotation_down",
+              *("sd_" + name for name in BIAS_COLUMNS)]
+UNITS = {"t": "s", "lat": "deg", "lon": "deg", "alt": "m", "VN": "m/s", "VE": "m/s", "VD": "m/s", "roll": "deg", "pitch": "deg", "heading": "deg",
+         **{name: "m/s^2" if "accel" in name else "deg/h" for name in BIAS_COLUMNS + SD_COLUMNS[9:]},
+         **dict(zip(SD_COLUMNS, ["m"] * 3 + ["m/s"] * 3 + ["deg"] * 3))}
+"""Unit of every column of `Trajectory.table` and `Solution.table`."""
+
+VALID, BRIDGED, INVALID = 0, 1, 2
+"""Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and before the next accepted position fix."""
+
+
+class DataError(ValueError):
+    """Input that cannot be used: one line that names file, row or field, and the remedy."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Position, velocity and attitude over time: truth, reference and solution alike. What is not known is None."""
+    t: np.ndarray                   # (n,) s
+    lla: np.ndarray                 # (n, 3) latitude rad, longitude rad, ellipsoidal height m
+    v_n: np.ndarray | None = None   # (n, 3) m/s NED
+    q_nb: np.ndarray | None = None  # (n, 4) scalar first, body to navigation
+    sd: np.ndarray | None = None    # (n, k) standard deviations of the first k error states, SI and radians
+
+    def __len__(self):
+        return len(self.t)
+
+    @cached_property
+    def rotation(self):
+        """scipy Rotation from body to navigation frame."""
+        from scipy.spatial.transform import Rotation
+        return Rotation.from_quat(self.q_nb[:, [1, 2, 3, 0]])
+
+    @cached_property
+    def rph(self):
+        """(n, 3) roll, pitch, heading in rad, heading in [0, 2 pi)."""
+        heading, pitch, roll = self.rotation.as_euler("ZYX").T
+        return np.c_[roll, pitch, heading % (2 * np.pi)]
+
+    def table(self):
+        """pandas DataFrame indexed by time (s), columns in the units of `UNITS`."""
+        import pandas as pd
+        parts = {name: np.degrees(self.lla[:, i]) if i < 2 else self.lla[:, 2] for i, name in enumerate(NAV_COLUMNS[:3])}
+        if self.v_n is not None:
+            parts |= dict(zip(NAV_COLUMNS[3:6], self.v_n.T))
+        if self.q_nb is not None:
+            parts |= dict(zip(ATTITUDE_COLUMNS, np.degrees(self.rph).T))
+        return pd.DataFrame(parts, index=pd.Index(self.t, name="t"))
+
+    def __repr__(self):
+        span = f"{self.t[0]:.3f} to {self.t[-1]:.3f} s" if len(self) else "empty"
+        return f"Trajectory({len(self)} rows, {span})"
+
+
+@dataclass(frozen=True)
+class Aiding:
+    """One source of fixes. `sd` has a column per row of the innovation; a missing component of `y` is NaN."""
+    kind: str                       # a name of `strapdown.aiding.names()`
+    t: np.ndarray                   # (m,) s
+    y: np.ndarray                   # (m, components), SI and radians
+    sd: np.ndarray                  # (m, rows) m, m/s or rad
+    parameters: tuple = ()          # e.g. lever arm from the IMU to the antenna, m, body
+    gate: float | None = None       # bound on the NIS; None: 0.1 % false alarms; inf: no gate
+    name: str = ""                  # shown in tables; the kind by default
+
+    def between(self, start, stop):
+        """The fixes of [start, stop)."""
+        return self._where((self.t >= start) & (self.t < stop))
+
+    def without(self, windows):
+        """The fixes outside every (start, stop) window of seconds."""
+        keep = np.ones(len(self.t), bool)
+        for start, stop in windows:
+            keep &= (self.t < start) | (self.t >= stop)
+        return self._where(keep)
+
+    def _where(self, keep):
+        from dataclasses import replace
+        return replace(self, t=self.t[keep], y=self.y[keep], sd=self.sd[keep])
+
+    def __repr__(self):
+        return f"Aiding({self.name or self.kind}, {len(self.t)} fixes)"
+
+
+@dataclass(frozen=True)
+class Recording:
+    """IMU samples, sources of fixes and, where there is one, a reference to score against."""
+    imu: Imu
+    aidings: tuple = ()
+    reference: Trajectory | None = None
+    meta: dict = field(default_factory=dict)    # name, date, grade, notes (list of what was handled while reading)
+
+    @classmethod
+    def from_arrays(cls, t, gyro, accel, aidings=(), reference=None, kind="rate", **meta):
+        """From arrays in body FRD axes: `gyro` and `accel` (n, 3) in rad/s and m/s^2, or, with kind="increment", in rad and m/s.
+
+        Row k is the integral (or mean) over (t[k-1], t[k]]; the first row's interval is the median one. Raises DataError.
+        """
+        from .io.samples import imu_from_arrays
+        imu, notes = imu_from_arrays(t, gyro, accel, kind)
+        return cls(imu, tuple(aidings), reference, {"name": "arrays", **meta, "notes": notes})
+
+    @classmethod
+    def from_frames(cls, imu, aidings=(), reference=None, kind="rate", **meta):
+        """From a DataFrame indexed by time (s) with columns gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z (pyins), SI and radians."""
+        axes = [[f"{sensor}_{axis}" for axis in "xyz"] for sensor in ("gyro", "accel")]
+        missing = [name for names in axes for name in names if name not in imu.columns]
+        if missing:
+            raise DataError(f"IMU table: column {missing[0]!r} is missing; it has {', '.join(map(str, imu.columns))}")
+        return cls.from_arrays(imu.index.to_numpy(float), *(imu[names].to_numpy(float) for names in axes),
+                               aidings=aidings, reference=reference, kind=kind, **meta)
+
+    @property
+    def span(self):
+        """First and last time covered by IMU samples, s."""
+        return float(self.imu.t[0] - self.imu.dt[0]), float(self.imu.t[-1])
+
+    def between(self, start=-np.inf, stop=np.inf):
+        """The part within [start, stop], s."""
+        from dataclasses import replace
+        first, last = np.searchsorted(self.imu.t, [start, stop], side="right")
+        if last - first < 2:
+            raise DataError(f"no IMU samples between {start:g} and {stop:g} s; the recording covers {self.span[0]:.3f} to {self.span[1]:.3f} s")
+        return replace(self, imu=Imu(*(column[first:last] for column in self.imu)), aidings=tuple(a.between(start, np.nextafter(stop, np.inf)) for a in self.aidings))
+
+    def hidden(self, windows, kinds=None):
+        """The same recording with the recorded fixes inside `windows` withheld (constraints stay, unless `kinds` names them)."""
+        from dataclasses import replace
+        from .aiding import find
+        hide = lambda a: a.kind in kinds if kinds else find(a.kind).recorded
+        return replace(self, aidings=tuple(a.without(windows) if hide(a) else a for a in self.aidings))
+
+    def __repr__(self):
+        return f"Recording({self.meta.get('name', '')}: {len(self.imu.t)} IMU samples, {self.span[0]:.1f} to {self.span[1]:.1f} s, {list(self.aidings)})"
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """What became of each fix, in time order."""
+    t: np.ndarray               # (m,) s
+    source: np.ndarray          # (m,) index into `names`
+    innovation: np.ndarray      # (m, 3) m, m/s or rad; NaN where there was nothing to measure
+    nis: np.ndarray             # (m,) normalised innovation squared; NaN where the filter does not gate
+    accepted: np.ndarray        # (m,) bool
+    names: tuple = ()           # of the sources
+    gates: tuple = ()           # of the sources
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a filter made of a recording."""
+    trajectory: Trajectory              # with sd of the 15 error states; NaN where the filter claims none
+    b_a: np.ndarray                     # (n, 3) accelerometer bias, m/s^2
+    b_g: np.ndarray                     # (n, 3) gyro bias, rad/s
+    status: np.ndarray                  # (n,) VALID, BRIDGED or INVALID
+    innovations: Innovations
+    events: tuple = ()                  # (t, text): gaps, re-acquisitions, what else the user must know
+    columns: dict = field(default_factory=dict)     # the filter's extra output columns by name
+    covariance: np.ndarray | None = None            # (n, k, k) where it was asked for
+    meta: dict = field(default_factory=dict)        # filter, imu, start, recording, counts
+
+    @property
+    def t(self):
+        return self.trajectory.t
+
+    def table(self):
+        """pandas DataFrame of state, biases, standard deviations and status, units as in `UNITS`."""
+        table = self.trajectory.table()
+        scale = np.r_[np.ones(6), np.full(3, np.degrees(1)), np.ones(3), np.full(3, np.degrees(3600))]
+        for names, values in ((BIAS_COLUMNS, np.c_[self.b_a, self.b_g] * scale[9:]), (SD_COLUMNS, self.trajectory.sd * scale)):
+            table[names] = values
+        for name, values in self.columns.items():
+            table[name] = values
+        table["status"] = self.status
+        return table
+
+    def counts(self):
+        """{source: (accepted, rejected)} over all fixes that were measured."""
+        i = self.innovations
+        measured = ~np.isnan(i.innovation).all(axis=1)
+        return {name: (int((i.accepted & measured & (i.source == s)).sum()), int((~i.accepted & measured & (i.source == s)).sum()))
+                for s, name in enumerate(i.names)}
+
+    def _repr_html_(self):
+        return f"<p>{self!r}</p>" + self.table().iloc[:: max(1, len(self.t) // 8)].to_html()
+
+    def __repr__(self):
+        fixes = ", ".join(f"{name} {good} accepted {bad} rejected" for name, (good, bad) in self.counts().items())
+        return f"Solution({self.meta.get('filter', '')}: {self.trajectory!r}, {fixes or 'no fixes'}, {len(self.events)} events)"

@@ -1,0 +1,31 @@
+"""Closed loop: errors are injected into the INS at each fix, biases are corrected inside the INS. The default filter."""
+from ..core.contract import CORRECT, PREDICT, Filter, kernel
+from ..core.error_state import DV, DX, auxiliary, inject, inject_biases, linearised_step, measure
+from ..core.mechanization import mechanize
+
+
+def start(start, noise, error_model="corrected"):
+    """Belief at `start`. error_model: "corrected", or "literal" for Table II of Hager & Bryne as printed."""
+    return start.belief(auxiliary(len(start.sd), error_model))
+
+
+@kernel(PREDICT)
+def predict(belief, u, dt, noise):
+    ba, bg = belief.ba, belief.bg
+    r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
+    a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
+    linearised_step(belief, u, dt, noise, False)
+    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, belief.aux[DV])
+
+
+@kernel(CORRECT)
+def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    nis = measure(belief, y, sd, observe, parameters, gate, innovation)
+    if nis <= gate:
+        dx = belief.aux[DX]
+        inject(belief.lla, belief.v, belief.C, dx)
+        inject_biases(belief, dx)
+    return nis
+
+
+CLOSED_LOOP = Filter("closed-loop", "Groves (2013) section 14.1.1; Hager & Bryne, section IV-B", start, predict, correct)

@@ -1,0 +1,45 @@
+"""Between open and closed loop: the error is estimated beside the INS and injected into it at the first fix after every `interval` seconds.
+
+Interval 0 is the closed loop, an infinite one the open loop.
+"""
+from ..core.contract import CORRECT, PREDICT, Filter, kernel, matrix
+from ..core.error_state import OWN, X
+from . import open_loop
+from .open_loop import BIAS, INS_ERROR, C, LLA, V, correct_beside, predict_beside
+
+INTERVAL, ELAPSED = OWN + 30, OWN + 31  # s; s since the last reset
+
+
+def start(start, noise, interval=60.0, error_model="corrected"):
+    """Belief at `start`. interval: seconds between resets, 0 to inf; error_model as for the other loops."""
+    if not interval >= 0:
+        raise ValueError(f"interval is {interval} s; it must be 0 or more (inf: never reset)")
+    belief = open_loop.start(start, noise, error_model)
+    belief.aux[INTERVAL] = interval
+    return belief
+
+
+@kernel(PREDICT)
+def predict(belief, u, dt, noise):
+    belief.aux[ELAPSED] += dt
+    predict_beside(belief, u, dt, noise)
+
+
+@kernel(CORRECT)
+def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    aux = belief.aux
+    nis = correct_beside(belief, y, sd, observe, parameters, gate, innovation)
+    if nis <= gate and aux[ELAPSED] >= aux[INTERVAL]:
+        aux[ELAPSED] = 0.0
+        lla, v, raw, b, x = aux[LLA], aux[V], matrix(aux, C, 3, 3), aux[BIAS], aux[X]
+        for i in range(3):
+            lla[i], v[i], b[i], b[3 + i] = belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i]
+            for j in range(3):
+                raw[i, j] = belief.C[i, j]
+        for i in range(x.size):
+            x[i] = 0.0
+    return nis
+
+
+PERIODIC_RESET = Filter("periodic-reset", "Hager & Bryne, section VI (occasional resets)", start, predict, correct,
+                        columns=INS_ERROR)

@@ -1,0 +1,32 @@
+"""Files in and out: everything between a file and a `strapdown.data.Recording`.
+
+locate.py finds files, tables.py reads CSV, units.py and axes.py turn columns into SI and body axes, samples.py and fixes.py clean and check them,
+plausible.py looks for mistaken units and axes, description.py is the schema of `recording.toml` and recording.py what it yields, netcdf.py keeps a
+whole recording in one file, inspection.py and draft.py look at a file and say what it holds.
+"""
+from pathlib import Path
+
+from ..data import DataError
+
+
+def read(path):
+    """A Recording from a `recording.toml` or a NetCDF file written by `write_recording`. Raises DataError of one line."""
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".toml":
+        from .recording import read_description
+        return read_description(path)
+    if suffix == ".nc":
+        from .netcdf import read_recording
+        return read_recording(path)
+    from .tables import SUFFIXES
+    if path.name.lower().endswith(SUFFIXES):
+        raise DataError(f"{path}: a table alone does not say its units and axes; "
+                        f"`strapdown inspect {path} --write recording.toml` drafts the description to read instead")
+    raise DataError(f"{path}: files of type {suffix or '(no suffix)'!r} are not read; supported are recording.toml (naming CSV files) and recording.nc")
+
+
+def write_recording(recording, path):
+    """Write a Recording as NetCDF, atomically. Raises DataError where the path cannot be written."""
+    from .netcdf import write_recording
+    write_recording(recording, path)

@@ -1,0 +1,111 @@
+"""A whole Recording in one NetCDF file: group imu, a group per aiding, group reference; every variable says its unit. SI and radians."""
+import json
+from pathlib import Path
+
+import numpy as np
+
+from ..core.contract import Imu
+from ..data import Aiding, DataError, Recording, Trajectory
+from ..files import replacing
+from .fixes import checked_aidings, overlap
+from .plausible import mistakes
+from .solution import plain
+
+FORMAT = "strapdown recording 1"
+IMU = {"t": ("time", "s", "end of the interval"), "dt": ("time", "s", "length of the interval"),
+       "dtheta": ("time axis", "rad", "integral of the angular rate, body FRD"), "dv": ("time axis", "m/s", "integral of the specific force, body FRD")}
+REFERENCE = {"t": ("time", "s", "time"), "lla": ("time axis", "rad, rad, m", "latitude, longitude, ellipsoidal height"),
+             "v_n": ("time axis", "m/s", "velocity north, east, down"), "q_nb": ("time quaternion", "1", "body to navigation, scalar first"),
+             "sd": ("time state", "SI", "standard deviations in the order of the error states")}
+
+
+def write_recording(recording, path):
+    """Write a Recording, atomically. Raises DataError where the path cannot be written."""
+    groups = {"imu": (IMU, recording.imu._asdict(), {})}
+    for number, aiding in enumerate(recording.aidings, 1):
+        attributes = {"kind": aiding.kind, "name": aiding.name}
+        attributes |= {"parameters": np.array(aiding.parameters, float)} if len(aiding.parameters) else {}
+        attributes |= {"gate": float(aiding.gate)} if aiding.gate is not None else {}
+        groups[f"aiding_{number}"] = (_aiding_layout(aiding.kind), vars(aiding), attributes)
+    if recording.reference is not None:
+        groups["reference"] = (REFERENCE, vars(recording.reference), {})
+    with replacing(path) as part:
+        _root(json.dumps(plain(recording.meta))).to_netcdf(part, mode="w", engine="h5netcdf")
+        for name, (layout, values, attributes) in groups.items():
+            _dataset(layout, values, attributes).to_netcdf(part, group=name, mode="a", engine="h5netcdf")
+
+
+def _aiding_layout(kind):
+    from ..aiding import find
+    from .schema import deviation_dimension
+    si = {"length": "m", "speed": "m/s", "angle": "rad", "acceleration": "m/s^2", "latitude": "rad", "longitude": "rad"}
+    quantities = find(kind).quantities
+    units = [", ".join(dict.fromkeys(names)) if len(set(names)) == 1 else ", ".join(names)
+             for names in ([si[q] for q in quantities], [si[deviation_dimension(q)] for q in quantities])]
+    return {"t": ("time", "s", "time of the fix"), "y": ("time component", units[0], ", ".join(quantities)),
+            "sd": ("time component", units[1], "standard deviation per component")}
+
+
+def _root(meta):
+    """The top group; text stands in a variable because an attribute ends at 64 KiB."""
+    import xarray as xr
+    return xr.Dataset({"meta": ((), meta, {"long_name": "meta as JSON"})}, attrs={"format": FORMAT})
+
+
+def _dataset(layout, values, attributes):
+    import xarray as xr
+    variables = {name: xr.Variable(dims.split(), np.asarray(values[name], float), {"units": unit, "long_name": text}, encoding={"_FillValue": None})
+                 for name, (dims, unit, text) in layout.items() if values[name] is not None}
+    return xr.Dataset(variables, attrs=attributes)
+
+
+def read_recording(path):
+    """The Recording in a file of `write_recording`, checked as when it was first read. Raises DataError."""
+    meta, imu, aidings, reference = parts(path)
+    for _, text in mistakes(imu):
+        raise DataError(f"{path}: imu: {text}")
+    aidings, notes = checked_aidings(imu, aidings)
+    if reference is not None:
+        overlap(imu, reference.t, f"{path}: reference")
+    return Recording(imu, aidings, reference, meta | {"notes": list(meta.get("notes", [])) + notes})
+
+
+def parts(path):
+    """(meta, Imu, aidings, reference) as they stand in the file, the IMU checked for shape only. Raises DataError."""
+    path = Path(path)
+    if not path.is_file():
+        raise DataError(f"{path}: cannot be read ({'it is a folder' if path.is_dir() else 'no such file'}); check the path")
+    try:
+        found = _parts(path)
+    except DataError:
+        raise
+    except (OSError, KeyError, ValueError, RuntimeError) as error:
+        raise DataError(f"{path}: is not a whole NetCDF recording ({(str(error) or type(error).__name__).splitlines()[0][:120]}); write it again") from error
+    _check_columns(found[1], path)
+    return found
+
+
+def _parts(path):
+    import h5netcdf
+    with h5netcdf.File(path, "r") as file:
+        if file.attrs.get("format") != FORMAT:
+            raise DataError(f"{path}: is no recording (its format attribute is {file.attrs.get('format')!r}, not {FORMAT!r}); read solutions with read_solution")
+        columns = lambda group, names: {name: np.require(group[name][...], float, ["C", "W"]) if name in group.variables else None for name in names}
+        imu = Imu(**{name: np.require(file["imu"][name][...], float, ["C", "W"]) for name in Imu._fields})
+        aidings = [_aiding(file[name], columns) for name in sorted((g for g in file.groups if g.startswith("aiding_")), key=lambda g: int(g[7:]))]
+        reference = Trajectory(**columns(file["reference"], REFERENCE)) if "reference" in file.groups else None
+        meta = file["meta"][...]
+        return json.loads(meta.decode() if isinstance(meta, bytes) else str(meta)), imu, aidings, reference
+
+
+def _aiding(group, columns):
+    gate = group.attrs.get("gate")
+    return Aiding(group.attrs["kind"], **columns(group, ("t", "y", "sd")), parameters=tuple(map(float, np.atleast_1d(group.attrs.get("parameters", ())))),
+                  gate=None if gate is None else float(gate), name=group.attrs["name"])
+
+
+def _check_columns(imu, path):
+    n = len(imu.t)
+    whole = imu.t.shape == imu.dt.shape == (n,) and imu.dtheta.shape == imu.dv.shape == (n, 3)
+    if not whole or n < 2 or not all(np.isfinite(column).all() for column in imu) or not (np.diff(imu.t) > 0).all() or not (imu.dt > 0).all():
+        raise DataError(f"{path}: group imu must hold at least 2 finite samples in rising time with positive dt; read the original files again")

@@ -1,0 +1,210 @@
+"""From a description to a Recording: columns to signals, units to SI, sensor axes to the body, fixes checked against the IMU."""
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from ..core.contract import Imu
+from ..data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, DataError, Recording
+from .axes import BODY, NAVIGATION, axes_matrix, rotation_matrix
+from .description import load
+from .fixes import clean, clean_reference, overlap
+from .locate import locate
+from .plausible import mistakes
+from .samples import at_rest, increments
+from .schema import deviation_dimension, vector_factors
+from .tables import read_table
+from .units import DEG, DIMENSIONS, factor
+
+
+class Files:
+    """The tables that one description names, each read once."""
+
+    def __init__(self, description_path):
+        self.path = Path(description_path)
+        self.folder = self.path.parent
+        self.table = cache(self._table)
+
+    def _table(self, file, header=True):
+        return read_table(locate(file, self.folder), header)
+
+    def columns(self, file, time, columns):
+        """(Table, t in s, list of arrays) of one file; columns given by number say that it has no header."""
+        table = self.table(file, not any(isinstance(column, int) for column in (time.column, *columns)))
+        t = table.numbers(time.column) * (time.scale * factor(time.unit, "time")) + time.offset
+        return table, t, [table.numbers(column) for column in columns]
+
+
+def read_description(path):
+    """The Recording that a `recording.toml` describes. Raises DataError of one line."""
+    description, files = load(Path(path)), Files(path)
+    imu, notes = read_imu(description.imu, files)
+    for field, text in mistakes(imu):
+        raise DataError(f"{path}: [imu] {field}: {text}")
+    aidings = []
+    for number, part in enumerate(description.aiding, 1):
+        aiding, more = read_aiding(part, number, description.imu.lever_arm, imu, files)
+        name, others = aiding.name, [other.name for other in aidings]
+        aidings.append(aiding if name not in others else _renamed(aiding, number))
+        notes += more
+    reference = None
+    if description.reference is not None:
+        reference, more = read_reference(description.reference, imu, files)
+        notes += more
+    return Recording(imu, tuple(aidings), reference, _meta(description, files) | {"notes": notes})
+
+
+def _renamed(aiding, number):
+    from dataclasses import replace
+    return replace(aiding, name=f"{aiding.name} {number}")
+
+
+def _meta(description, files):
+    grade = description.imu.grade
+    if grade and grade.endswith(".toml"):
+        grade = str(locate(grade, files.folder))
+    found = {"name": files.path.stem, "date": description.date, "grade": grade}
+    return {key: value for key, value in found.items() if value is not None} | {"point": description.point, "imu_lever_arm": list(description.imu.lever_arm)}
+
+
+def read_imu(part, files):
+    """(Imu in body FRD, notes) of the section [imu], not yet looked at for mistaken units."""
+    table, t, columns = files.columns(part.file, part.time, part.gyro.columns + part.accel.columns)
+    gyro, accel = (np.stack(three, axis=1) * (signal.scale * factor(signal.unit, dimension))
+                   for three, signal, dimension in zip((columns[:3], columns[3:]), (part.gyro, part.accel), part.dimensions))
+    imu, notes = increments(t, gyro, accel, part.kind, table.origin)
+    (gyro_bias, gyro_matrix), (accel_bias, accel_matrix) = _calibration(part, files)
+    C = _sensor_to_body(part)
+    turned = ((values - bias * imu.dt[:, None]) @ (C @ matrix).T
+              for values, bias, matrix in ((imu.dtheta, gyro_bias, gyro_matrix), (imu.dv, accel_bias, accel_matrix)))
+    return Imu(imu.t, imu.dt, *(np.require(values, float, ["C", "W"]) for values in turned)), notes
+
+
+def _sensor_to_body(part):
+    C = axes_matrix(part.axes, BODY)
+    if part.mounting is None:
+        return C
+    unit = factor(part.mounting.unit, "angle")
+    return rotation_matrix(*(angle * unit for angle in (part.mounting.roll, part.mounting.pitch, part.mounting.heading))) @ C
+
+
+def _calibration(part, files):
+    """((bias, matrix) of the gyro, of the accelerometer): corrected = matrix @ (raw - bias), in the columns of the file, SI."""
+    found = {"gyro": {}, "accel": {}}
+    if part.calibration:
+        path = locate(part.calibration, files.folder)
+        try:
+            found |= tomllib.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise DataError(f"{path}: cannot be read ({error.strerror or error}); check [imu] calibration") from error
+        except ValueError as error:
+            raise DataError(f"{path}: is not TOML: {str(error).splitlines()[0]}") from error
+        if set(found) > {"gyro", "accel"}:
+            raise DataError(f"{path}: unknown section {min(set(found) - {'gyro', 'accel'})!r}; a calibration has [gyro] and [accel]")
+    return [_correction(path if part.calibration else "", name, found[name]) for name in ("gyro", "accel")]
+
+
+def _correction(path, name, section):
+    if not isinstance(section, dict) or set(section) - {"bias", "matrix"}:
+        raise DataError(f"{path}: [{name}] has bias and matrix and no other key")
+    try:
+        bias, matrix = (np.array(section.get(key, default), float) for key, default in (("bias", np.zeros(3)), ("matrix", np.eye(3))))
+        right = bias.shape == (3,) and matrix.shape == (3, 3) and np.isfinite(bias).all() and abs(np.linalg.det(matrix)) > 1e-6
+    except (TypeError, ValueError):
+        right = False
+    if not right:
+        raise DataError(f"{path}: [{name}] bias must be 3 numbers and matrix 3 rows of 3 numbers that can be inverted")
+    return bias, matrix
+
+
+def read_aiding(part, number, imu_lever_arm, imu, files):
+    """(Aiding, notes) of one section [[aiding]]. Raises DataError."""
+    sensor = part.sensor
+    arm = np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm if sensor.parameters else ()
+    make = lambda t, y, sd: Aiding(part.kind, t, y, sd, tuple(map(float, arm)), part.gate, part.name or part.kind)
+    if not sensor.recorded:
+        t, notes = _constraint_times(part, imu)
+        shape = (len(t), len(sensor.quantities))
+        return make(t, np.zeros(shape), np.broadcast_to(np.array(part.deviations, float), shape).copy()), notes
+    names = [_deviation_column(sd) for sd in part.deviations]
+    table, t, columns = files.columns(part.file, part.time, part.columns + [name for name in names if name is not None])
+    many, read = len(sensor.quantities), iter(columns[len(sensor.quantities):])
+    units = [factor(unit, DIMENSIONS[quantity]) for unit, quantity in zip(part.units, sensor.quantities)]
+    y = np.stack([column * (unit * scale) for column, unit, scale in zip(columns[:many], units, part.scales)], axis=1)
+    sd = np.stack([_deviation(entry, quantity, unit, scale, next(read) if name is not None else np.ones(len(t)))
+                   for entry, quantity, unit, scale, name in zip(part.deviations, sensor.quantities, units, part.scales, names)], axis=1)
+    if part.matrix is not None:
+        y, sd = _turned(y, part.matrix), _turned(sd, np.abs(part.matrix))
+    aiding, notes = clean(make(t, y, sd), sensor, table.origin)
+    overlap(imu, aiding.t, f"{files.path}: [[aiding]] {number} ({part.kind})")
+    return aiding, notes
+
+
+def _turned(vectors, matrix):
+    """Signed permutation of the columns, which keeps a NaN where it is (a matrix product would spread it)."""
+    source = np.abs(matrix).argmax(axis=1)
+    return vectors[:, source] * matrix[np.arange(3), source]
+
+
+def _deviation_column(entry):
+    return entry["column"] if isinstance(entry, dict) else entry if isinstance(entry, str) else None
+
+
+def _deviation(entry, quantity, unit, scale, values):
+    """Standard deviations in SI: numbers and plain columns are in the unit of the component (latitude and longitude: m)."""
+    if isinstance(entry, dict):
+        return values * (factor(entry["unit"], deviation_dimension(quantity)) * entry.get("scale", 1.0))
+    own = 1.0 if deviation_dimension(quantity) != DIMENSIONS[quantity] else unit
+    return values * own * (entry if _deviation_column(entry) is None else 1.0)
+
+
+def _constraint_times(part, imu):
+    """Times at the rate of a constraint, s, within samples of the IMU and, where its kind says so, at rest."""
+    start = float(imu.t[0] - imu.dt[0])
+    t = start + np.arange(1, int((imu.t[-1] - start) * part.rate + 1e-9) + 1) / part.rate
+    sample = np.minimum(np.searchsorted(imu.t, t - 1e-9), len(imu.t) - 1)
+    use = t > imu.t[sample] - imu.dt[sample] - 1e-9
+    if part.sensor.when != "at rest":
+        return t[use], []
+    t = t[use & at_rest(imu)[sample]]
+    return t, [f"{part.kind}: {f'at rest for {len(t) / part.rate:.1f} s' if len(t) else 'no rest was found, so it never holds'}"]
+
+
+def read_reference(part, imu, files):
+    """(Trajectory, notes) of the section [reference]. Raises DataError."""
+    if part.position is None:
+        t, lla, v_n, rph, origin = _own_table(files.table(part.file), files)
+    else:
+        three = lambda vector: vector.columns if vector else []
+        table, t, columns = files.columns(part.file, part.time, three(part.position) + three(part.velocity) + three(part.attitude))
+        read = iter(columns)
+        si = lambda vector, dimensions: None if vector is None else np.stack(
+            [next(read) * unit for unit in vector_factors(vector, dimensions)], axis=1)
+        lla, v_n, rph = si(part.position, ["angle", "angle", "length"]), si(part.velocity, ["speed"] * 3), si(part.attitude, ["angle"] * 3)
+        v_n = None if v_n is None else _turned(v_n, axes_matrix(part.velocity.axes, NAVIGATION, False))
+        origin = table.origin
+    q_nb = None if rph is None else _quaternion(rph)
+    reference, notes = clean_reference(t, lla, v_n, q_nb, origin)
+    overlap(imu, reference.t, f"{files.path}: [reference]")
+    return reference, notes
+
+
+def _own_table(table, files):
+    """A table of this library: t in s, then the columns of `Trajectory.table`, in degrees, m and m/s; the unit may stand behind the name in brackets."""
+    known = {str(name).partition(" [")[0]: name for name in table.frame.columns}
+    has = lambda names: all(name in known for name in names)
+    if not has(["t", *NAV_COLUMNS[:3]]):
+        raise DataError(f"{files.path}: [reference] time: is missing; {table.name} has no columns t, lat, lon, alt, so time and position must be given")
+    three = lambda names: np.stack([table.numbers(known[name]) for name in names], axis=1) if has(names) else None
+    v_n, rph = three(NAV_COLUMNS[3:6]), three(ATTITUDE_COLUMNS)
+    return table.numbers(known["t"]), three(NAV_COLUMNS[:3]) * [DEG, DEG, 1.0], v_n, None if rph is None else rph * DEG, table.origin
+
+
+def _quaternion(rph):
+    """Scalar-first body-to-navigation quaternions of roll, pitch, heading (rad); NaN rows stay NaN."""
+    from scipy.spatial.transform import Rotation
+    known = np.isfinite(rph).all(axis=1)
+    quaternion = np.full((len(rph), 4), np.nan)
+    quaternion[known] = Rotation.from_euler("ZYX", rph[known][:, ::-1]).as_quat()[:, [3, 0, 1, 2]]
+    return quaternion

@@ -1,0 +1,169 @@
+"""Solutions on disk: NetCDF holds everything and reads back as it was, CSV holds the table, KML the track for a map viewer.
+
+Every column says its unit: as an attribute in NetCDF, in brackets behind the name in CSV (`lat [deg]`). docs/report.md lists them.
+"""
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+
+from ..data import BIAS_COLUMNS, NAV_COLUMNS, SD_COLUMNS, UNITS, DataError, Innovations, Solution, Trajectory
+from ..files import replacing
+
+SD_SCALE = np.r_[np.ones(6), np.full(3, np.degrees(1)), np.ones(3), np.full(3, np.degrees(3600))]
+"""From SI to the units of the `sd_` columns."""
+QUATERNION = ["q_w", "q_x", "q_y", "q_z"]
+FORMAT = "strapdown solution 1"
+CSV_DECIMALS = 10
+"""Digits after the point in CSV: 0.01 mm of latitude, and nine orders below the biases of any sensor."""
+
+
+def write_solution(solution, path):
+    """Write a Solution as .nc, .csv, .csv.gz, .csv.xz or .kml, by the ending of `path`, whole or not at all. Raises DataError."""
+    write = {"nc": _write_netcdf, "csv": _write_csv, "kml": _write_kml}[_format(path, "nc, csv, kml")]
+    with replacing(path) as part:
+        write(solution, part, Path(path))
+
+
+def read_solution(path):
+    """The Solution in a .nc or .csv file that `write_solution` wrote; a CSV brings no innovations, events or covariance. Raises DataError."""
+    path = Path(path)
+    read = {"nc": _read_netcdf, "csv": _read_csv}[_format(path, "nc, csv")]
+    if not path.is_file():
+        raise DataError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; give a solution file that strapdown wrote (.nc or .csv)")
+    try:
+        return read(path)
+    except DataError:
+        raise
+    except (OSError, EOFError, ValueError, KeyError, RuntimeError) as error:   # of pandas, h5netcdf and the decompressors
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise DataError(f"{path}: not a solution, or damaged ({reason}); write it again with strapdown fuse") from error
+    except Exception as error:
+        if type(error).__name__ not in ("LZMAError", "error", "BadGzipFile"):  # lzma.LZMAError and zlib.error are no OSErrors
+            raise
+        raise DataError(f"{path}: the compressed file is damaged or cut short; write it again with strapdown fuse") from error
+
+
+def _format(path, known):
+    ending = re.search(r"\.(nc|csv|kml)(\.gz|\.xz)?$", Path(path).name.lower())
+    if not ending or (ending[2] and ending[1] != "csv") or ending[1] not in known:
+        raise DataError(f"{path}: this ending is not one of a solution; use .{known.replace(', ', ', .')}" + (", .csv.gz or .csv.xz" if "kml" in known else ""))
+    return ending[1]
+
+
+# NetCDF
+
+def _write_netcdf(solution, part, _):
+    trajectory, fixes = solution.trajectory, solution.innovations
+    import xarray as xr
+    table = solution.table()
+    nav = {name: ("time", table[name].to_numpy(), {"units": UNITS[name]}) for name in NAV_COLUMNS + BIAS_COLUMNS + SD_COLUMNS}
+    nav |= {name: ("time", column, {"units": "1"}) for name, column in zip(QUATERNION, trajectory.q_nb.T)}
+    nav["status"] = ("time", solution.status, {"units": "1", "flag_values": [0, 1, 2], "flag_meanings": "valid bridged invalid"})
+    nav |= {f"extra_{i}": ("time", np.asarray(values), {"long_name": name}) for i, (name, values) in enumerate(solution.columns.items())}
+    if solution.covariance is not None:
+        nav["covariance"] = (("time", "state", "state_2"), solution.covariance, {"units": "products of m, m/s, rad, m/s^2, rad/s (the error states in order)"})
+    fix = {"fix_time": ("fix", fixes.t, {"units": "s"}),
+           "fix_source": ("fix", fixes.source, {"units": "1", "long_name": "index into `sources`"}),
+           "innovation": (("fix", "row"), fixes.innovation, {"units": "m, m/s or rad, as the source"}),
+           "nis": ("fix", fixes.nis, {"units": "1", "long_name": "normalised innovation squared"}),
+           "accepted": ("fix", fixes.accepted.astype(np.int8), {"units": "1"})}
+    texts = {"sources": fixes.names, "gates": fixes.gates, "events": solution.events, "meta": solution.meta}   # attributes end at 64 KiB
+    data = xr.Dataset(nav | fix | {name: ((), json.dumps(plain(value)), {"long_name": f"{name} as JSON"}) for name, value in texts.items()},
+                      coords={"time": ("time", trajectory.t, {"units": "s", "long_name": "time of the recording"})}, attrs={"format": FORMAT})
+    packed = {name: {"zlib": True, "complevel": 1, "shuffle": True, "_FillValue": None} for name, variable in data.variables.items() if variable.ndim}
+    data.to_netcdf(part, engine="h5netcdf", encoding=packed)
+
+
+def _read_netcdf(path):
+    import xarray as xr
+    with xr.open_dataset(path, engine="h5netcdf", decode_times=False, decode_timedelta=False, mask_and_scale=False) as data:
+        data = data.load()
+    if data.attrs.get("format") != FORMAT:
+        raise DataError(f"{path}: this NetCDF file is no solution ({FORMAT!r} is missing from its attributes); recordings are read with strapdown.read")
+    column = lambda name: data[name].to_numpy()
+    table = lambda names: np.column_stack([column(name) for name in names])
+    extra = {data[name].attrs["long_name"]: column(name) for name in data.data_vars if re.fullmatch(r"extra_\d+", name)}
+    read = lambda name: json.loads(str(data[name].item()))
+    innovations = Innovations(column("fix_time"), column("fix_source"), column("innovation"), column("nis"), column("accepted").astype(bool),
+                              tuple(read("sources")), tuple(read("gates")))
+    covariance = column("covariance") if "covariance" in data else None
+    return Solution(*_state(column("time"), table, table(QUATERNION)), column("status"), innovations,
+                    tuple((t, text) for t, text in read("events")), extra, covariance, read("meta"))
+
+
+def _state(t, table, q_nb):
+    """Trajectory, b_a and b_g in SI from `table(names)`, which is in the units of `UNITS`."""
+    lla = table(NAV_COLUMNS[:3]) * [np.pi / 180, np.pi / 180, 1]
+    return Trajectory(t, lla, table(NAV_COLUMNS[3:6]), q_nb, table(SD_COLUMNS) / SD_SCALE), *np.hsplit(table(BIAS_COLUMNS) / SD_SCALE[9:], 2)
+
+
+def plain(value):
+    """`value` (as of `Solution.meta`) in the types of JSON: tuples with names and data classes become objects, what JSON does not know its text."""
+    if hasattr(value, "_asdict"):
+        value = value._asdict()
+    elif hasattr(value, "model_dump"):
+        value = value.model_dump()
+    elif hasattr(value, "__dataclass_fields__"):
+        value = {name: getattr(value, name) for name in value.__dataclass_fields__}
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, set)):
+        return [plain(item) for item in value]
+    if isinstance(value, (np.ndarray, np.generic)):
+        return plain(value.tolist())
+    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
+
+
+# CSV
+
+def _write_csv(solution, part, path):
+    table = solution.table()
+    table.columns = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in table.columns]
+    compression = {".gz": "gzip", ".xz": {"method": "xz", "preset": 1}}.get(path.suffix.lower())
+    table.index = table.index.to_series().round(CSV_DECIMALS).rename("t [s]")
+    table.round(CSV_DECIMALS).to_csv(part, compression=compression, lineterminator="\n")
+
+
+def _read_csv(path):
+    import pandas as pd
+    table = pd.read_csv(path, compression={".gz": "gzip", ".xz": "xz"}.get(path.suffix.lower()))
+    units = {column: re.fullmatch(r"(\S+) \[(.*)\]", column) for column in table.columns}
+    known = {match[1]: match[2] for match in units.values() if match and match[1] in UNITS}
+    for name, unit in known.items():
+        if unit != UNITS[name]:
+            raise DataError(f"{path}: column {name!r} is in {unit!r}; a solution has it in {UNITS[name]!r}")
+    table = table.rename(columns={column: match[1] for column, match in units.items() if match and match[1] in UNITS})
+    _check(path, table)
+    read = lambda names: table[names].to_numpy(float)
+    none = Innovations(np.empty(0), np.empty(0, np.int64), np.empty((0, 3)), np.empty(0), np.empty(0, bool))
+    extra = {name: table[name].to_numpy() for name in table.columns if name not in UNITS and name != "status"}
+    return Solution(*_state(read("t"), read, _quaternion(read(NAV_COLUMNS[6:]))), table["status"].to_numpy(), none, columns=extra,
+                    meta={"recording": path.name, "notes": [f"read from {path.name}: a table without innovations, events or covariance"]})
+
+
+def _check(path, table):
+    needed = [*UNITS, "status"]
+    missing = [name for name in needed if name not in table]
+    if missing:
+        wanted = f"{missing[0]} [{UNITS[missing[0]]}]" if missing[0] in UNITS else missing[0]
+        raise DataError(f"{path}: column {wanted!r} is missing; write the solution again, or use read for a recording")
+    if not len(table):
+        raise DataError(f"{path}: the table has no rows")
+    import pandas as pd
+    for name in needed:
+        if not pd.api.types.is_numeric_dtype(table[name]):
+            row = int((pd.to_numeric(table[name], errors="coerce").isna() & table[name].notna()).argmax())
+            raise DataError(f"{path}: row {row + 2}, column {name!r}: {table[name][row]!r} is not a number; correct it or write the solution again")
+
+
+def _quaternion(rph):
+    """From roll, pitch, heading in degrees."""
+    from scipy.spatial.transform import Rotation
+    return Rotation.from_euler("ZYX", rph[:, ::-1], degrees=True).as_quat()[:, [3, 0, 1, 2]]
+
+
+def _write_kml(solution, part, _):
+    from .kml import kml
+    part.write_bytes(kml(solution))

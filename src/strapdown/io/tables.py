@@ -1,0 +1,117 @@
+"""CSV files as tables of numbers: plain or compressed, with or without a header; every complaint names the file, the line and the column."""
+import bz2
+import gzip
+import lzma
+import warnings
+import zipfile
+import zlib
+from difflib import get_close_matches
+from typing import NamedTuple
+
+import numpy as np
+
+from ..data import DataError
+from .origin import Origin
+
+SUFFIXES = tuple(name + packed for name in (".csv", ".txt", ".tsv", ".dat") for packed in ("", ".gz", ".xz", ".bz2", ".zip"))
+OPENERS = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}
+BROKEN = (EOFError, lzma.LZMAError, zlib.error, zipfile.BadZipFile)
+
+
+class Table(NamedTuple):
+    """A CSV file: pandas DataFrame of raw cells, and the line of the file that each row stands in."""
+    name: str
+    frame: object
+    lines: np.ndarray
+
+    @property
+    def origin(self):
+        """Origin that names lines of this file."""
+        return Origin(self.name, self.lines, "line")
+
+    def numbers(self, column):
+        """The column as floats; missing cells are NaN. Raises DataError for a missing column or a cell that is no number."""
+        import pandas as pd
+        if column not in self.frame.columns:
+            raise DataError(f"{self.name}: {self._missing(column)}")
+        cells = self.frame[column]
+        values = pd.to_numeric(cells, errors="coerce").to_numpy(float, na_value=np.nan)
+        wrong = np.isnan(values) & cells.notna().to_numpy()
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise DataError(f"{self.origin.row(row)}, column {column!r}: {str(cells.iloc[row])[:40]!r} is not a number; correct the cell or leave it empty")
+        return values
+
+    def _missing(self, column):
+        names = [str(name) for name in self.frame.columns]
+        if isinstance(column, int):
+            return f"column {column} is missing; it has {len(names)} columns"
+        if sum(map(_is_number, names)) > len(names) / 2:
+            return f"column {column!r} is missing; the file has no header line: give columns by number, the first is 1"
+        near = get_close_matches(column, names, 1, 0.5) or [name for name in names if name.lower() == column.lower()]
+        return f"column {column!r} is missing; {f'did you mean {near[0]!r}? ' if near else ''}it has {', '.join(names[:20])}"
+
+
+def read_table(path, header=True):
+    """The Table of a CSV file; lines before the header that start with # or % are left out. Raises DataError.
+
+    Without header the columns are numbered from 1. The separator (comma, semicolon, tab or blanks) is what the first line holds.
+    """
+    import pandas as pd
+    try:
+        skipped, first = _first_line(path)
+        with _open(path) as file, warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)     # rows with more cells than the header has names
+            frame = pd.read_csv(file, sep=_separator(first), header=0 if header else None, skiprows=skipped, skip_blank_lines=False, skipinitialspace=True,
+                                low_memory=False, index_col=False)
+    except BROKEN as error:
+        raise DataError(f"{path}: the compressed file is truncated or damaged ({_line(error)}); copy it again") from error
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or _line(error)}); check the path") from error
+    except pd.errors.EmptyDataError as error:
+        raise DataError(f"{path}: is empty; it must hold a header and rows of numbers") from error
+    except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
+        raise DataError(f"{path}: is not a table of comma-separated values ({_line(error)})") from error
+    frame.columns = [str(name).strip() for name in frame.columns] if header else range(1, frame.shape[1] + 1)
+    lines = np.arange(len(frame)) + skipped + 1 + header
+    filled = frame.notna().any(axis=1).to_numpy()
+    if not filled.any():
+        raise DataError(f"{path}: has a header but no rows")
+    return Table(str(path), frame if filled.all() else frame[filled], lines[filled])
+
+
+def _open(path):
+    if path.is_dir():
+        raise IsADirectoryError(0, "it is a folder")
+    if path.suffix.lower() == ".zip":
+        import io
+        archive = zipfile.ZipFile(path)
+        return io.TextIOWrapper(archive.open(archive.namelist()[0]), encoding="utf-8-sig", errors="replace", newline="")
+    return OPENERS.get(path.suffix.lower(), open)(path, "rt", encoding="utf-8-sig", errors="replace", newline="")
+
+
+def _first_line(path):
+    """Number of comment lines at the top, and the line after them."""
+    with _open(path) as file:
+        for number, line in enumerate(file):
+            if not line.startswith(("#", "%")):
+                return number, line
+    return 0, ""
+
+
+def _separator(line):
+    counts = {mark: line.count(mark) for mark in ",;\t"}
+    best = max(counts, key=counts.get)
+    return best if counts[best] else r"\s+" if len(line.split()) > 1 else ","
+
+
+def _is_number(text):
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _line(error):
+    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__

@@ -1,0 +1,47 @@
+"""Names of units, and the numbers that turn them into SI and radians."""
+import math
+from difflib import get_close_matches
+
+from ..data import DataError
+
+DEG, G, KNOT, FOOT = math.pi / 180, 9.80665, 1852 / 3600, 0.3048
+
+UNITS = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    "angle": {"rad": 1.0, "deg": DEG, "arcsec": DEG / 3600},
+    "angular rate": {"rad/s": 1.0, "deg/s": DEG, "deg/h": DEG / 3600},
+    "acceleration": {"m/s^2": 1.0, "g": G, "mg": G / 1000},
+    "velocity increment": {"m/s": 1.0, "g*s": G},
+    "length": {"m": 1.0, "km": 1000.0, "cm": 0.01, "mm": 0.001, "ft": FOOT},
+    "speed": {"m/s": 1.0, "km/h": 1 / 3.6, "knot": KNOT, "cm/s": 0.01, "mm/s": 0.001, "ft/s": FOOT},
+}
+"""Factor to SI of every unit, by dimension. The standard gravity g is 9.80665 m/s^2."""
+
+DIMENSIONS = {"latitude": "angle", "longitude": "angle", "angle": "angle", "length": "length", "speed": "speed", "acceleration": "acceleration"}
+"""Dimension of each quantity that a kind of aiding can have."""
+
+ALIASES = {
+    "sec": "s", "second": "s", "seconds": "s", "msec": "ms", "millisecond": "ms", "milliseconds": "ms", "µs": "us", "usec": "us", "microseconds": "us",
+    "nsec": "ns", "nanoseconds": "ns", "degree": "deg", "degrees": "deg", "°": "deg", "radian": "rad", "radians": "rad",
+    "rad/sec": "rad/s", "rps": "rad/s", "dps": "deg/s", "°/s": "deg/s", "degrees/s": "deg/s", "deg/sec": "deg/s", "deg/hr": "deg/h", "°/h": "deg/h", "dph": "deg/h",
+    "m/s2": "m/s^2", "m/s²": "m/s^2", "m/s/s": "m/s^2", "m/s**2": "m/s^2", "mps2": "m/s^2", "G": "g", "milli-g": "mg", "mG": "mg",
+    "meter": "m", "meters": "m", "metre": "m", "metres": "m", "feet": "ft", "foot": "ft",
+    "mps": "m/s", "m/sec": "m/s", "kph": "km/h", "kmh": "km/h", "kn": "knot", "kt": "knot", "kts": "knot", "knots": "knot",
+}
+"""Other spellings, which are suggested, not accepted: one name for each unit keeps descriptions readable."""
+
+
+def factor(unit, dimension):
+    """What a value in `unit` is multiplied with to be SI and radians. Raises DataError that lists the accepted names."""
+    known = UNITS[dimension]
+    if unit in known:
+        return known[unit]
+    accepted = f"accepted for {dimension}: {', '.join(known)}"
+    if unit is None:
+        raise DataError(f"unit is missing; {accepted}")
+    other = next((name for name, units in UNITS.items() if unit in units), None)
+    if other:
+        raise DataError(f"unit {unit!r} is one of {other}; {accepted}")
+    spelling = ALIASES.get(unit) or ALIASES.get(unit.lower().strip())
+    near = [spelling] if spelling in known else get_close_matches(unit.lower(), known, 1)
+    raise DataError(f"unknown unit {unit!r}{f', did you mean {near[0]!r}?' if near else ';'} {accepted}")

@@ -1,0 +1,155 @@
+"""How far a trajectory is from a reference: errors in metres, m/s and radians, and their root mean squares.
+
+Errors are true - estimate, as everywhere: position in metres NED, attitude as the rotation vector of `q_true (x) q_est*` in the navigation frame.
+"""
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from .core.earth import A, E2
+from .data import DataError
+
+
+@dataclass(frozen=True)
+class Errors:
+    """true - estimate at times `t`. What the reference does not know is None, or NaN in the rows inside one of its gaps."""
+    t: np.ndarray                   # (n,) s
+    position: np.ndarray            # (n, 3) m NED
+    velocity: np.ndarray | None     # (n, 3) m/s NED
+    attitude: np.ndarray | None     # (n, 3) rotation vector in n, rad
+    rph: np.ndarray | None          # (n, 3) of roll, pitch and heading, wrapped to [-pi, pi), rad
+    sd: np.ndarray | None           # (n, k) the trajectory's own standard deviations, m, m/s and rad
+    rows: slice                     # of the trajectory, which these errors belong to
+
+    @property
+    def horizontal(self):
+        """(n,) horizontal position error, m."""
+        return np.hypot(self.position[:, 0], self.position[:, 1])
+
+
+class Rms(NamedTuple):
+    """Root mean square of errors per axis; None where the reference knows nothing, NaN where it covers no time asked for."""
+    position: np.ndarray            # (3,) m NED
+    velocity: np.ndarray | None     # (3,) m/s NED
+    attitude: np.ndarray | None     # (3,) rad, rotation vector
+    rph: np.ndarray | None          # (3,) rad, roll, pitch, heading
+
+
+def radii(lat):
+    """Meridian and normal radius of curvature R_M, R_N, m, of an array of latitudes in rad; Groves (2013) eq. 2.105, 2.106."""
+    x = 1 - E2 * np.sin(lat) ** 2
+    R_N = A / np.sqrt(x)
+    return R_N * (1 - E2) / x, R_N
+
+
+def wrap(angle):
+    """The angle in [-pi, pi), rad."""
+    return (np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi
+
+
+def euler(q_nb):
+    """(n, 3) roll, pitch, heading in rad, heading in [0, 2 pi), of quaternions; NaN where they are NaN (scipy refuses those); Groves (2013) eq. 2.37."""
+    w, x, y, z = q_nb.T
+    roll = np.arctan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
+    pitch = np.arcsin(np.clip(2 * (w * y - x * z), -1, 1))
+    return np.c_[roll, pitch, np.arctan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z) % (2 * np.pi)]
+
+
+def displacement(lla, origin):
+    """(n, 3) metres NED from `origin` to `lla`, radii at the middle of the two as in pyins; longitudes may straddle the antimeridian."""
+    lla, origin = np.asarray(lla), np.asarray(origin)
+    middle = (lla + origin) / 2
+    R_M, R_N = radii(middle[..., 0])
+    return np.stack([(lla[..., 0] - origin[..., 0]) * (R_M + middle[..., 2]),
+                     wrap(lla[..., 1] - origin[..., 1]) * (R_N + middle[..., 2]) * np.cos(middle[..., 0]),
+                     origin[..., 2] - lla[..., 2]], axis=-1)
+
+
+def errors(trajectory, reference):
+    """Errors of a Trajectory (or Solution) against a reference at the trajectory's own times inside the reference's span.
+
+    The reference is interpolated: position by a cubic through its positions and velocities (linear without velocities), velocity linearly,
+    attitude along the shortest rotation. Its gaps, intervals beyond 1 s and three usual intervals, are not bridged. Raises DataError where the two do not overlap.
+    """
+    trajectory = getattr(trajectory, "trajectory", trajectory)
+    first, last = np.searchsorted(trajectory.t, reference.t[[0, -1]]) if len(reference.t) > 1 else (0, 0)
+    last += last < len(trajectory) and len(reference.t) > 1 and trajectory.t[last] == reference.t[-1]
+    if last <= first:
+        raise DataError(f"the reference ({reference!r}) covers no time of the solution ({trajectory!r}); check the time base of both")
+    rows = slice(int(first), int(last))
+    t = trajectory.t[rows]
+    position = displacement(_position(reference, t), trajectory.lla[rows])
+    velocity = attitude = rph = None
+    if reference.v_n is not None and trajectory.v_n is not None:
+        velocity = _linear(reference.t, reference.v_n, t) - trajectory.v_n[rows]
+    if reference.q_nb is not None and trajectory.q_nb is not None:
+        attitude, rph = _attitude(reference, trajectory, rows)
+    return Errors(t, position, velocity, attitude, rph, None if trajectory.sd is None else trajectory.sd[rows], rows)
+
+
+def rms(errors, window=None):
+    """Root mean square of `errors` over window = (start, stop) in s, both included, or over all of them: an Rms."""
+    inside = np.ones(len(errors.t), bool) if window is None else (errors.t >= window[0]) & (errors.t <= window[1])
+    return Rms(*(None if e is None else _rms(e[inside]) for e in (errors.position, errors.velocity, errors.attitude, errors.rph)))
+
+
+def _rms(values):
+    known = np.isfinite(values)
+    count = known.sum(axis=0)
+    return np.sqrt((np.where(known, values, 0.0) ** 2).sum(axis=0) / np.where(count, count, np.nan))
+
+
+def _brackets(t_ref, known, t):
+    """The rows of the reference that are known and advance in time, and where each time falls among them: left index, or -1 in a gap."""
+    rows = np.flatnonzero(known)
+    rows = rows[np.r_[True, t_ref[rows][1:] > np.maximum.accumulate(t_ref[rows])[:-1]][:len(rows)]]
+    if len(rows) < 2:
+        return rows, np.full(len(t), -1)
+    times = t_ref[rows]
+    left = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(rows) - 2)
+    steps = np.diff(times)
+    usable = (t >= times[0]) & (t <= times[-1]) & ((steps <= max(1.0, 3 * np.median(steps)))[left] | np.isin(t, times))
+    return rows, np.where(usable, left, -1)
+
+
+def _linear(t_ref, values, t):
+    rows, left = _brackets(t_ref, np.isfinite(values).all(axis=1), t)
+    out = np.full((len(t), values.shape[1]), np.nan)
+    inside = left >= 0
+    for i in range(values.shape[1] if inside.any() else 0):
+        out[inside, i] = np.interp(t[inside], t_ref[rows], values[rows, i])
+    return out
+
+
+def _position(reference, t):
+    """The reference's latitude, longitude and height at times t; its longitude is unwrapped first."""
+    lla = reference.lla.copy()
+    known = np.isfinite(lla).all(axis=1)
+    lla[known, 1] = np.unwrap(lla[known, 1])
+    if reference.v_n is None:
+        return _linear(reference.t, lla, t)
+    from scipy.interpolate import CubicHermiteSpline
+    rows, left = _brackets(reference.t, known & np.isfinite(reference.v_n).all(axis=1), t)
+    out, inside = _linear(reference.t, lla, t), left >= 0
+    if inside.any():
+        R_M, R_N = radii(lla[rows, 0])
+        h, v = lla[rows, 2], reference.v_n[rows]
+        rates = np.c_[v[:, 0] / (R_M + h), v[:, 1] / ((R_N + h) * np.cos(lla[rows, 0])), -v[:, 2]]
+        out[inside] = CubicHermiteSpline(reference.t[rows], lla[rows], rates)(t[inside])
+    return out
+
+
+def _attitude(reference, trajectory, rows):
+    from scipy.spatial.transform import Rotation, Slerp
+    t = trajectory.t[rows]
+    known, left = _brackets(reference.t, np.isfinite(reference.q_nb).all(axis=1), t)
+    usable = (left >= 0) & np.isfinite(trajectory.q_nb[rows]).all(axis=1)
+    attitude, rph = np.full((len(t), 3), np.nan), np.full((len(t), 3), np.nan)
+    if usable.any():
+        scalar_last = [1, 2, 3, 0]
+        true = Slerp(reference.t[known], Rotation.from_quat(reference.q_nb[known][:, scalar_last]))(t[usable])
+        estimate = Rotation.from_quat(trajectory.q_nb[rows][usable][:, scalar_last])
+        attitude[usable] = (true * estimate.inv()).as_rotvec()
+        rph[usable] = wrap(true.as_euler("ZYX")[:, ::-1] - estimate.as_euler("ZYX")[:, ::-1])
+    return attitude, rph

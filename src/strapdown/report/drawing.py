@@ -1,0 +1,151 @@
+"""What all figures share: thinning long runs, the frame of an axis, bands, shading of gaps and events, layout."""
+from html import escape
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from ..data import BRIDGED, INVALID
+
+MOST = 2000
+"""Points per line at most. Longer runs keep the smallest and the largest value of each of MOST/2 stretches, so that no peak is lost."""
+COLOURS = ("#3b7dd8", "#e8710a", "#2f9e44", "#9c4dcc", "#c2255c", "#0b8a8f")
+"""Of solutions, and of north, east, down."""
+GREY, RED = "#868e96", "#e03131"
+SHADES = {BRIDGED: "rgba(240,180,0,0.22)", INVALID: "rgba(224,49,49,0.16)"}
+AXES = ("north", "east", "down")
+MARKED = 20
+"""At most this many events and status stretches of each kind are drawn; the page lists all events."""
+
+
+def thin(y, most=MOST):
+    """Indices of about `most` values of y that keep the smallest and largest value of each stretch, and a NaN wherever some begin."""
+    y = np.asarray(y, float)
+    if len(y) <= most:
+        return np.arange(len(y))
+    width = -(-len(y) // (most // 2 - 1))
+    stretches = np.append(y, np.full(-len(y) % width, np.nan)).reshape(-1, width)
+    first = np.arange(len(stretches)) * width
+    low = first + np.where(np.isnan(stretches), np.inf, stretches).argmin(axis=1)
+    high = first + np.where(np.isnan(stretches), -np.inf, stretches).argmax(axis=1)
+    unknown = np.isnan(y)
+    breaks = np.flatnonzero(unknown[1:] & ~unknown[:-1]) + 1
+    return np.unique(np.r_[0, low, high, breaks[even(len(breaks), most // 4)], len(y) - 1])
+
+
+def even(n, most=MOST):
+    """Indices of at most `most` of n rows at even steps, the last one included."""
+    return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(int)) if n else np.arange(0)
+
+
+def extent(values):
+    """Smallest and largest known value, (0, 0) where there is none."""
+    values = values[np.isfinite(values)]
+    return (float(values.min()), float(values.max())) if len(values) else (0.0, 0.0)
+
+
+def peak(values):
+    """The largest magnitude, 0 where there is none."""
+    values = np.abs(values[np.isfinite(values)]) if values is not None else np.empty(0)
+    return float(values.max()) if len(values) else 0.0
+
+
+def frame(t, values, band, window=None):
+    """(limit, largest): half the height of an axis around zero, and the largest magnitude of all.
+
+    The frame holds every value after the first tenth and every band after the first third of the run (or all of `window`), so that the
+    initial convergence does not flatten the rest; it holds everything where that is less than three times as much.
+    """
+    since, band_since = (t[0] + (t[-1] - t[0]) * part for part in (0.1, 1 / 3)) if len(t) else (0.0, 0.0)
+    later, much_later = (t >= since, t >= band_since) if window is None else ((t >= window[0]) & (t <= window[1]),) * 2
+    within = max(peak(values[later]), peak(band[much_later]) if band is not None else 0.0)
+    largest = max(peak(values), peak(band))
+    return (1.08 * largest or 1.0, largest) if largest <= 3 * within or not within else (1.15 * within, largest)
+
+
+def panels(labels, height=170, log=False):
+    """A figure with one panel per label of its y axis, time below all of them."""
+    figure = make_subplots(rows=len(labels), cols=1, shared_xaxes=True, vertical_spacing=0.11 / len(labels))
+    for row, label in enumerate(labels, start=1):
+        figure.update_yaxes(title_text=label, row=row, col=1, type="log" if log else "linear")
+    return finish(figure, height * len(labels) + 85)
+
+
+def log_range(figure, low, high, row=1):
+    """Range of a logarithmic axis, with ticks at 1, 2 and 5 where it spans few decades."""
+    low, high = np.log10(low) - 0.1, np.log10(high) + 0.15
+    figure.update_yaxes(range=[low, high], dtick=1 if high - low > 2.2 else "D2", exponentformat="power", minor_ticks="", row=row, col=1)
+
+
+def finish(figure, height, notes=()):
+    """Layout of every figure; `notes` are sentences that belong below it."""
+    figure.update_layout(template=go.layout.Template(), height=height, margin={"l": 70, "r": 15, "t": 40, "b": 45}, hovermode="x unified",
+                         legend={"orientation": "h", "x": 0, "y": 1, "yanchor": "bottom"},
+                         font={"size": 12}, meta={"notes": list(notes)})
+    figure.update_yaxes(title_standoff=6, zeroline=False, automargin=True)
+    figure.update_xaxes(zeroline=False)
+    return figure
+
+
+def note(figure, text):
+    """Add a sentence below the figure."""
+    figure.layout.meta["notes"].append(text)
+
+
+def origin(t):
+    """Where the time axes start counting: 0, or the first full second where times are as large as those of a Unix clock."""
+    return float(np.floor(t[0])) if len(t) and abs(t[0]) > 1e6 else 0.0
+
+
+def column(values):
+    """As it goes into the page: 4 bytes a number are enough for a screen, unless times are large."""
+    values = np.asarray(values, float)
+    return values if peak(values) > 1e5 else values.astype(np.float32)
+
+
+def line(figure, t, y, name, colour, row=1, keep=None, legend=True, **style):
+    """One thinned line."""
+    keep = thin(y) if keep is None else keep
+    figure.add_trace(go.Scatter(x=column(t[keep]), y=column(y[keep]), name=escape(name), mode="lines", legendgroup=name, showlegend=legend and row == 1,
+                                line={"color": colour, "width": 1.4, **style}, hovertemplate="%{y:.4g}"), row=row, col=1)
+
+
+def band(figure, t, centre, half, row=1, name="±3σ"):
+    """A shaded band of `half` to both sides of `centre`; nothing where the filter claims no standard deviation."""
+    if not np.isfinite(half).any():
+        return
+    half = np.where(np.isfinite(centre), half, np.nan)
+    keep = thin(half)
+    for sign, fill in ((-1, None), (1, "tonexty")):
+        figure.add_trace(go.Scatter(x=column(t[keep]), y=column(centre[keep] + sign * half[keep]), name=name, legendgroup=name, mode="lines", fill=fill,
+                                    fillcolor="rgba(134,142,150,0.22)", line={"color": GREY, "width": 0.7}, showlegend=row == 1 and sign == 1,
+                                    hoverinfo="skip" if sign < 0 else None, hovertemplate=None if sign < 0 else "%{y:.4g}"), row=row, col=1)
+
+
+def time_axis(figure, solution, zero=0.0):
+    """Label the time axis, shade the stretches over gaps and mark the events of a solution, numbered as the page lists them."""
+    label = "time [s]" if not zero else f"time since {zero:.0f} s [s]"
+    rows = max((int(name[5:] or 1) for name in figure.layout if name.startswith("yaxis")), default=1)
+    figure.update_xaxes(title_text=label, row=rows, col=1)
+    figure.update_xaxes(range=[float(solution.t[0]) - zero, float(solution.t[-1]) - zero])
+    shapes = [{"type": "rect", "x0": start - zero, "x1": stop - zero, "y0": 0, "y1": 1, "xref": "x", "yref": "paper", "fillcolor": SHADES[status],
+               "line": {"width": 0}, "layer": "below"} for start, stop, status in stretches(solution)]
+    texts = []
+    for number, (t, _) in enumerate(solution.events[:MARKED], start=1):
+        shapes.append({"type": "line", "x0": t - zero, "x1": t - zero, "y0": 0, "y1": 1, "xref": "x", "yref": "paper",
+                       "line": {"width": 1, "dash": "dot", "color": GREY}})
+        texts.append({"x": t - zero, "y": 0, "xref": "x", "yref": "paper", "text": str(number), "showarrow": False, "yanchor": "bottom",
+                      "xanchor": "left", "font": {"size": 10, "color": GREY}})
+    figure.update_layout(shapes=shapes, annotations=texts)
+    return figure
+
+
+def stretches(solution):
+    """[(start, stop, status)] of rows that are not VALID, the longest first, at most MARKED of each kind; a row covers the time since the one before."""
+    found = []
+    edges = np.flatnonzero(np.diff(solution.status, prepend=-1, append=-1)) if len(solution.status) else []
+    for first, stop in zip(edges[:-1], edges[1:]):
+        if solution.status[first] in SHADES:
+            found.append((float(solution.t[max(first - 1, 0)]), float(solution.t[stop - 1]), int(solution.status[first])))
+    found.sort(key=lambda s: s[0] - s[1])
+    return [s for status in SHADES for s in [f for f in found if f[2] == status][:MARKED]]

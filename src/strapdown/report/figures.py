@@ -1,0 +1,267 @@
+"""Figures of a Solution: track, errors or estimates with 3-sigma bands, claimed uncertainty, biases, innovations and NIS.
+
+Errors are true - estimate. Every function returns a plotly Figure; sentences that belong below it are in `figure.layout.meta["notes"]`.
+"""
+from html import escape
+
+import numpy as np
+import plotly.graph_objects as go
+
+from .. import metrics
+from .drawing import (AXES, COLOURS, GREY, RED, band, column, even, extent, finish, frame, line, log_range, note, origin, panels, peak,
+                      time_axis)
+from .fixes import kind
+
+EULER = ("roll", "pitch", "heading")
+
+
+def track(solutions, reference=None):
+    """East and north in metres from the start, of {name: Solution}; the frame is that of the reference, or of the solution that moves least."""
+    start = next(iter(solutions.values())).trajectory.lla[0] if reference is None else reference.lla[np.isfinite(reference.lla).all(axis=1)][0]
+    paths = {name: _ground(solution.trajectory.lla, start) for name, solution in solutions.items()}
+    figure = finish(go.Figure(), 560)
+    first = next(iter(solutions.values()))
+    for name, (times, places, accepted) in _position_fixes(first, start).items():
+        for good, label, style in ((True, "accepted", {"color": GREY, "size": 4, "opacity": 0.5}), (False, "rejected", {"color": RED, "size": 8, "symbol": "x"})):
+            chosen = np.flatnonzero(accepted == good)
+            chosen = chosen[even(len(chosen))]
+            if len(chosen):
+                _path(figure, places[chosen], f"{name} fixes, {label}", mode="markers", marker=style)
+    known = None if reference is None else _ground(reference.lla[np.isfinite(reference.lla).all(axis=1)], start)
+    for colour, (name, path) in zip(_cycle(), paths.items()):
+        _path(figure, path[even(len(path))], name, line={"color": colour, "width": 2})
+    if known is not None:
+        _path(figure, known[even(len(known))], "reference", line={"color": GREY, "width": 1.5, "dash": "dash"})
+    path = known if known is not None else next(iter(paths.values()))
+    for row, label, symbol in ((0, "start", "circle"), (-1, "end", "square")):
+        _path(figure, path[[row]], label, mode="markers", marker={"symbol": symbol, "size": 11, "color": "#2f9e44" if row == 0 else "#343a40", "line": {"color": "#fff", "width": 1.5}})
+    _frame_track(figure, known, paths)
+    return figure.update_layout(xaxis_title="east [m]", yaxis_title="north [m]", hovermode="closest", yaxis_scaleanchor="x")
+
+
+def _cycle():
+    while True:
+        yield from COLOURS
+
+
+def _ground(lla, start):
+    """(n, 2) east and north, m, longitude unwrapped so that a track may cross the antimeridian."""
+    return metrics.displacement(lla, np.broadcast_to(start, lla.shape))[:, [1, 0]]
+
+
+def _path(figure, path, name, mode="lines", **style):
+    figure.add_trace(go.Scatter(x=column(path[:, 0]), y=column(path[:, 1]), name=escape(name), mode=mode, hovertemplate="%{x:.1f} m east, %{y:.1f} m north", **style))
+
+
+def _position_fixes(solution, start):
+    """{source: (t, east and north, accepted)} of position sources: the estimate at each fix plus its innovation."""
+    fixes, found = solution.innovations, {}
+    for index, name in enumerate(fixes.names):
+        if kind(solution, name) == "position":
+            chosen = (fixes.source == index) & np.isfinite(fixes.innovation[:, :2]).all(axis=1)
+            path = _ground(solution.trajectory.lla, start)
+            there = np.column_stack([np.interp(fixes.t[chosen], solution.t, axis) for axis in path.T])
+            found[name] = fixes.t[chosen], there + fixes.innovation[chosen][:, [1, 0]], fixes.accepted[chosen]
+    return found
+
+
+def _frame_track(figure, known, paths):
+    """Set the ranges around the reference or the solution that moves least; a solution that goes further than that again leaves the frame."""
+    corners = lambda path: np.array([extent(path[:, 0]), extent(path[:, 1])]).T
+    low, high = corners(known) if known is not None else min(map(corners, paths.values()), key=lambda box: (box[1] - box[0]).max())
+    room = max((high - low).max(), 10.0)
+    for name, path in paths.items():
+        far_low, far_high = corners(path)
+        beyond = max((low - far_low).max(), (far_high - high).max())
+        if beyond <= room:
+            low, high = np.minimum(low, far_low), np.maximum(high, far_high)
+        else:
+            note(figure, f"{name} leaves the frame by up to {_metres(beyond)}; double-click the plot to see all of it.")
+    margin = 0.06 * max((high - low).max(), 10.0)
+    figure.update_layout(xaxis_range=[low[0] - margin, high[0] + margin], yaxis_range=[low[1] - margin, high[1] + margin])
+
+
+def _metres(value):
+    return f"{value / 1000:.3g} km" if value >= 1000 else f"{value:.3g} m"
+
+
+def height(solutions, reference=None):
+    """Height above the ellipsoid over time, of {name: Solution}."""
+    figure = panels(["height [m]"], 260)
+    first = next(iter(solutions.values()))
+    zero = origin(first.t)
+    for colour, (name, solution) in zip(_cycle(), solutions.items()):
+        line(figure, solution.t - zero, solution.trajectory.lla[:, 2], name, colour)
+    spans = [extent(solution.trajectory.lla[:, 2]) for solution in solutions.values()]
+    low, high = min(spans, key=lambda span: span[1] - span[0])
+    if reference is not None:
+        inside = (reference.t >= first.t[0]) & (reference.t <= first.t[-1])
+        line(figure, reference.t[inside] - zero, reference.lla[inside, 2], "reference", GREY, dash="dash")
+        low, high = extent(reference.lla[inside, 2])
+    room = max(high - low, 20.0)
+    for name, (lowest, highest) in zip(solutions, spans):
+        beyond = max(low - lowest, highest - high)
+        if beyond > 2 * room:
+            note(figure, f"{name} leaves the frame by up to {_metres(beyond)}; double-click the plot to see all of it.")
+        else:
+            low, high = min(low, lowest), max(high, highest)
+    figure.update_yaxes(range=[low - 0.06 * room, high + 0.06 * room])
+    return time_axis(figure, first, zero)
+
+
+def horizontal(solutions, reference):
+    """Horizontal position error over time on a logarithmic axis, with the 3-sigma each of {name: Solution} claims."""
+    figure = panels(["horizontal error [m]"], 300, log=True)
+    first, values = next(iter(solutions.values())), []
+    zero = origin(first.t)
+    for colour, (name, solution) in zip(_cycle(), solutions.items()):
+        e = metrics.errors(solution, reference)
+        claimed = 3 * np.hypot(e.sd[:, 0], e.sd[:, 1])
+        line(figure, e.t - zero, e.horizontal, name, colour)
+        if np.isfinite(claimed).any():
+            line(figure, e.t - zero, claimed, f"{name}, 3σ claimed", colour, dash="dot")
+        values += [e.horizontal, claimed]
+    values = np.concatenate(values)
+    values = values[np.isfinite(values) & (values > 0)]
+    if len(values):
+        log_range(figure, max(np.quantile(values, 0.01), values.max() * 1e-6), values.max())
+    return time_axis(figure, first, zero)
+
+
+def position(solution, reference=None, colour=COLOURS[0], window=None):
+    """Position error per axis with its 3-sigma band, m NED; without a reference north, east and height from the start."""
+    if reference is not None:
+        e = metrics.errors(solution, reference)
+        return _errors(solution, e.t, e.position, 3 * e.sd[:, :3], AXES, "m", colour, window)
+    lla = solution.trajectory.lla
+    moved = metrics.displacement(lla, np.broadcast_to(lla[0], lla.shape))
+    values = np.c_[moved[:, :2], lla[:, 2]]
+    return _estimates(solution, values, 3 * solution.trajectory.sd[:, :3], ("north", "east", "height"), "m", colour)
+
+
+def velocity(solution, reference=None, colour=COLOURS[0], window=None, compare=None):
+    """Velocity error per axis with its 3-sigma band, m/s NED; without a reference the estimate (with `compare` drawn beside it)."""
+    if reference is not None and reference.v_n is not None:
+        e = metrics.errors(solution, reference)
+        return _errors(solution, e.t, e.velocity, 3 * e.sd[:, 3:6], AXES, "m/s", colour, window)
+    beside = None if compare is None else compare.v_n
+    return _estimates(solution, solution.trajectory.v_n, 3 * solution.trajectory.sd[:, 3:6], AXES, "m/s", colour, compare, beside)
+
+
+def attitude(solution, reference=None, colour=COLOURS[0], window=None, compare=None):
+    """Errors of roll, pitch and heading with their 3-sigma bands, deg; without a reference the estimate (with `compare` drawn beside it)."""
+    if reference is not None and reference.q_nb is not None:
+        e = metrics.errors(solution, reference)
+        sd = euler_sd(metrics.euler(solution.trajectory.q_nb[e.rows]), e.sd[:, 6:9])
+        return _errors(solution, e.t, np.degrees(e.rph), 3 * np.degrees(sd), EULER, "deg", colour, window)
+    rph, sd = metrics.euler(solution.trajectory.q_nb), solution.trajectory.sd[:, 6:9]
+    beside = None if compare is None or compare.q_nb is None else np.degrees(metrics.euler(compare.q_nb))
+    return _estimates(solution, np.degrees(rph), 3 * np.degrees(euler_sd(rph, sd)), EULER, "deg", colour, compare, beside)
+
+
+def euler_sd(rph, sd):
+    """Standard deviations of roll, pitch and heading from those of the rotation vector in n, correlations neglected; NaN beyond 85 deg of pitch, rad."""
+    pitch, heading = rph[:, 1], rph[:, 2]
+    variance_n, variance_e, variance_d = (sd ** 2).T
+    forward = np.cos(heading) ** 2 * variance_n + np.sin(heading) ** 2 * variance_e
+    right = np.sin(heading) ** 2 * variance_n + np.cos(heading) ** 2 * variance_e
+    steep = np.where(np.abs(pitch) > np.radians(85), np.nan, 1.0)
+    return np.sqrt(np.c_[steep * forward / np.cos(pitch) ** 2, right, steep * (variance_d + np.tan(pitch) ** 2 * forward)])
+
+
+def _errors(solution, t, values, half, names, unit, colour, window):
+    """A panel per column of `values` around zero, with bands of `half`."""
+    figure, zero, outside = panels([f"{name} [{unit}]" for name in names]), origin(solution.t), []
+    for i, name in enumerate(names):
+        band(figure, t - zero, np.zeros(len(t)), half[:, i], row=i + 1)
+        line(figure, t - zero, values[:, i], "error (true - estimate)", colour, row=i + 1)
+        limit, largest = frame(t, values[:, i], half[:, i], window)
+        figure.update_yaxes(range=[-limit, limit], row=i + 1, col=1)
+        if largest > limit:
+            outside.append(f"{name} up to {largest:.3g} {unit}")
+    if outside:
+        when = "outside the scored window" if window else "while the filter converges"
+        note(figure, f"Beyond the frame {when}: {', '.join(outside)}. Double-click a panel to see all of it.")
+    return time_axis(figure, solution, zero)
+
+
+def _estimates(solution, values, half, names, unit, colour, other=None, beside=None):
+    """A panel per column of `values` with bands of `half` around it; angles that wrap are cut there."""
+    figure, zero, t = panels([f"{name} [{unit}]" for name in names]), origin(solution.t), solution.t
+    for i, name in enumerate(names):
+        wraps = name in ("roll", "heading")
+        centre = cut(values[:, i]) if wraps else values[:, i]
+        band(figure, t - zero, centre, np.where(half[:, i] < 180, half[:, i], np.nan) if wraps else half[:, i], row=i + 1)
+        line(figure, t - zero, centre, "estimate", colour, row=i + 1)
+        if beside is not None:
+            inside = (other.t >= t[0]) & (other.t <= t[-1])
+            line(figure, other.t[inside] - zero, cut(beside[inside, i]) if wraps else beside[inside, i], "reference", GREY, row=i + 1, dash="dot")
+        values_i = values[np.isfinite(values[:, i]), i]
+        if len(values_i):
+            middle, reach = (values_i.max() + values_i.min()) / 2, 1.15 * max(np.ptp(values_i) / 2, min(peak(half[len(t) // 3:, i]), 2 * np.ptp(values_i)), 1e-9)
+            figure.update_yaxes(range=[0, 360] if name == "heading" and np.ptp(values_i) > 180 else [middle - reach, middle + reach], row=i + 1, col=1)
+    return time_axis(figure, solution, zero)
+
+
+def cut(degrees):
+    """The angles with NaN where they jump by more than 180 deg, so that no line is drawn across."""
+    out = np.array(degrees, float)
+    out[np.flatnonzero(np.abs(np.diff(out)) > 180) + 1] = np.nan
+    return out
+
+
+def sigma(solution):
+    """3-sigma of position (m), velocity (m/s) and attitude (deg) over time on logarithmic axes; None where the filter claims none."""
+    sd, zero = 3 * solution.trajectory.sd[:, :9] * np.r_[np.ones(6), np.full(3, np.degrees(1))], origin(solution.t)
+    if not np.isfinite(sd).any():
+        return None
+    figure = panels(["3σ position [m]", "3σ velocity [m/s]", "3σ attitude [deg]"], log=True)
+    for i in range(9):
+        if np.isfinite(sd[:, i]).any():
+            line(figure, solution.t - zero, np.where(sd[:, i] > 0, sd[:, i], np.nan), AXES[i % 3], COLOURS[i % 3], row=i // 3 + 1)
+    for row in range(3):
+        shown = sd[:, 3 * row:3 * row + 3]
+        shown = shown[np.isfinite(shown) & (shown > 0)]
+        if len(shown):
+            log_range(figure, shown.min(), shown.max(), row=row + 1)
+    return time_axis(figure, solution, zero)
+
+
+def accel_bias(solution, colour=COLOURS[0]):
+    """Accelerometer bias per body axis with its 3-sigma band, in mg or, where it is small, ug."""
+    scale, unit = (1e6 / 9.80665, "ug") if peak(solution.b_a) < 1e-3 else (1e3 / 9.80665, "mg")
+    return _bias(solution, solution.b_a * scale, 3 * solution.trajectory.sd[:, 9:12] * scale, unit, colour)
+
+
+def gyro_bias(solution, colour=COLOURS[0]):
+    """Gyro bias per body axis with its 3-sigma band, in deg/h or, where it is large, deg/s."""
+    scale, unit = (np.degrees(1), "deg/s") if peak(solution.b_g) > np.radians(0.5) else (np.degrees(3600), "deg/h")
+    return _bias(solution, solution.b_g * scale, 3 * solution.trajectory.sd[:, 12:15] * scale, unit, colour)
+
+
+def _bias(solution, values, half, unit, colour):
+    if not np.isfinite(half).any() and not peak(values):
+        return None
+    figure, zero, t, outside = panels([f"{axis} [{unit}]" for axis in "xyz"]), origin(solution.t), solution.t, []
+    for i, axis in enumerate("xyz"):
+        band(figure, t - zero, values[:, i], half[:, i], row=i + 1)
+        line(figure, t - zero, values[:, i], "estimate", colour, row=i + 1)
+        settled = float(np.nanmedian(values[len(t) // 3:, i])) if np.isfinite(values[len(t) // 3:, i]).any() else 0.0
+        limit, largest = frame(t, values[:, i] - settled, half[:, i] + np.abs(values[:, i] - settled))
+        figure.update_yaxes(range=[settled - limit, settled + limit], row=i + 1, col=1)
+        if largest > limit:
+            outside.append(axis)
+    if outside:
+        note(figure, f"The initial uncertainty of {', '.join(outside)} is beyond the frame; double-click a panel to see all of it.")
+    return time_axis(figure, solution, zero)
+
+
+def extra(solution, colour=COLOURS[0]):
+    """The filter's own output columns, a panel each; None where it has none."""
+    numeric = {name: np.asarray(values, float) for name, values in solution.columns.items() if np.issubdtype(np.asarray(values).dtype, np.number)}
+    if not numeric:
+        return None
+    figure, zero = panels([escape(name) for name in numeric]), origin(solution.t)
+    for row, (name, values) in enumerate(numeric.items(), start=1):
+        line(figure, solution.t - zero, values, name, colour, row=row, legend=False)
+    return time_axis(figure, solution, zero)

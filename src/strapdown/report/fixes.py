@@ -1,0 +1,100 @@
+"""Figures of what became of the fixes: innovations per source, and their normalised squares (NIS) against the gate."""
+from html import escape
+
+import numpy as np
+import plotly.graph_objects as go
+
+from .drawing import AXES, COLOURS, GREY, RED, column, even, log_range, note, origin, panels, peak, time_axis
+
+LENGTHS = {"latitude", "longitude", "length"}
+
+
+def kind(solution, name):
+    """The kind of aiding behind a source: the solution says it in `meta["kinds"]`; by default sources are named after it."""
+    return solution.meta.get("kinds", {}).get(name, name)
+
+
+def unit(solution, name):
+    """(unit, factor from SI, names of the rows) of a source's innovations."""
+    from ..aiding import find
+    try:
+        sensor = find(kind(solution, name))
+    except ValueError:      # a source of the user's own naming
+        return "m, m/s or rad", 1.0, AXES
+    quantities = set(sensor.quantities)
+    named = "m" if quantities <= LENGTHS else "m/s" if quantities == {"speed"} else "deg" if quantities == {"angle"} else "m, m/s or rad"
+    return named, np.degrees(1) if named == "deg" else 1.0, tuple("xyz") if sensor.vector == "b" else AXES
+
+
+def innovations(solution):
+    """Innovation (fix - estimate) of every source over time, rejected fixes crossed in red; None without fixes."""
+    fixes, used = solution.innovations, _used(solution)
+    if not used:
+        return None
+    units = {source: unit(solution, fixes.names[source]) for source in used}
+    figure, zero = panels([f"{escape(fixes.names[source])} [{units[source][0]}]" for source in used], 210), origin(solution.t)
+    shown = set()
+    for row, source in enumerate(used, start=1):
+        _, factor, rows = units[source]
+        chosen = np.flatnonzero(fixes.source == source)
+        t, values, good = fixes.t[chosen] - zero, fixes.innovation[chosen] * factor, fixes.accepted[chosen]
+        single = not np.isfinite(values[:, 1:]).any()
+        for i in range(3):
+            name = "single component" if single else rows[i]
+            _points(figure, t, values[:, i], good, name, {"color": COLOURS[i], "size": 4}, row, name not in shown)
+            shown |= {name} if np.isfinite(values[good, i]).any() else set()
+        for i in range(3):
+            _points(figure, t, values[:, i], ~good, "rejected", {"color": RED, "size": 7, "symbol": "x-thin", "line": {"width": 1.5, "color": RED}},
+                    row, "rejected" not in shown)
+            shown |= {"rejected"} if np.isfinite(values[~good, i]).any() else set()
+        _range(figure, values, good, row, fixes.names[source], units[source][0])
+    return time_axis(figure, solution, zero)
+
+
+def nis(solution):
+    """Normalised innovation squared of every source over time with its gate, on logarithmic axes; None where no filter gave any."""
+    fixes, zero = solution.innovations, origin(solution.t)
+    used = [source for source in _used(solution) if np.isfinite(fixes.nis[fixes.source == source]).any()]
+    if not used:
+        return None
+    figure, shown = panels([escape(fixes.names[source]) for source in used], 190, log=True), set()
+    for row, source in enumerate(used, start=1):
+        chosen = np.flatnonzero((fixes.source == source) & (fixes.nis > 0))
+        t, values, good = fixes.t[chosen] - zero, fixes.nis[chosen], fixes.accepted[chosen]
+        for name, which, style in (("accepted", good, {"color": COLOURS[0], "size": 4}), ("rejected", ~good, {"color": RED, "size": 7, "symbol": "x"})):
+            _points(figure, t, values, which, name, style, row, name not in shown)
+            shown |= {name} if which.any() else set()
+        gate = fixes.gates[source] if source < len(fixes.gates) else None
+        gate = gate if gate is not None and np.isfinite(gate) else None
+        if gate is not None:
+            figure.add_trace(go.Scatter(x=column(np.asarray(solution.t)[[0, -1]] - zero), y=[gate, gate], name="gate", legendgroup="gate", mode="lines", showlegend="gate" not in shown,
+                                        line={"color": GREY, "dash": "dash", "width": 1.5}, hovertemplate="%{y:.4g}"), row=row, col=1)
+            shown.add("gate")
+        top = max(peak(values), gate or 0.0) or 1.0
+        log_range(figure, max(np.quantile(values, 0.02), top * 1e-7) if len(values) else 0.01, top, row)
+    return time_axis(figure, solution, zero)
+
+
+def _used(solution):
+    """Indices of the sources that had fixes to measure."""
+    fixes = solution.innovations
+    measured = np.isfinite(fixes.innovation).any(axis=1)
+    return [source for source in range(len(fixes.names)) if (measured & (fixes.source == source)).any()]
+
+
+def _points(figure, t, values, which, name, style, row, legend):
+    chosen = np.flatnonzero(which & np.isfinite(values))
+    chosen = chosen[even(len(chosen))]
+    if len(chosen):
+        figure.add_trace(go.Scatter(x=column(t[chosen]), y=column(values[chosen]), name=name, legendgroup=name, mode="markers", marker=style,
+                                    showlegend=legend, hovertemplate="%{y:.4g}"), row=row, col=1)
+
+
+def _range(figure, values, good, row, name, named):
+    """Frame the accepted fixes; rejected ones beyond three times that leave the frame, and the note says how far."""
+    inner, largest = peak(values[good]), peak(values)
+    limit = largest if largest <= 3 * inner or not inner else inner
+    figure.update_yaxes(range=[-1.12 * (limit or 1.0), 1.12 * (limit or 1.0)], row=row, col=1)
+    if largest > limit:
+        count = int((np.nanmax(np.abs(values), axis=1, initial=0.0, where=np.isfinite(values)) > 1.12 * limit).sum())
+        note(figure, f"{name}: {count} rejected fix{'es' * (count != 1)} beyond the frame, up to {largest:.3g} {named}; double-click the panel to see all.")

@@ -1,0 +1,193 @@
+"""One self-contained HTML page of solutions: works offline, asks the network for nothing, and is written whole or not at all."""
+import json
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from html import escape
+from importlib import metadata, resources
+
+from .. import metrics
+from ..data import DataError
+from . import figures, fixes, summary
+from .drawing import COLOURS, SHADES
+
+POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:"
+"""Content security policy: a browser then refuses any request, whatever a script should try."""
+KEY = (f"<p class='caption key'><span><b style='background:{SHADES[1]}'></b>gap bridged</span><span><b style='background:{SHADES[2]}'></b>not valid</span>"
+       "<span><b style='border-left:1px dotted; width:4px; margin-left:6px'></b>event, numbered as in the list</span>"
+       "<span>Drag to zoom, double-click to go back (again: to see all), click the legend to hide a line.</span></p>")
+
+
+@dataclass(frozen=True)
+class Page:
+    """A finished page; `html` is its text."""
+    html: str
+
+    def save(self, path):
+        """Write the page to `path`, atomically. Raises DataError where it cannot be written."""
+        from ..files import replacing
+        with replacing(path) as part:
+            part.write_text(self.html, encoding="utf-8")
+
+    def __repr__(self):
+        return f"Page({len(self.html) / 1e6:.1f} MB of HTML; .save(path) writes it)"
+
+
+def report(solutions, reference=None, title=None, window=None):
+    """A Page about one Solution, or several of them (a list, or {name: Solution}) side by side.
+
+    reference: Trajectory that errors are taken against. window: (start, stop) in s over which errors are scored and error axes are framed.
+    """
+    solutions = _named(solutions)
+    reference, unscored = _overlapping(solutions, reference)
+    first = next(iter(solutions.values()))
+    title = title or f"{first.meta.get('recording', 'Solution')}: {', '.join(solutions)}"
+    sections = [(name, text) for name, text in _sections(solutions, reference, window) if text]
+    sections[0] = "Summary", unscored + sections[0][1]
+    links = "".join(f"<a href='#s{i}'>{escape(name)}</a>" for i, (name, _) in enumerate(sections))
+    body = "".join(f"<section id=s{i}><h2>{escape(name)}</h2>{text}</section>" for i, (name, text) in enumerate(sections))
+    read = lambda name: resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+    from plotly.offline import get_plotlyjs
+    return Page(f"""<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="{POLICY}"><title>{escape(title)}</title><link rel="icon" href="data:,"><style>{read('page.css')}</style></head>
+<body class="{'wide' if len(solutions) > 1 else ''}"><header><div><h1>{escape(title)}</h1>{_facts(solutions, window)}</div></header><nav><div>{links}</div></nav>
+<main>{body}</main><footer>Errors are true − estimate. Position, velocity and their errors are in metres and m/s along north, east, down; heights are above the WGS-84 ellipsoid;
+lines of more than 2000 points keep the extremes of each stretch.</footer>
+<script>{get_plotlyjs()}</script><script>{read('page.js')}</script></body></html>
+""")
+
+
+def _named(solutions):
+    """{name: Solution}; filters that occur twice are numbered."""
+    if isinstance(solutions, dict):
+        return solutions
+    named = {}
+    for solution in solutions if isinstance(solutions, (list, tuple)) else [solutions]:
+        base = str(solution.meta.get("filter", "solution"))
+        name, count = base, 1
+        while name in named:
+            count += 1
+            name = f"{base} {count}"
+        named[name] = solution
+    return named
+
+
+def _overlapping(solutions, reference):
+    """The reference and "", or None and a remark where it does not cover all solutions."""
+    try:
+        for solution in solutions.values() if reference is not None else ():
+            metrics.errors(solution, reference)
+    except DataError as error:
+        return None, f"<p class=note>Not scored: {escape(str(error))}</p>"
+    return reference, ""
+
+
+def _facts(solutions, window):
+    """The line of facts below the title."""
+    metas = [solution.meta for solution in solutions.values()]
+    said = lambda key: ", ".join(dict.fromkeys(str(meta[key]) for meta in metas if meta.get(key) not in (None, "")))
+    first = next(iter(solutions.values()))
+    facts = [("recording", said("recording")), ("date", said("date")), ("time", f"{first.t[0]:.1f} to {first.t[-1]:.1f} s"), ("filter", ", ".join(solutions)),
+             ("IMU", _imu(metas)), ("scored", f"{window[0]:g} to {window[1]:g} s" if window else ""), ("software", f"strapdown {_version()}".strip()),
+             ("written", f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC")]
+    return "<dl>" + "".join(f"<div><dt>{name}</dt><dd>{escape(text)}</dd></div>" for name, text in facts if text) + "</dl>"
+
+
+def _imu(metas):
+    names = (meta.get("imu") for meta in metas)
+    return ", ".join(dict.fromkeys(str(getattr(imu, "name", None) or (imu.get("name", "") if isinstance(imu, dict) else imu)) for imu in names if imu))
+
+
+def _version():
+    try:
+        return metadata.version("strapdown")
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+def _sections(solutions, reference, window):
+    """(heading, HTML) of every section in reading order."""
+    draw = _Drawer(solutions)
+    yield "Summary", _summary(solutions, reference, window)
+    yield "Track", KEY + _overview(draw, solutions, reference)
+    if reference is not None:
+        yield "Errors", _errors(draw, reference, window)
+    yield ("Motion" if reference is not None else "Estimates"), _motion(draw, reference)
+    yield "Claimed uncertainty", draw.each("3σ of position, velocity, attitude", "Logarithmic axes: it falls with aiding and grows without.",
+                                           lambda s, _: figures.sigma(s))
+    yield "Biases", draw.each("Accelerometer bias", "In body axes, forward, right, down, with ±3σ.", figures.accel_bias) \
+        + draw.each("Gyro bias", "In body axes, forward, right, down, with ±3σ.", figures.gyro_bias)
+    yield "Fixes", draw.each("Innovations", "Fix − estimate: around zero and without pattern when all is well.", lambda s, _: fixes.innovations(s)) \
+        + draw.each("Normalised innovation squared", "A fix above the gate is rejected.", lambda s, _: fixes.nis(s))
+    yield "Filter columns", draw.each("Columns of the filter", "What this filter publishes besides the navigation state.", figures.extra)
+    yield "Details", "".join(f"<details><summary>{escape(name)}: how it was made</summary><pre>{escape(_details(s))}</pre></details>" for name, s in solutions.items())
+
+
+def _overview(draw, solutions, reference):
+    seen = draw.place(figures.track(solutions, reference), "Seen from above", "Dots are position fixes: the estimate plus its innovation.")
+    beside = draw.place(figures.height(solutions, reference), "Height", "Above the WGS-84 ellipsoid.")
+    if reference is not None:
+        beside += draw.place(figures.horizontal(solutions, reference), "Horizontal error", "The error should stay below what the filter claims.")
+    return f"<div class='grid pair'>{seen}<div>{beside}</div></div>"
+
+
+def _errors(draw, reference, window):
+    text = draw.each("Position error", "With the ±3σ band that the filter claims.", lambda s, colour: figures.position(s, reference, colour, window))
+    if reference.v_n is not None:
+        text += draw.each("Velocity error", "With its ±3σ band.", lambda s, colour: figures.velocity(s, reference, colour, window))
+    if reference.q_nb is not None:
+        text += draw.each("Attitude error", "Heading is wrapped to ±180 deg; ±3σ bands from the rotation vector, correlations neglected.",
+                          lambda s, colour: figures.attitude(s, reference, colour, window))
+    return text
+
+
+def _motion(draw, reference):
+    text = "" if reference is not None else draw.each("Position", "North and east from the start, and height, with ±3σ.", lambda s, colour: figures.position(s, None, colour))
+    return text + draw.each("Velocity", "With ±3σ.", lambda s, colour: figures.velocity(s, None, colour, compare=reference)) \
+        + draw.each("Attitude", "With ±3σ; heading is clockwise from true north.", lambda s, colour: figures.attitude(s, None, colour, compare=reference))
+
+
+def _details(solution):
+    from ..io.solution import plain
+    return json.dumps(plain({key: value for key, value in solution.meta.items() if key != "notes"}), indent=2, ensure_ascii=False)
+
+
+def _summary(solutions, reference, window):
+    tables = [] if reference is None else [summary.error_table(solutions, reference, window)]
+    parts = ["<div class=tables>", *tables, "<div>", summary.run_table(solutions), summary.fix_table(solutions), "</div></div>"]
+    notes = list(dict.fromkeys(str(note) for solution in solutions.values() for note in solution.meta.get("notes", ())))
+    parts += ["<h3>Notes</h3>", summary.listing(notes)] if notes else []
+    same = {}
+    for name, solution in solutions.items():
+        same.setdefault(tuple(f"{t:.2f} s: {text}" for t, text in solution.events), []).append(name)
+    for events, names in same.items():
+        if events:
+            whose = f" of {escape(', '.join(names))}" if len(names) < len(solutions) else ""
+            parts += [f"<h3>Events{whose}</h3>", summary.listing(events, ordered=True)]
+    return "".join(parts)
+
+
+class _Drawer:
+    """Places figures on the page and numbers them."""
+
+    def __init__(self, solutions):
+        self.solutions, self.count = solutions, 0
+
+    def each(self, heading, caption, make):
+        """One figure per solution, side by side, made by make(solution, colour); the colour of a solution is the same everywhere."""
+        shown = []
+        for i, (name, solution) in enumerate(self.solutions.items()):
+            colour = COLOURS[i % len(COLOURS)]
+            figure = make(solution, colour)
+            if figure is not None:
+                tag = f"<span class=tag><i style='background:{colour}'></i>{escape(name)}</span>" if len(self.solutions) > 1 else ""
+                shown.append(self.place(figure, heading, caption, tag))
+        return f"<div class=grid>{''.join(shown)}</div>" if shown else ""
+
+    def place(self, figure, heading, caption, tag=""):
+        """HTML of one figure; its data follow as JSON in which no tag can begin."""
+        self.count += 1
+        data = figure.to_json().replace("<", "\\u003c")
+        notes = "".join(f"<p class=note>{escape(text)}</p>" for text in figure.layout.meta["notes"])
+        return (f"<figure><h3>{heading}{tag}</h3><div class=plot id=p{self.count} style='height:{figure.layout.height}px'></div><figcaption>{caption}</figcaption>{notes}"
+                f"<script type='application/json' id=data-p{self.count}>{data}</script></figure>")

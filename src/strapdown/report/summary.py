@@ -1,0 +1,89 @@
+"""The tables of the page, as HTML: errors against the reference, the run, the fixes; and the lists of notes and events."""
+from html import escape
+
+import numpy as np
+
+from .. import metrics
+from ..data import BRIDGED, INVALID
+
+LISTED = 500
+"""At most this many notes or events are listed."""
+
+
+def table(head, rows, split=1):
+    """An HTML table; cells are escaped. A rule stands left of every `split`-th column after the first."""
+    cell = lambda tag, i, text: f"<{tag}{' class=split' if i and split > 1 and (i - 1) % split == 0 else ''}>{escape(str(text))}</{tag}>"
+    lines = ["<tr>" + "".join(cell("td", i, text) for i, text in enumerate(row)) + "</tr>" for row in rows]
+    return f"<div class=scroll><table><thead><tr>{''.join(cell('th', i, text) for i, text in enumerate(head))}</tr></thead><tbody>{''.join(lines)}</tbody></table></div>"
+
+
+def number(value):
+    """Three digits, or as many as stand before the point; a dash where there is none."""
+    if value is None or not np.isfinite(value):
+        return "–"
+    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:#.3g}".rstrip(".") if abs(value) >= 1e-4 or value == 0 else f"{value:.2e}"
+
+
+def error_table(solutions, reference, window=None):
+    """RMS, largest and last error per axis of {name: Solution}."""
+    found = {name: metrics.errors(solution, reference) for name, solution in solutions.items()}
+    quantities = [("position", ("north", "east", "down"), "m", 1.0), ("velocity", ("north", "east", "down"), "m/s", 1.0), ("rph", ("roll", "pitch", "heading"), "deg", np.degrees(1))]
+    rows = [["horizontal position [m]", *(text for e in found.values() for text in _scores(np.c_[e.horizontal], e.t, window)[0])]]
+    for field, axes, unit, factor in quantities:
+        if all(getattr(e, field) is not None for e in found.values()):
+            scores = [_scores(getattr(e, field) * factor, e.t, window) for e in found.values()]
+            label = "" if field == "rph" else f" {field}"
+            rows += [[f"{axis}{label} [{unit}]", *(text for score in scores for text in score[i])] for i, axis in enumerate(axes)]
+    head = ["true − estimate", *(f"{name}: {what}" if what == "RMS" else what for name in found for what in ("RMS", "largest", "last"))]
+    return table(head, rows, split=3)
+
+
+def _scores(values, t, window):
+    """Per column RMS, largest and last known value, as text."""
+    inside = np.ones(len(t), bool) if window is None else (t >= window[0]) & (t <= window[1])
+    out = []
+    for column in values[inside].T:
+        known = column[np.isfinite(column)]
+        out.append([number(np.sqrt(np.mean(known ** 2))), number(np.abs(known).max()), number(known[-1])] if len(known) else ["–"] * 3)
+    return out
+
+
+def run_table(solutions):
+    """Span, gaps and claimed standard deviations of {name: Solution}."""
+    return table(["", *solutions], zip(RUN, *map(_run, solutions.values())))
+
+
+RUN = ("time [s]", "rows", "gaps bridged", "time bridged [s]", "stretches not valid", "time not valid [s]", "horizontal sd, largest / last [m]",
+       "height sd, largest / last [m]", "heading sd, largest / last [deg]")
+
+
+def _run(solution):
+    t, sd = solution.t, solution.trajectory.sd
+    pair = lambda values: " / ".join((number(np.nanmax(values)), number(values[-1]))) if np.isfinite(values).any() else "–"
+    span = np.diff(t, prepend=t[:1])
+    texts = [f"{t[0]:.2f} to {t[-1]:.2f}" if len(t) else "–", f"{len(t)}"]
+    for status in (BRIDGED, INVALID):
+        there = solution.status == status
+        texts += [str(int((np.diff(there.astype(int), prepend=0) == 1).sum())), number(span[there].sum()) if there.any() else "0"]
+    return [*texts, pair(np.hypot(sd[:, 0], sd[:, 1])), pair(sd[:, 2]), pair(np.degrees(sd[:, 8]))]
+
+
+def fix_table(solutions):
+    """Accepted and rejected fixes per source, and the mean NIS of the accepted ones beside what a consistent filter has; "" without fixes."""
+    rows = []
+    for name, solution in solutions.items():
+        fixes, counts = solution.innovations, solution.counts()
+        for source, label in enumerate(fixes.names):
+            good, bad = counts[label]
+            used = (fixes.source == source) & fixes.accepted & np.isfinite(fixes.nis)
+            mean = (number(fixes.nis[used].mean()), number(np.isfinite(fixes.innovation[used]).sum(axis=1).mean())) if used.any() else ("–", "–")
+            gate = fixes.gates[source] if source < len(fixes.gates) else None
+            rows.append([f"{name}: {label}" if len(solutions) > 1 else label, good, bad, *mean, number(gate)])
+    return table(["source", "accepted", "rejected", "mean NIS", "expected", "gate"], rows) if rows else ""
+
+
+def listing(items, ordered=False):
+    """A scrolling HTML list of texts, at most LISTED of them."""
+    tag = "ol" if ordered else "ul"
+    more = [f"and {len(items) - LISTED} more"] if len(items) > LISTED else []
+    return f"<{tag} class=list>" + "".join(f"<li>{escape(str(item))}</li>" for item in [*items[:LISTED], *more]) + f"</{tag}>"

@@ -1,0 +1,1 @@
+"""Error models of sensors, and the grades that ship with the package."""
