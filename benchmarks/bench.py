@@ -62,8 +62,9 @@ def seconds_of(function):
 
 
 def alternating(first, second, times):
-    """Medians of (first, second, second / first), called in turns."""
-    pairs = np.array([(seconds_of(first), seconds_of(second)) for _ in range(times)])
+    """Medians of (first, second, second / first) of two functions that return seconds, called in turns after one call each."""
+    first(), second()
+    pairs = np.array([(first(), second()) for _ in range(times)])
     return (*np.median(pairs, axis=0), float(np.median(pairs[:, 1] / pairs[:, 0])))
 
 
@@ -90,10 +91,8 @@ def ratio(name, times):
     """[(closed-loop time over the yardstick's, note)] on a workload."""
     w = workload.load(name)
     inputs, outputs = yardstick.arguments(w)
-    ours, samples = subject.Run(w, "closed-loop"), len(w.t) - 1
-    yardstick.run(*inputs, *outputs)
-    ours()
-    theirs, own, value = alternating(lambda: yardstick.run(*inputs, *outputs), ours, times)
+    theirs, own, value = alternating(lambda: seconds_of(lambda: yardstick.run(*inputs, *outputs)), subject.timed_run(w, "closed-loop"), times)
+    samples = len(w.t) - 1
     return [(value, f"{own / samples * 1e6:.3f} against {theirs / samples * 1e6:.3f} us per IMU sample")]
 
 
@@ -132,11 +131,11 @@ def peer_figures(book, full):
 
 def peer_figure(name, title, function, seconds, release):
     w = workload.load(name)
-    ours = subject.Run(w, "open-loop" if "feedforward" in title else "closed-loop")
+    ours = subject.timed_run(w, "open-loop" if "feedforward" in title else "closed-loop")
     ours()
-    before = seconds_of(ours)
+    before = ours()
     us, rms = function(w, seconds)
-    own = (before + seconds_of(ours)) / 2 / (len(w.t) - 1) * 1e6
+    own = (before + ours()) / 2 / (len(w.t) - 1) * 1e6
     note = f"{release}: {us:.1f} us per IMU sample over {seconds:g} s" + (f"; {rms}" if rms else "")
     return figures.informative(f"{name} {title} time", us / own, "x strapdown", note)
 

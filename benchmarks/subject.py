@@ -56,9 +56,59 @@ def fuse(workload, name, **options):
 
 def accuracy(workload, name):
     """Rms of filter `name` over the workload, every sample."""
-    solution = fuse(workload, name)
-    path = solution.trajectory
+    path = fuse(workload, name).trajectory
     return score(workload, path.t, path.lla, path.v_n, path.rotation.as_matrix())
+
+
+def timed_run(workload, name):
+    """A function that runs filter `name` over the whole workload and returns the seconds of the compiled loop; every sample is stored.
+
+    As with the yardstick, compiling, the start and the output arrays are there before the clock starts.
+    """
+    from strapdown import engine
+    from strapdown.core import loop
+    from strapdown.core.contract import Output
+    log, at_start, densities = recording(workload), start(workload), noise(workload.parameters)
+    prepared, fixes_of = engine.prepare(name, ["position"]), engine.merge(log.aidings, workload.t[0])
+    rows, fix_rows = len(log.imu.t), len(fixes_of.t)
+    out = Output(np.zeros((rows, loop.NAV_WIDTH + len(prepared.filter.columns))), np.empty((0, 15, 15)), np.zeros((fix_rows, loop.FIX_WIDTH)))
+
+    def seconds():
+        belief, cursor = prepared.filter.start(at_start, densities), engine.new_cursor(workload.t[0], 1)
+        cursor.at[loop.FIXES] = fix_rows
+        begin = time.perf_counter()
+        while cursor.at[loop.ROW] < rows:
+            cursor.at[loop.STOP] = min(cursor.at[loop.ROW] + engine.CHUNK, rows)
+            loop.run(*prepared[1:], belief, log.imu, fixes_of, densities, cursor, out)
+        return time.perf_counter() - begin
+    return seconds
+
+
+def stream_times(workload):
+    """(us per IMU sample, us per fix) of `Stream.step`: medians over the seconds of a workload with 1 Hz fixes.
+
+    A fix is used with the sample that ends at its time, so its cost is that of both steps less that of a sample.
+    """
+    import strapdown as sd
+    stream = sd.Stream("closed-loop", start(workload), noise=noise(workload.parameters), aidings=[fixes(workload)])
+    deviation, samples = (workload.parameters["gnss_sd"],) * 3, []
+    for t, dtheta, dv in zip(workload.t[1:].tolist(), workload.dtheta[1:].tolist(), workload.dv[1:].tolist()):
+        samples.append(sd.Sample(t, workload.dt, tuple(dtheta), tuple(dv)))
+    each, plain, both = len(samples) // len(workload.fix_t), [], []
+    for k, (t, y) in enumerate(zip(workload.fix_t.tolist(), workload.fix.tolist())):
+        fix, block = sd.Fix(t, 0, tuple(y), deviation), samples[k * each:(k + 1) * each]
+        begin = time.perf_counter()
+        for sample in block[:-1]:
+            stream.step(sample)
+        middle = time.perf_counter()
+        stream.step(fix)
+        stream.step(block[-1])
+        plain.append((middle - begin) / (each - 1) * 1e6)
+        both.append((time.perf_counter() - middle) * 1e6)
+    stream.finish()
+    if stream.counts() != [(len(workload.fix_t), 0)]:
+        raise RuntimeError(f"the stream used {stream.counts()} of {len(workload.fix_t)} fixes")
+    return float(np.median(plain)), float(np.median(np.array(both) - plain))
 
 
 def write_log(workload, folder=FOLDER / "log"):

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from .compiling import COMPILED, address, caller, compile_kernel, helper, is_cached, kernel, matrix
+from .compiling import COMPILED, address, caller, compile_kernel, entry_point, helper, is_cached, kernel, matrix
 
 __all__ = ["Belief", "Start", "Noise", "Imu", "Fixes", "Cursor", "Output", "Filter", "Sensor", "PARAMETERS", "POSITION_KIND", "OBSERVE", "PREDICT", "CORRECT", "RUN",
-           "POS", "VEL", "ATT", "BA", "BG", "STATES", "COMPILED", "kernel", "helper", "matrix", "address", "caller", "compile_kernel", "is_cached"]
+           "POS", "VEL", "ATT", "BA", "BG", "STATES", "COMPILED", "kernel", "helper", "matrix", "address", "entry_point", "caller", "compile_kernel", "is_cached"]
 
 POS, VEL, ATT, BA, BG = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
 STATES = 15

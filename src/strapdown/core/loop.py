@@ -8,7 +8,7 @@ Rules (stated in docs/filters.md):
 """
 import math
 
-from .compiling import caller, helper, kernel
+from .compiling import caller, helper, inlined, kernel
 from .contract import CORRECT, OBSERVE, POSITION_KIND, PREDICT, RUN, Noise
 from .earth import LATITUDE_LIMIT
 from .mechanization import compensate, stationary_increments
@@ -67,7 +67,7 @@ def run(predict, correct, observers, belief, imu, fixes, noise, cursor, out):
             at[OUT_COVARIANCE] += 1
 
 
-@helper
+@inlined
 def _advance(predict, correct, observers, belief, fixes, noise, cursor, out, until, left):
     """Bring the belief to `until` with the increments in cursor.work[0:6], which last `left` seconds, stopping at each fix on the way."""
     at, now, whole, part = cursor.at, cursor.now, cursor.work[0:6], cursor.work[6:12]
@@ -88,7 +88,7 @@ def _advance(predict, correct, observers, belief, fixes, noise, cursor, out, unt
     now[0] = until
 
 
-@helper
+@inlined
 def _use_fix(correct, observers, belief, fixes, cursor, out):
     """Hand the next fix to the filter and keep the books of its source."""
     at, k = cursor.at, cursor.at[FIX]
@@ -142,7 +142,7 @@ def _cross_gap(predict, correct, observers, belief, fixes, noise, cursor, out, u
         last[6] = 0.0
 
 
-@helper
+@inlined
 def _write_row(belief, t, status, row):
     row[T], row[ROW_STATUS] = t, status
     for i in range(3):

@@ -30,7 +30,7 @@ def write_recording(recording, path):
     if recording.reference is not None:
         groups["reference"] = (REFERENCE, vars(recording.reference), {})
     with replacing(path) as part:
-        _root(json.dumps(plain(recording.meta))).to_netcdf(part, mode="w", engine="h5netcdf")
+        _root(recording.meta).to_netcdf(part, mode="w", engine="h5netcdf")
         for name, (layout, values, attributes) in groups.items():
             _dataset(layout, values, attributes).to_netcdf(part, group=name, mode="a", engine="h5netcdf")
 
@@ -47,9 +47,12 @@ def _aiding_layout(kind):
 
 
 def _root(meta):
-    """The top group; text stands in a variable because an attribute ends at 64 KiB."""
+    """The top group: arrays of meta as variables, the rest as JSON, which stands in a variable because an attribute ends at 64 KiB."""
     import xarray as xr
-    return xr.Dataset({"meta": ((), meta, {"long_name": "meta as JSON"})}, attrs={"format": FORMAT})
+    arrays = {key: value for key, value in meta.items() if isinstance(value, np.ndarray) and value.ndim and value.dtype.kind in "fi"}
+    text = json.dumps(plain({key: value for key, value in meta.items() if key not in arrays}))
+    variables = {f"meta_{key}": ([f"{key}_{axis}" for axis in range(value.ndim)], value, {}, {"_FillValue": None}) for key, value in arrays.items()}
+    return xr.Dataset({"meta": ((), text, {"long_name": "meta as JSON"})} | variables, attrs={"format": FORMAT})
 
 
 def _dataset(layout, values, attributes):
@@ -94,8 +97,10 @@ def _parts(path):
         imu = Imu(**{name: np.require(file["imu"][name][...], float, ["C", "W"]) for name in Imu._fields})
         aidings = [_aiding(file[name], columns) for name in sorted((g for g in file.groups if g.startswith("aiding_")), key=lambda g: int(g[7:]))]
         reference = Trajectory(**columns(file["reference"], REFERENCE)) if "reference" in file.groups else None
-        meta = file["meta"][...]
-        return json.loads(meta.decode() if isinstance(meta, bytes) else str(meta)), imu, aidings, reference
+        text = np.asarray(file["meta"][...]).item()
+        meta = json.loads(text.decode() if isinstance(text, bytes) else text)
+        meta |= {name[5:]: file[name][...] for name in file.variables if name.startswith("meta_")}
+        return meta, imu, aidings, reference
 
 
 def _aiding(group, columns):

@@ -15,14 +15,16 @@ MOST_RATE = 35.0
 STEADY, TILT_RATE = 0.4, 0.5
 """A second is steady when its mean specific force is within STEADY (m/s^2) of gravity and moves by less than 0.3 between its halves;
 a body that tilts at TILT_RATE (rad/s) for that second would move it by 2.4. Recorded data stay below 0.12 rad/s."""
-SLIPS = ((1 / G, "values in g were read as m/s^2"), (G, "values in m/s^2 were read as g"), (1000 / G, "values in mg were read as m/s^2"),
-         (G / 1000, "values in m/s^2 were read as mg"), (1000.0, "values in mg were read as g"), (0.001, "values in g were read as mg"))
+SLIPS = ((1 / G, "values in g were read as m/s^2, is the unit g?"), (G, "values in m/s^2 were read as g, is the unit m/s^2?"),
+         (1000 / G, "values in mg were read as m/s^2, is the unit mg?"), (G / 1000, "values in m/s^2 were read as mg, is the unit m/s^2?"),
+         (1000.0, "values in mg were read as g, is the unit mg?"), (0.001, "values in g were read as mg, is the unit g?"))
+"""What a mistaken unit makes of gravity, and what to say then."""
 
 
-def mistakes(imu):
-    """[(field, text)] of what cannot be true; the field is the key of [imu] that is probably wrong."""
+def mistakes(imu, kind=None):
+    """[(field, text)] of what cannot be true; the field is the key of [imu] that is probably wrong, `kind` what the samples were given as."""
     rate, force = half_seconds(imu)
-    found = _unit_of_accel(imu, force)
+    found = _unit_of_accel(force, float(np.median(imu.dt)), kind)
     if not found:
         found = _unit_of_gyro(imu, rate, force) + _gravity_sign(force)
     return found
@@ -36,20 +38,17 @@ def half_seconds(imu):
     return tuple(column[:whole].reshape(-1, width, 3).sum(axis=1) / seconds for column in (imu.dtheta, imu.dv))
 
 
-def _unit_of_accel(imu, force):
+def _unit_of_accel(force, interval, kind):
     magnitude = float(np.median(np.linalg.norm(force, axis=1)))
     if LEAST_FORCE <= magnitude <= MOST_FORCE:
         return []
-    text = f"specific force has median magnitude {magnitude:.3g} m/s^2, where gravity alone gives 9.8"
-    interval = float(np.median(imu.dt))
-    if 0.7 < magnitude / G / interval < 1.4:
-        return [("kind", f"{text}: are these increments, not rates?")]
-    if 0.7 < magnitude / G * interval < 1.4:
-        return [("kind", f"{text}: are these rates, not increments?")]
-    slip = next((slip for ratio, slip in SLIPS if 0.6 < magnitude / G / ratio < 1.7), None)
-    if slip == SLIPS[0][1]:
-        slip = "is the unit g? " + slip
-    return [("accel.unit", f"{text}: {slip or 'check unit, scale and columns'}")]
+    slips = [("accel.unit", ratio, text) for ratio, text in SLIPS]
+    slips += [("kind", interval, "are these increments, not rates?")] * (kind != "increment")
+    slips += [("kind", 1 / interval, "are these rates, not increments?")] * (kind != "rate")
+    fitting = [(field, text) for field, ratio, text in slips if 0.6 < magnitude / G / ratio < 1.7]
+    field = fitting[0][0] if fitting else "accel.unit"
+    return [(field, f"specific force has median magnitude {magnitude:.3g} m/s^2, where gravity alone gives 9.8: "
+                    + (" Or ".join(text for _, text in fitting) or "check unit, scale and columns"))]
 
 
 def _unit_of_gyro(imu, rate, force):

@@ -40,7 +40,7 @@ def read_description(path):
     """The Recording that a `recording.toml` describes. Raises DataError of one line."""
     description, files = load(Path(path)), Files(path)
     imu, notes = read_imu(description.imu, files)
-    for field, text in mistakes(imu):
+    for field, text in mistakes(imu, description.imu.kind):
         raise DataError(f"{path}: [imu] {field}: {text}")
     aidings = []
     for number, part in enumerate(description.aiding, 1):

@@ -27,7 +27,7 @@ def imu_from_arrays(t, gyro, accel, kind="rate"):
     """(Imu, notes) from arrays in body FRD axes, SI and radians, cleaned by `increments` and checked by `plausible`. Raises DataError."""
     from .plausible import mistakes
     imu, notes = increments(t, gyro, accel, kind)
-    for _, text in mistakes(imu):
+    for _, text in mistakes(imu, kind):
         raise DataError(f"IMU: {text}")
     return imu, notes
 

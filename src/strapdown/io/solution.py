@@ -55,42 +55,63 @@ def _format(path, known):
 # NetCDF
 
 def _write_netcdf(solution, part, _):
-    trajectory, fixes = solution.trajectory, solution.innovations
-    import xarray as xr
-    table = solution.table()
-    nav = {name: ("time", table[name].to_numpy(), {"units": UNITS[name]}) for name in NAV_COLUMNS + BIAS_COLUMNS + SD_COLUMNS}
-    nav |= {name: ("time", column, {"units": "1"}) for name, column in zip(QUATERNION, trajectory.q_nb.T)}
-    nav["status"] = ("time", solution.status, {"units": "1", "flag_values": [0, 1, 2], "flag_meanings": "valid bridged invalid"})
-    nav |= {f"extra_{i}": ("time", np.asarray(values), {"long_name": name}) for i, (name, values) in enumerate(solution.columns.items())}
+    """Made up in memory first: on a full disk HDF5 would print a traceback for every object it could not close."""
+    import io
+
+    import h5netcdf
+    buffer = io.BytesIO()
+    with h5netcdf.File(buffer, "w") as file:
+        file.attrs["format"] = FORMAT
+        for name, (dims, values, attributes) in _variables(solution).items():
+            values = np.asarray(values)
+            for dim, size in zip(dims, values.shape):
+                if dim not in file.dimensions:
+                    file.dimensions[dim] = size
+            packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if dims and values.size else {}
+            text = {"dtype": _text()} if values.dtype.kind == "U" else {}
+            variable = file.create_variable(name, dims, data=values.astype(object) if text else values, **packed, **text)
+            variable.attrs.update(attributes)
+    part.write_bytes(buffer.getbuffer())
+
+
+def _text():
+    import h5py
+    return h5py.string_dtype()
+
+
+def _variables(solution):
+    """{name: (dimensions, values, attributes)} of all that the file holds; texts are variables because attributes end at 64 KiB."""
+    fixes, table = solution.innovations, solution.table()
+    found = {"time": (("time",), solution.t, {"units": "s", "long_name": "time of the recording"})}
+    found |= {name: (("time",), table[name].to_numpy(), {"units": UNITS[name]}) for name in NAV_COLUMNS + BIAS_COLUMNS + SD_COLUMNS}
+    found |= {name: (("time",), column, {"units": "1"}) for name, column in zip(QUATERNION, solution.trajectory.q_nb.T)}
+    found["status"] = (("time",), solution.status, {"units": "1", "flag_values": np.array([0, 1, 2]), "flag_meanings": "valid bridged invalid"})
+    found |= {f"extra_{i}": (("time",), values, {"long_name": name}) for i, (name, values) in enumerate(solution.columns.items())}
     if solution.covariance is not None:
-        nav["covariance"] = (("time", "state", "state_2"), solution.covariance, {"units": "products of m, m/s, rad, m/s^2, rad/s (the error states in order)"})
-    fix = {"fix_time": ("fix", fixes.t, {"units": "s"}),
-           "fix_source": ("fix", fixes.source, {"units": "1", "long_name": "index into `sources`"}),
-           "innovation": (("fix", "row"), fixes.innovation, {"units": "m, m/s or rad, as the source"}),
-           "nis": ("fix", fixes.nis, {"units": "1", "long_name": "normalised innovation squared"}),
-           "accepted": ("fix", fixes.accepted.astype(np.int8), {"units": "1"})}
-    texts = {"sources": fixes.names, "gates": fixes.gates, "events": solution.events, "meta": solution.meta}   # attributes end at 64 KiB
-    data = xr.Dataset(nav | fix | {name: ((), json.dumps(plain(value)), {"long_name": f"{name} as JSON"}) for name, value in texts.items()},
-                      coords={"time": ("time", trajectory.t, {"units": "s", "long_name": "time of the recording"})}, attrs={"format": FORMAT})
-    packed = {name: {"zlib": True, "complevel": 1, "shuffle": True, "_FillValue": None} for name, variable in data.variables.items() if variable.ndim}
-    data.to_netcdf(part, engine="h5netcdf", encoding=packed)
+        found["covariance"] = (("time", "state", "state_2"), solution.covariance, {"units": "products of m, m/s, rad, m/s^2, rad/s (the error states in order)"})
+    found |= {"fix_time": (("fix",), fixes.t, {"units": "s"}),
+              "fix_source": (("fix",), fixes.source, {"units": "1", "long_name": "index into `sources`"}),
+              "innovation": (("fix", "row"), fixes.innovation, {"units": "m, m/s or rad, as the source"}),
+              "nis": (("fix",), fixes.nis, {"units": "1", "long_name": "normalised innovation squared"}),
+              "accepted": (("fix",), fixes.accepted.astype(np.int8), {"units": "1"})}
+    texts = {"sources": fixes.names, "gates": fixes.gates, "events": solution.events, "meta": solution.meta}
+    return found | {name: ((), json.dumps(plain(value)), {"long_name": f"{name} as JSON"}) for name, value in texts.items()}
 
 
 def _read_netcdf(path):
-    import xarray as xr
-    with xr.open_dataset(path, engine="h5netcdf", decode_times=False, decode_timedelta=False, mask_and_scale=False) as data:
-        data = data.load()
-    if data.attrs.get("format") != FORMAT:
-        raise DataError(f"{path}: this NetCDF file is no solution ({FORMAT!r} is missing from its attributes); recordings are read with strapdown.read")
-    column = lambda name: data[name].to_numpy()
-    table = lambda names: np.column_stack([column(name) for name in names])
-    extra = {data[name].attrs["long_name"]: column(name) for name in data.data_vars if re.fullmatch(r"extra_\d+", name)}
-    read = lambda name: json.loads(str(data[name].item()))
-    innovations = Innovations(column("fix_time"), column("fix_source"), column("innovation"), column("nis"), column("accepted").astype(bool),
-                              tuple(read("sources")), tuple(read("gates")))
-    covariance = column("covariance") if "covariance" in data else None
-    return Solution(*_state(column("time"), table, table(QUATERNION)), column("status"), innovations,
-                    tuple((t, text) for t, text in read("events")), extra, covariance, read("meta"))
+    import h5netcdf
+    with h5netcdf.File(path, "r") as file:
+        if file.attrs.get("format") != FORMAT:
+            raise DataError(f"{path}: this NetCDF file is no solution ({FORMAT!r} is missing from its attributes); recordings are read with strapdown.read")
+        column = lambda name: np.asarray(file[name][...])
+        table = lambda names: np.column_stack([column(name) for name in names])
+        read = lambda name: json.loads(file[name][...].item() if hasattr(file[name][...], "item") else file[name][...])
+        innovations = Innovations(column("fix_time"), column("fix_source"), column("innovation"), column("nis"), column("accepted").astype(bool),
+                                  tuple(read("sources")), tuple(read("gates")))
+        extra = {str(file[name].attrs["long_name"]): column(name) for name in file.variables if re.fullmatch(r"extra_\d+", name)}
+        covariance = column("covariance") if "covariance" in file.variables else None
+        return Solution(*_state(column("time"), table, table(QUATERNION)), column("status"), innovations,
+                        tuple((t, text) for t, text in read("events")), extra, covariance, read("meta"))
 
 
 def _state(t, table, q_nb):

@@ -46,7 +46,7 @@ class Table(NamedTuple):
         names = [str(name) for name in self.frame.columns]
         if isinstance(column, int):
             return f"column {column} is missing; it has {len(names)} columns"
-        if sum(map(_is_number, names)) > len(names) / 2:
+        if sum(map(is_number, names)) > len(names) / 2:
             return f"column {column!r} is missing; the file has no header line: give columns by number, the first is 1"
         near = get_close_matches(column, names, 1, 0.5) or [name for name in names if name.lower() == column.lower()]
         return f"column {column!r} is missing; {f'did you mean {near[0]!r}? ' if near else ''}it has {', '.join(names[:20])}"
@@ -105,7 +105,8 @@ def _separator(line):
     return best if counts[best] else r"\s+" if len(line.split()) > 1 else ","
 
 
-def _is_number(text):
+def is_number(text):
+    """Whether a header cell reads as a number, so that the line is probably no header."""
     try:
         float(text)
     except ValueError:

@@ -111,15 +111,17 @@ def line(figure, t, y, name, colour, row=1, keep=None, legend=True, **style):
 
 
 def band(figure, t, centre, half, row=1, name="±3σ"):
-    """A shaded band of `half` to both sides of `centre`; nothing where the filter claims no standard deviation."""
-    if not np.isfinite(half).any():
-        return
+    """A shaded band of `half` to both sides of `centre`, a polygon per stretch without NaN; nothing where the filter claims no standard deviation."""
     half = np.where(np.isfinite(centre), half, np.nan)
     keep = thin(half)
-    for sign, fill in ((-1, None), (1, "tonexty")):
-        figure.add_trace(go.Scatter(x=column(t[keep]), y=column(centre[keep] + sign * half[keep]), name=name, legendgroup=name, mode="lines", fill=fill,
-                                    fillcolor="rgba(134,142,150,0.22)", line={"color": GREY, "width": 0.7}, showlegend=row == 1 and sign == 1,
-                                    hoverinfo="skip" if sign < 0 else None, hovertemplate=None if sign < 0 else "%{y:.4g}"), row=row, col=1)
+    t, centre, half = t[keep], centre[keep], half[keep]
+    x, y = [], []
+    for stretch in np.ma.clump_unmasked(np.ma.masked_invalid(half)):
+        x += [t[stretch], t[stretch][::-1], [np.nan]]
+        y += [(centre + half)[stretch], (centre - half)[stretch][::-1], [np.nan]]
+    if x:
+        figure.add_trace(go.Scatter(x=column(np.concatenate(x)), y=column(np.concatenate(y)), name=name, legendgroup=name, mode="lines", fill="toself",
+                                    fillcolor="rgba(134,142,150,0.22)", line={"color": GREY, "width": 0.7}, showlegend=row == 1, hoverinfo="skip"), row=row, col=1)
 
 
 def time_axis(figure, solution, zero=0.0):

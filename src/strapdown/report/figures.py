@@ -19,7 +19,7 @@ def track(solutions, reference=None):
     """East and north in metres from the start, of {name: Solution}; the frame is that of the reference, or of the solution that moves least."""
     start = next(iter(solutions.values())).trajectory.lla[0] if reference is None else reference.lla[np.isfinite(reference.lla).all(axis=1)][0]
     paths = {name: _ground(solution.trajectory.lla, start) for name, solution in solutions.items()}
-    figure = finish(go.Figure(), 560)
+    figure = finish(go.Figure(), 480 if reference is None else 690)
     first = next(iter(solutions.values()))
     for name, (times, places, accepted) in _position_fixes(first, start).items():
         for good, label, style in ((True, "accepted", {"color": GREY, "size": 4, "opacity": 0.5}), (False, "rejected", {"color": RED, "size": 8, "symbol": "x"})):
@@ -252,7 +252,7 @@ def _bias(solution, values, half, unit, colour):
         if largest > limit:
             outside.append(axis)
     if outside:
-        note(figure, f"The initial uncertainty of {', '.join(outside)} is beyond the frame; double-click a panel to see all of it.")
+        note(figure, f"Beyond the frame while the filter converges: {', '.join(outside)}. Double-click a panel to see all of it.")
     return time_axis(figure, solution, zero)
 
 

@@ -28,7 +28,7 @@ function themed(layout) {
 async function draw(index) {
   if (index === plots.length) { document.body.dataset.drawn = index; return; }
   const figure = JSON.parse(document.getElementById("data-" + plots[index].id).textContent);
-  await Plotly.newPlot(plots[index], figure.data, themed(figure.layout), {responsive: true, displaylogo: false, showSendToCloud: false,
+  await Plotly.newPlot(plots[index], figure.data, themed(figure.layout), {responsive: true, displayModeBar: window.innerWidth < 700 ? false : "hover", displaylogo: false, showSendToCloud: false,
     modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"]});
   setTimeout(() => draw(index + 1), 0);
 }

@@ -88,7 +88,7 @@ def _facts(solutions, window):
     said = lambda key: ", ".join(dict.fromkeys(str(meta[key]) for meta in metas if meta.get(key) not in (None, "")))
     first = next(iter(solutions.values()))
     facts = [("recording", said("recording")), ("date", said("date")), ("time", f"{first.t[0]:.1f} to {first.t[-1]:.1f} s"), ("filter", ", ".join(solutions)),
-             ("IMU", _imu(metas)), ("scored", f"{window[0]:g} to {window[1]:g} s" if window else ""), ("software", f"strapdown {_version()}".strip()),
+             ("IMU", _imu(metas)), ("scored", f"{window[0]:.12g} to {window[1]:.12g} s" if window else ""), ("software", f"strapdown {_version()}".strip()),
              ("written", f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC")]
     return "<dl>" + "".join(f"<div><dt>{name}</dt><dd>{escape(text)}</dd></div>" for name, text in facts if text) + "</dl>"
 

@@ -1,0 +1,37 @@
+"""strapdown: aided inertial navigation, from IMU, GNSS and other records to position, velocity, attitude and biases with honest uncertainties.
+
+Conventions
+-----------
+Frames      navigation frame n is NED, body frame b is forward-right-down, e is ECEF, i is inertial; heights are ellipsoidal (WGS-84).
+Attitude    C_nb takes b to n; Hamilton quaternions q_nb, scalar first; Euler angles ZYX: roll, pitch, heading (clockwise from true north).
+Names       vec_a is a vector in frame a; omega_ie_n is the rate of e against i, in n; single letters (F, G, H, P, Q, R) as in the books.
+Units       SI, radians, seconds in functions and arrays; degrees in tables and plots, where each column says its unit.
+Force       the specific force of a level body at rest is -g on z.
+IMU         samples are increments: row k is the integral over (t[k] - dt[k], t[k]].
+Errors      delta = true - estimate; attitude error in n, q_true = dq (x) q_est; position errors in metres NED.
+States      0-14: position, velocity, attitude, accelerometer bias, gyro bias.
+"""
+import importlib
+
+__version__ = "0.1.0"
+
+_PUBLIC = {
+    "Aiding": "data", "DataError": "data", "Recording": "data", "Solution": "data", "Trajectory": "data",
+    "Belief": "core.contract", "Imu": "core.contract", "Noise": "core.contract", "Start": "core.contract",
+    "Fix": "engine", "Sample": "engine", "Stream": "engine", "fuse": "engine",
+    "align": "align", "ImuSpec": "sensors.imu", "grade": "sensors.imu", "grades": "sensors.imu",
+    "read": "io.recording", "write_recording": "io.netcdf", "write_solution": "io.solution", "read_solution": "io.solution",
+    "report": "report.page", "errors": "metrics", "rms": "metrics", "outages": "metrics", "simulate": "sim.synthesis",
+}
+__all__ = [*_PUBLIC, "__version__"]
+
+
+def __getattr__(name):
+    """Public names are imported on first use: `import strapdown` costs nothing."""
+    if name in _PUBLIC:
+        return getattr(importlib.import_module(f"{__name__}.{_PUBLIC[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__():
+    return sorted(__all__)

@@ -1,0 +1,212 @@
+"""What a file holds and what is probably wrong with it, in lines for people; works where reading would refuse."""
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.earth import A
+from ..data import DataError
+from .fixes import overlap
+from .locate import locate
+from .origin import counted
+from .plausible import doubts, mistakes
+from .samples import GAP, at_rest
+
+
+class Inspection(NamedTuple):
+    """`facts` and `problems` are lines; a problem names the field and the remedy."""
+    path: str
+    facts: tuple
+    problems: tuple
+
+    @property
+    def lines(self):
+        """All lines, ready to print."""
+        verdict = [f"problem: {text}" for text in self.problems] or ["no mistakes found"]
+        return [str(self.path), *("  " + text for text in self.facts), *verdict]
+
+    def __str__(self):
+        return "\n".join(self.lines)
+
+
+def inspect(path):
+    """The Inspection of a recording.toml, a recording.nc or a bare CSV. Raises DataError only where the file itself cannot be read."""
+    path = Path(path)
+    look = {".toml": _description, ".nc": _netcdf}.get(path.suffix.lower(), _table)
+    facts, problems = [], []
+    look(path, facts, problems)
+    return Inspection(str(path), tuple(facts), tuple(dict.fromkeys(problems)))
+
+
+def _attempt(problems, function, *arguments):
+    try:
+        return function(*arguments)
+    except DataError as error:
+        problems.append(str(error))
+
+
+def _description(path, facts, problems):
+    from .description import complaints, parse
+    from .recording import Files, read_aiding, read_imu, read_reference
+    description = complaints(path)
+    if isinstance(description, list):
+        problems += description
+        part = parse(path).get("imu")
+        file = part.get("file") if isinstance(part, dict) else None
+        found = _attempt(problems, locate, file, path.parent) if isinstance(file, str) else None
+        if found is not None:
+            _attempt(problems, _table, found, facts, problems)
+        return
+    files, aidings, notes = Files(path), [], []
+    imu, more = _attempt(problems, read_imu, description.imu, files) or (None, [])
+    notes += more
+    if imu is not None:
+        imu_facts(imu, facts)
+        problems += [f"{path}: [imu] {field}: {text}" for field, text in mistakes(imu, description.imu.kind)] + [f"{path}: [imu] {text}" for text in doubts(imu)]
+        for number, part in enumerate(description.aiding, 1):
+            aiding, more = _attempt(problems, read_aiding, part, number, description.imu.lever_arm, imu, files) or (None, [])
+            aidings += [aiding] if aiding is not None else []
+            notes += more
+        if description.reference is not None:
+            reference, more = _attempt(problems, read_reference, description.reference, imu, files) or (None, [])
+            facts += [f"reference: {reference!r}"] * (reference is not None)
+            notes += more
+        _aiding_facts(imu, aidings, facts, problems)
+    facts += [f"note: {note}" for note in notes]
+
+
+def _netcdf(path, facts, problems):
+    from .netcdf import parts, read_recording
+    meta, imu, aidings, reference = parts(path)
+    imu_facts(imu, facts)
+    _attempt(problems, read_recording, path)
+    problems += [f"imu: {text}" for text in doubts(imu)]
+    _aiding_facts(imu, aidings, facts, problems)
+    facts += [f"reference: {reference!r}"] * (reference is not None) + [f"note: {note}" for note in meta.get("notes", [])]
+
+
+def _table(path, facts, problems):
+    from .draft import guess
+    guessed = guess(path)
+    facts += guessed.facts
+    problems += guessed.problems
+    if guessed.imu is not None:
+        imu_facts(guessed.imu, facts)
+        problems += [text for _, text in mistakes(guessed.imu, "rate")] + doubts(guessed.imu)
+    if guessed.text:
+        facts.append(f"a table does not say its units and axes: `strapdown inspect {path} --write recording.toml` drafts a description")
+
+
+def imu_facts(imu, facts):
+    """Append lines on rate, gaps, repeated samples and what the sensors read, over all and at rest."""
+    steps, median = np.diff(imu.t), float(np.median(np.diff(imu.t)))
+    facts.append(f"imu: {len(imu.t)} samples, {imu.t[0]:.3f} to {imu.t[-1]:.3f} s ({imu.t[-1] - imu.t[0]:.1f} s), {1 / median:.6g} Hz, "
+                 f"intervals {steps.min() * 1e3:.3f} to {steps.max() * 1e3:.3f} ms, median {median * 1e3:.3f}")
+    missing = imu.t[1:] - imu.dt[1:] - imu.t[:-1]
+    gaps = np.flatnonzero(missing > 1e-6 * median + 1e-9 * np.abs(imu.t[1:]))
+    longest = gaps[np.argmax(missing[gaps])] if len(gaps) else None
+    facts.append(f"gaps: {len(gaps)}, the longest {missing[longest]:.3f} s after {imu.t[longest]:.3f} s" if len(gaps)
+                 else f"gaps: none (no interval beyond {GAP} medians)")
+    rate, force = imu.dtheta / imu.dt[:, None], imu.dv / imu.dt[:, None]
+    held = int(((np.abs(np.diff(rate, axis=0)) < 1e-9).all(axis=1) & (np.abs(np.diff(force, axis=0)) < 1e-7).all(axis=1)).sum())
+    if held:
+        facts.append(f"repeated values: {counted(held, 'sample')} ({100 * held / len(steps):.1f} %) read the same as the one before")
+    magnitude = float(np.median(np.linalg.norm(force, axis=1)))
+    facts.append(f"specific force: median magnitude {magnitude:.3f} m/s^2; angular rate: rms {np.degrees(np.sqrt((rate ** 2).sum(axis=1).mean())):.3g} deg/s")
+    rest = at_rest(imu)
+    if not rest.any():
+        facts.append("at rest: never for a whole second")
+        return
+    part = _longest(rest)
+    f, w = force[part].mean(axis=0), np.degrees(rate[part].mean(axis=0))
+    sign = "z is negative, as it must be" if f[2] < -0.7 * np.linalg.norm(f) else "z must read near -9.8 when level: forward-right-down"
+    facts.append(f"at rest for {imu.dt[rest].sum():.1f} s, the longest from {imu.t[part.start]:.1f} to {imu.t[part.stop - 1]:.1f} s:")
+    facts.append(f"  specific force {_triple(f)} m/s^2 ({sign}), scatter {_triple(force[part].std(axis=0), 3)}")
+    facts.append(f"  angular rate {_triple(w, 3)} deg/s, scatter {_triple(np.degrees(rate[part].std(axis=0)), 3)}")
+
+
+def _longest(mask):
+    """Slice of the longest run of True."""
+    edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8)))
+    starts, stops = edges[::2], edges[1::2]
+    best = int(np.argmax(stops - starts))
+    return slice(starts[best], stops[best])
+
+
+def _triple(values, digits=2):
+    return "[" + " ".join(f"{value:.{digits}f}" for value in values) + "]"
+
+
+def _aiding_facts(imu, aidings, facts, problems):
+    from ..aiding import find
+    for aiding in aidings:
+        facts.append(_span(imu, aiding))
+        if find(aiding.kind).recorded and len(aiding.t) > 10:
+            same = (aiding.y[1:] == aiding.y[:-1]).all(axis=1)
+            if same.mean() > 0.5 and np.ptp(aiding.y, axis=0).max() > 0:
+                problems.append(f"{aiding.name}: {100 * same.mean():.0f} % of the fixes repeat the one before: held values counted as new ones "
+                                "make a filter too sure; keep only the rows where a fix arrived")
+    for aiding in aidings:
+        if aiding.kind == "position" and len(aiding.t) and np.nanmax(np.abs(aiding.y[:, :2])) < 0.03:
+            problems.append(f"{aiding.name}: latitude and longitude within 1.8 deg of zero: are they in rad, or is a scale wrong?")
+    moving = next((a for kind in ("velocity", "position") for a in aidings if a.kind == kind and len(a.t) > 20), None)
+    if moving is not None:
+        course_facts(imu, moving, facts, problems)
+
+
+def _span(imu, aiding):
+    if not len(aiding.t):
+        return f"{aiding.name}: no rows"
+    start, stop = max(aiding.t[0], imu.t[0]), min(aiding.t[-1], imu.t[-1])
+    steps = np.diff(aiding.t)
+    pace = f", every {np.median(steps):.6g} s, longest pause {steps.max():.3f} s" if len(steps) else ""
+    return f"{aiding.name}: {len(aiding.t)} fixes, {aiding.t[0]:.3f} to {aiding.t[-1]:.3f} s{pace}, {max(0.0, stop - start):.1f} s of it with the IMU"
+
+
+def course_facts(imu, aiding, facts, problems):
+    """Turns of the gyro about body z against turns of the course over ground: unit, sign and clock of one against the other."""
+    fit = _course_fit(imu, aiding)
+    correlation, ratio, count = fit(0.0)
+    if count < 20 or not np.isfinite(correlation):
+        return
+    facts.append(f"turns of gyro z against the course of {aiding.name}: correlation {correlation:.3f}, gyro / course {ratio:.3g} ({count} intervals)")
+    shifts = np.arange(-3.0, 3.01, 0.05)
+    others = np.array([fit(shift)[0] for shift in shifts])
+    best = int(np.nanargmax(np.abs(others)))
+    if abs(others[best]) > 0.9 and 1 - abs(others[best]) < 0.5 * (1 - abs(correlation)) and abs(shifts[best]) > 0.2:
+        problems.append(f"{aiding.name}: it fits the gyro best with {-shifts[best]:+.2f} s added to its time, or {shifts[best]:+.2f} s to that of the IMU: check `offset`")
+    sure = others[best]
+    if abs(sure) < 0.7:
+        return
+    ratio = fit(shifts[best])[1]
+    if sure < 0:
+        problems.append("[imu] axes: the gyro turns left where the course turns right: check the sign of gyro z, or axes")
+    if not 0.4 < ratio < 2.5:
+        guess = {True: "deg/s read as rad/s", False: "rad/s read as deg/s"}[ratio > 1] if 0.5 < (ratio if ratio > 1 else 1 / ratio) / 57.3 < 2 else "a wrong unit or scale"
+        problems.append(f"[imu] gyro.unit: gyro z turns {ratio:.3g} times as much as the course: {guess}?")
+
+
+def _course_fit(imu, aiding):
+    """Function of a shift of the IMU time (s): correlation and ratio of turns over about a second of motion above 2 m/s, and their count."""
+    v = aiding.y if aiding.kind == "velocity" else _velocity(aiding.t, aiding.y)
+    step = max(1, round(1.0 / float(np.median(np.diff(aiding.t)))))
+    first, last = slice(None, -step), slice(step, None)
+    fast = np.hypot(v[:, 0], v[:, 1]) > 2.0
+    use = fast[first] & fast[last] & (aiding.t[last] - aiding.t[first] < 2.5)
+    use &= (aiding.t[first] > imu.t[0] + 3.0) & (aiding.t[last] < imu.t[-1] - 3.0)
+    course, heading = np.arctan2(v[:, 1], v[:, 0]), np.cumsum(imu.dtheta[:, 2])
+    turn = ((course[last] - course[first] + np.pi) % (2 * np.pi) - np.pi)[use]
+
+    def fit(shift):
+        psi = np.interp(aiding.t - shift, imu.t, heading)
+        claimed = (psi[last] - psi[first])[use]
+        if len(turn) < 3 or turn.std() < 0.02 or not claimed.std() > 0:
+            return np.nan, np.nan, 0
+        return np.corrcoef(turn, claimed)[0, 1], claimed.std() / turn.std(), len(turn)
+    return fit
+
+
+def _velocity(t, lla):
+    """North and east velocity by differences of positions, m/s."""
+    north = np.gradient(lla[:, 0], t) * A
+    return np.c_[north, np.gradient(np.unwrap(lla[:, 1]), t) * A * np.cos(lla[:, 0])]
