@@ -1,6 +1,6 @@
 """The three 30-minute workloads everything is measured on, one synthetic day, and the scoring against their truth.
 
-A car-like flight path (20 m/s, turns, rolling and pitching) from the independent simulator of python-ins:
+A vehicle at 20 m/s that turns, climbs, rolls and pitches, from the independent simulator of python-ins:
 `A` imu100_gnss1: 100 Hz increments, 1 Hz position fixes, a tactical MEMS IMU;
 `B` imu20_gnss20: the same IMU at 20 Hz, a fix at every sample;
 `N` nav100_gnss1: as A with a navigation-grade IMU, for filters in open loop.

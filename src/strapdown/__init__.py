@@ -19,8 +19,8 @@ _PUBLIC = {
     "Aiding": "data", "DataError": "data", "Recording": "data", "Solution": "data", "Trajectory": "data",
     "Belief": "core.contract", "Imu": "core.contract", "Noise": "core.contract", "Start": "core.contract",
     "Fix": "engine", "Sample": "engine", "Stream": "engine", "fuse": "engine",
-    "align": "align", "ImuSpec": "sensors.imu", "grade": "sensors.imu", "grades": "sensors.imu",
-    "read": "io.recording", "write_recording": "io.netcdf", "write_solution": "io.solution", "read_solution": "io.solution",
+    "align": "alignment", "ImuSpec": "sensors.imu", "grade": "sensors.imu", "grades": "sensors.imu",
+    "read": "io", "write_recording": "io", "write_solution": "io.solution", "read_solution": "io.solution",
     "report": "report.page", "errors": "metrics", "rms": "metrics", "outages": "metrics", "simulate": "sim.synthesis",
 }
 __all__ = [*_PUBLIC, "__version__"]

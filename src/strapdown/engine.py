@@ -72,7 +72,7 @@ def new_cursor(t, sources):
 def fuse(recording, filter="closed-loop", imu=None, start=None, noise=None, every=1, covariance_every=0, say=None, progress=None, **options):
     """Run `filter` over `recording` and return the Solution.
 
-    imu: grade, file or ImuSpec (default: what the recording names); start: a Start (default: `align.align`); noise: a Noise in place of the IMU's;
+    imu: grade, file or ImuSpec (default: what the recording names); start: a Start (default: `alignment.align`); noise: a Noise in place of the IMU's;
     every: keep each n-th row (the last one always); covariance_every: keep the covariance at each n-th row (0: never); say: told of slow
     compilation; progress: called with the fraction done; options: the filter's own. Raises DataError and ValueError in one line.
     """
@@ -80,7 +80,7 @@ def fuse(recording, filter="closed-loop", imu=None, start=None, noise=None, ever
         raise DataError(f"every is {every} and covariance_every {covariance_every}; they must be at least 1 and 0")
     noise, spec = _noise(recording, imu, noise, needed=start is None)
     if start is None:
-        from .align import align
+        from .alignment import align
         start = align(recording, spec)
     prepared = prepare(filter, [a.kind for a in recording.aidings], say)
     belief = _belief(prepared.filter, start, noise, options)
@@ -109,7 +109,7 @@ def _noise(recording, imu, noise, needed):
     if imu is None and (noise is None or needed):
         raise DataError(f"the recording does not name its IMU: give imu=, one of {', '.join(grades())}, or a file that describes it")
     spec = grade(imu) if imu is not None else None
-    return noise or spec.noise(), spec
+    return type(noise)(*map(float, noise)) if noise else spec.noise(), spec
 
 
 def _belief(filter, start, noise, options):

@@ -1,14 +1,14 @@
 """How far a trajectory is from a reference: errors in metres, m/s and radians, and their root mean squares.
 
-Errors are true - estimate, as everywhere: position in metres NED, attitude as the rotation vector of `q_true (x) q_est*` in the navigation frame.
+Errors are true - estimate, as everywhere: position in metres NED, attitude as the rotation vector of `q_true (x) q_est*` in n.
 """
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from .core.earth import A, E2
 from .data import DataError
+from .geodesy import displacement, radii, wrap
 
 
 @dataclass(frozen=True)
@@ -36,41 +36,20 @@ class Rms(NamedTuple):
     rph: np.ndarray | None          # (3,) rad, roll, pitch, heading
 
 
-def radii(lat):
-    """Meridian and normal radius of curvature R_M, R_N, m, of an array of latitudes in rad; Groves (2013) eq. 2.105, 2.106."""
-    x = 1 - E2 * np.sin(lat) ** 2
-    R_N = A / np.sqrt(x)
-    return R_N * (1 - E2) / x, R_N
-
-
-def wrap(angle):
-    """The angle in [-pi, pi), rad."""
-    return (np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi
-
-
 def euler(q_nb):
-    """(n, 3) roll, pitch, heading in rad, heading in [0, 2 pi), of quaternions; NaN where they are NaN (scipy refuses those); Groves (2013) eq. 2.37."""
+    """(n, 3) roll, pitch, heading in rad, heading in [0, 2 pi), of quaternions; NaN where those are NaN, which scipy refuses."""
     w, x, y, z = q_nb.T
     roll = np.arctan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
     pitch = np.arcsin(np.clip(2 * (w * y - x * z), -1, 1))
     return np.c_[roll, pitch, np.arctan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z) % (2 * np.pi)]
 
 
-def displacement(lla, origin):
-    """(n, 3) metres NED from `origin` to `lla`, radii at the middle of the two as in pyins; longitudes may straddle the antimeridian."""
-    lla, origin = np.asarray(lla), np.asarray(origin)
-    middle = (lla + origin) / 2
-    R_M, R_N = radii(middle[..., 0])
-    return np.stack([(lla[..., 0] - origin[..., 0]) * (R_M + middle[..., 2]),
-                     wrap(lla[..., 1] - origin[..., 1]) * (R_N + middle[..., 2]) * np.cos(middle[..., 0]),
-                     origin[..., 2] - lla[..., 2]], axis=-1)
-
-
 def errors(trajectory, reference):
     """Errors of a Trajectory (or Solution) against a reference at the trajectory's own times inside the reference's span.
 
     The reference is interpolated: position by a cubic through its positions and velocities (linear without velocities), velocity linearly,
-    attitude along the shortest rotation. Its gaps, intervals beyond 1 s and three usual intervals, are not bridged. Raises DataError where the two do not overlap.
+    attitude along the shortest rotation. Its gaps (intervals beyond 1 s and three usual intervals) are not bridged. Raises DataError
+    where the two do not overlap.
     """
     trajectory = getattr(trajectory, "trajectory", trajectory)
     first, last = np.searchsorted(trajectory.t, reference.t[[0, -1]]) if len(reference.t) > 1 else (0, 0)

@@ -25,7 +25,7 @@ KML = "{http://www.opengis.net/kml/2.2}"
 def made():
     made = solution(flight(30, rate=5.0), start={"t": np.float64(0.0), "sd": (1.0, np.inf)})
     made.trajectory.sd[:, 14] = np.nan     # a state the filter does not claim
-    return replace(made, columns={"heave [m]": np.arange(150.0)}, covariance=np.random.default_rng(1).random((150, 15, 15)))
+    return replace(made, columns={"heave [m]": np.arange(150.0)}, covariance=np.random.default_rng(1).random((15, 15, 15)))
 
 
 def same_state(a, b, angle=0.0):
@@ -71,6 +71,14 @@ def test_csv_holds_the_table(made, tmp_path, ending):
     same_state(made, back, angle=1e-7)
     assert np.allclose(back.columns["heave [m]"], made.columns["heave [m]"])
     assert len(back.innovations.t) == 0 and "without innovations" in back.meta["notes"][0]
+
+
+def test_a_solution_without_fixes_goes_through_both_formats(made, tmp_path):
+    write_solution(made, tmp_path / "a.csv")
+    write_solution(read_solution(tmp_path / "a.csv"), tmp_path / "b.nc")
+    back = read_solution(tmp_path / "b.nc")
+    same_state(made, back, angle=1e-7)
+    assert back.innovations.innovation.shape == (0, 3) and back.counts() == {} and back.covariance is None
 
 
 def test_csv_header_has_a_name_and_a_unit_per_column(made, tmp_path):

@@ -22,7 +22,8 @@ def complaints(path):
     try:
         return Description.model_validate(content)
     except ValidationError as error:
-        return [f"{path}: {_complaint(item, content)}" for item in error.errors(include_url=False)]
+        items = sorted(error.errors(include_url=False), key=lambda item: item["type"] != "extra_forbidden")     # a misspelt key is why another is missing
+        return [f"{path}: {_complaint(item, content)}" for item in items]
 
 
 def parse(path):
@@ -65,7 +66,7 @@ def _place(location, content):
     elif isinstance(content.get(location[0]), dict):
         head, rest = f"[{location[0]}]", location[1:]
     else:
-        head, rest = "", location
+        head, rest = ("", location) if location[0] in ("date", "point") else (f"[{location[0]}]", location[1:])
     return " ".join(part for part in (head, ".".join(map(str, rest))) if part)
 
 

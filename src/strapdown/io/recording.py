@@ -27,7 +27,14 @@ class Files:
         self.table = cache(self._table)
 
     def _table(self, file, header=True):
-        return read_table(locate(file, self.folder), header)
+        return read_table(self.locate(file), header)
+
+    def locate(self, file):
+        """The path that the description means by `file`."""
+        try:
+            return locate(file, self.folder)
+        except DataError as error:
+            raise DataError(f"{self.path}: {error}") from None
 
     def columns(self, file, time, columns):
         """(Table, t in s, list of arrays) of one file; columns given by number say that it has no header."""
@@ -63,7 +70,7 @@ def _renamed(aiding, number):
 def _meta(description, files):
     grade = description.imu.grade
     if grade and grade.endswith(".toml"):
-        grade = str(locate(grade, files.folder))
+        grade = str(files.locate(grade))
     found = {"name": files.path.stem, "date": description.date, "grade": grade}
     return {key: value for key, value in found.items() if value is not None} | {"point": description.point, "imu_lever_arm": list(description.imu.lever_arm)}
 
@@ -93,7 +100,7 @@ def _calibration(part, files):
     """((bias, matrix) of the gyro, of the accelerometer): corrected = matrix @ (raw - bias), in the columns of the file, SI."""
     found = {"gyro": {}, "accel": {}}
     if part.calibration:
-        path = locate(part.calibration, files.folder)
+        path = files.locate(part.calibration)
         try:
             found |= tomllib.loads(path.read_text(encoding="utf-8"))
         except OSError as error:

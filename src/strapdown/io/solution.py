@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..data import BIAS_COLUMNS, NAV_COLUMNS, SD_COLUMNS, UNITS, DataError, Innovations, Solution, Trajectory
+from ..data import BIAS_COLUMNS, BRIDGED, INVALID, NAV_COLUMNS, SD_COLUMNS, UNITS, VALID, DataError, Innovations, Solution, Trajectory
 from ..files import replacing
 
 SD_SCALE = np.r_[np.ones(6), np.full(3, np.degrees(1)), np.ones(3), np.full(3, np.degrees(3600))]
@@ -27,11 +27,12 @@ def write_solution(solution, path):
 
 
 def read_solution(path):
-    """The Solution in a .nc or .csv file that `write_solution` wrote; a CSV brings no innovations, events or covariance. Raises DataError."""
+    """The Solution in a .nc or .csv file of `write_solution`; a CSV brings no innovations, events or covariance. Raises DataError."""
     path = Path(path)
     read = {"nc": _read_netcdf, "csv": _read_csv}[_format(path, "nc, csv")]
     if not path.is_file():
-        raise DataError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; give a solution file that strapdown wrote (.nc or .csv)")
+        reason = "is a folder" if path.is_dir() else "no such file"
+        raise DataError(f"{path}: {reason}; give a solution file that strapdown wrote (.nc or .csv)")
     try:
         return read(path)
     except DataError:
@@ -48,7 +49,7 @@ def read_solution(path):
 def _format(path, known):
     ending = re.search(r"\.(nc|csv|kml)(\.gz|\.xz)?$", Path(path).name.lower())
     if not ending or (ending[2] and ending[1] != "csv") or ending[1] not in known:
-        raise DataError(f"{path}: this ending is not one of a solution; use .{known.replace(', ', ', .')}" + (", .csv.gz or .csv.xz" if "kml" in known else ""))
+        raise DataError(f"{path}: this ending is not one of a solution; use .{known.replace(', ', ', .')}, .csv.gz or .csv.xz")
     return ending[1]
 
 
@@ -85,10 +86,12 @@ def _variables(solution):
     found = {"time": (("time",), solution.t, {"units": "s", "long_name": "time of the recording"})}
     found |= {name: (("time",), table[name].to_numpy(), {"units": UNITS[name]}) for name in NAV_COLUMNS + BIAS_COLUMNS + SD_COLUMNS}
     found |= {name: (("time",), column, {"units": "1"}) for name, column in zip(QUATERNION, solution.trajectory.q_nb.T)}
-    found["status"] = (("time",), solution.status, {"units": "1", "flag_values": np.array([0, 1, 2]), "flag_meanings": "valid bridged invalid"})
+    meanings = {"units": "1", "flag_values": np.array([VALID, BRIDGED, INVALID]), "flag_meanings": "valid bridged invalid"}
+    found["status"] = (("time",), solution.status, meanings)
     found |= {f"extra_{i}": (("time",), values, {"long_name": name}) for i, (name, values) in enumerate(solution.columns.items())}
     if solution.covariance is not None:
-        found["covariance"] = (("time", "state", "state_2"), solution.covariance, {"units": "products of m, m/s, rad, m/s^2, rad/s (the error states in order)"})
+        found["covariance"] = (("covariance_row", "state", "state_2"), solution.covariance,
+                               {"units": "products of m, m/s, rad, m/s^2, rad/s (the error states in order)"})
     found |= {"fix_time": (("fix",), fixes.t, {"units": "s"}),
               "fix_source": (("fix",), fixes.source, {"units": "1", "long_name": "index into `sources`"}),
               "innovation": (("fix", "row"), fixes.innovation, {"units": "m, m/s or rad, as the source"}),
@@ -102,12 +105,12 @@ def _read_netcdf(path):
     import h5netcdf
     with h5netcdf.File(path, "r") as file:
         if file.attrs.get("format") != FORMAT:
-            raise DataError(f"{path}: this NetCDF file is no solution ({FORMAT!r} is missing from its attributes); recordings are read with strapdown.read")
+            raise DataError(f"{path}: this NetCDF file is no solution (`format` is not {FORMAT!r}); recordings are read with strapdown.read")
         column = lambda name: np.asarray(file[name][...])
         table = lambda names: np.column_stack([column(name) for name in names])
-        read = lambda name: json.loads(file[name][...].item() if hasattr(file[name][...], "item") else file[name][...])
-        innovations = Innovations(column("fix_time"), column("fix_source"), column("innovation"), column("nis"), column("accepted").astype(bool),
-                                  tuple(read("sources")), tuple(read("gates")))
+        read = lambda name: json.loads(np.asarray(file[name][...]).item())
+        innovations = Innovations(column("fix_time"), column("fix_source"), column("innovation"), column("nis"),
+                                  column("accepted").astype(bool), tuple(read("sources")), tuple(read("gates")))
         extra = {str(file[name].attrs["long_name"]): column(name) for name in file.variables if re.fullmatch(r"extra_\d+", name)}
         covariance = column("covariance") if "covariance" in file.variables else None
         return Solution(*_state(column("time"), table, table(QUATERNION)), column("status"), innovations,
@@ -117,11 +120,12 @@ def _read_netcdf(path):
 def _state(t, table, q_nb):
     """Trajectory, b_a and b_g in SI from `table(names)`, which is in the units of `UNITS`."""
     lla = table(NAV_COLUMNS[:3]) * [np.pi / 180, np.pi / 180, 1]
-    return Trajectory(t, lla, table(NAV_COLUMNS[3:6]), q_nb, table(SD_COLUMNS) / SD_SCALE), *np.hsplit(table(BIAS_COLUMNS) / SD_SCALE[9:], 2)
+    b_a, b_g = np.hsplit(table(BIAS_COLUMNS) / SD_SCALE[9:], 2)
+    return Trajectory(t, lla, table(NAV_COLUMNS[3:6]), q_nb, table(SD_COLUMNS) / SD_SCALE), b_a, b_g
 
 
 def plain(value):
-    """`value` (as of `Solution.meta`) in the types of JSON: tuples with names and data classes become objects, what JSON does not know its text."""
+    """`value` (as of `Solution.meta`) in the types of JSON: named tuples and data classes become objects, the unknown its text."""
     if hasattr(value, "_asdict"):
         value = value._asdict()
     elif hasattr(value, "model_dump"):
@@ -176,7 +180,8 @@ def _check(path, table):
     for name in needed:
         if not pd.api.types.is_numeric_dtype(table[name]):
             row = int((pd.to_numeric(table[name], errors="coerce").isna() & table[name].notna()).argmax())
-            raise DataError(f"{path}: row {row + 2}, column {name!r}: {table[name][row]!r} is not a number; correct it or write the solution again")
+            cell = table[name][row]
+            raise DataError(f"{path}: row {row + 2}, column {name!r}: {cell!r} is not a number; correct it or write the solution again")
 
 
 def _quaternion(rph):

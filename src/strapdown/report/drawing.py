@@ -74,14 +74,13 @@ def panels(labels, height=170, log=False):
 def log_range(figure, low, high, row=1):
     """Range of a logarithmic axis, with ticks at 1, 2 and 5 where it spans few decades."""
     low, high = np.log10(low) - 0.1, np.log10(high) + 0.15
-    figure.update_yaxes(range=[low, high], dtick=1 if high - low > 2.2 else "D2", exponentformat="power", minor_ticks="", row=row, col=1)
+    figure.update_yaxes(range=[low, high], dtick=1 if high - low > 2.2 else "D2", exponentformat="power", row=row, col=1)
 
 
-def finish(figure, height, notes=()):
-    """Layout of every figure; `notes` are sentences that belong below it."""
+def finish(figure, height):
+    """Layout of every figure; `layout.meta["notes"]` takes sentences that belong below it."""
     figure.update_layout(template=go.layout.Template(), height=height, margin={"l": 70, "r": 15, "t": 40, "b": 45}, hovermode="x unified",
-                         legend={"orientation": "h", "x": 0, "y": 1, "yanchor": "bottom"},
-                         font={"size": 12}, meta={"notes": list(notes)})
+                         legend={"orientation": "h", "x": 0, "y": 1, "yanchor": "bottom"}, font={"size": 12}, meta={"notes": []})
     figure.update_yaxes(title_standoff=6, zeroline=False, automargin=True)
     figure.update_xaxes(zeroline=False)
     return figure
@@ -103,15 +102,16 @@ def column(values):
     return values if peak(values) > 1e5 else values.astype(np.float32)
 
 
-def line(figure, t, y, name, colour, row=1, keep=None, legend=True, **style):
-    """One thinned line."""
-    keep = thin(y) if keep is None else keep
-    figure.add_trace(go.Scatter(x=column(t[keep]), y=column(y[keep]), name=escape(name), mode="lines", legendgroup=name, showlegend=legend and row == 1,
-                                line={"color": colour, "width": 1.4, **style}, hovertemplate="%{y:.4g}"), row=row, col=1)
+def line(figure, t, y, name, colour, row=1, legend=True, rank=1000, **style):
+    """One thinned line; `rank` is its place in the legend."""
+    keep = thin(y)
+    figure.add_trace(go.Scatter(x=column(t[keep]), y=column(y[keep]), name=escape(name), mode="lines", legendgroup=name,
+                                legendrank=rank, showlegend=legend and row == 1, line={"color": colour, "width": 1.4, **style},
+                                hovertemplate="%{y:.4g}"), row=row, col=1)
 
 
 def band(figure, t, centre, half, row=1, name="±3σ"):
-    """A shaded band of `half` to both sides of `centre`, a polygon per stretch without NaN; nothing where the filter claims no standard deviation."""
+    """A shaded band of `half` to both sides of `centre`, a polygon per stretch without NaN; nothing where nothing is claimed."""
     half = np.where(np.isfinite(centre), half, np.nan)
     keep = thin(half)
     t, centre, half = t[keep], centre[keep], half[keep]
@@ -120,8 +120,9 @@ def band(figure, t, centre, half, row=1, name="±3σ"):
         x += [t[stretch], t[stretch][::-1], [np.nan]]
         y += [(centre + half)[stretch], (centre - half)[stretch][::-1], [np.nan]]
     if x:
-        figure.add_trace(go.Scatter(x=column(np.concatenate(x)), y=column(np.concatenate(y)), name=name, legendgroup=name, mode="lines", fill="toself",
-                                    fillcolor="rgba(134,142,150,0.22)", line={"color": GREY, "width": 0.7}, showlegend=row == 1, hoverinfo="skip"), row=row, col=1)
+        figure.add_trace(go.Scatter(x=column(np.concatenate(x)), y=column(np.concatenate(y)), name=name, legendgroup=name, mode="lines",
+                                    fill="toself", fillcolor="rgba(134,142,150,0.22)", line={"color": GREY, "width": 0.7},
+                                    showlegend=row == 1, hoverinfo="skip"), row=row, col=1)
 
 
 def time_axis(figure, solution, zero=0.0):
@@ -130,20 +131,24 @@ def time_axis(figure, solution, zero=0.0):
     rows = max((int(name[5:] or 1) for name in figure.layout if name.startswith("yaxis")), default=1)
     figure.update_xaxes(title_text=label, row=rows, col=1)
     figure.update_xaxes(range=[float(solution.t[0]) - zero, float(solution.t[-1]) - zero])
-    shapes = [{"type": "rect", "x0": start - zero, "x1": stop - zero, "y0": 0, "y1": 1, "xref": "x", "yref": "paper", "fillcolor": SHADES[status],
+    panel = {"xref": "x", "yref": "paper"}
+    shapes = [{"type": "rect", "x0": start - zero, "x1": stop - zero, "y0": 0, "y1": 1, **panel, "fillcolor": SHADES[status],
                "line": {"width": 0}, "layer": "below"} for start, stop, status in stretches(solution)]
     texts = []
     for number, (t, _) in enumerate(solution.events[:MARKED], start=1):
-        shapes.append({"type": "line", "x0": t - zero, "x1": t - zero, "y0": 0, "y1": 1, "xref": "x", "yref": "paper",
+        shapes.append({"type": "line", "x0": t - zero, "x1": t - zero, "y0": 0, "y1": 1, **panel,
                        "line": {"width": 1, "dash": "dot", "color": GREY}})
-        texts.append({"x": t - zero, "y": 0, "xref": "x", "yref": "paper", "text": str(number), "showarrow": False, "yanchor": "bottom",
+        texts.append({"x": t - zero, "y": 0, **panel, "text": str(number), "showarrow": False, "yanchor": "bottom",
                       "xanchor": "left", "font": {"size": 10, "color": GREY}})
     figure.update_layout(shapes=shapes, annotations=texts)
     return figure
 
 
 def stretches(solution):
-    """[(start, stop, status)] of rows that are not VALID, the longest first, at most MARKED of each kind; a row covers the time since the one before."""
+    """[(start, stop, status)] of rows that are not VALID, the longest first, at most MARKED of each kind.
+
+    A row covers the time since the one before it.
+    """
     found = []
     edges = np.flatnonzero(np.diff(solution.status, prepend=-1, append=-1)) if len(solution.status) else []
     for first, stop in zip(edges[:-1], edges[1:]):

@@ -8,6 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from .. import metrics
+from ..geodesy import displacement
 from .drawing import (AXES, COLOURS, GREY, RED, band, column, even, extent, finish, frame, line, log_range, note, origin, panels, peak,
                       time_axis)
 from .fixes import kind
@@ -16,57 +17,70 @@ EULER = ("roll", "pitch", "heading")
 
 
 def track(solutions, reference=None):
-    """East and north in metres from the start, of {name: Solution}; the frame is that of the reference, or of the solution that moves least."""
-    start = next(iter(solutions.values())).trajectory.lla[0] if reference is None else reference.lla[np.isfinite(reference.lla).all(axis=1)][0]
+    """East and north in metres from the start, of {name: Solution}.
+
+    The frame is that of the reference, or of the solution that moves least.
+    """
+    first = next(iter(solutions.values()))
+    known = None if reference is None else reference.lla[np.isfinite(reference.lla).all(axis=1)]
+    start = first.trajectory.lla[0] if known is None else known[0]
+    known = None if known is None else _ground(known, start)
     paths = {name: _ground(solution.trajectory.lla, start) for name, solution in solutions.items()}
     figure = finish(go.Figure(), 480 if reference is None else 690)
-    first = next(iter(solutions.values()))
-    for name, (times, places, accepted) in _position_fixes(first, start).items():
-        for good, label, style in ((True, "accepted", {"color": GREY, "size": 4, "opacity": 0.5}), (False, "rejected", {"color": RED, "size": 8, "symbol": "x"})):
-            chosen = np.flatnonzero(accepted == good)
-            chosen = chosen[even(len(chosen))]
-            if len(chosen):
-                _path(figure, places[chosen], f"{name} fixes, {label}", mode="markers", marker=style)
-    known = None if reference is None else _ground(reference.lla[np.isfinite(reference.lla).all(axis=1)], start)
-    for colour, (name, path) in zip(_cycle(), paths.items()):
-        _path(figure, path[even(len(path))], name, line={"color": colour, "width": 2})
+    _fixes(figure, first, start)
+    for rank, colour, name in _last_first(paths):
+        path = paths[name]
+        _path(figure, path[even(len(path))], name, line={"color": colour, "width": 2}, legendrank=rank)
     if known is not None:
         _path(figure, known[even(len(known))], "reference", line={"color": GREY, "width": 1.5, "dash": "dash"})
     path = known if known is not None else next(iter(paths.values()))
-    for row, label, symbol in ((0, "start", "circle"), (-1, "end", "square")):
-        _path(figure, path[[row]], label, mode="markers", marker={"symbol": symbol, "size": 11, "color": "#2f9e44" if row == 0 else "#343a40", "line": {"color": "#fff", "width": 1.5}})
+    for row, label, symbol, colour in ((0, "start", "circle", "#2f9e44"), (-1, "end", "square", "#343a40")):
+        marker = {"symbol": symbol, "size": 11, "color": colour, "line": {"color": "#fff", "width": 1.5}}
+        _path(figure, path[[row]], label, mode="markers", marker=marker)
     _frame_track(figure, known, paths)
     return figure.update_layout(xaxis_title="east [m]", yaxis_title="north [m]", hovermode="closest", yaxis_scaleanchor="x")
 
 
-def _cycle():
-    while True:
-        yield from COLOURS
+def _fixes(figure, solution, start):
+    """Mark the position fixes of a solution, accepted and rejected."""
+    looks = {True: ("accepted", {"color": GREY, "size": 4, "opacity": 0.5}), False: ("rejected", {"color": RED, "size": 8, "symbol": "x"})}
+    for name, (places, accepted) in _position_fixes(solution, start).items():
+        for good, (label, marker) in looks.items():
+            chosen = np.flatnonzero(accepted == good)
+            chosen = chosen[even(len(chosen))]
+            if len(chosen):
+                _path(figure, places[chosen], f"{name} fixes, {label}", mode="markers", marker=marker)
+
+
+def _last_first(names):
+    """(legend rank, colour, name) in the order of drawing: the first solution comes to lie on top."""
+    return [(1 + i, COLOURS[i % len(COLOURS)], name) for i, name in enumerate(names)][::-1]
 
 
 def _ground(lla, start):
     """(n, 2) east and north, m, longitude unwrapped so that a track may cross the antimeridian."""
-    return metrics.displacement(lla, np.broadcast_to(start, lla.shape))[:, [1, 0]]
+    return displacement(lla, np.broadcast_to(start, lla.shape))[:, [1, 0]]
 
 
 def _path(figure, path, name, mode="lines", **style):
-    figure.add_trace(go.Scatter(x=column(path[:, 0]), y=column(path[:, 1]), name=escape(name), mode=mode, hovertemplate="%{x:.1f} m east, %{y:.1f} m north", **style))
+    figure.add_trace(go.Scatter(x=column(path[:, 0]), y=column(path[:, 1]), name=escape(name), mode=mode,
+                                hovertemplate="%{x:.1f} m east, %{y:.1f} m north", **style))
 
 
 def _position_fixes(solution, start):
-    """{source: (t, east and north, accepted)} of position sources: the estimate at each fix plus its innovation."""
+    """{source: (east and north, accepted)} of position sources: the estimate at each fix plus its innovation."""
     fixes, found = solution.innovations, {}
     for index, name in enumerate(fixes.names):
         if kind(solution, name) == "position":
             chosen = (fixes.source == index) & np.isfinite(fixes.innovation[:, :2]).all(axis=1)
             path = _ground(solution.trajectory.lla, start)
             there = np.column_stack([np.interp(fixes.t[chosen], solution.t, axis) for axis in path.T])
-            found[name] = fixes.t[chosen], there + fixes.innovation[chosen][:, [1, 0]], fixes.accepted[chosen]
+            found[name] = there + fixes.innovation[chosen][:, [1, 0]], fixes.accepted[chosen]
     return found
 
 
 def _frame_track(figure, known, paths):
-    """Set the ranges around the reference or the solution that moves least; a solution that goes further than that again leaves the frame."""
+    """Set the ranges around the reference or the solution that moves least; one that goes as far again beyond that leaves the frame."""
     corners = lambda path: np.array([extent(path[:, 0]), extent(path[:, 1])]).T
     low, high = corners(known) if known is not None else min(map(corners, paths.values()), key=lambda box: (box[1] - box[0]).max())
     room = max((high - low).max(), 10.0)
@@ -90,8 +104,8 @@ def height(solutions, reference=None):
     figure = panels(["height [m]"], 260)
     first = next(iter(solutions.values()))
     zero = origin(first.t)
-    for colour, (name, solution) in zip(_cycle(), solutions.items()):
-        line(figure, solution.t - zero, solution.trajectory.lla[:, 2], name, colour)
+    for rank, colour, name in _last_first(solutions):
+        line(figure, solutions[name].t - zero, solutions[name].trajectory.lla[:, 2], name, colour, rank=rank)
     spans = [extent(solution.trajectory.lla[:, 2]) for solution in solutions.values()]
     low, high = min(spans, key=lambda span: span[1] - span[0])
     if reference is not None:
@@ -110,16 +124,19 @@ def height(solutions, reference=None):
 
 
 def horizontal(solutions, reference):
-    """Horizontal position error over time on a logarithmic axis, with the 3-sigma each of {name: Solution} claims."""
+    """Horizontal position error over time on a logarithmic axis, with the 3-sigma each of {name: Solution} claims.
+
+    reference: Trajectory, or {name: Errors} against it where they are known already.
+    """
     figure = panels(["horizontal error [m]"], 300, log=True)
     first, values = next(iter(solutions.values())), []
     zero = origin(first.t)
-    for colour, (name, solution) in zip(_cycle(), solutions.items()):
-        e = metrics.errors(solution, reference)
+    for rank, colour, name in _last_first(solutions):
+        e = reference[name] if isinstance(reference, dict) else metrics.errors(solutions[name], reference)
         claimed = 3 * np.hypot(e.sd[:, 0], e.sd[:, 1])
-        line(figure, e.t - zero, e.horizontal, name, colour)
+        line(figure, e.t - zero, e.horizontal, name, colour, rank=2 * rank)
         if np.isfinite(claimed).any():
-            line(figure, e.t - zero, claimed, f"{name}, 3σ claimed", colour, dash="dot")
+            line(figure, e.t - zero, claimed, f"{name}, 3σ claimed", colour, rank=2 * rank + 1, dash="dot")
         values += [e.horizontal, claimed]
     values = np.concatenate(values)
     values = values[np.isfinite(values) & (values > 0)]
@@ -129,29 +146,32 @@ def horizontal(solutions, reference):
 
 
 def position(solution, reference=None, colour=COLOURS[0], window=None):
-    """Position error per axis with its 3-sigma band, m NED; without a reference north, east and height from the start."""
-    if reference is not None:
-        e = metrics.errors(solution, reference)
+    """Position error per axis with its 3-sigma band, m NED; without a reference north, east and height from the start.
+
+    reference: Trajectory, or the Errors against it where they are known already; so for velocity and attitude too.
+    """
+    e = _known(solution, reference)
+    if e is not None:
         return _errors(solution, e.t, e.position, 3 * e.sd[:, :3], AXES, "m", colour, window)
     lla = solution.trajectory.lla
-    moved = metrics.displacement(lla, np.broadcast_to(lla[0], lla.shape))
+    moved = displacement(lla, np.broadcast_to(lla[0], lla.shape))
     values = np.c_[moved[:, :2], lla[:, 2]]
     return _estimates(solution, values, 3 * solution.trajectory.sd[:, :3], ("north", "east", "height"), "m", colour)
 
 
 def velocity(solution, reference=None, colour=COLOURS[0], window=None, compare=None):
     """Velocity error per axis with its 3-sigma band, m/s NED; without a reference the estimate (with `compare` drawn beside it)."""
-    if reference is not None and reference.v_n is not None:
-        e = metrics.errors(solution, reference)
+    e = _known(solution, reference)
+    if e is not None and e.velocity is not None:
         return _errors(solution, e.t, e.velocity, 3 * e.sd[:, 3:6], AXES, "m/s", colour, window)
     beside = None if compare is None else compare.v_n
     return _estimates(solution, solution.trajectory.v_n, 3 * solution.trajectory.sd[:, 3:6], AXES, "m/s", colour, compare, beside)
 
 
 def attitude(solution, reference=None, colour=COLOURS[0], window=None, compare=None):
-    """Errors of roll, pitch and heading with their 3-sigma bands, deg; without a reference the estimate (with `compare` drawn beside it)."""
-    if reference is not None and reference.q_nb is not None:
-        e = metrics.errors(solution, reference)
+    """Errors of roll, pitch and heading with 3-sigma bands, deg; without a reference the estimate (with `compare` drawn beside it)."""
+    e = _known(solution, reference)
+    if e is not None and e.attitude is not None:
         sd = euler_sd(metrics.euler(solution.trajectory.q_nb[e.rows]), e.sd[:, 6:9])
         return _errors(solution, e.t, np.degrees(e.rph), 3 * np.degrees(sd), EULER, "deg", colour, window)
     rph, sd = metrics.euler(solution.trajectory.q_nb), solution.trajectory.sd[:, 6:9]
@@ -159,8 +179,15 @@ def attitude(solution, reference=None, colour=COLOURS[0], window=None, compare=N
     return _estimates(solution, np.degrees(rph), 3 * np.degrees(euler_sd(rph, sd)), EULER, "deg", colour, compare, beside)
 
 
+def _known(solution, reference):
+    return reference if reference is None or isinstance(reference, metrics.Errors) else metrics.errors(solution, reference)
+
+
 def euler_sd(rph, sd):
-    """Standard deviations of roll, pitch and heading from those of the rotation vector in n, correlations neglected; NaN beyond 85 deg of pitch, rad."""
+    """Standard deviations of roll, pitch and heading from those of the rotation vector in n, rad.
+
+    Correlations are neglected; NaN beyond 85 deg of pitch, where roll and heading lose their meaning.
+    """
     pitch, heading = rph[:, 1], rph[:, 2]
     variance_n, variance_e, variance_d = (sd ** 2).T
     forward = np.cos(heading) ** 2 * variance_n + np.sin(heading) ** 2 * variance_e
@@ -195,11 +222,12 @@ def _estimates(solution, values, half, names, unit, colour, other=None, beside=N
         line(figure, t - zero, centre, "estimate", colour, row=i + 1)
         if beside is not None:
             inside = (other.t >= t[0]) & (other.t <= t[-1])
-            line(figure, other.t[inside] - zero, cut(beside[inside, i]) if wraps else beside[inside, i], "reference", GREY, row=i + 1, dash="dot")
-        values_i = values[np.isfinite(values[:, i]), i]
-        if len(values_i):
-            middle, reach = (values_i.max() + values_i.min()) / 2, 1.15 * max(np.ptp(values_i) / 2, min(peak(half[len(t) // 3:, i]), 2 * np.ptp(values_i)), 1e-9)
-            figure.update_yaxes(range=[0, 360] if name == "heading" and np.ptp(values_i) > 180 else [middle - reach, middle + reach], row=i + 1, col=1)
+            shown = cut(beside[inside, i]) if wraps else beside[inside, i]
+            line(figure, other.t[inside] - zero, shown, "reference", GREY, row=i + 1, dash="dot")
+        low, high = extent(values[:, i])
+        reach = 1.15 * max((high - low) / 2, min(peak(half[len(t) // 3:, i]), 2 * (high - low)), 1e-9)
+        whole_turn = name == "heading" and high - low > 180
+        figure.update_yaxes(range=[0, 360] if whole_turn else [(low + high) / 2 - reach, (low + high) / 2 + reach], row=i + 1, col=1)
     return time_axis(figure, solution, zero)
 
 
@@ -246,7 +274,8 @@ def _bias(solution, values, half, unit, colour):
     for i, axis in enumerate("xyz"):
         band(figure, t - zero, values[:, i], half[:, i], row=i + 1)
         line(figure, t - zero, values[:, i], "estimate", colour, row=i + 1)
-        settled = float(np.nanmedian(values[len(t) // 3:, i])) if np.isfinite(values[len(t) // 3:, i]).any() else 0.0
+        late = values[len(t) // 3:, i]
+        settled = float(np.nanmedian(late)) if np.isfinite(late).any() else 0.0
         limit, largest = frame(t, values[:, i] - settled, half[:, i] + np.abs(values[:, i] - settled))
         figure.update_yaxes(range=[settled - limit, settled + limit], row=i + 1, col=1)
         if largest > limit:
@@ -258,7 +287,7 @@ def _bias(solution, values, half, unit, colour):
 
 def extra(solution, colour=COLOURS[0]):
     """The filter's own output columns, a panel each; None where it has none."""
-    numeric = {name: np.asarray(values, float) for name, values in solution.columns.items() if np.issubdtype(np.asarray(values).dtype, np.number)}
+    numeric = {name: np.asarray(values, float) for name, values in solution.columns.items() if np.asarray(values).dtype.kind in "fiub"}
     if not numeric:
         return None
     figure, zero = panels([escape(name) for name in numeric]), origin(solution.t)

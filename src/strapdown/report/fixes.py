@@ -6,6 +6,7 @@ import plotly.graph_objects as go
 
 from .drawing import AXES, COLOURS, GREY, RED, column, even, log_range, note, origin, panels, peak, time_axis
 
+CROSS = {"color": RED, "size": 7, "symbol": "x-thin", "line": {"width": 1.5, "color": RED}}
 LENGTHS = {"latitude", "longitude", "length"}
 
 
@@ -32,22 +33,18 @@ def innovations(solution):
     if not used:
         return None
     units = {source: unit(solution, fixes.names[source]) for source in used}
-    figure, zero = panels([f"{escape(fixes.names[source])} [{units[source][0]}]" for source in used], 210), origin(solution.t)
-    shown = set()
+    figure = panels([f"{escape(fixes.names[source])} [{units[source][0]}]" for source in used], 210)
+    zero, shown = origin(solution.t), set()
     for row, source in enumerate(used, start=1):
-        _, factor, rows = units[source]
+        named, factor, rows = units[source]
         chosen = np.flatnonzero(fixes.source == source)
         t, values, good = fixes.t[chosen] - zero, fixes.innovation[chosen] * factor, fixes.accepted[chosen]
-        single = not np.isfinite(values[:, 1:]).any()
-        for i in range(3):
-            name = "single component" if single else rows[i]
-            _points(figure, t, values[:, i], good, name, {"color": COLOURS[i], "size": 4}, row, name not in shown)
-            shown |= {name} if np.isfinite(values[good, i]).any() else set()
-        for i in range(3):
-            _points(figure, t, values[:, i], ~good, "rejected", {"color": RED, "size": 7, "symbol": "x-thin", "line": {"width": 1.5, "color": RED}},
-                    row, "rejected" not in shown)
-            shown |= {"rejected"} if np.isfinite(values[~good, i]).any() else set()
-        _range(figure, values, good, row, fixes.names[source], units[source][0])
+        names = rows if np.isfinite(values[:, 1:]).any() else ("single component",)
+        for i, name in enumerate(names):
+            _points(figure, t, values[:, i], good, name, {"color": COLOURS[i], "size": 4}, row, shown)
+        for i in range(len(names)):
+            _points(figure, t, values[:, i], ~good, "rejected", CROSS, row, shown)
+        _range(figure, values, good, row, fixes.names[source], named)
     return time_axis(figure, solution, zero)
 
 
@@ -61,17 +58,14 @@ def nis(solution):
     for row, source in enumerate(used, start=1):
         chosen = np.flatnonzero((fixes.source == source) & (fixes.nis > 0))
         t, values, good = fixes.t[chosen] - zero, fixes.nis[chosen], fixes.accepted[chosen]
-        for name, which, style in (("accepted", good, {"color": COLOURS[0], "size": 4}), ("rejected", ~good, {"color": RED, "size": 7, "symbol": "x"})):
-            _points(figure, t, values, which, name, style, row, name not in shown)
-            shown |= {name} if which.any() else set()
+        _points(figure, t, values, good, "accepted", {"color": COLOURS[0], "size": 4}, row, shown)
+        _points(figure, t, values, ~good, "rejected", CROSS, row, shown)
         gate = fixes.gates[source] if source < len(fixes.gates) else None
-        gate = gate if gate is not None and np.isfinite(gate) else None
-        if gate is not None:
-            figure.add_trace(go.Scatter(x=column(np.asarray(solution.t)[[0, -1]] - zero), y=[gate, gate], name="gate", legendgroup="gate", mode="lines", showlegend="gate" not in shown,
-                                        line={"color": GREY, "dash": "dash", "width": 1.5}, hovertemplate="%{y:.4g}"), row=row, col=1)
-            shown.add("gate")
-        top = max(peak(values), gate or 0.0) or 1.0
-        log_range(figure, max(np.quantile(values, 0.02), top * 1e-7) if len(values) else 0.01, top, row)
+        if gate is not None and np.isfinite(gate):
+            _gate(figure, solution.t[[0, -1]] - zero, gate, row, shown)
+        top = max(peak(values), peak(np.array([gate or 0.0]))) or 1.0
+        low = np.quantile(values, 0.02) if len(values) else 0.01
+        log_range(figure, max(low, top * 1e-7), top, row)
     return time_axis(figure, solution, zero)
 
 
@@ -82,12 +76,20 @@ def _used(solution):
     return [source for source in range(len(fixes.names)) if (measured & (fixes.source == source)).any()]
 
 
-def _points(figure, t, values, which, name, style, row, legend):
+def _gate(figure, ends, gate, row, shown):
+    figure.add_trace(go.Scatter(x=column(ends), y=[gate, gate], name="gate", legendgroup="gate", mode="lines", hovertemplate="%{y:.4g}",
+                                showlegend="gate" not in shown, line={"color": GREY, "dash": "dash", "width": 1.5}), row=row, col=1)
+    shown.add("gate")
+
+
+def _points(figure, t, values, which, name, style, row, shown):
+    """Markers of the chosen fixes; `shown` are the names that the legend has already."""
     chosen = np.flatnonzero(which & np.isfinite(values))
     chosen = chosen[even(len(chosen))]
     if len(chosen):
-        figure.add_trace(go.Scatter(x=column(t[chosen]), y=column(values[chosen]), name=name, legendgroup=name, mode="markers", marker=style,
-                                    showlegend=legend, hovertemplate="%{y:.4g}"), row=row, col=1)
+        figure.add_trace(go.Scatter(x=column(t[chosen]), y=column(values[chosen]), name=name, legendgroup=name, mode="markers",
+                                    marker=style, showlegend=name not in shown, hovertemplate="%{y:.4g}"), row=row, col=1)
+        shown.add(name)
 
 
 def _range(figure, values, good, row, name, named):
@@ -97,4 +99,5 @@ def _range(figure, values, good, row, name, named):
     figure.update_yaxes(range=[-1.12 * (limit or 1.0), 1.12 * (limit or 1.0)], row=row, col=1)
     if largest > limit:
         count = int((np.nanmax(np.abs(values), axis=1, initial=0.0, where=np.isfinite(values)) > 1.12 * limit).sum())
-        note(figure, f"{name}: {count} rejected fix{'es' * (count != 1)} beyond the frame, up to {largest:.3g} {named}; double-click the panel to see all.")
+        fixes = "fix" if count == 1 else "fixes"
+        note(figure, f"{name}: {count} rejected {fixes} beyond the frame, up to {largest:.3g} {named}. Double-click the panel to see all.")

@@ -3,16 +3,17 @@ import json
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
-from importlib import metadata, resources
+from importlib import resources
 
-from .. import metrics
-from ..data import DataError
+from .. import __version__, metrics
+from ..data import BRIDGED, INVALID, DataError
 from . import figures, fixes, summary
 from .drawing import COLOURS, SHADES
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:"
 """Content security policy: a browser then refuses any request, whatever a script should try."""
-KEY = (f"<p class='caption key'><span><b style='background:{SHADES[1]}'></b>gap bridged</span><span><b style='background:{SHADES[2]}'></b>not valid</span>"
+KEY = (f"<p class='caption key'><span><b style='background:{SHADES[BRIDGED]}'></b>gap bridged</span>"
+       f"<span><b style='background:{SHADES[INVALID]}'></b>not valid</span>"
        "<span><b style='border-left:1px dotted; width:4px; margin-left:6px'></b>event, numbered as in the list</span>"
        "<span>Drag to zoom, double-click to go back (again: to see all), click the legend to hide a line.</span></p>")
 
@@ -38,10 +39,10 @@ def report(solutions, reference=None, title=None, window=None):
     reference: Trajectory that errors are taken against. window: (start, stop) in s over which errors are scored and error axes are framed.
     """
     solutions = _named(solutions)
-    reference, unscored = _overlapping(solutions, reference)
+    scores, unscored = _scores(solutions, reference)
     first = next(iter(solutions.values()))
     title = title or f"{first.meta.get('recording', 'Solution')}: {', '.join(solutions)}"
-    sections = [(name, text) for name, text in _sections(solutions, reference, window) if text]
+    sections = [(name, text) for name, text in _sections(solutions, reference if scores else None, scores, window) if text]
     sections[0] = "Summary", unscored + sections[0][1]
     links = "".join(f"<a href='#s{i}'>{escape(name)}</a>" for i, (name, _) in enumerate(sections))
     body = "".join(f"<section id=s{i}><h2>{escape(name)}</h2>{text}</section>" for i, (name, text) in enumerate(sections))
@@ -49,10 +50,11 @@ def report(solutions, reference=None, title=None, window=None):
     from plotly.offline import get_plotlyjs
     return Page(f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="{POLICY}"><title>{escape(title)}</title><link rel="icon" href="data:,"><style>{read('page.css')}</style></head>
-<body class="{'wide' if len(solutions) > 1 else ''}"><header><div><h1>{escape(title)}</h1>{_facts(solutions, window)}</div></header><nav><div>{links}</div></nav>
-<main>{body}</main><footer>Errors are true − estimate. Position, velocity and their errors are in metres and m/s along north, east, down; heights are above the WGS-84 ellipsoid;
-lines of more than 2000 points keep the extremes of each stretch.</footer>
+<meta http-equiv="Content-Security-Policy" content="{POLICY}"><title>{escape(title)}</title>
+<link rel="icon" href="data:,"><style>{read('page.css')}</style></head><body class="{'wide' if len(solutions) > 1 else ''}">
+<header><div><h1>{escape(title)}</h1>{_facts(solutions, window)}</div></header><nav><div>{links}</div></nav><main>{body}</main>
+<footer>Errors are true − estimate. Position, velocity and their errors are in metres and m/s along north, east, down; heights are above
+the WGS-84 ellipsoid; lines of more than 2000 points keep the extremes of each stretch.</footer>
 <script>{get_plotlyjs()}</script><script>{read('page.js')}</script></body></html>
 """)
 
@@ -72,14 +74,14 @@ def _named(solutions):
     return named
 
 
-def _overlapping(solutions, reference):
-    """The reference and "", or None and a remark where it does not cover all solutions."""
+def _scores(solutions, reference):
+    """{name: Errors} and "", or {} and a remark where the reference does not cover all solutions."""
+    if reference is None:
+        return {}, ""
     try:
-        for solution in solutions.values() if reference is not None else ():
-            metrics.errors(solution, reference)
+        return {name: metrics.errors(solution, reference) for name, solution in solutions.items()}, ""
     except DataError as error:
-        return None, f"<p class=note>Not scored: {escape(str(error))}</p>"
-    return reference, ""
+        return {}, f"<p class=note>Not scored: {escape(str(error))}</p>"
 
 
 def _facts(solutions, window):
@@ -87,64 +89,66 @@ def _facts(solutions, window):
     metas = [solution.meta for solution in solutions.values()]
     said = lambda key: ", ".join(dict.fromkeys(str(meta[key]) for meta in metas if meta.get(key) not in (None, "")))
     first = next(iter(solutions.values()))
-    facts = [("recording", said("recording")), ("date", said("date")), ("time", f"{first.t[0]:.1f} to {first.t[-1]:.1f} s"), ("filter", ", ".join(solutions)),
-             ("IMU", _imu(metas)), ("scored", f"{window[0]:.12g} to {window[1]:.12g} s" if window else ""), ("software", f"strapdown {_version()}".strip()),
-             ("written", f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC")]
+    facts = [("recording", said("recording")), ("date", said("date")), ("time", f"{first.t[0]:.1f} to {first.t[-1]:.1f} s"),
+             ("filter", ", ".join(solutions)), ("IMU", _imu(metas)),
+             ("scored", f"{window[0]:.12g} to {window[1]:.12g} s" if window else ""),
+             ("software", f"strapdown {__version__}"), ("written", f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC")]
     return "<dl>" + "".join(f"<div><dt>{name}</dt><dd>{escape(text)}</dd></div>" for name, text in facts if text) + "</dl>"
 
 
 def _imu(metas):
     names = (meta.get("imu") for meta in metas)
-    return ", ".join(dict.fromkeys(str(getattr(imu, "name", None) or (imu.get("name", "") if isinstance(imu, dict) else imu)) for imu in names if imu))
+    named = lambda imu: imu.get("name", "") if isinstance(imu, dict) else getattr(imu, "name", imu)
+    return ", ".join(dict.fromkeys(str(named(imu)) for imu in names if imu))
 
 
-def _version():
-    try:
-        return metadata.version("strapdown")
-    except metadata.PackageNotFoundError:
-        return ""
-
-
-def _sections(solutions, reference, window):
+def _sections(solutions, reference, scores, window):
     """(heading, HTML) of every section in reading order."""
     draw = _Drawer(solutions)
-    yield "Summary", _summary(solutions, reference, window)
-    yield "Track", KEY + _overview(draw, solutions, reference)
-    if reference is not None:
-        yield "Errors", _errors(draw, reference, window)
-    yield ("Motion" if reference is not None else "Estimates"), _motion(draw, reference)
-    yield "Claimed uncertainty", draw.each("3σ of position, velocity, attitude", "Logarithmic axes: it falls with aiding and grows without.",
-                                           lambda s, _: figures.sigma(s))
-    yield "Biases", draw.each("Accelerometer bias", "In body axes, forward, right, down, with ±3σ.", figures.accel_bias) \
-        + draw.each("Gyro bias", "In body axes, forward, right, down, with ±3σ.", figures.gyro_bias)
-    yield "Fixes", draw.each("Innovations", "Fix − estimate: around zero and without pattern when all is well.", lambda s, _: fixes.innovations(s)) \
-        + draw.each("Normalised innovation squared", "A fix above the gate is rejected.", lambda s, _: fixes.nis(s))
-    yield "Filter columns", draw.each("Columns of the filter", "What this filter publishes besides the navigation state.", figures.extra)
-    yield "Details", "".join(f"<details><summary>{escape(name)}: how it was made</summary><pre>{escape(_details(s))}</pre></details>" for name, s in solutions.items())
+    yield "Summary", _summary(solutions, scores, window)
+    yield "Track", KEY + _overview(draw, solutions, reference, scores)
+    if scores:
+        yield "Errors", _errors(draw, scores, window)
+    yield ("Motion" if scores else "Estimates"), _motion(draw, reference)
+    yield "Claimed uncertainty", draw.each("3σ of position, velocity, attitude",
+                                           "Logarithmic axes: it falls with aiding and grows without.", lambda name, s, _: figures.sigma(s))
+    axes = "In body axes, forward, right, down, with ±3σ."
+    yield "Biases", draw.each("Accelerometer bias", axes, lambda name, *made: figures.accel_bias(*made)) \
+        + draw.each("Gyro bias", axes, lambda name, *made: figures.gyro_bias(*made))
+    yield "Fixes", draw.each("Innovations", "Fix − estimate: around zero and without pattern when all is well.",
+                             lambda name, s, _: fixes.innovations(s)) \
+        + draw.each("Normalised innovation squared", "A fix above the gate is rejected.", lambda name, s, _: fixes.nis(s))
+    yield "Filter columns", draw.each("Columns of the filter", "What this filter publishes besides the navigation state.",
+                                      lambda name, *made: figures.extra(*made))
+    yield "Details", "".join(f"<details><summary>{escape(name)}: how it was made</summary><pre>{escape(_details(solution))}</pre></details>"
+                             for name, solution in solutions.items())
 
 
-def _overview(draw, solutions, reference):
+def _overview(draw, solutions, reference, scores):
     seen = draw.place(figures.track(solutions, reference), "Seen from above", "Dots are position fixes: the estimate plus its innovation.")
     beside = draw.place(figures.height(solutions, reference), "Height", "Above the WGS-84 ellipsoid.")
-    if reference is not None:
-        beside += draw.place(figures.horizontal(solutions, reference), "Horizontal error", "The error should stay below what the filter claims.")
+    if scores:
+        beside += draw.place(figures.horizontal(solutions, scores), "Horizontal error", "It should stay below what the filter claims.")
     return f"<div class='grid pair'>{seen}<div>{beside}</div></div>"
 
 
-def _errors(draw, reference, window):
-    text = draw.each("Position error", "With the ±3σ band that the filter claims.", lambda s, colour: figures.position(s, reference, colour, window))
-    if reference.v_n is not None:
-        text += draw.each("Velocity error", "With its ±3σ band.", lambda s, colour: figures.velocity(s, reference, colour, window))
-    if reference.q_nb is not None:
-        text += draw.each("Attitude error", "Heading is wrapped to ±180 deg; ±3σ bands from the rotation vector, correlations neglected.",
-                          lambda s, colour: figures.attitude(s, reference, colour, window))
-    return text
+def _errors(draw, scores, window):
+    first = next(iter(scores.values()))
+    shown = [("Position error", "With the ±3σ band that the filter claims.", figures.position, True),
+             ("Velocity error", "With its ±3σ band.", figures.velocity, first.velocity is not None),
+             ("Attitude error", "Heading wrapped to ±180 deg; ±3σ bands from the rotation vector, correlations neglected.",
+              figures.attitude, first.attitude is not None)]
+    return "".join(draw.each(heading, caption, lambda name, s, colour: figure(s, scores[name], colour, window))
+                   for heading, caption, figure, known in shown if known)
 
 
 def _motion(draw, reference):
-    text = "" if reference is not None else draw.each("Position", "North and east from the start, and height, with ±3σ.", lambda s, colour: figures.position(s, None, colour))
-    return text + draw.each("Velocity", "With ±3σ.", lambda s, colour: figures.velocity(s, None, colour, compare=reference)) \
-        + draw.each("Attitude", "With ±3σ; heading is clockwise from true north.", lambda s, colour: figures.attitude(s, None, colour, compare=reference))
+    position = "" if reference is not None else draw.each("Position", "North and east from the start, and height, with ±3σ.",
+                                                          lambda name, s, colour: figures.position(s, None, colour))
+    return position \
+        + draw.each("Velocity", "With ±3σ.", lambda name, s, colour: figures.velocity(s, None, colour, compare=reference)) \
+        + draw.each("Attitude", "With ±3σ; heading is clockwise from true north.",
+                    lambda name, s, colour: figures.attitude(s, None, colour, compare=reference))
 
 
 def _details(solution):
@@ -152,8 +156,8 @@ def _details(solution):
     return json.dumps(plain({key: value for key, value in solution.meta.items() if key != "notes"}), indent=2, ensure_ascii=False)
 
 
-def _summary(solutions, reference, window):
-    tables = [] if reference is None else [summary.error_table(solutions, reference, window)]
+def _summary(solutions, scores, window):
+    tables = [summary.error_table(scores, window)] if scores else []
     parts = ["<div class=tables>", *tables, "<div>", summary.run_table(solutions), summary.fix_table(solutions), "</div></div>"]
     notes = list(dict.fromkeys(str(note) for solution in solutions.values() for note in solution.meta.get("notes", ())))
     parts += ["<h3>Notes</h3>", summary.listing(notes)] if notes else []
@@ -174,11 +178,11 @@ class _Drawer:
         self.solutions, self.count = solutions, 0
 
     def each(self, heading, caption, make):
-        """One figure per solution, side by side, made by make(solution, colour); the colour of a solution is the same everywhere."""
+        """One figure per solution, side by side, made by make(name, solution, colour); the colour of a solution is the same everywhere."""
         shown = []
         for i, (name, solution) in enumerate(self.solutions.items()):
             colour = COLOURS[i % len(COLOURS)]
-            figure = make(solution, colour)
+            figure = make(name, solution, colour)
             if figure is not None:
                 tag = f"<span class=tag><i style='background:{colour}'></i>{escape(name)}</span>" if len(self.solutions) > 1 else ""
                 shown.append(self.place(figure, heading, caption, tag))
@@ -189,5 +193,6 @@ class _Drawer:
         self.count += 1
         data = figure.to_json().replace("<", "\\u003c")
         notes = "".join(f"<p class=note>{escape(text)}</p>" for text in figure.layout.meta["notes"])
-        return (f"<figure><h3>{heading}{tag}</h3><div class=plot id=p{self.count} style='height:{figure.layout.height}px'></div><figcaption>{caption}</figcaption>{notes}"
+        return (f"<figure><h3>{heading}{tag}</h3><div class=plot id=p{self.count} style='height:{figure.layout.height}px'></div>"
+                f"<figcaption>{caption}</figcaption>{notes}"
                 f"<script type='application/json' id=data-p{self.count}>{data}</script></figure>")

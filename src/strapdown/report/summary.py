@@ -3,7 +3,6 @@ from html import escape
 
 import numpy as np
 
-from .. import metrics
 from ..data import BRIDGED, INVALID
 
 LISTED = 500
@@ -12,9 +11,10 @@ LISTED = 500
 
 def table(head, rows, split=1):
     """An HTML table; cells are escaped. A rule stands left of every `split`-th column after the first."""
-    cell = lambda tag, i, text: f"<{tag}{' class=split' if i and split > 1 and (i - 1) % split == 0 else ''}>{escape(str(text))}</{tag}>"
-    lines = ["<tr>" + "".join(cell("td", i, text) for i, text in enumerate(row)) + "</tr>" for row in rows]
-    return f"<div class=scroll><table><thead><tr>{''.join(cell('th', i, text) for i, text in enumerate(head))}</tr></thead><tbody>{''.join(lines)}</tbody></table></div>"
+    rule = lambda i: " class=split" if i and split > 1 and (i - 1) % split == 0 else ""
+    line = lambda tag, texts: "<tr>" + "".join(f"<{tag}{rule(i)}>{escape(str(text))}</{tag}>" for i, text in enumerate(texts)) + "</tr>"
+    body = "".join(line("td", row) for row in rows)
+    return f"<div class=scroll><table><thead>{line('th', head)}</thead><tbody>{body}</tbody></table></div>"
 
 
 def number(value):
@@ -24,10 +24,10 @@ def number(value):
     return f"{value:.0f}" if abs(value) >= 1000 else f"{value:#.3g}".rstrip(".") if abs(value) >= 1e-4 or value == 0 else f"{value:.2e}"
 
 
-def error_table(solutions, reference, window=None):
-    """RMS, largest and last error per axis of {name: Solution}."""
-    found = {name: metrics.errors(solution, reference) for name, solution in solutions.items()}
-    quantities = [("position", ("north", "east", "down"), "m", 1.0), ("velocity", ("north", "east", "down"), "m/s", 1.0), ("rph", ("roll", "pitch", "heading"), "deg", np.degrees(1))]
+def error_table(found, window=None):
+    """RMS, largest and last error per axis of {name: metrics.Errors}."""
+    axes = ("north", "east", "down")
+    quantities = [("position", axes, "m", 1.0), ("velocity", axes, "m/s", 1.0), ("rph", ("roll", "pitch", "heading"), "deg", np.degrees(1))]
     rows = [["horizontal position [m]", *(text for e in found.values() for text in _scores(np.c_[e.horizontal], e.t, window)[0])]]
     for field, axes, unit, factor in quantities:
         if all(getattr(e, field) is not None for e in found.values()):
@@ -53,8 +53,8 @@ def run_table(solutions):
     return table(["", *solutions], zip(RUN, *map(_run, solutions.values())))
 
 
-RUN = ("time [s]", "rows", "gaps bridged", "time bridged [s]", "stretches not valid", "time not valid [s]", "horizontal sd, largest / last [m]",
-       "height sd, largest / last [m]", "heading sd, largest / last [deg]")
+RUN = ("time [s]", "rows", "gaps bridged", "time bridged [s]", "stretches not valid", "time not valid [s]",
+       "horizontal sd, largest / last [m]", "height sd, largest / last [m]", "heading sd, largest / last [deg]")
 
 
 def _run(solution):
@@ -69,14 +69,16 @@ def _run(solution):
 
 
 def fix_table(solutions):
-    """Accepted and rejected fixes per source, and the mean NIS of the accepted ones beside what a consistent filter has; "" without fixes."""
+    """Accepted and rejected fixes per source, and the mean NIS of the accepted ones beside that of a consistent filter; "" without any."""
     rows = []
     for name, solution in solutions.items():
         fixes, counts = solution.innovations, solution.counts()
         for source, label in enumerate(fixes.names):
             good, bad = counts[label]
             used = (fixes.source == source) & fixes.accepted & np.isfinite(fixes.nis)
-            mean = (number(fixes.nis[used].mean()), number(np.isfinite(fixes.innovation[used]).sum(axis=1).mean())) if used.any() else ("–", "–")
+            mean = ("–", "–")
+            if used.any():
+                mean = number(fixes.nis[used].mean()), number(np.isfinite(fixes.innovation[used]).sum(axis=1).mean())
             gate = fixes.gates[source] if source < len(fixes.gates) else None
             rows.append([f"{name}: {label}" if len(solutions) > 1 else label, good, bad, *mean, number(gate)])
     return table(["source", "accepted", "rejected", "mean NIS", "expected", "gate"], rows) if rows else ""

@@ -1,0 +1,169 @@
+"""From the first seconds of a Recording to a filter's Start: position and velocity from fixes, level from specific force, heading from what there is.
+
+The start is the first position fix; where the heading can only come from the course, the first fix faster than `MOVING`. Everything found is
+stated in `Start.note` and can be overridden with `Start._replace`. Source: Groves (2013) section 5.6.
+"""
+import numpy as np
+
+from .core.contract import Start
+from .core.earth import GRAVITY_EQUATOR, RATE, displace
+from .core.rotation import euler_to_matrix, matrix_to_euler, rotate_right
+from .data import DataError
+from .io.samples import at_rest
+
+MOVING = 5.0                    # m/s: above it the course of the velocity is taken as heading
+COURSE_SD = np.radians(15.0)    # wind, sideslip
+UNKNOWN_SD = np.radians(104.0)  # uniform over the circle
+LEVEL_SD_REST, LEVEL_SD_MOVING = np.radians(0.5), np.radians(5.0)
+REST_TIME = 2.0                 # s of rest before the start that are worth averaging
+
+
+def align(recording, imu, heading=None, heading_sd=np.radians(2.0), at=None):
+    """A Start for `recording`, whose IMU is the ImuSpec `imu`.
+
+    heading, heading_sd: rad, where the caller knows it; at: s, where the caller wants another instant (then the fixes next to it are used).
+    Raises DataError where there is no position fix to start from.
+    """
+    position = _source(recording, "position")
+    if position is None:
+        raise DataError("no position fix to start from: add a position aiding, or give start=")
+    velocity = _source(recording, "velocity")
+    t, v, v_sd, moving = _instant(recording, position, velocity, heading, at)
+    k = int(np.argmin(np.abs(position.t - t)))
+    b_a_sd, b_g_sd = imu.bias_sd()
+    rest = _rest_before(recording, t)
+    psi, psi_sd, psi_note = _heading(recording, t, v, moving, heading, heading_sd)
+    roll, pitch, level_sd, level_note = _level(recording, t, rest, psi, velocity, b_a_sd)
+    bg, bg_sd, bias_note = _gyro_bias(recording, rest, b_g_sd)
+    C, lla = np.empty((3, 3)), position.y[k].copy()
+    euler_to_matrix(roll, pitch, psi, C)
+    displace(lla, *(v * (t - position.t[k]) - C @ np.asarray((tuple(position.parameters) + (0, 0, 0))[:3])))
+    numbers = lambda values: tuple(float(value) for value in values)
+    note = f"position and velocity at {t:.2f} s, {psi_note}, {level_note}, {bias_note}"
+    return Start(float(t), numbers(lla), numbers(v), numbers((roll, pitch, psi)), (0.0, 0.0, 0.0), numbers(bg),
+                 numbers([*position.sd[k], *v_sd, level_sd, level_sd, psi_sd, *[b_a_sd] * 3, *bg_sd]), note)
+
+
+def _source(recording, kind):
+    """The first source of that kind with a complete fix within the IMU's time, those fixes only; or None."""
+    for a in recording.aidings:
+        usable = np.isfinite(a.y).all(axis=1) & (a.t >= recording.span[0]) & (a.t < recording.span[1]) if a.kind == kind else np.array([False])
+        if usable.any():
+            return a._where(usable)
+    return None
+
+
+def _instant(recording, position, velocity, heading, at):
+    """When to start, and velocity (m/s), its sd and whether the course is to be believed then."""
+    t, v, sd = _velocities(position, velocity)
+    if at is not None:
+        k = int(np.argmin(np.abs(t - at)))
+        return at, v[k], sd[k], np.hypot(*v[k, :2]) > MOVING
+    fast = np.hypot(v[:, 0], v[:, 1]) > MOVING
+    wait = heading is None and _source(recording, "heading") is None and fast.any()
+    k = int(np.argmax(fast)) if wait else 0
+    return max(t[k], recording.span[0]), v[k], sd[k], fast[k]
+
+
+def _velocities(position, velocity):
+    """Times, velocities and standard deviations: of the velocity source, else of differences of positions."""
+    if velocity is not None:
+        later = velocity.t >= position.t[0] - 0.5
+        if later.any():
+            return velocity.t[later], velocity.y[later], velocity.sd[later]
+    if len(position.t) < 2:
+        return position.t, np.zeros((1, 3)), np.full((1, 3), 10.0)
+    from .geodesy import displacement
+    step = np.diff(position.t)[:, None]
+    v = displacement(position.y[1:], position.y[:-1]) / step
+    return position.t[1:], v, np.hypot(position.sd[1:], position.sd[:-1]) / step + 0.5
+
+
+def _rest_before(recording, t):
+    """Rows of the last rest before t that lasted REST_TIME, as a slice; None where there is none."""
+    imu = recording.imu
+    n = int(np.searchsorted(imu.t, t))
+    still = np.flatnonzero(at_rest(imu)[:n])
+    if len(still) == 0:
+        return None
+    runs = np.split(still, np.flatnonzero(np.diff(still) > 1) + 1)
+    long = [run for run in runs if imu.t[run[-1]] - imu.t[run[0]] >= REST_TIME]
+    return slice(long[-1][0], long[-1][-1] + 1) if long else None
+
+
+def _heading(recording, t, v, moving, heading, heading_sd):
+    if heading is not None:
+        return float(heading), float(heading_sd), "heading given"
+    source = _source(recording, "heading")
+    if source is not None:
+        k = int(np.argmin(np.abs(source.t - t)))
+        return float(source.y[k, 0]), float(source.sd[k, 0]), "heading measured"
+    if moving:
+        return float(np.arctan2(v[1], v[0])), COURSE_SD, f"heading from the course at {np.hypot(v[0], v[1]):.1f} m/s"
+    return 0.0, UNKNOWN_SD, f"heading unknown (never faster than {MOVING:g} m/s)"
+
+
+def _level(recording, t, rest, psi, velocity, b_a_sd):
+    """Roll, pitch and their sd: from rest, carried to t by the gyros; else from specific force less the acceleration of the velocity fixes."""
+    imu = recording.imu
+    n = int(np.searchsorted(imu.t, t))
+    if rest is not None:
+        f = imu.dv[rest].sum(axis=0) / imu.dt[rest].sum()
+        roll, pitch = level(f)
+        sd = np.hypot(LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR)
+        age = t - imu.t[rest.stop - 1]
+        if age < 1.0:
+            return roll, pitch, sd, "level from rest"
+        if age < 30.0:
+            bias = imu.dtheta[rest].sum(axis=0) / imu.dt[rest].sum()
+            roll, pitch = _carried(roll, pitch, imu.dtheta[rest.stop:n] - bias * imu.dt[rest.stop:n, None])
+            return roll, pitch, np.hypot(sd, np.radians(1.0)), f"level from the rest {age:.0f} s before"
+    near = slice(max(0, n - _rows(imu, 0.5)), n + _rows(imu, 0.5) + 1)
+    f = imu.dv[near].sum(axis=0) / imu.dt[near].sum()
+    a_n = np.zeros(3)
+    if velocity is not None and len(velocity.t) > 1:
+        k = int(np.clip(np.searchsorted(velocity.t, t), 1, len(velocity.t) - 1))
+        if velocity.t[k] - velocity.t[k - 1] <= 2.0:
+            a_n = (velocity.y[k] - velocity.y[k - 1]) / (velocity.t[k] - velocity.t[k - 1])
+    return *level(f, a_n, psi), LEVEL_SD_MOVING, "level in motion"
+
+
+def _rows(imu, seconds):
+    return max(1, round(seconds / float(np.median(imu.dt[:1000]))))
+
+
+def level(f_b, a_n=(0.0, 0.0, 0.0), heading=0.0):
+    """Roll and pitch (rad, upright branch) from specific force f_b (m/s^2) of a body that accelerates by a_n (m/s^2, NED) at a known heading.
+
+    Solves Ry(pitch) Rx(roll) f_b = Rz(heading)' (a_n - g); without acceleration roll = atan2(-f_y, -f_z), pitch = atan2(f_x, hypot(f_y, f_z)).
+    """
+    g = np.linalg.norm(f_b) if not np.any(a_n) else GRAVITY_EQUATOR
+    n = np.asarray(a_n, float) - [0, 0, g]
+    c, s = np.cos(heading), np.sin(heading)
+    h = np.array([c * n[0] + s * n[1], c * n[1] - s * n[0], n[2]])
+    h *= np.linalg.norm(f_b) / np.linalg.norm(h)
+    across = np.hypot(f_b[1], f_b[2])
+    roll = -np.arccos(np.clip(h[1] / max(across, 1e-9), -1, 1)) - np.arctan2(f_b[2], f_b[1])
+    roll = (roll + np.pi) % (2 * np.pi) - np.pi
+    w = f_b[1] * np.sin(roll) + f_b[2] * np.cos(roll)
+    return float(roll), float(np.arctan2(h[0] * w - h[2] * f_b[0], h[0] * f_b[0] + h[2] * w))
+
+
+def _carried(roll, pitch, dtheta):
+    """Roll and pitch after the rotation increments dtheta (n, 3), rad."""
+    C = np.empty((3, 3))
+    euler_to_matrix(roll, pitch, 0.0, C)
+    for x, y, z in dtheta:
+        rotate_right(C, x, y, z)
+    return matrix_to_euler(C)[:2]
+
+
+def _gyro_bias(recording, rest, b_g_sd):
+    """Gyro bias (rad/s) from rest, where the IMU's own turn-on bias is larger than the Earth's rate that rest cannot tell from it."""
+    if rest is None or b_g_sd <= 2 * RATE:
+        return np.zeros(3), np.full(3, b_g_sd), "biases unknown" if rest is None else "biases smaller than the Earth's rate"
+    imu = recording.imu
+    T = imu.dt[rest].sum()
+    mean = imu.dtheta[rest].sum(axis=0) / T
+    noise = imu.dtheta[rest].std(axis=0) * np.sqrt(rest.stop - rest.start) / T
+    return mean, np.hypot(noise, RATE), f"gyro bias from {T:.0f} s of rest"

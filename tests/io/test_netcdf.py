@@ -1,0 +1,102 @@
+"""A recording in one NetCDF file: what comes back is what was written; damage and refused places end in one line."""
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from strapdown.data import Aiding, DataError, Recording
+from strapdown.io import read, write_recording
+
+pytestmark = pytest.mark.short
+REFERENCE = '[reference]\nfile = "gnss.csv"\ntime = { column = "t", unit = "s" }\nposition = { columns = ["lat", "lon", "alt"], unit = ["deg", "deg", "m"] }\n'
+
+
+def same(a, b):
+    return (a is None and b is None) or np.array_equal(a, b, equal_nan=True)
+
+
+def assert_equal(first, second):
+    assert all(same(a, b) for a, b in zip(first.imu, second.imu))
+    assert len(first.aidings) == len(second.aidings)
+    for a, b in zip(first.aidings, second.aidings):
+        assert (a.kind, a.gate, a.parameters, a.name) == (b.kind, b.gate, b.parameters, b.name)
+        assert same(a.t, b.t) and same(a.y, b.y) and same(a.sd, b.sd)
+    if first.reference is None:
+        assert second.reference is None
+    else:
+        assert all(same(getattr(first.reference, name), getattr(second.reference, name)) for name in ("t", "lla", "v_n", "q_nb", "sd"))
+
+
+def test_round_trip(build, tmp_path):
+    recording = read(build(toml=lambda s: s.replace("sd = 0.1", "sd = 0.1\ngate = inf\nlever_arm = [1.0, 0.0, 0.5]\nname = \"Doppler\"")
+                           + '[[aiding]]\nkind = "zero-velocity"\nrate = 1.0\nsd = 0.1\n' + REFERENCE))
+    recording = replace(recording, meta=recording.meta | {"b_a": np.arange(6.0).reshape(2, 3), "seed": np.int64(3)})
+    path = tmp_path / "recording.nc"
+    write_recording(recording, path)
+    again = read(path)
+    assert_equal(recording, again)
+    np.testing.assert_array_equal(again.meta.pop("b_a"), recording.meta.pop("b_a"))
+    assert again.meta == recording.meta
+    assert again.imu.dtheta.flags.writeable and again.imu.dtheta.flags.c_contiguous
+    assert [name for name in os.listdir(tmp_path) if "part" in name] == []
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.integers(2, 30), st.integers(1, 5), st.floats(0.01, 100), st.one_of(st.none(), st.floats(0.1, 100), st.just(np.inf)), st.text(max_size=12))
+def test_round_trip_of_any_recording(tmp_path, n, fixes, sd, gate, name):
+    rng = np.random.default_rng(n)
+    t = 100 + 0.01 * np.arange(n)
+    aiding = Aiding("position", np.linspace(t[0], t[-1], fixes), rng.normal(0.5, 0.01, (fixes, 3)), np.full((fixes, 3), sd), (0.0, 1.0, 2.0), gate, "antenna")
+    recording = Recording.from_arrays(t, rng.normal(0, 0.01, (n, 3)), rng.normal(0, 0.1, (n, 3)) - [0, 0, 9.8], [aiding], remark=name)
+    write_recording(recording, tmp_path / "any.nc")
+    again = read(tmp_path / "any.nc")
+    assert_equal(recording, again)
+    assert again.meta == recording.meta
+
+
+def test_units_stand_in_the_file(build, tmp_path):
+    import xarray as xr
+    write_recording(read(build()), tmp_path / "recording.nc")
+    with xr.open_dataset(tmp_path / "recording.nc", group="aiding_1", engine="h5netcdf", decode_timedelta=False) as group:
+        assert group.sd.attrs["units"] == "m" and group.y.attrs["units"] == "rad, rad, m" and group.attrs["kind"] == "position"
+
+
+def test_damaged_and_foreign_files(build, tmp_path):
+    path = tmp_path / "recording.nc"
+    write_recording(read(build()), path)
+    whole = path.read_bytes()
+    for content in (whole[: len(whole) // 2], b"", b"no NetCDF at all"):
+        path.write_bytes(content)
+        with pytest.raises(DataError, match="recording.nc: is not a whole NetCDF recording") as error:
+            read(path)
+        assert "\n" not in str(error.value)
+    import xarray as xr
+    xr.Dataset({"a": 1.0}).to_netcdf(path, engine="h5netcdf")
+    with pytest.raises(DataError, match="is no recording"):
+        read(path)
+
+
+def test_samples_of_a_file_are_checked(build, tmp_path):
+    recording, path = read(build()), tmp_path / "recording.nc"
+    imu = recording.imu
+    for wrong, words in ((imu._replace(t=imu.t[::-1]), "rising time"), (imu._replace(dv=imu.dv[:-1]), "whole|rising|samples"), (imu._replace(dv=-imu.dv), "must read -9.8")):
+        try:
+            write_recording(replace(recording, imu=wrong), path)
+        except ValueError:
+            continue    # xarray does not write columns of different length
+        with pytest.raises(DataError, match=words):
+            read(path)
+
+
+def test_a_refused_path_leaves_nothing(build, tmp_path):
+    recording = read(build())
+    with pytest.raises(DataError, match="cannot be written"):
+        write_recording(recording, tmp_path / "no" / "recording.nc")
+    (tmp_path / "folder.nc").mkdir()
+    before = sorted(os.listdir(tmp_path))
+    with pytest.raises(DataError, match="cannot be written"):
+        write_recording(recording, tmp_path / "folder.nc")
+    assert sorted(os.listdir(tmp_path)) == before

@@ -1,0 +1,173 @@
+"""The measuring stick itself: targets, judgement of figures, workloads, the yardstick against a textbook step. No times are asserted."""
+import json
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
+sys.path.insert(0, str(FOLDER))
+import bench  # noqa: E402
+import figures  # noqa: E402
+import subject  # noqa: E402
+import workload  # noqa: E402
+import yardstick  # noqa: E402
+
+plain_run = getattr(yardstick.run, "py_func", yardstick.run)
+
+
+@pytest.fixture(scope="module")
+def short():
+    """20 s of workload B with truth, 400 samples and as many fixes."""
+    return workload.from_stored("B", workload.simulate(workload.RECIPES["B"], 20.0))
+
+
+def skew(v):
+    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+
+
+@pytest.mark.short
+def test_targets_are_the_issues():
+    tables = figures.targets()
+    assert len(tables) == 17
+    assert tables["A closed loop time"]["target"] == 1.0 and tables["B closed loop time"]["target"] == 1.2
+    assert tables["N open loop position"]["tolerance"] == 0.05
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("text", ['[a]\ntarget = 1\nunit = "s"\ntext = "t"', '[a]\ntarget = 1\ncomparison = "<"\nunit = "s"\ntext = "t"',
+                                  '[a]\ntarget = 1\ncomparison = "within"\nunit = "s"\ntext = "t"'])
+def test_a_wrong_target_is_named(tmp_path, text):
+    path = tmp_path / "targets.toml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match="figure 'a' needs"):
+        figures.targets(path)
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("value, table, holds", [
+    (1.0, {"comparison": "<=", "target": 1.0}, True), (1.001, {"comparison": "<=", "target": 1.0}, False),
+    (0.335, {"comparison": "within", "target": 0.32, "tolerance": 0.05}, True), (0.305, {"comparison": "within", "target": 0.32, "tolerance": 0.05}, True),
+    (0.337, {"comparison": "within", "target": 0.32, "tolerance": 0.05}, False), (0.303, {"comparison": "within", "target": 0.32, "tolerance": 0.05}, False),
+    (math.nan, {"comparison": "<=", "target": 1.0}, False), (None, {"comparison": "<=", "target": 1.0}, False)])
+def test_judgement(value, table, holds):
+    assert figures.judge(value, table) is holds
+
+
+@pytest.mark.short
+def test_lines_say_name_value_unit_target_and_verdict():
+    tables = figures.targets()
+    line = str(figures.against_target("B closed loop time", 1.25, tables, "busy machine"))
+    assert line.split() == "B closed loop time 1.25 x yardstick at most 1.2 MISSED busy machine".split()
+    line = str(figures.against_target("A accuracy position", 0.635, tables))
+    assert line.split() == "A accuracy position 0.635 m within 1 % of 0.6344 holds".split()
+    assert "not measured" in str(figures.against_target("first compilation", None, tables)) and "no target" in str(figures.informative("x", 1, "s"))
+
+
+def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short, capsys):
+    monkeypatch.setattr(bench, "OUT", tmp_path / "build" / "bench.json")
+    monkeypatch.setattr(sys, "argv", ["bench.py"])
+    monkeypatch.setattr(workload, "load", lambda name: short)
+    monkeypatch.setattr(workload, "stored_period", lambda: tmp_path)
+    monkeypatch.setattr(workload, "score", lambda *_: workload.Rms(0.1, 0.2, 0.3))
+    monkeypatch.setattr(yardstick, "run", lambda *_: None)
+    monkeypatch.setattr(subject, "accuracy", lambda w, name: workload.Rms(0.311, 1.0, 1.0))
+    monkeypatch.setattr(subject, "timed_run", lambda w, name: lambda: 1e9)
+    monkeypatch.setattr(subject, "write_log", lambda w: tmp_path)
+    monkeypatch.setattr(bench.processes, "day", lambda path: (1.0, 100.0, 40.0, 0.5))
+    monkeypatch.setattr(bench.processes, "first_solution", lambda log: (3.0, 1.0))
+    monkeypatch.setattr(bench.processes, "help_seconds", lambda: 0.2)
+    monkeypatch.setattr(bench.peers, "RUNS", (("fast", lambda w, s: bench.peers.Result(2.0, None), "smsfusion", {"A": 1.0}),
+                                              ("absent", None, "no such package", {"A": 1.0})))
+    monkeypatch.setattr(bench.peers, "versions", lambda: {"smsfusion": "1.0", "no such package": None})
+
+    def broken(w):
+        raise RuntimeError("no stream today\nmore")
+    monkeypatch.setattr(subject, "stream_times", broken)
+    bench.main()
+    written = {line["name"]: line for line in json.loads(bench.OUT.read_text())["figures"]}
+    assert set(figures.targets()) <= set(written)
+    assert {name for name, line in written.items() if line["target"] is not None} == set(figures.targets())
+    assert written["N closed loop position"]["holds"] is True and written["A accuracy position"]["holds"] is False
+    assert written["A closed loop time"]["holds"] is False
+    assert written["stream step, fix"] | {"value": None, "holds": False, "note": "RuntimeError: no stream today"} == written["stream step, fix"]
+    assert written["A absent time"]["note"] == "no such package is not installed"
+    assert len(capsys.readouterr().out.splitlines()) == len(written) + 2
+
+
+@pytest.mark.short
+def test_score_measures_known_errors():
+    w = workload.from_stored("B", workload.simulate(workload.RECIPES["B"], 121.0))
+    from scipy.spatial.transform import Rotation
+    C = Rotation.from_euler("xyz", w.rph).as_matrix()
+    shift = np.array([3 / 6370e3, 4 / (6390e3 * math.cos(w.lla[0, 0])), 0])
+    wrong = Rotation.from_rotvec([0, 0, 0.5], degrees=True).as_matrix() @ C
+    rms = workload.score(w, w.t, w.lla + shift, w.v + [0, 0, -0.25], wrong)
+    assert rms.position == pytest.approx(5, rel=3e-3)
+    assert rms[1:] == (pytest.approx(0.25), pytest.approx(0.5))
+    with pytest.raises(ValueError, match="120 s"):
+        workload.score(w, w.t[:5], w.lla[:5], w.v[:5], C[:5])
+
+
+@pytest.mark.short
+def test_a_day_is_rounds_of_one_piece():
+    piece = workload.period(30, 100)
+    w = workload.repeated(piece, 75.0)
+    assert len(w.t) == 7501 and len(w.fix) == 75 and w.t[-1] == 75
+    noise = w.dtheta[3001:6001] - w.dtheta[1:3001]
+    assert np.std(noise) == pytest.approx(math.sqrt(2 / 100) * w.parameters["gyro_noise"], rel=0.05)
+    error = (w.fix - workload.round_position(piece, w.fix_t)) * [*workload.round_scale(piece), 1.0]
+    assert np.std(error) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.short
+def test_yardstick_mechanisation_follows_the_simulator(short):
+    truth = workload.simulate(workload.RECIPES["B"], 20.0)
+    w = short._replace(dtheta=truth["dtheta_true"], dv=truth["dvel_true"], fix_t=short.fix_t[:0], fix=short.fix[:0],
+                       start=(short.lla[0], short.v[0], short.rph[0]))
+    inputs, (lla, v, C, _) = yardstick.arguments(w)
+    plain_run(*inputs, lla, v, C, _)
+    assert np.abs((lla - w.lla[1:]) * [6.37e6, 4.5e6, 1]).max() < 0.05
+    assert np.abs(v - w.v[1:]).max() < 0.01
+
+
+@pytest.mark.short
+def test_yardstick_step_is_the_textbook_one(short):
+    w, sd = short.first(short.dt), short.sd
+    correlation = np.corrcoef(np.random.default_rng(3).standard_normal((15, 40)))
+    arguments = lambda w: (*yardstick.arguments(w)[0][:-2], correlation * np.outer(sd, sd), yardstick.arguments(w)[0][-1])
+    (dtheta, dv, dt, _, fix, r, lla, v, C, P, q), outputs = arguments(w), yardstick.arguments(w)[1]
+    plain_run(*arguments(w), *outputs)
+    x = 1 - yardstick.E2 * math.sin(lla[0]) ** 2
+    north, east = yardstick.A * (1 - yardstick.E2) / x ** 1.5 + lla[2], yardstick.A / math.sqrt(x) + lla[2]
+    earth = yardstick.OMEGA * np.array([math.cos(lla[0]), 0, -math.sin(lla[0])])
+    transport = np.array([v[1] / east, -v[0] / north, -v[1] * math.tan(lla[0]) / east])
+    Phi = np.eye(15)
+    Phi[0:3, 3:6] = np.eye(3) * dt
+    Phi[3:6, 3:6] -= skew(2 * earth + transport) * dt
+    Phi[3:6, 6:9] = -skew(C @ (dv[0] + np.cross(dtheta[0], dv[0]) / 2))
+    Phi[3:6, 9:12] = Phi[6:9, 12:15] = -C * dt
+    Phi[6:9, 6:9] -= skew(earth + transport) * dt
+    P = Phi @ P @ Phi.T + np.diag(q)
+    H = np.eye(3, 15)
+    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + r * np.eye(3))
+    P = (np.eye(15) - K @ H) @ P @ (np.eye(15) - K @ H).T + r * K @ K.T
+    assert len(dtheta) == 1 and np.allclose(outputs[3][0], np.diag(P), rtol=1e-9)
+    free, without = w._replace(fix_t=w.fix_t[:0], fix=w.fix[:0]), yardstick.arguments(w)[1]
+    plain_run(*arguments(free), *without)
+    scale = np.array([north, east * math.cos(lla[0]), -1])
+    correction = K @ ((fix[0] - without[0][0]) * scale)
+    assert np.allclose((outputs[0][0] - without[0][0]) * scale, correction[:3], rtol=1e-5, atol=1e-9)
+    assert np.allclose(outputs[1][0] - without[1][0], correction[3:6], rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.short
+def test_yardstick_and_closed_loop_agree(short):
+    inputs, outputs = yardstick.arguments(short)
+    plain_run(*inputs, *outputs)
+    ours = subject.fuse(short, "closed-loop").trajectory
+    apart = (ours.lla - outputs[0]) * [6.37e6, 4.5e6, 1]
+    assert np.abs(apart).max() < 0.02
+    assert np.allclose(ours.sd[-1, :6], np.sqrt(outputs[3][-1, :6]), rtol=0.02)
