@@ -33,8 +33,8 @@ def align(recording, imu, heading=None, heading_sd=np.radians(2.0), at=None):
     b_a_sd, b_g_sd = imu.bias_sd()
     rest = _rest_before(recording, t)
     psi, psi_sd, psi_note = _heading(recording, t, v, moving, heading, heading_sd)
-    roll, pitch, level_sd, level_note = _level(recording, t, rest, psi, velocity, b_a_sd)
     bg, bg_sd, bias_note = _gyro_bias(recording, rest, b_g_sd)
+    roll, pitch, level_sd, level_note = _level(recording, t, rest, psi, velocity, b_a_sd, bg)
     C, lla = np.empty((3, 3)), position.y[k].copy()
     euler_to_matrix(roll, pitch, psi, C)
     displace(lla, *(v * (t - position.t[k]) - C @ np.asarray((tuple(position.parameters) + (0, 0, 0))[:3])))
@@ -80,15 +80,11 @@ def _velocities(position, velocity):
 
 
 def _rest_before(recording, t):
-    """Rows of the last rest before t that lasted REST_TIME, as a slice; None where there is none."""
+    """The rests before t that lasted REST_TIME, as arrays of rows, in order."""
     imu = recording.imu
-    n = int(np.searchsorted(imu.t, t))
-    still = np.flatnonzero(at_rest(imu)[:n])
-    if len(still) == 0:
-        return None
-    runs = np.split(still, np.flatnonzero(np.diff(still) > 1) + 1)
-    long = [run for run in runs if imu.t[run[-1]] - imu.t[run[0]] >= REST_TIME]
-    return slice(long[-1][0], long[-1][-1] + 1) if long else None
+    still = np.flatnonzero(at_rest(imu)[:int(np.searchsorted(imu.t, t))])
+    runs = np.split(still, np.flatnonzero(np.diff(still) > 1) + 1) if len(still) else []
+    return [run for run in runs if imu.t[run[-1]] - imu.t[run[0]] >= REST_TIME]
 
 
 def _heading(recording, t, v, moving, heading, heading_sd):
@@ -103,21 +99,17 @@ def _heading(recording, t, v, moving, heading, heading_sd):
     return 0.0, UNKNOWN_SD, f"heading unknown (never faster than {MOVING:g} m/s)"
 
 
-def _level(recording, t, rest, psi, velocity, b_a_sd):
-    """Roll, pitch and their sd: from rest, carried to t by the gyros; else from specific force less the acceleration of the velocity fixes."""
+def _level(recording, t, rest, psi, velocity, b_a_sd, bg):
+    """Roll, pitch and their sd: from the last rest, carried to t by the gyros; else from specific force less the acceleration of velocity fixes."""
     imu = recording.imu
     n = int(np.searchsorted(imu.t, t))
-    if rest is not None:
-        f = imu.dv[rest].sum(axis=0) / imu.dt[rest].sum()
-        roll, pitch = level(f)
-        sd = np.hypot(LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR)
-        age = t - imu.t[rest.stop - 1]
-        if age < 1.0:
-            return roll, pitch, sd, "level from rest"
-        if age < 30.0:
-            bias = imu.dtheta[rest].sum(axis=0) / imu.dt[rest].sum()
-            roll, pitch = _carried(roll, pitch, imu.dtheta[rest.stop:n] - bias * imu.dt[rest.stop:n, None])
-            return roll, pitch, np.hypot(sd, np.radians(1.0)), f"level from the rest {age:.0f} s before"
+    if rest and t - imu.t[rest[-1][-1]] < 30.0:
+        last = rest[-1]
+        roll, pitch = level(imu.dv[last].sum(axis=0) / imu.dt[last].sum())
+        since = slice(last[-1] + 1, n)
+        roll, pitch = _carried(roll, pitch, imu.dtheta[since] - bg * imu.dt[since, None])
+        age = t - imu.t[last[-1]]
+        return roll, pitch, np.hypot(LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR) + np.radians(0.05) * age, f"level from the rest {age:.0f} s before"
     near = slice(max(0, n - _rows(imu, 0.5)), n + _rows(imu, 0.5) + 1)
     f = imu.dv[near].sum(axis=0) / imu.dt[near].sum()
     a_n = np.zeros(3)
@@ -159,11 +151,10 @@ def _carried(roll, pitch, dtheta):
 
 
 def _gyro_bias(recording, rest, b_g_sd):
-    """Gyro bias (rad/s) from rest, where the IMU's own turn-on bias is larger than the Earth's rate that rest cannot tell from it."""
-    if rest is None or b_g_sd <= 2 * RATE:
-        return np.zeros(3), np.full(3, b_g_sd), "biases unknown" if rest is None else "biases smaller than the Earth's rate"
-    imu = recording.imu
-    T = imu.dt[rest].sum()
-    mean = imu.dtheta[rest].sum(axis=0) / T
-    noise = imu.dtheta[rest].std(axis=0) * np.sqrt(rest.stop - rest.start) / T
-    return mean, np.hypot(noise, RATE), f"gyro bias from {T:.0f} s of rest"
+    """Gyro bias (rad/s) from all rest, where the IMU's own turn-on bias is larger than the Earth's rate that rest cannot tell from it."""
+    if not rest or b_g_sd <= 2 * RATE:
+        return np.zeros(3), np.full(3, b_g_sd), "biases smaller than the Earth's rate" if rest else "biases unknown"
+    imu, rows = recording.imu, np.concatenate(rest)
+    T = imu.dt[rows].sum()
+    noise = imu.dtheta[rows].std(axis=0) * np.sqrt(len(rows)) / T
+    return imu.dtheta[rows].sum(axis=0) / T, np.hypot(noise, RATE), f"gyro bias from {T:.0f} s of rest"

@@ -18,12 +18,10 @@ def main():
     except KeyboardInterrupt:
         _stop("interrupted; files written so far are whole, nothing is half-written", 130)
     except Exception as error:
-        from click import Abort
-        from click.exceptions import ClickException
         from .data import DataError
-        if isinstance(error, (Abort,)):
+        if isinstance(error, typer.Abort):
             _stop("interrupted; files written so far are whole, nothing is half-written", 130)
-        if isinstance(error, ClickException):
+        if hasattr(error, "format_message"):  # usage errors of typer's own, whichever click it carries
             _stop(error.format_message())
         if isinstance(error, DataError):
             _stop(str(error))

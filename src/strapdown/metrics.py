@@ -132,3 +132,38 @@ def _attitude(reference, trajectory, rows):
         attitude[usable] = (true * estimate.inv()).as_rotvec()
         rph[usable] = wrap(true.as_euler("ZYX")[:, ::-1] - estimate.as_euler("ZYX")[:, ::-1])
     return attitude, rph
+
+
+class Outage(NamedTuple):
+    """How far a solution went from the reference while its fixes were withheld."""
+    start: float                # s
+    stop: float                 # s
+    horizontal_max: float       # m, largest horizontal error within
+    horizontal_end: float       # m, at the end
+    down_max: float             # m, largest vertical error within
+    rms: np.ndarray             # (3,) m NED
+
+
+def outages(solution, reference, windows):
+    """An Outage for each (start, stop) window in s, both included, of a solution whose fixes were withheld there (`Recording.hidden`).
+
+    Scored at the solution's own times against the reference, without any alignment of the two. Raises DataError where one covers no time of the other.
+    """
+    e = errors(solution, reference)
+    scores = []
+    for start, stop in windows:
+        inside = (e.t >= start) & (e.t <= stop) & np.isfinite(e.position).all(axis=1)
+        if not inside.any():
+            raise DataError(f"outage {start:g}-{stop:g} s: solution and reference have no time in common there; choose another window")
+        horizontal, p = e.horizontal[inside], e.position[inside]
+        scores.append(Outage(float(start), float(stop), float(horizontal.max()), float(horizontal[-1]), float(abs(p[:, 2]).max()), _rms(p)))
+    return scores
+
+
+def moving_windows(reference, count, length, every, after, speed):
+    """`count` windows of `length` s, one `every` s, the first `after` s past the first time that the reference is faster than `speed` m/s."""
+    fast = np.hypot(reference.v_n[:, 0], reference.v_n[:, 1]) >= speed
+    if not fast.any():
+        raise DataError(f"the reference is never faster than {speed:g} m/s; choose a lower speed")
+    first = float(reference.t[np.argmax(fast)]) + after
+    return [(first + k * every, first + k * every + length) for k in range(count)]

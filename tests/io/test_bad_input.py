@@ -1,12 +1,15 @@
 """Every kind of bad input: one line that names file, row or field and the remedy, or a recording with a note of what was handled."""
 import gzip
 import lzma
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from strapdown.data import DataError
+from strapdown.core.contract import Imu
+from strapdown.data import Aiding, DataError
 from strapdown.io import read
+from strapdown.io.fixes import checked_aidings
 
 pytestmark = pytest.mark.short
 
@@ -166,6 +169,23 @@ def test_handled_and_noted(build, case):
         assert words in note, notes
 
 
+def test_sorted_fixes_keep_their_values(build):
+    expected, sorted_ = (read(build(gnss=change)).aidings[0] for change in (None, lambda f: f.loc[np.r_[0:5, 6, 5, 7:20]]))
+    np.testing.assert_array_equal(expected.t, sorted_.t)
+    np.testing.assert_array_equal(expected.y, sorted_.y)
+
+
+def test_aidings_from_arrays_are_checked_alike():
+    imu = Imu(*np.zeros((2, 50)), np.zeros((50, 3)), np.zeros((50, 3)))._replace(t=np.arange(1.0, 51), dt=np.ones(50))
+    fix = Aiding("position", np.array([3.0, 2.0, 4.0, np.nan]), np.tile([0.8, 0.1, 100.0], (4, 1)), np.ones(3))
+    (aiding,), notes = checked_aidings(imu, [fix])
+    assert aiding.t.tolist() == [2, 3, 4] and aiding.sd.shape == (3, 3) and aiding.sd.flags.writeable and len(notes) == 2
+    for change, words in ((dict(sd=np.zeros(3)), "position, row 1: standard deviation 0"), (dict(t=fix.t + 900), "nothing falls within the IMU record"),
+                          (dict(y=fix.y[:, :2]), r"needs y and sd of shape \(4, 3\)"), (dict(y=np.degrees(fix.y)), "latitude is 2626.* deg")):
+        with pytest.raises(DataError, match=words):
+            checked_aidings(imu, [replace(fix, **change)])
+
+
 def test_a_missing_component_stays_missing(build):
     position = read(build(gnss=set_cell(3, "alt", np.nan))).aidings[0]
     assert len(position.t) == 20 and np.isnan(position.y[3]).tolist() == [False, False, True]
@@ -176,6 +196,7 @@ def test_the_antimeridian_is_read_as_it_is(build):
     np.testing.assert_allclose(np.degrees(position.y[[0, -1], 1]), [179.9999, -179.9999])
 
 
-@pytest.mark.parametrize("name, words", [("flight.csv", "strapdown inspect"), ("flight.csv.gz", "strapdown inspect"), ("flight.ulg", "supported are recording.toml"), ("flight", "not read")])
+@pytest.mark.parametrize("name, words", [("flight.csv", "strapdown inspect"), ("flight.csv.gz", "strapdown inspect"),
+                                         ("flight.ulg", "supported are recording.toml"), ("flight", "not read")])
 def test_other_files(tmp_path, name, words):
     assert words in refused(tmp_path / name)

@@ -119,6 +119,15 @@ def test_refused_in_one_line(change, words):
     assert words in str(error.value) and "\n" not in str(error.value)
 
 
+def test_a_hand_held_imu_in_deg_per_second_is_refused_though_it_is_never_steady():
+    t = 0.01 * np.arange(3000)
+    gyro = 3 * np.c_[np.sin(2 * t), np.cos(3 * t), np.sin(t)]
+    accel = np.c_[0 * t, 0 * t, 0 * t - 9.8] + 4 * np.c_[np.sin(5 * t), np.cos(4 * t), np.sin(3 * t)]
+    assert Recording.from_arrays(t, gyro, accel).meta["notes"] == []
+    with pytest.raises(DataError, match=r"angular rate has rms \d+ rad/s .*deg/s read as rad/s"):
+        Recording.from_arrays(t, np.degrees(gyro), accel)
+
+
 def test_rates_given_as_increments_are_refused():
     with pytest.raises(DataError, match="are these rates, not increments"):
         imu_from_arrays(*level(200), kind="increment")

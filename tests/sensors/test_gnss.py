@@ -4,7 +4,8 @@ import pymap3d
 import pytest
 
 from strapdown.data import DataError, Trajectory
-from strapdown.sensors.gnss import Gnss, displaced, position_fixes, velocity_fixes
+from strapdown.geodesy import displaced
+from strapdown.sensors.gnss import Gnss, position_fixes, velocity_fixes
 from strapdown.sim.trajectory import DEG, demo_flight, sample
 
 TRUTH = sample(demo_flight(), np.arange(0, 120.001, 0.01) + 60)

@@ -1,8 +1,9 @@
 """Files in and out: everything between a file and a `strapdown.data.Recording`.
 
-locate.py finds files, tables.py reads CSV, units.py and axes.py turn columns into SI and body axes, samples.py and fixes.py clean and check them,
-plausible.py looks for mistaken units and axes, description.py is the schema of `recording.toml` and recording.py what it yields, netcdf.py keeps a
-whole recording in one file, inspection.py and draft.py look at a file and say what it holds.
+locate.py finds files and tables.py reads CSV; units.py and axes.py turn columns into SI and body axes; samples.py and fixes.py clean and check
+them, plausible.py looks for mistaken units and axes, origin.py names their lines in messages; schema.py and description.py are the keys of
+`recording.toml` and their complaints, recording.py what it yields; netcdf.py keeps a whole recording in one file; inspection.py and draft.py
+look at a file and say what it holds; solution.py and kml.py write and read what a filter made of it.
 """
 from pathlib import Path
 
@@ -23,7 +24,8 @@ def read(path):
     if path.name.lower().endswith(SUFFIXES):
         raise DataError(f"{path}: a table alone does not say its units and axes; "
                         f"`strapdown inspect {path} --write recording.toml` drafts the description to read instead")
-    raise DataError(f"{path}: files of type {suffix or '(no suffix)'!r} are not read; supported are recording.toml (naming CSV files) and recording.nc")
+    raise DataError(f"{path}: files of type {suffix or '(no suffix)'!r} are not read; "
+                    "supported are recording.toml (naming CSV files) and recording.nc")
 
 
 def write_recording(recording, path):

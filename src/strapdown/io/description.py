@@ -22,7 +22,8 @@ def complaints(path):
     try:
         return Description.model_validate(content)
     except ValidationError as error:
-        items = sorted(error.errors(include_url=False), key=lambda item: item["type"] != "extra_forbidden")     # a misspelt key is why another is missing
+        not_unknown = lambda item: item["type"] != "extra_forbidden"   # unknown keys first: a misspelt key is why another is missing
+        items = sorted(error.errors(include_url=False), key=not_unknown)
         return [f"{path}: {_complaint(item, content)}" for item in items]
 
 
@@ -47,7 +48,8 @@ def _complaint(item, content):
     if kind == "extra_forbidden":
         known = _keys(location[:-1])
         near = get_close_matches(str(location[-1]), known, 1, 0.5)
-        return f"{_place(location[:-1], content)}: unknown key {location[-1]!r}; {f'did you mean {near[0]!r}?' if near else 'known are ' + ', '.join(known)}"
+        remedy = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+        return f"{_place(location[:-1], content)}: unknown key {location[-1]!r}; {remedy}"
     if kind == "missing":
         message = "is missing"
     elif kind != "value_error":

@@ -35,7 +35,10 @@ class Guess(NamedTuple):
 
 
 def draft(path, folder=None):
-    """Text of a `recording.toml`, to stand in `folder` (default: beside the table), for a bare CSV. Raises DataError where header or time are missing."""
+    """Text of a `recording.toml` for a bare CSV, to stand in `folder` (default: beside the table).
+
+    Raises DataError where the header line or the time is missing.
+    """
     guessed = guess(path, folder)
     if not guessed.text:
         raise DataError(f"{path}: {'; '.join(guessed.problems)}")
@@ -140,8 +143,9 @@ def _imu(table, file, t, time, unit, gyro, accel, facts, problems):
     except DataError as error:
         problems.append(str(error))
     axes = axes or ("FRD", "check: forward-right-down")
-    gyro_note = "" if len(candidates) == 1 else "      # check: the unit is not in the name" if gyro_unit == candidates[0] else "      # check: too large for rad/s"
-    facts.append(f"gyro: {', '.join(gyro)} in {gyro_unit}{'' if len(candidates) == 1 else ' (a guess)'}; accel: {', '.join(accel)} in {accel_unit}"
+    gyro_note = "      # check: the unit is not in the name" if gyro_unit == candidates[0] else "      # check: too large for rad/s"
+    gyro_note, sure = ("", "") if len(candidates) == 1 else (gyro_note, " (a guess)")
+    facts.append(f"gyro: {', '.join(gyro)} in {gyro_unit}{sure}; accel: {', '.join(accel)} in {accel_unit}"
                  + (f" times {scale:g}" if scale != 1 else "") + f"; axes {axes[0]} ({axes[1].removeprefix('check: ')})")
     factor = f", scale = {scale:.6g}" if scale != 1 else ""
     return imu, f"""[imu]
@@ -165,7 +169,7 @@ def _accel_unit(name, raw):
     if unit is None:
         unit = next((u for u, gravity in (("m/s^2", G), ("g", 1.0), ("mg", 1000.0)) if 0.6 < magnitude / gravity < 1.7), None)
         return (unit, 1.0, f"      # check: median magnitude is {magnitude:.4g}") if unit else (
-            "m/s^2", float(f"{G / magnitude:.6g}") if magnitude > 0 else 1.0, "      # check: counts? scale was set so that the median magnitude is gravity")
+            "m/s^2", G / magnitude if magnitude > 0 else 1.0, "      # check: counts? scale was set so that the median magnitude is gravity")
     return unit, 1.0, ""
 
 

@@ -8,8 +8,8 @@ from ..data import DataError, Trajectory
 from .origin import Origin, counted
 from .samples import order
 
-LIMITS = {"length": (500e3, "m", "is the unit mm or ft?"), "speed": (1e4, "m/s", "is the unit mm/s or cm/s?"), "angle": (4 * np.pi, "rad", "is the unit deg?"),
-          "longitude": (2 * np.pi, "rad", "is the unit deg, or is a scale missing?")}
+LIMITS = {"length": (500e3, "m", "is the unit mm or ft?"), "speed": (1e4, "m/s", "is the unit mm/s or cm/s?"),
+          "angle": (4 * np.pi, "rad", "is the unit deg?"), "longitude": (2 * np.pi, "rad", "is the unit deg, or is a scale missing?")}
 """Largest magnitude of a quantity, its unit, and the likely mistake beyond it."""
 
 
@@ -29,14 +29,16 @@ def checked_aidings(imu, aidings):
 def clean(aiding, sensor, origin=None):
     """(Aiding, notes): rows without a time or a value are dropped, late ones sorted, repeated ones dropped. Raises DataError naming the row.
 
-    A single missing component stays as NaN; infinite ones become NaN. A row whose standard deviation is missing is dropped, zero or negative is refused.
+    A single missing component stays as NaN; infinite ones become NaN. A row whose standard deviation is missing is dropped,
+    one where it is zero or negative is refused.
     """
     origin, notes = origin or Origin(aiding.name or aiding.kind), []
     t, y, sd = _arrays(aiding, sensor, origin)
     y = np.where(np.isfinite(y), y, np.nan)
     keep = np.isfinite(t) & np.isfinite(y).any(axis=1) & (np.isnan(y) | np.isfinite(sd)).all(axis=1)
     if not keep.all():
-        notes.append(f"{origin.name}: {counted((~keep).sum(), 'row')} without time, value or standard deviation dropped, the first in {origin.line(np.argmin(keep))}")
+        notes.append(f"{origin.name}: {counted((~keep).sum(), 'row')} without time, value or standard deviation dropped, "
+                     f"the first in {origin.line(np.argmin(keep))}")
         origin, t, y, sd = origin.kept(keep, len(t)), t[keep], y[keep], sd[keep]
     if not len(t) and len(keep):
         raise DataError(f"{origin.name}: no usable fix of kind {sensor.name}; {notes[-1]}")
@@ -68,7 +70,8 @@ def _arrays(aiding, sensor, origin):
     except ValueError:
         pass
     if t.ndim != 1 or y.shape != shape or sd.shape != shape:
-        raise DataError(f"{origin.name}: kind {sensor.name} needs y and sd of shape {shape} for t of shape {t.shape}; y has {y.shape}, sd {sd.shape}")
+        raise DataError(f"{origin.name}: kind {sensor.name} needs y and sd of shape {shape} for t of shape {t.shape}; "
+                        f"y has {y.shape}, sd {sd.shape}")
     return t, y, sd
 
 
@@ -108,7 +111,8 @@ def clean_reference(t, lla, v_n, q_nb, origin):
     notes = []
     keep = np.isfinite(t) & np.isfinite(lla).all(axis=1)
     if not keep.all():
-        notes.append(f"{origin.name}: {counted((~keep).sum(), 'row')} of the reference without time or position dropped, the first in {origin.line(np.argmin(keep))}")
+        notes.append(f"{origin.name}: {counted((~keep).sum(), 'row')} of the reference without time or position dropped, "
+                     f"the first in {origin.line(np.argmin(keep))}")
     rows = np.flatnonzero(keep)
     if len(rows) < 2:
         raise DataError(f"{origin.name}: the reference has {len(rows)} usable rows; at least 2 are needed")

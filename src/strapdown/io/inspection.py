@@ -62,7 +62,8 @@ def _description(path, facts, problems):
     notes += more
     if imu is not None:
         imu_facts(imu, facts)
-        problems += [f"{path}: [imu] {field}: {text}" for field, text in mistakes(imu, description.imu.kind)] + [f"{path}: [imu] {text}" for text in doubts(imu)]
+        problems += [f"{path}: [imu] {field}: {text}" for field, text in mistakes(imu, description.imu.kind)]
+        problems += [f"{path}: [imu] {text}" for text in doubts(imu)]
         for number, part in enumerate(description.aiding, 1):
             aiding, more = _attempt(problems, read_aiding, part, number, description.imu.lever_arm, imu, files) or (None, [])
             aidings += [aiding] if aiding is not None else []
@@ -112,7 +113,8 @@ def imu_facts(imu, facts):
     if held:
         facts.append(f"repeated values: {counted(held, 'sample')} ({100 * held / len(steps):.1f} %) read the same as the one before")
     magnitude = float(np.median(np.linalg.norm(force, axis=1)))
-    facts.append(f"specific force: median magnitude {magnitude:.3f} m/s^2; angular rate: rms {np.degrees(np.sqrt((rate ** 2).sum(axis=1).mean())):.3g} deg/s")
+    rms = np.degrees(np.sqrt((rate ** 2).sum(axis=1).mean()))
+    facts.append(f"specific force: median magnitude {magnitude:.3f} m/s^2; angular rate: rms {rms:.3g} deg/s")
     rest = at_rest(imu)
     if not rest.any():
         facts.append("at rest: never for a whole second")
@@ -160,7 +162,8 @@ def _span(imu, aiding):
     start, stop = max(aiding.t[0], imu.t[0]), min(aiding.t[-1], imu.t[-1])
     steps = np.diff(aiding.t)
     pace = f", every {np.median(steps):.6g} s, longest pause {steps.max():.3f} s" if len(steps) else ""
-    return f"{aiding.name}: {len(aiding.t)} fixes, {aiding.t[0]:.3f} to {aiding.t[-1]:.3f} s{pace}, {max(0.0, stop - start):.1f} s of it with the IMU"
+    return (f"{aiding.name}: {len(aiding.t)} fixes, {aiding.t[0]:.3f} to {aiding.t[-1]:.3f} s{pace}, "
+            f"{max(0.0, stop - start):.1f} s of it with the IMU")
 
 
 def course_facts(imu, aiding, facts, problems):
@@ -169,12 +172,14 @@ def course_facts(imu, aiding, facts, problems):
     correlation, ratio, count = fit(0.0)
     if count < 20 or not np.isfinite(correlation):
         return
-    facts.append(f"turns of gyro z against the course of {aiding.name}: correlation {correlation:.3f}, gyro / course {ratio:.3g} ({count} intervals)")
+    facts.append(f"turns of gyro z against the course of {aiding.name}: correlation {correlation:.3f}, "
+                 f"gyro / course {ratio:.3g} ({count} intervals)")
     shifts = np.arange(-3.0, 3.01, 0.05)
     others = np.array([fit(shift)[0] for shift in shifts])
     best = int(np.nanargmax(np.abs(others)))
     if abs(others[best]) > 0.9 and 1 - abs(others[best]) < 0.5 * (1 - abs(correlation)) and abs(shifts[best]) > 0.2:
-        problems.append(f"{aiding.name}: it fits the gyro best with {-shifts[best]:+.2f} s added to its time, or {shifts[best]:+.2f} s to that of the IMU: check `offset`")
+        problems.append(f"{aiding.name}: it fits the gyro best with {-shifts[best]:+.2f} s added to its time, "
+                        f"or {shifts[best]:+.2f} s to that of the IMU: check `offset`")
     sure = others[best]
     if abs(sure) < 0.7:
         return
@@ -182,8 +187,10 @@ def course_facts(imu, aiding, facts, problems):
     if sure < 0:
         problems.append("[imu] axes: the gyro turns left where the course turns right: check the sign of gyro z, or axes")
     if not 0.4 < ratio < 2.5:
-        guess = {True: "deg/s read as rad/s", False: "rad/s read as deg/s"}[ratio > 1] if 0.5 < (ratio if ratio > 1 else 1 / ratio) / 57.3 < 2 else "a wrong unit or scale"
-        problems.append(f"[imu] gyro.unit: gyro z turns {ratio:.3g} times as much as the course: {guess}?")
+        likely = "a wrong unit or scale"
+        if 0.5 < max(ratio, 1 / ratio) * np.radians(1) < 2:
+            likely = "deg/s read as rad/s" if ratio > 1 else "rad/s read as deg/s"
+        problems.append(f"[imu] gyro.unit: gyro z turns {ratio:.3g} times as much as the course: {likely}?")
 
 
 def _course_fit(imu, aiding):

@@ -19,7 +19,7 @@ def data_folder(start="."):
         for parent in (folder, *folder.parents):
             if (parent / "shared" / "data").is_dir():
                 return parent / "shared" / "data"
-    raise DataError(f"{VARIABLE} is not set and no folder above {Path(start).resolve()} holds shared/data; set it to the folder of the recorded data")
+    raise DataError(f"{VARIABLE} is not set and no data folder was found above {Path(start).resolve()}; set it to the folder of the recorded data")
 
 
 def locate(file, folder):

@@ -29,10 +29,14 @@ def write_recording(recording, path):
         groups[f"aiding_{number}"] = (_aiding_layout(aiding.kind), vars(aiding), attributes)
     if recording.reference is not None:
         groups["reference"] = (REFERENCE, vars(recording.reference), {})
+    try:
+        sets = {name: _dataset(*group) for name, group in groups.items()}
+    except ValueError as error:
+        raise DataError(f"{path}: not written, the columns of the recording have different lengths ({str(error).splitlines()[0]})") from error
     with replacing(path) as part:
         _root(recording.meta).to_netcdf(part, mode="w", engine="h5netcdf")
-        for name, (layout, values, attributes) in groups.items():
-            _dataset(layout, values, attributes).to_netcdf(part, group=name, mode="a", engine="h5netcdf")
+        for name, data in sets.items():
+            data.to_netcdf(part, group=name, mode="a", engine="h5netcdf")
 
 
 def _aiding_layout(kind):
@@ -51,13 +55,16 @@ def _root(meta):
     import xarray as xr
     arrays = {key: value for key, value in meta.items() if isinstance(value, np.ndarray) and value.ndim and value.dtype.kind in "fi"}
     text = json.dumps(plain({key: value for key, value in meta.items() if key not in arrays}))
-    variables = {f"meta_{key}": ([f"{key}_{axis}" for axis in range(value.ndim)], value, {}, {"_FillValue": None}) for key, value in arrays.items()}
+    variables = {f"meta_{key}": ([f"{key}_{axis}" for axis in range(value.ndim)], value, {}, {"_FillValue": None})
+                 for key, value in arrays.items()}
     return xr.Dataset({"meta": ((), text, {"long_name": "meta as JSON"})} | variables, attrs={"format": FORMAT})
 
 
 def _dataset(layout, values, attributes):
     import xarray as xr
-    variables = {name: xr.Variable(dims.split(), np.asarray(values[name], float), {"units": unit, "long_name": text}, encoding={"_FillValue": None})
+    variable = lambda name, dims, unit, text: xr.Variable(dims.split(), np.asarray(values[name], float), {"units": unit, "long_name": text},
+                                                          encoding={"_FillValue": None})
+    variables = {name: variable(name, dims, unit, text)
                  for name, (dims, unit, text) in layout.items() if values[name] is not None}
     return xr.Dataset(variables, attrs=attributes)
 
@@ -83,7 +90,8 @@ def parts(path):
     except DataError:
         raise
     except (OSError, KeyError, ValueError, RuntimeError) as error:
-        raise DataError(f"{path}: is not a whole NetCDF recording ({(str(error) or type(error).__name__).splitlines()[0][:120]}); write it again") from error
+        reason = (str(error) or type(error).__name__).splitlines()[0][:120]
+        raise DataError(f"{path}: is not a whole NetCDF recording ({reason}); write it again") from error
     _check_columns(found[1], path)
     return found
 
@@ -92,20 +100,26 @@ def _parts(path):
     import h5netcdf
     with h5netcdf.File(path, "r") as file:
         if file.attrs.get("format") != FORMAT:
-            raise DataError(f"{path}: is no recording (its format attribute is {file.attrs.get('format')!r}, not {FORMAT!r}); read solutions with read_solution")
-        columns = lambda group, names: {name: np.require(group[name][...], float, ["C", "W"]) if name in group.variables else None for name in names}
-        imu = Imu(**{name: np.require(file["imu"][name][...], float, ["C", "W"]) for name in Imu._fields})
-        aidings = [_aiding(file[name], columns) for name in sorted((g for g in file.groups if g.startswith("aiding_")), key=lambda g: int(g[7:]))]
-        reference = Trajectory(**columns(file["reference"], REFERENCE)) if "reference" in file.groups else None
+            raise DataError(f"{path}: is no recording (its format attribute is {file.attrs.get('format')!r}, not {FORMAT!r}); "
+                            "solutions are read with read_solution")
+        imu = Imu(**{name: _column(file["imu"][name]) for name in Imu._fields})
+        sources = sorted((name for name in file.groups if name.startswith("aiding_")), key=lambda name: int(name[7:]))
+        aidings = [_aiding(file[name]) for name in sources]
+        truth = file["reference"] if "reference" in file.groups else None
+        reference = None if truth is None else Trajectory(**{name: _column(truth[name]) for name in REFERENCE if name in truth.variables})
         text = np.asarray(file["meta"][...]).item()
         meta = json.loads(text.decode() if isinstance(text, bytes) else text)
         meta |= {name[5:]: file[name][...] for name in file.variables if name.startswith("meta_")}
         return meta, imu, aidings, reference
 
 
-def _aiding(group, columns):
-    gate = group.attrs.get("gate")
-    return Aiding(group.attrs["kind"], **columns(group, ("t", "y", "sd")), parameters=tuple(map(float, np.atleast_1d(group.attrs.get("parameters", ())))),
+def _column(variable):
+    return np.require(variable[...], float, ["C", "W"])
+
+
+def _aiding(group):
+    gate, parameters = group.attrs.get("gate"), np.atleast_1d(group.attrs.get("parameters", ()))
+    return Aiding(group.attrs["kind"], *(_column(group[name]) for name in ("t", "y", "sd")), parameters=tuple(map(float, parameters)),
                   gate=None if gate is None else float(gate), name=group.attrs["name"])
 
 

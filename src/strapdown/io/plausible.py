@@ -1,6 +1,7 @@
 """Signs of mistaken units and axes in IMU samples that are already SI and body FRD.
 
-`mistakes` are contradictions with gravity, on which reading stops; `doubts` are only worth a look and shown by `inspect`. Every text ends in the remedy.
+`mistakes` are contradictions with gravity, on which reading stops; `doubts` are only worth a look and shown by `inspect`.
+Every text ends in the remedy.
 The bounds were set so that the recorded car, aircraft and hand-held data pass with a factor of 4 or more to spare.
 """
 import numpy as np

@@ -72,7 +72,8 @@ def _meta(description, files):
     if grade and grade.endswith(".toml"):
         grade = str(files.locate(grade))
     found = {"name": files.path.stem, "date": description.date, "grade": grade}
-    return {key: value for key, value in found.items() if value is not None} | {"point": description.point, "imu_lever_arm": list(description.imu.lever_arm)}
+    found = {key: value for key, value in found.items() if value is not None}
+    return found | {"point": description.point, "imu_lever_arm": list(description.imu.lever_arm)}
 
 
 def read_imu(part, files):
@@ -198,11 +199,12 @@ def read_reference(part, imu, files):
 
 
 def _own_table(table, files):
-    """A table of this library: t in s, then the columns of `Trajectory.table`, in degrees, m and m/s; the unit may stand behind the name in brackets."""
+    """A table of this library: t in s, then columns of `Trajectory.table`, in degrees, m and m/s; units may follow the names in brackets."""
     known = {str(name).partition(" [")[0]: name for name in table.frame.columns}
     has = lambda names: all(name in known for name in names)
     if not has(["t", *NAV_COLUMNS[:3]]):
-        raise DataError(f"{files.path}: [reference] time: is missing; {table.name} has no columns t, lat, lon, alt, so time and position must be given")
+        raise DataError(f"{files.path}: [reference] time: is missing; {table.name} has no columns t, lat, lon, alt, "
+                        "so time and position must be given")
     three = lambda names: np.stack([table.numbers(known[name]) for name in names], axis=1) if has(names) else None
     v_n, rph = three(NAV_COLUMNS[3:6]), three(ATTITUDE_COLUMNS)
     return table.numbers(known["t"]), three(NAV_COLUMNS[:3]) * [DEG, DEG, 1.0], v_n, None if rph is None else rph * DEG, table.origin

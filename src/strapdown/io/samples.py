@@ -48,7 +48,8 @@ def increments(t, gyro, accel, kind="rate", origin=Origin("IMU")):
         if keep is not None:
             origin, t, gyro, accel = origin.kept(keep, len(t)), t[keep], gyro[keep], accel[keep]
         if len(t) < 2:
-            raise DataError(f"{origin.name}: {counted(len(t), 'usable IMU sample')}; at least 2 are needed{''.join('; ' + note for note in notes)}")
+            raise DataError(f"{origin.name}: {counted(len(t), 'usable IMU sample')}; at least 2 are needed"
+                            + "".join("; " + note for note in notes))
     dt = _intervals(t, origin, notes)
     if kind == "rate":
         gyro, accel = gyro * dt[:, None], accel * dt[:, None]
@@ -66,7 +67,8 @@ def _finite(t, gyro, accel, origin, notes):
     keep = np.isfinite(t) & np.isfinite(gyro).all(axis=1) & np.isfinite(accel).all(axis=1)
     if keep.all():
         return None
-    notes.append(f"{origin.name}: {counted((~keep).sum(), 'sample')} with NaN or infinite values dropped, the first in {origin.line(np.argmin(keep))}")
+    notes.append(f"{origin.name}: {counted((~keep).sum(), 'sample')} with NaN or infinite values dropped, "
+                 f"the first in {origin.line(np.argmin(keep))}")
     return keep
 
 
@@ -75,13 +77,17 @@ def _ordered(t, gyro, accel, origin, notes):
 
 
 def order(t, origin, notes):
-    """Row numbers that put `t` in order, or None where it is. Late rows are sorted and stray ones left out, counted in `notes`; DataError for a clock set back."""
+    """Row numbers that put `t` in order, or None where it is in order.
+
+    Late rows are sorted and stray ones left out, counted in `notes`. Raises DataError for a clock that is set back.
+    """
     steps = np.diff(t)
     if (steps >= 0).all():
         return None
     index = np.argsort(t, kind="stable")
     if np.abs(index - np.arange(len(t))).max() <= LATE:
-        notes.append(f"{origin.name}: {counted((steps < 0).sum(), 'late row')} sorted by time, the first in {origin.line(np.argmax(steps < 0) + 1)}")
+        late = np.flatnonzero(steps < 0) + 1
+        notes.append(f"{origin.name}: {counted(len(late), 'late row')} sorted by time, the first in {origin.line(late[0])}")
         return index
     keep = _longest_rising(t)
     stray = np.flatnonzero(~np.isin(np.arange(len(t)), keep))
@@ -125,14 +131,16 @@ def _intervals(t, origin, notes):
     steps = np.diff(t)
     median = float(np.median(steps))
     if not FASTEST <= median <= SLOWEST:
-        raise DataError(f"{origin.name}: IMU samples are {median:.6g} s apart; is the unit of time right? {FASTEST:g} to {SLOWEST:g} s are accepted")
+        raise DataError(f"{origin.name}: IMU samples are {median:.6g} s apart; is the unit of time right? "
+                        f"{FASTEST:g} to {SLOWEST:g} s are accepted")
     gap = steps > GAP * median
     if gap.any():
         longest = int(np.argmax(steps))
         if steps[longest] > LONGEST_PAUSE:
             raise DataError(f"{origin.row(longest + 1)}: time jumps from {t[longest]:.3f} to {t[longest + 1]:.3f} s; "
                             "cut the file there or correct its time column")
-        notes.append(f"{origin.name}: {counted(gap.sum(), 'gap')} in time, the longest {steps[longest] - median:.3f} s before {origin.line(longest + 1)}")
+        notes.append(f"{origin.name}: {counted(gap.sum(), 'gap')} in time, "
+                     f"the longest {steps[longest] - median:.3f} s before {origin.line(longest + 1)}")
         steps[gap] = median
     return np.r_[median, steps]
 

@@ -105,7 +105,7 @@ def _read_netcdf(path):
     import h5netcdf
     with h5netcdf.File(path, "r") as file:
         if file.attrs.get("format") != FORMAT:
-            raise DataError(f"{path}: this NetCDF file is no solution (`format` is not {FORMAT!r}); recordings are read with strapdown.read")
+            raise DataError(f"{path}: this NetCDF file is no solution (`format` is not {FORMAT!r}); read recordings with strapdown.read")
         column = lambda name: np.asarray(file[name][...])
         table = lambda names: np.column_stack([column(name) for name in names])
         read = lambda name: json.loads(np.asarray(file[name][...]).item())

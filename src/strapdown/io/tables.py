@@ -39,7 +39,8 @@ class Table(NamedTuple):
         wrong = np.isnan(values) & cells.notna().to_numpy()
         if wrong.any():
             row = int(np.argmax(wrong))
-            raise DataError(f"{self.origin.row(row)}, column {column!r}: {str(cells.iloc[row])[:40]!r} is not a number; correct the cell or leave it empty")
+            raise DataError(f"{self.origin.row(row)}, column {column!r}: {str(cells.iloc[row])[:40]!r} is not a number; "
+                            "correct the cell or leave it empty")
         return values
 
     def _missing(self, column):
@@ -62,8 +63,8 @@ def read_table(path, header=True):
         skipped, first = _first_line(path)
         with _open(path) as file, warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)     # rows with more cells than the header has names
-            frame = pd.read_csv(file, sep=_separator(first), header=0 if header else None, skiprows=skipped, skip_blank_lines=False, skipinitialspace=True,
-                                low_memory=False, index_col=False)
+            frame = pd.read_csv(file, sep=_separator(first), header=0 if header else None, skiprows=skipped, skip_blank_lines=False,
+                                skipinitialspace=True, low_memory=False, index_col=False)
     except BROKEN as error:
         raise DataError(f"{path}: the compressed file is truncated or damaged ({_line(error)}); copy it again") from error
     except OSError as error:

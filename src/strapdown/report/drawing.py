@@ -79,7 +79,7 @@ def log_range(figure, low, high, row=1):
 
 def finish(figure, height):
     """Layout of every figure; `layout.meta["notes"]` takes sentences that belong below it."""
-    figure.update_layout(template=go.layout.Template(), height=height, margin={"l": 70, "r": 15, "t": 40, "b": 45}, hovermode="x unified",
+    figure.update_layout(template=go.layout.Template(), height=height, margin={"l": 70, "r": 15, "t": 52, "b": 45}, hovermode="x unified",
                          legend={"orientation": "h", "x": 0, "y": 1, "yanchor": "bottom"}, font={"size": 12}, meta={"notes": []})
     figure.update_yaxes(title_standoff=6, zeroline=False, automargin=True)
     figure.update_xaxes(zeroline=False)

@@ -38,7 +38,8 @@ def track(solutions, reference=None):
         marker = {"symbol": symbol, "size": 11, "color": colour, "line": {"color": "#fff", "width": 1.5}}
         _path(figure, path[[row]], label, mode="markers", marker=marker)
     _frame_track(figure, known, paths)
-    return figure.update_layout(xaxis_title="east [m]", yaxis_title="north [m]", hovermode="closest", yaxis_scaleanchor="x")
+    return figure.update_layout(xaxis_title="east [m]", yaxis_title="north [m]", hovermode="closest", yaxis_scaleanchor="x",
+                                margin_t=72)
 
 
 def _fixes(figure, solution, start):

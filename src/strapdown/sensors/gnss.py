@@ -4,9 +4,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..data import Aiding, DataError, Trajectory
-
-_A, _F = 6378137.0, 1 / 298.257223563
-_E2 = _F * (2 - _F)
+from ..geodesy import displaced, wrap
 
 
 class Gnss(NamedTuple):
@@ -58,27 +56,13 @@ def velocity_fixes(trajectory, times, sd, rng, lever_arm=(0.0, 0.0, 0.0), name="
     return Aiding("velocity", t, y, np.tile(sd, (len(t), 1)), tuple(map(float, lever_arm)), name=name)
 
 
-def displaced(lla, ned):
-    """Geodetic positions (n, 3) moved by a few metres north, east, down (n, 3); first order, error about d^2/R."""
-    lat, lon, alt = np.moveaxis(np.asarray(lla, float), -1, 0)
-    north, east, down = np.moveaxis(np.asarray(ned, float), -1, 0)
-    w2 = 1 - _E2 * np.sin(lat) ** 2
-    lat_new = lat + north / (_A * (1 - _E2) / w2 ** 1.5 + alt)
-    lon_new = lon + east / ((_A / np.sqrt(w2) + alt) * np.cos(lat))
-    return np.stack([lat_new, _wrapped(lon_new), alt - down], axis=-1)
-
-
-def _wrapped(angle):
-    return (angle + np.pi) % (2 * np.pi) - np.pi
-
-
 def interpolated(trajectory, t):
     """Position and velocity at times within the trajectory, by cubic splines, as data.Trajectory. Raises DataError."""
     from scipy.interpolate import CubicSpline
     if len(trajectory.t) < 2 or not np.all((t >= trajectory.t[0]) & (t <= trajectory.t[-1])):
         raise DataError(f"fixes are wanted at times outside the trajectory, which covers {trajectory.t[0]:g} to {trajectory.t[-1]:g} s")
     lla = CubicSpline(trajectory.t, np.c_[trajectory.lla[:, 0], np.unwrap(trajectory.lla[:, 1]), trajectory.lla[:, 2]])(t)
-    lla[:, 1] = _wrapped(lla[:, 1])
+    lla[:, 1] = wrap(lla[:, 1])
     return Trajectory(t, lla, None if trajectory.v_n is None else CubicSpline(trajectory.t, trajectory.v_n)(t))
 
 

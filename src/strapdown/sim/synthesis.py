@@ -3,7 +3,8 @@ import numpy as np
 
 from ..core.contract import ATT, BA, BG, POS, STATES, VEL, Start
 from ..data import DataError, Recording
-from ..sensors.gnss import Gnss, displaced
+from ..geodesy import displaced
+from ..sensors.gnss import Gnss
 from ..sensors.imu import grade
 from .trajectory import increments, sample
 
