@@ -21,7 +21,7 @@ _PUBLIC = {
     "Fix": "engine", "Sample": "engine", "Stream": "engine", "fuse": "engine",
     "align": "alignment", "ImuSpec": "sensors.imu", "grade": "sensors.imu", "grades": "sensors.imu",
     "read": "io", "write_recording": "io", "write_solution": "io.solution", "read_solution": "io.solution",
-    "report": "report.page", "errors": "metrics", "rms": "metrics", "outages": "metrics", "simulate": "sim.synthesis",
+    "report": "reports.page", "errors": "metrics", "rms": "metrics", "outages": "metrics", "simulate": "sim.synthesis",
 }
 __all__ = [*_PUBLIC, "__version__"]
 

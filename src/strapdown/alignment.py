@@ -6,16 +6,17 @@ stated in `Start.note` and can be overridden with `Start._replace`. Source: Grov
 import numpy as np
 
 from .core.contract import Start
-from .core.earth import GRAVITY_EQUATOR, RATE, displace
-from .core.rotation import euler_to_matrix, matrix_to_euler, rotate_right
+from .core.earth import GRAVITY_EQUATOR, RATE
 from .data import DataError
-from .io.samples import at_rest
+from .geodesy import displaced, displacement
+from .rest import at_rest
 
 MOVING = 5.0                    # m/s: above it the course of the velocity is taken as heading
 COURSE_SD = np.radians(15.0)    # wind, sideslip
 UNKNOWN_SD = np.radians(104.0)  # uniform over the circle
 LEVEL_SD_REST, LEVEL_SD_MOVING = np.radians(0.5), np.radians(5.0)
-REST_TIME = 2.0                 # s of rest before the start that are worth averaging
+REST_TIME = 2.0                 # s: shortest rest that is worth averaging
+REST_SEARCH = 600.0             # s before the start in which rest is looked for
 
 
 def align(recording, imu, heading=None, heading_sd=np.radians(2.0), at=None):
@@ -35,9 +36,8 @@ def align(recording, imu, heading=None, heading_sd=np.radians(2.0), at=None):
     psi, psi_sd, psi_note = _heading(recording, t, v, moving, heading, heading_sd)
     bg, bg_sd, bias_note = _gyro_bias(recording, rest, b_g_sd)
     roll, pitch, level_sd, level_note = _level(recording, t, rest, psi, velocity, b_a_sd, bg)
-    C, lla = np.empty((3, 3)), position.y[k].copy()
-    euler_to_matrix(roll, pitch, psi, C)
-    displace(lla, *(v * (t - position.t[k]) - C @ np.asarray((tuple(position.parameters) + (0, 0, 0))[:3])))
+    antenna = body_to_navigation(roll, pitch, psi) @ (tuple(position.parameters) + (0.0, 0.0, 0.0))[:3]
+    lla = displaced(position.y[k], v * (t - position.t[k]) - antenna)
     numbers = lambda values: tuple(float(value) for value in values)
     note = f"position and velocity at {t:.2f} s, {psi_note}, {level_note}, {bias_note}"
     return Start(float(t), numbers(lla), numbers(v), numbers((roll, pitch, psi)), (0.0, 0.0, 0.0), numbers(bg),
@@ -73,7 +73,6 @@ def _velocities(position, velocity):
             return velocity.t[later], velocity.y[later], velocity.sd[later]
     if len(position.t) < 2:
         return position.t, np.zeros((1, 3)), np.full((1, 3), 10.0)
-    from .geodesy import displacement
     step = np.diff(position.t)[:, None]
     v = displacement(position.y[1:], position.y[:-1]) / step
     return position.t[1:], v, np.hypot(position.sd[1:], position.sd[:-1]) / step + 0.5
@@ -82,7 +81,10 @@ def _velocities(position, velocity):
 def _rest_before(recording, t):
     """The rests before t that lasted REST_TIME, as arrays of rows, in order."""
     imu = recording.imu
-    still = np.flatnonzero(at_rest(imu)[:int(np.searchsorted(imu.t, t))])
+    first, n = np.searchsorted(imu.t, [t - REST_SEARCH, t])
+    if n - first < 2:
+        return []
+    still = first + np.flatnonzero(at_rest(type(imu)(*(column[first:n] for column in imu))))
     runs = np.split(still, np.flatnonzero(np.diff(still) > 1) + 1) if len(still) else []
     return [run for run in runs if imu.t[run[-1]] - imu.t[run[0]] >= REST_TIME]
 
@@ -141,13 +143,18 @@ def level(f_b, a_n=(0.0, 0.0, 0.0), heading=0.0):
     return float(roll), float(np.arctan2(h[0] * w - h[2] * f_b[0], h[0] * f_b[0] + h[2] * w))
 
 
+def body_to_navigation(roll, pitch, heading):
+    """C_nb (3, 3) of Euler angles, rad."""
+    from scipy.spatial.transform import Rotation
+    return Rotation.from_euler("ZYX", [heading, pitch, roll]).as_matrix()
+
+
 def _carried(roll, pitch, dtheta):
-    """Roll and pitch after the rotation increments dtheta (n, 3), rad."""
-    C = np.empty((3, 3))
-    euler_to_matrix(roll, pitch, 0.0, C)
-    for x, y, z in dtheta:
-        rotate_right(C, x, y, z)
-    return matrix_to_euler(C)[:2]
+    """Roll and pitch after the rotation increments dtheta (n, 3), rad: they turn the direction of specific force in the body."""
+    f = body_to_navigation(roll, pitch, 0.0).T @ [0.0, 0.0, -GRAVITY_EQUATOR]
+    for step in dtheta:
+        f = f - np.cross(step, f - 0.5 * np.cross(step, f))
+    return level(f)
 
 
 def _gyro_bias(recording, rest, b_g_sd):

@@ -72,7 +72,6 @@ def fuse(recording: Path, filter: Annotated[str, typer.Option(help="Architecture
     import strapdown as sd
     from math import inf, radians
     windows, options = _windows(hide), _options(option)
-    _known_filter(filter)
     whole = sd.read(recording)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop).hidden(windows)
     begin = None
@@ -144,20 +143,11 @@ def reproduce(name: str, out: OUT = Path("reproduction"),
     print(f"wrote {out}/index.html")
 
 
-def _known_filter(name):
-    from . import filters
-    from .data import DataError
-    try:
-        filters.find(name)
-    except ValueError as error:
-        raise DataError(str(error)) from None
-
-
 def _windows(text):
     """[(start, stop)] from "T:T,T:T"."""
     from .data import DataError
     windows = []
-    for item in filter_empty((text or "").split(",")):
+    for item in filter(str.strip, (text or "").split(",")):
         try:
             start, stop = map(float, item.split(":"))
         except ValueError:
@@ -166,11 +156,6 @@ def _windows(text):
             raise DataError(f"--hide {item!r}: the window ends before it starts")
         windows.append((start, stop))
     return windows
-
-
-def filter_empty(items):
-    """The items that hold more than blanks."""
-    return [item for item in items if item.strip()]
 
 
 def _options(items):

@@ -18,6 +18,8 @@ UNITS = {"t": "s", "lat": "deg", "lon": "deg", "alt": "m", "VN": "m/s", "VE": "m
          **{name: "m/s^2" if "accel" in name else "deg/h" for name in BIAS_COLUMNS + SD_COLUMNS[9:]},
          **dict(zip(SD_COLUMNS, ["m"] * 3 + ["m/s"] * 3 + ["deg"] * 3))}
 """Unit of every column of `Trajectory.table` and `Solution.table`."""
+SD_SCALE = np.r_[np.ones(6), np.full(3, np.degrees(1)), np.ones(3), np.full(3, np.degrees(3600))]
+"""From SI to the units of the `sd_` columns; its last six also to those of the biases."""
 
 VALID, BRIDGED, INVALID = 0, 1, 2
 """Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and before the next accepted position fix."""
@@ -47,9 +49,11 @@ class Trajectory:
 
     @cached_property
     def rph(self):
-        """(n, 3) roll, pitch, heading in rad, heading in [0, 2 pi)."""
-        heading, pitch, roll = self.rotation.as_euler("ZYX").T
-        return np.c_[roll, pitch, heading % (2 * np.pi)]
+        """(n, 3) roll, pitch, heading in rad, heading in [0, 2 pi); NaN where the quaternion is. Groves (2013) eq. 2.37."""
+        w, x, y, z = self.q_nb.T
+        roll = np.arctan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
+        pitch = np.arcsin(np.clip(2 * (w * y - x * z), -1, 1))
+        return np.c_[roll, pitch, np.arctan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z) % (2 * np.pi)]
 
     def table(self):
         """pandas DataFrame indexed by time (s), columns in the units of `UNITS`."""
@@ -111,8 +115,10 @@ class Recording:
         Row k is the integral (or mean) over (t[k-1], t[k]]; the first row's interval is the median one. Raises DataError.
         """
         from .io.samples import imu_from_arrays
+        from .io.fixes import checked_aidings
         imu, notes = imu_from_arrays(t, gyro, accel, kind)
-        return cls(imu, tuple(aidings), reference, {"name": "arrays", **meta, "notes": notes})
+        aidings, more = checked_aidings(imu, aidings)
+        return cls(imu, tuple(aidings), reference, {"name": "arrays", **meta, "notes": [*notes, *more]})
 
     @classmethod
     def from_frames(cls, imu, aidings=(), reference=None, kind="rate", **meta):
@@ -170,7 +176,7 @@ class Solution:
     innovations: Innovations
     events: tuple = ()                  # (t, text): gaps, re-acquisitions, what else the user must know
     columns: dict = field(default_factory=dict)     # the filter's extra output columns by name
-    covariance: np.ndarray | None = None            # (n, k, k) where it was asked for
+    covariance: np.ndarray | None = None            # (n, k, k) at the same times, where it was asked for
     meta: dict = field(default_factory=dict)        # filter, imu, start, recording, counts
 
     @property
@@ -180,8 +186,7 @@ class Solution:
     def table(self):
         """pandas DataFrame of state, biases, standard deviations and status, units as in `UNITS`."""
         table = self.trajectory.table()
-        scale = np.r_[np.ones(6), np.full(3, np.degrees(1)), np.ones(3), np.full(3, np.degrees(3600))]
-        for names, values in ((BIAS_COLUMNS, np.c_[self.b_a, self.b_g] * scale[9:]), (SD_COLUMNS, self.trajectory.sd * scale)):
+        for names, values in ((BIAS_COLUMNS, np.c_[self.b_a, self.b_g] * SD_SCALE[9:]), (SD_COLUMNS, self.trajectory.sd * SD_SCALE)):
             table[names] = values
         for name, values in self.columns.items():
             table[name] = values

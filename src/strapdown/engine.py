@@ -26,8 +26,11 @@ class Prepared(NamedTuple):
 
 def prepare(filter, kinds, say=None):
     """Compile (or load from the cache) the kernels of `filter` and of the aiding `kinds`. `say` is told once where that takes seconds."""
-    filter = filters.find(filter)
-    sensors = [aiding.find(kind) for kind in dict.fromkeys(kinds)]
+    try:
+        filter = filters.find(filter)
+        sensors = [aiding.find(kind) for kind in dict.fromkeys(kinds)]
+    except ValueError as error:
+        raise DataError(str(error)) from None
     kernels = [filter.predict, filter.correct, loop.run, *(sensor.observe for sensor in sensors)]
     if say and not all(is_cached(kernel) for kernel in kernels):
         say("compiling the filter for the first time on this machine, about 15 s ...")
@@ -69,15 +72,15 @@ def new_cursor(t, sources):
     return cursor
 
 
-def fuse(recording, filter="closed-loop", imu=None, start=None, noise=None, every=1, covariance_every=0, say=None, progress=None, **options):
+def fuse(recording, filter="closed-loop", imu=None, start=None, noise=None, every=1, covariance=False, say=None, progress=None, **options):
     """Run `filter` over `recording` and return the Solution.
 
     imu: grade, file or ImuSpec (default: what the recording names); start: a Start (default: `alignment.align`); noise: a Noise in place of the IMU's;
-    every: keep each n-th row (the last one always); covariance_every: keep the covariance at each n-th row (0: never); say: told of slow
-    compilation; progress: called with the fraction done; options: the filter's own. Raises DataError and ValueError in one line.
+    every: keep each n-th row (the last one always); covariance: keep the whole covariance of these rows too; say: told of slow compilation;
+    progress: called with the fraction done; options: the filter's own. Raises DataError.
     """
-    if every < 1 or covariance_every < 0:
-        raise DataError(f"every is {every} and covariance_every {covariance_every}; they must be at least 1 and 0")
+    if every < 1:
+        raise DataError(f"every is {every}; it must be at least 1")
     noise, spec = _noise(recording, imu, noise, needed=start is None)
     if start is None:
         from .alignment import align
@@ -91,9 +94,10 @@ def fuse(recording, filter="closed-loop", imu=None, start=None, noise=None, ever
     fixes = merge(recording.aidings, start.t - loop.SAME_TIME)
     cursor = new_cursor(start.t, len(fixes.kind))
     cursor.at[loop.ROW], cursor.at[loop.FIXES], cursor.at[loop.EVERY] = first, len(fixes.t), every
-    cursor.at[loop.PHASE], cursor.at[loop.COVARIANCE_EVERY] = (rows - 1) % every, covariance_every
-    out = Output(np.empty((-(-(rows - first) // every), loop.NAV_WIDTH + len(prepared.filter.columns))),
-                 np.empty((-(-(rows - first) // covariance_every) if covariance_every else 0, *belief.P.shape)), np.empty((len(fixes.t), loop.FIX_WIDTH)))
+    cursor.at[loop.PHASE] = (rows - 1) % every
+    kept = -(-(rows - first) // every)
+    out = Output(np.empty((kept, loop.NAV_WIDTH + len(prepared.filter.columns))),
+                 np.empty((kept if covariance else 0, *belief.P.shape)), np.empty((len(fixes.t), loop.FIX_WIDTH)))
     while cursor.at[loop.ROW] < rows and not cursor.at[loop.FAULT]:
         cursor.at[loop.STOP] = min(cursor.at[loop.ROW] + CHUNK, rows)
         loop.run(*prepared[1:], belief, samples, fixes, noise, cursor, out)
@@ -116,8 +120,11 @@ def _belief(filter, start, noise, options):
     known = [name for name in inspect.signature(filter.start).parameters][2:]
     for name in options:
         if name not in known:
-            raise ValueError(f"filter {filter.name!r} has no option {name!r}; it has {', '.join(known) or 'none'}")
-    return filter.start(start, noise, **options)
+            raise DataError(f"filter {filter.name!r} has no option {name!r}; it has {', '.join(known) or 'none'}")
+    try:
+        return filter.start(start, noise, **options)
+    except ValueError as error:
+        raise DataError(f"filter {filter.name!r}: {error}") from None
 
 
 def _solution(recording, samples, filter, start, noise, spec, fixes, cursor, out):
@@ -125,7 +132,8 @@ def _solution(recording, samples, filter, start, noise, spec, fixes, cursor, out
     nav, used = out.nav[:cursor.at[loop.OUT]], out.fix[:cursor.at[loop.FIX]]
     events = _events(samples, start, used, [a.name or a.kind for a in recording.aidings])
     meta = {"filter": filter.name, "recording": recording.meta.get("name", ""), "notes": list(recording.meta.get("notes", [])),
-            "imu": spec.name if spec else "", "start": start._asdict(), "noise": noise._asdict(), "fixes_outside": int(_outside(recording, start, used))}
+            "imu": spec.name if spec else "", "start": start._asdict(), "noise": noise._asdict(), "fixes_outside": sum(len(a.t) for a in recording.aidings) - len(used),
+            "kinds": {a.name or a.kind: a.kind for a in recording.aidings}, "date": recording.meta.get("date")}
     if cursor.at[loop.FAULT]:
         t = samples.t[cursor.at[loop.ROW]]
         meta["stopped"] = f"stopped at {t:.2f} s: the latitude left the +-89 deg where results hold, or the filter diverged"
@@ -138,7 +146,7 @@ def _solution(recording, samples, filter, start, noise, spec, fixes, cursor, out
     return Solution(trajectory, nav[:, loop.BIASES:loop.BIASES + 3], nav[:, loop.BIASES + 3:loop.SD], nav[:, loop.ROW_STATUS].astype(np.int8),
                     innovations(used, recording.aidings, fixes.gate), tuple(sorted(events)),
                     {name: nav[:, loop.NAV_WIDTH + i] for i, name in enumerate(filter.columns)},
-                    out.covariance[:cursor.at[loop.OUT_COVARIANCE]] if len(out.covariance) else None, meta)
+                    out.covariance[:len(nav)] if len(out.covariance) else None, meta)
 
 
 def innovations(used, aidings, gates):
@@ -147,19 +155,16 @@ def innovations(used, aidings, gates):
                        used[:, loop.F_USE] > 0, tuple(a.name or a.kind for a in aidings), tuple(float(gate) for gate in gates))
 
 
-def _outside(recording, start, used):
-    """How many measured fixes lie before the start or after the last sample."""
-    return sum(len(a.t) for a in recording.aidings) - len(used)
-
-
 def _events(samples, start, used, names):
     """Gaps of the IMU and re-acquisitions of a source, as (t, text)."""
     events = []
-    before = np.r_[start.t, samples.t[:-1]]
-    gap = samples.t - samples.dt - before
-    for k in np.flatnonzero((gap > 0.5 * samples.dt + loop.SAME_TIME) & (samples.t > start.t)):
-        rule = "bridged" if gap[k] <= loop.BRIDGE else "velocity and attitude held, invalid until the next position fix"
-        events.append((float(before[k]), f"IMU gap of {gap[k]:.3g} s: {rule}"))
+    for first in range(0, len(samples.t), CHUNK):  # in pieces: a day of samples is too long for temporary columns
+        t, dt = (column[first:first + CHUNK] for column in samples[:2])
+        before = np.r_[samples.t[first - 1] if first else start.t, t[:-1]]
+        gap = t - dt - np.maximum(before, start.t)
+        for k in np.flatnonzero((gap > 0.5 * dt + loop.SAME_TIME) & (t > start.t)):
+            rule = "bridged" if gap[k] <= loop.BRIDGE else "velocity and attitude held, invalid until the next position fix"
+            events.append((float(before[k]), f"IMU gap of {gap[k]:.3g} s: {rule}"))
     for s, name in enumerate(names):
         lifted = used[(used[:, loop.F_SOURCE] == s) & (used[:, loop.F_USE] == loop.REACQUIRED), loop.F_T]
         first = lifted[np.diff(lifted, prepend=-np.inf) > 2 * loop.PATIENCE]
@@ -193,7 +198,7 @@ class Stream:
     def __init__(self, filter, start, imu=None, noise=None, aidings=(), lag=0.0, say=None, **options):
         from .data import Recording
         if not lag >= 0:
-            raise ValueError(f"lag is {lag} s; it must be 0 or more")
+            raise DataError(f"lag is {lag} s; it must be 0 or more")
         self.noise, _ = _noise(Recording(None), imu, noise, needed=False)
         self.prepared = prepare(filter, [a.kind for a in aidings], say)
         self.belief = _belief(self.prepared.filter, start, self.noise, options)

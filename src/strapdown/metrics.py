@@ -36,14 +36,6 @@ class Rms(NamedTuple):
     rph: np.ndarray | None          # (3,) rad, roll, pitch, heading
 
 
-def euler(q_nb):
-    """(n, 3) roll, pitch, heading in rad, heading in [0, 2 pi), of quaternions; NaN where those are NaN, which scipy refuses."""
-    w, x, y, z = q_nb.T
-    roll = np.arctan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
-    pitch = np.arcsin(np.clip(2 * (w * y - x * z), -1, 1))
-    return np.c_[roll, pitch, np.arctan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z) % (2 * np.pi)]
-
-
 def errors(trajectory, reference):
     """Errors of a Trajectory (or Solution) against a reference at the trajectory's own times inside the reference's span.
 

@@ -5,7 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from strapdown.data import DataError, Recording
-from strapdown.io.samples import LATE, at_rest, imu_from_arrays, increments
+from strapdown.io.samples import LATE, imu_from_arrays, increments
+from strapdown.rest import at_rest
 
 
 def level(n, dt=0.01):

@@ -14,8 +14,7 @@ import pytest
 from strapdown.data import UNITS, DataError
 from strapdown.io.solution import read_solution, write_solution
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "report"))
-from synthetic import flight, solution  # noqa: E402
+from synthetic import flight, solution
 
 pytestmark = pytest.mark.short
 KML = "{http://www.opengis.net/kml/2.2}"
@@ -25,7 +24,7 @@ KML = "{http://www.opengis.net/kml/2.2}"
 def made():
     made = solution(flight(30, rate=5.0), start={"t": np.float64(0.0), "sd": (1.0, np.inf)})
     made.trajectory.sd[:, 14] = np.nan     # a state the filter does not claim
-    return replace(made, columns={"heave [m]": np.arange(150.0)}, covariance=np.random.default_rng(1).random((15, 15, 15)))
+    return replace(made, columns={"heave [m]": np.arange(150.0)}, covariance=np.random.default_rng(1).random((150, 15, 15)))
 
 
 def same_state(a, b, angle=0.0):
@@ -178,7 +177,7 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path, ending):
     path.write_text("old")
     program = textwrap.dedent(f"""
         import resource, signal, sys
-        sys.path.insert(0, {str(Path(__file__).parents[1] / 'report')!r})
+        sys.path.insert(0, {str(Path(__file__).parents[1])!r})
         from synthetic import flight, solution
         from strapdown.data import DataError
         from strapdown.io.solution import write_solution

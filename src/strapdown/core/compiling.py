@@ -70,6 +70,11 @@ def helper(function):
     return numba.njit(**OPTIONS)(function)
 
 
+def plain(function):
+    """The Python function behind a helper, for a single call from Python: compiling it there would cost a second in each process."""
+    return getattr(function, "py_func", function)
+
+
 def inlined(function):
     """A helper that is always inlined, so that a constant argument makes loops of constant length."""
     return numba.njit(**OPTIONS, forceinline=True)(function)

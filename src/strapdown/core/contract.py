@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from .compiling import COMPILED, address, caller, compile_kernel, entry_point, helper, is_cached, kernel, matrix
+from .compiling import COMPILED, address, caller, compile_kernel, entry_point, helper, is_cached, kernel, matrix, plain
 
 __all__ = ["Belief", "Start", "Noise", "Imu", "Fixes", "Cursor", "Output", "Filter", "Sensor", "PARAMETERS", "POSITION_KIND", "OBSERVE", "PREDICT", "CORRECT", "RUN",
            "POS", "VEL", "ATT", "BA", "BG", "STATES", "COMPILED", "kernel", "helper", "matrix", "address", "entry_point", "caller", "compile_kernel", "is_cached"]
@@ -58,7 +58,7 @@ class Start(NamedTuple):
         from .rotation import euler_to_matrix
         column = lambda values: np.array(values, float)
         C = np.empty((3, 3))
-        euler_to_matrix(*(float(angle) for angle in self.rph), C)
+        plain(euler_to_matrix)(*(float(angle) for angle in self.rph), C)
         return Belief(column(self.lla), column(self.v), C, column(self.ba), column(self.bg), np.diag(column(self.sd) ** 2),
                       np.zeros(3), np.zeros(3), aux)
 

@@ -14,9 +14,9 @@ from .earth import LATITUDE_LIMIT
 from .mechanization import compensate, stationary_increments
 from .rotation import matrix_to_quaternion
 
-ROW, STOP, FIX, FIXES, OUT, EVERY, PHASE, OUT_COVARIANCE, COVARIANCE_EVERY, STATUS, FAULT, CURSOR_SIZE = range(12)
-"""Cursor.at: next IMU row, where to stop, next fix, how many there are, next output row, keep rows with row % every == phase, the same for the
-covariance, status of the belief, and FAULT = 1 once the belief left the latitudes where results hold, or is not a number."""
+ROW, STOP, FIX, FIXES, OUT, EVERY, PHASE, STATUS, FAULT, CURSOR_SIZE = range(10)
+"""Cursor.at: next IMU row, where to stop, next fix, how many there are, next output row, keep rows with row % every == phase, status of the
+belief, and FAULT = 1 once the belief left the latitudes where results hold, or is not a number."""
 T, LLA, V, Q, BIASES, SD, ROW_STATUS, NAV_WIDTH = 0, 1, 4, 7, 11, 17, 32, 33
 """Columns of Output.nav: time, position, velocity, quaternion, biases (accelerometer, gyro), 15 standard deviations, status; then a filter's own."""
 F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, FIX_WIDTH = 0, 1, 2, 5, 6, 7
@@ -61,10 +61,9 @@ def run(predict, correct, observers, belief, imu, fixes, noise, cursor, out):
         at[ROW] = row + 1
         if row % at[EVERY] == at[PHASE]:
             _write_row(belief, t, at[STATUS], out.nav[at[OUT]])
+            if out.covariance.shape[0] > 0:
+                _write_covariance(belief.P, out.covariance[at[OUT]])
             at[OUT] += 1
-        if at[COVARIANCE_EVERY] > 0 and row % at[COVARIANCE_EVERY] == at[PHASE] % at[COVARIANCE_EVERY]:
-            _write_covariance(belief.P, out.covariance[at[OUT_COVARIANCE]])
-            at[OUT_COVARIANCE] += 1
 
 
 @inlined

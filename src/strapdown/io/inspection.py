@@ -10,7 +10,8 @@ from .fixes import overlap
 from .locate import locate
 from .origin import counted
 from .plausible import doubts, mistakes
-from .samples import GAP, at_rest
+from ..rest import at_rest
+from .samples import GAP
 
 
 class Inspection(NamedTuple):

@@ -6,7 +6,7 @@ The bounds were set so that the recorded car, aircraft and hand-held data pass w
 """
 import numpy as np
 
-from .samples import at_rest
+from ..rest import at_rest
 
 G = 9.80665
 LEAST_FORCE, MOST_FORCE = 3.0, 60.0

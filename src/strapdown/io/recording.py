@@ -12,7 +12,8 @@ from .description import load
 from .fixes import clean, clean_reference, overlap
 from .locate import locate
 from .plausible import mistakes
-from .samples import at_rest, increments
+from ..rest import at_rest
+from .samples import increments
 from .schema import deviation_dimension, vector_factors
 from .tables import read_table
 from .units import DEG, DIMENSIONS, factor

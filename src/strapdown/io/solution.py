@@ -8,11 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..data import BIAS_COLUMNS, BRIDGED, INVALID, NAV_COLUMNS, SD_COLUMNS, UNITS, VALID, DataError, Innovations, Solution, Trajectory
+from ..data import BIAS_COLUMNS, BRIDGED, INVALID, NAV_COLUMNS, SD_COLUMNS, SD_SCALE, UNITS, VALID, DataError, Innovations, Solution, Trajectory
 from ..files import replacing
 
-SD_SCALE = np.r_[np.ones(6), np.full(3, np.degrees(1)), np.ones(3), np.full(3, np.degrees(3600))]
-"""From SI to the units of the `sd_` columns."""
 QUATERNION = ["q_w", "q_x", "q_y", "q_z"]
 FORMAT = "strapdown solution 1"
 CSV_DECIMALS = 10
@@ -90,7 +88,7 @@ def _variables(solution):
     found["status"] = (("time",), solution.status, meanings)
     found |= {f"extra_{i}": (("time",), values, {"long_name": name}) for i, (name, values) in enumerate(solution.columns.items())}
     if solution.covariance is not None:
-        found["covariance"] = (("covariance_row", "state", "state_2"), solution.covariance,
+        found["covariance"] = (("time", "state", "state_2"), solution.covariance,
                                {"units": "products of m, m/s, rad, m/s^2, rad/s (the error states in order)"})
     found |= {"fix_time": (("fix",), fixes.t, {"units": "s"}),
               "fix_source": (("fix",), fixes.source, {"units": "1", "long_name": "index into `sources`"}),

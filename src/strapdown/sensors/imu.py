@@ -3,7 +3,6 @@
 A further error term is a field of `Triad` with its units and a line in `Triad.errors`.
 """
 import difflib
-import os
 import tomllib
 from dataclasses import dataclass, field, fields
 from importlib.resources import files
@@ -14,6 +13,7 @@ import numpy as np
 
 from ..core.contract import Imu, Noise
 from ..data import DataError
+from ..files import replacing
 
 _DEG, _G = np.pi / 180, 9.80665
 
@@ -153,14 +153,8 @@ class ImuSpec:
 
     def to_toml(self, path):
         """Write a spec file that `from_toml` reads back to an equal spec (SI values; datasheet units beside them as comments)."""
-        path = Path(path)
-        temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-        try:
-            temporary.write_text(_as_toml(self), encoding="utf-8")
-            os.replace(temporary, path)
-        except OSError as error:
-            temporary.unlink(missing_ok=True)
-            raise DataError(f"{path}: cannot be written ({error.strerror})") from None
+        with replacing(path) as part:
+            part.write_text(_as_toml(self), encoding="utf-8")
 
     def __repr__(self):
         parts = []

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from synthetic import flight, solution
 
-import strapdown.report as report
+from strapdown import report
 from strapdown import metrics
 from strapdown.data import DataError
 
@@ -100,11 +100,6 @@ def test_saving_is_whole_or_not_at_all(page, tmp_path):
     with pytest.raises(DataError, match="cannot be written"):
         page.save(tmp_path / "absent" / "a.html")
     assert [path.name for path in tmp_path.iterdir()] == ["a.html"]
-
-
-def test_the_public_name_is_both_package_and_function(page):
-    import strapdown.report.page as module
-    assert callable(report) and report.page is module
 
 
 def browse(tmp_path, *options):

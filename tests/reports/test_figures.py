@@ -8,7 +8,7 @@ from synthetic import flight, solution
 from strapdown import metrics
 from strapdown.data import Innovations
 from strapdown.geodesy import displacement
-from strapdown.report import drawing, figures, fixes
+from strapdown.reports import drawing, figures, fixes
 
 pytestmark = pytest.mark.short
 TRUTH = flight(600, rate=2.0)

@@ -173,10 +173,10 @@ def attitude(solution, reference=None, colour=COLOURS[0], window=None, compare=N
     """Errors of roll, pitch and heading with 3-sigma bands, deg; without a reference the estimate (with `compare` drawn beside it)."""
     e = _known(solution, reference)
     if e is not None and e.attitude is not None:
-        sd = euler_sd(metrics.euler(solution.trajectory.q_nb[e.rows]), e.sd[:, 6:9])
+        sd = euler_sd(solution.trajectory.rph[e.rows], e.sd[:, 6:9])
         return _errors(solution, e.t, np.degrees(e.rph), 3 * np.degrees(sd), EULER, "deg", colour, window)
-    rph, sd = metrics.euler(solution.trajectory.q_nb), solution.trajectory.sd[:, 6:9]
-    beside = None if compare is None or compare.q_nb is None else np.degrees(metrics.euler(compare.q_nb))
+    rph, sd = solution.trajectory.rph, solution.trajectory.sd[:, 6:9]
+    beside = None if compare is None or compare.q_nb is None else np.degrees(compare.rph)
     return _estimates(solution, np.degrees(rph), 3 * np.degrees(euler_sd(rph, sd)), EULER, "deg", colour, compare, beside)
 
 

@@ -1,0 +1,85 @@
+"""The recorded flights and drives of examples/recordings, fused and scored: `strapdown reproduce recordings`.
+
+thor75 is compared with the solution computed on board over the time in which that one has converged; drive0708 is scored in nine outages of 15 s.
+"""
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from .. import io
+from ..data import DataError
+from ..engine import fuse
+from ..metrics import errors, moving_windows, outages, rms
+from ..reports.page import report
+from .pages import claim, write_page
+
+FILTERS = ("closed-loop", "open-loop")
+FLIGHT = (240.0, 575.0)
+"""Seconds of thor75 that are scored: heading cannot be observed before the launch at 211 s, and the aircraft lands at 579 s."""
+DRIVES = {"drive0708": ("GNSS alone", 5.5), "drive0708-vehicle": ("with the vehicle's constraints", 1.8)}
+"""Description, what it adds, and the bound on the median of the largest horizontal errors, m."""
+INTRODUCTION = (
+    "Real recordings, fused from raw IMU and GNSS as examples/recordings describes them, with the closed loop, and with the open loop beside it.",
+    "thor75 is a fixed-wing UAV with a MEMS IMU at 50 Hz and GPS at 1 Hz. Its reference is the solution of the autopilot on board: another filter "
+    "on the same sensors, no independent truth. In its first half minute (240-270 s) that filter still moves its accelerometer bias; "
+    "the table shows the same errors over later windows too.",
+    "drive0708 is a car in hills with a MEMS IMU at 100 Hz and RTK GNSS at 4 Hz. Fixes are withheld for 15 s every 50 s, nine times, from 60 s after "
+    "the car first reaches 4 m/s; the error is the largest horizontal distance from the RTK solution within each outage.")
+
+
+def windows_of(recording):
+    """The nine 15 s outages of the drive, [(start, stop)] in s."""
+    return moving_windows(recording.reference, count=9, length=15.0, every=50.0, after=60.0, speed=4.0)
+
+
+def reproduce(out, descriptions=None, say=None):
+    """Fuse and score the recordings, write the page into the folder `out`, return the claims. Raises DataError."""
+    folder = Path(descriptions) if descriptions else Path(__file__).resolve().parents[3] / "examples" / "recordings"
+    if not (folder / "thor75.toml").exists():
+        raise DataError(f"{folder}: no thor75.toml there; give the folder of the descriptions (examples/recordings of the source tree)")
+    flight, flight_claims, flight_links = _flight(folder, out, say)
+    drive, summary, drive_claims, drive_links = _drive(folder, out, say)
+    claims = flight_claims + drive_claims
+    tables = {"thor75": ("thor75: rms difference from the solution on board", flight),
+              "drive0708-summary": ("drive0708: largest horizontal error in the nine outages", summary),
+              "drive0708": ("drive0708: every outage", drive)}
+    write_page(out, "strapdown on recorded data", INTRODUCTION, claims, tables, flight_links + drive_links)
+    return claims
+
+
+def _flight(folder, out, say):
+    recording = io.read(folder / "thor75.toml")
+    solutions = {name: fuse(recording, name, say=say) for name in FILTERS}
+    rows = []
+    for name, solution in solutions.items():
+        for window in (FLIGHT, (270.0, FLIGHT[1]), (300.0, FLIGHT[1])):
+            r = rms(errors(solution, recording.reference), window)
+            rows.append((name, f"{window[0]:.0f}-{window[1]:.0f}", *r.position, *r.velocity, *np.degrees(r.rph)))
+    table = pd.DataFrame(rows, columns=["filter", "window, s", *(f"{q} {axis}, {unit}" for q, unit, axes in (("position", "m", "NED"), ("velocity", "m/s", "NED"))
+                                                               for axis in axes for unit in [unit]), "roll, deg", "pitch, deg", "heading, deg"])
+    report(solutions, recording.reference, title="thor75: closed and open loop", window=FLIGHT).save(out / "thor75.html")
+    first = table.iloc[0]
+    claims = [claim(f"thor75 closed loop, {name.split(',')[0]} rms", first[name], bound, unit)
+              for name, bound, unit in (("roll, deg", 0.4, "deg"), ("pitch, deg", 0.4, "deg"), ("heading, deg", 2.0, "deg"),
+                                        ("position N, m", 0.5, "m"), ("position E, m", 0.5, "m"), ("position D, m", 0.5, "m"))]
+    return table, claims, [("thor75: closed and open loop", "thor75.html")]
+
+
+def _drive(folder, out, say):
+    rows, summary, claims, links = [], [], [], []
+    for description, (text, bound) in DRIVES.items():
+        recording = io.read(folder / f"{description}.toml")
+        windows = windows_of(recording)
+        solutions = {name: fuse(recording.hidden(windows), name, say=say) for name in FILTERS}
+        for name, solution in solutions.items():
+            scores = outages(solution, recording.reference, windows)
+            largest = np.array([score.horizontal_max for score in scores])
+            rows += [(description, name, s.start, s.stop, s.horizontal_max, s.horizontal_end, s.down_max) for s in scores]
+            summary.append((description, name, float(np.median(largest)), float(largest.max()), float(np.median([s.horizontal_end for s in scores]))))
+            if name == "closed-loop":
+                claims.append(claim(f"drive0708 closed loop, {text}: median of the largest horizontal error in nine 15 s outages", np.median(largest), bound, "m"))
+        report(solutions, recording.reference, title=f"{description}: nine outages of 15 s").save(out / f"{description}.html")
+        links.append((f"{description}: nine outages of 15 s, {text}", f"{description}.html"))
+    table = pd.DataFrame(rows, columns=["recording", "filter", "from, s", "to, s", "largest horizontal, m", "horizontal at the end, m", "largest vertical, m"])
+    return table, pd.DataFrame(summary, columns=["recording", "filter", "median, m", "largest, m", "median at the end, m"]), claims, links
