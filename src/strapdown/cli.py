@@ -1,35 +1,42 @@
 """The command line. Bad input ends in one line on standard error and exit code 2; Ctrl-C in one line and 130; nothing is left half-written."""
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Optional
 
 import typer
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
+from .console import Progress, print_errors, print_outages, summarise, table
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
                   help="Aided inertial navigation: from IMU, GNSS and other records to position, velocity, attitude and biases with uncertainties.")
+INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
 OUT = Annotated[Path, typer.Option(help="Folder for the results.")]
 IMU = Annotated[Optional[str], typer.Option(help="IMU grade (see `strapdown imus`) or a file that describes one; default: what the recording names.")]
 
 
 def main():
     """Entry point of the command `strapdown`."""
+    if len(sys.argv) == 1:
+        sys.argv.append("--help")
     try:
-        app(standalone_mode=False)
-    except KeyboardInterrupt:
-        _stop("interrupted; files written so far are whole, nothing is half-written", 130)
+        if app(standalone_mode=False) == INTERRUPTED:  # typer takes Ctrl-C for itself and returns the code
+            raise KeyboardInterrupt
+    except (KeyboardInterrupt, typer.Abort):
+        _stop("interrupted; files written so far are whole, nothing is half-written", INTERRUPTED)
     except Exception as error:
         from .data import DataError
-        if isinstance(error, typer.Abort):
-            _stop("interrupted; files written so far are whole, nothing is half-written", 130)
         if hasattr(error, "format_message"):  # usage errors of typer's own, whichever click it carries
-            _stop(error.format_message())
+            context = getattr(error, "ctx", None)
+            _stop(error.format_message() + (f" See `{context.command_path} --help`." if context else ""))
         if isinstance(error, DataError):
             _stop(str(error))
         raise
 
 
 def _stop(message, code=2):
-    print(f"strapdown: {message}", file=sys.stderr)
+    print("strapdown: " + message.replace("\n", " "), file=sys.stderr)
     raise SystemExit(code)
 
 
@@ -46,48 +53,64 @@ def options(version: Annotated[bool, typer.Option("--version", callback=_version
 
 
 @app.command()
-def demo(out: Annotated[Path, typer.Option(help="The page to write.")] = Path("report.html"), seed: int = 7, imu: str = "tactical"):
+def demo(out: Annotated[Path, typer.Option(help="The page to write.")] = Path("report.html"),
+         seed: Annotated[int, typer.Option(help="Of the random errors; another seed is another flight's noise.")] = 7,
+         imu: Annotated[str, typer.Option(help="IMU grade to simulate, or a file that describes one.")] = "tactical"):
     """Simulate a 10-minute flight, fuse it open and closed loop, print the errors and write a page."""
     import strapdown as sd
     from .sim.trajectory import demo_flight
     recording = sd.simulate(demo_flight(), 600.0, imu, seed)
     print(f"simulated flight: 600 s, {imu} IMU at 100 Hz, GNSS position and velocity at 1 Hz, seed {seed}")
-    with _Progress() as progress:
-        solutions = {name: sd.fuse(recording, name, say=progress.say, progress=progress.track(name)) for name in ("closed-loop", "open-loop")}
-    _print_errors(solutions, recording.reference, (120.0, 600.0))
-    sd.report(solutions, recording.reference, title="strapdown demo: a simulated 10-minute flight", window=(120.0, 600.0)).save(out)
+    with _folder(out.parent), Progress() as progress:
+        solutions = {name: sd.fuse(recording, name, imu, say=progress.say, progress=progress.track(name)) for name in ("closed-loop", "open-loop")}
+        print_errors(solutions, recording.reference, (120.0, 600.0))
+        sd.report(solutions, recording.reference, title="strapdown demo: a simulated 10-minute flight", window=(120.0, 600.0)).save(out)
     print(f"wrote {out}")
 
 
 @app.command()
-def fuse(recording: Path, filter: Annotated[str, typer.Option(help="Architecture; see `strapdown filters`.")] = "closed-loop", imu: IMU = None,
-         start: Annotated[Optional[float], typer.Option("--from", help="First second of the recording to use.")] = None,
-         stop: Annotated[Optional[float], typer.Option("--to", help="Last second of the recording to use.")] = None,
-         hide: Annotated[Optional[str], typer.Option(help="Withhold recorded fixes: T:T,T:T in seconds.")] = None,
-         heading: Annotated[Optional[float], typer.Option(help="Initial heading, deg, where you know it (to 2 deg).")] = None,
-         option: Annotated[Optional[list[str]], typer.Option(help="An option of the filter, NAME=VALUE; may be repeated.")] = None,
+def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="recording.toml or .nc")],
+         filter: Annotated[str, typer.Option(help="Architecture; see `strapdown filters`.")] = "closed-loop", imu: IMU = None,
+         start: Annotated[Optional[float], typer.Option("--from", metavar="T", help="First second of the recording to use.")] = None,
+         stop: Annotated[Optional[float], typer.Option("--to", metavar="T", help="Last second of the recording to use.")] = None,
+         hide: Annotated[Optional[str], typer.Option(metavar="T:T,...", help="Withhold recorded fixes in these windows, s.")] = None,
+         heading: Annotated[Optional[float], typer.Option(metavar="DEG", help="Initial heading, where you know it (to 2 deg).")] = None,
+         option: Annotated[Optional[list[str]], typer.Option(metavar="NAME=VALUE", help="An option of the filter (see `strapdown filters`); may be repeated.")] = None,
          every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
-         out: Annotated[Optional[Path], typer.Option(help="Folder for the results [default: NAME-FILTER].")] = None):
-    """Fuse a recording (recording.toml or .nc): writes solution.nc, solution.csv, track.kml and report.html."""
+         out: Annotated[Optional[Path], typer.Option(help="Folder for the results.  [default: NAME-FILTER]")] = None):
+    """Fuse a recording: writes solution.nc, solution.csv, track.kml and report.html."""
     import strapdown as sd
-    from math import inf, radians
+    from math import inf
     windows, options = _windows(hide), _options(option)
     whole = sd.read(recording)
-    part = whole.between(-inf if start is None else start, inf if stop is None else stop).hidden(windows)
-    begin = None
-    if heading is not None:
-        begin = sd.align(part, sd.grade(imu or _grade_of(part)), heading=radians(heading))
-    out = out or Path(f"{part.meta.get('name') or recording.stem}-{filter}")
-    with _Progress() as progress:
-        solution = sd.fuse(part, filter, imu=imu, start=begin, every=every, say=progress.say, progress=progress.track(filter), **options)
-    _summarise(solution)
-    if whole.reference is not None:
-        _print_errors({filter: solution}, whole.reference, None)
-    _make_folder(out)
-    for name in ("solution.nc", "solution.csv", "track.kml"):
-        sd.write_solution(solution, out / name)
-    sd.report(solution, whole.reference).save(out / "report.html")
-    print(f"wrote {out}/solution.nc, solution.csv, track.kml, report.html")
+    imu = imu or _grade_of(whole)
+    part = whole.between(-inf if start is None else start, inf if stop is None else stop)
+    seen = part.hidden(windows)
+    if windows:
+        print(f"{sum(len(a.t) for a in part.aidings) - sum(len(a.t) for a in seen.aidings)} fixes withheld")
+    with _folder(out or Path(f"{part.meta.get('name') or recording.stem}-{filter}")) as folder:
+        begin = _start(seen, imu, heading)
+        with Progress() as progress:
+            solution = sd.fuse(seen, filter, imu=imu, start=begin, every=every, say=progress.say, progress=progress.track(filter), **options)
+        summarise(solution)
+        if whole.reference is not None:
+            print_errors({filter: solution}, whole.reference)
+            print_outages(solution, whole.reference, windows)
+        for name in ("solution.nc", "solution.csv", "track.kml"):
+            sd.write_solution(solution, folder / name)
+        sd.report(solution, whole.reference).save(folder / "report.html")
+    print(f"wrote {folder}/solution.nc, solution.csv, track.kml, report.html")
+
+
+def _start(recording, imu, heading):
+    """The Start at a heading (deg) that the user knows; None leaves it to `fuse`."""
+    if heading is None:
+        return None
+    import strapdown as sd
+    from math import radians
+    if not -360 <= heading <= 360:
+        raise sd.DataError(f"--heading {heading:g}: it is clockwise from true north in deg, at most 360")
+    return sd.align(recording, sd.grade(imu), heading=radians(heading))
 
 
 def _grade_of(recording):
@@ -99,9 +122,15 @@ def _grade_of(recording):
 
 
 @app.command()
-def inspect(path: Path, write: Annotated[Optional[Path], typer.Option(help="From a bare CSV: draft the recording.toml that describes it.")] = None):
+def inspect(path: Annotated[Path, typer.Argument(metavar="PATH", help="recording.toml, .nc, or a bare CSV")],
+            write: Annotated[Optional[Path], typer.Option(help="From a bare CSV: draft the recording.toml that describes it.")] = None):
     """Say what a recording or a CSV holds, and what is probably wrong with it: rates, gaps, time base, units, axes."""
+    from .data import DataError
     from .io.inspection import inspect
+    if write is not None and path.suffix.lower() in (".toml", ".nc"):
+        raise DataError(f"--write drafts the description of a bare CSV; {path} is a recording already")
+    if write is not None and write.exists():
+        raise DataError(f"--write {write}: there is such a file already; name another, or remove it")
     print(inspect(path))
     if write is not None:
         from .files import replacing
@@ -114,9 +143,12 @@ def inspect(path: Path, write: Annotated[Optional[Path], typer.Option(help="From
 
 @app.command()
 def filters():
-    """List the filter architectures with their sources."""
+    """List the filter architectures with their options, defaults and sources."""
+    from inspect import signature
     from . import filters
-    _table(("filter", "reference"), [(name, filters.find(name).reference) for name in filters.names()])
+    found = [filters.find(name) for name in filters.names()]
+    options = lambda each: " ".join(f"{p.name}={p.default}" for p in list(signature(each.start).parameters.values())[2:])
+    table(("filter", "options", "reference"), [(each.name, options(each), each.reference) for each in found])
 
 
 @app.command()
@@ -124,8 +156,8 @@ def imus():
     """List the IMU grades with their error terms."""
     from .sensors.imu import grade, grades
     specs = [grade(name) for name in grades()]
-    rows = dict.fromkeys(key for spec in specs for key in spec.datasheet())
-    _table(("", *(spec.name for spec in specs)), [(key, *(_number(spec.datasheet().get(key)) for spec in specs)) for key in rows])
+    rows = {key: [spec.datasheet()[key] for spec in specs] for key in specs[0].datasheet()}
+    table(("", *(spec.name for spec in specs)), [(key, *(f"{value:.4g}" if value else "-" for value in row)) for key, row in rows.items() if any(row)])
 
 
 @app.command()
@@ -136,10 +168,9 @@ def reproduce(name: str, out: OUT = Path("reproduction"),
     if name != "recordings":
         raise DataError(f"nothing to reproduce is called {name!r}; there is: recordings")
     from .papers.recordings import reproduce
-    _make_folder(out)
-    with _Progress() as progress:
+    with _folder(out), Progress() as progress:
         claims = reproduce(out, recordings, say=progress.say)
-    _table(("claim", "target", "measured", "holds"), [(c["claim"], c["target"], c["figure"], "yes" if c["holds"] else "no") for c in claims])
+    table(("claim", "target", "measured", "holds"), [(c["claim"], c["target"], c["figure"], "yes" if c["holds"] else "no") for c in claims])
     print(f"wrote {out}/index.html")
 
 
@@ -173,85 +204,25 @@ def _options(items):
     return options
 
 
-def _make_folder(path):
+@contextmanager
+def _folder(path):
+    """The folder for results, made and tried before the work begins; what was made is removed again where the work fails and left it empty."""
+    from tempfile import TemporaryFile
     from .data import DataError
+    made = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise DataError(f"{path}: the folder cannot be made ({error.strerror}); choose another --out") from None
-
-
-def _summarise(solution):
-    import numpy as np
-    for note in solution.meta.get("notes", []):
-        print(f"note: {note}")
-    print(f"start: {solution.meta['start']['note']}")
-    for name, (good, bad) in solution.counts().items():
-        print(f"{name}: {good} fixes accepted, {bad} rejected")
-    if solution.meta["fixes_outside"]:
-        print(f"{solution.meta['fixes_outside']} fixes lie before the start or after the last sample and were not used")
-    for t, text in solution.events[:10]:
-        print(f"{t:10.2f} s  {text}")
-    if len(solution.events) > 10:
-        print(f"           and {len(solution.events) - 10} more events; the report lists them")
-    sd = solution.trajectory.sd[-1]
-    print(f"at the end: position sd {_triple(sd[:3])} m NED, velocity sd {_triple(sd[3:6])} m/s, attitude sd {_triple(np.degrees(sd[6:9]))} deg")
-
-
-def _triple(values):
-    return " ".join(_number(value) for value in values)
-
-
-def _number(value):
-    return "-" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
-
-
-def _print_errors(solutions, reference, window):
-    """A table of root mean square errors; says in one line why there is none."""
-    import numpy as np
-    from .data import DataError
-    from .metrics import errors, rms
-    rows = []
-    for name, solution in solutions.items():
         try:
-            r = rms(errors(solution, reference), window)
-        except DataError as error:
-            print(f"not scored: {error}")
-            continue
-        rows.append((name, _triple(r.position), "-" if r.velocity is None else _triple(r.velocity), "-" if r.rph is None else _triple(np.degrees(r.rph))))
-    if rows:
-        print("rms error against the reference" + (f" over {window[0]:g}-{window[1]:g} s" if window else ""))
-        _table(("filter", "position N E D, m", "velocity N E D, m/s", "roll pitch heading, deg"), rows)
-
-
-def _table(header, rows):
-    widths = [max(len(str(row[i])) for row in [header, *rows]) for i in range(len(header))]
-    for row in [header, ["-" * width for width in widths], *rows]:
-        print("  ".join(str(cell).ljust(width) for cell, width in zip(row, widths)).rstrip())
-
-
-class _Progress:
-    """A progress bar on standard error where that is a terminal; plain lines for what takes long otherwise."""
-
-    def __enter__(self):
-        from rich.console import Console
-        from rich.progress import Progress
-        self.console = Console(stderr=True)
-        self.bar = Progress(console=self.console, transient=True, disable=not self.console.is_terminal)
-        self.bar.start()
-        return self
-
-    def __exit__(self, *_):
-        self.bar.stop()
-
-    def say(self, text):
-        """A line that is seen at once."""
-        self.console.print(text, highlight=False, soft_wrap=True)
-
-    def track(self, name):
-        """A function of the fraction done."""
-        task = self.bar.add_task(name, total=1.0)
-        return lambda done: self.bar.update(task, completed=float(done))
+            path.mkdir(parents=True, exist_ok=True)
+            with TemporaryFile(dir=path):
+                pass
+        except OSError as error:
+            raise DataError(f"--out {path}: nothing can be written there ({error.strerror}); choose another folder") from None
+        yield path
+    except BaseException:
+        for folder in made:
+            if folder.is_dir() and not any(folder.iterdir()):
+                folder.rmdir()
+        raise
 
 
 if __name__ == "__main__":

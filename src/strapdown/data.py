@@ -55,6 +55,16 @@ class Trajectory:
         pitch = np.arcsin(np.clip(2 * (w * y - x * z), -1, 1))
         return np.c_[roll, pitch, np.arctan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z) % (2 * np.pi)]
 
+    def displaced(self, lever_arm, omega):
+        """The trajectory of another point of the body: `lever_arm` (3,) m from this one, body; `omega` (n, 3) rad/s, bias-free body rate.
+
+        Standard deviations stay those of the original point.
+        """
+        from dataclasses import replace
+        from .geodesy import displaced
+        turn = self.rotation
+        return replace(self, lla=displaced(self.lla, turn.apply(lever_arm)), v_n=self.v_n + turn.apply(np.cross(omega, lever_arm)))
+
     def table(self):
         """pandas DataFrame indexed by time (s), columns in the units of `UNITS`."""
         import pandas as pd

@@ -117,10 +117,12 @@ def _noise(recording, imu, noise, needed):
 
 
 def _belief(filter, start, noise, options):
-    known = [name for name in inspect.signature(filter.start).parameters][2:]
-    for name in options:
+    known = {name: option.default for name, option in list(inspect.signature(filter.start).parameters.items())[2:]}
+    for name, value in options.items():
         if name not in known:
             raise DataError(f"filter {filter.name!r} has no option {name!r}; it has {', '.join(known) or 'none'}")
+        if isinstance(value, str) and not isinstance(known[name], str):
+            raise DataError(f"filter {filter.name!r}: {name} is {value!r}; it must be a number")
     try:
         return filter.start(start, noise, **options)
     except ValueError as error:
@@ -133,7 +135,7 @@ def _solution(recording, samples, filter, start, noise, spec, fixes, cursor, out
     events = _events(samples, start, used, [a.name or a.kind for a in recording.aidings])
     meta = {"filter": filter.name, "recording": recording.meta.get("name", ""), "notes": list(recording.meta.get("notes", [])),
             "imu": spec.name if spec else "", "start": start._asdict(), "noise": noise._asdict(), "fixes_outside": sum(len(a.t) for a in recording.aidings) - len(used),
-            "kinds": {a.name or a.kind: a.kind for a in recording.aidings}, "date": recording.meta.get("date")}
+            "kinds": {a.name or a.kind: a.kind for a in recording.aidings}, "date": recording.meta.get("date"), "point": recording.meta.get("point", "imu")}
     if cursor.at[loop.FAULT]:
         t = samples.t[cursor.at[loop.ROW]]
         meta["stopped"] = f"stopped at {t:.2f} s: the latitude left the +-89 deg where results hold, or the filter diverged"
@@ -143,6 +145,10 @@ def _solution(recording, samples, filter, start, noise, spec, fixes, cursor, out
     sd = nav[:, loop.SD:loop.ROW_STATUS]
     sd[:, [i for i in range(sd.shape[1]) if i not in filter.states]] = np.nan
     trajectory = Trajectory(nav[:, loop.T], nav[:, loop.LLA:loop.V], nav[:, loop.V:loop.Q], nav[:, loop.Q:loop.BIASES], sd)
+    if recording.meta.get("point") == "reference":
+        rows = np.searchsorted(samples.t, trajectory.t)
+        omega = samples.dtheta[rows] / samples.dt[rows, None] - nav[:, loop.BIASES + 3:loop.SD]
+        trajectory = trajectory.displaced(-np.asarray(recording.meta["imu_lever_arm"]), omega)
     return Solution(trajectory, nav[:, loop.BIASES:loop.BIASES + 3], nav[:, loop.BIASES + 3:loop.SD], nav[:, loop.ROW_STATUS].astype(np.int8),
                     innovations(used, recording.aidings, fixes.gate), tuple(sorted(events)),
                     {name: nav[:, loop.NAV_WIDTH + i] for i, name in enumerate(filter.columns)},

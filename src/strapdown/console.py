@@ -1,0 +1,94 @@
+"""What the commands print: tables, summaries, progress. Heavy imports inside functions, so that `--help` stays quick."""
+
+
+def summarise(solution):
+    """What a user must know of a solution beside its errors: notes, start, fixes, events, uncertainty at the end."""
+    import numpy as np
+    for note in solution.meta.get("notes", []):
+        print(f"note: {note}")
+    print(f"start: {solution.meta['start']['note']}")
+    for name, (good, bad) in solution.counts().items():
+        print(f"{name}: {good} fixes accepted, {bad} rejected")
+    if solution.meta["fixes_outside"]:
+        print(f"{solution.meta['fixes_outside']} fixes lie before the start or after the last sample and were not used")
+    for t, text in solution.events[:10]:
+        print(f"{t:10.2f} s  {text}")
+    if len(solution.events) > 10:
+        print(f"           and {len(solution.events) - 10} more events; the report lists them")
+    sd = solution.trajectory.sd[-1]
+    print(f"at the end: position sd {triple(sd[:3])} m NED, velocity sd {triple(sd[3:6])} m/s, attitude sd {triple(np.degrees(sd[6:9]))} deg")
+
+
+def print_outages(solution, reference, windows):
+    """How far the solution went while its fixes were withheld, a row per window; says in one line why there is none."""
+    from .data import DataError
+    from .metrics import outages
+    rows = []
+    for window in windows:
+        try:
+            outage, = outages(solution, reference, [window])
+        except DataError as error:
+            print(f"not scored: {error}")
+            continue
+        rows.append((f"{outage.start:g}-{outage.stop:g}", *map(number, (outage.horizontal_max, outage.horizontal_end, outage.down_max))))
+    if rows:
+        table(("fixes withheld, s", "largest horizontal error, m", "at the end, m", "largest vertical, m"), rows)
+
+
+def triple(values):
+    """Three numbers with three digits each."""
+    return " ".join(number(value) for value in values)
+
+
+def number(value):
+    """A number with three digits, a dash for None."""
+    return "-" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def print_errors(solutions, reference, window=None):
+    """A table of root mean square errors; says in one line why there is none."""
+    import numpy as np
+    from .data import DataError
+    from .metrics import errors, rms
+    rows = []
+    for name, solution in solutions.items():
+        try:
+            r = rms(errors(solution, reference), window)
+        except DataError as error:
+            print(f"not scored: {error}")
+            continue
+        rows.append((name, triple(r.position), "-" if r.velocity is None else triple(r.velocity), "-" if r.rph is None else triple(np.degrees(r.rph))))
+    if rows:
+        print("rms error against the reference" + (f" over {window[0]:g}-{window[1]:g} s" if window else ""))
+        table(("filter", "position N E D, m", "velocity N E D, m/s", "roll pitch heading, deg"), rows)
+
+
+def table(header, rows):
+    """Print rows of cells in columns as wide as their widest cell."""
+    widths = [max(len(str(row[i])) for row in [header, *rows]) for i in range(len(header))]
+    for row in [header, ["-" * width for width in widths], *rows]:
+        print("  ".join(str(cell).ljust(width) for cell, width in zip(row, widths)).rstrip())
+
+
+class Progress:
+    """A progress bar on standard error where that is a terminal; plain lines for what takes long otherwise."""
+
+    def __enter__(self):
+        from rich.console import Console
+        from rich.progress import Progress
+        self.console = Console(stderr=True)
+        self.bar = Progress(console=self.console, transient=True, disable=not self.console.is_terminal)
+        self.bar.start()
+        return self
+
+    def __exit__(self, *_):
+        self.bar.stop()
+
+    def say(self, text):
+        """A line that is seen at once."""
+        self.console.print(text, highlight=False, soft_wrap=True)
+
+    def track(self, name):
+        """A function of the fraction done."""
+        task = self.bar.add_task(name, total=1.0)
+        return lambda done: self.bar.update(task, completed=float(done))
