@@ -21,7 +21,7 @@ def main():
     if len(sys.argv) == 1:
         sys.argv.append("--help")
     try:
-        if app(standalone_mode=False) == INTERRUPTED:  # typer takes Ctrl-C for itself and returns the code
+        if app(standalone_mode=False, prog_name="strapdown") == INTERRUPTED:  # typer takes Ctrl-C for itself and returns the code
             raise KeyboardInterrupt
     except (KeyboardInterrupt, typer.Abort):
         _stop("interrupted; files written so far are whole, nothing is half-written", INTERRUPTED)

@@ -6,6 +6,7 @@ import hashlib
 import os
 import shutil
 import tempfile
+import threading
 from pathlib import Path
 
 import numba
@@ -63,6 +64,7 @@ def _cache_folder(keep=3):
 
 
 CACHE = _cache_folder() if COMPILED else None
+_ONE_AT_A_TIME = threading.Lock()
 
 
 def helper(function):
@@ -102,11 +104,14 @@ def kernel(signature, **options):
 
 def compile_kernel(dispatcher):
     """Compile (or load from the cache) for the declared signature and refuse any other from now on. True when it was compiled."""
-    if not COMPILED or dispatcher.signature.args in dispatcher.overloads:
+    if not COMPILED:
         return False
-    dispatcher.compile(dispatcher.signature.args)
-    dispatcher.disable_compile()
-    return not sum(dispatcher.stats.cache_hits.values())
+    with _ONE_AT_A_TIME:  # a second thread would find compilation disabled before it looks for the result
+        if dispatcher.signature.args in dispatcher.overloads:
+            return False
+        dispatcher.compile(dispatcher.signature.args)
+        dispatcher.disable_compile()
+        return not sum(dispatcher.stats.cache_hits.values())
 
 
 def is_cached(dispatcher):

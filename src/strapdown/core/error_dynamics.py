@@ -55,7 +55,7 @@ def kinematic_blocks(lla, v, model, F):
         F[VP + 2] = (v_n * v_d - v_e * v_e * tan) / (M * M)
         F[TP], F[TP + 6] = ie_d / M, -(ie_n + secant) / M
         F[TP + 2], F[TP + 5], F[TP + 8] = v_e * v_e / (N * N), -v_n * v_n / (M * M), -v_e * tan / (N * N)
-        F[TV + 1], F[TV + 3], F[TV + 7] = 1 / N, -1 / M, -tan / N
+        F[TV + 1], F[TV + 3], F[TV + 7] = 1 / M, -1 / M, -tan / N
     return w0, w1, w2
 
 

@@ -14,7 +14,8 @@ WORKSPACE = 600  # and n * n + 3 * n + 4 numbers for the correction, which uses 
 """Parts of the flat workspace: P (rows of 15), Phi P (rows of 16), the first 8 rows of Phi P transposed (rows of 8). One array with constant
 offsets, strides and trip counts, because then the compiler sees that nothing overlaps and makes vector code."""
 LEAST_NOISE = 1e-9
-"""A fix counts as at least this fraction of the predicted innovation variance: below it P would lose its positive sign to rounding."""
+"""A fix has at least this fraction of the variance that its states would bring without their correlations: below it P would lose its positive
+sign to rounding."""
 
 
 def transition(source, source_stride, target, target_stride, blocks_of_lanes, lanes):
@@ -174,10 +175,11 @@ def _update(n, P, H, innovation, sd, rows, gate, work, dx):
         e = innovation[i]
         if math.isnan(e):
             continue
-        row = U + m * (n + 1)
+        row, terms = U + m * (n + 1), 0.0
         for j in range(n):
             h = H[i, j]
             if h != 0:
+                terms += h * h * numbers[n * j + j]
                 for lane in range(n + 1):
                     work[row + lane] += h * work[n * j + lane]
         for k in range(m):
@@ -186,7 +188,7 @@ def _update(n, P, H, innovation, sd, rows, gate, work, dx):
             for lane in range(n + 1):
                 work[row + lane] -= overlap * work[U + k * (n + 1) + lane]
         variance = _sparse_dot(n, H, i, work, row)
-        scale = 1 / math.sqrt(variance + max(sd[i] * sd[i], LEAST_NOISE * variance))
+        scale = 1 / math.sqrt(variance + max(sd[i] * sd[i], LEAST_NOISE * terms))
         for lane in range(n + 1):
             work[row + lane] *= scale
         work[row + n] = 0.0

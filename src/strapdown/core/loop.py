@@ -3,7 +3,7 @@
 Rules (stated in docs/filters.md):
 - A sample is split at the time of a fix inside it, in proportion.
 - A gap of at most BRIDGE seconds is bridged with the last sample's rates and added noise, the row after it marked BRIDGED. Over a longer one
-  velocity and attitude are held, the covariance grows at the HOLD densities, and rows are INVALID until a position fix is accepted.
+  velocity and attitude are held, the covariance grows at the HOLD densities, and rows are INVALID until a position fix after it is accepted.
 - A source whose fixes were rejected REJECTED times in a row over at least PATIENCE seconds has its gate lifted until a fix passes it again.
 """
 import math
@@ -44,17 +44,18 @@ def run(predict, correct, observers, belief, imu, fixes, noise, cursor, out):
             _cross_gap(predict, correct, observers, belief, fixes, noise, cursor, out, begin)
         elif at[STATUS] == BRIDGED:
             at[STATUS] = VALID
+        inside = 0.5 * dt if cursor.previous[6] > 0 else SAME_TIME  # a run may begin anywhere inside its first sample
         compensate(imu.dtheta[row], imu.dv[row], dt, cursor.previous, sample)
         for i in range(3):
             cursor.previous[i], cursor.previous[3 + i] = imu.dtheta[row, i], imu.dv[row, i]
         cursor.previous[6] = dt
-        if now[0] - begin > 0.5 * dt:  # the belief stands inside this sample: use the rest of it
+        if now[0] - begin > inside:  # the belief stands inside this sample: use the rest of it
             share = max(t - now[0], 0.0) / dt
             dt *= share
             for i in range(6):
                 sample[i] *= share
         _advance(predict, correct, observers, belief, fixes, noise, cursor, out, t, dt)
-        if not abs(belief.lla[0]) <= LATITUDE_LIMIT:
+        if not (abs(belief.lla[0]) <= LATITUDE_LIMIT and belief.P[0, 0] >= 0):
             at[FAULT] = 1
             at[STOP] = row
             return
@@ -107,7 +108,7 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
         cursor.in_a_row[s] += 1
     else:
         cursor.in_a_row[s] = 0
-    if use > 0 and fixes.kind[s] == POSITION_KIND:
+    if use > 0 and fixes.kind[s] == POSITION_KIND and at[STATUS] == INVALID:
         at[STATUS] = VALID
     cursor.accepted[s] += use > 0
     cursor.rejected[s] += use == REJECTED_FIX
@@ -122,7 +123,6 @@ def _cross_gap(predict, correct, observers, belief, fixes, noise, cursor, out, u
     """Bring the belief over missing samples to the time `until`, in steps of at most STEP seconds."""
     at, now, u, last = cursor.at, cursor.now, cursor.work[0:6], cursor.previous
     short = until - now[0] <= BRIDGE
-    at[STATUS] = max(at[STATUS], BRIDGED if short else INVALID)
     gyro, accel = (BRIDGE_GYRO, BRIDGE_ACCEL) if short else (HOLD_GYRO, HOLD_ACCEL)
     wide = Noise(math.hypot(noise.gyro, gyro), math.hypot(noise.accel, accel), noise.gyro_bias, noise.accel_bias,
                  noise.gyro_decay, noise.accel_decay)
@@ -137,8 +137,8 @@ def _cross_gap(predict, correct, observers, belief, fixes, noise, cursor, out, u
                 u[i] += belief.bg[i] * step
                 u[3 + i] += belief.ba[i] * step
         _advance(predict, correct, observers, belief, fixes, wide, cursor, out, now[0] + step, step)
-    if not short:
-        last[6] = 0.0
+    at[STATUS] = max(at[STATUS], BRIDGED if short else INVALID)  # last: fixes inside the gap do not end it
+    last[6] = 0.0
 
 
 @inlined

@@ -8,6 +8,7 @@ from . import open_loop
 from .open_loop import BIAS, INS_ERROR, C, LLA, V, correct_beside, predict_beside
 
 INTERVAL, ELAPSED = OWN + 30, OWN + 31  # s; s since the last reset
+ROUNDING = 1e-6                         # s: of a sum of steps
 
 
 def start(start, noise, interval=60.0, error_model="corrected"):
@@ -29,7 +30,7 @@ def predict(belief, u, dt, noise):
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     aux = belief.aux
     nis = correct_beside(belief, y, sd, observe, parameters, gate, innovation)
-    if nis <= gate and aux[ELAPSED] >= aux[INTERVAL]:
+    if nis <= gate and aux[ELAPSED] >= aux[INTERVAL] - ROUNDING:
         aux[ELAPSED] = 0.0
         lla, v, raw, b, x = aux[LLA], aux[V], matrix(aux, C, 3, 3), aux[BIAS], aux[X]
         for i in range(3):

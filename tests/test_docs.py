@@ -1,0 +1,174 @@
+"""The documentation works: every Python example and every `strapdown` line of it runs, links lead somewhere, every public name is mentioned.
+
+Blocks of one page share a namespace and a working folder and run from top to bottom. A block whose fence says `needs-data` uses recorded data;
+on such a page all blocks run once more, in a test of its own, which is skipped where there is no data.
+"""
+import io
+import re
+import shlex
+import sys
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+import strapdown
+from strapdown import cli
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), ROOT / "benchmarks" / "README.md"]
+FENCE = re.compile(r"^```(\w+)?([^\n]*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\[[^\]]+\]\(([^)\s]+)\)")
+
+
+class Block(NamedTuple):
+    """A fenced block: its language, what else its fence says, its text and the line where the text begins."""
+    language: str
+    flags: tuple
+    text: str
+    line: int
+
+    @property
+    def needs_data(self):
+        return "needs-data" in self.flags
+
+
+def blocks(page):
+    """All fenced blocks of a page."""
+    text = page.read_text(encoding="utf-8")
+    return [Block(m[1] or "", tuple(m[2].split()), m[3], text.count("\n", 0, m.start()) + 2) for m in FENCE.finditer(text)]
+
+
+def executable(page):
+    """The blocks of a page that run: python, and the lines of sh that call strapdown."""
+    return [block for block in blocks(page) if block.language in ("python", "sh")]
+
+
+def prose(page):
+    """The page without its blocks."""
+    return FENCE.sub("", page.read_text(encoding="utf-8"))
+
+
+def run_python(page, block, namespace):
+    code = compile("\n" * (block.line - 1) + block.text, str(page), "exec")
+    exec(code, namespace)
+
+
+def run_shell(page, block, monkeypatch):
+    """Each line that begins with `strapdown`, in this process; it must end well."""
+    for number, line in enumerate(block.text.splitlines(), block.line):
+        words = shlex.split(line, comments=True)
+        if words[:1] == ["strapdown"]:
+            monkeypatch.setattr(sys, "argv", words)
+            try:
+                cli.main()
+            except SystemExit as end:
+                assert not end.code, f"{page.name}:{number}: {line} ended with {end.code}"
+
+
+def run_page(page, found, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    (folder / "examples").symlink_to(ROOT / "examples")
+    namespace = {"__name__": "__main__"}
+    with redirect_stdout(io.StringIO()):
+        for block in found:
+            if block.language == "python":
+                run_python(page, block, namespace)
+            else:
+                run_shell(page, block, monkeypatch)
+
+
+def ids(pages):
+    return [page.relative_to(ROOT).as_posix() for page in pages]
+
+
+WITH_EXAMPLES = [page for page in PAGES if any(not block.needs_data for block in executable(page))]
+WITH_DATA = [page for page in PAGES if any(block.needs_data for block in executable(page))]
+
+
+@pytest.mark.parametrize("page", WITH_EXAMPLES, ids=ids(WITH_EXAMPLES))
+def test_examples_run(page, tmp_path, monkeypatch):
+    run_page(page, [block for block in executable(page) if not block.needs_data], tmp_path, monkeypatch)
+
+
+@pytest.mark.parametrize("page", WITH_DATA, ids=ids(WITH_DATA))
+def test_examples_on_recorded_data_run(page, tmp_path, monkeypatch, data_folder):
+    monkeypatch.setenv("STRAPDOWN_DATA", str(data_folder))
+    run_page(page, executable(page), tmp_path, monkeypatch)
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("page", PAGES, ids=ids(PAGES))
+def test_links_lead_somewhere(page):
+    for target in LINK.findall(prose(page)):
+        if target.startswith(("http://", "https://", "mailto:")):
+            continue
+        path, _, anchor = target.partition("#")
+        other = (page.parent / path).resolve() if path else page
+        assert other.exists(), f"{page.name}: {target} does not exist"
+        if anchor:
+            assert anchor in anchors(other), f"{page.name}: {other.name} has no heading #{anchor}"
+
+
+def anchors(page):
+    """The names that a page's headings get on the web."""
+    headings = re.findall(r"^#+ (.*)$", prose(page), re.MULTILINE)
+    return [re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings]
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("page", PAGES, ids=ids(PAGES))
+def test_fences_are_of_a_known_kind(page):
+    assert page.read_text(encoding="utf-8").count("```") % 2 == 0, f"{page.name}: a block is not closed"
+    for block in blocks(page):
+        assert block.language in ("python", "sh", "toml", "text"), f"{page.name}:{block.line}: {block.language!r}"
+        assert set(block.flags) <= {"needs-data"}, f"{page.name}:{block.line}: {block.flags}"
+
+
+def whole():
+    return "\n".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs").glob("*.md"))
+
+
+@pytest.mark.short
+def test_every_public_name_is_mentioned():
+    text = whole()
+    missing = [name for name in strapdown.__all__ if not re.search(rf"(?<!\w){re.escape(name)}(?!\w)", text)]
+    assert not missing, f"not a word in docs/ on {', '.join(missing)}"
+
+
+@pytest.mark.short
+def test_every_command_option_filter_and_kind_is_mentioned():
+    from strapdown import aiding, filters
+    from strapdown.sensors.imu import grades
+    from typer.main import get_command
+    text, commands = whole(), get_command(cli.app).commands
+    expected = [f"strapdown {name}" for name in commands]
+    expected += [option for command in commands.values() for parameter in command.params for option in parameter.opts if option.startswith("--") and option != "--help"]
+    expected += [f"`{name}`" for name in (*filters.names(), *aiding.names(), *grades())]
+    missing = [name for name in expected if name not in text]
+    assert not missing, f"not a word in docs/ on {', '.join(missing)}"
+
+
+@pytest.mark.short
+def test_index_lists_every_page():
+    listed = set(LINK.findall((ROOT / "docs" / "index.md").read_text(encoding="utf-8")))
+    assert {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"} <= listed
+
+
+@pytest.mark.short
+def test_the_example_of_the_readme_is_short():
+    example, = [block for block in blocks(ROOT / "README.md") if block.language == "python"]
+    assert len(example.text.strip().splitlines()) <= 10
+
+
+@pytest.mark.short
+def test_the_test_sees_failures(tmp_path, monkeypatch):
+    page = tmp_path / "page.md"
+    page.write_text("text\n```python\na = 1\n```\n```python\nassert a == 2, 'seen'\n```\n```sh\nstrapdown nonsense\n```\n")
+    folder = tmp_path / "work"
+    folder.mkdir()
+    with pytest.raises(AssertionError, match="seen"):
+        run_page(page, executable(page), folder, monkeypatch)
+    with pytest.raises(AssertionError, match="page.md:9: strapdown nonsense ended with 2"):
+        run_shell(page, executable(page)[2], monkeypatch)
