@@ -16,6 +16,7 @@ COURSE_SD = np.radians(15.0)    # wind, sideslip
 UNKNOWN_SD = np.radians(104.0)  # uniform over the circle
 LEVEL_SD_REST, LEVEL_SD_MOVING = np.radians(0.5), np.radians(5.0)
 REST_TIME = 2.0                 # s: shortest rest that is worth averaging
+SLOW = 1.0                      # m/s: faster fixes are no rest, whatever the IMU feels
 REST_SEARCH = 600.0             # s before the start in which rest is looked for
 
 
@@ -84,9 +85,18 @@ def _rest_before(recording, t):
     first, n = np.searchsorted(imu.t, [t - REST_SEARCH, t])
     if n - first < 2:
         return []
-    still = first + np.flatnonzero(at_rest(type(imu)(*(column[first:n] for column in imu))))
+    still = first + np.flatnonzero(at_rest(type(imu)(*(column[first:n] for column in imu))) & ~_moves(recording, imu.t[first:n]))
     runs = np.split(still, np.flatnonzero(np.diff(still) > 1) + 1) if len(still) else []
     return [run for run in runs if imu.t[run[-1]] - imu.t[run[0]] >= REST_TIME]
+
+
+def _moves(recording, t):
+    """Where the fixes around the times t say that the vehicle moves: smooth flight feels like rest to an IMU."""
+    position, velocity = _source(recording, "position"), _source(recording, "velocity")
+    t_fix, v, _ = _velocities(position, velocity)
+    fast = np.linalg.norm(v, axis=1) > SLOW
+    after = np.searchsorted(t_fix, t)
+    return fast[np.clip(after - 1, 0, len(fast) - 1)] | fast[np.clip(after, 0, len(fast) - 1)]
 
 
 def _heading(recording, t, v, moving, heading, heading_sd):

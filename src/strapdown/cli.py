@@ -75,7 +75,8 @@ def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="re
          stop: Annotated[Optional[float], typer.Option("--to", metavar="T", help="Last second of the recording to use.")] = None,
          hide: Annotated[Optional[str], typer.Option(metavar="T:T,...", help="Withhold recorded fixes in these windows, s.")] = None,
          heading: Annotated[Optional[float], typer.Option(metavar="DEG", help="Initial heading, where you know it (to 2 deg).")] = None,
-         option: Annotated[Optional[list[str]], typer.Option(metavar="NAME=VALUE", help="An option of the filter (see `strapdown filters`); may be repeated.")] = None,
+         option: Annotated[Optional[list[str]], typer.Option(metavar="NAME=VALUE",
+                                                             help="An option of the filter (see `strapdown filters`); may be repeated.")] = None,
          every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
          out: Annotated[Optional[Path], typer.Option(help="Folder for the results.  [default: NAME-FILTER]")] = None):
     """Fuse a recording: writes solution.nc, solution.csv, track.kml and report.html."""

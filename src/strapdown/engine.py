@@ -32,20 +32,25 @@ class Prepared(NamedTuple):
 
 def prepare(filter, kinds, say=None):
     """Compile (or load from the cache) the kernels of `filter` and of the aiding `kinds`. `say` is told once where that takes seconds."""
-    try:
-        filter = filters.find(filter)
-        sensors = [aiding.find(kind) for kind in dict.fromkeys(kinds)]
-    except ValueError as error:
-        raise DataError(str(error)) from None
-    kernels = [filter.predict, filter.correct, loop.run, *(sensor.observe for sensor in sensors)]
-    if say and not all(is_cached(kernel) for kernel in kernels):
+    filter = _found(filters.find, filter)
+    sensors = [_found(aiding.find, kind) for kind in dict.fromkeys(kinds)]
+    slow = [filter.predict, filter.correct, loop.run]
+    if say and not all(map(is_cached, slow)):
         say("compiling the filter for the first time on this machine, about 15 s ...")
-    for kernel in kernels:
+    for kernel in [*slow, *(sensor.observe for sensor in sensors)]:
         compile_kernel(kernel)
     observers = np.zeros(len(aiding.sensors()), np.int64)
     for sensor in sensors:
         observers[sensor.kind] = address(sensor.observe)
     return Prepared(filter, address(filter.predict), address(filter.correct), observers)
+
+
+def _found(find, name):
+    """What `find` has of that name; what it has not is bad input."""
+    try:
+        return find(name)
+    except ValueError as error:
+        raise DataError(str(error)) from None
 
 
 def merge(aidings, after=-np.inf):
@@ -92,8 +97,9 @@ def fuse(recording, filter="closed-loop", imu=None, start=None, noise=None, ever
     if start is None:
         from .alignment import align
         start = align(recording, spec)
+    filter = _found(filters.find, filter)
+    belief = _belief(filter, start, noise, options)
     prepared = prepare(filter, [a.kind for a in recording.aidings], say)
-    belief = _belief(prepared.filter, start, noise, options)
     samples = Imu(*(np.require(column, float, "CW") for column in recording.imu))
     first, rows = int(np.searchsorted(samples.t, start.t + loop.SAME_TIME, side="right")), len(samples.t)
     if first == rows:
@@ -231,8 +237,9 @@ class Stream:
         if not lag >= 0:
             raise DataError(f"lag is {lag} s; it must be 0 or more")
         self.noise, _ = _noise(imu, noise, needed=False)
+        filter = _found(filters.find, filter)
+        self.belief = _belief(filter, start, self.noise, options)
         self.prepared = prepare(filter, [a.kind for a in aidings], say)
-        self.belief = _belief(self.prepared.filter, start, self.noise, options)
         self.lag, self.newest, self.dropped = lag, start.t, 0
         self._widths = [len(aiding.find(a.kind).quantities) for a in aidings]
         self._samples, self._waiting, self._number = [], [], 0      # heaps of samples and of fixes; a number that keeps equal times in order

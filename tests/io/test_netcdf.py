@@ -100,3 +100,14 @@ def test_a_refused_path_leaves_nothing(build, tmp_path):
     with pytest.raises(DataError, match="cannot be written"):
         write_recording(recording, tmp_path / "folder.nc")
     assert sorted(os.listdir(tmp_path)) == before
+
+
+def test_an_imu_of_ones_own_travels_with_the_recording(tmp_path):
+    from strapdown import fuse, simulate
+    from strapdown.sensors.imu import ImuSpec, Triad
+    from strapdown.sim.trajectory import demo_flight
+    own = ImuSpec("mine", Triad(noise=1e-4, turn_on_bias=1e-3), Triad(noise=1e-3, gauss_markov=1e-3, time_constant=100.0))
+    recording = simulate(demo_flight(), 10.0, own, seed=2, rate=20.0)
+    write_recording(recording, tmp_path / "a.nc")
+    back = read(tmp_path / "a.nc")
+    assert fuse(back, every=100).meta["noise"] == fuse(recording, every=100).meta["noise"] == own.noise()._asdict()

@@ -123,7 +123,7 @@ def test_grades_by_name_by_path_and_by_value(tmp_path):
 
 def test_better_grades_have_better_gyros_and_turn_on_biases():
     ladder = [grade(name).datasheet() for name in ("consumer", "industrial", "tactical", "navigation")]
-    for term in ("gyro noise, deg/sqrt(h)", "gyro turn on bias, deg/h", "gyro gauss markov, deg/h", "accel turn on bias, mg"):
+    for term in ("gyro noise, deg/sqrt(h)", "gyro turn-on bias, deg/h", "gyro gauss markov, deg/h", "accel turn-on bias, mg"):
         values = [row[term] for row in ladder]
         assert values == sorted(values, reverse=True) and values[-1] < 0.05 * values[0], term
 

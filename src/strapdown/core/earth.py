@@ -42,11 +42,11 @@ def _radii(sine):
 def place(lat, h):
     """What every equation at a position needs: sine and cosine of latitude, M = R_M + h and N = R_N + h in m.
 
-    The cosine is kept above 1e-6, so that a raw INS that crosses a pole stays finite.
+    The cosine is kept above 1e-3, its value 6 km from a pole, so that a raw INS that crosses a pole stays finite.
     """
     sine = math.sin(lat)
     R_M, R_N = _radii(sine)
-    return sine, max(math.cos(lat), 1e-6), R_M + h, R_N + h
+    return sine, max(math.cos(lat), 1e-3), R_M + h, R_N + h
 
 
 @helper

@@ -1,10 +1,11 @@
 """The one loop: IMU samples and fixes in time order through any filter, with the rules for partial samples, gaps and re-acquisition.
 
-Rules (stated in docs/filters.md):
+Rules (docs/conventions.md):
 - A sample is split at the time of a fix inside it, in proportion.
 - A gap of at most BRIDGE seconds is bridged with the last sample's rates and added noise, the row after it marked BRIDGED. Over a longer one
   velocity and attitude are held, the covariance grows at the HOLD densities, and rows are INVALID until a position fix after it is accepted.
-- A source whose fixes were rejected REJECTED times in a row over at least PATIENCE seconds has its gate lifted until a fix passes it again.
+- A source whose fixes were rejected REJECTED times in a row over at least PATIENCE seconds has its gate lifted until a fix passes it again. A position
+  used that way first widens the variances of position by the square of its innovation, and those of velocity by what that makes per second.
 """
 import math
 
@@ -93,10 +94,14 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
     """Hand the next fix to the filter and keep the books of its source."""
     at, k = cursor.at, cursor.at[FIX]
     s, innovation, row = fixes.source[k], cursor.work[12:15], out.fix[k]
-    lifted = cursor.in_a_row[s] >= REJECTED and fixes.t[k] - cursor.since[s] >= PATIENCE
-    gate = math.inf if lifted else fixes.gate[s]
     nis = correct_at(correct)(belief, fixes.y[k], fixes.sd[k], fixes.kind[s], observe_at(observers[fixes.kind[s]]),
-                              fixes.parameters[s], gate, innovation)
+                              fixes.parameters[s], fixes.gate[s], innovation)
+    lifted = nis > fixes.gate[s] and cursor.in_a_row[s] >= REJECTED and fixes.t[k] - cursor.since[s] >= PATIENCE
+    if lifted:
+        if fixes.kind[s] == POSITION_KIND:
+            _doubt(belief, innovation, fixes.t[k] - cursor.since[s])
+        correct_at(correct)(belief, fixes.y[k], fixes.sd[k], fixes.kind[s], observe_at(observers[fixes.kind[s]]),
+                            fixes.parameters[s], math.inf, innovation)
     use = ACCEPTED
     if math.isnan(nis):
         if math.isnan(innovation[0]) and math.isnan(innovation[1]) and math.isnan(innovation[2]):
@@ -116,6 +121,17 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
     for i in range(3):
         row[F_INNOVATION + i] = innovation[i]
     at[FIX] += 1
+
+
+@helper
+def _doubt(belief, innovation, seconds):
+    """Make room for a position that disagreed for so many seconds: it shall move position and velocity, and not bend attitude and biases."""
+    for i in range(3):
+        e = innovation[i]
+        if not math.isnan(e):
+            belief.P[i, i] += e * e
+            belief.P[3 + i, 3 + i] += e * e / (seconds * seconds)
+        belief.P[6 + i, 6 + i] += 3 * belief.P[6 + i, 6 + i]
 
 
 @helper

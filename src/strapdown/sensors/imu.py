@@ -135,7 +135,7 @@ class ImuSpec:
 
     def datasheet(self):
         """{"gyro noise, deg/sqrt(h)": value, ...}: every term of both triads in the units of datasheets."""
-        return {f"{sensor} {f.name.replace('_', ' ')}, {unit}": getattr(getattr(self, sensor), f.name) / UNITS[f.metadata[sensor]][unit]
+        return {f"{sensor} {f.name.replace('turn_on', 'turn-on').replace('_', ' ')}, {unit}": getattr(getattr(self, sensor), f.name) / UNITS[f.metadata[sensor]][unit]
                 for sensor in ("gyro", "accel") for f in fields(Triad) for unit in [SHEET[f.metadata[sensor]]]}
 
     @classmethod
@@ -170,9 +170,14 @@ def grades():
 
 
 def grade(name):
-    """The ImuSpec of a grade's name or of a spec file's path (ends in .toml or contains a folder); an ImuSpec is returned as it is."""
+    """The ImuSpec of a grade's name or of a spec file's path (ends in .toml or contains a folder); an ImuSpec is returned as it is.
+
+    A dict is one that was stored with a recording (dataclasses.asdict).
+    """
     if isinstance(name, ImuSpec):
         return name
+    if isinstance(name, dict):
+        return ImuSpec(**{**name, "gyro": Triad(**name["gyro"]), "accel": Triad(**name["accel"])})
     name = str(name)
     if name in grades():
         resource = files(__package__).joinpath("grades", name + ".toml")

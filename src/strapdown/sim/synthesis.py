@@ -1,4 +1,6 @@
 """From a motion and error models to a Recording with its truth; and a filter's start drawn around that truth."""
+from pathlib import Path
+
 import numpy as np
 
 from ..core.contract import ATT, BA, BG, POS, STATES, VEL, Start
@@ -22,7 +24,7 @@ def simulate(motion, duration, imu, seed, rate=100.0, gnss=Gnss()):
     truth = sample(motion, t)
     of_imu, of_gnss = np.random.default_rng(seed).spawn(2)
     samples, b_a, b_g = spec.corrupt(increments(motion, t), of_imu)
-    meta = {"name": motion.name, "grade": spec.name, "seed": seed, "notes": [], "b_a": b_a, "b_g": b_g}
+    meta = {"name": motion.name, "grade": str(imu) if isinstance(imu, (str, Path)) else spec, "seed": seed, "notes": [], "b_a": b_a, "b_g": b_g}
     return Recording(samples, gnss.fixes(truth, of_gnss), truth, meta)
 
 

@@ -1,0 +1,16 @@
+"""Entry point of the command: Ctrl-C ends it in one line also while the commands are still being imported."""
+import sys
+
+
+def main():
+    """Run the command `strapdown`."""
+    try:
+        from .cli import main as commands
+        commands()
+    except KeyboardInterrupt:
+        print("strapdown: interrupted", file=sys.stderr)
+        raise SystemExit(130) from None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,160 @@
+"""Every sensor against a plain model of what it measures, and its Jacobian against central differences.
+
+A new sensor needs one line here: its entry in SENSORS.
+"""
+import math
+
+import numpy as np
+import pymap3d
+import pytest
+from scipy.spatial.transform import Rotation
+
+from strapdown import aiding
+from strapdown.core.contract import PARAMETERS, Belief, compile_kernel
+
+pytestmark = pytest.mark.short
+DEG = np.pi / 180
+ARM = (1.2, -0.7, 2.5)      # m, body
+
+
+def antenna(b, arm):
+    """Geodetic position of a point of the body."""
+    return np.array(pymap3d.ned2geodetic(*(b.C @ arm), *b.lla, deg=False))
+
+
+def velocity(b, arm):
+    """Its velocity in n; what turns the Earth under it (7e-5 rad/s) is left out."""
+    return b.v + b.C @ np.cross(b.omega, arm)
+
+
+def heading(b):
+    return Rotation.from_matrix(b.C).as_euler("ZYX")[0]
+
+
+# name: parameters, and what the sensor would measure without error where the body is in the state b
+SENSORS = {
+    "position": (ARM, lambda b: antenna(b, ARM)),
+    "velocity": (ARM, lambda b: velocity(b, ARM)),
+    "heading": ((), lambda b: heading(b)),
+    "altitude": (ARM, lambda b: antenna(b, ARM)[2]),
+    "speed": (ARM, lambda b: (b.C.T @ velocity(b, ARM))[0]),
+    "zero-lateral-velocity": (ARM, lambda b: (b.C.T @ velocity(b, ARM))[1]),
+    "zero-vertical-velocity": (ARM, lambda b: (b.C.T @ velocity(b, ARM))[2]),
+    "zero-velocity": ((), lambda b: 0 * b.v),
+}
+
+# latitude, longitude (deg), height; velocity; roll, pitch, heading (deg); angular rate (rad/s)
+BELIEFS = {
+    "level, north": ((47.0, 8.0, 400.0), (12.0, 0.1, -0.2), (0.0, 0.0, 0.0), (0.0, 0.0, 0.1)),
+    "banked, east": ((-35.0, 150.0, 9000.0), (10.0, 200.0, 3.0), (-60.0, 3.0, 90.0), (0.5, -0.2, 0.3)),
+    "south": ((10.0, -70.0, -20.0), (-30.0, 2.0, 1.0), (2.0, -3.0, 180.0), (0.1, 0.2, -2.0)),
+    "steep climb, west": ((60.0, 25.0, 5000.0), (-10.0, -40.0, -150.0), (10.0, 85.0, -90.0), (1.0, 0.0, 3.0)),
+    "steep dive": ((-20.0, -45.0, 3000.0), (30.0, -18.0, 80.0), (170.0, -80.0, 225.0), (-3.0, 1.0, 0.2)),
+    "lat 85": ((85.0, 10.0, 2000.0), (150.0, 130.0, 5.0), (20.0, 10.0, 135.0), (0.2, 0.1, 0.0)),
+    "lat -88, antimeridian": ((-88.0, 180.0, 2000.0), (5.0, 5.0, 0.0), (0.0, 20.0, 300.0), (0.0, -1.0, 0.0)),
+    "antimeridian": ((52.0, -180.0, 10.0), (0.0, 8.0, 0.0), (5.0, 0.0, 45.0), (0.0, 0.0, 0.5)),
+}
+STEPS = np.repeat([1.0, 0.1, 1e-4, 0.1, 1e-2], 3)     # m, m/s, rad, m/s^2, rad/s
+STATES = 17     # two more than the library's: a sensor leaves those of others alone
+
+
+def belief_at(name):
+    lla, v, rph, omega = BELIEFS[name]
+    C = Rotation.from_euler("ZYX", rph[::-1], degrees=True).as_matrix()
+    ba, bg = np.array([0.1, -0.2, 0.05]), np.array([0.01, 0.02, -0.005])
+    return Belief(np.array(lla) * [DEG, DEG, 1], np.array(v), C, ba, bg, np.eye(STATES), np.array(omega), np.array([0.3, -1.0, -9.7]), np.zeros(5))
+
+
+def moved(b, error):
+    """b (+) error: metres NED, m/s, rad in n, biases; rate and force are the measured ones less the biases."""
+    p, dv, theta, ba, bg = error.reshape(5, 3)
+    lla = np.array(pymap3d.ned2geodetic(*p, *b.lla, deg=False))
+    return b._replace(lla=lla, v=b.v + dv, C=Rotation.from_rotvec(theta).as_matrix() @ b.C, ba=b.ba + ba, bg=b.bg + bg, omega=b.omega - bg, f=b.f - ba)
+
+
+def observe(name, b, y):
+    """(rows, innovation, H) of the sensor's kernel."""
+    kernel = aiding.find(name).observe
+    compile_kernel(kernel)
+    innovation, H, parameters = np.full(3, 7e7), np.zeros((3, STATES)), np.zeros(PARAMETERS)
+    parameters[:len(SENSORS[name][0])] = SENSORS[name][0]
+    measured = np.full(3, np.nan)
+    measured[:np.size(y)] = y
+    b = Belief(*(np.ascontiguousarray(part) for part in b))
+    before = [part.copy() for part in b]
+    rows = kernel(b, measured, parameters, innovation, H)
+    assert all(np.array_equal(part, was) for part, was in zip(b, before)), "a sensor changed the belief"
+    return rows, innovation, H
+
+
+def test_every_sensor_has_its_line():
+    assert set(SENSORS) == set(aiding.names())
+
+
+@pytest.mark.parametrize("at", BELIEFS)
+@pytest.mark.parametrize("name", SENSORS)
+def test_innovation_is_measured_minus_expected(name, at):
+    """Zero for what the body would measure; and where the truth is elsewhere, the part of its error that the sensor sees."""
+    b, model = belief_at(at), SENSORS[name][1]
+    rows, innovation, H = observe(name, b, model(b))
+    assert rows == len(aiding.find(name).quantities)      # the default gate counts on it
+    constraint = -b.v if name == "zero-velocity" else np.zeros(3)
+    np.testing.assert_allclose(innovation[:rows], constraint[:rows], atol=2e-5)
+    error = 0.1 * STEPS * np.sin(np.arange(1, 16))
+    _, innovation, H = observe(name, b, model(moved(b, error)))
+    np.testing.assert_allclose(innovation[:rows], constraint[:rows] + H[:rows, :15] @ error * (name != "zero-velocity"), atol=5e-5)
+
+
+@pytest.mark.parametrize("at", BELIEFS)
+@pytest.mark.parametrize("name", SENSORS)
+def test_jacobian_is_the_derivative(name, at):
+    b = belief_at(at)
+    y = SENSORS[name][1](b)
+    rows, _, H = observe(name, b, y)
+    assert 1 <= rows <= 3 and not H[rows:].any() and not H[:, 15:].any()
+    for state, step in enumerate(STEPS):
+        error = np.zeros(15)
+        error[state] = step
+        ahead, behind = (observe(name, moved(b, sign * error), y)[1][:rows] for sign in (1, -1))
+        np.testing.assert_allclose(H[:rows, state], (behind - ahead) / (2 * step), rtol=1e-5, atol=2e-5)
+
+
+@pytest.mark.parametrize("name", [name for name in SENSORS if aiding.find(name).recorded])
+def test_a_missing_component_is_a_nan_and_spares_the_others(name):
+    b = belief_at("banked, east")
+    y = np.atleast_1d(SENSORS[name][1](b))
+    whole = observe(name, b, y)[1]
+    for missing in range(len(y)):
+        rows, innovation, _ = observe(name, b, np.where(np.arange(len(y)) == missing, np.nan, y))
+        assert math.isnan(innovation[missing])
+        others = np.arange(rows) != missing
+        np.testing.assert_array_equal(innovation[:rows][others], whole[:rows][others])
+
+
+@pytest.mark.parametrize("name", [name for name in SENSORS if "angle" in aiding.find(name).quantities])
+@pytest.mark.parametrize("turns", [-2, -1, 1])
+@pytest.mark.parametrize("at", BELIEFS)
+def test_an_angle_is_wrapped(name, at, turns):
+    b = belief_at(at)
+    rows, innovation, _ = observe(name, b, SENSORS[name][1](b) + 0.01 + turns * 2 * math.pi)
+    np.testing.assert_allclose(innovation[:rows], 0.01, atol=1e-9)
+
+
+@pytest.mark.parametrize("at", [name for name in BELIEFS if "antimeridian" in name])
+@pytest.mark.parametrize("turns", [-1, 0, 1])
+def test_longitude_is_wrapped(at, turns):
+    b = belief_at(at)
+    _, innovation, _ = observe("position", b, SENSORS["position"][1](b) + [0, turns * 2 * math.pi, 0])
+    np.testing.assert_allclose(innovation, 0, atol=2e-5)
+
+
+def test_at_vertical_pitch_heading_is_finite():
+    b = belief_at("level, north")._replace(C=Rotation.from_euler("ZYX", [30, 90, 0], degrees=True).as_matrix())
+    rows, innovation, H = observe("heading", b, 1.0)
+    assert np.all(np.isfinite(innovation[:rows])) and np.all(np.isfinite(H))
+
+
+def test_kinds_are_numbered_from_zero_and_found_by_name():
+    assert [sensor.kind for sensor in aiding.sensors().values()] == list(range(len(SENSORS)))
+    with pytest.raises(ValueError, match="did you mean 'velocity'"):
+        aiding.find("velocty")
