@@ -62,14 +62,16 @@ def belief_at(name):
     lla, v, rph, omega = BELIEFS[name]
     C = Rotation.from_euler("ZYX", rph[::-1], degrees=True).as_matrix()
     ba, bg = np.array([0.1, -0.2, 0.05]), np.array([0.01, 0.02, -0.005])
-    return Belief(np.array(lla) * [DEG, DEG, 1], np.array(v), C, ba, bg, np.eye(STATES), np.array(omega), np.array([0.3, -1.0, -9.7]), np.zeros(5))
+    f = np.array([0.3, -1.0, -9.7])
+    return Belief(np.array(lla) * [DEG, DEG, 1], np.array(v), C, ba, bg, np.eye(STATES), np.array(omega), f, np.zeros(5))
 
 
 def moved(b, error):
     """b (+) error: metres NED, m/s, rad in n, biases; rate and force are the measured ones less the biases."""
     p, dv, theta, ba, bg = error.reshape(5, 3)
     lla = np.array(pymap3d.ned2geodetic(*p, *b.lla, deg=False))
-    return b._replace(lla=lla, v=b.v + dv, C=Rotation.from_rotvec(theta).as_matrix() @ b.C, ba=b.ba + ba, bg=b.bg + bg, omega=b.omega - bg, f=b.f - ba)
+    C = Rotation.from_rotvec(theta).as_matrix() @ b.C
+    return b._replace(lla=lla, v=b.v + dv, C=C, ba=b.ba + ba, bg=b.bg + bg, omega=b.omega - bg, f=b.f - ba)
 
 
 def observe(name, b, y):

@@ -1,4 +1,4 @@
-"""The Earth against pymap3d, pyproj, published numbers and the exact potential of the ellipsoid; nothing here comes from the simulator's Earth."""
+"""The Earth against pymap3d, pyproj, published numbers and the exact potential of the ellipsoid; not against the simulator's Earth."""
 import math
 
 import numpy as np

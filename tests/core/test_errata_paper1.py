@@ -1,5 +1,5 @@
-"""Errata of Hager & Bryne, "Open- vs closed-loop error-state Kalman filtering": for each finding the printed form disagrees with the differentiated
-nonlinear equations and the corrected one agrees. Letters are those of the project's list of findings.
+"""Errata of Hager & Bryne on open- and closed-loop error-state Kalman filters: for each finding the printed form disagrees with the
+differentiated nonlinear equations and the corrected one agrees. Letters are those of the project's list of findings.
 
 The error model `literal` is Table II as printed (in metres); the bias sign of equation (12) is not part of it.
 """
@@ -89,7 +89,7 @@ def test_finding_d_alone_is_a_radius_and_not_only_a_sign():
 
 
 def test_finding_a_shows_when_two_solutions_are_integrated():
-    """Two INS beside each other, velocities 5 and -8 m/s apart, 2 s: the attitude error is that of the corrected F_theta_v, not of the printed one."""
+    """Two INS, velocities 5 and -8 m/s apart, 2 s: the attitude error is that of the corrected F_theta_v, not of the printed one."""
     lla, v = np.array([48 * DEG, 0.0, 0.0]), np.array([30.0, 20.0, 0.0])
     estimate, truth = [lla.copy(), v.copy(), np.eye(3)], [lla.copy(), v + [5.0, -8.0, 0.0], np.eye(3)]
     u, dv_n, dt = np.zeros(6), np.zeros(3), 0.02

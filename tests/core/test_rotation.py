@@ -106,6 +106,7 @@ def test_wrapped_angle_is_the_same_direction(angle):
 @pytest.mark.parametrize("angle, expected", [(0.0, 0.0), (3.1, 3.1), (3.2, 3.2 - 2 * math.pi), (-3.2, 2 * math.pi - 3.2)])
 def test_wrap_leaves_small_angles(angle, expected):
     assert rotation.wrap(angle) == pytest.approx(expected, abs=1e-15)
+    assert math.isnan(rotation.wrap(math.nan))
 
 
 def test_orthonormalise_finds_the_nearest_rotation():

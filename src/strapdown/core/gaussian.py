@@ -18,7 +18,7 @@ LEAST_NOISE = 1e-9
 sign to rounding."""
 
 
-def transition(source, source_stride, target, target_stride, blocks_of_lanes, lanes):
+def transition(name, source, source_stride, target, target_stride, blocks_of_lanes, lanes):
     """A helper that applies Phi to columns of the workspace: the 9 rows of position, velocity and attitude errors from `source` to `target`.
 
     The columns are `lanes` beginning at each of `blocks_of_lanes`. Bias rows, which only decay, are left to the caller.
@@ -27,7 +27,6 @@ def transition(source, source_stride, target, target_stride, blocks_of_lanes, la
     a, g = (tuple(source + (3 * k + i) * source_stride for i in range(3)) for k in (3, 4))
     P, V, T = (tuple(target + (3 * k + i) * target_stride for i in range(3)) for k in range(3))
 
-    @helper
     def apply(work, blocks, C, dv_n, w0, w1, w2, dt):
         half = 0.5 * dt
         pp0, pp2, pp3, pp4, pp5 = dt * blocks[PP], dt * blocks[PP + 2], dt * blocks[PP + 3], dt * blocks[PP + 4], dt * blocks[PP + 5]
@@ -65,13 +64,15 @@ def transition(source, source_stride, target, target_stride, blocks_of_lanes, la
                 work[P[2] + j] = p2 + half * (v2 + u2)
                 work[V[0] + j], work[V[1] + j], work[V[2] + j] = u0, u1, u2
                 work[T[0] + j], work[T[1] + j], work[T[2] + j] = n0, n1, n2
-    return apply
+    # Kernels loaded from the cache bring their helpers along, and the linker takes helpers of one name for one function.
+    apply.__name__ = apply.__qualname__ = name
+    return helper(apply)
 
 
-_rows = transition(COPY, 15, PRODUCT, 16, (0, 7), 8)            # all 15 columns; the eighth is done twice, alike
-_columns = transition(TRANSPOSED, 8, TRANSPOSED, 8, (0,), 8)    # columns 0-7 of Phi P: symmetry gives the rest
-_last = transition(PRODUCT + 8 * 16, 1, COPY, 1, (0,), 1)       # its row 8
-_single = transition(COPY, 1, PRODUCT, 1, (0,), 1)
+_rows = transition("_rows", COPY, 15, PRODUCT, 16, (0, 7), 8)            # all 15 columns; the eighth is done twice, alike
+_columns = transition("_columns", TRANSPOSED, 8, TRANSPOSED, 8, (0,), 8)    # columns 0-7 of Phi P: symmetry gives the rest
+_last = transition("_last", PRODUCT + 8 * 16, 1, COPY, 1, (0,), 1)       # its row 8
+_single = transition("_single", COPY, 1, PRODUCT, 1, (0,), 1)
 
 
 @helper

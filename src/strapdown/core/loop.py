@@ -4,8 +4,9 @@ Rules (docs/conventions.md):
 - A sample is split at the time of a fix inside it, in proportion.
 - A gap of at most BRIDGE seconds is bridged with the last sample's rates and added noise, the row after it marked BRIDGED. Over a longer one
   velocity and attitude are held, the covariance grows at the HOLD densities, and rows are INVALID until a position fix after it is accepted.
-- A source whose fixes were rejected REJECTED times in a row over at least PATIENCE seconds has its gate lifted until a fix passes it again. A position
-  used that way first widens the variances of position by the square of its innovation, and those of velocity by what that makes per second.
+- A source whose fixes were rejected REJECTED times in a row over at least PATIENCE seconds has its gate lifted until a fix passes it again. Before such
+  a fix is used, P is multiplied by NIS/gate, DOUBT at most; where a position is further off than that, its squared innovation is added to the
+  variances of position, and that per second to those of velocity.
 """
 import math
 
@@ -30,6 +31,7 @@ STEP = 0.1                              # s: longest prediction inside a gap
 BRIDGE_GYRO, BRIDGE_ACCEL = 0.05, 1.0   # rad/sqrt(s), m/s/sqrt(s): added in a bridged gap
 HOLD_GYRO, HOLD_ACCEL = 0.1, 3.0        # the same in a longer one
 REJECTED, PATIENCE = 5, 3.0             # rejections in a row; s
+DOUBT = 9.0                             # largest growth of P at once, when a gate is lifted
 SAME_TIME = 1e-6                        # s: a fix this close to a sample's end is taken there
 
 predict_at, correct_at, observe_at = caller(PREDICT), caller(CORRECT), caller(OBSERVE)
@@ -98,10 +100,7 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
                               fixes.parameters[s], fixes.gate[s], innovation)
     lifted = nis > fixes.gate[s] and cursor.in_a_row[s] >= REJECTED and fixes.t[k] - cursor.since[s] >= PATIENCE
     if lifted:
-        if fixes.kind[s] == POSITION_KIND:
-            _doubt(belief, innovation, fixes.t[k] - cursor.since[s])
-        correct_at(correct)(belief, fixes.y[k], fixes.sd[k], fixes.kind[s], observe_at(observers[fixes.kind[s]]),
-                            fixes.parameters[s], math.inf, innovation)
+        _reacquire(correct, observers, belief, fixes, k, nis, fixes.t[k] - cursor.since[s], innovation)
     use = ACCEPTED
     if math.isnan(nis):
         if math.isnan(innovation[0]) and math.isnan(innovation[1]) and math.isnan(innovation[2]):
@@ -124,14 +123,25 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
 
 
 @helper
-def _doubt(belief, innovation, seconds):
-    """Make room for a position that disagreed for so many seconds: it shall move position and velocity, and not bend attitude and biases."""
-    for i in range(3):
-        e = innovation[i]
-        if not math.isnan(e):
-            belief.P[i, i] += e * e
-            belief.P[3 + i, 3 + i] += e * e / (seconds * seconds)
-        belief.P[6 + i, 6 + i] += 3 * belief.P[6 + i, 6 + i]
+def _reacquire(correct, observers, belief, fixes, k, nis, seconds, innovation):
+    """Use fix k whatever its NIS, after its source has disagreed for so many seconds.
+
+    A filter that rejects everything is too sure of itself: P grows as a whole, so that attitude and biases can turn too. What is further off than
+    that explains is a jump of the fixes: it shall move position and velocity only.
+    """
+    P, s = belief.P, fixes.source[k]
+    factor = min(nis / fixes.gate[s], DOUBT)
+    for i in range(P.shape[0]):
+        for j in range(P.shape[0]):
+            P[i, j] *= factor
+    if nis > DOUBT * fixes.gate[s] and fixes.kind[s] == POSITION_KIND:
+        for i in range(3):
+            if not math.isnan(innovation[i]):
+                square = innovation[i] * innovation[i]
+                P[i, i] += square
+                P[3 + i, 3 + i] += square / (seconds * seconds)
+    correct_at(correct)(belief, fixes.y[k], fixes.sd[k], fixes.kind[s], observe_at(observers[fixes.kind[s]]),
+                        fixes.parameters[s], math.inf, innovation)
 
 
 @helper

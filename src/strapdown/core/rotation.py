@@ -4,13 +4,15 @@ Compiled helpers that write into arrays. Source: Groves (2013) sections 2.2 and 
 """
 import math
 
+import numpy as np
+
 from .compiling import helper
 
 
 @helper
 def wrap(angle):
-    """`angle` in [-pi, pi], rad."""
-    return angle - 2 * math.pi * math.floor((angle + math.pi) / (2 * math.pi))
+    """`angle` in [-pi, pi], rad; NaN stays NaN."""
+    return angle - 2 * math.pi * np.floor((angle + math.pi) / (2 * math.pi))
 
 
 @helper
