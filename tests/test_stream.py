@@ -142,6 +142,11 @@ def test_fixes_about_the_end_of_a_sample_are_used_as_in_the_batch(off):
     for event in sorted(events_of(recording), key=lambda event: (event.t, type(event) is Fix)):     # a fix after the sample that ends with it
         stream.step(event)
     assert equal(stream.finish(), solution)
+    one_by_one = stream_of(recording, begin)
+    for event in sorted(events_of(recording), key=lambda event: type(event) is Sample):     # the fixes first
+        belief = one_by_one.step(event)
+        row = int(np.argmin(abs(solution.t - event.t)))
+        assert type(event) is Fix or np.array_equal(belief.lla, solution.trajectory.lla[row])
 
 
 def test_simultaneous_fixes_are_used_in_the_order_of_their_sources():
@@ -223,7 +228,7 @@ def test_repeated_samples_are_dropped():
         assert equal(stream.finish(), solution) and stream.dropped == 200
 
 
-@pytest.mark.parametrize("bad", [dict(t=float("nan")), dict(dtheta=(0.0, float("nan"), 0.0)), dict(dv=(float("inf"), 0.0, 0.0)), dict(dt=0.0), dict(dt=float("nan"))])
+@pytest.mark.parametrize("bad", [{"t": np.nan}, {"dtheta": (0.0, np.nan, 0.0)}, {"dv": (np.inf, 0.0, 0.0)}, {"dt": 0.0}, {"dt": np.nan}])
 def test_impossible_samples_are_dropped_and_leave_a_gap(bad):
     recording, begin = alike()
     stream, events = stream_of(recording, begin), events_of(recording)

@@ -14,9 +14,10 @@ from .rest import at_rest
 MOVING = 5.0                    # m/s: above it the course of the velocity is taken as heading
 COURSE_SD = np.radians(15.0)    # wind, sideslip
 UNKNOWN_SD = np.radians(104.0)  # uniform over the circle
-LEVEL_SD_REST, LEVEL_SD_MOVING = np.radians(0.5), np.radians(5.0)
+LEVEL_SD_REST, LEVEL_SD_MOVING, LEVEL_SD_GUESSED = np.radians(0.5), np.radians(5.0), np.radians(15.0)
 REST_TIME = 2.0                 # s: shortest rest that is worth averaging
-SLOW = 1.0                      # m/s: faster fixes are no rest, whatever the IMU feels
+SLOW = 1.0                      # m/s: fixes surely faster than that are no rest, whatever the IMU feels
+UNKNOWN_ACCELERATION = 3.0      # m/s^2: what a velocity may change by between fixes
 REST_SEARCH = 600.0             # s before the start in which rest is looked for
 
 
@@ -29,20 +30,38 @@ def align(recording, imu, heading=None, heading_sd=np.radians(2.0), at=None):
     position = _source(recording, "position")
     if position is None:
         raise DataError("no position fix to start from: add a position aiding, or give start=")
+    if at is not None and not recording.span[0] <= at < recording.span[1]:
+        raise DataError(f"cannot start at {at:g} s; the IMU record covers {recording.span[0]:.3f} to {recording.span[1]:.3f} s")
     velocity = _source(recording, "velocity")
     t, v, v_sd, moving = _instant(recording, position, velocity, heading, at)
     k = int(np.argmin(np.abs(position.t - t)))
+    age = abs(t - position.t[k])
     b_a_sd, b_g_sd = imu.bias_sd()
     rest = _rest_before(recording, t)
-    psi, psi_sd, psi_note = _heading(recording, t, v, moving, heading, heading_sd)
     bg, bg_sd, bias_note = _gyro_bias(recording, rest, b_g_sd)
-    roll, pitch, level_sd, level_note = _level(recording, t, rest, psi, velocity, b_a_sd, bg)
-    antenna = body_to_navigation(roll, pitch, psi) @ (tuple(position.parameters) + (0.0, 0.0, 0.0))[:3]
-    lla = displaced(position.y[k], v * (t - position.t[k]) - antenna)
+    omega, f = _rates(recording, t, bg)
+    psi, psi_sd, psi_note = _heading(recording, t, v, moving, heading, heading_sd, omega)
+    roll, pitch, level_sd, level_note = _level(recording, t, rest, v, psi, psi_sd, velocity, b_a_sd, bg, omega, f)
+    C = body_to_navigation(roll, pitch, psi)
+    v = v - C @ np.cross(omega, _arm(velocity))
+    lla = displaced(position.y[k], v * (t - position.t[k]) - C @ _arm(position))
+    sd = [*np.hypot(position.sd[k], age * v_sd), *v_sd, level_sd, level_sd, psi_sd, *[b_a_sd] * 3, *bg_sd]
     numbers = lambda values: tuple(float(value) for value in values)
     note = f"position and velocity at {t:.2f} s, {psi_note}, {level_note}, {bias_note}"
-    return Start(float(t), numbers(lla), numbers(v), numbers((roll, pitch, psi)), (0.0, 0.0, 0.0), numbers(bg),
-                 numbers([*position.sd[k], *v_sd, level_sd, level_sd, psi_sd, *[b_a_sd] * 3, *bg_sd]), note)
+    return Start(float(t), numbers(lla), numbers(v), numbers((roll, pitch, psi)), (0.0, 0.0, 0.0), numbers(bg), numbers(sd), note)
+
+
+def _arm(source):
+    """Lever arm from the IMU to the antenna of a source, m, body."""
+    return np.array((tuple(source.parameters) if source is not None else ()) + (0.0, 0.0, 0.0))[:3]
+
+
+def _rates(recording, t, bg):
+    """Mean angular rate (rad/s, less the gyro bias) and specific force (m/s^2) over half a second before and after t."""
+    imu = recording.imu
+    rows = slice(*np.clip(np.searchsorted(imu.t, [t - 0.5, t + 0.5 + 1e-9]), [0, 1], [len(imu.t) - 1, len(imu.t)]))
+    seconds = imu.dt[rows].sum()
+    return imu.dtheta[rows].sum(axis=0) / seconds - bg, imu.dv[rows].sum(axis=0) / seconds
 
 
 def _source(recording, kind):
@@ -59,7 +78,8 @@ def _instant(recording, position, velocity, heading, at):
     t, v, sd = _velocities(position, velocity)
     if at is not None:
         k = int(np.argmin(np.abs(t - at)))
-        return at, v[k], sd[k], np.hypot(*v[k, :2]) > MOVING
+        between = np.array([np.interp(at, t, column) for column in v.T])
+        return at, between, np.hypot(sd[k], UNKNOWN_ACCELERATION * abs(at - t[k])), np.hypot(*between[:2]) > MOVING
     fast = np.hypot(v[:, 0], v[:, 1]) > MOVING
     wait = heading is None and _source(recording, "heading") is None and fast.any()
     k = int(np.argmax(fast)) if wait else 0
@@ -93,47 +113,44 @@ def _rest_before(recording, t):
 def _moves(recording, t):
     """Where the fixes around the times t say that the vehicle moves: smooth flight feels like rest to an IMU."""
     position, velocity = _source(recording, "position"), _source(recording, "velocity")
-    t_fix, v, _ = _velocities(position, velocity)
-    fast = np.linalg.norm(v, axis=1) > SLOW
+    t_fix, v, sd = _velocities(position, velocity)
+    fast = np.hypot(v[:, 0], v[:, 1]) > SLOW + 2 * np.hypot(sd[:, 0], sd[:, 1])
     after = np.searchsorted(t_fix, t)
     return fast[np.clip(after - 1, 0, len(fast) - 1)] | fast[np.clip(after, 0, len(fast) - 1)]
 
 
-def _heading(recording, t, v, moving, heading, heading_sd):
+def _heading(recording, t, v, moving, heading, heading_sd, omega):
     if heading is not None:
         return float(heading), float(heading_sd), "heading given"
     source = _source(recording, "heading")
     if source is not None:
         k = int(np.argmin(np.abs(source.t - t)))
-        return float(source.y[k, 0]), float(source.sd[k, 0]), "heading measured"
+        return float(source.y[k, 0]), float(np.hypot(source.sd[k, 0], np.linalg.norm(omega) * (t - source.t[k]))), "heading measured"
     if moving:
         return float(np.arctan2(v[1], v[0])), COURSE_SD, f"heading from the course at {np.hypot(v[0], v[1]):.1f} m/s"
     return 0.0, UNKNOWN_SD, f"heading unknown (never faster than {MOVING:g} m/s)"
 
 
-def _level(recording, t, rest, psi, velocity, b_a_sd, bg):
-    """Roll, pitch and their sd: from the last rest, carried to t by the gyros; else from specific force less the acceleration of velocity fixes."""
+def _level(recording, t, rest, v, psi, psi_sd, velocity, b_a_sd, bg, omega, f):
+    """Roll, pitch, their sd and a note: from the last rest, carried to t by the gyros; else from specific force less the acceleration."""
     imu = recording.imu
-    n = int(np.searchsorted(imu.t, t))
     if rest and t - imu.t[rest[-1][-1]] < 30.0:
         last = rest[-1]
         roll, pitch = level(imu.dv[last].sum(axis=0) / imu.dt[last].sum())
-        since = slice(last[-1] + 1, n)
+        since = slice(last[-1] + 1, int(np.searchsorted(imu.t, t)))
         roll, pitch = _carried(roll, pitch, imu.dtheta[since] - bg * imu.dt[since, None])
         age = t - imu.t[last[-1]]
         return roll, pitch, np.hypot(LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR) + np.radians(0.05) * age, f"level from the rest {age:.0f} s before"
-    near = slice(max(0, n - _rows(imu, 0.5)), n + _rows(imu, 0.5) + 1)
-    f = imu.dv[near].sum(axis=0) / imu.dt[near].sum()
-    a_n = np.zeros(3)
+    if psi_sd == UNKNOWN_SD:
+        return *level(f), LEVEL_SD_GUESSED, "level from specific force alone"
     if velocity is not None and len(velocity.t) > 1:
         k = int(np.clip(np.searchsorted(velocity.t, t), 1, len(velocity.t) - 1))
-        if velocity.t[k] - velocity.t[k - 1] <= 2.0:
-            a_n = (velocity.y[k] - velocity.y[k - 1]) / (velocity.t[k] - velocity.t[k - 1])
-    return *level(f, a_n, psi), LEVEL_SD_MOVING, "level in motion"
-
-
-def _rows(imu, seconds):
-    return max(1, round(seconds / float(np.median(imu.dt[:1000]))))
+        step = velocity.t[k] - velocity.t[k - 1]
+        if step <= 2.0 and velocity.t[k - 1] <= t <= velocity.t[k]:
+            return *level(f, (velocity.y[k] - velocity.y[k - 1]) / step, psi), LEVEL_SD_MOVING, "level in motion"
+    c, s = np.cos(psi), np.sin(psi)
+    v_b = np.array([c * v[0] + s * v[1], c * v[1] - s * v[0], 0.0])
+    return *level(f - np.cross(omega, v_b)), LEVEL_SD_GUESSED, "level in motion, without the change of speed"
 
 
 def level(f_b, a_n=(0.0, 0.0, 0.0), heading=0.0):
@@ -161,10 +178,12 @@ def body_to_navigation(roll, pitch, heading):
 
 def _carried(roll, pitch, dtheta):
     """Roll and pitch after the rotation increments dtheta (n, 3), rad: they turn the direction of specific force in the body."""
-    f = body_to_navigation(roll, pitch, 0.0).T @ [0.0, 0.0, -GRAVITY_EQUATOR]
-    for step in dtheta:
-        f = f - np.cross(step, f - 0.5 * np.cross(step, f))
-    return level(f)
+    from scipy.spatial.transform import Rotation
+    turn = Rotation.from_rotvec(np.vstack([np.zeros(3), dtheta]))
+    while len(turn) > 1:    # products of neighbours, in order, until one is left
+        pairs = turn[0:len(turn) - 1:2] * turn[1::2]
+        turn = Rotation.concatenate([pairs, turn[-1:]]) if len(turn) % 2 else pairs
+    return level(turn[0].inv().apply(body_to_navigation(roll, pitch, 0.0).T @ [0.0, 0.0, -GRAVITY_EQUATOR]))
 
 
 def _gyro_bias(recording, rest, b_g_sd):

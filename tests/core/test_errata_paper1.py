@@ -73,6 +73,9 @@ def test_finding(finding):
     true = true_block(name)[entry]
     assert corrected == pytest.approx(true, rel=1e-8)
     assert abs(PRINTED[name][entry] - true) > off * abs(true)
+    F, _ = dynamics(LLA, V, C, C @ FORCE, NOISE, CORRECTED)
+    block = F[ROWS[name[0]], ROWS[name[1]]]
+    assert (block * SCALE if name[1] == "p" else block)[entry] == pytest.approx(true, rel=1e-6)
 
 
 def test_what_the_findings_do_not_name_is_printed_right():

@@ -77,6 +77,16 @@ def test_transition_is_the_matrix_exponential_to_third_order(model):
     assert small[np.ix_(kinematic, kinematic)].max() < 1e-9
 
 
+@pytest.mark.parametrize("model", [CORRECTED, LITERAL])
+def test_every_entry_of_F_is_in_the_transition(model):
+    """Also those of 1e-11 1/s, which no covariance shows."""
+    dt = 1e-4
+    F, _ = dynamics(LLA, V, C, C @ FORCE, NOISE, model)
+    there = F != 0
+    assert there.sum() > 60
+    np.testing.assert_allclose(((transition(dt, model=model) - np.eye(15)) / dt)[there], F[there], rtol=1e-3, atol=0)
+
+
 @pytest.mark.parametrize("noise, keep_accel, keep_gyro", [(NOISE, math.exp(-0.05 / 100), math.exp(-0.05 / 300)), (WALK, 1.0, 1.0)])
 def test_biases_decay_as_gauss_markov_processes(noise, keep_accel, keep_gyro):
     np.testing.assert_allclose(transition(0.05, noise)[9:, 9:], np.diag([keep_accel] * 3 + [keep_gyro] * 3), rtol=1e-15)

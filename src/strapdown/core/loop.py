@@ -3,10 +3,10 @@
 Rules (docs/conventions.md):
 - A sample is split at the time of a fix inside it, in proportion.
 - A gap of at most BRIDGE seconds is bridged with the last sample's rates and added noise, the row after it marked BRIDGED. Over a longer one
-  velocity and attitude are held, the covariance grows at the HOLD densities, and rows are INVALID until a position fix after it is accepted.
+  velocity and attitude are held, the covariance grows at the HOLD densities for HOLD seconds at most, and rows are INVALID until a position fix after it is accepted.
 - A source whose fixes were rejected REJECTED times in a row over at least PATIENCE seconds has its gate lifted until a fix passes it again. Before such
   a fix is used, P is multiplied by NIS/gate, DOUBT at most; where a position is further off than that, its squared innovation is added to the
-  variances of position, and that per second to those of velocity.
+  variances of position.
 """
 import math
 
@@ -30,6 +30,7 @@ BRIDGE = 1.0                            # s
 STEP = 0.1                              # s: longest prediction inside a gap
 BRIDGE_GYRO, BRIDGE_ACCEL = 0.05, 1.0   # rad/sqrt(s), m/s/sqrt(s): added in a bridged gap
 HOLD_GYRO, HOLD_ACCEL = 0.1, 3.0        # the same in a longer one
+HOLD = 300.0                            # s: how long P grows in a gap; beyond, the unstable height alone would let it explode
 REJECTED, PATIENCE = 5, 3.0             # rejections in a row; s
 DOUBT = 9.0                             # largest growth of P at once, when a gate is lifted
 SAME_TIME = 1e-6                        # s: a fix this close to a sample's end is taken there
@@ -96,11 +97,17 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
     """Hand the next fix to the filter and keep the books of its source."""
     at, k = cursor.at, cursor.at[FIX]
     s, innovation, row = fixes.source[k], cursor.work[12:15], out.fix[k]
-    nis = correct_at(correct)(belief, fixes.y[k], fixes.sd[k], fixes.kind[s], observe_at(observers[fixes.kind[s]]),
-                              fixes.parameters[s], fixes.gate[s], innovation)
-    lifted = nis > fixes.gate[s] and cursor.in_a_row[s] >= REJECTED and fixes.t[k] - cursor.since[s] >= PATIENCE
-    if lifted:
-        _reacquire(correct, observers, belief, fixes, k, nis, fixes.t[k] - cursor.since[s], innovation)
+    gate, lifted, nis = fixes.gate[s], False, 0.0
+    while True:  # once, or a second time with the gate lifted
+        found = correct_at(correct)(belief, fixes.y[k], fixes.sd[k], fixes.kind[s], observe_at(observers[fixes.kind[s]]),
+                                    fixes.parameters[s], gate, innovation)
+        if lifted:
+            break
+        nis = found
+        if not (nis > gate and cursor.in_a_row[s] >= REJECTED and fixes.t[k] - cursor.since[s] >= PATIENCE):
+            break
+        _doubt(belief.P, nis / gate, fixes.kind[s] == POSITION_KIND, innovation)
+        gate, lifted = math.inf, True
     use = ACCEPTED
     if math.isnan(nis):
         if math.isnan(innovation[0]) and math.isnan(innovation[1]) and math.isnan(innovation[2]):
@@ -123,25 +130,20 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
 
 
 @helper
-def _reacquire(correct, observers, belief, fixes, k, nis, seconds, innovation):
-    """Use fix k whatever its NIS, after its source has disagreed for so many seconds.
+def _doubt(P, excess, position, innovation):
+    """Make room for a fix whose NIS is `excess` times its gate, after its source was rejected for long.
 
-    A filter that rejects everything is too sure of itself: P grows as a whole, so that attitude and biases can turn too. What is further off than
-    that explains is a jump of the fixes: it shall move position and velocity only.
+    A filter that rejects everything is too sure of itself: P grows as a whole, so that attitude and biases can turn too. A position that is further
+    off than that explains has jumped: it shall move the position and bend nothing else.
     """
-    P, s = belief.P, fixes.source[k]
-    factor = min(nis / fixes.gate[s], DOUBT)
+    factor = min(excess, DOUBT)
     for i in range(P.shape[0]):
         for j in range(P.shape[0]):
             P[i, j] *= factor
-    if nis > DOUBT * fixes.gate[s] and fixes.kind[s] == POSITION_KIND:
+    if position and excess > DOUBT:
         for i in range(3):
             if not math.isnan(innovation[i]):
-                square = innovation[i] * innovation[i]
-                P[i, i] += square
-                P[3 + i, 3 + i] += square / (seconds * seconds)
-    correct_at(correct)(belief, fixes.y[k], fixes.sd[k], fixes.kind[s], observe_at(observers[fixes.kind[s]]),
-                        fixes.parameters[s], math.inf, innovation)
+                P[i, i] += innovation[i] * innovation[i]
 
 
 @helper
@@ -152,7 +154,8 @@ def _cross_gap(predict, correct, observers, belief, fixes, noise, cursor, out, u
     gyro, accel = (BRIDGE_GYRO, BRIDGE_ACCEL) if short else (HOLD_GYRO, HOLD_ACCEL)
     wide = Noise(math.hypot(noise.gyro, gyro), math.hypot(noise.accel, accel), noise.gyro_bias, noise.accel_bias,
                  noise.gyro_decay, noise.accel_decay)
-    while until - now[0] > SAME_TIME:
+    grown = now[0] + HOLD
+    while min(until, grown) - now[0] > SAME_TIME:
         step = min(STEP, until - now[0])
         if short and last[6] > 0:
             for i in range(6):
@@ -163,6 +166,7 @@ def _cross_gap(predict, correct, observers, belief, fixes, noise, cursor, out, u
                 u[i] += belief.bg[i] * step
                 u[3 + i] += belief.ba[i] * step
         _advance(predict, correct, observers, belief, fixes, wide, cursor, out, now[0] + step, step)
+    now[0] = until
     at[STATUS] = max(at[STATUS], BRIDGED if short else INVALID)  # last: fixes inside the gap do not end it
     last[6] = 0.0
 

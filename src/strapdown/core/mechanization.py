@@ -54,9 +54,12 @@ def mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, dv_n):
     v[0] = v0 + f0 - c1 * m2 + c2 * m1
     v[1] = v1 + f1 - c2 * m0 + c0 * m2
     v[2] = v2 + f2 - c0 * m1 + c1 * m0 + g
+    a0, a1, a2 = 0.5 * (v0 + v[0]), 0.5 * (v1 + v[1]), 0.5 * (v2 + v[2])
+    turn, tan = 0.5 * dt * a0 / M, sine / cosine  # the frame turns at the rates of mid-interval: at its start they would be of first order only
+    w0, w1, w2 = ie_n + ie_d * turn + a1 / N, -a0 / M, ie_d - ie_n * turn - (tan + (1 + tan * tan) * turn) * a1 / N
     rotate_right(C, r0, r1, r2)
-    rotate_left(-w0, -w1, -w2, C)
-    _move(lla, sine, cosine, M, N, 0.5 * dt * (v0 + v[0]), 0.5 * dt * (v1 + v[1]), 0.5 * dt * (v2 + v[2]))
+    rotate_left(-w0 * dt, -w1 * dt, -w2 * dt, C)
+    _move(lla, sine, cosine, M, N, a0 * dt, a1 * dt, a2 * dt)
     dv_n[0], dv_n[1], dv_n[2] = f0, f1, f2
 
 
