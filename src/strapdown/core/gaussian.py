@@ -171,20 +171,41 @@ def _update(n, P, H, innovation, sd, rows, gate, work, dx):
     U = n * n + 1
     for i in range(3 * (n + 1)):
         work[U + i] = 0.0
-    first, second, third, e0, e1, e2 = -1, -1, -1, 0.0, 0.0, 0.0
+    m, nis, e0, e1, e2 = 0, 0.0, 0.0, 0.0, 0.0
     for i in range(rows):
-        if not math.isnan(innovation[i]):
-            first, second, third = (i, -1, -1) if first < 0 else ((first, i, -1) if second < 0 else (first, second, i))
-    if first < 0:
-        return math.nan
-    e0 = _whiten(n, 0, first, H, innovation, sd, 0.0, 0.0, work)
-    if second >= 0:
-        e1 = _whiten(n, 1, second, H, innovation, sd, e0, 0.0, work)
-    if third >= 0:
-        e2 = _whiten(n, 2, third, H, innovation, sd, e0, e1, work)
-    nis = e0 * e0 + e1 * e1 + e2 * e2
+        e = innovation[i]
+        if math.isnan(e):
+            continue
+        row, terms, first, last = U + m * (n + 1), 0.0, n, 0
+        for j in range(n):
+            h = H[i, j]
+            if h != 0:
+                first, last = min(first, j), j + 1
+                terms += h * h * numbers[n * j + j]
+                for lane in range(n + 1):
+                    work[row + lane] += h * work[n * j + lane]
+        for k in range(m):
+            before, overlap = U + k * (n + 1), 0.0
+            for j in range(first, last):
+                overlap += H[i, j] * work[before + j]
+            e -= overlap * (e0 if k == 0 else e1)
+            for lane in range(n + 1):
+                work[row + lane] -= overlap * work[before + lane]
+        variance = 0.0
+        for j in range(first, last):
+            variance += H[i, j] * work[row + j]
+        scale = 1 / math.sqrt(variance + max(sd[i] * sd[i], LEAST_NOISE * terms))
+        for lane in range(n + 1):
+            work[row + lane] *= scale
+        work[row + n] = 0.0
+        e *= scale
+        nis += e * e
+        e0, e1, e2 = (e, e1, e2) if m == 0 else ((e0, e, e2) if m == 1 else (e0, e1, e))
+        m += 1
     for j in range(n):
         dx[j] = e0 * work[U + j] + e1 * work[U + n + 1 + j] + e2 * work[U + 2 * n + 2 + j]
+    if m == 0:
+        return math.nan
     if nis <= gate:
         for i in range(0, n - n % 5, 5):
             _subtract_five(n, i, work)
@@ -195,34 +216,6 @@ def _update(n, P, H, innovation, sd, rows, gate, work, dx):
         for i in range(n * n):
             numbers[i] = work[i]
     return nis
-
-
-@inlined
-def _whiten(n, m, i, H, innovation, sd, e0, e1, work):
-    """Make row m of U from row i of H and the m rows of U before it. Returns the innovation in its own standard deviations."""
-    row, e, terms, first, last = n * n + 1 + m * (n + 1), innovation[i], 0.0, n, 0
-    for j in range(n):
-        h = H[i, j]
-        if h != 0:
-            first, last = min(first, j), j + 1
-            terms += h * h * work[n * j + j]
-            for lane in range(n + 1):
-                work[row + lane] += h * work[n * j + lane]
-    for k in range(m):
-        before, overlap = n * n + 1 + k * (n + 1), 0.0
-        for j in range(first, last):
-            overlap += H[i, j] * work[before + j]
-        e -= overlap * (e0 if k == 0 else e1)
-        for lane in range(n + 1):
-            work[row + lane] -= overlap * work[before + lane]
-    variance = 0.0
-    for j in range(first, last):
-        variance += H[i, j] * work[row + j]
-    scale = 1 / math.sqrt(variance + max(sd[i] * sd[i], LEAST_NOISE * terms))
-    for lane in range(n + 1):
-        work[row + lane] *= scale
-    work[row + n] = 0.0
-    return e * scale
 
 
 @inlined
