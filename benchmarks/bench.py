@@ -7,6 +7,7 @@ import argparse
 import os
 import platform
 import sys
+import tempfile
 import time
 from importlib.metadata import version
 from pathlib import Path
@@ -23,6 +24,7 @@ import processes  # noqa: E402
 import subject  # noqa: E402
 import workload  # noqa: E402
 import yardstick  # noqa: E402
+from strapdown.papers import recordings  # noqa: E402
 
 OUT = HERE.parent / "build" / "bench.json"
 ERRORS = (("position", "m"), ("velocity", "m/s"), ("attitude", "deg"))
@@ -116,6 +118,18 @@ def day(book):
     return [(took, ""), (above, f"all that comes after building them with numpy; python and numpy take {interpreter:.0f} MB more")]
 
 
+RECORDED = ["thor75 roll", "thor75 pitch", "thor75 heading", "thor75 position N", "thor75 position E", "thor75 position D",
+            "drive0708 outages, GNSS alone", "drive0708 outages, vehicle constraints"]
+"""The claims of `strapdown reproduce recordings`, in its order."""
+
+
+def recorded_figures(book):
+    def measured():
+        with tempfile.TemporaryDirectory() as folder:
+            return [(claim["value"], "strapdown reproduce recordings") for claim in recordings.reproduce(Path(folder))]
+    book.measure(RECORDED, measured)
+
+
 def peer_figures(book, full):
     """Times of the peers over strapdown's on the same workload, strapdown run before and after each."""
     versions = peers.versions()
@@ -161,6 +175,7 @@ def main():
         book.skip([name for name in book.tables if name not in {figure.name for figure in book.figures}])
     else:
         process_figures(book)
+        recorded_figures(book)
         peer_figures(book, options.full)
     figures.write(OUT, book.figures, machine())
     judged = [figure.holds for figure in book.figures if figure.target is not None]

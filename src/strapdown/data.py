@@ -191,6 +191,7 @@ class Solution:
 
     @property
     def t(self):
+        """Times of the rows, s."""
         return self.trajectory.t
 
     def table(self):

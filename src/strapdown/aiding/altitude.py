@@ -6,6 +6,7 @@ ALTITUDE = 3
 
 @kernel(OBSERVE)
 def observe(belief, y, parameters, innovation, H):
+    """One row, down: estimated height of the point - y, m."""
     C = belief.C
     l0 = C[0, 0] * parameters[0] + C[0, 1] * parameters[1] + C[0, 2] * parameters[2]
     l1 = C[1, 0] * parameters[0] + C[1, 1] * parameters[1] + C[1, 2] * parameters[2]

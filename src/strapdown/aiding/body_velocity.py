@@ -22,16 +22,19 @@ def along(axis, belief, y, parameters, innovation, H):
 
 @kernel(OBSERVE)
 def observe_speed(belief, y, parameters, innovation, H):
+    """One row: forward speed, m/s."""
     return along(0, belief, y, parameters, innovation, H)
 
 
 @kernel(OBSERVE)
 def observe_lateral(belief, y, parameters, innovation, H):
+    """One row: speed to the right, m/s."""
     return along(1, belief, y, parameters, innovation, H)
 
 
 @kernel(OBSERVE)
 def observe_vertical(belief, y, parameters, innovation, H):
+    """One row: speed downwards in the body, m/s."""
     return along(2, belief, y, parameters, innovation, H)
 
 

@@ -9,6 +9,7 @@ HEADING = 2
 
 @kernel(OBSERVE)
 def observe(belief, y, parameters, innovation, H):
+    """One row: y - heading, wrapped, rad."""
     C = belief.C
     horizontal = max(C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0], 1e-12)  # zero where the x axis points up or down
     innovation[0] = wrap(y[0] - math.atan2(C[1, 0], C[0, 0]))

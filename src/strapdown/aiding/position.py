@@ -10,6 +10,7 @@ POSITION = POSITION_KIND
 
 @kernel(OBSERVE)
 def observe(belief, y, parameters, innovation, H):
+    """Three rows: antenna position y - h, m NED."""
     R_M, R_N = radii(belief.lla[0])
     C = belief.C
     l0 = C[0, 0] * parameters[0] + C[0, 1] * parameters[1] + C[0, 2] * parameters[2]

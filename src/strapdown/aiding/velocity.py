@@ -6,6 +6,7 @@ VELOCITY = 1
 
 @kernel(OBSERVE)
 def observe(belief, y, parameters, innovation, H):
+    """Three rows: antenna velocity y - h, m/s NED."""
     C, w = belief.C, belief.omega
     l0, l1, l2 = parameters[0], parameters[1], parameters[2]
     b0, b1, b2 = w[1] * l2 - w[2] * l1, w[2] * l0 - w[0] * l2, w[0] * l1 - w[1] * l0

@@ -6,6 +6,7 @@ ZERO_VELOCITY = 7
 
 @kernel(OBSERVE)
 def observe(belief, y, parameters, innovation, H):
+    """Three rows: 0 - velocity, m/s NED."""
     for i in range(3):
         innovation[i] = -belief.v[i]
         H[i, 3 + i] = 1.0

@@ -40,6 +40,7 @@ predict_at, correct_at, observe_at = caller(PREDICT), caller(CORRECT), caller(OB
 
 @kernel(RUN)
 def run(predict, correct, observers, belief, imu, fixes, noise, cursor, out):
+    """Process the samples at[ROW] to at[STOP] and the fixes among them; all state is in `belief` and `cursor`, all results in `out`."""
     at, now, sample = cursor.at, cursor.now, cursor.work[0:6]
     for row in range(at[ROW], at[STOP]):
         t, dt = imu.t[row], imu.dt[row]

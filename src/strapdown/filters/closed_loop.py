@@ -11,6 +11,7 @@ def start(start, noise, error_model="corrected"):
 
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
+    """Advance P, linearised at the belief, and the INS with bias-corrected increments."""
     ba, bg = belief.ba, belief.bg
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
     a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
@@ -20,6 +21,7 @@ def predict(belief, u, dt, noise):
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    """Correct P; inject the errors into INS and biases."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:
         dx = belief.aux[DX]

@@ -11,6 +11,7 @@ from .closed_loop import start
 
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
+    """Advance P and the error state [0, b]; run the INS on the raw increments and inject what the biases did to it."""
     x = belief.aux[X]
     for i in range(9):
         x[i] = 0.0
@@ -24,6 +25,7 @@ def predict(belief, u, dt, noise):
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    """Correct P; inject the kinematic errors, add the others to the biases of the error state."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:
         dx = belief.aux[DX]

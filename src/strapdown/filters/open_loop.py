@@ -59,11 +59,13 @@ def correct_beside(belief, y, sd, observe, parameters, gate, innovation):
 
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
+    """Advance P, the raw INS and the error beside it."""
     predict_beside(belief, u, dt, noise)
 
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    """Correct P and the error beside the INS."""
     return correct_beside(belief, y, sd, observe, parameters, gate, innovation)
 
 

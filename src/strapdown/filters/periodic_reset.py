@@ -22,12 +22,14 @@ def start(start, noise, interval=60.0, error_model="corrected"):
 
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
+    """As the open loop, counting the seconds since the last reset."""
     belief.aux[ELAPSED] += dt
     predict_beside(belief, u, dt, noise)
 
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    """As the open loop; once the interval has passed the INS takes over the belief and the error is zero again."""
     aux = belief.aux
     nis = correct_beside(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate and aux[ELAPSED] >= aux[INTERVAL] - ROUNDING:
