@@ -207,9 +207,10 @@ def _update(n, P, H, innovation, sd, rows, gate, work, dx):
     if m == 0:
         return math.nan
     if nis <= gate:
-        for i in range(0, n - n % 5, 5):
-            _subtract_five(n, i, work)
-        for i in range(n - n % 5, n):
+        _subtract_five(n, 0, work)
+        _subtract_five(n, 5, work)
+        _subtract_five(n, 10, work)
+        for i in range(15, n):
             a, b, c = work[U + i], work[U + n + 1 + i], work[U + 2 * n + 2 + i]
             for lane in range(n + 1):
                 work[n * i + lane] -= a * work[U + lane] + b * work[U + n + 1 + lane] + c * work[U + 2 * n + 2 + lane]
