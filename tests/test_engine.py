@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recordings import alike, flight, position, rows, same, split, start, without_samples
+from recordings import alike, flight, rows, same, split, start, without_samples
 
 import strapdown as sd
 from strapdown import engine

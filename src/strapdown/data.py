@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .core.contract import Imu
+from .core.contract import BRIDGED, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
 
 ATTITUDE_COLUMNS = ["roll", "pitch", "heading"]
 NAV_COLUMNS = ["lat", "lon", "alt", "VN", "VE", "VD", *ATTITUDE_COLUMNS]
@@ -20,9 +20,6 @@ UNITS = {"t": "s", "lat": "deg", "lon": "deg", "alt": "m", "VN": "m/s", "VE": "m
 """Unit of every column of `Trajectory.table` and `Solution.table`."""
 SD_SCALE = np.r_[np.ones(6), np.full(3, np.degrees(1)), np.ones(3), np.full(3, np.degrees(3600))]
 """From SI to the units of the `sd_` columns; its last six also to those of the biases."""
-
-VALID, BRIDGED, INVALID = 0, 1, 2
-"""Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and before the next accepted position fix."""
 
 
 class DataError(ValueError):

@@ -67,7 +67,7 @@ def test_the_loops_agree_to_first_order_for_small_errors():
 
 
 def test_the_raw_ins_of_the_open_loop_is_the_belief_less_its_error():
-    """With the truth as the start and an IMU without errors the raw INS needs no correction, so the estimated error stays what fixes make of it."""
+    """The columns ins_error_* are the way from the raw INS, run alone without fixes, to the corrected belief."""
     recording = flight()
     solution = fused(recording, "open-loop")
     shift = np.stack([solution.columns[f"ins_error_{axis} [m]"] for axis in ("north", "east", "down")], axis=1)

@@ -10,7 +10,7 @@ from numba import types
 
 from .compiling import COMPILED, address, caller, compile_kernel, entry_point, helper, is_cached, kernel, matrix, plain
 
-__all__ = ["Belief", "Start", "Noise", "Imu", "Fixes", "Cursor", "Output", "Filter", "Sensor", "PARAMETERS", "POSITION_KIND", "OBSERVE", "PREDICT", "CORRECT", "RUN",
+__all__ = ["Belief", "Start", "Noise", "Imu", "Fixes", "Cursor", "Output", "Filter", "Sensor", "PARAMETERS", "POSITION_KIND", "VALID", "BRIDGED", "INVALID", "OBSERVE", "PREDICT", "CORRECT", "RUN",
            "POS", "VEL", "ATT", "BA", "BG", "STATES", "COMPILED", "kernel", "helper", "matrix", "address", "entry_point", "caller", "compile_kernel", "is_cached"]
 
 POS, VEL, ATT, BA, BG = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
@@ -103,6 +103,8 @@ class Output(NamedTuple):
 
 PARAMETERS = 8
 """Numbers that a source hands to its observer."""
+VALID, BRIDGED, INVALID = 0, 1, 2
+"""Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and before the next accepted position fix."""
 POSITION_KIND = 0
 """The kind of a position fix: the one that makes a solution valid again after a long gap."""
 

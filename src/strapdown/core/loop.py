@@ -11,7 +11,7 @@ Rules (docs/conventions.md):
 import math
 
 from .compiling import caller, helper, inlined, kernel
-from .contract import CORRECT, OBSERVE, POSITION_KIND, PREDICT, RUN, Noise
+from .contract import BRIDGED, CORRECT, INVALID, OBSERVE, POSITION_KIND, PREDICT, RUN, VALID, Noise
 from .earth import LATITUDE_LIMIT
 from .mechanization import compensate, stationary_increments
 from .rotation import matrix_to_quaternion
@@ -24,7 +24,6 @@ T, LLA, V, Q, BIASES, SD, ROW_STATUS, NAV_WIDTH = 0, 1, 4, 7, 11, 17, 32, 33
 F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, FIX_WIDTH = 0, 1, 2, 5, 6, 7
 """Columns of Output.fix; use is one of the next four."""
 UNMEASURED, REJECTED_FIX, ACCEPTED, REACQUIRED = -1.0, 0.0, 1.0, 2.0
-VALID, BRIDGED, INVALID = 0, 1, 2
 
 BRIDGE = 1.0                            # s
 STEP = 0.1                              # s: longest prediction inside a gap

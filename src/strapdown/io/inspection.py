@@ -6,7 +6,6 @@ import numpy as np
 
 from ..core.earth import A
 from ..data import DataError
-from .fixes import overlap
 from .locate import locate
 from .origin import counted
 from .plausible import doubts, mistakes
