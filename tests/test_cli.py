@@ -234,7 +234,7 @@ BAD = [
     ([*FUSE, "--option", "interval"], TOML, "write NAME=VALUE"),
     ([*FUSE, "--filter", "periodic-reset", "--option", "interval=soon"], TOML, "interval is 'soon'; it must be a number"),
     ([*FUSE, "--filter", "periodic-reset", "--option", "interval=-1"], TOML, "must be 0 or more"),
-    ([*FUSE, "--option", "error_model=printed"], TOML, "one of corrected, literal"),
+    ([*FUSE, "--option", "error_model=printed"], TOML, "one of corrected, literal, printed-signs"),
     ([*FUSE, "--hide", "3-4"], TOML, "a window is START:STOP"),
     ([*FUSE, "--hide", "4:3"], TOML, "ends before it starts"),
     ([*FUSE, "--hide", "3:4:5"], TOML, "a window is START:STOP"),

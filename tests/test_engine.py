@@ -155,7 +155,7 @@ def test_the_antimeridian_is_crossed(name):
 @pytest.mark.parametrize("wrong, words", [
     (dict(filter="closed-lop"), "no filter is called 'closed-lop'; did you mean 'closed-loop'"),
     (dict(interval=3.0), "filter 'closed-loop' has no option 'interval'; it has error_model"),
-    (dict(error_model="exact"), "error_model is 'exact'; it must be one of corrected, literal"),
+    (dict(error_model="exact"), "error_model is 'exact'; it must be one of corrected, literal, printed-signs, no-gradient, latitude-gravity"),
     (dict(filter="periodic-reset", interval="x"), "filter 'periodic-reset': "),
     (dict(every=0), "every is 0; it must be a whole number, at least 1"),
     (dict(every=2.5), "every is 2.5"),

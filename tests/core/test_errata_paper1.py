@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.core import earth
 from strapdown.core.contract import Noise
-from strapdown.core.error_dynamics import CORRECTED, LITERAL, dynamics
+from strapdown.core.error_dynamics import CORRECTED, LATITUDE_GRAVITY, LITERAL, NO_GRADIENT, PRINTED_SIGNS, dynamics
 from strapdown.core.mechanization import mechanize, stationary_increments
 
 pytestmark = pytest.mark.short
@@ -129,3 +129,28 @@ def test_the_literal_model_is_table_ii(name):
     F, _ = dynamics(LLA, V, C, C @ FORCE, NOISE, LITERAL)
     printed = PRINTED[name] / SCALE if name[1] == "p" else PRINTED[name]
     np.testing.assert_allclose(F[ROWS[name[0]], ROWS[name[1]]], printed, rtol=1e-12, atol=1e-25)
+
+
+@pytest.mark.parametrize("model, blocks", [(PRINTED_SIGNS, {"tp", "tv"}), (NO_GRADIENT, set())])
+def test_a_partial_model_is_printed_in_its_part_and_corrected_in_the_rest(model, blocks):
+    part, corrected, literal = (dynamics(LLA, V, C, C @ FORCE, NOISE, m)[0] for m in (model, CORRECTED, LITERAL))
+    if model == NO_GRADIENT:     # what the gradient brings, and nothing else
+        corrected[5, 0] -= G_LAT / M
+        corrected[5, 2] += G_H
+    for name in ("vp", "tp", "vv", "tv"):
+        rows, columns = ROWS[name[0]], ROWS[name[1]]
+        np.testing.assert_allclose(part[rows, columns], (literal if name in blocks else corrected)[rows, columns], rtol=1e-9, atol=1e-16)
+
+
+def test_gravity_of_latitude_alone_leaves_the_mechanization_and_its_derivative_without_height():
+    """Specific force zero: after dt the down velocity is g dt, whatever the height, and F has dg/dlat at the ellipsoid and no dg/dh."""
+    down = {}
+    for height in (0.0, 3000.0):
+        lla, v, attitude = np.array([LLA[0], 0.0, height]), np.zeros(3), np.eye(3)
+        mechanize(lla, v, attitude, *np.zeros(6), 1e-3, np.zeros(3), 0.0)
+        down[height] = v[2] / 1e-3
+    assert down[0.0] == down[3000.0] == pytest.approx(gravity(LLA[0], 0.0), rel=1e-8)
+    F, corrected = (dynamics(LLA, V, C, C @ FORCE, NOISE, model)[0] for model in (LATITUDE_GRAVITY, CORRECTED))
+    assert corrected[5, 2] - F[5, 2] == pytest.approx(-G_H, rel=1e-9)
+    assert corrected[5, 0] - F[5, 0] == pytest.approx((G_LAT - gravity(LLA[0] + 1e-30j, 0.0).imag / 1e-30) / M, rel=1e-6)
+    np.testing.assert_allclose(np.delete(F, 5, axis=0), np.delete(corrected, 5, axis=0))

@@ -8,9 +8,10 @@ import numpy as np
 from .compiling import helper
 from .earth import gravity_gradient, place, rotation_rates
 
-CORRECTED, LITERAL = 0, 1
-"""Error models: corrected; Table II of the paper as printed (signs of F_theta_v and F_theta_p, no gravity gradient)."""
-MODELS = {"corrected": CORRECTED, "literal": LITERAL}
+CORRECTED, LITERAL, PRINTED_SIGNS, NO_GRADIENT, LATITUDE_GRAVITY = range(5)
+"""Error models: corrected; Table II of the paper as printed; with its signs of F_theta_v and F_theta_p alone; without the gravity gradient alone;
+corrected for an Earth whose gravity does not depend on height, where the INS uses such a gravity too."""
+MODELS = {"corrected": CORRECTED, "literal": LITERAL, "printed-signs": PRINTED_SIGNS, "no-gradient": NO_GRADIENT, "latitude-gravity": LATITUDE_GRAVITY}
 
 PP, VP, VV, TP, TV = 0, 9, 18, 27, 36
 BLOCKS = 45
@@ -47,12 +48,15 @@ def kinematic_blocks(lla, v, model, F):
     F[TP + 2], F[TP + 5], F[TP + 8] = -v_e / (N * N), v_n / (M * M), v_e * tan / (N * N)
     F[TV + 1], F[TV + 3], F[TV + 7] = -1 / N, 1 / M, tan / N
 
-    if model == CORRECTED:
+    if model == CORRECTED or model == PRINTED_SIGNS:
         g_lat, g_h = gravity_gradient(sine, cosine, lla[2])
         F[VP + 6] += g_lat / M
         F[VP + 8] -= g_h
-    else:
+    elif model == LATITUDE_GRAVITY:
+        F[VP + 6] += gravity_gradient(sine, cosine, 0.0)[0] / M
+    if model == LITERAL:
         F[VP + 2] = (v_n * v_d - v_e * v_e * tan) / (M * M)
+    if model == LITERAL or model == PRINTED_SIGNS:
         F[TP], F[TP + 6] = ie_d / M, -(ie_n + secant) / M
         F[TP + 2], F[TP + 5], F[TP + 8] = v_e * v_e / (N * N), -v_n * v_n / (M * M), -v_e * tan / (N * N)
         F[TV + 1], F[TV + 3], F[TV + 7] = 1 / M, -1 / M, -tan / N

@@ -6,13 +6,14 @@ import numpy as np
 from .compiling import helper, matrix
 from .contract import ATT, BA, BG, POS, STATES, VEL
 from .earth import displace
-from .error_dynamics import BLOCKS, MODELS, kinematic_blocks
+from .error_dynamics import BLOCKS, LATITUDE_GRAVITY, MODELS, kinematic_blocks
 from .gaussian import WORKSPACE, decay, propagate, propagate_error, update
 from .rotation import orthonormalise, rotate_left
 
 X = slice(0, STATES)                            # error state kept apart from the belief; zero where it is injected at once
 MODEL = X.stop                                  # which error model; see error_dynamics
-OWN = MODEL + 1                                 # 40 numbers for the architecture itself
+OWN = MODEL + 1                                 # 39 numbers for the architecture itself
+HEIGHT = OWN + 39                               # gravity at this times the height: 1 or 0
 BLOCK = slice(OWN + 40, OWN + 40 + BLOCKS)      # blocks of F
 MID = BLOCK.stop                                # C_nb at mid-interval, 3 x 3
 DV = slice(MID + 9, MID + 12)                   # specific-force velocity increment in n, bias-free, m/s
@@ -26,6 +27,7 @@ def auxiliary(n, error_model="corrected"):
         raise ValueError(f"error_model is {error_model!r}; it must be one of {', '.join(MODELS)}")
     aux = np.zeros(WORK + max(WORKSPACE, n * n + 3 * n + 4) + 3 * n)
     aux[MODEL] = MODELS[error_model]
+    aux[HEIGHT] = MODELS[error_model] != LATITUDE_GRAVITY
     return aux
 
 

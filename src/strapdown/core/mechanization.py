@@ -29,10 +29,11 @@ def compensate(dtheta, dv, dt, previous, u):
 
 
 @helper
-def mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, dv_n):
+def mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, dv_n, height=1.0):
     """Advance lla, v_n and C_nb by one sample of bias-free increments: rotation vector r (rad) and velocity a (m/s), body.
 
-    dv_n[0:3] receives the specific-force velocity increment in n. Gravity and Coriolis act at mid-interval.
+    dv_n[0:3] receives the specific-force velocity increment in n. Gravity and Coriolis act at mid-interval. Gravity is that of `height` times the
+    height: 1, or 0 for an Earth whose gravity depends on latitude alone.
     """
     sine, cosine, M, N = place(lla[0], lla[2])
     ie_n, ie_d, w0, w1, w2 = rotation_rates(v[0], v[1], sine, cosine, M, N)
@@ -47,7 +48,7 @@ def mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, dv_n):
     f0, f1, f2 = f0 - 0.5 * (w1 * f2 - w2 * f1), f1 - 0.5 * (w2 * f0 - w0 * f2), f2 - 0.5 * (w0 * f1 - w1 * f0)
     c0, c1, c2 = w0 + ie_n * dt, w1, w2 + ie_d * dt
     v0, v1, v2 = v[0], v[1], v[2]
-    g = gravity(sine, lla[2] - 0.5 * v2 * dt) * dt
+    g = gravity(sine, height * (lla[2] - 0.5 * v2 * dt)) * dt
     m0 = v0 + 0.5 * (f0 - c1 * v2 + c2 * v1)
     m1 = v1 + 0.5 * (f1 - c2 * v0 + c0 * v2)
     m2 = v2 + 0.5 * (f2 - c0 * v1 + c1 * v0 + g)

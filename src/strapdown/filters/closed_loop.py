@@ -1,11 +1,11 @@
 """Closed loop: errors are injected into the INS at each fix, biases are corrected inside the INS. The default filter."""
 from ..core.contract import CORRECT, PREDICT, Filter, kernel
-from ..core.error_state import DV, DX, auxiliary, inject, inject_biases, linearised_step, measure
+from ..core.error_state import DV, DX, HEIGHT, auxiliary, inject, inject_biases, linearised_step, measure
 from ..core.mechanization import mechanize
 
 
 def start(start, noise, error_model="corrected"):
-    """Belief at `start`. error_model: "corrected", or "literal" for Table II of Hager & Bryne as printed."""
+    """Belief at `start`. error_model: "corrected", or a name of core.error_dynamics.MODELS: what Hager & Bryne print, whole or in part."""
     return start.belief(auxiliary(len(start.sd), error_model))
 
 
@@ -16,7 +16,7 @@ def predict(belief, u, dt, noise):
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
     a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
     linearised_step(belief, u, dt, noise, False)
-    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, belief.aux[DV])
+    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, belief.aux[DV], belief.aux[HEIGHT])
 
 
 @kernel(CORRECT)

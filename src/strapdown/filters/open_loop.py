@@ -1,6 +1,6 @@
 """Open loop (feed-forward): the INS runs raw and alone; its error is estimated beside it and never reset. The belief is INS (+) error."""
 from ..core.contract import BA, BG, CORRECT, PREDICT, Filter, helper, kernel, matrix
-from ..core.error_state import DV, DX, OWN, X, auxiliary, decay_biases, inject, linearised_step, measure
+from ..core.error_state import DV, DX, HEIGHT, OWN, X, auxiliary, decay_biases, inject, linearised_step, measure
 from ..core.mechanization import mechanize
 
 LLA, V, C = slice(OWN, OWN + 3), slice(OWN + 3, OWN + 6), OWN + 6   # of the raw INS in aux
@@ -11,7 +11,7 @@ BIAS = slice(OWN + 15, OWN + 21)                                     # what the 
 def start(start, noise, error_model="corrected"):
     """Belief at `start`: the INS begins there, and only the initial biases of `start` are taken off its IMU (decaying as the model says).
 
-    error_model: "corrected", or "literal" for Table II of Hager & Bryne as printed.
+    error_model: "corrected", or a name of core.error_dynamics.MODELS: what Hager & Bryne print, whole or in part.
     """
     belief = start.belief(auxiliary(len(start.sd), error_model))
     belief.aux[LLA], belief.aux[V], belief.aux[C:C + 9] = belief.lla, belief.v, belief.C.ravel()
@@ -26,7 +26,7 @@ def predict_beside(belief, u, dt, noise):
     b = aux[BIAS]
     linearised_step(belief, u, dt, noise, True)
     mechanize(aux[LLA], aux[V], matrix(aux, C, 3, 3), u[0] - b[3] * dt, u[1] - b[4] * dt, u[2] - b[5] * dt,
-              u[3] - b[0] * dt, u[4] - b[1] * dt, u[5] - b[2] * dt, dt, aux[DV])
+              u[3] - b[0] * dt, u[4] - b[1] * dt, u[5] - b[2] * dt, dt, aux[DV], aux[HEIGHT])
     decay_biases(b[0:3], b[3:6], dt, noise)
     compose(belief)
 
