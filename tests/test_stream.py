@@ -6,10 +6,10 @@ import pytest
 from recordings import alike, flight, position, start, without_samples
 
 import strapdown as sd
-from strapdown import engine, filters
+from strapdown import stream as live, filters
 from strapdown.core.loop import SAME_TIME
 from strapdown.data import BRIDGED, INVALID, VALID, DataError
-from strapdown.engine import Fix, Sample, Stream
+from strapdown.stream import Fix, Sample, Stream
 from strapdown.geodesy import displaced
 
 pytestmark = pytest.mark.short
@@ -271,14 +271,14 @@ def test_fixes_that_no_source_delivers_are_refused(fix, words):
 def test_fixes_without_samples_are_refused_when_the_room_is_full():
     recording = flight()
     stream = stream_of(recording)
-    for k in range(engine.ROOM):
+    for k in range(live.ROOM):
         stream.step(Fix(1 + 1e-3 * k, 0, tuple(recording.aidings[0].y[0]), (1e3,) * 3))
     with pytest.raises(DataError, match="1024 fixes wait for an IMU sample, the first at 1.000 s; the stream needs samples to go on"):
         stream.step(Fix(9.0, 0, tuple(recording.aidings[0].y[0]), (1.0,) * 3))
     for event in events_of(recording):
         if type(event) is Sample:
             stream.step(event)
-    assert sum(stream.counts()[0]) == engine.ROOM
+    assert sum(stream.counts()[0]) == live.ROOM
 
 
 @pytest.mark.parametrize("lag", [-0.1, float("nan")])
