@@ -11,6 +11,7 @@ import weakref
 from contextlib import contextmanager
 from dataclasses import asdict
 from functools import cached_property
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -19,14 +20,18 @@ from . import __version__
 from .data import DataError
 from .files import replacing
 from .scoring import GROUPS, STATE_NAMES
-from .study import CHUNK_STEPS, SCALARS, run_chunk
+from .study import SCALARS, run_chunk
 
 FORMAT = 1
 """Of manifest and chunk files."""
-DIMENSIONS = {"t": ("epoch",), "kept": ("epoch",), "error": ("filter", "run", "epoch", "state"), "sd": ("filter", "run", "epoch", "state"),
-              "nees_rows": ("filter", "run", "epoch"), "bias": ("run", "epoch", "bias_axis"), "squares": ("filter", "epoch", "state"),
-              "variances": ("filter", "epoch", "state"), "nees_sum": ("filter", "epoch"), "alive": ("filter", "epoch"), "bound": ("epoch", "state"),
+DIMENSIONS = {"error": ("filter", "run", "t", "state"), "sd": ("filter", "run", "t", "state"),
+              "nees_rows": ("filter", "run", "t"), "bias": ("run", "t", "bias_axis"), "squares": ("filter", "t", "state"),
+              "variances": ("filter", "t", "state"), "nees_sum": ("filter", "t"), "alive": ("filter", "t"), "bound": ("t", "state"),
               "mean_square": ("filter", "run", "group"), "coverage": ("filter", "run", "sigma"), **dict.fromkeys(SCALARS, ("filter", "run"))}
+ABOUT = {"t": "s", "error": "true - estimate, m, m/s, rad, m/s^2, rad/s", "sd": "as the filter states it, units of error", "bias": "true biases, m/s^2, rad/s",
+         "bound": "variances of the Cramer-Rao bound, units of error squared", "nees_rows": "of 15 states", "lasted": "s", "left_model": "s",
+         "censored": "mean squared position error, m^2", "mean_square": "until the abort, SI and radians squared",
+         "reason": "0 survived, 1 lost, 2 inconsistent, 3 quarantined"}
 SOURCES = ("core", "aiding", "filters", "sim", "sensors", "engine.py", "study.py", "scoring.py", "consistency.py", "geodesy.py")
 """What can change a result."""
 
@@ -91,7 +96,7 @@ class Campaign:
         path = self.path(chunk)
         _make(path.parent)
         with replacing(path) as part:
-            _dataset(arrays, self.manifest["filters"], range(chunk.first, chunk.stop)).to_netcdf(part, engine="h5netcdf")
+            part.write_bytes(_file(arrays, self.manifest["filters"], range(chunk.first, chunk.stop)))
         return chunk
 
     def finish(self):
@@ -135,7 +140,7 @@ class Campaign:
                     "nees": total("nees_sum") / alive / len(STATE_NAMES), "alive": alive, "bound": np.sqrt(parts[0]["bound"])}
 
     def arrays(self, cell):
-        """The stored rows of a cell as a labelled xarray Dataset (filter, run, epoch, state) that stays in the chunk files until it is used."""
+        """The stored rows of a cell as a labelled xarray Dataset (filter, run, t, state) that stays in the chunk files until it is used."""
         import xarray
         try:
             return xarray.open_mfdataset(self._files(cell), combine="nested", concat_dim="run", data_vars="minimal", coords="minimal",
@@ -159,6 +164,9 @@ class Campaign:
         from .summaries import run_rows
         return pd.concat([run_rows(self, number) for number in range(len(self.cells))], ignore_index=True)
 
+    def __reduce__(self):
+        return Campaign, (self.folder, self.manifest, self.study)
+
     def __repr__(self):
         return f"Campaign({self.folder}: {len(self.cells)} cells, {len(self.manifest['filters'])} filters, {self.manifest['runs']} runs)"
 
@@ -168,7 +176,7 @@ def describe(study):
     cells = [{"name": cell.name, "scenario": cell.scenario.describe(), "imu": asdict(cell.imu)} for cell in study.cells]
     manifest = {"format": FORMAT, "versions": {"strapdown": __version__, "sources": _sources(), "numpy": np.__version__}, "seed": int(study.seed),
                 "runs": int(study.runs), "filters": list(study.filters), "epoch_s": float(study.epoch), "keep": int(study.keep),
-                "limits": study.limits._asdict(), "chunk_steps": CHUNK_STEPS, "cells": cells}
+                "limits": study.limits._asdict(), "chunk_steps": int(study.chunk_steps), "cells": cells}
     return json.loads(json.dumps(manifest, default=float))
 
 
@@ -223,15 +231,20 @@ def _remove(folder):
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def _dataset(arrays, filters, runs):
-    """A labelled Dataset of the arrays of a chunk."""
-    import xarray
-    coordinates = {"filter": list(filters), "run": list(runs), "state": list(STATE_NAMES), "group": list(GROUPS), "sigma": [1, 2, 3],
-                   "bias_axis": list(STATE_NAMES[9:]), "t": ("epoch", arrays["t"], {"units": "s"})}
+def _file(arrays, filters, runs):
+    """The bytes of a chunk file. It is made in memory: HDF5 that runs out of disk in the middle cannot even close its file."""
+    import h5netcdf
+    import h5py
+    labels = {"filter": list(filters), "run": np.array(runs), "state": list(STATE_NAMES), "group": list(GROUPS), "sigma": np.array([1, 2, 3]),
+              "bias_axis": list(STATE_NAMES[9:]), "t": arrays["t"]}
     variables = {name: (DIMENSIONS[name], values) for name, values in arrays.items() if name not in ("t", "kept")}
-    about = {"error": "true - estimate, m, m/s, rad, m/s^2, rad/s", "sd": "as the filter states it, units of error", "bias": "true biases, m/s^2, rad/s",
-             "bound": "variances of the Cramer-Rao bound", "nees_rows": "of 15 states", "reason": "0 survived, 1 lost, 2 inconsistent, 3 quarantined"}
-    for name, text in about.items():
-        if name in variables:
-            variables[name] = (*variables[name], {"long_name": text})
-    return xarray.Dataset(variables, coordinates, {"format": FORMAT})
+    buffer = BytesIO()
+    with h5netcdf.File(buffer, "w") as file:
+        file.attrs["format"] = FORMAT
+        file.dimensions = {name: len(values) for name, values in labels.items()}
+        for name, (dimensions, values) in ({name: ((name,), values) for name, values in labels.items()} | variables).items():
+            text = isinstance(values, list)
+            made = file.create_variable(name, dimensions, h5py.string_dtype() if text else values.dtype, data=np.array(values, object) if text else values)
+            if name in ABOUT:
+                made.attrs["long_name"] = ABOUT[name]
+    return buffer.getbuffer()

@@ -54,7 +54,7 @@ def score(solution, at, b_a, b_g, limits):
         compile_kernel(normalised_rows)
         normalised_rows(error[:kept], solution.covariance, np.zeros((STATES + 2, STATES)), nees[:kept])
         distance = np.sqrt((error[:, POS] ** 2).sum(axis=1))
-        rows, reason = consistency.survival(np.where(np.isfinite(distance), distance, np.inf), nees, at.truth.t, limits)
+        rows, reason = consistency.survival(distance, nees, at.truth.t, limits)
         numbers = {"rows": rows, "reason": reason, "lasted": float(at.truth.t[rows - 1]) if rows else 0.0,
                    "left_model": _left_model(solution, at), **_alive(error[:rows], rph[:rows], sd[:rows], nees[:rows]),
                    "censored": float(np.r_[np.minimum(distance[:rows], limits.distance) ** 2, np.full(n - rows, limits.distance ** 2)].mean()),
@@ -100,7 +100,7 @@ def _alive(error, rph, sd, nees):
     squares = np.c_[_square(error[:, POS]), _square(error[:, VEL]), _square(error[:, ATT]), rph ** 2, _square(error[:, BA]), _square(error[:, BG])]
     low, high = consistency.band(STATES)
     normal = np.abs(error[:, POS]) / sd[:, POS]
-    return {"mean_square": squares.mean(axis=0), "nees": float(nees.mean()), "nees_inside": float(((nees >= low) & (nees <= high)).mean()),
+    return {"mean_square": squares.mean(axis=0), "nees": float(nees[known].mean()) if (known := np.isfinite(nees)).any() else np.nan, "nees_inside": float(((nees >= low) & (nees <= high)).mean()),
             "coverage": np.array([(normal <= sigma).mean() for sigma in (1, 2, 3)])}
 
 

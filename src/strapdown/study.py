@@ -24,8 +24,6 @@ from .sensors.imu import ImuSpec, grade
 from .sim.scenario import Scenario, scenario
 from .sim.synthesis import Simulator
 
-CHUNK_STEPS = 3_000_000
-"""Filter steps in a chunk, about: seconds of work, which is what an interruption loses."""
 SCALARS = ("rows", "reason", "lasted", "left_model", "censored", "nees", "nees_inside", "nis", "correlation", "accepted", "rejected")
 """Numbers of each run and filter, beside `mean_square` and `coverage`."""
 
@@ -63,12 +61,13 @@ class Study:
     epoch: float = 1.0                  # s between scored rows
     keep: int = 5                       # every keep-th scored row is stored and part of the curves
     limits: Limits = field(default_factory=Limits)
+    chunk_steps: int = 3_000_000        # filter steps in a chunk, about: seconds of work, which is what an interruption loses
 
     def __post_init__(self):
         for name in ("scenarios", "filters", "imus"):
             value = getattr(self, name)
             object.__setattr__(self, name, (value,) if isinstance(value, (str, Scenario, ImuSpec)) else tuple(value))
-        for name, least in (("runs", 1), ("keep", 1), ("seed", 0)):
+        for name, least in (("runs", 1), ("keep", 1), ("seed", 0), ("chunk_steps", 1)):
             if not isinstance(getattr(self, name), (int, np.integer)) or getattr(self, name) < least:
                 raise DataError(f"study: {name} is {getattr(self, name)!r}; it must be a whole number, {least} or more")
         if not self.epoch > 0:
@@ -94,7 +93,7 @@ class Study:
 
     def _chunk_runs(self, cell):
         steps = cell.scenario.duration * cell.scenario.rate * len(self.filters)
-        return min(self.runs, max(1, round(CHUNK_STEPS / steps)))
+        return min(self.runs, max(1, round(self.chunk_steps / steps)))
 
     def steps(self, chunk=None):
         """Filter steps (IMU samples through a filter) of a chunk, or of the whole study."""
@@ -143,8 +142,8 @@ def _value(text):
 
 @lru_cache(maxsize=8)
 def _cells(scenarios, imus):
-    found = [s if isinstance(s, Scenario) else scenario(s) for s in scenarios]
-    return tuple(Cell(s, grade(imu)) for s in found for imu in (imus or (s.imu,)))
+    known = [s if isinstance(s, Scenario) else scenario(s) for s in scenarios]
+    return tuple(Cell(s, grade(imu)) for s in known for imu in (imus or (s.imu,)))
 
 
 def seeds(study, cell, run):
@@ -157,12 +156,12 @@ _simulators, _making = {}, threading.Lock()
 
 def simulator(cell):
     """The Simulator of a cell's scenario; the last two are kept."""
+    key = cell.scenario.describe()["fingerprint"]   # a worker gets a new copy of the scenario with every chunk
     with _making:
-        key = cell.scenario
         if key not in _simulators:
             while len(_simulators) > 1:
                 _simulators.pop(next(iter(_simulators)))
-            _simulators[key] = Simulator(key)
+            _simulators[key] = Simulator(cell.scenario)
         return _simulators[key]
 
 
@@ -189,8 +188,11 @@ def run_chunk(study, chunk, skip=()):
 
 
 def _bound(made, cell, at):
-    """Posterior Cramer-Rao bound at the scored epochs as variances (n, 15)."""
-    return cramer_rao(made.ideal_recording(), made.exact_start(cell.imu), cell.imu.noise(), every=at.every).sd ** 2
+    """Posterior Cramer-Rao bound at the scored epochs as variances (n, 15); NaN where the filters' Earth is not the scenario's."""
+    try:
+        return cramer_rao(made.ideal_recording(), made.exact_start(cell.imu), cell.imu.noise(), every=at.every).sd ** 2
+    except DataError:
+        return np.full((len(at.rows), STATES), np.nan)
 
 
 def _empty(study, chunk, at):
