@@ -11,11 +11,11 @@ INTERVAL, ELAPSED = OWN + 30, OWN + 31  # s; s since the last reset
 ROUNDING = 1e-6                         # s: of a sum of steps
 
 
-def start(start, noise, interval=60.0, error_model="corrected"):
-    """Belief at `start`. interval: seconds between resets, 0 to inf; error_model as for the other loops."""
+def start(start, noise, interval=60.0, error_model="corrected", kinematics="second-order"):
+    """Belief at `start`. interval: seconds between resets, 0 to inf; error_model and kinematics as for the open loop."""
     if not interval >= 0:
         raise ValueError(f"interval is {interval} s; it must be 0 or more (inf: never reset)")
-    belief = open_loop.start(start, noise, error_model)
+    belief = open_loop.start(start, noise, error_model, kinematics)
     belief.aux[INTERVAL] = interval
     return belief
 
