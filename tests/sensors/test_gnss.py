@@ -78,3 +78,44 @@ def test_what_the_trajectory_lacks_is_named():
         velocity_fixes(bare, 1.0, 0.1, np.random.default_rng(0))
     with pytest.raises(DataError, match="needs the trajectory's attitude"):
         position_fixes(bare, 1.0, 0.1, np.random.default_rng(0), ARM)
+
+
+def test_outages_leave_the_other_fixes_as_they_were():
+    whole = Gnss().fixes(TRUTH, np.random.default_rng(9))
+    holed = Gnss(outages=((70.0, 75.0), (170.0, 200.0))).fixes(TRUTH, np.random.default_rng(9))
+    for all_of, left in zip(whole, holed, strict=True):
+        keep = ((all_of.t < 69.9999) | (all_of.t >= 74.9999)) & (all_of.t < 169.9999)
+        assert len(left.t) == len(left.sd) == 120 - 5 - 11
+        np.testing.assert_array_equal(left.t, all_of.t[keep])
+        np.testing.assert_array_equal(left.y, all_of.y[keep])
+
+
+def test_late_fixes_are_stamped_late():
+    prompt = Gnss(0.5, lever_arm=ARM).fixes(TRUTH, np.random.default_rng(9))
+    late = Gnss(0.5, lever_arm=ARM, latency=0.2, outages=((70.0, 75.0),)).fixes(TRUTH, np.random.default_rng(9))
+    for one, other in zip(prompt, late, strict=True):
+        keep = ((one.t < 69.9999) | (one.t >= 74.9999)) & (one.t <= 179.801)       # an outage is one of measuring; the last stamp would be after the end
+        np.testing.assert_allclose(other.t, one.t[keep] + 0.2, rtol=0, atol=1e-12)
+        np.testing.assert_array_equal(other.y, one.y[keep])
+    error = north_east_down(late[0].y, displaced(sample(demo_flight(), late[0].t).lla, np.zeros(3)))
+    assert np.linalg.norm(error, axis=1).mean() > 7      # 45 m/s for 0.2 s, which a filter without knowledge of it takes for error
+
+
+def test_a_plan_serves_any_number_of_runs():
+    receiver = Gnss(0.1, lever_arm=ARM)
+    plan = receiver.plan(TRUTH, gate=np.inf)
+    for seed in (1, 2, 1):
+        for mine, other in zip(plan.fixes(np.random.default_rng(seed)), receiver.fixes(TRUTH, np.random.default_rng(seed)), strict=True):
+            np.testing.assert_array_equal(mine.y, other.y)
+            assert mine.gate == np.inf and other.gate is None
+    for mine, noisy in zip(plan.exact(), plan.fixes(np.random.default_rng(1)), strict=True):
+        assert (mine.y - noisy.y).std(axis=0).min() > 0 and np.array_equal(mine.sd, noisy.sd)
+    np.testing.assert_array_equal(plan.exact()[1].y, plan.exact()[1].y)
+
+
+@pytest.mark.parametrize("change, words", [
+    ({"latency": -0.1}, "latency"), ({"latency": np.nan}, "latency"), ({"outages": ((5.0, 5.0),)}, "start before the stop"), ({"outages": ((5.0,),)}, "write .start, stop."),
+    ({"position_sd": (1.0, 2.0)}, "2 standard deviations are given")])
+def test_impossible_outages_and_delays_are_refused(change, words):
+    with pytest.raises(DataError, match=words):
+        Gnss(**change).plan(TRUTH)

@@ -1,28 +1,131 @@
-"""Error model of a GNSS receiver: fixes of position and velocity at the antenna with white noise, as Aiding."""
+"""Error model of a GNSS receiver: fixes of position and velocity at the antenna with white noise, outages and latency, as Aiding."""
 from typing import NamedTuple
 
 import numpy as np
 
 from ..data import Aiding, DataError, Trajectory
-from ..geodesy import displaced, wrap
+from ..geodesy import radii, wrap
 
 
 class Gnss(NamedTuple):
     """A receiver: time between fixes, and standard deviations north, east, down; None means that it does not measure this."""
     interval: float = 1.0                   # s
-    position_sd: tuple = (1.0, 1.0, 1.5)    # m
-    velocity_sd: tuple = (0.1, 0.1, 0.1)    # m/s
+    position_sd: tuple | None = (1.0, 1.0, 1.5)     # m
+    velocity_sd: tuple | None = (0.1, 0.1, 0.1)     # m/s
     lever_arm: tuple = (0.0, 0.0, 0.0)      # from the IMU to the antenna, m, body
+    outages: tuple = ()                     # (start, stop) of windows in which no fix is measured, s; the stop itself is outside
+    latency: float = 0.0                    # s: each fix is stamped that much later than the instant it was measured
 
     def fixes(self, trajectory, rng):
-        """The aidings of a flight, position and velocity each from a random stream of its own."""
-        position, velocity = rng.spawn(2)
-        made = []
+        """The aidings of a flight, position and velocity each from a random stream of its own. Raises DataError."""
+        return self.plan(trajectory).fixes(rng)
+
+    def plan(self, trajectory, gate=None):
+        """What all runs over one trajectory share, as a Plan; `gate` is that of its aidings. Raises DataError."""
+        self.check()
+        keep = self._kept(_times(trajectory, self.interval), trajectory.t[-1])
+        position = velocity = None
         if self.position_sd is not None:
-            made.append(position_fixes(trajectory, self.interval, self.position_sd, position, self.lever_arm))
+            position = PositionPlan.of(trajectory, self.interval, self.position_sd, self.lever_arm, keep=keep, latency=self.latency, gate=gate)
         if self.velocity_sd is not None:
-            made.append(velocity_fixes(trajectory, self.interval, self.velocity_sd, velocity, self.lever_arm))
-        return tuple(made)
+            velocity = VelocityPlan.of(trajectory, self.interval, self.velocity_sd, self.lever_arm, keep=keep, latency=self.latency, gate=gate)
+        return Plan(position, velocity)
+
+    def check(self):
+        """Raise DataError, in one line, where no receiver can be like that."""
+        if not np.ndim(self.interval):
+            _interval(self.interval)
+        for sd, name in ((self.position_sd, "GNSS position"), (self.velocity_sd, "GNSS velocity")):
+            if sd is not None:
+                _deviations(sd, name)
+        _lever_arm(self.lever_arm, "GNSS")
+        if not 0 <= self.latency < np.inf:
+            raise DataError(f"latency of the fixes is {self.latency!r} s; it must be 0 or more")
+        for window in self.outages:
+            if np.shape(window) != (2,) or not window[0] < window[1]:
+                raise DataError(f"outage {window!r}: write (start, stop) in s, the start before the stop")
+
+    def _kept(self, t, end):
+        """Rows of the fixes that are measured and, with their latency, come before the end; None where that is all of them."""
+        keep = t + self.latency <= end + 1e-9 if self.latency else np.ones(len(t), bool)
+        for start, stop in self.outages:
+            keep &= (t < start) | (t >= stop)
+        return None if keep.all() else np.flatnonzero(keep)
+
+
+class Plan(NamedTuple):
+    """What a receiver would measure without noise; each run adds its own. None: not measured."""
+    position: "PositionPlan | None"
+    velocity: "VelocityPlan | None"
+
+    def fixes(self, rng):
+        """The aidings of one run, with noise from `rng`: position and velocity each from a random stream of its own."""
+        return tuple(part.fixes(stream) for part, stream in zip(self, rng.spawn(2)) if part is not None)
+
+    def exact(self):
+        """The aidings with the noise left out but its standard deviations stated."""
+        return tuple(part.fixes(None) for part in self if part is not None)
+
+
+class PositionPlan(NamedTuple):
+    """Noise-free positions of an antenna and what a displacement in metres does to them."""
+    aiding: Aiding              # all but its y
+    lla: np.ndarray             # (n, 3) of the IMU, rad, rad, m
+    antenna: np.ndarray         # (n, 3) lever arm, m NED
+    metres: np.ndarray          # (n, 3) per rad north, per rad east, per metre up
+    sd: np.ndarray              # (3,) m
+    keep: np.ndarray | None     # rows that become fixes; None: all
+
+    @classmethod
+    def of(cls, trajectory, times, sd, lever_arm=(0.0, 0.0, 0.0), name="GNSS position", keep=None, latency=0.0, gate=None):
+        """For a trajectory; arguments as in `position_fixes`."""
+        t, sd = _times(trajectory, times), _deviations(sd, name)
+        antenna, lla = _antenna(trajectory, t, lever_arm, name), interpolated(trajectory, t).lla
+        R_M, R_N = radii(lla[:, 0])
+        metres = np.stack([R_M + lla[:, 2], (R_N + lla[:, 2]) * np.cos(lla[:, 0]), -np.ones(len(t))], axis=1)
+        return cls(_without_values("position", t, sd, lever_arm, name, keep, latency, gate), lla, antenna, metres, sd, keep)
+
+    def fixes(self, rng):
+        """Aiding of the antenna's position, white noise added; without `rng` the exact one."""
+        offset = self.antenna if rng is None else rng.standard_normal(self.antenna.shape)
+        if rng is not None:
+            offset *= self.sd
+            offset += self.antenna
+        y = offset / self.metres
+        y += self.lla
+        y[:, 1] = wrap(y[:, 1])
+        return _with_values(self.aiding, y, self.keep)
+
+
+class VelocityPlan(NamedTuple):
+    """Noise-free velocities of an antenna."""
+    aiding: Aiding              # all but its y
+    v_n: np.ndarray             # (n, 3) m/s NED
+    sd: np.ndarray              # (3,) m/s
+    keep: np.ndarray | None     # rows that become fixes; None: all
+
+    @classmethod
+    def of(cls, trajectory, times, sd, lever_arm=(0.0, 0.0, 0.0), name="GNSS velocity", keep=None, latency=0.0, gate=None):
+        """For a trajectory; arguments as in `velocity_fixes`."""
+        if trajectory.v_n is None:
+            raise DataError(f"{name}: the trajectory has no velocity")
+        t, sd = _times(trajectory, times), _deviations(sd, name)
+        velocity = interpolated(trajectory, t).v_n
+        if np.any(lever_arm):
+            half = 0.5 * float(np.median(np.diff(trajectory.t)))
+            early, late = np.clip([t - half, t + half], trajectory.t[0], trajectory.t[-1])
+            moved = _antenna(trajectory, late, lever_arm, name) - _antenna(trajectory, early, lever_arm, name)
+            velocity = velocity + moved / (late - early)[:, None]
+        return cls(_without_values("velocity", t, sd, lever_arm, name, keep, latency, gate), velocity, sd, keep)
+
+    def fixes(self, rng):
+        """Aiding of the antenna's velocity, white noise added; without `rng` the exact one."""
+        if rng is None:
+            return _with_values(self.aiding, self.v_n.copy(), self.keep)
+        y = rng.standard_normal(self.v_n.shape)
+        y *= self.sd
+        y += self.v_n
+        return _with_values(self.aiding, y, self.keep)
 
 
 def position_fixes(trajectory, times, sd, rng, lever_arm=(0.0, 0.0, 0.0), name="GNSS position"):
@@ -31,10 +134,7 @@ def position_fixes(trajectory, times, sd, rng, lever_arm=(0.0, 0.0, 0.0), name="
     `times` is the interval between fixes in s (the first one interval after the start) or the times themselves. The antenna is at
     p + C_nb lever_arm. Raises DataError.
     """
-    t, sd = _times(trajectory, times), _deviations(sd, name)
-    offset = _antenna(trajectory, t, lever_arm, name) + sd * rng.standard_normal((len(t), 3))
-    y = displaced(interpolated(trajectory, t).lla, offset)
-    return Aiding("position", t, y, np.tile(sd, (len(t), 1)), tuple(map(float, lever_arm)), name=name)
+    return PositionPlan.of(trajectory, times, sd, lever_arm, name).fixes(rng)
 
 
 def velocity_fixes(trajectory, times, sd, rng, lever_arm=(0.0, 0.0, 0.0), name="GNSS velocity"):
@@ -43,33 +143,37 @@ def velocity_fixes(trajectory, times, sd, rng, lever_arm=(0.0, 0.0, 0.0), name="
     The antenna moves with v + C_nb (omega_nb_b x lever_arm); the rate comes from the change of attitude between neighbouring samples
     (the turning of the navigation frame, v/R, stays below 2e-5 m/s per metre of lever arm at 100 m/s and is left out).
     """
-    if trajectory.v_n is None:
-        raise DataError(f"{name}: the trajectory has no velocity")
-    t, sd = _times(trajectory, times), _deviations(sd, name)
-    velocity = interpolated(trajectory, t).v_n
-    if np.any(lever_arm):
-        half = 0.5 * float(np.median(np.diff(trajectory.t)))
-        early, late = np.clip([t - half, t + half], trajectory.t[0], trajectory.t[-1])
-        moved = _antenna(trajectory, late, lever_arm, name) - _antenna(trajectory, early, lever_arm, name)
-        velocity = velocity + moved / (late - early)[:, None]
-    y = velocity + sd * rng.standard_normal((len(t), 3))
-    return Aiding("velocity", t, y, np.tile(sd, (len(t), 1)), tuple(map(float, lever_arm)), name=name)
+    return VelocityPlan.of(trajectory, times, sd, lever_arm, name).fixes(rng)
 
 
 def interpolated(trajectory, t):
-    """Position and velocity at times within the trajectory, by cubic splines, as data.Trajectory. Raises DataError."""
-    from scipy.interpolate import CubicSpline
+    """Position and velocity at times within the trajectory, as data.Trajectory: its rows at their own times, else cubic splines. Raises DataError."""
     if len(trajectory.t) < 2 or not np.all((t >= trajectory.t[0]) & (t <= trajectory.t[-1])):
         raise DataError(f"fixes are wanted at times outside the trajectory, which covers {trajectory.t[0]:g} to {trajectory.t[-1]:g} s")
-    lla = CubicSpline(trajectory.t, np.c_[trajectory.lla[:, 0], np.unwrap(trajectory.lla[:, 1]), trajectory.lla[:, 2]])(t)
+    row = np.searchsorted(trajectory.t, t)
+    if np.array_equal(trajectory.t[row], t):
+        lla, v_n = trajectory.lla[row], None if trajectory.v_n is None else trajectory.v_n[row]
+    else:
+        from scipy.interpolate import CubicSpline
+        lla = CubicSpline(trajectory.t, np.c_[trajectory.lla[:, 0], np.unwrap(trajectory.lla[:, 1]), trajectory.lla[:, 2]])(t)
+        v_n = None if trajectory.v_n is None else CubicSpline(trajectory.t, trajectory.v_n)(t)
     lla[:, 1] = wrap(lla[:, 1])
-    return Trajectory(t, lla, None if trajectory.v_n is None else CubicSpline(trajectory.t, trajectory.v_n)(t))
+    return Trajectory(t, lla, v_n)
+
+
+def _without_values(kind, t, sd, lever_arm, name, keep, latency, gate):
+    """The Aiding of a plan with everything that no noise touches."""
+    t = (t if keep is None else t[keep]) + latency
+    return Aiding(kind, t, np.empty((0, 3)), np.tile(sd, (len(t), 1)), tuple(map(float, lever_arm)), gate, name)
+
+
+def _with_values(aiding, y, keep):
+    return Aiding(aiding.kind, aiding.t, y if keep is None else y[keep], aiding.sd, aiding.parameters, aiding.gate, aiding.name)
 
 
 def _antenna(trajectory, t, lever_arm, name):
     """C_nb lever_arm, (n, 3) m NED; the attitude turns at a constant rate between samples."""
-    if np.shape(lever_arm) != (3,) or not np.all(np.isfinite(lever_arm)):
-        raise DataError(f"{name}: lever arm is {lever_arm!r}; it must be three numbers: forward, right, down, m")
+    _lever_arm(lever_arm, name)
     if not np.any(lever_arm):
         return np.zeros((len(t), 3))
     if trajectory.q_nb is None:
@@ -82,17 +186,28 @@ def _times(trajectory, times):
     """Times of the fixes, at samples of the trajectory where rounding alone parts them."""
     if np.ndim(times):
         t = np.asarray(times, float)
-    elif 0 < times < np.inf:
+    else:
+        _interval(times)
         start, stop = trajectory.t[0], trajectory.t[-1]
         t = start + times * np.arange(1, int((stop - start) / times + 1e-9) + 1)
-    else:
-        raise DataError(f"interval between fixes is {times!r} s; it must be larger than 0")
     after = np.clip(np.searchsorted(trajectory.t, t), 1, len(trajectory.t) - 1)
     nearest = np.where(t - trajectory.t[after - 1] < trajectory.t[after] - t, trajectory.t[after - 1], trajectory.t[after])
     return np.where(np.abs(nearest - t) < 1e-9 * (1 + np.abs(t)), nearest, t)
 
 
+def _interval(seconds):
+    if not 0 < seconds < np.inf:
+        raise DataError(f"interval between fixes is {seconds!r} s; it must be larger than 0")
+
+
+def _lever_arm(lever_arm, name):
+    if np.shape(lever_arm) != (3,) or not np.all(np.isfinite(lever_arm)):
+        raise DataError(f"{name}: lever arm is {lever_arm!r}; it must be three numbers: forward, right, down, m")
+
+
 def _deviations(sd, name):
+    if np.ndim(sd) and np.shape(sd) != (3,):
+        raise DataError(f"{name}: {np.size(sd)} standard deviations are given; give three, north, east, down, or one for all")
     sd = np.broadcast_to(np.asarray(sd, float), (3,))
     if not np.all((sd > 0) & np.isfinite(sd)):
         raise DataError(f"{name}: standard deviations are {sd.tolist()}; they must be larger than 0")

@@ -1,4 +1,4 @@
-"""From a motion and error models to a Recording with its truth; and a filter's start drawn around that truth."""
+"""From a scenario and an IMU's errors to Recordings with their truth, and to a filter's start drawn around that truth."""
 from pathlib import Path
 
 import numpy as np
@@ -6,26 +6,82 @@ import numpy as np
 from ..core.contract import ATT, BA, BG, POS, STATES, VEL, Start
 from ..data import DataError, Recording
 from ..geodesy import displaced
-from ..sensors.gnss import Gnss
 from ..sensors.imu import grade
-from .trajectory import increments, sample
+from .scenario import Scenario
+from .scenario import scenario as find
+from .trajectory import Motion, gravity, records
 
 
-def simulate(motion, duration, imu, seed, rate=100.0, gnss=Gnss()):
-    """A Recording of `duration` s: IMU samples at `rate` Hz with the errors of `imu` (grade, file or ImuSpec), GNSS fixes, truth as reference.
+class Simulator:
+    """A scenario and all that its runs share, computed once: the truth, what an ideal IMU and an exact receiver make of it.
 
-    meta holds the grade, the seed and the true biases "b_a" (m/s^2) and "b_g" (rad/s), (n, 3) at the IMU samples. IMU and GNSS have their own
-    random streams: the fixes of a seed are the same for every grade. Raises DataError.
+    Nothing in it changes afterwards, so that threads may share it. All chance of a run comes from the generator or seed it is given.
     """
-    if not (0 < rate < np.inf and 0 < duration < np.inf and round(duration * rate) >= 2):
-        raise DataError(f"cannot simulate {duration!r} s at {rate!r} Hz; both must be larger than 0 and give two samples or more")
-    spec = grade(imu)
-    t = np.arange(round(duration * rate) + 1) / rate
-    truth = sample(motion, t)
-    of_imu, of_gnss = np.random.default_rng(seed).spawn(2)
-    samples, b_a, b_g = spec.corrupt(increments(motion, t), of_imu)
-    meta = {"name": motion.name, "grade": str(imu) if isinstance(imu, (str, Path)) else spec, "seed": seed, "notes": [], "b_a": b_a, "b_g": b_g}
-    return Recording(samples, gnss.fixes(truth, of_gnss), truth, meta)
+
+    def __init__(self, scenario):
+        """`scenario`: a Scenario. Raises DataError."""
+        self.scenario = scenario
+        t = np.arange(round(scenario.duration * scenario.rate) + 1) / scenario.rate
+        self.truth, self.ideal = records(scenario.motion, t, _gravity_at_the_ellipsoid if scenario.gravity == "latitude" else gravity)
+        """The true trajectory at 0, 1/rate, ... s, and the increments of an ideal IMU (core.contract.Imu) from row to row of it."""
+        self.offset = np.asarray(scenario.accel_offset, float)
+        self.plan = scenario.gnss.plan(self.truth, scenario.gate)
+        self._felt = self.ideal._replace(dv=self.ideal.dv + self.offset * self.ideal.dt[:, None]) if self.offset.any() else self.ideal
+
+    def recording(self, imu, rng):
+        """A Recording with the errors of `imu` (ImuSpec, grade or file) and fixes, from `rng` (numpy Generator), IMU and fixes a stream each.
+
+        meta holds the true biases "b_a" (m/s^2, the scenario's offset included) and "b_g" (rad/s), (n, 3) at the IMU samples.
+        """
+        spec = grade(imu)
+        of_imu, of_gnss = rng.spawn(2)
+        samples, b_a, b_g = spec.corrupt(self._felt, of_imu)
+        b_a = b_a + self.offset if self.offset.any() else b_a
+        return Recording(samples, self.plan.fixes(of_gnss), self.truth, self._meta(imu, spec, b_a, b_g))
+
+    def start(self, rng, imu, recording):
+        """A Start at 0 s: the truth less an error drawn from the scenario's `start_sd`, biases 0 or, where they are known, those of `recording`."""
+        biases = (recording.meta["b_a"][0], recording.meta["b_g"][0]) if self.scenario.biases_known else None
+        return draw_start(self.truth, self.scenario.start_deviations(grade(imu)), rng, biases=biases)
+
+    def run(self, imu, seed_sequence):
+        """(Recording, Start) of one numpy SeedSequence; the same one gives the same run, however often it was used."""
+        same = np.random.SeedSequence(seed_sequence.entropy, spawn_key=seed_sequence.spawn_key, pool_size=seed_sequence.pool_size)
+        rng = np.random.default_rng(same)
+        recording = self.recording(imu, rng)
+        return recording, self.start(rng.spawn(1)[0], imu, recording)
+
+    def ideal_recording(self):
+        """The Recording of an IMU without errors and of exact fixes, which state the standard deviations of the noisy ones."""
+        zeros = np.zeros((len(self.ideal.t), 3))
+        return Recording(self.ideal, self.plan.exact(), self.truth, self._meta(None, None, zeros, zeros.copy()))
+
+    def exact_start(self, imu):
+        """The Start at the truth with the standard deviations that `start` has with `imu`."""
+        return _start(self.truth, 0, self.scenario.start_deviations(grade(imu)), np.zeros(STATES), None, "the truth")
+
+    def _meta(self, imu, spec, b_a, b_g):
+        return {"name": self.scenario.name, "grade": str(imu) if isinstance(imu, (str, Path)) else spec, "notes": [], "b_a": b_a, "b_g": b_g}
+
+
+def simulate(motion, duration=None, imu=None, seed=0, rate=None, gnss=None):
+    """A simulated Recording: IMU samples with errors, GNSS fixes, and the truth as reference.
+
+    motion: a Motion, then `duration` (s) and `imu` must be given; or a Scenario, its name, or the path of its TOML file, whose values hold
+    where no other is given. imu: grade, file or ImuSpec; rate: IMU samples per second, else 100; gnss: a Gnss. meta holds the grade, the
+    seed and the true biases "b_a" (m/s^2) and "b_g" (rad/s), (n, 3) at the IMU samples. IMU and GNSS have their own random streams: the
+    fixes of a seed are the same for every grade. Raises DataError.
+    """
+    given = {key: value for key, value in (("duration", duration), ("imu", imu), ("rate", rate), ("gnss", gnss)) if value is not None}
+    if isinstance(motion, Motion):
+        if duration is None or imu is None:
+            raise DataError("to simulate a Motion, give its duration in s and an imu; a scenario has them of its own")
+        scenario = Scenario(motion.name, motion, **given)
+    else:
+        scenario = find(motion).replace(**given)
+    recording = Simulator(scenario).recording(scenario.imu, np.random.default_rng(seed))
+    recording.meta["seed"] = seed
+    return recording
 
 
 def draw_start(truth, sd, rng, t=None, biases=None):
@@ -34,16 +90,25 @@ def draw_start(truth, sd, rng, t=None, biases=None):
     Errors are true - estimate, the attitude's in the navigation frame: q_true = dq (x) q_est. `biases` are the true (b_a, b_g) there;
     without them the estimated biases are 0, right where the sensor has drawn its biases from the same standard deviations.
     """
-    from scipy.spatial.transform import Rotation
     sd = np.asarray(sd, float)
     if sd.shape != (STATES,) or not np.all((sd >= 0) & np.isfinite(sd)):
         raise DataError(f"a start needs {STATES} standard deviations, finite and 0 or more")
     row = 0 if t is None else int(np.argmin(np.abs(truth.t - t)))
     if t is not None and abs(truth.t[row] - t) > 1e-6:
         raise DataError(f"the truth has no row at {t:g} s; the nearest is at {truth.t[row]:g} s")
-    error = sd * rng.standard_normal(STATES)
-    heading, pitch, roll = (Rotation.from_rotvec(-error[ATT]) * truth.rotation[row]).as_euler("ZYX")
+    return _start(truth, row, sd, sd * rng.standard_normal(STATES), biases, "truth less an error drawn from sd")
+
+
+def _start(truth, row, sd, error, biases, note):
+    from scipy.spatial.transform import Rotation
+    attitude = Rotation.from_quat(truth.q_nb[row, [1, 2, 3, 0]])
+    heading, pitch, roll = (Rotation.from_rotvec(-error[ATT]) * attitude).as_euler("ZYX")
     b_a, b_g = (np.zeros(3), np.zeros(3)) if biases is None else (np.asarray(biases[0]) - error[BA], np.asarray(biases[1]) - error[BG])
     numbers = lambda values: tuple(float(value) for value in values)
     return Start(float(truth.t[row]), numbers(displaced(truth.lla[row], -error[POS])), numbers(truth.v_n[row] - error[VEL]),
-                 numbers((roll, pitch, heading % (2 * np.pi))), numbers(b_a), numbers(b_g), numbers(sd), "truth less an error drawn from sd")
+                 numbers((roll, pitch, heading % (2 * np.pi))), numbers(b_a), numbers(b_g), numbers(sd), note)
+
+
+def _gravity_at_the_ellipsoid(lat, alt):
+    """Normal gravity, m/s^2, as it were at every height were there no dependence on it."""
+    return gravity(lat, 0 * alt)

@@ -19,6 +19,7 @@ DEG = np.pi / 180
 _POLEWARD = 89.9 * DEG                  # beyond it, heading and longitude turn too fast to mean anything
 _LONGEST = 0.02                         # s; a longer sample is integrated in pieces
 _STEP = 1e-20                           # of the complex-step derivative: no cancellation, so it may vanish against t
+_BLOCK = 400_000                        # pieces worked on at a time: a day of samples is too long for temporary arrays
 _NODES = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
 _WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18
 _r = np.sqrt(15.0)
@@ -38,29 +39,63 @@ class Motion(NamedTuple):
     lla: tuple              # at t = 0: latitude rad, longitude rad, ellipsoidal height m
     velocity: Callable      # t -> north, east, down velocity, m/s
     attitude: Callable      # t -> roll, pitch, heading, rad (ZYX; heading need not be wrapped)
+    end: float = np.inf     # s, the last time at which the functions are meant
 
 
-def sample(motion, t):
-    """Truth at increasing times t (n,), s, at or after 0, as data.Trajectory; position is the exact integral of velocity. Raises DataError."""
+def sample(motion, t, longest=_LONGEST, lla=None):
+    """Truth at increasing times t (n,), s, at or after 0, as data.Trajectory; position is the exact integral of velocity. Raises DataError.
+
+    The integral is made of pieces of at most `longest` s; for a glance at a smooth motion more than the default will do.
+    It begins at 0 with the motion or, where it is given, at t[0] with the position `lla`.
+    """
+    t = _checked(motion, t)
+    return _truth(motion, t, _positions(motion, t, lla, longest)[0])
+
+
+def increments(motion, t):
+    """What an ideal IMU delivers at t[1:]: integrals of omega_ib_b (rad) and f_ib_b (m/s) since the time before. Raises DataError."""
+    t = _checked(motion, t)
+    return _increments(motion, t, _positions(motion, t), gravity)
+
+
+def records(motion, t, gravity_model=None):
+    """(`sample`, `increments`) at once, for less time and memory: t[0] must be 0. Raises DataError.
+
+    `gravity_model` is a function of latitude (rad) and height (m), m/s^2, in place of this module's normal gravity.
+    """
+    t = _checked(motion, t)
+    if t[0] != 0 or len(t) < 2:
+        raise DataError(f"a recording begins at 0 s and has two times or more, not {len(t)} from {t[0]:g} s")
+    rows = max(1, _BLOCK // max(1, int(np.ceil(np.diff(t).max() / _LONGEST - 1e-9))))
+    lla, truths, imus = None, [], []
+    for begin in range(0, len(t) - 1, rows):
+        part = t[begin:begin + rows + 1]
+        positions = _positions(motion, part, lla)
+        lla, skip = positions[0][-1], int(begin > 0)
+        truths.append(_truth(motion, part[skip:], positions[0][skip:]))
+        imus.append(_increments(motion, part, positions, gravity_model or gravity))
+    if len(imus) == 1:
+        return truths[0], imus[0]
+    return (Trajectory(t, *(np.concatenate([getattr(truth, name) for truth in truths]) for name in ("lla", "v_n", "q_nb"))),
+            Imu(*(np.concatenate(columns) for columns in zip(*imus))))
+
+
+def _truth(motion, t, lla):
     from scipy.spatial.transform import Rotation
-    t = _checked(t)
-    lla = _positions(motion, t)[0]
     roll, pitch, heading = _values(motion.attitude, t)
     q = Rotation.from_euler("ZYX", np.c_[heading, pitch, roll]).as_quat()[:, [3, 0, 1, 2]]
     return Trajectory(t, lla, np.ascontiguousarray(_values(motion.velocity, t).T), q * np.where(q[:, :1] < 0, -1.0, 1.0))
 
 
-def increments(motion, t):
-    """What an ideal IMU delivers at t[1:]: integrals of omega_ib_b (rad) and f_ib_b (m/s) since the time before. Raises DataError."""
-    t = _checked(t)
-    _, nodes, times, length, first = _positions(motion, t)
-    omega, f = rates(motion, times.ravel(), nodes.reshape(3, -1))
+def _increments(motion, t, positions, gravity_model):
+    _, nodes, times, length, first = positions
+    omega, f = rates(motion, times.ravel(), nodes.reshape(3, -1), gravity_model)
     sums = [np.add.reduceat(length * (rate.reshape(3, *times.shape) @ _WEIGHTS), first, axis=1) for rate in (omega, f)]
     return Imu(t[1:], np.diff(t), *(np.ascontiguousarray(total.T) for total in sums))
 
 
-def rates(motion, t, lla):
-    """(omega_ib_b rad/s, f_ib_b m/s^2), (3, n) each, at times t (n,) and the positions lla (3, n) that belong to them."""
+def rates(motion, t, lla, gravity_model):
+    """(omega_ib_b rad/s, f_ib_b m/s^2), (3, n) each, at times t (n,), positions lla (3, n) and in the gravity that belong to them."""
     (north, east, down), acceleration = _with_derivative(motion.velocity, t)
     (roll, pitch, heading), (roll_rate, pitch_rate, heading_rate) = _with_derivative(motion.attitude, t)
     lat, _, alt = lla
@@ -68,7 +103,7 @@ def rates(motion, t, lla):
     earth = EARTH_RATE * np.stack([np.cos(lat), 0 * lat, -np.sin(lat)])
     transport = np.stack([east / (normal + alt), -north / (meridian + alt), -east * np.tan(lat) / (normal + alt)])
     force = acceleration + np.cross(2 * earth + transport, np.stack([north, east, down]), axis=0)
-    force[2] -= gravity(lat, alt)
+    force[2] -= gravity_model(lat, alt)
     omega_nb = np.stack([roll_rate - heading_rate * np.sin(pitch),
                          pitch_rate * np.cos(roll) + heading_rate * np.cos(pitch) * np.sin(roll),
                          -pitch_rate * np.sin(roll) + heading_rate * np.cos(pitch) * np.cos(roll)])
@@ -128,16 +163,19 @@ def demo_flight():
     return Motion("demo flight", (DEG * 47.63, DEG * 9.35, 900.0), velocity, attitude)
 
 
-def _positions(motion, t):
-    """Positions at t (n, 3) and at the quadrature nodes (3, pieces, 3), the times of these, length of each piece, first piece of each interval."""
-    edges = np.r_[0.0, t] if t[0] > 0 else t
-    pieces = np.maximum(1, np.ceil(np.diff(edges) / _LONGEST - 1e-9)).astype(int)
+def _positions(motion, t, lla=None, longest=_LONGEST):
+    """Positions at t (n, 3) and at the quadrature nodes (3, pieces, 3), the times of these, length of each piece, first piece of each interval.
+
+    `lla` is the position at t[0]; without it the integral begins with the motion, at 0.
+    """
+    edges = np.r_[0.0, t] if lla is None and t[0] > 0 else t
+    pieces = np.maximum(1, np.ceil(np.diff(edges) / longest - 1e-9)).astype(int)
     first = np.cumsum(pieces) - pieces
     length = np.repeat(np.diff(edges) / pieces, pieces)
     start = np.repeat(edges[:-1], pieces) + (np.arange(len(length)) - np.repeat(first, pieces)) * length
     times = start[:, None] + length[:, None] * _NODES
     north, east, down = _values(motion.velocity, times)
-    lat0, lon0, alt0 = motion.lla
+    lat0, lon0, alt0 = motion.lla if lla is None else lla
     alt, alt_nodes = _integral(alt0, -down, length)
     lat_nodes = np.full(times.shape, lat0)
     for _ in range(20):     # the rate depends on latitude through the radius alone: each round gains three digits or more
@@ -185,8 +223,10 @@ def _to_body(vector, roll, pitch, heading):
     return v
 
 
-def _checked(t):
+def _checked(motion, t):
     t = np.ascontiguousarray(t, float)
     if t.ndim != 1 or len(t) == 0 or not np.all(np.isfinite(t)) or t[0] < 0 or np.any(np.diff(t) <= 0):
         raise DataError("times of a simulation must be one or more, finite, increasing, and not before 0 s")
+    if t[-1] > motion.end + 1e-9:
+        raise DataError(f"motion {motion.name!r} ends at {motion.end:g} s, but is wanted to {t[-1]:g} s; simulate less of it, or plan more")
     return t

@@ -1,0 +1,85 @@
+"""Functions of time that motions are made of. Each takes real times, or complex ones whose imaginary part is vanishingly small.
+
+The complex step needs a function's slope only: value and slope are computed in real arithmetic, many times faster than complex functions.
+"""
+from typing import NamedTuple
+
+import numpy as np
+
+_REACH = 20.0       # widths from a kink beyond which its rounding is below 1e-17 of it
+
+
+def lifted(function, slope):
+    """The function of complex times that has this real `function` and `slope`, its derivative."""
+    def of(z):
+        z = np.asarray(z)
+        return function(z.real) + 1j * (z.imag * slope(z.real)) if np.iscomplexobj(z) else function(z)
+    return of
+
+
+sine, cosine = lifted(np.sin, np.cos), lifted(np.cos, lambda x: -np.sin(x))
+arctangent = lifted(np.arctan, lambda x: 1 / (1 + x * x))
+
+
+def waves(t, terms):
+    """Sum of amplitude * sin(2 pi t / period + phase) over `terms` (amplitude, period s, phase rad)."""
+    return sum(amplitude * sine(t * (2 * np.pi / period) + phase) for amplitude, period, phase in terms)
+
+
+class Profile(NamedTuple):
+    """A function of time of straight lines whose kinks are rounded: the integral of a sum of `trajectory.ramp`s.
+
+    Where a kink has width w, the slope goes from 12 % to 88 % of its change within 2 w, and far from it the lines are met exactly.
+    """
+    value: float            # at t = 0 of the first line
+    slopes: np.ndarray      # (k + 1,) of the lines, per s
+    at: np.ndarray          # (k,) times of the kinks, s, increasing
+    widths: np.ndarray      # (k,) s
+
+    @classmethod
+    def of(cls, value, durations, slopes, smoothing):
+        """Lines of these durations (s) and slopes one after the other, the last one for ever; widths at most `smoothing` and a fifth of a line."""
+        durations, slopes = np.asarray(durations, float), np.asarray(slopes, float)
+        at = np.cumsum(durations)[:-1]
+        widths = np.minimum(smoothing, 0.2 * np.minimum(durations[:-1], durations[1:]))
+        bends = np.diff(slopes) != 0
+        return cls(float(value), slopes[np.r_[True, bends]], at[bends], widths[bends])
+
+    def __call__(self, t):
+        """The value."""
+        return self._at(t)[0]
+
+    def rate(self, t):
+        """The slope, per s."""
+        return self._at(t)[1]
+
+    def _at(self, t):
+        """(value, slope), complex where t is."""
+        t = np.asarray(t)
+        x = np.ravel(t.real)
+        order = None if np.all(x[1:] >= x[:-1]) else np.argsort(x, kind="stable")
+        parts = self._real(x if order is None else x[order], np.iscomplexobj(t))
+        if order is not None:
+            back = np.argsort(order, kind="stable")
+            parts = [part[back] for part in parts]
+        value, slope, *bend = (part.reshape(t.shape) for part in parts)
+        return (value + 1j * (t.imag * slope), slope + 1j * (t.imag * bend[0])) if bend else (value, slope)
+
+    def _real(self, x, bent):
+        """Value, slope and, where `bent`, second derivative at increasing times x (n,)."""
+        parts = [np.empty(len(x)), np.empty(len(x)), *([np.zeros(len(x))] if bent else [])]
+        begin, level = 0.0, self.value
+        rows = np.r_[0, np.searchsorted(x, self.at), len(x)]
+        for slope, first, last, at in zip(self.slopes, rows, rows[1:], np.r_[self.at, 0.0]):
+            parts[0][first:last] = level + slope * (x[first:last] - begin)
+            parts[1][first:last] = slope
+            level, begin = level + slope * (at - begin), at
+        for at, width, jump in zip(self.at, self.widths, np.diff(self.slopes)):
+            near = slice(*np.searchsorted(x, [at - _REACH * width, at + _REACH * width]))
+            d = (x[near] - at) / width
+            e = np.exp(-2 * np.abs(d))
+            parts[0][near] += (0.5 * jump * width) * np.log1p(e)
+            parts[1][near] += np.where(d >= 0, -jump, jump) * (e / (1 + e))
+            if bent:
+                parts[2][near] += (2 * jump / width) * e / (1 + e) ** 2
+        return parts

@@ -1,0 +1,194 @@
+"""Motions to simulate: at rest, straight along a geodesic, flights and drives and voyages by legs, flights by waypoints. SI and radians.
+
+A leg is a dict: `duration` (s), and what happens during it: `turn` (rad, clockwise positive), `speed` (m/s, reached at its end, changing
+evenly), `climb` (m/s) or, on the road, `gradient` (rise over run). A turn may have a `bank` (rad) instead of a duration: it lasts as long as
+a coordinated turn with that bank does, but at least six times `smoothing`, to roll in and out.
+{"repeat": n, "legs": [...]} stands for n times these legs. Corners between legs are rounded over a few times `smoothing` seconds.
+"""
+import numpy as np
+
+from ..data import DataError
+from .analytic import Profile, arctangent, cosine, lifted, sine, waves
+from .trajectory import DEG, Motion, radii
+from .trajectory import static as _static
+
+G = 9.80665
+LEG_KEYS = ("duration", "turn", "bank", "speed", "climb", "gradient", "repeat", "legs")
+_SLACK = 1.0        # s that a geodesic is solved for beyond its end, so that slopes there can be checked
+_GUSTS = {          # of a light aircraft in light turbulence: amplitude rad or m/s, period s, phase rad
+    "roll": ((1.5 * DEG, 5.3, 0.0), (0.5 * DEG, 1.9, 1.0)), "pitch": ((1.0 * DEG, 4.1, 0.5), (0.4 * DEG, 1.3, 2.0)),
+    "heading": ((0.8 * DEG, 6.7, 1.5),),
+    "speed": ((0.4, 11.0, 0.0), (0.2, 4.7, 2.5)), "down": ((0.4, 7.9, 1.0), (0.2, 3.1, 0.3))}
+_SHAKES = {"roll": ((0.5 * DEG, 1.1, 0.0), (0.2 * DEG, 0.37, 1.0)), "pitch": ((0.4 * DEG, 0.9, 2.0), (0.2 * DEG, 0.29, 0.5)),
+           "down": ((0.02, 0.71, 0.4),)}
+_SEA = ((0.75, 1.0, 0.0), (0.45, 0.83, 2.1), (0.35, 1.21, 4.0), (0.25, 0.67, 1.2), (0.2, 1.47, 5.1))   # share of amplitude, of period, phase rad
+
+
+def static(start, roll=0.0, pitch=0.0, heading=0.0):
+    """At rest at `start` (latitude rad, longitude rad, height m); angles rad."""
+    return _static(start, (roll, pitch, heading))
+
+
+def straight(start, azimuth, speed, duration, amplitude=5 * DEG, period=100.0):
+    """Level flight along a geodesic of the ellipsoid for `duration` s: the foot of the height runs along it, `speed` is that of the flight.
+
+    Roll, pitch and heading swing by `amplitude` (rad) with `period` (s), a third of a period apart, heading around the course.
+    """
+    if not (speed > 0 and duration > 0 and period > 0 and np.isfinite(duration + speed)):
+        raise DataError(f"a straight flight needs speed, duration and period above 0, not {speed!r} m/s, {duration!r} s, {period!r} s")
+    course = _geodesic_course(start, azimuth, speed, duration + _SLACK)
+    swing = lambda t, phase: waves(t, ((amplitude, period, phase),))
+
+    def velocity(t):
+        angle = course(t)
+        return speed * cosine(angle), speed * sine(angle), 0.0
+
+    def attitude(t):
+        return swing(t, 0.0), swing(t, 2 * np.pi / 3), course(t) + swing(t, 4 * np.pi / 3)
+
+    return Motion("straight flight", tuple(start), velocity, attitude, float(duration))
+
+
+def _geodesic_course(start, azimuth, speed, duration):
+    """Course at the height of `start` over time: a Chebyshev series through a solution of the geodesic's differential equation.
+
+    Along it dlat = cos(azimuth) ds / M and dazimuth = sin(azimuth) tan(lat) ds / N (Rapp 1991, Geometric Geodesy I). At the height h, north
+    and east go (M + h)/M and (N + h)/N as far, which turns the course from the azimuth by up to 1e-5 rad per 10 km of height.
+    """
+    from numpy.polynomial import Chebyshev
+    from scipy.integrate import solve_ivp
+    lat0, _, alt = start
+
+    def parts(lat, angle):
+        meridian, normal = radii(lat)
+        north, east = np.cos(angle) * (1 + alt / meridian), np.sin(angle) * (1 + alt / normal)
+        return meridian, normal, north, east, speed / np.hypot(north, east)
+
+    def slope(_, state):
+        lat, angle = state
+        meridian, normal, _, _, foot = parts(lat, angle)
+        return foot * np.cos(angle) / meridian, foot * np.sin(angle) * np.tan(lat) / normal
+
+    def course(t):
+        lat, angle = solution.sol(t)
+        _, _, north, east, _ = parts(lat, angle)
+        return angle + np.arctan2(east * np.cos(angle) - north * np.sin(angle), north * np.cos(angle) + east * np.sin(angle))
+
+    if abs(lat0) >= 89 * DEG:
+        raise DataError(f"a straight flight begins at {lat0 / DEG:.6g} deg of latitude; give one below 89")
+    solution = solve_ivp(slope, (0.0, duration), (lat0, azimuth), method="DOP853", rtol=1e-13, atol=1e-14, dense_output=True)
+    if np.abs(solution.y[0]).max() >= 89 * DEG:
+        raise DataError("the geodesic of a straight flight comes within 1 deg of a pole, where courses turn too fast; "
+                        "choose another azimuth or duration")
+    series = Chebyshev.interpolate(course, 40, domain=[0.0, duration])
+    used = 1 + np.flatnonzero(np.abs(series.coef) > 1e-15)[-1]
+    series = series.truncate(used)
+    return lifted(series, series.deriv())
+
+
+def flight(start, course, speed, legs, smoothing=2.0, roughness=1.0, name="flight"):
+    """A light aircraft by `legs` from `start` (rad, rad, m), first course (rad) and speed (m/s).
+
+    Turns are coordinated: bank = atan(speed * turn rate / g).
+
+    `roughness` scales sinusoidal gusts in attitude, speed and sink rate (1: light turbulence; 0: smooth air).
+    """
+    return flown(start, *_profiles(_flat(legs, "climb"), course, speed, smoothing), roughness, name)
+
+
+def flown(start, path, pace, climb, end, roughness, name):
+    """The Motion of an aircraft from Profiles of course (rad), speed (m/s) and height (m, its slope alone is used)."""
+    gust = lambda t, what: roughness * waves(t, _GUSTS[what])
+
+    def velocity(t):
+        angle, v = path(t), pace(t) + gust(t, "speed")
+        return v * cosine(angle), v * sine(angle), gust(t, "down") - climb.rate(t)
+
+    def attitude(t):
+        v = pace(t)
+        bank = arctangent(v * path.rate(t) / G)
+        return bank + gust(t, "roll"), 2.5 * DEG + arctangent(climb.rate(t) / v) + gust(t, "pitch"), path(t) + gust(t, "heading")
+
+    return Motion(name, tuple(start), velocity, attitude, end)
+
+
+def car(start, course, legs, speed=0.0, smoothing=0.7, roughness=1.0, name="car"):
+    """A car by `legs`; on a `gradient` it climbs with its speed and pitches with the road; it leans out of turns by 3 deg per g.
+
+    `roughness` scales the shaking of the body, which grows with the speed and ends at a stop.
+    """
+    path, pace, rise, end = _profiles(_flat(legs, "gradient"), course, speed, smoothing)
+    shake = lambda t, what: roughness * (pace(t) / 15.0) * waves(t, _SHAKES[what])
+
+    def velocity(t):
+        angle, v = path(t), pace(t)
+        return v * cosine(angle), v * sine(angle), shake(t, "down") - v * rise.rate(t)
+
+    def attitude(t):
+        lean = -3 * DEG * pace(t) * path.rate(t) / G
+        return lean + shake(t, "roll"), arctangent(rise.rate(t)) + shake(t, "pitch"), path(t)
+
+    return Motion(name, tuple(start), velocity, attitude, end)
+
+
+def ship(start, course, speed, legs, wave_height=2.0, wave_period=9.0, smoothing=15.0, name="ship"):
+    """A ship by `legs` in a sea of significant `wave_height` (m) and peak `wave_period` (s): roll, pitch, yaw, heave and sway with it.
+
+    A metre of wave height rolls it by 2.5 deg and pitches it by 0.8 deg (standard deviations 1.8 and 0.6 deg), as a vessel of some 50 m.
+    """
+    if not (wave_height >= 0 and wave_period > 0):
+        raise DataError(f"a sea has a wave height of 0 m or more and a period above 0 s, not {wave_height!r} m, {wave_period!r} s")
+    path, pace, _, end = _profiles(_flat(legs, None), course, speed, smoothing)
+    sea = lambda t, size, phase: waves(t, [(size * wave_height * share, wave_period * longer, phase + p) for share, longer, p in _SEA])
+    surge = 2 * np.pi / wave_period         # from a displacement to its speed
+
+    def velocity(t):
+        angle, v, sway = path(t), pace(t), sea(t, 0.12 * surge, 1.0)
+        return v * cosine(angle) - sway * sine(angle), v * sine(angle) + sway * cosine(angle), sea(t, 0.25 * surge, 0.0)
+
+    def attitude(t):
+        return sea(t, 2.5 * DEG, 1.7), sea(t, 0.8 * DEG, 0.6), path(t) + sea(t, 0.4 * DEG, 2.9)
+
+    return Motion(name, tuple(start), velocity, attitude, end)
+
+
+def _flat(legs, vertical):
+    """The legs with repeats written out; `vertical` is the key of their climb. Raises DataError."""
+    found = []
+    for number, leg in enumerate(legs, 1):
+        if not isinstance(leg, dict):
+            raise DataError(f"leg {number} is {leg!r}; write a table of its keys")
+        known = [key for key in LEG_KEYS if key not in ({"climb", "gradient"} - {vertical})]
+        for key in leg:
+            if key not in known:
+                raise DataError(f"leg {number}: unknown key {key!r}; known: {', '.join(known)}")
+        if "legs" in leg or "repeat" in leg:
+            if set(leg) != {"legs", "repeat"} or not isinstance(leg["repeat"], int) or leg["repeat"] < 1:
+                raise DataError(f"leg {number}: a repeat has a whole number from 1 as repeat, a list of legs, and nothing else")
+            found += _flat(leg["legs"], vertical) * leg["repeat"]
+        else:
+            found.append({"climb": leg.get(vertical, 0.0), **{key: value for key, value in leg.items() if key != vertical}})
+    if len(found) > 5000:
+        raise DataError(f"{len(found)} legs; at most 5000 are flown")
+    return found
+
+
+def _profiles(legs, course, speed, smoothing):
+    """(course, speed, height or rise, end s): Profiles along flat legs."""
+    if not legs or not smoothing > 0 or not 0 <= speed < np.inf:
+        raise DataError(f"a motion by legs needs a leg or more, smoothing above 0 s and a speed from 0, not {len(legs)}, {smoothing!r}, {speed!r}")
+    durations, turning, changing, climbing, now = [], [], [], [], float(speed)
+    for number, leg in enumerate(legs, 1):
+        then, turn = leg.get("speed", now), leg.get("turn", 0.0)
+        duration = leg.get("duration")
+        if duration is None and "bank" in leg and turn:
+            duration = max(abs(turn) * 0.5 * (now + then) / (G * np.tan(leg["bank"])), 6 * smoothing)
+        if duration is None or not 0 < duration < np.inf or ("bank" in leg and ("duration" in leg or not 0 < leg["bank"] < 80 * DEG)):
+            raise DataError(f"leg {number} (repeats written out): it needs a duration above 0 s or, with a turn, a bank between 0 and 80 deg")
+        if not 0 <= then < np.inf:
+            raise DataError(f"leg {number} (repeats written out): speed is {then!r}; it must be 0 or more")
+        durations.append(duration), turning.append(turn / duration), changing.append((then - now) / duration), climbing.append(leg["climb"])
+        now = then
+    made = [Profile.of(value, [*durations, np.inf], [*slopes, 0.0], smoothing)
+            for value, slopes in ((course, turning), (speed, changing), (0.0, climbing))]
+    return *made, float(sum(durations))

@@ -1,0 +1,139 @@
+"""A scenario: a motion, the sensors that ride on it and where a filter begins; all that a simulated run needs but its seed and its IMU."""
+import hashlib
+import json
+from dataclasses import asdict, dataclass, field, replace
+from importlib.resources import files
+from numbers import Real
+from pathlib import Path
+
+import numpy as np
+
+from ..core.contract import STATES
+from ..core.earth import LATITUDE_LIMIT
+from ..data import DataError
+from ..sensors.gnss import Gnss
+from ..sensors.imu import ImuSpec, grade
+from .trajectory import DEG, Motion, sample
+
+START_SD = (1.0, 1.0, 1.5, 0.1, 0.1, 0.1, 2e-3, 2e-3, 10e-3, *[None] * 6)
+"""Default errors of a start: m, m/s, rad, and the biases' as the IMU has them (None)."""
+FASTEST, LOWEST, HIGHEST = 3000.0, -1000.0, 100e3
+"""What the models are made for: m/s, m, m."""
+GRAVITIES = ("height", "latitude")
+_GLANCE = 0.5               # s: pieces of the position integral behind checks and fingerprint
+_ROWS = 50                  # samples of the truth in a fingerprint
+_DECIMALS = (10, 10, 3, 6, 6, 6, 9, 9, 9, 9)    # of latitude, longitude (rad), height (m), velocity (m/s), quaternion in a fingerprint
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What a simulated run is made of, but for seed and IMU. SI and radians. Raises DataError where it is impossible."""
+    name: str
+    motion: Motion
+    duration: float                             # s
+    rate: float = 100.0                         # IMU samples per second
+    gnss: Gnss = field(default_factory=Gnss)
+    imu: str | ImuSpec = "tactical"             # a study may take another
+    start_sd: tuple = START_SD                  # of a start's errors, 15 in the order of the error states; None: a bias as the IMU's own
+    accel_offset: tuple = (0.0, 0.0, 0.0)       # m/s^2, body: constant, on top of the IMU's errors; the filter is not told
+    biases_known: bool = False                  # a start's biases err by start_sd from the true ones; else they are 0
+    gate: float | None = None                   # of the fixes, bound on the NIS; None: 0.1 % false alarms; inf: no gate
+    gravity: str = "height"                     # "latitude": the true gravity does not depend on height
+    about: str = ""                             # a sentence for people
+
+    def __post_init__(self):
+        if not isinstance(self.motion, Motion) or not isinstance(self.gnss, Gnss):
+            raise DataError(f"scenario {self.name!r}: motion must be a Motion and gnss a Gnss, "
+                            f"not {type(self.motion).__name__}, {type(self.gnss).__name__}")
+        for name in ("start_sd", "accel_offset"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        for name in ("duration", "rate"):
+            if isinstance(getattr(self, name), bool) or not isinstance(getattr(self, name), Real):
+                raise DataError(f"scenario {self.name!r}: {name} is {getattr(self, name)!r}; it must be a number")
+        if not (0 < self.rate < np.inf and 0 < self.duration < np.inf and round(self.duration * self.rate) >= 2):
+            raise DataError(f"cannot simulate {self.duration!r} s at {self.rate!r} Hz; both must be larger than 0 and give two samples or more")
+        if self.gravity not in GRAVITIES:
+            raise DataError(f"scenario {self.name!r}: gravity is {self.gravity!r}; it is one of {', '.join(GRAVITIES)}")
+        if self.gate is not None and not self.gate > 0:
+            raise DataError(f"scenario {self.name!r}: gate is {self.gate!r}; it must be larger than 0, or inf for none")
+        if np.shape(self.accel_offset) != (3,) or not np.all(np.isfinite(self.accel_offset)):
+            raise DataError(f"scenario {self.name!r}: accel_offset is {self.accel_offset!r}; it must be three finite numbers, m/s^2")
+        _check_start(self.start_sd, self.name)
+        self.gnss.check()
+        grade(self.imu)
+        self._check_truth()
+
+    def _check_truth(self):
+        """Raise DataError where the motion leaves what the models hold for, at one of some hundreds of times, once a second in a long one."""
+        truth = self.glance(max(200, min(20_000, int(self.duration))))
+        columns = {"position": truth.lla, "velocity": truth.v_n, "attitude": truth.q_nb}
+        for name, values in columns.items():
+            if not np.all(np.isfinite(values)):
+                raise DataError(f"scenario {self.name!r}: the motion's {name} is not finite at {truth.t[~np.isfinite(values).all(axis=1)][0]:g} s")
+        speed, lat, alt = np.linalg.norm(truth.v_n, axis=1), np.abs(truth.lla[:, 0]), truth.lla[:, 2]
+        for bad, text in ((speed > FASTEST, f"is faster than {FASTEST:g} m/s"),
+                          (lat > LATITUDE_LIMIT, f"is beyond {LATITUDE_LIMIT / DEG:g} deg of latitude"),
+                          (alt < LOWEST, f"is lower than {LOWEST:g} m"), (alt > HIGHEST, f"is higher than {HIGHEST / 1e3:g} km")):
+            if bad.any():
+                raise DataError(f"scenario {self.name!r}: the motion {text} at {truth.t[bad][0]:g} s; the models do not hold there")
+
+    def glance(self, rows):
+        """The truth at `rows` times from start to end, as data.Trajectory: made for a look, its integral is coarse."""
+        return sample(self.motion, np.linspace(0.0, round(self.duration * self.rate) / self.rate, rows), _GLANCE)
+
+    def start_deviations(self, spec):
+        """The 15 standard deviations of a start with the IMU `spec` (ImuSpec): `start_sd`, its None those of the IMU's biases."""
+        accel, gyro = spec.bias_sd()
+        own = np.r_[np.zeros(9), np.full(3, accel), np.full(3, gyro)]
+        return np.array([own[i] if value is None else value for i, value in enumerate(self.start_sd)], float)
+
+    def replace(self, **changes):
+        """The same scenario with some fields changed."""
+        return replace(self, **changes)
+
+    def describe(self):
+        """What identifies the scenario, for a manifest: a dict of JSON values; `fingerprint` changes when anything of it does."""
+        values = {"name": self.name, "motion": self.motion.name, "duration_s": float(self.duration), "rate_hz": float(self.rate),
+                  "gnss": self.gnss._asdict(), "imu": asdict(self.imu) if isinstance(self.imu, ImuSpec) else str(self.imu),
+                  "start_sd": list(self.start_sd), "accel_offset_m_s2": list(self.accel_offset), "biases_known": bool(self.biases_known),
+                  "gate": None if self.gate is None else str(float(self.gate)), "gravity": self.gravity, "about": self.about}
+        values = json.loads(json.dumps(values, default=lambda value: np.asarray(value).tolist()))
+        identity = {key: value for key, value in values.items() if key not in ("name", "about", "motion")} | {"imu": asdict(grade(self.imu))}
+        digest = hashlib.sha256(json.dumps(identity, sort_keys=True).encode())
+        digest.update(self._truth_bytes())
+        return values | {"fingerprint": digest.hexdigest()}
+
+    def _truth_bytes(self):
+        """The truth at some times, rounded far below what matters and far above what another machine's rounding does."""
+        truth = self.glance(_ROWS)
+        rows = np.c_[truth.lla, truth.v_n, truth.q_nb]
+        return np.stack([np.round(column * 10.0 ** decimals) + 0.0 for column, decimals in zip(rows.T, _DECIMALS)]).astype("<i8").tobytes()
+
+
+def _check_start(sd, name):
+    right = len(sd) == STATES and all(
+        (value is None and i >= 9) or (isinstance(value, Real) and not isinstance(value, bool) and 0 <= value < np.inf) for i, value in enumerate(sd))
+    if not right:
+        raise DataError(f"scenario {name!r}: start_sd must be {STATES} numbers, finite and 0 or more; "
+                        "of the last six, None is the IMU's own")
+
+
+def scenarios():
+    """Names of the scenarios that ship with the package, sorted."""
+    return sorted(entry.name.removesuffix(".toml") for entry in files(__package__).joinpath("scenarios").iterdir() if entry.name.endswith(".toml"))
+
+
+def scenario(name):
+    """The Scenario of a built-in name or of a TOML file's path (ends in .toml or contains a folder); a Scenario is returned as it is.
+
+    Raises DataError.
+    """
+    from .scenario_file import nearest, read
+    if isinstance(name, Scenario):
+        return name
+    if str(name) in scenarios():
+        return read(files(__package__).joinpath("scenarios", f"{name}.toml"))
+    if str(name).endswith(".toml") or len(Path(name).parts) > 1:
+        return read(name)
+    raise DataError(f"unknown scenario {str(name)!r}{nearest(name, scenarios())}; "
+                    f"scenarios: {', '.join(scenarios())}; or give the path of a .toml file")

@@ -1,0 +1,191 @@
+"""Scenario files (TOML): every number's key names its unit, every unknown key is refused. docs/simulate.md lists the keys."""
+import difflib
+import inspect
+import math
+import tomllib
+from pathlib import Path
+
+from ..data import DataError
+from ..sensors.gnss import Gnss
+from . import motions
+from .scenario import START_SD, Scenario
+from .trajectory import DEG, demo_flight
+from .waypoints import waypoints
+
+KINDS = {"demo": demo_flight, "static": motions.static, "straight": motions.straight,
+         "flight": motions.flight, "waypoints": waypoints, "car": motions.car, "ship": motions.ship}
+"""What a [motion] can be, and the function that makes it; the function's parameters are its keys."""
+UNITS = {"azimuth": "deg", "course": "deg", "roll": "deg", "pitch": "deg", "heading": "deg", "amplitude": "deg", "turn": "deg", "bank": "deg",
+         "speed": "m_s", "climb": "m_s", "duration": "s", "period": "s", "wave_period": "s", "smoothing": "s", "wave_height": "m"}
+"""Unit of each parameter that has one: its key ends in it."""
+TOP = ("name", "about", "duration_s", "rate_hz", "imu", "accel_offset_m_s2", "gate", "gravity", "motion", "gnss", "start")
+START = {"position_sd_m": (0, 1.0), "velocity_sd_m_s": (3, 1.0), "attitude_sd_deg": (6, DEG),
+         "accel_bias_sd_m_s2": (9, 1.0), "gyro_bias_sd_deg_h": (12, DEG / 3600)}
+GNSS = ("interval_s", "position_sd_m", "velocity_sd_m_s", "lever_arm_m", "outages_s", "latency_s")
+
+
+def read(path):
+    """The Scenario of a TOML file. Raises DataError naming file and key."""
+    try:
+        table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror})") from None
+    except UnicodeDecodeError:
+        raise DataError(f"{path}: not a UTF-8 text file") from None
+    except tomllib.TOMLDecodeError as error:
+        raise DataError(f"{path}: not valid TOML: {error}") from None
+    try:
+        return from_table(table, Path(path))
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from None
+
+
+def nearest(word, words):
+    """' (did you mean ...?)' with the nearest of `words`, or nothing."""
+    match = difflib.get_close_matches(str(word), list(words), n=1, cutoff=0.5)
+    return f" (did you mean {match[0]!r}?)" if match else ""
+
+
+def from_table(table, path):
+    """The Scenario of a parsed scenario file; `path` gives a missing name and the folder of an IMU file. Raises DataError naming the key."""
+    _refuse_unknown(table, TOP, "")
+    name = _text(table.get("name", path.stem), "name")
+    duration = _number(table["duration_s"], "duration_s") if "duration_s" in table else None
+    motion = _motion(_table(table, "motion"), duration)._replace(name=name)
+    if duration is None and math.isinf(motion.end):
+        raise DataError("duration_s is missing; this motion has no end of its own")
+    values = {"name": name, "motion": motion}
+    for key, field, read in (("rate_hz", "rate", _number), ("gate", "gate", _number), ("gravity", "gravity", _text), ("about", "about", _text),
+                             ("accel_offset_m_s2", "accel_offset", _three), ("imu", "imu", _text)):
+        if key in table:
+            values[field] = read(table[key], key)
+    rate = values.get("rate", 100.0)
+    values["duration"] = duration if duration is not None else math.floor(motion.end * rate) / rate
+    if values.get("imu", "").endswith(".toml"):
+        values["imu"] = str(path.parent / values["imu"])
+    if "gnss" in table:
+        values["gnss"] = _gnss(_table(table, "gnss"))
+    return Scenario(**values, **_start(_table(table, "start") if "start" in table else {}))
+
+
+def _motion(table, duration):
+    if table.get("kind") not in list(KINDS):
+        raise DataError(f"[motion] kind is {table.get('kind')!r}{nearest(table.get('kind'), KINDS)}; it is one of {', '.join(KINDS)}")
+    build = KINDS[table["kind"]]
+    parameters = {name: parameter for name, parameter in inspect.signature(build).parameters.items() if name != "name"}
+    given = {}
+    if "duration" in parameters:
+        if duration is None:
+            raise DataError("duration_s is missing; this motion has no end of its own")
+        given["duration"] = duration
+        del parameters["duration"]
+    keys = {_key(name): name for name in parameters}
+    _refuse_unknown(table, ["kind", *keys], "[motion] ")
+    for key, name in keys.items():
+        if key in table:
+            given[name] = _value(name, table[key], f"[motion] {key}")
+        elif parameters[name].default is inspect.Parameter.empty:
+            raise DataError(f"[motion] {key} is missing")
+    try:
+        return build(**given)
+    except DataError as error:
+        raise DataError(f"[motion] {error}") from None
+
+
+def _key(name):
+    return f"{name}_{UNITS[name]}" if name in UNITS else name
+
+
+def _value(name, value, where):
+    """A parameter of a motion in SI."""
+    if name == "start":
+        return _place(value, where)
+    if name == "waypoints":
+        return [_place(place, f"{where} {number}") for number, place in enumerate(_list(value, where), 1)]
+    if name == "legs":
+        return [_leg(leg, f"{where} {number}") for number, leg in enumerate(_list(value, where), 1)]
+    return _number(value, where) * (DEG if UNITS.get(name) == "deg" else 1.0)
+
+
+def _leg(leg, where):
+    if not isinstance(leg, dict):
+        raise DataError(f"{where} is {leg!r}; write a table of its keys")
+    keys = {_key(name): name for name in motions.LEG_KEYS}
+    _refuse_unknown(leg, keys, f"{where}: ")
+    return {name: leg[key] if name == "repeat" else _value(name, leg[key], f"{where}, {key}") for key, name in keys.items() if key in leg}
+
+
+def _place(value, where):
+    keys = ("latitude_deg", "longitude_deg", "height_m")
+    if not isinstance(value, dict):
+        raise DataError(f"{where} is {value!r}; write {{ latitude_deg = ..., longitude_deg = ..., height_m = ... }}")
+    _refuse_unknown(value, keys, f"{where}: ")
+    if missing := [key for key in keys if key not in value]:
+        raise DataError(f"{where}: {missing[0]} is missing")
+    lat, lon, height = (_number(value[key], f"{where}, {key}") for key in keys)
+    if abs(lat) > 90 or abs(lon) > 360:
+        raise DataError(f"{where}: {lat:g}, {lon:g} is no position; latitude is within 90 deg, longitude within 360")
+    return lat * DEG, lon * DEG, height
+
+
+def _gnss(table):
+    """The receiver: what [gnss] does not name, it does not measure."""
+    _refuse_unknown(table, GNSS, "[gnss] ")
+    values = {"position_sd": None, "velocity_sd": None}
+    for key, field, read in (("interval_s", "interval", _number), ("position_sd_m", "position_sd", _three), ("velocity_sd_m_s", "velocity_sd", _three),
+                             ("lever_arm_m", "lever_arm", _three), ("latency_s", "latency", _number)):
+        if key in table:
+            values[field] = read(table[key], f"[gnss] {key}")
+    windows = _list(table.get("outages_s", []), "[gnss] outages_s")
+    values["outages"] = tuple(tuple(_number(edge, "[gnss] outages_s") for edge in _list(window, "[gnss] outages_s")) for window in windows)
+    return Gnss(**values)
+
+
+def _start(table):
+    _refuse_unknown(table, [*START, "biases_known"], "[start] ")
+    sd = list(START_SD)
+    for key, (first, unit) in START.items():
+        if key in table:
+            sd[first:first + 3] = [value * unit for value in _three(table[key], f"[start] {key}")]
+    known = table.get("biases_known", False)
+    if not isinstance(known, bool):
+        raise DataError(f"[start] biases_known is {known!r}; it is true or false")
+    return {"start_sd": tuple(sd), "biases_known": known}
+
+
+def _refuse_unknown(table, known, where):
+    for key in table:
+        if key not in known:
+            raise DataError(f"{where}unknown key {key!r}{nearest(key, known)}; known: {', '.join(known)}")
+
+
+def _table(table, key):
+    if not isinstance(table.get(key), dict):
+        raise DataError(f"section [{key}] is missing" if key not in table else f"{key} is {table[key]!r}; write a section [{key}]")
+    return table[key]
+
+
+def _list(value, where):
+    if not isinstance(value, list):
+        raise DataError(f"{where} is {value!r}; write a list in square brackets")
+    return value
+
+
+def _text(value, where):
+    if not isinstance(value, str):
+        raise DataError(f"{where} is {value!r}; it must be text in quotes")
+    return value
+
+
+def _number(value, where):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or math.isnan(value):
+        raise DataError(f"{where} is {value!r}; it must be a number")
+    return float(value)
+
+
+def _three(value, where):
+    """Three numbers; a single one stands for three."""
+    values = value if isinstance(value, list) else [value] * 3
+    if len(values) != 3:
+        raise DataError(f"{where} has {len(values)} numbers; it takes one or three")
+    return tuple(_number(each, where) for each in values)

@@ -1,0 +1,80 @@
+"""A flight by waypoints: over each of them it flies on for a few seconds, then turns until the straight line leads to the next."""
+import numpy as np
+
+from ..data import DataError
+from ..geodesy import displacement
+from .analytic import Profile
+from .motions import G, flown
+from .trajectory import DEG, Motion, sample
+
+_ROUNDS = 5         # each brings the aim at a waypoint a hundred times closer
+_MARGIN = 5.0       # of the smoothing, from a waypoint to the next corner: what the rounding there moves is 5e-5 of a turn
+
+
+def waypoints(waypoints, speed, bank=25 * DEG, smoothing=2.0, roughness=1.0, name="waypoint flight"):
+    """Over all `waypoints` (latitude rad, longitude rad, height m) in turn at a ground `speed` (m/s), with about `bank` (rad) at most in turns.
+
+    It begins over the first, on course to the second, and ends over the last. In smooth air (`roughness` 0) it passes each one within 0.5 m;
+    gusts move it by some metres. Course is constant after a turn (a rhumb line), and so is climb but for a sixth of the time at either end,
+    which is level. Raises DataError, also where a waypoint is too near to settle on the line to it.
+    """
+    places = [tuple(map(float, place)) for place in waypoints]
+    if len(places) < 2 or not 0 < speed < np.inf or not 0 < bank < 80 * DEG or not smoothing > 0:
+        raise DataError(f"a flight by waypoints needs two or more, speed and smoothing above 0 and a bank between 0 and 80 deg, not {len(places)}, "
+                        f"{speed!r} m/s, {smoothing!r} s, {bank / DEG:.6g} deg")
+    here, course, first, turns, climbs = places[0], None, None, [], []
+    for number, place in enumerate(places[1:], 2):
+        aim = displacement(place, here)[:2]
+        for _ in range(_ROUNDS):
+            if first is not None:
+                begin, turn = course, _turn_then_line(aim, course, speed, bank, smoothing, number)
+            else:
+                begin, turn = float(np.arctan2(aim[1], aim[0])), [(float(np.hypot(*aim)) / speed, 0.0)]
+            seconds = sum(duration for duration, _ in turn)
+            climb = [(seconds / 6, 0.0), (seconds * 2 / 3, (place[2] - here[2]) / (seconds * 2 / 3)), (seconds / 6, 0.0)]
+            reached = _reached(here, _profile(begin, turn, smoothing), _profile(0.0, climb, smoothing), speed, seconds)
+            aim = aim + displacement(place, reached)[:2]
+        first = begin if first is None else first
+        here, course, turns, climbs = reached, begin + sum(duration * rate for duration, rate in turn), turns + turn, climbs + climb
+    pace = Profile(float(speed), np.zeros(1), np.empty(0), np.empty(0))
+    end = float(sum(duration for duration, _ in turns))
+    return flown(places[0], _profile(first, turns, smoothing), pace, _profile(0.0, climbs, smoothing), end, roughness, name)
+
+
+def _profile(value, lines, smoothing):
+    durations, slopes = zip(*lines)
+    return Profile.of(value, [*durations, np.inf], [*slopes, 0.0], smoothing)
+
+
+def _reached(here, path, climb, speed, seconds):
+    leg = Motion("leg", here, lambda t: (speed * np.cos(path(t)), speed * np.sin(path(t)), -climb.rate(t)), lambda t: (0.0, 0.0, 0.0))
+    return sample(leg, [0.0, seconds], 0.5).lla[-1]
+
+
+def _turn_then_line(aim, course, speed, bank, smoothing, number):
+    """[(duration, course rate)] from the origin to `aim` (north, east, m) in the plane: straight, a turn, straight; the shorter of both senses.
+
+    An aim inside the turning circle of one side is reached from the other: it cannot be in both.
+    """
+    pause, quickest, rate = _MARGIN * smoothing, 6 * smoothing, G * np.tan(bank) / speed
+    begin, turn = aim - speed * pause * np.array([np.cos(course), np.sin(course)]), None
+    for _ in range(30):     # a small turn takes `quickest` all the same, so its radius depends on its angle
+        radius = speed / rate if turn is None else speed * max(1 / rate, quickest / max(abs(turn), 1e-9))
+        ways = [way for sense in (1, -1) if (way := _tangent(begin, course, radius, sense)) is not None]
+        turn, line = min(ways, key=lambda way: radius * abs(way[0]) + way[1])
+    if line < speed * pause:
+        raise DataError(f"waypoint {number} follows too soon: {line:.0f} m of straight line are left after the turn to it, {speed * pause:.0f} m "
+                        "are needed; fly slower, bank more, or leave it out")
+    turning = max(abs(turn) / rate, quickest)
+    return [(pause, 0.0), (turning, turn / turning), (line / speed, 0.0)]
+
+
+def _tangent(aim, course, radius, sense):
+    """(turn rad, length m of the line after it) of a circle of `radius` to the right (sense 1) or left (-1); None where `aim` is inside."""
+    to_aim = aim - sense * radius * np.array([-np.sin(course), np.cos(course)])
+    square = to_aim @ to_aim - radius ** 2
+    if square < 0:
+        return None
+    line = float(np.sqrt(square))
+    after = np.arctan2(to_aim[1], to_aim[0]) + sense * np.arctan2(radius, line)
+    return sense * float(sense * (after - course) % (2 * np.pi)), line
