@@ -1,19 +1,17 @@
 """The command line. Bad input ends in one line on standard error and exit code 2; Ctrl-C in one line and 130; nothing is left half-written."""
 import sys
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Optional
 
 import typer
 
-from .console import Progress, print_errors, print_outages, summarise, table
+from . import cli_studies
+from .console import IMU, OPTION, Progress, option_values, print_errors, print_outages, results_folder, summarise, table
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
                   help="Aided inertial navigation: from IMU, GNSS and other records to position, velocity, attitude and biases with uncertainties.")
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
-OUT = Annotated[Path, typer.Option(help="Folder for the results.")]
-IMU = Annotated[Optional[str], typer.Option(help="IMU grade (see `strapdown imus`) or a file that describes one; default: what the recording names.")]
 
 
 def main():
@@ -61,7 +59,7 @@ def demo(out: Annotated[Path, typer.Option(help="The page to write.")] = Path("r
     from .sim.trajectory import demo_flight
     recording = sd.simulate(demo_flight(), 600.0, imu, seed)
     print(f"simulated flight: 600 s, {imu} IMU at 100 Hz, GNSS position and velocity at 1 Hz, seed {seed}")
-    with _folder(out.parent), Progress() as progress:
+    with results_folder(out.parent), Progress() as progress:
         solutions = {name: sd.fuse(recording, name, imu, say=progress.say, progress=progress.track(name)) for name in ("closed-loop", "open-loop")}
         print_errors(solutions, recording.reference, (120.0, 600.0))
         sd.report(solutions, recording.reference, title="strapdown demo: a simulated 10-minute flight", window=(120.0, 600.0)).save(out)
@@ -75,21 +73,20 @@ def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="re
          stop: Annotated[Optional[float], typer.Option("--to", metavar="T", help="Last second of the recording to use.")] = None,
          hide: Annotated[Optional[str], typer.Option(metavar="T:T,...", help="Withhold recorded fixes in these windows, s.")] = None,
          heading: Annotated[Optional[float], typer.Option(metavar="DEG", help="Initial heading, where you know it (to 2 deg).")] = None,
-         option: Annotated[Optional[list[str]], typer.Option(metavar="NAME=VALUE",
-                                                             help="An option of the filter (see `strapdown filters`); may be repeated.")] = None,
+         option: OPTION = None,
          every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
          out: Annotated[Optional[Path], typer.Option(help="Folder for the results.  [default: NAME-FILTER]")] = None):
     """Fuse a recording: writes solution.nc, solution.csv, track.kml and report.html."""
     import strapdown as sd
     from math import inf
-    windows, options = _windows(hide), _options(option)
+    windows, options = _windows(hide), option_values(option)
     whole = sd.read(recording)
     imu = imu or _grade_of(whole)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
     seen = part.hidden(windows)
     if windows:
         print(f"{sum(len(a.t) for a in part.aidings) - sum(len(a.t) for a in seen.aidings)} fixes withheld")
-    with _folder(out or Path(f"{part.meta.get('name') or recording.stem}-{filter}")) as folder:
+    with results_folder(out or Path(f"{part.meta.get('name') or recording.stem}-{filter}")) as folder:
         begin = _start(seen, imu, heading)
         with Progress() as progress:
             solution = sd.fuse(seen, filter, imu=imu, start=begin, every=every, say=progress.say, progress=progress.track(filter), **options)
@@ -161,20 +158,6 @@ def imus():
     table(("", *(spec.name for spec in specs)), [(key, *(f"{value:.4g}" if value else "-" for value in row)) for key, row in rows.items() if any(row)])
 
 
-@app.command()
-def reproduce(name: str, out: OUT = Path("reproduction"),
-              recordings: Annotated[Optional[Path], typer.Option(help="Folder of the recordings' descriptions [default: examples/recordings].")] = None):
-    """Run a published or recorded result again: writes index.html, CSV tables and claims.json. NAME: recordings."""
-    from .data import DataError
-    if name != "recordings":
-        raise DataError(f"nothing to reproduce is called {name!r}; there is: recordings")
-    from .papers.recordings import reproduce
-    with _folder(out), Progress() as progress:
-        claims = reproduce(out, recordings, say=progress.say)
-    table(("claim", "target", "measured", "holds"), [(c["claim"], c["target"], c["figure"], "yes" if c["holds"] else "no") for c in claims])
-    print(f"wrote {out}/index.html")
-
-
 def _windows(text):
     """[(start, stop)] from "T:T,T:T"."""
     from .data import DataError
@@ -190,41 +173,8 @@ def _windows(text):
     return windows
 
 
-def _options(items):
-    """{name: value} from NAME=VALUE, numbers as float."""
-    from .data import DataError
-    options = {}
-    for item in items or ():
-        name, equals, value = item.partition("=")
-        if not equals:
-            raise DataError(f"--option {item!r}: write NAME=VALUE")
-        try:
-            options[name.strip()] = float(value)
-        except ValueError:
-            options[name.strip()] = value.strip()
-    return options
-
-
-@contextmanager
-def _folder(path):
-    """The folder for results, made and tried before the work begins; what was made is removed again where the work fails and left it empty."""
-    from tempfile import TemporaryFile
-    from .data import DataError
-    made = [folder for folder in (path, *path.parents) if not folder.exists()]
-    try:
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-            with TemporaryFile(dir=path):
-                pass
-        except OSError as error:
-            raise DataError(f"--out {path}: nothing can be written there ({error.strerror}); choose another folder") from None
-        yield path
-    except BaseException:
-        for folder in made:
-            if folder.is_dir() and not any(folder.iterdir()):
-                folder.rmdir()
-        raise
-
+for command in cli_studies.COMMANDS:
+    app.command()(command)
 
 if __name__ == "__main__":
     main()

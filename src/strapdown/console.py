@@ -1,4 +1,16 @@
-"""What the commands print: tables, summaries, progress. Heavy imports inside functions, so that `--help` stays quick."""
+"""What the commands share: options, the folder for results, tables, summaries, progress. Heavy imports inside functions, so that `--help` stays quick."""
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+OUT = Annotated[Path, typer.Option(help="Folder for the results.")]
+IMU = Annotated[Optional[str], typer.Option(help="IMU grade (see `strapdown imus`) or a file that describes one; default: what the recording names.")]
+OPTION = Annotated[Optional[list[str]], typer.Option(metavar="NAME=VALUE", help="An option of the filter (see `strapdown filters`); may be repeated.")]
+SEED = Annotated[int, typer.Option(help="Of the random errors.")]
+WORKERS = Annotated[int, typer.Option(metavar="N", help="Worker processes of this machine, on Dask; 0 is threads in this process.")]
+SCHEDULER = Annotated[Optional[str], typer.Option(metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT, whose workers see the folder of the results.")]
 
 
 def summarise(solution):
@@ -92,3 +104,39 @@ class Progress:
         """A function of the fraction done."""
         task = self.bar.add_task(name, total=1.0)
         return lambda done: self.bar.update(task, completed=float(done))
+
+
+def option_values(items):
+    """{name: value} from NAME=VALUE, numbers as float."""
+    from .data import DataError
+    options = {}
+    for item in items or ():
+        name, equals, value = item.partition("=")
+        if not equals:
+            raise DataError(f"--option {item!r}: write NAME=VALUE")
+        try:
+            options[name.strip()] = float(value)
+        except ValueError:
+            options[name.strip()] = value.strip()
+    return options
+
+
+@contextmanager
+def results_folder(path):
+    """The folder for results, made and tried before the work begins; what was made is removed again where the work fails and left it empty."""
+    from tempfile import TemporaryFile
+    from .data import DataError
+    made = [folder for folder in (path, *path.parents) if not folder.exists()]
+    try:
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            with TemporaryFile(dir=path):
+                pass
+        except OSError as error:
+            raise DataError(f"--out {path}: nothing can be written there ({error.strerror}); choose another folder") from None
+        yield path
+    except BaseException:
+        for folder in made:
+            if folder.is_dir() and not any(folder.iterdir()):
+                folder.rmdir()
+        raise
