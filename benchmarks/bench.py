@@ -21,6 +21,7 @@ import numpy as np  # noqa: E402
 import figures  # noqa: E402
 import peers  # noqa: E402
 import processes  # noqa: E402
+import studies  # noqa: E402
 import subject  # noqa: E402
 import workload  # noqa: E402
 import yardstick  # noqa: E402
@@ -90,11 +91,11 @@ def accuracy_figures(book):
         book.measure([f"N {loop} loop position"], lambda: [(subject.accuracy(workload.load("N"), f"{loop}-loop").position, "")])
 
 
-def ratio(name, times):
-    """[(closed-loop time over the yardstick's, note)] on a workload."""
+def ratio(name, times, filter="closed-loop", **options):
+    """[(time of a filter over the yardstick's, note)] on a workload."""
     w = workload.load(name)
     inputs, outputs = yardstick.arguments(w)
-    theirs, own, value = alternating(lambda: seconds_of(lambda: yardstick.run(*inputs, *outputs)), subject.timed_run(w, "closed-loop"), times)
+    theirs, own, value = alternating(lambda: seconds_of(lambda: yardstick.run(*inputs, *outputs)), subject.timed_run(w, filter, **options), times)
     samples = len(w.t) - 1
     return [(value, f"{own / samples * 1e6:.3f} against {theirs / samples * 1e6:.3f} us per IMU sample")]
 
@@ -116,6 +117,33 @@ def day(book):
     took, above, interpreter, position = processes.day(workload.stored_period())
     book.add(figures.informative("day at 100 Hz, position", position, "m", "rms of the last hour"))
     return [(took, ""), (above, f"all that comes after building them with numpy; python and numpy take {interpreter:.0f} MB more")]
+
+
+def study_figures(book):
+    """Of the first paper's study and of studies as such."""
+    book.measure(["study, open loop alone"], lambda: ratio("B", 15, "open-loop", kinematics="geodetic"))
+    book.measure(["study, closed loop alone"], lambda: ratio("B", 15, studies.CLOSED))
+    book.measure(["study, two threads"], two_threads)
+    book.measure(["study, memory of 10 000 runs", "study, memory of 10 000 runs over that of 1000"], many_runs)
+    book.measure(["study, quick form"], lambda: [(studies.paper("--quick")[0], "the whole command")])
+    book.measure(["study, wall time per filter step", "study, Cramer-Rao ratio"], whole_study)
+
+
+def two_threads():
+    ours, processes_alone = studies.threads()
+    if processes_alone < 1.8:
+        return [(None, f"not measurable: two independent processes reach {processes_alone:.2f} x one; threads {ours:.2f} x")]
+    return [(ours, f"two independent processes {processes_alone:.2f} x one")]
+
+
+def many_runs():
+    few, many = studies.peak(1000), studies.peak(10_000)
+    return [(many, f"{few:.0f} MB for 1000 runs of a minute"), (many / few, "")]
+
+
+def whole_study():
+    took, steps, ratio = studies.paper()
+    return [(took / steps * 1e6, f"{steps / 1e6:.4g} million filter steps in {took:.0f} s"), (ratio, "the flight furthest from 1, 50 runs")]
 
 
 RECORDED = ["thor75 roll", "thor75 pitch", "thor75 heading", "thor75 position N", "thor75 position E", "thor75 position D",
@@ -175,6 +203,7 @@ def main():
         book.skip([name for name in book.tables if name not in {figure.name for figure in book.figures}])
     else:
         process_figures(book)
+        study_figures(book)
         recorded_figures(book)
         peer_figures(book, options.full)
     figures.write(OUT, book.figures, machine())

@@ -23,7 +23,7 @@ class Figure(NamedTuple):
 
     def __str__(self):
         value = "not measured" if self.value is None else f"{self.value:.4g} {self.unit}"
-        wanted = {"<=": "at most", "within": f"within {100 * (self.tolerance or 0):g} % of"}.get(self.comparison, "")
+        wanted = {"<=": "at most", ">=": "at least", "within": f"within {100 * (self.tolerance or 0):g} % of"}.get(self.comparison, "")
         target = f"{wanted} {self.target:g}" if self.target is not None else "no target"
         holds = {True: "holds", False: "MISSED", None: "-"}[self.holds]
         return f"{self.name:<36} {value:>26}   {target:<22} {holds:<7}{' ' + self.note if self.note else ''}".rstrip()
@@ -34,8 +34,8 @@ def targets(path=TARGETS):
     tables = tomllib.loads(Path(path).read_text())
     for name, table in tables.items():
         within = table.get("comparison") == "within"
-        if set(table) != FIELDS | ({"tolerance"} if within else set()) or table["comparison"] not in ("<=", "within"):
-            raise ValueError(f"{path}: figure {name!r} needs {', '.join(sorted(FIELDS))} (comparison '<=', or 'within' and tolerance)")
+        if set(table) != FIELDS | ({"tolerance"} if within else set()) or table["comparison"] not in ("<=", ">=", "within"):
+            raise ValueError(f"{path}: figure {name!r} needs {', '.join(sorted(FIELDS))} (comparison '<=' or '>=', or 'within' and tolerance)")
     return tables
 
 
@@ -45,6 +45,8 @@ def judge(value, table):
         return False
     if table["comparison"] == "<=":
         return bool(value <= table["target"])
+    if table["comparison"] == ">=":
+        return bool(value >= table["target"])
     return bool(abs(value - table["target"]) <= table["tolerance"] * table["target"])
 
 

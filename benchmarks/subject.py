@@ -60,7 +60,7 @@ def accuracy(workload, name):
     return score(workload, path.t, path.lla, path.v_n, path.rotation.as_matrix())
 
 
-def timed_run(workload, name):
+def timed_run(workload, name, **options):
     """A function that runs filter `name` over the whole workload and returns the seconds of the compiled loop; every sample is stored.
 
     As with the yardstick, compiling, the start and the output arrays are there before the clock starts.
@@ -74,7 +74,7 @@ def timed_run(workload, name):
     out = Output(np.zeros((rows, loop.NAV_WIDTH + len(prepared.filter.columns))), np.empty((0, 15, 15)), np.zeros((fix_rows, loop.FIX_WIDTH)))
 
     def seconds():
-        belief, cursor = prepared.filter.start(at_start, densities), engine.new_cursor(workload.t[0], 1)
+        belief, cursor = prepared.filter.start(at_start, densities, **options), engine.new_cursor(workload.t[0], 1)
         cursor.at[loop.FIXES] = fix_rows
         begin = time.perf_counter()
         while cursor.at[loop.ROW] < rows:

@@ -31,7 +31,7 @@ def skew(v):
 @pytest.mark.short
 def test_targets_are_the_issues():
     tables = figures.targets()
-    assert len(tables) == 25
+    assert len(tables) == 33
     assert tables["A closed loop time"]["target"] == 1.0 and tables["B closed loop time"]["target"] == 1.2
     assert tables["N open loop position"]["tolerance"] == 0.05
 
@@ -51,6 +51,7 @@ def test_a_wrong_target_is_named(tmp_path, text):
     (1.0, {"comparison": "<=", "target": 1.0}, True), (1.001, {"comparison": "<=", "target": 1.0}, False),
     (0.335, {"comparison": "within", "target": 0.32, "tolerance": 0.05}, True), (0.305, {"comparison": "within", "target": 0.32, "tolerance": 0.05}, True),
     (0.337, {"comparison": "within", "target": 0.32, "tolerance": 0.05}, False), (0.303, {"comparison": "within", "target": 0.32, "tolerance": 0.05}, False),
+    (1.6, {"comparison": ">=", "target": 1.6}, True), (1.59, {"comparison": ">=", "target": 1.6}, False),
     (math.nan, {"comparison": "<=", "target": 1.0}, False), (None, {"comparison": "<=", "target": 1.0}, False)])
 def test_judgement(value, table, holds):
     assert figures.judge(value, table) is holds
