@@ -67,7 +67,7 @@ def demo(out: Annotated[Path, typer.Option(help="The page to write.")] = Path("r
 
 
 @app.command()
-def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="recording.toml or .nc")],
+def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="recording.toml, .nc, or a PSINS log, .imu")],
          filter: Annotated[str, typer.Option(help="Architecture; see `strapdown filters`.")] = "closed-loop", imu: IMU = None,
          start: Annotated[Optional[float], typer.Option("--from", metavar="T", help="First second of the recording to use.")] = None,
          stop: Annotated[Optional[float], typer.Option("--to", metavar="T", help="Last second of the recording to use.")] = None,
@@ -120,12 +120,13 @@ def _grade_of(recording):
 
 
 @app.command()
-def inspect(path: Annotated[Path, typer.Argument(metavar="PATH", help="recording.toml, .nc, or a bare CSV")],
+def inspect(path: Annotated[Path, typer.Argument(metavar="PATH", help="recording.toml, .nc, a PSINS log (.imu), or a bare CSV")],
             write: Annotated[Optional[Path], typer.Option(help="From a bare CSV: draft the recording.toml that describes it.")] = None):
     """Say what a recording or a CSV holds, and what is probably wrong with it: rates, gaps, time base, units, axes."""
     from .data import DataError
     from .io.inspection import inspect
-    if write is not None and path.suffix.lower() in (".toml", ".nc"):
+    from .io.psins import is_psins
+    if write is not None and (path.suffix.lower() in (".toml", ".nc") or is_psins(path)):
         raise DataError(f"--write drafts the description of a bare CSV; {path} is a recording already")
     if write is not None and write.exists():
         raise DataError(f"--write {write}: there is such a file already; name another, or remove it")

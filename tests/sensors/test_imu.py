@@ -1,12 +1,15 @@
 """The IMU error model: units against hand-made conversions, errors against the laws they obey, files against every way to write them wrong."""
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
 from strapdown.core.contract import Imu
 from strapdown.data import DataError
-from strapdown.sensors.imu import UNITS, ImuSpec, Triad, grade, grades
+from strapdown.sensors.errors import STREAMS, WarmUp, terms
+from strapdown.sensors.imu import UNITS, ImuSpec, Triad, grade, grades, saturated
+from strapdown.sensors.noise import FLOOR, flicker, gauss_markov_variance
 
 FILE = """
 name = "mine"
@@ -54,17 +57,22 @@ def test_a_file_is_read_in_the_units_it_names(tmp_path):
     ("deg/s", 3600, "deg/h"), ("g", 1000, "mg"), ("mg", 1000, "ug"), ("m/s^2", 1 / 9.80665, "g"), ("mdps/sqrt(Hz)", 1e-3, "deg/s/sqrt(Hz)"),
     ("deg/s/sqrt(s)", 3600 * 60, "deg/h/sqrt(h)"), ("deg/s/sqrt(h)", 1 / 60, "deg/s/sqrt(s)"), ("deg/h/sqrt(s)", 60, "deg/h/sqrt(h)"),
     ("mg/sqrt(s)", 60, "mg/sqrt(h)"), ("ug/sqrt(h)", 1e-3, "mg/sqrt(h)"), ("m/s^2/sqrt(h)", 1 / 60, "m/s^2/sqrt(s)"),
-    ("ug/sqrt(s)", 9.80665e-6, "m/s^3/sqrt(Hz)"), ("h", 60, "min")])
+    ("ug/sqrt(s)", 9.80665e-6, "m/s^3/sqrt(Hz)"), ("h", 60, "min"),
+    ("%", 1e4, "ppm"), ("mrad", 1000, "urad"), ("deg", 3600, "arcsec"), ("ug*s", 9.80665e-3, "mm/s"), ("deg/s/g", 3600, "deg/h/g"),
+    ("rad/s/(m/s^2)", 9.80665 * 180 / np.pi, "deg/s/g")])
 def test_units_of_one_quantity_agree(one, factor, other):
     table = next(units for units in UNITS.values() if one in units)
     assert table[one] == pytest.approx(factor * table[other], rel=1e-12)
 
 
 def test_a_written_file_reads_back_equal(tmp_path):
-    specs = [grade(name) for name in grades()] + [ImuSpec('odd "name" \\ with\nlines', Triad(noise=0.1), Triad(), "")]
+    everything = Triad(0.1, 0.2, 0.3, 0.4, 5.0, 0.6, 7e-4, 8e-4, 0.0, 1e-3, 11.0, ((-20, 1, 2, 3), (30.5, -4, 5, 6.25)))
+    specs = [grade(name) for name in grades()] + [ImuSpec("full", replace(everything, g_sensitivity=1e-5), everything, "all", WarmUp(-5.0, 30.0, 600.0))]
+    specs += [ImuSpec('odd "name" \\ with\nlines', Triad(noise=0.1), Triad(), "")]
     for made in specs:
         made.to_toml(tmp_path / "copy.toml")
         assert ImuSpec.from_toml(tmp_path / "copy.toml") == made
+        assert grade(json.loads(json.dumps(asdict(made)))) == made       # as it is stored with a recording
     assert [entry.name for entry in tmp_path.iterdir()] == ["copy.toml"]
 
 
@@ -150,7 +158,8 @@ def test_one_bias_state_stands_for_several_terms():
 def test_representations_are_in_datasheet_units():
     assert repr(grade("tactical")) == "ImuSpec(tactical: gyro 0.15 deg/sqrt(h), bias 4.03 deg/h; accel 0.07 m/s/sqrt(h), bias 0.752 mg)"
     sheet = grade("tactical").datasheet()
-    assert sheet["gyro gauss markov, deg/h"] == pytest.approx(0.5) and sheet["accel time constant, s"] == 3600 and len(sheet) == 10
+    assert sheet["gyro gauss markov, deg/h"] == pytest.approx(0.5) and sheet["accel time constant, s"] == 3600
+    assert sum(1 for value in sheet.values() if value) == 8
 
 
 @pytest.mark.parametrize("terms, words", [({"noise": -1.0}, "noise is -1.0"), ({"turn_on_bias": np.inf}, "turn_on_bias is inf"),
@@ -205,3 +214,136 @@ def test_chance_comes_from_the_generator_alone_and_terms_do_not_share_it():
     np.testing.assert_allclose(run(full)[0].dv - run(full)[1] * 0.01, run(only)[0].dv, rtol=0, atol=1e-15)
     twice = ImuSpec("test", Triad(), replace(only.accel, noise=0.2))
     np.testing.assert_allclose(run(twice)[0].dv, 2 * run(only)[0].dv, rtol=1e-15)
+
+
+def moving(t, rate=(0.1, -0.2, 0.3), force=(1.0, 2.0, -9.8)):
+    """An error-free IMU with a constant rate (rad/s) and force (m/s^2)."""
+    dt = np.diff(t)
+    return Imu(t[1:], dt, dt[:, None] * np.array(rate), dt[:, None] * np.array(force))
+
+
+def drawn(field, triads, seeds=300):
+    """(seeds, 3, 3) mean errors of rate (or force) that the one term `triads` = (gyro, accel) makes, one matrix column per driven axis."""
+    made = np.empty((seeds, 3, 3))
+    for axis in range(3):
+        unit = moving(T[:3], *(np.eye(3)[axis] if name == field else np.zeros(3) for name in ("rate", "force")))
+        for seed in range(seeds):
+            bad, _, _ = ImuSpec("test", *triads).corrupt(unit, np.random.default_rng(seed))
+            measured, true = (bad.dtheta, unit.dtheta) if triads[0] != Triad() else (bad.dv, unit.dv)
+            made[seed, :, axis] = (measured - true)[0] / unit.dt[0]
+    return made
+
+
+def test_scale_factor_misalignment_and_g_sensitivity_are_fresh_matrices_of_their_size():
+    within, off = lambda values, sd: values.std() == pytest.approx(sd, rel=4 / np.sqrt(2 * values.size)), ~np.eye(3, dtype=bool)
+    scale = drawn("force", (Triad(), Triad(scale_factor=1e-3)))
+    assert within(scale[:, ~off], 1e-3) and np.abs(scale[:, off]).max() < 1e-12
+    turned = drawn("rate", (Triad(misalignment=2e-3), Triad()))
+    assert within(turned[:, off], 2e-3) and np.abs(turned[:, ~off]).max() < 1e-12
+    assert within(drawn("force", (Triad(g_sensitivity=1e-4), Triad())), 1e-4)
+    assert not drawn("rate", (Triad(g_sensitivity=1e-4), Triad()), 3).any()
+
+
+def test_quantised_increments_are_whole_steps_and_lose_nothing():
+    true = moving(T[:2000])
+    made, _, _ = ImuSpec("test", Triad(quantisation=3e-4), Triad(noise=0.01)).corrupt(true, np.random.default_rng(1))
+    steps = made.dtheta / 3e-4
+    np.testing.assert_allclose(steps, np.round(steps), rtol=0, atol=1e-9)
+    assert np.abs(np.cumsum(made.dtheta - true.dtheta, axis=0)).max() <= 3e-4 * (1 + 1e-9)
+
+
+def test_saturated_samples_are_clipped_and_counted():
+    true = moving(T[:101])
+    true.dtheta[10:30, 1] *= 4
+    true.dv[5, 2] *= -3
+    full = ImuSpec("test", Triad(saturation=0.5), Triad(saturation=20.0))
+    made, _, _ = full.corrupt(true, np.random.default_rng(1))
+    assert np.abs(made.dtheta).max() == pytest.approx(0.5 * 0.01) and np.abs(made.dv).max() == pytest.approx(20 * 0.01)
+    assert np.sign(made.dtheta[10, 1]) == np.sign(true.dtheta[10, 1]) and made.dv[5, 2] > 0
+    np.testing.assert_array_equal(made.dtheta[:10], true.dtheta[:10])
+    assert saturated(full, made) == ["gyro: 20 of 100 samples saturated at 28.65 deg/s", "accelerometer: 1 of 100 samples saturated at 2.039 g"]
+    assert saturated(full, moving(T[:101])) == [] == saturated(grade("tactical"), made)
+
+
+def test_temperature_bias_follows_the_table_along_the_warm_up():
+    table = ((0, 0, 1, 0), (20, 2, 1, 0), (40, 2, 1, -4))
+    warm = ImuSpec("test", Triad(), Triad(temperature=table), warm_up=WarmUp(10.0, 40.0, 50.0))
+    made, b_a, _ = warm.corrupt(still(T[:30_000:10] + 1000.0), np.random.default_rng(1))
+    temperature = 40 - 30 * np.exp(-(made.t - 1000.0) / 50)
+    np.testing.assert_allclose(b_a[:, 0], np.minimum(temperature / 10, 2), rtol=1e-9)
+    np.testing.assert_allclose(b_a[:, 2], -np.maximum(temperature - 20, 0) / 5, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(made.dv, b_a * made.dt[:, None], rtol=1e-12)
+    assert warm.bias_sd()[0] == pytest.approx(np.sqrt((1 + 1 + 0) / 3))
+    assert warm.noise()[3] == pytest.approx(np.sqrt((1 + 0 + 16) / 3 / 50))
+    drift = np.sqrt(np.mean((b_a - b_a[0]) ** 2, axis=1))
+    q, decay = warm.accel.bias_model(warm.warm_up)
+    assert decay == 0 and (drift <= 1.5 * q * np.sqrt(made.t - made.t[0]) + 1e-12).all()
+
+
+def test_flicker_has_the_flat_allan_deviation_of_its_bias_instability():
+    allantools = pytest.importorskip("allantools")
+    taus = np.array([1.0, 3.0, 10.0, 30.0, 100.0, 300.0])
+    found = np.array([allantools.oadev(axis, rate=10.0, data_type="freq", taus=taus)[1]
+                      for seed in range(4) for axis in flicker(np.full(39_999, 0.1), np.random.default_rng(seed)).T])
+    mean = np.sqrt((found ** 2).mean(axis=0))
+    np.testing.assert_allclose(mean[:4], FLOOR, rtol=0.05)
+    np.testing.assert_allclose(mean[4:], FLOOR, rtol=0.15)                       # 12 records with some 400 and 130 clusters: 4 sigma
+
+
+def test_flicker_is_flat_within_two_percent_over_five_decades():
+    from strapdown.sensors.noise import FLICKER_TIMES, FLICKER_VARIANCE
+    tau = np.geomspace(1, 3e4, 200)
+    variance = FLICKER_VARIANCE * sum(gauss_markov_variance(tau, time) for time in FLICKER_TIMES)
+    np.testing.assert_allclose(np.sqrt(variance), 0.664, rtol=0.05)
+    inner = (tau > 3) & (tau < 1e4)
+    np.testing.assert_allclose(np.sqrt(variance[inner]), np.sqrt(2 * np.log(2) / np.pi), rtol=0.02)
+
+
+def test_a_filter_takes_flicker_for_a_walk_that_meets_the_floor_where_the_white_noise_does():
+    q, decay = Triad(noise=1e-3, flicker=1e-4).bias_model()
+    tau = (1e-3 / (FLOOR * 1e-4)) ** 2
+    assert decay == 0 and q * np.sqrt(tau / 3) == pytest.approx(FLOOR * 1e-4) == pytest.approx(1e-3 / np.sqrt(tau))
+    starts = np.array([spec(flicker=0.3).corrupt(still(T[:3]), np.random.default_rng(seed))[1][0] for seed in range(300)])
+    assert starts.std() == pytest.approx(spec(flicker=0.3).bias_sd()[0], rel=4 / np.sqrt(1800))
+
+
+def test_new_terms_leave_the_draws_of_the_old_ones_alone():
+    old = Triad(noise=0.1, turn_on_bias=1.0, gauss_markov=1.0, time_constant=9.0, bias_walk=0.1)
+    new = replace(old, flicker=0.2, scale_factor=0.0, quantisation=0.0)
+    run = lambda triad: ImuSpec("test", Triad(), triad).corrupt(still(T[:100]), np.random.default_rng(5))
+    (plain, bias, _), (flickering, both, _) = run(old), run(new)
+    rng = np.random.default_rng(5).spawn(2)[0].spawn(4)                          # the streams of the four terms that came first, by hand
+    expected = rng[1].standard_normal(3) + rng[3].standard_normal((99, 3))[0]
+    np.testing.assert_allclose(bias[0], expected, rtol=1e-14)
+    np.testing.assert_allclose(flickering.dv - both * 0.01, plain.dv - bias * 0.01, rtol=0, atol=1e-14)
+    assert {term.name for term in terms()} - {"time_constant", "saturation"} == set(STREAMS)
+
+
+@pytest.mark.parametrize("old, new, words", [
+    ('bias_walk = { value = 3, unit = "deg/h/sqrt(h)" }', 'temperature = 3', "gyro.temperature: write { unit = \"deg/h\", rows = "),
+    ('bias_walk = { value = 3, unit = "deg/h/sqrt(h)" }', 'temperature = { unit = "deg", rows = [] }', "gyro.temperature: unknown unit 'deg'"),
+    ('bias_walk = { value = 3, unit = "deg/h/sqrt(h)" }', 'temperature = { unit = "deg/h", rows = [[1, 2, 3]] }', r"row \[1, 2, 3\] is not"),
+    ('bias_walk = { value = 3, unit = "deg/h/sqrt(h)" }', 'temperature = { unit = "deg/h", rows = [[1, 2, 3, 4]] }', "has one row"),
+    ('bias_walk = { value = 3, unit = "deg/h/sqrt(h)" }', 'temperature = { unit = "deg/h", rows = [[2, 2, 3, 4], [1, 2, 3, 4]] }', "do not rise"),
+    ('bias_walk = { value = 3, unit = "deg/h/sqrt(h)" }', 'temperature = { unit = "deg/h", rows = [[2, 2, 3, 4], [4, 2, 3, 4]] }', "needs warm_up"),
+    ('[accel]', '[warm_up]\nstart = 3\n[accel]', r"\[warm_up\] needs start, end and time_constant"),
+    ('[accel]', '[warm_up]\nstart = { value = 3, unit = "K" }\nend = 3\ntime_constant = 3\n[accel]', "warm_up.start: unknown unit 'K'"),
+    ('[accel]', '[accel]\ng_sensitivity = { value = 1, unit = "deg/h/g" }', "unknown key 'g_sensitivity'"),
+])
+def test_what_is_wrong_with_newer_terms_is_named(tmp_path, old, new, words):
+    assert old in FILE
+    with pytest.raises(DataError, match=words) as caught:
+        ImuSpec.from_toml(write(tmp_path, FILE.replace(old, new, 1)))
+    assert "imu.toml" in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_impossible_specs_are_refused():
+    rows = ((0, 1, 1, 1), (20, 1, 1, 1))
+    with pytest.raises(DataError, match="beyond the temperature table of gyro, which covers 0 to 20"):
+        ImuSpec("test", Triad(temperature=rows), Triad(), warm_up=WarmUp(10, 30, 60))
+    with pytest.raises(DataError, match="without a temperature table"):
+        ImuSpec("test", Triad(), Triad(), warm_up=WarmUp(10, 30, 60))
+    with pytest.raises(DataError, match="g_sensitivity is an error of gyros"):
+        ImuSpec("test", Triad(), Triad(g_sensitivity=1.0))
+    with pytest.raises(DataError, match="time_constant is 0"):
+        WarmUp(10, 30, 0)

@@ -2,8 +2,8 @@
 
 locate.py finds files and tables.py reads CSV; units.py and axes.py turn columns into SI and body axes; samples.py and fixes.py clean and check
 them, plausible.py looks for mistaken units and axes, origin.py names their lines in messages; schema.py and description.py are the keys of
-`recording.toml` and their complaints, recording.py what it yields; netcdf.py keeps a whole recording in one file; inspection.py and draft.py
-look at a file and say what it holds; solution.py and kml.py write and read what a filter made of it.
+`recording.toml` and their complaints, recording.py what it yields; netcdf.py keeps a whole recording in one file; psins.py reads logs of the PSINS toolbox; inspection.py and draft.py look at a file and say what
+it holds; solution.py and kml.py write and read what a filter made of it.
 """
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from ..data import DataError
 
 
 def read(path):
-    """A Recording from a `recording.toml` or a NetCDF file written by `write_recording`. Raises DataError of one line."""
+    """A Recording from a `recording.toml`, a NetCDF file written by `write_recording`, or a PSINS log (.imu). Raises DataError of one line."""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".toml":
@@ -20,12 +20,15 @@ def read(path):
     if suffix == ".nc":
         from .netcdf import read_recording
         return read_recording(path)
+    from .psins import is_psins, read_psins
+    if is_psins(path):
+        return read_psins(path)
     from .tables import SUFFIXES
     if path.name.lower().endswith(SUFFIXES):
         raise DataError(f"{path}: a table alone does not say its units and axes; "
                         f"`strapdown inspect {path} --write recording.toml` drafts the description to read instead")
     raise DataError(f"{path}: files of type {suffix or '(no suffix)'!r} are not read; "
-                    "supported are recording.toml (naming CSV files) and recording.nc")
+                    "supported are recording.toml (naming CSV files), recording.nc and PSINS logs (.imu)")
 
 
 def write_recording(recording, path):

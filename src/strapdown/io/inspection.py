@@ -30,9 +30,10 @@ class Inspection(NamedTuple):
 
 
 def inspect(path):
-    """The Inspection of a recording.toml, a recording.nc or a bare CSV. Raises DataError only where the file itself cannot be read."""
+    """The Inspection of a recording.toml, a recording.nc, a PSINS log or a bare CSV. Raises DataError only where the file itself cannot be read."""
     path = Path(path)
-    look = {".toml": _description, ".nc": _netcdf}.get(path.suffix.lower(), _table)
+    from .psins import is_psins
+    look = _psins if is_psins(path) else {".toml": _description, ".nc": _netcdf}.get(path.suffix.lower(), _table)
     facts, problems = [], []
     look(path, facts, problems)
     return Inspection(str(path), tuple(facts), tuple(dict.fromkeys(problems)))
@@ -84,6 +85,16 @@ def _netcdf(path, facts, problems):
     problems += [f"imu: {text}" for text in doubts(imu)]
     _aiding_facts(imu, aidings, facts, problems)
     facts += [f"reference: {reference!r}"] * (reference is not None) + [f"note: {note}" for note in meta.get("notes", [])]
+
+
+def _psins(path, facts, problems):
+    from .psins import unchecked
+    recording = unchecked(path)
+    imu_facts(recording.imu, facts)
+    problems += [f"imu: {text}" for text in [text for _, text in mistakes(recording.imu, "increment")] + doubts(recording.imu)]
+    latitude, longitude, height = np.degrees(recording.meta["position"][:2]).tolist() + [recording.meta["position"][2]]
+    facts.append(f"header: {latitude:.6f} deg north, {longitude:.6f} deg east, {height:.1f} m, heading {np.degrees(recording.meta['attitude'][2]):.1f} deg")
+    facts += [f"note: {note}" for note in recording.meta["notes"]]
 
 
 def _table(path, facts, problems):

@@ -61,7 +61,7 @@ def read_table(path, header=True):
     import pandas as pd
     try:
         skipped, first = _first_line(path)
-        with _open(path) as file, warnings.catch_warnings():
+        with open_text(path) as file, warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)     # rows with more cells than the header has names
             frame = pd.read_csv(file, sep=_separator(first), header=0 if header else None, skiprows=skipped, skip_blank_lines=False,
                                 skipinitialspace=True, low_memory=False, index_col=False)
@@ -81,7 +81,8 @@ def read_table(path, header=True):
     return Table(str(path), frame if filled.all() else frame[filled], lines[filled])
 
 
-def _open(path):
+def open_text(path):
+    """A text file, plain or compressed, open to read. Raises OSError, and those of BROKEN where it is read."""
     if path.is_dir():
         raise IsADirectoryError(0, "it is a folder")
     if path.suffix.lower() == ".zip":
@@ -93,7 +94,7 @@ def _open(path):
 
 def _first_line(path):
     """Number of comment lines at the top, and the line after them."""
-    with _open(path) as file:
+    with open_text(path) as file:
         for number, line in enumerate(file):
             if not line.startswith(("#", "%")):
                 return number, line

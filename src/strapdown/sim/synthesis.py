@@ -6,7 +6,7 @@ import numpy as np
 from ..core.contract import ATT, BA, BG, POS, STATES, VEL, Start
 from ..data import DataError, Recording
 from ..geodesy import displaced
-from ..sensors.imu import grade
+from ..sensors.imu import grade, saturated
 from .scenario import Scenario
 from .scenario import scenario as find
 from .trajectory import Motion, gravity, records
@@ -37,7 +37,7 @@ class Simulator:
         of_imu, of_gnss = rng.spawn(2)
         samples, b_a, b_g = spec.corrupt(self._felt, of_imu)
         b_a = b_a + self.offset if self.offset.any() else b_a
-        return Recording(samples, self.plan.fixes(of_gnss), self.truth, self._meta(imu, spec, b_a, b_g))
+        return Recording(samples, self.plan.fixes(of_gnss), self.truth, self._meta(imu, spec, b_a, b_g) | {"notes": saturated(spec, samples)})
 
     def start(self, rng, imu, recording):
         """A Start at 0 s: the truth less an error drawn from the scenario's `start_sd`, biases 0 or, where they are known, those of `recording`."""
