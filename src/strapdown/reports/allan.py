@@ -53,11 +53,18 @@ class Analysis:
         return rows
 
     @property
+    def disturbed(self):
+        """Whether the record holds more than noise: the fitted terms miss the estimates of an axis."""
+        return any(curve.fit.misfit > MISFIT for sensor in (self.result.gyro, self.result.accel) for curve in sensor.axes)
+
+    @property
     def verdict(self):
-        """One sentence: the nearest grade and how far its deviations are from those of the record."""
-        poor = any(curve.fit.misfit > MISFIT for sensor in (self.result.gyro, self.result.accel) for curve in sensor.axes)
-        return (f"nearest grade: {self.suggestion.grade} (its Allan deviations differ by a factor of {self.suggestion.factors[self.suggestion.grade]:.2g} "
-                f"on average){'; the record holds more than noise, so the sensor may be better' if poor else ''}")
+        """One sentence: the nearest grade and how far its deviations are from those of the record; none where the record is disturbed."""
+        name = self.suggestion.grade
+        near = f"{name} (its Allan deviations differ by a factor of {self.suggestion.factors[name]:.2g} on average)"
+        if self.disturbed:
+            return f"no grade: the record holds more than noise, and the sensor may be better than it looks; taken as it is, the nearest is {near}"
+        return f"nearest grade: {near}"
 
     def write(self, folder):
         """Write allan.csv, allan-imu.toml and allan.html into `folder`. Raises DataError where that cannot be done."""
@@ -192,7 +199,7 @@ def page(analysis):
     notes = "".join(f"<p class=note>{escape(text)}</p>" for text in analysis.notes)
     imu = analysis.recording.imu
     facts = {"recording": analysis.recording.meta.get("name", ""), "time": f"{imu.t[0] - imu.dt[0]:.1f} to {imu.t[-1]:.1f} s",
-             "samples": f"{len(imu.t)} at {1 / analysis.result.dt:.6g} Hz", "nearest grade": analysis.suggestion.grade, "software": f"strapdown {__version__}"}
+             "samples": f"{len(imu.t)} at {1 / analysis.result.dt:.6g} Hz", "nearest grade": "none: disturbed" if analysis.disturbed else analysis.suggestion.grade, "software": f"strapdown {__version__}"}
     listed = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(str(text))}</dd></div>" for name, text in facts.items() if text)
     return Page(_html(title, listed, f"<section><h2>Coefficients</h2>{_table(analysis)}<p>{escape(analysis.verdict[0].upper() + analysis.verdict[1:])}. "
                                      f"{_others(analysis)}</p>{notes}</section><section><h2>Curves</h2>{body}</section>"))
