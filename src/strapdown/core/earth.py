@@ -42,11 +42,12 @@ def _radii(sine):
 def place(lat, h):
     """What every equation at a position needs: sine and cosine of latitude, M = R_M + h and N = R_N + h in m.
 
-    The cosine is kept above 1e-3, its value 6 km from a pole, so that a raw INS that crosses a pole stays finite.
+    The cosine comes from the sine, at half the price and 1e-13 of itself at 89 deg. It is kept above 1e-3, its value 6 km from a pole, so that a
+    raw INS that crosses a pole stays finite.
     """
     sine = math.sin(lat)
     R_M, R_N = _radii(sine)
-    return sine, max(math.cos(lat), 1e-3), R_M + h, R_N + h
+    return sine, max(math.sqrt(1 - sine * sine), 1e-3), R_M + h, R_N + h
 
 
 @helper
@@ -82,8 +83,9 @@ def gravity_gradient(sine, cosine, h):
 @helper
 def displace(lla, north, east, down):
     """Move a geodetic position by metres NED, in place; longitude stays in [-pi, pi], and a pole is crossed, not passed."""
-    R_M, R_N = radii(lla[0])
-    lon = lla[1] + east / ((R_N + lla[2]) * max(math.cos(lla[0]), 1e-6))
+    sine = math.sin(lla[0])
+    R_M, R_N = _radii(sine)
+    lon = lla[1] + east / ((R_N + lla[2]) * max(math.sqrt(1 - sine * sine), 1e-6))
     lat = lla[0] + north / (R_M + lla[2])
     if abs(lat) > 0.5 * math.pi:
         lat = math.copysign(math.pi, lat) - lat

@@ -84,14 +84,20 @@ def measure(belief, y, sd, observe, parameters, gate, innovation):
 
 @helper
 def inject(lla, v, C, dx):
-    """Compose position (m, NED), velocity (m/s) and attitude errors (rad, n) into a state: true = estimate (+) error."""
+    """Compose position (m, NED), velocity (m/s) and attitude errors (rad, n) into a state that is kept: true = estimate (+) error."""
+    added(lla, v, C, dx)
+    orthonormalise(C)
+
+
+@helper
+def added(lla, v, C, dx):
+    """`inject` into a state that is made anew each time, where rounding cannot add up."""
     p, dv, theta = dx[POS], dx[VEL], dx[ATT]
     displace(lla, p[0], p[1], p[2])
     v[0] += dv[0]
     v[1] += dv[1]
     v[2] += dv[2]
     rotate_left(theta[0], theta[1], theta[2], C)
-    orthonormalise(C)
 
 
 @helper

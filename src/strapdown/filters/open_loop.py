@@ -7,7 +7,7 @@ import math
 
 from ..core.contract import BA, BG, CORRECT, PREDICT, Filter, helper, kernel, matrix
 from ..core.error_dynamics import TV
-from ..core.error_state import BLOCK, DV, DX, HEIGHT, OWN, X, auxiliary, decay_biases, inject, linearised_step, measure
+from ..core.error_state import BLOCK, DV, DX, HEIGHT, OWN, X, added, auxiliary, decay_biases, linearised_step, measure
 from ..core.mechanization import mechanize
 
 LLA, V, C = slice(OWN, OWN + 3), slice(OWN + 3, OWN + 6), OWN + 6   # of the raw INS in aux
@@ -76,7 +76,7 @@ def compose(belief):
         belief.ba[i], belief.bg[i] = b[i] + xa[i], b[3 + i] + xg[i]
         for j in range(3):
             belief.C[i, j] = raw[i, j]
-    inject(belief.lla, belief.v, belief.C, x)
+    added(belief.lla, belief.v, belief.C, x)
 
 
 @helper
