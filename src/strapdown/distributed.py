@@ -76,8 +76,6 @@ def _client(workers, scheduler):
     except ImportError:
         raise DataError("worker processes need Dask: pip install 'strapdown[study]', or leave out workers and scheduler") from None
     if not scheduler:
-        if workers < 1:
-            raise DataError(f"workers is {workers}; it must be 1 or more")
         dask.config.set({"distributed.scheduler.allowed-failures": ATTEMPTS - 1, "distributed.scheduler.worker-saturation": 1.0})
         with LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=CRITICAL) as cluster:
             with Client(cluster) as client:

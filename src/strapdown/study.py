@@ -108,6 +108,9 @@ class Study:
         a Dask scheduler whose workers see the same folder. Ctrl-C or a kill loses the chunks in work only. Raises DataError.
         """
         from .campaign import Campaign
+        for name, count in (("threads", threads or 0), ("workers", workers)):
+            if count < 0:
+                raise DataError(f"{name} is {count}; it must be 1 or more")
         campaign = Campaign.begin(self, out)
         with campaign.locked():
             missing = campaign.missing()

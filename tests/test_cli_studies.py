@@ -1,0 +1,114 @@
+"""The commands that simulate, as a user types them: what they print and write, and bad input in one line with exit code 2."""
+import json
+import sys
+
+import numpy as np
+import pytest
+
+import strapdown as sd
+from strapdown import cli
+
+SCENARIO = """name = "hop"
+imu = "tactical"
+rate_hz = 20
+duration_s = 30
+
+[motion]
+kind = "straight"
+start = { latitude_deg = 48, longitude_deg = 11, height_m = 600 }
+azimuth_deg = 30
+speed_m_s = 40
+
+[gnss]
+interval_s = 1
+position_sd_m = [1, 1, 1.5]
+"""
+
+
+def run(monkeypatch, capsys, *words):
+    """(exit code, standard output, standard error) of `strapdown WORDS`."""
+    monkeypatch.setattr(sys, "argv", ["strapdown", *map(str, words)])
+    code = 0
+    try:
+        cli.main()
+    except SystemExit as end:
+        code = end.code or 0
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+@pytest.fixture
+def hop(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "hop.toml").write_text(SCENARIO)
+    return tmp_path
+
+
+def test_a_simulated_recording_is_read_and_fused(hop, monkeypatch, capsys):
+    code, out, _ = run(monkeypatch, capsys, "simulate", "hop.toml", "--seed", 4, "--out", "made/hop.nc")
+    assert code == 0 and "wrote made/hop.nc: 30 s, 600 IMU samples, 30 GNSS position, the truth as reference" in out
+    assert len(sd.read("made/hop.nc").reference.t) == 601
+    np.testing.assert_array_equal(sd.read("made/hop.nc").imu.dv, sd.simulate("hop.toml", seed=4).imu.dv)
+    code, out, _ = run(monkeypatch, capsys, "fuse", "made/hop.nc", "--imu", "tactical", "--heading", 30, "--out", "fused")
+    assert code == 0 and "rms error against the reference" in out
+    run(monkeypatch, capsys, "simulate", "hop.toml", "--duration", 10, "--imu", "consumer", "--out", "short.nc")
+    assert len(sd.read("short.nc").imu.t) == 200 and sd.read("short.nc").meta["grade"] == "consumer"
+
+
+def test_a_study_prints_its_table_and_goes_on_where_it_was(hop, monkeypatch, capsys):
+    words = ("study", "hop.toml", "--imu", "tactical", "--filter", "closed-loop", "--filter", "periodic-reset:interval=5", "--runs", 3, "--seed", 2, "--out", "done")
+    code, out, _ = run(monkeypatch, capsys, *words)
+    assert code == 0 and "1 cells, 2 filters, 3 runs: 0.0036 million filter steps" in out and "periodic-reset:interval=5" in out
+    table = (hop / "done" / "summary.csv").read_bytes()
+    code, again, _ = run(monkeypatch, capsys, *words)
+    assert code == 0 and again == out and (hop / "done" / "summary.csv").read_bytes() == table
+    assert json.loads((hop / "done" / "manifest.json").read_text())["seed"] == 2
+
+
+TOML = {"negative rate": ("rate_hz = 20", "rate_hz = -20"), "too fast": ("speed_m_s = 40", "speed_m_s = 4000"), "pole": ("latitude_deg = 48", "latitude_deg = 89.5"),
+        "endless": ("duration_s = 30", "duration_s = inf"), "unknown key": ("rate_hz", "ratehz")}
+
+
+@pytest.mark.parametrize("name, words", [("negative rate", "-20"), ("too fast", "faster than 3000 m/s"), ("pole", "89.5 deg of latitude"), ("endless", "inf"),
+                                         ("unknown key", "did you mean 'rate_hz'")])
+def test_impossible_scenarios_are_one_line(hop, monkeypatch, capsys, name, words):
+    (hop / "bad.toml").write_text(SCENARIO.replace(*TOML[name]))
+    for command in (("simulate", "bad.toml", "--out", "bad.nc"), ("study", "bad.toml", "--out", "bad")):
+        code, _, err = run(monkeypatch, capsys, *command)
+        assert code == 2 and err.count("\n") == 1 and err.startswith("strapdown: ") and words in err
+    assert sorted(path.name for path in hop.iterdir()) == ["bad.toml", "hop.toml"]
+
+
+@pytest.mark.parametrize("words, said", [
+    (("simulate", "hopp", "--out", "x.nc"), "'hopp'"), (("simulate", "hop.toml", "--out", "x.csv"), "name a file that ends in .nc"),
+    (("simulate", "hop.toml", "--imu", "tactcal", "--out", "x.nc"), "did you mean 'tactical'"), (("simulate", "hop.toml", "--duration", "0", "--out", "x.nc"), "0.0"),
+    (("study", "hop.toml", "--runs", "0", "--out", "x"), "runs is 0"), (("study", "hop.toml", "--filter", "closd-loop", "--out", "x"), "did you mean 'closed-loop'"),
+    (("study", "hop.toml", "--workers", "-2", "--runs", "2", "--out", "x"), "workers is -2"),
+    (("advise", "--imu", "tactical", "--flight", "hop.toml", "--duration", "soon"), "soon"), (("advise", "--imu", "tactical", "--flight", "hopp", "--duration", "1h"), "hopp"),
+    (("reproduce", "hager", "--out", "x"), "nothing to reproduce is called 'hager'; there is: recordings, hager-bryne"),
+    (("reproduce", "recordings", "--quick", "--out", "x"), "reproduce recordings has no option --quick"),
+    (("reproduce", "hager-bryne", "--recordings", "x", "--out", "x"), "has no option --recordings"), (("reproduce", "hager-bryne", "--runs", "-1", "--out", "x"), "-1"),
+    (("allan", "nothing.nc"), "nothing.nc"), (("allan", "hop.toml"), "hop.toml")])
+def test_bad_words_are_one_line_and_leave_nothing(hop, monkeypatch, capsys, words, said):
+    code, _, err = run(monkeypatch, capsys, *words)
+    assert code == 2 and err.strip().count("\n") == 0 and said in err
+    assert [path.name for path in hop.iterdir()] == ["hop.toml"]
+
+
+def test_a_folder_keeps_the_study_it_holds(hop, monkeypatch, capsys):
+    run(monkeypatch, capsys, "study", "hop.toml", "--runs", 2, "--out", "done")
+    code, _, err = run(monkeypatch, capsys, "study", "hop.toml", "--runs", 3, "--out", "done")
+    assert code == 2 and "runs is 2 there and 3 here; choose another folder" in err
+
+
+def test_allan_of_a_record_at_rest(hop, monkeypatch, capsys):
+    run(monkeypatch, capsys, "simulate", "static", "--imu", "consumer", "--duration", 120, "--out", "parked.nc")
+    code, out, _ = run(monkeypatch, capsys, "allan", "parked.nc", "--from", 5, "--to", 115, "--out", "found")
+    assert code == 0 and "white noise" in out and "nearest grade: consumer" in out
+    assert sorted(path.name for path in (hop / "found").iterdir()) == ["allan-imu.toml", "allan.csv", "allan.html"]
+    assert sd.grade("found/allan-imu.toml").gyro.noise > 0
+
+
+def test_advice_in_a_few_lines(hop, monkeypatch, capsys):
+    code, out, _ = run(monkeypatch, capsys, "advise", "--imu", "tactical", "--flight", "hop.toml", "--duration", "1min", "--runs", 2, "--quick", "--out", "advice")
+    assert code == 0 and "wrote advice/index.html" in out and json.loads((hop / "advice" / "advice.json").read_text())["duration_s"] == 60
