@@ -182,9 +182,12 @@ def _solution(recording, samples, filter, start, noise, spec, fixes, cursor, out
         rows = np.searchsorted(samples.t, trajectory.t)
         omega = samples.dtheta[rows] / samples.dt[rows, None] - nav[:, loop.BIASES + 3:loop.SD]
         trajectory = trajectory.displaced(-np.asarray(recording.meta["imu_lever_arm"]), omega)
+    columns = {name: nav[:, loop.NAV_WIDTH + i] for i, name in enumerate(filter.columns)}
+    if filter.watch:
+        events += filter.watch(nav[:, loop.T], nav[:, loop.LLA:loop.V], columns)
     return Solution(trajectory, nav[:, loop.BIASES:loop.BIASES + 3], nav[:, loop.BIASES + 3:loop.SD], nav[:, loop.ROW_STATUS].astype(np.int8),
                     innovations(used, recording.aidings, fixes.gate), tuple(sorted(events)),
-                    {name: nav[:, loop.NAV_WIDTH + i] for i, name in enumerate(filter.columns)},
+                    columns,
                     out.covariance[:len(nav)] if len(out.covariance) else None, meta)
 
 

@@ -5,9 +5,9 @@ import numpy as np
 
 from . import consistency
 from .core.contract import ATT, BA, BG, POS, STATES, VEL, compile_kernel
-from .core.earth import FAR
 from .core.normalised import normalised_rows
 from .data import SD_COLUMNS, Trajectory
+from .filters.open_loop import LEFT_MODEL
 from .geodesy import displacement, wrap
 
 STATE_NAMES = tuple(name.removeprefix("sd_") for name in SD_COLUMNS)
@@ -56,7 +56,7 @@ def score(solution, at, b_a, b_g, limits):
         distance = np.sqrt((error[:, POS] ** 2).sum(axis=1))
         rows, reason = consistency.survival(distance, nees, at.truth.t, limits)
         numbers = {"rows": rows, "reason": reason, "lasted": float(at.truth.t[rows - 1]) if rows else 0.0,
-                   "left_model": _left_model(solution, at), **_alive(error[:rows], rph[:rows], sd[:rows], nees[:rows]),
+                   "left_model": _left_model(solution), **_alive(error[:rows], rph[:rows], sd[:rows], nees[:rows]),
                    "censored": float(np.r_[np.minimum(distance[:rows], limits.distance) ** 2, np.full(n - rows, limits.distance ** 2)].mean()),
                    **_fixes(solution.innovations)}
     return Scored(error, sd, nees, rows, numbers)
@@ -84,13 +84,9 @@ def rotation_between(estimate, true):
     return (vector * np.where(size > 1e-12, angle / np.where(size > 1e-12, size, 1.0), 2.0)).T
 
 
-def _left_model(solution, at):
-    """When the raw INS of an open loop went beyond the heights where gravity is a series, s; NaN where it did not, or there is none."""
-    ins_down = solution.columns.get("ins_error_down [m]")
-    if ins_down is None:
-        return np.nan
-    gone = ~(np.abs(solution.trajectory.lla[:, 2] + ins_down) <= FAR)
-    return float(solution.t[np.argmax(gone)]) if gone.any() else np.nan
+def _left_model(solution):
+    """When the raw INS of an open loop left its model, s; NaN where it did not, or there is none."""
+    return next((t for t, text in solution.events if text.startswith(LEFT_MODEL)), np.nan)
 
 
 def _alive(error, rph, sd, nees):

@@ -153,3 +153,15 @@ def test_a_filter_pickles_as_its_name(name):
 def test_bad_options_are_refused_by_name(name, options, message):
     with pytest.raises(DataError, match=message):
         fused(flight(), name, **options)
+
+
+@pytest.mark.parametrize("name, gone", [("open-loop", True), ("periodic-reset", True), ("closed-loop", False)])
+def test_a_raw_ins_that_leaves_the_model_is_an_event(name, gone):
+    """9 km/s^2 of unknown acceleration upwards for ten seconds."""
+    recording = flight()
+    falling = replace(recording, imu=recording.imu._replace(dv=recording.imu.dv - np.outer(recording.imu.dt, [0, 0, 9000.0])))
+    solution = sd.fuse(falling, name, start=start(recording), noise=sd.grade("tactical").noise())
+    events = [(t, text) for t, text in solution.events if "raw INS left the model" in text]
+    assert bool(events) == gone
+    if gone:
+        assert events[0][0] == pytest.approx(np.sqrt(2 * 500e3 / 9000), abs=0.5) and "beyond 500 km" in events[0][1]

@@ -137,6 +137,7 @@ class Filter(NamedTuple):
     correct: Callable       # (belief, y, sd, kind, observe, parameters, gate, innovation) -> NIS
     states: tuple = tuple(range(STATES))  # the standard deviations it claims; the others are published as NaN
     columns: tuple = ()     # names, with units, of its extra output columns
+    watch: Callable = None  # (t (n,), lla (n, 3), {column: (n,)}) -> [(t, text)]: what of the kept rows a user must know
 
     def __reduce__(self):
         from ..filters import find

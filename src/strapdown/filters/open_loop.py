@@ -5,13 +5,17 @@ the products of position and velocity errors are the largest and depend on the c
 """
 import math
 
+import numpy as np
+
 from ..core.contract import BA, BG, CORRECT, PREDICT, Filter, helper, kernel, matrix
+from ..core.earth import FAR
 from ..core.error_dynamics import TV
 from ..core.error_state import BLOCK, DV, DX, HEIGHT, OWN, X, added, auxiliary, decay_biases, linearised_step, measure
 from ..core.mechanization import mechanize
 
 LLA, V, C = slice(OWN, OWN + 3), slice(OWN + 3, OWN + 6), OWN + 6   # of the raw INS in aux
 INS_ERROR = ("ins_error_north [m]", "ins_error_east [m]", "ins_error_down [m]")  # the first numbers of aux: true - raw INS, as estimated
+LEFT_MODEL = "the raw INS left the model"
 BIAS = slice(OWN + 15, OWN + 21)                                     # what the raw INS takes off its IMU: accelerometer, gyro
 MODE = OWN + 32                                                     # which of:
 SECOND_ORDER, METRES, GEODETIC = range(3)
@@ -103,5 +107,12 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     return correct_beside(belief, y, sd, observe, parameters, gate, innovation)
 
 
+def left_model(t, lla, columns):
+    """[(t, text)] where the raw INS first is at a height at which gravity is no series any more and the mechanization continues in a fashion, else []."""
+    height = lla[:, 2] + columns[INS_ERROR[2]]      # down: true - raw
+    gone = ~(np.abs(height) <= FAR)
+    return [(float(t[np.argmax(gone)]), f"{LEFT_MODEL}: its height is beyond {FAR / 1e3:.0f} km")] if gone.any() else []
+
+
 OPEN_LOOP = Filter("open-loop", "Hager & Bryne, section IV-A, equations (19)-(23)", start, predict, correct,
-                   columns=INS_ERROR)
+                   columns=INS_ERROR, watch=left_model)

@@ -5,7 +5,7 @@ Interval 0 is the closed loop, an infinite one the open loop.
 from ..core.contract import CORRECT, PREDICT, Filter, kernel, matrix
 from ..core.error_state import OWN, X
 from . import open_loop
-from .open_loop import BIAS, INS_ERROR, C, LLA, V, correct_beside, predict_beside
+from .open_loop import BIAS, INS_ERROR, C, LLA, V, correct_beside, left_model, predict_beside
 
 INTERVAL, ELAPSED = OWN + 30, OWN + 31  # s; s since the last reset
 ROUNDING = 1e-6                         # s: of a sum of steps
@@ -45,4 +45,4 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 PERIODIC_RESET = Filter("periodic-reset", "Hager & Bryne, section VI (occasional resets)", start, predict, correct,
-                        columns=INS_ERROR)
+                        columns=INS_ERROR, watch=left_model)
