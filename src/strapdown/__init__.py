@@ -22,7 +22,7 @@ _PUBLIC = {
     "align": "alignment", "ImuSpec": "sensors.imu", "grade": "sensors.imu", "grades": "sensors.imu",
     "read": "io", "write_recording": "io", "write_solution": "io.solution", "read_solution": "io.solution",
     "report": "reports.page", "errors": "metrics", "rms": "metrics", "outages": "metrics", "simulate": "sim.synthesis",
-    "Scenario": "sim.scenario", "scenario": "sim.scenario", "scenarios": "sim.scenario", "Study": "study", "Campaign": "campaign",
+    "Scenario": "sim.scenario", "scenario": "sim.scenario", "scenarios": "sim.scenario", "Study": "studies.study", "Campaign": "studies.campaign",
 }
 __all__ = [*_PUBLIC, "__version__"]
 

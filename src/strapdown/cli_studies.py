@@ -54,7 +54,7 @@ def advise(imu: Annotated[str, typer.Option(help="IMU grade (see `strapdown imus
            quick: Annotated[bool, typer.Option("--quick", help="No map, fewer runs and reset intervals.")] = False,
            out: OUT = Path("advice"), workers: WORKERS = 0, scheduler: SCHEDULER = None):
     """Open loop, closed loop, or reset every t seconds, for your IMU and mission: with intervals, and how sure it is."""
-    from .advice import advise
+    from .studies.advice import advise
     with results_folder(out), Progress() as progress:
         made = advise(imu, flight, duration, runs, seed, out, map, quick, workers=workers, scheduler=scheduler, say=progress.say, progress=progress.track("advise"))
     print(made)

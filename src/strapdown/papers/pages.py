@@ -1,13 +1,23 @@
-"""What every reproduction writes: claims.json, CSV tables and an index.html that shows them."""
+"""What every reproduction writes: claims.json, CSV tables and an index.html that shows them, with figures where it has some."""
 import json
 from html import escape
+from importlib import resources
+
+import numpy as np
 
 from ..files import replacing
+from ..reports.page import POLICY
 
-STYLE = """body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222;background:#fff}
-table{border-collapse:collapse;margin:1rem 0}td,th{padding:.25rem .8rem;border-bottom:1px solid #ccc;text-align:right}
-td:first-child,th:first-child{text-align:left}.yes{color:#17692d}.no{color:#a11}caption{text-align:left;color:#555;padding:.3rem 0}
-@media(prefers-color-scheme:dark){body{background:#16181c;color:#ddd}td,th{border-color:#444}.yes{color:#7cd992}.no{color:#ff8d85}a{color:#8ab4f8}caption{color:#aaa}}"""
+REPRODUCED, PARTLY, NOT_REPRODUCED, UNDECIDED = "reproduced", "partly", "not reproduced", "not decidable here"
+"""Verdicts on what somebody else has claimed."""
+COLOURS = {REPRODUCED: "yes", PARTLY: "half", NOT_REPRODUCED: "no", UNDECIDED: "open"}
+STYLE = """.yes{color:#17692d}.no{color:#a11}.half{color:#8a5a00}.open{color:var(--soft)}
+.claims td,.claims th,.text td,.text th{white-space:normal;text-align:left;vertical-align:top}
+.claims td:nth-child(2){min-width:15rem}.claims .verdict{min-width:7.5rem;font-weight:600}
+.claims td:last-child{min-width:6rem}
+.text td{min-width:6rem}thead th{white-space:normal;min-width:4.2rem;vertical-align:bottom}main a{color:var(--accent)}
+caption{text-align:left;color:var(--soft);padding:.3rem 0;max-width:95ch}.slim{font-size:13.5px;color:var(--soft)}
+@media(prefers-color-scheme:dark){.yes{color:#7cd992}.no{color:#ff8d85}.half{color:#f0c060}}"""
 
 
 def claim(text, figure, bound, unit):
@@ -16,32 +26,84 @@ def claim(text, figure, bound, unit):
             "holds": bool(figure <= bound)}
 
 
-def write_page(out, title, introduction, claims, tables, links=()):
-    """Write claims.json, one CSV per table {name: (caption, DataFrame)} and index.html into the folder `out`, each of them whole."""
+def finding(text, source, rule, measured, verdict, decided_by):
+    """One claim of a paper, where it stands in it, the rule that decides, what was measured, the verdict, the figure or table that shows it."""
+    return {"claim": text, "source": source, "rule": rule, "measured": measured, "verdict": verdict, "decided_by": decided_by}
+
+
+def write_page(out, title, introduction, claims, tables, links=(), figures=(), notes=()):
+    """Write claims.json, one CSV per table {name: (caption, DataFrame)} and index.html into the folder `out`, each of them whole.
+
+    claims: of `claim` or of `finding`; figures: (heading, plotly figure of reports.drawing, caption); notes: (heading, DataFrame of text).
+    A caption of None keeps a table off the page; its CSV is written all the same.
+    """
+    out.mkdir(parents=True, exist_ok=True)
     with replacing(out / "claims.json") as part:
-        part.write_text(json.dumps(claims, indent=1) + "\n")
+        part.write_text(json.dumps(claims, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     for name, (_, table) in tables.items():
         with replacing(out / f"{name}.csv") as part:
             table.to_csv(part, index=False, float_format="%.6g")
     with replacing(out / "index.html") as part:
-        part.write_text(_html(title, introduction, claims, tables, links), encoding="utf-8")
+        part.write_text(_html(title, introduction, claims, tables, links, figures, notes), encoding="utf-8")
 
 
-def _html(title, introduction, claims, tables, links):
-    verdict = lambda holds: f"<td class='{'yes' if holds else 'no'}'>{'holds' if holds else 'does not hold'}</td>"
-    rows = "".join(f"<tr><td>{escape(c['claim'])}</td><td>{escape(c['target'])}</td><td>{escape(c['figure'])}</td>{verdict(c['holds'])}</tr>" for c in claims)
-    shown = "".join(f"<table><caption>{escape(caption)} (<a href='{name}.csv'>CSV</a>)</caption>{_rows(table)}</table>" for name, (caption, table) in tables.items())
-    pages = "".join(f"<li><a href='{escape(path)}'>{escape(text)}</a></li>" for text, path in links)
+def _html(title, introduction, claims, tables, links, figures, notes):
+    shown = {name: (caption, table) for name, (caption, table) in tables.items() if caption is not None}
+    sections = [("Claims", _findings(claims) if claims and "verdict" in claims[0] else _claims(claims)),
+                ("Figures", "".join(_placed(i, *figure) for i, figure in enumerate(figures, 1))),
+                ("Tables", "".join(f"<div class=scroll><table><caption>{escape(caption)} (<a href='{name}.csv'>CSV</a>)</caption>{_rows(table)}</table></div>"
+                                   for name, (caption, table) in shown.items())),
+                *((heading, f"<div class='scroll text'><table>{_rows(table)}</table></div>") for heading, table in notes),
+                ("Reports", "<ul>" + "".join(f"<li><a href='{escape(path)}'>{escape(text)}</a></li>" for text, path in links) + "</ul>" if links else "")]
+    sections = [(heading, text) for heading, text in sections if text]
+    nav = "".join(f"<a href='#s{i}'>{escape(heading)}</a>" for i, (heading, _) in enumerate(sections))
+    body = "".join(f"<section id=s{i}><h2>{escape(heading)}</h2>{text}</section>" for i, (heading, text) in enumerate(sections))
+    read = lambda name: resources.files("strapdown.reports").joinpath(name).read_text(encoding="utf-8")
     return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1"><title>{escape(title)}</title>
-<link rel="icon" href="data:,"><style>{STYLE}</style></head><body><h1>{escape(title)}</h1>
-{''.join(f'<p>{escape(text)}</p>' for text in introduction)}
-<h2>Claims</h2><table><tr><th>claim</th><th>target</th><th>measured</th><th>verdict</th></tr>{rows}</table>
-<h2>Tables</h2>{shown}<h2>Reports</h2><ul>{pages}</ul></body></html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="{POLICY}"><title>{escape(title)}</title>
+<link rel="icon" href="data:,"><style>{read('page.css')}{STYLE}</style></head><body>
+<header><div><h1>{escape(title)}</h1></div></header><nav><div>{nav}</div></nav><main>
+{''.join(f'<p>{escape(text)}</p>' for text in introduction)}{body}</main>
+<footer>All figures and verdicts on this page were computed by the command that wrote it; the numbers are in the CSV files beside it.</footer>
+{_scripts(read) if figures else ''}</body></html>
 """
 
 
+def _scripts(read):
+    from plotly.offline import get_plotlyjs
+    return f"<script>{get_plotlyjs()}</script><script>{read('page.js')}</script>"
+
+
+def _claims(claims):
+    verdict = lambda holds: f"<td class='{'yes' if holds else 'no'}'>{'holds' if holds else 'does not hold'}</td>"
+    rows = "".join(f"<tr><td>{escape(c['claim'])}</td><td>{escape(c['target'])}</td><td>{escape(c['figure'])}</td>{verdict(c['holds'])}</tr>" for c in claims)
+    return f"<div class=scroll><table><tr><th>claim</th><th>target</th><th>measured</th><th>verdict</th></tr>{rows}</table></div>"
+
+
+def _findings(claims):
+    rows = "".join(f"<tr id=claim{i}><td>{i}</td><td>{escape(c['claim'])}<br><span class=slim>{escape(c['source'])}</span></td>"
+                   f"<td class='verdict {COLOURS[c['verdict']]}'>{escape(c['verdict'])}</td>"
+                   f"<td>{escape(c['measured'])}<br><span class=slim>Rule: {escape(c['rule'])}</span></td><td>{escape(c['decided_by'])}</td></tr>"
+                   for i, c in enumerate(claims, 1))
+    counts = ", ".join(f"{sum(c['verdict'] == verdict for c in claims)} {verdict}" for verdict in COLOURS)
+    head = "<thead><tr><th></th><th>the paper says</th><th>verdict</th><th>measured, and the rule that decides</th><th>see</th></tr></thead>"
+    return f"<p>{len(claims)} claims: {counts}.</p><div class='scroll claims'><table>{head}{rows}</table></div>"
+
+
+def _placed(number, heading, drawn, caption):
+    notes = "".join(f"<p class=note>{escape(text)}</p>" for text in drawn.layout.meta["notes"])
+    return (f"<figure><h3>{escape(heading)}</h3><div class=plot id=p{number} style='height:{drawn.layout.height}px'></div>"
+            f"<figcaption>{escape(caption)}</figcaption>{notes}<script type='application/json' id=data-p{number}>{drawn.to_json()}</script></figure>")
+
+
 def _rows(table):
-    cell = lambda value: f"{value:.3g}" if isinstance(value, float) else escape(str(value))
     head = "".join(f"<th>{escape(str(name))}</th>" for name in table.columns)
-    return f"<tr>{head}</tr>" + "".join("<tr>" + "".join(f"<td>{cell(value)}</td>" for value in row) + "</tr>" for row in table.itertuples(index=False))
+    rows = ("<tr>" + "".join(f"<td>{_cell(value)}</td>" for value in row) + "</tr>" for row in table.itertuples(index=False))
+    return f"<thead><tr>{head}</tr></thead>{''.join(rows)}"
+
+
+def _cell(value):
+    if not isinstance(value, (float, np.floating)):
+        return escape(str(value))
+    return "–" if np.isnan(value) else f"{value:.3g}"

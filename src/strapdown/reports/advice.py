@@ -6,8 +6,8 @@ from importlib import resources
 import numpy as np
 
 from .. import __version__
-from ..mission import spoken
-from ..verdicts import CLOSED, MOST_RUNS, NO, STRETCHES, UNDECIDED, YES, interval_of, kind_of
+from ..studies.mission import spoken
+from ..studies.verdicts import CLOSED, MOST_RUNS, NO, STRETCHES, UNDECIDED, YES, interval_of, kind_of
 from .page import POLICY, Page
 from .summary import number, table
 

@@ -4,8 +4,8 @@ import plotly.graph_objects as go
 
 from ..consistency import band
 from ..core.contract import POS, STATES
-from ..mission import spoken
-from ..verdicts import CLOSED, OPEN, interval_of
+from ..studies.mission import spoken
+from ..studies.verdicts import CLOSED, OPEN, interval_of
 from .advice import called
 from .drawing import COLOURS, GREY, RED, line, log_range, note, panels
 

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from . import __version__
-from .data import DataError
-from .files import replacing
+from .. import __version__
+from ..data import DataError
+from ..files import replacing
 from .scoring import GROUPS, STATE_NAMES
 from .study import SCALARS, run_chunk
 
@@ -32,7 +32,7 @@ ABOUT = {"t": "s", "error": "true - estimate, m, m/s, rad, m/s^2, rad/s", "sd": 
          "bound": "variances of the Cramer-Rao bound, units of error squared", "nees_rows": "of 15 states", "lasted": "s", "left_model": "s",
          "censored": "mean squared position error, m^2", "mean_square": "until the abort, SI and radians squared",
          "reason": "0 survived, 1 lost, 2 inconsistent, 3 quarantined"}
-SOURCES = ("core", "aiding", "filters", "sim", "sensors", "engine.py", "study.py", "scoring.py", "consistency.py", "geodesy.py")
+SOURCES = ("core", "aiding", "filters", "sim", "sensors", "engine.py", "geodesy.py", "consistency.py", "bounds.py", "studies/study.py", "studies/scoring.py")
 """What can change a result."""
 
 
@@ -111,7 +111,7 @@ class Campaign:
             raise DataError(f"{self.folder}: no finished runs of {cell!r}; it has {', '.join(self.cells)}")
         return files
 
-    def _read(self, cell, names):
+    def read(self, cell, names):
         """[{name: array}] of the chunk files of a cell, in the order of the runs; names that a file has not are left out."""
         import h5netcdf
         found = []
@@ -125,14 +125,14 @@ class Campaign:
 
     def numbers(self, cell):
         """{name: array (filter, run, ...)} of every run of a cell: SCALARS, "mean_square" (GROUPS) and "coverage" (1, 2, 3 sigma)."""
-        parts = self._read(cell, (*SCALARS, "mean_square", "coverage"))
+        parts = self.read(cell, (*SCALARS, "mean_square", "coverage"))
         return {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]}
 
     def curves(self, cell):
         """{name: array} over the stored epochs of a cell, from sums over the runs that were alive: "t" s, and per filter "rmse" and "sd" (the root
         of the mean stated variance) (filter, epoch, state), "nees" (mean / 15), "alive" (filter, epoch); "bound" (epoch, state), the
         Cramer-Rao standard deviation."""
-        parts = self._read(cell, ("t", "squares", "variances", "nees_sum", "alive", "bound"))
+        parts = self.read(cell, ("t", "squares", "variances", "nees_sum", "alive", "bound"))
         total = lambda name: sum(part[name] for part in parts[1:]) + parts[0][name] if len(parts) > 1 else parts[0][name]
         alive = total("alive")
         with np.errstate(all="ignore"):
@@ -182,7 +182,7 @@ def describe(study):
 
 def _sources():
     """A short digest of the code that can change a result."""
-    package, digest = Path(__file__).parent, hashlib.sha256()
+    package, digest = Path(__file__).parents[1], hashlib.sha256()
     for name in SOURCES:
         for file in sorted((package / name).rglob("*.py")) if (package / name).is_dir() else [package / name]:
             digest.update(file.read_bytes())

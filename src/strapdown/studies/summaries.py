@@ -1,9 +1,9 @@
 """The tables of a campaign: one row per cell and filter, one row per run. Everything comes from the numbers in the chunk files."""
 import numpy as np
 
-from .consistency import SURVIVED, paired, proportion, rmse
-from .core.contract import POS, STATES
-from .data import DataError
+from ..consistency import SURVIVED, paired, proportion, rmse
+from ..core.contract import POS, STATES
+from ..data import DataError
 from .scoring import GROUPS, REASONS
 
 SETTLED = 120.0

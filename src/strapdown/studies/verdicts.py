@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .consistency import SURVIVED, Interval, paired, proportion
-from .core.contract import POS, STATES
-from .data import DataError
+from ..consistency import SURVIVED, Interval, paired, proportion
+from ..core.contract import POS, STATES
+from ..data import DataError
 from .scoring import REASONS
 
 OPEN, CLOSED, RESET = "open-loop", "closed-loop", "periodic-reset:interval="
@@ -70,7 +70,7 @@ class Runs(NamedTuple):
     @classmethod
     def of(cls, campaign, cell):
         """Of a campaign's cell, without the runs that were quarantined. Raises DataError where none is left."""
-        parts = campaign._read(cell, ("t", "error", "nees_rows", "lasted", "reason"))
+        parts = campaign.read(cell, ("t", "error", "nees_rows", "lasted", "reason"))
         joined = {name: np.concatenate([part[name] for part in parts], axis=1) for name in ("error", "nees_rows", "lasted", "reason")}
         ran = (joined["reason"] != REASONS.index("quarantined")).all(axis=0)
         if not ran.any():

@@ -5,9 +5,9 @@ import tomllib
 from importlib.resources import files
 from pathlib import Path
 
-from .data import DataError
-from .sim.scenario import Scenario, scenario, scenarios
-from .sim.scenario_file import from_table, nearest
+from ..data import DataError
+from ..sim.scenario import Scenario, scenario, scenarios
+from ..sim.scenario_file import from_table, nearest
 
 UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 """Units of a duration, in seconds."""
@@ -80,7 +80,7 @@ def _table(flight):
     if flight == CIRCUIT["name"]:
         return CIRCUIT, Path(flight)
     if flight in scenarios():
-        return tomllib.loads(files(f"{__package__}.sim").joinpath("scenarios", f"{flight}.toml").read_text(encoding="utf-8")), Path(flight)
+        return tomllib.loads(files("strapdown.sim").joinpath("scenarios", f"{flight}.toml").read_text(encoding="utf-8")), Path(flight)
     if flight.endswith(".toml") or len(Path(flight).parts) > 1:
         scenario(flight)    # says what is wrong with the file
         return tomllib.loads(Path(flight).read_text(encoding="utf-8")), Path(flight)

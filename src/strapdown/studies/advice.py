@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ..consistency import Interval
+from ..data import DataError
+from ..files import replacing
+from ..sensors.imu import ImuSpec, grade
+from ..sim.scenario import Scenario
 from .campaign import Campaign
-from .consistency import Interval
-from .data import DataError
-from .files import replacing
 from .mission import CIRCUIT, RATE, mission, seconds
-from .sensors.imu import ImuSpec, grade
-from .sim.scenario import Scenario
 from .study import Study
 from .verdicts import CLOSED, OPEN, RESET, Decision, Rules, Runs, decide, evidence, guess, judge, variants
 
@@ -55,7 +55,7 @@ class Advice:
 
     def save(self, folder):
         """Write advice.json, summary.csv, map.csv (where there is a map) and index.html into a folder. Raises DataError."""
-        from .reports.advice import page, summary_table
+        from ..reports.advice import page, summary_table
         tables = {"summary": summary_table(self)} | ({"map": self._map_table()} if self.map else {})
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -74,7 +74,7 @@ class Advice:
 
     def as_dict(self):
         """JSON values of all but the campaigns; NaN is null."""
-        from .reports.advice import sentences
+        from ..reports.advice import sentences
         decision = lambda d: {"answer": d.answer, "filter": d.filter, "doubtful": d.doubtful, "runs_needed": d.runs}
         interval = lambda i: [None if not np.isfinite(value) else float(value) for value in i]
         filters = [{"filter": e.filter, "runs": e.count, "survived": e.lived, "survival": interval(e.survived),
@@ -87,7 +87,7 @@ class Advice:
                 "cut_short": [{"duration_s": t} | decision(d) for t, d in self.through], "map": self.map}
 
     def __str__(self):
-        from .reports.advice import sentences
+        from ..reports.advice import sentences
         return "\n".join(sentences(self))
 
 

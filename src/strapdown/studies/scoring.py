@@ -3,12 +3,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from . import consistency
-from .core.contract import ATT, BA, BG, POS, STATES, VEL, compile_kernel
-from .core.normalised import normalised_rows
-from .data import SD_COLUMNS, Trajectory
-from .filters.open_loop import LEFT_MODEL
-from .geodesy import displacement, wrap
+from .. import consistency
+from ..core.contract import ATT, BA, BG, POS, STATES, VEL, compile_kernel
+from ..core.normalised import normalised_rows
+from ..data import SD_COLUMNS, Trajectory
+from ..filters.open_loop import LEFT_MODEL
+from ..geodesy import displacement, wrap
 
 STATE_NAMES = tuple(name.removeprefix("sd_") for name in SD_COLUMNS)
 """Names of the 15 error states: position m NED, velocity m/s NED, rotation rad NED, biases m/s^2 and rad/s body."""

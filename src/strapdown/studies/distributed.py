@@ -6,7 +6,7 @@ where it kills that too, its runs are tried one by one, those that kill alone ar
 from contextlib import contextmanager
 from logging import CRITICAL
 
-from .data import DataError
+from ..data import DataError
 from .study import Chunk, compile_for, run_chunk
 
 ATTEMPTS = 2

@@ -12,18 +12,19 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown import consistency, summaries
-from strapdown.campaign import Campaign
+from strapdown import consistency
+from strapdown.studies import summaries
+from strapdown.studies.campaign import Campaign
 from strapdown.consistency import Limits
 from strapdown.core.compiling import COMPILED
 from strapdown.core.contract import compile_kernel
 from strapdown.core.normalised import normalised_rows
-from strapdown.scoring import REASONS, STATE_NAMES, epochs, rotation_between, score
+from strapdown.studies.scoring import REASONS, STATE_NAMES, epochs, rotation_between, score
 from strapdown.sensors.gnss import Gnss
 from strapdown.sim.scenario import Scenario
 from strapdown.sim.synthesis import Simulator
 from strapdown.sim.trajectory import demo_flight
-from strapdown.study import Study, run_chunk, seeds
+from strapdown.studies.study import Study, run_chunk, seeds
 
 FLIGHT = Scenario("a minute", demo_flight(), 60.0, rate=20.0, gnss=Gnss(interval=0.05, position_sd=(1.0, 1.0, 1.0), velocity_sd=None), gate=np.inf,
                   start_sd=(1.0, 1.0, 1.0, 0.1, 0.1, 0.1, 2e-3, 2e-3, 3e-3, *[None] * 6))

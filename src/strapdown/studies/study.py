@@ -13,16 +13,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from . import aiding, filters
-from .bounds import cramer_rao
-from .consistency import Limits
-from .core.contract import STATES
-from .data import DataError
-from .engine import check_options, found, fuse, prepare
+from .. import aiding, filters
+from ..bounds import cramer_rao
+from ..consistency import Limits
+from ..core.contract import STATES
+from ..data import DataError
+from ..engine import check_options, found, fuse, prepare
+from ..sensors.imu import ImuSpec, grade
+from ..sim.scenario import Scenario, scenario
+from ..sim.synthesis import Simulator
 from .scoring import GROUPS, QUARANTINED, epochs, score
-from .sensors.imu import ImuSpec, grade
-from .sim.scenario import Scenario, scenario
-from .sim.synthesis import Simulator
 
 SCALARS = ("rows", "reason", "lasted", "left_model", "censored", "nees", "nees_inside", "nis", "correlation", "accepted", "rejected")
 """Numbers of each run and filter, beside `mean_square` and `coverage`."""

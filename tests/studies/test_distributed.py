@@ -69,7 +69,7 @@ def test_a_scheduler_of_ones_own_and_one_that_is_not_there(tmp_path, monkeypatch
     with LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
         found = study(runs=6).run(tmp_path / "cluster", scheduler=cluster.scheduler_address)
     assert tables(found.folder) == tables(study(runs=6).run(tmp_path / "whole").folder)
-    monkeypatch.setattr("strapdown.distributed.PATIENCE", 1)
+    monkeypatch.setattr("strapdown.studies.distributed.PATIENCE", 1)
     with pytest.raises(sd.DataError, match="scheduler tcp://127.0.0.1:9: no answer"):
         study(runs=6).run(tmp_path / "none", scheduler="tcp://127.0.0.1:9")
     with pytest.raises(sd.DataError, match="workers is -1"):

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from strapdown import DataError
-from strapdown.advice import _map_imus, advise, durations
+from strapdown.studies.advice import _map_imus, advise, durations
 from strapdown.consistency import Interval, proportion
-from strapdown.mission import kinds, mission, seconds, spoken
+from strapdown.studies.mission import kinds, mission, seconds, spoken
 from strapdown.reports.advice import sentences
 from strapdown.sensors.imu import grade
 from strapdown.sim.scenario import scenario
-from strapdown.verdicts import CLOSED, OPEN, RESET, UNDECIDED, Evidence, Rules, Runs, decide, evidence, guess, interval_of, judge, variants
+from strapdown.studies.verdicts import CLOSED, OPEN, RESET, UNDECIDED, Evidence, Rules, Runs, decide, evidence, guess, interval_of, judge, variants
 
 GOOD = Interval(1.05, 0.98, 1.12)
 LEVEL = Interval(1.0, 0.99, 1.01)

@@ -1,0 +1,40 @@
+"""The findings as Markdown, for docs/open-or-closed-loop.md: what stands there between its two marks is this file's output."""
+import re
+
+from ..files import replacing
+from .hager_bryne_rules import interval
+
+BEGIN, END = "<!-- begin: findings.md of strapdown reproduce hager-bryne -->", "<!-- end -->"
+
+
+def findings(size, claims, cells, offset):
+    """Text: one sentence on the size of the study, the claims with their verdicts, a row per grade and flight without and with offset."""
+    rows = [f"| {i} | {_cell(c['claim'])} | **{c['verdict']}** | {_cell(c['measured'])} |" for i, c in enumerate(claims, 1)]
+    parts = [size, "", "| | the paper says | verdict | measured |", "|---|---|---|---|", *rows]
+    for heading, table in (("Without offset", cells), ("With an accelerometer offset of 0.5 m/s² on each axis", offset)):
+        parts += ["", f"{heading}:", "", "| grade | flight | min | survived, open | closed | by the 500 m rule, open | closed | RMSE open, "
+                  "m | closed, m | open against closed | NEES/15 open | closed |",
+                  "|---|---|---|---|---|---|---|---|---|---|---|---|", *(_row(row) for _, row in table.sort_values(["grade",
+                  "flight"]).iterrows())]
+    return "\n".join(parts) + "\n"
+
+
+def _row(row):
+    share = lambda name: f"{row[name]:.0%}"
+    return (f"| {row['grade']} | {row['flight']} | {row['minutes']:.0f} | {share('open_survived')} | {share('closed_survived')} | "
+            f"{share('open_survived_500')} | "
+            f"{share('closed_survived_500')} | {row['open_censored_500_m']:.3g} | {row['closed_censored_500_m']:.3g} | "
+            f"{interval(row, 'position_500')} | "
+            f"{row['open_anees']:.3g} | {row['closed_anees']:.3g} |")
+
+
+def _cell(text):
+    return text.replace("|", "/").replace("<", "&lt;")
+
+
+def insert(path, text):
+    """Put `text` between the marks of the Markdown file `path`."""
+    page = path.read_text(encoding="utf-8")
+    with replacing(path) as part:
+        part.write_text(re.sub(f"{re.escape(BEGIN)}.*?{re.escape(END)}", lambda _: f"{BEGIN}\n{text}{END}", page, count=1, flags=re.DOTALL),
+            encoding="utf-8")
