@@ -121,8 +121,8 @@ def day(book):
 
 def study_figures(book):
     """Of the first paper's study and of studies as such."""
-    book.measure(["study, open loop alone"], lambda: ratio("B", 15, "open-loop", kinematics="geodetic"))
-    book.measure(["study, closed loop alone"], lambda: ratio("B", 15, studies.CLOSED))
+    book.measure(["study, open loop alone"], lambda: ratio("B", 15, "open-loop", every=studies.EVERY, kinematics="geodetic"))
+    book.measure(["study, closed loop alone"], lambda: ratio("B", 15, studies.CLOSED, every=studies.EVERY))
     book.measure(["study, two threads"], two_threads)
     book.measure(["study, memory of 10 000 runs", "study, memory of 10 000 runs over that of 1000"], many_runs)
     book.measure(["study, quick form"], lambda: [(studies.paper("--quick")[0], "the whole command")])

@@ -14,6 +14,8 @@ import numpy as np
 from processes import child, environment, memory
 
 TACTICAL, CLOSED = "paper1-tactical", "closed-loop-error-bias"
+EVERY = 20
+"""IMU samples from one row that a study keeps to the next, at 20 Hz."""
 SECONDS = 6.0
 """s that a busy process counts, and about the least that a run for the threads lasts."""
 

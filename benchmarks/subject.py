@@ -60,8 +60,9 @@ def accuracy(workload, name):
     return score(workload, path.t, path.lla, path.v_n, path.rotation.as_matrix())
 
 
-def timed_run(workload, name, **options):
-    """A function that runs filter `name` over the whole workload and returns the seconds of the compiled loop; every sample is stored.
+def timed_run(workload, name, every=1, **options):
+    """A function that runs filter `name` over the whole workload and returns the seconds of the compiled loop; every `every`-th sample is stored,
+    where it is not each of them with its covariance as in a study.
 
     As with the yardstick, compiling, the start and the output arrays are there before the clock starts.
     """
@@ -71,11 +72,12 @@ def timed_run(workload, name, **options):
     log, at_start, densities = recording(workload), start(workload), noise(workload.parameters)
     prepared, fixes_of = engine.prepare(name, ["position"]), engine.merge(log.aidings, workload.t[0])
     rows, fix_rows = len(log.imu.t), len(fixes_of.t)
-    out = Output(np.zeros((rows, loop.NAV_WIDTH + len(prepared.filter.columns))), np.empty((0, 15, 15)), np.zeros((fix_rows, loop.FIX_WIDTH)))
+    kept = -(-rows // every)
+    out = Output(np.zeros((kept, loop.NAV_WIDTH + len(prepared.filter.columns))), np.empty((kept if every > 1 else 0, 15, 15)), np.zeros((fix_rows, loop.FIX_WIDTH)))
 
     def seconds():
         belief, cursor = prepared.filter.start(at_start, densities, **options), engine.new_cursor(workload.t[0], 1)
-        cursor.at[loop.FIXES] = fix_rows
+        cursor.at[loop.FIXES], cursor.at[loop.EVERY], cursor.at[loop.PHASE] = fix_rows, every, (rows - 1) % every
         begin = time.perf_counter()
         while cursor.at[loop.ROW] < rows:
             cursor.at[loop.STOP] = min(cursor.at[loop.ROW] + engine.CHUNK, rows)

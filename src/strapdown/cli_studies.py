@@ -65,7 +65,7 @@ def reproduce(name: Annotated[str, typer.Argument(metavar="NAME", help="recordin
               quick: Annotated[bool, typer.Option("--quick", help="hager-bryne: 5 runs instead of 50.")] = False,
               ablations: Annotated[bool, typer.Option("--ablations", help="hager-bryne: also what decides its result.")] = False,
               runs: Annotated[Optional[int], typer.Option(metavar="N", help="hager-bryne: runs of each configuration.")] = None,
-              seed: Annotated[Optional[int], typer.Option(help="hager-bryne: of the random errors [default: 1].")] = None,
+              seed: Annotated[Optional[int], typer.Option(help="hager-bryne: of the random errors [default: 2].")] = None,
               workers: WORKERS = 0, scheduler: SCHEDULER = None,
               recordings: Annotated[Optional[Path], typer.Option(help="recordings: folder of their descriptions [default: examples/recordings].")] = None):
     """Run a published or recorded result again: writes index.html, CSV tables and claims.json."""
@@ -82,11 +82,11 @@ def reproduce(name: Annotated[str, typer.Argument(metavar="NAME", help="recordin
             claims = reproduce(out, recordings, say=progress.say)
         else:
             from .papers.hager_bryne import reproduce
-            claims = reproduce(out, quick, ablations, runs, 1 if seed is None else seed, None, workers, scheduler, progress.say, progress.track(name))
+            claims = reproduce(out, quick, ablations, runs, 2 if seed is None else seed, None, workers, scheduler, progress.say, progress.track(name))
     if name == "recordings":
         table(("claim", "target", "measured", "holds"), [(c["claim"], c["target"], c["figure"], "yes" if c["holds"] else "no") for c in claims])
     else:
-        table(("claim", "verdict", "decided by"), [(c["claim"], c["verdict"], c["figure"]) for c in claims])
+        table(("verdict", "the paper says"), [(c["verdict"], c["claim"]) for c in claims])
     print(f"wrote {out}/index.html")
 
 

@@ -35,7 +35,7 @@ INTRODUCTION = (
     "a trial of five runs, before the full study was run, and none was changed for its verdict.")
 
 
-def studies(quick=False, ablations=False, runs=None, seed=1, flights=FLIGHTS, offset_flights=OFFSET_FLIGHTS, imus=IMUS):
+def studies(quick=False, ablations=False, runs=None, seed=2, flights=FLIGHTS, offset_flights=OFFSET_FLIGHTS, imus=IMUS):
     """{name: Study} of what is run; `flights` and `offset_flights` are Scenario values or names. Raises DataError."""
     count = runs or (QUICK_RUNS if quick else RUNS)
     moved = [s.replace(name=f"{s.name}-offset", accel_offset=OFFSET) for s in map(scenario, offset_flights)]
@@ -48,7 +48,7 @@ def studies(quick=False, ablations=False, runs=None, seed=1, flights=FLIGHTS, of
     return found
 
 
-def reproduce(out, quick=False, ablations=False, runs=None, seed=1, threads=None, workers=0, scheduler=None, say=None, progress=None):
+def reproduce(out, quick=False, ablations=False, runs=None, seed=2, threads=None, workers=0, scheduler=None, say=None, progress=None):
     """Run what is missing of the study in DIR/campaign, write the page into the folder `out`, and return the claims.
 
     quick: 5 runs in place of 50; ablations: also the variants of hager_bryne_ablations; threads, workers, scheduler, say, progress: as in Study.run,
