@@ -1,16 +1,16 @@
 """What every reproduction writes: claims.json, CSV tables and an index.html that shows them, with figures where it has some."""
 import json
 from html import escape
-from importlib import resources
 
 import numpy as np
 
 from ..files import replacing
-from ..reports.page import POLICY
+from ..reports.shell import placed, shell
 
 REPRODUCED, PARTLY, NOT_REPRODUCED, UNDECIDED = "reproduced", "partly", "not reproduced", "not decidable here"
 """Verdicts on what somebody else has claimed."""
 COLOURS = {REPRODUCED: "yes", PARTLY: "half", NOT_REPRODUCED: "no", UNDECIDED: "open"}
+FOOTER = "All figures and verdicts on this page were computed by the command that wrote it; the numbers are in the CSV files beside it."
 STYLE = """.yes{color:#17692d}.no{color:#a11}.half{color:#8a5a00}.open{color:var(--soft)}
 .claims td,.claims th,.text td,.text th{white-space:normal;text-align:left;vertical-align:top}
 .claims td:nth-child(2){min-width:15rem}.claims .verdict{min-width:7.5rem;font-weight:600}
@@ -43,36 +43,19 @@ def write_page(out, title, introduction, claims, tables, links=(), figures=(), n
     for name, (_, table) in tables.items():
         with replacing(out / f"{name}.csv") as part:
             table.to_csv(part, index=False, float_format="%.6g")
-    with replacing(out / "index.html") as part:
-        part.write_text(_html(title, introduction, claims, tables, links, figures, notes), encoding="utf-8")
+    sections = [(heading, text) for heading, text in _sections(claims, tables, links, figures, notes) if text]
+    shell(title, "", sections, FOOTER, "".join(f"<p>{escape(text)}</p>" for text in introduction), STYLE).save(out / "index.html")
 
 
-def _html(title, introduction, claims, tables, links, figures, notes):
+def _sections(claims, tables, links, figures, notes):
+    """[(heading, HTML)] of the page; empty where there is nothing."""
     shown = {name: (caption, table) for name, (caption, table) in tables.items() if caption is not None}
-    sections = [("Claims", _findings(claims) if claims and "verdict" in claims[0] else _claims(claims)),
-                ("Figures", "".join(_placed(i, *figure) for i, figure in enumerate(figures, 1))),
-                ("Tables", "".join(f"<div class=scroll><table><caption>{escape(caption)} (<a href='{name}.csv'>CSV</a>)</caption>{_rows(table)}</table></div>"
-                                   for name, (caption, table) in shown.items())),
-                *((heading, f"<div class='scroll text'><table>{_rows(table)}</table></div>") for heading, table in notes),
-                ("Reports", "<ul>" + "".join(f"<li><a href='{escape(path)}'>{escape(text)}</a></li>" for text, path in links) + "</ul>" if links else "")]
-    sections = [(heading, text) for heading, text in sections if text]
-    nav = "".join(f"<a href='#s{i}'>{escape(heading)}</a>" for i, (heading, _) in enumerate(sections))
-    body = "".join(f"<section id=s{i}><h2>{escape(heading)}</h2>{text}</section>" for i, (heading, text) in enumerate(sections))
-    read = lambda name: resources.files("strapdown.reports").joinpath(name).read_text(encoding="utf-8")
-    return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="{POLICY}"><title>{escape(title)}</title>
-<link rel="icon" href="data:,"><style>{read('page.css')}{STYLE}</style></head><body>
-<header><div><h1>{escape(title)}</h1></div></header><nav><div>{nav}</div></nav><main>
-{''.join(f'<p>{escape(text)}</p>' for text in introduction)}{body}</main>
-<footer>All figures and verdicts on this page were computed by the command that wrote it; the numbers are in the CSV files beside it.</footer>
-{_scripts(read) if figures else ''}</body></html>
-"""
-
-
-def _scripts(read):
-    from plotly.offline import get_plotlyjs
-    return f"<script>{get_plotlyjs()}</script><script>{read('page.js')}</script>"
+    return [("Claims", _findings(claims) if claims and "verdict" in claims[0] else _claims(claims)),
+            ("Figures", "".join(placed(i, drawn, heading, caption) for i, (heading, drawn, caption) in enumerate(figures, 1))),
+            ("Tables", "".join(f"<div class=scroll><table><caption>{escape(caption)} (<a href='{name}.csv'>CSV</a>)</caption>{_rows(table)}</table></div>"
+                               for name, (caption, table) in shown.items())),
+            *((heading, f"<div class='scroll text'><table>{_rows(table)}</table></div>") for heading, table in notes),
+            ("Reports", "<ul>" + "".join(f"<li><a href='{escape(path)}'>{escape(text)}</a></li>" for text, path in links) + "</ul>" if links else "")]
 
 
 def _claims(claims):
@@ -89,12 +72,6 @@ def _findings(claims):
     counts = ", ".join(f"{sum(c['verdict'] == verdict for c in claims)} {verdict}" for verdict in COLOURS)
     head = "<thead><tr><th></th><th>the paper says</th><th>verdict</th><th>measured, and the rule that decides</th><th>see</th></tr></thead>"
     return f"<p>{len(claims)} claims: {counts}.</p><div class='scroll claims'><table>{head}{rows}</table></div>"
-
-
-def _placed(number, heading, drawn, caption):
-    notes = "".join(f"<p class=note>{escape(text)}</p>" for text in drawn.layout.meta["notes"])
-    return (f"<figure><h3>{escape(heading)}</h3><div class=plot id=p{number} style='height:{drawn.layout.height}px'></div>"
-            f"<figcaption>{escape(caption)}</figcaption>{notes}<script type='application/json' id=data-p{number}>{drawn.to_json()}</script></figure>")
 
 
 def _rows(table):

@@ -1,16 +1,17 @@
 """What `strapdown advise` says and shows: the sentences, the table of evidence, and the page with its figures."""
 from datetime import UTC, datetime
 from html import escape
-from importlib import resources
+from itertools import count
 
 import numpy as np
 
 from .. import __version__
 from ..studies.mission import spoken
 from ..studies.verdicts import CLOSED, MOST_RUNS, NO, STRETCHES, UNDECIDED, YES, interval_of, kind_of
-from .page import POLICY, Page
+from .shell import listed, placed, shell
 from .summary import number, table
 
+FOOTER = "Simulated runs with the IMU's error model as it is described; a real IMU, vibration and faulty fixes are no part of them."
 ANSWERS = {"open": "open loop", "reset": "reset", "closed": "closed loop", "none": "none", "undecided": "not decided"}
 ERRORS = ("Root mean square over the runs that are still alive (solid), what the filter states (dashed), and the Cramer-Rao bound, which no "
           "filter can undercut on average.")
@@ -167,7 +168,8 @@ def summary_table(advice):
 def page(advice):
     """The Page of an Advice."""
     from . import advice_figures as figures
-    place = _Placer()
+    numbers = count(1)
+    place = lambda figure, heading, caption: placed(next(numbers), figure, heading, caption)
     errors = place(figures.rmse(advice), "Position error over time", ERRORS)
     errors += place(figures.heading(advice), "Heading error over time", "The same for the heading.")
     belief = place(figures.nees(advice), "NEES per state over time", NEES) + place(figures.survival(advice), "Survival", SURVIVAL)
@@ -177,15 +179,14 @@ def page(advice):
              "<p class=caption>Not made; leave out --quick and --no-map for it.</p>"),
             ("The rule", _rule(advice))]
     title = f"Open loop, resets or closed loop: {advice.imu.name} IMU, {flight(advice)}, {spoken(advice.scenario.duration)}"
-    return Page(_shell(title, _answer(advice), seen))
+    return shell(title, _answer(advice), seen, FOOTER)
 
 
 def _answer(advice):
-    facts = [("IMU", advice.imu.name), ("mission", flight(advice)), ("duration", spoken(advice.scenario.duration)),
-             ("answer", called(advice.decision.filter) if advice.answer != "undecided" else "not decided"),
-             ("runs", advice.found[CLOSED].count), ("seed", advice.seed), ("software", f"strapdown {__version__}"),
-             ("written", f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC")]
-    return "<dl>" + "".join(f"<div><dt>{name}</dt><dd>{escape(str(text))}</dd></div>" for name, text in facts) + "</dl>"
+    return listed({"IMU": advice.imu.name, "mission": flight(advice), "duration": spoken(advice.scenario.duration),
+                   "answer": called(advice.decision.filter) if advice.answer != "undecided" else "not decided",
+                   "runs": advice.found[CLOSED].count, "seed": str(advice.seed), "software": f"strapdown {__version__}",
+                   "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"})
 
 
 def _why(advice):
@@ -232,34 +233,3 @@ def _rule(advice):
             "<p>The answer is the open loop where it is admissible, for it keeps the INS isolated; else the longest admissible time between resets; "
             "else the closed loop. Where an interval leaves open which of these it is, the answer is “not decided”.</p>"
             "<h3>With one threshold changed</h3>" + table(["threshold", "answer", "filter"], others))
-
-
-class _Placer:
-    """Places figures on the page and numbers them."""
-
-    def __init__(self):
-        self.count = 0
-
-    def __call__(self, figure, heading, caption):
-        """HTML of one figure, its data as JSON, in which plotly writes no `<`."""
-        self.count += 1
-        remarks = "".join(f"<p class=note>{escape(text)}</p>" for text in figure.layout.meta["notes"])
-        return (f"<figure><h3>{escape(heading)}</h3><div class=plot id=p{self.count} style='height:{figure.layout.height}px'></div>"
-                f"<figcaption>{escape(caption)}</figcaption>{remarks}"
-                f"<script type='application/json' id=data-p{self.count}>{figure.to_json()}</script></figure>")
-
-
-def _shell(title, facts, sections):
-    """The page around sections [(heading, HTML)]: one file that asks the network for nothing."""
-    from plotly.offline import get_plotlyjs
-    read = lambda name: resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
-    links = "".join(f"<a href='#s{i}'>{escape(name)}</a>" for i, (name, _) in enumerate(sections))
-    body = "".join(f"<section id=s{i}><h2>{escape(name)}</h2>{text}</section>" for i, (name, text) in enumerate(sections))
-    return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="{POLICY}"><title>{escape(title)}</title>
-<link rel="icon" href="data:,"><style>{read('page.css')}</style></head><body>
-<header><div><h1>{escape(title)}</h1>{facts}</div></header><nav><div>{links}</div></nav><main>{body}</main>
-<footer>Simulated runs with the IMU's error model as it is described; a real IMU, vibration and faulty fixes are no part of them.</footer>
-<script>{get_plotlyjs()}</script><script>{read('page.js')}</script></body></html>
-"""

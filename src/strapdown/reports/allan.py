@@ -1,7 +1,6 @@
 """The Allan page of a recording at rest: curves of gyros and accelerometers, coefficients, the grade they suggest; also as CSV and TOML."""
 from dataclasses import dataclass, replace
 from html import escape
-from importlib import resources
 
 import numpy as np
 import plotly.graph_objects as go
@@ -17,12 +16,13 @@ from ..sensors.allan_grade import MISFIT, Suggestion, expected, suggest
 from ..sensors.imu import grade
 from ..sensors.units import SHEET, in_units
 from .drawing import COLOURS, GREY, finish, note
-from .page import POLICY, Page
+from .shell import listed, placed, shell
 
 BODY = ("x (forward)", "y (right)", "z (down)")
 TITLES = {"gyro": "Gyros", "accel": "Accelerometers"}
 STILL = 0.25
 """Rest is judged on samples averaged to about this time, s: the noise of single counts is no motion."""
+FOOTER = "Overlapping estimates (NIST SP 1065); coefficients as in IEEE Std 952-1997; axes of the body: forward, right, down."
 SYMBOLS = {"quantisation": "-1", "white noise": "-1/2", "bias instability": "0", "rate random walk": "+1/2", "rate ramp": "+1"}
 """Slope of each term in the logarithmic plot."""
 
@@ -195,14 +195,14 @@ def page(analysis):
     title = f"Allan deviation of {analysis.recording.meta.get('name', 'recording')}"
     nearest = grade(analysis.suggestion.grade)
     figures = [figure(sensor, (nearest.name, triad)) for sensor, triad in ((analysis.result.gyro, nearest.gyro), (analysis.result.accel, nearest.accel))]
-    body = "".join(_placed(number, heading, drawn) for number, (heading, drawn) in enumerate(zip(TITLES.values(), figures), 1))
+    curves = "".join(placed(number, drawn, heading) for number, (heading, drawn) in enumerate(zip(TITLES.values(), figures), 1))
     notes = "".join(f"<p class=note>{escape(text)}</p>" for text in analysis.notes)
     imu = analysis.recording.imu
     facts = {"recording": analysis.recording.meta.get("name", ""), "time": f"{imu.t[0] - imu.dt[0]:.1f} to {imu.t[-1]:.1f} s",
-             "samples": f"{len(imu.t)} at {1 / analysis.result.dt:.6g} Hz", "nearest grade": "none: disturbed" if analysis.disturbed else analysis.suggestion.grade, "software": f"strapdown {__version__}"}
-    listed = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(str(text))}</dd></div>" for name, text in facts.items() if text)
-    return Page(_html(title, listed, f"<section><h2>Coefficients</h2>{_table(analysis)}<p>{escape(analysis.verdict[0].upper() + analysis.verdict[1:])}. "
-                                     f"{_others(analysis)}</p>{notes}</section><section><h2>Curves</h2>{body}</section>"))
+             "samples": f"{len(imu.t)} at {1 / analysis.result.dt:.6g} Hz",
+             "nearest grade": "none: disturbed" if analysis.disturbed else analysis.suggestion.grade, "software": f"strapdown {__version__}"}
+    said = f"<p>{escape(analysis.verdict[0].upper() + analysis.verdict[1:])}. {_others(analysis)}</p>"
+    return shell(title, listed(facts), [("Coefficients", _table(analysis) + said + notes), ("Curves", curves)], FOOTER)
 
 
 def _others(analysis):
@@ -217,22 +217,3 @@ def _table(analysis):
     caption = ("Units of datasheets; “triad” is fitted to the mean variance of the three axes and “sd” its standard error. "
                "“<” precedes what a coefficient would have to exceed to be told from zero.")
     return f"<div class=scroll><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div><p class=caption>{caption}</p>"
-
-
-def _placed(number, heading, drawn):
-    notes = "".join(f"<figcaption>{escape(text)}</figcaption>" for text in drawn.layout.meta["notes"])
-    return (f"<figure><h3>{heading}</h3><div class=plot id=p{number} style='height:{drawn.layout.height}px'></div>{notes}"
-            f"<script type='application/json' id=data-p{number}>{drawn.to_json()}</script></figure>")
-
-
-def _html(title, facts, body):
-    from plotly.offline import get_plotlyjs
-    read = lambda name: resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
-    return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="{POLICY}"><title>{escape(title)}</title>
-<link rel="icon" href="data:,"><style>{read('page.css')}</style></head><body>
-<header><div><h1>{escape(title)}</h1><dl>{facts}</dl></div></header><main>{body}</main>
-<footer>Overlapping estimates (NIST SP 1065); coefficients as in IEEE Std 952-1997; axes of the body: forward, right, down.</footer>
-<script>{get_plotlyjs()}</script><script>{read('page.js')}</script></body></html>
-"""

@@ -1,36 +1,20 @@
 """One self-contained HTML page of solutions: works offline, asks the network for nothing, and is written whole or not at all."""
 import json
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
-from importlib import resources
 
 from .. import __version__, metrics
 from ..data import BRIDGED, INVALID, DataError
 from . import figures, fixes, summary
 from .drawing import COLOURS, SHADES
+from .shell import listed, placed, shell
 
-POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:"
-"""Content security policy: a browser then refuses any request, whatever a script should try."""
+FOOTER = ("Errors are true − estimate. Position, velocity and their errors are in metres and m/s along north, east, down; heights are above the WGS-84 "
+          "ellipsoid; lines of more than 2000 points keep the extremes of each stretch.")
 KEY = (f"<p class='caption key'><span><b style='background:{SHADES[BRIDGED]}'></b>gap bridged</span>"
        f"<span><b style='background:{SHADES[INVALID]}'></b>not valid</span>"
        "<span><b style='border-left:1px dotted; width:4px; margin-left:6px'></b>event, numbered as in the list</span>"
        "<span>Drag to zoom, double-click to go back (again: to see all), click the legend to hide a line.</span></p>")
-
-
-@dataclass(frozen=True)
-class Page:
-    """A finished page; `html` is its text."""
-    html: str
-
-    def save(self, path):
-        """Write the page to `path`, atomically. Raises DataError where it cannot be written."""
-        from ..files import replacing
-        with replacing(path) as part:
-            part.write_text(self.html, encoding="utf-8")
-
-    def __repr__(self):
-        return f"Page({len(self.html) / 1e6:.1f} MB of HTML; .save(path) writes it)"
 
 
 def report(solutions, reference=None, title=None, window=None):
@@ -44,19 +28,7 @@ def report(solutions, reference=None, title=None, window=None):
     title = title or f"{first.meta.get('recording', 'Solution')}: {', '.join(solutions)}"
     sections = [(name, text) for name, text in _sections(solutions, reference if scores else None, scores, window) if text]
     sections[0] = "Summary", unscored + sections[0][1]
-    links = "".join(f"<a href='#s{i}'>{escape(name)}</a>" for i, (name, _) in enumerate(sections))
-    body = "".join(f"<section id=s{i}><h2>{escape(name)}</h2>{text}</section>" for i, (name, text) in enumerate(sections))
-    read = lambda name: resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
-    from plotly.offline import get_plotlyjs
-    return Page(f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="{POLICY}"><title>{escape(title)}</title>
-<link rel="icon" href="data:,"><style>{read('page.css')}</style></head><body class="{'wide' if len(solutions) > 1 else ''}">
-<header><div><h1>{escape(title)}</h1>{_facts(solutions, window)}</div></header><nav><div>{links}</div></nav><main>{body}</main>
-<footer>Errors are true − estimate. Position, velocity and their errors are in metres and m/s along north, east, down; heights are above
-the WGS-84 ellipsoid; lines of more than 2000 points keep the extremes of each stretch.</footer>
-<script>{get_plotlyjs()}</script><script>{read('page.js')}</script></body></html>
-""")
+    return shell(title, listed(_facts(solutions, window)), sections, FOOTER, wide=len(solutions) > 1)
 
 
 def _named(solutions):
@@ -85,15 +57,13 @@ def _scores(solutions, reference):
 
 
 def _facts(solutions, window):
-    """The line of facts below the title."""
+    """What stands below the title: {name: text}."""
     metas = [solution.meta for solution in solutions.values()]
     said = lambda key: ", ".join(dict.fromkeys(str(meta[key]) for meta in metas if meta.get(key) not in (None, "")))
     first = next(iter(solutions.values()))
-    facts = [("recording", said("recording")), ("date", said("date")), ("time", f"{first.t[0]:.1f} to {first.t[-1]:.1f} s"),
-             ("filter", ", ".join(solutions)), ("IMU", _imu(metas)),
-             ("scored", f"{window[0]:.12g} to {window[1]:.12g} s" if window else ""),
-             ("software", f"strapdown {__version__}"), ("written", f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC")]
-    return "<dl>" + "".join(f"<div><dt>{name}</dt><dd>{escape(text)}</dd></div>" for name, text in facts if text) + "</dl>"
+    return {"recording": said("recording"), "date": said("date"), "time": f"{first.t[0]:.1f} to {first.t[-1]:.1f} s",
+            "filter": ", ".join(solutions), "IMU": _imu(metas), "scored": f"{window[0]:.12g} to {window[1]:.12g} s" if window else "",
+            "software": f"strapdown {__version__}", "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"}
 
 
 def _imu(metas):
@@ -189,9 +159,6 @@ class _Drawer:
         return f"<div class=grid>{''.join(shown)}</div>" if shown else ""
 
     def place(self, figure, heading, caption, tag=""):
-        """HTML of one figure; its data follow as JSON, in which plotly writes no `<`."""
+        """HTML of one figure."""
         self.count += 1
-        notes = "".join(f"<p class=note>{escape(text)}</p>" for text in figure.layout.meta["notes"])
-        return (f"<figure><h3>{heading}{tag}</h3><div class=plot id=p{self.count} style='height:{figure.layout.height}px'></div>"
-                f"<figcaption>{caption}</figcaption>{notes}"
-                f"<script type='application/json' id=data-p{self.count}>{figure.to_json()}</script></figure>")
+        return placed(self.count, figure, heading, caption, tag)
