@@ -32,7 +32,7 @@ INTRODUCTION = (
     f"Where the two readings of the abort rule "
     "give opposite verdicts, what the paper leaves open decides, and the claim is not decidable here; otherwise the less favourable reading "
     "counts. The rules were written beside "
-    "a trial of five runs, before the full study was run, and none was changed for its verdict.")
+    "a trial of five runs with another seed, before the full study was run, and none was changed for its verdict.")
 
 
 def studies(quick=False, ablations=False, runs=None, seed=2, flights=FLIGHTS, offset_flights=OFFSET_FLIGHTS, imus=IMUS):
@@ -86,7 +86,7 @@ def write(out, campaigns, threads=None):
     write_page(out, TITLE, (*INTRODUCTION, _size(campaigns)), claims, _tables(cells, moved, drift, bins) | ablated, figures=figures,
                notes=[("What the paper leaves open, and what was chosen", hager_bryne_choices.table())])
     with replacing(out / "findings.md") as part:
-        part.write_text(hager_bryne_markdown.findings(_size(campaigns), claims, cells, moved), encoding="utf-8")
+        part.write_text(hager_bryne_markdown.findings(_size(campaigns), claims, cells, moved, ablated), encoding="utf-8")
     return claims
 
 

@@ -243,7 +243,7 @@ def all_figures(campaigns, cells, offset, bins, scenarios):
              ("Figure 1b: their heights", height, "Above the ellipsoid."),
              ("Figure 2: position RMSE without offset", positions(cells), MARKS)]
     if cell := _cell(flights, "10", "tactical"):
-        found += [(f"Figure 3{letter}: errors of the {loop} loop, {cell}, run {RUN}", drawn,
+        found += [(f"Figure 3{letter}: errors of the {loop} loop, flight 10, tactical grade, run {RUN}", drawn,
                   "Run 0 is shown whatever it looks like. True − estimate: position and velocity along N, E, D, rotation about them.")
                   for letter, loop, drawn in zip("ab", ("open", "closed"), errors_of_a_run(flights, cell))]
     found.append(("Figure 4: attitude RMSE averaged over all flights", attitudes(cells),
@@ -251,9 +251,9 @@ def all_figures(campaigns, cells, offset, bins, scenarios):
                   "filter given up early is scored over less "
                   "time. The mean over all grades is that of the consumer grade. Below: the same time for both filters, after 120 s; tilt "
                   "is roll and pitch together."))
-    found += [(f"Figure 5{letter}: estimated biases of accelerometers and gyros, {cell}, run {RUN}", biases(campaign, cell),
+    found += [(f"Figure 5{letter}: estimated biases of accelerometers and gyros, flight 07, tactical grade, {what}, run {RUN}", biases(campaign, cell),
               "Grey band: ±3σ of the closed loop around its estimate. Body axes x forward, y right, z down.")
-              for letter, campaign in (("a", flights), ("b", with_offset)) if (cell := _cell(campaign, "07", "tactical"))]
+              for letter, campaign, what in (("a", flights, "without offset"), ("b", with_offset, "with offset")) if (cell := _cell(campaign, "07", "tactical"))]
     found.append(("Figure 6: position RMSE with a constant accelerometer offset of 0.5 m/s² on each axis", positions(offset), MARKS))
     shown = [(flight, cell) for flight in ("01", "07", "10") if (cell := _cell(flights, flight, "tactical"))]
     if shown:
