@@ -66,7 +66,7 @@ def test_a_worker_killed_from_outside_costs_nothing(tmp_path):
 
 def test_a_scheduler_of_ones_own_and_one_that_is_not_there(tmp_path, monkeypatch):
     from dask.distributed import LocalCluster
-    with LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
+    with LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0") as cluster:
         found = study(runs=6).run(tmp_path / "cluster", scheduler=cluster.scheduler_address)
     assert tables(found.folder) == tables(study(runs=6).run(tmp_path / "whole").folder)
     monkeypatch.setattr("strapdown.studies.distributed.PATIENCE", 1)

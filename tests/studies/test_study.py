@@ -213,18 +213,20 @@ def test_another_study_is_refused_in_a_folder(finished, change, words):
     (lambda m: m["versions"].update(strapdown="0.0.1"), "was begun with strapdown 0.0.1"), (lambda m: m.update(format=7), "format 7, this version reads 1"),
     (lambda m: m.pop("format"), "not the manifest of a study")])
 def test_a_manifest_of_another_version_is_refused(tmp_path, edit, words):
-    campaign = Campaign.begin(study(), tmp_path)
-    manifest = dict(campaign.manifest)
+    campaign = study(runs=5).run(tmp_path)
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
     edit(manifest)
     (tmp_path / "manifest.json").write_text(json.dumps(manifest))
     with pytest.raises(sd.DataError, match=words):
-        Campaign.begin(study(), tmp_path)
+        study(runs=5).run(tmp_path)
+    assert len(campaign._files(campaign.cells[0])) == 1
 
 
 def test_folders_that_hold_no_study_or_half_of_one(tmp_path, finished):
     with pytest.raises(sd.DataError, match="manifest.json: cannot be read .*is this the folder of a study"):
         Campaign.open(tmp_path / "nowhere")
-    (tmp_path / "chunks").mkdir()
+    (tmp_path / "chunks" / "cell").mkdir(parents=True)
+    (tmp_path / "chunks" / "cell" / "000000-000005.nc").write_bytes(b"")
     with pytest.raises(sd.DataError, match="chunks of a study but no manifest"):
         Campaign.begin(study(), tmp_path)
     (tmp_path / "a-file").write_text("")
@@ -237,9 +239,37 @@ def test_folders_that_hold_no_study_or_half_of_one(tmp_path, finished):
 def test_a_damaged_chunk_is_named(tmp_path):
     campaign = study(runs=5).run(tmp_path)
     path, = campaign._files(campaign.cells[0])
-    path.write_bytes(b"no NetCDF")
-    with pytest.raises(sd.DataError, match="000000-000005.nc: cannot be read .*remove it and run the study again"):
-        campaign.numbers(campaign.cells[0])
+    whole = path.read_bytes()
+    middle = len(whole) // 2
+    for damaged in (b"no NetCDF", whole[:middle], whole[:middle] + bytes(4000) + whole[middle + 4000:]):
+        path.write_bytes(damaged)
+        with pytest.raises(sd.DataError, match="000000-000005.nc: cannot be read .*remove it and run the study again"):
+            campaign.numbers(campaign.cells[0]), campaign.read(campaign.cells[0], ("error", "sd", "bias", "squares"))
+
+
+@pytest.mark.parametrize("copy", ["000020-000025.nc", "000000-000005.nc"])
+def test_a_chunk_of_another_place_is_refused(tmp_path, finished, copy):
+    """Copied within a campaign to runs that it does not have, or from another study: neither may enter the tables."""
+    campaign = study(seed=5).run(tmp_path) if copy.startswith("000000") else study().run(tmp_path)
+    first = finished._files(finished.cells[0])[0]
+    (tmp_path / "chunks" / campaign.cells[0] / copy).write_bytes(first.read_bytes())
+    with pytest.raises(sd.DataError, match=f"{copy}: cannot be read .it is the file of another study, cell or chunk.; remove it"):
+        Campaign.open(tmp_path).summary
+
+
+def test_a_refused_study_leaves_its_folder_free(tmp_path):
+    with pytest.raises(sd.DataError, match="error_model is 'banana'"):
+        study(filters="open-loop:error_model=banana").run(tmp_path)
+    Campaign.begin(study(seed=9), tmp_path)      # a manifest without a chunk binds nobody
+    assert len(study(runs=5).run(tmp_path).runs) == 10
+
+
+def test_two_studies_that_begin_at_once_do_not_mix(tmp_path):
+    """The second takes the folder between the first's manifest and its work: the first notices."""
+    first = Campaign.begin(study(runs=5), tmp_path)
+    Campaign.begin(study(runs=5, seed=8), tmp_path)
+    with first.locked(), pytest.raises(sd.DataError, match="seed is 8 there and 0 here"):
+        first.check()
 
 
 def test_two_processes_do_not_work_in_one_folder(tmp_path):

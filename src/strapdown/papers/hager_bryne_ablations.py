@@ -11,7 +11,7 @@ from ..studies.campaign import Campaign
 from ..sensors.imu import grade
 from ..sim.scenario import scenario
 from ..studies.study import Study
-from .hager_bryne_cells import compared, rows_of, stacked
+from .hager_bryne_cells import compared, numbers_of, rows_of, stacked
 from .hager_bryne_rules import NONE, UNKNOWN, better, interval
 
 OPEN, CLOSED = "open-loop:kinematics=geodetic", "closed-loop-error-bias"
@@ -104,8 +104,8 @@ def tables(campaigns: dict[str, Campaign]):
 def _parts(campaign, number):
     """{filter: (numbers, Rows, place)} of a cell."""
     cell = campaign.cells[number]
-    numbers = campaign.numbers(cell)
-    rows = rows_of(campaign, cell, numbers)
+    numbers, ran = numbers_of(campaign, cell)
+    rows = rows_of(campaign, cell, numbers, ran)
     return {name: (numbers, rows, place) for place, name in enumerate(campaign.manifest["filters"])}
 
 

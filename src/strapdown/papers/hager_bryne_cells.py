@@ -42,11 +42,19 @@ class Rows(NamedTuple):
     within: np.ndarray          # not beyond LIMIT yet
 
 
-def rows_of(campaign, cell, numbers):
-    """Rows of a cell; some MB, for one cell at a time."""
+def numbers_of(campaign, cell):
+    """(numbers of the runs of a cell that were not quarantined, mask of them (run,))."""
+    numbers = campaign.numbers(cell)
+    ran = ~(numbers["reason"] == QUARANTINED).any(axis=0)
+    return {name: values[:, ran] for name, values in numbers.items()}, ran
+
+
+def rows_of(campaign, cell, numbers, ran):
+    """Rows of the same runs; some MB, for one cell at a time."""
     parts = campaign.read(cell, ("t", "error", "sd", "nees_rows", "bias"))
     joined = {name: np.concatenate([part[name] for part in parts], axis=axis) for name, axis in (("error", 1), ("sd", 1), ("nees_rows", 1),
         ("bias", 0))}
+    joined = {name: values[ran] if name == "bias" else values[:, ran] for name, values in joined.items()}
     t, error = parts[0]["t"], joined["error"]
     with np.errstate(over="ignore"):
         distance = np.sqrt(np.square(error[..., POS], dtype=float).sum(axis=-1))
@@ -61,11 +69,11 @@ def table(campaign):
     import pandas as pd
     found = []
     for cell in campaign.manifest["cells"]:
-        numbers = campaign.numbers(cell["name"])
+        numbers, ran = numbers_of(campaign, cell["name"])
         flight = cell["scenario"]["name"].removesuffix("-offset")
         found.append({"flight": flight.removeprefix("paper1-"), "grade": cell["imu"]["name"].removeprefix("paper1-"),
                       "minutes": cell["scenario"]["duration_s"] / 60,
-                      "runs": numbers["reason"].shape[1], **compared(numbers, rows_of(campaign, cell["name"], numbers))})
+                      "runs": numbers["reason"].shape[1], **compared(numbers, rows_of(campaign, cell["name"], numbers, ran))})
     return pd.DataFrame(found)
 
 
@@ -114,14 +122,13 @@ def censored(rows):
 
 def _ends(own, within):
     """How the runs of a filter ended: survival with its interval, by both rules and by one; also where a raw INS that left its model counts as lost."""
-    ran = own["reason"] != QUARANTINED
     left = np.isfinite(own["left_model"])
     for name, alive in (("survived", own["reason"] == SURVIVED), ("survived_500", within[:, -1])):
-        yield from _interval(name, proportion(int((alive & ran).sum()), int(ran.sum())))
-        yield from _interval(f"{name}_in_model", proportion(int((alive & ran & ~left).sum()), int(ran.sum())))
+        yield from _interval(name, proportion(int(alive.sum()), len(alive)))
+        yield from _interval(f"{name}_in_model", proportion(int((alive & ~left).sum()), len(alive)))
     yield from ((reason, int((own["reason"] == code).sum())) for code, reason in enumerate(REASONS) if code)
     yield "left_model", int(left.sum())
-    yield "lasted_median_s", float(np.median(own["lasted"][ran])) if ran.any() else np.nan
+    yield "lasted_median_s", float(np.median(own["lasted"])) if len(left) else np.nan
 
 
 def _errors(own):

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..engine import fuse
 from ..studies.study import parsed, seeds, simulator
-from .hager_bryne_cells import rows_of
+from .hager_bryne_cells import numbers_of, rows_of
 from .hager_bryne_claims import SMALL_DRIFT
 
 RUNS = 3
@@ -24,14 +24,15 @@ def measure(campaign, threads=None, runs=RUNS):
     The campaign must know its study. Drift is the length of the INS error as the open loop estimates it, which is good to metres.
     """
     import pandas as pd
-    jobs = [(number, run) for number in range(len(campaign.study.cells)) for run in range(min(runs, campaign.study.runs))]
+    known = [numbers_of(campaign, cell.name) for cell in campaign.study.cells]
+    jobs = [(number, int(run)) for number, (_, ran) in enumerate(known) for run in np.flatnonzero(ran)[:runs]]
     with ThreadPoolExecutor(threads or cpu_count()) as pool:
         drifts = dict(zip(jobs, pool.map(lambda job: drift(campaign.study, *job), jobs)))
     rows, points = [], []
     for number, cell in enumerate(campaign.study.cells):
-        stored = rows_of(campaign, cell.name, campaign.numbers(cell.name))
-        for run in range(min(runs, campaign.study.runs)):
-            x, y, position = _points(stored, run, *drifts[number, run])
+        stored = rows_of(campaign, cell.name, *known[number])
+        for row, run in enumerate(np.flatnonzero(known[number][1])[:runs]):
+            x, y, position = _points(stored, row, *drifts[number, int(run)])
             place = {"flight": cell.scenario.name.removeprefix("paper1-"), "grade": cell.imu.name.removeprefix("paper1-"), "run": run}
             small = y[x < SMALL_DRIFT]
             rows.append(place | {"correlation": _rank_correlation(x, y), "small_ratio": float(np.exp(small.mean())) if len(small) else np.nan,

@@ -5,7 +5,7 @@ from plotly.subplots import make_subplots
 
 from ..core.contract import POS
 from ..reports.drawing import COLOURS, GREY, RED, band, column, finish, frame, line, log_range, note, panels
-from .hager_bryne_cells import LIMIT, ONSET, rows_of
+from .hager_bryne_cells import LIMIT, ONSET, numbers_of, rows_of
 
 BLUE, ORANGE = COLOURS[:2]
 LOOPS = (("open", "open loop", BLUE), ("closed", "closed loop", ORANGE))
@@ -84,8 +84,8 @@ def _marks(drawn, row, x, y, spread, name, colour, symbol):
 
 def errors_of_a_run(campaign, cell):
     """Figure 3: (open, closed) errors of run RUN with what the filter states and what the bound allows, 3 sigma each."""
-    numbers = campaign.numbers(cell)
-    rows, bound = rows_of(campaign, cell, numbers), campaign.curves(cell)["bound"]
+    numbers, ran = numbers_of(campaign, cell)
+    rows, bound = rows_of(campaign, cell, numbers, ran), campaign.curves(cell)["bound"]
     found = []
     for place, (_, name, colour) in enumerate(LOOPS):
         drawn, outside = panels(STATES, height=105), []
@@ -140,8 +140,8 @@ def attitudes(cells):
 
 def biases(campaign, cell):
     """Figure 5: bias estimates of run RUN with 3 sigma and the true biases."""
-    numbers = campaign.numbers(cell)
-    rows = rows_of(campaign, cell, numbers)
+    numbers, ran = numbers_of(campaign, cell)
+    rows = rows_of(campaign, cell, numbers, ran)
     drawn, outside = panels(BIASES, height=125), []
     for i in range(6):
         true = rows.bias[RUN, :, i].astype(float) * BIAS_SCALE[i]

@@ -26,7 +26,6 @@ class Simulator:
         """The true trajectory at 0, 1/rate, ... s, and the increments of an ideal IMU (core.contract.Imu) from row to row of it."""
         self.offset = np.asarray(scenario.accel_offset, float)
         self.plan = scenario.gnss.plan(self.truth, scenario.gate)
-        self._felt = self.ideal._replace(dv=self.ideal.dv + self.offset * self.ideal.dt[:, None]) if self.offset.any() else self.ideal
 
     def recording(self, imu, rng):
         """A Recording with the errors of `imu` (ImuSpec, grade or file) and fixes, from `rng` (numpy Generator), IMU and fixes a stream each.
@@ -35,9 +34,19 @@ class Simulator:
         """
         spec = grade(imu)
         of_imu, of_gnss = rng.spawn(2)
-        samples, b_a, b_g = spec.corrupt(self._felt, of_imu)
-        b_a = b_a + self.offset if self.offset.any() else b_a
+        offset = self._offset(spec)
+        felt = self.ideal if offset is None else self.ideal._replace(dv=self.ideal.dv + offset * self.ideal.dt[:, None])
+        samples, b_a, b_g = spec.corrupt(felt, of_imu)
+        b_a = b_a if offset is None else b_a + offset
         return Recording(samples, self.plan.fixes(of_gnss), self.truth, self._meta(imu, spec, b_a, b_g) | {"notes": saturated(spec, samples)})
+
+    def _offset(self, spec):
+        """The scenario's accelerometer offset at the samples, (n, 3) or (3,) m/s^2; None where there is none."""
+        if not self.offset.any():
+            return None
+        if not (self.scenario.offset_decays and spec.accel.time_constant):
+            return self.offset
+        return self.offset * np.exp(-(self.ideal.t - self.ideal.t[0]) / spec.accel.time_constant)[:, None]
 
     def start(self, rng, imu, recording):
         """A Start at 0 s: the truth less an error drawn from the scenario's `start_sd`, biases 0 or, where they are known, those of `recording`."""
@@ -72,6 +81,8 @@ def simulate(motion, duration=None, imu=None, seed=0, rate=None, gnss=None):
     seed and the true biases "b_a" (m/s^2) and "b_g" (rad/s), (n, 3) at the IMU samples. IMU and GNSS have their own random streams: the
     fixes of a seed are the same for every grade. Raises DataError.
     """
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise DataError(f"seed is {seed!r}; it must be a whole number, 0 or more")
     given = {key: value for key, value in (("duration", duration), ("imu", imu), ("rate", rate), ("gnss", gnss)) if value is not None}
     if isinstance(motion, Motion):
         if duration is None or imu is None:

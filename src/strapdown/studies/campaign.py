@@ -52,15 +52,21 @@ class Campaign:
             campaign._remover = weakref.finalize(campaign, _remove, folder)
         else:
             campaign = cls(out, manifest, study)
-        if (campaign.folder / "manifest.json").exists():
-            _same(_manifest(campaign.folder), manifest, campaign.folder)
-        elif (campaign.folder / "chunks").exists():
-            raise DataError(f"{out}: it holds chunks of a study but no manifest.json; choose another folder")
-        else:
-            _make(campaign.folder)
-            with replacing(campaign.folder / "manifest.json") as part:
-                part.write_text(json.dumps(manifest, indent=1) + "\n")
+        _make(campaign.folder)
+        with campaign.locked():
+            campaign._settle()
         return campaign
+
+    def _settle(self):
+        """Write the manifest, or compare with the one that is there; one that has no chunks yet binds nobody. The folder must be locked."""
+        path, chunks = self.folder / "manifest.json", any(self.folder.glob("chunks/*/*.nc"))
+        if chunks and not path.exists():
+            raise DataError(f"{self.folder}: it holds chunks of a study but no manifest.json; choose another folder")
+        if chunks:
+            _same(_manifest(self.folder), self.manifest, self.folder)
+        else:
+            with replacing(path) as part:
+                part.write_text(json.dumps(self.manifest, indent=1) + "\n")
 
     @classmethod
     def open(cls, folder):
@@ -70,12 +76,20 @@ class Campaign:
     @contextmanager
     def locked(self):
         """Hold the folder: a second process that wants to write there is refused."""
-        with open(self.folder / "lock", "w") as lock:
+        try:
+            lock = open(self.folder / "lock", "w")
+        except OSError as error:
+            raise DataError(f"{self.folder}: nothing can be written there ({error.strerror}); choose another folder") from None
+        with lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
                 raise DataError(f"{self.folder}: another process works on this campaign; wait for it, or choose another folder") from None
             yield
+
+    def check(self):
+        """Raise DataError where another study has taken the folder since."""
+        _same(_manifest(self.folder), self.manifest, self.folder)
 
     def path(self, chunk):
         """The file of a chunk."""
@@ -96,8 +110,13 @@ class Campaign:
         path = self.path(chunk)
         _make(path.parent)
         with replacing(path) as part:
-            part.write_bytes(_file(arrays, self.manifest["filters"], range(chunk.first, chunk.stop)))
+            part.write_bytes(_file(arrays, self.manifest["filters"], range(chunk.first, chunk.stop), self._identity(path)))
         return chunk
+
+    def _identity(self, path):
+        """What only the file at `path` of this campaign says: a digest of the manifest, the cell and the runs."""
+        text = json.dumps(self.manifest, sort_keys=True) + f"{path.parent.name}/{path.name}"
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def finish(self):
         """Write summary.csv and runs.csv."""
@@ -118,6 +137,8 @@ class Campaign:
         for path in self._files(cell):
             try:
                 with h5netcdf.File(path, "r") as file:
+                    if file.attrs.get("identity") != self._identity(path):
+                        raise OSError("it is the file of another study, cell or chunk")
                     found.append({name: file.variables[name][...] for name in names if name in file.variables})
             except (OSError, KeyError) as error:
                 raise DataError(f"{path}: cannot be read ({str(error).splitlines()[0]}); remove it and run the study again") from None
@@ -231,8 +252,8 @@ def _remove(folder):
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def _file(arrays, filters, runs):
-    """The bytes of a chunk file. It is made in memory: HDF5 that runs out of disk in the middle cannot even close its file."""
+def _file(arrays, filters, runs, identity):
+    """The bytes of a chunk file, with checksums. It is made in memory: HDF5 that runs out of disk in the middle cannot even close its file."""
     import h5netcdf
     import h5py
     labels = {"filter": list(filters), "run": np.array(runs), "state": list(STATE_NAMES), "group": list(GROUPS), "sigma": np.array([1, 2, 3]),
@@ -240,11 +261,12 @@ def _file(arrays, filters, runs):
     variables = {name: (DIMENSIONS[name], values) for name, values in arrays.items() if name not in ("t", "kept")}
     buffer = BytesIO()
     with h5netcdf.File(buffer, "w") as file:
-        file.attrs["format"] = FORMAT
+        file.attrs["format"], file.attrs["identity"] = FORMAT, identity
         file.dimensions = {name: len(values) for name, values in labels.items()}
         for name, (dimensions, values) in ({name: ((name,), values) for name, values in labels.items()} | variables).items():
             text = isinstance(values, list)
-            made = file.create_variable(name, dimensions, h5py.string_dtype() if text else values.dtype, data=np.array(values, object) if text else values)
+            made = file.create_variable(name, dimensions, h5py.string_dtype() if text else values.dtype, data=np.array(values, object) if text else values,
+                                        **({} if text else {"chunks": values.shape, "fletcher32": True}))
             if name in ABOUT:
                 made.attrs["long_name"] = ABOUT[name]
     return buffer.getbuffer()

@@ -77,7 +77,7 @@ def _client(workers, scheduler):
         raise DataError("worker processes need Dask: pip install 'strapdown[study]', or leave out workers and scheduler") from None
     if not scheduler:
         dask.config.set({"distributed.scheduler.allowed-failures": ATTEMPTS - 1, "distributed.scheduler.worker-saturation": 1.0})
-        with LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=CRITICAL) as cluster:
+        with LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=CRITICAL) as cluster:
             with Client(cluster) as client:
                 yield client
         return

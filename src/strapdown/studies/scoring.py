@@ -58,7 +58,7 @@ def score(solution, at, b_a, b_g, limits):
         numbers = {"rows": rows, "reason": reason, "lasted": float(at.truth.t[rows - 1]) if rows else 0.0,
                    "left_model": _left_model(solution), **_alive(error[:rows], rph[:rows], sd[:rows], nees[:rows]),
                    "censored": float(np.r_[np.minimum(distance[:rows], limits.distance) ** 2, np.full(n - rows, limits.distance ** 2)].mean()),
-                   **_fixes(solution.innovations)}
+                   **_fixes(solution.innovations, at.truth.t[rows - 1] if rows else -np.inf)}
     return Scored(error, sd, nees, rows, numbers)
 
 
@@ -104,9 +104,10 @@ def _square(vectors):
     return (vectors ** 2).sum(axis=1)
 
 
-def _fixes(innovations):
-    """NIS over the measured rows, its mean by degree of freedom; the lag-1 correlation of the innovations; how many fixes were used."""
-    measured = np.isfinite(innovations.nis)
+def _fixes(innovations, end):
+    """Until the abort at `end` s: mean NIS by degree of freedom over the measured rows, lag-1 correlation of the innovations; and over the whole run
+    how many fixes were used."""
+    measured = np.isfinite(innovations.nis) & (innovations.t <= end)
     rows = np.isfinite(innovations.innovation[measured]).sum()
     y = innovations.innovation[measured & (innovations.source == 0)]
     moved = np.nansum(y[1:] * y[:-1]) / np.nansum(y ** 2) if len(y) > 2 else np.nan

@@ -16,9 +16,9 @@ import numpy as np
 from .. import aiding, filters
 from ..bounds import cramer_rao
 from ..consistency import Limits
-from ..core.contract import STATES
+from ..core.contract import STATES, Noise, Start
 from ..data import DataError
-from ..engine import check_options, found, fuse, prepare
+from ..engine import check_options, found, fuse, new_belief, prepare
 from ..sensors.imu import ImuSpec, grade
 from ..sim.scenario import Scenario, scenario
 from ..sim.synthesis import Simulator
@@ -26,6 +26,10 @@ from .scoring import GROUPS, QUARANTINED, epochs, score
 
 SCALARS = ("rows", "reason", "lasted", "left_model", "censored", "nees", "nees_inside", "nis", "correlation", "accepted", "rejected")
 """Numbers of each run and filter, beside `mean_square` and `coverage`."""
+
+
+ANYWHERE, STILL = Start(0.0, (0.0, 0.0, 0.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * STATES), Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""A start and a noise that any filter takes, to try its options with."""
 
 
 class Cell(NamedTuple):
@@ -113,6 +117,7 @@ class Study:
                 raise DataError(f"{name} is {count}; it must be 1 or more")
         campaign = Campaign.begin(self, out)
         with campaign.locked():
+            campaign.check()
             missing = campaign.missing()
             done, total = self.steps() - sum(map(self.steps, missing)), self.steps()
             results = _distributed(campaign, missing, workers, scheduler, say) if workers or scheduler else _threaded(campaign, missing, threads, say)
@@ -133,6 +138,7 @@ def parsed(label):
         raise DataError(f"filter {label!r}: {wrong[0]!r} is no option with a value; write {name}:option=value,option=value")
     options = {key.strip(): _value(value) for key, _, value in pairs}
     check_options(filter, options)
+    new_belief(filter, ANYWHERE, STILL, options)    # refuses values
     return filter, options
 
 
@@ -173,7 +179,7 @@ def run_chunk(study, chunk, skip=()):
     cell = study.cells[chunk.cell]
     made = simulator(cell)
     at = epochs(made.truth, max(1, round(study.epoch * cell.scenario.rate)))
-    arrays = _empty(study, chunk, at)
+    arrays, wanted = _empty(study, chunk, at), [parsed(label) for label in study.filters]
     for place, run in enumerate(range(chunk.first, chunk.stop)):
         if run in skip:
             arrays["reason"][:, place] = QUARANTINED
@@ -181,8 +187,7 @@ def run_chunk(study, chunk, skip=()):
         recording, start = made.run(cell.imu, seeds(study, cell, run))
         b_a, b_g = recording.meta["b_a"][at.rows], recording.meta["b_g"][at.rows]
         arrays["bias"][place] = np.c_[b_a, b_g][arrays["kept"]]
-        for number, label in enumerate(study.filters):
-            filter, options = parsed(label)
+        for number, (filter, options) in enumerate(wanted):
             solution = fuse(recording, filter, start=start, noise=cell.imu.noise(), every=at.every, covariance=True, **options)
             _keep(arrays, number, place, score(solution, at, b_a, b_g, study.limits))
     if chunk.first == 0:
