@@ -43,14 +43,14 @@ def claims(out):
     wanted |= {f"ablation-{name}": study for name, study in hager_bryne_ablations.studies(FLIGHTS[:1], 2, 1).items()}
     said, shares = [], []
     found = hager_bryne.made(out, wanted, threads=2, say=said.append, progress=shares.append)
-    assert "million filter steps in 7 studies" in said[0] and shares == sorted(shares) and shares[-1] == pytest.approx(1.0)
+    assert "million filter steps in 8 studies" in said[0] and shares == sorted(shares) and shares[-1] == pytest.approx(1.0)
     return found
 
 
 def test_the_full_study_is_the_papers():
     wanted = hager_bryne.studies(ablations=True)
     assert {name: (len(study.cells), study.runs) for name, study in wanted.items()} == {
-        "flights": (33, 50), "offset": (21, 50), "ablation-filters": (3, 50), "ablation-gravity": (3, 50), "ablation-density": (3, 50),
+        "flights": (33, 50), "offset": (21, 50), "initial": (21, 50), "ablation-filters": (3, 50), "ablation-gravity": (3, 50), "ablation-density": (3, 50),
         "ablation-start": (3, 50), "ablation-wide": (3, 50)}
     assert wanted["flights"].steps() == 50 * 2 * 3 * 20 * sum(cell.scenario.duration for cell in wanted["flights"].cells[::3])
     assert all(cell.scenario.accel_offset == (0.5, 0.5, 0.5) and cell.scenario.name.endswith("-offset") for cell in wanted["offset"].cells)
@@ -64,9 +64,9 @@ def test_the_full_study_is_the_papers():
 def test_the_study_writes_page_tables_and_claims(out, claims):
     assert json.loads((out / "claims.json").read_text()) == claims and len(claims) == 19 and {c["verdict"] for c in claims} <= set(COLOURS)
     html = (out / "index.html").read_text()
-    for number in ("1a", "1b", "2", "4", "5a", "5b", "6", "7", "8a", "8b"):
+    for number in ("1a", "1b", "2", "4", "5a", "5b", "5c", "6a", "6b", "7", "8a", "8b"):
         assert f"<h3>Figure {number}:" in html
-    for name in ("flights", "offset", "flights-all", "offset-all", "drift", "drift-runs", *(f"ablation-{name}"
+    for name in ("flights", "offset", "initial", "bound", "flights-all", "offset-all", "initial-all", "drift", "drift-runs", *(f"ablation-{name}"
         for name in (*hager_bryne_ablations.PAIRS, "gravity", "density", "start", "wide"))):
         assert len(pd.read_csv(out / f"{name}.csv")), name
     assert "consumer sigma" not in html and "What the paper leaves open" in html and html.count("<tr id=claim") == 19
@@ -171,7 +171,7 @@ def test_the_documentation_lists_the_claims_as_the_code_has_them():
 def test_findings_as_markdown_go_between_the_marks(out, claims, tmp_path):
     text = (out / "findings.md").read_text()
     assert text.startswith("This page: 2 runs") and len(re.findall(r"^\| \d+ \| .* \| \*\*", text,
-        re.MULTILINE)) == 19 and text.count("| tactical | 07 |") == 2
+        re.MULTILINE)) == 19 and text.count("| tactical | 07 |") == 3
     page = tmp_path / "page.md"
     page.write_text(f"before\n{hager_bryne_markdown.BEGIN}\nold\n{hager_bryne_markdown.END}\nafter\n")
     hager_bryne_markdown.insert(page, text)

@@ -16,7 +16,7 @@ from .hager_bryne_rules import NONE, UNKNOWN, better, interval
 
 OPEN, CLOSED = "open-loop:kinematics=geodetic", "closed-loop-error-bias"
 """The two filters of the paper: its error state is in latitude, longitude and height."""
-FLIGHTS, QUICK_FLIGHTS = ("01", "07", "10"), ("01", "07")
+FLIGHTS = ("01", "07", "10")
 INTERVALS = (1, 10, 60, 300, 1200)
 """s between resets."""
 MODELS = ("printed-signs", "literal", "no-gradient")

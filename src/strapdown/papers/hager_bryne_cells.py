@@ -70,7 +70,7 @@ def table(campaign):
     found = []
     for cell in campaign.manifest["cells"]:
         numbers, ran = numbers_of(campaign, cell["name"])
-        flight = cell["scenario"]["name"].removesuffix("-offset")
+        flight = cell["scenario"]["name"].removesuffix("-offset").removesuffix("-initial")
         found.append({"flight": flight.removeprefix("paper1-"), "grade": cell["imu"]["name"].removeprefix("paper1-"),
                       "minutes": cell["scenario"]["duration_s"] / 60,
                       "runs": numbers["reason"].shape[1], **compared(numbers, rows_of(campaign, cell["name"], numbers, ran))})

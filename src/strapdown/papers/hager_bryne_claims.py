@@ -19,8 +19,9 @@ SMALL_DRIFT = 100.0
 class Evidence(NamedTuple):
     """All numbers that the claims rest on."""
     flights: object             # DataFrame of hager_bryne_cells.table
-    offset: object              # the same of the flights with the accelerometer offset
+    offset: object              # the same of the flights with the accelerometer offset, constant
     drift: object               # DataFrame: flight, grade, run, correlation, small_ratio; see hager_bryne_drift
+    initial: object = None      # the same with the offset as initial value of the bias process
     resets: object = None       # DataFrame of the ablation: flight, interval_s, survived(_low, _high), position(_low, _high) reset by closed loop
 
 
@@ -33,6 +34,19 @@ def claims(evidence):
         mandatory, resets)]
 
 
+def _offset_read_twice(make):
+    """A claim about the offset by both readings of what it is; opposite verdicts mean that what the paper leaves open decides."""
+    def combined(e):
+        constant = make(e)
+        if e.initial is None:
+            return constant
+        initial = make(e._replace(offset=e.initial))
+        return constant | {"verdict": over_readings(constant["verdict"], initial["verdict"]),
+                           "rule": f"{constant['rule']}; with the offset read as constant, and as initial value of the bias process",
+                           "measured": f"Constant ({constant['verdict']}): {constant['measured']}. Initial value ({initial['verdict']}): {initial['measured']}"}
+    return combined
+
+
 def _pick(rows, grades, flights):
     return rows[rows["grade"].isin(grades) & rows["flight"].isin(flights)]
 
@@ -40,7 +54,7 @@ def _pick(rows, grades, flights):
 def _position(rows, side):
     """Verdict and text on which filter has the better position, by both readings of the abort rule."""
     counts = [sides(rows, f"position{reading}", side) for reading in READINGS]
-    text = "; ".join(f"{name}: {count} ({ratios(rows, f'position{reading}')})" for name, count, reading in zip(("both abort rules",
+    text = "; ".join(f"{name}: {count} ({ratios(rows, f'position{reading}')})" for name, count, reading in zip(("both abort rules, 500 m counted from the abort on",
         "500 m alone"), counts, READINGS))
     return over_readings(*(count.verdict for count in counts)), text[0].upper() + text[1:]
 
@@ -198,6 +212,7 @@ def _survival(rows, name, more):
     return over_readings(*(count.verdict for count in counts)), text
 
 
+@_offset_read_twice
 def offset_unstable(e):
     """V, Figs. 5 and 6."""
     verdict, text = _survival(e.offset, "open", False)
@@ -207,6 +222,7 @@ def offset_unstable(e):
                    f"{text}. Given up after {e.offset['open_lasted_median_s'].median():.0f} s (median over cells)", verdict, "figures 5 and 6")
 
 
+@_offset_read_twice
 def offset_shortens(e):
     """VI."""
     pairs = [(with_, e.flights[(e.flights["grade"] == with_["grade"]) & (e.flights["flight"] == with_["flight"])]) for _,
@@ -219,6 +235,7 @@ def offset_shortens(e):
                    count.verdict, "figure 6, tables")
 
 
+@_offset_read_twice
 def offset_isolated(e):
     """V, Fig. 5."""
     survives, text = _survival(e.offset, "closed", True)
@@ -240,6 +257,7 @@ def _converged(row, without):
     return False if row[f"{name}_low"] > 2 * without[name] else None
 
 
+@_offset_read_twice
 def straight_is_slow(e):
     """V."""
     count = _against_straight(e.offset, "closed_resolved_s", -1)
@@ -250,6 +268,7 @@ def straight_is_slow(e):
                    count[0].verdict, "figure 5, table offset")
 
 
+@_offset_read_twice
 def symptoms_delayed(e):
     """V."""
     count = _against_straight(e.offset, "open_onset_s", 1)
@@ -269,8 +288,16 @@ def _against_straight(rows, name, sign):
             dynamic = part[part["flight"] != "07"]
             votes = [apart(row, straight.iloc[0], name) for _, row in dynamic.iterrows()]
             found += [0 if vote < 0 and _cut(row, name) else sign * vote for vote, (_, row) in zip(votes, dynamic.iterrows())]
-            texts.append(f"{grade}: {dynamic[name].min():.0f} to {dynamic[name].max():.0f} s, straight {straight.iloc[0][name]:.0f} s")
+            texts.append(f"{grade}: {_times(dynamic, name)}, straight {_times(straight, name)}")
     return Count(found.count(1), found.count(-1), len(found)), (". " + "; ".join(texts)) if texts else ""
+
+
+def _times(rows, name):
+    """Text: smallest and largest time of the rows that have one within the flight, and how many have not."""
+    within = [row[name] for _, row in rows.iterrows() if not _cut(row, name)]
+    cut = len(rows) - len(within)
+    parts = [f"{min(within):.0f} s" if len(within) == 1 else f"{min(within):.0f} to {max(within):.0f} s"] if within else []
+    return ", ".join(parts + ([f"{cut} not within the flight" if len(rows) > 1 else "not within the flight"] if cut else []))
 
 
 def _cut(row, name):
@@ -307,7 +334,7 @@ def resets(e):
     good = rows[(rows["survived_low"] > 0.5) & (rows["position_high"] < 1 + SIZE)]
     bad = rows[(rows["survived_high"] < 0.5) | (rows["position_low"] > 1 + SIZE)]
     verdict = REPRODUCED if len(good) else NOT_REPRODUCED if len(bad) == len(rows) else UNDECIDED
-    listed = "; ".join(f"every {r.interval_s:.0f} s: {r.survived:.0%} survive, RMSE {r.position:.3g} of the closed loop's "
-                       f"({r.position_low:.3g} to {r.position_high:.3g})"
+    listed = "; ".join(f"every {r.interval_s:.0f} s: {r.survived:.0%} survive, position RMSE {r.position:.4g} times the closed loop's "
+                       f"({r.position_low:.4g} to {r.position_high:.4g})"
                        for r in rows.itertuples())
     return finding(text, source, rule, listed, verdict, "ablation resets")

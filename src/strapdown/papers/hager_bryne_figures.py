@@ -234,8 +234,8 @@ def _consistency(cells):
     return drawn.update_layout(hovermode="closest")
 
 
-def all_figures(campaigns, cells, offset, bins, scenarios):
-    """[(heading, figure, caption)] of the page. campaigns: "flights" and "offset"; cells and offset: their tables; bins: of hager_bryne_drift."""
+def all_figures(campaigns, cells, offset, initial, bins, scenarios):
+    """[(heading, figure, caption)] of the page. campaigns: "flights", "offset", "initial"; cells, offset, initial: their tables; bins: of hager_bryne_drift."""
     flights, with_offset = campaigns["flights"], campaigns["offset"]
     plan, height = profiles(scenarios)
     found = [("Figure 1a: the flights seen from above", plan, "The paper does not publish its paths; these are this library's, of the "
@@ -253,8 +253,10 @@ def all_figures(campaigns, cells, offset, bins, scenarios):
                   "is roll and pitch together."))
     found += [(f"Figure 5{letter}: estimated biases of accelerometers and gyros, flight 07, tactical grade, {what}, run {RUN}", biases(campaign, cell),
               "Grey band: ±3σ of the closed loop around its estimate. Body axes x forward, y right, z down.")
-              for letter, campaign, what in (("a", flights, "without offset"), ("b", with_offset, "with offset")) if (cell := _cell(campaign, "07", "tactical"))]
-    found.append(("Figure 6: position RMSE with a constant accelerometer offset of 0.5 m/s² on each axis", positions(offset), MARKS))
+              for letter, campaign, what in (("a", flights, "without offset"), ("b", with_offset, "constant offset"),
+                                             ("c", campaigns["initial"], "offset as initial value")) if (cell := _cell(campaign, "07", "tactical"))]
+    found.append(("Figure 6a: position RMSE with a constant accelerometer offset of 0.5 m/s² on each axis", positions(offset), MARKS))
+    found.append(("Figure 6b: position RMSE with 0.5 m/s² as initial value of the bias process", positions(initial), MARKS))
     shown = [(flight, cell) for flight in ("01", "07", "10") if (cell := _cell(flights, flight, "tactical"))]
     if shown:
         found.append(("Figure 7: position RMSE over time and the Cramér-Rao bound, tactical grade", over_time(flights, [cell for _,
@@ -277,6 +279,6 @@ MARKS = (f"Discs: RMSE of the runs that survived both abort rules ± their stand
 def _cell(campaign, flight, grade):
     """Name of the cell of a flight and grade, or None."""
     for cell in campaign.manifest["cells"]:
-        if cell["scenario"]["name"].removesuffix("-offset").endswith(flight) and cell["imu"]["name"].endswith(grade):
+        if cell["scenario"]["name"].removesuffix("-offset").removesuffix("-initial").endswith(flight) and cell["imu"]["name"].endswith(grade):
             return cell["name"]
     return None

@@ -7,14 +7,15 @@ from .hager_bryne_rules import interval
 BEGIN, END = "<!-- begin: findings.md of strapdown reproduce hager-bryne -->", "<!-- end -->"
 
 
-def findings(size, claims, cells, offset, ablated):
+def findings(size, claims, cells, offset, initial, ablated):
     """Text: one sentence on the size of the study, the claims with their verdicts, what the ablations {name: (caption, table)} say, and a row per
-    grade and flight without and with offset."""
+    grade and flight without offset and by the two readings of it."""
     rows = [f"| {i} | {_cell(c['claim'])} | **{c['verdict']}** | {_cell(c['measured'])} |" for i, c in enumerate(claims, 1)]
     parts = [size, "", "| | the paper says | verdict | measured |", "|---|---|---|---|", *rows]
     if ablated:
         parts += ["", "Ablations, on flights 01, 07 and 10:", "", *(f"- {name.removeprefix('ablation-')}: {_cell(caption)}" for name, (caption, _) in ablated.items())]
-    for heading, table in (("Without offset", cells), ("With an accelerometer offset of 0.5 m/s² on each axis", offset)):
+    for heading, table in (("Without offset", cells), ("With a constant accelerometer offset of 0.5 m/s² on each axis", offset),
+                           ("With 0.5 m/s² as initial value of the bias process", initial)):
         parts += ["", f"{heading}:", "", "| grade | flight | min | survived, open | closed | by the 500 m rule, open | closed | RMSE open, "
                   "m | closed, m | open against closed | NEES/15 open | closed |",
                   "|---|---|---|---|---|---|---|---|---|---|---|---|", *(_row(row) for _, row in table.sort_values(["grade",
