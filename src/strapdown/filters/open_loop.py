@@ -20,7 +20,8 @@ BIAS = slice(OWN + 15, OWN + 21)                                     # what the 
 MODE = OWN + 32                                                     # which of:
 SECOND_ORDER, METRES, GEODETIC = range(3)
 KINEMATICS = {"second-order": SECOND_ORDER, "metres": METRES, "geodetic": GEODETIC}
-"""Kinematics of the position error: exact to second order; linear in metres NED at the belief; linear in latitude, longitude and height, as Hager & Bryne."""
+"""Kinematics of the position error: exact to second order; linear in metres NED at the belief; linear in latitude, longitude and height as Hager & Bryne,
+to second order (5 % of its own error at 50 km of drift, 7 % at 160 km; beyond 500 km it is another filter)."""
 
 
 def start(start, noise, error_model="corrected", kinematics="second-order"):
