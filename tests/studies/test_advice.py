@@ -1,6 +1,7 @@
 """Advice on open loop, resets and closed loop: durations and missions, the rule on made-up numbers, and small ones from end to end."""
 import json
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +16,7 @@ from strapdown.sensors.imu import grade
 from strapdown.sim.scenario import scenario
 from strapdown.studies.verdicts import CLOSED, OPEN, RESET, UNDECIDED, Evidence, Rules, Runs, decide, evidence, guess, interval_of, judge, variants
 
+MINE = replace(grade("navigation"), name="my IMU", gyro=replace(grade("navigation").gyro, scale_factor=1e-3))
 GOOD = Interval(1.05, 0.98, 1.12)
 LEVEL = Interval(1.0, 0.99, 1.01)
 
@@ -180,9 +182,11 @@ def test_sentences_begin_with_the_answer(changes, said):
     others = {name: decide(found, rules) for name, rules in variants().items()}
     decision = decide(found)
     lines = sentences(SimpleNamespace(found=found, decision=decision, answer=decision.answer, others=others, through=[(60.0, decision)], seed=1,
-                                      imu=SimpleNamespace(name="mine"), scenario=mission("static", 60.0), rules=Rules()))
+                                      imu=MINE, scenario=mission("static", 60.0), rules=Rules()))
     assert lines[0].startswith(said) and any(line.startswith("How sure") for line in lines)
-    assert len([line for line in lines if line.startswith("  ")]) == 4
+    assert len([line for line in lines if line.startswith("  ")]) == 4 and lines[1].startswith("my IMU, static")
+    assert any(line.startswith("Likely cause") and "scale factor" in line for line in lines) == (decision.answer == "none")
+    assert any(line.startswith(("The open loop is not", "By the estimates the open")) for line in lines) == (decision.answer not in ("open", "undecided"))
 
 
 def test_a_navigation_grade_in_a_short_mission_may_run_open_loop():
@@ -207,6 +211,8 @@ def test_an_advice_is_written_and_the_same_again(tmp_path):
     assert page.count("class=plot") == 5 and "Not decided by 4 runs" in page and not re.search(r"(src|href)=['\"]?https?:", page[:page.index("<footer>")])
     assert len((tmp_path / "a" / "map.csv").read_text().splitlines()) == 1 + 2 * 4 * len(durations(90.0))
     assert len((tmp_path / "a" / "summary.csv").read_text().splitlines()) == 1 + 3
+    with pytest.raises(DataError, match="seed is 5 there and 6 here"):
+        advise("tactical", "straight", 90, runs=4, seed=6, out=tmp_path / "a", rate=10.0, threads=2, say=pytest.fail)
     assert any("million filter steps" in line for line in said) and fractions == sorted(fractions) and fractions[-1] == pytest.approx(1.0)
     cut = {(row["motion"], row["imu"]) for row in first.map}
     assert cut == {(motion, imu) for motion in ("straight", "dynamic") for imu in ("consumer", "industrial", "tactical", "navigation")}
@@ -218,6 +224,7 @@ def test_bad_requests_end_in_one_line(tmp_path):
     (tmp_path / "file").write_text("")
     for arguments, said in ((("tactical", "static", "1min", 0), "runs is 0"), (("tacticle", "static", "1min"), "tactical"), ((str(bad), "static", "1min"), "imu.toml"),
                             (("tactical", "flying", "1min"), "unknown flight"), (("tactical", "static", "soon"), "duration"),
+                            (("tactical", "static", "10s", 2, 0, None, True, True), "leave out one"), (("tactical", "static", "10s", 2, -1), "seed is -1"),
                             (("tactical", "static", "10s", 2, 0, tmp_path / "file" / "sub"), "cannot be made")):
         with pytest.raises(DataError, match=said) as caught:
             advise(*arguments)

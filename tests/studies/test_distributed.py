@@ -72,5 +72,9 @@ def test_a_scheduler_of_ones_own_and_one_that_is_not_there(tmp_path, monkeypatch
     monkeypatch.setattr("strapdown.studies.distributed.PATIENCE", 1)
     with pytest.raises(sd.DataError, match="scheduler tcp://127.0.0.1:9: no answer"):
         study(runs=6).run(tmp_path / "none", scheduler="tcp://127.0.0.1:9")
+    with pytest.raises(sd.DataError, match="beside 2 workers here; give one of the two"):
+        study(runs=6).run(tmp_path / "none", workers=2, scheduler="tcp://127.0.0.1:9")
+    with pytest.raises(sd.DataError, match="give tcp://HOST:PORT"):
+        study(runs=6).run(tmp_path / "none", scheduler="")
     with pytest.raises(sd.DataError, match="workers is -1"):
         study(scenarios=FLIGHT, runs=6).run(tmp_path / "none", workers=-1)

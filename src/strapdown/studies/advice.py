@@ -91,23 +91,30 @@ class Advice:
         return "\n".join(sentences(self))
 
 
-def advise(imu, flight, duration, runs=None, seed=0, out=None, map=True, quick=False, rules=Rules(), rate=RATE, threads=None, workers=0,
+def advise(imu, flight, duration, runs=None, seed=0, out=None, map=None, quick=False, rules=Rules(), rate=RATE, threads=None, workers=0,
            scheduler=None, say=None, progress=None):
     """Advice on open loop, resets or closed loop for an IMU (grade, file or ImuSpec) on a mission. Raises DataError.
 
     flight, duration: as `mission.mission` and `mission.seconds` take them; runs: of the study (default 40, quick 36); map: also the crossover map
-    of grades, durations and dynamics; quick: no map and two reset intervals only. With `out`, the folder that all goes to, a command that was
-    interrupted goes on where it was. threads, workers, scheduler, say, progress: as `Study.run`.
+    of grades, durations and dynamics (default: unless quick); quick: no map and two reset intervals only. With `out`, the folder that all
+    goes to, a command that was interrupted goes on where it was. threads, workers, scheduler, say, progress: as `Study.run`.
     """
+    if quick and map:
+        raise DataError("quick makes no map (--quick, --map): leave out one of the two")
+    map = not quick if map is None else map
     spec, length = grade(imu), seconds(duration)
     scenario = mission(flight, length, rate)
     study = _study((scenario,), (spec,), _candidates(length, quick), (QUICK_RUNS if quick else RUNS) if runs is None else runs, seed)
-    maps = _study(_map_scenarios(scenario), _map_imus(spec), MAP_FILTERS, min(study.runs, MAP_RUNS), seed) if map and not quick else None
+    maps = _study(_map_scenarios(scenario), _map_imus(spec), MAP_FILTERS, min(study.runs, MAP_RUNS), seed) if map else None
     steps = study.steps() + (maps.steps() if maps else 0)
+    folder = Path(out) if out is not None else None
+    if folder and min(workers, threads or 0) >= 0:      # what is refused is refused before anything is said
+        for each, name in ((study, "mission"), (maps, "map")):
+            if each:
+                Campaign.begin(each, folder / "runs" / name)
     if say:
         say(f"{study.runs} runs of {len(study.filters)} filters" + (f", and a map of {len(maps.cells)} cells" if maps else "")
             + f": {steps / 1e6:.3g} million filter steps, about {steps * STEP_TIME:.0f} s of one core")
-    folder = Path(out) if out is not None else None
     run = lambda s, name, first: s.run(folder / "runs" / name if folder else None, threads, workers, scheduler, say,
                                        progress and (lambda done: progress((first + done * s.steps()) / steps)))
     campaign = run(study, "mission", 0)

@@ -5,6 +5,8 @@ import tomllib
 from importlib.resources import files
 from pathlib import Path
 
+import numpy as np
+
 from ..data import DataError
 from ..sim.scenario import Scenario, scenario, scenarios
 from ..sim.scenario_file import from_table, nearest
@@ -71,7 +73,7 @@ def mission(flight, duration, rate=RATE):
         table, path = _table(flight)
         made = _lasting(_again(table, path, duration), duration)
     ending = f"-{duration:g}s"
-    return made.replace(name=made.name.removesuffix(ending) + ending, rate=min(rate, made.rate))
+    return made.replace(name=made.name.removesuffix(ending) + ending, rate=min(max(rate, _fastest(made.gnss)), made.rate))
 
 
 def _table(flight):
@@ -111,6 +113,11 @@ def _times(key, items, times):
         return [{"repeat": times, "legs": items}]
     loop = items[:-1] if items[0] == items[-1] else items
     return [*loop * times, loop[0]]
+
+
+def _fastest(gnss):
+    """Fixes per second: the IMU's samples may not be fewer."""
+    return 0.0 if np.ndim(gnss.interval) else 1 / gnss.interval
 
 
 def _lasting(made, duration):

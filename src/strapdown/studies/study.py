@@ -115,6 +115,8 @@ class Study:
         for name, count in (("threads", threads or 0), ("workers", workers)):
             if count < 0:
                 raise DataError(f"{name} is {count}; it must be 1 or more")
+        if scheduler is not None and (workers or not scheduler.strip()):
+            raise DataError(f"scheduler is {scheduler!r}" + (f" beside {workers} workers here; give one of the two" if workers else "; give tcp://HOST:PORT, or leave it out"))
         campaign = Campaign.begin(self, out)
         with campaign.locked():
             campaign.check()
