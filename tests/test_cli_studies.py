@@ -55,6 +55,13 @@ def test_a_simulated_recording_is_read_and_fused(hop, monkeypatch, capsys):
     assert len(sd.read("short.nc").imu.t) == 200 and sd.read("short.nc").meta["grade"] == "consumer"
 
 
+def test_what_a_recording_notes_is_printed(hop, monkeypatch, capsys):
+    (hop / "silent.toml").write_text(SCENARIO.replace("interval_s = 1", "interval_s = 60"))
+    code, out, err = run(monkeypatch, capsys, "simulate", "silent.toml", "--out", "silent.nc")
+    assert (code, err) == (0, "") and "note: GNSS position: not one fix falls into the recording" in out
+    assert sd.read("silent.nc").meta["notes"] == ["GNSS position: not one fix falls into the recording; outages, interval and latency leave none"]
+
+
 def test_a_study_prints_its_table_and_goes_on_where_it_was(hop, monkeypatch, capsys):
     words = ("study", "hop.toml", "--imu", "tactical", "--filter", "closed-loop", "--filter", "periodic-reset:interval=5", "--runs", 3, "--seed", 2, "--out", "done")
     code, out, _ = run(monkeypatch, capsys, *words)
@@ -82,8 +89,12 @@ def test_impossible_scenarios_are_one_line(hop, monkeypatch, capsys, name, words
 @pytest.mark.parametrize("words, said", [
     (("simulate", "hopp", "--out", "x.nc"), "'hopp'"), (("simulate", "hop.toml", "--out", "x.csv"), "name a file that ends in .nc"),
     (("simulate", "hop.toml", "--imu", "tactcal", "--out", "x.nc"), "did you mean 'tactical'"), (("simulate", "hop.toml", "--duration", "0", "--out", "x.nc"), "0.0"),
-    (("study", "hop.toml", "--runs", "0", "--out", "x"), "runs is 0"), (("study", "hop.toml", "--filter", "closd-loop", "--out", "x"), "did you mean 'closed-loop'"),
+    (("study", "hop.toml", "--runs", "0", "--out", "x"), "runs is 0"), (("reproduce", "hager-bryne", "--runs", "0", "--out", "x"), "runs is 0"), (("study", "hop.toml", "--filter", "closd-loop", "--out", "x"), "did you mean 'closed-loop'"),
     (("study", "hop.toml", "--workers", "-2", "--runs", "2", "--out", "x"), "workers is -2"),
+    (("simulate", "static", "--seed", "-1", "--out", "x.nc"), "seed is -1"), (("demo", "--seed", "-1", "--out", "x.html"), "seed is -1"),
+    (("simulate", "static", "--duration", "1e12", "--out", "x.nc"), "at most 50 million"),
+    (("advise", "--imu", "tactical", "--flight", "hop.toml", "--duration", "1min", "--quick", "--map", "--out", "x"), "leave out one of the two"),
+    (("advise", "--imu", "tactical", "--flight", "hop.toml", "--duration", "1min", "--workers", "-2", "--out", "x"), "workers is -2"),
     (("advise", "--imu", "tactical", "--flight", "hop.toml", "--duration", "soon"), "soon"), (("advise", "--imu", "tactical", "--flight", "hopp", "--duration", "1h"), "hopp"),
     (("reproduce", "hager", "--out", "x"), "nothing to reproduce is called 'hager'; there is: recordings, hager-bryne"),
     (("reproduce", "recordings", "--quick", "--out", "x"), "reproduce recordings has no option --quick"),
@@ -111,4 +122,7 @@ def test_allan_of_a_record_at_rest(hop, monkeypatch, capsys):
 
 def test_advice_in_a_few_lines(hop, monkeypatch, capsys):
     code, out, _ = run(monkeypatch, capsys, "advise", "--imu", "tactical", "--flight", "hop.toml", "--duration", "1min", "--runs", 2, "--quick", "--out", "advice")
+    words = ("advise", "--imu", "tactical", "--flight", "hop.toml", "--duration", "1min", "--runs", 2, "--quick", "--seed", 3, "--out", "advice")
+    refused, nothing, err = run(monkeypatch, capsys, *words)
+    assert refused == 2 and nothing == "" and err.count("\n") == 1 and "seed is 0 there and 3 here" in err
     assert code == 0 and "wrote advice/index.html" in out and json.loads((hop / "advice" / "advice.json").read_text())["duration_s"] == 60

@@ -18,6 +18,8 @@ def simulate(scenario: Annotated[str, typer.Argument(metavar="SCENARIO", help="A
     recording = sd.simulate(sd.scenario(scenario), duration, imu, seed)
     with results_folder(out.parent):
         sd.write_recording(recording, out)
+    for note in recording.meta["notes"]:
+        print(f"note: {note}")
     fixes = ", ".join(f"{len(a.t)} {a.name or a.kind}" for a in recording.aidings)
     print(f"wrote {out}: {recording.span[1] - recording.span[0]:g} s, {len(recording.imu.t)} IMU samples, {fixes or 'no fixes'}, the truth as reference")
 
@@ -47,10 +49,10 @@ def print_summary(summary):
 
 
 def advise(imu: Annotated[str, typer.Option(help="IMU grade (see `strapdown imus`) or a file that describes one.")],
-           flight: Annotated[str, typer.Option(metavar="KIND", help="A built-in scenario (straight, demo, car, ship, ...) or a TOML file.")],
+           flight: Annotated[str, typer.Option(metavar="KIND", help="dynamic (circuits of a light aircraft), a built-in scenario (straight, demo, car, ship, ...) or a TOML file.")],
            duration: Annotated[str, typer.Option(metavar="T", help="Length of the mission: 90min, 2h, or seconds.")],
            runs: Annotated[Optional[int], typer.Option(metavar="N", help="Runs of the study [default: as the page says].")] = None, seed: SEED = 0,
-           map: Annotated[bool, typer.Option(help="Also the crossover map of grades, durations and dynamics.")] = True,
+           map: Annotated[Optional[bool], typer.Option("--map/--no-map", help="Also the crossover map of grades, durations and dynamics.  [default: unless --quick]")] = None,
            quick: Annotated[bool, typer.Option("--quick", help="No map, fewer runs and reset intervals.")] = False,
            out: OUT = Path("advice"), workers: WORKERS = 0, scheduler: SCHEDULER = None):
     """Open loop, closed loop, or reset every t seconds, for your IMU and mission: with intervals, and how sure it is."""

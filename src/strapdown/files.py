@@ -1,10 +1,15 @@
 """Writing files so that a reader never meets half of one."""
 import os
+import shutil
 import tempfile
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 
 from .data import DataError
+
+IN_MEMORY = 1_000_000_000
+"""Bytes of arrays up to which a NetCDF file is made in memory: some 10 million IMU samples."""
 
 
 @contextmanager
@@ -27,6 +32,26 @@ def replacing(path):
     finally:
         if part is not None:
             part.unlink(missing_ok=True)
+
+
+@contextmanager
+def netcdf(part, size):
+    """A new h5netcdf.File that becomes the file `part` (of `replacing`) when the block ends; `size`: bytes of the arrays that go into it.
+
+    It is made in memory and written at once, for HDF5 that runs out of disk cannot even close its file and takes the process with it. Above
+    IN_MEMORY it is written directly, into a folder that has room for all of it.
+    """
+    import h5netcdf
+    if size > IN_MEMORY:
+        if shutil.disk_usage(part.parent).free < size:
+            raise OSError(28, f"the disk has not the {size / 1e9:.2g} GB that it needs")
+        with h5netcdf.File(part, "w") as file:
+            yield file
+        return
+    buffer = BytesIO()
+    with h5netcdf.File(buffer, "w") as file:
+        yield file
+    part.write_bytes(buffer.getbuffer())
 
 
 def _part(target):

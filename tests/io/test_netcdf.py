@@ -1,12 +1,16 @@
 """A recording in one NetCDF file: what comes back is what was written; damage and refused places end in one line."""
 import os
+import subprocess
+import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from strapdown import files
 from strapdown.data import Aiding, DataError, Recording
 from strapdown.io import read, write_recording
 
@@ -111,3 +115,37 @@ def test_an_imu_of_ones_own_travels_with_the_recording(tmp_path):
     write_recording(recording, tmp_path / "a.nc")
     back = read(tmp_path / "a.nc")
     assert fuse(back, every=100).meta["noise"] == fuse(recording, every=100).meta["noise"] == own.noise()._asdict()
+
+
+FULL = """
+import resource, sys
+import numpy as np
+import strapdown as sd
+recording = sd.simulate("static", duration=15)
+solution = sd.fuse(recording, "closed-loop", imu="tactical", start=sd.align(recording, sd.grade("tactical"), heading=0.0))
+resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
+for write, what in ((sd.write_recording, recording), (sd.write_solution, solution)):
+    try:
+        write(what, "big.nc")
+    except sd.DataError as error:
+        print(error)
+"""
+
+
+def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path):
+    """HDF5 that cannot write ends the process in its destructors; the bytes are made in memory first."""
+    done = subprocess.run([sys.executable, "-c", FULL], cwd=tmp_path, capture_output=True, text=True)
+    line = "big.nc: cannot be written (File too large); choose another folder, or make room there"
+    assert (done.returncode, done.stderr, done.stdout.splitlines()) == (0, "", [line] * 2)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_too_large_for_memory_is_written_directly(build, tmp_path, monkeypatch):
+    recording = read(build())
+    monkeypatch.setattr(files, "IN_MEMORY", 0)
+    write_recording(recording, tmp_path / "large.nc")
+    assert_equal(recording, read(tmp_path / "large.nc"))
+    monkeypatch.setattr(files.shutil, "disk_usage", lambda folder: SimpleNamespace(free=10))
+    with pytest.raises(DataError, match="small.nc: cannot be written .the disk has not the .* GB that it needs.; choose another folder"):
+        write_recording(recording, tmp_path / "small.nc")
+    assert [path.name for path in tmp_path.glob("*.nc")] == ["large.nc"]

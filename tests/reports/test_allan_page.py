@@ -73,6 +73,13 @@ def test_a_record_that_moves_is_noted_or_refused():
         analyse(moving)
 
 
+@pytest.mark.parametrize("name, duration", [("car", 300), ("ship", 300), ("straight", 300), ("demo", 300)])
+def test_a_smooth_drive_is_no_rest(name, duration):
+    """Each second of it alone is as still as a rest is."""
+    with pytest.raises(DataError, match="^the IMU .* an Allan deviation needs it at rest; choose a stretch with --from and --to"):
+        analyse(sd.simulate(name, duration, rate=20.0))
+
+
 def test_what_the_model_does_not_know_is_said():
     rocking = recording()
     rocking.imu.dtheta[:, 0] += 2e-3 * np.diff(np.sin(0.8 * np.r_[0, rocking.imu.t]))

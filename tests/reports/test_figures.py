@@ -168,3 +168,19 @@ def test_runs_with_unknown_rows_and_clock_times_are_drawn():
     for figure in everything(lost, replace(TRUTH, t=TRUTH.t + 1.7e9)):
         assert np.all(np.isfinite(np.array([axis.range for axis in (figure.layout.xaxis, figure.layout.yaxis)], float)))
     assert figures.sigma(lost).layout.xaxis3.title.text == "time since 1700000000 s [s]"
+
+
+@pytest.mark.parametrize("low, high, labels", [(0.02, 0.3, ["0.02", "0.05", "0.1", "0.2"]), (30.0, 200.0, ["50", "100", "200"]), (1.0, 2.0, ["1", "2"]),
+                                               (3e-9, 8e-9, ["5e-09", "1e-08"]), (3.0, 3.2, ["2.5", "3", "4"])])
+def test_a_short_logarithmic_axis_has_whole_numbers(low, high, labels):
+    figure = drawing.panels(["x [m]"], log=True)
+    drawing.log_range(figure, low, high)
+    axis = figure.layout.yaxis
+    assert [float(text) for text in axis.ticktext] == pytest.approx(axis.tickvals) and list(axis.ticktext) == labels
+    assert all(axis.range[0] <= np.log10(value) <= axis.range[1] for value in axis.tickvals)
+
+
+def test_a_long_logarithmic_axis_has_decades():
+    figure = drawing.panels(["x [m]"], log=True)
+    drawing.log_range(figure, 1e-3, 1e3)
+    assert figure.layout.yaxis.dtick == 1 and figure.layout.yaxis.tickvals is None

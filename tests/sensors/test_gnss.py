@@ -115,7 +115,8 @@ def test_a_plan_serves_any_number_of_runs():
 
 @pytest.mark.parametrize("change, words", [
     ({"latency": -0.1}, "latency"), ({"latency": np.nan}, "latency"), ({"outages": ((5.0, 5.0),)}, "start before the stop"), ({"outages": ((5.0,),)}, "write .start, stop."),
-    ({"position_sd": (1.0, 2.0)}, "2 standard deviations are given")])
+    ({"position_sd": (1.0, 2.0)}, "2 standard deviations are given"), ({"outages": (("a", "b"),)}, "start before the stop"), ({"latency": "x"}, "latency"),
+    ({"interval": np.array([1.0, np.nan])}, "must be finite")])
 def test_impossible_outages_and_delays_are_refused(change, words):
     with pytest.raises(DataError, match=words):
         Gnss(**change).plan(TRUTH)

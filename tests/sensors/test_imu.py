@@ -328,6 +328,9 @@ def test_new_terms_leave_the_draws_of_the_old_ones_alone():
     ('bias_walk = { value = 3, unit = "deg/h/sqrt(h)" }', 'temperature = { unit = "deg/h", rows = [[2, 2, 3, 4], [4, 2, 3, 4]] }', "needs warm_up"),
     ('[accel]', '[warm_up]\nstart = 3\n[accel]', r"\[warm_up\] needs start, end and time_constant"),
     ('[accel]', '[warm_up]\nstart = { value = 3, unit = "K" }\nend = 3\ntime_constant = 3\n[accel]', "warm_up.start: unknown unit 'K'"),
+    ('[accel]', '[accel]\nsaturation = { value = 0, unit = "g" }', "accel.saturation: the full scale is 0"),
+    ('[accel]', '[accel]\nscale_factor = { value = 101, unit = "%" }', r"\[accel\]: scale_factor is 1.01; it must be at most 1 .100 %."),
+    ('[accel]', '[accel]\nmisalignment = { value = 46, unit = "deg" }', r"\[accel\]: misalignment is 0.802851; it must be at most 0.785 rad .45 deg."),
     ('[accel]', '[accel]\ng_sensitivity = { value = 1, unit = "deg/h/g" }', "unknown key 'g_sensitivity'"),
 ])
 def test_what_is_wrong_with_newer_terms_is_named(tmp_path, old, new, words):

@@ -107,6 +107,21 @@ def test_waypoints_out_of_reach_are_named():
         waypoints(PLACES[:1], 30.0)
 
 
+@pytest.mark.short
+@pytest.mark.parametrize("places, speed, words", [
+    ([(47, 9), (47, 9)], 50.0, "waypoints 1 and 2 are at the same place"), ([(47, 9), (47.2, 9), (47.2, 9)], 50.0, "waypoints 2 and 3 are at the same place"),
+    ([(47, 9), (89.5, 9)], 50.0, "waypoint 2 is at 89.5 deg of latitude"), ([(-60, 0), (60, 170)], 0.1, "10 days"), ([(47, np.nan), (47.2, 9)], 50.0, "not finite"),
+    ([(47, 9), (47.2, 9)], 0.0, "speed and smoothing above 0")])
+def test_waypoints_that_cannot_be_flown_are_refused_at_once(places, speed, words):
+    with pytest.raises(DataError, match=words):
+        waypoints([(lat * DEG, lon * DEG, 900.0) for lat, lon in places], speed)
+
+
+def test_an_aircraft_climbs_slower_than_it_flies():
+    with pytest.raises(DataError, match="waypoint 2 needs a climb of .* at a speed of 30 m/s"):
+        waypoints([PLACES[0], (*PLACES[1][:2], 9000.0)], 30.0)
+
+
 def test_a_flight_does_what_its_legs_say():
     motion = flight((0.8, 0.2, 900.0), 0.4, 28.0, TURNS, roughness=0.0)
     turned = (180 - 3 * 200) * DEG
@@ -150,6 +165,9 @@ def test_a_ship_heaves_and_rolls_about_its_course():
 @pytest.mark.parametrize("legs, words", [
     ([], "a leg or more"), ([{"duration": 0.0}], "leg 1 .* duration above 0"), ([{"duration": 3.0}, {"turn": 1.0}], "leg 2 .* duration above 0"),
     ([{"turn": 1.0, "bank": 1.5}], "bank between 0 and 80"), ([{"duration": 3.0, "turn": 1.0, "bank": 0.3}], "leg 1"), ([{"duration": 5.0, "speed": -1.0}], "speed is -1.0"),
+    ([{"duration": 5.0, "speed": 0.0}], "speed is 0.0; an aircraft's must be above 0"), ([{"turn": 1.0, "bank": 0.0}], "bank between 0 and 80"),
+    ([{"duration": 5.0, "speed": 10.0, "climb": 12.0}], "a climb of 12 m/s at a speed of 10 m/s"), ([{"duration": 1e9}], "10 days"),
+    ([{"repeat": 10 ** 9, "legs": [{"duration": 1.0}]}], "1000000000 legs"), ([{"repeat": 3000, "legs": [{"duration": 1.0}]}] * 2, "6000 legs"),
     ([{"duration": 5.0, "gradient": 0.1}], "unknown key 'gradient'"), ([{"repeat": 0, "legs": []}], "whole number from 1"), ([3], "leg 1 is 3")])
 def test_impossible_legs_are_refused(legs, words):
     with pytest.raises(DataError, match=words):

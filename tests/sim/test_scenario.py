@@ -147,6 +147,8 @@ def test_an_imu_file_is_found_beside_the_scenario(tmp_path):
     ('gravity = "latitude"', 'gravity = "flat"', "height, latitude"), ("gate = inf", "gate = 0", "larger than 0"), ("rate_hz = 50", "rate_hz = ", "not valid TOML"),
     ("repeat = 2", "repeat = 2.5", "whole number"), ("[motion]", "[[motion]]", r"write a section \[motion\]"), ("speed_m_s = 40", "speed_m_s = 4000", "faster than 3000"),
     ('name = "my flight"', "name = 3", "text in quotes"), ("rate_hz = 50", "rate_hz = 50\nduration_s = 9999", "ends at"),
+    ("rate_hz = 50", "rate_hz = 0", "rate_hz is 0; it must be larger than 0"), ("rate_hz = 50", "rate_hz = nan", "rate_hz is nan; it must be a finite number"),
+    ("rate_hz = 50", "rate_hz = 1" + "0" * 400, "finite number"), ("turn_deg = 90", "gradient = 1", "unknown key 'gradient'; known: duration_s, turn_deg, bank_deg, speed_m_s, climb_m_s,"),
     ("[start]", "[start]\nbiases_known = 1", "true or false"), ("legs = [", "legs = [ 3,", "legs 1 is 3")])
 def test_files_with_mistakes_are_refused_in_one_line(tmp_path, old, new, words):
     assert old in FILE
@@ -176,6 +178,10 @@ MOVING = lambda velocity: Motion("m", (0.8, 0.1, 100.0), velocity, lambda t: (0 
     ({"duration": 0.0}, "cannot simulate"), ({"rate": -1.0}, "cannot simulate"), ({"rate": np.nan}, "cannot simulate"), ({"duration": "long"}, "must be a number"),
     ({"motion": 3}, "must be a Motion"), ({"gate": -1.0}, "gate is -1"), ({"gate": np.nan}, "gate is nan"), ({"gravity": "none"}, "gravity is 'none'"),
     ({"accel_offset": (0.0, np.nan, 0.0)}, "accel_offset"), ({"start_sd": (1.0,) * 9}, "15 numbers"), ({"start_sd": (None,) * 15}, "15 numbers"), ({"imu": "none"}, "unknown IMU"),
+    ({"duration": 1e12}, "at most 50 million in 10 days"), ({"rate": 1e6}, "1e.08 IMU samples; at most 50 million"), ({"duration": 1e6, "rate": 1.0}, "10 days"),
+    ({"accel_offset": (0.0, 1001.0, 0.0)}, "within 1000 m/s"), ({"start_sd": (1.0,) * 6 + (4.0,) * 3 + (None,) * 6}, "229.183 deg; it must be at most 180"),
+    ({"gnss": Gnss(0.005)}, "come faster than the IMU's samples"), ({"gnss": Gnss(-1.0)}, "interval"), ({"gnss": Gnss(np.nan)}, "interval"), ({"gnss": Gnss("x")}, "interval"),
+    ({"gnss": Gnss(latency=-1.0)}, "latency"), ({"gnss": Gnss(position_sd="x")}, "'x' is no number"), ({"motion": static((0.5, 0.0, 0.0), (0.0, 89.5 * DEG, 0.0))}, "pitch of 89 deg"),
     ({"gnss": Gnss(0.0)}, "interval"), ({"motion": static((89.5 * DEG, 0.0, 0.0))}, "89 deg of latitude"), ({"motion": static((0.5, 0.0, -2000.0))}, "lower than -1000 m"),
     ({"motion": MOVING(lambda t: (0 * t, 0 * t, -2000.0 + 0 * t))}, "higher than 100 km at 50"), ({"motion": MOVING(lambda t: (0 * t, 4000.0 + 0 * t, 0 * t))}, "faster than 3000"),
     ({"motion": MOVING(lambda t: (0 * t, np.nan * t, 0 * t))}, "not finite")])

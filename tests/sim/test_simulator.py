@@ -142,3 +142,13 @@ def test_a_written_simulation_is_read_back_and_fused(tmp_path):
     np.testing.assert_array_equal(made.reference.q_nb, back.reference.q_nb)
     assert back.meta["grade"] == "industrial" and back.meta["seed"] == 4 and back.meta["name"] == "car"
     assert sd.fuse(back).t[-1] == 30.0
+
+
+def test_an_offset_may_be_the_initial_value_of_the_gauss_markov_bias():
+    """It then decays with the IMU's time constant, in the samples as in the true bias that goes with them; a grade without one keeps it."""
+    offset = (0.5, 0.0, -0.2)
+    plain, decaying = (Simulator(SHORT.replace(**change)) for change in ({}, {"accel_offset": offset, "offset_decays": True}))
+    a, b = (made.recording("paper1-consumer", np.random.default_rng(3)) for made in (plain, decaying))
+    expected = np.outer(np.exp(-(a.imu.t - a.imu.t[0]) / 300.0), offset)
+    np.testing.assert_allclose(b.meta["b_a"] - a.meta["b_a"], expected, atol=1e-12)
+    np.testing.assert_allclose((b.imu.dv - a.imu.dv) / a.imu.dt[:, None], expected, atol=1e-9)

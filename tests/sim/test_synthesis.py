@@ -33,6 +33,21 @@ def test_a_seed_repeats_and_fixes_do_not_depend_on_the_grade():
     assert not np.array_equal(one.aidings[0].y, simulate(FLIGHT, 10, "tactical", seed=4).aidings[0].y)
 
 
+@pytest.mark.short
+@pytest.mark.parametrize("seed", [-1, 1.5, "x", None, True])
+def test_a_seed_that_is_none_is_named(seed):
+    with pytest.raises(DataError, match=f"seed is {seed!r}; it must be a whole number, 0 or more"):
+        simulate(FLIGHT, 10, "tactical", seed=seed)
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("change", [{"outages": ((0.0, 100.0),)}, {"interval": 11.0}, {"latency": 20.0}])
+def test_a_receiver_that_gives_no_fix_is_noted(change):
+    made = simulate(FLIGHT, 10, "tactical", gnss=Gnss(velocity_sd=None)._replace(**change))
+    assert made.meta["notes"] == ["GNSS position: not one fix falls into the recording; outages, interval and latency leave none"]
+    assert simulate(FLIGHT, 10, "tactical", gnss=Gnss(position_sd=None, velocity_sd=None)).meta["notes"] == []
+
+
 def test_the_receiver_is_the_one_asked_for():
     made = simulate(FLIGHT, 10, "tactical", seed=1, rate=20.0, gnss=Gnss(0.5, (3, 3, 3), None, (1, 0, -1)))
     fixes, = made.aidings

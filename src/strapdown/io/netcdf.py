@@ -6,7 +6,7 @@ import numpy as np
 
 from ..core.contract import Imu
 from ..data import Aiding, DataError, Recording, Trajectory
-from ..files import replacing
+from ..files import netcdf, replacing
 from .fixes import checked_aidings, overlap
 from .plausible import mistakes
 from .solution import plain
@@ -29,14 +29,17 @@ def write_recording(recording, path):
         groups[f"aiding_{number}"] = (_aiding_layout(aiding.kind), vars(aiding), attributes)
     if recording.reference is not None:
         groups["reference"] = (REFERENCE, vars(recording.reference), {})
-    try:
-        sets = {name: _dataset(*group) for name, group in groups.items()}
-    except ValueError as error:
-        raise DataError(f"{path}: not written, the columns of the recording have different lengths ({str(error).splitlines()[0]})") from error
-    with replacing(path) as part:
-        _root(recording.meta).to_netcdf(part, mode="w", engine="h5netcdf")
-        for name, data in sets.items():
-            data.to_netcdf(part, group=name, mode="a", engine="h5netcdf")
+    columns = {name: _columns(*group[:2], f"{path}: {name}") for name, group in groups.items()}
+    arrays, text = _meta(recording.meta)
+    size = sum(values.nbytes for variables in (*columns.values(), arrays) for _, values, _ in variables.values())
+    with replacing(path) as part, netcdf(part, size) as file:
+        file.attrs["format"] = FORMAT
+        _fill(file, arrays)
+        _text(file, text)
+        for name, variables in columns.items():
+            group = file.create_group(name)
+            group.attrs.update(groups[name][2])
+            _fill(group, variables)
 
 
 def _aiding_layout(kind):
@@ -50,23 +53,35 @@ def _aiding_layout(kind):
             "sd": ("time component", units[1], "standard deviation per component")}
 
 
-def _root(meta):
-    """The top group: arrays of meta as variables, the rest as JSON, which stands in a variable because an attribute ends at 64 KiB."""
-    import xarray as xr
+def _meta(meta):
+    """({name: variable} of the arrays of meta, the rest as JSON), which stands in a variable because an attribute ends at 64 KiB."""
     arrays = {key: value for key, value in meta.items() if isinstance(value, np.ndarray) and value.ndim and value.dtype.kind in "fi"}
     text = json.dumps(plain({key: value for key, value in meta.items() if key not in arrays}))
-    variables = {f"meta_{key}": ([f"{key}_{axis}" for axis in range(value.ndim)], value, {}, {"_FillValue": None})
-                 for key, value in arrays.items()}
-    return xr.Dataset({"meta": ((), text, {"long_name": "meta as JSON"})} | variables, attrs={"format": FORMAT})
+    return {f"meta_{key}": ([f"{key}_{axis}" for axis in range(value.ndim)], value, {}) for key, value in arrays.items()}, text
 
 
-def _dataset(layout, values, attributes):
-    import xarray as xr
-    variable = lambda name, dims, unit, text: xr.Variable(dims.split(), np.asarray(values[name], float), {"units": unit, "long_name": text},
-                                                          encoding={"_FillValue": None})
-    variables = {name: variable(name, dims, unit, text)
-                 for name, (dims, unit, text) in layout.items() if values[name] is not None}
-    return xr.Dataset(variables, attrs=attributes)
+def _columns(layout, values, where):
+    """{name: (dimensions, array, attributes)} of the columns that there are. Raises DataError where their lengths differ."""
+    found = {name: (dims.split(), np.asarray(values[name], float), {"units": unit, "long_name": text})
+             for name, (dims, unit, text) in layout.items() if values[name] is not None}
+    for name, (dims, array, _) in found.items():
+        if array.ndim != len(dims) or len(array) != len(found["t"][1]):
+            raise DataError(f"{where}: not written, the columns of the recording have different lengths ({name} has the shape {array.shape}, "
+                            f"t {found['t'][1].shape})")
+    return found
+
+
+def _fill(group, variables):
+    for name, (dims, values, attributes) in variables.items():
+        for dim, size in zip(dims, values.shape):
+            if dim not in group.dimensions:
+                group.dimensions[dim] = size
+        group.create_variable(name, tuple(dims), data=values).attrs.update(attributes)
+
+
+def _text(file, text):
+    import h5py
+    file.create_variable("meta", (), h5py.string_dtype(), data=np.array(text, object)).attrs["long_name"] = "meta as JSON"
 
 
 def read_recording(path):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..data import BIAS_COLUMNS, BRIDGED, INVALID, NAV_COLUMNS, SD_COLUMNS, SD_SCALE, UNITS, VALID, DataError, Innovations, Solution, Trajectory
-from ..files import replacing
+from ..files import netcdf, replacing
 
 QUATERNION = ["q_w", "q_x", "q_y", "q_z"]
 FORMAT = "strapdown solution 1"
@@ -54,15 +54,10 @@ def _format(path, known):
 # NetCDF
 
 def _write_netcdf(solution, part, _):
-    """Made up in memory first: on a full disk HDF5 would print a traceback for every object it could not close."""
-    import io
-
-    import h5netcdf
-    buffer = io.BytesIO()
-    with h5netcdf.File(buffer, "w") as file:
+    variables = {name: (dims, np.asarray(values), attributes) for name, (dims, values, attributes) in _variables(solution).items()}
+    with netcdf(part, sum(values.nbytes for _, values, _ in variables.values())) as file:
         file.attrs["format"] = FORMAT
-        for name, (dims, values, attributes) in _variables(solution).items():
-            values = np.asarray(values)
+        for name, (dims, values, attributes) in variables.items():
             for dim, size in zip(dims, values.shape):
                 if dim not in file.dimensions:
                     file.dimensions[dim] = size
@@ -70,7 +65,6 @@ def _write_netcdf(solution, part, _):
             text = {"dtype": _text()} if values.dtype.kind == "U" else {}
             variable = file.create_variable(name, dims, data=values.astype(object) if text else values, **packed, **text)
             variable.attrs.update(attributes)
-    part.write_bytes(buffer.getbuffer())
 
 
 def _text():

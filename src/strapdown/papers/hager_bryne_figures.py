@@ -4,7 +4,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from ..core.contract import POS
-from ..reports.drawing import COLOURS, GREY, RED, band, column, finish, frame, line, log_range, note, panels
+from ..reports.drawing import COLOURS, GREY, RED, band, column, finish, frame, line, log_range, log_ticks, note, panels
 from .hager_bryne_cells import LIMIT, ONSET, numbers_of, rows_of
 
 BLUE, ORANGE = COLOURS[:2]
@@ -229,7 +229,9 @@ def _consistency(cells):
                                        "arrayminus": np.nan_to_num(middle - low), "width": 3}), row=row, col=1)
         drawn.add_hline(y=1, line={"color": GREY, "width": 1, "dash": "dot"}, row=row, col=1)
         drawn.update_xaxes(tickvals=list(range(len(own))), ticktext=list(own["flight"]), showticklabels=True, row=row, col=1)
-        drawn.update_yaxes(dtick="D2", exponentformat="none", row=row, col=1)
+        ends = [np.log10(np.nanmin(own[["open_anees_low", "closed_anees_low"]].to_numpy(float))), np.log10(np.nanmax(own[["open_anees_high", "closed_anees_high"]].to_numpy(float)))]
+        if np.all(np.isfinite(ends)):
+            drawn.update_yaxes(**log_ticks(ends[0] - 0.1, ends[1] + 0.1), row=row, col=1)
     drawn.update_xaxes(title_text="flight", row=len(grades), col=1)
     return drawn.update_layout(hovermode="closest")
 

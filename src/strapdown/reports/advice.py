@@ -1,4 +1,5 @@
 """What `strapdown advise` says and shows: the sentences, the table of evidence, and the page with its figures."""
+import re
 from datetime import UTC, datetime
 from html import escape
 from itertools import count
@@ -26,6 +27,10 @@ LEGEND = ("The crossover map: which architecture is admissible for a mission tha
           "admissible time between resets of those compared (60 s stands for all), a question mark says that an interval allows another answer.")
 
 
+UNESTIMATED = ("scale_factor", "misalignment", "g_sensitivity", "quantisation", "saturation", "temperature")
+"""Error terms of an IMU that the filters' models of noise and bias do not hold, or, as the temperature, hold only roughly."""
+
+
 def called(label):
     """A filter's label for people: "open loop", "closed loop", "reset every 60 s"."""
     return {"open": "open loop", "closed": "closed loop", "none": "none"}.get(kind_of(label)) or f"reset every {interval_of(label):g} s"
@@ -35,12 +40,18 @@ def sentences(advice):
     """The answer, what it is about, the reasons, and how sure it is: a list of lines."""
     head = [_headline(advice), _about(advice), *notes(advice)]
     lines = [f"  {called(e.filter):<20} {_verdict(advice, e)}" for e in advice.found.values()]
-    return [*head, *lines, _sure(advice), *_shorter(advice)]
+    return [*head, *lines, *_not_estimated(advice), _sure(advice), *_shorter(advice)]
 
 
 def flight(advice):
     """Name of the mission's flight, without its duration."""
     return advice.scenario.name.rpartition("-")[0]
+
+
+def imu_name(advice):
+    """The IMU for people: "tactical IMU"; a name that says it is one stays as it is."""
+    name = advice.imu.name
+    return name if re.search(r"(^|[\s_-])imu$", name.lower()) else f"{name} IMU"
 
 
 def _headline(advice):
@@ -75,7 +86,7 @@ def _about(advice):
     axes = lambda sd: f"{sd[0]:g} {sd[1]:g} {sd[2]:g}" if np.ndim(sd) else f"{sd:g}"
     receiver = (("position", gnss.position_sd, "m"), ("velocity", gnss.velocity_sd, "m/s"))
     measured = [f"{what} (sd {axes(sd)} {unit} NED)" for what, sd, unit in receiver if sd is not None]
-    return (f"{advice.imu.name} IMU, {flight(advice)}, {spoken(scenario.duration)}, simulated at {scenario.rate:g} Hz; "
+    return (f"{imu_name(advice)}, {flight(advice)}, {spoken(scenario.duration)}, simulated at {scenario.rate:g} Hz; "
             f"GNSS {' and '.join(measured) or 'nothing'} every {gnss.interval:g} s; "
             f"attitude at the start to {axes(np.degrees(scenario.start_sd[6:9]).round(3))} deg; "
             f"{advice.found[CLOSED].count} runs, seed {advice.seed}")
@@ -120,6 +131,20 @@ def _verdict(advice, e):
     return f"not decided: {'; '.join(_broken(e, verdict, UNDECIDED))}; {_runs(verdict.runs)} would tell"
 
 
+def _not_estimated(advice):
+    """Where not even the closed loop is admissible: the errors of the IMU that no filter here estimates, as a likely cause, and the remedy."""
+    if advice.decision.verdicts[CLOSED].admissible != NO:
+        return []
+    found = []
+    for sensor, triad in (("gyro", advice.imu.gyro), ("accelerometer", advice.imu.accel)):
+        terms = [name.replace("_", " ").replace("g s", "g-s") for name in UNESTIMATED if getattr(triad, name)]
+        found += [f"{' and '.join(filter(None, [', '.join(terms[:-1]), terms[-1]]))} of the {sensor}"] if terms else []
+    if not found:
+        return []
+    return [f"Likely cause: the IMU has errors that the filters do not estimate ({'; '.join(found)}), and that their noise does not cover. State more "
+            "noise in the IMU's file, or leave these terms out to judge the architecture alone."]
+
+
 def _sure(advice):
     """How much hangs on the thresholds and on the number of runs."""
     own = (advice.decision.answer, advice.decision.filter)
@@ -137,7 +162,7 @@ def _sure(advice):
 
 def _shorter(advice):
     """How long the open loop would do on this mission, by the estimates."""
-    if advice.answer == "open":
+    if advice.answer in ("open", "undecided"):
         return []
     long = 0.0
     for t, decision in advice.through:
@@ -178,7 +203,7 @@ def page(advice):
             ("Crossover map", place(figures.crossover(advice), "Which loop, for which IMU, duration and dynamics", LEGEND) if advice.map else
              "<p class=caption>Not made; leave out --quick and --no-map for it.</p>"),
             ("The rule", _rule(advice))]
-    title = f"Open loop, resets or closed loop: {advice.imu.name} IMU, {flight(advice)}, {spoken(advice.scenario.duration)}"
+    title = f"Open loop, resets or closed loop: {imu_name(advice)}, {flight(advice)}, {spoken(advice.scenario.duration)}"
     return shell(title, _answer(advice), seen, FOOTER)
 
 

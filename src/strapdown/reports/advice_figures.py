@@ -65,7 +65,8 @@ def _errors(advice, label, length, factor=1.0):
     if np.isfinite(bound).any():
         line(figure, t, bound, "Cramer-Rao bound", GREY, dash="dot")
     else:
-        note(figure, "There is no Cramer-Rao bound for this mission: its linearisation does not hold, or a fix of the ideal data was rejected.")
+        note(figure, "The Cramer-Rao bound is left out: it is computed along an ideal run (no errors of the IMU, exact fixes), and on this mission "
+                     "the ideal run leaves the truth, so that its linearisation does not hold, or rejects a fix.")
     values = np.concatenate([*seen, bound])
     values = values[np.isfinite(values) & (values > 0)]
     if len(values):

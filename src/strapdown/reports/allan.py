@@ -9,19 +9,21 @@ from .. import __version__
 from ..core.contract import Imu
 from ..data import DataError, Recording
 from ..files import replacing
-from ..rest import at_rest
+from ..rest import REST_ACCEL, REST_MEAN, REST_RATE, at_rest
 from ..sensors.allan import AXES, Allan, allan, first_gap
 from ..sensors.allan_fit import COEFFICIENTS
 from ..sensors.allan_grade import MISFIT, Suggestion, expected, suggest
 from ..sensors.imu import grade
 from ..sensors.units import SHEET, in_units
-from .drawing import COLOURS, GREY, finish, note
+from .drawing import COLOURS, GREY, finish, log_ticks, note
 from .shell import listed, placed, shell
 
 BODY = ("x (forward)", "y (right)", "z (down)")
 TITLES = {"gyro": "Gyros", "accel": "Accelerometers"}
 STILL = 0.25
 """Rest is judged on samples averaged to about this time, s: the noise of single counts is no motion."""
+SLOW = 30.0
+"""Smooth driving is as still as a rest over a second: what turns or accelerates slowly is judged on stretches of about this time, s."""
 FOOTER = "Overlapping estimates (NIST SP 1065); coefficients as in IEEE Std 952-1997; axes of the body: forward, right, down."
 SYMBOLS = {"quantisation": "-1", "white noise": "-1/2", "bias instability": "0", "rate random walk": "+1/2", "rate ramp": "+1"}
 """Slope of each term in the logarithmic plot."""
@@ -112,7 +114,10 @@ def _motion(imu):
         return []
     sums = [column[:n * width].reshape(n, width, -1).sum(axis=1) for column in imu[1:]]
     coarse = Imu(imu.t[width - 1:n * width:width], sums[0][:, 0], sums[1], sums[2])
-    still = at_rest(coarse, window=4 * STILL)
+    still, slow = at_rest(coarse, window=4 * STILL), _slow_motion(coarse)
+    if still.mean() >= 0.5 and slow >= 0.5:
+        raise DataError(f"the IMU turns or accelerates in {100 * slow:.0f} % of its stretches of {_slow_stretch(n) * width * np.median(imu.dt):.0f} s: "
+                        "an Allan deviation needs it at rest; choose a stretch with --from and --to")
     if still.mean() >= 0.99:
         return []
     edges = np.flatnonzero(np.diff(still, prepend=False, append=False))
@@ -122,6 +127,21 @@ def _motion(imu):
     if still.mean() < 0.5:
         raise DataError(f"{moves}: an Allan deviation needs it at rest; choose a stretch with --from and --to")
     return [f"{moves}, and the Allan deviation shows the motion too; choose a stretch with --from and --to"]
+
+
+def _slow_stretch(n):
+    """Samples of STILL seconds in a stretch: SLOW seconds, or an eighth of n."""
+    return max(4, min(round(SLOW / STILL), n // 8))
+
+
+def _slow_motion(coarse):
+    """Share of the stretches in which the samples of a `coarse` Imu vary or turn as at no rest."""
+    size = _slow_stretch(len(coarse.t))
+    count = len(coarse.t) // size
+    force, rate = ((column / coarse.dt[:, None])[:count * size].reshape(count, size, 3) for column in (coarse.dv, coarse.dtheta))
+    spread = lambda values: values.var(axis=1).sum(axis=1)
+    quiet = (spread(force) < REST_ACCEL ** 2) & (spread(rate) < REST_RATE ** 2) & (np.square(rate.mean(axis=1)).sum(axis=1) < REST_MEAN ** 2)
+    return 1 - quiet.mean()
 
 
 def _misfit(sensor):
@@ -168,7 +188,7 @@ def figure(sensor, suggested=None):
     low, high = np.log10(everything.min()) - 0.15, np.log10(everything.max()) + 0.15
     _slopes(drawn, sensor, si, low, high)
     drawn.update_xaxes(type="log", title_text="cluster time [s]", exponentformat="power", dtick=1)
-    drawn.update_yaxes(type="log", title_text=f"Allan deviation [{SHEET[si]}]", range=[low, high], exponentformat="power", dtick=1 if high - low > 2.2 else "D2")
+    drawn.update_yaxes(type="log", title_text=f"Allan deviation [{SHEET[si]}]", range=[low, high], **log_ticks(low, high))
     note(drawn, "Shaded: bounds that hold the true deviation with 68 % probability. Dotted: the terms found in the mean of the three axes.")
     return drawn
 

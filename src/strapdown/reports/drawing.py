@@ -74,7 +74,26 @@ def panels(labels, height=170, log=False):
 def log_range(figure, low, high, row=1):
     """Range of a logarithmic axis, with ticks at 1, 2 and 5 where it spans few decades."""
     low, high = np.log10(low) - 0.1, np.log10(high) + 0.15
-    figure.update_yaxes(range=[low, high], dtick=1 if high - low > 2.2 else "D2", exponentformat="power", row=row, col=1)
+    figure.update_yaxes(range=[low, high], row=row, col=1, **log_ticks(low, high))
+
+
+def log_ticks(low, high):
+    """Settings of a logarithmic axis from 10^low to 10^high: decades, or where there are few, numbers.
+
+    Plotly's own labels between decades are single digits, which do not say of which decade.
+    """
+    if high - low > 2.2:
+        return {"tickmode": "linear", "dtick": 1, "exponentformat": "power"}
+    values = ticks_125(low, high)
+    return {"tickmode": "array", "tickvals": values, "ticktext": [f"{value:.15g}" if 1e-4 <= value < 1e6 else f"{value:.0e}" for value in values]}
+
+
+def ticks_125(low, high):
+    """The numbers 1, 2, 5 x 10^k between 10^low and 10^high; where these are fewer than two, all digits x 10^k."""
+    every = lambda digits: [float(f"{digit}e{k}") for k in range(int(np.floor(low)), int(np.ceil(high)) + 1) for digit in digits
+                            if low <= np.log10(digit) + k <= high]
+    found = every((1, 2, 5))
+    return found if len(found) > 1 else every((1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9))
 
 
 def finish(figure, height):

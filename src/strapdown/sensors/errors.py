@@ -14,6 +14,10 @@ STREAMS = ("noise", "turn_on_bias", "bias_walk", "gauss_markov", "flicker", "sca
 """Terms with chance in them, each with a random stream of its own, in the order of their streams: a new one goes to the end, or every seed's draws change."""
 
 
+LARGEST = (("scale_factor", 1.0, "1 (100 %)"), ("misalignment", np.pi / 4, "0.785 rad (45 deg)"))
+"""Standard deviations of what a sensor may have at most."""
+
+
 def _term(gyro, accel, gyro_sheet=None, accel_sheet=None):
     units = {"gyro": gyro, "accel": accel, "gyro_sheet": gyro_sheet or SHEET[gyro], "accel_sheet": accel_sheet or SHEET.get(accel)}
     return field(default=0.0, metadata=units)
@@ -57,6 +61,9 @@ class Triad:
     def __post_init__(self):
         for term in terms():
             check(getattr(self, term.name), term.name)
+        for name, most, text in LARGEST:
+            if getattr(self, name) > most:
+                raise DataError(f"{name} is {getattr(self, name):g}; it must be at most {text}; is its unit right?")
         if (self.gauss_markov > 0) != (self.time_constant > 0):
             present, absent = ("gauss_markov", "time_constant") if self.gauss_markov else ("time_constant", "gauss_markov")
             raise DataError(f"{present} is given without {absent}; a Gauss-Markov bias needs both, larger than 0")

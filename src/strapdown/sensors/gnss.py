@@ -1,4 +1,5 @@
 """Error model of a GNSS receiver: fixes of position and velocity at the antenna with white noise, outages and latency, as Aiding."""
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -35,14 +36,16 @@ class Gnss(NamedTuple):
         """Raise DataError, in one line, where no receiver can be like that."""
         if not np.ndim(self.interval):
             _interval(self.interval)
+        elif not np.all(np.isfinite(_numbers(self.interval, "times of the fixes"))):
+            raise DataError("times of the fixes must be finite, s")
         for sd, name in ((self.position_sd, "GNSS position"), (self.velocity_sd, "GNSS velocity")):
             if sd is not None:
                 _deviations(sd, name)
         _lever_arm(self.lever_arm, "GNSS")
-        if not 0 <= self.latency < np.inf:
+        if not _real(self.latency) or not 0 <= self.latency < np.inf:
             raise DataError(f"latency of the fixes is {self.latency!r} s; it must be 0 or more")
         for window in self.outages:
-            if np.shape(window) != (2,) or not window[0] < window[1]:
+            if np.shape(window) != (2,) or not all(map(_real, window)) or not window[0] < window[1]:
                 raise DataError(f"outage {window!r}: write (start, stop) in s, the start before the stop")
 
     def _kept(self, t, end):
@@ -195,20 +198,37 @@ def _times(trajectory, times):
     return np.where(np.abs(nearest - t) < 1e-9 * (1 + np.abs(t)), nearest, t)
 
 
+def without_fixes(aidings):
+    """Sentences for the notes of a recording: the receiver's measurements of which not one falls into it; none where all are there."""
+    return [f"{aiding.name or aiding.kind}: not one fix falls into the recording; outages, interval and latency leave none" for aiding in aidings
+            if not len(aiding.t)]
+
+
+def _real(value):
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _numbers(values, what):
+    try:
+        return np.asarray(values, float)
+    except (TypeError, ValueError):
+        raise DataError(f"{what}: {values!r} is no number") from None
+
+
 def _interval(seconds):
-    if not 0 < seconds < np.inf:
+    if not _real(seconds) or not 0 < seconds < np.inf:
         raise DataError(f"interval between fixes is {seconds!r} s; it must be larger than 0")
 
 
 def _lever_arm(lever_arm, name):
-    if np.shape(lever_arm) != (3,) or not np.all(np.isfinite(lever_arm)):
+    if np.shape(lever_arm) != (3,) or not np.all(np.isfinite(_numbers(lever_arm, f"{name}: lever arm"))):
         raise DataError(f"{name}: lever arm is {lever_arm!r}; it must be three numbers: forward, right, down, m")
 
 
 def _deviations(sd, name):
     if np.ndim(sd) and np.shape(sd) != (3,):
         raise DataError(f"{name}: {np.size(sd)} standard deviations are given; give three, north, east, down, or one for all")
-    sd = np.broadcast_to(np.asarray(sd, float), (3,))
+    sd = np.broadcast_to(_numbers(sd, f"{name}: standard deviations"), (3,))
     if not np.all((sd > 0) & np.isfinite(sd)):
         raise DataError(f"{name}: standard deviations are {sd.tolist()}; they must be larger than 0")
     return sd

@@ -163,6 +163,8 @@ def _triad(table, sensor, where):
         raise DataError(f"{where}, [{sensor}]: noise is missing; give it as {{ value = ..., unit = \"{known['noise'][f'{sensor}_sheet']}\" }}")
     values = {name: quantity(entry, known[name][sensor], f"{where}, {sensor}.{name}", known[name][f"{sensor}_sheet"])
               for name, entry in entries.items() if name != "temperature"}
+    if values.get("saturation") == 0:
+        raise DataError(f"{where}, {sensor}.saturation: the full scale is 0, so nothing would be measured; give it above 0, or leave it out for none")
     if "temperature" in entries:
         values["temperature"] = _temperature(entries["temperature"], _bias_unit(sensor), f"{where}, {sensor}.temperature")
     return _made(f"{where}, [{sensor}]", Triad, **values)

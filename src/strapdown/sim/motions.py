@@ -14,6 +14,10 @@ from .trajectory import static as _static
 
 G = 9.80665
 LEG_KEYS = ("duration", "turn", "bank", "speed", "climb", "gradient", "repeat", "legs")
+VERTICAL = {"flight": "climb", "car": "gradient", "ship": None}
+"""What climbs in a leg of each motion by legs."""
+MOST_LEGS, LONGEST = 5000, 10 * 86400.0
+"""Legs, and s, of a motion at most."""
 _SLACK = 1.0        # s that a geodesic is solved for beyond its end, so that slopes there can be checked
 _GUSTS = {          # of a light aircraft in light turbulence: amplitude rad or m/s, period s, phase rad
     "roll": ((1.5 * DEG, 5.3, 0.0), (0.5 * DEG, 1.9, 1.0)), "pitch": ((1.0 * DEG, 4.1, 0.5), (0.4 * DEG, 1.3, 2.0)),
@@ -93,7 +97,23 @@ def flight(start, course, speed, legs, smoothing=2.0, roughness=1.0, name="fligh
 
     `roughness` scales sinusoidal gusts in attitude, speed and sink rate (1: light turbulence; 0: smooth air).
     """
-    return flown(start, *_profiles(_flat(legs, "climb"), course, speed, smoothing), roughness, name)
+    flat = _flat(legs, "climb")
+    _check_flight(flat, speed)
+    return flown(start, *_profiles(flat, course, speed, smoothing), roughness, name)
+
+
+def _check_flight(legs, speed):
+    """Raise DataError where an aircraft would stand still in the air or climb faster than it flies."""
+    now = speed
+    for number, leg in enumerate(legs, 1):
+        then = leg.get("speed", now)
+        slowest = min(now, then)
+        if not slowest > 0:
+            raise DataError(f"leg {number} (repeats written out): speed is {slowest!r}; an aircraft's must be above 0")
+        if not abs(leg["climb"]) <= slowest:
+            raise DataError(f"leg {number} (repeats written out): a climb of {leg['climb']:g} m/s at a speed of {slowest:g} m/s; "
+                            "it must not be larger than the speed")
+        now = then
 
 
 def flown(start, path, pace, climb, end, roughness, name):
@@ -158,19 +178,30 @@ def _flat(legs, vertical):
     for number, leg in enumerate(legs, 1):
         if not isinstance(leg, dict):
             raise DataError(f"leg {number} is {leg!r}; write a table of its keys")
-        known = [key for key in LEG_KEYS if key not in ({"climb", "gradient"} - {vertical})]
+        known = leg_keys(vertical)
         for key in leg:
             if key not in known:
                 raise DataError(f"leg {number}: unknown key {key!r}; known: {', '.join(known)}")
         if "legs" in leg or "repeat" in leg:
             if set(leg) != {"legs", "repeat"} or not isinstance(leg["repeat"], int) or leg["repeat"] < 1:
                 raise DataError(f"leg {number}: a repeat has a whole number from 1 as repeat, a list of legs, and nothing else")
-            found += _flat(leg["legs"], vertical) * leg["repeat"]
+            inner = _flat(leg["legs"], vertical)
+            _bounded(len(found) + len(inner) * leg["repeat"])
+            found += inner * leg["repeat"]
         else:
             found.append({"climb": leg.get(vertical, 0.0), **{key: value for key, value in leg.items() if key != vertical}})
-    if len(found) > 5000:
-        raise DataError(f"{len(found)} legs; at most 5000 are flown")
+    _bounded(len(found))
     return found
+
+
+def leg_keys(vertical):
+    """Keys of a leg; `vertical` is that of its climb, or None."""
+    return [key for key in LEG_KEYS if key not in {"climb", "gradient"} - {vertical}]
+
+
+def _bounded(count):
+    if count > MOST_LEGS:
+        raise DataError(f"{count} legs, repeats written out; at most {MOST_LEGS} are flown")
 
 
 def _profiles(legs, course, speed, smoothing):
@@ -181,14 +212,18 @@ def _profiles(legs, course, speed, smoothing):
     for number, leg in enumerate(legs, 1):
         then, turn = leg.get("speed", now), leg.get("turn", 0.0)
         duration = leg.get("duration")
+        if "bank" in leg and not 0 < leg["bank"] < 80 * DEG:
+            raise DataError(f"leg {number} (repeats written out): a turn needs a bank between 0 and 80 deg, not {leg['bank'] / DEG:g}")
         if duration is None and "bank" in leg and turn:
             duration = max(abs(turn) * 0.5 * (now + then) / (G * np.tan(leg["bank"])), 6 * smoothing)
-        if duration is None or not 0 < duration < np.inf or ("bank" in leg and ("duration" in leg or not 0 < leg["bank"] < 80 * DEG)):
+        if duration is None or not 0 < duration < np.inf or ("bank" in leg and "duration" in leg):
             raise DataError(f"leg {number} (repeats written out): it needs a duration above 0 s or, with a turn, a bank between 0 and 80 deg")
         if not 0 <= then < np.inf:
             raise DataError(f"leg {number} (repeats written out): speed is {then!r}; it must be 0 or more")
         durations.append(duration), turning.append(turn / duration), changing.append((then - now) / duration), climbing.append(leg["climb"])
         now = then
+    if sum(durations) > LONGEST:
+        raise DataError(f"the legs last {sum(durations):g} s; at most {LONGEST:g} s (10 days) are simulated")
     made = [Profile.of(value, [*durations, np.inf], [*slopes, 0.0], smoothing)
             for value, slopes in ((course, turning), (speed, changing), (0.0, climbing))]
     return *made, float(sum(durations))

@@ -19,6 +19,11 @@ START_SD = (1.0, 1.0, 1.5, 0.1, 0.1, 0.1, 2e-3, 2e-3, 10e-3, *[None] * 6)
 """Default errors of a start: m, m/s, rad, and the biases' as the IMU has them (None)."""
 FASTEST, LOWEST, HIGHEST = 3000.0, -1000.0, 100e3
 """What the models are made for: m/s, m, m."""
+STEEPEST = 89 * DEG
+"""Pitch at most, rad: beyond it roll and heading cannot be told apart."""
+MOST_SAMPLES, LONGEST = 50_000_000, 10 * 86400.0
+"""IMU samples, and s, of a scenario at most: a simulation is held in memory."""
+LARGEST_OFFSET = 1000.0     # m/s^2
 GRAVITIES = ("height", "latitude")
 _GLANCE = 0.5               # s: pieces of the position integral behind checks and fingerprint
 _ROWS = 50                  # samples of the truth in a fingerprint
@@ -35,7 +40,8 @@ class Scenario:
     gnss: Gnss = field(default_factory=Gnss)
     imu: str | ImuSpec = "tactical"             # a study may take another
     start_sd: tuple = START_SD                  # of a start's errors, 15 in the order of the error states; None: a bias as the IMU's own
-    accel_offset: tuple = (0.0, 0.0, 0.0)       # m/s^2, body: constant, on top of the IMU's errors; the filter is not told
+    accel_offset: tuple = (0.0, 0.0, 0.0)       # m/s^2, body: on top of the IMU's errors; the filter is not told
+    offset_decays: bool = False                 # the offset is an initial value of the IMU's Gauss-Markov bias; else it is constant
     biases_known: bool = False                  # a start's biases err by start_sd from the true ones; else they are 0
     gate: float | None = None                   # of the fixes, bound on the NIS; None: 0.1 % false alarms; inf: no gate
     gravity: str = "height"                     # "latitude": the true gravity does not depend on height
@@ -52,14 +58,20 @@ class Scenario:
                 raise DataError(f"scenario {self.name!r}: {name} is {getattr(self, name)!r}; it must be a number")
         if not (0 < self.rate < np.inf and 0 < self.duration < np.inf and round(self.duration * self.rate) >= 2):
             raise DataError(f"cannot simulate {self.duration!r} s at {self.rate!r} Hz; both must be larger than 0 and give two samples or more")
+        if self.duration * self.rate > MOST_SAMPLES or self.duration > LONGEST:
+            raise DataError(f"scenario {self.name!r}: {self.duration:g} s at {self.rate:g} Hz are {self.duration * self.rate:.3g} IMU samples; at most "
+                            f"{MOST_SAMPLES / 1e6:g} million in {LONGEST / 86400:g} days are simulated (a day at 100 Hz has 8.6 million)")
         if self.gravity not in GRAVITIES:
             raise DataError(f"scenario {self.name!r}: gravity is {self.gravity!r}; it is one of {', '.join(GRAVITIES)}")
         if self.gate is not None and not self.gate > 0:
             raise DataError(f"scenario {self.name!r}: gate is {self.gate!r}; it must be larger than 0, or inf for none")
-        if np.shape(self.accel_offset) != (3,) or not np.all(np.isfinite(self.accel_offset)):
-            raise DataError(f"scenario {self.name!r}: accel_offset is {self.accel_offset!r}; it must be three finite numbers, m/s^2")
+        if np.shape(self.accel_offset) != (3,) or not np.all(np.abs(self.accel_offset) <= LARGEST_OFFSET):
+            raise DataError(f"scenario {self.name!r}: accel_offset is {self.accel_offset!r}; it must be three numbers within {LARGEST_OFFSET:g} m/s^2")
         _check_start(self.start_sd, self.name)
         self.gnss.check()
+        if not np.ndim(self.gnss.interval) and self.gnss.interval * self.rate < 1 - 1e-9:
+            raise DataError(f"scenario {self.name!r}: fixes every {self.gnss.interval:g} s come faster than the IMU's samples, "
+                            f"{self.rate:g} a second; give fixes less often, or the IMU a higher rate")
         grade(self.imu)
         self._check_truth()
 
@@ -70,9 +82,12 @@ class Scenario:
         for name, values in columns.items():
             if not np.all(np.isfinite(values)):
                 raise DataError(f"scenario {self.name!r}: the motion's {name} is not finite at {truth.t[~np.isfinite(values).all(axis=1)][0]:g} s")
+        w, x, y, z = truth.q_nb.T
+        pitch = np.arcsin(np.clip(2 * (w * y - x * z), -1, 1))
         speed, lat, alt = np.linalg.norm(truth.v_n, axis=1), np.abs(truth.lla[:, 0]), truth.lla[:, 2]
         for bad, text in ((speed > FASTEST, f"is faster than {FASTEST:g} m/s"),
                           (lat > LATITUDE_LIMIT, f"is beyond {LATITUDE_LIMIT / DEG:g} deg of latitude"),
+                          (np.abs(pitch) >= STEEPEST, f"has a pitch of {STEEPEST / DEG:g} deg or more"),
                           (alt < LOWEST, f"is lower than {LOWEST:g} m"), (alt > HIGHEST, f"is higher than {HIGHEST / 1e3:g} km")):
             if bad.any():
                 raise DataError(f"scenario {self.name!r}: the motion {text} at {truth.t[bad][0]:g} s; the models do not hold there")
@@ -95,7 +110,7 @@ class Scenario:
         """What identifies the scenario, for a manifest: a dict of JSON values; `fingerprint` changes when anything of it does."""
         values = {"name": self.name, "motion": self.motion.name, "duration_s": float(self.duration), "rate_hz": float(self.rate),
                   "gnss": self.gnss._asdict(), "imu": asdict(self.imu) if isinstance(self.imu, ImuSpec) else str(self.imu),
-                  "start_sd": list(self.start_sd), "accel_offset_m_s2": list(self.accel_offset), "biases_known": bool(self.biases_known),
+                  "start_sd": list(self.start_sd), "accel_offset_m_s2": list(self.accel_offset), "offset_decays": bool(self.offset_decays), "biases_known": bool(self.biases_known),
                   "gate": None if self.gate is None else str(float(self.gate)), "gravity": self.gravity, "about": self.about}
         values = json.loads(json.dumps(values, default=lambda value: np.asarray(value).tolist()))
         identity = {key: value for key, value in values.items() if key not in ("name", "about", "motion")} | {"imu": asdict(grade(self.imu))}
@@ -116,6 +131,8 @@ def _check_start(sd, name):
     if not right:
         raise DataError(f"scenario {name!r}: start_sd must be {STATES} numbers, finite and 0 or more; "
                         "of the last six, None is the IMU's own")
+    if max(sd[6:9]) > np.pi:
+        raise DataError(f"scenario {name!r}: the attitude's start_sd is {max(sd[6:9]) / DEG:g} deg; it must be at most 180")
 
 
 def scenarios():

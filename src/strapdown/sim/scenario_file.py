@@ -18,7 +18,7 @@ KINDS = {"demo": demo_flight, "static": motions.static, "straight": motions.stra
 UNITS = {"azimuth": "deg", "course": "deg", "roll": "deg", "pitch": "deg", "heading": "deg", "amplitude": "deg", "turn": "deg", "bank": "deg",
          "speed": "m_s", "climb": "m_s", "duration": "s", "period": "s", "wave_period": "s", "smoothing": "s", "wave_height": "m"}
 """Unit of each parameter that has one: its key ends in it."""
-TOP = ("name", "about", "duration_s", "rate_hz", "imu", "accel_offset_m_s2", "gate", "gravity", "motion", "gnss", "start")
+TOP = ("name", "about", "duration_s", "rate_hz", "imu", "accel_offset_m_s2", "accel_offset_decays", "gate", "gravity", "motion", "gnss", "start")
 START = {"position_sd_m": (0, 1.0), "velocity_sd_m_s": (3, 1.0), "attitude_sd_deg": (6, DEG),
          "accel_bias_sd_m_s2": (9, 1.0), "gyro_bias_sd_deg_h": (12, DEG / 3600)}
 GNSS = ("interval_s", "position_sd_m", "velocity_sd_m_s", "lever_arm_m", "outages_s", "latency_s")
@@ -55,11 +55,13 @@ def from_table(table, path):
     if duration is None and math.isinf(motion.end):
         raise DataError("duration_s is missing; this motion has no end of its own")
     values = {"name": name, "motion": motion}
-    for key, field, read in (("rate_hz", "rate", _number), ("gate", "gate", _number), ("gravity", "gravity", _text), ("about", "about", _text),
-                             ("accel_offset_m_s2", "accel_offset", _three), ("imu", "imu", _text)):
+    for key, field, read in (("rate_hz", "rate", _number), ("gate", "gate", _bound), ("gravity", "gravity", _text), ("about", "about", _text),
+                             ("accel_offset_m_s2", "accel_offset", _three), ("accel_offset_decays", "offset_decays", _flag), ("imu", "imu", _text)):
         if key in table:
             values[field] = read(table[key], key)
     rate = values.get("rate", 100.0)
+    if not rate > 0:
+        raise DataError(f"rate_hz is {rate:g}; it must be larger than 0")
     values["duration"] = duration if duration is not None else math.floor(motion.end * rate) / rate
     if values.get("imu", "").endswith(".toml"):
         values["imu"] = str(path.parent / values["imu"])
@@ -83,7 +85,7 @@ def _motion(table, duration):
     _refuse_unknown(table, ["kind", *keys], "[motion] ")
     for key, name in keys.items():
         if key in table:
-            given[name] = _value(name, table[key], f"[motion] {key}")
+            given[name] = _value(name, table[key], f"[motion] {key}", table["kind"])
         elif parameters[name].default is inspect.Parameter.empty:
             raise DataError(f"[motion] {key} is missing")
     try:
@@ -96,23 +98,23 @@ def _key(name):
     return f"{name}_{UNITS[name]}" if name in UNITS else name
 
 
-def _value(name, value, where):
-    """A parameter of a motion in SI."""
+def _value(name, value, where, kind):
+    """A parameter of a motion of that kind in SI."""
     if name == "start":
         return _place(value, where)
     if name == "waypoints":
         return [_place(place, f"{where} {number}") for number, place in enumerate(_list(value, where), 1)]
     if name == "legs":
-        return [_leg(leg, f"{where} {number}") for number, leg in enumerate(_list(value, where), 1)]
+        return [_leg(leg, f"{where} {number}", kind) for number, leg in enumerate(_list(value, where), 1)]
     return _number(value, where) * (DEG if UNITS.get(name) == "deg" else 1.0)
 
 
-def _leg(leg, where):
+def _leg(leg, where, kind):
     if not isinstance(leg, dict):
         raise DataError(f"{where} is {leg!r}; write a table of its keys")
-    keys = {_key(name): name for name in motions.LEG_KEYS}
+    keys = {_key(name): name for name in motions.leg_keys(motions.VERTICAL[kind])}
     _refuse_unknown(leg, keys, f"{where}: ")
-    return {name: leg[key] if name == "repeat" else _value(name, leg[key], f"{where}, {key}") for key, name in keys.items() if key in leg}
+    return {name: leg[key] if name == "repeat" else _value(name, leg[key], f"{where}, {key}", kind) for key, name in keys.items() if key in leg}
 
 
 def _place(value, where):
@@ -171,6 +173,12 @@ def _list(value, where):
     return value
 
 
+def _flag(value, where):
+    if not isinstance(value, bool):
+        raise DataError(f"{where}: {value!r} must be true or false")
+    return value
+
+
 def _text(value, where):
     if not isinstance(value, str):
         raise DataError(f"{where} is {value!r}; it must be text in quotes")
@@ -178,9 +186,16 @@ def _text(value, where):
 
 
 def _number(value, where):
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or math.isnan(value):
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise DataError(f"{where} is {value!r}; it must be a number")
+    if not abs(value) < 1e300:      # an integer of TOML has no end
+        raise DataError(f"{where} is {str(value)[:20]}; it must be a finite number")
     return float(value)
+
+
+def _bound(value, where):
+    """A number that may be infinite."""
+    return value if value == math.inf else _number(value, where)
 
 
 def _three(value, where):

@@ -6,6 +6,7 @@ import numpy as np
 from ..core.contract import ATT, BA, BG, POS, STATES, VEL, Start
 from ..data import DataError, Recording
 from ..geodesy import displaced
+from ..sensors.gnss import without_fixes
 from ..sensors.imu import grade, saturated
 from .scenario import Scenario
 from .scenario import scenario as find
@@ -38,7 +39,8 @@ class Simulator:
         felt = self.ideal if offset is None else self.ideal._replace(dv=self.ideal.dv + offset * self.ideal.dt[:, None])
         samples, b_a, b_g = spec.corrupt(felt, of_imu)
         b_a = b_a if offset is None else b_a + offset
-        return Recording(samples, self.plan.fixes(of_gnss), self.truth, self._meta(imu, spec, b_a, b_g) | {"notes": saturated(spec, samples)})
+        fixes = self.plan.fixes(of_gnss)
+        return Recording(samples, fixes, self.truth, self._meta(imu, spec, b_a, b_g) | {"notes": saturated(spec, samples) + without_fixes(fixes)})
 
     def _offset(self, spec):
         """The scenario's accelerometer offset at the samples, (n, 3) or (3,) m/s^2; None where there is none."""

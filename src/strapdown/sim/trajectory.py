@@ -16,7 +16,7 @@ GRAVITY_EQUATOR, GRAVITY_POLE, GM = 9.7803253359, 9.8321849378, 3.986004418e14
 """WGS-84: m, -, rad/s, -, m/s^2, m/s^2, m^3/s^2."""
 DEG = np.pi / 180
 
-_POLEWARD = 89.9 * DEG                  # beyond it, heading and longitude turn too fast to mean anything
+_POLEWARD = 89 * DEG                    # as of the models: beyond it, heading and longitude turn too fast to mean anything
 _LONGEST = 0.02                         # s; a longer sample is integrated in pieces
 _STEP = 1e-20                           # of the complex-step derivative: no cancellation, so it may vanish against t
 _BLOCK = 400_000                        # pieces worked on at a time: a day of samples is too long for temporary arrays
@@ -184,8 +184,10 @@ def _positions(motion, t, lla=None, longest=_LONGEST):
         if np.abs(lat_nodes - before).max(initial=0.0) < 1e-15:
             break
     lon, lon_nodes = _integral(lon0, east / ((radii(lat_nodes)[1] + alt_nodes) * np.cos(lat_nodes)), length)
-    if not (np.all(np.abs(lat) < _POLEWARD) and np.all(np.isfinite(lon + alt))):
-        raise DataError(f"motion {motion.name!r} leaves latitudes of {_POLEWARD / DEG:g} deg, or its velocity is not finite")
+    if not np.all(np.isfinite(lat + lon + alt)):
+        raise DataError(f"motion {motion.name!r}: its velocity or the place where it begins is not finite")
+    if np.abs(lat).max() > _POLEWARD:
+        raise DataError(f"motion {motion.name!r} goes beyond {_POLEWARD / DEG:g} deg of latitude, where the models do not hold; keep away from the poles")
     at = np.r_[first, len(length)][len(edges) - len(t):]
     lla = np.c_[lat[at], (lon[at] + np.pi) % (2 * np.pi) - np.pi, alt[at]]
     skip = first[len(edges) - len(t)] if len(t) > 1 else 0

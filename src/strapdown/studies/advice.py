@@ -108,7 +108,9 @@ def advise(imu, flight, duration, runs=None, seed=0, out=None, map=None, quick=F
     maps = _study(_map_scenarios(scenario), _map_imus(spec), MAP_FILTERS, min(study.runs, MAP_RUNS), seed) if map else None
     steps = study.steps() + (maps.steps() if maps else 0)
     folder = Path(out) if out is not None else None
-    if folder and min(workers, threads or 0) >= 0:      # what is refused is refused before anything is said
+    if workers < 0:
+        raise DataError(f"workers is {workers}; it must be 1 or more")
+    if folder:      # what is refused is refused before anything is said
         for each, name in ((study, "mission"), (maps, "map")):
             if each:
                 Campaign.begin(each, folder / "runs" / name)
