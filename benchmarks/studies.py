@@ -61,7 +61,7 @@ def minute(runs):
 def run_threads(count):
     """Seconds of a study on `count` threads, everything compiled and simulated once before."""
     import strapdown as sd
-    made = sd.Study("paper1-04", ("open-loop", "closed-loop"), (TACTICAL,), 200, seed=1, chunk_steps=400_000)
+    made = sd.Study("paper1-04", ("open-loop", "closed-loop"), (TACTICAL,), 400, seed=1, chunk_steps=400_000)
     from strapdown.studies.study import run_chunk
     run_chunk(made, made.chunks()[0])
     begin = time.perf_counter()

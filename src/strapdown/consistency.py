@@ -3,6 +3,7 @@
 Functions of arrays; errors are true - estimate. Sources: Bar-Shalom, Li & Kirubarajan (2001), section 5.4 (NEES, NIS, whiteness);
 Wilson (1927) for proportions; Ljung & Box (1978).
 """
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -77,6 +78,7 @@ def _whitened(error, P, least):
     return white
 
 
+@lru_cache(maxsize=64)
 def band(dof, count=1, probability=0.95):
     """(low, high) that the mean of `count` independent NEES or NIS values of `dof` components each keeps with `probability`, two-sided."""
     from scipy.stats import chi2
@@ -84,6 +86,7 @@ def band(dof, count=1, probability=0.95):
     return float(chi2.ppf(tail, dof * count) / count), float(chi2.isf(tail, dof * count) / count)
 
 
+@lru_cache(maxsize=64)
 def bound(dof, alarm):
     """The bound that one NEES or NIS value of `dof` components exceeds with probability `alarm`."""
     from scipy.stats import chi2

@@ -1,4 +1,5 @@
 """From a scenario and an IMU's errors to Recordings with their truth, and to a filter's start drawn around that truth."""
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,16 @@ from .scenario import scenario as find
 from .trajectory import Motion, gravity, records
 
 
+KEPT = 200_000
+"""Samples of a flight whose truth is kept for the next scenario with the same motion: 30 MB each at most."""
+
+
+@lru_cache(maxsize=12)
+def _known_records(motion, count, rate, gravity_of):
+    """(truth, ideal IMU) of a motion; scenarios that differ in sensors or start alone share them."""
+    return records(motion, np.arange(count + 1) / rate, _gravity_at_the_ellipsoid if gravity_of == "latitude" else gravity)
+
+
 class Simulator:
     """A scenario and all that its runs share, computed once: the truth, what an ideal IMU and an exact receiver make of it.
 
@@ -22,8 +33,9 @@ class Simulator:
     def __init__(self, scenario):
         """`scenario`: a Scenario. Raises DataError."""
         self.scenario = scenario
-        t = np.arange(round(scenario.duration * scenario.rate) + 1) / scenario.rate
-        self.truth, self.ideal = records(scenario.motion, t, _gravity_at_the_ellipsoid if scenario.gravity == "latitude" else gravity)
+        count = round(scenario.duration * scenario.rate)
+        known = _known_records if count <= KEPT else _known_records.__wrapped__
+        self.truth, self.ideal = known(scenario.motion, count, scenario.rate, scenario.gravity)
         """The true trajectory at 0, 1/rate, ... s, and the increments of an ideal IMU (core.contract.Imu) from row to row of it."""
         self.offset = np.asarray(scenario.accel_offset, float)
         self.plan = scenario.gnss.plan(self.truth, scenario.gate)

@@ -172,8 +172,12 @@ def simulator(cell):
         if key not in _simulators:
             while len(_simulators) > 1:
                 _simulators.pop(next(iter(_simulators)))
-            _simulators[key] = Simulator(cell.scenario)
-        return _simulators[key]
+            _simulators[key] = threading.Lock(), []
+        one_at_a_time, made = _simulators[key]
+    with one_at_a_time:                             # another thread may make another one meanwhile
+        if not made:
+            made.append(Simulator(cell.scenario))
+    return made[0]
 
 
 def run_chunk(study, chunk, skip=()):
