@@ -76,7 +76,7 @@ def timed_run(workload, name, every=1, **options):
     out = Output(np.zeros((kept, loop.NAV_WIDTH + len(prepared.filter.columns))), np.empty((kept if every > 1 else 0, 15, 15)), np.zeros((fix_rows, loop.FIX_WIDTH)))
 
     def seconds():
-        belief, cursor = prepared.filter.start(at_start, densities, **options), engine.new_cursor(workload.t[0], 1)
+        belief, cursor = prepared.filter.start(at_start, densities, **options), engine.new_cursor(prepared.filter, workload.t[0], 1)
         cursor.at[loop.FIXES], cursor.at[loop.EVERY], cursor.at[loop.PHASE] = fix_rows, every, (rows - 1) % every
         begin = time.perf_counter()
         while cursor.at[loop.ROW] < rows:

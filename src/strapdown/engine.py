@@ -1,12 +1,13 @@
 """From a Recording and a filter to a Solution: `prepare` compiles what a run needs, `fuse` runs a recording."""
 import inspect
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from . import aiding, filters
 from .core import loop
-from .core.contract import COMPILED, PARAMETERS, STATES, Cursor, Fixes, Imu, Output, address, compile_kernel, is_cached
+from .core.contract import COMPILED, FIRST, PARAMETERS, POS, STATES, VEL, WALK, BA, BG, Cursor, Fixes, Imu, Output, address, compile_kernel, is_cached
 from .core.earth import LATITUDE_LIMIT
 from .data import DataError, Innovations, Solution, Trajectory
 
@@ -58,11 +59,29 @@ def merge(aidings, after=-np.inf):
     order = np.argsort(t, kind="stable")
     order = order[t[order] > after]
     y, sd = (np.concatenate([_three_columns(getattr(a, part)) for a in aidings] or [np.empty((0, 3))])[order] for part in ("y", "sd"))
-    parameters, gate = np.zeros((count, PARAMETERS)), np.empty(count)
+    parameters, gate, states = np.zeros((count, PARAMETERS)), np.empty(count), STATES
     for s, (a, sensor) in enumerate(zip(aidings, sensors)):
         parameters[s, :len(a.parameters)] = a.parameters
+        if sensor.states:
+            parameters[s, WALK], parameters[s, FIRST] = sensor.state_walk, states
+            states += len(sensor.states)
         gate[s] = GATES[len(sensor.quantities)] if a.gate is None else a.gate
     return Fixes(t[order], source[order].astype(np.int64), y, sd, np.array([s.kind for s in sensors], np.int64), parameters, gate)
+
+
+def brought(aidings):
+    """[(name with unit, initial standard deviation)] of the states that these sources bring along, in the order of the states. Raises DataError."""
+    states = [(f"{a.name or a.kind} {name}", sensor.state_sd) for a in aidings for sensor in [aiding.find(a.kind)] for name in sensor.states]
+    if len(states) > STATES:
+        raise DataError(f"the sources bring {len(states)} states along, the last is {states[-1][0]!r}; at most {STATES} can be estimated: leave sources out")
+    return states
+
+
+def usable(filter, aidings):
+    """(the sources that `filter` can use, a note about the others)."""
+    fits = [filter.uses is None or a.kind in filter.uses for a in aidings]
+    others = dict.fromkeys(a.name or a.kind for a, fit in zip(aidings, fits) if not fit)
+    return tuple(a for a, fit in zip(aidings, fits) if fit), [f"{filter.name} has no use for {', '.join(others)}"] if others else []
 
 
 def _three_columns(values):
@@ -71,12 +90,18 @@ def _three_columns(values):
     return np.pad(values, ((0, 0), (0, 3 - values.shape[1])), constant_values=np.nan)
 
 
-def new_cursor(t, sources):
+def new_cursor(filter, t, sources):
     """A Cursor at time `t` before the first sample, for that many sources."""
     count = lambda: np.zeros(sources, np.int64)
-    cursor = Cursor(np.zeros(loop.CURSOR_SIZE, np.int64), np.array([float(t)]), np.zeros(7), np.zeros(15), count(), count(), count(), np.zeros(sources))
-    cursor.at[loop.EVERY] = 1
+    cursor = Cursor(np.zeros(loop.CURSOR_SIZE, np.int64), np.array([float(t)]), np.zeros(7), np.zeros(15), count(), count(), count(), np.zeros(sources),
+                    np.full(sources, float(t)))
+    cursor.at[loop.EVERY], cursor.at[loop.POSITIONED] = 1, positioned(filter)
     return cursor
+
+
+def positioned(filter):
+    """Whether `filter` estimates a position, and so must start from one."""
+    return POS.start in filter.estimates
 
 
 def fuse(recording, filter="closed-loop", imu=None, start=None, noise=None, every=1, covariance=False, say=None, progress=None, **options):
@@ -90,12 +115,13 @@ def fuse(recording, filter="closed-loop", imu=None, start=None, noise=None, ever
     if not isinstance(every, (int, np.integer)) or every < 1:
         raise DataError(f"every is {every}; it must be a whole number, at least 1")
     noise, spec = assumed_noise(recording.meta.get("grade") if imu is None else imu, noise, needed=start is None)
+    filter = found(filters.find, filter)
     if start is None:
         from .alignment import align
-        start = align(recording, spec)
-    filter = found(filters.find, filter)
-    belief = new_belief(filter, start, noise, options)
-    prepared = prepare(filter, [a.kind for a in recording.aidings], say)
+        start = align(recording, spec, position=positioned(filter))
+    aidings, notes = usable(filter, recording.aidings)
+    belief = new_belief(filter, start, noise, options, aidings)
+    prepared = prepare(filter, [a.kind for a in aidings], say)
     samples = Imu(*(np.require(column, float, "CW") for column in recording.imu))
     first, rows = int(np.searchsorted(samples.t, start.t + loop.SAME_TIME, side="right")), len(samples.t)
     if first == rows:
@@ -103,19 +129,20 @@ def fuse(recording, filter="closed-loop", imu=None, start=None, noise=None, ever
     if samples.t[first] - start.t > LONGEST_GAP:
         raise DataError(f"the start at {start.t:g} s is {samples.t[first] - start.t:.0f} s before the first IMU sample; "
                         f"the longest gap is {LONGEST_GAP:.0f} s")
-    fixes = merge(recording.aidings, start.t + loop.SAME_TIME)
-    cursor = new_cursor(start.t, len(fixes.kind))
+    fixes = merge(aidings, start.t + loop.SAME_TIME)
+    cursor = new_cursor(filter, start.t, len(fixes.kind))
     cursor.at[loop.ROW], cursor.at[loop.FIXES], cursor.at[loop.EVERY] = first, len(fixes.t), every
     cursor.at[loop.PHASE] = (rows - 1) % every
     kept = -(-(rows - first) // every)
-    out = Output(np.empty((kept, loop.NAV_WIDTH + len(prepared.filter.columns))),
+    out = Output(np.empty((kept, loop.NAV_WIDTH + len(filter.columns) + 2 * belief.tail.size)),
                  np.empty((kept if covariance else 0, *belief.P.shape)), np.empty((len(fixes.t), loop.FIX_WIDTH)))
     while cursor.at[loop.ROW] < rows and not cursor.at[loop.FAULT]:
         cursor.at[loop.STOP] = min(cursor.at[loop.ROW] + CHUNK, rows)
         loop.run(*prepared[1:], belief, samples, fixes, noise, cursor, out)
         if progress:
             progress((cursor.at[loop.ROW] - first) / (rows - first))
-    return _solution(recording, samples, prepared.filter, start, noise, spec, fixes, cursor, out)
+    return _solution(replace(recording, aidings=aidings, meta=recording.meta | {"notes": [*recording.meta.get("notes", []), *notes]}),
+                     samples, filter, start, noise, spec, fixes, cursor, out)
 
 
 def assumed_noise(imu, noise, needed):
@@ -142,10 +169,11 @@ def _checked(start, noise):
             raise DataError(f"noise: {name} is {value:g}; it must be a finite number, 0 or more")
 
 
-def new_belief(filter, start, noise, options):
-    """The belief that `filter` begins with; raises DataError for a start, a noise or an option that it cannot use."""
+def new_belief(filter, start, noise, options, aidings):
+    """The belief that `filter` begins with on these sources; raises DataError for a start, a noise or an option that it cannot use."""
     _checked(start, noise)
     check_options(filter, options)
+    start = start._replace(sd=(*start.sd, *(sd for _, sd in brought(aidings))))
     try:
         return filter.start(start, noise, **options)
     except (TypeError, ValueError) as error:
@@ -165,7 +193,9 @@ def check_options(filter, options):
 def _solution(recording, samples, filter, start, noise, spec, fixes, cursor, out):
     """The Solution from what `run` wrote; a run that stopped early keeps what it has and says why."""
     nav, used = out.nav[:cursor.at[loop.OUT]], out.fix[:cursor.at[loop.FIX]]
-    events = _events(samples, cursor.at[loop.ROW], start, used, [a.name or a.kind for a in recording.aidings])
+    names = [a.name or a.kind for a in recording.aidings]
+    events = _events(samples, cursor.at[loop.ROW], start, used, names, "velocity and attitude held, invalid until the next position fix"
+                     if positioned(filter) else "attitude held")
     meta = {"filter": filter.name, "recording": recording.meta.get("name", ""), "notes": list(recording.meta.get("notes", [])),
             "imu": spec.name if spec else "", "start": start._asdict(), "noise": noise._asdict(), "fixes_outside": sum(len(a.t) for a in recording.aidings) - len(used),
             "kinds": {a.name or a.kind: a.kind for a in recording.aidings}, "date": recording.meta.get("date"), "point": recording.meta.get("point", "imu")}
@@ -175,19 +205,21 @@ def _solution(recording, samples, filter, start, noise, spec, fixes, cursor, out
         events.append((float(t), meta["stopped"]))
         if not len(nav):
             raise DataError(f"{filter.name} {meta['stopped']}")
+    for columns_of, states in ((loop.LLA, POS), (loop.V, VEL), (loop.BIASES, BA), (loop.BIASES + 3, BG)):     # what is not estimated is no number
+        nav[:, [columns_of + i for i in range(3) if states.start + i not in filter.estimates]] = np.nan
     sd = nav[:, loop.SD:loop.ROW_STATUS]
-    sd[:, [i for i in range(sd.shape[1]) if i not in filter.states]] = np.nan
+    sd[:, [i for i in range(STATES) if i not in filter.states]] = np.nan
     trajectory = Trajectory(nav[:, loop.T], nav[:, loop.LLA:loop.V], nav[:, loop.V:loop.Q], nav[:, loop.Q:loop.BIASES], sd)
     if recording.meta.get("point") == "reference":
         rows = np.searchsorted(samples.t, trajectory.t)
         omega = samples.dtheta[rows] / samples.dt[rows, None] - nav[:, loop.BIASES + 3:loop.SD]
         trajectory = trajectory.displaced(-np.asarray(recording.meta["imu_lever_arm"]), omega)
-    columns = {name: nav[:, loop.NAV_WIDTH + i] for i, name in enumerate(filter.columns)}
+    own = [name for name, _ in brought(recording.aidings)]
+    columns = {name: nav[:, loop.NAV_WIDTH + i] for i, name in enumerate((*filter.columns, *own, *(f"sd of {name}" for name in own)))}
     if filter.watch:
         events += filter.watch(nav[:, loop.T], nav[:, loop.LLA:loop.V], columns)
     return Solution(trajectory, nav[:, loop.BIASES:loop.BIASES + 3], nav[:, loop.BIASES + 3:loop.SD], nav[:, loop.ROW_STATUS].astype(np.int8),
-                    innovations(used, recording.aidings, fixes.gate), tuple(sorted(events)),
-                    columns,
+                    innovations(used, recording.aidings, fixes.gate), tuple(sorted(events)), columns,
                     out.covariance[:len(nav)] if len(out.covariance) else None, meta)
 
 
@@ -197,15 +229,15 @@ def innovations(used, aidings, gates):
                        used[:, loop.F_USE] > 0, tuple(a.name or a.kind for a in aidings), tuple(float(gate) for gate in gates))
 
 
-def _events(samples, rows, start, used, names):
-    """Gaps in the first `rows` samples and re-acquisitions of a source, as (t, text)."""
+def _events(samples, rows, start, used, names, long_gap):
+    """Gaps in the first `rows` samples and re-acquisitions of a source, as (t, text); `long_gap` is what happens in one beyond a second."""
     events = []
     for first in range(0, rows, CHUNK):  # in pieces: a day of samples is too long for temporary columns
         t, dt = (column[first:min(first + CHUNK, rows)] for column in samples[:2])
         before = np.r_[samples.t[first - 1] if first else start.t, t[:-1]]
         gap = t - dt - np.maximum(before, start.t)
         for k in np.flatnonzero((gap > 0.5 * dt + loop.SAME_TIME) & (t > start.t)):
-            rule = "bridged" if gap[k] <= loop.BRIDGE else "velocity and attitude held, invalid until the next position fix"
+            rule = "bridged" if gap[k] <= loop.BRIDGE else long_gap
             events.append((float(before[k]), f"IMU gap of {gap[k]:.3g} s: {rule}"))
     for s, name in enumerate(names):
         own = used[(used[:, loop.F_SOURCE] == s) & (used[:, loop.F_USE] != loop.UNMEASURED)]

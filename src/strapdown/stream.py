@@ -9,7 +9,7 @@ from . import aiding, filters
 from .core import loop
 from .core.contract import Imu, Output, entry_point
 from .data import DataError
-from .engine import LONGEST_GAP, assumed_noise, found, merge, new_belief, new_cursor, prepare
+from .engine import LONGEST_GAP, assumed_noise, found, merge, new_belief, new_cursor, prepare, usable
 
 ROOM = 1024
 """Fixes that a stream holds while it waits for a sample."""
@@ -43,7 +43,9 @@ class Stream:
             raise DataError(f"lag is {lag} s; it must be 0 or more")
         self.noise, _ = assumed_noise(imu, noise, needed=False)
         filter = found(filters.find, filter)
-        self.belief = new_belief(filter, start, self.noise, options)
+        for useless in usable(filter, aidings)[1]:
+            raise DataError(f"{useless}: leave it out of the stream's aidings")
+        self.belief = new_belief(filter, start, self.noise, options, aidings)
         self.prepared = prepare(filter, [a.kind for a in aidings], say)
         self.lag, self.newest, self.dropped = lag, start.t, 0
         self._widths = [len(aiding.find(a.kind).quantities) for a in aidings]
@@ -52,7 +54,7 @@ class Stream:
         sources = [a._where(np.zeros(len(a.t), bool)) for a in aidings]
         self._fixes = merge(sources)._replace(t=np.empty(ROOM), source=np.zeros(ROOM, np.int64), y=np.full((ROOM, 3), np.nan), sd=np.full((ROOM, 3), np.nan))
         self._imu = Imu(np.empty(1), np.empty(1), np.empty((1, 3)), np.empty((1, 3)))
-        self._cursor = new_cursor(start.t, len(aidings))
+        self._cursor = new_cursor(filter, start.t, len(aidings))
         self._cursor.at[loop.EVERY], self._cursor.at[loop.PHASE], self._cursor.at[loop.STOP] = 2, 1, 1  # no output rows
         self._out = Output(np.empty((0, loop.NAV_WIDTH)), np.empty((0, *self.belief.P.shape)), np.empty((ROOM, loop.FIX_WIDTH)))
         self._arguments = (*self.prepared[1:], self.belief, self._imu, self._fixes, self.noise, self._cursor, self._out)

@@ -31,7 +31,21 @@ def heading(b):
     return Rotation.from_matrix(b.C).as_euler("ZYX")[0]
 
 
-# name: parameters, and what the sensor would measure without error where the body is in the state b
+FIELD = np.array([20.3, 1.2, 45.0])     # NED, in uT, so that the tolerances of metres fit
+
+
+def atmosphere(h):
+    """Pressure at geopotential height h, Pa: hydrostatic integral of the ICAO lapse rate."""
+    return 101325 * (1 - 0.0065 * h / 288.15) ** (9.80665 / (287.05287 * 0.0065))
+
+
+def normal_gravity(b):
+    """Somigliana at the ellipsoid with the free-air gradient, m/s^2: to 1e-4 below 10 km."""
+    square = math.sin(b.lla[0]) ** 2
+    return 9.7803253359 * (1 + 0.00193185265241 * square) / math.sqrt(1 - 0.00669437999014 * square) - 3.0877e-6 * b.lla[2] + 7.2e-13 * b.lla[2] ** 2
+
+
+# name: parameters, and what the sensor would measure without error where the body is in the state b; of a constraint, what must vanish
 SENSORS = {
     "position": (ARM, lambda b: antenna(b, ARM)),
     "velocity": (ARM, lambda b: velocity(b, ARM)),
@@ -40,7 +54,12 @@ SENSORS = {
     "speed": (ARM, lambda b: (b.C.T @ velocity(b, ARM))[0]),
     "zero-lateral-velocity": (ARM, lambda b: (b.C.T @ velocity(b, ARM))[1]),
     "zero-vertical-velocity": (ARM, lambda b: (b.C.T @ velocity(b, ARM))[2]),
-    "zero-velocity": ((), lambda b: 0 * b.v),
+    "zero-velocity": ((), lambda b: b.v),
+    "gravity": ((), lambda b: b.C @ b.f + [0, 0, normal_gravity(b)]),
+    "magnetic-field": (FIELD, lambda b: b.C.T @ FIELD),
+    "pressure": ((*ARM, 0, 0, 0, 0, 15), lambda b: atmosphere(antenna(b, ARM)[2] + b.tail[0])),
+    "pressure-altitude": ((*ARM, 0, 0, 0, 0, 15), lambda b: antenna(b, ARM)[2] + b.tail[0]),
+    "zero-sea-level": (ARM, lambda b: antenna(b, ARM)[2]),
 }
 
 # latitude, longitude (deg), height; velocity; roll, pitch, heading (deg); angular rate (rad/s)
@@ -54,7 +73,8 @@ BELIEFS = {
     "lat -88, antimeridian": ((-88.0, 180.0, 2000.0), (5.0, 5.0, 0.0), (0.0, 20.0, 300.0), (0.0, -1.0, 0.0)),
     "antimeridian": ((52.0, -180.0, 10.0), (0.0, 8.0, 0.0), (5.0, 0.0, 45.0), (0.0, 0.0, 0.5)),
 }
-STEPS = np.repeat([1.0, 0.1, 1e-4, 0.1, 1e-2], 3)     # m, m/s, rad, m/s^2, rad/s
+STEPS = np.r_[np.repeat([1.0, 0.1, 1e-4, 0.1, 1e-2], 3), 1.0, 1.0]     # m, m/s, rad, m/s^2, rad/s, m
+VANISHING = ("zero-velocity", "gravity")    # constraints that say so of the belief itself, and look at no y
 STATES = 17     # two more than the library's: a sensor leaves those of others alone
 
 
@@ -63,15 +83,15 @@ def belief_at(name):
     C = Rotation.from_euler("ZYX", rph[::-1], degrees=True).as_matrix()
     ba, bg = np.array([0.1, -0.2, 0.05]), np.array([0.01, 0.02, -0.005])
     f = np.array([0.3, -1.0, -9.7])
-    return Belief(np.array(lla) * [DEG, DEG, 1], np.array(v), C, ba, bg, np.eye(STATES), np.array(omega), f, np.zeros(5))
+    return Belief(np.array(lla) * [DEG, DEG, 1], np.array(v), C, ba, bg, np.eye(STATES), np.array(omega), f, np.zeros(5), np.array([3.0, -7.0]))
 
 
 def moved(b, error):
     """b (+) error: metres NED, m/s, rad in n, biases; rate and force are the measured ones less the biases."""
-    p, dv, theta, ba, bg = error.reshape(5, 3)
+    p, dv, theta, ba, bg = error[:15].reshape(5, 3)
     lla = np.array(pymap3d.ned2geodetic(*p, *b.lla, deg=False))
     C = Rotation.from_rotvec(theta).as_matrix() @ b.C
-    return b._replace(lla=lla, v=b.v + dv, C=C, ba=b.ba + ba, bg=b.bg + bg, omega=b.omega - bg, f=b.f - ba)
+    return b._replace(lla=lla, v=b.v + dv, C=C, ba=b.ba + ba, bg=b.bg + bg, omega=b.omega - bg, f=b.f - ba, tail=b.tail + error[15:])
 
 
 def observe(name, b, y):
@@ -100,11 +120,13 @@ def test_innovation_is_measured_minus_expected(name, at):
     b, model = belief_at(at), SENSORS[name][1]
     rows, innovation, H = observe(name, b, model(b))
     assert rows == len(aiding.find(name).quantities)      # the default gate counts on it
-    constraint = -b.v if name == "zero-velocity" else np.zeros(3)
-    np.testing.assert_allclose(innovation[:rows], constraint[:rows], atol=2e-5)
-    error = 0.1 * STEPS * np.sin(np.arange(1, 16))
+    if name in VANISHING:
+        np.testing.assert_allclose(innovation[:rows], -np.asarray(model(b)), atol=3e-4)
+        return
+    np.testing.assert_allclose(innovation[:rows], 0, atol=2e-5)
+    error = 0.1 * STEPS * np.sin(np.arange(1, STATES + 1))
     _, innovation, H = observe(name, b, model(moved(b, error)))
-    np.testing.assert_allclose(innovation[:rows], constraint[:rows] + H[:rows, :15] @ error * (name != "zero-velocity"), atol=5e-5)
+    np.testing.assert_allclose(innovation[:rows], H[:rows] @ error, atol=5e-5)
 
 
 @pytest.mark.parametrize("at", BELIEFS)
@@ -113,9 +135,9 @@ def test_jacobian_is_the_derivative(name, at):
     b = belief_at(at)
     y = SENSORS[name][1](b)
     rows, _, H = observe(name, b, y)
-    assert 1 <= rows <= 3 and not H[rows:].any() and not H[:, 15:].any()
+    assert 1 <= rows <= 3 and not H[rows:].any() and H[:, 15:].any() == bool(aiding.find(name).states)
     for state, step in enumerate(STEPS):
-        error = np.zeros(15)
+        error = np.zeros(STATES)
         error[state] = step
         ahead, behind = (observe(name, moved(b, sign * error), y)[1][:rows] for sign in (1, -1))
         np.testing.assert_allclose(H[:rows, state], (behind - ahead) / (2 * step), rtol=1e-5, atol=2e-5)

@@ -35,7 +35,7 @@ COMPILE = """
     was_cached = compiling.is_cached(heading.observe)
     compiled = compiling.compile_kernel(heading.observe)
     z, e = np.zeros(3), np.zeros(3)
-    heading.observe(Belief(z, z, np.eye(3), z, z, np.eye(15), z, z, z), np.ones(3), np.zeros(PARAMETERS), e, np.zeros((3, 15)))
+    heading.observe(Belief(z, z, np.eye(3), z, z, np.eye(15), z, z, z, np.zeros(0)), np.ones(3), np.zeros(PARAMETERS), e, np.zeros((3, 15)))
     print(round(e[0], 6), compiled, was_cached)
     """
 

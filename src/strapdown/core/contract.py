@@ -10,7 +10,7 @@ from numba import types
 
 from .compiling import COMPILED, address, caller, compile_kernel, entry_point, helper, is_cached, kernel, matrix, plain
 
-__all__ = ["Belief", "Start", "Noise", "Imu", "Fixes", "Cursor", "Output", "Filter", "Sensor", "PARAMETERS", "POSITION_KIND", "VALID", "BRIDGED", "INVALID", "OBSERVE", "PREDICT", "CORRECT", "RUN",
+__all__ = ["Belief", "Start", "Noise", "Imu", "Fixes", "Cursor", "Output", "Filter", "Sensor", "PARAMETERS", "WALK", "FIRST", "POSITION_KIND", "HEADING_KIND", "GRAVITY_KIND", "MAGNETIC_KIND", "VALID", "BRIDGED", "INVALID", "OBSERVE", "PREDICT", "CORRECT", "RUN",
            "POS", "VEL", "ATT", "BA", "BG", "STATES", "COMPILED", "kernel", "helper", "matrix", "address", "entry_point", "caller", "compile_kernel", "is_cached"]
 
 POS, VEL, ATT, BA, BG = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
@@ -30,6 +30,7 @@ class Belief(NamedTuple):
     omega: np.ndarray   # last bias-free angular rate omega_ib_b, rad/s
     f: np.ndarray       # last bias-free specific force f_ib_b, m/s^2
     aux: np.ndarray     # what one architecture alone needs; its first numbers are the filter's extra output columns
+    tail: np.ndarray    # the states that aidings bring along, error states 15 ...
 
 
 class Noise(NamedTuple):
@@ -50,7 +51,7 @@ class Start(NamedTuple):
     rph: tuple          # roll, pitch, heading, rad
     ba: tuple           # accelerometer bias, m/s^2
     bg: tuple           # gyro bias, rad/s
-    sd: tuple           # 15 standard deviations in the order of the error states
+    sd: tuple           # 15 standard deviations in the order of the error states, then those of states that aidings bring along
     note: str = ""      # how each part was found
 
     def belief(self, aux):
@@ -60,7 +61,7 @@ class Start(NamedTuple):
         C = np.empty((3, 3))
         plain(euler_to_matrix)(*(float(angle) for angle in self.rph), C)
         return Belief(column(self.lla), column(self.v), C, column(self.ba), column(self.bg), np.diag(column(self.sd) ** 2),
-                      np.zeros(3), np.zeros(3), aux)
+                      np.zeros(3), np.zeros(3), aux, np.zeros(len(self.sd) - STATES))
 
 
 class Imu(NamedTuple):
@@ -92,6 +93,7 @@ class Cursor(NamedTuple):
     rejected: np.ndarray  # int64 per source
     in_a_row: np.ndarray  # int64 per source: rejections since the last accepted fix
     since: np.ndarray     # time of the first of them
+    last: np.ndarray      # per source: time up to which its own states have walked
 
 
 class Output(NamedTuple):
@@ -101,23 +103,24 @@ class Output(NamedTuple):
     fix: np.ndarray         # (m, FIX_COLUMNS)
 
 
-PARAMETERS = 8
-"""Numbers that a source hands to its observer."""
+PARAMETERS, WALK, FIRST = 8, 6, 7
+"""Numbers that a source hands to its observer; of a source that brings states along, the last two are their random walk (unit/sqrt(s)) and the
+index of the first of them."""
 VALID, BRIDGED, INVALID = 0, 1, 2
 """Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and before the next accepted position fix."""
-POSITION_KIND = 0
-"""The kind of a position fix: the one that makes a solution valid again after a long gap."""
+POSITION_KIND, HEADING_KIND, GRAVITY_KIND, MAGNETIC_KIND = 0, 2, 8, 9
+"""Kinds that are more than rows of H to someone: a position makes a solution valid again after a long gap, attitude filters treat directions their way."""
 
 if COMPILED:
     _f8, _i8 = types.float64, types.int64
     _line, _table, _cube = types.Array(_f8, 1, "C"), types.Array(_f8, 2, "C"), types.Array(_f8, 3, "C")
     _count = types.Array(_i8, 1, "C")
     _named = lambda cls, *fields: types.NamedTuple(fields, cls)
-    BELIEF = _named(Belief, _line, _line, _table, _line, _line, _table, _line, _line, _line)
+    BELIEF = _named(Belief, _line, _line, _table, _line, _line, _table, _line, _line, _line, _line)
     NOISE = types.NamedUniTuple(_f8, len(Noise._fields), Noise)
     IMU = _named(Imu, _line, _line, _table, _table)
     FIXES = _named(Fixes, _line, _count, _table, _table, _count, _table, _line)
-    CURSOR = _named(Cursor, _count, _line, _line, _line, _count, _count, _count, _line)
+    CURSOR = _named(Cursor, _count, _line, _line, _line, _count, _count, _count, _line, _line)
     OUTPUT = _named(Output, _table, _cube, _table)
 
     OBSERVE = _i8(BELIEF, _line, _line, _line, _table)
@@ -136,7 +139,9 @@ class Filter(NamedTuple):
     predict: Callable       # (belief, u, dt, noise): u[0:6] = rotation (rad) and velocity (m/s) increments
     correct: Callable       # (belief, y, sd, kind, observe, parameters, gate, innovation) -> NIS
     states: tuple = tuple(range(STATES))  # the standard deviations it claims; the others are published as NaN
+    estimates: tuple = tuple(range(STATES))     # the states it estimates at all; the others are published as NaN. Without position it starts without one
     columns: tuple = ()     # names, with units, of its extra output columns
+    uses: tuple = None      # kinds of aiding that it can use; None: all. Sources of other kinds are left out and named in the notes
     watch: Callable = None  # (t (n,), lla (n, 3), {column: (n,)}) -> [(t, text)]: what of the kept rows a user must know
 
     def __reduce__(self):
@@ -149,9 +154,12 @@ class Sensor(NamedTuple):
     name: str
     kind: int               # index of the observer, a module constant
     observe: Callable       # (belief, y, parameters, innovation, H) -> rows, at most 3 of y - h(belief) in m, m/s or rad
-    quantities: tuple       # what each component of y is: "latitude", "longitude", "length", "speed", "angle"
-    parameters: str = ""    # what parameters[0:3] is: "" nothing, "antenna" or "reference": lever arm from the IMU to that point, m, body
+    quantities: tuple       # what each component of y is: "latitude", "longitude", "length", "speed", "angle", "acceleration", "magnetic field", "pressure"
+    parameters: str = ""    # what parameters[0:3] is: "" nothing, "antenna" or "reference": lever arm from the IMU to that point, m, body; "field": T, NED
     vector: str = ""        # frame of y where it is a vector that the description's axes turn: "n" or "b"
     recorded: bool = True   # False: a constraint of the vehicle, rows at a rate instead of a file
     when: str = ""          # a constraint that holds only then: "at rest"
     reference: str = ""
+    states: tuple = ()      # names, with units, of the states that each source of this kind brings along
+    state_sd: float = 0.0   # their initial standard deviation
+    state_walk: float = 0.0     # their random walk, unit/sqrt(s)

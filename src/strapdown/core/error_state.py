@@ -102,8 +102,16 @@ def added(lla, v, C, dx):
 
 @helper
 def inject_biases(belief, dx):
-    """Add bias errors to the estimated biases."""
+    """Add bias errors to the estimated biases, and the errors of the states that aidings brought along to those."""
     a, g = dx[BA], dx[BG]
     for i in range(3):
         belief.ba[i] += a[i]
         belief.bg[i] += g[i]
+    inject_tail(belief, dx)
+
+
+@helper
+def inject_tail(belief, dx):
+    """Add their errors to the states that aidings brought along."""
+    for i in range(belief.tail.size):
+        belief.tail[i] += dx[STATES + i]

@@ -3,7 +3,8 @@
 Rules (docs/conventions.md):
 - A sample is split at the time of a fix inside it, in proportion.
 - A gap of at most BRIDGE seconds is bridged with the last sample's rates and added noise, the row after it marked BRIDGED. Over a longer one
-  velocity and attitude are held, the covariance grows at the HOLD densities for HOLD seconds at most, and rows are INVALID until a position fix after it is accepted.
+  velocity and attitude are held, the covariance grows at the HOLD densities for HOLD seconds at most, and rows are INVALID until a position fix after
+  it is accepted, or, of a filter that estimates no position, for one row.
 - A source whose fixes were rejected REJECTED times in a row over at least PATIENCE seconds has its gate lifted until a fix passes it again. Before such
   a fix is used, P is multiplied by NIS/gate, DOUBT at most; where a position is further off than that, its squared innovation is added to the
   variances of position.
@@ -11,16 +12,17 @@ Rules (docs/conventions.md):
 import math
 
 from .compiling import caller, helper, inlined, kernel
-from .contract import BRIDGED, CORRECT, INVALID, OBSERVE, POSITION_KIND, PREDICT, RUN, VALID, Noise
+from .contract import BRIDGED, CORRECT, FIRST, INVALID, OBSERVE, POSITION_KIND, PREDICT, RUN, VALID, WALK, Noise
 from .earth import LATITUDE_LIMIT
 from .mechanization import compensate, stationary_increments
 from .rotation import matrix_to_quaternion
 
-ROW, STOP, FIX, FIXES, OUT, EVERY, PHASE, STATUS, FAULT, CURSOR_SIZE = range(10)
+ROW, STOP, FIX, FIXES, OUT, EVERY, PHASE, STATUS, FAULT, POSITIONED, CURSOR_SIZE = range(11)
 """Cursor.at: next IMU row, where to stop, next fix, how many there are, next output row, keep rows with row % every == phase, status of the
-belief, and FAULT = 1 once the belief left the latitudes where results hold, or is not a number."""
+belief, FAULT = 1 once the belief left the latitudes where results hold, or is not a number, and POSITIONED = 1 where the filter estimates a position."""
 T, LLA, V, Q, BIASES, SD, ROW_STATUS, NAV_WIDTH = 0, 1, 4, 7, 11, 17, 32, 33
-"""Columns of Output.nav: time, position, velocity, quaternion, biases (accelerometer, gyro), 15 standard deviations, status; then a filter's own."""
+"""Columns of Output.nav: time, position, velocity, quaternion, biases (accelerometer, gyro), 15 standard deviations, status; then a filter's own, then
+the states that aidings brought along and their standard deviations."""
 F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, FIX_WIDTH = 0, 1, 2, 5, 6, 7
 """Columns of Output.fix; use is one of the next four."""
 UNMEASURED, REJECTED_FIX, ACCEPTED, REACQUIRED = -1.0, 0.0, 1.0, 2.0
@@ -46,7 +48,7 @@ def run(predict, correct, observers, belief, imu, fixes, noise, cursor, out):
         begin = t - dt
         if begin - now[0] > 0.5 * dt + SAME_TIME:
             _cross_gap(predict, correct, observers, belief, fixes, noise, cursor, out, begin)
-        elif at[STATUS] == BRIDGED:
+        elif at[STATUS] == BRIDGED or at[POSITIONED] == 0:
             at[STATUS] = VALID
         inside = 0.5 * dt if cursor.previous[6] > 0 else SAME_TIME  # a run may begin anywhere inside its first sample
         compensate(imu.dtheta[row], imu.dv[row], dt, cursor.previous, sample)
@@ -98,6 +100,9 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
     at, k = cursor.at, cursor.at[FIX]
     s, innovation, row = fixes.source[k], cursor.work[12:15], out.fix[k]
     gate, lifted, nis = fixes.gate[s], False, 0.0
+    if fixes.parameters[s, WALK] > 0:
+        _walk(belief.P, fixes.parameters, s, fixes.t[k] - cursor.last[s])
+        cursor.last[s] = fixes.t[k]
     while True:  # once, or a second time with the gate lifted
         found = correct_at(correct)(belief, fixes.y[k], fixes.sd[k], fixes.kind[s], observe_at(observers[fixes.kind[s]]),
                                     fixes.parameters[s], gate, innovation)
@@ -127,6 +132,18 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
     for i in range(3):
         row[F_INNOVATION + i] = innovation[i]
     at[FIX] += 1
+
+
+@helper
+def _walk(P, parameters, s, seconds):
+    """The random walk of the states of source `s`, which reach up to those of the next one; only its fixes see them, so it can wait for one."""
+    last = P.shape[0]
+    for other in range(s + 1, parameters.shape[0]):
+        if parameters[other, FIRST] > 0:
+            last = int(parameters[other, FIRST])
+            break
+    for i in range(int(parameters[s, FIRST]), last):
+        P[i, i] += parameters[s, WALK] * parameters[s, WALK] * seconds
 
 
 @helper
@@ -180,8 +197,13 @@ def _write_row(belief, t, status, row):
     matrix_to_quaternion(belief.C, row[Q:Q + 4])
     for i in range(ROW_STATUS - SD):
         row[SD + i] = math.sqrt(max(belief.P[i, i], 0.0))
-    for i in range(row.size - NAV_WIDTH):
+    brought = belief.tail.size
+    own = row.size - NAV_WIDTH - 2 * brought
+    for i in range(own):
         row[NAV_WIDTH + i] = belief.aux[i]
+    for i in range(brought if own >= 0 else 0):
+        row[NAV_WIDTH + own + i] = belief.tail[i]
+        row[NAV_WIDTH + own + brought + i] = math.sqrt(max(belief.P[15 + i, 15 + i], 0.0))
 
 
 @helper

@@ -10,7 +10,7 @@ import numpy as np
 from ..core.contract import BA, BG, CORRECT, PREDICT, Filter, helper, kernel, matrix
 from ..core.earth import FAR
 from ..core.error_dynamics import TV
-from ..core.error_state import BLOCK, DV, DX, HEIGHT, OWN, X, added, auxiliary, decay_biases, linearised_step, measure
+from ..core.error_state import BLOCK, DV, DX, HEIGHT, OWN, X, added, auxiliary, decay_biases, inject_tail, linearised_step, measure
 from ..core.mechanization import mechanize
 
 LLA, V, C = slice(OWN, OWN + 3), slice(OWN + 3, OWN + 6), OWN + 6   # of the raw INS in aux
@@ -92,6 +92,7 @@ def correct_beside(belief, y, sd, observe, parameters, gate, innovation):
         x, dx = belief.aux[X], belief.aux[DX]
         for i in range(x.size):
             x[i] += dx[i]
+        inject_tail(belief, dx)
         compose(belief)
     return nis
 

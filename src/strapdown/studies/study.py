@@ -140,7 +140,7 @@ def parsed(label):
         raise DataError(f"filter {label!r}: {wrong[0]!r} is no option with a value; write {name}:option=value,option=value")
     options = {key.strip(): _value(value) for key, _, value in pairs}
     check_options(filter, options)
-    new_belief(filter, ANYWHERE, STILL, options)    # refuses values
+    new_belief(filter, ANYWHERE, STILL, options, ())    # refuses values
     return filter, options
 
 

@@ -1,0 +1,32 @@
+"""The body does not accelerate: its specific force is the reaction to gravity. A constraint, for bodies that stand, float or move steadily.
+
+With true C = exp(theta) C and f = f_measured - b_a, C f + g = theta x (C f) - C delta b_a, m/s^2 in n: three rows, the third for the bias alone.
+An acceleration of the body goes into the attitude as its angle against g; its standard deviation is what `sd` must say.
+"""
+import math
+
+from ..core.contract import GRAVITY_KIND, OBSERVE, Sensor, kernel
+from ..core.earth import gravity
+
+GRAVITY = GRAVITY_KIND
+
+
+@kernel(OBSERVE)
+def observe(belief, y, parameters, innovation, H):
+    """Three rows: - gravity - specific force, m/s^2 NED, of the last sample."""
+    C, f = belief.C, belief.f
+    n0 = C[0, 0] * f[0] + C[0, 1] * f[1] + C[0, 2] * f[2]
+    n1 = C[1, 0] * f[0] + C[1, 1] * f[1] + C[1, 2] * f[2]
+    n2 = C[2, 0] * f[0] + C[2, 1] * f[1] + C[2, 2] * f[2]
+    innovation[0], innovation[1], innovation[2] = -n0, -n1, -n2 - gravity(math.sin(belief.lla[0]), belief.lla[2])
+    H[0, 7], H[0, 8] = n2, -n1
+    H[1, 6], H[1, 8] = -n2, n0
+    H[2, 6], H[2, 7] = n1, -n0
+    for i in range(3):
+        for j in range(3):
+            H[i, 9 + j] = -C[i, j]
+    return 3
+
+
+SENSOR = Sensor("gravity", GRAVITY, observe, ("acceleration", "acceleration", "acceleration"), recorded=False,
+                reference="Fossen (2021) section 14.4.3, reference vector of gravity")

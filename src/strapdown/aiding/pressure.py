@@ -1,0 +1,56 @@
+"""Barometric height of a point of the body: from pressure (Pa) in the ICAO standard atmosphere, or as a height (m) whose zero is unknown.
+
+Weather and the undulation of the geoid put it off the ellipsoidal height by up to some hundred metres, and drift. So each source brings a bias
+along, in m: what the barometer reads too high.
+"""
+import math
+
+from ..core.contract import FIRST, OBSERVE, Sensor, helper, kernel
+
+PRESSURE, PRESSURE_ALTITUDE = 10, 11
+P_0, T_0, LAPSE = 101325.0, 288.15, 6.5e-3      # Pa, K, K/m at mean sea level
+EXPONENT = 287.05287 * LAPSE / 9.80665          # of p / p_0 in the troposphere
+TOP, P_TOP = 11000.0, P_0 * (1 - 11000.0 * LAPSE / T_0) ** (1 / EXPONENT)   # tropopause, m and Pa
+SCALE_TOP = 287.05287 * (T_0 - LAPSE * TOP) / 9.80665                       # scale height above it, m
+
+
+@helper
+def pressure_altitude(p):
+    """Geopotential height in the standard atmosphere, m, up to 20 km; ICAO Doc 7488. NaN where p is not above zero."""
+    if not p > 0:
+        return math.nan
+    if p < P_TOP:
+        return TOP - SCALE_TOP * math.log(p / P_TOP)
+    return T_0 / LAPSE * (1 - (p / P_0) ** EXPONENT)
+
+
+@helper
+def height(belief, measured, parameters, innovation, H):
+    """One row, down: estimated height of the point + bias - measured, m."""
+    C, bias = belief.C, int(parameters[FIRST])
+    l0 = C[0, 0] * parameters[0] + C[0, 1] * parameters[1] + C[0, 2] * parameters[2]
+    l1 = C[1, 0] * parameters[0] + C[1, 1] * parameters[1] + C[1, 2] * parameters[2]
+    l2 = C[2, 0] * parameters[0] + C[2, 1] * parameters[1] + C[2, 2] * parameters[2]
+    innovation[0] = belief.lla[2] + belief.tail[bias - 15] - l2 - measured
+    H[0, 2] = 1.0
+    H[0, 6], H[0, 7] = l1, -l0
+    H[0, bias] = -1.0
+    return 1
+
+
+@kernel(OBSERVE)
+def observe(belief, y, parameters, innovation, H):
+    """One row from y = pressure, Pa."""
+    return height(belief, pressure_altitude(y[0]), parameters, innovation, H)
+
+
+@kernel(OBSERVE)
+def observe_altitude(belief, y, parameters, innovation, H):
+    """One row from y = barometric height, m."""
+    return height(belief, y[0], parameters, innovation, H)
+
+
+BIAS = dict(states=("bias [m]",), state_sd=150.0, state_walk=0.03)      # the walk: some metres an hour of weather
+SENSOR = Sensor("pressure", PRESSURE, observe, ("pressure",), parameters="antenna", reference="ICAO Doc 7488; Groves (2013) section 6.2.1", **BIAS)
+ALTITUDE = Sensor("pressure-altitude", PRESSURE_ALTITUDE, observe_altitude, ("length",), parameters="antenna", reference="Groves (2013) section 6.2.1",
+                  **BIAS)
