@@ -10,6 +10,9 @@ from .rotation import orthonormalise, rotate_left, rotate_right
 
 SIX = (6, 7, 8, 12, 13, 14)
 """Places of attitude and gyro bias among the error states."""
+RECORD, UNUSED = 11, 9
+"""Numbers that a scalar measurement leaves for the smoother: gain (6), h (3), 1/variance of the innovation, innovation; the last but one is 0 where
+nothing was used."""
 LEAST_FORCE = 0.5
 """m/s^2: a specific force below it (free fall) has no direction."""
 
@@ -83,10 +86,11 @@ def propagate(P, C, w0, w2, q, dt, noise):
 
 
 @helper
-def measured(P, h0, h1, h2, e, variance, dx):
-    """One scalar e = h . attitude error + noise: takes from P what it tells, adds it to the correction dx (6 numbers). Returns e^2 over its variance.
+def measured(P, h0, h1, h2, e, variance, gate, dx, record):
+    """One scalar e = h . attitude error + noise: takes from P what it tells and adds it to the correction dx (6 numbers), unless its NIS is above `gate`.
 
-    dx holds what was found at the same attitude before, so that several can follow each other and be injected once.
+    dx holds what was found at the same attitude before, so that several can follow each other and be injected once. `record` (RECORD numbers) gets
+    what the smoother needs, zeros where nothing was used. Returns the NIS.
     """
     k0 = h0 * P[6, 6] + h1 * P[6, 7] + h2 * P[6, 8]
     k1 = h0 * P[6, 7] + h1 * P[7, 7] + h2 * P[7, 8]
@@ -96,14 +100,20 @@ def measured(P, h0, h1, h2, e, variance, dx):
     k5 = h0 * P[6, 14] + h1 * P[7, 14] + h2 * P[8, 14]
     e -= h0 * dx[0] + h1 * dx[1] + h2 * dx[2]
     scale = 1 / (h0 * k0 + h1 * k1 + h2 * k2 + variance)
+    nis = e * e * scale
+    record[UNUSED] = 0.0
+    if not nis <= gate:
+        return nis
     gain = (k0, k1, k2, k3, k4, k5)
     for i in range(6):
         g, row = gain[i] * scale, SIX[i]
+        record[i] = g
         dx[i] += g * e
         for j in range(i, 6):
             P[row, SIX[j]] -= g * gain[j]
             P[SIX[j], row] = P[row, SIX[j]]
-    return e * e * scale
+    record[6], record[7], record[8], record[UNUSED], record[10] = h0, h1, h2, scale, e
+    return nis
 
 
 @helper

@@ -74,12 +74,18 @@ def measure(belief, y, sd, observe, parameters, gate, innovation):
     """
     n = belief.P.shape[0]
     H = matrix(belief.aux, belief.aux.size - 3 * n, 3, n)
+    rows = observed(belief, y, observe, parameters, innovation, H)
+    return update(belief.P, H, innovation, sd, rows, gate, belief.aux[WORK:], belief.aux[DX])
+
+
+@helper
+def observed(belief, y, observe, parameters, innovation, H):
+    """What `observe` makes of a fix: innovation and H, cleared before. Returns the rows."""
     for i in range(3):
         innovation[i] = math.nan
-        for j in range(n):
+        for j in range(H.shape[1]):
             H[i, j] = 0.0
-    rows = observe(belief, y, parameters, innovation, H)
-    return update(belief.P, H, innovation, sd, rows, gate, belief.aux[WORK:], belief.aux[DX])
+    return observe(belief, y, parameters, innovation, H)
 
 
 @helper

@@ -6,18 +6,24 @@ field are from what they were tells how large a disturbance is there, and the di
 """
 import math
 
-from ..core.attitude import LEAST_FORCE, SIX, carry, inject, measured, off_vertical, propagate, turn
-from ..core.contract import ATT, BG, CORRECT, MAGNETIC_KIND, PREDICT, Filter, helper, kernel
+from ..core.attitude import LEAST_FORCE, RECORD, SIX, UNUSED, carry, inject, measured, off_vertical, propagate, turn
+from ..core.contract import CORRECT, MAGNETIC_KIND, PREDICT, Filter, helper, kernel, matrix
 from ..core.earth import GRAVITY_EQUATOR, RATE
-from ..core.error_state import DX, OWN, auxiliary, measure
+from ..core.error_state import BLOCK, DX, OWN, auxiliary, observed
 from ..core.gaussian import decay
-from ..core.rotation import orthonormalise, rotate_left, wrap
+from ..core.rotation import wrap
 
 EARTH_N, EARTH_D = OWN, OWN + 1     # Earth rate, rad/s
 LOW_PASS, ACCELERATION, RATE_ERROR, HEADING, TIMING, DISTURBANCE = range(OWN + 2, OWN + 8)     # the options, as numbers
 SECONDS, SINCE = OWN + 8, OWN + 9   # s since the start, and since the last field
 STRENGTH, DIP = OWN + 10, OWN + 11  # of the field, running: T, rad
+INTERVAL = OWN + 12                 # s between the last two fields
+TAPE = BLOCK.start                  # what the smoother needs of the last call: PREDICTED or FIX,
+STEP = slice(TAPE + 1, TAPE + 13)   # C dt, Earth rotation (rad), decay of the bias,
+FIRST_RECORD = slice(STEP.stop, STEP.stop + RECORD)     # and the scalar measurements
+SECOND_RECORD = slice(FIRST_RECORD.stop, FIRST_RECORD.stop + RECORD)
 """Places in aux."""
+PREDICTED, FIX = 0.0, 1.0
 REFERENCE_TIME = 20.0
 """s: time constant of the running strength and dip while the field agrees with them."""
 AGREES = 0.05
@@ -53,16 +59,30 @@ def predict(belief, u, dt, noise):
         return
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
     w0, w2 = aux[EARTH_N] * dt, aux[EARTH_D] * dt
+    keep = decay(noise.gyro_decay * dt)
+    _write_step(aux, belief.C, w0, w2, keep, dt)
     q = noise.gyro * noise.gyro * dt + aux[RATE_ERROR] * (r0 * r0 + r1 * r1 + r2 * r2) / dt
     propagate(belief.P, belief.C, w0, w2, q, dt, noise)
     turn(belief, r0, r1, r2, w0, w2, dt)
-    keep = decay(noise.gyro_decay * dt)
     for i in range(3):
         bg[i] *= keep
     aux[SECONDS] += dt
     aux[SINCE] += dt
     carry(belief.f, u, r0, r1, r2, dt, max(dt / (aux[LOW_PASS] + dt), dt / aux[SECONDS]))
     _level(belief, dt)
+
+
+@helper
+def _write_step(aux, C, w0, w2, keep, dt):
+    """Leave the transition of this step for the smoother, and the records of its two level rows empty."""
+    step = aux[STEP]
+    for i in range(3):
+        for j in range(3):
+            step[3 * i + j] = dt * C[i, j]
+    step[9], step[10], step[11] = w0, w2, keep
+    aux[TAPE] = PREDICTED
+    for i in range(2 * RECORD):
+        aux[FIRST_RECORD.start + i] = 0.0
 
 
 @helper
@@ -73,26 +93,29 @@ def _level(belief, dt):
         return
     north, east = off_vertical(belief.C, f)
     variance = belief.aux[ACCELERATION] / (GRAVITY_EQUATOR * GRAVITY_EQUATOR * dt)
-    measured(belief.P, 1.0, 0.0, 0.0, north, variance, dx)
-    measured(belief.P, 0.0, 1.0, 0.0, east, variance, dx)
+    measured(belief.P, 1.0, 0.0, 0.0, north, variance, math.inf, dx, belief.aux[FIRST_RECORD])
+    measured(belief.P, 0.0, 1.0, 0.0, east, variance, math.inf, dx, belief.aux[SECOND_RECORD])
     inject(belief, dx)
 
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
-    """Correct by the horizontal direction of a magnetic field, whose innovation is an angle (rad), or by the rows of another kind."""
+    """Correct by the horizontal direction of a magnetic field, whose innovation is an angle (rad), or by a heading."""
+    aux, n = belief.aux, belief.P.shape[0]
     if kind == MAGNETIC_KIND:
         return _field(belief, y, sd, parameters, gate, innovation)
-    nis = measure(belief, y, sd, observe, parameters, gate, innovation)
-    if nis <= gate:
-        theta, g = belief.aux[DX][ATT], belief.aux[DX][BG]
-        rotate_left(theta[0], theta[1], theta[2], belief.C)
-        orthonormalise(belief.C)
-        for i in range(3):
-            belief.bg[i] += g[i]
-    dx = belief.aux[DX]
-    for i in range(dx.size):
-        dx[i] = 0.0
+    H = matrix(aux, aux.size - 3 * n, 3, n)
+    observed(belief, y, observe, parameters, innovation, H)
+    return _used(belief, H[0, 6], H[0, 7], H[0, 8], innovation[0], sd[0] * sd[0], gate)
+
+
+@helper
+def _used(belief, h0, h1, h2, e, variance, gate):
+    """Correct by one row. Returns its NIS, NaN where it was not measured."""
+    dx, record = belief.aux[DX], belief.aux[FIRST_RECORD]
+    belief.aux[TAPE] = FIX
+    nis = measured(belief.P, h0, h1, h2, e, variance, gate, dx, record)
+    inject(belief, dx)
     return nis
 
 
@@ -104,19 +127,17 @@ def _field(belief, y, sd, parameters, gate, innovation):
     east = C[1, 0] * y[0] + C[1, 1] * y[1] + C[1, 2] * y[2]
     down = C[2, 0] * y[0] + C[2, 1] * y[1] + C[2, 2] * y[2]
     square = north * north + east * east
-    innovation[0] = wrap(math.atan2(parameters[1], parameters[0]) - math.atan2(east, north))
-    innovation[1] = innovation[2] = math.nan
+    innovation[0] = innovation[1] = innovation[2] = math.nan
     if not square > 0:
-        innovation[0] = math.nan
+        aux[TAPE], aux[FIRST_RECORD.start + UNUSED] = FIX, 0.0
         return math.nan
-    seconds = min(aux[SINCE], 1.0)
-    aux[SINCE] = 0.0
-    density = aux[HEADING] + aux[DISTURBANCE] * _departure(aux, square, down, seconds)
+    innovation[0] = wrap(math.atan2(parameters[1], parameters[0]) - math.atan2(east, north))
+    if aux[SINCE] > 0:
+        aux[INTERVAL], aux[SINCE] = min(aux[SINCE], 1.0), 0.0
+    density = aux[HEADING] + aux[DISTURBANCE] * _departure(aux, square, down, aux[INTERVAL])
     density += aux[TIMING] * (omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2])
-    variance = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * square) + (density / seconds if seconds > 0 else 0.0)
-    nis = measured(belief.P, -north * down / square, -east * down / square, 1.0, innovation[0], variance, aux[DX])
-    inject(belief, aux[DX])
-    return nis
+    variance = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * square) + (density / aux[INTERVAL] if aux[INTERVAL] > 0 else 0.0)
+    return _used(belief, -north * down / square, -east * down / square, 1.0, innovation[0], variance, gate)
 
 
 @helper
