@@ -66,22 +66,22 @@ def timed_run(workload, name, every=1, **options):
 
     As with the yardstick, compiling, the start and the output arrays are there before the clock starts.
     """
-    from strapdown import engine
-    from strapdown.core import loop
-    from strapdown.core.contract import Output
     log, at_start, densities = recording(workload), start(workload), noise(workload.parameters)
-    prepared, fixes_of = engine.prepare(name, ["position"]), engine.merge(log.aidings, workload.t[0])
-    rows, fix_rows = len(log.imu.t), len(fixes_of.t)
-    kept = -(-rows // every)
-    out = Output(np.zeros((kept, loop.NAV_WIDTH + len(prepared.filter.columns))), np.empty((kept if every > 1 else 0, 15, 15)), np.zeros((fix_rows, loop.FIX_WIDTH)))
+    return timed(lambda begin: begin(log, name, None, at_start, densities, every, every > 1, None, options))
+
+
+def timed(made):
+    """A function that runs the Run that `made(engine.begin)` gives, anew each time, and returns the seconds of the compiled loop alone."""
+    from strapdown import engine
+    out = made(engine.begin).out
+    for part in out[:3]:
+        part[...] = 0.0     # its pages are there
 
     def seconds():
-        belief, cursor = prepared.filter.start(at_start, densities, **options), engine.new_cursor(prepared.filter, workload.t[0], 1)
-        cursor.at[loop.FIXES], cursor.at[loop.EVERY], cursor.at[loop.PHASE] = fix_rows, every, (rows - 1) % every
+        run = made(engine.begin)
         begin = time.perf_counter()
-        while cursor.at[loop.ROW] < rows:
-            cursor.at[loop.STOP] = min(cursor.at[loop.ROW] + engine.CHUNK, rows)
-            loop.run(*prepared[1:], belief, log.imu, fixes_of, densities, cursor, out)
+        for rows in run.chunks(engine.CHUNK):
+            run.advance(rows, out)
         return time.perf_counter() - begin
     return seconds
 

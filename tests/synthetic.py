@@ -56,3 +56,22 @@ def _smooth(white, width):
     kernel = np.exp(-np.linspace(-2, 2, width) ** 2)
     kernel /= np.sqrt((kernel ** 2).sum())
     return np.column_stack([np.convolve(column, kernel, mode="same") for column in white.T])
+
+
+def attitude_only(made, heave=False, name="attitude-mekf"):
+    """The same Solution of a filter of attitude and gyro bias, with `heave` of height and vertical velocity too, aided by a magnetic field.
+
+    The field's innovations are angles, in rad, in the first row alone.
+    """
+    from dataclasses import replace
+    unknown = np.r_[0, 1, 3, 4, 9, 10, 11] if heave else np.r_[0:6, 9:12]
+    part = lambda values, first: np.where(np.isin(np.arange(first, first + 3), unknown), np.nan, values)
+    trajectory, t = made.trajectory, np.arange(made.t[0] + 0.5, made.t[-1], 0.5)
+    rng = np.random.default_rng(11)
+    angle = rng.normal(0, np.radians(1.5), len(t))
+    innovations = Innovations(t, np.zeros(len(t), int), np.c_[angle, np.full((len(t), 2), np.nan)], (angle / np.radians(1.5)) ** 2, np.ones(len(t), bool),
+                              ("field",), (10.8,))
+    sd = np.where(np.isin(np.arange(15), unknown), np.nan, trajectory.sd)
+    trajectory = replace(trajectory, lla=part(trajectory.lla, 0), v_n=part(trajectory.v_n, 3), sd=sd)
+    return replace(made, trajectory=trajectory, b_a=np.full_like(made.b_a, np.nan), innovations=innovations, events=made.events[:1], columns={},
+                   status=np.where(made.status == INVALID, 0, made.status), meta=made.meta | {"filter": name, "kinds": {"field": "magnetic-field"}})

@@ -96,8 +96,9 @@ def test_impossible_scenarios_are_one_line(hop, monkeypatch, capsys, name, words
     (("advise", "--imu", "tactical", "--flight", "hop.toml", "--duration", "1min", "--quick", "--map", "--out", "x"), "leave out one of the two"),
     (("advise", "--imu", "tactical", "--flight", "hop.toml", "--duration", "1min", "--workers", "-2", "--out", "x"), "workers is -2"),
     (("advise", "--imu", "tactical", "--flight", "hop.toml", "--duration", "soon"), "soon"), (("advise", "--imu", "tactical", "--flight", "hopp", "--duration", "1h"), "hopp"),
-    (("reproduce", "hager", "--out", "x"), "nothing to reproduce is called 'hager'; there is: recordings, hager-bryne"),
-    (("reproduce", "recordings", "--quick", "--out", "x"), "reproduce recordings has no option --quick"),
+    (("reproduce", "hager", "--out", "x"), "nothing to reproduce is called 'hager'; there is: recordings, hager-bryne, broad"),
+    (("reproduce", "recordings", "--quick", "--out", "x"), "reproduce recordings has no option --quick"), (("reproduce", "broad", "--runs", "3", "--out", "x"), "reproduce broad has no option --runs"),
+    (("reproduce", "broad", "--recordings", ".", "--out", "x"), "no BROAD trials (.npz) there"),
     (("reproduce", "hager-bryne", "--recordings", "x", "--out", "x"), "has no option --recordings"), (("reproduce", "hager-bryne", "--runs", "-1", "--out", "x"), "-1"),
     (("allan", "nothing.nc"), "nothing.nc"), (("allan", "hop.toml"), "hop.toml")])
 def test_bad_words_are_one_line_and_leave_nothing(hop, monkeypatch, capsys, words, said):

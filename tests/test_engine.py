@@ -214,7 +214,7 @@ def test_a_lifted_gate_is_one_event_until_it_holds_again():
     uses = [loop.ACCEPTED, loop.REACQUIRED, loop.REACQUIRED, loop.UNMEASURED, loop.REACQUIRED, loop.ACCEPTED, loop.REJECTED_FIX, loop.REACQUIRED]
     used = np.zeros((len(uses), loop.FIX_WIDTH))
     used[:, loop.F_T], used[:, loop.F_USE] = np.arange(len(uses)), uses
-    assert [t for t, _ in engine._events(recording.imu, 200, begin, used, ["a"])] == [1.0, 7.0]
+    assert [t for t, _ in engine._events(recording.imu, 200, begin, used, ["a"], "held")] == [1.0, 7.0]
 
 
 # ---- parts of a recording

@@ -8,11 +8,15 @@ from recordings import alike, flight, position, start, without_samples
 import strapdown as sd
 from strapdown import stream as live, filters
 from strapdown.core.loop import SAME_TIME
+from strapdown.engine import positioned
 from strapdown.data import BRIDGED, INVALID, VALID, DataError
 from strapdown.stream import Fix, Sample, Stream
 from strapdown.geodesy import displaced
 
 pytestmark = pytest.mark.short
+
+
+WITH_POSITION = [name for name in filters.names() if positioned(filters.find(name))]
 
 
 def eventful():
@@ -57,7 +61,7 @@ def shuffled(events, lag, seed=5):
     return [events[i] for i in np.argsort([event.t + d for event, d in zip(events, late)], kind="stable")]
 
 
-@pytest.mark.parametrize("name", filters.names())
+@pytest.mark.parametrize("name", WITH_POSITION)
 def test_a_stream_is_the_batch_bit_for_bit(name):
     recording, begin = eventful(), start(flight())
     solution = sd.fuse(recording, name, start=begin, covariance=True)
@@ -67,6 +71,23 @@ def test_a_stream_is_the_batch_bit_for_bit(name):
         stream.step(event)
     assert equal(stream.finish(), solution)
     assert stream.dropped == 0 and stream.t == solution.t[-1] and stream.counts() == [(18, 1), (20, 0)]
+
+
+@pytest.mark.parametrize("name", sorted(set(filters.names()) - set(WITH_POSITION)))
+def test_an_attitude_stream_is_the_batch_and_leaves_other_sources_alone(name):
+    hand = sd.simulate("hand-held", seed=3, duration=8.0)
+    recording = without_samples(replace(hand, aidings=(position([3.0, 4.0], (0.9, 0.2, 50.0)), *hand.aidings)), (5.0, 5.3), (6.0, 7.2))
+    begin = sd.align(recording, sd.grade("consumer"), position=False)
+    solution = sd.fuse(recording, name, imu="consumer", start=begin, covariance=True)
+    stream = Stream(name, begin, imu="consumer", aidings=recording.aidings, lag=0.2)
+    for event in shuffled(events_of(recording), 0.19):
+        stream.step(event)
+    belief = stream.finish()
+    assert np.array_equal(belief.bg, solution.b_g[-1]) and np.array_equal(belief.P, solution.covariance[-1])
+    assert np.allclose(belief.C, solution.trajectory.rotation.as_matrix()[-1], atol=1e-12)
+    counts = solution.counts()
+    assert stream.dropped == 0 and stream.counts() == [(0, 0), counts.get("magnetic-field", (0, 0))]
+    assert [event for _, event in solution.events][1].endswith("attitude held") and set(solution.status) == {VALID, BRIDGED, INVALID}
 
 
 def test_every_belief_on_the_way_is_a_row_of_the_batch():
@@ -185,7 +206,7 @@ def test_fixes_ahead_of_the_samples_wait_and_keep_their_order():
     assert equal(stream.finish(), solution) and stream.dropped == 0 and stream.counts() == [(2, 0), (1, 0)]
 
 
-@pytest.mark.parametrize("name", filters.names())
+@pytest.mark.parametrize("name", WITH_POSITION)
 def test_now_looks_ahead_and_leaves_the_stream_as_it_was(name):
     recording, begin = eventful(), start(flight())
     solution = sd.fuse(recording, name, start=begin, covariance=True)

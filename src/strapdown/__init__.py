@@ -18,8 +18,9 @@ __version__ = "0.1.0"
 _PUBLIC = {
     "Aiding": "data", "DataError": "data", "Recording": "data", "Solution": "data", "Trajectory": "data",
     "Belief": "core.contract", "Imu": "core.contract", "Noise": "core.contract", "Start": "core.contract",
-    "fuse": "engine", "Fix": "stream", "Sample": "stream", "Stream": "stream",
-    "align": "alignment", "ImuSpec": "sensors.imu", "grade": "sensors.imu", "grades": "sensors.imu",
+    "fuse": "engine", "smooth": "smoothing", "Fix": "stream", "Sample": "stream", "Stream": "stream",
+    "align": "alignment", "calibrate": "calibration", "Calibration": "calibration", "static_attitude": "statics", "geomagnetic_field": "sensors.geomagnetism",
+    "ImuSpec": "sensors.imu", "grade": "sensors.imu", "grades": "sensors.imu",
     "read": "io", "write_recording": "io", "write_solution": "io.solution", "read_solution": "io.solution",
     "report": "reports.page", "errors": "metrics", "rms": "metrics", "outages": "metrics", "simulate": "sim.synthesis",
     "Scenario": "sim.scenario", "scenario": "sim.scenario", "scenarios": "sim.scenario", "Study": "studies.study", "Campaign": "studies.campaign",

@@ -1,7 +1,8 @@
 """From the first seconds of a Recording to a filter's Start: position and velocity from fixes, level from specific force, heading from what there is.
 
-The start is the first position fix; where the heading can only come from the course, the first fix faster than `MOVING`. Everything found is
-stated in `Start.note` and can be overridden with `Start._replace`. Source: Groves (2013) section 5.6.
+The start is the first position fix; where the heading can only come from the course, the first fix faster than `MOVING`. A filter of attitude
+alone needs no fix and starts with the record. Everything found is stated in `Start.note` and can be overridden with `Start._replace`.
+Source: Groves (2013) section 5.6.
 """
 import numpy as np
 
@@ -9,46 +10,107 @@ from .core.contract import Start
 from .core.earth import GRAVITY_EQUATOR, RATE
 from .data import DataError
 from .geodesy import displaced, displacement
+from .headings import LEVEL_SD_MOVING, LEVEL_SD_REST, UNKNOWN_SD, Found, earth_rate_heading, magnetic_heading, mean_force
 from .rest import at_rest
+from .statics import body_to_navigation, level
 
 MOVING = 5.0                    # m/s: above it the course of the velocity is taken as heading
 COURSE_SD = np.radians(15.0)    # wind, sideslip
-UNKNOWN_SD = np.radians(104.0)  # uniform over the circle
-LEVEL_SD_REST, LEVEL_SD_MOVING, LEVEL_SD_GUESSED = np.radians(0.5), np.radians(5.0), np.radians(15.0)
+LEVEL_SD_GUESSED = np.radians(15.0)
 REST_TIME = 2.0                 # s: shortest rest that is worth averaging
 SLOW = 1.0                      # m/s: fixes surely faster than that are no rest, whatever the IMU feels
 UNKNOWN_ACCELERATION = 3.0      # m/s^2: what a velocity may change by between fixes
 REST_SEARCH = 600.0             # s before the start in which rest is looked for
+REST_AHEAD = 10.0               # s after the start in which a filter of attitude alone may find it, where the record begins with rest
+REST_AGE = 30.0                 # s for which the gyros carry on the level of a rest
+UNKNOWN_SPEED, PLACE_SD, EARTH_RADIUS = 10.0, 10.0, 6.4e6   # m/s, m, m: standard deviations of what a filter of attitude alone does not need
+GYRO_SCALE = 0.01               # of the angle turned: what a MEMS gyro's scale and axes may be off by
+WEIGHTLESS = 0.8                # of gravity: a mean specific force further from it has no level in it
 
 
-def align(recording, imu, heading=None, heading_sd=np.radians(2.0), at=None):
+def align(recording, imu, heading=None, heading_sd=np.radians(2.0), at=None, position=True):
     """A Start for `recording`, whose IMU is the ImuSpec `imu`.
 
     heading, heading_sd: rad, where the caller knows it; at: s, where the caller wants another instant (then the fixes next to it are used).
-    Raises DataError where there is no position fix to start from.
+    position: False for a filter that estimates attitude without position: it starts with the record and needs no fix.
+    Raises DataError where there is no position fix to start from, or no specific force to level by.
     """
+    if at is not None and not recording.span[0] <= at < recording.span[1]:
+        raise DataError(f"cannot start at {at:g} s; the IMU record covers {recording.span[0]:.3f} to {recording.span[1]:.3f} s")
+    given = None if heading is None else Found(float(heading), float(heading_sd), "heading given")
+    if not position:
+        return _attitude_start(recording, imu, given, recording.span[0] if at is None else at)
     position = _source(recording, "position")
     if position is None:
         raise DataError("no position fix to start from: add a position aiding, or give start=")
-    if at is not None and not recording.span[0] <= at < recording.span[1]:
-        raise DataError(f"cannot start at {at:g} s; the IMU record covers {recording.span[0]:.3f} to {recording.span[1]:.3f} s")
     velocity = _source(recording, "velocity")
-    t, v, v_sd, moving = _instant(recording, position, velocity, heading, at)
+    b_a_sd, b_g_sd = imu.bias_sd()
+    t, v, v_sd, moving = _instant(recording, position, velocity, at, lambda t: _heading(recording, imu, t, given, np.zeros(3), position.y[0]).known)
     k = int(np.argmin(np.abs(position.t - t)))
     age = abs(t - position.t[k])
-    b_a_sd, b_g_sd = imu.bias_sd()
     rest = _rest_before(recording, t)
     bg, bg_sd, bias_note = _gyro_bias(recording, rest, b_g_sd)
     omega, f = _rates(recording, t, bg)
-    psi, psi_sd, psi_note = _heading(recording, t, v, moving, heading, heading_sd, omega)
-    roll, pitch, level_sd, level_note = _level(recording, t, rest, v, psi, psi_sd, velocity, b_a_sd, bg, omega, f)
+    psi, psi_sd, psi_note, still = _or_course(_heading(recording, imu, t, given, bg, position.y[k]), v, moving)
+    roll, pitch, level_sd, level_note = (_level_at_rest(mean_force(recording, t, bg), b_a_sd) if still else
+                                         _level(recording, t, rest, v, psi, psi_sd, velocity, b_a_sd, bg, omega, f))
     C = body_to_navigation(roll, pitch, psi)
     v = v - C @ np.cross(omega, _arm(velocity))
     lla = displaced(position.y[k], v * (t - position.t[k]) - C @ _arm(position))
     sd = [*np.hypot(position.sd[k], age * v_sd), *v_sd, level_sd, level_sd, psi_sd, *[b_a_sd] * 3, *bg_sd]
+    return _start(t, lla, v, (roll, pitch, psi), bg, sd, f"position and velocity at {t:.2f} s, {psi_note}, {level_note}, {bias_note}")
+
+
+def _start(t, lla, v, rph, bg, sd, note):
     numbers = lambda values: tuple(float(value) for value in values)
-    note = f"position and velocity at {t:.2f} s, {psi_note}, {level_note}, {bias_note}"
-    return Start(float(t), numbers(lla), numbers(v), numbers((roll, pitch, psi)), (0.0, 0.0, 0.0), numbers(bg), numbers(sd), note)
+    return Start(float(t), numbers(lla), numbers(v), numbers(rph), (0.0, 0.0, 0.0), numbers(bg), numbers(sd), note)
+
+
+def _attitude_start(recording, imu, given, t):
+    """A Start for a filter of attitude alone: level from rest or else the mean specific force; place and velocity as far as they are known."""
+    fixes, velocity = _source(recording, "position"), _source(recording, "velocity")
+    lla, lla_sd, place_note = _place(recording, fixes, t)
+    v, v_sd, moving = np.zeros(3), np.full(3, UNKNOWN_SPEED), False
+    if fixes is not None and fixes.t[0] - 1 <= t <= fixes.t[-1] + 1:
+        _, v, v_sd, moving = _instant(recording, fixes, velocity, t)
+    b_a_sd, b_g_sd = imu.bias_sd()
+    rest = _rest_before(recording, t, REST_AHEAD)
+    bg, bg_sd, bias_note = _gyro_bias(recording, rest, b_g_sd)
+    bg_sd = np.hypot(bg_sd, _unsteadiness(recording.imu, rest)) if bg.any() else bg_sd
+    place = lla if np.isfinite(lla_sd).all() else None
+    psi, psi_sd, psi_note, still = _or_course(_heading(recording, imu, t, given, bg, place), v, moving)
+    force, age = mean_force(recording, t, bg), t - recording.imu.t[rest[-1][-1]] if rest else np.inf
+    if force.off > WEIGHTLESS:
+        raise DataError(f"cannot level: the mean specific force at {t:.2f} s is {np.linalg.norm(force.f):.3g} m/s^2, far from gravity; "
+                        "start elsewhere, or give start=")
+    if still or age <= 0:
+        roll, pitch, level_sd, level_note = _level_at_rest(force, b_a_sd)
+    else:
+        roll, pitch, level_sd, level_note = min(_levels_in_motion(recording, t, rest, age, force, b_a_sd, bg), key=lambda found: found[2])
+    lla_sd = np.where(np.isfinite(lla_sd), lla_sd, EARTH_RADIUS)
+    sd = [*lla_sd, *v_sd, level_sd, level_sd, psi_sd, *[b_a_sd] * 3, *bg_sd]
+    return _start(t, lla, v, (roll, pitch, psi), bg, sd, f"attitude at {t:.2f} s, {psi_note}, {level_note}, {bias_note}, {place_note}")
+
+
+def _levels_in_motion(recording, t, rest, age, force, b_a_sd, bg):
+    """[(roll, pitch, sd, note)]: by the MeanForce, and where a rest ended `age` (s) ago by it and the gyros, whose scale errs with all they turned."""
+    found = [(*level(force.f), np.linalg.norm([LEVEL_SD_MOVING, b_a_sd / GRAVITY_EQUATOR, force.off]), "level from specific force alone")]
+    if age < REST_AGE:
+        roll, pitch, sd, note = _level(recording, t, rest, None, None, None, None, b_a_sd, bg, None, None)
+        turned = np.linalg.norm(recording.imu.dtheta[slice(*np.searchsorted(recording.imu.t, [t - age, t]))], axis=1).sum()
+        found.append((roll, pitch, np.hypot(sd, GYRO_SCALE * turned), note))
+    return found
+
+
+def _place(recording, fixes, t):
+    """Position (rad, rad, m), its sd (m) and a note: the recording's place, else the fix nearest to t, else the equator with an infinite sd."""
+    place = recording.meta.get("place")
+    if place is not None:
+        return np.array(place, float), np.full(3, PLACE_SD), "place given"
+    if fixes is None:
+        return np.zeros(3), np.full(3, np.inf), "place unknown: 0 deg latitude assumed; give place"
+    k = int(np.argmin(np.abs(fixes.t - t)))
+    return fixes.y[k], fixes.sd[k], "place of the nearest fix"
 
 
 def _arm(source):
@@ -73,16 +135,16 @@ def _source(recording, kind):
     return None
 
 
-def _instant(recording, position, velocity, heading, at):
-    """When to start, and velocity (m/s), its sd and whether the course is to be believed then."""
+def _instant(recording, position, velocity, at=None, heading_known=None):
+    """When to start, and velocity (m/s), its sd and whether the course is to be believed then; without `at`, once `heading_known(t)` or fast."""
     t, v, sd = _velocities(position, velocity)
     if at is not None:
         k = int(np.argmin(np.abs(t - at)))
         between = np.array([np.interp(at, t, column) for column in v.T])
         return at, between, np.hypot(sd[k], UNKNOWN_ACCELERATION * abs(at - t[k])), np.hypot(*between[:2]) > MOVING
     fast = np.hypot(v[:, 0], v[:, 1]) > MOVING
-    wait = heading is None and _source(recording, "heading") is None and fast.any()
-    k = int(np.argmax(fast)) if wait else 0
+    first = max(t[0], recording.span[0])
+    k = int(np.argmax(fast)) if fast.any() and not heading_known(first) else 0
     return max(t[k], recording.span[0]), v[k], sd[k], fast[k]
 
 
@@ -99,42 +161,59 @@ def _velocities(position, velocity):
     return position.t[1:], v, np.hypot(position.sd[1:], position.sd[:-1]) / step + 0.5
 
 
-def _rest_before(recording, t):
-    """The rests before t that lasted REST_TIME, as arrays of rows, in order."""
+def _rest_before(recording, t, ahead=0.0):
+    """The rests before t that lasted REST_TIME, as arrays of rows, in order; with `ahead` (s) so much after t counts too, of a rest that holds t."""
     imu = recording.imu
-    first, n = np.searchsorted(imu.t, [t - REST_SEARCH, t])
+    first, n = np.searchsorted(imu.t, [t - REST_SEARCH, t + ahead])
     if n - first < 2:
         return []
     still = first + np.flatnonzero(at_rest(type(imu)(*(column[first:n] for column in imu))) & ~_moves(recording, imu.t[first:n]))
     runs = np.split(still, np.flatnonzero(np.diff(still) > 1) + 1) if len(still) else []
-    return [run for run in runs if imu.t[run[-1]] - imu.t[run[0]] >= REST_TIME]
+    return [run for run in runs if imu.t[run[-1]] - imu.t[run[0]] >= REST_TIME and imu.t[run[0]] - imu.dt[run[0]] <= t + 0.1]
 
 
 def _moves(recording, t):
     """Where the fixes around the times t say that the vehicle moves: smooth flight feels like rest to an IMU."""
     position, velocity = _source(recording, "position"), _source(recording, "velocity")
+    if position is None:
+        return np.zeros(len(t), bool)
     t_fix, v, sd = _velocities(position, velocity)
     fast = np.hypot(v[:, 0], v[:, 1]) > SLOW + 2 * np.hypot(sd[:, 0], sd[:, 1])
     after = np.searchsorted(t_fix, t)
     return fast[np.clip(after - 1, 0, len(fast) - 1)] | fast[np.clip(after, 0, len(fast) - 1)]
 
 
-def _heading(recording, t, v, moving, heading, heading_sd, omega):
-    if heading is not None:
-        return float(heading), float(heading_sd), "heading given"
+def _heading(recording, imu, t, given, bg, place):
+    """The Found heading at t without asking the course: given, else measured, else the surer one of magnetic field and Earth's rate."""
+    if given is not None:
+        return given
     source = _source(recording, "heading")
     if source is not None:
         k = int(np.argmin(np.abs(source.t - t)))
-        return float(source.y[k, 0]), float(np.hypot(source.sd[k, 0], np.linalg.norm(omega) * (t - source.t[k]))), "heading measured"
+        away = np.linalg.norm(_rates(recording, t, bg)[0]) * (t - source.t[k])
+        return Found(float(source.y[k, 0]), float(np.hypot(source.sd[k, 0], away)), "heading measured")
+    field, b_a_sd = _source(recording, "magnetic-field"), imu.bias_sd()[0]
+    rest = _rest_before(recording, t, REST_AHEAD) if field is not None else []
+    tilt_sd = LEVEL_SD_REST if rest and t - recording.imu.t[rest[-1][-1]] < 1.0 else LEVEL_SD_MOVING
+    found = [magnetic_heading(recording, field, t, bg, np.hypot(tilt_sd, b_a_sd / GRAVITY_EQUATOR)),
+             earth_rate_heading(recording, imu, t, place, lambda t: _moves(recording, t))]
+    return min((each for each in found if each), key=lambda each: each.sd, default=Found(0.0, UNKNOWN_SD, ""))
+
+
+def _or_course(found, v, moving):
+    """The Found heading, else the course, else an unknown one; they say what kept the other from being found."""
+    if found.known:
+        return found
+    why = found.note and f" ({found.note})"
     if moving:
-        return float(np.arctan2(v[1], v[0])), COURSE_SD, f"heading from the course at {np.hypot(v[0], v[1]):.1f} m/s"
-    return 0.0, UNKNOWN_SD, f"heading unknown (never faster than {MOVING:g} m/s)"
+        return Found(float(np.arctan2(v[1], v[0])), COURSE_SD, f"heading from the course at {np.hypot(v[0], v[1]):.1f} m/s{why}")
+    return Found(0.0, UNKNOWN_SD, f"heading unknown{why or f' (never faster than {MOVING:g} m/s)'}")
 
 
 def _level(recording, t, rest, v, psi, psi_sd, velocity, b_a_sd, bg, omega, f):
     """Roll, pitch, their sd and a note: from the last rest, carried to t by the gyros; else from specific force less the acceleration."""
     imu = recording.imu
-    if rest and t - imu.t[rest[-1][-1]] < 30.0:
+    if rest and t - imu.t[rest[-1][-1]] < REST_AGE:
         last = rest[-1]
         roll, pitch = level(imu.dv[last].sum(axis=0) / imu.dt[last].sum())
         since = slice(last[-1] + 1, int(np.searchsorted(imu.t, t)))
@@ -153,27 +232,9 @@ def _level(recording, t, rest, v, psi, psi_sd, velocity, b_a_sd, bg, omega, f):
     return *level(f - np.cross(omega, v_b)), LEVEL_SD_GUESSED, "level in motion, without the change of speed"
 
 
-def level(f_b, a_n=(0.0, 0.0, 0.0), heading=0.0):
-    """Roll and pitch (rad, upright branch) from specific force f_b (m/s^2) of a body that accelerates by a_n (m/s^2, NED) at a known heading.
-
-    Solves Ry(pitch) Rx(roll) f_b = Rz(heading)' (a_n - g); without acceleration roll = atan2(-f_y, -f_z), pitch = atan2(f_x, hypot(f_y, f_z)).
-    """
-    g = np.linalg.norm(f_b) if not np.any(a_n) else GRAVITY_EQUATOR
-    n = np.asarray(a_n, float) - [0, 0, g]
-    c, s = np.cos(heading), np.sin(heading)
-    h = np.array([c * n[0] + s * n[1], c * n[1] - s * n[0], n[2]])
-    h *= np.linalg.norm(f_b) / np.linalg.norm(h)
-    across = np.hypot(f_b[1], f_b[2])
-    roll = -np.arccos(np.clip(h[1] / max(across, 1e-9), -1, 1)) - np.arctan2(f_b[2], f_b[1])
-    roll = (roll + np.pi) % (2 * np.pi) - np.pi
-    w = f_b[1] * np.sin(roll) + f_b[2] * np.cos(roll)
-    return float(roll), float(np.arctan2(h[0] * w - h[2] * f_b[0], h[0] * f_b[0] + h[2] * w))
-
-
-def body_to_navigation(roll, pitch, heading):
-    """C_nb (3, 3) of Euler angles, rad."""
-    from scipy.spatial.transform import Rotation
-    return Rotation.from_euler("ZYX", [heading, pitch, roll]).as_matrix()
+def _level_at_rest(force, b_a_sd):
+    """Roll, pitch, their sd and a note from the MeanForce of a body at rest; the sd grows with what its size differs by from gravity."""
+    return *level(force.f), np.linalg.norm([LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR, force.off]), "level at rest"
 
 
 def _carried(roll, pitch, dtheta):
@@ -194,3 +255,10 @@ def _gyro_bias(recording, rest, b_g_sd):
     T = imu.dt[rows].sum()
     noise = imu.dtheta[rows].std(axis=0) * np.sqrt(len(rows)) / T
     return imu.dtheta[rows].sum(axis=0) / T, np.hypot(noise, RATE), f"gyro bias from {T:.0f} s of rest"
+
+
+def _unsteadiness(imu, rest):
+    """(3,) rad/s: scatter of the mean rates of single seconds of these rests. A hand that turns slowly feels like rest, but not as steady."""
+    seconds = [imu.dtheta[part].sum(axis=0) / imu.dt[part].sum() for run in rest
+               for part in np.array_split(run, max(1, int(imu.t[run[-1]] - imu.t[run[0]])))]
+    return np.std(seconds, axis=0)

@@ -5,7 +5,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from . import cli_studies
+from . import cli_calibrate, cli_studies
 from .console import IMU, OPTION, Progress, option_values, print_errors, print_outages, results_folder, summarise, table
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
@@ -76,7 +76,7 @@ def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="re
          option: OPTION = None,
          every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
          out: Annotated[Optional[Path], typer.Option(help="Folder for the results.  [default: NAME-FILTER]")] = None):
-    """Fuse a recording: writes solution.nc, solution.csv, track.kml and report.html."""
+    """Fuse a recording: writes solution.nc, solution.csv, report.html and, where there is a position, track.kml."""
     import strapdown as sd
     from math import inf
     windows, options = _windows(hide), option_values(option)
@@ -94,10 +94,11 @@ def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="re
         if whole.reference is not None:
             print_errors({filter: solution}, whole.reference)
             print_outages(solution, whole.reference, windows)
-        for name in ("solution.nc", "solution.csv", "track.kml"):
+        names = ["solution.nc", "solution.csv", *(["track.kml"] if solution.has_position else [])]
+        for name in names:
             sd.write_solution(solution, folder / name)
         sd.report(solution, whole.reference).save(folder / "report.html")
-    print(f"wrote {folder}/solution.nc, solution.csv, track.kml, report.html")
+    print(f"wrote {folder}/{', '.join(names)}, report.html{'' if solution.has_position else '; no track.kml, because there is no position'}")
 
 
 def _start(recording, imu, heading):
@@ -174,7 +175,7 @@ def _windows(text):
     return windows
 
 
-for command in cli_studies.COMMANDS:
+for command in (*cli_studies.COMMANDS, cli_calibrate.calibrate):
     app.command()(command)
 
 if __name__ == "__main__":

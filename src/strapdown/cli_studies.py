@@ -63,32 +63,40 @@ def advise(imu: Annotated[str, typer.Option(help="IMU grade (see `strapdown imus
     print(f"wrote {out}/index.html")
 
 
-def reproduce(name: Annotated[str, typer.Argument(metavar="NAME", help="recordings, hager-bryne")], out: OUT = Path("reproduction"),
-              quick: Annotated[bool, typer.Option("--quick", help="hager-bryne: 5 runs instead of 50.")] = False,
+REPRODUCTIONS = {"recordings": ("--recordings",), "hager-bryne": ("--quick", "--ablations", "--runs", "--seed", "--workers", "--scheduler"),
+                 "broad": ("--quick", "--recordings")}
+"""What can be reproduced, and the options that it has."""
+
+
+def reproduce(name: Annotated[str, typer.Argument(metavar="NAME", help=", ".join(REPRODUCTIONS))], out: OUT = Path("reproduction"),
+              quick: Annotated[bool, typer.Option("--quick", help="hager-bryne: 5 runs instead of 50; broad: without the slow peers.")] = False,
               ablations: Annotated[bool, typer.Option("--ablations", help="hager-bryne: also what decides its result.")] = False,
               runs: Annotated[Optional[int], typer.Option(metavar="N", help="hager-bryne: runs of each configuration.")] = None,
               seed: Annotated[Optional[int], typer.Option(help="hager-bryne: of the random errors [default: 2].")] = None,
               workers: WORKERS = 0, scheduler: SCHEDULER = None,
-              recordings: Annotated[Optional[Path], typer.Option(help="recordings: folder of their descriptions [default: examples/recordings].")] = None):
+              recordings: Annotated[Optional[Path], typer.Option(help="recordings: folder of their descriptions [default: examples/recordings]; "
+                                                                      "broad: folder of the trials [default: broad in the data folder].")] = None):
     """Run a published or recorded result again: writes index.html, CSV tables and claims.json."""
     from .data import DataError
-    if name not in ("recordings", "hager-bryne"):
-        raise DataError(f"nothing to reproduce is called {name!r}; there is: recordings, hager-bryne")
-    given = {"--quick": quick, "--ablations": ablations, "--runs": runs, "--seed": seed, "--workers": workers, "--scheduler": scheduler}
-    given = given if name == "recordings" else {"--recordings": recordings}
-    if foreign := [option for option, value in given.items() if value]:
+    if name not in REPRODUCTIONS:
+        raise DataError(f"nothing to reproduce is called {name!r}; there is: {', '.join(REPRODUCTIONS)}")
+    given = {"--quick": quick, "--ablations": ablations, "--runs": runs, "--seed": seed, "--workers": workers, "--scheduler": scheduler, "--recordings": recordings}
+    if foreign := [option for option, value in given.items() if value and option not in REPRODUCTIONS[name]]:
         raise DataError(f"reproduce {name} has no option {foreign[0]}; leave it out")
     with results_folder(out), Progress() as progress:
         if name == "recordings":
             from .papers.recordings import reproduce
             claims = reproduce(out, recordings, say=progress.say)
+        elif name == "broad":
+            from .papers.broad import reproduce
+            claims = reproduce(out, quick, recordings, say=progress.say)
         else:
             from .papers.hager_bryne import reproduce
             claims = reproduce(out, quick, ablations, runs, 2 if seed is None else seed, None, workers, scheduler, progress.say, progress.track(name))
-    if name == "recordings":
-        table(("claim", "target", "measured", "holds"), [(c["claim"], c["target"], c["figure"], "yes" if c["holds"] else "no") for c in claims])
-    else:
+    if name == "hager-bryne":
         table(("verdict", "the paper says"), [(c["verdict"], c["claim"]) for c in claims])
+    else:
+        table(("claim", "target", "measured", "holds"), [(c["claim"], c["target"], c["figure"], "yes" if c["holds"] else "no") for c in claims])
     print(f"wrote {out}/index.html")
 
 

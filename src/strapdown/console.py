@@ -15,7 +15,6 @@ SCHEDULER = Annotated[Optional[str], typer.Option(metavar="ADDRESS", help="A Das
 
 def summarise(solution):
     """What a user must know of a solution beside its errors: notes, start, fixes, events, uncertainty at the end."""
-    import numpy as np
     for note in solution.meta.get("notes", []):
         print(f"note: {note}")
     print(f"start: {solution.meta['start']['note']}")
@@ -27,8 +26,15 @@ def summarise(solution):
         print(f"{t:10.2f} s  {text}")
     if len(solution.events) > 10:
         print(f"           and {len(solution.events) - 10} more events; the report lists them")
-    sd = solution.trajectory.sd[-1]
-    print(f"at the end: position sd {triple(sd[:3])} m NED, velocity sd {triple(sd[3:6])} m/s, attitude sd {triple(np.degrees(sd[6:9]))} deg")
+    print(f"at the end: {uncertainty(solution.trajectory.sd[-1])}")
+
+
+def uncertainty(sd):
+    """The standard deviations of one row that a filter claims, as text; those of the gyro bias where it claims no position."""
+    import numpy as np
+    parts = [("position", "m NED", sd[:3]), ("velocity", "m/s", sd[3:6]), ("attitude", "deg", np.degrees(sd[6:9]))]
+    parts += [("gyro bias", "deg/h", np.degrees(sd[12:15]) * 3600)] if not np.isfinite(sd[:2]).any() else []
+    return ", ".join(f"{name} sd {triple(values)} {unit}" for name, unit, values in parts if np.isfinite(values).any()) or "no uncertainty claimed"
 
 
 def print_outages(solution, reference, windows):
@@ -48,20 +54,21 @@ def print_outages(solution, reference, windows):
 
 
 def triple(values):
-    """Three numbers with three digits each."""
-    return " ".join(number(value) for value in values)
+    """Numbers with three digits each, dashes for what is not known, one dash where nothing is."""
+    texts = ["-"] if values is None else [number(float(value)) for value in values]
+    return "-" if set(texts) == {"-"} else " ".join(texts)
 
 
 def number(value):
-    """A number with three digits, a dash for None."""
-    return "-" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
+    """A number with three digits, a dash for None and NaN."""
+    return "-" if value is None or value != value else f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def print_errors(solutions, reference, window=None):
-    """A table of root mean square errors; says in one line why there is none."""
+    """A table of root mean square errors; says in one line why there is none. The angles of the attitude error where a solution has no position."""
     import numpy as np
     from .data import DataError
-    from .metrics import errors, rms
+    from .metrics import AttitudeAngles, errors, rms
     rows = []
     for name, solution in solutions.items():
         try:
@@ -69,10 +76,13 @@ def print_errors(solutions, reference, window=None):
         except DataError as error:
             print(f"not scored: {error}")
             continue
-        rows.append((name, triple(r.position), "-" if r.velocity is None else triple(r.velocity), "-" if r.rph is None else triple(np.degrees(r.rph))))
+        angles = [None if part is None else np.degrees(part) for part in (r.rph, r.angles)]
+        rows.append((name, triple(r.position), triple(r.velocity), *map(triple, angles)))
     if rows:
         print("rms error against the reference" + (f" over {window[0]:g}-{window[1]:g} s" if window else ""))
-        table(("filter", "position N E D, m", "velocity N E D, m/s", "roll pitch heading, deg"), rows)
+        header = "filter", "position N E D, m", "velocity N E D, m/s", "roll pitch heading, deg", f"angle {' '.join(AttitudeAngles._fields)}, deg"
+        all_columns = not all(solution.has_position for solution in solutions.values())
+        table(header if all_columns else header[:-1], rows if all_columns else [row[:-1] for row in rows])
 
 
 def table(header, rows):

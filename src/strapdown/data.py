@@ -28,9 +28,9 @@ class DataError(ValueError):
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Position, velocity and attitude over time: truth, reference and solution alike. What is not known is None."""
+    """Position, velocity and attitude over time: truth, reference and solution alike. What is not known is None or NaN."""
     t: np.ndarray                   # (n,) s
-    lla: np.ndarray                 # (n, 3) latitude rad, longitude rad, ellipsoidal height m
+    lla: np.ndarray                 # (n, 3) latitude rad, longitude rad, ellipsoidal height m; NaN where only the attitude is known
     v_n: np.ndarray | None = None   # (n, 3) m/s NED
     q_nb: np.ndarray | None = None  # (n, 4) scalar first, body to navigation
     sd: np.ndarray | None = None    # (n, k) standard deviations of the first k error states, SI and radians
@@ -166,7 +166,7 @@ class Innovations:
     """What became of each fix, in time order."""
     t: np.ndarray               # (m,) s
     source: np.ndarray          # (m,) index into `names`
-    innovation: np.ndarray      # (m, 3) m, m/s or rad; NaN where there was nothing to measure
+    innovation: np.ndarray      # (m, 3) m, m/s, rad, m/s^2 or T; NaN where there was nothing to measure
     nis: np.ndarray             # (m,) normalised innovation squared; NaN where the filter does not gate
     accepted: np.ndarray        # (m,) bool
     names: tuple = ()           # of the sources
@@ -176,9 +176,9 @@ class Innovations:
 @dataclass(frozen=True)
 class Solution:
     """What a filter made of a recording."""
-    trajectory: Trajectory              # with sd of the 15 error states; NaN where the filter claims none
-    b_a: np.ndarray                     # (n, 3) accelerometer bias, m/s^2
-    b_g: np.ndarray                     # (n, 3) gyro bias, rad/s
+    trajectory: Trajectory              # with sd of the 15 error states; NaN where the filter estimates or claims none
+    b_a: np.ndarray                     # (n, 3) accelerometer bias, m/s^2; NaN where the filter estimates none
+    b_g: np.ndarray                     # (n, 3) gyro bias, rad/s; NaN where the filter estimates none
     status: np.ndarray                  # (n,) VALID, BRIDGED or INVALID
     innovations: Innovations
     events: tuple = ()                  # (t, text): gaps, re-acquisitions, what else the user must know
@@ -190,6 +190,11 @@ class Solution:
     def t(self):
         """Times of the rows, s."""
         return self.trajectory.t
+
+    @property
+    def has_position(self):
+        """Whether latitude, longitude and height are known in any row; filters of attitude alone publish NaN."""
+        return bool(np.isfinite(self.trajectory.lla).all(axis=1).any())
 
     def table(self):
         """pandas DataFrame of state, biases, standard deviations and status, units as in `UNITS`."""

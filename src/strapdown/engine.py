@@ -7,9 +7,10 @@ import numpy as np
 
 from . import aiding, filters
 from .core import loop
-from .core.contract import COMPILED, FIRST, PARAMETERS, POS, STATES, VEL, WALK, BA, BG, Cursor, Fixes, Imu, Output, address, compile_kernel, is_cached
+from .core.contract import (BA, BG, COMPILED, FIRST, PARAMETERS, POS, STATES, VEL, WALK, Belief, Cursor, Fixes, Imu, Noise, Output, Start,
+                            address, compile_kernel, is_cached)
 from .core.earth import LATITUDE_LIMIT
-from .data import DataError, Innovations, Solution, Trajectory
+from .data import DataError, Innovations, Recording, Solution, Trajectory
 
 CHUNK = 65536 if COMPILED else 500
 """IMU rows between two looks at the keyboard and the progress bar."""
@@ -71,7 +72,7 @@ def merge(aidings, after=-np.inf):
 
 def brought(aidings):
     """[(name with unit, initial standard deviation)] of the states that these sources bring along, in the order of the states. Raises DataError."""
-    states = [(f"{a.name or a.kind} {name}", sensor.state_sd) for a in aidings for sensor in [aiding.find(a.kind)] for name in sensor.states]
+    states = [(f"{a.name or a.kind} {name}", sensor.state_sd) for a in aidings for sensor in [found(aiding.find, a.kind)] for name in sensor.states]
     if len(states) > STATES:
         raise DataError(f"the sources bring {len(states)} states along, the last is {states[-1][0]!r}; at most {STATES} can be estimated: leave sources out")
     return states
@@ -96,12 +97,45 @@ def new_cursor(filter, t, sources):
     cursor = Cursor(np.zeros(loop.CURSOR_SIZE, np.int64), np.array([float(t)]), np.zeros(7), np.zeros(15), count(), count(), count(), np.zeros(sources),
                     np.full(sources, float(t)))
     cursor.at[loop.EVERY], cursor.at[loop.POSITIONED] = 1, positioned(filter)
+    cursor.at[loop.TAPE] = filter.smoother.tape.start if filter.smoother else 0
     return cursor
 
 
 def positioned(filter):
     """Whether `filter` estimates a position, and so must start from one."""
     return POS.start in filter.estimates
+
+
+class Run(NamedTuple):
+    """A filter on its way through a recording, which holds the sources that it uses and no other."""
+    recording: Recording
+    samples: Imu
+    filter: filters.Filter
+    kernels: tuple      # addresses of predict, correct and the observers
+    start: Start
+    noise: Noise
+    spec: object        # ImuSpec, or None where a Noise was given
+    belief: Belief
+    fixes: Fixes
+    cursor: Cursor
+    out: Output
+    first: int          # row of the samples that it begins with
+
+    def advance(self, rows, out=None):
+        """Go on to the end of the sample before row `rows`; writes into `out`, or its own."""
+        self.cursor.at[loop.STOP] = rows
+        loop.run(*self.kernels, self.belief, self.samples, self.fixes, self.noise, self.cursor, out or self.out)
+
+    def chunks(self, rows):
+        """Rows to stop at: every `rows` samples and the last. Ends early where the filter does."""
+        at = self.cursor.at
+        while at[loop.ROW] < len(self.samples.t) and not at[loop.FAULT]:
+            yield min(int(at[loop.ROW]) + rows, len(self.samples.t))
+
+    @property
+    def done(self):
+        """Fraction of the samples."""
+        return (self.cursor.at[loop.ROW] - self.first) / (len(self.samples.t) - self.first)
 
 
 def fuse(recording, filter="closed-loop", imu=None, start=None, noise=None, every=1, covariance=False, say=None, progress=None, **options):
@@ -112,6 +146,16 @@ def fuse(recording, filter="closed-loop", imu=None, start=None, noise=None, ever
     covariance: keep the whole covariance of these rows too; say: told of slow compilation; progress: called with the fraction done;
     options: the filter's own. Raises DataError.
     """
+    run = begin(recording, filter, imu, start, noise, every, covariance, say, options)
+    for rows in run.chunks(CHUNK):
+        run.advance(rows)
+        if progress:
+            progress(run.done)
+    return solution(run)
+
+
+def begin(recording, filter, imu, start, noise, every, covariance, say, options):
+    """The Run of `fuse` before its first sample. Raises DataError."""
     if not isinstance(every, (int, np.integer)) or every < 1:
         raise DataError(f"every is {every}; it must be a whole number, at least 1")
     noise, spec = assumed_noise(recording.meta.get("grade") if imu is None else imu, noise, needed=start is None)
@@ -134,15 +178,16 @@ def fuse(recording, filter="closed-loop", imu=None, start=None, noise=None, ever
     cursor.at[loop.ROW], cursor.at[loop.FIXES], cursor.at[loop.EVERY] = first, len(fixes.t), every
     cursor.at[loop.PHASE] = (rows - 1) % every
     kept = -(-(rows - first) // every)
-    out = Output(np.empty((kept, loop.NAV_WIDTH + len(filter.columns) + 2 * belief.tail.size)),
-                 np.empty((kept if covariance else 0, *belief.P.shape)), np.empty((len(fixes.t), loop.FIX_WIDTH)))
-    while cursor.at[loop.ROW] < rows and not cursor.at[loop.FAULT]:
-        cursor.at[loop.STOP] = min(cursor.at[loop.ROW] + CHUNK, rows)
-        loop.run(*prepared[1:], belief, samples, fixes, noise, cursor, out)
-        if progress:
-            progress((cursor.at[loop.ROW] - first) / (rows - first))
-    return _solution(replace(recording, aidings=aidings, meta=recording.meta | {"notes": [*recording.meta.get("notes", []), *notes]}),
-                     samples, filter, start, noise, spec, fixes, cursor, out)
+    used = replace(recording, aidings=aidings, meta=recording.meta | {"notes": [*recording.meta.get("notes", []), *notes]})
+    return Run(used, samples, filter, prepared[1:], start, noise, spec, belief, fixes, cursor, new_output(filter, belief, kept, covariance, len(fixes.t)), first)
+
+
+def new_output(filter, belief, rows, covariance=False, fixes=0, tape=0):
+    """An Output of so many rows, with their covariances or not, and of so many fixes; with a tape of so many calls for the smoother."""
+    width = loop.NAV_WIDTH + len(filter.columns) + 2 * belief.tail.size
+    tape_width = filter.smoother.tape.stop - filter.smoother.tape.start if tape else 0
+    return Output(np.empty((rows, width)), np.empty((rows if covariance else 0, *belief.P.shape)), np.empty((fixes, loop.FIX_WIDTH)),
+                  np.empty((tape, tape_width)), np.zeros(rows if tape else 0, np.int64))
 
 
 def assumed_noise(imu, noise, needed):
@@ -190,8 +235,9 @@ def check_options(filter, options):
             raise DataError(f"filter {filter.name!r}: {name} is {value!r}; it must be a number")
 
 
-def _solution(recording, samples, filter, start, noise, spec, fixes, cursor, out):
+def solution(run):
     """The Solution from what `run` wrote; a run that stopped early keeps what it has and says why."""
+    recording, samples, filter, _, start, noise, spec, _, fixes, cursor, out, _ = run
     nav, used = out.nav[:cursor.at[loop.OUT]], out.fix[:cursor.at[loop.FIX]]
     names = [a.name or a.kind for a in recording.aidings]
     events = _events(samples, cursor.at[loop.ROW], start, used, names, "velocity and attitude held, invalid until the next position fix"

@@ -1,7 +1,10 @@
 """Geodesy of arrays at the edge (numpy): displacements in metres NED between geodetic positions. The kernels have their own in core/earth."""
 import numpy as np
 
-from .core.earth import A, E2
+from .core.earth import A, E2, F, FAR, GRAVITY_EQUATOR, M_RATIO, MU, SOMIGLIANA
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2, of the constant model: by definition, near 45 deg of latitude at sea level."""
 
 
 def radii(lat):
@@ -32,3 +35,20 @@ def displaced(lla, ned):
     north, east, down = np.moveaxis(np.asarray(ned, float), -1, 0)
     R_M, R_N = radii(lat)
     return np.stack([lat + north / (R_M + alt), wrap(lon + east / ((R_N + alt) * np.cos(lat))), alt - down], axis=-1)
+
+
+def gravity(lat, h=0.0, model="wgs84"):
+    """Gravity (m/s^2, downwards), of latitudes (rad) and ellipsoidal heights (m).
+
+    model: "wgs84", normal gravity of the ellipsoid, Somigliana's formula with the second-order term in height (Heiskanen & Moritz 1967, 2-123),
+    which every filter here uses; "constant", 9.80665 everywhere, up to 0.3 % off at sea level. Raises ValueError for another model.
+    """
+    lat, h = np.broadcast_arrays(np.asarray(lat, float), np.asarray(h, float))
+    if model == "constant":
+        return np.full(lat.shape, STANDARD_GRAVITY)[()]
+    if model != "wgs84":
+        raise ValueError(f"no gravity model {model!r}; there is: wgs84, constant")
+    square = np.sin(lat) ** 2
+    surface = GRAVITY_EQUATOR * (1 + SOMIGLIANA * square) / np.sqrt(1 - E2 * square)
+    near = surface * (1 - 2 / A * (1 + F + M_RATIO - 2 * F * square) * h + 3 / (A * A) * h * h)
+    return np.where(np.abs(h) > FAR, MU / np.maximum(A + h, 0.1 * A) ** 2, near)[()]

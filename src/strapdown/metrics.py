@@ -13,9 +13,9 @@ from .geodesy import displacement, radii, wrap
 
 @dataclass(frozen=True)
 class Errors:
-    """true - estimate at times `t`. What the reference does not know is None, or NaN in the rows inside one of its gaps."""
+    """true - estimate at times `t`. What the reference or the estimate nowhere knows is None, or where it is a component NaN; so are rows in gaps."""
     t: np.ndarray                   # (n,) s
-    position: np.ndarray            # (n, 3) m NED
+    position: np.ndarray | None     # (n, 3) m NED
     velocity: np.ndarray | None     # (n, 3) m/s NED
     attitude: np.ndarray | None     # (n, 3) rotation vector in n, rad
     rph: np.ndarray | None          # (n, 3) of roll, pitch and heading, wrapped to [-pi, pi), rad
@@ -24,24 +24,26 @@ class Errors:
 
     @property
     def horizontal(self):
-        """(n,) horizontal position error, m."""
-        return np.hypot(self.position[:, 0], self.position[:, 1])
+        """(n,) horizontal position error, m; NaN where only the height is known, None where not even that is."""
+        return None if self.position is None else np.hypot(self.position[:, 0], self.position[:, 1])
 
 
 class Rms(NamedTuple):
-    """Root mean square of errors per axis; None where the reference knows nothing, NaN where it covers no time asked for."""
-    position: np.ndarray            # (3,) m NED
+    """Root mean square of errors per axis; None where the errors are, NaN where they cover no time asked for or not that component."""
+    position: np.ndarray | None     # (3,) m NED
     velocity: np.ndarray | None     # (3,) m/s NED
     attitude: np.ndarray | None     # (3,) rad, rotation vector
     rph: np.ndarray | None          # (3,) rad, roll, pitch, heading
+    angles: np.ndarray | None       # (3,) rad, total, inclination and heading angle as in `attitude_angles`
 
 
 def errors(trajectory, reference):
     """Errors of a Trajectory (or Solution) against a reference at the trajectory's own times inside the reference's span.
 
     The reference is interpolated: position by a cubic through its positions and velocities (linear without velocities), velocity linearly,
-    attitude along the shortest rotation. Its gaps (intervals beyond 1 s and three usual intervals) are not bridged. Raises DataError
-    where the two do not overlap.
+    attitude along the shortest rotation. Its gaps (intervals beyond 1 s and three usual intervals) are not bridged. A reference or a solution
+    of attitude alone, whose positions are NaN, is scored on attitude alone, one that knows its height on that too. Raises DataError where the
+    two do not overlap.
     """
     trajectory = getattr(trajectory, "trajectory", trajectory)
     first, last = np.searchsorted(trajectory.t, reference.t[[0, -1]]) if len(reference.t) > 1 else (0, 0)
@@ -50,19 +52,49 @@ def errors(trajectory, reference):
         raise DataError(f"the reference ({reference!r}) covers no time of the solution ({trajectory!r}); check the time base of both")
     rows = slice(int(first), int(last))
     t = trajectory.t[rows]
-    position = displacement(_position(reference, t), trajectory.lla[rows])
-    velocity = attitude = rph = None
-    if reference.v_n is not None and trajectory.v_n is not None:
+    both = lambda part: all(any_known(getattr(each, part)) for each in (reference, trajectory))
+    position = velocity = attitude = rph = None
+    if both("lla"):
+        position = displacement(_position(reference, t), trajectory.lla[rows])
+    if both("v_n"):
         velocity = _linear(reference.t, reference.v_n, t) - trajectory.v_n[rows]
-    if reference.q_nb is not None and trajectory.q_nb is not None:
+    if both("q_nb"):
         attitude, rph = _attitude(reference, trajectory, rows)
     return Errors(t, position, velocity, attitude, rph, None if trajectory.sd is None else trajectory.sd[rows], rows)
+
+
+def any_known(values):
+    """Whether there is a number in an array that may be None, or NaN where nothing is known."""
+    return values is not None and bool(np.isfinite(values).any())
+
+
+class AttitudeAngles(NamedTuple):
+    """How far an attitude is off, as angles without sign, rad, (n,) each; NaN where the errors are."""
+    total: np.ndarray           # of the whole rotation, [0, pi]
+    inclination: np.ndarray     # between true and estimated vertical, [0, pi]
+    heading: np.ndarray         # of the turn about the vertical that is left once the verticals are brought together, [0, pi]
+
+
+def attitude_angles(errors):
+    """AttitudeAngles of `errors`, None where they have no attitude.
+
+    With q = q_true (x) q_est* in n: inclination 2 acos(sqrt(w^2 + z^2)), heading 2 atan2(|z|, |w|); q is their product, so that
+    cos(total/2) = cos(inclination/2) cos(heading/2). Unlike roll and pitch these have no singular attitude. Laidig et al. (2021), BROAD.
+    """
+    if errors.attitude is None:
+        return None
+    total = np.linalg.norm(errors.attitude, axis=1)
+    x, y, z = (errors.attitude * (np.sinc(total / (2 * np.pi)) / 2)[:, None]).T     # sin(total/2) along the axis
+    w = np.cos(total / 2)
+    return AttitudeAngles(total, 2 * np.arctan2(np.hypot(x, y), np.hypot(w, z)), 2 * np.arctan2(np.abs(z), np.abs(w)))
 
 
 def rms(errors, window=None):
     """Root mean square of `errors` over window = (start, stop) in s, both included, or over all of them: an Rms."""
     inside = np.ones(len(errors.t), bool) if window is None else (errors.t >= window[0]) & (errors.t <= window[1])
-    return Rms(*(None if e is None else _rms(e[inside]) for e in (errors.position, errors.velocity, errors.attitude, errors.rph)))
+    angles = attitude_angles(errors)
+    parts = errors.position, errors.velocity, errors.attitude, errors.rph, None if angles is None else np.column_stack(angles)
+    return Rms(*(None if part is None else _rms(part[inside]) for part in parts))
 
 
 def _rms(values):
@@ -85,10 +117,12 @@ def _brackets(t_ref, known, t):
 
 
 def _linear(t_ref, values, t):
-    rows, left = _brackets(t_ref, np.isfinite(values).all(axis=1), t)
+    """The columns of `values` at times t; one that is nowhere known is NaN and does not keep the others from being known."""
+    columns = np.flatnonzero(np.isfinite(values).any(axis=0))
+    rows, left = _brackets(t_ref, np.isfinite(values[:, columns]).all(axis=1), t)
     out = np.full((len(t), values.shape[1]), np.nan)
     inside = left >= 0
-    for i in range(values.shape[1] if inside.any() else 0):
+    for i in columns if inside.any() else ():
         out[inside, i] = np.interp(t[inside], t_ref[rows], values[rows, i])
     return out
 
@@ -142,6 +176,8 @@ def outages(solution, reference, windows):
     Scored at the solution's own times against the reference, without any alignment of the two. Raises DataError where one covers no time of the other.
     """
     e = errors(solution, reference)
+    if e.position is None or not any_known(e.horizontal):
+        raise DataError("outages are scored by position, which solution and reference have not both; choose another filter")
     scores = []
     for start, stop in windows:
         inside = (e.t >= start) & (e.t <= stop) & np.isfinite(e.position).all(axis=1)
@@ -154,6 +190,8 @@ def outages(solution, reference, windows):
 
 def moving_windows(reference, count, length, every, after, speed):
     """`count` windows of `length` s, one `every` s, the first `after` s past the first time that the reference is faster than `speed` m/s."""
+    if not any_known(reference.v_n):
+        raise DataError("the reference has no velocity: windows after a speed cannot be chosen")
     fast = np.hypot(reference.v_n[:, 0], reference.v_n[:, 1]) >= speed
     if not fast.any():
         raise DataError(f"the reference is never faster than {speed:g} m/s; choose a lower speed")

@@ -1,5 +1,9 @@
 """When the vehicle stands still, judged by the IMU alone."""
+from typing import NamedTuple
+
 import numpy as np
+
+from .core.earth import RATE
 
 REST_ACCEL, REST_RATE, REST_MEAN = 0.25, 0.1, 0.1
 """At rest: bounds on the standard deviation of specific force (m/s^2) and rate (rad/s), three axes together, and on the mean rate (rad/s).
@@ -41,3 +45,58 @@ def _spread(columns, dt, width):
 def _moving_sum(values, width):
     total = np.r_[0.0, np.cumsum(values)]
     return total[width:] - total[:-width]
+
+
+STEP, STEPS_BEFORE, STEPS_AFTER, STEPS_LEAST = 10.0, 60, 360, 3
+"""A long rest is judged by the means over steps of `STEP` seconds, so many before and after an instant, and so many at least."""
+GROUPS = 10
+TURNING, TILTED = 20 * RATE, np.radians(1.0)
+"""In a long rest no step turns faster (rad/s) or is tilted more against the step at the instant (rad): people board, springs settle, engines shake."""
+
+
+class Motionless(NamedTuple):
+    """Means over a long rest."""
+    rate: np.ndarray    # (3,) angular rate, rad/s
+    rate_sd: float      # of it, rad/s: scatter of up to `GROUPS` parts of the rest, the largest of the axes, and the mean rate at which it tilts
+    force: np.ndarray   # (3,) specific force, m/s^2
+    tilt_sd: float      # rad, by which the steps scatter about the mean tilt
+    start: float        # s
+    stop: float         # s
+
+
+def motionless(imu, t):
+    """The `Motionless` around t: the steps without a break before and after it in which the body neither turns nor tilts. None where too few do.
+
+    Unlike `at_rest` it does not mind vibration, but needs gyros whose bias is below the Earth's rate.
+    """
+    steps = np.arange(-STEPS_BEFORE, STEPS_AFTER + 1)
+    edges = np.searchsorted(imu.t, t + STEP * steps + 1e-6)
+    sums = [[column[a:b].sum(axis=0) for column in (imu.dt, imu.dtheta, imu.dv)] for a, b in zip(edges[:-1], edges[1:])]
+    seconds, dtheta, dv = (np.array(column) for column in zip(*sums))
+    full = np.abs(seconds - STEP) < 0.1 * STEP
+    rate, force = dtheta / np.where(full, seconds, np.inf)[:, None], dv / np.where(full, seconds, np.inf)[:, None]
+    turning = ~full | (np.linalg.norm(rate, axis=1) >= TURNING)
+    runs = [_run(turning | (_angle(force, force[anchor]) >= TILTED), anchor) for anchor in (STEPS_BEFORE - 1, STEPS_BEFORE)]   # t may end it or begin it
+    first, last = max(runs, key=lambda run: run[1] - run[0])
+    if last - first < STEPS_LEAST:
+        return None
+    rows = slice(first, last)
+    mean_rate, mean_force = dtheta[rows].sum(axis=0) / seconds[rows].sum(), dv[rows].sum(axis=0) / seconds[rows].sum()
+    parts = np.array([part.mean(axis=0) for part in np.array_split(rate[rows], min(GROUPS, last - first))])     # long ones: rocking averages out
+    scatter = parts.std(axis=0, ddof=1).max() / np.sqrt(len(parts))
+    tilts = _angle(force[rows], mean_force)
+    drift = _angle(force[first:first + 1], force[last - 1])[0] / (STEP * (last - first - 1))     # springs that settle: all parts have that in common
+    return Motionless(mean_rate, float(np.hypot(scatter, drift)), mean_force, float(np.sqrt(np.mean(tilts ** 2))), t + STEP * steps[first], t + STEP * steps[last])
+
+
+def _run(moving, anchor):
+    """(first, last + 1) of the steps around `anchor` that do not move; empty where it does."""
+    breaks = np.flatnonzero(moving)
+    return int(np.r_[-1, breaks[breaks <= anchor]][-1]) + 1, int(np.r_[breaks[breaks >= anchor], len(moving)][0])
+
+
+def _angle(vectors, other):
+    """(n,) angle between rows and another vector, rad; 180 deg where either is zero."""
+    size = np.linalg.norm(vectors, axis=1) * np.linalg.norm(other)
+    cosine = np.divide(vectors @ other, size, out=np.full(len(vectors), -1.0), where=size > 0)
+    return np.arccos(np.clip(cosine, -1, 1))

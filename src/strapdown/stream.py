@@ -7,9 +7,9 @@ import numpy as np
 
 from . import aiding, filters
 from .core import loop
-from .core.contract import Imu, Output, entry_point
+from .core.contract import Imu, entry_point
 from .data import DataError
-from .engine import LONGEST_GAP, assumed_noise, found, merge, new_belief, new_cursor, prepare, usable
+from .engine import LONGEST_GAP, assumed_noise, found, merge, new_belief, new_cursor, new_output, prepare, usable
 
 ROOM = 1024
 """Fixes that a stream holds while it waits for a sample."""
@@ -35,7 +35,8 @@ class Stream:
     """The same kernels live: samples wait `lag` seconds for late events, then all is used in time order; what comes later still is dropped and counted.
 
     aidings: Aiding values whose kind, parameters and gate describe the sources (their fixes are not used). The result is that of `fuse` on the
-    same events, bit for bit. A fix is used with the sample that reaches its time; a sample with a NaN is dropped. Raises DataError.
+    same events, bit for bit. A fix is used with the sample that reaches its time; a sample with a NaN is dropped. Fixes of sources that the
+    filter cannot use change nothing. Raises DataError.
     """
 
     def __init__(self, filter, start, imu=None, noise=None, aidings=(), lag=0.0, say=None, **options):
@@ -43,20 +44,20 @@ class Stream:
             raise DataError(f"lag is {lag} s; it must be 0 or more")
         self.noise, _ = assumed_noise(imu, noise, needed=False)
         filter = found(filters.find, filter)
-        for useless in usable(filter, aidings)[1]:
-            raise DataError(f"{useless}: leave it out of the stream's aidings")
-        self.belief = new_belief(filter, start, self.noise, options, aidings)
-        self.prepared = prepare(filter, [a.kind for a in aidings], say)
+        used, _ = usable(filter, aidings)
+        self.belief = new_belief(filter, start, self.noise, options, used)
+        self.prepared = prepare(filter, [a.kind for a in used], say)
         self.lag, self.newest, self.dropped = lag, start.t, 0
         self._widths = [len(aiding.find(a.kind).quantities) for a in aidings]
+        self._places = [next((i for i, b in enumerate(used) if b is a), None) for a in aidings]     # among those that the filter can use
         self._samples, self._waiting, self._number = [], [], 0      # heaps of samples and of fixes; a number that keeps equal times in order
         self._late = self._late_fix = start.t + loop.SAME_TIME      # what is not later than this is too late
-        sources = [a._where(np.zeros(len(a.t), bool)) for a in aidings]
+        sources = [a._where(np.zeros(len(a.t), bool)) for a in used]
         self._fixes = merge(sources)._replace(t=np.empty(ROOM), source=np.zeros(ROOM, np.int64), y=np.full((ROOM, 3), np.nan), sd=np.full((ROOM, 3), np.nan))
         self._imu = Imu(np.empty(1), np.empty(1), np.empty((1, 3)), np.empty((1, 3)))
-        self._cursor = new_cursor(filter, start.t, len(aidings))
+        self._cursor = new_cursor(filter, start.t, len(used))
         self._cursor.at[loop.EVERY], self._cursor.at[loop.PHASE], self._cursor.at[loop.STOP] = 2, 1, 1  # no output rows
-        self._out = Output(np.empty((0, loop.NAV_WIDTH)), np.empty((0, *self.belief.P.shape)), np.empty((ROOM, loop.FIX_WIDTH)))
+        self._out = new_output(filter, self.belief, 0, fixes=ROOM)
         self._arguments = (*self.prepared[1:], self.belief, self._imu, self._fixes, self.noise, self._cursor, self._out)
         self._run = entry_point(loop.run)
 
@@ -75,10 +76,10 @@ class Stream:
         t = event[0]
         self._number += 1
         if type(event) is Fix:
-            if t > self._late_fix:
-                heappush(self._waiting, (t, event[1], self._number, self._usable(event)))
-            else:
+            if not t > self._late_fix:
                 self.dropped += 1
+            elif (fix := self._usable(event))[1] is not None:
+                heappush(self._waiting, (t, fix[1], self._number, fix))
             return self.belief
         if not (t > self._late and isfinite(t + sum(event[2]) + sum(event[3])) and event[1] > 0):
             self.dropped += 1
@@ -103,7 +104,7 @@ class Stream:
             raise DataError(f"fix at {fix.t:.3f} s: standard deviations are {tuple(fix.sd)}; they must be above zero")
         if len(self._waiting) == ROOM:
             raise DataError(f"{ROOM} fixes wait for an IMU sample, the first at {self._waiting[0][0]:.3f} s; the stream needs samples to go on")
-        return fix.t, fix.source, y, fix.sd
+        return fix.t, self._places[fix.source], y, fix.sd
 
     def _use(self, until):
         samples = self._samples
@@ -150,5 +151,6 @@ class Stream:
         return self.belief
 
     def counts(self):
-        """(accepted, rejected) per source."""
-        return list(zip(self._cursor.accepted.tolist(), self._cursor.rejected.tolist()))
+        """(accepted, rejected) per source; (0, 0) of one that the filter cannot use."""
+        counts = list(zip(self._cursor.accepted.tolist(), self._cursor.rejected.tolist()))
+        return [(0, 0) if place is None else counts[place] for place in self._places]

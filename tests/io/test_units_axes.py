@@ -11,7 +11,7 @@ from strapdown.io.units import ALIASES, UNITS, factor
 @pytest.mark.parametrize("unit, dimension, si", [
     ("ms", "time", 1e-3), ("deg", "angle", np.pi / 180), ("arcsec", "angle", np.pi / 648000), ("deg/h", "angular rate", np.pi / 648000),
     ("g", "acceleration", 9.80665), ("mg", "acceleration", 9.80665e-3), ("km/h", "speed", 1000 / 3600), ("knot", "speed", 0.514444444444),
-    ("ft", "length", 0.3048), ("g*s", "velocity increment", 9.80665),
+    ("ft", "length", 0.3048), ("gauss", "magnetic field", 1e-4), ("nT", "magnetic field", 1e-9), ("hPa", "pressure", 100.0), ("g*s", "velocity increment", 9.80665),
 ])
 def test_factors(unit, dimension, si):
     assert factor(unit, dimension) == pytest.approx(si, rel=1e-11)
@@ -21,6 +21,8 @@ def test_factors(unit, dimension, si):
     (None, "acceleration", "unit is missing; accepted for acceleration: m/s^2, g, mg"),
     ("degrees", "angle", "did you mean 'deg'? accepted for angle: rad, deg, arcsec"),
     ("dps", "angular rate", "did you mean 'deg/s'?"),
+    ("mG", "acceleration", "did you mean 'mg'?"),
+    ("mG", "magnetic field", "did you mean 'mgauss'?"),
     ("m/s^2", "speed", "is one of acceleration; accepted for speed"),
     ("furlong", "length", "unknown unit 'furlong'; accepted for length"),
 ])
@@ -31,7 +33,7 @@ def test_refusals_list_what_is_accepted(unit, dimension, words):
 
 
 def test_every_alias_suggests_a_unit():
-    assert set(ALIASES.values()) <= {unit for units in UNITS.values() for unit in units}
+    assert {name for names in ALIASES.values() for name in names.split()} <= {unit for units in UNITS.values() for unit in units}
     assert not set(ALIASES) & {unit for units in UNITS.values() for unit in units}
 
 

@@ -65,7 +65,7 @@ def test_built_in_scenarios_simulate(name):
 
 
 def test_the_names_are_those_promised():
-    assert set(scenarios()) == {"demo", "static", "straight", "car", "ship", *PAPER}
+    assert set(scenarios()) == {"demo", "static", "straight", "car", "ship", "hand-held", "ship-heave", *PAPER}
     assert scenario("demo").describe()["fingerprint"] == Scenario("demo", demo_flight(), 600.0).describe()["fingerprint"]
 
 
@@ -217,4 +217,5 @@ def test_the_documentation_names_every_key():
     parameters = {name for build in scenario_file.KINDS.values() for name in inspect.signature(build).parameters} - {"name", "duration"}
     keys = {scenario_file._key(name) for name in (*parameters, *scenario_file.motions.LEG_KEYS)}
     keys |= {*scenario_file.TOP, *scenario_file.START, *scenario_file.GNSS, *(f'"{kind}"' for kind in scenario_file.KINDS)}
+    keys |= {*scenario_file.MAGNETOMETER, *scenario_file.DISTURBANCE, *scenario_file.BAROMETER}
     assert not [key for key in keys if key not in text]

@@ -50,7 +50,7 @@ def observe_altitude(belief, y, parameters, innovation, H):
     return height(belief, y[0], parameters, innovation, H)
 
 
-BIAS = dict(states=("bias [m]",), state_sd=150.0, state_walk=0.03)      # the walk: some metres an hour of weather
+BIAS = dict(states=("bias [m]",), state_sd=150.0, state_walk=0.1)       # the walk: 6 m an hour, where 1 hPa of weather is 8 m
 SENSOR = Sensor("pressure", PRESSURE, observe, ("pressure",), parameters="antenna", reference="ICAO Doc 7488; Groves (2013) section 6.2.1", **BIAS)
 ALTITUDE = Sensor("pressure-altitude", PRESSURE_ALTITUDE, observe_altitude, ("length",), parameters="antenna", reference="Groves (2013) section 6.2.1",
                   **BIAS)

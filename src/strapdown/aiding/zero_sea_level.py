@@ -2,9 +2,9 @@
 
 y is the height of mean sea level above the ellipsoid, m: the undulation of the geoid where heights are ellipsoidal, 0 where heave is all that is wanted.
 """
-from ..core.contract import OBSERVE, Sensor, kernel
+from ..core.contract import OBSERVE, SEA_LEVEL_KIND, Sensor, kernel
 
-ZERO_SEA_LEVEL = 12
+ZERO_SEA_LEVEL = SEA_LEVEL_KIND
 
 
 @kernel(OBSERVE)

@@ -5,7 +5,7 @@ The six are attitude (6-8, in n) and gyro bias (12-14); they keep their places i
 import math
 
 from .compiling import helper
-from .gaussian import decay
+from .gaussian import LEAST_NOISE, decay
 from .rotation import orthonormalise, rotate_left, rotate_right
 
 SIX = (6, 7, 8, 12, 13, 14)
@@ -29,14 +29,15 @@ def turn(belief, r0, r1, r2, w0, w2, dt):
 
 @helper
 def carry(f, u, r0, r1, r2, dt, share):
-    """Turn the specific force f (m/s^2, body) against the rotation vector r, as a vector at rest in n turns, and mix in `share` of the new sample."""
-    x0, x1, x2 = r1 * f[2] - r2 * f[1], r2 * f[0] - r0 * f[2], r0 * f[1] - r1 * f[0]
-    f0 = f[0] - x0 + 0.5 * (r1 * x2 - r2 * x1)
-    f1 = f[1] - x1 + 0.5 * (r2 * x0 - r0 * x2)
-    f2 = f[2] - x2 + 0.5 * (r0 * x1 - r1 * x0)
-    f[0] = f0 + share * (u[3] / dt - f0)
-    f[1] = f1 + share * (u[4] / dt - f1)
-    f[2] = f2 + share * (u[5] / dt - f2)
+    """Turn the specific force f (m/s^2, body) against the rotation vector r, as a vector at rest in n turns, and mix in `share` of the new sample.
+
+    That one is a mean over the sample, which r turns by half (and a twelfth of its square); both to second order.
+    """
+    f0, f1, f2, share = f[0] * (1 - share), f[1] * (1 - share), f[2] * (1 - share), share / dt
+    a0, a1, a2 = share * u[3], share * u[4], share * u[5]
+    x0, x1, x2 = f0 + a0 / 6, f1 + a1 / 6, f2 + a2 / 6
+    y0, y1, y2 = f0 + 0.5 * (a0 - r1 * x2 + r2 * x1), f1 + 0.5 * (a1 - r2 * x0 + r0 * x2), f2 + 0.5 * (a2 - r0 * x1 + r1 * x0)
+    f[0], f[1], f[2] = f0 + a0 - r1 * y2 + r2 * y1, f1 + a1 - r2 * y0 + r0 * y2, f2 + a2 - r0 * y1 + r1 * y0
 
 
 @helper
@@ -99,9 +100,13 @@ def measured(P, h0, h1, h2, e, variance, gate, dx, record):
     k4 = h0 * P[6, 13] + h1 * P[7, 13] + h2 * P[8, 13]
     k5 = h0 * P[6, 14] + h1 * P[7, 14] + h2 * P[8, 14]
     e -= h0 * dx[0] + h1 * dx[1] + h2 * dx[2]
-    scale = 1 / (h0 * k0 + h1 * k1 + h2 * k2 + variance)
-    nis = e * e * scale
+    known = h0 * k0 + h1 * k1 + h2 * k2
+    total = known + max(variance, LEAST_NOISE * known)
     record[UNUSED] = 0.0
+    if not total > 0:   # nothing is uncertain: no start, noise or measurement
+        return math.nan
+    scale = 1 / total
+    nis = e * e * scale
     if not nis <= gate:
         return nis
     gain = (k0, k1, k2, k3, k4, k5)
@@ -124,3 +129,49 @@ def inject(belief, dx):
     for i in range(3):
         belief.bg[i] += dx[3 + i]
         dx[i] = dx[3 + i] = 0.0
+
+
+@helper
+def unmeasured(record, lam, Lam, work):
+    """The adjoint of `measured`: what the scalar in `record` adds to lam and Lam (of the six states, seen from before it)."""
+    K, h, scale, q = record[0:6], record[6:9], record[UNUSED], work[0:6]
+    if scale == 0:
+        return
+    along, known = record[10] * scale, scale
+    for i in range(6):
+        along += K[i] * lam[i]
+        q[i] = 0.0
+        for j in range(6):
+            q[i] += Lam[i, j] * K[j]
+    for i in range(6):
+        known += K[i] * q[i]
+    for i in range(3):
+        lam[i] -= h[i] * along
+        for j in range(3):
+            Lam[i, j] += h[i] * h[j] * known - h[i] * q[j] - q[i] * h[j]
+        for j in range(3, 6):
+            Lam[i, j] -= h[i] * q[j]
+            Lam[j, i] = Lam[i, j]
+
+
+@helper
+def unpropagated(step, lam, Lam, work):
+    """The adjoint of `propagate`, whose transition is in `step`: C dt (9), rotation of n (2, rad), decay of the bias: lam <- Phi' lam, Lam <- Phi' Lam Phi."""
+    w0, w2, keep = step[9], step[10], step[11]
+    _unpropagate(step, w0, w2, keep, lam)
+    for i in range(6):
+        _unpropagate(step, w0, w2, keep, Lam[i])    # by symmetry a row is a column
+    for i in range(6):
+        for j in range(i):
+            Lam[i, j], Lam[j, i] = Lam[j, i], Lam[i, j]
+    for i in range(6):
+        _unpropagate(step, w0, w2, keep, Lam[i])
+
+
+@helper
+def _unpropagate(step, w0, w2, keep, x):
+    """x <- Phi' x of six numbers, Phi = [[I - [w x], - C dt], [0, keep]]."""
+    x0, x1, x2 = x[0], x[1], x[2]
+    x[0], x[1], x[2] = x0 - w2 * x1, x1 + w2 * x0 - w0 * x2, x2 + w0 * x1
+    for j in range(3):
+        x[3 + j] = keep * x[3 + j] - (step[j] * x0 + step[3 + j] * x1 + step[6 + j] * x2)

@@ -10,7 +10,7 @@ from numba import types
 
 from .compiling import COMPILED, address, caller, compile_kernel, entry_point, helper, is_cached, kernel, matrix, plain
 
-__all__ = ["Belief", "Start", "Noise", "Imu", "Fixes", "Cursor", "Output", "Filter", "Sensor", "PARAMETERS", "WALK", "FIRST", "POSITION_KIND", "HEADING_KIND", "GRAVITY_KIND", "MAGNETIC_KIND", "VALID", "BRIDGED", "INVALID", "OBSERVE", "PREDICT", "CORRECT", "RUN",
+__all__ = ["Belief", "Start", "Noise", "Imu", "Fixes", "Cursor", "Output", "Filter", "Smoother", "Sensor", "PARAMETERS", "WALK", "FIRST", "POSITION_KIND", "HEADING_KIND", "GRAVITY_KIND", "MAGNETIC_KIND", "SEA_LEVEL_KIND", "VALID", "BRIDGED", "INVALID", "OBSERVE", "PREDICT", "CORRECT", "RUN", "BACK", "RUN_BACK",
            "POS", "VEL", "ATT", "BA", "BG", "STATES", "COMPILED", "kernel", "helper", "matrix", "address", "entry_point", "caller", "compile_kernel", "is_cached"]
 
 POS, VEL, ATT, BA, BG = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
@@ -101,6 +101,8 @@ class Output(NamedTuple):
     nav: np.ndarray         # (rows, NAV_COLUMNS + extra columns of the filter)
     covariance: np.ndarray  # (rows, n, n), or (0, n, n)
     fix: np.ndarray         # (m, FIX_COLUMNS)
+    tape: np.ndarray        # (calls, width) what each call of predict and correct left for the smoother, or (0, width)
+    mark: np.ndarray        # int64 per row: calls before it; unused without a tape
 
 
 PARAMETERS, WALK, FIRST = 8, 6, 7
@@ -108,8 +110,9 @@ PARAMETERS, WALK, FIRST = 8, 6, 7
 index of the first of them."""
 VALID, BRIDGED, INVALID = 0, 1, 2
 """Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and before the next accepted position fix."""
-POSITION_KIND, HEADING_KIND, GRAVITY_KIND, MAGNETIC_KIND = 0, 2, 8, 9
-"""Kinds that are more than rows of H to someone: a position makes a solution valid again after a long gap, attitude filters treat directions their way."""
+POSITION_KIND, HEADING_KIND, GRAVITY_KIND, MAGNETIC_KIND, SEA_LEVEL_KIND = 0, 2, 8, 9, 12
+"""Kinds that are more than rows of H to someone: a position makes a solution valid again after a long gap, attitude filters treat directions their
+way, a heave filter the waves about mean sea level."""
 
 if COMPILED:
     _f8, _i8 = types.float64, types.int64
@@ -121,14 +124,22 @@ if COMPILED:
     IMU = _named(Imu, _line, _line, _table, _table)
     FIXES = _named(Fixes, _line, _count, _table, _table, _count, _table, _line)
     CURSOR = _named(Cursor, _count, _line, _line, _line, _count, _count, _count, _line, _line)
-    OUTPUT = _named(Output, _table, _cube, _table)
+    OUTPUT = _named(Output, _table, _cube, _table, _table, _count)
 
     OBSERVE = _i8(BELIEF, _line, _line, _line, _table)
     PREDICT = types.void(BELIEF, _line, _f8, NOISE)
     CORRECT = _f8(BELIEF, _line, _line, _i8, types.FunctionType(OBSERVE), _line, _f8, _line)
     RUN = types.void(_i8, _i8, _count, BELIEF, IMU, FIXES, NOISE, CURSOR, OUTPUT)
+    BACK = types.void(_line, _line, _table, _line)
+    RUN_BACK = types.void(_i8, _table, _count, _cube, _count, _line, _table, _line, _table, _cube)
 else:
-    OBSERVE, PREDICT, CORRECT, RUN = "observe", "predict", "correct", "run"
+    OBSERVE, PREDICT, CORRECT, RUN, BACK, RUN_BACK = "observe", "predict", "correct", "run", "back", "run back"
+
+
+class Smoother(NamedTuple):
+    """How the calls of a filter are undone, last one first."""
+    tape: slice         # of aux: what a call of predict or correct leaves there
+    back: Callable      # (tape row, lam (k,), Lam (k, k), work): the adjoint of that call, on the states that the filter estimates
 
 
 class Filter(NamedTuple):
@@ -142,6 +153,7 @@ class Filter(NamedTuple):
     estimates: tuple = tuple(range(STATES))     # the states it estimates at all; the others are published as NaN. Without position it starts without one
     columns: tuple = ()     # names, with units, of its extra output columns
     uses: tuple = None      # kinds of aiding that it can use; None: all. Sources of other kinds are left out and named in the notes
+    smoother: Smoother = None
     watch: Callable = None  # (t (n,), lla (n, 3), {column: (n,)}) -> [(t, text)]: what of the kept rows a user must know
 
     def __reduce__(self):

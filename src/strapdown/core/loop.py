@@ -17,9 +17,10 @@ from .earth import LATITUDE_LIMIT
 from .mechanization import compensate, stationary_increments
 from .rotation import matrix_to_quaternion
 
-ROW, STOP, FIX, FIXES, OUT, EVERY, PHASE, STATUS, FAULT, POSITIONED, CURSOR_SIZE = range(11)
+ROW, STOP, FIX, FIXES, OUT, EVERY, PHASE, STATUS, FAULT, POSITIONED, TAPED, TAPE, CURSOR_SIZE = range(13)
 """Cursor.at: next IMU row, where to stop, next fix, how many there are, next output row, keep rows with row % every == phase, status of the
-belief, FAULT = 1 once the belief left the latitudes where results hold, or is not a number, and POSITIONED = 1 where the filter estimates a position."""
+belief, FAULT = 1 once the belief left the latitudes where results hold, or is not a number, POSITIONED = 1 where the filter estimates a position, calls of
+predict and correct so far, and where in aux a call leaves what goes on the tape."""
 T, LLA, V, Q, BIASES, SD, ROW_STATUS, NAV_WIDTH = 0, 1, 4, 7, 11, 17, 32, 33
 """Columns of Output.nav: time, position, velocity, quaternion, biases (accelerometer, gyro), 15 standard deviations, status; then a filter's own, then
 the states that aidings brought along and their standard deviations."""
@@ -70,6 +71,8 @@ def run(predict, correct, observers, belief, imu, fixes, noise, cursor, out):
             _write_row(belief, t, at[STATUS], out.nav[at[OUT]])
             if out.covariance.shape[0] > 0:
                 _write_covariance(belief.P, out.covariance[at[OUT]])
+            if out.mark.size > 0:
+                out.mark[at[OUT]] = at[TAPED]
             at[OUT] += 1
 
 
@@ -84,13 +87,16 @@ def _advance(predict, correct, observers, belief, fixes, noise, cursor, out, unt
                 part[i] = whole[i] * (span / left)
                 whole[i] -= part[i]
             predict_at(predict)(belief, part, span, noise)
+            _keep(belief.aux, at, out.tape)
             left -= span
         elif span > SAME_TIME:
             predict_at(predict)(belief, whole, left, noise)
+            _keep(belief.aux, at, out.tape)
             left = 0.0
         _use_fix(correct, observers, belief, fixes, cursor, out)
     if left > 0:
         predict_at(predict)(belief, whole, left, noise)
+        _keep(belief.aux, at, out.tape)
     now[0] = until
 
 
@@ -106,6 +112,7 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
     while True:  # once, or a second time with the gate lifted
         found = correct_at(correct)(belief, fixes.y[k], fixes.sd[k], fixes.kind[s], observe_at(observers[fixes.kind[s]]),
                                     fixes.parameters[s], gate, innovation)
+        _keep(belief.aux, at, out.tape)
         if lifted:
             break
         nis = found
@@ -132,6 +139,15 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
     for i in range(3):
         row[F_INNOVATION + i] = innovation[i]
     at[FIX] += 1
+
+
+@helper
+def _keep(aux, at, tape):
+    """Put what the last call left in aux on the tape, where there is one; count it anyway, so that a tape can be made for the next time."""
+    if at[TAPED] < tape.shape[0]:
+        for i in range(tape.shape[1]):
+            tape[at[TAPED], i] = aux[at[TAPE] + i]
+    at[TAPED] += 1
 
 
 @helper

@@ -6,8 +6,8 @@ field are from what they were tells how large a disturbance is there, and the di
 """
 import math
 
-from ..core.attitude import LEAST_FORCE, RECORD, SIX, UNUSED, carry, inject, measured, off_vertical, propagate, turn
-from ..core.contract import CORRECT, MAGNETIC_KIND, PREDICT, Filter, helper, kernel, matrix
+from ..core.attitude import LEAST_FORCE, RECORD, SIX, UNUSED, carry, inject, measured, off_vertical, propagate, turn, unmeasured, unpropagated
+from ..core.contract import BACK, CORRECT, MAGNETIC_KIND, PREDICT, Filter, Smoother, helper, kernel, matrix
 from ..core.earth import GRAVITY_EQUATOR, RATE
 from ..core.error_state import BLOCK, DX, OWN, auxiliary, observed
 from ..core.gaussian import decay
@@ -15,9 +15,9 @@ from ..core.rotation import wrap
 
 EARTH_N, EARTH_D = OWN, OWN + 1     # Earth rate, rad/s
 LOW_PASS, ACCELERATION, RATE_ERROR, HEADING, TIMING, DISTURBANCE = range(OWN + 2, OWN + 8)     # the options, as numbers
-SECONDS, SINCE = OWN + 8, OWN + 9   # s since the start, and since the last field
+SECONDS, SINCE = OWN + 8, OWN + 9   # s that the specific force is a mean over, and since the last field
 STRENGTH, DIP = OWN + 10, OWN + 11  # of the field, running: T, rad
-INTERVAL = OWN + 12                 # s between the last two fields
+INTERVAL, TOLD = OWN + 12, OWN + 13     # s between the last two fields; accelerometer noise while there are samples
 TAPE = BLOCK.start                  # what the smoother needs of the last call: PREDICTED or FIX,
 STEP = slice(TAPE + 1, TAPE + 13)   # C dt, Earth rotation (rad), decay of the bias,
 FIRST_RECORD = slice(STEP.stop, STEP.stop + RECORD)     # and the scalar measurements
@@ -47,13 +47,19 @@ def start(start, noise, low_pass=2.0, acceleration=0.2, rate_error=0.002, headin
     aux, lat = belief.aux, belief.lla[0]
     aux[EARTH_N], aux[EARTH_D] = RATE * math.cos(lat), -RATE * math.sin(lat)
     aux[LOW_PASS], aux[ACCELERATION], aux[RATE_ERROR] = low_pass, acceleration ** 2 + noise.accel ** 2, rate_error ** 2
-    aux[HEADING], aux[TIMING], aux[DISTURBANCE] = math.radians(heading) ** 2, timing ** 2, disturbance
+    aux[HEADING], aux[TIMING], aux[DISTURBANCE], aux[TOLD] = math.radians(heading) ** 2, timing ** 2, disturbance, noise.accel
     return belief
 
 
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
     """Turn the attitude with the bias-free gyros, grow P, and correct both by the vertical."""
+    predict_attitude(belief, u, dt, noise)
+
+
+@helper
+def predict_attitude(belief, u, dt, noise):
+    """The step of `predict`, for every filter with this attitude."""
     aux, bg = belief.aux, belief.bg
     if dt <= 0:
         return
@@ -66,8 +72,12 @@ def predict(belief, u, dt, noise):
     turn(belief, r0, r1, r2, w0, w2, dt)
     for i in range(3):
         bg[i] *= keep
-    aux[SECONDS] += dt
     aux[SINCE] += dt
+    if noise.accel > aux[TOLD]:     # in a gap the sample is made up and knows nothing of the vertical
+        carry(belief.f, u, r0, r1, r2, dt, 0.0)
+        aux[SECONDS] = max(min(aux[SECONDS], aux[LOW_PASS]) - dt, 0.0)
+        return
+    aux[SECONDS] += dt
     carry(belief.f, u, r0, r1, r2, dt, max(dt / (aux[LOW_PASS] + dt), dt / aux[SECONDS]))
     _level(belief, dt)
 
@@ -134,10 +144,20 @@ def _field(belief, y, sd, parameters, gate, innovation):
     innovation[0] = wrap(math.atan2(parameters[1], parameters[0]) - math.atan2(east, north))
     if aux[SINCE] > 0:
         aux[INTERVAL], aux[SINCE] = min(aux[SINCE], 1.0), 0.0
+    if aux[STRENGTH] == 0:
+        _refer(aux, belief.f, y, math.sqrt(square + down * down))
     density = aux[HEADING] + aux[DISTURBANCE] * _departure(aux, square, down, aux[INTERVAL])
     density += aux[TIMING] * (omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2])
     variance = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * square) + (density / aux[INTERVAL] if aux[INTERVAL] > 0 else 0.0)
     return _used(belief, -north * down / square, -east * down / square, 1.0, innovation[0], variance, gate)
+
+
+@helper
+def _refer(aux, f, y, strength):
+    """Begin with strength (T) and dip of the field y; its dip is against the specific force, because the attitude may be far off."""
+    force = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+    sine = -(f[0] * y[0] + f[1] * y[1] + f[2] * y[2]) / (force * strength) if force > 0 else 0.0
+    aux[STRENGTH], aux[DIP] = strength, math.asin(max(-1.0, min(1.0, sine)))
 
 
 @helper
@@ -147,8 +167,6 @@ def _departure(aux, square, down, seconds):
     Strength and dip see two of the three components of a disturbance; the third, across, turns the azimuth by it over the horizontal field.
     """
     strength, dip = math.sqrt(square + down * down), math.atan2(down, math.sqrt(square))
-    if aux[STRENGTH] == 0:
-        aux[STRENGTH], aux[DIP] = strength, dip
     a, b = strength / aux[STRENGTH] - 1, dip - aux[DIP]
     off = a * a + b * b
     share = min(seconds / REFERENCE_TIME, 1.0) / max(1.0, off / (AGREES * AGREES)) ** 2
@@ -157,5 +175,18 @@ def _departure(aux, square, down, seconds):
     return off * strength * strength / square
 
 
+@kernel(BACK)
+def back(call, lam, Lam, work):
+    """The adjoint of `predict` or `correct`, from what it left on the tape."""
+    step, first, second = slice(1, 13), slice(13, 13 + RECORD), slice(13 + RECORD, 13 + 2 * RECORD)
+    if call[0] == PREDICTED:
+        unmeasured(call[second], lam, Lam, work)
+        unmeasured(call[first], lam, Lam, work)
+        unpropagated(call[step], lam, Lam, work)
+    else:
+        unmeasured(call[first], lam, Lam, work)
+
+
 ATTITUDE_MEKF = Filter("attitude-mekf", "Markley (2003), J. Guidance 26(2); Fossen (2021) section 14.4.3; vertical after Laidig & Seel (2023), VQF",
-                       start, predict, correct, states=SIX, estimates=SIX, uses=("magnetic-field", "heading"))
+                       start, predict, correct, states=SIX, estimates=SIX, uses=("magnetic-field", "heading"),
+                       smoother=Smoother(slice(TAPE, SECOND_RECORD.stop), back))

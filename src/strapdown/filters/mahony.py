@@ -15,7 +15,8 @@ from ..core.rotation import orthonormalise, rotate_left, wrap
 
 EARTH_N, EARTH_D = OWN, OWN + 1     # Earth rate, rad/s
 K1, K2, K3, KI, LOW_PASS = range(OWN + 2, OWN + 7)
-SECONDS, SINCE_FIELD, SINCE_COMPASS = range(OWN + 7, OWN + 10)  # s since the start, and since the last field and compass
+SECONDS, SINCE_FIELD, SINCE_COMPASS = range(OWN + 7, OWN + 10)  # s that the specific force is a mean over, and since the last field and compass
+TOLD = OWN + 10                     # accelerometer noise while there are samples
 """Places in aux."""
 LONGEST = 1.0
 """s: a direction that was not measured for longer counts as if it were for so long."""
@@ -34,14 +35,14 @@ def start(start, noise, k1=0.5, k2=0.1, k3=0.1, ki=0.005, low_pass=2.0):
     if not any(gains.values()):
         raise ValueError("k1, k2 and k3 are all zero, so nothing corrects the attitude; give one of them above zero")
     for name, k in gains.items():
-        found = poles(k, ki, low_pass if name == "k1" else 0.0)
+        found = poles(k, ki, 0.0 if name == "k3" else low_pass)
         if k and not (found.real < 0).all():
             raise ValueError(f"{name} = {k:g}, ki = {ki:g}, low_pass = {low_pass:g} are not stable: poles {', '.join(f'{pole:.3g}' for pole in found)} 1/s; "
                              "give gains above zero, and ki well below them")
     belief = start.belief(auxiliary(len(start.sd)))
     aux, lat = belief.aux, belief.lla[0]
     aux[EARTH_N], aux[EARTH_D] = RATE * math.cos(lat), -RATE * math.sin(lat)
-    aux[K1], aux[K2], aux[K3], aux[KI], aux[LOW_PASS] = k1, k2, k3, ki, low_pass
+    aux[K1], aux[K2], aux[K3], aux[KI], aux[LOW_PASS], aux[TOLD] = k1, k2, k3, ki, low_pass, noise.accel
     return belief
 
 
@@ -67,9 +68,13 @@ def predict(belief, u, dt, noise):
     keep = decay(noise.gyro_decay * dt)
     for i in range(3):
         bg[i] *= keep
-    aux[SECONDS] += dt
     aux[SINCE_FIELD] += dt
     aux[SINCE_COMPASS] += dt
+    if noise.accel > aux[TOLD]:     # in a gap the sample is made up and knows nothing of the vertical
+        carry(f, u, r0, r1, r2, dt, 0.0)
+        aux[SECONDS] = max(min(aux[SECONDS], aux[LOW_PASS]) - dt, 0.0)
+        return
+    aux[SECONDS] += dt
     carry(f, u, r0, r1, r2, dt, max(dt / (aux[LOW_PASS] + dt), dt / aux[SECONDS]))
     size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
     if size > LEAST_FORCE and aux[K1] > 0:

@@ -2,7 +2,8 @@
 
 locate.py finds files and tables.py reads CSV; units.py and axes.py turn columns into SI and body axes; samples.py and fixes.py clean and check
 them, plausible.py looks for mistaken units and axes, origin.py names their lines in messages; schema.py and description.py are the keys of
-`recording.toml` and their complaints, recording.py what it yields; netcdf.py keeps a whole recording in one file; psins.py reads logs of the PSINS toolbox; inspection.py and draft.py look at a file and say what
+`recording.toml` and their complaints, recording.py what it yields; netcdf.py keeps a whole recording in one file; psins.py reads logs of the PSINS toolbox, broad.py
+attitude trials of BROAD; magnetometer.py what reading a magnetometer needs besides; inspection.py and draft.py look at a file and say what
 it holds; solution.py and kml.py write and read what a filter made of it.
 """
 from pathlib import Path
@@ -11,7 +12,7 @@ from ..data import DataError
 
 
 def read(path):
-    """A Recording from a `recording.toml`, a NetCDF file written by `write_recording`, or a PSINS log (.imu). Raises DataError of one line."""
+    """A Recording from a `recording.toml`, a NetCDF file written by `write_recording`, a PSINS log (.imu) or a BROAD trial (.npz). Raises DataError of one line."""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".toml":
@@ -20,6 +21,9 @@ def read(path):
     if suffix == ".nc":
         from .netcdf import read_recording
         return read_recording(path)
+    if suffix == ".npz":
+        from .broad import read_broad
+        return read_broad(path)
     from .psins import is_psins, read_psins
     if is_psins(path):
         return read_psins(path)
@@ -28,7 +32,7 @@ def read(path):
         raise DataError(f"{path}: a table alone does not say its units and axes; "
                         f"`strapdown inspect {path} --write recording.toml` drafts the description to read instead")
     raise DataError(f"{path}: files of type {suffix or '(no suffix)'!r} are not read; "
-                    "supported are recording.toml (naming CSV files), recording.nc and PSINS logs (.imu)")
+                    "supported are recording.toml (naming CSV files), recording.nc, PSINS logs (.imu) and BROAD trials (.npz)")
 
 
 def write_recording(recording, path):

@@ -9,8 +9,14 @@ from .origin import Origin, counted
 from .samples import order
 
 LIMITS = {"length": (500e3, "m", "is the unit mm or ft?"), "speed": (1e4, "m/s", "is the unit mm/s or cm/s?"),
-          "angle": (4 * np.pi, "rad", "is the unit deg?"), "longitude": (2 * np.pi, "rad", "is the unit deg, or is a scale missing?")}
+          "angle": (4 * np.pi, "rad", "is the unit deg?"), "longitude": (2 * np.pi, "rad", "is the unit deg, or is a scale missing?"),
+          "magnetic field": (1e-3, "T", "the Earth's is 22 to 67 uT: is the unit uT, nT or mgauss, or is a scale missing?")}
 """Largest magnitude of a quantity, its unit, and the likely mistake beyond it."""
+PRESSURES = (1e3, 200e3)
+"""Lowest and highest pressure that air has for a vehicle, Pa: 31 km above the sea, and a pressurised or submerged sensor."""
+SLIPS = {1e-5: "bar read as Pa", 1e-3: "kPa read as Pa", 1e-2: "hPa or mbar read as Pa", 1e-1: "kPa read as hPa or mbar",
+         10.0: "hPa or mbar read as kPa", 100.0: "Pa read as hPa or mbar", 1e3: "Pa read as kPa", 1e5: "Pa read as bar"}
+"""What a mistaken unit makes of the pressure near the ground, and what to say then."""
 
 
 def checked_aidings(imu, aidings):
@@ -18,6 +24,9 @@ def checked_aidings(imu, aidings):
     from ..aiding import find
     done, notes = [], []
     for aiding in aidings:
+        if find(aiding.kind).parameters == "field" and not 1e-6 <= np.linalg.norm(aiding.parameters) <= 100e-6:
+            raise DataError(f"{aiding.name or aiding.kind}: parameters are {tuple(aiding.parameters)}, where the Earth's field north, east, down in T is needed; "
+                            "geomagnetic_field gives it")
         aiding, more = clean(aiding, find(aiding.kind))
         if find(aiding.kind).recorded:
             overlap(imu, aiding.t, aiding.name or aiding.kind)
@@ -84,6 +93,8 @@ def possible(y, quantities, origin):
             continue
         if quantity == "latitude":
             _latitude(column, size, origin)
+        elif quantity == "pressure":
+            _pressure(column, origin)
         elif quantity in LIMITS and size[row] > LIMITS[quantity][0]:
             _, unit, remedy = LIMITS[quantity]
             raise DataError(f"{origin.row(row)}: {quantity} is {column[row]:.6g} {unit}; {remedy}")
@@ -96,6 +107,16 @@ def _latitude(column, size, origin):
         if beyond.any():
             row = int(np.argmax(beyond))
             raise DataError(f"{origin.row(row)}: latitude is {np.degrees(column[row]):.6g} deg; {text}")
+
+
+def _pressure(column, origin):
+    wrong = (column < PRESSURES[0]) | (column > PRESSURES[1])
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        typical = float(np.nanmedian(column)) / 1e5
+        slip = min(SLIPS, key=lambda ratio: abs(np.log(max(typical, 1e-30) / ratio)))
+        likely = f"{SLIPS[slip]}?" if 0.4 < typical / slip < 2 else "check columns, unit and scale, or leave such rows out"
+        raise DataError(f"{origin.row(row)}: pressure is {column[row]:.6g} Pa, where air has {PRESSURES[0]:g} to {PRESSURES[1]:g}: {likely}")
 
 
 def overlap(imu, t, name):

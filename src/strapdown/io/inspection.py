@@ -30,10 +30,10 @@ class Inspection(NamedTuple):
 
 
 def inspect(path):
-    """The Inspection of a recording.toml, a recording.nc, a PSINS log or a bare CSV. Raises DataError only where the file itself cannot be read."""
+    """The Inspection of a recording.toml, a recording.nc, a PSINS log, a BROAD trial or a bare CSV. Raises DataError only where the file itself cannot be read."""
     path = Path(path)
     from .psins import is_psins
-    look = _psins if is_psins(path) else {".toml": _description, ".nc": _netcdf}.get(path.suffix.lower(), _table)
+    look = _psins if is_psins(path) else {".toml": _description, ".nc": _netcdf, ".npz": _broad}.get(path.suffix.lower(), _table)
     facts, problems = [], []
     look(path, facts, problems)
     return Inspection(str(path), tuple(facts), tuple(dict.fromkeys(problems)))
@@ -48,7 +48,8 @@ def _attempt(problems, function, *arguments):
 
 def _description(path, facts, problems):
     from .description import complaints, parse
-    from .recording import Files, read_aiding, read_imu, read_reference
+    from .magnetometer import facts_and_problems
+    from .recording import Files, read_aiding, read_field, read_imu, read_meta, read_reference
     description = complaints(path)
     if isinstance(description, list):
         problems += description
@@ -58,7 +59,7 @@ def _description(path, facts, problems):
         if found is not None:
             _attempt(problems, _table, found, facts, problems)
         return
-    files, aidings, notes = Files(path), [], []
+    files, aidings, parts, notes = Files(path), [], [], []
     imu, more = _attempt(problems, read_imu, description.imu, files) or (None, [])
     notes += more
     if imu is not None:
@@ -68,6 +69,17 @@ def _description(path, facts, problems):
         for number, part in enumerate(description.aiding, 1):
             aiding, more = _attempt(problems, read_aiding, part, number, description.imu.lever_arm, imu, files) or (None, [])
             aidings += [aiding] if aiding is not None else []
+            parts += [(part, number)] if aiding is not None else []
+            notes += more
+        meta = _attempt(problems, read_meta, description, files) or {}
+        for k, (part, number) in enumerate(parts):
+            found, more = _attempt(problems, read_field, part, number, aidings[k], aidings, imu, meta, path) or (None, [])
+            if found is not None and part.sensor.parameters == "field":
+                aidings[k] = found
+                of_field, wrong = facts_and_problems(found, imu, part.matrix, part.field != "record", part.calibration is not None)
+                facts += of_field
+                problems += [f"{path}: [[aiding]] {number} {text}" for text in wrong]
+                more = [note for note in more if note not in wrong]
             notes += more
         if description.reference is not None:
             reference, more = _attempt(problems, read_reference, description.reference, imu, files) or (None, [])
@@ -78,12 +90,19 @@ def _description(path, facts, problems):
 
 
 def _netcdf(path, facts, problems):
+    from ..aiding import find
+    from .magnetometer import facts_and_problems
     from .netcdf import parts, read_recording
     meta, imu, aidings, reference = parts(path)
     imu_facts(imu, facts)
     _attempt(problems, read_recording, path)
     problems += [f"imu: {text}" for text in doubts(imu)]
     _aiding_facts(imu, aidings, facts, problems)
+    for aiding in aidings:
+        if find(aiding.kind).parameters == "field":
+            of_field, wrong = facts_and_problems(aiding, imu)
+            facts += of_field
+            problems += wrong
     facts += [f"reference: {reference!r}"] * (reference is not None) + [f"note: {note}" for note in meta.get("notes", [])]
 
 
@@ -95,6 +114,17 @@ def _psins(path, facts, problems):
     latitude, longitude, height = np.degrees(recording.meta["position"][:2]).tolist() + [recording.meta["position"][2]]
     facts.append(f"header: {latitude:.6f} deg north, {longitude:.6f} deg east, {height:.1f} m, heading {np.degrees(recording.meta['attitude'][2]):.1f} deg")
     facts += [f"note: {note}" for note in recording.meta["notes"]]
+
+
+def _broad(path, facts, problems):
+    from .broad import read_broad
+    recording = _attempt(problems, read_broad, path)
+    if recording is not None:
+        imu_facts(recording.imu, facts)
+        problems += [f"imu: {text}" for text in doubts(recording.imu)]
+        _aiding_facts(recording.imu, recording.aidings, facts, problems)
+        facts += [f"movement: {start:.2f} to {stop:.2f} s" for start, stop in recording.meta["movement"]]
+        facts += [f"reference: {recording.reference!r}"] * (recording.reference is not None) + [f"note: {note}" for note in recording.meta["notes"]]
 
 
 def _table(path, facts, problems):

@@ -14,6 +14,9 @@ from .solution import plain
 FORMAT = "strapdown recording 1"
 IMU = {"t": ("time", "s", "end of the interval"), "dt": ("time", "s", "length of the interval"),
        "dtheta": ("time axis", "rad", "integral of the angular rate, body FRD"), "dv": ("time axis", "m/s", "integral of the specific force, body FRD")}
+SI = {"latitude": ("rad", "m"), "longitude": ("rad", "m"), "length": ("m", "m"), "speed": ("m/s", "m/s"), "angle": ("rad", "rad"),
+      "acceleration": ("m/s^2", "m/s^2"), "magnetic field": ("T", "T"), "pressure": ("Pa", "m")}
+"""Units of what a component of a fix is, and of its standard deviation, which is that of the innovation."""
 REFERENCE = {"t": ("time", "s", "time"), "lla": ("time axis", "rad, rad, m", "latitude, longitude, ellipsoidal height"),
              "v_n": ("time axis", "m/s", "velocity north, east, down"), "q_nb": ("time quaternion", "1", "body to navigation, scalar first"),
              "sd": ("time state", "SI", "standard deviations in the order of the error states")}
@@ -44,11 +47,8 @@ def write_recording(recording, path):
 
 def _aiding_layout(kind):
     from ..aiding import find
-    from .schema import deviation_dimension
-    si = {"length": "m", "speed": "m/s", "angle": "rad", "acceleration": "m/s^2", "latitude": "rad", "longitude": "rad"}
     quantities = find(kind).quantities
-    units = [", ".join(dict.fromkeys(names)) if len(set(names)) == 1 else ", ".join(names)
-             for names in ([si[q] for q in quantities], [si[deviation_dimension(q)] for q in quantities])]
+    units = [names[0] if len(set(names)) == 1 else ", ".join(names) for names in zip(*(SI[quantity] for quantity in quantities))]
     return {"t": ("time", "s", "time of the fix"), "y": ("time component", units[0], ", ".join(quantities)),
             "sd": ("time component", units[1], "standard deviation per component")}
 

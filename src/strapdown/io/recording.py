@@ -1,5 +1,4 @@
 """From a description to a Recording: columns to signals, units to SI, sensor axes to the body, fixes checked against the IMU."""
-import tomllib
 from functools import cache
 from pathlib import Path
 
@@ -8,9 +7,11 @@ import numpy as np
 from ..core.contract import Imu
 from ..data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, DataError, Recording
 from .axes import BODY, NAVIGATION, axes_matrix, rotation_matrix
+from .calibration import corrected, frames
 from .description import load
 from .fixes import clean, clean_reference, overlap
 from .locate import locate
+from .magnetometer import calibrated, sound, with_field
 from .plausible import mistakes
 from ..rest import at_rest
 from .samples import increments
@@ -53,14 +54,19 @@ def read_description(path):
     aidings = []
     for number, part in enumerate(description.aiding, 1):
         aiding, more = read_aiding(part, number, description.imu.lever_arm, imu, files)
+        notes += more
         name, others = aiding.name, [other.name for other in aidings]
         aidings.append(aiding if name not in others else _renamed(aiding, number))
+    meta = read_meta(description, files)
+    for k, part in enumerate(description.aiding):
+        aidings[k], more = read_field(part, k + 1, aidings[k], aidings, imu, meta, path)
         notes += more
     reference = None
     if description.reference is not None:
         reference, more = read_reference(description.reference, imu, files)
         notes += more
-    return Recording(imu, tuple(aidings), reference, _meta(description, files) | {"notes": notes})
+    sensors = frames(description, files, aidings)
+    return Recording(imu, tuple(aidings), reference, meta | ({"sensors": sensors} if sensors else {}) | {"notes": notes})
 
 
 def _renamed(aiding, number):
@@ -68,11 +74,13 @@ def _renamed(aiding, number):
     return replace(aiding, name=f"{aiding.name} {number}")
 
 
-def _meta(description, files):
+def read_meta(description, files):
+    """The meta of a Recording that its description gives: name, date, place, grade, point, lever arm of the IMU. Raises DataError."""
     grade = description.imu.grade
     if grade and grade.endswith(".toml"):
         grade = str(files.locate(grade))
-    found = {"name": files.path.stem, "date": description.date, "grade": grade}
+    place = description.place and description.place.lla
+    found = {"name": files.path.stem, "date": description.date, "place": place, "grade": grade}
     found = {key: value for key, value in found.items() if value is not None}
     return found | {"point": description.point, "imu_lever_arm": list(description.imu.lever_arm)}
 
@@ -83,14 +91,13 @@ def read_imu(part, files):
     gyro, accel = (np.stack(three, axis=1) * (signal.scale * factor(signal.unit, dimension))
                    for three, signal, dimension in zip((columns[:3], columns[3:]), (part.gyro, part.accel), part.dimensions))
     imu, notes = increments(t, gyro, accel, part.kind, table.origin)
-    (gyro_bias, gyro_matrix), (accel_bias, accel_matrix) = _calibration(part, files)
-    C = _sensor_to_body(part)
-    turned = ((values - bias * imu.dt[:, None]) @ (C @ matrix).T
-              for values, bias, matrix in ((imu.dtheta, gyro_bias, gyro_matrix), (imu.dv, accel_bias, accel_matrix)))
-    return Imu(imu.t, imu.dt, *(np.require(values, float, ["C", "W"]) for values in turned)), notes
+    gyro, accel, more = corrected(part, files, imu)
+    C = sensor_to_body(part)
+    return Imu(imu.t, imu.dt, *(np.require(values @ C.T, float, ["C", "W"]) for values in (gyro, accel))), notes + more
 
 
-def _sensor_to_body(part):
+def sensor_to_body(part):
+    """Matrix from the columns of [imu] to the body: axes, then mounting."""
     C = axes_matrix(part.axes, BODY)
     if part.mounting is None:
         return C
@@ -98,44 +105,15 @@ def _sensor_to_body(part):
     return rotation_matrix(*(angle * unit for angle in (part.mounting.roll, part.mounting.pitch, part.mounting.heading))) @ C
 
 
-def _calibration(part, files):
-    """((bias, matrix) of the gyro, of the accelerometer): corrected = matrix @ (raw - bias), in the columns of the file, SI."""
-    found = {"gyro": {}, "accel": {}}
-    if part.calibration:
-        path = files.locate(part.calibration)
-        try:
-            found |= tomllib.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise DataError(f"{path}: cannot be read ({error.strerror or error}); check [imu] calibration") from error
-        except ValueError as error:
-            raise DataError(f"{path}: is not TOML: {str(error).splitlines()[0]}") from error
-        if set(found) > {"gyro", "accel"}:
-            raise DataError(f"{path}: unknown section {min(set(found) - {'gyro', 'accel'})!r}; a calibration has [gyro] and [accel]")
-    return [_correction(path if part.calibration else "", name, found[name]) for name in ("gyro", "accel")]
-
-
-def _correction(path, name, section):
-    if not isinstance(section, dict) or set(section) - {"bias", "matrix"}:
-        raise DataError(f"{path}: [{name}] has bias and matrix and no other key")
-    try:
-        bias, matrix = (np.array(section.get(key, default), float) for key, default in (("bias", np.zeros(3)), ("matrix", np.eye(3))))
-        right = bias.shape == (3,) and matrix.shape == (3, 3) and np.isfinite(bias).all() and abs(np.linalg.det(matrix)) > 1e-6
-    except (TypeError, ValueError):
-        right = False
-    if not right:
-        raise DataError(f"{path}: [{name}] bias must be 3 numbers and matrix 3 rows of 3 numbers that can be inverted")
-    return bias, matrix
-
-
 def read_aiding(part, number, imu_lever_arm, imu, files):
     """(Aiding, notes) of one section [[aiding]]. Raises DataError."""
     sensor = part.sensor
-    arm = np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm if sensor.parameters else ()
+    arm = np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm if sensor.parameters in ("antenna", "reference") else ()
     make = lambda t, y, sd: Aiding(part.kind, t, y, sd, tuple(map(float, arm)), part.gate, part.name or part.kind)
     if not sensor.recorded:
         t, notes = _constraint_times(part, imu)
         shape = (len(t), len(sensor.quantities))
-        return make(t, np.zeros(shape), np.broadcast_to(np.array(part.deviations, float), shape).copy()), notes
+        return make(t, np.full(shape, part.level or 0.0), np.broadcast_to(np.array(part.deviations, float), shape).copy()), notes
     names = [_deviation_column(sd) for sd in part.deviations]
     table, t, columns = files.columns(part.file, part.time, part.columns + [name for name in names if name is not None])
     many, read = len(sensor.quantities), iter(columns[len(sensor.quantities):])
@@ -143,11 +121,27 @@ def read_aiding(part, number, imu_lever_arm, imu, files):
     y = np.stack([column * (unit * scale) for column, unit, scale in zip(columns[:many], units, part.scales)], axis=1)
     sd = np.stack([_deviation(entry, quantity, unit, scale, next(read) if name is not None else np.ones(len(t)))
                    for entry, quantity, unit, scale, name in zip(part.deviations, sensor.quantities, units, part.scales, names)], axis=1)
+    origin, more = table.origin, []
+    if sensor.parameters == "field":
+        keep, more = sound(t, y, imu, part.name or part.kind, origin)
+        origin, t, y, sd = origin.kept(keep, len(t)), t[keep], calibrated(part, files, y[keep]), sd[keep]
     if part.matrix is not None:
         y, sd = _turned(y, part.matrix), _turned(sd, np.abs(part.matrix))
-    aiding, notes = clean(make(t, y, sd), sensor, table.origin)
+    aiding, notes = clean(make(t, y, sd), sensor, origin)
     overlap(imu, aiding.t, f"{files.path}: [[aiding]] {number} ({part.kind})")
-    return aiding, notes
+    return aiding, more + notes
+
+
+def read_field(part, number, aiding, aidings, imu, meta, path):
+    """(Aiding, notes): a magnetometer with the Earth's field as parameters, its place from meta or the first position fix; others as they are."""
+    if part.sensor.parameters != "field":
+        return aiding, []
+    fixes = next((a.y[0] for a in aidings if a.kind == "position" and len(a.t) and np.isfinite(a.y[0, :2]).all()), None)
+    place = meta.get("place", None if fixes is None else np.nan_to_num(fixes).tolist())
+    try:
+        return with_field(part, aiding, imu, meta.get("date"), place)
+    except DataError as error:
+        raise DataError(f"{path}: [[aiding]] {number} ({part.kind}) {error}") from None
 
 
 def _turned(vectors, matrix):

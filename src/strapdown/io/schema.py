@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from ..core.earth import LATITUDE_LIMIT
 from ..data import DataError
 from .axes import BODY, NAVIGATION, axes_matrix
 from .units import DIMENSIONS, factor
@@ -32,6 +33,19 @@ def _date(value):
     except (TypeError, ValueError):
         raise ValueError(f"{value!r} is no date; write it as \"2012-10-10\"") from None
     return value
+
+
+def _field(value):
+    """"record", or north, east, down in T."""
+    if value == "record":
+        return value
+    example = '{ north = 17.6, east = 0.1, down = 52.8, unit = "uT" }'
+    if not isinstance(value, dict) or set(value) != {"north", "east", "down", "unit"} or not all(_is_number(value[key]) for key in ("north", "east", "down")):
+        raise ValueError(f"write {example}, or \"record\" for the strengths in the record, or leave it out for the geomagnetic model")
+    vector = tuple(value[key] * factor(value["unit"], "magnetic field") for key in ("north", "east", "down"))
+    if not 1e-6 <= math.hypot(*vector) <= 100e-6:
+        raise ValueError(f"its strength is {math.hypot(*vector) * 1e6:.4g} uT, where the Earth's is 22 to 67; check the unit")
+    return vector
 
 
 Column = Annotated[Any, AfterValidator(_column)]
@@ -76,6 +90,14 @@ class Mounting(Part):
         return self
 
 
+class Temperature(Part):
+    """temperature: the column of the IMU's own, degC = column * scale + offset."""
+    column: Column
+    unit: Literal["degC"] = "degC"
+    scale: Finite = 1.0
+    offset: Finite = 0.0
+
+
 class ImuPart(Part):
     """[imu]"""
     file: str
@@ -86,6 +108,7 @@ class ImuPart(Part):
     accel: Signal
     mounting: Mounting | None = None
     calibration: str | None = None
+    temperature: Temperature | None = None
     lever_arm: Triple = [0.0, 0.0, 0.0]
     grade: str | None = None
 
@@ -101,6 +124,48 @@ class ImuPart(Part):
         return self
 
 
+class Place(Part):
+    """place: where the recording is, for models of the magnetic field and of gravity; latitude and longitude in `unit`, height in m."""
+    latitude: Finite
+    longitude: Finite
+    height: Finite = 0.0
+    unit: str | None = None
+
+    @property
+    def lla(self):
+        """Latitude and longitude in rad, ellipsoidal height in m."""
+        unit = factor(self.unit, "angle")
+        return [self.latitude * unit, self.longitude * unit, self.height]
+
+    @model_validator(mode="after")
+    def _on_earth(self):
+        _named("unit", factor, self.unit, "angle")
+        latitude, longitude, height = self.lla
+        if abs(latitude) > math.pi / 2 * (1 + 1e-12) or abs(longitude) > 2 * math.pi:
+            raise ValueError(f"no place is at latitude {self.latitude:g}, longitude {self.longitude:g} {self.unit}; check unit and order")
+        if abs(latitude) > LATITUDE_LIMIT:
+            raise ValueError(f"latitude: {self.latitude:g} {self.unit}; results hold up to {math.degrees(LATITUDE_LIMIT):.0f} deg")
+        if not -12e3 <= height <= 850e3:
+            raise ValueError(f"height: {height:g} m is no height of a vehicle; is it in m?")
+        return self
+
+
+class Declination(Part):
+    """declination of a field taken from the record: of magnetic from true north, positive east."""
+    value: Finite
+    unit: str | None = None
+
+    @property
+    def angle(self):
+        """rad."""
+        return self.value * factor(self.unit, "angle")
+
+    @model_validator(mode="after")
+    def _units(self):
+        _named("unit", factor, self.unit, "angle")
+        return self
+
+
 class AidingPart(Part):
     """[[aiding]]: what its kind measures decides which keys it takes."""
     kind: str
@@ -112,7 +177,11 @@ class AidingPart(Part):
     axes: str | None = None
     sd: Any = None
     lever_arm: Triple | None = None
+    calibration: str | None = None
+    field: Annotated[Any, AfterValidator(_field)] = None
+    declination: Declination | None = None
     rate: Annotated[Finite, Field(gt=0)] | None = None
+    level: Finite | None = None
     gate: Annotated[float, Field(gt=0)] | None = None
     name: str | None = None
 
@@ -141,7 +210,7 @@ class AidingPart(Part):
     def matrix(self):
         """What turns the columns into NED or FRD, or None where the kind is no vector."""
         named = {"n": NAVIGATION, "b": BODY}.get(self.sensor.vector)
-        return axes_matrix(self.axes or next(iter(named)), named, right_handed=False) if named else None
+        return axes_matrix(self.axes or next(iter(named)), named, right_handed=self.sensor.parameters == "field") if named else None
 
     @model_validator(mode="after")
     def _agrees_with_kind(self):
@@ -158,10 +227,20 @@ class AidingPart(Part):
             if not sensor.vector:
                 raise ValueError(f"axes: {sensor.name} is no vector and takes no axes")
             _named("axes", lambda: self.matrix)
-        if self.lever_arm is not None and not sensor.parameters:
-            raise ValueError(f"lever_arm: {sensor.name} takes none")
+        self._parameters(sensor)
         self._components(sensor)
         return self
+
+    def _parameters(self, sensor):
+        if self.lever_arm is not None and sensor.parameters not in ("antenna", "reference"):
+            raise ValueError(f"lever_arm: {sensor.name} takes none")
+        for key in ("calibration", "field", "declination"):
+            if getattr(self, key) is not None and sensor.parameters != "field":
+                raise ValueError(f"{key}: {sensor.name} takes none; only a magnetometer does")
+        if self.level is not None and (sensor.recorded or sensor.quantities != ("length",)):
+            raise ValueError(f"level: {sensor.name} takes none; it is the height of mean sea level, m above the ellipsoid")
+        if self.declination is not None and self.field != "record":
+            raise ValueError("declination: it belongs to field = \"record\"; the geomagnetic model and a given field have their own")
 
     def _components(self, sensor):
         many = len(sensor.quantities)
@@ -236,14 +315,15 @@ class Description(Part):
     """A whole `recording.toml`."""
     date: Annotated[Any, AfterValidator(_date)] = None
     point: Literal["imu", "reference"] = "imu"
+    place: Place | None = None
     imu: ImuPart
     aiding: list[AidingPart] = []
     reference: ReferencePart | None = None
 
 
 def deviation_dimension(quantity):
-    """Dimension of the standard deviation of a quantity: length for latitude and longitude, else its own."""
-    return "length" if quantity in ("latitude", "longitude") else DIMENSIONS[quantity]
+    """Dimension of the standard deviation of a quantity: length for latitude, longitude and pressure (a height), else its own."""
+    return "length" if quantity in ("latitude", "longitude", "pressure") else DIMENSIONS[quantity]
 
 
 def vector_factors(part, dimensions):

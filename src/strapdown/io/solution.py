@@ -18,7 +18,7 @@ CSV_DECIMALS = 10
 
 
 def write_solution(solution, path):
-    """Write a Solution as .nc, .csv, .csv.gz, .csv.xz or .kml, by the ending of `path`, whole or not at all. Raises DataError."""
+    """Write a Solution as .nc, .csv, .csv.gz, .csv.xz or .kml (which needs a position), by the ending of `path`, whole or not at all. Raises DataError."""
     write = {"nc": _write_netcdf, "csv": _write_csv, "kml": _write_kml}[_format(path, "nc, csv, kml")]
     with replacing(path) as part:
         write(solution, part, Path(path))
@@ -86,7 +86,7 @@ def _variables(solution):
                                {"units": "products of m, m/s, rad, m/s^2, rad/s (the error states in order)"})
     found |= {"fix_time": (("fix",), fixes.t, {"units": "s"}),
               "fix_source": (("fix",), fixes.source, {"units": "1", "long_name": "index into `sources`"}),
-              "innovation": (("fix", "row"), fixes.innovation, {"units": "m, m/s or rad, as the source"}),
+              "innovation": (("fix", "row"), fixes.innovation, {"units": "SI, as the source"}),
               "nis": (("fix",), fixes.nis, {"units": "1", "long_name": "normalised innovation squared"}),
               "accepted": (("fix",), fixes.accepted.astype(np.int8), {"units": "1"})}
     texts = {"sources": fixes.names, "gates": fixes.gates, "events": solution.events, "meta": solution.meta}
@@ -182,6 +182,9 @@ def _quaternion(rph):
     return Rotation.from_euler("ZYX", rph[:, ::-1], degrees=True).as_quat()[:, [3, 0, 1, 2]]
 
 
-def _write_kml(solution, part, _):
+def _write_kml(solution, part, path):
     from .kml import kml
+    if not solution.has_position:
+        filter = solution.meta.get("filter")
+        raise DataError(f"{path}: the solution{f' of {filter}' if filter else ''} has no position, so there is no track to write; use .nc or .csv")
     part.write_bytes(kml(solution))

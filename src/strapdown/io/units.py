@@ -14,10 +14,13 @@ UNITS = {
     "velocity increment": {"m/s": 1.0, "g*s": G},
     "length": {"m": 1.0, "km": 1000.0, "cm": 0.01, "mm": 0.001, "ft": FOOT},
     "speed": {"m/s": 1.0, "km/h": 1 / 3.6, "knot": KNOT, "cm/s": 0.01, "mm/s": 0.001, "ft/s": FOOT},
+    "magnetic field": {"T": 1.0, "uT": 1e-6, "nT": 1e-9, "gauss": 1e-4, "mgauss": 1e-7},
+    "pressure": {"Pa": 1.0, "hPa": 100.0, "kPa": 1000.0, "mbar": 100.0, "bar": 1e5},
 }
 """Factor to SI of every unit, by dimension. The standard gravity g is 9.80665 m/s^2."""
 
-DIMENSIONS = {"latitude": "angle", "longitude": "angle", "angle": "angle", "length": "length", "speed": "speed", "acceleration": "acceleration"}
+DIMENSIONS = {"latitude": "angle", "longitude": "angle", "angle": "angle", "length": "length", "speed": "speed", "acceleration": "acceleration",
+              "magnetic field": "magnetic field", "pressure": "pressure"}
 """Dimension of each quantity that a kind of aiding can have."""
 
 ALIASES = {
@@ -25,11 +28,14 @@ ALIASES = {
     "µs": "us", "usec": "us", "microseconds": "us", "nsec": "ns", "nanoseconds": "ns", "degree": "deg", "degrees": "deg", "°": "deg", "radian": "rad", "radians": "rad",
     "rad/sec": "rad/s", "rps": "rad/s", "dps": "deg/s", "°/s": "deg/s", "degrees/s": "deg/s", "deg/sec": "deg/s",
     "deg/hr": "deg/h", "°/h": "deg/h", "dph": "deg/h",
-    "m/s2": "m/s^2", "m/s²": "m/s^2", "m/s/s": "m/s^2", "m/s**2": "m/s^2", "mps2": "m/s^2", "G": "g", "milli-g": "mg", "mG": "mg",
+    "m/s2": "m/s^2", "m/s²": "m/s^2", "m/s/s": "m/s^2", "m/s**2": "m/s^2", "mps2": "m/s^2", "G": "g gauss",
+    "milli-g": "mg", "mG": "mg mgauss",
     "meter": "m", "meters": "m", "metre": "m", "metres": "m", "feet": "ft", "foot": "ft",
     "mps": "m/s", "m/sec": "m/s", "kph": "km/h", "kmh": "km/h", "kn": "knot", "kt": "knot", "kts": "knot", "knots": "knot",
+    "tesla": "T", "µT": "uT", "μT": "uT", "microtesla": "uT", "nanotesla": "nT", "Gauss": "gauss", "Gs": "gauss", "milligauss": "mgauss",
+    "pascal": "Pa", "mb": "mbar", "millibar": "mbar",
 }
-"""Other spellings, which are suggested, not accepted: one name for each unit keeps descriptions readable."""
+"""Other spellings, which are suggested, not accepted: one name for each unit keeps descriptions readable. Where there are two names, the dimension decides."""
 
 
 def factor(unit, dimension):
@@ -43,6 +49,7 @@ def factor(unit, dimension):
     other = next((name for name, units in UNITS.items() if unit in units), None)
     if other:
         raise DataError(f"unit {unit!r} is one of {other}; {accepted}")
-    spelling = ALIASES.get(unit) or ALIASES.get(unit.lower().strip())
-    near = [spelling] if spelling in known else get_close_matches(unit.lower(), known, 1)
+    spellings = (ALIASES.get(unit) or ALIASES.get(unit.lower().strip()) or "").split()
+    near = [name for name in (*spellings, *known) if name in known and (name in spellings or name.lower() == unit.lower().strip())]
+    near = near or get_close_matches(unit.lower(), known, 1)
     raise DataError(f"unknown unit {unit!r}{f', did you mean {near[0]!r}?' if near else ';'} {accepted}")

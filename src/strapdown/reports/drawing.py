@@ -121,11 +121,11 @@ def column(values):
     return values if peak(values) > 1e5 else values.astype(np.float32)
 
 
-def line(figure, t, y, name, colour, row=1, legend=True, rank=1000, **style):
-    """One thinned line; `rank` is its place in the legend."""
+def line(figure, t, y, name, colour, row=1, legend=None, rank=1000, **style):
+    """One thinned line; `rank` is its place in the legend, where it is shown if `legend` says so, by default in the first row."""
     keep = thin(y)
     figure.add_trace(go.Scatter(x=column(t[keep]), y=column(y[keep]), name=escape(name), mode="lines", legendgroup=name,
-                                legendrank=rank, showlegend=legend and row == 1, line={"color": colour, "width": 1.4, **style},
+                                legendrank=rank, showlegend=row == 1 if legend is None else legend, line={"color": colour, "width": 1.4, **style},
                                 hovertemplate="%{y:.4g}"), row=row, col=1)
 
 

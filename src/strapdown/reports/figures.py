@@ -1,6 +1,7 @@
 """Figures of a Solution: track, errors or estimates with 3-sigma bands, claimed uncertainty, biases, innovations and NIS.
 
-Errors are true - estimate. Every function returns a plotly Figure; sentences that belong below it are in `figure.layout.meta["notes"]`.
+Errors are true - estimate. Every function returns a plotly Figure, or None where the solution holds nothing of what it shows; axes that are nowhere
+known are left out. Sentences that belong below a figure are in `figure.layout.meta["notes"]`.
 """
 from html import escape
 
@@ -21,14 +22,18 @@ def track(solutions, reference=None):
 
     The frame is that of the reference, or of the solution that moves least.
     """
-    first = next(iter(solutions.values()))
+    shown = [name for name, solution in solutions.items() if solution.has_position]
+    if not shown:
+        return None
+    first = solutions[shown[0]]
     known = None if reference is None else reference.lla[np.isfinite(reference.lla).all(axis=1)]
-    start = first.trajectory.lla[0] if known is None else known[0]
+    known = known if known is not None and len(known) else None
+    start = (first.trajectory.lla[np.isfinite(first.trajectory.lla).all(axis=1)] if known is None else known)[0]
     known = None if known is None else _ground(known, start)
-    paths = {name: _ground(solution.trajectory.lla, start) for name, solution in solutions.items()}
-    figure = finish(go.Figure(), 480 if reference is None else 690)
+    paths = {name: _ground(solutions[name].trajectory.lla, start) for name in shown}
+    figure = finish(go.Figure(), 480 if known is None else 690)
     _fixes(figure, first, start)
-    for rank, colour, name in _last_first(paths):
+    for rank, colour, name in _last_first(solutions, shown):
         path = paths[name]
         _path(figure, path[even(len(path))], name, line={"color": colour, "width": 2}, legendrank=rank)
     if known is not None:
@@ -53,9 +58,9 @@ def _fixes(figure, solution, start):
                 _path(figure, places[chosen], f"{name} fixes, {label}", mode="markers", marker=marker)
 
 
-def _last_first(names):
-    """(legend rank, colour, name) in the order of drawing: the first solution comes to lie on top."""
-    return [(1 + i, COLOURS[i % len(COLOURS)], name) for i, name in enumerate(names)][::-1]
+def _last_first(names, shown):
+    """(legend rank, colour, name) of those `shown` in the order of drawing: the first solution comes to lie on top."""
+    return [(1 + i, COLOURS[i % len(COLOURS)], name) for i, name in enumerate(names) if name in shown][::-1]
 
 
 def _ground(lla, start):
@@ -101,20 +106,22 @@ def _metres(value):
 
 
 def height(solutions, reference=None):
-    """Height above the ellipsoid over time, of {name: Solution}."""
-    figure = panels(["height [m]"], 260)
-    first = next(iter(solutions.values()))
+    """Height above the ellipsoid over time, of {name: Solution} that have a position."""
+    shown = [name for name, solution in solutions.items() if solution.has_position]
+    if not shown:
+        return None
+    figure, first = panels(["height [m]"], 260), solutions[shown[0]]
     zero = origin(first.t)
-    for rank, colour, name in _last_first(solutions):
+    for rank, colour, name in _last_first(solutions, shown):
         line(figure, solutions[name].t - zero, solutions[name].trajectory.lla[:, 2], name, colour, rank=rank)
-    spans = [extent(solution.trajectory.lla[:, 2]) for solution in solutions.values()]
+    spans = [extent(solutions[name].trajectory.lla[:, 2]) for name in shown]
     low, high = min(spans, key=lambda span: span[1] - span[0])
-    if reference is not None:
-        inside = (reference.t >= first.t[0]) & (reference.t <= first.t[-1])
+    inside = None if reference is None else (reference.t >= first.t[0]) & (reference.t <= first.t[-1])
+    if reference is not None and metrics.any_known(reference.lla[inside, 2]):
         line(figure, reference.t[inside] - zero, reference.lla[inside, 2], "reference", GREY, dash="dash")
         low, high = extent(reference.lla[inside, 2])
     room = max(high - low, 20.0)
-    for name, (lowest, highest) in zip(solutions, spans):
+    for name, (lowest, highest) in zip(shown, spans):
         beyond = max(low - lowest, highest - high)
         if beyond > 2 * room:
             note(figure, f"{name} leaves the frame by up to {_metres(beyond)}; double-click the plot to see all of it.")
@@ -129,11 +136,14 @@ def horizontal(solutions, reference):
 
     reference: Trajectory, or {name: Errors} against it where they are known already.
     """
-    figure = panels(["horizontal error [m]"], 300, log=True)
-    first, values = next(iter(solutions.values())), []
+    found = reference if isinstance(reference, dict) else {name: metrics.errors(solution, reference) for name, solution in solutions.items()}
+    shown = [name for name in solutions if metrics.any_known(found[name].horizontal)]
+    if not shown:
+        return None
+    figure, first, values = panels(["horizontal error [m]"], 300, log=True), solutions[shown[0]], []
     zero = origin(first.t)
-    for rank, colour, name in _last_first(solutions):
-        e = reference[name] if isinstance(reference, dict) else metrics.errors(solutions[name], reference)
+    for rank, colour, name in _last_first(solutions, shown):
+        e = found[name]
         claimed = 3 * np.hypot(e.sd[:, 0], e.sd[:, 1])
         line(figure, e.t - zero, e.horizontal, name, colour, rank=2 * rank)
         if np.isfinite(claimed).any():
@@ -149,15 +159,23 @@ def horizontal(solutions, reference):
 def position(solution, reference=None, colour=COLOURS[0], window=None):
     """Position error per axis with its 3-sigma band, m NED; without a reference north, east and height from the start.
 
-    reference: Trajectory, or the Errors against it where they are known already; so for velocity and attitude too.
+    reference: Trajectory, or the Errors against it where they are known already; so for the figures below too.
     """
     e = _known(solution, reference)
-    if e is not None:
+    if e is not None and e.position is not None:
         return _errors(solution, e.t, e.position, 3 * e.sd[:, :3], AXES, "m", colour, window)
     lla = solution.trajectory.lla
     moved = displacement(lla, np.broadcast_to(lla[0], lla.shape))
     values = np.c_[moved[:, :2], lla[:, 2]]
     return _estimates(solution, values, 3 * solution.trajectory.sd[:, :3], ("north", "east", "height"), "m", colour)
+
+
+def heave(solution, colour=COLOURS[0], compare=None):
+    """Height with its 3-sigma band of a solution that knows no place beside it, m, upwards; None of others. `compare` is drawn beside it."""
+    if solution.has_position:
+        return None
+    beside = None if compare is None else compare.lla[:, 2:]
+    return _estimates(solution, solution.trajectory.lla[:, 2:], 3 * solution.trajectory.sd[:, 2:3], ("heave",), "m", colour, compare, beside, 260)
 
 
 def velocity(solution, reference=None, colour=COLOURS[0], window=None, compare=None):
@@ -180,6 +198,22 @@ def attitude(solution, reference=None, colour=COLOURS[0], window=None, compare=N
     return _estimates(solution, np.degrees(rph), 3 * np.degrees(euler_sd(rph, sd)), EULER, "deg", colour, compare, beside)
 
 
+def attitude_angles(solution, reference, colour=COLOURS[0], window=None):
+    """How far the attitude is off, deg: the angle of the whole rotation, of the vertical (inclination) and about it (heading)."""
+    e = _known(solution, reference)
+    if not metrics.any_known(e.attitude):
+        return None
+    angles, names = np.degrees(metrics.attitude_angles(e)), metrics.AttitudeAngles._fields
+    figure, zero, outside = panels([f"{name} [deg]" for name in names], 140), origin(solution.t), []
+    for i, name in enumerate(names):
+        line(figure, e.t - zero, angles[i], "angle of the error", colour, row=i + 1)
+        limit, largest = frame(e.t, angles[i], np.zeros(len(e.t)), window)
+        figure.update_yaxes(range=[0, limit], row=i + 1, col=1)
+        outside += [f"{name} up to {largest:.3g} deg"] if largest > limit else []
+    _beyond(figure, outside, window)
+    return time_axis(figure, solution, zero)
+
+
 def _known(solution, reference):
     return reference if reference is None or isinstance(reference, metrics.Errors) else metrics.errors(solution, reference)
 
@@ -198,7 +232,10 @@ def euler_sd(rph, sd):
 
 
 def _errors(solution, t, values, half, names, unit, colour, window):
-    """A panel per column of `values` around zero, with bands of `half`."""
+    """A panel per column of `values` around zero, with bands of `half`; columns without a number are left out."""
+    names, values, half = _with_numbers(names, values, half)
+    if not names:
+        return None
     figure, zero, outside = panels([f"{name} [{unit}]" for name in names]), origin(solution.t), []
     for i, name in enumerate(names):
         band(figure, t - zero, np.zeros(len(t)), half[:, i], row=i + 1)
@@ -207,21 +244,35 @@ def _errors(solution, t, values, half, names, unit, colour, window):
         figure.update_yaxes(range=[-limit, limit], row=i + 1, col=1)
         if largest > limit:
             outside.append(f"{name} up to {largest:.3g} {unit}")
-    if outside:
-        when = "outside the scored window" if window else "while the filter converges"
-        note(figure, f"Beyond the frame {when}: {', '.join(outside)}. Double-click a panel to see all of it.")
+    _beyond(figure, outside, window)
     return time_axis(figure, solution, zero)
 
 
-def _estimates(solution, values, half, names, unit, colour, other=None, beside=None):
-    """A panel per column of `values` with bands of `half` around it; angles that wrap are cut there."""
-    figure, zero, t = panels([f"{name} [{unit}]" for name in names]), origin(solution.t), solution.t
+def _beyond(figure, outside, window=None):
+    """Say below the figure what of `outside` its frames do not show."""
+    if outside:
+        when = "outside the scored window" if window else "while the filter converges"
+        note(figure, f"Beyond the frame {when}: {', '.join(outside)}. Double-click a panel to see all of it.")
+
+
+def _with_numbers(names, *tables):
+    """[names, *tables] without the columns in which the first table has no number."""
+    kept = np.flatnonzero(np.isfinite(tables[0]).any(axis=0))
+    return [[names[i] for i in kept], *(None if table is None else table[:, kept] for table in tables)]
+
+
+def _estimates(solution, values, half, names, unit, colour, other=None, beside=None, height=170):
+    """A panel per column of `values` that has numbers, with bands of `half` around it; angles that wrap are cut there."""
+    names, values, half, beside = _with_numbers(names, values, half, beside)
+    if not names:
+        return None
+    figure, zero, t = panels([f"{name} [{unit}]" for name in names], height), origin(solution.t), solution.t
     for i, name in enumerate(names):
         wraps = name in ("roll", "heading")
         centre = cut(values[:, i]) if wraps else values[:, i]
         band(figure, t - zero, centre, np.where(half[:, i] < 180, half[:, i], np.nan) if wraps else half[:, i], row=i + 1)
         line(figure, t - zero, centre, "estimate", colour, row=i + 1)
-        if beside is not None:
+        if beside is not None and metrics.any_known(beside[:, i]):
             inside = (other.t >= t[0]) & (other.t <= t[-1])
             shown = cut(beside[inside, i]) if wraps else beside[inside, i]
             line(figure, other.t[inside] - zero, shown, "reference", GREY, row=i + 1, dash="dot")
@@ -244,15 +295,16 @@ def sigma(solution):
     sd, zero = 3 * solution.trajectory.sd[:, :9] * np.r_[np.ones(6), np.full(3, np.degrees(1))], origin(solution.t)
     if not np.isfinite(sd).any():
         return None
-    figure = panels(["3σ position [m]", "3σ velocity [m/s]", "3σ attitude [deg]"], log=True)
-    for i in range(9):
-        if np.isfinite(sd[:, i]).any():
-            line(figure, solution.t - zero, np.where(sd[:, i] > 0, sd[:, i], np.nan), AXES[i % 3], COLOURS[i % 3], row=i // 3 + 1)
-    for row in range(3):
-        shown = sd[:, 3 * row:3 * row + 3]
-        shown = shown[np.isfinite(shown) & (shown > 0)]
+    groups = [k for k in range(3) if np.isfinite(sd[:, 3 * k:3 * k + 3]).any()]
+    figure, legend = panels([("3σ position [m]", "3σ velocity [m/s]", "3σ attitude [deg]")[k] for k in groups], log=True), set()
+    for row, group in enumerate(groups, start=1):
+        shown = np.where(sd[:, 3 * group:3 * group + 3] > 0, sd[:, 3 * group:3 * group + 3], np.nan)
+        for i in np.flatnonzero(np.isfinite(shown).any(axis=0)):
+            line(figure, solution.t - zero, shown[:, i], AXES[i], COLOURS[i], row=row, legend=i not in legend)
+            legend.add(i)
+        shown = shown[np.isfinite(shown)]
         if len(shown):
-            log_range(figure, shown.min(), shown.max(), row=row + 1)
+            log_range(figure, shown.min(), shown.max(), row=row)
     return time_axis(figure, solution, zero)
 
 
@@ -271,8 +323,9 @@ def gyro_bias(solution, colour=COLOURS[0]):
 def _bias(solution, values, half, unit, colour):
     if not np.isfinite(half).any() and not peak(values):
         return None
-    figure, zero, t, outside = panels([f"{axis} [{unit}]" for axis in "xyz"]), origin(solution.t), solution.t, []
-    for i, axis in enumerate("xyz"):
+    axes, values, half = _with_numbers("xyz", values, half)
+    figure, zero, t, outside = panels([f"{axis} [{unit}]" for axis in axes]), origin(solution.t), solution.t, []
+    for i, axis in enumerate(axes):
         band(figure, t - zero, values[:, i], half[:, i], row=i + 1)
         line(figure, t - zero, values[:, i], "estimate", colour, row=i + 1)
         late = values[len(t) // 3:, i]
@@ -281,8 +334,7 @@ def _bias(solution, values, half, unit, colour):
         figure.update_yaxes(range=[settled - limit, settled + limit], row=i + 1, col=1)
         if largest > limit:
             outside.append(axis)
-    if outside:
-        note(figure, f"Beyond the frame while the filter converges: {', '.join(outside)}. Double-click a panel to see all of it.")
+    _beyond(figure, outside)
     return time_axis(figure, solution, zero)
 
 

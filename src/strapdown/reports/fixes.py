@@ -7,7 +7,9 @@ import plotly.graph_objects as go
 from .drawing import AXES, COLOURS, GREY, RED, column, even, log_range, note, origin, panels, peak, time_axis
 
 CROSS = {"color": RED, "size": 7, "symbol": "x-thin", "line": {"width": 1.5, "color": RED}}
-LENGTHS = {"latitude", "longitude", "length"}
+SHOWN = {"latitude": ("m", 1.0), "longitude": ("m", 1.0), "length": ("m", 1.0), "speed": ("m/s", 1.0), "angle": ("deg", np.degrees(1)),
+         "acceleration": ("m/s^2", 1.0), "magnetic field": ("uT", 1e6), "pressure": ("m", 1.0)}
+"""Unit of the innovations of a quantity and its size in it; those of a pressure are heights."""
 
 
 def kind(solution, name):
@@ -16,15 +18,25 @@ def kind(solution, name):
 
 
 def unit(solution, name):
-    """(unit, factor from SI, names of the rows) of a source's innovations."""
+    """(unit, factor from SI, names of the rows) of a source's innovations.
+
+    Filters that take of a magnetic field its direction alone publish the angle by which it is off, in the first row.
+    """
     from ..aiding import find
     try:
         sensor = find(kind(solution, name))
     except ValueError:      # a source of the user's own naming
         return "m, m/s or rad", 1.0, AXES
-    quantities = set(sensor.quantities)
-    named = "m" if quantities <= LENGTHS else "m/s" if quantities == {"speed"} else "deg" if quantities == {"angle"} else "m, m/s or rad"
-    return named, np.degrees(1) if named == "deg" else 1.0, tuple("xyz") if sensor.vector == "b" else AXES
+    if set(sensor.quantities) == {"magnetic field"} and not np.isfinite(_innovations(solution, name)[:, 1:]).any():
+        return *SHOWN["angle"], AXES
+    units = {SHOWN[quantity] for quantity in sensor.quantities}
+    named, factor = units.pop() if len(units) == 1 else ("m, m/s or rad", 1.0)
+    return named, factor, tuple("xyz") if sensor.vector == "b" else AXES
+
+
+def _innovations(solution, name):
+    fixes = solution.innovations
+    return fixes.innovation[fixes.source == fixes.names.index(name)]
 
 
 def innovations(solution):

@@ -9,8 +9,8 @@ from . import figures, fixes, summary
 from .drawing import COLOURS, SHADES
 from .shell import listed, placed, shell
 
-FOOTER = ("Errors are true − estimate. Position, velocity and their errors are in metres and m/s along north, east, down; heights are above the WGS-84 "
-          "ellipsoid; lines of more than 2000 points keep the extremes of each stretch.")
+FOOTER = ("Errors are true − estimate.", " Position, velocity and their errors are in metres and m/s along north, east, down; heights are above the WGS-84 "
+          "ellipsoid.", " Lines of more than 2000 points keep the extremes of each stretch.")
 KEY = (f"<p class='caption key'><span><b style='background:{SHADES[BRIDGED]}'></b>gap bridged</span>"
        f"<span><b style='background:{SHADES[INVALID]}'></b>not valid</span>"
        "<span><b style='border-left:1px dotted; width:4px; margin-left:6px'></b>event, numbered as in the list</span>"
@@ -28,7 +28,9 @@ def report(solutions, reference=None, title=None, window=None):
     title = title or f"{first.meta.get('recording', 'Solution')}: {', '.join(solutions)}"
     sections = [(name, text) for name, text in _sections(solutions, reference if scores else None, scores, window) if text]
     sections[0] = "Summary", unscored + sections[0][1]
-    return shell(title, listed(_facts(solutions, window)), sections, FOOTER, wide=len(solutions) > 1)
+    sections[1] = sections[1][0], KEY + sections[1][1]
+    footer = "".join(FOOTER if any(solution.has_position for solution in solutions.values()) else FOOTER[::2])
+    return shell(title, listed(_facts(solutions, window)), sections, footer, wide=len(solutions) > 1)
 
 
 def _named(solutions):
@@ -47,11 +49,14 @@ def _named(solutions):
 
 
 def _scores(solutions, reference):
-    """{name: Errors} and "", or {} and a remark where the reference does not cover all solutions."""
+    """{name: Errors} and "", or {} and a remark where the reference does not cover all solutions or knows nothing of what they estimate."""
     if reference is None:
         return {}, ""
     try:
-        return {name: metrics.errors(solution, reference) for name, solution in solutions.items()}, ""
+        found = {name: metrics.errors(solution, reference) for name, solution in solutions.items()}
+        if all(part is None for e in found.values() for part in (e.position, e.velocity, e.attitude)):
+            raise DataError("the reference knows nothing of what was estimated")
+        return found, ""
     except DataError as error:
         return {}, f"<p class=note>Not scored: {escape(str(error))}</p>"
 
@@ -76,12 +81,12 @@ def _sections(solutions, reference, scores, window):
     """(heading, HTML) of every section in reading order."""
     draw = _Drawer(solutions)
     yield "Summary", _summary(solutions, scores, window)
-    yield "Track", KEY + _overview(draw, solutions, reference, scores)
+    yield "Track", _overview(draw, solutions, reference, scores)
     if scores:
         yield "Errors", _errors(draw, scores, window)
     yield ("Motion" if scores else "Estimates"), _motion(draw, reference)
-    yield "Claimed uncertainty", draw.each("3σ of position, velocity, attitude",
-                                           "Logarithmic axes: it falls with aiding and grows without.", lambda name, s, _: figures.sigma(s))
+    yield "Claimed uncertainty", draw.each(f"3σ of {_claimed(solutions)}", "Logarithmic axes: it falls with aiding and grows without.",
+                                           lambda name, s, _: figures.sigma(s))
     axes = "In body axes, forward, right, down, with ±3σ."
     yield "Biases", draw.each("Accelerometer bias", axes, lambda name, *made: figures.accel_bias(*made)) \
         + draw.each("Gyro bias", axes, lambda name, *made: figures.gyro_bias(*made))
@@ -94,28 +99,40 @@ def _sections(solutions, reference, scores, window):
                              for name, solution in solutions.items())
 
 
+def _claimed(solutions):
+    parts = (("position", slice(0, 2)), ("height", 2), ("velocity", slice(3, 6)), ("attitude", slice(6, 9)))
+    known = [name for name, states in parts if any(metrics.any_known(solution.trajectory.sd[:, states]) for solution in solutions.values())]
+    return ", ".join(name for name in known if name != "height" or "position" not in known)
+
+
 def _overview(draw, solutions, reference, scores):
+    if not any(solution.has_position for solution in solutions.values()):
+        return ""
     seen = draw.place(figures.track(solutions, reference), "Seen from above", "Dots are position fixes: the estimate plus its innovation.")
     beside = draw.place(figures.height(solutions, reference), "Height", "Above the WGS-84 ellipsoid.")
-    if scores:
-        beside += draw.place(figures.horizontal(solutions, scores), "Horizontal error", "It should stay below what the filter claims.")
+    if scores and (horizontal := figures.horizontal(solutions, scores)):
+        beside += draw.place(horizontal, "Horizontal error", "It should stay below what the filter claims.")
     return f"<div class='grid pair'>{seen}<div>{beside}</div></div>"
 
 
 def _errors(draw, scores, window):
-    first = next(iter(scores.values()))
-    shown = [("Position error", "With the ±3σ band that the filter claims.", figures.position, True),
-             ("Velocity error", "With its ±3σ band.", figures.velocity, first.velocity is not None),
-             ("Attitude error", "Heading wrapped to ±180 deg; ±3σ bands from the rotation vector, correlations neglected.",
-              figures.attitude, first.attitude is not None)]
-    return "".join(draw.each(heading, caption, lambda name, s, colour: figure(s, scores[name], colour, window))
-                   for heading, caption, figure, known in shown if known)
+    shown = [("Position error", "With the ±3σ band that the filter claims.", figures.position, "position"),
+             ("Velocity error", "With its ±3σ band.", figures.velocity, "velocity"),
+             ("Attitude error", "Heading wrapped to ±180 deg; ±3σ bands from the rotation vector, correlations neglected.", figures.attitude, "attitude")]
+    if not all(metrics.any_known(e.horizontal) for e in scores.values()):
+        shown.append(("Angle of the attitude error", "Of the whole rotation, of the vertical, and about it: without signs, and alike in every attitude.",
+                      figures.attitude_angles, "attitude"))
+    known = lambda name, part: getattr(scores[name], part) is not None
+    return "".join(draw.each(heading, caption, lambda name, s, colour: figure(s, scores[name], colour, window) if known(name, part) else None)
+                   for heading, caption, figure, part in shown)
 
 
 def _motion(draw, reference):
     position = "" if reference is not None else draw.each("Position", "North and east from the start, and height, with ±3σ.",
-                                                          lambda name, s, colour: figures.position(s, None, colour))
-    return position \
+                                                          lambda name, s, colour: figures.position(s, None, colour) if s.has_position else None)
+    heave = draw.each("Heave", "Height, upwards, from the level that the fixes hold it to, with ±3σ.",
+                      lambda name, s, colour: figures.heave(s, colour, reference))
+    return position + heave \
         + draw.each("Velocity", "With ±3σ.", lambda name, s, colour: figures.velocity(s, None, colour, compare=reference)) \
         + draw.each("Attitude", "With ±3σ; heading is clockwise from true north.",
                     lambda name, s, colour: figures.attitude(s, None, colour, compare=reference))

@@ -3,6 +3,7 @@ from html import escape
 
 import numpy as np
 
+from .. import metrics
 from ..data import BRIDGED, INVALID
 
 LISTED = 500
@@ -25,17 +26,33 @@ def number(value):
 
 
 def error_table(found, window=None):
-    """RMS, largest and last error per axis of {name: metrics.Errors}."""
-    axes = ("north", "east", "down")
-    quantities = [("position", axes, "m", 1.0), ("velocity", axes, "m/s", 1.0), ("rph", ("roll", "pitch", "heading"), "deg", np.degrees(1))]
-    rows = [["horizontal position [m]", *(text for e in found.values() for text in _scores(np.c_[e.horizontal], e.t, window)[0])]]
-    for field, axes, unit, factor in quantities:
-        if all(getattr(e, field) is not None for e in found.values()):
-            scores = [_scores(getattr(e, field) * factor, e.t, window) for e in found.values()]
-            label = "" if field == "rph" else f" {field}"
-            rows += [[f"{axis}{label} [{unit}]", *(text for score in scores for text in score[i])] for i, axis in enumerate(axes)]
+    """RMS, largest and last error per axis of {name: metrics.Errors}; dashes where a solution or the reference does not know it.
+
+    The angles of the attitude error stand below where one of them has no position: they are what filters of attitude are compared by.
+    """
+    positioned, rows = all(metrics.any_known(e.horizontal) for e in found.values()), []
+    for labels, unit, factor, part in QUANTITIES[:-1] if positioned else QUANTITIES:
+        known = [part(e) for e in found.values()]
+        values = [np.full((len(e.t), len(labels)), np.nan) if v is None else v * factor for v, e in zip(known, found.values())]
+        scores = [_scores(v, e.t, window) for v, e in zip(values, found.values())]
+        rows += [[f"{label} [{unit}]", *(text for score in scores for text in score[i])] for i, label in enumerate(labels)
+                 if any(np.isfinite(v[:, i]).any() for v in values)]
     head = ["true − estimate", *(f"{name}: {what}" if what == "RMS" else what for name in found for what in ("RMS", "largest", "last"))]
     return table(head, rows, split=3)
+
+
+def _columns(values):
+    return None if values is None else np.column_stack(values if isinstance(values, tuple) else [values])
+
+
+AXES = ("north", "east", "down")
+QUANTITIES = (
+    (["horizontal position"], "m", 1.0, lambda e: _columns(e.horizontal)),
+    ([f"{axis} position" for axis in AXES], "m", 1.0, lambda e: e.position),
+    ([f"{axis} velocity" for axis in AXES], "m/s", 1.0, lambda e: e.velocity),
+    (["roll", "pitch", "heading"], "deg", np.degrees(1), lambda e: e.rph),
+    ([f"{name} angle" for name in metrics.AttitudeAngles._fields], "deg", np.degrees(1), lambda e: _columns(metrics.attitude_angles(e))))
+"""What is scored: labels, unit, its size, and the columns of an Errors, None where it has none."""
 
 
 def _scores(values, t, window):
@@ -49,12 +66,13 @@ def _scores(values, t, window):
 
 
 def run_table(solutions):
-    """Span, gaps and claimed standard deviations of {name: Solution}."""
-    return table(["", *solutions], zip(RUN, *map(_run, solutions.values())))
+    """Span, gaps and claimed standard deviations of {name: Solution}; without those that none of them claims."""
+    rows = list(zip(RUN, *map(_run, solutions.values())))
+    return table(["", *solutions], [row for row in rows if set(row[1:]) != {"–"}])
 
 
 RUN = ("time [s]", "rows", "gaps bridged", "time bridged [s]", "stretches not valid", "time not valid [s]",
-       "horizontal sd, largest / last [m]", "height sd, largest / last [m]", "heading sd, largest / last [deg]")
+       "horizontal sd, largest / last [m]", "height sd, largest / last [m]", "inclination sd, largest / last [deg]", "heading sd, largest / last [deg]")
 
 
 def _run(solution):
@@ -65,7 +83,7 @@ def _run(solution):
     for status in (BRIDGED, INVALID):
         there = solution.status == status
         texts += [str(int((np.diff(there.astype(int), prepend=0) == 1).sum())), number(span[there].sum()) if there.any() else "0"]
-    return [*texts, pair(np.hypot(sd[:, 0], sd[:, 1])), pair(sd[:, 2]), pair(np.degrees(sd[:, 8]))]
+    return [*texts, pair(np.hypot(sd[:, 0], sd[:, 1])), pair(sd[:, 2]), pair(np.degrees(np.hypot(sd[:, 6], sd[:, 7]))), pair(np.degrees(sd[:, 8]))]
 
 
 def fix_table(solutions):
@@ -79,7 +97,8 @@ def fix_table(solutions):
             mean = ("–", "–")
             if used.any():
                 mean = number(fixes.nis[used].mean()), number(np.isfinite(fixes.innovation[used]).sum(axis=1).mean())
-            gate = fixes.gates[source] if source < len(fixes.gates) else None
+            gates = source < len(fixes.gates) and np.isfinite(fixes.nis[fixes.source == source]).any()
+            gate = fixes.gates[source] if gates else None
             rows.append([f"{name}: {label}" if len(solutions) > 1 else label, good, bad, *mean, number(gate)])
     return table(["source", "accepted", "rejected", "mean NIS", "expected", "gate"], rows) if rows else ""
 

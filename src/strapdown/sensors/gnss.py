@@ -24,7 +24,7 @@ class Gnss(NamedTuple):
     def plan(self, trajectory, gate=None):
         """What all runs over one trajectory share, as a Plan; `gate` is that of its aidings. Raises DataError."""
         self.check()
-        keep = self._kept(_times(trajectory, self.interval), trajectory.t[-1])
+        keep = self._kept(fix_times(trajectory, self.interval), trajectory.t[-1])
         position = velocity = None
         if self.position_sd is not None:
             position = PositionPlan.of(trajectory, self.interval, self.position_sd, self.lever_arm, keep=keep, latency=self.latency, gate=gate)
@@ -82,8 +82,8 @@ class PositionPlan(NamedTuple):
     @classmethod
     def of(cls, trajectory, times, sd, lever_arm=(0.0, 0.0, 0.0), name="GNSS position", keep=None, latency=0.0, gate=None):
         """For a trajectory; arguments as in `position_fixes`."""
-        t, sd = _times(trajectory, times), _deviations(sd, name)
-        antenna, lla = _antenna(trajectory, t, lever_arm, name), interpolated(trajectory, t).lla
+        t, sd = fix_times(trajectory, times), _deviations(sd, name)
+        antenna, lla = arm_in_navigation(trajectory, t, lever_arm, name), interpolated(trajectory, t).lla
         R_M, R_N = radii(lla[:, 0])
         metres = np.stack([R_M + lla[:, 2], (R_N + lla[:, 2]) * np.cos(lla[:, 0]), -np.ones(len(t))], axis=1)
         return cls(_without_values("position", t, sd, lever_arm, name, keep, latency, gate), lla, antenna, metres, sd, keep)
@@ -112,12 +112,12 @@ class VelocityPlan(NamedTuple):
         """For a trajectory; arguments as in `velocity_fixes`."""
         if trajectory.v_n is None:
             raise DataError(f"{name}: the trajectory has no velocity")
-        t, sd = _times(trajectory, times), _deviations(sd, name)
+        t, sd = fix_times(trajectory, times), _deviations(sd, name)
         velocity = interpolated(trajectory, t).v_n
         if np.any(lever_arm):
             half = 0.5 * float(np.median(np.diff(trajectory.t)))
             early, late = np.clip([t - half, t + half], trajectory.t[0], trajectory.t[-1])
-            moved = _antenna(trajectory, late, lever_arm, name) - _antenna(trajectory, early, lever_arm, name)
+            moved = arm_in_navigation(trajectory, late, lever_arm, name) - arm_in_navigation(trajectory, early, lever_arm, name)
             velocity = velocity + moved / (late - early)[:, None]
         return cls(_without_values("velocity", t, sd, lever_arm, name, keep, latency, gate), velocity, sd, keep)
 
@@ -174,7 +174,7 @@ def _with_values(aiding, y, keep):
     return Aiding(aiding.kind, aiding.t, y if keep is None else y[keep], aiding.sd, aiding.parameters, aiding.gate, aiding.name)
 
 
-def _antenna(trajectory, t, lever_arm, name):
+def arm_in_navigation(trajectory, t, lever_arm, name):
     """C_nb lever_arm, (n, 3) m NED; the attitude turns at a constant rate between samples."""
     _lever_arm(lever_arm, name)
     if not np.any(lever_arm):
@@ -185,7 +185,7 @@ def _antenna(trajectory, t, lever_arm, name):
     return Slerp(trajectory.t, trajectory.rotation)(t).apply(lever_arm)
 
 
-def _times(trajectory, times):
+def fix_times(trajectory, times):
     """Times of the fixes, at samples of the trajectory where rounding alone parts them."""
     if np.ndim(times):
         t = np.asarray(times, float)

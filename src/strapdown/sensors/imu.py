@@ -166,12 +166,12 @@ def _triad(table, sensor, where):
     if values.get("saturation") == 0:
         raise DataError(f"{where}, {sensor}.saturation: the full scale is 0, so nothing would be measured; give it above 0, or leave it out for none")
     if "temperature" in entries:
-        values["temperature"] = _temperature(entries["temperature"], _bias_unit(sensor), f"{where}, {sensor}.temperature")
+        values["temperature"] = temperature_rows(entries["temperature"], _bias_unit(sensor), f"{where}, {sensor}.temperature")
     return _made(f"{where}, [{sensor}]", Triad, **values)
 
 
-def _temperature(entry, si, where):
-    """Rows in degC and SI of {unit, rows}."""
+def temperature_rows(entry, si, where):
+    """Rows in degC and SI of the TOML table {unit, rows}, unsorted and unchecked beyond their shape. Raises DataError naming `where`."""
     if not isinstance(entry, dict) or set(entry) != {"unit", "rows"} or not isinstance(entry["rows"], list):
         raise DataError(f"{where}: write {{ unit = \"{SHEET[si]}\", rows = [[temperature in degC, bias x, y, z], ...] }}")
     factor, rows = size(entry["unit"], si, where), []

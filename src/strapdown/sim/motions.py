@@ -1,4 +1,4 @@
-"""Motions to simulate: at rest, straight along a geodesic, flights and drives and voyages by legs, flights by waypoints. SI and radians.
+"""Motions to simulate: at rest, in a hand, moored in waves, straight along a geodesic, flights and drives and voyages by legs. SI and radians.
 
 A leg is a dict: `duration` (s), and what happens during it: `turn` (rad, clockwise positive), `speed` (m/s, reached at its end, changing
 evenly), `climb` (m/s) or, on the road, `gradient` (rise over run). A turn may have a `bank` (rad) instead of a duration: it lasts as long as
@@ -9,7 +9,7 @@ import numpy as np
 
 from ..data import DataError
 from .analytic import Profile, arctangent, cosine, lifted, sine, waves
-from .trajectory import DEG, Motion, radii
+from .trajectory import DEG, Motion, radii, ramp, ramp_rate
 from .trajectory import static as _static
 
 G = 9.80665
@@ -27,10 +27,50 @@ _SHAKES = {"roll": ((0.5 * DEG, 1.1, 0.0), (0.2 * DEG, 0.37, 1.0)), "pitch": ((0
            "down": ((0.02, 0.71, 0.4),)}
 _SEA = ((0.75, 1.0, 0.0), (0.45, 0.83, 2.1), (0.35, 1.21, 4.0), (0.25, 0.67, 1.2), (0.2, 1.47, 5.1))   # share of amplitude, of period, phase rad
 
+_HAND = {           # amplitude rad or m/s, period s, phase rad: the periods have no common multiple within an hour
+    "roll": ((42 * DEG, 4.3, 0.0), (9 * DEG, 1.7, 1.1)), "pitch": ((33 * DEG, 5.1, 0.7), (8 * DEG, 1.9, 2.3)),
+    "heading": ((125 * DEG, 13.7, 0.0), (25 * DEG, 3.7, 1.9), (6 * DEG, 1.3, 0.4)),
+    "north": ((0.31, 1.31, 0.0), (0.26, 2.9, 1.0), (0.07, 0.71, 2.0)), "east": ((0.26, 1.13, 2.2), (0.22, 3.3, 0.3), (0.08, 0.83, 1.4)),
+    "down": ((0.20, 0.97, 1.3), (0.24, 2.3, 2.6), (0.06, 0.67, 0.9))}
+_SWELL = ((1.0, 1.0, 0.0), (0.3, 0.83, 2.1), (0.25, 1.21, 4.0), (0.15, 0.67, 1.2), (0.1, 1.47, 5.1))  # as _SEA, around one long swell
+
 
 def static(start, roll=0.0, pitch=0.0, heading=0.0):
     """At rest at `start` (latitude rad, longitude rad, height m); angles rad."""
     return _static(start, (roll, pitch, heading))
+
+
+def hand_held(start, heading=0.0, turning=1.0, travel=1.0, rest=0.0, name="hand-held"):
+    """Turned about all axes and moved to and fro in a hand at `start`: by 50 deg of roll, 40 of pitch, 155 around `heading` (rad).
+
+    `turning` scales the angles (1: rates to 3 rad/s), `travel` the movement (1: some 15 cm with 1 to 3 m/s^2; 0: the IMU stays in its place and
+    feels gravity alone). It lies level and still for the first `rest` s and is in full motion 2 s later. Raises DataError.
+    """
+    if not (0 <= turning <= 1.5 and 0 <= travel < np.inf and 0 <= rest < np.inf):
+        raise DataError(f"a motion in a hand has turning from 0 to 1.5 (beyond, it pitches over the vertical), travel and rest from 0, not {turning!r}, "
+                        f"{travel!r}, {rest!r} s")
+    begun = lifted(lambda t: ramp(t, rest + 1.0, 0.25), lambda t: ramp_rate(t, rest + 1.0, 0.25)) if rest else lambda t: 1.0
+    swing = lambda t, what, size: size * begun(t) * waves(t, _HAND[what])
+    velocity = lambda t: tuple(swing(t, axis, travel) for axis in ("north", "east", "down"))
+    attitude = lambda t: (swing(t, "roll", turning), swing(t, "pitch", turning), heading + swing(t, "heading", turning))
+    return Motion(name, tuple(start), velocity, attitude)
+
+
+def moored(start, heading=0.0, heave=1.0, wave_period=8.0, roll=6 * DEG, pitch=2 * DEG, name="moored"):
+    """A vessel that lies in a swell and heaves about the height of `start`, its mean over time.
+
+    `heave` (m), `roll` and `pitch` (rad) are amplitudes of the largest of five waves, that of the period `wave_period` (s); the others have 0.3 of
+    it and less. It surges and sways by 0.3 of the heave and yaws by a fifth of the roll around `heading` (rad). Raises DataError.
+    """
+    if not (0 <= heave < np.inf and 0 < wave_period < np.inf):
+        raise DataError(f"a swell has a heave of 0 m or more and a period above 0 s, not {heave!r} m, {wave_period!r} s")
+    swell = lambda t, size, phase: waves(t, [(size * share, wave_period * longer, phase + p) for share, longer, p in _SWELL])
+    rate = lambda t, size, phase: waves(t, [(size * share * 2 * np.pi / (wave_period * longer), wave_period * longer, phase + p + np.pi / 2)
+                                            for share, longer, p in _SWELL])
+    lat, lon, mean = start
+    velocity = lambda t: (rate(t, 0.3 * heave, 1.4), rate(t, 0.3 * heave, 2.2), -rate(t, heave, 0.0))
+    attitude = lambda t: (swell(t, roll, 1.7), swell(t, pitch, 0.6), heading + swell(t, 0.2 * roll, 2.9))
+    return Motion(name, (lat, lon, mean + float(swell(0.0, heave, 0.0))), velocity, attitude)
 
 
 def straight(start, azimuth, speed, duration, amplitude=5 * DEG, period=100.0):

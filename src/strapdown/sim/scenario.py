@@ -2,6 +2,7 @@
 import hashlib
 import json
 from dataclasses import asdict, dataclass, field, replace
+from datetime import datetime
 from importlib.resources import files
 from numbers import Real
 from pathlib import Path
@@ -11,8 +12,10 @@ import numpy as np
 from ..core.contract import STATES
 from ..core.earth import LATITUDE_LIMIT
 from ..data import DataError
+from ..sensors.barometer import Barometer
 from ..sensors.gnss import Gnss
 from ..sensors.imu import ImuSpec, grade
+from ..sensors.magnetometer import Magnetometer
 from .trajectory import DEG, Motion, sample
 
 START_SD = (1.0, 1.0, 1.5, 0.1, 0.1, 0.1, 2e-3, 2e-3, 10e-3, *[None] * 6)
@@ -46,11 +49,15 @@ class Scenario:
     gate: float | None = None                   # of the fixes, bound on the NIS; None: 0.1 % false alarms; inf: no gate
     gravity: str = "height"                     # "latitude": the true gravity does not depend on height
     about: str = ""                             # a sentence for people
+    magnetometer: Magnetometer | None = None    # None: there is none
+    barometer: Barometer | None = None          # None: there is none
+    date: str | None = None                     # ISO, of the geomagnetic model
 
     def __post_init__(self):
         if not isinstance(self.motion, Motion) or not isinstance(self.gnss, Gnss):
             raise DataError(f"scenario {self.name!r}: motion must be a Motion and gnss a Gnss, "
                             f"not {type(self.motion).__name__}, {type(self.gnss).__name__}")
+        self._check_others()
         for name in ("start_sd", "accel_offset"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         for name in ("duration", "rate"):
@@ -72,8 +79,38 @@ class Scenario:
         if not np.ndim(self.gnss.interval) and self.gnss.interval * self.rate < 1 - 1e-9:
             raise DataError(f"scenario {self.name!r}: fixes every {self.gnss.interval:g} s come faster than the IMU's samples, "
                             f"{self.rate:g} a second; give fixes less often, or the IMU a higher rate")
+        for name in ("magnetometer", "barometer"):
+            if (other := getattr(self, name)) is not None and (other.rate or 0.0) > self.rate * (1 + 1e-9):
+                raise DataError(f"scenario {self.name!r}: the {name} has {other.rate:g} samples a second, more than the IMU's {self.rate:g}; "
+                                "give it a lower rate, or none to sample with the IMU")
         grade(self.imu)
         self._check_truth()
+
+    def _check_others(self):
+        """Raise DataError where the sensors beside IMU and GNSS are none, or the date is."""
+        for name, kind in (("magnetometer", Magnetometer), ("barometer", Barometer)):
+            if not isinstance(getattr(self, name), kind | None):
+                raise DataError(f"scenario {self.name!r}: {name} must be a {kind.__name__} or None, not {type(getattr(self, name)).__name__}")
+        if self.date is not None:
+            try:
+                datetime.fromisoformat(self.date)
+            except (TypeError, ValueError):
+                raise DataError(f"scenario {self.name!r}: date is {self.date!r}; write it as 2025-06-01") from None
+        if self.magnetometer is not None and self.magnetometer.field is None and self.date is None:
+            raise DataError(f"scenario {self.name!r}: a magnetometer needs the Earth's field: give it as the magnetometer's field, "
+                            "or a date for the geomagnetic model")
+
+    def magnetic_field(self):
+        """The Earth's field of all the scenario, (3,) T NED: the magnetometer's own, or that of the geomagnetic model where the motion begins.
+
+        Raises DataError where the model does not cover the date.
+        """
+        if self.magnetometer is not None and self.magnetometer.field is not None:
+            return np.array(self.magnetometer.field)
+        if self.date is None:
+            raise DataError(f"scenario {self.name!r}: the geomagnetic model needs a date")
+        from ..sensors.geomagnetism import geomagnetic_field
+        return np.array(geomagnetic_field(self.date, *map(float, self.motion.lla)).field)
 
     def _check_truth(self):
         """Raise DataError where the motion leaves what the models hold for, at one of some hundreds of times, once a second in a long one."""
@@ -112,6 +149,8 @@ class Scenario:
                   "gnss": self.gnss._asdict(), "imu": asdict(self.imu) if isinstance(self.imu, ImuSpec) else str(self.imu),
                   "start_sd": list(self.start_sd), "accel_offset_m_s2": list(self.accel_offset), "offset_decays": bool(self.offset_decays), "biases_known": bool(self.biases_known),
                   "gate": None if self.gate is None else str(float(self.gate)), "gravity": self.gravity, "about": self.about}
+        values |= {name: asdict(other) for name in ("magnetometer", "barometer") if (other := getattr(self, name)) is not None}
+        values |= {"date": self.date} if self.date is not None else {}
         values = json.loads(json.dumps(values, default=lambda value: np.asarray(value).tolist()))
         identity = {key: value for key, value in values.items() if key not in ("name", "about", "motion")} | {"imu": asdict(grade(self.imu))}
         digest = hashlib.sha256(json.dumps(identity, sort_keys=True).encode())

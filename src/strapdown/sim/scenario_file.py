@@ -1,4 +1,5 @@
 """Scenario files (TOML): every number's key names its unit, every unknown key is refused. docs/simulate.md lists the keys."""
+import datetime
 import difflib
 import inspect
 import math
@@ -6,22 +7,33 @@ import tomllib
 from pathlib import Path
 
 from ..data import DataError
+from ..sensors.barometer import Barometer
 from ..sensors.gnss import Gnss
+from ..sensors.magnetometer import Disturbance, Magnetometer
 from . import motions
 from .scenario import START_SD, Scenario
 from .trajectory import DEG, demo_flight
 from .waypoints import waypoints
 
 KINDS = {"demo": demo_flight, "static": motions.static, "straight": motions.straight,
-         "flight": motions.flight, "waypoints": waypoints, "car": motions.car, "ship": motions.ship}
+         "flight": motions.flight, "waypoints": waypoints, "car": motions.car, "ship": motions.ship,
+         "hand-held": motions.hand_held, "moored": motions.moored}
 """What a [motion] can be, and the function that makes it; the function's parameters are its keys."""
 UNITS = {"azimuth": "deg", "course": "deg", "roll": "deg", "pitch": "deg", "heading": "deg", "amplitude": "deg", "turn": "deg", "bank": "deg",
-         "speed": "m_s", "climb": "m_s", "duration": "s", "period": "s", "wave_period": "s", "smoothing": "s", "wave_height": "m"}
+         "speed": "m_s", "climb": "m_s", "duration": "s", "period": "s", "wave_period": "s", "smoothing": "s", "wave_height": "m",
+         "heave": "m", "rest": "s"}
 """Unit of each parameter that has one: its key ends in it."""
-TOP = ("name", "about", "duration_s", "rate_hz", "imu", "accel_offset_m_s2", "accel_offset_decays", "gate", "gravity", "motion", "gnss", "start")
+TOP = ("name", "about", "duration_s", "rate_hz", "imu", "accel_offset_m_s2", "accel_offset_decays", "gate", "gravity", "date",
+       "motion", "gnss", "magnetometer", "barometer", "start")
 START = {"position_sd_m": (0, 1.0), "velocity_sd_m_s": (3, 1.0), "attitude_sd_deg": (6, DEG),
          "accel_bias_sd_m_s2": (9, 1.0), "gyro_bias_sd_deg_h": (12, DEG / 3600)}
 GNSS = ("interval_s", "position_sd_m", "velocity_sd_m_s", "lever_arm_m", "outages_s", "latency_s")
+MAGNETOMETER = {"rate_hz": ("rate", 1.0), "sd_uT": ("sd", 1e-6), "hard_iron_uT": ("hard_iron", 1e-6), "soft_iron": ("soft_iron", 1.0),
+                "scale": ("scale", 1.0), "saturation_uT": ("saturation", 1e-6), "field_uT": ("field", 1e-6), "disturbances": ("disturbances", 1.0)}
+DISTURBANCE = ("start_s", "stop_s", "field_uT", "frame")
+BAROMETER = {"rate_hz": "rate", "sd_Pa": "sd", "bias_Pa": "bias", "drift_Pa": "drift", "drift_time_s": "drift_time", "zero_m": "zero",
+             "lever_arm_m": "lever_arm", "quantity": "quantity"}
+"""Keys of the sections of sensors; those of magnetometer and barometer with the field that each sets, and the size of its unit."""
 
 
 def read(path):
@@ -67,6 +79,12 @@ def from_table(table, path):
         values["imu"] = str(path.parent / values["imu"])
     if "gnss" in table:
         values["gnss"] = _gnss(_table(table, "gnss"))
+    if "date" in table:
+        values["date"] = _date(table["date"])
+    if "magnetometer" in table:
+        values["magnetometer"] = _magnetometer(_table(table, "magnetometer"))
+    if "barometer" in table:
+        values["barometer"] = _barometer(_table(table, "barometer"))
     return Scenario(**values, **_start(_table(table, "start") if "start" in table else {}))
 
 
@@ -143,6 +161,47 @@ def _gnss(table):
     return Gnss(**values)
 
 
+def _magnetometer(table):
+    _refuse_unknown(table, MAGNETOMETER, "[magnetometer] ")
+    values = {}
+    for key, (field, unit) in MAGNETOMETER.items():
+        where = f"[magnetometer] {key}"
+        if key not in table:
+            continue
+        if key in ("rate_hz", "saturation_uT"):
+            values[field] = _number(table[key], where) * unit
+        elif key == "soft_iron":
+            values[field] = tuple(_exactly_three(row, f"{where}, row {number}") for number, row in enumerate(_list(table[key], where), 1))
+        elif key == "disturbances":
+            values[field] = tuple(_disturbance(each, f"{where} {number}") for number, each in enumerate(_list(table[key], where), 1))
+        else:
+            read = _exactly_three if key in ("hard_iron_uT", "field_uT") else _three
+            values[field] = tuple(value * unit for value in read(table[key], where))
+    return Magnetometer(**values)
+
+
+def _disturbance(table, where):
+    if not isinstance(table, dict):
+        raise DataError(f"{where} is {table!r}; write a table of its keys")
+    _refuse_unknown(table, DISTURBANCE, f"{where}: ")
+    if missing := [key for key in DISTURBANCE[:3] if key not in table]:
+        raise DataError(f"{where}: {missing[0]} is missing")
+    start, stop = (_number(table[key], f"{where}, {key}") for key in DISTURBANCE[:2])
+    field = tuple(value * 1e-6 for value in _exactly_three(table["field_uT"], f"{where}, field_uT"))
+    return Disturbance(start, stop, field, _text(table.get("frame", "n"), f"{where}, frame"))
+
+
+def _barometer(table):
+    _refuse_unknown(table, BAROMETER, "[barometer] ")
+    read = {"lever_arm_m": _exactly_three, "quantity": _text}
+    return Barometer(**{field: read.get(key, _number)(table[key], f"[barometer] {key}") for key, field in BAROMETER.items() if key in table})
+
+
+def _date(value):
+    """A date of TOML, or its text, as ISO text."""
+    return value.isoformat() if isinstance(value, datetime.date) else _text(value, "date")
+
+
 def _start(table):
     _refuse_unknown(table, [*START, "biases_known"], "[start] ")
     sd = list(START_SD)
@@ -196,6 +255,11 @@ def _number(value, where):
 def _bound(value, where):
     """A number that may be infinite."""
     return value if value == math.inf else _number(value, where)
+
+
+def _exactly_three(value, where):
+    """Three numbers in a list."""
+    return _three(_list(value, where), where)
 
 
 def _three(value, where):

@@ -39,11 +39,14 @@ class Simulator:
         """The true trajectory at 0, 1/rate, ... s, and the increments of an ideal IMU (core.contract.Imu) from row to row of it."""
         self.offset = np.asarray(scenario.accel_offset, float)
         self.plan = scenario.gnss.plan(self.truth, scenario.gate)
+        self.magnetic = None if scenario.magnetometer is None else scenario.magnetometer.plan(self.truth, scenario.magnetic_field(), scenario.gate)
+        self.barometric = None if scenario.barometer is None else scenario.barometer.plan(self.truth, scenario.gate)
 
     def recording(self, imu, rng):
-        """A Recording with the errors of `imu` (ImuSpec, grade or file) and fixes, from `rng` (numpy Generator), IMU and fixes a stream each.
+        """A Recording with the errors of `imu` (ImuSpec, grade or file) and fixes, from `rng` (numpy Generator), each sensor with its stream.
 
-        meta holds the true biases "b_a" (m/s^2, the scenario's offset included) and "b_g" (rad/s), (n, 3) at the IMU samples.
+        meta holds the true biases "b_a" (m/s^2, the scenario's offset included) and "b_g" (rad/s), (n, 3) at the IMU samples, and, of a barometer,
+        "b_baro" (m): by how much its heights exceed the ellipsoidal ones but for noise, (n,) at its samples.
         """
         spec = grade(imu)
         of_imu, of_gnss = rng.spawn(2)
@@ -52,7 +55,25 @@ class Simulator:
         samples, b_a, b_g = spec.corrupt(felt, of_imu)
         b_a = b_a if offset is None else b_a + offset
         fixes = self.plan.fixes(of_gnss)
-        return Recording(samples, fixes, self.truth, self._meta(imu, spec, b_a, b_g) | {"notes": saturated(spec, samples) + without_fixes(fixes)})
+        others, more, notes = self._others(of_gnss)
+        notes = saturated(spec, samples) + without_fixes(fixes) + notes
+        return Recording(samples, (*fixes, *others), self.truth, self._meta(imu, spec, b_a, b_g) | more | {"notes": notes})
+
+    def _others(self, of_gnss):
+        """(aidings, meta, notes) of magnetometer and barometer.
+
+        Their streams come after the receiver's two, and both are taken always: no sensor changes what another one draws.
+        """
+        of_magnetometer, of_barometer = of_gnss.spawn(2)
+        aidings, more, notes = [], {}, []
+        if self.magnetic is not None:
+            aidings.append(self.magnetic.fixes(of_magnetometer))
+            notes += self.magnetic.notes(aidings[-1])
+        if self.barometric is not None:
+            aiding, more["b_baro"] = self.barometric.measured(of_barometer)
+            aidings.append(aiding)
+            notes += self.barometric.notes(aiding)
+        return aidings, more, notes
 
     def _offset(self, spec):
         """The scenario's accelerometer offset at the samples, (n, 3) or (3,) m/s^2; None where there is none."""
@@ -77,27 +98,32 @@ class Simulator:
     def ideal_recording(self):
         """The Recording of an IMU without errors and of exact fixes, which state the standard deviations of the noisy ones."""
         zeros = np.zeros((len(self.ideal.t), 3))
-        return Recording(self.ideal, self.plan.exact(), self.truth, self._meta(None, None, zeros, zeros.copy()))
+        others = tuple(plan.exact() for plan in (self.magnetic, self.barometric) if plan is not None)
+        return Recording(self.ideal, self.plan.exact() + others, self.truth, self._meta(None, None, zeros, zeros.copy()))
 
     def exact_start(self, imu):
         """The Start at the truth with the standard deviations that `start` has with `imu`."""
         return _start(self.truth, 0, self.scenario.start_deviations(grade(imu)), np.zeros(STATES), None, "the truth")
 
     def _meta(self, imu, spec, b_a, b_g):
-        return {"name": self.scenario.name, "grade": str(imu) if isinstance(imu, (str, Path)) else spec, "notes": [], "b_a": b_a, "b_g": b_g}
+        meta = {"name": self.scenario.name, "grade": str(imu) if isinstance(imu, (str, Path)) else spec, "notes": [], "b_a": b_a, "b_g": b_g,
+                "place": [float(value) for value in self.truth.lla[0]]}
+        return meta if self.scenario.date is None else meta | {"date": self.scenario.date}
 
 
-def simulate(motion, duration=None, imu=None, seed=0, rate=None, gnss=None):
-    """A simulated Recording: IMU samples with errors, GNSS fixes, and the truth as reference.
+def simulate(motion, duration=None, imu=None, seed=0, rate=None, gnss=None, magnetometer=None, barometer=None, date=None):
+    """A simulated Recording: IMU samples with errors, fixes of GNSS, magnetometer and barometer, and the truth as reference.
 
     motion: a Motion, then `duration` (s) and `imu` must be given; or a Scenario, its name, or the path of its TOML file, whose values hold
-    where no other is given. imu: grade, file or ImuSpec; rate: IMU samples per second, else 100; gnss: a Gnss. meta holds the grade, the
-    seed and the true biases "b_a" (m/s^2) and "b_g" (rad/s), (n, 3) at the IMU samples. IMU and GNSS have their own random streams: the
-    fixes of a seed are the same for every grade. Raises DataError.
+    where no other is given. imu: grade, file or ImuSpec; rate: IMU samples per second, else 100; gnss: a Gnss;
+    magnetometer: a Magnetometer, which needs a field of its own or a `date` (ISO) for the geomagnetic model; barometer: a Barometer. meta holds
+    the grade, the seed, the place where it begins ([rad, rad, m]), the date, and the true biases "b_a" (m/s^2) and "b_g" (rad/s), (n, 3) at the
+    IMU samples. Each sensor has its own random stream: the fixes of a seed are the same for every grade. Raises DataError.
     """
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise DataError(f"seed is {seed!r}; it must be a whole number, 0 or more")
-    given = {key: value for key, value in (("duration", duration), ("imu", imu), ("rate", rate), ("gnss", gnss)) if value is not None}
+    given = {"duration": duration, "imu": imu, "rate": rate, "gnss": gnss, "magnetometer": magnetometer, "barometer": barometer, "date": date}
+    given = {key: value for key, value in given.items() if value is not None}
     if isinstance(motion, Motion):
         if duration is None or imu is None:
             raise DataError("to simulate a Motion, give its duration in s and an imu; a scenario has them of its own")

@@ -73,7 +73,7 @@ def mission(flight, duration, rate=RATE):
         table, path = _table(flight)
         made = _lasting(_again(table, path, duration), duration)
     ending = f"-{duration:g}s"
-    return made.replace(name=made.name.removesuffix(ending) + ending, rate=min(max(rate, _fastest(made.gnss)), made.rate))
+    return made.replace(name=made.name.removesuffix(ending) + ending, rate=min(max(rate, _fastest(made)), made.rate))
 
 
 def _table(flight):
@@ -115,9 +115,10 @@ def _times(key, items, times):
     return [*loop * times, loop[0]]
 
 
-def _fastest(gnss):
-    """Fixes per second: the IMU's samples may not be fewer."""
-    return 0.0 if np.ndim(gnss.interval) else 1 / gnss.interval
+def _fastest(made):
+    """Fixes per second of the fastest sensor: the IMU's samples may not be fewer."""
+    others = [sensor.rate or 0.0 for sensor in (made.magnetometer, made.barometer) if sensor is not None]
+    return max(0.0 if np.ndim(made.gnss.interval) else 1 / made.gnss.interval, *others, 0.0)
 
 
 def _lasting(made, duration):

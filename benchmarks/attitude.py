@@ -1,0 +1,80 @@
+"""Attitude estimators under measurement: time per sample of the compiled loop on a BROAD trial, vqf beside it, and accuracy on the five trials.
+
+Needs the data folder (`STRAPDOWN_DATA`, or shared/data above). Gravity comes with each sample's specific force, the magnetic field at each sample too.
+"""
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+import figures
+import subject
+from strapdown.papers import broad
+from subject import timed
+
+TIMES = {"attitude, mahony time": "mahony", "attitude, MEKF time": "attitude-mekf"}
+"""Figure and filter."""
+ACCURACY = ["attitude, BROAD MEKF mean", "attitude, BROAD mahony mean", "attitude, BROAD smoothed mean", "attitude, BROAD MEKF trial 24", "attitude, BROAD MEKF trial 33"]
+"""The claims of `strapdown reproduce broad`, in the order of `broad.CLAIMS`."""
+TRIAL = "02_undisturbed_slow_rotation_B"
+TURNS = 15
+"""Runs of each estimator, in turns with vqf; the median counts."""
+
+
+def trial():
+    """The Trial that times are measured on."""
+    return broad.load(broad.data_folder() / "broad" / f"{TRIAL}.npz")
+
+
+def timed_run(recording, name):
+    """A function that runs filter `name` over a Recording and returns the seconds of the compiled loop, every sample stored; without covariance."""
+    from strapdown import engine, filters
+    from strapdown.alignment import align
+    start = align(recording, engine.assumed_noise(recording.meta["grade"], None, True)[1], position=engine.positioned(filters.find(name)))
+    return subject.timed(lambda begin: begin(recording, name, None, start, None, 1, False, None, {}))
+
+
+def vqf_run(made):
+    """A function that runs vqf over a Trial and returns the seconds of its batch call; None where vqf is not installed."""
+    peer = broad.PEERS[0]
+    if not broad.installed(peer.package):
+        return None
+    samples = [np.ascontiguousarray(made.arrays[name]) for name in ("gyr", "acc", "mag")]
+
+    def seconds():
+        begin = time.perf_counter()
+        peer.run(*samples, made.fs)
+        return time.perf_counter() - begin
+    return seconds
+
+
+def times():
+    """[(us per IMU sample, note)] of the filters of `TIMES`: medians of runs in turns with vqf."""
+    made, found = trial(), []
+    vqf = vqf_run(made)
+    for name in TIMES.values():
+        own = timed_run(made.recording, name)
+        own()
+        pairs = np.array([(own(), vqf() if vqf else np.nan) for _ in range(TURNS)])
+        ours, theirs = np.median(pairs, axis=0) / len(made.recording.imu.t) * 1e6
+        found.append((ours, f"vqf {theirs:.3f} us, ratio {np.median(pairs[:, 0] / pairs[:, 1]):.2f}" if vqf else "vqf is not installed"))
+    return found
+
+
+def accuracy():
+    """[(rms orientation error in deg, note)] for `ACCURACY`."""
+    with tempfile.TemporaryDirectory() as folder:
+        claims = {claim["claim"]: claim["value"] for claim in broad.reproduce(Path(folder), quick=True)}
+    wanted = [broad.claim_text(name, which) for name, which, _ in broad.CLAIMS]
+    return [(claims.get(text), "strapdown reproduce broad") for text in wanted]
+
+
+def peer_figures():
+    """Figures without target: what the fast peers reach on the five trials, or that they are not installed."""
+    names = [peer.name for peer in broad.PEERS if not peer.slow]
+    if not broad.installed("vqf"):
+        return [figures.informative(f"attitude, BROAD {name}", None, "deg", "vqf is not installed") for name in names]
+    made = [broad.load(path) for path in sorted((broad.data_folder() / "broad").glob("*.npz"))]
+    table = broad.tables(made, [run for each in made for run in broad.peer_runs(each, quick=True)])["orientation"][1].set_index("estimator")
+    return [figures.informative(f"attitude, BROAD {name}", table.loc[name, "mean, deg"], "deg", f"{table.loc[name, 'time, us per sample']:.2f} us per sample") for name in names]

@@ -1,0 +1,25 @@
+"""The command calibrate: bias, scale, misalignment and soft iron of accelerometer and magnetometer from a record."""
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from .console import OUT, results_folder, table
+
+
+def calibrate(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="recording.toml or .nc; docs/calibrate.md tells how to record it.")],
+              sensor: Annotated[Optional[str], typer.Option(help="accelerometer, magnetometer, or the name of a magnetometer.  [default: magnetometer, where there is one]")] = None,
+              start: Annotated[Optional[float], typer.Option("--from", metavar="T", help="First second to use.")] = None,
+              stop: Annotated[Optional[float], typer.Option("--to", metavar="T", help="Last second to use.")] = None,
+              out: OUT = Path("calibration")):
+    """Calibrate accelerometer or magnetometer from a record: the file that recording.toml names as calibration, residuals, coverage."""
+    import strapdown as sd
+    found = sd.calibrate(sd.read(recording), sensor, start, stop)
+    for note in found.notes:
+        print(f"note: {note}")
+    table(found.header, found.rows)
+    print(found.verdict)
+    with results_folder(out):
+        found.write(out)
+    print(f"wrote {out}/calibration.toml, calibration.html")
+    print(f"in recording.toml: {found.hint.format(f'{out}/calibration.toml')}")

@@ -1,0 +1,144 @@
+"""Trials of BROAD, the Berlin Robust Orientation Estimation Assessment Dataset (Laidig et al. 2021, doi 10.3390/data6070072), as .npz files.
+
+A hand-held IMU with a magnetometer, its attitude and position measured by cameras. An .npz file holds `fs` (Hz), `gyr` (rad/s), `acc` (m/s^2) and
+`mag` (uT) in the axes of the sensor, `quat_wxyz_enu` (sensor to east, north, up), `pos_enu` (m), both NaN where markers were lost, and `movement`, true
+where errors count. The box lies with its z axis up; its x axis is taken as forward, so the sensor's axes are FLU and the body's are (x, -y, -z).
+
+North of the reference is magnetic north: no declination. The record does not say where it was taken; `PLACE` is nominal.
+"""
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from ..data import Aiding, DataError, Recording, Trajectory
+from ..geodesy import displaced
+from ..rest import at_rest
+from ..sensors.errors import Triad
+from ..sensors.imu import ImuSpec
+from .axes import BODY, NAVIGATION, axes_matrix
+
+ROWS = {"gyr": 3, "acc": 3, "mag": 3, "quat_wxyz_enu": 4, "pos_enu": 3, "movement": 0}
+"""Arrays of a file and their columns; 0 is an array without columns."""
+PLACE = (np.radians(52.512), np.radians(13.327), 70.0)
+"""Latitude (rad), longitude (rad), ellipsoidal height (m) of the origin of `pos_enu`: Technische Universitaet Berlin, nominal, not surveyed."""
+MAG_DENSITY = 0.078e-6
+"""T/sqrt(Hz). At rest (trials 02, 21, 24) the Allan deviation of the magnetometer falls as 0.078 uT/sqrt(tau) from 0.1 to 1 s. From one row to the next it
+has 0.7 uT, less than the 1.3 uT that white noise of this density would have, because the magnetometer is slower than the gyro and 29 % of its rows repeat."""
+REST = 2.0
+"""s: the shortest rest from which the reference field is taken."""
+IMU = ImuSpec(
+    "broad", Triad(noise=1.0e-4, turn_on_bias=4.3e-3, bias_walk=6.3e-6), Triad(noise=3.1e-3, turn_on_bias=0.023, bias_walk=2.1e-4),
+    "Rests of the BROAD trials 02, 21 and 24: noise from the Allan deviation at 0.1 to 1 s; turn-on bias as rms of the mean rate of the first rest and of "
+    "the excess of |f| over gravity (9.813 m/s^2); bias walk from the change between first and last rest, 150 to 160 s apart.")
+"""What filters assume of the IMU, from its records at rest alone."""
+
+
+def read_broad(path):
+    """The Recording of a BROAD trial: IMU and magnetic field in FRD, the optical attitude as reference, in NED of magnetic north.
+
+    meta: `movement`, [[start, stop], ...] in s, the first and last sample of each stretch that counts; `place`, nominal; `grade`, the ImuSpec `IMU`.
+    The reference has the rows whose attitude is known. The reference field of the magnetometer is (B_N, 0, B_D) of the first rest, from
+    specific force and magnetic field alone. Raises DataError of one line.
+    """
+    path = Path(path)
+    fs, arrays = parse(path)
+    t, C = np.arange(len(arrays["gyr"])) / fs, axes_matrix("FLU", BODY)
+    gyro, accel, field = arrays["gyr"] @ C.T, arrays["acc"] @ C.T, arrays["mag"] @ C.T * 1e-6
+    meta = {"name": path.stem, "grade": IMU, "place": list(PLACE), "movement": windows(t, arrays["movement"])}
+    try:
+        recording = Recording.from_arrays(t, gyro, accel, reference=_reference(t, arrays), **meta)
+        return _with_field(recording, t, field, fs)
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from None
+
+
+def parse(path):
+    """(fs in Hz, {name: array}) of a BROAD file as it stands there, numbers as float, `movement` as bool. Raises DataError."""
+    found = _arrays(Path(path))
+    if missing := [name for name in ("fs", *ROWS) if name not in found]:
+        raise DataError(f"{path}: array {missing[0]!r} is missing; a BROAD trial has fs, {', '.join(ROWS)}, this file has {', '.join(found) or 'none'}")
+    try:
+        found = {name: np.asarray(found[name], float) for name in ("fs", *ROWS)}
+    except (TypeError, ValueError):
+        raise DataError(f"{path}: the arrays of a BROAD trial are numbers; this file has {', '.join(f'{n} {a.dtype}' for n, a in found.items())}") from None
+    fs = found.pop("fs")
+    if fs.size != 1 or not 0 < fs.item() < np.inf:
+        raise DataError(f"{path}: fs must be one sampling rate in Hz, above 0; it is {fs.tolist()!r:.60}")
+    n = len(found["gyr"]) if found["gyr"].ndim else 0
+    for name, columns in ROWS.items():
+        if found[name].shape != ((n, columns) if columns else (n,)):
+            raise DataError(f"{path}: {name} has shape {found[name].shape}; "
+                            f"with {n} rows of gyr it must be {(n, columns) if columns else (n,)}")
+    return fs.item(), found | {"movement": found["movement"] > 0}
+
+
+def _arrays(path):
+    """{name: array} of an .npz file."""
+    try:
+        with open(path, "rb") as stream:    # numpy leaves a file that it cannot read open
+            file = np.load(stream, allow_pickle=False)
+            if not isinstance(file, np.lib.npyio.NpzFile):
+                raise ValueError("it holds one bare array")
+            with file:
+                return dict(file)
+    except (zipfile.BadZipFile, zlib.error, EOFError) as error:
+        raise DataError(f"{path}: the file is truncated or damaged ({str(error) or 'empty'}); copy it again") from None
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or error}); check the path") from None
+    except (ValueError, NotImplementedError) as error:
+        raise DataError(f"{path}: not an .npz file of plain arrays ({str(error).splitlines()[0][:80]}); a BROAD trial is expected") from None
+
+
+def windows(t, inside):
+    """[[start, stop], ...] in s: the first and the last of the times `t` of each stretch where `inside` is true."""
+    edges = np.flatnonzero(np.diff(np.r_[False, inside, False]))
+    return [[float(t[first]), float(t[stop - 1])] for first, stop in zip(edges[::2], edges[1::2])]
+
+
+def _reference(t, arrays):
+    """Trajectory of the optical attitude, body to NED, where it is known; None where it never is. Norms off 1 by more than 1 % are refused."""
+    q, known = arrays["quat_wxyz_enu"], np.isfinite(arrays["quat_wxyz_enu"]).all(axis=1) & np.isfinite(arrays["pos_enu"]).all(axis=1)
+    if not known.any():
+        return None
+    wrong = np.abs(np.linalg.norm(q[known], axis=1) - 1) > 0.01
+    if wrong.any():
+        row = int(np.flatnonzero(known)[np.argmax(wrong)])
+        raise DataError(f"row {row} of quat_wxyz_enu is no unit quaternion, its norm is {np.linalg.norm(q[row]):.3g}")
+    north_east_down = arrays["pos_enu"][known] @ axes_matrix("ENU", NAVIGATION).T
+    return Trajectory(t[known], displaced(np.tile(PLACE, (known.sum(), 1)), north_east_down), q_nb=body_to_ned(q[known]))
+
+
+def body_to_ned(q):
+    """(n, 4) attitude of the body (FRD) in NED from that of the sensor in east, north, up; scalar first, rows with NaN stay NaN."""
+    from scipy.spatial.transform import Rotation
+    known = np.isfinite(q).all(axis=1)
+    turn = Rotation.from_matrix(axes_matrix("ENU", NAVIGATION)), Rotation.from_matrix(axes_matrix("FLU", BODY)).inv()
+    turned = np.full(np.shape(q), np.nan)
+    if known.any():
+        turned[known] = (turn[0] * Rotation.from_quat(np.asarray(q, float)[known][:, [1, 2, 3, 0]]) * turn[1]).as_quat()[:, [3, 0, 1, 2]]
+    return turned
+
+
+def _with_field(recording, t, field, fs):
+    """The recording with its magnetometer as aiding; without, and a note, where no rest tells the reference field."""
+    from dataclasses import replace
+    from .fixes import checked_aidings
+    rest = first_rest(recording.imu)
+    inside = (t >= recording.imu.t[rest.start]) & (t < recording.imu.t[rest.stop - 1]) & np.isfinite(field).all(axis=1) if rest else np.array([False])
+    notes = recording.meta["notes"]
+    if not inside.any():
+        return replace(recording, meta=recording.meta | {"notes": [*notes, f"no rest of {REST:g} s with a magnetic field to take its reference from: magnetometer left out"]})
+    force = recording.imu.dv[rest].sum(axis=0)
+    down = -force / np.linalg.norm(force)
+    m = np.median(field[inside], axis=0)    # a magnet that comes near for a while must not shift it
+    reference = (float(np.linalg.norm(m - down * (m @ down))), 0.0, float(m @ down))
+    aidings, more = checked_aidings(recording.imu, [Aiding("magnetic-field", t, field, np.full(field.shape, MAG_DENSITY * np.sqrt(fs)), reference, name="magnetometer")])
+    return replace(recording, aidings=aidings, meta=recording.meta | {"notes": [*notes, *more]})
+
+
+def first_rest(imu):
+    """slice of the first rest of at least `REST` s in an Imu, judged by itself; None where there is none."""
+    still = np.flatnonzero(np.diff(np.r_[False, at_rest(imu), False]))
+    return next((slice(int(first), int(stop)) for first, stop in zip(still[::2], still[1::2]) if imu.t[stop - 1] - imu.t[first] >= REST), None)

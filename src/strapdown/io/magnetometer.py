@@ -1,0 +1,228 @@
+"""What reading a magnetometer needs beyond other sources: its calibration, stuck and saturated samples, the Earth's field to compare with.
+
+The field of a sound, calibrated magnetometer has the same strength and the same angle to the vertical (its dip) in every attitude: that is what the
+checks rest on.
+"""
+from itertools import permutations, product
+
+import numpy as np
+
+from ..data import DataError
+from ..rest import at_rest
+from .origin import counted
+
+G = 9.80665
+STUCK, TURN = 2.0, np.radians(10)
+"""Samples are stuck where they do not change for longer than STUCK (s) while the gyro turns by more than TURN (rad)."""
+LEVELS, PILE, TIMES = 20, 0.01, 5
+"""A column is saturated where it has more than LEVELS values and its extreme one holds more than PILE of the samples and TIMES those of the next
+(at the turning point of an oscillation the last level holds 2.4 times as many as the next, or fewer)."""
+QUIET_FORCE, QUIET_RATE, QUIET_WINDOW = 0.4, 0.35, 0.5
+"""The vertical is known where, over QUIET_WINDOW (s), the specific force is within QUIET_FORCE (m/s^2) of gravity and the rate below QUIET_RATE (rad/s)."""
+VARIATION = 0.2
+"""Relative variation of the strength, and difference from the Earth's field, above which a magnetometer needs calibration."""
+SCATTER, CLEARER = np.radians(5), 2.0
+"""Axes are doubted where the dip scatters by more than SCATTER (rad) and with others by less than a CLEARER-th of that."""
+
+
+def calibrated(part, files, raw):
+    """The field in the axes of the columns, T, from raw samples (m, 3) in T: matrix @ (raw - bias) of the calibration file. Raises DataError.
+
+    A sample with a missing component is missing whole, since its strength and direction are.
+    """
+    raw = np.where(np.isfinite(raw).all(axis=1)[:, None], raw, np.nan)
+    if part.calibration is None:
+        return raw
+    from .calibration import read_calibration
+    path = files.locate(part.calibration)
+    found = read_calibration(path)
+    if "magnetometer" not in found:
+        raise DataError(f"{path}: has no section [magnetometer]; `strapdown calibrate` writes one")
+    bias, matrix = found["magnetometer"]
+    return (raw - bias) @ np.asarray(matrix).T
+
+
+def sound(t, raw, imu, name, origin):
+    """(mask, notes): the samples that are neither stuck nor saturated, and how many were; t (m,) s, raw (m, 3) as in the file.
+
+    name: of the source, origin: Origin of the rows. Raises DataError where all are stuck or saturated.
+    """
+    notes = []
+    stuck = _stuck(t, raw, imu)
+    if stuck.any():
+        notes.append(f"{name}: {counted(int(stuck.sum()), 'sample')} dropped, stuck at one value for {STUCK:g} s and more while the gyro turns, "
+                     f"the first at {t[np.argmax(stuck)]:.3f} s: check the sensor")
+    elif len(t) > 10 and (raw == raw[0]).all():
+        notes.append(f"{name}: it never changes; nothing here shows that the sensor works")
+    full = _saturated(raw[~stuck])
+    mask = ~stuck
+    if full.any():
+        mask[np.flatnonzero(~stuck)[full]] = False
+        notes.append(f"{name}: {counted(int(full.sum()), 'sample')} dropped, at the limit of the sensor's range (saturated), "
+                     f"the first at {t[~stuck][np.argmax(full)]:.3f} s: keep magnets and currents away, or use a wider range")
+    if len(mask) and not mask.any():
+        raise DataError(f"{origin.name}: no usable sample; {notes[-1]}")
+    return mask, notes
+
+
+def _stuck(t, raw, imu):
+    """(m,) bool: held for STUCK and longer while the body turned by TURN; the first sample of each such run counts as sound."""
+    stuck = np.zeros(len(t), bool)
+    changed = np.flatnonzero(np.r_[True, (raw[1:] != raw[:-1]).any(axis=1), True]) if len(t) else np.zeros(1, int)
+    first, last = changed[:-1], changed[1:] - 1
+    with np.errstate(invalid="ignore"):
+        long = np.flatnonzero((t[last] - t[first] > STUCK) & np.isfinite(raw[first]).all(axis=1)) if len(first) else []
+    if not len(long):
+        return stuck
+    rest = at_rest(imu)
+    bias = imu.dtheta[rest].sum(axis=0) / imu.dt[rest].sum() if rest.any() else np.zeros(3)
+    angle = np.vstack([np.zeros(3), np.cumsum(imu.dtheta - bias * imu.dt[:, None], axis=0)])
+    for run in long:
+        begin, end = np.searchsorted(imu.t, (t[first[run]], t[last[run]]))
+        if np.ptp(angle[begin:end + 1], axis=0).max() > TURN:
+            stuck[first[run] + 1:last[run] + 1] = True
+    return stuck
+
+
+def _saturated(raw):
+    """(m,) bool: a column stands at its largest or smallest value, and far more samples do than at the next one."""
+    full = np.zeros(len(raw), bool)
+    for column in raw.T:
+        values, counts = np.unique(column[np.isfinite(column)], return_counts=True)
+        if len(values) <= LEVELS:
+            continue
+        for extreme, following in ((0, slice(1, 4)), (-1, slice(-4, -1))):
+            if counts[extreme] > max(20, PILE * len(raw), TIMES * counts[following].max()):
+                full |= column == values[extreme]
+    return full
+
+
+def with_field(part, aiding, imu, date, place):
+    """(Aiding whose parameters are the Earth's field north, east, down in T, notes of it and of what contradicts it).
+
+    part: its AidingPart; date: ISO text or None; place: latitude, longitude (rad), height (m) or None. Raises DataError.
+    """
+    from dataclasses import replace
+    field, notes = _field(part, aiding, imu, date, place)
+    notes += strength_notes(aiding, None if part.field == "record" else field, part.calibration is not None)
+    return replace(aiding, parameters=tuple(map(float, field))), notes
+
+
+def _field(part, aiding, imu, date, place):
+    if part.field == "record":
+        return _field_of_the_record(part, aiding, imu)
+    if part.field is not None:
+        return part.field, []
+    if date is None or place is None:
+        what, key = ("date", "date = \"2012-10-10\"") if date is None else ("place", "place = { latitude = 44.7, longitude = -93.1, unit = \"deg\" }")
+        raise DataError(f"field: is missing, and the geomagnetic model needs the {what}: write {key} at the top, or give field")
+    from ..sensors.geomagnetism import geomagnetic_field
+    try:
+        found = geomagnetic_field(date, *map(float, place))
+    except DataError as error:
+        raise DataError(f"field: {error}") from None
+    latitude, longitude = np.degrees(place[:2])
+    notes = [f"{aiding.name}: the Earth's field is that of {found.model} on {date} at {latitude:.3f}, {longitude:.3f} deg: "
+             f"declination {np.degrees(found.declination):.2f} deg, dip {np.degrees(found.inclination):.2f} deg, {found.total * 1e6:.2f} uT"]
+    return found.field, notes + ([f"{aiding.name}: {found.note}"] if found.note else [])
+
+
+def _field_of_the_record(part, aiding, imu):
+    """Strengths along and across the vertical, medians over quiet times, with the given declination or none."""
+    down, quiet = vertical(aiding.t, imu)
+    if quiet.sum() < 10:
+        raise DataError("field: \"record\" needs times without acceleration, and there are none; give north, east and down, "
+                        "or leave it out for the geomagnetic model")
+    y, down = aiding.y[quiet], down[quiet]
+    along = np.einsum("ij,ij->i", y, down)
+    vertically, horizontally = np.median(along), np.median(np.linalg.norm(y - along[:, None] * down, axis=1))
+    angle = part.declination.angle if part.declination is not None else 0.0
+    heading = f"declination {np.degrees(angle):.2f} deg as given" if part.declination is not None else \
+        "declination 0, so headings are from magnetic north; give declination for true north"
+    note = (f"{aiding.name}: the field is that of the record, medians over {counted(int(quiet.sum()), 'quiet sample')}: "
+            f"{horizontally * 1e6:.2f} uT horizontal, {vertically * 1e6:.2f} uT down; {heading}")
+    return (horizontally * np.cos(angle), horizontally * np.sin(angle), vertically), [note]
+
+
+def vertical(t, imu):
+    """(Down as unit vectors in body axes (m, 3), bool (m,) where it is known) at times t, from the mean specific force around each."""
+    def mean(increments):
+        total = np.vstack([np.zeros(3), np.cumsum(increments, axis=0)])
+        at = lambda times: np.stack([np.interp(times, ends, column) for column in total.T], axis=1)
+        return (at(t + QUIET_WINDOW / 2) - at(t - QUIET_WINDOW / 2)) / seconds[:, None]
+    ends = np.r_[imu.t[0] - imu.dt[0], imu.t]
+    covered = np.r_[0.0, np.cumsum(imu.dt)]
+    seconds = np.interp(t + QUIET_WINDOW / 2, ends, covered) - np.interp(t - QUIET_WINDOW / 2, ends, covered)
+    whole = seconds > 0.5 * QUIET_WINDOW
+    seconds = np.where(whole, seconds, QUIET_WINDOW)
+    force, rate = mean(imu.dv), mean(imu.dtheta)
+    magnitude = np.linalg.norm(force, axis=1)
+    quiet = whole & (np.abs(magnitude - G) < QUIET_FORCE) & (np.linalg.norm(rate, axis=1) < QUIET_RATE)
+    return -force / np.maximum(magnitude, 1e-9)[:, None], quiet
+
+
+def strength_notes(aiding, field, is_calibrated):
+    """Notes on a strength (T) that varies, or that is not that of `field` (3,) T; None: unknown."""
+    if len(aiding.t) < 10:
+        return []
+    low, median, high = (float(value) for value in np.nanpercentile(np.linalg.norm(aiding.y, axis=1), [5, 50, 95]))
+    remedy = ("the calibration does not fit this record, or iron or currents are near" if is_calibrated else
+              "calibrate it (`strapdown calibrate`) and name the result as calibration")
+    if not median > 0 or (high - low) / median > VARIATION:
+        return [f"{aiding.name}: its strength varies from {low * 1e6:.1f} to {high * 1e6:.1f} uT, where the Earth's field does not: {remedy}"]
+    total = float(np.linalg.norm(field)) if field is not None else median
+    if abs(median / total - 1) > VARIATION:
+        return [f"{aiding.name}: its median strength is {median * 1e6:.1f} uT, that of the Earth's field {total * 1e6:.1f} uT: check the unit, or {remedy}"]
+    return []
+
+
+def facts_and_problems(aiding, imu, matrix=np.eye(3), known=True, is_calibrated=True):
+    """(facts, problems) of a magnetometer that was read: its dip over quiet samples, a strength that is wrong, axes that fit clearly better.
+
+    matrix: from its columns to the body; known: whether the parameters are the Earth's field, not that of the record itself.
+    """
+    facts, problems = _axes(aiding, imu, matrix, known)
+    return facts, strength_notes(aiding, aiding.parameters if known else None, is_calibrated) or problems    # uncalibrated, the dip says little
+
+
+def _axes(aiding, imu, matrix, known):
+    down, quiet = vertical(aiding.t, imu)
+    rows = np.flatnonzero(quiet & np.isfinite(aiding.y).all(axis=1))
+    if len(rows) < 50:
+        return [], []
+    rows = rows[::max(1, len(rows) // 5000)]
+    field = aiding.y[rows] / np.linalg.norm(aiding.y[rows], axis=1)[:, None]
+    reference = np.array(aiding.parameters[:3])
+    earth = np.arcsin(reference[2] / np.linalg.norm(reference)) if known else None
+    table = np.einsum("ni,nj->nij", down[rows], field @ matrix)     # back in the axes of the columns
+
+    def misfit(signed):
+        dip = np.arcsin(np.clip(np.einsum("nij,ij->n", table, signed), -1, 1))
+        return float(np.sqrt(np.mean((dip - (dip.mean() if earth is None else earth)) ** 2))), float(dip.mean())
+    now, dip = misfit(matrix)
+    compared = "scatter" if earth is None else f"the Earth's field {np.degrees(earth):.1f} deg, rms difference"
+    facts = [f"{aiding.name}: dip {np.degrees(dip):.1f} deg in the mean of {counted(len(rows), 'quiet sample')}, {compared} {np.degrees(now):.1f} deg"]
+    if now < SCATTER:
+        return facts, []
+    candidates = [(misfit(candidate)[0], candidate) for candidate in _signed_permutations() if earth is not None or np.linalg.det(candidate) > 0]
+    least = min(found for found, _ in candidates)
+    fitting = [(-np.linalg.det(candidate), found, k) for k, (found, candidate) in enumerate(candidates) if found < 1.2 * least + np.radians(0.5)]
+    best, other = candidates[min(fitting)[2]]       # a right-handed one where there is any
+    if best > now / CLEARER:
+        return facts, []
+    remedy = "check axes" if np.linalg.det(other) > 0 else "they are left-handed, so one column has the wrong sign: put it right in the table"
+    return facts, [f"{aiding.name} axes: the dip of the field is off by {np.degrees(now):.0f} deg rms; "
+                   f"with {_named(other)!r} by {np.degrees(best):.0f}: {remedy}"]
+
+
+def _signed_permutations():
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            matrix = np.zeros((3, 3))
+            matrix[range(3), order] = signs
+            yield matrix
+
+
+def _named(matrix):
+    source = np.abs(matrix).argmax(axis=1)
+    return " ".join(("+" if matrix[i, j] > 0 else "-") + "xyz"[j] for i, j in enumerate(source))

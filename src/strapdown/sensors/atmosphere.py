@@ -1,0 +1,48 @@
+"""The International Standard Atmosphere from 5 km below sea level to 20 km: pressure of a height, and height of a pressure (ISO 2533:1975).
+
+Two layers: the troposphere, where it gets colder by 6.5 K per km, and above 11 km the lower stratosphere of one temperature. Heights are
+geopotential, as the standard's are: at 10 km, 16 m less than the geometric height.
+"""
+import numpy as np
+
+from ..data import DataError
+
+SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE = 101325.0, 288.15    # Pa, K
+LAPSE, GAS, GRAVITY = 6.5e-3, 287.05287, 9.80665                # K/m, J/(kg K) of dry air, m/s^2
+TROPOPAUSE, LOWEST, HIGHEST = 11_000.0, -5_000.0, 20_000.0      # m
+"""Constants of ISO 2533:1975."""
+_POWER = GRAVITY / (GAS * LAPSE)
+_COLD = SEA_LEVEL_TEMPERATURE - LAPSE * TROPOPAUSE              # K
+_THERE = SEA_LEVEL_PRESSURE * (_COLD / SEA_LEVEL_TEMPERATURE) ** _POWER     # Pa at the tropopause
+_SCALE = GAS * _COLD / GRAVITY                                  # m in which the pressure above it falls by e
+
+
+def standard_pressure(height):
+    """Pressure, Pa, of the standard atmosphere at heights in m (an array or a number). Raises DataError outside -5 to 20 km."""
+    height = np.asarray(height, float)
+    _refuse(~((height >= LOWEST) & (height <= HIGHEST)), height, f"height {{:.6g}} m; the standard atmosphere here goes from {LOWEST:g} to {HIGHEST:g} m")
+    low = SEA_LEVEL_PRESSURE * (1 - LAPSE / SEA_LEVEL_TEMPERATURE * np.minimum(height, TROPOPAUSE)) ** _POWER
+    return low * np.exp(-np.maximum(height - TROPOPAUSE, 0.0) / _SCALE)
+
+
+def pressure_altitude(pressure):
+    """Height, m, at which the standard atmosphere has these pressures, Pa (an array or a number). Raises DataError outside -5 to 20 km."""
+    pressure = np.asarray(pressure, float)
+    _refuse(~((pressure >= _LEAST) & (pressure <= _MOST)), pressure, f"pressure {{:.6g}} Pa; between {LOWEST / 1e3:g} and {HIGHEST / 1e3:g} km it is "
+            f"{_LEAST:.0f} to {_MOST:.0f} Pa: is the unit right?")
+    low = SEA_LEVEL_TEMPERATURE / LAPSE * (1 - (np.maximum(pressure, _THERE) / SEA_LEVEL_PRESSURE) ** (1 / _POWER))
+    return low + _SCALE * np.log(_THERE / np.minimum(pressure, _THERE))
+
+
+def pressure_gradient(height):
+    """Change of pressure with height, Pa/m (negative), at heights in m: -p g/(R T), the weight of the air. Raises DataError as above."""
+    temperature = SEA_LEVEL_TEMPERATURE - LAPSE * np.minimum(np.asarray(height, float), TROPOPAUSE)
+    return -standard_pressure(height) * GRAVITY / (GAS * temperature)
+
+
+def _refuse(bad, values, text):
+    if np.any(bad):
+        raise DataError(text.format(float(values[bad].flat[0])))
+
+
+_MOST, _LEAST = float(standard_pressure(LOWEST)), float(standard_pressure(HIGHEST))

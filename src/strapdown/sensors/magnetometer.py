@@ -1,0 +1,186 @@
+"""Measurement equation of a magnetometer: the Earth's field in body axes, bent by soft iron, shifted by hard iron, with noise and a full scale.
+
+    m_imu = D S (C_nb' (m_n + d_n) + d_b) + b_mag + w,   clipped at the full scale
+
+m_n: the Earth's field in n; d: disturbances, fixed to the surroundings (n) or to the body (b); S: soft iron; D = diag(1 + scale);
+b_mag: hard iron and the sensor's own offset; w: white noise. Fossen (2021), Handbook of Marine Craft, section 14.1; distortions as in
+Renaudin et al. (2010), Journal of Sensors 967245.
+"""
+from dataclasses import dataclass
+from numbers import Real
+from typing import NamedTuple
+
+import numpy as np
+
+from ..data import Aiding, DataError
+from .gnss import fix_times
+
+UNIFORM = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""Soft iron that changes nothing."""
+STRONGEST = 0.1         # T: beside a magnet; a larger number is a mistaken unit
+EARTH = 100e-6          # T: no field of the Earth is as strong
+LEFT = 1e-3             # of its largest value: the least singular value that soft iron may leave
+
+
+class Disturbance(NamedTuple):
+    """A field that adds to the Earth's from `start` to `stop` (s, the stop itself outside), T, in `frame` "n" (a magnet at rest) or "b"."""
+    start: float
+    stop: float
+    field: tuple
+    frame: str = "n"
+
+
+@dataclass(frozen=True)
+class Magnetometer:
+    """A three-axis magnetometer, in SI. One number for `sd` or `scale` stands for three. Raises DataError on what none can be."""
+    rate: float | None = None               # samples per second; None: one with every IMU sample
+    sd: tuple = (0.3e-6, 0.3e-6, 0.3e-6)    # T, white noise of each sample
+    hard_iron: tuple = (0.0, 0.0, 0.0)      # T, body: what it reads too much
+    soft_iron: tuple = UNIFORM              # (3, 3), body
+    scale: tuple = (0.0, 0.0, 0.0)          # relative error of each axis's scale
+    saturation: float = 0.0                 # T, full scale of each axis; 0: none
+    field: tuple | None = None              # T, NED: the Earth's field; None: the geomagnetic model's, at date and place
+    disturbances: tuple = ()                # of Disturbance
+
+    def __post_init__(self):
+        settle = lambda name, value: object.__setattr__(self, name, value)
+        if self.rate is not None and not _positive(self.rate):
+            raise DataError(f"magnetometer: rate is {self.rate!r}; it must be larger than 0, in Hz")
+        for name, largest in (("sd", STRONGEST), ("hard_iron", STRONGEST), ("scale", 1.0)):
+            settle(name, _three(getattr(self, name), name, largest, spread=name != "hard_iron"))
+        if not min(self.sd) > 0:
+            raise DataError(f"magnetometer: sd is {list(self.sd)}; it must be larger than 0, in T")
+        if min(self.scale) <= -1:
+            raise DataError(f"magnetometer: scale is {list(self.scale)}; an error of -1 would leave nothing of the field")
+        settle("soft_iron", _soft_iron(self.soft_iron))
+        if not (_positive(self.saturation) or self.saturation == 0) or isinstance(self.saturation, bool):
+            raise DataError(f"magnetometer: saturation is {self.saturation!r}; it must be larger than 0, in T, or 0 for none")
+        if self.field is not None:
+            settle("field", reference_field(self.field))
+        if not isinstance(self.disturbances, (tuple, list)):
+            raise DataError(f"magnetometer: disturbances is {_shown(self.disturbances)}; it must be a list of them")
+        settle("disturbances", tuple(_disturbance(each) for each in self.disturbances))
+
+    def measure(self, truth, rng, field=None):
+        """Aiding "magnetic-field" of a flight, its parameters the reference field: `field` (3,) T NED, by default this sensor's own.
+
+        truth: data.Trajectory with attitude; rng: numpy Generator. Raises DataError.
+        """
+        return self.plan(truth, field).fixes(rng)
+
+    def plan(self, truth, field=None, gate=None):
+        """What all runs over one trajectory share, as a MagnetometerPlan; arguments as of `measure`, `gate` that of its aiding. Raises DataError."""
+        if field is None and self.field is None:
+            raise DataError("magnetometer: it has no field of its own; give the reference field north, east, down, T")
+        field = np.array(self.field if field is None else reference_field(field))
+        if truth.q_nb is None:
+            raise DataError("magnetometer: the trajectory has no attitude")
+        t = truth.t[1:] if self.rate is None else fix_times(truth, 1 / self.rate)
+        outside, inside = self._disturbance(t, "n"), self._disturbance(t, "b")
+        turn = _rotation(truth, t)
+        ideal = turn.inv().apply(field)
+        felt = (turn.inv().apply(field + outside) if outside.any() else ideal) + inside
+        distorted = felt @ (np.diag(1 + np.array(self.scale)) @ np.array(self.soft_iron)).T + self.hard_iron
+        aiding = Aiding("magnetic-field", t, np.empty((0, 3)), np.tile(self.sd, (len(t), 1)), tuple(map(float, field)), gate, "magnetometer")
+        return MagnetometerPlan(aiding, ideal, distorted, np.array(self.sd), self.saturation)
+
+    def _disturbance(self, t, frame):
+        """(n, 3) T: the sum of the disturbances of that frame at times t."""
+        total = np.zeros((len(t), 3))
+        for each in self.disturbances:
+            if each.frame == frame:
+                total[(t >= each.start) & (t < each.stop)] += each.field
+        return total
+
+
+class MagnetometerPlan(NamedTuple):
+    """What a magnetometer would read without noise; each run adds its own."""
+    aiding: Aiding          # all but its y
+    ideal: np.ndarray       # (n, 3) T: C_nb' m_n
+    distorted: np.ndarray   # (n, 3) T: with everything but noise and full scale
+    sd: np.ndarray          # (3,) T
+    saturation: float       # T; 0: none
+
+    def fixes(self, rng):
+        """The aiding of one run, with noise from `rng`."""
+        y = rng.standard_normal(self.distorted.shape)
+        y *= self.sd
+        y += self.distorted
+        return self._with(np.clip(y, -self.saturation, self.saturation) if self.saturation else y)
+
+    def exact(self):
+        """The aiding of a magnetometer without errors, which states the noise of the one with them."""
+        return self._with(self.ideal.copy())
+
+    def notes(self, aiding):
+        """Sentences for the notes of a recording: samples at full scale, or no sample at all; none where nothing is to be said."""
+        if not len(aiding.t):
+            return ["magnetometer: not one sample falls into the recording; its rate is too low"]
+        full = int((np.abs(aiding.y) >= self.saturation).any(axis=1).sum()) if self.saturation else 0
+        return [f"magnetometer: {full} of {len(aiding.t)} samples saturated at {self.saturation * 1e6:.4g} uT"] if full else []
+
+    def _with(self, y):
+        return Aiding(self.aiding.kind, self.aiding.t, y, self.aiding.sd, self.aiding.parameters, self.aiding.gate, self.aiding.name)
+
+
+def reference_field(field):
+    """The Earth's field north, east, down, T, as three floats. Raises DataError where it is no field of the Earth."""
+    field = _three(field, "field", EARTH, spread=False)
+    if not any(field):
+        raise DataError("magnetometer: field is 0; give the Earth's, north, east, down, in T")
+    return field
+
+
+def _rotation(truth, t):
+    """Attitude at times t as scipy Rotation: the trajectory's rows where these are its times, else turned at a constant rate between them."""
+    from scipy.spatial.transform import Rotation, Slerp
+    row = np.searchsorted(truth.t, t)
+    if np.array_equal(truth.t[np.minimum(row, len(truth.t) - 1)], t):
+        return Rotation.from_quat(truth.q_nb[row][:, [1, 2, 3, 0]]) if len(t) else Rotation.identity(0)
+    return Slerp(truth.t, truth.rotation)(t)
+
+
+def _three(values, name, largest, spread):
+    """Three floats, of one where `spread`. Raises DataError."""
+    listed = [values] * 3 if spread and isinstance(values, Real) else values
+    if np.shape(listed) != (3,) or not all(isinstance(v, Real) and not isinstance(v, bool) and np.isfinite(v) for v in listed):
+        raise DataError(f"magnetometer: {name} is {_shown(values)}; it must be three numbers")
+    if max(map(abs, listed)) > largest:
+        raise DataError(f"magnetometer: {name} is {[float(v) for v in listed]}; at most {largest:g}" + ("" if name == "scale" else " T: is it in tesla?"))
+    return tuple(map(float, listed))
+
+
+def _soft_iron(matrix):
+    """The matrix as a tuple of rows. Raises DataError where it is none, mirrors the field or leaves too little of it in some direction."""
+    try:
+        rows = np.array(matrix, float)
+    except (TypeError, ValueError):
+        rows = np.zeros(0)
+    if rows.shape != (3, 3) or not np.all(np.isfinite(rows)):
+        raise DataError("magnetometer: soft_iron must be three rows of three numbers")
+    values = np.linalg.svd(rows, compute_uv=False)
+    if np.linalg.det(rows) <= 0 or values[2] < LEFT * values[0]:
+        raise DataError("magnetometer: soft_iron mirrors the field or leaves nothing of it in a direction; its determinant must be above 0")
+    return tuple(tuple(map(float, row)) for row in rows)
+
+
+def _disturbance(values):
+    """A Disturbance that is possible. Raises DataError."""
+    try:
+        made = Disturbance(*values)
+    except TypeError:
+        raise DataError(f"magnetometer: disturbance {_shown(values)}: give start and stop in s, field in T, and frame") from None
+    if not all(isinstance(edge, Real) and not isinstance(edge, bool) for edge in made[:2]) or not made.start < made.stop:
+        raise DataError(f"magnetometer: disturbance from {made.start!r} to {made.stop!r} s; its start must come before its stop")
+    if made.frame not in ("n", "b"):
+        raise DataError(f"magnetometer: disturbance: frame is {made.frame!r}; it is \"n\", fixed to the surroundings, or \"b\", fixed to the body")
+    return made._replace(field=_three(made.field, "field of a disturbance", STRONGEST, spread=False))
+
+
+def _shown(value):
+    """Its repr in one line."""
+    return " ".join(repr(value).split())
+
+
+def _positive(value):
+    return isinstance(value, Real) and not isinstance(value, bool) and 0 < value < np.inf

@@ -1,0 +1,312 @@
+"""Reading magnetometers and barometers: units, axes, calibration, the Earth's field from model, description or record, and every mistake said."""
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.spatial.transform import Rotation
+
+from strapdown.data import Aiding, DataError, Recording
+from strapdown.io import read, write_recording
+from strapdown.io.inspection import inspect
+from strapdown.sensors.geomagnetism import geomagnetic_field
+
+pytestmark = pytest.mark.short
+PLACE = (np.radians(47.0), np.radians(8.0), 500.0)
+EARTH = geomagnetic_field("2024-05-01", *PLACE)
+COLUMNS = ["mx", "my", "mz"]
+TOML = """date = "2024-05-01"
+place = { latitude = 47.0, longitude = 8.0, height = 500.0, unit = "deg" }
+
+[imu]
+file = "imu.csv"
+time = { column = "t", unit = "s" }
+gyro = { columns = ["gx", "gy", "gz"], unit = "rad/s" }
+accel = { columns = ["ax", "ay", "az"], unit = "m/s^2" }
+
+[[aiding]]
+kind = "magnetic-field"
+file = "mag.csv"
+time = { column = "t", unit = "s" }
+columns = ["mx", "my", "mz"]
+unit = "uT"
+sd = 0.5
+"""
+
+
+def attitude(t):
+    """A hand that tilts and turns slowly, to about 50 deg of roll and pitch and all around."""
+    return Rotation.from_euler("ZYX", np.c_[0.2 * t, 0.8 * np.sin(0.21 * t), 0.9 * np.sin(0.17 * t + 0.3)])
+
+
+def tables():
+    """(IMU, magnetometer) of 100 s: 50 Hz and 10 Hz, body FRD, with a little noise."""
+    rng = np.random.default_rng(8)
+    t = 0.02 * np.arange(1, 5001)
+    rate = (attitude(t - 0.02).inv() * attitude(t)).as_rotvec() / 0.02
+    force = attitude(t - 0.01).inv().apply([0, 0, -9.807])
+    imu = pd.DataFrame(np.c_[t, rate, force + rng.normal(0, 0.02, force.shape)], columns=["t", "gx", "gy", "gz", "ax", "ay", "az"])
+    t = t[::5]
+    field = attitude(t).inv().apply(np.array(EARTH.field) * 1e6) + rng.normal(0, 0.05, (len(t), 3))
+    return imu, pd.DataFrame(np.c_[t, field], columns=["t", *COLUMNS])
+
+
+@pytest.fixture
+def build(tmp_path):
+    """Function (mag=change, toml=change, imu=change) -> path of recording.toml."""
+    def build(mag=None, toml=None, imu=None):
+        for name, frame, change in zip(("imu", "mag"), tables(), (imu, mag)):
+            (change(frame) if change else frame).to_csv(tmp_path / f"{name}.csv", index=False)
+        path = tmp_path / "recording.toml"
+        path.write_text(toml(TOML) if toml else TOML, encoding="utf-8")
+        return path
+    return build
+
+
+def added(line):
+    return lambda text: text + line + "\n"
+
+
+def without(line):
+    return lambda text: "\n".join(each for each in text.splitlines() if not each.startswith(line)) + "\n"
+
+
+def turned(C):
+    """The magnetometer's columns in sensor axes, where C takes them to the body."""
+    return lambda frame: frame.assign(**dict(zip(COLUMNS, (frame[COLUMNS].to_numpy() @ np.array(C, float)).T)))
+
+
+def test_field_in_body_axes_and_reference(build):
+    recording = read(build())
+    mag, = recording.aidings
+    np.testing.assert_allclose(mag.y, tables()[1][COLUMNS] * 1e-6, rtol=1e-9)
+    np.testing.assert_allclose(mag.sd, 0.5e-6)
+    assert mag.parameters == EARTH.field and recording.meta["place"] == pytest.approx(PLACE)
+    note, = recording.meta["notes"]
+    assert note.startswith("magnetic-field: the Earth's field is that of WMM2020 on 2024-05-01 at 47.000, 8.000 deg: declination 3.") and "dip 63." in note
+
+
+@pytest.mark.parametrize("unit, size", [("T", 1e-6), ("uT", 1.0), ("nT", 1e3), ("gauss", 1e-2), ("mgauss", 10.0)])
+def test_units(build, unit, size):
+    scaled = lambda frame: frame.assign(**{name: frame[name] * size for name in COLUMNS})
+    mag, = read(build(mag=scaled, toml=lambda s: s.replace('"uT"', f'"{unit}"'))).aidings
+    np.testing.assert_allclose(mag.y, tables()[1][COLUMNS] * 1e-6, rtol=1e-9)
+    np.testing.assert_allclose(mag.sd, 0.5e-6 / size)
+
+
+def test_axes_turn_values_and_deviations(build):
+    recording = read(build(mag=turned([[1, 0, 0], [0, 0, -1], [0, 1, 0]]), toml=lambda s: s.replace("sd = 0.5", 'sd = [0.1, 0.2, 0.3]\naxes = "+x -z +y"')))
+    np.testing.assert_allclose(recording.aidings[0].y, tables()[1][COLUMNS] * 1e-6, rtol=1e-9)
+    np.testing.assert_allclose(recording.aidings[0].sd[0], [0.1e-6, 0.3e-6, 0.2e-6])
+
+
+def test_calibration_acts_in_the_axes_of_the_columns(build, tmp_path):
+    matrix, bias = np.array([[1.1, 0.05, 0.0], [0.05, 0.9, 0.02], [0.0, 0.02, 1.05]]), np.array([20.0, -30.0, 10.0])
+    (tmp_path / "mag.toml").write_text(f"[magnetometer]\nbias = {(bias * 1e-6).tolist()}\nmatrix = {matrix.tolist()}\n")
+    C = np.diag([1.0, -1.0, -1.0])
+
+    def raw(frame):
+        sensor = frame[COLUMNS].to_numpy() @ C
+        return frame.assign(**dict(zip(COLUMNS, np.linalg.solve(matrix, sensor.T) + bias[:, None])))
+    described = added('axes = "+x -y -z"\ncalibration = "mag.toml"')
+    recording = read(build(mag=raw, toml=described))
+    np.testing.assert_allclose(recording.aidings[0].y, tables()[1][COLUMNS] * 1e-6, atol=1e-12)
+    assert len(recording.meta["notes"]) == 1
+    (tmp_path / "mag.toml").write_text("[gyro]\nbias = [0.0, 0.0, 0.0]\n")
+    with pytest.raises(DataError, match="magnetometer"):
+        read(build(mag=raw, toml=described))
+    assert "its strength varies from" in " ".join(read(build(mag=raw, toml=added('axes = "+x -y -z"'))).meta["notes"])
+
+
+def test_the_place_is_else_the_first_position_fix(build, tmp_path):
+    pd.DataFrame({"t": [1.0, 2.0], "lat": [47.0, 48.0], "lon": [8.0, 9.0], "h": [500.0, 500.0]}).to_csv(tmp_path / "gnss.csv", index=False)
+    fixes = ('\n[[aiding]]\nkind = "position"\nfile = "gnss.csv"\ntime = { column = "t", unit = "s" }\ncolumns = ["lat", "lon", "h"]\n'
+             'unit = ["deg", "deg", "m"]\nsd = 2.0\n')
+    recording = read(build(toml=lambda text: without("place")(text) + fixes))
+    assert recording.aidings[0].parameters == pytest.approx(EARTH.field) and "place" not in recording.meta
+
+
+def test_field_given(build):
+    recording = read(build(toml=added('field = { north = 21.0, east = 1.5, down = 43.0, unit = "uT" }')))
+    assert recording.aidings[0].parameters == pytest.approx((21e-6, 1.5e-6, 43e-6)) and recording.meta["notes"] == []
+    assert "its median strength is 48.2 uT, that of the Earth's field 28.6 uT" in " ".join(
+        read(build(toml=added('field = { north = 200, east = 0, down = 205, unit = "mgauss" }'))).meta["notes"])
+
+
+@pytest.mark.parametrize("line, angle, words", [("", 0.0, "headings are from magnetic north"),
+                                                ('declination = { value = -3.0, unit = "deg" }', -3.0, "-3.00 deg as given")])
+def test_field_of_the_record(build, line, angle, words):
+    recording = read(build(toml=added('field = "record"\n' + line)))
+    north, east, down = recording.aidings[0].parameters
+    assert np.hypot(north, east) == pytest.approx(EARTH.horizontal, rel=0.01) and down == pytest.approx(EARTH.field[2], rel=0.01)
+    assert np.degrees(np.arctan2(east, north)) == pytest.approx(angle) and words in recording.meta["notes"][0]
+
+
+def test_what_the_field_needs(build):
+    for key, words in (("date", 'the geomagnetic model needs the date: write date = "2012-10-10"'), ("place", "needs the place: write place = {")):
+        with pytest.raises(DataError, match=r"\[\[aiding\]\] 1 \(magnetic-field\) field: is missing, and ") as error:
+            read(build(toml=without(key)))
+        assert words in str(error.value)
+    with pytest.raises(DataError, match="field: date 1850-01-01 is before the oldest geomagnetic model"):
+        read(build(toml=lambda s: s.replace("2024-05-01", "1850-01-01")))
+    with pytest.raises(DataError, match='"record" needs times without acceleration'):
+        read(build(toml=added('field = "record"'), imu=lambda f: f.assign(ax=2 * f.ax, ay=2 * f.ay, az=2 * f.az)))
+
+
+REFUSED = {
+    "left-handed axes": (added('axes = "+x +y -z"'), "axes: axes '+x +y -z' are left-handed"),
+    "lever arm": (added("lever_arm = [1.0, 0.0, 0.0]"), "lever_arm: magnetic-field takes none"),
+    "field without unit": (added("field = { north = 20.0, east = 1.0, down = 43.0 }"), 'field: write { north = 17.6'),
+    "field in gauss said to be T": (added('field = { north = 0.2, east = 0.0, down = 0.4, unit = "T" }'), "its strength is 4.472e+05 uT, where the Earth's is 22 to 67"),
+    "declination of the model": (added('declination = { value = 3.0, unit = "deg" }'), 'declination: it belongs to field = "record"'),
+    "declination without unit": (added('field = "record"\ndeclination = { value = 3.0 }'), "declination: unit: unit is missing; accepted for angle"),
+    "unit spelt G": (lambda s: s.replace('"uT"', '"G"'), "unknown unit 'G', did you mean 'gauss'? accepted for magnetic field: T, uT, nT, gauss, mgauss"),
+    "unit spelt mG": (lambda s: s.replace('"uT"', '"mG"'), "did you mean 'mgauss'?"),
+    "unit in capitals": (lambda s: s.replace('"uT"', '"UT"'), "did you mean 'uT'?"),
+    "unit of another kind": (lambda s: s.replace('"uT"', '"hPa"'), "unit 'hPa' is one of pressure"),
+    "place in no unit": (lambda s: s.replace(', unit = "deg" }', " }"), "[place] unit: unit is missing"),
+    "place out of range": (lambda s: s.replace("latitude = 47.0", "latitude = 470.0"), "[place] no place is at latitude 470"),
+    "place at the pole": (lambda s: s.replace("latitude = 47.0", "latitude = 89.7"), "results hold up to 89 deg"),
+    "place with a misspelt key": (lambda s: s.replace("longitude", "longtitude"), "[place]: unknown key 'longtitude'; did you mean 'longitude'?"),
+    "values in nT said to be uT": (lambda s: s.replace("sd = 0.5", "sd = 0.5\nscale = 1000"), "mag.csv, line"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refused(build, case):
+    change, words = REFUSED[case]
+    with pytest.raises(DataError) as error:
+        read(build(toml=change))
+    assert words in str(error.value) and "\n" not in str(error.value)
+
+
+def test_other_kinds_take_no_calibration(build):
+    with pytest.raises(DataError, match="calibration: pressure takes none; only a magnetometer does"):
+        read(build(toml=lambda s: s.replace("magnetic-field", "pressure").replace('["mx", "my", "mz"]', '["mx"]').replace('"uT"', '"Pa"')
+                   + 'calibration = "c.toml"\n'))
+
+
+def notes(path):
+    return " ".join(read(path).meta["notes"])
+
+
+def test_an_uncalibrated_one_is_said(build):
+    path = build(mag=lambda f: f.assign(mx=f.mx + 25.0))
+    assert "its strength varies from" in notes(path) and "calibrate it (`strapdown calibrate`)" in notes(path)
+    assert any("calibrate it" in problem for problem in inspect(path).problems)
+    assert "its median strength is 4.8 uT, that of the Earth's field 48.2 uT: check the unit" in notes(build(toml=added("scale = 0.1")))
+
+
+def test_stuck_samples_are_dropped_and_counted(build):
+    def stuck(frame):
+        frame.loc[400:599, COLUMNS] = frame.loc[400, COLUMNS].to_numpy()
+        return frame
+    path = build(mag=stuck)
+    assert "199 samples dropped, stuck at one value for 2 s and more while the gyro turns, the first at 40.120 s" in notes(path)
+    assert len(read(path).aidings[0].t) == 801
+    with pytest.raises(DataError, match="mag.csv: no usable fix of kind magnetic-field"):
+        read(build(mag=lambda f: f.assign(mx=20.0, my=np.nan, mz=40.0)))
+    one = read(build(mag=lambda f: f.assign(mx=20.0, my=1.0, mz=40.0)))
+    assert len(one.aidings[0].t) == 1 and "999 samples dropped, stuck" in one.meta["notes"][0]
+
+
+def test_a_sample_without_a_component_is_dropped(build):
+    path = build(mag=lambda f: f.assign(my=f.my.where(f.index % 100 != 7)))
+    assert len(read(path).aidings[0].t) == 990 and "10 rows without time, value or standard deviation dropped, the first in line 9" in notes(path)
+
+
+def test_a_held_value_at_rest_is_not_called_stuck(build):
+    still = lambda f: f.assign(gx=0.02, gy=0.0, gz=0.0, ax=0.0, ay=0.0, az=-9.8)        # with a gyro bias of 1 deg/s
+    path = build(mag=lambda f: f.assign(mx=20.0, my=1.0, mz=43.5), imu=still)
+    assert len(read(path).aidings[0].t) == 1000 and "it never changes; nothing here shows that the sensor works" in notes(path)
+
+
+def test_saturated_samples_are_dropped_and_counted(build):
+    clipped = lambda f: f.assign(mz=f.mz.clip(upper=40.0))
+    count = int((tables()[1].mz > 40.0).sum())
+    assert 50 < count < 900 and f"{count} samples dropped, at the limit of the sensor's range (saturated)" in notes(build(mag=clipped))
+    assert "saturated" not in notes(build(mag=lambda f: f.round({name: 0 for name in COLUMNS})))       # coarse steps are no saturation
+
+
+def test_inspect_names_the_axes_that_fit(build):
+    good = inspect(build(mag=turned(np.diag([1.0, -1.0, -1.0])), toml=added('axes = "+x -y -z"')))
+    assert not good.problems and any("magnetic-field: dip 63." in fact and "rms difference 0." in fact for fact in good.facts)
+    for C, axes in ((np.diag([1.0, -1.0, -1.0]), "+x -y -z"),
+                    ([[0, 1, 0], [1, 0, 0], [0, 0, -1]], "+y +x -z"), ([[0, 0, 1], [1, 0, 0], [0, 1, 0]], "+z +x +y")):
+        problem, = inspect(build(mag=turned(C))).problems
+        assert "magnetic-field axes: the dip of the field is off by" in problem and f"with {axes!r} by " in problem and problem.endswith("check axes"), problem
+        problem, = inspect(build(mag=turned(C), toml=added('field = "record"'))).problems
+        assert f"with {axes!r} by " in problem
+
+
+def test_the_axes_that_fit_are_those_of_the_columns(build):
+    problem, = inspect(build(toml=added('axes = "+x -z +y"'))).problems
+    assert "with '+x +y +z' by 0: check axes" in problem
+    problem, = inspect(build(mag=turned([[0, 0, 1], [1, 0, 0], [0, 1, 0]]), toml=added('axes = "+x -z +y"'))).problems
+    assert "with '+z +x +y' by 0: check axes" in problem
+
+
+def test_inspect_sees_a_left_handed_sensor(build, tmp_path):
+    problem, = inspect(build(mag=lambda f: f.assign(my=-f.my))).problems
+    assert "with '+x -y +z' by 0: they are left-handed, so one column has the wrong sign" in problem
+    write_recording(read(tmp_path / "recording.toml"), tmp_path / "recording.nc")
+    assert any("left-handed" in text for text in inspect(tmp_path / "recording.nc").problems)
+    assert read(tmp_path / "recording.nc").meta["place"] == pytest.approx(PLACE)
+
+
+def pressure(text):
+    return text[:text.index("[[aiding]]")] + ('[[aiding]]\nkind = "pressure"\nfile = "mag.csv"\ntime = { column = "t", unit = "s" }\ncolumns = ["p"]\n'
+                                              'unit = "hPa"\nsd = 2.0\nlever_arm = [0.5, 0.0, 0.0]\n')
+
+
+def test_pressure(build):
+    baro, = read(build(mag=lambda f: f.assign(p=955.0 + 0.01 * f.t), toml=pressure)).aidings
+    np.testing.assert_allclose(baro.y[:, 0], 95500 + 1.0 * tables()[1].t, rtol=1e-12)
+    np.testing.assert_allclose(baro.sd, 2.0)        # m, whatever the unit of the pressure
+    assert baro.parameters == (0.5, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("value, unit, words", [
+    (955.0, "Pa", "line 2: pressure is 955 Pa, where air has 1000 to 200000: hPa or mbar read as Pa?"), (95.5, "Pa", "kPa read as Pa?"),
+    (95500.0, "hPa", "Pa read as hPa or mbar?"), (955.0, "kPa", "hPa or mbar read as kPa?"), (0.0, "Pa", "check columns, unit and scale")])
+def test_impossible_pressures(build, value, unit, words):
+    with pytest.raises(DataError) as error:
+        read(build(mag=lambda f: f.assign(p=value), toml=lambda s: pressure(s).replace('"hPa"', f'"{unit}"')))
+    assert words in str(error.value)
+
+
+def test_one_impossible_pressure_is_no_mistaken_unit(build):
+    with pytest.raises(DataError, match="line 9: pressure is 0 Pa.*leave such rows out"):
+        read(build(mag=lambda f: f.assign(p=np.where(f.index == 7, 0.0, 955.0)), toml=pressure))
+
+
+def test_pressure_altitude_gravity_and_sea_level(build):
+    text = pressure(TOML).replace('"pressure"', '"pressure-altitude"').replace('"hPa"', '"m"') + "".join(
+        f'\n[[aiding]]\nkind = "{kind}"\nrate = 5.0\nsd = {sd}\n' for kind, sd in (("gravity", 0.5), ("zero-sea-level", 1.5)))
+    height, gravity, sea = read(build(mag=lambda f: f.assign(p=500.0), toml=lambda s: text)).aidings
+    assert height.y[0, 0] == 500.0 and gravity.parameters == () and sea.parameters == (0.0, 0.0, 0.0)
+    assert gravity.y.shape == (500, 3) and sea.y.shape == (500, 1) and not gravity.y.any() and sea.sd[0, 0] == 1.5
+
+
+@pytest.mark.parametrize("parameters", [(), (0.0, 0.0, 0.0), (20.0, 1.0, 43.0)])
+def test_arrays_need_the_field_too(parameters):
+    t = 0.01 * np.arange(1, 101)
+    mag = Aiding("magnetic-field", t, np.full((100, 3), 2e-5), np.full((100, 3), 1e-6), parameters)
+    with pytest.raises(DataError, match="magnetic-field: parameters are .* geomagnetic_field gives it"):
+        Recording.from_arrays(t, np.zeros((100, 3)), np.tile([0, 0, -9.8], (100, 1)), (mag,))
+
+
+def test_the_uav_reads_with_its_magnetometer_and_barometer(tmp_path, data_folder, monkeypatch):
+    monkeypatch.setenv("STRAPDOWN_DATA", str(data_folder))
+    part = TOML[TOML.index("[[aiding]]"):].replace("mag.csv", "${STRAPDOWN_DATA}/thor75/imu_mag_air.csv.xz").replace('"t"', '"t_s"')
+    part = part.replace('"mx", "my", "mz"', '"mx_gauss_raw", "my_gauss_raw", "mz_gauss_raw"').replace('"uT"', '"gauss"').replace("0.5", "0.01")
+    air = pressure(TOML)[pressure(TOML).index("[[aiding]]"):].replace("mag.csv", "${STRAPDOWN_DATA}/thor75/imu_mag_air.csv.xz")
+    air = air.replace('"t"', '"t_s"').replace('"p"', '"static_p_kPa"').replace('"hPa"', '"kPa"')
+    imu = TOML[TOML.index("[imu]"):TOML.index("[[aiding]]")].replace("imu.csv", "${STRAPDOWN_DATA}/thor75/imu_mag_air.csv.xz").replace('"t"', '"t_s"')
+    for sensor, unit in (("g", "rad_s"), ("a", "m_s2")):
+        for axis in "xyz":
+            imu = imu.replace(f'"{sensor}{axis}"', f'"{sensor.replace("a", "f")}{axis}_{unit}"')
+    path = tmp_path / "thor.toml"
+    path.write_text('date = "2012-10-10"\nplace = { latitude = 45.33, longitude = -93.23, height = 250.0, unit = "deg" }\n' + imu + part + 'axes = "+x -y -z"\n\n' + air)
+    recording = read(path)
+    mag, baro = recording.aidings
+    assert len(mag.t) > 34000 and len(baro.t) == 34811 and 90e3 < baro.y.min() < baro.y.max() < 100e3
+    assert "WMM2010 on 2012-10-10" in recording.meta["notes"][0] and "calibrate it" in recording.meta["notes"][1]

@@ -1,0 +1,35 @@
+"""`level` of zero-sea-level: the height of mean sea level above the ellipsoid, and of no other kind."""
+import numpy as np
+import pytest
+
+from strapdown.data import DataError
+from strapdown.io import read
+from strapdown.io.netcdf import write_recording
+
+pytestmark = pytest.mark.short
+SEA = '\n[[aiding]]\nkind = "zero-sea-level"\nrate = 2.0\nsd = 0.8\nlever_arm = [-3.0, 0.5, 1.2]\n'
+
+
+def with_more(text):
+    return lambda toml: toml + text
+
+
+def test_the_level_is_what_the_heave_is_about(build, tmp_path):
+    for line, level in (("", 0.0), ("level = 45.5\n", 45.5), ("level = -28\n", -28.0)):
+        recording = read(build(toml=with_more(SEA + line)))
+        sea = recording.aidings[-1]
+        assert sea.kind == "zero-sea-level" and sea.parameters == (-3.0, 0.5, 1.2) and len(sea.t) == 40
+        np.testing.assert_array_equal(sea.y, np.full((40, 1), level))
+        np.testing.assert_array_equal(sea.sd, np.full((40, 1), 0.8))
+    write_recording(recording, tmp_path / "sea.nc")
+    np.testing.assert_array_equal(read(tmp_path / "sea.nc").aidings[-1].y, sea.y)
+
+
+@pytest.mark.parametrize("change, words", [
+    (with_more(SEA + "level = nan\n"), "level"), (with_more(SEA + 'level = "mean"\n'), "level"),
+    (with_more('\n[[aiding]]\nkind = "gravity"\nrate = 2.0\nsd = 0.3\nlevel = 45.0\n'), "level: gravity takes none; it is the height of mean sea level"),
+    (lambda toml: toml.replace("sd = 0.1\n", "sd = 0.1\nlevel = 3.0\n"), "level: velocity takes none")])
+def test_other_levels_are_refused_in_one_line(build, change, words):
+    with pytest.raises(DataError, match=words) as error:
+        read(build(toml=change))
+    assert "\n" not in str(error.value)
