@@ -18,6 +18,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # threads over 15 x 15 matri
 
 import numpy as np  # noqa: E402
 
+import attitude  # noqa: E402
 import figures  # noqa: E402
 import peers  # noqa: E402
 import processes  # noqa: E402
@@ -151,6 +152,16 @@ RECORDED = ["thor75 roll", "thor75 pitch", "thor75 heading", "thor75 position N"
 """The claims of `strapdown reproduce recordings`, in its order."""
 
 
+def attitude_figures(book):
+    """Of the attitude estimators: on the BROAD trials, in time beside vqf, in consistency and from far-off starts."""
+    book.measure(attitude.ACCURACY, attitude.accuracy)
+    book.measure(list(attitude.TIMES), attitude.times)
+    book.measure(list(attitude.SIMULATED), attitude.simulated)
+    book.measure(attitude.CALIBRATED, attitude.calibrated)
+    for figure in attitude.peer_figures():
+        book.add(figure)
+
+
 def recorded_figures(book):
     def measured():
         with tempfile.TemporaryDirectory() as folder:
@@ -205,6 +216,7 @@ def main():
         process_figures(book)
         study_figures(book)
         recorded_figures(book)
+        attitude_figures(book)
         peer_figures(book, options.full)
     figures.write(OUT, book.figures, machine())
     judged = [figure.holds for figure in book.figures if figure.target is not None]

@@ -31,7 +31,7 @@ def skew(v):
 @pytest.mark.short
 def test_targets_are_the_issues():
     tables = figures.targets()
-    assert len(tables) == 33
+    assert len(tables) == 45
     assert tables["A closed loop time"]["target"] == 1.0 and tables["B closed loop time"]["target"] == 1.2
     assert tables["N open loop position"]["tolerance"] == 0.05
 

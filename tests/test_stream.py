@@ -86,7 +86,7 @@ def test_an_attitude_stream_is_the_batch_and_leaves_other_sources_alone(name):
     assert np.array_equal(belief.bg, solution.b_g[-1]) and np.array_equal(belief.P, solution.covariance[-1])
     assert np.allclose(belief.C, solution.trajectory.rotation.as_matrix()[-1], atol=1e-12)
     counts = solution.counts()
-    assert stream.dropped == 0 and stream.counts() == [(0, 0), counts.get("magnetic-field", (0, 0))]
+    assert stream.dropped == 0 and stream.counts() == [(0, 0), counts.get("magnetometer", (0, 0))]
     assert [event for _, event in solution.events][1].endswith("attitude held") and set(solution.status) == {VALID, BRIDGED, INVALID}
 
 

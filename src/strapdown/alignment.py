@@ -89,7 +89,7 @@ def _attitude_start(recording, imu, given, t):
         roll, pitch, level_sd, level_note = min(_levels_in_motion(recording, t, rest, age, force, b_a_sd, bg), key=lambda found: found[2])
     lla_sd = np.where(np.isfinite(lla_sd), lla_sd, EARTH_RADIUS)
     sd = [*lla_sd, *v_sd, level_sd, level_sd, psi_sd, *[b_a_sd] * 3, *bg_sd]
-    return _start(t, lla, v, (roll, pitch, psi), bg, sd, f"attitude at {t:.2f} s, {psi_note}, {level_note}, {bias_note}, {place_note}")
+    return _start(t, lla, v, (roll, pitch, psi), bg, sd, f"attitude at {0.0 if abs(t) < 0.005 else t:.2f} s, {psi_note}, {level_note}, {bias_note}, {place_note}")
 
 
 def _levels_in_motion(recording, t, rest, age, force, b_a_sd, bg):

@@ -8,6 +8,8 @@ from .data import DataError
 SENSORS = ("accelerometer", "magnetometer")
 DETAIL = {"accelerometer": ("m/s^2", 1.0, "m/s^2"), "magnetometer": ("T", 1e6, "uT")}
 """SI unit, factor to the unit of tables, and that unit."""
+SAMPLES = 5000
+"""Of a magnetometer about so many are used, evenly spaced: what is left of a calibration is not white, so that more would add little."""
 WRONG_STRENGTH, TURNED = 0.05, np.radians(10)
 """Relative error of strength after calibration, and turn of the magnetometer against the IMU (rad), that are worth a note."""
 
@@ -67,7 +69,8 @@ class Calibration:
         """Two sentences: strength before and after, and the directions."""
         _, factor, unit = DETAIL[self.sensor]
         lack = f"; none near {', '.join(self.lacking)}" if self.lacking else ""
-        return (f"strength: {self.strength * factor:.4g} {unit}, rms error {self.before * factor:.3g} before and {self.after * factor:.3g} {unit} after. "
+        error = f"rms error {self.before * factor:.3g} before and {self.after * factor:.3g} {unit} after"
+        return (f"strength: {self.strength * factor:.4g} {unit}, {error}. "
                 f"Directions: {self.coverage:.0%} of the sphere{lack}")
 
     @property
@@ -83,8 +86,9 @@ class Calibration:
     def to_toml(self, path):
         """Write a calibration file that recording.toml can name (docs/calibrate.md). Raises DataError where it cannot be written."""
         from .io.calibration import write_calibration
-        comments = [f"{self.sensor} of {self.name or 'a recording'}, {self.t[0]:.1f} to {self.t[-1]:.1f} s, {len(self.t)} "
-                    f"{'rests' if self.form == 'rests' else 'samples'}, form {self.form!r}; corrected = matrix @ (raw - bias), axes of the columns", self.verdict]
+        count = f"{len(self.t)} {'rests' if self.form == 'rests' else 'samples'}"
+        comments = [f"{self.sensor} of {self.name or 'a recording'}, {self.t[0]:.1f} to {self.t[-1]:.1f} s, {count}, form {self.form!r}",
+                    "corrected = matrix @ (raw - bias), axes of the columns", self.verdict]
         write_calibration(path, self.sections(), comments + list(self.notes))
 
     def write(self, folder):
@@ -151,6 +155,7 @@ def _magnetometer(part, source, notes):
         notes.append("the Earth's field is not known: the matrix keeps the typical strength of the sensor; give date and place, or field")
     keep, more = sound(source.t, source.y, part.imu, source.name or source.kind, Origin(source.name or source.kind))
     t, y = source.t[keep], source.y[keep]
+    t, y = (column[::max(1, len(t) // SAMPLES)] for column in (t, y))
     fit, form, gyro = hard_and_soft_iron(t, y, part.imu, strength, dip)
     m = (y[fit.used] - fit.bias) @ fit.matrix.T
     share, _, lack = coverage(m)
@@ -191,9 +196,9 @@ def _made(sensor, form, fit, strength, t, measured, directions, notes, part, col
     if fit.held:
         notes.append(f"no excitation: {', '.join(fit.held)} cannot be told from the bias and the others; left at identity")
     if form == "rests" and len(t) <= 9 - len(fit.held):
-        notes.append(f"{len(t)} rests for {9 - len(fit.held)} parameters: the misfit is zero by construction and says nothing; more orientations would tell")
+        notes.append(f"{len(t)} rests for {9 - len(fit.held)} parameters: the misfit is zero by construction; more orientations would tell")
     if after > WRONG_STRENGTH * strength:
-        notes.append(f"the strength still varies by {100 * after / strength:.0f} % rms: iron or currents that are not fixed to the sensor, or a wrong unit")
+        notes.append(f"the strength still varies by {100 * after / strength:.0f} % rms: iron or currents that are not fixed to the sensor")
     return Calibration(sensor, form, fit.bias, fit.matrix, fit.covariance, strength, error(measured[used]), after,
                        np.sqrt(np.nanmean(fit.residuals ** 2, axis=0)), *directions, fit.held, fit.weakest, tuple(notes), t, measured, fit.residuals,
                        columns, part.meta.get("name", ""))

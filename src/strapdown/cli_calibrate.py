@@ -7,8 +7,12 @@ import typer
 from .console import OUT, results_folder, table
 
 
+SENSOR = Annotated[Optional[str], typer.Option(help="accelerometer, magnetometer, or the name of a magnetometer.  "
+                                                    "[default: magnetometer, where there is one]")]
+
+
 def calibrate(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="recording.toml or .nc; docs/calibrate.md tells how to record it.")],
-              sensor: Annotated[Optional[str], typer.Option(help="accelerometer, magnetometer, or the name of a magnetometer.  [default: magnetometer, where there is one]")] = None,
+              sensor: SENSOR = None,
               start: Annotated[Optional[float], typer.Option("--from", metavar="T", help="First second to use.")] = None,
               stop: Annotated[Optional[float], typer.Option("--to", metavar="T", help="Last second to use.")] = None,
               out: OUT = Path("calibration")):

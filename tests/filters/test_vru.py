@@ -72,7 +72,7 @@ def test_a_step_is_the_textbooks(brought):
     np.testing.assert_allclose(made.P[np.ix_(rows, rows)], phi @ P[np.ix_(rows, rows)] @ phi.T + q, rtol=2e-4, atol=1e-9)
     assert np.array_equal(made.P, made.P.T) and not made.P[np.ix_(rows, [6, 7, 8, 12, 13, 14])].any()
     turned = C @ (u[3:] - ba * dt + 0.5 * np.cross(u[:3] - BEGIN.bg * np.array(dt), u[3:] - ba * dt))
-    gained = turned[2] + 9.8195 * dt    # normal gravity at 60.4 deg, 45 m
+    gained = turned[2] + 9.81935 * dt   # normal gravity at 60.4 deg, 45 m
     assert made.v[2] - v == pytest.approx(gained, abs=2e-6)
     assert h - made.lla[2] == pytest.approx(v * dt + 0.5 * gained * dt, abs=1e-7)
     np.testing.assert_allclose(made.ba, ba * np.exp(-NOISE.accel_decay * dt), rtol=1e-12)
@@ -100,8 +100,8 @@ def test_a_correction_is_the_textbooks(kind, rows):
     e = 45.0 + 3.0 * rows - reach[2] - 46.0
     single = H @ P @ H + deviation ** 2 + tilt
     R = deviation ** 2 + tilt
-    if kind == "zero-sea-level":    # at once after the start: one of many heights of the waves
-        R = wave_density(NOISE.accel, 10.0) * R ** 0.8 / 1e-3
+    if kind == "zero-sea-level":    # at once after the start: heights a third of a wave apart are independent
+        R = R * (10 / 3) / 1e-3
     K = P @ H / (H @ P @ H + R)
     np.testing.assert_allclose(made.P, (np.eye(16) - np.outer(K, H)) @ P @ (np.eye(16) - np.outer(K, H)).T + R * np.outer(K, K), rtol=1e-9, atol=1e-12)
     assert nis == pytest.approx(e * e / single, rel=1e-9) and innovation[0] == pytest.approx(e, rel=1e-12)
@@ -111,15 +111,14 @@ def test_a_correction_is_the_textbooks(kind, rows):
 
 @pytest.mark.short
 def test_a_rejected_and_a_missing_height_change_nothing():
-    for y, gate in ((4000.0, 10.0), (np.nan, np.inf)):
+    for y, gate, measured in ((4000.0, 10.0, 1.0), (np.nan, np.inf, 1.0), (4000.0, 10.0, 0.0)):
         made, _ = belief(0)
-        made.aux[MEASURED] = 1.0
+        made.aux[MEASURED] = measured
         before, innovation = [part.copy() for part in made], np.empty(3)
         compile_kernel(VRU.correct), compile_kernel(aiding.find("altitude").observe)
         nis = VRU.correct(made, np.array([y, np.nan, np.nan]), np.array([1.0, np.nan, np.nan]), 3, aiding.find("altitude").observe, np.zeros(8), gate, innovation)
         assert (nis > gate) if np.isfinite(y) else np.isnan(nis)
-        for k in (0, 1, 2, 3, 4, 5):
-            np.testing.assert_array_equal(made[k], before[k])
+        assert all(np.array_equal(made[k], before[k]) for k in range(6)) and made.aux[MEASURED] == measured
 
 
 @pytest.mark.short
@@ -184,19 +183,21 @@ def classical_heave(recording, corner):
 
 @pytest.mark.slow
 def test_heave_in_a_swell(swell):
-    """20 seeds. The bounds are a third above what was measured: heave 0.088 m (of 0.75 m), by the mean level of the start 0.095 m."""
+    """20 seeds. The bounds are a third above what was measured: 0.084 m of 0.76 m, by the mean level of the start 0.081 m.
+
+    The classical filter, with the true attitude and the best of five corners, reaches 0.18 m.
+    """
     found = {"sea": [], "start": [], "classical": []}
     for seed in range(20):
         recording = recorded(swell, seed)
         truth = recording.reference
         for name, aidings in (("sea", (sea(),)), ("start", ())):
             found[name].append(heave_errors(sd.fuse(replace(recording, aidings=aidings), "vru"), truth))
-        rows = (recording.imu.t > SPAN[0])
-        true = np.interp(recording.imu.t, truth.t, truth.lla[:, 2])[rows]
+        rows, true = recording.imu.t > SPAN[0], np.interp(recording.imu.t, truth.t, truth.lla[:, 2])[recording.imu.t > SPAN[0]]
         classical = [classical_heave(recording, 2 * np.pi / period)[rows] - true for period in (60, 90, 120, 180, 240)]
         found["classical"].append([rms(each - each.mean()) for each in classical])
     assert recording.reference.lla[:, 2].std() == pytest.approx(0.76, abs=0.02)
-    for name, bound in (("sea", 0.117), ("start", 0.127)):
+    for name, bound in (("sea", 0.115), ("start", 0.11)):
         position, velocity, tilt, deviations = (np.array(part) for part in zip(*found[name]))
         assert rms(position) < bound
         assert rms(velocity) < 0.01
@@ -230,7 +231,7 @@ WHITE = ImuSpec("white and Gauss-Markov", Triad(noise=1e-6), Triad(noise=1e-3, g
 SEEDS, DURATION, RATE = 100, 120, 20
 BAND = chi2(5 * SEEDS).ppf([0.025, 0.975]) / (5 * SEEDS)
 INSIDE = 0.85
-"""Least share of the epochs whose mean NEES/5 over the runs is inside the band."""
+"""Least share of the epochs whose mean NEES/5 over the runs is inside the band; of 20 sets of other seeds none had less than 0.88."""
 
 
 def vertical_nees(seeds, told=1.0):
@@ -299,17 +300,15 @@ def test_what_is_not_known_is_no_number(swell):
 
 
 def test_other_sources_are_named_and_left_out(swell):
-    recording = recorded(swell, 1)
-    solution = sd.fuse(recording, "vru", every=1000)
+    solution = sd.fuse(recorded(swell, 1), "vru", every=1000)
     assert any("vru has no use for magnetometer" in note for note in solution.meta["notes"]) and solution.innovations.names == ("barometer",)
 
 
 def test_the_first_height_unties_from_the_start(swell):
     """Before it height is that of the start and heave; after it the start's own uncertainty counts, and the height is the one measured."""
     recording = recorded(swell, 2)
-    late = height("altitude", np.arange(200.0, 300.0), 545.0, 2.0)
-    solution = sd.fuse(replace(recording, aidings=(late,)), "vru", start=sd.align(recording, sd.grade("industrial"), position=False)._replace(
-        lla=(PLACE[0], PLACE[1], 50.0)), every=25)
+    begin = sd.align(recording, sd.grade("industrial"), position=False)._replace(lla=(PLACE[0], PLACE[1], 50.0))
+    solution = sd.fuse(replace(recording, aidings=(height("altitude", np.arange(200.0, 300.0), 545.0, 2.0),)), "vru", start=begin, every=25)
     h, deviation = solution.trajectory.lla[:, 2], solution.trajectory.sd[:, 2]
     before, after = (solution.t > 120) & (solution.t < 199.5), (solution.t > 260) & (solution.t < 299)
     assert abs(h[before].mean() - 50) < 0.3 and (deviation[before] < 0.3).all()
@@ -338,3 +337,13 @@ def test_a_stream_is_the_batch_bit_for_bit(swell):
     finally:
         engine.CHUNK = engine_chunk
     assert np.array_equal(again.covariance, solution.covariance) and np.array_equal(again.trajectory.lla[:, 2], solution.trajectory.lla[:, 2])
+
+
+def test_a_gap_is_survived(swell):
+    """20 s without samples, at an unknown place: the height is uncertain for a while, and says so."""
+    recording = recorded(swell, 5)
+    keep = (recording.imu.t < 200) | (recording.imu.t > 220)
+    made = replace(recording, imu=type(recording.imu)(*(column[keep] for column in recording.imu)), aidings=(sea(),), meta={"grade": "industrial"})
+    e = sd.errors(sd.fuse(made, "vru"), recording.reference)
+    after = e.t > 220
+    assert (np.abs(e.position[after, 2]) < 3 * e.sd[after, 2]).all() and e.sd[after][0, 2] > 4 * e.sd[-1, 2]

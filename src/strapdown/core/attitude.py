@@ -4,7 +4,7 @@ The six are attitude (6-8, in n) and gyro bias (12-14); they keep their places i
 """
 import math
 
-from .compiling import helper
+from .compiling import helper, inlined
 from .gaussian import LEAST_NOISE, decay
 from .rotation import orthonormalise, rotate_left, rotate_right
 
@@ -86,7 +86,7 @@ def propagate(P, C, w0, w2, q, dt, noise):
         P[12 + i, 12 + i] += walk
 
 
-@helper
+@inlined
 def measured(P, h0, h1, h2, e, variance, gate, dx, record):
     """One scalar e = h . attitude error + noise: takes from P what it tells and adds it to the correction dx (6 numbers), unless its NIS is above `gate`.
 

@@ -131,7 +131,7 @@ if COMPILED:
     CORRECT = _f8(BELIEF, _line, _line, _i8, types.FunctionType(OBSERVE), _line, _f8, _line)
     RUN = types.void(_i8, _i8, _count, BELIEF, IMU, FIXES, NOISE, CURSOR, OUTPUT)
     BACK = types.void(_line, _line, _table, _line)
-    RUN_BACK = types.void(_i8, _table, _count, _cube, _count, _line, _table, _line, _table, _cube)
+    RUN_BACK = types.void(_i8, _table, _count, _cube, _count, _line, _table, _line, _table)
 else:
     OBSERVE, PREDICT, CORRECT, RUN, BACK, RUN_BACK = "observe", "predict", "correct", "run", "back", "run back"
 
@@ -139,7 +139,7 @@ else:
 class Smoother(NamedTuple):
     """How the calls of a filter are undone, last one first."""
     tape: slice         # of aux: what a call of predict or correct leaves there
-    back: Callable      # (tape row, lam (k,), Lam (k, k), work): the adjoint of that call, on the states that the filter estimates
+    back: Callable      # (tape row, lam (k,), Lam (k, k), work (2 k k,)): the adjoint of that call, on the states that the filter estimates and the tail
 
 
 class Filter(NamedTuple):

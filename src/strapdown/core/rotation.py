@@ -51,6 +51,18 @@ def matrix_to_quaternion(C, q):
 
 
 @helper
+def turn_quaternion(x, y, z, q):
+    """q <- exp([x y z]/2) q, scalar first and not negative: a rotation vector in the frame on the left, rad, by any angle."""
+    a, b = _exponential(0.5 * x, 0.5 * y, 0.5 * z)
+    w, x, y, z = 1 - 0.25 * b * (x * x + y * y + z * z), 0.5 * a * x, 0.5 * a * y, 0.5 * a * z
+    q0, q1, q2, q3 = q[0], q[1], q[2], q[3]
+    sign = 1.0 if w * q0 - x * q1 - y * q2 - z * q3 >= 0 else -1.0
+    w, x, y, z = sign * w, sign * x, sign * y, sign * z
+    q[0], q[1] = w * q0 - x * q1 - y * q2 - z * q3, w * q1 + x * q0 + y * q3 - z * q2
+    q[2], q[3] = w * q2 - x * q3 + y * q0 + z * q1, w * q3 + x * q2 - y * q1 + z * q0
+
+
+@helper
 def _exponential(x, y, z):
     """sin(|r|)/|r| and (1 - cos|r|)/|r|^2 of a rotation vector r, with their series near zero."""
     square = x * x + y * y + z * z

@@ -11,7 +11,6 @@ from ..core.contract import BACK, CORRECT, MAGNETIC_KIND, PREDICT, Filter, Smoot
 from ..core.earth import GRAVITY_EQUATOR, RATE
 from ..core.error_state import BLOCK, DX, OWN, auxiliary, observed
 from ..core.gaussian import decay
-from ..core.rotation import wrap
 
 EARTH_N, EARTH_D = OWN, OWN + 1     # Earth rate, rad/s
 LOW_PASS, ACCELERATION, RATE_ERROR, HEADING, TIMING, DISTURBANCE = range(OWN + 2, OWN + 8)     # the options, as numbers
@@ -138,10 +137,10 @@ def _field(belief, y, sd, parameters, gate, innovation):
     down = C[2, 0] * y[0] + C[2, 1] * y[1] + C[2, 2] * y[2]
     square = north * north + east * east
     innovation[0] = innovation[1] = innovation[2] = math.nan
-    if not square > 0:
+    if not (square > 0 and parameters[0] * parameters[0] + parameters[1] * parameters[1] > 0):
         aux[TAPE], aux[FIRST_RECORD.start + UNUSED] = FIX, 0.0
         return math.nan
-    innovation[0] = wrap(math.atan2(parameters[1], parameters[0]) - math.atan2(east, north))
+    innovation[0] = math.atan2(parameters[1] * north - parameters[0] * east, parameters[0] * north + parameters[1] * east)
     if aux[SINCE] > 0:
         aux[INTERVAL], aux[SINCE] = min(aux[SINCE], 1.0), 0.0
     if aux[STRENGTH] == 0:

@@ -128,12 +128,11 @@ def _field(belief, y, parameters, innovation):
     m2 = C[2, 0] * y[0] + C[2, 1] * y[1] + C[2, 2] * y[2]
     along = m0 * u0 + m1 * u1 + m2 * u2
     m0, m1, m2 = m0 - along * u0, m1 - along * u1, m2 - along * u2
-    size = math.sqrt(m0 * m0 + m1 * m1 + m2 * m2)
-    declination = math.atan2(parameters[1], parameters[0])
-    if not size > 0:
+    size, level = math.sqrt(m0 * m0 + m1 * m1 + m2 * m2), math.sqrt(parameters[0] * parameters[0] + parameters[1] * parameters[1])
+    if not (size > 0 and level > 0):
         return
-    n0, n1 = math.cos(declination), math.sin(declination)
-    innovation[0] = wrap(declination - math.atan2(m1, m0))
+    n0, n1 = parameters[0] / level, parameters[1] / level
+    innovation[0] = math.atan2(m0 * n1 - m1 * n0, m0 * n0 + m1 * n1)
     _pull(belief, -m2 * n1 / size, m2 * n0 / size, (m0 * n1 - m1 * n0) / size, aux[K2], aux[SINCE_FIELD])
     aux[SINCE_FIELD] = 0.0
 

@@ -11,7 +11,7 @@ from ..core.earth import gravity
 from ..core.error_state import DX, OWN, WORK, inject_tail, observed
 from ..core.gaussian import decay, update
 from . import attitude_mekf
-from .attitude_mekf import predict_attitude
+from .attitude_mekf import TOLD, predict_attitude
 
 VERTICAL = (2, 5, 9, 10, 11)
 """Places of height, vertical velocity and accelerometer bias among the error states."""
@@ -19,9 +19,12 @@ HEIGHT_SD = 10e3
 """m: nothing that a barometer or the sea aids is further from height 0; an unknown place says the radius of the Earth."""
 LEAST_ACCEL, SHORTEST = 1e-6, 1e-3
 """m/s/sqrt(s): accelerometer noise to reckon with at least; s: between two heights of zero-sea-level, which may come at one time."""
+MANY = 18
+"""Independent heights, six waves, after which their average is better than that of so many."""
 LEVEL, VARIANCE, MEASURED = range(OWN + 20, OWN + 23)   # height (m) and its variance (m^2) at the start; 1 once a source has measured the height
-SINCE_LEVEL, TETHER = OWN + 23, OWN + 24                # s since the last zero-sea-level; density of the waves before any source, m^2 s
-DENSITY, INDEPENDENT = OWN + 25, OWN + 26               # density of waves with 1 m of heave, m^2 s; s from which on fixes are independent
+SINCE_LEVEL, HEAVE = OWN + 23, OWN + 24                 # s since the last zero-sea-level; variance of the heave before any source, m^2
+DENSITY, INDEPENDENT = OWN + 25, OWN + 26               # density of waves with 1 m of heave, m^2 s; s from which on heights are independent
+SETTLED = OWN + 30                                      # s since the start or the last gap
 DEVIATION = slice(OWN + 27, OWN + 30)                   # of a fix, with what it does not know, m
 """Places in aux."""
 
@@ -41,8 +44,8 @@ def start(start, noise, heave=1.0, wave_period=10.0, low_pass=2.0, acceleration=
         belief.P[i, i] = min(start.sd[i], HEIGHT_SD) ** 2
     aux = belief.aux
     aux[LEVEL], aux[VARIANCE] = belief.lla[2], belief.P[2, 2]
-    aux[DENSITY], aux[INDEPENDENT] = wave_density(noise.accel, wave_period), wave_period / 3
-    aux[TETHER] = aux[DENSITY] * heave ** 1.6 if wave_period else heave ** 2
+    aux[DENSITY], aux[INDEPENDENT] = wave_density(noise.accel, wave_period) if wave_period else 1.0, wave_period / 3
+    aux[HEAVE] = heave ** 2
     return belief
 
 
@@ -53,7 +56,7 @@ def wave_density(accel, wave_period):
     q^1/2 a filter of height and velocity takes density S for a corner of w0 = (q/S)^1/4. Of waves at w it lets 2 (w0/w)^2 s^2 through, the noise adds
     q/(2 sqrt(2) w0^3); their sum is least at w0^5 = 3 q w^2/(8 sqrt(2) s^2).
     """
-    w, q = 2 * math.pi / wave_period if wave_period else 1.0, max(accel, LEAST_ACCEL) ** 2
+    w, q = 2 * math.pi / wave_period, max(accel, LEAST_ACCEL) ** 2
     return q ** 0.2 * (8 * math.sqrt(2) / (3 * w * w)) ** 0.8
 
 
@@ -64,9 +67,17 @@ def predict(belief, u, dt, noise):
         _fall(belief, u, dt, noise)
         _spread(belief, dt, noise)
         predict_attitude(belief, u, dt, noise)
-        belief.aux[SINCE_LEVEL] += dt
-        if belief.aux[MEASURED] == 0:
-            _tether(belief, belief.aux[TETHER] / dt)
+        aux = belief.aux
+        aux[SINCE_LEVEL] += dt
+        aux[SETTLED] = 0.0 if noise.accel > aux[TOLD] else aux[SETTLED] + dt
+        if aux[MEASURED] == 0:
+            _tether(belief, _waves(aux, aux[HEAVE]) / dt)
+
+
+@helper
+def _waves(aux, variance):
+    """Density (m^2 s) of waves of that variance (m^2): of independent heights until the filter has seen enough of them."""
+    return variance * aux[INDEPENDENT] if aux[SETTLED] < MANY * aux[INDEPENDENT] else aux[DENSITY] * variance ** 0.8
 
 
 @helper
@@ -140,19 +151,24 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     rows = observed(belief, y, observe, parameters, innovation, H)
     if math.isnan(innovation[0]):
         return math.nan
-    if aux[MEASURED] == 0:
-        _untie(P, aux)
-    a, b = H[0, 6], H[0, 7]
+    a, b, known = H[0, 6], H[0, 7], P[2, 2]
     variance = sd[0] * sd[0] + a * a * P[6, 6] + 2 * a * b * P[6, 7] + b * b * P[7, 7]
     H[0, 6] = H[0, 7] = 0.0
     waves = kind == SEA_LEVEL_KIND and seconds < aux[INDEPENDENT]
-    if waves:   # one height errs by all the heave, and is gated so; many in a row know better
-        nis, limit = innovation[0] * innovation[0] / (P[2, 2] + variance), math.inf
-        variance = aux[DENSITY] * variance ** 0.8 / max(seconds, SHORTEST)
+    if aux[MEASURED] == 0:
+        known = aux[VARIANCE]
+        for k in range(STATES, n):
+            known += H[0, k] * H[0, k] * P[k, k]
+    gated = waves or aux[MEASURED] == 0
+    if gated:   # one height errs by all the heave, and is gated so; many in a row know better
+        nis, limit = innovation[0] * innovation[0] / (known + variance), math.inf
+        variance = _waves(aux, variance) / max(seconds, SHORTEST) if waves else variance
+    if nis <= gate and aux[MEASURED] == 0:
+        _untie(P, aux)
     if nis <= gate:
         aux[DEVIATION][0] = math.sqrt(variance)
         found = update(P, H, innovation, aux[DEVIATION], rows, limit, aux[WORK:], aux[DX])
-        nis = nis if waves else found
+        nis = nis if gated else found
     if nis <= gate:
         if kind == SEA_LEVEL_KIND:
             aux[SINCE_LEVEL] = 0.0

@@ -92,7 +92,8 @@ def of_the_imu(part, files):
         raise DataError(f"{files.path}: [imu] temperature: is missing; the table of {tables[0]} in {part.calibration} needs "
                         'temperature = { column = "...", unit = "degC" }')
     if part.temperature is not None and not tables:
-        raise DataError(f"{files.path}: [imu] temperature: belongs to a temperature table of gyro or accel in calibration, and there is none; leave it out")
+        raise DataError(f"{files.path}: [imu] temperature: belongs to a temperature table of gyro or accel in calibration, "
+                        "and there is none; leave it out")
     return found
 
 
@@ -106,8 +107,8 @@ def corrected(part, files, imu):
         if correction.temperature:
             bias, outside = correction.at(temperature)
             if outside.any():
-                low, high = correction.temperature[0][0], correction.temperature[-1][0]
-                notes.append(f"{name}: {counted(int(outside.sum()), 'sample')} at {temperature[outside].min():.1f} to {temperature[outside].max():.1f} degC, "
+                low, high, beyond = correction.temperature[0][0], correction.temperature[-1][0], temperature[outside]
+                notes.append(f"{name}: {counted(len(beyond), 'sample')} at {beyond.min():.1f} to {beyond.max():.1f} degC, "
                              f"outside the temperature table ({low:g} to {high:g} degC); the bias of its end is used there")
         results.append((increments - bias * imu.dt[:, None]) @ correction.matrix.T)
     return *results, notes

@@ -95,7 +95,8 @@ def hard_and_soft_iron(t, y, imu, strength, dip=None):
     size = strength if strength is not None else typical(y[known])
     static, turned = ellipsoid(y, size), turning(t, y, imu, size, dip)
     if turned is not None and not turned[0].held and np.linalg.det(turned[0].matrix) < 0:
-        raise DataError("magnetometer: its axes are left-handed against those of the gyros: one column has the wrong sign; put it right in the table, or by scale")
+        raise DataError("magnetometer: its axes are left-handed against those of the gyros: one column has the wrong sign; "
+                        "put it right in the table, or by scale")
     fits = [(static, "ellipsoid", None)] + ([(turned[0], "turning", turned[1])] if turned is not None else [])
     fits = [each for each in fits if not each[0].missing and each[0].used.sum() >= 10 and np.linalg.det(each[0].matrix) > 0]
     if not fits:
@@ -131,9 +132,5 @@ def lacking(axes, words):
     """"no rest with the z axis up (within 30 deg), ..."; axes are half-axes such as "+z", the direction of specific force, or of the field."""
     within = f"(within {np.degrees(NEAR):.0f} deg)"
     if "rest" in words:
-        return f"{words} the {', the '.join(f'{axis[1]} axis {_up(axis)}' for axis in axes)} {within}" if axes else "no direction lacks, but some are too alike"
+        axes = [f"the {axis[1]} axis {'up' if axis[0] == '+' else 'down'}" for axis in axes]
     return f"{words} {', '.join(axes)} {within}" if axes else "no direction lacks, but some are too alike"
-
-
-def _up(axis):
-    return "up" if axis[0] == "+" else "down"

@@ -16,7 +16,7 @@ from .ellipsoid import OUTLIER, STEPS, WEAKEST, Fit, inflation, spread, weakest_
 
 WINDOW = 30.0       # s: long against turns, short against the wander of a gyro of 0.1 deg/s
 EPOCH = 0.1         # s between the samples that are used, at least
-LAG = 2.0           # s between the samples of the linear start
+LAG = 2.0           # s between the samples of the linear start, in a window of full length
 LEVEL = 0.1         # weight of a sample's height above the horizon in the start: a change of velocity by 30 m/s in a window tilts it by 0.1 rad
 GYRO_SD = 0.1       # rad/s, of the bias before the fit
 GAP = 1.75          # of the median interval
@@ -42,21 +42,22 @@ class State(NamedTuple):
 
 def windows(t, y, imu, strength):
     """The Windows of samples y (n, 3) at t (n,) s; None where there are fewer than 20 samples without a gap."""
-    ends, known = np.r_[imu.t[0] - imu.dt[0], imu.t], np.isfinite(y).all(axis=1)
-    rows = np.flatnonzero(known & (t >= ends[0]) & (t <= ends[-1]))
+    after = np.minimum(np.searchsorted(imu.t, t - 1e-6), len(imu.t) - 1)
+    covered = (t <= imu.t[-1] + 1e-6) & (t >= imu.t[after] - imu.dt[after] - 1e-6)
+    rows = np.flatnonzero(np.isfinite(y).all(axis=1) & covered)
     if len(rows) < 20:
         return None
     rows = rows[::max(1, round(EPOCH / max(float(np.median(np.diff(t[rows]))), 1e-6)))]
-    breaks = imu.t[1:][np.diff(imu.t) > imu.dt[1:] * GAP]
     spacing = float(np.median(np.diff(t[rows])))
-    part = np.searchsorted(breaks, t[rows]) + np.cumsum(np.r_[0, np.diff(t[rows]) > 3 * spacing])
+    gaps = np.cumsum(np.r_[False, np.diff(imu.t) > imu.dt[1:] * GAP])
+    part = gaps[after[rows]] + np.cumsum(np.r_[0, np.diff(t[rows]) > 3 * spacing])
     stretches = [rows[part == k] for k in np.unique(part)]
     length = min(max(20, round(WINDOW / spacing)), max(map(len, stretches)))
     kept = [np.array_split(s[:len(s) // length * length], len(s) // length) for s in stretches if len(s) >= length]
     if length < 20 or not kept:
         return None
     rows = np.array([window for s in kept for window in s])
-    C, S, V = _attitude(t[rows.ravel()], imu, ends)
+    C, S, V = _attitude(t[rows.ravel()], imu)
     C, S, V = (each.reshape(*rows.shape, *each.shape[1:]) for each in (C, S, V))
     turn, slip, force = np.tile(np.eye(3), (*rows.shape, 1, 1)), np.zeros(C.shape), np.zeros(V.shape)
     turn[:, 1:] = np.swapaxes(C[:, :-1], -1, -2) @ C[:, 1:]
@@ -65,7 +66,7 @@ def windows(t, y, imu, strength):
     return Windows(rows, y[rows] / strength, turn, slip, force)
 
 
-def _attitude(t, imu, ends):
+def _attitude(t, imu):
     """Attitude C (n, 3, 3) by the gyros alone, its integral (n, 3, 3) and that of C f (n, 3), at times t."""
     from scipy.spatial.transform import Rotation
     total = _products(Rotation.from_rotvec(imu.dtheta).as_matrix())     # at the ends of samples
@@ -73,7 +74,7 @@ def _attitude(t, imu, ends):
     middle = start[:-1] @ Rotation.from_rotvec(imu.dtheta / 2).as_matrix()
     integral = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(middle * imu.dt[:, None, None], axis=0)])
     velocity = np.concatenate([np.zeros((1, 3)), np.cumsum(np.einsum("kij,kj->ki", middle, imu.dv), axis=0)])
-    k = np.clip(np.searchsorted(ends, t, side="left") - 1, 0, len(imu.t) - 1)
+    k = np.minimum(np.searchsorted(imu.t, t - 1e-6), len(imu.t) - 1)
     share = np.clip(1 - (imu.t[k] - t) / imu.dt[k], 0, 1)
     C = start[k] @ Rotation.from_rotvec(imu.dtheta[k] * share[:, None]).as_matrix()
     return C, integral[k] + share[:, None, None] * (integral[k + 1] - integral[k]), velocity[k] + share[:, None] * (velocity[k + 1] - velocity[k])
@@ -122,7 +123,7 @@ def _held(w, state, free, weight):
 
 def _start(w, dip):
     """The State of the linear fit: M y - c turned by the gyros from sample to sample; with M = identity where that does not determine M."""
-    lag = min(w.z.shape[1] - 1, max(1, round(LAG / EPOCH)))
+    lag = max(1, round(w.z.shape[1] * LAG / WINDOW))
     C, _ = _turned(w, np.zeros(3))
     down = np.einsum("wkji,wj->wki", C, _down(w, C))                # at each sample
     R = (np.swapaxes(C[:, :-lag], -1, -2) @ C[:, lag:]).reshape(-1, 3, 3)
