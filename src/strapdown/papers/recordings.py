@@ -17,6 +17,7 @@ from ..metrics import errors, moving_windows, outages, rms
 from ..reports.page import report
 from ..rest import motionless
 from ..statics import gyrocompass
+from . import magnetometer
 from .pages import claim, write_page
 
 FILTERS = ("closed-loop", "open-loop")
@@ -58,13 +59,14 @@ def reproduce(out, descriptions=None, say=None):
         raise DataError(f"{folder}: no thor75.toml there; give the folder of the descriptions (examples/recordings of the source tree)")
     flight, flight_claims, flight_links = _flight(folder, out, say)
     drive, summary, drive_claims, drive_links = _drive(folder, out, say)
+    magnetic, magnetic_claims = magnetometer.magnetometer(folder, FLIGHT, say)
     laser, laser_claims = _laser(folder)
-    claims = flight_claims + drive_claims + laser_claims
+    claims = flight_claims + drive_claims + magnetic_claims + laser_claims
     tables = {"thor75": ("thor75: rms difference from the solution on board", flight),
               "drive0708-summary": ("drive0708: largest horizontal error in the nine outages", summary),
-              "drive0708": ("drive0708: every outage", drive)}
+              "drive0708": ("drive0708: every outage", drive)} | magnetic
     tables |= {"lasergyro": ("lasergyro: the Earth's rate and the heading from it", laser)} if laser is not None else {}
-    introduction = INTRODUCTION + (LASER_INTRODUCTION if laser is not None else NO_LASER)
+    introduction = INTRODUCTION + magnetometer.INTRODUCTION + (LASER_INTRODUCTION if laser is not None else NO_LASER)
     write_page(out, "strapdown on recorded data", introduction, claims, tables, flight_links + drive_links)
     return claims
 
