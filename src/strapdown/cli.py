@@ -75,7 +75,8 @@ def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="re
          heading: Annotated[Optional[float], typer.Option(metavar="DEG", help="Initial heading, where you know it (to 2 deg).")] = None,
          option: OPTION = None,
          every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
-         out: Annotated[Optional[Path], typer.Option(help="Folder for the results.  [default: NAME-FILTER]")] = None):
+         smooth: Annotated[bool, typer.Option("--smooth", help="Estimate each time from the whole recording, for filters that can be smoothed.")] = False,
+         out: Annotated[Optional[Path], typer.Option(help="Folder for the results.  [default: NAME-FILTER, or NAME-FILTER-smooth]")] = None):
     """Fuse a recording: writes solution.nc, solution.csv, report.html and, where there is a position, track.kml."""
     import strapdown as sd
     from math import inf
@@ -86,13 +87,14 @@ def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="re
     seen = part.hidden(windows)
     if windows:
         print(f"{sum(len(a.t) for a in part.aidings) - sum(len(a.t) for a in seen.aidings)} fixes withheld")
-    with results_folder(out or Path(f"{part.meta.get('name') or recording.stem}-{filter}")) as folder:
+    estimate, label, ending = (sd.smooth, f"{filter}, smoothed", "-smooth") if smooth else (sd.fuse, filter, "")
+    with results_folder(out or Path(f"{part.meta.get('name') or recording.stem}-{filter}{ending}")) as folder:
         begin = _start(seen, imu, heading)
         with Progress() as progress:
-            solution = sd.fuse(seen, filter, imu=imu, start=begin, every=every, say=progress.say, progress=progress.track(filter), **options)
+            solution = estimate(seen, filter, imu=imu, start=begin, every=every, say=progress.say, progress=progress.track(label), **options)
         summarise(solution)
         if whole.reference is not None:
-            print_errors({filter: solution}, whole.reference)
+            print_errors({label: solution}, whole.reference)
             print_outages(solution, whole.reference, windows)
         names = ["solution.nc", "solution.csv", *(["track.kml"] if solution.has_position else [])]
         for name in names:

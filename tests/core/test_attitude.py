@@ -67,7 +67,8 @@ def test_the_rotation_to_the_vertical_is_exact_at_any_tilt():
         assert math.hypot(north, east) <= math.pi + 1e-12
 
 
-@pytest.mark.parametrize("f, angle", [((0, 0, -9.8), 0.0), ((0, 0, 9.8), math.pi), ((0, 0, 0), 0.0), ((9.8, 0, 0), math.pi / 2), ((1e-9, 0, 9.8), math.pi - 1e-9 / 9.8)])
+@pytest.mark.parametrize("f, angle", [((0, 0, -9.8), 0.0), ((0, 0, 9.8), math.pi), ((0, 0, 0), 0.0), ((9.8, 0, 0), math.pi / 2),
+                                      ((1e-9, 0, 9.8), math.pi - 1e-9 / 9.8)])
 def test_the_rotation_to_the_vertical_where_it_is_singular(f, angle):
     assert math.hypot(*off_vertical(np.eye(3), np.array(f, float))) == pytest.approx(angle, abs=1e-12)
 

@@ -25,6 +25,7 @@ SEEDS, DURATION, RATE = 100, 60, 50
 BAND = 0.890, 1.116
 """chi-square quantiles 2.5 % and 97.5 % of 600 degrees of freedom over 600: of the mean of NEES/6 over 100 runs."""
 INSIDE = 0.90
+"""Least share of the epochs inside the band. Measured with 6000 other seeds: a right filter falls below it in 2 of 60 sets of 100, with either IMU."""
 WALK = ImuSpec("walking", Triad(noise=2e-3, turn_on_bias=5e-3, bias_walk=3e-4), Triad(noise=0.02))
 MARKOV = ImuSpec("Gauss-Markov", Triad(noise=2e-3, gauss_markov=5e-3, time_constant=20.0), Triad(noise=0.02))
 START_SD = np.radians([3.0, 3.0, 5.0])

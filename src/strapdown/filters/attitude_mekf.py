@@ -17,6 +17,7 @@ LOW_PASS, ACCELERATION, RATE_ERROR, HEADING, TIMING, DISTURBANCE = range(OWN + 2
 SECONDS, SINCE = OWN + 8, OWN + 9   # s that the specific force is a mean over, and since the last field
 STRENGTH, DIP = OWN + 10, OWN + 11  # of the field, running: T, rad
 INTERVAL, TOLD = OWN + 12, OWN + 13     # s between the last two fields; accelerometer noise while there are samples
+EXCESS = OWN + 14                   # mean of the size of the specific force less gravity, m/s^2
 TAPE = BLOCK.start                  # what the smoother needs of the last call: PREDICTED or FIX,
 STEP = slice(TAPE + 1, TAPE + 13)   # C dt, Earth rotation (rad), decay of the bias,
 FIRST_RECORD = slice(STEP.stop, STEP.stop + RECORD)     # and the scalar measurements
@@ -27,6 +28,10 @@ REFERENCE_TIME = 20.0
 """s: time constant of the running strength and dip while the field agrees with them."""
 AGREES = 0.05
 """Disagreement of strength (relative) and dip (rad) beyond which they are followed more slowly."""
+SIZE_TIME = 2.0
+"""s: time constant of the mean size of the specific force."""
+SIZE_ERROR = 0.15
+"""m/s^2: what the size of the specific force at rest may differ by from gravity at the equator: an accelerometer's bias, the latitude."""
 
 
 def start(start, noise, low_pass=2.0, acceleration=0.2, rate_error=0.002, heading=1.7, timing=0.03, disturbance=10.0):
@@ -34,7 +39,7 @@ def start(start, noise, low_pass=2.0, acceleration=0.2, rate_error=0.002, headin
 
     low_pass: time constant of the specific force, s; acceleration: density of what it leaves of the body's own, m/s^2 sqrt(s); rate_error: scale
     errors of the gyros, per rate, sqrt(s); heading: density of the magnetic direction, deg sqrt(s); timing: the same per angular rate, s sqrt(s), for
-    a field that lags behind the gyros; disturbance: how long one lasts, s. All 0: white noise alone.
+    a field that lags behind the gyros; disturbance: how long one of the field or of the specific force lasts, s. All 0: white noise alone.
     """
     options = dict(low_pass=low_pass, acceleration=acceleration, rate_error=rate_error, heading=heading, timing=timing, disturbance=disturbance)
     for name, value in options.items():
@@ -96,12 +101,15 @@ def _write_step(aux, C, w0, w2, keep, dt):
 
 @helper
 def _level(belief, dt):
-    """Correct by the carried specific force, which points up but for the body's own acceleration."""
-    f, dx = belief.f, belief.aux[DX]
-    if f[0] * f[0] + f[1] * f[1] + f[2] * f[2] < LEAST_FORCE * LEAST_FORCE:
+    """Correct by the carried specific force, which points up but for the body's own acceleration; its size tells how large a lasting one is."""
+    f, dx, aux = belief.f, belief.aux[DX], belief.aux
+    size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+    if size < LEAST_FORCE:
         return
     north, east = off_vertical(belief.C, f)
-    variance = belief.aux[ACCELERATION] / (GRAVITY_EQUATOR * GRAVITY_EQUATOR * dt)
+    aux[EXCESS] += min(dt / SIZE_TIME, 1.0) * (size - GRAVITY_EQUATOR - aux[EXCESS])     # a mean, because what shakes the body goes up and down
+    excess = max(abs(aux[EXCESS]) - SIZE_ERROR, 0.0)
+    variance = (aux[ACCELERATION] + aux[DISTURBANCE] * excess * excess) / (GRAVITY_EQUATOR * GRAVITY_EQUATOR * dt)
     measured(belief.P, 1.0, 0.0, 0.0, north, variance, math.inf, dx, belief.aux[FIRST_RECORD])
     measured(belief.P, 0.0, 1.0, 0.0, east, variance, math.inf, dx, belief.aux[SECOND_RECORD])
     inject(belief, dx)
@@ -144,7 +152,8 @@ def _field(belief, y, sd, parameters, gate, innovation):
     if aux[SINCE] > 0:
         aux[INTERVAL], aux[SINCE] = min(aux[SINCE], 1.0), 0.0
     if aux[STRENGTH] == 0:
-        _refer(aux, belief.f, y, math.sqrt(square + down * down))
+        horizontal = parameters[0] * parameters[0] + parameters[1] * parameters[1]
+        aux[STRENGTH], aux[DIP] = math.sqrt(horizontal + parameters[2] * parameters[2]), math.atan2(parameters[2], math.sqrt(horizontal))
     density = aux[HEADING] + aux[DISTURBANCE] * _departure(aux, square, down, aux[INTERVAL])
     density += aux[TIMING] * (omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2])
     variance = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * square) + (density / aux[INTERVAL] if aux[INTERVAL] > 0 else 0.0)
@@ -152,23 +161,15 @@ def _field(belief, y, sd, parameters, gate, innovation):
 
 
 @helper
-def _refer(aux, f, y, strength):
-    """Begin with strength (T) and dip of the field y; its dip is against the specific force, because the attitude may be far off."""
-    force = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
-    sine = -(f[0] * y[0] + f[1] * y[1] + f[2] * y[2]) / (force * strength) if force > 0 else 0.0
-    aux[STRENGTH], aux[DIP] = strength, math.asin(max(-1.0, min(1.0, sine)))
-
-
-@helper
 def _departure(aux, square, down, seconds):
-    """Variance (rad^2) of the azimuth under a disturbance as large as strength and dip are off their running values, which follow.
+    """Variance (rad^2) of the azimuth under a disturbance as large as strength and dip are off their running values, which follow from the reference on.
 
     Strength and dip see two of the three components of a disturbance; the third, across, turns the azimuth by it over the horizontal field.
     """
     strength, dip = math.sqrt(square + down * down), math.atan2(down, math.sqrt(square))
     a, b = strength / aux[STRENGTH] - 1, dip - aux[DIP]
     off = a * a + b * b
-    share = min(seconds / REFERENCE_TIME, 1.0) / max(1.0, off / (AGREES * AGREES)) ** 2
+    share = min(seconds / REFERENCE_TIME, 1.0) / max(1.0, off / (AGREES * AGREES))
     aux[STRENGTH] += share * (strength - aux[STRENGTH])
     aux[DIP] += share * b
     return off * strength * strength / square

@@ -34,12 +34,12 @@ def report(solutions, reference=None, title=None, window=None):
 
 
 def _named(solutions):
-    """{name: Solution}; filters that occur twice are numbered."""
+    """{name: Solution} by filter, and whether it was smoothed; names that occur twice are numbered."""
     if isinstance(solutions, dict):
         return solutions
     named = {}
     for solution in solutions if isinstance(solutions, (list, tuple)) else [solutions]:
-        base = str(solution.meta.get("filter", "solution"))
+        base = f"{solution.meta.get('filter', 'solution')}{', smoothed' if solution.meta.get('smoothed') else ''}"
         name, count = base, 1
         while name in named:
             count += 1
