@@ -2,6 +2,7 @@
 
 Needs the data folder (`STRAPDOWN_DATA`, or shared/data above). Gravity comes with each sample's specific force, the magnetic field at each sample too.
 """
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -20,6 +21,24 @@ ACCURACY = ["attitude, BROAD MEKF mean", "attitude, BROAD mahony mean", "attitud
 TRIAL = "02_undisturbed_slow_rotation_B"
 TURNS = 15
 """Runs of each estimator, in turns with vqf; the median counts."""
+
+
+SIMULATED = ["attitude, MEKF NEES inside", "attitude, mahony starts", "attitude, MEKF starts"]
+
+
+def simulated():
+    """[(value, note)] for `SIMULATED`: the statistics of tests/filters, whose functions these are."""
+    sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "tests" / "filters")]
+    import test_attitude_consistency as consistency
+    import test_attitude_starts as starts
+    share = min(consistency.share_inside(consistency.runs(consistency.simulated(consistency.DURATION), spec)[0]) for spec in (consistency.WALK, consistency.MARKOV))
+    found = []
+    for k in (0.5, 1.0):
+        t, error = starts.angles(0.0, "mahony", duration=20 / k + 0.5, k1=k, k2=k)
+        found.append((error[:, (t >= 10 / k) & (t <= 20 / k)] < 10).all(axis=1).sum())
+    t, error = starts.angles(0.0, "attitude-mekf")
+    return [(share, "the lower of a walking and a Gauss-Markov bias"), (min(found), "the lower of k1 = k2 = 0.5 and 1"),
+            ((error[:, t >= 60.0] < 10).all(axis=1).sum(), "")]
 
 
 def trial():

@@ -156,7 +156,7 @@ def attitude_figures(book):
     """Of the attitude estimators: on the BROAD trials, in time beside vqf, in consistency and from far-off starts."""
     book.measure(attitude.ACCURACY, attitude.accuracy)
     book.measure(list(attitude.TIMES), attitude.times)
-    book.measure(list(attitude.SIMULATED), attitude.simulated)
+    book.measure(attitude.SIMULATED, attitude.simulated)
     for figure in attitude.peer_figures():
         book.add(figure)
 

@@ -74,6 +74,26 @@ def test_adjoint_of_the_correction(seed):
     np.testing.assert_allclose(Found, back_of.T @ Lam @ back_of + np.outer(H, H) / S, rtol=1e-12, atol=1e-12)
 
 
+def test_calls_are_undone_last_step_first():
+    """A prediction and its two level rows, whose errors are strongly correlated, so that their order shows."""
+    rng = np.random.default_rng(4)
+    compile_kernel(back)
+    before = positive(rng, 6) + 3 * np.ones((6, 6))
+    C = Rotation.random(random_state=4).as_matrix()
+    P, dx, call, lam, Lam, steps = whole(before), np.zeros(6), predicted(C, 0.02, -0.03, 0.2), np.zeros(6), np.zeros((6, 6)), []
+    for h, e, place in (((1.0, 0.0, 0.0), 0.5, 13), ((0.0, 1.0, 0.0), -0.8, 13 + RECORD)):
+        H, held = np.r_[h, 0, 0, 0], P[BLOCK].copy()
+        S = H @ held @ H + 0.3
+        steps.append((H, e - H @ dx, S, np.eye(6) - np.outer(held @ H / S, H)))
+        measured(P, *h, e, 0.3, np.inf, dx, call[place:place + RECORD])
+    for H, e, S, M in steps[::-1]:
+        lam, Lam = M.T @ lam - H * e / S, M.T @ Lam @ M + np.outer(H, H) / S
+    Phi, found, Found = transition(C, 0.02, -0.03, 0.2), np.zeros(6), np.zeros((6, 6))
+    back(call, found, Found, np.zeros(72))
+    np.testing.assert_allclose(found, Phi.T @ lam, atol=1e-12)
+    np.testing.assert_allclose(Found, Phi.T @ Lam @ Phi, atol=1e-12)
+
+
 def test_what_was_not_used_says_nothing():
     rng = np.random.default_rng(3)
     P, record, lam, Lam = whole(positive(rng, 6)), np.full(RECORD, np.nan), rng.standard_normal(6), positive(rng, 6)
