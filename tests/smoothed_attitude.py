@@ -78,11 +78,6 @@ def azimuth(C, field, declination):
     return (off + np.pi) % (2 * np.pi) - np.pi, np.hypot(n[..., 0], n[..., 1])
 
 
-def cross(v):
-    x, y, z = v
-    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-
-
 def _update(C, b, P, e, H, R):
     """A correction, in Joseph's form."""
     K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)

@@ -62,6 +62,11 @@ def test_options_reach_the_smoother(command, turning):
     assert len(solution.t) == 15 and solution.t[-1] == pytest.approx(4.0, abs=0.03)
 
 
+def test_a_known_heading_needs_no_position(command, turning):
+    code, out, err = command("fuse", turning, "--filter", "attitude-mekf", "--smooth", "--heading", 70, "--out", "known")
+    assert (code, err) == (0, []) and "heading given" in out
+
+
 def test_refused_in_one_line(command, turning):
     for name in ("mahony", "closed-loop", "vru"):
         code, out, err = command("fuse", turning, "--filter", name, "--smooth")

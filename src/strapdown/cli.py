@@ -89,7 +89,7 @@ def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="re
         print(f"{sum(len(a.t) for a in part.aidings) - sum(len(a.t) for a in seen.aidings)} fixes withheld")
     estimate, label, ending = (sd.smooth, f"{filter}, smoothed", "-smooth") if smooth else (sd.fuse, filter, "")
     with results_folder(out or Path(f"{part.meta.get('name') or recording.stem}-{filter}{ending}")) as folder:
-        begin = _start(seen, imu, heading)
+        begin = _start(seen, imu, heading, filter)
         with Progress() as progress:
             solution = estimate(seen, filter, imu=imu, start=begin, every=every, say=progress.say, progress=progress.track(label), **options)
         summarise(solution)
@@ -103,15 +103,17 @@ def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="re
     print(f"wrote {folder}/{', '.join(names)}, report.html{'' if solution.has_position else '; no track.kml, because there is no position'}")
 
 
-def _start(recording, imu, heading):
-    """The Start at a heading (deg) that the user knows; None leaves it to `fuse`."""
+def _start(recording, imu, heading, filter):
+    """The Start of `filter` at a heading (deg) that the user knows; None leaves it to `fuse`."""
     if heading is None:
         return None
     import strapdown as sd
     from math import radians
+    from .engine import found, positioned
+    from .filters import find
     if not -360 <= heading <= 360:
         raise sd.DataError(f"--heading {heading:g}: it is clockwise from true north in deg, at most 360")
-    return sd.align(recording, sd.grade(imu), heading=radians(heading))
+    return sd.align(recording, sd.grade(imu), heading=radians(heading), position=positioned(found(find, filter)))
 
 
 def _grade_of(recording):

@@ -62,7 +62,7 @@ def run(predict, correct, observers, belief, imu, fixes, noise, cursor, out):
             for i in range(6):
                 sample[i] *= share
         _advance(predict, correct, observers, belief, fixes, noise, cursor, out, t, dt)
-        if not (abs(belief.lla[0]) <= LATITUDE_LIMIT and belief.P[0, 0] >= 0):
+        if not (abs(belief.lla[0]) <= LATITUDE_LIMIT and belief.P[0, 0] >= 0 and belief.P[6, 6] >= 0 and belief.C[0, 0] == belief.C[0, 0]):
             at[FAULT] = 1
             at[STOP] = row
             return

@@ -66,6 +66,7 @@ def predict_attitude(belief, u, dt, noise):
     """The step of `predict`, for every filter with this attitude."""
     aux, bg = belief.aux, belief.bg
     if dt <= 0:
+        _write_nothing(aux)
         return
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
     w0, w2 = aux[EARTH_N] * dt, aux[EARTH_D] * dt
@@ -97,6 +98,12 @@ def _write_step(aux, C, w0, w2, keep, dt):
     aux[TAPE] = PREDICTED
     for i in range(2 * RECORD):
         aux[FIRST_RECORD.start + i] = 0.0
+
+
+@helper
+def _write_nothing(aux):
+    """Leave word for the smoother that the call changed nothing."""
+    aux[TAPE], aux[FIRST_RECORD.start + UNUSED] = FIX, 0.0
 
 
 @helper
@@ -146,7 +153,7 @@ def _field(belief, y, sd, parameters, gate, innovation):
     square = north * north + east * east
     innovation[0] = innovation[1] = innovation[2] = math.nan
     if not (square > 0 and parameters[0] * parameters[0] + parameters[1] * parameters[1] > 0):
-        aux[TAPE], aux[FIRST_RECORD.start + UNUSED] = FIX, 0.0
+        _write_nothing(aux)
         return math.nan
     innovation[0] = math.atan2(parameters[1] * north - parameters[0] * east, parameters[0] * north + parameters[1] * east)
     if aux[SINCE] > 0:
