@@ -9,6 +9,7 @@ import pytest
 
 FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
 sys.path.insert(0, str(FOLDER))
+import attitude  # noqa: E402
 import bench  # noqa: E402
 import figures  # noqa: E402
 import subject  # noqa: E402
@@ -75,12 +76,18 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
     monkeypatch.setattr(workload, "score", lambda *_: workload.Rms(0.1, 0.2, 0.3))
     monkeypatch.setattr(yardstick, "run", lambda *_: None)
     monkeypatch.setattr(subject, "accuracy", lambda w, name: workload.Rms(0.311, 1.0, 1.0))
-    monkeypatch.setattr(subject, "timed_run", lambda w, name: lambda: 1e9)
+    monkeypatch.setattr(subject, "timed_run", lambda w, name, **options: lambda: 1e9)
     monkeypatch.setattr(subject, "write_log", lambda w: tmp_path)
     monkeypatch.setattr(bench.processes, "day", lambda path: (1.0, 100.0, 40.0, 0.5))
     monkeypatch.setattr(bench.processes, "first_solution", lambda log: (3.0, 1.0))
     monkeypatch.setattr(bench.processes, "help_seconds", lambda: 0.2)
-    monkeypatch.setattr(bench.recordings, "reproduce", lambda out: [{"value": 0.45}] * 8)
+    monkeypatch.setattr(bench.recordings, "reproduce", lambda out: [{"value": 0.45}] * 13)
+    monkeypatch.setattr(bench.studies, "threads", lambda: (1.7, 1.9))
+    monkeypatch.setattr(bench.studies, "peak", lambda runs: 300.0)
+    monkeypatch.setattr(bench.studies, "paper", lambda *options: (50.0, 1e8, 1.0))
+    for name, lines in (("accuracy", attitude.ACCURACY), ("times", attitude.TIMES), ("simulated", attitude.SIMULATED)):
+        monkeypatch.setattr(attitude, name, lambda lines=lines: [(0.3, "")] * len(lines))
+    monkeypatch.setattr(attitude, "peer_figures", lambda: [figures.informative("attitude, BROAD vqf", 2.6, "deg")])
     monkeypatch.setattr(bench.peers, "RUNS", (("fast", lambda w, s: bench.peers.Result(2.0, None), "smsfusion", {"A": 1.0}),
                                               ("absent", None, "no such package", {"A": 1.0})))
     monkeypatch.setattr(bench.peers, "versions", lambda: {"smsfusion": "1.0", "no such package": None})
