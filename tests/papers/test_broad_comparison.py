@@ -111,7 +111,7 @@ def test_tables_and_claims():
     trials, runs = five({"attitude-mekf": (1, 2, 3, 2.6, 4), "vqf": (1, 1, 1, 1, 2)})
     tables = broad.tables(trials, runs)
     (caption, orientation), heading = tables["orientation"], tables["heading"][1]
-    assert list(orientation.columns) == ["estimator", "02*, deg", "15, deg", "21*, deg", "24*, deg", "33, deg", "mean, deg", "mean of the untouched, deg", "time, us per sample"]
+    assert list(orientation.columns) == ["estimator", "02*, deg", "15, deg", "21*, deg", "24*, deg", "33, deg", "mean, deg", "mean of the others, deg", "time, us per sample"]
     np.testing.assert_allclose(orientation.iloc[0, 1:].astype(float), [1, 2, 3, 2.6, 4, 2.52, 3.0, 1.0], atol=1e-5)
     np.testing.assert_allclose(heading.iloc[1, 1:].astype(float), [1, 1, 1, 1, 2, 1.2, 1.5], atol=1e-5)
     assert "chosen on" in caption and (tables["inclination"][1].iloc[:, 1:].astype(float) < 1e-4).all(axis=None)
