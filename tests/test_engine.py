@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from recordings import alike, flight, rows, same, split, start, without_samples
 
 import strapdown as sd
@@ -193,6 +194,26 @@ def test_an_imu_that_nobody_named():
 
 
 @short
+@pytest.mark.short
+def test_a_start_takes_a_unit_quaternion_and_no_other():
+    turn = Rotation.from_euler("ZYX", [200.0, -30.0, 120.0], degrees=True)
+    x, y, z, w = turn.as_quat()
+    for sign in (1, -1):
+        begin = start(flight()).towards(sign * np.array([w, x, y, z]))
+        assert Rotation.from_euler("ZYX", begin.rph[::-1]).approx_equal(turn, 1e-12)
+    for wrong in ((1.0, 0.0, 0.1, 0.0), (1.0, 0.0, 0.0), (np.nan, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)):
+        with pytest.raises(ValueError, match="q_nb is .* it must be four numbers, scalar first"):
+            start(flight()).towards(wrong)
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("name, words", [("attitude-mekf", "not observed and drift"), ("mahony", "not observed and drift"), ("vru", "no source of height"), ("closed-loop", "")])
+def test_what_nothing_observes_is_said(name, words):
+    bare = replace(flight(), aidings=())
+    notes = sd.fuse(bare, name, start=start(flight())).meta["notes"]
+    assert words == "" and not notes or len(notes) == 1 and words in notes[0] and notes[0].startswith(name)
+
+
 def test_an_unknown_aiding_is_refused():
     recording = flight()
     with pytest.raises(DataError, match="no aiding is of kind 'positon'; did you mean 'position'"):

@@ -79,10 +79,11 @@ def brought(aidings):
 
 
 def usable(filter, aidings):
-    """(the sources that `filter` can use, a note about the others)."""
+    """(the sources that `filter` can use, notes about the others and about having none)."""
     fits = [filter.uses is None or a.kind in filter.uses for a in aidings]
     others = dict.fromkeys(a.name or a.kind for a, fit in zip(aidings, fits) if not fit)
-    return tuple(a for a, fit in zip(aidings, fits) if fit), [f"{filter.name} has no use for {', '.join(others)}"] if others else []
+    notes = [f"{filter.name} has no use for {', '.join(others)}"] if others else []
+    return tuple(a for a, fit in zip(aidings, fits) if fit), notes + ([f"{filter.name}: {filter.alone}"] if filter.alone and not any(fits) else [])
 
 
 def _three_columns(values):

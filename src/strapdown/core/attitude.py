@@ -13,6 +13,8 @@ SIX = (6, 7, 8, 12, 13, 14)
 RECORD, UNUSED = 11, 9
 """Numbers that a scalar measurement leaves for the smoother: gain (6), h (3), 1/variance of the innovation, innovation; the last but one is 0 where
 nothing was used."""
+UNAIDED = "no magnetic field and no heading: heading and the gyro bias about the vertical are not observed and drift"
+"""What to say where nothing measures the heading."""
 LEAST_FORCE = 0.5
 """m/s^2: a specific force below it (free fall) has no direction."""
 

@@ -2,6 +2,7 @@
 
 Everything is SI and radians, navigation frame NED, body frame forward-right-down; errors are true - estimate. `docs/design.md` tells why.
 """
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -53,6 +54,16 @@ class Start(NamedTuple):
     bg: tuple           # gyro bias, rad/s
     sd: tuple           # 15 standard deviations in the order of the error states, then those of states that aidings bring along
     note: str = ""      # how each part was found
+
+    def towards(self, q_nb):
+        """This Start with the attitude of a unit quaternion, scalar first, body to navigation. Raises ValueError where it is none."""
+        q = np.asarray(q_nb, float)
+        size = np.linalg.norm(q)
+        if q.shape != (4,) or not abs(size - 1) < 1e-3:
+            raise ValueError(f"start: q_nb is {q_nb}; it must be four numbers, scalar first, whose squares add up to 1 (here to {size * size:.4g})")
+        w, x, y, z = q / size
+        return self._replace(rph=(math.atan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z), math.asin(max(-1.0, min(1.0, 2 * (w * y - x * z)))),
+                                  math.atan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z)))
 
     def belief(self, aux):
         """A Belief at this start with a diagonal P; `aux` is the filter's own array."""
@@ -153,6 +164,7 @@ class Filter(NamedTuple):
     estimates: tuple = tuple(range(STATES))     # the states it estimates at all; the others are published as NaN. Without position it starts without one
     columns: tuple = ()     # names, with units, of its extra output columns
     uses: tuple = None      # kinds of aiding that it can use; None: all. Sources of other kinds are left out and named in the notes
+    alone: str = ""         # what to say where a recording has no source that it can use
     smoother: Smoother = None
     watch: Callable = None  # (t (n,), lla (n, 3), {column: (n,)}) -> [(t, text)]: what of the kept rows a user must know
 

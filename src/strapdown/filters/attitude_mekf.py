@@ -6,7 +6,7 @@ field are from what they were tells how large a disturbance is there, and the di
 """
 import math
 
-from ..core.attitude import LEAST_FORCE, RECORD, SIX, UNUSED, carry, inject, measured, off_vertical, propagate, turn, unmeasured, unpropagated
+from ..core.attitude import LEAST_FORCE, RECORD, SIX, UNAIDED, UNUSED, carry, inject, measured, off_vertical, propagate, turn, unmeasured, unpropagated
 from ..core.contract import BACK, CORRECT, MAGNETIC_KIND, PREDICT, Filter, Smoother, helper, kernel, matrix
 from ..core.earth import GRAVITY_EQUATOR, RATE
 from ..core.error_state import BLOCK, DX, OWN, auxiliary, observed
@@ -195,5 +195,5 @@ def back(call, lam, Lam, work):
 
 
 ATTITUDE_MEKF = Filter("attitude-mekf", "Markley (2003), J. Guidance 26(2); Fossen (2021) section 14.4.3; vertical after Laidig & Seel (2023), VQF",
-                       start, predict, correct, states=SIX, estimates=SIX, uses=("magnetic-field", "heading"),
+                       start, predict, correct, states=SIX, estimates=SIX, uses=("magnetic-field", "heading"), alone=UNAIDED,
                        smoother=Smoother(slice(TAPE, SECOND_RECORD.stop), back))

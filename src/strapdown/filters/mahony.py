@@ -6,7 +6,7 @@ The specific force is low-passed in a frame that the gyros carry, which keeps mo
 """
 import math
 
-from ..core.attitude import LEAST_FORCE, SIX, carry, turn
+from ..core.attitude import LEAST_FORCE, SIX, UNAIDED, carry, turn
 from ..core.contract import CORRECT, HEADING_KIND, MAGNETIC_KIND, PREDICT, Filter, helper, kernel
 from ..core.earth import RATE
 from ..core.error_state import OWN, auxiliary
@@ -138,4 +138,4 @@ def _field(belief, y, parameters, innovation):
 
 
 MAHONY = Filter("mahony", "Mahony, Hamel & Pflimlin (2008), IEEE TAC 53(5); Grip et al. (2013); Fossen (2021) section 14.2",
-                start, predict, correct, states=(), estimates=SIX, uses=("magnetic-field", "heading"))
+                start, predict, correct, states=(), estimates=SIX, uses=("magnetic-field", "heading"), alone=UNAIDED)

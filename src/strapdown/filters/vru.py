@@ -198,4 +198,5 @@ def _untie(P, aux):
 
 VRU = Filter("vru", "Fossen (2021) section 14.2.2 and 14.3.2, heave by a Kalman filter; attitude as attitude-mekf", start, predict, correct,
              states=(2, 5, 6, 7, 9, 10, 11, 12, 13, 14), estimates=(2, 5, 6, 7, 9, 10, 11, 12, 13, 14),
+             alone="no source of height: heave is that about the height of the start, which is taken for its mean",
              uses=("pressure", "pressure-altitude", "altitude", "zero-sea-level"))
