@@ -152,6 +152,13 @@ def test_every_command_option_filter_and_kind_is_mentioned():
 
 
 @pytest.mark.short
+def test_the_recipe_for_an_aiding_takes_the_next_free_number():
+    from strapdown import aiding
+    number = re.search(r"^VERTICAL_SPEED = (\d+)", (ROOT / "docs" / "design.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert int(number[1]) == len(aiding.sensors())
+
+
+@pytest.mark.short
 def test_index_lists_every_page():
     listed = set(LINK.findall((ROOT / "docs" / "index.md").read_text(encoding="utf-8")))
     assert {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"} <= listed

@@ -170,10 +170,12 @@ def test_the_antimeridian_is_crossed(name):
     (dict(v=(1.0, 2.0)), "start: v is (1.0, 2.0); it must be 3 finite numbers"),
     (dict(sd=(-1.0,) * 15), "start: sd has -1; standard deviations must be 0 or more"),
     (dict(sd=(1.0,) * 9), "it must be 15 finite numbers"),
+    (dict(rph=(0.0, 0.0, 180.0)), "start: rph is (0.0, 0.0, 180.0), in rad; is it in degrees?"),
+    (dict(rph="north"), "start: rph is 'north'; it must be 3 finite numbers"),
 ])
 def test_refused_in_one_line(wrong, words):
     recording = flight()
-    parts = {key: wrong.pop(key) for key in ("t", "lla", "v", "sd") if key in wrong}
+    parts = {key: wrong.pop(key) for key in ("t", "lla", "v", "sd", "rph") if key in wrong}
     if "noise" in wrong:
         wrong["noise"] = sd.Noise(*wrong["noise"])
     with pytest.raises(DataError) as error:
@@ -182,6 +184,12 @@ def test_refused_in_one_line(wrong, words):
 
 
 @short
+def test_a_start_that_is_none():
+    for wrong in ((0.0, 0.0, 0.0), {"rph": (0.0, 0.0, 0.0)}):
+        with pytest.raises(DataError, match="it must be a Start, such as `align` gives"):
+            sd.fuse(flight(), start=wrong)
+
+
 def test_an_imu_that_nobody_named():
     recording = replace(flight(), meta={})
     with pytest.raises(DataError) as error:

@@ -3,14 +3,17 @@
 The printed forms are those of the Marine Systems Simulator's acc2rollpitch.m, staticRollPitchYaw.m, ins_mekf_psi.m and gravity vector, which stand
 for the equations of Fossen (2021) chapter 14.
 """
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import strapdown as sd
 from strapdown import aiding
-from strapdown.core.contract import PARAMETERS, Belief, compile_kernel
+from strapdown.core.contract import PARAMETERS, Belief, Noise, Start, compile_kernel
 from strapdown.core.rotation import matrix_to_quaternion, rotate_left
-from strapdown.data import Trajectory
+from strapdown.data import Aiding, Recording, Trajectory
 from strapdown.statics import level, static_attitude
 
 pytestmark = pytest.mark.short
@@ -68,6 +71,78 @@ def test_b_ours_is_the_derivative_of_heading_at_every_heading(roll, pitch, headi
     assert row == pytest.approx(slope, abs=1e-4)
     body = C.T @ row        # of an error in body axes, as the book has it: [0, sin(roll), cos(roll)] / cos(pitch)
     assert body == pytest.approx([0, np.sin(roll * DEG) / np.cos(pitch * DEG), np.cos(roll * DEG) / np.cos(pitch * DEG)], abs=1e-9)
+
+
+# ---- c: measurements between the position fixes
+
+def test_c_a_field_between_position_fixes_is_used():
+    """The printed routine corrects only in a call with a position, so that the field between is lost; it is emulated by leaving those samples out."""
+    t = np.arange(1, 201) / 20.0
+    still = Recording.from_arrays(t, np.zeros((200, 3)), np.tile([0.0, 0.0, -9.8188], (200, 1)))
+    fixes = Aiding("position", t[19::20], np.tile([1.1, 0.2, 0.0], (10, 1)), np.ones((10, 3)))
+    field = Aiding("magnetic-field", t[1::2], np.tile(FIELD, (100, 1)), np.full((100, 3), 2e-6), tuple(FIELD))
+    start = Start(0.0, (1.1, 0.2, 0.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * 3 + (0.1,) * 3 + (0.01, 0.01, 0.5) + (1e-3,) * 6, "")
+    at_fixes = np.isin(field.t, fixes.t)
+    printed = field._where(at_fixes)
+    ours, theirs = (sd.fuse(replace(still, aidings=(fixes, source)), imu="consumer", start=start) for source in (field, printed))
+    assert ours.counts()["magnetic-field"] == (100, 0) and theirs.counts()["magnetic-field"] == (10, 0)
+    between = ours.innovations.t[ours.innovations.source == 1]
+    assert (~np.isin(between, fixes.t)).sum() == 90
+    heading = lambda solution, at: solution.trajectory.sd[np.argmin(np.abs(solution.t - at)), 8]
+    assert heading(ours, 0.9) < 0.1 < 0.45 < heading(theirs, 0.9)      # before the first position fix
+    assert heading(ours, 10.0) < 0.6 * heading(theirs, 10.0)
+
+
+# ---- d: weights in place of spectral densities
+
+def printed_covariance(h, weight):
+    """Covariance of velocity, attitude and the two biases (12) of a level body after 1 s by P <- Ad P Ad' + Ed Qd Ed', Ad = I + h A, Ed = h E."""
+    A, E = np.zeros((12, 12)), np.eye(12)
+    A[0:3, 3:6] = [[0, G, 0], [-G, 0, 0], [0, 0, 0]]        # a tilt turns specific force
+    A[0:3, 6:9] = A[3:6, 9:12] = -np.eye(3)
+    P, step = np.zeros((12, 12)), np.eye(12) + h * A
+    for _ in range(round(1 / h)):
+        P = step @ P @ step.T + (h * E) @ np.diag(weight) @ (h * E).T
+    return P
+
+
+def our_covariance(h, noise):
+    """The same block from the closed loop."""
+    t = h * np.arange(1, round(1 / h) + 1)
+    still = Recording.from_arrays(t, np.zeros((len(t), 3)), np.tile([0.0, 0.0, -9.8188], (len(t), 1)))
+    start = Start(0.0, (1.1, 0.2, 0.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1e-9,) * 15, "")
+    keep = [3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14]
+    return sd.fuse(still, noise=noise, start=start, covariance=True).covariance[-1][np.ix_(keep, keep)]
+
+
+def test_d_printed_weights_tie_the_tuning_to_the_step_and_densities_do_not():
+    noise = Noise(2e-3, 3e-2, 1e-4, 1e-3, 0.0, 0.0)         # roots of the densities: rad/sqrt(s), m/s/sqrt(s), rad/s/sqrt(s), m/s^2/sqrt(s)
+    q = np.repeat([noise.accel, noise.gyro, noise.accel_bias, noise.gyro_bias], 3) ** 2
+    whole, half = printed_covariance(0.01, q / 0.01), printed_covariance(0.005, q / 0.01)
+    assert np.diag(half) == pytest.approx(0.5 * np.diag(whole), rel=0.02)       # halve the step: half the covariance
+    ours = our_covariance(0.01, noise)
+    np.testing.assert_allclose(np.diag(our_covariance(0.005, noise)), np.diag(ours), rtol=0.02)
+    for h in (0.01, 0.005):         # weights of a density q: Qd = q/h
+        np.testing.assert_allclose(np.diag(printed_covariance(h, q / h)), np.diag(ours), rtol=0.03)
+
+
+# ---- f: a rotation is no difference of Euler angles
+
+@pytest.mark.parametrize("roll, pitch, wrong", [(0, 0, 0.0), (30, 0, 0.5), (0, 40, 0.3), (-50, 35, 0.3), (20, -60, 0.9)])
+def test_f_a_rotation_error_added_to_euler_angles_is_wrong_at_tilt(roll, pitch, wrong):
+    """The error in body axes of the Euler-angle filter: printed derivative of the angles I, printed compass row [0 0 1]; against central differences."""
+    C, h = matrix(roll, pitch, 70), 1e-6
+    angles = lambda error: Rotation.from_matrix(C @ Rotation.from_rotvec(error).as_matrix()).as_euler("ZYX")[::-1]
+    slope = np.stack([(angles(h * e) - angles(-h * e)) / (2 * h) for e in np.eye(3)], axis=1)
+    assert np.abs(slope - np.eye(3)).max() >= wrong and (wrong > 0 or np.allclose(slope, np.eye(3), atol=1e-8))
+    assert (observed("heading", C, 70 * DEG)[1][0, 6:9] @ C) == pytest.approx(slope[2], abs=1e-7)     # our row, its error in n, in body axes
+    error = np.array([0.02, 0.03, -0.02])
+    true = C @ Rotation.from_rotvec(error).as_matrix()
+    printed = Rotation.from_euler("ZYX", (angles(np.zeros(3)) + error)[::-1]).as_matrix()
+    ours = np.array(C, order="C")
+    rotate_left(*(C @ error), ours)
+    left = lambda estimate: Rotation.from_matrix(true.T @ estimate).magnitude()
+    assert left(ours) < 1e-12 and left(printed) > 0.1 * wrong * np.linalg.norm(error)
 
 
 # ---- g: static roll, pitch and heading

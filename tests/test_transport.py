@@ -168,6 +168,10 @@ def test_what_is_not_measured_stays_so():
     assert np.isnan(moved.y[3]).all() and np.isfinite(np.delete(moved.y, 3, 0)).all()
 
 
+def truth_backwards(truth):
+    return Trajectory(truth.t[::-1], truth.lla[::-1], q_nb=truth.q_nb[::-1])
+
+
 @pytest.mark.short
 def test_what_cannot_be_moved_is_refused():
     fixes, truth, imu, _ = antenna()
@@ -180,6 +184,8 @@ def test_what_cannot_be_moved_is_refused():
             (lambda: gnss_at(fixes, truth, lever_arm=(1.0, np.nan, 0.0)), "three numbers"),
             (lambda: imu_at(imu, (1.0, 2.0)), "three numbers"),
             (lambda: gnss_at(fixes, Trajectory(truth.t, truth.lla)), "has no attitude"),
+            (lambda: gnss_at(fixes, (np.r_[truth.t[:3], truth.t[2:]], truth.rph[np.r_[:3, 2:len(truth)]])), "do not increase: 0.04 s is followed by 0.04 s"),
+            (lambda: gnss_at(fixes, truth_backwards(truth)), "do not increase: .*sort its rows"),
             (lambda: gnss_at(fixes, (truth.t[:1], truth.rph[:1])), "fewer than two rows")):
         with pytest.raises(DataError, match=message):
             call()

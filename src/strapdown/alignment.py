@@ -11,7 +11,9 @@ from .core.earth import GRAVITY_EQUATOR, RATE
 from .data import DataError
 from .geodesy import displaced, displacement
 from .headings import LEVEL_SD_MOVING, LEVEL_SD_REST, UNKNOWN_SD, Found, earth_rate_heading, magnetic_heading, mean_force
-from .rest import at_rest
+from .place import place_of
+from .rest import at_rest, stretches
+from .rotations import running_products
 from .statics import body_to_navigation, level
 
 MOVING = 5.0                    # m/s: above it the course of the velocity is taken as heading
@@ -23,7 +25,7 @@ UNKNOWN_ACCELERATION = 3.0      # m/s^2: what a velocity may change by between f
 REST_SEARCH = 600.0             # s before the start in which rest is looked for
 REST_AHEAD = 10.0               # s after the start in which a filter of attitude alone may find it, where the record begins with rest
 REST_AGE = 30.0                 # s for which the gyros carry on the level of a rest
-UNKNOWN_SPEED, PLACE_SD, EARTH_RADIUS = 10.0, 10.0, 6.4e6   # m/s, m, m: standard deviations of what a filter of attitude alone does not need
+UNKNOWN_SPEED, EARTH_RADIUS = 10.0, 6.4e6   # m/s, m: standard deviations of what a filter of attitude alone does not need
 GYRO_SCALE = 0.01               # of the angle turned: what a MEMS gyro's scale and axes may be off by
 WEIGHTLESS = 0.8                # of gravity: a mean specific force further from it has no level in it
 
@@ -89,14 +91,15 @@ def _attitude_start(recording, imu, given, t):
         roll, pitch, level_sd, level_note = min(_levels_in_motion(recording, t, rest, age, force, b_a_sd, bg), key=lambda found: found[2])
     lla_sd = np.where(np.isfinite(lla_sd), lla_sd, EARTH_RADIUS)
     sd = [*lla_sd, *v_sd, level_sd, level_sd, psi_sd, *[b_a_sd] * 3, *bg_sd]
-    return _start(t, lla, v, (roll, pitch, psi), bg, sd, f"attitude at {0.0 if abs(t) < 0.005 else t:.2f} s, {psi_note}, {level_note}, {bias_note}, {place_note}")
+    when = 0.0 if abs(t) < 0.005 else t
+    return _start(t, lla, v, (roll, pitch, psi), bg, sd, f"attitude at {when:.2f} s, {psi_note}, {level_note}, {bias_note}, {place_note}")
 
 
 def _levels_in_motion(recording, t, rest, age, force, b_a_sd, bg):
-    """[(roll, pitch, sd, note)]: by the MeanForce, and where a rest ended `age` (s) ago by it and the gyros, whose scale errs with all they turned."""
+    """[(roll, pitch, sd, note)]: by the MeanForce, and where a rest ended `age` (s) ago by it and the gyros, whose scale errs."""
     found = [(*level(force.f), np.linalg.norm([LEVEL_SD_MOVING, b_a_sd / GRAVITY_EQUATOR, force.off]), "level from specific force alone")]
     if age < REST_AGE:
-        roll, pitch, sd, note = _level(recording, t, rest, None, None, None, None, b_a_sd, bg, None, None)
+        roll, pitch, sd, note = _level_from_rest(recording, t, rest, bg, b_a_sd)
         turned = np.linalg.norm(recording.imu.dtheta[slice(*np.searchsorted(recording.imu.t, [t - age, t]))], axis=1).sum()
         found.append((roll, pitch, np.hypot(sd, GYRO_SCALE * turned), note))
     return found
@@ -104,13 +107,8 @@ def _levels_in_motion(recording, t, rest, age, force, b_a_sd, bg):
 
 def _place(recording, fixes, t):
     """Position (rad, rad, m), its sd (m) and a note: the recording's place, else the fix nearest to t, else the equator with an infinite sd."""
-    place = recording.meta.get("place")
-    if place is not None:
-        return np.array(place, float), np.full(3, PLACE_SD), "place given"
-    if fixes is None:
-        return np.zeros(3), np.full(3, np.inf), "place unknown: 0 deg latitude assumed; give place"
-    k = int(np.argmin(np.abs(fixes.t - t)))
-    return fixes.y[k], fixes.sd[k], "place of the nearest fix"
+    found = place_of(recording.meta, [fixes] if fixes is not None else [], t)
+    return found or (np.zeros(3), np.full(3, np.inf), "place unknown: 0 deg latitude assumed; give place")
 
 
 def _arm(source):
@@ -167,8 +165,8 @@ def _rest_before(recording, t, ahead=0.0):
     first, n = np.searchsorted(imu.t, [t - REST_SEARCH, t + ahead])
     if n - first < 2:
         return []
-    still = first + np.flatnonzero(at_rest(type(imu)(*(column[first:n] for column in imu))) & ~_moves(recording, imu.t[first:n]))
-    runs = np.split(still, np.flatnonzero(np.diff(still) > 1) + 1) if len(still) else []
+    still = at_rest(type(imu)(*(column[first:n] for column in imu))) & ~_moves(recording, imu.t[first:n])
+    runs = [np.arange(*run) for run in first + stretches(still)]
     return [run for run in runs if imu.t[run[-1]] - imu.t[run[0]] >= REST_TIME and imu.t[run[0]] - imu.dt[run[0]] <= t + 0.1]
 
 
@@ -212,14 +210,8 @@ def _or_course(found, v, moving):
 
 def _level(recording, t, rest, v, psi, psi_sd, velocity, b_a_sd, bg, omega, f):
     """Roll, pitch, their sd and a note: from the last rest, carried to t by the gyros; else from specific force less the acceleration."""
-    imu = recording.imu
-    if rest and t - imu.t[rest[-1][-1]] < REST_AGE:
-        last = rest[-1]
-        roll, pitch = level(imu.dv[last].sum(axis=0) / imu.dt[last].sum())
-        since = slice(last[-1] + 1, int(np.searchsorted(imu.t, t)))
-        roll, pitch = _carried(roll, pitch, imu.dtheta[since] - bg * imu.dt[since, None])
-        age = t - imu.t[last[-1]]
-        return roll, pitch, np.hypot(LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR) + np.radians(0.05) * age, f"level from the rest {age:.0f} s before"
+    if rest and t - recording.imu.t[rest[-1][-1]] < REST_AGE:
+        return _level_from_rest(recording, t, rest, bg, b_a_sd)
     if psi_sd == UNKNOWN_SD:
         return *level(f), LEVEL_SD_GUESSED, "level from specific force alone"
     if velocity is not None and len(velocity.t) > 1:
@@ -232,6 +224,16 @@ def _level(recording, t, rest, v, psi, psi_sd, velocity, b_a_sd, bg, omega, f):
     return *level(f - np.cross(omega, v_b)), LEVEL_SD_GUESSED, "level in motion, without the change of speed"
 
 
+def _level_from_rest(recording, t, rest, bg, b_a_sd):
+    """Roll, pitch, their sd and a note: from the last rest, carried to t by the gyros less their bias bg (rad/s)."""
+    imu, last = recording.imu, rest[-1]
+    roll, pitch = level(imu.dv[last].sum(axis=0) / imu.dt[last].sum())
+    since = slice(last[-1] + 1, int(np.searchsorted(imu.t, t)))
+    roll, pitch = _carried(roll, pitch, imu.dtheta[since] - bg * imu.dt[since, None])
+    age = t - imu.t[last[-1]]
+    return roll, pitch, np.hypot(LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR) + np.radians(0.05) * age, f"level from the rest {age:.0f} s before"
+
+
 def _level_at_rest(force, b_a_sd):
     """Roll, pitch, their sd and a note from the MeanForce of a body at rest; the sd grows with what its size differs by from gravity."""
     return *level(force.f), np.linalg.norm([LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR, force.off]), "level at rest"
@@ -240,11 +242,8 @@ def _level_at_rest(force, b_a_sd):
 def _carried(roll, pitch, dtheta):
     """Roll and pitch after the rotation increments dtheta (n, 3), rad: they turn the direction of specific force in the body."""
     from scipy.spatial.transform import Rotation
-    turn = Rotation.from_rotvec(np.vstack([np.zeros(3), dtheta]))
-    while len(turn) > 1:    # products of neighbours, in order, until one is left
-        pairs = turn[0:len(turn) - 1:2] * turn[1::2]
-        turn = Rotation.concatenate([pairs, turn[-1:]]) if len(turn) % 2 else pairs
-    return level(turn[0].inv().apply(body_to_navigation(roll, pitch, 0.0).T @ [0.0, 0.0, -GRAVITY_EQUATOR]))
+    turn = running_products(Rotation.from_rotvec(np.vstack([np.zeros(3), dtheta])))[-1]
+    return level(turn.inv().apply(body_to_navigation(roll, pitch, 0.0).T @ [0.0, 0.0, -GRAVITY_EQUATOR]))
 
 
 def _gyro_bias(recording, rest, b_g_sd):

@@ -4,8 +4,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .data import DataError
+from .geodesy import STANDARD_GRAVITY, gravity
+from .place import place_of
 
-SENSORS = ("accelerometer", "magnetometer")
 DETAIL = {"accelerometer": ("m/s^2", 1.0, "m/s^2"), "magnetometer": ("T", 1e6, "uT")}
 """SI unit, factor to the unit of tables, and that unit."""
 SAMPLES = 5000
@@ -123,26 +124,20 @@ def calibrate(recording, sensor=None, start=None, stop=None):
 
 def _accelerometer(part):
     from .sensors.calibration import lacking, rests, six_positions, coverage
-    found, gravity, notes = rests(part.imu), *_gravity(part)
-    fit = six_positions(found, gravity)
+    found, local, notes = rests(part.imu), *_gravity(part)
+    fit = six_positions(found, local)
     share, _, lack = coverage(found.force)
     if lack:
         notes.append(lacking(lack, "no rest with"))
-    return _made("accelerometer", "rests", fit, gravity, found.t, found.force, (share, lack), notes, part, _columns(part, "accel"))
+    return _made("accelerometer", "rests", fit, local, found.t, found.force, (share, lack), notes, part, _columns(part, "accel"))
 
 
 def _gravity(part):
     """(local gravity in m/s^2, notes)."""
-    from .core.earth import gravity
-    place = _place(part)
+    place = place_of(part.meta, part.aidings)
     if place is None:
-        return 9.80665, ["the place is not known: gravity is taken as 9.80665 m/s^2, which may be wrong by 0.3 %; give place"]
-    return float(gravity(np.sin(place[0]), place[2])), []
-
-
-def _place(part):
-    fixes = next((a.y for a in part.aidings if a.kind == "position" and np.isfinite(a.y).all(axis=1).any()), None)
-    return part.meta.get("place", None if fixes is None else fixes[np.isfinite(fixes).all(axis=1)][0])
+        return STANDARD_GRAVITY, [f"the place is not known: gravity is taken as {STANDARD_GRAVITY} m/s^2, which may be wrong by 0.3 %; give place"]
+    return float(gravity(place.lla[0], place.lla[2])), []
 
 
 def _magnetometer(part, source, notes):

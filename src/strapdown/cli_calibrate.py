@@ -11,7 +11,8 @@ SENSOR = Annotated[Optional[str], typer.Option(help="accelerometer, magnetometer
                                                     "[default: magnetometer, where there is one]")]
 
 
-def calibrate(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="recording.toml or .nc; docs/calibrate.md tells how to record it.")],
+def calibrate(recording: Annotated[Path, typer.Argument(metavar="RECORDING",
+                                                       help="recording.toml or .nc; docs/calibrate.md tells how to record it.")],
               sensor: SENSOR = None,
               start: Annotated[Optional[float], typer.Option("--from", metavar="T", help="First second to use.")] = None,
               stop: Annotated[Optional[float], typer.Option("--to", metavar="T", help="Last second to use.")] = None,

@@ -80,7 +80,8 @@ def reproduce(name: Annotated[str, typer.Argument(metavar="NAME", help=", ".join
     from .data import DataError
     if name not in REPRODUCTIONS:
         raise DataError(f"nothing to reproduce is called {name!r}; there is: {', '.join(REPRODUCTIONS)}")
-    given = {"--quick": quick, "--ablations": ablations, "--runs": runs, "--seed": seed, "--workers": workers, "--scheduler": scheduler, "--recordings": recordings}
+    given = {"--quick": quick, "--ablations": ablations, "--runs": runs, "--seed": seed, "--workers": workers, "--scheduler": scheduler,
+             "--recordings": recordings}
     if foreign := [option for option, value in given.items() if value and option not in REPRODUCTIONS[name]]:
         raise DataError(f"reproduce {name} has no option {foreign[0]}; leave it out")
     with results_folder(out), Progress() as progress:

@@ -16,6 +16,8 @@ CHUNK = 65536 if COMPILED else 500
 """IMU rows between two looks at the keyboard and the progress bar."""
 GATES = {1: 10.828, 2: 13.816, 3: 16.266}
 """Bound on the NIS by number of rows: 0.1 % of right fixes are rejected (chi-square quantiles)."""
+LARGEST = {"rph": 4 * np.pi, "bg": 35.0}
+"""rad and rad/s that a start can have; 35 rad/s is the range of the common MEMS gyros."""
 LONGEST_GAP = 86400.0
 """s without IMU samples; more is a mistaken clock and no pause."""
 
@@ -202,10 +204,17 @@ def assumed_noise(imu, noise, needed):
 
 def _checked(start, noise):
     """Raise DataError naming the first field of a Start or a Noise that no filter can begin with."""
+    if not isinstance(start, Start):
+        raise DataError(f"start is {start!r}; it must be a Start, such as `align` gives")
     for name, size in (("t", 1), ("lla", 3), ("v", 3), ("rph", 3), ("ba", 3), ("bg", 3), ("sd", STATES)):
-        values = np.atleast_1d(np.asarray(getattr(start, name), float))
+        try:
+            values = np.atleast_1d(np.asarray(getattr(start, name), float))
+        except (TypeError, ValueError):
+            values = np.empty(0)
         if values.shape != (size,) or not np.isfinite(values).all():
-            raise DataError(f"start: {name} is {getattr(start, name)}; it must be {size} finite number{'s' * (size > 1)}")
+            raise DataError(f"start: {name} is {getattr(start, name)!r}; it must be {size} finite number{'s' * (size > 1)}")
+        if np.abs(values).max() > LARGEST.get(name, np.inf):
+            raise DataError(f"start: {name} is {getattr(start, name)}, in rad; is it in degrees?")
     if min(start.sd) < 0:
         raise DataError(f"start: sd has {min(start.sd):g}; standard deviations must be 0 or more")
     if abs(start.lla[0]) > LATITUDE_LIMIT:

@@ -1,4 +1,4 @@
-"""Writing files so that a reader never meets half of one."""
+"""Writing files so that a reader never meets half of one, and reading TOML with complaints for people."""
 import os
 import shutil
 import tempfile
@@ -32,6 +32,19 @@ def replacing(path):
     finally:
         if part is not None:
             part.unlink(missing_ok=True)
+
+
+def read_toml(path, hint):
+    """The content of a TOML file as a dict. Raises DataError naming the file; `hint` is the remedy where it cannot be read."""
+    import tomllib
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or error}); {hint}") from error
+    except UnicodeDecodeError as error:
+        raise DataError(f"{path}: is not UTF-8 text; save it as UTF-8") from error
+    except tomllib.TOMLDecodeError as error:
+        raise DataError(f"{path}: is not TOML: {str(error).splitlines()[0]}") from error
 
 
 @contextmanager

@@ -7,6 +7,7 @@ import numpy as np
 from .core.earth import GRAVITY_EQUATOR, RATE
 from .geodesy import wrap
 from .rest import motionless
+from .rotations import running_products
 from .statics import PARALLEL, gyrocompass, level, levelled
 
 LEVEL_SD_REST, LEVEL_SD_MOVING = np.radians(0.5), np.radians(5.0)
@@ -53,7 +54,8 @@ def magnetic_heading(recording, source, t, bg, level_sd):
     words = f"dip {np.degrees(np.arctan2(seen[2], horizontal)):.0f} deg, {size * 1e6:.3g} uT"
     if sd > STEEP:
         return Found(0.0, UNKNOWN_SD, f"the magnetic field ({words}) leaves it open")
-    return Found(float(wrap(np.arctan2(-seen[1], seen[0]) + np.arctan2(reference[1], reference[0]))), float(sd), f"heading from the magnetic field ({words})")
+    heading = np.arctan2(-seen[1], seen[0]) + np.arctan2(reference[1], reference[0])
+    return Found(float(wrap(heading)), float(sd), f"heading from the magnetic field ({words})")
 
 
 class MeanForce(NamedTuple):
@@ -84,11 +86,7 @@ def mean_force(recording, t, bg):
 def _turned(dtheta):
     """(2 n + 1, 3, 3): from the body at the edges and middles of n samples, in turn, to the body at the first edge."""
     from scipy.spatial.transform import Rotation
-    total, reach = Rotation.from_rotvec(np.vstack([np.zeros(3), np.repeat(0.5 * dtheta, 2, axis=0)])), 1
-    while reach < len(total):       # running product: each holds those of the 2, 4, 8 ... before it
-        total = Rotation.concatenate([total[:reach], total[:-reach] * total[reach:]])
-        reach *= 2
-    return total.as_matrix()
+    return running_products(Rotation.from_rotvec(np.vstack([np.zeros(3), np.repeat(0.5 * dtheta, 2, axis=0)]))).as_matrix()
 
 
 def earth_rate_heading(recording, imu, t, place, moves):
@@ -109,5 +107,6 @@ def earth_rate_heading(recording, imu, t, place, moves):
     found = gyrocompass(still.rate, still.force, np.linalg.norm([b_g_sd, still.rate_sd, strange]), np.hypot(still.tilt_sd, b_a_sd / GRAVITY_EQUATOR))
     if not found.heading_sd < GYROCOMPASS_SD:
         return None
-    return Found(float(wrap(found.rph[2])), found.heading_sd,
-                 f"heading from the Earth's rate over {still.stop - still.start:.0f} s of rest (latitude {np.degrees(found.latitude):.2f} deg by its vertical part)", True)
+    note = (f"heading from the Earth's rate over {still.stop - still.start:.0f} s of rest "
+            f"(latitude {np.degrees(found.latitude):.2f} deg by its vertical part)")
+    return Found(float(wrap(found.rph[2])), found.heading_sd, note, True)

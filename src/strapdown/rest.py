@@ -29,6 +29,11 @@ def at_rest(imu, window=1.0):
     return moving[np.minimum(i + 1, len(quiet))] == moving[np.maximum(i - width + 1, 0)]
 
 
+def stretches(mask):
+    """(k, 2) int: the first row and the row after the last of each stretch where the mask (n,) is true, in order."""
+    return np.flatnonzero(np.diff(np.r_[False, mask, False])).reshape(-1, 2)
+
+
 def _spread(columns, dt, width):
     """Variance and squared mean of columns / dt over every window of `width` samples, summed over the axes."""
     variance, square = np.zeros((2, len(dt) - width + 1))
@@ -76,7 +81,8 @@ def motionless(imu, t):
     full = np.abs(seconds - STEP) < 0.1 * STEP
     rate, force = dtheta / np.where(full, seconds, np.inf)[:, None], dv / np.where(full, seconds, np.inf)[:, None]
     turning = ~full | (np.linalg.norm(rate, axis=1) >= TURNING)
-    runs = [_run(turning | (_angle(force, force[anchor]) >= TILTED), anchor) for anchor in (STEPS_BEFORE - 1, STEPS_BEFORE)]   # t may end it or begin it
+    anchors = STEPS_BEFORE - 1, STEPS_BEFORE    # t may end it or begin it
+    runs = [_run(turning | (_angle(force, force[anchor]) >= TILTED), anchor) for anchor in anchors]
     first, last = max(runs, key=lambda run: run[1] - run[0])
     if last - first < STEPS_LEAST:
         return None
@@ -86,7 +92,8 @@ def motionless(imu, t):
     scatter = parts.std(axis=0, ddof=1).max() / np.sqrt(len(parts))
     tilts = _angle(force[rows], mean_force)
     drift = _angle(force[first:first + 1], force[last - 1])[0] / (STEP * (last - first - 1))     # springs that settle: all parts have that in common
-    return Motionless(mean_rate, float(np.hypot(scatter, drift)), mean_force, float(np.sqrt(np.mean(tilts ** 2))), t + STEP * steps[first], t + STEP * steps[last])
+    return Motionless(mean_rate, float(np.hypot(scatter, drift)), mean_force, float(np.sqrt(np.mean(tilts ** 2))),
+                      t + STEP * steps[first], t + STEP * steps[last])
 
 
 def _run(moving, anchor):

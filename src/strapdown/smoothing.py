@@ -1,7 +1,7 @@
 """Offline: the best estimate at each time from the whole recording, before and after it. Forwards with the filter, then backwards (core/backward.py).
 
-The filter runs twice: once to its end, keeping its state every `CHUNK` samples, and once more through each chunk, the last one first, leaving on a tape
-what the way back needs. So beside the solution and these states memory is that of a chunk, however long the recording.
+The filter runs twice: once to its end, keeping its state every `CHUNK` samples, and once more through each chunk, the last one first, leaving
+on a tape what the way back needs. So beside the solution and these states memory is that of a chunk, however long the recording.
 """
 from typing import NamedTuple
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from .core.contract import Imu
 from .data import DataError, Trajectory
+from .geodesy import displaced
 
 CONTIGUOUS = 0.5
 """Of a sample: what may be missing between two samples for their rates to be compared, as in the loop."""
@@ -69,18 +70,20 @@ def gnss_at(fixes, attitude, imu=None, lever_arm=None, attitude_sd=None, rate_sd
     The filters here take the lever arm into account themselves, with the attitude they estimate: this is for what has no lever arm of its own.
     Raises DataError.
     """
+    from scipy.spatial.transform import Slerp
     lever_arm = _arm((*fixes.parameters, 0.0, 0.0, 0.0)[:3] if lever_arm is None else lever_arm)
     if fixes.kind not in ("position", "velocity"):
         raise DataError(f"fixes of kind {fixes.kind!r} stay where they are; position and velocity can be moved")
-    t, quaternions, deviations = _attitude(attitude)
+    t, turns, deviations = _attitude(attitude)
     outside = int(((fixes.t < t[0]) | (fixes.t > t[-1])).sum())
     if outside:
         raise DataError(f"{outside} of {len(fixes.t)} fixes are outside the attitude's {t[0]:.3f} to {t[-1]:.3f} s; take fixes.between(...) first")
-    turn = _interpolated(t, quaternions, fixes.t)
-    sd = np.zeros((len(fixes.t), 3)) + (np.array([np.interp(fixes.t, t, column) for column in deviations.T]).T if attitude_sd is None else attitude_sd)
+    turn = Slerp(t, turns)(fixes.t)
+    between = np.stack([np.interp(fixes.t, t, column) for column in deviations.T], axis=1)
+    sd = np.broadcast_to(between if attitude_sd is None else attitude_sd, (len(fixes.t), 3))
     if fixes.kind == "position":
-        y = Trajectory(fixes.t, fixes.y, np.zeros((len(fixes.t), 3)), turn.as_quat()[:, [3, 0, 1, 2]]).displaced(-lever_arm, np.zeros((len(fixes.t), 3))).lla
-        return replace(fixes, y=y, sd=_grown(fixes.sd, turn.apply(lever_arm), sd), parameters=(0.0, 0.0, 0.0))
+        arm = turn.apply(lever_arm)
+        return replace(fixes, y=displaced(fixes.y, -arm), sd=_grown(fixes.sd, arm, sd), parameters=(0.0, 0.0, 0.0))
     swing = turn.apply(np.cross(_rates(imu, fixes.t), lever_arm))
     grown = np.hypot(_grown(fixes.sd, swing, sd), rate_sd * np.linalg.norm(lever_arm))
     return replace(fixes, y=fixes.y - swing, sd=grown, parameters=(0.0, 0.0, 0.0))
@@ -94,25 +97,25 @@ def _arm(lever_arm):
 
 
 def _attitude(attitude):
-    """Times (n,), quaternions (n, 4) scalar last and standard deviations (n, 3) rad of a Trajectory or of (t, rph). Raises DataError."""
+    """Times (n,), Rotations body to navigation and standard deviations (n, 3) rad of a Trajectory or of (t, rph). Raises DataError."""
     from scipy.spatial.transform import Rotation
     if isinstance(attitude, Trajectory):
         if attitude.q_nb is None:
             raise DataError("the trajectory has no attitude; give (t, rph)")
         sd = attitude.sd[:, 6:9] if attitude.sd is not None and attitude.sd.shape[1] >= 9 else np.zeros((len(attitude), 3))
-        t, quaternions = attitude.t, attitude.q_nb[:, [1, 2, 3, 0]]
+        t, turns = attitude.t, attitude.rotation
     else:
         t, rph = (np.asarray(part, float) for part in attitude)
-        quaternions, sd = Rotation.from_euler("ZYX", rph[:, ::-1]).as_quat(), np.zeros((len(t), 3))
-    known = np.isfinite(quaternions).all(axis=1)
+        turns, sd = Rotation.from_euler("ZYX", rph[:, ::-1]), np.zeros((len(t), 3))
+    known = np.isfinite(turns.as_quat()).all(axis=1)
     if known.sum() < 2:
         raise DataError("the attitude has fewer than two rows; fixes between its rows cannot be moved")
-    return t[known], quaternions[known], np.nan_to_num(sd[known])
-
-
-def _interpolated(t, quaternions, at):
-    from scipy.spatial.transform import Rotation, Slerp
-    return Slerp(t, Rotation.from_quat(quaternions))(at)
+    t = t[known]
+    if not (np.diff(t) > 0).all():
+        row = int(np.argmin(np.diff(t) > 0))
+        raise DataError(f"the times of the attitude do not increase: {t[row]:.6g} s is followed by {t[row + 1]:.6g} s; "
+                        "sort its rows and leave out the doubles")
+    return t, turns[known], np.nan_to_num(sd[known])
 
 
 def _rates(imu, at):
@@ -122,7 +125,8 @@ def _rates(imu, at):
     rows = np.searchsorted(imu.t, at)
     outside = int(((rows == len(imu.t)) | (at < imu.t[0] - imu.dt[0])).sum())
     if outside:
-        raise DataError(f"{outside} of {len(at)} fixes are outside the IMU's {imu.t[0] - imu.dt[0]:.3f} to {imu.t[-1]:.3f} s; take fixes.between(...) first")
+        raise DataError(f"{outside} of {len(at)} fixes are outside the IMU's {imu.t[0] - imu.dt[0]:.3f} to {imu.t[-1]:.3f} s; "
+                        "take fixes.between(...) first")
     return imu.dtheta[rows] / imu.dt[rows, None]
 
 
@@ -130,4 +134,5 @@ def _grown(sd, arm, attitude_sd):
     """Standard deviations (n, 3) grown by what a rotation error of `attitude_sd` (n, 3), about north, east, down, does to `arm` (n, 3) in n."""
     north, east, down = arm.T
     a, b, c = attitude_sd.T
-    return np.sqrt(sd ** 2 + np.stack([(b * down) ** 2 + (c * east) ** 2, (a * down) ** 2 + (c * north) ** 2, (a * east) ** 2 + (b * north) ** 2], axis=-1))
+    added = [(b * down) ** 2 + (c * east) ** 2, (a * down) ** 2 + (c * north) ** 2, (a * east) ** 2 + (b * north) ** 2]
+    return np.sqrt(sd ** 2 + np.stack(added, axis=-1))

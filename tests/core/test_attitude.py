@@ -7,7 +7,7 @@ from scipy.integrate import quad_vec
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from strapdown.core.attitude import RECORD, SIX, UNUSED, carry, inject, measured, off_vertical, propagate, turn
+from strapdown.core.attitude import RECORD, SIX, INVERSE, carry, inject, measured, off_vertical, propagate, turn
 from strapdown.core.contract import Noise, Start
 from strapdown.core.error_state import auxiliary
 
@@ -145,7 +145,7 @@ def test_a_gate_leaves_everything_as_it_was():
     before, h, e = P.copy(), (0.2, -1.0, 0.4), 1.5
     nis = take(P.copy(), h, e, 0.01)[0]
     again, dx, record = take(P, h, e, 0.01, gate=0.999 * nis)
-    assert again == nis and record[UNUSED] == 0 and not dx.any()
+    assert again == nis and record[INVERSE] == 0 and not dx.any()
     np.testing.assert_array_equal(P, before)
     take(P, h, e, 0.01, gate=1.001 * nis)
     assert (P != before).any()
@@ -153,7 +153,7 @@ def test_a_gate_leaves_everything_as_it_was():
 
 def test_without_any_uncertainty_nothing_is_measured():
     nis, dx, record = take(np.zeros((15, 15)), (1.0, 0.0, 0.0), 0.1, 0.0)
-    assert math.isnan(nis) and not dx.any() and record[UNUSED] == 0
+    assert math.isnan(nis) and not dx.any() and record[INVERSE] == 0
 
 
 def test_a_measurement_without_noise_leaves_a_covariance():

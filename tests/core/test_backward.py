@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from strapdown.core.attitude import RECORD, SIX, UNUSED, measured, propagate, unmeasured, unpropagated
+from strapdown.core.attitude import RECORD, SIX, INVERSE, measured, propagate, unmeasured, unpropagated
 from strapdown.core.backward import run_back
 from strapdown.core.contract import Noise, address, compile_kernel
 from strapdown.core.loop import BIASES, LLA, NAV_WIDTH, SD, Q, V
@@ -101,7 +101,7 @@ def test_what_was_not_used_says_nothing():
         measured(P, 1.0, 0.0, 0.0, e, 0.1, gate, np.zeros(6), record)
         found, Found = lam.copy(), Lam.copy()
         unmeasured(record, found, Found, np.zeros(72))
-        assert record[UNUSED] == 0 and np.array_equal(found, lam) and np.array_equal(Found, Lam)
+        assert record[INVERSE] == 0 and np.array_equal(found, lam) and np.array_equal(Found, Lam)
 
 
 class Linear:

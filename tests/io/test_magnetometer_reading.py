@@ -116,8 +116,9 @@ def test_calibration_acts_in_the_axes_of_the_columns(build, tmp_path):
     assert "its strength varies from" in " ".join(read(build(mag=raw, toml=added('axes = "+x -y -z"'))).meta["notes"])
 
 
-def test_the_place_is_else_the_first_position_fix(build, tmp_path):
-    pd.DataFrame({"t": [1.0, 2.0], "lat": [47.0, 48.0], "lon": [8.0, 9.0], "h": [500.0, 500.0]}).to_csv(tmp_path / "gnss.csv", index=False)
+def test_the_place_is_else_the_first_complete_position_fix(build, tmp_path):
+    columns = {"t": [0.5, 0.8, 1.0, 2.0], "lat": [46.0, np.nan, 47.0, 48.0], "lon": [7.0, 7.0, 8.0, 9.0], "h": [np.nan, 500.0, 500.0, 500.0]}
+    pd.DataFrame(columns).to_csv(tmp_path / "gnss.csv", index=False)
     fixes = ('\n[[aiding]]\nkind = "position"\nfile = "gnss.csv"\ntime = { column = "t", unit = "s" }\ncolumns = ["lat", "lon", "h"]\n'
              'unit = ["deg", "deg", "m"]\nsd = 2.0\n')
     recording = read(build(toml=lambda text: without("place")(text) + fixes))

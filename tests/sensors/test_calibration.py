@@ -182,6 +182,26 @@ def test_too_few_directions_are_refused_with_those_that_lack():
         sd.calibrate(recording(imu, y), "compass")
 
 
+@pytest.mark.short
+@pytest.mark.parametrize("field", [(), (0.0, 0.0, 0.0)])
+def test_a_sensor_that_never_turned_is_refused_where_the_strength_is_unknown(field):
+    imu, C = turned(np.zeros((1200, 3)), 20.0)      # 60 s at rest
+    y = np.array([20.0, 0.0, 45.0]) * 1e-6 + 1e-7 * np.random.default_rng(1).standard_normal((1200, 3))
+    still = recording(imu, y)
+    with pytest.raises(sd.DataError, match=r"changes by \+-0\.2\d uT .* too few directions; turn the sensor through all directions, upside down too"):
+        sd.calibrate(replace(still, aidings=(replace(still.aidings[0], parameters=field),)))
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("strength", [None, STRENGTH])
+@pytest.mark.parametrize("noise", [1e-18, 1e-13, 1e-9])
+def test_nearly_constant_samples_end_in_a_sentence(strength, noise):
+    imu, _ = turned(np.zeros((600, 3)), 20.0)
+    y = FIELD + noise * np.random.default_rng(2).standard_normal((600, 3))
+    with pytest.raises(sd.DataError, match="too few directions|is constant"):
+        hard_and_soft_iron(imu.t, y, imu, strength)
+
+
 def test_a_saturated_magnetometer_is_refused():
     imu, C = tumble(30.0)
     with pytest.raises(sd.DataError, match="saturated"):

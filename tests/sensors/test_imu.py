@@ -8,7 +8,8 @@ import pytest
 from strapdown.core.contract import Imu
 from strapdown.data import DataError
 from strapdown.sensors.errors import STREAMS, WarmUp, terms
-from strapdown.sensors.imu import UNITS, ImuSpec, Triad, grade, grades, saturated
+from strapdown.sensors.imu import ImuSpec, Triad, grade, grades, saturated
+from strapdown.sensors.units import UNITS
 from strapdown.sensors.noise import FLOOR, flicker, gauss_markov_variance
 
 FILE = """
@@ -93,7 +94,7 @@ def test_a_written_file_reads_back_equal(tmp_path):
     ('time_constant = { value = 5, unit = "min" }', "", r"\[accel\]: gauss_markov is given without time_constant"),
     ('gauss_markov = { value = 2, unit = "mg" }', "", r"\[accel\]: time_constant is given without gauss_markov"),
     ('name = "mine"', "name = 3", "name must be text"),
-    ('name = "mine"', "name = ", "not valid TOML"),
+    ('name = "mine"', "name = ", "is not TOML"),
     ('unit = "min"', "unit = [1]", r"accel.time_constant: unknown unit \[1\]"),
 ])
 def test_what_is_wrong_in_a_file_is_named(tmp_path, old, new, words):
@@ -108,7 +109,7 @@ def test_unreadable_and_unwritable_paths_are_refused(tmp_path):
         with pytest.raises(DataError, match="cannot be read"):
             ImuSpec.from_toml(path)
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(DataError, match="not a UTF-8"):
+    with pytest.raises(DataError, match="is not UTF-8"):
         ImuSpec.from_toml(tmp_path / "binary.toml")
     for path in (tmp_path / "no" / "imu.toml", tmp_path):
         with pytest.raises(DataError, match="cannot be written"):

@@ -144,7 +144,7 @@ def test_an_imu_file_is_found_beside_the_scenario(tmp_path):
     ("latency_s", "delay_s", r"\[gnss\] unknown key 'delay_s'"), ("position_sd_m = [1, 1, 2]", "position_sd_m = [1, 2]", "one or three"),
     ("[start]", "[begin]", "unknown key 'begin'"), ("accel_bias_sd_m_s2 = 0.05", "accel_bias_sd_m_s2 = -1", "0 or more"), ("bank_deg = 25", "bank_deg = 95", "bank between"),
     ('imu = "industrial"', 'imu = "industrail"', "did you mean 'industrial'"), ("rate_hz = 50", 'rate_hz = "fast"', "it must be a number"),
-    ('gravity = "latitude"', 'gravity = "flat"', "height, latitude"), ("gate = inf", "gate = 0", "larger than 0"), ("rate_hz = 50", "rate_hz = ", "not valid TOML"),
+    ('gravity = "latitude"', 'gravity = "flat"', "height, latitude"), ("gate = inf", "gate = 0", "larger than 0"), ("rate_hz = 50", "rate_hz = ", "is not TOML"),
     ("repeat = 2", "repeat = 2.5", "whole number"), ("[motion]", "[[motion]]", r"write a section \[motion\]"), ("speed_m_s = 40", "speed_m_s = 4000", "faster than 3000"),
     ('name = "my flight"', "name = 3", "text in quotes"), ("rate_hz = 50", "rate_hz = 50\nduration_s = 9999", "ends at"),
     ("rate_hz = 50", "rate_hz = 0", "rate_hz is 0; it must be larger than 0"), ("rate_hz = 50", "rate_hz = nan", "rate_hz is nan; it must be a finite number"),

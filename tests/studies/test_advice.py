@@ -1,18 +1,21 @@
 """Advice on open loop, resets and closed loop: durations and missions, the rule on made-up numbers, and small ones from end to end."""
 import json
 import re
-from dataclasses import replace
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from strapdown import DataError
-from strapdown.studies.advice import _map_imus, advise, durations
+from strapdown.studies.advice import _map_imus, _map_scenarios, advise, durations
 from strapdown.consistency import Interval, proportion
 from strapdown.studies.mission import kinds, mission, seconds, spoken
 from strapdown.reports.advice import sentences
+from strapdown.sensors.barometer import Barometer
+from strapdown.sensors.gnss import Gnss
 from strapdown.sensors.imu import grade
+from strapdown.sensors.magnetometer import Magnetometer
 from strapdown.sim.scenario import scenario
 from strapdown.studies.verdicts import CLOSED, OPEN, RESET, UNDECIDED, Evidence, Rules, Runs, decide, evidence, guess, interval_of, judge, variants
 
@@ -45,6 +48,16 @@ def test_every_kind_is_cut_and_extended(kind):
     for duration in (60.0, 7000.0):
         made = mission(kind, duration)
         assert made.duration == duration <= made.motion.end and made.rate <= 20 and kind in made.name
+
+
+@pytest.mark.short
+def test_the_flights_of_the_map_have_every_sensor_of_the_mission():
+    given = mission("straight", 600.0).replace(gnss=Gnss(interval=2.0), magnetometer=Magnetometer(rate=5.0), barometer=Barometer(rate=4.0), date="2024-05-01")
+    sensors = [each.name for each in fields(given) if isinstance(getattr(given, each.name), (Gnss, Magnetometer, Barometer))]
+    assert sensors == ["gnss", "magnetometer", "barometer"]
+    for flight in _map_scenarios(given):
+        for name in [*sensors, "date", "gate", "gravity", "start_sd"]:
+            assert getattr(flight, name) == getattr(given, name), name
 
 
 @pytest.mark.short

@@ -1,20 +1,24 @@
 """Ellipsoidal height of a point of the body: y = m."""
-from ..core.contract import OBSERVE, Sensor, kernel
+from ..core.contract import OBSERVE, Sensor, helper, kernel
+from ..core.rotation import turned
 
 ALTITUDE = 3
 
 
+@helper
+def height(belief, measured, parameters, innovation, H):
+    """One row, down: estimated height of the point at the lever arm parameters[0:3] (m, body) - measured, m."""
+    north, east, down = turned(belief.C, parameters[0], parameters[1], parameters[2])
+    innovation[0] = belief.lla[2] - measured - down
+    H[0, 2] = 1.0
+    H[0, 6], H[0, 7] = east, -north
+    return 1
+
+
 @kernel(OBSERVE)
 def observe(belief, y, parameters, innovation, H):
-    """One row, down: estimated height of the point - y, m."""
-    C = belief.C
-    l0 = C[0, 0] * parameters[0] + C[0, 1] * parameters[1] + C[0, 2] * parameters[2]
-    l1 = C[1, 0] * parameters[0] + C[1, 1] * parameters[1] + C[1, 2] * parameters[2]
-    l2 = C[2, 0] * parameters[0] + C[2, 1] * parameters[1] + C[2, 2] * parameters[2]
-    innovation[0] = belief.lla[2] - y[0] - l2
-    H[0, 2] = 1.0
-    H[0, 6], H[0, 7] = l1, -l0
-    return 1
+    """One row from y = height above the ellipsoid, m."""
+    return height(belief, y[0], parameters, innovation, H)
 
 
 SENSOR = Sensor("altitude", ALTITUDE, observe, ("length",), parameters="antenna", reference="down component of the position fix")

@@ -1,12 +1,13 @@
 """The body does not accelerate: its specific force is the reaction to gravity. A constraint, for bodies that stand, float or move steadily.
 
-With true C = exp(theta) C and f = f_measured - b_a, C f + g = theta x (C f) - C delta b_a, m/s^2 in n: three rows, the third for the bias alone.
+With true C = exp(theta) C and f = f_measured - b_a, -(C f + g) = theta x (C f) - C delta b_a for the estimated C and f, m/s^2 in n: three rows, the third for the bias alone.
 An acceleration of the body goes into the attitude as its angle against g; its standard deviation is what `sd` must say.
 """
 import math
 
 from ..core.contract import GRAVITY_KIND, OBSERVE, Sensor, kernel
 from ..core.earth import gravity
+from ..core.rotation import turned
 
 GRAVITY = GRAVITY_KIND
 
@@ -15,9 +16,7 @@ GRAVITY = GRAVITY_KIND
 def observe(belief, y, parameters, innovation, H):
     """Three rows: - gravity - specific force, m/s^2 NED, of the last sample."""
     C, f = belief.C, belief.f
-    n0 = C[0, 0] * f[0] + C[0, 1] * f[1] + C[0, 2] * f[2]
-    n1 = C[1, 0] * f[0] + C[1, 1] * f[1] + C[1, 2] * f[2]
-    n2 = C[2, 0] * f[0] + C[2, 1] * f[1] + C[2, 2] * f[2]
+    n0, n1, n2 = turned(C, f[0], f[1], f[2])
     innovation[0], innovation[1], innovation[2] = -n0, -n1, -n2 - gravity(math.sin(belief.lla[0]), belief.lla[2])
     H[0, 7], H[0, 8] = n2, -n1
     H[1, 6], H[1, 8] = -n2, n0

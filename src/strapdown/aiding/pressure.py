@@ -5,7 +5,8 @@ along, in m: what the barometer reads too high.
 """
 import math
 
-from ..core.contract import FIRST, OBSERVE, Sensor, helper, kernel
+from ..core.contract import FIRST, OBSERVE, STATES, Sensor, helper, kernel
+from .altitude import height
 
 PRESSURE, PRESSURE_ALTITUDE = 10, 11
 P_0, T_0, LAPSE = 101325.0, 288.15, 6.5e-3      # Pa, K, K/m at mean sea level
@@ -25,29 +26,23 @@ def pressure_altitude(p):
 
 
 @helper
-def height(belief, measured, parameters, innovation, H):
+def biased(belief, measured, parameters, innovation, H):
     """One row, down: estimated height of the point + bias - measured, m."""
-    C, bias = belief.C, int(parameters[FIRST])
-    l0 = C[0, 0] * parameters[0] + C[0, 1] * parameters[1] + C[0, 2] * parameters[2]
-    l1 = C[1, 0] * parameters[0] + C[1, 1] * parameters[1] + C[1, 2] * parameters[2]
-    l2 = C[2, 0] * parameters[0] + C[2, 1] * parameters[1] + C[2, 2] * parameters[2]
-    innovation[0] = belief.lla[2] + belief.tail[bias - 15] - l2 - measured
-    H[0, 2] = 1.0
-    H[0, 6], H[0, 7] = l1, -l0
+    bias = int(parameters[FIRST])
     H[0, bias] = -1.0
-    return 1
+    return height(belief, measured - belief.tail[bias - STATES], parameters, innovation, H)
 
 
 @kernel(OBSERVE)
 def observe(belief, y, parameters, innovation, H):
     """One row from y = pressure, Pa."""
-    return height(belief, pressure_altitude(y[0]), parameters, innovation, H)
+    return biased(belief, pressure_altitude(y[0]), parameters, innovation, H)
 
 
 @kernel(OBSERVE)
 def observe_altitude(belief, y, parameters, innovation, H):
     """One row from y = barometric height, m."""
-    return height(belief, y[0], parameters, innovation, H)
+    return biased(belief, y[0], parameters, innovation, H)
 
 
 BIAS = dict(states=("bias [m]",), state_sd=150.0, state_walk=0.1)       # the walk: 6 m an hour, where 1 hPa of weather is 8 m

@@ -3,21 +3,15 @@
 y is the height of mean sea level above the ellipsoid, m: the undulation of the geoid where heights are ellipsoidal, 0 where heave is all that is wanted.
 """
 from ..core.contract import OBSERVE, SEA_LEVEL_KIND, Sensor, kernel
+from .altitude import height
 
 ZERO_SEA_LEVEL = SEA_LEVEL_KIND
 
 
 @kernel(OBSERVE)
 def observe(belief, y, parameters, innovation, H):
-    """One row, down: estimated height of the point - y, m; parameters[0:3] is the lever arm to the point of the waterline, m, body."""
-    C = belief.C
-    l0 = C[0, 0] * parameters[0] + C[0, 1] * parameters[1] + C[0, 2] * parameters[2]
-    l1 = C[1, 0] * parameters[0] + C[1, 1] * parameters[1] + C[1, 2] * parameters[2]
-    l2 = C[2, 0] * parameters[0] + C[2, 1] * parameters[1] + C[2, 2] * parameters[2]
-    innovation[0] = belief.lla[2] - y[0] - l2
-    H[0, 2] = 1.0
-    H[0, 6], H[0, 7] = l1, -l0
-    return 1
+    """One row, down: estimated height of the point of the waterline at parameters[0:3] (m, body) - y, m."""
+    return height(belief, y[0], parameters, innovation, H)
 
 
 SENSOR = Sensor("zero-sea-level", ZERO_SEA_LEVEL, observe, ("length",), parameters="reference", recorded=False,

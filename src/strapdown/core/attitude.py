@@ -6,13 +6,13 @@ import math
 
 from .compiling import helper, inlined
 from .gaussian import LEAST_NOISE, decay
-from .rotation import orthonormalise, rotate_left, rotate_right
+from .rotation import orthonormalise, rotate_left, rotate_right, turned
 
 SIX = (6, 7, 8, 12, 13, 14)
 """Places of attitude and gyro bias among the error states."""
-RECORD, UNUSED = 11, 9
-"""Numbers that a scalar measurement leaves for the smoother: gain (6), h (3), 1/variance of the innovation, innovation; the last but one is 0 where
-nothing was used."""
+RECORD, INVERSE = 11, 9
+"""Numbers that a scalar measurement leaves for the smoother: gain (6), h (3), 1/variance of the innovation (INVERSE), innovation; that inverse
+is 0 where nothing was used."""
 UNAIDED = "no magnetic field and no heading: heading and the gyro bias about the vertical are not observed and drift"
 """What to say where nothing measures the heading."""
 LEAST_FORCE = 0.5
@@ -43,14 +43,26 @@ def carry(f, u, r0, r1, r2, dt, share):
 
 
 @helper
+def low_passed(belief, u, r0, r1, r2, dt, time_constant, seconds, made_up):
+    """Carry belief.f along, low-passed over `time_constant` (s), or over the `seconds` since the start where those are fewer. Returns the new seconds.
+
+    Over a gap the loop makes samples up, which know nothing of the vertical: then it is carried only, and counts for less.
+    """
+    if made_up:
+        carry(belief.f, u, r0, r1, r2, dt, 0.0)
+        return max(min(seconds, time_constant) - dt, 0.0)
+    seconds += dt
+    carry(belief.f, u, r0, r1, r2, dt, max(dt / (time_constant + dt), dt / seconds))
+    return seconds
+
+
+@helper
 def off_vertical(C, f):
     """Rotation (north, east; rad) that takes the specific force f, turned to n, to straight up; (0, 0) without any force.
 
     It is the exact one, so that an attitude that is upside down finds its way too.
     """
-    n0 = C[0, 0] * f[0] + C[0, 1] * f[1] + C[0, 2] * f[2]
-    n1 = C[1, 0] * f[0] + C[1, 1] * f[1] + C[1, 2] * f[2]
-    n2 = C[2, 0] * f[0] + C[2, 1] * f[1] + C[2, 2] * f[2]
+    n0, n1, n2 = turned(C, f[0], f[1], f[2])
     across = math.sqrt(n0 * n0 + n1 * n1)
     if across < 1e-12 * abs(n2):
         return (0.0 if n2 < 0 else math.pi), 0.0
@@ -104,7 +116,7 @@ def measured(P, h0, h1, h2, e, variance, gate, dx, record):
     e -= h0 * dx[0] + h1 * dx[1] + h2 * dx[2]
     known = h0 * k0 + h1 * k1 + h2 * k2
     total = known + max(variance, LEAST_NOISE * known)
-    record[UNUSED] = 0.0
+    record[INVERSE] = 0.0
     if not total > 0:   # nothing is uncertain: no start, noise or measurement
         return math.nan
     scale = 1 / total
@@ -119,7 +131,7 @@ def measured(P, h0, h1, h2, e, variance, gate, dx, record):
         for j in range(i, 6):
             P[row, SIX[j]] -= g * gain[j]
             P[SIX[j], row] = P[row, SIX[j]]
-    record[6], record[7], record[8], record[UNUSED], record[10] = h0, h1, h2, scale, e
+    record[6], record[7], record[8], record[INVERSE], record[10] = h0, h1, h2, scale, e
     return nis
 
 
@@ -136,7 +148,7 @@ def inject(belief, dx):
 @helper
 def unmeasured(record, lam, Lam, work):
     """The adjoint of `measured`: what the scalar in `record` adds to lam and Lam (of the six states, seen from before it)."""
-    K, h, scale, q = record[0:6], record[6:9], record[UNUSED], work[0:6]
+    K, h, scale, q = record[0:6], record[6:9], record[INVERSE], work[0:6]
     if scale == 0:
         return
     along, known = record[10] * scale, scale

@@ -11,8 +11,10 @@ from numba import types
 
 from .compiling import COMPILED, address, caller, compile_kernel, entry_point, helper, is_cached, kernel, matrix, plain
 
-__all__ = ["Belief", "Start", "Noise", "Imu", "Fixes", "Cursor", "Output", "Filter", "Smoother", "Sensor", "PARAMETERS", "WALK", "FIRST", "POSITION_KIND", "HEADING_KIND", "GRAVITY_KIND", "MAGNETIC_KIND", "SEA_LEVEL_KIND", "VALID", "BRIDGED", "INVALID", "OBSERVE", "PREDICT", "CORRECT", "RUN", "BACK", "RUN_BACK",
-           "POS", "VEL", "ATT", "BA", "BG", "STATES", "COMPILED", "kernel", "helper", "matrix", "address", "entry_point", "caller", "compile_kernel", "is_cached"]
+__all__ = ["Belief", "Start", "Noise", "Imu", "Fixes", "Cursor", "Output", "Filter", "Smoother", "Sensor", "PARAMETERS", "WALK", "FIRST",
+           "POSITION_KIND", "HEADING_KIND", "GRAVITY_KIND", "MAGNETIC_KIND", "SEA_LEVEL_KIND", "VALID", "BRIDGED", "INVALID", "OBSERVE",
+           "PREDICT", "CORRECT", "RUN", "BACK", "RUN_BACK", "POS", "VEL", "ATT", "BA", "BG", "STATES", "COMPILED", "kernel", "helper",
+           "matrix", "address", "entry_point", "caller", "compile_kernel", "is_cached"]
 
 POS, VEL, ATT, BA, BG = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
 STATES = 15
@@ -177,7 +179,7 @@ class Sensor(NamedTuple):
     """One kind of aiding: how it is observed, and what the edge must know to read it."""
     name: str
     kind: int               # index of the observer, a module constant
-    observe: Callable       # (belief, y, parameters, innovation, H) -> rows, at most 3 of y - h(belief) in m, m/s or rad
+    observe: Callable       # (belief, y, parameters, innovation, H) -> rows, at most 3 of y - h(belief), SI and radians
     quantities: tuple       # what each component of y is: "latitude", "longitude", "length", "speed", "angle", "acceleration", "magnetic field", "pressure"
     parameters: str = ""    # what parameters[0:3] is: "" nothing, "antenna" or "reference": lever arm from the IMU to that point, m, body; "field": T, NED
     vector: str = ""        # frame of y where it is a vector that the description's axes turn: "n" or "b"

@@ -11,8 +11,14 @@ from .compiling import helper
 
 @helper
 def wrap(angle):
-    """`angle` in [-pi, pi], rad; NaN stays NaN."""
+    """`angle` in [-pi, pi), rad; NaN stays NaN."""
     return angle - 2 * math.pi * np.floor((angle + math.pi) / (2 * math.pi))
+
+
+@helper
+def turned(C, x, y, z):
+    """C times the vector (x, y, z)."""
+    return C[0, 0] * x + C[0, 1] * y + C[0, 2] * z, C[1, 0] * x + C[1, 1] * y + C[1, 2] * z, C[2, 0] * x + C[2, 1] * y + C[2, 2] * z
 
 
 @helper

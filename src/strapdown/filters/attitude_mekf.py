@@ -6,18 +6,22 @@ field are from what they were tells how large a disturbance is there, and the di
 """
 import math
 
-from ..core.attitude import LEAST_FORCE, RECORD, SIX, UNAIDED, UNUSED, carry, inject, measured, off_vertical, propagate, turn, unmeasured, unpropagated
+import numpy as np
+
+from ..core.attitude import (INVERSE, LEAST_FORCE, RECORD, SIX, UNAIDED, inject, low_passed, measured, off_vertical, propagate, turn, unmeasured,
+                             unpropagated)
 from ..core.contract import BACK, CORRECT, MAGNETIC_KIND, PREDICT, Filter, Smoother, helper, kernel, matrix
 from ..core.earth import GRAVITY_EQUATOR, RATE
 from ..core.error_state import BLOCK, DX, OWN, auxiliary, observed
 from ..core.gaussian import decay
+from ..core.rotation import turned
 
 EARTH_N, EARTH_D = OWN, OWN + 1     # Earth rate, rad/s
 LOW_PASS, ACCELERATION, RATE_ERROR, HEADING, TIMING, DISTURBANCE = range(OWN + 2, OWN + 8)     # the options, as numbers
 SECONDS, SINCE = OWN + 8, OWN + 9   # s that the specific force is a mean over, and since the last field
 STRENGTH, DIP = OWN + 10, OWN + 11  # of the field, running: T, rad
 INTERVAL, TOLD = OWN + 12, OWN + 13     # s between the last two fields; accelerometer noise while there are samples
-EXCESS = OWN + 14                   # mean of the size of the specific force less gravity, m/s^2
+EXCESS = 0                          # mean of the size of the specific force less gravity, m/s^2
 TAPE = BLOCK.start                  # what the smoother needs of the last call: PREDICTED or FIX,
 STEP = slice(TAPE + 1, TAPE + 13)   # C dt, Earth rotation (rad), decay of the bias,
 FIRST_RECORD = slice(STEP.stop, STEP.stop + RECORD)     # and the scalar measurements
@@ -28,6 +32,9 @@ REFERENCE_TIME = 20.0
 """s: time constant of the running strength and dip while the field agrees with them."""
 AGREES = 0.05
 """Disagreement of strength (relative) and dip (rad) beyond which they are followed more slowly."""
+FORCE_EXCESS = "force_excess [m/s^2]"   # the first number of aux
+LASTING = 1.0
+"""m/s^2: an excess of the mean size of the specific force (a bank of 25 deg has as much) that the user must know of."""
 SIZE_TIME = 2.0
 """s: time constant of the mean size of the specific force."""
 SIZE_ERROR = 0.15
@@ -78,13 +85,10 @@ def predict_attitude(belief, u, dt, noise):
     for i in range(3):
         bg[i] *= keep
     aux[SINCE] += dt
-    if noise.accel > aux[TOLD]:     # in a gap the sample is made up and knows nothing of the vertical
-        carry(belief.f, u, r0, r1, r2, dt, 0.0)
-        aux[SECONDS] = max(min(aux[SECONDS], aux[LOW_PASS]) - dt, 0.0)
-        return
-    aux[SECONDS] += dt
-    carry(belief.f, u, r0, r1, r2, dt, max(dt / (aux[LOW_PASS] + dt), dt / aux[SECONDS]))
-    _level(belief, dt)
+    made_up = noise.accel > aux[TOLD]   # the loop adds noise in a gap
+    aux[SECONDS] = low_passed(belief, u, r0, r1, r2, dt, aux[LOW_PASS], aux[SECONDS], made_up)
+    if not made_up:
+        _level(belief, dt)
 
 
 @helper
@@ -103,7 +107,7 @@ def _write_step(aux, C, w0, w2, keep, dt):
 @helper
 def _write_nothing(aux):
     """Leave word for the smoother that the call changed nothing."""
-    aux[TAPE], aux[FIRST_RECORD.start + UNUSED] = FIX, 0.0
+    aux[TAPE], aux[FIRST_RECORD.start + INVERSE] = FIX, 0.0
 
 
 @helper
@@ -117,6 +121,8 @@ def _level(belief, dt):
     aux[EXCESS] += min(dt / SIZE_TIME, 1.0) * (size - GRAVITY_EQUATOR - aux[EXCESS])     # a mean, because what shakes the body goes up and down
     excess = max(abs(aux[EXCESS]) - SIZE_ERROR, 0.0)
     variance = (aux[ACCELERATION] + aux[DISTURBANCE] * excess * excess) / (GRAVITY_EQUATOR * GRAVITY_EQUATOR * dt)
+    for i in range(6):
+        dx[i] = 0.0
     measured(belief.P, 1.0, 0.0, 0.0, north, variance, math.inf, dx, belief.aux[FIRST_RECORD])
     measured(belief.P, 0.0, 1.0, 0.0, east, variance, math.inf, dx, belief.aux[SECOND_RECORD])
     inject(belief, dx)
@@ -138,6 +144,8 @@ def _used(belief, h0, h1, h2, e, variance, gate):
     """Correct by one row. Returns its NIS, NaN where it was not measured."""
     dx, record = belief.aux[DX], belief.aux[FIRST_RECORD]
     belief.aux[TAPE] = FIX
+    for i in range(6):
+        dx[i] = 0.0
     nis = measured(belief.P, h0, h1, h2, e, variance, gate, dx, record)
     inject(belief, dx)
     return nis
@@ -147,39 +155,38 @@ def _used(belief, h0, h1, h2, e, variance, gate):
 def _field(belief, y, sd, parameters, gate, innovation):
     """Declination less the azimuth of the field y (T, body), turned to n; its derivative is exact in all three attitude errors."""
     C, aux, omega = belief.C, belief.aux, belief.omega
-    north = C[0, 0] * y[0] + C[0, 1] * y[1] + C[0, 2] * y[2]
-    east = C[1, 0] * y[0] + C[1, 1] * y[1] + C[1, 2] * y[2]
-    down = C[2, 0] * y[0] + C[2, 1] * y[1] + C[2, 2] * y[2]
+    north, east, down = turned(C, y[0], y[1], y[2])
     square = north * north + east * east
     innovation[0] = innovation[1] = innovation[2] = math.nan
     if not (square > 0 and parameters[0] * parameters[0] + parameters[1] * parameters[1] > 0):
         _write_nothing(aux)
         return math.nan
     innovation[0] = math.atan2(parameters[1] * north - parameters[0] * east, parameters[0] * north + parameters[1] * east)
-    if aux[SINCE] > 0:
-        aux[INTERVAL], aux[SINCE] = min(aux[SINCE], 1.0), 0.0
+    seconds = min(aux[SINCE], 1.0) if aux[SINCE] > 0 else aux[INTERVAL]     # of two fields at one time the second is another magnetometer's
     if aux[STRENGTH] == 0:
         horizontal = parameters[0] * parameters[0] + parameters[1] * parameters[1]
         aux[STRENGTH], aux[DIP] = math.sqrt(horizontal + parameters[2] * parameters[2]), math.atan2(parameters[2], math.sqrt(horizontal))
-    density = aux[HEADING] + aux[DISTURBANCE] * _departure(aux, square, down, aux[INTERVAL])
+    off, strength, dip = _departure(aux[STRENGTH], aux[DIP], square, down, seconds)
+    density = aux[HEADING] + aux[DISTURBANCE] * off
     density += aux[TIMING] * (omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2])
-    variance = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * square) + (density / aux[INTERVAL] if aux[INTERVAL] > 0 else 0.0)
-    return _used(belief, -north * down / square, -east * down / square, 1.0, innovation[0], variance, gate)
+    variance = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * square) + (density / seconds if seconds > 0 else 0.0)
+    nis = _used(belief, -north * down / square, -east * down / square, 1.0, innovation[0], variance, gate)
+    if nis <= gate:
+        aux[SINCE], aux[INTERVAL], aux[STRENGTH], aux[DIP] = 0.0, seconds, strength, dip
+    return nis
 
 
 @helper
-def _departure(aux, square, down, seconds):
-    """Variance (rad^2) of the azimuth under a disturbance as large as strength and dip are off their running values, which follow from the reference on.
+def _departure(strength, dip, square, down, seconds):
+    """Variance (rad^2) of the azimuth under a disturbance as large as the field is off the running strength (T) and dip (rad); and those, followed.
 
     Strength and dip see two of the three components of a disturbance; the third, across, turns the azimuth by it over the horizontal field.
     """
-    strength, dip = math.sqrt(square + down * down), math.atan2(down, math.sqrt(square))
-    a, b = strength / aux[STRENGTH] - 1, dip - aux[DIP]
+    size = math.sqrt(square + down * down)
+    a, b = size / strength - 1, math.atan2(down, math.sqrt(square)) - dip
     off = a * a + b * b
     share = min(seconds / REFERENCE_TIME, 1.0) / max(1.0, off / (AGREES * AGREES))
-    aux[STRENGTH] += share * (strength - aux[STRENGTH])
-    aux[DIP] += share * b
-    return off * strength * strength / square
+    return off * size * size / square, strength * (1 + share * a), dip + share * b
 
 
 @kernel(BACK)
@@ -194,6 +201,14 @@ def back(call, lam, Lam, work):
         unmeasured(call[first], lam, Lam, work)
 
 
+def leaning(t, lla, columns):
+    """[(t, text)] where the mean size of the specific force first leaves gravity as it does in a long turn, else []."""
+    lasting = np.abs(columns[FORCE_EXCESS]) > LASTING
+    return [(float(t[np.argmax(lasting)]), f"the mean specific force is off gravity by more than {LASTING:g} m/s^2, at {np.mean(lasting):.0%} of the times: "
+             "the body turns or accelerates for long, and the vertical errs by more than it says")] if lasting.any() else []
+
+
 ATTITUDE_MEKF = Filter("attitude-mekf", "Markley (2003), J. Guidance 26(2); Fossen (2021) section 14.4.3; vertical after Laidig & Seel (2023), VQF",
                        start, predict, correct, states=SIX, estimates=SIX, uses=("magnetic-field", "heading"), alone=UNAIDED,
+                       columns=(FORCE_EXCESS,), watch=leaning,
                        smoother=Smoother(slice(TAPE, SECOND_RECORD.stop), back))

@@ -6,12 +6,12 @@ The specific force is low-passed in a frame that the gyros carry, which keeps mo
 """
 import math
 
-from ..core.attitude import LEAST_FORCE, SIX, UNAIDED, carry, turn
+from ..core.attitude import LEAST_FORCE, SIX, UNAIDED, low_passed, turn
 from ..core.contract import CORRECT, HEADING_KIND, MAGNETIC_KIND, PREDICT, Filter, helper, kernel
 from ..core.earth import RATE
 from ..core.error_state import OWN, auxiliary
 from ..core.gaussian import decay
-from ..core.rotation import orthonormalise, rotate_left, wrap
+from ..core.rotation import orthonormalise, rotate_left, turned, wrap
 
 EARTH_N, EARTH_D = OWN, OWN + 1     # Earth rate, rad/s
 K1, K2, K3, KI, LOW_PASS = range(OWN + 2, OWN + 7)
@@ -70,14 +70,10 @@ def predict(belief, u, dt, noise):
         bg[i] *= keep
     aux[SINCE_FIELD] += dt
     aux[SINCE_COMPASS] += dt
-    if noise.accel > aux[TOLD]:     # in a gap the sample is made up and knows nothing of the vertical
-        carry(f, u, r0, r1, r2, dt, 0.0)
-        aux[SECONDS] = max(min(aux[SECONDS], aux[LOW_PASS]) - dt, 0.0)
-        return
-    aux[SECONDS] += dt
-    carry(f, u, r0, r1, r2, dt, max(dt / (aux[LOW_PASS] + dt), dt / aux[SECONDS]))
+    made_up = noise.accel > aux[TOLD]   # the loop adds noise in a gap
+    aux[SECONDS] = low_passed(belief, u, r0, r1, r2, dt, aux[LOW_PASS], aux[SECONDS], made_up)
     size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
-    if size > LEAST_FORCE and aux[K1] > 0:
+    if size > LEAST_FORCE and aux[K1] > 0 and not made_up:
         n0, n1, _ = _upwards(C, f, size)
         _pull(belief, -n1, n0, 0.0, aux[K1], dt)
     orthonormalise(C)
@@ -86,8 +82,7 @@ def predict(belief, u, dt, noise):
 @helper
 def _upwards(C, f, size):
     """The unit vector of the specific force f of that size, in n."""
-    return ((C[0, 0] * f[0] + C[0, 1] * f[1] + C[0, 2] * f[2]) / size, (C[1, 0] * f[0] + C[1, 1] * f[1] + C[1, 2] * f[2]) / size,
-            (C[2, 0] * f[0] + C[2, 1] * f[1] + C[2, 2] * f[2]) / size)
+    return turned(C, f[0] / size, f[1] / size, f[2] / size)
 
 
 @helper
@@ -123,9 +118,7 @@ def _field(belief, y, parameters, innovation):
     if not size > LEAST_FORCE:
         return
     u0, u1, u2 = _upwards(C, f, size)
-    m0 = C[0, 0] * y[0] + C[0, 1] * y[1] + C[0, 2] * y[2]
-    m1 = C[1, 0] * y[0] + C[1, 1] * y[1] + C[1, 2] * y[2]
-    m2 = C[2, 0] * y[0] + C[2, 1] * y[1] + C[2, 2] * y[2]
+    m0, m1, m2 = turned(C, y[0], y[1], y[2])
     along = m0 * u0 + m1 * u1 + m2 * u2
     m0, m1, m2 = m0 - along * u0, m1 - along * u1, m2 - along * u2
     size, level = math.sqrt(m0 * m0 + m1 * m1 + m2 * m2), math.sqrt(parameters[0] * parameters[0] + parameters[1] * parameters[1])

@@ -173,8 +173,6 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
         if kind == SEA_LEVEL_KIND:
             aux[SINCE_LEVEL] = 0.0
         _inject_vertical(belief, aux[DX])
-    for i in range(6):      # where the attitude part keeps what it has found but not injected
-        aux[DX][i] = 0.0
     return nis
 
 

@@ -2,9 +2,9 @@
 
 locate.py finds files and tables.py reads CSV; units.py and axes.py turn columns into SI and body axes; samples.py and fixes.py clean and check
 them, plausible.py looks for mistaken units and axes, origin.py names their lines in messages; schema.py and description.py are the keys of
-`recording.toml` and their complaints, recording.py what it yields; netcdf.py keeps a whole recording in one file; psins.py reads logs of the PSINS toolbox, broad.py
-attitude trials of BROAD; magnetometer.py what reading a magnetometer needs besides; inspection.py and draft.py look at a file and say what
-it holds; solution.py and kml.py write and read what a filter made of it.
+`recording.toml` and their complaints, recording.py what it yields; netcdf.py keeps a whole recording in one file; psins.py reads logs of the
+PSINS toolbox, broad.py attitude trials of BROAD; magnetometer.py what reading a magnetometer needs besides; inspection.py and draft.py look
+at a file and say what it holds; solution.py and kml.py write and read what a filter made of it.
 """
 from pathlib import Path
 
@@ -12,7 +12,10 @@ from ..data import DataError
 
 
 def read(path):
-    """A Recording from a `recording.toml`, a NetCDF file written by `write_recording`, a PSINS log (.imu) or a BROAD trial (.npz). Raises DataError of one line."""
+    """A Recording from a `recording.toml`, a NetCDF file written by `write_recording`, a PSINS log (.imu) or a BROAD trial (.npz).
+
+    Raises DataError of one line.
+    """
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".toml":

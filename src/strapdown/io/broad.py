@@ -1,8 +1,9 @@
 """Trials of BROAD, the Berlin Robust Orientation Estimation Assessment Dataset (Laidig et al. 2021, doi 10.3390/data6070072), as .npz files.
 
 A hand-held IMU with a magnetometer, its attitude and position measured by cameras. An .npz file holds `fs` (Hz), `gyr` (rad/s), `acc` (m/s^2) and
-`mag` (uT) in the axes of the sensor, `quat_wxyz_enu` (sensor to east, north, up), `pos_enu` (m), both NaN where markers were lost, and `movement`, true
-where errors count. The box lies with its z axis up; its x axis is taken as forward, so the sensor's axes are FLU and the body's are (x, -y, -z).
+`mag` (uT) in the axes of the sensor, `quat_wxyz_enu` (sensor to east, north, up), `pos_enu` (m), both NaN where markers were lost, and
+`movement`, true where errors count. The box lies with its z axis up; its x axis is taken as forward, so the sensor's axes are FLU and the
+body's are (x, -y, -z).
 
 North of the reference is magnetic north: no declination. The record does not say where it was taken; `PLACE` is nominal.
 """
@@ -14,7 +15,7 @@ import numpy as np
 
 from ..data import Aiding, DataError, Recording, Trajectory
 from ..geodesy import displaced
-from ..rest import at_rest
+from ..rest import at_rest, stretches
 from ..sensors.errors import Triad
 from ..sensors.imu import ImuSpec
 from .axes import BODY, NAVIGATION, axes_matrix
@@ -24,14 +25,15 @@ ROWS = {"gyr": 3, "acc": 3, "mag": 3, "quat_wxyz_enu": 4, "pos_enu": 3, "movemen
 PLACE = (np.radians(52.512), np.radians(13.327), 70.0)
 """Latitude (rad), longitude (rad), ellipsoidal height (m) of the origin of `pos_enu`: Technische Universitaet Berlin, nominal, not surveyed."""
 MAG_DENSITY = 0.078e-6
-"""T/sqrt(Hz). At rest (trials 02, 21, 24) the Allan deviation of the magnetometer falls as 0.078 uT/sqrt(tau) from 0.1 to 1 s. From one row to the next it
-has 0.7 uT, less than the 1.3 uT that white noise of this density would have, because the magnetometer is slower than the gyro and 29 % of its rows repeat."""
+"""T/sqrt(Hz). At rest (trials 02, 21, 24) the Allan deviation of the magnetometer falls as 0.078 uT/sqrt(tau) from 0.1 to 1 s. From one row to
+the next it has 0.7 uT, less than the 1.3 uT that white noise of this density would have, because the magnetometer is slower than the gyro and
+29 % of its rows repeat."""
 REST = 2.0
 """s: the shortest rest from which the reference field is taken."""
 IMU = ImuSpec(
     "broad", Triad(noise=1.0e-4, turn_on_bias=4.3e-3, bias_walk=6.3e-6), Triad(noise=3.1e-3, turn_on_bias=0.023, bias_walk=2.1e-4),
-    "Rests of the BROAD trials 02, 21 and 24: noise from the Allan deviation at 0.1 to 1 s; turn-on bias as rms of the mean rate of the first rest and of "
-    "the excess of |f| over gravity (9.813 m/s^2); bias walk from the change between first and last rest, 150 to 160 s apart.")
+    "Rests of the BROAD trials 02, 21 and 24: noise from the Allan deviation at 0.1 to 1 s; turn-on bias as rms of the mean rate of the first rest "
+    "and of the excess of |f| over gravity (9.813 m/s^2); bias walk from the change between first and last rest, 150 to 160 s apart.")
 """What filters assume of the IMU, from its records at rest alone."""
 
 
@@ -58,11 +60,13 @@ def parse(path):
     """(fs in Hz, {name: array}) of a BROAD file as it stands there, numbers as float, `movement` as bool. Raises DataError."""
     found = _arrays(Path(path))
     if missing := [name for name in ("fs", *ROWS) if name not in found]:
-        raise DataError(f"{path}: array {missing[0]!r} is missing; a BROAD trial has fs, {', '.join(ROWS)}, this file has {', '.join(found) or 'none'}")
+        raise DataError(f"{path}: array {missing[0]!r} is missing; a BROAD trial has fs, {', '.join(ROWS)}, "
+                        f"this file has {', '.join(found) or 'none'}")
     try:
         found = {name: np.asarray(found[name], float) for name in ("fs", *ROWS)}
     except (TypeError, ValueError):
-        raise DataError(f"{path}: the arrays of a BROAD trial are numbers; this file has {', '.join(f'{n} {a.dtype}' for n, a in found.items())}") from None
+        types = ", ".join(f"{name} {array.dtype}" for name, array in found.items())
+        raise DataError(f"{path}: the arrays of a BROAD trial are numbers; this file has {types}") from None
     fs = found.pop("fs")
     if fs.size != 1 or not 0 < fs.item() < np.inf:
         raise DataError(f"{path}: fs must be one sampling rate in Hz, above 0; it is {fs.tolist()!r:.60}")
@@ -93,8 +97,7 @@ def _arrays(path):
 
 def windows(t, inside):
     """[[start, stop], ...] in s: the first and the last of the times `t` of each stretch where `inside` is true."""
-    edges = np.flatnonzero(np.diff(np.r_[False, inside, False]))
-    return [[float(t[first]), float(t[stop - 1])] for first, stop in zip(edges[::2], edges[1::2])]
+    return [[float(t[first]), float(t[stop - 1])] for first, stop in stretches(inside)]
 
 
 def _reference(t, arrays):
@@ -129,16 +132,18 @@ def _with_field(recording, t, field, fs):
     inside = (t >= recording.imu.t[rest.start]) & (t < recording.imu.t[rest.stop - 1]) & np.isfinite(field).all(axis=1) if rest else np.array([False])
     notes = recording.meta["notes"]
     if not inside.any():
-        return replace(recording, meta=recording.meta | {"notes": [*notes, f"no rest of {REST:g} s with a magnetic field to take its reference from: magnetometer left out"]})
+        missing = f"no rest of {REST:g} s with a magnetic field to take its reference from: magnetometer left out"
+        return replace(recording, meta=recording.meta | {"notes": [*notes, missing]})
     force = recording.imu.dv[rest].sum(axis=0)
     down = -force / np.linalg.norm(force)
     m = np.median(field[inside], axis=0)    # a magnet that comes near for a while must not shift it
     reference = (float(np.linalg.norm(m - down * (m @ down))), 0.0, float(m @ down))
-    aidings, more = checked_aidings(recording.imu, [Aiding("magnetic-field", t, field, np.full(field.shape, MAG_DENSITY * np.sqrt(fs)), reference, name="magnetometer")])
+    sd = np.full(field.shape, MAG_DENSITY * np.sqrt(fs))
+    aidings, more = checked_aidings(recording.imu, [Aiding("magnetic-field", t, field, sd, reference, name="magnetometer")])
     return replace(recording, aidings=aidings, meta=recording.meta | {"notes": [*notes, *more]})
 
 
 def first_rest(imu):
     """slice of the first rest of at least `REST` s in an Imu, judged by itself; None where there is none."""
-    still = np.flatnonzero(np.diff(np.r_[False, at_rest(imu), False]))
-    return next((slice(int(first), int(stop)) for first, stop in zip(still[::2], still[1::2]) if imu.t[stop - 1] - imu.t[first] >= REST), None)
+    long = (slice(int(first), int(stop)) for first, stop in stretches(at_rest(imu)) if imu.t[stop - 1] - imu.t[first] >= REST)
+    return next(long, None)

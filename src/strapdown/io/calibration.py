@@ -2,14 +2,12 @@
 
     corrected = matrix @ (raw - bias - bias at the temperature of the sample),   rad/s, m/s^2, T
 """
-import tomllib
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from ..data import DataError
-from ..files import replacing
+from ..files import read_toml, replacing
 from ..sensors.errors import Triad
 from ..sensors.imu import temperature_rows
 from .origin import counted
@@ -48,13 +46,7 @@ def read_calibration(path):
 
 def read_corrections(path):
     """{section: Correction} of a calibration file, sections as of `read_calibration`. Raises DataError."""
-    path = Path(path)
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error}); check calibration") from error
-    except ValueError as error:
-        raise DataError(f"{path}: is not TOML: {str(error).splitlines()[0]}") from error
+    table = read_toml(path, "check calibration")
     if unknown := set(table) - set(SECTIONS):
         raise DataError(f"{path}: unknown section {min(unknown)!r}; a calibration has [gyro], [accel] and [magnetometer]")
     return {name: _correction(path, name, table.get(name, {})) for name in SECTIONS if name in table or name != "magnetometer"}
@@ -98,7 +90,10 @@ def of_the_imu(part, files):
 
 
 def corrected(part, files, imu):
-    """(increments of the gyro, of the accelerometer (n, 3) in the axes of the columns, notes): an Imu with the calibration of [imu]. Raises DataError."""
+    """(increments of the gyro, of the accelerometer (n, 3) in the axes of the columns, notes): an Imu with the calibration of [imu].
+
+    Raises DataError.
+    """
     found, notes = of_the_imu(part, files), []
     temperature = None if part.temperature is None else _temperatures(part, files, imu)
     results = []
@@ -147,7 +142,7 @@ def _frame(axes, correction):
 
 
 def composed(section, bias, matrix, columns):
-    """{section: Correction} in the axes of the columns of what is matrix @ (x - bias) in body axes, where x = axes @ (own calibration of the columns).
+    """{section: Correction} in the axes of the columns of what is matrix @ (x - bias) in body axes, x = axes @ (own calibration of the columns).
 
     columns: frames of `frames`, that of the sensor itself; its key "gyro" keeps a calibration of the gyro beside that of the accelerometer.
     """

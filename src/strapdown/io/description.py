@@ -1,10 +1,10 @@
 """Reading `recording.toml` against its schema. Every complaint is one line: file, [section] key, what is wrong, the remedy."""
-import tomllib
 from difflib import get_close_matches
 
 from pydantic import ValidationError
 
 from ..data import DataError
+from ..files import read_toml
 from .schema import Description, Part
 
 
@@ -29,18 +29,10 @@ def complaints(path):
 
 def parse(path):
     """The content of a TOML file as a dict. Raises DataError."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error}); check the path") from error
-    except UnicodeDecodeError as error:
-        raise DataError(f"{path}: is not UTF-8 text; save it as UTF-8") from error
-    if not text.strip():
+    content = read_toml(path, "check the path")
+    if not content:
         raise DataError(f"{path}: is empty; docs/recording-format.md tells what it holds")
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise DataError(f"{path}: is not TOML: {str(error).splitlines()[0]}") from error
+    return content
 
 
 def _complaint(item, content):

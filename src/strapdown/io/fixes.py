@@ -25,8 +25,8 @@ def checked_aidings(imu, aidings):
     done, notes = [], []
     for aiding in aidings:
         if find(aiding.kind).parameters == "field" and not 1e-6 <= np.linalg.norm(aiding.parameters) <= 100e-6:
-            raise DataError(f"{aiding.name or aiding.kind}: parameters are {tuple(aiding.parameters)}, where the Earth's field north, east, down in T is needed; "
-                            "geomagnetic_field gives it")
+            raise DataError(f"{aiding.name or aiding.kind}: parameters are {tuple(aiding.parameters)}, where the Earth's field north, east, down "
+                            "in T is needed; geomagnetic_field gives it")
         aiding, more = clean(aiding, find(aiding.kind))
         if find(aiding.kind).recorded:
             overlap(imu, aiding.t, aiding.name or aiding.kind)

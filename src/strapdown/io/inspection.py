@@ -9,7 +9,7 @@ from ..data import DataError
 from .locate import locate
 from .origin import counted
 from .plausible import doubts, mistakes
-from ..rest import at_rest
+from ..rest import at_rest, stretches
 from .samples import GAP
 
 
@@ -30,7 +30,10 @@ class Inspection(NamedTuple):
 
 
 def inspect(path):
-    """The Inspection of a recording.toml, a recording.nc, a PSINS log, a BROAD trial or a bare CSV. Raises DataError only where the file itself cannot be read."""
+    """The Inspection of a recording.toml, a recording.nc, a PSINS log, a BROAD trial or a bare CSV.
+
+    Raises DataError only where the file itself cannot be read.
+    """
     path = Path(path)
     from .psins import is_psins
     look = _psins if is_psins(path) else {".toml": _description, ".nc": _netcdf, ".npz": _broad}.get(path.suffix.lower(), _table)
@@ -48,8 +51,7 @@ def _attempt(problems, function, *arguments):
 
 def _description(path, facts, problems):
     from .description import complaints, parse
-    from .magnetometer import facts_and_problems
-    from .recording import Files, read_aiding, read_field, read_imu, read_meta, read_reference
+    from .recording import Files, read_aiding, read_imu, read_meta, read_reference
     description = complaints(path)
     if isinstance(description, list):
         problems += description
@@ -72,21 +74,30 @@ def _description(path, facts, problems):
             parts += [(part, number)] if aiding is not None else []
             notes += more
         meta = _attempt(problems, read_meta, description, files) or {}
-        for k, (part, number) in enumerate(parts):
-            found, more = _attempt(problems, read_field, part, number, aidings[k], aidings, imu, meta, path) or (None, [])
-            if found is not None and part.sensor.parameters == "field":
-                aidings[k] = found
-                of_field, wrong = facts_and_problems(found, imu, part.matrix, part.field != "record", part.calibration is not None)
-                facts += of_field
-                problems += [f"{path}: [[aiding]] {number} {text}" for text in wrong]
-                more = [note for note in more if note not in wrong]
-            notes += more
+        notes += _magnetometers(path, parts, aidings, imu, meta, facts, problems)
         if description.reference is not None:
             reference, more = _attempt(problems, read_reference, description.reference, imu, files) or (None, [])
             facts += [f"reference: {reference!r}"] * (reference is not None)
             notes += more
         _aiding_facts(imu, aidings, facts, problems)
     facts += [f"note: {note}" for note in notes]
+
+
+def _magnetometers(path, parts, aidings, imu, meta, facts, problems):
+    """Notes; each magnetometer among the aidings, made of the (AidingPart, number) in `parts`, gets the Earth's field in place."""
+    from .magnetometer import facts_and_problems
+    from .recording import read_field
+    notes = []
+    for k, (part, number) in enumerate(parts):
+        found, more = _attempt(problems, read_field, part, number, aidings[k], aidings, imu, meta, path) or (None, [])
+        if found is not None and part.sensor.parameters == "field":
+            aidings[k] = found
+            of_field, wrong = facts_and_problems(found, imu, part.matrix, part.field != "record", part.calibration is not None)
+            facts += of_field
+            problems += [f"{path}: [[aiding]] {number} {text}" for text in wrong]
+            more = [note for note in more if note not in wrong]
+        notes += more
+    return notes
 
 
 def _netcdf(path, facts, problems):
@@ -170,10 +181,7 @@ def imu_facts(imu, facts):
 
 def _longest(mask):
     """Slice of the longest run of True."""
-    edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8)))
-    starts, stops = edges[::2], edges[1::2]
-    best = int(np.argmax(stops - starts))
-    return slice(starts[best], stops[best])
+    return slice(*max(stretches(mask), key=np.ptp))
 
 
 def _triple(values, digits=2):

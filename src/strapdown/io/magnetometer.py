@@ -8,17 +8,18 @@ from itertools import permutations, product
 import numpy as np
 
 from ..data import DataError
+from ..geodesy import STANDARD_GRAVITY
 from ..rest import at_rest
 from .origin import counted
 
-G = 9.80665
 STUCK, TURN = 2.0, np.radians(10)
 """Samples are stuck where they do not change for longer than STUCK (s) while the gyro turns by more than TURN (rad)."""
 LEVELS, PILE, TIMES = 20, 0.01, 5
 """A column is saturated where it has more than LEVELS values and its extreme one holds more than PILE of the samples and TIMES those of the next
 (at the turning point of an oscillation the last level holds 2.4 times as many as the next, or fewer)."""
 QUIET_FORCE, QUIET_RATE, QUIET_WINDOW = 0.4, 0.35, 0.5
-"""The vertical is known where, over QUIET_WINDOW (s), the specific force is within QUIET_FORCE (m/s^2) of gravity and the rate below QUIET_RATE (rad/s)."""
+"""The vertical is known where, over QUIET_WINDOW (s), the specific force is within QUIET_FORCE (m/s^2) of gravity and the rate below QUIET_RATE
+(rad/s)."""
 VARIATION = 0.2
 """Relative variation of the strength, and difference from the Earth's field, above which a magnetometer needs calibration."""
 SCATTER, CLEARER = np.radians(5), 2.0
@@ -157,7 +158,7 @@ def vertical(t, imu):
     seconds = np.where(whole, seconds, QUIET_WINDOW)
     force, rate = mean(imu.dv), mean(imu.dtheta)
     magnitude = np.linalg.norm(force, axis=1)
-    quiet = whole & (np.abs(magnitude - G) < QUIET_FORCE) & (np.linalg.norm(rate, axis=1) < QUIET_RATE)
+    quiet = whole & (np.abs(magnitude - STANDARD_GRAVITY) < QUIET_FORCE) & (np.linalg.norm(rate, axis=1) < QUIET_RATE)
     return -force / np.maximum(magnitude, 1e-9)[:, None], quiet
 
 
@@ -172,7 +173,8 @@ def strength_notes(aiding, field, is_calibrated):
         return [f"{aiding.name}: its strength varies from {low * 1e6:.1f} to {high * 1e6:.1f} uT, where the Earth's field does not: {remedy}"]
     total = float(np.linalg.norm(field)) if field is not None else median
     if abs(median / total - 1) > VARIATION:
-        return [f"{aiding.name}: its median strength is {median * 1e6:.1f} uT, that of the Earth's field {total * 1e6:.1f} uT: check the unit, or {remedy}"]
+        return [f"{aiding.name}: its median strength is {median * 1e6:.1f} uT, that of the Earth's field {total * 1e6:.1f} uT: "
+                f"check the unit, or {remedy}"]
     return []
 
 
@@ -201,7 +203,8 @@ def _axes(aiding, imu, matrix, known):
         return float(np.sqrt(np.mean((dip - (dip.mean() if earth is None else earth)) ** 2))), float(dip.mean())
     now, dip = misfit(matrix)
     compared = "scatter" if earth is None else f"the Earth's field {np.degrees(earth):.1f} deg, rms difference"
-    facts = [f"{aiding.name}: dip {np.degrees(dip):.1f} deg in the mean of {counted(len(rows), 'quiet sample')}, {compared} {np.degrees(now):.1f} deg"]
+    facts = [f"{aiding.name}: dip {np.degrees(dip):.1f} deg in the mean of {counted(len(rows), 'quiet sample')}, "
+             f"{compared} {np.degrees(now):.1f} deg"]
     if now < SCATTER:
         return facts, []
     candidates = [(misfit(candidate)[0], candidate) for candidate in _signed_permutations() if earth is not None or np.linalg.det(candidate) > 0]

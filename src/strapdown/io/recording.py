@@ -6,6 +6,7 @@ import numpy as np
 
 from ..core.contract import Imu
 from ..data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, DataError, Recording
+from ..place import place_of
 from .axes import BODY, NAVIGATION, axes_matrix, rotation_matrix
 from .calibration import corrected, frames
 from .description import load
@@ -133,13 +134,12 @@ def read_aiding(part, number, imu_lever_arm, imu, files):
 
 
 def read_field(part, number, aiding, aidings, imu, meta, path):
-    """(Aiding, notes): a magnetometer with the Earth's field as parameters, its place from meta or the first position fix; others as they are."""
+    """(Aiding, notes): a magnetometer with the Earth's field as parameters, its place that of `place_of`; others as they are."""
     if part.sensor.parameters != "field":
         return aiding, []
-    fixes = next((a.y[0] for a in aidings if a.kind == "position" and len(a.t) and np.isfinite(a.y[0, :2]).all()), None)
-    place = meta.get("place", None if fixes is None else np.nan_to_num(fixes).tolist())
+    place = place_of(meta, aidings)
     try:
-        return with_field(part, aiding, imu, meta.get("date"), place)
+        return with_field(part, aiding, imu, meta.get("date"), place and place.lla)
     except DataError as error:
         raise DataError(f"{path}: [[aiding]] {number} ({part.kind}) {error}") from None
 

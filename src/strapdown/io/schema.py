@@ -40,9 +40,10 @@ def _field(value):
     if value == "record":
         return value
     example = '{ north = 17.6, east = 0.1, down = 52.8, unit = "uT" }'
-    if not isinstance(value, dict) or set(value) != {"north", "east", "down", "unit"} or not all(_is_number(value[key]) for key in ("north", "east", "down")):
+    axes = ("north", "east", "down")
+    if not isinstance(value, dict) or set(value) != {*axes, "unit"} or not all(_is_number(value[key]) for key in axes):
         raise ValueError(f"write {example}, or \"record\" for the strengths in the record, or leave it out for the geomagnetic model")
-    vector = tuple(value[key] * factor(value["unit"], "magnetic field") for key in ("north", "east", "down"))
+    vector = tuple(value[key] * factor(value["unit"], "magnetic field") for key in axes)
     if not 1e-6 <= math.hypot(*vector) <= 100e-6:
         raise ValueError(f"its strength is {math.hypot(*vector) * 1e6:.4g} uT, where the Earth's is 22 to 67; check the unit")
     return vector

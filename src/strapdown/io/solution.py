@@ -18,7 +18,10 @@ CSV_DECIMALS = 10
 
 
 def write_solution(solution, path):
-    """Write a Solution as .nc, .csv, .csv.gz, .csv.xz or .kml (which needs a position), by the ending of `path`, whole or not at all. Raises DataError."""
+    """Write a Solution as .nc, .csv, .csv.gz, .csv.xz or .kml (which needs a position), by the ending of `path`, whole or not at all.
+
+    Raises DataError.
+    """
     write = {"nc": _write_netcdf, "csv": _write_csv, "kml": _write_kml}[_format(path, "nc, csv, kml")]
     with replacing(path) as part:
         write(solution, part, Path(path))

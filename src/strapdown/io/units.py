@@ -35,7 +35,8 @@ ALIASES = {
     "tesla": "T", "µT": "uT", "μT": "uT", "microtesla": "uT", "nanotesla": "nT", "Gauss": "gauss", "Gs": "gauss", "milligauss": "mgauss",
     "pascal": "Pa", "mb": "mbar", "millibar": "mbar",
 }
-"""Other spellings, which are suggested, not accepted: one name for each unit keeps descriptions readable. Where there are two names, the dimension decides."""
+"""Other spellings, which are suggested, not accepted: one name for each unit keeps descriptions readable. Where there are two names, the
+dimension decides."""
 
 
 def factor(unit, dimension):

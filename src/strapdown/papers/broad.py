@@ -28,16 +28,18 @@ MEASURES = {"orientation": "orientation error (whole rotation angle)", "inclinat
             "heading": "heading error (what remains about the vertical)"}
 REPEATS = 3
 """Runs of which the median time counts; of slow peers one."""
-CLAIMS = (("attitude-mekf", "mean", 2.6), ("mahony", "mean", 5.5), ("attitude-mekf, smoothed", "mean", 2.4), ("attitude-mekf", "24", 2.5), ("attitude-mekf", "33", 5.0))
+CLAIMS = (("attitude-mekf", "mean", 2.6), ("mahony", "mean", 5.5), ("attitude-mekf, smoothed", "mean", 2.4), ("attitude-mekf", "24", 2.5),
+          ("attitude-mekf", "33", 5.0))
 """Estimator, trial or mean over the five, and the bound on its rms orientation error, deg."""
 INTRODUCTION = (
-    "BROAD holds trials of a hand-held IMU with gyro, accelerometer and magnetometer at 286 Hz, whose attitude cameras measured (Laidig et al. 2021, doi "
-    "10.3390/data6070072, CC BY 4.0). Every estimator runs over the whole trial with one default setting for all trials, on the same samples.",
-    "The orientation error is the angle of the rotation between estimate and reference, without heading alignment. Only samples count where the trial says "
-    "that there is movement and where the reference is known: rms per trial, then the mean over the trials. Inclination is the angle between the vertical axes of "
-    "estimate and reference, heading what is left: the error rotation in the navigation frame as a rotation about the vertical and one about a horizontal axis. "
-    "North is magnetic north, as in the reference.",
-    "The defaults of strapdown were chosen by reasoning on the sensors and on the trials 02, 21 and 24, marked with a star. The others gave no constant, but what failed on them was changed (docs/attitude-broad.md).")
+    "BROAD holds trials of a hand-held IMU with gyro, accelerometer and magnetometer at 286 Hz, whose attitude cameras measured (Laidig et al. 2021, "
+    "doi 10.3390/data6070072, CC BY 4.0). Every estimator runs over the whole trial with one default setting for all trials, on the same samples.",
+    "The orientation error is the angle of the rotation between estimate and reference, without heading alignment. Only samples count where the "
+    "trial says that there is movement and where the reference is known: rms per trial, then the mean over the trials. Inclination is the angle "
+    "between the vertical axes of estimate and reference, heading what is left: the error rotation in the navigation frame as a rotation about "
+    "the vertical and one about a horizontal axis. North is magnetic north, as in the reference.",
+    "The defaults of strapdown were chosen by reasoning on the sensors and on the trials 02, 21 and 24, marked with a star. The others gave no "
+    "constant, but what failed on them was changed (docs/attitude-broad.md).")
 
 
 class Trial(NamedTuple):
@@ -117,7 +119,10 @@ def _run(name, trial, trajectory, seconds):
 
 
 def own_runs(trial, names, say=None):
-    """Runs of the filters `names` on a trial, and smoothed of those that can be: what `fuse` takes with alignment and all rows of its solution, compilation apart."""
+    """Runs of the filters `names` on a trial, and smoothed of those that can be.
+
+    Timed is what `fuse` takes with alignment and all rows of its solution, compilation apart.
+    """
     for name in names:
         kinds = [(name, fuse)] + [(f"{name}, smoothed", smooth)] * (filters.find(name).smoother is not None)
         for title, function in kinds:
@@ -140,7 +145,10 @@ def peer_runs(trial, quick):
 
 
 def reproduce(out, quick=False, folder=None, say=None):
-    """Run all estimators on the trials in `folder` (the data folder's `broad` by default), write the page into `out`, return the claims. Raises DataError."""
+    """Run all estimators on the trials in `folder` (the data folder's `broad` by default), write the page into `out`, return the claims.
+
+    Raises DataError.
+    """
     folder = Path(folder) if folder else data_folder() / "broad"
     paths = sorted(folder.glob("*.npz"))
     if not paths:
@@ -152,7 +160,8 @@ def reproduce(out, quick=False, folder=None, say=None):
         runs += [*own_runs(trial, names, say), *peer_runs(trial, quick)]
     made = tables(trials, runs)
     claims = judged(made["orientation"][1], trials)
-    write_page(out, "strapdown on the BROAD trials", INTRODUCTION, claims, made, figures=broad_figures.figures(trials, runs), notes=_notes(quick, made))
+    figures = broad_figures.figures(trials, runs)
+    write_page(out, "strapdown on the BROAD trials", INTRODUCTION, claims, made, figures=figures, notes=_notes(quick, made))
     with replacing(out / "table.md") as part:
         part.write_text(broad_markdown.text(made), encoding="utf-8")
     return claims

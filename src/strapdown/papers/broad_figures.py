@@ -21,7 +21,8 @@ def figures(trials, runs):
     for trial in trials:
         own = [run for run in runs if run.trial == trial.name]
         drawn.append((f"{trial.name}: orientation error", over_time(trial, own),
-                      "Each point is the rms of one second, whatever of it has a reference. Shaded: no movement, not scored. A click in the legend hides or shows a line."))
+                      "Each point is the rms of one second, whatever of it has a reference. Shaded: no movement, not scored. "
+                      "A click in the legend hides or shows a line."))
     return drawn
 
 
@@ -40,15 +41,16 @@ def summary(trials, runs):
     """Rms errors: a panel per measure, for each estimator the mean over the trials and a circle per trial."""
     names = list(dict.fromkeys(run.estimator for run in runs))
     scored = {trial.name: trial.scored for trial in trials}
-    values = {name: np.degrees([np.sqrt((run.angles[scored[run.trial]].astype(float) ** 2).mean(axis=0)) for run in runs if run.estimator == name]) for name in names}
+    rms = lambda run: np.degrees(np.sqrt((run.angles[scored[run.trial]].astype(float) ** 2).mean(axis=0)))
+    values = {name: np.array([rms(run) for run in runs if run.estimator == name]) for name in names}
     drawn = make_subplots(rows=1, cols=3, shared_yaxes=True, horizontal_spacing=0.03, subplot_titles=["orientation", "inclination", "heading"])
     for i in range(3):
         place, known = {"row": 1, "col": i + 1}, np.concatenate([values[name][:, i] for name in names])
         drawn.add_trace(go.Scatter(x=known, y=np.repeat(names, len(trials)), mode="markers", name="one trial", legendgroup="one", showlegend=i == 0,
                                    text=[trial.number for trial in trials] * len(names), hovertemplate="trial %{text}: %{x:.3g} deg",
                                    marker={"color": GREY, "size": 7, "symbol": "circle-open"}), **place)
-        drawn.add_trace(go.Scatter(x=[values[name][:, i].mean() for name in names], y=names, mode="markers", name="mean over the trials", legendgroup="mean",
-                                   showlegend=i == 0, hovertemplate="mean %{x:.3g} deg",
+        drawn.add_trace(go.Scatter(x=[values[name][:, i].mean() for name in names], y=names, mode="markers", name="mean over the trials",
+                                   legendgroup="mean", showlegend=i == 0, hovertemplate="mean %{x:.3g} deg",
                                    marker={"color": [style(name, names)[0] for name in names], "size": 13, "symbol": "diamond"}), **place)
         low, high = np.log10(np.nanmin(known)) - 0.1, np.log10(np.nanmax(known)) + 0.1
         drawn.update_xaxes(type="log", title_text="rms error [deg]", range=[low, high], **log_ticks(low, high), **place)
@@ -80,6 +82,6 @@ def over_time(trial, runs):
     log_range(drawn, max(least, 0.05), most)
     drawn.update_xaxes(title_text="time [s]", range=[float(t[0]), float(t[-1])], row=1, col=1)
     edges = [float(t[0]), *(edge for window in trial.recording.meta["movement"] for edge in window), float(t[-1])]
-    shapes = [{"type": "rect", "x0": a, "x1": b, "y0": 0, "y1": 1, "xref": "x", "yref": "paper", "fillcolor": SHADE, "line": {"width": 0}, "layer": "below"}
-              for a, b in zip(edges[::2], edges[1::2])]
+    shaded = {"type": "rect", "y0": 0, "y1": 1, "xref": "x", "yref": "paper", "fillcolor": SHADE, "line": {"width": 0}, "layer": "below"}
+    shapes = [{**shaded, "x0": a, "x1": b} for a, b in zip(edges[::2], edges[1::2])]
     return drawn.update_layout(shapes=shapes)

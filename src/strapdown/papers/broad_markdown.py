@@ -1,4 +1,4 @@
-"""The tables of `strapdown reproduce broad` as Markdown, for docs/attitude-broad.md: what stands there between its two marks is this file's output."""
+"""The tables of `strapdown reproduce broad` as Markdown, for docs/attitude-broad.md: this file's output stands there between two marks."""
 import re
 
 import numpy as np
@@ -27,5 +27,6 @@ def _cell(value):
 def insert(path, text):
     """Put `text` between the marks of the Markdown file `path`."""
     page = path.read_text(encoding="utf-8")
+    found = re.sub(f"{re.escape(BEGIN)}.*?{re.escape(END)}", lambda _: f"{BEGIN}\n{text}{END}", page, count=1, flags=re.DOTALL)
     with replacing(path) as part:
-        part.write_text(re.sub(f"{re.escape(BEGIN)}.*?{re.escape(END)}", lambda _: f"{BEGIN}\n{text}{END}", page, count=1, flags=re.DOTALL), encoding="utf-8")
+        part.write_text(found, encoding="utf-8")

@@ -1,6 +1,6 @@
-"""Other packages on the samples of a BROAD trial, each as one small function: arrays in the sensor's axes -> attitude of the sensor in east, north, up.
+"""Other packages on the samples of a BROAD trial, each as a small function: arrays in the sensor's axes -> its attitude in east, north, up.
 
-All run with the settings that their packages ship. `vqf` and `ahrs` are optional: `available` tells which are installed.
+All run with the settings that their packages ship. `vqf` and `ahrs` are optional: `installed` tells which are there.
 """
 from importlib.metadata import PackageNotFoundError, version
 from typing import NamedTuple
@@ -37,7 +37,8 @@ def installed(package):
 def product(p, q):
     """Quaternion products of (4,) or (n, 4) with (n, 4) or (4,), scalar first."""
     (a, b, c, d), (w, x, y, z) = np.moveaxis(p, -1, 0), np.moveaxis(q, -1, 0)
-    return np.stack([a * w - b * x - c * y - d * z, a * x + b * w + c * z - d * y, a * y - b * z + c * w + d * x, a * z + b * y - c * x + d * w], axis=-1)
+    return np.stack([a * w - b * x - c * y - d * z, a * x + b * w + c * z - d * y,
+                     a * y - b * z + c * w + d * x, a * z + b * y - c * x + d * w], axis=-1)
 
 
 def _vqf(gyr, acc, mag, fs):
@@ -75,6 +76,7 @@ PEERS = (
     Peer("vqf, offline", "vqf", _vqf_offline, False, "offlineVQF, quat9D: uses the samples after as well as before", (2.40,)),
     Peer("ahrs Madgwick", "ahrs", _madgwick, True, "samples in the sensor's axes; its navigation frame is north, west, up", (7.8,)),
     Peer("ahrs Mahony", "ahrs", _mahony, True, "samples in the sensor's axes; its navigation frame is east, north, up", (31.7,)),
-    Peer("ahrs EKF", "ahrs", _ekf, True, "samples in forward, right, down and gravity for specific force, as its frame NED wants them; its default field is "
-         "that of Munich, with a declination of some 4 deg that this reference does not have"),
-    Peer("ahrs EKF, sensor axes", "ahrs", _ekf_as_is, True, "samples as the record has them, as the others get them; its equations want other axes", (31.9,)))
+    Peer("ahrs EKF", "ahrs", _ekf, True, "samples in forward, right, down and gravity for specific force, as its frame NED wants them; its default "
+         "field is that of Munich, with a declination of some 4 deg that this reference does not have"),
+    Peer("ahrs EKF, sensor axes", "ahrs", _ekf_as_is, True,
+         "samples as the record has them, as the others get them; its equations want other axes", (31.9,)))

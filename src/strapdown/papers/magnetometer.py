@@ -1,4 +1,4 @@
-"""The magnetometer of thor75, calibrated by `sd.calibrate` from its own flight, against the attitude computed on board, which the calibration does not see.
+"""The magnetometer of thor75, calibrated by `sd.calibrate` from its own flight, against the attitude computed on board, which it does not see.
 
 And what attitude filters make of that flight: in a turn the specific force points along the wing's normal, not up, and no gyro tells for long.
 """
@@ -16,10 +16,10 @@ GAUSS = 1e4
 """Gauss in a tesla."""
 FILTERS = ("attitude-mekf", "mahony")
 INTRODUCTION = (
-    "The magnetometer of thor75 is calibrated by `strapdown calibrate` from the flight itself, 240 to 575 s: field, gyros, and the strength of the geomagnetic model at date "
-    "and place. The residual is what it differs by from that model's field turned by the attitude on board; the heading is tilt-compensated with the roll and "
-    "pitch on board and compared with the heading on board. Attitude filters on the same flight: an aircraft in a turn feels no gravity across its wings, "
-    "so a filter without velocity leans into the turn; the 15-state filters above do not.",)
+    "The magnetometer of thor75 is calibrated by `strapdown calibrate` from the flight itself, 240 to 575 s: field, gyros, and the strength of the "
+    "geomagnetic model at date and place. The residual is what it differs by from that model's field turned by the attitude on board; the heading "
+    "is tilt-compensated with the roll and pitch on board and compared with the heading on board. Attitude filters on the same flight: an aircraft "
+    "in a turn feels no gravity across its wings, so a filter without velocity leans into the turn; the 15-state filters above do not.",)
 
 
 def magnetometer(folder, window, say=None):
@@ -38,7 +38,8 @@ def magnetometer(folder, window, say=None):
     claims = [claim("thor75 magnetometer, calibrated from its flight: largest residual of an axis, rms", residual.max(), 0.015, "gauss"),
               claim("thor75 heading by that magnetometer, rms", off, 4.0, "deg")]
     return {"thor75-magnetometer": ("thor75: magnetometer after calibration", table),
-            "thor75-attitude": ("thor75: attitude filters on the same flight, rms difference from the attitude on board", _filters(recording, window, say))}, claims
+            "thor75-attitude": ("thor75: attitude filters on the same flight, rms difference from the attitude on board",
+                                _filters(recording, window, say))}, claims
 
 
 def _filters(recording, window, say):

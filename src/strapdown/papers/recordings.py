@@ -42,8 +42,8 @@ INTRODUCTION = (
     "the car first reaches 4 m/s; the error is the largest horizontal distance from the RTK solution within each outage.")
 LASER_INTRODUCTION = (
     "lasergyro is a ring-laser IMU in a parked vehicle, 1847 s at 100 Hz. Its mean rate, levelled by its mean specific force, is the Earth's: the "
-    "vertical part tells the latitude, the direction of the horizontal part the heading. The vehicle vibrates and rocks; the table shows ten parts of the record "
-    "beside the whole. The stated deviation of heading is that of the scatter of such parts.",)
+    "vertical part tells the latitude, the direction of the horizontal part the heading. The vehicle vibrates and rocks; the table shows ten "
+    "parts of the record beside the whole. The stated deviation of heading is that of the scatter of such parts.",)
 NO_LASER = ("The ring-laser record is not in the data folder, so that there is no word on the Earth's rate here.",)
 
 

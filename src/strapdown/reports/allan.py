@@ -9,7 +9,7 @@ from .. import __version__
 from ..core.contract import Imu
 from ..data import DataError, Recording
 from ..files import replacing
-from ..rest import REST_ACCEL, REST_MEAN, REST_RATE, at_rest
+from ..rest import REST_ACCEL, REST_MEAN, REST_RATE, at_rest, stretches
 from ..sensors.allan import AXES, Allan, allan, first_gap
 from ..sensors.allan_fit import COEFFICIENTS
 from ..sensors.allan_grade import MISFIT, Suggestion, expected, suggest
@@ -120,10 +120,9 @@ def _motion(imu):
                         "an Allan deviation needs it at rest; choose a stretch with --from and --to")
     if still.mean() >= 0.99:
         return []
-    edges = np.flatnonzero(np.diff(still, prepend=False, append=False))
-    stretches = [(coarse.t[first] - coarse.dt[first], coarse.t[last - 1]) for first, last in zip(edges[::2], edges[1::2])]
-    begin, end = max(stretches, key=lambda s: s[1] - s[0], default=(0.0, 0.0))
-    moves = f"the IMU moves for {100 * (1 - still.mean()):.0f} % of the time" + (f"; its longest rest is {begin:.1f} to {end:.1f} s" if stretches else "")
+    rests = [(coarse.t[first] - coarse.dt[first], coarse.t[last - 1]) for first, last in stretches(still)]
+    begin, end = max(rests, key=lambda s: s[1] - s[0], default=(0.0, 0.0))
+    moves = f"the IMU moves for {100 * (1 - still.mean()):.0f} % of the time" + (f"; its longest rest is {begin:.1f} to {end:.1f} s" if rests else "")
     if still.mean() < 0.5:
         raise DataError(f"{moves}: an Allan deviation needs it at rest; choose a stretch with --from and --to")
     return [f"{moves}, and the Allan deviation shows the motion too; choose a stretch with --from and --to"]

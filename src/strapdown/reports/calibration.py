@@ -43,7 +43,8 @@ def directions_figure(found):
                                marker={"size": 4, "color": COLOURS[0]}, hovertemplate="%{x:.0f} deg<extra></extra>"))
     for band, sector in zip(*np.nonzero(counts == 0)):
         x, y = -180 + sector * 360 / SECTORS, 1 - 2 * band / BANDS
-        drawn.add_shape(type="rect", x0=x, x1=x + 360 / SECTORS, y0=y, y1=y - 2 / BANDS, fillcolor=GREY, opacity=0.25, line={"width": 0}, layer="below")
+        drawn.add_shape(type="rect", x0=x, x1=x + 360 / SECTORS, y0=y, y1=y - 2 / BANDS, fillcolor=GREY, opacity=0.25, line={"width": 0},
+                        layer="below")
     for x, y, text in ((0, 0, "+x"), (90, 0, "+y"), (-90, 0, "−y"), (180, 0, "−x"), (0, -0.97, "+z"), (0, 0.97, "−z")):
         drawn.add_annotation(x=x, y=y, text=text, showarrow=False, font={"size": 13})
     drawn.update_layout(hovermode="closest", showlegend=False)

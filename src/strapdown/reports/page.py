@@ -9,8 +9,9 @@ from . import figures, fixes, summary
 from .drawing import COLOURS, SHADES
 from .shell import listed, placed, shell
 
-FOOTER = ("Errors are true − estimate.", " Position, velocity and their errors are in metres and m/s along north, east, down; heights are above the WGS-84 "
-          "ellipsoid.", " Lines of more than 2000 points keep the extremes of each stretch.")
+FOOTER = ("Errors are true − estimate.",
+          " Position, velocity and their errors are in metres and m/s along north, east, down; heights are above the "
+          "WGS-84 ellipsoid.", " Lines of more than 2000 points keep the extremes of each stretch.")
 KEY = (f"<p class='caption key'><span><b style='background:{SHADES[BRIDGED]}'></b>gap bridged</span>"
        f"<span><b style='background:{SHADES[INVALID]}'></b>not valid</span>"
        "<span><b style='border-left:1px dotted; width:4px; margin-left:6px'></b>event, numbered as in the list</span>"
@@ -118,9 +119,11 @@ def _overview(draw, solutions, reference, scores):
 def _errors(draw, scores, window):
     shown = [("Position error", "With the ±3σ band that the filter claims.", figures.position, "position"),
              ("Velocity error", "With its ±3σ band.", figures.velocity, "velocity"),
-             ("Attitude error", "Heading wrapped to ±180 deg; ±3σ bands from the rotation vector, correlations neglected.", figures.attitude, "attitude")]
+             ("Attitude error", "Heading wrapped to ±180 deg; ±3σ bands from the rotation vector, correlations neglected.", figures.attitude,
+              "attitude")]
     if not all(metrics.any_known(e.horizontal) for e in scores.values()):
-        shown.append(("Angle of the attitude error", "Of the whole rotation, of the vertical, and about it: without signs, and alike in every attitude.",
+        shown.append(("Angle of the attitude error",
+                      "Of the whole rotation, of the vertical, and about it: without signs, and alike in every attitude.",
                       figures.attitude_angles, "attitude"))
     known = lambda name, part: getattr(scores[name], part) is not None
     return "".join(draw.each(heading, caption, lambda name, s, colour: figure(s, scores[name], colour, window) if known(name, part) else None)

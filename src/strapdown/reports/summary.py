@@ -72,7 +72,8 @@ def run_table(solutions):
 
 
 RUN = ("time [s]", "rows", "gaps bridged", "time bridged [s]", "stretches not valid", "time not valid [s]",
-       "horizontal sd, largest / last [m]", "height sd, largest / last [m]", "inclination sd, largest / last [deg]", "heading sd, largest / last [deg]")
+       "horizontal sd, largest / last [m]", "height sd, largest / last [m]", "inclination sd, largest / last [deg]",
+       "heading sd, largest / last [deg]")
 
 
 def _run(solution):

@@ -6,21 +6,23 @@ geopotential, as the standard's are: at 10 km, 16 m less than the geometric heig
 import numpy as np
 
 from ..data import DataError
+from ..geodesy import STANDARD_GRAVITY
 
 SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE = 101325.0, 288.15    # Pa, K
-LAPSE, GAS, GRAVITY = 6.5e-3, 287.05287, 9.80665                # K/m, J/(kg K) of dry air, m/s^2
+LAPSE, GAS = 6.5e-3, 287.05287                                  # K/m, J/(kg K) of dry air
 TROPOPAUSE, LOWEST, HIGHEST = 11_000.0, -5_000.0, 20_000.0      # m
-"""Constants of ISO 2533:1975."""
-_POWER = GRAVITY / (GAS * LAPSE)
+"""Constants of ISO 2533:1975; its gravity is the standard one."""
+_POWER = STANDARD_GRAVITY / (GAS * LAPSE)
 _COLD = SEA_LEVEL_TEMPERATURE - LAPSE * TROPOPAUSE              # K
 _THERE = SEA_LEVEL_PRESSURE * (_COLD / SEA_LEVEL_TEMPERATURE) ** _POWER     # Pa at the tropopause
-_SCALE = GAS * _COLD / GRAVITY                                  # m in which the pressure above it falls by e
+_SCALE = GAS * _COLD / STANDARD_GRAVITY                                  # m in which the pressure above it falls by e
 
 
 def standard_pressure(height):
     """Pressure, Pa, of the standard atmosphere at heights in m (an array or a number). Raises DataError outside -5 to 20 km."""
     height = np.asarray(height, float)
-    _refuse(~((height >= LOWEST) & (height <= HIGHEST)), height, f"height {{:.6g}} m; the standard atmosphere here goes from {LOWEST:g} to {HIGHEST:g} m")
+    _refuse(~((height >= LOWEST) & (height <= HIGHEST)), height,
+            f"height {{:.6g}} m; the standard atmosphere here goes from {LOWEST:g} to {HIGHEST:g} m")
     low = SEA_LEVEL_PRESSURE * (1 - LAPSE / SEA_LEVEL_TEMPERATURE * np.minimum(height, TROPOPAUSE)) ** _POWER
     return low * np.exp(-np.maximum(height - TROPOPAUSE, 0.0) / _SCALE)
 
@@ -37,7 +39,7 @@ def pressure_altitude(pressure):
 def pressure_gradient(height):
     """Change of pressure with height, Pa/m (negative), at heights in m: -p g/(R T), the weight of the air. Raises DataError as above."""
     temperature = SEA_LEVEL_TEMPERATURE - LAPSE * np.minimum(np.asarray(height, float), TROPOPAUSE)
-    return -standard_pressure(height) * GRAVITY / (GAS * temperature)
+    return -standard_pressure(height) * STANDARD_GRAVITY / (GAS * temperature)
 
 
 def _refuse(bad, values, text):

@@ -7,7 +7,6 @@ the geoid and the pressure of the day; weather is a stationary first-order Gauss
 14.1; the heights of the standard atmosphere are geopotential and are not told from geometric ones, which differ by 0.16 m at 1 km.
 """
 from dataclasses import dataclass
-from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from ..data import Aiding, DataError
 from .atmosphere import HIGHEST, LOWEST, pressure_altitude, pressure_gradient, standard_pressure
 from .gnss import arm_in_navigation, fix_times, interpolated
 from .noise import gauss_markov
+from .units import real
 
 QUANTITIES = {"pressure": "pressure", "height": "pressure-altitude"}
 """What a barometer can give, and the kind of aiding that this is."""
@@ -36,7 +36,7 @@ class Barometer:
 
     def __post_init__(self):
         for name in ("sd", "bias", "drift", "drift_time", "zero"):
-            if not _real(getattr(self, name)) or not np.isfinite(getattr(self, name)):
+            if not real(getattr(self, name)) or not np.isfinite(getattr(self, name)):
                 raise DataError(f"barometer: {name} is {getattr(self, name)!r}; it must be a finite number")
         for name in ("sd", "drift_time"):
             if not getattr(self, name) > 0:
@@ -44,9 +44,9 @@ class Barometer:
         if self.drift < 0 or max(self.sd, abs(self.bias), self.drift) > LARGEST:
             raise DataError(f"barometer: sd {self.sd:g}, bias {self.bias:g} and drift {self.drift:g} Pa; they are at most {LARGEST:g} Pa, "
                             "and the drift is 0 or more")
-        if self.rate is not None and (not _real(self.rate) or not 0 < self.rate < np.inf):
+        if self.rate is not None and (not real(self.rate) or not 0 < self.rate < np.inf):
             raise DataError(f"barometer: rate is {self.rate!r}; it must be larger than 0, in Hz")
-        if np.shape(self.lever_arm) != (3,) or not all(map(_real, self.lever_arm)) or not np.all(np.isfinite(self.lever_arm)):
+        if np.shape(self.lever_arm) != (3,) or not all(map(real, self.lever_arm)) or not np.all(np.isfinite(self.lever_arm)):
             raise DataError(f"barometer: lever_arm is {self.lever_arm!r}; it must be three numbers: forward, right, down, m")
         object.__setattr__(self, "lever_arm", tuple(map(float, self.lever_arm)))
         if self.quantity not in QUANTITIES:
@@ -99,7 +99,3 @@ class BarometerPlan(NamedTuple):
     def _with(self, pressure):
         y = pressure if self.barometer.quantity == "pressure" else pressure_altitude(pressure)
         return Aiding(self.aiding.kind, self.aiding.t, y[:, None].copy(), self.aiding.sd, self.aiding.parameters, self.aiding.gate, self.aiding.name)
-
-
-def _real(value):
-    return isinstance(value, Real) and not isinstance(value, bool)

@@ -4,8 +4,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..data import DataError
-from ..rest import at_rest
-from .ellipsoid import Fit, ellipsoid
+from ..rest import at_rest, stretches
+from .ellipsoid import ellipsoid
 from .turning import turning
 
 BANDS, SECTORS = 6, 8
@@ -14,6 +14,8 @@ NEAR = np.radians(30.0)
 """An axis counts as seen where a direction lies within this angle of it."""
 STILL, SAME, BLOCKS = 1.0, np.radians(2.0), 2
 """A rest is BLOCKS blocks of STILL (s) or more whose mean specific force has one direction within SAME (rad)."""
+LEAST_CHANGE = 5e-6
+"""T: half the range that a sensor must have seen where the strength is unknown; the Earth's field has 22 to 67 uT."""
 HALF_AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
@@ -27,10 +29,8 @@ class Rests(NamedTuple):
 def rests(imu):
     """The Rests of an Imu: where it stands still, block by block, split where it was turned."""
     width = max(2, round(STILL / float(np.median(imu.dt))))
-    still = at_rest(imu)
-    edges = np.flatnonzero(np.diff(still, prepend=False, append=False))
     found, scatter = [], []
-    for first, last in zip(edges[::2], edges[1::2]):
+    for first, last in stretches(at_rest(imu)):
         n = (last - first) // width
         if n < BLOCKS:
             continue
@@ -87,11 +87,7 @@ def hard_and_soft_iron(t, y, imu, strength, dip=None):
     strength: T; dip: rad, or None where they are not known (a scale of its own is then kept). Raises DataError with the directions that lack.
     """
     known = np.isfinite(y).all(axis=1)
-    if known.sum() < 20:
-        raise DataError(f"magnetometer: {int(known.sum())} samples; a calibration needs 20 and more, better some thousand")
-    if (np.ptp(y[known], axis=0) == 0).any():
-        axis = "xyz"[int(np.argmin(np.ptp(y[known], axis=0)))]
-        raise DataError(f"magnetometer: {axis} is constant: the sensor is stuck or was not turned; nothing can be calibrated")
+    _refuse_still(y[known], strength)
     size = strength if strength is not None else typical(y[known])
     static, turned = ellipsoid(y, size), turning(t, y, imu, size, dip)
     if turned is not None and not turned[0].held and np.linalg.det(turned[0].matrix) < 0:
@@ -107,6 +103,18 @@ def hard_and_soft_iron(t, y, imu, strength, dip=None):
     fit, form, gyro = min(complete, key=lambda each: uncertainty(each[0], size)) if complete else \
         max(fits, key=lambda each: determined[each[1]] - len(each[0].held))
     return (fit if strength is not None else _own_scale(fit)), form, gyro
+
+
+def _refuse_still(y, strength):
+    """Raises DataError where the samples y (n, 3), T, are too few, or show no turn, so that noise would be fitted."""
+    if len(y) < 20:
+        raise DataError(f"magnetometer: {len(y)} samples; a calibration needs 20 and more, better some thousand")
+    if (np.ptp(y, axis=0) == 0).any():
+        axis = "xyz"[int(np.argmin(np.ptp(y, axis=0)))]
+        raise DataError(f"magnetometer: {axis} is constant: the sensor is stuck or was not turned; nothing can be calibrated")
+    if strength is None and (change := typical(y)) < LEAST_CHANGE:
+        raise DataError(f"magnetometer: it changes by +-{change * 1e6:.2g} uT in its widest axis, and the Earth's field has 22 to 67 uT: "
+                        "too few directions; turn the sensor through all directions, upside down too")
 
 
 def typical(y):

@@ -66,7 +66,7 @@ def _held(p, free, z):
 
 
 def start(z, sphere=False):
-    """(9,) entries of M and b in units of the strength: of the quadric through z (n, 3), else, or where `sphere`, identity and the sphere's centre."""
+    """(9,) entries of M and b in units of the strength: of the quadric through z (n, 3), else, or where `sphere`, identity and its centre."""
     x, y, w = z.T
     quadric, rest, _, values = np.linalg.lstsq(np.c_[x * x, y * y, w * w, 2 * x * y, 2 * x * w, 2 * y * w, 2 * z], np.ones(len(z)), rcond=None)
     Q = quadric[[0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(3, 3)

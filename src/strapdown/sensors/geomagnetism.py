@@ -107,7 +107,8 @@ def _named(model, year, date):
     first, last = models()[model]
     if not first <= year < last:
         better = next((name for name, (begin, end) in models().items() if begin <= year < end), None)
-        raise DataError(f"geomagnetic model {model} holds {_years((first, last))}, not on {date}: it {'had expired' if year >= last else 'had not begun'}; "
+        raise DataError(f"geomagnetic model {model} holds {_years((first, last))}, not on {date}: "
+                        f"it {'had expired' if year >= last else 'had not begun'}; "
                         + (f"use {better}" if better else "no model holds then, give the field itself"))
     return model
 

@@ -1,11 +1,11 @@
 """Error model of a GNSS receiver: fixes of position and velocity at the antenna with white noise, outages and latency, as Aiding."""
-from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
 
 from ..data import Aiding, DataError, Trajectory
 from ..geodesy import radii, wrap
+from .units import real
 
 
 class Gnss(NamedTuple):
@@ -42,10 +42,10 @@ class Gnss(NamedTuple):
             if sd is not None:
                 _deviations(sd, name)
         _lever_arm(self.lever_arm, "GNSS")
-        if not _real(self.latency) or not 0 <= self.latency < np.inf:
+        if not real(self.latency) or not 0 <= self.latency < np.inf:
             raise DataError(f"latency of the fixes is {self.latency!r} s; it must be 0 or more")
         for window in self.outages:
-            if np.shape(window) != (2,) or not all(map(_real, window)) or not window[0] < window[1]:
+            if np.shape(window) != (2,) or not all(map(real, window)) or not window[0] < window[1]:
                 raise DataError(f"outage {window!r}: write (start, stop) in s, the start before the stop")
 
     def _kept(self, t, end):
@@ -204,10 +204,6 @@ def without_fixes(aidings):
             if not len(aiding.t)]
 
 
-def _real(value):
-    return isinstance(value, Real) and not isinstance(value, bool)
-
-
 def _numbers(values, what):
     try:
         return np.asarray(values, float)
@@ -216,7 +212,7 @@ def _numbers(values, what):
 
 
 def _interval(seconds):
-    if not _real(seconds) or not 0 < seconds < np.inf:
+    if not real(seconds) or not 0 < seconds < np.inf:
         raise DataError(f"interval between fixes is {seconds!r} s; it must be larger than 0")
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from ..core.contract import Imu, Noise
 from ..data import DataError
-from ..files import replacing
+from ..files import read_toml, replacing
 from .errors import Triad, WarmUp, terms
-from .units import SHEET, UNITS, check_finite, in_units, nearest, quantity, refuse_unknown, size, toml_quantity
+from .units import SHEET, check_finite, in_units, nearest, quantity, refuse_unknown, size, toml_quantity
 
 WARM_UP = {"start": "degC", "end": "degC", "time_constant": "s"}
 """Keys of the section [warm_up] and their SI units."""
@@ -73,15 +73,7 @@ class ImuSpec:
     @classmethod
     def from_toml(cls, path):
         """Read a spec file. Raises DataError naming the file, the field and the remedy."""
-        try:
-            table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-        except OSError as error:
-            raise DataError(f"{path}: cannot be read ({error.strerror or error}); give a grade's name or the path of a .toml file") from error
-        except UnicodeDecodeError:
-            raise DataError(f"{path}: not a UTF-8 text file") from None
-        except tomllib.TOMLDecodeError as error:
-            raise DataError(f"{path}: not valid TOML: {error}") from None
-        return _from_table(table, str(path))
+        return _from_table(read_toml(path, "give a grade's name or the path of a .toml file"), str(path))
 
     def to_toml(self, path):
         """Write a spec file that `from_toml` reads back to an equal spec (SI values; datasheet units beside them as comments)."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..data import Aiding, DataError
 from .gnss import fix_times
+from .units import real
 
 UNIFORM = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Soft iron that changes nothing."""
@@ -143,10 +144,11 @@ def _rotation(truth, t):
 def _three(values, name, largest, spread):
     """Three floats, of one where `spread`. Raises DataError."""
     listed = [values] * 3 if spread and isinstance(values, Real) else values
-    if np.shape(listed) != (3,) or not all(isinstance(v, Real) and not isinstance(v, bool) and np.isfinite(v) for v in listed):
+    if np.shape(listed) != (3,) or not all(real(v) and np.isfinite(v) for v in listed):
         raise DataError(f"magnetometer: {name} is {_shown(values)}; it must be three numbers")
     if max(map(abs, listed)) > largest:
-        raise DataError(f"magnetometer: {name} is {[float(v) for v in listed]}; at most {largest:g}" + ("" if name == "scale" else " T: is it in tesla?"))
+        raise DataError(f"magnetometer: {name} is {[float(v) for v in listed]}; at most {largest:g}"
+                        + ("" if name == "scale" else " T: is it in tesla?"))
     return tuple(map(float, listed))
 
 
@@ -170,7 +172,7 @@ def _disturbance(values):
         made = Disturbance(*values)
     except TypeError:
         raise DataError(f"magnetometer: disturbance {_shown(values)}: give start and stop in s, field in T, and frame") from None
-    if not all(isinstance(edge, Real) and not isinstance(edge, bool) for edge in made[:2]) or not made.start < made.stop:
+    if not all(map(real, made[:2])) or not made.start < made.stop:
         raise DataError(f"magnetometer: disturbance from {made.start!r} to {made.stop!r} s; its start must come before its stop")
     if made.frame not in ("n", "b"):
         raise DataError(f"magnetometer: disturbance: frame is {made.frame!r}; it is \"n\", fixed to the surroundings, or \"b\", fixed to the body")
@@ -183,4 +185,4 @@ def _shown(value):
 
 
 def _positive(value):
-    return isinstance(value, Real) and not isinstance(value, bool) and 0 < value < np.inf
+    return real(value) and 0 < value < np.inf

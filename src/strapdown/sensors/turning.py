@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..rotations import running_products
 from .ellipsoid import OUTLIER, STEPS, WEAKEST, Fit, inflation, spread, weakest_direction
 
 WINDOW = 30.0       # s: long against turns, short against the wander of a gyro of 0.1 deg/s
@@ -69,7 +70,7 @@ def windows(t, y, imu, strength):
 def _attitude(t, imu):
     """Attitude C (n, 3, 3) by the gyros alone, its integral (n, 3, 3) and that of C f (n, 3), at times t."""
     from scipy.spatial.transform import Rotation
-    total = _products(Rotation.from_rotvec(imu.dtheta).as_matrix())     # at the ends of samples
+    total = running_products(Rotation.from_rotvec(imu.dtheta)).as_matrix()     # at the ends of samples
     start = np.concatenate([np.eye(3)[None], total])
     middle = start[:-1] @ Rotation.from_rotvec(imu.dtheta / 2).as_matrix()
     integral = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(middle * imu.dt[:, None, None], axis=0)])
@@ -78,15 +79,6 @@ def _attitude(t, imu):
     share = np.clip(1 - (imu.t[k] - t) / imu.dt[k], 0, 1)
     C = start[k] @ Rotation.from_rotvec(imu.dtheta[k] * share[:, None]).as_matrix()
     return C, integral[k] + share[:, None, None] * (integral[k + 1] - integral[k]), velocity[k] + share[:, None] * (velocity[k + 1] - velocity[k])
-
-
-def _products(matrices):
-    """Products of the first 1, 2, ... of (n, 3, 3) matrices, by doubling."""
-    found, step = matrices.copy(), 1
-    while step < len(found):
-        found[step:] = found[:-step] @ found[step:]
-        step *= 2
-    return found
 
 
 def turning(t, y, imu, strength, dip=None):

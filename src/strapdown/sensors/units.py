@@ -40,15 +40,20 @@ def in_units(value, si, unit=None):
     return value / UNITS[si][unit or SHEET[si]]
 
 
+def real(value):
+    """Whether it is a real number; True and False are none."""
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
 def check(value, name):
     """Refuse what is no finite number of 0 or more. Raises DataError."""
-    if isinstance(value, bool) or not isinstance(value, Real) or not 0 <= value < np.inf:
+    if not real(value) or not 0 <= value < np.inf:
         raise DataError(f"{name} is {value!r}; it must be a finite number, 0 or more")
 
 
 def check_finite(value, name):
     """Refuse what is no finite number. Raises DataError."""
-    if isinstance(value, bool) or not isinstance(value, Real) or not np.isfinite(value):
+    if not real(value) or not np.isfinite(value):
         raise DataError(f"{name} is {value!r}; it must be a finite number")
 
 

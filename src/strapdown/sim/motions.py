@@ -47,8 +47,8 @@ def hand_held(start, heading=0.0, turning=1.0, travel=1.0, rest=0.0, name="hand-
     feels gravity alone). It lies level and still for the first `rest` s and is in full motion 2 s later. Raises DataError.
     """
     if not (0 <= turning <= 1.5 and 0 <= travel < np.inf and 0 <= rest < np.inf):
-        raise DataError(f"a motion in a hand has turning from 0 to 1.5 (beyond, it pitches over the vertical), travel and rest from 0, not {turning!r}, "
-                        f"{travel!r}, {rest!r} s")
+        raise DataError(f"a motion in a hand has turning from 0 to 1.5 (beyond, it pitches over the vertical), travel and rest from 0, "
+                        f"not {turning!r}, {travel!r}, {rest!r} s")
     begun = lifted(lambda t: ramp(t, rest + 1.0, 0.25), lambda t: ramp_rate(t, rest + 1.0, 0.25)) if rest else lambda t: 1.0
     swing = lambda t, what, size: size * begun(t) * waves(t, _HAND[what])
     velocity = lambda t: tuple(swing(t, axis, travel) for axis in ("north", "east", "down"))

@@ -3,10 +3,10 @@ import datetime
 import difflib
 import inspect
 import math
-import tomllib
 from pathlib import Path
 
 from ..data import DataError
+from ..files import read_toml
 from ..sensors.barometer import Barometer
 from ..sensors.gnss import Gnss
 from ..sensors.magnetometer import Disturbance, Magnetometer
@@ -38,14 +38,7 @@ BAROMETER = {"rate_hz": "rate", "sd_Pa": "sd", "bias_Pa": "bias", "drift_Pa": "d
 
 def read(path):
     """The Scenario of a TOML file. Raises DataError naming file and key."""
-    try:
-        table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})") from None
-    except UnicodeDecodeError:
-        raise DataError(f"{path}: not a UTF-8 text file") from None
-    except tomllib.TOMLDecodeError as error:
-        raise DataError(f"{path}: not valid TOML: {error}") from None
+    table = read_toml(path, "check the path")
     try:
         return from_table(table, Path(path))
     except DataError as error:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..data import DataError
+from ..files import read_toml
 from ..sim.scenario import Scenario, scenario, scenarios
 from ..sim.scenario_file import from_table, nearest
 
@@ -85,7 +86,7 @@ def _table(flight):
         return tomllib.loads(files("strapdown.sim").joinpath("scenarios", f"{flight}.toml").read_text(encoding="utf-8")), Path(flight)
     if flight.endswith(".toml") or len(Path(flight).parts) > 1:
         scenario(flight)    # says what is wrong with the file
-        return tomllib.loads(Path(flight).read_text(encoding="utf-8")), Path(flight)
+        return read_toml(flight, "check the path"), Path(flight)
     raise DataError(f"unknown flight {flight!r}{nearest(flight, kinds())}; flights: {', '.join(kinds())}; "
                     "or give the path of a scenario file (.toml)")
 
@@ -118,7 +119,7 @@ def _times(key, items, times):
 def _fastest(made):
     """Fixes per second of the fastest sensor: the IMU's samples may not be fewer."""
     others = [sensor.rate or 0.0 for sensor in (made.magnetometer, made.barometer) if sensor is not None]
-    return max(0.0 if np.ndim(made.gnss.interval) else 1 / made.gnss.interval, *others, 0.0)
+    return max([0.0 if np.ndim(made.gnss.interval) else 1 / made.gnss.interval, *others])
 
 
 def _lasting(made, duration):

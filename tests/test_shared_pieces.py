@@ -1,0 +1,70 @@
+"""What several modules share: where a recording is, stretches of a mask, running products of rotations, TOML read with complaints."""
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+from scipy.spatial.transform import Rotation
+
+from strapdown.data import Aiding, DataError
+from strapdown.files import read_toml
+from strapdown.place import GIVEN_SD, place_of
+from strapdown.rest import stretches
+from strapdown.rotations import running_products
+
+pytestmark = pytest.mark.short
+NAN = np.nan
+
+
+def fixes(y, kind="position", sd=2.0):
+    y = np.array(y, float)
+    return Aiding(kind, np.arange(len(y), dtype=float), y, np.full(y.shape, sd))
+
+
+def test_a_given_place_comes_first():
+    place = place_of({"place": [0.5, 0.1, 20.0]}, (fixes([[0.7, 0.2, 30.0]]),), 3.0)
+    assert place.lla.tolist() == [0.5, 0.1, 20.0] and place.sd.tolist() == [GIVEN_SD] * 3 and "given" in place.note
+    assert place_of({"place": None}, (fixes([[0.7, 0.2, 30.0]]),)).lla.tolist() == [0.7, 0.2, 30.0]
+
+
+def test_else_it_is_the_nearest_whole_fix_or_the_first():
+    aidings = (fixes([[1.0, 0.0, 0.0]], "velocity"), fixes([[NAN] * 3]),
+               fixes([[0.7, 0.2, NAN], [0.7, 0.2, 31.0], [0.7, NAN, 32.0], [0.7, 0.2, 33.0], [0.7, 0.2, 34.0]], sd=3.0))
+    heights = [place_of({}, aidings, t).lla[2] for t in (-9.0, 0.0, 1.9, 2.1, 3.6, 9.0)]
+    assert heights == [31.0, 31.0, 31.0, 33.0, 34.0, 34.0]
+    assert place_of({}, aidings).lla[2] == 31.0 and place_of({}, aidings).sd.tolist() == [3.0] * 3
+    assert place_of({}, aidings[:2]) is None and place_of({}, ()) is None
+
+
+@given(st.lists(st.booleans(), max_size=30))
+def test_stretches_are_the_runs_of_true(mask):
+    found = stretches(np.array(mask, bool))
+    again = np.zeros(len(mask), bool)
+    for first, stop in found:
+        assert first < stop and mask[first:stop] == [True] * (stop - first)
+        again[first:stop] = True
+    assert again.tolist() == mask and (found[1:, 0] > found[:-1, 1]).all()
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 3, 7, 8, 9, 100])
+def test_running_products_are_those_one_by_one(n):
+    turns = Rotation.from_rotvec(np.random.default_rng(n).standard_normal((n, 3)))
+    found, expected = running_products(turns), np.eye(3)
+    assert len(found) == n
+    for k in range(n):
+        expected = expected @ turns[k].as_matrix()
+        np.testing.assert_allclose(found[k].as_matrix(), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("content, message", [
+    (b"a = ", r"x\.toml: is not TOML: Invalid value"), (b"a = '\xff'", r"x\.toml: is not UTF-8 text; save it as UTF-8"),
+    (None, r"x\.toml: cannot be read \(No such file or directory\); look there")])
+def test_toml_ends_in_a_line(tmp_path, content, message):
+    if content is not None:
+        (tmp_path / "x.toml").write_bytes(content)
+    with pytest.raises(DataError, match=message) as caught:
+        read_toml(tmp_path / "x.toml", "look there")
+    assert "\n" not in str(caught.value)
+
+
+def test_toml_is_read(tmp_path):
+    (tmp_path / "x.toml").write_text("[a]\nb = 'ü'", encoding="utf-8")
+    assert read_toml(str(tmp_path / "x.toml"), "") == {"a": {"b": "ü"}}
