@@ -231,7 +231,10 @@ def test_reproduction_writes_its_page(data_folder, tmp_path):
     path, = (data_folder / "broad").glob("24_*.npz")
     (tmp_path / "trials" / path.name).symlink_to(path)
     claims = broad.reproduce(tmp_path / "out", quick=True, folder=tmp_path / "trials")
-    assert sorted(each.name for each in (tmp_path / "out").iterdir()) == ["claims.json", "heading.csv", "inclination.csv", "index.html", "orientation.csv", "table.md"]
+    assert sorted(each.name for each in (tmp_path / "out").iterdir()) == ["claims.json", "heading.csv", "inclination.csv", "index.html", "orientation.csv", "over-sd.csv",
+                                                                              "table.md"]
+    over = pd.read_csv(tmp_path / "out" / "over-sd.csv").set_index("estimator")["24"]
+    assert "mahony" not in over and all(0.2 < float(value) < 2 for value in over["attitude-mekf"].split())
     assert json.loads((tmp_path / "out" / "claims.json").read_text()) == claims
     table = pd.read_csv(tmp_path / "out" / "orientation.csv")
     assert set(broad.estimators()) <= set(table["estimator"]) and (table["time, us per sample"] > 0).all()

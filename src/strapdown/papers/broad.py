@@ -62,6 +62,7 @@ class Run(NamedTuple):
     trial: str
     angles: np.ndarray      # (n, 3) orientation, inclination and heading error at the IMU samples, rad; NaN where one of the two is not known
     us: float               # microseconds per IMU sample
+    over: tuple = (np.nan,) * 3     # rms of the attitude error over its standard deviation, north, east, down, over the scored samples
 
 
 def load(path):
@@ -118,6 +119,13 @@ def _run(name, trial, trajectory, seconds):
     return Run(name, trial.name, angles(trajectory, trial.recording).astype(np.float32), seconds / len(trial.recording.imu.t) * 1e6)
 
 
+def over_sd(trajectory, trial):
+    """(3,) rms of the attitude error (north, east, down) over the standard deviation that the Trajectory claims, over the scored samples; NaN without one."""
+    e = errors(trajectory, trial.recording.reference)
+    scored = np.isin(e.t, trial.recording.imu.t[trial.scored])
+    return tuple(np.sqrt(np.mean((e.attitude[scored] / e.sd[scored, 6:9]) ** 2, axis=0)))
+
+
 def own_runs(trial, names, say=None):
     """Runs of the filters `names` on a trial, and smoothed of those that can be.
 
@@ -128,7 +136,7 @@ def own_runs(trial, names, say=None):
         for title, function in kinds:
             function(trial.recording, name, say=say)
             solution, seconds = _timed(lambda: function(trial.recording, name), REPEATS)
-            run = _run(title, trial, solution.trajectory, seconds)
+            run = _run(title, trial, solution.trajectory, seconds)._replace(over=over_sd(solution.trajectory, trial))
             if 8 not in filters.find(name).estimates:   # its heading runs free
                 run.angles[:, [0, 2]] = np.nan
             yield run
@@ -183,6 +191,11 @@ def tables(trials, runs):
                 rows[name]["time, us per sample"] = float(np.median([of[name, trial.name].us for trial in trials]))
         table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("estimator").reset_index()
         made[measure] = f"rms {text} during movement; * marks trials that strapdown's defaults were chosen on", table
+    claimed = [name for name in names if np.isfinite(of[name, trials[0].name].over).any()]
+    if claimed:
+        rows = [(name, *(" ".join("–" if np.isnan(x) else f"{x:.2f}" for x in of[name, trial.name].over) for trial in trials)) for name in claimed]
+        made["over-sd"] = ("rms of the attitude error over its own standard deviation, about north, east and down, during movement",
+                           pd.DataFrame(rows, columns=["estimator", *(trial.number for trial in trials)]))
     return made
 
 

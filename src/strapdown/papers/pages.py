@@ -1,5 +1,6 @@
 """What every reproduction writes: claims.json, CSV tables and an index.html that shows them, with figures where it has some."""
 import json
+import re
 from html import escape
 
 import numpy as np
@@ -15,6 +16,7 @@ STYLE = """.yes{color:#17692d}.no{color:#a11}.half{color:#8a5a00}.open{color:var
 .claims td,.claims th,.text td,.text th{white-space:normal;text-align:left;vertical-align:top}
 .claims td:nth-child(2){min-width:15rem}.claims .verdict{min-width:7.5rem;font-weight:600}
 .claims td:last-child{min-width:6rem}
+.plain td,.plain th{text-align:left;vertical-align:top}.plain td:first-child{white-space:normal;min-width:16rem}
 .text td{min-width:6rem}thead th{white-space:normal;min-width:4.2rem;vertical-align:bottom}main a{color:var(--accent)}
 caption{text-align:left;color:var(--soft);padding:.3rem 0;max-width:95ch}.slim{font-size:13.5px;color:var(--soft)}
 @media(prefers-color-scheme:dark){.yes{color:#7cd992}.no{color:#ff8d85}.half{color:#f0c060}}"""
@@ -44,7 +46,12 @@ def write_page(out, title, introduction, claims, tables, links=(), figures=(), n
         with replacing(out / f"{name}.csv") as part:
             table.to_csv(part, index=False, float_format="%.6g")
     sections = [(heading, text) for heading, text in _sections(claims, tables, links, figures, notes) if text]
-    shell(title, "", sections, FOOTER, "".join(f"<p>{escape(text)}</p>" for text in introduction), STYLE).save(out / "index.html")
+    shell(title, "", sections, FOOTER, "".join(f"<p>{_marked(text)}</p>" for text in introduction), STYLE).save(out / "index.html")
+
+
+def _marked(text):
+    """The text as HTML; what stands between backticks is code."""
+    return re.sub("`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
 def _sections(claims, tables, links, figures, notes):
@@ -61,7 +68,7 @@ def _sections(claims, tables, links, figures, notes):
 def _claims(claims):
     verdict = lambda holds: f"<td class='{'yes' if holds else 'no'}'>{'holds' if holds else 'does not hold'}</td>"
     rows = "".join(f"<tr><td>{escape(c['claim'])}</td><td>{escape(c['target'])}</td><td>{escape(c['figure'])}</td>{verdict(c['holds'])}</tr>" for c in claims)
-    return f"<div class=scroll><table><tr><th>claim</th><th>target</th><th>measured</th><th>verdict</th></tr>{rows}</table></div>"
+    return f"<div class='scroll plain'><table><tr><th>claim</th><th>target</th><th>measured</th><th>verdict</th></tr>{rows}</table></div>"
 
 
 def _findings(claims):
