@@ -243,7 +243,7 @@ BAD = [
     ([*FUSE, "--from", "soon"], TOML, "--from"),
     ([*FUSE, "--every", "0"], TOML, "every is 0"),
     ([*FUSE, "--heading", "900"], TOML, "clockwise from true north"),
-    ([*FUSE, "--heading", "nan"], TOML, "clockwise from true north"),
+    ([*FUSE, "--heading", "nan"], TOML, "it must be a number"),
     ([*FUSE, "--imu", "tactica"], TOML, "did you mean 'tactical'?"),
     ([*FUSE, "--imu", "missing.toml"], TOML, "missing.toml: cannot be read"),
     ([*FUSE, "--bogus"], TOML, "No such option: --bogus"),

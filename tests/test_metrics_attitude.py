@@ -115,6 +115,11 @@ def test_the_console_tells_what_is_claimed(made, said, capsys):
     assert out.endswith(said) and "nan" not in out
 
 
+def test_numbers_and_nouns_of_the_console():
+    assert [console.number(value) for value in (1234.5, 999.7, 99.96, 0.01234, 3e8, np.nan, None, 4)] == ["1234", "1000", "100", "0.0123", "3e+08", "-", "-", "4"]
+    assert console.counted(1, "fix", "es") == "1 fix" and console.counted(0, "fix", "es") == "0 fixes"
+
+
 def test_the_table_of_errors_has_dashes_and_the_angles(capsys):
     console.print_errors({"closed-loop": FULL, "attitude-mekf": ATTITUDE, "vru": VRU}, TRUTH)
     lines = capsys.readouterr().out.splitlines()
@@ -122,6 +127,7 @@ def test_the_table_of_errors_has_dashes_and_the_angles(capsys):
     assert "angle total inclination heading, deg" in lines[1] and row("attitude-mekf")[1:3] == ["-", "-"] and row("vru")[1].startswith("- - ")
     angles = np.degrees(metrics.rms(metrics.errors(ATTITUDE, TRUTH)).angles)
     assert [float(text) for text in row("attitude-mekf")[-1].split()] == pytest.approx(angles, rel=0.01)
+    assert row("vru")[3].endswith(" -") and [text == "-" for text in row("vru")[-1].split()] == [True, False, True]     # its heading runs free
     console.print_errors({"closed-loop": FULL}, TRUTH)
     console.print_outages(ATTITUDE, TRUTH, [(100, 120)])
     out = capsys.readouterr().out

@@ -44,7 +44,8 @@ def align(recording, imu, heading=None, heading_sd=np.radians(2.0), at=None, pos
         return _attitude_start(recording, imu, given, recording.span[0] if at is None else at)
     position = _source(recording, "position")
     if position is None:
-        raise DataError("no position fix to start from: add a position aiding, or give start=")
+        raise DataError("no position fix to start from: add a position aiding, or give start=, "
+                        "or choose a filter of attitude alone (attitude-mekf, mahony, vru)")
     velocity = _source(recording, "velocity")
     b_a_sd, b_g_sd = imu.bias_sd()
     t, v, v_sd, moving = _instant(recording, position, velocity, at, lambda t: _heading(recording, imu, t, given, np.zeros(3), position.y[0]).known)

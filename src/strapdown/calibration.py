@@ -87,7 +87,8 @@ class Calibration:
     def to_toml(self, path):
         """Write a calibration file that recording.toml can name (docs/calibrate.md). Raises DataError where it cannot be written."""
         from .io.calibration import write_calibration
-        count = f"{len(self.t)} {'rests' if self.form == 'rests' else 'samples'}"
+        from .io.origin import counted
+        count = counted(len(self.t), "rest" if self.form == "rests" else "sample")
         comments = [f"{self.sensor} of {self.name or 'a recording'}, {self.t[0]:.1f} to {self.t[-1]:.1f} s, {count}, form {self.form!r}",
                     "corrected = matrix @ (raw - bias), axes of the columns", self.verdict]
         write_calibration(path, self.sections(), comments + list(self.notes))
@@ -117,7 +118,8 @@ def calibrate(recording, sensor=None, start=None, stop=None):
         raise DataError(f"{chosen}: the recording has no source of kind magnetic-field; name one in recording.toml, or calibrate the accelerometer")
     named = sources if chosen == "magnetometer" else [a for a in sources if a.name == chosen]
     if not named:
-        raise DataError(f"sensor {chosen!r} is unknown; there is accelerometer, magnetometer and {', '.join(a.name or a.kind for a in sources)}")
+        there = dict.fromkeys(("accelerometer", "magnetometer", *(a.name or a.kind for a in sources)))
+        raise DataError(f"sensor {chosen!r} is unknown; there is {', '.join(there)}")
     notes = [f"{len(named)} magnetometers: {named[0].name or named[0].kind!r} is calibrated; name another as sensor"] if len(named) > 1 else []
     return _magnetometer(part, named[0], notes)
 

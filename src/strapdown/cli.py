@@ -67,7 +67,7 @@ def demo(out: Annotated[Path, typer.Option(help="The page to write.")] = Path("r
 
 
 @app.command()
-def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="recording.toml, .nc, or a PSINS log, .imu")],
+def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="recording.toml, .nc, a PSINS log, .imu, or a BROAD trial, .npz")],
          filter: Annotated[str, typer.Option(help="Architecture; see `strapdown filters`.")] = "closed-loop", imu: IMU = None,
          start: Annotated[Optional[float], typer.Option("--from", metavar="T", help="First second of the recording to use.")] = None,
          stop: Annotated[Optional[float], typer.Option("--to", metavar="T", help="Last second of the recording to use.")] = None,
@@ -108,9 +108,11 @@ def _start(recording, imu, heading, filter):
     if heading is None:
         return None
     import strapdown as sd
-    from math import radians
+    from math import isfinite, radians
     from .engine import found, positioned
     from .filters import find
+    if not isfinite(heading):
+        raise sd.DataError(f"--heading {heading:g}: it must be a number, deg clockwise from true north")
     if not -360 <= heading <= 360:
         raise sd.DataError(f"--heading {heading:g}: it is clockwise from true north in deg, at most 360")
     return sd.align(recording, sd.grade(imu), heading=radians(heading), position=positioned(found(find, filter)))
@@ -125,13 +127,13 @@ def _grade_of(recording):
 
 
 @app.command()
-def inspect(path: Annotated[Path, typer.Argument(metavar="PATH", help="recording.toml, .nc, a PSINS log (.imu), or a bare CSV")],
+def inspect(path: Annotated[Path, typer.Argument(metavar="PATH", help="recording.toml, .nc, a PSINS log (.imu), a BROAD trial (.npz), or a bare CSV")],
             write: Annotated[Optional[Path], typer.Option(help="From a bare CSV: draft the recording.toml that describes it.")] = None):
     """Say what a recording or a CSV holds, and what is probably wrong with it: rates, gaps, time base, units, axes."""
     from .data import DataError
     from .io.inspection import inspect
     from .io.psins import is_psins
-    if write is not None and (path.suffix.lower() in (".toml", ".nc") or is_psins(path)):
+    if write is not None and (path.suffix.lower() in (".toml", ".nc", ".npz") or is_psins(path)):
         raise DataError(f"--write drafts the description of a bare CSV; {path} is a recording already")
     if write is not None and write.exists():
         raise DataError(f"--write {write}: there is such a file already; name another, or remove it")

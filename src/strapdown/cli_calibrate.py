@@ -12,7 +12,7 @@ SENSOR = Annotated[Optional[str], typer.Option(help="accelerometer, magnetometer
 
 
 def calibrate(recording: Annotated[Path, typer.Argument(metavar="RECORDING",
-                                                       help="recording.toml or .nc; docs/calibrate.md tells how to record it.")],
+                                                       help="recording.toml, .nc, a PSINS log, .imu, or a BROAD trial, .npz; docs/calibrate.md tells how to record it.")],
               sensor: SENSOR = None,
               start: Annotated[Optional[float], typer.Option("--from", metavar="T", help="First second to use.")] = None,
               stop: Annotated[Optional[float], typer.Option("--to", metavar="T", help="Last second to use.")] = None,
@@ -23,6 +23,8 @@ def calibrate(recording: Annotated[Path, typer.Argument(metavar="RECORDING",
     for note in found.notes:
         print(f"note: {note}")
     table(found.header, found.rows)
+    if {"bias", "matrix", "temperature"} & set(found.columns):
+        print("these numbers are on top of the calibration that the recording names; the file holds both")
     print(found.verdict)
     with results_folder(out):
         found.write(out)

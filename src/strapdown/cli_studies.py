@@ -101,7 +101,7 @@ def reproduce(name: Annotated[str, typer.Argument(metavar="NAME", help=", ".join
     print(f"wrote {out}/index.html")
 
 
-def allan(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="recording.toml, .nc, or a PSINS log, .imu; at rest.")],
+def allan(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="recording.toml, .nc, a PSINS log, .imu, or a BROAD trial, .npz; at rest.")],
           start: Annotated[Optional[float], typer.Option("--from", metavar="T", help="First second of the rest.")] = None,
           stop: Annotated[Optional[float], typer.Option("--to", metavar="T", help="Last second of the rest.")] = None,
           out: OUT = Path("allan")):

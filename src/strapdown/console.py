@@ -19,14 +19,21 @@ def summarise(solution):
         print(f"note: {note}")
     print(f"start: {solution.meta['start']['note']}")
     for name, (good, bad) in solution.counts().items():
-        print(f"{name}: {good} fixes accepted, {bad} rejected")
+        print(f"{name}: {counted(good, 'fix', 'es')} accepted, {bad} rejected")
     if solution.meta["fixes_outside"]:
-        print(f"{solution.meta['fixes_outside']} fixes lie before the start or after the last sample and were not used")
+        outside = solution.meta["fixes_outside"]
+        verbs = ("lies", "was") if outside == 1 else ("lie", "were")
+        print(f"{counted(outside, 'fix', 'es')} {verbs[0]} before the start or after the last sample and {verbs[1]} not used")
     for t, text in solution.events[:10]:
         print(f"{t:10.2f} s  {text}")
     if len(solution.events) > 10:
         print(f"           and {len(solution.events) - 10} more events; the report lists them")
     print(f"at the end: {uncertainty(solution.trajectory.sd[-1])}")
+
+
+def counted(count, noun, plural="s"):
+    """`1 fix`, `2 fixes`."""
+    return f"{count} {noun}{'' if count == 1 else plural}"
 
 
 def uncertainty(sd):
@@ -60,15 +67,23 @@ def triple(values):
 
 
 def number(value):
-    """A number with three digits, a dash for None and NaN."""
-    return "-" if value is None or value != value else f"{value:.3g}" if isinstance(value, float) else str(value)
+    """A number with three digits, or all before the point of one below 10 million; a dash for None and NaN."""
+    if value is None or value != value:
+        return "-"
+    if not isinstance(value, float):
+        return str(value)
+    return f"{value:.0f}" if 999.5 <= abs(value) < 1e7 else f"{value:.3g}"
 
 
 def print_errors(solutions, reference, window=None):
-    """A table of root mean square errors; says in one line why there is none. The angles of the attitude error where a solution has no position."""
+    """A table of root mean square errors; says in one line why there is none. The angles of the attitude error where a solution has no position.
+
+    A heading that runs free is not scored, nor the angle of the whole rotation with it.
+    """
     import numpy as np
     from .data import DataError
     from .metrics import AttitudeAngles, errors, rms
+    from .reports.summary import heading_held
     rows = []
     for name, solution in solutions.items():
         try:
@@ -77,6 +92,8 @@ def print_errors(solutions, reference, window=None):
             print(f"not scored: {error}")
             continue
         angles = [None if part is None else np.degrees(part) for part in (r.rph, r.angles)]
+        if not heading_held(solution):
+            angles = [None if part is None else np.where([known, True, False], part, np.nan) for part, known in zip(angles, (True, False))]
         rows.append((name, triple(r.position), triple(r.velocity), *map(triple, angles)))
     if rows:
         print("rms error against the reference" + (f" over {window[0]:g}-{window[1]:g} s" if window else ""))

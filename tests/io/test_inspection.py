@@ -117,6 +117,24 @@ def test_a_draft_reads(tmp_path, table, expected):
     assert inspect(tmp_path / "logs" / "flight.csv").problems == ()
 
 
+@pytest.mark.parametrize("names, size, expected", [
+    (["mx", "my", "mz"], 1.0, ['columns = ["mx", "my", "mz"]\nunit = "uT"      # check', "sd = 1  "]), (["mag_x_gauss", "mag_y_gauss", "mag_z_gauss"], 0.01, ['unit = "gauss"\n', "sd = 0.01"]),
+    (["MagnX", "MagnY", "MagnZ"], 10.0, ['unit = "mgauss"']), (["magX [nT]", "magY [nT]", "magZ [nT]"], 1e3, ['unit = "nT"\n']),
+    (["mag_x", "mag_y", "mag_z"], 60.0, ['unit = "uT"', "scale = 0.016", "counts?"])])
+def test_a_draft_keeps_the_magnetometer(tmp_path, names, size, expected):
+    t, w, f, _ = car()
+    heading = np.cumsum(w[:, 2]) * 0.01
+    field = size * np.c_[20 * np.cos(heading), -20 * np.sin(heading), 0 * t + 43.0]
+    columns = ["t", "gx", "gy", "gz", "ax", "ay", "az", *names]
+    pd.DataFrame(np.c_[t, w, f, field + np.random.default_rng(3).normal(0, 0.05 * size, field.shape)], columns=columns).to_csv(tmp_path / "log.csv", index=False)
+    text = draft(tmp_path / "log.csv")
+    assert 'kind = "magnetic-field"' in text and 'axes = "FRD"' in text and all(words in text for words in expected), text
+    assert any(fact.startswith(f"magnetometer: {', '.join(names)} in ") for fact in inspect(tmp_path / "log.csv").facts)
+    (tmp_path / "recording.toml").write_text(text)
+    mag, = read(tmp_path / "recording.toml").aidings
+    assert np.median(np.linalg.norm(mag.y, axis=1)) == pytest.approx(47.5e-6, rel=0.05) and mag.sd[0, 0] == pytest.approx(1e-6)
+
+
 def test_a_draft_with_fixes_and_time_in_ms(tmp_path):
     table = frame(1, ["gx", "gy", "gz"], ["ax", "ay", "az"], "timestamp")
     table["timestamp"] = (table["timestamp"] * 1000).round()

@@ -159,6 +159,7 @@ REFUSED = {
     "field in gauss said to be T": (added('field = { north = 0.2, east = 0.0, down = 0.4, unit = "T" }'), "its strength is 4.472e+05 uT, where the Earth's is 22 to 67"),
     "declination of the model": (added('declination = { value = 3.0, unit = "deg" }'), 'declination: it belongs to field = "record"'),
     "declination without unit": (added('field = "record"\ndeclination = { value = 3.0 }'), "declination: unit: unit is missing; accepted for angle"),
+    "field without a horizontal part": (added('field = { north = 0.0, east = 0.0, down = 48.0, unit = "uT" }'), "field: it has nothing horizontal and so gives no heading"),
     "unit spelt G": (lambda s: s.replace('"uT"', '"G"'), "unknown unit 'G', did you mean 'gauss'? accepted for magnetic field: T, uT, nT, gauss, mgauss"),
     "unit spelt mG": (lambda s: s.replace('"uT"', '"mG"'), "did you mean 'mgauss'?"),
     "unit in capitals": (lambda s: s.replace('"uT"', '"UT"'), "did you mean 'uT'?"),
@@ -193,7 +194,56 @@ def test_an_uncalibrated_one_is_said(build):
     path = build(mag=lambda f: f.assign(mx=f.mx + 25.0))
     assert "its strength varies from" in notes(path) and "calibrate it (`strapdown calibrate`)" in notes(path)
     assert any("calibrate it" in problem for problem in inspect(path).problems)
-    assert "its median strength is 4.8 uT, that of the Earth's field 48.2 uT: check the unit" in notes(build(toml=added("scale = 0.1")))
+    assert "that of the Earth's field 48.2 uT: check the unit" in notes(build(toml=added("scale = 0.3")))
+
+
+@pytest.mark.parametrize("scale, unit, words", [
+    (1.0, "nT", "its median strength is 0.0482 uT, that of the Earth's field 48.2 uT: is the unit uT, not nT?"),
+    (0.01, "uT", "median strength is 0.482 uT, that of the Earth's field 48.2 uT: is the unit gauss, not uT?"),
+    (10.0, "uT", "is the unit mgauss, not uT?"), (0.1, "uT", "check unit, scale, columns and calibration"),
+    (0.01, "T", "is the unit gauss, uT, nT or mgauss")])
+def test_a_strength_that_a_mistaken_unit_makes_is_refused(build, scale, unit, words):
+    path = build(mag=lambda f: f.assign(**{name: f[name] * scale for name in COLUMNS}), toml=lambda s: s.replace('"uT"', f'"{unit}"'))
+    with pytest.raises(DataError) as error:
+        read(path)
+    assert words in str(error.value) and "\n" not in str(error.value) and any(words in text for text in inspect(path).problems)
+
+
+def test_hard_iron_far_above_the_field_is_no_mistaken_unit(build):
+    assert "calibrate it" in notes(build(mag=lambda f: f.assign(mx=f.mx + 400.0)))
+
+
+def test_one_constant_axis(build):
+    path = build(mag=lambda f: f.assign(mx=20.0))
+    with pytest.raises(DataError, match="mag.csv: magnetic-field: x is constant while the body turns by .* the sensor is stuck; check its column"):
+        read(path)
+    assert any("x is constant" in problem for problem in inspect(path).problems)
+    level = lambda f: f.assign(gx=0.0, gy=0.0, ax=0.0, ay=0.0, az=-9.8)     # turns about z alone leave z as it is
+    assert "is constant" not in notes(build(mag=lambda f: f.assign(mz=43.0), imu=level))
+    tilted = lambda f: f.assign(gx=np.where(f.t < 2, np.radians(10.0), 0.0), gy=0.0, gz=0.0, ax=0.0, ay=0.0, az=-9.8)
+    path = build(mag=lambda f: f.assign(mz=43.0), imu=tilted)
+    assert "z is constant while the body turns by 20 deg about another axis: the sensor is stuck, nothing was dropped" in notes(path)
+
+
+def test_a_calibration_that_mirrors_or_is_in_another_unit_is_named(build, tmp_path):
+    path = build(toml=added('calibration = "mag.toml"'))
+    for text, words in (("matrix = [[1, 0, 0], [0, -1, 0], [0, 0, 1]]", "mag.toml: [magnetometer] matrix mirrors the field"),
+                        ("bias = [5.0, 2.0, 3.0]", "mag.toml: [magnetometer] bias is [5.0, 2.0, 3.0] T, beyond 1 mT")):
+        (tmp_path / "mag.toml").write_text(f"[magnetometer]\n{text}\n")
+        with pytest.raises(DataError) as error:
+            read(path)
+        assert words in str(error.value)
+
+
+@pytest.mark.parametrize("offset, count, words", [(95.0, 50, "only 50 of 1000 fixes fall within the IMU record, 5.0 of its 100.0 s"), (60.0, 400, None)])
+def test_little_in_common_with_the_imu_is_said(build, offset, count, words):
+    path = build(toml=lambda s: s.replace(
+        'file = "mag.csv"\ntime = { column = "t", unit = "s" }', f'file = "mag.csv"\ntime = {{ column = "t", unit = "s", offset = {offset} }}'))
+    said, problems = notes(path), " ".join(inspect(path).problems)
+    assert (words in said and words in problems) if words else ("fixes fall within" not in said + problems)
+    if words:
+        write_recording(read(path), path.with_suffix(".nc"))
+        assert " ".join(read(path.with_suffix(".nc")).meta["notes"]).count("fixes fall within") == 1
 
 
 def test_stuck_samples_are_dropped_and_counted(build):
@@ -238,6 +288,10 @@ def test_inspect_names_the_axes_that_fit(build):
         assert f"with {axes!r} by " in problem
 
 
+def test_reading_notes_the_axes_that_fit(build):
+    assert "magnetic-field axes: the dip of the field is off by" in notes(build(mag=turned(np.diag([1.0, -1.0, -1.0]))))
+
+
 def test_the_axes_that_fit_are_those_of_the_columns(build):
     problem, = inspect(build(toml=added('axes = "+x -z +y"'))).problems
     assert "with '+x +y +z' by 0: check axes" in problem
@@ -266,7 +320,8 @@ def test_pressure(build):
 
 
 @pytest.mark.parametrize("value, unit, words", [
-    (955.0, "Pa", "line 2: pressure is 955 Pa, where air has 1000 to 200000: hPa or mbar read as Pa?"), (95.5, "Pa", "kPa read as Pa?"),
+    (955.0, "Pa", "line 2: pressure is 955 Pa, where air has 5000 to 200000: hPa or mbar read as Pa?"), (95.5, "Pa", "kPa read as Pa?"),
+    (1014.5, "Pa", "hPa or mbar read as Pa?"), (310.0, "Pa", "hPa or mbar read as Pa?"),
     (95500.0, "hPa", "Pa read as hPa or mbar?"), (955.0, "kPa", "hPa or mbar read as kPa?"), (0.0, "Pa", "check columns, unit and scale")])
 def test_impossible_pressures(build, value, unit, words):
     with pytest.raises(DataError) as error:

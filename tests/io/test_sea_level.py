@@ -27,9 +27,18 @@ def test_the_level_is_what_the_heave_is_about(build, tmp_path):
 
 @pytest.mark.parametrize("change, words", [
     (with_more(SEA + "level = nan\n"), "level"), (with_more(SEA + 'level = "mean"\n'), "level"),
+    (with_more(SEA + "level = 500000.0\n"), r"zero-sea-level\) level: .*12000"),
+    (with_more(SEA.replace("2.0", "1e6", 1)), r"zero-sea-level\) rate: 1e\+06 Hz is more than 10 times that of the IMU; give 1000 Hz or less"),
     (with_more('\n[[aiding]]\nkind = "gravity"\nrate = 2.0\nsd = 0.3\nlevel = 45.0\n'), "level: gravity takes none; it is the height of mean sea level"),
     (lambda toml: toml.replace("sd = 0.1\n", "sd = 0.1\nlevel = 3.0\n"), "level: velocity takes none")])
 def test_other_levels_are_refused_in_one_line(build, change, words):
     with pytest.raises(DataError, match=words) as error:
         read(build(toml=change))
     assert "\n" not in str(error.value)
+
+
+def test_a_level_far_from_the_height_of_the_place_is_said(build):
+    place = 'place = { latitude = 47.0, longitude = 8.0, height = 45.0, unit = "deg" }\n'
+    notes = lambda level: " ".join(read(build(toml=lambda toml: place + toml + SEA + f"level = {level}\n")).meta["notes"])
+    assert "zero-sea-level: its level is 0 m and the height of place 45 m, 56 of its standard deviations apart" in notes(0.0)
+    assert "its level" not in notes(44.0)

@@ -180,10 +180,11 @@ def test_findings_as_markdown_go_between_the_marks(out, claims, tmp_path):
 
 @pytest.mark.short
 def test_a_page_of_bounds_links_its_reports(tmp_path):
-    write_page(tmp_path, "Recordings", ["text"], [claim("heading", 1.5, 2.0, "deg"), claim("roll", 0.5, 0.4, "deg")], {"t": ("a table", pd.DataFrame({"x": [1.0]}))},
+    write_page(tmp_path, "Recordings", ["a `command` & <b>"], [claim("heading", 1.5, 2.0, "deg"), claim("roll", 0.5, 0.4, "deg")], {"t": ("a table", pd.DataFrame({"x": [1.0]}))},
                [("a flight", "flight.html")])
     html = (tmp_path / "index.html").read_text()
     assert "<td class='yes'>holds</td>" in html and "<td class='no'>does not hold</td>" in html and "&lt;= 2 deg" in html and "<a href='flight.html'>a flight</a>" in html
+    assert "<p>a <code>command</code> &amp; &lt;b&gt;</p>" in html
 
 
 @pytest.mark.short

@@ -9,7 +9,7 @@ from synthetic import attitude_only, flight, solution
 
 from strapdown import metrics, report
 from strapdown.data import Innovations
-from strapdown.reports import figures, fixes
+from strapdown.reports import figures, fixes, summary
 
 pytestmark = pytest.mark.short
 TRUTH = flight(600, rate=2.0)
@@ -81,12 +81,50 @@ def test_a_page_of_heave_shows_it_and_what_moves_vertically():
     assert headings(page)[:6] == ["Position error", "Velocity error", "Attitude error", "Angle of the attitude error", "Heave", "Velocity"]
     by_heading = dict(zip(headings(page), drawn(page)))
     shown = {heading: titles(by_heading[heading]) for heading in ("Position error", "Velocity", "Heave")}
-    assert shown == {"Position error": ["down [m]"], "Velocity": ["down [m/s]"], "Heave": ["heave [m]"]}
+    assert shown == {"Position error": ["down [m]"], "Velocity": ["down [m/s]"], "Heave": ["heave about its mean [m]"]}
     heave = figures.heave(VRU, compare=TRUTH)
     line = next(trace for trace in heave.data if trace.name == "estimate")
-    assert np.allclose(line.y, VRU.trajectory.lla[:, 2], rtol=1e-5) and "reference" in [trace.name for trace in heave.data]
+    assert np.allclose(line.y, VRU.trajectory.lla[:, 2] - VRU.trajectory.lla[:, 2].mean(), atol=1e-3) and "reference" in [trace.name for trace in heave.data]
     assert "down position [m]" in page.html and "north position [m]" not in page.html and figures.heave(FULL) is None
     assert "3σ of height, velocity, attitude" in headings(page)
+
+
+def test_a_heave_without_a_place_lies_on_the_reference():
+    low = replace(VRU, trajectory=replace(VRU.trajectory, lla=VRU.trajectory.lla - [0, 0, 5000.0]))
+    shown, beside = (next(trace.y for trace in figures.heave(low, compare=TRUTH).data if trace.name == name) for name in ("estimate", "reference"))
+    assert abs(np.mean(shown)) < 0.01 and abs(np.mean(beside)) < 0.01 and np.std(shown - beside) < 10
+
+
+def test_a_heading_that_runs_free_is_not_scored():
+    page = own(PAGES["heave"]())
+    assert "inclination angle [deg]" in page and not re.search(r"<td>(heading|heading angle|total angle) \[deg\]</td>", page)
+    row = re.findall(r">([^<]*)</td>", re.search(r"<tr><td>total angle \[deg\]</td>(.*?)</tr>", own(PAGES["side by side"]()))[1])
+    assert [text == "–" for text in row] == [False] * 6 + [True] * 3
+
+
+def test_no_band_is_promised_where_none_is_claimed():
+    unsure = replace(ATTITUDE, trajectory=replace(ATTITUDE.trajectory, sd=np.full_like(ATTITUDE.trajectory.sd, np.nan)))
+    captions = lambda page: " ".join(re.findall("<figcaption>(.*?)</figcaption>", own(page)))
+    for against in (None, TRUTH):
+        assert "σ" in captions(report(ATTITUDE, against)) and "σ" not in captions(report(unsure, against))
+    assert "clockwise from north" in captions(report(unsure)) and "true north" not in own(report(unsure))
+
+
+def test_errors_beyond_the_claim_are_told():
+    e = metrics.errors(ATTITUDE, TRUTH)
+    assert summary.beyond({"a": e}) == ""
+    sure = replace(e, sd=e.sd / 100)
+    share = (np.abs(e.attitude) > 0.03 * e.sd[:, 6:9]).any(axis=1)
+    assert summary.beyond({"a": sure}).startswith(f"<p class=note>a: attitude error beyond 3σ of what the filter claims at {100 * share.mean():.0f} % of the")
+    inside = (e.t >= 100) & (e.t <= 110)
+    assert f"at {100 * share[inside].mean():.0f} %" in summary.beyond({"a": sure}, (100, 110))
+    assert summary.beyond({"a": replace(e, sd=None)}) == summary.beyond({"a": replace(e, sd=np.full_like(e.sd, np.nan))}) == ""
+
+
+def test_a_field_that_counts_little_is_explained():
+    fixes_of = lambda nis: summary.fix_table({"a": replace(ATTITUDE, innovations=replace(ATTITUDE.innovations, nis=nis))})
+    nis = ATTITUDE.innovations.nis
+    assert "taken as lasting" not in fixes_of(nis) and "taken as lasting" in fixes_of(nis / 100)
 
 
 def test_side_by_side_each_keeps_its_colour_and_only_what_is_known():

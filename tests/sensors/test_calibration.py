@@ -174,12 +174,15 @@ def test_too_few_directions_are_refused_with_those_that_lack():
     y[:, 1] = 2e-5
     with pytest.raises(sd.DataError, match="y is constant: the sensor is stuck"):
         sd.calibrate(recording(imu, y))
-    with pytest.raises(sd.DataError, match="0 rests of 2 s|1 rests of 2 s.*six and more"):
+    with pytest.raises(sd.DataError, match="0 rests of 2 s|1 rest of 2 s.*six and more"):
         sd.calibrate(recording(imu, y), "accelerometer")
     with pytest.raises(sd.DataError, match="no source of kind magnetic-field"):
         sd.calibrate(replace(recording(imu, y), aidings=()), "magnetometer")
     with pytest.raises(sd.DataError, match="sensor 'compass' is unknown; there is accelerometer"):
         sd.calibrate(recording(imu, y), "compass")
+    twice = replace(recording(imu, y).aidings[0], name="magnetometer")
+    with pytest.raises(sd.DataError, match="there is accelerometer, magnetometer$"):
+        sd.calibrate(replace(recording(imu, y), aidings=(twice,)), "gyro")
 
 
 @pytest.mark.short
@@ -257,6 +260,15 @@ def test_rests_are_found_and_the_accelerometer_is_calibrated():
     np.testing.assert_allclose(made.matrix, SYMMETRIC * g / G, atol=1e-3)
     assert made.form == "rests" and made.lacking == () and not made.held and made.coverage > 0.2 and made.strength == g
     assert made.after < 0.003 < 0.2 < made.before
+
+
+@pytest.mark.parametrize("earlier", [{}, {"bias": [0.1, 0.0, 0.0]}])
+def test_the_command_says_what_its_numbers_are_on_top_of(earlier, monkeypatch, tmp_path, capsys):
+    from strapdown.cli_calibrate import calibrate
+    box = Recording(poses(TILTED, M=SYMMETRIC, b=np.zeros(3)), meta={"sensors": {"accel": earlier}})
+    monkeypatch.setattr(sd, "read", lambda path: box)
+    calibrate(tmp_path / "recording.toml", "accelerometer", out=tmp_path)
+    assert ("on top of the calibration that the recording names" in capsys.readouterr().out) == bool(earlier)
 
 
 def test_missing_poses_are_named_and_their_parameters_held():

@@ -16,6 +16,8 @@ SECTIONS = {"gyro": "rad/s", "accel": "m/s^2", "magnetometer": "T"}
 """Sections of a calibration file and the unit of their bias."""
 HEATED = ("gyro", "accel")
 """Sections that take a temperature table."""
+MOST_BIAS = 1e-3
+"""T: beyond it no magnetometer of a vehicle reads."""
 
 
 class Correction(NamedTuple):
@@ -63,6 +65,11 @@ def _correction(path, name, section):
         right = False
     if not right:
         raise DataError(f"{path}: [{name}] bias must be 3 numbers and matrix 3 rows of 3 numbers that can be inverted")
+    if name == "magnetometer" and np.linalg.det(matrix) < 0:
+        raise DataError(f"{path}: [{name}] matrix mirrors the field (its determinant is below 0): check the sign of each row and column")
+    if name == "magnetometer" and np.abs(bias).max() > MOST_BIAS:
+        raise DataError(f"{path}: [{name}] bias is {bias.tolist()} T, beyond {MOST_BIAS * 1e3:g} mT, where the Earth's field has 22 to 67 uT: "
+                        "it must be in T; is it in uT?")
     return Correction(bias, matrix, _temperature(path, name, section))
 
 

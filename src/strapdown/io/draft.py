@@ -9,6 +9,7 @@ import numpy as np
 from ..core.contract import Imu
 from ..data import DataError
 from .axes import BODY, axes_matrix
+from .magnetometer import EARTH
 from .origin import Origin
 from .plausible import G, half_seconds, mistakes
 from .samples import increments
@@ -17,13 +18,16 @@ from .units import UNITS
 
 TIME = r"(t|time|timestamp|time_?stamp|tow|seconds?|elapsed|gps_?time)"
 GYRO = r"(g|gyr|gyro|gyroscope|w|omega|rate|rates|ang(ular)?_?(vel|velocity|rate))"
+MAG = r"(m|mag|magn|magnet|magnetometer|magnetic|magnetic_?field|compass)"
 ACCEL = r"(a|f|acc|accel|acceleration|accelerometer|lin(ear)?_?acc(el|eleration)?|specific_?force)"
 FIXES = {"latitude": r"(lat|latitude)", "longitude": r"(lon|lng|long|longitude)", "height": r"(alt|altitude|h|hgt|height|h_?ell|ellipsoidal_?height)",
          "north": r"(vn|v_?n|vel_?n|v(el)?_?north|north_?vel(ocity)?)", "east": r"(ve|v_?e|vel_?e|v(el)?_?east|east_?vel(ocity)?)",
          "down": r"(vd|v_?d|vel_?d|v(el)?_?down|down_?vel(ocity)?)", "up": r"(vu|v_?u|vel_?u|v(el)?_?up|up_?vel(ocity)?)"}
 UNIT = r"(?P<unit>([_ .,\[(].*)?)"
 SPELLINGS = {"rad/s": r"rad.*s", "deg/s": r"(deg.*s|dps)", "m/s^2": r"(m.?/?s.?\^?2|m_s_?s|mps2)", "mg": r"mg", "g": r"g",
-             "ns": r"ns(ec)?", "us": r"(us|µs|usec)", "ms": r"(ms|msec)", "s": r"s(ec(onds?)?)?", "rad": r"rad", "deg": r"deg"}
+             "ns": r"ns(ec)?", "us": r"(us|µs|usec)", "ms": r"(ms|msec)", "s": r"s(ec(onds?)?)?", "rad": r"rad", "deg": r"deg",
+             "T": r"(t|tesla)", "uT": r"(ut|µt|μt|microtesla)(_?raw)?", "nT": r"(nt|nanotesla)(_?raw)?", "gauss": r"(gauss|gs)(_?raw)?",
+             "mgauss": r"(mgauss|milligauss|mg)(_?raw)?"}
 
 
 class Guess(NamedTuple):
@@ -61,14 +65,16 @@ def guess(path, folder=None):
     unit = _time_unit(time, t, bool(gyro and accel))
     facts.append(f"time: {time!r} in {unit}")
     parts = [HEAD.format(name=path.name)]
-    imu, problems = None, []
+    imu, axes, problems = None, "FRD", []
     if gyro and accel:
-        imu, text = _imu(table, file, t * UNITS["time"][unit], time, unit, gyro, accel, facts, problems)
+        imu, axes, text = _imu(table, file, t * UNITS["time"][unit], time, unit, gyro, accel, facts, problems)
         parts.append(text)
     else:
         problems.append("no gyro and accelerometer columns were recognised: name them in [imu]")
         parts.append(NO_IMU)
     parts += _aidings(file, time, unit, table, fixes, facts)
+    if magnetic := _triple(names, MAG):
+        parts.append(_magnetometer(file, time, unit, table, magnetic, axes, facts))
     return Guess(facts, problems, imu, "\n".join(parts))
 
 
@@ -126,7 +132,7 @@ def _time_unit(name, t, is_imu):
 
 
 def _imu(table, file, t, time, unit, gyro, accel, facts, problems):
-    """(Imu or None, text of [imu]) with the units and axes that fit gravity best."""
+    """(Imu or None, axes, text of [imu]) with the units and axes that fit gravity best."""
     raw = [np.stack([table.numbers(name) for name in three], axis=1) for three in (gyro, accel)]
     accel_unit, scale, accel_note = _accel_unit(accel[0], raw[1])
     candidates = [_named_unit(gyro[0], ("rad/s", "deg/s"))] if _named_unit(gyro[0], ("rad/s", "deg/s")) else ["rad/s", "deg/s"]
@@ -148,7 +154,7 @@ def _imu(table, file, t, time, unit, gyro, accel, facts, problems):
     facts.append(f"gyro: {', '.join(gyro)} in {gyro_unit}{sure}; accel: {', '.join(accel)} in {accel_unit}"
                  + (f" times {scale:g}" if scale != 1 else "") + f"; axes {axes[0]} ({axes[1].removeprefix('check: ')})")
     factor = f", scale = {scale:.6g}" if scale != 1 else ""
-    return imu, f"""[imu]
+    return imu, axes[0], f"""[imu]
 file = {file}
 time = {{ column = {_text(time)}, unit = "{unit}" }}
 kind = "rate"                    # check: "increment" where the columns are rotation and velocity increments
@@ -221,6 +227,33 @@ lever_arm = [0.0, 0.0, 0.0]      # check: the same antenna
 """)
         facts.append(f"velocity: {', '.join(names)}")
     return parts
+
+
+def _magnetometer(file, time, unit, table, names, axes, facts):
+    """Text of [[aiding]] for a magnetometer, its unit the one of its name or that gives about the Earth's field."""
+    with np.errstate(invalid="ignore"):
+        median = float(np.nanmedian(np.linalg.norm(np.stack([table.numbers(name) for name in names], axis=1), axis=1)))
+    known, named = UNITS["magnetic field"], _named_unit(names[0], ("uT", "nT", "mgauss", "gauss", "T"))
+    tesla = named or next((each for each in known if 0.32 < median * known[each] / EARTH < 3.2), None)
+    scale = 1.0 if tesla or not median > 0 else EARTH / known["uT"] / median
+    tesla, sure = tesla or "uT", "" if named else " (a guess)"
+    counts = "" if scale == 1 else "; counts? scale was set to the Earth's field"
+    checked = "" if named else f"      # check: median strength is {median:.4g}{counts}"
+    facts.append(f"magnetometer: {', '.join(names)} in {tesla}{sure}{f' times {scale:g}' if scale != 1 else ''}; "
+                 "the draft has it as a magnetic-field: check its axes and calibrate it")
+    factor = f"scale = {scale:.6g}\n" if scale != 1 else ""
+    return f"""[[aiding]]
+kind = "magnetic-field"
+file = {file}
+time = {{ column = {_text(time)}, unit = "{unit}" }}
+columns = [{', '.join(map(_text, names))}]
+unit = "{tesla}"{checked}
+{factor}axes = "{axes}"                     # check: those of the IMU; many magnetometers have others
+sd = {1e-6 / known[tesla]:.3g}                         # check: in the unit above, here 1 uT
+field = "record"                 # check: headings are from magnetic north; for true north give date and place at the top instead
+# place = {{ latitude = 47.0, longitude = 8.0, height = 500.0, unit = "deg" }}    # this line belongs to the top, beside date
+# calibration = "mag.toml"       # what `strapdown calibrate` wrote; few magnetometers are right without
+"""
 
 
 def _angle_unit(name, values):

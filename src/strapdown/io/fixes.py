@@ -10,10 +10,13 @@ from .samples import order
 
 LIMITS = {"length": (500e3, "m", "is the unit mm or ft?"), "speed": (1e4, "m/s", "is the unit mm/s or cm/s?"),
           "angle": (4 * np.pi, "rad", "is the unit deg?"), "longitude": (2 * np.pi, "rad", "is the unit deg, or is a scale missing?"),
-          "magnetic field": (1e-3, "T", "the Earth's is 22 to 67 uT: is the unit uT, nT or mgauss, or is a scale missing?")}
+          "magnetic field": (1e-3, "T", "the Earth's is 22 to 67 uT: is the unit gauss, uT, nT or mgauss, or is a scale missing?")}
 """Largest magnitude of a quantity, its unit, and the likely mistake beyond it."""
-PRESSURES = (1e3, 200e3)
-"""Lowest and highest pressure that air has for a vehicle, Pa: 31 km above the sea, and a pressurised or submerged sensor."""
+PRESSURES = (5e3, 200e3)
+"""Lowest and highest pressure that air has for a vehicle, Pa: 20 km above the sea, where the standard atmosphere of the library ends, and a
+pressurised or submerged sensor."""
+LEAST_SHARE, LONG = 0.2, 10.0
+"""An aiding and an IMU record, both longer than LONG (s), that have less than LEAST_SHARE of one of them in common, probably differ in clock."""
 SLIPS = {1e-5: "bar read as Pa", 1e-3: "kPa read as Pa", 1e-2: "hPa or mbar read as Pa", 1e-1: "kPa read as hPa or mbar",
          10.0: "hPa or mbar read as kPa", 100.0: "Pa read as hPa or mbar", 1e3: "Pa read as kPa", 1e5: "Pa read as bar"}
 """What a mistaken unit makes of the pressure near the ground, and what to say then."""
@@ -30,6 +33,7 @@ def checked_aidings(imu, aidings):
         aiding, more = clean(aiding, find(aiding.kind))
         if find(aiding.kind).recorded:
             overlap(imu, aiding.t, aiding.name or aiding.kind)
+            more = more + overlap_notes(imu, aiding)
         done.append(aiding)
         notes += more
     return tuple(done), notes
@@ -114,8 +118,8 @@ def _pressure(column, origin):
     if wrong.any():
         row = int(np.argmax(wrong))
         typical = float(np.nanmedian(column)) / 1e5
-        slip = min(SLIPS, key=lambda ratio: abs(np.log(max(typical, 1e-30) / ratio)))
-        likely = f"{SLIPS[slip]}?" if 0.4 < typical / slip < 2 else "check columns, unit and scale, or leave such rows out"
+        likely = next((f"{text}?" for ratio, text in SLIPS.items() if 0.29 < typical / ratio < 1.15),
+                      "check columns, unit and scale, or leave such rows out")
         raise DataError(f"{origin.row(row)}: pressure is {column[row]:.6g} Pa, where air has {PRESSURES[0]:g} to {PRESSURES[1]:g}: {likely}")
 
 
@@ -125,6 +129,19 @@ def overlap(imu, t, name):
     if len(t) and not ((t >= start) & (t <= stop)).any():
         raise DataError(f"{name}: nothing falls within the IMU record: IMU {start:.3f} to {stop:.3f} s, here {t[0]:.3f} to {t[-1]:.3f} s; "
                         "add `offset` to one `time`, or check the units of time")
+
+
+def overlap_notes(imu, aiding):
+    """Notes on an Aiding that has little of its record, or of the IMU's, in common with the other."""
+    if not len(aiding.t):
+        return []
+    start, stop = float(imu.t[0] - imu.dt[0]), float(imu.t[-1])
+    inside = int(((aiding.t >= start) & (aiding.t <= stop)).sum())
+    common = min(stop, float(aiding.t[-1])) - max(start, float(aiding.t[0]))
+    if min(stop - start, float(np.ptp(aiding.t))) <= LONG or min(inside / len(aiding.t), common / (stop - start)) >= LEAST_SHARE:
+        return []
+    return [f"{aiding.name or aiding.kind}: only {inside} of {len(aiding.t)} fixes fall within the IMU record, {max(common, 0.0):.1f} of its "
+            f"{stop - start:.1f} s: check unit and offset of time"]
 
 
 def clean_reference(t, lla, v_n, q_nb, origin):

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..core.earth import A
 from ..data import DataError
+from .fixes import overlap_notes
 from .locate import locate
 from .origin import counted
 from .plausible import doubts, mistakes
@@ -51,7 +52,7 @@ def _attempt(problems, function, *arguments):
 
 def _description(path, facts, problems):
     from .description import complaints, parse
-    from .recording import Files, read_aiding, read_imu, read_meta, read_reference
+    from .recording import Files, level_notes, read_aiding, read_imu, read_meta, read_reference
     description = complaints(path)
     if isinstance(description, list):
         problems += description
@@ -74,13 +75,14 @@ def _description(path, facts, problems):
             parts += [(part, number)] if aiding is not None else []
             notes += more
         meta = _attempt(problems, read_meta, description, files) or {}
+        notes += level_notes(aidings, meta)
         notes += _magnetometers(path, parts, aidings, imu, meta, facts, problems)
         if description.reference is not None:
             reference, more = _attempt(problems, read_reference, description.reference, imu, files) or (None, [])
             facts += [f"reference: {reference!r}"] * (reference is not None)
             notes += more
         _aiding_facts(imu, aidings, facts, problems)
-    facts += [f"note: {note}" for note in notes]
+    facts += [f"note: {note}" for note in notes if note not in problems]
 
 
 def _magnetometers(path, parts, aidings, imu, meta, facts, problems):
@@ -192,6 +194,7 @@ def _aiding_facts(imu, aidings, facts, problems):
     from ..aiding import find
     for aiding in aidings:
         facts.append(_span(imu, aiding))
+        problems += overlap_notes(imu, aiding) if find(aiding.kind).recorded else []
         if find(aiding.kind).recorded and len(aiding.t) > 10:
             same = (aiding.y[1:] == aiding.y[:-1]).all(axis=1)
             if same.mean() > 0.5 and np.ptp(aiding.y, axis=0).max() > 0:

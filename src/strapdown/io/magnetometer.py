@@ -11,6 +11,7 @@ from ..data import DataError
 from ..geodesy import STANDARD_GRAVITY
 from ..rest import at_rest
 from .origin import counted
+from .units import UNITS
 
 STUCK, TURN = 2.0, np.radians(10)
 """Samples are stuck where they do not change for longer than STUCK (s) while the gyro turns by more than TURN (rad)."""
@@ -24,6 +25,10 @@ VARIATION = 0.2
 """Relative variation of the strength, and difference from the Earth's field, above which a magnetometer needs calibration."""
 SCATTER, CLEARER = np.radians(5), 2.0
 """Axes are doubted where the dip scatters by more than SCATTER (rad) and with others by less than a CLEARER-th of that."""
+TILTED = np.radians(30)
+"""An axis that never changes while the body turns about the others by more than TILTED (rad) is broken; from TURN on it is noted."""
+BEYOND, EARTH = 5.0, 48e-6
+"""Factor of the Earth's field, by default EARTH (T), beyond which a median strength is a mistaken unit."""
 
 
 def calibrated(part, files, raw):
@@ -43,12 +48,13 @@ def calibrated(part, files, raw):
     return (raw - bias) @ np.asarray(matrix).T
 
 
-def sound(t, raw, imu, name, origin):
+def sound(t, raw, imu, name, origin, matrix=np.eye(3)):
     """(mask, notes): the samples that are neither stuck nor saturated, and how many were; t (m,) s, raw (m, 3) as in the file.
 
-    name: of the source, origin: Origin of the rows. Raises DataError where all are stuck or saturated.
+    name: of the source, origin: Origin of the rows, matrix: from its columns to the body. Raises DataError where all are stuck or saturated, or
+    one axis is.
     """
-    notes = []
+    notes = _constant_axis(t, raw, imu, name, origin, matrix)
     stuck = _stuck(t, raw, imu)
     if stuck.any():
         notes.append(f"{name}: {counted(int(stuck.sum()), 'sample')} dropped, stuck at one value for {STUCK:g} s and more while the gyro turns, "
@@ -75,14 +81,35 @@ def _stuck(t, raw, imu):
         long = np.flatnonzero((t[last] - t[first] > STUCK) & np.isfinite(raw[first]).all(axis=1)) if len(first) else []
     if not len(long):
         return stuck
-    rest = at_rest(imu)
-    bias = imu.dtheta[rest].sum(axis=0) / imu.dt[rest].sum() if rest.any() else np.zeros(3)
-    angle = np.vstack([np.zeros(3), np.cumsum(imu.dtheta - bias * imu.dt[:, None], axis=0)])
+    angle = _angles(imu)
     for run in long:
         begin, end = np.searchsorted(imu.t, (t[first[run]], t[last[run]]))
         if np.ptp(angle[begin:end + 1], axis=0).max() > TURN:
             stuck[first[run] + 1:last[run] + 1] = True
     return stuck
+
+
+def _angles(imu):
+    """(n + 1, 3) rad: the gyro summed up about each axis, without its mean at rest."""
+    rest = at_rest(imu)
+    bias = imu.dtheta[rest].sum(axis=0) / imu.dt[rest].sum() if rest.any() else np.zeros(3)
+    return np.vstack([np.zeros(3), np.cumsum(imu.dtheta - bias * imu.dt[:, None], axis=0)])
+
+
+def _constant_axis(t, raw, imu, name, origin, matrix):
+    """Notes on one axis that never changes though the others do and the body turns about them. Raises DataError where it turns by TILTED."""
+    known = np.isfinite(t) & np.isfinite(raw).all(axis=1)
+    constant = np.ptp(raw[known], axis=0) == 0 if known.sum() > 10 else np.zeros(3, bool)
+    if not constant.any() or constant.all():
+        return []
+    begin, end = np.searchsorted(imu.t, (t[known].min(), t[known].max()))
+    turns = np.abs(matrix.T) @ np.ptp(_angles(imu)[begin:end + 1], axis=0)      # about each column
+    k = int(np.argmax(constant))
+    turned = float(np.delete(turns, k).max())       # a turn about the axis itself leaves its reading as it is
+    text = f"{'xyz'[k]} is constant while the body turns by {np.degrees(turned):.0f} deg about another axis: the sensor is stuck"
+    if turned > TILTED:
+        raise DataError(f"{origin.name}: {name}: {text}; check its column, or leave the source out")
+    return [f"{name}: {text}, nothing was dropped: check its column"] if turned > TURN else []
 
 
 def _saturated(raw):
@@ -105,8 +132,23 @@ def with_field(part, aiding, imu, date, place):
     """
     from dataclasses import replace
     field, notes = _field(part, aiding, imu, date, place)
-    notes += strength_notes(aiding, None if part.field == "record" else field, part.calibration is not None)
-    return replace(aiding, parameters=tuple(map(float, field))), notes
+    known = part.field != "record"
+    _refuse_strength(part, aiding, float(np.linalg.norm(field)) if known else EARTH)
+    aiding = replace(aiding, parameters=tuple(map(float, field)))
+    return aiding, notes + facts_and_problems(aiding, imu, part.matrix, known, part.calibration is not None)[1]
+
+
+def _refuse_strength(part, aiding, total):
+    """Raises DataError where the median strength is beyond a factor BEYOND of `total` (T), which a mistaken unit makes of it, not hard iron."""
+    if len(aiding.t) < 10:
+        return
+    median, change = float(np.nanmedian(np.linalg.norm(aiding.y, axis=1))), float(np.nanmax(np.ptp(aiding.y, axis=0)) / 2)
+    if 1 / BEYOND <= median / total <= BEYOND or 0.5 < change / total < 2:      # a turn changes the field by its strength, whatever the hard iron
+        return
+    known = UNITS["magnetic field"]
+    likely = [unit for unit in known if 0.4 < median / total * known[unit] / known[part.units[0]] < 2.5]
+    raise DataError(f"unit: its median strength is {median * 1e6:.3g} uT, that of the Earth's field {total * 1e6:.3g} uT: "
+                    + (f"is the unit {' or '.join(likely)}, not {part.units[0]}?" if likely else "check unit, scale, columns and calibration"))
 
 
 def _field(part, aiding, imu, date, place):
@@ -170,10 +212,10 @@ def strength_notes(aiding, field, is_calibrated):
     remedy = ("the calibration does not fit this record, or iron or currents are near" if is_calibrated else
               "calibrate it (`strapdown calibrate`) and name the result as calibration")
     if not median > 0 or (high - low) / median > VARIATION:
-        return [f"{aiding.name}: its strength varies from {low * 1e6:.1f} to {high * 1e6:.1f} uT, where the Earth's field does not: {remedy}"]
+        return [f"{aiding.name}: its strength varies from {low * 1e6:.3g} to {high * 1e6:.3g} uT, where the Earth's field does not: {remedy}"]
     total = float(np.linalg.norm(field)) if field is not None else median
     if abs(median / total - 1) > VARIATION:
-        return [f"{aiding.name}: its median strength is {median * 1e6:.1f} uT, that of the Earth's field {total * 1e6:.1f} uT: "
+        return [f"{aiding.name}: its median strength is {median * 1e6:.3g} uT, that of the Earth's field {total * 1e6:.3g} uT: "
                 f"check the unit, or {remedy}"]
     return []
 

@@ -92,7 +92,7 @@ def read_recording(path):
     aidings, notes = checked_aidings(imu, aidings)
     if reference is not None:
         overlap(imu, reference.t, f"{path}: reference")
-    return Recording(imu, aidings, reference, meta | {"notes": list(meta.get("notes", [])) + notes})
+    return Recording(imu, aidings, reference, meta | {"notes": list(dict.fromkeys([*meta.get("notes", []), *notes]))})
 
 
 def parts(path):

@@ -10,7 +10,7 @@ from ..place import place_of
 from .axes import BODY, NAVIGATION, axes_matrix, rotation_matrix
 from .calibration import corrected, frames
 from .description import load
-from .fixes import clean, clean_reference, overlap
+from .fixes import clean, clean_reference, overlap, overlap_notes
 from .locate import locate
 from .magnetometer import calibrated, sound, with_field
 from .plausible import mistakes
@@ -19,6 +19,11 @@ from .samples import increments
 from .schema import deviation_dimension, vector_factors
 from .tables import read_table
 from .units import DEG, DIMENSIONS, factor
+
+MOST_PER_SAMPLE = 10
+"""Fixes of a constraint per sample of the IMU: more tell a filter nothing and fill the memory."""
+FAR_LEVEL = 10
+"""Standard deviations between the level of a sea and the height of the place that are worth a note."""
 
 
 class Files:
@@ -59,6 +64,7 @@ def read_description(path):
         name, others = aiding.name, [other.name for other in aidings]
         aidings.append(aiding if name not in others else _renamed(aiding, number))
     meta = read_meta(description, files)
+    notes += level_notes(aidings, meta)
     for k, part in enumerate(description.aiding):
         aidings[k], more = read_field(part, k + 1, aidings[k], aidings, imu, meta, path)
         notes += more
@@ -86,6 +92,15 @@ def read_meta(description, files):
     return found | {"point": description.point, "imu_lever_arm": list(description.imu.lever_arm)}
 
 
+def level_notes(aidings, meta):
+    """Notes on a mean sea level that is far from the height of the `place` in meta."""
+    found = [(aiding, float(aiding.y[0, 0]), float(aiding.sd[0, 0])) for aiding in aidings if aiding.kind == "zero-sea-level" and len(aiding.t)]
+    height = meta["place"][2] if "place" in meta else None
+    return [f"{aiding.name}: its level is {level:g} m and the height of place {height:g} m, {abs(level - height) / sd:.0f} of its standard "
+            "deviations apart: check both, they are m above the ellipsoid"
+            for aiding, level, sd in found if height is not None and abs(level - height) > FAR_LEVEL * sd]
+
+
 def read_imu(part, files):
     """(Imu in body FRD, notes) of the section [imu], not yet looked at for mistaken units."""
     table, t, columns = files.columns(part.file, part.time, part.gyro.columns + part.accel.columns)
@@ -111,8 +126,9 @@ def read_aiding(part, number, imu_lever_arm, imu, files):
     sensor = part.sensor
     arm = np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm if sensor.parameters in ("antenna", "reference") else ()
     make = lambda t, y, sd: Aiding(part.kind, t, y, sd, tuple(map(float, arm)), part.gate, part.name or part.kind)
+    where = f"{files.path}: [[aiding]] {number} ({part.kind})"
     if not sensor.recorded:
-        t, notes = _constraint_times(part, imu)
+        t, notes = _constraint_times(part, imu, where)
         shape = (len(t), len(sensor.quantities))
         return make(t, np.full(shape, part.level or 0.0), np.broadcast_to(np.array(part.deviations, float), shape).copy()), notes
     names = [_deviation_column(sd) for sd in part.deviations]
@@ -124,13 +140,13 @@ def read_aiding(part, number, imu_lever_arm, imu, files):
                    for entry, quantity, unit, scale, name in zip(part.deviations, sensor.quantities, units, part.scales, names)], axis=1)
     origin, more = table.origin, []
     if sensor.parameters == "field":
-        keep, more = sound(t, y, imu, part.name or part.kind, origin)
+        keep, more = sound(t, y, imu, part.name or part.kind, origin, part.matrix)
         origin, t, y, sd = origin.kept(keep, len(t)), t[keep], calibrated(part, files, y[keep]), sd[keep]
     if part.matrix is not None:
         y, sd = _turned(y, part.matrix), _turned(sd, np.abs(part.matrix))
     aiding, notes = clean(make(t, y, sd), sensor, origin)
-    overlap(imu, aiding.t, f"{files.path}: [[aiding]] {number} ({part.kind})")
-    return aiding, more + notes
+    overlap(imu, aiding.t, where)
+    return aiding, more + notes + overlap_notes(imu, aiding)
 
 
 def read_field(part, number, aiding, aidings, imu, meta, path):
@@ -162,9 +178,11 @@ def _deviation(entry, quantity, unit, scale, values):
     return values * own * (entry if _deviation_column(entry) is None else 1.0)
 
 
-def _constraint_times(part, imu):
-    """Times at the rate of a constraint, s, within samples of the IMU and, where its kind says so, at rest."""
-    start = float(imu.t[0] - imu.dt[0])
+def _constraint_times(part, imu, where):
+    """(Times at the rate of a constraint, s, within samples of the IMU and, where its kind says so, at rest; notes). Raises DataError."""
+    start, most = float(imu.t[0] - imu.dt[0]), MOST_PER_SAMPLE / float(np.median(imu.dt))
+    if part.rate > most * (1 + 1e-6):
+        raise DataError(f"{where} rate: {part.rate:g} Hz is more than {MOST_PER_SAMPLE} times that of the IMU; give {most:.4g} Hz or less")
     t = start + np.arange(1, int((imu.t[-1] - start) * part.rate + 1e-9) + 1) / part.rate
     sample = np.minimum(np.searchsorted(imu.t, t - 1e-9), len(imu.t) - 1)
     use = t > imu.t[sample] - imu.dt[sample] - 1e-9

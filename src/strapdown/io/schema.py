@@ -46,6 +46,8 @@ def _field(value):
     vector = tuple(value[key] * factor(value["unit"], "magnetic field") for key in axes)
     if not 1e-6 <= math.hypot(*vector) <= 100e-6:
         raise ValueError(f"its strength is {math.hypot(*vector) * 1e6:.4g} uT, where the Earth's is 22 to 67; check the unit")
+    if math.hypot(*vector[:2]) < 1e-3 * math.hypot(*vector):
+        raise ValueError("it has nothing horizontal and so gives no heading; give north and east, or leave it out for the geomagnetic model")
     return vector
 
 
@@ -182,7 +184,7 @@ class AidingPart(Part):
     field: Annotated[Any, AfterValidator(_field)] = None
     declination: Declination | None = None
     rate: Annotated[Finite, Field(gt=0)] | None = None
-    level: Finite | None = None
+    level: Annotated[Finite, Field(ge=-12e3, le=12e3)] | None = None
     gate: Annotated[float, Field(gt=0)] | None = None
     name: str | None = None
 

@@ -175,3 +175,9 @@ def stretches(solution):
             found.append((float(solution.t[max(first - 1, 0)]), float(solution.t[stop - 1]), int(solution.status[first])))
     found.sort(key=lambda s: s[0] - s[1])
     return [s for status in SHADES for s in [f for f in found if f[2] == status][:MARKED]]
+
+
+def about_mean(t, values, span):
+    """Heights (n, 1) at times t less the mean of those that are known between the first and the last time of `span`."""
+    known = values[(t >= span[0]) & (t <= span[-1]) & np.isfinite(values[:, 0])]
+    return values - known.mean() if len(known) else values

@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 
 from .. import metrics
 from ..geodesy import displacement
-from .drawing import (AXES, COLOURS, GREY, RED, band, column, even, extent, finish, frame, line, log_range, note, origin, panels, peak,
+from .drawing import (AXES, COLOURS, GREY, RED, about_mean, band, column, even, extent, finish, frame, line, log_range, note, origin, panels, peak,
                       time_axis)
 from .fixes import kind
 
@@ -171,11 +171,11 @@ def position(solution, reference=None, colour=COLOURS[0], window=None):
 
 
 def heave(solution, colour=COLOURS[0], compare=None):
-    """Height with its 3-sigma band of a solution that knows no place beside it, m, upwards; None of others. `compare` is drawn beside it."""
+    """Height about its mean with its 3-sigma band of a solution that knows no place beside it, m, upwards; None of others. Beside it `compare`, about its own."""
     if solution.has_position:
         return None
-    beside = None if compare is None else compare.lla[:, 2:]
-    return _estimates(solution, solution.trajectory.lla[:, 2:], 3 * solution.trajectory.sd[:, 2:3], ("heave",), "m", colour, compare, beside, 260)
+    values, beside = (None if each is None else about_mean(each.t, each.lla[:, 2:], solution.t) for each in (solution.trajectory, compare))
+    return _estimates(solution, values, 3 * solution.trajectory.sd[:, 2:3], ("heave about its mean",), "m", colour, compare, beside, 260)
 
 
 def velocity(solution, reference=None, colour=COLOURS[0], window=None, compare=None):

@@ -88,9 +88,9 @@ def _sections(solutions, reference, scores, window):
     yield ("Motion" if scores else "Estimates"), _motion(draw, reference)
     yield "Claimed uncertainty", draw.each(f"3σ of {_claimed(solutions)}", "Logarithmic axes: it falls with aiding and grows without.",
                                            lambda name, s, _: figures.sigma(s))
-    axes = "In body axes, forward, right, down, with ±3σ."
-    yield "Biases", draw.each("Accelerometer bias", axes, lambda name, *made: figures.accel_bias(*made)) \
-        + draw.each("Gyro bias", axes, lambda name, *made: figures.gyro_bias(*made))
+    axes = lambda states: _banded(states, ", with ±3σ", "In body axes, forward, right, down", ".")
+    yield "Biases", draw.each("Accelerometer bias", axes(slice(9, 12)), lambda name, *made: figures.accel_bias(*made)) \
+        + draw.each("Gyro bias", axes(slice(12, 15)), lambda name, *made: figures.gyro_bias(*made))
     yield "Fixes", draw.each("Innovations", "Fix − estimate: around zero and without pattern when all is well.",
                              lambda name, s, _: fixes.innovations(s)) \
         + draw.each("Normalised innovation squared", "A fix above the gate is rejected.", lambda name, s, _: fixes.nis(s))
@@ -98,6 +98,11 @@ def _sections(solutions, reference, scores, window):
                                       lambda name, *made: figures.extra(*made))
     yield "Details", "".join(f"<details><summary>{escape(name)}: how it was made</summary><pre>{escape(_details(solution))}</pre></details>"
                              for name, solution in solutions.items())
+
+
+def _banded(states, claimed, before="", after=""):
+    """A caption as function of the Solution it is for: with the words on the band where the filter claims standard deviations of those states."""
+    return lambda solution: before + (claimed if metrics.any_known(solution.trajectory.sd[:, states]) else "") + after
 
 
 def _claimed(solutions):
@@ -117,10 +122,10 @@ def _overview(draw, solutions, reference, scores):
 
 
 def _errors(draw, scores, window):
-    shown = [("Position error", "With the ±3σ band that the filter claims.", figures.position, "position"),
-             ("Velocity error", "With its ±3σ band.", figures.velocity, "velocity"),
-             ("Attitude error", "Heading wrapped to ±180 deg; ±3σ bands from the rotation vector, correlations neglected.", figures.attitude,
-              "attitude")]
+    shown = [("Position error", _banded(slice(0, 3), "With the ±3σ band that the filter claims."), figures.position, "position"),
+             ("Velocity error", _banded(slice(3, 6), "With its ±3σ band."), figures.velocity, "velocity"),
+             ("Attitude error", _banded(slice(6, 9), "; ±3σ bands from the rotation vector, correlations neglected", "Heading wrapped to ±180 deg", "."),
+              figures.attitude, "attitude")]
     if not all(metrics.any_known(e.horizontal) for e in scores.values()):
         shown.append(("Angle of the attitude error",
                       "Of the whole rotation, of the vertical, and about it: without signs, and alike in every attitude.",
@@ -131,13 +136,13 @@ def _errors(draw, scores, window):
 
 
 def _motion(draw, reference):
-    position = "" if reference is not None else draw.each("Position", "North and east from the start, and height, with ±3σ.",
+    position = "" if reference is not None else draw.each("Position", _banded(slice(0, 3), ", with ±3σ", "North and east from the start, and height", "."),
                                                           lambda name, s, colour: figures.position(s, None, colour) if s.has_position else None)
-    heave = draw.each("Heave", "Height, upwards, from the level that the fixes hold it to, with ±3σ.",
+    heave = draw.each("Heave", _banded(slice(2, 3), ", with ±3σ", "Height, upwards, about its mean", "; a reference about its own."),
                       lambda name, s, colour: figures.heave(s, colour, reference))
     return position + heave \
-        + draw.each("Velocity", "With ±3σ.", lambda name, s, colour: figures.velocity(s, None, colour, compare=reference)) \
-        + draw.each("Attitude", "With ±3σ; heading is clockwise from true north.",
+        + draw.each("Velocity", _banded(slice(3, 6), "With ±3σ."), lambda name, s, colour: figures.velocity(s, None, colour, compare=reference)) \
+        + draw.each("Attitude", _banded(slice(6, 9), "; with ±3σ", "Heading is clockwise from north", "."),
                     lambda name, s, colour: figures.attitude(s, None, colour, compare=reference))
 
 
@@ -147,8 +152,9 @@ def _details(solution):
 
 
 def _summary(solutions, scores, window):
-    tables = [summary.error_table(scores, window)] if scores else []
-    parts = ["<div class=tables>", *tables, "<div>", summary.run_table(solutions), summary.fix_table(solutions), "</div></div>"]
+    free = {name for name, solution in solutions.items() if not summary.heading_held(solution)}
+    tables = [summary.error_table(scores, window, free)] if scores else []
+    parts = ["<div class=tables>", *tables, "<div>", summary.run_table(solutions), summary.fix_table(solutions), "</div></div>", summary.beyond(scores, window)]
     notes = list(dict.fromkeys(str(note) for solution in solutions.values() for note in solution.meta.get("notes", ())))
     parts += ["<h3>Notes</h3>", summary.listing(notes)] if notes else []
     same = {}
@@ -168,14 +174,17 @@ class _Drawer:
         self.solutions, self.count = solutions, 0
 
     def each(self, heading, caption, make):
-        """One figure per solution, side by side, made by make(name, solution, colour); the colour of a solution is the same everywhere."""
+        """One figure per solution, side by side, made by make(name, solution, colour); the colour of a solution is the same everywhere.
+
+        caption: text, or a function of the Solution that gives it.
+        """
         shown = []
         for i, (name, solution) in enumerate(self.solutions.items()):
             colour = COLOURS[i % len(COLOURS)]
             figure = make(name, solution, colour)
             if figure is not None:
                 tag = f"<span class=tag><i style='background:{colour}'></i>{escape(name)}</span>" if len(self.solutions) > 1 else ""
-                shown.append(self.place(figure, heading, caption, tag))
+                shown.append(self.place(figure, heading, caption(solution) if callable(caption) else caption, tag))
         return f"<div class=grid>{''.join(shown)}</div>" if shown else ""
 
     def place(self, figure, heading, caption, tag=""):

@@ -25,15 +25,28 @@ def number(value):
     return f"{value:.0f}" if abs(value) >= 1000 else f"{value:#.3g}".rstrip(".") if abs(value) >= 1e-4 or value == 0 else f"{value:.2e}"
 
 
-def error_table(found, window=None):
+def heading_held(solution):
+    """Whether the filter of a Solution estimates its heading; that of others runs free with the gyros and is no result. True of unknown filters."""
+    from ..filters import find
+    try:
+        return 8 in find(solution.meta.get("filter")).estimates
+    except ValueError:
+        return True
+
+
+def error_table(found, window=None, free=()):
     """RMS, largest and last error per axis of {name: metrics.Errors}; dashes where a solution or the reference does not know it.
 
     The angles of the attitude error stand below where one of them has no position: they are what filters of attitude are compared by.
+    free: names whose heading runs free, so that it and the angle of the whole rotation are not scored.
     """
     positioned, rows = all(metrics.any_known(e.horizontal) for e in found.values()), []
     for labels, unit, factor, part in QUANTITIES[:-1] if positioned else QUANTITIES:
         known = [part(e) for e in found.values()]
         values = [np.full((len(e.t), len(labels)), np.nan) if v is None else v * factor for v, e in zip(known, found.values())]
+        for column in (i for i, label in enumerate(labels) if label in HEADINGS):
+            for v in (v for v, name in zip(values, found) if name in free):
+                v[:, column] = np.nan
         scores = [_scores(v, e.t, window) for v, e in zip(values, found.values())]
         rows += [[f"{label} [{unit}]", *(text for score in scores for text in score[i])] for i, label in enumerate(labels)
                  if any(np.isfinite(v[:, i]).any() for v in values)]
@@ -46,6 +59,7 @@ def _columns(values):
 
 
 AXES = ("north", "east", "down")
+HEADINGS = ("heading", "heading angle", "total angle")
 QUANTITIES = (
     (["horizontal position"], "m", 1.0, lambda e: _columns(e.horizontal)),
     ([f"{axis} position" for axis in AXES], "m", 1.0, lambda e: e.position),
@@ -63,6 +77,28 @@ def _scores(values, t, window):
         known = column[np.isfinite(column)]
         out.append([number(np.sqrt(np.mean(known ** 2))), number(np.abs(known).max()), number(known[-1])] if len(known) else ["–"] * 3)
     return out
+
+
+GROUPS = (("position", slice(0, 3)), ("velocity", slice(3, 6)), ("attitude", slice(6, 9)))
+BEYOND, SIGMAS = 0.05, 3.0
+"""Share of the times above which it is said that errors leave the band of so many standard deviations; it would be 0.8 % for three normal errors."""
+
+
+def beyond(found, window=None):
+    """Paragraphs on the errors of {name: metrics.Errors} that any of their components exceeds its claim too often by; "" where none does."""
+    said = []
+    for name, e in found.items():
+        inside = np.ones(len(e.t), bool) if window is None else (e.t >= window[0]) & (e.t <= window[1])
+        for group, states in GROUPS:
+            errors, sd = getattr(e, group), None if e.sd is None else e.sd[inside, states]
+            if errors is None or sd is None:
+                continue
+            errors = np.abs(errors[inside])
+            known = (np.isfinite(errors) & np.isfinite(sd)).any(axis=1)
+            share = (errors > SIGMAS * sd).any(axis=1)[known].mean() if known.any() else 0.0
+            if share > BEYOND:
+                said.append(f"{name}: {group} error beyond 3σ of what the filter claims at {100 * share:.0f} % of the times.")
+    return "".join(f"<p class=note>{escape(text)}</p>" for text in said)
 
 
 def run_table(solutions):
@@ -87,9 +123,14 @@ def _run(solution):
     return [*texts, pair(np.hypot(sd[:, 0], sd[:, 1])), pair(sd[:, 2]), pair(np.degrees(np.hypot(sd[:, 6], sd[:, 7]))), pair(np.degrees(sd[:, 8]))]
 
 
+FAR_BELOW = 0.05
+LASTING = ("<p class=caption>The mean NIS of the magnetic field is far below what is expected: its errors are taken as lasting, so single samples count "
+           "little; see docs/attitude.md.</p>")
+
+
 def fix_table(solutions):
     """Accepted and rejected fixes per source, and the mean NIS of the accepted ones beside that of a consistent filter; "" without any."""
-    rows = []
+    rows, lasting = [], False
     for name, solution in solutions.items():
         fixes, counts = solution.innovations, solution.counts()
         for source, label in enumerate(fixes.names):
@@ -97,11 +138,14 @@ def fix_table(solutions):
             used = (fixes.source == source) & fixes.accepted & np.isfinite(fixes.nis)
             mean = ("–", "–")
             if used.any():
-                mean = number(fixes.nis[used].mean()), number(np.isfinite(fixes.innovation[used]).sum(axis=1).mean())
+                found, expected = fixes.nis[used].mean(), np.isfinite(fixes.innovation[used]).sum(axis=1).mean()
+                mean = number(found), number(expected)
+                field = solution.meta.get("filter") == "attitude-mekf" and solution.meta.get("kinds", {}).get(label, label) == "magnetic-field"
+                lasting |= field and found < FAR_BELOW * expected
             gates = source < len(fixes.gates) and np.isfinite(fixes.nis[fixes.source == source]).any()
             gate = fixes.gates[source] if gates else None
             rows.append([f"{name}: {label}" if len(solutions) > 1 else label, good, bad, *mean, number(gate)])
-    return table(["source", "accepted", "rejected", "mean NIS", "expected", "gate"], rows) if rows else ""
+    return table(["source", "accepted", "rejected", "mean NIS", "expected", "gate"], rows) + (LASTING if lasting else "") if rows else ""
 
 
 def listing(items, ordered=False):

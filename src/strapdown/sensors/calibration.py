@@ -71,7 +71,7 @@ def coverage(vectors):
 def six_positions(found, gravity):
     """The Fit of an accelerometer to gravity (m/s^2) in its Rests. Raises DataError with the directions that lack."""
     if len(found.t) < 3:
-        raise DataError(f"accelerometer: {len(found.t)} rests of {BLOCKS * STILL:g} s and longer; a calibration needs six and more, "
+        raise DataError(f"accelerometer: {len(found.t)} {'rest' if len(found.t) == 1 else 'rests'} of {BLOCKS * STILL:g} s and longer; a calibration needs six and more, "
                         "with each axis once up and once down")
     fit = ellipsoid(found.force, gravity, found.sd)
     if fit.missing:
