@@ -58,6 +58,14 @@ def test_a_run_that_kills_its_worker_is_quarantined_and_the_others_stay(tmp_path
     assert found.summary.quarantined.tolist() == [1, 1]
 
 
+def test_workers_that_do_not_come_back_are_replaced(monkeypatch):
+    from strapdown.studies import distributed
+    monkeypatch.setattr(distributed, "PATIENCE", 0.5)
+    with distributed._client(1, None) as client:
+        client.cluster.scale(0)
+        assert client.submit(abs, -3).result(timeout=60) == 3
+
+
 def test_a_worker_killed_from_outside_costs_nothing(tmp_path):
     mark = tmp_path / "mark"
     found = study(imus=spec(Clumsy, str(mark)), runs=6).run(tmp_path / "clumsy", workers=1)

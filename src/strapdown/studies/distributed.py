@@ -5,6 +5,7 @@ where it kills that too, its runs are tried one by one, those that kill alone ar
 """
 from contextlib import contextmanager
 from logging import CRITICAL
+from threading import Event, Thread
 
 from ..data import DataError
 from .study import Chunk, compile_for, run_chunk
@@ -12,7 +13,7 @@ from .study import Chunk, compile_for, run_chunk
 ATTEMPTS = 2
 """Workers that a chunk may kill before its runs are tried one by one."""
 PATIENCE = 10
-"""s to wait for a scheduler."""
+"""s to wait for a scheduler, and between two looks at the workers."""
 
 
 def run(campaign, missing, workers, scheduler, say=None):
@@ -68,6 +69,28 @@ def _probe(study, chunk):
 
 
 @contextmanager
+def _kept_alive(cluster, workers):
+    """New workers where there are none for two looks in a row: now and then one that died is not started again, and everybody would wait forever."""
+    over = Event()
+
+    def watch():
+        empty = 0
+        while not over.wait(PATIENCE):
+            empty = 0 if cluster.scheduler.workers else empty + 1
+            if empty == 2:
+                cluster.scale(0)
+                cluster.scale(workers)
+                empty = 0
+    watcher = Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        over.set()
+        watcher.join()
+
+
+@contextmanager
 def _client(workers, scheduler):
     """A Dask client of an own cluster of processes, or of a scheduler's. Raises DataError."""
     try:
@@ -78,7 +101,7 @@ def _client(workers, scheduler):
     if not scheduler:
         dask.config.set({"distributed.scheduler.allowed-failures": ATTEMPTS - 1, "distributed.scheduler.worker-saturation": 1.0})
         with LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=CRITICAL) as cluster:
-            with Client(cluster) as client:
+            with Client(cluster) as client, _kept_alive(cluster, workers):
                 yield client
         return
     try:
