@@ -1,77 +1,14 @@
-"""Reading magnetometers and barometers: units, axes, calibration, the Earth's field from model, description or record, and every mistake said."""
+"""Reading magnetometers: units, axes, calibration, the Earth's field from model, description or record, and every mistake said."""
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.spatial.transform import Rotation
+from nine_axis import COLUMNS, EARTH, PLACE, added, build, tables, turned, without  # noqa: F401 (a fixture)
 
-from strapdown.data import Aiding, DataError, Recording
+from strapdown.data import DataError
 from strapdown.io import read, write_recording
 from strapdown.io.inspection import inspect
-from strapdown.sensors.geomagnetism import geomagnetic_field
 
 pytestmark = pytest.mark.short
-PLACE = (np.radians(47.0), np.radians(8.0), 500.0)
-EARTH = geomagnetic_field("2024-05-01", *PLACE)
-COLUMNS = ["mx", "my", "mz"]
-TOML = """date = "2024-05-01"
-place = { latitude = 47.0, longitude = 8.0, height = 500.0, unit = "deg" }
-
-[imu]
-file = "imu.csv"
-time = { column = "t", unit = "s" }
-gyro = { columns = ["gx", "gy", "gz"], unit = "rad/s" }
-accel = { columns = ["ax", "ay", "az"], unit = "m/s^2" }
-
-[[aiding]]
-kind = "magnetic-field"
-file = "mag.csv"
-time = { column = "t", unit = "s" }
-columns = ["mx", "my", "mz"]
-unit = "uT"
-sd = 0.5
-"""
-
-
-def attitude(t):
-    """A hand that tilts and turns slowly, to about 50 deg of roll and pitch and all around."""
-    return Rotation.from_euler("ZYX", np.c_[0.2 * t, 0.8 * np.sin(0.21 * t), 0.9 * np.sin(0.17 * t + 0.3)])
-
-
-def tables():
-    """(IMU, magnetometer) of 100 s: 50 Hz and 10 Hz, body FRD, with a little noise."""
-    rng = np.random.default_rng(8)
-    t = 0.02 * np.arange(1, 5001)
-    rate = (attitude(t - 0.02).inv() * attitude(t)).as_rotvec() / 0.02
-    force = attitude(t - 0.01).inv().apply([0, 0, -9.807])
-    imu = pd.DataFrame(np.c_[t, rate, force + rng.normal(0, 0.02, force.shape)], columns=["t", "gx", "gy", "gz", "ax", "ay", "az"])
-    t = t[::5]
-    field = attitude(t).inv().apply(np.array(EARTH.field) * 1e6) + rng.normal(0, 0.05, (len(t), 3))
-    return imu, pd.DataFrame(np.c_[t, field], columns=["t", *COLUMNS])
-
-
-@pytest.fixture
-def build(tmp_path):
-    """Function (mag=change, toml=change, imu=change) -> path of recording.toml."""
-    def build(mag=None, toml=None, imu=None):
-        for name, frame, change in zip(("imu", "mag"), tables(), (imu, mag)):
-            (change(frame) if change else frame).to_csv(tmp_path / f"{name}.csv", index=False)
-        path = tmp_path / "recording.toml"
-        path.write_text(toml(TOML) if toml else TOML, encoding="utf-8")
-        return path
-    return build
-
-
-def added(line):
-    return lambda text: text + line + "\n"
-
-
-def without(line):
-    return lambda text: "\n".join(each for each in text.splitlines() if not each.startswith(line)) + "\n"
-
-
-def turned(C):
-    """The magnetometer's columns in sensor axes, where C takes them to the body."""
-    return lambda frame: frame.assign(**dict(zip(COLUMNS, (frame[COLUMNS].to_numpy() @ np.array(C, float)).T)))
 
 
 def test_field_in_body_axes_and_reference(build):
@@ -305,64 +242,3 @@ def test_inspect_sees_a_left_handed_sensor(build, tmp_path):
     write_recording(read(tmp_path / "recording.toml"), tmp_path / "recording.nc")
     assert any("left-handed" in text for text in inspect(tmp_path / "recording.nc").problems)
     assert read(tmp_path / "recording.nc").meta["place"] == pytest.approx(PLACE)
-
-
-def pressure(text):
-    return text[:text.index("[[aiding]]")] + ('[[aiding]]\nkind = "pressure"\nfile = "mag.csv"\ntime = { column = "t", unit = "s" }\ncolumns = ["p"]\n'
-                                              'unit = "hPa"\nsd = 2.0\nlever_arm = [0.5, 0.0, 0.0]\n')
-
-
-def test_pressure(build):
-    baro, = read(build(mag=lambda f: f.assign(p=955.0 + 0.01 * f.t), toml=pressure)).aidings
-    np.testing.assert_allclose(baro.y[:, 0], 95500 + 1.0 * tables()[1].t, rtol=1e-12)
-    np.testing.assert_allclose(baro.sd, 2.0)        # m, whatever the unit of the pressure
-    assert baro.parameters == (0.5, 0.0, 0.0)
-
-
-@pytest.mark.parametrize("value, unit, words", [
-    (955.0, "Pa", "line 2: pressure is 955 Pa, where air has 5000 to 200000: hPa or mbar read as Pa?"), (95.5, "Pa", "kPa read as Pa?"),
-    (1014.5, "Pa", "hPa or mbar read as Pa?"), (310.0, "Pa", "hPa or mbar read as Pa?"),
-    (95500.0, "hPa", "Pa read as hPa or mbar?"), (955.0, "kPa", "hPa or mbar read as kPa?"), (0.0, "Pa", "check columns, unit and scale")])
-def test_impossible_pressures(build, value, unit, words):
-    with pytest.raises(DataError) as error:
-        read(build(mag=lambda f: f.assign(p=value), toml=lambda s: pressure(s).replace('"hPa"', f'"{unit}"')))
-    assert words in str(error.value)
-
-
-def test_one_impossible_pressure_is_no_mistaken_unit(build):
-    with pytest.raises(DataError, match="line 9: pressure is 0 Pa.*leave such rows out"):
-        read(build(mag=lambda f: f.assign(p=np.where(f.index == 7, 0.0, 955.0)), toml=pressure))
-
-
-def test_pressure_altitude_gravity_and_sea_level(build):
-    text = pressure(TOML).replace('"pressure"', '"pressure-altitude"').replace('"hPa"', '"m"') + "".join(
-        f'\n[[aiding]]\nkind = "{kind}"\nrate = 5.0\nsd = {sd}\n' for kind, sd in (("gravity", 0.5), ("zero-sea-level", 1.5)))
-    height, gravity, sea = read(build(mag=lambda f: f.assign(p=500.0), toml=lambda s: text)).aidings
-    assert height.y[0, 0] == 500.0 and gravity.parameters == () and sea.parameters == (0.0, 0.0, 0.0)
-    assert gravity.y.shape == (500, 3) and sea.y.shape == (500, 1) and not gravity.y.any() and sea.sd[0, 0] == 1.5
-
-
-@pytest.mark.parametrize("parameters", [(), (0.0, 0.0, 0.0), (20.0, 1.0, 43.0)])
-def test_arrays_need_the_field_too(parameters):
-    t = 0.01 * np.arange(1, 101)
-    mag = Aiding("magnetic-field", t, np.full((100, 3), 2e-5), np.full((100, 3), 1e-6), parameters)
-    with pytest.raises(DataError, match="magnetic-field: parameters are .* geomagnetic_field gives it"):
-        Recording.from_arrays(t, np.zeros((100, 3)), np.tile([0, 0, -9.8], (100, 1)), (mag,))
-
-
-def test_the_uav_reads_with_its_magnetometer_and_barometer(tmp_path, data_folder, monkeypatch):
-    monkeypatch.setenv("STRAPDOWN_DATA", str(data_folder))
-    part = TOML[TOML.index("[[aiding]]"):].replace("mag.csv", "${STRAPDOWN_DATA}/thor75/imu_mag_air.csv.xz").replace('"t"', '"t_s"')
-    part = part.replace('"mx", "my", "mz"', '"mx_gauss_raw", "my_gauss_raw", "mz_gauss_raw"').replace('"uT"', '"gauss"').replace("0.5", "0.01")
-    air = pressure(TOML)[pressure(TOML).index("[[aiding]]"):].replace("mag.csv", "${STRAPDOWN_DATA}/thor75/imu_mag_air.csv.xz")
-    air = air.replace('"t"', '"t_s"').replace('"p"', '"static_p_kPa"').replace('"hPa"', '"kPa"')
-    imu = TOML[TOML.index("[imu]"):TOML.index("[[aiding]]")].replace("imu.csv", "${STRAPDOWN_DATA}/thor75/imu_mag_air.csv.xz").replace('"t"', '"t_s"')
-    for sensor, unit in (("g", "rad_s"), ("a", "m_s2")):
-        for axis in "xyz":
-            imu = imu.replace(f'"{sensor}{axis}"', f'"{sensor.replace("a", "f")}{axis}_{unit}"')
-    path = tmp_path / "thor.toml"
-    path.write_text('date = "2012-10-10"\nplace = { latitude = 45.33, longitude = -93.23, height = 250.0, unit = "deg" }\n' + imu + part + 'axes = "+x -y -z"\n\n' + air)
-    recording = read(path)
-    mag, baro = recording.aidings
-    assert len(mag.t) > 34000 and len(baro.t) == 34811 and 90e3 < baro.y.min() < baro.y.max() < 100e3
-    assert "WMM2010 on 2012-10-10" in recording.meta["notes"][0] and "calibrate it" in recording.meta["notes"][1]
