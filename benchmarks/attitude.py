@@ -12,7 +12,6 @@ import numpy as np
 import figures
 import subject
 from strapdown.papers import broad
-from subject import timed
 
 TIMES = {"attitude, mahony time": "mahony", "attitude, MEKF time": "attitude-mekf"}
 """Figure and filter."""

@@ -1,6 +1,9 @@
-"""What all tests share: the folder of recorded data, and one line that says so where it is missing."""
+"""What all tests share: the command line, and the folder of recorded data with one line that says so where it is missing."""
+import sys
+
 import pytest
 
+from strapdown import cli
 from strapdown.data import DataError
 from strapdown.io.locate import data_folder as find_data_folder
 
@@ -14,6 +17,21 @@ def data_folder():
         return find_data_folder(__file__)
     except DataError:
         pytest.skip(NO_DATA)
+
+
+@pytest.fixture
+def command(monkeypatch, capsys):
+    """Function of the words after `strapdown` -> (exit code, standard output, lines of standard error without that on compiling)."""
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["strapdown", *map(str, words)])
+        code = 0
+        try:
+            cli.main()
+        except SystemExit as end:
+            code = end.code or 0
+        shown = capsys.readouterr()
+        return code, shown.out, [line for line in shown.err.splitlines() if not line.startswith("compiling")]
+    return run
 
 
 def pytest_terminal_summary(terminalreporter):

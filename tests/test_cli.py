@@ -13,7 +13,6 @@ import pandas as pd
 import pytest
 
 import strapdown as sd
-from strapdown import cli
 from strapdown.sim.trajectory import demo_flight
 
 COMMAND = shutil.which("strapdown", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
@@ -68,21 +67,6 @@ def flight(tables, tmp_path, monkeypatch):
     shutil.copytree(tables, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     return Path("recording.toml")
-
-
-@pytest.fixture
-def command(monkeypatch, capsys):
-    """Function of the words after `strapdown` -> (exit code, standard output, lines of standard error without that on compiling)."""
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["strapdown", *map(str, words)])
-        code = 0
-        try:
-            cli.main()
-        except SystemExit as end:
-            code = end.code
-        shown = capsys.readouterr()
-        return code, shown.out, [line for line in shown.err.splitlines() if not line.startswith("compiling")]
-    return run
 
 
 @pytest.fixture

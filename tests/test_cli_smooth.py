@@ -1,12 +1,10 @@
 """`strapdown fuse --smooth` as a user meets it."""
 import json
-import sys
 from pathlib import Path
 
 import pytest
 
 import strapdown as sd
-from strapdown import cli
 from strapdown.io.solution import read_solution
 
 pytestmark = pytest.mark.short
@@ -21,21 +19,10 @@ def turning(tmp_path_factory):
     return path
 
 
-@pytest.fixture
-def command(monkeypatch, capsys, tmp_path):
-    """Function of the words after `strapdown`, run in an empty folder -> (exit code, standard output, lines of standard error without that on compiling)."""
+@pytest.fixture(autouse=True)
+def empty_folder(tmp_path, monkeypatch):
+    """Each test works in an empty folder."""
     monkeypatch.chdir(tmp_path)
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["strapdown", *map(str, words)])
-        code = 0
-        try:
-            cli.main()
-        except SystemExit as end:
-            code = end.code
-        shown = capsys.readouterr()
-        return code, shown.out, [line for line in shown.err.splitlines() if not line.startswith("compiling")]
-    return run
 
 
 def test_it_writes_the_same_files_beside_the_filters(command, turning):

@@ -1,12 +1,10 @@
 """The commands that simulate, as a user types them: what they print and write, and bad input in one line with exit code 2."""
 import json
-import sys
 
 import numpy as np
 import pytest
 
 import strapdown as sd
-from strapdown import cli
 
 SCENARIO = """name = "hop"
 imu = "tactical"
@@ -25,18 +23,6 @@ position_sd_m = [1, 1, 1.5]
 """
 
 
-def run(monkeypatch, capsys, *words):
-    """(exit code, standard output, standard error) of `strapdown WORDS`."""
-    monkeypatch.setattr(sys, "argv", ["strapdown", *map(str, words)])
-    code = 0
-    try:
-        cli.main()
-    except SystemExit as end:
-        code = end.code or 0
-    out, err = capsys.readouterr()
-    return code, out, err
-
-
 @pytest.fixture
 def hop(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -44,30 +30,30 @@ def hop(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_simulated_recording_is_read_and_fused(hop, monkeypatch, capsys):
-    code, out, _ = run(monkeypatch, capsys, "simulate", "hop.toml", "--seed", 4, "--out", "made/hop.nc")
+def test_a_simulated_recording_is_read_and_fused(hop, command):
+    code, out, _ = command("simulate", "hop.toml", "--seed", 4, "--out", "made/hop.nc")
     assert code == 0 and "wrote made/hop.nc: 30 s, 600 IMU samples, 30 GNSS position, the truth as reference" in out
     assert len(sd.read("made/hop.nc").reference.t) == 601
     np.testing.assert_array_equal(sd.read("made/hop.nc").imu.dv, sd.simulate("hop.toml", seed=4).imu.dv)
-    code, out, _ = run(monkeypatch, capsys, "fuse", "made/hop.nc", "--imu", "tactical", "--heading", 30, "--out", "fused")
+    code, out, _ = command("fuse", "made/hop.nc", "--imu", "tactical", "--heading", 30, "--out", "fused")
     assert code == 0 and "rms error against the reference" in out
-    run(monkeypatch, capsys, "simulate", "hop.toml", "--duration", 10, "--imu", "consumer", "--out", "short.nc")
+    command("simulate", "hop.toml", "--duration", 10, "--imu", "consumer", "--out", "short.nc")
     assert len(sd.read("short.nc").imu.t) == 200 and sd.read("short.nc").meta["grade"] == "consumer"
 
 
-def test_what_a_recording_notes_is_printed(hop, monkeypatch, capsys):
+def test_what_a_recording_notes_is_printed(hop, command):
     (hop / "silent.toml").write_text(SCENARIO.replace("interval_s = 1", "interval_s = 60"))
-    code, out, err = run(monkeypatch, capsys, "simulate", "silent.toml", "--out", "silent.nc")
-    assert (code, err) == (0, "") and "note: GNSS position: not one fix falls into the recording" in out
+    code, out, err = command("simulate", "silent.toml", "--out", "silent.nc")
+    assert (code, err) == (0, []) and "note: GNSS position: not one fix falls into the recording" in out
     assert sd.read("silent.nc").meta["notes"] == ["GNSS position: not one fix falls into the recording; outages, interval and latency leave none"]
 
 
-def test_a_study_prints_its_table_and_goes_on_where_it_was(hop, monkeypatch, capsys):
+def test_a_study_prints_its_table_and_goes_on_where_it_was(hop, command):
     words = ("study", "hop.toml", "--imu", "tactical", "--filter", "closed-loop", "--filter", "periodic-reset:interval=5", "--runs", 3, "--seed", 2, "--out", "done")
-    code, out, _ = run(monkeypatch, capsys, *words)
+    code, out, _ = command(*words)
     assert code == 0 and "1 cells, 2 filters, 3 runs: 0.0036 million filter steps" in out and "periodic-reset:interval=5" in out
     table = (hop / "done" / "summary.csv").read_bytes()
-    code, again, _ = run(monkeypatch, capsys, *words)
+    code, again, _ = command(*words)
     assert code == 0 and again == out and (hop / "done" / "summary.csv").read_bytes() == table
     assert json.loads((hop / "done" / "manifest.json").read_text())["seed"] == 2
 
@@ -78,11 +64,11 @@ TOML = {"negative rate": ("rate_hz = 20", "rate_hz = -20"), "too fast": ("speed_
 
 @pytest.mark.parametrize("name, words", [("negative rate", "-20"), ("too fast", "faster than 3000 m/s"), ("pole", "89.5 deg of latitude"), ("endless", "inf"),
                                          ("unknown key", "did you mean 'rate_hz'")])
-def test_impossible_scenarios_are_one_line(hop, monkeypatch, capsys, name, words):
+def test_impossible_scenarios_are_one_line(hop, command, name, words):
     (hop / "bad.toml").write_text(SCENARIO.replace(*TOML[name]))
-    for command in (("simulate", "bad.toml", "--out", "bad.nc"), ("study", "bad.toml", "--out", "bad")):
-        code, _, err = run(monkeypatch, capsys, *command)
-        assert code == 2 and err.count("\n") == 1 and err.startswith("strapdown: ") and words in err
+    for given in (("simulate", "bad.toml", "--out", "bad.nc"), ("study", "bad.toml", "--out", "bad")):
+        code, _, err = command(*given)
+        assert code == 2 and len(err) == 1 and err[0].startswith("strapdown: ") and words in err[0]
     assert sorted(path.name for path in hop.iterdir()) == ["bad.toml", "hop.toml"]
 
 
@@ -101,29 +87,29 @@ def test_impossible_scenarios_are_one_line(hop, monkeypatch, capsys, name, words
     (("reproduce", "broad", "--recordings", ".", "--out", "x"), "no BROAD trials (.npz) there"),
     (("reproduce", "hager-bryne", "--recordings", "x", "--out", "x"), "has no option --recordings"), (("reproduce", "hager-bryne", "--runs", "-1", "--out", "x"), "-1"),
     (("allan", "nothing.nc"), "nothing.nc"), (("allan", "hop.toml"), "hop.toml")])
-def test_bad_words_are_one_line_and_leave_nothing(hop, monkeypatch, capsys, words, said):
-    code, _, err = run(monkeypatch, capsys, *words)
-    assert code == 2 and err.strip().count("\n") == 0 and said in err
+def test_bad_words_are_one_line_and_leave_nothing(hop, command, words, said):
+    code, _, err = command(*words)
+    assert code == 2 and len(err) == 1 and said in err[0]
     assert [path.name for path in hop.iterdir()] == ["hop.toml"]
 
 
-def test_a_folder_keeps_the_study_it_holds(hop, monkeypatch, capsys):
-    run(monkeypatch, capsys, "study", "hop.toml", "--runs", 2, "--out", "done")
-    code, _, err = run(monkeypatch, capsys, "study", "hop.toml", "--runs", 3, "--out", "done")
-    assert code == 2 and "runs is 2 there and 3 here; choose another folder" in err
+def test_a_folder_keeps_the_study_it_holds(hop, command):
+    command("study", "hop.toml", "--runs", 2, "--out", "done")
+    code, _, err = command("study", "hop.toml", "--runs", 3, "--out", "done")
+    assert code == 2 and "runs is 2 there and 3 here; choose another folder" in err[0]
 
 
-def test_allan_of_a_record_at_rest(hop, monkeypatch, capsys):
-    run(monkeypatch, capsys, "simulate", "static", "--imu", "consumer", "--duration", 120, "--out", "parked.nc")
-    code, out, _ = run(monkeypatch, capsys, "allan", "parked.nc", "--from", 5, "--to", 115, "--out", "found")
+def test_allan_of_a_record_at_rest(hop, command):
+    command("simulate", "static", "--imu", "consumer", "--duration", 120, "--out", "parked.nc")
+    code, out, _ = command("allan", "parked.nc", "--from", 5, "--to", 115, "--out", "found")
     assert code == 0 and "white noise" in out and "nearest grade: consumer" in out
     assert sorted(path.name for path in (hop / "found").iterdir()) == ["allan-imu.toml", "allan.csv", "allan.html"]
     assert sd.grade("found/allan-imu.toml").gyro.noise > 0
 
 
-def test_advice_in_a_few_lines(hop, monkeypatch, capsys):
-    code, out, _ = run(monkeypatch, capsys, "advise", "--imu", "tactical", "--flight", "hop.toml", "--duration", "1min", "--runs", 2, "--quick", "--out", "advice")
+def test_advice_in_a_few_lines(hop, command):
+    code, out, _ = command("advise", "--imu", "tactical", "--flight", "hop.toml", "--duration", "1min", "--runs", 2, "--quick", "--out", "advice")
     words = ("advise", "--imu", "tactical", "--flight", "hop.toml", "--duration", "1min", "--runs", 2, "--quick", "--seed", 3, "--out", "advice")
-    refused, nothing, err = run(monkeypatch, capsys, *words)
-    assert refused == 2 and nothing == "" and err.count("\n") == 1 and "seed is 0 there and 3 here" in err
+    refused, nothing, err = command(*words)
+    assert refused == 2 and nothing == "" and len(err) == 1 and "seed is 0 there and 3 here" in err[0]
     assert code == 0 and "wrote advice/index.html" in out and json.loads((hop / "advice" / "advice.json").read_text())["duration_s"] == 60

@@ -75,7 +75,8 @@ def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="re
          heading: Annotated[Optional[float], typer.Option(metavar="DEG", help="Initial heading, where you know it (to 2 deg).")] = None,
          option: OPTION = None,
          every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
-         smooth: Annotated[bool, typer.Option("--smooth", help="Estimate each time from the whole recording, for filters that can be smoothed.")] = False,
+         smooth: Annotated[bool, typer.Option(
+             "--smooth", help="Estimate each time from the whole recording, for filters that can be smoothed.")] = False,
          out: Annotated[Optional[Path], typer.Option(help="Folder for the results.  [default: NAME-FILTER, or NAME-FILTER-smooth]")] = None):
     """Fuse a recording: writes solution.nc, solution.csv, report.html and, where there is a position, track.kml."""
     import strapdown as sd

@@ -5,7 +5,6 @@ from nine_axis import TOML, build, tables  # noqa: F401 (a fixture)
 
 from strapdown.data import Aiding, DataError, Recording
 from strapdown.io import read
-from strapdown.sensors.geomagnetism import geomagnetic_field
 
 pytestmark = pytest.mark.short
 

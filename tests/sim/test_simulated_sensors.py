@@ -15,7 +15,7 @@ from strapdown.sensors.barometer import Barometer
 from strapdown.sensors.geomagnetism import geomagnetic_field
 from strapdown.sensors.gnss import Gnss
 from strapdown.sensors.imu import grade
-from strapdown.sensors.magnetometer import Disturbance, Magnetometer
+from strapdown.sensors.magnetometer import Magnetometer
 from strapdown.sim.motions import hand_held, moored
 from strapdown.sim.scenario import Scenario, scenario
 from strapdown.sim.synthesis import Simulator, draw_start, simulate
