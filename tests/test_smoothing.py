@@ -100,7 +100,7 @@ def test_as_least_squares_over_the_whole_log(short, seed):
     first = log.first()
     C, b, P, last = least_squares(log, Rotation.concatenate([first[0], C]), np.vstack([first[1], b]))
     assert last < 1e-6
-    smoothed = sd.smooth(recording, **given, **WHITE)
+    smoothed = sd.smooth(recording, "attitude-mekf", **given, **WHITE)
     off = apart(smoothed, C, b)
     assert np.sqrt((off ** 2).mean(axis=0)).max() < 0.08 and np.abs(off).max() < 0.3
     np.testing.assert_allclose(smoothed.trajectory.sd[:, SIX], np.sqrt(np.diagonal(P, axis1=1, axis2=2)), rtol=0.015)
@@ -113,7 +113,7 @@ epochs inside: those of a run are correlated."""
 
 def nees(flight, seed):
     recording, given, b_g = flight.drawn(seed)
-    solution = sd.smooth(recording, covariance=True, every=50, **given, **WHITE)
+    solution = sd.smooth(recording, "attitude-mekf", covariance=True, every=50, **given, **WHITE)
     rows = np.searchsorted(recording.imu.t, solution.t - 1e-6)
     truth = Rotation.from_quat(flight.truth.q_nb[rows + 1][:, [1, 2, 3, 0]])
     error = np.hstack([(truth * attitude(solution).inv()).as_rotvec(), b_g[rows] - solution.b_g])
@@ -134,9 +134,9 @@ def test_smoothed_covariances_are_honest():
 @pytest.mark.short
 def test_chunks_do_not_matter(short, monkeypatch, chunk):
     recording, given, _ = short.drawn(4, gate=None)
-    whole = sd.smooth(recording, covariance=True, **given)
+    whole = sd.smooth(recording, "attitude-mekf", covariance=True, **given)
     monkeypatch.setattr(smoothing, "CHUNK", chunk)
-    parts = sd.smooth(recording, covariance=True, **given)
+    parts = sd.smooth(recording, "attitude-mekf", covariance=True, **given)
     equal(whole, parts)
     scale = whole.trajectory.sd[:, SIX]
     off = (whole.covariance - parts.covariance)[(slice(None), *BLOCK)] / (scale[:, :, None] * scale[:, None, :])
@@ -148,7 +148,7 @@ def test_chunks_do_not_matter(short, monkeypatch, chunk):
 def test_kept_rows_are_those_of_all(short, monkeypatch, every):
     monkeypatch.setattr(smoothing, "CHUNK", 40)     # some chunks keep no row
     recording, given, _ = short.drawn(5)
-    whole, some = sd.smooth(recording, **given), sd.smooth(recording, every=every, **given)
+    whole, some = (sd.smooth(recording, "attitude-mekf", every=kept, **given) for kept in (1, every))
     rows = np.searchsorted(whole.t, some.t)
     assert len(rows) == -(-200 // every) and some.t[-1] == whole.t[-1]
     np.testing.assert_allclose(some.trajectory.q_nb, whole.trajectory.q_nb[rows], atol=1e-12)
@@ -245,7 +245,7 @@ def test_rejected_and_missing_fixes_say_nothing(longer):
     smoothed, filtered = both(marred, given, **WHITE)
     assert (smoothed.innovations.nis > 50).sum() == 3 and smoothed.counts()["magnetometer"][1] == 3
     assert np.isnan(smoothed.innovations.nis).sum() == 2
-    equal(smoothed, sd.smooth(without, **given, **WHITE), tolerance=1e-6)   # a split of samples at fixes apart
+    equal(smoothed, sd.smooth(without, "attitude-mekf", **given, **WHITE), tolerance=1e-6)   # a split of samples at fixes apart
 
 
 def test_a_lifted_gate(longer):
@@ -280,7 +280,7 @@ def test_a_filter_that_stops_early(short, monkeypatch, chunk):
     stopped = sd.smooth(recording, ATTITUDE_MEKF._replace(predict=leaving), **given)
     assert "stopped at" in stopped.meta["stopped"] and stopped.t[-1] == pytest.approx(3.0, abs=0.03)
     cut = recording.between(-np.inf, stopped.t[-1] + 1e-6)
-    whole = sd.smooth(cut, **given)
+    whole = sd.smooth(cut, "attitude-mekf", **given)
     assert len(whole.t) == len(stopped.t)
     assert np.abs(apart(whole, attitude(stopped), stopped.b_g)).max() < 1e-9
 
@@ -295,9 +295,9 @@ def test_refusals(short):
     with pytest.raises(DataError, match="no filter is called 'attitude-mek'; did you mean 'attitude-mekf'"):
         sd.smooth(recording, "attitude-mek", **given)
     with pytest.raises(DataError, match="has no option 'low'"):
-        sd.smooth(recording, low=3, **given)
+        sd.smooth(recording, "attitude-mekf", low=3, **given)
     with pytest.raises(DataError, match="every is 0"):
-        sd.smooth(recording, every=0, **given)
+        sd.smooth(recording, "attitude-mekf", every=0, **given)
 
 
 @pytest.mark.short
@@ -305,7 +305,7 @@ def test_progress_goes_to_one(short, monkeypatch):
     monkeypatch.setattr(smoothing, "CHUNK", 50)
     recording, given, _ = short.drawn(13)
     seen = []
-    sd.smooth(recording, progress=seen.append, **given)
+    sd.smooth(recording, "attitude-mekf", progress=seen.append, **given)
     assert seen == sorted(seen) and len(seen) == 8 and seen[3] == 0.5 and seen[-1] == 1.0
 
 
@@ -314,7 +314,7 @@ def test_it_begins_on_its_own(short):
     """Start and IMU as of `fuse`, from the recording itself."""
     recording = short.drawn(14)[0]
     recording = replace(recording, meta=recording.meta | {"grade": "consumer"})
-    smoothed, filtered = sd.smooth(recording), sd.fuse(recording, "attitude-mekf")
+    smoothed, filtered = sd.smooth(recording, "attitude-mekf"), sd.fuse(recording, "attitude-mekf")
     assert smoothed.meta["start"] == filtered.meta["start"]
 
 
@@ -334,6 +334,6 @@ def test_memory_is_that_of_a_chunk(longer, monkeypatch):
     for samples in (400, 1000):
         monkeypatch.setattr(smoothing, "CHUNK", 100)
         recording, given, _ = longer.drawn(16)
-        sd.smooth(recording.between(-np.inf, samples / 50), **given)
+        sd.smooth(recording.between(-np.inf, samples / 50), "attitude-mekf", **given)
     first, second = ([part.shape for part in room if part.size] for room in sizes)
     assert first == second and sizes[0].tape.shape[0] < 130

@@ -100,7 +100,6 @@ def new_cursor(filter, t, sources):
     cursor = Cursor(np.zeros(loop.CURSOR_SIZE, np.int64), np.array([float(t)]), np.zeros(7), np.zeros(15), count(), count(), count(), np.zeros(sources),
                     np.full(sources, float(t)))
     cursor.at[loop.EVERY], cursor.at[loop.POSITIONED] = 1, positioned(filter)
-    cursor.at[loop.TAPE] = filter.smoother.tape.start if filter.smoother else 0
     return cursor
 
 
@@ -188,7 +187,7 @@ def begin(recording, filter, imu, start, noise, every, covariance, say, options)
 def new_output(filter, belief, rows, covariance=False, fixes=0, tape=0):
     """An Output of so many rows, with their covariances or not, and of so many fixes; with a tape of so many calls for the smoother."""
     width = loop.NAV_WIDTH + len(filter.columns) + 2 * belief.tail.size
-    tape_width = filter.smoother.tape.stop - filter.smoother.tape.start if tape else 0
+    tape_width = filter.smoother.width(len(belief.P)) if tape else 0
     return Output(np.empty((rows, width)), np.empty((rows if covariance else 0, *belief.P.shape)), np.empty((fixes, loop.FIX_WIDTH)),
                   np.empty((tape, tape_width)), np.zeros(rows if tape else 0, np.int64))
 

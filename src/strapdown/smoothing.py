@@ -18,7 +18,7 @@ CHUNK = 2048 if COMPILED else 500
 """IMU samples whose tape is kept at once: few enough for the processor's cache."""
 
 
-def smooth(recording, filter="attitude-mekf", imu=None, start=None, noise=None, every=1, covariance=False, say=None, progress=None, **options):
+def smooth(recording, filter="closed-loop", imu=None, start=None, noise=None, every=1, covariance=False, say=None, progress=None, **options):
     """The smoothed Solution of a recording: arguments and result as of `fuse`, for a filter that can be smoothed (`Filter.smoother`).
 
     Its standard deviations, and covariances where they are kept, are those given all measurements, before and after.
@@ -31,6 +31,8 @@ def smooth(recording, filter="attitude-mekf", imu=None, start=None, noise=None, 
     run = begin(recording, filter, imu, start, noise, every, covariance, say, options)
     compile_kernel(run_back)
     compile_kernel(filter.smoother.back)
+    compile_kernel(filter.smoother.keep)
+    run.cursor.at[loop.TAPE] = address(filter.smoother.keep)
     kept, report = [_stand(run)], progress or (lambda done: None)
     for rows in run.chunks(CHUNK):
         run.advance(rows)

@@ -12,8 +12,8 @@ from numba import types
 from .compiling import COMPILED, address, caller, compile_kernel, entry_point, helper, is_cached, kernel, matrix, plain
 
 __all__ = ["Belief", "Start", "Noise", "Imu", "Fixes", "Cursor", "Output", "Filter", "Smoother", "Sensor", "PARAMETERS", "WALK", "FIRST",
-           "POSITION_KIND", "HEADING_KIND", "GRAVITY_KIND", "MAGNETIC_KIND", "SEA_LEVEL_KIND", "VALID", "BRIDGED", "INVALID", "OBSERVE",
-           "PREDICT", "CORRECT", "RUN", "BACK", "RUN_BACK", "POS", "VEL", "ATT", "BA", "BG", "STATES", "COMPILED", "kernel", "helper",
+           "POSITION_KIND", "VELOCITY_KIND", "HEADING_KIND", "ALTITUDE_KIND", "GRAVITY_KIND", "MAGNETIC_KIND", "SEA_LEVEL_KIND", "ATTITUDE_KIND",
+           "VALID", "BRIDGED", "INVALID", "OBSERVE", "PREDICT", "CORRECT", "RUN", "KEEP", "BACK", "RUN_BACK", "POS", "VEL", "ATT", "BA", "BG", "STATES", "COMPILED", "kernel", "helper",
            "matrix", "address", "entry_point", "caller", "compile_kernel", "is_cached"]
 
 POS, VEL, ATT, BA, BG = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
@@ -123,9 +123,9 @@ PARAMETERS, WALK, FIRST = 8, 6, 7
 index of the first of them."""
 VALID, BRIDGED, INVALID = 0, 1, 2
 """Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and before the next accepted position fix."""
-POSITION_KIND, HEADING_KIND, GRAVITY_KIND, MAGNETIC_KIND, SEA_LEVEL_KIND = 0, 2, 8, 9, 12
+POSITION_KIND, VELOCITY_KIND, HEADING_KIND, ALTITUDE_KIND, GRAVITY_KIND, MAGNETIC_KIND, SEA_LEVEL_KIND, ATTITUDE_KIND = 0, 1, 2, 3, 8, 9, 12, 13
 """Kinds that are more than rows of H to someone: a position makes a solution valid again after a long gap, attitude filters treat directions their
-way, a heave filter the waves about mean sea level."""
+way, a heave filter the waves about mean sea level, filters fed with an attitude take it as known, gains belong to what they act on."""
 
 if COMPILED:
     _f8, _i8 = types.float64, types.int64
@@ -143,16 +143,18 @@ if COMPILED:
     PREDICT = types.void(BELIEF, _line, _f8, NOISE)
     CORRECT = _f8(BELIEF, _line, _line, _i8, types.FunctionType(OBSERVE), _line, _f8, _line)
     RUN = types.void(_i8, _i8, _count, BELIEF, IMU, FIXES, NOISE, CURSOR, OUTPUT)
+    KEEP = types.void(BELIEF, _line)
     BACK = types.void(_line, _line, _table, _line)
     RUN_BACK = types.void(_i8, _table, _count, _cube, _count, _line, _table, _line, _table)
 else:
-    OBSERVE, PREDICT, CORRECT, RUN, BACK, RUN_BACK = "observe", "predict", "correct", "run", "back", "run back"
+    OBSERVE, PREDICT, CORRECT, RUN, KEEP, BACK, RUN_BACK = "observe", "predict", "correct", "run", "keep", "back", "run back"
 
 
 class Smoother(NamedTuple):
     """How the calls of a filter are undone, last one first."""
-    tape: slice         # of aux: what a call of predict or correct leaves there
-    back: Callable      # (tape row, lam (k,), Lam (k, k), work (2 k k,)): the adjoint of that call, on the states that the filter estimates and the tail
+    width: Callable     # n -> numbers of a record of one call, with n states
+    keep: Callable      # (belief, record (width,)): what the adjoint of the last call of predict or correct needs, also where it did nothing
+    back: Callable      # (record, lam (k,), Lam (k, k), work (2 k k,)): the adjoint of that call, on the states that the filter estimates and the tail
 
 
 class Filter(NamedTuple):
@@ -166,6 +168,7 @@ class Filter(NamedTuple):
     estimates: tuple = tuple(range(STATES))     # the states it estimates at all; the others are published as NaN. Without position it starts without one
     columns: tuple = ()     # names, with units, of its extra output columns
     uses: tuple = None      # kinds of aiding that it can use; None: all. Sources of other kinds are left out and named in the notes
+    needs: tuple = ()       # kinds without which it cannot run
     alone: str = ""         # what to say where a recording has no source that it can use
     smoother: Smoother = None
     watch: Callable = None  # (t (n,), lla (n, 3), {column: (n,)}) -> [(t, text)]: what of the kept rows a user must know

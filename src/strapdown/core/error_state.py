@@ -3,18 +3,20 @@ import math
 
 import numpy as np
 
-from .compiling import helper, matrix
+from .compiling import helper, matrix, plain
 from .contract import ATT, BA, BG, POS, STATES, VEL
 from .earth import displace
 from .error_dynamics import BLOCKS, LATITUDE_GRAVITY, MODELS, kinematic_blocks
-from .gaussian import WORKSPACE, decay, propagate, propagate_error, update
+from .gaussian import WORKSPACE, decay, propagate, propagate_error, update, used_rows
 from .rotation import orthonormalise, rotate_left
 
+PREDICTED = -1.0                                # the last call was a prediction
 X = slice(0, STATES)                            # error state kept apart from the belief; zero where it is injected at once
 MODEL = X.stop                                  # which error model; see error_dynamics
 OWN = MODEL + 1                                 # 39 numbers for the architecture itself
 HEIGHT = OWN + 39                               # gravity at this times the height: 1 or 0
-BLOCK = slice(OWN + 40, OWN + 40 + BLOCKS)      # blocks of F
+STEP = slice(OWN + 40, OWN + 47)                # of the last call: rows used, or PREDICTED; dt, rotation of n (rad), decays of the biases over dt
+BLOCK = slice(STEP.stop, STEP.stop + BLOCKS)    # blocks of F
 MID = BLOCK.stop                                # C_nb at mid-interval, 3 x 3
 DV = slice(MID + 9, MID + 12)                   # specific-force velocity increment in n, bias-free, m/s
 DX = slice(DV.stop, DV.stop + 2 * STATES)       # the correction that `measure` found, n numbers
@@ -25,29 +27,33 @@ def auxiliary(n, error_model="corrected"):
     """The aux array of an error-state filter with n states; refuses an unknown error model."""
     if error_model not in MODELS:
         raise ValueError(f"error_model is {error_model!r}; it must be one of {', '.join(MODELS)}")
-    aux = np.zeros(WORK + max(WORKSPACE, n * n + 3 * n + 4) + 3 * n)
+    aux = np.zeros(WORK + max(WORKSPACE, plain(used_rows)(n) + 6) + 3 * n)
     aux[MODEL] = MODELS[error_model]
     aux[HEIGHT] = MODELS[error_model] != LATITUDE_GRAVITY
     return aux
 
 
 @helper
-def linearised_step(belief, u, dt, noise, beside):
+def linearised_step(belief, C, coupling, u, dt, noise, beside):
     """Propagate P, and the error state where one is kept `beside` the belief, over dt, linearised at the belief with bias-corrected increments; state and attitude stay.
 
-    Also publishes the bias-free rate and specific force, and decays the biases.
+    C (3, 3) is the attitude of body-fixed errors in n: the belief's, or one known from elsewhere. `coupling` is 1, or 0 where the attitude error
+    does not reach the velocity, because that is computed with the known one.
+    Also publishes the bias-free rate and specific force, decays the biases, and leaves in aux what a smoother needs.
     """
-    aux, C, mid, dv_n, ba, bg = belief.aux, belief.C, matrix(belief.aux, MID, 3, 3), belief.aux[DV], belief.ba, belief.bg
+    aux, mid, dv_n, ba, bg = belief.aux, matrix(belief.aux, MID, 3, 3), belief.aux[DV], belief.ba, belief.bg
     r0, r1, r2 = 0.5 * (u[0] - bg[0] * dt), 0.5 * (u[1] - bg[1] * dt), 0.5 * (u[2] - bg[2] * dt)
     a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
     for i in range(3):
         mid[i, 0] = C[i, 0] + C[i, 1] * r2 - C[i, 2] * r1
         mid[i, 1] = C[i, 1] + C[i, 2] * r0 - C[i, 0] * r2
         mid[i, 2] = C[i, 2] + C[i, 0] * r1 - C[i, 1] * r0
-        dv_n[i] = mid[i, 0] * a0 + mid[i, 1] * a1 + mid[i, 2] * a2
-    blocks = aux[BLOCK]
+        dv_n[i] = coupling * (mid[i, 0] * a0 + mid[i, 1] * a1 + mid[i, 2] * a2)
+    blocks, step = aux[BLOCK], aux[STEP]
     w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, int(aux[MODEL]), blocks)
     w0, w1, w2 = w0 * dt, w1 * dt, w2 * dt
+    step[0], step[1], step[2], step[3], step[4] = PREDICTED, dt, w0, w1, w2
+    step[5], step[6] = decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt)
     propagate(belief.P, blocks, mid, dv_n, w0, w1, w2, dt, noise, aux[WORK:])
     if beside:
         propagate_error(aux[X], blocks, mid, dv_n, w0, w1, w2, dt, noise, aux[WORK:])
@@ -75,7 +81,11 @@ def measure(belief, y, sd, observe, parameters, gate, innovation):
     n = belief.P.shape[0]
     H = matrix(belief.aux, belief.aux.size - 3 * n, 3, n)
     rows = observed(belief, y, observe, parameters, innovation, H)
-    return update(belief.P, H, innovation, sd, rows, gate, belief.aux[WORK:], belief.aux[DX])
+    belief.aux[STEP.start] = 0.0
+    nis = update(belief.P, H, innovation, sd, rows, gate, belief.aux[WORK:], belief.aux[DX])
+    if nis <= gate:
+        belief.aux[STEP.start] = belief.aux[WORK + used_rows(n)]
+    return nis
 
 
 @helper

@@ -10,7 +10,7 @@ from .compiling import flatten, helper, inlined
 from .error_dynamics import PP, TP, TV, VP, VV
 
 COPY, PRODUCT, TRANSPOSED = 0, 225, 480
-WORKSPACE = 600  # and n * n + 3 * n + 4 numbers for the correction, which uses it in its own way
+WORKSPACE = 600  # and used_rows(n) + 6 numbers for the correction, which uses it in its own way
 """Parts of the flat workspace: P (rows of 15), Phi P (rows of 16), the first 8 rows of Phi P transposed (rows of 8). One array with constant
 offsets, strides and trip counts, because then the compiler sees that nothing overlaps and makes vector code."""
 LEAST_NOISE = 1e-9
@@ -148,11 +148,18 @@ def decay(a):
     return 1 - a * (1 - a * (0.5 - a * (1 - 0.25 * a) / 6)) if a < 1e-3 else math.exp(-a)
 
 
+@inlined
+def used_rows(n):
+    """Where `update` leaves, in its workspace, how many rows it used and their innovations by L^-1; U = L^-1 H P, rows of n + 1, lies from n n + 1 on."""
+    return n * n + 3 * n + 4
+
+
 @helper
 def update(P, H, innovation, sd, rows, gate, work, dx):
     """Correct P by the measured rows (not NaN) of an innovation y - h with Jacobian H (3, n) and standard deviations sd.
 
     Writes dx = P H' (H P H' + R)^-1 innovation and returns the NIS, NaN without any measured row. Unless NIS <= gate P is left as it was.
+    The first rows of H become those of L^-1 H, with L L' = H P H' + R; what else a smoother needs stays in `work`: see `used_rows`.
     """
     if P.shape[0] == 15:  # the same code with constant lengths
         return _update(15, P, H, innovation, sd, rows, gate, work, dx)
@@ -168,7 +175,7 @@ def _update(n, P, H, innovation, sd, rows, gate, work, dx):
     numbers = flatten(P)
     for i in range(n * n):
         work[i] = numbers[i]
-    U = n * n + 1
+    U, used = n * n + 1, used_rows(n)
     for i in range(3 * (n + 1)):
         work[U + i] = 0.0
     m, nis, e0, e1, e2 = 0, 0.0, 0.0, 0.0, 0.0
@@ -189,6 +196,7 @@ def _update(n, P, H, innovation, sd, rows, gate, work, dx):
             for j in range(first, last):
                 overlap += H[i, j] * work[before + j]
             e -= overlap * (e0 if k == 0 else e1)
+            work[used + 4 + k] = overlap
             for lane in range(n + 1):
                 work[row + lane] -= overlap * work[before + lane]
         variance = 0.0
@@ -198,10 +206,16 @@ def _update(n, P, H, innovation, sd, rows, gate, work, dx):
         for lane in range(n + 1):
             work[row + lane] *= scale
         work[row + n] = 0.0
+        for j in range(n):
+            H[m, j] = scale * H[i, j]
+        for k in range(m):
+            for j in range(n):
+                H[m, j] -= scale * work[used + 4 + k] * H[k, j]
         e *= scale
         nis += e * e
         e0, e1, e2 = (e, e1, e2) if m == 0 else ((e0, e, e2) if m == 1 else (e0, e1, e))
         m += 1
+    work[used], work[used + 1], work[used + 2], work[used + 3] = m, e0, e1, e2
     for j in range(n):
         dx[j] = e0 * work[U + j] + e1 * work[U + n + 1 + j] + e2 * work[U + 2 * n + 2 + j]
     if m == 0:

@@ -12,7 +12,7 @@ Rules (docs/conventions.md):
 import math
 
 from .compiling import caller, helper, inlined, kernel
-from .contract import BRIDGED, CORRECT, FIRST, INVALID, OBSERVE, POSITION_KIND, PREDICT, RUN, VALID, WALK, Noise
+from .contract import BRIDGED, CORRECT, FIRST, INVALID, KEEP, OBSERVE, POSITION_KIND, PREDICT, RUN, VALID, WALK, Noise
 from .earth import LATITUDE_LIMIT
 from .mechanization import compensate, stationary_increments
 from .rotation import matrix_to_quaternion
@@ -20,7 +20,7 @@ from .rotation import matrix_to_quaternion
 ROW, STOP, FIX, FIXES, OUT, EVERY, PHASE, STATUS, FAULT, POSITIONED, TAPED, TAPE, CURSOR_SIZE = range(13)
 """Cursor.at: next IMU row, where to stop, next fix, how many there are, next output row, keep rows with row % every == phase, status of the
 belief, FAULT = 1 once the belief left the latitudes where results hold, or is not a number, POSITIONED = 1 where the filter estimates a position, calls of
-predict and correct so far, and where in aux a call leaves what goes on the tape."""
+predict and correct so far, and the address of the kernel that puts a call on the tape."""
 T, LLA, V, Q, BIASES, SD, ROW_STATUS, NAV_WIDTH = 0, 1, 4, 7, 11, 17, 32, 33
 """Columns of Output.nav: time, position, velocity, quaternion, biases (accelerometer, gyro), 15 standard deviations, status; then a filter's own, then
 the states that aidings brought along and their standard deviations."""
@@ -37,7 +37,7 @@ REJECTED, PATIENCE = 5, 3.0             # rejections in a row; s
 DOUBT = 9.0                             # largest growth of P at once, when a gate is lifted
 SAME_TIME = 1e-6                        # s: a fix this close to a sample's end is taken there
 
-predict_at, correct_at, observe_at = caller(PREDICT), caller(CORRECT), caller(OBSERVE)
+predict_at, correct_at, observe_at, keep_at = caller(PREDICT), caller(CORRECT), caller(OBSERVE), caller(KEEP)
 
 
 @kernel(RUN)
@@ -87,16 +87,16 @@ def _advance(predict, correct, observers, belief, fixes, noise, cursor, out, unt
                 part[i] = whole[i] * (span / left)
                 whole[i] -= part[i]
             predict_at(predict)(belief, part, span, noise)
-            _keep(belief.aux, at, out.tape)
+            _keep(belief, at, out.tape)
             left -= span
         elif span > SAME_TIME:
             predict_at(predict)(belief, whole, left, noise)
-            _keep(belief.aux, at, out.tape)
+            _keep(belief, at, out.tape)
             left = 0.0
         _use_fix(correct, observers, belief, fixes, cursor, out)
     if left > 0:
         predict_at(predict)(belief, whole, left, noise)
-        _keep(belief.aux, at, out.tape)
+        _keep(belief, at, out.tape)
     now[0] = until
 
 
@@ -112,7 +112,7 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
     while True:  # once, or a second time with the gate lifted
         found = correct_at(correct)(belief, fixes.y[k], fixes.sd[k], fixes.kind[s], observe_at(observers[fixes.kind[s]]),
                                     fixes.parameters[s], gate, innovation)
-        _keep(belief.aux, at, out.tape)
+        _keep(belief, at, out.tape)
         if lifted:
             break
         nis = found
@@ -142,11 +142,10 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
 
 
 @helper
-def _keep(aux, at, tape):
-    """Put what the last call left in aux on the tape, where there is one; count it anyway, so that a tape can be made for the next time."""
+def _keep(belief, at, tape):
+    """Put the last call on the tape, where there is one; count it anyway, so that a tape can be made for the next time."""
     if at[TAPED] < tape.shape[0]:
-        for i in range(tape.shape[1]):
-            tape[at[TAPED], i] = aux[at[TAPE] + i]
+        keep_at(at[TAPE])(belief, tape[at[TAPED]])
     at[TAPED] += 1
 
 

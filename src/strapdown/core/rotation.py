@@ -69,6 +69,21 @@ def turn_quaternion(x, y, z, q):
 
 
 @helper
+def rotation_between(C, M):
+    """Rotation vector x (rad) with M = exp(x) C of two rotation matrices, |x| <= pi; M is nine numbers, row by row."""
+    m0, m1, m2, m3, m4, m5, m6, m7, m8 = M
+    d0, d1, d2 = m0 * C[0, 0] + m1 * C[0, 1] + m2 * C[0, 2], m3 * C[1, 0] + m4 * C[1, 1] + m5 * C[1, 2], m6 * C[2, 0] + m7 * C[2, 1] + m8 * C[2, 2]
+    x = 0.5 * (m6 * C[1, 0] + m7 * C[1, 1] + m8 * C[1, 2] - m3 * C[2, 0] - m4 * C[2, 1] - m5 * C[2, 2])
+    y = 0.5 * (m0 * C[2, 0] + m1 * C[2, 1] + m2 * C[2, 2] - m6 * C[0, 0] - m7 * C[0, 1] - m8 * C[0, 2])
+    z = 0.5 * (m3 * C[0, 0] + m4 * C[0, 1] + m5 * C[0, 2] - m0 * C[1, 0] - m1 * C[1, 1] - m2 * C[1, 2])
+    sine, cosine = math.sqrt(x * x + y * y + z * z), 0.5 * (d0 + d1 + d2 - 1)
+    if sine < 1e-9 and cosine < 0:      # half a turn, about the axis that moves least, near enough
+        return (math.pi, 0.0, 0.0) if d0 >= max(d1, d2) else ((0.0, math.pi, 0.0) if d1 >= d2 else (0.0, 0.0, math.pi))
+    scale = math.atan2(sine, cosine) / sine if sine > 1e-9 else 1.0
+    return scale * x, scale * y, scale * z
+
+
+@helper
 def _exponential(x, y, z):
     """sin(|r|)/|r| and (1 - cos|r|)/|r|^2 of a rotation vector r, with their series near zero."""
     square = x * x + y * y + z * z

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core.attitude import (INVERSE, LEAST_FORCE, RECORD, SIX, UNAIDED, inject, low_passed, measured, off_vertical, propagate, turn, unmeasured,
                              unpropagated)
-from ..core.contract import BACK, CORRECT, MAGNETIC_KIND, PREDICT, Filter, Smoother, helper, kernel, matrix
+from ..core.contract import BACK, CORRECT, KEEP, MAGNETIC_KIND, PREDICT, Filter, Smoother, helper, kernel, matrix
 from ..core.earth import GRAVITY_EQUATOR, RATE
 from ..core.error_state import BLOCK, DX, OWN, auxiliary, observed
 from ..core.gaussian import decay
@@ -189,6 +189,13 @@ def _departure(strength, dip, square, down, seconds):
     return off * size * size / square, strength * (1 + share * a), dip + share * b
 
 
+@kernel(KEEP)
+def keep(belief, record):
+    """What the last call left in aux."""
+    for i in range(SECOND_RECORD.stop - TAPE):
+        record[i] = belief.aux[TAPE + i]
+
+
 @kernel(BACK)
 def back(call, lam, Lam, work):
     """The adjoint of `predict` or `correct`, from what it left on the tape."""
@@ -211,4 +218,4 @@ def leaning(t, lla, columns):
 ATTITUDE_MEKF = Filter("attitude-mekf", "Markley (2003), J. Guidance 26(2); Fossen (2021) section 14.4.3; vertical after Laidig & Seel (2023), VQF",
                        start, predict, correct, states=SIX, estimates=SIX, uses=("magnetic-field", "heading"), alone=UNAIDED,
                        columns=(FORCE_EXCESS,), watch=leaning,
-                       smoother=Smoother(slice(TAPE, SECOND_RECORD.stop), back))
+                       smoother=Smoother(lambda n: SECOND_RECORD.stop - TAPE, keep, back))

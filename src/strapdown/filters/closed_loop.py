@@ -1,6 +1,6 @@
 """Closed loop: errors are injected into the INS at each fix, biases are corrected inside the INS. The default filter."""
 from ..core.contract import CORRECT, PREDICT, Filter, kernel
-from ..core.error_state import DV, DX, HEIGHT, auxiliary, inject, inject_biases, linearised_step, measure
+from ..core.error_state import DX, HEIGHT, auxiliary, inject, inject_biases, linearised_step, measure
 from ..core.mechanization import mechanize
 
 
@@ -15,8 +15,8 @@ def predict(belief, u, dt, noise):
     ba, bg = belief.ba, belief.bg
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
     a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
-    linearised_step(belief, u, dt, noise, False)
-    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, belief.aux[DV], belief.aux[HEIGHT])
+    linearised_step(belief, belief.C, 1.0, u, dt, noise, False)
+    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, belief.aux[DX], belief.aux[HEIGHT])
 
 
 @kernel(CORRECT)

@@ -4,7 +4,7 @@ The INS runs on the uncorrected IMU; after the reset the error state is [0, 0, 0
 velocity and attitude, and that part is composed into the nominal state at each step.
 """
 from ..core.contract import BA, BG, CORRECT, PREDICT, Filter, kernel
-from ..core.error_state import DV, DX, HEIGHT, X, added, inject, inject_biases, linearised_step, measure
+from ..core.error_state import DX, HEIGHT, X, added, inject, inject_biases, linearised_step, measure
 from ..core.mechanization import mechanize
 from .closed_loop import start
 
@@ -18,8 +18,8 @@ def predict(belief, u, dt, noise):
     xa, xg = x[BA], x[BG]
     for i in range(3):
         xa[i], xg[i] = belief.ba[i], belief.bg[i]
-    linearised_step(belief, u, dt, noise, True)
-    mechanize(belief.lla, belief.v, belief.C, u[0], u[1], u[2], u[3], u[4], u[5], dt, belief.aux[DV], belief.aux[HEIGHT])
+    linearised_step(belief, belief.C, 1.0, u, dt, noise, True)
+    mechanize(belief.lla, belief.v, belief.C, u[0], u[1], u[2], u[3], u[4], u[5], dt, belief.aux[DX], belief.aux[HEIGHT])
     added(belief.lla, belief.v, belief.C, x)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..core.contract import BA, BG, CORRECT, PREDICT, Filter, helper, kernel, matrix
 from ..core.earth import FAR
 from ..core.error_dynamics import TV
-from ..core.error_state import BLOCK, DV, DX, HEIGHT, OWN, X, added, auxiliary, decay_biases, inject_tail, linearised_step, measure
+from ..core.error_state import BLOCK, DX, HEIGHT, OWN, X, added, auxiliary, decay_biases, inject_tail, linearised_step, measure
 from ..core.mechanization import mechanize
 
 LLA, V, C = slice(OWN, OWN + 3), slice(OWN + 3, OWN + 6), OWN + 6   # of the raw INS in aux
@@ -44,11 +44,11 @@ def predict_beside(belief, u, dt, noise):
     """One step of the raw INS and of the error beside it; the belief is composed of both."""
     aux = belief.aux
     b = aux[BIAS]
-    linearised_step(belief, u, dt, noise, True)
+    linearised_step(belief, belief.C, 1.0, u, dt, noise, True)
     if aux[MODE] != METRES:
         _products(aux[X], aux[BLOCK], belief.lla[0], aux[MODE] == GEODETIC, dt)
     mechanize(aux[LLA], aux[V], matrix(aux, C, 3, 3), u[0] - b[3] * dt, u[1] - b[4] * dt, u[2] - b[5] * dt,
-              u[3] - b[0] * dt, u[4] - b[1] * dt, u[5] - b[2] * dt, dt, aux[DV], aux[HEIGHT])
+              u[3] - b[0] * dt, u[4] - b[1] * dt, u[5] - b[2] * dt, dt, aux[DX], aux[HEIGHT])
     decay_biases(b[0:3], b[3:6], dt, noise)
     compose(belief)
 
