@@ -42,10 +42,10 @@ def fixes(workload):
     return sd.Aiding("position", workload.fix_t, workload.fix, np.full(workload.fix.shape, workload.parameters["gnss_sd"]), gate=np.inf)
 
 
-def recording(workload):
-    """strapdown's Recording of the workload."""
+def recording(workload, *aidings):
+    """strapdown's Recording of the workload, with these sources beside its position fixes."""
     import strapdown as sd
-    return sd.Recording.from_arrays(workload.t[1:], workload.dtheta[1:], workload.dv[1:], aidings=[fixes(workload)], kind="increment")
+    return sd.Recording.from_arrays(workload.t[1:], workload.dtheta[1:], workload.dv[1:], aidings=[fixes(workload), *aidings], kind="increment")
 
 
 def fuse(workload, name, **options):
@@ -60,13 +60,13 @@ def accuracy(workload, name):
     return score(workload, path.t, path.lla, path.v_n, path.rotation.as_matrix())
 
 
-def timed_run(workload, name, every=1, **options):
+def timed_run(workload, name, every=1, aidings=(), **options):
     """A function that runs filter `name` over the whole workload and returns the seconds of the compiled loop; every `every`-th sample is stored,
-    where it is not each of them with its covariance as in a study.
+    where it is not each of them with its covariance as in a study. `aidings` are sources beside the position fixes.
 
     As with the yardstick, compiling, the start and the output arrays are there before the clock starts.
     """
-    log, at_start, densities = recording(workload), start(workload), noise(workload.parameters)
+    log, at_start, densities = recording(workload, *aidings), start(workload), noise(workload.parameters)
     return timed(lambda begin: begin(log, name, None, at_start, densities, every, every > 1, None, options))
 
 
