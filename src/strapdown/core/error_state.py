@@ -15,7 +15,7 @@ X = slice(0, STATES)                            # error state kept apart from th
 MODEL = X.stop                                  # which error model; see error_dynamics
 OWN = MODEL + 1                                 # 39 numbers for the architecture itself
 HEIGHT = OWN + 39                               # gravity at this times the height: 1 or 0
-STEP = slice(OWN + 40, OWN + 47)                # of the last call: rows used, or PREDICTED; dt, rotation of n (rad), decays of the biases over dt
+STEP = slice(OWN + 40, OWN + 47)                # of the last call: rows used, or PREDICTED; dt, rotation of n over it (rad), decays of the biases (1/s)
 BLOCK = slice(STEP.stop, STEP.stop + BLOCKS)    # blocks of F
 MID = BLOCK.stop                                # C_nb at mid-interval, 3 x 3
 DV = slice(MID + 9, MID + 12)                   # specific-force velocity increment in n, bias-free, m/s
@@ -27,7 +27,7 @@ def auxiliary(n, error_model="corrected"):
     """The aux array of an error-state filter with n states; refuses an unknown error model."""
     if error_model not in MODELS:
         raise ValueError(f"error_model is {error_model!r}; it must be one of {', '.join(MODELS)}")
-    aux = np.zeros(WORK + max(WORKSPACE, plain(used_rows)(n) + 6) + 3 * n)
+    aux = np.zeros(WORK + max(WORKSPACE, plain(used_rows)(n) + 13) + 3 * n)
     aux[MODEL] = MODELS[error_model]
     aux[HEIGHT] = MODELS[error_model] != LATITUDE_GRAVITY
     return aux
@@ -52,8 +52,7 @@ def linearised_step(belief, C, coupling, u, dt, noise, beside):
     blocks, step = aux[BLOCK], aux[STEP]
     w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, int(aux[MODEL]), blocks)
     w0, w1, w2 = w0 * dt, w1 * dt, w2 * dt
-    step[0], step[1], step[2], step[3], step[4] = PREDICTED, dt, w0, w1, w2
-    step[5], step[6] = decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt)
+    step[0], step[1], step[2], step[3], step[4], step[5], step[6] = PREDICTED, dt, w0, w1, w2, noise.accel_decay, noise.gyro_decay
     propagate(belief.P, blocks, mid, dv_n, w0, w1, w2, dt, noise, aux[WORK:])
     if beside:
         propagate_error(aux[X], blocks, mid, dv_n, w0, w1, w2, dt, noise, aux[WORK:])

@@ -10,7 +10,7 @@ from .compiling import flatten, helper, inlined
 from .error_dynamics import PP, TP, TV, VP, VV
 
 COPY, PRODUCT, TRANSPOSED = 0, 225, 480
-WORKSPACE = 600  # and used_rows(n) + 6 numbers for the correction, which uses it in its own way
+WORKSPACE = 600  # and used_rows(n) + 13 numbers for the correction, which uses it in its own way
 """Parts of the flat workspace: P (rows of 15), Phi P (rows of 16), the first 8 rows of Phi P transposed (rows of 8). One array with constant
 offsets, strides and trip counts, because then the compiler sees that nothing overlaps and makes vector code."""
 LEAST_NOISE = 1e-9
@@ -155,11 +155,25 @@ def used_rows(n):
 
 
 @helper
+def whiten(H, work):
+    """After `update`: the first rows of H, as many as were used, become those of L^-1 H, L L' = H P H' + R."""
+    n = H.shape[1]
+    used = used_rows(n)
+    for m in range(int(work[used])):
+        scale, i = work[used + 4 + m], int(work[used + 7 + m])
+        for j in range(n):
+            H[m, j] = H[i, j]
+            for k in range(m):
+                H[m, j] -= work[used + 9 + m + k] * H[k, j]
+            H[m, j] *= scale
+
+
+@helper
 def update(P, H, innovation, sd, rows, gate, work, dx):
     """Correct P by the measured rows (not NaN) of an innovation y - h with Jacobian H (3, n) and standard deviations sd.
 
     Writes dx = P H' (H P H' + R)^-1 innovation and returns the NIS, NaN without any measured row. Unless NIS <= gate P is left as it was.
-    The first rows of H become those of L^-1 H, with L L' = H P H' + R; what else a smoother needs stays in `work`: see `used_rows`.
+    What a smoother needs stays in `work`: see `used_rows` and `whiten`.
     """
     if P.shape[0] == 15:  # the same code with constant lengths
         return _update(15, P, H, innovation, sd, rows, gate, work, dx)
@@ -196,7 +210,7 @@ def _update(n, P, H, innovation, sd, rows, gate, work, dx):
             for j in range(first, last):
                 overlap += H[i, j] * work[before + j]
             e -= overlap * (e0 if k == 0 else e1)
-            work[used + 4 + k] = overlap
+            work[used + 9 + m + k] = overlap
             for lane in range(n + 1):
                 work[row + lane] -= overlap * work[before + lane]
         variance = 0.0
@@ -206,11 +220,7 @@ def _update(n, P, H, innovation, sd, rows, gate, work, dx):
         for lane in range(n + 1):
             work[row + lane] *= scale
         work[row + n] = 0.0
-        for j in range(n):
-            H[m, j] = scale * H[i, j]
-        for k in range(m):
-            for j in range(n):
-                H[m, j] -= scale * work[used + 4 + k] * H[k, j]
+        work[used + 4 + m], work[used + 7 + m] = scale, i
         e *= scale
         nis += e * e
         e0, e1, e2 = (e, e1, e2) if m == 0 else ((e0, e, e2) if m == 1 else (e0, e1, e))
