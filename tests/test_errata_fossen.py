@@ -1,6 +1,6 @@
 """What published formulas for attitude get wrong (docs/static-attitude.md, "What differs from print"), and that strapdown does not; a test per finding.
 
-The printed forms are those of the Marine Systems Simulator's acc2rollpitch.m, staticRollPitchYaw.m, ins_mekf_psi.m and gravity vector, which stand
+The printed forms are those of the Marine Systems Simulator's acc2rollpitch.m, staticRollPitchYaw.m, ins_mekf.m, ins_mekf_psi.m and ins_euler.m, which stand
 for the equations of Fossen (2021) chapter 14.
 """
 from dataclasses import replace
@@ -73,9 +73,38 @@ def test_b_ours_is_the_derivative_of_heading_at_every_heading(roll, pitch, headi
     assert body == pytest.approx([0, np.sin(roll * DEG) / np.cos(pitch * DEG), np.cos(roll * DEG) / np.cos(pitch * DEG)], abs=1e-9)
 
 
+def compass_errors(start, heading, row):
+    """Sizes of the heading errors (deg) after each of 50 fixes of a compass of 1 deg and the standard deviation (deg) that a multiplicative EKF claims
+    at the end, of a level body whose heading it knows to 30 deg; `row` gives its derivative of heading by the error in body axes, at C.
+    """
+    C, P, left = matrix(0, 0, start), np.diag(np.array([1.0, 1.0, 30.0]) * DEG) ** 2, []
+    off = lambda C: (heading - np.degrees(np.arctan2(C[1, 0], C[0, 0])) + 180) % 360 - 180
+    for _ in range(50):
+        h = row(C)
+        gain = P @ h / (h @ P @ h + DEG ** 2)
+        P, a = P - np.outer(gain, h @ P), gain * off(C) * DEG
+        C = C @ Rotation.from_quat([*a / 2, 1.0]).as_matrix()
+        left.append(abs(off(C)))
+    return np.array(left), np.degrees(np.sqrt(P[2, 2]))
+
+
+@pytest.mark.parametrize("off", [20.0, -20.0])
+def test_b_southward_the_printed_row_does_not_converge_and_ours_does(off):
+    exact = lambda C: observed("heading", C, 0.0)[1][0, 6:9] @ C
+    north, south = (compass_errors(heading + off, heading, exact) for heading in (0.0, 180.0))
+    assert north[0][-1] < 0.005 and north[1] == pytest.approx(1 / np.sqrt(50), rel=1e-2)
+    np.testing.assert_allclose(south[0], north[0], atol=1e-9)
+    northward, southward = (compass_errors(heading + off, heading, gibbs_row) for heading in (0.0, 180.0))
+    assert northward[0][-1] < 0.01
+    assert southward[0][0] > 100 and southward[0][-1] > 4 * southward[1] > 5        # thrown half around, and then sure of what is wrong
+    stuck, claimed = compass_errors(180.0, 180.0 + off, gibbs_row)
+    assert stuck[-1] == pytest.approx(20) and claimed == pytest.approx(30)          # estimated south: no compass is heard
+
+
 # ---- c: measurements between the position fixes
 
-def test_c_a_field_between_position_fixes_is_used():
+@pytest.mark.parametrize("name", ["closed-loop", "mekf"])
+def test_c_a_field_between_position_fixes_is_used(name):
     """The printed routine corrects only in a call with a position, so that the field between is lost; it is emulated by leaving those samples out."""
     t = np.arange(1, 201) / 20.0
     still = Recording.from_arrays(t, np.zeros((200, 3)), np.tile([0.0, 0.0, -9.8188], (200, 1)))
@@ -84,7 +113,7 @@ def test_c_a_field_between_position_fixes_is_used():
     start = Start(0.0, (1.1, 0.2, 0.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * 3 + (0.1,) * 3 + (0.01, 0.01, 0.5) + (1e-3,) * 6, "")
     at_fixes = np.isin(field.t, fixes.t)
     printed = field._where(at_fixes)
-    ours, theirs = (sd.fuse(replace(still, aidings=(fixes, source)), imu="consumer", start=start) for source in (field, printed))
+    ours, theirs = (sd.fuse(replace(still, aidings=(fixes, source)), name, imu="consumer", start=start) for source in (field, printed))
     assert ours.counts()["magnetic-field"] == (100, 0) and theirs.counts()["magnetic-field"] == (10, 0)
     between = ours.innovations.t[ours.innovations.source == 1]
     assert (~np.isin(between, fixes.t)).sum() == 90
@@ -143,6 +172,27 @@ def test_f_a_rotation_error_added_to_euler_angles_is_wrong_at_tilt(roll, pitch, 
     rotate_left(*(C @ error), ours)
     left = lambda estimate: Rotation.from_matrix(true.T @ estimate).magnitude()
     assert left(ours) < 1e-12 and left(printed) > 0.1 * wrong * np.linalg.norm(error)
+
+
+@pytest.mark.parametrize("roll, pitch", [(30, 0), (0, 40), (-50, 35)])
+def test_f_the_printed_dynamics_are_those_of_a_rotation_and_not_of_euler_angles(roll, pitch):
+    """Printed: error' = -S(w) error - bias. So an error in body axes moves, by differences of a turn of 1 ms; that of the angles, T(angles) w, does not."""
+    C, w, h, dt = matrix(roll, pitch, 70), np.array([0.3, -0.5, 0.4]), 1e-5, 1e-3
+    turn = lambda C, bias: C @ Rotation.from_rotvec((w - bias) * dt).as_matrix()
+    angles = lambda C: Rotation.from_matrix(C).as_euler("ZYX")[::-1]
+    rotation = lambda true, estimate: Rotation.from_matrix(estimate.T @ true).as_rotvec()
+    tilted = lambda x: Rotation.from_euler("ZYX", (angles(C) + x)[::-1]).as_matrix()
+    tipped = lambda x: C @ Rotation.from_rotvec(x).as_matrix()
+    none, e = np.zeros(3), h * np.eye(3)
+    slope = lambda after, before: np.stack([(after(x) - before(x) - after(-x) + before(-x)) / (2 * h * dt) for x in e], axis=1)
+    body = slope(lambda x: rotation(turn(tipped(x), none), turn(C, none)), lambda x: rotation(tipped(x), C))
+    euler = slope(lambda x: angles(turn(tilted(x), none)), lambda x: angles(tilted(x)))
+    S = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
+    np.testing.assert_allclose(body, -S, atol=1e-3)
+    assert np.abs(euler + S).max() > 0.2
+    by_bias = [slope(lambda x: f(turn(C, x)), lambda x: 0 * x) for f in (lambda M: rotation(M, turn(C, none)), lambda M: angles(M))]
+    np.testing.assert_allclose(by_bias[0], -np.eye(3), atol=1e-3)
+    assert np.abs(by_bias[1] + np.eye(3)).max() > 0.2
 
 
 # ---- g: static roll, pitch and heading

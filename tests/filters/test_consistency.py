@@ -52,6 +52,8 @@ COARSE, FINE = np.radians([0.5, 0.5, 2.0]), np.radians([0.01, 0.01, 0.05])
 FILTERS = [
     ("closed-loop", {}, MEMS, COARSE),
     ("closed-loop", {}, WALK, COARSE),
+    ("mekf", {}, MEMS, COARSE),
+    ("mekf", {}, WALK, COARSE),
     ("closed-loop-error-bias", {}, MEMS, COARSE),
     ("periodic-reset", {"interval": 10.0}, WALK, COARSE),
     ("open-loop", {}, NAVIGATION, FINE),    # with a worse IMU, or a coarse start, its INS leaves the linear model

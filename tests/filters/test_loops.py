@@ -61,7 +61,7 @@ def test_bias_in_the_ins_and_in_the_error_state_agree_per_step_to_second_order()
 
 def test_the_loops_agree_to_first_order_for_small_errors():
     closed = fused(flight(), "closed-loop")
-    for name in ("open-loop", "closed-loop-error-bias", "periodic-reset"):
+    for name in ("mekf", "open-loop", "closed-loop-error-bias", "periodic-reset"):
         p, v, attitude, bias, _ = difference(fused(flight(), name), closed)
         assert p < 0.05 and v < 0.02 and attitude < 1e-3 and bias < 0.2, name
 

@@ -21,7 +21,7 @@ from strapdown.stream import Fix, Sample, Stream
 
 PLACE = (48 * DEG, 11 * DEG, 500.0)
 FIELD = (21e-6, 1.5e-6, 43e-6)      # T, NED
-POSITIONED = ("closed-loop", "closed-loop-error-bias", "open-loop", "periodic-reset")
+POSITIONED = ("closed-loop", "mekf", "closed-loop-error-bias", "open-loop", "periodic-reset")
 SPEC = ImuSpec("white MEMS", Triad(noise=3e-4, turn_on_bias=1e-4), Triad(noise=3e-3, turn_on_bias=5e-3))
 RATE, DURATION = 20, 60
 DEVIATION = np.r_[[1.0] * 3, [0.2] * 3, np.radians([0.5, 0.5, 5.0]), [5e-3] * 3, [1e-4] * 3]
