@@ -46,7 +46,7 @@ def predict_beside(belief, u, dt, noise):
     b = aux[BIAS]
     linearised_step(belief, belief.C, 1.0, u, dt, noise, True)
     if aux[MODE] != METRES:
-        _products(aux[X], aux[BLOCK], belief.lla[0], aux[MODE] == GEODETIC, dt)
+        products(aux[X], aux[BLOCK], belief.lla[0], aux[MODE] == GEODETIC, dt)
     mechanize(aux[LLA], aux[V], matrix(aux, C, 3, 3), u[0] - b[3] * dt, u[1] - b[4] * dt, u[2] - b[5] * dt,
               u[3] - b[0] * dt, u[4] - b[1] * dt, u[5] - b[2] * dt, dt, aux[DX], aux[HEIGHT])
     decay_biases(b[0:3], b[3:6], dt, noise)
@@ -54,7 +54,7 @@ def predict_beside(belief, u, dt, noise):
 
 
 @helper
-def _products(x, blocks, lat, geodetic, dt):
+def products(x, blocks, lat, geodetic, dt):
     """Products of position and velocity errors that the linear position kinematics in metres at the belief leave out.
 
     x is in metres at the INS, whose scale changes with the velocity of the INS and not with that of the belief. In geodetic coordinates that
