@@ -4,6 +4,8 @@ The start is the first position fix; where the heading can only come from the co
 alone needs no fix and starts with the record. Everything found is stated in `Start.note` and can be overridden with `Start._replace`.
 Source: Groves (2013) section 5.6.
 """
+from typing import NamedTuple
+
 import numpy as np
 
 from .core.contract import Start
@@ -24,6 +26,7 @@ SLOW = 1.0                      # m/s: fixes surely faster than that are no rest
 UNKNOWN_ACCELERATION = 3.0      # m/s^2: what a velocity may change by between fixes
 REST_SEARCH = 600.0             # s before the start in which rest is looked for
 REST_AHEAD = 10.0               # s after the start in which a filter of attitude alone may find it, where the record begins with rest
+RECORD_AGE = 1.0                # s that a record of the attitude may be away from the start
 REST_AGE = 30.0                 # s for which the gyros carry on the level of a rest
 UNKNOWN_SPEED, EARTH_RADIUS = 10.0, 6.4e6   # m/s, m: standard deviations of what a filter of attitude alone does not need
 GYRO_SCALE = 0.01               # of the angle turned: what a MEMS gyro's scale and axes may be off by
@@ -57,10 +60,12 @@ def align(recording, imu, heading=None, heading_sd=np.radians(2.0), at=None, pos
     psi, psi_sd, psi_note, still = _or_course(_heading(recording, imu, t, given, bg, position.y[k]), v, moving)
     roll, pitch, level_sd, level_note = (_level_at_rest(mean_force(recording, t, bg), b_a_sd) if still else
                                          _level(recording, t, rest, v, psi, psi_sd, velocity, b_a_sd, bg, omega, f))
+    if record := _recorded(recording, t, bg):
+        roll, pitch, level_sd, level_note = _level_recorded(record, psi)
     C = body_to_navigation(roll, pitch, psi)
     v = v - C @ np.cross(omega, _arm(velocity))
     lla = displaced(position.y[k], v * (t - position.t[k]) - C @ _arm(position))
-    sd = [*np.hypot(position.sd[k], age * v_sd), *v_sd, level_sd, level_sd, psi_sd, *[b_a_sd] * 3, *bg_sd]
+    sd = [*np.hypot(position.sd[k], age * v_sd), *v_sd, *np.broadcast_to(level_sd, 2), psi_sd, *[b_a_sd] * 3, *bg_sd]
     return _start(t, lla, v, (roll, pitch, psi), bg, sd, f"position and velocity at {t:.2f} s, {psi_note}, {level_note}, {bias_note}")
 
 
@@ -83,15 +88,18 @@ def _attitude_start(recording, imu, given, t):
     place = lla if np.isfinite(lla_sd).all() else None
     psi, psi_sd, psi_note, still = _or_course(_heading(recording, imu, t, given, bg, place), v, moving)
     force, age = mean_force(recording, t, bg), t - recording.imu.t[rest[-1][-1]] if rest else np.inf
-    if force.off > WEIGHTLESS:
+    record = _recorded(recording, t, bg)
+    if force.off > WEIGHTLESS and not record:
         raise DataError(f"cannot level: the mean specific force at {t:.2f} s is {np.linalg.norm(force.f):.3g} m/s^2, far from gravity; "
                         "start elsewhere, or give start=")
-    if still or age <= 0:
+    if record:
+        roll, pitch, level_sd, level_note = _level_recorded(record, psi)
+    elif still or age <= 0:
         roll, pitch, level_sd, level_note = _level_at_rest(force, b_a_sd)
     else:
         roll, pitch, level_sd, level_note = min(_levels_in_motion(recording, t, rest, age, force, b_a_sd, bg), key=lambda found: found[2])
     lla_sd = np.where(np.isfinite(lla_sd), lla_sd, EARTH_RADIUS)
-    sd = [*lla_sd, *v_sd, level_sd, level_sd, psi_sd, *[b_a_sd] * 3, *bg_sd]
+    sd = [*lla_sd, *v_sd, *np.broadcast_to(level_sd, 2), psi_sd, *[b_a_sd] * 3, *bg_sd]
     when = 0.0 if abs(t) < 0.005 else t
     return _start(t, lla, v, (roll, pitch, psi), bg, sd, f"attitude at {when:.2f} s, {psi_note}, {level_note}, {bias_note}, {place_note}")
 
@@ -104,6 +112,42 @@ def _levels_in_motion(recording, t, rest, age, force, b_a_sd, bg):
         turned = np.linalg.norm(recording.imu.dtheta[slice(*np.searchsorted(recording.imu.t, [t - age, t]))], axis=1).sum()
         found.append((roll, pitch, np.hypot(sd, GYRO_SCALE * turned), note))
     return found
+
+
+class Record(NamedTuple):
+    """Roll, pitch, heading (rad, NaN where it has none), standard deviations forward, right and down (rad), and the source's name."""
+    rph: tuple
+    sd: np.ndarray
+    name: str
+
+
+def _recorded(recording, t, bg):
+    """The Record of the attitude nearest to t, carried there by the gyros less their bias bg (rad/s); None without one within `RECORD_AGE`."""
+    imu = recording.imu
+    for a in recording.aidings:
+        near = np.flatnonzero(np.isfinite(a.y[:, :2]).all(axis=1) & (np.abs(a.t - t) <= RECORD_AGE)) if a.kind == "attitude" else []
+        if len(near):
+            k = near[np.argmin(np.abs(a.t[near] - t))]
+            between = slice(*np.searchsorted(imu.t, sorted((a.t[k], t)), side="right"))
+            turns = imu.dtheta[between] - bg * imu.dt[between, None]
+            rph = _turned(a.y[k], turns, t < a.t[k])
+            return Record(rph, np.hypot(a.sd[k], GYRO_SCALE * np.linalg.norm(turns, axis=1).sum()), a.name or a.kind)
+    return None
+
+
+def _turned(rph, dtheta, back):
+    """Roll, pitch, heading (rad; a NaN stays) after the rotation increments dtheta (n, 3), rad, or before them."""
+    from scipy.spatial.transform import Rotation
+    turn = running_products(Rotation.from_rotvec(np.vstack([np.zeros(3), dtheta])))[-1].as_matrix()
+    C = body_to_navigation(rph[0], rph[1], np.nan_to_num(rph[2])) @ (turn.T if back else turn)
+    roll, pitch, heading = np.arctan2(C[2, 1], C[2, 2]), np.arcsin(np.clip(-C[2, 0], -1, 1)), np.arctan2(C[1, 0], C[0, 0])
+    return float(roll), float(pitch), float(heading) if np.isfinite(rph[2]) else np.nan
+
+
+def _level_recorded(record, psi):
+    """Roll, pitch, their sd about north and east, and a note: from a Record, at the heading psi (rad)."""
+    c, s, (forward, right, _) = np.cos(psi), np.sin(psi), record.sd
+    return *record.rph[:2], np.hypot([c * forward, s * forward], [s * right, c * right]), f"roll and pitch from {record.name}"
 
 
 def _place(recording, fixes, t):
@@ -183,9 +227,12 @@ def _moves(recording, t):
 
 
 def _heading(recording, imu, t, given, bg, place):
-    """The Found heading at t without asking the course: given, else measured, else the surer one of magnetic field and Earth's rate."""
+    """The Found heading at t without asking the course: given, recorded with the attitude, measured, else the surer one of field and Earth's rate."""
     if given is not None:
         return given
+    record = _recorded(recording, t, bg)
+    if record and record.sd[2] < UNKNOWN_SD and np.isfinite(record.rph[2]):
+        return Found(record.rph[2], float(record.sd[2]), f"heading from {record.name}")
     source = _source(recording, "heading")
     if source is not None:
         k = int(np.argmin(np.abs(source.t - t)))

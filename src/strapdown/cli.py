@@ -75,6 +75,10 @@ def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="re
          heading: Annotated[Optional[float], typer.Option(metavar="DEG", help="Initial heading, where you know it (to 2 deg).")] = None,
          option: OPTION = None,
          every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
+         ahrs: Annotated[Optional[str], typer.Option(
+             metavar="NAME", help="A filter of attitude alone that runs first; its output is the attitude aiding.  [default: attitude-mekf, where the "
+                                  "filter needs attitude and the recording has a magnetometer or heading instead]")] = None,
+         ahrs_rate: Annotated[float, typer.Option(metavar="HZ", help="Rate of that aiding, at most the IMU's.")] = 10.0,
          smooth: Annotated[bool, typer.Option(
              "--smooth", help="Estimate each time from the whole recording, for filters that can be smoothed.")] = False,
          out: Annotated[Optional[Path], typer.Option(help="Folder for the results.  [default: NAME-FILTER, or NAME-FILTER-smooth]")] = None):
@@ -92,7 +96,8 @@ def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="re
     with results_folder(out or Path(f"{part.meta.get('name') or recording.stem}-{filter}{ending}")) as folder:
         begin = _start(seen, imu, heading, filter)
         with Progress() as progress:
-            solution = estimate(seen, filter, imu=imu, start=begin, every=every, say=progress.say, progress=progress.track(label), **options)
+            solution = estimate(seen, filter, imu=imu, start=begin, every=every, say=progress.say, progress=progress.track(label),
+                                ahrs=ahrs, ahrs_rate=ahrs_rate, **options)
         summarise(solution)
         if whole.reference is not None:
             print_errors({label: solution}, whole.reference)
@@ -150,12 +155,13 @@ def inspect(path: Annotated[Path, typer.Argument(metavar="PATH", help="recording
 
 @app.command()
 def filters():
-    """List the filter architectures with their options, defaults and sources."""
+    """List the filter architectures with what they need, their options, defaults and sources."""
     from inspect import signature
-    from . import filters
+    from . import engine, filters
     found = [filters.find(name) for name in filters.names()]
     options = lambda each: " ".join(f"{p.name}={p.default}" for p in list(signature(each.start).parameters.values())[2:])
-    table(("filter", "options", "reference"), [(each.name, options(each), each.reference) for each in found])
+    needs = lambda each: ", ".join([*(["position"] if engine.positioned(each) else []), *each.needs])
+    table(("filter", "needs", "options", "reference"), [(each.name, needs(each), options(each), each.reference) for each in found])
 
 
 @app.command()

@@ -88,6 +88,13 @@ def usable(filter, aidings):
     return tuple(a for a, fit in zip(aidings, fits) if fit), notes + ([f"{filter.name}: {filter.alone}"] if filter.alone and not any(fits) else [])
 
 
+def check_needs(filter, aidings, remedy="add a source of that kind"):
+    """Raise DataError where `filter` needs a kind of aiding that none of these sources is; `remedy` is what to do then."""
+    kinds = {a.kind for a in aidings}
+    if missing := [kind for kind in filter.needs if kind not in kinds]:
+        raise DataError(f"{filter.name} needs {' and '.join(missing)} aiding, and there is none: {remedy}")
+
+
 def _three_columns(values):
     values = np.asarray(values, float)
     values = values[:, None] if values.ndim == 1 else values
@@ -140,15 +147,17 @@ class Run(NamedTuple):
         return (self.cursor.at[loop.ROW] - self.first) / (len(self.samples.t) - self.first)
 
 
-def fuse(recording, filter="closed-loop", imu=None, start=None, noise=None, every=1, covariance=False, say=None, progress=None, **options):
+def fuse(recording, filter="closed-loop", imu=None, start=None, noise=None, every=1, covariance=False, say=None, progress=None,
+         ahrs=None, ahrs_rate=10.0, **options):
     """Run `filter` over `recording` and return the Solution.
 
     imu: grade, file or ImuSpec (default: what the recording names); start: a Start (default: `alignment.align`), to which
     fixes at its time belong: they are not used again; noise: a Noise in place of the IMU's; every: keep each n-th row (the last one always);
     covariance: keep the whole covariance of these rows too; say: told of slow compilation; progress: called with the fraction done;
-    options: the filter's own. Raises DataError.
+    ahrs: a filter of attitude alone that runs first and whose output at `ahrs_rate` Hz is the `attitude` aiding (default: `attitude-mekf` where
+    `filter` needs attitude, the recording has none and something in it measures the heading); options: the filter's own. Raises DataError.
     """
-    run = begin(recording, filter, imu, start, noise, every, covariance, say, options)
+    run = begin(recording, filter, imu, start, noise, every, covariance, say, options, ahrs, ahrs_rate)
     for rows in run.chunks(CHUNK):
         run.advance(rows)
         if progress:
@@ -156,16 +165,19 @@ def fuse(recording, filter="closed-loop", imu=None, start=None, noise=None, ever
     return solution(run)
 
 
-def begin(recording, filter, imu, start, noise, every, covariance, say, options):
+def begin(recording, filter, imu, start, noise, every, covariance, say, options, ahrs=None, ahrs_rate=10.0):
     """The Run of `fuse` before its first sample. Raises DataError."""
     if not isinstance(every, (int, np.integer)) or every < 1:
         raise DataError(f"every is {every}; it must be a whole number, at least 1")
-    noise, spec = assumed_noise(recording.meta.get("grade") if imu is None else imu, noise, needed=start is None)
+    given, (noise, spec) = noise, assumed_noise(recording.meta.get("grade") if imu is None else imu, noise, needed=start is None)
     filter = found(filters.find, filter)
+    from .ahrs import fed
+    recording, made = fed(recording, filter, ahrs, ahrs_rate, spec, noise if given else None, start, say)
+    check_needs(filter, recording.aidings)
     if start is None:
         from .alignment import align
         start = align(recording, spec, position=positioned(filter))
-    aidings, notes = usable(filter, recording.aidings)
+    aidings, notes = usable(filter, tuple(a._where(a.t > start.t + loop.SAME_TIME) if a is made else a for a in recording.aidings))
     belief = new_belief(filter, start, noise, options, aidings)
     prepared = prepare(filter, [a.kind for a in aidings], say)
     samples = Imu(*(np.require(column, float, "CW") for column in recording.imu))

@@ -18,7 +18,8 @@ CHUNK = 2048 if COMPILED else 500
 """IMU samples whose tape is kept at once: few enough for the processor's cache."""
 
 
-def smooth(recording, filter="closed-loop", imu=None, start=None, noise=None, every=1, covariance=False, say=None, progress=None, **options):
+def smooth(recording, filter="closed-loop", imu=None, start=None, noise=None, every=1, covariance=False, say=None, progress=None,
+           ahrs=None, ahrs_rate=10.0, **options):
     """The smoothed Solution of a recording: arguments and result as of `fuse`, for a filter that can be smoothed (`Filter.smoother`).
 
     Its standard deviations, and covariances where they are kept, are those given all measurements, before and after.
@@ -28,7 +29,7 @@ def smooth(recording, filter="closed-loop", imu=None, start=None, noise=None, ev
     if filter.smoother is None:
         able = [name for name in filters.names() if filters.find(name).smoother]
         raise DataError(f"{filter.name} cannot be smoothed; these can: {', '.join(able)}")
-    run = begin(recording, filter, imu, start, noise, every, covariance, say, options)
+    run = begin(recording, filter, imu, start, noise, every, covariance, say, options, ahrs, ahrs_rate)
     compile_kernel(run_back)
     compile_kernel(filter.smoother.back)
     compile_kernel(filter.smoother.keep)

@@ -9,7 +9,7 @@ from . import aiding, filters
 from .core import loop
 from .core.contract import Imu, entry_point
 from .data import DataError
-from .engine import LONGEST_GAP, assumed_noise, found, merge, new_belief, new_cursor, new_output, prepare, usable
+from .engine import LONGEST_GAP, assumed_noise, check_needs, found, merge, new_belief, new_cursor, new_output, prepare, usable
 
 ROOM = 1024
 """Fixes that a stream holds while it waits for a sample."""
@@ -45,6 +45,7 @@ class Stream:
         self.noise, _ = assumed_noise(imu, noise, needed=False)
         filter = found(filters.find, filter)
         used, _ = usable(filter, aidings)
+        check_needs(filter, aidings, "a stream runs no AHRS: give an Aiding of that kind among its aidings")
         self.belief = new_belief(filter, start, self.noise, options, used)
         self.prepared = prepare(filter, [a.kind for a in used], say)
         self.lag, self.newest, self.dropped = lag, start.t, 0
