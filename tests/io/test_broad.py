@@ -1,11 +1,13 @@
 """BROAD trials: a small one made here with a known attitude, the five of the data folder, and every way to break a file."""
 import numpy as np
 import pytest
+from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.data import DataError
-from strapdown.io.broad import IMU, PLACE, body_to_ned, first_rest, read_broad, windows
+from strapdown.geodesy import displacement
+from strapdown.io.broad import IMU, PLACE, body_to_ned, first_rest, read_broad, windows, with_positions
 
 FS, N = 100.0, 600
 FIELD = np.array([0.0, 18.0, -45.0])    # uT, east, north, up: magnetic north
@@ -87,7 +89,6 @@ def test_only_known_rows_of_the_reference_are_kept(tmp_path):
 
 
 def test_positions_are_metres_from_the_nominal_place(tmp_path):
-    from strapdown.geodesy import displacement
     recording = sd.read(write(tmp_path))
     np.testing.assert_allclose(displacement(recording.reference.lla[0], np.array(PLACE)), [2.0, 1.0, -3.0], atol=1e-5)
     assert recording.meta["place"] == list(PLACE)
@@ -183,6 +184,47 @@ def test_the_trials_agree_with_their_reference(data_folder, number):
     assert len(movement) == 1 and imu.t[rest.stop - 1] < movement[0][0] and imu.t[rest.stop - 1] - imu.t[rest.start] > 30
     np.testing.assert_allclose(np.degrees(reference.rph[0, :2]), 0, atol=3)
     assert not recording.meta["notes"]
+
+
+@pytest.mark.parametrize("number, least", [("02", 0.92), ("15", 0.996), ("21", 0.993), ("24", 0.89), ("33", 0.99)])
+def test_the_optical_position_moves_as_the_accelerometer_says(data_folder, number, least):
+    """Twice differentiated (cubics over 31 samples, 0.1 s) it is the specific force turned to NED less gravity; the slow trials accelerate little."""
+    path, = (data_folder / "broad").glob(f"{number}_*.npz")
+    recording, width = read_broad(path), 31
+    imu, reference, ((start, stop),) = recording.imu, recording.reference, recording.meta["movement"]
+    rows = np.searchsorted(imu.t, reference.t)
+    force = savgol_filter(reference.rotation.apply(imu.dv[rows] / imu.dt[rows, None]), width, 3, axis=0)
+    acceleration = savgol_filter(displacement(reference.lla, np.array(PLACE)), width, 3, deriv=2, delta=float(np.median(imu.dt)), axis=0)
+    near_gap = np.convolve(np.diff(rows, prepend=rows[0] - 1) != 1, np.ones(2 * width), "same") > 0
+    use = (reference.t > start) & (reference.t < stop) & ~near_gap
+    correlation = [np.corrcoef(acceleration[use, axis], force[use, axis])[0, 1] for axis in range(3)]
+    assert min(correlation) > least and use.mean() > 0.5, correlation
+
+
+def test_positions_are_decimated_and_have_the_noise_stated(tmp_path):
+    """An epoch every 0.1 s but in the gap; 4 to 5 deviations bound the mean and the rms of a hundred draws."""
+    trial = sd.read(write(tmp_path))
+    made = with_positions(trial, rate=10.0, sd=(0.05, 0.1, 0.2), seed=3)
+    *others, fixes = made.aidings
+    assert tuple(others) == trial.aidings and (fixes.kind, fixes.name, fixes.parameters) == ("position", "optical position", (0.0, 0.0, 0.0))
+    np.testing.assert_allclose(fixes.t, np.r_[0.1:0.95:0.1, 1.5:5.95:0.1], atol=1e-9)
+    assert len(fixes.t) == 54 and np.isin(fixes.t, trial.reference.t).all() and "54 fixes at 10 Hz" in made.meta["notes"][-1] and "5 epochs without the body" in made.meta["notes"][-1]
+    errors = (displacement(fixes.y, np.array(PLACE)) - [2.0, 1.0, -3.0]) / fixes.sd
+    assert (fixes.sd == [0.05, 0.1, 0.2]).all() and np.abs(errors.mean(axis=0)).max() < 4 / np.sqrt(54) and np.abs((errors ** 2).mean(axis=0) - 1).max() < 5 * np.sqrt(2 / 54)
+    np.testing.assert_array_equal(with_positions(trial, 10.0, (0.05, 0.1, 0.2), 3).aidings[-1].y, fixes.y)
+    assert not np.array_equal(with_positions(trial, 10.0, (0.05, 0.1, 0.2), 4).aidings[-1].y, fixes.y)
+    whole = sd.read(write(tmp_path, quat_wxyz_enu=np.tile([1.0, 0, 0, 0], (N, 1))))
+    there = np.isin(with_positions(whole, 10.0, (0.05, 0.1, 0.2), 3).aidings[-1].t, fixes.t)
+    np.testing.assert_array_equal(with_positions(whole, 10.0, (0.05, 0.1, 0.2), 3).aidings[-1].y[there], fixes.y)    # a gap changes no draw
+
+
+def test_positions_that_cannot_be_made_are_refused(tmp_path):
+    trial = sd.read(write(tmp_path))
+    for change in ({"rate": 0.0}, {"rate": np.inf}, {"rate": 101.0}, {"sd": 0.0}, {"sd": (0.1, 0.1)}, {"sd": np.nan}):
+        with pytest.raises(DataError, match="99_made: .*above 0"):
+            with_positions(trial, **change)
+    with pytest.raises(DataError, match="99_made: the trial has no optical position"):
+        with_positions(sd.read(write(tmp_path, quat_wxyz_enu=np.full((N, 4), np.nan))))
 
 
 def test_inspection_says_what_a_trial_holds(tmp_path):

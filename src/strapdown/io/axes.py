@@ -1,4 +1,6 @@
 """Axes of sensors and of vectors in files, as matrices that turn them into body FRD or navigation NED axes."""
+from itertools import permutations, product
+
 import numpy as np
 
 from ..data import DataError
@@ -31,3 +33,18 @@ def rotation_matrix(roll, pitch, heading):
     return np.array([[ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr],
                      [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr],
                      [-sp, cp * sr, cp * cr]])
+
+
+def signed_permutations():
+    """The 48 matrices that swap axes and change signs, right-handed and left-handed."""
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            matrix = np.zeros((3, 3))
+            matrix[range(3), order] = signs
+            yield matrix
+
+
+def named_permutation(matrix):
+    """Its text as `axes_matrix` reads it, such as "+y +x -z"."""
+    source = np.abs(matrix).argmax(axis=1)
+    return " ".join(("+" if matrix[i, j] > 0 else "-") + "xyz"[j] for i, j in enumerate(source))

@@ -9,6 +9,7 @@ North of the reference is magnetic north: no declination. The record does not sa
 """
 import zipfile
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from ..rest import at_rest, stretches
 from ..sensors.errors import Triad
 from ..sensors.imu import ImuSpec
 from .axes import BODY, NAVIGATION, axes_matrix
+from .origin import counted
 
 ROWS = {"gyr": 3, "acc": 3, "mag": 3, "quat_wxyz_enu": 4, "pos_enu": 3, "movement": 0}
 """Arrays of a file and their columns; 0 is an array without columns."""
@@ -113,6 +115,33 @@ def _reference(t, arrays):
     return Trajectory(t[known], displaced(np.tile(PLACE, (known.sum(), 1)), north_east_down), q_nb=body_to_ned(q[known]))
 
 
+def with_positions(trial, rate=1.0, sd=0.05, seed=0):
+    """The trial with position fixes as further aiding: the optical position `rate` times a second with white noise of `sd` (m north, east, down).
+
+    trial: a Recording of `read_broad`. Fixes are at samples; where the cameras had lost the body there are none. `sd` is one number or three;
+    the noise of an epoch depends on `seed` and the epoch alone. Raises DataError.
+    """
+    name, step = trial.meta.get("name", "trial"), float(np.median(trial.imu.dt))
+    if np.shape(sd) not in ((), (3,)) or not np.all((np.asarray(sd) > 0) & np.isfinite(sd)):
+        raise DataError(f"{name}: sd of the positions is {sd!r}; it must be one number or three, above 0, in m")
+    if not 0 < rate * step <= 1 + 1e-6:
+        raise DataError(f"{name}: positions at {rate!r} Hz; the rate must be above 0 and at most that of the IMU, {1 / step:.4g} Hz")
+    if trial.reference is None:
+        raise DataError(f"{name}: the trial has no optical position")
+    known, sd = trial.reference.t, np.broadcast_to(np.asarray(sd, float), (3,))
+    start, stop = trial.imu.t[[0, -1]]
+    epochs = start + np.arange(1, int((stop - start) * rate + 1e-9) + 1) / rate
+    after = np.clip(np.searchsorted(known, epochs), 1, len(known) - 1)
+    row = np.where(epochs - known[after - 1] < known[after] - epochs, after - 1, after)
+    seen = np.abs(known[row] - epochs) <= 0.5 * step * (1 + 1e-6)
+    noise = sd * np.random.default_rng(seed).standard_normal((len(epochs), 3))
+    lla = displaced(trial.reference.lla[row[seen]], noise[seen])
+    fixes = Aiding("position", known[row[seen]], lla, np.tile(sd, (len(lla), 1)), (0.0, 0.0, 0.0), name="optical position")
+    lost = f"; {counted(int((~seen).sum()), 'epoch')} without the body left out" if not seen.all() else ""
+    note = f"optical position: {len(lla)} fixes at {rate:g} Hz, white noise of {', '.join(f'{each:g}' for each in sd)} m north, east, down added{lost}"
+    return replace(trial, aidings=(*trial.aidings, fixes), meta=trial.meta | {"notes": [*trial.meta["notes"], note]})
+
+
 def body_to_ned(q):
     """(n, 4) attitude of the body (FRD) in NED from that of the sensor in east, north, up; scalar first, rows with NaN stay NaN."""
     from scipy.spatial.transform import Rotation
@@ -126,7 +155,6 @@ def body_to_ned(q):
 
 def _with_field(recording, t, field, fs):
     """The recording with its magnetometer as aiding; without, and a note, where no rest tells the reference field."""
-    from dataclasses import replace
     from .fixes import checked_aidings
     rest = first_rest(recording.imu)
     inside = (t >= recording.imu.t[rest.start]) & (t < recording.imu.t[rest.stop - 1]) & np.isfinite(field).all(axis=1) if rest else np.array([False])

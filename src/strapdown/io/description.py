@@ -5,7 +5,8 @@ from pydantic import ValidationError
 
 from ..data import DataError
 from ..files import read_toml
-from .schema import Description, Part
+from .schema import Description
+from .schema_base import Part
 
 
 def load(path):

@@ -23,6 +23,9 @@ ACCEL = r"(a|f|acc|accel|acceleration|accelerometer|lin(ear)?_?acc(el|eleration)
 FIXES = {"latitude": r"(lat|latitude)", "longitude": r"(lon|lng|long|longitude)", "height": r"(alt|altitude|h|hgt|height|h_?ell|ellipsoidal_?height)",
          "north": r"(vn|v_?n|vel_?n|v(el)?_?north|north_?vel(ocity)?)", "east": r"(ve|v_?e|vel_?e|v(el)?_?east|east_?vel(ocity)?)",
          "down": r"(vd|v_?d|vel_?d|v(el)?_?down|down_?vel(ocity)?)", "up": r"(vu|v_?u|vel_?u|v(el)?_?up|up_?vel(ocity)?)"}
+ANGLES = {"roll": r"(roll|phi)", "pitch": r"(pitch|theta)", "heading": r"(yaw|heading|hdg|psi)"}
+NO_ANGLE = r"(?!.*(rate|dot|sd|std|sigma|var|cov|err|bias|acc))"
+"""No column of roll, pitch or heading has this in its name."""
 UNIT = r"(?P<unit>([_ .,\[(].*)?)"
 SPELLINGS = {"rad/s": r"rad.*s", "deg/s": r"(deg.*s|dps)", "m/s^2": r"(m.?/?s.?\^?2|m_s_?s|mps2)", "mg": r"mg", "g": r"g",
              "ns": r"ns(ec)?", "us": r"(us|µs|usec)", "ms": r"(ms|msec)", "s": r"s(ec(onds?)?)?", "rad": r"rad", "deg": r"deg",
@@ -75,6 +78,9 @@ def guess(path, folder=None):
     parts += _aidings(file, time, unit, table, fixes, facts)
     if magnetic := _triple(names, MAG):
         parts.append(_magnetometer(file, time, unit, table, magnetic, axes, facts))
+    tilt = {key: _find(names, NO_ANGLE + pattern) for key, pattern in ANGLES.items()}
+    if tilt["roll"] and tilt["pitch"]:
+        parts.append(_attitude(file, time, unit, table, [name for name in tilt.values() if name], facts))
     return Guess(facts, problems, imu, "\n".join(parts))
 
 
@@ -253,6 +259,25 @@ sd = {1e-6 / known[tesla]:.3g}                         # check: in the unit abov
 field = "record"                 # check: headings are from magnetic north; for true north give date and place at the top instead
 # place = {{ latitude = 47.0, longitude = 8.0, height = 500.0, unit = "deg" }}    # this line belongs to the top, beside date
 # calibration = "mag.toml"       # what `strapdown calibrate` wrote; few magnetometers are right without
+"""
+
+
+def _attitude(file, time, unit, table, names, facts):
+    """Text of an [[aiding]] that is commented out: a logged attitude is most often another filter's, made of this same IMU."""
+    named = _named_unit(names[0], ("rad", "deg"))
+    largest = max((float(np.nanmax(np.abs(values))) for name in names for values in [table.numbers(name)] if np.isfinite(values).any()), default=0.0)
+    angle = named or ("rad" if 0 < largest < 6.3 else "deg")
+    facts.append(f"attitude: {', '.join(names)} in {angle}{'' if named else ' (a guess)'}; the draft has it commented out")
+    return f"""# An attitude beside the IMU is most often that of another filter, made of this same IMU: not independent of it. Take the marks off these lines
+# where an AHRS's attitude shall aid a filter that is fed with one; to score against it, name it in [reference] with its positions.
+# [[aiding]]
+# kind = "attitude"
+# file = {file}
+# time = {{ column = {_text(time)}, unit = "{unit}" }}
+# columns = [{', '.join(map(_text, names))}]
+# unit = "{angle}"{'' if named else f"      # check: the largest is {largest:.4g}"}
+# sd = {'1.0' if angle == 'deg' else '0.02'}                       # check: in that unit, of roll, pitch and heading
+# axes = "FRD to NED"            # check: or "FLU to ENU"
 """
 
 

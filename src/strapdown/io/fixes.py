@@ -3,8 +3,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..core.contract import ATTITUDE_KIND
 from ..core.earth import LATITUDE_LIMIT
 from ..data import DataError, Trajectory
+from .attitude import possible_attitude, together
 from .origin import Origin, counted
 from .samples import order
 
@@ -42,12 +44,13 @@ def checked_aidings(imu, aidings):
 def clean(aiding, sensor, origin=None):
     """(Aiding, notes): rows without a time or a value are dropped, late ones sorted, repeated ones dropped. Raises DataError naming the row.
 
-    A single missing component stays as NaN; infinite ones become NaN. A row whose standard deviation is missing is dropped,
+    A single missing component stays as NaN; infinite ones become NaN; roll and pitch come together. A row whose standard deviation is missing is dropped,
     one where it is zero or negative is refused.
     """
     origin, notes = origin or Origin(aiding.name or aiding.kind), []
     t, y, sd = _arrays(aiding, sensor, origin)
     y = np.where(np.isfinite(y), y, np.nan)
+    y = together(y) if sensor.kind == ATTITUDE_KIND else y
     keep = np.isfinite(t) & np.isfinite(y).any(axis=1) & (np.isnan(y) | np.isfinite(sd)).all(axis=1)
     if not keep.all():
         notes.append(f"{origin.name}: {counted((~keep).sum(), 'row')} without time, value or standard deviation dropped, "
@@ -62,7 +65,7 @@ def clean(aiding, sensor, origin=None):
     if repeated.any():
         notes.append(f"{origin.name}: {counted(repeated.sum(), 'repeated row')} dropped, the first in {origin.line(np.argmax(repeated))}")
         origin, t, y, sd = origin.kept(~repeated, len(t)), t[~repeated], y[~repeated], sd[~repeated]
-    possible(y, sensor.quantities, origin)
+    possible_attitude(y, origin) if sensor.kind == ATTITUDE_KIND else possible(y, sensor.quantities, origin)
     wrong = (~np.isnan(y) & ~(sd > 0)).any(axis=1)
     if wrong.any():
         row = int(np.argmax(wrong))

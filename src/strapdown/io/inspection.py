@@ -192,15 +192,21 @@ def _triple(values, digits=2):
 
 def _aiding_facts(imu, aidings, facts, problems):
     from ..aiding import find
+    from .attitude_checks import facts_and_problems
     for aiding in aidings:
         facts.append(_span(imu, aiding))
         problems += overlap_notes(imu, aiding) if find(aiding.kind).recorded else []
         if find(aiding.kind).recorded and len(aiding.t) > 10:
-            same = (aiding.y[1:] == aiding.y[:-1]).all(axis=1)
-            if same.mean() > 0.5 and np.ptp(aiding.y, axis=0).max() > 0:
+            y = np.nan_to_num(aiding.y)
+            same = (y[1:] == y[:-1]).all(axis=1)
+            if same.mean() > 0.5 and np.ptp(y, axis=0).max() > 0:
                 problems.append(f"{aiding.name}: {100 * same.mean():.0f} % of the fixes repeat the one before: held values counted as new ones "
                                 "make a filter too sure; keep only the rows where a fix arrived")
     for aiding in aidings:
+        if aiding.kind == "attitude":
+            of_attitude, wrong = facts_and_problems(aiding, imu)
+            facts += of_attitude
+            problems += wrong
         if aiding.kind == "position" and len(aiding.t) and np.nanmax(np.abs(aiding.y[:, :2])) < 0.03:
             problems.append(f"{aiding.name}: latitude and longitude within 1.8 deg of zero: are they in rad, or is a scale wrong?")
     moving = next((a for kind in ("velocity", "position") for a in aidings if a.kind == kind and len(a.t) > 20), None)

@@ -3,13 +3,12 @@
 The field of a sound, calibrated magnetometer has the same strength and the same angle to the vertical (its dip) in every attitude: that is what the
 checks rest on.
 """
-from itertools import permutations, product
-
 import numpy as np
 
 from ..data import DataError
 from ..geodesy import STANDARD_GRAVITY
 from ..rest import at_rest
+from .axes import named_permutation, signed_permutations
 from .origin import counted
 from .units import UNITS
 
@@ -55,38 +54,38 @@ def sound(t, raw, imu, name, origin, matrix=np.eye(3)):
     one axis is.
     """
     notes = _constant_axis(t, raw, imu, name, origin, matrix)
-    stuck = _stuck(t, raw, imu)
-    if stuck.any():
-        notes.append(f"{name}: {counted(int(stuck.sum()), 'sample')} dropped, stuck at one value for {STUCK:g} s and more while the gyro turns, "
-                     f"the first at {t[np.argmax(stuck)]:.3f} s: check the sensor")
+    held = stuck(t, raw, imu)
+    if held.any():
+        notes.append(f"{name}: {counted(int(held.sum()), 'sample')} dropped, stuck at one value for {STUCK:g} s and more while the gyro turns, "
+                     f"the first at {t[np.argmax(held)]:.3f} s: check the sensor")
     elif len(t) > 10 and (raw == raw[0]).all():
         notes.append(f"{name}: it never changes; nothing here shows that the sensor works")
-    full = _saturated(raw[~stuck])
-    mask = ~stuck
+    full = _saturated(raw[~held])
+    mask = ~held
     if full.any():
-        mask[np.flatnonzero(~stuck)[full]] = False
+        mask[np.flatnonzero(~held)[full]] = False
         notes.append(f"{name}: {counted(int(full.sum()), 'sample')} dropped, at the limit of the sensor's range (saturated), "
-                     f"the first at {t[~stuck][np.argmax(full)]:.3f} s: keep magnets and currents away, or use a wider range")
+                     f"the first at {t[~held][np.argmax(full)]:.3f} s: keep magnets and currents away, or use a wider range")
     if len(mask) and not mask.any():
         raise DataError(f"{origin.name}: no usable sample; {notes[-1]}")
     return mask, notes
 
 
-def _stuck(t, raw, imu):
-    """(m,) bool: held for STUCK and longer while the body turned by TURN; the first sample of each such run counts as sound."""
-    stuck = np.zeros(len(t), bool)
+def stuck(t, raw, imu, axes=slice(0, 3)):
+    """(m,) bool: held for STUCK and longer while the body turned by TURN about one of `axes`; the first sample of each such run counts as sound."""
+    held = np.zeros(len(t), bool)
     changed = np.flatnonzero(np.r_[True, (raw[1:] != raw[:-1]).any(axis=1), True]) if len(t) else np.zeros(1, int)
     first, last = changed[:-1], changed[1:] - 1
     with np.errstate(invalid="ignore"):
         long = np.flatnonzero((t[last] - t[first] > STUCK) & np.isfinite(raw[first]).all(axis=1)) if len(first) else []
     if not len(long):
-        return stuck
+        return held
     angle = _angles(imu)
     for run in long:
         begin, end = np.searchsorted(imu.t, (t[first[run]], t[last[run]]))
-        if np.ptp(angle[begin:end + 1], axis=0).max() > TURN:
-            stuck[first[run] + 1:last[run] + 1] = True
-    return stuck
+        if np.ptp(angle[begin:end + 1, axes], axis=0).max() > TURN:
+            held[first[run] + 1:last[run] + 1] = True
+    return held
 
 
 def _angles(imu):
@@ -249,7 +248,7 @@ def _axes(aiding, imu, matrix, known):
              f"{compared} {np.degrees(now):.1f} deg"]
     if now < SCATTER:
         return facts, []
-    candidates = [(misfit(candidate)[0], candidate) for candidate in _signed_permutations() if earth is not None or np.linalg.det(candidate) > 0]
+    candidates = [(misfit(candidate)[0], candidate) for candidate in signed_permutations() if earth is not None or np.linalg.det(candidate) > 0]
     least = min(found for found, _ in candidates)
     fitting = [(-np.linalg.det(candidate), found, k) for k, (found, candidate) in enumerate(candidates) if found < 1.2 * least + np.radians(0.5)]
     best, other = candidates[min(fitting)[2]]       # a right-handed one where there is any
@@ -257,17 +256,4 @@ def _axes(aiding, imu, matrix, known):
         return facts, []
     remedy = "check axes" if np.linalg.det(other) > 0 else "they are left-handed, so one column has the wrong sign: put it right in the table"
     return facts, [f"{aiding.name} axes: the dip of the field is off by {np.degrees(now):.0f} deg rms; "
-                   f"with {_named(other)!r} by {np.degrees(best):.0f}: {remedy}"]
-
-
-def _signed_permutations():
-    for order in permutations(range(3)):
-        for signs in product((1.0, -1.0), repeat=3):
-            matrix = np.zeros((3, 3))
-            matrix[range(3), order] = signs
-            yield matrix
-
-
-def _named(matrix):
-    source = np.abs(matrix).argmax(axis=1)
-    return " ".join(("+" if matrix[i, j] > 0 else "-") + "xyz"[j] for i, j in enumerate(source))
+                   f"with {named_permutation(other)!r} by {np.degrees(best):.0f}: {remedy}"]

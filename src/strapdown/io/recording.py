@@ -4,9 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.contract import Imu
+from ..core.contract import ATTITUDE_KIND, Imu
 from ..data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, DataError, Recording
 from ..place import place_of
+from .attitude import angles, possible_attitude, quaternions
+from .attitude_checks import sound_attitude
 from .axes import BODY, NAVIGATION, axes_matrix, rotation_matrix
 from .calibration import corrected, frames
 from .description import load
@@ -16,7 +18,8 @@ from .magnetometer import calibrated, sound, with_field
 from .plausible import mistakes
 from ..rest import at_rest
 from .samples import increments
-from .schema import deviation_dimension, vector_factors
+from .schema import vector_factors
+from .schema_aiding import deviation_dimension
 from .tables import read_table
 from .units import DEG, DIMENSIONS, factor
 
@@ -133,12 +136,13 @@ def read_aiding(part, number, imu_lever_arm, imu, files):
         return make(t, np.full(shape, part.level or 0.0), np.broadcast_to(np.array(part.deviations, float), shape).copy()), notes
     names = [_deviation_column(sd) for sd in part.deviations]
     table, t, columns = files.columns(part.file, part.time, part.columns + [name for name in names if name is not None])
-    many, read = len(sensor.quantities), iter(columns[len(sensor.quantities):])
-    units = [factor(unit, DIMENSIONS[quantity]) for unit, quantity in zip(part.units, sensor.quantities)]
-    y = np.stack([column * (unit * scale) for column, unit, scale in zip(columns[:many], units, part.scales)], axis=1)
-    sd = np.stack([_deviation(entry, quantity, unit, scale, next(read) if name is not None else np.ones(len(t)))
-                   for entry, quantity, unit, scale, name in zip(part.deviations, sensor.quantities, units, part.scales, names)], axis=1)
+    many, read = len(part.columns), iter(columns[len(part.columns):])
+    y = np.stack([column * size for column, size in zip(columns[:many], part.factors)], axis=1)
+    sd = np.stack([_deviation(entry, quantity, factor(unit, DIMENSIONS[quantity]), next(read) if name is not None else np.ones(len(t)))
+                   for entry, quantity, unit, name in zip(part.deviations, sensor.quantities, part.units, names)], axis=1)
     origin, more = table.origin, []
+    if sensor.kind == ATTITUDE_KIND:
+        t, y, sd, origin, more = _attitude(part, t, y, sd, imu, origin, where)
     if sensor.parameters == "field":
         keep, more = sound(t, y, imu, part.name or part.kind, origin, part.matrix)
         origin, t, y, sd = origin.kept(keep, len(t)), t[keep], calibrated(part, files, y[keep]), sd[keep]
@@ -147,6 +151,15 @@ def read_aiding(part, number, imu_lever_arm, imu, files):
     aiding, notes = clean(make(t, y, sd), sensor, origin)
     overlap(imu, aiding.t, where)
     return aiding, more + notes + overlap_notes(imu, aiding)
+
+
+def _attitude(part, t, y, sd, imu, origin, where):
+    """(t, y, sd, origin, notes) of an attitude: roll, pitch and heading of the body, rad, of what the columns hold, without stuck fixes."""
+    y = angles(y, part.quaternion, part.axes, origin)
+    sd = np.c_[sd, np.full((len(sd), 3 - sd.shape[1]), np.nan)]
+    possible_attitude(y, origin)
+    keep, notes = sound_attitude(t, y, imu, part.name or part.kind, where)
+    return t[keep], y[keep], sd[keep], origin.kept(keep, len(t)), notes
 
 
 def read_field(part, number, aiding, aidings, imu, meta, path):
@@ -170,7 +183,7 @@ def _deviation_column(entry):
     return entry["column"] if isinstance(entry, dict) else entry if isinstance(entry, str) else None
 
 
-def _deviation(entry, quantity, unit, scale, values):
+def _deviation(entry, quantity, unit, values):
     """Standard deviations in SI: numbers and plain columns are in the unit of the component (latitude and longitude: m)."""
     if isinstance(entry, dict):
         return values * (factor(entry["unit"], deviation_dimension(quantity)) * entry.get("scale", 1.0))
@@ -195,17 +208,17 @@ def _constraint_times(part, imu, where):
 def read_reference(part, imu, files):
     """(Trajectory, notes) of the section [reference]. Raises DataError."""
     if part.position is None:
-        t, lla, v_n, rph, origin = _own_table(files.table(part.file), files)
+        t, lla, v_n, q_nb, origin = _own_table(files.table(part.file), files)
     else:
         three = lambda vector: vector.columns if vector else []
         table, t, columns = files.columns(part.file, part.time, three(part.position) + three(part.velocity) + three(part.attitude))
         read = iter(columns)
         si = lambda vector, dimensions: None if vector is None else np.stack(
             [next(read) * unit for unit in vector_factors(vector, dimensions)], axis=1)
-        lla, v_n, rph = si(part.position, ["angle", "angle", "length"]), si(part.velocity, ["speed"] * 3), si(part.attitude, ["angle"] * 3)
-        v_n = None if v_n is None else _turned(v_n, axes_matrix(part.velocity.axes, NAVIGATION, False))
+        lla, v_n, attitude = si(part.position, ["angle", "angle", "length"]), si(part.velocity, ["speed"] * 3), si(part.attitude, ["angle"] * 3)
+        v_n = None if v_n is None else _turned(v_n, axes_matrix(part.velocity.axes or "NED", NAVIGATION, False))
         origin = table.origin
-    q_nb = None if rph is None else _quaternion(rph)
+        q_nb = None if attitude is None else quaternions(attitude, part.attitude.quaternion, part.attitude.axes, origin)
     reference, notes = clean_reference(t, lla, v_n, q_nb, origin)
     overlap(imu, reference.t, f"{files.path}: [reference]")
     return reference, notes
@@ -220,13 +233,4 @@ def _own_table(table, files):
                         "so time and position must be given")
     three = lambda names: np.stack([table.numbers(known[name]) for name in names], axis=1) if has(names) else None
     v_n, rph = three(NAV_COLUMNS[3:6]), three(ATTITUDE_COLUMNS)
-    return table.numbers(known["t"]), three(NAV_COLUMNS[:3]) * [DEG, DEG, 1.0], v_n, None if rph is None else rph * DEG, table.origin
-
-
-def _quaternion(rph):
-    """Scalar-first body-to-navigation quaternions of roll, pitch, heading (rad); NaN rows stay NaN."""
-    from scipy.spatial.transform import Rotation
-    known = np.isfinite(rph).all(axis=1)
-    quaternion = np.full((len(rph), 4), np.nan)
-    quaternion[known] = Rotation.from_euler("ZYX", rph[known][:, ::-1]).as_quat()[:, [3, 0, 1, 2]]
-    return quaternion
+    return table.numbers(known["t"]), three(NAV_COLUMNS[:3]) * [DEG, DEG, 1.0], v_n, None if rph is None else quaternions(rph * DEG, None, None, table.origin), table.origin

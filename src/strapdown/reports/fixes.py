@@ -4,6 +4,7 @@ from html import escape
 import numpy as np
 import plotly.graph_objects as go
 
+from ..core.contract import ATTITUDE_KIND
 from .drawing import AXES, COLOURS, GREY, RED, column, even, log_range, note, origin, panels, peak, time_axis
 
 CROSS = {"color": RED, "size": 7, "symbol": "x-thin", "line": {"width": 1.5, "color": RED}}
@@ -31,7 +32,8 @@ def unit(solution, name):
         return *SHOWN["angle"], AXES
     units = {SHOWN[quantity] for quantity in sensor.quantities}
     named, factor = units.pop() if len(units) == 1 else ("m, m/s or rad", 1.0)
-    return named, factor, tuple("xyz") if sensor.vector == "b" else AXES
+    rows = ("roll", "pitch", "heading") if sensor.kind == ATTITUDE_KIND else tuple("xyz") if sensor.vector == "b" else AXES
+    return named, factor, rows
 
 
 def _innovations(solution, name):

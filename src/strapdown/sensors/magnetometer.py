@@ -78,7 +78,7 @@ class Magnetometer:
             raise DataError("magnetometer: the trajectory has no attitude")
         t = truth.t[1:] if self.rate is None else fix_times(truth, 1 / self.rate)
         outside, inside = self._disturbance(t, "n"), self._disturbance(t, "b")
-        turn = _rotation(truth, t)
+        turn = rotation_at(truth, t)
         ideal = turn.inv().apply(field)
         felt = (turn.inv().apply(field + outside) if outside.any() else ideal) + inside
         distorted = felt @ (np.diag(1 + np.array(self.scale)) @ np.array(self.soft_iron)).T + self.hard_iron
@@ -132,7 +132,7 @@ def reference_field(field):
     return field
 
 
-def _rotation(truth, t):
+def rotation_at(truth, t):
     """Attitude at times t as scipy Rotation: the trajectory's rows where these are its times, else turned at a constant rate between them."""
     from scipy.spatial.transform import Rotation, Slerp
     row = np.searchsorted(truth.t, t)

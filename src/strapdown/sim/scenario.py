@@ -12,6 +12,7 @@ import numpy as np
 from ..core.contract import STATES
 from ..core.earth import LATITUDE_LIMIT
 from ..data import DataError
+from ..sensors.ahrs import Ahrs
 from ..sensors.barometer import Barometer
 from ..sensors.gnss import Gnss
 from ..sensors.imu import ImuSpec, grade
@@ -28,6 +29,8 @@ MOST_SAMPLES, LONGEST = 50_000_000, 10 * 86400.0
 """IMU samples, and s, of a scenario at most: a simulation is held in memory."""
 LARGEST_OFFSET = 1000.0     # m/s^2
 GRAVITIES = ("height", "latitude")
+OTHERS = {"magnetometer": Magnetometer, "barometer": Barometer, "attitude": Ahrs}
+"""Sensors that a scenario may have beside IMU and GNSS, by its fields, in the order of their random streams."""
 _GLANCE = 0.5               # s: pieces of the position integral behind checks and fingerprint
 _ROWS = 50                  # samples of the truth in a fingerprint
 _DECIMALS = (10, 10, 3, 6, 6, 6, 9, 9, 9, 9)    # of latitude, longitude (rad), height (m), velocity (m/s), quaternion in a fingerprint
@@ -52,6 +55,7 @@ class Scenario:
     magnetometer: Magnetometer | None = None    # None: there is none
     barometer: Barometer | None = None          # None: there is none
     date: str | None = None                     # ISO, of the geomagnetic model
+    attitude: Ahrs | None = None                # None: there is none
 
     def __post_init__(self):
         if not isinstance(self.motion, Motion) or not isinstance(self.gnss, Gnss):
@@ -79,7 +83,7 @@ class Scenario:
         if not np.ndim(self.gnss.interval) and self.gnss.interval * self.rate < 1 - 1e-9:
             raise DataError(f"scenario {self.name!r}: fixes every {self.gnss.interval:g} s come faster than the IMU's samples, "
                             f"{self.rate:g} a second; give fixes less often, or the IMU a higher rate")
-        for name in ("magnetometer", "barometer"):
+        for name in OTHERS:
             if (other := getattr(self, name)) is not None and (other.rate or 0.0) > self.rate * (1 + 1e-9):
                 raise DataError(f"scenario {self.name!r}: the {name} has {other.rate:g} samples a second, more than the IMU's {self.rate:g}; "
                                 "give it a lower rate, or none to sample with the IMU")
@@ -88,7 +92,7 @@ class Scenario:
 
     def _check_others(self):
         """Raise DataError where the sensors beside IMU and GNSS are none, or the date is."""
-        for name, kind in (("magnetometer", Magnetometer), ("barometer", Barometer)):
+        for name, kind in OTHERS.items():
             if not isinstance(getattr(self, name), kind | None):
                 raise DataError(f"scenario {self.name!r}: {name} must be a {kind.__name__} or None, not {type(getattr(self, name)).__name__}")
         if self.date is not None:
@@ -149,7 +153,7 @@ class Scenario:
                   "gnss": self.gnss._asdict(), "imu": asdict(self.imu) if isinstance(self.imu, ImuSpec) else str(self.imu),
                   "start_sd": list(self.start_sd), "accel_offset_m_s2": list(self.accel_offset), "offset_decays": bool(self.offset_decays), "biases_known": bool(self.biases_known),
                   "gate": None if self.gate is None else str(float(self.gate)), "gravity": self.gravity, "about": self.about}
-        values |= {name: asdict(other) for name in ("magnetometer", "barometer") if (other := getattr(self, name)) is not None}
+        values |= {name: asdict(other) for name in OTHERS if (other := getattr(self, name)) is not None}
         values |= {"date": self.date} if self.date is not None else {}
         values = json.loads(json.dumps(values, default=lambda value: np.asarray(value).tolist()))
         identity = {key: value for key, value in values.items() if key not in ("name", "about", "motion")} | {"imu": asdict(grade(self.imu))}

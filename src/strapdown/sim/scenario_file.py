@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ..data import DataError
 from ..files import read_toml
+from ..sensors.ahrs import Ahrs
 from ..sensors.barometer import Barometer
 from ..sensors.gnss import Gnss
 from ..sensors.magnetometer import Disturbance, Magnetometer
@@ -24,7 +25,7 @@ UNITS = {"azimuth": "deg", "course": "deg", "roll": "deg", "pitch": "deg", "head
          "heave": "m", "rest": "s"}
 """Unit of each parameter that has one: its key ends in it."""
 TOP = ("name", "about", "duration_s", "rate_hz", "imu", "accel_offset_m_s2", "accel_offset_decays", "gate", "gravity", "date",
-       "motion", "gnss", "magnetometer", "barometer", "start")
+       "motion", "gnss", "magnetometer", "barometer", "attitude", "start")
 START = {"position_sd_m": (0, 1.0), "velocity_sd_m_s": (3, 1.0), "attitude_sd_deg": (6, DEG),
          "accel_bias_sd_m_s2": (9, 1.0), "gyro_bias_sd_deg_h": (12, DEG / 3600)}
 GNSS = ("interval_s", "position_sd_m", "velocity_sd_m_s", "lever_arm_m", "outages_s", "latency_s")
@@ -33,6 +34,7 @@ MAGNETOMETER = {"rate_hz": ("rate", 1.0), "sd_uT": ("sd", 1e-6), "hard_iron_uT":
 DISTURBANCE = ("start_s", "stop_s", "field_uT", "frame")
 BAROMETER = {"rate_hz": "rate", "sd_Pa": "sd", "bias_Pa": "bias", "drift_Pa": "drift", "drift_time_s": "drift_time", "zero_m": "zero",
              "lever_arm_m": "lever_arm", "quantity": "quantity"}
+ATTITUDE = ("rate_hz", "sd_deg")
 """Keys of the sections of sensors; those of magnetometer and barometer with the field that each sets, and the size of its unit."""
 
 
@@ -78,6 +80,8 @@ def from_table(table, path):
         values["magnetometer"] = _magnetometer(_table(table, "magnetometer"))
     if "barometer" in table:
         values["barometer"] = _barometer(_table(table, "barometer"))
+    if "attitude" in table:
+        values["attitude"] = _attitude(_table(table, "attitude"))
     return Scenario(**values, **_start(_table(table, "start") if "start" in table else {}))
 
 
@@ -188,6 +192,14 @@ def _barometer(table):
     _refuse_unknown(table, BAROMETER, "[barometer] ")
     read = {"lever_arm_m": _exactly_three, "quantity": _text}
     return Barometer(**{field: read.get(key, _number)(table[key], f"[barometer] {key}") for key, field in BAROMETER.items() if key in table})
+
+
+def _attitude(table):
+    _refuse_unknown(table, ATTITUDE, "[attitude] ")
+    values = {"rate": _number(table["rate_hz"], "[attitude] rate_hz")} if "rate_hz" in table else {}
+    if "sd_deg" in table:
+        values["sd"] = tuple(value * DEG for value in _three(table["sd_deg"], "[attitude] sd_deg"))
+    return Ahrs(**values)
 
 
 def _date(value):

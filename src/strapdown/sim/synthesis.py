@@ -41,6 +41,7 @@ class Simulator:
         self.plan = scenario.gnss.plan(self.truth, scenario.gate)
         self.magnetic = None if scenario.magnetometer is None else scenario.magnetometer.plan(self.truth, scenario.magnetic_field(), scenario.gate)
         self.barometric = None if scenario.barometer is None else scenario.barometer.plan(self.truth, scenario.gate)
+        self.attitude = None if scenario.attitude is None else scenario.attitude.plan(self.truth, scenario.gate)
 
     def recording(self, imu, rng):
         """A Recording with the errors of `imu` (ImuSpec, grade or file) and fixes, from `rng` (numpy Generator), each sensor with its stream.
@@ -60,11 +61,11 @@ class Simulator:
         return Recording(samples, (*fixes, *others), self.truth, self._meta(imu, spec, b_a, b_g) | more | {"notes": notes})
 
     def _others(self, of_gnss):
-        """(aidings, meta, notes) of magnetometer and barometer.
+        """(aidings, meta, notes) of magnetometer, barometer and AHRS.
 
-        Their streams come after the receiver's two, and both are taken always: no sensor changes what another one draws.
+        Their streams come after the receiver's two, and all are taken always: no sensor changes what another one draws.
         """
-        of_magnetometer, of_barometer = of_gnss.spawn(2)
+        of_magnetometer, of_barometer, of_attitude = of_gnss.spawn(3)
         aidings, more, notes = [], {}, []
         if self.magnetic is not None:
             aidings.append(self.magnetic.fixes(of_magnetometer))
@@ -73,6 +74,9 @@ class Simulator:
             aiding, more["b_baro"] = self.barometric.measured(of_barometer)
             aidings.append(aiding)
             notes += self.barometric.notes(aiding)
+        if self.attitude is not None:
+            aidings.append(self.attitude.fixes(of_attitude))
+            notes += self.attitude.notes(aidings[-1])
         return aidings, more, notes
 
     def _offset(self, spec):
@@ -98,7 +102,7 @@ class Simulator:
     def ideal_recording(self):
         """The Recording of an IMU without errors and of exact fixes, which state the standard deviations of the noisy ones."""
         zeros = np.zeros((len(self.ideal.t), 3))
-        others = tuple(plan.exact() for plan in (self.magnetic, self.barometric) if plan is not None)
+        others = tuple(plan.exact() for plan in (self.magnetic, self.barometric, self.attitude) if plan is not None)
         return Recording(self.ideal, self.plan.exact() + others, self.truth, self._meta(None, None, zeros, zeros.copy()))
 
     def exact_start(self, imu):
@@ -111,18 +115,19 @@ class Simulator:
         return meta if self.scenario.date is None else meta | {"date": self.scenario.date}
 
 
-def simulate(motion, duration=None, imu=None, seed=0, rate=None, gnss=None, magnetometer=None, barometer=None, date=None):
-    """A simulated Recording: IMU samples with errors, fixes of GNSS, magnetometer and barometer, and the truth as reference.
+def simulate(motion, duration=None, imu=None, seed=0, rate=None, gnss=None, magnetometer=None, barometer=None, date=None, attitude=None):
+    """A simulated Recording: IMU samples with errors, fixes of GNSS, magnetometer, barometer and AHRS, and the truth as reference.
 
     motion: a Motion, then `duration` (s) and `imu` must be given; or a Scenario, its name, or the path of its TOML file, whose values hold
     where no other is given. imu: grade, file or ImuSpec; rate: IMU samples per second, else 100; gnss: a Gnss;
-    magnetometer: a Magnetometer, which needs a field of its own or a `date` (ISO) for the geomagnetic model; barometer: a Barometer. meta holds
-    the grade, the seed, the place where it begins ([rad, rad, m]), the date, and the true biases "b_a" (m/s^2) and "b_g" (rad/s), (n, 3) at the
-    IMU samples. Each sensor has its own random stream: the fixes of a seed are the same for every grade. Raises DataError.
+    magnetometer: a Magnetometer, which needs a field of its own or a `date` (ISO) for the geomagnetic model; barometer: a Barometer;
+    attitude: an Ahrs. meta holds the grade, the seed, the place where it begins ([rad, rad, m]), the date, and the true biases "b_a" (m/s^2) and
+    "b_g" (rad/s), (n, 3) at the IMU samples. Each sensor has its own random stream: the fixes of a seed are the same for every grade. Raises DataError.
     """
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise DataError(f"seed is {seed!r}; it must be a whole number, 0 or more")
-    given = {"duration": duration, "imu": imu, "rate": rate, "gnss": gnss, "magnetometer": magnetometer, "barometer": barometer, "date": date}
+    given = {"duration": duration, "imu": imu, "rate": rate, "gnss": gnss, "magnetometer": magnetometer, "barometer": barometer, "date": date,
+             "attitude": attitude}
     given = {key: value for key, value in given.items() if value is not None}
     if isinstance(motion, Motion):
         if duration is None or imu is None:

@@ -176,7 +176,7 @@ def _map_scenarios(scenario):
     """A straight and a dynamic flight with the receiver and the start of the mission."""
     own = {name: getattr(scenario, name)
            for name in ("gnss", "start_sd", "accel_offset", "offset_decays", "biases_known", "gate", "gravity", "magnetometer", "barometer",
-                    "date")}
+                    "attitude", "date")}
     return tuple(mission(kind, scenario.duration, scenario.rate).replace(name=f"map-{kind}", **own) for kind in ("straight", CIRCUIT["name"]))
 
 

@@ -118,7 +118,7 @@ def _times(key, items, times):
 
 def _fastest(made):
     """Fixes per second of the fastest sensor: the IMU's samples may not be fewer."""
-    others = [sensor.rate or 0.0 for sensor in (made.magnetometer, made.barometer) if sensor is not None]
+    others = [sensor.rate or 0.0 for sensor in (made.magnetometer, made.barometer, made.attitude) if sensor is not None]
     return max([0.0 if np.ndim(made.gnss.interval) else 1 / made.gnss.interval, *others])
 
 

@@ -1,0 +1,83 @@
+"""Attitudes as files have them: angles or quaternions, in axes of other conventions, brought to roll, pitch and heading of FRD in NED."""
+import numpy as np
+
+from ..data import DataError, Trajectory
+from .axes import BODY, NAVIGATION, axes_matrix
+
+ORDERS = {"wxyz": [0, 1, 2, 3], "xyzw": [3, 0, 1, 2]}
+"""Where scalar, x, y and z stand among the columns of a quaternion."""
+UNIT_NORM = 0.01
+"""A quaternion's norm is off 1 by at most this; what is left is rounding and is normalised away."""
+PITCH, TURN = np.pi / 2 + 1e-6, 2 * np.pi * (1 + 1e-9)
+"""Largest pitch and largest roll or heading that a record can hold, rad."""
+
+
+def axes_of(text):
+    """(body, navigation) matrices of axes such as "FLU to ENU": from the record's axes to FRD and to NED. Raises DataError."""
+    body, to, navigation = text.partition(" to ")
+    if not to:
+        raise DataError(f"{text!r}: write the axes of the body and those that its attitude is told in, such as \"FLU to ENU\"; FRD to NED are the library's")
+    matrices = axes_matrix(body.strip(), BODY), axes_matrix(navigation.strip(), NAVIGATION)
+    if not matrices[1][2, 2]:
+        raise DataError(f"{text!r}: the third navigation axis must point up or down")
+    return matrices
+
+
+def quaternions(values, order, axes, origin):
+    """(n, 4) attitude of the body (FRD) in NED, scalar first, from what the columns hold; rows with a missing number are NaN.
+
+    values: (n, 3) roll, pitch, heading, rad, or (n, 4) with `order` a name of `ORDERS`; axes: text of `axes_of` or None.
+    Raises DataError naming the row of a quaternion that is none.
+    """
+    from scipy.spatial.transform import Rotation
+    known, found = np.isfinite(values).all(axis=1), np.full((len(values), 4), np.nan)
+    if not known.any():
+        return found
+    if order is None:
+        turn = Rotation.from_euler("ZYX", values[known][:, ::-1])
+    else:
+        turn = Rotation.from_quat(_unit(values[known][:, ORDERS[order]], origin.kept(known, len(known)))[:, [1, 2, 3, 0]])
+    if axes is not None:
+        body, navigation = map(Rotation.from_matrix, axes_of(axes))
+        turn = navigation * turn * body.inv()
+    found[known] = turn.as_quat()[:, [3, 0, 1, 2]]
+    return found
+
+
+def _unit(q, origin):
+    norm = np.linalg.norm(q, axis=1)
+    wrong = np.abs(norm - 1) > UNIT_NORM
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise DataError(f"{origin.row(row)}: quaternion [{' '.join(f'{each:.6g}' for each in q[row])}] has norm {norm[row]:.4g}, not 1; "
+                        + ("empty its cells or leave the row out where the attitude is not known" if not norm[row] else "check columns and scale"))
+    return q / norm[:, None]
+
+
+def angles(values, order, axes, origin):
+    """(n, 3) roll, pitch, heading of the body in NED, rad, arguments as of `quaternions`; without a heading (a column less, or NaN) it stays NaN."""
+    if order is None:
+        values = np.c_[values, np.full((len(values), 3 - values.shape[1]), np.nan)]
+        if axes is None:
+            return values
+    level = order is None and np.isnan(values[:, 2])
+    filled = np.where(level[:, None] & [False, False, True], 0.0, values) if order is None else values
+    q = quaternions(filled, order, axes, origin)
+    found = Trajectory(np.zeros(len(q)), np.empty((0, 3)), q_nb=q).rph
+    found[level, 2] = np.nan
+    return found
+
+
+def together(y):
+    """(m, 3) roll, pitch, heading without those rows of which roll or pitch is missing: NaN whole."""
+    return np.where(np.isnan(y[:, :2]).any(axis=1)[:, None], np.nan, y)
+
+
+def possible_attitude(y, origin):
+    """Raise DataError naming the first row whose roll, pitch or heading (m, 3), rad, is beyond what such an angle can be."""
+    for name, column, limit in zip(("roll", "pitch", "heading"), y.T, (TURN, PITCH, TURN)):
+        beyond = np.abs(column) > limit
+        if beyond.any():
+            row = int(np.argmax(beyond))
+            raise DataError(f"{origin.row(row)}: {name} is {np.degrees(column[row]):.6g} deg, at most {np.degrees(limit):.0f} is expected; "
+                            "check the unit (deg read as rad?) and the order of the columns, and wrap angles that count turns")
