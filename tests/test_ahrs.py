@@ -8,9 +8,9 @@ from recordings import rows, same, without_samples
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.ahrs import ASSUMED, deviations, source
+from strapdown.ahrs import ASSUMED, REMEDY, deviations, source
 from strapdown.data import Aiding, DataError
-from strapdown.filters import find
+from strapdown.filters import find, names
 from strapdown.filters.closed_loop import CLOSED_LOOP
 from strapdown.sensors.imu import ImuSpec, Triad
 from strapdown.sensors.magnetometer import Magnetometer
@@ -195,6 +195,17 @@ def test_smoothing_runs_it_as_well():
     assert notes(filtered) == notes(smoothed) and same_innovations(filtered, smoothed)
     assert (smoothed.trajectory.sd[:, 8] <= filtered.trajectory.sd[:, 8] * (1 + 1e-9)).all()
     assert sd.smooth(recording(), fed, ahrs_rate=5, every=20).counts()["attitude-mekf"][0] < smoothed.counts()["attitude-mekf"][0]
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("name", [name for name in names() if "attitude" in find(name).needs])
+def test_every_filter_that_needs_attitude_is_fed(command, file, tmp_path, name):
+    solution = sd.fuse(recording(), name)
+    assert "attitude from attitude-mekf at 10 Hz" in notes(solution) and solution.counts()["attitude-mekf"][0] > 150
+    assert np.degrees(np.abs(sd.errors(solution, recording().reference).rph[200:])).max() < 6
+    sd.write_recording(only("position", "velocity"), tmp_path / "bare.nc")
+    code, _, err = command("fuse", tmp_path / "bare.nc", "--filter", name, "--out", tmp_path / "out")
+    assert code == 2 and err == [f"strapdown: {name} needs attitude aiding, and there is none: {REMEDY}"]
 
 
 # ---- what is refused
