@@ -104,7 +104,7 @@ def _three_columns(values):
 def new_cursor(filter, t, sources):
     """A Cursor at time `t` before the first sample, for that many sources."""
     count = lambda: np.zeros(sources, np.int64)
-    cursor = Cursor(np.zeros(loop.CURSOR_SIZE, np.int64), np.array([float(t)]), np.zeros(7), np.zeros(15), count(), count(), count(), np.zeros(sources),
+    cursor = Cursor(np.zeros(loop.CURSOR_SIZE, np.int64), np.array([float(t)]), np.zeros(7), np.zeros(15), count(), count(), count(), np.zeros(sources), count(),
                     np.full(sources, float(t)))
     cursor.at[loop.EVERY], cursor.at[loop.POSITIONED] = 1, positioned(filter)
     return cursor
@@ -307,8 +307,17 @@ def _events(samples, rows, start, used, names, long_gap):
             rule = "bridged" if gap[k] <= loop.BRIDGE else long_gap
             events.append((float(before[k]), f"IMU gap of {gap[k]:.3g} s: {rule}"))
     for s, name in enumerate(names):
-        own = used[(used[:, loop.F_SOURCE] == s) & (used[:, loop.F_USE] != loop.UNMEASURED)]
-        lifted = np.r_[False, own[:, loop.F_USE] == loop.REACQUIRED]
-        events += [(float(t), f"{name}: gate lifted after {loop.REJECTED} or more rejections in a row over {loop.PATIENCE:g} s")
-                   for t in own[lifted[1:] & ~lifted[:-1], loop.F_T]]
+        events += _lifted(used[used[:, loop.F_SOURCE] == s], name)
     return events
+
+
+def _lifted(own, name):
+    """[(t, text)] of the fixes of one source: where its gate was lifted, and where that did not help."""
+    t, use = own[:, loop.F_T], own[:, loop.F_USE]
+    series = np.cumsum(use == loop.ACCEPTED)    # from one fix that passes to the next
+    lifted = np.flatnonzero(use == loop.REACQUIRED)
+    _, first, count = np.unique(series[lifted], return_index=True, return_counts=True)
+    events = [(float(at), f"{name}: gate lifted after {loop.REJECTED} or more rejections in a row over {loop.PATIENCE:g} s") for at in t[lifted[first]]]
+    last = lifted[first + count - 1]
+    vain = [k for k in last if (rest := use[k + 1:][(series[k + 1:] == series[k]) & (use[k + 1:] == loop.REJECTED_FIX)]).size >= loop.REJECTED]
+    return events + [(float(t[k]), f"{name}: left out from here until one of its fixes passes the gate: lifting it {loop.LIFTS} times did not help") for k in vain]

@@ -7,7 +7,7 @@ from recordings import alike, flight, position, rows, split, start, without_samp
 
 import strapdown as sd
 from strapdown.core import loop
-from strapdown.data import BRIDGED, INVALID, VALID
+from strapdown.data import BRIDGED, INVALID, VALID, Aiding
 from strapdown.geodesy import displaced, displacement
 
 pytestmark = pytest.mark.short
@@ -195,6 +195,23 @@ def test_a_gate_returns_after_reacquisition():
     solution = fused(far)
     own = solution.innovations.source == 0
     assert (~solution.innovations.accepted[own]).nonzero()[0].tolist() == [3, 4, 5, 6, 7, 16, 17, 18, 19]
+
+
+def test_a_source_that_nothing_explains_is_left_out_and_comes_back():
+    """Half of a field that is twice as strong as it should be: no attitude explains it, and the covariance must not grow without end."""
+    base, field = flight(seconds=60.0), np.array([20e-6, 1e-6, 45e-6])
+    t = np.arange(1, 600) / 10
+    truth = base.reference.rotation[np.searchsorted(base.reference.t, t - 1e-6)]
+    y = truth.inv().apply(field) * np.where((t > 10) & (t < 40), 2.0, 1.0)[:, None]
+    magnetometer = Aiding("magnetic-field", t, y, np.full((len(t), 3), 1e-6), parameters=tuple(field), name="magnetometer")
+    solution, without = (fused(replace(base, aidings=(*base.aidings, *more))) for more in ((magnetometer,), ()))
+    said = [(at, text.partition(":")[2][:12]) for at, text in solution.events]
+    assert said == [(pytest.approx(13.1, abs=0.2), " gate lifted"), (pytest.approx(19.1, abs=0.4), " left out fr")]
+    accepted = solution.innovations.accepted[solution.innovations.source == 2]
+    assert accepted[:99].all() and accepted[101:398].sum() == 3 and accepted[410:].all()
+    for name in ("position", "velocity"):
+        worst = [np.abs(getattr(sd.errors(each, base.reference), name)[each.t > 25]).max() for each in (solution, without)]
+        assert worst[0] < 3 * worst[1]
 
 
 @pytest.mark.parametrize("gate, rejected", [(np.inf, 0), (None, 1), (1e6, 0), (1e-9, 0)])

@@ -105,7 +105,8 @@ class Cursor(NamedTuple):
     accepted: np.ndarray  # int64 per source
     rejected: np.ndarray  # int64 per source
     in_a_row: np.ndarray  # int64 per source: rejections since the last accepted fix
-    since: np.ndarray     # time of the first of them
+    since: np.ndarray     # time of the first of them, or of the last that was used with the gate lifted
+    lifts: np.ndarray     # int64 per source: how many of them were used so, positions apart
     last: np.ndarray      # per source: time up to which its own states have walked
 
 
@@ -136,7 +137,7 @@ if COMPILED:
     NOISE = types.NamedUniTuple(_f8, len(Noise._fields), Noise)
     IMU = _named(Imu, _line, _line, _table, _table)
     FIXES = _named(Fixes, _line, _count, _table, _table, _count, _table, _line)
-    CURSOR = _named(Cursor, _count, _line, _line, _line, _count, _count, _count, _line, _line)
+    CURSOR = _named(Cursor, _count, _line, _line, _line, _count, _count, _count, _line, _count, _line)
     OUTPUT = _named(Output, _table, _cube, _table, _table, _count)
 
     OBSERVE = _i8(BELIEF, _line, _line, _line, _table)
