@@ -89,5 +89,5 @@ def _rows(table):
 
 def _cell(value):
     if not isinstance(value, (float, np.floating)):
-        return escape(str(value))
+        return escape(str(value)).replace("\n", "<br>")
     return "–" if np.isnan(value) else f"{value:.3g}"

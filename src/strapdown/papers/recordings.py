@@ -12,21 +12,21 @@ from .. import io
 from ..core.earth import RATE
 from ..data import DataError
 from ..engine import fuse
+from ..files import replacing
 from ..io.locate import data_folder
-from ..metrics import errors, moving_windows, outages, rms
+from ..metrics import errors, outages, rms
 from ..reports.page import report
 from ..rest import motionless
 from ..statics import gyrocompass
-from . import magnetometer
+from . import magnetometer, recordings_drift, recordings_markdown, recordings_table
 from .pages import claim, write_page
+from .recordings_cases import FLIGHT, LASER, cases, windows_of
 
+DESCRIPTIONS = Path(__file__).resolve().parents[3] / "examples" / "recordings"
+"""Folder of the descriptions in the source tree."""
 FILTERS = ("closed-loop", "open-loop")
-FLIGHT = (240.0, 575.0)
-"""Seconds of thor75 that are scored: heading cannot be observed before the launch at 211 s, and the aircraft lands at 579 s."""
 DRIVES = {"drive0708": ("GNSS alone", 5.5), "drive0708-vehicle": ("with the vehicle's constraints", 1.8)}
 """Description, what it adds, and the bound on the median of the largest horizontal errors, m."""
-LASER = Path("lasergyro") / "lasergyro.imu.xz"
-"""The ring-laser record in the data folder; without it the rest is made all the same."""
 DEG_H = np.degrees(3600.0)
 """deg/h in a rad/s."""
 LASER_HEADING, LASER_BOUNDS = 88.0, (0.1, 0.5, 3.0)
@@ -47,14 +47,9 @@ LASER_INTRODUCTION = (
 NO_LASER = ("The ring-laser record is not in the data folder, so that there is no word on the Earth's rate here.",)
 
 
-def windows_of(recording):
-    """The nine 15 s outages of the drive, [(start, stop)] in s."""
-    return moving_windows(recording.reference, count=9, length=15.0, every=50.0, after=60.0, speed=4.0)
-
-
 def reproduce(out, descriptions=None, say=None):
     """Fuse and score the recordings, write the page into the folder `out`, return the claims. Raises DataError."""
-    folder = Path(descriptions) if descriptions else Path(__file__).resolve().parents[3] / "examples" / "recordings"
+    folder = Path(descriptions) if descriptions else DESCRIPTIONS
     if not (folder / "thor75.toml").exists():
         raise DataError(f"{folder}: no thor75.toml there; give the folder of the descriptions (examples/recordings of the source tree)")
     flight, flight_claims, flight_links = _flight(folder, out, say)
@@ -66,9 +61,24 @@ def reproduce(out, descriptions=None, say=None):
               "drive0708-summary": ("drive0708: largest horizontal error in the nine outages", summary),
               "drive0708": ("drive0708: every outage", drive)} | magnetic
     tables |= {"lasergyro": ("lasergyro: the Earth's rate and the heading from it", laser)} if laser is not None else {}
-    introduction = INTRODUCTION + magnetometer.INTRODUCTION + (LASER_INTRODUCTION if laser is not None else NO_LASER)
-    write_page(out, "strapdown on recorded data", introduction, claims, tables, flight_links + drive_links)
+    every, shown = every_filter(folder, say)
+    with replacing(out / "table.md") as part:
+        part.write_text(recordings_markdown.text(shown), encoding="utf-8")
+    introduction = INTRODUCTION + magnetometer.INTRODUCTION + (LASER_INTRODUCTION if laser is not None else NO_LASER) + recordings_table.INTRODUCTION
+    write_page(out, "strapdown on recorded data", introduction, claims, tables | every, flight_links + drive_links, notes=shown)
     return claims
+
+
+def every_filter(folder, say):
+    """Every filter on every recording, and dead reckoning: ({name: (caption, DataFrame)}, [(heading, DataFrame of text)])."""
+    found = cases(folder)
+    scores = recordings_table.scores(found, say=say)
+    apart = recordings_drift.outage_scores(found[0].recording, found[1].recording, say=say)
+    summary = recordings_drift.summary(apart)
+    shown = [(recordings_table.EVERY, recordings_table.wide(scores)), (recordings_drift.HEADING, recordings_drift.shown(summary))]
+    if scores["held"].any():
+        shown.append((recordings_table.TRIALS, recordings_table.by_trial(scores)))
+    return {"every-filter": (None, scores.drop(columns="held")), "dead-reckoning": (None, summary), "dead-reckoning-outages": (None, apart)}, shown
 
 
 def _flight(folder, out, say):
@@ -110,7 +120,7 @@ def _drive(folder, out, say):
 
 def _laser(folder):
     """(table, claims) of the ring-laser record; (None, []) where the data folder lacks it."""
-    path = data_folder(folder) / LASER
+    path = data_folder(folder).joinpath(*LASER)
     if not path.exists():
         return None, []
     return earth_rate(io.read(path))
