@@ -13,6 +13,7 @@ from strapdown.core.contract import Imu
 from strapdown.core.earth import RATE
 from strapdown.data import Aiding, DataError, Recording
 from strapdown.papers import recordings, recordings_cases, recordings_drift, recordings_markdown, recordings_table
+from strapdown.papers.pages import claim
 from strapdown.papers.recordings_cases import Case
 from strapdown.papers.recordings_table import COUNTS, FIGURES
 
@@ -180,7 +181,7 @@ def test_the_parked_vehicle_has_the_attitude_of_gravity_and_the_earths_rate():
 
 @pytest.mark.short
 def test_errors_of_motion():
-    """A body that swings with 2 rad/s rms about one axis: 1 % of a third of its square, for 0.3 s; and a magnetometer of 25 Hz has 5 times its deviation."""
+    """A body that swings with 2 rad/s rms about one axis: 1 % of a third of its square, for 0.3 s; a magnetometer of 25 Hz has 5 times its deviation."""
     t = 0.01 * np.arange(1, 1001)
     swing = 2 * np.sqrt(2) * np.sin(2 * np.pi * t)
     imu = Imu(t, np.full(1000, 0.01), 0.01 * np.c_[swing, 0 * t, 0 * t], 0.01 * np.tile([0, 0, -9.8], (1000, 1)))
@@ -205,11 +206,25 @@ def test_markdown(tmp_path):
     assert found == f"before\n{recordings_markdown.BEGIN}\n### Heading\n\n| filter | x |\n| --- | --- |\n| a/b\\* | 1.0<br>2.0 |\n{recordings_markdown.END}\nafter\n"
 
 
-def test_the_recorded_data(data_folder, tmp_path, monkeypatch):
-    """All recordings with three filters, from reading to the page's tables."""
-    folder = recordings.DESCRIPTIONS
-    monkeypatch.setattr(filters, "names", lambda: ["attitude-mekf", "closed-loop", "open-loop"])
-    every, shown = recordings.every_filter(folder, None)
+@pytest.mark.short
+def test_the_page_and_what_stands_in_the_documentation(tmp_path, monkeypatch):
+    frame = pd.DataFrame([("f", "1 m\n2 deg")], columns=["filter", "thor75"])
+    monkeypatch.setattr(recordings, "_flight", lambda *_: (frame, [claim("it flies", 1.0, 2.0, "m")], []))
+    monkeypatch.setattr(recordings, "_drive", lambda *_: (frame, frame, [], []))
+    monkeypatch.setattr(recordings, "_laser", lambda *_: (None, []))
+    monkeypatch.setattr(recordings.magnetometer, "magnetometer", lambda *_: ({}, []))
+    monkeypatch.setattr(recordings, "every_filter", lambda *_: ({"every-filter": (None, frame)}, [("Every filter", frame)]))
+    assert [each["holds"] for each in recordings.reproduce(tmp_path)] == [True]
+    html = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert "<h2>Every filter</h2>" in html and "<td>1 m<br>2 deg</td>" in html and recordings_table.LEGEND in html
+    assert (tmp_path / "table.md").read_text(encoding="utf-8").startswith("### Every filter\n\n| filter | thor75 |\n")
+    assert (tmp_path / "every-filter.csv").exists()
+
+
+def test_the_recorded_data(data_folder, monkeypatch):
+    """All recordings with two filters, from reading to the page's tables."""
+    monkeypatch.setattr(filters, "names", lambda: ["attitude-mekf", "closed-loop"])
+    every, shown = recordings.every_filter(recordings.DESCRIPTIONS, None)
     scores = every["every-filter"][1].set_index(["recording", "filter"])
     groups = every["every-filter"][1]["group"]
     assert list(dict.fromkeys(groups)) == ["thor75", "drive0708", "BROAD, as read", "BROAD, errors of motion", "ring laser"]
@@ -218,7 +233,7 @@ def test_the_recorded_data(data_folder, tmp_path, monkeypatch):
     assert flown["others accepted"] > 60000 and flown["fixes rejected"] < 20
     assert scores.loc[("drive0708", "attitude-mekf"), "said"] == "runs; the recording has nothing to score it by"
     apart = every["dead-reckoning"][1].set_index("filter")
-    assert list(apart.index) == ["closed-loop", "open-loop"] and apart.loc["closed-loop", "drive0708 median, m"] < 8.0
+    assert list(apart.index) == ["closed-loop"] and apart.loc["closed-loop", "drive0708 median, m"] < 8.0
     assert [heading for heading, _ in shown] == [recordings_table.EVERY, recordings_drift.HEADING, recordings_table.TRIALS]
 
 

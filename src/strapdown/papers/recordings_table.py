@@ -2,6 +2,7 @@
 
 Filters are those that `strapdown filters` lists, with their defaults. One that cannot run on a recording, stops on it or loses it stays in the table.
 """
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -42,7 +43,8 @@ def scores(cases, names=None, say=None):
     for case in cases:
         if say:
             say(f"{case.group}: {case.name} ...")
-        rows += [{"group": case.group, "recording": case.name, "held": case.held, "filter": name} | _scores(case, name, say) for name in names or filters.names()]
+        of = {"group": case.group, "recording": case.name, "held": case.held}
+        rows += [of | {"filter": name} | _scores(case, name, say) for name in names or filters.names()]
     return pd.DataFrame(rows, columns=["group", "recording", "held", "filter", *FIGURES, *COUNTS, "said"])
 
 
@@ -128,6 +130,7 @@ def wrong(said):
     lines = []
     for what, when in found.items():
         text = f"{what} at {', '.join(each.removesuffix(' s') for each in when)} s" if when[0] else what
+        text = re.sub(" (s|m)$", rf"{UNBROKEN}\1", text)
         lines.append(text if len(when) == len(said) else f"{len(when)} of {len(said)}: {text}")
     return lines
 
