@@ -106,7 +106,7 @@ class Cursor(NamedTuple):
     rejected: np.ndarray  # int64 per source
     in_a_row: np.ndarray  # int64 per source: rejections since the last accepted fix
     since: np.ndarray     # time of the first of them, or of the last that was used with the gate lifted
-    lifts: np.ndarray     # int64 per source: how many of them were used so, positions apart
+    lifts: np.ndarray     # int64 per source: how many of them were used so, positions and velocities apart
     last: np.ndarray      # per source: time up to which its own states have walked
 
 

@@ -7,13 +7,13 @@ Rules (docs/conventions.md):
   it is accepted, or, of a filter that estimates no position, for one row.
 - A source whose fixes were rejected REJECTED times in a row over at least PATIENCE seconds has its gate lifted until a fix passes it again. Before such
   a fix is used, P is multiplied by NIS/gate, DOUBT at most; where a position is further off than that, its squared innovation is added to the
-  variances of position. Other sources are given LIFTS such uses, PATIENCE seconds apart: one that nothing in the states explains, such as a field beside
-  iron, would let P explode.
+  variances of position. Sources of neither position nor velocity are given LIFTS such uses, PATIENCE seconds apart: one that nothing in the
+  states explains, such as a field beside iron, would let P explode.
 """
 import math
 
 from .compiling import caller, helper, inlined, kernel
-from .contract import BRIDGED, CORRECT, FIRST, INVALID, KEEP, OBSERVE, POSITION_KIND, PREDICT, RUN, VALID, WALK, Noise
+from .contract import BRIDGED, CORRECT, FIRST, INVALID, KEEP, OBSERVE, POSITION_KIND, PREDICT, RUN, VALID, VELOCITY_KIND, WALK, Noise
 from .earth import LATITUDE_LIMIT
 from .mechanization import compensate, stationary_increments
 from .rotation import matrix_to_quaternion
@@ -36,7 +36,7 @@ HOLD_GYRO, HOLD_ACCEL = 0.1, 3.0        # the same in a longer one
 HOLD = 300.0                            # s: how long P grows in a gap; beyond, the unstable height alone would let it explode
 REJECTED, PATIENCE = 5, 3.0             # rejections in a row; s
 DOUBT = 9.0                             # largest growth of P at once, when a gate is lifted
-LIFTS = 3                               # uses in a row with the gate lifted, of sources other than positions
+LIFTS = 3                               # uses in a row with the gate lifted, of sources of neither position nor velocity
 SAME_TIME = 1e-6                        # s: a fix this close to a sample's end is taken there
 
 predict_at, correct_at, observe_at, keep_at = caller(PREDICT), caller(CORRECT), caller(OBSERVE), caller(KEEP)
@@ -131,7 +131,7 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
         if cursor.in_a_row[s] == 0:
             cursor.since[s] = fixes.t[k]
         cursor.in_a_row[s] += 1
-        if lifted and fixes.kind[s] != POSITION_KIND:
+        if lifted and fixes.kind[s] != POSITION_KIND and fixes.kind[s] != VELOCITY_KIND:
             cursor.lifts[s] += 1
             cursor.since[s] = fixes.t[k]
     else:
