@@ -7,6 +7,7 @@ import numpy as np
 import strapdown as sd
 from strapdown.core.contract import Imu, Start
 from strapdown.data import Aiding, Recording
+from strapdown.sensors.ahrs import Ahrs
 from strapdown.sensors.gnss import Gnss
 from strapdown.sim.trajectory import DEG, Motion
 
@@ -48,6 +49,12 @@ def position(t, lla=(0.8, 0.2, 300.0), deviation=1.0, gate=np.inf, **more):
     """Position fixes at the times `t`, all at `lla` or each at its row of it, without a gate."""
     t = np.atleast_1d(np.asarray(t, float))
     return Aiding("position", t, np.tile(lla, (len(t), 1)) if np.ndim(lla) == 1 else np.array(lla), np.full((len(t), 3), deviation), gate=gate, **more)
+
+
+def ahrs(truth, rate=1.0, deviation=(0.2, 0.2, 0.5), seed=7, **more):
+    """Attitude records of a Trajectory at `rate` (Hz) with white errors about forward, right and down (deg); seed: number or numpy Generator."""
+    made = Ahrs(rate, tuple(np.radians(deviation))).measure(truth, np.random.default_rng(seed))
+    return replace(made, name="ahrs", **more)
 
 
 def without_samples(recording, *windows):

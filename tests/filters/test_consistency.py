@@ -7,8 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import strapdown as sd
+from recordings import ahrs
 from strapdown.core.contract import STATES
 from strapdown.data import Recording
 from strapdown.sensors.gnss import Gnss
@@ -37,16 +39,22 @@ def weaving():
                   lambda t: (np.arctan(speed(t) * rate(t) / 9.81), DEG * (2 + 3 * wave(t, 7.0)), course(t)))
 
 
+def made_flight():
+    """(truth at the times of the fixes, IMU without errors, truth at 10 Hz for an AHRS)."""
+    t = np.arange(DURATION * RATE + 1) / RATE
+    return sample(weaving(), t[::RATE]), increments(weaving(), t), sample(weaving(), t[::RATE // 10])
+
+
 @pytest.fixture(scope="module")
 def flight():
-    """(truth at the times of the fixes, IMU without errors), once for all runs."""
-    t = np.arange(DURATION * RATE + 1) / RATE
-    return sample(weaving(), t[::RATE]), increments(weaving(), t)
+    """One flight for all runs."""
+    return made_flight()
 
 
 MEMS = ImuSpec("Gauss-Markov MEMS", Triad(noise=1e-3, gauss_markov=1e-3, time_constant=20.0), Triad(noise=1e-2, gauss_markov=0.05, time_constant=20.0))
 WALK = ImuSpec("walking MEMS", Triad(noise=3e-4, turn_on_bias=1e-4, bias_walk=1e-4), Triad(noise=3e-3, turn_on_bias=5e-3, bias_walk=3e-3))
 NAVIGATION = ImuSpec("navigation", Triad(noise=6e-7, turn_on_bias=2e-8, bias_walk=1e-9), Triad(noise=5e-5, turn_on_bias=2.5e-4, bias_walk=1e-5))
+WANDERING = 20.0    # s: in place of a rate, an AHRS whose errors are alike for so long
 COARSE, FINE = np.radians([0.5, 0.5, 2.0]), np.radians([0.01, 0.01, 0.05])
 
 FILTERS = [
@@ -57,28 +65,46 @@ FILTERS = [
     ("closed-loop-error-bias", {}, MEMS, COARSE),
     ("periodic-reset", {"interval": 10.0}, WALK, COARSE),
     ("open-loop", {}, NAVIGATION, FINE),    # with a worse IMU, or a coarse start, its INS leaves the linear model
+    ("direct-ahrs", {}, WALK, COARSE, 1),
+    ("direct-ahrs", {"bias": "decaying"}, MEMS, COARSE, 10),
+    ("direct-euler", {}, WALK, COARSE, 1),
+    ("indirect-ahrs-closed", {}, MEMS, COARSE, 1),
+    ("indirect-ahrs-open", {}, WALK, COARSE, 10),
 ]
+"""Name, options, IMU, sd of the initial attitude (rad) and, where there is an AHRS with white errors, its records per second."""
 
 
-def run(seed, flight, name, options, spec, attitude_sd, told=1.0):
-    """(NEES, NIS, innovations) of one flight: (epochs,), (fixes,), (fixes, 3); the filter is `told` that many times the true noise."""
-    truth, ideal = flight
-    of_imu, of_gnss, of_start = np.random.default_rng(seed).spawn(3)
+def run(seed, flight, name, options, spec, attitude_sd, ahrs_rate=None, told=1.0):
+    """(NEES, NIS, innovations, sources) of one flight: (epochs,), (fixes,), (fixes, 3), (fixes,); the filter is `told` that many times the true noise."""
+    truth, ideal, often = flight
+    of_imu, of_gnss, of_start, of_ahrs = np.random.default_rng(seed).spawn(4)
     imu, b_a, b_g = spec.corrupt(ideal, of_imu)
     accel_sd, gyro_sd = spec.bias_sd()
     start_sd = np.r_[[5.0] * 3, [0.3] * 3, attitude_sd, [accel_sd] * 3, [gyro_sd] * 3]
     start = draw_start(truth, start_sd, of_start)
     noise = spec.noise()._replace(gyro=told * spec.gyro.noise, accel=told * spec.accel.noise)
     fixes = tuple(replace(source, gate=np.inf) for source in Gnss().fixes(truth, of_gnss))
+    fixes += (wandering(often, of_ahrs) if ahrs_rate == WANDERING else ahrs(often, ahrs_rate, seed=of_ahrs, gate=np.inf),) if ahrs_rate else ()
     solution = sd.fuse(Recording(imu, fixes), name, noise=noise, start=start, every=RATE, covariance=True, **options)
     e, rows = sd.errors(solution, truth), np.searchsorted(ideal.t, solution.t - 1e-6)
     error = np.c_[e.position, e.velocity, e.attitude, b_a[rows] - solution.b_a, b_g[rows] - solution.b_g]
     nees = np.einsum("ij,ij->i", error, np.linalg.solve(solution.covariance, error[:, :, None])[:, :, 0])
-    return nees, solution.innovations.nis, solution.innovations.innovation
+    return nees, solution.innovations.nis, solution.innovations.innovation, solution.innovations.source
+
+
+def wandering(truth, rng):
+    """Attitude records at 2 Hz whose errors of 0.2, 0.2 and 0.5 deg are alike for WANDERING seconds (first-order Gauss-Markov)."""
+    white = ahrs(truth, 2.0, seed=rng, gate=np.inf)
+    rows = np.searchsorted(truth.t, white.t - 1e-6)
+    error, keep = (Rotation.from_euler("ZYX", white.y[:, ::-1]) * truth.rotation[rows].inv()).as_rotvec(), np.exp(-0.5 / WANDERING)
+    error[1:] *= np.sqrt(1 - keep ** 2)
+    for k in range(1, len(error)):
+        error[k] += keep * error[k - 1]
+    return replace(white, y=(Rotation.from_rotvec(error) * truth.rotation[rows]).as_euler("ZYX")[:, ::-1])
 
 
 def runs(flight, line, seeds=range(SEEDS), **more):
-    """NEES (runs, epochs), NIS (runs, fixes), innovations (runs, fixes, 3)."""
+    """NEES (runs, epochs), NIS (runs, fixes), innovations (runs, fixes, 3), their sources (runs, fixes)."""
     with ThreadPoolExecutor(2) as pool:
         return [np.array(part) for part in zip(*pool.map(lambda seed: run(seed, flight, *line, **more), seeds))]
 
@@ -89,16 +115,24 @@ def share_inside(nees):
     return np.mean((mean > BAND[0]) & (mean < BAND[1]))
 
 
-@pytest.mark.parametrize("line", FILTERS, ids=lambda line: f"{line[0]}, {line[2].name}")
+@pytest.mark.parametrize("line", FILTERS, ids=lambda line: ", ".join([line[0], line[2].name, *(f"AHRS at {rate} Hz" for rate in line[4:])]))
 def test_errors_are_as_large_as_the_covariance_says(flight, line):
-    nees, nis, innovation = runs(flight, line)
+    nees, nis, innovation, source = runs(flight, line)
     assert nees.shape == (SEEDS, DURATION)
     assert share_inside(nees) >= INSIDE
     assert nis.mean() / 3 == pytest.approx(1, abs=3.5 * np.sqrt(2 / (3 * nis.size)))
-    for source in (0, 1):       # fixes alternate: position, velocity
-        settled = innovation[:, source + 120::2]
+    for own in np.unique(source):
+        settled = innovation[:, source[0] == own]
+        settled = settled[:, settled.shape[1] // 10:]
         correlation = (settled[:, 1:] * settled[:, :-1]).mean(axis=(0, 1)) / (settled ** 2).mean(axis=(0, 1))
         assert np.abs(correlation).max() < 4 / np.sqrt(settled[..., 0].size)
+
+
+@pytest.mark.parametrize("name", ["direct-ahrs", "indirect-ahrs-closed", "indirect-ahrs-open"])
+def test_an_ahrs_whose_errors_last_is_not_believed_too_much_where_the_filter_is_told(flight, name):
+    """With `correlation` the covariance is at least as large as the errors; without it the filter is far too sure of itself."""
+    told, untold = (runs(flight, (name, {"correlation": seconds}, WALK, COARSE, WANDERING), range(20))[0][:, 60:].mean() / STATES for seconds in (WANDERING, 0.0))
+    assert 0.5 < told < 1.05 and untold > 3
 
 
 def test_the_band_tells_a_wrong_covariance(flight):

@@ -6,8 +6,8 @@ of the accelerometer biases, and the errors of attitude and gyro biases are two 
 import math
 
 from .compiling import helper, matrix
-from .contract import Noise
-from .error_state import DX, HEIGHT, MID, OWN, STEP, inject, inject_biases, linearised_step, measure
+from .contract import ATTITUDE_KIND, Noise
+from .error_state import DV, DX, HEIGHT, MID, OWN, STEP, inject, inject_biases, linearised_step, measure
 from .mechanization import mechanize
 from .rotation import euler_to_matrix, matrix_to_euler, wrap
 
@@ -16,20 +16,28 @@ ANGLES = OWN            # Euler angles, rad
 KNOWN = OWN + 21        # the known attitude C_nb, 3 x 3; further on than what an open loop keeps
 ERRORS = KNOWN + 9      # covariance of its errors in n when it was measured, rad^2: nn, ne, ee, dd
 SINCE = ERRORS + 4      # s since then
-DECAYING = SINCE + 1    # which bias model:
+CORRELATION = SINCE + 1 # s for which its errors are alike
+DECAYING = SINCE + 2    # which bias model:
 BIAS_MODELS = {"random-walk": 0.0, "decaying": 1.0}
 """Biases driven by white noise alone, or Gauss-Markov with the time constants of the IMU (where it has any), so that they fade without fixes."""
 STEEP = math.radians(85.0)
 """Pitch from which on Euler angles are read off the rotation matrix: roll and heading move 11 times as fast as the body, and ever faster."""
+SHORTEST = 1e-3         # s between two attitude records
 BEYOND_COLUMN = "pitch_beyond_85_deg [s]"
 
 
-def know(belief, bias):
-    """Begin with the attitude of `belief` as the known one, as uncertain as P says; refuses an unknown bias model."""
+def know(belief, bias, correlation=0.0):
+    """Begin with the attitude of `belief` as the known one, as uncertain as P says; refuses an unknown bias model.
+
+    correlation: time constant (s) of the errors of attitude records; 0 for errors that are new with each record.
+    """
     if bias not in BIAS_MODELS:
         raise ValueError(f"bias is {bias!r}; it must be one of {', '.join(BIAS_MODELS)}")
+    if not 0 <= correlation < math.inf:
+        raise ValueError(f"correlation is {correlation} s; it must be a finite number, 0 or more")
     aux, P = belief.aux, belief.P
-    aux[KNOWN:KNOWN + 9], aux[ERRORS:ERRORS + 4], aux[DECAYING] = belief.C.ravel(), (P[6, 6], P[6, 7], P[7, 7], P[8, 8]), BIAS_MODELS[bias]
+    aux[KNOWN:KNOWN + 9], aux[ERRORS:ERRORS + 4] = belief.C.ravel(), (P[6, 6], P[6, 7], P[7, 7], P[8, 8])
+    aux[CORRELATION], aux[DECAYING] = correlation, BIAS_MODELS[bias]
     return belief
 
 
@@ -66,6 +74,25 @@ def take_attitude(belief, y, sd):
 
 
 @helper
+def weigh(belief, sd, kind):
+    """Write the standard deviations to use of a fix into aux[DV], which is free between predictions: those given.
+
+    Those of an attitude record are so much larger that independent errors have the low-frequency power of its correlated ones.
+    """
+    aux, used, scale = belief.aux, belief.aux[DV], 1.0
+    if kind == ATTITUDE_KIND:
+        scale = math.sqrt(max(2 * aux[CORRELATION] / max(aux[SINCE], SHORTEST), 1.0))
+    for i in range(3):
+        used[i] = scale * sd[i]
+
+
+@helper
+def held(belief, since, dt):
+    """By how much the square of the time for which an error has acted grows over dt (s^2), `since` (s) after its record began to be used."""
+    return (2 * max(since, belief.aux[CORRELATION]) + dt) * dt
+
+
+@helper
 def predict_fed(belief, u, dt, noise):
     """Advance P, position, velocity and the known attitude with bias-corrected increments. Returns the rotation vector of the body, rad."""
     ba, bg = belief.ba, belief.bg
@@ -85,7 +112,7 @@ def move(belief, lla, v, r0, r1, r2, a0, a1, a2, dt, noise):
     aux, P, f = belief.aux, belief.P, belief.aux[DX]
     mechanize(lla, v, matrix(aux, KNOWN, 3, 3), r0, r1, r2, a0, a1, a2, dt, f, aux[HEIGHT])
     f0, f1, f2 = f[0], f[1], f[2]
-    growth = (2 * aux[SINCE] + dt) / dt     # f is the increment, and so has dt in it
+    growth = held(belief, aux[SINCE], dt) / (dt * dt)   # f is the increment, and so has dt in it
     nn, ne, ee, dd = known_variances(belief, noise)
     n0, n1, n2 = -f2 * ne, -f2 * ee, f1 * dd    # rows of f x n: their products with n
     e0, e1, e2 = f2 * nn, f2 * ne, -f0 * dd

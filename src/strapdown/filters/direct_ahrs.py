@@ -5,17 +5,17 @@ The angles change by T(known attitude) times the bias-free rate, so that their m
 import math
 
 from ..core.contract import ATTITUDE_KIND, CORRECT, PREDICT, Filter, kernel, helper
-from ..core.error_state import MID, auxiliary
-from ..core.fed import (BEYOND, BEYOND_COLUMN, SINCE, STEEP, add_angles, bias_model, correct_angles, euler_rates, gentle, know, known_variances,
-                        predict_fed, rate_of_body, read_angles, steep, take_attitude, with_angles)
+from ..core.error_state import DV, MID, auxiliary
+from ..core.fed import (BEYOND, BEYOND_COLUMN, SINCE, STEEP, add_angles, bias_model, correct_angles, euler_rates, gentle, held, know, known_variances,
+                        predict_fed, rate_of_body, read_angles, steep, take_attitude, weigh, with_angles)
 from ..core.rotation import rotate_right
 
 LEAST_COSINE = math.cos(STEEP)
 
 
-def start(start, noise, bias="random-walk"):
-    """Belief at `start`. bias: "random-walk", or "decaying" with the time constants of the IMU."""
-    return with_angles(know(start.belief(auxiliary(len(start.sd))), bias), start)
+def start(start, noise, bias="random-walk", correlation=0.0):
+    """Belief at `start`. bias: "random-walk", or "decaying" with the time constants of the IMU. correlation: s for which errors of the AHRS are alike."""
+    return with_angles(know(start.belief(auxiliary(len(start.sd))), bias, correlation), start)
 
 
 @kernel(PREDICT)
@@ -43,7 +43,7 @@ def _doubt_rates(belief, pitch, heading, dt, noise):
     That distance is the residual of the last record, independent of the errors of the estimate, with the variance that the record has more than it.
     """
     P, (nn, _, ee, _) = belief.P, known_variances(belief, noise)
-    growth = max(0.5 * (nn + ee - P[6, 6] - P[7, 7]), 0.0) * (2 * belief.aux[SINCE] - dt) / dt     # SINCE is that after the step; see fed.move
+    growth = max(0.5 * (nn + ee - P[6, 6] - P[7, 7]), 0.0) * held(belief, belief.aux[SINCE] - dt, dt) / (dt * dt)
     P[6, 6] += growth * heading * heading
     P[7, 7] += growth * heading * heading
     P[8, 8] += growth * pitch * pitch
@@ -52,7 +52,8 @@ def _doubt_rates(belief, pitch, heading, dt, noise):
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct P and the states. A measured attitude also is the known one from now on."""
-    nis = correct_angles(belief, y, sd, observe, parameters, gate, innovation)
+    weigh(belief, sd, kind)
+    nis = correct_angles(belief, y, belief.aux[DV], observe, parameters, gate, innovation)
     if nis <= gate and kind == ATTITUDE_KIND:
         take_attitude(belief, y, sd)
     return nis

@@ -22,7 +22,8 @@ SHORTEST = 1e-6                 # s: of two fixes at one time the second changes
 
 def start(start, noise, k1=0.7, k2=0.14, k3=0.008, l1=0.7, l2=0.14, l3=0.008, kv1=0.5, kv2=0.04, lv1=0.5, lv2=0.04):
     """Belief at `start`. Gains: k1 (1/s), k2 (1/s^2), k3 (1/s^3) of a position's north and east, l1, l2, l3 of its height; kv1 (1/s), kv2 (1/s^2) of a
-    velocity's north and east, lv1, lv2 of down. Without k3 (l3) and kv2 (lv2) the bias stays, without all of a kind that kind is not used. Refuses unstable gains.
+    velocity's north and east, lv1, lv2 of down. Without k3 (l3) and kv2 (lv2) the bias stays, without all of a kind that kind is not used.
+    Refuses gains that are not stable.
     """
     aux = np.zeros(SCRATCH + 3 * len(start.sd))
     for first, axes, of_position, of_velocity in ((0, "horizontal", (k1, k2, k3), (kv1, kv2)), (POLES, "vertical", (l1, l2, l3), (lv1, lv2))):
@@ -39,7 +40,10 @@ def _pair(a, b):
 
 
 def poles(k1, k2, k3, kv1=0.0, kv2=0.0):
-    """Poles (1/s) of the errors of an axis under these gains: s^3 + (k1 + kv1) s^2 + (k2 + kv2 + k1 kv1) s + k3 + k1 kv2. A bias that no gain corrects has one at 0."""
+    """Poles (1/s) of the errors of an axis under these gains: s^3 + (k1 + kv1) s^2 + (k2 + kv2 + k1 kv1) s + k3 + k1 kv2.
+
+    A bias that no gain corrects has one at 0.
+    """
     return np.roots([1.0, k1 + kv1, k2 + kv2 + k1 * kv1, k3 + k1 * kv2]).astype(complex)
 
 

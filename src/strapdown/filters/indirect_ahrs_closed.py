@@ -1,13 +1,13 @@
 """Indirect filter with the attitude of an AHRS, feedback: the estimated error of the INS is reset into it at each fix."""
 from ..core.contract import ATTITUDE_KIND, CORRECT, PREDICT, Filter, kernel
-from ..core.error_state import DX, STEP, auxiliary, inject, inject_biases, measure
-from ..core.fed import bias_model, know, predict_fed, take_attitude
+from ..core.error_state import DV, DX, STEP, auxiliary, inject, inject_biases, measure
+from ..core.fed import bias_model, know, predict_fed, take_attitude, weigh
 from ..core.rotation import rotate_left, rotate_right
 
 
-def start(start, noise, bias="decaying"):
-    """Belief at `start`. bias: "decaying", with the time constants of the IMU, or "random-walk"."""
-    return know(start.belief(auxiliary(len(start.sd))), bias)
+def start(start, noise, bias="decaying", correlation=0.0):
+    """Belief at `start`. bias: "decaying", with the time constants of the IMU, or "random-walk". correlation: s for which errors of the AHRS are alike."""
+    return know(start.belief(auxiliary(len(start.sd))), bias, correlation)
 
 
 @kernel(PREDICT)
@@ -22,7 +22,8 @@ def predict(belief, u, dt, noise):
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct P; inject the errors into INS and biases. A measured attitude also is the known one from now on."""
-    nis = measure(belief, y, sd, observe, parameters, gate, innovation)
+    weigh(belief, sd, kind)
+    nis = measure(belief, y, belief.aux[DV], observe, parameters, gate, innovation)
     if nis <= gate:
         dx = belief.aux[DX]
         inject(belief.lla, belief.v, belief.C, dx)

@@ -4,16 +4,19 @@ Of the attitude only the sum of INS and error is kept: it has no part in the vel
 the first tens of degrees that uncorrected gyros drift.
 """
 from ..core.contract import ATTITUDE_KIND, CORRECT, PREDICT, Filter, kernel, matrix
-from ..core.error_state import BLOCK, STEP, X, decay_biases, linearised_step
-from ..core.fed import KNOWN, bias_model, know, move, take_attitude
+from ..core.error_state import BLOCK, DV, STEP, X, decay_biases, linearised_step
+from ..core.fed import KNOWN, bias_model, know, move, take_attitude, weigh
 from ..core.rotation import orthonormalise, rotate_left, rotate_right
 from . import open_loop
 from .open_loop import BIAS, INS_ERROR, LLA, V, C, compose, correct_beside, left_model, products
 
 
-def start(start, noise, bias="decaying"):
-    """Belief at `start`: the INS begins there, only the initial biases of `start` are taken off its IMU. bias: "decaying" or "random-walk"."""
-    return know(open_loop.start(start, noise), bias)
+def start(start, noise, bias="decaying", correlation=0.0):
+    """Belief at `start`: the INS begins there, only the initial biases of `start` are taken off its IMU.
+
+    bias: "decaying", with the time constants of the IMU, or "random-walk". correlation: s for which errors of the AHRS are alike.
+    """
+    return know(open_loop.start(start, noise), bias, correlation)
 
 
 @kernel(PREDICT)
@@ -36,7 +39,8 @@ def predict(belief, u, dt, noise):
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct P and the error beside the INS. A measured attitude also is the known one from now on."""
-    nis = correct_beside(belief, y, sd, observe, parameters, gate, innovation)
+    weigh(belief, sd, kind)
+    nis = correct_beside(belief, y, belief.aux[DV], observe, parameters, gate, innovation)
     if nis <= gate:
         x, attitude = belief.aux[X], matrix(belief.aux, C, 3, 3)
         rotate_left(x[6], x[7], x[8], attitude)
