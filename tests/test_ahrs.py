@@ -357,5 +357,5 @@ def test_a_flight_with_a_magnetometer(data_folder, monkeypatch):
     assert "attitude from attitude-mekf at 10 Hz, which alone uses magnetic-field" in notes(solution) and "attitude-mekf: the mean specific" in notes(solution)
     assert solution.meta["start"]["t"] == pytest.approx(22.04, abs=0.01)       # the first position fix, standing
     good, bad = solution.counts()["attitude-mekf"]
-    assert good + bad == pytest.approx(6743, abs=5) and bad < 0.1 * good
+    assert good + bad == pytest.approx(6743, abs=5) and bad < 0.2 * good
     assert np.degrees(sd.rms(sd.errors(solution, flight.reference), (240.0, 575.0)).rph).max() < 8
