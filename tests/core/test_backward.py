@@ -4,7 +4,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown.core.attitude import RECORD, SIX, INVERSE, measured, propagate, unmeasured, unpropagated
-from strapdown.core.backward import run_back
+from strapdown.core.backward import run_back, workspace
 from strapdown.core.contract import Noise, address, compile_kernel
 from strapdown.core.loop import BIASES, LLA, NAV_WIDTH, SD, Q, V
 from strapdown.core.rotation import turn_quaternion
@@ -157,17 +157,16 @@ def passed_back(model, pieces=1):
     """(errors, covariances) of the marked rows by run_back, in so many tapes one after the other."""
     compile_kernel(run_back)
     compile_kernel(back)
-    lam, Lam, work = np.zeros(6), np.zeros((6, 6)), np.zeros(72 + 15)
-    tape, mark, P, nav = np.array(model.tape), np.array(model.mark), np.array(model.P), np.zeros((len(model.mark), NAV_WIDTH))
+    lam, Lam, work = np.zeros(6), np.zeros((6, 6)), np.zeros(workspace(6, 15))
+    tape, mark, nav = np.array(model.tape), np.array(model.mark), np.zeros((len(model.mark), NAV_WIDTH))
+    P, smoothed = np.array(model.P), np.empty((len(mark), 15, 15))
     nav[:, Q] = 1.0
     edges = np.linspace(0, len(mark), pieces + 1).astype(int)
     for first, last in zip(edges[-2::-1], edges[:0:-1]):
         begin, end = (mark[first - 1] if first else 0), (mark[last - 1] if last < len(mark) else len(tape))
-        part = np.ascontiguousarray(P[first:last])
-        run_back(address(back), tape[begin:end], mark[first:last] - begin, part, np.array(SIX), lam, Lam, work, nav[first:last])
-        P[first:last] = part
+        run_back(address(back), tape[begin:end], mark[first:last] - begin, P[first:last], np.array(SIX), lam, Lam, work, nav[first:last], smoothed[first:last])
     turned = Rotation.from_quat(nav[:, [Q + 1, Q + 2, Q + 3, Q]]).as_rotvec()
-    return np.hstack([turned, nav[:, BIASES + 3:SD]]), P, nav
+    return np.hstack([turned, nav[:, BIASES + 3:SD]]), smoothed, nav
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -180,7 +179,7 @@ def test_a_pass_is_the_least_squares_of_all_measurements(seed):
     np.testing.assert_allclose(error[:, 3:], expected[:, 3:], atol=1e-9)
     np.testing.assert_allclose(error[:, :3], [rotation(v) for v in expected[:, :3]], atol=1e-9)
     np.testing.assert_allclose(P[(slice(None), *BLOCK)], covariance, atol=1e-9)
-    np.testing.assert_allclose(nav[:, SD:SD + 15] ** 2, np.einsum("ijj->ij", P), atol=1e-9)
+    np.testing.assert_allclose(nav[:, SD:SD + 15] ** 2, np.einsum("ijj->ij", P), atol=1e-9)     # the others stand at 0
     np.testing.assert_allclose(error[-1], 0.0, atol=1e-12)      # nothing comes after the last row
 
 
@@ -191,17 +190,18 @@ def test_tapes_follow_each_other(pieces):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
 
 
-def test_all_states_and_those_of_aidings_are_composed():
-    rng, n = np.random.default_rng(5), 17
+@pytest.mark.parametrize("tail", (0, 2))
+def test_all_states_and_those_of_aidings_are_composed(tail):
+    rng, n = np.random.default_rng(5), 15 + tail
     compile_kernel(run_back)
     compile_kernel(back)
     before, lam, Lam = positive(rng, n), rng.standard_normal(n) * 0.1, positive(rng, n) * 0.01
-    P, nav = before[None].copy(), np.zeros((1, NAV_WIDTH + 1 + 4))
+    P, nav, found = before[None].copy(), np.zeros((1, NAV_WIDTH + 1 + 2 * tail)), np.empty((1, n, n))
     lla, attitude = np.array([0.8, 3.1, 400.0]), Rotation.random(random_state=2)
     x, y, z, w = attitude.as_quat()
     nav[0, LLA:BIASES] = [*lla, 1.0, 2.0, 3.0, w, x, y, z]
-    nav[0, NAV_WIDTH:] = [7.0, 10.0, 20.0, 0.0, 0.0]     # a column of the filter, two states of aidings, their standard deviations
-    run_back(address(back), np.zeros((0, TAPE)), np.zeros(1, np.int64), P, np.arange(n), lam, Lam, np.zeros(2 * n * n + n), nav)
+    nav[0, NAV_WIDTH:] = [7.0, *[10.0, 20.0][:tail], *[0.0] * tail]     # a column of the filter, two states of aidings, their standard deviations
+    run_back(address(back), np.zeros((0, TAPE)), np.zeros(1, np.int64), P, np.arange(n), lam, Lam, np.full(workspace(n, n), np.nan), nav, found)
     error, smoothed = -before @ lam, before - before @ Lam @ before
     row = nav[0]
     np.testing.assert_allclose(displacement(row[LLA:V], lla), error[:3], atol=1e-6)
@@ -210,8 +210,10 @@ def test_all_states_and_those_of_aidings_are_composed():
     np.testing.assert_allclose(turned.as_rotvec(), error[6:9], atol=1e-12)
     np.testing.assert_allclose(row[BIASES:SD], error[9:15])
     np.testing.assert_allclose(row[SD:SD + 15], np.sqrt(np.diag(smoothed)[:15]))
-    np.testing.assert_allclose(row[NAV_WIDTH:], [7.0, 10 + error[15], 20 + error[16], *np.sqrt(np.diag(smoothed)[15:])])
-    np.testing.assert_allclose(P[0], smoothed, atol=1e-12)
+    np.testing.assert_allclose(row[NAV_WIDTH:], [7.0, *(error[15:] + [10, 20][:tail]), *np.sqrt(np.diag(smoothed)[15:])])
+    np.testing.assert_allclose(found[0], smoothed, atol=1e-12)
+    np.testing.assert_array_equal(found[0], found[0].T)
+    np.testing.assert_array_equal(P[0], before)
 
 
 def test_quaternions_turn_as_rotations_do():

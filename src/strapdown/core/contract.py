@@ -146,7 +146,7 @@ if COMPILED:
     RUN = types.void(_i8, _i8, _count, BELIEF, IMU, FIXES, NOISE, CURSOR, OUTPUT)
     KEEP = types.void(BELIEF, _line)
     BACK = types.void(_line, _line, _table, _line)
-    RUN_BACK = types.void(_i8, _table, _count, _cube, _count, _line, _table, _line, _table)
+    RUN_BACK = types.void(_i8, _table, _count, _cube, _count, _line, _table, _line, _table, _cube)
 else:
     OBSERVE, PREDICT, CORRECT, RUN, KEEP, BACK, RUN_BACK = "observe", "predict", "correct", "run", "keep", "back", "run back"
 
@@ -155,7 +155,7 @@ class Smoother(NamedTuple):
     """How the calls of a filter are undone, last one first."""
     width: Callable     # n -> numbers of a record of one call, with n states
     keep: Callable      # (belief, record (width,)): what the adjoint of the last call of predict or correct needs, also where it did nothing
-    back: Callable      # (record, lam (k,), Lam (k, k), work (2 k k,)): the adjoint of that call, on the states that the filter estimates and the tail
+    back: Callable      # (record, lam (k,), Lam (k, k), work: core.backward.workspace): the adjoint of that call, on the states that the filter estimates and the tail
 
 
 class Filter(NamedTuple):

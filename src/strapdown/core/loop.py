@@ -12,7 +12,7 @@ Rules (docs/conventions.md):
 """
 import math
 
-from .compiling import caller, helper, inlined, kernel
+from .compiling import caller, flatten, helper, inlined, kernel
 from .contract import BRIDGED, CORRECT, FIRST, INVALID, KEEP, OBSERVE, POSITION_KIND, PREDICT, RUN, VALID, VELOCITY_KIND, WALK, Noise
 from .earth import LATITUDE_LIMIT
 from .mechanization import compensate, stationary_increments
@@ -228,6 +228,6 @@ def _write_row(belief, t, status, row):
 
 @helper
 def _write_covariance(P, out):
-    for i in range(P.shape[0]):
-        for j in range(P.shape[0]):
-            out[i, j] = P[i, j]
+    numbers, copy = flatten(P), flatten(out)
+    for i in range(numbers.size):
+        copy[i] = numbers[i]

@@ -1,4 +1,5 @@
 """Closed loop: errors are injected into the INS at each fix, biases are corrected inside the INS. The default filter."""
+from ..core.adjoint import SMOOTHER
 from ..core.contract import CORRECT, PREDICT, Filter, kernel
 from ..core.error_state import DX, HEIGHT, auxiliary, inject, inject_biases, linearised_step, measure
 from ..core.mechanization import mechanize
@@ -30,4 +31,4 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     return nis
 
 
-CLOSED_LOOP = Filter("closed-loop", "Groves (2013) section 14.1.1; Hager & Bryne, section IV-B", start, predict, correct)
+CLOSED_LOOP = Filter("closed-loop", "Groves (2013) section 14.1.1; Hager & Bryne, section IV-B", start, predict, correct, smoother=SMOOTHER)

@@ -3,6 +3,7 @@
 The INS runs on the uncorrected IMU; after the reset the error state is [0, 0, 0, b], its prediction Phi [0, b] is not zero in position,
 velocity and attitude, and that part is composed into the nominal state at each step.
 """
+from ..core.adjoint import SMOOTHER
 from ..core.contract import BA, BG, CORRECT, PREDICT, Filter, kernel
 from ..core.error_state import DX, HEIGHT, X, added, inject, inject_biases, linearised_step, measure
 from ..core.mechanization import mechanize
@@ -34,4 +35,4 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     return nis
 
 
-CLOSED_LOOP_ERROR_BIAS = Filter("closed-loop-error-bias", "Hager & Bryne, section IV-B, equations (24)-(26)", start, predict, correct)
+CLOSED_LOOP_ERROR_BIAS = Filter("closed-loop-error-bias", "Hager & Bryne, section IV-B, equations (24)-(26)", start, predict, correct, smoother=SMOOTHER)

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from ..core.adjoint import SMOOTHER
 from ..core.contract import BA, BG, CORRECT, PREDICT, Filter, helper, kernel, matrix
 from ..core.earth import FAR
 from ..core.error_dynamics import TV
@@ -117,4 +118,4 @@ def left_model(t, lla, columns):
 
 
 OPEN_LOOP = Filter("open-loop", "Hager & Bryne, section IV-A, equations (19)-(23)", start, predict, correct,
-                   columns=INS_ERROR, watch=left_model)
+                   columns=INS_ERROR, watch=left_model, smoother=SMOOTHER)

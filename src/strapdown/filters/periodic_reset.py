@@ -2,6 +2,7 @@
 
 Interval 0 is the closed loop, an infinite one the open loop.
 """
+from ..core.adjoint import SMOOTHER
 from ..core.contract import CORRECT, PREDICT, Filter, kernel, matrix
 from ..core.error_state import OWN, X
 from . import open_loop
@@ -45,4 +46,4 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 PERIODIC_RESET = Filter("periodic-reset", "Hager & Bryne, section VI (occasional resets)", start, predict, correct,
-                        columns=INS_ERROR, watch=left_model)
+                        columns=INS_ERROR, watch=left_model, smoother=SMOOTHER)
