@@ -9,7 +9,8 @@ than half a turn.
 """
 import math
 
-from ..core.contract import ATT, CORRECT, Filter, helper, kernel, matrix
+from ..core import adjoint
+from ..core.contract import ATT, BACK, CORRECT, KEEP, Filter, Smoother, helper, kernel, matrix
 from ..core.error_state import DX, OWN, inject, inject_biases, measure
 from ..core.rotation import rotate_left, turned
 from .closed_loop import predict, start
@@ -27,7 +28,8 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
         rotation_vector(dx[ATT])
         inject(belief.lla, belief.v, belief.C, dx)
         inject_biases(belief, dx)
-        turn_covariance(belief.P, dx[ATT], matrix(belief.aux, TURN, 3, 3))
+        theta = dx[ATT]
+        turn_covariance(belief.P, theta[0], theta[1], theta[2], matrix(belief.aux, TURN, 3, 3))
     return nis
 
 
@@ -42,13 +44,13 @@ def rotation_vector(a):
 
 
 @helper
-def turn_covariance(P, theta, R):
-    """P <- A P A' with A = diag(I, I, R, I, ...) and R (3, 3) that of the rotation vector theta (rad), symmetric to the last bit."""
+def turn_covariance(P, x, y, z, R):
+    """P <- A P A' with A = diag(I, I, R, I, ...) and R (3, 3) that of the rotation vector (x, y, z), rad, symmetric to the last bit."""
     n = P.shape[0]
     for i in range(3):
         for j in range(3):
             R[i, j] = 1.0 if i == j else 0.0
-    rotate_left(theta[0], theta[1], theta[2], R)
+    rotate_left(x, y, z, R)
     for j in range(n):
         P[6, j], P[7, j], P[8, j] = turned(R, P[6, j], P[7, j], P[8, j])
     for i in range(3):
@@ -58,4 +60,24 @@ def turn_covariance(P, theta, R):
             P[j, 6 + i] = P[6 + i, j]
 
 
-MEKF = Filter("mekf", "Markley (2003), J. Guidance 26(2); Fossen (2021) section 14.4.3", start, predict, correct)
+@kernel(KEEP)
+def keep(belief, record):
+    """What the calls of the closed loop leave, and, last, the rotation vector of a correction."""
+    adjoint.kept(belief, record)
+    theta = belief.aux[DX][ATT]
+    for i in range(3):
+        record[record.size - 3 + i] = theta[i]
+
+
+@kernel(BACK)
+def back(call, lam, Lam, work):
+    """The adjoint of the call in a record of `keep`: of a correction first that of its turn, lam <- A' lam and Lam <- A' Lam A."""
+    if call[0] > 0:
+        theta, R = call[call.size - 3:], matrix(work, 0, 3, 3)
+        turn_covariance(Lam, -theta[0], -theta[1], -theta[2], R)
+        lam[6], lam[7], lam[8] = turned(R, lam[6], lam[7], lam[8])
+    adjoint.undone(call, lam, Lam, work)
+
+
+MEKF = Filter("mekf", "Markley (2003), J. Guidance 26(2); Fossen (2021) section 14.4.3", start, predict, correct,
+              smoother=Smoother(lambda n: adjoint.width(n) + 3, keep, back))
