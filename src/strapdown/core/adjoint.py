@@ -3,14 +3,14 @@
 The transposed transition goes the other way round than the transition: position, velocity, attitude, bias. Like that it is applied to rows of a
 workspace, with constant offsets, strides and trip counts. States beyond the fifteenth stand still.
 """
-from .compiling import flatten, helper, inlined, kernel
+from .compiling import flatten, helper, inlined, kernel, matrix
 from .contract import BACK, KEEP, Smoother
 from .error_dynamics import BLOCKS, PP, TP, TV, VP, VV
 from .error_state import DV, PREDICTED, STEP, WORK
-from .gaussian import used_rows
+from .gaussian import decay, used_rows, whiten
 
 PREDICTION = DV.stop - STEP.start               # numbers of a record of a prediction: STEP, BLOCK, MID and DV of aux
-DT, W, KEEP_A, KEEP_G, F, C, HALF_FORCE = 1, 2, 5, 6, 7, 7 + BLOCKS, 7 + BLOCKS + 9
+DT, W, DECAY_A, DECAY_G, F, C, HALF_FORCE = 1, 2, 5, 6, 7, 7 + BLOCKS, 7 + BLOCKS + 9
 """Places in it: the first number is PREDICTED."""
 INNOVATION, U = 1, 4                            # of a correction: rows used, whitened innovations (3), U and H, each (3, n), rows not used zero
 ONE, OTHER, COLUMN = 0, 240, 480                # of the workspace: 15 rows of 16 twice, and a column
@@ -38,6 +38,7 @@ def kept(belief, record):
     elif record[0] > 0:
         used, first, H = WORK + used_rows(n), WORK + n * n + 1, aux.size - 3 * n
         rows = int(record[0])
+        whiten(matrix(aux, H, 3, n), aux[WORK:])
         for k in range(3):
             record[INNOVATION + k] = aux[used + 1 + k]
             for j in range(n):
@@ -69,7 +70,8 @@ def transposed_transition(name, source, target, stride, blocks_of_lanes, lanes):
     P, V, T, A, G = (tuple(target + (3 * k + i) * stride for i in range(3)) for k in range(5))
 
     def apply(work, step):
-        dt, keep_a, keep_g = step[DT], step[KEEP_A], step[KEEP_G]
+        dt = step[DT]
+        keep_a, keep_g = decay(step[DECAY_A] * dt), decay(step[DECAY_G] * dt)
         w0, w1, w2 = step[W], step[W + 1], step[W + 2]
         half = 0.5 * dt
         pp0, pp2, pp3, pp4, pp5 = dt * step[F + PP], dt * step[F + PP + 2], dt * step[F + PP + 3], dt * step[F + PP + 4], dt * step[F + PP + 5]
