@@ -20,8 +20,10 @@ import numpy as np  # noqa: E402
 
 import attitude  # noqa: E402
 import figures  # noqa: E402
+import navigation  # noqa: E402
 import peers  # noqa: E402
 import processes  # noqa: E402
+import smoothing  # noqa: E402
 import studies  # noqa: E402
 import subject  # noqa: E402
 import workload  # noqa: E402
@@ -161,6 +163,13 @@ def attitude_figures(book):
         book.add(figure)
 
 
+def navigation_figures(book):
+    """Of the navigation filters: in time beside the closed loop, in consistency; and of smoothing."""
+    book.measure(list(navigation.TIMES), lambda: navigation.times(alternating, 15))
+    book.measure(navigation.CONSISTENT, navigation.consistency)
+    book.measure(smoothing.FIGURES, smoothing.smoothing)
+
+
 def recorded_figures(book):
     def measured():
         with tempfile.TemporaryDirectory() as folder:
@@ -216,6 +225,7 @@ def main():
         study_figures(book)
         recorded_figures(book)
         attitude_figures(book)
+        navigation_figures(book)
         peer_figures(book, options.full)
     figures.write(OUT, book.figures, machine())
     judged = [figure.holds for figure in book.figures if figure.target is not None]

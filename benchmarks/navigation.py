@@ -13,7 +13,7 @@ TIMES = {"navigation, mekf time": "mekf", "navigation, fixed-gain time": "fixed-
 """Figure and filter, which runs in turns with the closed loop on the same sources."""
 FED = ("direct-ahrs", "direct-euler", "indirect-ahrs-open", "indirect-ahrs-closed")
 """The Kalman filters whose attitude an AHRS measures."""
-CONSISTENT = ["navigation, mekf NEES inside", "navigation, AHRS-fed NEES inside"]
+CONSISTENT = ["navigation, mekf NEES inside", "navigation, AHRS-fed NEES inside", "navigation, smoothed NEES inside"]
 
 
 def attitude(w, seed=1):
@@ -38,7 +38,10 @@ def times(alternating, turns):
 def consistency():
     """[(share of epochs inside the band, note)] for `CONSISTENT`: the statistics of tests/filters/test_consistency.py, whose functions these are."""
     sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "tests" / "filters")]
+    import strapdown as sd
     import test_consistency as tests
     flight = tests.made_flight()
-    share = lambda names: min((tests.share_inside(tests.runs(flight, line)[0]), line[0], line[2].name) for line in tests.FILTERS if line[0] in names)
-    return [(value, f"the lowest: {name}, {imu}") for value, name, imu in (share(("mekf",)), share(FED))]
+    share = lambda names, estimate=sd.fuse: min((tests.share_inside(tests.runs(flight, line, estimate=estimate)[0]), line[0], line[2].name)
+                                                for line in tests.FILTERS if line[0] in names)
+    found = share(("mekf",)), share(FED), share(("closed-loop", "mekf"), sd.smooth)
+    return [(value, f"the lowest: {name}, {imu}") for value, name, imu in found]

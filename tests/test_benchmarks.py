@@ -12,6 +12,8 @@ sys.path.insert(0, str(FOLDER))
 import attitude  # noqa: E402
 import bench  # noqa: E402
 import figures  # noqa: E402
+import navigation  # noqa: E402
+import smoothing  # noqa: E402
 import subject  # noqa: E402
 import workload  # noqa: E402
 import yardstick  # noqa: E402
@@ -32,7 +34,7 @@ def skew(v):
 @pytest.mark.short
 def test_targets_are_the_issues():
     tables = figures.targets()
-    assert len(tables) == 45
+    assert len(tables) == 53
     assert tables["A closed loop time"]["target"] == 1.0 and tables["B closed loop time"]["target"] == 1.2
     assert tables["N open loop position"]["tolerance"] == 0.05
 
@@ -87,6 +89,9 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
     monkeypatch.setattr(bench.studies, "paper", lambda *options: (50.0, 1e8, 1.0))
     for name, lines in (("accuracy", attitude.ACCURACY), ("times", attitude.TIMES), ("simulated", attitude.SIMULATED)):
         monkeypatch.setattr(attitude, name, lambda lines=lines: [(0.3, "")] * len(lines))
+    monkeypatch.setattr(navigation, "times", lambda *_: [(0.3, "")] * len(navigation.TIMES))
+    monkeypatch.setattr(navigation, "consistency", lambda: [(0.95, "")] * len(navigation.CONSISTENT))
+    monkeypatch.setattr(smoothing, "smoothing", lambda: [(0.3, "")] * len(smoothing.FIGURES))
     monkeypatch.setattr(attitude, "peer_figures", lambda: [figures.informative("attitude, BROAD vqf", 2.6, "deg")])
     monkeypatch.setattr(bench.peers, "RUNS", (("fast", lambda w, s: bench.peers.Result(2.0, None), "smsfusion", {"A": 1.0}),
                                               ("absent", None, "no such package", {"A": 1.0})))
