@@ -39,6 +39,7 @@ def accuracy(name=FILTER):
 def times(name=FILTER, turns=TURNS, **more):
     """(us per sample of both ways of the smoother, of the filter's loop, ratio): medians of runs in turns; arrays and kernels are there before."""
     from strapdown import engine
+    from strapdown.core import loop
     from strapdown.core.contract import compile_kernel
     from strapdown.filters import find
     from strapdown.smoothing import both_ways, run_back
@@ -46,7 +47,7 @@ def times(name=FILTER, turns=TURNS, **more):
     log, start, noise = subject.recording(w), subject.start(w), subject.noise(w.parameters)
     made = lambda begin: begin(log, name, None, start, noise, 1, False, None, more)
     smoother = find(name).smoother
-    for kernel in (run_back, smoother.back, smoother.keep):
+    for kernel in (run_back, loop.run_taped, smoother.back, smoother.keep):
         compile_kernel(kernel)
     forward, out = subject.timed(made), made(engine.begin).out
     for part in out[:3]:

@@ -130,10 +130,10 @@ class Run(NamedTuple):
     out: Output
     first: int          # row of the samples that it begins with
 
-    def advance(self, rows, out=None):
-        """Go on to the end of the sample before row `rows`; writes into `out`, or its own."""
+    def advance(self, rows, out=None, run=loop.run):
+        """Go on to the end of the sample before row `rows`; writes into `out`, or its own; `run` is `loop.run_taped` where that has a tape."""
         self.cursor.at[loop.STOP] = rows
-        loop.run(*self.kernels, self.belief, self.samples, self.fixes, self.noise, self.cursor, out or self.out)
+        run(*self.kernels, self.belief, self.samples, self.fixes, self.noise, self.cursor, out or self.out)
 
     def chunks(self, rows):
         """Rows to stop at: every `rows` samples and the last. Ends early where the filter does."""
@@ -199,9 +199,8 @@ def begin(recording, filter, imu, start, noise, every, covariance, say, options,
 def new_output(filter, belief, rows, covariance=False, fixes=0, tape=0):
     """An Output of so many rows, with their covariances or not, and of so many fixes; with a tape of so many calls for the smoother."""
     width = loop.NAV_WIDTH + len(filter.columns) + 2 * belief.tail.size
-    tape_width = filter.smoother.width(len(belief.P)) if tape else 0
     return Output(np.empty((rows, width)), np.empty((rows if covariance else 0, *belief.P.shape)), np.empty((fixes, loop.FIX_WIDTH)),
-                  np.empty((tape, tape_width)), np.zeros(rows if tape else 0, np.int64))
+                  np.empty((tape, filter.smoother.width(len(belief.P))) if tape else 0), np.zeros(rows if tape else 0, np.int64))
 
 
 def assumed_noise(imu, noise, needed):

@@ -30,7 +30,7 @@ def smooth(recording, filter="closed-loop", imu=None, start=None, noise=None, ev
         able = [name for name in filters.names() if filters.find(name).smoother]
         raise DataError(f"{filter.name} cannot be smoothed; these can: {', '.join(able)}")
     run = begin(recording, filter, imu, start, noise, every, covariance, say, options, ahrs, ahrs_rate)
-    kernels = run_back, filter.smoother.back, filter.smoother.keep
+    kernels = run_back, loop.run_taped, filter.smoother.back, filter.smoother.keep
     if say and not all(map(is_cached, kernels)):
         say("compiling the smoother for the first time on this machine, about 15 s ...")
     for kernel in kernels:
@@ -88,7 +88,7 @@ def _backwards(run, kept, keeping, report):
         _restore(run, before)
         run.cursor.at[loop.OUT] = run.cursor.at[loop.TAPED] = 0
         run.cursor.at[[loop.EVERY, loop.PHASE]] = keeping
-        run.advance(after.row, room._replace(nav=run.out.nav[whole]))
+        run.advance(after.row, room._replace(nav=run.out.nav[whole]), loop.run_taped)
         run_back(back, room.tape[:run.cursor.at[loop.TAPED]], room.mark[:rows], room.covariance[:rows], estimated, lam, Lam, work, run.out.nav[whole],
                  run.out.covariance[whole])
         report(1 - (number - 1) / len(pairs) / 2)

@@ -13,7 +13,7 @@ from .compiling import COMPILED, address, caller, compile_kernel, entry_point, h
 
 __all__ = ["Belief", "Start", "Noise", "Imu", "Fixes", "Cursor", "Output", "Filter", "Smoother", "Sensor", "PARAMETERS", "WALK", "FIRST",
            "POSITION_KIND", "VELOCITY_KIND", "HEADING_KIND", "ALTITUDE_KIND", "GRAVITY_KIND", "MAGNETIC_KIND", "SEA_LEVEL_KIND", "ATTITUDE_KIND",
-           "VALID", "BRIDGED", "INVALID", "OBSERVE", "PREDICT", "CORRECT", "RUN", "KEEP", "BACK", "RUN_BACK", "POS", "VEL", "ATT", "BA", "BG", "STATES", "COMPILED", "kernel", "helper",
+           "VALID", "BRIDGED", "INVALID", "OBSERVE", "PREDICT", "CORRECT", "RUN", "RUN_TAPED", "KEEP", "BACK", "RUN_BACK", "POS", "VEL", "ATT", "BA", "BG", "STATES", "COMPILED", "kernel", "helper",
            "matrix", "address", "entry_point", "caller", "compile_kernel", "is_cached"]
 
 POS, VEL, ATT, BA, BG = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
@@ -115,7 +115,7 @@ class Output(NamedTuple):
     nav: np.ndarray         # (rows, NAV_COLUMNS + extra columns of the filter)
     covariance: np.ndarray  # (rows, n, n), or (0, n, n)
     fix: np.ndarray         # (m, FIX_COLUMNS)
-    tape: np.ndarray        # (calls, width) what each call of predict and correct left for the smoother, or (0, width)
+    tape: np.ndarray        # (calls, width) what each call of predict and correct left for the smoother; (0,) without one, which is another type
     mark: np.ndarray        # int64 per row: calls before it; unused without a tape
 
 
@@ -138,17 +138,17 @@ if COMPILED:
     IMU = _named(Imu, _line, _line, _table, _table)
     FIXES = _named(Fixes, _line, _count, _table, _table, _count, _table, _line)
     CURSOR = _named(Cursor, _count, _line, _line, _line, _count, _count, _count, _line, _count, _line)
-    OUTPUT = _named(Output, _table, _cube, _table, _table, _count)
+    OUTPUT, TAPED_OUTPUT = (_named(Output, _table, _cube, _table, tape, _count) for tape in (_line, _table))
 
     OBSERVE = _i8(BELIEF, _line, _line, _line, _table)
     PREDICT = types.void(BELIEF, _line, _f8, NOISE)
     CORRECT = _f8(BELIEF, _line, _line, _i8, types.FunctionType(OBSERVE), _line, _f8, _line)
-    RUN = types.void(_i8, _i8, _count, BELIEF, IMU, FIXES, NOISE, CURSOR, OUTPUT)
+    RUN, RUN_TAPED = (types.void(_i8, _i8, _count, BELIEF, IMU, FIXES, NOISE, CURSOR, output) for output in (OUTPUT, TAPED_OUTPUT))
     KEEP = types.void(BELIEF, _line)
     BACK = types.void(_line, _line, _table, _line)
     RUN_BACK = types.void(_i8, _table, _count, _cube, _count, _line, _table, _line, _table, _cube)
 else:
-    OBSERVE, PREDICT, CORRECT, RUN, KEEP, BACK, RUN_BACK = "observe", "predict", "correct", "run", "keep", "back", "run back"
+    OBSERVE, PREDICT, CORRECT, RUN, RUN_TAPED, KEEP, BACK, RUN_BACK = "observe", "predict", "correct", "run", "run taped", "keep", "back", "run back"
 
 
 class Smoother(NamedTuple):
