@@ -1,55 +1,21 @@
-"""Attitude from an AHRS that runs first: its rate, its deviations, what it takes over, what is refused; and starts by recorded attitude."""
+"""Attitude from an AHRS that runs first: its rate, its deviations, what it takes over, what is refused."""
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
+from around import beside, only, recorded, recording
 from recordings import rows, same, without_samples
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.ahrs import ASSUMED, REMEDY, deviations, source
-from strapdown.data import Aiding, DataError
+from strapdown.data import DataError
 from strapdown.filters import find, names
 from strapdown.filters.closed_loop import CLOSED_LOOP
-from strapdown.sensors.imu import ImuSpec, Triad
-from strapdown.sensors.magnetometer import Magnetometer
-from strapdown.sim.trajectory import DEG, Motion, static
 from synthetic import flight as circling
 from synthetic import solution as made_up
 
 FED = CLOSED_LOOP._replace(name="fed", needs=("attitude",))
-AROUND = Motion("around", (DEG * 47.0, DEG * 8.0, 500.0), lambda t: (0 * t, 0 * t, 0 * t), lambda t: (0.2 * np.sin(0.3 * t), 0.1 * np.sin(0.2 * t), 2 + 0.2 * t))
-"""A platform that turns on the spot: no course tells its heading."""
-
-
-@cache
-def recording(seconds=20.0, rate=20.0):
-    """Nine axes and GNSS: 400 samples, a magnetometer with every second one."""
-    return sd.simulate(AROUND, seconds, "tactical", 5, rate, magnetometer=Magnetometer(rate=rate / 2), date="2024-05-01")
-
-
-def only(*kinds):
-    """The recording with its sources of these kinds alone."""
-    return replace(recording(), aidings=tuple(a for a in recording().aidings if a.kind in kinds))
-
-
-def recorded(every=4, off=(0.0, 0.0, 0.0), deviation=(0.01, 0.02, 0.03), name="box"):
-    """The true attitude, less `off`, as an Aiding: every `every`-th row of the truth."""
-    truth = recording().reference
-    y = truth.rph[::every] - off
-    return Aiding("attitude", truth.t[::every], y, np.tile(deviation, (len(y), 1)), name=name)
-
-
-def beside(*aidings, kinds=("position", "velocity")):
-    return replace(only(*kinds), aidings=(*only(*kinds).aidings, *aidings))
-
-
-def off(start):
-    """Angle (rad) between the attitude of a Start and the truth."""
-    truth = recording().reference
-    row = int(np.argmin(np.abs(truth.t - start.t)))
-    return (truth.rotation[row] * Rotation.from_euler("ZYX", start.rph[::-1]).inv()).magnitude()
 
 
 def same_innovations(first, second):
@@ -228,6 +194,16 @@ def test_names(filter, ahrs, text):
 
 
 @pytest.mark.short
+@pytest.mark.parametrize("wrong, text", [("foo", "start is 'foo'; it must be a Start"), ({"sd": (1.0,) * 3}, "start: sd is .* it must be 15 finite numbers"),
+                                         ({"t": None}, "start: t is None"), ({"rph": None}, "start: rph is None")])
+def test_a_wrong_start_is_refused_before_the_ahrs_has_it(wrong, text):
+    start = wrong if isinstance(wrong, str) else sd.align(recording(), sd.grade("tactical"))._replace(**wrong)
+    for filter, more in (("direct-ahrs", {}), ("closed-loop", {"ahrs": "attitude-mekf"})):
+        with pytest.raises(DataError, match=f"^{text}"):
+            sd.fuse(recording(), filter, start=start, **more)
+
+
+@pytest.mark.short
 def test_other_needs_are_told_by_name():
     needy = CLOSED_LOOP._replace(name="needy", needs=("pressure", "position", "heading"))
     with pytest.raises(DataError, match="^needy needs pressure and heading aiding, and there is none: add a source of that kind$"):
@@ -259,57 +235,6 @@ def test_a_stream_must_be_given_attitude():
     solution = sd.fuse(sources, FED, start=start)
     assert np.array_equal(stream.finish().lla, solution.trajectory.lla[-1])
     assert dict(zip(solution.innovations.names, stream.counts())) == solution.counts()
-
-
-# ---- starts by recorded attitude
-
-@pytest.mark.short
-def test_a_vehicle_that_stands_starts_at_once_with_the_recorded_attitude():
-    imu = sd.grade("tactical")
-    assert "heading unknown" in sd.align(beside(), imu).note
-    start = sd.align(beside(recorded()), imu)
-    assert start.t == beside().aidings[0].t[0] and "heading from box, roll and pitch from box" in start.note
-    assert off(start) < 1e-3
-    c, s = np.cos(start.rph[2]), np.sin(start.rph[2])
-    P = np.array([[c, -s], [s, c]]) @ np.diag([0.01 ** 2, 0.02 ** 2]) @ np.array([[c, s], [-s, c]])
-    assert start.sd[6:9] == pytest.approx([*np.sqrt(np.diag(P)), 0.03], rel=1e-6)
-
-
-@pytest.mark.short
-@pytest.mark.parametrize("after, position", [(0.0, True), (0.7, True), (-0.7, True), (0.7, False), (-0.7, False)])
-def test_a_record_is_carried_to_the_start_by_the_gyros(after, position):
-    whole, at = recorded(every=1), 10.0
-    one = whole._where(np.abs(whole.t - at - after) < 0.01)
-    start = sd.align(beside(one), sd.grade("tactical"), at=at, position=position)
-    assert len(one.t) == 1 and off(start) < 2e-3
-    turned = 0.01 * 0.2 * abs(after)            # 1 % of the angle, of at least 0.2 rad/s
-    assert np.hypot(0.03, turned) <= start.sd[8] < np.hypot(0.03, 1.5 * turned) + 1e-9
-
-
-@pytest.mark.short
-def test_the_gyro_bias_is_not_carried_along():
-    imu = ImuSpec("biased", Triad(noise=1e-5, turn_on_bias=0.05), Triad(noise=1e-4))
-    still = sd.simulate(static((0.8, 0.1, 100.0), (0.1, 0.2, 1.0)), 20.0, imu, 1, 20.0)
-    record = Aiding("attitude", np.array([9.1]), np.array([[0.1, 0.2, 1.0]]), np.full((1, 3), 0.01))
-    start = sd.align(replace(still, aidings=(*still.aidings, record)), imu, at=10.0)
-    assert np.linalg.norm(still.meta["b_g"][0]) > 0.02 and start.rph == pytest.approx((0.1, 0.2, 1.0), abs=2e-3)
-
-
-@pytest.mark.short
-def test_what_does_not_count_as_a_record():
-    imu, at, whole = sd.grade("tactical"), 10.0, recorded(every=1)
-    far = whole._where(np.abs(whole.t - at) > 1.01)
-    assert "box" not in sd.align(beside(far), imu, at=at).note
-    level = replace(whole, y=whole.y * [1, 1, np.nan])
-    start = sd.align(beside(level), imu, at=at)
-    assert "roll and pitch from box" in start.note and "heading unknown" in start.note
-    unsure_box = replace(whole, sd=whole.sd * [1, 1, 100])
-    unsure = sd.align(beside(unsure_box), imu, at=at)
-    assert "roll and pitch from box" in unsure.note and "heading unknown" in unsure.note
-    beside_field = sd.align(beside(unsure_box, kinds=("position", "magnetic-field")), imu, at=at)
-    assert "heading from the magnetic field" in beside_field.note and "roll and pitch from box" in beside_field.note
-    known = sd.align(beside(whole), imu, at=at, heading=1.0)
-    assert "heading given, roll and pitch from box" in known.note and known.rph[2] == 1.0
 
 
 # ---- the command line, and a recorded flight

@@ -1,11 +1,12 @@
 """fuse: chunks, threads, decimation, starts, ends, refusals, and parts of a recording."""
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from time import perf_counter
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from recordings import alike, flight, rows, same, split, start, without_samples
+from recordings import ahrs, alike, flight, rows, same, split, start, without_samples
 
 import strapdown as sd
 from strapdown import engine
@@ -157,7 +158,15 @@ def test_the_antimeridian_is_crossed(name):
     (dict(filter="closed-lop"), "no filter is called 'closed-lop'; did you mean 'closed-loop'"),
     (dict(interval=3.0), "filter 'closed-loop' has no option 'interval'; it has error_model"),
     (dict(error_model="exact"), "error_model is 'exact'; it must be one of corrected, literal, printed-signs, no-gradient, latitude-gravity"),
-    (dict(filter="periodic-reset", interval="x"), "filter 'periodic-reset': "),
+    (dict(filter="periodic-reset", interval="x"), "filter 'periodic-reset': interval is 'x'; it must be a number"),
+    (dict(filter="periodic-reset", interval=None), "interval is None; it must be a number"),
+    (dict(filter="periodic-reset", interval=True), "interval is True; it must be a number"),
+    (dict(filter="fixed-gain", k1=[1, 2]), "filter 'fixed-gain': k1 is [1, 2]; it must be a number"),
+    (dict(filter="fixed-gain", k1=1j), "k1 is 1j; it must be a number"),
+    (dict(filter="fixed-gain", k1=np.ones(3)), "it must be a number"),
+    (dict(filter="direct-ahrs", correlation=None), "correlation is None; it must be a number"),
+    (dict(filter="direct-ahrs", bias=["decaying"]), "bias is ['decaying']; it must be text, such as 'random-walk'"),
+    (dict(error_model=3.0), "filter 'closed-loop': error_model is 3.0; it must be text, such as 'corrected'"),
     (dict(every=0), "every is 0; it must be a whole number, at least 1"),
     (dict(every=2.5), "every is 2.5"),
     (dict(imu="tacticle"), "did you mean 'tactical'"),
@@ -178,9 +187,18 @@ def test_refused_in_one_line(wrong, words):
     parts = {key: wrong.pop(key) for key in ("t", "lla", "v", "sd", "rph") if key in wrong}
     if "noise" in wrong:
         wrong["noise"] = sd.Noise(*wrong["noise"])
+    if wrong.get("filter") in ("fixed-gain", "direct-ahrs"):
+        recording = replace(recording, aidings=(*recording.aidings, ahrs(recording.reference)))
     with pytest.raises(DataError) as error:
         fused(recording, start=start(recording)._replace(**parts), **wrong)
     assert words in str(error.value) and "\n" not in str(error.value)
+
+
+@short
+def test_options_may_be_any_real_number():
+    recording = flight()
+    whole = [fused(recording, filter="periodic-reset", interval=value) for value in (5, 5.0, np.float32(5), np.int64(5))]
+    assert all(same(whole[0], other) for other in whole[1:])
 
 
 @short
@@ -244,6 +262,38 @@ def test_a_lifted_gate_is_one_event_until_it_holds_again():
     used = np.zeros((len(uses), loop.FIX_WIDTH))
     used[:, loop.F_T], used[:, loop.F_USE] = np.arange(len(uses)), uses
     assert [t for t, _ in engine._events(recording.imu, 200, begin, used, ["a"], "held")] == [1.0, 7.0]
+
+
+L, R, P, U = loop.REACQUIRED, loop.REJECTED_FIX, loop.ACCEPTED, loop.UNMEASURED
+
+
+@short
+@pytest.mark.parametrize("uses, lifted, in_vain", [
+    ([R] * 6 + [L, P] + [R] * 9, [6], []),                              # one lift helped; what is rejected later is another matter
+    ([R] * 6 + [L] + [R] * 9 + [L] + [R] * 9 + [P], [6], []),           # still to be lifted once more
+    ([R] * 6 + [L, R, R, L, R, R, L] + [R] * 4, [6], []),               # the end of the record, not yet in vain
+    ([R] * 6 + [L, R, R, L, R, U, R, L] + [R] * 5, [6], [13]),
+    ([R] * 6 + [L, R, L, R, L] + [R] * 4 + [P] + [R] * 20, [6], []),    # passes after four
+    ([L, L, L] + [R] * 5 + [P, R, L, P] + [L, L, L] + [R] * 5 + [P], [0, 10, 12], [2, 14]),
+    ([L] * 30 + [P], [0], []),                                          # a position, lifted as often as it takes
+])
+def test_a_source_is_left_out_where_lifting_did_not_help(uses, lifted, in_vain):
+    own = np.zeros((len(uses), loop.FIX_WIDTH))
+    own[:, loop.F_T], own[:, loop.F_USE] = np.arange(len(uses)), uses
+    events = engine._lifted(own, "a")
+    assert [t for t, text in events if "gate lifted" in text] == lifted and [t for t, text in events if "did not help" in text] == in_vain
+
+
+@short
+def test_many_lifts_of_a_long_record_take_no_time():
+    own = np.zeros((600_000, loop.FIX_WIDTH))
+    own[:, loop.F_T] = np.arange(len(own))
+    for lift in (0, 100, 200):
+        own[lift::400, loop.F_USE] = L
+    own[300::400, loop.F_USE] = P
+    begin = perf_counter()
+    assert len(engine._lifted(own, "a")) == 3000
+    assert perf_counter() - begin < 0.5
 
 
 # ---- parts of a recording

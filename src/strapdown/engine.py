@@ -1,6 +1,7 @@
 """From a Recording and a filter to a Solution: `prepare` compiles what a run needs, `fuse` runs a recording."""
 import inspect
 from dataclasses import replace
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -74,9 +75,11 @@ def merge(aidings, after=-np.inf):
 
 def brought(aidings):
     """[(name with unit, initial standard deviation)] of the states that these sources bring along, in the order of the states. Raises DataError."""
-    states = [(f"{a.name or a.kind} {name}", sensor.state_sd) for a in aidings for sensor in [found(aiding.find, a.kind)] for name in sensor.states]
+    states = [(f"{a.name or a.kind} {name}", sensor.state_sd)
+              for a in aidings for sensor in [found(aiding.find, a.kind)] for name in sensor.states]
     if len(states) > STATES:
-        raise DataError(f"the sources bring {len(states)} states along, the last is {states[-1][0]!r}; at most {STATES} can be estimated: leave sources out")
+        raise DataError(f"the sources bring {len(states)} states along, the last is {states[-1][0]!r}; "
+                        f"at most {STATES} can be estimated: leave sources out")
     return states
 
 
@@ -104,8 +107,8 @@ def _three_columns(values):
 def new_cursor(filter, t, sources):
     """A Cursor at time `t` before the first sample, for that many sources."""
     count = lambda: np.zeros(sources, np.int64)
-    cursor = Cursor(np.zeros(loop.CURSOR_SIZE, np.int64), np.array([float(t)]), np.zeros(7), np.zeros(15), count(), count(), count(), np.zeros(sources), count(),
-                    np.full(sources, float(t)))
+    cursor = Cursor(np.zeros(loop.CURSOR_SIZE, np.int64), np.array([float(t)]), np.zeros(7), np.zeros(15), count(), count(), count(),
+                    np.zeros(sources), count(), np.full(sources, float(t)))
     cursor.at[loop.EVERY], cursor.at[loop.POSITIONED] = 1, positioned(filter)
     return cursor
 
@@ -171,6 +174,8 @@ def begin(recording, filter, imu, start, noise, every, covariance, say, options,
         raise DataError(f"every is {every}; it must be a whole number, at least 1")
     given, (noise, spec) = noise, assumed_noise(recording.meta.get("grade") if imu is None else imu, noise, needed=start is None)
     filter = found(filters.find, filter)
+    if start is not None:
+        _checked(start, noise)      # before an AHRS or anything else takes it for one
     from .ahrs import fed
     recording, made = fed(recording, filter, ahrs, ahrs_rate, spec, noise if given else None, start, say)
     check_needs(filter, recording.aidings)
@@ -193,7 +198,8 @@ def begin(recording, filter, imu, start, noise, every, covariance, say, options,
     cursor.at[loop.PHASE] = (rows - 1) % every
     kept = -(-(rows - first) // every)
     used = replace(recording, aidings=aidings, meta=recording.meta | {"notes": [*recording.meta.get("notes", []), *notes]})
-    return Run(used, samples, filter, prepared[1:], start, noise, spec, belief, fixes, cursor, new_output(filter, belief, kept, covariance, len(fixes.t)), first)
+    out = new_output(filter, belief, kept, covariance, len(fixes.t))
+    return Run(used, samples, filter, prepared[1:], start, noise, spec, belief, fixes, cursor, out, first)
 
 
 def new_output(filter, belief, rows, covariance=False, fixes=0, tape=0):
@@ -246,12 +252,14 @@ def new_belief(filter, start, noise, options, aidings):
 
 
 def check_options(filter, options):
-    """Raise DataError where `filter` has no such option, or one that is a number is given as text."""
+    """Raise DataError where `filter` has no such option, or a value is not of the type of the default: a number, or text."""
     known = {name: option.default for name, option in list(inspect.signature(filter.start).parameters.items())[2:]}
     for name, value in options.items():
         if name not in known:
             raise DataError(f"filter {filter.name!r} has no option {name!r}; it has {', '.join(known) or 'none'}")
-        if isinstance(value, str) and not isinstance(known[name], str):
+        if isinstance(known[name], str) and not isinstance(value, str):
+            raise DataError(f"filter {filter.name!r}: {name} is {value!r}; it must be text, such as {known[name]!r}")
+        if not isinstance(known[name], str) and (isinstance(value, bool) or not isinstance(value, Real)):
             raise DataError(f"filter {filter.name!r}: {name} is {value!r}; it must be a number")
 
 
@@ -263,8 +271,9 @@ def solution(run):
     events = _events(samples, cursor.at[loop.ROW], start, used, names, "velocity and attitude held, invalid until the next position fix"
                      if positioned(filter) else "attitude held")
     meta = {"filter": filter.name, "recording": recording.meta.get("name", ""), "notes": list(recording.meta.get("notes", [])),
-            "imu": spec.name if spec else "", "start": start._asdict(), "noise": noise._asdict(), "fixes_outside": sum(len(a.t) for a in recording.aidings) - len(used),
-            "kinds": {a.name or a.kind: a.kind for a in recording.aidings}, "date": recording.meta.get("date"), "point": recording.meta.get("point", "imu")}
+            "imu": spec.name if spec else "", "start": start._asdict(), "noise": noise._asdict(),
+            "fixes_outside": sum(len(a.t) for a in recording.aidings) - len(used), "kinds": {a.name or a.kind: a.kind for a in recording.aidings},
+            "date": recording.meta.get("date"), "point": recording.meta.get("point", "imu")}
     if cursor.at[loop.FAULT]:
         t = samples.t[cursor.at[loop.ROW]]
         meta["stopped"] = f"stopped at {t:.2f} s: the latitude left the +-89 deg where results hold, or the filter diverged"
@@ -316,7 +325,10 @@ def _lifted(own, name):
     series = np.cumsum(use == loop.ACCEPTED)    # from one fix that passes to the next
     lifted = np.flatnonzero(use == loop.REACQUIRED)
     _, first, count = np.unique(series[lifted], return_index=True, return_counts=True)
-    events = [(float(at), f"{name}: gate lifted after {loop.REJECTED} or more rejections in a row over {loop.PATIENCE:g} s") for at in t[lifted[first]]]
-    last = lifted[first + count - 1]
-    vain = [k for k in last if (rest := use[k + 1:][(series[k + 1:] == series[k]) & (use[k + 1:] == loop.REJECTED_FIX)]).size >= loop.REJECTED]
-    return events + [(float(t[k]), f"{name}: left out from here until one of its fixes passes the gate: lifting it {loop.LIFTS} times did not help") for k in vain]
+    text = f"{name}: gate lifted after {loop.REJECTED} or more rejections in a row over {loop.PATIENCE:g} s"
+    events = [(float(at), text) for at in t[lifted[first]]]
+    passed, rejected = np.r_[np.flatnonzero(use == loop.ACCEPTED), len(use)], np.r_[0, np.cumsum(use == loop.REJECTED_FIX)]
+    last = lifted[first + count - 1][count >= loop.LIFTS]
+    in_vain = last[rejected[passed[np.searchsorted(passed, last)]] - rejected[last] >= loop.REJECTED]
+    text = f"{name}: left out from here until one of its fixes passes the gate: lifting it {loop.LIFTS} times did not help"
+    return events + [(float(at), text) for at in t[in_vain]]

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 from recordings import ahrs, flight, start
-from scipy.linalg import solve_discrete_lyapunov
+from scipy.linalg import expm, solve_discrete_lyapunov
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
@@ -172,11 +172,32 @@ def test_a_turned_vehicle_has_turned_errors():
 
 @pytest.mark.parametrize("beyond, stable", [(0.97, True), (1.03, False)])
 def test_the_fastest_turn_is_where_the_bias_begins_to_swing_up(beyond, stable):
-    """In n the bias of a turning body turns: s^3 + ... with one complex pole; its sampled twin at 10 Hz."""
+    """In n the bias of a turning body turns: s^3 + ... with one complex pole."""
     rate = beyond * fastest_turn(*DEFAULT)
     F = np.array([[-0.7, 1, 0], [-0.14, 0, -1], [0.008, 0, 1j * rate]])
     assert (np.linalg.eigvals(F).real.max() < 0) == stable
     assert np.degrees(fastest_turn(*DEFAULT)) == pytest.approx(19.7, abs=0.1)
+
+
+@pytest.mark.parametrize("beyond, stable", [(0.8, True), (1.2, False)])
+def test_and_the_observer_on_a_turning_body_does_so(beyond, stable, T=0.1):
+    """A level body turns on the spot, exact positions come at 10 Hz: the error (north + j east) goes as the slowest eigenvalue of the sampled observer."""
+    rate, observer = beyond * fastest_turn(*DEFAULT), Standing()
+    carried = lambda turn: expm(np.array([[0, 1, 0], [0, 0, -1], [0, 0, 1j * turn]]) * T)
+    fixed = sampled(observer, [(T, "position")], 0) @ np.linalg.inv(carried(0.0))      # what a fix multiplies the error by
+    expected = np.log(np.abs(np.linalg.eigvals(fixed @ carried(rate))).max()) / T
+    observer = Standing()
+    observer.belief.C[:] = np.eye(3)
+    observer.belief.ba[:] = [0.01, 0.02, 0.0]
+    sizes = []
+    for _ in range(900):
+        stationary_increments(LLA, np.zeros(3), observer.belief.C, T, observer.u)
+        observer.u[2] += rate * T
+        observer.filter.predict(observer.belief, observer.u, T, NOISE)
+        observer.fix("position")
+        sizes.append(np.linalg.norm(observer.belief.ba[:2]))
+    found = np.polyfit(T * np.arange(500), np.log(sizes[400:]), 1)[0]       # 1/s, after what is faster has settled
+    assert (found < 0) == (expected < 0) == stable and found == pytest.approx(expected, rel=0.03)
 
 
 def test_it_follows_a_flight_and_claims_no_deviations():

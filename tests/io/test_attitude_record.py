@@ -110,6 +110,12 @@ def test_roll_and_pitch_come_together(build):
     imu = tables()[0].to_numpy()
     made = Recording.from_arrays(imu[:, 0], imu[:, 1:4], imu[:, 4:7], (Aiding("attitude", T, y, np.full((1000, 3), 0.01)),))
     assert len(made.aidings[0].t) == 999
+    y[3, 0], y[5, 1] = np.inf, 2.0
+    with pytest.raises(DataError, match="^attitude, row 5: pitch is 114.592 deg"):
+        Recording.from_arrays(imu[:, 0], imu[:, 1:4], imu[:, 4:7], (Aiding("attitude", T, y, np.full((1000, 3), 0.01)),))
+    frame.loc[:, "roll"] = np.inf
+    with pytest.raises(DataError, match="no usable fix of kind attitude"):
+        read(build(frame, columns(["roll", "pitch", "heading"], axes="FLU to ENU")))
 
 
 def test_deviations_from_columns_and_a_clock_that_is_set(build):
@@ -158,7 +164,8 @@ def with_row(frame, **values):
 
 @pytest.mark.parametrize("frame, toml, words", [
     (with_row(angles(), heading=400.0), lambda s: s, "line 9: heading is 400 deg, at most 360.*wrap angles"), (with_row(angles(), pitch=91.0), lambda s: s, "line 9: pitch is 91 deg, at most 90"),
-    (angles(), lambda s: s.replace('"deg"', '"rad"'), "line 2: roll is .*deg read as rad"), (with_row(angles(), roll=-361.0), lambda s: s, "roll is -361 deg"),
+    (angles(), lambda s: s.replace('"deg"', '"rad"'), "line 2: roll is .*deg read as rad"),
+    (angles(), lambda s: columns(["roll", "pitch", "heading"], axes="FLU to ENU")(s).replace('"deg"', '"rad"'), "line 2: roll is .*deg read as rad"), (with_row(angles(), roll=-361.0), lambda s: s, "roll is -361 deg"),
     (angles().assign(**{k: np.radians(angles()[k]) for k in ("roll", "pitch", "heading")}), lambda s: s, r"\[\[aiding\]\] 1 \(attitude\) unit: .*0.019.* times as much as the gyro: rad read as deg"),
     (angles().assign(**{k: np.radians(angles()[k]) for k in ("roll", "pitch")}), columns(["roll", "pitch"]), "sd: 3 given, attitude has 2"),
     (angles().assign(**{k: np.radians(angles()[k]) for k in ("roll", "pitch")}), lambda s: columns(["roll", "pitch"])(s).replace("[0.5, 0.5, 2.0]", "0.5"), "rad read as deg"),
@@ -234,6 +241,8 @@ def test_a_draft_has_the_attitude_commented_out(tmp_path):
     text = draft(tmp_path / "log.csv")
     assert '# columns = ["Roll_deg", "Pitch_deg", "Yaw_deg"]' in text and '# unit = "deg"' in text
     assert any("attitude: Roll_deg, Pitch_deg, Yaw_deg in deg" in fact for fact in inspect(tmp_path / "log.csv").facts)
+    frame.rename(columns={"Yaw_deg": "Azimuth_deg"}).to_csv(tmp_path / "azimuth.csv", index=False)
+    assert '# columns = ["Roll_deg", "Pitch_deg", "Azimuth_deg"]' in draft(tmp_path / "azimuth.csv")
     path = tmp_path / "recording.toml"
     path.write_text(text)
     assert read(path).aidings == ()

@@ -129,7 +129,7 @@ def test_samples_without_values_are_dropped_and_counted(tmp_path):
     ({"gyr": np.zeros((N, 2))}, r"gyr has shape \(600, 2\); with 600 rows of gyr it must be \(600, 3\)"),
     ({"acc": np.zeros((N - 1, 3))}, r"acc has shape \(599, 3\)"), ({"movement": np.ones((N, 1), bool)}, "movement has shape"),
     ({"quat_wxyz_enu": np.ones((N, 3))}, "quat_wxyz_enu has shape"), ({"gyr": np.array(1.0)}, "gyr has shape"),
-    ({"quat_wxyz_enu": np.ones((N, 4))}, "row 0 of quat_wxyz_enu is no unit quaternion, its norm is 2"),
+    ({"quat_wxyz_enu": np.ones((N, 4))}, "quat_wxyz_enu, row 0: quaternion .* has norm 2, not 1; check columns and scale"),
     ({"fs": np.array([1.0, 2.0])}, "fs must be one sampling rate"), ({"fs": np.array(-3.0)}, "fs must be one sampling rate"), ({"fs": np.array(np.nan)}, "fs must be"),
     ({"acc": np.array([["a"] * 3] * N)}, "are numbers"), ({"acc": arrays()["acc"] / 9.81}, "unit g"), ({"acc": -arrays()["acc"]}, "axes"),
     ({"mag": np.array([{}] * N)}, "not an .npz file of plain arrays"),

@@ -20,7 +20,9 @@ from strapdown.core.compiling import COMPILED
 from strapdown.core.contract import compile_kernel
 from strapdown.core.normalised import normalised_rows
 from strapdown.studies.scoring import REASONS, STATE_NAMES, epochs, rotation_between, score
+from strapdown.sensors.ahrs import Ahrs
 from strapdown.sensors.gnss import Gnss
+from strapdown.sensors.magnetometer import Magnetometer
 from strapdown.sim.scenario import Scenario
 from strapdown.sim.synthesis import Simulator
 from strapdown.sim.trajectory import demo_flight
@@ -310,6 +312,18 @@ def test_impossible_studies_are_refused_in_one_line(change, words):
     with pytest.raises(sd.DataError, match=words) as error:
         study(**change)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("name", ["direct-ahrs", "fixed-gain"])
+def test_a_filter_that_needs_attitude_is_refused_before_anything_is_written(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    box, field = FLIGHT.replace(attitude=Ahrs()), FLIGHT.replace(name="field", magnetometer=Magnetometer(), date="2024-05-01")
+    for scenarios in (FLIGHT, (box, FLIGHT.replace(name="bare"))):
+        with pytest.raises(sd.DataError, match=rf"^study: {name} needs attitude aiding, and the scenario '(a minute|bare)' has none: .*\[attitude\]") as error:
+            study(scenarios=scenarios, filters=("closed-loop", name)).run("out")
+        assert "--ahrs" not in str(error.value) and "\n" not in str(error.value) and not list(tmp_path.iterdir())
+    assert study(scenarios=(box, field), filters=name).steps()
 
 
 @pytest.mark.short

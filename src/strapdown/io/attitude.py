@@ -16,7 +16,8 @@ def axes_of(text):
     """(body, navigation) matrices of axes such as "FLU to ENU": from the record's axes to FRD and to NED. Raises DataError."""
     body, to, navigation = text.partition(" to ")
     if not to:
-        raise DataError(f"{text!r}: write the axes of the body and those that its attitude is told in, such as \"FLU to ENU\"; FRD to NED are the library's")
+        raise DataError(f"{text!r}: write the axes of the body and those that its attitude is told in, such as \"FLU to ENU\"; "
+                        "FRD to NED are the library's")
     matrices = axes_matrix(body.strip(), BODY), axes_matrix(navigation.strip(), NAVIGATION)
     if not matrices[1][2, 2]:
         raise DataError(f"{text!r}: the third navigation axis must point up or down")
@@ -55,9 +56,13 @@ def _unit(q, origin):
 
 
 def angles(values, order, axes, origin):
-    """(n, 3) roll, pitch, heading of the body in NED, rad, arguments as of `quaternions`; without a heading (a column less, or NaN) it stays NaN."""
+    """(n, 3) roll, pitch, heading of the body in NED, rad, arguments as of `quaternions`; without a heading (a column less, or NaN) it stays NaN.
+
+    Raises DataError naming the row of angles that none can be, before they are turned: afterwards they are always possible.
+    """
     if order is None:
-        values = np.c_[values, np.full((len(values), 3 - values.shape[1]), np.nan)]
+        values = np.c_[np.where(np.isfinite(values), values, np.nan), np.full((len(values), 3 - values.shape[1]), np.nan)]
+        possible_attitude(values, origin)
         if axes is None:
             return values
     level = order is None and np.isnan(values[:, 2])
@@ -74,9 +79,12 @@ def together(y):
 
 
 def possible_attitude(y, origin):
-    """Raise DataError naming the first row whose roll, pitch or heading (m, 3), rad, is beyond what such an angle can be."""
+    """Raise DataError naming the first row whose roll, pitch or heading (m, 3), rad, is beyond what such an angle can be.
+
+    Infinite ones count as missing.
+    """
     for name, column, limit in zip(("roll", "pitch", "heading"), y.T, (TURN, PITCH, TURN)):
-        beyond = np.abs(column) > limit
+        beyond = (np.abs(column) > limit) & np.isfinite(column)
         if beyond.any():
             row = int(np.argmax(beyond))
             raise DataError(f"{origin.row(row)}: {name} is {np.degrees(column[row]):.6g} deg, at most {np.degrees(limit):.0f} is expected; "

@@ -61,7 +61,8 @@ def turns(t, y, imu):
         return turn.as_rotvec() if heading else np.cross(turn.inv().apply(before), before)
     first = first[np.linalg.norm(gyro(first, 0.0), axis=1) > LEAST]
     first = first[::max(1, -(-len(first) // PAIRS))]
-    recorded = (attitude[first].inv() * attitude[first + step]).as_rotvec() if heading else np.cross(vertical(attitude[first + step]), vertical(attitude[first]))
+    before, after = attitude[first], attitude[first + step]
+    recorded = (before.inv() * after).as_rotvec() if heading else np.cross(vertical(after), vertical(before))
     return lambda shift=0.0: (recorded, gyro(first, shift))
 
 
@@ -94,14 +95,14 @@ def facts_and_problems(aiding, imu):
     others = np.array([_likeness(*fit(shift)) for shift in shifts])
     best = int(np.argmax(others))
     if others[best] > 0.9 and 1 - others[best] < 0.5 * (1 - now) and abs(shifts[best]) > 0.2:
-        problems.append(f"{aiding.name}: it fits the gyro best with {-shifts[best]:+.2f} s added to its time, or {shifts[best]:+.2f} s to that of the "
-                        "IMU: check `offset`")
+        problems.append(f"{aiding.name}: it fits the gyro best with {-shifts[best]:+.2f} s added to its time, "
+                        f"or {shifts[best]:+.2f} s to that of the IMU: check `offset`")
     elif now < 0.7:
         fits = [(_likeness(recorded, gyro @ other.T), np.linalg.det(other), other) for other in signed_permutations()]
         likeness, _, other = max(fits, key=lambda each: (round(each[0], 2), each[1]))
         if likeness > 0.9:
-            problems.append(f"{aiding.name} axes: it turns as a gyro with the axes {named_permutation(other)!r} would: check axes, order and signs of "
-                            "its columns against those of the IMU")
+            problems.append(f"{aiding.name} axes: it turns as a gyro with the axes {named_permutation(other)!r} would: "
+                            "check axes, order and signs of its columns against those of the IMU")
     return facts, problems
 
 
@@ -124,5 +125,6 @@ def _level(aiding, imu):
     cosine = -(down * force).sum(axis=1) / np.linalg.norm(force, axis=1)
     off = float(np.degrees(np.median(np.arccos(np.clip(cosine, -1, 1)))))
     return [f"at rest the vertical of {aiding.name} is {off:.1f} deg from that of the accelerometer"], (
-        [f"{aiding.name}: at rest its vertical is {off:.0f} deg from that of the accelerometer: check axes, order and signs of its columns, and mounting"]
+        [f"{aiding.name}: at rest its vertical is {off:.0f} deg from that of the accelerometer: "
+         "check axes, order and signs of its columns, and mounting"]
         if off > 10 else [])

@@ -19,8 +19,9 @@ from ..geodesy import displaced
 from ..rest import at_rest, stretches
 from ..sensors.errors import Triad
 from ..sensors.imu import ImuSpec
+from .attitude import quaternions
 from .axes import BODY, NAVIGATION, axes_matrix
-from .origin import counted
+from .origin import Origin, counted
 
 ROWS = {"gyr": 3, "acc": 3, "mag": 3, "quat_wxyz_enu": 4, "pos_enu": 3, "movement": 0}
 """Arrays of a file and their columns; 0 is an array without columns."""
@@ -103,16 +104,13 @@ def windows(t, inside):
 
 
 def _reference(t, arrays):
-    """Trajectory of the optical attitude, body to NED, where it is known; None where it never is. Norms off 1 by more than 1 % are refused."""
+    """Trajectory of the optical attitude, body to NED, where it is known; None where it never is."""
     q, known = arrays["quat_wxyz_enu"], np.isfinite(arrays["quat_wxyz_enu"]).all(axis=1) & np.isfinite(arrays["pos_enu"]).all(axis=1)
     if not known.any():
         return None
-    wrong = np.abs(np.linalg.norm(q[known], axis=1) - 1) > 0.01
-    if wrong.any():
-        row = int(np.flatnonzero(known)[np.argmax(wrong)])
-        raise DataError(f"row {row} of quat_wxyz_enu is no unit quaternion, its norm is {np.linalg.norm(q[row]):.3g}")
     north_east_down = arrays["pos_enu"][known] @ axes_matrix("ENU", NAVIGATION).T
-    return Trajectory(t[known], displaced(np.tile(PLACE, (known.sum(), 1)), north_east_down), q_nb=body_to_ned(q[known]))
+    q_nb = body_to_ned(np.where(known[:, None], q, np.nan))[known]
+    return Trajectory(t[known], displaced(np.tile(PLACE, (known.sum(), 1)), north_east_down), q_nb=q_nb)
 
 
 def with_positions(trial, rate=1.0, sd=0.05, seed=0):
@@ -138,19 +136,17 @@ def with_positions(trial, rate=1.0, sd=0.05, seed=0):
     lla = displaced(trial.reference.lla[row[seen]], noise[seen])
     fixes = Aiding("position", known[row[seen]], lla, np.tile(sd, (len(lla), 1)), (0.0, 0.0, 0.0), name="optical position")
     lost = f"; {counted(int((~seen).sum()), 'epoch')} without the body left out" if not seen.all() else ""
-    note = f"optical position: {len(lla)} fixes at {rate:g} Hz, white noise of {', '.join(f'{each:g}' for each in sd)} m north, east, down added{lost}"
+    said = ", ".join(f"{each:g}" for each in sd)
+    note = f"optical position: {len(lla)} fixes at {rate:g} Hz, white noise of {said} m north, east, down added{lost}"
     return replace(trial, aidings=(*trial.aidings, fixes), meta=trial.meta | {"notes": [*trial.meta["notes"], note]})
 
 
 def body_to_ned(q):
-    """(n, 4) attitude of the body (FRD) in NED from that of the sensor in east, north, up; scalar first, rows with NaN stay NaN."""
-    from scipy.spatial.transform import Rotation
-    known = np.isfinite(q).all(axis=1)
-    turn = Rotation.from_matrix(axes_matrix("ENU", NAVIGATION)), Rotation.from_matrix(axes_matrix("FLU", BODY)).inv()
-    turned = np.full(np.shape(q), np.nan)
-    if known.any():
-        turned[known] = (turn[0] * Rotation.from_quat(np.asarray(q, float)[known][:, [1, 2, 3, 0]]) * turn[1]).as_quat()[:, [3, 0, 1, 2]]
-    return turned
+    """(n, 4) attitude of the body (FRD) in NED from that of the sensor in east, north, up; scalar first, rows with NaN stay NaN.
+
+    Raises DataError naming the first row that is no unit quaternion.
+    """
+    return quaternions(np.asarray(q, float), "wxyz", "FLU to ENU", Origin("quat_wxyz_enu"))
 
 
 def _with_field(recording, t, field, fs):

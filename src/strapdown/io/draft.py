@@ -13,6 +13,7 @@ from .magnetometer import EARTH
 from .origin import Origin
 from .plausible import G, half_seconds, mistakes
 from .samples import increments
+from .schema_aiding import HEADING
 from .tables import is_number, read_table
 from .units import UNITS
 
@@ -23,7 +24,7 @@ ACCEL = r"(a|f|acc|accel|acceleration|accelerometer|lin(ear)?_?acc(el|eleration)
 FIXES = {"latitude": r"(lat|latitude)", "longitude": r"(lon|lng|long|longitude)", "height": r"(alt|altitude|h|hgt|height|h_?ell|ellipsoidal_?height)",
          "north": r"(vn|v_?n|vel_?n|v(el)?_?north|north_?vel(ocity)?)", "east": r"(ve|v_?e|vel_?e|v(el)?_?east|east_?vel(ocity)?)",
          "down": r"(vd|v_?d|vel_?d|v(el)?_?down|down_?vel(ocity)?)", "up": r"(vu|v_?u|vel_?u|v(el)?_?up|up_?vel(ocity)?)"}
-ANGLES = {"roll": r"(roll|phi)", "pitch": r"(pitch|theta)", "heading": r"(yaw|heading|hdg|psi)"}
+ANGLES = {"roll": r"(roll|phi)", "pitch": r"(pitch|theta)", "heading": HEADING}
 NO_ANGLE = r"(?!.*(rate|dot|sd|std|sigma|var|cov|err|bias|acc))"
 """No column of roll, pitch or heading has this in its name."""
 UNIT = r"(?P<unit>([_ .,\[(].*)?)"
@@ -268,8 +269,9 @@ def _attitude(file, time, unit, table, names, facts):
     largest = max((float(np.nanmax(np.abs(values))) for name in names for values in [table.numbers(name)] if np.isfinite(values).any()), default=0.0)
     angle = named or ("rad" if 0 < largest < 6.3 else "deg")
     facts.append(f"attitude: {', '.join(names)} in {angle}{'' if named else ' (a guess)'}; the draft has it commented out")
-    return f"""# An attitude beside the IMU is most often that of another filter, made of this same IMU: not independent of it. Take the marks off these lines
-# where an AHRS's attitude shall aid a filter that is fed with one; to score against it, name it in [reference] with its positions.
+    return f"""# An attitude beside the IMU is most often that of another filter, made of this same IMU: not independent of it.
+# Take the marks off these lines where an AHRS's attitude shall aid a filter that is fed with one; to score against it,
+# name it in [reference] with its positions.
 # [[aiding]]
 # kind = "attitude"
 # file = {file}

@@ -32,6 +32,8 @@ def checked_aidings(imu, aidings):
         if find(aiding.kind).parameters == "field" and not 1e-6 <= np.linalg.norm(aiding.parameters) <= 100e-6:
             raise DataError(f"{aiding.name or aiding.kind}: parameters are {tuple(aiding.parameters)}, where the Earth's field north, east, down "
                             "in T is needed; geomagnetic_field gives it")
+        if find(aiding.kind).kind == ATTITUDE_KIND:
+            possible_attitude(np.asarray(aiding.y, float), Origin(aiding.name or aiding.kind))
         aiding, more = clean(aiding, find(aiding.kind))
         if find(aiding.kind).recorded:
             overlap(imu, aiding.t, aiding.name or aiding.kind)
@@ -44,8 +46,8 @@ def checked_aidings(imu, aidings):
 def clean(aiding, sensor, origin=None):
     """(Aiding, notes): rows without a time or a value are dropped, late ones sorted, repeated ones dropped. Raises DataError naming the row.
 
-    A single missing component stays as NaN; infinite ones become NaN; roll and pitch come together. A row whose standard deviation is missing is dropped,
-    one where it is zero or negative is refused.
+    A single missing component stays as NaN; infinite ones become NaN; roll and pitch come together. A row whose standard deviation is missing is
+    dropped, one where it is zero or negative is refused.
     """
     origin, notes = origin or Origin(aiding.name or aiding.kind), []
     t, y, sd = _arrays(aiding, sensor, origin)
@@ -65,7 +67,8 @@ def clean(aiding, sensor, origin=None):
     if repeated.any():
         notes.append(f"{origin.name}: {counted(repeated.sum(), 'repeated row')} dropped, the first in {origin.line(np.argmax(repeated))}")
         origin, t, y, sd = origin.kept(~repeated, len(t)), t[~repeated], y[~repeated], sd[~repeated]
-    possible_attitude(y, origin) if sensor.kind == ATTITUDE_KIND else possible(y, sensor.quantities, origin)
+    if sensor.kind != ATTITUDE_KIND:    # its angles are judged as they were recorded, before anything turned them
+        possible(y, sensor.quantities, origin)
     wrong = (~np.isnan(y) & ~(sd > 0)).any(axis=1)
     if wrong.any():
         row = int(np.argmax(wrong))

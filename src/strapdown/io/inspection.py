@@ -125,7 +125,8 @@ def _psins(path, facts, problems):
     imu_facts(recording.imu, facts)
     problems += [f"imu: {text}" for text in [text for _, text in mistakes(recording.imu, "increment")] + doubts(recording.imu)]
     latitude, longitude, height = np.degrees(recording.meta["position"][:2]).tolist() + [recording.meta["position"][2]]
-    facts.append(f"header: {latitude:.6f} deg north, {longitude:.6f} deg east, {height:.1f} m, heading {np.degrees(recording.meta['attitude'][2]):.1f} deg")
+    heading = np.degrees(recording.meta["attitude"][2])
+    facts.append(f"header: {latitude:.6f} deg north, {longitude:.6f} deg east, {height:.1f} m, heading {heading:.1f} deg")
     facts += [f"note: {note}" for note in recording.meta["notes"]]
 
 

@@ -13,7 +13,8 @@ from .solution import plain
 
 FORMAT = "strapdown recording 1"
 IMU = {"t": ("time", "s", "end of the interval"), "dt": ("time", "s", "length of the interval"),
-       "dtheta": ("time axis", "rad", "integral of the angular rate, body FRD"), "dv": ("time axis", "m/s", "integral of the specific force, body FRD")}
+       "dtheta": ("time axis", "rad", "integral of the angular rate, body FRD"),
+       "dv": ("time axis", "m/s", "integral of the specific force, body FRD")}
 SI = {"latitude": ("rad", "m"), "longitude": ("rad", "m"), "length": ("m", "m"), "speed": ("m/s", "m/s"), "angle": ("rad", "rad"),
       "acceleration": ("m/s^2", "m/s^2"), "magnetic field": ("T", "T"), "pressure": ("Pa", "m")}
 """Units of what a component of a fix is, and of its standard deviation, which is that of the innovation."""

@@ -114,7 +114,8 @@ def _header(path, lines, attitude, place, scale):
     pitch, roll, yaw, east, north, up = attitude
     latitude, longitude, height, t, milliseconds, gravity = place
     if not (abs(latitude) <= 90 and abs(longitude) <= 360 and 0 < milliseconds < 1e4 and 9 < gravity < 11):
-        raise DataError(f"{path}, line {lines[1][0]}: latitude, longitude, height, time, interval in ms and gravity are expected, not {lines[1][1].strip()!r}")
+        raise DataError(f"{path}, line {lines[1][0]}: latitude, longitude, height, time, interval in ms and gravity are expected, "
+                        f"not {lines[1][1].strip()!r}")
     if not all(0 < value < np.inf for value in scale):
         raise DataError(f"{path}, line {lines[2][0]}: what a count is worth must be larger than 0 for all six, not {lines[2][1].strip()!r}")
     return Header((roll * rad, pitch * rad, -yaw * rad % (2 * np.pi)), (north, east, -up), (latitude * rad, longitude * rad, height), t,

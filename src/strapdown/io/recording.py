@@ -7,7 +7,7 @@ import numpy as np
 from ..core.contract import ATTITUDE_KIND, Imu
 from ..data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, DataError, Recording
 from ..place import place_of
-from .attitude import angles, possible_attitude, quaternions
+from .attitude import angles, quaternions
 from .attitude_checks import sound_attitude
 from .axes import BODY, NAVIGATION, axes_matrix, rotation_matrix
 from .calibration import corrected, frames
@@ -157,7 +157,6 @@ def _attitude(part, t, y, sd, imu, origin, where):
     """(t, y, sd, origin, notes) of an attitude: roll, pitch and heading of the body, rad, of what the columns hold, without stuck fixes."""
     y = angles(y, part.quaternion, part.axes, origin)
     sd = np.c_[sd, np.full((len(sd), 3 - sd.shape[1]), np.nan)]
-    possible_attitude(y, origin)
     keep, notes = sound_attitude(t, y, imu, part.name or part.kind, where)
     return t[keep], y[keep], sd[keep], origin.kept(keep, len(t)), notes
 
@@ -233,4 +232,5 @@ def _own_table(table, files):
                         "so time and position must be given")
     three = lambda names: np.stack([table.numbers(known[name]) for name in names], axis=1) if has(names) else None
     v_n, rph = three(NAV_COLUMNS[3:6]), three(ATTITUDE_COLUMNS)
-    return table.numbers(known["t"]), three(NAV_COLUMNS[:3]) * [DEG, DEG, 1.0], v_n, None if rph is None else quaternions(rph * DEG, None, None, table.origin), table.origin
+    q_nb = None if rph is None else quaternions(rph * DEG, None, None, table.origin)
+    return table.numbers(known["t"]), three(NAV_COLUMNS[:3]) * [DEG, DEG, 1.0], v_n, q_nb, table.origin

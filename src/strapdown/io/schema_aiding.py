@@ -181,13 +181,15 @@ class AidingPart(Part):
 def check_attitude_columns(columns, quaternion):
     """Raise ValueError where the columns are no roll, pitch and heading, no roll and pitch, and no quaternion of the order `quaternion`."""
     if quaternion is not None and len(columns) != 4:
-        raise ValueError(f"columns: {len(columns)} given, a quaternion ({quaternion}) has 4; without the key quaternion they are roll, pitch, heading")
+        raise ValueError(f"columns: {len(columns)} given, a quaternion ({quaternion}) has 4; "
+                         "without the key quaternion they are roll, pitch, heading")
     if quaternion is None and len(columns) == 4:
         raise ValueError("columns: 4 given; of a quaternion say the order: quaternion = \"wxyz\", scalar first, or \"xyzw\"")
     if len(columns) not in (2, 3, 4):
         raise ValueError(f"columns: {len(columns)} given; attitude is roll, pitch, heading, or roll and pitch alone, or the four of a quaternion")
     if len(columns) == 2 and re.match(HEADING, str(columns[1]).strip().lower()):
-        raise ValueError(f"columns: {columns[1]!r} is named like a heading; two columns are roll and pitch, which come together (kind heading has one)")
+        raise ValueError(f"columns: {columns[1]!r} is named like a heading; two columns are roll and pitch, "
+                         "which come together (kind heading has one)")
 
 
 def deviation_dimension(quantity):

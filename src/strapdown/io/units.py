@@ -25,7 +25,8 @@ DIMENSIONS = {"latitude": "angle", "longitude": "angle", "angle": "angle", "leng
 
 ALIASES = {
     "sec": "s", "second": "s", "seconds": "s", "msec": "ms", "millisecond": "ms", "milliseconds": "ms",
-    "µs": "us", "usec": "us", "microseconds": "us", "nsec": "ns", "nanoseconds": "ns", "degree": "deg", "degrees": "deg", "°": "deg", "radian": "rad", "radians": "rad",
+    "µs": "us", "usec": "us", "microseconds": "us", "nsec": "ns", "nanoseconds": "ns",
+    "degree": "deg", "degrees": "deg", "°": "deg", "radian": "rad", "radians": "rad",
     "rad/sec": "rad/s", "rps": "rad/s", "dps": "deg/s", "°/s": "deg/s", "degrees/s": "deg/s", "deg/sec": "deg/s",
     "deg/hr": "deg/h", "°/h": "deg/h", "dph": "deg/h",
     "m/s2": "m/s^2", "m/s²": "m/s^2", "m/s/s": "m/s^2", "m/s**2": "m/s^2", "mps2": "m/s^2", "G": "g gauss",

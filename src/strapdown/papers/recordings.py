@@ -36,8 +36,8 @@ heading (deg). They are set by the vehicle: it tilts by up to 0.15 deg during th
 INTRODUCTION = (
     "Real recordings, fused from raw IMU and GNSS as examples/recordings describes them, with the closed loop, and with the open loop beside it.",
     "thor75 is a fixed-wing UAV with a MEMS IMU at 50 Hz and GPS at 1 Hz. Its reference is the solution of the autopilot on board: another filter "
-    "on the same sensors, no independent truth. Its own accelerometer bias y still moves from -0.33 m/s^2 at 227 s to -0.44 at 527 s, worth 0.6 deg of "
-    "roll, and most of the difference lies in its first half minute; the table shows the same errors over later windows too.",
+    "on the same sensors, no independent truth. Its own accelerometer bias y still moves from -0.33 m/s^2 at 227 s to -0.44 at 527 s, "
+    "worth 0.6 deg of roll, and most of the difference lies in its first half minute; the table shows the same errors over later windows too.",
     "drive0708 is a car in hills with a MEMS IMU at 100 Hz and RTK GNSS at 4 Hz. Fixes are withheld for 15 s every 50 s, nine times, from 60 s after "
     "the car first reaches 4 m/s; the error is the largest horizontal distance from the RTK solution within each outage.")
 LASER_INTRODUCTION = (
@@ -89,8 +89,8 @@ def _flight(folder, out, say):
         for window in (FLIGHT, (270.0, FLIGHT[1]), (300.0, FLIGHT[1])):
             r = rms(errors(solution, recording.reference), window)
             rows.append((name, f"{window[0]:.0f}-{window[1]:.0f}", *r.position, *r.velocity, *np.degrees(r.rph)))
-    table = pd.DataFrame(rows, columns=["filter", "window, s", *(f"{q} {axis}, {unit}" for q, unit, axes in (("position", "m", "NED"), ("velocity", "m/s", "NED"))
-                                                               for axis in axes for unit in [unit]), "roll, deg", "pitch, deg", "heading, deg"])
+    vectors = [f"{quantity} {axis}, {unit}" for quantity, unit in (("position", "m"), ("velocity", "m/s")) for axis in "NED"]
+    table = pd.DataFrame(rows, columns=["filter", "window, s", *vectors, "roll, deg", "pitch, deg", "heading, deg"])
     report(solutions, recording.reference, title="thor75: closed and open loop", window=FLIGHT).save(out / "thor75.html")
     first = table.iloc[0]
     claims = [claim(f"thor75 closed loop, {name.split(',')[0]} rms", first[name], bound, unit)
@@ -111,10 +111,12 @@ def _drive(folder, out, say):
             rows += [(description, name, s.start, s.stop, s.horizontal_max, s.horizontal_end, s.down_max) for s in scores]
             summary.append((description, name, float(np.median(largest)), float(largest.max()), float(np.median([s.horizontal_end for s in scores]))))
             if name == "closed-loop":
-                claims.append(claim(f"drive0708 closed loop, {text}: median of the largest horizontal error in nine 15 s outages", np.median(largest), bound, "m"))
+                what = f"drive0708 closed loop, {text}: median of the largest horizontal error in nine 15 s outages"
+                claims.append(claim(what, np.median(largest), bound, "m"))
         report(solutions, recording.reference, title=f"{description}: nine outages of 15 s").save(out / f"{description}.html")
         links.append((f"{description}: nine outages of 15 s, {text}", f"{description}.html"))
-    table = pd.DataFrame(rows, columns=["recording", "filter", "from, s", "to, s", "largest horizontal, m", "horizontal at the end, m", "largest vertical, m"])
+    table = pd.DataFrame(rows, columns=["recording", "filter", "from, s", "to, s", "largest horizontal, m", "horizontal at the end, m",
+                                        "largest vertical, m"])
     return table, pd.DataFrame(summary, columns=["recording", "filter", "median, m", "largest, m", "median at the end, m"]), claims, links
 
 

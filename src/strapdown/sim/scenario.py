@@ -70,14 +70,15 @@ class Scenario:
         if not (0 < self.rate < np.inf and 0 < self.duration < np.inf and round(self.duration * self.rate) >= 2):
             raise DataError(f"cannot simulate {self.duration!r} s at {self.rate!r} Hz; both must be larger than 0 and give two samples or more")
         if self.duration * self.rate > MOST_SAMPLES or self.duration > LONGEST:
-            raise DataError(f"scenario {self.name!r}: {self.duration:g} s at {self.rate:g} Hz are {self.duration * self.rate:.3g} IMU samples; at most "
-                            f"{MOST_SAMPLES / 1e6:g} million in {LONGEST / 86400:g} days are simulated (a day at 100 Hz has 8.6 million)")
+            raise DataError(f"scenario {self.name!r}: {self.duration:g} s at {self.rate:g} Hz are {self.duration * self.rate:.3g} IMU samples; "
+                            f"at most {MOST_SAMPLES / 1e6:g} million in {LONGEST / 86400:g} days are simulated (a day at 100 Hz has 8.6 million)")
         if self.gravity not in GRAVITIES:
             raise DataError(f"scenario {self.name!r}: gravity is {self.gravity!r}; it is one of {', '.join(GRAVITIES)}")
         if self.gate is not None and not self.gate > 0:
             raise DataError(f"scenario {self.name!r}: gate is {self.gate!r}; it must be larger than 0, or inf for none")
         if np.shape(self.accel_offset) != (3,) or not np.all(np.abs(self.accel_offset) <= LARGEST_OFFSET):
-            raise DataError(f"scenario {self.name!r}: accel_offset is {self.accel_offset!r}; it must be three numbers within {LARGEST_OFFSET:g} m/s^2")
+            raise DataError(f"scenario {self.name!r}: accel_offset is {self.accel_offset!r}; "
+                            f"it must be three numbers within {LARGEST_OFFSET:g} m/s^2")
         _check_start(self.start_sd, self.name)
         self.gnss.check()
         if not np.ndim(self.gnss.interval) and self.gnss.interval * self.rate < 1 - 1e-9:
@@ -151,7 +152,8 @@ class Scenario:
         """What identifies the scenario, for a manifest: a dict of JSON values; `fingerprint` changes when anything of it does."""
         values = {"name": self.name, "motion": self.motion.name, "duration_s": float(self.duration), "rate_hz": float(self.rate),
                   "gnss": self.gnss._asdict(), "imu": asdict(self.imu) if isinstance(self.imu, ImuSpec) else str(self.imu),
-                  "start_sd": list(self.start_sd), "accel_offset_m_s2": list(self.accel_offset), "offset_decays": bool(self.offset_decays), "biases_known": bool(self.biases_known),
+                  "start_sd": list(self.start_sd), "accel_offset_m_s2": list(self.accel_offset),
+                  "offset_decays": bool(self.offset_decays), "biases_known": bool(self.biases_known),
                   "gate": None if self.gate is None else str(float(self.gate)), "gravity": self.gravity, "about": self.about}
         values |= {name: asdict(other) for name in OTHERS if (other := getattr(self, name)) is not None}
         values |= {"date": self.date} if self.date is not None else {}

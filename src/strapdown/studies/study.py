@@ -83,7 +83,17 @@ class Study:
         names = [cell.name for cell in self.cells]
         for values, what in ((names, "cells (scenario and IMU)"), (self.filters, "filters")):
             if len(set(values)) < len(values):
-                raise DataError(f"study: two {what} have the name {next(v for v in values if list(values).count(v) > 1)!r}; give them different names")
+                twice = next(v for v in values if list(values).count(v) > 1)
+                raise DataError(f"study: two {what} have the name {twice!r}; give them different names")
+        for label in self.filters:
+            self._check_attitude(parsed(label)[0])
+
+    def _check_attitude(self, filter):
+        """Raise DataError where `filter` needs an attitude and a scenario has neither an AHRS nor what one can be run from."""
+        bare = [cell.scenario.name for cell in self.cells if cell.scenario.attitude is None and cell.scenario.magnetometer is None]
+        if "attitude" in filter.needs and bare:
+            raise DataError(f"study: {filter.name} needs attitude aiding, and the scenario {bare[0]!r} has none: give it an AHRS, "
+                            "section [attitude] of its file, or a [magnetometer], from which attitude-mekf makes an attitude")
 
     @property
     def cells(self):
@@ -116,7 +126,8 @@ class Study:
             if count < 0:
                 raise DataError(f"{name} is {count}; it must be 1 or more")
         if scheduler is not None and (workers or not scheduler.strip()):
-            raise DataError(f"scheduler is {scheduler!r}" + (f" beside {workers} workers here; give one of the two" if workers else "; give tcp://HOST:PORT, or leave it out"))
+            remedy = f" beside {workers} workers here; give one of the two" if workers else "; give tcp://HOST:PORT, or leave it out"
+            raise DataError(f"scheduler is {scheduler!r}{remedy}")
         campaign = Campaign.begin(self, out)
         with campaign.locked():
             campaign.check()
@@ -214,7 +225,8 @@ def _empty(study, chunk, at):
     M, N, kept = len(study.filters), chunk.stop - chunk.first, np.arange(len(at.rows) - 1, -1, -study.keep)[::-1]
     n = len(kept)
     small = lambda *shape: np.full(shape, np.nan, np.float32)
-    numbers = {name: np.full((M, N), np.nan) for name in SCALARS} | {"mean_square": np.full((M, N, len(GROUPS)), np.nan), "coverage": np.full((M, N, 3), np.nan)}
+    numbers = {name: np.full((M, N), np.nan) for name in SCALARS}
+    numbers |= {"mean_square": np.full((M, N, len(GROUPS)), np.nan), "coverage": np.full((M, N, 3), np.nan)}
     sums = {name: np.zeros((M, n, STATES)) for name in ("squares", "variances")} | {name: np.zeros((M, n)) for name in ("nees_sum", "alive")}
     return {"t": at.truth.t[kept], "kept": kept, "error": small(M, N, n, STATES), "sd": small(M, N, n, STATES), "nees_rows": small(M, N, n),
             "bias": small(N, n, 6), **sums, **numbers}
