@@ -8,9 +8,12 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import filters
+from strapdown.core import fed
+from strapdown.core.compiling import plain
 from strapdown.core.contract import Imu, Noise, Start, compile_kernel
 from strapdown.core.fed import ANGLES, STEEP
 from strapdown.data import Recording
+from strapdown.filters import direct_ahrs
 from strapdown.geodesy import displaced, displacement
 
 pytestmark = pytest.mark.short
@@ -140,3 +143,29 @@ def test_a_fast_tumble_stays_finite(name):
     for k in range(200):
         filter.predict(belief, np.r_[0.2, 0.7 * np.cos(k), 0.7 * np.sin(k), 0.0, 0.0, -0.2], 0.02, NOISE)
         assert np.abs(belief.C.T @ belief.C - np.eye(3)).max() < 1e-9 and np.isfinite(belief.P).all() and abs(belief.aux[ANGLES + 1]) < np.pi / 2 + 1e-9
+
+
+@pytest.mark.parametrize("rph", [(0.1, 0.2, 0.4), (-0.5, 1.2, 2.0), (1.0, -1.1, -2.5)])
+@pytest.mark.parametrize("correlation", [0.0, 3.0])
+def test_what_angles_err_by_at_the_known_attitude(rph, correlation):
+    """Against T differentiated numerically: its tilt is off the estimated one, while the angles change by a small rotation of the body."""
+    rph, rate, dt = np.array(rph), np.array([0.02, -0.015, 0.01]), 0.01
+    T = lambda a: np.array([[1, np.sin(a[0]) * np.tan(a[1]), np.cos(a[0]) * np.tan(a[1])], [0, np.cos(a[0]), -np.sin(a[0])],
+                            [0, np.sin(a[0]) / np.cos(a[1]), np.cos(a[0]) / np.cos(a[1])]])
+    J = jacobian(rph)
+    tilts = np.linalg.inv(J)[:, :2]     # angles of a tilt about north and east
+    derivative = np.stack([(T(rph + 1e-6 * x) - T(rph - 1e-6 * x)) @ rate / 2e-6 for x in tilts.T], axis=1)
+    record, estimate = np.array([[4e-6, 1e-6], [1e-6, 2e-6]]), np.array([[1e-6, 3e-7], [3e-7, 5e-7]])
+    off = record - estimate if correlation == 0 else record
+    begin = Start(0.0, (0.8, 0.1, 300.0), (0.0,) * 3, tuple(rph), (0.0,) * 3, (0.0,) * 3, (1.0,) * 15)
+    belief = direct_ahrs.start(begin, NOISE, correlation=correlation)
+    belief.P[...] = 0.0
+    belief.P[6:8, 6:8] = estimate
+    belief.aux[fed.ERRORS:fed.ERRORS + 4] = record[0, 0], record[0, 1], record[1, 1], 0.0
+    belief.aux[fed.SINCE] = since = 0.3
+    _, pitch, heading = T(rph) @ rate
+    plain(direct_ahrs._doubt_rates)(belief, pitch, heading, belief.C.ravel().copy(), np.cos(rph[1]), dt)
+    growth = (2 * max(since - dt, correlation) + dt) / dt
+    expected = growth * J @ derivative @ off @ derivative.T @ J.T
+    expected[:2, :2] += estimate
+    np.testing.assert_allclose(belief.P[6:9, 6:9], expected, rtol=1e-5, atol=1e-12)

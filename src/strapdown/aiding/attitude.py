@@ -6,7 +6,7 @@ the three standard deviations are those of roll, pitch and heading of a body tha
 import math
 
 from ..core.contract import ATTITUDE_KIND, OBSERVE, Sensor, kernel
-from ..core.rotation import rotation_between
+from ..core.rotation import euler_terms, measured_heading, rotation_between
 
 ATTITUDE = ATTITUDE_KIND
 
@@ -14,13 +14,10 @@ ATTITUDE = ATTITUDE_KIND
 @kernel(OBSERVE)
 def observe(belief, y, parameters, innovation, H):
     """Three rows: rotation vector forward, right, down, rad."""
-    C = belief.C
-    known = not math.isnan(y[2])
-    heading = y[2] if known else math.atan2(C[1, 0], C[0, 0])
-    sr, cr, sp, cp, sh, ch = math.sin(y[0]), math.cos(y[0]), math.sin(y[1]), math.cos(y[1]), math.sin(heading), math.cos(heading)
-    north, east, down = rotation_between(C, (cp * ch, sr * sp * ch - cr * sh, cr * sp * ch + sr * sh,
-                                             cp * sh, sr * sp * sh + cr * ch, cr * sp * sh - sr * ch, -sp, sr * cp, cr * cp))
-    innovation[0], innovation[1], innovation[2] = ch * north + sh * east, ch * east - sh * north, down if known else math.nan
+    heading = measured_heading(y, belief.C)
+    ch, sh = math.cos(heading), math.sin(heading)
+    north, east, down = rotation_between(belief.C, euler_terms(y[0], y[1], heading))
+    innovation[0], innovation[1], innovation[2] = ch * north + sh * east, ch * east - sh * north, math.nan if math.isnan(y[2]) else down
     H[0, 6], H[0, 7] = ch, sh
     H[1, 6], H[1, 7] = -sh, ch
     H[2, 8] = 1.0

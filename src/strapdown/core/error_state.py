@@ -3,7 +3,7 @@ import math
 
 import numpy as np
 
-from .compiling import helper, matrix, plain
+from .compiling import helper, inlined, matrix, plain
 from .contract import ATT, BA, BG, POS, STATES, VEL
 from .earth import displace
 from .error_dynamics import BLOCKS, LATITUDE_GRAVITY, MODELS, kinematic_blocks
@@ -13,9 +13,9 @@ from .rotation import orthonormalise, rotate_left
 PREDICTED = -1.0                                # the last call was a prediction
 X = slice(0, STATES)                            # error state kept apart from the belief; zero where it is injected at once
 MODEL = X.stop                                  # which error model; see error_dynamics
-OWN = MODEL + 1                                 # 39 numbers for the architecture itself
-HEIGHT = OWN + 39                               # gravity at this times the height: 1 or 0
-STEP = slice(OWN + 40, OWN + 47)                # of the last call: rows used, or PREDICTED; dt, rotation of n over it (rad), decays of the biases (1/s)
+OWN = MODEL + 1                                 # 52 numbers for the architecture itself
+HEIGHT = OWN + 52                               # gravity at this times the height: 1 or 0
+STEP = slice(OWN + 53, OWN + 60)                # of the last call: rows used, or PREDICTED; dt, rotation of n over it (rad), decays of the biases (1/s)
 BLOCK = slice(STEP.stop, STEP.stop + BLOCKS)    # blocks of F
 MID = BLOCK.stop                                # C_nb at mid-interval, 3 x 3
 DV = slice(MID + 9, MID + 12)                   # specific-force velocity increment in n, bias-free, m/s
@@ -35,8 +35,9 @@ def auxiliary(n, error_model="corrected"):
 
 @helper
 def linearised_step(belief, C, coupling, u, dt, noise, beside):
-    """Propagate P, and the error state where one is kept `beside` the belief, over dt, linearised at the belief with bias-corrected increments; state and attitude stay.
+    """Propagate P, and the error state where one is kept `beside` the belief, over dt, linearised at the belief with bias-corrected increments.
 
+    State and attitude stay.
     C (3, 3) is the attitude of body-fixed errors in n: the belief's, or one known from elsewhere. `coupling` is 1, or 0 where the attitude error
     does not reach the velocity, because that is computed with the known one.
     Also publishes the bias-free rate and specific force, decays the biases, and leaves in aux what a smoother needs.
@@ -60,6 +61,12 @@ def linearised_step(belief, C, coupling, u, dt, noise, beside):
         belief.omega[0], belief.omega[1], belief.omega[2] = 2 * r0 / dt, 2 * r1 / dt, 2 * r2 / dt
         belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
     decay_biases(ba, bg, dt, noise)
+
+
+@inlined
+def bias_free(u, ba, bg, dt):
+    """Increments u of one sample without the biases: rotation vector (rad) and velocity (m/s), as six numbers."""
+    return u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt, u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
 
 
 @helper
@@ -95,6 +102,13 @@ def observed(belief, y, observe, parameters, innovation, H):
         for j in range(H.shape[1]):
             H[i, j] = 0.0
     return observe(belief, y, parameters, innovation, H)
+
+
+@helper
+def inject_all(belief, dx):
+    """Compose the whole correction into the belief: position, velocity, attitude, biases and what aidings brought along."""
+    inject(belief.lla, belief.v, belief.C, dx)
+    inject_biases(belief, dx)
 
 
 @helper

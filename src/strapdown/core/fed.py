@@ -2,22 +2,29 @@
 
 The known attitude is that of the last record, carried on by the gyros. Position and velocity are computed with it, so that their errors, with those
 of the accelerometer biases, and the errors of attitude and gyro biases are two linear filters beside each other. Source: Fossen (2021) 14.3-14.4.
+
+The errors of the known attitude are not estimated, but considered: their covariance with those of the states is kept beside P, so that a fix which
+corrects what they did to the velocity is weighed rightly. Source: Schmidt (1966); Bierman (1977), Factorization Methods, chapter VIII.
 """
 import math
 
-from .compiling import helper, matrix
+import numpy as np
+
+from .compiling import helper, inlined, matrix
 from .contract import ATTITUDE_KIND, Noise
-from .error_state import DV, DX, HEIGHT, MID, OWN, STEP, inject, inject_biases, linearised_step, measure
+from .error_state import BLOCK, DV, DX, HEIGHT, MID, OWN, STEP, WORK, bias_free, inject_all, linearised_step, measure
+from .gaussian import propagate_error, used_rows, whiten
 from .mechanization import mechanize
-from .rotation import euler_to_matrix, matrix_to_euler, wrap
+from .rotation import euler_to_matrix, matrix_to_euler, measured_heading, wrap
 
 BEYOND = 0              # s with the pitch beyond STEEP, in a place that errors injected at once leave free: an extra column of the solution
 ANGLES = OWN            # Euler angles, rad
-KNOWN = OWN + 21        # the known attitude C_nb, 3 x 3; further on than what an open loop keeps
-ERRORS = KNOWN + 9      # covariance of its errors in n when it was measured, rad^2: nn, ne, ee, dd
-SINCE = ERRORS + 4      # s since then
-CORRELATION = SINCE + 1 # s for which its errors are alike
-DECAYING = SINCE + 2    # which bias model:
+KNOWN = OWN + 33        # the known attitude C_nb, 3 x 3; before it lies what an open loop keeps
+ERRORS = KNOWN + 9      # covariance of its errors in n without those of the gyro biases, rad^2: nn, ne, ee, dd
+SINCE = ERRORS + 4      # s since it was measured: tilt, heading
+DRIFT = SINCE + 2       # standard deviation of what gyro biases have turned it since, rad: tilt, heading
+CORRELATION = DRIFT + 2 # s for which the errors of records are alike
+DECAYING = DRIFT + 3    # which bias model:
 BIAS_MODELS = {"random-walk": 0.0, "decaying": 1.0}
 """Biases driven by white noise alone, or Gauss-Markov with the time constants of the IMU (where it has any), so that they fade without fixes."""
 STEEP = math.radians(85.0)
@@ -26,19 +33,25 @@ SHORTEST = 1e-3         # s between two attitude records
 BEYOND_COLUMN = "pitch_beyond_85_deg [s]"
 
 
+def with_biases(belief, bias):
+    """`belief` with one of `BIAS_MODELS`; refuses an unknown one."""
+    if bias not in BIAS_MODELS:
+        raise ValueError(f"bias is {bias!r}; it must be one of {', '.join(BIAS_MODELS)}")
+    belief.aux[DECAYING] = BIAS_MODELS[bias]
+    return belief
+
+
 def know(belief, bias, correlation=0.0):
-    """Begin with the attitude of `belief` as the known one, as uncertain as P says; refuses an unknown bias model.
+    """`belief`, one of `BIAS_MODELS`, with its attitude as the known one, as uncertain as P says, and room for `shared`.
 
     correlation: time constant (s) of the errors of attitude records; 0 for errors that are new with each record.
     """
-    if bias not in BIAS_MODELS:
-        raise ValueError(f"bias is {bias!r}; it must be one of {', '.join(BIAS_MODELS)}")
     if not 0 <= correlation < math.inf:
         raise ValueError(f"correlation is {correlation} s; it must be a finite number, 0 or more")
-    aux, P = belief.aux, belief.P
+    P, aux = belief.P, np.concatenate([belief.aux, np.zeros(3 * len(belief.P))])
     aux[KNOWN:KNOWN + 9], aux[ERRORS:ERRORS + 4] = belief.C.ravel(), (P[6, 6], P[6, 7], P[7, 7], P[8, 8])
-    aux[CORRELATION], aux[DECAYING] = correlation, BIAS_MODELS[bias]
-    return belief
+    aux[CORRELATION] = correlation
+    return with_biases(belief._replace(aux=aux), bias)
 
 
 def with_angles(belief, start):
@@ -54,23 +67,46 @@ def bias_model(belief, noise):
     return Noise(noise.gyro, noise.accel, noise.gyro_bias, noise.accel_bias, decaying * noise.gyro_decay, decaying * noise.accel_decay)
 
 
-@helper
-def measured_attitude(y, heading, C):
-    """C_nb from y = roll, pitch, heading (rad), or from `heading` where that one is not measured. Returns the heading."""
-    heading = heading if math.isnan(y[2]) else y[2]
-    euler_to_matrix(y[0], y[1], heading, C)
-    return heading
+@inlined
+def shared(n):
+    """How far from the end of aux the covariance (3, n) begins of the errors of the known attitude, in n, with those of the n states.
+
+    That with attitude and gyro biases is left out.
+    """
+    return 6 * n
 
 
 @helper
 def take_attitude(belief, y, sd):
-    """The measured attitude is the known one from now on; a heading that it lacks is the belief's."""
-    aux, C = belief.aux, belief.C
-    heading = measured_attitude(y, math.atan2(C[1, 0], C[0, 0]), matrix(aux, KNOWN, 3, 3))
+    """The measured attitude is the known one from now on, its errors new; a heading that it lacks is the belief's, whose error goes on."""
+    aux, n, heading = belief.aux, belief.P.shape[0], measured_heading(y, belief.C)
+    S = matrix(aux, aux.size - shared(n), 3, n)
+    euler_to_matrix(y[0], y[1], heading, matrix(aux, KNOWN, 3, 3))
     ch, sh, forward, right = math.cos(heading), math.sin(heading), sd[0] * sd[0], sd[1] * sd[1]
     aux[ERRORS], aux[ERRORS + 1] = ch * ch * forward + sh * sh * right, ch * sh * (forward - right)
-    aux[ERRORS + 2], aux[ERRORS + 3] = sh * sh * forward + ch * ch * right, belief.P[8, 8] if math.isnan(y[2]) else sd[2] * sd[2]
-    aux[SINCE] = 0.0
+    aux[ERRORS + 2] = sh * sh * forward + ch * ch * right
+    aux[SINCE] = aux[DRIFT] = keep = 0.0
+    if math.isnan(y[2]):
+        keep = _go_on(aux, belief.P[8, 8])
+    else:
+        aux[ERRORS + 3] = sd[2] * sd[2]
+        aux[SINCE + 1] = aux[DRIFT + 1] = 0.0
+    for j in range(n):
+        S[0, j] = S[1, j] = 0.0
+        S[2, j] *= keep
+
+
+@helper
+def _go_on(aux, variance):
+    """The error of the known heading becomes that of the belief, of that variance (rad^2). Returns which share of it is the same error still.
+
+    Where fixes have made the belief more certain, an optimal estimate has that share, the ratio of the variances, in common with the former one.
+    """
+    before = aux[ERRORS + 3] + aux[DRIFT + 1] * aux[DRIFT + 1]
+    keep = min(variance / before, 1.0) if before > 0 else 0.0
+    aux[ERRORS + 3] = keep * aux[ERRORS + 3] + max(variance - before, 0.0)
+    aux[DRIFT + 1] *= math.sqrt(keep)
+    return keep
 
 
 @helper
@@ -87,17 +123,9 @@ def weigh(belief, sd, kind):
 
 
 @helper
-def held(belief, since, dt):
-    """By how much the square of the time for which an error has acted grows over dt (s^2), `since` (s) after its record began to be used."""
-    return (2 * max(since, belief.aux[CORRELATION]) + dt) * dt
-
-
-@helper
 def predict_fed(belief, u, dt, noise):
     """Advance P, position, velocity and the known attitude with bias-corrected increments. Returns the rotation vector of the body, rad."""
-    ba, bg = belief.ba, belief.bg
-    r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
-    a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
+    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
     linearised_step(belief, matrix(belief.aux, KNOWN, 3, 3), 0.0, u, dt, noise, False)
     move(belief, belief.lla, belief.v, r0, r1, r2, a0, a1, a2, dt, noise)
     return r0, r1, r2
@@ -107,36 +135,103 @@ def predict_fed(belief, u, dt, noise):
 def move(belief, lla, v, r0, r1, r2, a0, a1, a2, dt, noise):
     """Advance lla, v and the known attitude by rotation r and velocity increment a (body), and P by what errors of that attitude do to the velocity.
 
-    An error n held for the time s since the record moves the velocity by s f x n, whose variance grows by (2 s + dt) dt of that of f x n.
+    After `linearised_step`. An error n held for the time s since the record moves the velocity by n x f s and the position by n x f s^2/2.
     """
-    aux, P, f = belief.aux, belief.P, belief.aux[DX]
+    aux, f, n = belief.aux, belief.aux[DX], belief.P.shape[0]
+    S = matrix(aux, aux.size - shared(n), 3, n)
     mechanize(lla, v, matrix(aux, KNOWN, 3, 3), r0, r1, r2, a0, a1, a2, dt, f, aux[HEIGHT])
     f0, f1, f2 = f[0], f[1], f[2]
-    growth = held(belief, aux[SINCE], dt) / (dt * dt)   # f is the increment, and so has dt in it
-    nn, ne, ee, dd = known_variances(belief, noise)
-    n0, n1, n2 = -f2 * ne, -f2 * ee, f1 * dd    # rows of f x n: their products with n
-    e0, e1, e2 = f2 * nn, f2 * ne, -f0 * dd
-    d0, d1 = f0 * ne - f1 * nn, f0 * ee - f1 * ne
-    P[3, 3] += growth * (f1 * n2 - f2 * n1)
-    P[4, 4] += growth * (f2 * e0 - f0 * e2)
-    P[5, 5] += growth * (f0 * d1 - f1 * d0)
-    north_east, north_down, east_down = growth * (f2 * n0 - f0 * n2), growth * (f0 * n1 - f1 * n0), growth * (f0 * e1 - f1 * e0)
-    P[3, 4] += north_east
-    P[4, 3] += north_east
-    P[3, 5] += north_down
-    P[5, 3] += north_down
-    P[4, 5] += east_down
-    P[5, 4] += east_down
-    aux[SINCE] += dt
+    for k in range(3):
+        propagate_error(S[k], aux[BLOCK], matrix(aux, MID, 3, 3), aux[DV], aux[STEP][2], aux[STEP][3], aux[STEP][4], dt, noise, aux[WORK:])
+    _consider(S, aux, f0, f1, f2, dt)
+    _spread(belief, S, f0, f1, f2, dt)
+    _consider(S, aux, f0, f1, f2, dt)
+    _carry(belief, dt, noise)
 
 
 @helper
-def known_variances(belief, noise):
-    """Covariance of the known attitude's errors in n, rad^2: nn, ne, ee, dd; with the share of what the gyros have added since that keeps `move` right."""
-    aux, P = belief.aux, belief.P
-    since = aux[SINCE]
-    carried = 0.5 * since * (noise.gyro * noise.gyro + since * (P[12, 12] + P[13, 13] + P[14, 14]) / 3)
-    return aux[ERRORS] + carried, aux[ERRORS + 1], aux[ERRORS + 2] + carried, aux[ERRORS + 3] + carried
+def _consider(S, aux, f0, f1, f2, dt):
+    """Add to S half of what the errors of the known attitude do to velocity and position over dt; f is the velocity increment, m/s.
+
+    The turn by a constant gyro bias counts 1.5 times: that makes good for its covariance with the velocity, which is not kept, as far as velocity goes.
+    """
+    tilt, heading = 0.75 * aux[DRIFT] * aux[DRIFT], 0.75 * aux[DRIFT + 1] * aux[DRIFT + 1]
+    nn, ne, ee, dd = 0.5 * aux[ERRORS] + tilt, 0.5 * aux[ERRORS + 1], 0.5 * aux[ERRORS + 2] + tilt, 0.5 * aux[ERRORS + 3] + heading
+    for k, x, y, z in ((0, nn, ne, 0.0), (1, ne, ee, 0.0), (2, 0.0, 0.0, dd)):
+        v0, v1, v2 = y * f2 - z * f1, z * f0 - x * f2, x * f1 - y * f0
+        S[k, 3] += v0
+        S[k, 4] += v1
+        S[k, 5] += v2
+        S[k, 0] += 0.5 * dt * v0
+        S[k, 1] += 0.5 * dt * v1
+        S[k, 2] += 0.5 * dt * v2
+
+
+@helper
+def _spread(belief, S, f0, f1, f2, dt):
+    """Add to P what the errors of the known attitude, of covariance S with the states, do over dt; further, as white noise, what they do beyond the
+    record where those of several records are alike.
+    """
+    aux, P, n, half = belief.aux, belief.P, S.shape[1], 0.5 * dt
+    G = matrix(aux, aux.size - 3 * n, 3, n)    # covariance of the velocity that is gained with the states
+    for j in range(n):
+        s0, s1, s2 = S[0, j], S[1, j], S[2, j]
+        G[0, j], G[1, j], G[2, j] = s1 * f2 - s2 * f1, s2 * f0 - s0 * f2, s0 * f1 - s1 * f0
+    for i in range(3):
+        for j in range(6, n):
+            P[i, j] = P[j, i] = P[j, i] + half * G[i, j]
+            P[3 + i, j] = P[j, 3 + i] = P[j, 3 + i] + G[i, j]
+        for j in range(3):
+            P[i, 3 + j] = P[3 + j, i] = P[i, 3 + j] + half * G[i, 3 + j] + G[j, i]
+    for i in range(3):
+        for j in range(i + 1):
+            P[i, j] = P[j, i] = P[i, j] + half * (G[i, j] + G[j, i])
+            P[3 + i, 3 + j] = P[3 + j, 3 + i] = P[3 + i, 3 + j] + G[i, 3 + j] + G[j, 3 + i]
+    tilt, heading = 2 * max(aux[CORRELATION] - aux[SINCE], 0.0) / dt, 2 * max(aux[CORRELATION] - aux[SINCE + 1], 0.0) / dt
+    nn, ne, ee, dd = tilt * aux[ERRORS], tilt * aux[ERRORS + 1], tilt * aux[ERRORS + 2], heading * aux[ERRORS + 3]
+    P[3, 3] += f2 * f2 * ee + f1 * f1 * dd
+    P[4, 4] += f2 * f2 * nn + f0 * f0 * dd
+    P[5, 5] += f1 * f1 * nn - 2 * f0 * f1 * ne + f0 * f0 * ee
+    for i, j, more in ((3, 4, -f2 * f2 * ne - f0 * f1 * dd), (3, 5, f1 * f2 * ne - f0 * f2 * ee), (4, 5, f0 * f2 * ne - f1 * f2 * nn)):
+        P[i, j] += more
+        P[j, i] += more
+
+
+@helper
+def _carry(belief, dt, noise):
+    """What the gyros add to the errors of the known attitude over dt: their noise, and the turn by their biases."""
+    aux, P, walk = belief.aux, belief.P, noise.gyro * noise.gyro * dt
+    drift = math.sqrt((P[12, 12] + P[13, 13] + P[14, 14]) / 3) * dt
+    aux[ERRORS] += walk
+    aux[ERRORS + 2] += walk
+    aux[ERRORS + 3] += walk
+    for i in range(2):
+        aux[SINCE + i] += dt
+        aux[DRIFT + i] += drift
+
+
+@helper
+def tilt_variances(belief):
+    """Covariance of the tilt of the known attitude, rad^2: nn, ne, ee."""
+    aux = belief.aux
+    drift = aux[DRIFT] * aux[DRIFT]
+    return aux[ERRORS] + drift, aux[ERRORS + 1], aux[ERRORS + 2] + drift
+
+
+@helper
+def learn(belief):
+    """After a correction of P by `measure`: the covariance of the states with the errors of the known attitude, corrected alike."""
+    aux, n = belief.aux, belief.P.shape[0]
+    S, H, work, U = matrix(aux, aux.size - shared(n), 3, n), matrix(aux, aux.size - 3 * n, 3, n), aux[WORK:], n * n + 1
+    whiten(H, work)
+    for k in range(3):
+        x = y = z = 0.0
+        for j in range(n):
+            x, y, z = x + H[0, j] * S[k, j], y + H[1, j] * S[k, j], z + H[2, j] * S[k, j]
+        seen = (x, y, z)
+        for m in range(int(work[used_rows(n)])):
+            for j in range(n):
+                S[k, j] -= seen[m] * work[U + m * (n + 1) + j]
 
 
 @helper
@@ -181,8 +276,7 @@ def correct_angles(belief, y, sd, observe, parameters, gate, innovation):
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:
         dx = belief.aux[DX]
-        inject(belief.lla, belief.v, belief.C, dx)
-        inject_biases(belief, dx)
+        inject_all(belief, dx)
         if gentle(belief, math.sqrt(dx[6] * dx[6] + dx[7] * dx[7] + dx[8] * dx[8])):
             inject_angles(belief, dx[6], dx[7], dx[8])
         else:

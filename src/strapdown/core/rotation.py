@@ -24,10 +24,21 @@ def turned(C, x, y, z):
 @helper
 def euler_to_matrix(roll, pitch, heading, C):
     """C_nb = Rz(heading) Ry(pitch) Rx(roll), rad."""
+    C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2] = euler_terms(roll, pitch, heading)
+
+
+@helper
+def euler_terms(roll, pitch, heading):
+    """The nine numbers of that matrix, row by row."""
     sr, cr, sp, cp, sh, ch = math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch), math.sin(heading), math.cos(heading)
-    C[0, 0], C[0, 1], C[0, 2] = cp * ch, sr * sp * ch - cr * sh, cr * sp * ch + sr * sh
-    C[1, 0], C[1, 1], C[1, 2] = cp * sh, sr * sp * sh + cr * ch, cr * sp * sh - sr * ch
-    C[2, 0], C[2, 1], C[2, 2] = -sp, sr * cp, cr * cp
+    return (cp * ch, sr * sp * ch - cr * sh, cr * sp * ch + sr * sh, cp * sh, sr * sp * sh + cr * ch, cr * sp * sh - sr * ch,
+            -sp, sr * cp, cr * cp)
+
+
+@helper
+def measured_heading(y, C):
+    """Heading (rad) of a record y = roll, pitch, heading; where that is not measured (NaN), the heading of C_nb."""
+    return math.atan2(C[1, 0], C[0, 0]) if math.isnan(y[2]) else y[2]
 
 
 @helper

@@ -1,7 +1,7 @@
 """Closed loop: errors are injected into the INS at each fix, biases are corrected inside the INS. The default filter."""
 from ..core.adjoint import SMOOTHER
 from ..core.contract import CORRECT, PREDICT, Filter, kernel
-from ..core.error_state import DX, HEIGHT, auxiliary, inject, inject_biases, linearised_step, measure
+from ..core.error_state import DX, HEIGHT, auxiliary, bias_free, inject_all, linearised_step, measure
 from ..core.mechanization import mechanize
 
 
@@ -13,9 +13,7 @@ def start(start, noise, error_model="corrected"):
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
     """Advance P, linearised at the belief, and the INS with bias-corrected increments."""
-    ba, bg = belief.ba, belief.bg
-    r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
-    a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
+    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
     linearised_step(belief, belief.C, 1.0, u, dt, noise, False)
     mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, belief.aux[DX], belief.aux[HEIGHT])
 
@@ -25,9 +23,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct P; inject the errors into INS and biases."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:
-        dx = belief.aux[DX]
-        inject(belief.lla, belief.v, belief.C, dx)
-        inject_biases(belief, dx)
+        inject_all(belief, belief.aux[DX])
     return nis
 
 

@@ -5,7 +5,7 @@ velocity and attitude, and that part is composed into the nominal state at each 
 """
 from ..core.adjoint import SMOOTHER
 from ..core.contract import BA, BG, CORRECT, PREDICT, Filter, kernel
-from ..core.error_state import DX, HEIGHT, X, added, inject, inject_biases, linearised_step, measure
+from ..core.error_state import DX, HEIGHT, X, added, inject_all, linearised_step, measure
 from ..core.mechanization import mechanize
 from .closed_loop import start
 
@@ -29,9 +29,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct P; inject the kinematic errors, add the others to the biases of the error state."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:
-        dx = belief.aux[DX]
-        inject(belief.lla, belief.v, belief.C, dx)
-        inject_biases(belief, dx)
+        inject_all(belief, belief.aux[DX])
     return nis
 
 

@@ -4,10 +4,10 @@ The angles change by T(known attitude) times the bias-free rate, so that their m
 """
 import math
 
-from ..core.contract import ATTITUDE_KIND, CORRECT, PREDICT, Filter, kernel, helper
+from ..core.contract import ATTITUDE_KIND, CORRECT, PREDICT, Filter, helper, kernel
 from ..core.error_state import DV, MID, auxiliary
-from ..core.fed import (BEYOND, BEYOND_COLUMN, SINCE, STEEP, add_angles, bias_model, correct_angles, euler_rates, gentle, held, know, known_variances,
-                        predict_fed, rate_of_body, read_angles, steep, take_attitude, weigh, with_angles)
+from ..core.fed import (BEYOND, BEYOND_COLUMN, CORRELATION, SINCE, STEEP, add_angles, bias_model, correct_angles, euler_rates, gentle, know, learn,
+                        predict_fed, rate_of_body, read_angles, steep, take_attitude, tilt_variances, weigh, with_angles)
 from ..core.rotation import rotate_right
 
 LEAST_COSINE = math.cos(STEEP)
@@ -28,7 +28,7 @@ def predict(belief, u, dt, noise):
     cosine = math.sqrt(mid[7] * mid[7] + mid[8] * mid[8])
     if cosine > LEAST_COSINE and gentle(belief, math.sqrt(r0 * r0 + r1 * r1 + r2 * r2)):
         roll, pitch, heading = euler_rates(mid[7] / cosine, mid[8] / cosine, -mid[6] / cosine, cosine, r0, r1, r2)
-        _doubt_rates(belief, pitch, heading, dt, noise)
+        _doubt_rates(belief, pitch, heading, mid, cosine, dt)
         add_angles(belief, roll, pitch, heading)
     else:
         rotate_right(belief.C, r0, r1, r2)
@@ -37,16 +37,35 @@ def predict(belief, u, dt, noise):
 
 
 @helper
-def _doubt_rates(belief, pitch, heading, dt, noise):
-    """What the rates of the angles err by, because they are those at the known attitude: its distance to the estimated one, by how much the body turns.
+def _doubt_rates(belief, pitch, heading, mid, cosine, dt):
+    """What the rates of the angles err by, because they are those at the known attitude, mid (9,) of that cosine of pitch.
 
-    That distance is the residual of the last record, independent of the errors of the estimate, with the variance that the record has more than it.
+    Its tilt off the estimated one, x forward and y right, counts as long as it is held: the angles change by `pitch` and `heading` (rad), and err by
+    (pitch tan(pitch angle) x + heading y, -heading x, pitch x) forward, right and down, from differentiating T. Of independent records that distance
+    is the residual of the last one, with the variance that the record has more than the estimate; of correlated ones it may be all of the record's.
     """
-    P, (nn, _, ee, _) = belief.P, known_variances(belief, noise)
-    growth = max(0.5 * (nn + ee - P[6, 6] - P[7, 7]), 0.0) * held(belief, belief.aux[SINCE] - dt, dt) / (dt * dt)
-    P[6, 6] += growth * heading * heading
-    P[7, 7] += growth * heading * heading
-    P[8, 8] += growth * pitch * pitch
+    aux, P = belief.aux, belief.P
+    ch, sh, climb = mid[0] / cosine, mid[3] / cosine, -mid[6] / cosine * pitch
+    share = 1.0 if aux[CORRELATION] == 0 else 0.0
+    a, b, c = along(ch, sh, *tilt_variances(belief))
+    a0, b0, c0 = along(ch, sh, P[6, 6], P[6, 7], P[7, 7])
+    a, c = max(a - share * a0, 0.0), max(c - share * c0, 0.0)
+    b = max(-math.sqrt(a * c), min(b - share * b0, math.sqrt(a * c)))
+    growth = (2 * max(aux[SINCE] - dt, aux[CORRELATION]) + dt) / dt
+    forward, right, down = climb * a + heading * b, -heading * a, pitch * a     # covariances with x
+    ff, fr, rr = climb * forward + heading * (climb * b + heading * c), -heading * forward, -heading * right
+    fd, rd = pitch * forward, -heading * down
+    nn, ne, ee = along(ch, -sh, ff, fr, rr)
+    for i, j, value in ((6, 6, nn), (6, 7, ne), (7, 7, ee), (6, 8, ch * fd - sh * rd), (7, 8, sh * fd + ch * rd), (8, 8, pitch * down)):
+        P[i, j] += growth * value
+        if i != j:
+            P[j, i] += growth * value
+
+
+@helper
+def along(c, s, xx, xy, yy):
+    """Covariance xx, xy, yy of two components along axes turned by the angle of cosine c and sine s."""
+    return c * c * xx + 2 * c * s * xy + s * s * yy, c * s * (yy - xx) + (c * c - s * s) * xy, s * s * xx - 2 * c * s * xy + c * c * yy
 
 
 @kernel(CORRECT)
@@ -54,8 +73,10 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct P and the states. A measured attitude also is the known one from now on."""
     weigh(belief, sd, kind)
     nis = correct_angles(belief, y, belief.aux[DV], observe, parameters, gate, innovation)
-    if nis <= gate and kind == ATTITUDE_KIND:
-        take_attitude(belief, y, sd)
+    if nis <= gate:
+        learn(belief)
+        if kind == ATTITUDE_KIND:
+            take_attitude(belief, y, sd)
     return nis
 
 

@@ -5,23 +5,22 @@ P is kept in the library's error states: that of the angles follows from it by t
 import math
 
 from ..core.contract import CORRECT, PREDICT, Filter, helper, kernel
-from ..core.error_state import DX, HEIGHT, auxiliary, linearised_step
-from ..core.fed import (ANGLES, BEYOND, BEYOND_COLUMN, add_angles, bias_model, correct_angles, euler_rates, gentle, know, rate_of_body, read_angles, steep,
-                        with_angles)
+from ..core.error_state import DX, HEIGHT, auxiliary, bias_free, linearised_step
+from ..core.fed import (ANGLES, BEYOND, BEYOND_COLUMN, add_angles, bias_model, correct_angles, euler_rates, gentle, rate_of_body, read_angles, steep,
+                        with_angles, with_biases)
 from ..core.mechanization import mechanize
 
 
 def start(start, noise, bias="random-walk"):
     """Belief at `start`. bias: "random-walk", or "decaying" with the time constants of the IMU."""
-    return with_angles(know(start.belief(auxiliary(len(start.sd))), bias), start)
+    return with_angles(with_biases(start.belief(auxiliary(len(start.sd))), bias), start)
 
 
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
     """Advance P and position, velocity and Euler angles with bias-corrected increments."""
-    ba, bg, aux, noise = belief.ba, belief.bg, belief.aux, bias_model(belief, noise)
-    r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
-    a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
+    aux, noise = belief.aux, bias_model(belief, noise)
+    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
     linearised_step(belief, belief.C, 1.0, u, dt, noise, False)
     mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, aux[DX], aux[HEIGHT])
     r0, r1, r2 = rate_of_body(belief, r0, r1, r2)

@@ -9,9 +9,9 @@ import numpy as np
 
 from ..core.contract import ALTITUDE_KIND, ATTITUDE_KIND, CORRECT, POSITION_KIND, PREDICT, Filter, helper, kernel, matrix
 from ..core.earth import displace
-from ..core.error_state import observed
-from ..core.fed import measured_attitude
+from ..core.error_state import bias_free, observed
 from ..core.mechanization import mechanize
+from ..core.rotation import euler_to_matrix, measured_heading
 
 POLES = 8                       # of the horizontal axes, then the vertical one: a third pole, a pair; of velocities a pair (1/s). A pair is (a, b, complex):
 SINCE, FORCE = 16, 22           # a and b, or a +- jb; s since the last position and velocity fix, north, east, down; specific-force increment, m/s
@@ -74,9 +74,8 @@ def _check(axes, of_position, of_velocity):
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
     """Advance the INS; the gyros carry the attitude on until the next record."""
-    ba, bg, aux, omega, f = belief.ba, belief.bg, belief.aux, belief.omega, belief.f
-    r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
-    a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
+    aux, omega, f = belief.aux, belief.omega, belief.f
+    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
     mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, aux[FORCE:FORCE + 3])
     for i in range(6):
         aux[SINCE + i] += dt
@@ -95,7 +94,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
         change[i] = 0.0
     if kind == ATTITUDE_KIND:
         if not math.isnan(innovation[0]):
-            measured_attitude(y, math.atan2(C[1, 0], C[0, 0]), C)
+            euler_to_matrix(y[0], y[1], measured_heading(y, C), C)
         return math.nan
     if kind == ALTITUDE_KIND:
         _pull(aux, 2, 0, innovation[0], change)

@@ -11,7 +11,7 @@ import math
 
 from ..core import adjoint
 from ..core.contract import ATT, BACK, CORRECT, KEEP, Filter, Smoother, helper, kernel, matrix
-from ..core.error_state import DX, OWN, inject, inject_biases, measure
+from ..core.error_state import DX, OWN, inject_all, measure
 from ..core.rotation import rotate_left, turned
 from .closed_loop import predict, start
 
@@ -26,8 +26,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     if nis <= gate:
         dx = belief.aux[DX]
         rotation_vector(dx[ATT])
-        inject(belief.lla, belief.v, belief.C, dx)
-        inject_biases(belief, dx)
+        inject_all(belief, dx)
         theta = dx[ATT]
         turn_covariance(belief.P, theta[0], theta[1], theta[2], matrix(belief.aux, TURN, 3, 3))
     return nis
