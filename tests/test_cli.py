@@ -303,3 +303,21 @@ def test_ctrl_c_during_a_long_run(tmp_path):
     assert process.returncode == 130
     assert err.splitlines() == ["strapdown: interrupted; files written so far are whole, nothing is half-written"]
     assert [path.name for path in tmp_path.iterdir()] == ["long.nc"]
+
+
+def test_ctrl_c_in_the_clean_up_of_an_object_comes_again():
+    """There Python only reports exceptions and goes on."""
+    code = """import sys, time
+from strapdown import cli
+sys.unraisablehook = cli._again
+class Cleaned:
+    def __del__(self):
+        raise KeyboardInterrupt
+Cleaned()
+try:
+    time.sleep(20)
+except KeyboardInterrupt:
+    print("again")
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout == "again\n" and done.stderr == ""

@@ -18,6 +18,7 @@ def main():
     """Entry point of the command `strapdown`."""
     if len(sys.argv) == 1:
         sys.argv.append("--help")
+    sys.unraisablehook = _again
     try:
         if app(standalone_mode=False, prog_name="strapdown") == INTERRUPTED:  # typer takes Ctrl-C for itself and returns the code
             raise KeyboardInterrupt
@@ -31,6 +32,15 @@ def main():
         if isinstance(error, DataError):
             _stop(str(error))
         raise
+
+
+def _again(raised):
+    """Ctrl-C that fell into the clean-up of an object, where Python only reports exceptions: give it once more, a little later."""
+    if not issubclass(raised.exc_type, KeyboardInterrupt):
+        return sys.__unraisablehook__(raised)
+    import signal
+    import threading
+    threading.Timer(0.02, signal.raise_signal, (signal.SIGINT,)).start()
 
 
 def _stop(message, code=2):
