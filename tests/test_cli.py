@@ -172,7 +172,9 @@ def test_from_to_and_every(good, flight):
 def test_hide(good, flight):
     out = good("fuse", flight, "--hide", "10:15, 20:22.5", "--out", "a")
     assert "16 fixes withheld" in out and re.search(r"^10-15 +\d", out, re.MULTILINE) and re.search(r"^20-22.5 +\d", out, re.MULTILINE)
-    t = sd.read_solution("a/solution.nc").innovations.t
+    made, page = sd.read_solution("a/solution.nc"), Path("a/report.html").read_text()
+    t = made.innovations.t
+    assert [tuple(window) for window in made.meta["withheld"]] == [(10, 15), (20, 22.5)] and "<td>20 to 22.5</td>" in page
     assert not ((t >= 10) & (t < 15) | (t >= 20) & (t < 22.5)).any() and len(t) == 2 * 29 - 16
     assert "not scored: outage 100-110 s" in good("fuse", flight, "--hide", "100:110", "--out", "a")
 

@@ -108,6 +108,8 @@ def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="re
         with Progress() as progress:
             solution = estimate(seen, filter, imu=imu, start=begin, every=every, say=progress.say, progress=progress.track(label),
                                 ahrs=ahrs, ahrs_rate=ahrs_rate, **options)
+        if windows:
+            solution.meta["withheld"] = windows
         summarise(solution)
         if whole.reference is not None:
             print_errors({label: solution}, whole.reference)

@@ -175,7 +175,11 @@ def outages(solution, reference, windows):
 
     Scored at the solution's own times against the reference, without any alignment of the two. Raises DataError where one covers no time of the other.
     """
-    e = errors(solution, reference)
+    return outages_of(errors(solution, reference), windows)
+
+
+def outages_of(e, windows):
+    """As `outages`, of the Errors of a solution."""
     if e.position is None or not any_known(e.horizontal):
         raise DataError("outages are scored by position, which solution and reference have not both; choose another filter")
     scores = []

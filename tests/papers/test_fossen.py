@@ -276,3 +276,13 @@ def test_the_command(command, tmp_path, monkeypatch):
         "--recordings"), (("--runs", "1", "--seed", "-1"), "seed -1")):
         code, _, err = command("reproduce", "fossen", *words, "--out", tmp_path / "y")
         assert code == 2 and text in err[-1] and len(err) == 1
+
+
+@pytest.mark.parametrize("name", signals.SIGNALS)
+def test_a_plain_fuse_of_a_recording_knows_its_biases(name):
+    made = signals.recording(name, 1, duration=120.0)
+    found = fuse(made, "mekf")
+    e = errors(found, made.reference)
+    late, true = e.t > 60.0, np.r_[made.meta["b_a"][-1], made.meta["b_g"][-1]]
+    assert np.abs(e.position[late]).max() < 0.05 and np.degrees(np.abs(e.attitude[late]).max()) < 0.3
+    assert (np.abs(true - np.r_[found.b_a[-1], found.b_g[-1]]) < 4 * found.trajectory.sd[-1, 9:]).all()      # 1 in 2600 for all six, normal

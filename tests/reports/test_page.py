@@ -13,6 +13,7 @@ from synthetic import flight, solution
 from strapdown import report
 from strapdown import metrics
 from strapdown.data import DataError
+from strapdown.reports.drawing import WITHHELD
 
 pytestmark = pytest.mark.short
 TRUTH = flight(600, rate=2.0)
@@ -128,3 +129,27 @@ def ink(png):
         data += png[at + 8:at + 8 + size] if kind == b"IDAT" else b""
         at += 12 + size
     return len(rows := zlib.decompress(data)) - rows.count(0)
+
+
+def test_the_key_says_how_many_events_are_marked():
+    many = replace(SOLUTION, events=tuple((float(k), f"event {k}") for k in range(57)))
+    assert "the first 20 of 57 events are marked" in report(many, TRUTH).html and "are marked" not in report(SOLUTION, TRUTH).html
+    assert "57 events of a are marked" in report({"a": many, "b": SOLUTION}, TRUTH).html
+
+
+def test_no_claim_is_asked_for_where_none_is_drawn():
+    silent = replace(SOLUTION, trajectory=replace(SOLUTION.trajectory, sd=np.full_like(SOLUTION.trajectory.sd, np.nan)))
+    assert "It should stay below" in report(SOLUTION, TRUTH).html and "It should stay below" not in report(silent, TRUTH).html
+
+
+def test_withheld_windows_are_listed_shaded_and_scored():
+    windows = [(100.0, 130.0), (5000.0, np.inf)]
+    hidden = replace(SOLUTION, meta=SOLUTION.meta | {"withheld": windows})
+    html = report(hidden, TRUTH).html
+    outage, = metrics.outages(SOLUTION, TRUTH, windows[:1])
+    assert [float(text) for text in cells(html, "100 to 130")] == pytest.approx([outage.horizontal_max, outage.horizontal_end, outage.down_max], rel=0.01)
+    assert cells(html, "5000 to inf") == ["–"] * 3 and "</b>fixes withheld<" in html
+    assert html.count(f'"fillcolor":"{WITHHELD}"') == html.count("class=plot") - 1      # all but the track
+    alone = report(hidden).html
+    assert cells(alone, "100 to 130") == [] and "at the end [m]" not in alone
+    assert "fixes withheld" not in report(SOLUTION, TRUTH).html

@@ -20,7 +20,7 @@ INTRODUCTION = (
     "run here through "
     "all of these filters, with the published biases of 0.1, 0.3, -0.1 m/s² and 2.9, 5.7, -2.9 deg/s, over many seeds, besides a body at "
     "rest, in steady "
-    "motion, and one that swings its heading alone. The last section lists what the chapter leaves open.",
+    "motion, one that swings its heading alone, and one that pitches through the vertical. The last section lists what the chapter leaves open.",
     "Each claim has a verdict that code has taken from the numbers, by a rule that stands beside it. \"Not reproduced\" means: not under "
     "the assumptions stated "
     "here. A cell is a filter with its sensors, an excitation and a tuning; it supports a claim where more than half of its runs do, and "

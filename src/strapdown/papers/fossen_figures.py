@@ -78,7 +78,7 @@ def states(run):
         limit, largest = frame(run.t, error, sd)
         drawn.update_yaxes(range=[-limit, limit], row=i + 1, col=1)
         if largest > 1.1 * limit:
-            outside.append(f"{labels[i].split('<')[0]} {largest:.3g}")
+            outside.append(f"{labels[i].split('<')[0]} {largest:.3g} {labels[i].split('[')[1][:-1]}")
     if outside:
         note(drawn, f"At the start outside the frame, bands included: {', '.join(outside)}.")
     return _time(drawn, 9, run.t)

@@ -136,6 +136,14 @@ def sensor(rate_hz):
     return ImuSpec("fossen", Triad(noise=noise), Triad(noise=noise), "white noise of insSignal, Marine Systems Simulator")
 
 
+def described(rate_hz, walking):
+    """The ImuSpec that tells filters what the samples hold: noise, and biases of the published size, constant or decaying with BIAS_TIME."""
+    size = lambda values: float(np.sqrt(np.mean(np.square(values))))
+    terms = lambda values: {"gauss_markov": size(values), "time_constant": BIAS_TIME} if walking else {"turn_on_bias": size(values)}
+    noise = SAMPLE_NOISE * rate_hz ** -0.5
+    return ImuSpec("fossen", Triad(noise=noise, **terms(GYRO_BIAS)), Triad(noise=noise, **terms(ACCEL_BIAS)), "insSignal, Marine Systems Simulator")
+
+
 def biases(walking, count, dt, rng):
     """(b_a (count, 3) m/s^2, b_g rad/s) at the samples: constant, or where `walking` the published Gauss-Markov process begun at the constant values."""
     begun = np.array([ACCEL_BIAS, GYRO_BIAS])
@@ -162,7 +170,7 @@ def recording(name, seed, rate_hz=100.0, duration=300.0, interval=POSITION_INTER
     position, velocity, field, ahrs = plans(name, float(rate_hz), float(duration), float(interval))
     fixes = (*(plan.fixes(stream) for plan, stream in zip((position, velocity), of_gnss.spawn(2))), field.fixes(of_field),
              _compass(truth, of_compass), ahrs.fixes(of_ahrs), _gravity(position.aiding.t))
-    meta = {"name": f"{name}, seed {seed}", "grade": sensor(rate_hz), "notes": [], "b_a": b_a, "b_g": b_g, "place": list(TRONDHEIM)}
+    meta = {"name": f"{name}, seed {seed}", "grade": described(rate_hz, walks), "notes": [], "b_a": b_a, "b_g": b_g, "place": list(TRONDHEIM)}
     return Recording(noisy, fixes, truth, meta)
 
 

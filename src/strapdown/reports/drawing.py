@@ -13,6 +13,8 @@ COLOURS = ("#3b7dd8", "#e8710a", "#2f9e44", "#9c4dcc", "#c2255c", "#0b8a8f")
 """Of solutions, and of north, east, down."""
 GREY, RED = "#868e96", "#e03131"
 SHADES = {BRIDGED: "rgba(240,180,0,0.22)", INVALID: "rgba(224,49,49,0.16)"}
+WITHHELD = "rgba(59,125,216,0.13)"
+"""Of the windows whose fixes were withheld."""
 AXES = ("north", "east", "down")
 MARKED = 20
 """At most this many events and status stretches of each kind are drawn; the page lists all events."""
@@ -145,7 +147,7 @@ def band(figure, t, centre, half, row=1, name="±3σ"):
 
 
 def time_axis(figure, solution, zero=0.0):
-    """Label the time axis, shade the stretches over gaps and mark the events of a solution, numbered as the page lists them."""
+    """Label the time axis, shade gaps and windows of withheld fixes, and mark the events of a solution, numbered as the page lists them."""
     label = "time [s]" if not zero else f"time since {zero:.0f} s [s]"
     rows = max((int(name[5:] or 1) for name in figure.layout if name.startswith("yaxis")), default=1)
     figure.update_xaxes(title_text=label, row=rows, col=1)
@@ -153,6 +155,9 @@ def time_axis(figure, solution, zero=0.0):
     panel = {"xref": "x", "yref": "paper"}
     shapes = [{"type": "rect", "x0": start - zero, "x1": stop - zero, "y0": 0, "y1": 1, **panel, "fillcolor": SHADES[status],
                "line": {"width": 0}, "layer": "below"} for start, stop, status in stretches(solution)]
+    hidden = [(max(start, float(solution.t[0])), min(stop, float(solution.t[-1]))) for start, stop in solution.meta.get("withheld", ())]
+    shapes += [{"type": "rect", "x0": start - zero, "x1": stop - zero, "y0": 0, "y1": 1, **panel, "fillcolor": WITHHELD, "line": {"width": 0},
+                "layer": "below"} for start, stop in hidden if start < stop]
     texts = []
     for number, (t, _) in enumerate(solution.events[:MARKED], start=1):
         shapes.append({"type": "line", "x0": t - zero, "x1": t - zero, "y0": 0, "y1": 1, **panel,

@@ -6,16 +6,13 @@ from html import escape
 from .. import __version__, metrics
 from ..data import BRIDGED, INVALID, DataError
 from . import figures, fixes, summary
-from .drawing import COLOURS, SHADES
+from .drawing import COLOURS, MARKED, SHADES, WITHHELD
 from .shell import listed, placed, shell
 
 FOOTER = ("Errors are true − estimate.",
           " Position, velocity and their errors are in metres and m/s along north, east, down; heights are above the "
           "WGS-84 ellipsoid.", " Lines of more than 2000 points keep the extremes of each stretch.")
-KEY = (f"<p class='caption key'><span><b style='background:{SHADES[BRIDGED]}'></b>gap bridged</span>"
-       f"<span><b style='background:{SHADES[INVALID]}'></b>not valid</span>"
-       "<span><b style='border-left:1px dotted; width:4px; margin-left:6px'></b>event, numbered as in the list</span>"
-       "<span>Drag to zoom, double-click to go back (again: to see all), click the legend to hide a line.</span></p>")
+HINT = "Drag to zoom, double-click to go back (again: to see all), click the legend to hide a line."
 
 
 def report(solutions, reference=None, title=None, window=None):
@@ -29,9 +26,21 @@ def report(solutions, reference=None, title=None, window=None):
     title = title or f"{first.meta.get('recording', 'Solution')}: {', '.join(solutions)}"
     sections = [(name, text) for name, text in _sections(solutions, reference if scores else None, scores, window) if text]
     sections[0] = "Summary", unscored + sections[0][1]
-    sections[1] = sections[1][0], KEY + sections[1][1]
+    sections[1] = sections[1][0], _key(solutions) + sections[1][1]
     footer = "".join(FOOTER if any(solution.has_position for solution in solutions.values()) else FOOTER[::2])
     return shell(title, listed(_facts(solutions, window)), sections, footer, wide=len(solutions) > 1)
+
+
+def _key(solutions):
+    """HTML of what the shades and dotted lines of the figures mean; where not all events are marked, how many are."""
+    colour = lambda shade: f"background:{shade}"
+    many = {name: len(solution.events) for name, solution in solutions.items() if len(solution.events) > MARKED}
+    counts = ", ".join(f"{count} events{f' of {name}' if len(solutions) > 1 else ''}" for name, count in many.items())
+    rows = [(colour(SHADES[BRIDGED]), "gap bridged"), (colour(SHADES[INVALID]), "not valid"),
+            *([(colour(WITHHELD), "fixes withheld")] if any(solution.meta.get("withheld") for solution in solutions.values()) else []),
+            ("border-left:1px dotted; width:4px; margin-left:6px",
+             f"event, numbered as in the list{f'; the first {MARKED} of {counts} are marked' if many else ''}")]
+    return f"<p class='caption key'>{''.join(f'<span><b style={style!r}></b>{escape(text)}</span>' for style, text in rows)}<span>{HINT}</span></p>"
 
 
 def _named(solutions):
@@ -116,8 +125,9 @@ def _overview(draw, solutions, reference, scores):
         return ""
     seen = draw.place(figures.track(solutions, reference), "Seen from above", "Dots are position fixes: the estimate plus its innovation.")
     beside = draw.place(figures.height(solutions, reference), "Height", "Above the WGS-84 ellipsoid.")
+    claimed = any(metrics.any_known(solution.trajectory.sd[:, :2]) for solution in solutions.values())
     if scores and (horizontal := figures.horizontal(solutions, scores)):
-        beside += draw.place(horizontal, "Horizontal error", "It should stay below what the filter claims.")
+        beside += draw.place(horizontal, "Horizontal error", "It should stay below what the filter claims." if claimed else "")
     return f"<div class='grid pair'>{seen}<div>{beside}</div></div>"
 
 
@@ -155,6 +165,7 @@ def _summary(solutions, scores, window):
     free = {name for name, solution in solutions.items() if not summary.heading_held(solution)}
     tables = [summary.error_table(scores, window, free)] if scores else []
     parts = ["<div class=tables>", *tables, "<div>", summary.run_table(solutions), summary.fix_table(solutions), "</div></div>", summary.beyond(scores, window)]
+    parts += [summary.withheld_table(solutions, scores)]
     notes = list(dict.fromkeys(str(note) for solution in solutions.values() for note in solution.meta.get("notes", ())))
     parts += ["<h3>Notes</h3>", summary.listing(notes)] if notes else []
     same = {}

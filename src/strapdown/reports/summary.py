@@ -4,7 +4,7 @@ from html import escape
 import numpy as np
 
 from .. import metrics
-from ..data import BRIDGED, INVALID
+from ..data import BRIDGED, INVALID, DataError
 
 LISTED = 500
 """At most this many notes or events are listed."""
@@ -146,6 +146,25 @@ def fix_table(solutions):
             gate = fixes.gates[source] if gates else None
             rows.append([f"{name}: {label}" if len(solutions) > 1 else label, good, bad, *mean, number(gate)])
     return table(["source", "accepted", "rejected", "mean NIS", "expected", "gate"], rows) + (LASTING if lasting else "") if rows else ""
+
+
+def withheld_table(solutions, found):
+    """The windows, s, whose fixes were withheld from {name: Solution}, by meta["withheld"], with the errors inside where `found`, {name:
+    metrics.Errors}, knows them; "" without any."""
+    rows = []
+    for name, solution in solutions.items():
+        for window in solution.meta.get("withheld", ()):
+            try:
+                outage, = metrics.outages_of(found[name], [window]) if found else [None]
+            except DataError:
+                outage = None
+            scores = ["–"] * 3 if outage is None else map(number, (outage.horizontal_max, outage.horizontal_end, outage.down_max))
+            label = "{:g} to {:g}".format(*window)
+            rows.append([f"{name}: {label}" if len(solutions) > 1 else label, *scores])
+    head = ["fixes withheld [s]", "largest horizontal error [m]", "at the end [m]", "largest vertical [m]"]
+    if all(row[1:] == ["–"] * 3 for row in rows):
+        head, rows = head[:1], [row[:1] for row in rows]
+    return table(head, rows) if rows else ""
 
 
 def listing(items, ordered=False):
