@@ -12,6 +12,7 @@ from strapdown.ahrs import ASSUMED, REMEDY, deviations, source
 from strapdown.data import DataError
 from strapdown.filters import find, names
 from strapdown.filters.closed_loop import CLOSED_LOOP
+from strapdown.sensors.magnetometer import Magnetometer
 from synthetic import flight as circling
 from synthetic import solution as made_up
 
@@ -46,7 +47,7 @@ def test_deviations_are_those_of_the_turned_covariance():
 def test_it_is_the_solution_at_every_nth_sample(rate, every):
     alone = sd.fuse(recording(), "attitude-mekf", every=every)
     made, said = source(recording(), find("attitude-mekf"), rate)
-    assert made.kind == "attitude" and made.name == "attitude-mekf" and said == [f"attitude from attitude-mekf at {20 / every:.4g} Hz"]
+    assert made.kind == "attitude" and made.name == "attitude-mekf" and said[0] == f"attitude from attitude-mekf at {20 / every:.4g} Hz"
     assert np.array_equal(made.t, alone.t) and np.array_equal(made.y, alone.trajectory.rph) and np.array_equal(made.sd, deviations(alone))
     assert np.isin(made.t, recording().imu.t).all() and np.diff(made.t) == pytest.approx(every / 20)
     truth = recording().reference
@@ -86,6 +87,17 @@ def test_what_the_ahrs_has_to_say_is_said():
     imu, text = recording().imu, "attitude-mekf: the mean specific force is off gravity"
     heavy = replace(recording(), imu=imu._replace(dv=imu.dv * 1.4))
     assert text not in notes(sd.fuse(recording(), FED)) and text in notes(sd.fuse(heavy, FED))
+
+
+@pytest.mark.short
+def test_one_that_begins_in_motion_says_so():
+    text = "attitude-mekf began in motion, at 0.0 s: its attitude may be off by tens of degrees"
+    assert text in notes(sd.fuse(recording(), FED, every=100))
+    still = sd.simulate("static", 40.0, "tactical", 1, 20.0, magnetometer=Magnetometer(rate=2.0), date="2024-05-01")
+    assert "began in motion" not in notes(sd.fuse(still.between(0.0, 20.0), FED, every=100))
+    shaken = 0.05 * np.random.default_rng(1).normal(size=still.imu.dv.shape)       # 1 m/s^2: an engine that runs, and no motion
+    shaken = replace(still, imu=still.imu._replace(dv=still.imu.dv + shaken))
+    assert source(shaken, find("attitude-mekf"))[1] == ["attitude from attitude-mekf at 10 Hz"]
 
 
 # ---- when it runs
@@ -185,7 +197,16 @@ def test_rates(rate, text):
 
 
 @pytest.mark.short
+def test_a_rate_without_an_ahrs_is_refused():
+    with pytest.raises(DataError, match="^ahrs_rate is 5 Hz, but no AHRS runs: closed-loop runs without one; leave it out, or name an AHRS"):
+        sd.fuse(recording(), "closed-loop", ahrs_rate=5)
+    with pytest.raises(DataError, match="but no AHRS runs: the recording has its attitude; leave it out"):
+        sd.fuse(beside(recorded()), FED, ahrs_rate=5.0)
+
+
+@pytest.mark.short
 @pytest.mark.parametrize("filter, ahrs, text", [
+    ("closed-loop", "mahonny", "^no AHRS is called 'mahonny'; did you mean 'mahony'\\? there are: attitude-mekf, mahony, vru$"),
     ("closed-loop", "attitude-mek", "did you mean 'attitude-mekf'"), ("closed-loop", "open-loop", "open-loop is no AHRS, .* attitude-mekf, mahony, vru"),
     ("mahony", "attitude-mekf", "mahony has no use for the attitude of an AHRS")])
 def test_names(filter, ahrs, text):
@@ -256,7 +277,7 @@ def test_command(command, file, tmp_path):
 
 
 @pytest.mark.short
-@pytest.mark.parametrize("words, text", [(("--ahrs", "closed-loop"), "closed-loop is no AHRS"), (("--ahrs", "x"), "no filter is called 'x'"),
+@pytest.mark.parametrize("words, text", [(("--ahrs", "closed-loop"), "closed-loop is no AHRS"), (("--ahrs", "x"), "no AHRS is called 'x'"),
                                          (("--ahrs", "mahony", "--ahrs-rate", "0"), "ahrs_rate is 0.0 Hz"), (("--ahrs-rate", "nan"), "ahrs_rate is nan Hz"),
                                          (("--ahrs", "vru", "--ahrs-rate", "21"), "at most the IMU's 20 Hz"), (("--ahrs-rate", "-1"), "-1.0 Hz"),
                                          (("--ahrs", "vru", "--filter", "vru"), "vru has no use for the attitude"), (("--ahrs-rate", "x"), "--ahrs-rate")])

@@ -329,3 +329,11 @@ def test_no_fixes_at_all():
     assert solution.counts() == {} and len(solution.t) == 200 and (np.diff(solution.trajectory.sd[:, 0]) > 0).all()
     with pytest.raises(DataError, match="no position fix to start from"):
         sd.fuse(recording)
+
+
+@pytest.mark.short
+def test_compiling_tells_which_filter_it_is_for(monkeypatch):
+    said = []
+    monkeypatch.setattr("strapdown.engine.is_cached", lambda kernel: False)
+    engine.prepare("mahony", ["magnetic-field"], said.append)
+    assert said == ["compiling mahony for the first time on this machine, about 15 s ..."]

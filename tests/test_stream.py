@@ -282,6 +282,9 @@ def test_a_fix_that_is_not_finite_is_not_measured():
     (Fix(1.0, -1, (0.8, 0.2, 300.0), (1.0,) * 3), "source is -1"),
     (Fix(1.0, "gnss", (0.8, 0.2, 300.0), (1.0,) * 3), "source is 'gnss'"),
     (Fix(1.0, 0, (0.8, 0.2), (1.0,) * 3), "y has 2 and sd 3 numbers; source 0 needs 3"),
+    (Fix(1.0, 0, (0.8, 0.2, 300.0), 1.0), "y is (0.8, 0.2, 300.0) and sd 1.0; each must be a tuple, source 0 needs 3 numbers"),
+    (Fix(1.0, 0, 0.8, (1.0,) * 3), "y is 0.8 and sd"),
+    (Fix(1.0, 0, (0.8, 0.2, None), (1.0,) * 3), "y is (0.8, 0.2, None)"),
     (Fix(1.0, 0, (0.8, 0.2, 300.0), (1.0, 0.0, 1.0)), "standard deviations are (1.0, 0.0, 1.0); they must be above zero"),
     (Fix(1.0, 1, (0.8, 0.2, 300.0), (1.0, float("nan"), 1.0)), "they must be above zero"),
 ])

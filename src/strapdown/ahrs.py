@@ -5,6 +5,7 @@ worth. `docs/fuse.md` tells what to expect.
 """
 import math
 from dataclasses import replace
+from difflib import get_close_matches
 from numbers import Real
 
 import numpy as np
@@ -12,10 +13,13 @@ import numpy as np
 from . import filters
 from .core.contract import ATT, VALID
 from .data import Aiding, DataError
-from .engine import assumed_noise, found, fuse, positioned
+from .engine import assumed_noise, fuse, positioned
+from .rest import motionless
 
 AHRS = "attitude-mekf"
 """The one that runs where a filter needs attitude, the recording has none of it, and something in it measures the heading."""
+RATE = 10.0
+"""Hz, where no rate is asked for."""
 HEADING_KINDS = ("magnetic-field", "heading")
 ASSUMED = np.radians([1.5, 1.5, 5.0])
 """rad: standard deviations forward, right and down where a filter claims none: the largest rms inclination and heading error of `mahony` in the five
@@ -24,24 +28,27 @@ REMEDY = (f"add an attitude record or a magnetometer to the recording, or run an
           f'in Python ahrs="{AHRS}"')
 
 
-def fed(recording, filter, ahrs=None, rate=10.0, imu=None, noise=None, start=None, say=None):
+def fed(recording, filter, ahrs=None, rate=RATE, imu=None, noise=None, start=None, say=None):
     """(Recording for `filter`, Aiding of the AHRS that ran first, or None): the attitude that the filter needs is among the sources.
 
     ahrs: name of a filter of attitude alone, which takes the place of recorded attitude; None: `attitude-mekf` where the filter needs attitude, the
     recording has none, and something in it measures the heading. rate (Hz), imu, noise, start: as of `source`. What measures the heading goes to the
-    AHRS and not to the filter once more. A note says what ran. Raises DataError where there is no attitude and nothing to make it of, or where the AHRS
-    that was asked for cannot be used.
+    AHRS and not to the filter once more. A note says what ran. Raises DataError where there is no attitude and nothing to make it of, where the AHRS
+    that was asked for cannot be used, or where a rate other than `RATE` is asked for and no AHRS runs.
     """
     if isinstance(rate, bool) or not isinstance(rate, Real) or not 0 < rate < math.inf:
         raise DataError(f"ahrs_rate is {rate!r} Hz; it must be a number above 0")
     measured = {a.kind for a in recording.aidings if len(a.t)}
     if ahrs is None:
         if "attitude" not in filter.needs or "attitude" in measured:
+            if rate != RATE:
+                why = "the recording has its attitude" if "attitude" in filter.needs else f"{filter.name} runs without one"
+                raise DataError(f"ahrs_rate is {rate:g} Hz, but no AHRS runs: {why}; leave it out, or name an AHRS (--ahrs {AHRS})")
             return recording, None
         if not measured.intersection(HEADING_KINDS):
             raise DataError(f"{filter.name} needs attitude aiding, and there is none: {REMEDY}")
         ahrs = AHRS
-    ahrs = found(filters.find, ahrs)
+    ahrs = _found(ahrs)
     _check(ahrs, filter)
     made, notes = source(recording, ahrs, rate, imu, noise, start, say)
     taken = [a for a in recording.aidings if a.kind in HEADING_KINDS and a.kind in (ahrs.uses or HEADING_KINDS)]
@@ -55,7 +62,7 @@ def fed(recording, filter, ahrs=None, rate=10.0, imu=None, noise=None, start=Non
     return replace(recording, aidings=(*left, made), meta=meta), made
 
 
-def source(recording, ahrs, rate=10.0, imu=None, noise=None, start=None, say=None):
+def source(recording, ahrs, rate=RATE, imu=None, noise=None, start=None, say=None):
     """(Aiding of kind `attitude`, notes): the solution of the attitude filter `ahrs` (Filter) at every n-th IMU sample.
 
     n is the whole number that comes nearest to `rate` (Hz); rows that are not VALID are left out. imu: ImuSpec; noise: a Noise in place of the IMU's;
@@ -67,7 +74,8 @@ def source(recording, ahrs, rate=10.0, imu=None, noise=None, start=None, say=Non
         raise DataError(f"ahrs_rate is {rate:g} Hz; it must be at most the IMU's {own:.4g} Hz")
     every = round(own / rate)
     seen = replace(recording, aidings=tuple(a for a in recording.aidings if a.kind != "attitude"), meta=recording.meta | {"notes": []})
-    solution = fuse(seen, ahrs, imu=imu, start=_start(seen, imu, noise, start), noise=noise, every=every, say=say)
+    begin = _start(seen, imu, noise, start)
+    solution = fuse(seen, ahrs, imu=imu, start=begin, noise=noise, every=every, say=say)
     keep = solution.status == VALID
     y, sd, t = solution.trajectory.rph[keep], deviations(solution)[keep], solution.t[keep]
     notes = [f"attitude from {ahrs.name} at {own / every:.4g} Hz"]
@@ -77,6 +85,7 @@ def source(recording, ahrs, rate=10.0, imu=None, noise=None, start=None, say=Non
     notes += _heading(ahrs, [a for a in seen.aidings if len(a.t)], y, sd)
     if ahrs.watch:
         notes += [f"{ahrs.name}: {text}" for _, text in ahrs.watch(solution.t, solution.trajectory.lla, solution.columns)]
+    notes += _motion(ahrs, begin, recording.imu)
     notes += [f"{ahrs.name} {solution.meta['stopped']}"] if "stopped" in solution.meta else []
     return Aiding("attitude", t, y, sd, name=ahrs.name), notes
 
@@ -103,11 +112,31 @@ def _heading(ahrs, aidings, y, sd):
     return [f"{ahrs.name} gives roll and pitch and no heading"]
 
 
+def _motion(ahrs, start, imu):
+    """Notes on an AHRS that began where the vehicle did not stand, by its Start: what moves it, specific force alone takes for tilt."""
+    if "level from specific force alone" not in start.note or motionless(imu, start.t):
+        return []
+    return [f"{ahrs.name} began in motion, at {start.t:.1f} s: its attitude may be off by tens of degrees for minutes, and more than its "
+            "standard deviations say; begin where the vehicle stands"]
+
+
+def _alone():
+    return [name for name in filters.names() if not positioned(filters.find(name))]
+
+
+def _found(name):
+    """The Filter of that name; DataError with the AHRSs there are where it is unknown."""
+    try:
+        return filters.find(name)
+    except ValueError:
+        near = get_close_matches(str(name), _alone(), 1)
+        raise DataError(f"no AHRS is called {name!r}; {f'did you mean {near[0]!r}? ' if near else ''}there are: {', '.join(_alone())}") from None
+
+
 def _check(ahrs, filter):
     """Raise DataError where `ahrs` is none, or `filter` has no use for an attitude."""
     if positioned(ahrs):
-        alone = [name for name in filters.names() if not positioned(filters.find(name))]
-        raise DataError(f"{ahrs.name} is no AHRS, because it needs positions; these are: {', '.join(alone)}")
+        raise DataError(f"{ahrs.name} is no AHRS, because it needs positions; these are: {', '.join(_alone())}")
     if filter.uses is not None and "attitude" not in filter.uses:
         raise DataError(f"{filter.name} has no use for the attitude of an AHRS: leave out ahrs (--ahrs), or choose another filter")
 

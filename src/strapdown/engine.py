@@ -37,7 +37,7 @@ def prepare(filter, kinds, say=None):
     sensors = [found(aiding.find, kind) for kind in dict.fromkeys(kinds)]
     slow = [filter.predict, filter.correct, loop.run]
     if say and not all(map(is_cached, slow)):
-        say("compiling the filter for the first time on this machine, about 15 s ...")
+        say(f"compiling {filter.name} for the first time on this machine, about 15 s ...")
     for kernel in [*slow, *(sensor.observe for sensor in sensors)]:
         compile_kernel(kernel)
     observers = np.zeros(len(aiding.sensors()), np.int64)

@@ -98,14 +98,19 @@ class Stream:
         if not (isinstance(fix.source, (int, np.integer)) and 0 <= fix.source < len(self._widths)):
             raise DataError(f"fix at {fix.t:.3f} s: source is {fix.source!r}; the stream has {len(self._widths)}, counted from 0")
         width = self._widths[fix.source]
-        if not len(fix.y) == len(fix.sd) == width:
-            raise DataError(f"fix at {fix.t:.3f} s: y has {len(fix.y)} and sd {len(fix.sd)} numbers; source {fix.source} needs {width}")
-        y = [value if isfinite(value) else nan for value in fix.y]
-        if not all(value != value or 0 < sd < inf for value, sd in zip(y, fix.sd)):
+        try:
+            y, deviations = [float(value) for value in fix.y], [float(value) for value in fix.sd]
+        except (TypeError, ValueError):
+            raise DataError(f"fix at {fix.t:.3f} s: y is {fix.y!r} and sd {fix.sd!r}; each must be a tuple, source {fix.source} needs {width} "
+                            f"number{'s' * (width > 1)}") from None
+        if not len(y) == len(deviations) == width:
+            raise DataError(f"fix at {fix.t:.3f} s: y has {len(y)} and sd {len(deviations)} numbers; source {fix.source} needs {width}")
+        y = [value if isfinite(value) else nan for value in y]
+        if not all(value != value or 0 < sd < inf for value, sd in zip(y, deviations)):
             raise DataError(f"fix at {fix.t:.3f} s: standard deviations are {tuple(fix.sd)}; they must be above zero")
         if len(self._waiting) == ROOM:
             raise DataError(f"{ROOM} fixes wait for an IMU sample, the first at {self._waiting[0][0]:.3f} s; the stream needs samples to go on")
-        return fix.t, self._places[fix.source], y, fix.sd
+        return fix.t, self._places[fix.source], y, deviations
 
     def _use(self, until):
         samples = self._samples

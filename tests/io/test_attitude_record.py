@@ -1,4 +1,6 @@
 """Reading attitudes: angles and quaternions in several conventions against scipy, missing headings, what is refused, and checks against the gyro."""
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -189,6 +191,60 @@ def test_stuck_fixes_are_dropped_and_counted(build):
     imu = tables()[0].assign(gx=0.0, gy=0.0, gz=0.3, ax=0.0, ay=0.0, az=-9.81)
     imu.to_csv(path.parent / "imu.csv", index=False)
     assert len(read(path).aidings[0].t) == 1000
+
+
+def merged(frame):
+    """The rows of the AHRS in a table of 100 Hz, whose other rows have empty cells."""
+    table = pd.DataFrame({"t": 0.01 * np.arange(10, 10001)})
+    table.loc[::10, ["roll", "pitch", "heading"]] = frame[["roll", "pitch", "heading"]].to_numpy()
+    return table
+
+
+@pytest.mark.parametrize("empty", [["roll"], ["roll", "pitch", "heading"]])
+def test_missing_cells_of_a_merged_table_are_not_stuck_ones(build, empty):
+    silent = angles()
+    silent.loc[400:699, empty] = np.nan
+    recording = read(build(merged(silent)))
+    assert len(recording.aidings[0].t) == 700
+    note, = recording.meta["notes"]
+    assert "9291 rows without time, value or standard deviation dropped, the first in line 3" in note
+    held = angles()
+    held.loc[200:300, ["roll", "pitch", "heading"]] = held.loc[200, ["roll", "pitch", "heading"]].to_numpy()
+    notes = read(build(merged(held))).meta["notes"]     # empty cells between them do not hide those that are
+    assert "attitude: 100 rows dropped, stuck at one value" in notes[0] and "8991 rows without time, value" in notes[1] and len(notes) == 2
+    same = angles()
+    same.loc[700, ["roll", "pitch", "heading"]] = same.loc[399, ["roll", "pitch", "heading"]].to_numpy()
+    same.loc[400:699, ["roll", "pitch", "heading"]] = np.nan
+    assert len(read(build(same)).aidings[0].t) == 700   # a value that is there again after a pause
+
+
+def test_rows_without_heading_are_counted_with_their_longest_pause(build):
+    frame = angles()
+    frame.loc[[5, 7, *range(400, 450), *range(900, 1000)], "heading"] = np.nan
+    expected = "attitude: 152 rows of 1000 without heading, the longest time without one 10 s from 90.000 s"
+    assert read(build(frame)).meta["notes"] == [expected]
+    assert f"note: {expected}" in inspect(build(frame)).facts
+    assert read(build(angles().assign(heading=np.nan))).meta["notes"] == []     # none at all: it gives roll and pitch alone
+
+
+def test_rad_read_as_deg_in_a_merged_table(build):
+    path = build(merged(angles() * [1, *[np.pi / 180] * 3]))
+    with pytest.raises(DataError, match=r"\[\[aiding\]\] 1 \(attitude\) unit: .* 0.019.* times as much as the gyro: rad read as deg"):
+        read(path)
+    assert any("rad read as deg" in problem for problem in inspect(path).problems)
+
+
+def test_rad_read_as_deg_in_arrays_and_netcdf(build, tmp_path):
+    good = read(build())
+    box, = good.aidings
+    wrong = replace(box, y=np.radians(box.y), name="box")
+    imu = tables()[0].to_numpy()
+    with pytest.raises(DataError, match="^box unit: the attitude turns 0.019.* rad read as deg"):
+        Recording.from_arrays(imu[:, 0], imu[:, 1:4], imu[:, 4:7], (wrong,))
+    write_recording(replace(good, aidings=(wrong,)), tmp_path / "a.nc")
+    with pytest.raises(DataError, match="box unit: the attitude turns 0.019"):
+        read(tmp_path / "a.nc")
+    assert any("rad read as deg" in problem for problem in inspect(tmp_path / "a.nc").problems)
 
 
 def test_a_round_trip_through_netcdf(build, tmp_path):

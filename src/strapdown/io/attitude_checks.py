@@ -8,7 +8,7 @@ from ..data import DataError
 from ..rest import at_rest
 from ..rotations import running_products
 from .axes import named_permutation, signed_permutations
-from .magnetometer import stuck
+from .magnetometer import STUCK, stuck
 from .origin import counted
 
 SECOND, LEAST, PAIRS, ENOUGH = 1.0, np.radians(3), 1000, 20
@@ -18,17 +18,36 @@ LONGEST = 3.0
 
 
 def sound_attitude(t, y, imu, name, where):
-    """(mask, notes): the fixes that are not stuck, and how many were. Raises DataError where all are, or where rad was read as deg."""
-    without = bool(np.isnan(y[:, 2]).all()) if len(y) else False
-    held = stuck(t, np.nan_to_num(y), imu, slice(0, 2) if without else slice(0, 3))     # roll and pitch do not see turns about the vertical
-    if held.any() and (~held).sum() < 2:
+    """(mask, notes): the fixes that are not stuck, and how many were. Raises DataError where all are, or where rad was read as deg.
+
+    Rows in which something is missing are none of its business: they are kept, and between rows that are whole they do not count as a change.
+    """
+    level, heading = np.isfinite(t) & np.isfinite(y[:, :2]).all(axis=1), np.isfinite(y[:, 2])
+    held = np.zeros(len(t), bool)
+    for rows, columns in ((np.flatnonzero(level & heading), 3), (np.flatnonzero(level & ~heading), 2)):
+        held[rows] = stuck(t[rows], np.c_[y[rows, :columns], _pieces(t[rows])], imu, slice(0, columns))     # two do not see turns about the vertical
+    sound = level & ~held
+    if held.any() and sound.sum() < 2:
         raise DataError(f"{where}: no usable fix of kind attitude; it never changes while the gyro turns")
     notes = [f"{name}: {counted(int(held.sum()), 'row')} dropped, stuck at one value while the gyro turns, "
              f"the first at {t[np.argmax(held)]:.3f} s: check the sensor"] if held.any() else []
-    recorded, gyro = turns(t[~held], y[~held], imu)()
+    rows = np.flatnonzero(sound)
+    rows = rows[np.argsort(t[rows], kind="stable")]
+    refuse_unit(t[rows], y[rows], imu, where)
+    return ~held, notes
+
+
+def refuse_unit(t, y, imu, where):
+    """Raise DataError where these attitudes, in order, turn about a 57th of what the gyro does."""
+    recorded, gyro = turns(t, y, imu)()
     if len(gyro) >= ENOUGH and 0.5 < np.degrees(ratio(recorded, gyro)) < 2:
         raise DataError(f"{where} unit: the attitude turns {ratio(recorded, gyro):.3g} times as much as the gyro: rad read as deg?")
-    return ~held, notes
+
+
+def _pieces(t):
+    """(n,) number of the unbroken piece of a record that each time belongs to: a value that is there again after a pause was not held."""
+    step = np.diff(t)
+    return np.r_[0, np.cumsum(step > max(STUCK, 3 * np.median(step)))] if len(step) else np.zeros(len(t))
 
 
 def ratio(recorded, gyro):

@@ -7,6 +7,7 @@ from ..core.contract import ATTITUDE_KIND
 from ..core.earth import LATITUDE_LIMIT
 from ..data import DataError, Trajectory
 from .attitude import possible_attitude, together
+from .attitude_checks import refuse_unit
 from .origin import Origin, counted
 from .samples import order
 
@@ -38,6 +39,8 @@ def checked_aidings(imu, aidings):
         if find(aiding.kind).recorded:
             overlap(imu, aiding.t, aiding.name or aiding.kind)
             more = more + overlap_notes(imu, aiding)
+        if find(aiding.kind).kind == ATTITUDE_KIND:
+            refuse_unit(aiding.t, aiding.y, imu, aiding.name or aiding.kind)
         done.append(aiding)
         notes += more
     return tuple(done), notes
@@ -73,7 +76,20 @@ def clean(aiding, sensor, origin=None):
     if wrong.any():
         row = int(np.argmax(wrong))
         raise DataError(f"{origin.row(row)}: standard deviation {np.nanmin(sd[row]):g} of kind {sensor.name}; it must be above zero")
+    if sensor.kind == ATTITUDE_KIND:
+        notes += _without_heading(t, y, aiding.name or aiding.kind)
     return replace(aiding, t=_column(t), y=_column(y), sd=_column(sd)), notes
+
+
+def _without_heading(t, y, name):
+    """Notes on an attitude that has its heading in some rows only: how many lack it, and the longest time without one."""
+    known = np.isfinite(y[:, 2])
+    if known.all() or not known.any():
+        return []
+    times = np.unique(np.r_[t[0], t[known], t[-1]])
+    k = int(np.argmax(np.diff(times)))
+    return [f"{name}: {counted(int((~known).sum()), 'row')} of {len(t)} without heading, "
+            f"the longest time without one {times[k + 1] - times[k]:.3g} s from {times[k]:.3f} s"]
 
 
 def _column(values):
