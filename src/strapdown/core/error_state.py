@@ -33,7 +33,7 @@ def auxiliary(n, error_model="corrected"):
     return aux
 
 
-@helper
+@inlined
 def linearised_step(belief, C, coupling, u, dt, noise, beside):
     """Propagate P, and the error state where one is kept `beside` the belief, over dt, linearised at the belief with bias-corrected increments.
 
@@ -78,7 +78,7 @@ def decay_biases(ba, bg, dt, noise):
         bg[i] *= keep_g
 
 
-@helper
+@inlined
 def measure(belief, y, sd, observe, parameters, gate, innovation):
     """Correct P by one fix and leave the correction of the states in aux[DX]. Returns the NIS.
 
@@ -94,7 +94,7 @@ def measure(belief, y, sd, observe, parameters, gate, innovation):
     return nis
 
 
-@helper
+@inlined
 def observed(belief, y, observe, parameters, innovation, H):
     """What `observe` makes of a fix: innovation and H, cleared before. Returns the rows."""
     for i in range(3):
@@ -104,21 +104,21 @@ def observed(belief, y, observe, parameters, innovation, H):
     return observe(belief, y, parameters, innovation, H)
 
 
-@helper
+@inlined
 def inject_all(belief, dx):
     """Compose the whole correction into the belief: position, velocity, attitude, biases and what aidings brought along."""
     inject(belief.lla, belief.v, belief.C, dx)
     inject_biases(belief, dx)
 
 
-@helper
+@inlined
 def inject(lla, v, C, dx):
     """Compose position (m, NED), velocity (m/s) and attitude errors (rad, n) into a state that is kept: true = estimate (+) error."""
     added(lla, v, C, dx)
     orthonormalise(C)
 
 
-@helper
+@inlined
 def added(lla, v, C, dx):
     """`inject` into a state that is made anew each time, where rounding cannot add up."""
     p, dv, theta = dx[POS], dx[VEL], dx[ATT]
@@ -129,7 +129,7 @@ def added(lla, v, C, dx):
     rotate_left(theta[0], theta[1], theta[2], C)
 
 
-@helper
+@inlined
 def inject_biases(belief, dx):
     """Add bias errors to the estimated biases, and the errors of the states that aidings brought along to those."""
     a, g = dx[BA], dx[BG]
@@ -139,7 +139,7 @@ def inject_biases(belief, dx):
     inject_tail(belief, dx)
 
 
-@helper
+@inlined
 def inject_tail(belief, dx):
     """Add their errors to the states that aidings brought along."""
     for i in range(belief.tail.size):
