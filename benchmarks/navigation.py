@@ -37,11 +37,12 @@ def times(alternating, turns):
 
 def consistency():
     """[(share of epochs inside the band, note)] for `CONSISTENT`: the statistics of tests/filters/test_consistency.py, whose functions these are."""
-    sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "tests" / "filters")]
+    tests = Path(__file__).resolve().parents[1] / "tests"
+    sys.path[:0] = [str(tests / "filters"), str(tests)]
     import strapdown as sd
-    import test_consistency as tests
-    flight = tests.made_flight()
-    share = lambda names, estimate=sd.fuse: min((tests.share_inside(tests.runs(flight, line, estimate=estimate)[0]), line[0], line[2].name)
-                                                for line in tests.FILTERS if line[0] in names)
+    import test_consistency as made
+    flight = made.made_flight()
+    share = lambda names, estimate=sd.fuse: min((made.share_inside(made.runs(flight, line, estimate=estimate)[0]), line[0], line[2].name)
+                                                for line in made.FILTERS if line[0] in names)
     found = share(("mekf",)), share(FED), share(("closed-loop", "mekf"), sd.smooth)
     return [(value, f"the lowest: {name}, {imu}") for value, name, imu in found]
