@@ -32,6 +32,12 @@ def eventful(name="closed-loop"):
     return replace(recording, aidings=(replace(p, t=p.t - 0.013, y=y), replace(v, t=v.t - 0.02), *attitude))
 
 
+def play(stream, events):
+    """Step `stream` through `events`."""
+    for event in events:
+        stream.step(event)
+
+
 def events_of(recording):
     """All samples and fixes in time order, a fix before the sample that ends with it."""
     imu = recording.imu
@@ -113,8 +119,7 @@ def test_a_start_in_the_middle():
     recording = flight()
     begin = start(recording, 10.0)
     solution, stream = sd.fuse(recording, start=begin, covariance=True), stream_of(recording, begin)
-    for event in events_of(recording):
-        stream.step(event)
+    play(stream, events_of(recording))
     assert equal(stream.finish(), solution) and stream.dropped == 200 + 20     # samples and fixes up to the start, which the batch leaves out too
 
 
@@ -122,8 +127,7 @@ def test_a_start_inside_a_sample():
     recording, begin = alike()
     begin = begin._replace(t=1.03)
     solution, stream = sd.fuse(recording, start=begin, covariance=True), stream_of(recording, begin)
-    for event in events_of(recording):
-        stream.step(event)
+    play(stream, events_of(recording))
     assert equal(stream.finish(), solution) and stream.dropped == 20
 
 
@@ -193,11 +197,9 @@ def test_fixes_before_the_first_sample_wait_for_it():
     solution, stream = sd.fuse(recording, start=begin, covariance=True), stream_of(recording, begin)
     before = snapshot(stream.belief)
     events = sorted(events_of(recording), key=lambda event: type(event) is Sample)
-    for event in events[:3]:
-        stream.step(event)
+    play(stream, events[:3])
     assert all(np.array_equal(a, b) for a, b in zip(before, snapshot(stream.belief)))
-    for event in events[3:]:
-        stream.step(event)
+    play(stream, events[3:])
     assert equal(stream.finish(), solution) and stream.counts() == [(3, 0)]
 
 
@@ -235,12 +237,10 @@ def test_now_looks_ahead_and_leaves_the_stream_as_it_was(name):
 def test_finish_and_go_on():
     recording, begin = eventful(), start(flight())
     solution, stream, events = sd.fuse(recording, start=begin, covariance=True), stream_of(recording, begin, lag=3.0), events_of(recording)
-    for event in events[:200]:
-        stream.step(event)
+    play(stream, events[:200])
     stream.finish()
     assert stream.t == max(event.t for event in events[:200] if type(event) is Sample)
-    for event in events[200:]:
-        stream.step(event)
+    play(stream, events[200:])
     assert equal(stream.finish(), solution) and stream.dropped == 0
 
 
@@ -268,12 +268,10 @@ def test_a_fix_that_is_not_finite_is_not_measured():
     recording, begin = alike()
     recording = replace(recording, aidings=(position([], (0.8, 0.2, 300.0)),))
     stream = stream_of(recording, begin)
-    for event in events_of(recording)[:10]:
-        stream.step(event)
+    play(stream, events_of(recording)[:10])
     stream.step(Fix(0.52, 0, (float("nan"), float("inf"), 301.0), (1.0, float("nan"), 1.0)))
     stream.step(Fix(float("nan"), 0, (0.8, 0.2, 300.0), (1.0, 1.0, 1.0)))
-    for event in events_of(recording)[10:]:
-        stream.step(event)
+    play(stream, events_of(recording)[10:])
     assert stream.counts() == [(1, 0)] and stream.dropped == 1 and np.isfinite(stream.finish().lla).all()
 
 
@@ -335,8 +333,7 @@ def test_the_latitude_limit_ends_a_stream_with_its_reason():
     recording, begin = alike()
     begin = begin._replace(lla=(np.radians(89) - 50 / 6.4e6, 0.2, 300.0), v=(10.0, 0.0, 0.0), rph=(0.0, 0.0, 0.0))
     stream = stream_of(recording, begin, lag=100.0)
-    for event in events_of(recording):
-        stream.step(event)
+    play(stream, events_of(recording))
     before = snapshot(stream.belief)
     with pytest.raises(DataError, match="stream stopped at .* s: the latitude left"):
         stream.now
@@ -349,6 +346,5 @@ def test_the_sources_of_a_stream_need_no_fixes():
     recording = flight()
     empty = [a.between(1e6, 2e6) for a in recording.aidings]
     stream = Stream("closed-loop", start(recording), imu="tactical", aidings=empty)
-    for event in events_of(recording):
-        stream.step(event)
+    play(stream, events_of(recording))
     assert equal(stream.finish(), sd.fuse(recording, start=start(recording), covariance=True))

@@ -219,6 +219,14 @@ def tilt_variances(belief):
 
 
 @helper
+def corrected(belief, y, sd, kind):
+    """After a fix that was used: what it tells of the known attitude; a measured attitude is that one from now on."""
+    learn(belief)
+    if kind == ATTITUDE_KIND:
+        take_attitude(belief, y, sd)
+
+
+@helper
 def learn(belief):
     """After a correction of P by `measure`: the covariance of the states with the errors of the known attitude, corrected alike."""
     aux, n = belief.aux, belief.P.shape[0]

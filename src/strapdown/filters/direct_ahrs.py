@@ -4,10 +4,10 @@ The angles change by T(known attitude) times the bias-free rate, so that their m
 """
 import math
 
-from ..core.contract import ATTITUDE_KIND, CORRECT, PREDICT, Filter, helper, kernel
+from ..core.contract import CORRECT, PREDICT, Filter, helper, kernel
 from ..core.error_state import DV, MID, auxiliary
-from ..core.fed import (BEYOND, BEYOND_COLUMN, CORRELATION, SINCE, STEEP, add_angles, bias_model, correct_angles, euler_rates, gentle, know, learn,
-                        predict_fed, rate_of_body, read_angles, steep, take_attitude, tilt_variances, weigh, with_angles)
+from ..core.fed import (BEYOND, BEYOND_COLUMN, CORRELATION, SINCE, STEEP, add_angles, bias_model, correct_angles, corrected, euler_rates, gentle, know,
+                        predict_fed, rate_of_body, read_angles, steep, tilt_variances, weigh, with_angles)
 from ..core.rotation import rotate_right
 
 LEAST_COSINE = math.cos(STEEP)
@@ -74,9 +74,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     weigh(belief, sd, kind)
     nis = correct_angles(belief, y, belief.aux[DV], observe, parameters, gate, innovation)
     if nis <= gate:
-        learn(belief)
-        if kind == ATTITUDE_KIND:
-            take_attitude(belief, y, sd)
+        corrected(belief, y, sd, kind)
     return nis
 
 

@@ -1,7 +1,7 @@
 """Indirect filter with the attitude of an AHRS, feedback: the estimated error of the INS is reset into it at each fix."""
-from ..core.contract import ATTITUDE_KIND, CORRECT, PREDICT, Filter, kernel
+from ..core.contract import CORRECT, PREDICT, Filter, kernel
 from ..core.error_state import DV, DX, STEP, auxiliary, inject_all, measure
-from ..core.fed import bias_model, know, learn, predict_fed, take_attitude, weigh
+from ..core.fed import bias_model, corrected, know, predict_fed, weigh
 from ..core.rotation import rotate_left, rotate_right
 
 
@@ -26,9 +26,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     nis = measure(belief, y, belief.aux[DV], observe, parameters, gate, innovation)
     if nis <= gate:
         inject_all(belief, belief.aux[DX])
-        learn(belief)
-        if kind == ATTITUDE_KIND:
-            take_attitude(belief, y, sd)
+        corrected(belief, y, sd, kind)
     return nis
 
 

@@ -3,9 +3,9 @@
 Of the attitude only the sum of INS and error is kept: it has no part in the velocity, and a raw one beside a small-angle error would be over with
 the first tens of degrees that uncorrected gyros drift.
 """
-from ..core.contract import ATTITUDE_KIND, CORRECT, PREDICT, Filter, kernel, matrix
+from ..core.contract import CORRECT, PREDICT, Filter, kernel, matrix
 from ..core.error_state import BLOCK, DV, STEP, X, decay_biases, linearised_step
-from ..core.fed import KNOWN, bias_model, know, learn, move, take_attitude, weigh
+from ..core.fed import KNOWN, bias_model, corrected, know, move, weigh
 from ..core.rotation import orthonormalise, rotate_left, rotate_right
 from . import open_loop
 from .open_loop import BIAS, INS_ERROR, LLA, V, C, compose, correct_beside, left_model, products
@@ -42,13 +42,11 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     weigh(belief, sd, kind)
     nis = correct_beside(belief, y, belief.aux[DV], observe, parameters, gate, innovation)
     if nis <= gate:
-        learn(belief)
         x, attitude = belief.aux[X], matrix(belief.aux, C, 3, 3)
         rotate_left(x[6], x[7], x[8], attitude)
         orthonormalise(attitude)
         x[6] = x[7] = x[8] = 0.0
-        if kind == ATTITUDE_KIND:
-            take_attitude(belief, y, sd)
+        corrected(belief, y, sd, kind)
     return nis
 
 

@@ -1,19 +1,17 @@
 """The findings as Markdown, for docs/fossen.md: what stands there between its two marks is this file's output."""
-import re
-
 import numpy as np
 
-from ..files import replacing
+from . import markdown
 from .fossen_runs import span
 
-BEGIN, END = "<!-- begin: findings.md of strapdown reproduce fossen -->", "<!-- end -->"
+BEGIN, END = markdown.begin("findings.md", "fossen"), markdown.END
 COLUMNS = ("filter and sensors", "tuning", "accelerometer biases, s", "gyro biases, s", "position, m", "velocity, m/s", "attitude, "
     "deg", "runs that stop")
 
 
 def findings(size, claims, cells, dropouts):
     """Text: one sentence on the size of the study, the claims with their verdicts, a table per excitation, and the dropouts."""
-    rows = [f"| {i} | {_cell(c['claim'])} | **{c['verdict']}** | {_cell(c['measured'])} |" for i, c in enumerate(claims, 1)]
+    rows = [f"| {i} | {markdown.plain(c['claim'])} | **{c['verdict']}** | {markdown.plain(c['measured'])} |" for i, c in enumerate(claims, 1)]
     parts = [size, "", "| | the chapter says | verdict | measured |", "|---|---|---|---|", *rows]
     for excitation, part in cells.groupby("excitation", sort=False):
         parts += ["", f"{excitation[0].upper()}{excitation[1:]}:", "", f"| {' | '.join(COLUMNS)} |", "|---" * len(COLUMNS) + "|",
@@ -34,12 +32,6 @@ def _row(row):
             f"{number(np.degrees(row['attitude_rad']))} | {row['stopped']:.0%} |")
 
 
-def _cell(text):
-    return text.replace("|", "/").replace("<", "&lt;")
-
-
 def insert(path, text):
     """Put `text` between the marks of the Markdown file `path`."""
-    page = path.read_text(encoding="utf-8")
-    with replacing(path) as part:
-        part.write_text(re.sub(f"{re.escape(BEGIN)}.*?{re.escape(END)}", lambda _: f"{BEGIN}\n{text}{END}", page, count=1, flags=re.DOTALL), encoding="utf-8")
+    markdown.insert(path, text, BEGIN)

@@ -1,19 +1,17 @@
 """The findings as Markdown, for docs/open-or-closed-loop.md: what stands there between its two marks is this file's output."""
-import re
-
-from ..files import replacing
+from . import markdown
 from .hager_bryne_rules import interval
 
-BEGIN, END = "<!-- begin: findings.md of strapdown reproduce hager-bryne -->", "<!-- end -->"
+BEGIN, END = markdown.begin("findings.md", "hager-bryne"), markdown.END
 
 
 def findings(size, claims, cells, offset, initial, ablated):
     """Text: one sentence on the size of the study, the claims with their verdicts, what the ablations {name: (caption, table)} say, and a row per
     grade and flight without offset and by the two readings of it."""
-    rows = [f"| {i} | {_cell(c['claim'])} | **{c['verdict']}** | {_cell(c['measured'])} |" for i, c in enumerate(claims, 1)]
+    rows = [f"| {i} | {markdown.plain(c['claim'])} | **{c['verdict']}** | {markdown.plain(c['measured'])} |" for i, c in enumerate(claims, 1)]
     parts = [size, "", "| | the paper says | verdict | measured |", "|---|---|---|---|", *rows]
     if ablated:
-        parts += ["", "Ablations, on flights 01, 07 and 10:", "", *(f"- {name.removeprefix('ablation-')}: {_cell(caption)}" for name, (caption, _) in ablated.items())]
+        parts += ["", "Ablations, on flights 01, 07 and 10:", "", *(f"- {name.removeprefix('ablation-')}: {markdown.plain(caption)}" for name, (caption, _) in ablated.items())]
     for heading, table in (("Without offset", cells), ("With a constant accelerometer offset of 0.5 m/s² on each axis", offset),
                            ("With 0.5 m/s² as initial value of the bias process", initial)):
         parts += ["", f"{heading}:", "", "| grade | flight | min | survived, open | closed | by the 500 m rule, open | closed | RMSE open, "
@@ -32,13 +30,6 @@ def _row(row):
             f"{row['open_anees']:.3g} | {row['closed_anees']:.3g} |")
 
 
-def _cell(text):
-    return text.replace("|", "/").replace("<", "&lt;")
-
-
 def insert(path, text):
     """Put `text` between the marks of the Markdown file `path`."""
-    page = path.read_text(encoding="utf-8")
-    with replacing(path) as part:
-        part.write_text(re.sub(f"{re.escape(BEGIN)}.*?{re.escape(END)}", lambda _: f"{BEGIN}\n{text}{END}", page, count=1, flags=re.DOTALL),
-            encoding="utf-8")
+    markdown.insert(path, text, BEGIN)

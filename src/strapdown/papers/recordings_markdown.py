@@ -1,19 +1,12 @@
 """The tables of every filter as Markdown, for docs/every-filter.md: what `strapdown reproduce recordings` writes as table.md stands there."""
-import re
+from . import markdown
 
-from ..files import replacing
-
-BEGIN, END = "<!-- begin: table.md of strapdown reproduce recordings -->", "<!-- end -->"
+BEGIN, END = markdown.begin("table.md", "recordings"), markdown.END
 
 
 def text(tables):
     """Markdown of [(heading, DataFrame of text)]."""
-    return "\n".join(f"### {heading}\n\n{_table(table)}\n" for heading, table in tables)
-
-
-def _table(table):
-    rows = [table.columns, ["---"] * len(table.columns), *table.itertuples(index=False)]
-    return "\n".join("| " + " | ".join(map(_cell, row)) + " |" for row in rows)
+    return "\n".join(f"### {heading}\n\n{markdown.table(table, _cell)}\n" for heading, table in tables)
 
 
 def _cell(text):
@@ -23,7 +16,4 @@ def _cell(text):
 
 def insert(path, text):
     """Put `text` between the marks of the Markdown file `path`."""
-    page = path.read_text(encoding="utf-8")
-    found = re.sub(f"{re.escape(BEGIN)}.*?{re.escape(END)}", lambda _: f"{BEGIN}\n{text}{END}", page, count=1, flags=re.DOTALL)
-    with replacing(path) as part:
-        part.write_text(found, encoding="utf-8")
+    markdown.insert(path, text, BEGIN)

@@ -1,0 +1,30 @@
+"""Tables that a command makes, as Markdown, and the pages of docs/ in which they stand between two marks."""
+import re
+
+from ..files import replacing
+
+END = "<!-- end -->"
+
+
+def begin(file, command):
+    """The mark above what stands in `file` of a run of `strapdown reproduce command`."""
+    return f"<!-- begin: {file} of strapdown reproduce {command} -->"
+
+
+def insert(path, text, mark):
+    """Put `text` between `mark` and END in the Markdown file `path`."""
+    page = path.read_text(encoding="utf-8")
+    found = re.sub(f"{re.escape(mark)}.*?{re.escape(END)}", lambda _: f"{mark}\n{text}{END}", page, count=1, flags=re.DOTALL)
+    with replacing(path) as part:
+        part.write_text(found, encoding="utf-8")
+
+
+def table(frame, cell):
+    """A DataFrame, each name of a column and value through `cell`."""
+    rows = [frame.columns, ["---"] * len(frame.columns), *frame.itertuples(index=False)]
+    return "\n".join("| " + " | ".join(map(cell, row)) + " |" for row in rows)
+
+
+def plain(text):
+    """Text that no table and no browser takes for its own."""
+    return text.replace("|", "/").replace("<", "&lt;")
