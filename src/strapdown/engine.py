@@ -183,6 +183,8 @@ def begin(recording, filter, imu, start, noise, every, covariance, say, options,
         from .alignment import align
         start = align(recording, spec, position=positioned(filter))
     aidings, notes = usable(filter, tuple(a._where(a.t > start.t + loop.SAME_TIME) if a is made else a for a in recording.aidings))
+    options, said = fitted(filter, options, aidings)
+    notes += said
     belief = new_belief(filter, start, noise, options, aidings)
     prepared = prepare(filter, [a.kind for a in aidings], say)
     samples = Imu(*(np.require(column, float, "CW") for column in recording.imu))
@@ -243,11 +245,21 @@ def _checked(start, noise):
 def new_belief(filter, start, noise, options, aidings):
     """The belief that `filter` begins with on these sources; raises DataError for a start, a noise or an option that it cannot use."""
     _checked(start, noise)
-    check_options(filter, options)
     start = start._replace(sd=(*start.sd, *(sd for _, sd in brought(aidings))))
     try:
         return filter.start(start, noise, **options)
     except (TypeError, ValueError) as error:
+        raise DataError(f"filter {filter.name!r}: {error}") from None
+
+
+def fitted(filter, options, aidings):
+    """(options of `filter` with those that these sources decide, notes on them). Raises DataError where it has no such option or cannot run on them."""
+    check_options(filter, options)
+    if not filter.fit:
+        return options, []
+    try:
+        return filter.fit(options, aidings)
+    except ValueError as error:
         raise DataError(f"filter {filter.name!r}: {error}") from None
 
 

@@ -9,7 +9,7 @@ from . import aiding, filters
 from .core import loop
 from .core.contract import Imu, entry_point
 from .data import DataError
-from .engine import LONGEST_GAP, assumed_noise, check_needs, found, merge, new_belief, new_cursor, new_output, prepare, usable
+from .engine import LONGEST_GAP, assumed_noise, check_needs, fitted, found, merge, new_belief, new_cursor, new_output, prepare, usable
 
 ROOM = 1024
 """Fixes that a stream holds while it waits for a sample."""
@@ -36,7 +36,8 @@ class Stream:
 
     aidings: Aiding values whose kind, parameters and gate describe the sources (their fixes are not used). The result is that of `fuse` on the
     same events, bit for bit. A fix is used with the sample that reaches its time; a sample with a NaN is dropped. Fixes of sources that the
-    filter cannot use change nothing. Raises DataError.
+    filter cannot use change nothing. Where a filter takes options from the fixes of a recording, such as their interval, it takes them from these
+    Aidings, which may hold none: then give the options. `notes` says what it took. Raises DataError.
     """
 
     def __init__(self, filter, start, imu=None, noise=None, aidings=(), lag=0.0, say=None, **options):
@@ -46,6 +47,7 @@ class Stream:
         filter = found(filters.find, filter)
         used, _ = usable(filter, aidings)
         check_needs(filter, aidings, "a stream runs no AHRS: give an Aiding of that kind among its aidings")
+        options, self.notes = fitted(filter, options, used)
         self.belief = new_belief(filter, start, self.noise, options, used)
         self.prepared = prepare(filter, [a.kind for a in used], say)
         self.lag, self.newest, self.dropped = lag, start.t, 0

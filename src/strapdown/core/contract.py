@@ -170,6 +170,7 @@ class Filter(NamedTuple):
     columns: tuple = ()     # names, with units, of its extra output columns
     uses: tuple = None      # kinds of aiding that it can use; None: all. Sources of other kinds are left out and named in the notes
     needs: tuple = ()       # kinds without which it cannot run
+    fit: Callable = None    # (options, sources it uses) -> (options, notes): options that the sources decide where the user does not; refuses what it cannot run on
     alone: str = ""         # what to say where a recording has no source that it can use
     smoother: Smoother = None
     watch: Callable = None  # (t (n,), lla (n, 3), {column: (n,)}) -> [(t, text)]: what of the kept rows a user must know
