@@ -19,6 +19,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # threads over 15 x 15 matri
 import numpy as np  # noqa: E402
 
 import attitude  # noqa: E402
+import exogenous  # noqa: E402
 import figures  # noqa: E402
 import navigation  # noqa: E402
 import peers  # noqa: E402
@@ -170,6 +171,13 @@ def navigation_figures(book):
     book.measure(smoothing.FIGURES, smoothing.smoothing)
 
 
+def exogenous_figures(book):
+    """Of the observer, the exogenous Kalman filter and the comparison of outages."""
+    book.measure(exogenous.TIMES, lambda: exogenous.times(alternating, 15))
+    book.measure(exogenous.STARTS, exogenous.starts)
+    book.measure(exogenous.COMPARED, exogenous.compared)
+
+
 def recorded_figures(book):
     def measured():
         with tempfile.TemporaryDirectory() as folder:
@@ -226,6 +234,7 @@ def main():
         recorded_figures(book)
         attitude_figures(book)
         navigation_figures(book)
+        exogenous_figures(book)
         peer_figures(book, options.full)
     figures.write(OUT, book.figures, machine())
     judged = [figure.holds for figure in book.figures if figure.target is not None]

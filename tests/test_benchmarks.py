@@ -11,6 +11,7 @@ FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
 sys.path.insert(0, str(FOLDER))
 import attitude  # noqa: E402
 import bench  # noqa: E402
+import exogenous  # noqa: E402
 import figures  # noqa: E402
 import navigation  # noqa: E402
 import smoothing  # noqa: E402
@@ -34,7 +35,7 @@ def skew(v):
 @pytest.mark.short
 def test_targets_are_the_issues():
     tables = figures.targets()
-    assert len(tables) == 53
+    assert len(tables) == 58
     assert tables["A closed loop time"]["target"] == 1.0 and tables["B closed loop time"]["target"] == 1.2
     assert tables["N open loop position"]["tolerance"] == 0.05
 
@@ -91,6 +92,8 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
         monkeypatch.setattr(attitude, name, lambda lines=lines: [(0.3, "")] * len(lines))
     monkeypatch.setattr(navigation, "times", lambda *_: [(0.3, "")] * len(navigation.TIMES))
     monkeypatch.setattr(navigation, "consistency", lambda: [(0.95, "")] * len(navigation.CONSISTENT))
+    for name, lines in (("times", exogenous.TIMES), ("starts", exogenous.STARTS), ("compared", exogenous.COMPARED)):
+        monkeypatch.setattr(exogenous, name, lambda *_, lines=lines: [(0.3, "")] * len(lines))
     monkeypatch.setattr(smoothing, "smoothing", lambda: [(0.3, "")] * len(smoothing.FIGURES))
     monkeypatch.setattr(attitude, "peer_figures", lambda: [figures.informative("attitude, BROAD vqf", 2.6, "deg")])
     monkeypatch.setattr(bench.peers, "RUNS", (("fast", lambda w, s: bench.peers.Result(2.0, None), "smsfusion", {"A": 1.0}),
