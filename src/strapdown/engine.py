@@ -132,6 +132,7 @@ class Run(NamedTuple):
     cursor: Cursor
     out: Output
     first: int          # row of the samples that it begins with
+    options: dict       # the filter's own, with those that its sources decided
 
     def advance(self, rows, out=None, run=loop.run):
         """Go on to the end of the sample before row `rows`; writes into `out`, or its own; `run` is `loop.run_taped` where that has a tape."""
@@ -201,7 +202,7 @@ def begin(recording, filter, imu, start, noise, every, covariance, say, options,
     kept = -(-(rows - first) // every)
     used = replace(recording, aidings=aidings, meta=recording.meta | {"notes": [*recording.meta.get("notes", []), *notes]})
     out = new_output(filter, belief, kept, covariance, len(fixes.t))
-    return Run(used, samples, filter, prepared[1:], start, noise, spec, belief, fixes, cursor, out, first)
+    return Run(used, samples, filter, prepared[1:], start, noise, spec, belief, fixes, cursor, out, first, options)
 
 
 def new_output(filter, belief, rows, covariance=False, fixes=0, tape=0):
@@ -277,7 +278,7 @@ def check_options(filter, options):
 
 def solution(run):
     """The Solution from what `run` wrote; a run that stopped early keeps what it has and says why."""
-    recording, samples, filter, _, start, noise, spec, _, fixes, cursor, out, _ = run
+    recording, samples, filter, _, start, noise, spec, _, fixes, cursor, out, *_ = run
     nav, used = out.nav[:cursor.at[loop.OUT]], out.fix[:cursor.at[loop.FIX]]
     names = [a.name or a.kind for a in recording.aidings]
     events = _events(samples, cursor.at[loop.ROW], start, used, names, "velocity and attitude held, invalid until the next position fix"

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .data import DataError
+from .data import DataError, Trajectory
 from .geodesy import displacement, radii, wrap
 
 
@@ -61,6 +61,16 @@ def errors(trajectory, reference):
     if both("q_nb"):
         attitude, rph = _attitude(reference, trajectory, rows)
     return Errors(t, position, velocity, attitude, rph, None if trajectory.sd is None else trajectory.sd[rows], rows)
+
+
+def interpolated(reference, t):
+    """The Trajectory of a reference at times t (n,), s, interpolated as for `errors`: NaN outside its span and in its gaps, None where nothing is known."""
+    v_n = _linear(reference.t, reference.v_n, t) if any_known(reference.v_n) else None
+    q_nb = None
+    if any_known(reference.q_nb):
+        q_nb, (usable, true) = np.full((len(t), 4), np.nan), _turned(reference, t)
+        q_nb[usable] = true.as_quat()[:, [3, 0, 1, 2]] if usable.any() else np.nan
+    return Trajectory(t, _position(reference, t), v_n, q_nb)
 
 
 def any_known(values):
@@ -145,18 +155,24 @@ def _position(reference, t):
     return out
 
 
-def _attitude(reference, trajectory, rows):
+def _turned(reference, t):
+    """((n,) bool: where the attitude of the reference is known, Rotation at those of the times t, None where there are none)."""
     from scipy.spatial.transform import Rotation, Slerp
-    t = trajectory.t[rows]
     known, left = _brackets(reference.t, np.isfinite(reference.q_nb).all(axis=1), t)
-    usable = (left >= 0) & np.isfinite(trajectory.q_nb[rows]).all(axis=1)
-    attitude, rph = np.full((len(t), 3), np.nan), np.full((len(t), 3), np.nan)
-    if usable.any():
-        scalar_last = [1, 2, 3, 0]
-        true = Slerp(reference.t[known], Rotation.from_quat(reference.q_nb[known][:, scalar_last]))(t[usable])
-        estimate = Rotation.from_quat(trajectory.q_nb[rows][usable][:, scalar_last])
-        attitude[usable] = (true * estimate.inv()).as_rotvec()
-        rph[usable] = wrap(true.as_euler("ZYX")[:, ::-1] - estimate.as_euler("ZYX")[:, ::-1])
+    usable = left >= 0
+    return usable, Slerp(reference.t[known], Rotation.from_quat(reference.q_nb[known][:, [1, 2, 3, 0]]))(t[usable]) if usable.any() else None
+
+
+def _attitude(reference, trajectory, rows):
+    from scipy.spatial.transform import Rotation
+    usable, true = _turned(reference, trajectory.t[rows])
+    both = usable & np.isfinite(trajectory.q_nb[rows]).all(axis=1)
+    attitude, rph = np.full((len(both), 3), np.nan), np.full((len(both), 3), np.nan)
+    if both.any():
+        true = true[both[usable]]
+        estimate = Rotation.from_quat(trajectory.q_nb[rows][both][:, [1, 2, 3, 0]])
+        attitude[both] = (true * estimate.inv()).as_rotvec()
+        rph[both] = wrap(true.as_euler("ZYX")[:, ::-1] - estimate.as_euler("ZYX")[:, ::-1])
     return attitude, rph
 
 

@@ -32,7 +32,7 @@ ABOUT = {"t": "s", "error": "true - estimate, m, m/s, rad, m/s^2, rad/s", "sd": 
          "bound": "variances of the Cramer-Rao bound, units of error squared", "nees_rows": "of 15 states", "lasted": "s", "left_model": "s",
          "censored": "mean squared position error, m^2", "mean_square": "until the abort, SI and radians squared",
          "reason": "0 survived, 1 lost, 2 inconsistent, 3 quarantined"}
-SOURCES = ("core", "aiding", "filters", "sim", "sensors", "engine.py", "geodesy.py", "consistency.py", "bounds.py", "studies/study.py", "studies/scoring.py")
+SOURCES = ("core", "aiding", "filters", "sim", "sensors", "engine.py", "labels.py", "geodesy.py", "consistency.py", "bounds.py", "studies/study.py", "studies/scoring.py")
 """What can change a result."""
 
 

@@ -13,12 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import aiding, filters
+from .. import aiding
 from ..bounds import cramer_rao
 from ..consistency import Limits
-from ..core.contract import STATES, Noise, Start
+from ..core.contract import STATES
 from ..data import DataError
-from ..engine import check_options, found, fuse, new_belief, prepare
+from ..engine import fuse, prepare
+from ..labels import parsed
 from ..sensors.imu import ImuSpec, grade
 from ..sim.scenario import Scenario, scenario
 from ..sim.synthesis import Simulator
@@ -26,10 +27,6 @@ from .scoring import GROUPS, QUARANTINED, epochs, score
 
 SCALARS = ("rows", "reason", "lasted", "left_model", "censored", "nees", "nees_inside", "nis", "correlation", "accepted", "rejected")
 """Numbers of each run and filter, beside `mean_square` and `coverage`."""
-
-
-ANYWHERE, STILL = Start(0.0, (0.0, 0.0, 0.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * STATES), Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-"""A start and a noise that any filter takes, to try its options with."""
 
 
 class Cell(NamedTuple):
@@ -140,26 +137,6 @@ class Study:
                     progress(done / total)
             campaign.finish()
         return campaign
-
-
-def parsed(label):
-    """(Filter, options) of "name" or "name:option=value,option=value". Raises DataError."""
-    name, _, rest = label.partition(":")
-    filter = found(filters.find, name)
-    pairs = [item.partition("=") for item in rest.split(",") if item.strip()]
-    if wrong := [key for key, equals, _ in pairs if not equals]:
-        raise DataError(f"filter {label!r}: {wrong[0]!r} is no option with a value; write {name}:option=value,option=value")
-    options = {key.strip(): _value(value) for key, _, value in pairs}
-    check_options(filter, options)
-    new_belief(filter, ANYWHERE, STILL, options, ())    # refuses values
-    return filter, options
-
-
-def _value(text):
-    try:
-        return float(text)
-    except ValueError:
-        return text.strip()
 
 
 @lru_cache(maxsize=8)
