@@ -12,6 +12,7 @@ import strapdown as sd
 from strapdown.comparison import runs
 from strapdown.core.contract import Imu
 from strapdown.data import DataError, Trajectory
+from strapdown.metrics import moving_windows
 from strapdown.sensors.barometer import Barometer
 from strapdown.sensors.gnss import Gnss
 from strapdown.sensors.magnetometer import Magnetometer
@@ -254,7 +255,7 @@ def test_drive_is_scored_as_fuse_scores_it(data_folder, solutions, monkeypatch):
     """The reference point of the car is not its IMU, and the reference is the withheld RTK itself."""
     monkeypatch.setenv("STRAPDOWN_DATA", str(data_folder))
     recording = sd.read("examples/recordings/drive0708-vehicle.toml")
-    windows = sd.metrics.moving_windows(recording.reference, count=2, length=15.0, every=50.0, after=60.0, speed=4.0)
+    windows = moving_windows(recording.reference, count=2, length=15.0, every=50.0, after=60.0, speed=4.0)
     found = sd.compare(recording, ["closed-loop"], windows)
     whole = sd.fuse(recording.hidden(windows, FIXES), start=sd.Start(**found.settings["start"]))
     for window in windows:

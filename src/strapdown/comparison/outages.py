@@ -102,7 +102,10 @@ def _window(part, end, text):
     start, colon, stop = part.partition(":")
     if not colon:
         raise DataError(f"outages {text!r}: {part.strip()!r} is no window; {HINT}")
-    return _numbers(text, [start], 1)[0], _numbers(text, [stop], 1)[0] if stop.strip() else end
+    first = _numbers(text, [start], 1)[0]
+    if not stop.strip() and first >= end:
+        raise DataError(f"outages {text!r}: {first:.10g} s is outside the recording and its reference, which end at {end:.10g} s; give an earlier time")
+    return first, _numbers(text, [stop], 1)[0] if stop.strip() else end
 
 
 def _numbers(text, parts, count=None):
