@@ -1,0 +1,145 @@
+"""The nonlinear observer as a filter: from far away, through outages, without a course, with either heading source, and what it refuses."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import strapdown as sd
+from strapdown.core.contract import Noise
+from strapdown.data import Aiding, DataError
+from strapdown.sensors.gnss import Gnss
+from strapdown.sensors.magnetometer import Magnetometer
+from strapdown.sim.trajectory import DEG, Motion
+
+from recordings import flight, start, turning, without_samples
+
+NOISE = Noise(3e-4, 3e-3, 2e-5, 2e-4, 0.0, 0.0)
+
+
+def attitude_error(solution, recording):
+    """Total attitude error at each row, deg."""
+    return np.degrees(np.linalg.norm(sd.errors(solution, recording.reference).attitude, axis=1))
+
+
+def far(recording, seed, degrees=170.0, bias=0.05):
+    """(the recording with a gyro bias in a random direction put on it, a Start that far off about a random axis)."""
+    rng = np.random.default_rng(seed)
+    axis, drift = (row / np.linalg.norm(row) for row in rng.standard_normal((2, 3)))
+    imu = recording.imu
+    attitude = Rotation.from_rotvec(np.radians(degrees) * axis) * recording.reference.rotation[0]
+    begin = start(recording)._replace(rph=tuple(attitude.as_euler("ZYX")[::-1]))
+    return replace(recording, imu=imu._replace(dtheta=imu.dtheta + bias * drift * imu.dt[:, None])), begin
+
+
+@pytest.mark.parametrize("seed", [1000, 1001, 1002])
+@pytest.mark.parametrize("source", ["course", "magnetic-field"])
+def test_it_comes_back_from_170_deg_and_a_large_gyro_bias(seed, source):
+    kept = "velocity" if source == "course" else source
+    made = sd.simulate(turning(), 60.0, "industrial", seed, 50.0, Gnss(), magnetometer=Magnetometer(rate=10.0), date="2024-07-01")
+    recording, begin = far(replace(made, aidings=tuple(a for a in made.aidings if a.kind in ("position", kept))), seed)
+    solution = sd.fuse(recording, "nlo", start=begin)
+    error = attitude_error(solution, recording)
+    assert error[0] > 100 and error[-1] < 3 and error[-500:].max() < 5
+    assert len(solution.innovations.t) and np.isnan(solution.innovations.nis).all()
+
+
+@pytest.mark.short
+def test_it_claims_no_standard_deviation_and_publishes_its_columns():
+    solution = sd.fuse(flight(), "nlo", start=start(flight()), noise=NOISE)
+    assert np.isnan(solution.trajectory.sd).all()
+    assert list(solution.columns) == ["excitation", "course_held [s]", "xi_north [m/s^2]", "xi_east [m/s^2]", "xi_down [m/s^2]"]
+    notes = solution.meta["notes"]
+    assert len(notes) == 2 and all("spectral radius 0." in note for note in notes)
+    rms = sd.rms(sd.errors(solution, flight().reference), window=(5.0, 20.0))
+    assert np.linalg.norm(rms.position) < 3 and np.linalg.norm(rms.velocity) < 0.5 and np.degrees(np.abs(rms.rph)).max() < 2
+
+
+@pytest.mark.short
+def test_biases_are_held_in_an_outage_and_the_first_fix_after_it_kicks_nothing():
+    recording, window = flight(60.0), (20.0, 50.0)
+    solution = sd.fuse(recording.hidden([window]), "nlo", start=start(recording), noise=NOISE)
+    t, xi = solution.trajectory.t, np.stack([solution.columns[f"xi_{axis} [m/s^2]"] for axis in ("north", "east", "down")], axis=1)
+    held = (t > window[0] + 3.2) & (t < window[1] - 0.2)
+    for values in (solution.b_a, solution.b_g):
+        assert (values[held] == values[held][0]).all()
+    assert np.abs(xi[held] - xi[held][0]).max() < 1e-4
+    error = np.linalg.norm(sd.errors(solution, recording.reference).position, axis=1)
+    assert error[held].max() > 5 * error[t > window[1] + 3].max()
+    after, before = (np.searchsorted(t, window[1] + offset) for offset in (0.02, -0.1))
+    assert np.linalg.norm(xi[after] - xi[before]) < 1.0
+    assert (solution.trajectory.rotation[before].inv() * solution.trajectory.rotation[after + 40]).magnitude() < 0.3
+
+
+@pytest.mark.short
+def test_frozen_course_goes_on_through_an_outage_and_is_wrong_in_a_turn():
+    recording, window = flight(60.0), (10.0, 60.0)
+    error = {course: attitude_error(sd.fuse(recording.hidden([window]), "nlo", start=start(recording), noise=NOISE, course=course), recording)[-1]
+             for course in ("tilt-compensated", "frozen")}
+    assert error["tilt-compensated"] < 5 and error["frozen"] > 60
+
+
+@pytest.mark.short
+def test_near_standstill_the_course_is_held_and_that_is_said():
+    def slow(t):
+        return np.where(t < 15, 0.5, 0.5 + 0.4 * (t - 15))
+    motion = Motion("slow", (DEG * 47, DEG * 8, 500.0), lambda t: (slow(t), 0 * t, 0 * t), lambda t: (0 * t, 0 * t, 0 * t))
+    recording = sd.simulate(motion, 30.0, "tactical", 3, 20.0)
+    solution = sd.fuse(recording, "nlo", start=start(recording), noise=NOISE)
+    held = solution.columns["course_held [s]"]
+    assert 20 <= held[-1] <= 22.1 and held[0] == 0
+    assert any("course held for 2" in text for _, text in solution.events)
+    eager = sd.fuse(recording, "nlo", start=start(recording), noise=NOISE, least_speed=0.0)
+    assert eager.columns["course_held [s]"][-1] == 0
+    assert attitude_error(solution, recording)[200:300].max() < attitude_error(eager, recording)[200:300].max()
+
+
+@pytest.mark.short
+def test_a_heading_takes_the_place_of_the_course():
+    recording = flight(30.0)
+    truth = recording.reference
+    row = np.searchsorted(truth.t, np.arange(1.0, 30.0) - 1e-9)
+    heading = Aiding("heading", truth.t[row], truth.rph[row, 2:3] + 0.5, np.full((len(row), 1), 0.01))
+    solution = sd.fuse(replace(recording, aidings=(*recording.aidings, heading)), "nlo", start=start(recording), noise=NOISE)
+    difference = np.degrees(solution.trajectory.rph[-1, 2] - truth.rph[-1, 2])
+    assert 20 < (difference + 180) % 360 - 180 < 35     # it follows the heading that is 29 deg off, not the course
+
+
+@pytest.mark.short
+def test_altitudes_and_positions_alone_serve_the_height():
+    recording = flight(30.0)
+    position, velocity = recording.aidings
+    level = replace(position, y=position.y + [0, 0, 0])
+    height = Aiding("altitude", level.t, level.y[:, 2:3] + 40.0, np.full((len(level.t), 1), 0.01), parameters=level.parameters)
+    solution = sd.fuse(replace(recording, aidings=(position, velocity, height)), "nlo", start=start(recording), noise=NOISE)
+    assert abs(solution.trajectory.lla[-1, 2] - recording.reference.lla[-1, 2] - 40) < 3
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("options", [dict(design="poles"), dict(design="poles", poles="-0.3 -0.4+0.3j -0.4-0.3j"), dict(theta=1.5),
+                                     dict(kpp=0.3, kvp=0.03, kxp=0.003, kvv=0.4, kxv=0.1), dict(course="printed"), dict(adaptation=0.0, ki=0.0)])
+def test_every_design_follows_the_flight(options):
+    recording = flight(40.0)
+    solution = sd.fuse(recording, "nlo", start=start(recording), noise=NOISE, **options)
+    rms = sd.rms(sd.errors(solution, recording.reference), window=(20.0, 40.0))
+    assert np.linalg.norm(rms.position) < 4 and np.linalg.norm(rms.velocity) < 1
+
+
+@pytest.mark.short
+def test_a_gap_in_the_samples_widens_the_design_and_is_recovered():
+    recording = without_samples(flight(60.0), (20.0, 30.0))
+    solution = sd.fuse(recording, "nlo", start=start(recording), noise=NOISE)
+    error = np.linalg.norm(sd.errors(solution, recording.reference).position, axis=1)
+    assert np.isfinite(solution.trajectory.lla).all() and error[-100:].max() < 10
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("kinds, options, said", [
+    (("position",), {}, "nothing measures heading or course: add a source of velocity, heading or magnetic-field"),
+    (("velocity",), {}, "nothing measures the position"), (("position", "velocity"), dict(kpp=3.0), "not stable at fixes every 1 s"),
+    (("position", "velocity"), dict(k1=0.0), "k1 is 0"), (("position", "velocity"), dict(gyro_bound=1e-9), "beyond gyro_bound")])
+def test_what_it_cannot_run_on_is_refused_in_one_line(kinds, options, said):
+    recording = replace(flight(), aidings=tuple(a for a in flight().aidings if a.kind in kinds))
+    with pytest.raises(DataError, match=said) as refused:
+        sd.fuse(recording, "nlo", start=start(recording)._replace(bg=(1e-4, 0.0, 0.0)), noise=NOISE, **options)
+    assert "\n" not in str(refused.value)
