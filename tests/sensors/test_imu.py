@@ -124,7 +124,7 @@ def test_grades_by_name_by_path_and_by_value(tmp_path):
     assert grade(tactical) is tactical
     tactical.to_toml(tmp_path / "own.toml")
     assert grade(tmp_path / "own.toml") == tactical
-    with pytest.raises(DataError, match=r"unknown IMU grade 'tactcal' \(did you mean 'tactical'\?\); grades: consumer, industrial"):
+    with pytest.raises(DataError, match=r"unknown IMU grade 'tactcal' \(did you mean 'tactical'\?\); grades: consumer, dmu10, industrial"):
         grade("tactcal")
     with pytest.raises(DataError, match="absent.toml: cannot be read"):
         grade("absent.toml")

@@ -7,6 +7,7 @@ from pyins import earth, sim
 from strapdown.data import DataError
 from strapdown.geodesy import displacement
 from strapdown.sim.motions import G, car, flight, ship, static, straight
+from strapdown.sim.sortie import sortie
 from strapdown.sim.trajectory import DEG, gravity, increments, sample
 from strapdown.sim.waypoints import waypoints
 
@@ -22,6 +23,7 @@ MOTIONS = {
     "flight": flight((69 * DEG, 19 * DEG, 900.0), 0.4, 28.0, TURNS),
     "waypoints": waypoints(PLACES, 30.0),
     "car": car((48 * DEG, 11 * DEG, 500.0), 0.3, STREET),
+    "sortie": sortie((50 * DEG, 14 * DEG, 450.0), 2.0, [{"duration": 4.0}, {"duration": 14.0, "speed": 40.0}, {"duration": 20.0, "turn": 1.5}], wind=7.0),
     "ship": ship((60 * DEG, 5 * DEG, 45.0), 5.0, 6.0, [{"duration": 60.0}, {"duration": 60.0, "turn": 1.0, "speed": 4.0}]),
 }
 ids = pytest.mark.parametrize("name", MOTIONS)

@@ -65,7 +65,7 @@ def test_built_in_scenarios_simulate(name):
 
 
 def test_the_names_are_those_promised():
-    assert set(scenarios()) == {"demo", "static", "straight", "car", "ship", "hand-held", "ship-heave", *PAPER}
+    assert set(scenarios()) == {"alam", "demo", "static", "straight", "car", "ship", "hand-held", "ship-heave", *PAPER}
     assert scenario("demo").describe()["fingerprint"] == Scenario("demo", demo_flight(), 600.0).describe()["fingerprint"]
 
 

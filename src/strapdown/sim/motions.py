@@ -14,7 +14,7 @@ from .trajectory import static as _static
 
 G = 9.80665
 LEG_KEYS = ("duration", "turn", "bank", "speed", "climb", "gradient", "repeat", "legs")
-VERTICAL = {"flight": "climb", "car": "gradient", "ship": None}
+VERTICAL = {"flight": "climb", "sortie": "climb", "car": "gradient", "ship": None}
 """What climbs in a leg of each motion by legs."""
 MOST_LEGS, LONGEST = 5000, 10 * 86400.0
 """Legs, and s, of a motion at most."""

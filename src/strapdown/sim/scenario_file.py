@@ -13,16 +13,17 @@ from ..sensors.gnss import Gnss
 from ..sensors.magnetometer import Disturbance, Magnetometer
 from . import motions
 from .scenario import START_SD, Scenario
+from .sortie import sortie
 from .trajectory import DEG, demo_flight
 from .waypoints import waypoints
 
 KINDS = {"demo": demo_flight, "static": motions.static, "straight": motions.straight,
-         "flight": motions.flight, "waypoints": waypoints, "car": motions.car, "ship": motions.ship,
+         "flight": motions.flight, "sortie": sortie, "waypoints": waypoints, "car": motions.car, "ship": motions.ship,
          "hand-held": motions.hand_held, "moored": motions.moored}
 """What a [motion] can be, and the function that makes it; the function's parameters are its keys."""
 UNITS = {"azimuth": "deg", "course": "deg", "roll": "deg", "pitch": "deg", "heading": "deg", "amplitude": "deg", "turn": "deg", "bank": "deg",
          "speed": "m_s", "climb": "m_s", "duration": "s", "period": "s", "wave_period": "s", "smoothing": "s", "wave_height": "m",
-         "heave": "m", "rest": "s"}
+         "heave": "m", "rest": "s", "wind": "m_s", "wind_from": "deg"}
 """Unit of each parameter that has one: its key ends in it."""
 TOP = ("name", "about", "duration_s", "rate_hz", "imu", "accel_offset_m_s2", "accel_offset_decays", "gate", "gravity", "date",
        "motion", "gnss", "magnetometer", "barometer", "attitude", "start")

@@ -1,0 +1,140 @@
+"""The rules that turn tables into verdicts: in made-up worlds where the paper is right, where it is wrong, and where nothing can be told."""
+import numpy as np
+import pandas as pd
+import pytest
+
+from strapdown.papers import alam, alam_claims
+from strapdown.papers.alam_claims import Evidence
+from strapdown.papers.alam_convergence import CASES
+from strapdown.papers.alam_pairs import wide
+from strapdown.papers.alam_runs import ABLATIONS, AXES, EKF, EKF_NO_COURSE, FILTERS, FULL, MEASURES, NLO, XKF
+from strapdown.papers.pages import NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
+
+pytestmark = pytest.mark.short
+SEEDS = 12
+PLACES = (*(f"outage {k}" for k in range(1, 6)), "thor75", "drive0708")
+RIGHT = {EKF: 40.0, NLO: 11.5, XKF: 10.0, FULL: 10.0}
+"""m: RMSE of a world in which the EKF is far off and the XKF best."""
+WRONG = {EKF: 5.0, NLO: 9.0, XKF: 20.0, FULL: 20.0}
+
+
+def scores(level, spread=0.02, north=None, places=PLACES):
+    """Scores with RMSEs around `level` {filter: m}; north: {case: {filter: m}} on that axis."""
+    rng, rows = np.random.default_rng(3), []
+    for case in places:
+        for seed in range(SEEDS):
+            for k, name in enumerate(FILTERS | ABLATIONS):
+                size = level.get(name, level[name.split(",")[0]] if name.split(",")[0] in level else 15.0)
+                draw = lambda value: float(value * np.exp(spread * rng.standard_normal()))
+                row = {measure: draw(size if measure.endswith("m") else size / 10) for measure in MEASURES}
+                if north and name in north.get(case, {}):
+                    row["north_rmse_m"] = draw(north[case][name])
+                rows.append({"case": case, "block": seed, "filter": name, "outage": int(case[-1]) if case.startswith("outage") else seed, **row, "said": ""})
+    return pd.DataFrame(rows)
+
+
+def biases(ekf, others, spread=0.02):
+    """Wander of m/s^2 and rad/s of all filters."""
+    rng, rows = np.random.default_rng(4), []
+    for seed in range(SEEDS):
+        for name in FILTERS | ABLATIONS:
+            size = np.array(ekf if name.startswith(EKF) else others) * np.exp(spread * rng.standard_normal())
+            rows.append({"filter": name, "seed": seed} | {f"{sensor}_{what}": value for sensor, value in zip(("accel", "gyro"), size)
+                                                           for what in ("wander", "wander_late", "true", "rms")})
+    return pd.DataFrame(rows)
+
+
+def converged(counts, starts=100):
+    """Starts 170 deg off, of which so many converged {label: number}."""
+    rows = [(label, seed, 20.0 if seed < counts.get(label, starts) else np.inf, 5.0, 1.0, "") for label in CASES for seed in range(starts)]
+    return pd.DataFrame(rows, columns=["case", "seed", "since_s", "first_s", "last_deg", "said"])
+
+
+MIXED = {case: {EKF: 5.0, EKF_NO_COURSE: 30.0} for case in ("outage 1", "outage 2")}
+"""The EKF better in the north of two outages, thanks to its course."""
+SCORES = scores(RIGHT, north=MIXED)
+GOOD = Evidence(wide(SCORES), biases((0.1, 0.05), (1e-3, 1e-4)), converged({"two-stage EKF": 20}))
+BAD = Evidence(wide(scores(WRONG)), biases((1e-3, 1e-4), (0.1, 0.05)), converged({label: 10 for label in CASES if label.startswith("XKF")}))
+LOUD = Evidence(wide(scores({name: 10.0 for name in FILTERS}, spread=3.0)), biases((0.01, 0.001), (0.005, 0.0005), spread=8.0), converged({}, starts=3))
+
+
+def verdicts(evidence):
+    return {make.__name__: make(evidence)["verdict"] for make in (
+        alam_claims.some_cases, alam_claims.no_clear_benefit, alam_claims.diverges_rapidly, alam_claims.biases_vary, alam_claims.biases_stabilised,
+        alam_claims.east, alam_claims.down, alam_claims.north, alam_claims.overall, alam_claims.heading_correction, alam_claims.least,
+        alam_claims.like_the_observer, alam_claims.inherits_stability, alam_claims.no_guarantee)}
+
+
+def test_a_world_in_which_the_paper_is_right():
+    found = verdicts(GOOD)
+    assert found.pop("no_clear_benefit") == NOT_REPRODUCED         # for the XKF is better than both everywhere
+    assert set(found.values()) == {REPRODUCED}, found
+
+
+def test_a_world_in_which_it_is_wrong():
+    found = verdicts(BAD)
+    assert found.pop("no_clear_benefit") == REPRODUCED and found.pop("no_guarantee") == NOT_REPRODUCED
+    assert found.pop("heading_correction") == NOT_REPRODUCED        # better in the north everywhere, and it stays so without course
+    assert set(found.values()) == {NOT_REPRODUCED}, found
+
+
+def test_a_world_in_which_nothing_can_be_told():
+    found = verdicts(LOUD)
+    assert found.pop("no_guarantee") == NOT_REPRODUCED and found.pop("inherits_stability") == REPRODUCED      # three of three
+    assert found.pop("heading_correction") == UNDECIDED
+    stabilised = found.pop("biases_stabilised")
+    assert set(found.values()) == {UNDECIDED}, found
+    assert stabilised in (UNDECIDED, NOT_REPRODUCED, PARTLY)
+
+
+def test_findings_are_complete_and_in_order():
+    found = alam_claims.claims(GOOD)
+    assert len(found) == 14 and len({f["claim"] for f in found}) == 14
+    assert all(f["rule"] and f["measured"] and f["source"] and f["decided_by"] for f in found)
+    assert "Published: 3 of 5" in found[6]["measured"] and "2 of 5 outages" in found[2]["measured"]
+
+
+def test_without_runs_nothing_is_said():
+    nothing = Evidence({}, biases((1.0, 1.0), (1.0, 1.0))[:0], converged({})[:0])
+    found = alam_claims.claims(nothing)
+    assert {f["verdict"] for f in found} <= {UNDECIDED}, [(f["claim"], f["verdict"]) for f in found if f["verdict"] != UNDECIDED]
+
+
+def test_a_benefit_on_one_axis_alone_is_no_clear_one():
+    table = scores(RIGHT | {NLO: 10.0})
+    table.loc[table["filter"] == NLO, [f"{axis}_rmse_m" for axis in AXES]] *= np.array([1.0, 1.0, 0.5])
+    assert alam_claims.no_clear_benefit(GOOD._replace(tables=wide(table)))["verdict"] == REPRODUCED
+
+
+def test_a_heading_correction_that_explains_nothing():
+    """The EKF is better in the north of two outages, and stays so without its course."""
+    same = scores(RIGHT, north={case: {EKF: 5.0, EKF_NO_COURSE: 5.0} for case in ("outage 1", "outage 2")})
+    found = alam_claims.heading_correction(GOOD._replace(tables=wide(same)))
+    assert found["verdict"] == NOT_REPRODUCED and "2 of 7 cases" in found["measured"]
+    never = alam_claims.heading_correction(GOOD._replace(tables=wide(scores(RIGHT))))
+    assert never["verdict"] == UNDECIDED
+
+
+def test_half_as_much_again_is_not_significantly_more():
+    found = alam_claims.biases_vary(GOOD._replace(biases=biases((0.015, 1.5e-3), (0.01, 1e-3))))
+    assert found["verdict"] == NOT_REPRODUCED and "accelerometers: 1.5" in found["measured"]
+    one = alam_claims.biases_vary(GOOD._replace(biases=biases((0.03, 1.5e-3), (0.01, 1e-3))))
+    assert one["verdict"] == PARTLY
+
+
+def test_stability_of_one_form_alone_is_partly_inherited():
+    one = converged({"XKF, 15 states": 10})
+    assert alam_claims.inherits_stability(GOOD._replace(converged=one))["verdict"] == PARTLY
+
+
+def test_tables_for_people():
+    shown = dict((name, table) for name, _, table in alam.shown(SCORES, GOOD.biases, GOOD.converged))
+    first = shown["redrawn"].iloc[0]
+    for column, published, ours in (("north, EKF, m", "7.9", 5.0), ("down, XKF, m", "24.7", 10.0)):
+        printed, _, text = first[column].partition(" / ")
+        assert printed == published and float(text.partition(" ± ")[0]) == pytest.approx(ours, rel=0.05)
+    assert len(shown["redrawn"]) == 7 and "/" not in shown["redrawn"].iloc[5]["north, EKF, m"] and list(GOOD.tables) == list(PLACES)
+    assert list(shown["filters"]["filter"]) == list(FILTERS | ABLATIONS) and set(shown["filters"]["lost"]) == {f"0 of {7 * SEEDS}"}
+    assert len(shown["ablations"]) == 3 * len(ABLATIONS) and len(shown["biases"]) == len(FILTERS | ABLATIONS)
+    by = shown["convergence"].set_index("filter")["below 10 deg from some time to 60 s"]
+    assert by["two-stage EKF"] == "20 of 100" and by["closed loop"] == "100 of 100"
