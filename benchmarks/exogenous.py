@@ -39,7 +39,8 @@ def starts():
     """[(of 100 seeds, note)] for `STARTS`; the notes have the printed vector and the other filters."""
     from strapdown.papers import alam_convergence
     found = alam_convergence.shares()
-    return [(found.pop("nlo, course"), ", ".join(f"{name} {count}" for name, count in found.items())), (found["nlo, magnetometer"], "")]
+    course, magnetometer = (found.pop(f"NLO, {name}") for name in ("tilt-compensated course", "magnetometer"))
+    return [(course, ", ".join(f"{name} {count}" for name, count in found.items())), (magnetometer, "")]
 
 
 def compared():

@@ -165,7 +165,7 @@ def north(e):
 def overall(e):
     """4."""
     ekf, nlo = (sides(e.tables, RMSE, XKF, name) for name in (EKF, NLO))
-    return finding("Overall the XKF performs better in GNSS outages than EKF and NLO alone.", 
+    return finding("Overall the XKF performs better in GNSS outages than EKF and NLO alone.",
                    "4; the paper also says that there is no clear evidence",
                    f"all axes, against the EKF and against the NLO; {CELLS}; {RULE}; both parts must hold",
                    f"Against the EKF: {ekf}. Against the NLO: {nlo}",
