@@ -74,8 +74,8 @@ FILTERS = [
 """Name, options, IMU, sd of the initial attitude (rad) and, where there is an AHRS with white errors, its records per second."""
 
 
-def run(seed, flight, name, options, spec, attitude_sd, ahrs_rate=None, told=1.0, estimate=sd.fuse):
-    """(NEES, NIS, innovations, sources) of one flight: (epochs,), (fixes,), (fixes, 3), (fixes,); the filter, or its smoother, is `told` that many times the true noise."""
+def flown(seed, flight, name, options, spec, attitude_sd, ahrs_rate=None, told=1.0, estimate=sd.fuse):
+    """(errors (epochs, 15), Solution) of one flight; the filter, or its smoother, is `told` that many times the true noise."""
     truth, ideal, often = flight
     of_imu, of_gnss, of_start, of_ahrs = np.random.default_rng(seed).spawn(4)
     imu, b_a, b_g = spec.corrupt(ideal, of_imu)
@@ -87,7 +87,12 @@ def run(seed, flight, name, options, spec, attitude_sd, ahrs_rate=None, told=1.0
     fixes += (wandering(often, of_ahrs) if ahrs_rate == WANDERING else ahrs(often, ahrs_rate, seed=of_ahrs, gate=np.inf),) if ahrs_rate else ()
     solution = estimate(Recording(imu, fixes), name, noise=noise, start=start, every=RATE, covariance=True, **options)
     e, rows = sd.errors(solution, truth), np.searchsorted(ideal.t, solution.t - 1e-6)
-    error = np.c_[e.position, e.velocity, e.attitude, b_a[rows] - solution.b_a, b_g[rows] - solution.b_g]
+    return np.c_[e.position, e.velocity, e.attitude, b_a[rows] - solution.b_a, b_g[rows] - solution.b_g], solution
+
+
+def run(seed, flight, *line, **more):
+    """(NEES, NIS, innovations, sources) of one flight: (epochs,), (fixes,), (fixes, 3), (fixes,)."""
+    error, solution = flown(seed, flight, *line, **more)
     nees = np.einsum("ij,ij->i", error, np.linalg.solve(solution.covariance, error[:, :, None])[:, :, 0])
     return nees, solution.innovations.nis, solution.innovations.innovation, solution.innovations.source
 
