@@ -86,7 +86,7 @@ def advance(bar, u, dt, noise):
         _towards_heading(bar, aux[COURSE], dt)
 
 
-@helper
+@inlined
 def _turn_with_n(bar, xi, dt):
     """xi stands still in e: in n it turns against the transport rate."""
     sine, cosine, M, N = place(bar.lla[0], bar.lla[2])
@@ -114,7 +114,7 @@ def gain(aux, name):
     return aux[name] + (aux[name + START - K1] - aux[name]) * min(aux[FADE], 1.0)
 
 
-@helper
+@inlined
 def turn(bar, s0, s1, s2):
     """Turn the attitude by the rotation vector s (rad, body), f_n = C f + xi staying, and the gyro bias by - ki s, bounded."""
     C, f, xi, aux = bar.C, bar.f, bar.aux[XI:XI + 3], bar.aux
@@ -144,7 +144,7 @@ def bounded(b, d0, d1, d2, bound):
         b[0], b[1], b[2] = b[0] * scale, b[1] * scale, b[2] * scale
 
 
-@helper
+@inlined
 def _towards_force(bar, x0, x1, x2, dt):
     """sigma of the first direction: the specific force as measured against that of the translational motion observer."""
     f, aux = bar.f, bar.aux
@@ -156,7 +156,7 @@ def _towards_force(bar, x0, x1, x2, dt):
     turn(bar, k * (f[1] * x2 - f[2] * x1), k * (f[2] * x0 - f[0] * x2), k * (f[0] * x1 - f[1] * x0))
 
 
-@helper
+@inlined
 def _adapt(bar, x0, x1, x2, dt):
     """theta' = Proj(adaptation G phi (y_f - phi' theta) / (phi' G phi)), G = diag(bound^2, 1, 1, 1): it cannot blow up, however large the force.
 
@@ -199,7 +199,7 @@ def inject(bar, y, sd, kind, observe, parameters, innovation):
     orthonormalise(bar.C)
 
 
-@helper
+@inlined
 def _translate(bar, kind, innovation, sd):
     """Position, velocity and xi by the gains at this fix."""
     aux = bar.aux
@@ -210,7 +210,8 @@ def _translate(bar, kind, innovation, sd):
     for row in range(1 if kind == ALTITUDE_KIND else 3):
         if innovation[row] == innovation[row]:
             axis, used = 2 if kind == ALTITUDE_KIND else row, True
-            pulled(aux[OWN:OWN + TRANSLATION], axis, kind == VELOCITY_KIND, innovation[row], sd[row], aux[TOLD], gain(aux, WANDER), change[3 * axis:3 * axis + 3])
+            pulled(aux[OWN:OWN + TRANSLATION], axis, kind == VELOCITY_KIND, innovation[row], sd[row], aux[TOLD], gain(aux, WANDER),
+                   change[3 * axis:3 * axis + 3])
     displace(bar.lla, change[0], change[3], change[6])
     for i in range(3):
         bar.v[i] += change[3 * i + 1]
@@ -219,7 +220,7 @@ def _translate(bar, kind, innovation, sd):
         aux[SINCE_FIX] = 0.0
 
 
-@helper
+@inlined
 def _course(bar, north, east):
     """The direction of the velocity (m/s) as a heading, where it is fast enough and nothing better is there."""
     aux = bar.aux
@@ -238,7 +239,7 @@ def _course(bar, north, east):
         _towards_heading(bar, aux[COURSE], seconds)
 
 
-@helper
+@inlined
 def _towards_heading(bar, heading, seconds):
     """sigma of a heading (rad) at the roll and pitch of the belief, over that time: a turn about the vertical, exact for any angle."""
     C, aux = bar.C, bar.aux
@@ -253,7 +254,7 @@ def _left(angle, time):
     return 2 * math.atan(math.tan(0.5 * angle) * decay(time))
 
 
-@helper
+@inlined
 def _towards_field(bar, y, parameters):
     """sigma of a magnetic field y (T, body) against the one in `parameters` (T, n), over the time since the last.
 
@@ -279,7 +280,7 @@ def _towards_field(bar, y, parameters):
         aux[SINCE_FIELD] = 0.0
 
 
-@helper
+@inlined
 def _towards(bar, b0, b1, b2, e0, e1, e2, seconds):
     """sigma of a direction measured as b and expected as e, unit vectors in the body, over that time."""
     c0, c1, c2 = b1 * e2 - b2 * e1, b2 * e0 - b0 * e2, b0 * e1 - b1 * e0

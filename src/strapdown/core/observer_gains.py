@@ -101,13 +101,15 @@ def _given(o):
 
 def _poles(o):
     """Three poles, 1/s: a real one, then a pair. Raises ValueError where the text is none or they are not stable."""
-    said = f"poles is {o['poles']!r}; it must be three numbers such as '-0.5 -0.3+0.3j -0.3-0.3j', all with real parts below zero, complex ones in pairs"
+    said = (f"poles is {o['poles']!r}; it must be three numbers such as '-0.5 -0.3+0.3j -0.3-0.3j', all with real parts below zero, "
+            "complex ones in pairs")
     try:
         poles = np.array([complex(part) for part in re.split(r"[\s,;/]+", o["poles"].strip())]) * o["theta"]
     except ValueError:
         raise ValueError(said) from None
     poles = poles[np.argsort(poles.imag != 0, kind="stable")] if len(poles) == 3 else np.zeros(3)
-    if not (poles.real < 0).all() or not np.isfinite(poles).all() or poles[0].imag or abs(poles[1] - poles[2].conjugate()) > 1e-9 * abs(poles[1]) and poles[1].imag:
+    paired = not poles[1:].imag.any() or abs(poles[1] - poles[2].conjugate()) <= 1e-9 * abs(poles[1])
+    if not ((poles.real < 0).all() and np.isfinite(poles).all() and not poles[0].imag and paired):
         raise ValueError(said)
     return poles
 
@@ -134,7 +136,8 @@ def fit(options, aidings):
         return {**options, **decided}, ["fewer than two fixes of position: the observer's gains are not checked"]
     sd = {kind: np.median(np.concatenate([np.asarray(a.sd, float).reshape(len(a.t), -1) for a in aidings if a.kind == kind and len(a.t)]), axis=0)
           for kind, seconds in (("position", interval), ("velocity", faster)) if seconds}
-    axes = [(name, interval, faster, float(sd["position"][axis]), float(sd["velocity"][axis]) if faster else 0.0) for axis, name in ((0, "north"), (2, "down"))]
+    axes = [(name, interval, faster, float(sd["position"][axis]), float(sd["velocity"][axis]) if faster else 0.0)
+            for axis, name in ((0, "north"), (2, "down"))]
     free = [name for name in ("ki_start", "ki", "adaptation") if name not in options]
     for _ in range(HALVINGS):
         if all(_unstable({**o, **decided}, *axis[1:]) is None for axis in axes) or not free:
@@ -268,7 +271,10 @@ def radius(M):
 
 
 def attitude_loop(o, jumps, end):
-    """Spectral radii over one round of fixes: of the observer with tilt and gyro bias, and of heading and gyro bias; end "_start": with the gains of the start."""
+    """Spectral radii over one round of fixes, of the observer with tilt and gyro bias, and of heading and gyro bias.
+
+    With end "_start" they are those of the gains of the start.
+    """
     g, seconds, (k1, k2, ki) = observer.GRAVITY, sum(T for T, _, _ in jumps), (o[name + end] for name in ("k1", "k2", "ki"))
     A = np.zeros((5, 5))    # errors of p, v, f_n, tilt, gyro bias; xi is what tilt and f_n leave
     A[0, 1], A[1, 2], A[2, 4] = 1.0, 1.0, g

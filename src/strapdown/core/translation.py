@@ -26,7 +26,8 @@ LEAST_SD = 1e-4                 # m, m/s
 def pulled(own, axis, velocity, e, sd, accel, wander, change):
     """Add to `change` (m, m/s, m/s^2) what the error e of a position or velocity fix with that sd corrects on the axis.
 
-    `accel` is the density of the accelerometer noise, m/s/sqrt(s), `wander` that of the force, m/s^2/sqrt(s). Several fixes at one time follow each other: e must be that of the state before
+    `accel` is the density of the accelerometer noise, m/s/sqrt(s), `wander` that of the force, m/s^2/sqrt(s).
+    Several fixes at one time follow each other: e must be that of the state before
     all of them less what `change` holds for the kinds that came before; kinds come one by one, so it is.
     """
     if own[DESIGN] == RICCATI:

@@ -44,9 +44,11 @@ def unobserved(t, lla, columns):
     held, excitation = columns[COLUMNS[1]], columns[COLUMNS[0]]
     events = []
     if len(t) and held[-1] >= LONG_HELD:
-        events.append((float(t[np.argmax(held > 0)]), f"course held for {held[-1]:.0f} s in all, from here on: too slow to have one; the gyros alone carried the heading"))
+        events.append((float(t[np.argmax(held > 0)]),
+                       f"course held for {held[-1]:.0f} s in all, from here on: too slow to have one; the gyros alone carried the heading"))
     if len(t) and t[-1] - t[0] > FORGETTING and not np.max(excitation) >= EXCITED:
-        events.append((float(t[-1]), f"accelerometer bias not excited: the smallest eigenvalue of the mean of phi phi' never passed {np.max(excitation):.1g}"))
+        events.append((float(t[-1]),
+                       f"accelerometer bias not excited: the smallest eigenvalue of the mean of phi phi' never passed {np.max(excitation):.1g}"))
     return events
 
 
