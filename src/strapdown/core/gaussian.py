@@ -180,6 +180,12 @@ def update(P, H, innovation, sd, rows, gate, work, dx):
     return _update(P.shape[0], P, H, innovation, sd, rows, gate, work, dx)
 
 
+@helper
+def update_fifteen(P, H, innovation, sd, rows, gate, work, dx):
+    """`update` where no aiding brings states along."""
+    return _update(15, P, H, innovation, sd, rows, gate, work, dx)
+
+
 @inlined
 def _update(n, P, H, innovation, sd, rows, gate, work, dx):
     """Whitening: U = L^-1 H P with L L' = H P H' + R row by row, then P - U' U, which is symmetric to the last bit.
