@@ -32,7 +32,8 @@ COLUMNS = (BEYOND_COLUMN, HELD_COLUMN, "observer_error_north [m]", "observer_err
 OBSERVER = WORK + WORKSPACE                 # where the observer begins in aux
 LEFT = OBSERVER + EMBEDDED                  # the state that the observer leaves: lla, v, C, ba, bg
 UNUSED, TAKEN = LEFT + 21, LEFT + 24        # innovation of the observer; kind and numbers of the fix that it had last
-OWN_SIZE = 28
+ANGLES = LEFT + 28                          # Euler angles of the observer
+OWN_SIZE = 31
 SINE_STEEP = math.sin(STEEP)
 
 
@@ -43,7 +44,7 @@ def start(start, noise, velocity="full", level="bias-free", largest_bank=45.0, c
     """
     own = auxiliary(len(start.sd))
     belief = start.belief(np.r_[own[:OBSERVER], np.zeros(EMBEDDED + OWN_SIZE), own[OBSERVER:]])
-    belief.aux[TAKEN] = -1.0
+    belief.aux[TAKEN], belief.aux[ANGLES:ANGLES + 3] = -1.0, start.rph
     implant(belief.aux, OBSERVER, start, noise, **observer)
     both = {**DEFAULTS, **observer}
     configure(belief, noise, velocity, "none" if both["course"] == "none" else "gnss", level, both["least_speed"], largest_bank, crab, correlation, window,
@@ -146,14 +147,14 @@ def relate(belief, bar):
     x[0] += (aux[LEFT] - lla[0]) * M
     x[1] += wrap(aux[LEFT + 1] - lla[1]) * N * cosine
     x[2] += lla[2] - aux[LEFT + 2]
-    _relate_turned(belief.P, x, aux[MOVED], aux[LEFT + 3:LEFT + 6], matrix(aux, LEFT + 6, 3, 3), bar.v, bar.C)
+    _relate_turned(belief.P, x, aux[MOVED], aux[ANGLES:ANGLES + 3], aux[LEFT + 3:LEFT + 6], matrix(aux, LEFT + 6, 3, 3), bar.v, bar.C)
     for i in range(3):
         x[9 + i] += aux[LEFT + 15 + i] - bar.ba[i]
         x[12 + i] += aux[LEFT + 18 + i] - bar.bg[i]
 
 
 @helper
-def _relate_turned(P, x, moved, v, before, new_v, C):
+def _relate_turned(P, x, moved, angles, v, before, new_v, C):
     """`relate` of velocity and attitude."""
     v0, v1, v2 = v[0] + x[3], v[1] + x[4], v[2] + x[5]
     n0, n1, n2 = turned(C, *to_body(before, v0, v1, v2))
@@ -162,6 +163,7 @@ def _relate_turned(P, x, moved, v, before, new_v, C):
     turn_velocity(P, before, C)
     roll, pitch, heading = matrix_to_euler(before)
     new_roll, new_pitch, new_heading = matrix_to_euler(C)
+    angles[0], angles[1], angles[2] = new_roll, new_pitch, new_heading
     d0, d1, d2 = to_angles(pitch, heading, x[6], x[7], x[8])
     x[6], x[7], x[8] = from_angles(new_pitch, new_heading, d0 + wrap(roll - new_roll), d1 + pitch - new_pitch, d2 + wrap(heading - new_heading))
     turn_attitude(P, pitch, heading, new_pitch, new_heading)
@@ -177,7 +179,7 @@ def compose(belief, bar):
         aux[SHIFT + i], aux[SAID + 1 + i] = x[i], bar.aux[XI + i]
     aux[SAID] = bar.aux[EXCITATION]
     displace(belief.lla, x[0], x[1], x[2])
-    roll, pitch, heading = matrix_to_euler(bar.C)
+    roll, pitch, heading = aux[ANGLES], aux[ANGLES + 1], aux[ANGLES + 2]
     d0, d1, d2 = to_angles(pitch, heading, x[6], x[7], x[8])
     if abs(pitch) < STEEP:
         euler_to_matrix(roll + d0, pitch + d1, heading + d2, C)
