@@ -94,6 +94,45 @@ def test_fit_refuses_what_it_cannot_run_on():
     assert slow["ki_start"] < DEFAULTS["ki_start"] and any("ki_start lowered to" in note for note in notes)
 
 
+def test_an_interval_is_rounded_to_milliseconds_unless_it_is_that_short():
+    rng = np.random.default_rng(4)
+    for interval, expected in ((0.2, 0.2), (1.0, 1.0), (0.05, 0.05)):
+        t = np.arange(interval, 60.0, interval)
+        jittered = Aiding("position", t + rng.uniform(-2e-4, 2e-4, len(t)), np.zeros((len(t), 3)), np.ones((len(t), 3)))
+        assert gains.fix_interval((jittered,), "position") == expected
+    assert gains.fix_interval((source("position", 0.0025, 1.0, 1.0),), "position") == pytest.approx(0.0025, abs=1e-12)
+
+
+def test_the_same_design_is_done_once_and_is_the_same():
+    sources = source("position", 1.0, 2.0), source("velocity", 0.2, 0.1)
+    gains._designed.cache_clear()
+    first = gains.fit({"wander": 0.05}, sources)
+    assert gains.fit({"wander": 0.05}, sources) == first and gains._designed.cache_info().hits == 1
+    first[1].clear()        # what it hands out is the caller's
+    assert len(gains.fit({"wander": 0.05}, sources)[1]) == 2
+    assert gains.fit({"wander": 0.06}, sources)[1] != gains.fit({"wander": 0.05}, sources)[1]
+    assert gains.fit({"wander": 0.05, "ki": 0.005}, (source("position", 20.0, 5.0, 200.0), source("velocity", 20.0, 0.1, 200.0)))[0]["ki"] == 0.005
+
+
+@pytest.mark.parametrize("accel, most", [(3e-4, 1e-4), (3e-3, 3e-3)])
+@pytest.mark.parametrize("interval", [0.2, 1.0])
+def test_what_the_printed_gains_leave_out_is_small(interval, accel, most):
+    """The accelerometer's noise (m/s/sqrt(s)), which the filter has and the design that is printed has not."""
+    printed = [K for _, _, K in gains.schedule(DEFAULTS, interval, interval, 2.0, 0.1)]
+    A = np.array([4.0, 0, 0, 1, 0, 1])
+    for _ in range(2000):
+        grow(A, interval, DEFAULTS["wander"] ** 2, accel ** 2, 0.0)
+        found, P = [], np.zeros((3, 3))
+        P[np.triu_indices(3)] = A
+        P = P + np.triu(P, 1).T
+        for row, sd in enumerate((2.0, 0.1)):
+            found.append(P[:, row] / (P[row, row] + sd ** 2))
+            P = P - np.outer(found[-1], P[row])
+        A = P[np.triu_indices(3)].copy()
+    difference = max(np.abs(f / p - 1).max() for f, p in zip(found, printed))
+    assert difference < most, difference
+
+
 @pytest.mark.parametrize("options, said", [
     (dict(k1=0.0), "k1 is 0; it must be above zero"), (dict(k2=-1.0), "k2 is -1"), (dict(ki=-0.1), "ki is -0.1; it must be 0 or more"),
     (dict(wander=float("nan")), "wander is nan; it must be a finite number"), (dict(gyro_bound=0.0), "gyro_bound is 0"),

@@ -6,7 +6,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
+from strapdown import cli
 from strapdown.core.contract import Noise
+from strapdown.core.observer_gains import fit
 from strapdown.data import Aiding, DataError
 from strapdown.sensors.gnss import Gnss
 from strapdown.sensors.magnetometer import Magnetometer
@@ -71,12 +73,63 @@ def test_biases_are_held_in_an_outage_and_the_first_fix_after_it_kicks_nothing()
     assert (solution.trajectory.rotation[before].inv() * solution.trajectory.rotation[after + 40]).magnitude() < 0.3
 
 
+def with_field_and_heading(recording, kind):
+    """The recording with true magnetic fields, or headings, 5 a second."""
+    truth = recording.reference
+    row = np.searchsorted(truth.t, np.arange(0.2, truth.t[-1], 0.2) - 1e-9)
+    field, y = np.array([21e-6, 1e-6, 43e-6]), truth.rph[row, 2:3]
+    if kind == "magnetic-field":
+        y = truth.rotation[row].inv().apply(field)
+    more = {"parameters": tuple(field)} if kind == "magnetic-field" else {}
+    return replace(recording, aidings=(*recording.aidings, Aiding(kind, truth.t[row], y, np.full(y.shape, 1e-6), **more)))
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("kind", ["heading", "magnetic-field"])
+def test_in_an_outage_heading_and_field_change_nothing_and_go_on_after_it(kind):
+    """The start is off in heading and biases, so that both have much to correct: without them (hidden too) the outage is the same bit for bit."""
+    recording, window = with_field_and_heading(flight(60.0), kind), (8.0, 38.0)
+    begin = start(recording)._replace(rph=(0.3, 0.1, start(recording).rph[2] + 0.6), bg=(2e-3, -1e-3, 3e-3))
+    solution = sd.fuse(recording.hidden([window], kinds=("position", "velocity")), "nlo", start=begin, noise=NOISE)
+    t = solution.trajectory.t
+    held = (t > window[0] + 2.3) & (t < window[1] - 0.2)
+    for values in (solution.b_a, solution.b_g):
+        assert (values[held] == values[held][0]).all()
+    xi = np.stack([solution.columns[f"xi_{axis} [m/s^2]"] for axis in ("north", "east", "down")], axis=1)
+    assert np.abs(xi[held] - xi[held][0]).max() < 1e-4      # m/s^2: the axes of n turn over the 1 km flown
+    without = recording.hidden([window], kinds=("position", "velocity")).hidden([(window[0] + 2.3, window[1] - 0.2)], kinds=(kind,))
+    coasted = sd.fuse(without, "nlo", start=begin, noise=NOISE).trajectory
+    for ours, other in zip((solution.trajectory.lla, solution.trajectory.v_n, solution.trajectory.q_nb), (coasted.lla, coasted.v_n, coasted.q_nb)):
+        assert np.array_equal(ours[held], other[held])
+    after = t > window[1] + 1.2
+    assert not (solution.b_g[after] == solution.b_g[held][0]).all() and not (xi[after] == xi[held][-1]).all()
+    assert attitude_error(solution, recording)[-1] < 5
+
+
+@pytest.mark.short
+def test_after_an_outage_the_course_does_not_take_the_place_of_a_heading_that_was_there():
+    recording = flight(60.0)
+    truth = recording.reference
+    row = np.searchsorted(truth.t, np.arange(0.1, 60.0, 0.2) - 1e-9)
+    heading = Aiding("heading", truth.t[row], truth.rph[row, 2:3] + 0.5, np.full((len(row), 1), 0.01))
+    away = replace(recording, aidings=(*recording.aidings, heading)).hidden([(8.0, 38.0)], kinds=("position", "velocity"))
+    solution = sd.fuse(away, "nlo", start=start(recording), noise=NOISE)
+    turned = np.unwrap(solution.trajectory.rph[:, 2]) - np.unwrap(np.interp(solution.trajectory.t, truth.t, np.unwrap(truth.rph[:, 2])))
+    first = np.searchsorted(solution.trajectory.t, 38.0 + 1e-6)
+    assert abs(turned[first] - turned[first - 4]) < 0.05      # rad; the course, 0.5 off from it, would pull by more than half of that
+
+
 @pytest.mark.short
 def test_frozen_course_goes_on_through_an_outage_and_is_wrong_in_a_turn():
     recording, window = flight(60.0), (10.0, 60.0)
-    error = {course: attitude_error(sd.fuse(recording.hidden([window]), "nlo", start=start(recording), noise=NOISE, course=course), recording)[-1]
-             for course in ("tilt-compensated", "frozen")}
+    solutions = {course: sd.fuse(recording.hidden([window]), "nlo", start=start(recording), noise=NOISE, course=course)
+                 for course in ("tilt-compensated", "frozen")}
+    error = {course: attitude_error(solution, recording)[-1] for course, solution in solutions.items()}
     assert error["tilt-compensated"] < 5 and error["frozen"] > 60
+    t = solutions["frozen"].trajectory.t
+    held = (t > window[0] + 3.2) & (t < window[1] - 0.2)
+    for values in (solutions["frozen"].b_a, solutions["frozen"].b_g):
+        assert (values[held] == values[held][0]).all()
 
 
 @pytest.mark.short
@@ -117,12 +170,36 @@ def test_altitudes_and_positions_alone_serve_the_height():
 
 @pytest.mark.short
 @pytest.mark.parametrize("options", [dict(design="poles"), dict(design="poles", poles="-0.3 -0.4+0.3j -0.4-0.3j"), dict(theta=1.5),
-                                     dict(kpp=0.3, kvp=0.03, kxp=0.003, kvv=0.4, kxv=0.1), dict(course="printed"), dict(adaptation=0.0, ki=0.0)])
+                                     dict(kpp=0.3, kvp=0.03, kxp=0.003, kpv=0.05, kvv=0.4, kxv=0.1), dict(course="printed"), dict(adaptation=0.0, ki=0.0)])
 def test_every_design_follows_the_flight(options):
     recording = flight(40.0)
     solution = sd.fuse(recording, "nlo", start=start(recording), noise=NOISE, **options)
     rms = sd.rms(sd.errors(solution, recording.reference), window=(20.0, 40.0))
     assert np.linalg.norm(rms.position) < 4 and np.linalg.norm(rms.velocity) < 1
+
+
+@pytest.mark.short
+def test_gains_as_given_are_said_and_act_and_are_refused_where_not_stable():
+    gains = dict(kpp=0.3, kvp=0.03, kxp=0.003, kpv=0.05, kvv=0.4, kxv=0.1)
+    solution = sd.fuse(flight(), "nlo", start=start(flight()), noise=NOISE, **gains)
+    note, other = solution.meta["notes"]
+    assert "observer gains, given," in note and "by 0.3, 0.03, 0.003; a velocity corrects position, velocity and force by 0.05, 0.4, 0.1" in note
+    harder = sd.fuse(flight(), "nlo", start=start(flight()), noise=NOISE, **gains | dict(kpp=0.6))
+    assert np.abs(harder.trajectory.lla - solution.trajectory.lla).max() > 1e-9
+    for gain in gains:      # each alone too large, the others as they are
+        with pytest.raises(DataError, match="not stable at fixes every 1 s: spectral radius"):
+            sd.fuse(flight(), "nlo", start=start(flight()), noise=NOISE, **gains | {gain: 9.0})
+
+
+@pytest.mark.short
+def test_hiding_fixes_changes_no_option_however_the_time_stamps_jitter():
+    rng, recording = np.random.default_rng(5), flight(60.0)
+    jittered = tuple(replace(a, t=a.t + rng.uniform(-4e-4, 4e-4, len(a.t))) for a in recording.aidings)
+    whole = replace(recording, aidings=jittered)
+    hidden = whole.hidden([(20.0, 45.0)])
+    assert fit({}, whole.aidings)[0] == fit({}, hidden.aidings)[0] == {"outage_after": 3.0}
+    told = [sd.fuse(r, "nlo", start=start(recording), noise=NOISE).meta["notes"] for r in (whole, hidden)]
+    assert told[0] == told[1] and len(told[0]) == 2
 
 
 @pytest.mark.short
@@ -134,12 +211,24 @@ def test_a_gap_in_the_samples_widens_the_design_and_is_recovered():
 
 
 @pytest.mark.short
+@pytest.mark.parametrize("name", ["nlo", "xkf"])
 @pytest.mark.parametrize("kinds, options, said", [
     (("position",), {}, "nothing measures heading or course: add a source of velocity, heading or magnetic-field"),
     (("velocity",), {}, "nothing measures the position"), (("position", "velocity"), dict(kpp=3.0), "not stable at fixes every 1 s"),
     (("position", "velocity"), dict(k1=0.0), "k1 is 0"), (("position", "velocity"), dict(gyro_bound=1e-9), "beyond gyro_bound")])
-def test_what_it_cannot_run_on_is_refused_in_one_line(kinds, options, said):
+def test_what_it_cannot_run_on_is_refused_in_one_line(name, kinds, options, said):
     recording = replace(flight(), aidings=tuple(a for a in flight().aidings if a.kind in kinds))
     with pytest.raises(DataError, match=said) as refused:
-        sd.fuse(recording, "nlo", start=start(recording)._replace(bg=(1e-4, 0.0, 0.0)), noise=NOISE, **options)
+        sd.fuse(recording, name, start=start(recording)._replace(bg=(1e-4, 0.0, 0.0)), noise=NOISE, **options)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.short
+def test_positions_are_all_that_the_list_of_filters_says_it_needs(capsys):
+    """And rightly: without a course it runs on them alone."""
+    cli.filters()
+    needs = [line.split("course=")[0].split()[1:] for line in capsys.readouterr().out.splitlines() if line.startswith(("nlo ", "xkf "))]
+    assert needs == [["position"], ["position", "near=0.0"]]
+    alone = replace(flight(), aidings=flight().aidings[:1])
+    for name in ("nlo", "xkf"):
+        assert np.isfinite(sd.fuse(alone, name, start=start(flight()), noise=NOISE, course="none").trajectory.lla).all()

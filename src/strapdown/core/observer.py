@@ -62,7 +62,7 @@ def embedded(belief, first):
 def advance(bar, u, dt, noise):
     """One IMU sample u (rotation, rad, and velocity increment, m/s): INS with xi, turn towards the specific force that the fixes tell, biases.
 
-    In an outage (OUTAGE_AFTER), and over samples that the loop makes up in a gap, sigma is zero and biases and xi are held.
+    In an outage, and over samples that the loop makes up in a gap, sigma is zero and biases and xi are held; FROZEN goes on turning to the last course.
     """
     if dt <= 0:
         return
@@ -79,11 +79,17 @@ def advance(bar, u, dt, noise):
     f[0], f[1], f[2] = a0 / dt, a1 / dt, a2 / dt
     made_up = noise.accel > aux[TOLD]
     _clocks(aux, dt, noise.accel * noise.accel - aux[TOLD] * aux[TOLD] if made_up else 0.0)
-    if aux[SINCE_FIX] <= aux[OUTAGE_AFTER] and not made_up:
+    if not made_up and not outage(aux):
         _towards_force(bar, x0, x1, x2, dt)
         _adapt(bar, x0, x1, x2, dt)
     elif aux[MODE] == FROZEN and not made_up and aux[COURSE] == aux[COURSE]:
         _towards_heading(bar, aux[COURSE], dt)
+
+
+@helper
+def outage(aux):
+    """Whether position and velocity have been away for so long that nothing else is injected either."""
+    return aux[SINCE_FIX] > aux[OUTAGE_AFTER]
 
 
 @inlined
@@ -104,7 +110,7 @@ def _clocks(aux, dt, spread):
         aux[OWN + i] += dt
     aux[OWN + AGES] += spread * dt
     heading = min(aux[SINCE_COURSE], min(aux[SINCE_HEADING], aux[SINCE_FIELD])) < TRUSTED
-    if aux[FADE] > 1e-3 and (heading or aux[MODE] == NONE):     # a start that heading is not part of is none
+    if aux[FADE] > 1e-3 and (heading or aux[MODE] == NONE) and not outage(aux):     # a start that heading is not part of is none
         aux[FADE] *= decay(2 * dt / aux[START_TIME])
 
 
@@ -116,7 +122,7 @@ def gain(aux, name):
 
 @inlined
 def turn(bar, s0, s1, s2):
-    """Turn the attitude by the rotation vector s (rad, body), f_n = C f + xi staying, and the gyro bias by - ki s, bounded."""
+    """Turn the attitude by the rotation vector s (rad, body), f_n = C f + xi staying, and outside an outage the gyro bias by - ki s, bounded."""
     C, f, xi, aux = bar.C, bar.f, bar.aux[XI:XI + 3], bar.aux
     b0, b1, b2 = turned(C, f[0], f[1], f[2])
     rotate_right(C, s0, s1, s2)
@@ -124,7 +130,7 @@ def turn(bar, s0, s1, s2):
     xi[0] += b0 - n0
     xi[1] += b1 - n1
     xi[2] += b2 - n2
-    ki = gain(aux, KI)
+    ki = 0.0 if outage(aux) else gain(aux, KI)
     bounded(bar.bg, -ki * s0, -ki * s1, -ki * s2, aux[GYRO_BOUND])
 
 
@@ -181,9 +187,19 @@ def _adapt(bar, x0, x1, x2, dt):
 
 @inlined
 def inject(bar, y, sd, kind, observe, parameters, innovation):
-    """What a fix changes: position, velocity and xi by the gains of the translational motion observer, the attitude by a direction."""
+    """What a fix changes: position, velocity and xi by the gains of the translational motion observer, the attitude by a direction.
+
+    In an outage only position and velocity, which end it; a heading or field is only remembered as one that is there, so that no course takes its place.
+    """
     aux = bar.aux
     observed(bar, y, observe, parameters, innovation, matrix(aux, H, 3, 15))
+    if outage(aux) and kind != POSITION_KIND and kind != VELOCITY_KIND:
+        if innovation[0] == innovation[0]:
+            if kind == HEADING_KIND:
+                aux[SINCE_HEADING] = 0.0
+            elif kind == MAGNETIC_KIND:
+                aux[SINCE_FIELD] = 0.0
+        return
     if kind == HEADING_KIND:
         if innovation[0] == innovation[0]:
             _towards_heading(bar, y[0], min(aux[SINCE_HEADING], LONGEST))

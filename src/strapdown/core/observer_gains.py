@@ -5,6 +5,7 @@ recording's fixes must be below 1, with and without the loops that turn the atti
 """
 import math
 import re
+from functools import lru_cache
 
 import numpy as np
 
@@ -130,26 +131,42 @@ def fit(options, aidings):
         raise ValueError("nothing measures the position, without which velocity and specific force are not observed: add a source of position")
     if o["course"] != "none" and not kinds & {"velocity", "heading", "magnetic-field"}:
         raise ValueError("nothing measures heading or course: add a source of velocity, heading or magnetic-field (course='none' runs without)")
-    interval, faster = (fix_interval(aidings, kind) for kind in ("position", "velocity"))
-    decided = {"outage_after": o["outage_after"] or OUTAGE * min([seconds for seconds in (interval, faster) if seconds] or [1.0])}
-    if not interval:
+    intervals = tuple(fix_interval(aidings, kind) for kind in ("position", "velocity"))
+    decided = {"outage_after": o["outage_after"] or OUTAGE * min([seconds for seconds in intervals if seconds] or [1.0])}
+    if not intervals[0]:
         return {**options, **decided}, ["fewer than two fixes of position: the observer's gains are not checked"]
-    sd = {kind: np.median(np.concatenate([np.asarray(a.sd, float).reshape(len(a.t), -1) for a in aidings if a.kind == kind and len(a.t)]), axis=0)
-          for kind, seconds in (("position", interval), ("velocity", faster)) if seconds}
-    axes = [(name, interval, faster, float(sd["position"][axis]), float(sd["velocity"][axis]) if faster else 0.0)
-            for axis, name in ((0, "north"), (2, "down"))]
-    free = [name for name in ("ki_start", "ki", "adaptation") if name not in options]
+    sd = [_deviations(aidings, kind) if seconds else (0.0,) * 3 for kind, seconds in zip(("position", "velocity"), intervals)]
+    axes = tuple((name, *intervals, sd[0][axis], sd[1][axis]) for axis, name in ((0, "north"), (2, "down")))
+    free = tuple(name for name in ("ki_start", "ki", "adaptation") if name not in options)
+    plain_numbers = {name: value if isinstance(value, str) else float(value) for name, value in (o | decided).items()}
+    lowered, notes = _designed(tuple(plain_numbers.items()), axes, free)
+    return {**options, **decided, **dict(lowered)}, list(notes)
+
+
+def _deviations(aidings, kind):
+    """Median standard deviations of the fixes of that kind, three numbers."""
+    of_all = [np.asarray(a.sd, float).reshape(len(a.t), -1) for a in aidings if a.kind == kind and len(a.t)]
+    return tuple(np.median(np.concatenate(of_all), axis=0).tolist())
+
+
+@lru_cache(maxsize=256)
+def _designed(options, axes, free):
+    """(options lowered, of those `free` to be, notes) for these options and axes (name, intervals, sds); the same question is answered but once.
+
+    Raises ValueError where the gains are not stable.
+    """
+    o, lowered = dict(options), {}
     for _ in range(HALVINGS):
-        if all(_unstable({**o, **decided}, *axis[1:]) is None for axis in axes) or not free:
+        if not free or all(_unstable(o, *axis[1:]) is None for axis in axes):
             break
-        decided |= {name: 0.5 * decided.get(name, o[name]) for name in free}
-    o |= decided
+        lowered = {name: 0.5 * o[name] for name in free}
+        o |= lowered
     for axis in axes:
         if said := _unstable(o, *axis[1:]):
-            raise ValueError(f"with these gains {said[0]} is not stable at fixes every {interval:g} s: spectral radius {said[1]:.4g}, "
+            raise ValueError(f"with these gains {said[0]} is not stable at fixes every {axis[1]:g} s: spectral radius {said[1]:.4g}, "
                              "which must be below 1; give smaller gains or slower poles")
-    lowered = [f"{name} lowered to {decided[name]:g}, so that the loops are stable at these fixes" for name in free if name in decided]
-    return {**options, **decided}, [_note(o, *axis) for axis in axes] + lowered
+    said = [f"{name} lowered to {value:g}, so that the loops are stable at these fixes" for name, value in lowered.items()]
+    return tuple(lowered.items()), (*(_note(o, *axis) for axis in axes), *said)
 
 
 def _unstable(o, interval, velocity_interval, position_sd, velocity_sd):
@@ -173,10 +190,14 @@ def _note(o, name, interval, velocity_interval, *sd):
 
 
 def fix_interval(aidings, kind):
-    """Median time (s) between the fixes of that kind, all sources together; 0 for fewer than two."""
+    """Median time (s) between the fixes of that kind, all sources together, above 10 ms in whole milliseconds; 0 for fewer than two.
+
+    Time stamps jitter: without rounding, some fixes more or less would make other options of the same receiver.
+    """
     times = [np.asarray(a.t, float) for a in aidings if a.kind == kind]
     times = np.unique(np.concatenate(times)) if times else np.empty(0)
-    return float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    median = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    return round(median, 3) if median > 0.01 else median
 
 
 def schedule(o, interval, velocity_interval, position_sd=1.0, velocity_sd=0.1, end=""):

@@ -213,5 +213,4 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     return nis
 
 
-XKF = Filter("xkf", "Johansen & Fossen (2017), IJC 90(2)", start, predict, correct, columns=COLUMNS, needs=("position",), fit=fit,
-             watch=nlo.NLO.watch)
+XKF = Filter("xkf", "Johansen & Fossen (2017), IJC 90(2)", start, predict, correct, columns=COLUMNS, fit=fit, watch=nlo.NLO.watch)
