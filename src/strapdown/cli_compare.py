@@ -85,8 +85,8 @@ def show(found):
 
 AXES = ("North", "East", "Down")
 """Of the table of the outages."""
-HEAD = ("filter", "length, s", "scored", "RMSE N E D, m (mean)", "horizontal, m (median)", "at the end, m (median, 90 %, largest)", "drift, % (median)",
-        "heading, deg (median)")
+HEAD = ("filter", "length, s", "scored", "RMSE N E D, m (mean)", "horizontal, m (median)", "at the end, m (median, 90 %, largest)",
+        "drift, % (median)", "heading, deg (median)")
 """Of the summary."""
 
 

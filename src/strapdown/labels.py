@@ -26,8 +26,9 @@ def tried(name, options):
 
 
 def labelled(name, options):
-    """The label of a filter with options, as `parsed` reads it."""
-    return name + ":" * bool(options) + ",".join(f"{key}={value if isinstance(value, str) else format(value, '.12g')}" for key, value in options.items())
+    """The label of a filter with options, as `parsed` reads it; the same options always have the same label."""
+    texts = {key: value if isinstance(value, str) else format(value, ".12g") for key, value in sorted(options.items())}
+    return name + ":" * bool(texts) + ",".join(f"{key}={text}" for key, text in texts.items())
 
 
 def _value(text):

@@ -24,8 +24,8 @@ FIXES = ("position", "velocity")
 @cache
 def sensed(seconds=60.0, shift=0.013):
     """A turning flight with GNSS a `shift` (s) off the samples, a magnetometer and a barometer, whose offset the filters estimate."""
-    made = sd.simulate(turning(), seconds, "industrial", 4, 20.0, Gnss(lever_arm=(0.3, -0.2, -0.5)), Magnetometer(rate=10.0, field=(21e-6, 1.6e-6, 43.9e-6)),
-                       Barometer(rate=2.0, drift=50.0))
+    magnetometer, barometer = Magnetometer(rate=10.0, field=(21e-6, 1.6e-6, 43.9e-6)), Barometer(rate=2.0, drift=50.0)
+    made = sd.simulate(turning(), seconds, "industrial", 4, 20.0, Gnss(lever_arm=(0.3, -0.2, -0.5)), magnetometer, barometer)
     late = lambda a: replace(a, t=a.t + shift, y=a.y[:len(a.t)])
     return replace(made, aidings=tuple(late(a) if a.kind in FIXES else a for a in made.aidings))
 
@@ -132,7 +132,8 @@ def test_all_filters_have_the_same_start_noise_and_fixes_withheld(monkeypatch):
 @pytest.mark.short
 def test_the_start_knows_nothing_of_what_is_withheld():
     recording = flight(20.0)
-    spoilt = replace(recording, aidings=tuple(replace(a, y=np.where((a.t >= 8)[:, None] & (a.t < 12)[:, None], np.nan, a.y)) for a in recording.aidings))
+    spoil = lambda a: replace(a, y=np.where(((a.t >= 8) & (a.t < 12))[:, None], np.nan, a.y))
+    spoilt = replace(recording, aidings=tuple(map(spoil, recording.aidings)))
     first, second = (sd.compare(each, ["closed-loop"], "8:12") for each in (recording, spoilt))
     pd.testing.assert_frame_equal(first.scores, second.scores)
 
@@ -186,13 +187,26 @@ def test_a_filter_that_stops_keeps_the_outages_before(outages, scored):
 
 
 REFUSED = [
-    (dict(outages="8:12,10:14"), "overlap"), (dict(outages="300/600"), "longer than the recording"), (dict(outages="15:25"), "outside the recording"),
-    (dict(outages="0:5"), "before the alignment is done"), (dict(outages="1:5"), "before the alignment is done"), (dict(outages="8.1:8.4"), "no fix of position or velocity"),
-    (dict(outages="5@8:18/0"), "step is 0 s"), (dict(outages="ten"), "'ten' is no window"), (dict(filters=["kalman"]), "no filter is called 'kalman'"),
-    (dict(filters=["closed-loop:gain=2"]), "no option 'gain'"), (dict(filters=["mahony"]), "mahony estimates no position"), (dict(filters=[]), "no filter"),
-    (dict(filters=["mekf", "mekf"]), "'mekf' is there twice"), (dict(filters=[5]), "5 is no filter"), (dict(filters=[("mekf", 5)]), "is no filter"),
-    (dict(kinds=()), "kinds is empty"), (dict(kinds=("gnss",)), "'gnss'"), (dict(kinds="heading"), "no fix of heading"), (dict(threads=0), "threads is 0"),
-    (dict(start=5.0), "must be a Start"), (dict(imu="best"), "best"), (dict(filters=["fixed-gain"], ahrs="mekf"), "no AHRS"),
+    (dict(outages="8:12,10:14"), "overlap"), (dict(outages="300/600"), "longer than the recording"),
+    (dict(outages="15:25"), "outside the recording"), (dict(outages="0:5"), "before the alignment is done"),
+    (dict(outages="1:5"), "before the alignment is done"), (dict(outages="8.1:8.4"), "no fix of position or velocity"),
+    (dict(outages="5@8:18/0"), "step is 0 s"), (dict(outages="ten"), "'ten' is no window"),
+    (dict(filters=["kalman"]), "no filter is called 'kalman'"), (dict(filters=["closed-loop:gain=2"]), "no option 'gain'"),
+    (dict(filters=["mahony"]), "mahony estimates no position"), (dict(filters=[]), "no filter"),
+    (dict(filters=["mekf", "mekf"]), "'mekf' is there twice"), (dict(filters=[5]), "5 is no filter"),
+    (dict(filters=[("mekf", 5)]), "is no filter"), (dict(kinds=()), "kinds is empty"), (dict(kinds=("gnss",)), "'gnss'"),
+    (dict(kinds="heading"), "no fix of heading"), (dict(threads=0), "threads is 0"), (dict(start=5.0), "must be a Start"),
+    (dict(imu="best"), "best"), (dict(filters=["fixed-gain"], ahrs="mekf"), "no AHRS"),
+    (dict(ahrs="nope"), "'nope', which is no AHRS; there are: attitude-mekf"), (dict(ahrs=5), "no AHRS"),
+    (dict(filters=[("periodic-reset", {"interval": None})]), "interval is None"),
+    (dict(filters=[("periodic-reset", {"interval": [1]})]), "interval is [1]"), (dict(filters=5), "filters is 5"),
+    (dict(kinds=None), "kinds is None"), (dict(kinds=5), "kinds is 5"), (dict(kinds=[["position"]]), "kinds is [['position']]"),
+    (dict(noise=5), "noise is 5"), (dict(noise=0), "noise is 0"),
+    (dict(recording="flight.nc"), "recording is 'flight.nc'; it must be a Recording"), (dict(recording=None), "recording is None"),
+    (dict(outages="1e-8/2e-8"), "more than 5000 windows"), (dict(outages="8:8.06"), "shorter than two IMU samples"),
+    (dict(filters=["mekf", "mekf:"]), "'mekf' is there twice"),
+    (dict(filters=["periodic-reset:interval=5", ("periodic-reset", {"interval": 5})]), "'periodic-reset:interval=5' is there twice"),
+    (dict(filters=["fixed-gain:k1=0.6,k2=0.5", "fixed-gain: k2=0.50, k1=.6"]), "'fixed-gain:k1=0.6,k2=0.5' is there twice"),
 ]
 
 
@@ -200,13 +214,14 @@ REFUSED = [
 @pytest.mark.short
 def test_bad_input_is_refused_in_a_line(given, said):
     with pytest.raises(DataError) as error:
-        sd.compare(flight(20.0), **{"filters": ["closed-loop"], "outages": "8:12", **given})
+        sd.compare(**{"recording": flight(20.0), "filters": ["closed-loop"], "outages": "8:12", **given})
     assert said in str(error.value) and "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("change, said", [
     (lambda reference: None, "no reference"), (lambda reference: replace(reference, lla=np.full_like(reference.lla, np.nan)), "has no position"),
-    (lambda reference: replace(reference, t=reference.t + 1000), "reference covers no time of it"), (lambda reference: replace(reference, t=reference.t - 18), "reference")])
+    (lambda reference: replace(reference, t=reference.t + 1000), "reference covers no time of it"),
+    (lambda reference: replace(reference, t=reference.t - 18), "reference")])
 @pytest.mark.short
 def test_a_reference_that_cannot_score_is_refused(change, said):
     with pytest.raises(DataError, match=said) as error:
@@ -224,6 +239,13 @@ def test_a_recording_without_an_imu_grade_or_positions_is_refused():
 
 
 # ---- around it
+
+@pytest.mark.short
+def test_a_fix_of_several_windows_is_withheld_once_and_an_idle_ahrs_is_noted():
+    found = sd.compare(flight(20.0), ["closed-loop:"], "4@8:18/1", ahrs="mahony")
+    assert found.settings["withheld"] == {a.name: 10 for a in flight(20.0).aidings} and len(found.windows) == 7
+    assert "mahony fed no filter, for none of these needs an attitude" in found.notes and found.filters == ("closed-loop",)
+
 
 def test_a_sweep_without_a_range_begins_a_minute_after_the_start():
     found = sd.compare(sensed(90.0), ["closed-loop"], "10@/5")

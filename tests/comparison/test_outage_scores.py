@@ -64,7 +64,8 @@ def test_scores_are_those_of_plain_formulas():
     for name, value in expected.items():
         assert row[name] == pytest.approx(value, rel=2e-4, abs=2e-4), name
     assert [row[f"velocity_{axis}_rmse_m_s"] for axis in ("north", "east", "down")] == pytest.approx([rms(c) for c in dv.T])
-    assert row["velocity_rmse_m_s"] == pytest.approx(rms(np.linalg.norm(dv, axis=1))) and row["velocity_end_m_s"] == pytest.approx(np.linalg.norm(dv[-1]))
+    assert row["velocity_rmse_m_s"] == pytest.approx(rms(np.linalg.norm(dv, axis=1)))
+    assert row["velocity_end_m_s"] == pytest.approx(np.linalg.norm(dv[-1]))
     assert [row[f"{name}_rmse_deg"] for name in ("roll", "pitch", "heading")] == pytest.approx([np.degrees(rms(c)) for c in turn.T])
     within = [(np.abs(e) <= k * sd[:, :3]).mean(axis=0) for k in (1, 2, 3)]
     assert [row[f"coverage_{k}"] for k in (1, 2, 3)] == pytest.approx([share[:2].mean() for share in within], abs=1e-9)
@@ -82,7 +83,7 @@ def test_an_outage_ends_before_the_next_fix_is_used():
 
 def test_an_outage_branches_off_before_its_first_withheld_fix():
     found = outage("20:50", fixes=np.arange(0.25, 100.0))[0]
-    assert found.withheld == {"position": 30} and T[found.first] == pytest.approx(20.0) and found.branch == found.first
+    assert T[found.first] == pytest.approx(20.0) and found.branch == found.first
     found = outage("20.05:50", fixes=np.arange(0.08, 100.0))[0]      # fix at 20.08 inside the sample to 20.1, the first row in the window
     assert T[found.first] == pytest.approx(20.1) and found.branch == found.first
 
@@ -103,18 +104,49 @@ def test_where_it_hardly_moves_the_drift_is_no_percentage():
     still = Trajectory(T, np.tile(ORIGIN, (len(T), 1)), np.zeros((len(T), 3)))
     window = outage("20:50", reference=still)[0]
     rows = slice(window.first, window.last)
-    row, _ = scored(SimpleNamespace(trajectory=Trajectory(T[rows], displaced(still.lla[rows], np.tile([3.0, 4.0, 0.0], (window.last - window.first, 1))))), window)
+    estimate = Trajectory(T[rows], displaced(still.lla[rows], np.tile([3.0, 4.0, 0.0], (window.last - window.first, 1))))
+    row, _ = scored(SimpleNamespace(trajectory=estimate), window)
     assert window.distance == 0.0 and row["horizontal_end_m"] == pytest.approx(5.0, rel=1e-5) and np.isnan(row["drift_percent"])
 
 
 def test_a_reference_that_ends_within_an_outage_gives_no_error_at_its_end():
     short = truth(T[:400])
     window, notes = outage("20:50", reference=short)
-    assert not window.reaches_end and window.known == pytest.approx(201 / 301) and "95 % of the rows of outage 1" in notes[0] and "before outage 1" in notes[1]
+    assert not window.reaches_end and window.known == pytest.approx(201 / 301)
+    assert "95 % of the rows of outage 1" in notes[0] and "not known to the end of outage 1:" in notes[1]
     rows = slice(window.first, window.last)
     row, track = scored(SimpleNamespace(trajectory=Trajectory(T[rows], truth().lla[rows])), window)
     assert np.isnan([row["north_end_m"], row["horizontal_end_m"], row["drift_percent"]]).all() and np.isfinite(row["north_rmse_m"])
     assert track.since[-1] == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize("text, last, reached", [("48:50", 49.5, False), ("48:50", 49.9, True), ("20:50", 49.5, True), ("20:50", 49.3, False)])
+def test_an_error_at_the_end_is_one_of_the_last_fiftieth_or_sample(text, last, reached):
+    window, notes = outage(text, reference=truth(T[:round(RATE * last)]))
+    assert window.reaches_end == reached == (not any("no errors at the end" in note for note in notes))
+
+
+@pytest.mark.parametrize("text, every, coarse", [("20:50", 20, True), ("20:50", 10, False), ("20:22", 5, True), ("20:22", 4, False)])
+def test_a_reference_of_few_rows_is_noted(text, every, coarse):
+    """Steps over 1 s, or fewer than five in the outage."""
+    notes = outage(text, reference=truth(T[::every]))[1]
+    assert any(note.startswith(f"the reference has a row every {every / RATE:.3g} s, which is coarse for outage 1:") for note in notes) == coarse
+
+
+def test_many_outages_are_not_all_named():
+    made = recording(reference=truth(T[::20]))
+    notes = outages_of(protocol("10@0:60/1", made.span, 100.0, None), made, made.reference, ("position",), START)[1]
+    assert "outages 1, 2, 3, 4, 5, 6, 7, 8, 9, 10 and 41 more:" in notes[-1]
+
+
+def test_an_outage_of_less_than_two_samples_is_refused():
+    assert outage("20.4:20.6")[0].length == pytest.approx(0.2)
+    with pytest.raises(DataError, match="outage 20.45 to 20.6 s: it is shorter than two IMU samples of 0.1 s; give a longer"):
+        outage("20.45:20.6")
+    gap = recording()
+    gap = Recording(Imu(*(part[(T < 20) | (T > 25)] for part in gap.imu)), gap.aidings, gap.reference)
+    with pytest.raises(DataError, match="fewer than two IMU samples in it"):
+        outages_of(protocol("21:23", gap.span, 100.0, None), gap, gap.reference, ("position",), START)
 
 
 def test_windows_of_a_sweep_without_fixes_or_reference_are_left_out_and_said():
@@ -126,7 +158,8 @@ def test_windows_of_a_sweep_without_fixes_or_reference_are_left_out_and_said():
     with pytest.raises(DataError, match="no fix of position"):
         outages_of(protocol("70:80,30:40", made.span, 100.0, None), made, made.reference, ("position",), START)
     with pytest.raises(DataError, match="50 to 50.3 s and 50.3 to 51 s have no fix"):
-        outages_of(protocol([(50, 50.3), (50.3, 51.0)], made.span, 100.0, None), recording(fixes=np.array([50.2, 50.4])), truth(), ("position",), START)
+        few = recording(fixes=np.array([50.2, 50.4]))
+        outages_of(protocol([(50, 50.3), (50.3, 51.0)], made.span, 100.0, None), few, truth(), ("position",), START)
 
 
 # ---- all together
@@ -135,6 +168,8 @@ def test_blocks_begin_where_the_last_one_is_left():
     assert list(blocks([0, 5, 10, 25, 30, 35, 60, 89, 90], [30] * 9)) == [0, 0, 0, 0, 1, 1, 2, 2, 3]
     assert list(blocks([0, 30, 60], [10, 10, 10])) == [0, 1, 2]
     assert list(blocks([0.1, 0.3, 0.5], [0.2, 0.2, 0.2])) == [0, 1, 2]      # to rounding
+    assert list(blocks([0, 20, 120, 300], [10, 90, 150, 20])) == [0, 1, 2, 3]       # of one run, where none overlap: the length of the first counts
+    assert list(blocks([0, 20, 50], [100, 10, 10])) == [0, 0, 0]
 
 
 def test_the_ratio_is_the_t_interval_of_the_blocks():
@@ -161,7 +196,9 @@ def test_the_interval_of_a_sweep_holds_the_truth_as_often_as_it_says():
     """Windows that average one white noise, as densely as in the sweep of thor75; without the widening it would be 90 %."""
     starts, lengths, rng = np.arange(0.0, 306.0, 5.0), np.full(62, 30.0), np.random.default_rng(8)
     block, held, runs = blocks(starts, lengths), 0, 1000
-    assert block[-1] + 1 == 11 and widening(starts, lengths, block) == pytest.approx(np.sqrt((1 + 5 / 11) / (1 - 0.5 / 11)), rel=0.02)      # neighbours share a quarter
+    shared = np.sqrt((1 + 5 / 11) / (1 - 0.5 / 11))     # neighbours share a quarter
+    assert block[-1] + 1 == 11 and widening(starts, lengths, block) == pytest.approx(shared, rel=0.02)
+    assert widening(np.array([0.0, 20, 120]), np.array([10.0, 90, 150]), np.arange(3)) == pytest.approx(1.0)
     assert widening(np.arange(5) * 30.0, np.full(5, 30.0), np.arange(5)) == pytest.approx(1.0) == widening(np.zeros(1), np.ones(1), np.zeros(1))
     for noise in rng.standard_normal((runs, 340)):
         logs = np.convolve(noise, np.ones(30) / 30, "valid")[starts.astype(int)]
@@ -170,34 +207,48 @@ def test_the_interval_of_a_sweep_holds_the_truth_as_often_as_it_says():
     assert 0.93 < held / runs < 0.97        # three standard deviations sqrt(0.95 0.05 / 1000)
 
 
-def comparison(sweep=False, windows=((0.0, 10.0), (20.0, 30.0), (40.0, 50.0)), filters=("one", "two"), missing=()):
-    """A Comparison whose horizontal errors grow as (outage + 1) t and (outage + 1) 2 t."""
+def comparison(sweep=False, windows=((0.0, 10.0), (20.0, 30.0), (40.0, 50.0)), filters=("one", "two"), missing=(), known=lambda since: since >= 0):
+    """A Comparison whose horizontal errors grow as (outage + 1) t and (outage + 1) 2 t; `known`: at which times of the first outage."""
     rows, tracks = [], {}
     for factor, name in enumerate(filters, 1):
         tracks[name] = []
         for k, (start, stop) in enumerate(windows):
             since = np.linspace(0, stop - start, 21)
             error = np.outer((k + 1) * factor * since, [0.6, -0.8, 0.5])
-            gone = (name, k) in missing
-            tracks[name].append(None if gone else Track(since, error, None))
+            gone, rows_of = (name, k) in missing, known(since) if k == 0 else slice(None)
+            tracks[name].append(None if gone else Track(since[rows_of], error[rows_of], None))
             values = {f"{axis}_rmse_m": (k + 1.0) * factor for axis in ("north", "east", "down", "horizontal")}
-            values |= {f"{part}_rmse_deg": 1.0 for part in ("roll", "pitch", "heading")} | {f"{pre}coverage_{j}": 0.5 for pre in ("", "down_") for j in (1, 2, 3)}
-            values |= {"horizontal_end_m": 10.0 * (k + 1), "down_end_m": -(k + 1.0), "horizontal_max_m": 1.0, "drift_percent": 1.0, "velocity_rmse_m_s": 1.0,
-                       "velocity_end_m_s": 1.0}
+            values |= {f"{part}_rmse_deg": 1.0 for part in ("roll", "pitch", "heading")}
+            values |= {f"{pre}coverage_{j}": 0.5 for pre in ("", "down_") for j in (1, 2, 3)}
+            values |= {"horizontal_end_m": 10.0 * (k + 1), "down_end_m": -(k + 1.0), "horizontal_max_m": 1.0, "drift_percent": 1.0}
+            values |= {"velocity_rmse_m_s": 1.0, "velocity_end_m_s": 1.0}
             rows.append({"filter": name, "outage": k + 1, "start_s": start, "stop_s": stop, "length_s": stop - start,
                          **({key: np.nan for key in values} if gone else values), "said": "stopped at 3 s" if gone else ""})
-    return Comparison("made up", "10/20", "words", sweep, tuple(filters), tuple(windows), ("position",), pd.DataFrame(rows), tracks, None, (0.0, 50.0))
+    scores = pd.DataFrame(rows)
+    return Comparison("made up", "10/20", "words", sweep, tuple(filters), tuple(windows), ("position",), scores, tracks, None, (0.0, 50.0))
 
 
 def test_growth_is_the_quantiles_over_the_outages():
     growth = comparison().growth
     two = growth[growth["filter"] == "two"].set_index("since_s")
     assert len(two) == 61 and (two["n"] == 3).all() and two.loc[5.0, "horizontal_median_m"] == pytest.approx(2 * 2 * 5.0)
-    assert two.loc[10.0, "horizontal_p90_m"] == pytest.approx(np.quantile([20, 40, 60], 0.9)) and two.loc[10.0, "horizontal_p10_m"] == pytest.approx(24.0)
+    assert two.loc[10.0, "horizontal_p90_m"] == pytest.approx(np.quantile([20, 40, 60], 0.9))
+    assert two.loc[10.0, "horizontal_p10_m"] == pytest.approx(24.0)
     assert two.loc[10.0, "vertical_median_m"] == pytest.approx(20.0)
     left = comparison(missing={("two", 1), ("two", 2)}).growth
     assert (left[left["filter"] == "two"]["n"] == 1).all() and left[left["filter"] == "two"]["horizontal_median_m"].iloc[-1] == pytest.approx(20.0)
     assert comparison(missing={("two", k) for k in range(3)}).growth.query("filter == 'two'")["horizontal_median_m"].isna().all()
+
+
+@pytest.mark.parametrize("known, left_out", [
+    (lambda since: since <= 5, lambda grid: grid > 6.25), (lambda since: since >= 5, lambda grid: grid < 3.75),
+    (lambda since: (since <= 2) | (since >= 8), lambda grid: (grid > 2) & (grid < 8))], ids=["ends early", "begins late", "gap"])
+def test_growth_leaves_out_what_a_track_does_not_know(known, left_out):
+    """A step of the tracks is 0.5 s; up to 1.25 s are bridged."""
+    one = comparison(known=known).growth.query("filter == 'one'")
+    grid = one["since_s"].to_numpy()
+    assert list(one["n"]) == list(np.where(left_out(grid), 2, 3)) and left_out(grid).any()
+    assert one["horizontal_median_m"][left_out(grid)].to_numpy() == pytest.approx(2.5 * grid[left_out(grid)])     # of 2 t and 3 t
 
 
 def test_lengths_are_pooled_in_one_run_and_apart_in_a_sweep():

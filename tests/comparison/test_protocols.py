@@ -1,4 +1,6 @@
 """Protocols of outages, by hand, and what is refused of them."""
+from itertools import count
+
 import numpy as np
 import pytest
 
@@ -52,16 +54,21 @@ def test_steps_that_are_no_whole_numbers_keep_their_last_window():
 
 
 @pytest.mark.parametrize("outages, said", [
-    ("2000:3000", "outside the recording, which covers 0 to 1000 s"), ("1500:", "outside the recording"), ([(-5, 10)], "outside the recording"),
-    ("1100/2000", "an outage of 1100 s is longer than the recording, which lasts 1000 s"), ("1100@/5", "longer than the recording"),
-    ("100:1200", "an outage of 1100 s is longer"), ("100:130,120:150", "100 to 130 s and 120 to 150 s overlap"), ("130:100", "ends before it begins"),
-    ("100:100", "ends before it begins"), ("30/600", "no outage in less than two periods of 600 s"), ("30/30", "leave no fixes"), ("0/300", "length is 0 s"),
+    ("2000:3000", "outside the recording, which covers 0 to 1000 s"), ("1500:", "outside the recording"),
+    ([(-5, 10)], "outside the recording"), ("1100/2000", "an outage of 1100 s is longer than the recording, which lasts 1000 s"),
+    ("1100@/5", "longer than the recording"), ("100:1200", "an outage of 1100 s is longer"),
+    ("100:130,120:150", "100 to 130 s and 120 to 150 s overlap"), ("130:100", "ends before it begins"), ("100:100", "ends before it begins"),
+    ("30/600", "no outage in less than two periods of 600 s"), ("30/30", "leave no fixes"), ("0/300", "length is 0 s"),
     ("-5/300", "length is -5 s"), ("30/-300", "period is -300 s"), ("30@240:575/0", "step is 0 s"), ("0,30@240:575/5", "length is 0 s"),
-    ("400@240:575/5", "no window of 400 s fits into 240 to 575 s"), ("30@575:240/5", "no window of 30 s fits"), ("thirty", "'thirty' is no window"), ("", "is no window"),
-    ("30", "'30' is no window"), ("a/300", "'a' is no number"), ("30/300/2", "3 numbers where there are 2"), ("30@x:575/5", "'x' is no number"),
-    ("30@240/5", "'240' is no window"), ("nan:100", "'nan' is no number"), ("100:inf", "'inf' is no number"), ("30@240:575/", "'' is no number"),
-    ([], "there are none"), ([(1, 2, 3)], "must be text or a list"), (5, "must be text or a list"), ([("a", "b")], "must be text or a list"),
-    ([(np.nan, 5.0)], "finite"), (f"1@0:{MOST}/0.5", f"more than {MOST} windows")])
+    ("400@240:575/5", "no window of 400 s fits into 240 to 575 s"), ("30@575:240/5", "no window of 30 s fits"),
+    ("thirty", "'thirty' is no window"), ("", "is no window"), ("30", "'30' is no window"), ("a/300", "'a' is no number"),
+    ("30/300/2", "3 numbers where there are 2"), ("30@x:575/5", "'x' is no number"), ("30@240/5", "'240' is no window"),
+    ("nan:100", "'nan' is no number"), ("100:inf", "'inf' is no number"), ("30@240:575/", "'' is no number"), ([], "there are none"),
+    ([(1, 2, 3)], "must be text or a list"), (5, "must be text or a list"), ([("a", "b")], "must be text or a list"),
+    ([(np.nan, 5.0)], "finite"), (f"1@0:{MOST}/0.5", f"more than {MOST} windows"),
+    ("1e-8/2e-8", f"more than {MOST} windows; give a longer period"), ("1e-320/2e-320", f"more than {MOST} windows"),
+    (((k, k + 1) for k in count()), f"more than {MOST} windows in a list"),
+    (",".join(["1:2"] * (MOST + 1)), f"more than {MOST} windows in a list")], ids=lambda value: str(value)[:40])
 def test_what_is_no_protocol_is_refused_in_a_line(outages, said):
     with pytest.raises(DataError) as error:
         windows(outages)

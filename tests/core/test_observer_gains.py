@@ -77,7 +77,26 @@ def test_fit_completes_the_options_and_says_gains_and_radius():
     options, notes = gains.fit({"wander": 0.05}, (source("position", 1.0, 2.0), source("velocity", 0.2, 0.1)))
     assert options == {"wander": 0.05, "outage_after": pytest.approx(0.6)}
     assert len(notes) == 2 and all("spectral radius 0." in note and "position every 1 s and velocity every 0.2 s" in note for note in notes)
-    assert gains.fit({"outage_after": 7.0}, (source("position", 1.0, 2.0, 1.5), source("velocity", 0.2, 0.1))) == ({"outage_after": 7.0}, ["fewer than two fixes of position: the observer's gains are not checked"])
+    few = gains.fit({"outage_after": 7.0}, (source("position", 1.0, 2.0, 1.5), source("velocity", 0.2, 0.1)))
+    assert few == ({"outage_after": 7.0}, ["fewer than two fixes of position: the observer's gains are not checked"])
+
+
+@pytest.mark.parametrize("column", ["y", "sd"])
+def test_a_fix_without_an_axis_does_not_count_on_it(column):
+    """One NaN changes nothing but by that fix; an axis that is never measured has no velocity, and without positions no check."""
+    position, velocity = source("position", 1.0, 2.0), source("velocity", 0.2, 0.1)
+    whole = gains.fit({}, (position, velocity))
+    getattr(position, column)[5, 2] = getattr(velocity, column)[7, 0] = np.nan
+    assert gains.fit({}, (position, velocity)) == whole
+    getattr(velocity, column)[:, 2] = np.nan
+    options, (north, down) = gains.fit({}, (position, velocity))
+    assert options == whole[0] and north == whole[1][0] and "every 1 s; down:" in down and "velocity every" not in down
+    getattr(velocity, column)[:, 0] = np.nan
+    assert ["; east:" in note for note in gains.fit({}, (position, velocity))[1]] == [False, True, False]
+    getattr(position, column)[:, 2] = np.nan
+    assert gains.fit({}, (position, velocity))[1][-1] == "down: fewer than two fixes of position; the observer's gains are not checked there"
+    getattr(position, column)[:, :2] = np.nan
+    assert gains.fit({}, (position, velocity))[1] == ["fewer than two fixes of position: the observer's gains are not checked"]
 
 
 def test_fit_refuses_what_it_cannot_run_on():
@@ -136,7 +155,8 @@ def test_what_the_printed_gains_leave_out_is_small(interval, accel, most):
 @pytest.mark.parametrize("options, said", [
     (dict(k1=0.0), "k1 is 0; it must be above zero"), (dict(k2=-1.0), "k2 is -1"), (dict(ki=-0.1), "ki is -0.1; it must be 0 or more"),
     (dict(wander=float("nan")), "wander is nan; it must be a finite number"), (dict(gyro_bound=0.0), "gyro_bound is 0"),
-    (dict(course="north"), "course is 'north'; it must be one of tilt-compensated"), (dict(field="x"), "field is 'x'"), (dict(design="lqr"), "design is 'lqr'"),
+    (dict(course="north"), "course is 'north'; it must be one of tilt-compensated"), (dict(field="x"), "field is 'x'"),
+    (dict(design="lqr"), "design is 'lqr'"),
     (dict(poles="-1 -1"), "poles is '-1 -1'"), (dict(poles="-1 -1 1"), "real parts below zero"), (dict(poles="a b c"), "poles is 'a b c'"),
     (dict(poles="-1 -1+1j -2-1j"), "complex ones in pairs"), (dict(kpp=-0.1), "kpp is -0.1")])
 def test_options_out_of_bounds_are_refused_by_name(options, said):

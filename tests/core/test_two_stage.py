@@ -27,7 +27,7 @@ def gradient(function, x, step=1e-5):
 
 
 def rates(x, omega, f):
-    """The model in continuous time: derivative of roll, pitch, heading, gyro bias; position, velocity in the body, accelerometer bias. Earth at rest."""
+    """The model in continuous time, Earth at rest: derivative of Euler angles, gyro bias, position, velocity in the body, accelerometer bias."""
     (roll, pitch, heading), v = x[:3], x[9:12]
     r = omega - x[3:6]
     T = np.array([[1, np.sin(roll) * np.tan(pitch), np.cos(roll) * np.tan(pitch)], [0, np.cos(roll), -np.sin(roll)],

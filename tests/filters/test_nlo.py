@@ -170,7 +170,8 @@ def test_altitudes_and_positions_alone_serve_the_height():
 
 @pytest.mark.short
 @pytest.mark.parametrize("options", [dict(design="poles"), dict(design="poles", poles="-0.3 -0.4+0.3j -0.4-0.3j"), dict(theta=1.5),
-                                     dict(kpp=0.3, kvp=0.03, kxp=0.003, kpv=0.05, kvv=0.4, kxv=0.1), dict(course="printed"), dict(adaptation=0.0, ki=0.0)])
+                                     dict(kpp=0.3, kvp=0.03, kxp=0.003, kpv=0.05, kvv=0.4, kxv=0.1), dict(course="printed"),
+                                     dict(adaptation=0.0, ki=0.0)])
 def test_every_design_follows_the_flight(options):
     recording = flight(40.0)
     solution = sd.fuse(recording, "nlo", start=start(recording), noise=NOISE, **options)

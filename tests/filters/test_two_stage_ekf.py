@@ -117,7 +117,7 @@ def test_what_it_cannot_run_on_and_bad_options():
 
 
 def test_errors_are_bounded_and_mostly_inside_their_standard_deviations():
-    """Five flights; the model allows no NEES mark. Seeds fixed beforehand; the share inside two sigma is wide, since the two stages neglect each other."""
+    """Five flights, no NEES mark, which the model does not allow; the share inside two sigma is wide, since the two stages neglect each other."""
     inside, worst = [], []
     for seed in range(5):
         recording = flight(90.0, 20.0, seed)

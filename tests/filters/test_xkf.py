@@ -208,6 +208,17 @@ def test_the_observer_takes_a_fix_once_though_the_loop_hands_it_over_again():
     assert not np.array_equal(moving.lla, observer(belief).lla)
 
 
+@pytest.mark.parametrize("gate", [np.inf, 16.0])
+def test_the_observer_takes_equal_fixes_of_two_sources(gate):
+    """As many times as they come, accepted or rejected."""
+    *_, (belief, _, _) = together()
+    y = displaced(belief.lla, [300.0, -200.0, 100.0])
+    for _ in range(2):
+        before = copied(observer(belief))
+        fix(belief, "position", y, gate=gate)
+        assert np.linalg.norm(minus(observer(belief), before)[:3]) > 1
+
+
 def test_a_heading_across_the_turn_of_the_compass():
     """Observer 178 deg to one side, estimate 4 deg to the other side of what is measured: the innovation is those 4 deg."""
     belief, compass = begun(), aiding.find("heading")

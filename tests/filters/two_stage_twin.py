@@ -134,7 +134,8 @@ class Twin:
             earth = RATE * np.array([np.cos(x.lla[0]), 0, -np.sin(x.lla[0])])
             a = (vel - self.then) / T + 2 * np.cross(earth, vel)
             heading = (jacobian(x.angles) @ self.P[A, A] @ jacobian(x.angles).T)[2, 2]
-            found += self._level(C, self.force - C.T @ a, self.acceleration ** 2 / T + 2 * np.mean(np.square(sd)) / T ** 2 + (a[:2] @ a[:2]) * heading)
+            found += self._level(C, self.force - C.T @ a,
+                                 self.acceleration ** 2 / T + 2 * np.mean(np.square(sd)) / T ** 2 + (a[:2] @ a[:2]) * heading)
         if self.then is None or T >= 0.9 * self.window:
             self.then, self.seconds = vel, 0.0
         found += self._course(C, vel, sd, found)

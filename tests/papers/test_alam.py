@@ -7,11 +7,11 @@ import pytest
 from scipy import stats
 
 from strapdown.core.contract import STATES
-from strapdown.data import DataError, Trajectory
+from strapdown.data import DataError, Solution, Trajectory
 from strapdown.metrics import Errors
 from strapdown.papers import alam, alam_convergence, alam_markdown, alam_pairs, alam_recordings, alam_runs
 from strapdown.papers.alam_convergence import Case
-from strapdown.papers.alam_runs import CLOSED, EKF, MEASURES, NLO, XKF, Variant
+from strapdown.papers.alam_runs import ASTRAY, CLOSED, EKF, MEASURES, NLO, XKF, Variant
 from strapdown.papers.pages import COLOURS
 from strapdown.sim.scenario import scenario
 from strapdown.sim.synthesis import Simulator
@@ -45,23 +45,25 @@ def test_an_outage_is_scored_up_to_the_fix_that_ends_it():
     e = made_errors(np.array([3.0, -4.0, 2.0]), np.array([0.0, 0.0, 2.0]))
     e.position[e.t >= WINDOW[1] - 1e-9] = 0.0              # what a fix at the end would make of it
     e.position[e.t < WINDOW[0] - 1e-9] = 0.0
-    found = alam_runs._scored(e, WINDOW, "")
+    found = alam_runs.scored(e, WINDOW, "")
     assert found == pytest.approx({"north_rmse_m": 3, "east_rmse_m": 4, "down_rmse_m": 2, "horizontal_rmse_m": 5, "horizontal_end_m": 5, "velocity_end_m_s": 2,
                                    "said": ""})
     e.position[:, 0] *= np.linspace(0, 1, len(e.t))
     inside = (e.t >= WINDOW[0] - 1e-9) & (e.t < WINDOW[1] - 1e-9)
-    assert alam_runs._scored(e, WINDOW, "")["north_rmse_m"] == pytest.approx(np.sqrt(np.mean(e.position[inside, 0] ** 2)))
-    curve = alam_runs._curve(e, WINDOW)
+    assert alam_runs.scored(e, WINDOW, "")["north_rmse_m"] == pytest.approx(np.sqrt(np.mean(e.position[inside, 0] ** 2)))
+    curve = alam_runs.curve(e, WINDOW)
     assert curve.shape == (2, 31) and curve[0, -1] == pytest.approx(np.hypot(e.position[399, 0], 4)) and np.all(curve[1] == 2)
 
 
 @pytest.mark.short
 def test_a_run_that_goes_astray_counts_and_is_named():
-    far = alam_runs._scored(made_errors(np.array([3e5, 1.0, 1.0]), np.zeros(3)), WINDOW, "")
+    far = alam_runs.scored(made_errors(np.array([3e5, 1.0, 1.0]), np.zeros(3)), WINDOW, "")
     assert far["north_rmse_m"] == far["horizontal_end_m"] == 1e4 and far["east_rmse_m"] == 1 and far["said"] == "diverged"
     for e in (made_errors(np.ones(3), np.ones(3), np.arange(0.0, 30.0, 0.1)), made_errors(np.array([np.nan, 1, 1]), np.ones(3))):
-        lost = alam_runs._scored(e, WINDOW, "stopped at 30 s")
-        assert lost == {**MEASURES, "said": "stopped at 30 s"} and np.isinf(alam_runs._curve(e, WINDOW)[0, -1])
+        lost = alam_runs.scored(e, WINDOW, "stopped at 30 s")
+        assert lost == {**MEASURES, "said": "stopped at 30 s"} and np.isinf(alam_runs.curve(e, WINDOW)[0, -1])
+    through = alam_runs.scored(made_errors(np.ones(3), np.ones(3), np.arange(0.0, 50.0, 0.1)), WINDOW, "stopped at 50 s")
+    assert through["said"] == "" and through["north_rmse_m"] == 1      # it stopped after this outage
 
 
 def made_scores(values, blocks=None, case="outage 1"):
@@ -126,6 +128,37 @@ def test_what_converged_means():
     assert alam_convergence.settled(t, np.full(6, 5.0)) == 1 and alam_convergence.settled(t, np.array([9, 9, 9, 9, 9, 10.0])) == np.inf
 
 
+@pytest.mark.short
+def test_a_run_that_stops_has_not_converged(monkeypatch):
+    """Its last row, right before it stopped, is as good as the truth."""
+    recording, start = alam_convergence.run(0)
+    truth = recording.reference
+    rows = slice(0, 3000, alam_convergence.ROWS)
+    one = Trajectory(truth.t[rows], truth.lla[rows], truth.v_n[rows], truth.q_nb[rows])
+    none = np.full((len(one.t), 3), np.nan)
+    solution = lambda said: Solution(one, none, none, None, None, meta={"stopped": said} if said else {})
+    monkeypatch.setattr(alam_convergence, "run", lambda *_: (recording, start))
+    monkeypatch.setattr(alam_convergence, "fuse", lambda *_, **__: solution(""))
+    assert alam_convergence.outcome(Case("nlo"), 0)[3] == "" and alam_convergence.outcome(Case("nlo"), 0)[0] == 0
+    monkeypatch.setattr(alam_convergence, "fuse", lambda *_, **__: solution("stopped at 30 s"))
+    assert alam_convergence.outcome(Case("nlo"), 0) == (np.inf, np.inf, np.inf, "stopped at 30 s")
+
+
+def test_one_start_that_cannot_run_leaves_the_others(monkeypatch):
+    begun = alam_convergence.run
+    monkeypatch.setattr(alam_convergence, "run", lambda seed, *rest: (seed, None) if seed == 1 else begun(seed, *rest))
+    fused = alam_convergence.fuse
+
+    def fuse(recording, *rest, **options):
+        if recording == 1:
+            raise DataError("no start")
+        return fused(recording, *rest, **options)
+
+    monkeypatch.setattr(alam_convergence, "fuse", fuse)
+    table = alam_convergence.study({"closed": Case("closed-loop")}, range(3), 1)
+    assert list(table["said"]) == ["", "no start", ""] and np.isinf(table["since_s"][1]) and np.isfinite(table["last_deg"][[0, 2]]).all()
+
+
 def test_shares_count_the_starts_that_converged(monkeypatch):
     cases = {"closed": Case("closed-loop"), "unknown": Case("no-such-filter")}
     table = alam_convergence.study(cases, range(3))
@@ -160,6 +193,9 @@ def test_runs_are_scored_by_seed_filter_and_outage(short_flight):
     lost = found.scores[found.scores["filter"] == NLO]
     assert (lost["north_rmse_m"] == 1e4).all() and lost["said"].str.contains("no filter is called").all()
     assert found.growth[CLOSED].shape == (2, 10, 31) and np.isinf(found.growth[NLO]).all()
+    assert len(found.biases) == 2 * 3                                   # also of the one that cannot run
+    gone = found.biases[found.biases["filter"] == NLO]
+    assert (gone["accel_wander"] == alam_runs.ASTRAY["accel"]).all() and gone["said"].str.contains("no filter is called").all()
     assert set(found.sample) == set(STAND_INS) and len(found.sample[CLOSED].t) > 19000
     own = found.biases[found.biases["filter"] == CLOSED]
     assert (own["accel_wander"] > own["accel_true"]).all() and (own["gyro_wander"] < np.radians(0.1)).all()
@@ -227,19 +263,42 @@ def test_scores_of_recordings_come_in_blocks_and_keep_what_failed():
 def test_wander_is_the_standard_deviation_over_time():
     class Solution:
         t = np.arange(0.0, 2000.0, 1.0)
+        meta = {}
         b_a = np.c_[np.sin(2 * np.pi * t / 50), 0 * t, 0 * t] * 3.0
-        b_g = np.c_[0 * t, t, 0 * t]
+        b_g = np.c_[0 * t, t, 0 * t] * 1e-4
 
     class Hidden:
         imu = Trajectory(Solution.t, np.zeros((2000, 3)))
         meta = {"b_a": np.zeros((2000, 3)), "b_g": np.zeros((2000, 3))}
 
-    found = alam_runs._wander(Solution, Hidden)
+    found = alam_runs.wander(Solution, Hidden)
     assert found["accel_wander"] == pytest.approx(3 / np.sqrt(2), rel=0.01) and found["accel_true"] == 0
-    assert found["gyro_wander"] == pytest.approx(1250 / np.sqrt(12), rel=0.01) and found["gyro_wander_late"] == pytest.approx(600 / np.sqrt(12), rel=0.01)
-    assert found["accel_rms"] == pytest.approx(3 / np.sqrt(2), rel=0.01)
+    assert found["gyro_wander"] == pytest.approx(0.125 / np.sqrt(12), rel=0.01) and found["gyro_wander_late"] == pytest.approx(0.06 / np.sqrt(12), rel=0.01)
+    assert found["accel_rms"] == pytest.approx(3 / np.sqrt(2), rel=0.01) and found["said"] == ""
+    Solution.b_a[600:1250, 1] += 2.0                                    # the rms error is that of the whole flight, not of its end
+    assert alam_runs.wander(Solution, Hidden)["accel_rms"] == pytest.approx(np.sqrt(4.5 + 4 * 650 / 1251), rel=0.01)
+    Solution.b_a[700] += 400.0
+    Solution.b_g[:] *= 1e2
+    large = alam_runs.wander(Solution, Hidden)
+    assert large["accel_rms"] == large["accel_wander"] == ASTRAY["accel"] and large["accel_wander_late"] == found["accel_wander_late"]
+    assert large["gyro_wander"] == ASTRAY["gyro"] and large["said"] == "diverged"
     Solution.b_a[1000, 0] = np.nan
-    assert np.isinf(alam_runs._wander(Solution, Hidden)["accel_wander"])
+    assert alam_runs.wander(Solution, Hidden)["accel_wander"] == ASTRAY["accel"]
+
+
+@pytest.mark.short
+def test_a_run_that_stops_keeps_its_place_among_the_biases():
+    class Solution:
+        t = np.arange(0.0, 1700.0, 1.0)
+        b_a = b_g = np.zeros((1700, 3))
+        meta = {"stopped": "stopped at 1700 s"}
+
+    class Hidden:
+        imu = Trajectory(Solution.t, np.zeros((1700, 3)))
+        meta = {"b_a": np.zeros((1700, 3)), "b_g": np.zeros((1700, 3))}
+
+    found = alam_runs.wander(Solution, Hidden)
+    assert found["said"] == "stopped at 1700 s" and found["gyro_wander"] == ASTRAY["gyro"] and set(found) == set(alam_runs.without_biases(""))
 
 
 @pytest.mark.short

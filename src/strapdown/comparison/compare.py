@@ -1,12 +1,13 @@
 """Filters side by side on the same outages of a recording: one start, one noise, the same sources and the same fixes withheld for all."""
 import inspect
+from collections.abc import Iterable
 from os import cpu_count
 
 import numpy as np
 
 from .. import aiding, filters
-from ..core.contract import Start
-from ..data import DataError
+from ..core.contract import Noise, Start
+from ..data import DataError, Recording
 from ..engine import assumed_noise, found, positioned, prepare
 from ..labels import labelled, parsed, tried
 from .outages import SETTLING, before_start, protocol
@@ -23,16 +24,21 @@ def compare(recording, filters=None, outages="30/300", imu=None, start=None, noi
     """Run filters through the same outages of a recording with a reference, and return the Comparison of their errors.
 
     filters: labels "NAME" or "NAME:option=value,...", or (name, options); default: all that estimate a position. outages: text, see
-    `comparison.outages`, or a list of (start, stop) in s; kinds: of the fixes withheld. imu, noise: as of `fuse`, for all filters; start: a Start for all
-    (default: alignment without the fixes of any outage). ahrs: what feeds those that need an attitude (default: as `fuse` has it). threads: at a time
-    (default: one per core); say: told of slow compilation; progress: called with the fraction done.
+    `comparison.outages`, or a list of (start, stop) in s; kinds: of the fixes withheld. imu, noise: as of `fuse`, for all filters;
+    start: a Start for all (default: alignment without the fixes of any outage). ahrs: what feeds those that need an attitude (default: as `fuse`
+    has it). threads: at a time (default: one per core); say: told of slow compilation; progress: called with the fraction done.
     A filter that cannot run, or stops, stays in the result with what it said. Raises DataError for bad input, and where no filter can run.
     """
+    if not isinstance(recording, Recording):
+        raise DataError(f"recording is {recording!r}; it must be a Recording, such as `read` gives")
     entrants, kinds = _entrants(filters), _kinds(kinds)
     if threads is not None and (not isinstance(threads, (int, np.integer)) or threads < 1):
         raise DataError(f"threads is {threads!r}; it must be a whole number, 1 or more")
     if start is not None and not isinstance(start, Start):
         raise DataError(f"start is {start!r}; it must be a Start, such as `align` gives")
+    if noise is not None and not isinstance(noise, Noise):
+        raise DataError(f"noise is {noise!r}; it must be a Noise, such as an ImuSpec gives")
+    _check_ahrs(ahrs)
     reference = known_reference(recording)
     spec = assumed_noise(recording.meta.get("grade") if imu is None else imu, noise, needed=start is None)[1]
     end = min(recording.span[1], float(reference.t[-1]))
@@ -41,6 +47,8 @@ def compare(recording, filters=None, outages="30/300", imu=None, start=None, noi
     start = start or _aligned(hidden, spec)
     before_start(made, start)
     scenes, notes = outages_of(made, recording, reference, kinds, start)
+    if ahrs is not None and not any("attitude" in entrant.filter.needs for entrant in entrants):
+        notes = [*notes, f"{ahrs} fed no filter, for none of these needs an attitude"]
     common = Common(recording, hidden, made.sweep, scenes, kinds, imu, noise, start, ahrs)
     for entrant in entrants:
         prepare(entrant.filter, [a.kind for a in recording.aidings], say)
@@ -52,13 +60,12 @@ def _entrants(wanted):
     """[Entrant] of what `compare` was given. Raises DataError."""
     if wanted is None:
         wanted = [name for name in filters.names() if positioned(filters.find(name))]
+    if not isinstance(wanted, Iterable):
+        raise DataError(f"filters is {wanted!r}; it must be a list of names, of NAME:option=value, or of (name, {{option: value}})")
     made = []
     for each in [wanted] if isinstance(wanted, str) else wanted:
-        if isinstance(each, str):
-            made.append(Entrant(each, *parsed(each)))
-        else:
-            name, options = _pair(each)
-            made.append(Entrant(labelled(name, options), *tried(name, options)))
+        filter, options = parsed(each) if isinstance(each, str) else tried(*_pair(each))
+        made.append(Entrant(labelled(filter.name, options), filter, options))
         if not positioned(made[-1].filter):
             raise DataError(f"{made[-1].label} estimates no position, by which outages are scored; leave it out")
     labels = [entrant.label for entrant in made]
@@ -78,12 +85,22 @@ def _pair(each):
 
 def _kinds(kinds):
     """Kinds of aiding to withhold, as a tuple. Raises DataError."""
-    kinds = tuple(dict.fromkeys([kinds] if isinstance(kinds, str) else kinds))
+    named = [kinds] if isinstance(kinds, str) else list(kinds) if isinstance(kinds, Iterable) else [None]
+    if not all(isinstance(kind, str) for kind in named):
+        raise DataError(f"kinds is {kinds!r}; it must be a list of kinds of fixes, such as position and velocity")
+    kinds = tuple(dict.fromkeys(named))
     if not kinds:
         raise DataError("kinds is empty: name the kinds of fixes to withhold, such as position and velocity")
     for kind in kinds:
         found(aiding.find, kind)
     return kinds
+
+
+def _check_ahrs(name):
+    """Raise DataError where this is the name of no filter of attitude alone; None is fine."""
+    known = [each for each in filters.names() if not positioned(filters.find(each))]
+    if name is not None and name not in known:
+        raise DataError(f"ahrs is {name!r}, which is no AHRS; there are: {', '.join(known)}")
 
 
 def _aligned(recording, spec):
@@ -100,13 +117,15 @@ def _comparison(common, made, entrants, ways, results, notes, reference, spec):
     labels, rows = [entrant.label for entrant in entrants], []
     for label, own in zip(labels, results):
         for number, (each, outage) in enumerate(zip(own, common.outages), 1):
-            head = {"filter": label, "outage": number, "start_s": outage.start, "stop_s": outage.stop, "length_s": round(outage.length, 6)}
+            head = {"filter": label, "outage": number, "start_s": outage.start, "stop_s": outage.stop,
+                    "length_s": round(outage.length, 6)}
             failed = isinstance(each, str)
             rows.append(head | ({} if failed else each[0]) | {"distance_m": outage.distance, "said": each if failed else ""})
     if all(isinstance(each, str) for own in results for each in own):
         raise DataError(f"no filter got through any outage; {labels[0]}: {results[0][0]}")
     scores = pd.DataFrame(sorted(rows, key=lambda row: -len(row)))      # the columns of a row that has them all
-    scores = scores.sort_values(["filter", "outage"], key=lambda column: column.map(labels.index) if column.name == "filter" else column, ignore_index=True)
+    in_order = lambda column: column.map(labels.index) if column.name == "filter" else column
+    scores = scores.sort_values(["filter", "outage"], key=in_order, ignore_index=True)
     tracks = {label: [None if isinstance(each, str) else each[1] for each in own] for label, own in zip(labels, results)}
     windows = tuple((each.start, each.stop) for each in common.outages)
     notes = [*common.recording.meta.get("notes", []), *notes, *_said(common, entrants, ways), *_events(labels, results)]
@@ -119,11 +138,21 @@ def _settings(common, entrants, ways, spec):
     ran = [(entrant, way.run) for entrant, way in zip(entrants, ways)]
     noise = next(run.noise for _, run in ran if run)
     defaults = lambda filter: {name: option.default for name, option in list(inspect.signature(filter.start).parameters.items())[2:]}
-    withheld = {name: sum(each.withheld[name] for each in common.outages) for name in common.outages[0].withheld}
-    return {"imu": spec.name if spec else "", "noise": noise._asdict(), "start": common.start._asdict(), "kinds": list(common.kinds), "withheld": withheld,
+    return {"imu": spec.name if spec else "", "noise": noise._asdict(), "start": common.start._asdict(), "kinds": list(common.kinds),
+            "withheld": _withheld(common),
             "options": {e.label: defaults(e.filter) | (run.options if run else e.options) for e, run in ran},
             "sources": {e.label: [a.name or a.kind for a in run.recording.aidings] if run else [] for e, run in ran},
             "reference": {e.label: e.filter.reference for e, _ in ran}}
+
+
+def _withheld(common):
+    """{source: fixes withheld in the outages}, each fix once, also where outages overlap."""
+    found, hidden = {}, common.recording.hidden([each[:2] for each in common.outages], common.kinds)
+    for whole, left in zip(common.recording.aidings, hidden.aidings):
+        if whole.kind in common.kinds:
+            name = whole.name or whole.kind
+            found[name] = found.get(name, 0) + len(whole.t) - len(left.t)
+    return found
 
 
 def _said(common, entrants, ways):

@@ -6,6 +6,7 @@
 30@240:575/5        a sweep: windows of 30 s inside 240 to 575 s, one every 5 s; several lengths as 10,30,60@240:575/5
 """
 import math
+from itertools import islice
 from typing import NamedTuple
 
 from ..data import DataError
@@ -50,13 +51,16 @@ def protocol(outages, span, end, settled):
 def _listed(windows, text=None):
     """A Protocol of windows that are withheld in one run, in order."""
     try:
-        windows = tuple(sorted((float(start), float(stop)) for start, stop in windows))
+        windows = tuple(islice(windows, MOST + 1))
+        found = tuple(sorted((float(start), float(stop)) for start, stop in windows))
     except (TypeError, ValueError):
         raise DataError(f"outages is {windows!r}; it must be text or a list of (start, stop) in s: {HINT}") from None
-    if not windows:
+    if not found:
         raise DataError(f"outages: there are none; {HINT}")
-    count = f"{len(windows)} outages of a list, all in one run" if len(windows) > 1 else f"one outage, {named(windows[0])}"
-    return Protocol(text or ",".join(f"{start:.10g}:{stop:.10g}" for start, stop in windows), windows, False, count)
+    if len(found) > MOST:
+        raise DataError(f"outages: more than {MOST} windows in a list; give fewer")
+    count = f"{len(found)} outages of a list, all in one run" if len(found) > 1 else f"one outage, {named(found[0])}"
+    return Protocol(text or ",".join(f"{start:.10g}:{stop:.10g}" for start, stop in found), found, False, count)
 
 
 def _periodic(text, span):
@@ -68,6 +72,8 @@ def _periodic(text, span):
     first, last = span
     if length > last - first:
         raise _too_long(length, span)
+    if (last - first) / period > MOST:
+        raise DataError(f"outages {text!r}: more than {MOST} windows; give a longer period")
     ends = [first + k * period for k in range(2, int((last - first + ROUNDING) / period) + 1)]
     if not ends:
         raise DataError(f"outages {text!r}: the recording lasts {last - first:.6g} s, and the first period is left out: "
@@ -91,7 +97,8 @@ def _sweep(text, span, end, settled):
     windows = [(first + k * step, first + k * step + length) for length in lengths
                for k in range(math.floor((last - first - length + ROUNDING) / step) + 1)]
     if not windows:
-        raise DataError(f"outages {text!r}: no window of {lengths[0]:g} s fits into {first:.10g} to {last:.10g} s; give a shorter length or a wider range")
+        raise DataError(f"outages {text!r}: no window of {lengths[0]:g} s fits into {first:.10g} to {last:.10g} s; "
+                        "give a shorter length or a wider range")
     words = (f"windows of {', '.join(f'{length:g}' for length in lengths)} s inside {first:.10g} to {last:.10g} s, one every {step:g} s, "
              "each a run of its own with all fixes before it")
     return Protocol(text, tuple(windows), True, words)
@@ -104,7 +111,8 @@ def _window(part, end, text):
         raise DataError(f"outages {text!r}: {part.strip()!r} is no window; {HINT}")
     first = _numbers(text, [start], 1)[0]
     if not stop.strip() and first >= end:
-        raise DataError(f"outages {text!r}: {first:.10g} s is outside the recording and its reference, which end at {end:.10g} s; give an earlier time")
+        raise DataError(f"outages {text!r}: {first:.10g} s is outside the recording and its reference, which end at {end:.10g} s; "
+                        "give an earlier time")
     return first, _numbers(text, [stop], 1)[0] if stop.strip() else end
 
 
@@ -161,4 +169,5 @@ def before_start(made, start):
     first = min(window[0] for window in made.windows)
     if first <= start.t + ROUNDING:
         window = next(window for window in made.windows if window[0] == first)
-        raise DataError(f"outage {named(window)} begins before the alignment is done, at {start.t:.10g} s; give later outages, or a start= before them")
+        raise DataError(f"outage {named(window)} begins before the alignment is done, at {start.t:.10g} s; "
+                        "give later outages, or a start= before them")

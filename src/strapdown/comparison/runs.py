@@ -160,7 +160,8 @@ def _branched(run, stand, outage, sources):
     at = cursor.at
     at[loop.ROW], at[loop.FIX], at[loop.FIXES], at[loop.OUT], at[loop.EVERY], at[loop.PHASE] = 0, 0, keep.sum(), 0, 1, -1
     out = new_output(run.filter, belief, len(samples.t) - (outage.first - outage.branch), False, len(fixes.t))
-    branched = run._replace(samples=samples, start=run.start._replace(t=float(cursor.now[0])), belief=belief, fixes=fixes, cursor=cursor, out=out, first=0)
+    start = run.start._replace(t=float(cursor.now[0]))
+    branched = run._replace(samples=samples, start=start, belief=belief, fixes=fixes, cursor=cursor, out=out, first=0)
     branched.advance(outage.first - outage.branch)
     if not at[loop.FAULT]:
         at[loop.PHASE] = 0

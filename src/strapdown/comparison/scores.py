@@ -19,8 +19,12 @@ HARDLY = 10.0
 """m: over a shorter way the drift is no percentage of it."""
 MOSTLY = 0.95
 """Share of the rows of an outage at which the reference is known that goes without saying."""
-NEAR_END = 1.0
-"""s before the end of an outage up to which the reference must reach for errors at the end."""
+NEAR_END = 0.02
+"""Of the length of an outage: so far before its end, or one IMU sample, the reference must be known for errors at the end."""
+COARSE = 5, 1.0
+"""A reference of fewer rows in an outage, or of longer steps (s), is noted."""
+NAMED = 10
+"""Outages that a note names by their numbers at most."""
 DRAWN = 301
 """Rows of an outage that are kept for drawing."""
 
@@ -34,9 +38,9 @@ class Outage(NamedTuple):
     last: int               # and the one after them
     truth: Trajectory       # the reference at its scored rows, NaN where it is not known
     distance: float         # m, horizontal way of the reference in it
-    withheld: dict          # {source: fixes}
     known: float            # share of its rows at which the reference is known
     reaches_end: bool       # whether the reference is known to its end
+    coarse: bool            # whether the reference has few rows in it
 
     @property
     def length(self):
@@ -69,9 +73,10 @@ class _Scene(NamedTuple):
     used: np.ndarray        # s up to which each row uses fixes
     least: int              # first row after the start
     truth: Trajectory       # the reference at all rows in any window
-    sources: list           # [(name, times)] of the fixes of the kinds withheld
-    times: np.ndarray       # all of these times in order
+    times: np.ndarray       # s of the fixes of the kinds withheld, in order
     kinds: str              # named
+    sample: float           # s, the usual step of the IMU
+    step: float             # s, of the reference
 
 
 def outages_of(made, recording, reference, kinds, start):
@@ -95,34 +100,33 @@ def outages_of(made, recording, reference, kinds, start):
         if not ((scene.times >= one.stop) & (scene.times < other.start)).any():
             raise DataError(f"outages {named(one[:2])} and {named(other[:2])} have no fix of {scene.kinds} between them: give one window")
     notes = [f"{len(windows)} of {len(made.windows)} windows left out, such as {named(windows[0])}: {why}" for why, windows in left_out.items()]
-    return found, notes + _short_references(found)
+    return found, notes + _poor_references(found, scene.step)
 
 
 def _scene(made, recording, reference, kinds, start):
     t, inside = recording.imu.t, np.zeros(len(recording.imu.t), bool)
     for begin, stop in made.windows:
         inside[np.searchsorted(t, begin - SAME_TIME):np.searchsorted(t, stop + SAME_TIME, side="right")] = True
-    sources = [(a.name or a.kind, a.t) for a in recording.aidings if a.kind in kinds]
-    times = np.sort(np.concatenate([times for _, times in sources] or [np.empty(0)]))
+    times = np.sort(np.concatenate([a.t for a in recording.aidings if a.kind in kinds] or [np.empty(0)]))
     least = int(np.searchsorted(t, start.t + SAME_TIME, side="right"))
-    return _Scene(t, t + SAME_TIME, least, interpolated(reference, t[inside]), sources, times, " or ".join(kinds))
+    steps = float(np.median(recording.imu.dt)), float(np.median(np.diff(reference.t)))
+    return _Scene(t, t + SAME_TIME, least, interpolated(reference, t[inside]), times, " or ".join(kinds), *steps)
 
 
 def _outage(window, scene):
     begin, stop = window
-    withheld = {}
-    for name, times in scene.sources:
-        withheld[name] = withheld.get(name, 0) + int(((times >= begin) & (times < stop)).sum())
-    if not sum(withheld.values()):
-        raise DataError(f"outage {named(window)}: there is no fix of {scene.kinds} in it to withhold; give another window or other kinds")
-    first, last = np.searchsorted(scene.t, begin - SAME_TIME), np.searchsorted(scene.t, stop + SAME_TIME, side="right")
     missing, again = (int(np.searchsorted(scene.times, edge)) for edge in window)       # the first fix that is, and the first that is not any more
+    if missing >= again:
+        raise DataError(f"outage {named(window)}: there is no fix of {scene.kinds} in it to withhold; give another window or other kinds")
+    if stop - begin < 2 * scene.sample - SAME_TIME:
+        raise DataError(f"outage {named(window)}: it is shorter than two IMU samples of {scene.sample:.3g} s; give a longer window")
+    first, last = np.searchsorted(scene.t, begin - SAME_TIME), np.searchsorted(scene.t, stop + SAME_TIME, side="right")
     branch = min(first, np.searchsorted(scene.used, scene.times[missing]))
     if again < len(scene.times):
         last = min(last, np.searchsorted(scene.used, scene.times[again]))
     branch, first, last = (int(max(row, scene.least)) for row in (branch, first, last))
-    if last <= first:
-        raise DataError(f"outage {named(window)}: there is no IMU sample in it; give another window")
+    if last - first < 2:
+        raise DataError(f"outage {named(window)}: there are fewer than two IMU samples in it; give another window")
     at = int(np.searchsorted(scene.truth.t, scene.t[first]))
     truth = Trajectory(*(None if part is None else part[at:at + last - first]
                          for part in (scene.truth.t, scene.truth.lla, scene.truth.v_n, scene.truth.q_nb)))
@@ -131,16 +135,24 @@ def _outage(window, scene):
         raise DataError(f"outage {named(window)}: the reference covers no time of it; give another window")
     path = truth.lla[known]
     way = float(np.hypot(*displacement(path[1:], path[:-1])[:, :2].T).sum())
-    reaches_end = bool(stop - truth.t[known][-1] <= NEAR_END)
-    return Outage(float(begin), float(stop), branch, first, last, truth, way, withheld, float(known.mean()), reaches_end)
+    reaches_end = bool(stop - truth.t[known][-1] <= max(NEAR_END * (stop - begin), scene.sample) + SAME_TIME)
+    coarse = scene.step > COARSE[1] or COARSE[0] * scene.step > stop - begin + SAME_TIME
+    return Outage(float(begin), float(stop), branch, first, last, truth, way, float(known.mean()), reaches_end, coarse)
 
 
-def _short_references(found):
-    text = lambda numbers: f"outage{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}"
-    part = [i for i, each in enumerate(found, 1) if each.known < MOSTLY]
-    short = [i for i, each in enumerate(found, 1) if not each.reaches_end]
-    notes = [f"the reference is known at less than {100 * MOSTLY:g} % of the rows of {text(part)}, which are scored where it is"] if part else []
-    return notes + ([f"the reference ends more than {NEAR_END:g} s before {text(short)}: no errors at the end"] if short else [])
+def _poor_references(found, step):
+    """Notes on the outages that the reference covers in part, not to the end, or at few rows, `step` s apart."""
+    part, short, coarse = ([i for i, each in enumerate(found, 1) if poor(each)]
+                           for poor in (lambda o: o.known < MOSTLY, lambda o: not o.reaches_end, lambda o: o.coarse))
+    notes = [f"the reference is known at less than {100 * MOSTLY:g} % of the rows of {_outages(part)}, which are scored where it is"] if part else []
+    notes += [f"the reference is not known to the end of {_outages(short)}: no errors at the end"] if short else []
+    return notes + ([f"the reference has a row every {step:.3g} s, which is coarse for {_outages(coarse)}: "
+                     "what it does not show between its rows counts as error"] if coarse else [])
+
+
+def _outages(numbers):
+    text = ", ".join(map(str, numbers[:NAMED])) + (f" and {len(numbers) - NAMED} more" if len(numbers) > NAMED else "")
+    return f"outage{'s' * (len(numbers) > 1)} {text}"
 
 
 def scored(solution, outage):

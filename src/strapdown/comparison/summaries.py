@@ -9,6 +9,8 @@ from .scores import AXES
 
 GRID = 61
 """Points of a growth curve."""
+GAP = 2.5
+"""Usual steps of a Track, thinned to every row or every other one: it is not known over more, nor over so many beyond its ends."""
 MEANS = tuple(f"coverage_{k}" for k in (1, 2, 3)) + tuple(f"down_coverage_{k}" for k in (1, 2, 3))
 MEDIANS = tuple(f"{part}_rmse_deg" for part in ("roll", "pitch", "heading")) + ("velocity_rmse_m_s", "velocity_end_m_s")
 
@@ -54,11 +56,11 @@ def paired_differences(comparison):
 
 
 def blocks(starts, lengths):
-    """(n,) number of the block of each window, in order of start: those that begin within one length of the first of the block are in it."""
-    found, number, first = [], -1, -np.inf
+    """(n,) number of the block of each window, in order of start: those that begin before the first one of the block stops are in it."""
+    found, number, until = [], -1, -np.inf
     for start, length in zip(starts, lengths):
-        if number < 0 or start - first >= length - ROUNDING:
-            number, first = number + 1, start
+        if start >= until - ROUNDING:
+            number, until = number + 1, start + length
         found.append(number)
     return np.array(found, int)
 
@@ -66,17 +68,23 @@ def blocks(starts, lengths):
 def ratio(a, b, starts, lengths):
     """Geometric mean of a / b with its 95 % interval, and how often each is the smaller, over windows where both are known and larger than 0.
 
-    starts, lengths: of the windows, s, in order. Log-ratios are averaged within each block, for windows that overlap are not independent. Student's t is
-    over the blocks, widened for what neighbours share; with fewer than two blocks the interval is NaN.
+    starts, lengths: of the windows, s, in order. Log-ratios are averaged within each block, for windows that overlap are not independent; the mean is
+    that of the blocks, Student's t is over them, widened for what neighbours share; with fewer than two blocks the interval is NaN.
     """
     known = np.isfinite(a) & np.isfinite(b) & (np.nan_to_num(a) > 0) & (np.nan_to_num(b) > 0)
     a, b, starts, lengths = a[known], b[known], starts[known], lengths[known]
-    block, logs = blocks(starts, lengths), np.log(a / b)
-    means = np.array([logs[block == number].mean() for number in np.unique(block)])
-    found = paired(means, np.zeros(len(means)))
-    low, high = found.difference + widening(starts, lengths, block) * (np.array([found.low, found.high]) - found.difference)
-    return {"ratio": float(np.exp(found.difference)), "low": float(np.exp(low)), "high": float(np.exp(high)),
-            "wins_a": int((a < b).sum()), "wins_b": int((b < a).sum()), "n": len(a), "blocks": len(means)}
+    block = blocks(starts, lengths)
+    found = over_blocks(np.log(a / b), block, widening(starts, lengths, block))
+    return {"ratio": float(np.exp(found.difference)), "low": float(np.exp(found.low)), "high": float(np.exp(found.high)),
+            "wins_a": int((a < b).sum()), "wins_b": int((b < a).sum()), "n": len(a), "blocks": found.count}
+
+
+def over_blocks(values, block, wider=1.0, probability=0.95):
+    """Paired of the mean of `values` (n,), averaged within each `block` (n,) first: Student's t over the blocks, its half width times `wider`."""
+    means = np.array([values[block == number].mean() for number in np.unique(block)])
+    found = paired(means, np.zeros(len(means)), probability)
+    low, high = (found.difference + wider * (end - found.difference) for end in (found.low, found.high))
+    return found._replace(low=float(low), high=float(high))
 
 
 def widening(starts, lengths, block):
@@ -118,8 +126,13 @@ def growth(comparison):
 
 
 def _on(grid, track, values, length):
-    """Values of a Track at the times `grid` since its start, NaN beyond its own length."""
-    return np.where(grid <= length + ROUNDING, np.interp(grid, track.since, values), np.nan)
+    """Values of a Track at the times `grid` since the start of its outage of this length; NaN where it has no rows: before, behind and in gaps."""
+    since, steps = track.since, np.diff(track.since)
+    wide = GAP * float(np.median(steps)) if len(steps) else ROUNDING
+    known = (grid >= since[0] - wide) & (grid <= min(since[-1] + wide, length + ROUNDING))
+    for row in np.flatnonzero(steps > max(wide, grid[1])):
+        known &= (grid <= since[row]) | (grid >= since[row + 1])
+    return np.where(known, np.interp(grid, since, values), np.nan)
 
 
 def _quantiles(curves):

@@ -54,15 +54,17 @@ LEAST_FORCE = 0.5       # m/s^2: a specific force below it has no direction
 def embedded(belief, first):
     """The observer that begins at belief.aux[first], as a Belief of its own; P and tail are those of `belief` and none of its business."""
     aux = belief.aux
-    return Belief(aux[first:first + 3], aux[first + 3:first + 6], matrix(aux, first + 6, 3, 3), aux[first + 15:first + 18], aux[first + 18:first + 21],
-                  belief.P, aux[first + 21:first + 24], aux[first + 24:first + 27], aux[first + STATE:first + EMBEDDED], belief.tail)
+    return Belief(aux[first:first + 3], aux[first + 3:first + 6], matrix(aux, first + 6, 3, 3), aux[first + 15:first + 18],
+                  aux[first + 18:first + 21], belief.P, aux[first + 21:first + 24], aux[first + 24:first + 27], aux[first + STATE:first + EMBEDDED],
+                  belief.tail)
 
 
 @inlined
 def advance(bar, u, dt, noise):
     """One IMU sample u (rotation, rad, and velocity increment, m/s): INS with xi, turn towards the specific force that the fixes tell, biases.
 
-    In an outage, and over samples that the loop makes up in a gap, sigma is zero and biases and xi are held; FROZEN goes on turning to the last course.
+    In an outage, and over samples that the loop makes up in a gap, sigma is zero and biases and xi are held; FROZEN goes on turning to the last
+    course.
     """
     if dt <= 0:
         return
@@ -189,7 +191,8 @@ def _adapt(bar, x0, x1, x2, dt):
 def inject(bar, y, sd, kind, observe, parameters, innovation):
     """What a fix changes: position, velocity and xi by the gains of the translational motion observer, the attitude by a direction.
 
-    In an outage only position and velocity, which end it; a heading or field is only remembered as one that is there, so that no course takes its place.
+    In an outage only position and velocity, which end it; a heading or field is only remembered as one that is there, so that no course takes its
+    place.
     """
     aux = bar.aux
     observed(bar, y, observe, parameters, innovation, matrix(aux, H, 3, 15))

@@ -131,22 +131,42 @@ def fit(options, aidings):
         raise ValueError("nothing measures the position, without which velocity and specific force are not observed: add a source of position")
     if o["course"] != "none" and not kinds & {"velocity", "heading", "magnetic-field"}:
         raise ValueError("nothing measures heading or course: add a source of velocity, heading or magnetic-field (course='none' runs without)")
-    intervals = tuple(fix_interval(aidings, kind) for kind in ("position", "velocity"))
+    intervals = [fix_interval(aidings, kind) for kind in ("position", "velocity")]
     decided = {"outage_after": o["outage_after"] or OUTAGE * min([seconds for seconds in intervals if seconds] or [1.0])}
-    if not intervals[0]:
+    axes, unchecked = _axes(aidings)
+    if not axes:
         return {**options, **decided}, ["fewer than two fixes of position: the observer's gains are not checked"]
-    sd = [_deviations(aidings, kind) if seconds else (0.0,) * 3 for kind, seconds in zip(("position", "velocity"), intervals)]
-    axes = tuple((name, *intervals, sd[0][axis], sd[1][axis]) for axis, name in ((0, "north"), (2, "down")))
     free = tuple(name for name in ("ki_start", "ki", "adaptation") if name not in options)
     plain_numbers = {name: value if isinstance(value, str) else float(value) for name, value in (o | decided).items()}
     lowered, notes = _designed(tuple(plain_numbers.items()), axes, free)
-    return {**options, **decided, **dict(lowered)}, list(notes)
+    said = [f"{name}: fewer than two fixes of position; the observer's gains are not checked there" for name in unchecked]
+    return {**options, **decided, **dict(lowered)}, [*notes, *said]
 
 
-def _deviations(aidings, kind):
-    """Median standard deviations of the fixes of that kind, three numbers."""
-    of_all = [np.asarray(a.sd, float).reshape(len(a.t), -1) for a in aidings if a.kind == kind and len(a.t)]
-    return tuple(np.median(np.concatenate(of_all), axis=0).tolist())
+def _axes(aidings):
+    """((axis, s between positions, s between velocities, sd m, sd m/s), ...) of north and down, and of east where it has other intervals than north;
+    the names of those that have fewer than two positions.
+    """
+    found = []
+    for axis, name in enumerate(("north", "east", "down")):
+        both = [(fix_interval(aidings, kind, axis), _deviation(aidings, kind, axis)) for kind in ("position", "velocity")]
+        found.append((name, both[0][0], both[1][0], both[0][1], both[1][1]))
+    if found[1][1:3] == found[0][1:3]:
+        del found[1]
+    return tuple(one for one in found if one[1]), [one[0] for one in found if not one[1]]
+
+
+def _measured(aiding, axis=None):
+    """(n,) Whether each fix measures that axis, or any: missing numbers are NaN."""
+    y, sd = (np.asarray(values, float).reshape(len(aiding.t), -1) for values in (aiding.y, aiding.sd))
+    finite = np.isfinite(y) & np.isfinite(sd)
+    return finite.any(axis=1) if axis is None else finite[:, axis]
+
+
+def _deviation(aidings, kind, axis):
+    """Median standard deviation of the fixes of that kind on an axis, 0 without any."""
+    of_all = [np.asarray(a.sd, float).reshape(len(a.t), -1)[_measured(a, axis), axis] for a in aidings if a.kind == kind and len(a.t)]
+    return float(np.median(np.concatenate(of_all))) if sum(map(len, of_all)) else 0.0
 
 
 @lru_cache(maxsize=256)
@@ -184,24 +204,27 @@ def _note(o, name, interval, velocity_interval, *sd):
     """The line on an axis: gains, intervals, spectral radii."""
     jumps = schedule(o, interval, velocity_interval, *sd)
     every = " and ".join(f"{kind} every {seconds:g} s" for kind, seconds in (("position", interval), ("velocity", velocity_interval)) if seconds)
-    corrected = "; ".join(f"a {kind} corrects position, velocity and force by " + ", ".join(f"{value:.4g}" for value in K) for kind, K in last_gains(jumps))
+    corrected = "; ".join(f"a {kind} corrects position, velocity and force by " + ", ".join(f"{value:.4g}" for value in K)
+                          for kind, K in last_gains(jumps))
     return (f"observer gains, {_design(o)}, {every}; {name}: {corrected}; spectral radius {spectral_radius(jumps):.4f} per round of fixes, "
             f"{max(attitude_loop(o, jumps, '')):.4f} of the attitude with it")
 
 
-def fix_interval(aidings, kind):
-    """Median time (s) between the fixes of that kind, all sources together, above 10 ms in whole milliseconds; 0 for fewer than two.
+def fix_interval(aidings, kind, axis=None):
+    """Median time (s) between the fixes of that kind (and axis, 0 to 2), all sources together; 0 for fewer than two.
 
-    Time stamps jitter: without rounding, some fixes more or less would make other options of the same receiver.
+    Above 10 ms it is in whole milliseconds: time stamps jitter, and some fixes more or less would make other options of the same receiver.
     """
-    times = [np.asarray(a.t, float) for a in aidings if a.kind == kind]
+    times = [np.asarray(a.t, float)[_measured(a, axis)] for a in aidings if a.kind == kind and len(a.t)]
     times = np.unique(np.concatenate(times)) if times else np.empty(0)
     median = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     return round(median, 3) if median > 0.01 else median
 
 
 def schedule(o, interval, velocity_interval, position_sd=1.0, velocity_sd=0.1, end=""):
-    """One round of fixes in the steady state: [(s since the fix before, "position" or "velocity", gains K (3,) on p, v, f)]; end "_start": at the start.
+    """One round of fixes in the steady state: [(s since the fix before, "position" or "velocity", gains K (3,) on p, v, f)].
+
+    With end "_start" at the start.
 
     Of two intervals the longer is taken for a whole number of the shorter (at most ROUND); both kinds come at its end, positions first.
     """

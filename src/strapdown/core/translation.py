@@ -66,7 +66,10 @@ def _by_riccati(own, A, axis, velocity, e, sd, accel, wander, change):
 
 @helper
 def grow(A, T, q, accel, spread):
-    """The six numbers of P over T seconds: force driven by density q ((m/s^2)^2/s), velocity by `accel` ((m/s)^2/s) and at once by `spread` (m^2/s^2)."""
+    """The six numbers of P over T seconds.
+
+    Force is driven by density q ((m/s^2)^2/s), velocity by `accel` ((m/s)^2/s) and at once by `spread` (m^2/s^2).
+    """
     pp, pv, pf, vv, vf, ff = A[0], A[1], A[2], A[3] + spread, A[4], A[5]
     A[0] = pp + T * (2 * pv + T * (vv + pf + T * (vf + T * (0.25 * ff + q * T / 20) + accel / 3)))
     A[1] = pv + T * (vv + pf + T * (1.5 * vf + 0.5 * accel + T * (0.5 * ff + q * T / 8)))

@@ -1,13 +1,13 @@
 """The two-stage model: Euler angles and gyro bias first, then position, velocity in the body and accelerometer bias with that attitude as known.
 
-Stage 1 is driven by the gyros and corrected by the direction of gravity, the course of a velocity fix, a heading or a magnetic field. Stage 2 is driven by
-f - b_a - omega x v_b + C_bn [0 0 g] and corrected by what measures position or velocity. Source: Alam, Whidborne & Millidere (2023), equations (4)-(10)
-as corrected in docs/two-stage.md; Rohac et al. (2017).
+Stage 1 is driven by the gyros and corrected by the direction of gravity, the course of a velocity fix, a heading or a magnetic field. Stage 2 is
+driven by f - b_a - omega x v_b + C_bn [0 0 g] and corrected by what measures position or velocity. Source: Alam, Whidborne & Millidere (2023),
+equations (4)-(10) as corrected in docs/two-stage.md; Rohac et al. (2017).
 
 The model is linearised at `bar`, which holds lla, v, C, ba, bg and omega as a Belief does: the estimate itself, or one that comes from elsewhere. The
-estimate less `bar` is kept in aux[ERROR]. That and P are in the library's coordinates, which with the Jacobian J of the Euler angles (n x d C = J d Theta)
-and C are those of the model: F of the Euler angles is J^-1 F J, velocity in the body is C' times that in n. So what `bar` moves at other than by its
-own motion must be told to `turn_attitude` and `turn_velocity`. P has no covariance between the stages.
+estimate less `bar` is kept in aux[ERROR]. That and P are in the library's coordinates, which with the Jacobian J of the Euler angles (n x d C = J d
+Theta) and C are those of the model: F of the Euler angles is J^-1 F J, velocity in the body is C' times that in n. So what `bar` moves at other
+than by its own motion must be told to `turn_attitude` and `turn_velocity`. P has no covariance between the stages.
 """
 import math
 
@@ -22,9 +22,9 @@ FORCE, CENTRIFUGAL, SECONDS = slice(OWN + 15, OWN + 18), slice(OWN + 18, OWN + 2
 VELOCITY_THEN, KNOWN = slice(OWN + 22, OWN + 25), OWN + 25      # of the velocity fix (at the IMU, n) that the window began with; 1 where it did
 SINCE_VELOCITY, SINCE_HEADING = OWN + 26, OWN + 37      # s since the last velocity fix, and since the last heading or magnetic field
 DOWN, COURSE, LEAST_SPEED, LARGEST_BANK, CRAB, CORRELATION, WINDOW, ACCELERATION, TOLD, RAW = range(OWN + 27, OWN + 37)
-"""Options as numbers: whether only the downward component of v_b is measured; whether the course is, and if so m/s, rad, sd rad; how long it and attitude
-errors are alike, s; s; variance density of unknown accelerations, m^2/s^3; accelerometer noise while there are samples; whether the accelerometer bias stays
-in the specific force that levels."""
+"""Options as numbers: whether only the downward component of v_b is measured; whether the course is, and if so m/s, rad, sd rad; how long it and
+attitude errors are alike, s; s; variance density of unknown accelerations, m^2/s^3; accelerometer noise while there are samples; whether the
+accelerometer bias stays in the specific force that levels."""
 BEFORE = BLOCK.start                # 3 x 3 workspace: an attitude that is left
 INNOVATION, DEVIATION = slice(OWN + 38, OWN + 41), slice(OWN + 41, OWN + 44)     # of the rows that stage 1 makes itself
 MOVED = slice(OWN + 44, OWN + 47)   # change of v, see `doubt`
@@ -46,7 +46,8 @@ NO_HEADING = "nothing measures the heading: it drifts with the gyro bias"
 
 def configure(belief, noise, velocity, course, level, least_speed, largest_bank, crab, correlation, window, acceleration):
     """Put the options into aux. Raises ValueError naming a bad one."""
-    for name, value, known in (("velocity", velocity, ("full", "down")), ("course", course, ("gnss", "none")), ("level", level, ("bias-free", "raw"))):
+    for name, value, known in (("velocity", velocity, ("full", "down")), ("course", course, ("gnss", "none")),
+                               ("level", level, ("bias-free", "raw"))):
         if value not in known:
             raise ValueError(f"{name} is {value!r}; it must be one of {', '.join(known)}")
     for name, value in dict(least_speed=least_speed, crab=crab, correlation=correlation, acceleration=acceleration).items():

@@ -11,8 +11,9 @@ from .earth import RATE, gravity
 from .error_state import DV, DX, WORK, observed
 from .gaussian import update_fifteen
 from .rotation import wrap
-from .two_stage import (ACCELERATION, CENTRIFUGAL, CORRELATION, COURSE, CRAB, DEVIATION, DOWN, ERROR, FAR, FORCE, HELD, INNOVATION, KNOWN, LARGEST_BANK,
-                        LEAST_COSINE, LEAST_SPEED, PATIENCE, RAW, SECONDS, SINCE_HEADING, SINCE_VELOCITY, TRUSTED, VELOCITY_THEN, WINDOW, to_body)
+from .two_stage import (ACCELERATION, CENTRIFUGAL, CORRELATION, COURSE, CRAB, DEVIATION, DOWN, ERROR, FAR, FORCE, HELD, INNOVATION, KNOWN,
+                        LARGEST_BANK, LEAST_COSINE, LEAST_SPEED, PATIENCE, RAW, SECONDS, SINCE_HEADING, SINCE_VELOCITY, TRUSTED, VELOCITY_THEN,
+                        WINDOW, to_body)
 
 FAR_SCALAR, FAR_VECTOR = 10.828, 16.266
 """NIS of a course and of a gravity vector beyond which their variance is multiplied by how far they are beyond."""
@@ -22,9 +23,9 @@ MANY, MOST = 5, 9.0
 
 @inlined
 def gather(belief, bar, u, r0, r1, r2, dt, made_up):
-    """Take a sample into the means of specific force and anti-centrifugal acceleration omega x v_b, both carried along by the gyros; r is its rotation.
+    """Take a sample, whose rotation is r, into the means of specific force and anti-centrifugal acceleration omega x v_b.
 
-    Over a gap the loop makes samples up: then the means begin anew.
+    The gyros carry both along. Over a gap the loop makes samples up: then the means begin anew.
     """
     aux, C, v, b = belief.aux, bar.C, bar.v, bar.ba
     aux[SINCE_VELOCITY] += dt
@@ -48,9 +49,9 @@ def restart(aux):
 
 @inlined
 def level_alone(belief, bar, noise):
-    """Where no velocity fix tells the change of v_b, once a window: rows of the specific force less the anti-centrifugal acceleration. Returns how many.
+    """Where no velocity fix tells the change of v_b, once a window: rows of the specific force less the anti-centrifugal acceleration.
 
-    What the velocity is uncertain by times the rate, and what is left that differs from gravity in size, counts as noise.
+    Returns how many. What the velocity is uncertain by times the rate, and what is left that differs from gravity in size, counts as noise.
     """
     aux, P, w, T = belief.aux, belief.P, bar.omega, belief.aux[SECONDS]
     if aux[SINCE_VELOCITY] < PATIENCE or T < aux[WINDOW]:
@@ -105,8 +106,8 @@ def _level(belief, bar, z0, z1, z2, variance):
 def course(belief, bar, v0, v1, sd, since):
     """A row of the course of a velocity fix (m/s north, east, at the IMU, with sd m/s), `since` s after the one before. Returns how many.
 
-    Not near standstill nor in a bank; then the heading is held and the time counted. The angle between course and heading lasts: its standard deviation
-    is so much larger that independent errors have the low-frequency power of lasting ones.
+    Not near standstill nor in a bank; then the heading is held and the time counted. The angle between course and heading lasts: its standard
+    deviation is so much larger that independent errors have the low-frequency power of lasting ones.
     """
     aux, n, C = belief.aux, belief.P.shape[0], bar.C
     speed, bank = math.hypot(v0, v1), math.atan2(C[2, 1], C[2, 2])
@@ -130,10 +131,12 @@ def course(belief, bar, v0, v1, sd, since):
 
 @helper
 def correct_rows(P, aux, innovation, sd, rows, gate, bound):
-    """Correct P and aux[ERROR] by rows whose H is ready, unless NIS > gate. Returns the NIS. Nothing else may call `update`: compilers copy it each time.
+    """Correct P and aux[ERROR] by rows whose H is ready, unless NIS > gate. Returns the NIS.
 
-    Rows of stage 1's own, with a finite `bound`: further off than that (NIS) they count for less, never for nothing. Where so many in a row were, P of
-    stage 1 is too small: it grows as the loop lets it grow when it lifts a gate.
+    Nothing else may call `update`: compilers copy it each time.
+
+    Rows of stage 1's own, with a finite `bound`: further off than that (NIS) they count for less, never for nothing. Where so many in a row were, P
+    of stage 1 is too small: it grows as the loop lets it grow when it lifts a gate.
     """
     x, dx, n = aux[ERROR], aux[DX], P.shape[0]
     H, own, far = matrix(aux, aux.size - 3 * n, 3, n), bound < math.inf, FAR + (rows == 1)

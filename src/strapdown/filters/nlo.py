@@ -15,14 +15,15 @@ LONG_HELD = 10.0        # s without a course that is worth an event
 EXCITED = 1e-3          # of the smallest eigenvalue, in which 1 is a specific force of 1 g
 
 
-def start(start, noise, course="tilt-compensated", field="across", k1=0.3, k2=0.03, ki=0.01, k1_start=1.0, k2_start=1.0, ki_start=0.15, start_time=30.0,
-          wander=0.02, wander_start=0.3, design="riccati", poles="-0.5 -0.5 -0.5", theta=1.0, kpp=0.0, kvp=0.0, kxp=0.0, kpv=0.0, kvv=0.0, kxv=0.0,
-          adaptation=0.02, accel_bound=1.0, gyro_bound=0.1, least_speed=3.0, outage_after=0.0):
+def start(start, noise, course="tilt-compensated", field="across", k1=0.3, k2=0.03, ki=0.01, k1_start=1.0, k2_start=1.0, ki_start=0.15,
+          start_time=30.0, wander=0.02, wander_start=0.3, design="riccati", poles="-0.5 -0.5 -0.5", theta=1.0, kpp=0.0, kvp=0.0,
+          kxp=0.0, kpv=0.0, kvv=0.0, kxv=0.0, adaptation=0.02, accel_bound=1.0, gyro_bound=0.1, least_speed=3.0, outage_after=0.0):
     """Belief at `start`; docs/observer.md explains the options. Refuses gains that are not stable and a start beyond the bounds."""
     belief = start.belief(np.zeros(BLOCK))
     begin(belief.aux, start, noise, course=course, field=field, k1=k1, k2=k2, ki=ki, k1_start=k1_start, k2_start=k2_start, ki_start=ki_start,
           start_time=start_time, wander=wander, wander_start=wander_start, design=design, poles=poles, theta=theta, kpp=kpp, kvp=kvp, kxp=kxp,
-          kpv=kpv, kvv=kvv, kxv=kxv, adaptation=adaptation, accel_bound=accel_bound, gyro_bound=gyro_bound, least_speed=least_speed, outage_after=outage_after)
+          kpv=kpv, kvv=kvv, kxv=kxv, adaptation=adaptation, accel_bound=accel_bound, gyro_bound=gyro_bound, least_speed=least_speed,
+          outage_after=outage_after)
     return belief
 
 
@@ -52,5 +53,5 @@ def unobserved(t, lla, columns):
     return events
 
 
-NLO = Filter("nlo", "Alam, Whidborne & Millidere (2023) section 2.1; Grip, Fossen, Johansen & Saberi (2015); Hansen et al. (2016)", start, predict, correct,
-             states=(), columns=COLUMNS, uses=USES, fit=fit, watch=unobserved)
+NLO = Filter("nlo", "Alam, Whidborne & Millidere (2023) section 2.1; Grip, Fossen, Johansen & Saberi (2015); Hansen et al. (2016)", start,
+             predict, correct, states=(), columns=COLUMNS, uses=USES, fit=fit, watch=unobserved)

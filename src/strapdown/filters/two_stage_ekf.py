@@ -1,7 +1,7 @@
 """Two-stage extended Kalman filter: attitude and gyro bias, then position, velocity in the body and accelerometer bias with that attitude as known.
 
-core/two_stage.py has the model, docs/two-stage.md its equations; here it is linearised at the estimate itself. P of the two stages is published as one,
-without covariance between them.
+core/two_stage.py has the model, docs/two-stage.md its equations; here it is linearised at the estimate itself. P of the two stages is published as
+one, without covariance between them.
 """
 import math
 
@@ -20,13 +20,13 @@ SINE_STEEP = math.sin(STEEP)
 
 def start(start, noise, velocity="full", course="gnss", level="bias-free", least_speed=3.0, largest_bank=45.0, crab=5.0, correlation=10.0, window=1.0,
           acceleration=0.2):
-    """Belief at `start`. velocity: "full", or "down", the component along the body's z axis alone. course: "gnss", the heading is that of velocity fixes
-    above least_speed (m/s) and below largest_bank (deg), or "none".
-    level: "bias-free", the specific force that levels stage 1 is without the accelerometer bias of stage 2, or "raw", as measured.
+    """Belief at `start`. velocity: "full", or "down", the component along the body's z axis alone. course: "gnss", the heading is that of velocity
+    fixes above least_speed (m/s) and below largest_bank (deg), or "none". level: "bias-free", the specific force that levels stage 1 is without the
+    accelerometer bias of stage 2, or "raw", as measured.
 
-    crab: standard deviation of the angle between course and heading, deg. correlation: for how long that angle, and errors of the attitude, which stage 2
-    has as white noise, are alike, s. window: over which the specific force is averaged, s; acceleration: density of what is left in it besides gravity,
-    m/s^2 sqrt(s).
+    crab: standard deviation of the angle between course and heading, deg. correlation: for how long that angle, and errors of the attitude, which
+    stage 2 has as white noise, are alike, s. window: over which the specific force is averaged, s; acceleration: density of what is left in it
+    besides gravity, m/s^2 sqrt(s).
     """
     belief = start.belief(auxiliary(len(start.sd)))
     configure(belief, noise, velocity, course, level, least_speed, largest_bank, crab, correlation, window, acceleration)

@@ -10,8 +10,8 @@ import inspect
 import numpy as np
 
 from ..core.compiling import inlined
-from ..core.contract import (ALTITUDE_KIND, ATTITUDE_KIND, BA, BG, CORRECT, HEADING_KIND, MAGNETIC_KIND, POSITION_KIND, PREDICT, STATES, VELOCITY_KIND,
-                             Belief, Filter, kernel, matrix)
+from ..core.contract import (ALTITUDE_KIND, ATTITUDE_KIND, BA, BG, CORRECT, HEADING_KIND, MAGNETIC_KIND, POSITION_KIND, PREDICT, STATES,
+                             VELOCITY_KIND, Belief, Filter, kernel, matrix)
 from ..core.earth import place
 from ..core.error_state import DX, OWN, WORK, X, added, auxiliary, bias_free, decay_biases, inject_tail, linearised_step, observed
 from ..core.gaussian import update
@@ -19,6 +19,8 @@ from ..core.mechanization import mechanize
 from ..core.observer import EMBEDDED, advance, embedded, inject
 from ..core.observer_gains import fit as fit_observer
 from ..core.observer_gains import implant
+from ..core.repeated import FORGOTTEN, repeated
+from ..core.repeated import MEMORY as REMEMBERED
 from ..core.rotation import rotation_between, wrap
 from . import nlo
 
@@ -28,20 +30,21 @@ SHIFT, SAID = 3, len(nlo.COLUMNS)
 OBSERVER = len(COLUMNS)             # where the observer begins in aux
 ERROR_STATE = OBSERVER + EMBEDDED   # where the aux array of core/error_state begins
 CLOSE, NEAR = OWN, OWN + 1          # there: whether the observer is nearer than NEAR, rad
-TAKEN, INNOVATION = OWN + 2, OWN + 6    # kind and y of the last fix that the observer took; its innovation
-BIASES, ORIGIN = OWN + 9, OWN + 15  # of the observer at the start of a step; attitude that delta is counted from, 3 x 3
+INNOVATION = OWN + 2                # of the observer
+BIASES, ORIGIN = OWN + 5, OWN + 11  # of the observer at the start of a step; attitude that delta is counted from, 3 x 3
+MEMORY = slice(OWN + 20, OWN + 20 + REMEMBERED)
 
 
 def start(start, noise, near=0.0, **observer):
     """Belief at `start`, where the observer begins too.
 
-    near: rad between attitudes of estimate and observer up to which the mean goes on by the model itself, and only Jacobians are taken at the observer:
-    0 is the affine filter of Johansen & Fossen, inf what Alam et al. print. The other options are those of `nlo`, docs/observer.md.
+    near: rad between attitudes of estimate and observer up to which the mean goes on by the model itself, and only Jacobians are taken at the
+    observer: 0 is the affine filter of Johansen & Fossen, inf what Alam et al. print. The other options are those of `nlo`, docs/observer.md.
     """
     if not near >= 0:
         raise ValueError(f"near is {near} rad; it must be 0 or more")
     own = auxiliary(len(start.sd))
-    own[CLOSE], own[NEAR], own[TAKEN] = near > 0, near, -1.0
+    own[CLOSE], own[NEAR], own[MEMORY.start] = near > 0, near, FORGOTTEN
     belief = start.belief(np.r_[np.zeros(ERROR_STATE), own])
     belief.aux[ERROR_STATE + ORIGIN:][:9] = belief.C.ravel()
     implant(belief.aux, OBSERVER, start, noise, **observer)
@@ -50,7 +53,8 @@ def start(start, noise, near=0.0, **observer):
 
 # the observer's options as the engine and the listing of filters see them: its own, whatever they are
 _first, _noise, *_of_observer = inspect.signature(nlo.start).parameters.values()
-start.__signature__ = inspect.Signature([_first, _noise, inspect.Parameter("near", inspect.Parameter.POSITIONAL_OR_KEYWORD, default=0.0), *_of_observer])
+_near = inspect.Parameter("near", inspect.Parameter.POSITIONAL_OR_KEYWORD, default=0.0)
+start.__signature__ = inspect.Signature([_first, _noise, _near, *_of_observer])
 
 
 def fit(options, aidings):
@@ -89,8 +93,8 @@ def compose(belief, x):
 def relate(belief, bar):
     """delta is what lies between observer and belief, which stays wherever the observer has gone.
 
-    Attitude: with exp(m) from the observer to where its error a was counted from, log(exp(a) exp(m)) = a + m + a x m / 2 + ..., cut where it would not be
-    affine in a any more. The whole logarithm would wrap an error of half a turn, which the linear filter has not wrapped.
+    Attitude: with exp(m) from the observer to where its error a was counted from, log(exp(a) exp(m)) = a + m + a x m / 2 + ..., cut where it would
+    not be affine in a any more. The whole logarithm would wrap an error of half a turn, which the linear filter has not wrapped.
     """
     aux, lla = belief.aux[ERROR_STATE:], bar.lla
     x, o, C = aux[X], aux[ORIGIN:ORIGIN + 9], belief.C
@@ -178,17 +182,6 @@ def shift_rates(belief, x, sign):
         belief.omega[i] += sign * g[i]
 
 
-@inlined
-def seen(aux, y, kind):
-    """Whether the observer has had this very fix since the last sample: the loop hands one over twice when it lifts a gate. Remembers it."""
-    last, known = aux[TAKEN:TAKEN + 4], aux[TAKEN] == kind
-    for i in range(3):
-        known = known and (last[1 + i] == y[i] or (y[i] != y[i] and last[1 + i] != last[1 + i]))
-        last[1 + i] = y[i]
-    last[0] = kind
-    return known
-
-
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
     """Carry P and the belief on, then the observer; the difference is what is between them."""
@@ -197,7 +190,7 @@ def predict(belief, u, dt, noise):
     advance(bar, u, dt, noise)
     relate(belief, bar)
     publish(belief, bar)
-    belief.aux[ERROR_STATE + TAKEN] = -1.0
+    belief.aux[ERROR_STATE + MEMORY.start] = FORGOTTEN
 
 
 @kernel(CORRECT)
@@ -206,7 +199,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     bar, aux = embedded(belief, OBSERVER), belief.aux[ERROR_STATE:]
     nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
     if kind == POSITION_KIND or kind == VELOCITY_KIND or kind == ALTITUDE_KIND or kind == HEADING_KIND or kind == MAGNETIC_KIND:
-        if not seen(aux, y, kind):
+        if not repeated(aux[MEMORY], y, sd, kind, gate, nis):
             inject(bar, y, sd, kind, observe, parameters, aux[INNOVATION:INNOVATION + 3])
     relate(belief, bar)
     publish(belief, bar)

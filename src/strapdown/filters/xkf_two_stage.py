@@ -1,8 +1,9 @@
 """Exogenous Kalman filter of the two-stage model: the affine Kalman filter around the trajectory of a nonlinear observer.
 
-core/two_stage.py has the model, core/observer.py the observer, docs/two-stage.md what their cascade is. The observer runs by itself, as in `nlo`. Between
-fixes estimate = f(observer) + F (estimate - observer), F and f at the observer; at a fix the innovation is y - h(observer) - H (estimate - observer).
-Wherever the observer moves otherwise, by its injections, jumps and bounds, the estimate stays: Euler angles, velocity in the body and biases as they are.
+core/two_stage.py has the model, core/observer.py the observer, docs/two-stage.md what their cascade is. The observer runs by itself, as in `nlo`.
+Between fixes estimate = f(observer) + F (estimate - observer), F and f at the observer; at a fix the innovation is y - h(observer) - H (estimate -
+observer). Wherever the observer moves otherwise, by its injections, jumps and bounds, the estimate stays: Euler angles, velocity in the body and
+biases as they are.
 """
 import inspect
 import math
@@ -10,7 +11,8 @@ import math
 import numpy as np
 
 from ..core.compiling import inlined
-from ..core.contract import (ALTITUDE_KIND, CORRECT, HEADING_KIND, MAGNETIC_KIND, POSITION_KIND, PREDICT, VELOCITY_KIND, Filter, helper, kernel, matrix)
+from ..core.contract import (ALTITUDE_KIND, CORRECT, HEADING_KIND, MAGNETIC_KIND, POSITION_KIND, PREDICT, VELOCITY_KIND, Filter, helper,
+                             kernel, matrix)
 from ..core.earth import displace, place
 from ..core.error_state import DV, DX, MID, WORK, auxiliary, bias_free, decay_biases
 from ..core.fed import BEYOND, BEYOND_COLUMN, STEEP, steep
@@ -19,6 +21,8 @@ from ..core.mechanization import mechanize
 from ..core.observer import EMBEDDED, EXCITATION, XI, advance, embedded, inject
 from ..core.observer_gains import DEFAULTS, implant
 from ..core.observer_gains import fit as fit_observer
+from ..core.repeated import FORGOTTEN, repeated
+from ..core.repeated import MEMORY as REMEMBERED
 from ..core.rotation import euler_to_matrix, matrix_to_euler, rotate_left, turned, wrap
 from ..core.two_stage import (DEVIATION, ERROR, HELD_COLUMN, INNOVATION, MOVED, TOLD, USES, configure, doubt, fitted, from_angles, held, middle,
                               propagate, to_angles, to_body, turn_attitude, turn_velocity)
@@ -31,9 +35,9 @@ COLUMNS = (BEYOND_COLUMN, HELD_COLUMN, "observer_error_north [m]", "observer_err
 """Pitch beyond 85 deg, course held; estimate - observer; what the observer says of itself."""
 OBSERVER = WORK + WORKSPACE                 # where the observer begins in aux
 LEFT = OBSERVER + EMBEDDED                  # the state that the observer leaves: lla, v, C, ba, bg
-UNUSED, TAKEN = LEFT + 21, LEFT + 24        # innovation of the observer; kind and numbers of the fix that it had last
-ANGLES = LEFT + 28                          # Euler angles of the observer
-OWN_SIZE = 31
+UNUSED, ANGLES = LEFT + 21, LEFT + 24       # innovation of the observer; its Euler angles
+MEMORY = slice(LEFT + 27, LEFT + 27 + REMEMBERED)
+OWN_SIZE = MEMORY.stop - LEFT
 SINE_STEEP = math.sin(STEEP)
 
 
@@ -44,11 +48,11 @@ def start(start, noise, velocity="full", level="bias-free", largest_bank=45.0, c
     """
     own = auxiliary(len(start.sd))
     belief = start.belief(np.r_[own[:OBSERVER], np.zeros(EMBEDDED + OWN_SIZE), own[OBSERVER:]])
-    belief.aux[TAKEN], belief.aux[ANGLES:ANGLES + 3] = -1.0, start.rph
+    belief.aux[MEMORY.start], belief.aux[ANGLES:ANGLES + 3] = FORGOTTEN, start.rph
     implant(belief.aux, OBSERVER, start, noise, **observer)
     both = {**DEFAULTS, **observer}
-    configure(belief, noise, velocity, "none" if both["course"] == "none" else "gnss", level, both["least_speed"], largest_bank, crab, correlation, window,
-              acceleration)
+    configure(belief, noise, velocity, "none" if both["course"] == "none" else "gnss", level, both["least_speed"], largest_bank, crab,
+              correlation, window, acceleration)
     return belief
 
 
@@ -72,7 +76,7 @@ def predict(belief, u, dt, noise):
         carry(belief, bar, u, dt, noise)
         advance(bar, u, dt, noise)
         arrive(belief, bar, dt, noise)
-        belief.aux[TAKEN] = -1.0
+        belief.aux[MEMORY.start] = FORGOTTEN
 
 
 @inlined
@@ -106,7 +110,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     aux, bar = belief.aux, embedded(belief, OBSERVER)
     nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
     if kind == POSITION_KIND or kind == VELOCITY_KIND or kind == ALTITUDE_KIND or kind == HEADING_KIND or kind == MAGNETIC_KIND:
-        if not had(aux, y, kind):
+        if not repeated(aux[MEMORY], y, sd, kind, gate, nis):
             leave(aux, bar)
             inject(bar, y, sd, kind, observe, parameters, aux[UNUSED:UNUSED + 3])
             relate(belief, bar)
@@ -190,21 +194,10 @@ def compose(belief, bar):
         rotate_left(x[6], x[7], x[8], C)
 
 
-@inlined
-def had(aux, y, kind):
-    """Whether the observer has had this very fix since the last sample: the loop hands one over twice when it lifts a gate. Remembers it."""
-    known = aux[TAKEN] == kind
-    for i in range(3):
-        known = known and (aux[TAKEN + 1 + i] == y[i] or (y[i] != y[i] and aux[TAKEN + 1 + i] != aux[TAKEN + 1 + i]))
-        aux[TAKEN + 1 + i] = y[i]
-    aux[TAKEN] = kind
-    return known
-
-
 def watch(t, lla, columns):
     """[(t, text)] where the pitch first was near the singularity of the Euler angles, and where the heading was first held without a course."""
     return steep(t, lla, columns) + held(t, columns)
 
 
-XKF_TWO_STAGE = Filter("xkf-two-stage", "Alam, Whidborne & Millidere (2023) section 2.3; Johansen & Fossen (2017), IJC 90(2)", start, predict, correct,
-                       columns=COLUMNS, uses=USES, fit=fit, watch=watch)
+XKF_TWO_STAGE = Filter("xkf-two-stage", "Alam, Whidborne & Millidere (2023) section 2.3; Johansen & Fossen (2017), IJC 90(2)", start,
+                       predict, correct, columns=COLUMNS, uses=USES, fit=fit, watch=watch)

@@ -1,6 +1,7 @@
 """What Alam et al. claim of NLO, two-stage EKF and XKF, each claim decided by a rule from the tables of runs.
 
-The rules were written before any of the filters had run on the simulated flight, and none was changed for its verdict.
+The rules were written before any of the filters had run on the simulated flight. Corrected after a review, before the full study: some_cases, north
+(Bonferroni's level) and heading_correction (both filters without course, north against east). None was changed for its verdict.
 """
 from typing import NamedTuple
 
@@ -9,21 +10,25 @@ import pandas as pd
 
 from ..consistency import paired, proportion
 from .alam_convergence import BELOW, WITHIN
-from .alam_pairs import OUTAGES, PUBLISHED, against, difference, listed, published_wins, ratio, sides, won
-from .alam_runs import AXES, EKF, EKF_NO_COURSE, FULL, NLO, XKF
+from .alam_pairs import OUTAGES, PUBLISHED, against, any_better, difference, listed, published_wins, ratio, sides, stronger, won
+from .alam_runs import AXES, EKF, EKF_NO_COURSE, FULL, NLO, TURN_ON, XKF, XKF_NO_COURSE
 from .hager_bryne_rules import MOST, RULE, Count, both
 from .pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED, finding
 
 RMSE = tuple(f"{axis}_rmse_m" for axis in AXES)
-TWICE, MANY = 2.0, 3.0
-"""\"Diverges rapidly\": at least this many times as far; \"varies significantly\" more than the true bias: this many times as much."""
-STEADY = {"accel": 0.2 * 0.049, "gyro": 0.2 * float(np.radians(0.2))}
+TWICE = 2.0
+"""\"Diverges rapidly\", \"varies significantly more\": at least this many times as far, this many times as much."""
+STEADY = {sensor: 0.2 * size for sensor, size in TURN_ON.items()}
 """m/s^2 and rad/s: a fifth of the turn-on biases of the IMU; a bias estimate that wanders less over the last ten minutes is stabilised."""
+LOST = "a run that stops or diverges counts with 100 times the turn-on biases"
 NEAR = 2.0
 """m: by how much XKF and NLO differ at most in the published Table 1."""
+BY_CHOICE = ("Largely a consequence of a choice made here: stage 2 of xkf-two-stage is driven by the observer's attitude, so that in an outage its "
+             "position drifts with the observer's; it is no independent evidence on what a Kalman filter adds")
 SENSORS = {"accel": ("accelerometers", "m/s²", 1.0), "gyro": ("gyros", "deg/s", float(np.degrees(1.0)))}
 CELLS = ("A cell is an axis in one of the five simulated outages over all seeds, in thor75 or in drive0708; a filter is better where the 95 % "
          "interval of the ratio of RMSEs lies below 1 by more than 1 %")
+ONE_OF_MANY = "where one cell is enough, that it is better is decided at Bonferroni's level of all these cells, 1 - 0.05 / cells"
 
 
 class Evidence(NamedTuple):
@@ -41,11 +46,11 @@ def claims(evidence):
 
 def some_cases(e):
     """Abstract."""
-    count = against(e.tables, RMSE, XKF, (EKF, NLO))
+    count = any_better(e.tables, RMSE, XKF, (EKF, NLO))
     verdict = REPRODUCED if count.supports else NOT_REPRODUCED if 0 < count.total == count.contradicts else UNDECIDED
     return finding("During the outage of GNSS, in some cases the divergence of position estimates using XKF is lower than with EKF and NLO.",
-                   "Abstract", f"in one cell or more the XKF is better than both; {CELLS}",
-                   f"{count}. With 15 states: {against(e.tables, RMSE, FULL, (EKF, NLO))}",
+                   "Abstract", f"in one cell or more the XKF is better than both; {CELLS}; {ONE_OF_MANY}",
+                   f"{count}. With 15 states: {any_better(e.tables, RMSE, FULL, (EKF, NLO))}",
                    verdict, "figure 3")
 
 
@@ -89,6 +94,12 @@ def _middle(biases, name, column):
     return float(biases.loc[biases["filter"] == name, column].median())
 
 
+def _runs(biases):
+    """Text: how many runs there are and how many of each filter were lost."""
+    own = {name: biases.loc[biases["filter"] == name, "said"].ne("") for name in (EKF, NLO, XKF, FULL)}
+    return f"{biases['seed'].nunique()} seeds, lost " + ", ".join(f"{name} {int(lost.sum())}" for name, lost in own.items())
+
+
 def biases_vary(e):
     """4."""
     verdicts, texts = [], []
@@ -97,11 +108,11 @@ def biases_vary(e):
         verdicts.append(REPRODUCED if found.low > np.log(TWICE) else NOT_REPRODUCED if found.high < np.log(TWICE) else UNDECIDED)
         values = ", ".join(f"{name} {_middle(e.biases, name, f'{sensor}_wander') * scale:.2g}" for name in (EKF, NLO, XKF, FULL))
         texts.append(f"{title}: {np.exp(found.difference):.3g} ({np.exp(found.low):.3g} to {np.exp(found.high):.3g}); {values} {unit}, the "
-                     f"true biases {_middle(e.biases, XKF, f'{sensor}_true') * scale:.2g}")
+                     f"true biases {float(e.biases[f'{sensor}_true'].median()) * scale:.2g}")
     return finding("The bias estimates of accelerometers and gyros vary significantly more with the EKF than with the XKF.", "4",
                    f"the standard deviation over time of the estimates, from 600 s to the touchdown, is more than {TWICE:g} times the XKF's "
-                   f"(geometric mean over the seeds, whole 95 % interval); both sensors must hold",
-                   "; ".join(texts), both(*verdicts), "figures 4b, 4e")
+                   f"(geometric mean over the seeds, whole 95 % interval); {LOST}; both sensors must hold",
+                   "; ".join((*texts, _runs(e.biases))), both(*verdicts), "figures 4b, 4e")
 
 
 def _wanders(biases, name, sensor, more):
@@ -121,9 +132,8 @@ def biases_stabilised(e):
             f"{name} {_middle(e.biases, name, f'{sensor}_wander_late') * scale:.2g}" for name in (EKF, NLO, XKF, FULL)))
     return finding("Biases do not vary as fast as the EKF estimates them: its bias estimation is not stabilised, the XKF's is.", "4; 5",
                    "the estimates' standard deviation over the last ten minutes of the flight is above a fifth of the turn-on biases with the "
-                   "EKF and below it with the XKF, in more than half of the seeds (Wilson), for both sensors; all four parts must hold",
-                   "; ".join(texts), both(*verdicts),
-                   "figures 4b, 4e")
+                   f"EKF and below it with the XKF, in more than half of the seeds (Wilson), for both sensors; {LOST}; all four parts must hold",
+                   "; ".join((*texts, _runs(e.biases))), both(*verdicts), "figures 4b, 4e")
 
 
 def _axis(e, axis):
@@ -152,13 +162,13 @@ def north(e):
     """4."""
     count, text = _axis(e, "north")
     other = sides(e.tables, ["north_rmse_m"], EKF, XKF)
-    mixed = count.supports > 0 and other.supports > 0
+    mixed = all(any_better(e.tables, ["north_rmse_m"], *pair).supports > 0 for pair in ((XKF, [EKF]), (EKF, [XKF])))
     one_sided = count.supports == 0 and other.contradicts == other.total or other.supports == 0 and count.contradicts == count.total
-    most = max(count.supports, other.supports) >= MOST * count.total
+    most = min(count.supports, other.supports) == 0 and max(count.supports, other.supports) >= MOST * count.total
     verdict = REPRODUCED if mixed else NOT_REPRODUCED if count.total and (one_sided or most) else UNDECIDED
     return finding("In the north direction sometimes the EKF and sometimes the XKF is better.", "4; 5",
                    f"one cell or more in which the XKF is better and one in which the EKF is; not reproduced where one of them never is, or "
-                   f"three quarters of the cells go to one and none to the other; {CELLS}",
+                   f"three quarters of the cells go to one and none to the other; {CELLS}; {ONE_OF_MANY}",
                    f"{text}. EKF better: {other.supports} of {other.total}. Published: XKF {published_wins('north')} outages", verdict, "figure 3")
 
 
@@ -172,17 +182,25 @@ def overall(e):
                    both(ekf.verdict, nlo.verdict), "figure 3")
 
 
+def _explained(table):
+    """Of a case in which the EKF is better in the north: 1 where its course explains that, -1 where it is so without it, 0 where that is open."""
+    side = ratio(table, "north_rmse_m", EKF_NO_COURSE, XKF_NO_COURSE).side
+    lost = stronger(table, "north_rmse_m", "east_rmse_m", EKF_NO_COURSE, XKF_NO_COURSE, EKF, XKF)
+    return -1 if side == 1 else int(side == -1 and lost.low > 0)
+
+
 def heading_correction(e):
     """4."""
     wins = [case for case, table in e.tables.items() if ratio(table, "north_rmse_m", EKF, XKF).side == 1]
-    gone = [ratio(e.tables[case], "north_rmse_m", EKF_NO_COURSE, XKF).side for case in wins]
-    count = Count(gone.count(-1), gone.count(1), len(gone))
-    texts = [f"{axis} {listed(e.tables, f'{axis}_rmse_m', EKF_NO_COURSE, EKF)}" for axis in AXES]
+    found = [_explained(e.tables[case]) for case in wins]
+    count = Count(found.count(1), found.count(-1), len(found))
+    texts = [f"{axis} {listed(e.tables, f'{axis}_rmse_m', EKF_NO_COURSE, XKF_NO_COURSE)}" for axis in AXES[:2]]
     return finding("The north results might be due to the heading correction of the EKF from the GNSS velocity.", "4 (a guess of the authors)",
-                   f"where the EKF is better than the XKF in the north, it no longer is without its course measurement; not decidable where it "
-                   f"is nowhere better; {RULE}",
-                   f"EKF better in the north in {len(wins)} of {len(e.tables)} cases ({', '.join(wins) or 'none'}); without course it loses "
-                   f"that: {count}. RMSE of the EKF without course against with it: {'. '.join(texts)}", count.verdict, "table ablations")
+                   f"where the EKF is better than the XKF in the north, it surely no longer is when neither has a course measurement, and "
+                   f"it loses more against the XKF in the north than in the east (whole 95 % interval of the difference of log ratios): supports; "
+                   f"still better without: contradicts; else open; not decidable where it is nowhere better; {RULE}",
+                   f"EKF better in the north in {len(wins)} of {len(e.tables)} cases ({', '.join(wins) or 'none'}); its course explains "
+                   f"that: {count}. RMSE of the EKF against the XKF, both without course: {'. '.join(texts)}", count.verdict, "table ablations")
 
 
 def least(e):
@@ -204,7 +222,8 @@ def like_the_observer(e):
                    "Table 1",
                    f"the mean difference of RMSE is within {NEAR:g} m (whole 95 % interval); {RULE}",
                    f"{count}. Median of the mean differences {size(found)}; RMSE of the XKF against the NLO: north "
-                   f"{listed(e.tables, RMSE[0], XKF, NLO)}. With 15 states the differences are {size(full)}", count.verdict, "table redrawn")
+                   f"{listed(e.tables, RMSE[0], XKF, NLO)}. With 15 states the differences are {size(full)}. {BY_CHOICE}",
+                   count.verdict, "table redrawn")
 
 
 def _converged(e, label):

@@ -75,19 +75,22 @@ def run(seed, magnetometer=False, interval=FIXES):
 
 
 def outcome(case, seed, interval=FIXES):
-    """(s from which the attitude error stayed below the bound, inf where it did not; s at which it was first below; its last value in deg).
+    """(s from which the attitude error stayed below the bound, inf where it did not; s at which it was first below; its last value in deg; said).
 
-    All three are inf for a run that stopped.
+    The first three are inf for a run that stopped or cannot begin, and the fourth tells why; else it is "".
     """
     recording, start = run(seed, case.magnetometer, interval)
-    solution = fuse(recording, case.filter, start=start, every=ROWS, **case.options)
+    try:
+        solution = fuse(recording, case.filter, start=start, every=ROWS, **case.options)
+    except DataError as error:
+        return np.inf, np.inf, np.inf, str(error)
     truth = recording.reference
     e = errors(solution, Trajectory(truth.t[::ROWS], truth.lla[::ROWS], truth.v_n[::ROWS], truth.q_nb[::ROWS]))
     total = np.degrees(attitude_angles(e).total)
     if solution.meta.get("stopped") or not len(total) or not np.isfinite(total[-1]):
-        return np.inf, np.inf, np.inf
+        return np.inf, np.inf, np.inf, solution.meta.get("stopped") or "no estimate"
     below = np.flatnonzero(total < BELOW)
-    return settled(e.t, total), float(e.t[below[0]]) if len(below) else np.inf, float(total[-1])
+    return settled(e.t, total), float(e.t[below[0]]) if len(below) else np.inf, float(total[-1]), ""
 
 
 def settled(t, total):
@@ -99,17 +102,13 @@ def settled(t, total):
 
 
 def study(cases=None, seeds=SEEDS, threads=None, interval=FIXES):
-    """DataFrame with a row per case and seed: case, seed, since_s, first_s, last_deg, and `said` of a filter that cannot run on the recording."""
+    """DataFrame with a row per case and seed: case, seed, since_s, first_s, last_deg, and what was `said` of a run that has none."""
     import pandas as pd
     cases, rows = {label: Case(*case) for label, case in (CASES if cases is None else cases).items()}, []
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         for label, case in cases.items():
-            try:
-                outcome(case, min(seeds), interval)     # compiles before the threads
-            except DataError as error:
-                rows += [(label, seed, np.inf, np.inf, np.inf, str(error)) for seed in seeds]
-                continue
-            rows += [(label, seed, *found, "") for seed, found in zip(seeds, pool.map(lambda seed: outcome(case, seed, interval), seeds))]
+            outcome(case, min(seeds), interval)     # compiles before the threads
+            rows += [(label, seed, *found) for seed, found in zip(seeds, pool.map(lambda seed: outcome(case, seed, interval), seeds))]
     return pd.DataFrame(rows, columns=["case", "seed", "since_s", "first_s", "last_deg", "said"])
 
 

@@ -1,15 +1,15 @@
 """Two filters on the same outages: ratios of their errors with intervals; Table 1 of Alam et al. redrawn, and what the published one says.
 
 A case is one outage of the simulated flight over all seeds, or all windows of a recording. Within a block (a seed; windows of a recording that
-overlap) log ratios are averaged, over blocks Student's t gives the interval: overlapping windows are not independent. What neighbouring blocks share
-widens it.
+overlap its first one) log ratios are averaged, over blocks Student's t gives the interval: overlapping windows are not independent. The windows of
+neighbouring blocks overlap too, which widens the interval.
 """
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from ..consistency import paired
+from ..comparison.summaries import over_blocks
 from .alam_runs import AXES, EKF, MEASURES, NLO, XKF
 from .hager_bryne_cells import SIZE
 from .hager_bryne_rules import Count
@@ -70,36 +70,52 @@ def both_of(table, measure, first, second):
     return table.index.get_level_values("block").to_numpy()[known], a[known], b[known]
 
 
-def _over_blocks(table, block, values):
-    """Paired of the mean of `values`, averaged within each block first; the interval as wide as the case demands."""
-    _, number = np.unique(block, return_inverse=True)
-    means = np.bincount(number, values) / np.bincount(number) if len(values) else np.empty(0)
-    found = paired(means, 0.0 * means)
-    low, high = (found.difference + table.attrs["widening"] * (end - found.difference) for end in (found.low, found.high))
-    return found._replace(low=low, high=high)
-
-
-def ratio(table, measure, first, second):
+def ratio(table, measure, first, second, probability=0.95):
     """Ratio of `measure` of filter `first` to that of `second` in the table of a case."""
     block, a, b = both_of(table, measure, first, second)
-    return Ratio(*map(float, np.exp(_over_blocks(table, block, np.log(a / b))[:3])), int((a < b).sum()), len(a))
+    found = over_blocks(np.log(a / b), block, table.attrs["widening"], probability)
+    return Ratio(*map(float, np.exp(found[:3])), int((a < b).sum()), len(a))
 
 
 def difference(table, measure, first, second):
     """Mean over blocks of the difference of a measure of two filters with its interval, as a Paired, in the unit of the measure."""
     block, a, b = both_of(table, measure, first, second)
-    return _over_blocks(table, block, a - b)
+    return over_blocks(a - b, block, table.attrs["widening"])
 
 
-def sides(tables, measures, first, second):
+def change(table, measure, first, second, other_first, other_second):
+    """(block (n,), log ratio of `measure` of the first two filters less that of the other two (n,)) of the outages that all have."""
+    if not {(measure, name) for name in (first, second, other_first, other_second)} <= set(table.columns):
+        return np.empty((2, 0))
+    a, b, c, d = (np.log(np.maximum(table[measure, name].to_numpy(float), LEAST)) for name in (first, second, other_first, other_second))
+    return table.index.get_level_values("block").to_numpy(), a - b - (c - d)
+
+
+def stronger(table, one, other, *filters):
+    """By how much the `change` between four `filters` is larger in measure `one` than in measure `other`: Paired of logarithms."""
+    (block, a), (_, b) = (change(table, measure, *filters) for measure in (one, other))
+    return over_blocks(a - b, block, table.attrs["widening"])
+
+
+def sides(tables, measures, first, second, probability=0.95):
     """Count of the cells (case and measure) in which filter `first` is better than `second`; where it surely is not contradicts."""
-    return against(tables, measures, first, [second])
+    return against(tables, measures, first, [second], probability)
 
 
-def against(tables, measures, first, others):
+def against(tables, measures, first, others, probability=0.95):
     """Count of the cells in which filter `first` is better than every one of `others`; where it surely is not than one of them contradicts."""
-    found = [min(ratio(table, measure, first, other).side for other in others) for table in tables.values() for measure in measures]
+    found = [min(ratio(table, measure, first, other, probability).side for other in others) for table in tables.values() for measure in measures]
     return Count(found.count(1), found.count(-1), len(found))
+
+
+def any_better(tables, measures, first, others):
+    """Count of the same cells for a claim that one of them is enough for: better is decided with Bonferroni's level of so many cells.
+
+    That a filter is better nowhere is told by each cell at 95 %, as elsewhere.
+    """
+    cells = max(len(tables) * len(measures), 1)
+    one = against(tables, measures, first, others)
+    return one._replace(supports=against(tables, measures, first, others, 1 - 0.05 / cells).supports)
 
 
 def redrawn(scores, names=THREE):

@@ -30,6 +30,10 @@ FAR, FAST = 1e4, 1e3
 """m and m/s: what a filter that stopped, or went further, is scored with."""
 MEASURES = {"north_rmse_m": FAR, "east_rmse_m": FAR, "down_rmse_m": FAR, "horizontal_rmse_m": FAR, "horizontal_end_m": FAR, "velocity_end_m_s": FAST}
 """What claims are decided with, and the most that counts of it."""
+TURN_ON = {"accel": 0.049, "gyro": float(np.radians(0.2))}
+"""m/s^2 and rad/s: standard deviation of the turn-on biases of the grade `dmu10`."""
+ASTRAY = {sensor: 100 * size for sensor, size in TURN_ON.items()}
+"""The wander and rms error of the bias estimates of a filter that stopped, or whose are larger."""
 LAST = 0.1
 """s before the end of an outage: its last scored row; at the end itself a fix is used again."""
 SINCE = np.r_[np.arange(0.0, LENGTH), LENGTH - LAST]
@@ -45,9 +49,10 @@ class Variant(NamedTuple):
 EKF, NLO, XKF, FULL, CLOSED = "EKF", "NLO", "XKF", "XKF, 15 states", "closed loop"
 FILTERS = {EKF: Variant("two-stage-ekf"), NLO: Variant("nlo"), XKF: Variant("xkf-two-stage"), FULL: Variant("xkf"), CLOSED: Variant("closed-loop")}
 """The three of the paper, the exogenous filter with the library's error model, and an anchor, by the names that they have in tables."""
-EKF_NO_COURSE = "EKF, no course"
-ABLATIONS = {EKF_NO_COURSE: Variant("two-stage-ekf", {"course": "none"}), "NLO, printed course": Variant("nlo", {"course": "printed"}),
-             "NLO, course frozen": Variant("nlo", {"course": "frozen"}), "NLO, no course": Variant("nlo", {"course": "none"}),
+EKF_NO_COURSE, XKF_NO_COURSE = "EKF, no course", "XKF, no course"
+ABLATIONS = {EKF_NO_COURSE: Variant("two-stage-ekf", {"course": "none"}), XKF_NO_COURSE: Variant("xkf-two-stage", {"course": "none"}),
+             "NLO, printed course": Variant("nlo", {"course": "printed"}), "NLO, course frozen": Variant("nlo", {"course": "frozen"}),
+             "NLO, no course": Variant("nlo", {"course": "none"}),
              "NLO, accelerometer bias held": Variant("nlo", {"adaptation": 0.0})}
 """What the heading correction and the estimation of the accelerometer bias do: beside the same filter of FILTERS."""
 AXES = ("north", "east", "down")
@@ -67,7 +72,7 @@ class Run(NamedTuple):
 class Results(NamedTuple):
     """What all runs gave."""
     scores: pd.DataFrame    # a row per seed, filter and outage: case, block (the seed), filter, outage, start_s, stop_s, MEASURES, ..., said
-    biases: pd.DataFrame    # a row per seed and filter: wander of the estimates and of the true biases
+    biases: pd.DataFrame    # a row per seed and filter: wander and rms error of the estimates, wander of the true biases, said
     growth: dict            # filter -> (horizontal, vertical), (runs, len(SINCE)) m each, of all outages of all seeds
     sample: dict            # filter -> Run of the first seed
     recording: object       # of the first seed, with what was withheld
@@ -119,14 +124,15 @@ def _seed(seed, variants, kept, say):
             solution = fuse(hidden, variant.filter, start=start, every=ROWS, say=say, **variant.options)
         except DataError as error:
             scores += [_lost(seed, label, k, window, str(error)) for k, window in enumerate(windows(), 1)]
+            biases.append({"filter": label, "seed": seed, **without_biases(str(error))})
             growth[label] = [np.full((2, len(SINCE)), np.inf) for _ in windows()]
             continue
         e = errors(solution, hidden.reference)
-        found = [_scored(e, window, solution.meta.get("stopped", "")) for window in windows()]
+        found = [scored(e, window, solution.meta.get("stopped", "")) for window in windows()]
         scores += [{"case": f"outage {k}", "block": seed, "filter": label, "outage": k, "start_s": window[0], "stop_s": window[1], **score}
                    for k, (window, score) in enumerate(zip(windows(), found), 1)]
-        biases.append({"filter": label, "seed": seed, **_wander(solution, hidden)})
-        growth[label] = [_curve(e, window) for window in windows()]
+        biases.append({"filter": label, "seed": seed, **wander(solution, hidden)})
+        growth[label] = [curve(e, window) for window in windows()]
         if kept:
             own = solution.trajectory
             v_b = own.rotation.inv().apply(own.v_n)
@@ -138,8 +144,11 @@ def _lost(seed, label, k, window, said):
     return {"case": f"outage {k}", "block": seed, "filter": label, "outage": k, "start_s": window[0], "stop_s": window[1], **MEASURES, "said": said}
 
 
-def _scored(e, window, stopped):
-    """{measure: value} of an outage; FAR and FAST where the filter did not get through it, or further away."""
+def scored(e, window, stopped):
+    """{measure: value, "said": text} of an outage from metrics.Errors: FAR and FAST where the filter did not get through it, or further away.
+
+    window: (start, stop) in s; stopped: why the run ended early, "" where it did not; it is said of the outages that this cost.
+    """
     inside = (e.t > window[0] - 1e-6) & (e.t < window[1] - 1e-6)
     if not inside.any() or e.t[inside][-1] < window[1] - 2 * LAST or not np.isfinite(np.c_[e.position, e.velocity][inside]).all():
         return {**MEASURES, "said": stopped or "no estimate"}
@@ -147,24 +156,41 @@ def _scored(e, window, stopped):
     rmse = np.sqrt((position ** 2).mean(axis=0))
     found = dict(zip((f"{axis}_rmse_m" for axis in AXES), rmse)) | {
         "horizontal_rmse_m": np.hypot(*rmse[:2]), "horizontal_end_m": np.hypot(*position[-1, :2]), "velocity_end_m_s": np.linalg.norm(velocity[-1])}
-    said = stopped or ("diverged" if any(found[name] > most for name, most in MEASURES.items()) else "")
+    said = (stopped or "diverged") if any(found[name] > most for name, most in MEASURES.items()) else ""
     return {name: float(min(found[name], most)) for name, most in MEASURES.items()} | {"said": said}
 
 
-def _wander(solution, hidden):
-    """Standard deviations over time of the three estimates of a bias, taken together, of the true biases, and the rms error of the estimates."""
+def wander(solution, hidden):
+    """{measure: value, "said": text} of the bias estimates: of the three of a sensor together, standard deviations over time and rms error.
+
+    Over SETTLED, over LATE the names that end in _late; beside them the standard deviations of the true biases (_true). m/s^2 and rad/s; ASTRAY
+    where the run ended before, or what is larger.
+    """
     found, rows = {}, np.clip(np.searchsorted(hidden.imu.t, solution.t - 1e-6), 0, len(hidden.imu.t) - 1)
-    for name, estimate, true in (("accel", solution.b_a, hidden.meta["b_a"][rows]), ("gyro", solution.b_g, hidden.meta["b_g"][rows])):
-        for period, (begin, end) in (("", SETTLED), ("_late", LATE)):
-            inside = (solution.t >= begin) & (solution.t <= end)
-            known = inside.any() and solution.t[-1] >= end and np.isfinite(estimate[inside]).all()
-            spread = lambda values: float(np.sqrt(values[inside].var(axis=0).sum())) if known else np.inf
-            found |= {f"{name}_wander{period}": spread(estimate), f"{name}_true{period}": spread(true)}
-        found[f"{name}_rms"] = float(np.sqrt(((true - estimate)[inside] ** 2).sum(axis=1).mean())) if known else np.inf
-    return found
+    for sensor, estimate, true in (("accel", solution.b_a, hidden.meta["b_a"][rows]), ("gyro", solution.b_g, hidden.meta["b_g"][rows])):
+        whole, late = (_over(period, solution.t, estimate, true) for period in (SETTLED, LATE))
+        found |= dict(zip((f"{sensor}_{what}" for what in ("wander", "rms", "true", "wander_late", "true_late")), (*whole, late[0], late[2])))
+    beyond = {name for name, value in found.items() if value >= ASTRAY[name.split("_")[0]]}
+    said = (solution.meta.get("stopped") or "diverged") if beyond else ""
+    return {name: ASTRAY[name.split("_")[0]] if name in beyond else value for name, value in found.items()} | {"said": said}
 
 
-def _curve(e, window):
+def without_biases(said):
+    """What `wander` gives of a run that did not begin."""
+    return {f"{sensor}_{what}": most if "true" not in what else np.nan for sensor, most in ASTRAY.items()
+            for what in ("wander", "rms", "true", "wander_late", "true_late")} | {"said": said}
+
+
+def _over(period, t, estimate, true):
+    """(standard deviation of the estimate, its rms error, standard deviation of the true bias) over a period; inf, inf, NaN of what ended before."""
+    inside = (t >= period[0]) & (t <= period[1])
+    if not inside.any() or t[-1] < period[1] or not np.isfinite(estimate[inside]).all():
+        return np.inf, np.inf, np.nan
+    spread = lambda values: float(np.sqrt(values[inside].var(axis=0).sum()))
+    return spread(estimate), float(np.sqrt(((true - estimate)[inside] ** 2).sum(axis=1).mean())), spread(true)
+
+
+def curve(e, window):
     """(2, len(SINCE)) horizontal and vertical error at SINCE after the outage began, m; inf where there is no estimate."""
     rows = np.searchsorted(e.t, window[0] + SINCE - 1e-6)
     known = (rows < len(e.t)) & (np.abs(e.t[np.minimum(rows, len(e.t) - 1)] - window[0] - SINCE) < 0.5 * LAST)

@@ -25,8 +25,8 @@ RANKED = ("The filters are in the order of the mean logarithm of their horizonta
           "lead flatters it a little; a comparison of two filters that were named beforehand does not suffer from this. Shaded: the smallest of a "
           "column, of filters that were scored in equally many outages.")
 RATIOS = ("Geometric mean over the outages of the ratio of two RMSE on the same outage, left of 1 where the filter drifts less; with its 95 % "
-          "interval (Student's t over blocks of outages that begin within one length of each other, widened for what neighbouring blocks share). "
-          "Filled: the interval excludes 1. Logarithmic axes.")
+          "interval (Student's t over blocks of outages that begin before the first of them stops, widened for what neighbouring blocks share). "
+          "Where outages overlap the mean is that of the blocks. Filled: the interval excludes 1. Logarithmic axes.")
 GROWTH = "Median (line) and 10 to 90 % of the outages (shade). Logarithmic error axes."
 COVERAGE = ("Of the errors of position in the outages. Dashed: a normal error with the claimed standard deviation, 68.3, 95.4 and 99.7 %. "
             "Left of them the filter trusts itself too much, right of them too little.")
@@ -42,8 +42,8 @@ def page(comparison):
     place = lambda figure, heading, caption="": placed(next(numbers), figure, heading, caption) if figure is not None else ""
     sections = [(heading, make(comparison, place)) for heading, make in SECTIONS]
     title = f"{comparison.name or 'A recording'}: {counted(len(comparison.filters), 'filter')} in {counted(len(comparison.windows))}"
-    facts = {"recording": comparison.name, "outages": comparison.words, "withheld": ", ".join(comparison.kinds), "IMU": comparison.settings.get("imu", ""),
-             "software": f"strapdown {__version__}", "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"}
+    facts = {"recording": comparison.name, "outages": comparison.words, "withheld": ", ".join(comparison.kinds),
+             "IMU": comparison.settings.get("imu", ""), "software": f"strapdown {__version__}", "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"}
     return shell(title, listed(facts), [(heading, text) for heading, text in sections if text], FOOTER, style=STYLE, wide=True)
 
 
@@ -67,7 +67,8 @@ def _summary(comparison, place):
 
 
 def _outages(comparison, place):
-    drawn = [place(figures.outages(comparison, length), f"RMSE of each outage{of}", "Logarithmic error axes.") for length, of in _each_length(comparison)]
+    drawn = [place(figures.outages(comparison, length), f"RMSE of each outage{of}", "Logarithmic error axes.")
+             for length, of in _each_length(comparison)]
     return tables.of_outages(comparison) + "".join(drawn)
 
 
@@ -83,7 +84,8 @@ def _pairs(comparison, place):
 
 
 def _growth(comparison, place):
-    return _grid(*(place(figures.growth(comparison, length), f"Error over the time in the outage{of}", GROWTH) for length, of in _each_length(comparison)))
+    return _grid(*(place(figures.growth(comparison, length), f"Error over the time in the outage{of}", GROWTH)
+                   for length, of in _each_length(comparison)))
 
 
 def _single(comparison, place):
@@ -91,7 +93,7 @@ def _single(comparison, place):
 
 
 def _chosen(comparison):
-    """[(index, heading)] of the outages that are drawn in full: all of a few, else a median and the worst one by the mean log error of the filters."""
+    """[(index, heading)] of the outages that are drawn in full: all of a few, else a median and the worst one by the filters' mean log error."""
     label = lambda i: "{:.10g} to {:.10g} s".format(*comparison.windows[i])
     if len(comparison.windows) <= SHOWN:
         return [(i, f"Outage {i + 1}, {label(i)}") for i in range(len(comparison.windows))]

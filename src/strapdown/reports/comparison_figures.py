@@ -81,7 +81,8 @@ def _interval(figure, r, name, style, col):
     marker = {"color": filled, "symbol": style.symbol, "size": 10, "line": {"color": style.colour, "width": 2}}
     within = f" (95 %: {r.low:.3g} to {r.high:.3g})" if sure else ""
     said = f"%{{y}}: {r.value:.3g} times{within}; smaller in {r.wins} of {r.count} outages, {r.blocks} blocks<extra></extra>"
-    figure.add_trace(go.Scatter(x=[r.value], y=[name], error_x=error, mode="markers", showlegend=False, hovertemplate=said, marker=marker), row=1, col=col)
+    drawn = go.Scatter(x=[r.value], y=[name], error_x=error, mode="markers", showlegend=False, hovertemplate=said, marker=marker)
+    figure.add_trace(drawn, row=1, col=col)
 
 
 def _few(settings):

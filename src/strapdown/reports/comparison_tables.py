@@ -37,7 +37,8 @@ def summary(comparison):
         marks = np.array([_smallest(np.where(comparable, own[name], np.nan)) for _, name in shown]).reshape(len(shown), len(own))
         for i, (row, mark) in enumerate(zip(own.to_dict("records"), marks.T)):
             lead = [row["filter"], *([f"{row['length_s']:g}"] if several else []), f"{row['n']} of {row['n'] + row['failures']}"]
-            body += ("<tr>" if i or not body else "<tr class=rule>") + "".join(f"<td>{escape(text)}</td>" for text in lead) + _cells([row[name] for _, name in shown], mark, False) + "</tr>"
+            begin = ("<tr>" if i or not body else "<tr class=rule>") + "".join(f"<td>{escape(text)}</td>" for text in lead)
+            body += begin + _cells([row[name] for _, name in shown], mark, False) + "</tr>"
     head = "".join(f"<th>{escape(text)}</th>" for text in head)
     return f"<div class='scroll names'><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
 
@@ -62,7 +63,8 @@ def of_outages(comparison):
     names = "".join(f"<th{'' if i else ' class=split'}>{_breakable(name)}</th>" for _ in AXES for i, name in enumerate(comparison.filters))
     head = f"<tr><th rowspan=2>outage</th><th rowspan=2>time [s]</th>{axes}</tr><tr>{names}</tr>"
     line = lambda lead, row: f"<tr>{lead}{''.join(_cells(part, _smallest(part)) for part in np.split(row, len(AXES)))}</tr>"
-    body = "".join(line(f"<td>{i}</td><td>{start:.10g}–{stop:.10g}</td>", row) for i, ((start, stop), row) in enumerate(zip(comparison.windows, values), 1))
+    body = "".join(line(f"<td>{i}</td><td>{start:.10g}–{stop:.10g}</td>", row)
+                   for i, ((start, stop), row) in enumerate(zip(comparison.windows, values), 1))
     # NaN stays in these two: over other outages than the others' they would be no mean and median to compare
     foot = [("mean", values.mean(axis=0)), ("median", np.median(values, axis=0))] if len(values) > 1 and len(comparison.lengths) == 1 else []
     foot = "".join(line(f"<td colspan=2>{what}</td>", row) for what, row in foot)
@@ -92,8 +94,8 @@ def how(comparison):
               ("IMU", known["imu"]), ("noise", _noise(known["noise"]))]
     own = [[name, _options(known["options"][name]), ", ".join(known["sources"][name]) or "–", known["reference"][name]]
            for name in comparison.filters]
-    return ("<p>All filters had the same start, the same noise and the same fixes, of which the same were withheld.</p><div class=text>"
-            + table(["of all filters", ""], [row for row in common if row[1]]) + table(["filter", "options", "sources", "reference"], own) + "</div>")
+    return ("<p>All filters had the same start and the same noise, and were offered the same fixes, of which the same were withheld.</p>"
+            "<div class=text>" + table(["of all filters", ""], [row for row in common if row[1]]) + table(["filter", "options", "sources", "reference"], own) + "</div>")
 
 
 def _options(options):

@@ -13,7 +13,7 @@ class Ratio(NamedTuple):
     high: float
     wins: int           # outages in which the first is smaller
     count: int          # outages scored for both
-    blocks: int         # of outages that overlap, or begin within one length
+    blocks: int         # of outages that overlap
 
 
 def ratio(comparison, name, base, length, axis="horizontal"):
@@ -54,10 +54,11 @@ def _answer(comparison, length):
     if len(order) < 2:
         return f"Nothing was scored in {where}." if not order else f"Only {order[0]} was scored in {where}: there is nothing to compare it with."
     best, found = order[0], {name: ratio(comparison, name, order[0], length) for name in order[1:]}
-    blocks, alike = max(r.blocks for r in found.values()), [name for name, r in found.items() if not r.low > 1]
-    within = f"in {where}" + (f" ({blocks} blocks of those that overlap)" if blocks < count else "")
+    blocks, n = (max(getattr(r, part) for r in found.values()) for part in ("blocks", "count"))
+    alike = [name for name, r in found.items() if not r.low > 1]
+    within = f"in {where}" + (f" ({blocks} blocks of those that overlap)" if blocks < n else "")
     if blocks < 2:
-        why = "they overlap" if count > 1 else "it is only one"
+        why = "they overlap" if n > 1 else "it is only one"
         return (f"{best} has the smallest horizontal RMSE in {where}, {_times(found[order[1]])} that of {order[1]}, the next; but {why}, "
                 "so that it may be chance.")
     if not alike:

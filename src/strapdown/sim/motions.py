@@ -19,7 +19,7 @@ VERTICAL = {"flight": "climb", "sortie": "climb", "car": "gradient", "ship": Non
 MOST_LEGS, LONGEST = 5000, 10 * 86400.0
 """Legs, and s, of a motion at most."""
 _SLACK = 1.0        # s that a geodesic is solved for beyond its end, so that slopes there can be checked
-_GUSTS = {          # of a light aircraft in light turbulence: amplitude rad or m/s, period s, phase rad
+GUSTS = {           # of a light aircraft in light turbulence: amplitude rad or m/s, period s, phase rad
     "roll": ((1.5 * DEG, 5.3, 0.0), (0.5 * DEG, 1.9, 1.0)), "pitch": ((1.0 * DEG, 4.1, 0.5), (0.4 * DEG, 1.3, 2.0)),
     "heading": ((0.8 * DEG, 6.7, 1.5),),
     "speed": ((0.4, 11.0, 0.0), (0.2, 4.7, 2.5)), "down": ((0.4, 7.9, 1.0), (0.2, 3.1, 0.3))}
@@ -137,9 +137,9 @@ def flight(start, course, speed, legs, smoothing=2.0, roughness=1.0, name="fligh
 
     `roughness` scales sinusoidal gusts in attitude, speed and sink rate (1: light turbulence; 0: smooth air).
     """
-    flat = _flat(legs, "climb")
+    flat = flat_legs(legs, "climb")
     _check_flight(flat, speed)
-    return flown(start, *_profiles(flat, course, speed, smoothing), roughness, name)
+    return flown(start, *profiles(flat, course, speed, smoothing), roughness, name)
 
 
 def _check_flight(legs, speed):
@@ -158,7 +158,7 @@ def _check_flight(legs, speed):
 
 def flown(start, path, pace, climb, end, roughness, name):
     """The Motion of an aircraft from Profiles of course (rad), speed (m/s) and height (m, its slope alone is used)."""
-    gust = lambda t, what: roughness * waves(t, _GUSTS[what])
+    gust = lambda t, what: roughness * waves(t, GUSTS[what])
 
     def velocity(t):
         angle, v = path(t), pace(t) + gust(t, "speed")
@@ -177,7 +177,7 @@ def car(start, course, legs, speed=0.0, smoothing=0.7, roughness=1.0, name="car"
 
     `roughness` scales the shaking of the body, which grows with the speed and ends at a stop.
     """
-    path, pace, rise, end = _profiles(_flat(legs, "gradient"), course, speed, smoothing)
+    path, pace, rise, end = profiles(flat_legs(legs, "gradient"), course, speed, smoothing)
     shake = lambda t, what: roughness * (pace(t) / 15.0) * waves(t, _SHAKES[what])
 
     def velocity(t):
@@ -198,7 +198,7 @@ def ship(start, course, speed, legs, wave_height=2.0, wave_period=9.0, smoothing
     """
     if not (wave_height >= 0 and wave_period > 0):
         raise DataError(f"a sea has a wave height of 0 m or more and a period above 0 s, not {wave_height!r} m, {wave_period!r} s")
-    path, pace, _, end = _profiles(_flat(legs, None), course, speed, smoothing)
+    path, pace, _, end = profiles(flat_legs(legs, None), course, speed, smoothing)
     sea = lambda t, size, phase: waves(t, [(size * wave_height * share, wave_period * longer, phase + p) for share, longer, p in _SEA])
     surge = 2 * np.pi / wave_period         # from a displacement to its speed
 
@@ -212,8 +212,8 @@ def ship(start, course, speed, legs, wave_height=2.0, wave_period=9.0, smoothing
     return Motion(name, tuple(start), velocity, attitude, end)
 
 
-def _flat(legs, vertical):
-    """The legs with repeats written out; `vertical` is the key of their climb. Raises DataError."""
+def flat_legs(legs, vertical):
+    """[leg] with repeats written out, each with its climb (m/s or slope) under "climb"; `vertical` is the key of that, or None. Raises DataError."""
     found = []
     for number, leg in enumerate(legs, 1):
         if not isinstance(leg, dict):
@@ -225,7 +225,7 @@ def _flat(legs, vertical):
         if "legs" in leg or "repeat" in leg:
             if set(leg) != {"legs", "repeat"} or not isinstance(leg["repeat"], int) or leg["repeat"] < 1:
                 raise DataError(f"leg {number}: a repeat has a whole number from 1 as repeat, a list of legs, and nothing else")
-            inner = _flat(leg["legs"], vertical)
+            inner = flat_legs(leg["legs"], vertical)
             _bounded(len(found) + len(inner) * leg["repeat"])
             found += inner * leg["repeat"]
         else:
@@ -244,8 +244,8 @@ def _bounded(count):
         raise DataError(f"{count} legs, repeats written out; at most {MOST_LEGS} are flown")
 
 
-def _profiles(legs, course, speed, smoothing):
-    """(course, speed, height or rise, end s): Profiles along flat legs."""
+def profiles(legs, course, speed, smoothing):
+    """(course, speed, height or rise, end s): Profiles along `flat_legs`; course rad and speed m/s at first, smoothing s. Raises DataError."""
     if not legs or not smoothing > 0 or not 0 <= speed < np.inf:
         raise DataError(f"a motion by legs needs a leg or more, smoothing above 0 s and a speed from 0, not {len(legs)}, {smoothing!r}, {speed!r}")
     durations, turning, changing, climbing, now = [], [], [], [], float(speed)

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..data import DataError
 from .analytic import arctangent, cosine, lifted, sine, waves
-from .motions import _GUSTS, G, _flat, _profiles
+from .motions import GUSTS, G, flat_legs, profiles
 from .trajectory import DEG, Motion
 
 LIFT_OFF, ROTATION = 27.0, 2.0
@@ -24,11 +24,11 @@ def sortie(start, course, legs, speed=0.0, wind=0.0, wind_from=0.0, smoothing=2.
     """
     if not (0 <= wind < np.inf and np.isfinite(wind_from)):
         raise DataError(f"a wind blows with 0 m/s or more out of some direction, not with {wind!r} m/s out of {wind_from!r} rad")
-    flat = _flat(legs, "climb")
+    flat = flat_legs(legs, "climb")
     _check(flat, speed)
-    path, pace, climb, end = _profiles(flat, course, speed, smoothing)
+    path, pace, climb, end = profiles(flat, course, speed, smoothing)
     drift = (-wind * np.cos(wind_from), -wind * np.sin(wind_from))
-    gust = lambda t, what: roughness * waves(t, _GUSTS[what])
+    gust = lambda t, what: roughness * waves(t, GUSTS[what])
 
     def velocity(t):
         angle, lifted_off = path(t), airborne(pace(t))
