@@ -220,13 +220,16 @@ def test_a_small_study_writes_its_page(short_flight, monkeypatch, tmp_path):
     monkeypatch.setattr(alam, "ABLATIONS", {})
     monkeypatch.setattr(alam_convergence, "CASES", {"NLO, tilt-compensated course": Case("closed-loop"), "two-stage EKF": Case("closed-loop")})
     monkeypatch.setattr(alam, "QUICK_STARTS", 2)
-    monkeypatch.setattr(alam_recordings, "run", lambda *_: alam_recordings.NONE)
+    noted = alam_recordings.NONE._replace(notes=[("thor75", "2 fixes late"), ("thor75", "2 fixes late"), ("drive0708", "no rest")])
+    monkeypatch.setattr(alam_recordings, "run", lambda *_: noted)
     done = []
     claims = alam.reproduce(tmp_path, quick=True, runs=2, progress=done.append)
     assert done == sorted(done) and done[-1] == 1.0
     assert json.loads((tmp_path / "claims.json").read_text()) == claims and {claim["verdict"] for claim in claims} <= set(COLOURS)
     page = (tmp_path / "index.html").read_text()
-    assert "Figure 4e: accelerometer biases" in page and "2 seeds of the simulated flight" in page and "NaN ±" not in page
+    assert "Figure 4e: accelerometer biases" in page and "2 seeds of the simulated flight" in page and "NaN ±" not in page and "So few seeds decide little" in page
+    assert "2 seeds of IMU and receiver errors" in page and page.count("0.02 deg/s at 10 deg/s") == page.count("each 0.02 m/s²") == 1
+    assert page.count("<td>thor75</td><td>2 fixes late</td>") == 1 and "<td>drive0708</td><td>no rest</td>" in page
     assert {path.name for path in tmp_path.glob("*.csv")} >= {"redrawn.csv", "filters.csv", "outages.csv", "biases.csv", "convergence.csv"}
     text = (tmp_path / "findings.md").read_text()
     docs = tmp_path / "alam.md"

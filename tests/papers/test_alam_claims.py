@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 from strapdown.consistency import proportion
-from strapdown.papers import alam, alam_claims
+from strapdown.papers import alam, alam_choices, alam_claims
 from strapdown.papers.alam_claims import Evidence
 from strapdown.papers.alam_convergence import CASES
 from strapdown.papers.alam_pairs import against, any_better, wide
@@ -119,12 +119,36 @@ def test_a_heading_correction_that_explains_nothing():
 
 
 def test_a_course_that_does_as_much_in_the_east_explains_nothing_of_the_north():
-    """Both lose it: the EKF is better in the north of one outage, no longer without course, by as much in the east, which leaves that open."""
-    table = scores(RIGHT, north={"outage 1": {EKF: 5.0, EKF_NO_COURSE: 30.0}}, places=PLACES[:1])
+    """Both lose it: the EKF is better in the north of two outages, no longer without course, by as much in the east, which leaves that open."""
+    table = scores(RIGHT, north=MIXED, places=PLACES[:2])
     assert alam_claims.heading_correction(GOOD._replace(tables=wide(table)))["verdict"] == REPRODUCED
     table.loc[table["filter"] == EKF_NO_COURSE, "east_rmse_m"] *= 6.3       # 30 / 5, and some more
     found = alam_claims.heading_correction(GOOD._replace(tables=wide(table)))
-    assert found["verdict"] == UNDECIDED and "0 of 1 cells for it, 0 against, 1 open" in found["measured"]
+    assert found["verdict"] == UNDECIDED and "0 of 2 cells for it, 0 against, 2 open" in found["measured"]
+
+
+def test_one_cell_is_too_little_to_judge_the_heading_correction():
+    """Its course explains the only north cell in which the EKF is better, or does not."""
+    for without, says in ((30.0, "1 of 1 cells for it"), (5.0, "0 of 1 cells for it, 1 against")):
+        table = scores(RIGHT, north={"outage 1": {EKF: 5.0, EKF_NO_COURSE: without}})
+        found = alam_claims.heading_correction(GOOD._replace(tables=wide(table)))
+        assert found["verdict"] == UNDECIDED and says in found["measured"]
+
+
+def test_lists_of_ratios_say_what_stands_over_what():
+    found = alam_claims.claims(GOOD)
+    assert "; EKF / XKF: outage 1 " in found[2]["measured"] and all("; XKF / EKF: outage 1 " in found[k]["measured"] for k in (5, 6, 7))
+    assert "accelerometers: EKF / XKF " in found[3]["measured"] and "in the north, XKF / NLO: outage 1 " in found[11]["measured"]
+    assert "outage 3 " not in found[9]["measured"]
+    headings = [heading for _, heading, _ in alam.shown(SCORES, GOOD.biases, GOOD.converged)]
+    named = [part.replace("table ", "").strip('"') for each in found for part in each["decided_by"].split("; ") if not part.startswith("figure")]
+    assert len(named) == 6 and all(any(heading.startswith(name) for heading in headings) for name in named)
+
+
+def test_the_choices_say_how_many_seeds_there_are():
+    for count, text in ((1, "1 seed of"), (50, "50 seeds of")):
+        here = alam_choices.table(count).set_index("what")["here"]
+        assert here["number of flights"].startswith(text) and not here.str.contains("[`{]").any()
 
 
 def test_the_heading_correction_is_judged_with_both_filters_without_course():
@@ -197,7 +221,7 @@ def test_what_is_stabilised_is_so_in_the_last_ten_minutes(late, verdict):
 
 def test_half_as_much_again_is_not_significantly_more():
     found = alam_claims.biases_vary(GOOD._replace(biases=biases((0.015, 1.5e-3), (0.01, 1e-3))))
-    shown = float(found["measured"].removeprefix("accelerometers: ").split(" ")[0])
+    shown = float(found["measured"].removeprefix("accelerometers: EKF / XKF ").split(" ")[0])
     assert found["verdict"] == NOT_REPRODUCED and shown == pytest.approx(1.5, rel=0.02)
     one = alam_claims.biases_vary(GOOD._replace(biases=biases((0.03, 1.5e-3), (0.01, 1e-3))))
     assert one["verdict"] == PARTLY
@@ -216,6 +240,6 @@ def test_tables_for_people():
         assert printed == published and float(text.partition(" ± ")[0]) == pytest.approx(ours, rel=0.05)
     assert len(shown["redrawn"]) == 7 and "/" not in shown["redrawn"].iloc[5]["north, EKF, m"] and list(GOOD.tables) == list(PLACES)
     assert list(shown["filters"]["filter"]) == list(FILTERS | ABLATIONS) and set(shown["filters"]["lost"]) == {f"0 of {7 * SEEDS}"}
-    assert len(shown["ablations"]) == 3 * len(ABLATIONS) and len(shown["biases"]) == len(FILTERS | ABLATIONS)
+    assert len(shown["ablations"]) == 3 * len(ABLATIONS) + 3 and len(shown["biases"]) == len(FILTERS | ABLATIONS)
     by = shown["convergence"].set_index("filter")["below 10 deg from some time to 60 s"]
     assert by["two-stage EKF"] == "20 of 100" and by["closed loop"] == "100 of 100"

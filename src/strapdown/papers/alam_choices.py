@@ -2,14 +2,14 @@
 
 CHOICES = (
     ("the flight", "33 minutes in a Slingsby T67C; its data are not public",
-     "simulated, the built-in scenario `alam`: the stated duration, phases, heights, rates and accelerations; path, speeds, 5 m/s of "
+     "simulated, the built-in scenario alam: the stated duration, phases, heights, rates and accelerations; path, speeds, 5 m/s of "
      "wind and light gusts are ours; and two public recordings, thor75 (fixed-wing UAV) and drive0708 (car)"),
     ("accelerations \"−5.2 g and +2.3 g\"", "no axis, no sign convention",
      "specific force along the body's z axis, downwards: −1 g in level flight; reached in pull-ups and push-overs with level wings, "
      "while turns are coordinated"),
     ("rates to ±50 deg/s", "no axis", "roll rate in reversals of steep turns"),
     ("DMU-10", "\"commercial grade\", no figures",
-     "the grade `dmu10`: noise and bias instability of its class, turn-on biases, scale factors and misalignments assumed; no "
+     "the grade dmu10: noise and bias instability of its class, turn-on biases, scale factors and misalignments assumed; no "
      "vibration of the engine, no temperature"),
     ("MAX8W receiver", "5 Hz, no figures",
      "5 Hz, white errors: 2.1 m horizontally (2.5 m CEP), 3.5 m vertically, 0.1 and 0.15 m/s; no wander of the position, no latency; "
@@ -37,7 +37,7 @@ CHOICES = (
      "the last 30 s of each full interval; position and velocity withheld; all five in one run"),
     ("RMSE", "\"during the GNSS outages\"", "over the 30 s, at 10 Hz; the errors at the end beside it"),
     ("attitude, velocity, biases", "plots alone", "scored too; the wander of the bias estimates is their standard deviation over time"),
-    ("number of flights", "one", "50 seeds of IMU and receiver errors on one path"),
+    ("number of flights", "one", "{seeds} of IMU and receiver errors on one path"),
     ("a filter that diverges", "not mentioned",
      "stays in the table and counts with 10 km and 1 km/s, the wander of its bias estimates with 100 times the turn-on biases"),
     ("\"rapidly\", \"significantly\", \"stabilised\"", "not quantified", "twice as far, twice as much, a fifth of the turn-on bias"),
@@ -45,10 +45,11 @@ CHOICES = (
      "all 30 s windows inside 240 to 575 s that begin every 5 s, each a run of its own; windows that overlap the first of a block are in that block; "
      "neighbouring blocks overlap too, and the interval over blocks is widened for it"),
     ("drive0708", "", "nine windows of 15 s, all in one run"))
-"""(what, in the paper, here)."""
+"""(what, in the paper, here); {seeds}: how many the page has."""
 
 
-def table():
-    """The choices as a pandas DataFrame of text."""
+def table(count):
+    """The choices as a pandas DataFrame of text, of a study with `count` seeds."""
     import pandas as pd
-    return pd.DataFrame(CHOICES, columns=["what", "in the paper", "here"])
+    seeds = f"{count} seed{'s' if count > 1 else ''}"
+    return pd.DataFrame([(*row, here.replace("{seeds}", seeds)) for *row, here in CHOICES], columns=["what", "in the paper", "here"])

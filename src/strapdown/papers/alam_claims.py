@@ -1,7 +1,8 @@
 """What Alam et al. claim of NLO, two-stage EKF and XKF, each claim decided by a rule from the tables of runs.
 
 The rules were written before any of the filters had run on the simulated flight. Corrected after a review, before the full study: some_cases, north
-(Bonferroni's level) and heading_correction (both filters without course, north against east). None was changed for its verdict.
+(Bonferroni's level) and heading_correction (both filters without course, north against east). Tightened after runs with
+few seeds: heading_correction needs two cells. None was changed for its verdict.
 """
 from typing import NamedTuple
 
@@ -21,6 +22,8 @@ TWICE = 2.0
 STEADY = {sensor: 0.2 * size for sensor, size in TURN_ON.items()}
 """m/s^2 and rad/s: a fifth of the turn-on biases of the IMU; a bias estimate that wanders less over the last ten minutes is stabilised."""
 LOST = "a run that stops or diverges counts with 100 times the turn-on biases"
+ENOUGH = 2
+"""Cells in which the EKF is better in the north that its explanation is judged with: one alone may be chance."""
 NEAR = 2.0
 """m: by how much XKF and NLO differ at most in the published Table 1."""
 BY_CHOICE = ("Largely a consequence of a choice made here: stage 2 of xkf-two-stage is driven by the observer's attitude, so that in an outage its "
@@ -77,7 +80,7 @@ def diverges_rapidly(e):
     return finding("Without GNSS the position and velocity estimates of the EKF diverge rapidly, those of the XKF slowly.", "4",
                    f"at the end of the outage the EKF is at least {TWICE:g} times as far off as the XKF (whole 95 % interval), horizontally and "
                    f"in velocity; {RULE}; both parts must hold",
-                   f"Position: {position} ({listed(e.tables, 'horizontal_end_m', EKF, XKF)}). Velocity: {velocity}. In the published table the "
+                   f"Position: {position}; {listed(e.tables, 'horizontal_end_m', EKF, XKF)}. Velocity: {velocity}. In the published table the "
                    f"horizontal RMSE is {TWICE:g} times as large in {int((ekf >= TWICE * xkf).sum())} of {OUTAGES} outages",
                    both(position.verdict, velocity.verdict), "figures 2, 4")
 
@@ -107,12 +110,12 @@ def biases_vary(e):
         found = _bias(e.biases, f"{sensor}_wander", EKF, XKF)
         verdicts.append(REPRODUCED if found.low > np.log(TWICE) else NOT_REPRODUCED if found.high < np.log(TWICE) else UNDECIDED)
         values = ", ".join(f"{name} {_middle(e.biases, name, f'{sensor}_wander') * scale:.2g}" for name in (EKF, NLO, XKF, FULL))
-        texts.append(f"{title}: {np.exp(found.difference):.3g} ({np.exp(found.low):.3g} to {np.exp(found.high):.3g}); {values} {unit}, the "
-                     f"true biases {float(e.biases[f'{sensor}_true'].median()) * scale:.2g}")
+        texts.append(f"{title}: {EKF} / {XKF} {np.exp(found.difference):.3g} ({np.exp(found.low):.3g} to {np.exp(found.high):.3g}); {values} {unit}, "
+                     f"the true biases {float(e.biases[f'{sensor}_true'].median()) * scale:.2g}")
     return finding("The bias estimates of accelerometers and gyros vary significantly more with the EKF than with the XKF.", "4",
                    f"the standard deviation over time of the estimates, from 600 s to the touchdown, is more than {TWICE:g} times the XKF's "
                    f"(geometric mean over the seeds, whole 95 % interval); {LOST}; both sensors must hold",
-                   "; ".join((*texts, _runs(e.biases))), both(*verdicts), "figures 4b, 4e")
+                   "; ".join((*texts, _runs(e.biases))), both(*verdicts), 'figures 4b, 4e; table "Wander of the bias estimates"')
 
 
 def _wanders(biases, name, sensor, more):
@@ -133,14 +136,14 @@ def biases_stabilised(e):
     return finding("Biases do not vary as fast as the EKF estimates them: its bias estimation is not stabilised, the XKF's is.", "4; 5",
                    "the estimates' standard deviation over the last ten minutes of the flight is above a fifth of the turn-on biases with the "
                    f"EKF and below it with the XKF, in more than half of the seeds (Wilson), for both sensors; {LOST}; all four parts must hold",
-                   "; ".join((*texts, _runs(e.biases))), both(*verdicts), "figures 4b, 4e")
+                   "; ".join((*texts, _runs(e.biases))), both(*verdicts), 'figures 4b, 4e; table "Wander of the bias estimates"')
 
 
 def _axis(e, axis):
     """(Count, text) of the XKF against the EKF on an axis."""
     measure = f"{axis}_rmse_m"
     count = sides(e.tables, [measure], XKF, EKF)
-    return count, (f"{count}: {listed(e.tables, measure, XKF, EKF)}; {won(e.tables, measure, XKF, EKF)}. With 15 states: "
+    return count, (f"{count}; {listed(e.tables, measure, XKF, EKF)}; {won(e.tables, measure, XKF, EKF)}. With 15 states: "
                    f"{sides(e.tables, [measure], FULL, EKF)}")
 
 
@@ -194,13 +197,13 @@ def heading_correction(e):
     wins = [case for case, table in e.tables.items() if ratio(table, "north_rmse_m", EKF, XKF).side == 1]
     found = [_explained(e.tables[case]) for case in wins]
     count = Count(found.count(1), found.count(-1), len(found))
-    texts = [f"{axis} {listed(e.tables, f'{axis}_rmse_m', EKF_NO_COURSE, XKF_NO_COURSE)}" for axis in AXES[:2]]
     return finding("The north results might be due to the heading correction of the EKF from the GNSS velocity.", "4 (a guess of the authors)",
                    f"where the EKF is better than the XKF in the north, it surely no longer is when neither has a course measurement, and "
                    f"it loses more against the XKF in the north than in the east (whole 95 % interval of the difference of log ratios): supports; "
-                   f"still better without: contradicts; else open; not decidable where it is nowhere better; {RULE}",
+                   f"still better without: contradicts; else open; not decidable where it is better in fewer than {ENOUGH} cells; {RULE}",
                    f"EKF better in the north in {len(wins)} of {len(e.tables)} cases ({', '.join(wins) or 'none'}); its course explains "
-                   f"that: {count}. RMSE of the EKF against the XKF, both without course: {'. '.join(texts)}", count.verdict, "table ablations")
+                   f"that: {count}. The ratios of both without course are in the table", count.verdict if len(found) >= ENOUGH else UNDECIDED,
+                   'table "Ablations"')
 
 
 def least(e):
@@ -221,9 +224,9 @@ def like_the_observer(e):
     return finding("(Read off Table 1, not said:) the XKF is within 2 m of the NLO in all 15 cells; its Kalman filter adds little to the observer.",
                    "Table 1",
                    f"the mean difference of RMSE is within {NEAR:g} m (whole 95 % interval); {RULE}",
-                   f"{count}. Median of the mean differences {size(found)}; RMSE of the XKF against the NLO: north "
+                   f"{count}. Median of the mean differences {size(found)}; RMSE in the north, "
                    f"{listed(e.tables, RMSE[0], XKF, NLO)}. With 15 states the differences are {size(full)}. {BY_CHOICE}",
-                   count.verdict, "table redrawn")
+                   count.verdict, "Table 1 redrawn")
 
 
 def _converged(e, label):
@@ -246,7 +249,7 @@ def inherits_stability(e):
                    f"from 170 deg of attitude error about a random axis and 0.05 rad/s of gyro bias, below {BELOW:g} deg within {WITHIN:g} s "
                    f"and to their end: reproduced where NLO and XKF converge from 97 % of the starts or more, not reproduced where the XKF does "
                    f"from fewer than the NLO (Wilson's intervals apart); both forms of the XKF must hold",
-                   "; ".join(texts), both(*verdicts) if verdicts else UNDECIDED, "table convergence")
+                   "; ".join(texts), both(*verdicts) if verdicts else UNDECIDED, 'table "Starts 170 deg off"')
 
 
 def no_guarantee(e):
@@ -255,4 +258,4 @@ def no_guarantee(e):
     verdict = REPRODUCED if share.high < 0.97 else NOT_REPRODUCED if share.value >= 0.97 else UNDECIDED
     return finding("The EKF has no guarantee of stability.", "Abstract; 1",
                    "the same starts: reproduced where the two-stage EKF converges from fewer than 97 % (Wilson's interval below); not reproduced "
-                   "where it does from that many, which is no proof of the contrary", text, verdict, "table convergence")
+                   "where it does from that many, which is no proof of the contrary", text, verdict, 'table "Starts 170 deg off"')

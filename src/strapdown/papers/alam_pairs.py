@@ -139,12 +139,12 @@ def published_wins(axis, first=XKF, second=EKF):
 
 
 def listed(tables, measure, first, second):
-    """Text: the ratio of every case."""
-    return "; ".join(f"{case} {ratio(table, measure, first, second)}" for case, table in tables.items())
+    """Text: what over what, and the ratio of every case; empty without cases."""
+    return f"{first} / {second}: " * bool(tables) + "; ".join(f"{case} {ratio(table, measure, first, second)}" for case, table in tables.items())
 
 
 def won(tables, measure, first, second):
     """Text: share of the simulated outages in which the first filter's measure is smaller."""
     found = [ratio(table, measure, first, second) for case, table in tables.items() if case.startswith("outage ")]
     count = sum(each.count for each in found)
-    return f"smaller in {sum(each.wins for each in found) / count:.0%} of {count} simulated outages" if count else "no simulated outage"
+    return f"{first} smaller in {sum(each.wins for each in found) / count:.0%} of {count} simulated outages" if count else "no simulated outage"
