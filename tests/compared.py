@@ -30,7 +30,7 @@ def made(sizes, windows=LIST, failed=(), sweep=False, silent=(), seed=1, spread=
             rows.append(head | ({key: np.nan for key in row} if lost else row) | last)
             tracks[name].append(None if lost else track)
     words = "made-up windows, each a run of its own" if sweep else f"{len(windows)} outages of a list, all in one run"
-    settings = {"imu": "made-up imu", "noise": NOISE, "start": START, "kinds": ["position"], "withheld": {"gnss": 30 * len(windows), "other": 0},
+    settings = {"imu": "made-up imu", "noise": NOISE, "start": START, "kinds": ["position"], "withheld": {"gnss": 30 * len(windows), "other": 0}, "kept": {},
                 "options": {name: {"interval": 60.0, "model": "true"} for name in sizes}, "sources": {name: ["gnss"] for name in sizes},
                 "reference": {name: "A Book (1999)" for name in sizes}}
     given = {"name": "made-up flight", "notes": ("one note",)} | more

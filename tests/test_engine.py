@@ -208,6 +208,14 @@ def test_a_start_that_is_none():
             sd.fuse(flight(), start=wrong)
 
 
+@short
+def test_a_noise_that_is_none():
+    good = sd.grade("tactical").noise()
+    for wrong in (good._asdict(), tuple(good), 0, 5, good._replace(gyro="small"), good._replace(accel=None)):
+        with pytest.raises(DataError, match="it must be a Noise of numbers, such as an ImuSpec gives"):
+            sd.fuse(flight(), noise=wrong)
+
+
 def test_an_imu_that_nobody_named():
     recording = replace(flight(), meta={})
     with pytest.raises(DataError) as error:

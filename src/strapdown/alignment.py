@@ -47,7 +47,7 @@ def align(recording, imu, heading=None, heading_sd=np.radians(2.0), at=None, pos
         return _attitude_start(recording, imu, given, recording.span[0] if at is None else at)
     position = _source(recording, "position")
     if position is None:
-        raise DataError("no position fix to start from: add a position aiding, or give start=, "
+        raise DataError("no position fix to start from: add a position aiding, or give start= (in Python), "
                         "or choose a filter of attitude alone (attitude-mekf, mahony, vru)")
     velocity = _source(recording, "velocity")
     b_a_sd, b_g_sd = imu.bias_sd()
@@ -91,7 +91,7 @@ def _attitude_start(recording, imu, given, t):
     record = _recorded(recording, t, bg)
     if force.off > WEIGHTLESS and not record:
         raise DataError(f"cannot level: the mean specific force at {t:.2f} s is {np.linalg.norm(force.f):.3g} m/s^2, far from gravity; "
-                        "start elsewhere, or give start=")
+                        "start elsewhere, or give start= (in Python)")
     if record:
         roll, pitch, level_sd, level_note = _level_recorded(record, psi)
     elif still or age <= 0:

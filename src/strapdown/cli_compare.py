@@ -69,7 +69,8 @@ def show(found):
     from .reports.comparison_words import counted, sentences
     for note in found.notes:
         print(f"note: {note}")
-    print(f"{found.words}: {counted(len(found.windows))}, without {' and '.join(found.kinds)}")
+    count = "" if "outage" in found.words else f": {counted(len(found.windows))}"     # that of a list counts them itself
+    print(f"{found.words}{count}, without {' and '.join(found.kinds)}")
     start = found.settings["start"]
     print(f"start of all filters at {start['t']:.2f} s: {start['note']}")
     if are_listed(found):

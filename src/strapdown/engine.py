@@ -218,7 +218,12 @@ def assumed_noise(imu, noise, needed):
     if imu is None and (noise is None or needed):
         raise DataError(f"the recording does not name its IMU: give imu=, one of {', '.join(grades())}, or a file that describes it")
     spec = None if imu is None else grade(imu)
-    return type(noise)(*map(float, noise)) if noise else spec.noise(), spec
+    if noise is None:
+        return spec.noise(), spec
+    try:
+        return Noise(*map(float, noise if isinstance(noise, Noise) else None)), spec
+    except (TypeError, ValueError):
+        raise DataError(f"noise is {noise!r}; it must be a Noise of numbers, such as an ImuSpec gives") from None
 
 
 def _checked(start, noise):

@@ -10,6 +10,7 @@ from recordings import flight, rows, turning
 
 import strapdown as sd
 from strapdown.comparison import runs
+from strapdown.comparison.compare import _events
 from strapdown.core.contract import Imu
 from strapdown.data import DataError, Trajectory
 from strapdown.metrics import moving_windows
@@ -220,7 +221,7 @@ def test_bad_input_is_refused_in_a_line(given, said):
 
 @pytest.mark.parametrize("change, said", [
     (lambda reference: None, "no reference"), (lambda reference: replace(reference, lla=np.full_like(reference.lla, np.nan)), "has no position"),
-    (lambda reference: replace(reference, t=reference.t + 1000), "reference covers no time of it"),
+    (lambda reference: replace(reference, t=reference.t + 1000), r"the reference covers 10\d\d\S* to 1020 s, the recording 0 to 20 s; check its clock"),
     (lambda reference: replace(reference, t=reference.t - 18), "reference")])
 @pytest.mark.short
 def test_a_reference_that_cannot_score_is_refused(change, said):
@@ -234,8 +235,27 @@ def test_a_recording_without_an_imu_grade_or_positions_is_refused():
     bare = replace(flight(20.0), meta={})
     with pytest.raises(DataError, match="does not name its IMU"):
         sd.compare(bare, ["closed-loop"], "8:12")
-    with pytest.raises(DataError, match="without the fixes of the outages: no position fix to start from"):
-        sd.compare(flight(20.0), ["closed-loop"], [(0.0, 20.0)])
+    with pytest.raises(DataError, match="no position fix to start from"):
+        sd.compare(replace(flight(20.0), aidings=()), ["closed-loop"], "8:12")
+
+
+@pytest.mark.parametrize("outages", ["3:", "3:19,19.5:20", "2@3:20/2", "3/4", [(0.0, 20.0)]])
+@pytest.mark.short
+def test_an_outage_before_the_alignment_of_all_fixes_is_refused(outages):
+    """A flight whose fixes begin late: without those of the outage it could start later, or not at all."""
+    made = flight(20.0)
+    late = replace(made, aidings=tuple(a.between(5.0, 99.0) for a in made.aidings))
+    with pytest.raises(DataError, match=r"begins before the alignment is done, at 5 s; give later outages \(or, in Python"):
+        sd.compare(late, ["closed-loop"], outages)
+
+
+def test_events_are_noted_by_kind_with_the_range_of_their_numbers():
+    """Times are of the run, so "here" has no meaning in a note."""
+    held = lambda seconds: (9.0, f"held for {seconds} s in all, first here")
+    gnss = (9.0, "GNSS2: left out from here until 1 passes")
+    results = [[({}, None, [held(21.9), held(3)]), ({}, None, [held("1e-05"), gnss]), "stopped"], ["stopped", ({}, None, [held(3)]), "stopped"]]
+    assert _events(["a", "b"], results) == ["in the runs with outages: held for 1e-05 to 21.9 s in all (runs: a 2, b 1)",
+                                            "in the runs with outages: GNSS2: left out until 1 passes (runs: a 1)"]
 
 
 # ---- around it

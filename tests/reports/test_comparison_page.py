@@ -11,7 +11,7 @@ from test_page import CHROMIUM, browse
 from strapdown.geodesy import displacement
 from strapdown.reports import comparison_figures as figures
 from strapdown.reports.comparison import page
-from strapdown.reports.comparison_words import answers, failures, ranked, ratio, sentences
+from strapdown.reports.comparison_words import answers, failures, ranked, ratio, sentences, unlike
 
 pytestmark = pytest.mark.short
 EIGHT = {f"filter-{i}": 10.0 * 1.5 ** i for i in range(8)}
@@ -75,8 +75,8 @@ def test_nothing_is_fetched_and_names_are_unique(pages):
 def test_the_best_is_named_with_its_lead():
     text, = answers(CLEAR)
     r = ratio(CLEAR, "worse", "best", 30.0)
-    assert text == (f"best drifts least in 4 outages: its horizontal RMSE is {1 / r.value:#.3g} "
-                    f"(95 %: {1 / r.high:#.3g} to {1 / r.low:#.3g}) times that of worse, the next.")
+    assert text == (f"best drifts least in 4 outages: best's horizontal RMSE is {1 / r.value:#.3g} times as large as worse's "
+                    f"(95 %: {1 / r.high:#.3g} to {1 / r.low:#.3g}), the next.")
     assert ranked(CLEAR, 30.0) == ["best", "worse", "worst"] and 0.4 < 1 / r.value < 0.6
 
 
@@ -92,14 +92,25 @@ def test_a_ratio_turns_round():
 def test_what_the_data_do_not_tell_is_said():
     assert answers(ALIKE)[0].startswith("The data do not tell the filters apart: ") and "worst" not in answers(ALIKE)[0]
     partly = made({"a": 10.0, "b": 10.1, "c": 40.0, "d": 50.0}, spread=0.1)
-    words = r"but the data do not tell it apart from [ab] \(ratio 1\.\d\d, 95 %: [\d.]+ to [\d.]+\); c and d drift more\.$"
-    assert re.search(words, answers(partly)[0])
+    words = r"but the data do not tell it apart from ([ab]): ([ab])'s horizontal RMSE is (0\.9\d+) times as large as \1's \(95 %: [\d.]+ to [\d.]+\); c and d drift more\.$"
+    other, best, value = re.search(words, answers(partly)[0]).groups()
+    assert other != best and float(value) == pytest.approx(ratio(partly, best, other, 30.0).value, rel=1e-2)
     assert "but it is only one, so that it may be chance" in answers(ALL["one outage"])[0] and "95 %" not in answers(ALL["one outage"])[0]
     assert answers(ALL["one filter"]) == ["Only alone was scored in 4 outages: there is nothing to compare it with."]
     first, second = answers(LENGTHS)
     assert "20 outages of 10 s" in first and "20 outages of 30 s (7 blocks of those that overlap)" in second
     mixed = made({"a": 10.0, "b": 20.0, "c": 30.0}, [(200, 210), (220, 310), (320, 490), (500, 510)], failed=[(name, 4) for name in "abc"])
     assert "blocks" not in answers(mixed)[0] and "95 %" in answers(mixed)[0]       # in one run nothing overlaps
+
+
+def test_sources_that_only_some_use_are_named():
+    some = made({"a": 1.0, "b": 2.0, "c": 3.0, "lost": 4.0})
+    sources = {"a": ["gnss", "baro", "mag"], "b": ["gnss", "mag"], "c": ["gnss", "baro"], "lost": []}
+    some.settings.update(sources=sources, kept={"baro": "pressure", "mag": "magnetic-field"})
+    said = ["In the outages a and c also used baro, which b did not, so vertical errors do not compare.",
+            "In the outages a and b also used mag, which c did not, so mind this where errors are compared."]
+    assert unlike(some) == said == sentences(some)[1:] and all(own(page(some)).count(text) == 2 for text in said)
+    assert unlike(CLEAR) == []
 
 
 def test_who_failed_is_named_with_the_reason(pages):

@@ -1,6 +1,8 @@
 """Filters side by side on the same outages of a recording: one start, one noise, the same sources and the same fixes withheld for all."""
 import inspect
+import re
 from collections.abc import Iterable
+from functools import cache
 from os import cpu_count
 
 import numpy as np
@@ -17,6 +19,10 @@ from .scores import known_reference, outages_of
 
 FIXES = "position", "velocity"
 """Kinds of aiding that an outage of GNSS withholds."""
+NUMBER = re.compile(r"(?<![\w.-])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?!\w)")
+"""A number in the text of an event."""
+HERE = re.compile(r",? (?:first|from) here\b")
+"""What the text of an event refers to its time by."""
 
 
 def compare(recording, filters=None, outages="30/300", imu=None, start=None, noise=None, kinds=FIXES, ahrs=None, threads=None, say=None,
@@ -39,10 +45,13 @@ def compare(recording, filters=None, outages="30/300", imu=None, start=None, noi
     if noise is not None and not isinstance(noise, Noise):
         raise DataError(f"noise is {noise!r}; it must be a Noise, such as an ImuSpec gives")
     _check_ahrs(ahrs)
+    from ..alignment import align
     reference = known_reference(recording)
     spec = assumed_noise(recording.meta.get("grade") if imu is None else imu, noise, needed=start is None)[1]
     end = min(recording.span[1], float(reference.t[-1]))
-    made = protocol(outages, recording.span, end, lambda: (start or _aligned(recording, spec)).t + SETTLING)
+    whole = cache(lambda: start or align(recording, spec))
+    made = protocol(outages, recording.span, end, lambda: whole().t + SETTLING)
+    before_start(made, whole())     # without the fixes of an early outage an alignment would wait, or begin with less than there is
     hidden = recording.hidden(made.windows, kinds)
     start = start or _aligned(hidden, spec)
     before_start(made, start)
@@ -140,6 +149,7 @@ def _settings(common, entrants, ways, spec):
     defaults = lambda filter: {name: option.default for name, option in list(inspect.signature(filter.start).parameters.items())[2:]}
     return {"imu": spec.name if spec else "", "noise": noise._asdict(), "start": common.start._asdict(), "kinds": list(common.kinds),
             "withheld": _withheld(common),
+            "kept": {a.name or a.kind: a.kind for _, run in ran if run for a in run.recording.aidings if a.kind not in common.kinds},
             "options": {e.label: defaults(e.filter) | (run.options if run else e.options) for e, run in ran},
             "sources": {e.label: [a.name or a.kind for a in run.recording.aidings] if run else [] for e, run in ran},
             "reference": {e.label: e.filter.reference for e, _ in ran}}
@@ -166,10 +176,20 @@ def _said(common, entrants, ways):
 
 
 def _events(labels, results):
-    """A note per event of the outages, with how often which filters had it."""
+    """A note per kind of event of the outages, with the range of its numbers and in how many runs which filters had it."""
     found = {}
     for label, own in zip(labels, results):
-        for text in [text for each in own if not isinstance(each, str) for _, text in each[2]]:
-            had = found.setdefault(text, {})
-            had[label] = had.get(label, 0) + 1
-    return [f"in the outages: {text} ({', '.join(f'{label} {count}' for label, count in had.items())})" for text, had in found.items()]
+        for run, each in enumerate(own):
+            for text in () if isinstance(each, str) else [HERE.sub("", text) for _, text in each[2]]:
+                numbers, had = found.setdefault(NUMBER.sub("\0", text), ([], {}))
+                numbers.append(NUMBER.findall(text))
+                had.setdefault(label, set()).add(run)
+    runs = lambda had: ", ".join(f"{label} {len(seen)}" for label, seen in had.items())
+    return [f"in the runs with outages: {_ranged(text, numbers)} (runs: {runs(had)})" for text, (numbers, had) in found.items()]
+
+
+def _ranged(text, numbers):
+    """`text` with each NUL replaced by the smallest and the largest of the texts of numbers, [[text per NUL] per event], at its place."""
+    ends = [sorted(column, key=float) for column in zip(*numbers)]
+    ranges = iter(own[0] if float(own[0]) == float(own[-1]) else f"{own[0]} to {own[-1]}" for own in ends)
+    return re.sub("\0", lambda _: next(ranges), text)

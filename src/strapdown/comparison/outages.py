@@ -170,4 +170,4 @@ def before_start(made, start):
     if first <= start.t + ROUNDING:
         window = next(window for window in made.windows if window[0] == first)
         raise DataError(f"outage {named(window)} begins before the alignment is done, at {start.t:.10g} s; "
-                        "give later outages, or a start= before them")
+                        "give later outages (or, in Python, a start= before them)")

@@ -28,7 +28,7 @@ class Comparison:
     tracks: dict                    # {label: [scores.Track or None per outage]}
     reference: Trajectory           # rows whose position is known
     span: tuple                     # (start of the filters, end of the recording), s
-    settings: dict = field(default_factory=dict)    # imu, noise, start, kinds, withheld, and per filter options, sources
+    settings: dict = field(default_factory=dict)    # imu, noise, start, kinds, withheld, kept, and per filter options, sources
     notes: tuple = ()
 
     @cached_property

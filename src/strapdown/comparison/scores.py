@@ -63,6 +63,9 @@ def known_reference(recording):
     known = np.isfinite(reference.lla).all(axis=1)
     if known.sum() < 2:
         raise DataError("the reference has no position, and outages are scored by position: add one to it")
+    (first, last), (begin, end) = reference.t[known][[0, -1]], recording.span
+    if last < begin or first > end:
+        raise DataError(f"the reference covers {first:.10g} to {last:.10g} s, the recording {begin:.10g} to {end:.10g} s; check its clock")
     part = lambda values: None if values is None else values[known]
     return Trajectory(reference.t[known], reference.lla[known], part(reference.v_n), part(reference.q_nb))
 

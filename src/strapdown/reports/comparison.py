@@ -8,7 +8,7 @@ import numpy as np
 from .. import __version__
 from . import comparison_figures as figures
 from . import comparison_tables as tables
-from .comparison_words import answers, counted, failures, ranked
+from .comparison_words import answers, counted, failures, ranked, unlike
 from .shell import listed, placed, shell
 from .summary import listing
 
@@ -62,7 +62,7 @@ def _narrow(part):
 
 def _summary(comparison, place):
     said = "".join(f"<p class=answer>{escape(text)}</p>" for text in answers(comparison))
-    said += "".join(f"<p class=note>{escape(text)}</p>" for text in failures(comparison))
+    said += "".join(f"<p class=note>{escape(text)}</p>" for text in [*unlike(comparison), *failures(comparison)])
     return said + tables.summary(comparison) + f"<p class=caption>{RANKED}</p>"
 
 

@@ -6,6 +6,10 @@ import numpy as np
 from .summary import number
 
 
+HEIGHTS = "altitude", "pressure", "zero-sea-level"
+"""Kinds of sources that tell the height alone."""
+
+
 class Ratio(NamedTuple):
     """How much larger one filter's RMSE is than another's on the same outages."""
     value: float        # geometric mean of the ratios
@@ -39,8 +43,8 @@ def ranked(comparison, length):
 
 
 def sentences(comparison):
-    """The answer in words: which filter drifts least in these outages and how sure that is, of each length, then who failed. A list of lines."""
-    return [*answers(comparison), *failures(comparison)]
+    """The answer in words: which filter drifts least in these outages and how sure that is, of each length, sources that only some used, then who failed. A list of lines."""
+    return [*answers(comparison), *unlike(comparison), *failures(comparison)]
 
 
 def answers(comparison):
@@ -59,27 +63,35 @@ def _answer(comparison, length):
     within = f"in {where}" + (f" ({blocks} blocks of those that overlap)" if blocks < n else "")
     if blocks < 2:
         why = "they overlap" if n > 1 else "it is only one"
-        return (f"{best} has the smallest horizontal RMSE in {where}, {_times(found[order[1]])} that of {order[1]}, the next; but {why}, "
+        return (f"{best} has the smallest horizontal RMSE in {where}; {_times(best, found, order[1:2])}, the next; but {why}, "
                 "so that it may be chance.")
     if not alike:
-        return f"{best} drifts least {within}: its horizontal RMSE is {_times(found[order[1]])} that of {order[1]}, the next."
+        return f"{best} drifts least {within}: {_times(best, found, order[1:2])}, the next."
     if len(alike) == len(found):
         return (f"The data do not tell the filters apart: {best} has the smallest horizontal RMSE {within}, but there may be no difference to "
-                f"{_named(found, alike)}.")
+                f"{_listed(alike)}: {_times(best, found, alike)}.")
     rest = [name for name in found if name not in alike]
-    return (f"{best} has the smallest horizontal RMSE {within}, but the data do not tell it apart from {_named(found, alike)}; "
-            f"{_listed(rest)} {'drift' if len(rest) > 1 else 'drifts'} more.")
+    return (f"{best} has the smallest horizontal RMSE {within}, but the data do not tell it apart from {_listed(alike)}: "
+            f"{_times(best, found, alike)}; {_listed(rest)} {'drift' if len(rest) > 1 else 'drifts'} more.")
 
 
-def _times(r):
-    """How the second of a Ratio stands to the first: "0.71 (95 %: 0.6 to 0.83) times"."""
-    within = f" (95 %: {number(1 / r.high)} to {number(1 / r.low)})" if np.isfinite([r.low, r.high]).all() else ""
-    return f"{number(1 / r.value)}{within} times"
+def _times(best, found, names):
+    """How the RMSE of `best` stands to that of each other: "best's horizontal RMSE is 0.5 times as large as worse's (95 %: 0.45 to 0.56)"; found: {name: Ratio to it}."""
+    within = lambda r: f" (95 %: {number(1 / r.high)} to {number(1 / r.low)})" if np.isfinite([r.low, r.high]).all() else ""
+    return f"{best}'s horizontal RMSE is " + _listed([f"{number(1 / found[name].value)} times as large as {name}'s{within(found[name])}" for name in names])
 
 
-def _named(found, names):
-    """The names with their Ratios: "mekf (ratio 1.03, 95 %: 0.993 to 1.06)"."""
-    return _listed([f"{name} (ratio {number(found[name].value)}, 95 %: {number(found[name].low)} to {number(found[name].high)})" for name in names])
+def unlike(comparison):
+    """A sentence for each source that is not withheld and that only some of the filters use, of those that could run."""
+    used = {name: own for name, own in comparison.settings["sources"].items() if own}
+    said = []
+    for source, kind in comparison.settings["kept"].items():
+        having = [name for name, own in used.items() if source in own]
+        if 0 < len(having) < len(used):
+            so = "vertical errors do not compare" if kind in HEIGHTS else "mind this where errors are compared"
+            said.append(f"In the outages {_listed(having)} also used {source}, which {_listed([name for name in used if name not in having])} "
+                        f"did not, so {so}.")
+    return said
 
 
 def _listed(words):
