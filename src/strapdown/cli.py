@@ -6,7 +6,7 @@ from typing import Annotated, Optional
 import typer
 
 from . import cli_calibrate, cli_compare, cli_studies
-from .console import IMU, OPTION, Progress, option_values, print_errors, print_outages, results_folder, summarise, table
+from .console import IMU, OPTION, Progress, option_values, print_errors, print_outages, results_folder, summarise, table, wrapped_table
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
                   help="Aided inertial navigation: from IMU, GNSS and other records to position, velocity, attitude and biases with uncertainties.")
@@ -172,8 +172,9 @@ def filters():
     from . import engine, filters
     found = [filters.find(name) for name in filters.names()]
     options = lambda each: " ".join(f"{p.name}={p.default}" for p in list(signature(each.start).parameters.values())[2:])
-    needs = lambda each: ", ".join([*(["position"] if engine.positioned(each) else []), *each.needs])
-    table(("filter", "needs", "options", "reference"), [(each.name, needs(each), options(each), each.reference) for each in found])
+    needs = lambda each: ", ".join(dict.fromkeys([*(["position"] if engine.positioned(each) else []), *each.needs]))
+    head = "filter", "needs", "options", "reference"
+    wrapped_table(head, [(each.name, needs(each), options(each), each.reference) for each in found])
 
 
 @app.command()

@@ -12,6 +12,9 @@ SEED = Annotated[int, typer.Option(help="Of the random errors.")]
 WORKERS = Annotated[int, typer.Option(metavar="N", help="Worker processes of this machine, on Dask; 0 is threads in this process.")]
 SCHEDULER = Annotated[Optional[str], typer.Option(metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT, whose workers see the folder of the results.")]
 
+NARROWEST = 32
+"""Characters that a column that is wrapped may have at least."""
+
 
 def summarise(solution):
     """What a user must know of a solution beside its errors: notes, start, fixes, events, uncertainty at the end."""
@@ -107,6 +110,21 @@ def table(header, rows):
     widths = [max(len(str(row[i])) for row in [header, *rows]) for i in range(len(header))]
     for row in [header, ["-" * width for width in widths], *rows]:
         print("  ".join(str(cell).ljust(width) for cell, width in zip(row, widths)).rstrip())
+
+
+def wrapped_table(header, rows):
+    """The same, but the last two columns go on in further rows, below themselves, where the terminal (80 columns without one) is too narrow."""
+    from itertools import zip_longest
+    from shutil import get_terminal_size
+    from textwrap import wrap
+    before = sum(2 + max(len(row[i]) for row in [header, *rows]) for i in range(len(header) - 2))
+    width = max((get_terminal_size().columns - before - 2) // 2, NARROWEST)
+    fit = lambda text: wrap(text, width, break_long_words=False, break_on_hyphens=False) or [""]
+    lines = []
+    for *lead, one, other in rows:
+        for i, parts in enumerate(zip_longest(fit(one), fit(other), fillvalue="")):
+            lines.append((*(lead if not i else [""] * len(lead)), *parts))
+    table(header, lines)
 
 
 class Progress:

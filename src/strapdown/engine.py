@@ -218,10 +218,8 @@ def assumed_noise(imu, noise, needed):
     if imu is None and (noise is None or needed):
         raise DataError(f"the recording does not name its IMU: give imu=, one of {', '.join(grades())}, or a file that describes it")
     spec = None if imu is None else grade(imu)
-    if noise is None:
-        return spec.noise(), spec
     try:
-        return Noise(*map(float, noise if isinstance(noise, Noise) else None)), spec
+        return spec.noise() if noise is None else Noise(*map(float, noise if isinstance(noise, Noise) else None)), spec
     except (TypeError, ValueError):
         raise DataError(f"noise is {noise!r}; it must be a Noise of numbers, such as an ImuSpec gives") from None
 
@@ -261,10 +259,8 @@ def new_belief(filter, start, noise, options, aidings):
 def fitted(filter, options, aidings):
     """(options of `filter` with those that these sources decide, notes on them). Raises DataError where it has no such option or cannot run on them."""
     check_options(filter, options)
-    if not filter.fit:
-        return options, []
     try:
-        return filter.fit(options, aidings)
+        return filter.fit(options, aidings) if filter.fit else (options, [])
     except ValueError as error:
         raise DataError(f"filter {filter.name!r}: {error}") from None
 
