@@ -249,6 +249,7 @@ def _checked(start, noise):
 def new_belief(filter, start, noise, options, aidings):
     """The belief that `filter` begins with on these sources; raises DataError for a start, a noise or an option that it cannot use."""
     _checked(start, noise)
+    check_options(filter, options)
     start = start._replace(sd=(*start.sd, *(sd for _, sd in brought(aidings))))
     try:
         return filter.start(start, noise, **options)
