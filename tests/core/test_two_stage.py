@@ -28,7 +28,7 @@ def gradient(function, x, step=1e-5):
 
 def rates(x, omega, f):
     """The model in continuous time, Earth at rest: derivative of Euler angles, gyro bias, position, velocity in the body, accelerometer bias."""
-    (roll, pitch, heading), v = x[:3], x[9:12]
+    (roll, pitch), v = x[:2], x[9:12]
     r = omega - x[3:6]
     T = np.array([[1, np.sin(roll) * np.tan(pitch), np.cos(roll) * np.tan(pitch)], [0, np.cos(roll), -np.sin(roll)],
                   [0, np.sin(roll) / np.cos(pitch), np.cos(roll) / np.cos(pitch)]])

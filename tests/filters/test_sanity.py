@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from test_consistency import COARSE, MEMS, WANDERING, flight, flown  # noqa: F401
+from test_consistency import COARSE, MEMS, flight, flown  # noqa: F401
 
 from strapdown import filters
 from strapdown.core.contract import ATT, BA, BG, POS, VEL

@@ -16,7 +16,7 @@ from .earth import displace, place
 from .error_state import observed
 from .gaussian import decay
 from .mechanization import mechanize
-from .rotation import orthonormalise, rotate_left, rotate_right, turned, wrap
+from .rotation import orthonormalise, rotate_right, turned, wrap
 from .translation import AGES, TRANSLATION, VELOCITY_AGE, pulled
 
 EXCITATION, HELD, XI = 0, 1, 2                          # output columns: smallest eigenvalue of MOMENT; s without a course; m/s^2, n

@@ -3,28 +3,30 @@
 docs/observer.md has its equations, what is corrected in the printed ones, and what its options mean.
 """
 import math
+from inspect import Parameter, Signature
 
 import numpy as np
 
 from ..core.contract import CORRECT, PREDICT, Filter, kernel
 from ..core.observer import BLOCK, FORGETTING, advance, inject
-from ..core.observer_gains import USES, begin, fit
+from ..core.observer_gains import DEFAULTS, USES, begin, fit
 
 COLUMNS = ("excitation", "course_held [s]", "xi_north [m/s^2]", "xi_east [m/s^2]", "xi_down [m/s^2]")
 LONG_HELD = 10.0        # s without a course that is worth an event
 EXCITED = 1e-3          # of the smallest eigenvalue, in which 1 is a specific force of 1 g
 
 
-def start(start, noise, course="tilt-compensated", field="across", k1=0.3, k2=0.03, ki=0.01, k1_start=1.0, k2_start=1.0, ki_start=0.15,
-          start_time=30.0, wander=0.02, wander_start=0.3, design="riccati", poles="-0.5 -0.5 -0.5", theta=1.0, kpp=0.0, kvp=0.0,
-          kxp=0.0, kpv=0.0, kvv=0.0, kxv=0.0, adaptation=0.02, accel_bound=1.0, gyro_bound=0.1, least_speed=3.0, outage_after=0.0):
-    """Belief at `start`; docs/observer.md explains the options. Refuses gains that are not stable and a start beyond the bounds."""
+def start(start, noise, **options):
+    """Belief at `start`; docs/observer.md explains the options, DEFAULTS of core/observer_gains.py has them. Refuses gains that are not stable and a start
+    beyond the bounds.
+    """
     belief = start.belief(np.zeros(BLOCK))
-    begin(belief.aux, start, noise, course=course, field=field, k1=k1, k2=k2, ki=ki, k1_start=k1_start, k2_start=k2_start, ki_start=ki_start,
-          start_time=start_time, wander=wander, wander_start=wander_start, design=design, poles=poles, theta=theta, kpp=kpp, kvp=kvp, kxp=kxp,
-          kpv=kpv, kvv=kvv, kxv=kxv, adaptation=adaptation, accel_bound=accel_bound, gyro_bound=gyro_bound, least_speed=least_speed,
-          outage_after=outage_after)
+    begin(belief.aux, start, noise, **options)
     return belief
+
+
+_named = lambda name, default=Parameter.empty: Parameter(name, Parameter.POSITIONAL_OR_KEYWORD, default=default)
+start.__signature__ = Signature([_named("start"), _named("noise"), *(_named(name, default) for name, default in DEFAULTS.items())])
 
 
 @kernel(PREDICT)

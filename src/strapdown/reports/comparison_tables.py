@@ -90,14 +90,16 @@ def how(comparison):
     """What all filters had in common, and the options and sources of each."""
     known = comparison.settings
     withheld = ", ".join(f"{count} of {name}" for name, count in known["withheld"].items() if count)
-    common = [("outages", f"{comparison.protocol}: {comparison.words}"), ("fixes withheld, in all windows together", withheld), ("start", _start(known["start"])),
+    common = [("outages", f"{comparison.protocol}: {comparison.words}"), ("fixes withheld, in all windows together", withheld),
+              ("start", _start(known["start"])),
               ("IMU", known["imu"]), ("noise", _noise(known["noise"]))]
     own = [[name, _options(known["options"][name]), ", ".join(known["sources"][name]) or "–", known["reference"][name]]
            for name in comparison.filters]
     some = "".join(f" {escape(text)}" for text in unlike(comparison))
     return ("<p>All filters had the same start and the same noise, and were offered the same fixes, of which the same were withheld; "
             f"the table says which sources each used.{some}</p>"
-            "<div class=text>" + table(["of all filters", ""], [row for row in common if row[1]]) + table(["filter", "options", "sources", "reference"], own) + "</div>")
+            "<div class=text>" + table(["of all filters", ""], [row for row in common if row[1]])
+            + table(["filter", "options", "sources", "reference"], own) + "</div>")
 
 
 def _options(options):

@@ -43,7 +43,10 @@ def ranked(comparison, length):
 
 
 def sentences(comparison):
-    """The answer in words: which filter drifts least in these outages and how sure that is, of each length, sources that only some used, then who failed. A list of lines."""
+    """The answer in words: which filter drifts least in these outages and how sure that is, of each length, sources that only some used, then who failed.
+
+    A list of lines.
+    """
     return [*answers(comparison), *unlike(comparison), *failures(comparison)]
 
 
@@ -76,9 +79,13 @@ def _answer(comparison, length):
 
 
 def _times(best, found, names):
-    """How the RMSE of `best` stands to that of each other: "best's horizontal RMSE is 0.5 times as large as worse's (95 %: 0.45 to 0.56)"; found: {name: Ratio to it}."""
+    """How the RMSE of `best` stands to that of each other: "best's horizontal RMSE is 0.5 times as large as worse's (95 %: 0.45 to 0.56)".
+
+    found: {name: Ratio to it}.
+    """
     within = lambda r: f" (95 %: {number(1 / r.high)} to {number(1 / r.low)})" if np.isfinite([r.low, r.high]).all() else ""
-    return f"{best}'s horizontal RMSE is " + _listed([f"{number(1 / found[name].value)} times as large as {name}'s{within(found[name])}" for name in names])
+    ratios = [f"{number(1 / found[name].value)} times as large as {name}'s{within(found[name])}" for name in names]
+    return f"{best}'s horizontal RMSE is " + _listed(ratios)
 
 
 def unlike(comparison):
