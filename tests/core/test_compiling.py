@@ -1,5 +1,6 @@
 """Compilation and its cache: changed helpers are noticed, foreign caches left alone, wrong types refused, imports cheap, views right."""
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -91,16 +92,22 @@ def test_only_the_last_three_folders_are_kept(tmp_path, monkeypatch):
 
 
 def test_hash_follows_sources_and_names(tmp_path):
-    for name in compiling.KERNEL_SOURCES:
-        (tmp_path / name).mkdir()
+    for name in ("core", "aiding", "filters", "sim/aircraft"):
+        (tmp_path / name).mkdir(parents=True)
         (tmp_path / name / "file.py").write_text("x = 1\n")
     hashes = [source_hash(tmp_path), source_hash(tmp_path)]
-    (tmp_path / "core/file.py").write_text("x = 2\n")
-    hashes.append(source_hash(tmp_path))
+    for name in ("core", "sim/aircraft"):
+        (tmp_path / name / "file.py").write_text("x = 2\n")
+        hashes.append(source_hash(tmp_path))
     (tmp_path / "core/file.py").rename(tmp_path / "core/other.py")
     hashes.append(source_hash(tmp_path))
-    assert hashes[0] == hashes[1] and len(set(hashes)) == 3
-    assert all((PACKAGE / name).is_dir() for name in compiling.KERNEL_SOURCES)
+    assert hashes[0] == hashes[1] and len(set(hashes)) == 4
+
+
+def test_every_file_with_a_kernel_or_a_helper_is_in_the_hash():
+    hashed = {file for pattern in compiling.KERNEL_SOURCES for file in PACKAGE.glob(pattern)}
+    compiled = {file for file in PACKAGE.rglob("*.py") if re.search(r"^@(helper|inlined|kernel)\b", file.read_text(encoding="utf-8"), re.MULTILINE)}
+    assert len(compiled) > 30 and compiled <= hashed
 
 
 @needs_compiler

@@ -16,7 +16,9 @@ from numba.extending import intrinsic
 
 COMPILED = not config.DISABLE_JIT
 PACKAGE = Path(__file__).resolve().parents[1]
-KERNEL_SOURCES = ("core", "aiding", "filters")
+KERNEL_SOURCES = ("core/**/*.py", "aiding/**/*.py", "filters/**/*.py", "sim/aircraft/**/*.py", "sim/autopilot*.py", "sim/flight*.py",
+                  "papers/mollaei_six*.py")
+"""Every file that kernels or their helpers are written in: an edit to one of these gives a new cache."""
 
 
 def _reference_counts_can_be_left_out():
@@ -32,9 +34,8 @@ if COMPILED and _reference_counts_can_be_left_out():
 def source_hash(package=PACKAGE):
     """Name of the cache folder: kernel sources, numba and CPU. numba alone would not notice a changed helper in another module."""
     digest = hashlib.sha256(f"{numba.__version__} {config.CPU_NAME or _cpu_name()}".encode())
-    for name in KERNEL_SOURCES:
-        path = package / name
-        for file in sorted(path.rglob("*.py")):
+    for pattern in KERNEL_SOURCES:
+        for file in sorted(package.glob(pattern)):
             digest.update(str(file.relative_to(package)).encode() + b"\0" + file.read_bytes())
     return digest.hexdigest()[:16]
 
