@@ -319,7 +319,8 @@ class Cleaned:
         raise KeyboardInterrupt
 Cleaned()
 try:
-    time.sleep(20)
+    for _ in range(2000):   # not one sleep: it would be slept to its end first
+        time.sleep(0.01)
 except KeyboardInterrupt:
     print("again")
 """
