@@ -25,6 +25,7 @@ _PUBLIC = {
     "read": "io", "write_recording": "io", "write_solution": "io.solution", "read_solution": "io.solution",
     "report": "reports.page", "errors": "metrics", "rms": "metrics", "outages": "metrics", "simulate": "sim.synthesis",
     "Scenario": "sim.scenario", "scenario": "sim.scenario", "scenarios": "sim.scenario", "Study": "studies.study", "Campaign": "studies.campaign",
+    "Aircraft": "sim.aircraft.parameters", "aircraft": "sim.aircraft.parameters", "trim": "sim.aircraft.trim", "linearise": "sim.aircraft.modes",
     "compare": "comparison.compare", "Comparison": "comparison.result",
 }
 __all__ = [*_PUBLIC, "__version__"]

@@ -1,0 +1,138 @@
+"""What small deviations from steady flight do: the linear model about a trim, its natural modes, and how long a time step may be."""
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...data import DataError
+from .dynamics import OUTPUTS, STATES, evaluate, ready
+from .parameters import aircraft as find
+from .trim import quaternion
+
+STATE_NAMES = ("u", "v", "w", "p", "q", "r", "roll", "pitch")
+"""Of the linear model: velocity against the air (m/s) and rates (rad/s) in body axes, Euler angles (rad)."""
+INPUT_NAMES = ("elevator", "aileron", "rudder", "throttle")
+_LONGITUDINAL, _LATERAL = [0, 2, 4, 7], [1, 3, 5, 6]
+_RESOLVED = 0.5
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One natural mode: its eigenvalue or conjugate pair (1/s).
+
+    frequency: |eigenvalue|, rad/s; damping: ratio, negative where it grows; time_constant: s to fall to 1/e, negative where it grows.
+    """
+    name: str
+    eigenvalues: tuple
+
+    @property
+    def frequency(self):
+        return abs(self.eigenvalues[0])
+
+    @property
+    def damping(self):
+        return -self.eigenvalues[0].real / abs(self.eigenvalues[0])
+
+    @property
+    def time_constant(self):
+        return -1 / self.eigenvalues[0].real
+
+
+@dataclass(frozen=True)
+class Modes:
+    """The linear model x' = A x + B c of deviations from a trim (STATE_NAMES, INPUT_NAMES) and its natural modes, fastest first."""
+    A: np.ndarray = field(repr=False)
+    B: np.ndarray = field(repr=False)
+    modes: tuple
+
+    def __getitem__(self, name):
+        """A mode by name. Raises DataError for one that this flight has not."""
+        for mode in self.modes:
+            if mode.name == name:
+                return mode
+        raise DataError(f"no mode {name!r}; modes: {', '.join(mode.name for mode in self.modes)}")
+
+    def table(self):
+        """Rows {"mode": ..., "frequency, rad/s": ..., "damping": ..., "time constant, s": ...}."""
+        return [{"mode": mode.name, "frequency, rad/s": mode.frequency, "damping": mode.damping, "time constant, s": mode.time_constant}
+                for mode in self.modes]
+
+
+def linearise(aircraft, trim):
+    """The Modes of `aircraft` about a Trim: central differences of the whole model with calm air and a flat Earth; actuators are not in it."""
+    aircraft = find(aircraft)
+    array = aircraft.array("flat", trim.origin)
+    x0, c0 = deviation_point(trim)
+    f = lambda x, c: _rates(array, trim.origin, x, c)
+    A = np.stack([(f(x0 + h, c0) - f(x0 - h, c0)) / 2e-4 for h in 1e-4 * np.eye(8)], axis=1)
+    B = np.stack([(f(x0, c0 + h) - f(x0, c0 - h)) / 2e-4 for h in 1e-4 * np.eye(4)], axis=1)
+    return Modes(A, B, _named(A))
+
+
+def deviation_point(trim):
+    """The eight numbers of the linear model (STATE_NAMES) and the controls at a Trim, about which it is taken."""
+    V, alpha, roll, pitch = trim.airspeed, trim.alpha, trim.roll, trim.pitch
+    rates = trim.turn_rate * np.array([-math.sin(pitch), math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch)])
+    return np.array([V * math.cos(alpha), 0.0, V * math.sin(alpha), *rates, roll, pitch]), trim.commands.copy()
+
+
+def check_step(trim, dt):
+    """Refuse a time step dt (s) too long for the fastest mode about a Trim: controls and gusts are held over it. Raises DataError naming the longest."""
+    fastest = max(abs(np.linalg.eigvals(linearise(trim.aircraft, trim).A)))
+    if not 0 < dt < math.inf:
+        raise DataError(f"time step of the aircraft is {dt!r} s; it must be above 0")
+    if dt > _RESOLVED / fastest:
+        raise DataError(f"a time step of {dt:g} s is too long for aircraft {trim.aircraft.name!r} at {trim.airspeed:g} m/s, whose fastest mode has a "
+                        f"time constant of {1 / fastest:.3g} s; take {_RESOLVED / fastest:.3g} s at most")
+
+
+def _rates(array, origin, x, controls):
+    """x' of the eight numbers, from the compiled model, on the flat Earth and heading north."""
+    velocity, omega, (roll, pitch) = x[0:3], x[3:6], x[6:8]
+    state, rates = np.zeros(STATES), np.zeros(19)
+    C = _matrix(roll, pitch)
+    state[0:3], state[3:6], state[6:10] = origin, C @ velocity, quaternion(roll, pitch, 0.0)
+    state[10:13], state[13:17] = omega, controls
+    ready(evaluate)(array, state, np.zeros(9), rates, np.zeros(OUTPUTS))
+    p, q, r = omega
+    across = q * math.sin(roll) + r * math.cos(roll)
+    return np.r_[C.T @ rates[3:6] - np.cross(omega, velocity), rates[10:13], p + across * math.tan(pitch),
+                 q * math.cos(roll) - r * math.sin(roll)]
+
+
+def _matrix(roll, pitch):
+    sr, cr, sp, cp = math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch)
+    return np.array([[cp, sr * sp, cr * sp], [0.0, cr, -sr], [-sp, sr * cp, cr * cp]])
+
+
+def _named(A):
+    """The modes of an 8 x 8 system: the four eigenvalues that move it most along its plane of symmetry, and the four that move it across."""
+    values, vectors = np.linalg.eig(A)
+    scale = np.array([25.0, 25.0, 25.0, 1.0, 1.0, 1.0, 1.0, 1.0])      # m/s beside rad: which modes are symmetric does not depend on it
+    weight = np.abs(vectors / scale[:, None]) ** 2
+    along = weight[_LONGITUDINAL].sum(0) / weight.sum(0)
+    order = np.argsort(-along, kind="stable")
+    return tuple(sorted([*_along(values[order[:4]]), *_across(values[order[4:]])], key=lambda mode: -mode.frequency))
+
+
+def _along(values):
+    fast, slow = np.array_split(values[np.argsort(-np.abs(values), kind="stable")], 2)
+    return [*_modes("short period", fast), *_modes("phugoid", slow)]
+
+
+def _across(values):
+    turning = sorted((value for value in values if value.imag != 0), key=lambda value: (-abs(value), value.imag))
+    straight = sorted((value for value in values if value.imag == 0), key=lambda value: -abs(value))
+    if len(turning) == 2:
+        return [*_modes("Dutch roll", turning), *_modes("roll", straight[:1]), *_modes("spiral", straight[1:])]
+    if len(turning) == 4:
+        return [*_modes("Dutch roll", turning[:2]), *_modes("roll and spiral", turning[2:])]
+    return [*_modes("roll", straight[:1]), *_modes("Dutch roll", straight[1:3]), *_modes("spiral", straight[3:])]
+
+
+def _modes(name, values):
+    """One Mode of a conjugate pair or of a single eigenvalue; two of two real ones."""
+    values = [complex(value) for value in values]
+    if len(values) == 1 or values[0].imag != 0:
+        return [Mode(name, tuple(sorted(values, key=lambda value: -value.imag)))]
+    return [Mode(f"{name} {number}", (value,)) for number, value in enumerate(sorted(values, key=lambda value: -abs(value)), 1)]
