@@ -13,6 +13,8 @@ from strapdown.sim.trajectory import DEG, Motion
 
 SD = (2.0, 2.0, 2.0, 0.2, 0.2, 0.2, 0.005, 0.005, 0.02, 0.01, 0.01, 0.01, 3e-5, 3e-5, 3e-5)
 """Standard deviations of the starts."""
+OPTIONS = {"pkf": {"components": 3}}
+"""Options of filters in the tests that run all of them: few components where the default number would take a minute without the compiler."""
 
 
 def turning(lla=(DEG * 47.0, DEG * 8.0, 500.0)):

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recordings import ahrs, alike, flight, position, start, without_samples
+from recordings import OPTIONS, ahrs, alike, flight, position, start, without_samples
 
 import strapdown as sd
 from strapdown import stream as live, filters
@@ -73,12 +73,12 @@ def shuffled(events, lag, seed=5):
 
 @pytest.mark.parametrize("name", WITH_POSITION)
 def test_a_stream_is_the_batch_bit_for_bit(name):
-    recording, begin = eventful(name), start(flight())
-    solution = sd.fuse(recording, name, start=begin, covariance=True)
+    recording, begin, options = eventful(name), start(flight()), OPTIONS.get(name, {})
+    solution = sd.fuse(recording, name, start=begin, covariance=True, **options)
     gated = bool(filters.find(name).states)
     counts = {"GNSS position": (18 + (not gated), int(gated)), "GNSS velocity": (20, 0)} | ({"ahrs": (40, 0)} if filters.find(name).needs else {})
     assert len(solution.events) == 2 and solution.counts() == counts
-    stream = stream_of(recording, begin, name, lag=0.4)
+    stream = stream_of(recording, begin, name, lag=0.4, **options)
     for event in shuffled(events_of(recording), 0.39):
         stream.step(event)
     assert equal(stream.finish(), solution)
@@ -216,9 +216,9 @@ def test_fixes_ahead_of_the_samples_wait_and_keep_their_order():
 
 @pytest.mark.parametrize("name", WITH_POSITION)
 def test_now_looks_ahead_and_leaves_the_stream_as_it_was(name):
-    recording, begin = eventful(name), start(flight())
-    solution = sd.fuse(recording, name, start=begin, covariance=True)
-    stream, events = stream_of(recording, begin, name, lag=0.5), events_of(recording)
+    recording, begin, options = eventful(name), start(flight()), OPTIONS.get(name, {})
+    solution = sd.fuse(recording, name, start=begin, covariance=True, **options)
+    stream, events = stream_of(recording, begin, name, lag=0.5, **options), events_of(recording)
     for k, event in enumerate(events):
         stream.step(event)
         if k % 40 == 7:

@@ -62,9 +62,13 @@ FILTERS = [
     ("closed-loop", {}, WALK, COARSE),
     ("mekf", {}, MEMS, COARSE),
     ("mekf", {}, WALK, COARSE),
+    ("ekf", {}, MEMS, COARSE),
+    ("ukf", {}, WALK, COARSE),
+    ("ckf", {}, MEMS, COARSE),
     ("closed-loop-error-bias", {}, MEMS, COARSE),
     ("periodic-reset", {"interval": 10.0}, WALK, COARSE),
     ("open-loop", {}, NAVIGATION, FINE),    # with a worse IMU, or a coarse start, its INS leaves the linear model
+    ("pkf", {"components": 3, "kernel": 0.9, "resample": 1.0}, WALK, COARSE),     # few, for the time; drawn anew at every fix
     ("direct-ahrs", {}, WALK, COARSE, 1),
     ("direct-ahrs", {"bias": "decaying"}, MEMS, COARSE, 10),
     ("direct-euler", {}, WALK, COARSE, 1),

@@ -15,7 +15,7 @@ from strapdown.core.mechanization import mechanize
 from strapdown.data import DataError
 from strapdown.geodesy import displaced, displacement
 
-from recordings import ahrs, flight, same, start
+from recordings import OPTIONS, ahrs, flight, same, start
 
 pytestmark = pytest.mark.short
 NOISE = Noise(gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100)
@@ -138,7 +138,7 @@ def test_the_closed_loop_is_the_textbook_filter():
 @pytest.mark.parametrize("name", ALL)
 def test_covariances_stay_symmetric_and_positive(name):
     recording = flight()
-    P = fused(replace(recording, aidings=(*recording.aidings, ahrs(recording.reference))), name).covariance
+    P = fused(replace(recording, aidings=(*recording.aidings, ahrs(recording.reference))), name, **OPTIONS.get(name, {})).covariance
     own = np.flatnonzero(np.diagonal(P[0]))     # a filter of attitude alone leaves the rows of the other states at zero
     assert np.array_equal(P, P.transpose(0, 2, 1)) and not np.delete(P, own, axis=1).any()
     P = P[:, own][:, :, own]

@@ -11,7 +11,7 @@ from ..data import DataError
 from ..engine import fuse, positioned
 from ..metrics import outages
 from .recordings_cases import FLIGHT, windows_of
-from .recordings_table import FIXES, number, shortened, wrong
+from .recordings_table import FEWER, FIXES, number, shortened, wrong
 
 LENGTH = 30.0
 """s of the windows of thor75."""
@@ -41,7 +41,7 @@ def outage_scores(flight, drive, names=None, say=None):
 def together(recording, name, windows, say=None):
     """[(start, stop, largest horizontal, horizontal at the end, largest vertical, said)] of windows that are withheld in one run; m and s."""
     try:
-        solution = fuse(recording.hidden(windows, kinds=FIXES), name, say=say)
+        solution = fuse(recording.hidden(windows, kinds=FIXES), name, say=say, **FEWER.get(name, {}))
     except DataError as error:
         return [(*window, np.nan, np.nan, np.nan, shortened(error, name)) for window in windows]
     return [_outage(solution, recording, window) for window in windows]

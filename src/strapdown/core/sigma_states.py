@@ -1,0 +1,261 @@
+"""What the sigma-point filters share: the 15 error states, and those that aidings bring along, through core/sigma_points.py.
+
+A sigma point is the belief with an error composed into it, as a correction is: metres, a rotation vector from the left, sums. The errors of the
+propagated points are taken back the same way, about the propagated belief. The square root is kept in aux and factored anew where the loop changed P.
+"""
+import math
+
+import numpy as np
+
+from .compiling import flatten, helper, inlined, matrix, plain
+from .contract import ATTITUDE_KIND, HEADING_KIND, STATES, Belief
+from .earth import place
+from .error_state import added, bias_free, decay_biases, inject_all, observed
+from .gaussian import LEAST_NOISE, decay
+from .mechanization import mechanize
+from .rotation import rotation_between, wrap
+from .sigma_points import corrected, covariance, deviations, downdate, factor, triangle
+
+REPAIRED, STEP_SPREAD, STEP_REST, SPREAD, REST = range(5)   # repairs so far, an output column; the sets of prediction and correction
+POINT, CENTRE, ROOT = 8, 36, 56                             # a sigma point; the propagated belief; the square root, n + 1 rows, then what follows
+NOISES = 12
+"""Components of the process noise: white noise of gyros and accelerometers, driving noise of their biases."""
+COLUMNS = ("repairs",)
+
+
+def auxiliary(n, step_set, fix_set):
+    """The aux array of a sigma-point filter with n states and these two (spread, rest)."""
+    aux = np.zeros(plain(_table)(n, plain(width)(n)) + (2 * (STATES + 6) + 2 + NOISES + n - STATES) * plain(width)(n))
+    aux[STEP_SPREAD], aux[STEP_REST], aux[SPREAD], aux[REST] = *step_set, *fix_set
+    return aux
+
+
+@inlined
+def width(n):
+    """Numbers in a row of a table of n columns."""
+    return (n + 8) // 8 * 8
+
+
+@inlined
+def _known(n, lanes):
+    """Where the copy of P begins, by which a change of it is noticed."""
+    return ROOT + lanes * (n + 1)
+
+
+@inlined
+def _own(n, lanes):
+    """Where the numbers of a point begin: what aidings brought along, its error, rows of H, innovations at the points, workspace."""
+    return ROOT + lanes * (n + 1) + n * n
+
+
+@inlined
+def _table(n, lanes):
+    """Where the table of propagated errors begins."""
+    return _own(n, lanes) + n + lanes + 3 * n + 3 * (2 * n + 1) + 3 * (n + 8)
+
+
+@inlined
+def _point(belief, n, lanes):
+    """The sigma point, as a Belief of its own; P and aux are those of `belief`."""
+    aux, own = belief.aux, _own(n, lanes)
+    return Belief(aux[POINT:POINT + 3], aux[POINT + 3:POINT + 6], matrix(aux, POINT + 6, 3, 3), aux[POINT + 15:POINT + 18], aux[POINT + 18:POINT + 21],
+                  belief.P, aux[POINT + 21:POINT + 24], aux[POINT + 24:POINT + 27], aux, aux[own:own + n - STATES])
+
+
+@inlined
+def _copied(belief, lla, v, C):
+    for i in range(3):
+        lla[i], v[i] = belief.lla[i], belief.v[i]
+        C[i, 0], C[i, 1], C[i, 2] = belief.C[i, 0], belief.C[i, 1], belief.C[i, 2]
+
+
+@helper
+def _refreshed(belief, n, lanes):
+    """The square root of P, anew where P is not what was left."""
+    aux, numbers, first, changed = belief.aux, flatten(belief.P), _known(n, lanes), 0.0
+    for i in range(n * n):
+        changed += abs(numbers[i] - aux[first + i])
+    if not changed == 0:
+        aux[REPAIRED] += factor(belief.P, n, lanes, aux[ROOT:])
+
+
+@helper
+def _published(belief, n, lanes):
+    """P from its square root, and the copy by which a change is noticed."""
+    aux, numbers, first = belief.aux, flatten(belief.P), _known(n, lanes)
+    if n == 15:     # here and below the same code with constant lengths
+        covariance(aux[ROOT:], 15, 16, belief.P)
+    else:
+        covariance(aux[ROOT:], n, lanes, belief.P)
+    for i in range(n * n):
+        aux[first + i] = numbers[i]
+
+
+@helper
+def _reduced(A, pairs, still, rows, n, lanes, spread, rest, mean):
+    """`deviations` and `triangle`; the rows after 2 pairs + 1 are there already."""
+    if n == 15:
+        take = deviations(A, pairs, still, 16, spread, rest, mean)
+        triangle(A, rows, 15, 16)
+    else:
+        take = deviations(A, pairs, still, lanes, spread, rest, mean)
+        triangle(A, rows, n, lanes)
+    return take
+
+
+@inlined
+def predicted(n, lanes, augmented, belief, u, dt, noise):
+    """One IMU sample through all points. `augmented`: white noise has points of its own; else its rows are added, to first order in dt."""
+    aux, ba, bg = belief.aux, belief.ba, belief.bg
+    _refreshed(belief, n, lanes)
+    lla, v, C, dv_n = aux[CENTRE:CENTRE + 3], aux[CENTRE + 3:CENTRE + 6], matrix(aux, CENTRE + 6, 3, 3), aux[CENTRE + 15:CENTRE + 18]
+    r0, r1, r2, a0, a1, a2 = bias_free(u, ba, bg, dt)
+    _copied(belief, lla, v, C)
+    mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, dv_n)
+    A, own, spread, pairs = aux[_table(n, lanes):], _own(n, lanes), aux[STEP_SPREAD], STATES + (6 if augmented else 0)
+    mean, root = aux[own + n:own + n + lanes], math.sqrt(dt)
+    _spread_out(n, lanes, pairs, belief, r0, r1, r2, a0, a1, a2, dt, spread * root * noise.gyro, spread * root * noise.accel,
+                decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt))
+    rows = _noise_rows(n, lanes, 2 * pairs + 1, augmented, belief, dt, root, noise)
+    take = _reduced(A, pairs, n - STATES + (6 if augmented else 0), rows, n, lanes, spread, aux[STEP_REST], mean)
+    for i in range(n * lanes):
+        aux[ROOT + i] = A[i]
+    if take > 0:
+        for i in range(n):
+            mean[i] *= take
+        aux[REPAIRED] += downdate(aux[ROOT:], mean, n, lanes, aux[own + n + lanes + 3 * n:])
+        for i in range(n):
+            mean[i] /= take
+    for i in range(3):
+        belief.lla[i], belief.v[i] = lla[i], v[i]
+        belief.C[i, 0], belief.C[i, 1], belief.C[i, 2] = C[i, 0], C[i, 1], C[i, 2]
+    belief.omega[0], belief.omega[1], belief.omega[2] = r0 / dt, r1 / dt, r2 / dt
+    belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
+    decay_biases(ba, bg, dt, noise)
+    added(belief.lla, belief.v, belief.C, mean)
+    _published(belief, n, lanes)
+
+
+@inlined
+def _spread_out(n, lanes, pairs, belief, r0, r1, r2, a0, a1, a2, dt, gyro, accel, keep_a, keep_g):
+    """The errors of the propagated points about the propagated belief, into the table: those with +, then those with -."""
+    aux, point, error = belief.aux, _point(belief, n, lanes), belief.aux[_own(n, lanes) + n:]
+    A, C, spread = aux[_table(n, lanes):], matrix(aux, CENTRE + 6, 3, 3), aux[STEP_SPREAD]
+    sine, cosine, M, N = place(aux[CENTRE], aux[CENTRE + 2])
+    for k in range(2 * pairs):
+        j, sign = (k, 1.0) if k < pairs else (k - pairs, -1.0)
+        row, x0, x1, x2, y0, y1, y2 = lanes * k, r0, r1, r2, a0, a1, a2
+        _copied(belief, point.lla, point.v, point.C)
+        for lane in range(lanes):
+            error[lane] = sign * spread * aux[ROOT + lanes * j + lane] if j < STATES else 0.0
+        if j < 9:
+            added(point.lla, point.v, point.C, error)
+        if j < STATES:
+            x0, x1, x2 = r0 - dt * error[12], r1 - dt * error[13], r2 - dt * error[14]
+            y0, y1, y2 = a0 - dt * error[9], a1 - dt * error[10], a2 - dt * error[11]
+        else:
+            i = j - STATES
+            x0, x1, x2 = r0 + sign * gyro * (i == 0), r1 + sign * gyro * (i == 1), r2 + sign * gyro * (i == 2)
+            y0, y1, y2 = a0 + sign * accel * (i == 3), a1 + sign * accel * (i == 4), a2 + sign * accel * (i == 5)
+        mechanize(point.lla, point.v, point.C, x0, x1, x2, y0, y1, y2, dt, aux[CENTRE + 15:CENTRE + 18])
+        for lane in range(9, lanes):
+            A[row + lane] = error[lane]
+        for i in range(3):
+            A[row + 9 + i] *= keep_a
+            A[row + 12 + i] *= keep_g
+            A[row + 3 + i] = point.v[i] - aux[CENTRE + 3 + i]
+        A[row] = (point.lla[0] - aux[CENTRE]) * M
+        A[row + 1] = wrap(point.lla[1] - aux[CENTRE + 1]) * N * cosine
+        A[row + 2] = aux[CENTRE + 2] - point.lla[2]
+        c = point.C
+        A[row + 6], A[row + 7], A[row + 8] = rotation_between(C, (c[0, 0], c[0, 1], c[0, 2], c[1, 0], c[1, 1], c[1, 2], c[2, 0], c[2, 1], c[2, 2]))
+
+
+@inlined
+def _noise_rows(n, lanes, rows, augmented, belief, dt, root, noise):
+    """Append what has no points: states that aidings brought along, driving noise of the biases and, unless `augmented`, white noise. Returns the rows."""
+    aux, A = belief.aux, belief.aux[_table(n, lanes):]
+    for j in range(STATES, n):
+        for lane in range(lanes):
+            A[lanes * rows + lane] = aux[ROOT + lanes * j + lane]
+        rows += 1
+    last = rows + (6 if augmented else NOISES)
+    for i in range(lanes * rows, lanes * last):
+        A[i] = 0.0
+    for i in range(3):
+        A[lanes * (rows + i) + 9 + i], A[lanes * (rows + 3 + i) + 12 + i] = root * noise.accel_bias, root * noise.gyro_bias
+    if not augmented:
+        d0, d1, d2 = 0.5 * root * noise.gyro * aux[CENTRE + 15], 0.5 * root * noise.gyro * aux[CENTRE + 16], 0.5 * root * noise.gyro * aux[CENTRE + 17]
+        for i in range(3):
+            turned, pushed = lanes * (rows + 6 + i), lanes * (rows + 9 + i)
+            A[turned + 6 + i], A[pushed + 3 + i], A[pushed + i] = root * noise.gyro, root * noise.accel, 0.5 * dt * root * noise.accel
+            A[turned + 3 + (i + 1) % 3], A[turned + 3 + (i + 2) % 3] = (-d2 if i == 0 else (-d0 if i == 1 else -d1)), (d1 if i == 0 else (d2 if i == 1 else d0))
+    return last
+
+
+@inlined
+def fixed(n, lanes, belief, y, sd, kind, observe, parameters, gate, innovation):
+    """One fix: `observe` at every point, the correction, its injection. Returns the NIS."""
+    aux, own = belief.aux, _own(n, lanes)
+    _refreshed(belief, n, lanes)
+    point, dx, H = _point(belief, n, lanes), aux[own + n:own + n + lanes], matrix(aux, own + n + lanes, 3, n)
+    work = own + n + lanes + 3 * n + 3 * (2 * n + 1)
+    rows = observed(belief, y, observe, parameters, innovation, H)
+    E, variance = matrix(aux, own + n + lanes + 3 * n, 2 * n + 1, rows), aux[CENTRE:CENTRE + 3]
+    for a in range(rows):
+        terms = 0.0
+        for j in range(n):
+            terms += H[a, j] * H[a, j] * belief.P[j, j]
+        E[0, a], variance[a] = innovation[a], max(sd[a] * sd[a], LEAST_NOISE * terms)
+    for k in range(2 * n):
+        j, scale = (k, aux[SPREAD]) if k < n else (k - n, -aux[SPREAD])
+        for lane in range(lanes):
+            dx[lane] = scale * aux[ROOT + lanes * j + lane]
+        _moved(belief, point, dx)
+        observe(point, y, parameters, innovation, H)
+        _unwrapped(kind, rows, E, innovation)
+        for a in range(rows):
+            E[1 + k, a] = innovation[a]
+    nis, repaired = corrected(aux[ROOT:], n, lanes, E, rows, aux[SPREAD], aux[REST], variance, gate, innovation, aux[work:], dx)
+    aux[REPAIRED] += repaired
+    if nis <= gate:
+        inject_all(belief, dx)
+        _published(belief, n, lanes)
+    return nis
+
+
+@inlined
+def _moved(belief, point, dx):
+    """The point at an error dx from the belief, with the rate and specific force that its biases leave."""
+    _copied(belief, point.lla, point.v, point.C)
+    added(point.lla, point.v, point.C, dx)
+    for i in range(3):
+        point.ba[i], point.bg[i] = belief.ba[i] + dx[9 + i], belief.bg[i] + dx[12 + i]
+        point.f[i], point.omega[i] = belief.f[i] - dx[9 + i], belief.omega[i] - dx[12 + i]
+    for i in range(belief.tail.size):
+        point.tail[i] = belief.tail[i] + dx[STATES + i]
+
+
+@helper
+def _unwrapped(kind, rows, E, innovation):
+    """The innovation at a point on the branch of the one at the centre: a heading, or the rotation vector of an attitude."""
+    if kind == HEADING_KIND:
+        innovation[0] = E[0, 0] + wrap(innovation[0] - E[0, 0])
+    elif kind == ATTITUDE_KIND and innovation[2] == innovation[2]:
+        x, y, z = innovation[0], innovation[1], innovation[2]
+        size = math.sqrt(x * x + y * y + z * z)
+        if size > 0:
+            scale = 1 - 2 * math.pi / size      # the same rotation, the other way round
+            here = (x - E[0, 0]) ** 2 + (y - E[0, 1]) ** 2 + (z - E[0, 2]) ** 2
+            there = (scale * x - E[0, 0]) ** 2 + (scale * y - E[0, 1]) ** 2 + (scale * z - E[0, 2]) ** 2
+            if there < here:
+                innovation[0], innovation[1], innovation[2] = scale * x, scale * y, scale * z
+
+
+def repairs(t, lla, columns):
+    """[(t, text)] where the covariance was none and had to be made one again."""
+    count = columns[COLUMNS[0]]
+    if not len(t) or not count[-1] > 0:
+        return []
+    return [(float(t[np.argmax(count > 0)]), f"covariance not positive definite, repaired {count[-1]:.0f} times from here on: its standard deviations "
+             "are not to be relied on")]
