@@ -24,6 +24,7 @@ _PUBLIC = {
     "ImuSpec": "sensors.imu", "grade": "sensors.imu", "grades": "sensors.imu",
     "read": "io", "write_recording": "io", "write_solution": "io.solution", "read_solution": "io.solution",
     "report": "reports.page", "errors": "metrics", "rms": "metrics", "outages": "metrics", "simulate": "sim.synthesis",
+    "fly": "sim.flight", "Flight": "sim.flight", "FlightPlan": "sim.flight_plan",
     "Scenario": "sim.scenario", "scenario": "sim.scenario", "scenarios": "sim.scenario", "Study": "studies.study", "Campaign": "studies.campaign",
     "Aircraft": "sim.aircraft.parameters", "aircraft": "sim.aircraft.parameters", "trim": "sim.aircraft.trim", "linearise": "sim.aircraft.modes",
     "compare": "comparison.compare", "Comparison": "comparison.result",

@@ -5,7 +5,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from . import cli_calibrate, cli_compare, cli_studies
+from . import cli_calibrate, cli_compare, cli_fly, cli_studies
 from .console import IMU, OPTION, Progress, option_values, print_errors, print_outages, results_folder, summarise, table, wrapped_table
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
@@ -201,7 +201,7 @@ def _windows(text):
     return windows
 
 
-for command in (*cli_studies.COMMANDS, cli_calibrate.calibrate, cli_compare.compare):
+for command in (*cli_studies.COMMANDS, cli_calibrate.calibrate, cli_compare.compare, cli_fly.fly):
     app.command()(command)
 
 if __name__ == "__main__":

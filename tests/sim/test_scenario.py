@@ -217,5 +217,5 @@ def test_the_documentation_names_every_key():
     parameters = {name for build in scenario_file.KINDS.values() for name in inspect.signature(build).parameters} - {"name", "duration"}
     keys = {scenario_file._key(name) for name in (*parameters, *scenario_file.motions.LEG_KEYS)}
     keys |= {*scenario_file.TOP, *scenario_file.START, *scenario_file.GNSS, *(f'"{kind}"' for kind in scenario_file.KINDS)}
-    keys |= {*scenario_file.MAGNETOMETER, *scenario_file.DISTURBANCE, *scenario_file.BAROMETER}
+    keys |= {*scenario_file.MAGNETOMETER, *scenario_file.DISTURBANCE, *scenario_file.BAROMETER, *scenario_file.TARGET}
     assert not [key for key in keys if key not in text]

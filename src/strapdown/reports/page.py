@@ -15,16 +15,17 @@ FOOTER = ("Errors are true − estimate.",
 HINT = "Drag to zoom, double-click to go back (again: to see all), click the legend to hide a line."
 
 
-def report(solutions, reference=None, title=None, window=None):
+def report(solutions, reference=None, title=None, window=None, more=()):
     """A Page about one Solution, or several of them (a list, or {name: Solution}) side by side.
 
     reference: Trajectory that errors are taken against. window: (start, stop) in s over which errors are scored and error axes are framed.
+    more: further sections after the track, [(heading, [(figure, its heading, caption), ...])].
     """
     solutions = _named(solutions)
     scores, unscored = _scores(solutions, reference)
     first = next(iter(solutions.values()))
     title = title or f"{first.meta.get('recording', 'Solution')}: {', '.join(solutions)}"
-    sections = [(name, text) for name, text in _sections(solutions, reference if scores else None, scores, window) if text]
+    sections = [(name, text) for name, text in _sections(solutions, reference if scores else None, scores, window, more) if text]
     sections[0] = "Summary", unscored + sections[0][1]
     sections[1] = sections[1][0], _key(solutions) + sections[1][1]
     footer = "".join(FOOTER if any(solution.has_position for solution in solutions.values()) else FOOTER[::2])
@@ -87,11 +88,13 @@ def _imu(metas):
     return ", ".join(dict.fromkeys(str(named(imu)) for imu in names if imu))
 
 
-def _sections(solutions, reference, scores, window):
+def _sections(solutions, reference, scores, window, more):
     """(heading, HTML) of every section in reading order."""
     draw = _Drawer(solutions)
     yield "Summary", _summary(solutions, scores, window)
     yield "Track", _overview(draw, solutions, reference, scores)
+    for heading, shown in more:
+        yield heading, f"<div class=grid>{''.join(draw.place(*each) for each in shown)}</div>"
     if scores:
         yield "Errors", _errors(draw, scores, window)
     yield ("Motion" if scores else "Estimates"), _motion(draw, reference)

@@ -12,6 +12,7 @@ from ..sensors.barometer import Barometer
 from ..sensors.gnss import Gnss
 from ..sensors.magnetometer import Disturbance, Magnetometer
 from . import motions
+from .jsbsim import Target, jsbsim_motion
 from .scenario import START_SD, Scenario
 from .sortie import sortie
 from .trajectory import DEG, demo_flight
@@ -19,7 +20,7 @@ from .waypoints import waypoints
 
 KINDS = {"demo": demo_flight, "static": motions.static, "straight": motions.straight,
          "flight": motions.flight, "sortie": sortie, "waypoints": waypoints, "car": motions.car, "ship": motions.ship,
-         "hand-held": motions.hand_held, "moored": motions.moored}
+         "hand-held": motions.hand_held, "moored": motions.moored, "jsbsim": jsbsim_motion}
 """What a [motion] can be, and the function that makes it; the function's parameters are its keys."""
 UNITS = {"azimuth": "deg", "course": "deg", "roll": "deg", "pitch": "deg", "heading": "deg", "amplitude": "deg", "turn": "deg", "bank": "deg",
          "speed": "m_s", "climb": "m_s", "duration": "s", "period": "s", "wave_period": "s", "smoothing": "s", "wave_height": "m",
@@ -36,7 +37,9 @@ DISTURBANCE = ("start_s", "stop_s", "field_uT", "frame")
 BAROMETER = {"rate_hz": "rate", "sd_Pa": "sd", "bias_Pa": "bias", "drift_Pa": "drift", "drift_time_s": "drift_time", "zero_m": "zero",
              "lever_arm_m": "lever_arm", "quantity": "quantity"}
 ATTITUDE = ("rate_hz", "sd_deg")
-"""Keys of the sections of sensors; those of magnetometer and barometer with the field that each sets, and the size of its unit."""
+TARGET = {"at_s": ("at", 1.0), "heading_deg": ("heading", DEG), "height_m": ("height", 1.0), "throttle": ("throttle", 1.0)}
+"""Keys of the sections of sensors; those of magnetometer and barometer with the field that each sets, and the size of its unit;
+those of a target of JSBSim's autopilot likewise."""
 
 
 def read(path):
@@ -122,6 +125,12 @@ def _value(name, value, where, kind):
         return [_place(place, f"{where} {number}") for number, place in enumerate(_list(value, where), 1)]
     if name == "legs":
         return [_leg(leg, f"{where} {number}", kind) for number, leg in enumerate(_list(value, where), 1)]
+    if name == "aircraft":
+        return _text(value, where)
+    if name == "targets":
+        return [_target(target, f"{where} {number}") for number, target in enumerate(_list(value, where), 1)]
+    if name == "properties":
+        return {key: _number(each, f"{where}, {key}") for key, each in _entries(value, where).items()}
     return _number(value, where) * (DEG if UNITS.get(name) == "deg" else 1.0)
 
 
@@ -131,6 +140,17 @@ def _leg(leg, where, kind):
     keys = {_key(name): name for name in motions.leg_keys(motions.VERTICAL[kind])}
     _refuse_unknown(leg, keys, f"{where}: ")
     return {name: leg[key] if name == "repeat" else _value(name, leg[key], f"{where}, {key}", kind) for key, name in keys.items() if key in leg}
+
+
+def _target(value, where):
+    _refuse_unknown(_entries(value, where), TARGET, f"{where}: ")
+    return Target(**{field: _number(value[key], f"{where}, {key}") * unit for key, (field, unit) in TARGET.items() if key in value})
+
+
+def _entries(value, where):
+    if not isinstance(value, dict):
+        raise DataError(f"{where} is {value!r}; write a table of its keys")
+    return value
 
 
 def _place(value, where):

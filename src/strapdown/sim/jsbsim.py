@@ -1,0 +1,201 @@
+"""JSBSim (the extra `jsbsim`) as a source of truth: an aircraft of its own, flown by its own autopilot, as a Motion for `simulate`."""
+from collections.abc import Iterable
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..data import DataError, Trajectory
+from .splined import splined
+from .trajectory import DEG
+
+FOOT = 0.3048
+"""m."""
+RATE = 200.0
+"""Steps of JSBSim per second, 1/s."""
+ROW = 0.02
+"""Time from row to row of what it flew, s: the pieces of the splines."""
+HOLDS = {"heading": ("ap/heading_hold", "ap/heading_setpoint", 1 / DEG), "height": ("ap/altitude_hold", "ap/altitude_setpoint", 1 / FOOT)}
+"""Of a Target: JSBSim's switch, its set point, and the set point's unit."""
+TRIM_FULL = 1
+STATE = ("position/lat-geod-rad", "position/long-gc-rad", "position/geod-alt-ft", "velocities/v-north-fps", "velocities/v-east-fps",
+         "velocities/v-down-fps", "attitude/phi-rad", "attitude/theta-rad", "attitude/psi-rad")
+SCALE = np.array([1.0, 1.0, FOOT, FOOT, FOOT, FOOT, 1.0, 1.0, 1.0])
+
+
+class Target(NamedTuple):
+    """What the autopilot holds from a time on; what is None stays as it was."""
+    at: float = 0.0                 # s
+    heading: float | None = None    # rad, of the nose, clockwise from true north
+    height: float | None = None     # m above the ellipsoid
+    throttle: float | None = None   # 0 to 1
+
+
+def jsbsim_motion(start, heading, speed, duration, aircraft="c172x", targets=(), properties=None, name=None):
+    """The Motion of an aircraft that comes with JSBSim, flown by JSBSim and its autopilot, splined through the rows of `flown_by_jsbsim`."""
+    flown = flown_by_jsbsim(start, heading, speed, duration, aircraft, targets, properties)
+    return splined(flown, name or f"{aircraft} of JSBSim")
+
+
+def flown_by_jsbsim(start, heading, speed, duration, aircraft="c172x", targets=(), properties=None, rate=RATE, row=ROW):
+    """Position, velocity and attitude that JSBSim flies, every `row` s (whole steps), as data.Trajectory.
+
+    It begins in trimmed level flight with the engine running: `start` (latitude rad, longitude rad, ellipsoidal height m), `heading` rad,
+    true airspeed `speed` m/s. `targets`: Targets; without one heading and height of the start are held. `properties`: JSBSim properties, by
+    name in its own units, that are set once before it flies ({"atmosphere/wind-north-fps": 20.0}). `rate`: steps per second.
+    The ground is the ellipsoid. Raises DataError: JSBSim missing, unknown aircraft or property, no autopilot, no trim, a crash.
+    """
+    start, targets = tuple(map(float, start)), _checked(start, heading, speed, duration, targets)
+    with session(rate) as (executive, _):
+        _load(executive, aircraft)
+        missing = [switch for switch, _, _ in HOLDS.values() if not _has(executive, switch)]
+        if missing:
+            raise DataError(f"JSBSim's {aircraft} has no autopilot for heading and height ({missing[0]}); c172x and global5000 have one")
+        _trim(executive, aircraft, start, heading, speed)
+        for key, value in (properties or {}).items():
+            if not _has(executive, key):
+                raise DataError(f"JSBSim's {aircraft} has no property {key!r}; names end in their unit, as in atmosphere/wind-north-fps")
+            executive[key] = float(value)
+        every = max(1, round(row * rate))
+        return _fly(executive, aircraft, [Target(0.0, heading, start[2]), *targets], int(np.ceil(duration * rate / every - 1e-9)), every)
+
+
+@contextmanager
+def session(rate=RATE):
+    """(FGFDMExec, list of what JSBSim says) with nothing printed; `rate` steps per second. Raises DataError where JSBSim is not installed."""
+    from tempfile import TemporaryDirectory
+    engine = found()
+
+    class Listener(engine.FGLogger):
+        """Keeps what JSBSim would print."""
+
+        def message(self, text):
+            said.append(text)
+
+    said, before = [], engine.get_logger()
+    engine.set_logger(Listener())
+    try:
+        executive = engine.FGFDMExec(None, engine.FGPropertyManager())      # properties of its own: two may be alive at a time
+        executive.set_debug_level(0)
+        executive.set_dt(1.0 / rate)
+        with TemporaryDirectory(ignore_cleanup_errors=True) as folder:      # some aircraft write logs of their own, else into the working folder
+            executive.set_output_path(folder)
+            yield executive, said
+    finally:
+        engine.set_logger(before)
+
+
+def found():
+    """The module jsbsim. Raises DataError naming the extra where it is not installed, or too old."""
+    try:
+        import jsbsim
+    except ImportError:
+        raise DataError("JSBSim is not installed; pip install 'strapdown[jsbsim]'") from None
+    if not hasattr(jsbsim, "set_logger"):
+        raise DataError(f"JSBSim {jsbsim.__version__} is too old (1.3 is needed); pip install 'strapdown[jsbsim]'")
+    return jsbsim
+
+
+def _checked(start, heading, speed, duration, targets):
+    """The targets in order of time. Raises DataError for what is no start, duration or target."""
+    numbers = [*start, heading, speed, duration]
+    if len(numbers) != 6 or not np.all(np.isfinite(numbers)) or speed <= 0 or duration <= 0:
+        raise DataError(f"a flight of JSBSim needs a start (rad, rad, m), a heading, and a speed and a duration above 0, not {numbers}")
+    if not isinstance(targets, Iterable) or not all(isinstance(target, Target) for target in targets):
+        raise DataError(f"targets are strapdown.sim.jsbsim.Target each, not {targets!r}")
+    for target in targets:
+        values = [value for value in target if value is not None]
+        if not np.all(np.isfinite(values)) or not 0 <= target.at <= duration:
+            raise DataError(f"{target}: its time is within the flight's 0 to {duration:g} s and its values are finite")
+        if target.throttle is not None and not 0 <= target.throttle <= 1:
+            raise DataError(f"{target}: throttle is between 0 and 1")
+    return sorted(targets, key=lambda target: target.at)
+
+
+def _load(executive, aircraft):
+    """Load an aircraft that comes with JSBSim. Raises DataError."""
+    from .scenario_file import nearest
+    folder = Path(executive.get_aircraft_path())
+    if not (folder / aircraft / f"{aircraft}.xml").is_file():       # JSBSim itself would leave half a model behind
+        known = sorted(entry.name for entry in folder.iterdir() if entry.is_dir())
+        raise DataError(f"JSBSim has no aircraft {aircraft!r}{nearest(aircraft, known)}; it has {', '.join(known)}")
+    executive.load_model(aircraft)
+
+
+def begin(executive, lla, values):
+    """Start at `lla` (rad, rad, ellipsoidal height m) with further initial conditions, {name below ic/: value in JSBSim's unit}.
+
+    JSBSim takes its heights along the radius, 7 mm off at 1000 m: corrected by what it then says the ellipsoidal height is.
+    """
+    executive["ic/h-sl-ft"] = lla[2] / FOOT
+    for _ in range(3):
+        for key, value in {"lat-geod-rad": lla[0], "long-gc-rad": lla[1], **values}.items():
+            executive[f"ic/{key}"] = float(value)
+        executive.run_ic()
+        executive["ic/h-sl-ft"] += lla[2] / FOOT - executive["position/geod-alt-ft"]
+    executive.run_ic()
+
+
+def _has(executive, key):
+    try:
+        executive[key]
+    except KeyError:
+        return False
+    return True
+
+
+def _trim(executive, aircraft, start, heading, speed):
+    """Level flight in balance. Raises DataError where JSBSim finds none."""
+    _order(executive, Target(0.0, heading, start[2]), hold=False)       # known before they are held, else the autopilot begins with a kick
+    begin(executive, start, {"vt-fps": speed / FOOT, "psi-true-rad": heading, "gamma-rad": 0.0})
+    for key in ("fcs/mixture-cmd-norm", "propulsion/magneto_cmd"):
+        if _has(executive, key):
+            executive[key] = 1.0 if "mixture" in key else 3.0
+    executive["propulsion/set-running"] = -1
+    try:
+        executive.do_trim(TRIM_FULL)
+    except RuntimeError:
+        raise DataError(f"JSBSim cannot trim {aircraft} in level flight at {speed:g} m/s and {start[2]:g} m; "
+                        "give another speed or a lower height") from None
+
+
+def _fly(executive, aircraft, targets, rows, every, watch=None):
+    """The Trajectory of rows + 1 rows of `every` steps; `watch` is called at each of them.
+
+    Raises DataError where the flight ends in the ground or in numbers that are none.
+    """
+    flown, orders = np.empty((rows + 1, len(STATE))), list(targets)
+    step = executive.get_delta_t()
+    for row in range(rows + 1):
+        flown[row] = [executive[key] for key in STATE]
+        if not np.isfinite(flown[row]).all() or flown[row, 2] <= 0 or executive["gear/wow"]:
+            raise DataError(f"{aircraft} of JSBSim met the ground (the ellipsoid) or was lost after {row * every * step:.2f} s; "
+                            "begin higher, or ask less of it")
+        if watch is not None:
+            watch()
+        for i in range(every):
+            while orders and orders[0].at <= (row * every + i) * step + 1e-9:
+                _order(executive, orders.pop(0))
+            executive.run()
+    flown *= SCALE
+    lla, v_n = (np.ascontiguousarray(flown[:, first:first + 3]) for first in (0, 3))
+    return Trajectory(np.arange(rows + 1) * every * step, lla, v_n, quaternions(flown[:, 6:]))
+
+
+def quaternions(angles):
+    """q_nb (n, 4), scalar first and not negative, of roll, pitch and heading (n, 3), rad."""
+    from scipy.spatial.transform import Rotation
+    q = Rotation.from_euler("ZYX", angles[:, ::-1]).as_quat()[:, [3, 0, 1, 2]]
+    return q * np.where(q[:, :1] < 0, -1.0, 1.0)
+
+
+def _order(executive, target, hold=True):
+    """Set the set points of a target and, but for those of the trim, switch their holds on."""
+    for name, (switch, point, unit) in HOLDS.items():
+        value = getattr(target, name)
+        if value is not None:
+            executive[switch] = float(hold)
+            executive[point] = (value % (2 * np.pi) if name == "heading" else value) * unit
+    if target.throttle is not None:
+        executive["fcs/throttle-cmd-norm"] = target.throttle

@@ -1,0 +1,62 @@
+"""A Motion through the rows of a trajectory: what another simulator flew, or a reference that was recorded, as truth of a simulation."""
+from functools import partial
+
+import numpy as np
+
+from ..data import DataError
+from .trajectory import Motion
+
+DEGREE = 5
+"""Of the splines: angular and linear acceleration have two continuous derivatives, so that Gauss-Legendre quadrature keeps its order."""
+
+
+def splined(trajectory, name="splined motion"):
+    """The Motion whose velocity and Euler angles are quintic splines through those of a data.Trajectory (velocity and attitude in every row).
+
+    Its time begins at 0 with the first row, and it begins at that row's position: its positions are the integral of its velocity, not the
+    trajectory's own (`residual` says by how much they differ). Raises DataError for fewer than six rows, a row that is not finite, times that do
+    not increase.
+    """
+    if trajectory.v_n is None or trajectory.q_nb is None:
+        raise DataError(f"{name}: the trajectory has no {'velocity' if trajectory.v_n is None else 'attitude'}; a motion is made of both")
+    t = np.asarray(trajectory.t, float) - trajectory.t[0] if len(trajectory) else np.empty(0)
+    if len(t) <= DEGREE:
+        raise DataError(f"{name}: the trajectory has {len(t)} rows; a spline of degree {DEGREE} needs {DEGREE + 1} or more")
+    bad = ~np.isfinite(np.c_[t, trajectory.lla, trajectory.v_n, trajectory.q_nb]).all(axis=1)
+    if bad.any():
+        raise DataError(f"{name}: row {int(np.argmax(bad))} of the trajectory is not finite; leave out what is not known")
+    if np.any(np.diff(t) <= 0):
+        raise DataError(f"{name}: the time does not increase at row {int(np.argmax(np.diff(t) <= 0)) + 1} of the trajectory")
+    return Motion(name, tuple(map(float, trajectory.lla[0])), _spline(t, trajectory.v_n), _spline(t, np.unwrap(trajectory.rph, axis=0)), float(t[-1]))
+
+
+def residual(motion, trajectory):
+    """(position NED m, velocity m/s, rotation vector in n rad), (n, 3) each: the trajectory less the motion at its rows after the first.
+
+    At a spline's own rows velocity and attitude agree to rounding; hold rows back to see what it makes of the time between them.
+    """
+    from ..geodesy import displacement
+    from .trajectory import sample
+    t = np.asarray(trajectory.t, float) - trajectory.t[0]
+    made = sample(motion, t[1:])
+    return displacement(trajectory.lla[1:], made.lla), trajectory.v_n[1:] - made.v_n, (trajectory.rotation[1:] * made.rotation.inv()).as_rotvec()
+
+
+def _spline(t, values):
+    """t -> three values, for real and complex times: the piece is chosen by the real part, and is a polynomial."""
+    from math import factorial
+    from scipy.interpolate import make_interp_spline
+    spline = make_interp_spline(t, values, k=DEGREE)
+    begins = np.unique(spline.t)[:-1]
+    return partial(_evaluate, begins, np.stack([spline(begins, power) / factorial(power) for power in range(DEGREE, -1, -1)]))
+
+
+def _evaluate(begins, coefficients, t):
+    """Horner's rule on the pieces that begin at `begins`; coefficients (degree + 1, pieces, 3), of the highest power first."""
+    t = np.asarray(t)
+    piece = np.clip(np.searchsorted(begins, t.real, side="right") - 1, 0, len(begins) - 1)
+    x = (t - begins[piece])[..., None]
+    value = coefficients[0][piece] + 0 * x
+    for power in coefficients[1:]:
+        value = value * x + power[piece]
+    return value[..., 0], value[..., 1], value[..., 2]
