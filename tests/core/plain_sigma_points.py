@@ -65,7 +65,8 @@ class SigmaPointFilter:
         steps = self.fix_set[0] * self.root
         E = np.array([y - self.h(self.x + step) for step in (np.zeros(n), *steps, *-steps)])
         self.innovation, dx = np.zeros(rows), np.zeros(n)
-        nis, repaired = points.corrected(self.A, n, self.lanes, E, rows, *self.fix_set, self.R, gate, self.innovation, np.full(rows * (n + rows + 5), np.nan), dx)
+        work = np.full(rows * (n + rows + 5), np.nan)
+        nis, repaired = points.corrected(self.A, n, self.lanes, E, rows, *self.fix_set, self.R, gate, self.innovation, work, dx)
         self.repairs += repaired
         self.x = self.x + dx
         return nis

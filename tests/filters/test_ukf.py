@@ -28,7 +28,8 @@ def short():
     recording = flight(2.1, 10.0)
     begin = start(recording)
     roll, pitch, heading = begin.rph
-    return replace(recording, aidings=tuple(replace(a, gate=np.inf) for a in recording.aidings)), begin._replace(sd=tuple(WIDE), rph=(roll, pitch, heading + 0.3))
+    ungated = replace(recording, aidings=tuple(replace(a, gate=np.inf) for a in recording.aidings))
+    return ungated, begin._replace(sd=tuple(WIDE), rph=(roll, pitch, heading + 0.3))
 
 
 # ---- the textbook: 2 n + 1 points, weights of the book, deviations about the mean, P - K S K'
@@ -170,7 +171,8 @@ def test_a_covariance_that_the_loop_changed_is_factored_anew(filter):
 @pytest.mark.parametrize("name", ["ukf", "ckf", "ekf"])
 def test_what_the_gate_rejects_changes_nothing(name):
     recording = flight(3.5, 10.0)
-    wrong = replace(recording, aidings=tuple(replace(a, y=a.y + np.array([1e-3, 0, 0]) if a.kind == "position" else a.y + 50.0) for a in recording.aidings))
+    off = {"position": np.array([1e-3, 0, 0]), "velocity": 50.0}
+    wrong = replace(recording, aidings=tuple(replace(a, y=a.y + off[a.kind]) for a in recording.aidings))
     alone, rejected = fused(replace(recording, aidings=()), name), fused(wrong, name)
     assert {count[0] for count in rejected.counts().values()} == {0} and np.array_equal(rejected.covariance, alone.covariance)
     assert np.array_equal(rejected.trajectory.lla, alone.trajectory.lla)
@@ -182,7 +184,8 @@ def test_axes_that_are_not_measured_and_a_barometer_with_a_bias(name):
     recording = flight(4.1, 10.0)
     flat = tuple(replace(a, y=a.y * [1, 1, np.nan]) if a.kind == "position" else a for a in recording.aidings)
     t, height = recording.reference.t[4::5], recording.reference.lla[4::5, 2:]
-    high = sd.Aiding("pressure-altitude", t, height + 20 + 0.5 * np.random.default_rng(1).standard_normal(height.shape), np.full(height.shape, 0.5), (0.1, 0.2, -0.3))
+    white = np.random.default_rng(1).standard_normal(height.shape)
+    high = sd.Aiding("pressure-altitude", t, height + 20 + 0.5 * white, np.full(height.shape, 0.5), (0.1, 0.2, -0.3))
     log = replace(recording, aidings=(*flat, high))
     begin = start(recording)
     own, closed = (sd.fuse(log, each, start=begin, noise=NOISE, covariance=True) for each in (name, "closed-loop"))
@@ -220,7 +223,7 @@ def test_the_noise_of_one_sample_is_that_of_the_error_dynamics(filter):
     off = np.abs(belief.P[3:, 3:] - expected) / np.outer(size, size)
     across = np.abs(expected[:3, 3:6] / np.outer(size[:3], size[3:6])).max()
     assert across > 0.3 and off[:3, 3:6].max() < 1e-4 and off[3:, 3:].max() < 0.002
-    tilted = expected[:3, :3] - dt * noise.accel ** 2 * np.eye(3)       # of third order in dt: a fourth instead of a third, as the noise of a sample is one
+    tilted = expected[:3, :3] - dt * noise.accel ** 2 * np.eye(3)       # dt^3/3; as the noise of a sample is one number, dt^3/4 of it is there
     assert np.abs(belief.P[3:6, 3:6] - expected[:3, :3] + 0.25 * tilted).max() < 1e-3 * np.abs(tilted).max()
     assert belief.aux[0] == 0
 
@@ -239,8 +242,8 @@ def test_a_set_whose_covariances_are_none_is_repaired_counted_and_flagged():
     assert np.isfinite(solution.trajectory.v_n).all() and np.linalg.eigvalsh(solution.covariance).min() > 0
 
 
-@pytest.mark.parametrize("options, words", [({"sigma": "simplex"}, "merwe, symmetric"), ({"alpha": 0.0}, "alpha must be above 0"), ({"kappa": -15.0}, "kappa above -15"),
-                                            ({"sigma": "symmetric", "alpha": 1.0}, "leave them out")])
+@pytest.mark.parametrize("options, words", [({"sigma": "simplex"}, "merwe, symmetric"), ({"alpha": 0.0}, "alpha must be above 0"),
+                                            ({"kappa": -15.0}, "kappa above -15"), ({"sigma": "symmetric", "alpha": 1.0}, "leave them out")])
 def test_sets_that_do_not_exist_are_refused(options, words):
     with pytest.raises((ValueError, sd.DataError), match=words):
         fused(flight(), "ukf", **options)

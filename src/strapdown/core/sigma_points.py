@@ -278,7 +278,8 @@ def _whitened(n, E, rows, used, spread, rest, variance, work):
             noise = variance[i] if a == b else 0.0
             if not math.isnan(rest):
                 for j in range(n):
-                    noise += 0.25 / (spread * spread) * (E[1 + j, i] + E[1 + n + j, i] - 2 * (E[0, i] + z)) * (E[1 + j, k] + E[1 + n + j, k] - 2 * (E[0, k] + y))
+                    one, other = E[1 + j, i] + E[1 + n + j, i] - 2 * (E[0, i] + z), E[1 + j, k] + E[1 + n + j, k] - 2 * (E[0, k] + y)
+                    noise += 0.25 / (spread * spread) * one * other
                 noise += rest * z * y
             for m in range(b):
                 noise -= work[L + rows * a + m] * work[L + rows * b + m]

@@ -185,11 +185,13 @@ def _noise_rows(n, lanes, rows, augmented, belief, dt, root, noise):
     for i in range(3):
         A[lanes * (rows + i) + 9 + i], A[lanes * (rows + 3 + i) + 12 + i] = root * noise.accel_bias, root * noise.gyro_bias
     if not augmented:
-        d0, d1, d2 = 0.5 * root * noise.gyro * aux[CENTRE + 15], 0.5 * root * noise.gyro * aux[CENTRE + 16], 0.5 * root * noise.gyro * aux[CENTRE + 17]
+        half = 0.5 * root * noise.gyro      # the tilt grows over the sample in which it turns the specific force
+        d0, d1, d2 = half * aux[CENTRE + 15], half * aux[CENTRE + 16], half * aux[CENTRE + 17]
         for i in range(3):
             turned, pushed = lanes * (rows + 6 + i), lanes * (rows + 9 + i)
             A[turned + 6 + i], A[pushed + 3 + i], A[pushed + i] = root * noise.gyro, root * noise.accel, 0.5 * dt * root * noise.accel
-            A[turned + 3 + (i + 1) % 3], A[turned + 3 + (i + 2) % 3] = (-d2 if i == 0 else (-d0 if i == 1 else -d1)), (d1 if i == 0 else (d2 if i == 1 else d0))
+            A[turned + 3 + (i + 1) % 3] = -d2 if i == 0 else (-d0 if i == 1 else -d1)
+            A[turned + 3 + (i + 2) % 3] = d1 if i == 0 else (d2 if i == 1 else d0)
     return last
 
 
