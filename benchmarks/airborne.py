@@ -1,6 +1,8 @@
 """Sigma-point and particle Kalman filters and the aircraft in the loop under measurement: steps in the engine, five minutes of flight, the study."""
 import time
 
+import numpy as np
+
 import subject
 import workload
 
@@ -26,3 +28,46 @@ def pkf(alternating, turns):
     us = 1e6 / (len(w.t) - 1)
     closed, own, ratio = alternating(subject.timed_run(w, "closed-loop"), subject.timed_run(w, "pkf", components=COMPONENTS), turns)
     return [(ratio / COMPONENTS, f"{own * us / COMPONENTS:.3f} us against {closed * us:.3f} us per IMU sample; {COMPONENTS} components")]
+
+
+def aircraft(times):
+    """[(us per step of 10 ms, note)] of the aircraft on the rotating Earth, a circle in gusts: the median of `times` runs of 20 000 steps."""
+    import numba
+    from strapdown.core.compiling import compile_kernel
+    from strapdown.sim.aircraft.dynamics import step
+    import strapdown as sd
+    compile_kernel(step)
+    trim = sd.trim(sd.aircraft("aerosonde"), 25.0, radius=300.0)
+    parameters, wind, increments = trim.aircraft.array("geodetic", trim.origin), np.array([3.0, 1, 0, 0.5, 0.5, 0.5, 0.01, 0.01, 0.01]), np.empty(6)
+
+    @numba.njit
+    def fly(parameters, state, commands, wind, increments, count):
+        for _ in range(count):
+            step(parameters, state, commands, wind, 0.01, increments)
+
+    def seconds(count=20_000):
+        state = trim.state.copy()
+        begin = time.perf_counter()
+        fly(parameters, state, trim.commands, wind, increments, count)
+        return time.perf_counter() - begin
+    seconds(1)
+    return [(float(np.median([seconds() for _ in range(times)])) / 20_000 * 1e6, "geodetic, four evaluations of all forces")]
+
+
+def flown(times):
+    """[(s, note)] for `FLOWN`: the whole call of `fly` for the straight flight of 315 s without GNSS from 15 s, once everything is compiled."""
+    import strapdown as sd
+    straight = dict(plan="straight", imu="mollaei", outage="15:", duration=315.0)
+
+    def seconds(filter, count):
+        sd.fly(**straight | {"duration": 1.0}, filter=filter)
+        taken = []
+        for seed in range(count):
+            begin = time.perf_counter()
+            flight = sd.fly(**straight, filter=filter, seed=seed)
+            taken.append(time.perf_counter() - begin)
+            if flight.stopped:
+                raise RuntimeError(str(flight.stopped))
+        return float(np.median(taken))
+    closed = seconds("closed-loop", times)
+    return [(seconds("ukf", times), f"closed loop {closed:.2f} s"), (seconds("pkf", 1), f"{COMPONENTS} components, 15.75 million component steps")]

@@ -16,7 +16,7 @@ from numba.extending import intrinsic
 
 COMPILED = not config.DISABLE_JIT
 PACKAGE = Path(__file__).resolve().parents[1]
-KERNEL_SOURCES = ("core/**/*.py", "aiding/**/*.py", "filters/**/*.py", "sim/aircraft/**/*.py", "sim/autopilot*.py", "sim/flight*.py",
+KERNEL_SOURCES = ("core/**/*.py", "aiding/**/*.py", "filters/**/*.py", "sim/aircraft/**/*.py", "sim/autopilot.py", "sim/flight_loop.py",
                   "papers/mollaei_six*.py")
 """Every file that kernels or their helpers are written in: an edit to one of these gives a new cache."""
 
