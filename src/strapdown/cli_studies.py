@@ -65,15 +65,15 @@ def advise(imu: Annotated[str, typer.Option(help="IMU grade (see `strapdown imus
 
 REPRODUCTIONS = {"recordings": ("--recordings",), "hager-bryne": ("--quick", "--ablations", "--runs", "--seed", "--workers", "--scheduler"),
                  "broad": ("--quick", "--recordings"), "fossen": ("--quick", "--runs", "--seed"),
-                 "alam": ("--quick", "--runs", "--seed", "--recordings")}
+                 "alam": ("--quick", "--runs", "--seed", "--recordings"), "mollaei": ("--quick", "--runs", "--seed")}
 """What can be reproduced, and the options that it has."""
 
 
 def reproduce(name: Annotated[str, typer.Argument(metavar="NAME", help=", ".join(REPRODUCTIONS))], out: OUT = Path("reproduction"),
-              quick: Annotated[bool, typer.Option("--quick", help="hager-bryne, fossen: 5 runs instead of 50; alam: 3 instead of 50; broad: without the slow peers.")] = False,
+              quick: Annotated[bool, typer.Option("--quick", help="hager-bryne, fossen: 5 runs instead of 50; alam: 3 instead of 50; mollaei: 2 instead of 200; broad: without the slow peers.")] = False,
               ablations: Annotated[bool, typer.Option("--ablations", help="hager-bryne: also what decides its result.")] = False,
-              runs: Annotated[Optional[int], typer.Option(metavar="N", help="hager-bryne, fossen, alam: runs of each configuration.")] = None,
-              seed: Annotated[Optional[int], typer.Option(help="hager-bryne, fossen, alam: of the random errors [default: 2].")] = None,
+              runs: Annotated[Optional[int], typer.Option(metavar="N", help="hager-bryne, fossen, alam, mollaei: runs of each configuration.")] = None,
+              seed: Annotated[Optional[int], typer.Option(help="hager-bryne, fossen, alam, mollaei: of the random errors [default: 2].")] = None,
               workers: WORKERS = 0, scheduler: SCHEDULER = None,
               recordings: Annotated[Optional[Path], typer.Option(help="recordings, alam: folder of their descriptions [default: examples/recordings]; "
                                                                       "broad: folder of the trials [default: broad in the data folder].")] = None):
@@ -98,10 +98,13 @@ def reproduce(name: Annotated[str, typer.Argument(metavar="NAME", help=", ".join
         elif name == "alam":
             from .papers.alam import reproduce
             claims = reproduce(out, quick, runs, 2 if seed is None else seed, recordings, say=progress.say, progress=progress.track(name))
+        elif name == "mollaei":
+            from .papers.mollaei import reproduce
+            claims = reproduce(out, quick, runs, 2 if seed is None else seed, progress=progress.track(name))
         else:
             from .papers.hager_bryne import reproduce
             claims = reproduce(out, quick, ablations, runs, 2 if seed is None else seed, None, workers, scheduler, progress.say, progress.track(name))
-    if name in ("hager-bryne", "fossen", "alam"):
+    if name in ("hager-bryne", "fossen", "alam", "mollaei"):
         table(("verdict", "the paper says"), [(c["verdict"], c["claim"]) for c in claims])
     else:
         table(("claim", "target", "measured", "holds"), [(c["claim"], c["target"], c["figure"], "yes" if c["holds"] else "no") for c in claims])
