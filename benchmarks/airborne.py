@@ -1,4 +1,5 @@
 """Sigma-point and particle Kalman filters and the aircraft in the loop under measurement: steps in the engine, five minutes of flight, the study."""
+import os
 import time
 
 import numpy as np
@@ -71,3 +72,18 @@ def flown(times):
         return float(np.median(taken))
     closed = seconds("closed-loop", times)
     return [(seconds("ukf", times), f"closed loop {closed:.2f} s"), (seconds("pkf", 1), f"{COMPONENTS} components, 15.75 million component steps")]
+
+
+def study():
+    """[(s, note)] for `STUDY`: E1 with no filter, EKF, UKF and PKF in the six-state form, driven by the model, the slower of the two readings."""
+    from strapdown.papers import mollaei_runs
+    from strapdown.papers.mollaei_cells import E1, IMU, MODEL, Case
+
+    def seconds(prediction):
+        cases = [Case(E1, prediction=prediction)]
+        mollaei_runs.run_all(range(1), cases=cases)
+        begin = time.perf_counter()
+        mollaei_runs.run_all(range(200), cases=cases)
+        return time.perf_counter() - begin
+    by_imu = seconds(IMU)
+    return [(seconds(MODEL), f"model-driven; IMU-driven {by_imu:.0f} s; {COMPONENTS} components; {os.cpu_count()} cores")]

@@ -18,6 +18,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # threads over 15 x 15 matri
 
 import numpy as np  # noqa: E402
 
+import airborne  # noqa: E402
 import attitude  # noqa: E402
 import exogenous  # noqa: E402
 import figures  # noqa: E402
@@ -178,6 +179,15 @@ def exogenous_figures(book):
     book.measure(exogenous.COMPARED, exogenous.compared)
 
 
+def airborne_figures(book):
+    """Of the sigma-point and particle filters and of the aircraft in the loop."""
+    book.measure(airborne.UKF, lambda: airborne.ukf(alternating, 5))
+    book.measure(airborne.PKF, lambda: airborne.pkf(alternating, 5))
+    book.measure(airborne.AIRCRAFT, lambda: airborne.aircraft(15))
+    book.measure(airborne.FLOWN, lambda: airborne.flown(3))
+    book.measure(airborne.STUDY, airborne.study)
+
+
 def recorded_figures(book):
     def measured():
         with tempfile.TemporaryDirectory() as folder:
@@ -235,6 +245,7 @@ def main():
         attitude_figures(book)
         navigation_figures(book)
         exogenous_figures(book)
+        airborne_figures(book)
         peer_figures(book, options.full)
     figures.write(OUT, book.figures, machine())
     judged = [figure.holds for figure in book.figures if figure.target is not None]

@@ -9,6 +9,7 @@ import pytest
 
 FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
 sys.path.insert(0, str(FOLDER))
+import airborne  # noqa: E402
 import attitude  # noqa: E402
 import bench  # noqa: E402
 import exogenous  # noqa: E402
@@ -35,7 +36,7 @@ def skew(v):
 @pytest.mark.short
 def test_targets_are_the_issues():
     tables = figures.targets()
-    assert len(tables) == 58
+    assert len(tables) == 64
     assert tables["A closed loop time"]["target"] == 1.0 and tables["B closed loop time"]["target"] == 1.2
     assert tables["N open loop position"]["tolerance"] == 0.05
 
@@ -94,6 +95,8 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
     monkeypatch.setattr(navigation, "consistency", lambda: [(0.95, "")] * len(navigation.CONSISTENT))
     for name, lines in (("times", exogenous.TIMES), ("starts", exogenous.STARTS), ("compared", exogenous.COMPARED)):
         monkeypatch.setattr(exogenous, name, lambda *_, lines=lines: [(0.3, "")] * len(lines))
+    for name in ("ukf", "pkf", "aircraft", "flown", "study"):
+        monkeypatch.setattr(airborne, name, lambda *_, lines=getattr(airborne, "FLOWN" if name == "flown" else name.upper()): [(0.3, "")] * len(lines))
     monkeypatch.setattr(smoothing, "smoothing", lambda: [(0.3, "")] * len(smoothing.FIGURES))
     monkeypatch.setattr(attitude, "peer_figures", lambda: [figures.informative("attitude, BROAD vqf", 2.6, "deg")])
     monkeypatch.setattr(bench.peers, "RUNS", (("fast", lambda w, s: bench.peers.Result(2.0, None), "smsfusion", {"A": 1.0}),

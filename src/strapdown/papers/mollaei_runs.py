@@ -125,7 +125,8 @@ def scored(case, mode, seed, components):
 def run_all(seeds, components=None, cases=None, progress=None, threads=None):
     """Results over `seeds`, or SHARES of them; cases: by default all. components: of the PKF; progress: called with the fraction done."""
     seeds, cases = list(seeds), CASES if cases is None else cases
-    seconds = times(seeds[0], components)           # alone, and before the threads, which would each compile
+    # alone, and before the threads, which would each compile
+    seconds = times(seeds[0], components) if any(case.experiment == E2 and case.form == SIX for case in cases) else {}
     groups = dict.fromkeys((case.experiment, case.form) for case in cases)
     tasks = [(group, seed) for group in groups for seed in seeds[::SHARES.get(group, 1)]]
     tasks.sort(key=lambda task: (-duration(task[0][0]), task[0][1]))
