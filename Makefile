@@ -9,6 +9,7 @@ demo: $(VENV)/installed
 	$(BIN)/strapdown demo --out report.html
 
 test: $(VENV)/installed-test lint
+	$(BIN)/python tests/compile_all.py
 	$(BIN)/python -m pytest -n 2
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 2 -m short
 
