@@ -33,20 +33,22 @@ def test_a_flight_is_flown_printed_and_written(flight, command, tmp_path, monkey
     assert np.allclose(log["Fz, N"], flight.log["Fz, N"], rtol=1e-8)
     recording, solution = sd.read(made / "recording.nc"), sd.read_solution(made / "solution.nc")
     assert np.array_equal(recording.imu.dv, flight.recording.imu.dv) and np.allclose(recording.reference.lla, flight.recording.reference.lla, rtol=0, atol=1e-12)
-    assert np.allclose(solution.trajectory.v_n, flight.solution.trajectory.v_n, rtol=0, atol=1e-12) and solution.meta["withheld"] == [[3.0, 4.0]]
+    assert np.allclose(solution.trajectory.v_n, flight.solution.trajectory.v_n, rtol=0, atol=1e-12) and solution.meta["withheld"] == [[3.0, 3.99]]
     row = next(line for line in out.splitlines() if line.startswith("above its route"))
     expected = np.sqrt(np.mean(log["above route, m"] ** 2)), log["above route, m"].abs().max(), log["above route, m"].iloc[-1]
     assert [float(text) for text in row.split()[-3:]] == pytest.approx(expected, rel=0.01)
-    assert "rms error against the reference" in out and "3-4 " in out
+    assert "rms error against the reference" in out and "3-3.99 " in out
     assert out.splitlines()[-1] == "wrote fly-straight-closed-loop/recording.nc, solution.nc, log.csv, report.html"
 
 
 @pytest.mark.short
 def test_the_drift_is_what_the_outage_added(flight):
-    said = re.fullmatch(r"drift in 3-4 s: (\S+) m in 1 s, (\S+)% of (\d+) m flown", cli_fly.drift(flight, 3.0, 4.0))
+    window, = cli_fly.withheld(flight)
+    assert window == pytest.approx((3.0, 3.99))      # a fix at 4 s ends it, and the sample at 4 s has it
+    said = re.fullmatch(r"drift in 3-3.99 s: (\S+) m in 0.99 s, (\S+)% of (\d+) m flown", cli_fly.drift(flight, *window))
     e = sd.errors(flight.solution, flight.recording.reference)
     at = lambda t: e.position[np.argmin(np.abs(e.t - t)), :2]
-    assert float(said[1]) == pytest.approx(np.hypot(*(at(4.0) - at(3.0))), rel=0.01, abs=1e-3)
+    assert float(said[1]) == pytest.approx(np.hypot(*(at(3.99) - at(3.0))), rel=0.01, abs=1e-3)
     assert 20 < float(said[3]) < 30 and float(said[2]) == pytest.approx(100 * float(said[1]) / float(said[3]), rel=0.15)
     assert "ended before" in cli_fly.drift(flight, 9.0, 10.0)
 
@@ -55,13 +57,14 @@ def test_options_reach_the_flight(flight, command, tmp_path, monkeypatch):
     monkeypatch.setattr("strapdown.reports.page.report", lambda *_, **__: Page(""))     # a page takes longer than its flight
     said = {}
     for name, words in (("model", ("--prediction", "model")), ("truth", ("--feedback", "truth")), ("windy", ("--wind", "-3,2")),
-                        ("rough", ("--turbulence", "moderate")), ("optioned", ("--option", "error_model=literal"))):
+                        ("rough", ("--turbulence", "moderate")), ("high", ("--barometer",)), ("optioned", ("--option", "error_model=literal"))):
         code, out, err = command("fly", *SHORT, *words, "--out", tmp_path / name)
         assert (code, err) == (0, []), name
         said[name] = pd.read_csv(tmp_path / name / "log.csv")
         meta = sd.read(tmp_path / name / "recording.nc").meta
         assert meta["prediction"] == ("model" if name == "model" else "imu") and meta["feedback"] == ("truth" if name == "truth" else "estimate")
         assert ("model, not measured" in out) == (name == "model")
+    assert [a.kind for a in sd.read(tmp_path / "high" / "recording.nc").aidings] == ["position", "velocity", "pressure"]
     assert said["windy"]["wind north, m/s"].eq(-3).all() and said["windy"]["wind east, m/s"].eq(2).all()
     for name, log in said.items():
         assert not np.allclose(log["elevator, rad"], flight.log["elevator, rad"], rtol=0, atol=1e-9), name
@@ -109,7 +112,7 @@ def test_a_filter_without_position_flies_on_the_truth(command, tmp_path):
     (("--feedback", "hope"), "feedback is 'hope'"), (("--prediction", "none"), "prediction is 'none'"), (("--turbulence", "bad"), "turbulence"),
     (("--duration", -1), "-1"), (("--filter", "kallman"), "closed-loop"), (("--filter", "mahony"), "estimates no position"),
     (("--imu", "gold"), "gold"), (("--seed", -1), "seed is -1"), (("--aircraft", "kite"), "kite"), (("--option", "colour=red"), "colour"),
-    (("--option", "colour"), "NAME=VALUE")])
+    (("--option", "colour"), "NAME=VALUE"), (("--option", "seed=3"), "--option seed: the flight decides"), (("no/such.toml",), "no/such.toml: cannot")])
 def test_bad_input_ends_in_one_line(command, tmp_path, words, said):
     code, out, err = command("fly", *words, "--out", tmp_path / "made")
     assert code == 2 and len(err) == 1 and said in err[0] and not (tmp_path / "made").exists()

@@ -8,10 +8,11 @@ from .console import OPTION, SEED, Progress, number, option_values, print_errors
 
 FEEDBACK = Annotated[str, typer.Option(help="What the autopilot flies by: estimate, or truth.")]
 PREDICTION = Annotated[str, typer.Option(help="What the filter predicts by while the receiver is cut: imu, or model, the aircraft's.")]
+BAROMETER = Annotated[bool, typer.Option("--barometer", help="Carry a barometer of 10 samples per second.")]
 WIND = Annotated[Optional[str], typer.Option(metavar="N,E[,D]", help="Steady wind towards north, east and down, m/s.")]
 
 
-def fly(plan: Annotated[str, typer.Argument(metavar="PLAN", help="straight or turning (docs/flight.md).")] = "straight",
+def fly(plan: Annotated[str, typer.Argument(metavar="PLAN", help="straight, turning, or a TOML file (docs/flight.md).")] = "straight",
         filter: Annotated[str, typer.Option(help="Architecture; see `strapdown filters`.")] = "closed-loop",
         imu: Annotated[str, typer.Option(help="IMU grade (see `strapdown imus`) or a file that describes one.")] = "industrial",
         duration: Annotated[Optional[float], typer.Option(metavar="S", help="Seconds to fly [default: the plan's].")] = None,
@@ -19,17 +20,20 @@ def fly(plan: Annotated[str, typer.Argument(metavar="PLAN", help="straight or tu
         feedback: FEEDBACK = "estimate", prediction: PREDICTION = "imu",
         turbulence: Annotated[str, typer.Option(help="none, light, moderate or severe.")] = "none", wind: WIND = None,
         aircraft: Annotated[str, typer.Option(help="A built-in aircraft (docs/aircraft.md) or a TOML file.")] = "aerosonde", seed: SEED = 0,
-        option: OPTION = None,
+        barometer: BAROMETER = False, option: OPTION = None,
         out: Annotated[Optional[Path], typer.Option(help="Folder for the results.  [default: fly-PLAN-FILTER]")] = None):
     """Fly an aircraft on a filter's estimates: writes recording.nc, solution.nc, log.csv and report.html."""
     import strapdown as sd
     from .reports.flight_figures import sections
     from .sim.flight import fly as flown
+    from .sensors.barometer import Barometer
     given = {} if duration is None else {"duration": duration}
-    with results_folder(out or Path(f"fly-{plan}-{filter}")) as folder, Progress() as progress:
+    if barometer:
+        given["barometer"] = Barometer(rate=10.0)
+    with results_folder(out or Path(f"fly-{Path(plan).stem}-{filter}")) as folder, Progress() as progress:
         flight = flown(plan, filter, imu, seed, outage, feedback, prediction, aircraft, turbulence=turbulence, wind=_wind(wind), say=progress.say,
-                       progress=progress.track(filter), **given, **option_values(option))
-        windows = [tuple(window) for window in flight.recording.meta["outages"]]
+                       progress=progress.track(filter), **given, **_options(option, flown))
+        windows = withheld(flight)
         if windows:
             flight.solution.meta["withheld"] = windows
         sd.write_recording(flight.recording, folder / "recording.nc")
@@ -39,6 +43,16 @@ def fly(plan: Annotated[str, typer.Argument(metavar="PLAN", help="straight or tu
         page.save(folder / "report.html")
     show(flight, filter, windows)
     print(f"wrote {folder}/recording.nc, solution.nc, log.csv, report.html")
+
+
+def _options(items, flown):
+    """{name: value} of the filter's own options, from NAME=VALUE; those that a flight decides are refused."""
+    import inspect
+    from .data import DataError
+    values = option_values(items)
+    if taken := [name for name in values if name in inspect.signature(flown).parameters]:
+        raise DataError(f"--option {taken[0]}: the flight decides this one for its filter; leave it out (--seed and --aircraft are the flight's)")
+    return values
 
 
 def write_log(flight, path):
@@ -59,6 +73,12 @@ def show(flight, name, windows):
     table(("the aircraft", "rms", "largest", "at the end"), kept(flight))
     if flight.stopped:
         print(flight.stopped)
+
+
+def withheld(flight):
+    """[(start, stop)] in s of the outages as they are scored: to the last sample before a fix may be used again."""
+    t = flight.recording.imu.t
+    return [(start, float(t[t < stop - 1e-6][-1]) if stop < t[-1] else stop) for start, stop in flight.recording.meta["outages"]]
 
 
 def kept(flight):

@@ -267,12 +267,12 @@ def fitted(filter, options, aidings):
 
 
 def check_options(filter, options):
-    """Raise DataError where `filter` has no such option, or a value is not of the type of the default: a number, or text."""
+    """Raise DataError where `filter` has no such option, or a value is not of the type of the default: a number, or text (or what bears a name)."""
     known = {name: option.default for name, option in list(inspect.signature(filter.start).parameters.items())[2:]}
     for name, value in options.items():
         if name not in known:
             raise DataError(f"filter {filter.name!r} has no option {name!r}; it has {', '.join(known) or 'none'}")
-        if isinstance(known[name], str) and not isinstance(value, str):
+        if isinstance(known[name], str) and not isinstance(getattr(value, "name", value), str):
             raise DataError(f"filter {filter.name!r}: {name} is {value!r}; it must be text, such as {known[name]!r}")
         if not isinstance(known[name], str) and (isinstance(value, bool) or not isinstance(value, Real)):
             raise DataError(f"filter {filter.name!r}: {name} is {value!r}; it must be a number")

@@ -1,4 +1,7 @@
 """Flights in the loop: the filter is the house's own bit for bit, the sensors are the library's, estimation error moves the aircraft."""
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import pytest
 import strapdown as sd
@@ -7,13 +10,14 @@ from strapdown.core.contract import STATES, Noise
 from strapdown.data import DataError
 from strapdown.filters import find
 from strapdown.geodesy import displacement
+from strapdown.sensors.barometer import Barometer
 from strapdown.sensors.errors import Triad
 from strapdown.sensors.gnss import Gnss
 from strapdown.sensors.imu import ImuSpec
 from strapdown.sim.aircraft.parameters import aircraft
 from strapdown.sim.flight import LOG, fly
 from strapdown.sim.flight_plan import DEG, PLACE, FlightPlan, straight, turning
-from strapdown.sim.flight_sensors import outage_windows
+from strapdown.sim.flight_sensors import barometer_errors, outage_windows
 
 IDEAL = ImuSpec("ideal", Triad(), Triad())
 EXACT = Gnss(interval=0.2, position_sd=1e-4, velocity_sd=1e-5)
@@ -38,7 +42,8 @@ def off_truth(flight):
 def test_fuse_on_the_recording_gives_the_flights_solution():
     flight = fly("straight", duration=2.0)
     solution = sd.fuse(flight.recording, "closed-loop", start=flight.start)
-    assert same(flight.solution, solution) and flight.solution.meta == solution.meta and flight.solution.events == solution.events
+    assert same(flight.solution, solution) and flight.solution.events == solution.events
+    assert flight.solution.meta == solution.meta | {"filter_options": {}}
     assert len(flight.recording.reference) == 201 and [len(a.t) for a in flight.recording.aidings] == [10, 10]
 
 
@@ -51,6 +56,62 @@ def test_fuse_gives_it_with_everything_at_once(filter):
     assert same(flight.solution, solution) and flight.solution.covariance.shape == (3000, 15, 15)
     taken = flight.recording.aidings[0].t - 0.055
     assert not np.any((taken >= 12) & (taken < 18.5)) and np.any(taken > 18.5)
+
+
+def test_a_filters_own_seed_comes_from_the_flights():
+    """Each seed draws other components, and what was handed over repeats the flight bit for bit; sensors and air do not notice."""
+    flights = [fly("straight", "pkf", duration=2.0, components=3, feedback="truth", seed=seed) for seed in (4, 5)]
+    plain = fly("straight", duration=2.0, feedback="truth", seed=4)
+    assert np.array_equal(flights[0].recording.imu.dv, plain.recording.imu.dv) and flights[0].start == plain.start
+    for flight in flights:
+        given = flight.recording.meta["filter_options"]
+        assert set(given) == {"components", "seed"} and given == flight.solution.meta["filter_options"]
+        assert same(flight.solution, sd.fuse(flight.recording, "pkf", start=flight.start, **given))
+    one, other = (flight.recording.meta["filter_options"]["seed"] for flight in flights)
+    assert one != other and not same(flights[0].solution, sd.fuse(flights[0].recording, "pkf", start=flights[0].start, components=3, seed=other))
+
+
+@pytest.mark.short
+def test_a_filter_gets_what_is_flown():
+    """Options called aircraft, rate and earth are the flight's; one bound beforehand stays, for a wrong model on purpose; others have none."""
+    got, closed = [], find("closed-loop")
+
+    def start(start, noise, gain=1.0, rate=1.0, aircraft="aerosonde", earth="geodetic"):
+        got.append((gain, rate, aircraft, earth))
+        return closed.start(start, noise)
+    heavy = aircraft("aerosonde").replace("heavy", mass=12.0)
+    flight = fly("straight", closed._replace(start=start), duration=1.0, rate=50.0, aircraft=heavy, earth="flat", gain=2.0)
+    fly("straight", closed._replace(start=partial(start, aircraft="aerosonde")), duration=1.0, aircraft=heavy)
+    sd.fuse(flight.recording, closed._replace(start=start), start=flight.start, **flight.recording.meta["filter_options"])
+    assert got == [(2.0, 50.0, heavy, "flat"), (1.0, 100.0, "aerosonde", "geodetic"), (2.0, 50.0, heavy, "flat")]
+    assert "flat and still" in flight.solution.meta["notes"][-1] and not flight.recording.meta["notes"]
+    assert fly("straight", duration=1.0).solution.meta["notes"] == []
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("quantity, size", [("height", 0.01), ("pressure", 0.1)])
+def test_a_barometer_is_the_librarys(quantity, size):
+    """Against `Barometer` on the flown trajectory, without noise to speak of: m or Pa; beside late fixes; and `fuse` takes it the same way."""
+    barometer = Barometer(rate=10.0, quantity=quantity, sd=1e-5, bias=50.0, zero=40.0, lever_arm=(1.0, 0.0, -2.0))
+    plan = FlightPlan("up", ((0, 0, 40), (2000, 0, 40)))
+    flight = fly(plan, duration=15.0, barometer=barometer, gnss=Gnss(interval=0.2, latency=0.055), outage="12:", seed=3)
+    own, expected = flight.recording.aidings[2], barometer.measure(flight.recording.reference, np.random.default_rng(0))
+    assert own.kind == expected.kind and np.array_equal(own.t, expected.t) and own.y.shape == expected.y.shape and own.t[-1] == 15.0
+    assert np.abs(own.y - expected.y).max() < size and np.ptp(own.y[:, 0]) > 100 * size
+    assert np.array_equal(own.sd, np.full_like(own.sd, own.sd[0])) and own.sd[0] == pytest.approx(expected.sd[0], rel=1e-3)
+    assert same(flight.solution, sd.fuse(flight.recording, start=flight.start))
+    without = fly(plan, duration=15.0, gnss=Gnss(interval=0.2, latency=0.055), outage="12:", seed=3, feedback="truth")
+    beside = fly(plan, duration=15.0, gnss=Gnss(interval=0.2, latency=0.055), outage="12:", seed=3, feedback="truth", barometer=barometer)
+    assert np.array_equal(without.recording.aidings[0].y, beside.recording.aidings[0].y)
+
+
+def test_errors_of_a_barometer_are_as_stated():
+    """White noise and weather: their standard deviations in Pa, within the bands of 4 of their own standard deviations."""
+    barometer = Barometer(rate=20.0, sd=4.0, drift=100.0, drift_time=0.02)
+    errors = barometer_errors(barometer, np.arange(1, 10_001) / 20, 500.0, np.random.SeedSequence(1)).errors[0][:, 0]
+    assert errors.std() == pytest.approx(np.hypot(4.0, 100.0), rel=4 * 0.01) and abs(errors.mean()) < 4 * 1.2
+    white = barometer_errors(replace(barometer, drift=0.0), np.arange(1, 10_001) / 20, 500.0, np.random.SeedSequence(1)).errors[0][:, 0]
+    assert white.std() == pytest.approx(4.0, rel=4 / np.sqrt(2 * 10_000))
 
 
 @pytest.mark.short
@@ -201,7 +262,7 @@ def test_a_filter_can_be_told_the_controls():
         held.append(belief)
         return belief
     first = closed.start(fly("straight", duration=0.1).start, Noise(*[0.0] * 6)).aux.size - 3 * STATES     # before H, which stands at the end
-    flight = fly("straight", closed._replace(start=start), duration=3.0, outage="2:", prediction="model", wind=(1.0, 2.0, 0.0), inputs=first)
+    flight = fly("straight", closed._replace(name="told", start=start), duration=3.0, outage="2:", prediction="model", wind=(1.0, 2.0, 0.0), inputs=first)
     aux, log = held[0].aux[first:first + 9], flight.log
     middle = [0.5 * (log[name][-1] + log[name][-2]) for name in ("elevator, rad", "aileron, rad", "rudder, rad", "throttle")]
     assert aux == pytest.approx([1.0, *middle, 1.0, 2.0, 0.0, 0.01])
@@ -240,7 +301,19 @@ BAD = {
     "the start is at 3 s; a flight begins at 0 s": dict(start=sd.Start(3.0, PLACE, (0,) * 3, (0,) * 3, (0,) * 3, (0,) * 3, (1,) * 15)),
     "cannot fly 0.001 s at 100 Hz": dict(duration=0.001),
     "estimates no position, and the autopilot flies by one": dict(filter="attitude-mekf"),
-    "inputs 1000000 to 1000008 do not fit": dict(inputs=1_000_000),
+    "inputs 1000000 to 1000008 do not fit": dict(inputs=1_000_000, filter=find("closed-loop")._replace(name="told")),
+    "pkf does not compute with controls; leave inputs out": dict(inputs=0, filter="pkf"),
+    "prediction='model' takes over while the receiver is cut": dict(prediction="model", outage=[]),
+    "wind is .'a', 0, 0.; it must be three": dict(wind=("a", 0, 0)),
+    "told_wind is .None, 0, 0.": dict(told_wind=(None, 0, 0)),
+    "or give a FlightPlan or the path": dict(plan=[(0, 0, 0), (900, 0, 0)]),
+    "turbulence is .'light'.; it must be one of none": dict(turbulence=["light"]),
+    "earth is .'flat'.; it must be": dict(earth=["flat"]),
+    "gate is -1.0; it must be": dict(gate=-1.0),
+    "gate is 'x'": dict(gate="x"),
+    "start_sd must be 15 standard": dict(start_sd=["a"] * 15),
+    "barometer is True; it must be a Barometer": dict(barometer=True),
+    "barometer's 500 samples a second come faster": dict(barometer=Barometer(rate=500.0)),
     "gnss is None; it must be a Gnss": dict(gnss=None),
     "start_sd must be 15": dict(start_sd=(1.0,)),
     "model_noise is": dict(model_noise=3.0),
@@ -254,6 +327,14 @@ def test_what_cannot_be_flown_is_refused_in_one_line(text):
     with pytest.raises(DataError, match=text) as refused:
         fly(**dict(duration=10.0) | BAD[text])
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.short
+def test_a_flight_can_be_written_to_without_harm_to_the_next():
+    one = fly("straight", duration=0.5)
+    one.trim.state[2], one.trim.commands[:], one.route[:] = 1e4, 0.0, 0.0
+    other = fly("straight", duration=0.5)
+    assert other.trim.state[2] == 500.0 and other.route.any() and np.array_equal(one.recording.reference.lla, other.recording.reference.lla)
 
 
 @pytest.mark.short

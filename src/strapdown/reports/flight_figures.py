@@ -3,6 +3,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from ..geodesy import displacement
+from ..sim.autopilot import ALONG_E, ALONG_N, ANGLE, FROM_E, FROM_N, KIND, LENGTH, LINE_KIND, RADIUS
 from .drawing import COLOURS, GREY, even, finish, line, panels, time_axis
 
 ARC_STEP = np.radians(5)
@@ -77,12 +78,13 @@ def route(flight):
 def route_points(flight):
     """(n, 2) north and east of the route, m from the plan's place: its lines by their ends, its arcs in steps of ARC_STEP."""
     points = [np.zeros((1, 2))]
-    for (kind, north, east, _, along_north, along_east, length, _, _, radius, end_north, end_east, begin) in flight.route:
-        if kind == 0:
-            points.append(np.array([[north, east], [north + length * along_north, east + length * along_east]]))
+    for part in flight.route:
+        begin, along, length, radius = part[FROM_N:FROM_E + 1], part[ALONG_N:ALONG_E + 1], part[LENGTH], part[RADIUS]
+        if part[KIND] == LINE_KIND:
+            points.append(np.array([begin, begin + length * along]))
         else:
-            angle = begin + np.linspace(0, length / radius, 2 + int(abs(length / radius) / ARC_STEP))
-            points.append(np.c_[north + abs(radius) * np.cos(angle), east + abs(radius) * np.sin(angle)])
+            angle = part[ANGLE] + np.linspace(0, length / radius, 2 + int(abs(length / radius) / ARC_STEP))
+            points.append(begin + abs(radius) * np.c_[np.cos(angle), np.sin(angle)])
     return np.concatenate(points)
 
 

@@ -21,6 +21,7 @@ SEPARATION, FOLLOWING = 5.0, 3.0
 """How much slower course is than roll, height than pitch; and following a line than holding a course."""
 INTEGRAL = 8.0         # squared proportional rate over the integral one: two real poles, 6 % overshoot of a step at most
 ROLL_MOST, PITCH_MOST, CLIMB_MOST, COURSE_ZONE = 45 * DEG, 20 * DEG, 8 * DEG, 20 * DEG
+LEAST_TRAVEL = 0.1 * DEG       # of aileron and elevator from their trim
 
 
 class Gains(NamedTuple):
@@ -92,8 +93,12 @@ def _inner(damping, stiffness, effect, gain):
 
 
 def _travel(aircraft, trim, i, control):
-    """rad from the trim's position of a control to its nearer stop."""
-    return float(min(aircraft[f"{control}_max"] - trim.commands[i], trim.commands[i] - aircraft[f"{control}_min"]))
+    """rad from the trim's position of a control to its nearer stop. Raises DataError where it stands there."""
+    left = float(min(aircraft[f"{control}_max"] - trim.commands[i], trim.commands[i] - aircraft[f"{control}_min"]))
+    if not left > LEAST_TRAVEL:
+        raise DataError(f"aircraft {aircraft.name!r}: in trim at {trim.airspeed:g} m/s the {control} stands at its stop, and no autopilot can "
+                        "move it both ways; fly at another airspeed")
+    return left
 
 
 def _yaw_damper(state, effect, V):

@@ -11,8 +11,8 @@ from .. import engine
 from ..core import loop
 from ..core.compiling import address, compile_kernel, entry_point
 from ..core.contract import STATES, Imu, Noise, Start
-from ..data import Aiding, DataError, Recording, Solution, Trajectory
-from ..filters import find as find_filter
+from ..data import DataError, Recording, Solution, Trajectory
+from ..filters import names as filter_names
 from ..sensors.gnss import Gnss, without_fixes
 from ..sensors.imu import grade, saturated
 from ..sensors.units import real
@@ -23,10 +23,11 @@ from .aircraft.parameters import GRAVITY, LATITUDE_RATE, LONGITUDE_RATE, Aircraf
 from .aircraft.parameters import aircraft as find_aircraft
 from .aircraft.trim import Trim, trim
 from .aircraft.wind import NORMALS, begin, gust, turbulence as gusts
-from .autopilot import MEMORY_SIZE
+from .autopilot import KIND, LINE_KIND, MEMORY_SIZE, RISE, SPEED
 from .autopilot_gains import Gains, gains, pilot_array
+from .flight_checks import check, check_sensors, checked_filter, checked_windows, handed, times
 from .flight_plan import FlightPlan, flight_plan, route
-from .flight_sensors import generator, fix_errors, imu_errors, in_loop_order, outage_windows
+from .flight_sensors import barometer_errors, fix_errors, generator, imu_errors, in_loop_order
 from .scenario import START_SD
 from .synthesis import draw_start
 
@@ -38,12 +39,9 @@ LOG = ("elevator command, rad", "aileron command, rad", "rudder command, rad", "
 """Columns of a flight's log, at the ends of the IMU samples: commands; positions of the controls; force and moment of air and propeller in body axes;
 airspeed and flow angles; velocity over ground and omega_ib in body axes; wind with its gusts; what the autopilot asks for; how far the aircraft, not
 its estimate, is off its route; row of the route; 1 where the aircraft's model stands in for the IMU."""
-MODEL_NOISE = Noise(0.01, 0.1, 1e-5, 1e-4, 0.0, 0.0)
+MODEL_NOISE = Noise(0.04, 0.4, 1e-5, 1e-4, 0.0, 0.0)
 """What a filter assumes of the increments of the aircraft's model by default: the air that the model does not know, as random walks of
-0.6 deg/sqrt(s) and 0.1 m/s/sqrt(s); a choice, not a measurement."""
-MOST_SAMPLES = 2_000_000
-FED = tuple(Aiding(kind, np.empty(0), np.empty((0, 3)), np.empty((0, 3))) for kind in ("position", "velocity"))
-"""Kinds of aiding that a flight has."""
+2.3 deg/sqrt(s) and 0.4 m/s/sqrt(s), which is what they err by over a second of light turbulence (docs/flight.md has the measurement)."""
 ENDINGS = {kernels.GROUND: "the aircraft hit the ground", kernels.STALL: f"the aircraft was stalled for {kernels.STALL_PATIENCE:g} s",
            kernels.ATTITUDE: "the aircraft was upside down or within 5 deg of the vertical", kernels.NUMBER: "the aircraft's state is not finite",
            kernels.FILTER: "the filter diverged or left the latitudes where results hold"}
@@ -79,13 +77,17 @@ class Flight:
 
 def fly(plan="straight", filter="closed-loop", imu="industrial", seed=0, outage=None, feedback="estimate", prediction="imu", aircraft="aerosonde",
         earth="geodetic", turbulence="none", wind=(0.0, 0.0, 0.0), told_wind=None, gnss=Gnss(interval=0.2), gate=None, rate=100.0, duration=None,
-        start=None, start_sd=START_SD, noise=None, model_noise=MODEL_NOISE, inputs=None, covariance=False, say=None, progress=None, **options):
-    """Fly `plan` (a name, see PLANS, or a FlightPlan) with `aircraft` (name, file or Aircraft) on the estimates of `filter`; returns the Flight.
+        start=None, start_sd=START_SD, noise=None, model_noise=MODEL_NOISE, inputs=None, barometer=None, covariance=False, say=None, progress=None,
+        **options):
+    """The Flight of `aircraft` (name, file or Aircraft) along `plan` (a name, see PLANS, a TOML file or a FlightPlan) on the estimates of `filter`.
 
     imu: grade, file or ImuSpec; gnss: a Gnss, `gate` that of its fixes; rate: IMU samples per second; outage: when the receiver is cut, "15:" (s, to
     the end), "15:40,60:70" or a list of (start, stop); wind: steady, NED, m/s; told_wind: what autopilot and model are told of it (None: all);
     turbulence: a level of aircraft.wind.LEVELS; earth: "geodetic", or "flat" for filters of a flat Earth; start: a Start at 0 s (None: drawn around
-    the truth with `start_sd`, 15 numbers, None: the IMU's own biases); noise: a Noise in place of the IMU's; options: the filter's own.
+    the truth with `start_sd`, 15 numbers, None: the IMU's own biases); noise: a Noise in place of the IMU's; barometer: a Barometer, which
+    no outage touches; options: the filter's own. A filter that has options called `seed`, `aircraft`, `rate` or `earth` gets the flight's: a seed
+    drawn from `seed`, the aircraft that is flown, the IMU's rate, the Earth. recording.meta["filter_options"] has all options of the filter, so that
+    fuse(flight.recording, filter, start=flight.start, **flight.recording.meta["filter_options"]) repeats the solution (prediction="imu").
 
     feedback: what the autopilot flies by, "estimate" or "truth". prediction: who predicts while the receiver is cut: "imu", or "model": the filter
     gets the increments of the same aircraft model, flown from its own belief with the commands and the told wind, and assumes `model_noise`.
@@ -93,35 +95,34 @@ def fly(plan="straight", filter="closed-loop", imu="industrial", seed=0, outage=
     (elevator, aileron, rudder, throttle), the told wind and the sample's seconds; its samples stay the IMU's. Sensor errors depend on the seed alone:
     two filters with one seed have the same. Raises DataError for what cannot be flown; a flight that diverges is no error, see Flight.stopped.
     """
-    _check(seed, feedback, prediction, outage, inputs, gnss, rate, wind, told_wind, model_noise)
-    filter = _checked_filter(filter, feedback, prediction)
+    check(seed, feedback, prediction, earth, turbulence, wind, told_wind, rate, model_noise)
+    check_sensors(gnss, gate, barometer, rate)
+    filter = checked_filter(filter, feedback, prediction, barometer, inputs)
     plan, spec, craft = flight_plan(plan), grade(imu), find_aircraft(aircraft)
     told = tuple(map(float, wind if told_wind is None else told_wind))
     known = _known(plan, craft.name, tuple(craft.values.items()), craft.source, earth, tuple(map(float, wind)), told, 1 / rate)
-    t, dt = _times(plan.duration or known.seconds if duration is None else duration, rate)
-    of_imu, of_gnss, of_start, of_air = np.random.SeedSequence(seed).spawn(4)
-    windows = outage_windows(outage, float(t[-1]))
+    t, dt = times(plan.duration or known.seconds if duration is None else duration, rate)
+    of_imu, of_gnss, of_start, of_air, of_filter, of_barometer = np.random.SeedSequence(seed).spawn(6)
+    options |= handed(filter, seed=int(of_filter.generate_state(1)[0]), aircraft=aircraft if isinstance(aircraft, Aircraft) else str(aircraft),
+                      rate=float(rate), earth=earth)
+    windows = checked_windows(outage, prediction, float(t[-1]))
     errors, made = imu_errors(spec, t, dt, of_imu), fix_errors(gnss._replace(outages=(*gnss.outages, *windows)), t, of_gnss, gate)
+    made = made if barometer is None else made.with_those(barometer_errors(barometer, t, plan.place[2], of_barometer))
     journal = _journal(known.trim, t, dt, windows, feedback, prediction, inputs)
-    truth = Trajectory(np.zeros(1), journal.lla[:1], journal.v[:1], journal.q[:1])
-    meta = {"name": plan.name, "grade": str(imu) if isinstance(imu, (str, Path)) else spec, "notes": without_fixes(made.aidings), "seed": seed,
-            "place": [float(value) for value in plan.place], "outages": [[first, min(stop, float(t[-1]))] for first, stop in windows],
-            "aircraft": craft.name, "feedback": feedback, "prediction": prediction, "earth": earth, "turbulence": turbulence,
-            "wind": list(map(float, wind))}
-    blank = Recording(Imu(t, dt, np.zeros((len(t), 3)), np.zeros((len(t), 3))), made.aidings, truth, meta)
-    run = engine.begin(blank, filter, spec, _started(start, start_sd, spec, truth, of_start), noise, 1, covariance, say, options)
-    if inputs is not None and inputs + 9 > run.belief.aux.size:
-        raise DataError(f"inputs {inputs} to {inputs + 8} do not fit into the {run.belief.aux.size} numbers of aux of {filter.name}")
-    flown = kernels.Errors(errors.dtheta, errors.dv, errors.numbers, in_loop_order(run.fixes, run.recording.aidings, made),
-                           run.fixes.t - gnss.latency)
+    blank = _blank(t, dt, made.aidings, journal, name=plan.name, grade=str(imu) if isinstance(imu, (str, Path)) else spec, seed=seed,
+                   place=list(plan.place), outages=[[first, min(stop, float(t[-1]))] for first, stop in windows], aircraft=craft.name,
+                   feedback=feedback, prediction=prediction, earth=earth, turbulence=turbulence, wind=list(map(float, wind)),
+                   filter_options=dict(options))
+    start = _started(start, start_sd, spec, blank.reference, of_start)
+    run = engine.begin(blank, filter, spec, start, noise, 1, covariance, say, options)
     vehicle = _vehicle(known, plan, wind, told, turbulence, len(t), generator(of_air))
     steering = kernels.Steering(known.pilot, np.zeros(MEMORY_SIZE), known.route, np.array(told))
-    _run(run, model_noise, vehicle, steering, flown, journal, progress)
+    _run(run, model_noise, vehicle, steering, errors, made, journal, progress)
     return _flight(run, blank, errors, spec, journal, vehicle, known, plan)
 
 
 class _Known(NamedTuple):
-    """What all flights of one plan, aircraft and wind share; nothing in it is written to."""
+    """What all flights of one plan, aircraft and wind share; nothing in it is written to, and a Flight has copies."""
     array: np.ndarray
     trim: Trim
     gains: Gains
@@ -143,7 +144,7 @@ def _known(plan, name, values, source, earth, wind, told, dt):
     heading = plan.course - math.asin(across / plan.begin_airspeed)
     begun = trim(craft, plan.begin_airspeed, origin=plan.place, course=heading, wind=wind, earth=earth)
     check_step(begun, dt)
-    for speed, slope in {(float(row[8]), float(row[7])) for row in segments if row[0] == 0}:
+    for speed, slope in {(float(row[SPEED]), float(row[RISE])) for row in segments if row[KIND] == LINE_KIND}:
         try:
             trim(craft, speed, climb=math.atan(slope), origin=plan.place)
         except DataError as error:
@@ -152,46 +153,10 @@ def _known(plan, name, values, source, earth, wind, told, dt):
     return _Known(array, begun, found, segments, pilot_array(found, craft, begun, plan.place, scales, gravity), seconds)
 
 
-def _check(seed, feedback, prediction, outage, inputs, gnss, rate, wind, told_wind, model_noise):
-    """Raise DataError, in one line, for arguments that no flight can have."""
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise DataError(f"seed is {seed!r}; it must be a whole number, 0 or more")
-    for name, value, known in (("feedback", feedback, ("estimate", "truth")), ("prediction", prediction, ("imu", "model"))):
-        if value not in known:
-            raise DataError(f"{name} is {value!r}; it must be {known[0]!r} or {known[1]!r}")
-    if prediction == "model" and outage is None:
-        raise DataError("prediction='model' takes over while the receiver is cut, and it never is; give an outage, such as \"15:\"")
-    if not isinstance(model_noise, Noise) or not all(real(value) and 0 <= value < np.inf for value in model_noise):
-        raise DataError(f"model_noise is {model_noise!r}; it must be a Noise of numbers, 0 or more")
-    if not isinstance(gnss, Gnss):
-        raise DataError(f"gnss is {gnss!r}; it must be a Gnss")
-    if not real(rate) or not 0 < rate < np.inf:
-        raise DataError(f"rate is {rate!r} Hz; it must be above 0")
-    gnss.check()
-    if not np.ndim(gnss.interval) and gnss.interval * rate < 1 - 1e-9:
-        raise DataError(f"fixes every {gnss.interval:g} s come faster than the IMU's samples, {rate:g} a second; give fixes less often")
-    for name, value in (("wind", wind), ("told_wind", (0.0, 0.0, 0.0) if told_wind is None else told_wind)):
-        if np.shape(value) != (3,) or not all(real(float(part)) and math.isfinite(part) for part in value):
-            raise DataError(f"{name} is {value!r}; it must be three numbers: north, east, down, m/s")
-    if inputs is not None and (isinstance(inputs, bool) or not isinstance(inputs, (int, np.integer)) or inputs < 0):
-        raise DataError(f"inputs is {inputs!r}; it must be the index of the filter's first input in its aux")
-
-
-def _checked_filter(filter, feedback, prediction):
-    """The Filter of that name; raises DataError where nothing can be flown on it."""
-    filter = engine.found(find_filter, filter)
-    if not engine.positioned(filter) and (feedback == "estimate" or prediction == "model"):
-        raise DataError(f"{filter.name} estimates no position, and the autopilot flies by one; take feedback='truth', prediction='imu'")
-    engine.check_needs(filter, FED, "a flight has a receiver and nothing else")
-    return filter
-
-
-def _times(duration, rate):
-    """(ends of the samples, their lengths), s."""
-    if not real(duration) or not 0 < duration * rate <= MOST_SAMPLES or round(duration * rate) < 2:
-        raise DataError(f"cannot fly {duration!r} s at {rate:g} Hz; give two samples or more, and at most {MOST_SAMPLES / 1e6:g} million")
-    grid = np.arange(round(duration * rate) + 1) / rate
-    return grid[1:].copy(), np.diff(grid)
+def _blank(t, dt, aidings, journal, **meta):
+    """The Recording of a flight before its first sample."""
+    truth = Trajectory(np.zeros(1), journal.lla[:1], journal.v[:1], journal.q[:1])
+    return Recording(Imu(t, dt, np.zeros((len(t), 3)), np.zeros((len(t), 3))), aidings, truth, {"notes": without_fixes(aidings), **meta})
 
 
 def _journal(trimmed, t, dt, windows, feedback, prediction, inputs):
@@ -211,7 +176,7 @@ def _started(start, sd, spec, truth, of_start):
         if isinstance(start, Start) and start.t != 0:
             raise DataError(f"the start is at {start.t:g} s; a flight begins at 0 s")
         return start
-    if np.ndim(sd) != 1 or len(sd) != STATES:
+    if np.ndim(sd) != 1 or len(sd) != STATES or not all(value is None or real(value) for value in sd):
         raise DataError(f"start_sd must be {STATES} standard deviations; of the last six, None is the IMU's own")
     accel, gyro = spec.bias_sd()
     own = [0.0] * 9 + [accel] * 3 + [gyro] * 3
@@ -230,9 +195,12 @@ def _vehicle(known, plan, wind, told, level, rows, rng):
                            np.array([plan.place[2] - plan.clearance, craft["stall_alpha"]]), work)
 
 
-def _run(run, model_noise, vehicle, steering, errors, journal, progress):
+def _run(run, model_noise, vehicle, steering, errors, made, journal, progress):
     """Fly to the end, in chunks that let a keyboard and a progress bar in."""
-    model_noise = Noise(*map(float, model_noise))
+    model_noise, first, room = Noise(*map(float, model_noise)), int(journal.at[kernels.INPUTS]), run.belief.aux.size
+    if first >= 0 and first + 9 > room:
+        raise DataError(f"inputs {first} to {first + 8} do not fit into the {room} numbers of aux of {run.filter.name}")
+    errors = kernels.Errors(errors.dtheta, errors.dv, errors.numbers, *in_loop_order(run.fixes, run.recording.aidings, made))
     for each in (step, evaluate, gust, kernels.fly):
         compile_kernel(each)
     go, at, rows = entry_point(kernels.fly), journal.at, len(run.samples.t)
@@ -261,16 +229,20 @@ def _flight(run, blank, errors, spec, journal, vehicle, known, plan):
     more = {"b_a": errors.b_a[:rows], "b_g": errors.b_g[:rows], "notes": [*blank.meta["notes"], *notes]}
     recording = replace(blank, imu=samples, aidings=aidings, reference=truth, meta=blank.meta | more)
     filters = run.recording.meta["notes"][len(blank.meta["notes"]):]
+    if blank.meta["earth"] == "flat" and run.filter.name in filter_names() and engine.positioned(run.filter):
+        filters.append(f"{run.filter.name} navigates on the rotating Earth, and this flight's is flat and still: it errs by the difference")
     used = replace(recording, meta=recording.meta | {"notes": more["notes"] + filters})
     solution = engine.solution(run._replace(recording=used, samples=samples))
+    solution.meta["filter_options"] = dict(blank.meta["filter_options"])
     if stopped:
         solution.meta.setdefault("stopped", str(stopped))
         solution = replace(solution, events=tuple(sorted({*solution.events, (stopped.t, str(stopped))})))
     log = {"t, s": samples.t, **{name: journal.log[:rows, i] for i, name in enumerate(LOG)}}
-    return Flight(recording, solution, log, stopped, run.start, plan, known.trim, known.gains, known.route)
+    trimmed = replace(known.trim, **{name: getattr(known.trim, name).copy() for name in ("state", "commands", "outputs")})
+    return Flight(recording, solution, log, stopped, run.start, plan, trimmed, known.gains, known.route.copy())
 
 
 def _measured(aiding, source, fixes, end):
     """The Aiding with what was measured until `end` (s)."""
     y = fixes.y[fixes.source == source]
-    return replace(aiding, y=y)._where(aiding.t <= end + loop.SAME_TIME)
+    return replace(aiding, y=y[:, :aiding.y.shape[1]].copy())._where(aiding.t <= end + loop.SAME_TIME)

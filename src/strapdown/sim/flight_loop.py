@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
+from ..aiding.pressure import EXPONENT, LAPSE, P_0, P_TOP, PRESSURE, PRESSURE_ALTITUDE, SCALE_TOP, T_0, TOP, pressure_altitude
 from ..core import loop
 from ..core.compiling import COMPILED, caller, helper, inlined, kernel, matrix
 from ..core.contract import POSITION_KIND, RUN
@@ -62,8 +63,9 @@ class Errors(NamedTuple):
     dtheta: np.ndarray      # (n, 3) rad
     dv: np.ndarray          # (n, 3) m/s
     numbers: np.ndarray     # (IMU_SIZE,)
-    fix: np.ndarray         # (m, 3) m or m/s, NED, in the order of the fixes
-    measured: np.ndarray    # (m,) s: when each is measured; it is stamped later by the latency
+    fix: np.ndarray         # (m, 3) in the order of the fixes: m or m/s, NED; of a barometer Pa, and the ellipsoidal height of its zero, m
+    measured: np.ndarray    # (m,) s: when each is measured; the receiver's are stamped later by its latency
+    order: np.ndarray       # int64 (m,): the fixes in the order in which they are measured
 
 
 class Journal(NamedTuple):
@@ -83,7 +85,7 @@ if COMPILED:
     _named = lambda cls, *fields: types.NamedTuple(fields, cls)
     FLY = types.void(_i8, _i8, _i8, _i8, _i8, _i8, _count, BELIEF, IMU, FIXES, NOISE, NOISE, CURSOR, OUTPUT,
                      _named(Vehicle, _line, _line, _line, _line, _line, _line, _line, _table, _line, _line),
-                     _named(Steering, _line, _line, _table, _line), _named(Errors, _table, _table, _line, _table, _line),
+                     _named(Steering, _line, _line, _table, _line), _named(Errors, _table, _table, _line, _table, _line, _count),
                      _named(Journal, _table, _table, _table, _table, _count, _count))
 else:
     FLY = "fly"
@@ -101,15 +103,7 @@ def fly(step, evaluate, gust, run, predict, correct, observers, belief, imu, fix
         imagined = cut == 1 and at[INPUTS] < 0
         if vehicle.turbulence[SD_U] > 0:
             gust_at(gust)(vehicle.turbulence, vehicle.gusts, vehicle.normals[row], work[LOADS + AIR_SPEED], dt, vehicle.wind)
-        for i in range(3):
-            work[SLOPES + i], work[SLOPES + 3 + i] = -state[VELOCITY + i] / dt, -state[OMEGA + i] / dt
-        for i in range(4):
-            work[CONTROLS_BEFORE + i] = state[CONTROLS + i]
-        step_at(step)(vehicle.parameters, state, vehicle.commands, vehicle.wind, dt, work[0:6])
-        for i in range(3):
-            work[SLOPES + i] += state[VELOCITY + i] / dt
-            work[SLOPES + 3 + i] += state[OMEGA + i] / dt
-        _attitude(state[QUATERNION:CONTROLS], C)
+        _move(step, vehicle, dt, C)
         if imagined:
             _set_model(vehicle.model, belief)
             step_at(step)(vehicle.parameters, vehicle.model, vehicle.commands, told, dt, work[MODEL_U:MODEL_U + 6])
@@ -138,6 +132,21 @@ def fly(step, evaluate, gust, run, predict, correct, observers, belief, imu, fix
         at[ROW] = row + 1
         if at[CAUSE] != FLYING:
             return
+
+
+@inlined
+def _move(step, vehicle, dt, C):
+    """Move the aircraft by a sample; leaves its controls before, its increments and mean rates of change in `work`, its attitude in C."""
+    state, work = vehicle.state, vehicle.work
+    for i in range(3):
+        work[SLOPES + i], work[SLOPES + 3 + i] = -state[VELOCITY + i] / dt, -state[OMEGA + i] / dt
+    for i in range(4):
+        work[CONTROLS_BEFORE + i] = state[CONTROLS + i]
+    step_at(step)(vehicle.parameters, state, vehicle.commands, vehicle.wind, dt, work[0:6])
+    for i in range(3):
+        work[SLOPES + i] += state[VELOCITY + i] / dt
+        work[SLOPES + 3 + i] += state[OMEGA + i] / dt
+    _attitude(state[QUATERNION:CONTROLS], C)
 
 
 @helper
@@ -203,10 +212,10 @@ def _tell(aux, first, cut, work, state, wind, dt):
 
 @helper
 def _fill(errors, fixes, at, state, C, t, slopes):
-    """Measure what is due by t: antenna positions and velocities with their errors, back from t at the sample's mean accelerations."""
+    """Measure what is due by t: position and velocity of antennas, pressure, with errors, back from t at the sample's mean accelerations."""
     a0, a1, a2 = slopes[0], slopes[1], slopes[2]
-    while at[FILLED] < fixes.t.size and errors.measured[at[FILLED]] <= t + loop.SAME_TIME:
-        k = at[FILLED]
+    while at[FILLED] < fixes.t.size and errors.measured[errors.order[at[FILLED]]] <= t + loop.SAME_TIME:
+        k = errors.order[at[FILLED]]
         back, s, y, error = t - errors.measured[k], fixes.source[k], fixes.y[k], errors.fix[k]
         w0, w1, w2 = state[OMEGA] - back * slopes[3], state[OMEGA + 1] - back * slopes[4], state[OMEGA + 2] - back * slopes[5]
         l0, l1, l2 = fixes.parameters[s, 0], fixes.parameters[s, 1], fixes.parameters[s, 2]
@@ -220,11 +229,25 @@ def _fill(errors, fixes, at, state, C, t, slopes):
             y[0] = state[0] + north / (R_M + state[2])
             y[1] = wrap(state[1] + east / ((R_N + state[2]) * math.cos(state[0])))
             y[2] = state[2] - down
+        elif fixes.kind[s] == PRESSURE or fixes.kind[s] == PRESSURE_ALTITUDE:
+            _, _, down = turned(C, l0, l1, l2)
+            height = state[2] - down + back * (state[VELOCITY + 2] + m2 - 0.5 * back * a2)
+            y[0] = _pressure(height - error[1]) + error[0]
+            if fixes.kind[s] == PRESSURE_ALTITUDE:
+                y[0] = pressure_altitude(y[0])
         else:
             y[0] = state[VELOCITY] + m0 - back * a0 + error[0]
             y[1] = state[VELOCITY + 1] + m1 - back * a1 + error[1]
             y[2] = state[VELOCITY + 2] + m2 - back * a2 + error[2]
         at[FILLED] += 1
+
+
+@helper
+def _pressure(height):
+    """Pressure of the standard atmosphere, Pa, at a height in it, m: `pressure_altitude` backwards."""
+    if height > TOP:
+        return P_TOP * math.exp((TOP - height) / SCALE_TOP)
+    return P_0 * (1 - LAPSE * height / T_0) ** (1 / EXPONENT)
 
 
 @helper

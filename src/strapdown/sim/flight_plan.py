@@ -1,13 +1,15 @@
 """What is to be flown: waypoints with heights and airspeeds, and the route of lines and arcs that an aircraft can follow through them."""
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from ..core.earth import LATITUDE_LIMIT
 from ..data import DataError
+from ..files import read_toml
 from ..geodesy import wrap
-from ..sensors.units import nearest, real
+from ..sensors.units import nearest, real, refuse_unknown
 from . import autopilot as p
 
 DEG = math.pi / 180
@@ -43,6 +45,10 @@ class FlightPlan:
             object.__setattr__(self, "airspeed", tuple(_numbers(self.airspeed, f"plan {self.name!r}: airspeed").tolist()))
         if np.ndim(self.airspeed) and len(self.airspeed) != len(points) - 1:
             raise DataError(f"plan {self.name!r}: {len(self.airspeed)} airspeeds for {len(points) - 1} legs; give one, or one per leg")
+        for name in ("start_airspeed", "clearance", "bank", "duration"):
+            value = getattr(self, name)
+            if not real(value) and (value is not None or name in ("clearance", "bank")):
+                raise DataError(f"plan {self.name!r}: {name} is {value!r}; it must be a number")
         for value in (*np.atleast_1d(_numbers(self.airspeed, f"plan {self.name!r}: airspeed")), self.begin_airspeed, self.clearance):
             if not (real(float(value)) and 0 < value < 1000):
                 raise DataError(f"plan {self.name!r}: airspeeds (m/s) and clearance (m) must be above 0, not {value:g}")
@@ -92,13 +98,56 @@ PLANS = {"straight": straight, "turning": turning}
 """Plans that ship with the package."""
 
 
+KEYS = {"waypoints_m": ("waypoints", 1.0, True), "airspeed_m_s": ("airspeed", 1.0, True), "start_airspeed_m_s": ("start_airspeed", 1.0, False),
+        "clearance_m": ("clearance", 1.0, False), "bank_deg": ("bank", DEG, False), "duration_s": ("duration", 1.0, False)}
+"""Keys of a plan's file: the field that each sets, the size of its unit, whether it may be a list."""
+PLACE_KEYS = {"latitude_deg": DEG, "longitude_deg": DEG, "height_m": 1.0}
+"""Those of its place."""
+
+
 def flight_plan(plan):
-    """The FlightPlan of a name (`PLANS`); a FlightPlan is returned as it is. Raises DataError."""
+    """The FlightPlan of a name (`PLANS`) or of a file (ends in .toml or contains a folder); a FlightPlan is returned as it is. Raises DataError."""
     if isinstance(plan, FlightPlan):
         return plan
-    if plan not in PLANS:
-        raise DataError(f"unknown plan {plan!r}{nearest(str(plan), PLANS)}; there are: {', '.join(PLANS)}; or give a FlightPlan")
-    return PLANS[plan]()
+    if isinstance(plan, str) and plan in PLANS:
+        return PLANS[plan]()
+    if isinstance(plan, Path) or isinstance(plan, str) and (plan.endswith(".toml") or len(Path(plan).parts) > 1):
+        return read_plan(plan)
+    raise DataError(f"unknown plan {plan!r}{nearest(str(plan), PLANS)}; there are: {', '.join(PLANS)}; or give a FlightPlan or the path of a .toml file")
+
+
+def read_plan(path):
+    """The FlightPlan of a TOML file. Raises DataError naming file, key and remedy."""
+    table = read_toml(path, f"give the path of a plan's .toml file, or one of {', '.join(PLANS)}")
+    try:
+        return _from_table(table, Path(path).stem)
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from None
+
+
+def _from_table(table, name):
+    """The FlightPlan of a parsed file; `name` is that of a plan without one."""
+    refuse_unknown(table, ["name", "place", *KEYS], "flight plan")
+    if "waypoints_m" not in table:
+        raise DataError("waypoints_m is missing; write [[north, east, up], ...], m from the place")
+    if not isinstance(table.get("name", name), str):
+        raise DataError(f"name is {table['name']!r}; it must be text in quotes")
+    fields = {field: _scaled(table[key], unit, key, listed) for key, (field, unit, listed) in KEYS.items() if key in table}
+    if "place" in table:
+        place = table["place"]
+        if not isinstance(place, dict) or set(place) != set(PLACE_KEYS):
+            raise DataError(f"place is {place!r}; write {{ latitude_deg = ..., longitude_deg = ..., height_m = ... }}")
+        fields["place"] = tuple(_scaled(place[key], unit, f"place, {key}", False) for key, unit in PLACE_KEYS.items())
+    return FlightPlan(table.get("name", name), **fields)
+
+
+def _scaled(value, unit, where, listed):
+    """A number of a file, or where `listed` a list of them, in SI."""
+    if listed and isinstance(value, list):
+        return tuple(_scaled(each, unit, where, True) for each in value)
+    if not real(value) or not abs(value) < 1e300:
+        raise DataError(f"{where} is {str(value)[:40]}; it must be a finite number{' or a list of them' if listed else ''}")
+    return value * unit
 
 
 def route(plan, wind, gravity):

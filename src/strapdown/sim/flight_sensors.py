@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.contract import Imu
 from ..data import DataError, Trajectory
+from ..sensors.barometer import QUANTITIES
 from ..sensors.errors import STREAMS, Triad
 from .flight_loop import COUNTER, DISTORTION, FULL_SCALE, IMU_SIZE, STEP_SIZE
 
@@ -52,9 +53,14 @@ def _distortions(spec, seed):
 
 
 class FixErrors(NamedTuple):
-    """Sources of fixes, their values left at zero, and the errors of each fix."""
+    """Sources of fixes, their values still to be measured, and the errors of each fix."""
     aidings: tuple      # of data.Aiding
-    errors: tuple       # (m, 3) per source: metres or m/s, NED
+    errors: tuple       # (m, 3) per source: metres or m/s, NED; of a barometer as flight_loop.Errors has them
+    delays: tuple       # s per source, from measuring to the stamp
+
+    def with_those(self, others):
+        """These sources and those of other FixErrors."""
+        return FixErrors(*(mine + theirs for mine, theirs in zip(self, others)))
 
 
 def fix_errors(gnss, t, seed, gate=None):
@@ -68,15 +74,34 @@ def fix_errors(gnss, t, seed, gate=None):
         error = with_noise.y - without.y
         errors.append(error * part.metres[slice(None) if part.keep is None else part.keep] if with_noise.kind == "position" else error)
     lever_arm = tuple(map(float, gnss.lever_arm))
-    return FixErrors(tuple(replace(a, y=np.zeros_like(a.y), parameters=lever_arm) for a in exact), tuple(errors))
+    aidings = tuple(replace(a, y=np.zeros_like(a.y), parameters=lever_arm) for a in exact)
+    return FixErrors(aidings, tuple(errors), (gnss.latency,) * len(errors))
+
+
+def barometer_errors(barometer, t, height, seed):
+    """The FixErrors of a Barometer over samples at t (n,), from a numpy SeedSequence; the noise it states in m is that at `height` (m).
+
+    Raises DataError."""
+    t = np.r_[0.0, t]
+    nowhere = Trajectory(t, np.tile([0.0, 0.0, height], (len(t), 1)), np.zeros((len(t), 3)), np.tile([1.0, 0, 0, 0], (len(t), 1)))
+    plan = replace(barometer, quantity="pressure", lever_arm=(0.0, 0.0, 0.0)).plan(nowhere)
+    measured = plan.measured(generator(seed))[0]
+    error = np.zeros((len(measured.t), 3))
+    error[:, 0], error[:, 1] = measured.y[:, 0] - plan.pressure, barometer.zero
+    aiding = replace(measured, kind=QUANTITIES[barometer.quantity], y=np.zeros_like(measured.y), parameters=barometer.lever_arm)
+    return FixErrors((aiding,), (error,), (0.0,))
 
 
 def in_loop_order(fixes, used, made):
-    """The (m, 3) errors of the sources that a filter uses, of the FixErrors `made`, in the order of the merged `fixes` (core.contract.Fixes)."""
-    merged, of_kind = np.zeros((len(fixes.t), 3)), {a.kind: error for a, error in zip(made.aidings, made.errors)}
+    """(errors (m, 3), when each is measured (m,) s, order in which they are (m,)) of the sources that a filter uses, of the FixErrors `made`, in the
+    order of the merged `fixes` (core.contract.Fixes)."""
+    merged, measured = np.zeros((len(fixes.t), 3)), fixes.t.copy()
+    of_kind = {a.kind: (error, delay) for a, error, delay in zip(*made)}
     for s, a in enumerate(used):
-        merged[fixes.source == s] = of_kind[a.kind]
-    return merged
+        error, delay = of_kind[a.kind]
+        merged[fixes.source == s] = error
+        measured[fixes.source == s] -= delay
+    return merged, measured, np.argsort(measured, kind="stable")
 
 
 def outage_windows(outage, end):
