@@ -1,4 +1,4 @@
-"""Verdicts on the claims of Mollaei et al. from made-up tables: a world in which the paper is right, one where it is wrong, one that leaves it open."""
+"""Verdicts on the claims of Mollaei et al. from made-up tables: a world in which the paper is right, one where it is wrong, one that tells nothing."""
 import numpy as np
 import pandas as pd
 import pytest
@@ -26,7 +26,8 @@ def scores(level, spread=0.02, seeds=SEEDS, **special):
         for seed in range(seeds):
             for mode in MODES:
                 row = {name: level[mode] * np.exp(spread * rng.standard_normal()) for name in MEASURES}
-                row |= {name: (size[mode] if isinstance(size, dict) else size) * np.exp(spread * rng.standard_normal()) for name, size in special.items()}
+                row |= {name: (size[mode] if isinstance(size, dict) else size) * np.exp(spread * rng.standard_normal())
+                        for name, size in special.items()}
                 rows.append({**case._asdict(), "mode": mode, "seed": seed, "said": "", **row})
     return pd.DataFrame(rows)
 

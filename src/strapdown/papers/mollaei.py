@@ -32,8 +32,9 @@ INTRODUCTION = (
     "studies where a filter is as good as it says.",
     "Each claim of the paper has a verdict that code has taken from the numbers, by a rule that stands beside it and was written before any of these "
     "filters had flown. \"Not reproduced\" means: not under the assumptions stated here. A flight that stops counts with the most of each measure.")
-LITTLE = (f"So few seeds decide little, and so few components are no PKF of the paper: a run with --quick ({QUICK_SEEDS} seeds, {QUICK_COMPONENTS} "
-          f"components) shows that everything runs; the verdicts that count are those of the full study of {SEEDS} seeds and {COMPONENTS} components.")
+LITTLE = ("So few seeds decide little, and so few components are no PKF of the paper: "
+          f"a run with --quick ({QUICK_SEEDS} seeds, {QUICK_COMPONENTS} components) shows that everything runs; "
+          f"the verdicts that count are those of the full study of {SEEDS} seeds and {COMPONENTS} components.")
 FEW = 10
 """With fewer seeds than that the page says LITTLE."""
 
@@ -87,14 +88,14 @@ def flights(scores):
 def shown(tables, results):
     """[(name, heading, DataFrame of text)] of the tables for people."""
     six = lambda experiment: [case for case in tables if case.form == SIX and case.experiment == experiment]
-    found = [(f"redrawn-{experiment.lower()}", f"{mollaei_cells.TABLE_OF[experiment]} redrawn "
-                                               f"({experiment})", mollaei_cells.redrawn(tables, experiment))
-             for experiment in (E0, E1, E2)]
+    found = [(f"redrawn-{experiment.lower()}", f"{mollaei_cells.TABLE_OF[experiment]} redrawn ({experiment})",
+              mollaei_cells.redrawn(tables, experiment)) for experiment in (E0, E1, E2)]
     found += [(f"left-out-{experiment.lower()}", f"Left out: {experiment}", mollaei_cells.left_out(tables, six(experiment)))
               for experiment in mollaei_cells.EXPERIMENTS if six(experiment)]
     full = [case for case in tables if case.form == FULL]
     if full:
         found.append(("full", "Filters with 15 states", mollaei_cells.left_out(tables, full)))
     return [*found, ("time", "Time of one flight (E2)", pd.DataFrame(
-        [(mode, driven, f"{seconds:.2g}", "5400" if mode in (UKF, PKF) else "–") for (mode, driven), seconds in results.seconds.items()],
+        [(mode, driven, f"{seconds:.2g}", "5400" if mode in (UKF, PKF) else "–")
+         for (mode, driven), seconds in results.seconds.items()],
         columns=["six states", "prediction", "s", "the paper, s"]))]

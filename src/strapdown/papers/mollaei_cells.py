@@ -15,9 +15,8 @@ SIX, FULL = "six states", "15 states"
 IMU, MODEL = "IMU", "model"
 SENSORS, PRINTED = "sensors", "printed"
 E0, E1, E2, TURN, WIND = "E0", "E1", "E2", "turn", "wind"
-EXPERIMENTS = {E0: "25 s with fixes", E1: "25 s, fixes cut at 15 s", E2: "315 s, fixes cut at 15 s", TURN: "25 s of turning flight, fixes cut at "
-    "15 s",
-               WIND: "as E2 in 3 m/s of wind that nobody is told of"}
+EXPERIMENTS = {E0: "25 s with fixes", E1: "25 s, fixes cut at 15 s", E2: "315 s, fixes cut at 15 s",
+               TURN: "25 s of turning flight, fixes cut at 15 s", WIND: "as E2 in 3 m/s of wind that nobody is told of"}
 CUT = 15.0
 """s at which the fixes end."""
 
@@ -114,11 +113,11 @@ def redrawn(tables, experiment):
     return pd.DataFrame(rows)
 
 
-LEFT_OUT = {"horizontal_rmse_m": "position, horizontal, m", "vertical_rmse_m": "position, vertical, m", "velocity_rmse_m_s": "velocity, m/s",
-            "attitude_rmse_deg": "attitude, deg", "outage_horizontal_rmse_m": "in the outage: horizontal, "
-                "m", "horizontal_end_m": "at its end: horizontal, m",
-            "vertical_end_m": "at its end: vertical, m", "velocity_end_m_s": "at its end: velocity, m/s", "drift_m_s": "drift, m/s",
-            "off_max_m": "aircraft from the reference flight, at most, m", "off_route_m": "aircraft beside its route, at most, m"}
+LEFT_OUT = {"horizontal_rmse_m": "position, horizontal, m", "vertical_rmse_m": "position, vertical, m",
+            "velocity_rmse_m_s": "velocity, m/s", "attitude_rmse_deg": "attitude, deg", "outage_horizontal_rmse_m": "in the outage: horizontal, m",
+            "horizontal_end_m": "at its end: horizontal, m", "vertical_end_m": "at its end: vertical, m",
+            "velocity_end_m_s": "at its end: velocity, m/s", "drift_m_s": "drift, m/s", "off_max_m": "aircraft from the reference flight, at most, m",
+            "off_route_m": "aircraft beside its route, at most, m"}
 """Columns of what the tables of the paper leave out."""
 
 

@@ -29,33 +29,31 @@ DRIVEN = (("a", IMU), ("b", MODEL))
 
 def all_figures(results, tables):
     """[(heading, figure, caption)] of the page; results: mollaei_runs.Results, tables: mollaei_cells.wide of its scores."""
-    found = [("Figure 1: control inputs with fixes (E0)", over_time(results, Case(E0), CONTROLS), FIRST + "Not in the paper, which speaks of them."),
+    found = [("Figure 1: control inputs with fixes (E0)", over_time(results, Case(E0), CONTROLS),
+              FIRST + "Not in the paper, which speaks of them."),
              ("Figure 2 redrawn: forces with fixes (E0)", over_time(results, Case(E0), FORCES),
               FIRST + "Aerodynamic and propulsive, along the body axes."),
-             ("Figure 3 redrawn: body speed with fixes (E0)", over_time(results, Case(E0), SPEEDS), FIRST + "True velocity of the aircraft along "
-                 "its axes.")]
-    found += [(f"Figure 4{letter} redrawn: control inputs, GPS cut at 15 s, {each}-driven (E1)", over_time(results, Case(E1, prediction=each), CONTROLS),
-               SHADED + ALIKE * (each == IMU))
-              for letter, each in DRIVEN]
+             ("Figure 3 redrawn: body speed with fixes (E0)", over_time(results, Case(E0), SPEEDS),
+              FIRST + "True velocity of the aircraft along its axes.")]
+    found += [(f"Figure 4{letter} redrawn: control inputs, GPS cut at 15 s, {each}-driven (E1)",
+               over_time(results, Case(E1, prediction=each), CONTROLS), SHADED + ALIKE * (each == IMU)) for letter, each in DRIVEN]
     found += [(f"Figure 5{letter} redrawn: position, GPS cut at 15 s, {each}-driven (E1)", positions(results, Case(E1, prediction=each)),
                SHADED + "Estimates; the curve of the true state is where that flight was.") for letter, each in DRIVEN]
     for number, title, rows in ((6, "forces", FORCES), (7, "control inputs", CONTROLS)):
-        found += [(f"Figure {number}{letter} redrawn: {title}, no GPS for five minutes, {each}-driven "
-                   f"(E2)", over_time(results, Case(E2, prediction=each), rows), SHADED)
-                  for letter, each in DRIVEN]
-    found += [("Figure 8: growth of the errors in 10 s (E1)", growth(results, E1), OVER_SEEDS), ("Figure 9: ratios of the "
-        "deviations", ratios(tables), RATIOS),
+        found += [(f"Figure {number}{letter} redrawn: {title}, no GPS for five minutes, {each}-driven (E2)",
+                   over_time(results, Case(E2, prediction=each), rows), SHADED) for letter, each in DRIVEN]
+    found += [("Figure 8: growth of the errors in 10 s (E1)", growth(results, E1), OVER_SEEDS),
+              ("Figure 9: ratios of the deviations", ratios(tables), RATIOS),
               ("Figure 10: growth of the errors in five minutes (E2)", growth(results, E2), OVER_SEEDS),
               ("Figure 11: the turning flight seen from above", turning(results), FIRST + "True path of the aircraft; a mark where the fixes end.")]
     return found
 
 
 ALIKE = "EKF and UKF are one filter here, and their curves coincide."
-OVER_SEEDS = ("Horizontal error of the estimate, and distance of the aircraft from the reference flight at the same time: median over the seeds, "
-              "dotted the 10 and 90 % "
-              "quantiles; flights that stopped count as infinitely far off. Logarithmic.")
-RATIOS = ("Rms deviations from the final value: geometric means over the seeds with 95 % intervals; left of 1: the first one is smaller. Gx, Gy, "
-          "Gz as weight (N) and as moment (N m).")
+OVER_SEEDS = ("Horizontal error of the estimate, and distance of the aircraft from the reference flight at the same time: "
+              "median over the seeds, dotted the 10 and 90 % quantiles; flights that stopped count as infinitely far off. Logarithmic.")
+RATIOS = ("Rms deviations from the final value: geometric means over the seeds with 95 % intervals; left of 1: the first one is smaller. "
+          "Gx, Gy, Gz as weight (N) and as moment (N m).")
 
 
 def over_time(results, case, rows):
@@ -143,9 +141,8 @@ SHORT = {"fx_n": "Fx", "fz_n": "Fz", "gx_n": "Gx weight", "gz_n": "Gz weight", "
 def ratios(tables):
     """Ratios of DEVIATIONS of the pairs of filters, a panel per case with Q and R from the sensors."""
     cases = [case for case in tables if case.experiment in (E0, E1, E2) and case.form != FULL and case.tuning == SENSORS]
-    drawn = make_subplots(rows=1, cols=max(len(cases), 1), shared_yaxes=True, horizontal_spacing=0.015, subplot_titles=[f"{c.experiment}, "
-        f"{c.prediction}" if c.experiment != E0
-                                                                                                                      else E0 for c in cases])
+    titles = [E0 if case.experiment == E0 else f"{case.experiment}, {case.prediction}" for case in cases]
+    drawn = make_subplots(rows=1, cols=max(len(cases), 1), shared_yaxes=True, horizontal_spacing=0.015, subplot_titles=titles)
     ends = [0.9, 1.1]
     for col, case in enumerate(cases, 1):
         for k, (first, second) in enumerate(PAIRS):

@@ -29,10 +29,10 @@ ZERO = 5e-5
 """N: what the tables print as 0.0000."""
 REAL_TIME = 315.0
 """s: the duration of E2."""
-CELLS = ("a cell is a measure in one reading (IMU- or model-driven prediction, Q and R from the sensors or as printed); a filter is better where the "
-         "95 % interval of the ratio over the seeds lies below 1 by more than 1 %")
-TWO_FINALS = ("judged with the final value of the flight itself and with that of the reference flight: opposite verdicts leave it undecided, else the "
-              "less favourable")
+CELLS = ("a cell is a measure in one reading (IMU- or model-driven prediction, Q and R from the sensors or as printed); "
+         "a filter is better where the 95 % interval of the ratio over the seeds lies below 1 by more than 1 %")
+TWO_FINALS = ("judged with the final value of the flight itself and with that of the reference flight: "
+              "opposite verdicts leave it undecided, else the less favourable")
 TWO_OVERSHOOTS = "judged as share of the final value and as share of the step: opposite verdicts leave it undecided, else the less favourable"
 BOTH = ((UKF, EKF), (PKF, EKF))
 PRINTED_DEVIATIONS, PRINTED_ALL = ("fx_n", "fz_n", "gx", "gz"), ("fx_n", "fz_n", "gx", "gz", *OVERSHOOTS)
@@ -65,7 +65,13 @@ def compared(e, text, source, experiments, measures, pairs, decided_by, extra=""
 
 
 def said(counts):
+    """Text: the Count of each pair (first, second)."""
     return ". ".join(f"{first} better than {second}: {count}" for (first, second), count in counts.items())
+
+
+def against(counts):
+    """Text: the Count against each mode."""
+    return ". ".join(f"Against {mode}: {count}" for mode, count in counts.items())
 
 
 def by_case(e, experiments, measures, pairs):
@@ -93,6 +99,11 @@ def printed(table, measures, first, second):
     a, b = (np.array([PUBLISHED[table][name][MODES.index(mode)] for name in measures], float) for mode in (first, second))
     real = ~((a == 0) & (b == 0)) & np.isfinite(a) & (~np.isnan(b))
     return f"{int((a < b)[real].sum())} of {int(real.sum())}"
+
+
+def rows_smaller(table, measures, second):
+    """Text: in how many rows of a published table UKF and PKF have smaller numbers than the mode `second`."""
+    return ", ".join(f"{first} {printed(table, measures, first, second)}" for first in (UKF, PKF)) + " rows smaller"
 
 
 def away(table, mode, experiment=""):

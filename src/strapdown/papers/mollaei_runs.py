@@ -107,8 +107,8 @@ def record(flight):
     normalised = nees(np.c_[position, velocity][at], solution.covariance[at][:, :6, :6]) if claimed else np.full(2, np.nan)
     return Record(*(values[:rows] for values in (
         column("t, s"), stack(("Fx, N", "Fy, N", "Fz, N")), stack(("Gx, N m", "Gy, N m", "Gz, N m")), weight, stack(("u, m/s", "v, m/s", "w, m/s")),
-        np.degrees(stack(("aileron, rad", "elevator, rad", "rudder, rad"))), column("propeller speed, "
-            "rad/s"), np.degrees(column("angle of attack, rad")),
+        np.degrees(stack(("aileron, rad", "elevator, rad", "rudder, rad"))), column("propeller speed, rad/s"),
+        np.degrees(column("angle of attack, rad")),
         displacement(truth.lla, flight.recording.reference.lla[0]), column("right of route, m"))), position, velocity, attitude, normalised,
         str(flight.stopped or ""))
 
@@ -215,5 +215,5 @@ def texts():
     """{brace: text} for mollaei_choices: what was flown and with which receiver."""
     p, v = (", ".join(f"{value:g}" for value in sd) for sd in (RECEIVER.position_sd, RECEIVER.velocity_sd))
     return {"plan": f"level and straight, trimmed at {STEP['airspeed']:g} m/s; asked at 0 s to be {STEP['higher']:g} m higher and "
-                    f"{STEP['faster']:g} m/s faster, which the values "
-                    "converge to", "gnss": f"white errors of {p} m and {v} m/s (north, east, down), as good as the filters are told"}
+                    f"{STEP['faster']:g} m/s faster, which the values converge to",
+            "gnss": f"white errors of {p} m and {v} m/s (north, east, down), as good as the filters are told"}
