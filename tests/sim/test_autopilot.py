@@ -97,6 +97,14 @@ def test_an_aircraft_without_elevator_is_refused():
 
 
 @pytest.mark.short
+def test_an_aileron_at_its_stop_is_refused():
+    craft, steady, modes, _ = parts()
+    stuck = craft.replace(aileron_max=float(steady.commands[1]))
+    with pytest.raises(DataError, match="in trim at 25 m/s the aileron stands at its stop"):
+        gains(stuck, steady, modes, G)
+
+
+@pytest.mark.short
 @pytest.mark.parametrize("asked", [30 * DEG, -45 * DEG])
 def test_roll_follows_a_step(asked):
     """Surfaces alone, in the compiled aircraft: 90 % within two time constants and the actuator's lag, at most 5 % over, steady error below 2 deg

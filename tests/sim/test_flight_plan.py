@@ -25,8 +25,10 @@ def test_a_plans_file_is_the_plan(tmp_path):
 
 @pytest.mark.short
 @pytest.mark.parametrize("old, new, said", [
-    ("bank_deg", "bank", "unknown key 'bank'.*did you mean 'bank_deg'"), ("waypoints_m", "#", "waypoints_m is missing"), ("25\nd", "'25'\nd", "bank_deg is 25"),
-    ("500.5, 40", "500.5", "waypoints: .* of one length"), ("500.5", "true", "waypoints_m is True"), ("20\n", "[20]\n", "duration_s is .20.; it must"),
+    ("bank_deg", "bank", "unknown key 'bank'.*did you mean 'bank_deg'"), ("waypoints_m", "#", "waypoints_m is missing"),
+    ("25\nd", "'25'\nd", "bank_deg is 25"),
+    ("500.5, 40", "500.5", "waypoints: .* of one length"), ("500.5", "true", "waypoints_m is True"),
+    ("20\n", "[20]\n", "duration_s is .20.; it must"),
     ("height_m = 480", "height = 480", "write . latitude_deg = ..., "), ("26]", "26, 27]", "3 airspeeds for 2 legs"), ('"field"', "3", "name is 3"),
     ("480", "1" + "0" * 400, "place, height_m is 10*; it must be a finite"), ("= 47.63", "= 95", "up to 89 deg"), ("]]", "]", "is not TOML")])
 def test_a_bad_plans_file_is_refused_in_one_line(tmp_path, old, new, said):

@@ -103,8 +103,7 @@ def fly(plan="straight", filter="closed-loop", imu="industrial", seed=0, outage=
     known = _known(plan, craft.name, tuple(craft.values.items()), craft.source, earth, tuple(map(float, wind)), told, 1 / rate)
     t, dt = times(plan.duration or known.seconds if duration is None else duration, rate)
     of_imu, of_gnss, of_start, of_air, of_filter, of_barometer = np.random.SeedSequence(seed).spawn(6)
-    options |= handed(filter, seed=int(of_filter.generate_state(1)[0]), aircraft=aircraft if isinstance(aircraft, Aircraft) else str(aircraft),
-                      rate=float(rate), earth=earth)
+    options |= handed(filter, of_filter, aircraft, rate, earth)
     windows = checked_windows(outage, prediction, float(t[-1]))
     errors, made = imu_errors(spec, t, dt, of_imu), fix_errors(gnss._replace(outages=(*gnss.outages, *windows)), t, of_gnss, gate)
     made = made if barometer is None else made.with_those(barometer_errors(barometer, t, plan.place[2], of_barometer))

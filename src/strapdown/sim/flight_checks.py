@@ -12,14 +12,18 @@ from ..filters import names as find_names
 from ..sensors.barometer import QUANTITIES, Barometer
 from ..sensors.gnss import Gnss
 from ..sensors.units import real
+from .aircraft.parameters import Aircraft
 from .aircraft.wind import LEVELS
 from .flight_sensors import outage_windows
 
 MOST_SAMPLES = 2_000_000
 
 
-def handed(filter, **own):
-    """Those of a flight's own that the filter's start has options for, unless they are bound to it already (functools.partial)."""
+def handed(filter, seed, aircraft, rate, earth):
+    """Those of a flight's own that the filter's start has options for, unless they are bound to it already (functools.partial); the seed is a number
+    drawn from a numpy SeedSequence."""
+    own = {"seed": int(seed.generate_state(1)[0]), "aircraft": aircraft if isinstance(aircraft, Aircraft) else str(aircraft), "rate": float(rate),
+           "earth": earth}
     known, bound = inspect.signature(filter.start).parameters, getattr(filter.start, "keywords", {})
     return {name: value for name, value in own.items() if name in known and name not in bound}
 

@@ -113,7 +113,8 @@ def flight_plan(plan):
         return PLANS[plan]()
     if isinstance(plan, Path) or isinstance(plan, str) and (plan.endswith(".toml") or len(Path(plan).parts) > 1):
         return read_plan(plan)
-    raise DataError(f"unknown plan {plan!r}{nearest(str(plan), PLANS)}; there are: {', '.join(PLANS)}; or give a FlightPlan or the path of a .toml file")
+    raise DataError(f"unknown plan {plan!r}{nearest(str(plan), PLANS)}; there are: {', '.join(PLANS)}; or give a FlightPlan or "
+                    "the path of a .toml file")
 
 
 def read_plan(path):
