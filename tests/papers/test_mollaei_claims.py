@@ -1,11 +1,11 @@
-"""Verdicts on the claims of Mollaei et al. from made-up tables: a world in which the paper is right, one where it is wrong, one that tells nothing."""
+"""Verdicts on the claims of Mollaei et al. from made-up tables: of a world in which the paper is right, one where it is wrong, one that is open."""
 import numpy as np
 import pandas as pd
 import pytest
 
 from strapdown.papers import mollaei_claims
 from strapdown.papers.mollaei_cells import CASES, E0, E1, E2, EKF, IMU, MODES, NO_FILTER, PKF, SIX, UKF, wide
-from strapdown.papers.mollaei_rules import DEVIATIONS, Evidence
+from strapdown.papers.mollaei_rules import DEVIATIONS, NEARLY_ALL, Evidence, enough, share
 from strapdown.papers.mollaei_metrics import MEASURES
 from strapdown.papers.pages import COLOURS, NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
 
@@ -106,6 +106,31 @@ def test_a_few_flights_that_diverge_leave_it_open(away, expected):
     table = scores(RIGHT, **far(2000.0, 30.0))
     table.loc[table["mode"].isin((UKF, PKF)) & (table["seed"] < away), "off_max_m"] = 501.0
     assert verdict(mollaei_claims.prevents_divergence, GOOD._replace(tables=wide(table))) == expected
+
+
+def test_one_flight_of_fifty_leaves_a_reading_open_and_its_rule_says_so():
+    """Wilson's lower end with all of n successes is n / (n + z^2)."""
+    table = scores(RIGHT, seeds=50, **far(2000.0, 30.0))
+    assert share((50, 50), NEARLY_ALL).supports == 1 and share((49, 50), NEARLY_ALL) == (0, 0, 1)
+    rule = mollaei_claims.much_less(GOOD)["rule"]
+    assert f"of 50 flights 50 are enough (the interval begins at {50 / (50 + 1.959964 ** 2):.3f}), 49 are not (0.895)" in rule
+    assert enough(200).startswith("of 200 flights 189 are enough")
+    for lost, expected in ((0, REPRODUCED), (1, UNDECIDED)):
+        table.loc[table["mode"].isin((UKF, PKF)) & (table["seed"] < lost), "off_max_m"] = 101.0
+        assert verdict(mollaei_claims.much_less, GOOD._replace(tables=wide(table))) == expected
+
+
+@pytest.mark.parametrize("short", [1, 2])
+def test_one_seed_decides_nothing_that_rests_on_an_interval(short):
+    """As with --quick: `short` seeds of the short flights, one of the long ones. No warning either, since warnings are errors."""
+    table = scores(RIGHT, seeds=short, **far(2000.0, 30.0), **STILL)
+    table = table[(table["seed"] == 0) | table["experiment"].isin((E0, E1))]
+    evidence = GOOD._replace(tables=wide(table))
+    assert all("nan" not in claim["measured"] for claim in mollaei_claims.claims(evidence))
+    if short == 1:
+        decided = {text[:11]: each for text, each in verdicts(evidence).items() if each != UNDECIDED}
+        assert decided == dict.fromkeys(("Fy and Gy d", "The 315 s w", "(Not said:)"), REPRODUCED)       # these rest on no interval
+    assert verdict(mollaei_claims.long_outage, evidence) == verdict(mollaei_claims.much_less, evidence) == UNDECIDED
 
 
 def test_without_a_filter_the_estimate_does_not_count():

@@ -11,7 +11,7 @@ import pandas as pd
 from .. import __version__
 from ..data import DataError
 from ..files import replacing
-from . import alam_choices, alam_claims, alam_convergence, alam_markdown, alam_pairs, alam_recordings, alam_runs
+from . import alam_choices, alam_claims, alam_convergence, alam_pairs, alam_recordings, alam_runs, markdown
 from .alam_runs import ABLATIONS, EKF_NO_COURSE, FILTERS, MEASURES, XKF_NO_COURSE
 from .pages import write_page
 
@@ -79,7 +79,7 @@ def write(out, results, recorded, converged, seed):
         notes.append(("Notes on the recordings", pd.DataFrame(list(dict.fromkeys(recorded.notes)), columns=["recording", "note"])))
     write_page(out, TITLE, (*INTRODUCTION, size), claims, files, figures=all_figures(results, recorded.growth, wide), notes=notes)
     with replacing(out / "findings.md") as part:
-        part.write_text(alam_markdown.findings(size, claims, [(heading, table) for _, heading, table in tables]), encoding="utf-8")
+        part.write_text(markdown.findings(size, claims, [(heading, table) for _, heading, table in tables]), encoding="utf-8")
     return claims
 
 

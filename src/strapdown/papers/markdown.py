@@ -28,3 +28,12 @@ def table(frame, cell):
 def plain(text):
     """Text that no table and no browser takes for its own."""
     return text.replace("|", "/").replace("<", "&lt;")
+
+
+def findings(size, claims, tables):
+    """Text: sentences on the size of the study, the claims with their verdicts, and the tables [(heading, DataFrame of text)]."""
+    rows = [f"| {i} | {plain(c['claim'])} | **{c['verdict']}** | {plain(c['measured'])} |" for i, c in enumerate(claims, 1)]
+    parts = [size, "", "| | the paper says | verdict | measured |", "|---|---|---|---|", *rows]
+    for heading, frame in tables:
+        parts += ["", f"{heading}:", "", table(frame, lambda value: plain(str(value)))]
+    return "\n".join(parts) + "\n"

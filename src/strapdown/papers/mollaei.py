@@ -10,7 +10,7 @@ import pandas as pd
 from .. import __version__
 from ..data import DataError
 from ..files import replacing
-from . import mollaei_cells, mollaei_choices, mollaei_claims, mollaei_markdown, mollaei_rules, mollaei_runs
+from . import markdown, mollaei_cells, mollaei_choices, mollaei_claims, mollaei_rules, mollaei_runs
 from .mollaei_cells import E0, E1, E2, FULL, IMU, PKF, SIX, UKF
 from .mollaei_metrics import FINAL
 from .pages import write_page
@@ -30,8 +30,8 @@ INTRODUCTION = (
     "; ".join(f"{name}: {text}" for name, text in mollaei_cells.EXPERIMENTS.items()) + ". In tables \"published / ours\" ours is the median over the "
     "seeds, in brackets their 10 and 90 % quantiles; NEES is the mean over the flights that were not lost, with the band that it keeps in 95 % of "
     "studies where a filter is as good as it says.",
-    "Each claim of the paper has a verdict that code has taken from the numbers, by a rule that stands beside it and was written before any of these "
-    "filters had flown. \"Not reproduced\" means: not under the assumptions stated here. A flight that stops counts with the most of each measure.")
+    "Each claim of the paper has a verdict that code has taken from the numbers, by a rule that stands beside it. "
+    "\"Not reproduced\" means: not under the assumptions stated here. A flight that stops counts with the most of each measure.")
 LITTLE = ("So few seeds decide little, and so few components are no PKF of the paper: "
           f"a run with --quick ({QUICK_SEEDS} seeds, {QUICK_COMPONENTS} components) shows that everything runs; "
           f"the verdicts that count are those of the full study of {SEEDS} seeds and {COMPONENTS} components.")
@@ -67,7 +67,7 @@ def write(out, results, components, seed):
     write_page(out, TITLE, (*INTRODUCTION, size), claims, files, figures=all_figures(results, tables),
                notes=[*((heading, table) for _, heading, table in made), ("What the paper leaves open, and what was chosen", choices)])
     with replacing(out / "findings.md") as part:
-        part.write_text(mollaei_markdown.findings(size, claims, [(heading, table) for _, heading, table in made]), encoding="utf-8")
+        part.write_text(markdown.findings(size, claims, [(heading, table) for _, heading, table in made]), encoding="utf-8")
     return claims
 
 

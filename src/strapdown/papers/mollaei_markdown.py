@@ -1,6 +1,5 @@
 """The findings as Markdown, for docs/mollaei.md: what stands there between its two marks is this file's output."""
 from . import markdown
-from .alam_markdown import findings     # noqa: F401 (the same text: size, claims, tables)
 
 BEGIN, END = markdown.begin("findings.md", "mollaei"), markdown.END
 

@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geodesy import displacement
-
 FINAL = 2.0
 """s: the final value of a signal is its mean over so many seconds at the end."""
 WITHIN = 0.1
@@ -24,7 +22,9 @@ MEASURES = {
     "horizontal_end_m": FAR, "vertical_end_m": FAR, "velocity_end_m_s": 1e3, "drift_m_s": 1e3, "worst_m": FAR,
     "off_rms_m": FAR, "off_max_m": FAR, "off_end_m": FAR, "off_route_m": FAR, "nees_cut": 1e9, "nees_end": 1e9}
 """{measure: the most that counts of it}; a measure's unit is the end of its name. fx ... gz, aileron ... alpha: rms deviation from the final value of
-the flight itself, and under the same name with `_ref` from that of the reference flight."""
+the flight itself, and under the same name with `_ref` from that of the reference flight. The final value is the mean of the last FINAL seconds, also
+of a flight that still drifts then. worst_m: the estimate's largest error after the cut, of the whole flight where there is no cut; off_max_m and
+off_route_m: of the whole flight."""
 SIGNALS = {"fx_n": ("force", 0), "fy_n": ("force", 1), "fz_n": ("force", 2), "mx_nm": ("moment", 0), "my_nm": ("moment", 1), "mz_nm": ("moment", 2),
            "gx_n": ("gravity", 0), "gy_n": ("gravity", 1), "gz_n": ("gravity", 2), "aileron_deg": ("surfaces", 0), "elevator_deg": ("surfaces", 1),
            "rudder_deg": ("surfaces", 2), "engine_rad_s": ("engine", None), "alpha_deg": ("alpha", None)}
@@ -152,12 +152,3 @@ def ways(record, reference):
     apart = np.linalg.norm(record.place - reference.place[:len(record.place)], axis=1)
     return {"off_rms_m": float(np.sqrt(np.mean(apart ** 2))), "off_max_m": float(apart.max()), "off_end_m": float(apart[-1]),
             "off_route_m": float(np.abs(record.beside).max())}
-
-
-def errors(truth, estimate):
-    """(position (n, 3) m NED, velocity (n, 3) m/s NED, attitude angle (n,) rad) of two Trajectories at the same times, true - estimate."""
-    position, velocity = displacement(truth.lla, estimate.lla), truth.v_n - estimate.v_n
-    w = np.abs((truth.q_nb * estimate.q_nb).sum(axis=1))
-    cross = np.linalg.norm(truth.q_nb[:, :1] * estimate.q_nb[:, 1:] - estimate.q_nb[:, :1] * truth.q_nb[:, 1:]
-                           + np.cross(truth.q_nb[:, 1:], estimate.q_nb[:, 1:]), axis=1)
-    return position, velocity, 2 * np.arctan2(cross, w)

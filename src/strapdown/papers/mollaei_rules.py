@@ -1,7 +1,4 @@
-"""How flights become verdicts on the claims of Mollaei et al.: the measures, the bounds, and the counting of cells.
-
-Written before any of these filters had flown, and not changed since.
-"""
+"""How flights become verdicts on the claims of Mollaei et al.: the measures, the bounds, and the counting of cells."""
 from typing import NamedTuple
 
 import numpy as np
@@ -124,6 +121,14 @@ def share(found, level, above=True):
     interval = proportion(*found)
     sides_ = int(interval.low > level), int(interval.high < level)
     return Count(*(sides_ if above else sides_[::-1]), 1)
+
+
+def enough(flights):
+    """Text: of how many `flights` Wilson's interval lies above NEARLY_ALL, and where it begins with those and with one fewer."""
+    begins = [proportion(count, flights).low for count in range(flights + 1)]
+    least = int(np.searchsorted(begins, NEARLY_ALL, side="right"))
+    return (f"of {flights} flights {least} are enough (the interval begins at {begins[least]:.3f}), {least - 1} are not "
+            f"({begins[least - 1]:.3f})")
 
 
 def kept(found):

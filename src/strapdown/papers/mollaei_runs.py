@@ -5,18 +5,19 @@ of the interpreter.
 """
 import os
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache, partial
+from functools import lru_cache
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from .. import filters
 from ..consistency import nees
 from ..data import DataError, Trajectory
 from ..geodesy import displacement
+from ..metrics import errors
 from ..sensors.gnss import Gnss
+from ..sim.aircraft.parameters import GRAVITY
 from ..sim.flight import fly
 from ..sim.flight_plan import straight, turning
 from . import mollaei_metrics, mollaei_six
@@ -33,8 +34,6 @@ FILTERS_SIX = {NO_FILTER: mollaei_six.RAW, EKF: mollaei_six.EKF6, UKF: mollaei_s
 FILTERS_FULL = {CLOSED: "closed-loop", EKF: "ekf", UKF: "ukf", CKF: "ckf", PKF: "pkf"}
 START_SD = (1.0, 1.0, 1.5, 0.1, 0.1, 0.1, *[0.0] * 3, *[None] * 6)
 """Of the start of the six-state filters: m, m/s; their attitude is the true one, since nothing would ever correct it."""
-WEIGHT = 9.81
-"""m/s^2."""
 BREEZE = (3.0, 0.0, 0.0)
 """m/s, NED: the wind of WIND, from behind."""
 SHARES = {(E2, SIX): 4, (WIND, SIX): 10, (E1, FULL): 4, (TURN, FULL): 4, (E2, FULL): 10}
@@ -76,13 +75,7 @@ def flight(case, mode, seed, components=None, **changes):
         given |= mollaei_six.REPRODUCED
     if mode == PKF and components:
         given["components"] = components
-    return fly(plan(case.experiment), _filter(mode, six, seed), **{**given, **changes})
-
-
-def _filter(mode, six, seed):
-    """The Filter of a mode; the PKF draws anew with each seed, which `fly` has no option for, since its own is called so too."""
-    filter = FILTERS_SIX[mode] if six else filters.find(FILTERS_FULL[mode])
-    return filter._replace(start=partial(filter.start, seed=seed)) if mode == PKF else filter
+    return fly(plan(case.experiment), (FILTERS_SIX if six else FILTERS_FULL)[mode], **{**given, **changes})
 
 
 @lru_cache(maxsize=16)
@@ -95,22 +88,22 @@ def record(flight):
     """Record of a Flight: the scores' view of it, a row per sample flown."""
     column = lambda name: flight.log[name]
     stack = lambda names: np.column_stack([column(name) for name in names])
-    truth = flight.recording.reference
-    truth = Trajectory(truth.t[1:], truth.lla[1:], truth.v_n[1:], truth.q_nb[1:])       # its first row is the start
-    solution = flight.solution
-    rows = len(solution.t)              # a filter that stopped may have one less
-    truth = Trajectory(*(values[:rows] for values in (truth.t, truth.lla, truth.v_n, truth.q_nb)))
-    position, velocity, attitude = mollaei_metrics.errors(truth, solution.trajectory)
-    weight = flight.trim.aircraft["mass"] * WEIGHT * truth.rotation.inv().apply([0.0, 0.0, 1.0])
+    solution, reference = flight.solution, flight.recording.reference
+    off = errors(solution, reference)
+    rows = len(off.t)                   # a filter that stopped may have one less
+    flown = slice(1, rows + 1)          # the first row is the start
+    truth = Trajectory(*(values[flown] for values in (reference.t, reference.lla, reference.v_n, reference.q_nb)))
+    craft, gravity = flight.trim.aircraft, flight.trim.aircraft.array(flight.trim.earth, flight.trim.origin)[GRAVITY]
+    weight = craft["mass"] * gravity * truth.rotation.inv().apply([0.0, 0.0, 1.0])
     at = [min(int(np.searchsorted(truth.t, CUT - 1e-6)), rows - 1), rows - 1]
     claimed = bool(np.isfinite(solution.trajectory.sd[at, :6]).all())       # without a filter nothing is
-    normalised = nees(np.c_[position, velocity][at], solution.covariance[at][:, :6, :6]) if claimed else np.full(2, np.nan)
+    normalised = nees(np.c_[off.position, off.velocity][at], solution.covariance[at][:, :6, :6]) if claimed else np.full(2, np.nan)
     return Record(*(values[:rows] for values in (
         column("t, s"), stack(("Fx, N", "Fy, N", "Fz, N")), stack(("Gx, N m", "Gy, N m", "Gz, N m")), weight, stack(("u, m/s", "v, m/s", "w, m/s")),
         np.degrees(stack(("aileron, rad", "elevator, rad", "rudder, rad"))), column("propeller speed, rad/s"),
         np.degrees(column("angle of attack, rad")),
-        displacement(truth.lla, flight.recording.reference.lla[0]), column("right of route, m"))), position, velocity, attitude, normalised,
-        str(flight.stopped or ""))
+        displacement(truth.lla, reference.lla[0]), column("right of route, m"))), off.position, off.velocity,
+        np.linalg.norm(off.attitude, axis=1), normalised, str(flight.stopped or ""))
 
 
 def scored(case, mode, seed, components):
