@@ -1,5 +1,6 @@
 """The aircraft against another implementation's numbers, textbook equations integrated by scipy, conservation laws and the library's own mechanization."""
 import math
+import pickle
 
 import numpy as np
 import pymap3d
@@ -230,7 +231,7 @@ def test_actuators_lag_are_slow_and_stop():
 def test_a_long_step_is_made_of_short_ones():
     start = sd.trim(AEROSONDE, 25, origin=ORIGIN).state
     long, imu = respond(AEROSONDE, start, np.tile(start[13:] + [0.05, 0.1, 0, 0], (5, 1)), 0.04)
-    short, parts = respond(AEROSONDE, start, np.tile(start[13:] + [0.05, 0.1, 0, 0], (20, 1)), 0.01)
+    short, parts = respond("aerosonde", start, np.tile(start[13:] + [0.05, 0.1, 0, 0], (20, 1)), 0.01)
     np.testing.assert_allclose(long, short[::4], rtol=0, atol=2e-9)      # the quaternion is made a unit one at the end only
     np.testing.assert_allclose(imu.dv, parts.dv.reshape(5, 4, 3).sum(1), rtol=0, atol=2e-9)
 
@@ -246,6 +247,22 @@ def test_the_flat_earth_is_an_affine_image_and_longitude_wraps():
     state[:3] = origin
     end = respond(AEROSONDE, state, np.zeros((50, 4)), 0.01)[0][-1]
     assert -math.pi < end[1] < -math.pi + 1e-5
+
+
+@pytest.mark.short
+def test_an_aircraft_and_its_trim_are_read_only_hashable_and_can_be_pickled():
+    values = dict(AEROSONDE.values)
+    mine = sd.Aircraft("mine", values)
+    values["mass"] = -1.0
+    assert mine["mass"] == 11.0 and len({mine, sd.Aircraft("mine", AEROSONDE.values), mine.replace(mass=12.0)}) == 2
+    with pytest.raises(TypeError):
+        mine.values["mass"] = -1.0
+    trim = sd.trim(mine, 25)
+    for each in (mine, trim):
+        again = pickle.loads(pickle.dumps(each))
+        assert again == each and hash(again) == hash(each)
+    with pytest.raises(DataError, match="values are None; give a number for each name"):
+        sd.Aircraft("mine", None)
 
 
 BAD = [({"mass": -1.0}, "mass is -1.0; it must be a number between 0.001 and 1e[+]06"), ({"mass": math.nan}, "mass is nan"), ({"mass": "11"}, "mass is '11'"),
@@ -293,7 +310,16 @@ def test_aircraft_files(tmp_path):
     (lambda: AEROSONDE["span_m"], "unknown key 'span_m'"), (lambda: AEROSONDE.array("round"), "earth is 'round'; it must be 'geodetic' or 'flat'"),
     (lambda: AEROSONDE.array("flat", (1.6, 0, 0)), "latitude goes to 89 deg"), (lambda: AEROSONDE.array("flat", (1, 0)), "give latitude and longitude"),
     (lambda: respond(AEROSONDE, at((25, 0, 0)), np.zeros((5, 3)), 0.01), r"commands \(5, 3\)"),
-    (lambda: respond(AEROSONDE, at((25, 0, 0)), np.zeros((5, 4)), 0.0), "dt is 0.0 s; it must be above 0")])
+    (lambda: respond(AEROSONDE, at((25, 0, 0)), np.zeros((5, 4)), 0.0), "dt is 0.0 s; it must be above 0"),
+    (lambda: respond(AEROSONDE, at((25, 0, 0)), np.zeros((5, 4)), 1e6), "dt is 1000000.0 s; it must be above 0 and at most 1 s"),
+    (lambda: respond(AEROSONDE, at((25, 0, 0)), np.zeros((5, 4)), "a"), "dt is 'a' s"),
+    (lambda: respond("aerosond", at((25, 0, 0)), np.zeros((5, 4)), 0.01), "did you mean 'aerosonde'"),
+    (lambda: respond(AEROSONDE, at((25, 0, 0)), [["a"] * 4], 0.01), "commands is not an array of numbers"),
+    (lambda: respond(AEROSONDE, at((25, 0, 0)), np.zeros((5, 4)), 0.01, wind=(1, 2, 3)), r"wind \(3,\) must be \(9,\)"),
+    (lambda: respond(AEROSONDE, at((25, 0, 0)), np.zeros((5, 4)), 0.01, wind=np.zeros((4, 9))), r"wind \(4, 9\) must be \(5, 9\)"),
+    (lambda: respond(AEROSONDE, at((25, 0, 0)), np.zeros((5, 4)), 0.01, wind=[0, math.nan] + 7 * [0]), r"wind is not finite at \[1\]"),
+    (lambda: respond(AEROSONDE, np.r_[ORIGIN, 25, np.zeros(13)], np.zeros((5, 4)), 0.01), "quaternion of the state, numbers 6 to 9, has length 0"),
+    (lambda: respond(AEROSONDE, np.zeros(16), np.zeros((5, 4)), 0.01), r"state \(16,\) must be \(17,\)")])
 def test_what_cannot_be_flown_is_said(call, complaint):
     with pytest.raises(DataError, match=complaint):
         call()

@@ -1,5 +1,6 @@
 """JSBSim's own aircraft as truth of a simulation: it holds what it is told, repeats itself, is silent, and its motion is what JSBSim itself says."""
 import sys
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -85,6 +86,33 @@ def test_it_is_a_motion_for_simulate_and_a_kind_of_scenario_file(flown, tmp_path
     assert np.abs((recording.reference.lla - flown.lla[:1001]) * [6.4e6, 4.3e6, 1]).max() < 1e-3       # m: rows every 0.02 s in both
 
 
+def test_nothing_is_flown_after_the_last_row():
+    pytest.importorskip("jsbsim")
+    with session() as (executive, _):
+        _load(executive, "c172x")
+        _trim(executive, "c172x", START, EAST, 52.0)
+        begun = executive["simulation/sim-time-sec"]
+        _fly(executive, "c172x", (), 10, 4)
+        assert executive["simulation/sim-time-sec"] - begun == pytest.approx(40 / 200)
+
+
+def test_a_session_waits_for_that_of_another_thread():
+    pytest.importorskip("jsbsim")
+    order = []
+
+    def other():
+        with session():
+            order.append("other")
+
+    with session(), session():      # of one thread two may be alive
+        thread = Thread(target=other)
+        thread.start()
+        thread.join(0.2)
+        order.append("one")
+    thread.join(20)
+    assert order == ["one", "other"]
+
+
 def test_properties_of_jsbsim_may_be_set(flown):
     still, windy = flown, flown_by_jsbsim(START, EAST, 52.0, 20.0, properties={"atmosphere/wind-north-fps": 20.0})
     assert np.abs(windy.v_n[100, 0] - still.v_n[100, 0]) > 0.3
@@ -101,9 +129,15 @@ def test_without_jsbsim_the_extra_is_named(monkeypatch, tmp_path, command):
 
 @pytest.mark.parametrize("change, words", [
     ({"aircraft": "c172xx"}, "did you mean 'c172x'"), ({"aircraft": "ball"}, "no autopilot"), ({"speed": 12.0}, "cannot trim c172x .* 12 m/s"),
-    ({"speed": -1.0}, "above 0"), ({"start": (0.8, 0.1, np.nan)}, "above 0"), ({"targets": (Target(99.0, heading=1.0),)}, "within the flight"),
-    ({"targets": (Target(1.0, throttle=1.5),)}, "between 0 and 1"), ({"targets": ((1.0, 2.0),)}, "Target each"),
-    ({"properties": {"atmosphere/wind-fps": 1.0}}, "no property"),
+    ({"speed": -1.0}, "above 0"), ({"start": (0.8, 0.1, np.nan)}, "start is"), ({"targets": (Target(99.0, heading=1.0),)}, "within the flight"),
+    ({"targets": (Target(1.0, throttle=1.5),)}, "between 0 and 1"), ({"targets": ((1.0, 2.0),)}, "a list of .*Target"),
+    ({"properties": {"atmosphere/wind-fps": 1.0}}, "no property"), ({"rate": -5.0}, "rate of .* is -5.0"), ({"rate": 0}, "rate of .* is 0"),
+    ({"rate": 1e6}, "at most 100000"), ({"row": np.nan}, "row of .* is nan"), ({"row": 1e300}, "no longer than the flight"),
+    ({"duration": 1e12}, "steps are the most"), ({"start": "abc"}, "start is 'abc'; give latitude"), ({"start": (47.6, 9.3, 1200)}, "within 89 deg"),
+    ({"speed": "a"}, "speed of .* is 'a'"), ({"heading": None}, "heading of .* is None"), ({"targets": (Target(1.0, heading="a"),)}, "finite numbers"),
+    ({"targets": (Target(None),)}, "finite numbers"), ({"targets": Target(1.0, heading=1.0)}, "a list of"), ({"aircraft": 172}, "no aircraft 172"),
+    ({"properties": {"atmosphere/wind-north-fps": "a"}}, "property 'atmosphere/wind-north-fps' of JSBSim is 'a'"),
+    ({"properties": {"atmosphere/wind-north-fps": np.nan}}, "is nan; it must be a finite number"), ({"properties": 3}, "properties are 3"),
     ({"start": (0.8, 0.1, 30.0), "targets": (Target(0.0, height=-500.0, throttle=0.0),)}, "met the ground")])
 def test_what_cannot_be_flown_is_refused_in_one_line(change, words, capfd):
     pytest.importorskip("jsbsim")

@@ -3,9 +3,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from strapdown.core.compiling import plain
 from strapdown.data import DataError
 from strapdown.geodesy import displacement
 from strapdown.sim.aircraft.dynamics import evaluate, ready, step
+from strapdown.sim.aircraft.forces import density
 from strapdown.sim.aircraft.parameters import aircraft
 from strapdown.sim.jsbsim import FOOT, session
 from strapdown.sim.jsbsim_craft import INTEGRATORS, _place, fly_jsbsim
@@ -53,7 +55,7 @@ def ours():
 
 
 TOLERANCE = np.array([0.02, 5e-3, 3e-4, 1e-3])
-"""m, m/s, rad, rad/s, within 60 s."""
+"""m, m/s, rad, rad/s, within 20 s."""
 
 
 @pytest.mark.short
@@ -122,6 +124,22 @@ def test_forces_moments_and_accelerations_agree_at_any_state(tmp_path):
             assert np.allclose(theirs, in_body(state, rates[3:6] + j2_less_normal(state)), atol=2e-8)
 
 
+@pytest.mark.short
+@pytest.mark.parametrize("height", [0.0, 500.0, 3000.0, 8000.0, 15000.0])
+def test_the_standard_atmosphere_is_that_of_the_aircraft(height, tmp_path):
+    craft, state = AEROSONDE.replace(density=0.0), state_of(25.0, 0.1, 0.05, 0.5, 0.05)
+    state[2] = height
+    path, outputs = jsbsim_definition(craft, tmp_path), np.zeros(12)
+    with session() as (executive, _):
+        executive.set_aircraft_path(str(tmp_path))
+        assert executive.load_model(path.stem)
+        _place(executive, state, state[13:], (0.0, 0.0), INTEGRATORS)
+        ready(evaluate)(craft.array("geodetic"), state, NOTHING, np.zeros(19), outputs)
+        assert executive["craft/rho"] == pytest.approx(plain(density)(craft.array(), height), rel=1e-9)
+        force = [executive[f"forces/fb{axis}-total-lbs"] * POUND for axis in "xyz"]
+        assert np.allclose(force, outputs[:3], rtol=1e-8, atol=1e-8)
+
+
 def in_body(state, rate):
     """The rate of the velocity's components in body axes, of its rate in those of the navigation frame, both against the Earth."""
     (lat, _, height), velocity, to_n = state[:3], state[3:6], Rotation.from_quat(state[[7, 8, 9, 6]])
@@ -152,12 +170,16 @@ def j2_less_normal(state):
 @pytest.mark.short
 def test_what_cannot_be_flown_is_refused_in_one_line(ours, tmp_path, capfd):
     controls = ours[:50, 13:]
-    for arguments, words in (((ours[0, :16], controls, DT), r"not \(16,\)"), ((ours[0], controls[:1], DT), "two or more times"),
+    for arguments, words in (((ours[0, :16], controls, DT), r"state \(16,\) must be \(17,\)"), ((ours[0], controls[:1], DT), "two or more times"),
                              ((ours[0], np.where(controls < 0, np.nan, controls), DT), "finite"),
-                             ((ours[0], controls, DT, (1.0, 2.0, 3.0)), "to north and east"),
+                             ((ours[0], controls, DT, (1.0, 2.0, 3.0)), "to north and east"), ((np.zeros(17), controls, DT), "quaternion .* length 0"),
+                             ((ours[0], controls, DT, (0.0, 0.0), 1.5), "whole substeps .* 1.5"), ((ours[0], controls, "a"), "dt above 0"),
+                             ((ours[0], controls, 1e-9), "at most 100000"), ((ours[0], [["a"] * 4] * 2, DT), "controls is not an array"),
                              ((ours[0], controls, DT, (0.0, 0.0), 2, {"rates": 1}), "of integrators")):
         with pytest.raises(DataError, match=words):
-            fly_jsbsim(AEROSONDE, *arguments)
+            fly_jsbsim("aerosonde", *arguments)
+    with pytest.raises(DataError, match="did you mean 'aerosonde'"):
+        fly_jsbsim("aerosond", ours[0], controls, DT)
     (tmp_path / "aerosonde").write_text("a file where the folder should be")
     with pytest.raises(DataError, match="cannot be made"):
         jsbsim_definition(AEROSONDE, tmp_path)

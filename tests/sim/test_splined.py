@@ -75,6 +75,19 @@ def test_what_is_no_motion_is_refused(change, words):
 
 
 @pytest.mark.short
+def test_a_loop_and_rows_too_far_apart_are_refused():
+    t = TRUTH.t
+    still = {"t": t, "lla": TRUTH.lla, "v_n": TRUTH.v_n}
+    for rate, axis, words in ((0.3, 2, "pitch is 85.[0-9] deg at row 9[0-9] .* hold up to 85 deg"), (40.0, 1, "by more than 90 deg between rows 0 and 1 ")):
+        q = np.zeros((len(t), 4))
+        q[:, 0], q[:, axis] = np.cos(rate * t / 2), np.sin(rate * t / 2)
+        with pytest.raises(DataError, match=words):
+            splined(Trajectory(**still, q_nb=q))
+    with pytest.raises(DataError, match="row 3 .* has no attitude"):
+        splined(Trajectory(**still, q_nb=np.where(np.arange(len(t))[:, None] == 3, 0.0, TRUTH.q_nb)))
+
+
+@pytest.mark.short
 def test_too_few_rows_and_too_long_a_flight_are_refused():
     with pytest.raises(DataError, match="5 rows"):
         splined(Trajectory(TRUTH.t[:5], TRUTH.lla[:5], TRUTH.v_n[:5], TRUTH.q_nb[:5]))

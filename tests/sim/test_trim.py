@@ -11,7 +11,7 @@ from textbook_aircraft import CONTROLS, motion
 import strapdown as sd
 from strapdown.data import DataError
 from strapdown.sim.aircraft.dynamics import OUTPUTS, evaluate, ready, respond
-from strapdown.sim.aircraft.modes import STATE_NAMES, check_step, deviation_point
+from strapdown.sim.aircraft.modes import STATE_NAMES, Mode, _named, check_step, deviation_point
 from strapdown.sim.aircraft.parameters import GRAVITY, flat_metres
 
 AEROSONDE = sd.aircraft("aerosonde")
@@ -114,6 +114,55 @@ def test_modes_are_those_of_a_small_aircraft():
         modes["spin"]
 
 
+@pytest.mark.short
+def test_the_modes_of_any_turn_are_all_eigenvalues_in_whole_pairs():
+    """Along and across mix in a steep turn, where the half of a pair was once on either side."""
+    flown = 0
+    for airspeed in (22, 25, 29):
+        for radius in (60.0, -70.0, 150.0, math.inf):
+            for climb in (-0.05, 0.0, 0.05):
+                try:
+                    trim = sd.trim(AEROSONDE, airspeed, radius=radius, climb=climb)
+                except DataError:
+                    continue
+                flown += 1
+                all_eigenvalues_in_whole_pairs(sd.linearise(AEROSONDE, trim).A)
+    assert flown > 20
+    assert [mode.name for mode in sd.linearise(AEROSONDE, sd.trim(AEROSONDE, 29, radius=60)).modes][:2] == ["roll", "short period"]
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("pairs", range(5))
+def test_whatever_the_system_its_modes_are_all_eigenvalues_in_whole_pairs(pairs):
+    rng = np.random.default_rng(pairs)
+    for _ in range(20):
+        blocks = np.zeros((8, 8))
+        for i in range(8):
+            blocks[i, i] = rng.normal(-1, 2)
+        for i in range(0, 2 * pairs, 2):
+            blocks[i + 1, i + 1], turning = blocks[i, i], rng.uniform(0.1, 5)
+            blocks[i, i + 1], blocks[i + 1, i] = turning, -turning
+        mixing = rng.normal(size=(8, 8))
+        all_eigenvalues_in_whole_pairs(mixing @ blocks @ np.linalg.inv(mixing))
+
+
+def all_eigenvalues_in_whole_pairs(A):
+    modes = _named(A)
+    told = np.sort_complex([value for mode in modes for value in mode.eigenvalues])
+    np.testing.assert_array_equal(told, np.sort_complex(np.linalg.eigvals(A)).astype(complex))
+    assert len({mode.name for mode in modes}) == len(modes)
+    for mode in modes:
+        first, last = mode.eigenvalues[0], mode.eigenvalues[-1]
+        assert first == last.conjugate() and (len(mode.eigenvalues) == 2) == (first.imag != 0)
+
+
+@pytest.mark.short
+def test_a_mode_that_stays_as_it_is_has_no_time_constant():
+    still, ringing = Mode("still", (0j,)), Mode("ringing", (2j, -2j))
+    assert (still.frequency, still.damping, still.time_constant) == (0, 0, math.inf)
+    assert (ringing.frequency, ringing.damping, ringing.time_constant) == (2, 0, math.inf)
+
+
 @pytest.mark.parametrize("name, seconds", [("roll", 0.1), ("short period", 0.5), ("Dutch roll", 2.0), ("phugoid", 12.0), ("spiral", 10.0)])
 def test_a_mode_is_flown_as_its_eigenvalue_says(name, seconds):
     """Deviated along an eigenvector by some 1e-3 of the flight, the flown aircraft follows exp(eigenvalue t) within 1 % of the deviation."""
@@ -157,6 +206,10 @@ def test_the_tables_of_the_page_are_those_of_the_model():
         told = sd.trim(AEROSONDE, airspeed, origin=(0.8, 0.1, 0.0)).table()
         assert (f"| {airspeed} | {told['alpha, deg']:.2f} | {told['elevator, deg']:.2f} | {told['throttle']:.3f} | {told['thrust, N']:.2f} "
                 f"| {told['propeller, rpm']:.0f} |") in page
+    for flies, beyond, control in ((17, 16.5, "elevator"), (32, 32.5, "throttle")):      # the ends that the page names
+        sd.trim(AEROSONDE, flies, origin=(0.8, 0.1, 0.0))
+        with pytest.raises(DataError, match=f"needs {control} .* beyond its stop"):
+            sd.trim(AEROSONDE, beyond, origin=(0.8, 0.1, 0.0))
     for row in sd.linearise(AEROSONDE, sd.trim(AEROSONDE, 25, origin=(0.8, 0.1, 0.0))).table():
         assert f"| {row['mode']} | {row['frequency, rad/s']:.3f} | {row['damping']:.3f} | {row['time constant, s']:.3f} |" in page
 
@@ -167,8 +220,12 @@ def test_a_step_too_long_for_the_fastest_mode_is_refused():
     check_step(trim, 0.01)
     with pytest.raises(DataError, match="a time step of 0.05 s is too long .* time constant of 0.0446 s; take 0.0223 s at most"):
         check_step(trim, 0.05)
-    with pytest.raises(DataError, match="time step of the aircraft is nan s"):
-        check_step(trim, math.nan)
+    for dt in (math.nan, "0.01", None):
+        with pytest.raises(DataError, match="time step of the aircraft is .* s; it must be above 0"):
+            check_step(trim, dt)
+    for call in (lambda: check_step(None, 0.01), lambda: sd.linearise("aerosonde", None)):
+        with pytest.raises(DataError, match="None is no Trim; the function trim makes one"):
+            call()
 
 
 @pytest.mark.short
@@ -179,8 +236,19 @@ def test_a_step_too_long_for_the_fastest_mode_is_refused():
     (dict(airspeed=25, climb=0.5), "needs throttle"), (dict(airspeed=25, radius=25.0), "climb 0 deg, radius 25 m: .*; fly faster or turn wider"),
     (dict(airspeed=25, climb=-0.9), "descend less steeply"), (dict(airspeed=-3), "airspeed is -3 m/s; it must be above 0"),
     (dict(airspeed=math.nan), "must be finite"), (dict(airspeed=25, climb=5), "climb is 5 rad; a flight-path angle is in rad"),
+    (dict(airspeed=0.1), "it needs an angle of attack of .* deg, beyond the stall at 26.9 deg; fly faster"),
+    (dict(airspeed=25, radius=1), "it needs an angle of attack of .* deg, beyond the stall"),
+    (dict(airspeed="fast"), "must be finite"), (dict(airspeed=25, radius="a"), "radius .m. a number"), (dict(airspeed=25, climb=None), "must be finite"),
+    (dict(airspeed=25, radius=math.nan), "radius .m. a number"), (dict(airspeed=25, wind="abc"), "wind .three numbers"), (dict(airspeed=25, wind=1.0), "wind"),
     (dict(airspeed=25, radius=0), "radius is 0 m; give 1 m or more"), (dict(airspeed=25, wind=(1, 2)), "wind .three numbers"),
     (dict(airspeed=25, origin=(100, 0, 0)), "latitude goes to 89 deg"), (dict(airspeed=25, earth="hollow"), "earth is 'hollow'")])
 def test_flights_that_cannot_be_are_refused_with_what_stands_against_them(asked, complaint):
     with pytest.raises(DataError, match=complaint):
         sd.trim("aerosonde", **asked)
+
+
+@pytest.mark.short
+def test_without_a_working_motor_that_is_the_cause():
+    dead = AEROSONDE.replace(name="dead", voltage=0)
+    with pytest.raises(DataError, match="at full throttle its propeller gives -.* N, no thrust; check voltage"):
+        sd.trim(dead, 25)

@@ -1,12 +1,14 @@
 """JSBSim (the extra `jsbsim`) as a source of truth: an aircraft of its own, flown by its own autopilot, as a Motion for `simulate`."""
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from threading import RLock
 from typing import NamedTuple
 
 import numpy as np
 
 from ..data import DataError, Trajectory
+from ..sensors.units import nearest, real
 from .splined import splined
 from .trajectory import DEG
 
@@ -16,11 +18,14 @@ RATE = 200.0
 """Steps of JSBSim per second, 1/s."""
 ROW = 0.02
 """Time from row to row of what it flew, s: the pieces of the splines."""
+FASTEST, MOST_STEPS = 1e5, 1e9
+"""Steps of JSBSim per second, 1/s, and in one flight, beyond which nothing is flown: JSBSim itself checks neither."""
 HOLDS = {"heading": ("ap/heading_hold", "ap/heading_setpoint", 1 / DEG), "height": ("ap/altitude_hold", "ap/altitude_setpoint", 1 / FOOT)}
 """Of a Target: JSBSim's switch, its set point, and the set point's unit."""
 TRIM_FULL = 1
 STATE = ("position/lat-geod-rad", "position/long-gc-rad", "position/geod-alt-ft", "velocities/v-north-fps", "velocities/v-east-fps",
          "velocities/v-down-fps", "attitude/phi-rad", "attitude/theta-rad", "attitude/psi-rad")
+_ONE = RLock()
 SCALE = np.array([1.0, 1.0, FOOT, FOOT, FOOT, FOOT, 1.0, 1.0, 1.0])
 
 
@@ -46,26 +51,38 @@ def flown_by_jsbsim(start, heading, speed, duration, aircraft="c172x", targets=(
     name in its own units, that are set once before it flies ({"atmosphere/wind-north-fps": 20.0}). `rate`: steps per second.
     The ground is the ellipsoid. Raises DataError: JSBSim missing, unknown aircraft or property, no autopilot, no trim, a crash.
     """
-    start, targets = tuple(map(float, start)), _checked(start, heading, speed, duration, targets)
+    start, targets = _checked_start(start), _checked(heading, speed, duration, rate, row, targets)
+    properties = _checked_properties(properties)
     with session(rate) as (executive, _):
         _load(executive, aircraft)
         missing = [switch for switch, _, _ in HOLDS.values() if not _has(executive, switch)]
         if missing:
             raise DataError(f"JSBSim's {aircraft} has no autopilot for heading and height ({missing[0]}); c172x and global5000 have one")
         _trim(executive, aircraft, start, heading, speed)
-        for key, value in (properties or {}).items():
+        for key, value in properties.items():
             if not _has(executive, key):
                 raise DataError(f"JSBSim's {aircraft} has no property {key!r}; names end in their unit, as in atmosphere/wind-north-fps")
-            executive[key] = float(value)
+            executive[key] = value
         every = max(1, round(row * rate))
         return _fly(executive, aircraft, [Target(0.0, heading, start[2]), *targets], int(np.ceil(duration * rate / every - 1e-9)), every)
 
 
 @contextmanager
 def session(rate=RATE):
-    """(FGFDMExec, list of what JSBSim says) with nothing printed; `rate` steps per second. Raises DataError where JSBSim is not installed."""
-    from tempfile import TemporaryDirectory
+    """(FGFDMExec, list of what JSBSim says) with nothing printed; `rate` steps per second. Raises DataError where JSBSim is not installed.
+
+    What listens to JSBSim is one for the whole process, so that a thread waits until the session of another has ended.
+    """
     engine = found()
+    if not real(rate) or not 0 < rate <= FASTEST:
+        raise DataError(f"JSBSim's rate is {rate!r} steps per second; it must be above 0 and at most {FASTEST:g}")
+    with _ONE:
+        yield from _listened(engine, rate)
+
+
+def _listened(engine, rate):
+    """The one (executive, what it says) of a session, and the listener of before when it ends."""
+    from tempfile import TemporaryDirectory
 
     class Listener(engine.FGLogger):
         """Keeps what JSBSim would print."""
@@ -97,27 +114,53 @@ def found():
     return jsbsim
 
 
-def _checked(start, heading, speed, duration, targets):
-    """The targets in order of time. Raises DataError for what is no start, duration or target."""
-    numbers = [*start, heading, speed, duration]
-    if len(numbers) != 6 or not np.all(np.isfinite(numbers)) or speed <= 0 or duration <= 0:
-        raise DataError(f"a flight of JSBSim needs a start (rad, rad, m), a heading, and a speed and a duration above 0, not {numbers}")
-    if not isinstance(targets, Iterable) or not all(isinstance(target, Target) for target in targets):
-        raise DataError(f"targets are strapdown.sim.jsbsim.Target each, not {targets!r}")
+def _finite(value):
+    return real(value) and bool(np.isfinite(value))
+
+
+def _checked_start(start):
+    """(latitude rad, longitude rad, height m) as floats. Raises DataError."""
+    numbers = list(start) if isinstance(start, Iterable) else []
+    if len(numbers) != 3 or not all(map(_finite, numbers)) or abs(numbers[0]) > 89 * DEG or abs(numbers[1]) > 360 * DEG:
+        raise DataError(f"start is {start!r}; give latitude (rad, within 89 deg = 1.553), longitude (rad) and ellipsoidal height (m)")
+    return tuple(map(float, numbers))
+
+
+def _checked(heading, speed, duration, rate, row, targets):
+    """The targets in order of time. Raises DataError for a number that no flight can have, or what is no target."""
+    for name, value, unit in (("speed", speed, "m/s"), ("duration", duration, "s"), ("rate", rate, "steps per second"), ("row", row, "s")):
+        if not _finite(value) or value <= 0:
+            raise DataError(f"{name} of a flight of JSBSim is {value!r}; it must be a number above 0, in {unit}")
+    if not _finite(heading):
+        raise DataError(f"heading of a flight of JSBSim is {heading!r}; it must be a finite number, in rad")
+    if row > duration or duration * rate > MOST_STEPS:
+        raise DataError(f"a flight of {duration:g} s cannot have rows of {row:g} s at {rate:g} steps per second; rows are no longer than the flight, "
+                        f"and {MOST_STEPS:g} steps are the most")
+    targets = list(targets) if isinstance(targets, Iterable) and not isinstance(targets, Target) else targets
+    if not isinstance(targets, list) or not all(isinstance(target, Target) for target in targets):
+        raise DataError(f"targets are a list of strapdown.sim.jsbsim.Target, not {targets!r}")
     for target in targets:
-        values = [value for value in target if value is not None]
-        if not np.all(np.isfinite(values)) or not 0 <= target.at <= duration:
-            raise DataError(f"{target}: its time is within the flight's 0 to {duration:g} s and its values are finite")
+        if not all(_finite(value) for value in (target.at, *(value for value in target if value is not None))) or not 0 <= target.at <= duration:
+            raise DataError(f"{target}: its time is within the flight's 0 to {duration:g} s and its values are finite numbers")
         if target.throttle is not None and not 0 <= target.throttle <= 1:
             raise DataError(f"{target}: throttle is between 0 and 1")
     return sorted(targets, key=lambda target: target.at)
 
 
+def _checked_properties(properties):
+    """{name: float}. Raises DataError naming what is no number."""
+    if not isinstance(properties, Mapping | None):
+        raise DataError(f"properties are {properties!r}; give a number for each name of JSBSim's")
+    for key, value in (properties or {}).items():
+        if not isinstance(key, str) or not _finite(value):
+            raise DataError(f"property {key!r} of JSBSim is {value!r}; it must be a finite number, in the unit that its name ends in")
+    return {key: float(value) for key, value in (properties or {}).items()}
+
+
 def _load(executive, aircraft):
     """Load an aircraft that comes with JSBSim. Raises DataError."""
-    from .scenario_file import nearest
     folder = Path(executive.get_aircraft_path())
-    if not (folder / aircraft / f"{aircraft}.xml").is_file():       # JSBSim itself would leave half a model behind
+    if not isinstance(aircraft, str) or not (folder / aircraft / f"{aircraft}.xml").is_file():       # JSBSim itself would leave half a model behind
         known = sorted(entry.name for entry in folder.iterdir() if entry.is_dir())
         raise DataError(f"JSBSim has no aircraft {aircraft!r}{nearest(aircraft, known)}; it has {', '.join(known)}")
     executive.load_model(aircraft)
@@ -174,7 +217,7 @@ def _fly(executive, aircraft, targets, rows, every, watch=None):
                             "begin higher, or ask less of it")
         if watch is not None:
             watch()
-        for i in range(every):
+        for i in range(every if row < rows else 0):
             while orders and orders[0].at <= (row * every + i) * step + 1e-9:
                 _order(executive, orders.pop(0))
             executive.run()

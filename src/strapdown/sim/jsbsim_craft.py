@@ -2,6 +2,9 @@
 import numpy as np
 
 from ..data import DataError
+from ..sensors.units import real
+from .aircraft.dynamics import checked_state
+from .aircraft.parameters import aircraft as find, checked_array
 from .jsbsim import FOOT, SCALE, STATE, begin, quaternions, session
 from .jsbsim_definition import CONTROLS, jsbsim_definition
 from .trajectory import EARTH_RATE
@@ -17,21 +20,20 @@ RATES = ("velocities/pi-rad_sec", "velocities/qi-rad_sec", "velocities/ri-rad_se
 
 
 def fly_jsbsim(aircraft, state, controls, dt, wind=(0.0, 0.0), substeps=SUBSTEPS, integrators=None):
-    """The motion of an Aircraft in JSBSim, its controls moved as recorded: (n, 17) states as in sim.aircraft.dynamics, at 0, dt, ... s.
+    """The motion of an Aircraft (or that of a name) in JSBSim, its controls moved as recorded: (n, 17) states as in sim.aircraft.dynamics, at 0, dt, ... s.
 
     `state` (17,): where it begins. `controls` (n, 4): positions of elevator, aileron, rudder (rad) and throttle at those times, straight
     lines between them. `wind` (2,): steady, to north and east, m/s. JSBSim takes `substeps` steps per dt, by its `integrators`
     (default INTEGRATORS), on its own Earth: rotating WGS-84 with J2 gravity. Raises DataError: JSBSim missing, bad arrays, a flight that is lost.
     """
     from tempfile import TemporaryDirectory
-    state, controls = np.asarray(state, float), np.asarray(controls, float)
-    if state.shape != (17,) or controls.ndim != 2 or controls.shape[1] != 4 or len(controls) < 2 or not dt > 0 or substeps < 1:
-        raise DataError(f"fly_jsbsim takes a state (17,), controls (n, 4) at two or more times, dt and substeps above 0, "
-                        f"not {state.shape}, {controls.shape}, {dt!r}, {substeps!r}")
-    if not (np.isfinite(state).all() and np.isfinite(controls).all() and np.isfinite(wind).all()):
-        raise DataError("the state, the controls and the wind that JSBSim is to fly in must be finite")
-    if np.shape(wind) != (2,) or set(integrators or {}) - set(INTEGRATORS):
-        raise DataError(f"fly_jsbsim takes a wind to north and east, and of integrators {', '.join(INTEGRATORS)}, not {wind!r}, {integrators!r}")
+    aircraft, state, controls = find(aircraft), checked_state(state, "fly_jsbsim"), checked_array(controls, (None, 4), "fly_jsbsim: controls")
+    wind = checked_array(wind, (2,), "fly_jsbsim: wind to north and east")
+    if len(controls) < 2 or not real(dt) or not 0 < dt < np.inf or not isinstance(substeps, (int, np.integer)) or substeps < 1:
+        raise DataError(f"fly_jsbsim takes controls at two or more times, dt above 0 and whole substeps of 1 or more, "
+                        f"not {len(controls)} times, {dt!r}, {substeps!r}")
+    if set(integrators or {}) - set(INTEGRATORS):
+        raise DataError(f"fly_jsbsim takes of integrators {', '.join(INTEGRATORS)}, not {integrators!r}")
     with session(substeps / dt) as (executive, said), TemporaryDirectory() as folder:
         path = jsbsim_definition(aircraft, folder)
         executive.set_aircraft_path(str(folder))

@@ -5,6 +5,7 @@ from xml.sax.saxutils import escape
 
 from ..data import DataError
 from ..files import replacing
+from .aircraft.parameters import aircraft as find
 from .jsbsim import FOOT
 
 SLUG, POUND = 14.593902937206364, 4.4482216152605
@@ -16,11 +17,12 @@ CONTROLS = ("controls/elevator-rad", "controls/aileron-rad", "controls/rudder-ra
 
 
 def jsbsim_definition(aircraft, folder):
-    """Write an Aircraft as folder/NAME/NAME.xml, a JSBSim aircraft definition; returns that path. Raises DataError where it cannot be written.
+    """Write an Aircraft (or that of a name) as folder/NAME/NAME.xml, a JSBSim aircraft definition; returns that path. Raises DataError where it cannot be written.
 
     It has mass and inertia, no ground contact and no engine of JSBSim's: forces and moments are functions of airspeed, flow angles, rates and
     `CONTROLS`, the propeller and its motor among them, in SI, turned into pounds and feet at their end. Mass and forces act at one point.
     """
+    aircraft = find(aircraft)
     name = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in aircraft.name)
     path = Path(folder) / name / f"{name}.xml"
     try:
@@ -98,7 +100,8 @@ def _density(a):
     if a["density"] > 0:
         return a["density"]
     height = ("min", ("max", ("product", FOOT, "position/geod-alt-ft"), -5000), 11000)
-    return ("product", 1.225, ("pow", ("difference", 1, ("product", 2.25577e-5, height)), 4.25588))
+    geopotential = ("quotient", height, ("sum", 1, ("quotient", height, 6356766)))
+    return ("product", 1.225, ("pow", ("difference", 1, ("product", 2.25577e-5, geopotential)), 4.25588))
 
 
 def _stalled(a, alpha):

@@ -10,8 +10,10 @@ from ...core.compiling import COMPILED, compile_kernel, entry_point, helper, inl
 from ...core.contract import Imu
 from ...core.earth import gravity, place, rotation_rates
 from ...data import DataError
+from ...sensors.units import real
 from .forces import air_data, density, forces, propeller
-from .parameters import ACTUATORS, EARTH, GRAVITY, INVERSE, J_X, J_XZ, J_Y, J_Z, LATITUDE_RATE, LONGITUDE_RATE, MASS
+from .parameters import ACTUATORS, EARTH, GRAVITY, INVERSE, J_X, J_XZ, J_Y, J_Z, LATITUDE_RATE, LONGITUDE_RATE, MASS, checked_array
+from .parameters import aircraft as find
 
 LLA, VELOCITY, QUATERNION, OMEGA, CONTROLS, STATES = 0, 3, 6, 10, 13, 17
 """State: lat, lon (rad), height (m) | v_n (m/s) | q_nb | omega_ib_b (rad/s) | positions of elevator, aileron, rudder (rad) and throttle."""
@@ -19,6 +21,8 @@ FORCE, MOMENT, AIRSPEED, ALPHA, BETA, PROPELLER, THRUST, TORQUE, OUTPUTS = 0, 3,
 """What `evaluate` tells: force (N), moment (N m), airspeed (m/s), flow angles (rad), propeller speed (rad/s), its thrust (N) and torque (N m)."""
 LONGEST = 0.01
 """s; a longer step is integrated in pieces."""
+LONGEST_HELD = 1.0
+"""s; commands and wind that are held for longer are none of a flight."""
 
 
 @helper
@@ -164,20 +168,33 @@ def ready(function):
     return entry_point(function)
 
 
+def checked_state(state, what):
+    """`state` as a new array (STATES,), finite and with a unit quaternion. Raises DataError naming `what` is given it."""
+    state = checked_array(state, (STATES,), f"{what}: state").copy()
+    norm = float(np.linalg.norm(state[QUATERNION:OMEGA]))
+    if abs(norm - 1) > 1e-6:
+        raise DataError(f"{what}: the quaternion of the state, numbers {QUATERNION} to {OMEGA - 1}, has length {norm:g}; make it a unit one")
+    return state
+
+
+def _winds(wind, n):
+    """(n, 9) of no wind, (9,) or (n, 9). Raises DataError."""
+    if wind is None or np.ndim(wind) == 1:
+        return np.tile(checked_array(np.zeros(9) if wind is None else wind, (9,), "respond: wind"), (n, 1))
+    return checked_array(wind, (n, 9), "respond: wind")
+
+
 def respond(aircraft, state, commands, dt, earth="geodetic", wind=None):
     """Fly `commands` (n, 4), each held for dt s, from `state` (STATES,): states (n + 1, STATES) and the Imu of an ideal IMU.
 
-    wind: none, (9,) or (n, 9), as for `step`. The flat Earth touches WGS-84 where the flight begins. Raises DataError, also where the motion does
-    not stay finite.
+    `aircraft` is an Aircraft or its name; wind: none, (9,) or (n, 9), as for `step`; dt: at most LONGEST_HELD. The flat Earth touches WGS-84 where
+    the flight begins. Raises DataError, also where the motion does not stay finite.
     """
-    commands = np.ascontiguousarray(commands, float)
-    state = np.array(state, float)
-    if commands.ndim != 2 or commands.shape[1] != 4 or state.shape != (STATES,) or not (np.isfinite(commands).all() and np.isfinite(state).all()):
-        raise DataError(f"respond: commands {commands.shape} and state {state.shape} must be finite, (n, 4) and ({STATES},)")
-    if not 0 < dt < np.inf:
-        raise DataError(f"respond: dt is {dt!r} s; it must be above 0")
+    aircraft, commands, state = find(aircraft), checked_array(commands, (None, 4), "respond: commands"), checked_state(state, "respond")
+    if not real(dt) or not 0 < dt <= LONGEST_HELD:
+        raise DataError(f"respond: dt is {dt!r} s; it must be above 0 and at most {LONGEST_HELD:g} s, for which commands are held")
     array, go, n = aircraft.array(earth, state[:3]), ready(step), len(commands)
-    winds = np.ascontiguousarray(np.broadcast_to(np.zeros(9) if wind is None else np.asarray(wind, float), (n, 9)))
+    winds = _winds(wind, n)
     states, increments = np.empty((n + 1, STATES)), np.empty((n, 6))
     states[0] = state
     for k in range(n):

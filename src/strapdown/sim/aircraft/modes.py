@@ -1,13 +1,17 @@
 """What small deviations from steady flight do: the linear model about a trim, its natural modes, and how long a time step may be."""
 import math
 from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 
+from ...core.compiling import plain
+from ...core.rotation import euler_terms
 from ...data import DataError
+from ...sensors.units import real
 from .dynamics import OUTPUTS, STATES, evaluate, ready
 from .parameters import aircraft as find
-from .trim import quaternion
+from .trim import Trim, quaternion
 
 STATE_NAMES = ("u", "v", "w", "p", "q", "r", "roll", "pitch")
 """Of the linear model: velocity against the air (m/s) and rates (rad/s) in body axes, Euler angles (rad)."""
@@ -18,24 +22,24 @@ _RESOLVED = 0.5
 
 @dataclass(frozen=True)
 class Mode:
-    """One natural mode: its eigenvalue or conjugate pair (1/s).
-
-    frequency: |eigenvalue|, rad/s; damping: ratio, negative where it grows; time_constant: s to fall to 1/e, negative where it grows.
-    """
+    """One natural mode: its name and its eigenvalue or conjugate pair (1/s)."""
     name: str
     eigenvalues: tuple
 
     @property
     def frequency(self):
+        """|eigenvalue|, rad/s."""
         return abs(self.eigenvalues[0])
 
     @property
     def damping(self):
-        return -self.eigenvalues[0].real / abs(self.eigenvalues[0])
+        """Damping ratio, negative where the mode grows; 0 where it stays as it is (eigenvalue 0)."""
+        return -self.eigenvalues[0].real / self.frequency if self.frequency > 0 else 0.0
 
     @property
     def time_constant(self):
-        return -1 / self.eigenvalues[0].real
+        """s to fall to 1/e, negative where the mode grows, infinite where it does neither."""
+        return -1 / self.eigenvalues[0].real if self.eigenvalues[0].real != 0 else math.inf
 
 
 @dataclass(frozen=True)
@@ -59,8 +63,11 @@ class Modes:
 
 
 def linearise(aircraft, trim):
-    """The Modes of `aircraft` about a Trim: central differences of the whole model with calm air and a flat Earth; actuators are not in it."""
-    aircraft = find(aircraft)
+    """The Modes of `aircraft` about a Trim: central differences of the whole model with calm air and a flat Earth; actuators are not in it.
+
+    In a steep turn, where motions along and across the plane of symmetry mix, each mode has the name of the one it is most like. Raises DataError.
+    """
+    aircraft, trim = find(aircraft), _checked(trim)
     array = aircraft.array("flat", trim.origin)
     x0, c0 = deviation_point(trim)
     f = lambda x, c: _rates(array, trim.origin, x, c)
@@ -78,19 +85,26 @@ def deviation_point(trim):
 
 def check_step(trim, dt):
     """Refuse a time step dt (s) too long for the fastest mode about a Trim: controls and gusts are held over it. Raises DataError naming the longest."""
-    fastest = max(abs(np.linalg.eigvals(linearise(trim.aircraft, trim).A)))
-    if not 0 < dt < math.inf:
+    if not real(dt) or not 0 < dt < math.inf:
         raise DataError(f"time step of the aircraft is {dt!r} s; it must be above 0")
+    fastest = max(abs(np.linalg.eigvals(linearise(_checked(trim).aircraft, trim).A)))
     if dt > _RESOLVED / fastest:
         raise DataError(f"a time step of {dt:g} s is too long for aircraft {trim.aircraft.name!r} at {trim.airspeed:g} m/s, whose fastest mode has a "
                         f"time constant of {1 / fastest:.3g} s; take {_RESOLVED / fastest:.3g} s at most")
+
+
+def _checked(trim):
+    """It, if it is a Trim. Raises DataError."""
+    if not isinstance(trim, Trim):
+        raise DataError(f"{trim!r} is no Trim; the function trim makes one")
+    return trim
 
 
 def _rates(array, origin, x, controls):
     """x' of the eight numbers, from the compiled model, on the flat Earth and heading north."""
     velocity, omega, (roll, pitch) = x[0:3], x[3:6], x[6:8]
     state, rates = np.zeros(STATES), np.zeros(19)
-    C = _matrix(roll, pitch)
+    C = np.reshape(plain(euler_terms)(roll, pitch, 0.0), (3, 3))
     state[0:3], state[3:6], state[6:10] = origin, C @ velocity, quaternion(roll, pitch, 0.0)
     state[10:13], state[13:17] = omega, controls
     ready(evaluate)(array, state, np.zeros(9), rates, np.zeros(OUTPUTS))
@@ -100,29 +114,39 @@ def _rates(array, origin, x, controls):
                  q * math.cos(roll) - r * math.sin(roll)]
 
 
-def _matrix(roll, pitch):
-    sr, cr, sp, cp = math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch)
-    return np.array([[cp, sr * sp, cr * sp], [0.0, cr, -sr], [-sp, sr * cp, cr * cp]])
-
-
 def _named(A):
-    """The modes of an 8 x 8 system: the four eigenvalues that move it most along its plane of symmetry, and the four that move it across."""
+    """The modes of an 8 x 8 system: the four eigenvalues that move it most along its plane of symmetry, and the four that move it across.
+
+    Half a conjugate pair is no mode: of all ways to choose four eigenvalues in whole pairs, the one that moves it most along.
+    """
     values, vectors = np.linalg.eig(A)
     scale = np.array([25.0, 25.0, 25.0, 1.0, 1.0, 1.0, 1.0, 1.0])      # m/s beside rad: which modes are symmetric does not depend on it
     weight = np.abs(vectors / scale[:, None]) ** 2
     along = weight[_LONGITUDINAL].sum(0) / weight.sum(0)
-    order = np.argsort(-along, kind="stable")
-    return tuple(sorted([*_along(values[order[:4]]), *_across(values[order[4:]])], key=lambda mode: -mode.frequency))
+    wholes = [(i, i + 1) if values[i].imag > 0 else (i,) for i in range(8) if values[i].imag >= 0]     # LAPACK puts a pair side by side, + first
+    fours = [sum(chosen, ()) for count in (2, 3, 4) for chosen in combinations(wholes, count) if sum(map(len, chosen)) == 4]
+    chosen = list(max(fours, key=lambda four: along[list(four)].sum()))
+    others = [i for i in range(8) if i not in chosen]
+    return tuple(sorted([*_along(values[chosen]), *_across(values[others])], key=lambda mode: -mode.frequency))
+
+
+def _parted(values):
+    """Eigenvalues with their conjugates -> (those of pairs, one pair after the other; the real ones); each from fast to slow."""
+    turning = sorted((value for value in values if value.imag != 0), key=lambda value: (-abs(value), abs(value.imag), value.imag))
+    return turning, sorted((value for value in values if value.imag == 0), key=lambda value: -abs(value))
 
 
 def _along(values):
-    fast, slow = np.array_split(values[np.argsort(-np.abs(values), kind="stable")], 2)
+    """Short period and phugoid of four eigenvalues."""
+    turning, straight = _parted(values)
+    twos = [*(turning[i:i + 2] for i in range(0, len(turning), 2)), *(straight[i:i + 2] for i in range(0, len(straight), 2))]
+    fast, slow = sorted(twos, key=lambda two: -abs(two[0] * two[1]))
     return [*_modes("short period", fast), *_modes("phugoid", slow)]
 
 
 def _across(values):
-    turning = sorted((value for value in values if value.imag != 0), key=lambda value: (-abs(value), value.imag))
-    straight = sorted((value for value in values if value.imag == 0), key=lambda value: -abs(value))
+    """Roll, Dutch roll and spiral of four eigenvalues."""
+    turning, straight = _parted(values)
     if len(turning) == 2:
         return [*_modes("Dutch roll", turning), *_modes("roll", straight[:1]), *_modes("spiral", straight[1:])]
     if len(turning) == 4:

@@ -1,16 +1,18 @@
 """What an aircraft is: its parameters by name, their place in the flat array that the kernels read, and TOML files of them."""
 import math
 import tomllib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
-from ...core.compiling import plain
-from ...core.earth import A, E2, gravity
+from ...core.earth import A, E2
 from ...data import DataError
 from ...files import read_toml
+from ...geodesy import gravity
 from ...sensors.units import nearest, real, refuse_unknown
 
 SECTIONS = {
@@ -56,13 +58,16 @@ SIZE = 77
 
 @dataclass(frozen=True, repr=False)
 class Aircraft:
-    """A fixed-wing aircraft: `values` gives every parameter by name (NAMES), in SI. Raises DataError on what no aircraft can have."""
+    """A fixed-wing aircraft: `values` gives every parameter by name (NAMES), in SI; read-only. Raises DataError on what no aircraft can have."""
     name: str
-    values: dict
+    values: Mapping = field(hash=False)
     source: str = ""
 
     def __post_init__(self):
         where = f"aircraft {self.name!r}"
+        if not isinstance(self.values, Mapping):
+            raise DataError(f"{where}: values are {self.values!r}; give a number for each name")
+        object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
         refuse_unknown(self.values, NAMES, where)
         if missing := [name for name in NAMES if name not in self.values]:
             raise DataError(f"{where}: {missing[0]} is missing{f' (and {len(missing) - 1} more)' if missing[1:] else ''}; give it in "
@@ -73,6 +78,9 @@ class Aircraft:
                 raise DataError(f"{where}: {name} is {value!r}; it must be a number between {low:g} and {high:g} (SI)")
         _check_inertia(self.values, where)
         _check_stops(self.values, where)
+
+    def __reduce__(self):
+        return Aircraft, (self.name, dict(self.values), self.source)        # a read-only view cannot be pickled
 
     def __getitem__(self, name):
         """A parameter by name, SI. Raises DataError for an unknown one."""
@@ -94,7 +102,7 @@ class Aircraft:
         north, east = _scales(lat, height)
         array = np.zeros(SIZE)
         array[:len(NAMES)] = [self.values[name] for name in NAMES]
-        array[EARTH], array[GRAVITY] = earth == "geodetic", normal_gravity(lat, height)
+        array[EARTH], array[GRAVITY] = earth == "geodetic", gravity(lat, height)
         array[LATITUDE_RATE], array[LONGITUDE_RATE] = 1 / north, 1 / east
         determinant = self["J_x"] * self["J_z"] - self["J_xz"] ** 2
         array[INVERSE:INVERSE + 4] = 1 / self["J_y"], self["J_z"] / determinant, self["J_xz"] / determinant, self["J_x"] / determinant
@@ -143,9 +151,17 @@ def checked_origin(origin):
     return lat, lon, height
 
 
-def normal_gravity(lat, height):
-    """Normal gravity (m/s^2) at latitude (rad) and height (m), as the navigation equations have it."""
-    return plain(gravity)(math.sin(lat), height)
+def checked_array(value, shape, what):
+    """`value` as a contiguous float array of `shape` (None: any length). Raises DataError naming `what` where it is another or not finite."""
+    try:
+        array = np.ascontiguousarray(value, float)
+    except (TypeError, ValueError):
+        raise DataError(f"{what} is not an array of numbers") from None
+    if array.ndim != len(shape) or any(asked not in (None, length) for asked, length in zip(shape, array.shape)):
+        raise DataError(f"{what} {array.shape} must be ({', '.join('n' if asked is None else str(asked) for asked in shape)}{',' * (len(shape) == 1)})")
+    if not np.isfinite(array).all():
+        raise DataError(f"{what} is not finite at {[int(i) for i in np.argwhere(~np.isfinite(array))[0]]}")
+    return array
 
 
 def flat_metres(array, origin, lla):

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...data import DataError
+from ...sensors.units import real
 from .dynamics import OUTPUTS, PROPELLER, STATES, THRUST, evaluate, ready
 from .parameters import GRAVITY, Aircraft, aircraft as find, checked_origin
 
@@ -61,7 +62,7 @@ def trim(aircraft, airspeed, climb=0.0, radius=math.inf, origin=(0.0, 0.0, 0.0),
     z, residual = _solve(balance, _guess(balance.array, aircraft, airspeed, turn_rate))
     where = f"aircraft {aircraft.name!r} cannot be trimmed at {airspeed:g} m/s, climb {math.degrees(climb):.3g} deg" + \
         ("" if math.isinf(radius) else f", radius {radius:g} m")
-    _refuse(aircraft, z, residual, where)
+    _refuse(balance, aircraft, z, residual, where)
     state, (roll, pitch, _) = balance.state(z)
     outputs = balance.outputs.copy()
     state[3:6] += wind
@@ -99,6 +100,11 @@ class _Balance:
         state[10:13] = self.turn_rate * np.array([-math.sin(pitch), math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch)])
         state[13:17] = z[2:]
         return state, (roll, pitch, heading)
+
+    def most_thrust(self, z, throttle):
+        """Thrust, N, at the most that `throttle` may be."""
+        self(np.r_[z[:5], throttle])
+        return float(self.outputs[THRUST])
 
     def __call__(self, z):
         state, _ = self.state(z)
@@ -139,11 +145,18 @@ def _solve(balance, z):
     return z, float(np.abs(balance(z)).max())
 
 
-def _refuse(aircraft, z, residual, where):
+def _refuse(balance, aircraft, z, residual, where):
     """Raise DataError unless z is a balance within the stall and the end stops."""
-    if abs(z[0]) > aircraft["stall_alpha"] or not residual < _ENOUGH:
-        raise DataError(f"{where}: at an angle of attack of {math.degrees(z[0]):.1f} deg (stall at {math.degrees(aircraft['stall_alpha']):.1f} deg) "
-                        f"{residual:.2g} m/s^2 or rad/s^2 are left over; fly faster, turn wider, or climb or descend less steeply")
+    attack, stall = (f"{math.degrees(angle):.1f} deg" for angle in (z[0], aircraft["stall_alpha"]))
+    if not residual < _ENOUGH:
+        if (thrust := balance.most_thrust(z, aircraft["throttle_max"])) <= 0:
+            raise DataError(f"{where}: at full throttle its propeller gives {thrust:.2g} N, no thrust; check voltage, propeller and motor, "
+                            "fly slower, or descend")
+        raise DataError(f"{where}: at an angle of attack of {attack} (stall at {stall}) {residual:.2g} m/s^2 or rad/s^2 are left over; fly faster, "
+                        "turn wider, or climb or descend less steeply")
+    if abs(z[0]) > aircraft["stall_alpha"]:
+        raise DataError(f"{where}: it needs an angle of attack of {attack}, beyond the stall at {stall}; fly faster, turn wider, or climb or descend "
+                        "less steeply")
     for name, value in zip(SURFACES, z[2:]):
         low, high = aircraft[f"{name}_min"], aircraft[f"{name}_max"]
         if not low <= value <= high:
@@ -164,8 +177,8 @@ def _frame_rate(array, state):
 
 
 def _check(airspeed, climb, radius, course, wind):
-    numbers = [airspeed, climb, course, *np.atleast_1d(wind)]
-    if not np.isfinite(np.asarray(numbers, float)).all() or math.isnan(radius) or np.shape(wind) != (3,):
+    numbers = [airspeed, climb, course, *(wind if np.iterable(wind) else [None])]
+    if len(numbers) != 6 or not all(real(value) and math.isfinite(value) for value in numbers) or not real(radius) or math.isnan(radius):
         raise DataError("trim: airspeed (m/s), climb (rad), course (rad) and wind (three numbers, NED, m/s) must be finite, radius (m) a number")
     if not 0 < airspeed < 500:
         raise DataError(f"trim: airspeed is {airspeed:g} m/s; it must be above 0 and below 500")
