@@ -5,6 +5,8 @@ from functools import cache
 import numpy as np
 
 import strapdown as sd
+from strapdown import filters
+from strapdown.core.compiling import COMPILED
 from strapdown.core.contract import Imu, Start
 from strapdown.data import Aiding, Recording
 from strapdown.sensors.ahrs import Ahrs
@@ -15,6 +17,9 @@ SD = (2.0, 2.0, 2.0, 0.2, 0.2, 0.2, 0.005, 0.005, 0.02, 0.01, 0.01, 0.01, 3e-5, 
 """Standard deviations of the starts."""
 OPTIONS = {"pkf": {"components": 3}}
 """Options of filters in the tests that run all of them: few components where the default number would take a minute without the compiler."""
+
+SWIFT = [name for name in filters.names() if COMPILED or name not in ("ukf", "ckf")]
+"""Filters for the tests that run all of them: without the compiler not those whose steps then take 5 ms, which tests/filters/test_ukf.py runs."""
 
 
 def turning(lla=(DEG * 47.0, DEG * 8.0, 500.0)):

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recordings import OPTIONS, ahrs, alike, flight, position, start, without_samples
+from recordings import OPTIONS, SWIFT, ahrs, alike, flight, position, start, without_samples
 
 import strapdown as sd
 from strapdown import stream as live, filters
@@ -16,7 +16,7 @@ from strapdown.geodesy import displaced
 pytestmark = pytest.mark.short
 
 
-WITH_POSITION = [name for name in filters.names() if positioned(filters.find(name))]
+WITH_POSITION = [name for name in SWIFT if positioned(filters.find(name))]
 
 
 def eventful(name="closed-loop"):
@@ -85,7 +85,7 @@ def test_a_stream_is_the_batch_bit_for_bit(name):
     assert stream.dropped == 0 and stream.t == solution.t[-1] and stream.counts() == list(counts.values())
 
 
-@pytest.mark.parametrize("name", sorted(set(filters.names()) - set(WITH_POSITION)))
+@pytest.mark.parametrize("name", sorted(set(SWIFT) - set(WITH_POSITION)))
 def test_an_attitude_stream_is_the_batch_and_leaves_other_sources_alone(name):
     hand = sd.simulate("hand-held", seed=3, duration=8.0)
     recording = without_samples(replace(hand, aidings=(position([3.0, 4.0], (0.9, 0.2, 50.0)), *hand.aidings)), (5.0, 5.3), (6.0, 7.2))

@@ -274,7 +274,7 @@ def check_options(filter, options):
             raise DataError(f"filter {filter.name!r} has no option {name!r}; it has {', '.join(known) or 'none'}")
         if isinstance(known[name], str) and not isinstance(getattr(value, "name", value), str):
             raise DataError(f"filter {filter.name!r}: {name} is {value!r}; it must be text, such as {known[name]!r}")
-        if not isinstance(known[name], str) and (isinstance(value, bool) or not isinstance(value, Real)):
+        if not isinstance(known[name], str) and (isinstance(value, bool) or not isinstance(value, Real)) and not (value is None and known[name] is None):
             raise DataError(f"filter {filter.name!r}: {name} is {value!r}; it must be a number")
 
 

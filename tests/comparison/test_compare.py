@@ -158,9 +158,11 @@ def test_a_given_start_and_noise_are_used():
     assert found.scores["north_rmse_m"][0] == pytest.approx(sd.outages(solution, sensed().reference, [(22.0, 30.0)])[0].rms[0], rel=1e-9)
 
 
-def test_default_filters_are_all_that_estimate_a_position():
+def test_default_filters_are_all_that_estimate_a_position_but_the_slow_ones():
     found = sd.compare(sensed(40.0), outages="25:35")
-    assert {"closed-loop", "direct-ahrs", "fixed-gain"} <= set(found.filters) and not {"attitude-mekf", "mahony", "vru"} & set(found.filters)
+    assert {"closed-loop", "direct-ahrs", "fixed-gain"} <= set(found.filters) and not {"attitude-mekf", "mahony", "vru", "pkf"} & set(found.filters)
+    named = sd.compare(flight(20.0), "pkf:components=2", "8:12")
+    assert set(named.filters) == {"pkf:components=2"} and np.isfinite(named.scores["north_rmse_m"]).all()
 
 
 # ---- what does not work

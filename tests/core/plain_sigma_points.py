@@ -7,14 +7,14 @@ import numpy as np
 from strapdown.core import compiling, sigma_points
 
 
-def uncompiled():
-    """The module anew, its functions as they are written: compiled one by one for a test they would cost seconds."""
+def uncompiled(module=sigma_points):
+    """A module of helpers anew, its functions as they are written: compiled one by one for a test they would cost seconds."""
     as_it_is = lambda function: function
-    with patch.multiple(compiling, helper=as_it_is, inlined=as_it_is, matrix=compiling._matrix_twin):
-        spec = importlib.util.spec_from_file_location("strapdown.core.uncompiled_sigma_points", sigma_points.__file__)
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-    return module
+    with patch.multiple(compiling, helper=as_it_is, inlined=as_it_is, matrix=compiling._matrix_twin, flatten=np.ravel):
+        spec = importlib.util.spec_from_file_location(f"strapdown.core.uncompiled_{module.__name__.rpartition('.')[2]}", module.__file__)
+        made = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(made)
+    return made
 
 
 points = uncompiled()

@@ -1,17 +1,26 @@
 """Mixtures of Gaussians: known answers, closed forms of weights and moments, the Kalman filter and a bimodal posterior as oracles."""
 import math
+import sys
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 from scipy.special import logsumexp
 from scipy.stats import chi2, kstest
 
-from strapdown.core import mixture
-from strapdown.core.counter_random import COUNTER, new_stream, normal_rows, normals, threefry, uniform
-from strapdown.core.mixture import (accumulate, begin, clear, effective, moments, moments_size, resample, resample_size, root, silverman, systematic,
-                                    weigh)
+from plain_sigma_points import uncompiled
+from strapdown.core import counter_random
+from strapdown.core import mixture as compiled_mixture
+from strapdown.core.counter_random import COUNTER, new_stream, normal_rows
+from strapdown.core.mixture import MOST, begin, kernel_width, silverman
 
 pytestmark = pytest.mark.short
+random = uncompiled(counter_random)
+with patch.dict(sys.modules, {counter_random.__name__: random}):
+    mixture = uncompiled(compiled_mixture)
+threefry, normals, uniform = random.threefry, random.normals, random.uniform
+accumulate, clear, effective, moments, moments_size = mixture.accumulate, mixture.clear, mixture.effective, mixture.moments, mixture.moments_size
+resample, resample_size, root, systematic, weigh = mixture.resample, mixture.resample_size, mixture.root, mixture.systematic, mixture.weigh
 ONES, PI = 0xFFFFFFFF, (0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344)
 
 
@@ -143,6 +152,17 @@ def test_resampling_keeps_mean_and_covariance(N, n, zero):
         assert scaled(Phi - kernel ** 2 * S, S) < 1e-14
 
 
+@pytest.mark.parametrize("N", [2, 3, 20])
+def test_what_is_no_covariance_is_mended_and_counted(N):
+    """A negative direction, as rounding leaves it, counts as none: the resampling ends, and what it draws has the rest."""
+    S, x = np.diag([1.0, 4.0, -1e-6]), np.random.default_rng(4).standard_normal((N, 3)) * [0.5, 1.0, 0.1]
+    x -= x.mean(axis=0)
+    components, drawn, Phi = np.tile(np.diag([0.3, 0.5, 0.1]).ravel(), (N, 1)), np.zeros((N, 3)), np.zeros((3, 3))
+    assert resample(np.full(N, 1 / N), x, components, 0, S, 0.9, new_stream(1), np.zeros(N), drawn, Phi, np.full(resample_size(3), np.nan)) == 1
+    mended = np.diag([1.0, 4.0, 0.0])
+    assert np.abs(drawn.T @ drawn / N + Phi - mended).max() < 1e-11 and np.linalg.eigvalsh(Phi).min() > -1e-11
+
+
 @pytest.mark.parametrize("N, n", [(1, 4), (3, 4), (4, 4), (5, 4), (500, 15)])
 def test_a_mixture_begins_with_the_covariance_that_it_is_given(N, n):
     P = positive(np.random.default_rng(3), n, zero=n == 4)
@@ -161,8 +181,18 @@ def test_silverman():
     assert silverman(500, 1) == pytest.approx((4 / 1500) ** 0.2) and silverman(1, 15) == 1.0 and silverman(2, 1) < 1
 
 
+@pytest.mark.parametrize("n", [6, 15])
+def test_the_kernel_that_is_taken_keeps_the_loss_at_each_resampling_small(n):
+    """4 (1 - h^2)/N, at most 0.4 % or what Silverman's width gives; one component is as wide as the mixture."""
+    N = np.arange(1, 3000)
+    h = np.array([kernel_width(k, n) for k in N])
+    assert h[0] == 1 and np.all(4 * (1 - h ** 2) / N <= 0.004 + 1e-15) and np.all(h >= [silverman(k, n) for k in N])
+    assert kernel_width(20, n) ** 2 == pytest.approx(0.98) and kernel_width(500, n) ** 2 == pytest.approx(0.5) and np.all(np.diff(h) < 0)
+    assert kernel_width(2000, n) == silverman(2000, n)
+
+
 @pytest.mark.parametrize("options, message", [((0, 0.5), "components is 0"), ((2.5, 0.5), "components is 2.5"), ((-3, 0.5), "at least 1"),
-                                              ((math.nan, 0.5), "components is nan"), ((mixture.MOST + 1, 0.5), "at most 100000"),
+                                              ((math.nan, 0.5), "components is nan"), ((MOST + 1, 0.5), "at most 100000"),
                                               ((5, 0.0), "kernel is 0.0"), ((5, 1.1), "kernel is 1.1"), ((5, math.nan), "kernel is nan")])
 def test_bad_options_in_one_line(options, message):
     with pytest.raises(ValueError, match=message):

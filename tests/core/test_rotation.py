@@ -128,3 +128,22 @@ def test_after_many_products_one_step_makes_it_a_rotation_again():
     assert 1e-14 < np.abs(C.T @ C - np.eye(3)).max() < 1e-10
     rotation.orthonormalise(C)
     assert np.abs(C.T @ C - np.eye(3)).max() < 1e-15
+
+
+@repeatable
+@given(vectors, st.integers(-3, 3), st.tuples(*[st.floats(-0.5, 0.5)] * 3))
+def test_the_nearest_turn_is_the_same_rotation_and_no_other_is_nearer(vector, turns, off):
+    x = np.array(vector)
+    size = np.linalg.norm(x)
+    if not 1e-3 < size < 3:
+        return
+    near = x * (1 + 2 * math.pi * turns / size) + off
+    own = np.array(rotation.nearest_turn(*x, *near))
+    others = x * (1 + 2 * math.pi * np.arange(-5, 6)[:, None] / size)
+    assert np.linalg.norm(own - near) == pytest.approx(np.linalg.norm(others - near, axis=1).min(), abs=1e-9)
+    assert np.abs(Rotation.from_rotvec(own).as_matrix() - Rotation.from_rotvec(x).as_matrix()).max() < 1e-12
+
+
+def test_the_nearest_turn_of_no_rotation_is_whole_turns():
+    assert rotation.nearest_turn(0.0, 0.0, 0.0, 0.1, 0.2, 6.2) == pytest.approx(2 * math.pi * np.array([0.1, 0.2, 6.2]) / np.linalg.norm([0.1, 0.2, 6.2]))
+    assert rotation.nearest_turn(0.0, 0.0, 0.0, 0.1, 0.0, 0.0) == rotation.nearest_turn(0.0, 0.0, 0.0, 0.0, 0.0, 0.0) == (0, 0, 0)

@@ -136,6 +136,18 @@ def test_no_default_set_needs_a_downdate():
         assert points.symmetric(n) == pytest.approx(points.merwe(n, 1.0, 0.0, 0.0), abs=1e-12)
 
 
+def test_the_downdate_of_the_textbook_leaves_two_per_cent_with_the_default_and_nothing_with_beta_0():
+    """Outer points with the plain mean z have outer weights times (z - m)^2 about the weighted mean m, the centre its own times m^2."""
+    for n in (1, 6, 15, 27):
+        left = []
+        for beta in (2.0, 0.0):
+            centre, centre_cov, outer = points.weights(n, beta=beta)
+            z, total = 1.0, 2 * n * outer
+            m = total * z
+            left.append(1 + centre_cov * m ** 2 / (total * (z - m) ** 2))
+        assert left == pytest.approx([1 / 49, 0.0], abs=5e-4)
+
+
 def test_the_downdate_of_the_textbook_fails_where_this_form_does_not():
     """x^2 + 1e-7 x of N(0, 1) with beta = 0: of two numbers near 100 there should be left 1e-14."""
     f = lambda x, w: x * x + 1e-7 * x

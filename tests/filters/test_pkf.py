@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import aiding
 from strapdown.core import components as places
+from strapdown.core.compiling import plain
 from strapdown.core.contract import OBSERVE, PARAMETERS, Noise, Start, compile_kernel, kernel
 from strapdown.core.error_state import auxiliary
 from strapdown.data import Aiding, DataError
@@ -41,7 +42,7 @@ def parts(belief):
     """Views of what a belief of the filter has in its aux."""
     n, N = len(belief.P), int(belief.aux[places.COUNT])
     width = 12 + n + n * n
-    own, first = belief.aux[-N * width:].reshape(N, width), places.SHARED + len(auxiliary(n)) + n * n + (2 * n + 2 + n * n) + n
+    own, first = belief.aux[-N * width:].reshape(N, width), places.SHARED + len(auxiliary(n)) + n * n + plain(places.moments_size)(n) + n
     return Parts(own[:, :3], own[:, 3:6], own[:, 6:15].reshape(N, 3, 3), own[:, 15:21], own[:, 27:12 + n], own[:, 12 + n:].reshape(N, n, n),
                  belief.aux[first:first + N])
 
@@ -66,9 +67,9 @@ def scaled(difference, P):
     return np.abs(difference / (np.outer(sd, sd) if np.ndim(difference) == 2 else sd)).max()
 
 
-def made(components=40, begin=BEGIN, **options):
-    """A belief at BEGIN."""
-    return PKF.start(begin, NOISE, components, **options)
+def made(components=40, begin=BEGIN, kernel=0.7, **options):
+    """A belief at BEGIN, its components narrow enough to be spread."""
+    return PKF.start(begin, NOISE, components, kernel, **options)
 
 
 def predict(belief, times=1):
@@ -248,6 +249,11 @@ def test_the_heading_is_unwrapped():
     belief = made(30, BEGIN._replace(rph=(0.0, 0.0, 0.0)))
     nis, innovation = fix(belief, "heading", np.pi - 0.01, 0.05, 1.0)
     assert innovation[0] == pytest.approx(np.pi - 0.01, abs=0.01) and nis == pytest.approx((np.pi - 0.01) ** 2 / (0.1 ** 2 + 0.05 ** 2), rel=0.05)
+
+
+@short
+def test_the_kernel_that_is_not_given_is_the_default():
+    assert same(*(fused(flight(2.0), components=4, **options) for options in ({}, {"kernel": None})))
 
 
 @short

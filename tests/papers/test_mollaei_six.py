@@ -184,7 +184,7 @@ def test_many_components_are_the_kalman_filter_within_their_monte_carlo_error():
 
 
 @SHORT
-@pytest.mark.parametrize(("filter", "options"), [(six.PKF6, dict(components=9)), (six.UKF6, {})])
+@pytest.mark.parametrize(("filter", "options"), [(six.PKF6, dict(components=9, kernel=0.8)), (six.UKF6, {})])
 def test_a_stream_is_the_batch_bit_for_bit_and_a_seed_repeats(filter, options):
     recording, start, _ = made = flight(3.0)
     batch = fused(made, filter, **options)
@@ -207,12 +207,13 @@ def test_a_stream_is_the_batch_bit_for_bit_and_a_seed_repeats(filter, options):
     (six.EKF6, dict(r=np.nan), "r is nan; it must be a variance"),
     (six.EKF6, dict(model=-1.0), "model is -1 m/s/sqrt(s); it must be a random walk"),
     (six.EKF6, dict(rate=0.0), "rate is 0 Hz; it must be above zero"),
-  
+    *((filter, dict(earth="geodetic"), "earth is 'geodetic'; the six-state form knows a flat, still Earth alone")
+      for filter in (six.RAW, six.EKF6, six.UKF6, six.CKF6, six.PKF6)),
     (six.EKF6, dict(aircraft="kite"), "unknown aircraft 'kite'"), (six.EKF6, dict(sigma="merwe"), "has no option 'sigma'"),
     (six.UKF6, dict(sigma="cubic"), "sigma is 'cubic'; it must be merwe or symmetric"), (six.UKF6, dict(alpha=0.0), "alpha must be above 0"),
     (six.PKF6, dict(components=0), "components is 0; it must be a whole number"), (six.PKF6, dict(components=2.5), "components is 2.5"),
     (six.PKF6, dict(kernel=0.0), "kernel is 0.0; it must be above 0"), (six.PKF6, dict(resample=1.5), "resample is 1.5; it must be a fraction"),
-    (six.PKF6, dict(seed=-1), "seed is -1"), (six.RAW, dict(q=0.1), "'six-raw' has no option 'q'; it has none")])
+    (six.PKF6, dict(seed=-1), "seed is -1"), (six.RAW, dict(q=0.1), "'six-raw' has no option 'q'; it has earth")])
 def test_bad_options_are_one_line(filter, options, text):
     with pytest.raises(DataError) as failure:
         fused(flight(1.0), filter, **options)
@@ -234,6 +235,19 @@ def test_other_sources_are_left_out_and_a_lever_arm_is_refused():
 
 
 @SHORT
+def test_a_fix_of_which_no_component_knows_anything_is_counted():
+    """Its likelihood is not finite: weights and components are kept."""
+    recording, start, truth = opened(flight(2.0))
+    position, velocity = recording.aidings
+    y = velocity.y.copy()
+    y[4, 0] = 1e200
+    with np.errstate(over="ignore", invalid="ignore"):
+        solution = fused((replace(recording, aidings=(position, replace(velocity, y=y))), start, truth), six.PKF6, components=8)
+    assert solution.columns["degenerate"][-1] == 1 and np.isfinite(state(solution, start)).all()
+    assert any("no component has a finite likelihood" in text for _, text in solution.events)
+
+
+@SHORT
 def test_a_fix_that_one_component_alone_explains_underflows_nothing():
     """100 km off, past a gate that lets it through: all likelihoods are zero in double precision, and their ratios are not."""
     recording, start, truth = opened(flight(2.0))
@@ -242,5 +256,5 @@ def test_a_fix_that_one_component_alone_explains_underflows_nothing():
     y[4, 2] += 1e5
     solution = fused((replace(recording, aidings=(replace(position, y=y), velocity)), start, truth), six.PKF6, components=50)
     k = np.searchsorted(solution.t, position.t[4] - 1e-6)
-    assert solution.columns["effective components"][k] < 1.001 and solution.columns["repairs"][-1] == 0 and not solution.events
+    assert solution.columns["effective_components"][k] < 1.001 and solution.columns["repairs"][-1] == solution.columns["degenerate"][-1] == 0 and not solution.events
     assert np.linalg.eigvalsh(solution.covariance[:, :6, :6]).min() > 0 and np.isfinite(state(solution, start)).all()

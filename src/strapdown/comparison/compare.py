@@ -21,6 +21,8 @@ FIXES = "position", "velocity"
 """Kinds of aiding that an outage of GNSS withholds."""
 NUMBER = re.compile(r"(?<![\w.-])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?!\w)")
 """A number in the text of an event."""
+SLOW = "pkf",
+"""Filters of hundreds of components, which take minutes where the others take a second: they run only where they are named."""
 HERE = re.compile(r",? (?:first|from) here\b")
 """What the text of an event refers to its time by."""
 
@@ -29,8 +31,8 @@ def compare(recording, filters=None, outages="30/300", imu=None, start=None, noi
             progress=None):
     """Run filters through the same outages of a recording with a reference, and return the Comparison of their errors.
 
-    filters: labels "NAME" or "NAME:option=value,...", or (name, options); default: all that estimate a position. outages: text, see
-    `comparison.outages`, or a list of (start, stop) in s; kinds: of the fixes withheld. imu, noise: as of `fuse`, for all filters;
+    filters: labels "NAME" or "NAME:option=value,...", or (name, options); default: all that estimate a position but those of SLOW.
+    outages: text, see `comparison.outages`, or a list of (start, stop) in s; kinds: of the fixes withheld. imu, noise: as of `fuse`, for all filters;
     start: a Start for all (default: alignment without the fixes of any outage). ahrs: what feeds those that need an attitude (default: as `fuse`
     has it). threads: at a time (default: one per core); say: told of slow compilation; progress: called with the fraction done.
     A filter that cannot run, or stops, stays in the result with what it said. Raises DataError for bad input, and where no filter can run.
@@ -68,7 +70,7 @@ def compare(recording, filters=None, outages="30/300", imu=None, start=None, noi
 def _entrants(wanted):
     """[Entrant] of what `compare` was given. Raises DataError."""
     if wanted is None:
-        wanted = [name for name in filters.names() if positioned(filters.find(name))]
+        wanted = [name for name in filters.names() if name not in SLOW and positioned(filters.find(name))]
     if not isinstance(wanted, Iterable):
         raise DataError(f"filters is {wanted!r}; it must be a list of names, of NAME:option=value, or of (name, {{option: value}})")
     made = []

@@ -28,11 +28,12 @@ LATITUDE_LIMIT = math.radians(89.0)
 @helper
 def radii(lat):
     """Meridian and normal radius of curvature R_M, R_N, m."""
-    return _radii(math.sin(lat))
+    return curvature(math.sin(lat))
 
 
 @helper
-def _radii(sine):
+def curvature(sine):
+    """`radii` at the sine of a latitude."""
     x = 1 - E2 * sine * sine
     R_N = A / math.sqrt(x)
     return R_N * (1 - E2) / x, R_N
@@ -46,7 +47,7 @@ def place(lat, h):
     raw INS that crosses a pole stays finite.
     """
     sine = math.sin(lat)
-    R_M, R_N = _radii(sine)
+    R_M, R_N = curvature(sine)
     return sine, max(math.sqrt(1 - sine * sine), 1e-3), R_M + h, R_N + h
 
 
@@ -84,7 +85,7 @@ def gravity_gradient(sine, cosine, h):
 def displace(lla, north, east, down):
     """Move a geodetic position by metres NED, in place; longitude stays in [-pi, pi], and a pole is crossed, not passed."""
     sine = math.sin(lla[0])
-    R_M, R_N = _radii(sine)
+    R_M, R_N = curvature(sine)
     lon = lla[1] + east / ((R_N + lla[2]) * max(math.sqrt(1 - sine * sine), 1e-6))
     lat = lla[0] + north / (R_M + lla[2])
     if abs(lat) > 0.5 * math.pi:

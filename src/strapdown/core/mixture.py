@@ -68,8 +68,8 @@ def systematic(weights, at, ancestors):
 
 @inlined
 def moments_size(n):
-    """Numbers that `accumulate` sums into: n means, n n second moments, a copy of one deviation."""
-    return 2 * n + 2 + n * n
+    """Numbers that `accumulate` sums into: n means, the lower triangle of the second moments in rows of n + 1, a copy of one deviation."""
+    return n + n * (n + 1) + n + 1
 
 
 @helper
@@ -92,19 +92,23 @@ def accumulate(weight, x, P, sums):
 
 @inlined
 def _accumulate(n, weight, x, P, sums):
-    """Rows of n numbers are worked on with n + 1 lanes: the last one meets a zero."""
-    second, copy = n, n + n * n + 1
+    """Rows in groups of four, each as long as its last one up to the diagonal: what lies right of it is not used."""
+    copy = n + n * (n + 1)
     for j in range(n):
         sums[copy + j] = x[j]
-    sums[copy + n] = 0.0
-    for j in range(n):
-        sums[j] += weight * sums[copy + j]
-    for k in range(n * n):
-        sums[second + k] += weight * P[k]
-    for i in range(n):
-        a = weight * sums[copy + i]
-        for lane in range(n + 1):
-            sums[second + n * i + lane] += a * sums[copy + lane]
+        sums[j] += weight * x[j]
+    for group in range((n + 3) // 4):
+        _rows(4 * group, min(4 * group + 4, n), n, weight, P, sums)
+
+
+@inlined
+def _rows(first, after, n, weight, P, sums):
+    """Rows `first` to `after` of the second moments, in which `after` numbers count."""
+    copy = n + n * (n + 1)
+    for i in range(first, after):
+        a, row = weight * sums[copy + i], n + (n + 1) * i
+        for j in range(after):
+            sums[row + j] += weight * P[n * i + j] + a * sums[copy + j]
 
 
 @helper
@@ -115,7 +119,7 @@ def moments(sums, mean, S):
         mean[j] = sums[j]
     for i in range(n):
         for j in range(i + 1):
-            S[i, j] = S[j, i] = sums[n + n * i + j] - mean[i] * mean[j]
+            S[i, j] = S[j, i] = sums[n + (n + 1) * i + j] - mean[i] * mean[j]
 
 
 @helper
@@ -150,7 +154,7 @@ def root(A, share, B, other, L):
 @inlined
 def resample_size(n):
     """Numbers of the workspace of `resample`."""
-    return 5 * n * n + n + 1
+    return 6 * n * n + n + 1
 
 
 @helper
@@ -160,29 +164,44 @@ def resample(weights, deviations, components, at, S, kernel, stream, ancestors, 
     Systematic ancestors a, each moved by chol(P_a) times a normal; the sample is recentred and rescaled by an affine map, so that with
     Phi = kernel^2 S for all it has the moments of the mixture. `drawn` (N, n) are the new deviations, Phi (n, n) the new covariance.
     N <= n components cannot span S: the ancestors are not moved, only recentred and, where they are spread wider than (1 - kernel^2) S in any
-    direction, drawn together; Phi is S less their covariance. Returns the repairs: 1 where they were drawn together, 0 else.
+    direction, drawn together; Phi is S less their covariance. Where S itself has a negative direction, it counts as none there.
+    Returns the repairs: 1 where they were drawn together or S was mended, 0 else.
     `weights` and `ancestors` (N,) are set, `stream` is advanced, `work` has resample_size(n) numbers.
     """
     N, n = drawn.shape
     L, own, T, A = matrix(work, 0, n, n), matrix(work, n * n, n, n), matrix(work, 2 * n * n, n, n), matrix(work, 3 * n * n, n, n)
-    random, mean = work[4 * n * n:4 * n * n + n + 1], work[5 * n * n:5 * n * n + n]
+    kept, mean, random = matrix(work, 4 * n * n, n, n), work[5 * n * n:5 * n * n + n], work[5 * n * n + n:6 * n * n + n + 1]
     systematic(weights, uniform(stream), ancestors)
     _draw(deviations, components, at, stream, ancestors, drawn, own, random)
     for i in range(N):
         weights[i] = 1 / N
     _centre(drawn, mean, A)
+    mended = _mend(S, L, kept)
     wide = N > n
     if wide:
-        root(S, 1.0, S, 0.0, L)
         root(A, 1.0, A, 0.0, own)
         wide = _onto(L, own, T)
     if wide:
         _apply(T, math.sqrt(1 - kernel * kernel), drawn)
         for i in range(n):
             for j in range(n):
-                Phi[i, j] = kernel * kernel * S[i, j]
-        return 0
-    return _fit(S, A, kernel, drawn, Phi, L)
+                Phi[i, j] = kernel * kernel * kept[i, j]
+        return mended
+    return max(mended, _fit(kept, A, kernel, drawn, Phi, own))
+
+
+@helper
+def _mend(S, L, kept):
+    """L the root of S, and `kept` S itself, or L L' where S has negative pivots. Returns 1 where it has, 0 else."""
+    n, negative = S.shape[0], root(S, 1.0, S, 0.0, L) > 0
+    for i in range(n):
+        for j in range(n):
+            kept[i, j] = S[i, j]
+            if negative:
+                kept[i, j] = 0.0
+                for k in range(min(i, j) + 1):
+                    kept[i, j] += L[i, k] * L[j, k]
+    return 1 if negative else 0
 
 
 @helper
@@ -263,8 +282,8 @@ def _apply(T, scale, drawn):
 def _fit(S, A, kernel, drawn, Phi, L):
     """Draw a sample of covariance A together until S less it is at least kernel^2 S; Phi becomes that. Returns 1 where that was needed."""
     share = 1.0
-    while root(S, 1 - kernel * kernel, A, -share, L) > 0:
-        share *= SHRINK
+    while share > 0 and root(S, 1 - kernel * kernel, A, -share, L) > 0:
+        share = SHRINK * share if share > NOTHING else 0.0
     for i in range(drawn.shape[0]):
         for k in range(drawn.shape[1]):
             drawn[i, k] *= math.sqrt(share)
@@ -277,6 +296,14 @@ def _fit(S, A, kernel, drawn, Phi, L):
 def silverman(components, n):
     """The kernel width h of that many components in n states: what smooths a Gaussian best; Silverman (1986) eq. 4.14. 1 for one component."""
     return min(1.0, (4 / (components * (n + 2))) ** (1 / (n + 4))) if components > 1 else 1.0
+
+
+def kernel_width(components, n):
+    """The kernel width h that the filters take where none is given: Silverman's, but for N < 600 h^2 at least 1 - N/1000.
+
+    At each resampling the covariance of the mixture falls behind its errors by about 4 (1 - h^2)/N of it (docs/particle.md): 0.4 % at most.
+    """
+    return max(silverman(components, n), math.sqrt(max(0.0, 1 - components / 1000))) if components > 1 else 1.0
 
 
 def begin(P, components, kernel, seed):

@@ -95,6 +95,18 @@ def rotation_between(C, M):
 
 
 @helper
+def nearest_turn(x, y, z, a, b, c):
+    """Of the rotation vectors of the same rotation as (x, y, z), which differ by whole turns about it, the one nearest to (a, b, c), rad."""
+    size = math.sqrt(x * x + y * y + z * z)
+    if size > 1e-9:
+        scale = 1 + 2 * math.pi / size * np.floor(((x * a + y * b + z * c) / size - size) / (2 * math.pi) + 0.5)
+        return scale * x, scale * y, scale * z
+    size = math.sqrt(a * a + b * b + c * c)     # no rotation: whole turns about any axis
+    scale = 2 * math.pi / size * np.floor(size / (2 * math.pi) + 0.5) if size > 0 else 0.0
+    return x + scale * a, y + scale * b, z + scale * c
+
+
+@helper
 def _exponential(x, y, z):
     """sin(|r|)/|r| and (1 - cos|r|)/|r|^2 of a rotation vector r, with their series near zero."""
     square = x * x + y * y + z * z

@@ -210,25 +210,12 @@ def corrected(A, n, lanes, E, rows, spread, rest, variance, gate, innovation, wo
     too much. Where rest < 0 leaves no covariance of that noise, its second order is left out and 1 returned as `repaired`.
     """
     own, repaired = rows * n + rows * rows, 0
-    e, share, c = own, own + rows, own + 2 * rows
+    share, c = own + rows, own + 2 * rows
     used = _measured(n, E, rows, spread, innovation, work)
     if not _whitened(n, E, rows, used, spread, rest, variance, work):
         repaired = 1
         _whitened(n, E, rows, used, spread, math.nan, variance, work)
-    nis = 0.0 if used > 0 else math.nan
-    for a in range(used):
-        size = 1.0
-        for j in range(n):
-            size += work[n * a + j] * work[n * a + j]
-        nis += work[e + a] * work[e + a] / size
-        work[share + a], work[c + a] = work[e + a] / size, 1 / (size + math.sqrt(size))
-        for b in range(a + 1, used):
-            overlap = 0.0
-            for j in range(n):
-                overlap += work[n * b + j] * work[n * a + j]
-            work[e + b] -= overlap * work[share + a]
-            for j in range(n):
-                work[n * b + j] -= overlap * work[c + a] * work[n * a + j]
+    nis = _gains(n, rows, used, work)
     for j in range(n):
         dx[j] = 0.0
     if nis <= gate:
@@ -250,7 +237,28 @@ def corrected(A, n, lanes, E, rows, spread, rest, variance, gate, innovation, wo
     return nis, repaired
 
 
-@inlined
+@helper
+def _gains(n, rows, used, work):
+    """Row by row of the whitened G and innovations: e / size and 1 / (size + sqrt(size)), with those before taken into account. Returns the NIS."""
+    e = rows * n + rows * rows
+    share, c, nis = e + rows, e + 2 * rows, 0.0 if used > 0 else math.nan
+    for a in range(used):
+        size = 1.0
+        for j in range(n):
+            size += work[n * a + j] * work[n * a + j]
+        nis += work[e + a] * work[e + a] / size
+        work[share + a], work[c + a] = work[e + a] / size, 1 / (size + math.sqrt(size))
+        for b in range(a + 1, used):
+            overlap = 0.0
+            for j in range(n):
+                overlap += work[n * b + j] * work[n * a + j]
+            work[e + b] -= overlap * work[share + a]
+            for j in range(n):
+                work[n * b + j] -= overlap * work[c + a] * work[n * a + j]
+    return nis
+
+
+@helper
 def _measured(n, E, rows, spread, innovation, work):
     """The weighted mean of the innovations; of the measured ones the rows G, the mean, the mean of the outer points less the centre, and their index."""
     own, used = rows * n + rows * rows, 0
@@ -267,7 +275,7 @@ def _measured(n, E, rows, spread, innovation, work):
     return used
 
 
-@inlined
+@helper
 def _whitened(n, E, rows, used, spread, rest, variance, work):
     """Divide rows G and innovations by the square root of their noise: `variance` and, unless `rest` is NaN, what is of second order. False: it has none."""
     L, own = rows * n, rows * n + rows * rows

@@ -1,32 +1,33 @@
 """What the sigma-point filters share: the 15 error states, and those that aidings bring along, through core/sigma_points.py.
 
 A sigma point is the belief with an error composed into it, as a correction is: metres, a rotation vector from the left, sums. The errors of the
-propagated points are taken back the same way, about the propagated belief. The square root is kept in aux and factored anew where the loop changed P.
+propagated points are taken back the same way, about the propagated belief; of the rotation vectors of one rotation the one nearest to what the point
+was given. The square root is kept in aux and factored anew where the loop changed P.
 """
 import math
 
 import numpy as np
 
 from .compiling import flatten, helper, inlined, matrix, plain
-from .contract import ATTITUDE_KIND, HEADING_KIND, STATES, Belief
+from .contract import ATTITUDE_KIND, CORRECT, HEADING_KIND, PREDICT, STATES, Belief, kernel
 from .earth import place
 from .error_state import added, bias_free, decay_biases, inject_all, observed
 from .gaussian import LEAST_NOISE, decay
 from .mechanization import mechanize
-from .rotation import rotation_between, wrap
+from .rotation import nearest_turn, rotation_between, wrap
 from .sigma_points import corrected, covariance, deviations, downdate, factor, triangle
 
-REPAIRED, STEP_SPREAD, STEP_REST, SPREAD, REST = range(5)   # repairs so far, an output column; the sets of prediction and correction
+REPAIRED, STEP_SPREAD, STEP_REST, SPREAD, REST, AUGMENTED = range(6)    # repairs so far, an output column; sets of prediction and correction; 1 or 0
 POINT, CENTRE, ROOT = 8, 36, 56                             # a sigma point; the propagated belief; the square root, n + 1 rows, then what follows
 NOISES = 12
 """Components of the process noise: white noise of gyros and accelerometers, driving noise of their biases."""
 COLUMNS = ("repairs",)
 
 
-def auxiliary(n, step_set, fix_set):
-    """The aux array of a sigma-point filter with n states and these two (spread, rest)."""
+def auxiliary(n, step_set, fix_set, augmented):
+    """The aux array of a sigma-point filter with n states and these two (spread, rest). `augmented`: white noise of the IMU has points of its own."""
     aux = np.zeros(plain(_table)(n, plain(width)(n)) + (2 * (STATES + 6) + 2 + NOISES + n - STATES) * plain(width)(n))
-    aux[STEP_SPREAD], aux[STEP_REST], aux[SPREAD], aux[REST] = *step_set, *fix_set
+    aux[STEP_SPREAD], aux[STEP_REST], aux[SPREAD], aux[REST], aux[AUGMENTED] = *step_set, *fix_set, augmented
     return aux
 
 
@@ -103,10 +104,11 @@ def _reduced(A, pairs, still, rows, n, lanes, spread, rest, mean):
     return take
 
 
-@inlined
-def predicted(n, lanes, augmented, belief, u, dt, noise):
-    """One IMU sample through all points. `augmented`: white noise has points of its own; else its rows are added, to first order in dt."""
-    aux, ba, bg = belief.aux, belief.ba, belief.bg
+@kernel(PREDICT)
+def predict(belief, u, dt, noise):
+    """One IMU sample through all points. White noise has points of its own, or its rows are added, to first order in dt."""
+    aux, ba, bg, n = belief.aux, belief.ba, belief.bg, belief.P.shape[0]
+    lanes, augmented = width(n), aux[AUGMENTED] > 0
     _refreshed(belief, n, lanes)
     lla, v, C, dv_n = aux[CENTRE:CENTRE + 3], aux[CENTRE + 3:CENTRE + 6], matrix(aux, CENTRE + 6, 3, 3), aux[CENTRE + 15:CENTRE + 18]
     r0, r1, r2, a0, a1, a2 = bias_free(u, ba, bg, dt)
@@ -136,7 +138,7 @@ def predicted(n, lanes, augmented, belief, u, dt, noise):
     _published(belief, n, lanes)
 
 
-@inlined
+@helper
 def _spread_out(n, lanes, pairs, belief, r0, r1, r2, a0, a1, a2, dt, gyro, accel, keep_a, keep_g):
     """The errors of the propagated points about the propagated belief, into the table: those with +, then those with -."""
     aux, point, error = belief.aux, _point(belief, n, lanes), belief.aux[_own(n, lanes) + n:]
@@ -168,10 +170,13 @@ def _spread_out(n, lanes, pairs, belief, r0, r1, r2, a0, a1, a2, dt, gyro, accel
         A[row + 1] = wrap(point.lla[1] - aux[CENTRE + 1]) * N * cosine
         A[row + 2] = aux[CENTRE + 2] - point.lla[2]
         c = point.C
-        A[row + 6], A[row + 7], A[row + 8] = rotation_between(C, (c[0, 0], c[0, 1], c[0, 2], c[1, 0], c[1, 1], c[1, 2], c[2, 0], c[2, 1], c[2, 2]))
+        x, y, z = rotation_between(C, (c[0, 0], c[0, 1], c[0, 2], c[1, 0], c[1, 1], c[1, 2], c[2, 0], c[2, 1], c[2, 2]))
+        if error[6] * error[6] + error[7] * error[7] + error[8] * error[8] > 4:     # one sample does not take a smaller one beyond half a turn
+            x, y, z = nearest_turn(x, y, z, error[6], error[7], error[8])
+        A[row + 6], A[row + 7], A[row + 8] = x, y, z
 
 
-@inlined
+@helper
 def _noise_rows(n, lanes, rows, augmented, belief, dt, root, noise):
     """Append what has no points: states that aidings brought along, driving noise of the biases and, unless `augmented`, white noise. Returns the rows."""
     aux, A = belief.aux, belief.aux[_table(n, lanes):]
@@ -195,10 +200,12 @@ def _noise_rows(n, lanes, rows, augmented, belief, dt, root, noise):
     return last
 
 
-@inlined
-def fixed(n, lanes, belief, y, sd, kind, observe, parameters, gate, innovation):
+@kernel(CORRECT)
+def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """One fix: `observe` at every point, the correction, its injection. Returns the NIS."""
-    aux, own = belief.aux, _own(n, lanes)
+    aux, n = belief.aux, belief.P.shape[0]
+    lanes = width(n)
+    own = _own(n, lanes)
     _refreshed(belief, n, lanes)
     point, dx, H = _point(belief, n, lanes), aux[own + n:own + n + lanes], matrix(aux, own + n + lanes, 3, n)
     work = own + n + lanes + 3 * n + 3 * (2 * n + 1)
@@ -215,9 +222,7 @@ def fixed(n, lanes, belief, y, sd, kind, observe, parameters, gate, innovation):
             dx[lane] = scale * aux[ROOT + lanes * j + lane]
         _moved(belief, point, dx)
         observe(point, y, parameters, innovation, H)
-        _unwrapped(kind, rows, E, innovation)
-        for a in range(rows):
-            E[1 + k, a] = innovation[a]
+        _unwrapped(kind, rows, E, 1 + k, dx, H, innovation)
     nis, repaired = corrected(aux[ROOT:], n, lanes, E, rows, aux[SPREAD], aux[REST], variance, gate, innovation, aux[work:], dx)
     aux[REPAIRED] += repaired
     if nis <= gate:
@@ -226,7 +231,7 @@ def fixed(n, lanes, belief, y, sd, kind, observe, parameters, gate, innovation):
     return nis
 
 
-@inlined
+@helper
 def _moved(belief, point, dx):
     """The point at an error dx from the belief, with the rate and specific force that its biases leave."""
     _copied(belief, point.lla, point.v, point.C)
@@ -239,19 +244,16 @@ def _moved(belief, point, dx):
 
 
 @helper
-def _unwrapped(kind, rows, E, innovation):
-    """The innovation at a point on the branch of the one at the centre: a heading, or the rotation vector of an attitude."""
+def _unwrapped(kind, rows, E, row, dx, H, innovation):
+    """Row `row` of E: the innovation at a point dx away, a heading or the rotation vector of an attitude on the branch that the Jacobian expects there."""
+    for a in range(rows):
+        E[row, a] = E[0, a] - (H[a, 6] * dx[6] + H[a, 7] * dx[7] + H[a, 8] * dx[8])
     if kind == HEADING_KIND:
-        innovation[0] = E[0, 0] + wrap(innovation[0] - E[0, 0])
+        innovation[0] = E[row, 0] + wrap(innovation[0] - E[row, 0])
     elif kind == ATTITUDE_KIND and innovation[2] == innovation[2]:
-        x, y, z = innovation[0], innovation[1], innovation[2]
-        size = math.sqrt(x * x + y * y + z * z)
-        if size > 0:
-            scale = 1 - 2 * math.pi / size      # the same rotation, the other way round
-            here = (x - E[0, 0]) ** 2 + (y - E[0, 1]) ** 2 + (z - E[0, 2]) ** 2
-            there = (scale * x - E[0, 0]) ** 2 + (scale * y - E[0, 1]) ** 2 + (scale * z - E[0, 2]) ** 2
-            if there < here:
-                innovation[0], innovation[1], innovation[2] = scale * x, scale * y, scale * z
+        innovation[0], innovation[1], innovation[2] = nearest_turn(innovation[0], innovation[1], innovation[2], E[row, 0], E[row, 1], E[row, 2])
+    for a in range(rows):
+        E[row, a] = innovation[a]
 
 
 def repairs(t, lla, columns):

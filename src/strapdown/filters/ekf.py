@@ -119,7 +119,8 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 @helper
 def _gain(P, H, used, e, variance, U, L, K, dx):
-    """U = H P, K' = (H P H' + R)^-1 U by Cholesky, dx = K e. Returns the NIS, NaN without a row; e becomes L^-1 e."""
+    """U = H P, K' = (H P H' + R)^-1 U by Cholesky, dx = K e. Returns the NIS, NaN without a row, inf where there is no Cholesky;
+    e becomes L^-1 e."""
     n, nis = P.shape[0], 0.0 if used > 0 else math.nan
     for a in range(used):
         for j in range(n):
@@ -134,6 +135,8 @@ def _gain(P, H, used, e, variance, U, L, K, dx):
                 total += U[a, j] * H[b, j]
             for m in range(b):
                 total -= L[a, m] * L[b, m]
+            if a == b and not total > 0:     # P is no covariance any more: rejected, and counted as that
+                return math.inf
             L[a, b] = math.sqrt(total) if a == b else total / L[b, b]
         for b in range(a):
             e[a] -= L[a, b] * e[b]

@@ -10,11 +10,11 @@ from ..core.compiling import flatten, inlined, matrix, plain
 from ..core.components import (COUNT, DEGENERATE, EFFECTIVE, KERNEL, LEAST, RANDOM, REPAIRS, RESAMPLINGS, SHARED, TAIL, Mixture, beside, carry,
                                component, deviate, foresee, metres, put, recentre, same_rows, settle, shared_size, width)
 from ..core.contract import CORRECT, PREDICT, STATES, Filter, kernel
+from ..core.earth import curvature
 from ..core.error_state import DV, DX, HEIGHT, WORK, auxiliary, bias_free, decay_biases, inject_all, linearised_step, observed
 from ..core.gaussian import update, used_rows
 from ..core.mechanization import mechanize
-from ..core.mixture import accumulate, begin, clear, effective, moments_size, resample, resample_size, silverman, weigh
-from ..geodesy import radii
+from ..core.mixture import accumulate, begin, clear, effective, kernel_width, moments_size, resample, resample_size, weigh
 
 COLUMNS = ("effective_components", "resamplings", "repairs", "degenerate")
 LARGEST = 1e300         # of a NIS that is used: beyond it nothing is finite
@@ -23,11 +23,11 @@ LARGEST = 1e300         # of a NIS that is used: beyond it nothing is finite
 def start(start, noise, components=500, kernel=None, resample=0.5, seed=0):
     """Belief at `start`, its components drawn from it with the random numbers of `seed`.
 
-    kernel: h in (0, 1], the width of a component as a share of the mixture's, none given: Silverman's for so many components; resample: draw anew
+    kernel: h in (0, 1], the width of a component as a share of the mixture's, none given: core.mixture.kernel_width; resample: draw anew
     below this share of effective components. Refuses options outside their range.
     """
     n = len(start.sd)
-    kernel = silverman(components, n) if kernel is None and components >= 1 else kernel
+    kernel = kernel_width(components, n) if kernel is None and components >= 1 else kernel
     if not 0 <= resample <= 1:
         raise ValueError(f"resample is {resample}; it must be from 0 to 1")
     belief = start.belief(np.zeros(0))
@@ -42,7 +42,7 @@ def start(start, noise, components=500, kernel=None, resample=0.5, seed=0):
     parts["left"][:], parts["weights"][:] = belief.P.ravel(), 1 / N
     own = parts["components"].reshape(N, -1)
     own[:] = np.concatenate([part.ravel() for part in (*belief[:5], np.zeros(6), belief.tail, Phi)])
-    M, E = np.add(radii(belief.lla[0]), belief.lla[2])
+    M, E = np.add(plain(curvature)(math.sin(belief.lla[0])), belief.lla[2])
     own[:, 0:3] += deviations[:, 0:3] / [M, E * np.cos(belief.lla[0]), -1]
     own[:, 1] -= 2 * np.pi * np.round(own[:, 1] / (2 * np.pi))
     own[:, 3:6] += deviations[:, 3:6]
@@ -74,11 +74,11 @@ def predict(belief, u, dt, noise):
     clear(m.sums)
     north, east = metres(belief)
     for i in range(m.weights.size):
-        own = component(m, i)
-        r0, r1, r2, a0, a1, a2 = bias_free(u, own.ba, own.bg, dt)
-        linearised_step(own, own.C, 1.0, u, dt, noise, False)
-        mechanize(own.lla, own.v, own.C, r0, r1, r2, a0, a1, a2, dt, m.shared[DX], m.shared[HEIGHT])
-        if m.weights[i] > 0:
+        if m.weights[i] > 0:    # without weight it counts nowhere any more
+            own = component(m, i)
+            r0, r1, r2, a0, a1, a2 = bias_free(u, own.ba, own.bg, dt)
+            linearised_step(own, own.C, 1.0, u, dt, noise, False)
+            mechanize(own.lla, own.v, own.C, r0, r1, r2, a0, a1, a2, dt, m.shared[DX], m.shared[HEIGHT])
             deviate(own, belief, north, east, m.deviations[i])
             accumulate(m.weights[i], m.deviations[i], flatten(own.P), m.sums)
     settle(belief, m)
@@ -135,8 +135,8 @@ def _correct_each(m, y, sd, observe, parameters, innovation):
 
 
 def lost(t, lla, columns):
-    """[(t, text)] where components had to be drawn together, and where a fix told them nothing."""
-    texts = {"repairs": "resamplings with too few components for their states: they were drawn together, the covariance was kept",
+    """[(t, text)] where components had to be drawn together or a covariance mended, and where a fix told them nothing."""
+    texts = {"repairs": "resamplings with too few components for their states, which were drawn together, or of no covariance, which was mended",
              "degenerate": "fixes under which no component has a finite likelihood: the weights were kept"}
     return [(float(t[np.argmax(columns[name] > 0)]), f"{columns[name][-1]:.0f} {text}; the first here") for name, text in texts.items()
             if len(t) and columns[name][-1] > 0]

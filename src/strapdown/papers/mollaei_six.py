@@ -4,6 +4,7 @@ They are no part of `strapdown.filters`, because they need a flat Earth, an atti
 the value itself, as in `fuse(recording, EKF6, start=...)` or `fly(plan, filter=UKF6, earth="flat")`. They cannot be pickled.
 """
 from ..core.contract import Filter
+from ..filters import pkf
 from . import mollaei_six_kalman as kalman
 from . import mollaei_six_particles as particles
 from . import mollaei_six_sigma as points
@@ -20,4 +21,4 @@ UKF6 = Filter("six-ukf", f"{PAPER} equations (23)-(32), six states", points.star
 CKF6 = Filter("six-ckf", "Arasaratnam & Haykin (2009), IEEE TAC 54(6), six states", points.start_cubature, points.predict, points.correct,
               columns=(points.COLUMN,), watch=points.watch, **COMMON)
 PKF6 = Filter("six-pkf", f"{PAPER} equations (33)-(36), six states; Hoteit, Luo & Pham (2012)", particles.start, particles.predict, particles.correct,
-              columns=particles.COLUMNS, watch=particles.watch, **COMMON)
+              columns=pkf.COLUMNS, watch=pkf.lost, **COMMON)

@@ -9,12 +9,12 @@ HELD = 1.0
 """s that the last fix is held without a filter; after that position and velocity are told as zero, as in Figure 5 of the paper."""
 
 
-def start(start, noise, model=0.1, q=0.0, r=0.0, rate=100.0, aircraft="aerosonde"):
+def start(start, noise, model=0.1, q=0.0, r=0.0, rate=100.0, aircraft="aerosonde", earth="flat"):
     """Belief at `start`. model: random walk (m/s/sqrt(s)) of the velocity beyond what the aircraft's model predicts, where it does; q: variance (m^2
     and m^2/s^2) that each sample of an IMU of `rate` Hz adds to each state instead of that and of the accelerometers' noise; r: variance of each row
-    of a fix instead of its own (0: neither). aircraft: whose model predicts.
+    of a fix instead of its own (0: neither). aircraft: whose model predicts; earth: "flat", no other.
     """
-    return begin(start, 0, model, q, r, rate, aircraft)
+    return begin(start, 0, model, q, r, rate, aircraft, earth)
 
 
 @kernel(PREDICT)
@@ -39,9 +39,9 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     return nis
 
 
-def start_raw(start, noise):
+def start_raw(start, noise, earth="flat"):
     """Belief at `start` for the mode without a filter."""
-    return begin(start, 0, 0.0, 0.0, 0.0, 1.0, "aerosonde")
+    return begin(start, 0, 0.0, 0.0, 0.0, 1.0, "aerosonde", earth)
 
 
 @kernel(PREDICT)

@@ -4,15 +4,16 @@ A mixture of Gaussians: each predicted as an extended Kalman filter does, correc
 resampled by core/mixture.py, which keeps mean and covariance, once few of them carry the weight. Without fixes the weights stay and the components
 go their own ways.
 """
+import math
+
 from ..core.compiling import helper, matrix, plain
 from ..core.contract import CORRECT, PREDICT, kernel
 from ..core.counter_random import STREAM
-from ..core.mixture import accumulate, clear, effective, moments, moments_size, resample, resample_size, silverman, weigh
+from ..core.mixture import accumulate, clear, effective, kernel_width, moments, moments_size, resample, resample_size, weigh
 from ..core.mixture import begin as begin_mixture
 from .mollaei_six_state import OWN, TRIAL, X, begin, changed, copy, correct_gaussian, keep, linearised, publish, seen, turn
 
-COLUMNS = ("effective components", "resamplings", "repairs")
-EFFECTIVE, RESAMPLINGS, REPAIRS = range(3)      # output columns
+EFFECTIVE, RESAMPLINGS, REPAIRS, DEGENERATE = range(4)      # output columns, as of filters/pkf.py
 N, KERNEL, THRESHOLD, RANDOM = OWN, OWN + 1, OWN + 2, OWN + 3      # components; kernel width; effective ones below which it resamples; stream
 MEAN = RANDOM + STREAM
 LEFT = MEAN + 6                         # the covariance as the filter left it
@@ -23,17 +24,17 @@ COMPONENTS = WORK + plain(resample_size)(6)     # N x (state, covariance); then 
 WIDTH, EACH = 42, 42 + 3 + 12
 
 
-def start(start, noise, components=500, kernel=None, resample=0.5, seed=0, model=0.1, q=0.0, r=0.0, rate=100.0,
-          aircraft="aerosonde"):
-    """Belief at `start`. components; kernel: their width as a fraction of the mixture's (None: Silverman's); resample: when fewer than this fraction
-    of them are effective; seed of the draws; the others as of EKF6.
+def start(start, noise, components=500, kernel=None, resample=0.5, seed=0, model=0.1, q=0.0, r=0.0, rate=100.0, aircraft="aerosonde",
+          earth="flat"):
+    """Belief at `start`. components; kernel: their width as a fraction of the mixture's (None: core.mixture.kernel_width); resample: when fewer than
+    this fraction of them are effective; seed of the draws; the others as of EKF6.
     """
     if not 0 <= resample <= 1:
         raise ValueError(f"resample is {resample}; it must be a fraction of the components, 0 to 1")
-    width = silverman(components, 6) if kernel is None else kernel
+    width = kernel_width(components, 6) if kernel is None else kernel
     deviations, phi, stream = begin_mixture(start.belief(None).P[:6, :6], components, width, seed)
     size = len(deviations)
-    belief = begin(start, COMPONENTS - OWN + size * EACH, model, q, r, rate, aircraft)
+    belief = begin(start, COMPONENTS - OWN + size * EACH, model, q, r, rate, aircraft, earth)
     aux = belief.aux
     aux[N], aux[KERNEL], aux[THRESHOLD], aux[RANDOM:RANDOM + STREAM], aux[EFFECTIVE] = size, width, resample * size, stream, size
     each = aux[COMPONENTS:COMPONENTS + size * WIDTH].reshape(size, WIDTH)
@@ -41,13 +42,6 @@ def start(start, noise, components=500, kernel=None, resample=0.5, seed=0, model
     aux[COMPONENTS + size * WIDTH:COMPONENTS + size * (WIDTH + 1)] = 1 / size
     keep(belief.P, aux[LEFT:LEFT + 36].reshape(6, 6))
     return belief
-
-
-def watch(t, lla, columns):
-    """[(t, text)] where weights degenerated or a resampling had to be repaired for the first time."""
-    repairs = columns[COLUMNS[REPAIRS]]
-    return [(float(t[k]), f"the mixture was repaired, {repairs[-1]:.0f} times in all: no likelihood was finite, or too few components")
-            for k in (repairs > 0).nonzero()[0][:1]]
 
 
 @kernel(PREDICT)
@@ -61,9 +55,9 @@ def predict(belief, u, dt, noise):
     clear(sums)
     for k in range(count):
         at = COMPONENTS + WIDTH * k
-        x = aux[at:at + 6]
-        linearised(belief, x, matrix(aux, at + 6, 6, 6), dt, noise)
-        _add(aux, weights[k], at, sums)
+        if weights[k] > 0:
+            linearised(belief, aux[at:at + 6], matrix(aux, at + 6, 6, 6), dt, noise)
+            _add(aux, weights[k], at, sums)
     _leave(belief)
 
 
@@ -118,15 +112,20 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     weights, logs, sums = aux[after:after + count], aux[after + count:after + 2 * count], aux[SUMS:WORK]
     for k in range(count):
         at = COMPONENTS + WIDTH * k
-        x = aux[at:at + 6]
-        seen(aux, y, kind, x, innovation)
-        own, spread_of_own = correct_gaussian(aux, x, matrix(aux, at + 6, 6, 6), first, innovation, sd)
-        logs[k] = -0.5 * (own + spread_of_own)
+        if weights[k] > 0:
+            x, P = aux[at:at + 6], matrix(aux, at + 6, 6, 6)
+            copy(x, P, trial, spread)
+            seen(aux, y, kind, x, innovation)
+            own, spread_of_own = correct_gaussian(aux, trial, spread, first, innovation, sd)
+            logs[k] = -0.5 * (own + spread_of_own)
+            if math.isfinite(logs[k]):
+                copy(trial, spread, x, P)
     innovation[0], innovation[1], innovation[2] = e0, e1, e2
-    aux[REPAIRS] += weigh(logs, weights)
+    aux[DEGENERATE] += weigh(logs, weights)
     clear(sums)
     for k in range(count):
-        _add(aux, weights[k], COMPONENTS + WIDTH * k, sums)
+        if weights[k] > 0:
+            _add(aux, weights[k], COMPONENTS + WIDTH * k, sums)
     _leave(belief)
     aux[EFFECTIVE] = effective(weights)
     if aux[EFFECTIVE] < aux[THRESHOLD]:

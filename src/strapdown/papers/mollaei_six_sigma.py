@@ -24,21 +24,21 @@ SIZE = LEFT + 36 - OWN
 COLUMN = "repaired square roots"
 
 
-def start(start, noise, sigma="merwe", alpha=0.1, beta=2.0, kappa=0.0, model=0.1, q=0.0, r=0.0, rate=100.0, aircraft="aerosonde"):
+def start(start, noise, sigma="merwe", alpha=0.1, beta=2.0, kappa=0.0, model=0.1, q=0.0, r=0.0, rate=100.0, aircraft="aerosonde", earth="flat"):
     """Belief at `start`. sigma: "merwe", the scaled set of (30) with alpha, beta and kappa, or "symmetric", that of (23); the others as of EKF6."""
     if sigma not in ("merwe", "symmetric"):
         raise ValueError(f"sigma is {sigma!r}; it must be merwe or symmetric")
     make = symmetric if sigma == "symmetric" else lambda states: merwe(states, alpha, beta, kappa)
-    return _begin(start, model, q, r, rate, aircraft, (*make(12), 6.0, *make(6)))
+    return _begin(start, model, q, r, rate, aircraft, earth, (*make(12), 6.0, *make(6)))
 
 
-def start_cubature(start, noise, model=0.1, q=0.0, r=0.0, rate=100.0, aircraft="aerosonde"):
+def start_cubature(start, noise, model=0.1, q=0.0, r=0.0, rate=100.0, aircraft="aerosonde", earth="flat"):
     """Belief at `start` for the cubature filter; options as of EKF6."""
-    return _begin(start, model, q, r, rate, aircraft, (*symmetric(6), 0.0, *symmetric(6)))
+    return _begin(start, model, q, r, rate, aircraft, earth, (*symmetric(6), 0.0, *symmetric(6)))
 
 
-def _begin(start, model, q, r, rate, aircraft, sets):
-    belief = begin(start, SIZE, model, q, r, rate, aircraft)
+def _begin(start, model, q, r, rate, aircraft, earth, sets):
+    belief = begin(start, SIZE, model, q, r, rate, aircraft, earth)
     belief.aux[SPREAD:SPREAD + 5] = sets
     return belief
 
