@@ -8,7 +8,9 @@ import pytest
 
 import strapdown as sd
 from strapdown import cli_fly
+from strapdown.geodesy import displacement
 from strapdown.reports import flight_figures
+from strapdown.reports.drawing import together
 from strapdown.reports.shell import Page
 from strapdown.sim import flight_plan
 from strapdown.sim.flight import LOG, fly
@@ -35,7 +37,7 @@ def test_a_flight_is_flown_printed_and_written(flight, command, tmp_path, monkey
     assert np.array_equal(recording.imu.dv, flight.recording.imu.dv) and np.allclose(recording.reference.lla, flight.recording.reference.lla, rtol=0, atol=1e-12)
     assert np.allclose(solution.trajectory.v_n, flight.solution.trajectory.v_n, rtol=0, atol=1e-12) and solution.meta["withheld"] == [[3.0, 3.99]]
     row = next(line for line in out.splitlines() if line.startswith("above its route"))
-    expected = np.sqrt(np.mean(log["above route, m"] ** 2)), log["above route, m"].abs().max(), log["above route, m"].iloc[-1]
+    expected = np.sqrt(np.mean(log["above route, m"] ** 2)), log["above route, m"][log["above route, m"].abs().idxmax()], log["above route, m"].iloc[-1]
     assert [float(text) for text in row.split()[-3:]] == pytest.approx(expected, rel=0.01)
     assert "rms error against the reference" in out and "3-3.99 " in out
     assert out.splitlines()[-1] == "wrote fly-straight-closed-loop/recording.nc, solution.nc, log.csv, report.html"
@@ -84,11 +86,69 @@ def test_the_page_shows_the_flight(flight):
 @pytest.mark.short
 def test_the_route_is_drawn_along_its_lines_and_arcs():
     turning = fly("turning", duration=1.0)
-    points = flight_figures.route_points(turning)
+    points = flight_figures.route_points(turning.route)
     gaps = np.hypot(*np.diff(points, axis=0).T)
     assert gaps.sum() == pytest.approx(turning.route[:, 6].sum(), rel=2e-3)         # no jump between the parts, no part missing
     corner = np.array(turning.plan.waypoints[1][:2])
     assert 20 < np.hypot(*(points - corner).T).min() < 100                          # an arc cuts it
+
+
+@pytest.mark.short
+def test_the_map_ends_with_the_flight_and_shows_where_the_receiver_was_cut():
+    turning = fly("turning", duration=14.0, outage="3:9")
+    figure = flight_figures.route(turning)
+    drawn = {trace.name: np.c_[trace.y, trace.x] for trace in figure.data}
+    assert list(drawn) == ["flown without GNSS", "route", "flown", "estimate", "end of the estimate", "start", "end"]
+    assert np.allclose(drawn["end"], drawn["flown"][-1]) and np.allclose(drawn["end of the estimate"], drawn["estimate"][-1])
+    assert np.hypot(*(drawn["route"][-1] - drawn["end"][0])) < 10 and int(turning.log["segment"][-1]) == 1     # in the first arc, not at its end
+    cut = displacement(turning.recording.reference.lla[[300, 900]], turning.plan.place)[:, :2]
+    assert np.allclose(drawn["flown without GNSS"][[0, -1]], cut, atol=0.3)
+    last = flight_figures.flown_route(turning, np.array([[-50.0, 0.0], [np.nan, 0.0]]))[-1]
+    assert last[6] == 0.0                                                            # before the begin of the arc
+
+
+@pytest.mark.short
+def test_the_map_holds_the_end_of_an_estimate_that_went_astray(flight):
+    inside = lambda figure, point: all(low <= value <= high for value, (low, high) in
+                                       zip(point, (figure.layout.yaxis.range, figure.layout.xaxis.range)))
+    flown = np.array([[0.0, 0.0], [1380.0, 0.0]])
+    for north, seen in ((2110.0, True), (5000.0, True), (90_000.0, False)):
+        figure = flight_figures.finish(flight_figures.go.Figure(), 400)
+        flight_figures._frame(figure, flown, np.array([[0.0, 0.0], [north, 5.0]]))
+        assert inside(figure, (1380.0, 0.0)) and inside(figure, (north, 5.0)) == seen and bool(figure.layout.meta["notes"]) != seen
+
+
+@pytest.mark.short
+def test_the_page_says_what_was_flown_and_shades_outages(flight):
+    windy = fly("straight", duration=4.0, outage="3:9", wind=(3.0, -2.0, 0.0), turbulence="light", seed=5, feedback="truth")
+    head = sd.report(windy.solution, windy.recording.reference, facts=flight_figures.facts(windy)).html.split("</header>")[0]
+    for said in ("aerosonde", "straight", "4.0 s", "3, -2, 0 m/s", "light", "geodetic", "3 to 4 s", "truth", "IMU", "<dd>5</dd>", "every 0.2 s, sd 1 1 1.5 m"):
+        assert said in head, said
+    assert flight_figures.blown(flight) is None and len(flight_figures.blown(windy).data) == 3
+    titles = [heading for _, shown in flight_figures.sections(windy) for _, heading, _ in shown]
+    assert "Wind" in titles and "Wind" not in [heading for _, shown in flight_figures.sections(flight) for _, heading, _ in shown]
+    figure = flight_figures.asked(windy)
+    assert [trace.name for trace in figure.data] == ["asked", "flown", "estimate"] * 4
+    assert np.allclose(figure.data[2].y, np.degrees(windy.solution.trajectory.rph[:, 0]), atol=1e-3)
+    assert np.allclose(figure.data[11].y, np.linalg.norm(windy.solution.trajectory.v_n - [3, -2, 0], axis=1), atol=1e-4)
+    shaded, = [shape for shape in figure.layout.shapes if shape.type == "rect"]
+    assert (shaded.x0, shaded.x1) == (3.0, 4.0) and cli_fly.withheld(windy) == [(3.0, 4.0)]
+
+
+@pytest.mark.short
+def test_the_largest_has_its_sign(flight):
+    rows = {what: float(largest) for what, _, largest, _ in cli_fly.kept(flight)}
+    assert rows["above its route, m"] < 0 and rows["above its route, m"] == pytest.approx(flight.log["above route, m"].min(), rel=0.01)
+
+
+@pytest.mark.short
+def test_headings_around_north_are_drawn_together():
+    heading, beside = together(np.array([358.0, 359.5, 1.0, np.nan, 3.0]), np.array([357.0, 2.0]))
+    assert heading == pytest.approx([-2.0, -0.5, 1.0, np.nan, 3.0], nan_ok=True) and beside == pytest.approx([-3.0, 2.0])
+    assert together(np.array([268.0, 272.0]), np.array([269.0]))[1] == pytest.approx([269.0])       # not torn: as it is
+    assert together(np.array([1.0, 2.0]), np.array([359.0]))[1] == pytest.approx([-1.0])
+    everywhere = np.arange(0.0, 360.0, 10)
+    assert together(everywhere)[0] is everywhere
 
 
 @pytest.mark.short

@@ -24,7 +24,7 @@ def fly(plan: Annotated[str, typer.Argument(metavar="PLAN", help="straight, turn
         out: Annotated[Optional[Path], typer.Option(help="Folder for the results.  [default: fly-PLAN-FILTER]")] = None):
     """Fly an aircraft on a filter's estimates: writes recording.nc, solution.nc, log.csv and report.html."""
     import strapdown as sd
-    from .reports.flight_figures import sections
+    from .reports.flight_figures import facts, sections
     from .sim.flight import fly as flown
     from .sensors.barometer import Barometer
     given = {} if duration is None else {"duration": duration}
@@ -39,7 +39,8 @@ def fly(plan: Annotated[str, typer.Argument(metavar="PLAN", help="straight, turn
         sd.write_recording(flight.recording, folder / "recording.nc")
         sd.write_solution(flight.solution, folder / "solution.nc")
         write_log(flight, folder / "log.csv")
-        page = sd.report({filter: flight.solution}, flight.recording.reference, f"Flight {flight.plan.name} on {filter}", more=sections(flight))
+        page = sd.report({filter: flight.solution}, flight.recording.reference, f"Flight {flight.plan.name} on {filter}", more=sections(flight),
+                         facts=facts(flight))
         page.save(folder / "report.html")
     show(flight, filter, windows)
     print(f"wrote {folder}/recording.nc, solution.nc, log.csv, report.html")
@@ -76,13 +77,14 @@ def show(flight, name, windows):
 
 
 def withheld(flight):
-    """[(start, stop)] in s of the outages as they are scored: to the last sample before a fix may be used again."""
+    """[(start, stop)] in s of the outages as they are scored: to the last sample before a fix may be used again, or to where the flight stopped."""
     t = flight.recording.imu.t
-    return [(start, float(t[t < stop - 1e-6][-1]) if stop < t[-1] else stop) for start, stop in flight.recording.meta["outages"]]
+    last = lambda stop: float(t[t < stop - 1e-6][-1]) if stop < t[-1] else float(t[-1])
+    return [(start, last(stop) if start < t[-1] else stop) for start, stop in flight.recording.meta["outages"]]
 
 
 def kept(flight):
-    """Rows (what, RMS, largest magnitude, last), as text: how far the aircraft was off its plan, and its controls off their trim."""
+    """Rows (what, RMS, the value of largest magnitude, last), as text: how far the aircraft was off its plan, and its controls off their trim."""
     import numpy as np
     log, degrees = flight.log, np.degrees(1)
     rows = [("right of its route, m", log["right of route, m"]), ("above its route, m", log["above route, m"]),
@@ -90,7 +92,7 @@ def kept(flight):
     for control, trimmed in zip(("elevator", "aileron", "rudder"), flight.trim.commands):
         rows.append((f"{control} from trim, deg", (log[f"{control}, rad"] - trimmed) * degrees))
     rows.append(("throttle from trim, %", (log["throttle"] - flight.trim.commands[3]) * 100))
-    texts = lambda values: (np.sqrt(np.mean(values ** 2)), np.abs(values).max(), values[-1])
+    texts = lambda values: (np.sqrt(np.mean(values ** 2)), values[np.abs(values).argmax()], values[-1])
     return [(what, *(number(float(value)) for value in texts(values))) for what, values in rows]
 
 

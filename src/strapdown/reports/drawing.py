@@ -65,6 +65,26 @@ def frame(t, values, band, window=None):
     return (1.08 * largest or 1.0, largest) if largest <= 3 * within or not within else (1.15 * within, largest)
 
 
+def cut(degrees):
+    """The angles with NaN where they jump by more than 180 deg, so that no line is drawn across."""
+    out = np.array(degrees, float)
+    out[np.flatnonzero(np.abs(np.diff(out)) > 180) + 1] = np.nan
+    return out
+
+
+def together(degrees, beside=None):
+    """(degrees, beside) less whole turns, so that headings around north are not torn apart; as they are where they cover more than half a turn."""
+    near = lambda values, about: None if values is None else about + (values - about + 180) % 360 - 180
+    low, high = extent(degrees)
+    if high - low > 180:
+        moved = near(degrees, np.degrees(np.angle(np.nanmean(np.exp(1j * np.radians(degrees))))))
+        low, high = extent(moved)
+        if high - low > 180:
+            return degrees, beside
+        degrees = moved
+    return degrees, near(beside, (low + high) / 2)
+
+
 def panels(labels, height=170, log=False):
     """A figure with one panel per label of its y axis, time below all of them."""
     figure = make_subplots(rows=len(labels), cols=1, shared_xaxes=True, vertical_spacing=0.11 / len(labels))

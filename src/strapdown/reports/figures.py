@@ -10,8 +10,8 @@ import plotly.graph_objects as go
 
 from .. import metrics
 from ..geodesy import displacement
-from .drawing import (AXES, COLOURS, GREY, RED, about_mean, band, column, even, extent, finish, frame, line, log_range, note, origin, panels, peak,
-                      time_axis)
+from .drawing import (AXES, COLOURS, GREY, RED, about_mean, band, column, cut, even, extent, finish, frame, line, log_range, note, origin, panels, peak,
+                      time_axis, together)
 from .fixes import kind
 
 EULER = ("roll", "pitch", "heading")
@@ -268,26 +268,21 @@ def _estimates(solution, values, half, names, unit, colour, other=None, beside=N
         return None
     figure, zero, t = panels([f"{name} [{unit}]" for name in names], height), origin(solution.t), solution.t
     for i, name in enumerate(names):
-        wraps = name in ("roll", "heading")
+        wraps, seen = name in ("roll", "heading"), None if beside is None else beside[:, i]
+        if name == "heading":
+            values[:, i], seen = together(values[:, i], seen)
         centre = cut(values[:, i]) if wraps else values[:, i]
         band(figure, t - zero, centre, np.where(half[:, i] < 180, half[:, i], np.nan) if wraps else half[:, i], row=i + 1)
         line(figure, t - zero, centre, "estimate", colour, row=i + 1)
-        if beside is not None and metrics.any_known(beside[:, i]):
+        if seen is not None and metrics.any_known(seen):
             inside = (other.t >= t[0]) & (other.t <= t[-1])
-            shown = cut(beside[inside, i]) if wraps else beside[inside, i]
+            shown = cut(seen[inside]) if wraps else seen[inside]
             line(figure, other.t[inside] - zero, shown, "reference", GREY, row=i + 1, dash="dot")
         low, high = extent(values[:, i])
         reach = 1.15 * max((high - low) / 2, min(peak(half[len(t) // 3:, i]), 2 * (high - low)), 1e-9)
         whole_turn = name == "heading" and high - low > 180
         figure.update_yaxes(range=[0, 360] if whole_turn else [(low + high) / 2 - reach, (low + high) / 2 + reach], row=i + 1, col=1)
     return time_axis(figure, solution, zero)
-
-
-def cut(degrees):
-    """The angles with NaN where they jump by more than 180 deg, so that no line is drawn across."""
-    out = np.array(degrees, float)
-    out[np.flatnonzero(np.abs(np.diff(out)) > 180) + 1] = np.nan
-    return out
 
 
 def sigma(solution):

@@ -15,11 +15,11 @@ FOOTER = ("Errors are true − estimate.",
 HINT = "Drag to zoom, double-click to go back (again: to see all), click the legend to hide a line."
 
 
-def report(solutions, reference=None, title=None, window=None, more=()):
+def report(solutions, reference=None, title=None, window=None, more=(), facts={}):
     """A Page about one Solution, or several of them (a list, or {name: Solution}) side by side.
 
     reference: Trajectory that errors are taken against. window: (start, stop) in s over which errors are scored and error axes are framed.
-    more: further sections after the track, [(heading, [(figure, its heading, caption), ...])].
+    more: further sections after the track, [(heading, [(figure, its heading, caption), ...])]. facts: further lines below the title, {name: text}.
     """
     solutions = _named(solutions)
     scores, unscored = _scores(solutions, reference)
@@ -29,7 +29,7 @@ def report(solutions, reference=None, title=None, window=None, more=()):
     sections[0] = "Summary", unscored + sections[0][1]
     sections[1] = sections[1][0], _key(solutions) + sections[1][1]
     footer = "".join(FOOTER if any(solution.has_position for solution in solutions.values()) else FOOTER[::2])
-    return shell(title, listed(_facts(solutions, window)), sections, footer, wide=len(solutions) > 1)
+    return shell(title, listed(_facts(solutions, window, facts)), sections, footer, wide=len(solutions) > 1)
 
 
 def _key(solutions):
@@ -72,14 +72,14 @@ def _scores(solutions, reference):
         return {}, f"<p class=note>Not scored: {escape(str(error))}</p>"
 
 
-def _facts(solutions, window):
+def _facts(solutions, window, more):
     """What stands below the title: {name: text}."""
     metas = [solution.meta for solution in solutions.values()]
     said = lambda key: ", ".join(dict.fromkeys(str(meta[key]) for meta in metas if meta.get(key) not in (None, "")))
     first = next(iter(solutions.values()))
     return {"recording": said("recording"), "date": said("date"), "time": f"{first.t[0]:.1f} to {first.t[-1]:.1f} s",
             "filter": ", ".join(solutions), "IMU": _imu(metas), "scored": f"{window[0]:.12g} to {window[1]:.12g} s" if window else "",
-            "software": f"strapdown {__version__}", "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"}
+            **more, "software": f"strapdown {__version__}", "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"}
 
 
 def _imu(metas):
