@@ -110,7 +110,7 @@ def fly(plan="straight", filter="closed-loop", imu="industrial", seed=0, outage=
     journal = _journal(known.trim, t, dt, windows, feedback, prediction, inputs)
     blank = _blank(t, dt, made.aidings, journal, name=plan.name, grade=str(imu) if isinstance(imu, (str, Path)) else spec, seed=seed,
                    place=list(plan.place), outages=[[first, min(stop, float(t[-1]))] for first, stop in windows], aircraft=craft.name,
-                   feedback=feedback, prediction=prediction, earth=earth, turbulence=turbulence, wind=list(map(float, wind)),
+                   feedback=feedback, prediction=prediction, earth=earth, turbulence=turbulence, wind=list(map(float, wind)), told_wind=list(told),
                    filter_options=dict(options))
     start = _started(start, start_sd, spec, blank.reference, of_start)
     run = engine.begin(blank, filter, spec, start, noise, 1, covariance, say, options)
