@@ -8,7 +8,7 @@ from multiprocessing import get_context
 from strapdown.core import compiling
 
 
-SLOW = ("xkf", "two_stage", "ukf", "ckf", "pkf", "six", "ekf")
+SLOW = ("xkf", "two_stage", "sigma_states", "pkf", "six", "ekf")
 """Parts of the names of modules whose kernels take longest: they come first, so that none of them is left over for one core at the end."""
 
 

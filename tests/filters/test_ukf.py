@@ -19,7 +19,7 @@ from strapdown.filters.ukf import UKF
 from strapdown.geodesy import displaced, displacement
 
 pytestmark = pytest.mark.short
-WIDE = np.r_[[30.0] * 3, [2.0] * 3, 0.05, 0.05, 0.4, [0.05] * 3, [2e-3] * 3]
+WIDE = np.r_[[30.0] * 3, [2.0] * 3, 0.05, 0.05, 0.28, [0.05] * 3, [2e-3] * 3]
 """Standard deviations at which products of errors count."""
 
 
@@ -128,7 +128,7 @@ def test_it_is_the_textbook_filter_where_errors_are_large(name, options, paramet
     own = sd.fuse(recording, name, start=begin, noise=NOISE, covariance=True, **options)
     twin = Twin(begin, *parameters, name == "ukf")
     lla, v, C, b, P = zip(*twin.fly(recording))
-    assert all(1 / 49 < left < 1 for left in twin.left)     # with the default, 35 % at least: no downdate of the textbook fails on this flight
+    assert all(1 / 49 < left < 1 for left in twin.left)     # with the default, 63 % at least: no downdate of the textbook fails on this flight
     scale = np.sqrt(np.einsum("kii->ki", P))
     off = np.c_[displacement(own.trajectory.lla, np.array(lla)), own.trajectory.v_n - v,
                 (own.trajectory.rotation * Rotation.concatenate(C).inv()).as_rotvec(), np.c_[own.b_a, own.b_g] - b] / scale
@@ -215,12 +215,12 @@ def test_headings_near_half_a_turn_from_the_belief_or_across_south_are_one_measu
 
 
 WIDER = [("ukf", {}), ("ukf", {"alpha": 0.5}), ("ukf", {"sigma": "symmetric"}), ("ckf", {})]
-"""The spread is 0.5, 2.6, 5.2 and 3.9 standard deviations."""
+"""The spread is 0.5, 2.6, 5.2 and 3.9 standard deviations, until points are drawn in."""
 
 
 @pytest.mark.parametrize("name, options", WIDER)
 @pytest.mark.parametrize("heading_sd", [40, 90, 150])
-def test_points_beyond_half_a_turn_keep_the_uncertainty_that_they_stand_for(name, options, heading_sd):
+def test_a_heading_so_uncertain_that_points_would_turn_round_stays_as_uncertain(name, options, heading_sd):
     begin = start(flight(1.0, 10.0))
     begin = begin._replace(sd=(*begin.sd[:8], math.radians(heading_sd), *begin.sd[9:]))
     still = replace(flight(1.0, 10.0), aidings=())
@@ -230,7 +230,7 @@ def test_points_beyond_half_a_turn_keep_the_uncertainty_that_they_stand_for(name
 
 @pytest.mark.parametrize("name, options", WIDER)
 @pytest.mark.parametrize("kind", ["heading", "attitude"])
-def test_a_heading_measured_where_points_are_beyond_half_a_turn(name, options, kind):
+def test_a_heading_measured_where_points_would_turn_round(name, options, kind):
     """A heading alone is linear in its error: 90 deg of standard deviation and 5 deg give 5 deg, and the estimate is where the record is."""
     recording, known = flight(1.0, 10.0), math.radians(5.0)
     begin = start(recording)._replace(rph=(0.0, 0.0, 1.0), sd=tuple(np.r_[WIDE[:6], 1e-6, 1e-6, math.pi / 2, WIDE[9:12], [1e-9] * 3]))

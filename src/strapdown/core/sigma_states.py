@@ -1,8 +1,8 @@
 """What the sigma-point filters share: the 15 error states, and those that aidings bring along, through core/sigma_points.py.
 
 A sigma point is the belief with an error composed into it, as a correction is: metres, a rotation vector from the left, sums. The errors of the
-propagated points are taken back the same way, about the propagated belief; of the rotation vectors of one rotation the one nearest to what the point
-was given. The square root is kept in aux and factored anew where the loop changed P.
+propagated points are taken back the same way, about the propagated belief. The square root is kept in aux and factored anew where the loop
+changed P. Points that would turn further than TURN are drawn in.
 """
 import math
 
@@ -21,6 +21,8 @@ REPAIRED, STEP_SPREAD, STEP_REST, SPREAD, REST, AUGMENTED = range(6)    # repair
 POINT, CENTRE, ROOT = 8, 36, 56                             # a sigma point; the propagated belief; the square root, n + 1 rows, then what follows
 NOISES = 12
 """Components of the process noise: white noise of gyros and accelerometers, driving noise of their biases."""
+TURN = 0.5 * math.pi
+"""How far a point may turn, rad: beyond a quarter of a turn a larger error has less effect, as that of its sine, and beyond half a turn the opposite."""
 COLUMNS = ("repairs",)
 
 
@@ -81,6 +83,19 @@ def _refreshed(belief, n, lanes):
 
 
 @helper
+def _drawn_in(aux, lanes, spread, rest):
+    """(spread, rest) of a set so close that no point turns by more than TURN; `rest` is that of the set with its alpha smaller (exactly so for kappa = 0)."""
+    most = 0.0
+    for i in range(9):
+        row = ROOT + lanes * i
+        most = max(most, aux[row + 6] * aux[row + 6] + aux[row + 7] * aux[row + 7] + aux[row + 8] * aux[row + 8])
+    if not spread * spread * most > TURN * TURN:
+        return spread, rest
+    nearer = TURN / math.sqrt(most)
+    return nearer, rest * (spread / nearer) ** 4
+
+
+@helper
 def _published(belief, n, lanes):
     """P from its square root, and the copy by which a change is noticed."""
     aux, numbers, first = belief.aux, flatten(belief.P), _known(n, lanes)
@@ -114,12 +129,13 @@ def predict(belief, u, dt, noise):
     r0, r1, r2, a0, a1, a2 = bias_free(u, ba, bg, dt)
     _copied(belief, lla, v, C)
     mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, dv_n)
-    A, own, spread, pairs = aux[_table(n, lanes):], _own(n, lanes), aux[STEP_SPREAD], STATES + (6 if augmented else 0)
+    A, own, pairs = aux[_table(n, lanes):], _own(n, lanes), STATES + (6 if augmented else 0)
+    spread, rest = _drawn_in(aux, lanes, aux[STEP_SPREAD], aux[STEP_REST])
     mean, root = aux[own + n:own + n + lanes], math.sqrt(dt)
-    _spread_out(n, lanes, pairs, belief, r0, r1, r2, a0, a1, a2, dt, spread * root * noise.gyro, spread * root * noise.accel,
+    _spread_out(n, lanes, pairs, spread, belief, r0, r1, r2, a0, a1, a2, dt, spread * root * noise.gyro, spread * root * noise.accel,
                 decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt))
     rows = _noise_rows(n, lanes, 2 * pairs + 1, augmented, belief, dt, root, noise)
-    take = _reduced(A, pairs, n - STATES + (6 if augmented else 0), rows, n, lanes, spread, aux[STEP_REST], mean)
+    take = _reduced(A, pairs, n - STATES + (6 if augmented else 0), rows, n, lanes, spread, rest, mean)
     for i in range(n * lanes):
         aux[ROOT + i] = A[i]
     if take > 0:
@@ -139,10 +155,10 @@ def predict(belief, u, dt, noise):
 
 
 @helper
-def _spread_out(n, lanes, pairs, belief, r0, r1, r2, a0, a1, a2, dt, gyro, accel, keep_a, keep_g):
+def _spread_out(n, lanes, pairs, spread, belief, r0, r1, r2, a0, a1, a2, dt, gyro, accel, keep_a, keep_g):
     """The errors of the propagated points about the propagated belief, into the table: those with +, then those with -."""
     aux, point, error = belief.aux, _point(belief, n, lanes), belief.aux[_own(n, lanes) + n:]
-    A, C, spread = aux[_table(n, lanes):], matrix(aux, CENTRE + 6, 3, 3), aux[STEP_SPREAD]
+    A, C = aux[_table(n, lanes):], matrix(aux, CENTRE + 6, 3, 3)
     sine, cosine, M, N = place(aux[CENTRE], aux[CENTRE + 2])
     for k in range(2 * pairs):
         j, sign = (k, 1.0) if k < pairs else (k - pairs, -1.0)
@@ -170,10 +186,7 @@ def _spread_out(n, lanes, pairs, belief, r0, r1, r2, a0, a1, a2, dt, gyro, accel
         A[row + 1] = wrap(point.lla[1] - aux[CENTRE + 1]) * N * cosine
         A[row + 2] = aux[CENTRE + 2] - point.lla[2]
         c = point.C
-        x, y, z = rotation_between(C, (c[0, 0], c[0, 1], c[0, 2], c[1, 0], c[1, 1], c[1, 2], c[2, 0], c[2, 1], c[2, 2]))
-        if error[6] * error[6] + error[7] * error[7] + error[8] * error[8] > 4:     # one sample does not take a smaller one beyond half a turn
-            x, y, z = nearest_turn(x, y, z, error[6], error[7], error[8])
-        A[row + 6], A[row + 7], A[row + 8] = x, y, z
+        A[row + 6], A[row + 7], A[row + 8] = rotation_between(C, (c[0, 0], c[0, 1], c[0, 2], c[1, 0], c[1, 1], c[1, 2], c[2, 0], c[2, 1], c[2, 2]))
 
 
 @helper
@@ -210,6 +223,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     point, dx, H = _point(belief, n, lanes), aux[own + n:own + n + lanes], matrix(aux, own + n + lanes, 3, n)
     work = own + n + lanes + 3 * n + 3 * (2 * n + 1)
     rows = observed(belief, y, observe, parameters, innovation, H)
+    spread, rest = _drawn_in(aux, lanes, aux[SPREAD], aux[REST])
     E, variance = matrix(aux, own + n + lanes + 3 * n, 2 * n + 1, rows), aux[CENTRE:CENTRE + 3]
     for a in range(rows):
         terms = 0.0
@@ -217,13 +231,13 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
             terms += H[a, j] * H[a, j] * belief.P[j, j]
         E[0, a], variance[a] = innovation[a], max(sd[a] * sd[a], LEAST_NOISE * terms)
     for k in range(2 * n):
-        j, scale = (k, aux[SPREAD]) if k < n else (k - n, -aux[SPREAD])
+        j, scale = (k, spread) if k < n else (k - n, -spread)
         for lane in range(lanes):
             dx[lane] = scale * aux[ROOT + lanes * j + lane]
         _moved(belief, point, dx)
         observe(point, y, parameters, innovation, H)
         _unwrapped(kind, rows, E, 1 + k, dx, H, innovation)
-    nis, repaired = corrected(aux[ROOT:], n, lanes, E, rows, aux[SPREAD], aux[REST], variance, gate, innovation, aux[work:], dx)
+    nis, repaired = corrected(aux[ROOT:], n, lanes, E, rows, spread, rest, variance, gate, innovation, aux[work:], dx)
     aux[REPAIRED] += repaired
     if nis <= gate:
         inject_all(belief, dx)
