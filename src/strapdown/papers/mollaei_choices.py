@@ -29,7 +29,7 @@ CHOICES = (
      "Beside it Q from the IMU's noise and R from the receiver's"),
     ("gates", "none", "none with six states; the library's own (0.1 % false alarms) with 15"),
     ("sigma points", "two sets, (23) and (30), α = 0.1, β = 2, κ = 0",
-     "(30), the printed parameters; failed downdates of the square root are repaired and counted"),
+     "(30), the printed parameters; a downdate that fails would be repaired and counted; with these parameters none does"),
     ("PKF", "(33) to (36): Φ, θ undefined",
      "after Hoteit, Luo & Pham (2012): 500 components, each with its own Kalman correction, weights by likelihood, "
      "systematic resampling that keeps mean and covariance; prediction of each as EKF"),
