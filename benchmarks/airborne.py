@@ -61,7 +61,7 @@ def flown(times):
     straight = dict(plan="straight", imu="mollaei", outage="15:", duration=315.0)
 
     def seconds(filter, count):
-        sd.fly(**straight | {"duration": 1.0}, filter=filter)
+        sd.fly(**straight | {"duration": 16.0}, filter=filter)
         taken = []
         for seed in range(count):
             begin = time.perf_counter()

@@ -244,4 +244,5 @@ def one_filter(e):
         "the PKF is it too, but for its random draws.",
         "4: \"the previous position values (X, Y, Z) and velocities along the three axes were used as state variables\"",
         f"in all IMU-driven flights estimate and aircraft are within {SAME:g} m of those with the EKF, at every sample, with the UKF",
-        f"UKF: at most {most:.2g} m in {len(own[UKF])} flights; PKF: at most {own[PKF].max(initial=0.0):.2g} m", verdict, "figure 9")
+        f"UKF: at most {most:.2g} m in {len(own[UKF])} flights; PKF: at most {own[PKF][np.isfinite(own[PKF])].max(initial=0.0):.2g} m"
+        + (f", and {ended} flights stopped at another time" if (ended := int(np.isinf(own[PKF]).sum())) else ""), verdict, "figure 9")
