@@ -7,7 +7,8 @@ import typer
 from .console import IMU, Progress, number, results_folder, table, triple
 
 FILTERS = Annotated[Optional[list[str]], typer.Option(
-    metavar="A,B,...", help="Filters, with options as NAME:option=value; may be repeated.  [default: all that estimate a position but pkf, which takes minutes]")]
+    metavar="A,B,...", help="Filters, with options as NAME:option=value; may be repeated.  "
+                              "[default: all that estimate a position but pkf, which takes minutes]")]
 OUTAGES = Annotated[str, typer.Option(
     metavar="PROTOCOL", help="30/300 (30 s at the end of every 300 s but the first), 15: (from 15 s on), 100:130,200:230 (windows) or "
                              "10,30@240:575/5 (a sweep: windows of 10 and of 30 s inside 240 to 575 s, one every 5 s).")]

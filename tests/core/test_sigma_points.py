@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from filterpy.kalman import CubatureKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 from filterpy.kalman.CubatureKalmanFilter import spherical_radial_sigmas
-from plain_sigma_points import SigmaPointFilter, points
+from plain_sigma_points import SigmaPointFilter, points, weights
 
 pytestmark = pytest.mark.short
 SETS = {"merwe": points.merwe, "symmetric": points.symmetric, "wide": partial(points.merwe, alpha=1.0, beta=0.0, kappa=1.0)}
@@ -105,18 +105,18 @@ def test_moments_are_those_of_the_textbook_weights(alpha, beta, kappa):
     rng = np.random.default_rng(4)
     P, x, R = positive(rng, 5), rng.standard_normal(5), np.array([0.1, 0.2])
     own = SigmaPointFilter(x, P, partial(points.merwe, alpha=alpha, beta=beta, kappa=kappa), lambda x, w: curved(x), lambda x: curved(x)[:2], R)
-    centre, centre_cov, outer = points.weights(5, alpha, beta, kappa)
+    centre, centre_cov, outer = weights(5, alpha, beta, kappa)
     spread = math.sqrt(0.5 / outer)
     at = np.r_[[x], x + spread * root(P), x - spread * root(P)]
-    mean_weights, weights = np.r_[centre, [outer] * 10], np.r_[centre_cov, [outer] * 10]
+    mean_weights, cov_weights = np.r_[centre, [outer] * 10], np.r_[centre_cov, [outer] * 10]
     there = np.array([curved(each) for each in at])
     mean = mean_weights @ there
     away = there - mean
-    expected = (weights[:, None] * away).T @ away
+    expected = (cov_weights[:, None] * away).T @ away
     own.predict()
     assert np.abs(own.x - mean).max() < 1e-12 and np.abs(own.P - expected).max() < 1e-11 and own.repairs == 0
     y, z, d = np.array([0.3, 0.2]), mean[:2], there[:, :2] - mean[:2]
-    S, across = (weights[:, None] * d).T @ d + np.diag(R), (weights[:, None] * (at - x)).T @ d
+    S, across = (cov_weights[:, None] * d).T @ d + np.diag(R), (cov_weights[:, None] * (at - x)).T @ d
     K = across @ np.linalg.inv(S)
     own = SigmaPointFilter(x, P, partial(points.merwe, alpha=alpha, beta=beta, kappa=kappa), None, lambda x: curved(x)[:2], R)
     nis = own.update(y)
@@ -126,7 +126,8 @@ def test_moments_are_those_of_the_textbook_weights(alpha, beta, kappa):
 
 def test_the_weight_of_the_default_set_is_that_of_the_textbook():
     for n in (1, 6, 15, 27):
-        assert points.weights(n)[0] == pytest.approx(-99) and points.weights(n)[1] == pytest.approx(-96.01)
+        assert weights(n)[0] == pytest.approx(-99) and weights(n)[1] == pytest.approx(-96.01)
+        assert 1 - n / points.merwe(n, 0.1, 2.0, 0.0)[0] ** 2 == pytest.approx(-99)
 
 
 def test_no_default_set_needs_a_downdate():
@@ -141,7 +142,7 @@ def test_the_downdate_of_the_textbook_leaves_two_per_cent_with_the_default_and_n
     for n in (1, 6, 15, 27):
         left = []
         for beta in (2.0, 0.0):
-            centre, centre_cov, outer = points.weights(n, beta=beta)
+            centre, centre_cov, outer = weights(n, beta=beta)
             z, total = 1.0, 2 * n * outer
             m = total * z
             left.append(1 + centre_cov * m ** 2 / (total * (z - m) ** 2))
@@ -154,7 +155,7 @@ def test_the_downdate_of_the_textbook_fails_where_this_form_does_not():
     own = SigmaPointFilter([0.0], [[1.0]], partial(points.merwe, beta=0.0), f, None, 1.0)
     own.predict()
     assert own.P[0, 0] == pytest.approx(1e-14, rel=1e-6) and own.repairs == 0
-    centre, centre_cov, outer = points.weights(1, beta=0.0)
+    centre, centre_cov, outer = weights(1, beta=0.0)
     at = np.array([0.0, 0.1, -0.1])
     away = f(at, 0) - np.array([centre, outer, outer]) @ f(at, 0)
     A = np.zeros((3, 1))

@@ -152,7 +152,7 @@ def test_a_fix_is_gated_by_what_the_mixture_foresees_and_one_that_is_rejected_to
     """NIS by hand from mean and covariance of the components' innovations, of an arm that points anywhere; gate at it and far below."""
     belief, arm, y, deviation = made(25, WIDE, seed=4), np.array([15.0, -2.0, 1.5]), position(7, -4, 2), np.array([0.5, 0.6, 0.9])
     predict(belief, 20)
-    own, x = parts(belief), deviations(belief)
+    own = parts(belief)
     y_at, M = displaced(np.tile(own.lla, 1), np.einsum("kij,j->ki", own.C, arm)), np.add(radii(belief.lla[0]), belief.lla[2])
     e = (y - y_at) * [M[0], M[1] * np.cos(belief.lla[0]), -1]
     H = np.zeros((25, 3, 15))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plain_sigma_points import weights
 from recordings import flight, start
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
@@ -12,7 +13,6 @@ from test_loops import NOISE, difference, fused, textbook
 import strapdown as sd
 from strapdown.core.contract import Belief, compile_kernel
 from strapdown.core.error_dynamics import dynamics
-from strapdown.core.sigma_points import weights
 from strapdown.filters.ckf import CKF
 from strapdown.filters.closed_loop import CLOSED_LOOP
 from strapdown.filters.ukf import UKF

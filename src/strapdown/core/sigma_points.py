@@ -13,7 +13,7 @@ Source: Van der Merwe (2004), chapter 3; Julier & Uhlmann (2004); Arasaratnam & 
 """
 import math
 
-from .compiling import helper, inlined, plain
+from .compiling import helper, inlined
 
 FLOOR = 1e-13
 """A variance given all states before it is at least this fraction of the variance itself; what is smaller is rounding, or no covariance at all."""
@@ -33,13 +33,6 @@ def merwe(states, alpha=0.1, beta=2.0, kappa=0.0):
 def symmetric(states):
     """(spread, rest) of the 2 n points of equal weight, which are those of the cubature rule of third degree."""
     return math.sqrt(states), 0.0
-
-
-def weights(states, alpha=0.1, beta=2.0, kappa=0.0):
-    """The textbook weights of that set: of the centre in mean and covariance, and of every other point."""
-    square = plain(merwe)(states, alpha, beta, kappa)[0] ** 2
-    centre = 1 - states / square
-    return centre, centre + 1 - alpha * alpha + beta, 0.5 / square
 
 
 @helper

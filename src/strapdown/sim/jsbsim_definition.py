@@ -17,7 +17,8 @@ CONTROLS = ("controls/elevator-rad", "controls/aileron-rad", "controls/rudder-ra
 
 
 def jsbsim_definition(aircraft, folder):
-    """Write an Aircraft (or that of a name) as folder/NAME/NAME.xml, a JSBSim aircraft definition; returns that path. Raises DataError where it cannot be written.
+    """Write an Aircraft (or that of a name) as folder/NAME/NAME.xml, a JSBSim aircraft definition; returns that path. Raises DataError where it
+    cannot be written.
 
     It has mass and inertia, no ground contact and no engine of JSBSim's: forces and moments are functions of airspeed, flow angles, rates and
     `CONTROLS`, the propeller and its motor among them, in SI, turned into pounds and feet at their end. Mass and forces act at one point.
@@ -45,7 +46,8 @@ def _document(aircraft):
         f'<wingarea unit="M2">{aircraft["area"]!r}</wingarea><wingspan unit="M">{aircraft["span"]!r}</wingspan>'
         f'<chord unit="M">{aircraft["chord"]!r}</chord>', f'<location name="AERORP" unit="M">{here}', f'<location name="VRP" unit="M">{here}', "</metrics>",
         '<mass_balance negated_crossproduct_inertia="false">', inertia, f'<emptywt unit="LBS">{aircraft["mass"] / SLUG * SLUG_WEIGHT!r}</emptywt>',
-        f'<location name="CG" unit="M">{here}', "</mass_balance>", '<ground_reactions/>', '<flight_control name="direct">', *(f'<property value="0">{key}</property>' for key in CONTROLS),
+        f'<location name="CG" unit="M">{here}', "</mass_balance>", '<ground_reactions/>', '<flight_control name="direct">',
+        *(f'<property value="0">{key}</property>' for key in CONTROLS),
         "</flight_control>", "<aerodynamics>", *(f'<function name="{name}">{_xml(terms)}</function>' for name, terms in quantities.items()),
         *(f'<axis name="{axis}"><function name="craft/{axis}">{_xml(terms)}</function></axis>' for axis, terms in axes.items()),
         "</aerodynamics>", "</fdm_config>", ""]

@@ -20,6 +20,13 @@ def uncompiled(module=sigma_points):
 points = uncompiled()
 
 
+def weights(states, alpha=0.1, beta=2.0, kappa=0.0):
+    """Van der Merwe's (2004) weights: of the centre in mean and in covariance, and of every other point."""
+    lam = alpha ** 2 * (states + kappa) - states
+    centre = lam / (states + lam)
+    return centre, centre + 1 - alpha ** 2 + beta, 0.5 / (states + lam)
+
+
 class SigmaPointFilter:
     """x' = f(x, w), y = h(x) + v. With `noises` the process noise w has points of its own; without, the rows `added` of its square root are appended."""
 
