@@ -34,8 +34,8 @@ def pkf(alternating, turns):
 def aircraft(times):
     """[(us per step of 10 ms, note)] of the aircraft on the rotating Earth, a circle in gusts: the median of `times` runs of 20 000 steps."""
     import numba
-    from strapdown.core.compiling import compile_kernel
-    from strapdown.sim.aircraft.dynamics import step
+    from strapdown.core.jit import compile_kernel
+    from strapdown.flight.aircraft.dynamics import step
     import strapdown as sd
     compile_kernel(step)
     trim = sd.trim(sd.aircraft("aerosonde"), 25.0, radius=300.0)
@@ -77,14 +77,14 @@ def flown(times):
 
 def study():
     """[(s, note)] for `STUDY`: E1 with no filter, EKF, UKF and PKF in the six-state form, driven by the model, the slower of the two readings."""
-    from strapdown.papers import mollaei_runs
-    from strapdown.papers.mollaei_cells import E1, IMU, MODEL, Case
+    from strapdown_reproductions.mollaei import runs
+    from strapdown_reproductions.mollaei.cells import E1, IMU, MODEL, Case
 
     def seconds(prediction):
         cases = [Case(E1, prediction=prediction)]
-        mollaei_runs.run_all(range(1), cases=cases)
+        runs.run_all(range(1), cases=cases)
         begin = time.perf_counter()
-        mollaei_runs.run_all(range(200), cases=cases)
+        runs.run_all(range(200), cases=cases)
         return time.perf_counter() - begin
     by_imu = seconds(IMU)
     return [(seconds(MODEL), f"model-driven; IMU-driven {by_imu:.0f} s; {COMPONENTS} components; {os.cpu_count()} cores")]

@@ -11,7 +11,7 @@ import numpy as np
 
 import figures
 import subject
-from strapdown.papers import broad
+from strapdown_reproductions.broad import reproduce
 
 TIMES = {"attitude, mahony time": "mahony", "attitude, MEKF time": "attitude-mekf"}
 """Figure and filter."""
@@ -27,7 +27,7 @@ SIMULATED = ["attitude, MEKF NEES inside", "attitude, mahony starts", "attitude,
 
 def simulated():
     """[(value, note)] for `SIMULATED`: the statistics of tests/filters, whose functions these are."""
-    sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "tests" / "filters")]
+    sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "tests" / part) for part in ("filters/attitude", "filters", "support")]
     import test_attitude_consistency as consistency
     import test_attitude_starts as starts
     share = min(consistency.share_inside(consistency.runs(consistency.simulated(consistency.DURATION), spec)[0]) for spec in (consistency.WALK, consistency.MARKOV))
@@ -42,21 +42,22 @@ def simulated():
 
 def trial():
     """The Trial that times are measured on."""
-    return broad.load(broad.data_folder() / "broad" / f"{TRIAL}.npz")
+    return reproduce.load(reproduce.data_folder() / "broad" / f"{TRIAL}.npz")
 
 
 def timed_run(recording, name):
     """A function that runs filter `name` over a Recording and returns the seconds of the compiled loop, every sample stored; without covariance."""
-    from strapdown import engine, filters
-    from strapdown.alignment import align
-    start = align(recording, engine.assumed_noise(recording.meta["grade"], None, True)[1], position=engine.positioned(filters.find(name)))
+    from strapdown.engine import batch
+    from strapdown import filters
+    from strapdown.alignment.initial import align
+    start = align(recording, batch.assumed_noise(recording.meta["grade"], None, True)[1], position=batch.positioned(filters.find(name)))
     return subject.timed(lambda begin: begin(recording, name, None, start, None, 1, False, None, {}))
 
 
 def vqf_run(made):
     """A function that runs vqf over a Trial and returns the seconds of its batch call; None where vqf is not installed."""
-    peer = broad.PEERS[0]
-    if not broad.installed(peer.package):
+    peer = reproduce.PEERS[0]
+    if not reproduce.installed(peer.package):
         return None
     samples = [np.ascontiguousarray(made.arrays[name]) for name in ("gyr", "acc", "mag")]
 
@@ -83,16 +84,16 @@ def times():
 def accuracy():
     """[(rms orientation error in deg, note)] for `ACCURACY`."""
     with tempfile.TemporaryDirectory() as folder:
-        claims = {claim["claim"]: claim["value"] for claim in broad.reproduce(Path(folder), quick=True)}
-    wanted = [broad.claim_text(name, which) for name, which, _ in broad.CLAIMS]
+        claims = {claim["claim"]: claim["value"] for claim in reproduce.reproduce(Path(folder), quick=True)}
+    wanted = [reproduce.claim_text(name, which) for name, which, _ in reproduce.CLAIMS]
     return [(claims.get(text), "strapdown reproduce broad") for text in wanted]
 
 
 def peer_figures():
     """Figures without target: what the fast peers reach on the five trials, or that they are not installed."""
-    names = [peer.name for peer in broad.PEERS if not peer.slow]
-    if not broad.installed("vqf"):
+    names = [peer.name for peer in reproduce.PEERS if not peer.slow]
+    if not reproduce.installed("vqf"):
         return [figures.informative(f"attitude, BROAD {name}", None, "deg", "vqf is not installed") for name in names]
-    made = [broad.load(path) for path in sorted((broad.data_folder() / "broad").glob("*.npz"))]
-    table = broad.tables(made, [run for each in made for run in broad.peer_runs(each, quick=True)])["orientation"][1].set_index("estimator")
+    made = [reproduce.load(path) for path in sorted((reproduce.data_folder() / "broad").glob("*.npz"))]
+    table = reproduce.tables(made, [run for each in made for run in reproduce.peer_runs(each, quick=True)])["orientation"][1].set_index("estimator")
     return [figures.informative(f"attitude, BROAD {name}", table.loc[name, "mean, deg"], "deg", f"{table.loc[name, 'time, us per sample']:.2f} us per sample") for name in names]

@@ -37,8 +37,8 @@ def times(alternating, turns):
 
 def starts():
     """[(of 100 seeds, note)] for `STARTS`; the notes have the printed vector and the other filters."""
-    from strapdown.papers import alam_convergence
-    found = alam_convergence.shares()
+    from strapdown_reproductions.alam import convergence
+    found = convergence.shares()
     course, magnetometer = (found.pop(f"NLO, {name}") for name in ("tilt-compensated course", "magnetometer"))
     return [(course, ", ".join(f"{name} {count}" for name, count in found.items())), (magnetometer, "")]
 

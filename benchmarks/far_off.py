@@ -9,13 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE.parent / part) for part in ("src", "tests", "tests/filters")]
+sys.path[:0] = [str(HERE.parent / part) for part in ("src", "tests/support", "tests/filters")]
 
 import numpy as np  # noqa: E402
 
 import strapdown as sd  # noqa: E402
-from strapdown.data import Recording  # noqa: E402
-from strapdown.sensors.gnss import Gnss  # noqa: E402
+from strapdown.recording import Recording  # noqa: E402
+from strapdown.sensor_models.gnss import Gnss  # noqa: E402
 from strapdown.sim.synthesis import draw_start  # noqa: E402
 from strapdown.sim.trajectory import increments, sample  # noqa: E402
 from test_consistency import RATE, WALK, weaving  # noqa: E402

@@ -38,7 +38,7 @@ def times(alternating, turns):
 def consistency():
     """[(share of epochs inside the band, note)] for `CONSISTENT`: the statistics of tests/filters/test_consistency.py, whose functions these are."""
     tests = Path(__file__).resolve().parents[1] / "tests"
-    sys.path[:0] = [str(tests / "filters"), str(tests)]
+    sys.path[:0] = [str(tests / "filters"), str(tests / "support")]
     import strapdown as sd
     import test_consistency as made
     flight = made.made_flight()

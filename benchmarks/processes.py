@@ -38,7 +38,7 @@ def child(*arguments, **changes):
 
 def help_seconds(times=5):
     """Median time of `strapdown --help`, as its console script runs it."""
-    runs = sorted(child("-c", "import sys; from strapdown.cli import main; sys.exit(main())", "--help")[0] for _ in range(times))
+    runs = sorted(child("-c", "import sys; from strapdown.cli.app import main; sys.exit(main())", "--help")[0] for _ in range(times))
     return runs[times // 2]
 
 

@@ -38,23 +38,23 @@ def accuracy(name=FILTER):
 
 def times(name=FILTER, turns=TURNS, **more):
     """(us per sample of both ways of the smoother, of the filter's loop, ratio): medians of runs in turns; arrays and kernels are there before."""
-    from strapdown import engine
+    from strapdown.engine import batch
     from strapdown.core import loop
     from strapdown.core.contract import compile_kernel
     from strapdown.filters import find
-    from strapdown.smoothing import both_ways, run_back
+    from strapdown.engine.smoothing import both_ways, run_back
     w = workload.load("A")
     log, start, noise = subject.recording(w), subject.start(w), subject.noise(w.parameters)
     made = lambda begin: begin(log, name, None, start, noise, 1, False, None, more)
     smoother = find(name).smoother
     for kernel in (run_back, loop.run_taped, smoother.back, smoother.keep):
         compile_kernel(kernel)
-    forward, out = subject.timed(made), made(engine.begin).out
+    forward, out = subject.timed(made), made(batch.begin).out
     for part in out[:3]:
         part[...] = 0.0     # its pages are there
 
     def smooth():
-        run = made(engine.begin)._replace(out=out)
+        run = made(batch.begin)._replace(out=out)
         begin = time.perf_counter()
         both_ways(run, lambda done: None)
         return time.perf_counter() - begin

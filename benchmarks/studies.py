@@ -22,7 +22,7 @@ SECONDS = 6.0
 
 def paper(*options):
     """(seconds, filter steps, worst Cramer-Rao ratio of the closed loop at tactical grade) of `strapdown reproduce hager-bryne`, its page included."""
-    from strapdown.studies.campaign import Campaign
+    from strapdown.experiments.monte_carlo.campaign import Campaign
     with tempfile.TemporaryDirectory() as folder:
         took, _ = child("-m", "strapdown", "reproduce", "hager-bryne", "--out", folder, *options)
         found = [Campaign.open(path.parent) for path in Path(folder).rglob("manifest.json")]
@@ -62,7 +62,7 @@ def run_threads(count):
     """Seconds of a study on `count` threads, everything compiled and simulated once before."""
     import strapdown as sd
     made = sd.Study("paper1-04", ("open-loop", "closed-loop"), (TACTICAL,), 400, seed=1, chunk_steps=400_000)
-    from strapdown.studies.study import run_chunk
+    from strapdown.experiments.monte_carlo.study import run_chunk
     run_chunk(made, made.chunks()[0])
     begin = time.perf_counter()
     made.run(threads=count)

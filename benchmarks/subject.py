@@ -72,15 +72,15 @@ def timed_run(workload, name, every=1, aidings=(), **options):
 
 def timed(made):
     """A function that runs the Run that `made(engine.begin)` gives, anew each time, and returns the seconds of the compiled loop alone."""
-    from strapdown import engine
-    out = made(engine.begin).out
+    from strapdown.engine import batch
+    out = made(batch.begin).out
     for part in out[:3]:
         part[...] = 0.0     # its pages are there
 
     def seconds():
-        run = made(engine.begin)
+        run = made(batch.begin)
         begin = time.perf_counter()
-        for rows in run.chunks(engine.CHUNK):
+        for rows in run.chunks(batch.CHUNK):
             run.advance(rows, out)
         return time.perf_counter() - begin
     return seconds

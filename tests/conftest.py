@@ -3,7 +3,7 @@ import sys
 
 import pytest
 
-from strapdown import cli
+from strapdown.cli import app
 from strapdown.data import DataError
 from strapdown.io.locate import data_folder as find_data_folder
 
@@ -26,7 +26,7 @@ def command(monkeypatch, capsys):
         monkeypatch.setattr(sys, "argv", ["strapdown", *map(str, words)])
         code = 0
         try:
-            cli.main()
+            app.main()
         except SystemExit as end:
             code = end.code or 0
         shown = capsys.readouterr()

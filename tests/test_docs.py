@@ -14,7 +14,7 @@ from typing import NamedTuple
 import pytest
 
 import strapdown
-from strapdown import cli
+from strapdown.cli import app
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), ROOT / "benchmarks" / "README.md"]
@@ -62,7 +62,7 @@ def run_shell(page, block, monkeypatch):
         if words[:1] == ["strapdown"]:
             monkeypatch.setattr(sys, "argv", words)
             try:
-                cli.main()
+                app.main()
             except SystemExit as end:
                 assert not end.code, f"{page.name}:{number}: {line} ended with {end.code}"
 
@@ -140,9 +140,9 @@ def test_every_public_name_is_mentioned():
 @pytest.mark.short
 def test_every_command_option_filter_and_kind_is_mentioned():
     from strapdown import aiding, filters
-    from strapdown.sensors.imu import grades
+    from strapdown.sensor_models.imu import grades
     from typer.main import get_command
-    text, commands = whole(), get_command(cli.app).commands
+    text, commands = whole(), get_command(app.app).commands
     expected = [f"strapdown {name}" for name in commands]
     options = {option for command in commands.values() for parameter in command.params for option in parameter.opts if option.startswith("--")}
     expected += sorted(options - {"--help"})

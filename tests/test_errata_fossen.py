@@ -13,8 +13,9 @@ import strapdown as sd
 from strapdown import aiding
 from strapdown.core.contract import PARAMETERS, Belief, Noise, Start, compile_kernel
 from strapdown.core.rotation import matrix_to_quaternion, rotate_left
-from strapdown.data import Aiding, Recording, Trajectory
-from strapdown.statics import level, static_attitude
+from strapdown.data import Aiding, Trajectory
+from strapdown.recording import Recording
+from strapdown.alignment.static_attitude import level, static_attitude
 
 pytestmark = pytest.mark.short
 DEG = np.pi / 180

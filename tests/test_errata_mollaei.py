@@ -10,9 +10,9 @@ import pytest
 from textbook_aircraft import gammas, matrix, wind_axes
 
 import strapdown as sd
-from strapdown.sim.aircraft.dynamics import MOMENT, OUTPUTS, TORQUE, evaluate, ready
-from strapdown.sim.aircraft.parameters import GRAVITY, LATITUDE_RATE, LONGITUDE_RATE
-from strapdown.sim.aircraft.trim import quaternion
+from strapdown.flight.aircraft.dynamics import MOMENT, OUTPUTS, TORQUE, evaluate, ready
+from strapdown.flight.aircraft.parameters import GRAVITY, LATITUDE_RATE, LONGITUDE_RATE
+from strapdown.flight.aircraft.trim import quaternion
 
 pytestmark = pytest.mark.short
 A = sd.aircraft("aerosonde").replace(C_l_0=0.002)

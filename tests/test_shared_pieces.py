@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.data import Aiding, DataError
 from strapdown.files import read_toml
-from strapdown.place import GIVEN_SD, place_of
-from strapdown.rest import stretches
+from strapdown.alignment.location import GIVEN_SD, place_of
+from strapdown.preprocessing.stationary import stretches
 from strapdown.rotations import running_products
 
 pytestmark = pytest.mark.short

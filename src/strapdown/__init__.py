@@ -16,18 +16,18 @@ import importlib
 __version__ = "0.1.0"
 
 _PUBLIC = {
-    "Aiding": "data", "DataError": "data", "Recording": "data", "Solution": "data", "Trajectory": "data",
+    "Aiding": "data", "DataError": "data", "Recording": "recording", "Solution": "data", "Trajectory": "data",
     "Belief": "core.contract", "Imu": "core.contract", "Noise": "core.contract", "Start": "core.contract",
-    "fuse": "engine", "smooth": "smoothing", "Fix": "stream", "Sample": "stream", "Stream": "stream",
-    "align": "alignment", "calibrate": "calibration", "Calibration": "calibration",
-    "static_attitude": "statics", "geomagnetic_field": "sensors.geomagnetism",
-    "ImuSpec": "sensors.imu", "grade": "sensors.imu", "grades": "sensors.imu",
+    "fuse": "engine.batch", "smooth": "engine.smoothing", "Fix": "engine.stream", "Sample": "engine.stream", "Stream": "engine.stream",
+    "align": "alignment.initial", "calibrate": "calibration.fitting", "Calibration": "calibration.fitting",
+    "static_attitude": "alignment.static_attitude", "geomagnetic_field": "sensor_models.geomagnetism",
+    "ImuSpec": "sensor_models.imu", "grade": "sensor_models.imu", "grades": "sensor_models.imu",
     "read": "io", "write_recording": "io", "write_solution": "io.solution", "read_solution": "io.solution",
-    "report": "reports.page", "errors": "metrics", "rms": "metrics", "outages": "metrics", "simulate": "sim.synthesis",
-    "fly": "sim.flight", "Flight": "sim.flight", "FlightPlan": "sim.flight_plan",
-    "Scenario": "sim.scenario", "scenario": "sim.scenario", "scenarios": "sim.scenario", "Study": "studies.study", "Campaign": "studies.campaign",
-    "Aircraft": "sim.aircraft.parameters", "aircraft": "sim.aircraft.parameters", "trim": "sim.aircraft.trim", "linearise": "sim.aircraft.modes",
-    "compare": "comparison.compare", "Comparison": "comparison.result",
+    "report": "reports.page", "errors": "evaluation.metrics", "rms": "evaluation.metrics", "outages": "evaluation.metrics", "simulate": "sim.synthesis",
+    "fly": "flight.fly", "Flight": "flight.fly", "FlightPlan": "flight.plan",
+    "Scenario": "sim.scenario", "scenario": "sim.scenario", "scenarios": "sim.scenario", "Study": "experiments.monte_carlo.study", "Campaign": "experiments.monte_carlo.campaign",
+    "Aircraft": "flight.aircraft.parameters", "aircraft": "flight.aircraft.parameters", "trim": "flight.aircraft.trim", "linearise": "flight.aircraft.modes",
+    "compare": "experiments.outages.compare", "Comparison": "experiments.outages.result",
 }
 __all__ = [*_PUBLIC, "__version__"]
 

@@ -5,7 +5,7 @@ import sys
 def main():
     """Run the command `strapdown`."""
     try:
-        from .cli import main as commands
+        from .cli.app import main as commands
         commands()
     except KeyboardInterrupt:
         print("strapdown: interrupted", file=sys.stderr)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from strapdown.core.adjoint import back, keep, width
-from strapdown.core.backward import workspace
+from strapdown.core.smoother import workspace
 from strapdown.core.contract import CORRECT, OBSERVE, PREDICT, Noise, Start, compile_kernel, kernel
 from strapdown.core.error_state import PREDICTED, X, auxiliary, linearised_step, measure
-from test_gaussian import covariance
+from test_kalman import covariance
 
 pytestmark = pytest.mark.short
 NOISE = Noise(gyro=1e-4, accel=2e-3, gyro_bias=3e-6, accel_bias=4e-5, gyro_decay=1 / 3, accel_decay=1 / 5)

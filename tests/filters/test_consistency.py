@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from recordings import ahrs
 from strapdown.core.contract import STATES
-from strapdown.data import Recording
-from strapdown.sensors.gnss import Gnss
-from strapdown.sensors.imu import ImuSpec, Triad
+from strapdown.recording import Recording
+from strapdown.sensor_models.gnss import Gnss
+from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.synthesis import draw_start
 from strapdown.sim.trajectory import DEG, Motion, increments, sample
 

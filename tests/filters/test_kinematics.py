@@ -6,7 +6,8 @@ from strapdown.core.contract import Noise, Start, compile_kernel
 from strapdown.core.earth import radii
 from strapdown.core.error_state import X
 from strapdown.core.mechanization import mechanize
-from strapdown.filters import find, open_loop
+from strapdown.filters import find
+from strapdown.filters.ins import open_loop
 from strapdown.geodesy import displacement
 
 pytestmark = pytest.mark.short

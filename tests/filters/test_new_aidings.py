@@ -6,18 +6,19 @@ import pytest
 from scipy.stats import chi2
 
 import strapdown as sd
-from strapdown import engine
+from strapdown.engine import batch
 from strapdown.core.contract import STATES, Imu
-from strapdown.data import Aiding, DataError, Recording
-from strapdown.sensors.atmosphere import standard_pressure
-from strapdown.sensors.barometer import Barometer
-from strapdown.sensors.gnss import Gnss
-from strapdown.sensors.imu import ImuSpec, Triad
-from strapdown.sensors.magnetometer import Magnetometer
+from strapdown.data import Aiding, DataError
+from strapdown.recording import Recording
+from strapdown.sensor_models.atmosphere import standard_pressure
+from strapdown.sensor_models.barometer import Barometer
+from strapdown.sensor_models.gnss import Gnss
+from strapdown.sensor_models.imu import ImuSpec, Triad
+from strapdown.sensor_models.magnetometer import Magnetometer
 from strapdown.sim.motions import moored
 from strapdown.sim.synthesis import draw_start
 from strapdown.sim.trajectory import DEG, Motion, increments, sample, static
-from strapdown.stream import Fix, Sample, Stream
+from strapdown.engine.stream import Fix, Sample, Stream
 
 PLACE = (48 * DEG, 11 * DEG, 500.0)
 FIELD = (21e-6, 1.5e-6, 43e-6)      # T, NED
@@ -174,7 +175,7 @@ def test_a_stream_with_states_of_its_own_is_the_batch_bit_for_bit(flight, name):
 def test_a_run_in_chunks_is_one_run(flight, name, monkeypatch):
     recording, start = everything(flight)
     whole = sd.fuse(recording, name, start=start, noise=SPEC.noise(), covariance=True)
-    monkeypatch.setattr(engine, "CHUNK", 17)
+    monkeypatch.setattr(batch, "CHUNK", 17)
     parts = sd.fuse(recording, name, start=start, noise=SPEC.noise(), covariance=True)
     assert np.array_equal(whole.covariance, parts.covariance) and all(np.array_equal(whole.columns[each], parts.columns[each]) for each in whole.columns)
     assert np.array_equal(whole.innovations.nis, parts.innovations.nis)

@@ -12,7 +12,7 @@ from strapdown.core.contract import Noise
 from strapdown.core.error_dynamics import dynamics
 from strapdown.core.mechanization import mechanize
 from strapdown.geodesy import displaced, displacement
-from strapdown.sensors.gnss import Gnss
+from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import demo_flight
 
 NOISE = Noise(gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100)

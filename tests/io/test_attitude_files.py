@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from synthetic import attitude_only, flight, solution
 
-from strapdown.data import Aiding, DataError, Recording, Trajectory
+from strapdown.data import Aiding, DataError, Trajectory
+from strapdown.recording import Recording
 from strapdown.io.netcdf import read_recording, write_recording
 from strapdown.io.solution import read_solution, write_solution
 

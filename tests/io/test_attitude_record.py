@@ -7,9 +7,10 @@ import pytest
 from nine_axis import TOML, attitude, tables
 from scipy.spatial.transform import Rotation
 
-from strapdown.data import Aiding, DataError, Recording
+from strapdown.data import Aiding, DataError
+from strapdown.recording import Recording
 from strapdown.io import read, write_recording
-from strapdown.io.draft import draft
+from strapdown.io.description.draft import draft
 from strapdown.io.inspection import inspect
 
 pytestmark = pytest.mark.short
@@ -285,7 +286,7 @@ def test_inspection_compares_the_vertical_at_rest(build, tmp_path):
 
 def test_reports_show_its_innovations_in_degrees():
     from types import SimpleNamespace
-    from strapdown.reports.fixes import unit
+    from strapdown.reports.fix_figures import unit
     unit_name, factor, rows = unit(SimpleNamespace(meta={"kinds": {"xsens": "attitude"}}), "xsens")
     assert (unit_name, rows) == ("deg", ("roll", "pitch", "heading")) and factor == pytest.approx(180 / np.pi)
 

@@ -9,7 +9,7 @@ import pytest
 from strapdown.core.contract import Imu
 from strapdown.data import Aiding, DataError
 from strapdown.io import read
-from strapdown.io.fixes import checked_aidings
+from strapdown.preprocessing.fixes import checked_aidings
 
 pytestmark = pytest.mark.short
 

@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 from nine_axis import TOML, build, tables  # noqa: F401 (a fixture)
 
-from strapdown.data import Aiding, DataError, Recording
+from strapdown.data import Aiding, DataError
+from strapdown.recording import Recording
 from strapdown.io import read
 
 pytestmark = pytest.mark.short

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown.data import DataError
 from strapdown.io import read
-from strapdown.io.calibration import Correction, composed, read_calibration, read_corrections, write_calibration
+from strapdown.io.calibration_file import Correction, composed, read_calibration, read_corrections, write_calibration
 
 pytestmark = pytest.mark.short
 MATRIX = np.array([[1.01, 0.002, 0.0], [0.0, 0.98, 0.001], [0.003, 0.0, 1.02]])

@@ -89,8 +89,8 @@ def test_the_complete_description_means_what_the_page_says(tables):
 
 def test_the_page_names_every_key_unit_and_kind():
     from strapdown.aiding import names
-    from strapdown.io.schema import AidingPart, Description, ImuPart, ReferencePart
-    from strapdown.io.units import UNITS
+    from strapdown.io.description.schema import AidingPart, Description, ImuPart, ReferencePart
+    from strapdown.preprocessing.units import UNITS
     page = PAGE.read_text(encoding="utf-8")
     words = {key for part in (Description, ImuPart, AidingPart, ReferencePart) for key in part.model_fields} - {"imu", "aiding", "reference"}
     words |= {unit for units in UNITS.values() for unit in units} | set(names())

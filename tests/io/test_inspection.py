@@ -3,9 +3,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from strapdown.data import DataError, Recording
+from strapdown.data import DataError
+from strapdown.recording import Recording
 from strapdown.io import read, write_recording
-from strapdown.io.draft import draft
+from strapdown.io.description.draft import draft
 from strapdown.io.inspection import inspect
 
 pytestmark = pytest.mark.short

@@ -11,7 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from strapdown import files
-from strapdown.data import Aiding, DataError, Recording
+from strapdown.data import Aiding, DataError
+from strapdown.recording import Recording
 from strapdown.io import read, write_recording
 
 pytestmark = pytest.mark.short
@@ -108,7 +109,7 @@ def test_a_refused_path_leaves_nothing(build, tmp_path):
 
 def test_an_imu_of_ones_own_travels_with_the_recording(tmp_path):
     from strapdown import fuse, simulate
-    from strapdown.sensors.imu import ImuSpec, Triad
+    from strapdown.sensor_models.imu import ImuSpec, Triad
     from strapdown.sim.trajectory import demo_flight
     own = ImuSpec("mine", Triad(noise=1e-4, turn_on_bias=1e-3), Triad(noise=1e-3, gauss_markov=1e-3, time_constant=100.0))
     recording = simulate(demo_flight(), 10.0, own, seed=2, rate=20.0)

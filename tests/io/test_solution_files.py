@@ -177,7 +177,7 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path, ending):
     path.write_text("old")
     program = textwrap.dedent(f"""
         import resource, signal, sys
-        sys.path.insert(0, {str(Path(__file__).parents[1])!r})
+        sys.path.insert(0, {str(Path(__file__).parents[1] / 'support')!r})
         from synthetic import flight, solution
         from strapdown.data import DataError
         from strapdown.io.solution import write_solution

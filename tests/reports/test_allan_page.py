@@ -8,9 +8,10 @@ import pytest
 
 import strapdown as sd
 from strapdown.core.contract import Imu
-from strapdown.data import DataError, Recording
-from strapdown.reports.allan import analyse, figure, longest
-from strapdown.sensors.imu import grade
+from strapdown.data import DataError
+from strapdown.recording import Recording
+from strapdown.allan.page import analyse, figure, longest
+from strapdown.sensor_models.imu import grade
 
 
 def recording(n=6000, dt=0.05, spec="consumer", seed=1, force=(0.0, 0.0, -9.8)):

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from synthetic import attitude_only, flight, solution
 
-from strapdown import metrics, report
+from strapdown.evaluation import metrics
+from strapdown import report
 from strapdown.data import Innovations
-from strapdown.reports import figures, fixes, summary
+from strapdown.reports import figures, fix_figures, summary
 
 pytestmark = pytest.mark.short
 TRUTH = flight(600, rate=2.0)
@@ -189,7 +190,7 @@ def innovating(kind, values):
     ("pressure-altitude", 1, "m", 1.0, ["single component"]), ("zero-sea-level", 1, "m", 1.0, ["single component"])])
 def test_innovations_have_the_unit_of_their_kind(kind, columns, unit, factor, rows):
     values = np.random.default_rng(2).normal(0, 1e-6, (20, columns))
-    figure = fixes.innovations(innovating(kind, values))
+    figure = fix_figures.innovations(innovating(kind, values))
     assert titles(figure) == [f"own name [{unit}]"] and [trace.name for trace in figure.data] == rows
     assert np.allclose(figure.data[0].y, values[:, 0] * factor, rtol=1e-5)
 
@@ -197,7 +198,7 @@ def test_innovations_have_the_unit_of_their_kind(kind, columns, unit, factor, ro
 def test_every_kind_of_aiding_has_a_unit():
     from strapdown import aiding
     for kind, sensor in aiding.sensors().items():
-        unit, factor, rows = fixes.unit(innovating(kind, np.ones((4, 3))), "own name")
+        unit, factor, rows = fix_figures.unit(innovating(kind, np.ones((4, 3))), "own name")
         assert "or" not in unit and factor > 0 and len(rows) == 3, sensor
 
 
@@ -205,7 +206,8 @@ def test_every_kind_of_aiding_has_a_unit():
 def turning():
     """20 s of a level body that turns at 10 deg/s, with its magnetic field, and a reference of attitude alone."""
     from scipy.spatial.transform import Rotation
-    from strapdown.data import Aiding, Recording, Trajectory
+    from strapdown.data import Aiding, Trajectory
+    from strapdown.recording import Recording
     rng, t, rate, field = np.random.default_rng(8), np.arange(0, 1001) / 50, np.radians(10), np.array([20e-6, 1e-6, 40e-6])
     attitude = Rotation.from_euler("Z", rate * t[:, None])
     gyro = rng.normal(0, 1e-3, (1000, 3)) + [0, 0, rate]
@@ -219,7 +221,7 @@ def turning():
 @pytest.mark.parametrize("filter", ["attitude-mekf", "mahony"])
 def test_what_the_filters_publish_is_shown(turning, filter, capsys):
     import strapdown as sd
-    from strapdown import console
+    from strapdown.cli import console
     made = sd.fuse(turning, filter)
     page = report(made, turning.reference)
     claims = ["3σ of attitude"] if filter == "attitude-mekf" else []

@@ -9,9 +9,9 @@ from compared import LIST, SWEEP, TRUTH, made
 from test_page import CHROMIUM, browse
 
 from strapdown.geodesy import displacement
-from strapdown.reports import comparison_figures as figures
-from strapdown.reports.comparison import page
-from strapdown.reports.comparison_words import answers, failures, ranked, ratio, sentences, unlike
+from strapdown.experiments.outages import figures
+from strapdown.experiments.outages.page import page
+from strapdown.experiments.outages.words import answers, failures, ranked, ratio, sentences, unlike
 
 pytestmark = pytest.mark.short
 EIGHT = {f"filter-{i}": 10.0 * 1.5 ** i for i in range(8)}

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from synthetic import flight, solution
 
-from strapdown import metrics
+from strapdown.evaluation import metrics
 from strapdown.data import Innovations
 from strapdown.geodesy import displacement
-from strapdown.reports import drawing, figures, fixes
+from strapdown.reports import drawing, figures, fix_figures
 
 pytestmark = pytest.mark.short
 TRUTH = flight(600, rate=2.0)
@@ -26,7 +26,7 @@ def trace(figure, name, axis="y"):
 def everything(made, reference):
     """Every figure of a page."""
     alone = [figures.track({"a": made}, reference), figures.height({"a": made}, reference), figures.position(made, None), figures.velocity(made, None, compare=reference),
-             figures.attitude(made, None, compare=reference), figures.sigma(made), figures.accel_bias(made), figures.gyro_bias(made), fixes.innovations(made), fixes.nis(made)]
+             figures.attitude(made, None, compare=reference), figures.sigma(made), figures.accel_bias(made), figures.gyro_bias(made), fix_figures.innovations(made), fix_figures.nis(made)]
     scored = [figures.horizontal({"a": made}, reference), *(f(made, reference) for f in (figures.position, figures.velocity, figures.attitude))]
     return [figure for figure in alone + scored if figure is not None]
 
@@ -100,7 +100,7 @@ def test_fixes_on_the_track_lie_at_estimate_plus_innovation():
 
 
 def test_innovations_are_split_by_source_and_rejected_ones_marked():
-    figure = fixes.innovations(SOLUTION)
+    figure = fix_figures.innovations(SOLUTION)
     counts = SOLUTION.counts()
     assert titles(figure) == ["gnss [m]", "velocity [m/s]"]
     for axis, source in (("y", "gnss"), ("y2", "velocity")):
@@ -111,14 +111,14 @@ def test_innovations_are_split_by_source_and_rejected_ones_marked():
 
 
 def test_nis_has_the_gate_of_each_source():
-    figure = fixes.nis(replace(SOLUTION, innovations=replace(SOLUTION.innovations, gates=(16.3, np.inf))))
+    figure = fix_figures.nis(replace(SOLUTION, innovations=replace(SOLUTION.innovations, gates=(16.3, np.inf))))
     assert list(trace(figure, "gate").y) == [16.3, 16.3] and [t.yaxis for t in figure.data if t.name == "gate"] == ["y"]
     assert figure.layout.yaxis.range[1] > np.log10(1200)
 
 
 def test_angles_and_single_components_have_their_unit():
     one = Innovations(np.arange(5.0), np.zeros(5, int), np.c_[np.full(5, np.radians(2.0)), np.full((5, 2), np.nan)], np.ones(5), np.ones(5, bool), ("heading",), (None,))
-    figure = fixes.innovations(replace(SOLUTION, innovations=one))
+    figure = fix_figures.innovations(replace(SOLUTION, innovations=one))
     assert titles(figure) == ["heading [deg]"] and [t.name for t in figure.data] == ["single component"]
     assert np.allclose(figure.data[0].y, 2.0)
 
@@ -135,7 +135,7 @@ def test_what_a_filter_does_not_claim_is_left_out():
     assert figures.sigma(silent) is None and figures.accel_bias(silent) is None and figures.extra(silent) is None
     assert "±3σ" not in [t.name for t in figures.position(silent, TRUTH).data]
     nothing = Innovations(np.empty(0), np.empty(0, int), np.empty((0, 3)), np.empty(0), np.empty(0, bool))
-    assert fixes.innovations(replace(SOLUTION, innovations=nothing)) is None and fixes.nis(replace(SOLUTION, innovations=nothing)) is None
+    assert fix_figures.innovations(replace(SOLUTION, innovations=nothing)) is None and fix_figures.nis(replace(SOLUTION, innovations=nothing)) is None
 
 
 def test_units_of_biases_follow_their_size():

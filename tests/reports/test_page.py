@@ -11,7 +11,7 @@ import pytest
 from synthetic import flight, solution
 
 from strapdown import report
-from strapdown import metrics
+from strapdown.evaluation import metrics
 from strapdown.data import DataError
 from strapdown.reports.drawing import WITHHELD
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from strapdown.data import DataError
-from strapdown.sensors.gnss import Gnss
-from strapdown.sensors.imu import grade
+from strapdown.sensor_models.gnss import Gnss
+from strapdown.sensor_models.imu import grade
 from strapdown.sim.motions import G
 from strapdown.sim.scenario import Scenario, scenario, scenarios
 from strapdown.sim.synthesis import Simulator

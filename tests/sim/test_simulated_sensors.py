@@ -11,11 +11,11 @@ from strapdown.core.contract import PARAMETERS, plain
 from strapdown.data import DataError
 from strapdown.io import read
 from strapdown.io.netcdf import write_recording
-from strapdown.sensors.barometer import Barometer
-from strapdown.sensors.geomagnetism import geomagnetic_field
-from strapdown.sensors.gnss import Gnss
-from strapdown.sensors.imu import grade
-from strapdown.sensors.magnetometer import Magnetometer
+from strapdown.sensor_models.barometer import Barometer
+from strapdown.sensor_models.geomagnetism import geomagnetic_field
+from strapdown.sensor_models.gnss import Gnss
+from strapdown.sensor_models.imu import grade
+from strapdown.sensor_models.magnetometer import Magnetometer
 from strapdown.sim.motions import hand_held, moored
 from strapdown.sim.scenario import Scenario, scenario
 from strapdown.sim.synthesis import Simulator, draw_start, simulate

@@ -6,8 +6,8 @@ import pytest
 
 import strapdown as sd
 from strapdown.data import DataError
-from strapdown.sensors.gnss import Gnss
-from strapdown.sensors.imu import grade
+from strapdown.sensor_models.gnss import Gnss
+from strapdown.sensor_models.imu import grade
 from strapdown.sim.scenario import Scenario, scenario
 from strapdown.sim.synthesis import Simulator, simulate
 from strapdown.sim.trajectory import DEG, demo_flight, gravity, increments, records, sample, static

@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from strapdown.data import DataError
-from strapdown.sensors.gnss import Gnss
-from strapdown.sensors.imu import grade
+from strapdown.sensor_models.gnss import Gnss
+from strapdown.sensor_models.imu import grade
 from strapdown.sim.motions import G
 from strapdown.sim.scenario import scenario
 from strapdown.sim.sortie import LIFT_OFF, airborne, sortie

@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.core.contract import ATT, BA, BG, POS, VEL
 from strapdown.data import DataError
-from strapdown.sensors.gnss import Gnss
-from strapdown.sensors.imu import grade
+from strapdown.sensor_models.gnss import Gnss
+from strapdown.sensor_models.imu import grade
 from strapdown.sim.synthesis import draw_start, simulate
 from strapdown.sim.trajectory import demo_flight, increments
 

@@ -10,7 +10,7 @@ from ..core.contract import Sensor
 @cache
 def sensors():
     """{name: Sensor} of all kinds, in the order of their `kind` numbers, which must be 0, 1, 2, ..."""
-    modules = [importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
+    modules = [importlib.import_module(module.name) for module in pkgutil.walk_packages(__path__, __name__ + ".")]
     found = {id(value): value for module in modules for value in vars(module).values() if isinstance(value, Sensor)}.values()
     ordered = sorted(found, key=lambda sensor: sensor.kind)
     if [sensor.kind for sensor in ordered] != list(range(len(ordered))):

@@ -1,4 +1,4 @@
-"""Zero velocity over ground while the vehicle is at rest; `strapdown.rest.at_rest` finds when."""
+"""Zero velocity over ground while the vehicle is at rest; `strapdown.preprocessing.stationary.at_rest` finds when."""
 from ..core.contract import OBSERVE, Sensor, kernel
 
 ZERO_VELOCITY = 7

@@ -1,13 +1,13 @@
-"""How the calls of the error-state filters are undone: what `linearised_step` and `measure` leave behind, and their adjoints on lam and Lam (core/backward.py).
+"""How the calls of the error-state filters are undone: what `linearised_step` and `measure` leave behind, and their adjoints on lam and Lam (core/smoother.py).
 
 The transposed transition goes the other way round than the transition: position, velocity, attitude, bias. Like that it is applied to rows of a
 workspace, with constant offsets, strides and trip counts. States beyond the fifteenth stand still.
 """
-from .compiling import flatten, helper, inlined, kernel, matrix
+from .jit import flatten, helper, inlined, kernel, matrix
 from .contract import BACK, KEEP, Smoother
 from .error_dynamics import BLOCKS, PP, TP, TV, VP, VV
 from .error_state import DV, PREDICTED, STEP, WORK
-from .gaussian import decay, used_rows, whiten
+from .kalman import decay, used_rows, whiten
 
 PREDICTION = DV.stop - STEP.start               # numbers of a record of a prediction: STEP, BLOCK, MID and DV of aux
 DT, W, DECAY_A, DECAY_G, F, C, HALF_FORCE = 1, 2, 5, 6, 7, 7 + BLOCKS, 7 + BLOCKS + 9

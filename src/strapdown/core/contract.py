@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from .compiling import COMPILED, address, caller, compile_kernel, entry_point, helper, is_cached, kernel, matrix, plain
+from .jit import COMPILED, address, caller, compile_kernel, entry_point, helper, is_cached, kernel, matrix, plain
 
 __all__ = ["Belief", "Start", "Noise", "Imu", "Fixes", "Cursor", "Output", "Filter", "Smoother", "Sensor", "PARAMETERS", "WALK", "FIRST",
            "POSITION_KIND", "VELOCITY_KIND", "HEADING_KIND", "ALTITUDE_KIND", "GRAVITY_KIND", "MAGNETIC_KIND", "SEA_LEVEL_KIND", "ATTITUDE_KIND",
@@ -175,9 +175,6 @@ class Filter(NamedTuple):
     smoother: Smoother = None
     watch: Callable = None  # (t (n,), lla (n, 3), {column: (n,)}) -> [(t, text)]: what of the kept rows a user must know
 
-    def __reduce__(self):
-        from ..filters import find
-        return find, (self.name,)
 
 
 class Sensor(NamedTuple):

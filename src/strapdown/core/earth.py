@@ -4,7 +4,7 @@ Source: Groves (2013) sections 2.4 and 5.4; gravity is Somigliana's formula with
 """
 import math
 
-from .compiling import helper
+from .jit import helper
 
 A = 6378137.0
 """Equatorial radius, m."""

@@ -5,7 +5,7 @@ denominators and gravity gradient that numeric differentiation of the mechanizat
 """
 import numpy as np
 
-from .compiling import helper
+from .jit import helper
 from .earth import gravity_gradient, place, rotation_rates
 
 CORRECTED, LITERAL, PRINTED_SIGNS, NO_GRADIENT, LATITUDE_GRAVITY = range(5)

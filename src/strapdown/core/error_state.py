@@ -3,11 +3,11 @@ import math
 
 import numpy as np
 
-from .compiling import helper, inlined, matrix, plain
+from .jit import helper, inlined, matrix, plain
 from .contract import ATT, BA, BG, POS, STATES, VEL
 from .earth import displace
 from .error_dynamics import BLOCKS, LATITUDE_GRAVITY, MODELS, kinematic_blocks
-from .gaussian import WORKSPACE, decay, propagate, propagate_error, update, used_rows
+from .kalman import WORKSPACE, decay, propagate, propagate_error, update, used_rows
 from .rotation import orthonormalise, rotate_left
 
 PREDICTED = -1.0                                # the last call was a prediction

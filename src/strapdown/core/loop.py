@@ -12,7 +12,7 @@ Rules (docs/conventions.md):
 """
 import math
 
-from .compiling import caller, flatten, helper, inlined, kernel, plain
+from .jit import caller, flatten, helper, inlined, kernel, plain
 from .contract import BRIDGED, CORRECT, FIRST, INVALID, KEEP, OBSERVE, POSITION_KIND, PREDICT, RUN, RUN_TAPED, VALID, VELOCITY_KIND, WALK, Noise
 from .earth import LATITUDE_LIMIT
 from .mechanization import compensate, stationary_increments

@@ -4,7 +4,7 @@ Source: Savage (1998), "Strapdown inertial navigation integration algorithm desi
 """
 import math
 
-from .compiling import helper
+from .jit import helper
 from .earth import displace, gravity, place, rotation_rates
 from .rotation import rotate_left, rotate_right
 

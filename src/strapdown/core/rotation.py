@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from .compiling import helper
+from .jit import helper
 
 
 @helper

@@ -1,4 +1,4 @@
-"""Files in and out: everything between a file and a `strapdown.data.Recording`.
+"""Files in and out: everything between a file and a `strapdown.recording.Recording`.
 
 locate.py finds files and tables.py reads CSV; units.py and axes.py turn columns into SI and body axes; samples.py and fixes.py clean and check
 them, plausible.py looks for mistaken units and axes, origin.py names their lines in messages; schema.py and description.py are the keys of
@@ -19,7 +19,7 @@ def read(path):
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".toml":
-        from .recording import read_description
+        from .description.read import read_description
         return read_description(path)
     if suffix == ".nc":
         from .netcdf import read_recording

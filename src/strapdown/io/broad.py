@@ -14,14 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ..data import Aiding, DataError, Recording, Trajectory
+from ..data import Aiding, DataError, Trajectory
+from ..recording import Recording
 from ..geodesy import displaced
-from ..rest import at_rest, stretches
-from ..sensors.errors import Triad
-from ..sensors.imu import ImuSpec
-from .attitude import quaternions
-from .axes import BODY, NAVIGATION, axes_matrix
-from .origin import Origin, counted
+from ..preprocessing.stationary import at_rest, stretches
+from ..sensor_models.errors import Triad
+from ..sensor_models.imu import ImuSpec
+from ..preprocessing.attitude import quaternions
+from ..preprocessing.axes import BODY, NAVIGATION, axes_matrix
+from ..preprocessing.origin import Origin, counted
 
 ROWS = {"gyr": 3, "acc": 3, "mag": 3, "quat_wxyz_enu": 4, "pos_enu": 3, "movement": 0}
 """Arrays of a file and their columns; 0 is an array without columns."""
@@ -151,7 +152,7 @@ def body_to_ned(q):
 
 def _with_field(recording, t, field, fs):
     """The recording with its magnetometer as aiding; without, and a note, where no rest tells the reference field."""
-    from .fixes import checked_aidings
+    from ..preprocessing.fixes import checked_aidings
     rest = first_rest(recording.imu)
     inside = (t >= recording.imu.t[rest.start]) & (t < recording.imu.t[rest.stop - 1]) & np.isfinite(field).all(axis=1) if rest else np.array([False])
     notes = recording.meta["notes"]

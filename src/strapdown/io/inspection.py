@@ -6,12 +6,12 @@ import numpy as np
 
 from ..core.earth import A
 from ..data import DataError
-from .fixes import overlap_notes
+from ..preprocessing.fixes import overlap_notes
 from .locate import locate
-from .origin import counted
-from .plausible import doubts, mistakes
-from ..rest import at_rest, stretches
-from .samples import GAP
+from ..preprocessing.origin import counted
+from ..preprocessing.plausible import doubts, mistakes
+from ..preprocessing.stationary import at_rest, stretches
+from ..preprocessing.imu_samples import GAP
 
 
 class Inspection(NamedTuple):
@@ -51,8 +51,8 @@ def _attempt(problems, function, *arguments):
 
 
 def _description(path, facts, problems):
-    from .description import complaints, parse
-    from .recording import Files, level_notes, read_aiding, read_imu, read_meta, read_reference
+    from .description.complaints import complaints, parse
+    from .description.read import Files, level_notes, read_aiding, read_imu, read_meta, read_reference
     description = complaints(path)
     if isinstance(description, list):
         problems += description
@@ -88,7 +88,7 @@ def _description(path, facts, problems):
 def _magnetometers(path, parts, aidings, imu, meta, facts, problems):
     """Notes; each magnetometer among the aidings, made of the (AidingPart, number) in `parts`, gets the Earth's field in place."""
     from .magnetometer import facts_and_problems
-    from .recording import read_field
+    from .description.read import read_field
     notes = []
     for k, (part, number) in enumerate(parts):
         found, more = _attempt(problems, read_field, part, number, aidings[k], aidings, imu, meta, path) or (None, [])
@@ -142,7 +142,7 @@ def _broad(path, facts, problems):
 
 
 def _table(path, facts, problems):
-    from .draft import guess
+    from .description.draft import guess
     guessed = guess(path)
     facts += guessed.facts
     problems += guessed.problems
@@ -193,7 +193,7 @@ def _triple(values, digits=2):
 
 def _aiding_facts(imu, aidings, facts, problems):
     from ..aiding import find
-    from .attitude_checks import facts_and_problems
+    from ..preprocessing.attitude_checks import facts_and_problems
     for aiding in aidings:
         facts.append(_span(imu, aiding))
         problems += overlap_notes(imu, aiding) if find(aiding.kind).recorded else []

@@ -7,13 +7,12 @@ import numpy as np
 
 from ..data import DataError
 from ..geodesy import STANDARD_GRAVITY
-from ..rest import at_rest
-from .axes import named_permutation, signed_permutations
-from .origin import counted
-from .units import UNITS
+from ..preprocessing.stationary import at_rest
+from ..preprocessing.axes import named_permutation, signed_permutations
+from ..preprocessing.origin import counted
+from ..preprocessing.stuck import STUCK, TURN, stuck, turned as turned_by
+from ..preprocessing.units import UNITS
 
-STUCK, TURN = 2.0, np.radians(10)
-"""Samples are stuck where they do not change for longer than STUCK (s) while the gyro turns by more than TURN (rad)."""
 LEVELS, PILE, TIMES = 20, 0.01, 5
 """A column is saturated where it has more than LEVELS values and its extreme one holds more than PILE of the samples and TIMES those of the next
 (at the turning point of an oscillation the last level holds 2.4 times as many as the next, or fewer)."""
@@ -38,7 +37,7 @@ def calibrated(part, files, raw):
     raw = np.where(np.isfinite(raw).all(axis=1)[:, None], raw, np.nan)
     if part.calibration is None:
         return raw
-    from .calibration import read_calibration
+    from .calibration_file import read_calibration
     path = files.locate(part.calibration)
     found = read_calibration(path)
     if "magnetometer" not in found:
@@ -71,30 +70,6 @@ def sound(t, raw, imu, name, origin, matrix=np.eye(3)):
     return mask, notes
 
 
-def stuck(t, raw, imu, axes=slice(0, 3)):
-    """(m,) bool: held for STUCK and longer while the body turned by TURN about one of `axes`; the first sample of each such run counts as sound."""
-    held = np.zeros(len(t), bool)
-    changed = np.flatnonzero(np.r_[True, (raw[1:] != raw[:-1]).any(axis=1), True]) if len(t) else np.zeros(1, int)
-    first, last = changed[:-1], changed[1:] - 1
-    with np.errstate(invalid="ignore"):
-        long = np.flatnonzero((t[last] - t[first] > STUCK) & np.isfinite(raw[first]).all(axis=1)) if len(first) else []
-    if not len(long):
-        return held
-    angle = _angles(imu)
-    for run in long:
-        begin, end = np.searchsorted(imu.t, (t[first[run]], t[last[run]]))
-        if np.ptp(angle[begin:end + 1, axes], axis=0).max() > TURN:
-            held[first[run] + 1:last[run] + 1] = True
-    return held
-
-
-def _angles(imu):
-    """(n + 1, 3) rad: the gyro summed up about each axis, without its mean at rest."""
-    rest = at_rest(imu)
-    bias = imu.dtheta[rest].sum(axis=0) / imu.dt[rest].sum() if rest.any() else np.zeros(3)
-    return np.vstack([np.zeros(3), np.cumsum(imu.dtheta - bias * imu.dt[:, None], axis=0)])
-
-
 def _constant_axis(t, raw, imu, name, origin, matrix):
     """Notes on one axis that never changes though the others do and the body turns about them. Raises DataError where it turns by TILTED."""
     known = np.isfinite(t) & np.isfinite(raw).all(axis=1)
@@ -102,7 +77,7 @@ def _constant_axis(t, raw, imu, name, origin, matrix):
     if not constant.any() or constant.all():
         return []
     begin, end = np.searchsorted(imu.t, (t[known].min(), t[known].max()))
-    turns = np.abs(matrix.T) @ np.ptp(_angles(imu)[begin:end + 1], axis=0)      # about each column
+    turns = np.abs(matrix.T) @ np.ptp(turned_by(imu)[begin:end + 1], axis=0)      # about each column
     k = int(np.argmax(constant))
     turned = float(np.delete(turns, k).max())       # a turn about the axis itself leaves its reading as it is
     text = f"{'xyz'[k]} is constant while the body turns by {np.degrees(turned):.0f} deg about another axis: the sensor is stuck"
@@ -158,7 +133,7 @@ def _field(part, aiding, imu, date, place):
     if date is None or place is None:
         what, key = ("date", "date = \"2012-10-10\"") if date is None else ("place", "place = { latitude = 44.7, longitude = -93.1, unit = \"deg\" }")
         raise DataError(f"field: is missing, and the geomagnetic model needs the {what}: write {key} at the top, or give field")
-    from ..sensors.geomagnetism import geomagnetic_field
+    from ..sensor_models.geomagnetism import geomagnetic_field
     try:
         found = geomagnetic_field(date, *map(float, place))
     except DataError as error:

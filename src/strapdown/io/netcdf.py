@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from ..core.contract import Imu
-from ..data import Aiding, DataError, Recording, Trajectory
+from ..data import Aiding, DataError, Trajectory
+from ..recording import Recording
 from ..files import netcdf, replacing
-from .fixes import checked_aidings, overlap
-from .plausible import mistakes
+from ..preprocessing.fixes import checked_aidings, overlap
+from ..preprocessing.plausible import mistakes
 from .solution import plain
 
 FORMAT = "strapdown recording 1"

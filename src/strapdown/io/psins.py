@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..data import Aiding, DataError, Recording
-from .axes import BODY, axes_matrix
-from .samples import increments
+from ..data import Aiding, DataError
+from ..recording import Recording
+from ..preprocessing.axes import BODY, axes_matrix
+from ..preprocessing.imu_samples import increments
 from .tables import BROKEN, open_text
 
 SUFFIXES = tuple(".imu" + packed for packed in ("", ".gz", ".xz", ".bz2"))
@@ -47,7 +48,7 @@ def read_psins(path):
     The header's position and velocity are one fix each, at the start, with `POSITION_SD` and `VELOCITY_SD`: enough to start a filter from.
     Such a file has no other fixes and no reference. Raises DataError of one line.
     """
-    from .plausible import mistakes
+    from ..preprocessing.plausible import mistakes
     recording = unchecked(path)
     for _, text in mistakes(recording.imu, "increment"):
         raise DataError(f"{path}: {text}")

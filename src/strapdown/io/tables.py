@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..data import DataError
-from .origin import Origin
+from ..preprocessing.origin import Origin
 
 SUFFIXES = tuple(name + packed for name in (".csv", ".txt", ".tsv", ".dat") for packed in ("", ".gz", ".xz", ".bz2", ".zip"))
 OPENERS = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}

@@ -8,11 +8,11 @@ from html import escape
 import numpy as np
 import plotly.graph_objects as go
 
-from .. import metrics
+from ..evaluation import metrics
 from ..geodesy import displacement
 from .drawing import (AXES, COLOURS, GREY, RED, about_mean, band, column, cut, even, extent, finish, frame, line, log_range, note, origin, panels, peak,
                       time_axis, together)
-from .fixes import kind
+from .fix_figures import kind
 
 EULER = ("roll", "pitch", "heading")
 

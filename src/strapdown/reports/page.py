@@ -3,9 +3,10 @@ import json
 from datetime import UTC, datetime
 from html import escape
 
-from .. import __version__, metrics
+from .. import __version__
+from ..evaluation import metrics
 from ..data import BRIDGED, INVALID, DataError
-from . import figures, fixes, summary
+from . import figures, fix_figures, summary
 from .drawing import COLOURS, MARKED, SHADES, WITHHELD
 from .shell import listed, placed, shell
 
@@ -104,8 +105,8 @@ def _sections(solutions, reference, scores, window, more):
     yield "Biases", draw.each("Accelerometer bias", axes(slice(9, 12)), lambda name, *made: figures.accel_bias(*made)) \
         + draw.each("Gyro bias", axes(slice(12, 15)), lambda name, *made: figures.gyro_bias(*made))
     yield "Fixes", draw.each("Innovations", "Fix − estimate: around zero and without pattern when all is well.",
-                             lambda name, s, _: fixes.innovations(s)) \
-        + draw.each("Normalised innovation squared", "A fix above the gate is rejected.", lambda name, s, _: fixes.nis(s))
+                             lambda name, s, _: fix_figures.innovations(s)) \
+        + draw.each("Normalised innovation squared", "A fix above the gate is rejected.", lambda name, s, _: fix_figures.nis(s))
     yield "Filter columns", draw.each("Columns of the filter", "What this filter publishes besides the navigation state.",
                                       lambda name, *made: figures.extra(*made))
     yield "Details", "".join(f"<details><summary>{escape(name)}: how it was made</summary><pre>{escape(_details(solution))}</pre></details>"

@@ -3,7 +3,7 @@ from html import escape
 
 import numpy as np
 
-from .. import metrics
+from ..evaluation import metrics
 from ..data import BRIDGED, INVALID, DataError
 
 LISTED = 500

@@ -12,11 +12,11 @@ import numpy as np
 from ..core.contract import STATES
 from ..core.earth import LATITUDE_LIMIT
 from ..data import DataError
-from ..sensors.ahrs import Ahrs
-from ..sensors.barometer import Barometer
-from ..sensors.gnss import Gnss
-from ..sensors.imu import ImuSpec, grade
-from ..sensors.magnetometer import Magnetometer
+from ..sensor_models.ahrs import Ahrs
+from ..sensor_models.barometer import Barometer
+from ..sensor_models.gnss import Gnss
+from ..sensor_models.imu import ImuSpec, grade
+from ..sensor_models.magnetometer import Magnetometer
 from .trajectory import DEG, Motion, sample
 
 START_SD = (1.0, 1.0, 1.5, 0.1, 0.1, 0.1, 2e-3, 2e-3, 10e-3, *[None] * 6)
@@ -114,7 +114,7 @@ class Scenario:
             return np.array(self.magnetometer.field)
         if self.date is None:
             raise DataError(f"scenario {self.name!r}: the geomagnetic model needs a date")
-        from ..sensors.geomagnetism import geomagnetic_field
+        from ..sensor_models.geomagnetism import geomagnetic_field
         return np.array(geomagnetic_field(self.date, *map(float, self.motion.lla)).field)
 
     def _check_truth(self):

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from ..data import DataError
 from ..files import read_toml
-from ..sensors.ahrs import Ahrs
-from ..sensors.barometer import Barometer
-from ..sensors.gnss import Gnss
-from ..sensors.magnetometer import Disturbance, Magnetometer
+from ..sensor_models.ahrs import Ahrs
+from ..sensor_models.barometer import Barometer
+from ..sensor_models.gnss import Gnss
+from ..sensor_models.magnetometer import Disturbance, Magnetometer
 from . import motions
 from .jsbsim import Target, jsbsim_motion
 from .scenario import START_SD, Scenario

@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from ..core.contract import ATT, BA, BG, POS, STATES, VEL, Start
-from ..data import DataError, Recording
+from ..data import DataError
+from ..recording import Recording
 from ..geodesy import displaced
-from ..sensors.gnss import without_fixes
-from ..sensors.imu import grade, saturated
+from ..sensor_models.gnss import without_fixes
+from ..sensor_models.imu import grade, saturated
 from .scenario import Scenario
 from .scenario import scenario as find
 from .trajectory import Motion, gravity, records

@@ -1,0 +1,1 @@
+"""From the first seconds of a recording to a filter's start."""

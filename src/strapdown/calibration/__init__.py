@@ -1,0 +1,1 @@
+"""Calibration of accelerometer and magnetometer from a record, and its page."""

@@ -1,0 +1,1 @@
+"""Filters run on recordings: in batch, live, smoothed, and after an AHRS."""

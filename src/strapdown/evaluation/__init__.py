@@ -1,0 +1,1 @@
+"""How good a solution is: errors against a reference, consistency with its own claims, the bound of what is possible."""

@@ -1,0 +1,34 @@
+"""Normalised estimation error squared of many rows at once: e' P^-1 e by Cholesky with the states scaled to their standard deviations."""
+import math
+
+from numba import types
+
+from ..core.jit import kernel
+
+ROWS = types.void(types.float64[:, ::1], types.float64[:, :, ::1], types.float64[:, ::1], types.float64[::1])
+
+
+@kernel(ROWS)
+def normalised_rows(error, covariance, work, out):
+    """out[k] = e_k' P_k^-1 e_k of errors (n, s) and covariances (n, s, s); NaN where P is not positive definite. `work` is (s + 2, s)."""
+    n, s = error.shape
+    scale, y = work[s], work[s + 1]
+    for k in range(n):
+        total = 0.0
+        for i in range(s):
+            variance = covariance[k, i, i]
+            scale[i] = 1 / math.sqrt(variance) if variance > 0 else math.nan
+        for i in range(s):
+            y[i] = error[k, i] * scale[i]
+            for j in range(i + 1):
+                value = covariance[k, i, j] * scale[i] * scale[j]
+                for m in range(j):
+                    value -= work[i, m] * work[j, m]
+                if j < i:
+                    work[i, j] = value * work[j, j]
+                    y[i] -= work[i, j] * y[j]
+                else:
+                    work[i, i] = 1 / math.sqrt(value) if value > 0 else math.nan     # the inverse of the diagonal
+            y[i] *= work[i, i]
+            total += y[i] * y[i]
+        out[k] = total

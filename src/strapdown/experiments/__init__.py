@@ -1,0 +1,1 @@
+"""Many runs of several filters, and what they say."""

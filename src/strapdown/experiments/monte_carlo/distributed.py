@@ -1,0 +1,113 @@
+"""The chunk function of a study on Dask: worker processes of this machine, or those of a scheduler elsewhere that see the same folder.
+
+The chunk files are the only interface: a worker writes its file and returns nothing. A chunk whose worker dies is tried again on a fresh one;
+where it kills that too, its runs are tried one by one, those that kill alone are quarantined, and the chunk is run without them.
+"""
+from contextlib import contextmanager
+from logging import CRITICAL
+from threading import Event, Thread
+
+from ...data import DataError
+from .study import Chunk, compile_for, run_chunk
+
+ATTEMPTS = 2
+"""Workers that a chunk may kill before its runs are tried one by one."""
+PATIENCE = 10
+"""s to wait for a scheduler, and between two looks at the workers."""
+
+
+def run(campaign, missing, workers, scheduler, say=None):
+    """Run the missing chunks of a campaign on `workers` processes, or on the cluster of `scheduler`; yield each when its file is there."""
+    if not missing:
+        return
+    if not scheduler:
+        compile_for(campaign.study, say)    # once, into the cache that the workers load from
+    with _client(workers, scheduler) as client:
+        from dask.distributed import as_completed
+        options = {"pure": False, "retries": 0}
+        futures = {client.submit(campaign.work, chunk, **options): chunk for chunk in missing}
+        waiting, tried = as_completed(futures), dict.fromkeys(missing, 0)
+        for future in waiting:
+            chunk = futures[future]
+            if not _killed(future):
+                future.result()
+                yield chunk
+                continue
+            tried[chunk] += 1
+            again = client.submit(campaign.work, chunk, _killers(client, campaign.study, chunk, tried[chunk], say), **options)
+            futures[again] = chunk
+            waiting.add(again)
+
+
+def _killed(future):
+    """Whether the worker died of it; any other failure is raised where the result is asked for."""
+    from distributed.scheduler import KilledWorker
+    return future.status == "error" and isinstance(future.exception(), KilledWorker)
+
+
+def _killers(client, study, chunk, times, say):
+    """Runs of a chunk that kill their worker when they are alone, found one after the other so that none dies for another. Raises DataError."""
+    from dask.distributed import wait
+    cell, killers = study.cells[chunk.cell], []
+    for number in range(chunk.first, chunk.stop):
+        alone = client.submit(_probe, study, Chunk(chunk.cell, number, number + 1), pure=False)
+        wait(alone)
+        if not _killed(alone):
+            alone.result()
+            continue
+        killers.append(number)
+        if say:
+            say(f"{cell.name}: run {number} kills its worker; it is quarantined (seed {study.seed}, run {number})")
+    if not killers and times == ATTEMPTS:
+        raise DataError(f"{cell.name}, runs {chunk.first} to {chunk.stop - 1}: together they kill their worker, alone none does; "
+                        "perhaps memory: use fewer workers and run again, finished chunks are kept")
+    return tuple(killers)
+
+
+def _probe(study, chunk):
+    run_chunk(study, chunk)
+
+
+@contextmanager
+def _kept_alive(cluster, workers):
+    """New workers where there are none for two looks in a row: now and then one that died is not started again, and everybody would wait forever."""
+    over = Event()
+
+    def watch():
+        empty = 0
+        while not over.wait(PATIENCE):
+            empty = 0 if cluster.scheduler.workers else empty + 1
+            if empty == 2:
+                cluster.scale(0)
+                cluster.scale(workers)
+                empty = 0
+    watcher = Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        over.set()
+        watcher.join()
+
+
+@contextmanager
+def _client(workers, scheduler):
+    """A Dask client of an own cluster of processes, or of a scheduler's. Raises DataError."""
+    try:
+        import dask
+        from dask.distributed import Client, LocalCluster
+    except ImportError:
+        raise DataError("worker processes need Dask: pip install 'strapdown[study]', or leave out workers and scheduler") from None
+    if not scheduler:
+        dask.config.set({"distributed.scheduler.allowed-failures": ATTEMPTS - 1, "distributed.scheduler.worker-saturation": 1.0})
+        with LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=CRITICAL) as cluster:
+            with Client(cluster) as client, _kept_alive(cluster, workers):
+                yield client
+        return
+    try:
+        client = Client(scheduler, timeout=f"{PATIENCE}s")
+        client.wait_for_workers(1, PATIENCE)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise DataError(f"scheduler {scheduler}: no answer, or it has no workers ({str(error).splitlines()[0]}); check the address") from None
+    with client:
+        yield client

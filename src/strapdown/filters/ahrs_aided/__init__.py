@@ -1,0 +1,1 @@
+"""Filters whose attitude comes from elsewhere, such as an AHRS."""

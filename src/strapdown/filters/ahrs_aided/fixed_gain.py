@@ -1,0 +1,148 @@
+"""Observer of position, velocity and accelerometer bias with fixed gains; its attitude is that of an AHRS. No covariance, so no standard deviations.
+
+Per axis, north and east alike: p' = v + k1 e, v' = C (f - b) + g + k2 e, C b' = -k3 e with the error e of a position; of a velocity v' = ... + kv1 e,
+C b' = -kv2 e. Between fixes it is an INS; at a fix the error is multiplied as those poles say for the time since the last fix, whatever the rate.
+"""
+import math
+
+import numpy as np
+
+from ...core.contract import ALTITUDE_KIND, ATTITUDE_KIND, CORRECT, POSITION_KIND, PREDICT, Filter, helper, kernel, matrix
+from ...core.earth import displace
+from ...core.error_state import bias_free, observed
+from ...core.mechanization import mechanize
+from ...core.rotation import euler_to_matrix, measured_heading
+
+POLES = 8                       # of the horizontal axes, then the vertical one: a third pole, a pair; of velocities a pair (1/s). A pair is (a, b, complex):
+SINCE, FORCE = 16, 22           # a and b, or a +- jb; s since the last position and velocity fix, north, east, down; specific-force increment, m/s
+CHANGE = 25                     # of position, velocity and bias in n, by a fix
+SCRATCH = 34
+SHORTEST = 1e-6                 # s: of two fixes at one time the second changes nothing
+
+
+def start(start, noise, k1=0.7, k2=0.14, k3=0.008, l1=0.7, l2=0.14, l3=0.008, kv1=0.5, kv2=0.04, lv1=0.5, lv2=0.04):
+    """Belief at `start`. Gains: k1 (1/s), k2 (1/s^2), k3 (1/s^3) of a position's north and east, l1, l2, l3 of its height; kv1 (1/s), kv2 (1/s^2) of a
+    velocity's north and east, lv1, lv2 of down. Without k3 (l3) and kv2 (lv2) the bias stays, without all of a kind that kind is not used.
+    Refuses gains that are not stable.
+    """
+    aux = np.zeros(SCRATCH + 3 * len(start.sd))
+    for first, axes, of_position, of_velocity in ((0, "horizontal", (k1, k2, k3), (kv1, kv2)), (POLES, "vertical", (l1, l2, l3), (lv1, lv2))):
+        _check(axes, of_position, of_velocity)
+        third, *pair = sorted(poles(*of_position), key=lambda pole: (pole.imag != 0, pole.real))
+        aux[first:first + 4] = third.real, *_pair(*pair)
+        aux[first + 4:first + 7] = _pair(*np.roots([1.0, *of_velocity]))
+    return start.belief(aux)
+
+
+def _pair(a, b):
+    """Two poles as three numbers."""
+    return (a.real, abs(a.imag), 1.0) if a.imag else (a.real, b.real, 0.0)
+
+
+def poles(k1, k2, k3, kv1=0.0, kv2=0.0):
+    """Poles (1/s) of the errors of an axis under these gains: s^3 + (k1 + kv1) s^2 + (k2 + kv2 + k1 kv1) s + k3 + k1 kv2.
+
+    A bias that no gain corrects has one at 0.
+    """
+    return np.roots([1.0, k1 + kv1, k2 + kv2 + k1 * kv1, k3 + k1 * kv2]).astype(complex)
+
+
+def fastest_turn(k1, k2, k3):
+    """Rate (rad/s) of a steady turn up to which those gains of a position estimate the horizontal bias; beyond, it swings up: it turns in n meanwhile."""
+    return (k1 * k2 - k3) / (k1 * math.sqrt(k2))
+
+
+def _check(axes, of_position, of_velocity):
+    """Raise ValueError where the gains of an axis are no numbers, or do not make position, velocity and bias settle."""
+    gains = (*of_position, *of_velocity)
+    said = f"the {axes} gains {', '.join(f'{gain:g}' for gain in of_position)} of positions and {', '.join(f'{gain:g}' for gain in of_velocity)} of velocities"
+    if not np.isfinite(gains).all():
+        raise ValueError(f"{said}: they must be finite numbers")
+    if not any(gains):
+        raise ValueError(f"{said}: nothing is corrected; give some of them above zero")
+    alone = [("position", of_position, of_position[2]), ("velocity", of_velocity, of_velocity[1])]
+    found = [(name, np.roots([1.0, *used]), last) for name, used, last in alone if any(used)]
+    if len(found) == 2:
+        found.append(("both", poles(*gains), of_position[2] or of_velocity[1]))
+    for name, roots, last in found:
+        settling = np.delete(roots, np.argmin(np.abs(roots))) if not last else roots    # a bias without gain stands still
+        if not (settling.real < 0).all():
+            raise ValueError(f"{said} are not stable: poles with {name} {', '.join(f'{pole:.3g}' for pole in roots)} 1/s; "
+                             "all must be above zero, and the product of the first two above the third")
+
+
+@kernel(PREDICT)
+def predict(belief, u, dt, noise):
+    """Advance the INS; the gyros carry the attitude on until the next record."""
+    aux, omega, f = belief.aux, belief.omega, belief.f
+    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
+    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, aux[FORCE:FORCE + 3])
+    for i in range(6):
+        aux[SINCE + i] += dt
+    if dt > 0:
+        omega[0], omega[1], omega[2] = r0 / dt, r1 / dt, r2 / dt
+        f[0], f[1], f[2] = a0 / dt, a1 / dt, a2 / dt
+
+
+@kernel(CORRECT)
+def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    """Take over an attitude; pull position, velocity and bias to any other fix. It does not gate."""
+    aux, C, n = belief.aux, belief.C, belief.P.shape[0]
+    observed(belief, y, observe, parameters, innovation, matrix(aux, aux.size - 3 * n, 3, n))
+    change = aux[CHANGE:CHANGE + 9]
+    for i in range(9):
+        change[i] = 0.0
+    if kind == ATTITUDE_KIND:
+        if not math.isnan(innovation[0]):
+            euler_to_matrix(y[0], y[1], measured_heading(y, C), C)
+        return math.nan
+    if kind == ALTITUDE_KIND:
+        _pull(aux, 2, 0, innovation[0], change)
+    else:
+        for axis in range(3):
+            _pull(aux, axis, 0 if kind == POSITION_KIND else 3, innovation[axis], change)
+    displace(belief.lla, change[0], change[1], change[2])
+    for i in range(3):
+        belief.v[i] += change[3 + i]
+        belief.ba[i] -= C[0, i] * change[6] + C[1, i] * change[7] + C[2, i] * change[8]
+    return math.nan
+
+
+@helper
+def _pull(aux, axis, kind, e, change):
+    """What an error e (m, or m/s where kind is 3) of a fix changes on that axis: the gains that give the sampled error the poles' factors exp(s T)."""
+    T, poles = aux[SINCE + kind + axis], aux[POLES if axis == 2 else 0:]
+    if math.isnan(e) or T < SHORTEST:
+        return
+    aux[SINCE + kind + axis] = 0.0
+    if kind == 0:
+        third, (two, product) = _factor(poles[0], T), _factors(poles[1:4], T)
+        g1, g3 = -third - two, -third * product / (T * T)
+        g2 = (third * two + product) / T - 0.5 * g3 * T     # of the state before the fix; change is that after it
+        change[axis] = (g1 - T * g2 + 0.5 * T * T * g3) * e
+        change[3 + axis], change[6 + axis] = (g2 - T * g3) * e, g3 * e
+    else:
+        two, product = _factors(poles[4:7], T)
+        change[3 + axis], change[6 + axis] = -(two + product) * e, product / T * e
+
+
+@helper
+def _factor(pole, T):
+    """exp(s T) - 1 of a real pole; one that is faster than the fixes counts as 1/T, which keeps fixes of two kinds from overshooting together."""
+    return math.expm1(max(pole * T, -1.0))
+
+
+@helper
+def _factors(pair, T):
+    """Sum and product of exp(s T) - 1 of two poles, likewise."""
+    if pair[2] == 0:
+        first, second = _factor(pair[0], T), _factor(pair[1], T)
+        return first + second, first * second
+    slower = T / max(T * math.hypot(pair[0], pair[1]), 1.0)
+    size = math.exp(pair[0] * slower)
+    x, y = size * math.cos(pair[1] * slower) - 1, size * math.sin(pair[1] * slower)
+    return 2 * x, x * x + y * y
+
+
+FIXED_GAIN = Filter("fixed-gain", "Fossen (2021) section 14.3.1", start, predict, correct, states=(), estimates=tuple(range(12)),
+                    uses=("position", "velocity", "altitude", "attitude"), needs=("attitude",))

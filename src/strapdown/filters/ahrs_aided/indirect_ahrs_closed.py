@@ -1,0 +1,33 @@
+"""Indirect filter with the attitude of an AHRS, feedback: the estimated error of the INS is reset into it at each fix."""
+from ...core.contract import CORRECT, PREDICT, Filter, kernel
+from ...core.error_state import DV, DX, STEP, auxiliary, inject_all, measure
+from .known_attitude import bias_model, corrected, know, predict_fed, weigh
+from ...core.rotation import rotate_left, rotate_right
+
+
+def start(start, noise, bias="decaying", correlation=0.0):
+    """Belief at `start`. bias: "decaying", with the time constants of the IMU, or "random-walk". correlation: s for which errors of the AHRS are alike."""
+    return know(start.belief(auxiliary(len(start.sd))), bias, correlation)
+
+
+@kernel(PREDICT)
+def predict(belief, u, dt, noise):
+    """Advance P and the INS: velocity with the known attitude, the attitude by the gyros alone."""
+    r0, r1, r2 = predict_fed(belief, u, dt, bias_model(belief, noise))
+    w = belief.aux[STEP]
+    rotate_right(belief.C, r0, r1, r2)
+    rotate_left(-w[2], -w[3], -w[4], belief.C)
+
+
+@kernel(CORRECT)
+def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    """Correct P; inject the errors into INS and biases. A measured attitude also is the known one from now on."""
+    weigh(belief, sd, kind)
+    nis = measure(belief, y, belief.aux[DV], observe, parameters, gate, innovation)
+    if nis <= gate:
+        inject_all(belief, belief.aux[DX])
+        corrected(belief, y, sd, kind)
+    return nis
+
+
+INDIRECT_AHRS_CLOSED = Filter("indirect-ahrs-closed", "Fossen (2021) section 14.4.2, feedback", start, predict, correct, needs=("attitude",))

@@ -1,0 +1,1 @@
+"""Filters of attitude alone, and what they share."""

@@ -1,0 +1,200 @@
+"""Vertical reference unit: roll, pitch and heave of a floating body, or of one with a barometer, from a 6-DOF IMU.
+
+Attitude and gyro bias are those of `attitude_mekf` without a heading reference. Beside them a Kalman filter of height, vertical velocity and
+accelerometer bias is driven by the specific force turned to n: v_D' = (C (f - b_a))_D + g. The two are decoupled, as in the textbook: the vertical
+channel takes the attitude for known, and its measurements correct no attitude.
+"""
+import math
+
+from ...core.contract import CORRECT, PREDICT, SEA_LEVEL_KIND, STATES, Filter, helper, kernel, matrix
+from ...core.earth import gravity
+from ...core.error_state import DX, OWN, WORK, inject_tail, observed
+from ...core.kalman import decay, update
+from . import attitude_mekf
+from .attitude_mekf import TOLD, predict_attitude
+
+VERTICAL = (2, 5, 9, 10, 11)
+"""Places of height, vertical velocity and accelerometer bias among the error states."""
+HEIGHT_SD = 10e3
+"""m: nothing that a barometer or the sea aids is further from height 0; an unknown place says the radius of the Earth."""
+LEAST_ACCEL, SHORTEST = 1e-6, 1e-3
+"""m/s/sqrt(s): accelerometer noise to reckon with at least; s: between two heights of zero-sea-level, which may come at one time."""
+MANY = 18
+"""Independent heights, six waves, after which their average is better than that of so many."""
+LEVEL, VARIANCE, MEASURED = range(OWN + 20, OWN + 23)   # height (m) and its variance (m^2) at the start; 1 once a source has measured the height
+SINCE_LEVEL, HEAVE = OWN + 23, OWN + 24                 # s since the last zero-sea-level; variance of the heave before any source, m^2
+DENSITY, INDEPENDENT = OWN + 25, OWN + 26               # density of waves with 1 m of heave, m^2 s; s from which on heights are independent
+SETTLED = OWN + 30                                      # s since the start or the last gap
+DEVIATION = slice(OWN + 27, OWN + 30)                   # of a fix, with what it does not know, m
+"""Places in aux."""
+
+
+def start(start, noise, heave=1.0, wave_period=10.0, low_pass=2.0, acceleration=0.2, rate_error=0.002):
+    """Belief at `start`. Until a source measures the height, it heaves about that of the start: heave is the standard deviation of that, m.
+
+    wave_period: of the waves, s, which tells how fast they average to zero; 0: heights of zero-sea-level err independently. low_pass (s),
+    acceleration (m/s^2 sqrt(s)) and rate_error (sqrt(s)) are those of `attitude-mekf`.
+    """
+    if not 0 < heave < math.inf:
+        raise ValueError(f"heave is {heave} m; it must be a finite number above 0")
+    if not 0 <= wave_period < math.inf:
+        raise ValueError(f"wave_period is {wave_period} s; it must be a finite number, 0 or more")
+    belief = attitude_mekf.start(start, noise, low_pass=low_pass, acceleration=acceleration, rate_error=rate_error)
+    for i in VERTICAL:
+        belief.P[i, i] = min(start.sd[i], HEIGHT_SD) ** 2
+    aux = belief.aux
+    aux[LEVEL], aux[VARIANCE] = belief.lla[2], belief.P[2, 2]
+    aux[DENSITY], aux[INDEPENDENT] = wave_density(noise.accel, wave_period) if wave_period else 1.0, wave_period / 3
+    aux[HEAVE] = heave ** 2
+    return belief
+
+
+def wave_density(accel, wave_period):
+    """White density (m^2 s) as which waves of 1 m heave are told to the filter; that of s metres is s^1.6 times as large.
+
+    Waves have nothing at low frequencies, so that their average vanishes faster than that of independent heights. With accelerometer noise of density
+    q^1/2 a filter of height and velocity takes density S for a corner of w0 = (q/S)^1/4. Of waves at w it lets 2 (w0/w)^2 s^2 through, the noise adds
+    q/(2 sqrt(2) w0^3); their sum is least at w0^5 = 3 q w^2/(8 sqrt(2) s^2).
+    """
+    w, q = 2 * math.pi / wave_period, max(accel, LEAST_ACCEL) ** 2
+    return q ** 0.2 * (8 * math.sqrt(2) / (3 * w * w)) ** 0.8
+
+
+@kernel(PREDICT)
+def predict(belief, u, dt, noise):
+    """The vertical channel at the attitude where the sample begins, then the attitude; the mean level as long as nothing else aids the height."""
+    if dt > 0:
+        _fall(belief, u, dt, noise)
+        _spread(belief, dt, noise)
+        predict_attitude(belief, u, dt, noise)
+        aux = belief.aux
+        aux[SINCE_LEVEL] += dt
+        aux[SETTLED] = 0.0 if noise.accel > aux[TOLD] else aux[SETTLED] + dt
+        if aux[MEASURED] == 0:
+            _tether(belief, _waves(aux, aux[HEAVE]) / dt)
+
+
+@helper
+def _waves(aux, variance):
+    """Density (m^2 s) of waves of that variance (m^2): of independent heights until the filter has seen enough of them."""
+    return variance * aux[INDEPENDENT] if aux[SETTLED] < MANY * aux[INDEPENDENT] else aux[DENSITY] * variance ** 0.8
+
+
+@helper
+def _fall(belief, u, dt, noise):
+    """Height and vertical velocity over a sample, by the bias-free velocity increment at mid-interval and gravity."""
+    C, ba, bg = belief.C, belief.ba, belief.bg
+    r0, r1, r2 = 0.5 * (u[0] - bg[0] * dt), 0.5 * (u[1] - bg[1] * dt), 0.5 * (u[2] - bg[2] * dt)
+    a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
+    gained = C[2, 0] * (a0 + r1 * a2 - r2 * a1) + C[2, 1] * (a1 + r2 * a0 - r0 * a2) + C[2, 2] * (a2 + r0 * a1 - r1 * a0)
+    gained += gravity(math.sin(belief.lla[0]), belief.lla[2]) * dt
+    belief.lla[2] -= (belief.v[2] + 0.5 * gained) * dt
+    belief.v[2] += gained
+    keep = decay(noise.accel_decay * dt)
+    for i in range(3):
+        ba[i] *= keep
+
+
+@helper
+def _spread(belief, dt, noise):
+    """P of the vertical channel over dt: p' = v, v' = - c b with c the down row of C, and with the states that aidings brought along."""
+    P, C, half = belief.P, belief.C, 0.5 * dt
+    c0, c1, c2 = dt * C[2, 0], dt * C[2, 1], dt * C[2, 2]
+    keep, q = decay(noise.accel_decay * dt), noise.accel * noise.accel * dt
+    u_p = c0 * P[2, 9] + c1 * P[2, 10] + c2 * P[2, 11]      # with u = dt c b: the covariances of u with the others
+    u_v = c0 * P[5, 9] + c1 * P[5, 10] + c2 * P[5, 11]
+    u0 = c0 * P[9, 9] + c1 * P[9, 10] + c2 * P[9, 11]
+    u1 = c0 * P[9, 10] + c1 * P[10, 10] + c2 * P[10, 11]
+    u2 = c0 * P[9, 11] + c1 * P[10, 11] + c2 * P[11, 11]
+    u_u = c0 * u0 + c1 * u1 + c2 * u2
+    pp, pv, vv = P[2, 2], P[2, 5], P[5, 5]
+    P[2, 2] = pp + dt * (2 * pv + dt * vv - u_p - dt * u_v + 0.25 * dt * u_u + dt * q / 3)
+    P[2, 5] = P[5, 2] = pv - u_p + dt * (vv - 1.5 * u_v + 0.5 * u_u + 0.5 * q)
+    P[5, 5] = vv - 2 * u_v + u_u + q
+    for i in range(3):
+        u_b = u0 if i == 0 else (u1 if i == 1 else u2)
+        P[2, 9 + i] = P[9 + i, 2] = keep * (P[2, 9 + i] + dt * P[5, 9 + i] - half * u_b)
+        P[5, 9 + i] = P[9 + i, 5] = keep * (P[5, 9 + i] - u_b)
+        for j in range(3):
+            P[9 + i, 9 + j] *= keep * keep
+        P[9 + i, 9 + i] += noise.accel_bias * noise.accel_bias * dt
+    for k in range(STATES, P.shape[0]):
+        u_k = c0 * P[9, k] + c1 * P[10, k] + c2 * P[11, k]
+        P[2, k] = P[k, 2] = P[2, k] + dt * P[5, k] - half * u_k
+        P[5, k] = P[k, 5] = P[5, k] - u_k
+        for i in range(3):
+            P[9 + i, k] = P[k, 9 + i] = keep * P[9 + i, k]
+
+
+@helper
+def _tether(belief, variance):
+    """Correct the vertical channel by the height of the start, measured with that variance (m^2): the mean of the heave is zero."""
+    P, e = belief.P, belief.lla[2] - belief.aux[LEVEL]
+    k = (P[2, 2], P[2, 5], P[2, 9], P[2, 10], P[2, 11])
+    scale = 1 / (P[2, 2] + variance)
+    for i in range(5):
+        for j in range(i, 5):
+            P[VERTICAL[i], VERTICAL[j]] -= scale * k[i] * k[j]
+            P[VERTICAL[j], VERTICAL[i]] = P[VERTICAL[i], VERTICAL[j]]
+    e *= scale
+    belief.lla[2] -= k[0] * e
+    belief.v[2] += k[1] * e
+    for i in range(3):
+        belief.ba[i] += k[2 + i] * e
+
+
+@kernel(CORRECT)
+def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    """Correct the vertical channel by a height. What the tilt makes of a lever arm is noise; the waves about mean sea level are no white one."""
+    n, aux, P = belief.P.shape[0], belief.aux, belief.P
+    H, seconds, limit, nis = matrix(aux, aux.size - 3 * n, 3, n), aux[SINCE_LEVEL], gate, 0.0
+    rows = observed(belief, y, observe, parameters, innovation, H)
+    if math.isnan(innovation[0]):
+        return math.nan
+    a, b, known = H[0, 6], H[0, 7], P[2, 2]
+    variance = sd[0] * sd[0] + a * a * P[6, 6] + 2 * a * b * P[6, 7] + b * b * P[7, 7]
+    H[0, 6] = H[0, 7] = 0.0
+    waves = kind == SEA_LEVEL_KIND and seconds < aux[INDEPENDENT]
+    if aux[MEASURED] == 0:
+        known = aux[VARIANCE]
+        for k in range(STATES, n):
+            known += H[0, k] * H[0, k] * P[k, k]
+    gated = waves or aux[MEASURED] == 0
+    if gated:   # one height errs by all the heave, and is gated so; many in a row know better
+        nis, limit = innovation[0] * innovation[0] / (known + variance), math.inf
+        variance = _waves(aux, variance) / max(seconds, SHORTEST) if waves else variance
+    if nis <= gate and aux[MEASURED] == 0:
+        _untie(P, aux)
+    if nis <= gate:
+        aux[DEVIATION][0] = math.sqrt(variance)
+        found = update(P, H, innovation, aux[DEVIATION], rows, limit, aux[WORK:], aux[DX])
+        nis = nis if gated else found
+    if nis <= gate:
+        if kind == SEA_LEVEL_KIND:
+            aux[SINCE_LEVEL] = 0.0
+        _inject_vertical(belief, aux[DX])
+    return nis
+
+
+@helper
+def _inject_vertical(belief, dx):
+    belief.lla[2] -= dx[2]
+    belief.v[2] += dx[5]
+    for i in range(3):
+        belief.ba[i] += dx[9 + i]
+    inject_tail(belief, dx)
+
+
+@helper
+def _untie(P, aux):
+    """The first source of height: from now on the height is as uncertain as it was at the start, and no longer that of the mean level."""
+    aux[MEASURED] = 1.0
+    for j in range(P.shape[0]):
+        P[2, j] = P[j, 2] = 0.0
+    P[2, 2] = aux[VARIANCE]
+
+
+VRU = Filter("vru", "Fossen (2021) section 14.2.2 and 14.3.2, heave by a Kalman filter; attitude as attitude-mekf", start, predict, correct,
+             states=(2, 5, 6, 7, 9, 10, 11, 12, 13, 14), estimates=(2, 5, 6, 7, 9, 10, 11, 12, 13, 14),
+             alone="no source of height: heave is that about the height of the start, which is taken for its mean",
+             uses=("pressure", "pressure-altitude", "altitude", "zero-sea-level"))

@@ -1,0 +1,36 @@
+"""Closed loop of Hager & Bryne: kinematic errors are injected and reset, biases stay in the error state and never enter the INS.
+
+The INS runs on the uncorrected IMU; after the reset the error state is [0, 0, 0, b], its prediction Phi [0, b] is not zero in position,
+velocity and attitude, and that part is composed into the nominal state at each step.
+"""
+from ...core.adjoint import SMOOTHER
+from ...core.contract import BA, BG, CORRECT, PREDICT, Filter, kernel
+from ...core.error_state import DX, HEIGHT, X, added, inject_all, linearised_step, measure
+from ...core.mechanization import mechanize
+from .closed_loop import start
+
+
+@kernel(PREDICT)
+def predict(belief, u, dt, noise):
+    """Advance P and the error state [0, b]; run the INS on the raw increments and inject what the biases did to it."""
+    x = belief.aux[X]
+    for i in range(9):
+        x[i] = 0.0
+    xa, xg = x[BA], x[BG]
+    for i in range(3):
+        xa[i], xg[i] = belief.ba[i], belief.bg[i]
+    linearised_step(belief, belief.C, 1.0, u, dt, noise, True)
+    mechanize(belief.lla, belief.v, belief.C, u[0], u[1], u[2], u[3], u[4], u[5], dt, belief.aux[DX], belief.aux[HEIGHT])
+    added(belief.lla, belief.v, belief.C, x)
+
+
+@kernel(CORRECT)
+def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    """Correct P; inject the kinematic errors, add the others to the biases of the error state."""
+    nis = measure(belief, y, sd, observe, parameters, gate, innovation)
+    if nis <= gate:
+        inject_all(belief, belief.aux[DX])
+    return nis
+
+
+CLOSED_LOOP_ERROR_BIAS = Filter("closed-loop-error-bias", "Hager & Bryne, section IV-B, equations (24)-(26)", start, predict, correct, smoother=SMOOTHER)

@@ -1,0 +1,183 @@
+"""Extended Kalman filter in its textbook form: dP/dt = F P + P F' + G Q G' integrated by Runge-Kutta, the correction in Joseph form.
+
+States, errors, mean and Jacobians are those of `closed-loop`, which does the same in less time; this is the form to compare with.
+"""
+import math
+
+import numpy as np
+
+from ...core.contract import CORRECT, PREDICT, STATES, Filter, helper, kernel, matrix
+from ...core.error_dynamics import BLOCKS, CORRECTED, PP, TP, TV, VP, VV, kinematic_blocks
+from ...core.error_state import bias_free, decay_biases, inject_all, observed
+from ...core.kalman import LEAST_NOISE
+from ...core.mechanization import mechanize
+
+F_AT = BLOCKS
+WORK = F_AT + STATES * STATES
+"""Places in aux: blocks of F, F (15, 15), then two tables (n, n) of the prediction, which the correction uses in its own way."""
+
+
+def start(start, noise):
+    """Belief at `start`."""
+    n = len(start.sd)
+    return start.belief(np.zeros(WORK + 24 + 10 * n + 2 * n * n))
+
+
+@kernel(PREDICT)
+def predict(belief, u, dt, noise):
+    """Integrate P over the sample with F and G Q G' at its middle, and mechanize the mean."""
+    aux, n = belief.aux, belief.P.shape[0]
+    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
+    F = matrix(aux, F_AT, STATES, STATES)
+    _jacobian(belief, r0, r1, r2, a0 / dt, a1 / dt, a2 / dt, noise, F)
+    _integrate(belief.P, F, dt, noise, matrix(aux, WORK, n, n), matrix(aux, WORK + n * n, n, n))
+    belief.omega[0], belief.omega[1], belief.omega[2] = r0 / dt, r1 / dt, r2 / dt
+    belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
+    decay_biases(belief.ba, belief.bg, dt, noise)
+    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, aux[WORK:])
+
+
+@helper
+def _jacobian(belief, r0, r1, r2, f0, f1, f2, noise, F):
+    """F (15, 15) in 1/s at the belief, with the attitude half a rotation r (rad) later; f is the specific force, m/s^2, body."""
+    blocks, C = belief.aux, belief.C
+    w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, CORRECTED, blocks)
+    for i in range(3):
+        for j in range(3):
+            k = 3 * i + j
+            F[i, j], F[3 + i, j], F[3 + i, 3 + j], F[6 + i, j], F[6 + i, 3 + j] = (blocks[PP + k], blocks[VP + k], blocks[VV + k], blocks[TP + k],
+                                                                                blocks[TV + k])
+        F[i, 3 + i], F[9 + i, 9 + i], F[12 + i, 12 + i] = 1.0, -noise.accel_decay, -noise.gyro_decay
+        m0 = C[i, 0] + 0.5 * (C[i, 1] * r2 - C[i, 2] * r1)
+        m1 = C[i, 1] + 0.5 * (C[i, 2] * r0 - C[i, 0] * r2)
+        m2 = C[i, 2] + 0.5 * (C[i, 0] * r1 - C[i, 1] * r0)
+        F[3 + i, 9], F[3 + i, 10], F[3 + i, 11] = -m0, -m1, -m2
+        F[6 + i, 12], F[6 + i, 13], F[6 + i, 14] = -m0, -m1, -m2
+    n0 = -(F[3, 9] * f0 + F[3, 10] * f1 + F[3, 11] * f2)
+    n1 = -(F[4, 9] * f0 + F[4, 10] * f1 + F[4, 11] * f2)
+    n2 = -(F[5, 9] * f0 + F[5, 10] * f1 + F[5, 11] * f2)
+    F[3, 7], F[3, 8], F[4, 6], F[4, 8], F[5, 6], F[5, 7] = n2, -n1, -n2, n0, n1, -n0
+    F[6, 7], F[6, 8], F[7, 6], F[7, 8], F[8, 6], F[8, 7] = w2, -w1, -w2, w0, w1, -w0
+
+
+@helper
+def _integrate(P, F, dt, noise, D, T):
+    """One Runge-Kutta step of fourth order of dP/dt: with F and Q constant over it, the first four terms D of the series in dt."""
+    n = P.shape[0]
+    for i in range(n):
+        for j in range(n):
+            D[i, j] = P[i, j]
+            T[i, j] = 0.0
+    for order in range(1, 5):
+        for i in range(STATES):
+            for j in range(n):
+                T[i, j] = 0.0
+            for k in range(STATES):
+                a = F[i, k]
+                if a != 0:
+                    for j in range(n):
+                        T[i, j] += a * D[k, j]
+        if order == 1:      # half of G Q G', because T is added to its transpose
+            for i in range(3):
+                T[3 + i, 3 + i] += 0.5 * noise.accel * noise.accel
+                T[6 + i, 6 + i] += 0.5 * noise.gyro * noise.gyro
+                T[9 + i, 9 + i] += 0.5 * noise.accel_bias * noise.accel_bias
+                T[12 + i, 12 + i] += 0.5 * noise.gyro_bias * noise.gyro_bias
+        for i in range(n):
+            for j in range(i + 1):
+                D[i, j] = D[j, i] = dt / order * (T[i, j] + T[j, i])
+        for i in range(n):
+            for j in range(n):
+                P[i, j] += D[i, j]
+
+
+@kernel(CORRECT)
+def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    """Gain K, P <- (I - K H) P (I - K H)' + K R K', the error injected into INS and biases."""
+    aux, P, n = belief.aux, belief.P, belief.P.shape[0]
+    H, U, K = matrix(aux, WORK, 3, n), matrix(aux, WORK + 3 * n, 3, n), matrix(aux, WORK + 6 * n, 3, n)
+    dx, small = aux[WORK + 9 * n:WORK + 10 * n], WORK + 10 * n
+    rows = observed(belief, y, observe, parameters, innovation, H)
+    L, e, variance = matrix(aux, small, 3, 3), aux[small + 9:small + 12], aux[small + 12:small + 15]
+    used = 0
+    for i in range(rows):
+        if not math.isnan(innovation[i]):
+            terms = 0.0
+            for j in range(n):
+                H[used, j] = H[i, j]
+                terms += H[i, j] * H[i, j] * P[j, j]
+            e[used], variance[used] = innovation[i], max(sd[i] * sd[i], LEAST_NOISE * terms)
+            used += 1
+    for j in range(n):
+        dx[j] = 0.0
+    nis = _gain(P, H, used, e, variance, U, L, K, dx)
+    if nis <= gate:
+        _joseph(P, H, used, variance, U, K, matrix(aux, small + 24, n, n))
+        inject_all(belief, dx)
+    return nis
+
+
+@helper
+def _gain(P, H, used, e, variance, U, L, K, dx):
+    """U = H P, K' = (H P H' + R)^-1 U by Cholesky, dx = K e. Returns the NIS, NaN without a row, inf where there is no Cholesky;
+    e becomes L^-1 e."""
+    n, nis = P.shape[0], 0.0 if used > 0 else math.nan
+    for a in range(used):
+        for j in range(n):
+            U[a, j] = 0.0
+        for k in range(n):
+            if H[a, k] != 0:
+                for j in range(n):
+                    U[a, j] += H[a, k] * P[k, j]
+        for b in range(a + 1):
+            total = variance[a] if a == b else 0.0
+            for j in range(n):
+                total += U[a, j] * H[b, j]
+            for m in range(b):
+                total -= L[a, m] * L[b, m]
+            if a == b and not total > 0:     # P is no covariance any more: rejected, and counted as that
+                return math.inf
+            L[a, b] = math.sqrt(total) if a == b else total / L[b, b]
+        for b in range(a):
+            e[a] -= L[a, b] * e[b]
+        e[a] /= L[a, a]
+        nis += e[a] * e[a]
+    for j in range(n):
+        for a in range(used):
+            total = U[a, j]
+            for b in range(a):
+                total -= L[a, b] * K[b, j]
+            K[a, j] = total / L[a, a]
+            dx[j] += K[a, j] * e[a]
+        for a in range(used - 1, -1, -1):
+            for b in range(a + 1, used):
+                K[a, j] -= L[b, a] * K[b, j]
+            K[a, j] /= L[a, a]
+    return nis
+
+
+@helper
+def _joseph(P, H, used, variance, U, K, M):
+    """P <- (I - K H) P (I - K H)' + K R K', M (n, n) being (I - K H) P; U becomes (M H' - K R)'."""
+    n = P.shape[0]
+    for i in range(n):
+        for j in range(n):
+            M[i, j] = P[i, j]
+        for a in range(used):
+            for j in range(n):
+                M[i, j] -= K[a, i] * U[a, j]
+    for i in range(n):
+        for a in range(used):
+            back = -variance[a] * K[a, i]
+            for j in range(n):
+                back += M[i, j] * H[a, j]
+            U[a, i] = back
+    for i in range(n):
+        for j in range(i + 1):
+            total = M[i, j] + M[j, i]
+            for a in range(used):
+                total -= U[a, i] * K[a, j] + U[a, j] * K[a, i]
+            P[i, j] = P[j, i] = 0.5 * total
+
+
+EKF = Filter("ekf", "Gelb (1974) section 6.1; Mollaei, Shafieirad & Moradi (2025) equations (19)-(22), corrected", start, predict, correct)

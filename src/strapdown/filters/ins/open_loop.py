@@ -1,0 +1,121 @@
+"""Open loop (feed-forward): the INS runs raw and alone; its error is estimated beside it and never reset. The belief is INS (+) error.
+
+The error is propagated by a linear model, which is what separates an open loop from a closed one once the INS has drifted. Of what it neglects,
+the products of position and velocity errors are the largest and depend on the coordinates of the position error; see `KINEMATICS`.
+"""
+import math
+
+import numpy as np
+
+from ...core.adjoint import SMOOTHER
+from ...core.contract import BA, BG, CORRECT, PREDICT, Filter, helper, kernel, matrix
+from ...core.earth import FAR
+from ...core.error_dynamics import TV
+from ...core.error_state import BLOCK, DX, HEIGHT, OWN, X, added, auxiliary, decay_biases, inject_tail, linearised_step, measure
+from ...core.mechanization import mechanize
+
+LLA, V, C = slice(OWN, OWN + 3), slice(OWN + 3, OWN + 6), OWN + 6   # of the raw INS in aux
+INS_ERROR = ("ins_error_north [m]", "ins_error_east [m]", "ins_error_down [m]")  # the first numbers of aux: true - raw INS, as estimated
+LEFT_MODEL = "the raw INS left the model"
+BIAS = slice(OWN + 15, OWN + 21)                                     # what the raw INS takes off its IMU: accelerometer, gyro
+MODE = OWN + 32                                                     # which of:
+SECOND_ORDER, METRES, GEODETIC = range(3)
+KINEMATICS = {"second-order": SECOND_ORDER, "metres": METRES, "geodetic": GEODETIC}
+"""Kinematics of the position error: exact to second order; linear in metres NED at the belief; linear in latitude, longitude and height as Hager & Bryne,
+to second order (5 % of its own error at 50 km of drift, 7 % at 160 km; beyond 500 km it is another filter)."""
+
+
+def start(start, noise, error_model="corrected", kinematics="second-order"):
+    """Belief at `start`: the INS begins there, and only the initial biases of `start` are taken off its IMU (decaying as the model says).
+
+    error_model: "corrected", or a name of core.error_dynamics.MODELS: what Hager & Bryne print, whole or in part.
+    kinematics: "second-order", "metres" or "geodetic": see KINEMATICS.
+    """
+    if kinematics not in KINEMATICS:
+        raise ValueError(f"kinematics is {kinematics!r}; it must be one of {', '.join(KINEMATICS)}")
+    belief = start.belief(auxiliary(len(start.sd), error_model))
+    belief.aux[LLA], belief.aux[V], belief.aux[C:C + 9] = belief.lla, belief.v, belief.C.ravel()
+    belief.aux[BIAS] = *belief.ba, *belief.bg
+    belief.aux[MODE] = KINEMATICS[kinematics]
+    return belief
+
+
+@helper
+def predict_beside(belief, u, dt, noise):
+    """One step of the raw INS and of the error beside it; the belief is composed of both."""
+    aux = belief.aux
+    b = aux[BIAS]
+    linearised_step(belief, belief.C, 1.0, u, dt, noise, True)
+    if aux[MODE] != METRES:
+        products(aux[X], aux[BLOCK], belief.lla[0], aux[MODE] == GEODETIC, dt)
+    mechanize(aux[LLA], aux[V], matrix(aux, C, 3, 3), u[0] - b[3] * dt, u[1] - b[4] * dt, u[2] - b[5] * dt,
+              u[3] - b[0] * dt, u[4] - b[1] * dt, u[5] - b[2] * dt, dt, aux[DX], aux[HEIGHT])
+    decay_biases(b[0:3], b[3:6], dt, noise)
+    compose(belief)
+
+
+@helper
+def products(x, blocks, lat, geodetic, dt):
+    """Products of position and velocity errors that the linear position kinematics in metres at the belief leave out.
+
+    x is in metres at the INS, whose scale changes with the velocity of the INS and not with that of the belief. In geodetic coordinates that
+    scale is no matter, but the velocity error is divided by the radius at the wrong height and latitude: these products are put in.
+    """
+    m, n, tan = abs(blocks[TV + 3]), abs(blocks[TV + 1]), math.copysign(abs(blocks[TV + 7]), lat)     # 1/M, 1/N, tan/N, whatever their printed signs
+    north = m * x[5] * x[0]
+    east = (n * x[5] + tan * x[3]) * x[1]
+    if geodetic:
+        north += m * x[3] * x[2]
+        east += (n * x[2] + tan * x[0]) * x[4]
+    x[0] += dt * north
+    x[1] += dt * east
+
+
+@helper
+def compose(belief):
+    """belief = INS (+) error: equations (20)-(23) of the paper."""
+    aux = belief.aux
+    x, b, raw = aux[X], aux[BIAS], matrix(aux, C, 3, 3)
+    lla, v, xa, xg = aux[LLA], aux[V], x[BA], x[BG]
+    for i in range(3):
+        belief.lla[i], belief.v[i] = lla[i], v[i]
+        belief.ba[i], belief.bg[i] = b[i] + xa[i], b[3 + i] + xg[i]
+        for j in range(3):
+            belief.C[i, j] = raw[i, j]
+    added(belief.lla, belief.v, belief.C, x)
+
+
+@helper
+def correct_beside(belief, y, sd, observe, parameters, gate, innovation):
+    """Correct the error beside the INS: its prior is kept and the correction added to it."""
+    nis = measure(belief, y, sd, observe, parameters, gate, innovation)
+    if nis <= gate:
+        x, dx = belief.aux[X], belief.aux[DX]
+        for i in range(x.size):
+            x[i] += dx[i]
+        inject_tail(belief, dx)
+        compose(belief)
+    return nis
+
+
+@kernel(PREDICT)
+def predict(belief, u, dt, noise):
+    """Advance P, the raw INS and the error beside it."""
+    predict_beside(belief, u, dt, noise)
+
+
+@kernel(CORRECT)
+def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    """Correct P and the error beside the INS."""
+    return correct_beside(belief, y, sd, observe, parameters, gate, innovation)
+
+
+def left_model(t, lla, columns):
+    """[(t, text)] where the raw INS first is at a height at which gravity is no series any more and the mechanization continues in a fashion, else []."""
+    height = lla[:, 2] + columns[INS_ERROR[2]]      # down: true - raw
+    gone = ~(np.abs(height) <= FAR)
+    return [(float(t[np.argmax(gone)]), f"{LEFT_MODEL}: its height is beyond {FAR / 1e3:.0f} km")] if gone.any() else []
+
+
+OPEN_LOOP = Filter("open-loop", "Hager & Bryne, section IV-A, equations (19)-(23)", start, predict, correct,
+                   columns=INS_ERROR, watch=left_model, smoother=SMOOTHER)

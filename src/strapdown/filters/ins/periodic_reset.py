@@ -1,0 +1,49 @@
+"""Between open and closed loop: the error is estimated beside the INS and injected into it at the first fix after every `interval` seconds.
+
+Interval 0 is the closed loop, an infinite one the open loop.
+"""
+from ...core.adjoint import SMOOTHER
+from ...core.contract import CORRECT, PREDICT, Filter, kernel, matrix
+from ...core.error_state import OWN, X
+from . import open_loop
+from .open_loop import BIAS, INS_ERROR, C, LLA, V, correct_beside, left_model, predict_beside
+
+INTERVAL, ELAPSED = OWN + 30, OWN + 31  # s; s since the last reset
+ROUNDING = 1e-6                         # s: of a sum of steps
+
+
+def start(start, noise, interval=60.0, error_model="corrected", kinematics="second-order"):
+    """Belief at `start`. interval: seconds between resets, 0 to inf; error_model and kinematics as for the open loop."""
+    if not interval >= 0:
+        raise ValueError(f"interval is {interval} s; it must be 0 or more (inf: never reset)")
+    belief = open_loop.start(start, noise, error_model, kinematics)
+    belief.aux[INTERVAL] = interval
+    return belief
+
+
+@kernel(PREDICT)
+def predict(belief, u, dt, noise):
+    """As the open loop, counting the seconds since the last reset."""
+    belief.aux[ELAPSED] += dt
+    predict_beside(belief, u, dt, noise)
+
+
+@kernel(CORRECT)
+def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    """As the open loop; once the interval has passed the INS takes over the belief and the error is zero again."""
+    aux = belief.aux
+    nis = correct_beside(belief, y, sd, observe, parameters, gate, innovation)
+    if nis <= gate and aux[ELAPSED] >= aux[INTERVAL] - ROUNDING:
+        aux[ELAPSED] = 0.0
+        lla, v, raw, b, x = aux[LLA], aux[V], matrix(aux, C, 3, 3), aux[BIAS], aux[X]
+        for i in range(3):
+            lla[i], v[i], b[i], b[3 + i] = belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i]
+            for j in range(3):
+                raw[i, j] = belief.C[i, j]
+        for i in range(x.size):
+            x[i] = 0.0
+    return nis
+
+
+PERIODIC_RESET = Filter("periodic-reset", "Hager & Bryne, section VI (occasional resets)", start, predict, correct,
+                        columns=INS_ERROR, watch=left_model, smoother=SMOOTHER)

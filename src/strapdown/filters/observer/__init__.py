@@ -1,0 +1,1 @@
+"""The nonlinear observer of Grip et al., and the eXogenous Kalman filter about it."""

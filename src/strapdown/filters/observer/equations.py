@@ -1,0 +1,344 @@
+"""The nonlinear observer of Grip et al. as Alam et al. use it: attitude by two directions, a translational motion observer, bounded biases.
+
+Equations (1)-(3) of Alam, Whidborne & Millidere (2023), written in n instead of e, with the corrections of docs/observer.md. With sigma a rate in
+the body, x = C' xi, f the bias-free specific force:
+    C' = C [w - bg + sigma] - ..., bg' = Proj(-ki sigma), sigma = k1 f x (f + x) / (|f| |f + x|) + sigma of a heading or field,
+    v' = C f + xi + g + ..., xi' = - C [sigma] (f - ba) + jumps at the fixes, ba' = Proj(adaptation).
+A turn by sigma therefore leaves C (f - ba) + xi where it was, and here it does so exactly, however large it is.
+
+Helpers act on a Belief whose `aux` begins with the observer's own block: that of the filter, or the view that `embedded` gives.
+"""
+import math
+
+from ...core.jit import helper, inlined, matrix
+from ...core.contract import ALTITUDE_KIND, HEADING_KIND, MAGNETIC_KIND, POSITION_KIND, VELOCITY_KIND, Belief
+from ...core.earth import displace, place
+from ...core.error_state import observed
+from ...core.kalman import decay
+from ...core.mechanization import mechanize
+from ...core.rotation import orthonormalise, rotate_right, turned, wrap
+from .translation_gains import AGES, TRANSLATION, VELOCITY_AGE, pulled
+
+EXCITATION, HELD, XI = 0, 1, 2                          # output columns: smallest eigenvalue of MOMENT; s without a course; m/s^2, n
+SQUARE = 5                                              # theta0: squared length of the accelerometer bias, m^2/s^4
+SINCE_FIX, SINCE_COURSE, SINCE_HEADING, SINCE_FIELD = range(6, 10)     # s; SINCE_FIX of position or velocity
+FADE, COURSE = 10, 11                                   # from HOLD down: 1 and above, the gains are those of the start; last course, rad, NaN
+K1, K2, KI, WANDER, START, START_TIME = 12, 13, 14, 15, 16, 20      # gains, 1/s; density of the force, m/s^2/sqrt(s); START: the four at first; s
+GYRO_BOUND, ACCEL_BOUND, ADAPTATION = range(21, 24)     # rad/s, m/s^2, 1/s
+MODE, FIELD, LEAST_SPEED, OUTAGE_AFTER, TOLD = range(24, 29)    # of the course, of the field; m/s; s; accelerometer noise while there are samples
+MOMENT = 29                                             # forgetting mean of phi phi', 10 numbers of its upper triangle
+WORK = slice(39, 55)
+OWN = 55                                                # the translational motion observer's numbers
+H = OWN + TRANSLATION                                   # of the observer of a fix, 3 x 15
+BLOCK = H + 45
+"""Places in the block, and its size."""
+STATE = 27
+EMBEDDED = STATE + BLOCK
+"""Numbers that an observer inside another filter takes of its aux: lla, v, C, ba, bg, omega, f, then the block."""
+
+NONE, TILT_COMPENSATED, PRINTED, FROZEN = range(4)
+COURSES = {"tilt-compensated": TILT_COMPENSATED, "printed": PRINTED, "frozen": FROZEN, "none": NONE}
+VECTOR, ACROSS = range(2)
+FIELDS = {"across": ACROSS, "vector": VECTOR}
+LONGEST = 1.0           # s: a direction not measured for longer counts as if it were for so long
+TRUSTED = 5.0           # s after a heading or field during which the course is left alone
+FORGETTING = 60.0       # s, of MOMENT
+GRAVITY = 9.81          # m/s^2, scale of MOMENT
+HOLD = math.exp(2.0)    # falls to 1 in twice its time constant
+OUTER = 1.1             # the biases never pass this times their bound
+LEAST_SINE = 0.1        # between specific force and field: below it the field tells no heading
+LEAST_FORCE = 0.5       # m/s^2: a specific force below it has no direction
+
+
+@inlined
+def embedded(belief, first):
+    """The observer that begins at belief.aux[first], as a Belief of its own; P and tail are those of `belief` and none of its business."""
+    aux = belief.aux
+    return Belief(aux[first:first + 3], aux[first + 3:first + 6], matrix(aux, first + 6, 3, 3), aux[first + 15:first + 18],
+                  aux[first + 18:first + 21], belief.P, aux[first + 21:first + 24], aux[first + 24:first + 27], aux[first + STATE:first + EMBEDDED],
+                  belief.tail)
+
+
+@inlined
+def advance(bar, u, dt, noise):
+    """One IMU sample u (rotation, rad, and velocity increment, m/s): INS with xi, turn towards the specific force that the fixes tell, biases.
+
+    In an outage, and over samples that the loop makes up in a gap, sigma is zero and biases and xi are held; FROZEN goes on turning to the last
+    course.
+    """
+    if dt <= 0:
+        return
+    aux, C, ba, bg, f = bar.aux, bar.C, bar.ba, bar.bg, bar.f
+    xi = aux[XI:XI + 3]
+    r0, r1, r2, a0, a1, a2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt, u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
+    x0 = C[0, 0] * xi[0] + C[1, 0] * xi[1] + C[2, 0] * xi[2]
+    x1 = C[0, 1] * xi[0] + C[1, 1] * xi[1] + C[2, 1] * xi[2]
+    x2 = C[0, 2] * xi[0] + C[1, 2] * xi[1] + C[2, 2] * xi[2]
+    _turn_with_n(bar, xi, dt)
+    mechanize(bar.lla, bar.v, C, r0, r1, r2, a0 + dt * (x0 - 0.5 * (r1 * x2 - r2 * x1)), a1 + dt * (x1 - 0.5 * (r2 * x0 - r0 * x2)),
+              a2 + dt * (x2 - 0.5 * (r0 * x1 - r1 * x0)), dt, aux[WORK])    # half a turn back: xi stands still in n, not in the body
+    bar.omega[0], bar.omega[1], bar.omega[2] = r0 / dt, r1 / dt, r2 / dt
+    f[0], f[1], f[2] = a0 / dt, a1 / dt, a2 / dt
+    made_up = noise.accel > aux[TOLD]
+    _clocks(aux, dt, noise.accel * noise.accel - aux[TOLD] * aux[TOLD] if made_up else 0.0)
+    if not made_up and not outage(aux):
+        _towards_force(bar, x0, x1, x2, dt)
+        _adapt(bar, x0, x1, x2, dt)
+    elif aux[MODE] == FROZEN and not made_up and aux[COURSE] == aux[COURSE]:
+        _towards_heading(bar, aux[COURSE], dt)
+
+
+@helper
+def outage(aux):
+    """Whether position and velocity have been away for so long that nothing else is injected either."""
+    return aux[SINCE_FIX] > aux[OUTAGE_AFTER]
+
+
+@inlined
+def _turn_with_n(bar, xi, dt):
+    """xi stands still in e: in n it turns against the transport rate."""
+    sine, cosine, M, N = place(bar.lla[0], bar.lla[2])
+    w0, w1, w2 = dt * bar.v[1] / N, -dt * bar.v[0] / M, -dt * bar.v[1] * sine / (cosine * N)
+    x0, x1, x2 = xi[0], xi[1], xi[2]
+    xi[0], xi[1], xi[2] = x0 - w1 * x2 + w2 * x1, x1 - w2 * x0 + w0 * x2, x2 - w0 * x1 + w1 * x0
+
+
+@helper
+def _clocks(aux, dt, spread):
+    """Time goes on; `spread` (m^2/s^3) is the density of velocity that made-up samples add to what the fixes may correct."""
+    for i in range(SINCE_FIX, SINCE_FIELD + 1):
+        aux[i] += dt
+    for i in range(AGES):
+        aux[OWN + i] += dt
+    aux[OWN + AGES] += spread * dt
+    heading = min(aux[SINCE_COURSE], min(aux[SINCE_HEADING], aux[SINCE_FIELD])) < TRUSTED
+    if aux[FADE] > 1e-3 and (heading or aux[MODE] == NONE) and not outage(aux):     # a start that heading is not part of is none
+        aux[FADE] *= decay(2 * dt / aux[START_TIME])
+
+
+@helper
+def gain(aux, name):
+    """One of K1 ... WANDER now: for START_TIME that of the start, from then on itself more and more, with half of that time for a time constant."""
+    return aux[name] + (aux[name + START - K1] - aux[name]) * min(aux[FADE], 1.0)
+
+
+@inlined
+def turn(bar, s0, s1, s2):
+    """Turn the attitude by the rotation vector s (rad, body), f_n = C f + xi staying, and outside an outage the gyro bias by - ki s, bounded."""
+    C, f, xi, aux = bar.C, bar.f, bar.aux[XI:XI + 3], bar.aux
+    b0, b1, b2 = turned(C, f[0], f[1], f[2])
+    rotate_right(C, s0, s1, s2)
+    n0, n1, n2 = turned(C, f[0], f[1], f[2])
+    xi[0] += b0 - n0
+    xi[1] += b1 - n1
+    xi[2] += b2 - n2
+    ki = 0.0 if outage(aux) else gain(aux, KI)
+    bounded(bar.bg, -ki * s0, -ki * s1, -ki * s2, aux[GYRO_BOUND])
+
+
+@helper
+def bounded(b, d0, d1, d2, bound):
+    """b += Proj(d): what leads out of the ball of radius `bound` fades away up to OUTER times it, smoothly (Grip et al. 2015)."""
+    along, square, limit = b[0] * d0 + b[1] * d1 + b[2] * d2, b[0] * b[0] + b[1] * b[1] + b[2] * b[2], bound * bound
+    if along > 0 and square > limit:
+        less = min(1.0, (square - limit) / (limit * (OUTER * OUTER - 1))) * along / square
+        d0, d1, d2 = d0 - less * b[0], d1 - less * b[1], d2 - less * b[2]
+    b[0] += d0
+    b[1] += d1
+    b[2] += d2
+    square = b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
+    if square > OUTER * OUTER * limit:      # a step is no derivative
+        scale = OUTER * bound / math.sqrt(square)
+        b[0], b[1], b[2] = b[0] * scale, b[1] * scale, b[2] * scale
+
+
+@inlined
+def _towards_force(bar, x0, x1, x2, dt):
+    """sigma of the first direction: the specific force as measured against that of the translational motion observer."""
+    f, aux = bar.f, bar.aux
+    h0, h1, h2 = f[0] + x0, f[1] + x1, f[2] + x2
+    size = math.sqrt((f[0] * f[0] + f[1] * f[1] + f[2] * f[2]) * (h0 * h0 + h1 * h1 + h2 * h2))
+    if size < LEAST_FORCE * LEAST_FORCE:
+        return
+    k = (1 - decay(gain(aux, K1) * dt)) / size
+    turn(bar, k * (f[1] * x2 - f[2] * x1), k * (f[2] * x0 - f[0] * x2), k * (f[0] * x1 - f[1] * x0))
+
+
+@inlined
+def _adapt(bar, x0, x1, x2, dt):
+    """theta' = Proj(adaptation G phi (y_f - phi' theta) / (phi' G phi)), G = diag(bound^2, 1, 1, 1): it cannot blow up, however large the force.
+
+    With f bias-free and f_n = C f + xi the error y_f - phi' theta = |f_n|^2 - |f_IMU|^2 - theta0 + 2 f_IMU b is 2 f_IMU x + |x - b|^2 - theta0.
+    """
+    aux, ba, f = bar.aux, bar.ba, bar.f
+    b0, b1, b2 = ba[0], ba[1], ba[2]
+    m0, m1, m2 = f[0] + b0, f[1] + b1, f[2] + b2
+    e = 2 * (m0 * x0 + m1 * x1 + m2 * x2) + (x0 - b0) * (x0 - b0) + (x1 - b1) * (x1 - b1) + (x2 - b2) * (x2 - b2) - aux[SQUARE]
+    limit = aux[ACCEL_BOUND] * aux[ACCEL_BOUND]
+    rate = aux[ADAPTATION] * (1 - min(aux[FADE], 1.0)) * dt * e / (limit + 4 * (m0 * m0 + m1 * m1 + m2 * m2))
+    aux[SQUARE] = min(max(aux[SQUARE] + rate * limit, 0.0), OUTER * OUTER * limit)
+    bounded(ba, -2 * rate * m0, -2 * rate * m1, -2 * rate * m2, aux[ACCEL_BOUND])
+    share = dt / FORGETTING
+    phi = (1.0, m0 / GRAVITY, m1 / GRAVITY, m2 / GRAVITY)
+    k = MOMENT
+    for i in range(4):
+        for j in range(i, 4):
+            aux[k] += share * (phi[i] * phi[j] - aux[k])
+            k += 1
+
+
+@inlined
+def inject(bar, y, sd, kind, observe, parameters, innovation):
+    """What a fix changes: position, velocity and xi by the gains of the translational motion observer, the attitude by a direction.
+
+    In an outage only position and velocity, which end it; a heading or field is only remembered as one that is there, so that no course takes its
+    place.
+    """
+    aux = bar.aux
+    observed(bar, y, observe, parameters, innovation, matrix(aux, H, 3, 15))
+    if outage(aux) and kind != POSITION_KIND and kind != VELOCITY_KIND:
+        if innovation[0] == innovation[0]:
+            if kind == HEADING_KIND:
+                aux[SINCE_HEADING] = 0.0
+            elif kind == MAGNETIC_KIND:
+                aux[SINCE_FIELD] = 0.0
+        return
+    if kind == HEADING_KIND:
+        if innovation[0] == innovation[0]:
+            _towards_heading(bar, y[0], min(aux[SINCE_HEADING], LONGEST))
+            aux[SINCE_HEADING] = 0.0
+    elif kind == MAGNETIC_KIND:
+        if innovation[0] + innovation[1] + innovation[2] == innovation[0] + innovation[1] + innovation[2]:
+            _towards_field(bar, y, parameters)
+    elif kind == POSITION_KIND or kind == VELOCITY_KIND or kind == ALTITUDE_KIND:
+        if kind == VELOCITY_KIND:
+            _course(bar, innovation[0] + bar.v[0], innovation[1] + bar.v[1])
+        _translate(bar, kind, innovation, sd)
+        aux[EXCITATION] = smallest(aux)
+    orthonormalise(bar.C)
+
+
+@inlined
+def _translate(bar, kind, innovation, sd):
+    """Position, velocity and xi by the gains at this fix."""
+    aux = bar.aux
+    change = aux[WORK]
+    for i in range(9):
+        change[i] = 0.0
+    used = False
+    for row in range(1 if kind == ALTITUDE_KIND else 3):
+        if innovation[row] == innovation[row]:
+            axis, used = 2 if kind == ALTITUDE_KIND else row, True
+            pulled(aux[OWN:OWN + TRANSLATION], axis, kind == VELOCITY_KIND, innovation[row], sd[row], aux[TOLD], gain(aux, WANDER),
+                   change[3 * axis:3 * axis + 3])
+    displace(bar.lla, change[0], change[3], change[6])
+    for i in range(3):
+        bar.v[i] += change[3 * i + 1]
+        aux[XI + i] += change[3 * i + 2]
+    if used and kind != ALTITUDE_KIND:
+        aux[SINCE_FIX] = 0.0
+
+
+@inlined
+def _course(bar, north, east):
+    """The direction of the velocity (m/s) as a heading, where it is fast enough and nothing better is there."""
+    aux = bar.aux
+    speed = math.sqrt(north * north + east * east)
+    if aux[MODE] == NONE or min(aux[SINCE_HEADING], aux[SINCE_FIELD]) <= TRUSTED or not speed == speed:
+        return
+    if speed < aux[LEAST_SPEED]:
+        aux[HELD] += min(aux[OWN + VELOCITY_AGE], LONGEST)
+        return
+    seconds = min(aux[SINCE_COURSE], LONGEST)
+    aux[COURSE], aux[SINCE_COURSE] = math.atan2(east, north), 0.0
+    if aux[MODE] == PRINTED:
+        C = bar.C
+        _towards(bar, north / speed, -east / speed, 0.0, C[0, 0], C[0, 1], C[0, 2], seconds)
+    else:
+        _towards_heading(bar, aux[COURSE], seconds)
+
+
+@inlined
+def _towards_heading(bar, heading, seconds):
+    """sigma of a heading (rad) at the roll and pitch of the belief, over that time: a turn about the vertical, exact for any angle."""
+    C, aux = bar.C, bar.aux
+    angle = wrap(heading - math.atan2(C[1, 0], C[0, 0]))
+    angle -= _left(angle, gain(aux, K2) * seconds)
+    turn(bar, angle * C[2, 0], angle * C[2, 1], angle * C[2, 2])
+
+
+@helper
+def _left(angle, time):
+    """What is left of an angle (rad) whose rate is - sin(angle), after that (scaled) time."""
+    return 2 * math.atan(math.tan(0.5 * angle) * decay(time))
+
+
+@inlined
+def _towards_field(bar, y, parameters):
+    """sigma of a magnetic field y (T, body) against the one in `parameters` (T, n), over the time since the last.
+
+    Of both what is across the specific force counts, f x m: a field that dips steeply is almost parallel to it and alone holds the heading badly.
+    """
+    C, aux, f = bar.C, bar.aux, bar.f
+    xi, m0, m1, m2 = aux[XI:XI + 3], parameters[0], parameters[1], parameters[2]
+    e0, e1, e2 = C[0, 0] * m0 + C[1, 0] * m1 + C[2, 0] * m2, C[0, 1] * m0 + C[1, 1] * m1 + C[2, 1] * m2, C[0, 2] * m0 + C[1, 2] * m1 + C[2, 2] * m2
+    b0, b1, b2 = y[0], y[1], y[2]
+    if aux[FIELD] == ACROSS:
+        f0, f1, f2 = f[0], f[1], f[2]
+        h0 = f0 + C[0, 0] * xi[0] + C[1, 0] * xi[1] + C[2, 0] * xi[2]
+        h1 = f1 + C[0, 1] * xi[0] + C[1, 1] * xi[1] + C[2, 1] * xi[2]
+        h2 = f2 + C[0, 2] * xi[0] + C[1, 2] * xi[1] + C[2, 2] * xi[2]
+        large = LEAST_SINE * LEAST_SINE * (e0 * e0 + e1 * e1 + e2 * e2) * (h0 * h0 + h1 * h1 + h2 * h2)
+        e0, e1, e2 = h1 * e2 - h2 * e1, h2 * e0 - h0 * e2, h0 * e1 - h1 * e0
+        if e0 * e0 + e1 * e1 + e2 * e2 < large:
+            return
+        b0, b1, b2 = f1 * b2 - f2 * b1, f2 * b0 - f0 * b2, f0 * b1 - f1 * b0
+    size, known = math.sqrt(b0 * b0 + b1 * b1 + b2 * b2), math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
+    if size > 0 and known > 0:
+        _towards(bar, b0 / size, b1 / size, b2 / size, e0 / known, e1 / known, e2 / known, min(aux[SINCE_FIELD], LONGEST))
+        aux[SINCE_FIELD] = 0.0
+
+
+@inlined
+def _towards(bar, b0, b1, b2, e0, e1, e2, seconds):
+    """sigma of a direction measured as b and expected as e, unit vectors in the body, over that time."""
+    c0, c1, c2 = b1 * e2 - b2 * e1, b2 * e0 - b0 * e2, b0 * e1 - b1 * e0
+    sine, cosine = math.sqrt(c0 * c0 + c1 * c1 + c2 * c2), b0 * e0 + b1 * e1 + b2 * e2
+    if sine < 1e-12:
+        return
+    angle = math.atan2(sine, cosine)
+    share = (angle - _left(angle, gain(bar.aux, K2) * seconds)) / sine
+    turn(bar, share * c0, share * c1, share * c2)
+
+
+@helper
+def smallest(aux):
+    """Smallest eigenvalue of the 4 x 4 matrix MOMENT, by Jacobi rotations."""
+    A = matrix(aux, WORK.start, 4, 4)
+    k = MOMENT
+    for i in range(4):
+        for j in range(i, 4):
+            A[i, j] = A[j, i] = aux[k]
+            k += 1
+    for _ in range(4):
+        for p in range(3):
+            for q in range(p + 1, 4):
+                _annihilate(A, p, q)
+    return max(min(min(A[0, 0], A[1, 1]), min(A[2, 2], A[3, 3])), 0.0)
+
+
+@helper
+def _annihilate(A, p, q):
+    """One Jacobi rotation that makes A[p, q] of a symmetric matrix zero."""
+    if abs(A[p, q]) < 1e-15:
+        return
+    ratio = (A[q, q] - A[p, p]) / (2 * A[p, q])
+    t = math.copysign(1.0, ratio) / (abs(ratio) + math.sqrt(ratio * ratio + 1))
+    c = 1 / math.sqrt(t * t + 1)
+    s = t * c
+    for k in range(4):
+        x, y = A[k, p], A[k, q]
+        A[k, p], A[k, q] = c * x - s * y, s * x + c * y
+    for k in range(4):
+        x, y = A[p, k], A[q, k]
+        A[p, k], A[q, k] = c * x - s * y, s * x + c * y

@@ -1,0 +1,209 @@
+"""Exogenous Kalman filter: a nonlinear observer gives the trajectory to linearise about, an affine Kalman filter around it the estimate.
+
+The observer runs by itself, as in `nlo`. Beside it the filter keeps P and delta = estimate (-) observer. Between fixes
+estimate = f(observer) (+) Phi delta, with one mechanization f of the observer's state without its injections; at a fix the innovation is
+y - h(observer) - H delta. Where the observer injects, jumps or is bounded the estimate stays where it is and delta becomes what then lies between
+them: the mismatch of a trajectory that is no solution of the model. docs/exogenous.md.
+"""
+import inspect
+
+import numpy as np
+
+from ...core.jit import inlined
+from ...core.contract import (ALTITUDE_KIND, ATTITUDE_KIND, BA, BG, CORRECT, HEADING_KIND, MAGNETIC_KIND, POSITION_KIND, PREDICT, STATES,
+                             VELOCITY_KIND, Belief, Filter, kernel, matrix)
+from ...core.earth import place
+from ...core.error_state import DX, OWN, WORK, X, added, auxiliary, bias_free, decay_biases, inject_tail, linearised_step, observed
+from ...core.kalman import update
+from ...core.mechanization import mechanize
+from .equations import EMBEDDED, advance, embedded, inject
+from .gains import fit as fit_observer
+from .gains import implant
+from .repeated_fix import FORGOTTEN, repeated
+from .repeated_fix import MEMORY as REMEMBERED
+from ...core.rotation import rotation_between, wrap
+from . import nlo
+
+COLUMNS = ("observer_error_north [m]", "observer_error_east [m]", "observer_error_down [m]", *nlo.COLUMNS)
+"""Estimate - observer; what the observer says of itself."""
+SHIFT, SAID = 3, len(nlo.COLUMNS)
+OBSERVER = len(COLUMNS)             # where the observer begins in aux
+ERROR_STATE = OBSERVER + EMBEDDED   # where the aux array of core/error_state begins
+CLOSE, NEAR = OWN, OWN + 1          # there: whether the observer is nearer than NEAR, rad
+INNOVATION = OWN + 2                # of the observer
+BIASES, ORIGIN = OWN + 5, OWN + 11  # of the observer at the start of a step; attitude that delta is counted from, 3 x 3
+MEMORY = slice(OWN + 20, OWN + 20 + REMEMBERED)
+
+
+def start(start, noise, near=0.0, **observer):
+    """Belief at `start`, where the observer begins too.
+
+    near: rad between attitudes of estimate and observer up to which the mean goes on by the model itself, and only Jacobians are taken at the
+    observer: 0 is the affine filter of Johansen & Fossen, inf what Alam et al. print. The other options are those of `nlo`, docs/observer.md.
+    """
+    if not near >= 0:
+        raise ValueError(f"near is {near} rad; it must be 0 or more")
+    own = auxiliary(len(start.sd))
+    own[CLOSE], own[NEAR], own[MEMORY.start] = near > 0, near, FORGOTTEN
+    belief = start.belief(np.r_[np.zeros(ERROR_STATE), own])
+    belief.aux[ERROR_STATE + ORIGIN:][:9] = belief.C.ravel()
+    implant(belief.aux, OBSERVER, start, noise, **observer)
+    return belief
+
+
+# the observer's options as the engine and the listing of filters see them: its own, whatever they are
+_first, _noise, *_of_observer = inspect.signature(nlo.start).parameters.values()
+_near = inspect.Parameter("near", inspect.Parameter.POSITIONAL_OR_KEYWORD, default=0.0)
+start.__signature__ = inspect.Signature([_first, _noise, _near, *_of_observer])
+
+
+def fit(options, aidings):
+    """What these sources decide of the observer and what it says of itself; refuses what it cannot run on."""
+    own = {"near": options["near"]} if "near" in options else {}
+    options, notes = fit_observer({name: value for name, value in options.items() if name not in own}, aidings)
+    return own | options, notes
+
+
+@inlined
+def at(belief, state, ba, bg):
+    """P, rate, force and workspace of the belief at the state of another, with these biases: what the linear model is taken at."""
+    return Belief(state.lla, state.v, state.C, ba, bg, belief.P, belief.omega, belief.f, belief.aux[ERROR_STATE:], belief.tail)
+
+
+@inlined
+def put(belief, state):
+    """Position, velocity, attitude and biases of the belief become those of another."""
+    for i in range(3):
+        belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i] = state.lla[i], state.v[i], state.ba[i], state.bg[i]
+        for j in range(3):
+            belief.C[i, j] = state.C[i, j]
+
+
+@inlined
+def compose(belief, x):
+    """The belief becomes belief (+) x."""
+    a, g = x[BA], x[BG]
+    added(belief.lla, belief.v, belief.C, x)
+    for i in range(3):
+        belief.ba[i] += a[i]
+        belief.bg[i] += g[i]
+
+
+@inlined
+def relate(belief, bar):
+    """delta is what lies between observer and belief, which stays wherever the observer has gone.
+
+    Attitude: with exp(m) from the observer to where its error a was counted from, log(exp(a) exp(m)) = a + m + a x m / 2 + ..., cut where it would
+    not be affine in a any more. The whole logarithm would wrap an error of half a turn, which the linear filter has not wrapped.
+    """
+    aux, lla = belief.aux[ERROR_STATE:], bar.lla
+    x, o, C = aux[X], aux[ORIGIN:ORIGIN + 9], belief.C
+    _, cosine, M, N = place(lla[0], lla[2])
+    x[0], x[1], x[2] = (belief.lla[0] - lla[0]) * M, wrap(belief.lla[1] - lla[1]) * N * cosine, lla[2] - belief.lla[2]
+    if aux[CLOSE] > 0:
+        x[6], x[7], x[8] = rotation_between(bar.C, (C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2]))
+    else:
+        m0, m1, m2 = rotation_between(bar.C, (o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7], o[8]))
+        a0, a1, a2 = x[6], x[7], x[8]
+        x[6] = a0 + m0 + 0.5 * (a1 * m2 - a2 * m1)
+        x[7] = a1 + m1 + 0.5 * (a2 * m0 - a0 * m2)
+        x[8] = a2 + m2 + 0.5 * (a0 * m1 - a1 * m0)
+    for i in range(3):
+        x[3 + i], x[9 + i], x[12 + i] = belief.v[i] - bar.v[i], belief.ba[i] - bar.ba[i], belief.bg[i] - bar.bg[i]
+        belief.aux[i] = x[i]
+        for j in range(3):
+            o[3 * i + j] = bar.C[i, j]
+    aux[CLOSE] = x[6] * x[6] + x[7] * x[7] + x[8] * x[8] < aux[NEAR] * aux[NEAR]
+
+
+@inlined
+def publish(belief, bar):
+    """What the observer says of itself, among the extra columns."""
+    for i in range(SAID):
+        belief.aux[SHIFT + i] = bar.aux[i]
+
+
+@inlined
+def carry(belief, bar, u, dt, noise):
+    """Carry P and the belief over dt, linearised at the observer, which is left where it is: f(observer) (+) Phi delta."""
+    aux, affine = belief.aux[ERROR_STATE:], belief.aux[ERROR_STATE + CLOSE] == 0
+    ba, bg = aux[BIASES:BIASES + 3], aux[BIASES + 3:BIASES + 6]
+    for i in range(3):
+        ba[i], bg[i] = bar.ba[i], bar.bg[i]
+    linearised_step(at(belief, bar, ba, bg), bar.C, 1.0, u, dt, noise, True)
+    if affine:
+        put(belief, bar)
+    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
+    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, aux[DX], 1.0)
+    decay_biases(belief.ba, belief.bg, dt, noise)
+    if affine:
+        for i in range(3):
+            for j in range(3):
+                aux[ORIGIN + 3 * i + j] = belief.C[i, j]
+        compose(belief, aux[X])
+    if dt > 0:
+        for i in range(3):
+            belief.omega[i], belief.f[i] = u[i] / dt - belief.bg[i], u[3 + i] / dt - belief.ba[i]
+
+
+@inlined
+def correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation):
+    """Correct P and the belief by one fix, linearised at the observer, which is left where it is. Returns the NIS."""
+    aux, n = belief.aux[ERROR_STATE:], belief.P.shape[0]
+    x, dx, H = aux[X], aux[DX], matrix(aux, aux.size - 3 * n, 3, n)
+    shift_rates(belief, x, 1.0)     # to those of the observer, for the while
+    rows = observed(at(belief, bar, bar.ba, bar.bg), y, observe, parameters, innovation, H)
+    shift_rates(belief, x, -1.0)
+    if aux[CLOSE] > 0:
+        observed(at(belief, belief, belief.ba, belief.bg), y, observe, parameters, innovation, matrix(aux, WORK, 3, n))
+    else:
+        for i in range(rows):
+            for j in range(STATES):
+                innovation[i] -= H[i, j] * x[j]
+            if kind == HEADING_KIND or kind == ATTITUDE_KIND:
+                innovation[i] = wrap(innovation[i])
+    nis = update(belief.P, H, innovation, sd, rows, gate, aux[WORK:], dx)
+    if nis <= gate:
+        for i in range(STATES):
+            x[i] += dx[i]
+        put(belief, bar)
+        compose(belief, x)
+        inject_tail(belief, dx)
+        shift_rates(belief, dx, -1.0)
+    return nis
+
+
+@inlined
+def shift_rates(belief, x, sign):
+    """Rate and force of the belief less, or more, these errors of the biases."""
+    a, g = x[BA], x[BG]
+    for i in range(3):
+        belief.f[i] += sign * a[i]
+        belief.omega[i] += sign * g[i]
+
+
+@kernel(PREDICT)
+def predict(belief, u, dt, noise):
+    """Carry P and the belief on, then the observer; the difference is what is between them."""
+    bar = embedded(belief, OBSERVER)
+    carry(belief, bar, u, dt, noise)
+    advance(bar, u, dt, noise)
+    relate(belief, bar)
+    publish(belief, bar)
+    belief.aux[ERROR_STATE + MEMORY.start] = FORGOTTEN
+
+
+@kernel(CORRECT)
+def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    """Correct P and the belief around the observer, then let that take the fix, whatever the gate."""
+    bar, aux = embedded(belief, OBSERVER), belief.aux[ERROR_STATE:]
+    nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
+    if kind == POSITION_KIND or kind == VELOCITY_KIND or kind == ALTITUDE_KIND or kind == HEADING_KIND or kind == MAGNETIC_KIND:
+        if not repeated(aux[MEMORY], y, sd, kind, gate, nis):
+            inject(bar, y, sd, kind, observe, parameters, aux[INNOVATION:INNOVATION + 3])
+    relate(belief, bar)
+    publish(belief, bar)
+    return nis
+
+
+XKF = Filter("xkf", "Johansen & Fossen (2017), IJC 90(2)", start, predict, correct, columns=COLUMNS, fit=fit, watch=nlo.NLO.watch)

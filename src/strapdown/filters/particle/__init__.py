@@ -1,0 +1,1 @@
+"""Particle Kalman filters: mixtures of Gaussians."""

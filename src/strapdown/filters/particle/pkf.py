@@ -1,0 +1,146 @@
+"""Particle Kalman filter: a mixture of Gaussians, each the closed loop of its own INS, weighted by how well it predicts the fixes.
+
+docs/particle.md has the equations; filters/particle/ins_mixture.py what belief and components have to do with each other.
+"""
+import math
+
+import numpy as np
+
+from ...core.jit import flatten, inlined, matrix, plain
+from .ins_mixture import (COUNT, DEGENERATE, EFFECTIVE, KERNEL, LEAST, RANDOM, REPAIRS, RESAMPLINGS, SHARED, TAIL, Mixture, beside, carry,
+                               component, deviate, foresee, metres, put, recentre, same_rows, settle, shared_size, width)
+from ...core.contract import CORRECT, PREDICT, STATES, Filter, kernel
+from ...core.earth import curvature
+from ...core.error_state import DV, DX, HEIGHT, WORK, auxiliary, bias_free, decay_biases, inject_all, linearised_step, observed
+from ...core.kalman import update, used_rows
+from ...core.mechanization import mechanize
+from .mixture import accumulate, begin, clear, effective, kernel_width, moments_size, resample, resample_size, weigh
+
+COLUMNS = ("effective_components", "resamplings", "repairs", "degenerate")
+LARGEST = 1e300         # of a NIS that is used: beyond it nothing is finite
+
+
+def start(start, noise, components=500, kernel=None, resample=0.5, seed=0):
+    """Belief at `start`, its components drawn from it with the random numbers of `seed`.
+
+    kernel: h in (0, 1], the width of a component as a share of the mixture's, none given: core.mixture.kernel_width; resample: draw anew
+    below this share of effective components. Refuses options outside their range.
+    """
+    n = len(start.sd)
+    kernel = kernel_width(components, n) if kernel is None and components >= 1 else kernel
+    if not 0 <= resample <= 1:
+        raise ValueError(f"resample is {resample}; it must be from 0 to 1")
+    belief = start.belief(np.zeros(0))
+    deviations, Phi, random = begin(belief.P, components, kernel, seed)
+    N, size = len(deviations), plain(shared_size)(n)
+    sizes = SHARED, size, n * n, plain(moments_size)(n), n, N, N, N * n, N * n, n * n, plain(resample_size)(n), N * plain(width)(n)
+    aux = np.zeros(sum(sizes))
+    aux[EFFECTIVE], aux[COUNT], aux[KERNEL], aux[LEAST], aux[RANDOM] = N, N, kernel, resample * N, random
+    aux[SHARED:SHARED + size] = auxiliary(n)
+    belief = belief._replace(aux=aux)
+    parts = dict(zip(Mixture._fields, np.split(aux[SHARED:], np.cumsum(sizes[1:-1]))))
+    parts["left"][:], parts["weights"][:] = belief.P.ravel(), 1 / N
+    own = parts["components"].reshape(N, -1)
+    own[:] = np.concatenate([part.ravel() for part in (*belief[:5], np.zeros(6), belief.tail, Phi)])
+    M, E = np.add(plain(curvature)(math.sin(belief.lla[0])), belief.lla[2])
+    own[:, 0:3] += deviations[:, 0:3] / [M, E * np.cos(belief.lla[0]), -1]
+    own[:, 1] -= 2 * np.pi * np.round(own[:, 1] / (2 * np.pi))
+    own[:, 3:6] += deviations[:, 3:6]
+    own[:, 6:15] = (exponential(deviations[:, 6:9]) @ belief.C).reshape(N, 9)
+    own[:, 15:21] += deviations[:, 9:15]
+    own[:, TAIL:TAIL + n - STATES] += deviations[:, STATES:]
+    return belief
+
+
+def exponential(r):
+    """Rotation matrices (N, 3, 3) of rotation vectors (N, 3), rad."""
+    angle, S = np.linalg.norm(r, axis=1)[:, None, None], np.zeros((len(r), 3, 3))
+    S[:, 0, 1], S[:, 0, 2], S[:, 1, 2] = -r[:, 2], r[:, 1], -r[:, 0]
+    S -= S.transpose(0, 2, 1)
+    return np.eye(3) + np.sinc(angle / np.pi) * S + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (S @ S)
+
+
+@kernel(PREDICT)
+def predict(belief, u, dt, noise):
+    """Every component by its own closed loop; the belief moves with the mean of its INS and takes up what they make of it."""
+    m = beside(belief)
+    carry(belief, m)
+    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
+    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, m.shared[DV], m.shared[HEIGHT])
+    if dt > 0:
+        belief.omega[0], belief.omega[1], belief.omega[2] = r0 / dt, r1 / dt, r2 / dt
+        belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
+    decay_biases(belief.ba, belief.bg, dt, noise)
+    clear(m.sums)
+    north, east = metres(belief)
+    for i in range(m.weights.size):
+        if m.weights[i] > 0:    # without weight it counts nowhere any more
+            own = component(m, i)
+            r0, r1, r2, a0, a1, a2 = bias_free(u, own.ba, own.bg, dt)
+            linearised_step(own, own.C, 1.0, u, dt, noise, False)
+            mechanize(own.lla, own.v, own.C, r0, r1, r2, a0, a1, a2, dt, m.shared[DX], m.shared[HEIGHT])
+            deviate(own, belief, north, east, m.deviations[i])
+            accumulate(m.weights[i], m.deviations[i], flatten(own.P), m.sums)
+    settle(belief, m)
+
+
+@kernel(CORRECT)
+def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    """Gate by what the mixture foresees; correct each component, weigh it by its likelihood; draw anew where few are left that count."""
+    m, aux = beside(belief), belief.aux
+    carry(belief, m)
+    nis = foresee(belief, m, y, sd, kind, observe, parameters, innovation)
+    if not nis <= gate:
+        return nis
+    aux[DEGENERATE] += _correct_each(m, y, sd, observe, parameters, innovation)
+    aux[EFFECTIVE] = effective(m.weights)
+    recentre(belief, m)
+    if aux[EFFECTIVE] < aux[LEAST]:
+        _draw_anew(belief, m)
+    return nis
+
+
+@inlined
+def _draw_anew(belief, m):
+    """Resample; `deviations` are about the belief, and belief and P stay."""
+    aux, first = belief.aux, TAIL + m.mean.size - STATES
+    aux[REPAIRS] += resample(m.weights, m.deviations, m.components, first, belief.P, aux[KERNEL], aux[RANDOM], m.logs, m.drawn, m.Phi, m.work)
+    aux[RESAMPLINGS] += 1
+    for i in range(m.weights.size):
+        own = component(m, i)
+        put(own, belief, m.drawn[i])
+        P, Phi = flatten(own.P), flatten(m.Phi)
+        for k in range(Phi.size):
+            P[k] = Phi[k]
+
+
+@inlined
+def _correct_each(m, y, sd, observe, parameters, innovation):
+    """Correct every component that counts, and weigh. Returns 1 where no likelihood was finite, 0 else."""
+    n, shared = m.mean.size, m.shared
+    H, mine, dx, work, used = matrix(shared, shared.size - 3 * n, 3, n), m.mean, shared[DX], shared[WORK:], used_rows(n)
+    for k in range(m.weights.size):
+        m.logs[k] = -math.inf
+        if m.weights[k] > 0:
+            own = component(m, k)
+            rows = observed(own, y, observe, parameters, mine, H)
+            if same_rows(innovation, mine):
+                nis = update(own.P, H, mine, sd, rows, LARGEST, work, dx)
+                if nis <= LARGEST:
+                    inject_all(own, dx)
+                m.logs[k] = -0.5 * nis
+                for i in range(int(work[used])):
+                    m.logs[k] += math.log(work[used + 4 + i])
+    return weigh(m.logs, m.weights)
+
+
+def lost(t, lla, columns):
+    """[(t, text)] where components had to be drawn together or a covariance mended, and where a fix told them nothing."""
+    texts = {"repairs": "resamplings with too few components for their states, which were drawn together, or of no covariance, which was mended",
+             "degenerate": "fixes under which no component has a finite likelihood: the weights were kept"}
+    return [(float(t[np.argmax(columns[name] > 0)]), f"{columns[name][-1]:.0f} {text}; the first here") for name, text in texts.items()
+            if len(t) and columns[name][-1] > 0]
+
+
+PKF = Filter("pkf", "Hoteit, Luo & Pham (2012), MWR 140(2); Mollaei, Shafieirad & Moradi, section 3.3, corrected", start, predict, correct,
+             columns=COLUMNS, watch=lost)

@@ -1,0 +1,1 @@
+"""Sigma-point Kalman filters in square-root form."""

@@ -1,0 +1,279 @@
+"""What the sigma-point filters share: the 15 error states, and those that aidings bring along, through filters/sigma_point/sigma_points.py.
+
+A sigma point is the belief with an error composed into it, as a correction is: metres, a rotation vector from the left, sums. The errors of the
+propagated points are taken back the same way, about the propagated belief. The square root is kept in aux and factored anew where the loop
+changed P. Points that would turn further than TURN are drawn in.
+"""
+import math
+
+import numpy as np
+
+from ...core.jit import flatten, helper, inlined, matrix, plain
+from ...core.contract import ATTITUDE_KIND, CORRECT, HEADING_KIND, PREDICT, STATES, Belief, kernel
+from ...core.earth import place
+from ...core.error_state import added, bias_free, decay_biases, inject_all, observed
+from ...core.kalman import LEAST_NOISE, decay
+from ...core.mechanization import mechanize
+from ...core.rotation import nearest_turn, rotation_between, wrap
+from .sigma_points import corrected, covariance, deviations, downdate, factor, triangle
+
+REPAIRED, STEP_SPREAD, STEP_REST, SPREAD, REST, AUGMENTED = range(6)    # repairs so far, an output column; sets of prediction and correction; 1 or 0
+POINT, CENTRE, ROOT = 8, 36, 56                             # a sigma point; the propagated belief; the square root, n + 1 rows, then what follows
+NOISES = 12
+"""Components of the process noise: white noise of gyros and accelerometers, driving noise of their biases."""
+TURN = 0.5 * math.pi
+"""How far a point may turn, rad: beyond a quarter of a turn a larger error has less effect, as that of its sine, and beyond half a turn the opposite."""
+COLUMNS = ("repairs",)
+
+
+def auxiliary(n, step_set, fix_set, augmented):
+    """The aux array of a sigma-point filter with n states and these two (spread, rest). `augmented`: white noise of the IMU has points of its own."""
+    aux = np.zeros(plain(_table)(n, plain(width)(n)) + (2 * (STATES + 6) + 2 + NOISES + n - STATES) * plain(width)(n))
+    aux[STEP_SPREAD], aux[STEP_REST], aux[SPREAD], aux[REST], aux[AUGMENTED] = *step_set, *fix_set, augmented
+    return aux
+
+
+@inlined
+def width(n):
+    """Numbers in a row of a table of n columns."""
+    return (n + 8) // 8 * 8
+
+
+@inlined
+def _known(n, lanes):
+    """Where the copy of P begins, by which a change of it is noticed."""
+    return ROOT + lanes * (n + 1)
+
+
+@inlined
+def _own(n, lanes):
+    """Where the numbers of a point begin: what aidings brought along, its error, rows of H, innovations at the points, workspace."""
+    return ROOT + lanes * (n + 1) + n * n
+
+
+@inlined
+def _table(n, lanes):
+    """Where the table of propagated errors begins."""
+    return _own(n, lanes) + n + lanes + 3 * n + 3 * (2 * n + 1) + 3 * (n + 8)
+
+
+@inlined
+def _point(belief, n, lanes):
+    """The sigma point, as a Belief of its own; P and aux are those of `belief`."""
+    aux, own = belief.aux, _own(n, lanes)
+    return Belief(aux[POINT:POINT + 3], aux[POINT + 3:POINT + 6], matrix(aux, POINT + 6, 3, 3), aux[POINT + 15:POINT + 18], aux[POINT + 18:POINT + 21],
+                  belief.P, aux[POINT + 21:POINT + 24], aux[POINT + 24:POINT + 27], aux, aux[own:own + n - STATES])
+
+
+@inlined
+def _copied(belief, lla, v, C):
+    for i in range(3):
+        lla[i], v[i] = belief.lla[i], belief.v[i]
+        C[i, 0], C[i, 1], C[i, 2] = belief.C[i, 0], belief.C[i, 1], belief.C[i, 2]
+
+
+@helper
+def _refreshed(belief, n, lanes):
+    """The square root of P, anew where P is not what was left."""
+    aux, numbers, first, changed = belief.aux, flatten(belief.P), _known(n, lanes), 0.0
+    for i in range(n * n):
+        changed += abs(numbers[i] - aux[first + i])
+    if not changed == 0:
+        aux[REPAIRED] += factor(belief.P, n, lanes, aux[ROOT:])
+
+
+@helper
+def _drawn_in(aux, lanes, spread, rest):
+    """(spread, rest) of a set so close that no point turns by more than TURN; `rest` is that of the set with its alpha smaller (exactly so for kappa = 0)."""
+    most = 0.0
+    for i in range(9):
+        row = ROOT + lanes * i
+        most = max(most, aux[row + 6] * aux[row + 6] + aux[row + 7] * aux[row + 7] + aux[row + 8] * aux[row + 8])
+    if not spread * spread * most > TURN * TURN:
+        return spread, rest
+    nearer = TURN / math.sqrt(most)
+    return nearer, rest * (spread / nearer) ** 4
+
+
+@helper
+def _published(belief, n, lanes):
+    """P from its square root, and the copy by which a change is noticed."""
+    aux, numbers, first = belief.aux, flatten(belief.P), _known(n, lanes)
+    if n == 15:     # here and below the same code with constant lengths
+        covariance(aux[ROOT:], 15, 16, belief.P)
+    else:
+        covariance(aux[ROOT:], n, lanes, belief.P)
+    for i in range(n * n):
+        aux[first + i] = numbers[i]
+
+
+@helper
+def _reduced(A, pairs, still, rows, n, lanes, spread, rest, mean):
+    """`deviations` and `triangle`; the rows after 2 pairs + 1 are there already."""
+    if n == 15:
+        take = deviations(A, pairs, still, 16, spread, rest, mean)
+        triangle(A, rows, 15, 16)
+    else:
+        take = deviations(A, pairs, still, lanes, spread, rest, mean)
+        triangle(A, rows, n, lanes)
+    return take
+
+
+@kernel(PREDICT)
+def predict(belief, u, dt, noise):
+    """One IMU sample through all points. White noise has points of its own, or its rows are added, to first order in dt."""
+    aux, ba, bg, n = belief.aux, belief.ba, belief.bg, belief.P.shape[0]
+    lanes, augmented = width(n), aux[AUGMENTED] > 0
+    _refreshed(belief, n, lanes)
+    lla, v, C, dv_n = aux[CENTRE:CENTRE + 3], aux[CENTRE + 3:CENTRE + 6], matrix(aux, CENTRE + 6, 3, 3), aux[CENTRE + 15:CENTRE + 18]
+    r0, r1, r2, a0, a1, a2 = bias_free(u, ba, bg, dt)
+    _copied(belief, lla, v, C)
+    mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, dv_n)
+    A, own, pairs = aux[_table(n, lanes):], _own(n, lanes), STATES + (6 if augmented else 0)
+    spread, rest = _drawn_in(aux, lanes, aux[STEP_SPREAD], aux[STEP_REST])
+    mean, root = aux[own + n:own + n + lanes], math.sqrt(dt)
+    _spread_out(n, lanes, pairs, spread, belief, r0, r1, r2, a0, a1, a2, dt, spread * root * noise.gyro, spread * root * noise.accel,
+                decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt))
+    rows = _noise_rows(n, lanes, 2 * pairs + 1, augmented, belief, dt, root, noise)
+    take = _reduced(A, pairs, n - STATES + (6 if augmented else 0), rows, n, lanes, spread, rest, mean)
+    for i in range(n * lanes):
+        aux[ROOT + i] = A[i]
+    if take > 0:
+        for i in range(n):
+            mean[i] *= take
+        aux[REPAIRED] += downdate(aux[ROOT:], mean, n, lanes, aux[own + n + lanes + 3 * n:])
+        for i in range(n):
+            mean[i] /= take
+    for i in range(3):
+        belief.lla[i], belief.v[i] = lla[i], v[i]
+        belief.C[i, 0], belief.C[i, 1], belief.C[i, 2] = C[i, 0], C[i, 1], C[i, 2]
+    belief.omega[0], belief.omega[1], belief.omega[2] = r0 / dt, r1 / dt, r2 / dt
+    belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
+    decay_biases(ba, bg, dt, noise)
+    added(belief.lla, belief.v, belief.C, mean)
+    _published(belief, n, lanes)
+
+
+@helper
+def _spread_out(n, lanes, pairs, spread, belief, r0, r1, r2, a0, a1, a2, dt, gyro, accel, keep_a, keep_g):
+    """The errors of the propagated points about the propagated belief, into the table: those with +, then those with -."""
+    aux, point, error = belief.aux, _point(belief, n, lanes), belief.aux[_own(n, lanes) + n:]
+    A, C = aux[_table(n, lanes):], matrix(aux, CENTRE + 6, 3, 3)
+    sine, cosine, M, N = place(aux[CENTRE], aux[CENTRE + 2])
+    for k in range(2 * pairs):
+        j, sign = (k, 1.0) if k < pairs else (k - pairs, -1.0)
+        row, x0, x1, x2, y0, y1, y2 = lanes * k, r0, r1, r2, a0, a1, a2
+        _copied(belief, point.lla, point.v, point.C)
+        for lane in range(lanes):
+            error[lane] = sign * spread * aux[ROOT + lanes * j + lane] if j < STATES else 0.0
+        if j < 9:
+            added(point.lla, point.v, point.C, error)
+        if j < STATES:
+            x0, x1, x2 = r0 - dt * error[12], r1 - dt * error[13], r2 - dt * error[14]
+            y0, y1, y2 = a0 - dt * error[9], a1 - dt * error[10], a2 - dt * error[11]
+        else:
+            i = j - STATES
+            x0, x1, x2 = r0 + sign * gyro * (i == 0), r1 + sign * gyro * (i == 1), r2 + sign * gyro * (i == 2)
+            y0, y1, y2 = a0 + sign * accel * (i == 3), a1 + sign * accel * (i == 4), a2 + sign * accel * (i == 5)
+        mechanize(point.lla, point.v, point.C, x0, x1, x2, y0, y1, y2, dt, aux[CENTRE + 15:CENTRE + 18])
+        for lane in range(9, lanes):
+            A[row + lane] = error[lane]
+        for i in range(3):
+            A[row + 9 + i] *= keep_a
+            A[row + 12 + i] *= keep_g
+            A[row + 3 + i] = point.v[i] - aux[CENTRE + 3 + i]
+        A[row] = (point.lla[0] - aux[CENTRE]) * M
+        A[row + 1] = wrap(point.lla[1] - aux[CENTRE + 1]) * N * cosine
+        A[row + 2] = aux[CENTRE + 2] - point.lla[2]
+        c = point.C
+        A[row + 6], A[row + 7], A[row + 8] = rotation_between(C, (c[0, 0], c[0, 1], c[0, 2], c[1, 0], c[1, 1], c[1, 2], c[2, 0], c[2, 1], c[2, 2]))
+
+
+@helper
+def _noise_rows(n, lanes, rows, augmented, belief, dt, root, noise):
+    """Append what has no points: states that aidings brought along, driving noise of the biases and, unless `augmented`, white noise. Returns the rows."""
+    aux, A = belief.aux, belief.aux[_table(n, lanes):]
+    for j in range(STATES, n):
+        for lane in range(lanes):
+            A[lanes * rows + lane] = aux[ROOT + lanes * j + lane]
+        rows += 1
+    last = rows + (6 if augmented else NOISES)
+    for i in range(lanes * rows, lanes * last):
+        A[i] = 0.0
+    for i in range(3):
+        A[lanes * (rows + i) + 9 + i], A[lanes * (rows + 3 + i) + 12 + i] = root * noise.accel_bias, root * noise.gyro_bias
+    if not augmented:
+        half = 0.5 * root * noise.gyro      # the tilt grows over the sample in which it turns the specific force
+        d0, d1, d2 = half * aux[CENTRE + 15], half * aux[CENTRE + 16], half * aux[CENTRE + 17]
+        for i in range(3):
+            turned, pushed = lanes * (rows + 6 + i), lanes * (rows + 9 + i)
+            A[turned + 6 + i], A[pushed + 3 + i], A[pushed + i] = root * noise.gyro, root * noise.accel, 0.5 * dt * root * noise.accel
+            A[turned + 3 + (i + 1) % 3] = -d2 if i == 0 else (-d0 if i == 1 else -d1)
+            A[turned + 3 + (i + 2) % 3] = d1 if i == 0 else (d2 if i == 1 else d0)
+    return last
+
+
+@kernel(CORRECT)
+def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    """One fix: `observe` at every point, the correction, its injection. Returns the NIS."""
+    aux, n = belief.aux, belief.P.shape[0]
+    lanes = width(n)
+    own = _own(n, lanes)
+    _refreshed(belief, n, lanes)
+    point, dx, H = _point(belief, n, lanes), aux[own + n:own + n + lanes], matrix(aux, own + n + lanes, 3, n)
+    work = own + n + lanes + 3 * n + 3 * (2 * n + 1)
+    rows = observed(belief, y, observe, parameters, innovation, H)
+    spread, rest = _drawn_in(aux, lanes, aux[SPREAD], aux[REST])
+    E, variance = matrix(aux, own + n + lanes + 3 * n, 2 * n + 1, rows), aux[CENTRE:CENTRE + 3]
+    for a in range(rows):
+        terms = 0.0
+        for j in range(n):
+            terms += H[a, j] * H[a, j] * belief.P[j, j]
+        E[0, a], variance[a] = innovation[a], max(sd[a] * sd[a], LEAST_NOISE * terms)
+    for k in range(2 * n):
+        j, scale = (k, spread) if k < n else (k - n, -spread)
+        for lane in range(lanes):
+            dx[lane] = scale * aux[ROOT + lanes * j + lane]
+        _moved(belief, point, dx)
+        observe(point, y, parameters, innovation, H)
+        _unwrapped(kind, rows, E, 1 + k, dx, H, innovation)
+    nis, repaired = corrected(aux[ROOT:], n, lanes, E, rows, spread, rest, variance, gate, innovation, aux[work:], dx)
+    aux[REPAIRED] += repaired
+    if nis <= gate:
+        inject_all(belief, dx)
+        _published(belief, n, lanes)
+    return nis
+
+
+@helper
+def _moved(belief, point, dx):
+    """The point at an error dx from the belief, with the rate and specific force that its biases leave."""
+    _copied(belief, point.lla, point.v, point.C)
+    added(point.lla, point.v, point.C, dx)
+    for i in range(3):
+        point.ba[i], point.bg[i] = belief.ba[i] + dx[9 + i], belief.bg[i] + dx[12 + i]
+        point.f[i], point.omega[i] = belief.f[i] - dx[9 + i], belief.omega[i] - dx[12 + i]
+    for i in range(belief.tail.size):
+        point.tail[i] = belief.tail[i] + dx[STATES + i]
+
+
+@helper
+def _unwrapped(kind, rows, E, row, dx, H, innovation):
+    """Row `row` of E: the innovation at a point dx away, a heading or the rotation vector of an attitude on the branch that the Jacobian expects there."""
+    for a in range(rows):
+        E[row, a] = E[0, a] - (H[a, 6] * dx[6] + H[a, 7] * dx[7] + H[a, 8] * dx[8])
+    if kind == HEADING_KIND:
+        innovation[0] = E[row, 0] + wrap(innovation[0] - E[row, 0])
+    elif kind == ATTITUDE_KIND and innovation[2] == innovation[2]:
+        innovation[0], innovation[1], innovation[2] = nearest_turn(innovation[0], innovation[1], innovation[2], E[row, 0], E[row, 1], E[row, 2])
+    for a in range(rows):
+        E[row, a] = innovation[a]
+
+
+def repairs(t, lla, columns):
+    """[(t, text)] where the covariance was none and had to be made one again."""
+    count = columns[COLUMNS[0]]
+    if not len(t) or not count[-1] > 0:
+        return []
+    return [(float(t[np.argmax(count > 0)]), f"covariance not positive definite, repaired {count[-1]:.0f} times from here on: its standard deviations "
+             "are not to be relied on")]

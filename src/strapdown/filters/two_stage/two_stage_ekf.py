@@ -1,0 +1,125 @@
+"""Two-stage extended Kalman filter: attitude and gyro bias, then position, velocity in the body and accelerometer bias with that attitude as known.
+
+filters/two_stage/model.py has the model, docs/two-stage.md its equations; here it is linearised at the estimate itself. P of the two stages is published as
+one, without covariance between them.
+"""
+import math
+
+from ...core.contract import CORRECT, PREDICT, VELOCITY_KIND, Filter, helper, kernel, matrix
+from ...core.earth import displace
+from ...core.error_state import DV, DX, MID, auxiliary, bias_free, decay_biases
+from ..ahrs_aided.known_attitude import BEYOND, BEYOND_COLUMN, STEEP, steep
+from ...core.mechanization import mechanize
+from ...core.rotation import euler_to_matrix, matrix_to_euler, orthonormalise, rotate_left, turned, wrap
+from .model import (BEFORE, DEVIATION, ERROR, HELD_COLUMN, INNOVATION, MOVED, TOLD, USES, configure, doubt, fitted, held, middle,
+                              propagate, to_angles, to_body, turn_attitude, turn_velocity)
+from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, see, steer, used
+
+SINE_STEEP = math.sin(STEEP)
+
+
+def start(start, noise, velocity="full", course="gnss", level="bias-free", least_speed=3.0, largest_bank=45.0, crab=5.0, correlation=10.0, window=1.0,
+          acceleration=0.2):
+    """Belief at `start`. velocity: "full", or "down", the component along the body's z axis alone. course: "gnss", the heading is that of velocity
+    fixes above least_speed (m/s) and below largest_bank (deg), or "none". level: "bias-free", the specific force that levels stage 1 is without the
+    accelerometer bias of stage 2, or "raw", as measured.
+
+    crab: standard deviation of the angle between course and heading, deg. correlation: for how long that angle, and errors of the attitude, which
+    stage 2 has as white noise, are alike, s. window: over which the specific force is averaged, s; acceleration: density of what is left in it
+    besides gravity, m/s^2 sqrt(s).
+    """
+    belief = start.belief(auxiliary(len(start.sd)))
+    configure(belief, noise, velocity, course, level, least_speed, largest_bank, crab, correlation, window, acceleration)
+    return belief
+
+
+@kernel(PREDICT)
+def predict(belief, u, dt, noise):
+    """Advance both stages by a sample; where no velocity fix tells the change of v_b, correct stage 1 by the specific force, once a window."""
+    if dt <= 0:
+        return
+    aux, omega, f = belief.aux, belief.omega, belief.f
+    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
+    mid, f_n = matrix(aux, MID, 3, 3), aux[DX]
+    middle(belief.C, r0, r1, r2, mid)
+    gather(belief, belief, u, r0, r1, r2, dt, noise.accel > aux[TOLD])
+    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, f_n)
+    propagate(belief, mid, f_n[0], f_n[1], f_n[2], dt, noise)
+    omega[0], omega[1], omega[2] = r0 / dt, r1 / dt, r2 / dt
+    f[0], f[1], f[2] = a0 / dt, a1 / dt, a2 / dt
+    decay_biases(belief.ba, belief.bg, dt, noise)
+    if abs(belief.C[2, 0]) > SINE_STEEP:
+        aux[BEYOND] += dt
+    if level_alone(belief, belief, noise) > 0:
+        correct_rows(belief.P, aux, aux[INNOVATION], aux[DEVIATION], 3, math.inf, FAR_VECTOR)
+        _inject(belief)
+
+
+@kernel(CORRECT)
+def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    """Correct the stage that a fix belongs to. A velocity that passes the gate corrects stage 1 first, by its change and its course."""
+    P, aux = belief.P, belief.aux
+    rows = see(belief, belief, y, sd, kind, observe, parameters, innovation)
+    nis = correct_rows(P, aux, innovation, aux[DV], rows, -1.0 if kind == VELOCITY_KIND else gate, math.inf)
+    if nis <= gate and kind == VELOCITY_KIND:
+        e0, e1, e2 = innovation[0], innovation[1], innovation[2]
+        steer(belief, belief, y, sd, observe, parameters, innovation)
+        _inject(belief)
+        rows = see(belief, belief, y, sd, kind, observe, parameters, innovation)
+        correct_rows(P, aux, innovation, aux[DV], rows, math.inf, math.inf)
+        innovation[0], innovation[1], innovation[2] = e0, e1, e2
+    if nis <= gate:
+        _inject(belief)
+        used(aux, kind)
+    return nis
+
+
+@helper
+def _inject(belief):
+    """Add aux[ERROR] to the belief, Euler angles to Euler angles and v_b to v_b, and make it zero."""
+    x, v = belief.aux[ERROR], belief.v
+    displace(belief.lla, x[0], x[1], x[2])
+    for i in range(3):
+        v[i] += x[3 + i]
+        belief.ba[i] += x[9 + i]
+        belief.bg[i] += x[12 + i]
+    if x[6] != 0 or x[7] != 0 or x[8] != 0:
+        _inject_attitude(belief, x[6], x[7], x[8])
+    for i in range(15):
+        x[i] = 0.0
+
+
+@helper
+def _inject_attitude(belief, x, y, z):
+    """Add to the Euler angles what the small rotation (x, y, z) in n (rad) means to first order; near their singularity turn by it instead.
+
+    v_b stays, so that the velocity turns along.
+    """
+    C, v, P, before = belief.C, belief.v, belief.P, matrix(belief.aux, BEFORE, 3, 3)
+    for i in range(3):
+        for j in range(3):
+            before[i, j] = C[i, j]
+    v0, v1, v2 = to_body(C, v[0], v[1], v[2])
+    roll, pitch, heading = matrix_to_euler(C)
+    d0, d1, d2 = to_angles(pitch, heading, x, y, z)
+    if max(abs(pitch), abs(pitch + d1)) < STEEP:
+        euler_to_matrix(wrap(roll + d0), pitch + d1, wrap(heading + d2), C)
+        turn_attitude(P, pitch, heading, pitch + d1, heading + d2)
+    else:
+        rotate_left(x, y, z, C)
+        orthonormalise(C)
+    turn_velocity(P, before, C)
+    v0, v1, v2 = turned(C, v0, v1, v2)
+    moved = belief.aux[MOVED]
+    moved[0], moved[1], moved[2] = v0 - v[0], v1 - v[1], v2 - v[2]
+    doubt(P, moved)
+    v[0], v[1], v[2] = v0, v1, v2
+
+
+def watch(t, lla, columns):
+    """[(t, text)] where the pitch first was near the singularity of the Euler angles, and where the heading was first held without a course."""
+    return steep(t, lla, columns) + held(t, columns)
+
+
+TWO_STAGE_EKF = Filter("two-stage-ekf", "Alam, Whidborne & Millidere (2023) section 2.2, corrected; Rohac et al. (2017)", start, predict, correct,
+                       columns=(BEYOND_COLUMN, HELD_COLUMN), uses=USES, fit=fitted, watch=watch)

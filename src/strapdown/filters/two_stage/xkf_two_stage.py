@@ -1,0 +1,203 @@
+"""Exogenous Kalman filter of the two-stage model: the affine Kalman filter around the trajectory of a nonlinear observer.
+
+filters/two_stage/model.py has the model, filters/observer/equations.py the observer, docs/two-stage.md what their cascade is. The observer runs by itself, as in `nlo`.
+Between fixes estimate = f(observer) + F (estimate - observer), F and f at the observer; at a fix the innovation is y - h(observer) - H (estimate -
+observer). Wherever the observer moves otherwise, by its injections, jumps and bounds, the estimate stays: Euler angles, velocity in the body and
+biases as they are.
+"""
+import inspect
+import math
+
+import numpy as np
+
+from ...core.jit import inlined
+from ...core.contract import (ALTITUDE_KIND, CORRECT, HEADING_KIND, MAGNETIC_KIND, POSITION_KIND, PREDICT, VELOCITY_KIND, Filter, helper,
+                             kernel, matrix)
+from ...core.earth import displace, place
+from ...core.error_state import DV, DX, MID, WORK, auxiliary, bias_free, decay_biases
+from ..ahrs_aided.known_attitude import BEYOND, BEYOND_COLUMN, STEEP, steep
+from ...core.kalman import WORKSPACE
+from ...core.mechanization import mechanize
+from ..observer.equations import EMBEDDED, EXCITATION, XI, advance, embedded, inject
+from ..observer.gains import DEFAULTS, implant
+from ..observer.gains import fit as fit_observer
+from ..observer.repeated_fix import FORGOTTEN, repeated
+from ..observer.repeated_fix import MEMORY as REMEMBERED
+from ...core.rotation import euler_to_matrix, matrix_to_euler, rotate_left, turned, wrap
+from .model import (DEVIATION, ERROR, HELD_COLUMN, INNOVATION, MOVED, TOLD, USES, configure, doubt, fitted, from_angles, held, middle,
+                              propagate, to_angles, to_body, turn_attitude, turn_velocity)
+from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, see, steer, used
+from ..observer import nlo
+
+SHIFT, SAID = 2, 5
+COLUMNS = (BEYOND_COLUMN, HELD_COLUMN, "observer_error_north [m]", "observer_error_east [m]", "observer_error_down [m]", "excitation",
+           "xi_north [m/s^2]", "xi_east [m/s^2]", "xi_down [m/s^2]")
+"""Pitch beyond 85 deg, course held; estimate - observer; what the observer says of itself."""
+OBSERVER = WORK + WORKSPACE                 # where the observer begins in aux
+LEFT = OBSERVER + EMBEDDED                  # the state that the observer leaves: lla, v, C, ba, bg
+UNUSED, ANGLES = LEFT + 21, LEFT + 24       # innovation of the observer; its Euler angles
+MEMORY = slice(LEFT + 27, LEFT + 27 + REMEMBERED)
+OWN_SIZE = MEMORY.stop - LEFT
+SINE_STEEP = math.sin(STEEP)
+
+
+def start(start, noise, velocity="full", level="bias-free", largest_bank=45.0, crab=5.0, correlation=10.0, window=1.0, acceleration=0.2, **observer):
+    """Belief at `start`, where the observer begins too. The options named here are those of `two-stage-ekf`, the others those of `nlo`.
+
+    `course` and `least_speed` count for both; any `course` but "none" is one for the two-stage model.
+    """
+    own = auxiliary(len(start.sd))
+    belief = start.belief(np.r_[own[:OBSERVER], np.zeros(EMBEDDED + OWN_SIZE), own[OBSERVER:]])
+    belief.aux[MEMORY.start], belief.aux[ANGLES:ANGLES + 3] = FORGOTTEN, start.rph
+    implant(belief.aux, OBSERVER, start, noise, **observer)
+    both = {**DEFAULTS, **observer}
+    configure(belief, noise, velocity, "none" if both["course"] == "none" else "gnss", level, both["least_speed"], largest_bank, crab,
+              correlation, window, acceleration)
+    return belief
+
+
+_own, _of_observer = ([*inspect.signature(each).parameters.values()] for each in (start, nlo.start))
+start.__signature__ = inspect.Signature([*_own[:-1], *_of_observer[2:]])
+
+
+def fit(options, aidings):
+    """What these sources decide of the observer and what it says of itself; refuses what either cannot run on."""
+    own = {name: value for name, value in options.items() if name not in DEFAULTS}
+    _, notes = fitted(options, aidings)
+    options, said = fit_observer({name: value for name, value in options.items() if name in DEFAULTS}, aidings)
+    return own | options, [*notes, *said]
+
+
+@kernel(PREDICT)
+def predict(belief, u, dt, noise):
+    """Carry P and the estimate on, linearised at the observer, then the observer."""
+    if dt > 0:
+        bar = embedded(belief, OBSERVER)
+        carry(belief, bar, u, dt, noise)
+        advance(bar, u, dt, noise)
+        arrive(belief, bar, dt, noise)
+        belief.aux[MEMORY.start] = FORGOTTEN
+
+
+@inlined
+def carry(belief, bar, u, dt, noise):
+    """P and aux[ERROR] over dt, and the observer's state at LEFT by the model, without injections; the observer is left where it is."""
+    aux = belief.aux
+    r0, r1, r2, a0, a1, a2 = bias_free(u, bar.ba, bar.bg, dt)
+    mid, f_n = matrix(aux, MID, 3, 3), aux[DX]
+    middle(bar.C, r0, r1, r2, mid)
+    gather(belief, bar, u, r0, r1, r2, dt, noise.accel > aux[TOLD])
+    leave(aux, bar)
+    mechanize(aux[LEFT:LEFT + 3], aux[LEFT + 3:LEFT + 6], matrix(aux, LEFT + 6, 3, 3), r0, r1, r2, a0, a1, a2, dt, f_n)
+    decay_biases(aux[LEFT + 15:LEFT + 18], aux[LEFT + 18:LEFT + 21], dt, noise)
+    propagate(belief, mid, f_n[0], f_n[1], f_n[2], dt, noise)
+
+
+@inlined
+def arrive(belief, bar, dt, noise):
+    """After the observer has moved: the estimate relative to it; the correction by the specific force alone, where one is due."""
+    relate(belief, bar)
+    if abs(bar.C[2, 0]) > SINE_STEEP:
+        belief.aux[BEYOND] += dt
+    if level_alone(belief, bar, noise) > 0:
+        correct_rows(belief.P, belief.aux, belief.aux[INNOVATION], belief.aux[DEVIATION], 3, math.inf, FAR_VECTOR)
+    compose(belief, bar)
+
+
+@kernel(CORRECT)
+def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+    """Correct P and the estimate around the observer, then let that take the fix, whatever the gate."""
+    aux, bar = belief.aux, embedded(belief, OBSERVER)
+    nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
+    if kind == POSITION_KIND or kind == VELOCITY_KIND or kind == ALTITUDE_KIND or kind == HEADING_KIND or kind == MAGNETIC_KIND:
+        if not repeated(aux[MEMORY], y, sd, kind, gate, nis):
+            leave(aux, bar)
+            inject(bar, y, sd, kind, observe, parameters, aux[UNUSED:UNUSED + 3])
+            relate(belief, bar)
+    compose(belief, bar)
+    return nis
+
+
+@inlined
+def correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation):
+    """Correct P and aux[ERROR] by one fix in its stage, linearised at the observer. A velocity corrects stage 1 first. Returns the NIS."""
+    P, aux = belief.P, belief.aux
+    doubt(P, aux[MOVED])
+    rows = see(belief, bar, y, sd, kind, observe, parameters, innovation)
+    nis = correct_rows(P, aux, innovation, aux[DV], rows, -1.0 if kind == VELOCITY_KIND else gate, math.inf)
+    if nis <= gate and kind == VELOCITY_KIND:
+        steer(belief, bar, y, sd, observe, parameters, aux[UNUSED:UNUSED + 3])
+        rows = see(belief, bar, y, sd, kind, observe, parameters, innovation)
+        correct_rows(P, aux, innovation, aux[DV], rows, math.inf, math.inf)
+    if nis <= gate:
+        used(aux, kind)
+    return nis
+
+
+@inlined
+def leave(aux, bar):
+    """Keep the observer's state before it moves."""
+    for i in range(3):
+        aux[LEFT + i], aux[LEFT + 3 + i], aux[LEFT + 15 + i], aux[LEFT + 18 + i] = bar.lla[i], bar.v[i], bar.ba[i], bar.bg[i]
+        for j in range(3):
+            aux[LEFT + 6 + 3 * i + j] = bar.C[i, j]
+
+
+@inlined
+def relate(belief, bar):
+    """aux[ERROR] and P are from now on those at the observer instead of those at LEFT: Euler angles, v_b and biases of the estimate stay."""
+    aux, x, lla = belief.aux, belief.aux[ERROR], bar.lla
+    _, cosine, M, N = place(lla[0], lla[2])
+    x[0] += (aux[LEFT] - lla[0]) * M
+    x[1] += wrap(aux[LEFT + 1] - lla[1]) * N * cosine
+    x[2] += lla[2] - aux[LEFT + 2]
+    _relate_turned(belief.P, x, aux[MOVED], aux[ANGLES:ANGLES + 3], aux[LEFT + 3:LEFT + 6], matrix(aux, LEFT + 6, 3, 3), bar.v, bar.C)
+    for i in range(3):
+        x[9 + i] += aux[LEFT + 15 + i] - bar.ba[i]
+        x[12 + i] += aux[LEFT + 18 + i] - bar.bg[i]
+
+
+@helper
+def _relate_turned(P, x, moved, angles, v, before, new_v, C):
+    """`relate` of velocity and attitude."""
+    v0, v1, v2 = v[0] + x[3], v[1] + x[4], v[2] + x[5]
+    n0, n1, n2 = turned(C, *to_body(before, v0, v1, v2))
+    moved[0], moved[1], moved[2] = moved[0] + n0 - v0, moved[1] + n1 - v1, moved[2] + n2 - v2
+    x[3], x[4], x[5] = n0 - new_v[0], n1 - new_v[1], n2 - new_v[2]
+    turn_velocity(P, before, C)
+    roll, pitch, heading = matrix_to_euler(before)
+    new_roll, new_pitch, new_heading = matrix_to_euler(C)
+    angles[0], angles[1], angles[2] = new_roll, new_pitch, new_heading
+    d0, d1, d2 = to_angles(pitch, heading, x[6], x[7], x[8])
+    x[6], x[7], x[8] = from_angles(new_pitch, new_heading, d0 + wrap(roll - new_roll), d1 + pitch - new_pitch, d2 + wrap(heading - new_heading))
+    turn_attitude(P, pitch, heading, new_pitch, new_heading)
+
+
+@inlined
+def compose(belief, bar):
+    """The belief is the observer and aux[ERROR] together; near the singularity of the Euler angles by a rotation."""
+    aux, x, C = belief.aux, belief.aux[ERROR], belief.C
+    for i in range(3):
+        belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i] = bar.lla[i], bar.v[i] + x[3 + i], bar.ba[i] + x[9 + i], bar.bg[i] + x[12 + i]
+        belief.omega[i], belief.f[i] = bar.omega[i] - x[12 + i], bar.f[i] - x[9 + i]
+        aux[SHIFT + i], aux[SAID + 1 + i] = x[i], bar.aux[XI + i]
+    aux[SAID] = bar.aux[EXCITATION]
+    displace(belief.lla, x[0], x[1], x[2])
+    roll, pitch, heading = aux[ANGLES], aux[ANGLES + 1], aux[ANGLES + 2]
+    d0, d1, d2 = to_angles(pitch, heading, x[6], x[7], x[8])
+    if abs(pitch) < STEEP:
+        euler_to_matrix(roll + d0, pitch + d1, heading + d2, C)
+    else:
+        for i in range(3):
+            for j in range(3):
+                C[i, j] = bar.C[i, j]
+        rotate_left(x[6], x[7], x[8], C)
+
+
+def watch(t, lla, columns):
+    """[(t, text)] where the pitch first was near the singularity of the Euler angles, and where the heading was first held without a course."""
+    return steep(t, lla, columns) + held(t, columns)
+
+
+XKF_TWO_STAGE = Filter("xkf-two-stage", "Alam, Whidborne & Millidere (2023) section 2.3; Johansen & Fossen (2017), IJC 90(2)", start,
+                       predict, correct, columns=COLUMNS, uses=USES, fit=fit, watch=watch)

@@ -1,0 +1,1 @@
+"""An aircraft flown by an autopilot on the estimates of a filter."""

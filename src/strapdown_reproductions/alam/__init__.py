@@ -1,0 +1,1 @@
+"""Alam et al.: observers and exogenous Kalman filters with outages."""

@@ -1,0 +1,1 @@
+"""BROAD: attitude filters on recorded trials."""

@@ -1,0 +1,1 @@
+"""What all reproductions write, and the rules by which numbers become verdicts."""

@@ -1,0 +1,39 @@
+"""Tables that a command makes, as Markdown, and the pages of docs/ in which they stand between two marks."""
+import re
+
+from strapdown.files import replacing
+
+END = "<!-- end -->"
+
+
+def begin(file, command):
+    """The mark above what stands in `file` of a run of `strapdown reproduce command`."""
+    return f"<!-- begin: {file} of strapdown reproduce {command} -->"
+
+
+def insert(path, text, mark):
+    """Put `text` between `mark` and END in the Markdown file `path`."""
+    page = path.read_text(encoding="utf-8")
+    found = re.sub(f"{re.escape(mark)}.*?{re.escape(END)}", lambda _: f"{mark}\n{text}{END}", page, count=1, flags=re.DOTALL)
+    with replacing(path) as part:
+        part.write_text(found, encoding="utf-8")
+
+
+def table(frame, cell):
+    """A DataFrame, each name of a column and value through `cell`."""
+    rows = [frame.columns, ["---"] * len(frame.columns), *frame.itertuples(index=False)]
+    return "\n".join("| " + " | ".join(map(cell, row)) + " |" for row in rows)
+
+
+def plain(text):
+    """Text that no table and no browser takes for its own."""
+    return text.replace("|", "/").replace("<", "&lt;")
+
+
+def findings(size, claims, tables):
+    """Text: sentences on the size of the study, the claims with their verdicts, and the tables [(heading, DataFrame of text)]."""
+    rows = [f"| {i} | {plain(c['claim'])} | **{c['verdict']}** | {plain(c['measured'])} |" for i, c in enumerate(claims, 1)]
+    parts = [size, "", "| | the paper says | verdict | measured |", "|---|---|---|---|", *rows]
+    for heading, frame in tables:
+        parts += ["", f"{heading}:", "", table(frame, lambda value: plain(str(value)))]
+    return "\n".join(parts) + "\n"

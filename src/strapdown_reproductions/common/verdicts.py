@@ -1,0 +1,112 @@
+"""How numbers with intervals become a verdict on a claim: a cell supports it, contradicts it, or leaves it open, and the shares of cells decide."""
+from typing import NamedTuple
+
+import numpy as np
+
+from .pages import NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
+
+SIZE = 0.01
+"""A difference of RMSE below this part is called none, however well many runs resolve it."""
+MOST, FEW = 0.75, 0.25
+"""A claim is reproduced from this share of supporting cells on, and not reproduced where even with all open cells it cannot exceed the other one."""
+READINGS = ("", "_500")
+"""Columns by both abort rules, and by the 500 m rule alone."""
+OPEN, CLOSED, NONE, UNKNOWN = "open", "closed", "none", "unknown"
+"""Which filter is better in a cell; NONE: the whole interval is below SIZE."""
+
+
+class Count(NamedTuple):
+    """Cells that support a claim, that contradict it, and all."""
+    supports: int
+    contradicts: int
+    total: int
+
+    @property
+    def verdict(self):
+        """Of the share of supporting cells, whose interval goes from none to all of the open cells supporting."""
+        if not self.total:
+            return UNDECIDED
+        low, high = self.supports / self.total, 1 - self.contradicts / self.total
+        return REPRODUCED if low >= MOST else NOT_REPRODUCED if high <= FEW else PARTLY if low > FEW else UNDECIDED
+
+    def __str__(self):
+        return f"{self.supports} of {self.total} cells for it, {self.contradicts} against, {self.total - self.supports - self.contradicts} open"
+
+
+RULE = (f"reproduced where {MOST:.0%} of the cells or more support it, not reproduced where not even with all open cells more than "
+        f"{FEW:.0%} would, "
+        f"partly where more than {FEW:.0%} support it, else not decidable")
+BETTER = f"better: the 95 % interval of the ratio of RMSEs over common runs lies beyond 1 by more than {SIZE:.0%}; no difference: all of it is within {SIZE:.0%}"
+
+
+def better(row, name):
+    """Which filter is better in a row by its ratio `name`, of open by closed."""
+    low, high = row[f"{name}_low"], row[f"{name}_high"]
+    if high < 1 / (1 + SIZE):
+        return OPEN
+    if low > 1 + SIZE:
+        return CLOSED
+    return NONE if low >= 1 / (1 + SIZE) and high <= 1 + SIZE else UNKNOWN
+
+
+def sides(rows, name, side):
+    """Count of the rows in which filter `side` is better; the other one better or no difference contradicts."""
+    found = [better(row, name) for _, row in rows.iterrows()]
+    return Count(found.count(side), len(found) - found.count(side) - found.count(UNKNOWN), len(found))
+
+
+def share(rows, name, more=True, level=0.5):
+    """Count of the rows whose interval `name` is above `level` (below for more=False); on the other side contradicts."""
+    above, below = int((rows[f"{name}_low"] > level).sum()), int((rows[f"{name}_high"] < level).sum())
+    return Count(above, below, len(rows)) if more else Count(below, above, len(rows))
+
+
+def apart(first, second, name):
+    """+1 where interval `name` of row `first` is above that of `second`, -1 where it is below, 0 where they overlap."""
+    return int(first[f"{name}_low"] > second[f"{name}_high"]) - int(first[f"{name}_high"] < second[f"{name}_low"])
+
+
+def total(counts):
+    """The Count of several together."""
+    return Count(*(int(sum(values)) for values in zip(*counts))) if counts else Count(0, 0, 0)
+
+
+def both(*verdicts):
+    """Of a claim with parts that must all hold: mixed where one is supported and another not."""
+    found = set(verdicts)
+    if len(found) == 1:
+        return verdicts[0]
+    return PARTLY if found & {REPRODUCED, PARTLY} else NOT_REPRODUCED
+
+
+def over_readings(*verdicts):
+    """Of the two ways to abort: opposite ones mean that what the paper leaves open decides; else the less favourable one."""
+    if {REPRODUCED, NOT_REPRODUCED} <= set(verdicts):
+        return UNDECIDED
+    return max(verdicts, key=(REPRODUCED, PARTLY, UNDECIDED, NOT_REPRODUCED).index)
+
+
+def ratios(rows, name):
+    """Text: smallest, median and largest ratio of the rows."""
+    values = rows[name].to_numpy(float)
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return "no common runs"
+    least, middle, most = factors((np.min(values), np.median(values), np.max(values)))
+    return f"RMSE of the open loop against the closed one: {least} to {most}, median {middle}"
+
+
+def factors(values):
+    """Texts of ratios: changes in per cent where all are near 1, else factors."""
+    small = all(0.5 < value < 1.5 for value in values)
+    change = lambda share: f"{share:+.2f} %" if abs(share) < 1 else f"{share:+.3g} %"
+    return [change(100 * (value - 1)) if small else f"x{value:.3g}" for value in values]
+
+
+def interval(row, name):
+    """Text of a ratio of a row with its interval."""
+    values = [row[f"{name}{end}"] for end in ("", "_low", "_high")]
+    if not values[0] > 0:
+        return "–"
+    middle, low, high = factors(values)
+    return f"{middle} ({low} to {high})"

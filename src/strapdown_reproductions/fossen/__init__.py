@@ -1,0 +1,1 @@
+"""Fossen (2021), chapter 14."""

@@ -1,0 +1,1 @@
+"""Hager & Bryne: open against closed loop."""

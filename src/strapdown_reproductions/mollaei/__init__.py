@@ -1,0 +1,1 @@
+"""Mollaei et al.: EKF, UKF and PKF on an aircraft in the loop."""

@@ -1,0 +1,290 @@
+"""What the six-state filters of Mollaei et al. share: the state, where its numbers lie, how it moves and how a fix is seen.
+
+The state is position (m, north, east, down from the start) and velocity (m/s) on a flat, still Earth of constant gravity:
+    p' = v, v' = C f + g, f the specific force that the IMU measured, or that the aircraft's own model tells.
+The attitude C is none of it: it is the start's, turned by the measured increments and never corrected, so the truth (where the start is true) and the
+integrated error of the gyros. Biases are the start's and stay.
+"""
+import math
+
+import numpy as np
+
+from strapdown.core.jit import helper, inlined, matrix
+from strapdown.core.contract import POSITION_KIND
+from strapdown.core.rotation import orthonormalise, rotate_right, turned, wrap
+from strapdown.flight.aircraft.forces import density, forces
+from strapdown.flight.aircraft.parameters import GRAVITY, LATITUDE_RATE, LONGITUDE_RATE, MASS, SIZE
+from strapdown.flight.aircraft.parameters import aircraft as find_aircraft
+
+INPUTS = 8
+"""First of the nine numbers of `aux` that whoever flies the aircraft writes before each sample: 1 where the model shall predict and 0 where the IMU
+shall, elevator, aileron, rudder (rad), throttle, the wind that the filter is told (m/s, NED), seconds of the sample. Before them: output columns."""
+CONTROLS, WIND = INPUTS + 1, INPUTS + 5
+X = INPUTS + 9                          # the state, 6 numbers
+ORIGIN = X + 6                          # lla of the start
+Q, R = ORIGIN + 3, ORIGIN + 4           # variances: of the process noise per second, of a row of a fix; 0: not given
+UNKNOWN = ORIGIN + 5                    # random walk of the velocity that the model does not know, m/s/sqrt(s)
+SINCE, DENSITY = ORIGIN + 6, ORIGIN + 7     # s since the last fix; of the air at the height of the estimate, kg/m^3
+TURNED = DENSITY + 1                    # C_nb at mid-sample, 3 x 3
+DV = TURNED + 9                         # change of velocity over the sample that the IMU tells, gravity included, m/s
+A = DV + 3                              # d velocity after / d velocity before, 3 x 3
+TRIAL = A + 9                           # state and covariance that a fix would leave, 6 and 6 x 6
+CRAFT = TRIAL + 42                      # the aircraft's parameters
+OWN = CRAFT + SIZE                      # what one of the filters alone needs
+STEP = 1e-5
+"""m/s: of the differences that make the Jacobian; their errors, of the bend and of rounding, are below 1e-6 of it."""
+REPRODUCED = dict(q=0.1, r=0.5)
+"""Options that give the Q = 0.1 I and R = 0.5 I of the paper."""
+
+
+def begin(start, own, model, q, r, rate, craft, earth):
+    """Belief at `start` for a filter with `own` numbers of its own from aux[OWN] on. Refuses bad options."""
+    for name, value in (("q", q), ("r", r)):
+        if not 0 <= value < math.inf:
+            raise ValueError(f"{name} is {value:g}; it must be a variance above zero, or 0 for that of the sensors")
+    if not 0 <= model < math.inf:
+        raise ValueError(f"model is {model:g} m/s/sqrt(s); it must be a random walk, 0 or more")
+    if not 0 < rate < math.inf:
+        raise ValueError(f"rate is {rate:g} Hz; it must be above zero")
+    if earth != "flat":
+        raise ValueError(f"earth is {earth!r}; the six-state form knows a flat, still Earth alone: give earth=\"flat\", and fly over it")
+    aux = np.zeros(OWN + own)
+    belief = start.belief(aux)
+    belief.P[6:], belief.P[:, 6:] = 0.0, 0.0
+    aux[X + 3:X + 6], aux[ORIGIN:ORIGIN + 3], aux[Q], aux[R], aux[UNKNOWN] = start.v, start.lla, q * rate, r, model
+    aux[CRAFT:OWN] = find_aircraft(craft).array(earth="flat", origin=start.lla)
+    return belief
+
+
+def fit(options, aidings):
+    """Refuses an antenna away from the IMU: six states know no lever arm."""
+    for aiding in aidings:
+        if any(aiding.parameters[:3]):
+            raise ValueError(f"{aiding.name or aiding.kind} has a lever arm of {tuple(aiding.parameters[:3])} m; the six-state form knows none: "
+                             "give the fixes of the IMU's own place")
+    return options, []
+
+
+@helper
+def turn(belief, u, dt):
+    """Advance the attitude by the measured increments u, and leave in aux what they say of the velocity and the attitude at mid-sample."""
+    aux, C, half = belief.aux, belief.C, matrix(belief.aux, TURNED, 3, 3)
+    r0, r1, r2 = u[0] - belief.bg[0] * dt, u[1] - belief.bg[1] * dt, u[2] - belief.bg[2] * dt
+    a0, a1, a2 = u[3] - belief.ba[0] * dt, u[4] - belief.ba[1] * dt, u[5] - belief.ba[2] * dt
+    x0, x1, x2 = r1 * a2 - r2 * a1, r2 * a0 - r0 * a2, r0 * a1 - r1 * a0
+    d0, d1, d2 = turned(C, a0 + 0.5 * x0 + (r1 * x2 - r2 * x1) / 6, a1 + 0.5 * x1 + (r2 * x0 - r0 * x2) / 6, a2 + 0.5 * x2 + (r0 * x1 - r1 * x0) / 6)
+    aux[DV], aux[DV + 1], aux[DV + 2] = d0, d1, d2 + aux[CRAFT + GRAVITY] * dt
+    for i in range(3):
+        for j in range(3):
+            half[i, j] = C[i, j]
+    rotate_right(half, 0.5 * r0, 0.5 * r1, 0.5 * r2)
+    rotate_right(C, r0, r1, r2)
+    orthonormalise(C)
+    if dt > 0:
+        for i in range(3):
+            belief.omega[i] = (u[i] - belief.bg[i] * dt) / dt
+            belief.f[i] = (u[3 + i] - belief.ba[i] * dt) / dt
+    aux[SINCE] += dt
+    if aux[INPUTS] != 0:
+        aux[DENSITY] = density(aux[CRAFT:], aux[ORIGIN + 2] - aux[X + 2])
+
+
+@helper
+def acceleration(aux, omega, v0, v1, v2):
+    """m/s^2 that the aircraft's model gives at that velocity (m/s, NED), with the attitude, rates, controls and wind in force."""
+    C = matrix(aux, TURNED, 3, 3)
+    v0, v1, v2, scale = v0 - aux[WIND], v1 - aux[WIND + 1], v2 - aux[WIND + 2], 1 / aux[CRAFT + MASS]
+    against_air = (C[0, 0] * v0 + C[1, 0] * v1 + C[2, 0] * v2, C[0, 1] * v0 + C[1, 1] * v1 + C[2, 1] * v2, C[0, 2] * v0 + C[1, 2] * v1 + C[2, 2] * v2)
+    Fx, Fy, Fz, _, _, _ = forces(aux[CRAFT:], aux[DENSITY], against_air, omega, aux[CONTROLS:WIND])
+    a0, a1, a2 = turned(C, scale * Fx, scale * Fy, scale * Fz)
+    return a0, a1, a2 + aux[CRAFT + GRAVITY]
+
+
+@helper
+def moved(aux, omega, v0, v1, v2, dt):
+    """Velocity (m/s, NED) after dt: with the IMU's increment, or with the model's acceleration by the midpoint rule."""
+    if aux[INPUTS] == 0:
+        return v0 + aux[DV], v1 + aux[DV + 1], v2 + aux[DV + 2]
+    a0, a1, a2 = acceleration(aux, omega, v0, v1, v2)
+    b0, b1, b2 = acceleration(aux, omega, v0 + 0.5 * dt * a0, v1 + 0.5 * dt * a1, v2 + 0.5 * dt * a2)
+    return v0 + dt * b0, v1 + dt * b1, v2 + dt * b2
+
+
+@inlined
+def linearised(belief, x, P, dt, noise):
+    """Advance one Gaussian, x (6,) and P (its first 6 rows and columns), as an extended Kalman filter does."""
+    aux, omega = belief.aux, belief.omega
+    v0, v1, v2 = x[3], x[4], x[5]
+    if aux[INPUTS] == 0:
+        drift(P, dt)
+        w0, w1, w2 = v0 + aux[DV], v1 + aux[DV + 1], v2 + aux[DV + 2]
+    else:
+        a0, a1, a2 = acceleration(aux, omega, v0, v1, v2)
+        m0, m1, m2 = v0 + 0.5 * dt * a0, v1 + 0.5 * dt * a1, v2 + 0.5 * dt * a2
+        b0, b1, b2 = acceleration(aux, omega, m0, m1, m2)
+        jacobian(aux, omega, m0, m1, m2, b0, b1, b2, dt)
+        transform(P, aux, dt)
+        w0, w1, w2 = v0 + dt * b0, v1 + dt * b1, v2 + dt * b2
+    add_noise(P, aux, noise, dt)
+    x[0] += 0.5 * dt * (v0 + w0)
+    x[1] += 0.5 * dt * (v1 + w1)
+    x[2] += 0.5 * dt * (v2 + w2)
+    x[3], x[4], x[5] = w0, w1, w2
+
+
+@inlined
+def drift(P, dt):
+    """P <- Phi P Phi' with Phi = [I, dt I; 0, I]: positions follow velocities, which only gain the same for all."""
+    for i in range(3):
+        for j in range(3):
+            P[i, 3 + j] += dt * P[3 + i, 3 + j]     # the new covariance of position and velocity
+    for i in range(3):
+        for j in range(i, 3):
+            P[i, j] += dt * (P[i, 3 + j] + P[j, 3 + i] - dt * P[3 + i, 3 + j])
+            P[j, i] = P[i, j]
+        for j in range(3):
+            P[3 + j, i] = P[i, 3 + j]
+
+
+@helper
+def jacobian(aux, omega, v0, v1, v2, a0, a1, a2, dt):
+    """A = I + J dt + J^2 dt^2 / 2, J the derivative of the model's acceleration a by the velocity v at mid-sample, from differences over STEP."""
+    s = dt / STEP
+    for k in range(3):      # a loop, because three copies of the forces take the compiler three times as long
+        b0, b1, b2 = acceleration(aux, omega, v0 + (STEP if k == 0 else 0.0), v1 + (STEP if k == 1 else 0.0), v2 + (STEP if k == 2 else 0.0))
+        aux[A + k], aux[A + 3 + k], aux[A + 6 + k] = s * (b0 - a0), s * (b1 - a1), s * (b2 - a2)
+    j00, j01, j02, j10, j11, j12 = aux[A], aux[A + 1], aux[A + 2], aux[A + 3], aux[A + 4], aux[A + 5]
+    j20, j21, j22 = aux[A + 6], aux[A + 7], aux[A + 8]
+    aux[A] += 1 + 0.5 * (j00 * j00 + j01 * j10 + j02 * j20)
+    aux[A + 1] += 0.5 * (j00 * j01 + j01 * j11 + j02 * j21)
+    aux[A + 2] += 0.5 * (j00 * j02 + j01 * j12 + j02 * j22)
+    aux[A + 3] += 0.5 * (j10 * j00 + j11 * j10 + j12 * j20)
+    aux[A + 4] += 1 + 0.5 * (j10 * j01 + j11 * j11 + j12 * j21)
+    aux[A + 5] += 0.5 * (j10 * j02 + j11 * j12 + j12 * j22)
+    aux[A + 6] += 0.5 * (j20 * j00 + j21 * j10 + j22 * j20)
+    aux[A + 7] += 0.5 * (j20 * j01 + j21 * j11 + j22 * j21)
+    aux[A + 8] += 1 + 0.5 * (j20 * j02 + j21 * j12 + j22 * j22)
+
+
+@inlined
+def transform(P, aux, dt):
+    """P <- Phi P Phi' with Phi = [I, dt/2 (I + A); 0, A]."""
+    F = matrix(aux, A, 3, 3)
+    h = 0.5 * dt
+    for j in range(6):
+        n0, n1, n2 = turned(F, P[3, j], P[4, j], P[5, j])
+        P[0, j] += h * (P[3, j] + n0)
+        P[1, j] += h * (P[4, j] + n1)
+        P[2, j] += h * (P[5, j] + n2)
+        P[3, j], P[4, j], P[5, j] = n0, n1, n2
+    for i in range(6):
+        n0, n1, n2 = turned(F, P[i, 3], P[i, 4], P[i, 5])
+        P[i, 0] += h * (P[i, 3] + n0)
+        P[i, 1] += h * (P[i, 4] + n1)
+        P[i, 2] += h * (P[i, 5] + n2)
+        P[i, 3], P[i, 4], P[i, 5] = n0, n1, n2
+    for i in range(6):
+        for j in range(i):
+            P[i, j] = P[j, i]
+
+
+@inlined
+def random_walk(aux, noise):
+    """Of the velocity, m/s/sqrt(s): of the accelerometers, or of what the model does not know."""
+    return noise.accel if aux[INPUTS] == 0 else aux[UNKNOWN]
+
+
+@inlined
+def add_noise(P, aux, noise, dt):
+    """Process noise of dt: white acceleration, or q on each of the six, as the paper has it."""
+    if aux[Q] > 0:
+        for i in range(6):
+            P[i, i] += aux[Q] * dt
+        return
+    v = random_walk(aux, noise) * random_walk(aux, noise) * dt
+    for i in range(3):
+        P[i, i] += v * dt * dt / 3
+        P[i, 3 + i] += 0.5 * v * dt
+        P[3 + i, i] += 0.5 * v * dt
+        P[3 + i, 3 + i] += v
+
+
+@helper
+def copy(x, P, to, To):
+    """A Gaussian of six states into another place."""
+    for i in range(6):
+        to[i] = x[i]
+        for j in range(6):
+            To[i, j] = P[i, j]
+
+
+@helper
+def seen(aux, y, kind, x, innovation):
+    """Innovation (m or m/s; NaN where not measured) of a fix of position or velocity at the state x. Returns the first of the states that it sees."""
+    if kind == POSITION_KIND:
+        innovation[0] = (y[0] - aux[ORIGIN]) / aux[CRAFT + LATITUDE_RATE] - x[0]
+        innovation[1] = wrap(y[1] - aux[ORIGIN + 1]) / aux[CRAFT + LONGITUDE_RATE] - x[1]
+        innovation[2] = aux[ORIGIN + 2] - y[2] - x[2]
+        return 0
+    for i in range(3):
+        innovation[i] = y[i] - x[3 + i]
+    return 3
+
+
+@inlined
+def variance(aux, sd, i):
+    """Of row i of a fix: r where it is given, else the fix's own."""
+    return aux[R] if aux[R] > 0 else sd[i] * sd[i]
+
+
+@helper
+def correct_gaussian(aux, x, P, first, innovation, sd):
+    """Correct one Gaussian by the measured rows of a fix, one after the other. Returns NIS and log det of their covariance; NaN without any."""
+    nis, spread, rows = 0.0, 1.0, 0
+    b0, b1, b2 = x[first], x[first + 1], x[first + 2]
+    for i in range(3):
+        e = innovation[i] + ((b0 if i == 0 else (b1 if i == 1 else b2)) - x[first + i])     # less what the rows before have corrected
+        if math.isnan(e):
+            continue
+        k = first + i
+        s = P[k, k] + variance(aux, sd, i)
+        rows += 1
+        nis += e * e / s
+        spread *= s
+        g0, g1, g2, g3, g4, g5 = P[0, k], P[1, k], P[2, k], P[3, k], P[4, k], P[5, k]
+        gains = (g0, g1, g2, g3, g4, g5)
+        for m in range(6):
+            w = gains[m] / s
+            x[m] += w * e
+            for n in range(6):
+                P[m, n] -= w * gains[n]
+    return (nis, math.log(spread)) if rows else (math.nan, math.nan)
+
+
+@helper
+def publish(belief):
+    """Write the state into the belief as its affine image: latitude, longitude, height and velocity."""
+    aux = belief.aux
+    belief.lla[0] = aux[ORIGIN] + aux[X] * aux[CRAFT + LATITUDE_RATE]
+    belief.lla[1] = wrap(aux[ORIGIN + 1] + aux[X + 1] * aux[CRAFT + LONGITUDE_RATE])
+    belief.lla[2] = aux[ORIGIN + 2] - aux[X + 2]
+    for i in range(3):
+        belief.v[i] = aux[X + 3 + i]
+
+
+@helper
+def changed(P, left):
+    """Whether somebody changed the covariance since the filter left it."""
+    for i in range(6):
+        for j in range(6):
+            if P[i, j] != left[i, j]:
+                return True
+    return False
+
+
+@helper
+def keep(P, left):
+    """Remember the covariance as the filter leaves it."""
+    for i in range(6):
+        for j in range(6):
+            left[i, j] = P[i, j]

@@ -1,0 +1,1 @@
+"""Every filter on every recording."""

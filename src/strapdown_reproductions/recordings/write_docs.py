@@ -1,0 +1,19 @@
+"""The tables of every filter as Markdown, for docs/every-filter.md: what `strapdown reproduce recordings` writes as table.md stands there."""
+from ..common import markdown
+
+BEGIN, END = markdown.begin("table.md", "recordings"), markdown.END
+
+
+def text(tables):
+    """Markdown of [(heading, DataFrame of text)]."""
+    return "\n".join(f"### {heading}\n\n{markdown.table(table, _cell)}\n" for heading, table in tables)
+
+
+def _cell(text):
+    """Text whose lines stay lines."""
+    return text.replace("|", "/").replace("*", r"\*").replace("\n", "<br>")
+
+
+def insert(path, text):
+    """Put `text` between the marks of the Markdown file `path`."""
+    markdown.insert(path, text, BEGIN)

@@ -1,0 +1,37 @@
+"""When a fix is the one before, handed over with the gate lifted, and when it is another."""
+import numpy as np
+import pytest
+
+from strapdown.filters.observer.repeated_fix import FORGOTTEN, MEMORY, repeated
+
+pytestmark = pytest.mark.short
+POSITION, VELOCITY = 0.0, 1.0
+FIX = dict(y=np.array([1.0, np.nan, 3.0]), sd=np.array([0.5, np.nan, 2.0]), kind=POSITION)
+
+
+def after(gate, nis):
+    """A memory after a fix with that gate and NIS."""
+    memory = np.zeros(MEMORY)
+    memory[0] = FORGOTTEN
+    assert not repeated(memory, gate=gate, nis=nis, **FIX)
+    return memory
+
+
+def test_the_fix_after_a_rejection_with_the_gate_lifted_is_the_same():
+    assert repeated(after(16.0, 17.0), gate=np.inf, nis=2.0, **FIX)
+
+
+@pytest.mark.parametrize("gate, nis", [(np.inf, 17.0), (16.0, 15.0), (16.0, np.nan)])
+def test_after_an_accepted_one_it_is_another(gate, nis):
+    assert not repeated(after(gate, nis), gate=np.inf, nis=2.0, **FIX)
+
+
+@pytest.mark.parametrize("other", [dict(gate=16.0), dict(kind=VELOCITY), dict(y=np.array([1.0, np.nan, 3.1])), dict(y=np.array([1.0, 2.0, 3.0])),
+                                   dict(sd=np.array([0.5, np.nan, 2.1]))])
+def test_another_gate_kind_value_or_deviation_is_another_fix(other):
+    assert not repeated(after(16.0, 17.0), **{**FIX, "gate": np.inf, "nis": 2.0, **other})
+
+
+def test_it_is_forgotten_once_taken():
+    memory = after(16.0, 17.0)
+    assert repeated(memory, gate=np.inf, nis=2.0, **FIX) and not repeated(memory, gate=np.inf, nis=2.0, **FIX)
