@@ -1,26 +1,34 @@
 """Compile every kernel into the cache, on all cores, before the tests run: each of their processes would compile what it needs by itself."""
 import importlib
 import os
+import re
 import sys
 import time
 from multiprocessing import get_context
+from pathlib import Path
 
-from strapdown.core import jit
+import strapdown_reproductions
 
+import strapdown
+from strapdown.core import jit, kernel_cache
 
 SLOW = ("xkf", "two_stage", "ins_points", "pkf", "six", "ekf")
 """Parts of the names of modules whose kernels take longest: they come first, so that none of them is left over for one core at the end."""
 
 
+def modules():
+    """Names of all modules that declare kernels."""
+    for package in (strapdown, strapdown_reproductions):
+        root = Path(package.__file__).parent
+        for file in sorted(root.rglob("*.py")):
+            if re.search(r"^@kernel\b", file.read_text(encoding="utf-8"), re.MULTILINE):
+                yield ".".join((package.__name__, *file.relative_to(root).with_suffix("").parts)).removesuffix(".__init__")
+
+
 def kernels():
     """(module, name) of every kernel, in the order in which to compile them."""
-    files = {file for pattern in jit.KERNEL_SOURCES for file in jit.PACKAGE.glob(pattern)}
-    found = []
-    for file in sorted(files):
-        module = importlib.import_module(".".join(file.resolve().relative_to(jit.PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"))
-        for name, value in vars(module).items():
-            if hasattr(value, "signature") and hasattr(value, "py_func") and value.py_func.__module__ == module.__name__:
-                found.append((module.__name__, name))
+    found = [(module, name) for module in modules() for name, value in vars(importlib.import_module(module)).items()
+             if hasattr(value, "signature") and hasattr(value, "py_func") and value.py_func.__module__ == module]
     return sorted(found, key=lambda place: not any(part in place[0] for part in SLOW))
 
 
@@ -29,7 +37,7 @@ def compiled(place):
     return jit.compile_kernel(getattr(importlib.import_module(place[0]), place[1]))
 
 
-if __name__ == "__main__" and jit.COMPILED and jit.CACHE is not None:
+if __name__ == "__main__" and jit.COMPILED and kernel_cache.folder():
     begin, places = time.perf_counter(), kernels()
     with get_context("spawn").Pool(os.cpu_count()) as pool:
         new = sum(pool.imap_unordered(compiled, places))

@@ -1,25 +1,17 @@
-"""How kernels are compiled: declared at import, compiled on use, cached where a changed helper cannot go stale, called by address.
+"""How kernels are compiled: declared at import, compiled on use, called by address; `kernel_cache` keeps them on disk.
 
-Everything private to numba that the package relies on is in this file. Under NUMBA_DISABLE_JIT=1 each part has a plain Python twin.
+Everything private to numba that the package relies on is in these two files. Under NUMBA_DISABLE_JIT=1 each part has a plain Python twin.
 """
-import hashlib
-import os
-import shutil
-import tempfile
 import threading
-from pathlib import Path
 
 import numba
 from numba import types
 from numba.core import cgutils, config, cpu
 from numba.extending import intrinsic
 
+from .kernel_cache import KernelCache
+
 COMPILED = not config.DISABLE_JIT
-PACKAGE = Path(__file__).resolve().parents[1]
-KERNEL_SOURCES = ("core/**/*.py", "aiding/**/*.py", "filters/**/*.py", "flight/aircraft/**/*.py", "flight/autopilot.py",
-                  "flight/flight_loop.py", "evaluation/nees.py",
-                  "../strapdown_reproductions/mollaei/six*.py")
-"""Every file that kernels or their helpers are written in: an edit to one of these gives a new cache."""
 
 
 def _reference_counts_can_be_left_out():
@@ -32,37 +24,6 @@ if COMPILED and _reference_counts_can_be_left_out():
     OPTIONS["_nrt"] = False
 
 
-def source_hash(package=PACKAGE):
-    """Name of the cache folder: kernel sources, numba and CPU. numba alone would not notice a changed helper in another module."""
-    digest = hashlib.sha256(f"{numba.__version__} {config.CPU_NAME or _cpu_name()}".encode())
-    for pattern in KERNEL_SOURCES:
-        for file in sorted(package.glob(pattern)):
-            digest.update(str(file.relative_to(package)).encode() + b"\0" + file.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def _cpu_name():
-    import llvmlite.binding as llvm
-    return llvm.get_host_cpu_name() + llvm.get_host_cpu_features().flatten()
-
-
-def _cache_folder(keep=3):
-    """A writable folder named after the sources, or None (then kernels are compiled anew in each process)."""
-    try:
-        base = Path(config.CACHE_DIR or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "strapdown"
-        folder = base / source_hash()
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-        os.utime(folder)
-        for old in sorted(base.iterdir(), key=lambda path: path.stat().st_mtime, reverse=True)[keep:]:
-            shutil.rmtree(old, ignore_errors=True)
-    except (OSError, RuntimeError):  # RuntimeError: a user without a home
-        return None
-    return folder
-
-
-CACHE = _cache_folder() if COMPILED else None
 _ONE_AT_A_TIME = threading.Lock()
 
 
@@ -90,12 +51,7 @@ def kernel(signature, **options):
         if not COMPILED:
             function.signature = signature
             return function
-        before = config.CACHE_DIR
-        try:
-            config.CACHE_DIR = str(CACHE or "")
-            dispatcher = numba.njit(cache=CACHE is not None, **{**OPTIONS, **options})(function)
-        finally:
-            config.CACHE_DIR = before
+        dispatcher = numba.njit(**{**OPTIONS, **options})(function)
         dispatcher.signature = signature
         return dispatcher
     return declare
@@ -108,6 +64,7 @@ def compile_kernel(dispatcher):
     with _ONE_AT_A_TIME:  # a second thread would find compilation disabled before it looks for the result
         if dispatcher.signature.args in dispatcher.overloads:
             return False
+        dispatcher._cache = KernelCache(dispatcher)   # here and not where it is declared: importing a module looks at no file
         dispatcher.compile(dispatcher.signature.args)
         dispatcher.disable_compile()
         return not sum(dispatcher.stats.cache_hits.values())
@@ -117,7 +74,8 @@ def is_cached(dispatcher):
     """True when compiling it now would not take seconds: compiled in this process already, or on disk."""
     if not COMPILED or dispatcher.overloads:
         return True
-    return CACHE is not None and any(CACHE.rglob(f"{dispatcher.py_func.__module__.rpartition('.')[2]}.{dispatcher.__name__}-*.nbi"))
+    path = KernelCache(dispatcher).path
+    return path is not None and path.exists()
 
 
 _TWINS = {}  # without the compiler: address -> Python function

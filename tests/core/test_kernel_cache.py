@@ -1,0 +1,295 @@
+"""Kernels on disk: an edit costs what it touches, nothing stale or broken is ever loaded, importing leaves no trace."""
+import os
+import re
+import shutil
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numba
+import pytest
+
+import strapdown
+from strapdown.core import jit, kernel_cache
+from strapdown.core.contract import OBSERVE
+from strapdown.core.jit import compile_kernel, is_cached, kernel
+
+PACKAGE = Path(strapdown.__file__).parent
+pytestmark = pytest.mark.skipif(not jit.COMPILED, reason="the compiler is off")
+
+COMPILE = """
+    import importlib
+    import numpy as np
+    from strapdown.aiding import heading
+    from strapdown.core import jit
+    from strapdown.core.contract import PARAMETERS, Belief
+    was_cached = jit.is_cached(heading.observe)
+    compiled = jit.compile_kernel(heading.observe)
+    z, e = np.zeros(3), np.zeros(3)
+    heading.observe(Belief(z, z, np.eye(3), z, z, np.eye(15), z, z, z, np.zeros(0)), np.ones(3), np.zeros(PARAMETERS), e, np.zeros((3, 15)))
+    print(round(e[0], 6), compiled, was_cached)
+    """
+KEYS = """
+    from strapdown.aiding import heading, velocity
+    from strapdown.core import kernel_cache, loop
+    from strapdown.filters.ins import closed_loop, mekf
+    for kernel in (heading.observe, velocity.observe, loop.run, closed_loop.correct, mekf.correct):
+        print(kernel_cache.key(kernel))
+    """
+HEADING, VELOCITY, LOOP, CLOSED_LOOP, MEKF = range(5)
+
+
+def python(code, path=PACKAGE.parent, **environment):
+    """Words that a new process prints for `code`; it must print nothing on standard error. The package is taken from `path`."""
+    environment = {**os.environ, "PYTHONPATH": str(path), "PYTHONWARNINGS": "error", "PYTHONDONTWRITEBYTECODE": "1", **environment}
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], env=environment, capture_output=True, text=True, cwd="/")
+    assert done.returncode == 0 and done.stderr == "", done.stderr
+    return done.stdout.split()
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory):
+    """Folder with a copy of the package."""
+    folder = tmp_path_factory.mktemp("copy")
+    shutil.copytree(PACKAGE, folder / "strapdown", ignore=shutil.ignore_patterns("__pycache__"))
+    return folder
+
+
+@pytest.fixture
+def edit(copy):
+    """Function that replaces text in a file of the copy until the test ends."""
+    before = {}
+
+    def replace(name, old, new):
+        file = copy / "strapdown" / name
+        source, stamp = before.setdefault(file, (file.read_text(), file.stat()))
+        assert source.count(old) >= 1
+        file.write_text(source.replace(old, new, 1))
+        os.utime(file, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))     # even where the clock hides it
+    yield replace
+    for file, (source, _) in before.items():
+        file.write_text(source)
+
+
+@pytest.fixture
+def cache(tmp_path):
+    """Where the kernels of a new process that is given this as XDG_CACHE_HOME go."""
+    return tmp_path / "strapdown" / "kernels"
+
+
+def compiled(path, cache):
+    return python(COMPILE, path, XDG_CACHE_HOME=str(cache.parents[1]), NUMBA_CACHE_DIR="")
+
+
+def test_a_changed_helper_in_another_file_is_noticed(copy, edit, cache):
+    """numba itself looks only at the file of the kernel: a kernel in aiding/, its helper in core/."""
+    assert compiled(copy, cache) == ["1.0", "True", "False"]
+    assert compiled(copy, cache) == ["1.0", "False", "True"]
+    edit("core/rotation.py", "return angle - 2 *", "return angle + 1 - 2 *")
+    assert compiled(copy, cache) == ["2.0", "True", "False"]
+    edit("core/rotation.py", "return angle - 2 *", "return angle - 2 *")
+    assert compiled(copy, cache) == ["1.0", "False", "True"]        # and the old one is still there
+    assert len(list(cache.iterdir())) == 2
+    assert not list(copy.glob("strapdown/**/__pycache__"))          # numba's own, stale place
+
+
+@pytest.fixture(scope="module")
+def keys(copy):
+    return python(KEYS, copy)
+
+
+def changed(copy, keys):
+    return [number for number, (old, new) in enumerate(zip(keys, python(KEYS, copy), strict=True)) if old != new]
+
+
+def test_docstrings_comments_and_annotations_recompile_nothing(copy, edit, keys):
+    edit("aiding/heading.py", '"""', '"""Another sentence. ')
+    edit("core/earth.py", "\n\n\n", "\n\n\n# a comment\n\n")
+    edit("core/rotation.py", "(angle)", "(angle: float) -> float")
+    assert changed(copy, keys) == []
+
+
+@pytest.mark.parametrize("name, touched", [("aiding/heading.py", [HEADING]), ("filters/ins/mekf.py", [MEKF]),
+                                           ("core/error_state.py", [CLOSED_LOOP, MEKF]), ("core/mechanization.py", [LOOP, CLOSED_LOOP, MEKF]),
+                                           ("engine/batch.py", []), ("core/contract.py", [HEADING, VELOCITY, LOOP, CLOSED_LOOP, MEKF])])
+def test_an_edit_recompiles_what_it_touches(copy, edit, keys, name, touched):
+    edit(name, "\nfrom ", "\nEXTRA = 1\nfrom ")
+    assert changed(copy, keys) == touched
+
+
+@pytest.mark.parametrize("setting, value", [("LOOP_VECTORIZE", 0), ("SLP_VECTORIZE", 1), ("OPT", 1), ("BOUNDSCHECK", 1), ("DEBUGINFO_DEFAULT", 1),
+                                            ("ENABLE_AVX", False), ("LLVM_REFPRUNE_PASS", 0), ("A_SETTING_TO_COME", 1)])
+def test_settings_that_change_machine_code_make_another_kernel(monkeypatch, setting, value):
+    from strapdown.aiding import heading
+    before = kernel_cache.key(heading.observe)
+    monkeypatch.setattr(numba.config, setting, value, raising=False)
+    assert kernel_cache.key(heading.observe) != before
+
+
+@pytest.mark.parametrize("setting, value", [("CACHE_DIR", "/elsewhere"), ("NUMBA_NUM_THREADS", 7), ("DUMP_ASSEMBLY", 1), ("COLOR_SCHEME", "dark_bg"),
+                                            ("CUDA_LOG_LEVEL", "debug"), ("DISABLE_PERFORMANCE_WARNINGS", 1)])
+def test_settings_of_no_effect_make_none(monkeypatch, setting, value):
+    from strapdown.aiding import heading
+    before = kernel_cache.key(heading.observe)
+    monkeypatch.setattr(numba.config, setting, value, raising=False)
+    assert kernel_cache.key(heading.observe) == before
+
+
+def test_numba_and_processor_belong_to_the_key(monkeypatch):
+    from strapdown.aiding import heading
+    before = kernel_cache.key(heading.observe)
+    monkeypatch.setattr(kernel_cache.numba, "__version__", "0.0")
+    other = kernel_cache.key(heading.observe)
+    codegen = type(heading.observe.targetctx.codegen())
+    monkeypatch.setattr(codegen, "magic_tuple", lambda self: ("x86_64", "another", ""))
+    assert len({before, other, kernel_cache.key(heading.observe)}) == 3
+
+
+def test_importing_every_module_with_kernels_makes_and_deletes_nothing(tmp_path):
+    code = """
+        import pkgutil, importlib, strapdown
+        for module in pkgutil.walk_packages(strapdown.__path__, "strapdown."):
+            if not module.name.endswith(("__main__", "distributed")):
+                importlib.import_module(module.name)
+        """
+    leftover = tmp_path / "strapdown/kernels/dead.part"
+    leftover.parent.mkdir(parents=True)
+    leftover.touch()
+    python(code, XDG_CACHE_HOME=str(tmp_path), NUMBA_CACHE_DIR="")
+    assert [file for file in tmp_path.rglob("*") if file.is_file()] == [leftover]
+
+
+@pytest.mark.parametrize("broken", [b"", b"half", lambda whole: whole[:-1], lambda whole: whole[:40] + b"x" + whole[41:]])
+def test_a_broken_file_is_compiled_anew(copy, cache, broken):
+    assert compiled(copy, cache) == ["1.0", "True", "False"]
+    file, = cache.iterdir()
+    whole = file.read_bytes()
+    file.write_bytes(broken(whole) if callable(broken) else broken)
+    assert compiled(copy, cache)[:2] == ["1.0", "True"]
+    assert compiled(copy, cache) == ["1.0", "False", "True"]
+    assert [each.name for each in cache.iterdir()] == [file.name]
+
+
+def test_what_a_killed_process_left_is_swept_at_the_next_write(copy, cache):
+    cache.mkdir(parents=True)
+    (cache / "dead.part").write_bytes(b"half a kernel")
+    held = (cache / "alive.part").open("wb")
+    kernel_cache.flock(held, kernel_cache.LOCK_EX)
+    assert compiled(copy, cache)[1] == "True"
+    assert sorted(file.suffix for file in cache.iterdir()) == [".kernel", ".part"] and (cache / "alive.part").exists()
+    held.close()
+
+
+@pytest.mark.parametrize("place", ["a file", "read-only", "full"])
+def test_a_folder_that_cannot_be_written_means_no_cache_and_no_noise(tmp_path, monkeypatch, place):
+    """Root may write anywhere, so a folder that is read-only or full is played by the call that would fail there."""
+    if place == "a file":
+        (tmp_path / "file").write_text("not a folder")
+        assert python(COMPILE, XDG_CACHE_HOME=str(tmp_path / "file"), NUMBA_CACHE_DIR="") == ["1.0", "True", "False"]
+        return
+    fails = {"read-only": "kernel_cache.Path.mkdir", "full": "kernel_cache.os.replace"}[place]
+    code = f"""
+        import os
+        from strapdown.core import kernel_cache
+        def fail(*words, **more):
+            raise OSError(28, "No space left on device")
+        {fails} = fail
+        """
+    assert python(textwrap.dedent(code) + textwrap.dedent(COMPILE), XDG_CACHE_HOME=str(tmp_path), NUMBA_CACHE_DIR="") == ["1.0", "True", "False"]
+    assert not [file for file in tmp_path.rglob("*") if file.is_file()]
+
+
+def test_two_processes_at_once_leave_one_whole_kernel(copy, cache):
+    environment = {**os.environ, "PYTHONPATH": str(copy), "XDG_CACHE_HOME": str(cache.parents[1]), "NUMBA_CACHE_DIR": "", "PYTHONDONTWRITEBYTECODE": "1"}
+    both = [subprocess.Popen([sys.executable, "-c", textwrap.dedent(COMPILE)], env=environment, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    assert all(process.communicate()[0].startswith("1.0") and process.returncode == 0 for process in both)
+    assert compiled(copy, cache) == ["1.0", "False", "True"] and len(list(cache.iterdir())) == 1
+
+
+def test_a_user_without_a_home_has_no_cache(monkeypatch):
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    monkeypatch.setattr(kernel_cache.Path, "home", lambda: (_ for _ in ()).throw(RuntimeError("Could not determine home directory.")))
+    assert kernel_cache.folder() is None
+
+
+def test_numbas_own_setting_of_the_folder_is_respected_and_left_as_found(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    assert kernel_cache.folder() == tmp_path / "strapdown/kernels"
+    with pytest.raises(TypeError):
+        kernel(numba.float64(numba.float64))("not a function")
+    assert numba.config.CACHE_DIR == str(tmp_path)
+
+
+def test_the_versions_used_last_are_kept(tmp_path, monkeypatch):
+    from strapdown.aiding import heading
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    place = kernel_cache.KernelCache(heading.observe)
+    place.path.parent.mkdir(parents=True)
+    for age in range(10):
+        old = place.path.with_name(f"strapdown.aiding.heading.observe-{age}.kernel")
+        old.touch()
+        os.utime(old, (1e9 - age, 1e9 - age))
+    (tmp_path / "strapdown/kernels/strapdown.aiding.velocity.observe-0.kernel").touch()
+    place._sweep()
+    place.path.touch()
+    names = {file.name.removeprefix("strapdown.aiding.") for file in place.path.parent.iterdir()} - {place.path.name.removeprefix("strapdown.aiding.")}
+    assert names == {"velocity.observe-0.kernel", *(f"heading.observe-{age}.kernel" for age in range(kernel_cache.KEEP - 1))}
+
+
+def test_a_kernel_made_inside_a_function_is_not_kept(tmp_path, monkeypatch):
+    """Its machine code can depend on what the function was given, which no file says."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    triple = kernel(numba.float64(numba.float64))(lambda x: 3 * x)
+    assert compile_kernel(triple) and triple(2.0) == 6.0 and not list(tmp_path.rglob("*.kernel"))
+
+
+def test_a_kernel_of_similar_name_does_not_count_as_cached(tmp_path, monkeypatch):
+    """zero_velocity.observe in the cache says nothing of velocity.observe."""
+    from strapdown.aiding import velocity, zero_velocity
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    other = kernel(OBSERVE)(velocity.observe.py_func)
+    place = kernel_cache.KernelCache(zero_velocity.observe).path
+    place.parent.mkdir(parents=True)
+    place.touch()
+    assert not is_cached(other)
+    kernel_cache.KernelCache(other).path.touch()
+    assert is_cached(other)
+
+
+USER = """
+    import sys
+    sys.path.insert(0, {folder!r})
+    import numba, mine
+    from strapdown.core import jit, kernel_cache
+    jit.compile_kernel(mine.kernel_of_mine)
+    print(mine.kernel_of_mine(1.0), kernel_cache.key(mine.kernel_of_mine), *sorted(kernel_cache.import_closure(mine)[0].values()))
+    """
+
+
+def test_kernels_of_a_users_own_files_follow_what_these_import(tmp_path):
+    (tmp_path / "mine.py").write_text("import numba\nfrom strapdown.core.jit import kernel\nfrom helpers import scaled\n\n"
+                                      "@kernel(numba.float64(numba.float64))\ndef kernel_of_mine(x):\n    return scaled(x)\n")
+    helpers = tmp_path / "helpers.py"
+    run = lambda: python(USER.format(folder=str(tmp_path)), XDG_CACHE_HOME=str(tmp_path), NUMBA_CACHE_DIR="")
+    source = "from strapdown.core.jit import helper\nFACTOR = 3.0\n\n@helper\ndef scaled(x):\n    return FACTOR * x\n"
+    helpers.write_text(source)
+    first = run()
+    helpers.write_text(source.replace("3.0", "5.0"))
+    second = run()
+    assert (first[0], second[0]) == ("3.0", "5.0") and first[1] != second[1] and {"helpers", "strapdown.core.jit"} <= set(first[2:])
+
+
+def test_the_closure_of_every_kernel_holds_the_modules_of_its_helpers():
+    """What a kernel calls is found in the globals of its module; each such function's own file must be in the closure."""
+    from compile_all import kernels
+    checked = 0
+    for module in {module for module, _ in kernels()}:
+        loaded = sys.modules[module]
+        files = set(kernel_cache.import_closure(loaded)[0].values())
+        for value in vars(loaded).values():
+            if re.match("strapdown", getattr(getattr(value, "py_func", None), "__module__", "")):
+                checked += 1
+                assert value.py_func.__module__ in files
+    assert checked > 100
