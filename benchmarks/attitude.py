@@ -11,7 +11,7 @@ import numpy as np
 
 import figures
 import subject
-from strapdown_reproductions.broad import reproduce
+from strapdown_reproductions.broad import main
 
 TIMES = {"attitude, mahony time": "mahony", "attitude, MEKF time": "attitude-mekf"}
 """Figure and filter."""
@@ -42,7 +42,7 @@ def simulated():
 
 def trial():
     """The Trial that times are measured on."""
-    return reproduce.load(reproduce.data_folder() / "broad" / f"{TRIAL}.npz")
+    return main.load(main.data_folder() / "broad" / f"{TRIAL}.npz")
 
 
 def timed_run(recording, name):
@@ -56,8 +56,8 @@ def timed_run(recording, name):
 
 def vqf_run(made):
     """A function that runs vqf over a Trial and returns the seconds of its batch call; None where vqf is not installed."""
-    peer = reproduce.PEERS[0]
-    if not reproduce.installed(peer.package):
+    peer = main.PEERS[0]
+    if not main.installed(peer.package):
         return None
     samples = [np.ascontiguousarray(made.arrays[name]) for name in ("gyr", "acc", "mag")]
 
@@ -84,16 +84,16 @@ def times():
 def accuracy():
     """[(rms orientation error in deg, note)] for `ACCURACY`."""
     with tempfile.TemporaryDirectory() as folder:
-        claims = {claim["claim"]: claim["value"] for claim in reproduce.reproduce(Path(folder), quick=True)}
-    wanted = [reproduce.claim_text(name, which) for name, which, _ in reproduce.CLAIMS]
+        claims = {claim["claim"]: claim["value"] for claim in main.reproduce(Path(folder), quick=True)}
+    wanted = [main.claim_text(name, which) for name, which, _ in main.CLAIMS]
     return [(claims.get(text), "strapdown reproduce broad") for text in wanted]
 
 
 def peer_figures():
     """Figures without target: what the fast peers reach on the five trials, or that they are not installed."""
-    names = [peer.name for peer in reproduce.PEERS if not peer.slow]
-    if not reproduce.installed("vqf"):
+    names = [peer.name for peer in main.PEERS if not peer.slow]
+    if not main.installed("vqf"):
         return [figures.informative(f"attitude, BROAD {name}", None, "deg", "vqf is not installed") for name in names]
-    made = [reproduce.load(path) for path in sorted((reproduce.data_folder() / "broad").glob("*.npz"))]
-    table = reproduce.tables(made, [run for each in made for run in reproduce.peer_runs(each, quick=True)])["orientation"][1].set_index("estimator")
+    made = [main.load(path) for path in sorted((main.data_folder() / "broad").glob("*.npz"))]
+    table = main.tables(made, [run for each in made for run in main.peer_runs(each, quick=True)])["orientation"][1].set_index("estimator")
     return [figures.informative(f"attitude, BROAD {name}", table.loc[name, "mean, deg"], "deg", f"{table.loc[name, 'time, us per sample']:.2f} us per sample") for name in names]

@@ -30,7 +30,7 @@ import studies  # noqa: E402
 import subject  # noqa: E402
 import workload  # noqa: E402
 import yardstick  # noqa: E402
-from strapdown_reproductions.recordings import reproduce  # noqa: E402
+from strapdown_reproductions.recordings import main as recordings  # noqa: E402
 
 OUT = HERE.parent / "build" / "bench.json"
 ERRORS = (("position", "m"), ("velocity", "m/s"), ("attitude", "deg"))
@@ -191,7 +191,7 @@ def airborne_figures(book):
 def recorded_figures(book):
     def measured():
         with tempfile.TemporaryDirectory() as folder:
-            return [(claim["value"], "strapdown reproduce recordings") for claim in reproduce.reproduce(Path(folder))]
+            return [(claim["value"], "strapdown reproduce recordings") for claim in recordings.reproduce(Path(folder))]
     book.measure(RECORDED, measured)
 
 

@@ -85,7 +85,7 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
     monkeypatch.setattr(bench.processes, "day", lambda path: (1.0, 100.0, 40.0, 0.5))
     monkeypatch.setattr(bench.processes, "first_solution", lambda log: (3.0, 1.0))
     monkeypatch.setattr(bench.processes, "help_seconds", lambda: 0.2)
-    monkeypatch.setattr(bench.reproduce, "reproduce", lambda out: [{"value": 0.45}] * 13)
+    monkeypatch.setattr(bench.recordings, "reproduce", lambda out: [{"value": 0.45}] * 13)
     monkeypatch.setattr(bench.studies, "threads", lambda: (1.7, 1.9))
     monkeypatch.setattr(bench.studies, "peak", lambda runs: 300.0)
     monkeypatch.setattr(bench.studies, "paper", lambda *options: (50.0, 1e8, 1.0))

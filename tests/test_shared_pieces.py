@@ -8,7 +8,7 @@ from strapdown.data import Aiding, DataError
 from strapdown.files import read_toml
 from strapdown.alignment.location import GIVEN_SD, place_of
 from strapdown.preprocessing.stationary import stretches
-from strapdown.rotations import running_products
+from strapdown.rotation_products import running_products
 
 pytestmark = pytest.mark.short
 NAN = np.nan

@@ -1,8 +1,11 @@
-"""Writing files so that a reader never meets half of one, and reading TOML with complaints for people."""
+"""Writing files so that a reader never meets half of one, reading TOML with complaints for people, and the TOML files that ship with packages."""
 import os
 import shutil
 import tempfile
 from contextlib import contextmanager
+from functools import cache
+from importlib.metadata import entry_points
+from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
 
@@ -78,3 +81,21 @@ def _part(target):
     os.fchmod(handle, 0o666 & ~umask)
     os.close(handle)
     return Path(name)
+
+
+@cache
+def shipped(kind, package, others=True):
+    """{name: file} of the TOML files in folder `kind` (`grades`, `scenarios`) of `package` and, with `others`, of installed packages that bring some.
+
+    Such a package names itself under the entry points `strapdown.data`; a name that `package` has itself stays its own. Raises DataError.
+    """
+    found = {}
+    for place in (package, *(entry.value for entry in entry_points(group="strapdown.data") if others)):
+        try:
+            folder = files(place).joinpath(kind)
+        except ImportError as error:
+            raise DataError(f"the installed package {place} should bring {kind}, and cannot be imported ({error}); install it again") from None
+        if folder.is_dir():
+            own = {entry.name.removesuffix(".toml"): entry for entry in folder.iterdir() if entry.name.endswith(".toml")}
+            found |= {name: entry for name, entry in own.items() if name not in found}
+    return dict(sorted(found.items()))

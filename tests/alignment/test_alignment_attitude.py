@@ -10,7 +10,7 @@ from strapdown.alignment.initial import COURSE_SD, EARTH_RADIUS, align
 from strapdown.core.contract import Imu
 from strapdown.data import Aiding, DataError
 from strapdown.recording import Recording
-from strapdown.alignment.heading import GYROCOMPASS_SD, MAGNETIC_SD, UNKNOWN_SD, mean_force
+from strapdown.alignment.initial_heading import GYROCOMPASS_SD, MAGNETIC_SD, UNKNOWN_SD, mean_force
 from strapdown.preprocessing.stationary import motionless
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.trajectory import DEG, Motion, ramp, static

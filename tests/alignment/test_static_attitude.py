@@ -9,7 +9,7 @@ from strapdown import read
 from strapdown.core import earth
 from strapdown.core.jit import plain
 from strapdown.geodesy import gravity
-from strapdown_reproductions.recordings.reproduce import earth_rate
+from strapdown_reproductions.recordings.main import earth_rate
 from strapdown.preprocessing.stationary import motionless
 from strapdown.alignment.static_attitude import gyrocompass, level, levelled, static_attitude
 

@@ -12,7 +12,7 @@ from strapdown.core.contract import Imu
 from strapdown.core.earth import gravity
 from strapdown.data import Aiding
 from strapdown.recording import Recording
-from strapdown.calibration.evidence import coverage, hard_and_soft_iron, lacking, rests
+from strapdown.calibration.methods import coverage, hard_and_soft_iron, lacking, rests
 from strapdown.calibration.ellipsoid import ellipsoid, inflation
 from strapdown.calibration.gyro_aided import turning, windows
 

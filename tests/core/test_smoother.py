@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from strapdown.filters.attitude.carried_force import RECORD, SIX, INVERSE, measured, propagate, unmeasured, unpropagated
+from strapdown.filters.attitude.attitude_error_state import RECORD, SIX, INVERSE, measured, propagate, unmeasured, unpropagated
 from strapdown.core.smoother import run_back, workspace
 from strapdown.core.contract import Noise, address, compile_kernel
 from strapdown.core.loop import BIASES, LLA, NAV_WIDTH, SD, Q, V

@@ -11,7 +11,7 @@ from smoothed_attitude import least_squares, log_of, rauch_tung_striebel
 
 import strapdown as sd
 from strapdown.engine import batch, smoothing
-from strapdown.filters.attitude.carried_force import SIX
+from strapdown.filters.attitude.attitude_error_state import SIX
 from strapdown.core.contract import PREDICT, kernel
 from strapdown.data import DataError
 from strapdown.recording import Recording

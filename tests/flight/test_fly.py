@@ -17,7 +17,7 @@ from strapdown.sensor_models.imu import ImuSpec
 from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.fly import LOG, fly
 from strapdown.flight.plan import DEG, PLACE, FlightPlan, straight, turning
-from strapdown.flight.sensors import barometer_errors, outage_windows
+from strapdown.flight.sensor_errors import barometer_errors, outage_windows
 
 IDEAL = ImuSpec("ideal", Triad(), Triad())
 EXACT = Gnss(interval=0.2, position_sd=1e-4, velocity_sd=1e-5)

@@ -9,7 +9,8 @@ from scipy import stats
 from strapdown.core.contract import STATES
 from strapdown.data import DataError, Solution, Trajectory
 from strapdown.evaluation.metrics import Errors
-from strapdown_reproductions.alam import reproduce as alam, convergence, write_docs, pairs, on_recordings, runs as alam_runs
+from strapdown_reproductions.common import paired_ratios
+from strapdown_reproductions.alam import main as alam, convergence, write_docs, table1, on_recordings, runs as alam_runs
 from strapdown_reproductions.alam.convergence import Case
 from strapdown_reproductions.alam.runs import ASTRAY, CLOSED, EKF, MEASURES, NLO, XKF, Variant
 from strapdown_reproductions.common.pages import COLOURS
@@ -23,10 +24,10 @@ WINDOW = (10.0, 40.0)
 @pytest.mark.short
 def test_the_published_table_says_what_was_counted_in_it():
     """In the north the XKF is better in 2 outages, in the east in 5, down in 3; and it is within 2 m of the NLO everywhere."""
-    assert [pairs.published_wins(axis) for axis in alam_runs.AXES] == ["2 of 5", "5 of 5", "3 of 5"]
-    apart = [abs(a - b) for axis in alam_runs.AXES for a, b in zip(pairs.PUBLISHED[axis, XKF], pairs.PUBLISHED[axis, NLO])]
+    assert [table1.published_wins(axis) for axis in alam_runs.AXES] == ["2 of 5", "5 of 5", "3 of 5"]
+    apart = [abs(a - b) for axis in alam_runs.AXES for a, b in zip(table1.PUBLISHED[axis, XKF], table1.PUBLISHED[axis, NLO])]
     assert len(apart) == 15 and max(apart) == pytest.approx(2.0)
-    assert len(pairs.PUBLISHED) == 9 and {len(row) for row in pairs.PUBLISHED.values()} == {5}
+    assert len(table1.PUBLISHED) == 9 and {len(row) for row in table1.PUBLISHED.values()} == {5}
 
 
 @pytest.mark.short
@@ -74,8 +75,8 @@ def made_scores(values, blocks=None, case="outage 1"):
 
 
 def ratio_of(scores):
-    table, = pairs.wide(scores).values()
-    return pairs.ratio(table, "horizontal_rmse_m", XKF, EKF)
+    table, = table1.wide(scores).values()
+    return paired_ratios.ratio(table, "horizontal_rmse_m", XKF, EKF)
 
 
 @pytest.mark.short
@@ -91,11 +92,11 @@ def test_a_ratio_is_that_of_students_t_over_blocks():
     assert ratio_of(made_scores({XKF: a})).count == 0
     one = ratio_of(made_scores({XKF: a[:1], EKF: b[:1]}))
     assert one.value == 0.5 and np.isnan(one.low) and one.side == 0
-    table, = pairs.wide(made_scores({XKF: a, EKF: b}, [0, 0, 0, 1, 1])).values()
+    table, = table1.wide(made_scores({XKF: a, EKF: b}, [0, 0, 0, 1, 1])).values()
     means = np.array([(a - b)[:3].mean(), (a - b)[3:].mean()])
     wider = ratio_of(made_scores({XKF: a, EKF: b}).assign(widening=1.5))
     assert np.log(wider.high / wider.low) == pytest.approx(1.5 * np.log(found.high / found.low)) and wider.value == found.value
-    apart = pairs.difference(table, "horizontal_rmse_m", XKF, EKF)
+    apart = paired_ratios.difference(table, "horizontal_rmse_m", XKF, EKF)
     assert apart[:3] == pytest.approx([means.mean(), *stats.t.interval(0.95, 1, means.mean(), stats.sem(means))])
 
 

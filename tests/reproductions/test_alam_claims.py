@@ -4,10 +4,11 @@ import pandas as pd
 import pytest
 
 from strapdown.evaluation.consistency import proportion
-from strapdown_reproductions.alam import reproduce, choices, claims
+from strapdown_reproductions.alam import main, choices, claims
 from strapdown_reproductions.alam.claims import Evidence
 from strapdown_reproductions.alam.convergence import CASES
-from strapdown_reproductions.alam.pairs import against, any_better, wide
+from strapdown_reproductions.alam.table1 import wide
+from strapdown_reproductions.common.paired_ratios import against, any_better
 from strapdown_reproductions.alam.runs import ABLATIONS, ASTRAY, AXES, EKF, EKF_NO_COURSE, FILTERS, FULL, MEASURES, NLO, XKF, XKF_NO_COURSE
 from strapdown_reproductions.common.pages import NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
 
@@ -140,7 +141,7 @@ def test_lists_of_ratios_say_what_stands_over_what():
     assert "; EKF / XKF: outage 1 " in found[2]["measured"] and all("; XKF / EKF: outage 1 " in found[k]["measured"] for k in (5, 6, 7))
     assert "accelerometers: EKF / XKF " in found[3]["measured"] and "in the north, XKF / NLO: outage 1 " in found[11]["measured"]
     assert "outage 3 " not in found[9]["measured"]
-    headings = [heading for _, heading, _ in reproduce.shown(SCORES, GOOD.biases, GOOD.converged)]
+    headings = [heading for _, heading, _ in main.shown(SCORES, GOOD.biases, GOOD.converged)]
     named = [part.replace("table ", "").strip('"') for each in found for part in each["decided_by"].split("; ") if not part.startswith("figure")]
     assert len(named) == 6 and all(any(heading.startswith(name) for heading in headings) for name in named)
 
@@ -199,7 +200,7 @@ def test_lost_runs_count_among_the_biases():
     assert found["verdict"] == NOT_REPRODUCED and "12 seeds, lost EKF 0, NLO 0, XKF 10" in found["measured"]
     steady = claims.biases_stabilised(GOOD._replace(biases=table))
     assert steady["verdict"] == PARTLY and "XKF 10" in steady["measured"]       # the EKF's half holds
-    by = reproduce.bias_table(table).set_index("filter")["lost"]
+    by = main.bias_table(table).set_index("filter")["lost"]
     assert by[XKF] == "10 of 12" and by[EKF] == "0 of 12"
 
 
@@ -233,7 +234,7 @@ def test_stability_of_one_form_alone_is_partly_inherited():
 
 
 def test_tables_for_people():
-    shown = dict((name, table) for name, _, table in reproduce.shown(SCORES, GOOD.biases, GOOD.converged))
+    shown = dict((name, table) for name, _, table in main.shown(SCORES, GOOD.biases, GOOD.converged))
     first = shown["redrawn"].iloc[0]
     for column, published, ours in (("north, EKF, m", "7.9", 5.0), ("down, XKF, m", "24.7", 10.0)):
         printed, _, text = first[column].partition(" / ")

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from strapdown.core.contract import Imu
 from strapdown.data import DataError, Trajectory
 from strapdown.recording import Recording
-from strapdown_reproductions.broad import reproduce, figures, write_docs, peers
+from strapdown_reproductions.broad import main, figures, write_docs, peers
 
 N = 400
 T = np.arange(N) * 0.01
@@ -29,7 +29,7 @@ def recording(truth, known=slice(None), movement=((1.0, 2.0),)):
 
 def trial(truth, number="02", **more):
     made = recording(truth, **more)
-    return reproduce.Trial(f"{number}_made", made, {}, 100.0, reproduce.moving(made) & np.isin(T, made.reference.t))
+    return main.Trial(f"{number}_made", made, {}, 100.0, main.moving(made) & np.isin(T, made.reference.t))
 
 
 def random(seed=1, n=N):
@@ -40,7 +40,7 @@ def random(seed=1, n=N):
 def test_angles_against_scipy():
     """The orientation error is scipy's magnitude, inclination the angle between the vertical axes seen from the body, heading the rest."""
     truth, estimate = random(1), random(2)
-    total, inclination, heading = reproduce.angles(path_of(estimate), recording(truth)).T
+    total, inclination, heading = main.angles(path_of(estimate), recording(truth)).T
     np.testing.assert_allclose(total, (truth * estimate.inv()).magnitude(), atol=1e-7)
     down = [each.inv().apply([0, 0, 1.0]) for each in (truth, estimate)]
     np.testing.assert_allclose(np.cos(inclination), np.einsum("ij,ij->i", *down), atol=1e-7)
@@ -51,24 +51,24 @@ def test_angles_against_scipy():
 def test_angles_do_not_depend_on_the_axes_of_the_sensor_or_of_the_ground():
     """Other body axes change nothing; other axes of the ground with the same vertical (ENU for NED) neither."""
     truth, estimate = random(3), random(4)
-    expected = reproduce.angles(path_of(estimate), recording(truth))
+    expected = main.angles(path_of(estimate), recording(truth))
     body, ground = Rotation.from_rotvec([0.3, -1.0, 2.0]), Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]]) * Rotation.from_euler("z", 0.4)
     for left, right in ((Rotation.identity(), body), (ground, Rotation.identity()), (ground, body)):
-        np.testing.assert_allclose(reproduce.angles(path_of(left * estimate * right), recording(left * truth * right)), expected, atol=1e-7)
+        np.testing.assert_allclose(main.angles(path_of(left * estimate * right), recording(left * truth * right)), expected, atol=1e-7)
 
 
 @pytest.mark.short
 @pytest.mark.parametrize("axis, angles", [("z", (0.3, 0.0, 0.3)), ("x", (0.3, 0.3, 0.0)), ("y", (0.3, 0.3, 0.0))])
 def test_a_turn_about_one_axis_of_the_ground(axis, angles):
     truth = random(5)
-    np.testing.assert_allclose(reproduce.angles(path_of(Rotation.from_euler(axis, -0.3) * truth), recording(truth)), np.tile(angles, (N, 1)), atol=1e-7)
+    np.testing.assert_allclose(main.angles(path_of(Rotation.from_euler(axis, -0.3) * truth), recording(truth)), np.tile(angles, (N, 1)), atol=1e-7)
 
 
 @pytest.mark.short
 def test_the_sign_of_a_quaternion_does_not_matter():
     truth = random(6)
     path = path_of(truth)
-    assert np.nanmax(reproduce.angles(Trajectory(T, path.lla, q_nb=-path.q_nb), recording(truth))) < 1e-7
+    assert np.nanmax(main.angles(Trajectory(T, path.lla, q_nb=-path.q_nb), recording(truth))) < 1e-7
 
 
 @pytest.mark.short
@@ -80,9 +80,9 @@ def test_only_movement_with_a_reference_counts():
     made = trial(truth, known=known, movement=((1.0, 1.49), (3.0, 3.0)))
     assert np.array_equal(np.flatnonzero(made.scored), np.r_[100:120, 300])
     off = np.where(made.scored, 0.1, 1.5)
-    run = reproduce.Run("x", made.name, reproduce.angles(path_of(Rotation.from_euler("z", off[:, None]) * truth), made.recording), 1.0)
+    run = main.Run("x", made.name, main.angles(path_of(Rotation.from_euler("z", off[:, None]) * truth), made.recording), 1.0)
     assert np.isnan(run.angles[120:150]).all() and np.isfinite(run.angles[known]).all()
-    np.testing.assert_allclose(reproduce.rms(run, made), [0.1, 0, 0.1], atol=1e-7)
+    np.testing.assert_allclose(main.rms(run, made), [0.1, 0, 0.1], atol=1e-7)
 
 
 @pytest.mark.short
@@ -93,16 +93,16 @@ def test_a_missing_estimate_is_not_a_good_one():
     q = path.q_nb.copy()
     q[150] = np.nan
     for late in (Trajectory(T, path.lla, q_nb=q), Trajectory(T[101:], path.lla[101:], q_nb=path.q_nb[101:])):
-        assert np.isnan(reproduce.rms(reproduce.Run("x", made.name, reproduce.angles(late, made.recording), 1.0), made)).all()
+        assert np.isnan(main.rms(main.Run("x", made.name, main.angles(late, made.recording), 1.0), made)).all()
     early = Trajectory(T[100:], path.lla[100:], q_nb=path.q_nb[100:])
-    assert (reproduce.rms(reproduce.Run("x", made.name, reproduce.angles(early, made.recording), 1.0), made) < 1e-7).all()
+    assert (main.rms(main.Run("x", made.name, main.angles(early, made.recording), 1.0), made) < 1e-7).all()
 
 
 def five(errors, us=1.0):
     """(trials, runs) of {estimator: five turns about the vertical in deg}."""
     truth = random(9)
     trials = [trial(truth, number) for number in ("02", "15", "21", "24", "33")]
-    runs = [reproduce.Run(name, made.name, reproduce.angles(path_of(Rotation.from_euler("z", -value, degrees=True) * truth), made.recording), us)
+    runs = [main.Run(name, made.name, main.angles(path_of(Rotation.from_euler("z", -value, degrees=True) * truth), made.recording), us)
             for name, values in errors.items() for made, value in zip(trials, values)]
     return trials, runs
 
@@ -110,35 +110,35 @@ def five(errors, us=1.0):
 @pytest.mark.short
 def test_tables_and_claims():
     trials, runs = five({"attitude-mekf": (1, 2, 3, 2.6, 4), "vqf": (1, 1, 1, 1, 2)})
-    tables = reproduce.tables(trials, runs)
+    tables = main.tables(trials, runs)
     (caption, orientation), heading = tables["orientation"], tables["heading"][1]
     assert list(orientation.columns) == ["estimator", "02*, deg", "15, deg", "21*, deg", "24*, deg", "33, deg", "mean, deg", "mean of the others, deg", "time, us per sample"]
     np.testing.assert_allclose(orientation.iloc[0, 1:].astype(float), [1, 2, 3, 2.6, 4, 2.52, 3.0, 1.0], atol=1e-5)
     np.testing.assert_allclose(heading.iloc[1, 1:].astype(float), [1, 1, 1, 1, 2, 1.2, 1.5], atol=1e-5)
     assert "chosen on" in caption and (tables["inclination"][1].iloc[:, 1:].astype(float) < 1e-4).all(axis=None)
-    claims = reproduce.judged(orientation, trials)
+    claims = main.judged(orientation, trials)
     assert [(c["holds"], c["bound"]) for c in claims] == [(True, 2.6), (False, 2.5), (True, 5.0)]
-    assert [c["bound"] for c in reproduce.judged(orientation, trials[3:4])] == [2.5]         # one trial decides nothing of the mean
+    assert [c["bound"] for c in main.judged(orientation, trials[3:4])] == [2.5]         # one trial decides nothing of the mean
 
 
 @pytest.mark.short
 def test_what_cannot_be_scored_fails_its_claim():
     trials, runs = five({"attitude-mekf": (1, 1, 1, 1, 1)})
     runs[1] = runs[1]._replace(angles=np.full((N, 3), np.nan))
-    claims = reproduce.judged(reproduce.tables(trials, runs)["orientation"][1], trials)
+    claims = main.judged(main.tables(trials, runs)["orientation"][1], trials)
     assert not claims[0]["holds"] and claims[1]["holds"]
 
 
 @pytest.mark.short
 def test_every_claim_is_about_an_estimator_there_is():
-    assert {name.partition(",")[0] for name, _, _ in reproduce.CLAIMS} <= set(reproduce.estimators())
-    assert "closed-loop" not in reproduce.estimators() and "open-loop" not in reproduce.estimators()
+    assert {name.partition(",")[0] for name, _, _ in main.CLAIMS} <= set(main.estimators())
+    assert "closed-loop" not in main.estimators() and "open-loop" not in main.estimators()
 
 
 @pytest.mark.short
 def test_markdown_of_the_tables(tmp_path):
     trials, runs = five({"attitude-mekf": (1, 2, 3, 2.6, 4)})
-    text = write_docs.text(reproduce.tables(trials, runs))
+    text = write_docs.text(main.tables(trials, runs))
     assert text.count("| attitude-mekf |") == 3 and r"02\*, deg" in text and "| 2.52 |" in text
     page = tmp_path / "page.md"
     page.write_text(f"before\n{write_docs.BEGIN}\nold\n{write_docs.END}\nafter\n")
@@ -182,16 +182,16 @@ def test_products_of_quaternions_against_scipy():
 @pytest.mark.short
 def test_a_peer_that_is_not_installed_is_said(monkeypatch):
     trials, runs = five({"attitude-mekf": (1, 2, 3, 2.6, 4)})
-    monkeypatch.setattr(reproduce, "installed", lambda package: None)
-    assert list(reproduce.peer_runs(trials[0]._replace(arrays={name: np.zeros((N, 3)) for name in ("gyr", "acc", "mag")}), False)) == []
-    notes = dict(reproduce._notes(False, reproduce.tables(trials, runs)))["Estimators"]
+    monkeypatch.setattr(main, "installed", lambda package: None)
+    assert list(main.peer_runs(trials[0]._replace(arrays={name: np.zeros((N, 3)) for name in ("gyr", "acc", "mag")}), False)) == []
+    notes = dict(main._notes(False, main.tables(trials, runs)))["Estimators"]
     assert (notes["package"] == "vqf: not installed").sum() == 2 and (notes["package"] == "ahrs: not installed").sum() == 4
 
 
 @pytest.mark.short
 def test_a_folder_without_trials_is_refused(tmp_path):
     with pytest.raises(DataError, match="no BROAD trials"):
-        reproduce.reproduce(tmp_path / "out", folder=tmp_path)
+        main.reproduce(tmp_path / "out", recordings=tmp_path)
     assert not (tmp_path / "out").exists()
 
 
@@ -202,19 +202,19 @@ def test_a_trial_that_cannot_be_scored_is_refused(tmp_path):
               "quat_wxyz_enu": np.tile([1.0, 0, 0, 0], (n, 1)), "pos_enu": np.zeros((n, 3)), "movement": np.zeros(n, bool)}
     np.savez(tmp_path / "99_still.npz", **arrays)
     with pytest.raises(DataError, match="99_still.npz: no sample has both"):
-        reproduce.load(tmp_path / "99_still.npz")
+        main.load(tmp_path / "99_still.npz")
     np.savez(tmp_path / "99_still.npz", **arrays | {"movement": np.ones(n, bool), "quat_wxyz_enu": np.full((n, 4), np.nan)})
     with pytest.raises(DataError, match="99_still.npz: no sample has both"):
-        reproduce.load(tmp_path / "99_still.npz")
+        main.load(tmp_path / "99_still.npz")
     half = np.where(np.arange(n)[:, None] < 600, [1.0, 0, 0, 0], np.nan)
     np.savez(tmp_path / "99_still.npz", **arrays | {"movement": np.arange(n) >= 500, "quat_wxyz_enu": half})
-    made = reproduce.load(tmp_path / "99_still.npz")
+    made = main.load(tmp_path / "99_still.npz")
     assert np.array_equal(np.flatnonzero(made.scored), np.arange(500, 600)) and made.number == "99" and made.fs == 100.0
 
 
 def number(data_folder, which):
     path, = (data_folder / "broad").glob(f"{which}_*.npz")
-    return reproduce.load(path)
+    return main.load(path)
 
 
 @pytest.mark.parametrize("which, k", [("02", 0), ("24", 3)])
@@ -222,20 +222,20 @@ def test_a_peer_has_its_known_error(data_folder, which, k):
     """vqf with default settings, within 2 % of the figure known for it: the scoring is the same."""
     pytest.importorskip("vqf")
     made = number(data_folder, which)
-    runs = {run.estimator: run for run in reproduce.peer_runs(made, quick=True)}
+    runs = {run.estimator: run for run in main.peer_runs(made, quick=True)}
     assert set(runs) == {"vqf", "vqf, offline"}
-    assert np.degrees(reproduce.rms(runs["vqf"], made)[0]) == pytest.approx(peers.PEERS[0].known[k], rel=0.02)
+    assert np.degrees(main.rms(runs["vqf"], made)[0]) == pytest.approx(peers.PEERS[0].known[k], rel=0.02)
 
 
 def test_reproduction_writes_its_page(data_folder, tmp_path):
     (tmp_path / "trials").mkdir()
     path, = (data_folder / "broad").glob("24_*.npz")
     (tmp_path / "trials" / path.name).symlink_to(path)
-    claims = reproduce.reproduce(tmp_path / "out", quick=True, folder=tmp_path / "trials")
+    claims = main.reproduce(tmp_path / "out", quick=True, recordings=tmp_path / "trials")
     assert sorted(each.name for each in (tmp_path / "out").iterdir()) == ["claims.json", "heading.csv", "inclination.csv", "index.html", "orientation.csv", "over-sd.csv",
                                                                               "table.md"]
     over = pd.read_csv(tmp_path / "out" / "over-sd.csv").set_index("estimator")["24"]
     assert "mahony" not in over and all(0.2 < float(value) < 2 for value in over["attitude-mekf"].split())
     assert json.loads((tmp_path / "out" / "claims.json").read_text()) == claims
     table = pd.read_csv(tmp_path / "out" / "orientation.csv")
-    assert set(reproduce.estimators()) <= set(table["estimator"]) and (table["time, us per sample"] > 0).all()
+    assert set(main.estimators()) <= set(table["estimator"]) and (table["time, us per sample"] > 0).all()

@@ -11,7 +11,7 @@ from strapdown.data import DataError
 from strapdown.recording import Recording
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
-from strapdown_reproductions.fossen import reproduce, cases as fossen_cases, write_docs, runs as fossen_runs
+from strapdown_reproductions.fossen import main, cases as fossen_cases, write_docs, runs as fossen_runs
 from strapdown_reproductions.fossen import signals
 from strapdown_reproductions.fossen.cases import AHRS, CASES, CHAPTER, EULER, FAST, MEKF, RIGHT, Case, Run
 from strapdown_reproductions.common.pages import COLOURS
@@ -228,8 +228,8 @@ def made(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fossen_runs, "DROPOUT", (10.0, SHORT))
         patch.setattr("strapdown_reproductions.fossen.intro.OUTAGE", (10.0, 15.0))
-        patch.setattr("strapdown_reproductions.fossen.intro.simulate", lambda *a, f=reproduce.fossen_intro.simulate: f(*a, duration=SHORT))
-        claims = reproduce.reproduce(out, runs=2, seed=9, threads=2, progress=shares.append, studied=STUDIED, duration=SHORT)
+        patch.setattr("strapdown_reproductions.fossen.intro.simulate", lambda *a, f=main.fossen_intro.simulate: f(*a, duration=SHORT))
+        claims = main.reproduce(out, runs=2, seed=9, threads=2, progress=shares.append, studied=STUDIED, duration=SHORT)
     assert shares == sorted(shares) and shares[-1] == 1.0
     return out, claims
 
@@ -269,7 +269,7 @@ def test_markdown_goes_between_its_marks(made, tmp_path):
 
 def test_the_command(command, tmp_path, monkeypatch):
     given = []
-    monkeypatch.setattr(reproduce, "reproduce", lambda *a, **k: given.append((a, k)) or [{"verdict": "partly", "claim": "it converges"}])
+    monkeypatch.setattr(main, "reproduce", lambda *a, **k: given.append((a, k)) or [{"verdict": "partly", "claim": "it converges"}])
     code, out, err = command("reproduce", "fossen", "--quick", "--seed", 4, "--out", tmp_path / "x")
     assert code == 0 and given[0][0] == (tmp_path / "x", True, None, 4) and "it converges" in out and not err
     monkeypatch.undo()

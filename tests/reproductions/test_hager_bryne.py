@@ -13,7 +13,7 @@ from test_hager_bryne_claims import world
 
 from strapdown.engine.batch import fuse
 from strapdown.geodesy import displacement
-from strapdown_reproductions.hager_bryne import reproduce, ablations, claims as hager_bryne_claims, drift as hager_bryne_drift, write_docs
+from strapdown_reproductions.hager_bryne import main, ablations, claims as hager_bryne_claims, drift as hager_bryne_drift, write_docs
 from strapdown_reproductions.hager_bryne.cells import RESOLVED, Rows, censored, compared, onsets, resolved, stacked
 from strapdown_reproductions.hager_bryne.figures import _frame_biases
 from strapdown_reproductions.common.pages import COLOURS, claim, finding, write_page
@@ -39,16 +39,16 @@ def out(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def claims(out):
-    wanted = reproduce.studies(runs=2, flights=FLIGHTS, offset_flights=FLIGHTS, imus=IMUS)
+    wanted = main.studies(runs=2, flights=FLIGHTS, offset_flights=FLIGHTS, imus=IMUS)
     wanted |= {f"ablation-{name}": study for name, study in ablations.studies(FLIGHTS[:1], 2, 1).items()}
     said, shares = [], []
-    found = reproduce.made(out, wanted, threads=2, say=said.append, progress=shares.append)
+    found = main.made(out, wanted, threads=2, say=said.append, progress=shares.append)
     assert "million filter steps in 8 studies" in said[0] and shares == sorted(shares) and shares[-1] == pytest.approx(1.0)
     return found
 
 
 def test_the_full_study_is_the_papers():
-    wanted = reproduce.studies(ablations=True)
+    wanted = main.studies(ablations=True)
     assert {name: (len(study.cells), study.runs) for name, study in wanted.items()} == {
         "flights": (33, 50), "offset": (21, 50), "initial": (21, 50), "ablation-filters": (3, 50), "ablation-gravity": (3, 50), "ablation-density": (3, 50),
         "ablation-start": (3, 50), "ablation-wide": (3, 50)}
@@ -58,7 +58,7 @@ def test_the_full_study_is_the_papers():
     assert wanted["ablation-start"].cells[0].scenario.start_sd[6] == pytest.approx(np.radians(0.01)) and wanted["ablation-start"].cells[0].imu.name == "paper1-navigation"
     wide = wanted["ablation-wide"].cells[0].scenario
     assert wide.start_sd[9:12] == wide.accel_offset == (0.5, 0.5, 0.5) and wide.start_sd[:9] == wanted["offset"].cells[0].scenario.start_sd[:9]
-    assert reproduce.studies(quick=True)["flights"].runs == 5 and reproduce.studies(runs=7, quick=True)["offset"].runs == 7
+    assert main.studies(quick=True)["flights"].runs == 5 and main.studies(runs=7, quick=True)["offset"].runs == 7
 
 
 def test_the_study_writes_page_tables_and_claims(out, claims):
@@ -83,12 +83,12 @@ def test_cells_agree_with_the_campaigns_own_summary(out, claims):
 
 def test_nothing_runs_twice(out, claims, monkeypatch):
     monkeypatch.setattr("strapdown.experiments.monte_carlo.campaign.run_chunk", lambda *_: pytest.fail("ran again"))
-    for name, study in reproduce.studies(runs=2, flights=FLIGHTS, offset_flights=FLIGHTS, imus=IMUS).items():
+    for name, study in main.studies(runs=2, flights=FLIGHTS, offset_flights=FLIGHTS, imus=IMUS).items():
         assert len(study.run(out / "campaign" / name, threads=1).runs) == 16
 
 
 def test_drift_is_that_of_an_ins_without_any_fix():
-    study = reproduce.studies(runs=1, flights=FLIGHTS, offset_flights=FLIGHTS, imus=("paper1-tactical",))["flights"]
+    study = main.studies(runs=1, flights=FLIGHTS, offset_flights=FLIGHTS, imus=("paper1-tactical",))["flights"]
     t, drift = hager_bryne_drift.drift(study, 0, 0)
     cell = study.cells[0]
     recording, start = simulator(cell).run(cell.imu, seeds(study, cell, 0))

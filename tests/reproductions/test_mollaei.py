@@ -7,7 +7,7 @@ import pytest
 
 from strapdown import geodesy
 from strapdown.data import DataError
-from strapdown_reproductions.mollaei import reproduce, choices, write_docs, runs
+from strapdown_reproductions.mollaei import main, choices, write_docs, runs
 from strapdown_reproductions.mollaei import metrics
 from strapdown_reproductions.mollaei.cells import (CASES, CLOSED, E0, E1, E2, EKF, FULL, IMU, MODEL, MODES, NO_FILTER, PKF, PRINTED, PUBLISHED, SIX,
                                             TURN, UKF, WIND, Case, left_out, middle, redrawn, wide)
@@ -198,10 +198,10 @@ def test_a_small_study_writes_its_page(monkeypatch, tmp_path):
     monkeypatch.setattr(runs, "SECONDS", {E2: 40.0, WIND: 30.0})
     monkeypatch.setattr(runs, "FILTERS_FULL", {CLOSED: "closed-loop"})
     monkeypatch.setattr(runs, "CASES", SMALL)
-    monkeypatch.setattr(reproduce, "QUICK_COMPONENTS", 8)
+    monkeypatch.setattr(main, "QUICK_COMPONENTS", 8)
     runs.reference.cache_clear()
     done = []
-    claims = reproduce.reproduce(tmp_path, quick=True, progress=done.append)
+    claims = main.reproduce(tmp_path, quick=True, progress=done.append)
     runs.reference.cache_clear()
     assert done == sorted(done) and done[-1] == pytest.approx(1.0) and {claim["verdict"] for claim in claims} <= set(COLOURS)
     assert json.loads((tmp_path / "claims.json").read_text()) == claims and claims[-1]["verdict"] == "reproduced"       # one filter
@@ -224,4 +224,4 @@ def test_a_small_study_writes_its_page(monkeypatch, tmp_path):
 def test_bad_input_is_refused(tmp_path):
     for change in ({"runs": 0}, {"seed": -1}):
         with pytest.raises(DataError, match="one run or more, and a seed from 0"):
-            reproduce.reproduce(tmp_path, **change)
+            main.reproduce(tmp_path, **change)

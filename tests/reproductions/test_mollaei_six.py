@@ -12,7 +12,7 @@ from strapdown.engine import stream as live
 from strapdown.core.jit import plain
 from strapdown.core.earth import gravity
 from strapdown.data import DataError
-from strapdown_reproductions.mollaei import six
+from strapdown_reproductions.mollaei.six_state import filters
 
 from flat_flight import GRAVITY, NOISE, ORIGIN, flat, flight
 
@@ -71,8 +71,8 @@ def opened(made):
 
 @SHORT
 def test_the_ekf_is_the_dense_kalman_filter():
-    for made, options, matrices in ((opened(flight(8.0)), {}, dict(density=NOISE.accel)), (opened(flight(8.0)), six.REPRODUCED, dict(q=0.1, r=0.5))):
-        solution, (states, covariances) = fused(made, six.EKF6, **options), dense(made, **matrices)
+    for made, options, matrices in ((opened(flight(8.0)), {}, dict(density=NOISE.accel)), (opened(flight(8.0)), filters.REPRODUCED, dict(q=0.1, r=0.5))):
+        solution, (states, covariances) = fused(made, filters.EKF6, **options), dense(made, **matrices)
         assert np.abs(state(solution, made[1]) - states).max() < 1e-7      # metres from radians: 1e-9 of them are rounding of latitude
         assert np.abs(solution.covariance[:, :6, :6] / covariances[-1].max() - covariances / covariances[-1].max()).max() < 1e-11
         assert not solution.covariance[:, 6:].any() and np.isnan(solution.trajectory.sd[:, 6:]).all()
@@ -82,7 +82,7 @@ def test_the_ekf_is_the_dense_kalman_filter():
 def test_without_fixes_and_errors_the_flight_is_found_again():
     """Gravity of the start against the one of pyins: the only part that both the flight and the filter take from the same place."""
     recording, start, truth = flight(10.0, noisy=False, gps=100.0)
-    solution = fused((recording, start._replace(lla=tuple(ORIGIN), v=tuple(truth[0, 3:])), truth), six.EKF6)
+    solution = fused((recording, start._replace(lla=tuple(ORIGIN), v=tuple(truth[0, 3:])), truth), filters.EKF6)
     error = np.c_[flat(solution.trajectory.lla), solution.trajectory.v_n] - truth[1:]
     assert np.abs(error).max() < 2e-4
     assert abs(GRAVITY - pyins.earth.gravity(np.degrees(ORIGIN[0]), ORIGIN[2])) < 1e-5
@@ -94,7 +94,7 @@ def test_without_fixes_and_errors_the_flight_is_found_again():
 def test_the_attitude_is_the_start_turned_by_the_gyros_and_no_fix_corrects_it():
     recording, start, _ = made = flight(6.0)
     tilted = start._replace(rph=tuple(np.array(start.rph) + [0.02, -0.01, 0.05]), bg=(1e-3, 0.0, -2e-3))
-    solution = fused((recording, tilted, None), six.EKF6)
+    solution = fused((recording, tilted, None), filters.EKF6)
     still = replace(recording, imu=recording.imu._replace(dtheta=recording.imu.dtheta - np.array(tilted.bg) * recording.imu.dt[:, None]))
     expected = velocity_increments(still, tilted)[1]
     assert (expected.inv() * solution.trajectory.rotation).magnitude().max() < 1e-6     # coning is taken of the rates with the bias in them
@@ -104,7 +104,7 @@ def test_the_attitude_is_the_start_turned_by_the_gyros_and_no_fix_corrects_it():
 @SHORT
 def test_without_a_filter_the_last_fix_is_held_for_a_second_and_then_there_is_nothing():
     recording, start, _ = made = flight(6.0, cut=3.1)
-    solution = fused(made, six.RAW)
+    solution = fused(made, filters.RAW)
     now, t = state(solution, start), solution.t
     position, velocity = recording.aidings
     k = np.searchsorted(position.t, t + 1e-6) - 1
@@ -121,13 +121,13 @@ def test_what_is_not_measured_of_a_fix_changes_nothing_and_a_wild_one_is_rejecte
     recording, start, truth = flight(4.0)
     position, velocity = recording.aidings
     flatter = replace(position, y=position.y * [1, 1, np.nan])
-    solution = fused((replace(recording, aidings=(flatter,)), start, truth), six.EKF6)
-    alone = fused((replace(recording, aidings=(position,)), start, truth), six.EKF6)
+    solution = fused((replace(recording, aidings=(flatter,)), start, truth), filters.EKF6)
+    alone = fused((replace(recording, aidings=(position,)), start, truth), filters.EKF6)
     assert np.array_equal(solution.trajectory.lla[:, :2], alone.trajectory.lla[:, :2])
     assert solution.trajectory.sd[-1, 2] > 2.0 > 1.0 > alone.trajectory.sd[-1, 2]
     y = position.y.copy()
     y[5] += [1e-5, 0, 0]    # 64 m
-    wild = fused((replace(recording, aidings=(replace(position, y=y), velocity)), start, truth), six.EKF6)
+    wild = fused((replace(recording, aidings=(replace(position, y=y), velocity)), start, truth), filters.EKF6)
     assert wild.counts()["position"] == (19, 1) and not wild.innovations.accepted[10]
     assert wild.innovations.nis[10] > 1000 and abs(wild.innovations.innovation[10, 0] - 64) < 5
 
@@ -138,15 +138,15 @@ def test_where_the_attitude_is_right_the_covariance_is_honest():
     for seed in range(60):
         recording, start, truth = opened(flight(3.0, seed=seed))
         for begin in (start, start._replace(rph=tuple(np.array(start.rph) + [0.01, 0.0, 0.0]))):
-            solution = fused((recording, begin, truth), six.EKF6)
+            solution = fused((recording, begin, truth), filters.EKF6)
             error = truth[-1] - np.r_[flat(solution.trajectory.lla[-1:])[0], solution.trajectory.v_n[-1]]
             nees = error @ np.linalg.solve(solution.covariance[-1, :6, :6], error)
             total, tilted = total + nees * (begin is start), tilted + nees * (begin is not start)
     assert chi2.ppf(0.0005, 360) < total < chi2.ppf(0.9995, 360) < 3 * chi2.ppf(0.9995, 360) < tilted
 
 
-LINEAR = [(six.UKF6, {}), (six.UKF6, dict(sigma="symmetric")), (six.UKF6, dict(alpha=1.0, beta=0.0, kappa=-3.0)), (six.CKF6, {}),
-          (six.PKF6, dict(components=1))]
+LINEAR = [(filters.UKF6, {}), (filters.UKF6, dict(sigma="symmetric")), (filters.UKF6, dict(alpha=1.0, beta=0.0, kappa=-3.0)), (filters.CKF6, {}),
+          (filters.PKF6, dict(components=1))]
 
 
 @SHORT
@@ -157,8 +157,8 @@ def test_driven_by_the_imu_all_are_one_filter(filter, options):
     position, velocity = recording.aidings
     jumped = replace(position, y=position.y + np.where(position.t[:, None] > 1.5, [2e-6, 0, 0], 0), gate=12.0)
     made = replace(recording, aidings=(jumped, replace(velocity, gate=np.inf))), start, truth
-    for more in ({}, six.REPRODUCED):
-        one, other = fused(made, six.EKF6, **more), fused(made, filter, **options, **more)
+    for more in ({}, filters.REPRODUCED):
+        one, other = fused(made, filters.EKF6, **more), fused(made, filter, **options, **more)
         if not more:
             assert (one.innovations.t[one.innovations.accepted & (one.innovations.nis > 12)] > 4).any() and one.counts() == other.counts()
         assert np.abs(state(other, start) - state(one, start)).max() < 1e-9
@@ -170,10 +170,10 @@ def test_many_components_are_the_kalman_filter_within_their_monte_carlo_error():
     """24 seeds: their mean is off by no more than its standard error (six t with 23 degrees of freedom: 4.6 is 1 in 1400 runs), and the
     scatter falls with the root of the number of components, as the error of a Monte Carlo method does."""
     made = opened(flight(4.0))
-    exact = fused(made, six.EKF6)
+    exact = fused(made, filters.EKF6)
     sigma, scatter = exact.trajectory.sd[-1, :6], {}
     for count in (125, 500):
-        runs = [fused(made, six.PKF6, components=count, kernel=0.5, seed=seed) for seed in range(24)]
+        runs = [fused(made, filters.PKF6, components=count, kernel=0.5, seed=seed) for seed in range(24)]
         assert min(run.columns["resamplings"][-1] for run in runs) >= 3 and not max(run.columns["repairs"][-1] for run in runs)
         off = np.array([(state(run, made[1])[-1] - state(exact, made[1])[-1]) / sigma for run in runs])
         scatter[count] = off.std(axis=0, ddof=1)
@@ -184,7 +184,7 @@ def test_many_components_are_the_kalman_filter_within_their_monte_carlo_error():
 
 
 @SHORT
-@pytest.mark.parametrize(("filter", "options"), [(six.PKF6, dict(components=9, kernel=0.8)), (six.UKF6, {})])
+@pytest.mark.parametrize(("filter", "options"), [(filters.PKF6, dict(components=9, kernel=0.8)), (filters.UKF6, {})])
 def test_a_stream_is_the_batch_bit_for_bit_and_a_seed_repeats(filter, options):
     recording, start, _ = made = flight(3.0)
     batch = fused(made, filter, **options)
@@ -197,23 +197,23 @@ def test_a_stream_is_the_batch_bit_for_bit_and_a_seed_repeats(filter, options):
     belief = stream.finish()
     assert np.array_equal(belief.lla, batch.trajectory.lla[-1]) and np.array_equal(belief.P, batch.covariance[-1])
     assert np.array_equal(fused(made, filter, **options).covariance, batch.covariance)
-    if filter is six.PKF6:
+    if filter is filters.PKF6:
         assert batch.columns["resamplings"][-1] > 0 and (fused(made, filter, seed=1, **options).covariance[-1] != batch.covariance[-1]).any()
 
 
 @SHORT
 @pytest.mark.parametrize(("filter", "options", "text"), [
-    (six.EKF6, dict(q=-0.1), "q is -0.1; it must be a variance above zero, or 0 for that of the sensors"),
-    (six.EKF6, dict(r=np.nan), "r is nan; it must be a variance"),
-    (six.EKF6, dict(model=-1.0), "model is -1 m/s/sqrt(s); it must be a random walk"),
-    (six.EKF6, dict(rate=0.0), "rate is 0 Hz; it must be above zero"),
+    (filters.EKF6, dict(q=-0.1), "q is -0.1; it must be a variance above zero, or 0 for that of the sensors"),
+    (filters.EKF6, dict(r=np.nan), "r is nan; it must be a variance"),
+    (filters.EKF6, dict(model=-1.0), "model is -1 m/s/sqrt(s); it must be a random walk"),
+    (filters.EKF6, dict(rate=0.0), "rate is 0 Hz; it must be above zero"),
     *((filter, dict(earth="geodetic"), "earth is 'geodetic'; the six-state form knows a flat, still Earth alone")
-      for filter in (six.RAW, six.EKF6, six.UKF6, six.CKF6, six.PKF6)),
-    (six.EKF6, dict(aircraft="kite"), "unknown aircraft 'kite'"), (six.EKF6, dict(sigma="merwe"), "has no option 'sigma'"),
-    (six.UKF6, dict(sigma="cubic"), "sigma is 'cubic'; it must be merwe or symmetric"), (six.UKF6, dict(alpha=0.0), "alpha must be above 0"),
-    (six.PKF6, dict(components=0), "components is 0; it must be a whole number"), (six.PKF6, dict(components=2.5), "components is 2.5"),
-    (six.PKF6, dict(kernel=0.0), "kernel is 0.0; it must be above 0"), (six.PKF6, dict(resample=1.5), "resample is 1.5; it must be a fraction"),
-    (six.PKF6, dict(seed=-1), "seed is -1"), (six.RAW, dict(q=0.1), "'six-raw' has no option 'q'; it has earth")])
+      for filter in (filters.RAW, filters.EKF6, filters.UKF6, filters.CKF6, filters.PKF6)),
+    (filters.EKF6, dict(aircraft="kite"), "unknown aircraft 'kite'"), (filters.EKF6, dict(sigma="merwe"), "has no option 'sigma'"),
+    (filters.UKF6, dict(sigma="cubic"), "sigma is 'cubic'; it must be merwe or symmetric"), (filters.UKF6, dict(alpha=0.0), "alpha must be above 0"),
+    (filters.PKF6, dict(components=0), "components is 0; it must be a whole number"), (filters.PKF6, dict(components=2.5), "components is 2.5"),
+    (filters.PKF6, dict(kernel=0.0), "kernel is 0.0; it must be above 0"), (filters.PKF6, dict(resample=1.5), "resample is 1.5; it must be a fraction"),
+    (filters.PKF6, dict(seed=-1), "seed is -1"), (filters.RAW, dict(q=0.1), "'six-raw' has no option 'q'; it has earth")])
 def test_bad_options_are_one_line(filter, options, text):
     with pytest.raises(DataError) as failure:
         fused(flight(1.0), filter, **options)
@@ -225,13 +225,13 @@ def test_other_sources_are_left_out_and_a_lever_arm_is_refused():
     recording, start, truth = flight(2.0)
     position, velocity = recording.aidings
     with pytest.raises(DataError, match="position has a lever arm of .* m; the six-state form knows none"):
-        fused((replace(recording, aidings=(replace(position, parameters=(0.0, 0.0, -0.4)),)), start, truth), six.EKF6)
+        fused((replace(recording, aidings=(replace(position, parameters=(0.0, 0.0, -0.4)),)), start, truth), filters.EKF6)
     with pytest.raises(DataError, match="six-ekf needs position aiding"):
-        fused((replace(recording, aidings=(velocity,)), start, truth), six.EKF6)
+        fused((replace(recording, aidings=(velocity,)), start, truth), filters.EKF6)
     compass = sd.data.Aiding("heading", position.t, np.zeros((len(position.t), 1)), np.full((len(position.t), 1), 0.01))
-    with_it = fused((replace(recording, aidings=(*recording.aidings, compass)), start, truth), six.EKF6)
+    with_it = fused((replace(recording, aidings=(*recording.aidings, compass)), start, truth), filters.EKF6)
     assert "six-ekf has no use for heading" in with_it.meta["notes"]
-    assert np.array_equal(with_it.covariance, fused((recording, start, truth), six.EKF6).covariance)
+    assert np.array_equal(with_it.covariance, fused((recording, start, truth), filters.EKF6).covariance)
 
 
 @SHORT
@@ -242,7 +242,7 @@ def test_a_fix_of_which_no_component_knows_anything_is_counted():
     y = velocity.y.copy()
     y[4, 0] = 1e200
     with np.errstate(over="ignore", invalid="ignore"):
-        solution = fused((replace(recording, aidings=(position, replace(velocity, y=y))), start, truth), six.PKF6, components=8)
+        solution = fused((replace(recording, aidings=(position, replace(velocity, y=y))), start, truth), filters.PKF6, components=8)
     assert solution.columns["degenerate"][-1] == 1 and np.isfinite(state(solution, start)).all()
     assert any("no component has a finite likelihood" in text for _, text in solution.events)
 
@@ -254,7 +254,7 @@ def test_a_fix_that_one_component_alone_explains_underflows_nothing():
     position, velocity = recording.aidings
     y = position.y.copy()
     y[4, 2] += 1e5
-    solution = fused((replace(recording, aidings=(replace(position, y=y), velocity)), start, truth), six.PKF6, components=50)
+    solution = fused((replace(recording, aidings=(replace(position, y=y), velocity)), start, truth), filters.PKF6, components=50)
     k = np.searchsorted(solution.t, position.t[4] - 1e-6)
     assert solution.columns["effective_components"][k] < 1.001 and solution.columns["repairs"][-1] == solution.columns["degenerate"][-1] == 0 and not solution.events
     assert np.linalg.eigvalsh(solution.covariance[:, :6, :6]).min() > 0 and np.isfinite(state(solution, start)).all()

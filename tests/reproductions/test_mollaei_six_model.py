@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.engine import batch
 from strapdown.core.contract import Noise
-from strapdown_reproductions.mollaei import six
+from strapdown_reproductions.mollaei.six_state import filters
 
 from flat_flight import flat
 from flown import acceleration, flown
@@ -22,8 +22,8 @@ def through(made, filter, start=None, model=slice(None), **options):
     flags[model] = 1
     states, covariances = [], []
     for row, inputs in enumerate(made.inputs):
-        run.belief.aux[six.INPUTS:six.INPUTS + 9] = inputs
-        run.belief.aux[six.INPUTS] = flags[row]
+        run.belief.aux[filters.INPUTS:filters.INPUTS + 9] = inputs
+        run.belief.aux[filters.INPUTS] = flags[row]
         run.advance(row + 1)
         states.append(np.r_[flat(run.belief.lla, made.start.lla), run.belief.v])
         covariances.append(run.belief.P[:6, :6].copy())
@@ -57,7 +57,7 @@ def test_the_model_flies_what_the_aircraft_flew():
     error = {}
     for dt in (0.02, 0.01):
         made = flown(6.0, dt)
-        states, _, _ = through(made, six.EKF6)
+        states, _, _ = through(made, filters.EKF6)
         error[dt] = np.abs(states - made.flat[1:])[:, 3:].max()
         assert np.ptp(made.flat[:, 3]) > 1 and np.ptp(made.flat[:, 5]) > 1
     assert error[0.01] < 3e-3 and 3 < error[0.02] / error[0.01] < 5, error
@@ -66,10 +66,10 @@ def test_the_model_flies_what_the_aircraft_flew():
 def test_the_covariance_follows_the_derivative_of_the_model():
     made, dt = flown(0.05), 0.01
     tilted = made.start._replace(sd=(2.0, 1.0, 3.0, 0.5, 0.3, 0.7) + (0.0,) * 9)
-    _, covariances, _ = through(made, six.EKF6, start=tilted)
+    _, covariances, _ = through(made, filters.EKF6, start=tilted)
     P = np.diag(np.array(tilted.sd[:6]) ** 2)
     noise, G = driven_noise(dt)
-    states = through(made, six.EKF6)[0]
+    states = through(made, filters.EKF6)[0]
     for row, x in enumerate([np.r_[0, 0, 0, made.start.v], *states[:-1]]):
         advance = model(made, row, dt)
         Phi = np.column_stack([(advance(x + d) - advance(x - d)) / 2e-4 for d in 1e-4 * np.eye(6)])
@@ -82,7 +82,7 @@ def test_the_covariance_follows_the_derivative_of_the_model():
 def test_the_unscented_filter_is_that_of_filterpy(options):
     """Textbook weights and covariances instead of square roots; augmented noise; sigma points drawn anew for each fix."""
     made, dt = flown(1.5, fixes=(0.5, 1.0)), 0.01
-    states, covariances, belief = through(made, six.UKF6, **options)
+    states, covariances, belief = through(made, filters.UKF6, **options)
     sets = (1.0, 0.0, 0.0) if options else (0.1, 2.0, 0.0)
     wide, narrow = (MerweScaledSigmaPoints(n, *sets) for n in (12, 6))
     noise, G = driven_noise(dt)
@@ -106,9 +106,9 @@ def test_the_unscented_filter_is_that_of_filterpy(options):
 def test_one_component_is_the_extended_filter_there_too_and_the_flag_alone_decides():
     made = flown(1.0, fixes=(0.4,))
     for rows in (slice(None), slice(50, None), slice(0, 0)):
-        (one, P, _), (other, Q, _) = through(made, six.EKF6, model=rows), through(made, six.PKF6, model=rows, components=1)
+        (one, P, _), (other, Q, _) = through(made, filters.EKF6, model=rows), through(made, filters.PKF6, model=rows, components=1)
         assert np.abs(one - other).max() < 1e-9 and np.abs(P - Q).max() < 1e-9
-    by_imu, by_model = (through(made, six.EKF6, model=rows)[1][-1] for rows in (slice(0, 0), slice(None)))
+    by_imu, by_model = (through(made, filters.EKF6, model=rows)[1][-1] for rows in (slice(0, 0), slice(None)))
     assert by_model[3, 3] < 0.8 * by_imu[3, 3]      # the air holds the velocity, and the model knows it
 
 
@@ -124,11 +124,11 @@ def test_where_the_spread_is_wide_points_and_components_find_the_mean_that_the_d
         ends = np.array([advance(x) for x in ends])
     mean = weight @ ends
     off = {filter.name: np.abs(through(made, filter, start=start, **more)[0][-1] - mean)[3:].max()
-           for filter, more in ((six.EKF6, {}), (six.UKF6, {}), (six.CKF6, {}), (six.PKF6, dict(components=4000)))}
+           for filter, more in ((filters.EKF6, {}), (filters.UKF6, {}), (filters.CKF6, {}), (filters.PKF6, dict(components=4000)))}
     assert off["six-ekf"] > 0.1 and max(off["six-ukf"], off["six-ckf"], off["six-pkf"]) < 0.25 * off["six-ekf"], off
 
 
 def test_without_fixes_the_weights_stay():
     made = flown(0.3)
-    _, _, belief = through(made, six.PKF6, components=50)
+    _, _, belief = through(made, filters.PKF6, components=50)
     assert belief.aux[0] == 50 and belief.aux[1] == belief.aux[2] == 0

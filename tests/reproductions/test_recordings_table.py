@@ -13,7 +13,7 @@ from strapdown.core.contract import Imu
 from strapdown.core.earth import RATE
 from strapdown.data import Aiding, DataError
 from strapdown.recording import Recording
-from strapdown_reproductions.recordings import reproduce, cases, drift, write_docs, table as recordings_table
+from strapdown_reproductions.recordings import main, cases, drift, write_docs, table as recordings_table
 from strapdown_reproductions.common.pages import claim
 from strapdown_reproductions.recordings.cases import Case
 from strapdown_reproductions.recordings.table import COUNTS, FIGURES
@@ -210,12 +210,12 @@ def test_markdown(tmp_path):
 @pytest.mark.short
 def test_the_page_and_what_stands_in_the_documentation(tmp_path, monkeypatch):
     frame = pd.DataFrame([("f", "1 m\n2 deg")], columns=["filter", "thor75"])
-    monkeypatch.setattr(reproduce, "_flight", lambda *_: (frame, [claim("it flies", 1.0, 2.0, "m")], []))
-    monkeypatch.setattr(reproduce, "_drive", lambda *_: (frame, frame, [], []))
-    monkeypatch.setattr(reproduce, "_laser", lambda *_: (None, []))
-    monkeypatch.setattr(reproduce.magnetometer, "magnetometer", lambda *_: ({}, []))
-    monkeypatch.setattr(reproduce, "every_filter", lambda *_: ({"every-filter": (None, frame)}, [("Every filter", frame)]))
-    assert [each["holds"] for each in reproduce.reproduce(tmp_path)] == [True]
+    monkeypatch.setattr(main, "_flight", lambda *_: (frame, [claim("it flies", 1.0, 2.0, "m")], []))
+    monkeypatch.setattr(main, "_drive", lambda *_: (frame, frame, [], []))
+    monkeypatch.setattr(main, "_laser", lambda *_: (None, []))
+    monkeypatch.setattr(main.calibrated_compass, "magnetometer", lambda *_: ({}, []))
+    monkeypatch.setattr(main, "every_filter", lambda *_: ({"every-filter": (None, frame)}, [("Every filter", frame)]))
+    assert [each["holds"] for each in main.reproduce(tmp_path)] == [True]
     html = (tmp_path / "index.html").read_text(encoding="utf-8")
     assert "<h2>Every filter</h2>" in html and "<td>1 m<br>2 deg</td>" in html and recordings_table.LEGEND in html
     assert (tmp_path / "table.md").read_text(encoding="utf-8").startswith("### Every filter\n\n| filter | thor75 |\n")
@@ -225,7 +225,7 @@ def test_the_page_and_what_stands_in_the_documentation(tmp_path, monkeypatch):
 def test_the_recorded_data(data_folder, monkeypatch):
     """All recordings with two filters, from reading to the page's tables."""
     monkeypatch.setattr(filters, "names", lambda: ["attitude-mekf", "closed-loop"])
-    every, shown = reproduce.every_filter(reproduce.DESCRIPTIONS, None)
+    every, shown = main.every_filter(main.DESCRIPTIONS, None)
     scores = every["every-filter"][1].set_index(["recording", "filter"])
     groups = every["every-filter"][1]["group"]
     assert list(dict.fromkeys(groups)) == ["thor75", "drive0708", "BROAD, as read", "BROAD, errors of motion", "ring laser"]
@@ -240,7 +240,7 @@ def test_the_recorded_data(data_folder, monkeypatch):
 
 def test_the_calibration_in_the_description_is_the_one_that_it_names(data_folder):
     """What the comment of thor75-full.toml quotes is thor75-magnetometer.toml, and its magnetometer has no more left than that calibration's misfit."""
-    folder = reproduce.DESCRIPTIONS
+    folder = main.DESCRIPTIONS
     numbers = lambda text: [float(each) for each in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", text)]
     quoted = (folder / "thor75-full.toml").read_text(encoding="utf-8").partition("bias = ")[2].partition("as thor75-magnetometer.toml")[0]
     named = (folder / "thor75-magnetometer.toml").read_text(encoding="utf-8").partition("bias = ")[2]
@@ -254,4 +254,4 @@ def test_the_calibration_in_the_description_is_the_one_that_it_names(data_folder
 def test_a_folder_without_the_descriptions_is_refused(tmp_path):
     (tmp_path / "thor75.toml").write_text("", encoding="utf-8")
     with pytest.raises(DataError, match="thor75"):
-        reproduce.reproduce(tmp_path / "out", tmp_path)
+        main.reproduce(tmp_path / "out", tmp_path)

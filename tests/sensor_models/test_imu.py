@@ -9,7 +9,7 @@ from strapdown.core.contract import Imu
 from strapdown.data import DataError
 from strapdown.sensor_models.errors import STREAMS, WarmUp, terms
 from strapdown.sensor_models.imu import ImuSpec, Triad, grade, grades, saturated
-from strapdown.sensor_models.units import UNITS
+from strapdown.sensor_models.datasheet_units import UNITS
 from strapdown.sensor_models.noise import FLOOR, flicker, gauss_markov_variance
 
 FILE = """

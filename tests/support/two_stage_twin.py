@@ -5,7 +5,7 @@ About the estimate itself (EKF) or about states that are given (affine filter). 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from strapdown.filters.attitude.carried_force import carry
+from strapdown.filters.attitude.attitude_error_state import carry
 from strapdown.core.earth import RATE, gravity
 from strapdown.core.mechanization import mechanize
 from strapdown.geodesy import displaced, displacement

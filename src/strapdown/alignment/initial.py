@@ -12,10 +12,10 @@ from ..core.contract import Start
 from ..core.earth import GRAVITY_EQUATOR, RATE
 from ..data import DataError
 from ..geodesy import displaced, displacement
-from .heading import LEVEL_SD_MOVING, LEVEL_SD_REST, UNKNOWN_SD, Found, earth_rate_heading, magnetic_heading, mean_force
+from .initial_heading import LEVEL_SD_MOVING, LEVEL_SD_REST, UNKNOWN_SD, Found, earth_rate_heading, magnetic_heading, mean_force
 from .location import place_of
 from ..preprocessing.stationary import at_rest, stretches
-from ..rotations import running_products
+from ..rotation_products import running_products
 from .static_attitude import body_to_navigation, level
 
 MOVING = 5.0                    # m/s: above it the course of the velocity is taken as heading

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..data import DataError
 from .fit import COEFFICIENTS, Fit, edf, fit
-from ..sensor_models.units import SHEET, in_units
+from ..sensor_models.datasheet_units import SHEET, in_units
 
 AXES = ("x", "y", "z")
 PER_DECADE = 12

@@ -15,7 +15,7 @@ from .deviation import AXES, Allan, allan, first_gap
 from .fit import COEFFICIENTS
 from .suggested_grade import MISFIT, Suggestion, expected, suggest
 from ..sensor_models.imu import grade
-from ..sensor_models.units import SHEET, in_units
+from ..sensor_models.datasheet_units import SHEET, in_units
 from ..reports.drawing import COLOURS, GREY, finish, log_ticks, note
 from ..reports.shell import listed, placed, shell
 

@@ -9,8 +9,6 @@ from ..sensor_models.noise import FLOOR, gauss_markov_variance
 
 MISFIT = 0.1
 """A fitted curve that misses the estimates by more than this share (rms) has coefficients of something else than the sensor's noise."""
-PUBLISHED = "paper1-"
-"""Grades of papers begin so: they reproduce printed tables and are not suggested."""
 
 
 class Suggestion(NamedTuple):
@@ -31,7 +29,7 @@ def expected(triad, tau):
 
 def suggest(result):
     """The Suggestion that follows from an `Allan` result."""
-    factors = {name: _factor(grade(name), result) for name in grades() if not name.startswith(PUBLISHED)}
+    factors = {name: _factor(grade(name), result) for name in grades(others=False)}
     best = min(factors, key=factors.get)
     nearest = grade(best)
     text = (f"Allan deviation of {result.duration:.0f} s at rest, mean of three axes; turn-on bias of the nearest grade, {best}, "

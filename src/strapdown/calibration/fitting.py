@@ -125,7 +125,7 @@ def calibrate(recording, sensor=None, start=None, stop=None):
 
 
 def _accelerometer(part):
-    from .evidence import lacking, rests, six_positions, coverage
+    from .methods import lacking, rests, six_positions, coverage
     found, local, notes = rests(part.imu), *_gravity(part)
     fit = six_positions(found, local)
     share, _, lack = coverage(found.force)
@@ -143,9 +143,9 @@ def _gravity(part):
 
 
 def _magnetometer(part, source, notes):
-    from ..io.magnetometer import sound
+    from ..io.magnetic_record import sound
     from ..preprocessing.origin import Origin
-    from .evidence import coverage, hard_and_soft_iron, lacking, typical
+    from .methods import coverage, hard_and_soft_iron, lacking, typical
     columns = _columns(part, source.name or source.kind)
     strength, dip = _reference(source, columns)
     if strength is None:

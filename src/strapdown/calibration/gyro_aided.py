@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..rotations import running_products
+from ..rotation_products import running_products
 from .ellipsoid import OUTLIER, STEPS, WEAKEST, Fit, inflation, spread, weakest_direction
 
 WINDOW = 30.0       # s: long against turns, short against the wander of a gyro of 0.1 deg/s

@@ -6,7 +6,7 @@ import plotly.graph_objects as go
 
 from .. import __version__
 from .fitting import DETAIL
-from .evidence import BANDS, SECTORS, coverage
+from .methods import BANDS, SECTORS, coverage
 from ..reports.drawing import COLOURS, GREY, even, finish, line, note, origin, panels
 from ..reports.shell import listed, placed, shell
 

@@ -63,53 +63,51 @@ def advise(imu: Annotated[str, typer.Option(help="IMU grade (see `strapdown imus
     print(f"wrote {out}/index.html")
 
 
-REPRODUCTIONS = {"recordings": ("--recordings",), "hager-bryne": ("--quick", "--ablations", "--runs", "--seed", "--workers", "--scheduler"),
-                 "broad": ("--quick", "--recordings"), "fossen": ("--quick", "--runs", "--seed"),
-                 "alam": ("--quick", "--runs", "--seed", "--recordings"), "mollaei": ("--quick", "--runs", "--seed")}
-"""What can be reproduced, and the options that it has."""
-
-
 def _reproduction(name):
-    """The function behind the entry point of that name; the library itself does not know the reproductions."""
+    """The function of that name that an installed package offers as an entry point `strapdown.reproductions`."""
     from importlib.metadata import entry_points
 
-    from strapdown.data import DataError
-    for entry in entry_points(group="strapdown.reproductions", name=name):
-        return entry.load()
-    raise DataError(f"reproduce {name}: the package strapdown_reproductions is not installed; install the repository (pip install -e .)")
-
-
-def reproduce(name: Annotated[str, typer.Argument(metavar="NAME", help=", ".join(REPRODUCTIONS))], out: OUT = Path("reproduction"),
-              quick: Annotated[bool, typer.Option("--quick", help="hager-bryne, fossen: 5 runs instead of 50; alam: 3 instead of 50; mollaei: 2 instead of 200; broad: without the slow peers.")] = False,
-              ablations: Annotated[bool, typer.Option("--ablations", help="hager-bryne: also what decides its result.")] = False,
-              runs: Annotated[Optional[int], typer.Option(metavar="N", help="hager-bryne, fossen, alam, mollaei: runs of each configuration.")] = None,
-              seed: Annotated[Optional[int], typer.Option(help="hager-bryne, fossen, alam, mollaei: of the random errors [default: 2].")] = None,
-              workers: WORKERS = 0, scheduler: SCHEDULER = None,
-              recordings: Annotated[Optional[Path], typer.Option(help="recordings, alam: folder of their descriptions [default: examples/recordings]; "
-                                                                      "broad: folder of the trials [default: broad in the data folder].")] = None):
-    """Run a published or recorded result again: writes index.html, CSV tables and claims.json."""
+    from .. import __version__
     from ..data import DataError
-    if name not in REPRODUCTIONS:
-        raise DataError(f"nothing to reproduce is called {name!r}; there is: {', '.join(REPRODUCTIONS)}")
-    given = {"--quick": quick, "--ablations": ablations, "--runs": runs, "--seed": seed, "--workers": workers, "--scheduler": scheduler,
-             "--recordings": recordings}
-    if foreign := [option for option, value in given.items() if value and option not in REPRODUCTIONS[name]]:
-        raise DataError(f"reproduce {name} has no option {foreign[0]}; leave it out")
-    reproduce = _reproduction(name)
+    offered = {entry.name: entry for entry in entry_points(group="strapdown.reproductions")}
+    if not offered:
+        raise DataError(f"reproduce {name}: the package strapdown-reproductions is not installed; install it from the folder reproductions of the "
+                        "repository (pip install ./reproductions)")
+    if name not in offered:
+        raise DataError(f"nothing to reproduce is called {name!r}; there is: {', '.join(sorted(offered))}")
+    package = offered[name].dist
+    if package is not None and package.version != __version__ and package.name == "strapdown-reproductions":
+        raise DataError(f"reproduce {name}: {package.name} {package.version} belongs to another strapdown than {__version__}; "
+                        "install both from one checkout (pip install . ./reproductions)")
+    try:
+        return offered[name].load()
+    except (ImportError, AttributeError) as error:
+        raise DataError(f"reproduce {name}: {package.name if package else offered[name].value} cannot be loaded ({error}); install it again") from None
+
+
+def reproduce(name: Annotated[str, typer.Argument(metavar="NAME", help="What to run again; an unknown name lists what there is.")],
+              out: OUT = Path("reproduction"),
+              quick: Annotated[bool, typer.Option("--quick", help="Less of it, in about a minute; the page says what was left out.")] = False,
+              ablations: Annotated[bool, typer.Option("--ablations", help="Also what decides the result.")] = False,
+              runs: Annotated[Optional[int], typer.Option(metavar="N", help="Runs of each configuration.")] = None,
+              seed: Annotated[Optional[int], typer.Option(help="Of the random errors [default: 2].")] = None,
+              workers: WORKERS = 0, scheduler: SCHEDULER = None,
+              recordings: Annotated[Optional[Path], typer.Option(help="Folder of the recordings, or of their descriptions "
+                                                                      "[default: those of the checkout and the data folder].")] = None):
+    """Run a published or recorded result again: writes index.html, CSV tables and claims.json."""
+    import inspect
+
+    from ..data import DataError
+    run = _reproduction(name)
+    given = {key: value for key, value in dict(quick=quick, ablations=ablations, runs=runs, seed=seed, workers=workers, scheduler=scheduler,
+                                               recordings=recordings).items() if value not in (None, False) and (key, value) != ("workers", 0)}
+    takes = inspect.signature(run).parameters
+    if foreign := [key for key in given if key not in takes]:
+        raise DataError(f"reproduce {name} has no option --{foreign[0]}; leave it out")
     with results_folder(out), Progress() as progress:
-        if name == "recordings":
-            claims = reproduce(out, recordings, say=progress.say)
-        elif name == "broad":
-            claims = reproduce(out, quick, recordings, say=progress.say)
-        elif name == "fossen":
-            claims = reproduce(out, quick, runs, 2 if seed is None else seed, progress=progress.track(name))
-        elif name == "alam":
-            claims = reproduce(out, quick, runs, 2 if seed is None else seed, recordings, say=progress.say, progress=progress.track(name))
-        elif name == "mollaei":
-            claims = reproduce(out, quick, runs, 2 if seed is None else seed, progress=progress.track(name))
-        else:
-            claims = reproduce(out, quick, ablations, runs, 2 if seed is None else seed, None, workers, scheduler, progress.say, progress.track(name))
-    if name in ("hager-bryne", "fossen", "alam", "mollaei"):
+        told = {"say": lambda: progress.say, "progress": lambda: progress.track(name)}
+        claims = run(out, **given, **{key: made() for key, made in told.items() if key in takes})
+    if claims and "verdict" in claims[0]:
         table(("verdict", "the paper says"), [(c["verdict"], c["claim"]) for c in claims])
     else:
         table(("claim", "target", "measured", "holds"), [(c["claim"], c["target"], c["figure"], "yes" if c["holds"] else "no") for c in claims])

@@ -11,10 +11,10 @@ from ..filters import find as find_filter
 from ..filters import names as find_names
 from ..sensor_models.barometer import QUANTITIES, Barometer
 from ..sensor_models.gnss import Gnss
-from ..sensor_models.units import real
+from ..sensor_models.datasheet_units import real
 from .aircraft.parameters import Aircraft
 from .aircraft.wind import LEVELS
-from .sensors import outage_windows
+from .sensor_errors import outage_windows
 
 MOST_SAMPLES = 2_000_000
 

@@ -16,7 +16,7 @@ from ..recording import Recording
 from ..filters import names as filter_names
 from ..sensor_models.gnss import Gnss, without_fixes
 from ..sensor_models.imu import grade, saturated
-from ..sensor_models.units import real
+from ..sensor_models.datasheet_units import real
 from . import flight_loop as kernels
 from .aircraft.dynamics import evaluate, step
 from .aircraft.modes import check_step, linearise
@@ -28,7 +28,7 @@ from .autopilot import KIND, LINE_KIND, MEMORY_SIZE, RISE, SPEED
 from .autopilot_gains import Gains, gains, pilot_array
 from .checks import check, check_sensors, checked_filter, checked_windows, handed, times
 from .plan import FlightPlan, flight_plan, route
-from .sensors import barometer_errors, fix_errors, generator, imu_errors, in_loop_order
+from .sensor_errors import barometer_errors, fix_errors, generator, imu_errors, in_loop_order
 from ..sim.scenario import START_SD
 from ..sim.synthesis import draw_start
 

@@ -2,7 +2,7 @@
 import numpy as np
 
 from ..data import DataError
-from ..sensor_models.units import real
+from ..sensor_models.datasheet_units import real
 from .aircraft.dynamics import checked_state
 from .aircraft.parameters import aircraft as find, checked_array
 from ..sim.jsbsim import FOOT, SCALE, STATE, begin, quaternions, session

@@ -9,7 +9,7 @@ from ..core.earth import LATITUDE_LIMIT
 from ..data import DataError
 from ..files import read_toml
 from ..geodesy import wrap
-from ..sensor_models.units import nearest, real, refuse_unknown
+from ..sensor_models.datasheet_units import nearest, real, refuse_unknown
 from . import autopilot as p
 
 DEG = math.pi / 180

@@ -20,7 +20,7 @@ from ..geodesy import displaced
 from ..preprocessing.stationary import at_rest, stretches
 from ..sensor_models.errors import Triad
 from ..sensor_models.imu import ImuSpec
-from ..preprocessing.attitude import quaternions
+from ..preprocessing.attitude_record import quaternions
 from ..preprocessing.axes import BODY, NAVIGATION, axes_matrix
 from ..preprocessing.origin import Origin, counted
 

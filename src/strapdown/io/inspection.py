@@ -87,7 +87,7 @@ def _description(path, facts, problems):
 
 def _magnetometers(path, parts, aidings, imu, meta, facts, problems):
     """Notes; each magnetometer among the aidings, made of the (AidingPart, number) in `parts`, gets the Earth's field in place."""
-    from .magnetometer import facts_and_problems
+    from .magnetic_record import facts_and_problems
     from .description.read import read_field
     notes = []
     for k, (part, number) in enumerate(parts):
@@ -104,7 +104,7 @@ def _magnetometers(path, parts, aidings, imu, meta, facts, problems):
 
 def _netcdf(path, facts, problems):
     from ..aiding import find
-    from .magnetometer import facts_and_problems
+    from .magnetic_record import facts_and_problems
     from .netcdf import parts, read_recording
     meta, imu, aidings, reference = parts(path)
     imu_facts(imu, facts)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..data import DataError
 from .stationary import at_rest
-from ..rotations import running_products
+from ..rotation_products import running_products
 from .axes import named_permutation, signed_permutations
 from .stuck import STUCK, stuck
 from .origin import counted

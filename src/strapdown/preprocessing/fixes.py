@@ -6,7 +6,7 @@ import numpy as np
 from ..core.contract import ATTITUDE_KIND
 from ..core.earth import LATITUDE_LIMIT
 from ..data import DataError, Trajectory
-from .attitude import possible_attitude, together
+from .attitude_record import possible_attitude, together
 from .attitude_checks import refuse_unit
 from .origin import Origin, counted
 from .imu_samples import order

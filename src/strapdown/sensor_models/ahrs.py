@@ -14,7 +14,7 @@ import numpy as np
 from ..data import Aiding, DataError, Trajectory
 from .gnss import fix_times
 from .magnetometer import rotation_at
-from .units import real
+from .datasheet_units import real
 
 LARGEST = np.radians(30)
 """rad: errors beyond this are no small angles, and probably in deg."""

@@ -15,7 +15,7 @@ from ..data import Aiding, DataError
 from .atmosphere import HIGHEST, LOWEST, pressure_altitude, pressure_gradient, standard_pressure
 from .gnss import arm_in_navigation, fix_times, interpolated
 from .noise import gauss_markov
-from .units import real
+from .datasheet_units import real
 
 QUANTITIES = {"pressure": "pressure", "height": "pressure-altitude"}
 """What a barometer can give, and the kind of aiding that this is."""

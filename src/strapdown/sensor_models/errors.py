@@ -8,7 +8,7 @@ import numpy as np
 
 from ..data import DataError
 from .noise import FLICKER_TIMES, FLICKER_VARIANCE, FLOOR, flicker, gauss_markov, random_walk
-from .units import SHEET, check, check_finite
+from .datasheet_units import SHEET, check, check_finite
 
 STREAMS = ("noise", "turn_on_bias", "bias_walk", "gauss_markov", "flicker", "scale_factor", "misalignment", "g_sensitivity", "quantisation")
 """Terms with chance in them, each with a random stream of its own, in the order of their streams: a new one goes to the end, or every seed's draws change."""

@@ -5,7 +5,7 @@ import numpy as np
 
 from ..data import Aiding, DataError, Trajectory
 from ..geodesy import radii, wrap
-from .units import real
+from .datasheet_units import real
 
 
 class Gnss(NamedTuple):

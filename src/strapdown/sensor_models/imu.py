@@ -1,14 +1,13 @@
 """What is wrong with an inertial measurement unit: the errors of its two triads (errors.py), its TOML file, and the grades that ship with the package."""
 import tomllib
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 
 from ..core.contract import Imu, Noise
 from ..data import DataError
-from ..files import read_toml, replacing
+from ..files import read_toml, replacing, shipped
 from .errors import Triad, WarmUp, terms
-from .units import SHEET, check_finite, in_units, nearest, quantity, refuse_unknown, size, toml_quantity
+from .datasheet_units import SHEET, check_finite, in_units, nearest, quantity, refuse_unknown, size, toml_quantity
 
 WARM_UP = {"start": "degC", "end": "degC", "time_constant": "s"}
 """Keys of the section [warm_up] and their SI units."""
@@ -99,9 +98,9 @@ def saturated(spec, imu):
     return notes
 
 
-def grades():
-    """Names of the grades that ship with the package, sorted."""
-    return sorted(entry.name.removesuffix(".toml") for entry in files(__package__).joinpath("grades").iterdir() if entry.name.endswith(".toml"))
+def grades(others=True):
+    """Names of the grades that ship with this and, with `others`, with other installed packages, sorted."""
+    return list(shipped("grades", __package__, others))
 
 
 def grade(name):
@@ -115,8 +114,7 @@ def grade(name):
         warm_up = name.get("warm_up")
         return ImuSpec(**{**name, "gyro": Triad(**name["gyro"]), "accel": Triad(**name["accel"]), "warm_up": WarmUp(**warm_up) if warm_up else None})
     name = str(name)
-    if name in grades():
-        resource = files(__package__).joinpath("grades", name + ".toml")
+    if resource := shipped("grades", __package__).get(name):
         return _from_table(tomllib.loads(resource.read_text(encoding="utf-8")), f"grade {name}")
     if name.endswith(".toml") or len(Path(name).parts) > 1:
         return ImuSpec.from_toml(name)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..data import Aiding, DataError
 from .gnss import fix_times
-from .units import real
+from .datasheet_units import real
 
 UNIFORM = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Soft iron that changes nothing."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..data import DataError, Trajectory
-from ..sensor_models.units import nearest, real
+from ..sensor_models.datasheet_units import nearest, real
 from .splined import splined
 from .trajectory import DEG
 

@@ -3,7 +3,6 @@ import hashlib
 import json
 from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime
-from importlib.resources import files
 from numbers import Real
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import numpy as np
 from ..core.contract import STATES
 from ..core.earth import LATITUDE_LIMIT
 from ..data import DataError
+from ..files import shipped
 from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss
@@ -181,8 +181,8 @@ def _check_start(sd, name):
 
 
 def scenarios():
-    """Names of the scenarios that ship with the package, sorted."""
-    return sorted(entry.name.removesuffix(".toml") for entry in files(__package__).joinpath("scenarios").iterdir() if entry.name.endswith(".toml"))
+    """Names of the scenarios that ship with this and other installed packages, sorted."""
+    return list(shipped("scenarios", __package__))
 
 
 def scenario(name):
@@ -193,8 +193,8 @@ def scenario(name):
     from .scenario_file import nearest, read
     if isinstance(name, Scenario):
         return name
-    if str(name) in scenarios():
-        return read(files(__package__).joinpath("scenarios", f"{name}.toml"))
+    if resource := shipped("scenarios", __package__).get(str(name)):
+        return read(resource)
     if str(name).endswith(".toml") or len(Path(name).parts) > 1:
         return read(name)
     raise DataError(f"unknown scenario {str(name)!r}{nearest(name, scenarios())}; "

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import strapdown as sd
-from strapdown.filters.attitude.carried_force import SIX
+from strapdown.filters.attitude.attitude_error_state import SIX
 from strapdown.recording import Recording
 from strapdown.evaluation.metrics import attitude_angles
 from strapdown.sensor_models.gnss import Gnss

@@ -8,7 +8,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding
-from strapdown.filters.attitude.carried_force import SIX
+from strapdown.filters.attitude.attitude_error_state import SIX
 from strapdown.core.contract import PARAMETERS, Noise, Start, compile_kernel
 from strapdown.filters.attitude.attitude_mekf import ATTITUDE_MEKF
 from strapdown.filters.attitude.mahony import MAHONY, poles

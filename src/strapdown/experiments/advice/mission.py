@@ -2,13 +2,12 @@
 import math
 import re
 import tomllib
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 
 from ...data import DataError
-from ...files import read_toml
+from ...files import read_toml, shipped
 from ...sim.scenario import Scenario, scenario, scenarios
 from ...sim.scenario_file import from_table, nearest
 
@@ -82,8 +81,8 @@ def _table(flight):
     flight = str(flight)
     if flight == CIRCUIT["name"]:
         return CIRCUIT, Path(flight)
-    if flight in scenarios():
-        return tomllib.loads(files("strapdown.sim").joinpath("scenarios", f"{flight}.toml").read_text(encoding="utf-8")), Path(flight)
+    if resource := shipped("scenarios", "strapdown.sim").get(flight):
+        return tomllib.loads(resource.read_text(encoding="utf-8")), Path(flight)
     if flight.endswith(".toml") or len(Path(flight).parts) > 1:
         scenario(flight)    # says what is wrong with the file
         return read_toml(flight, "check the path"), Path(flight)

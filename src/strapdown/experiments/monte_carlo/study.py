@@ -19,7 +19,7 @@ from ...evaluation.consistency import Limits
 from ...core.contract import STATES
 from ...data import DataError
 from ...engine.batch import fuse, prepare
-from ..filter_spec import parsed
+from ..filter_label import parsed
 from ...sensor_models.imu import ImuSpec, grade
 from ...sim.scenario import Scenario, scenario
 from ...sim.synthesis import Simulator

@@ -12,7 +12,7 @@ from ...core.contract import Noise, Start
 from ...data import DataError
 from ...recording import Recording
 from ...engine.batch import assumed_noise, found, positioned, prepare
-from ..filter_spec import labelled, parsed, tried
+from ..filter_label import labelled, parsed, tried
 from .protocols import SETTLING, before_start, protocol
 from .result import Comparison
 from .runs import Common, Entrant, through

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from .carried_force import (INVERSE, LEAST_FORCE, RECORD, SIX, UNAIDED, inject, low_passed, measured, off_vertical, propagate, turn, unmeasured,
+from .attitude_error_state import (INVERSE, LEAST_FORCE, RECORD, SIX, UNAIDED, inject, low_passed, measured, off_vertical, propagate, turn, unmeasured,
                              unpropagated)
 from ...core.contract import BACK, CORRECT, KEEP, MAGNETIC_KIND, PREDICT, Filter, Smoother, helper, kernel, matrix
 from ...core.earth import GRAVITY_EQUATOR, RATE

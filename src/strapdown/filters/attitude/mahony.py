@@ -6,7 +6,7 @@ The specific force is low-passed in a frame that the gyros carry, which keeps mo
 """
 import math
 
-from .carried_force import LEAST_FORCE, SIX, UNAIDED, low_passed, turn
+from .attitude_error_state import LEAST_FORCE, SIX, UNAIDED, low_passed, turn
 from ...core.contract import CORRECT, HEADING_KIND, MAGNETIC_KIND, PREDICT, Filter, helper, kernel
 from ...core.earth import RATE
 from ...core.error_state import OWN, auxiliary

@@ -4,7 +4,7 @@ docs/sigma-points.md says what it shares with `ukf` and what it is good for.
 """
 from ...core.contract import Filter
 from .sigma_points import symmetric
-from .ins_points import COLUMNS, auxiliary, correct, predict, repairs
+from .ins_sigma_points import COLUMNS, auxiliary, correct, predict, repairs
 
 
 def start(start, noise):

@@ -4,7 +4,7 @@ docs/sigma-points.md has its equations and says what it is good for.
 """
 from ...core.contract import Filter
 from .sigma_points import merwe, symmetric
-from .ins_points import COLUMNS, NOISES, auxiliary, correct, predict, repairs
+from .ins_sigma_points import COLUMNS, NOISES, auxiliary, correct, predict, repairs
 
 SETS = ("merwe", "symmetric")
 NEAREST, FARTHEST = 1e-6, 100.0

@@ -4,7 +4,7 @@
 """
 import math
 
-from ..attitude import carried_force
+from ..attitude import attitude_error_state
 from ...core.jit import helper, inlined, matrix
 from ...core.contract import HEADING_KIND, MAGNETIC_KIND, VELOCITY_KIND
 from ...core.earth import RATE, gravity
@@ -36,8 +36,8 @@ def gather(belief, bar, u, r0, r1, r2, dt, made_up):
     x, y, z = to_body(C, v[0], v[1], v[2])
     share, free = dt / (aux[SECONDS] + dt), dt * (1 - aux[RAW])
     force = (0.0, 0.0, 0.0, u[3] - free * b[0], u[4] - free * b[1], u[5] - free * b[2])
-    carried_force.carry(aux[FORCE], force, r0, r1, r2, dt, share)
-    carried_force.carry(aux[CENTRIFUGAL], (0.0, 0.0, 0.0, r1 * z - r2 * y, r2 * x - r0 * z, r0 * y - r1 * x), r0, r1, r2, dt, share)
+    attitude_error_state.carry(aux[FORCE], force, r0, r1, r2, dt, share)
+    attitude_error_state.carry(aux[CENTRIFUGAL], (0.0, 0.0, 0.0, r1 * z - r2 * y, r2 * x - r0 * z, r0 * y - r1 * x), r0, r1, r2, dt, share)
     aux[SECONDS] += dt
 
 

@@ -11,7 +11,7 @@ than by its own motion must be told to `turn_attitude` and `turn_velocity`. P ha
 """
 import math
 
-from ..attitude import carried_force
+from ..attitude import attitude_error_state
 from ...core.jit import helper, inlined
 from ...core.error_state import BLOCK, OWN
 from ...core.kalman import decay
@@ -100,7 +100,7 @@ def from_angles(pitch, heading, roll_change, pitch_change, heading_change):
 def propagate(belief, C, f0, f1, f2, dt, noise):
     """P and aux[ERROR] over dt by the Jacobian of the model; C (3, 3) at mid-interval, f the velocity increment by the specific force in n (m/s)."""
     P, aux, keep = belief.P, belief.aux, decay(noise.accel_decay * dt)
-    carried_force.propagate(P, C, 0.0, 0.0, noise.gyro * noise.gyro * dt, dt, noise)
+    attitude_error_state.propagate(P, C, 0.0, 0.0, noise.gyro * noise.gyro * dt, dt, noise)
     _drift(P, 0.5 * dt)
     _accelerate(P, C, dt)
     for i in range(3):

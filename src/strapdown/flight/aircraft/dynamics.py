@@ -10,7 +10,7 @@ from ...core.jit import COMPILED, compile_kernel, entry_point, helper, inlined, 
 from ...core.contract import Imu
 from ...core.earth import gravity, place, rotation_rates
 from ...data import DataError
-from ...sensor_models.units import real
+from ...sensor_models.datasheet_units import real
 from .forces import air_data, density, forces, propeller
 from .parameters import ACTUATORS, EARTH, GRAVITY, INVERSE, J_X, J_XZ, J_Y, J_Z, LATITUDE_RATE, LONGITUDE_RATE, MASS, checked_array
 from .parameters import aircraft as find

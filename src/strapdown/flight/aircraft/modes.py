@@ -8,7 +8,7 @@ import numpy as np
 from ...core.jit import plain
 from ...core.rotation import euler_terms
 from ...data import DataError
-from ...sensor_models.units import real
+from ...sensor_models.datasheet_units import real
 from .dynamics import OUTPUTS, STATES, evaluate, ready
 from .parameters import aircraft as find
 from .trim import Trim, quaternion

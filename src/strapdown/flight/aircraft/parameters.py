@@ -13,7 +13,7 @@ from ...core.earth import A, E2
 from ...data import DataError
 from ...files import read_toml
 from ...geodesy import gravity
-from ...sensor_models.units import nearest, real, refuse_unknown
+from ...sensor_models.datasheet_units import nearest, real, refuse_unknown
 
 SECTIONS = {
     "body": (("mass", "kg", 1e-3, 1e6), ("J_x", "kgm2", 1e-7, 1e9), ("J_y", "kgm2", 1e-7, 1e9), ("J_z", "kgm2", 1e-7, 1e9),

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...data import DataError
-from ...sensor_models.units import real
+from ...sensor_models.datasheet_units import real
 from .dynamics import OUTPUTS, PROPELLER, STATES, THRUST, evaluate, ready
 from .parameters import GRAVITY, Aircraft, aircraft as find, checked_origin
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.jit import COMPILED, helper, kernel
 from ...data import DataError
-from ...sensor_models.units import nearest
+from ...sensor_models.datasheet_units import nearest
 
 LEVELS = {"none": 0.0, "light": 15.0, "moderate": 30.0, "severe": 45.0}
 """Wind at 20 ft, kn, that the standard gives each level."""

@@ -9,7 +9,7 @@ import numpy as np
 from ...core.contract import Imu
 from ...data import DataError
 from ...preprocessing.axes import BODY, axes_matrix
-from ..magnetometer import EARTH
+from ..magnetic_record import EARTH
 from ...preprocessing.origin import Origin
 from ...preprocessing.plausible import G, half_seconds, mistakes
 from ...preprocessing.imu_samples import increments

@@ -8,14 +8,14 @@ from ...core.contract import ATTITUDE_KIND, Imu
 from ...data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, DataError
 from ...recording import Recording
 from ...alignment.location import place_of
-from ...preprocessing.attitude import angles, quaternions
+from ...preprocessing.attitude_record import angles, quaternions
 from ...preprocessing.attitude_checks import sound_attitude
 from ...preprocessing.axes import BODY, NAVIGATION, axes_matrix, sensor_to_body
 from ..calibration_file import corrected, frames
 from .complaints import load
 from ...preprocessing.fixes import clean, clean_reference, overlap, overlap_notes
 from ..locate import locate
-from ..magnetometer import calibrated, sound, with_field
+from ..magnetic_record import calibrated, sound, with_field
 from ...preprocessing.plausible import mistakes
 from ...preprocessing.stationary import at_rest
 from ...preprocessing.imu_samples import increments

@@ -7,7 +7,7 @@ from pydantic import AfterValidator, model_validator
 
 from ...core.earth import LATITUDE_LIMIT
 from ...data import DataError
-from ...preprocessing.attitude import ORDERS, axes_of
+from ...preprocessing.attitude_record import ORDERS, axes_of
 from ...preprocessing.axes import BODY, NAVIGATION, axes_matrix
 from .schema_aiding import AidingPart, check_attitude_columns
 from .schema_base import Column, Finite, Part, Signal, Time, Triple, named

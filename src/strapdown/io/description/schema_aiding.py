@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from ...core.contract import ATTITUDE_KIND
-from ...preprocessing.attitude import ORDERS, axes_of
+from ...preprocessing.attitude_record import ORDERS, axes_of
 from ...preprocessing.axes import BODY, NAVIGATION, axes_matrix
 from .schema_base import Column, Finite, Part, Time, Triple, column, is_number, named
 from ...preprocessing.units import DIMENSIONS, factor

@@ -1,0 +1,1 @@
+"""The six-state filters of the paper, on a flat Earth."""

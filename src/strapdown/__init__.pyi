@@ -1,0 +1,30 @@
+"""The public names, each with the module that it comes from; `__init__.py` imports them on first use, type checkers and editors read them here."""
+
+from .alignment.initial import align as align
+from .alignment.static_attitude import static_attitude as static_attitude
+from .calibration.fitting import Calibration as Calibration, calibrate as calibrate
+from .core.contract import Belief as Belief, Imu as Imu, Noise as Noise, Start as Start
+from .data import Aiding as Aiding, DataError as DataError, Solution as Solution, Trajectory as Trajectory
+from .engine.batch import fuse as fuse
+from .engine.smoothing import smooth as smooth
+from .engine.stream import Fix as Fix, Sample as Sample, Stream as Stream
+from .evaluation.metrics import errors as errors, outages as outages, rms as rms
+from .experiments.monte_carlo.campaign import Campaign as Campaign
+from .experiments.monte_carlo.study import Study as Study
+from .experiments.outages.compare import compare as compare
+from .experiments.outages.result import Comparison as Comparison
+from .flight.aircraft.modes import linearise as linearise
+from .flight.aircraft.parameters import Aircraft as Aircraft, aircraft as aircraft
+from .flight.aircraft.trim import trim as trim
+from .flight.fly import Flight as Flight, fly as fly
+from .flight.plan import FlightPlan as FlightPlan
+from .io import read as read, write_recording as write_recording
+from .io.solution import read_solution as read_solution, write_solution as write_solution
+from .recording import Recording as Recording
+from .reports.page import report as report
+from .sensor_models.geomagnetism import geomagnetic_field as geomagnetic_field
+from .sensor_models.imu import ImuSpec as ImuSpec, grade as grade, grades as grades
+from .sim.scenario import Scenario as Scenario, scenario as scenario, scenarios as scenarios
+from .sim.synthesis import simulate as simulate
+
+__version__: str
