@@ -47,7 +47,7 @@ def times(name=FILTER, turns=TURNS, **more):
     log, start, noise = subject.recording(w), subject.start(w), subject.noise(w.parameters)
     made = lambda begin: begin(log, name, None, start, noise, 1, False, None, more)
     smoother = find(name).smoother
-    for kernel in (run_back, loop.run_taped, smoother.back, smoother.keep):
+    for kernel in (run_back, loop.run_recorded, smoother.adjoint_step, smoother.save_step):
         compile_kernel(kernel)
     forward, out = subject.timed(made), made(batch.begin).out
     for part in out[:3]:

@@ -155,7 +155,7 @@ def test_every_command_option_filter_and_kind_is_mentioned():
 def test_the_recipe_for_an_aiding_takes_the_next_free_number():
     from strapdown import aiding
     number = re.search(r"^VERTICAL_SPEED = (\d+)", (ROOT / "docs" / "design.md").read_text(encoding="utf-8"), re.MULTILINE)
-    assert int(number[1]) == len(aiding.sensors())
+    assert int(number[1]) == len(aiding.measurements())
 
 
 @pytest.mark.short

@@ -57,8 +57,8 @@ SENSORS = {
     "zero-velocity": ((), lambda b: b.v),
     "gravity": ((), lambda b: b.C @ b.f + [0, 0, normal_gravity(b)]),
     "magnetic-field": (FIELD, lambda b: b.C.T @ FIELD),
-    "pressure": ((*ARM, 0, 0, 0, 0, 15), lambda b: atmosphere(antenna(b, ARM)[2] + b.tail[0])),
-    "pressure-altitude": ((*ARM, 0, 0, 0, 0, 15), lambda b: antenna(b, ARM)[2] + b.tail[0]),
+    "pressure": ((*ARM, 0, 0, 0, 0, 15), lambda b: atmosphere(antenna(b, ARM)[2] + b.extra_states[0])),
+    "pressure-altitude": ((*ARM, 0, 0, 0, 0, 15), lambda b: antenna(b, ARM)[2] + b.extra_states[0]),
     "zero-sea-level": (ARM, lambda b: antenna(b, ARM)[2]),
     "attitude": ((), lambda b: Rotation.from_matrix(b.C).as_euler("ZYX")[::-1]),
 }
@@ -93,7 +93,7 @@ def moved(b, error):
     p, dv, theta, ba, bg = error[:15].reshape(5, 3)
     lla = np.array(pymap3d.ned2geodetic(*p, *b.lla, deg=False))
     C = Rotation.from_rotvec(theta).as_matrix() @ b.C
-    return b._replace(lla=lla, v=b.v + dv, C=C, ba=b.ba + ba, bg=b.bg + bg, omega=b.omega - bg, f=b.f - ba, tail=b.tail + error[15:])
+    return b._replace(lla=lla, v=b.v + dv, C=C, ba=b.ba + ba, bg=b.bg + bg, omega=b.omega - bg, f=b.f - ba, extra_states=b.extra_states + error[15:])
 
 
 def observe(name, b, y):
@@ -182,6 +182,6 @@ def test_at_vertical_pitch_heading_is_finite():
 
 
 def test_kinds_are_numbered_from_zero_and_found_by_name():
-    assert [sensor.kind for sensor in aiding.sensors().values()] == list(range(len(SENSORS)))
+    assert [sensor.kind for sensor in aiding.measurements().values()] == list(range(len(SENSORS)))
     with pytest.raises(ValueError, match="did you mean 'velocity'"):
         aiding.find("velocty")

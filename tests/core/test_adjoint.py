@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from strapdown.core.adjoint import back, keep, width
-from strapdown.core.smoother import workspace
+from strapdown.core.adjoint import adjoint_step, save_step, width
+from strapdown.core.smoother import work_size
 from strapdown.core.contract import CORRECT, OBSERVE, PREDICT, Noise, Start, compile_kernel, kernel
 from strapdown.core.error_state import PREDICTED, X, auxiliary, linearised_step, measure
 from test_kalman import covariance
@@ -23,7 +23,7 @@ STATES = [15, 16, 18]
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
     """The linearised step, with an error beside the belief that shows its transition."""
-    linearised_step(belief, belief.C, belief.tail[0] if belief.tail.size else 1.0, u, dt, noise, True)
+    linearised_step(belief, belief.C, belief.extra_states[0] if belief.extra_states.size else 1.0, u, dt, noise, True)
 
 
 def belief(n, error_model="corrected"):
@@ -31,22 +31,22 @@ def belief(n, error_model="corrected"):
     start = Start(0.0, (-1.2, 2.0, 9000.0), (120.0, -150.0, 8.0), (-0.4, 1.2, 2.0), (0.1, -0.2, 0.3), (0.01, 0.02, -0.03), (*SD, *[2.0] * (n - 15)))
     made = start.belief(auxiliary(n, error_model))
     made.P[...] = covariance(np.random.default_rng(n), np.array(start.sd))
-    made.tail[:] = 1.0
+    made.extra_states[:] = 1.0
     return made
 
 
 def record(made):
-    """What `keep` leaves of the last call, in a record that held other things before."""
-    compile_kernel(keep)
+    """What `save_step` leaves of the last call, in a record that held other things before."""
+    compile_kernel(save_step)
     row = np.full(width(len(made.P)), np.nan)
-    keep(made, row)
+    save_step(made, row)
     return row
 
 
 def undone(row, lam, Lam):
-    compile_kernel(back)
+    compile_kernel(adjoint_step)
     found, Found = lam.copy(), Lam.copy()
-    back(row, found, Found, np.full(workspace(len(lam), len(lam)), np.nan))     # stale numbers in the workspace must not matter
+    adjoint_step(row, found, Found, np.full(work_size(len(lam), len(lam)), np.nan))     # stale numbers in the workspace must not matter
     return found, Found
 
 
@@ -68,10 +68,10 @@ def transition(n, dt, u, error_model="corrected", coupling=1.0):
     Phi = np.eye(n)
     for column in range(15):
         made = belief(n, error_model)
-        made.tail[:] = coupling
-        made.aux[X] = Phi[:15, column]
+        made.extra_states[:] = coupling
+        made.workspace[X] = Phi[:15, column]
         predict(made, u, dt, NOISE)
-        Phi[:15, column] = made.aux[X]
+        Phi[:15, column] = made.workspace[X]
     return Phi
 
 
@@ -98,7 +98,7 @@ def test_adjoint_of_the_prediction_is_the_transposed_transition(n, dt, error_mod
 def test_an_attitude_known_from_elsewhere_does_not_reach_the_velocity():
     u = np.r_[0.02, -0.05, 0.08, 2.0, -1.5, -1.7]
     Phi, (lam, Lam), made = transition(16, 0.1, u, coupling=0.0), later(16), belief(16)
-    made.tail[:] = 0.0
+    made.extra_states[:] = 0.0
     predict(made, u, 0.1, NOISE)
     assert not Phi[3:6, 6:9].any()
     found, Found = undone(record(made), lam, Lam)

@@ -4,17 +4,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown.filters.attitude.attitude_error_state import RECORD, SIX, INVERSE, measured, propagate, unmeasured, unpropagated
-from strapdown.core.smoother import run_back, workspace
+from strapdown.core.smoother import run_back, work_size
 from strapdown.core.contract import Noise, address, compile_kernel
 from strapdown.core.loop import BIASES, LLA, NAV_WIDTH, SD, Q, V
 from strapdown.core.rotation import turn_quaternion
-from strapdown.filters.attitude.attitude_mekf import FIX, PREDICTED, back
+from strapdown.filters.attitude.attitude_mekf import FIX, PREDICTED, adjoint_step
 from strapdown.geodesy import displacement
 
 pytestmark = pytest.mark.short
 NOISE = Noise(0.0, 0.0, 0.3, 0.0, 0.5, 0.0)
 BLOCK = np.ix_(SIX, SIX)
-TAPE = 13 + 2 * RECORD
+WIDTH = 13 + 2 * RECORD
 
 
 def positive(rng, n):
@@ -35,8 +35,8 @@ def transition(C, w0, w2, dt):
 
 
 def predicted(C, w0, w2, dt):
-    """The row of the tape of a prediction without level rows."""
-    call = np.zeros(TAPE)
+    """The record of a prediction without level rows."""
+    call = np.zeros(WIDTH)
     call[0], call[1:10], call[10:13] = PREDICTED, dt * C.ravel(), (w0, w2, np.exp(-NOISE.gyro_decay * dt))
     return call
 
@@ -77,7 +77,7 @@ def test_adjoint_of_the_correction(seed):
 def test_calls_are_undone_last_step_first():
     """A prediction and its two level rows, whose errors are strongly correlated, so that their order shows."""
     rng = np.random.default_rng(4)
-    compile_kernel(back)
+    compile_kernel(adjoint_step)
     before = positive(rng, 6) + 3 * np.ones((6, 6))
     C = Rotation.random(random_state=4).as_matrix()
     P, dx, call, lam, Lam, steps = whole(before), np.zeros(6), predicted(C, 0.02, -0.03, 0.2), np.zeros(6), np.zeros((6, 6)), []
@@ -89,7 +89,7 @@ def test_calls_are_undone_last_step_first():
     for H, e, S, M in steps[::-1]:
         lam, Lam = M.T @ lam - H * e / S, M.T @ Lam @ M + np.outer(H, H) / S
     Phi, found, Found = transition(C, 0.02, -0.03, 0.2), np.zeros(6), np.zeros((6, 6))
-    back(call, found, Found, np.zeros(72))
+    adjoint_step(call, found, Found, np.zeros(72))
     np.testing.assert_allclose(found, Phi.T @ lam, atol=1e-12)
     np.testing.assert_allclose(Found, Phi.T @ Lam @ Phi, atol=1e-12)
 
@@ -111,21 +111,21 @@ class Linear:
         rng = np.random.default_rng(seed)
         self.first = positive(rng, 6)
         P, x, dx = whole(self.first), np.zeros(6), np.zeros(6)
-        self.tape, self.steps, self.P, self.x, self.mark = [], [], [], [], []
+        self.record, self.steps, self.P, self.x, self.mark = [], [], [], [], []
         for number in range(calls):
             if number % 3 == 0:
                 C, dt = Rotation.random(random_state=number).as_matrix(), rng.uniform(0.1, 0.4)
                 propagate(P, C, 0.0, 0.0, 0.2, dt, NOISE)
                 x = transition(C, 0.0, 0.0, dt) @ x
-                self.tape.append(predicted(C, 0.0, 0.0, dt))
+                self.record.append(predicted(C, 0.0, 0.0, dt))
                 self.steps.append((transition(C, 0.0, 0.0, dt), np.diag([0.2] * 3 + [NOISE.gyro_bias ** 2 * dt] * 3)))
             else:
-                h, y, call = rng.standard_normal(3), rng.standard_normal(), np.zeros(TAPE)
+                h, y, call = rng.standard_normal(3), rng.standard_normal(), np.zeros(WIDTH)
                 gate = 0.0 if number % 7 == 0 else np.inf
                 call[0] = FIX
                 measured(P, *h, y - h @ x[:3], 0.4, gate, dx, call[13:13 + RECORD])
                 x, dx[:] = x + dx, 0.0
-                self.tape.append(call)
+                self.record.append(call)
                 self.steps.append((h, y) if gate else None)
             if number % 5 == 4:
                 self.mark.append(number + 1)
@@ -156,15 +156,15 @@ class Linear:
 def passed_back(model, pieces=1):
     """(errors, covariances) of the marked rows by run_back, in so many tapes one after the other."""
     compile_kernel(run_back)
-    compile_kernel(back)
-    lam, Lam, work = np.zeros(6), np.zeros((6, 6)), np.zeros(workspace(6, 15))
-    tape, mark, nav = np.array(model.tape), np.array(model.mark), np.zeros((len(model.mark), NAV_WIDTH))
+    compile_kernel(adjoint_step)
+    lam, Lam, work = np.zeros(6), np.zeros((6, 6)), np.zeros(work_size(6, 15))
+    record, mark, nav = np.array(model.record), np.array(model.mark), np.zeros((len(model.mark), NAV_WIDTH))
     P, smoothed = np.array(model.P), np.empty((len(mark), 15, 15))
     nav[:, Q] = 1.0
     edges = np.linspace(0, len(mark), pieces + 1).astype(int)
     for first, last in zip(edges[-2::-1], edges[:0:-1]):
-        begin, end = (mark[first - 1] if first else 0), (mark[last - 1] if last < len(mark) else len(tape))
-        run_back(address(back), tape[begin:end], mark[first:last] - begin, P[first:last], np.array(SIX), lam, Lam, work, nav[first:last], smoothed[first:last])
+        begin, end = (mark[first - 1] if first else 0), (mark[last - 1] if last < len(mark) else len(record))
+        run_back(address(adjoint_step), record[begin:end], mark[first:last] - begin, P[first:last], np.array(SIX), lam, Lam, work, nav[first:last], smoothed[first:last])
     turned = Rotation.from_quat(nav[:, [Q + 1, Q + 2, Q + 3, Q]]).as_rotvec()
     return np.hstack([turned, nav[:, BIASES + 3:SD]]), smoothed, nav
 
@@ -194,14 +194,14 @@ def test_tapes_follow_each_other(pieces):
 def test_all_states_and_those_of_aidings_are_composed(tail):
     rng, n = np.random.default_rng(5), 15 + tail
     compile_kernel(run_back)
-    compile_kernel(back)
+    compile_kernel(adjoint_step)
     before, lam, Lam = positive(rng, n), rng.standard_normal(n) * 0.1, positive(rng, n) * 0.01
     P, nav, found = before[None].copy(), np.zeros((1, NAV_WIDTH + 1 + 2 * tail)), np.empty((1, n, n))
     lla, attitude = np.array([0.8, 3.1, 400.0]), Rotation.random(random_state=2)
     x, y, z, w = attitude.as_quat()
     nav[0, LLA:BIASES] = [*lla, 1.0, 2.0, 3.0, w, x, y, z]
     nav[0, NAV_WIDTH:] = [7.0, *[10.0, 20.0][:tail], *[0.0] * tail]     # a column of the filter, two states of aidings, their standard deviations
-    run_back(address(back), np.zeros((0, TAPE)), np.zeros(1, np.int64), P, np.arange(n), lam, Lam, np.full(workspace(n, n), np.nan), nav, found)
+    run_back(address(adjoint_step), np.zeros((0, WIDTH)), np.zeros(1, np.int64), P, np.arange(n), lam, Lam, np.full(work_size(n, n), np.nan), nav, found)
     error, smoothed = -before @ lam, before - before @ Lam @ before
     row = nav[0]
     np.testing.assert_allclose(displacement(row[LLA:V], lla), error[:3], atol=1e-6)

@@ -329,7 +329,7 @@ def test_files_and_pages_say_so(short, tmp_path):
 
 
 def test_memory_is_that_of_a_chunk(longer, monkeypatch):
-    """The tape's room does not grow with the recording."""
+    """The record's room does not grow with the recording."""
     sizes = []
     monkeypatch.setattr(smoothing, "new_output", lambda *given: sizes.append(batch.new_output(*given)) or sizes[-1])
     for samples in (400, 1000):
@@ -337,4 +337,4 @@ def test_memory_is_that_of_a_chunk(longer, monkeypatch):
         recording, given, _ = longer.drawn(16)
         sd.smooth(recording.between(-np.inf, samples / 50), "attitude-mekf", **given)
     first, second = ([part.shape for part in room if part.size] for room in sizes)
-    assert first == second and sizes[0].tape.shape[0] < 130
+    assert first == second and sizes[0].record.shape[0] < 130

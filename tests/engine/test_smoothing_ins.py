@@ -285,7 +285,7 @@ def test_the_rest_is_the_filters(flight):
 
 @pytest.mark.short
 def test_memory_is_that_of_a_chunk(flight, monkeypatch):
-    """The tape's room does not grow with the recording."""
+    """The record's room does not grow with the recording."""
     sizes = []
     monkeypatch.setattr(smoothing, "new_output", lambda *given: sizes.append(batch.new_output(*given)) or sizes[-1])
     monkeypatch.setattr(smoothing, "CHUNK", 50)
@@ -293,7 +293,7 @@ def test_memory_is_that_of_a_chunk(flight, monkeypatch):
     for until in (10.0, 20.0):
         sd.smooth(recording.between(-np.inf, until), **given)
     first, second = ([part.shape for part in room if part.size] for room in sizes)
-    assert first == second and sizes[0].tape.shape[0] < 60
+    assert first == second and sizes[0].record.shape[0] < 60
 
 
 def peak(rows, every):

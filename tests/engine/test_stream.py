@@ -52,7 +52,7 @@ def stream_of(recording, begin=None, name="closed-loop", **more):
 
 
 def snapshot(belief):
-    return [column.copy() for column in belief[:8]]     # aux is workspace too
+    return [column.copy() for column in belief[:8]]     # workspace is workspace too
 
 
 def last_row(solution):

@@ -33,12 +33,12 @@ def left_out(kinematics):
     compile_kernel(loop.predict)
     belief = loop.start(start, NOISE, kinematics=kinematics)
     lla, v, C = np.array(start.lla), np.array(start.v), belief.C.copy()
-    belief.aux[open_loop.LLA], belief.aux[open_loop.V], belief.aux[X] = ins_behind(lla, ERROR), v - ERROR[3:6], ERROR
+    belief.workspace[open_loop.LLA], belief.workspace[open_loop.V], belief.workspace[X] = ins_behind(lla, ERROR), v - ERROR[3:6], ERROR
     steps, middle = round(SECONDS / DT), None
     for k in range(steps):
         mechanize(lla, v, C, *INCREMENT, DT, np.zeros(3))
         loop.predict(belief, INCREMENT, DT, NOISE)
-        middle = belief.aux[X].copy() if k == steps // 2 else middle
+        middle = belief.workspace[X].copy() if k == steps // 2 else middle
     return displacement(lla, belief.lla), v - belief.v, middle
 
 

@@ -168,7 +168,7 @@ def test_a_stream_with_states_of_its_own_is_the_batch_bit_for_bit(flight, name):
     last, path = stream.finish(), solution.trajectory
     for part, row in zip((last.lla, last.v, last.ba, last.bg), (path.lla, path.v_n, solution.b_a, solution.b_g)):
         assert np.array_equal(part, row[-1])
-    assert np.array_equal(last.P, solution.covariance[-1]) and last.tail.tolist() == [solution.columns[each][-1] for each in names]
+    assert np.array_equal(last.P, solution.covariance[-1]) and last.extra_states.tolist() == [solution.columns[each][-1] for each in names]
 
 
 @pytest.mark.parametrize("name", POSITIONED)

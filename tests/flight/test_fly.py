@@ -249,21 +249,21 @@ def test_the_beliefs_biases_are_in_the_models_increments():
 
 @pytest.mark.short
 def test_a_filter_can_be_told_the_controls():
-    """aux[inputs : inputs + 9] of a filter whose aux has nine numbers more; its samples stay the IMU's."""
+    """workspace[inputs : inputs + 9] of a filter whose workspace has nine numbers more; its samples stay the IMU's."""
     held, closed = [], find("closed-loop")
 
     def start(start, noise):
         belief = closed.start(start, noise)
-        belief = belief._replace(aux=np.zeros(belief.aux.size + 9))
-        belief.aux[:closed.start(start, noise).aux.size] = closed.start(start, noise).aux
+        belief = belief._replace(workspace=np.zeros(belief.workspace.size + 9))
+        belief.workspace[:closed.start(start, noise).workspace.size] = closed.start(start, noise).workspace
         held.append(belief)
         return belief
-    first = closed.start(fly("straight", duration=0.1).start, Noise(*[0.0] * 6)).aux.size - 3 * STATES     # before H, which stands at the end
+    first = closed.start(fly("straight", duration=0.1).start, Noise(*[0.0] * 6)).workspace.size - 3 * STATES     # before H, which stands at the end
     cut = dict(duration=3.0, outage="2:", wind=(1.0, 2.0, 0.0))
     flight = fly("straight", closed._replace(name="told", start=start), prediction="model", inputs=first, **cut)
-    aux, log = held[0].aux[first:first + 9], flight.log
+    workspace, log = held[0].workspace[first:first + 9], flight.log
     middle = [0.5 * (log[name][-1] + log[name][-2]) for name in ("elevator, rad", "aileron, rad", "rudder, rad", "throttle")]
-    assert aux == pytest.approx([1.0, *middle, 1.0, 2.0, 0.0, 0.01])
+    assert workspace == pytest.approx([1.0, *middle, 1.0, 2.0, 0.0, 0.01])
     plain = fly("straight", **cut)
     assert np.array_equal(plain.recording.imu.dv, flight.recording.imu.dv) and same(plain.solution, flight.solution)
 

@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
-from strapdown.core.contract import Sensor
+from strapdown.core.contract import Measurement
 from strapdown.data import DataError
 from strapdown.io import read
 from strapdown.io.locate import data_folder, locate
@@ -213,7 +213,7 @@ def test_reference_written_by_this_library(build, tmp_path):
 def test_a_new_kind_of_aiding_needs_nothing_here(build, monkeypatch):
     import strapdown.aiding
     known = strapdown.aiding.find
-    sensor = Sensor("airflow", 99, None, ("speed", "angle"), parameters="antenna")
+    sensor = Measurement("airflow", 99, None, ("speed", "angle"), parameters="antenna")
     monkeypatch.setattr(strapdown.aiding, "find", lambda name: sensor if name == "airflow" else known(name))
     extra = '[[aiding]]\nkind = "airflow"\nfile = "gnss.csv"\ntime = { column = "t", unit = "s" }\ncolumns = ["vn", "ve"]\nunit = ["knot", "deg"]\nsd = [1.0, 2.0]\n'
     airflow = read(build(toml=lambda s: s + extra)).aidings[2]

@@ -197,7 +197,7 @@ def test_innovations_have_the_unit_of_their_kind(kind, columns, unit, factor, ro
 
 def test_every_kind_of_aiding_has_a_unit():
     from strapdown import aiding
-    for kind, sensor in aiding.sensors().items():
+    for kind, sensor in aiding.measurements().items():
         unit, factor, rows = fix_figures.unit(innovating(kind, np.ones((4, 3))), "own name")
         assert "or" not in unit and factor > 0 and len(rows) == 3, sensor
 

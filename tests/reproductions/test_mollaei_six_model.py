@@ -22,8 +22,8 @@ def through(made, filter, start=None, model=slice(None), **options):
     flags[model] = 1
     states, covariances = [], []
     for row, inputs in enumerate(made.inputs):
-        run.belief.aux[filters.INPUTS:filters.INPUTS + 9] = inputs
-        run.belief.aux[filters.INPUTS] = flags[row]
+        run.belief.workspace[filters.INPUTS:filters.INPUTS + 9] = inputs
+        run.belief.workspace[filters.INPUTS] = flags[row]
         run.advance(row + 1)
         states.append(np.r_[flat(run.belief.lla, made.start.lla), run.belief.v])
         covariances.append(run.belief.P[:6, :6].copy())
@@ -100,7 +100,7 @@ def test_the_unscented_filter_is_that_of_filterpy(options):
                 K = cross @ np.linalg.inv(S)
                 x, P = x + K @ (y - z), P - K @ S @ K.T
         assert np.abs(states[row] - x).max() < 1e-7 and np.abs(covariances[row] - P).max() < 1e-7
-    assert belief.aux[0] == 0
+    assert belief.workspace[0] == 0
 
 
 def test_one_component_is_the_extended_filter_there_too_and_the_flag_alone_decides():
@@ -131,4 +131,4 @@ def test_where_the_spread_is_wide_points_and_components_find_the_mean_that_the_d
 def test_without_fixes_the_weights_stay():
     made = flown(0.3)
     _, _, belief = through(made, filters.PKF6, components=50)
-    assert belief.aux[0] == 50 and belief.aux[1] == belief.aux[2] == 0
+    assert belief.workspace[0] == 50 and belief.workspace[1] == belief.workspace[2] == 0

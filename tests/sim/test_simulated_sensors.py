@@ -139,7 +139,7 @@ def test_at_the_truth_the_filters_innovation_is_the_noise_stated(kind, change):
     belief = scenario_belief(made)
     nis = []
     for y, sd, lla, C in zip(fixes.y, fixes.sd, truth.lla[1:], truth.rotation.as_matrix()[1:]):
-        belief.lla[:], belief.C[:], belief.tail[:] = lla, C, -20.0
+        belief.lla[:], belief.C[:], belief.extra_states[:] = lla, C, -20.0
         innovation, parameters = np.zeros(3), np.zeros(PARAMETERS)
         parameters[:3], parameters[7] = fixes.parameters, 15
         rows = plain(sensor.observe)(belief, y, parameters, innovation, np.zeros((3, 16)))

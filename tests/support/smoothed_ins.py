@@ -58,10 +58,10 @@ class Log(NamedTuple):
     def first(self):
         """The State at the start, of one time."""
         s = self.start
-        return State(np.array([s.lla]), np.array([s.v]), Rotation.from_euler("ZYX", [s.rph[::-1]]).as_matrix(), np.array([[*s.ba, *s.bg, *[0.0] * self.tail]]))
+        return State(np.array([s.lla]), np.array([s.v]), Rotation.from_euler("ZYX", [s.rph[::-1]]).as_matrix(), np.array([[*s.ba, *s.bg, *[0.0] * self.extra_states]]))
 
     @property
-    def tail(self):
+    def extra_states(self):
         return int(self.baro is not None)
 
     @property
@@ -71,7 +71,7 @@ class Log(NamedTuple):
 
     @property
     def P0(self):
-        return np.diag([*self.start.sd, *[self.baro_sd] * self.tail]) ** 2
+        return np.diag([*self.start.sd, *[self.baro_sd] * self.extra_states]) ** 2
 
     @property
     def density(self):
@@ -81,7 +81,7 @@ class Log(NamedTuple):
 
     @property
     def keep(self):
-        return np.exp(-self.dt * np.r_[np.repeat([self.noise.accel_decay, self.noise.gyro_decay], 3), [0.0] * self.tail])
+        return np.exp(-self.dt * np.r_[np.repeat([self.noise.accel_decay, self.noise.gyro_decay], 3), [0.0] * self.extra_states])
 
 
 def log_of(recording, start, noise):
@@ -162,7 +162,7 @@ def _at(log, k, state, P):
 
 def rauch_tung_striebel(log):
     """(States, covariances (n, 15 or 16, ...)) at the ends of the samples: extended Kalman filter, then backwards."""
-    state, P, steps, n, walked = log.first(), log.P0, [], N + log.tail, 0
+    state, P, steps, n, walked = log.first(), log.P0, [], N + log.extra_states, 0
     around = np.zeros((1 + 2 * N, n))
     around[1:N + 1, :N], around[N + 1:, :N] = np.diag(STEP), -np.diag(STEP)
     many = [0] * len(around)

@@ -1,5 +1,5 @@
 """Ellipsoidal height of a point of the body: y = m."""
-from ..core.contract import OBSERVE, Sensor, helper, kernel
+from ..core.contract import OBSERVE, Measurement, helper, kernel
 from ..core.rotation import turned
 
 ALTITUDE = 3
@@ -21,4 +21,4 @@ def observe(belief, y, parameters, innovation, H):
     return height(belief, y[0], parameters, innovation, H)
 
 
-SENSOR = Sensor("altitude", ALTITUDE, observe, ("length",), parameters="antenna", reference="down component of the position fix")
+MEASUREMENT = Measurement("altitude", ALTITUDE, observe, ("length",), parameters="antenna", reference="down component of the position fix")

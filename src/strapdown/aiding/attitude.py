@@ -5,7 +5,7 @@ the three standard deviations are those of roll, pitch and heading of a body tha
 """
 import math
 
-from ..core.contract import ATTITUDE_KIND, OBSERVE, Sensor, kernel
+from ..core.contract import ATTITUDE_KIND, OBSERVE, Measurement, kernel
 from ..core.rotation import euler_terms, measured_heading, rotation_between
 
 ATTITUDE = ATTITUDE_KIND
@@ -24,4 +24,4 @@ def observe(belief, y, parameters, innovation, H):
     return 3
 
 
-SENSOR = Sensor("attitude", ATTITUDE, observe, ("angle", "angle", "angle"), reference="AHRS measurement of Fossen (2021) section 14.3.2")
+MEASUREMENT = Measurement("attitude", ATTITUDE, observe, ("angle", "angle", "angle"), reference="AHRS measurement of Fossen (2021) section 14.3.2")

@@ -2,7 +2,7 @@
 
 h = C' v + omega x l; with true C = exp(theta) C the derivative by theta is C' S(v).
 """
-from ..core.contract import OBSERVE, Sensor, helper, kernel
+from ..core.contract import OBSERVE, Measurement, helper, kernel
 
 SPEED, ZERO_LATERAL_VELOCITY, ZERO_VERTICAL_VELOCITY = 4, 5, 6
 
@@ -38,8 +38,8 @@ def observe_vertical(belief, y, parameters, innovation, H):
     return along(2, belief, y, parameters, innovation, H)
 
 
-FORWARD = Sensor("speed", SPEED, observe_speed, ("speed",), parameters="reference", reference="odometer: Groves (2013) section 16.3")
-LATERAL = Sensor("zero-lateral-velocity", ZERO_LATERAL_VELOCITY, observe_lateral, ("speed",), parameters="reference", recorded=False,
+FORWARD = Measurement("speed", SPEED, observe_speed, ("speed",), parameters="reference", reference="odometer: Groves (2013) section 16.3")
+LATERAL = Measurement("zero-lateral-velocity", ZERO_LATERAL_VELOCITY, observe_lateral, ("speed",), parameters="reference", recorded=False,
                  reference="Dissanayake et al. (2001), IEEE Trans. Robotics and Automation 17(5)")
-VERTICAL = Sensor("zero-vertical-velocity", ZERO_VERTICAL_VELOCITY, observe_vertical, ("speed",), parameters="reference", recorded=False,
+VERTICAL = Measurement("zero-vertical-velocity", ZERO_VERTICAL_VELOCITY, observe_vertical, ("speed",), parameters="reference", recorded=False,
                   reference="Dissanayake et al. (2001), IEEE Trans. Robotics and Automation 17(5)")

@@ -5,7 +5,7 @@ An acceleration of the body goes into the attitude as its angle against g; its s
 """
 import math
 
-from ..core.contract import GRAVITY_KIND, OBSERVE, Sensor, kernel
+from ..core.contract import GRAVITY_KIND, OBSERVE, Measurement, kernel
 from ..core.earth import gravity
 from ..core.rotation import turned
 
@@ -27,5 +27,5 @@ def observe(belief, y, parameters, innovation, H):
     return 3
 
 
-SENSOR = Sensor("gravity", GRAVITY, observe, ("acceleration", "acceleration", "acceleration"), recorded=False,
+MEASUREMENT = Measurement("gravity", GRAVITY, observe, ("acceleration", "acceleration", "acceleration"), recorded=False,
                 reference="Fossen (2021) section 14.4.3, reference vector of gravity")

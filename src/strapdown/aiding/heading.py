@@ -1,7 +1,7 @@
 """Heading of the body's x axis, clockwise from true north: y = rad. The Jacobian is exact at every heading (the published compass row is not)."""
 import math
 
-from ..core.contract import OBSERVE, Sensor, kernel
+from ..core.contract import OBSERVE, Measurement, kernel
 from ..core.rotation import wrap
 
 HEADING = 2
@@ -19,4 +19,4 @@ def observe(belief, y, parameters, innovation, H):
     return 1
 
 
-SENSOR = Sensor("heading", HEADING, observe, ("angle",), reference="derivative of atan2(C21, C11); Fossen (2021) eq. 14.254 corrected")
+MEASUREMENT = Measurement("heading", HEADING, observe, ("angle",), reference="derivative of atan2(C21, C11); Fossen (2021) eq. 14.254 corrected")

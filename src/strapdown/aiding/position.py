@@ -1,7 +1,7 @@
 """Geodetic position of an antenna: y = latitude (rad), longitude (rad), ellipsoidal height (m)."""
 import math
 
-from ..core.contract import OBSERVE, POSITION_KIND, Sensor, kernel
+from ..core.contract import OBSERVE, POSITION_KIND, Measurement, kernel
 from ..core.earth import radii
 from ..core.rotation import wrap
 
@@ -26,5 +26,5 @@ def observe(belief, y, parameters, innovation, H):
     return 3
 
 
-SENSOR = Sensor("position", POSITION, observe, ("latitude", "longitude", "length"), parameters="antenna",
+MEASUREMENT = Measurement("position", POSITION, observe, ("latitude", "longitude", "length"), parameters="antenna",
                 reference="Groves (2013) eq. 14.111")

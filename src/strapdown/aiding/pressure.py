@@ -5,7 +5,7 @@ along, in m: what the barometer reads too high.
 """
 import math
 
-from ..core.contract import FIRST, OBSERVE, STATES, Sensor, helper, kernel
+from ..core.contract import FIRST, OBSERVE, STATES, Measurement, helper, kernel
 from .altitude import height
 
 PRESSURE, PRESSURE_ALTITUDE = 10, 11
@@ -30,7 +30,7 @@ def biased(belief, measured, parameters, innovation, H):
     """One row, down: estimated height of the point + bias - measured, m."""
     bias = int(parameters[FIRST])
     H[0, bias] = -1.0
-    return height(belief, measured - belief.tail[bias - STATES], parameters, innovation, H)
+    return height(belief, measured - belief.extra_states[bias - STATES], parameters, innovation, H)
 
 
 @kernel(OBSERVE)
@@ -46,6 +46,6 @@ def observe_altitude(belief, y, parameters, innovation, H):
 
 
 BIAS = dict(states=("bias [m]",), state_sd=150.0, state_walk=0.1)       # the walk: 6 m an hour, where 1 hPa of weather is 8 m
-SENSOR = Sensor("pressure", PRESSURE, observe, ("pressure",), parameters="antenna", reference="ICAO Doc 7488; Groves (2013) section 6.2.1", **BIAS)
-ALTITUDE = Sensor("pressure-altitude", PRESSURE_ALTITUDE, observe_altitude, ("length",), parameters="antenna", reference="Groves (2013) section 6.2.1",
+MEASUREMENT = Measurement("pressure", PRESSURE, observe, ("pressure",), parameters="antenna", reference="ICAO Doc 7488; Groves (2013) section 6.2.1", **BIAS)
+ALTITUDE = Measurement("pressure-altitude", PRESSURE_ALTITUDE, observe_altitude, ("length",), parameters="antenna", reference="Groves (2013) section 6.2.1",
                   **BIAS)

@@ -1,5 +1,5 @@
 """Velocity of an antenna over ground: y = north, east, down, m/s. The Earth's rate in the lever-arm term (7e-5 rad/s) is left out."""
-from ..core.contract import OBSERVE, Sensor, kernel
+from ..core.contract import OBSERVE, Measurement, kernel
 
 VELOCITY = 1
 
@@ -27,5 +27,5 @@ def observe(belief, y, parameters, innovation, H):
     return 3
 
 
-SENSOR = Sensor("velocity", VELOCITY, observe, ("speed", "speed", "speed"), parameters="antenna", vector="n",
+MEASUREMENT = Measurement("velocity", VELOCITY, observe, ("speed", "speed", "speed"), parameters="antenna", vector="n",
                 reference="Groves (2013) eq. 14.111")

@@ -2,7 +2,7 @@
 
 y is the height of mean sea level above the ellipsoid, m: the undulation of the geoid where heights are ellipsoidal, 0 where heave is all that is wanted.
 """
-from ..core.contract import OBSERVE, SEA_LEVEL_KIND, Sensor, kernel
+from ..core.contract import OBSERVE, SEA_LEVEL_KIND, Measurement, kernel
 from .altitude import height
 
 ZERO_SEA_LEVEL = SEA_LEVEL_KIND
@@ -14,5 +14,5 @@ def observe(belief, y, parameters, innovation, H):
     return height(belief, y[0], parameters, innovation, H)
 
 
-SENSOR = Sensor("zero-sea-level", ZERO_SEA_LEVEL, observe, ("length",), parameters="reference", recorded=False,
+MEASUREMENT = Measurement("zero-sea-level", ZERO_SEA_LEVEL, observe, ("length",), parameters="reference", recorded=False,
                 reference="Fossen (2021) section 14.4.3: z = 0 aiding of surface craft")

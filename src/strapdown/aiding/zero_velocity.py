@@ -1,5 +1,5 @@
 """Zero velocity over ground while the vehicle is at rest; `strapdown.preprocessing.stationary.at_rest` finds when."""
-from ..core.contract import OBSERVE, Sensor, kernel
+from ..core.contract import OBSERVE, Measurement, kernel
 
 ZERO_VELOCITY = 7
 
@@ -13,5 +13,5 @@ def observe(belief, y, parameters, innovation, H):
     return 3
 
 
-SENSOR = Sensor("zero-velocity", ZERO_VELOCITY, observe, ("speed", "speed", "speed"), recorded=False, when="at rest",
+MEASUREMENT = Measurement("zero-velocity", ZERO_VELOCITY, observe, ("speed", "speed", "speed"), recorded=False, when="at rest",
                 reference="Groves (2013) section 15.3")

@@ -4,12 +4,12 @@ The transposed transition goes the other way round than the transition: position
 workspace, with constant offsets, strides and trip counts. States beyond the fifteenth stand still.
 """
 from .jit import flatten, helper, inlined, kernel, matrix
-from .contract import BACK, KEEP, Smoother
+from .contract import ADJOINT_STEP, SAVE_STEP, Smoother
 from .error_dynamics import BLOCKS, PP, TP, TV, VP, VV
 from .error_state import DV, PREDICTED, STEP, WORK
 from .kalman import decay, used_rows, whiten
 
-PREDICTION = DV.stop - STEP.start               # numbers of a record of a prediction: STEP, BLOCK, MID and DV of aux
+PREDICTION = DV.stop - STEP.start               # numbers of a record of a prediction: STEP, BLOCK, MID and DV of workspace
 DT, W, DECAY_A, DECAY_G, F, C, HALF_FORCE = 1, 2, 5, 6, 7, 7 + BLOCKS, 7 + BLOCKS + 9
 """Places in it: the first number is PREDICTED."""
 INNOVATION, U = 1, 4                            # of a correction: rows used, whitened innovations (3), U and H, each (3, n), rows not used zero
@@ -21,40 +21,40 @@ def width(n):
     return max(PREDICTION, U + 6 * n)
 
 
-@kernel(KEEP)
-def keep(belief, record):
-    """What `linearised_step` or `measure`, whichever was called last, left in aux."""
+@kernel(SAVE_STEP)
+def save_step(belief, record):
+    """What `linearised_step` or `measure`, whichever was called last, left in workspace."""
     kept(belief, record)
 
 
 @helper
 def kept(belief, record):
-    """The step of `keep`, for a filter that keeps something beside."""
-    aux, n = belief.aux, belief.P.shape[0]
-    record[0] = aux[STEP.start]
+    """The step of `save_step`, for a filter that keeps something beside."""
+    workspace, n = belief.workspace, belief.P.shape[0]
+    record[0] = workspace[STEP.start]
     if record[0] == PREDICTED:
         for i in range(PREDICTION):
-            record[i] = aux[STEP.start + i]
+            record[i] = workspace[STEP.start + i]
     elif record[0] > 0:
-        used, first, H = WORK + used_rows(n), WORK + n * n + 1, aux.size - 3 * n
+        used, first, H = WORK + used_rows(n), WORK + n * n + 1, workspace.size - 3 * n
         rows = int(record[0])
-        whiten(matrix(aux, H, 3, n), aux[WORK:])
+        whiten(matrix(workspace, H, 3, n), workspace[WORK:])
         for k in range(3):
-            record[INNOVATION + k] = aux[used + 1 + k]
+            record[INNOVATION + k] = workspace[used + 1 + k]
             for j in range(n):
-                record[U + k * n + j] = aux[first + k * (n + 1) + j]
-                record[U + (3 + k) * n + j] = aux[H + k * n + j] if k < rows else 0.0
+                record[U + k * n + j] = workspace[first + k * (n + 1) + j]
+                record[U + (3 + k) * n + j] = workspace[H + k * n + j] if k < rows else 0.0
 
 
-@kernel(BACK)
-def back(call, lam, Lam, work):
-    """The adjoint of the call in a record of `keep`."""
+@kernel(ADJOINT_STEP)
+def adjoint_step(call, lam, Lam, work):
+    """The adjoint of the call in a record of `save_step`."""
     undone(call, lam, Lam, work)
 
 
 @helper
 def undone(call, lam, Lam, work):
-    """The step of `back`, for a filter that keeps something beside."""
+    """The step of `adjoint_step`, for a filter that keeps something beside."""
     if call[0] == PREDICTED:
         unpropagated(call, lam, Lam, work)
     elif call[0] > 0:
@@ -203,5 +203,5 @@ def _uncorrected(n, call, lam, Lam, work):
                                                     + (z0 * call[H + j] + z1 * call[H + n + j] + z2 * call[H + 2 * n + j]))
 
 
-SMOOTHER = Smoother(width, keep, back)
+SMOOTHER = Smoother(width, save_step, adjoint_step)
 """Of every filter whose calls end in `linearised_step` or `measure`."""

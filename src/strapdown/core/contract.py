@@ -11,9 +11,9 @@ from numba import types
 
 from .jit import COMPILED, address, caller, compile_kernel, entry_point, helper, is_cached, kernel, matrix, plain
 
-__all__ = ["Belief", "Start", "Noise", "Imu", "Fixes", "Cursor", "Output", "Filter", "Smoother", "Sensor", "PARAMETERS", "WALK", "FIRST",
+__all__ = ["Belief", "Start", "Noise", "Imu", "Fixes", "Cursor", "Output", "Filter", "Smoother", "Measurement", "PARAMETERS", "WALK", "FIRST",
            "POSITION_KIND", "VELOCITY_KIND", "HEADING_KIND", "ALTITUDE_KIND", "GRAVITY_KIND", "MAGNETIC_KIND", "SEA_LEVEL_KIND", "ATTITUDE_KIND",
-           "VALID", "BRIDGED", "INVALID", "OBSERVE", "PREDICT", "CORRECT", "RUN", "RUN_TAPED", "KEEP", "BACK", "RUN_BACK", "POS", "VEL", "ATT", "BA", "BG", "STATES", "COMPILED", "kernel", "helper",
+           "VALID", "BRIDGED", "INVALID", "OBSERVE", "PREDICT", "CORRECT", "RUN", "RUN_RECORDED", "SAVE_STEP", "ADJOINT_STEP", "RUN_BACK", "POS", "VEL", "ATT", "BA", "BG", "STATES", "COMPILED", "kernel", "helper",
            "matrix", "address", "entry_point", "caller", "compile_kernel", "is_cached"]
 
 POS, VEL, ATT, BA, BG = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
@@ -32,8 +32,8 @@ class Belief(NamedTuple):
     P: np.ndarray       # error covariance (n, n)
     omega: np.ndarray   # last bias-free angular rate omega_ib_b, rad/s
     f: np.ndarray       # last bias-free specific force f_ib_b, m/s^2
-    aux: np.ndarray     # what one architecture alone needs; its first numbers are the filter's extra output columns
-    tail: np.ndarray    # the states that aidings bring along, error states 15 ...
+    workspace: np.ndarray     # what one architecture alone needs; its first numbers are the filter's extra output columns
+    extra_states: np.ndarray    # the states that aidings bring along, error states 15 ...
 
 
 class Noise(NamedTuple):
@@ -67,14 +67,14 @@ class Start(NamedTuple):
         return self._replace(rph=(math.atan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z), math.asin(max(-1.0, min(1.0, 2 * (w * y - x * z)))),
                                   math.atan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z)))
 
-    def belief(self, aux):
-        """A Belief at this start with a diagonal P; `aux` is the filter's own array."""
+    def belief(self, workspace):
+        """A Belief at this start with a diagonal P; `workspace` is the filter's own array."""
         from .rotation import euler_to_matrix
         column = lambda values: np.array(values, float)
         C = np.empty((3, 3))
         plain(euler_to_matrix)(*(float(angle) for angle in self.rph), C)
         return Belief(column(self.lla), column(self.v), C, column(self.ba), column(self.bg), np.diag(column(self.sd) ** 2),
-                      np.zeros(3), np.zeros(3), aux, np.zeros(len(self.sd) - STATES))
+                      np.zeros(3), np.zeros(3), workspace, np.zeros(len(self.sd) - STATES))
 
 
 class Imu(NamedTuple):
@@ -115,8 +115,8 @@ class Output(NamedTuple):
     nav: np.ndarray         # (rows, NAV_COLUMNS + extra columns of the filter)
     covariance: np.ndarray  # (rows, n, n), or (0, n, n)
     fix: np.ndarray         # (m, FIX_COLUMNS)
-    tape: np.ndarray        # (calls, width) what each call of predict and correct left for the smoother; (0,) without one, which is another type
-    mark: np.ndarray        # int64 per row: calls before it; unused without a tape
+    record: np.ndarray        # (calls, width) what each call of predict and correct left for the smoother; (0,) without one, which is another type
+    mark: np.ndarray        # int64 per row: calls before it; unused without a record
 
 
 PARAMETERS, WALK, FIRST = 8, 6, 7
@@ -138,24 +138,24 @@ if COMPILED:
     IMU = _named(Imu, _line, _line, _table, _table)
     FIXES = _named(Fixes, _line, _count, _table, _table, _count, _table, _line)
     CURSOR = _named(Cursor, _count, _line, _line, _line, _count, _count, _count, _line, _count, _line)
-    OUTPUT, TAPED_OUTPUT = (_named(Output, _table, _cube, _table, tape, _count) for tape in (_line, _table))
+    OUTPUT, RECORDED_OUTPUT = (_named(Output, _table, _cube, _table, record, _count) for record in (_line, _table))
 
     OBSERVE = _i8(BELIEF, _line, _line, _line, _table)
     PREDICT = types.void(BELIEF, _line, _f8, NOISE)
     CORRECT = _f8(BELIEF, _line, _line, _i8, types.FunctionType(OBSERVE), _line, _f8, _line)
-    RUN, RUN_TAPED = (types.void(_i8, _i8, _count, BELIEF, IMU, FIXES, NOISE, CURSOR, output) for output in (OUTPUT, TAPED_OUTPUT))
-    KEEP = types.void(BELIEF, _line)
-    BACK = types.void(_line, _line, _table, _line)
+    RUN, RUN_RECORDED = (types.void(_i8, _i8, _count, BELIEF, IMU, FIXES, NOISE, CURSOR, output) for output in (OUTPUT, RECORDED_OUTPUT))
+    SAVE_STEP = types.void(BELIEF, _line)
+    ADJOINT_STEP = types.void(_line, _line, _table, _line)
     RUN_BACK = types.void(_i8, _table, _count, _cube, _count, _line, _table, _line, _table, _cube)
 else:
-    OBSERVE, PREDICT, CORRECT, RUN, RUN_TAPED, KEEP, BACK, RUN_BACK = "observe", "predict", "correct", "run", "run taped", "keep", "back", "run back"
+    OBSERVE, PREDICT, CORRECT, RUN, RUN_RECORDED, SAVE_STEP, ADJOINT_STEP, RUN_BACK = "observe", "predict", "correct", "run", "run recorded", "save step", "adjoint step", "run back"
 
 
 class Smoother(NamedTuple):
     """How the calls of a filter are undone, last one first."""
     width: Callable     # n -> numbers of a record of one call, with n states
-    keep: Callable      # (belief, record (width,)): what the adjoint of the last call of predict or correct needs, also where it did nothing
-    back: Callable      # (record, lam (k,), Lam (k, k), work: core.backward.workspace): the adjoint of that call, on the states that the filter estimates and the tail
+    save_step: Callable      # (belief, record (width,)): what the adjoint of the last call of predict or correct needs, also where it did nothing
+    adjoint_step: Callable      # (record, lam (k,), Lam (k, k), work: core.smoother.workspace): the adjoint of that call, on the states that the filter estimates and the tail
 
 
 class Filter(NamedTuple):
@@ -170,14 +170,14 @@ class Filter(NamedTuple):
     columns: tuple = ()     # names, with units, of its extra output columns
     uses: tuple = None      # kinds of aiding that it can use; None: all. Sources of other kinds are left out and named in the notes
     needs: tuple = ()       # kinds without which it cannot run
-    fit: Callable = None    # (options, sources it uses) -> (options, notes): options that the sources decide where the user does not; refuses what it cannot run on
-    alone: str = ""         # what to say where a recording has no source that it can use
+    configure: Callable = None    # (options, sources it uses) -> (options, notes): options that the sources decide where the user does not; refuses what it cannot run on
+    unaided_note: str = ""         # what to say where a recording has no source that it can use
     smoother: Smoother = None
-    watch: Callable = None  # (t (n,), lla (n, 3), {column: (n,)}) -> [(t, text)]: what of the kept rows a user must know
+    diagnose: Callable = None  # (t (n,), lla (n, 3), {column: (n,)}) -> [(t, text)]: what of the kept rows a user must know
 
 
 
-class Sensor(NamedTuple):
+class Measurement(NamedTuple):
     """One kind of aiding: how it is observed, and what the edge must know to read it."""
     name: str
     kind: int               # index of the observer, a module constant

@@ -1,4 +1,4 @@
-"""What the error-state filters share: their aux array, the linearised step, the measurement, the injection of an error into the belief."""
+"""What the error-state filters share: their workspace array, the linearised step, the measurement, the injection of an error into the belief."""
 import math
 
 import numpy as np
@@ -20,17 +20,17 @@ BLOCK = slice(STEP.stop, STEP.stop + BLOCKS)    # blocks of F
 MID = BLOCK.stop                                # C_nb at mid-interval, 3 x 3
 DV = slice(MID + 9, MID + 12)                   # specific-force velocity increment in n, bias-free, m/s
 DX = slice(DV.stop, DV.stop + 2 * STATES)       # the correction that `measure` found, n numbers
-WORK = DX.stop                                  # workspace of core.gaussian, to the end; its last 3 n numbers are H (3, n)
+WORK = DX.stop                                  # workspace of core.kalman, to the end; its last 3 n numbers are H (3, n)
 
 
 def auxiliary(n, error_model="corrected"):
-    """The aux array of an error-state filter with n states; refuses an unknown error model."""
+    """The workspace array of an error-state filter with n states; refuses an unknown error model."""
     if error_model not in MODELS:
         raise ValueError(f"error_model is {error_model!r}; it must be one of {', '.join(MODELS)}")
-    aux = np.zeros(WORK + max(WORKSPACE, plain(used_rows)(n) + 13) + 3 * n)
-    aux[MODEL] = MODELS[error_model]
-    aux[HEIGHT] = MODELS[error_model] != LATITUDE_GRAVITY
-    return aux
+    workspace = np.zeros(WORK + max(WORKSPACE, plain(used_rows)(n) + 13) + 3 * n)
+    workspace[MODEL] = MODELS[error_model]
+    workspace[HEIGHT] = MODELS[error_model] != LATITUDE_GRAVITY
+    return workspace
 
 
 @inlined
@@ -40,9 +40,9 @@ def linearised_step(belief, C, coupling, u, dt, noise, beside):
     State and attitude stay.
     C (3, 3) is the attitude of body-fixed errors in n: the belief's, or one known from elsewhere. `coupling` is 1, or 0 where the attitude error
     does not reach the velocity, because that is computed with the known one.
-    Also publishes the bias-free rate and specific force, decays the biases, and leaves in aux what a smoother needs.
+    Also publishes the bias-free rate and specific force, decays the biases, and leaves in workspace what a smoother needs.
     """
-    aux, mid, dv_n, ba, bg = belief.aux, matrix(belief.aux, MID, 3, 3), belief.aux[DV], belief.ba, belief.bg
+    workspace, mid, dv_n, ba, bg = belief.workspace, matrix(belief.workspace, MID, 3, 3), belief.workspace[DV], belief.ba, belief.bg
     r0, r1, r2 = 0.5 * (u[0] - bg[0] * dt), 0.5 * (u[1] - bg[1] * dt), 0.5 * (u[2] - bg[2] * dt)
     a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
     for i in range(3):
@@ -50,13 +50,13 @@ def linearised_step(belief, C, coupling, u, dt, noise, beside):
         mid[i, 1] = C[i, 1] + C[i, 2] * r0 - C[i, 0] * r2
         mid[i, 2] = C[i, 2] + C[i, 0] * r1 - C[i, 1] * r0
         dv_n[i] = coupling * (mid[i, 0] * a0 + mid[i, 1] * a1 + mid[i, 2] * a2)
-    blocks, step = aux[BLOCK], aux[STEP]
-    w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, int(aux[MODEL]), blocks)
+    blocks, step = workspace[BLOCK], workspace[STEP]
+    w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, int(workspace[MODEL]), blocks)
     w0, w1, w2 = w0 * dt, w1 * dt, w2 * dt
     step[0], step[1], step[2], step[3], step[4], step[5], step[6] = PREDICTED, dt, w0, w1, w2, noise.accel_decay, noise.gyro_decay
-    propagate(belief.P, blocks, mid, dv_n, w0, w1, w2, dt, noise, aux[WORK:])
+    propagate(belief.P, blocks, mid, dv_n, w0, w1, w2, dt, noise, workspace[WORK:])
     if beside:
-        propagate_error(aux[X], blocks, mid, dv_n, w0, w1, w2, dt, noise, aux[WORK:])
+        propagate_error(workspace[X], blocks, mid, dv_n, w0, w1, w2, dt, noise, workspace[WORK:])
     if dt > 0:
         belief.omega[0], belief.omega[1], belief.omega[2] = 2 * r0 / dt, 2 * r1 / dt, 2 * r2 / dt
         belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
@@ -80,17 +80,17 @@ def decay_biases(ba, bg, dt, noise):
 
 @inlined
 def measure(belief, y, sd, observe, parameters, gate, innovation):
-    """Correct P by one fix and leave the correction of the states in aux[DX]. Returns the NIS.
+    """Correct P by one fix and leave the correction of the states in workspace[DX]. Returns the NIS.
 
     Unless NIS <= gate, P is left as it was and the correction must not be used.
     """
     n = belief.P.shape[0]
-    H = matrix(belief.aux, belief.aux.size - 3 * n, 3, n)
+    H = matrix(belief.workspace, belief.workspace.size - 3 * n, 3, n)
     rows = observed(belief, y, observe, parameters, innovation, H)
-    belief.aux[STEP.start] = 0.0
-    nis = update(belief.P, H, innovation, sd, rows, gate, belief.aux[WORK:], belief.aux[DX])
+    belief.workspace[STEP.start] = 0.0
+    nis = update(belief.P, H, innovation, sd, rows, gate, belief.workspace[WORK:], belief.workspace[DX])
     if nis <= gate:
-        belief.aux[STEP.start] = belief.aux[WORK + used_rows(n)]
+        belief.workspace[STEP.start] = belief.workspace[WORK + used_rows(n)]
     return nis
 
 
@@ -142,5 +142,5 @@ def inject_biases(belief, dx):
 @inlined
 def inject_tail(belief, dx):
     """Add their errors to the states that aidings brought along."""
-    for i in range(belief.tail.size):
-        belief.tail[i] += dx[STATES + i]
+    for i in range(belief.extra_states.size):
+        belief.extra_states[i] += dx[STATES + i]

@@ -13,15 +13,16 @@ Rules (docs/conventions.md):
 import math
 
 from .jit import caller, flatten, helper, inlined, kernel, plain
-from .contract import BRIDGED, CORRECT, FIRST, INVALID, KEEP, OBSERVE, POSITION_KIND, PREDICT, RUN, RUN_TAPED, VALID, VELOCITY_KIND, WALK, Noise
+from . import contract
+from .contract import BRIDGED, CORRECT, FIRST, INVALID, OBSERVE, POSITION_KIND, PREDICT, RUN, RUN_RECORDED, VALID, VELOCITY_KIND, WALK, Noise
 from .earth import LATITUDE_LIMIT
 from .mechanization import compensate, stationary_increments
 from .rotation import matrix_to_quaternion
 
-ROW, STOP, FIX, FIXES, OUT, EVERY, PHASE, STATUS, FAULT, POSITIONED, TAPED, TAPE, CURSOR_SIZE = range(13)
+ROW, STOP, FIX, FIXES, OUT, EVERY, PHASE, STATUS, FAULT, POSITIONED, RECORDED, SAVE_STEP, CURSOR_SIZE = range(13)
 """Cursor.at: next IMU row, where to stop, next fix, how many there are, next output row, keep rows with row % every == phase, status of the
 belief, FAULT = 1 once the belief left the latitudes where results hold, or is not a number, POSITIONED = 1 where the filter estimates a position, calls of
-predict and correct so far, and the address of the kernel that puts a call on the tape."""
+predict and correct so far, and the address of the kernel that records a call."""
 T, LLA, V, Q, BIASES, SD, ROW_STATUS, NAV_WIDTH = 0, 1, 4, 7, 11, 17, 32, 33
 """Columns of Output.nav: time, position, velocity, quaternion, biases (accelerometer, gyro), 15 standard deviations, status; then a filter's own, then
 the states that aidings brought along and their standard deviations."""
@@ -39,7 +40,7 @@ DOUBT = 9.0                             # largest growth of P at once, when a ga
 LIFTS = 3                               # uses in a row with the gate lifted, of sources of neither position nor velocity
 SAME_TIME = 1e-6                        # s: a fix this close to a sample's end is taken there
 
-predict_at, correct_at, observe_at, keep_at = caller(PREDICT), caller(CORRECT), caller(OBSERVE), caller(KEEP)
+predict_at, correct_at, observe_at, save_step_at = caller(PREDICT), caller(CORRECT), caller(OBSERVE), caller(contract.SAVE_STEP)
 
 
 @kernel(RUN)
@@ -74,11 +75,11 @@ def run(predict, correct, observers, belief, imu, fixes, noise, cursor, out):
             if out.covariance.shape[0] > 0:
                 _write_covariance(belief.P, out.covariance[at[OUT]])
             if out.mark.size > 0:
-                out.mark[at[OUT]] = at[TAPED]
+                out.mark[at[OUT]] = at[RECORDED]
             at[OUT] += 1
 
 
-run_taped = kernel(RUN_TAPED)(plain(run))
+run_recorded = kernel(RUN_RECORDED)(plain(run))
 
 
 @inlined
@@ -92,16 +93,16 @@ def _advance(predict, correct, observers, belief, fixes, noise, cursor, out, unt
                 part[i] = whole[i] * (span / left)
                 whole[i] -= part[i]
             predict_at(predict)(belief, part, span, noise)
-            _keep(belief, at, out.tape)
+            _save_step(belief, at, out.record)
             left -= span
         elif span > SAME_TIME:
             predict_at(predict)(belief, whole, left, noise)
-            _keep(belief, at, out.tape)
+            _save_step(belief, at, out.record)
             left = 0.0
         _use_fix(correct, observers, belief, fixes, cursor, out)
     if left > 0:
         predict_at(predict)(belief, whole, left, noise)
-        _keep(belief, at, out.tape)
+        _save_step(belief, at, out.record)
     now[0] = until
 
 
@@ -117,7 +118,7 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
     while True:  # once, or a second time with the gate lifted
         found = correct_at(correct)(belief, fixes.y[k], fixes.sd[k], fixes.kind[s], observe_at(observers[fixes.kind[s]]),
                                     fixes.parameters[s], gate, innovation)
-        _keep(belief, at, out.tape)
+        _save_step(belief, at, out.record)
         if lifted:
             break
         nis = found
@@ -150,11 +151,11 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
 
 
 @helper
-def _keep(belief, at, tape):
-    """Put the last call on the tape, where there is one; count it anyway, so that a tape can be made for the next time."""
-    if tape.ndim == 2:      # a constant of the type: without a tape nothing of this is compiled, which is worth 5 % of a fix
-        keep_at(at[TAPE])(belief, tape[at[TAPED]])
-    at[TAPED] += 1
+def _save_step(belief, at, record):
+    """Record the last call, where there is a record; count it anyway, so that one can be made for the next time."""
+    if record.ndim == 2:      # a constant of the type: without a record nothing of this is compiled, which is worth 5 % of a fix
+        save_step_at(at[SAVE_STEP])(belief, record[at[RECORDED]])
+    at[RECORDED] += 1
 
 
 @helper
@@ -220,12 +221,12 @@ def _write_row(belief, t, status, row):
     matrix_to_quaternion(belief.C, row[Q:Q + 4])
     for i in range(ROW_STATUS - SD):
         row[SD + i] = math.sqrt(max(belief.P[i, i], 0.0))
-    brought = belief.tail.size
+    brought = belief.extra_states.size
     own = row.size - NAV_WIDTH - 2 * brought
     for i in range(own):
-        row[NAV_WIDTH + i] = belief.aux[i]
+        row[NAV_WIDTH + i] = belief.workspace[i]
     for i in range(brought if own >= 0 else 0):
-        row[NAV_WIDTH + own + i] = belief.tail[i]
+        row[NAV_WIDTH + own + i] = belief.extra_states[i]
         row[NAV_WIDTH + own + brought + i] = math.sqrt(max(belief.P[15 + i, 15 + i], 0.0))
 
 

@@ -1,4 +1,4 @@
-"""Fixed-interval smoothing in the form of Bryson and Frazier: backwards over what each call of a filter left on the tape, without inverting a covariance.
+"""Fixed-interval smoothing in the form of Bryson and Frazier: backwards over what each call of a filter left on the record, without inverting a covariance.
 
 Between the calls stand lam and Lam: what all later measurements say about the belief there. With its covariance P, its error is - P lam, with
 covariance P - P Lam P. A call of predict or correct acts on them by its adjoint, which the filter brings along; a call that only adds to P needs none.
@@ -7,36 +7,36 @@ Source: Bryson & Frazier (1963), modified as in Bierman (1973), Automatica 9; Gi
 import math
 
 from .jit import caller, flatten, helper, inlined, kernel
-from .contract import BACK, RUN_BACK
+from .contract import ADJOINT_STEP, RUN_BACK
 from .earth import displace
 from .loop import BIASES, LLA, SD, Q, V
 from .rotation import turn_quaternion
 
-back_at = caller(BACK)
+adjoint_step_at = caller(ADJOINT_STEP)
 
 
-def workspace(k, n):
-    """Numbers of the workspace of `run_back` and of `back` with k estimated of n states."""
+def work_size(k, n):
+    """Numbers of the workspace of `run_back` and of `adjoint_step` with k estimated of n states."""
     return max(512, 2 * k * (k + 2)) + 2 * (k + 2) + 240 + n
 
 
 @kernel(RUN_BACK)
-def run_back(back, tape, mark, P, estimated, lam, Lam, work, nav, covariance):
-    """From the last call on `tape` to the first. Rows of `nav` (as of the loop), the filter's, become the smoothed ones, with P (rows, n, n) theirs.
+def run_back(adjoint_step, record, mark, P, estimated, lam, Lam, work, nav, covariance):
+    """From the last call on `record` to the first. Rows of `nav` (as of the loop), the filter's, become the smoothed ones, with P (rows, n, n) theirs.
 
     Before each row `mark` calls were done. `estimated` (k,) are the states in lam (k,) and Lam (k, k), which begin with what is known of later tapes
-    and end with what earlier ones need. work has `workspace(k, n)` numbers. `covariance` gets the smoothed covariances, unless it has no rows.
+    and end with what earlier ones need. work has `work_size(k, n)` numbers. `covariance` gets the smoothed covariances, unless it has no rows.
     """
-    call = tape.shape[0] - 1
+    call = record.shape[0] - 1
     for row in range(mark.size - 1, -1, -1):
         while call >= mark[row]:
-            back_at(back)(tape[call], lam, Lam, work)
+            adjoint_step_at(adjoint_step)(record[call], lam, Lam, work)
             call -= 1
         _smooth_row(P[row], estimated, lam, Lam, work, nav[row])
         if covariance.shape[0] > 0:
             _write_covariance(P[row], estimated, lam.size, work, covariance[row])
     while call >= 0:
-        back_at(back)(tape[call], lam, Lam, work)
+        adjoint_step_at(adjoint_step)(record[call], lam, Lam, work)
         call -= 1
 
 

@@ -83,8 +83,8 @@ def source(recording, ahrs, rate=RATE, imu=None, noise=None, start=None, say=Non
         sd = np.tile(ASSUMED, (len(t), 1))
         notes.append(f"{ahrs.name} claims no standard deviations: {_degrees(ASSUMED)} deg of roll, pitch and heading are assumed")
     notes += _heading(ahrs, [a for a in seen.aidings if len(a.t)], y, sd)
-    if ahrs.watch:
-        notes += [f"{ahrs.name}: {text}" for _, text in ahrs.watch(solution.t, solution.trajectory.lla, solution.columns)]
+    if ahrs.diagnose:
+        notes += [f"{ahrs.name}: {text}" for _, text in ahrs.diagnose(solution.t, solution.trajectory.lla, solution.columns)]
     notes += _motion(ahrs, begin, recording.imu)
     notes += [f"{ahrs.name} {solution.meta['stopped']}"] if "stopped" in solution.meta else []
     return Aiding("attitude", t, y, sd, name=ahrs.name), notes
@@ -107,7 +107,7 @@ def _heading(ahrs, aidings, y, sd):
     if aided:
         return []
     if ATT.stop - 1 in ahrs.states:
-        return [f"{ahrs.name}: {ahrs.alone}"]
+        return [f"{ahrs.name}: {ahrs.unaided_note}"]
     y[:, 2] = sd[:, 2] = np.nan
     return [f"{ahrs.name} gives roll and pitch and no heading"]
 

@@ -41,7 +41,7 @@ def prepare(filter, kinds, say=None):
         say(f"compiling {filter.name} for the first time on this machine, about 15 s ...")
     for kernel in [*slow, *(sensor.observe for sensor in sensors)]:
         compile_kernel(kernel)
-    observers = np.zeros(len(aiding.sensors()), np.int64)
+    observers = np.zeros(len(aiding.measurements()), np.int64)
     for sensor in sensors:
         observers[sensor.kind] = address(sensor.observe)
     return Prepared(filter, address(filter.predict), address(filter.correct), observers)
@@ -89,7 +89,7 @@ def usable(filter, aidings):
     fits = [filter.uses is None or a.kind in filter.uses for a in aidings]
     others = dict.fromkeys(a.name or a.kind for a, fit in zip(aidings, fits) if not fit)
     notes = [f"{filter.name} has no use for {', '.join(others)}"] if others else []
-    return tuple(a for a, fit in zip(aidings, fits) if fit), notes + ([f"{filter.name}: {filter.alone}"] if filter.alone and not any(fits) else [])
+    return tuple(a for a, fit in zip(aidings, fits) if fit), notes + ([f"{filter.name}: {filter.unaided_note}"] if filter.unaided_note and not any(fits) else [])
 
 
 def check_needs(filter, aidings, remedy="add a source of that kind"):
@@ -136,7 +136,7 @@ class Run(NamedTuple):
     options: dict       # the filter's own, with those that its sources decided
 
     def advance(self, rows, out=None, run=loop.run):
-        """Go on to the end of the sample before row `rows`; writes into `out`, or its own; `run` is `loop.run_taped` where that has a tape."""
+        """Go on to the end of the sample before row `rows`; writes into `out`, or its own; `run` is `loop.run_recorded` where that has a record."""
         self.cursor.at[loop.STOP] = rows
         run(*self.kernels, self.belief, self.samples, self.fixes, self.noise, self.cursor, out or self.out)
 
@@ -206,11 +206,11 @@ def begin(recording, filter, imu, start, noise, every, covariance, say, options,
     return Run(used, samples, filter, prepared[1:], start, noise, spec, belief, fixes, cursor, out, first, options)
 
 
-def new_output(filter, belief, rows, covariance=False, fixes=0, tape=0):
-    """An Output of so many rows, with their covariances or not, and of so many fixes; with a tape of so many calls for the smoother."""
-    width = loop.NAV_WIDTH + len(filter.columns) + 2 * belief.tail.size
+def new_output(filter, belief, rows, covariance=False, fixes=0, record=0):
+    """An Output of so many rows, with their covariances or not, and of so many fixes; with a record of so many calls for the smoother."""
+    width = loop.NAV_WIDTH + len(filter.columns) + 2 * belief.extra_states.size
     return Output(np.empty((rows, width)), np.empty((rows if covariance else 0, *belief.P.shape)), np.empty((fixes, loop.FIX_WIDTH)),
-                  np.empty((tape, filter.smoother.width(len(belief.P))) if tape else 0), np.zeros(rows if tape else 0, np.int64))
+                  np.empty((record, filter.smoother.width(len(belief.P))) if record else 0), np.zeros(rows if record else 0, np.int64))
 
 
 def assumed_noise(imu, noise, needed):
@@ -262,7 +262,7 @@ def fitted(filter, options, aidings):
     """(options of `filter` with those that these sources decide, notes on them). Raises DataError where it has no such option or cannot run on them."""
     check_options(filter, options)
     try:
-        return filter.fit(options, aidings) if filter.fit else (options, [])
+        return filter.configure(options, aidings) if filter.configure else (options, [])
     except ValueError as error:
         raise DataError(f"filter {filter.name!r}: {error}") from None
 
@@ -307,8 +307,8 @@ def solution(run):
         trajectory = trajectory.displaced(-np.asarray(recording.meta["imu_lever_arm"]), omega)
     own = [name for name, _ in brought(recording.aidings)]
     columns = {name: nav[:, loop.NAV_WIDTH + i] for i, name in enumerate((*filter.columns, *own, *(f"sd of {name}" for name in own)))}
-    if filter.watch:
-        events += filter.watch(nav[:, loop.T], nav[:, loop.LLA:loop.V], columns)
+    if filter.diagnose:
+        events += filter.diagnose(nav[:, loop.T], nav[:, loop.LLA:loop.V], columns)
     return Solution(trajectory, nav[:, loop.BIASES:loop.BIASES + 3], nav[:, loop.BIASES + 3:loop.SD], nav[:, loop.ROW_STATUS].astype(np.int8),
                     innovations(used, recording.aidings, fixes.gate), tuple(sorted(events)), columns,
                     out.covariance[:len(nav)] if len(out.covariance) else None, meta)

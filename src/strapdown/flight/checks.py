@@ -73,7 +73,7 @@ def checked_windows(outage, prediction, end):
 def _check_inputs(inputs, filter):
     """Raise DataError where a filter cannot be told the controls there."""
     if isinstance(inputs, bool) or not isinstance(inputs, (int, np.integer)) or inputs < 0:
-        raise DataError(f"inputs is {inputs!r}; it must be the index of the filter's first input in its aux")
+        raise DataError(f"inputs is {inputs!r}; it must be the index of the filter's first input in its workspace")
     if filter.name in find_names() and filter is find_filter(filter.name):
         raise DataError(f"{filter.name} does not compute with controls; leave inputs out")
 

@@ -25,7 +25,7 @@ DISTORTION, STEP_SIZE, FULL_SCALE, COUNTER, COUNTED, IMU_SIZE = 0, 27, 29, 31, 3
 increments and full scales (gyro, accelerometer; 0: none), the six counters before they are cut to whole steps, and after."""
 ROW, LAST, CAUSE, FILLED, BY_TRUTH, BY_MODEL, INPUTS, STALLED, AT_SIZE = range(9)
 """Journal.at: next row, where to stop, why the flight ended, fixes measured so far, 1: the autopilot flies by the truth, 1: the aircraft's model
-predicts while the receiver is cut, first of the filter's inputs in aux (-1: it takes none), samples in a row beyond the stall."""
+predicts while the receiver is cut, first of the filter's inputs in workspace (-1: it takes none), samples in a row beyond the stall."""
 FLYING, GROUND, STALL, ATTITUDE, NUMBER, FILTER = range(6)
 COMMANDED, ACTUAL, OUTPUT_COLUMNS, BODY_VELOCITY, RATES, WIND, ASKED, OFF, LEG, CUT, LOG_WIDTH = 0, 4, 8, 18, 21, 24, 27, 32, 34, 35, 36
 """Columns of the log: commands, positions of the controls, what `evaluate` tells up to the propeller's speed, velocity over ground and rates in body
@@ -113,7 +113,7 @@ def fly(step, evaluate, gust, run, predict, correct, observers, belief, imu, fix
         else:
             _measure(work, errors.numbers, errors.dtheta[row], errors.dv[row], dt, imu.dtheta[row], imu.dv[row])
         if at[INPUTS] >= 0:
-            _tell(belief.aux, at[INPUTS], cut, work, state, steering.wind, dt)
+            _tell(belief.workspace, at[INPUTS], cut, work, state, steering.wind, dt)
         _fill(errors, fixes, at, state, C, t, work[SLOPES:WORK_SIZE])
         cursor.at[loop.STOP] = row + 1
         if imagined:
@@ -200,14 +200,14 @@ def _read(numbers, sensor, axis, increment, dt):
 
 
 @helper
-def _tell(aux, first, cut, work, state, wind, dt):
+def _tell(workspace, first, cut, work, state, wind, dt):
     """The filter's inputs: whether the model is to predict, positions of the controls in the middle of the sample, the wind, the sample's seconds."""
-    aux[first] = float(cut)
+    workspace[first] = float(cut)
     for i in range(4):
-        aux[first + 1 + i] = 0.5 * (work[CONTROLS_BEFORE + i] + state[CONTROLS + i])
+        workspace[first + 1 + i] = 0.5 * (work[CONTROLS_BEFORE + i] + state[CONTROLS + i])
     for i in range(3):
-        aux[first + 5 + i] = wind[i]
-    aux[first + 8] = dt
+        workspace[first + 5 + i] = wind[i]
+    workspace[first + 8] = dt
 
 
 @helper

@@ -92,7 +92,7 @@ def fly(plan="straight", filter="closed-loop", imu="industrial", seed=0, outage=
 
     feedback: what the autopilot flies by, "estimate" or "truth". prediction: who predicts while the receiver is cut: "imu", or "model": the filter
     gets the increments of the same aircraft model, flown from its own belief with the commands and the told wind, and assumes `model_noise`.
-    inputs: of a filter that computes with controls: before each sample aux[inputs : inputs + 9] gets 1 where the model is to predict, the controls
+    inputs: of a filter that computes with controls: before each sample workspace[inputs : inputs + 9] gets 1 where the model is to predict, the controls
     (elevator, aileron, rudder, throttle), the told wind and the sample's seconds; its samples stay the IMU's. Sensor errors depend on the seed alone:
     two filters with one seed have the same. Raises DataError for what cannot be flown; a flight that diverges is no error, see Flight.stopped.
     """
@@ -197,9 +197,9 @@ def _vehicle(known, plan, wind, told, level, rows, rng):
 
 def _run(run, model_noise, vehicle, steering, errors, made, journal, progress):
     """Fly to the end, in chunks that let a keyboard and a progress bar in."""
-    model_noise, first, room = Noise(*map(float, model_noise)), int(journal.at[kernels.INPUTS]), run.belief.aux.size
+    model_noise, first, room = Noise(*map(float, model_noise)), int(journal.at[kernels.INPUTS]), run.belief.workspace.size
     if first >= 0 and first + 9 > room:
-        raise DataError(f"inputs {first} to {first + 8} do not fit into the {room} numbers of aux of {run.filter.name}")
+        raise DataError(f"inputs {first} to {first + 8} do not fit into the {room} numbers of workspace of {run.filter.name}")
     errors = kernels.Errors(errors.dtheta, errors.dv, errors.numbers, *in_loop_order(run.fixes, run.recording.aidings, made))
     for each in (step, evaluate, gust, kernels.fly):
         compile_kernel(each)

@@ -7,7 +7,6 @@ import numpy as np
 
 from ..data import DataError
 from ..geodesy import STANDARD_GRAVITY
-from ..preprocessing.stationary import at_rest
 from ..preprocessing.axes import named_permutation, signed_permutations
 from ..preprocessing.origin import counted
 from ..preprocessing.stuck import STUCK, TURN, stuck, turned as turned_by

@@ -26,7 +26,7 @@ SLIPS = {1e-5: "bar read as Pa", 1e-3: "kPa read as Pa", 1e-2: "hPa or mbar read
 
 
 def checked_aidings(imu, aidings):
-    """(aidings, notes): each aiding cleaned and checked by its kind's Sensor. Raises DataError."""
+    """(aidings, notes): each aiding cleaned and checked by its kind's Measurement. Raises DataError."""
     from ..aiding import find
     done, notes = [], []
     for aiding in aidings:

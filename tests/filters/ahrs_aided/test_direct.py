@@ -39,7 +39,7 @@ def predicted(x, dt, P=np.eye(15)):
     belief = filter.start(begin, STILL)
     belief.P[:] = P
     filter.predict(belief, np.r_[TURN, FORCE] * dt, dt, STILL)
-    return np.r_[displacement(belief.lla, at), belief.v, belief.aux[ANGLES:ANGLES + 3], belief.ba, belief.bg], belief.P
+    return np.r_[displacement(belief.lla, at), belief.v, belief.workspace[ANGLES:ANGLES + 3], belief.ba, belief.bg], belief.P
 
 
 def test_the_covariance_is_that_of_a_filter_in_euler_angles_through_their_jacobian():
@@ -96,7 +96,7 @@ def test_the_angles_stay_within_a_turn(name):
     heading = []
     for t, dt, dtheta, dv in zip(*recording.imu):
         stream.step(sd.Sample(float(t), float(dt), tuple(dtheta), tuple(dv)))
-        heading.append(stream.belief.aux[ANGLES + 2])
+        heading.append(stream.belief.workspace[ANGLES + 2])
     assert max(np.abs(heading)) <= np.pi and max(heading) > 3.1 and min(heading) < -3.1
 
 
@@ -142,7 +142,7 @@ def test_a_fast_tumble_stays_finite(name):
     belief = filter.start(Start(0.0, (0.8, 0.1, 500.0), (0.0,) * 3, RPH, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15), NOISE)
     for k in range(200):
         filter.predict(belief, np.r_[0.2, 0.7 * np.cos(k), 0.7 * np.sin(k), 0.0, 0.0, -0.2], 0.02, NOISE)
-        assert np.abs(belief.C.T @ belief.C - np.eye(3)).max() < 1e-9 and np.isfinite(belief.P).all() and abs(belief.aux[ANGLES + 1]) < np.pi / 2 + 1e-9
+        assert np.abs(belief.C.T @ belief.C - np.eye(3)).max() < 1e-9 and np.isfinite(belief.P).all() and abs(belief.workspace[ANGLES + 1]) < np.pi / 2 + 1e-9
 
 
 @pytest.mark.parametrize("rph", [(0.1, 0.2, 0.4), (-0.5, 1.2, 2.0), (1.0, -1.1, -2.5)])
@@ -161,8 +161,8 @@ def test_what_angles_err_by_at_the_known_attitude(rph, correlation):
     belief = direct_ahrs.start(begin, NOISE, correlation=correlation)
     belief.P[...] = 0.0
     belief.P[6:8, 6:8] = estimate
-    belief.aux[known_attitude.ERRORS:known_attitude.ERRORS + 4] = record[0, 0], record[0, 1], record[1, 1], 0.0
-    belief.aux[known_attitude.SINCE] = since = 0.3
+    belief.workspace[known_attitude.ERRORS:known_attitude.ERRORS + 4] = record[0, 0], record[0, 1], record[1, 1], 0.0
+    belief.workspace[known_attitude.SINCE] = since = 0.3
     _, pitch, heading = T(rph) @ rate
     plain(direct_ahrs._doubt_rates)(belief, pitch, heading, belief.C.ravel().copy(), np.cos(rph[1]), dt)
     growth = (2 * max(since - dt, correlation) + dt) / dt

@@ -25,7 +25,7 @@ def standing(name, heading=0.7, noise=STILL, deviation=(0.01, 0.02, 0.03), bias_
 
     def advance(seconds, dt=0.01, extra=(0.0,) * 6):
         for _ in range(round(seconds / dt)):
-            stationary_increments(belief.lla, np.zeros(3), np.ascontiguousarray(belief.aux[KNOWN:KNOWN + 9].reshape(3, 3)), dt, u)
+            stationary_increments(belief.lla, np.zeros(3), np.ascontiguousarray(belief.workspace[KNOWN:KNOWN + 9].reshape(3, 3)), dt, u)
             filter.predict(belief, u + np.array(extra) * dt, dt, noise)
     return filter, belief, advance
 
@@ -93,7 +93,7 @@ def test_what_the_gyros_added_in_a_gap_is_not_forgotten_after_it(name):
     advance(10.0, 0.02)
     u = np.zeros(6)
     for _ in range(500):
-        stationary_increments(belief.lla, np.zeros(3), np.ascontiguousarray(belief.aux[KNOWN:KNOWN + 9].reshape(3, 3)), 0.02, u)
+        stationary_increments(belief.lla, np.zeros(3), np.ascontiguousarray(belief.workspace[KNOWN:KNOWN + 9].reshape(3, 3)), 0.02, u)
         filter.predict(belief, u, 0.02, STILL)
     np.testing.assert_allclose(np.diag(belief.P)[3:5], 9.8 ** 2 * 1e-6 * 7000 / 3, rtol=0.01)
 
@@ -132,7 +132,7 @@ def test_the_places_in_aux_do_not_overlap():
     own = [set(range(part.start, part.stop)) for part in (open_loop.LLA, open_loop.V, slice(open_loop.C, open_loop.C + 9), open_loop.BIAS)]
     places = [*own, {open_loop.MODE}, {periodic_reset.INTERVAL}, {periodic_reset.ELAPSED}, set(range(KNOWN, DECAYING + 1))]
     assert len(set.union(*places)) == sum(map(len, places)) and max(set.union(*places)) < HEIGHT
-    assert belief.aux[open_loop.MODE] == open_loop.SECOND_ORDER and belief.aux[ERRORS + 2] == belief.P[7, 7]
+    assert belief.workspace[open_loop.MODE] == open_loop.SECOND_ORDER and belief.workspace[ERRORS + 2] == belief.P[7, 7]
 
 
 @pytest.mark.parametrize("name", FED)
@@ -146,18 +146,18 @@ def test_velocity_follows_the_known_attitude_and_no_other(name):
     for _ in range(100):
         stationary_increments(lla, np.zeros(3), np.eye(3), 0.01, u)
         filter.predict(belief, u, 0.01, STILL)
-    assert belief.v[1] == pytest.approx(9.81 * np.sin(np.radians(1)), rel=2e-3) and abs(belief.v[0]) < 1e-4 and belief.aux[SINCE] == pytest.approx(1.0)
+    assert belief.v[1] == pytest.approx(9.81 * np.sin(np.radians(1)), rel=2e-3) and abs(belief.v[0]) < 1e-4 and belief.workspace[SINCE] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("name", FED)
 def test_a_rejected_record_changes_nothing_and_one_without_heading_takes_the_estimated_one(name):
     filter, belief, _ = standing(name, 0.7)
-    known = belief.aux[KNOWN:KNOWN + 9].copy()
-    assert record(filter, belief, (1.0, 0.0, 0.7), (0.01,) * 3, gate=16.0) > 16 and np.array_equal(belief.aux[KNOWN:KNOWN + 9], known)
-    assert np.isnan(record(filter, belief, (np.nan,) * 3, (0.01,) * 3)) and np.array_equal(belief.aux[KNOWN:KNOWN + 9], known)
+    known = belief.workspace[KNOWN:KNOWN + 9].copy()
+    assert record(filter, belief, (1.0, 0.0, 0.7), (0.01,) * 3, gate=16.0) > 16 and np.array_equal(belief.workspace[KNOWN:KNOWN + 9], known)
+    assert np.isnan(record(filter, belief, (np.nan,) * 3, (0.01,) * 3)) and np.array_equal(belief.workspace[KNOWN:KNOWN + 9], known)
     record(filter, belief, (0.01, 0.02, np.nan), (0.01, 0.01, np.nan), gate=16.0)
-    np.testing.assert_allclose(Rotation.from_matrix(belief.aux[KNOWN:KNOWN + 9].reshape(3, 3)).as_euler("ZYX"), [0.7, 0.02, 0.01], atol=3e-4)
-    assert np.isfinite(belief.P).all() and np.isfinite(belief.aux[KNOWN:SINCE + 1]).all()
+    np.testing.assert_allclose(Rotation.from_matrix(belief.workspace[KNOWN:KNOWN + 9].reshape(3, 3)).as_euler("ZYX"), [0.7, 0.02, 0.01], atol=3e-4)
+    assert np.isfinite(belief.P).all() and np.isfinite(belief.workspace[KNOWN:SINCE + 1]).all()
 
 
 @pytest.mark.parametrize("name", FED)

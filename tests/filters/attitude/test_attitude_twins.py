@@ -191,7 +191,7 @@ def test_free_fall_has_no_vertical_and_no_time_changes_nothing(filter):
     belief = begun(filter, (30, 40, 50), bg=(0.0, 0.0, 0.0))
     before = [part.copy() for part in belief]
     filter.predict(belief, np.full(6, 0.3), 0.0, NOISE)
-    assert all(np.array_equal(part, was) for name, part, was in zip(belief._fields, belief, before) if name != "aux")    # where the smoother is told so
+    assert all(np.array_equal(part, was) for name, part, was in zip(belief._fields, belief, before) if name != "workspace")    # where the smoother is told so
     C, r = belief.C.copy(), np.array([0.02, -0.01, 0.03])
     filter.predict(belief, np.r_[r, 1e-3, -1e-3, 2e-3], 0.01, NOISE)
     np.testing.assert_allclose(belief.C, rotvec(-EARTH * 0.01) @ C @ rotvec(r), atol=1e-12)
@@ -268,7 +268,7 @@ def test_without_low_pass_the_observer_is_the_published_one(k1, k2, ki):
 def closed_loop(belief, step, places, dt):
     """Poles (1/s) of `step` as a map of small changes of the places [(array, index)], attitude changes being rotations in n."""
     def state(change):
-        b = belief._replace(**{name: getattr(belief, name).copy() for name in ("C", "f", "bg", "aux", "omega", "P")})
+        b = belief._replace(**{name: getattr(belief, name).copy() for name in ("C", "f", "bg", "workspace", "omega", "P")})
         for (name, index), value in zip(places, change):
             if name == "C":
                 b.C[:] = rotvec(value * np.eye(3)[index]) @ b.C
@@ -288,7 +288,7 @@ def test_poles_are_those_of_the_closed_loop(k, ki, low_pass):
     dt, noise = 1e-3, NOISE._replace(gyro_decay=0.0)
     level, still = np.array([0, 0, -G]), np.r_[EARTH, 0, 0, -G] * dt
     belief = begun(MAHONY, (0, 0, 0), bg=(0.0,) * 3, noise=noise, k1=k, k2=k, k3=k, ki=ki, low_pass=low_pass)
-    belief.f[:], belief.aux[SECONDS] = level, 1e9
+    belief.f[:], belief.workspace[SECONDS] = level, 1e9
     places = [("C", 0), ("bg", 0)] + ([("f", 1)] if low_pass else [])
     found = closed_loop(belief, lambda b: MAHONY.predict(b, still, dt, noise), places, dt)
     np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(poles(k, ki, low_pass)), rtol=0.01)

@@ -43,7 +43,7 @@ def belief(brought=1, seed=1):
     mixed = rng.standard_normal((len(vertical), 2 * len(vertical)))
     full = np.corrcoef(mixed) * np.outer(scale, scale)
     made.P[np.ix_(vertical, vertical)] = (full + full.T) / 2
-    made.tail[:] = 3.0
+    made.extra_states[:] = 3.0
     return made, vertical
 
 
@@ -67,7 +67,7 @@ def test_a_step_is_the_textbooks(brought):
     dt, u = 0.02, np.array([1e-3, -2e-3, 3e-3, 0.01, -0.02, -9.7 * 0.02])
     made, rows = belief(brought)
     compile_kernel(VRU.predict)
-    made.aux[MEASURED] = 1.0    # nothing ties the height to the start's
+    made.workspace[MEASURED] = 1.0    # nothing ties the height to the start's
     P, C, v, h, ba = made.P.copy(), made.C.copy(), made.v[2], made.lla[2], made.ba.copy()
     VRU.predict(made, u, dt, NOISE)
     phi, q = dense(C, dt, len(rows))
@@ -107,7 +107,7 @@ def test_a_correction_is_the_textbooks(kind, rows):
     K = P @ H / (H @ P @ H + R)
     np.testing.assert_allclose(made.P, (np.eye(16) - np.outer(K, H)) @ P @ (np.eye(16) - np.outer(K, H)).T + R * np.outer(K, K), rtol=1e-9, atol=1e-12)
     assert nis == pytest.approx(e * e / single, rel=1e-9) and innovation[0] == pytest.approx(e, rel=1e-12)
-    assert [made.lla[2], made.v[2], *made.ba, *made.tail] == pytest.approx([45.0 - K[2] * e, 0.3 + K[5] * e, *(before[3] + K[9:12] * e), 3.0 + K[15] * e])
+    assert [made.lla[2], made.v[2], *made.ba, *made.extra_states] == pytest.approx([45.0 - K[2] * e, 0.3 + K[5] * e, *(before[3] + K[9:12] * e), 3.0 + K[15] * e])
     np.testing.assert_array_equal(made.C, before[2])
 
 
@@ -115,12 +115,12 @@ def test_a_correction_is_the_textbooks(kind, rows):
 def test_a_rejected_and_a_missing_height_change_nothing():
     for y, gate, measured in ((4000.0, 10.0, 1.0), (np.nan, np.inf, 1.0), (4000.0, 10.0, 0.0)):
         made, _ = belief(0)
-        made.aux[MEASURED] = measured
+        made.workspace[MEASURED] = measured
         before, innovation = [part.copy() for part in made], np.empty(3)
         compile_kernel(VRU.correct), compile_kernel(aiding.find("altitude").observe)
         nis = VRU.correct(made, np.array([y, np.nan, np.nan]), np.array([1.0, np.nan, np.nan]), 3, aiding.find("altitude").observe, np.zeros(8), gate, innovation)
         assert (nis > gate) if np.isfinite(y) else np.isnan(nis)
-        assert all(np.array_equal(made[k], before[k]) for k in range(6)) and made.aux[MEASURED] == measured
+        assert all(np.array_equal(made[k], before[k]) for k in range(6)) and made.workspace[MEASURED] == measured
 
 
 @pytest.mark.short
@@ -332,7 +332,7 @@ def test_a_stream_is_the_batch_bit_for_bit(swell):
         stream.step(event)
     last = stream.finish()
     assert last.lla[2] == solution.trajectory.lla[-1, 2] and last.v[2] == solution.trajectory.v_n[-1, 2]
-    assert last.tail[0] == solution.columns["barometer bias [m]"][-1] and np.array_equal(last.P, solution.covariance[-1])
+    assert last.extra_states[0] == solution.columns["barometer bias [m]"][-1] and np.array_equal(last.P, solution.covariance[-1])
     engine_chunk, batch.CHUNK = batch.CHUNK, 37
     try:
         again = sd.fuse(recording, "vru", start=begin, covariance=True)

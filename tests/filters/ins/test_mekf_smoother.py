@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import aiding
-from strapdown.core.smoother import workspace
+from strapdown.core.smoother import work_size
 from strapdown.core.contract import PARAMETERS, Noise, compile_kernel
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.filters.ins.mekf import MEKF
@@ -25,20 +25,20 @@ def correlated(n, seed):
 def recorded(filter, n, y, gate=np.inf):
     """(record of a correction, its rotation vector) of a belief with n states and a full P, by a velocity y (m/s)."""
     sensor = aiding.find("velocity")
-    for kernel in (filter.correct, filter.smoother.keep, filter.smoother.back, sensor.observe):
+    for kernel in (filter.correct, filter.smoother.save_step, filter.smoother.adjoint_step, sensor.observe):
         compile_kernel(kernel)
     begin = start(flight())
     belief = filter.start(begin._replace(v=(0.0,) * 3, sd=(1.0,) * n), NOISE)
     belief.P[...], before = correlated(n, 1), Rotation.from_matrix(belief.C)
     filter.correct(belief, np.array(y), np.array([0.5, 0.7, 0.9]), sensor.kind, sensor.observe, np.zeros(PARAMETERS), gate, np.zeros(3))
     record = np.full(filter.smoother.width(n), np.nan)
-    filter.smoother.keep(belief, record)
+    filter.smoother.save_step(belief, record)
     return record, (Rotation.from_matrix(belief.C) * before.inv()).as_matrix()
 
 
 def undone(filter, record, n):
     lam, Lam = np.random.default_rng(2).standard_normal(n), correlated(n, 3)
-    filter.smoother.back(record, lam, Lam, np.full(workspace(n, n), np.nan))
+    filter.smoother.adjoint_step(record, lam, Lam, np.full(work_size(n, n), np.nan))
     return lam, Lam
 
 
@@ -51,7 +51,7 @@ def test_the_adjoint_of_a_correction_turns_back_and_then_is_that_of_the_closed_l
     closed, _ = recorded(CLOSED_LOOP, n, y)
     lam, Lam = np.random.default_rng(2).standard_normal(n), correlated(n, 3)
     lam, Lam = A.T @ lam, A.T @ Lam @ A
-    CLOSED_LOOP.smoother.back(closed, lam, Lam, np.zeros(workspace(n, n)))
+    CLOSED_LOOP.smoother.adjoint_step(closed, lam, Lam, np.zeros(work_size(n, n)))
     for found, expected in zip(undone(MEKF, record, n), (lam, Lam)):
         np.testing.assert_allclose(found, expected, atol=1e-12)
 

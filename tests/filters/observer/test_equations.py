@@ -130,18 +130,18 @@ def belief(at=None, **options):
     """A belief at `at` (a Start) or level and at rest."""
     at = at or Start(0.0, (0.8, 0.1, 300.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15)
     made = at.belief(np.zeros(equations.BLOCK))
-    begin(made.aux, at, NOISE, **{"start_time": 1e-3, "outage_after": 10.0, **options})
+    begin(made.workspace, at, NOISE, **{"start_time": 1e-3, "outage_after": 10.0, **options})
     return made
 
 
 def force_of_observer(b):
-    return b.C @ b.f + b.aux[equations.XI:equations.XI + 3]
+    return b.C @ b.f + b.workspace[equations.XI:equations.XI + 3]
 
 
 def test_a_turn_by_sigma_leaves_the_force_where_it_was_with_the_bias_taken_off_and_not_without():
     """Row g: xi' = - R S(sigma) (f - b). Both terms of f_n must hold the same f; with f_IMU in one of them f_n moves by sigma x R b."""
     b, s = belief(), np.array([0.2, -0.3, 0.5])
-    b.f[:], b.aux[equations.XI:equations.XI + 3] = (1.0, -2.0, -9.0), (0.3, 0.1, -0.2)
+    b.f[:], b.workspace[equations.XI:equations.XI + 3] = (1.0, -2.0, -9.0), (0.3, 0.1, -0.2)
     before, C = force_of_observer(b), b.C.copy()
     equations.turn(b, *s)
     assert np.abs(force_of_observer(b) - before).max() < 1e-14 and np.abs(b.C - C).max() > 0.1
@@ -177,15 +177,15 @@ def test_adaptation_finds_a_bias_that_is_excited_and_survives_an_impact(predict)
     """The IMU turns about all axes at rest in n, with a bias; xi is what f_n lacks. An impact of 16 g for one sample moves little."""
     rng, true, dt = np.random.default_rng(2), np.array([0.05, -0.08, 0.1]), 0.1
     b = belief(k1=1e-9, ki=0.0, k1_start=1e-9, ki_start=0.0, adaptation=1.0)
-    b.aux[equations.FADE] = 0.0      # the start is over
+    b.workspace[equations.FADE] = 0.0      # the start is over
     for _ in range(1500):
         C = Rotation.random(random_state=rng).as_matrix()
         f = C.T @ [0, 0, -9.8]
-        b.C[:], b.v[:], b.lla[:], b.aux[equations.SINCE_FIX] = C, 0.0, (0.8, 0.1, 300.0), 0.0
-        b.aux[equations.XI:equations.XI + 3] = C @ (f - (f + true - b.ba))
+        b.C[:], b.v[:], b.lla[:], b.workspace[equations.SINCE_FIX] = C, 0.0, (0.8, 0.1, 300.0), 0.0
+        b.workspace[equations.XI:equations.XI + 3] = C @ (f - (f + true - b.ba))
         predict(b, np.r_[0.0, 0, 0, (f + true) * dt], dt, NOISE)
-    assert np.abs(b.ba - true).max() < 2e-3 and abs(b.aux[equations.SQUARE] - true @ true) < 2e-2
-    assert equations.smallest(b.aux) > 0.05
+    assert np.abs(b.ba - true).max() < 2e-3 and abs(b.workspace[equations.SQUARE] - true @ true) < 2e-2
+    assert equations.smallest(b.workspace) > 0.05
     before = b.ba.copy()
     predict(b, np.r_[0.0, 0, 0, 157.0 * dt, 0, 0], dt, NOISE)
     assert np.linalg.norm(b.ba - before) < 1e-4     # along an impact the step is that of any other sample
@@ -196,24 +196,24 @@ def test_the_monitor_is_the_smallest_eigenvalue(predict):
     for _ in range(5):
         A = rng.normal(size=(4, 4))
         A = A @ A.T
-        b.aux[equations.MOMENT:equations.MOMENT + 10] = A[np.triu_indices(4)]
-        assert abs(equations.smallest(b.aux) - np.linalg.eigvalsh(A)[0]) < 1e-8 * np.trace(A)
+        b.workspace[equations.MOMENT:equations.MOMENT + 10] = A[np.triu_indices(4)]
+        assert abs(equations.smallest(b.workspace) - np.linalg.eigvalsh(A)[0]) < 1e-8 * np.trace(A)
     still = belief()
     for _ in range(500):
         predict(still, np.r_[0.0, 0, 0, 0, 0, -0.98], 0.1, NOISE)
-    assert equations.smallest(still.aux) < 1e-9      # nothing but gravity along one axis: never excited
+    assert equations.smallest(still.workspace) < 1e-9      # nothing but gravity along one axis: never excited
 
 
 def test_in_an_outage_biases_are_held_bit_for_bit_and_xi_stands_still_in_e(predict):
     at = Start(0.0, (0.8, 0.1, 300.0), (200.0, 150.0, 0.0), (0.1, 0.2, 0.3), (0.01, 0.02, 0.03), (1e-3, 2e-3, 3e-3), (1.0,) * 15)
     b = belief(at, outage_after=1.0)
-    b.aux[equations.XI:equations.XI + 3], b.aux[equations.SINCE_FIX] = (0.3, -0.4, 0.2), 5.0
-    in_e = ned_axes(b.lla).T @ b.aux[equations.XI:equations.XI + 3]
+    b.workspace[equations.XI:equations.XI + 3], b.workspace[equations.SINCE_FIX] = (0.3, -0.4, 0.2), 5.0
+    in_e = ned_axes(b.lla).T @ b.workspace[equations.XI:equations.XI + 3]
     for _ in range(600):
-        b.aux[equations.SINCE_HEADING] = 0.0     # a heading is there, and not injected
+        b.workspace[equations.SINCE_HEADING] = 0.0     # a heading is there, and not injected
         predict(b, np.r_[0.0, 0, 0, 0.1, 0, -0.98], 0.1, NOISE)
-    assert np.array_equal(b.ba, at.ba) and np.array_equal(b.bg, at.bg) and b.aux[equations.FADE] == equations.HOLD
-    xi = b.aux[equations.XI:equations.XI + 3]
+    assert np.array_equal(b.ba, at.ba) and np.array_equal(b.bg, at.bg) and b.workspace[equations.FADE] == equations.HOLD
+    xi = b.workspace[equations.XI:equations.XI + 3]
     assert np.abs(ned_axes(b.lla).T @ xi - in_e).max() < 1e-7 < 1e-4 < np.abs(xi - (0.3, -0.4, 0.2)).max()
 
 
@@ -229,19 +229,19 @@ def test_printed_course_turns_a_right_attitude_and_the_tilt_compensated_does_not
 
 def test_a_block_inside_another_filter_is_the_same_observer():
     at = off(noiseless())
-    aux = np.zeros(40 + equations.EMBEDDED)
-    implant(aux, 40, at, NOISE)
+    workspace = np.zeros(40 + equations.EMBEDDED)
+    implant(workspace, 40, at, NOISE)
     own = at.belief(np.zeros(equations.BLOCK))
-    begin(own.aux, at, NOISE)
-    state = np.r_[own.lla, own.v, own.C.ravel(), own.ba, own.bg, own.omega, own.f, own.aux]
-    assert np.array_equal(aux[40:], state, equal_nan=True) and not aux[:40].any()
+    begin(own.workspace, at, NOISE)
+    state = np.r_[own.lla, own.v, own.C.ravel(), own.ba, own.bg, own.omega, own.f, own.workspace]
+    assert np.array_equal(workspace[40:], state, equal_nan=True) and not workspace[:40].any()
 
 
 def with_xi(**options):
     """A belief at rest with fixes just now, an xi across the specific force and biases."""
     b = belief(**options)
-    b.aux[equations.XI:equations.XI + 3], b.ba[:], b.bg[:] = (0.6, -0.4, 0.2), (0.05, -0.03, 0.02), (1e-3, 2e-3, -1e-3)
-    b.aux[equations.FADE] = 0.0
+    b.workspace[equations.XI:equations.XI + 3], b.ba[:], b.bg[:] = (0.6, -0.4, 0.2), (0.05, -0.03, 0.02), (1e-3, 2e-3, -1e-3)
+    b.workspace[equations.FADE] = 0.0
     return b
 
 
@@ -251,10 +251,10 @@ SAMPLE = np.r_[0.02, -0.03, 0.05, 0.03, -0.02, -0.98]
 def test_xi_accelerates_in_n_however_the_body_turns_within_a_sample(predict):
     """The velocity that xi brings is xi dt to second order in the 0.06 rad turned; kept still in the body it would be half a turn off, 3 %."""
     b, without, dt = with_xi(), with_xi(), 0.1
-    xi = b.aux[equations.XI:equations.XI + 3].copy()
-    without.aux[equations.XI:equations.XI + 3] = 0.0
+    xi = b.workspace[equations.XI:equations.XI + 3].copy()
+    without.workspace[equations.XI:equations.XI + 3] = 0.0
     for one in (b, without):
-        one.aux[equations.SINCE_FIX] = 1e3      # in an outage nothing else acts
+        one.workspace[equations.SINCE_FIX] = 1e3      # in an outage nothing else acts
         predict(one, SAMPLE, dt, NOISE)
     assert np.abs(b.v - without.v - xi * dt).max() < 1e-3 * np.linalg.norm(xi) * dt
 
@@ -265,11 +265,11 @@ def test_over_samples_made_up_in_a_gap_nothing_is_injected(predict, since):
     ends = {}
     for name, noise in (("made up", NOISE._replace(accel=1.0)), ("measured", NOISE)):
         b = ends[name] = with_xi(course="frozen")
-        b.aux[equations.COURSE], b.aux[equations.SINCE_FIX] = 1.0, since
-        begun = b.bg.copy(), b.ba.copy(), b.aux[equations.XI:equations.XI + 3].copy()
+        b.workspace[equations.COURSE], b.workspace[equations.SINCE_FIX] = 1.0, since
+        begun = b.bg.copy(), b.ba.copy(), b.workspace[equations.XI:equations.XI + 3].copy()
         predict(b, SAMPLE, 0.1, noise)
     gap = ends["made up"]
-    assert np.array_equal(gap.bg, begun[0]) and np.array_equal(gap.ba, begun[1]) and np.array_equal(gap.aux[equations.XI:equations.XI + 3], begun[2])
+    assert np.array_equal(gap.bg, begun[0]) and np.array_equal(gap.ba, begun[1]) and np.array_equal(gap.workspace[equations.XI:equations.XI + 3], begun[2])
     assert np.abs(gap.C - Rotation.from_rotvec(SAMPLE[:3] - 0.1 * begun[0]).as_matrix()).max() < 1e-4     # but for the Earth's turn
     assert np.abs(ends["measured"].C - gap.C).max() > 1e-3
 
@@ -278,7 +278,7 @@ def test_over_samples_made_up_in_a_gap_nothing_is_injected(predict, since):
 def test_adaptation_comes_in_as_the_start_fades_out(predict, fade, share):
     """Its step in closed form, docs/observer.md, times what the start leaves of it."""
     b, dt = with_xi(k1=1e-9, k1_start=1e-9, ki=0.0, ki_start=0.0, adaptation=1.0), 0.1
-    b.aux[equations.FADE], b.aux[equations.SQUARE], ba, xi = fade, 0.01, b.ba.copy(), b.aux[equations.XI:equations.XI + 3].copy()
+    b.workspace[equations.FADE], b.workspace[equations.SQUARE], ba, xi = fade, 0.01, b.ba.copy(), b.workspace[equations.XI:equations.XI + 3].copy()
     m = SAMPLE[3:] / dt
     e = (m - ba + xi) @ (m - ba + xi) - m @ m - 0.01 + 2 * m @ ba
     step = share * dt * e / (1 + 4 * m @ m) * -2 * m        # accel_bound is 1 m/s^2
@@ -291,4 +291,4 @@ def test_gaps_add_the_velocity_they_spread_to_what_a_fix_may_correct(predict):
     b, own = belief(), slice(equations.OWN, equations.OWN + TRANSLATION)
     for noise in (NOISE, NOISE._replace(accel=1.0), NOISE._replace(accel=1.0), NOISE):
         predict(b, np.r_[0.0, 0, 0, 0, 0, -0.98], 0.1, noise)
-    assert b.aux[own][SPREAD] == pytest.approx(0.2 * (1.0 - NOISE.accel ** 2), rel=1e-12)
+    assert b.workspace[own][SPREAD] == pytest.approx(0.2 * (1.0 - NOISE.accel ** 2), rel=1e-12)

@@ -74,10 +74,10 @@ def test_raw_velocity_injected_has_no_equilibrium_at_the_truth():
 
 
 def test_fit_completes_the_options_and_says_gains_and_radius():
-    options, notes = gains.fit({"wander": 0.05}, (source("position", 1.0, 2.0), source("velocity", 0.2, 0.1)))
+    options, notes = gains.configure({"wander": 0.05}, (source("position", 1.0, 2.0), source("velocity", 0.2, 0.1)))
     assert options == {"wander": 0.05, "outage_after": pytest.approx(0.6)}
     assert len(notes) == 2 and all("spectral radius 0." in note and "position every 1 s and velocity every 0.2 s" in note for note in notes)
-    few = gains.fit({"outage_after": 7.0}, (source("position", 1.0, 2.0, 1.5), source("velocity", 0.2, 0.1)))
+    few = gains.configure({"outage_after": 7.0}, (source("position", 1.0, 2.0, 1.5), source("velocity", 0.2, 0.1)))
     assert few == ({"outage_after": 7.0}, ["fewer than two fixes of position: the observer's gains are not checked"])
 
 
@@ -85,31 +85,31 @@ def test_fit_completes_the_options_and_says_gains_and_radius():
 def test_a_fix_without_an_axis_does_not_count_on_it(column):
     """One NaN changes nothing but by that fix; an axis that is never measured has no velocity, and without positions no check."""
     position, velocity = source("position", 1.0, 2.0), source("velocity", 0.2, 0.1)
-    whole = gains.fit({}, (position, velocity))
+    whole = gains.configure({}, (position, velocity))
     getattr(position, column)[5, 2] = getattr(velocity, column)[7, 0] = np.nan
-    assert gains.fit({}, (position, velocity)) == whole
+    assert gains.configure({}, (position, velocity)) == whole
     getattr(velocity, column)[:, 2] = np.nan
-    options, (north, down) = gains.fit({}, (position, velocity))
+    options, (north, down) = gains.configure({}, (position, velocity))
     assert options == whole[0] and north == whole[1][0] and "every 1 s; down:" in down and "velocity every" not in down
     getattr(velocity, column)[:, 0] = np.nan
-    assert ["; east:" in note for note in gains.fit({}, (position, velocity))[1]] == [False, True, False]
+    assert ["; east:" in note for note in gains.configure({}, (position, velocity))[1]] == [False, True, False]
     getattr(position, column)[:, 2] = np.nan
-    assert gains.fit({}, (position, velocity))[1][-1] == "down: fewer than two fixes of position; the observer's gains are not checked there"
+    assert gains.configure({}, (position, velocity))[1][-1] == "down: fewer than two fixes of position; the observer's gains are not checked there"
     getattr(position, column)[:, :2] = np.nan
-    assert gains.fit({}, (position, velocity))[1] == ["fewer than two fixes of position: the observer's gains are not checked"]
+    assert gains.configure({}, (position, velocity))[1] == ["fewer than two fixes of position: the observer's gains are not checked"]
 
 
 def test_fit_refuses_what_it_cannot_run_on():
     with pytest.raises(ValueError, match="nothing measures heading or course: add"):
-        gains.fit({}, (source("position", 1.0, 2.0),))
-    gains.fit({"course": "none"}, (source("position", 1.0, 2.0),))
+        gains.configure({}, (source("position", 1.0, 2.0),))
+    gains.configure({"course": "none"}, (source("position", 1.0, 2.0),))
     with pytest.raises(ValueError, match="nothing measures the position"):
-        gains.fit({}, (source("velocity", 1.0, 0.1),))
+        gains.configure({}, (source("velocity", 1.0, 0.1),))
     with pytest.raises(ValueError, match="translational motion observer is not stable at fixes every 1 s: spectral radius"):
-        gains.fit(dict(kpp=2.5), (source("position", 1.0, 2.0), source("velocity", 1.0, 0.1)))
+        gains.configure(dict(kpp=2.5), (source("position", 1.0, 2.0), source("velocity", 1.0, 0.1)))
     with pytest.raises(ValueError, match="not stable"):
-        gains.fit(dict(ki=3.0, ki_start=3.0), (source("position", 5.0, 2.0), source("velocity", 5.0, 0.1)))
-    slow, notes = gains.fit({"course": "none"}, (source("position", 20.0, 5.0, 200.0),))
+        gains.configure(dict(ki=3.0, ki_start=3.0), (source("position", 5.0, 2.0), source("velocity", 5.0, 0.1)))
+    slow, notes = gains.configure({"course": "none"}, (source("position", 20.0, 5.0, 200.0),))
     assert slow["ki_start"] < DEFAULTS["ki_start"] and any("ki_start lowered to" in note for note in notes)
 
 
@@ -125,12 +125,12 @@ def test_an_interval_is_rounded_to_milliseconds_unless_it_is_that_short():
 def test_the_same_design_is_done_once_and_is_the_same():
     sources = source("position", 1.0, 2.0), source("velocity", 0.2, 0.1)
     gains._designed.cache_clear()
-    first = gains.fit({"wander": 0.05}, sources)
-    assert gains.fit({"wander": 0.05}, sources) == first and gains._designed.cache_info().hits == 1
+    first = gains.configure({"wander": 0.05}, sources)
+    assert gains.configure({"wander": 0.05}, sources) == first and gains._designed.cache_info().hits == 1
     first[1].clear()        # what it hands out is the caller's
-    assert len(gains.fit({"wander": 0.05}, sources)[1]) == 2
-    assert gains.fit({"wander": 0.06}, sources)[1] != gains.fit({"wander": 0.05}, sources)[1]
-    assert gains.fit({"wander": 0.05, "ki": 0.005}, (source("position", 20.0, 5.0, 200.0), source("velocity", 20.0, 0.1, 200.0)))[0]["ki"] == 0.005
+    assert len(gains.configure({"wander": 0.05}, sources)[1]) == 2
+    assert gains.configure({"wander": 0.06}, sources)[1] != gains.configure({"wander": 0.05}, sources)[1]
+    assert gains.configure({"wander": 0.05, "ki": 0.005}, (source("position", 20.0, 5.0, 200.0), source("velocity", 20.0, 0.1, 200.0)))[0]["ki"] == 0.005
 
 
 @pytest.mark.parametrize("accel, most", [(3e-4, 1e-4), (3e-3, 3e-3)])

@@ -27,7 +27,7 @@ ROUNDED = np.r_[[3e-8] * 3, np.zeros(12)]
 
 def observer(belief):
     """The state of the observer inside, as views."""
-    a = belief.aux[xkf.OBSERVER:]
+    a = belief.workspace[xkf.OBSERVER:]
     return State(a[0:3], a[3:6], a[6:15].reshape(3, 3), a[15:18], a[18:21])
 
 
@@ -107,7 +107,7 @@ def together(path=None, **dense):
 def assert_equal(belief, oracle, nis, relative):
     """Estimate within `relative` of its standard deviations, covariance and NIS likewise."""
     scale = np.sqrt(np.diag(oracle.P))
-    off = np.abs(belief.aux[xkf.ERROR_STATE:][:15] - oracle.x)
+    off = np.abs(belief.workspace[xkf.ERROR_STATE:][:15] - oracle.x)
     assert (off <= relative * scale + ROUNDED).all(), off / scale
     assert np.abs((belief.P - oracle.P) / np.outer(scale, scale)).max() < relative
     assert nis[0] == pytest.approx(nis[1], rel=10 * relative, abs=1e-12)
@@ -154,7 +154,7 @@ def test_without_the_mismatch_it_would_be_another_filter():
     """What the observer's injections and jumps do to it would then be taken for errors of the estimate."""
     off = 0.0
     for belief, oracle, _ in together(mismatch=False):
-        off = max(off, np.abs((belief.aux[xkf.ERROR_STATE:][:15] - oracle.x) / np.sqrt(np.diag(oracle.P))).max())
+        off = max(off, np.abs((belief.workspace[xkf.ERROR_STATE:][:15] - oracle.x) / np.sqrt(np.diag(oracle.P))).max())
     assert off > 3
 
 
@@ -192,7 +192,7 @@ def test_where_the_observer_jumps_the_belief_stays_bit_for_bit():
     nis, _ = fix(belief, "position", displaced(belief.lla, [300.0, -200.0, 100.0]), gate=16.0)
     assert nis > 16 and np.linalg.norm(minus(observer(belief), was)[:3]) > 20
     assert all(np.array_equal(a, b) for a, b in zip(before, copied(belief))) and np.array_equal(P, belief.P)
-    np.testing.assert_allclose(belief.aux[:3], minus(belief, observer(belief))[:3], atol=1e-8)
+    np.testing.assert_allclose(belief.workspace[:3], minus(belief, observer(belief))[:3], atol=1e-8)
 
 
 def test_the_observer_takes_a_fix_once_though_the_loop_hands_it_over_again():

@@ -33,25 +33,25 @@ class Parts(NamedTuple):
     v: np.ndarray
     C: np.ndarray
     biases: np.ndarray
-    tail: np.ndarray
+    extra_states: np.ndarray
     P: np.ndarray
     weights: np.ndarray
 
 
 def parts(belief):
-    """Views of what a belief of the filter has in its aux."""
-    n, N = len(belief.P), int(belief.aux[places.COUNT])
+    """Views of what a belief of the filter has in its workspace."""
+    n, N = len(belief.P), int(belief.workspace[places.COUNT])
     width = 12 + n + n * n
-    own, first = belief.aux[-N * width:].reshape(N, width), places.SHARED + len(auxiliary(n)) + n * n + plain(places.moments_size)(n) + n
+    own, first = belief.workspace[-N * width:].reshape(N, width), places.SHARED + len(auxiliary(n)) + n * n + plain(places.moments_size)(n) + n
     return Parts(own[:, :3], own[:, 3:6], own[:, 6:15].reshape(N, 3, 3), own[:, 15:21], own[:, 27:12 + n], own[:, 12 + n:].reshape(N, n, n),
-                 belief.aux[first:first + N])
+                 belief.workspace[first:first + N])
 
 
 def deviations(belief):
     """(N, n) errors of the components about the belief."""
     own, (M, E) = parts(belief), np.add(radii(belief.lla[0]), belief.lla[2])
     return np.c_[(own.lla - belief.lla) * [M, E * np.cos(belief.lla[0]), -1], own.v - belief.v,
-                 Rotation.from_matrix(own.C @ belief.C.T).as_rotvec(), own.biases - np.r_[belief.ba, belief.bg], own.tail - belief.tail]
+                 Rotation.from_matrix(own.C @ belief.C.T).as_rotvec(), own.biases - np.r_[belief.ba, belief.bg], own.extra_states - belief.extra_states]
 
 
 def moments(belief):
@@ -135,7 +135,7 @@ def test_the_belief_is_the_mean_and_covariance_of_the_mixture():
         nis, _ = fix(belief, kind, y, [0.5, 0.5, 0.8])
         mean, P = moments(belief)
         assert np.isfinite(nis) and scaled(mean, belief.P) < 1e-3 and scaled(P - belief.P, P) < 1e-3
-    assert belief.aux[places.RESAMPLINGS] >= 1 and belief.aux[places.DEGENERATE] == 0
+    assert belief.workspace[places.RESAMPLINGS] >= 1 and belief.workspace[places.DEGENERATE] == 0
 
 
 @short
@@ -167,7 +167,7 @@ def test_a_fix_is_gated_by_what_the_mixture_foresees_and_one_that_is_rejected_to
     np.testing.assert_allclose(innovation, mean, atol=1e-4)
     assert nis == pytest.approx(mean @ np.linalg.solve(S, mean), rel=1e-4)
     assert all(np.array_equal(a, b) for a, b in zip(before[:8], belief)) and all(np.array_equal(a, b) for a, b in zip(kept, parts(belief)))
-    assert np.array_equal(before[8][:places.FORESEEN.start], belief.aux[:places.FORESEEN.start])
+    assert np.array_equal(before[8][:places.FORESEEN.start], belief.workspace[:places.FORESEEN.start])
     fix(belief, "position", y, deviation, nis * (1 + 1e-9), arm)
     assert not np.array_equal(before[0], belief.lla)
 
@@ -184,7 +184,7 @@ def test_weights_are_likelihoods():
         fix(belief, "velocity", y, deviation)
         weights = np.exp(logs - logs.max())
         np.testing.assert_allclose(parts(belief).weights, weights / weights.sum(), rtol=1e-9)
-        assert belief.aux[places.EFFECTIVE] == pytest.approx(1 / np.sum(parts(belief).weights ** 2), rel=1e-12)
+        assert belief.workspace[places.EFFECTIVE] == pytest.approx(1 / np.sum(parts(belief).weights ** 2), rel=1e-12)
         gain = own[5][:, :, 3:6] @ np.linalg.inv(S)
         np.testing.assert_allclose(parts(belief).v, own[1] + np.einsum("kij,kj->ki", gain[:, 3:6], e), rtol=1e-9)
 
@@ -205,7 +205,7 @@ def test_a_resampling_changes_nothing_but_the_components(components):
     kept, drawn = (made(components, seed=3, resample=share) for share in (0.0, 1.0))
     for belief in (kept, drawn):
         fix(belief, "velocity", [10.3, 4.8, 0.2], [0.05] * 3)
-    assert drawn.aux[places.RESAMPLINGS] == 1 and kept.aux[places.RESAMPLINGS] == 0 and np.allclose(parts(drawn).weights, 1 / components)
+    assert drawn.workspace[places.RESAMPLINGS] == 1 and kept.workspace[places.RESAMPLINGS] == 0 and np.allclose(parts(drawn).weights, 1 / components)
     assert all(np.array_equal(a, b) for a, b in zip(kept[:6], drawn[:6]))
     mean, P = moments(drawn)
     assert scaled(mean, P) < 1e-8 and scaled(P - drawn.P, P) < 1e-8
@@ -236,10 +236,10 @@ def test_a_fix_of_which_no_component_knows_anything_is_counted():
     kept = [part.copy() for part in parts(belief)]
     with np.errstate(over="ignore"):
         fix(belief, "velocity", [1e200, 0.0, 0.0], [0.2] * 3)
-    assert belief.aux[places.DEGENERATE] == 1 and all(np.array_equal(a, b) for a, b in zip(kept, parts(belief)))
+    assert belief.workspace[places.DEGENERATE] == 1 and all(np.array_equal(a, b) for a, b in zip(kept, parts(belief)))
     fix(belief, "velocity", [1e7, 0.0, 0.0], [0.2] * 3)      # every likelihood underflows, but not their ratios
-    assert belief.aux[places.DEGENERATE] == 1 and parts(belief).weights.sum() == pytest.approx(1) and np.isfinite(belief.P).all()
-    events = PKF.watch(np.arange(4.0), np.zeros((4, 3)), {"repairs": np.array([0, 0, 1, 3.0]), "degenerate": np.array([0, 1.0, 1, 1])})
+    assert belief.workspace[places.DEGENERATE] == 1 and parts(belief).weights.sum() == pytest.approx(1) and np.isfinite(belief.P).all()
+    events = PKF.diagnose(np.arange(4.0), np.zeros((4, 3)), {"repairs": np.array([0, 0, 1, 3.0]), "degenerate": np.array([0, 1.0, 1, 1])})
     assert [t for t, _ in events] == [2.0, 1.0] and events[0][1].startswith("3 resamplings") and "weights were kept" in events[1][1]
 
 

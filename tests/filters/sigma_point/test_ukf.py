@@ -167,11 +167,11 @@ def test_a_covariance_that_the_loop_changed_is_factored_anew(filter):
     belief.P[:] *= 4
     belief.P[0, 0] += 100.0
     anew = copied(belief)
-    anew.aux[...] = filter.start(start(flight()), NOISE).aux
+    anew.workspace[...] = filter.start(start(flight()), NOISE).workspace
     for each in (belief, anew):
         filter.predict(each, u, 0.1, NOISE)
     assert np.array_equal(belief.P, anew.P) and np.array_equal(belief.lla, anew.lla)
-    assert belief.P[0, 0] > 100 and belief.aux[0] == 0
+    assert belief.P[0, 0] > 100 and belief.workspace[0] == 0
 
 
 @pytest.mark.parametrize("name", ["ukf", "ckf", "ekf"])
@@ -259,7 +259,7 @@ def test_the_noise_of_one_sample_is_that_of_the_error_dynamics(filter):
     assert across > 0.3 and off[:3, 3:6].max() < 1e-4 and off[3:, 3:].max() < 0.002
     tilted = expected[:3, :3] - dt * noise.accel ** 2 * np.eye(3)       # dt^3/3; as the noise of a sample is one number, dt^3/4 of it is there
     assert np.abs(belief.P[3:6, 3:6] - expected[:3, :3] + 0.25 * tilted).max() < 1e-3 * np.abs(tilted).max()
-    assert belief.aux[0] == 0
+    assert belief.workspace[0] == 0
 
 
 # ---- repairs, options

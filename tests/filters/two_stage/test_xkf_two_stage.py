@@ -18,20 +18,20 @@ from two_stage_twin import State, Twin, WRAP
 from test_two_stage_ekf import compensated, ungated
 
 NOISE = Noise(gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100)
-GIVEN = 21      # numbers of aux before H: the next state to linearise at
+GIVEN = 21      # numbers of workspace before H: the next state to linearise at
 
 
 @kernel(PREDICT)
 def along(belief, u, dt, noise):
     """`predict` with a trajectory from outside in place of the observer."""
-    aux, bar = belief.aux, embedded(belief, OBSERVER)
+    workspace, bar = belief.workspace, embedded(belief, OBSERVER)
     carry(belief, bar, u, dt, noise)
-    first = aux.size - 3 * belief.P.shape[0] - GIVEN
+    first = workspace.size - 3 * belief.P.shape[0] - GIVEN
     for i in range(3):
-        bar.lla[i], bar.v[i], bar.ba[i], bar.bg[i] = aux[first + i], aux[first + 3 + i], aux[first + 15 + i], aux[first + 18 + i]
+        bar.lla[i], bar.v[i], bar.ba[i], bar.bg[i] = workspace[first + i], workspace[first + 3 + i], workspace[first + 15 + i], workspace[first + 18 + i]
         bar.omega[i], bar.f[i] = u[i] / dt - bar.bg[i], u[3 + i] / dt - bar.ba[i]
         for j in range(3):
-            bar.C[i, j] = aux[first + 6 + 3 * i + j]
+            bar.C[i, j] = workspace[first + 6 + 3 * i + j]
     arrive(belief, bar, dt, noise)
 
 
@@ -46,10 +46,10 @@ def correct_along(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 def roomy(start, noise):
     belief = xkf_two_stage.start(start, noise)
-    return belief._replace(aux=np.r_[belief.aux[:-45], np.zeros(GIVEN), belief.aux[-45:]])
+    return belief._replace(workspace=np.r_[belief.workspace[:-45], np.zeros(GIVEN), belief.workspace[-45:]])
 
 
-ALONG = XKF_TWO_STAGE._replace(name="along", start=roomy, predict=along, correct=correct_along, fit=None)
+ALONG = XKF_TWO_STAGE._replace(name="along", start=roomy, predict=along, correct=correct_along, configure=None)
 
 
 def trajectories():
@@ -71,10 +71,10 @@ def test_about_a_given_trajectory_it_is_the_linear_kalman_filter(name):
     twin, belief = Twin(start(recording), NOISE), run.belief
     twin.bar = twin.at
     rows = np.searchsorted(given.t, recording.imu.t - 1e-6)
-    first, worst = belief.aux.size - 45 - GIVEN, np.zeros(4)
+    first, worst = belief.workspace.size - 45 - GIVEN, np.zeros(4)
     for k, (t, dt, u) in enumerate(compensated(recording)):
         lla, v, C, bias = given.lla[rows[k]], given.v_n[rows[k]], given.rotation[rows[k]].as_matrix(), biases[rows[k]]
-        belief.aux[first:first + GIVEN] = *lla, *v, *C.ravel(), *bias
+        belief.workspace[first:first + GIVEN] = *lla, *v, *C.ravel(), *bias
         run.advance(k + 1)
         twin.predict(u, dt, State(lla, v, given.rotation[rows[k]].as_euler("ZYX")[::-1], bias[:3], bias[3:]))
         for source in recording.aidings:

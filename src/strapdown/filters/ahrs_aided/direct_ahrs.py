@@ -24,7 +24,7 @@ def predict(belief, u, dt, noise):
     noise = bias_model(belief, noise)
     r0, r1, r2 = predict_fed(belief, u, dt, noise)
     r0, r1, r2 = rate_of_body(belief, r0, r1, r2)
-    mid = belief.aux[MID:MID + 9]
+    mid = belief.workspace[MID:MID + 9]
     cosine = math.sqrt(mid[7] * mid[7] + mid[8] * mid[8])
     if cosine > LEAST_COSINE and gentle(belief, math.sqrt(r0 * r0 + r1 * r1 + r2 * r2)):
         roll, pitch, heading = euler_rates(mid[7] / cosine, mid[8] / cosine, -mid[6] / cosine, cosine, r0, r1, r2)
@@ -33,7 +33,7 @@ def predict(belief, u, dt, noise):
     else:
         rotate_right(belief.C, r0, r1, r2)
         read_angles(belief)
-        belief.aux[BEYOND] += dt
+        belief.workspace[BEYOND] += dt
 
 
 @helper
@@ -44,14 +44,14 @@ def _doubt_rates(belief, pitch, heading, mid, cosine, dt):
     (pitch tan(pitch angle) x + heading y, -heading x, pitch x) forward, right and down, from differentiating T. Of independent records that distance
     is the residual of the last one, with the variance that the record has more than the estimate; of correlated ones it may be all of the record's.
     """
-    aux, P = belief.aux, belief.P
+    workspace, P = belief.workspace, belief.P
     ch, sh, climb = mid[0] / cosine, mid[3] / cosine, -mid[6] / cosine * pitch
-    share = 1.0 if aux[CORRELATION] == 0 else 0.0
+    share = 1.0 if workspace[CORRELATION] == 0 else 0.0
     a, b, c = along(ch, sh, *tilt_variances(belief))
     a0, b0, c0 = along(ch, sh, P[6, 6], P[6, 7], P[7, 7])
     a, c = max(a - share * a0, 0.0), max(c - share * c0, 0.0)
     b = max(-math.sqrt(a * c), min(b - share * b0, math.sqrt(a * c)))
-    growth = (2 * max(aux[SINCE] - dt, aux[CORRELATION]) + dt) / dt
+    growth = (2 * max(workspace[SINCE] - dt, workspace[CORRELATION]) + dt) / dt
     forward, right, down = climb * a + heading * b, -heading * a, pitch * a     # covariances with x
     ff, fr, rr = climb * forward + heading * (climb * b + heading * c), -heading * forward, -heading * right
     fd, rd = pitch * forward, -heading * down
@@ -72,10 +72,10 @@ def along(c, s, xx, xy, yy):
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct P and the states. A measured attitude also is the known one from now on."""
     weigh(belief, sd, kind)
-    nis = correct_angles(belief, y, belief.aux[DV], observe, parameters, gate, innovation)
+    nis = correct_angles(belief, y, belief.workspace[DV], observe, parameters, gate, innovation)
     if nis <= gate:
         corrected(belief, y, sd, kind)
     return nis
 
 
-DIRECT_AHRS = Filter("direct-ahrs", "Fossen (2021) section 14.3.2", start, predict, correct, needs=("attitude",), columns=(BEYOND_COLUMN,), watch=steep)
+DIRECT_AHRS = Filter("direct-ahrs", "Fossen (2021) section 14.3.2", start, predict, correct, needs=("attitude",), columns=(BEYOND_COLUMN,), diagnose=steep)

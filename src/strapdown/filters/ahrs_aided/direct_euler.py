@@ -19,22 +19,22 @@ def start(start, noise, bias="random-walk"):
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
     """Advance P and position, velocity and Euler angles with bias-corrected increments."""
-    aux, noise = belief.aux, bias_model(belief, noise)
+    workspace, noise = belief.workspace, bias_model(belief, noise)
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
     linearised_step(belief, belief.C, 1.0, u, dt, noise, False)
-    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, aux[DX], aux[HEIGHT])
+    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[DX], workspace[HEIGHT])
     r0, r1, r2 = rate_of_body(belief, r0, r1, r2)
     if gentle(belief, math.sqrt(r0 * r0 + r1 * r1 + r2 * r2)):
         integrate_angles(belief, r0, r1, r2)
     else:
         read_angles(belief)
-        aux[BEYOND] += dt
+        workspace[BEYOND] += dt
 
 
 @helper
 def integrate_angles(belief, r0, r1, r2):
     """Advance the Euler angles while the body turns by r (rad) at a constant rate: Runge-Kutta of fourth order."""
-    angles = belief.aux[ANGLES:ANGLES + 3]
+    angles = belief.workspace[ANGLES:ANGLES + 3]
     d0 = d1 = d2 = x = y = 0.0
     for weight, share in ((1 / 6, 0.5), (1 / 3, 0.5), (1 / 3, 1.0), (1 / 6, 0.0)):
         roll, pitch = angles[0] + x, angles[1] + y
@@ -51,4 +51,4 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     return correct_angles(belief, y, sd, observe, parameters, gate, innovation)
 
 
-DIRECT_EULER = Filter("direct-euler", "Fossen (2021) section 14.3.3", start, predict, correct, columns=(BEYOND_COLUMN,), watch=steep)
+DIRECT_EULER = Filter("direct-euler", "Fossen (2021) section 14.3.3", start, predict, correct, columns=(BEYOND_COLUMN,), diagnose=steep)

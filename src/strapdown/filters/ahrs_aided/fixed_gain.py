@@ -25,13 +25,13 @@ def start(start, noise, k1=0.7, k2=0.14, k3=0.008, l1=0.7, l2=0.14, l3=0.008, kv
     velocity's north and east, lv1, lv2 of down. Without k3 (l3) and kv2 (lv2) the bias stays, without all of a kind that kind is not used.
     Refuses gains that are not stable.
     """
-    aux = np.zeros(SCRATCH + 3 * len(start.sd))
+    workspace = np.zeros(SCRATCH + 3 * len(start.sd))
     for first, axes, of_position, of_velocity in ((0, "horizontal", (k1, k2, k3), (kv1, kv2)), (POLES, "vertical", (l1, l2, l3), (lv1, lv2))):
         _check(axes, of_position, of_velocity)
         third, *pair = sorted(poles(*of_position), key=lambda pole: (pole.imag != 0, pole.real))
-        aux[first:first + 4] = third.real, *_pair(*pair)
-        aux[first + 4:first + 7] = _pair(*np.roots([1.0, *of_velocity]))
-    return start.belief(aux)
+        workspace[first:first + 4] = third.real, *_pair(*pair)
+        workspace[first + 4:first + 7] = _pair(*np.roots([1.0, *of_velocity]))
+    return start.belief(workspace)
 
 
 def _pair(a, b):
@@ -74,11 +74,11 @@ def _check(axes, of_position, of_velocity):
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
     """Advance the INS; the gyros carry the attitude on until the next record."""
-    aux, omega, f = belief.aux, belief.omega, belief.f
+    workspace, omega, f = belief.workspace, belief.omega, belief.f
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
-    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, aux[FORCE:FORCE + 3])
+    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[FORCE:FORCE + 3])
     for i in range(6):
-        aux[SINCE + i] += dt
+        workspace[SINCE + i] += dt
     if dt > 0:
         omega[0], omega[1], omega[2] = r0 / dt, r1 / dt, r2 / dt
         f[0], f[1], f[2] = a0 / dt, a1 / dt, a2 / dt
@@ -87,9 +87,9 @@ def predict(belief, u, dt, noise):
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Take over an attitude; pull position, velocity and bias to any other fix. It does not gate."""
-    aux, C, n = belief.aux, belief.C, belief.P.shape[0]
-    observed(belief, y, observe, parameters, innovation, matrix(aux, aux.size - 3 * n, 3, n))
-    change = aux[CHANGE:CHANGE + 9]
+    workspace, C, n = belief.workspace, belief.C, belief.P.shape[0]
+    observed(belief, y, observe, parameters, innovation, matrix(workspace, workspace.size - 3 * n, 3, n))
+    change = workspace[CHANGE:CHANGE + 9]
     for i in range(9):
         change[i] = 0.0
     if kind == ATTITUDE_KIND:
@@ -97,10 +97,10 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
             euler_to_matrix(y[0], y[1], measured_heading(y, C), C)
         return math.nan
     if kind == ALTITUDE_KIND:
-        _pull(aux, 2, 0, innovation[0], change)
+        _pull(workspace, 2, 0, innovation[0], change)
     else:
         for axis in range(3):
-            _pull(aux, axis, 0 if kind == POSITION_KIND else 3, innovation[axis], change)
+            _pull(workspace, axis, 0 if kind == POSITION_KIND else 3, innovation[axis], change)
     displace(belief.lla, change[0], change[1], change[2])
     for i in range(3):
         belief.v[i] += change[3 + i]
@@ -109,12 +109,12 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 @helper
-def _pull(aux, axis, kind, e, change):
+def _pull(workspace, axis, kind, e, change):
     """What an error e (m, or m/s where kind is 3) of a fix changes on that axis: the gains that give the sampled error the poles' factors exp(s T)."""
-    T, poles = aux[SINCE + kind + axis], aux[POLES if axis == 2 else 0:]
+    T, poles = workspace[SINCE + kind + axis], workspace[POLES if axis == 2 else 0:]
     if math.isnan(e) or T < SHORTEST:
         return
-    aux[SINCE + kind + axis] = 0.0
+    workspace[SINCE + kind + axis] = 0.0
     if kind == 0:
         third, (two, product) = _factor(poles[0], T), _factors(poles[1:4], T)
         g1, g3 = -third - two, -third * product / (T * T)

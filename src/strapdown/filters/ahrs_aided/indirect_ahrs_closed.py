@@ -14,7 +14,7 @@ def start(start, noise, bias="decaying", correlation=0.0):
 def predict(belief, u, dt, noise):
     """Advance P and the INS: velocity with the known attitude, the attitude by the gyros alone."""
     r0, r1, r2 = predict_fed(belief, u, dt, bias_model(belief, noise))
-    w = belief.aux[STEP]
+    w = belief.workspace[STEP]
     rotate_right(belief.C, r0, r1, r2)
     rotate_left(-w[2], -w[3], -w[4], belief.C)
 
@@ -23,9 +23,9 @@ def predict(belief, u, dt, noise):
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct P; inject the errors into INS and biases. A measured attitude also is the known one from now on."""
     weigh(belief, sd, kind)
-    nis = measure(belief, y, belief.aux[DV], observe, parameters, gate, innovation)
+    nis = measure(belief, y, belief.workspace[DV], observe, parameters, gate, innovation)
     if nis <= gate:
-        inject_all(belief, belief.aux[DX])
+        inject_all(belief, belief.workspace[DX])
         corrected(belief, y, sd, kind)
     return nis
 

@@ -22,13 +22,13 @@ def start(start, noise, bias="decaying", correlation=0.0):
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
     """Advance P, the raw INS and the error beside it: velocity with the known attitude, attitudes with corrected gyros."""
-    aux, bg, noise = belief.aux, belief.bg, bias_model(belief, noise)
-    x, b, attitude = aux[X], aux[BIAS], matrix(aux, C, 3, 3)
+    workspace, bg, noise = belief.workspace, belief.bg, bias_model(belief, noise)
+    x, b, attitude = workspace[X], workspace[BIAS], matrix(workspace, C, 3, 3)
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
-    linearised_step(belief, matrix(aux, KNOWN, 3, 3), 0.0, u, dt, noise, True)
-    products(x, aux[BLOCK], belief.lla[0], False, dt)
-    move(belief, aux[LLA], aux[V], r0, r1, r2, u[3] - b[0] * dt, u[4] - b[1] * dt, u[5] - b[2] * dt, dt, noise)
-    w = aux[STEP]
+    linearised_step(belief, matrix(workspace, KNOWN, 3, 3), 0.0, u, dt, noise, True)
+    products(x, workspace[BLOCK], belief.lla[0], False, dt)
+    move(belief, workspace[LLA], workspace[V], r0, r1, r2, u[3] - b[0] * dt, u[4] - b[1] * dt, u[5] - b[2] * dt, dt, noise)
+    w = workspace[STEP]
     x[6] = x[7] = x[8] = 0.0
     rotate_right(attitude, r0, r1, r2)
     rotate_left(-w[2], -w[3], -w[4], attitude)
@@ -40,9 +40,9 @@ def predict(belief, u, dt, noise):
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct P and the error beside the INS. A measured attitude also is the known one from now on."""
     weigh(belief, sd, kind)
-    nis = correct_beside(belief, y, belief.aux[DV], observe, parameters, gate, innovation)
+    nis = correct_beside(belief, y, belief.workspace[DV], observe, parameters, gate, innovation)
     if nis <= gate:
-        x, attitude = belief.aux[X], matrix(belief.aux, C, 3, 3)
+        x, attitude = belief.workspace[X], matrix(belief.workspace, C, 3, 3)
         rotate_left(x[6], x[7], x[8], attitude)
         orthonormalise(attitude)
         x[6] = x[7] = x[8] = 0.0
@@ -51,4 +51,4 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 INDIRECT_AHRS_OPEN = Filter("indirect-ahrs-open", "Fossen (2021) section 14.4.2, feed-forward", start, predict, correct,
-                            needs=("attitude",), columns=INS_ERROR, watch=left_model)
+                            needs=("attitude",), columns=INS_ERROR, diagnose=left_model)

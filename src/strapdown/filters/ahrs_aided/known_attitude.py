@@ -37,7 +37,7 @@ def with_biases(belief, bias):
     """`belief` with one of `BIAS_MODELS`; refuses an unknown one."""
     if bias not in BIAS_MODELS:
         raise ValueError(f"bias is {bias!r}; it must be one of {', '.join(BIAS_MODELS)}")
-    belief.aux[DECAYING] = BIAS_MODELS[bias]
+    belief.workspace[DECAYING] = BIAS_MODELS[bias]
     return belief
 
 
@@ -48,28 +48,28 @@ def know(belief, bias, correlation=0.0):
     """
     if not 0 <= correlation < math.inf:
         raise ValueError(f"correlation is {correlation} s; it must be a finite number, 0 or more")
-    P, aux = belief.P, np.concatenate([belief.aux, np.zeros(3 * len(belief.P))])
-    aux[KNOWN:KNOWN + 9], aux[ERRORS:ERRORS + 4] = belief.C.ravel(), (P[6, 6], P[6, 7], P[7, 7], P[8, 8])
-    aux[CORRELATION] = correlation
-    return with_biases(belief._replace(aux=aux), bias)
+    P, workspace = belief.P, np.concatenate([belief.workspace, np.zeros(3 * len(belief.P))])
+    workspace[KNOWN:KNOWN + 9], workspace[ERRORS:ERRORS + 4] = belief.C.ravel(), (P[6, 6], P[6, 7], P[7, 7], P[8, 8])
+    workspace[CORRELATION] = correlation
+    return with_biases(belief._replace(workspace=workspace), bias)
 
 
 def with_angles(belief, start):
     """`belief` with the Euler angles of `start`."""
-    belief.aux[ANGLES:ANGLES + 3] = start.rph
+    belief.workspace[ANGLES:ANGLES + 3] = start.rph
     return belief
 
 
 @helper
 def bias_model(belief, noise):
     """`noise` with the decay of the biases that was asked for."""
-    decaying = belief.aux[DECAYING]
+    decaying = belief.workspace[DECAYING]
     return Noise(noise.gyro, noise.accel, noise.gyro_bias, noise.accel_bias, decaying * noise.gyro_decay, decaying * noise.accel_decay)
 
 
 @inlined
 def shared(n):
-    """How far from the end of aux the covariance (3, n) begins of the errors of the known attitude, in n, with those of the n states.
+    """How far from the end of workspace the covariance (3, n) begins of the errors of the known attitude, in n, with those of the n states.
 
     That with attitude and gyro biases is left out.
     """
@@ -79,45 +79,45 @@ def shared(n):
 @helper
 def take_attitude(belief, y, sd):
     """The measured attitude is the known one from now on, its errors new; a heading that it lacks is the belief's, whose error goes on."""
-    aux, n, heading = belief.aux, belief.P.shape[0], measured_heading(y, belief.C)
-    S = matrix(aux, aux.size - shared(n), 3, n)
-    euler_to_matrix(y[0], y[1], heading, matrix(aux, KNOWN, 3, 3))
+    workspace, n, heading = belief.workspace, belief.P.shape[0], measured_heading(y, belief.C)
+    S = matrix(workspace, workspace.size - shared(n), 3, n)
+    euler_to_matrix(y[0], y[1], heading, matrix(workspace, KNOWN, 3, 3))
     ch, sh, forward, right = math.cos(heading), math.sin(heading), sd[0] * sd[0], sd[1] * sd[1]
-    aux[ERRORS], aux[ERRORS + 1] = ch * ch * forward + sh * sh * right, ch * sh * (forward - right)
-    aux[ERRORS + 2] = sh * sh * forward + ch * ch * right
-    aux[SINCE] = aux[DRIFT] = keep = 0.0
+    workspace[ERRORS], workspace[ERRORS + 1] = ch * ch * forward + sh * sh * right, ch * sh * (forward - right)
+    workspace[ERRORS + 2] = sh * sh * forward + ch * ch * right
+    workspace[SINCE] = workspace[DRIFT] = keep = 0.0
     if math.isnan(y[2]):
-        keep = _go_on(aux, belief.P[8, 8])
+        keep = _go_on(workspace, belief.P[8, 8])
     else:
-        aux[ERRORS + 3] = sd[2] * sd[2]
-        aux[SINCE + 1] = aux[DRIFT + 1] = 0.0
+        workspace[ERRORS + 3] = sd[2] * sd[2]
+        workspace[SINCE + 1] = workspace[DRIFT + 1] = 0.0
     for j in range(n):
         S[0, j] = S[1, j] = 0.0
         S[2, j] *= keep
 
 
 @helper
-def _go_on(aux, variance):
+def _go_on(workspace, variance):
     """The error of the known heading becomes that of the belief, of that variance (rad^2). Returns which share of it is the same error still.
 
     Where fixes have made the belief more certain, an optimal estimate has that share, the ratio of the variances, in common with the former one.
     """
-    before = aux[ERRORS + 3] + aux[DRIFT + 1] * aux[DRIFT + 1]
+    before = workspace[ERRORS + 3] + workspace[DRIFT + 1] * workspace[DRIFT + 1]
     keep = min(variance / before, 1.0) if before > 0 else 0.0
-    aux[ERRORS + 3] = keep * aux[ERRORS + 3] + max(variance - before, 0.0)
-    aux[DRIFT + 1] *= math.sqrt(keep)
+    workspace[ERRORS + 3] = keep * workspace[ERRORS + 3] + max(variance - before, 0.0)
+    workspace[DRIFT + 1] *= math.sqrt(keep)
     return keep
 
 
 @helper
 def weigh(belief, sd, kind):
-    """Write the standard deviations to use of a fix into aux[DV], which is free between predictions: those given.
+    """Write the standard deviations to use of a fix into workspace[DV], which is free between predictions: those given.
 
     Those of an attitude record are so much larger that independent errors have the low-frequency power of its correlated ones.
     """
-    aux, used, scale = belief.aux, belief.aux[DV], 1.0
+    workspace, used, scale = belief.workspace, belief.workspace[DV], 1.0
     if kind == ATTITUDE_KIND:
-        scale = math.sqrt(max(2 * aux[CORRELATION] / max(aux[SINCE], SHORTEST), 1.0))
+        scale = math.sqrt(max(2 * workspace[CORRELATION] / max(workspace[SINCE], SHORTEST), 1.0))
     for i in range(3):
         used[i] = scale * sd[i]
 
@@ -126,7 +126,7 @@ def weigh(belief, sd, kind):
 def predict_fed(belief, u, dt, noise):
     """Advance P, position, velocity and the known attitude with bias-corrected increments. Returns the rotation vector of the body, rad."""
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
-    linearised_step(belief, matrix(belief.aux, KNOWN, 3, 3), 0.0, u, dt, noise, False)
+    linearised_step(belief, matrix(belief.workspace, KNOWN, 3, 3), 0.0, u, dt, noise, False)
     move(belief, belief.lla, belief.v, r0, r1, r2, a0, a1, a2, dt, noise)
     return r0, r1, r2
 
@@ -137,26 +137,26 @@ def move(belief, lla, v, r0, r1, r2, a0, a1, a2, dt, noise):
 
     After `linearised_step`. An error n held for the time s since the record moves the velocity by n x f s and the position by n x f s^2/2.
     """
-    aux, f, n = belief.aux, belief.aux[DX], belief.P.shape[0]
-    S = matrix(aux, aux.size - shared(n), 3, n)
-    mechanize(lla, v, matrix(aux, KNOWN, 3, 3), r0, r1, r2, a0, a1, a2, dt, f, aux[HEIGHT])
+    workspace, f, n = belief.workspace, belief.workspace[DX], belief.P.shape[0]
+    S = matrix(workspace, workspace.size - shared(n), 3, n)
+    mechanize(lla, v, matrix(workspace, KNOWN, 3, 3), r0, r1, r2, a0, a1, a2, dt, f, workspace[HEIGHT])
     f0, f1, f2 = f[0], f[1], f[2]
     for k in range(3):
-        propagate_error(S[k], aux[BLOCK], matrix(aux, MID, 3, 3), aux[DV], aux[STEP][2], aux[STEP][3], aux[STEP][4], dt, noise, aux[WORK:])
-    _consider(S, aux, f0, f1, f2, dt)
+        propagate_error(S[k], workspace[BLOCK], matrix(workspace, MID, 3, 3), workspace[DV], workspace[STEP][2], workspace[STEP][3], workspace[STEP][4], dt, noise, workspace[WORK:])
+    _consider(S, workspace, f0, f1, f2, dt)
     _spread(belief, S, f0, f1, f2, dt)
-    _consider(S, aux, f0, f1, f2, dt)
+    _consider(S, workspace, f0, f1, f2, dt)
     _carry(belief, dt, noise)
 
 
 @helper
-def _consider(S, aux, f0, f1, f2, dt):
+def _consider(S, workspace, f0, f1, f2, dt):
     """Add to S half of what the errors of the known attitude do to velocity and position over dt; f is the velocity increment, m/s.
 
     The turn by a constant gyro bias counts 1.5 times: that makes good for its covariance with the velocity, which is not kept, as far as velocity goes.
     """
-    tilt, heading = 0.75 * aux[DRIFT] * aux[DRIFT], 0.75 * aux[DRIFT + 1] * aux[DRIFT + 1]
-    nn, ne, ee, dd = 0.5 * aux[ERRORS] + tilt, 0.5 * aux[ERRORS + 1], 0.5 * aux[ERRORS + 2] + tilt, 0.5 * aux[ERRORS + 3] + heading
+    tilt, heading = 0.75 * workspace[DRIFT] * workspace[DRIFT], 0.75 * workspace[DRIFT + 1] * workspace[DRIFT + 1]
+    nn, ne, ee, dd = 0.5 * workspace[ERRORS] + tilt, 0.5 * workspace[ERRORS + 1], 0.5 * workspace[ERRORS + 2] + tilt, 0.5 * workspace[ERRORS + 3] + heading
     for k, x, y, z in ((0, nn, ne, 0.0), (1, ne, ee, 0.0), (2, 0.0, 0.0, dd)):
         v0, v1, v2 = y * f2 - z * f1, z * f0 - x * f2, x * f1 - y * f0
         S[k, 3] += v0
@@ -172,8 +172,8 @@ def _spread(belief, S, f0, f1, f2, dt):
     """Add to P what the errors of the known attitude, of covariance S with the states, do over dt; further, as white noise, what they do beyond the
     record where those of several records are alike.
     """
-    aux, P, n, half = belief.aux, belief.P, S.shape[1], 0.5 * dt
-    G = matrix(aux, aux.size - 3 * n, 3, n)    # covariance of the velocity that is gained with the states
+    workspace, P, n, half = belief.workspace, belief.P, S.shape[1], 0.5 * dt
+    G = matrix(workspace, workspace.size - 3 * n, 3, n)    # covariance of the velocity that is gained with the states
     for j in range(n):
         s0, s1, s2 = S[0, j], S[1, j], S[2, j]
         G[0, j], G[1, j], G[2, j] = s1 * f2 - s2 * f1, s2 * f0 - s0 * f2, s0 * f1 - s1 * f0
@@ -187,8 +187,8 @@ def _spread(belief, S, f0, f1, f2, dt):
         for j in range(i + 1):
             P[i, j] = P[j, i] = P[i, j] + half * (G[i, j] + G[j, i])
             P[3 + i, 3 + j] = P[3 + j, 3 + i] = P[3 + i, 3 + j] + G[i, 3 + j] + G[j, 3 + i]
-    tilt, heading = 2 * max(aux[CORRELATION] - aux[SINCE], 0.0) / dt, 2 * max(aux[CORRELATION] - aux[SINCE + 1], 0.0) / dt
-    nn, ne, ee, dd = tilt * aux[ERRORS], tilt * aux[ERRORS + 1], tilt * aux[ERRORS + 2], heading * aux[ERRORS + 3]
+    tilt, heading = 2 * max(workspace[CORRELATION] - workspace[SINCE], 0.0) / dt, 2 * max(workspace[CORRELATION] - workspace[SINCE + 1], 0.0) / dt
+    nn, ne, ee, dd = tilt * workspace[ERRORS], tilt * workspace[ERRORS + 1], tilt * workspace[ERRORS + 2], heading * workspace[ERRORS + 3]
     P[3, 3] += f2 * f2 * ee + f1 * f1 * dd
     P[4, 4] += f2 * f2 * nn + f0 * f0 * dd
     P[5, 5] += f1 * f1 * nn - 2 * f0 * f1 * ne + f0 * f0 * ee
@@ -200,22 +200,22 @@ def _spread(belief, S, f0, f1, f2, dt):
 @helper
 def _carry(belief, dt, noise):
     """What the gyros add to the errors of the known attitude over dt: their noise, and the turn by their biases."""
-    aux, P, walk = belief.aux, belief.P, noise.gyro * noise.gyro * dt
+    workspace, P, walk = belief.workspace, belief.P, noise.gyro * noise.gyro * dt
     drift = math.sqrt((P[12, 12] + P[13, 13] + P[14, 14]) / 3) * dt
-    aux[ERRORS] += walk
-    aux[ERRORS + 2] += walk
-    aux[ERRORS + 3] += walk
+    workspace[ERRORS] += walk
+    workspace[ERRORS + 2] += walk
+    workspace[ERRORS + 3] += walk
     for i in range(2):
-        aux[SINCE + i] += dt
-        aux[DRIFT + i] += drift
+        workspace[SINCE + i] += dt
+        workspace[DRIFT + i] += drift
 
 
 @helper
 def tilt_variances(belief):
     """Covariance of the tilt of the known attitude, rad^2: nn, ne, ee."""
-    aux = belief.aux
-    drift = aux[DRIFT] * aux[DRIFT]
-    return aux[ERRORS] + drift, aux[ERRORS + 1], aux[ERRORS + 2] + drift
+    workspace = belief.workspace
+    drift = workspace[DRIFT] * workspace[DRIFT]
+    return workspace[ERRORS] + drift, workspace[ERRORS + 1], workspace[ERRORS + 2] + drift
 
 
 @helper
@@ -229,8 +229,8 @@ def corrected(belief, y, sd, kind):
 @helper
 def learn(belief):
     """After a correction of P by `measure`: the covariance of the states with the errors of the known attitude, corrected alike."""
-    aux, n = belief.aux, belief.P.shape[0]
-    S, H, work, U = matrix(aux, aux.size - shared(n), 3, n), matrix(aux, aux.size - 3 * n, 3, n), aux[WORK:], n * n + 1
+    workspace, n = belief.workspace, belief.P.shape[0]
+    S, H, work, U = matrix(workspace, workspace.size - shared(n), 3, n), matrix(workspace, workspace.size - 3 * n, 3, n), workspace[WORK:], n * n + 1
     whiten(H, work)
     for k in range(3):
         x = y = z = 0.0
@@ -245,7 +245,7 @@ def learn(belief):
 @helper
 def rate_of_body(belief, r0, r1, r2):
     """Rotation vector of the body to n, in the body (rad): r less that of n."""
-    m, w = belief.aux[MID:], belief.aux[STEP]
+    m, w = belief.workspace[MID:], belief.workspace[STEP]
     w0, w1, w2 = w[2], w[3], w[4]
     return r0 - m[0] * w0 - m[3] * w1 - m[6] * w2, r1 - m[1] * w0 - m[4] * w1 - m[7] * w2, r2 - m[2] * w0 - m[5] * w1 - m[8] * w2
 
@@ -260,13 +260,13 @@ def euler_rates(sr, cr, tp, cp, r0, r1, r2):
 @helper
 def gentle(belief, turn):
     """Whether the Euler angles stay away from their singularity while the body turns by `turn` (rad)."""
-    return abs(belief.aux[ANGLES + 1]) + turn < STEEP
+    return abs(belief.workspace[ANGLES + 1]) + turn < STEEP
 
 
 @helper
 def add_angles(belief, d0, d1, d2):
     """Add to the Euler angles and make the belief's attitude of them."""
-    angles = belief.aux[ANGLES:ANGLES + 3]
+    angles = belief.workspace[ANGLES:ANGLES + 3]
     angles[0], angles[1], angles[2] = wrap(angles[0] + d0), angles[1] + d1, wrap(angles[2] + d2)
     euler_to_matrix(angles[0], angles[1], angles[2], belief.C)
 
@@ -274,7 +274,7 @@ def add_angles(belief, d0, d1, d2):
 @helper
 def read_angles(belief):
     """The Euler angles are those of the belief's attitude."""
-    angles = belief.aux[ANGLES:ANGLES + 3]
+    angles = belief.workspace[ANGLES:ANGLES + 3]
     angles[0], angles[1], angles[2] = matrix_to_euler(belief.C)
 
 
@@ -283,7 +283,7 @@ def correct_angles(belief, y, sd, observe, parameters, gate, innovation):
     """Correct P and the belief by one fix: angles by angles, unless they are steep. Returns the NIS."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:
-        dx = belief.aux[DX]
+        dx = belief.workspace[DX]
         inject_all(belief, dx)
         if gentle(belief, math.sqrt(dx[6] * dx[6] + dx[7] * dx[7] + dx[8] * dx[8])):
             inject_angles(belief, dx[6], dx[7], dx[8])
@@ -295,7 +295,7 @@ def correct_angles(belief, y, sd, observe, parameters, gate, innovation):
 @helper
 def inject_angles(belief, x, y, z):
     """Add to the Euler angles what a small rotation (x, y, z) in n (rad) means to first order: the inverse of their Jacobian."""
-    angles = belief.aux[ANGLES:ANGLES + 3]
+    angles = belief.workspace[ANGLES:ANGLES + 3]
     ch, sh = math.cos(angles[2]), math.sin(angles[2])
     forward = (ch * x + sh * y) / math.cos(angles[1])
     add_angles(belief, forward, ch * y - sh * x, z + forward * math.sin(angles[1]))

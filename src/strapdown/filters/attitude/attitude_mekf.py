@@ -10,7 +10,7 @@ import numpy as np
 
 from .attitude_error_state import (INVERSE, LEAST_FORCE, RECORD, SIX, UNAIDED, inject, low_passed, measured, off_vertical, propagate, turn, unmeasured,
                              unpropagated)
-from ...core.contract import BACK, CORRECT, KEEP, MAGNETIC_KIND, PREDICT, Filter, Smoother, helper, kernel, matrix
+from ...core.contract import ADJOINT_STEP, CORRECT, SAVE_STEP, MAGNETIC_KIND, PREDICT, Filter, Smoother, helper, kernel, matrix
 from ...core.earth import GRAVITY_EQUATOR, RATE
 from ...core.error_state import BLOCK, DX, OWN, auxiliary, observed
 from ...core.kalman import decay
@@ -22,17 +22,17 @@ SECONDS, SINCE = OWN + 8, OWN + 9   # s that the specific force is a mean over, 
 STRENGTH, DIP = OWN + 10, OWN + 11  # of the field, running: T, rad
 INTERVAL, TOLD = OWN + 12, OWN + 13     # s between the last two fields; accelerometer noise while there are samples
 EXCESS = 0                          # mean of the size of the specific force less gravity, m/s^2
-TAPE = BLOCK.start                  # what the smoother needs of the last call: PREDICTED or FIX,
-STEP = slice(TAPE + 1, TAPE + 13)   # C dt, Earth rotation (rad), decay of the bias,
+LAST_CALL = BLOCK.start                  # what the smoother needs of the last call: PREDICTED or FIX,
+STEP = slice(LAST_CALL + 1, LAST_CALL + 13)   # C dt, Earth rotation (rad), decay of the bias,
 FIRST_RECORD = slice(STEP.stop, STEP.stop + RECORD)     # and the scalar measurements
 SECOND_RECORD = slice(FIRST_RECORD.stop, FIRST_RECORD.stop + RECORD)
-"""Places in aux."""
+"""Places in workspace."""
 PREDICTED, FIX = 0.0, 1.0
 REFERENCE_TIME = 20.0
 """s: time constant of the running strength and dip while the field agrees with them."""
 AGREES = 0.05
 """Disagreement of strength (relative) and dip (rad) beyond which they are followed more slowly."""
-FORCE_EXCESS = "force_excess [m/s^2]"   # the first number of aux
+FORCE_EXCESS = "force_excess [m/s^2]"   # the first number of workspace
 LASTING = 1.0
 """m/s^2: an excess of the mean size of the specific force (a bank of 25 deg has as much) that the user must know of."""
 SIZE_TIME = 2.0
@@ -55,10 +55,10 @@ def start(start, noise, low_pass=2.0, acceleration=0.2, rate_error=0.002, headin
     belief = start.belief(auxiliary(len(start.sd)))
     for i in range(15):
         belief.P[i, i] *= i in SIX
-    aux, lat = belief.aux, belief.lla[0]
-    aux[EARTH_N], aux[EARTH_D] = RATE * math.cos(lat), -RATE * math.sin(lat)
-    aux[LOW_PASS], aux[ACCELERATION], aux[RATE_ERROR] = low_pass, acceleration ** 2 + noise.accel ** 2, rate_error ** 2
-    aux[HEADING], aux[TIMING], aux[DISTURBANCE], aux[TOLD] = math.radians(heading) ** 2, timing ** 2, disturbance, noise.accel
+    workspace, lat = belief.workspace, belief.lla[0]
+    workspace[EARTH_N], workspace[EARTH_D] = RATE * math.cos(lat), -RATE * math.sin(lat)
+    workspace[LOW_PASS], workspace[ACCELERATION], workspace[RATE_ERROR] = low_pass, acceleration ** 2 + noise.accel ** 2, rate_error ** 2
+    workspace[HEADING], workspace[TIMING], workspace[DISTURBANCE], workspace[TOLD] = math.radians(heading) ** 2, timing ** 2, disturbance, noise.accel
     return belief
 
 
@@ -71,70 +71,70 @@ def predict(belief, u, dt, noise):
 @helper
 def predict_attitude(belief, u, dt, noise):
     """The step of `predict`, for every filter with this attitude."""
-    aux, bg = belief.aux, belief.bg
+    workspace, bg = belief.workspace, belief.bg
     if dt <= 0:
-        _write_nothing(aux)
+        _write_nothing(workspace)
         return
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
-    w0, w2 = aux[EARTH_N] * dt, aux[EARTH_D] * dt
+    w0, w2 = workspace[EARTH_N] * dt, workspace[EARTH_D] * dt
     keep = decay(noise.gyro_decay * dt)
-    _write_step(aux, belief.C, w0, w2, keep, dt)
-    q = noise.gyro * noise.gyro * dt + aux[RATE_ERROR] * (r0 * r0 + r1 * r1 + r2 * r2) / dt
+    _write_step(workspace, belief.C, w0, w2, keep, dt)
+    q = noise.gyro * noise.gyro * dt + workspace[RATE_ERROR] * (r0 * r0 + r1 * r1 + r2 * r2) / dt
     propagate(belief.P, belief.C, w0, w2, q, dt, noise)
     turn(belief, r0, r1, r2, w0, w2, dt)
     for i in range(3):
         bg[i] *= keep
-    aux[SINCE] += dt
-    made_up = noise.accel > aux[TOLD]   # the loop adds noise in a gap
-    aux[SECONDS] = low_passed(belief, u, r0, r1, r2, dt, aux[LOW_PASS], aux[SECONDS], made_up)
+    workspace[SINCE] += dt
+    made_up = noise.accel > workspace[TOLD]   # the loop adds noise in a gap
+    workspace[SECONDS] = low_passed(belief, u, r0, r1, r2, dt, workspace[LOW_PASS], workspace[SECONDS], made_up)
     if not made_up:
         _level(belief, dt)
 
 
 @helper
-def _write_step(aux, C, w0, w2, keep, dt):
+def _write_step(workspace, C, w0, w2, keep, dt):
     """Leave the transition of this step for the smoother, and the records of its two level rows empty."""
-    step = aux[STEP]
+    step = workspace[STEP]
     for i in range(3):
         for j in range(3):
             step[3 * i + j] = dt * C[i, j]
     step[9], step[10], step[11] = w0, w2, keep
-    aux[TAPE] = PREDICTED
+    workspace[LAST_CALL] = PREDICTED
     for i in range(2 * RECORD):
-        aux[FIRST_RECORD.start + i] = 0.0
+        workspace[FIRST_RECORD.start + i] = 0.0
 
 
 @helper
-def _write_nothing(aux):
+def _write_nothing(workspace):
     """Leave word for the smoother that the call changed nothing."""
-    aux[TAPE], aux[FIRST_RECORD.start + INVERSE] = FIX, 0.0
+    workspace[LAST_CALL], workspace[FIRST_RECORD.start + INVERSE] = FIX, 0.0
 
 
 @helper
 def _level(belief, dt):
     """Correct by the carried specific force, which points up but for the body's own acceleration; its size tells how large a lasting one is."""
-    f, dx, aux = belief.f, belief.aux[DX], belief.aux
+    f, dx, workspace = belief.f, belief.workspace[DX], belief.workspace
     size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
     if size < LEAST_FORCE:
         return
     north, east = off_vertical(belief.C, f)
-    aux[EXCESS] += min(dt / SIZE_TIME, 1.0) * (size - GRAVITY_EQUATOR - aux[EXCESS])     # a mean, because what shakes the body goes up and down
-    excess = max(abs(aux[EXCESS]) - SIZE_ERROR, 0.0)
-    variance = (aux[ACCELERATION] + aux[DISTURBANCE] * excess * excess) / (GRAVITY_EQUATOR * GRAVITY_EQUATOR * dt)
+    workspace[EXCESS] += min(dt / SIZE_TIME, 1.0) * (size - GRAVITY_EQUATOR - workspace[EXCESS])     # a mean, because what shakes the body goes up and down
+    excess = max(abs(workspace[EXCESS]) - SIZE_ERROR, 0.0)
+    variance = (workspace[ACCELERATION] + workspace[DISTURBANCE] * excess * excess) / (GRAVITY_EQUATOR * GRAVITY_EQUATOR * dt)
     for i in range(6):
         dx[i] = 0.0
-    measured(belief.P, 1.0, 0.0, 0.0, north, variance, math.inf, dx, belief.aux[FIRST_RECORD])
-    measured(belief.P, 0.0, 1.0, 0.0, east, variance, math.inf, dx, belief.aux[SECOND_RECORD])
+    measured(belief.P, 1.0, 0.0, 0.0, north, variance, math.inf, dx, belief.workspace[FIRST_RECORD])
+    measured(belief.P, 0.0, 1.0, 0.0, east, variance, math.inf, dx, belief.workspace[SECOND_RECORD])
     inject(belief, dx)
 
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct by the horizontal direction of a magnetic field, whose innovation is an angle (rad), or by a heading."""
-    aux, n = belief.aux, belief.P.shape[0]
+    workspace, n = belief.workspace, belief.P.shape[0]
     if kind == MAGNETIC_KIND:
         return _field(belief, y, sd, parameters, gate, innovation)
-    H = matrix(aux, aux.size - 3 * n, 3, n)
+    H = matrix(workspace, workspace.size - 3 * n, 3, n)
     observed(belief, y, observe, parameters, innovation, H)
     return _used(belief, H[0, 6], H[0, 7], H[0, 8], innovation[0], sd[0] * sd[0], gate)
 
@@ -142,8 +142,8 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 @helper
 def _used(belief, h0, h1, h2, e, variance, gate):
     """Correct by one row. Returns its NIS, NaN where it was not measured."""
-    dx, record = belief.aux[DX], belief.aux[FIRST_RECORD]
-    belief.aux[TAPE] = FIX
+    dx, record = belief.workspace[DX], belief.workspace[FIRST_RECORD]
+    belief.workspace[LAST_CALL] = FIX
     for i in range(6):
         dx[i] = 0.0
     nis = measured(belief.P, h0, h1, h2, e, variance, gate, dx, record)
@@ -154,25 +154,25 @@ def _used(belief, h0, h1, h2, e, variance, gate):
 @helper
 def _field(belief, y, sd, parameters, gate, innovation):
     """Declination less the azimuth of the field y (T, body), turned to n; its derivative is exact in all three attitude errors."""
-    C, aux, omega = belief.C, belief.aux, belief.omega
+    C, workspace, omega = belief.C, belief.workspace, belief.omega
     north, east, down = turned(C, y[0], y[1], y[2])
     square = north * north + east * east
     innovation[0] = innovation[1] = innovation[2] = math.nan
     if not (square > 0 and parameters[0] * parameters[0] + parameters[1] * parameters[1] > 0):
-        _write_nothing(aux)
+        _write_nothing(workspace)
         return math.nan
     innovation[0] = math.atan2(parameters[1] * north - parameters[0] * east, parameters[0] * north + parameters[1] * east)
-    seconds = min(aux[SINCE], 1.0) if aux[SINCE] > 0 else aux[INTERVAL]     # of two fields at one time the second is another magnetometer's
-    if aux[STRENGTH] == 0:
+    seconds = min(workspace[SINCE], 1.0) if workspace[SINCE] > 0 else workspace[INTERVAL]     # of two fields at one time the second is another magnetometer's
+    if workspace[STRENGTH] == 0:
         horizontal = parameters[0] * parameters[0] + parameters[1] * parameters[1]
-        aux[STRENGTH], aux[DIP] = math.sqrt(horizontal + parameters[2] * parameters[2]), math.atan2(parameters[2], math.sqrt(horizontal))
-    off, strength, dip = _departure(aux[STRENGTH], aux[DIP], square, down, seconds)
-    density = aux[HEADING] + aux[DISTURBANCE] * off
-    density += aux[TIMING] * (omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2])
+        workspace[STRENGTH], workspace[DIP] = math.sqrt(horizontal + parameters[2] * parameters[2]), math.atan2(parameters[2], math.sqrt(horizontal))
+    off, strength, dip = _departure(workspace[STRENGTH], workspace[DIP], square, down, seconds)
+    density = workspace[HEADING] + workspace[DISTURBANCE] * off
+    density += workspace[TIMING] * (omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2])
     variance = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * square) + (density / seconds if seconds > 0 else 0.0)
     nis = _used(belief, -north * down / square, -east * down / square, 1.0, innovation[0], variance, gate)
     if nis <= gate:
-        aux[SINCE], aux[INTERVAL], aux[STRENGTH], aux[DIP] = 0.0, seconds, strength, dip
+        workspace[SINCE], workspace[INTERVAL], workspace[STRENGTH], workspace[DIP] = 0.0, seconds, strength, dip
     return nis
 
 
@@ -189,16 +189,16 @@ def _departure(strength, dip, square, down, seconds):
     return off * size * size / square, strength * (1 + share * a), dip + share * b
 
 
-@kernel(KEEP)
-def keep(belief, record):
-    """What the last call left in aux."""
-    for i in range(SECOND_RECORD.stop - TAPE):
-        record[i] = belief.aux[TAPE + i]
+@kernel(SAVE_STEP)
+def save_step(belief, record):
+    """What the last call left in workspace."""
+    for i in range(SECOND_RECORD.stop - LAST_CALL):
+        record[i] = belief.workspace[LAST_CALL + i]
 
 
-@kernel(BACK)
-def back(call, lam, Lam, work):
-    """The adjoint of `predict` or `correct`, from what it left on the tape."""
+@kernel(ADJOINT_STEP)
+def adjoint_step(call, lam, Lam, work):
+    """The adjoint of `predict` or `correct`, from what it left in its record."""
     step, first, second = slice(1, 13), slice(13, 13 + RECORD), slice(13 + RECORD, 13 + 2 * RECORD)
     if call[0] == PREDICTED:
         unmeasured(call[second], lam, Lam, work)
@@ -216,6 +216,6 @@ def leaning(t, lla, columns):
 
 
 ATTITUDE_MEKF = Filter("attitude-mekf", "Markley (2003), J. Guidance 26(2); Fossen (2021) section 14.4.3; vertical after Laidig & Seel (2023), VQF",
-                       start, predict, correct, states=SIX, estimates=SIX, uses=("magnetic-field", "heading"), alone=UNAIDED,
-                       columns=(FORCE_EXCESS,), watch=leaning,
-                       smoother=Smoother(lambda n: SECOND_RECORD.stop - TAPE, keep, back))
+                       start, predict, correct, states=SIX, estimates=SIX, uses=("magnetic-field", "heading"), unaided_note=UNAIDED,
+                       columns=(FORCE_EXCESS,), diagnose=leaning,
+                       smoother=Smoother(lambda n: SECOND_RECORD.stop - LAST_CALL, save_step, adjoint_step))

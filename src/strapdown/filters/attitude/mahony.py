@@ -17,7 +17,7 @@ EARTH_N, EARTH_D = OWN, OWN + 1     # Earth rate, rad/s
 K1, K2, K3, KI, LOW_PASS = range(OWN + 2, OWN + 7)
 SECONDS, SINCE_FIELD, SINCE_COMPASS = range(OWN + 7, OWN + 10)  # s that the specific force is a mean over, and since the last field and compass
 TOLD = OWN + 10                     # accelerometer noise while there are samples
-"""Places in aux."""
+"""Places in workspace."""
 LONGEST = 1.0
 """s: a direction that was not measured for longer counts as if it were for so long."""
 
@@ -40,9 +40,9 @@ def start(start, noise, k1=0.5, k2=0.1, k3=0.1, ki=0.005, low_pass=2.0):
             raise ValueError(f"{name} = {k:g}, ki = {ki:g}, low_pass = {low_pass:g} are not stable: poles {', '.join(f'{pole:.3g}' for pole in found)} 1/s; "
                              "give gains above zero, and ki well below them")
     belief = start.belief(auxiliary(len(start.sd)))
-    aux, lat = belief.aux, belief.lla[0]
-    aux[EARTH_N], aux[EARTH_D] = RATE * math.cos(lat), -RATE * math.sin(lat)
-    aux[K1], aux[K2], aux[K3], aux[KI], aux[LOW_PASS], aux[TOLD] = k1, k2, k3, ki, low_pass, noise.accel
+    workspace, lat = belief.workspace, belief.lla[0]
+    workspace[EARTH_N], workspace[EARTH_D] = RATE * math.cos(lat), -RATE * math.sin(lat)
+    workspace[K1], workspace[K2], workspace[K3], workspace[KI], workspace[LOW_PASS], workspace[TOLD] = k1, k2, k3, ki, low_pass, noise.accel
     return belief
 
 
@@ -60,22 +60,22 @@ def poles(k, ki, low_pass):
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
     """Turn the attitude with the bias-free gyros and pull it to the specific force."""
-    aux, bg, f, C = belief.aux, belief.bg, belief.f, belief.C
+    workspace, bg, f, C = belief.workspace, belief.bg, belief.f, belief.C
     if dt <= 0:
         return
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
-    turn(belief, r0, r1, r2, aux[EARTH_N] * dt, aux[EARTH_D] * dt, dt)
+    turn(belief, r0, r1, r2, workspace[EARTH_N] * dt, workspace[EARTH_D] * dt, dt)
     keep = decay(noise.gyro_decay * dt)
     for i in range(3):
         bg[i] *= keep
-    aux[SINCE_FIELD] += dt
-    aux[SINCE_COMPASS] += dt
-    made_up = noise.accel > aux[TOLD]   # the loop adds noise in a gap
-    aux[SECONDS] = low_passed(belief, u, r0, r1, r2, dt, aux[LOW_PASS], aux[SECONDS], made_up)
+    workspace[SINCE_FIELD] += dt
+    workspace[SINCE_COMPASS] += dt
+    made_up = noise.accel > workspace[TOLD]   # the loop adds noise in a gap
+    workspace[SECONDS] = low_passed(belief, u, r0, r1, r2, dt, workspace[LOW_PASS], workspace[SECONDS], made_up)
     size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
-    if size > LEAST_FORCE and aux[K1] > 0 and not made_up:
+    if size > LEAST_FORCE and workspace[K1] > 0 and not made_up:
         n0, n1, _ = _upwards(C, f, size)
-        _pull(belief, -n1, n0, 0.0, aux[K1], dt)
+        _pull(belief, -n1, n0, 0.0, workspace[K1], dt)
     orthonormalise(C)
 
 
@@ -89,7 +89,7 @@ def _upwards(C, f, size):
 def _pull(belief, x, y, z, k, seconds):
     """What k times the cross product (x, y, z), in n, does in that time: exact for a small error that nothing else corrects."""
     gain, C = 1 - decay(k * min(seconds, LONGEST)), belief.C
-    bias = belief.aux[KI] * gain
+    bias = belief.workspace[KI] * gain
     for i in range(3):
         belief.bg[i] -= bias * (C[0, i] * x + C[1, i] * y + C[2, i] * z)
     rotate_left(gain * x, gain * y, gain * z, C)
@@ -98,22 +98,22 @@ def _pull(belief, x, y, z, k, seconds):
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Pull the attitude to a magnetic field or a compass; the innovation is the angle about the vertical, rad. It does not gate."""
-    aux, C = belief.aux, belief.C
+    workspace, C = belief.workspace, belief.C
     innovation[0] = innovation[1] = innovation[2] = math.nan
     if kind == MAGNETIC_KIND:
         _field(belief, y, parameters, innovation)
     elif kind == HEADING_KIND:
         innovation[0] = wrap(y[0] - math.atan2(C[1, 0], C[0, 0]))
         if not math.isnan(innovation[0]):
-            _pull(belief, 0.0, 0.0, math.sin(innovation[0]), aux[K3], aux[SINCE_COMPASS])
-            aux[SINCE_COMPASS] = 0.0
+            _pull(belief, 0.0, 0.0, math.sin(innovation[0]), workspace[K3], workspace[SINCE_COMPASS])
+            workspace[SINCE_COMPASS] = 0.0
     return math.nan
 
 
 @helper
 def _field(belief, y, parameters, innovation):
     """The field y (T, body) across the specific force, against magnetic north across the vertical."""
-    C, aux, f = belief.C, belief.aux, belief.f
+    C, workspace, f = belief.C, belief.workspace, belief.f
     size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
     if not size > LEAST_FORCE:
         return
@@ -126,9 +126,9 @@ def _field(belief, y, parameters, innovation):
         return
     n0, n1 = parameters[0] / level, parameters[1] / level
     innovation[0] = math.atan2(m0 * n1 - m1 * n0, m0 * n0 + m1 * n1)
-    _pull(belief, -m2 * n1 / size, m2 * n0 / size, (m0 * n1 - m1 * n0) / size, aux[K2], aux[SINCE_FIELD])
-    aux[SINCE_FIELD] = 0.0
+    _pull(belief, -m2 * n1 / size, m2 * n0 / size, (m0 * n1 - m1 * n0) / size, workspace[K2], workspace[SINCE_FIELD])
+    workspace[SINCE_FIELD] = 0.0
 
 
 MAHONY = Filter("mahony", "Mahony, Hamel & Pflimlin (2008), IEEE TAC 53(5); Grip et al. (2013); Fossen (2021) section 14.2",
-                start, predict, correct, states=(), estimates=SIX, uses=("magnetic-field", "heading"), alone=UNAIDED)
+                start, predict, correct, states=(), estimates=SIX, uses=("magnetic-field", "heading"), unaided_note=UNAIDED)

@@ -26,7 +26,7 @@ SINCE_LEVEL, HEAVE = OWN + 23, OWN + 24                 # s since the last zero-
 DENSITY, INDEPENDENT = OWN + 25, OWN + 26               # density of waves with 1 m of heave, m^2 s; s from which on heights are independent
 SETTLED = OWN + 30                                      # s since the start or the last gap
 DEVIATION = slice(OWN + 27, OWN + 30)                   # of a fix, with what it does not know, m
-"""Places in aux."""
+"""Places in workspace."""
 
 
 def start(start, noise, heave=1.0, wave_period=10.0, low_pass=2.0, acceleration=0.2, rate_error=0.002):
@@ -42,10 +42,10 @@ def start(start, noise, heave=1.0, wave_period=10.0, low_pass=2.0, acceleration=
     belief = attitude_mekf.start(start, noise, low_pass=low_pass, acceleration=acceleration, rate_error=rate_error)
     for i in VERTICAL:
         belief.P[i, i] = min(start.sd[i], HEIGHT_SD) ** 2
-    aux = belief.aux
-    aux[LEVEL], aux[VARIANCE] = belief.lla[2], belief.P[2, 2]
-    aux[DENSITY], aux[INDEPENDENT] = wave_density(noise.accel, wave_period) if wave_period else 1.0, wave_period / 3
-    aux[HEAVE] = heave ** 2
+    workspace = belief.workspace
+    workspace[LEVEL], workspace[VARIANCE] = belief.lla[2], belief.P[2, 2]
+    workspace[DENSITY], workspace[INDEPENDENT] = wave_density(noise.accel, wave_period) if wave_period else 1.0, wave_period / 3
+    workspace[HEAVE] = heave ** 2
     return belief
 
 
@@ -67,17 +67,17 @@ def predict(belief, u, dt, noise):
         _fall(belief, u, dt, noise)
         _spread(belief, dt, noise)
         predict_attitude(belief, u, dt, noise)
-        aux = belief.aux
-        aux[SINCE_LEVEL] += dt
-        aux[SETTLED] = 0.0 if noise.accel > aux[TOLD] else aux[SETTLED] + dt
-        if aux[MEASURED] == 0:
-            _tether(belief, _waves(aux, aux[HEAVE]) / dt)
+        workspace = belief.workspace
+        workspace[SINCE_LEVEL] += dt
+        workspace[SETTLED] = 0.0 if noise.accel > workspace[TOLD] else workspace[SETTLED] + dt
+        if workspace[MEASURED] == 0:
+            _tether(belief, _waves(workspace, workspace[HEAVE]) / dt)
 
 
 @helper
-def _waves(aux, variance):
+def _waves(workspace, variance):
     """Density (m^2 s) of waves of that variance (m^2): of independent heights until the filter has seen enough of them."""
-    return variance * aux[INDEPENDENT] if aux[SETTLED] < MANY * aux[INDEPENDENT] else aux[DENSITY] * variance ** 0.8
+    return variance * workspace[INDEPENDENT] if workspace[SETTLED] < MANY * workspace[INDEPENDENT] else workspace[DENSITY] * variance ** 0.8
 
 
 @helper
@@ -129,7 +129,7 @@ def _spread(belief, dt, noise):
 @helper
 def _tether(belief, variance):
     """Correct the vertical channel by the height of the start, measured with that variance (m^2): the mean of the heave is zero."""
-    P, e = belief.P, belief.lla[2] - belief.aux[LEVEL]
+    P, e = belief.P, belief.lla[2] - belief.workspace[LEVEL]
     k = (P[2, 2], P[2, 5], P[2, 9], P[2, 10], P[2, 11])
     scale = 1 / (P[2, 2] + variance)
     for i in range(5):
@@ -146,33 +146,33 @@ def _tether(belief, variance):
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct the vertical channel by a height. What the tilt makes of a lever arm is noise; the waves about mean sea level are no white one."""
-    n, aux, P = belief.P.shape[0], belief.aux, belief.P
-    H, seconds, limit, nis = matrix(aux, aux.size - 3 * n, 3, n), aux[SINCE_LEVEL], gate, 0.0
+    n, workspace, P = belief.P.shape[0], belief.workspace, belief.P
+    H, seconds, limit, nis = matrix(workspace, workspace.size - 3 * n, 3, n), workspace[SINCE_LEVEL], gate, 0.0
     rows = observed(belief, y, observe, parameters, innovation, H)
     if math.isnan(innovation[0]):
         return math.nan
     a, b, known = H[0, 6], H[0, 7], P[2, 2]
     variance = sd[0] * sd[0] + a * a * P[6, 6] + 2 * a * b * P[6, 7] + b * b * P[7, 7]
     H[0, 6] = H[0, 7] = 0.0
-    waves = kind == SEA_LEVEL_KIND and seconds < aux[INDEPENDENT]
-    if aux[MEASURED] == 0:
-        known = aux[VARIANCE]
+    waves = kind == SEA_LEVEL_KIND and seconds < workspace[INDEPENDENT]
+    if workspace[MEASURED] == 0:
+        known = workspace[VARIANCE]
         for k in range(STATES, n):
             known += H[0, k] * H[0, k] * P[k, k]
-    gated = waves or aux[MEASURED] == 0
+    gated = waves or workspace[MEASURED] == 0
     if gated:   # one height errs by all the heave, and is gated so; many in a row know better
         nis, limit = innovation[0] * innovation[0] / (known + variance), math.inf
-        variance = _waves(aux, variance) / max(seconds, SHORTEST) if waves else variance
-    if nis <= gate and aux[MEASURED] == 0:
-        _untie(P, aux)
+        variance = _waves(workspace, variance) / max(seconds, SHORTEST) if waves else variance
+    if nis <= gate and workspace[MEASURED] == 0:
+        _untie(P, workspace)
     if nis <= gate:
-        aux[DEVIATION][0] = math.sqrt(variance)
-        found = update(P, H, innovation, aux[DEVIATION], rows, limit, aux[WORK:], aux[DX])
+        workspace[DEVIATION][0] = math.sqrt(variance)
+        found = update(P, H, innovation, workspace[DEVIATION], rows, limit, workspace[WORK:], workspace[DX])
         nis = nis if gated else found
     if nis <= gate:
         if kind == SEA_LEVEL_KIND:
-            aux[SINCE_LEVEL] = 0.0
-        _inject_vertical(belief, aux[DX])
+            workspace[SINCE_LEVEL] = 0.0
+        _inject_vertical(belief, workspace[DX])
     return nis
 
 
@@ -186,15 +186,15 @@ def _inject_vertical(belief, dx):
 
 
 @helper
-def _untie(P, aux):
+def _untie(P, workspace):
     """The first source of height: from now on the height is as uncertain as it was at the start, and no longer that of the mean level."""
-    aux[MEASURED] = 1.0
+    workspace[MEASURED] = 1.0
     for j in range(P.shape[0]):
         P[2, j] = P[j, 2] = 0.0
-    P[2, 2] = aux[VARIANCE]
+    P[2, 2] = workspace[VARIANCE]
 
 
 VRU = Filter("vru", "Fossen (2021) section 14.2.2 and 14.3.2, heave by a Kalman filter; attitude as attitude-mekf", start, predict, correct,
              states=(2, 5, 6, 7, 9, 10, 11, 12, 13, 14), estimates=(2, 5, 6, 7, 9, 10, 11, 12, 13, 14),
-             alone="no source of height: heave is that about the height of the start, which is taken for its mean",
+             unaided_note="no source of height: heave is that about the height of the start, which is taken for its mean",
              uses=("pressure", "pressure-altitude", "altitude", "zero-sea-level"))

@@ -15,7 +15,7 @@ def predict(belief, u, dt, noise):
     """Advance P, linearised at the belief, and the INS with bias-corrected increments."""
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
     linearised_step(belief, belief.C, 1.0, u, dt, noise, False)
-    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, belief.aux[DX], belief.aux[HEIGHT])
+    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, belief.workspace[DX], belief.workspace[HEIGHT])
 
 
 @kernel(CORRECT)
@@ -23,7 +23,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct P; inject the errors into INS and biases."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:
-        inject_all(belief, belief.aux[DX])
+        inject_all(belief, belief.workspace[DX])
     return nis
 
 

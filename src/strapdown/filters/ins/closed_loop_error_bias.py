@@ -13,14 +13,14 @@ from .closed_loop import start
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
     """Advance P and the error state [0, b]; run the INS on the raw increments and inject what the biases did to it."""
-    x = belief.aux[X]
+    x = belief.workspace[X]
     for i in range(9):
         x[i] = 0.0
     xa, xg = x[BA], x[BG]
     for i in range(3):
         xa[i], xg[i] = belief.ba[i], belief.bg[i]
     linearised_step(belief, belief.C, 1.0, u, dt, noise, True)
-    mechanize(belief.lla, belief.v, belief.C, u[0], u[1], u[2], u[3], u[4], u[5], dt, belief.aux[DX], belief.aux[HEIGHT])
+    mechanize(belief.lla, belief.v, belief.C, u[0], u[1], u[2], u[3], u[4], u[5], dt, belief.workspace[DX], belief.workspace[HEIGHT])
     added(belief.lla, belief.v, belief.C, x)
 
 
@@ -29,7 +29,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct P; inject the kinematic errors, add the others to the biases of the error state."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:
-        inject_all(belief, belief.aux[DX])
+        inject_all(belief, belief.workspace[DX])
     return nis
 
 

@@ -14,7 +14,7 @@ from ...core.mechanization import mechanize
 
 F_AT = BLOCKS
 WORK = F_AT + STATES * STATES
-"""Places in aux: blocks of F, F (15, 15), then two tables (n, n) of the prediction, which the correction uses in its own way."""
+"""Places in workspace: blocks of F, F (15, 15), then two tables (n, n) of the prediction, which the correction uses in its own way."""
 
 
 def start(start, noise):
@@ -26,21 +26,21 @@ def start(start, noise):
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
     """Integrate P over the sample with F and G Q G' at its middle, and mechanize the mean."""
-    aux, n = belief.aux, belief.P.shape[0]
+    workspace, n = belief.workspace, belief.P.shape[0]
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
-    F = matrix(aux, F_AT, STATES, STATES)
+    F = matrix(workspace, F_AT, STATES, STATES)
     _jacobian(belief, r0, r1, r2, a0 / dt, a1 / dt, a2 / dt, noise, F)
-    _integrate(belief.P, F, dt, noise, matrix(aux, WORK, n, n), matrix(aux, WORK + n * n, n, n))
+    _integrate(belief.P, F, dt, noise, matrix(workspace, WORK, n, n), matrix(workspace, WORK + n * n, n, n))
     belief.omega[0], belief.omega[1], belief.omega[2] = r0 / dt, r1 / dt, r2 / dt
     belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
     decay_biases(belief.ba, belief.bg, dt, noise)
-    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, aux[WORK:])
+    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[WORK:])
 
 
 @helper
 def _jacobian(belief, r0, r1, r2, f0, f1, f2, noise, F):
     """F (15, 15) in 1/s at the belief, with the attitude half a rotation r (rad) later; f is the specific force, m/s^2, body."""
-    blocks, C = belief.aux, belief.C
+    blocks, C = belief.workspace, belief.C
     w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, CORRECTED, blocks)
     for i in range(3):
         for j in range(3):
@@ -94,11 +94,11 @@ def _integrate(P, F, dt, noise, D, T):
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Gain K, P <- (I - K H) P (I - K H)' + K R K', the error injected into INS and biases."""
-    aux, P, n = belief.aux, belief.P, belief.P.shape[0]
-    H, U, K = matrix(aux, WORK, 3, n), matrix(aux, WORK + 3 * n, 3, n), matrix(aux, WORK + 6 * n, 3, n)
-    dx, small = aux[WORK + 9 * n:WORK + 10 * n], WORK + 10 * n
+    workspace, P, n = belief.workspace, belief.P, belief.P.shape[0]
+    H, U, K = matrix(workspace, WORK, 3, n), matrix(workspace, WORK + 3 * n, 3, n), matrix(workspace, WORK + 6 * n, 3, n)
+    dx, small = workspace[WORK + 9 * n:WORK + 10 * n], WORK + 10 * n
     rows = observed(belief, y, observe, parameters, innovation, H)
-    L, e, variance = matrix(aux, small, 3, 3), aux[small + 9:small + 12], aux[small + 12:small + 15]
+    L, e, variance = matrix(workspace, small, 3, 3), workspace[small + 9:small + 12], workspace[small + 12:small + 15]
     used = 0
     for i in range(rows):
         if not math.isnan(innovation[i]):
@@ -112,7 +112,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
         dx[j] = 0.0
     nis = _gain(P, H, used, e, variance, U, L, K, dx)
     if nis <= gate:
-        _joseph(P, H, used, variance, U, K, matrix(aux, small + 24, n, n))
+        _joseph(P, H, used, variance, U, K, matrix(workspace, small + 24, n, n))
         inject_all(belief, dx)
     return nis
 

@@ -10,13 +10,13 @@ than half a turn.
 import math
 
 from ...core import adjoint
-from ...core.contract import ATT, BACK, CORRECT, KEEP, Filter, Smoother, helper, kernel, matrix
+from ...core.contract import ATT, ADJOINT_STEP, CORRECT, SAVE_STEP, Filter, Smoother, helper, kernel, matrix
 from ...core.error_state import DX, OWN, inject_all, measure
 from ...core.rotation import rotate_left, turned
 from .closed_loop import predict, start
 
 TURN = OWN
-"""Place in aux of the rotation of the last correction, 3 x 3."""
+"""Place in workspace of the rotation of the last correction, 3 x 3."""
 
 
 @kernel(CORRECT)
@@ -24,11 +24,11 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct P; inject the errors into INS and biases, that of the attitude as a 2 x Gibbs vector, and turn P with the attitude."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:
-        dx = belief.aux[DX]
+        dx = belief.workspace[DX]
         rotation_vector(dx[ATT])
         inject_all(belief, dx)
         theta = dx[ATT]
-        turn_covariance(belief.P, theta[0], theta[1], theta[2], matrix(belief.aux, TURN, 3, 3))
+        turn_covariance(belief.P, theta[0], theta[1], theta[2], matrix(belief.workspace, TURN, 3, 3))
     return nis
 
 
@@ -59,18 +59,18 @@ def turn_covariance(P, x, y, z, R):
             P[j, 6 + i] = P[6 + i, j]
 
 
-@kernel(KEEP)
-def keep(belief, record):
+@kernel(SAVE_STEP)
+def save_step(belief, record):
     """What the calls of the closed loop leave, and, last, the rotation vector of a correction."""
     adjoint.kept(belief, record)
-    theta = belief.aux[DX][ATT]
+    theta = belief.workspace[DX][ATT]
     for i in range(3):
         record[record.size - 3 + i] = theta[i]
 
 
-@kernel(BACK)
-def back(call, lam, Lam, work):
-    """The adjoint of the call in a record of `keep`: of a correction first that of its turn, lam <- A' lam and Lam <- A' Lam A."""
+@kernel(ADJOINT_STEP)
+def adjoint_step(call, lam, Lam, work):
+    """The adjoint of the call in a record of `save_step`: of a correction first that of its turn, lam <- A' lam and Lam <- A' Lam A."""
     if call[0] > 0:
         theta, R = call[call.size - 3:], matrix(work, 0, 3, 3)
         turn_covariance(Lam, -theta[0], -theta[1], -theta[2], R)
@@ -79,4 +79,4 @@ def back(call, lam, Lam, work):
 
 
 MEKF = Filter("mekf", "Markley (2003), J. Guidance 26(2); Fossen (2021) section 14.4.3", start, predict, correct,
-              smoother=Smoother(lambda n: adjoint.width(n) + 3, keep, back))
+              smoother=Smoother(lambda n: adjoint.width(n) + 3, save_step, adjoint_step))

@@ -14,8 +14,8 @@ from ...core.error_dynamics import TV
 from ...core.error_state import BLOCK, DX, HEIGHT, OWN, X, added, auxiliary, decay_biases, inject_tail, linearised_step, measure
 from ...core.mechanization import mechanize
 
-LLA, V, C = slice(OWN, OWN + 3), slice(OWN + 3, OWN + 6), OWN + 6   # of the raw INS in aux
-INS_ERROR = ("ins_error_north [m]", "ins_error_east [m]", "ins_error_down [m]")  # the first numbers of aux: true - raw INS, as estimated
+LLA, V, C = slice(OWN, OWN + 3), slice(OWN + 3, OWN + 6), OWN + 6   # of the raw INS in workspace
+INS_ERROR = ("ins_error_north [m]", "ins_error_east [m]", "ins_error_down [m]")  # the first numbers of workspace: true - raw INS, as estimated
 LEFT_MODEL = "the raw INS left the model"
 BIAS = slice(OWN + 15, OWN + 21)                                     # what the raw INS takes off its IMU: accelerometer, gyro
 MODE = OWN + 32                                                     # which of:
@@ -34,22 +34,22 @@ def start(start, noise, error_model="corrected", kinematics="second-order"):
     if kinematics not in KINEMATICS:
         raise ValueError(f"kinematics is {kinematics!r}; it must be one of {', '.join(KINEMATICS)}")
     belief = start.belief(auxiliary(len(start.sd), error_model))
-    belief.aux[LLA], belief.aux[V], belief.aux[C:C + 9] = belief.lla, belief.v, belief.C.ravel()
-    belief.aux[BIAS] = *belief.ba, *belief.bg
-    belief.aux[MODE] = KINEMATICS[kinematics]
+    belief.workspace[LLA], belief.workspace[V], belief.workspace[C:C + 9] = belief.lla, belief.v, belief.C.ravel()
+    belief.workspace[BIAS] = *belief.ba, *belief.bg
+    belief.workspace[MODE] = KINEMATICS[kinematics]
     return belief
 
 
 @helper
 def predict_beside(belief, u, dt, noise):
     """One step of the raw INS and of the error beside it; the belief is composed of both."""
-    aux = belief.aux
-    b = aux[BIAS]
+    workspace = belief.workspace
+    b = workspace[BIAS]
     linearised_step(belief, belief.C, 1.0, u, dt, noise, True)
-    if aux[MODE] != METRES:
-        products(aux[X], aux[BLOCK], belief.lla[0], aux[MODE] == GEODETIC, dt)
-    mechanize(aux[LLA], aux[V], matrix(aux, C, 3, 3), u[0] - b[3] * dt, u[1] - b[4] * dt, u[2] - b[5] * dt,
-              u[3] - b[0] * dt, u[4] - b[1] * dt, u[5] - b[2] * dt, dt, aux[DX], aux[HEIGHT])
+    if workspace[MODE] != METRES:
+        products(workspace[X], workspace[BLOCK], belief.lla[0], workspace[MODE] == GEODETIC, dt)
+    mechanize(workspace[LLA], workspace[V], matrix(workspace, C, 3, 3), u[0] - b[3] * dt, u[1] - b[4] * dt, u[2] - b[5] * dt,
+              u[3] - b[0] * dt, u[4] - b[1] * dt, u[5] - b[2] * dt, dt, workspace[DX], workspace[HEIGHT])
     decay_biases(b[0:3], b[3:6], dt, noise)
     compose(belief)
 
@@ -74,9 +74,9 @@ def products(x, blocks, lat, geodetic, dt):
 @helper
 def compose(belief):
     """belief = INS (+) error: equations (20)-(23) of the paper."""
-    aux = belief.aux
-    x, b, raw = aux[X], aux[BIAS], matrix(aux, C, 3, 3)
-    lla, v, xa, xg = aux[LLA], aux[V], x[BA], x[BG]
+    workspace = belief.workspace
+    x, b, raw = workspace[X], workspace[BIAS], matrix(workspace, C, 3, 3)
+    lla, v, xa, xg = workspace[LLA], workspace[V], x[BA], x[BG]
     for i in range(3):
         belief.lla[i], belief.v[i] = lla[i], v[i]
         belief.ba[i], belief.bg[i] = b[i] + xa[i], b[3 + i] + xg[i]
@@ -90,7 +90,7 @@ def correct_beside(belief, y, sd, observe, parameters, gate, innovation):
     """Correct the error beside the INS: its prior is kept and the correction added to it."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:
-        x, dx = belief.aux[X], belief.aux[DX]
+        x, dx = belief.workspace[X], belief.workspace[DX]
         for i in range(x.size):
             x[i] += dx[i]
         inject_tail(belief, dx)
@@ -118,4 +118,4 @@ def left_model(t, lla, columns):
 
 
 OPEN_LOOP = Filter("open-loop", "Hager & Bryne, section IV-A, equations (19)-(23)", start, predict, correct,
-                   columns=INS_ERROR, watch=left_model, smoother=SMOOTHER)
+                   columns=INS_ERROR, diagnose=left_model, smoother=SMOOTHER)

@@ -17,25 +17,25 @@ def start(start, noise, interval=60.0, error_model="corrected", kinematics="seco
     if not interval >= 0:
         raise ValueError(f"interval is {interval} s; it must be 0 or more (inf: never reset)")
     belief = open_loop.start(start, noise, error_model, kinematics)
-    belief.aux[INTERVAL] = interval
+    belief.workspace[INTERVAL] = interval
     return belief
 
 
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
     """As the open loop, counting the seconds since the last reset."""
-    belief.aux[ELAPSED] += dt
+    belief.workspace[ELAPSED] += dt
     predict_beside(belief, u, dt, noise)
 
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """As the open loop; once the interval has passed the INS takes over the belief and the error is zero again."""
-    aux = belief.aux
+    workspace = belief.workspace
     nis = correct_beside(belief, y, sd, observe, parameters, gate, innovation)
-    if nis <= gate and aux[ELAPSED] >= aux[INTERVAL] - ROUNDING:
-        aux[ELAPSED] = 0.0
-        lla, v, raw, b, x = aux[LLA], aux[V], matrix(aux, C, 3, 3), aux[BIAS], aux[X]
+    if nis <= gate and workspace[ELAPSED] >= workspace[INTERVAL] - ROUNDING:
+        workspace[ELAPSED] = 0.0
+        lla, v, raw, b, x = workspace[LLA], workspace[V], matrix(workspace, C, 3, 3), workspace[BIAS], workspace[X]
         for i in range(3):
             lla[i], v[i], b[i], b[3 + i] = belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i]
             for j in range(3):
@@ -46,4 +46,4 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 PERIODIC_RESET = Filter("periodic-reset", "Hager & Bryne, section VI (occasional resets)", start, predict, correct,
-                        columns=INS_ERROR, watch=left_model, smoother=SMOOTHER)
+                        columns=INS_ERROR, diagnose=left_model, smoother=SMOOTHER)

@@ -6,7 +6,7 @@ the body, x = C' xi, f the bias-free specific force:
     v' = C f + xi + g + ..., xi' = - C [sigma] (f - ba) + jumps at the fixes, ba' = Proj(adaptation).
 A turn by sigma therefore leaves C (f - ba) + xi where it was, and here it does so exactly, however large it is.
 
-Helpers act on a Belief whose `aux` begins with the observer's own block: that of the filter, or the view that `embedded` gives.
+Helpers act on a Belief whose `workspace` begins with the observer's own block: that of the filter, or the view that `embedded` gives.
 """
 import math
 
@@ -34,7 +34,7 @@ BLOCK = H + 45
 """Places in the block, and its size."""
 STATE = 27
 EMBEDDED = STATE + BLOCK
-"""Numbers that an observer inside another filter takes of its aux: lla, v, C, ba, bg, omega, f, then the block."""
+"""Numbers that an observer inside another filter takes of its workspace: lla, v, C, ba, bg, omega, f, then the block."""
 
 NONE, TILT_COMPENSATED, PRINTED, FROZEN = range(4)
 COURSES = {"tilt-compensated": TILT_COMPENSATED, "printed": PRINTED, "frozen": FROZEN, "none": NONE}
@@ -52,11 +52,11 @@ LEAST_FORCE = 0.5       # m/s^2: a specific force below it has no direction
 
 @inlined
 def embedded(belief, first):
-    """The observer that begins at belief.aux[first], as a Belief of its own; P and tail are those of `belief` and none of its business."""
-    aux = belief.aux
-    return Belief(aux[first:first + 3], aux[first + 3:first + 6], matrix(aux, first + 6, 3, 3), aux[first + 15:first + 18],
-                  aux[first + 18:first + 21], belief.P, aux[first + 21:first + 24], aux[first + 24:first + 27], aux[first + STATE:first + EMBEDDED],
-                  belief.tail)
+    """The observer that begins at belief.workspace[first], as a Belief of its own; P and tail are those of `belief` and none of its business."""
+    workspace = belief.workspace
+    return Belief(workspace[first:first + 3], workspace[first + 3:first + 6], matrix(workspace, first + 6, 3, 3), workspace[first + 15:first + 18],
+                  workspace[first + 18:first + 21], belief.P, workspace[first + 21:first + 24], workspace[first + 24:first + 27], workspace[first + STATE:first + EMBEDDED],
+                  belief.extra_states)
 
 
 @inlined
@@ -68,30 +68,30 @@ def advance(bar, u, dt, noise):
     """
     if dt <= 0:
         return
-    aux, C, ba, bg, f = bar.aux, bar.C, bar.ba, bar.bg, bar.f
-    xi = aux[XI:XI + 3]
+    workspace, C, ba, bg, f = bar.workspace, bar.C, bar.ba, bar.bg, bar.f
+    xi = workspace[XI:XI + 3]
     r0, r1, r2, a0, a1, a2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt, u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
     x0 = C[0, 0] * xi[0] + C[1, 0] * xi[1] + C[2, 0] * xi[2]
     x1 = C[0, 1] * xi[0] + C[1, 1] * xi[1] + C[2, 1] * xi[2]
     x2 = C[0, 2] * xi[0] + C[1, 2] * xi[1] + C[2, 2] * xi[2]
     _turn_with_n(bar, xi, dt)
     mechanize(bar.lla, bar.v, C, r0, r1, r2, a0 + dt * (x0 - 0.5 * (r1 * x2 - r2 * x1)), a1 + dt * (x1 - 0.5 * (r2 * x0 - r0 * x2)),
-              a2 + dt * (x2 - 0.5 * (r0 * x1 - r1 * x0)), dt, aux[WORK])    # half a turn back: xi stands still in n, not in the body
+              a2 + dt * (x2 - 0.5 * (r0 * x1 - r1 * x0)), dt, workspace[WORK])    # half a turn back: xi stands still in n, not in the body
     bar.omega[0], bar.omega[1], bar.omega[2] = r0 / dt, r1 / dt, r2 / dt
     f[0], f[1], f[2] = a0 / dt, a1 / dt, a2 / dt
-    made_up = noise.accel > aux[TOLD]
-    _clocks(aux, dt, noise.accel * noise.accel - aux[TOLD] * aux[TOLD] if made_up else 0.0)
-    if not made_up and not outage(aux):
+    made_up = noise.accel > workspace[TOLD]
+    _clocks(workspace, dt, noise.accel * noise.accel - workspace[TOLD] * workspace[TOLD] if made_up else 0.0)
+    if not made_up and not outage(workspace):
         _towards_force(bar, x0, x1, x2, dt)
         _adapt(bar, x0, x1, x2, dt)
-    elif aux[MODE] == FROZEN and not made_up and aux[COURSE] == aux[COURSE]:
-        _towards_heading(bar, aux[COURSE], dt)
+    elif workspace[MODE] == FROZEN and not made_up and workspace[COURSE] == workspace[COURSE]:
+        _towards_heading(bar, workspace[COURSE], dt)
 
 
 @helper
-def outage(aux):
+def outage(workspace):
     """Whether position and velocity have been away for so long that nothing else is injected either."""
-    return aux[SINCE_FIX] > aux[OUTAGE_AFTER]
+    return workspace[SINCE_FIX] > workspace[OUTAGE_AFTER]
 
 
 @inlined
@@ -104,36 +104,36 @@ def _turn_with_n(bar, xi, dt):
 
 
 @helper
-def _clocks(aux, dt, spread):
+def _clocks(workspace, dt, spread):
     """Time goes on; `spread` (m^2/s^3) is the density of velocity that made-up samples add to what the fixes may correct."""
     for i in range(SINCE_FIX, SINCE_FIELD + 1):
-        aux[i] += dt
+        workspace[i] += dt
     for i in range(AGES):
-        aux[OWN + i] += dt
-    aux[OWN + AGES] += spread * dt
-    heading = min(aux[SINCE_COURSE], min(aux[SINCE_HEADING], aux[SINCE_FIELD])) < TRUSTED
-    if aux[FADE] > 1e-3 and (heading or aux[MODE] == NONE) and not outage(aux):     # a start that heading is not part of is none
-        aux[FADE] *= decay(2 * dt / aux[START_TIME])
+        workspace[OWN + i] += dt
+    workspace[OWN + AGES] += spread * dt
+    heading = min(workspace[SINCE_COURSE], min(workspace[SINCE_HEADING], workspace[SINCE_FIELD])) < TRUSTED
+    if workspace[FADE] > 1e-3 and (heading or workspace[MODE] == NONE) and not outage(workspace):     # a start that heading is not part of is none
+        workspace[FADE] *= decay(2 * dt / workspace[START_TIME])
 
 
 @helper
-def gain(aux, name):
+def gain(workspace, name):
     """One of K1 ... WANDER now: for START_TIME that of the start, from then on itself more and more, with half of that time for a time constant."""
-    return aux[name] + (aux[name + START - K1] - aux[name]) * min(aux[FADE], 1.0)
+    return workspace[name] + (workspace[name + START - K1] - workspace[name]) * min(workspace[FADE], 1.0)
 
 
 @inlined
 def turn(bar, s0, s1, s2):
     """Turn the attitude by the rotation vector s (rad, body), f_n = C f + xi staying, and outside an outage the gyro bias by - ki s, bounded."""
-    C, f, xi, aux = bar.C, bar.f, bar.aux[XI:XI + 3], bar.aux
+    C, f, xi, workspace = bar.C, bar.f, bar.workspace[XI:XI + 3], bar.workspace
     b0, b1, b2 = turned(C, f[0], f[1], f[2])
     rotate_right(C, s0, s1, s2)
     n0, n1, n2 = turned(C, f[0], f[1], f[2])
     xi[0] += b0 - n0
     xi[1] += b1 - n1
     xi[2] += b2 - n2
-    ki = 0.0 if outage(aux) else gain(aux, KI)
-    bounded(bar.bg, -ki * s0, -ki * s1, -ki * s2, aux[GYRO_BOUND])
+    ki = 0.0 if outage(workspace) else gain(workspace, KI)
+    bounded(bar.bg, -ki * s0, -ki * s1, -ki * s2, workspace[GYRO_BOUND])
 
 
 @helper
@@ -155,12 +155,12 @@ def bounded(b, d0, d1, d2, bound):
 @inlined
 def _towards_force(bar, x0, x1, x2, dt):
     """sigma of the first direction: the specific force as measured against that of the translational motion observer."""
-    f, aux = bar.f, bar.aux
+    f, workspace = bar.f, bar.workspace
     h0, h1, h2 = f[0] + x0, f[1] + x1, f[2] + x2
     size = math.sqrt((f[0] * f[0] + f[1] * f[1] + f[2] * f[2]) * (h0 * h0 + h1 * h1 + h2 * h2))
     if size < LEAST_FORCE * LEAST_FORCE:
         return
-    k = (1 - decay(gain(aux, K1) * dt)) / size
+    k = (1 - decay(gain(workspace, K1) * dt)) / size
     turn(bar, k * (f[1] * x2 - f[2] * x1), k * (f[2] * x0 - f[0] * x2), k * (f[0] * x1 - f[1] * x0))
 
 
@@ -170,20 +170,20 @@ def _adapt(bar, x0, x1, x2, dt):
 
     With f bias-free and f_n = C f + xi the error y_f - phi' theta = |f_n|^2 - |f_IMU|^2 - theta0 + 2 f_IMU b is 2 f_IMU x + |x - b|^2 - theta0.
     """
-    aux, ba, f = bar.aux, bar.ba, bar.f
+    workspace, ba, f = bar.workspace, bar.ba, bar.f
     b0, b1, b2 = ba[0], ba[1], ba[2]
     m0, m1, m2 = f[0] + b0, f[1] + b1, f[2] + b2
-    e = 2 * (m0 * x0 + m1 * x1 + m2 * x2) + (x0 - b0) * (x0 - b0) + (x1 - b1) * (x1 - b1) + (x2 - b2) * (x2 - b2) - aux[SQUARE]
-    limit = aux[ACCEL_BOUND] * aux[ACCEL_BOUND]
-    rate = aux[ADAPTATION] * (1 - min(aux[FADE], 1.0)) * dt * e / (limit + 4 * (m0 * m0 + m1 * m1 + m2 * m2))
-    aux[SQUARE] = min(max(aux[SQUARE] + rate * limit, 0.0), OUTER * OUTER * limit)
-    bounded(ba, -2 * rate * m0, -2 * rate * m1, -2 * rate * m2, aux[ACCEL_BOUND])
+    e = 2 * (m0 * x0 + m1 * x1 + m2 * x2) + (x0 - b0) * (x0 - b0) + (x1 - b1) * (x1 - b1) + (x2 - b2) * (x2 - b2) - workspace[SQUARE]
+    limit = workspace[ACCEL_BOUND] * workspace[ACCEL_BOUND]
+    rate = workspace[ADAPTATION] * (1 - min(workspace[FADE], 1.0)) * dt * e / (limit + 4 * (m0 * m0 + m1 * m1 + m2 * m2))
+    workspace[SQUARE] = min(max(workspace[SQUARE] + rate * limit, 0.0), OUTER * OUTER * limit)
+    bounded(ba, -2 * rate * m0, -2 * rate * m1, -2 * rate * m2, workspace[ACCEL_BOUND])
     share = dt / FORGETTING
     phi = (1.0, m0 / GRAVITY, m1 / GRAVITY, m2 / GRAVITY)
     k = MOMENT
     for i in range(4):
         for j in range(i, 4):
-            aux[k] += share * (phi[i] * phi[j] - aux[k])
+            workspace[k] += share * (phi[i] * phi[j] - workspace[k])
             k += 1
 
 
@@ -194,19 +194,19 @@ def inject(bar, y, sd, kind, observe, parameters, innovation):
     In an outage only position and velocity, which end it; a heading or field is only remembered as one that is there, so that no course takes its
     place.
     """
-    aux = bar.aux
-    observed(bar, y, observe, parameters, innovation, matrix(aux, H, 3, 15))
-    if outage(aux) and kind != POSITION_KIND and kind != VELOCITY_KIND:
+    workspace = bar.workspace
+    observed(bar, y, observe, parameters, innovation, matrix(workspace, H, 3, 15))
+    if outage(workspace) and kind != POSITION_KIND and kind != VELOCITY_KIND:
         if innovation[0] == innovation[0]:
             if kind == HEADING_KIND:
-                aux[SINCE_HEADING] = 0.0
+                workspace[SINCE_HEADING] = 0.0
             elif kind == MAGNETIC_KIND:
-                aux[SINCE_FIELD] = 0.0
+                workspace[SINCE_FIELD] = 0.0
         return
     if kind == HEADING_KIND:
         if innovation[0] == innovation[0]:
-            _towards_heading(bar, y[0], min(aux[SINCE_HEADING], LONGEST))
-            aux[SINCE_HEADING] = 0.0
+            _towards_heading(bar, y[0], min(workspace[SINCE_HEADING], LONGEST))
+            workspace[SINCE_HEADING] = 0.0
     elif kind == MAGNETIC_KIND:
         if innovation[0] + innovation[1] + innovation[2] == innovation[0] + innovation[1] + innovation[2]:
             _towards_field(bar, y, parameters)
@@ -214,56 +214,56 @@ def inject(bar, y, sd, kind, observe, parameters, innovation):
         if kind == VELOCITY_KIND:
             _course(bar, innovation[0] + bar.v[0], innovation[1] + bar.v[1])
         _translate(bar, kind, innovation, sd)
-        aux[EXCITATION] = smallest(aux)
+        workspace[EXCITATION] = smallest(workspace)
     orthonormalise(bar.C)
 
 
 @inlined
 def _translate(bar, kind, innovation, sd):
     """Position, velocity and xi by the gains at this fix."""
-    aux = bar.aux
-    change = aux[WORK]
+    workspace = bar.workspace
+    change = workspace[WORK]
     for i in range(9):
         change[i] = 0.0
     used = False
     for row in range(1 if kind == ALTITUDE_KIND else 3):
         if innovation[row] == innovation[row]:
             axis, used = 2 if kind == ALTITUDE_KIND else row, True
-            pulled(aux[OWN:OWN + TRANSLATION], axis, kind == VELOCITY_KIND, innovation[row], sd[row], aux[TOLD], gain(aux, WANDER),
+            pulled(workspace[OWN:OWN + TRANSLATION], axis, kind == VELOCITY_KIND, innovation[row], sd[row], workspace[TOLD], gain(workspace, WANDER),
                    change[3 * axis:3 * axis + 3])
     displace(bar.lla, change[0], change[3], change[6])
     for i in range(3):
         bar.v[i] += change[3 * i + 1]
-        aux[XI + i] += change[3 * i + 2]
+        workspace[XI + i] += change[3 * i + 2]
     if used and kind != ALTITUDE_KIND:
-        aux[SINCE_FIX] = 0.0
+        workspace[SINCE_FIX] = 0.0
 
 
 @inlined
 def _course(bar, north, east):
     """The direction of the velocity (m/s) as a heading, where it is fast enough and nothing better is there."""
-    aux = bar.aux
+    workspace = bar.workspace
     speed = math.sqrt(north * north + east * east)
-    if aux[MODE] == NONE or min(aux[SINCE_HEADING], aux[SINCE_FIELD]) <= TRUSTED or not speed == speed:
+    if workspace[MODE] == NONE or min(workspace[SINCE_HEADING], workspace[SINCE_FIELD]) <= TRUSTED or not speed == speed:
         return
-    if speed < aux[LEAST_SPEED]:
-        aux[HELD] += min(aux[OWN + VELOCITY_AGE], LONGEST)
+    if speed < workspace[LEAST_SPEED]:
+        workspace[HELD] += min(workspace[OWN + VELOCITY_AGE], LONGEST)
         return
-    seconds = min(aux[SINCE_COURSE], LONGEST)
-    aux[COURSE], aux[SINCE_COURSE] = math.atan2(east, north), 0.0
-    if aux[MODE] == PRINTED:
+    seconds = min(workspace[SINCE_COURSE], LONGEST)
+    workspace[COURSE], workspace[SINCE_COURSE] = math.atan2(east, north), 0.0
+    if workspace[MODE] == PRINTED:
         C = bar.C
         _towards(bar, north / speed, -east / speed, 0.0, C[0, 0], C[0, 1], C[0, 2], seconds)
     else:
-        _towards_heading(bar, aux[COURSE], seconds)
+        _towards_heading(bar, workspace[COURSE], seconds)
 
 
 @inlined
 def _towards_heading(bar, heading, seconds):
     """sigma of a heading (rad) at the roll and pitch of the belief, over that time: a turn about the vertical, exact for any angle."""
-    C, aux = bar.C, bar.aux
+    C, workspace = bar.C, bar.workspace
     angle = wrap(heading - math.atan2(C[1, 0], C[0, 0]))
-    angle -= _left(angle, gain(aux, K2) * seconds)
+    angle -= _left(angle, gain(workspace, K2) * seconds)
     turn(bar, angle * C[2, 0], angle * C[2, 1], angle * C[2, 2])
 
 
@@ -279,11 +279,11 @@ def _towards_field(bar, y, parameters):
 
     Of both what is across the specific force counts, f x m: a field that dips steeply is almost parallel to it and alone holds the heading badly.
     """
-    C, aux, f = bar.C, bar.aux, bar.f
-    xi, m0, m1, m2 = aux[XI:XI + 3], parameters[0], parameters[1], parameters[2]
+    C, workspace, f = bar.C, bar.workspace, bar.f
+    xi, m0, m1, m2 = workspace[XI:XI + 3], parameters[0], parameters[1], parameters[2]
     e0, e1, e2 = C[0, 0] * m0 + C[1, 0] * m1 + C[2, 0] * m2, C[0, 1] * m0 + C[1, 1] * m1 + C[2, 1] * m2, C[0, 2] * m0 + C[1, 2] * m1 + C[2, 2] * m2
     b0, b1, b2 = y[0], y[1], y[2]
-    if aux[FIELD] == ACROSS:
+    if workspace[FIELD] == ACROSS:
         f0, f1, f2 = f[0], f[1], f[2]
         h0 = f0 + C[0, 0] * xi[0] + C[1, 0] * xi[1] + C[2, 0] * xi[2]
         h1 = f1 + C[0, 1] * xi[0] + C[1, 1] * xi[1] + C[2, 1] * xi[2]
@@ -295,8 +295,8 @@ def _towards_field(bar, y, parameters):
         b0, b1, b2 = f1 * b2 - f2 * b1, f2 * b0 - f0 * b2, f0 * b1 - f1 * b0
     size, known = math.sqrt(b0 * b0 + b1 * b1 + b2 * b2), math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
     if size > 0 and known > 0:
-        _towards(bar, b0 / size, b1 / size, b2 / size, e0 / known, e1 / known, e2 / known, min(aux[SINCE_FIELD], LONGEST))
-        aux[SINCE_FIELD] = 0.0
+        _towards(bar, b0 / size, b1 / size, b2 / size, e0 / known, e1 / known, e2 / known, min(workspace[SINCE_FIELD], LONGEST))
+        workspace[SINCE_FIELD] = 0.0
 
 
 @inlined
@@ -307,18 +307,18 @@ def _towards(bar, b0, b1, b2, e0, e1, e2, seconds):
     if sine < 1e-12:
         return
     angle = math.atan2(sine, cosine)
-    share = (angle - _left(angle, gain(bar.aux, K2) * seconds)) / sine
+    share = (angle - _left(angle, gain(bar.workspace, K2) * seconds)) / sine
     turn(bar, share * c0, share * c1, share * c2)
 
 
 @helper
-def smallest(aux):
+def smallest(workspace):
     """Smallest eigenvalue of the 4 x 4 matrix MOMENT, by Jacobi rotations."""
-    A = matrix(aux, WORK.start, 4, 4)
+    A = matrix(workspace, WORK.start, 4, 4)
     k = MOMENT
     for i in range(4):
         for j in range(i, 4):
-            A[i, j] = A[j, i] = aux[k]
+            A[i, j] = A[j, i] = workspace[k]
             k += 1
     for _ in range(4):
         for p in range(3):

@@ -30,7 +30,7 @@ ROUND = 20
 
 
 def begin(block, start, noise, **options):
-    """Fill an observer's block (BLOCK numbers of an aux array) for a Start, a Noise and options, all of DEFAULTS where not given.
+    """Fill an observer's block (BLOCK numbers of an workspace array) for a Start, a Noise and options, all of DEFAULTS where not given.
 
     Raises ValueError where an option or the start's biases are out of bounds.
     """
@@ -59,12 +59,12 @@ def begin(block, start, noise, **options):
         own[translation_gains.P + 6 * axis + np.array([0, 3, 5])] = start.sd[axis] ** 2, start.sd[3 + axis] ** 2, FORCE_SD ** 2
 
 
-def implant(aux, first, start, noise, **options):
-    """An observer of its own at aux[first:first + EMBEDDED], beginning at `start`: what `observer.embedded` gives a view of. Raises as `begin`."""
+def implant(workspace, first, start, noise, **options):
+    """An observer of its own at workspace[first:first + EMBEDDED], beginning at `start`: what `observer.embedded` gives a view of. Raises as `begin`."""
     C = np.empty((3, 3))
     plain(euler_to_matrix)(*(float(angle) for angle in start.rph), C)
-    aux[first:first + equations.STATE] = *start.lla, *start.v, *C.ravel(), *start.ba, *start.bg, *np.zeros(6)
-    begin(aux[first + equations.STATE:first + equations.EMBEDDED], start, noise, **options)
+    workspace[first:first + equations.STATE] = *start.lla, *start.v, *C.ravel(), *start.ba, *start.bg, *np.zeros(6)
+    begin(workspace[first + equations.STATE:first + equations.EMBEDDED], start, noise, **options)
 
 
 def checked(options):
@@ -120,8 +120,8 @@ def _as_numbers(o):
     return (one.real, a.real, abs(a.imag), 1.0) if a.imag else (one.real, a.real, b.real, 0.0)
 
 
-def fit(options, aidings):
-    """(options with `outage_after` from the sources, notes: gains at their intervals and spectral radius), for Filter.fit.
+def configure(options, aidings):
+    """(options with `outage_after` from the sources, notes: gains at their intervals and spectral radius), for Filter.configure.
 
     Raises ValueError where nothing measures position, or heading or course, or the gains are not stable at the intervals of these fixes.
     """

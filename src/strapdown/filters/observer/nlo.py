@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.contract import CORRECT, PREDICT, Filter, kernel
 from .equations import BLOCK, FORGETTING, advance, inject
-from .gains import DEFAULTS, USES, begin, fit
+from .gains import DEFAULTS, USES, begin, configure
 
 COLUMNS = ("excitation", "course_held [s]", "xi_north [m/s^2]", "xi_east [m/s^2]", "xi_down [m/s^2]")
 LONG_HELD = 10.0        # s without a course that is worth an event
@@ -21,7 +21,7 @@ def start(start, noise, **options):
     beyond the bounds.
     """
     belief = start.belief(np.zeros(BLOCK))
-    begin(belief.aux, start, noise, **options)
+    begin(belief.workspace, start, noise, **options)
     return belief
 
 
@@ -56,4 +56,4 @@ def unobserved(t, lla, columns):
 
 
 NLO = Filter("nlo", "Alam, Whidborne & Millidere (2023) section 2.1; Grip, Fossen, Johansen & Saberi (2015); Hansen et al. (2016)", start,
-             predict, correct, states=(), columns=COLUMNS, uses=USES, fit=fit, watch=unobserved)
+             predict, correct, states=(), columns=COLUMNS, uses=USES, configure=configure, diagnose=unobserved)

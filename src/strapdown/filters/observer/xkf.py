@@ -17,7 +17,7 @@ from ...core.error_state import DX, OWN, WORK, X, added, auxiliary, bias_free, d
 from ...core.kalman import update
 from ...core.mechanization import mechanize
 from .equations import EMBEDDED, advance, embedded, inject
-from .gains import fit as fit_observer
+from .gains import configure as configure_observer
 from .gains import implant
 from .repeated_fix import FORGOTTEN, repeated
 from .repeated_fix import MEMORY as REMEMBERED
@@ -27,8 +27,8 @@ from . import nlo
 COLUMNS = ("observer_error_north [m]", "observer_error_east [m]", "observer_error_down [m]", *nlo.COLUMNS)
 """Estimate - observer; what the observer says of itself."""
 SHIFT, SAID = 3, len(nlo.COLUMNS)
-OBSERVER = len(COLUMNS)             # where the observer begins in aux
-ERROR_STATE = OBSERVER + EMBEDDED   # where the aux array of core/error_state begins
+OBSERVER = len(COLUMNS)             # where the observer begins in workspace
+ERROR_STATE = OBSERVER + EMBEDDED   # where the workspace array of core/error_state begins
 CLOSE, NEAR = OWN, OWN + 1          # there: whether the observer is nearer than NEAR, rad
 INNOVATION = OWN + 2                # of the observer
 BIASES, ORIGIN = OWN + 5, OWN + 11  # of the observer at the start of a step; attitude that delta is counted from, 3 x 3
@@ -46,8 +46,8 @@ def start(start, noise, near=0.0, **observer):
     own = auxiliary(len(start.sd))
     own[CLOSE], own[NEAR], own[MEMORY.start] = near > 0, near, FORGOTTEN
     belief = start.belief(np.r_[np.zeros(ERROR_STATE), own])
-    belief.aux[ERROR_STATE + ORIGIN:][:9] = belief.C.ravel()
-    implant(belief.aux, OBSERVER, start, noise, **observer)
+    belief.workspace[ERROR_STATE + ORIGIN:][:9] = belief.C.ravel()
+    implant(belief.workspace, OBSERVER, start, noise, **observer)
     return belief
 
 
@@ -57,17 +57,17 @@ _near = inspect.Parameter("near", inspect.Parameter.POSITIONAL_OR_KEYWORD, defau
 start.__signature__ = inspect.Signature([_first, _noise, _near, *_of_observer])
 
 
-def fit(options, aidings):
+def configure(options, aidings):
     """What these sources decide of the observer and what it says of itself; refuses what it cannot run on."""
     own = {"near": options["near"]} if "near" in options else {}
-    options, notes = fit_observer({name: value for name, value in options.items() if name not in own}, aidings)
+    options, notes = configure_observer({name: value for name, value in options.items() if name not in own}, aidings)
     return own | options, notes
 
 
 @inlined
 def at(belief, state, ba, bg):
     """P, rate, force and workspace of the belief at the state of another, with these biases: what the linear model is taken at."""
-    return Belief(state.lla, state.v, state.C, ba, bg, belief.P, belief.omega, belief.f, belief.aux[ERROR_STATE:], belief.tail)
+    return Belief(state.lla, state.v, state.C, ba, bg, belief.P, belief.omega, belief.f, belief.workspace[ERROR_STATE:], belief.extra_states)
 
 
 @inlined
@@ -96,11 +96,11 @@ def relate(belief, bar):
     Attitude: with exp(m) from the observer to where its error a was counted from, log(exp(a) exp(m)) = a + m + a x m / 2 + ..., cut where it would
     not be affine in a any more. The whole logarithm would wrap an error of half a turn, which the linear filter has not wrapped.
     """
-    aux, lla = belief.aux[ERROR_STATE:], bar.lla
-    x, o, C = aux[X], aux[ORIGIN:ORIGIN + 9], belief.C
+    workspace, lla = belief.workspace[ERROR_STATE:], bar.lla
+    x, o, C = workspace[X], workspace[ORIGIN:ORIGIN + 9], belief.C
     _, cosine, M, N = place(lla[0], lla[2])
     x[0], x[1], x[2] = (belief.lla[0] - lla[0]) * M, wrap(belief.lla[1] - lla[1]) * N * cosine, lla[2] - belief.lla[2]
-    if aux[CLOSE] > 0:
+    if workspace[CLOSE] > 0:
         x[6], x[7], x[8] = rotation_between(bar.C, (C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2]))
     else:
         m0, m1, m2 = rotation_between(bar.C, (o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7], o[8]))
@@ -110,37 +110,37 @@ def relate(belief, bar):
         x[8] = a2 + m2 + 0.5 * (a0 * m1 - a1 * m0)
     for i in range(3):
         x[3 + i], x[9 + i], x[12 + i] = belief.v[i] - bar.v[i], belief.ba[i] - bar.ba[i], belief.bg[i] - bar.bg[i]
-        belief.aux[i] = x[i]
+        belief.workspace[i] = x[i]
         for j in range(3):
             o[3 * i + j] = bar.C[i, j]
-    aux[CLOSE] = x[6] * x[6] + x[7] * x[7] + x[8] * x[8] < aux[NEAR] * aux[NEAR]
+    workspace[CLOSE] = x[6] * x[6] + x[7] * x[7] + x[8] * x[8] < workspace[NEAR] * workspace[NEAR]
 
 
 @inlined
 def publish(belief, bar):
     """What the observer says of itself, among the extra columns."""
     for i in range(SAID):
-        belief.aux[SHIFT + i] = bar.aux[i]
+        belief.workspace[SHIFT + i] = bar.workspace[i]
 
 
 @inlined
 def carry(belief, bar, u, dt, noise):
     """Carry P and the belief over dt, linearised at the observer, which is left where it is: f(observer) (+) Phi delta."""
-    aux, affine = belief.aux[ERROR_STATE:], belief.aux[ERROR_STATE + CLOSE] == 0
-    ba, bg = aux[BIASES:BIASES + 3], aux[BIASES + 3:BIASES + 6]
+    workspace, affine = belief.workspace[ERROR_STATE:], belief.workspace[ERROR_STATE + CLOSE] == 0
+    ba, bg = workspace[BIASES:BIASES + 3], workspace[BIASES + 3:BIASES + 6]
     for i in range(3):
         ba[i], bg[i] = bar.ba[i], bar.bg[i]
     linearised_step(at(belief, bar, ba, bg), bar.C, 1.0, u, dt, noise, True)
     if affine:
         put(belief, bar)
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
-    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, aux[DX], 1.0)
+    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[DX], 1.0)
     decay_biases(belief.ba, belief.bg, dt, noise)
     if affine:
         for i in range(3):
             for j in range(3):
-                aux[ORIGIN + 3 * i + j] = belief.C[i, j]
-        compose(belief, aux[X])
+                workspace[ORIGIN + 3 * i + j] = belief.C[i, j]
+        compose(belief, workspace[X])
     if dt > 0:
         for i in range(3):
             belief.omega[i], belief.f[i] = u[i] / dt - belief.bg[i], u[3 + i] / dt - belief.ba[i]
@@ -149,20 +149,20 @@ def carry(belief, bar, u, dt, noise):
 @inlined
 def correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation):
     """Correct P and the belief by one fix, linearised at the observer, which is left where it is. Returns the NIS."""
-    aux, n = belief.aux[ERROR_STATE:], belief.P.shape[0]
-    x, dx, H = aux[X], aux[DX], matrix(aux, aux.size - 3 * n, 3, n)
+    workspace, n = belief.workspace[ERROR_STATE:], belief.P.shape[0]
+    x, dx, H = workspace[X], workspace[DX], matrix(workspace, workspace.size - 3 * n, 3, n)
     shift_rates(belief, x, 1.0)     # to those of the observer, for the while
     rows = observed(at(belief, bar, bar.ba, bar.bg), y, observe, parameters, innovation, H)
     shift_rates(belief, x, -1.0)
-    if aux[CLOSE] > 0:
-        observed(at(belief, belief, belief.ba, belief.bg), y, observe, parameters, innovation, matrix(aux, WORK, 3, n))
+    if workspace[CLOSE] > 0:
+        observed(at(belief, belief, belief.ba, belief.bg), y, observe, parameters, innovation, matrix(workspace, WORK, 3, n))
     else:
         for i in range(rows):
             for j in range(STATES):
                 innovation[i] -= H[i, j] * x[j]
             if kind == HEADING_KIND or kind == ATTITUDE_KIND:
                 innovation[i] = wrap(innovation[i])
-    nis = update(belief.P, H, innovation, sd, rows, gate, aux[WORK:], dx)
+    nis = update(belief.P, H, innovation, sd, rows, gate, workspace[WORK:], dx)
     if nis <= gate:
         for i in range(STATES):
             x[i] += dx[i]
@@ -190,20 +190,20 @@ def predict(belief, u, dt, noise):
     advance(bar, u, dt, noise)
     relate(belief, bar)
     publish(belief, bar)
-    belief.aux[ERROR_STATE + MEMORY.start] = FORGOTTEN
+    belief.workspace[ERROR_STATE + MEMORY.start] = FORGOTTEN
 
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct P and the belief around the observer, then let that take the fix, whatever the gate."""
-    bar, aux = embedded(belief, OBSERVER), belief.aux[ERROR_STATE:]
+    bar, workspace = embedded(belief, OBSERVER), belief.workspace[ERROR_STATE:]
     nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
     if kind == POSITION_KIND or kind == VELOCITY_KIND or kind == ALTITUDE_KIND or kind == HEADING_KIND or kind == MAGNETIC_KIND:
-        if not repeated(aux[MEMORY], y, sd, kind, gate, nis):
-            inject(bar, y, sd, kind, observe, parameters, aux[INNOVATION:INNOVATION + 3])
+        if not repeated(workspace[MEMORY], y, sd, kind, gate, nis):
+            inject(bar, y, sd, kind, observe, parameters, workspace[INNOVATION:INNOVATION + 3])
     relate(belief, bar)
     publish(belief, bar)
     return nis
 
 
-XKF = Filter("xkf", "Johansen & Fossen (2017), IJC 90(2)", start, predict, correct, columns=COLUMNS, fit=fit, watch=nlo.NLO.watch)
+XKF = Filter("xkf", "Johansen & Fossen (2017), IJC 90(2)", start, predict, correct, columns=COLUMNS, configure=configure, diagnose=nlo.NLO.diagnose)

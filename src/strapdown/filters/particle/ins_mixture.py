@@ -1,4 +1,4 @@
-"""A mixture of Gaussians on the states of an INS: components in the aux of a belief, their errors about it, its moments, what they foresee of a fix.
+"""A mixture of Gaussians on the states of an INS: components in the workspace of a belief, their errors about it, its moments, what they foresee of a fix.
 
 The belief is the mean on the manifold and the covariance of the mixture. filters/particle/mixture.py has what does not depend on the states.
 """
@@ -17,16 +17,16 @@ from .mixture import accumulate, clear, moments, moments_size, resample_size
 from ...core.rotation import rotation_between, wrap
 
 EFFECTIVE, RESAMPLINGS, REPAIRS, DEGENERATE, COUNT, KERNEL, LEAST = range(7)
-"""Of aux: the output columns; how many components there are, h, and below how many effective ones they are drawn anew."""
+"""Of workspace: the output columns; how many components there are, h, and below how many effective ones they are drawn anew."""
 RANDOM = slice(7, 7 + STREAM)
 FORESEEN = slice(10, 25)    # of a fix: covariance of the innovation (3 x 3), its mean, variances without correlations
-SHARED = 25                 # the aux array of core.error_state that the components take turns with, then what Mixture names
+SHARED = 25                 # the workspace array of core.error_state that the components take turns with, then what Mixture names
 TAIL = 27                   # of a component's numbers: lla, v, C, ba, bg, omega, f before it, P behind it
 
 
 class Mixture(NamedTuple):
-    """What there is beside the belief, as views of its aux."""
-    shared: np.ndarray      # aux array of core.error_state
+    """What there is beside the belief, as views of its workspace."""
+    shared: np.ndarray      # workspace array of core.error_state
     left: np.ndarray        # (n, n) covariance as the last call left it
     sums: np.ndarray        # of core.mixture
     mean: np.ndarray        # (n,)
@@ -41,7 +41,7 @@ class Mixture(NamedTuple):
 
 @inlined
 def shared_size(n):
-    """Numbers of the aux array of an error-state filter with n states."""
+    """Numbers of the workspace array of an error-state filter with n states."""
     return WORK + max(WORKSPACE, used_rows(n) + 13) + 3 * n
 
 
@@ -54,7 +54,7 @@ def width(n):
 @inlined
 def beside(belief):
     """The Mixture of a belief."""
-    aux, n, N = belief.aux, belief.P.shape[0], int(belief.aux[COUNT])
+    workspace, n, N = belief.workspace, belief.P.shape[0], int(belief.workspace[COUNT])
     left = SHARED + shared_size(n)
     sums = left + n * n
     mean = sums + moments_size(n)
@@ -65,9 +65,9 @@ def beside(belief):
     Phi = drawn + N * n
     work = Phi + n * n
     components = work + resample_size(n)
-    return Mixture(aux[SHARED:left], matrix(aux, left, n, n), aux[sums:mean], aux[mean:weights], aux[weights:logs], aux[logs:deviations],
-                   matrix(aux, deviations, N, n), matrix(aux, drawn, N, n), matrix(aux, Phi, n, n), aux[work:components],
-                   matrix(aux, components, N, width(n)))
+    return Mixture(workspace[SHARED:left], matrix(workspace, left, n, n), workspace[sums:mean], workspace[mean:weights], workspace[weights:logs], workspace[logs:deviations],
+                   matrix(workspace, deviations, N, n), matrix(workspace, drawn, N, n), matrix(workspace, Phi, n, n), workspace[work:components],
+                   matrix(workspace, components, N, width(n)))
 
 
 @inlined
@@ -94,8 +94,8 @@ def deviate(own, belief, north, east, x):
     x[6], x[7], x[8] = rotation_between(belief.C, (C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2]))
     for i in range(3):
         x[3 + i], x[9 + i], x[12 + i] = own.v[i] - belief.v[i], own.ba[i] - belief.ba[i], own.bg[i] - belief.bg[i]
-    for i in range(own.tail.size):
-        x[STATES + i] = own.tail[i] - belief.tail[i]
+    for i in range(own.extra_states.size):
+        x[STATES + i] = own.extra_states[i] - belief.extra_states[i]
 
 
 @inlined
@@ -173,8 +173,8 @@ def put(own, belief, x):
         own.lla[i], own.v[i], own.ba[i], own.bg[i] = belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i]
         for j in range(3):
             own.C[i, j] = belief.C[i, j]
-    for i in range(own.tail.size):
-        own.tail[i] = belief.tail[i]
+    for i in range(own.extra_states.size):
+        own.extra_states[i] = belief.extra_states[i]
     inject_all(own, x)
 
 
@@ -184,7 +184,7 @@ def foresee(belief, m, y, sd, kind, observe, parameters, innovation):
 
     Which rows are measured is seen at the belief.
     """
-    n, s, shared = m.mean.size, belief.aux[FORESEEN], m.shared
+    n, s, shared = m.mean.size, belief.workspace[FORESEEN], m.shared
     H, mine, x = matrix(shared, shared.size - 3 * n, 3, n), shared[DX], shared[WORK:]
     observed(belief, y, observe, parameters, innovation, H)
     total = 0.0

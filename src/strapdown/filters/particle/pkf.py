@@ -34,14 +34,14 @@ def start(start, noise, components=500, kernel=None, resample=0.5, seed=0):
     deviations, Phi, random = begin(belief.P, components, kernel, seed)
     N, size = len(deviations), plain(shared_size)(n)
     sizes = SHARED, size, n * n, plain(moments_size)(n), n, N, N, N * n, N * n, n * n, plain(resample_size)(n), N * plain(width)(n)
-    aux = np.zeros(sum(sizes))
-    aux[EFFECTIVE], aux[COUNT], aux[KERNEL], aux[LEAST], aux[RANDOM] = N, N, kernel, resample * N, random
-    aux[SHARED:SHARED + size] = auxiliary(n)
-    belief = belief._replace(aux=aux)
-    parts = dict(zip(Mixture._fields, np.split(aux[SHARED:], np.cumsum(sizes[1:-1]))))
+    workspace = np.zeros(sum(sizes))
+    workspace[EFFECTIVE], workspace[COUNT], workspace[KERNEL], workspace[LEAST], workspace[RANDOM] = N, N, kernel, resample * N, random
+    workspace[SHARED:SHARED + size] = auxiliary(n)
+    belief = belief._replace(workspace=workspace)
+    parts = dict(zip(Mixture._fields, np.split(workspace[SHARED:], np.cumsum(sizes[1:-1]))))
     parts["left"][:], parts["weights"][:] = belief.P.ravel(), 1 / N
     own = parts["components"].reshape(N, -1)
-    own[:] = np.concatenate([part.ravel() for part in (*belief[:5], np.zeros(6), belief.tail, Phi)])
+    own[:] = np.concatenate([part.ravel() for part in (*belief[:5], np.zeros(6), belief.extra_states, Phi)])
     M, E = np.add(plain(curvature)(math.sin(belief.lla[0])), belief.lla[2])
     own[:, 0:3] += deviations[:, 0:3] / [M, E * np.cos(belief.lla[0]), -1]
     own[:, 1] -= 2 * np.pi * np.round(own[:, 1] / (2 * np.pi))
@@ -87,15 +87,15 @@ def predict(belief, u, dt, noise):
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Gate by what the mixture foresees; correct each component, weigh it by its likelihood; draw anew where few are left that count."""
-    m, aux = beside(belief), belief.aux
+    m, workspace = beside(belief), belief.workspace
     carry(belief, m)
     nis = foresee(belief, m, y, sd, kind, observe, parameters, innovation)
     if not nis <= gate:
         return nis
-    aux[DEGENERATE] += _correct_each(m, y, sd, observe, parameters, innovation)
-    aux[EFFECTIVE] = effective(m.weights)
+    workspace[DEGENERATE] += _correct_each(m, y, sd, observe, parameters, innovation)
+    workspace[EFFECTIVE] = effective(m.weights)
     recentre(belief, m)
-    if aux[EFFECTIVE] < aux[LEAST]:
+    if workspace[EFFECTIVE] < workspace[LEAST]:
         _draw_anew(belief, m)
     return nis
 
@@ -103,9 +103,9 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 @inlined
 def _draw_anew(belief, m):
     """Resample; `deviations` are about the belief, and belief and P stay."""
-    aux, first = belief.aux, TAIL + m.mean.size - STATES
-    aux[REPAIRS] += resample(m.weights, m.deviations, m.components, first, belief.P, aux[KERNEL], aux[RANDOM], m.logs, m.drawn, m.Phi, m.work)
-    aux[RESAMPLINGS] += 1
+    workspace, first = belief.workspace, TAIL + m.mean.size - STATES
+    workspace[REPAIRS] += resample(m.weights, m.deviations, m.components, first, belief.P, workspace[KERNEL], workspace[RANDOM], m.logs, m.drawn, m.Phi, m.work)
+    workspace[RESAMPLINGS] += 1
     for i in range(m.weights.size):
         own = component(m, i)
         put(own, belief, m.drawn[i])
@@ -143,4 +143,4 @@ def lost(t, lla, columns):
 
 
 PKF = Filter("pkf", "Hoteit, Luo & Pham (2012), MWR 140(2); Mollaei, Shafieirad & Moradi, section 3.3, corrected", start, predict, correct,
-             columns=COLUMNS, watch=lost)
+             columns=COLUMNS, diagnose=lost)

@@ -13,4 +13,4 @@ def start(start, noise):
     return start.belief(auxiliary(n, symmetric(n), symmetric(n), augmented=False))
 
 
-CKF = Filter("ckf", "Arasaratnam & Haykin (2009), IEEE Trans. Automatic Control 54(6)", start, predict, correct, columns=COLUMNS, watch=repairs)
+CKF = Filter("ckf", "Arasaratnam & Haykin (2009), IEEE Trans. Automatic Control 54(6)", start, predict, correct, columns=COLUMNS, diagnose=repairs)

@@ -1,7 +1,7 @@
 """What the sigma-point filters share: the 15 error states, and those that aidings bring along, through filters/sigma_point/sigma_points.py.
 
 A sigma point is the belief with an error composed into it, as a correction is: metres, a rotation vector from the left, sums. The errors of the
-propagated points are taken back the same way, about the propagated belief. The square root is kept in aux and factored anew where the loop
+propagated points are taken back the same way, about the propagated belief. The square root is kept in workspace and factored anew where the loop
 changed P. Points that would turn further than TURN are drawn in.
 """
 import math
@@ -27,10 +27,10 @@ COLUMNS = ("repairs",)
 
 
 def auxiliary(n, step_set, fix_set, augmented):
-    """The aux array of a sigma-point filter with n states and these two (spread, rest). `augmented`: white noise of the IMU has points of its own."""
-    aux = np.zeros(plain(_table)(n, plain(width)(n)) + (2 * (STATES + 6) + 2 + NOISES + n - STATES) * plain(width)(n))
-    aux[STEP_SPREAD], aux[STEP_REST], aux[SPREAD], aux[REST], aux[AUGMENTED] = *step_set, *fix_set, augmented
-    return aux
+    """The workspace array of a sigma-point filter with n states and these two (spread, rest). `augmented`: white noise of the IMU has points of its own."""
+    workspace = np.zeros(plain(_table)(n, plain(width)(n)) + (2 * (STATES + 6) + 2 + NOISES + n - STATES) * plain(width)(n))
+    workspace[STEP_SPREAD], workspace[STEP_REST], workspace[SPREAD], workspace[REST], workspace[AUGMENTED] = *step_set, *fix_set, augmented
+    return workspace
 
 
 @inlined
@@ -59,10 +59,10 @@ def _table(n, lanes):
 
 @inlined
 def _point(belief, n, lanes):
-    """The sigma point, as a Belief of its own; P and aux are those of `belief`."""
-    aux, own = belief.aux, _own(n, lanes)
-    return Belief(aux[POINT:POINT + 3], aux[POINT + 3:POINT + 6], matrix(aux, POINT + 6, 3, 3), aux[POINT + 15:POINT + 18], aux[POINT + 18:POINT + 21],
-                  belief.P, aux[POINT + 21:POINT + 24], aux[POINT + 24:POINT + 27], aux, aux[own:own + n - STATES])
+    """The sigma point, as a Belief of its own; P and workspace are those of `belief`."""
+    workspace, own = belief.workspace, _own(n, lanes)
+    return Belief(workspace[POINT:POINT + 3], workspace[POINT + 3:POINT + 6], matrix(workspace, POINT + 6, 3, 3), workspace[POINT + 15:POINT + 18], workspace[POINT + 18:POINT + 21],
+                  belief.P, workspace[POINT + 21:POINT + 24], workspace[POINT + 24:POINT + 27], workspace, workspace[own:own + n - STATES])
 
 
 @inlined
@@ -75,20 +75,20 @@ def _copied(belief, lla, v, C):
 @helper
 def _refreshed(belief, n, lanes):
     """The square root of P, anew where P is not what was left."""
-    aux, numbers, first, changed = belief.aux, flatten(belief.P), _known(n, lanes), 0.0
+    workspace, numbers, first, changed = belief.workspace, flatten(belief.P), _known(n, lanes), 0.0
     for i in range(n * n):
-        changed += abs(numbers[i] - aux[first + i])
+        changed += abs(numbers[i] - workspace[first + i])
     if not changed == 0:
-        aux[REPAIRED] += factor(belief.P, n, lanes, aux[ROOT:])
+        workspace[REPAIRED] += factor(belief.P, n, lanes, workspace[ROOT:])
 
 
 @helper
-def _drawn_in(aux, lanes, spread, rest):
+def _drawn_in(workspace, lanes, spread, rest):
     """(spread, rest) of a set so close that no point turns by more than TURN; `rest` is that of the set with its alpha smaller (exactly so for kappa = 0)."""
     most = 0.0
     for i in range(9):
         row = ROOT + lanes * i
-        most = max(most, aux[row + 6] * aux[row + 6] + aux[row + 7] * aux[row + 7] + aux[row + 8] * aux[row + 8])
+        most = max(most, workspace[row + 6] * workspace[row + 6] + workspace[row + 7] * workspace[row + 7] + workspace[row + 8] * workspace[row + 8])
     if not spread * spread * most > TURN * TURN:
         return spread, rest
     nearer = TURN / math.sqrt(most)
@@ -98,13 +98,13 @@ def _drawn_in(aux, lanes, spread, rest):
 @helper
 def _published(belief, n, lanes):
     """P from its square root, and the copy by which a change is noticed."""
-    aux, numbers, first = belief.aux, flatten(belief.P), _known(n, lanes)
+    workspace, numbers, first = belief.workspace, flatten(belief.P), _known(n, lanes)
     if n == 15:     # here and below the same code with constant lengths
-        covariance(aux[ROOT:], 15, 16, belief.P)
+        covariance(workspace[ROOT:], 15, 16, belief.P)
     else:
-        covariance(aux[ROOT:], n, lanes, belief.P)
+        covariance(workspace[ROOT:], n, lanes, belief.P)
     for i in range(n * n):
-        aux[first + i] = numbers[i]
+        workspace[first + i] = numbers[i]
 
 
 @helper
@@ -122,26 +122,26 @@ def _reduced(A, pairs, still, rows, n, lanes, spread, rest, mean):
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
     """One IMU sample through all points. White noise has points of its own, or its rows are added, to first order in dt."""
-    aux, ba, bg, n = belief.aux, belief.ba, belief.bg, belief.P.shape[0]
-    lanes, augmented = width(n), aux[AUGMENTED] > 0
+    workspace, ba, bg, n = belief.workspace, belief.ba, belief.bg, belief.P.shape[0]
+    lanes, augmented = width(n), workspace[AUGMENTED] > 0
     _refreshed(belief, n, lanes)
-    lla, v, C, dv_n = aux[CENTRE:CENTRE + 3], aux[CENTRE + 3:CENTRE + 6], matrix(aux, CENTRE + 6, 3, 3), aux[CENTRE + 15:CENTRE + 18]
+    lla, v, C, dv_n = workspace[CENTRE:CENTRE + 3], workspace[CENTRE + 3:CENTRE + 6], matrix(workspace, CENTRE + 6, 3, 3), workspace[CENTRE + 15:CENTRE + 18]
     r0, r1, r2, a0, a1, a2 = bias_free(u, ba, bg, dt)
     _copied(belief, lla, v, C)
     mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, dv_n)
-    A, own, pairs = aux[_table(n, lanes):], _own(n, lanes), STATES + (6 if augmented else 0)
-    spread, rest = _drawn_in(aux, lanes, aux[STEP_SPREAD], aux[STEP_REST])
-    mean, root = aux[own + n:own + n + lanes], math.sqrt(dt)
+    A, own, pairs = workspace[_table(n, lanes):], _own(n, lanes), STATES + (6 if augmented else 0)
+    spread, rest = _drawn_in(workspace, lanes, workspace[STEP_SPREAD], workspace[STEP_REST])
+    mean, root = workspace[own + n:own + n + lanes], math.sqrt(dt)
     _spread_out(n, lanes, pairs, spread, belief, r0, r1, r2, a0, a1, a2, dt, spread * root * noise.gyro, spread * root * noise.accel,
                 decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt))
     rows = _noise_rows(n, lanes, 2 * pairs + 1, augmented, belief, dt, root, noise)
     take = _reduced(A, pairs, n - STATES + (6 if augmented else 0), rows, n, lanes, spread, rest, mean)
     for i in range(n * lanes):
-        aux[ROOT + i] = A[i]
+        workspace[ROOT + i] = A[i]
     if take > 0:
         for i in range(n):
             mean[i] *= take
-        aux[REPAIRED] += downdate(aux[ROOT:], mean, n, lanes, aux[own + n + lanes + 3 * n:])
+        workspace[REPAIRED] += downdate(workspace[ROOT:], mean, n, lanes, workspace[own + n + lanes + 3 * n:])
         for i in range(n):
             mean[i] /= take
     for i in range(3):
@@ -157,15 +157,15 @@ def predict(belief, u, dt, noise):
 @helper
 def _spread_out(n, lanes, pairs, spread, belief, r0, r1, r2, a0, a1, a2, dt, gyro, accel, keep_a, keep_g):
     """The errors of the propagated points about the propagated belief, into the table: those with +, then those with -."""
-    aux, point, error = belief.aux, _point(belief, n, lanes), belief.aux[_own(n, lanes) + n:]
-    A, C = aux[_table(n, lanes):], matrix(aux, CENTRE + 6, 3, 3)
-    sine, cosine, M, N = place(aux[CENTRE], aux[CENTRE + 2])
+    workspace, point, error = belief.workspace, _point(belief, n, lanes), belief.workspace[_own(n, lanes) + n:]
+    A, C = workspace[_table(n, lanes):], matrix(workspace, CENTRE + 6, 3, 3)
+    sine, cosine, M, N = place(workspace[CENTRE], workspace[CENTRE + 2])
     for k in range(2 * pairs):
         j, sign = (k, 1.0) if k < pairs else (k - pairs, -1.0)
         row, x0, x1, x2, y0, y1, y2 = lanes * k, r0, r1, r2, a0, a1, a2
         _copied(belief, point.lla, point.v, point.C)
         for lane in range(lanes):
-            error[lane] = sign * spread * aux[ROOT + lanes * j + lane] if j < STATES else 0.0
+            error[lane] = sign * spread * workspace[ROOT + lanes * j + lane] if j < STATES else 0.0
         if j < 9:
             added(point.lla, point.v, point.C, error)
         if j < STATES:
@@ -175,16 +175,16 @@ def _spread_out(n, lanes, pairs, spread, belief, r0, r1, r2, a0, a1, a2, dt, gyr
             i = j - STATES
             x0, x1, x2 = r0 + sign * gyro * (i == 0), r1 + sign * gyro * (i == 1), r2 + sign * gyro * (i == 2)
             y0, y1, y2 = a0 + sign * accel * (i == 3), a1 + sign * accel * (i == 4), a2 + sign * accel * (i == 5)
-        mechanize(point.lla, point.v, point.C, x0, x1, x2, y0, y1, y2, dt, aux[CENTRE + 15:CENTRE + 18])
+        mechanize(point.lla, point.v, point.C, x0, x1, x2, y0, y1, y2, dt, workspace[CENTRE + 15:CENTRE + 18])
         for lane in range(9, lanes):
             A[row + lane] = error[lane]
         for i in range(3):
             A[row + 9 + i] *= keep_a
             A[row + 12 + i] *= keep_g
-            A[row + 3 + i] = point.v[i] - aux[CENTRE + 3 + i]
-        A[row] = (point.lla[0] - aux[CENTRE]) * M
-        A[row + 1] = wrap(point.lla[1] - aux[CENTRE + 1]) * N * cosine
-        A[row + 2] = aux[CENTRE + 2] - point.lla[2]
+            A[row + 3 + i] = point.v[i] - workspace[CENTRE + 3 + i]
+        A[row] = (point.lla[0] - workspace[CENTRE]) * M
+        A[row + 1] = wrap(point.lla[1] - workspace[CENTRE + 1]) * N * cosine
+        A[row + 2] = workspace[CENTRE + 2] - point.lla[2]
         c = point.C
         A[row + 6], A[row + 7], A[row + 8] = rotation_between(C, (c[0, 0], c[0, 1], c[0, 2], c[1, 0], c[1, 1], c[1, 2], c[2, 0], c[2, 1], c[2, 2]))
 
@@ -192,10 +192,10 @@ def _spread_out(n, lanes, pairs, spread, belief, r0, r1, r2, a0, a1, a2, dt, gyr
 @helper
 def _noise_rows(n, lanes, rows, augmented, belief, dt, root, noise):
     """Append what has no points: states that aidings brought along, driving noise of the biases and, unless `augmented`, white noise. Returns the rows."""
-    aux, A = belief.aux, belief.aux[_table(n, lanes):]
+    workspace, A = belief.workspace, belief.workspace[_table(n, lanes):]
     for j in range(STATES, n):
         for lane in range(lanes):
-            A[lanes * rows + lane] = aux[ROOT + lanes * j + lane]
+            A[lanes * rows + lane] = workspace[ROOT + lanes * j + lane]
         rows += 1
     last = rows + (6 if augmented else NOISES)
     for i in range(lanes * rows, lanes * last):
@@ -204,7 +204,7 @@ def _noise_rows(n, lanes, rows, augmented, belief, dt, root, noise):
         A[lanes * (rows + i) + 9 + i], A[lanes * (rows + 3 + i) + 12 + i] = root * noise.accel_bias, root * noise.gyro_bias
     if not augmented:
         half = 0.5 * root * noise.gyro      # the tilt grows over the sample in which it turns the specific force
-        d0, d1, d2 = half * aux[CENTRE + 15], half * aux[CENTRE + 16], half * aux[CENTRE + 17]
+        d0, d1, d2 = half * workspace[CENTRE + 15], half * workspace[CENTRE + 16], half * workspace[CENTRE + 17]
         for i in range(3):
             turned, pushed = lanes * (rows + 6 + i), lanes * (rows + 9 + i)
             A[turned + 6 + i], A[pushed + 3 + i], A[pushed + i] = root * noise.gyro, root * noise.accel, 0.5 * dt * root * noise.accel
@@ -216,15 +216,15 @@ def _noise_rows(n, lanes, rows, augmented, belief, dt, root, noise):
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """One fix: `observe` at every point, the correction, its injection. Returns the NIS."""
-    aux, n = belief.aux, belief.P.shape[0]
+    workspace, n = belief.workspace, belief.P.shape[0]
     lanes = width(n)
     own = _own(n, lanes)
     _refreshed(belief, n, lanes)
-    point, dx, H = _point(belief, n, lanes), aux[own + n:own + n + lanes], matrix(aux, own + n + lanes, 3, n)
+    point, dx, H = _point(belief, n, lanes), workspace[own + n:own + n + lanes], matrix(workspace, own + n + lanes, 3, n)
     work = own + n + lanes + 3 * n + 3 * (2 * n + 1)
     rows = observed(belief, y, observe, parameters, innovation, H)
-    spread, rest = _drawn_in(aux, lanes, aux[SPREAD], aux[REST])
-    E, variance = matrix(aux, own + n + lanes + 3 * n, 2 * n + 1, rows), aux[CENTRE:CENTRE + 3]
+    spread, rest = _drawn_in(workspace, lanes, workspace[SPREAD], workspace[REST])
+    E, variance = matrix(workspace, own + n + lanes + 3 * n, 2 * n + 1, rows), workspace[CENTRE:CENTRE + 3]
     for a in range(rows):
         terms = 0.0
         for j in range(n):
@@ -233,12 +233,12 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     for k in range(2 * n):
         j, scale = (k, spread) if k < n else (k - n, -spread)
         for lane in range(lanes):
-            dx[lane] = scale * aux[ROOT + lanes * j + lane]
+            dx[lane] = scale * workspace[ROOT + lanes * j + lane]
         _moved(belief, point, dx)
         observe(point, y, parameters, innovation, H)
         _unwrapped(kind, rows, E, 1 + k, dx, H, innovation)
-    nis, repaired = corrected(aux[ROOT:], n, lanes, E, rows, spread, rest, variance, gate, innovation, aux[work:], dx)
-    aux[REPAIRED] += repaired
+    nis, repaired = corrected(workspace[ROOT:], n, lanes, E, rows, spread, rest, variance, gate, innovation, workspace[work:], dx)
+    workspace[REPAIRED] += repaired
     if nis <= gate:
         inject_all(belief, dx)
         _published(belief, n, lanes)
@@ -253,8 +253,8 @@ def _moved(belief, point, dx):
     for i in range(3):
         point.ba[i], point.bg[i] = belief.ba[i] + dx[9 + i], belief.bg[i] + dx[12 + i]
         point.f[i], point.omega[i] = belief.f[i] - dx[9 + i], belief.omega[i] - dx[12 + i]
-    for i in range(belief.tail.size):
-        point.tail[i] = belief.tail[i] + dx[STATES + i]
+    for i in range(belief.extra_states.size):
+        point.extra_states[i] = belief.extra_states[i] + dx[STATES + i]
 
 
 @helper

@@ -28,4 +28,4 @@ def start(start, noise, sigma="merwe", alpha=0.1, beta=2.0, kappa=0.0):
 
 
 UKF = Filter("ukf", "Julier & Uhlmann (2004); Van der Merwe (2004); Mollaei, Shafieirad & Moradi (2025) section 3.2", start, predict, correct,
-             columns=COLUMNS, watch=repairs)
+             columns=COLUMNS, diagnose=repairs)

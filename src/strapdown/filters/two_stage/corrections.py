@@ -27,24 +27,24 @@ def gather(belief, bar, u, r0, r1, r2, dt, made_up):
 
     The gyros carry both along. Over a gap the loop makes samples up: then the means begin anew.
     """
-    aux, C, v, b = belief.aux, bar.C, bar.v, bar.ba
-    aux[SINCE_VELOCITY] += dt
-    aux[SINCE_HEADING] += dt
+    workspace, C, v, b = belief.workspace, bar.C, bar.v, bar.ba
+    workspace[SINCE_VELOCITY] += dt
+    workspace[SINCE_HEADING] += dt
     if made_up:
-        restart(aux)
+        restart(workspace)
         return
     x, y, z = to_body(C, v[0], v[1], v[2])
-    share, free = dt / (aux[SECONDS] + dt), dt * (1 - aux[RAW])
+    share, free = dt / (workspace[SECONDS] + dt), dt * (1 - workspace[RAW])
     force = (0.0, 0.0, 0.0, u[3] - free * b[0], u[4] - free * b[1], u[5] - free * b[2])
-    attitude_error_state.carry(aux[FORCE], force, r0, r1, r2, dt, share)
-    attitude_error_state.carry(aux[CENTRIFUGAL], (0.0, 0.0, 0.0, r1 * z - r2 * y, r2 * x - r0 * z, r0 * y - r1 * x), r0, r1, r2, dt, share)
-    aux[SECONDS] += dt
+    attitude_error_state.carry(workspace[FORCE], force, r0, r1, r2, dt, share)
+    attitude_error_state.carry(workspace[CENTRIFUGAL], (0.0, 0.0, 0.0, r1 * z - r2 * y, r2 * x - r0 * z, r0 * y - r1 * x), r0, r1, r2, dt, share)
+    workspace[SECONDS] += dt
 
 
 @helper
-def restart(aux):
+def restart(workspace):
     """A new window, which begins without a velocity fix."""
-    aux[SECONDS] = aux[KNOWN] = 0.0
+    workspace[SECONDS] = workspace[KNOWN] = 0.0
 
 
 @inlined
@@ -53,13 +53,13 @@ def level_alone(belief, bar, noise):
 
     Returns how many. What the velocity is uncertain by times the rate, and what is left that differs from gravity in size, counts as noise.
     """
-    aux, P, w, T = belief.aux, belief.P, bar.omega, belief.aux[SECONDS]
-    if aux[SINCE_VELOCITY] < PATIENCE or T < aux[WINDOW]:
+    workspace, P, w, T = belief.workspace, belief.P, bar.omega, belief.workspace[SECONDS]
+    if workspace[SINCE_VELOCITY] < PATIENCE or T < workspace[WINDOW]:
         return 0
-    f, a = aux[FORCE], aux[CENTRIFUGAL]
+    f, a = workspace[FORCE], workspace[CENTRIFUGAL]
     swing = (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) * (P[3, 3] + P[4, 4] + P[5, 5])
-    _level(belief, bar, f[0] - a[0], f[1] - a[1], f[2] - a[2], (aux[ACCELERATION] + noise.accel * noise.accel) / T + swing)
-    restart(aux)
+    _level(belief, bar, f[0] - a[0], f[1] - a[1], f[2] - a[2], (workspace[ACCELERATION] + noise.accel * noise.accel) / T + swing)
+    restart(workspace)
     return 3
 
 
@@ -69,10 +69,10 @@ def level_by_velocity(belief, bar, v0, v1, v2, variance):
 
     v is the velocity at the IMU as the fix has it, m/s NED, `variance` that of one of its components. Begins a new window.
     """
-    aux, P, C, f, then, T = belief.aux, belief.P, bar.C, belief.aux[FORCE], belief.aux[VELOCITY_THEN], belief.aux[SECONDS]
-    aux[SINCE_VELOCITY] = 0.0
-    known = aux[KNOWN] > 0
-    if known and T < 0.9 * aux[WINDOW]:
+    workspace, P, C, f, then, T = belief.workspace, belief.P, bar.C, belief.workspace[FORCE], belief.workspace[VELOCITY_THEN], belief.workspace[SECONDS]
+    workspace[SINCE_VELOCITY] = 0.0
+    known = workspace[KNOWN] > 0
+    if known and T < 0.9 * workspace[WINDOW]:
         return 0
     if known:
         lat = bar.lla[0]
@@ -80,18 +80,18 @@ def level_by_velocity(belief, bar, v0, v1, v2, variance):
         a0, a1, a2 = (v0 - then[0]) / T - w2 * v1, (v1 - then[1]) / T + w2 * v0 - w0 * v2, (v2 - then[2]) / T + w0 * v1
         b0, b1, b2 = to_body(C, a0, a1, a2)
         turned = (a0 * a0 + a1 * a1) * P[8, 8]
-        _level(belief, bar, f[0] - b0, f[1] - b1, f[2] - b2, aux[ACCELERATION] / T + 2 * variance / (T * T) + turned)
-    aux[SECONDS], aux[KNOWN], then[0], then[1], then[2] = 0.0, 1.0, v0, v1, v2
+        _level(belief, bar, f[0] - b0, f[1] - b1, f[2] - b2, workspace[ACCELERATION] / T + 2 * variance / (T * T) + turned)
+    workspace[SECONDS], workspace[KNOWN], then[0], then[1], then[2] = 0.0, 1.0, v0, v1, v2
     return 3 if known else 0
 
 
 @inlined
 def _level(belief, bar, z0, z1, z2, variance):
     """Rows of the specific force z against gravity (m/s^2, body): f = g [sin theta, -cos theta sin phi, -cos theta cos phi]."""
-    aux, n, C = belief.aux, belief.P.shape[0], bar.C
-    H, e, deviation = matrix(aux, aux.size - 3 * n, 3, n), aux[INNOVATION], aux[DEVIATION]
+    workspace, n, C = belief.workspace, belief.P.shape[0], bar.C
+    H, e, deviation = matrix(workspace, workspace.size - 3 * n, 3, n), workspace[INNOVATION], workspace[DEVIATION]
     g = gravity(math.sin(bar.lla[0]), bar.lla[2])
-    of_bias = 1 - aux[RAW]
+    of_bias = 1 - workspace[RAW]
     excess = math.sqrt(z0 * z0 + z1 * z1 + z2 * z2) - g
     z = (z0, z1, z2)
     for i in range(3):
@@ -99,7 +99,7 @@ def _level(belief, bar, z0, z1, z2, variance):
             H[i, j] = 0.0
         H[i, 6], H[i, 7] = -g * C[1, i], g * C[0, i]
         e[i], deviation[i] = z[i] + g * C[2, i], math.sqrt(variance + excess * excess + of_bias * belief.P[9 + i, 9 + i])
-    _less_known(aux, H, e, 3)
+    _less_known(workspace, H, e, 3)
 
 
 @inlined
@@ -109,44 +109,44 @@ def course(belief, bar, v0, v1, sd, since):
     Not near standstill nor in a bank; then the heading is held and the time counted. The angle between course and heading lasts: its standard
     deviation is so much larger that independent errors have the low-frequency power of lasting ones.
     """
-    aux, n, C = belief.aux, belief.P.shape[0], bar.C
+    workspace, n, C = belief.workspace, belief.P.shape[0], bar.C
     speed, bank = math.hypot(v0, v1), math.atan2(C[2, 1], C[2, 2])
-    if aux[COURSE] == 0 or aux[SINCE_HEADING] < TRUSTED:
+    if workspace[COURSE] == 0 or workspace[SINCE_HEADING] < TRUSTED:
         return 0
-    if not (speed >= aux[LEAST_SPEED] and abs(bank) <= aux[LARGEST_BANK]):
-        aux[HELD] += min(since, PATIENCE)
+    if not (speed >= workspace[LEAST_SPEED] and abs(bank) <= workspace[LARGEST_BANK]):
+        workspace[HELD] += min(since, PATIENCE)
         return 0
-    H, e, deviation = matrix(aux, aux.size - 3 * n, 3, n), aux[INNOVATION], aux[DEVIATION]
+    H, e, deviation = matrix(workspace, workspace.size - 3 * n, 3, n), workspace[INNOVATION], workspace[DEVIATION]
     horizontal = max(C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0], LEAST_COSINE * LEAST_COSINE)
     for j in range(n):
         H[0, j] = 0.0
     H[0, 6], H[0, 7], H[0, 8] = -C[2, 0] * C[0, 0] / horizontal, -C[2, 0] * C[1, 0] / horizontal, 1.0
     e[0] = math.atan2(v1, v0) - math.atan2(C[1, 0], C[0, 0])
-    _less_known(aux, H, e, 1)
+    _less_known(workspace, H, e, 1)
     e[0] = wrap(e[0])
-    lasting = max(2 * aux[CORRELATION] / max(since, 1e-3), 1.0)
-    deviation[0] = math.sqrt(sd * sd / (speed * speed) + aux[CRAB] * aux[CRAB] * lasting)
+    lasting = max(2 * workspace[CORRELATION] / max(since, 1e-3), 1.0)
+    deviation[0] = math.sqrt(sd * sd / (speed * speed) + workspace[CRAB] * workspace[CRAB] * lasting)
     return 1
 
 
 @helper
-def correct_rows(P, aux, innovation, sd, rows, gate, bound):
-    """Correct P and aux[ERROR] by rows whose H is ready, unless NIS > gate. Returns the NIS.
+def correct_rows(P, workspace, innovation, sd, rows, gate, bound):
+    """Correct P and workspace[ERROR] by rows whose H is ready, unless NIS > gate. Returns the NIS.
 
     Nothing else may call `update`: compilers copy it each time.
 
     Rows of stage 1's own, with a finite `bound`: further off than that (NIS) they count for less, never for nothing. Where so many in a row were, P
     of stage 1 is too small: it grows as the loop lets it grow when it lifts a gate.
     """
-    x, dx, n = aux[ERROR], aux[DX], P.shape[0]
-    H, own, far = matrix(aux, aux.size - 3 * n, 3, n), bound < math.inf, FAR + (rows == 1)
+    x, dx, n = workspace[ERROR], workspace[DX], P.shape[0]
+    H, own, far = matrix(workspace, workspace.size - 3 * n, 3, n), bound < math.inf, FAR + (rows == 1)
     while True:
-        nis = update_fifteen(P, H, innovation, sd, rows, -1.0 if own else gate, aux[WORK:], dx)
+        nis = update_fifteen(P, H, innovation, sd, rows, -1.0 if own else gate, workspace[WORK:], dx)
         if not own:
             break
         own, excess = False, nis / bound
-        aux[far] = aux[far] + 1 if excess > 1 else 0.0
-        if aux[far] >= MANY:
+        workspace[far] = workspace[far] + 1 if excess > 1 else 0.0
+        if workspace[far] >= MANY:
             _grow(P, min(excess, MOST))
         elif excess > 1:
             for i in range(rows):
@@ -168,9 +168,9 @@ def _grow(P, factor):
 
 
 @helper
-def _less_known(aux, H, innovation, rows):
+def _less_known(workspace, H, innovation, rows):
     """Innovations at the estimate, affine, from those at `bar`."""
-    x = aux[ERROR]
+    x = workspace[ERROR]
     for i in range(rows):
         for j in range(15):
             innovation[i] -= H[i, j] * x[j]
@@ -178,24 +178,24 @@ def _less_known(aux, H, innovation, rows):
 
 @inlined
 def see(belief, bar, y, sd, kind, observe, parameters, innovation):
-    """Innovation at the estimate and H of a fix, in its own stage alone, and the standard deviations of its rows in aux[DV]. Returns the rows.
+    """Innovation at the estimate and H of a fix, in its own stage alone, and the standard deviations of its rows in workspace[DV]. Returns the rows.
 
     Attitude and gyro bias are known to stage 2: their columns, lever arms included, are zero there.
     """
-    aux, n, C, used = belief.aux, belief.P.shape[0], bar.C, belief.aux[DV]
-    H = matrix(aux, aux.size - 3 * n, 3, n)
+    workspace, n, C, used = belief.workspace, belief.P.shape[0], bar.C, belief.workspace[DV]
+    H = matrix(workspace, workspace.size - 3 * n, 3, n)
     rows = observed(bar, y, observe, parameters, innovation, H)
     for i in range(rows):
         used[i] = sd[i]
         if not oriented(kind):
             for j in range(3):
                 H[i, 6 + j] = H[i, 12 + j] = 0.0
-    if kind == VELOCITY_KIND and aux[DOWN] > 0:     # the third component of C' (y - v)
+    if kind == VELOCITY_KIND and workspace[DOWN] > 0:     # the third component of C' (y - v)
         innovation[0] = C[0, 2] * innovation[0] + C[1, 2] * innovation[1] + C[2, 2] * innovation[2]
         used[0] = math.sqrt((C[0, 2] * sd[0]) ** 2 + (C[1, 2] * sd[1]) ** 2 + (C[2, 2] * sd[2]) ** 2)
         H[0, 3], H[0, 4], H[0, 5], rows = C[0, 2], C[1, 2], C[2, 2], 1
         innovation[1] = innovation[2] = math.nan
-    _less_known(aux, H, innovation, rows)
+    _less_known(workspace, H, innovation, rows)
     if kind == HEADING_KIND:
         innovation[0] = wrap(innovation[0])
     return rows
@@ -208,20 +208,20 @@ def oriented(kind):
 
 
 @helper
-def used(aux, kind):
+def used(workspace, kind):
     """A fix of that kind was used."""
     if oriented(kind):
-        aux[SINCE_HEADING] = 0.0
+        workspace[SINCE_HEADING] = 0.0
 
 
 @inlined
 def steer(belief, bar, y, sd, observe, parameters, innovation):
     """What a velocity fix tells stage 1: the direction of gravity by the change of velocity, and the course. Writes the innovation at `bar`."""
-    aux, n = belief.aux, belief.P.shape[0]
-    observed(bar, y, observe, parameters, innovation, matrix(aux, aux.size - 3 * n, 3, n))
-    v0, v1, v2, since = bar.v[0] + innovation[0], bar.v[1] + innovation[1], bar.v[2] + innovation[2], aux[SINCE_VELOCITY]
+    workspace, n = belief.workspace, belief.P.shape[0]
+    observed(bar, y, observe, parameters, innovation, matrix(workspace, workspace.size - 3 * n, 3, n))
+    v0, v1, v2, since = bar.v[0] + innovation[0], bar.v[1] + innovation[1], bar.v[2] + innovation[2], workspace[SINCE_VELOCITY]
     seen = v0 + v1 + v2 == v0 + v1 + v2
     if seen and level_by_velocity(belief, bar, v0, v1, v2, (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / 3) > 0:
-        correct_rows(belief.P, aux, aux[INNOVATION], aux[DEVIATION], 3, math.inf, FAR_VECTOR)
+        correct_rows(belief.P, workspace, workspace[INNOVATION], workspace[DEVIATION], 3, math.inf, FAR_VECTOR)
     if v0 + v1 == v0 + v1 and course(belief, bar, v0, v1, math.hypot(sd[0], sd[1]) * math.sqrt(0.5), since) > 0:
-        correct_rows(belief.P, aux, aux[INNOVATION], aux[DEVIATION], 1, math.inf, FAR_SCALAR)
+        correct_rows(belief.P, workspace, workspace[INNOVATION], workspace[DEVIATION], 1, math.inf, FAR_SCALAR)

@@ -5,7 +5,7 @@ driven by f - b_a - omega x v_b + C_bn [0 0 g] and corrected by what measures po
 equations (4)-(10) as corrected in docs/two-stage.md; Rohac et al. (2017).
 
 The model is linearised at `bar`, which holds lla, v, C, ba, bg and omega as a Belief does: the estimate itself, or one that comes from elsewhere. The
-estimate less `bar` is kept in aux[ERROR]. That and P are in the library's coordinates, which with the Jacobian J of the Euler angles (n x d C = J d
+estimate less `bar` is kept in workspace[ERROR]. That and P are in the library's coordinates, which with the Jacobian J of the Euler angles (n x d C = J d
 Theta) and C are those of the model: F of the Euler angles is J^-1 F J, velocity in the body is C' times that in n. So what `bar` moves at other
 than by its own motion must be told to `turn_attitude` and `turn_velocity`. P has no covariance between the stages.
 """
@@ -44,8 +44,8 @@ USES = ("position", "velocity", "altitude", "heading", "magnetic-field", "speed"
 NO_HEADING = "nothing measures the heading: it drifts with the gyro bias"
 
 
-def configure(belief, noise, velocity, course, level, least_speed, largest_bank, crab, correlation, window, acceleration):
-    """Put the options into aux. Raises ValueError naming a bad one."""
+def set_options(belief, noise, velocity, course, level, least_speed, largest_bank, crab, correlation, window, acceleration):
+    """Put the options into workspace. Raises ValueError naming a bad one."""
     for name, value, known in (("velocity", velocity, ("full", "down")), ("course", course, ("gnss", "none")),
                                ("level", level, ("bias-free", "raw"))):
         if value not in known:
@@ -57,14 +57,14 @@ def configure(belief, noise, velocity, course, level, least_speed, largest_bank,
         raise ValueError(f"window is {window} s; it must be above 0 and below {PATIENCE:g} s")
     if not 0 < largest_bank <= 90:
         raise ValueError(f"largest_bank is {largest_bank} deg; it must be above 0 and at most 90")
-    aux = belief.aux
-    aux[DOWN], aux[COURSE], aux[LEAST_SPEED], aux[LARGEST_BANK] = velocity == "down", course == "gnss", least_speed, math.radians(largest_bank)
-    aux[CRAB], aux[CORRELATION], aux[WINDOW], aux[ACCELERATION] = math.radians(crab), correlation, window, acceleration ** 2
-    aux[TOLD], aux[SINCE_VELOCITY], aux[SINCE_HEADING], aux[RAW] = noise.accel, PATIENCE, TRUSTED, level == "raw"
+    workspace = belief.workspace
+    workspace[DOWN], workspace[COURSE], workspace[LEAST_SPEED], workspace[LARGEST_BANK] = velocity == "down", course == "gnss", least_speed, math.radians(largest_bank)
+    workspace[CRAB], workspace[CORRELATION], workspace[WINDOW], workspace[ACCELERATION] = math.radians(crab), correlation, window, acceleration ** 2
+    workspace[TOLD], workspace[SINCE_VELOCITY], workspace[SINCE_HEADING], workspace[RAW] = noise.accel, PATIENCE, TRUSTED, level == "raw"
 
 
-def fitted(options, aidings):
-    """(options, notes) for Filter.fit. Raises ValueError where nothing gives a heading."""
+def configure(options, aidings):
+    """(options, notes) for Filter.configure. Raises ValueError where nothing gives a heading."""
     kinds = {a.kind for a in aidings}
     better = kinds & {"heading", "magnetic-field"}
     if better or options.get("course") != "none" and "velocity" in kinds:
@@ -98,8 +98,8 @@ def from_angles(pitch, heading, roll_change, pitch_change, heading_change):
 
 @inlined
 def propagate(belief, C, f0, f1, f2, dt, noise):
-    """P and aux[ERROR] over dt by the Jacobian of the model; C (3, 3) at mid-interval, f the velocity increment by the specific force in n (m/s)."""
-    P, aux, keep = belief.P, belief.aux, decay(noise.accel_decay * dt)
+    """P and workspace[ERROR] over dt by the Jacobian of the model; C (3, 3) at mid-interval, f the velocity increment by the specific force in n (m/s)."""
+    P, workspace, keep = belief.P, belief.workspace, decay(noise.accel_decay * dt)
     attitude_error_state.propagate(P, C, 0.0, 0.0, noise.gyro * noise.gyro * dt, dt, noise)
     _drift(P, 0.5 * dt)
     _accelerate(P, C, dt)
@@ -111,9 +111,9 @@ def propagate(belief, C, f0, f1, f2, dt, noise):
             P[9 + j, i], P[9 + j, 3 + i] = P[i, 9 + j], P[3 + i, 9 + j]
             P[9 + i, 9 + j] *= keep * keep
         P[9 + i, 9 + i] += noise.accel_bias * noise.accel_bias * dt
-    _tilted(P, f0, f1, f2, 2 * aux[CORRELATION] / dt)
+    _tilted(P, f0, f1, f2, 2 * workspace[CORRELATION] / dt)
     _drift(P, 0.5 * dt)
-    _propagate_error(aux[ERROR], C, dt, keep, decay(noise.gyro_decay * dt))
+    _propagate_error(workspace[ERROR], C, dt, keep, decay(noise.gyro_decay * dt))
 
 
 @helper
@@ -164,7 +164,7 @@ def _tilted(P, f0, f1, f2, scale):
 
 @helper
 def _propagate_error(x, C, dt, keep_a, keep_g):
-    """aux[ERROR] over dt, as P."""
+    """workspace[ERROR] over dt, as P."""
     for i in range(3):
         change = -dt * (C[i, 0] * x[9] + C[i, 1] * x[10] + C[i, 2] * x[11])
         x[i] += dt * (x[3 + i] + 0.5 * change)

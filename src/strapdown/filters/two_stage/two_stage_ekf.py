@@ -11,7 +11,7 @@ from ...core.error_state import DV, DX, MID, auxiliary, bias_free, decay_biases
 from ..ahrs_aided.known_attitude import BEYOND, BEYOND_COLUMN, STEEP, steep
 from ...core.mechanization import mechanize
 from ...core.rotation import euler_to_matrix, matrix_to_euler, orthonormalise, rotate_left, turned, wrap
-from .model import (BEFORE, DEVIATION, ERROR, HELD_COLUMN, INNOVATION, MOVED, TOLD, USES, configure, doubt, fitted, held, middle,
+from .model import (BEFORE, DEVIATION, ERROR, HELD_COLUMN, INNOVATION, MOVED, TOLD, USES, configure, doubt, held, middle, set_options,
                               propagate, to_angles, to_body, turn_attitude, turn_velocity)
 from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, see, steer, used
 
@@ -29,7 +29,7 @@ def start(start, noise, velocity="full", course="gnss", level="bias-free", least
     besides gravity, m/s^2 sqrt(s).
     """
     belief = start.belief(auxiliary(len(start.sd)))
-    configure(belief, noise, velocity, course, level, least_speed, largest_bank, crab, correlation, window, acceleration)
+    set_options(belief, noise, velocity, course, level, least_speed, largest_bank, crab, correlation, window, acceleration)
     return belief
 
 
@@ -38,46 +38,46 @@ def predict(belief, u, dt, noise):
     """Advance both stages by a sample; where no velocity fix tells the change of v_b, correct stage 1 by the specific force, once a window."""
     if dt <= 0:
         return
-    aux, omega, f = belief.aux, belief.omega, belief.f
+    workspace, omega, f = belief.workspace, belief.omega, belief.f
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
-    mid, f_n = matrix(aux, MID, 3, 3), aux[DX]
+    mid, f_n = matrix(workspace, MID, 3, 3), workspace[DX]
     middle(belief.C, r0, r1, r2, mid)
-    gather(belief, belief, u, r0, r1, r2, dt, noise.accel > aux[TOLD])
+    gather(belief, belief, u, r0, r1, r2, dt, noise.accel > workspace[TOLD])
     mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, f_n)
     propagate(belief, mid, f_n[0], f_n[1], f_n[2], dt, noise)
     omega[0], omega[1], omega[2] = r0 / dt, r1 / dt, r2 / dt
     f[0], f[1], f[2] = a0 / dt, a1 / dt, a2 / dt
     decay_biases(belief.ba, belief.bg, dt, noise)
     if abs(belief.C[2, 0]) > SINE_STEEP:
-        aux[BEYOND] += dt
+        workspace[BEYOND] += dt
     if level_alone(belief, belief, noise) > 0:
-        correct_rows(belief.P, aux, aux[INNOVATION], aux[DEVIATION], 3, math.inf, FAR_VECTOR)
+        correct_rows(belief.P, workspace, workspace[INNOVATION], workspace[DEVIATION], 3, math.inf, FAR_VECTOR)
         _inject(belief)
 
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct the stage that a fix belongs to. A velocity that passes the gate corrects stage 1 first, by its change and its course."""
-    P, aux = belief.P, belief.aux
+    P, workspace = belief.P, belief.workspace
     rows = see(belief, belief, y, sd, kind, observe, parameters, innovation)
-    nis = correct_rows(P, aux, innovation, aux[DV], rows, -1.0 if kind == VELOCITY_KIND else gate, math.inf)
+    nis = correct_rows(P, workspace, innovation, workspace[DV], rows, -1.0 if kind == VELOCITY_KIND else gate, math.inf)
     if nis <= gate and kind == VELOCITY_KIND:
         e0, e1, e2 = innovation[0], innovation[1], innovation[2]
         steer(belief, belief, y, sd, observe, parameters, innovation)
         _inject(belief)
         rows = see(belief, belief, y, sd, kind, observe, parameters, innovation)
-        correct_rows(P, aux, innovation, aux[DV], rows, math.inf, math.inf)
+        correct_rows(P, workspace, innovation, workspace[DV], rows, math.inf, math.inf)
         innovation[0], innovation[1], innovation[2] = e0, e1, e2
     if nis <= gate:
         _inject(belief)
-        used(aux, kind)
+        used(workspace, kind)
     return nis
 
 
 @helper
 def _inject(belief):
-    """Add aux[ERROR] to the belief, Euler angles to Euler angles and v_b to v_b, and make it zero."""
-    x, v = belief.aux[ERROR], belief.v
+    """Add workspace[ERROR] to the belief, Euler angles to Euler angles and v_b to v_b, and make it zero."""
+    x, v = belief.workspace[ERROR], belief.v
     displace(belief.lla, x[0], x[1], x[2])
     for i in range(3):
         v[i] += x[3 + i]
@@ -95,7 +95,7 @@ def _inject_attitude(belief, x, y, z):
 
     v_b stays, so that the velocity turns along.
     """
-    C, v, P, before = belief.C, belief.v, belief.P, matrix(belief.aux, BEFORE, 3, 3)
+    C, v, P, before = belief.C, belief.v, belief.P, matrix(belief.workspace, BEFORE, 3, 3)
     for i in range(3):
         for j in range(3):
             before[i, j] = C[i, j]
@@ -110,16 +110,16 @@ def _inject_attitude(belief, x, y, z):
         orthonormalise(C)
     turn_velocity(P, before, C)
     v0, v1, v2 = turned(C, v0, v1, v2)
-    moved = belief.aux[MOVED]
+    moved = belief.workspace[MOVED]
     moved[0], moved[1], moved[2] = v0 - v[0], v1 - v[1], v2 - v[2]
     doubt(P, moved)
     v[0], v[1], v[2] = v0, v1, v2
 
 
-def watch(t, lla, columns):
+def diagnose(t, lla, columns):
     """[(t, text)] where the pitch first was near the singularity of the Euler angles, and where the heading was first held without a course."""
     return steep(t, lla, columns) + held(t, columns)
 
 
 TWO_STAGE_EKF = Filter("two-stage-ekf", "Alam, Whidborne & Millidere (2023) section 2.2, corrected; Rohac et al. (2017)", start, predict, correct,
-                       columns=(BEYOND_COLUMN, HELD_COLUMN), uses=USES, fit=fitted, watch=watch)
+                       columns=(BEYOND_COLUMN, HELD_COLUMN), uses=USES, configure=configure, diagnose=diagnose)

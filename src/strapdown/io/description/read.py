@@ -10,7 +10,7 @@ from ...recording import Recording
 from ...alignment.location import place_of
 from ...preprocessing.attitude_record import angles, quaternions
 from ...preprocessing.attitude_checks import sound_attitude
-from ...preprocessing.axes import BODY, NAVIGATION, axes_matrix, sensor_to_body
+from ...preprocessing.axes import NAVIGATION, axes_matrix, sensor_to_body
 from ..calibration_file import corrected, frames
 from .complaints import load
 from ...preprocessing.fixes import clean, clean_reference, overlap, overlap_notes

@@ -69,7 +69,7 @@ class AidingPart(Part):
 
     @property
     def sensor(self):
-        """The Sensor of this kind: quantities, frame, what the lever arm means."""
+        """The Measurement of this kind: quantities, frame, what the lever arm means."""
         from ...aiding import find
         return find(self.kind)
 

@@ -8,17 +8,17 @@ from strapdown.filters.particle import pkf
 from . import kalman_filters as kalman
 from . import particle_filter as particles
 from . import sigma_point_filters as points
-from .model import INPUTS, REPRODUCED, fit
+from .model import INPUTS, REPRODUCED, configure
 
 __all__ = ["RAW", "EKF6", "UKF6", "CKF6", "PKF6", "INPUTS", "REPRODUCED"]
 
 PAPER = "Mollaei, Shafieirad & Moradi (2025)"
-COMMON = dict(states=tuple(range(6)), estimates=tuple(range(9)), uses=("position", "velocity"), needs=("position",), fit=fit)
+COMMON = dict(states=tuple(range(6)), estimates=tuple(range(9)), uses=("position", "velocity"), needs=("position",), configure=configure)
 RAW = Filter("six-raw", f"{PAPER}: no filter, direct feedback", kalman.start_raw, kalman.hold, kalman.take, **{**COMMON, "states": ()})
 EKF6 = Filter("six-ekf", f"{PAPER} equations (19)-(22), six states", kalman.start, kalman.predict, kalman.correct, **COMMON)
 UKF6 = Filter("six-ukf", f"{PAPER} equations (23)-(32), six states", points.start, points.predict, points.correct, columns=(points.COLUMN,),
-              watch=points.watch, **COMMON)
+              diagnose=points.diagnose, **COMMON)
 CKF6 = Filter("six-ckf", "Arasaratnam & Haykin (2009), IEEE TAC 54(6), six states", points.start_cubature, points.predict, points.correct,
-              columns=(points.COLUMN,), watch=points.watch, **COMMON)
+              columns=(points.COLUMN,), diagnose=points.diagnose, **COMMON)
 PKF6 = Filter("six-pkf", f"{PAPER} equations (33)-(36), six states; Hoteit, Luo & Pham (2012)", particles.start, particles.predict, particles.correct,
-              columns=pkf.COLUMNS, watch=pkf.lost, **COMMON)
+              columns=pkf.COLUMNS, diagnose=pkf.lost, **COMMON)

@@ -21,18 +21,18 @@ def start(start, noise, model=0.1, q=0.0, r=0.0, rate=100.0, aircraft="aerosonde
 def predict(belief, u, dt, noise):
     """Attitude by the gyros; state and covariance by the IMU or the aircraft's model, linearised at the estimate."""
     turn(belief, u, dt)
-    linearised(belief, belief.aux[X:X + 6], belief.P, dt, noise)
+    linearised(belief, belief.workspace[X:X + 6], belief.P, dt, noise)
     publish(belief)
 
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct state and covariance by a fix within the gate."""
-    aux, x, P = belief.aux, belief.aux[X:X + 6], belief.P
-    first = seen(aux, y, kind, x, innovation)
-    trial, spread = aux[TRIAL:TRIAL + 6], matrix(aux, TRIAL + 6, 6, 6)
+    workspace, x, P = belief.workspace, belief.workspace[X:X + 6], belief.P
+    first = seen(workspace, y, kind, x, innovation)
+    trial, spread = workspace[TRIAL:TRIAL + 6], matrix(workspace, TRIAL + 6, 6, 6)
     copy(x, P, trial, spread)
-    nis, _ = correct_gaussian(aux, trial, spread, first, innovation, sd)
+    nis, _ = correct_gaussian(workspace, trial, spread, first, innovation, sd)
     if nis <= gate:
         copy(trial, spread, x, P)
         publish(belief)
@@ -48,20 +48,20 @@ def start_raw(start, noise, earth="flat"):
 def hold(belief, u, dt, noise):
     """No filter: attitude by the gyros, position and velocity of the last fix, zero once there was none for longer than HELD."""
     turn(belief, u, dt)
-    if belief.aux[SINCE] > HELD + 1e-6:
+    if belief.workspace[SINCE] > HELD + 1e-6:
         for i in range(6):
-            belief.aux[X + i] = 0.0
+            belief.workspace[X + i] = 0.0
     publish(belief)
 
 
 @kernel(CORRECT)
 def take(belief, y, sd, kind, observe, parameters, gate, innovation):
     """No filter: the fix is the state, whatever it is."""
-    aux, x = belief.aux, belief.aux[X:X + 6]
-    first = seen(aux, y, kind, x, innovation)
+    workspace, x = belief.workspace, belief.workspace[X:X + 6]
+    first = seen(workspace, y, kind, x, innovation)
     for i in range(3):
         if innovation[i] == innovation[i]:
             x[first + i] += innovation[i]
-            aux[SINCE] = 0.0
+            workspace[SINCE] = 0.0
     publish(belief)
     return math.nan

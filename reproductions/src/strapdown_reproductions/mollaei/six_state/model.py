@@ -17,7 +17,7 @@ from strapdown.flight.aircraft.parameters import GRAVITY, LATITUDE_RATE, LONGITU
 from strapdown.flight.aircraft.parameters import aircraft as find_aircraft
 
 INPUTS = 8
-"""First of the nine numbers of `aux` that whoever flies the aircraft writes before each sample: 1 where the model shall predict and 0 where the IMU
+"""First of the nine numbers of `workspace` that whoever flies the aircraft writes before each sample: 1 where the model shall predict and 0 where the IMU
 shall, elevator, aileron, rudder (rad), throttle, the wind that the filter is told (m/s, NED), seconds of the sample. Before them: output columns."""
 CONTROLS, WIND = INPUTS + 1, INPUTS + 5
 X = INPUTS + 9                          # the state, 6 numbers
@@ -38,7 +38,7 @@ REPRODUCED = dict(q=0.1, r=0.5)
 
 
 def begin(start, own, model, q, r, rate, craft, earth):
-    """Belief at `start` for a filter with `own` numbers of its own from aux[OWN] on. Refuses bad options."""
+    """Belief at `start` for a filter with `own` numbers of its own from workspace[OWN] on. Refuses bad options."""
     for name, value in (("q", q), ("r", r)):
         if not 0 <= value < math.inf:
             raise ValueError(f"{name} is {value:g}; it must be a variance above zero, or 0 for that of the sensors")
@@ -48,15 +48,15 @@ def begin(start, own, model, q, r, rate, craft, earth):
         raise ValueError(f"rate is {rate:g} Hz; it must be above zero")
     if earth != "flat":
         raise ValueError(f"earth is {earth!r}; the six-state form knows a flat, still Earth alone: give earth=\"flat\", and fly over it")
-    aux = np.zeros(OWN + own)
-    belief = start.belief(aux)
+    workspace = np.zeros(OWN + own)
+    belief = start.belief(workspace)
     belief.P[6:], belief.P[:, 6:] = 0.0, 0.0
-    aux[X + 3:X + 6], aux[ORIGIN:ORIGIN + 3], aux[Q], aux[R], aux[UNKNOWN] = start.v, start.lla, q * rate, r, model
-    aux[CRAFT:OWN] = find_aircraft(craft).array(earth="flat", origin=start.lla)
+    workspace[X + 3:X + 6], workspace[ORIGIN:ORIGIN + 3], workspace[Q], workspace[R], workspace[UNKNOWN] = start.v, start.lla, q * rate, r, model
+    workspace[CRAFT:OWN] = find_aircraft(craft).array(earth="flat", origin=start.lla)
     return belief
 
 
-def fit(options, aidings):
+def configure(options, aidings):
     """Refuses an antenna away from the IMU: six states know no lever arm."""
     for aiding in aidings:
         if any(aiding.parameters[:3]):
@@ -67,13 +67,13 @@ def fit(options, aidings):
 
 @helper
 def turn(belief, u, dt):
-    """Advance the attitude by the measured increments u, and leave in aux what they say of the velocity and the attitude at mid-sample."""
-    aux, C, half = belief.aux, belief.C, matrix(belief.aux, TURNED, 3, 3)
+    """Advance the attitude by the measured increments u, and leave in workspace what they say of the velocity and the attitude at mid-sample."""
+    workspace, C, half = belief.workspace, belief.C, matrix(belief.workspace, TURNED, 3, 3)
     r0, r1, r2 = u[0] - belief.bg[0] * dt, u[1] - belief.bg[1] * dt, u[2] - belief.bg[2] * dt
     a0, a1, a2 = u[3] - belief.ba[0] * dt, u[4] - belief.ba[1] * dt, u[5] - belief.ba[2] * dt
     x0, x1, x2 = r1 * a2 - r2 * a1, r2 * a0 - r0 * a2, r0 * a1 - r1 * a0
     d0, d1, d2 = turned(C, a0 + 0.5 * x0 + (r1 * x2 - r2 * x1) / 6, a1 + 0.5 * x1 + (r2 * x0 - r0 * x2) / 6, a2 + 0.5 * x2 + (r0 * x1 - r1 * x0) / 6)
-    aux[DV], aux[DV + 1], aux[DV + 2] = d0, d1, d2 + aux[CRAFT + GRAVITY] * dt
+    workspace[DV], workspace[DV + 1], workspace[DV + 2] = d0, d1, d2 + workspace[CRAFT + GRAVITY] * dt
     for i in range(3):
         for j in range(3):
             half[i, j] = C[i, j]
@@ -84,48 +84,48 @@ def turn(belief, u, dt):
         for i in range(3):
             belief.omega[i] = (u[i] - belief.bg[i] * dt) / dt
             belief.f[i] = (u[3 + i] - belief.ba[i] * dt) / dt
-    aux[SINCE] += dt
-    if aux[INPUTS] != 0:
-        aux[DENSITY] = density(aux[CRAFT:], aux[ORIGIN + 2] - aux[X + 2])
+    workspace[SINCE] += dt
+    if workspace[INPUTS] != 0:
+        workspace[DENSITY] = density(workspace[CRAFT:], workspace[ORIGIN + 2] - workspace[X + 2])
 
 
 @helper
-def acceleration(aux, omega, v0, v1, v2):
+def acceleration(workspace, omega, v0, v1, v2):
     """m/s^2 that the aircraft's model gives at that velocity (m/s, NED), with the attitude, rates, controls and wind in force."""
-    C = matrix(aux, TURNED, 3, 3)
-    v0, v1, v2, scale = v0 - aux[WIND], v1 - aux[WIND + 1], v2 - aux[WIND + 2], 1 / aux[CRAFT + MASS]
+    C = matrix(workspace, TURNED, 3, 3)
+    v0, v1, v2, scale = v0 - workspace[WIND], v1 - workspace[WIND + 1], v2 - workspace[WIND + 2], 1 / workspace[CRAFT + MASS]
     against_air = (C[0, 0] * v0 + C[1, 0] * v1 + C[2, 0] * v2, C[0, 1] * v0 + C[1, 1] * v1 + C[2, 1] * v2, C[0, 2] * v0 + C[1, 2] * v1 + C[2, 2] * v2)
-    Fx, Fy, Fz, _, _, _ = forces(aux[CRAFT:], aux[DENSITY], against_air, omega, aux[CONTROLS:WIND])
+    Fx, Fy, Fz, _, _, _ = forces(workspace[CRAFT:], workspace[DENSITY], against_air, omega, workspace[CONTROLS:WIND])
     a0, a1, a2 = turned(C, scale * Fx, scale * Fy, scale * Fz)
-    return a0, a1, a2 + aux[CRAFT + GRAVITY]
+    return a0, a1, a2 + workspace[CRAFT + GRAVITY]
 
 
 @helper
-def moved(aux, omega, v0, v1, v2, dt):
+def moved(workspace, omega, v0, v1, v2, dt):
     """Velocity (m/s, NED) after dt: with the IMU's increment, or with the model's acceleration by the midpoint rule."""
-    if aux[INPUTS] == 0:
-        return v0 + aux[DV], v1 + aux[DV + 1], v2 + aux[DV + 2]
-    a0, a1, a2 = acceleration(aux, omega, v0, v1, v2)
-    b0, b1, b2 = acceleration(aux, omega, v0 + 0.5 * dt * a0, v1 + 0.5 * dt * a1, v2 + 0.5 * dt * a2)
+    if workspace[INPUTS] == 0:
+        return v0 + workspace[DV], v1 + workspace[DV + 1], v2 + workspace[DV + 2]
+    a0, a1, a2 = acceleration(workspace, omega, v0, v1, v2)
+    b0, b1, b2 = acceleration(workspace, omega, v0 + 0.5 * dt * a0, v1 + 0.5 * dt * a1, v2 + 0.5 * dt * a2)
     return v0 + dt * b0, v1 + dt * b1, v2 + dt * b2
 
 
 @inlined
 def linearised(belief, x, P, dt, noise):
     """Advance one Gaussian, x (6,) and P (its first 6 rows and columns), as an extended Kalman filter does."""
-    aux, omega = belief.aux, belief.omega
+    workspace, omega = belief.workspace, belief.omega
     v0, v1, v2 = x[3], x[4], x[5]
-    if aux[INPUTS] == 0:
+    if workspace[INPUTS] == 0:
         drift(P, dt)
-        w0, w1, w2 = v0 + aux[DV], v1 + aux[DV + 1], v2 + aux[DV + 2]
+        w0, w1, w2 = v0 + workspace[DV], v1 + workspace[DV + 1], v2 + workspace[DV + 2]
     else:
-        a0, a1, a2 = acceleration(aux, omega, v0, v1, v2)
+        a0, a1, a2 = acceleration(workspace, omega, v0, v1, v2)
         m0, m1, m2 = v0 + 0.5 * dt * a0, v1 + 0.5 * dt * a1, v2 + 0.5 * dt * a2
-        b0, b1, b2 = acceleration(aux, omega, m0, m1, m2)
-        jacobian(aux, omega, m0, m1, m2, b0, b1, b2, dt)
-        transform(P, aux, dt)
+        b0, b1, b2 = acceleration(workspace, omega, m0, m1, m2)
+        jacobian(workspace, omega, m0, m1, m2, b0, b1, b2, dt)
+        transform(P, workspace, dt)
         w0, w1, w2 = v0 + dt * b0, v1 + dt * b1, v2 + dt * b2
-    add_noise(P, aux, noise, dt)
+    add_noise(P, workspace, noise, dt)
     x[0] += 0.5 * dt * (v0 + w0)
     x[1] += 0.5 * dt * (v1 + w1)
     x[2] += 0.5 * dt * (v2 + w2)
@@ -147,29 +147,29 @@ def drift(P, dt):
 
 
 @helper
-def jacobian(aux, omega, v0, v1, v2, a0, a1, a2, dt):
+def jacobian(workspace, omega, v0, v1, v2, a0, a1, a2, dt):
     """A = I + J dt + J^2 dt^2 / 2, J the derivative of the model's acceleration a by the velocity v at mid-sample, from differences over STEP."""
     s = dt / STEP
     for k in range(3):      # a loop, because three copies of the forces take the compiler three times as long
-        b0, b1, b2 = acceleration(aux, omega, v0 + (STEP if k == 0 else 0.0), v1 + (STEP if k == 1 else 0.0), v2 + (STEP if k == 2 else 0.0))
-        aux[A + k], aux[A + 3 + k], aux[A + 6 + k] = s * (b0 - a0), s * (b1 - a1), s * (b2 - a2)
-    j00, j01, j02, j10, j11, j12 = aux[A], aux[A + 1], aux[A + 2], aux[A + 3], aux[A + 4], aux[A + 5]
-    j20, j21, j22 = aux[A + 6], aux[A + 7], aux[A + 8]
-    aux[A] += 1 + 0.5 * (j00 * j00 + j01 * j10 + j02 * j20)
-    aux[A + 1] += 0.5 * (j00 * j01 + j01 * j11 + j02 * j21)
-    aux[A + 2] += 0.5 * (j00 * j02 + j01 * j12 + j02 * j22)
-    aux[A + 3] += 0.5 * (j10 * j00 + j11 * j10 + j12 * j20)
-    aux[A + 4] += 1 + 0.5 * (j10 * j01 + j11 * j11 + j12 * j21)
-    aux[A + 5] += 0.5 * (j10 * j02 + j11 * j12 + j12 * j22)
-    aux[A + 6] += 0.5 * (j20 * j00 + j21 * j10 + j22 * j20)
-    aux[A + 7] += 0.5 * (j20 * j01 + j21 * j11 + j22 * j21)
-    aux[A + 8] += 1 + 0.5 * (j20 * j02 + j21 * j12 + j22 * j22)
+        b0, b1, b2 = acceleration(workspace, omega, v0 + (STEP if k == 0 else 0.0), v1 + (STEP if k == 1 else 0.0), v2 + (STEP if k == 2 else 0.0))
+        workspace[A + k], workspace[A + 3 + k], workspace[A + 6 + k] = s * (b0 - a0), s * (b1 - a1), s * (b2 - a2)
+    j00, j01, j02, j10, j11, j12 = workspace[A], workspace[A + 1], workspace[A + 2], workspace[A + 3], workspace[A + 4], workspace[A + 5]
+    j20, j21, j22 = workspace[A + 6], workspace[A + 7], workspace[A + 8]
+    workspace[A] += 1 + 0.5 * (j00 * j00 + j01 * j10 + j02 * j20)
+    workspace[A + 1] += 0.5 * (j00 * j01 + j01 * j11 + j02 * j21)
+    workspace[A + 2] += 0.5 * (j00 * j02 + j01 * j12 + j02 * j22)
+    workspace[A + 3] += 0.5 * (j10 * j00 + j11 * j10 + j12 * j20)
+    workspace[A + 4] += 1 + 0.5 * (j10 * j01 + j11 * j11 + j12 * j21)
+    workspace[A + 5] += 0.5 * (j10 * j02 + j11 * j12 + j12 * j22)
+    workspace[A + 6] += 0.5 * (j20 * j00 + j21 * j10 + j22 * j20)
+    workspace[A + 7] += 0.5 * (j20 * j01 + j21 * j11 + j22 * j21)
+    workspace[A + 8] += 1 + 0.5 * (j20 * j02 + j21 * j12 + j22 * j22)
 
 
 @inlined
-def transform(P, aux, dt):
+def transform(P, workspace, dt):
     """P <- Phi P Phi' with Phi = [I, dt/2 (I + A); 0, A]."""
-    F = matrix(aux, A, 3, 3)
+    F = matrix(workspace, A, 3, 3)
     h = 0.5 * dt
     for j in range(6):
         n0, n1, n2 = turned(F, P[3, j], P[4, j], P[5, j])
@@ -189,19 +189,19 @@ def transform(P, aux, dt):
 
 
 @inlined
-def random_walk(aux, noise):
+def random_walk(workspace, noise):
     """Of the velocity, m/s/sqrt(s): of the accelerometers, or of what the model does not know."""
-    return noise.accel if aux[INPUTS] == 0 else aux[UNKNOWN]
+    return noise.accel if workspace[INPUTS] == 0 else workspace[UNKNOWN]
 
 
 @inlined
-def add_noise(P, aux, noise, dt):
+def add_noise(P, workspace, noise, dt):
     """Process noise of dt: white acceleration, or q on each of the six, as the paper has it."""
-    if aux[Q] > 0:
+    if workspace[Q] > 0:
         for i in range(6):
-            P[i, i] += aux[Q] * dt
+            P[i, i] += workspace[Q] * dt
         return
-    v = random_walk(aux, noise) * random_walk(aux, noise) * dt
+    v = random_walk(workspace, noise) * random_walk(workspace, noise) * dt
     for i in range(3):
         P[i, i] += v * dt * dt / 3
         P[i, 3 + i] += 0.5 * v * dt
@@ -219,12 +219,12 @@ def copy(x, P, to, To):
 
 
 @helper
-def seen(aux, y, kind, x, innovation):
+def seen(workspace, y, kind, x, innovation):
     """Innovation (m or m/s; NaN where not measured) of a fix of position or velocity at the state x. Returns the first of the states that it sees."""
     if kind == POSITION_KIND:
-        innovation[0] = (y[0] - aux[ORIGIN]) / aux[CRAFT + LATITUDE_RATE] - x[0]
-        innovation[1] = wrap(y[1] - aux[ORIGIN + 1]) / aux[CRAFT + LONGITUDE_RATE] - x[1]
-        innovation[2] = aux[ORIGIN + 2] - y[2] - x[2]
+        innovation[0] = (y[0] - workspace[ORIGIN]) / workspace[CRAFT + LATITUDE_RATE] - x[0]
+        innovation[1] = wrap(y[1] - workspace[ORIGIN + 1]) / workspace[CRAFT + LONGITUDE_RATE] - x[1]
+        innovation[2] = workspace[ORIGIN + 2] - y[2] - x[2]
         return 0
     for i in range(3):
         innovation[i] = y[i] - x[3 + i]
@@ -232,13 +232,13 @@ def seen(aux, y, kind, x, innovation):
 
 
 @inlined
-def variance(aux, sd, i):
+def variance(workspace, sd, i):
     """Of row i of a fix: r where it is given, else the fix's own."""
-    return aux[R] if aux[R] > 0 else sd[i] * sd[i]
+    return workspace[R] if workspace[R] > 0 else sd[i] * sd[i]
 
 
 @helper
-def correct_gaussian(aux, x, P, first, innovation, sd):
+def correct_gaussian(workspace, x, P, first, innovation, sd):
     """Correct one Gaussian by the measured rows of a fix, one after the other. Returns NIS and log det of their covariance; NaN without any."""
     nis, spread, rows = 0.0, 1.0, 0
     b0, b1, b2 = x[first], x[first + 1], x[first + 2]
@@ -247,7 +247,7 @@ def correct_gaussian(aux, x, P, first, innovation, sd):
         if math.isnan(e):
             continue
         k = first + i
-        s = P[k, k] + variance(aux, sd, i)
+        s = P[k, k] + variance(workspace, sd, i)
         rows += 1
         nis += e * e / s
         spread *= s
@@ -264,12 +264,12 @@ def correct_gaussian(aux, x, P, first, innovation, sd):
 @helper
 def publish(belief):
     """Write the state into the belief as its affine image: latitude, longitude, height and velocity."""
-    aux = belief.aux
-    belief.lla[0] = aux[ORIGIN] + aux[X] * aux[CRAFT + LATITUDE_RATE]
-    belief.lla[1] = wrap(aux[ORIGIN + 1] + aux[X + 1] * aux[CRAFT + LONGITUDE_RATE])
-    belief.lla[2] = aux[ORIGIN + 2] - aux[X + 2]
+    workspace = belief.workspace
+    belief.lla[0] = workspace[ORIGIN] + workspace[X] * workspace[CRAFT + LATITUDE_RATE]
+    belief.lla[1] = wrap(workspace[ORIGIN + 1] + workspace[X + 1] * workspace[CRAFT + LONGITUDE_RATE])
+    belief.lla[2] = workspace[ORIGIN + 2] - workspace[X + 2]
     for i in range(3):
-        belief.v[i] = aux[X + 3 + i]
+        belief.v[i] = workspace[X + 3 + i]
 
 
 @helper

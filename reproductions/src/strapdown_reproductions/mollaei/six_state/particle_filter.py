@@ -35,12 +35,12 @@ def start(start, noise, components=500, kernel=None, resample=0.5, seed=0, model
     deviations, phi, stream = begin_mixture(start.belief(None).P[:6, :6], components, width, seed)
     size = len(deviations)
     belief = begin(start, COMPONENTS - OWN + size * EACH, model, q, r, rate, aircraft, earth)
-    aux = belief.aux
-    aux[N], aux[KERNEL], aux[THRESHOLD], aux[RANDOM:RANDOM + STREAM], aux[EFFECTIVE] = size, width, resample * size, stream, size
-    each = aux[COMPONENTS:COMPONENTS + size * WIDTH].reshape(size, WIDTH)
-    each[:, :6], each[:, 6:] = aux[X:X + 6] + deviations, phi.ravel()
-    aux[COMPONENTS + size * WIDTH:COMPONENTS + size * (WIDTH + 1)] = 1 / size
-    keep(belief.P, aux[LEFT:LEFT + 36].reshape(6, 6))
+    workspace = belief.workspace
+    workspace[N], workspace[KERNEL], workspace[THRESHOLD], workspace[RANDOM:RANDOM + STREAM], workspace[EFFECTIVE] = size, width, resample * size, stream, size
+    each = workspace[COMPONENTS:COMPONENTS + size * WIDTH].reshape(size, WIDTH)
+    each[:, :6], each[:, 6:] = workspace[X:X + 6] + deviations, phi.ravel()
+    workspace[COMPONENTS + size * WIDTH:COMPONENTS + size * (WIDTH + 1)] = 1 / size
+    keep(belief.P, workspace[LEFT:LEFT + 36].reshape(6, 6))
     return belief
 
 
@@ -48,26 +48,26 @@ def start(start, noise, components=500, kernel=None, resample=0.5, seed=0, model
 def predict(belief, u, dt, noise):
     """Attitude by the gyros; each component as an extended Kalman filter predicts it."""
     turn(belief, u, dt)
-    aux = belief.aux
-    count = int(aux[N])
+    workspace = belief.workspace
+    count = int(workspace[N])
     _follow(belief, count)
-    sums, weights = aux[SUMS:WORK], aux[COMPONENTS + WIDTH * count:COMPONENTS + (WIDTH + 1) * count]
+    sums, weights = workspace[SUMS:WORK], workspace[COMPONENTS + WIDTH * count:COMPONENTS + (WIDTH + 1) * count]
     clear(sums)
     for k in range(count):
         at = COMPONENTS + WIDTH * k
         if weights[k] > 0:
-            linearised(belief, aux[at:at + 6], matrix(aux, at + 6, 6, 6), dt, noise)
-            _add(aux, weights[k], at, sums)
+            linearised(belief, workspace[at:at + 6], matrix(workspace, at + 6, 6, 6), dt, noise)
+            _add(workspace, weights[k], at, sums)
     _leave(belief)
 
 
 @helper
 def _follow(belief, count):
     """What somebody else added to the covariance of the mixture, as where a gate was lifted, each component gets."""
-    aux, P, left = belief.aux, belief.P, matrix(belief.aux, LEFT, 6, 6)
+    workspace, P, left = belief.workspace, belief.P, matrix(belief.workspace, LEFT, 6, 6)
     if changed(P, left):
         for k in range(count):
-            own = matrix(aux, COMPONENTS + WIDTH * k + 6, 6, 6)
+            own = matrix(workspace, COMPONENTS + WIDTH * k + 6, 6, 6)
             for i in range(6):
                 for j in range(6):
                     own[i, j] += P[i, j] - left[i, j]
@@ -75,22 +75,22 @@ def _follow(belief, count):
 
 
 @helper
-def _add(aux, weight, at, sums):
+def _add(workspace, weight, at, sums):
     """A component to the sums, as its deviation from the last mean."""
-    off = aux[TRIAL:TRIAL + 6]
+    off = workspace[TRIAL:TRIAL + 6]
     for i in range(6):
-        off[i] = aux[at + i] - aux[X + i]
-    accumulate(weight, off, aux[at + 6:at + WIDTH], sums)
+        off[i] = workspace[at + i] - workspace[X + i]
+    accumulate(weight, off, workspace[at + 6:at + WIDTH], sums)
 
 
 @helper
 def _leave(belief):
     """Mean and covariance of the mixture become those of the belief."""
-    aux = belief.aux
-    mean, left = aux[MEAN:MEAN + 6], matrix(aux, LEFT, 6, 6)
-    moments(aux[SUMS:WORK], mean, left)
+    workspace = belief.workspace
+    mean, left = workspace[MEAN:MEAN + 6], matrix(workspace, LEFT, 6, 6)
+    moments(workspace[SUMS:WORK], mean, left)
     for i in range(6):
-        aux[X + i] += mean[i]
+        workspace[X + i] += mean[i]
     keep(left, belief.P)
     publish(belief)
 
@@ -98,37 +98,37 @@ def _leave(belief):
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Weight and correct each component by a fix within the gate, which is that of the mixture's own moments; resample where few carry the weight."""
-    aux = belief.aux
-    count = int(aux[N])
+    workspace = belief.workspace
+    count = int(workspace[N])
     _follow(belief, count)
-    trial, spread = aux[TRIAL:TRIAL + 6], matrix(aux, TRIAL + 6, 6, 6)
-    copy(aux[X:X + 6], belief.P, trial, spread)
-    first = seen(aux, y, kind, trial, innovation)
-    nis, _ = correct_gaussian(aux, trial, spread, first, innovation, sd)
+    trial, spread = workspace[TRIAL:TRIAL + 6], matrix(workspace, TRIAL + 6, 6, 6)
+    copy(workspace[X:X + 6], belief.P, trial, spread)
+    first = seen(workspace, y, kind, trial, innovation)
+    nis, _ = correct_gaussian(workspace, trial, spread, first, innovation, sd)
     if not nis <= gate:
         return nis
     e0, e1, e2 = innovation[0], innovation[1], innovation[2]
     after = COMPONENTS + WIDTH * count
-    weights, logs, sums = aux[after:after + count], aux[after + count:after + 2 * count], aux[SUMS:WORK]
+    weights, logs, sums = workspace[after:after + count], workspace[after + count:after + 2 * count], workspace[SUMS:WORK]
     for k in range(count):
         at = COMPONENTS + WIDTH * k
         if weights[k] > 0:
-            x, P = aux[at:at + 6], matrix(aux, at + 6, 6, 6)
+            x, P = workspace[at:at + 6], matrix(workspace, at + 6, 6, 6)
             copy(x, P, trial, spread)
-            seen(aux, y, kind, x, innovation)
-            own, spread_of_own = correct_gaussian(aux, trial, spread, first, innovation, sd)
+            seen(workspace, y, kind, x, innovation)
+            own, spread_of_own = correct_gaussian(workspace, trial, spread, first, innovation, sd)
             logs[k] = -0.5 * (own + spread_of_own)
             if math.isfinite(logs[k]):
                 copy(trial, spread, x, P)
     innovation[0], innovation[1], innovation[2] = e0, e1, e2
-    aux[DEGENERATE] += weigh(logs, weights)
+    workspace[DEGENERATE] += weigh(logs, weights)
     clear(sums)
     for k in range(count):
         if weights[k] > 0:
-            _add(aux, weights[k], COMPONENTS + WIDTH * k, sums)
+            _add(workspace, weights[k], COMPONENTS + WIDTH * k, sums)
     _leave(belief)
-    aux[EFFECTIVE] = effective(weights)
-    if aux[EFFECTIVE] < aux[THRESHOLD]:
+    workspace[EFFECTIVE] = effective(weights)
+    if workspace[EFFECTIVE] < workspace[THRESHOLD]:
         _renew(belief, count)
     return nis
 
@@ -136,19 +136,19 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 @helper
 def _renew(belief, count):
     """Resample: all components weigh the same afterwards and have the same covariance, and the mixture has the moments it had."""
-    aux = belief.aux
+    workspace = belief.workspace
     after = COMPONENTS + WIDTH * count
-    old, new = matrix(aux, after + 3 * count, count, 6), matrix(aux, after + 9 * count, count, 6)
+    old, new = matrix(workspace, after + 3 * count, count, 6), matrix(workspace, after + 9 * count, count, 6)
     for k in range(count):
         for i in range(6):
-            old[k, i] = aux[COMPONENTS + WIDTH * k + i] - aux[X + i]
-    aux[REPAIRS] += resample(aux[after:after + count], old, matrix(aux, COMPONENTS, count, WIDTH), 6, matrix(aux, LEFT, 6, 6), aux[KERNEL],
-                             aux[RANDOM:RANDOM + STREAM], aux[after + 2 * count:after + 3 * count], new, matrix(aux, PHI, 6, 6),
-                             aux[WORK:COMPONENTS])
+            old[k, i] = workspace[COMPONENTS + WIDTH * k + i] - workspace[X + i]
+    workspace[REPAIRS] += resample(workspace[after:after + count], old, matrix(workspace, COMPONENTS, count, WIDTH), 6, matrix(workspace, LEFT, 6, 6), workspace[KERNEL],
+                             workspace[RANDOM:RANDOM + STREAM], workspace[after + 2 * count:after + 3 * count], new, matrix(workspace, PHI, 6, 6),
+                             workspace[WORK:COMPONENTS])
     for k in range(count):
         at = COMPONENTS + WIDTH * k
         for i in range(6):
-            aux[at + i] = aux[X + i] + new[k, i]
+            workspace[at + i] = workspace[X + i] + new[k, i]
         for i in range(36):
-            aux[at + 6 + i] = aux[PHI + i]
-    aux[RESAMPLINGS] += 1
+            workspace[at + 6 + i] = workspace[PHI + i]
+    workspace[RESAMPLINGS] += 1

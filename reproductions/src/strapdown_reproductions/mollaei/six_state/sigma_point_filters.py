@@ -39,11 +39,11 @@ def start_cubature(start, noise, model=0.1, q=0.0, r=0.0, rate=100.0, aircraft="
 
 def _begin(start, model, q, r, rate, aircraft, earth, sets):
     belief = begin(start, SIZE, model, q, r, rate, aircraft, earth)
-    belief.aux[SPREAD:SPREAD + 5] = sets
+    belief.workspace[SPREAD:SPREAD + 5] = sets
     return belief
 
 
-def watch(t, lla, columns):
+def diagnose(t, lla, columns):
     """[(t, text)] where a square root was repaired for the first time."""
     repairs = columns[COLUMN]
     return [(float(t[k]), f"a square root was repaired, {repairs[-1]:.0f} times in all") for k in (repairs > 0).nonzero()[0][:1]]
@@ -53,24 +53,24 @@ def watch(t, lla, columns):
 def predict(belief, u, dt, noise):
     """Attitude by the gyros; state and covariance by sigma points through the IMU's increment or the aircraft's model."""
     turn(belief, u, dt)
-    aux, x, A, mean = belief.aux, belief.aux[X:X + 6], belief.aux[S:S + LANES * ROWS], belief.aux[MEAN:MEAN + LANES]
+    workspace, x, A, mean = belief.workspace, belief.workspace[X:X + 6], belief.workspace[S:S + LANES * ROWS], belief.workspace[MEAN:MEAN + LANES]
     _rooted(belief)
     v0, v1, v2 = x[3], x[4], x[5]
-    c0, c1, c2 = moved(aux, belief.omega, v0, v1, v2, dt)
+    c0, c1, c2 = moved(workspace, belief.omega, v0, v1, v2, dt)
     for i in range(6):
         row, far = LANES * i, LANES * (i + 6)
         for k in range(LANES):
-            A[far + k] = -aux[SPREAD] * A[row + k]
-            A[row + k] *= aux[SPREAD]
-        _propagated(aux, belief.omega, x, A[row:row + 6], c0, c1, c2, dt)
-        _propagated(aux, belief.omega, x, A[far:far + 6], c0, c1, c2, dt)
-    take = deviations(A, 6, int(aux[AUGMENTED]), LANES, aux[SPREAD], aux[REST], mean)
-    _noise_rows(aux, A[13 * LANES:19 * LANES], noise, dt)
+            A[far + k] = -workspace[SPREAD] * A[row + k]
+            A[row + k] *= workspace[SPREAD]
+        _propagated(workspace, belief.omega, x, A[row:row + 6], c0, c1, c2, dt)
+        _propagated(workspace, belief.omega, x, A[far:far + 6], c0, c1, c2, dt)
+    take = deviations(A, 6, int(workspace[AUGMENTED]), LANES, workspace[SPREAD], workspace[REST], mean)
+    _noise_rows(workspace, A[13 * LANES:19 * LANES], noise, dt)
     triangle(A, 19, 6, LANES)
     if take > 0:
         for i in range(6):
-            aux[CHANGE + i] = take * mean[i]
-        aux[REPAIRS] += downdate(A, aux[CHANGE:CHANGE + 6], 6, LANES, aux[WORK:WORK + 48])
+            workspace[CHANGE + i] = take * mean[i]
+        workspace[REPAIRS] += downdate(A, workspace[CHANGE:CHANGE + 6], 6, LANES, workspace[WORK:WORK + 48])
     x[0] += 0.5 * dt * (v0 + c0) + mean[0]
     x[1] += 0.5 * dt * (v1 + c1) + mean[1]
     x[2] += 0.5 * dt * (v2 + c2) + mean[2]
@@ -81,23 +81,23 @@ def predict(belief, u, dt, noise):
 @helper
 def _rooted(belief):
     """Make the square root anew where somebody else changed the covariance, as at the start and where a gate was lifted."""
-    if changed(belief.P, matrix(belief.aux, LEFT, 6, 6)):
-        belief.aux[REPAIRS] += factor(belief.P, 6, LANES, belief.aux[S:S + LANES * ROWS])
+    if changed(belief.P, matrix(belief.workspace, LEFT, 6, 6)):
+        belief.workspace[REPAIRS] += factor(belief.P, 6, LANES, belief.workspace[S:S + LANES * ROWS])
 
 
 @helper
 def _leave(belief):
     """Publish the state, and the covariance of the square root."""
-    covariance(belief.aux[S:S + LANES * ROWS], 6, LANES, belief.P)
-    keep(belief.P, matrix(belief.aux, LEFT, 6, 6))
+    covariance(belief.workspace[S:S + LANES * ROWS], 6, LANES, belief.P)
+    keep(belief.P, matrix(belief.workspace, LEFT, 6, 6))
     publish(belief)
 
 
 @helper
-def _propagated(aux, omega, x, d, c0, c1, c2, dt):
+def _propagated(workspace, omega, x, d, c0, c1, c2, dt):
     """The deviation d (6,) of a point from x becomes that of the point from the centre after dt, whose velocity is then c (m/s)."""
     d3, d4, d5 = d[3], d[4], d[5]
-    w0, w1, w2 = moved(aux, omega, x[3] + d3, x[4] + d4, x[5] + d5, dt)
+    w0, w1, w2 = moved(workspace, omega, x[3] + d3, x[4] + d4, x[5] + d5, dt)
     d[3], d[4], d[5] = w0 - c0, w1 - c1, w2 - c2
     d[0] += 0.5 * dt * (d3 + d[3])
     d[1] += 0.5 * dt * (d4 + d[4])
@@ -105,12 +105,12 @@ def _propagated(aux, omega, x, d, c0, c1, c2, dt):
 
 
 @helper
-def _noise_rows(aux, rows, noise, dt):
+def _noise_rows(workspace, rows, noise, dt):
     """Rows of the square root of the process noise: of velocities, which move the positions of the same sample, and of positions."""
-    velocity, share = random_walk(aux, noise) * math.sqrt(dt), 0.5 * dt
+    velocity, share = random_walk(workspace, noise) * math.sqrt(dt), 0.5 * dt
     position = velocity * dt * math.sqrt(1 / 12)
-    if aux[Q] > 0:
-        velocity = position = math.sqrt(aux[Q] * dt)
+    if workspace[Q] > 0:
+        velocity = position = math.sqrt(workspace[Q] * dt)
         share = 0.0
     for i in range(6 * LANES):
         rows[i] = 0.0
@@ -122,18 +122,18 @@ def _noise_rows(aux, rows, noise, dt):
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct state and square root by the innovations at the sigma points of the six states, within the gate."""
-    aux, x, A, e = belief.aux, belief.aux[X:X + 6], belief.aux[S:S + LANES * ROWS], matrix(belief.aux, E, 13, 3)
-    change, variances, work = aux[CHANGE:CHANGE + 6], aux[VARIANCES:VARIANCES + 3], aux[WORK:WORK + 48]
+    workspace, x, A, e = belief.workspace, belief.workspace[X:X + 6], belief.workspace[S:S + LANES * ROWS], matrix(belief.workspace, E, 13, 3)
+    change, variances, work = workspace[CHANGE:CHANGE + 6], workspace[VARIANCES:VARIANCES + 3], workspace[WORK:WORK + 48]
     _rooted(belief)
-    first = seen(aux, y, kind, x, innovation)
+    first = seen(workspace, y, kind, x, innovation)
     for a in range(3):
-        variances[a] = variance(aux, sd, a)
+        variances[a] = variance(workspace, sd, a)
         e[0, a] = innovation[a]
         for i in range(6):
-            off = aux[SPREAD_6] * A[LANES * i + first + a]
+            off = workspace[SPREAD_6] * A[LANES * i + first + a]
             e[1 + i, a], e[7 + i, a] = innovation[a] - off, innovation[a] + off
-    nis, repaired = corrected(A, 6, LANES, e, 3, aux[SPREAD_6], aux[REST_6], variances, gate, innovation, work, change)
-    aux[REPAIRS] += repaired
+    nis, repaired = corrected(A, 6, LANES, e, 3, workspace[SPREAD_6], workspace[REST_6], variances, gate, innovation, work, change)
+    workspace[REPAIRS] += repaired
     if nis <= gate:
         for i in range(6):
             x[i] += change[i]
