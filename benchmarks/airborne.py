@@ -1,9 +1,10 @@
-"""Sigma-point and particle Kalman filters and the aircraft in the loop under measurement: steps in the engine, five minutes of flight, the study."""
+"""Sigma-point and particle Kalman filters and the aircraft in the loop under measurement: steps
+in the engine, five minutes of flight, the study."""
+
 import os
 import time
 
 import numpy as np
-
 import subject
 import workload
 
@@ -19,27 +20,46 @@ def ukf(alternating, turns):
     """[(us per sample, note)] of the UKF on workload A."""
     w = workload.load("A")
     us = 1e6 / (len(w.t) - 1)
-    closed, own, ratio = alternating(subject.timed_run(w, "closed-loop"), subject.timed_run(w, "ukf"), turns)
+    closed, own, ratio = alternating(
+        subject.timed_run(w, "closed-loop"), subject.timed_run(w, "ukf"), turns
+    )
     return [(own * us, f"{ratio:.0f} x closed loop ({closed * us:.3f} us)")]
 
 
 def pkf(alternating, turns):
-    """[(time of a component over that of the closed loop, note)] on the first minute of workload A."""
+    """[(time of a component over that of the closed loop, note)] on the first minute of workload
+    A."""
     w = workload.load("A").first(60)
     us = 1e6 / (len(w.t) - 1)
-    closed, own, ratio = alternating(subject.timed_run(w, "closed-loop"), subject.timed_run(w, "pkf", components=COMPONENTS), turns)
-    return [(ratio / COMPONENTS, f"{own * us / COMPONENTS:.3f} us against {closed * us:.3f} us per IMU sample; {COMPONENTS} components")]
+    closed, own, ratio = alternating(
+        subject.timed_run(w, "closed-loop"),
+        subject.timed_run(w, "pkf", components=COMPONENTS),
+        turns,
+    )
+    return [
+        (
+            ratio / COMPONENTS,
+            f"{own * us / COMPONENTS:.3f} us against {closed * us:.3f} us per IMU sample; {COMPONENTS} components",
+        )
+    ]
 
 
 def aircraft(times):
-    """[(us per step of 10 ms, note)] of the aircraft on the rotating Earth, a circle in gusts: the median of `times` runs of 20 000 steps."""
+    """[(us per step of 10 ms, note)] of the aircraft on the rotating Earth, a circle in gusts:
+    the median of `times` runs of 20 000 steps."""
     import numba
+
+    import strapdown as sd
     from strapdown.core.jit import compile_kernel
     from strapdown.flight.aircraft.dynamics import step
-    import strapdown as sd
+
     compile_kernel(step)
     trim = sd.trim(sd.aircraft("aerosonde"), 25.0, radius=300.0)
-    parameters, wind, increments = trim.aircraft.array("geodetic", trim.origin), np.array([3.0, 1, 0, 0.5, 0.5, 0.5, 0.01, 0.01, 0.01]), np.empty(6)
+    parameters, wind, increments = (
+        trim.aircraft.array("geodetic", trim.origin),
+        np.array([3.0, 1, 0, 0.5, 0.5, 0.5, 0.01, 0.01, 0.01]),
+        np.empty(6),
+    )
 
     @numba.njit
     def fly(parameters, state, commands, wind, increments, count):
@@ -51,16 +71,24 @@ def aircraft(times):
         begin = time.perf_counter()
         fly(parameters, state, trim.commands, wind, increments, count)
         return time.perf_counter() - begin
+
     seconds(1)
-    return [(float(np.median([seconds() for _ in range(times)])) / 20_000 * 1e6, "geodetic, four evaluations of all forces")]
+    return [
+        (
+            float(np.median([seconds() for _ in range(times)])) / 20_000 * 1e6,
+            "geodetic, four evaluations of all forces",
+        )
+    ]
 
 
 def flown(times):
-    """[(s, note)] for `FLOWN`: the whole call of `fly` for the straight flight of 315 s without GNSS from 15 s, once everything is compiled.
+    """[(s, note)] for `FLOWN`: the whole call of `fly` for the straight flight of 315 s without
+    GNSS from 15 s, once everything is compiled.
 
     Some hit the ground before: their time is scaled to 315 s.
     """
     import strapdown as sd
+
     straight = dict(plan="straight", imu="mollaei", outage="15:", duration=315.0)
 
     def seconds(filter, count):
@@ -71,12 +99,17 @@ def flown(times):
             flight = sd.fly(**straight, filter=filter, seed=seed)
             taken.append((time.perf_counter() - begin) * 315.0 / flight.recording.imu.t[-1])
         return float(np.median(taken))
+
     closed = seconds("closed-loop", times)
-    return [(seconds("ukf", times), f"closed loop {closed:.2f} s"), (seconds("pkf", 1), f"{COMPONENTS} components, 15.75 million component steps")]
+    return [
+        (seconds("ukf", times), f"closed loop {closed:.2f} s"),
+        (seconds("pkf", 1), f"{COMPONENTS} components, 15.75 million component steps"),
+    ]
 
 
 def study():
-    """[(s, note)] for `STUDY`: E1 with no filter, EKF, UKF and PKF in the six-state form, driven by the model, the slower of the two readings."""
+    """[(s, note)] for `STUDY`: E1 with no filter, EKF, UKF and PKF in the six-state form, driven
+    by the model, the slower of the two readings."""
     from strapdown_reproductions.mollaei import runs
     from strapdown_reproductions.mollaei.cells import E1, IMU, MODEL, Case
 
@@ -86,5 +119,11 @@ def study():
         begin = time.perf_counter()
         runs.run_all(range(200), cases=cases)
         return time.perf_counter() - begin
+
     by_imu = seconds(IMU)
-    return [(seconds(MODEL), f"model-driven; IMU-driven {by_imu:.0f} s; {COMPONENTS} components; {os.cpu_count()} cores")]
+    return [
+        (
+            seconds(MODEL),
+            f"model-driven; IMU-driven {by_imu:.0f} s; {COMPONENTS} components; {os.cpu_count()} cores",
+        )
+    ]

@@ -1,21 +1,30 @@
-"""Attitude estimators under measurement: time per sample of the compiled loop on a BROAD trial, vqf beside it, and accuracy on the five trials.
+"""Attitude estimators under measurement: time per sample of the compiled loop on a BROAD trial, vqf
+beside it, and accuracy on the five trials.
 
-Needs the data folder (`STRAPDOWN_DATA`, or shared/data above). Gravity comes with each sample's specific force, the magnetic field at each sample too.
+Needs the data folder (`STRAPDOWN_DATA`, or shared/data above). Gravity comes with each sample's
+specific force, the magnetic field at each sample too.
 """
+
 import sys
 import tempfile
 import time
 from pathlib import Path
 
-import numpy as np
-
 import figures
+import numpy as np
 import subject
+
 from strapdown_reproductions.broad import main
 
 TIMES = {"attitude, mahony time": "mahony", "attitude, MEKF time": "attitude-mekf"}
 """Figure and filter."""
-ACCURACY = ["attitude, BROAD MEKF mean", "attitude, BROAD mahony mean", "attitude, BROAD smoothed mean", "attitude, BROAD MEKF trial 24", "attitude, BROAD MEKF trial 33"]
+ACCURACY = [
+    "attitude, BROAD MEKF mean",
+    "attitude, BROAD mahony mean",
+    "attitude, BROAD smoothed mean",
+    "attitude, BROAD MEKF trial 24",
+    "attitude, BROAD MEKF trial 33",
+]
 """The claims of `strapdown reproduce broad`, in the order of `broad.CLAIMS`."""
 TRIAL = "02_undisturbed_slow_rotation_B"
 TURNS = 15
@@ -26,18 +35,31 @@ SIMULATED = ["attitude, MEKF NEES inside", "attitude, mahony starts", "attitude,
 
 
 def simulated():
-    """[(value, note)] for `SIMULATED`: the statistics of tests/filters, whose functions these are."""
-    sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "tests" / part) for part in ("filters/attitude", "filters", "support")]
+    """[(value, note)] for `SIMULATED`: the statistics of tests/filters, whose functions these
+    are."""
+    sys.path[:0] = [
+        str(Path(__file__).resolve().parents[1] / "tests" / part)
+        for part in ("filters/attitude", "filters", "support")
+    ]
     import test_attitude_consistency as consistency
     import test_attitude_starts as starts
-    share = min(consistency.share_inside(consistency.runs(consistency.simulated(consistency.DURATION), spec)[0]) for spec in (consistency.WALK, consistency.MARKOV))
+
+    share = min(
+        consistency.share_inside(
+            consistency.runs(consistency.simulated(consistency.DURATION), spec)[0]
+        )
+        for spec in (consistency.WALK, consistency.MARKOV)
+    )
     found = []
     for k in (0.5, 1.0):
         t, error = starts.angles(0.0, "mahony", duration=20 / k + 0.5, k1=k, k2=k)
         found.append((error[:, (t >= 10 / k) & (t <= 20 / k)] < 10).all(axis=1).sum())
     t, error = starts.angles(0.0, "attitude-mekf")
-    return [(share, "the lower of a walking and a Gauss-Markov bias"), (min(found), "the lower of k1 = k2 = 0.5 and 1"),
-            ((error[:, t >= 60.0] < 10).all(axis=1).sum(), "")]
+    return [
+        (share, "the lower of a walking and a Gauss-Markov bias"),
+        (min(found), "the lower of k1 = k2 = 0.5 and 1"),
+        ((error[:, t >= 60.0] < 10).all(axis=1).sum(), ""),
+    ]
 
 
 def trial():
@@ -46,16 +68,25 @@ def trial():
 
 
 def timed_run(recording, name):
-    """A function that runs filter `name` over a Recording and returns the seconds of the compiled loop, every sample stored; without covariance."""
-    from strapdown.engine import batch
+    """A function that runs filter `name` over a Recording and returns the seconds of the
+    compiled loop, every sample stored; without covariance."""
     from strapdown import filters
     from strapdown.alignment.initial import align
-    start = align(recording, batch.assumed_noise(recording.meta["grade"], None, True)[1], position=batch.positioned(filters.find(name)))
-    return subject.timed(lambda begin: begin(recording, name, None, start, None, 1, False, None, {}))
+    from strapdown.engine import batch
+
+    start = align(
+        recording,
+        batch.assumed_noise(recording.meta["grade"], None, True)[1],
+        position=batch.positioned(filters.find(name)),
+    )
+    return subject.timed(
+        lambda begin: begin(recording, name, None, start, None, 1, False, None, {})
+    )
 
 
 def vqf_run(made):
-    """A function that runs vqf over a Trial and returns the seconds of its batch call; None where vqf is not installed."""
+    """A function that runs vqf over a Trial and returns the seconds of its batch call; None
+    where vqf is not installed."""
     peer = main.PEERS[0]
     if not main.installed(peer.package):
         return None
@@ -65,6 +96,7 @@ def vqf_run(made):
         begin = time.perf_counter()
         peer.run(*samples, made.fs)
         return time.perf_counter() - begin
+
     return seconds
 
 
@@ -77,23 +109,46 @@ def times():
         own()
         pairs = np.array([(own(), vqf() if vqf else np.nan) for _ in range(TURNS)])
         ours, theirs = np.median(pairs, axis=0) / len(made.recording.imu.t) * 1e6
-        found.append((ours, f"vqf {theirs:.3f} us, ratio {np.median(pairs[:, 0] / pairs[:, 1]):.2f}" if vqf else "vqf is not installed"))
+        found.append(
+            (
+                ours,
+                f"vqf {theirs:.3f} us, ratio {np.median(pairs[:, 0] / pairs[:, 1]):.2f}"
+                if vqf
+                else "vqf is not installed",
+            )
+        )
     return found
 
 
 def accuracy():
     """[(rms orientation error in deg, note)] for `ACCURACY`."""
     with tempfile.TemporaryDirectory() as folder:
-        claims = {claim["claim"]: claim["value"] for claim in main.reproduce(Path(folder), quick=True)}
+        claims = {
+            claim["claim"]: claim["value"] for claim in main.reproduce(Path(folder), quick=True)
+        }
     wanted = [main.claim_text(name, which) for name, which, _ in main.CLAIMS]
     return [(claims.get(text), "strapdown reproduce broad") for text in wanted]
 
 
 def peer_figures():
-    """Figures without target: what the fast peers reach on the five trials, or that they are not installed."""
+    """Figures without target: what the fast peers reach on the five trials, or that they are not
+    installed."""
     names = [peer.name for peer in main.PEERS if not peer.slow]
     if not main.installed("vqf"):
-        return [figures.informative(f"attitude, BROAD {name}", None, "deg", "vqf is not installed") for name in names]
+        return [
+            figures.informative(f"attitude, BROAD {name}", None, "deg", "vqf is not installed")
+            for name in names
+        ]
     made = [main.load(path) for path in sorted((main.data_folder() / "broad").glob("*.npz"))]
-    table = main.tables(made, [run for each in made for run in main.peer_runs(each, quick=True)])["orientation"][1].set_index("estimator")
-    return [figures.informative(f"attitude, BROAD {name}", table.loc[name, "mean, deg"], "deg", f"{table.loc[name, 'time, us per sample']:.2f} us per sample") for name in names]
+    table = main.tables(made, [run for each in made for run in main.peer_runs(each, quick=True)])[
+        "orientation"
+    ][1].set_index("estimator")
+    return [
+        figures.informative(
+            f"attitude, BROAD {name}",
+            table.loc[name, "mean, deg"],
+            "deg",
+            f"{table.loc[name, 'time, us per sample']:.2f} us per sample",
+        )
+        for name in names
+    ]

@@ -1,8 +1,10 @@
-"""`python benchmarks/bench.py [--quick] [--full]`: the library against the yardstick and its peers, every figure as one line and in build/bench.json.
+"""`python benchmarks/bench.py [--quick] [--full]`: the library against the yardstick and its peers,
+every figure as one line and in build/bench.json.
 
 Times are measured alternating in one process and compared as ratios: absolute times on shared machines say little.
 --quick leaves out the day, the processes and the peers; --full also scores the slow peers on the whole 30 minutes (minutes of work).
 """
+
 import argparse
 import os
 import platform
@@ -14,15 +16,16 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "src")]
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # threads over 15 x 15 matrices only slow the peers down
-
-import numpy as np  # noqa: E402
+os.environ.setdefault(
+    "OPENBLAS_NUM_THREADS", "1"
+)  # threads over 15 x 15 matrices only slow the peers down
 
 import airborne  # noqa: E402
 import attitude  # noqa: E402
 import exogenous  # noqa: E402
 import figures  # noqa: E402
 import navigation  # noqa: E402
+import numpy as np  # noqa: E402
 import peers  # noqa: E402
 import processes  # noqa: E402
 import smoothing  # noqa: E402
@@ -30,6 +33,7 @@ import studies  # noqa: E402
 import subject  # noqa: E402
 import workload  # noqa: E402
 import yardstick  # noqa: E402
+
 from strapdown_reproductions.recordings import main as recordings  # noqa: E402
 
 OUT = HERE.parent / "build" / "bench.json"
@@ -50,7 +54,8 @@ class Book:
         self.add(figures.against_target(name, value, self.tables, note))
 
     def measure(self, names, function):
-        """Add `names` with what `function` gives for them, (value, note) each; one that fails is a missed figure and says why."""
+        """Add `names` with what `function` gives for them, (value, note) each; one that fails is
+        a missed figure and says why."""
         try:
             found = function()
         except Exception as error:  # a broken part must not hide the other figures
@@ -60,7 +65,11 @@ class Book:
 
     def skip(self, names):
         for name in names:
-            self.add(figures.against_target(name, None, self.tables, "left out by --quick")._replace(holds=None))
+            self.add(
+                figures.against_target(name, None, self.tables, "left out by --quick")._replace(
+                    holds=None
+                )
+            )
 
 
 def seconds_of(function):
@@ -71,7 +80,8 @@ def seconds_of(function):
 
 
 def alternating(first, second, times):
-    """Medians of (first, second, second / first) of two functions that return seconds, called in turns after one call each."""
+    """Medians of (first, second, second / first) of two functions that return seconds, called in
+    turns after one call each."""
     first(), second()
     pairs = np.array([(first(), second()) for _ in range(times)])
     return (*np.median(pairs, axis=0), float(np.median(pairs[:, 1] / pairs[:, 0])))
@@ -90,54 +100,96 @@ def yardstick_figures(book, name):
 def accuracy_figures(book):
     for name in "AB":
         yardstick_figures(book, name)
-        book.measure([f"{name} accuracy {what}" for what, _ in ERRORS],
-                     lambda: [(value, "") for value in subject.accuracy(workload.load(name), "closed-loop")])
+        book.measure(
+            [f"{name} accuracy {what}" for what, _ in ERRORS],
+            lambda: [(value, "") for value in subject.accuracy(workload.load(name), "closed-loop")],
+        )
     for loop in ("open", "closed"):
-        book.measure([f"N {loop} loop position"], lambda: [(subject.accuracy(workload.load("N"), f"{loop}-loop").position, "")])
+        book.measure(
+            [f"N {loop} loop position"],
+            lambda: [(subject.accuracy(workload.load("N"), f"{loop}-loop").position, "")],
+        )
 
 
 def ratio(name, times, filter="closed-loop", **options):
     """[(time of a filter over the yardstick's, note)] on a workload."""
     w = workload.load(name)
     inputs, outputs = yardstick.arguments(w)
-    theirs, own, value = alternating(lambda: seconds_of(lambda: yardstick.run(*inputs, *outputs)), subject.timed_run(w, filter, **options), times)
+    theirs, own, value = alternating(
+        lambda: seconds_of(lambda: yardstick.run(*inputs, *outputs)),
+        subject.timed_run(w, filter, **options),
+        times,
+    )
     samples = len(w.t) - 1
-    return [(value, f"{own / samples * 1e6:.3f} against {theirs / samples * 1e6:.3f} us per IMU sample")]
+    return [
+        (value, f"{own / samples * 1e6:.3f} against {theirs / samples * 1e6:.3f} us per IMU sample")
+    ]
 
 
 def speed_figures(book, times):
     book.measure(["A closed loop time"], lambda: ratio("A", times))
     book.measure(["B closed loop time"], lambda: ratio("B", 2 * times))
-    book.measure(["stream step, IMU sample", "stream step, fix"], lambda: [(us, "") for us in subject.stream_times(workload.load("A").first(300))])
+    book.measure(
+        ["stream step, IMU sample", "stream step, fix"],
+        lambda: [(us, "") for us in subject.stream_times(workload.load("A").first(300))],
+    )
 
 
 def process_figures(book):
     book.measure(["day at 100 Hz, time", "day at 100 Hz, memory"], lambda: day(book))
-    book.measure(["first compilation", "first solution, warm cache"],
-                 lambda: [(seconds, "whole process") for seconds in processes.first_solution(subject.write_log(workload.load("A").first(600)))])
+    book.measure(
+        ["first compilation", "first solution, warm cache"],
+        lambda: [
+            (seconds, "whole process")
+            for seconds in processes.first_solution(
+                subject.write_log(workload.load("A").first(600))
+            )
+        ],
+    )
     book.measure(["strapdown --help"], lambda: [(processes.help_seconds(), "whole process")])
 
 
 def day(book):
     took, above, interpreter, position = processes.day(workload.stored_period())
     book.add(figures.informative("day at 100 Hz, position", position, "m", "rms of the last hour"))
-    return [(took, ""), (above, f"all that comes after building them with numpy; python and numpy take {interpreter:.0f} MB more")]
+    return [
+        (took, ""),
+        (
+            above,
+            f"all that comes after building them with numpy; python and numpy take {interpreter:.0f} MB more",
+        ),
+    ]
 
 
 def study_figures(book):
     """Of the first paper's study and of studies as such."""
-    book.measure(["study, open loop alone"], lambda: ratio("B", 15, "open-loop", every=studies.EVERY, kinematics="geodetic"))
-    book.measure(["study, closed loop alone"], lambda: ratio("B", 15, studies.CLOSED, every=studies.EVERY))
+    book.measure(
+        ["study, open loop alone"],
+        lambda: ratio("B", 15, "open-loop", every=studies.EVERY, kinematics="geodetic"),
+    )
+    book.measure(
+        ["study, closed loop alone"], lambda: ratio("B", 15, studies.CLOSED, every=studies.EVERY)
+    )
     book.measure(["study, two threads"], two_threads)
-    book.measure(["study, memory of 10 000 runs", "study, memory of 10 000 runs over that of 1000"], many_runs)
-    book.measure(["study, quick form"], lambda: [(studies.paper("--quick")[0], "the whole command")])
+    book.measure(
+        ["study, memory of 10 000 runs", "study, memory of 10 000 runs over that of 1000"],
+        many_runs,
+    )
+    book.measure(
+        ["study, quick form"], lambda: [(studies.paper("--quick")[0], "the whole command")]
+    )
     book.measure(["study, wall time per filter step", "study, Cramer-Rao ratio"], whole_study)
 
 
 def two_threads():
     ours, processes_alone = studies.threads()
     if processes_alone < 1.8:
-        return [(None, f"not measurable: two independent processes reach {processes_alone:.2f} x one; threads {ours:.2f} x")]
+        return [
+            (
+                None,
+                f"not measurable: two independent processes reach {processes_alone:.2f} x one; threads {ours:.2f} x",
+            )
+        ]
     return [(ours, f"two independent processes {processes_alone:.2f} x one")]
 
 
@@ -148,16 +200,30 @@ def many_runs():
 
 def whole_study():
     took, steps, ratio = studies.paper()
-    return [(took / steps * 1e6, f"{steps / 1e6:.4g} million filter steps in {took:.0f} s"), (ratio, "the flight furthest from 1, 50 runs")]
+    return [
+        (took / steps * 1e6, f"{steps / 1e6:.4g} million filter steps in {took:.0f} s"),
+        (ratio, "the flight furthest from 1, 50 runs"),
+    ]
 
 
-RECORDED = ["thor75 roll", "thor75 pitch", "thor75 heading", "thor75 position N", "thor75 position E", "thor75 position D",
-            "drive0708 outages, GNSS alone", "drive0708 outages, vehicle constraints", "thor75 magnetometer residual", "thor75 magnetic heading"]
+RECORDED = [
+    "thor75 roll",
+    "thor75 pitch",
+    "thor75 heading",
+    "thor75 position N",
+    "thor75 position E",
+    "thor75 position D",
+    "drive0708 outages, GNSS alone",
+    "drive0708 outages, vehicle constraints",
+    "thor75 magnetometer residual",
+    "thor75 magnetic heading",
+]
 """The first claims of `strapdown reproduce recordings`, in its order."""
 
 
 def attitude_figures(book):
-    """Of the attitude estimators: on the BROAD trials, in time beside vqf, in consistency and from far-off starts."""
+    """Of the attitude estimators: on the BROAD trials, in time beside vqf, in consistency and
+    from far-off starts."""
     book.measure(attitude.ACCURACY, attitude.accuracy)
     book.measure(list(attitude.TIMES), attitude.times)
     book.measure(attitude.SIMULATED, attitude.simulated)
@@ -166,7 +232,8 @@ def attitude_figures(book):
 
 
 def navigation_figures(book):
-    """Of the navigation filters: in time beside the closed loop, in consistency; and of smoothing."""
+    """Of the navigation filters: in time beside the closed loop, in consistency; and of
+    smoothing."""
     book.measure(list(navigation.TIMES), lambda: navigation.times(alternating, 15))
     book.measure(navigation.CONSISTENT, navigation.consistency)
     book.measure(smoothing.FIGURES, smoothing.smoothing)
@@ -191,22 +258,42 @@ def airborne_figures(book):
 def recorded_figures(book):
     def measured():
         with tempfile.TemporaryDirectory() as folder:
-            return [(claim["value"], "strapdown reproduce recordings") for claim in recordings.reproduce(Path(folder))]
+            return [
+                (claim["value"], "strapdown reproduce recordings")
+                for claim in recordings.reproduce(Path(folder))
+            ]
+
     book.measure(RECORDED, measured)
 
 
 def peer_figures(book, full):
-    """Times of the peers over strapdown's on the same workload, strapdown run before and after each."""
+    """Times of the peers over strapdown's on the same workload, strapdown run before and after
+    each."""
     versions = peers.versions()
     for title, function, package, pieces in peers.RUNS:
         for name, enough in pieces.items():
             if versions[package] is None:
-                book.add(figures.informative(f"{name} {title} time", None, "x strapdown", f"{package} is not installed"))
+                book.add(
+                    figures.informative(
+                        f"{name} {title} time", None, "x strapdown", f"{package} is not installed"
+                    )
+                )
                 continue
             try:
-                book.add(peer_figure(name, title, function, 1800.0 if full else enough, versions[package]))
+                book.add(
+                    peer_figure(
+                        name, title, function, 1800.0 if full else enough, versions[package]
+                    )
+                )
             except Exception as error:  # a peer that fails is worth a line, not the end
-                book.add(figures.informative(f"{name} {title} time", None, "x strapdown", f"{package} {versions[package]}: {error}".splitlines()[0]))
+                book.add(
+                    figures.informative(
+                        f"{name} {title} time",
+                        None,
+                        "x strapdown",
+                        f"{package} {versions[package]}: {error}".splitlines()[0],
+                    )
+                )
 
 
 def peer_figure(name, title, function, seconds, release):
@@ -223,21 +310,31 @@ def peer_figure(name, title, function, seconds, release):
 def machine():
     """What was measured on and with."""
     packages = {name: version(name) for name in ("numpy", "scipy", "numba")}
-    return {"python": platform.python_version(), "system": f"{platform.system()} {platform.machine()}", "cores": os.cpu_count(),
-            "load": os.getloadavg()[0] if hasattr(os, "getloadavg") else None, **packages, **peers.versions()}
+    return {
+        "python": platform.python_version(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "cores": os.cpu_count(),
+        "load": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
+        **packages,
+        **peers.versions(),
+    }
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="accuracy, ratios and stream only")
-    parser.add_argument("--full", action="store_true", help="score the slow peers on the whole workloads, too")
+    parser.add_argument(
+        "--full", action="store_true", help="score the slow peers on the whole workloads, too"
+    )
     options = parser.parse_args()
     print(", ".join(f"{key} {value}" for key, value in machine().items()))
     book = Book()
     accuracy_figures(book)
     speed_figures(book, 5 if options.quick else 15)
     if options.quick:
-        book.skip([name for name in book.tables if name not in {figure.name for figure in book.figures}])
+        book.skip(
+            [name for name in book.tables if name not in {figure.name for figure in book.figures}]
+        )
     else:
         process_figures(book)
         study_figures(book)
@@ -249,7 +346,9 @@ def main():
         peer_figures(book, options.full)
     figures.write(OUT, book.figures, machine())
     judged = [figure.holds for figure in book.figures if figure.target is not None]
-    print(f"{judged.count(True)} figures hold, {judged.count(False)} missed, {judged.count(None)} left out; {OUT}")
+    print(
+        f"{judged.count(True)} figures hold, {judged.count(False)} missed, {judged.count(None)} left out; {OUT}"
+    )
 
 
 if __name__ == "__main__":

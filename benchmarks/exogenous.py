@@ -1,16 +1,26 @@
-"""The observer, the exogenous Kalman filter and the comparison of outages under measurement: times in the engine, starts from far off, a whole sweep."""
+"""The observer, the exogenous Kalman filter and the comparison of outages under measurement:
+times in the engine, starts from far off, a whole sweep."""
+
 import os
 import time
 
 import numpy as np
-
 import subject
 import workload
 
 TIMES = ["exogenous, NLO step", "exogenous, XKF time"]
 STARTS = ["exogenous, NLO starts, course", "exogenous, NLO starts, magnetometer"]
 COMPARED = ["compare, 8 filters x 50 outages"]
-FILTERS = "closed-loop", "mekf", "open-loop", "indirect-ahrs-closed", "nlo", "two-stage-ekf", "xkf", "xkf-two-stage"
+FILTERS = (
+    "closed-loop",
+    "mekf",
+    "open-loop",
+    "indirect-ahrs-closed",
+    "nlo",
+    "two-stage-ekf",
+    "xkf",
+    "xkf-two-stage",
+)
 OUTAGES = "30@240:569/6"
 """Fifty windows of 30 s in the flight of thor75."""
 VELOCITY_SD = 0.1
@@ -20,38 +30,64 @@ VELOCITY_SD = 0.1
 def velocity(w, seed=1):
     """The velocity of a workload at its fixes, with white errors (Aiding)."""
     import strapdown as sd
+
     rows = np.searchsorted(w.t, w.fix_t - 0.5 * w.dt)
     errors = np.random.default_rng(seed).standard_normal((len(rows), 3)) * VELOCITY_SD
-    return sd.Aiding("velocity", w.fix_t, w.v[rows] + errors, np.full((len(rows), 3), VELOCITY_SD), gate=np.inf)
+    return sd.Aiding(
+        "velocity", w.fix_t, w.v[rows] + errors, np.full((len(rows), 3), VELOCITY_SD), gate=np.inf
+    )
 
 
 def times(alternating, turns):
-    """[(value, note)] for `TIMES`, on workload A with a velocity at each fix: us per sample of the observer; the XKF over the closed loop."""
+    """[(value, note)] for `TIMES`, on workload A with a velocity at each fix: us per sample of
+    the observer; the XKF over the closed loop."""
     w = workload.load("A")
     sources, us = (velocity(w),), 1e6 / (len(w.t) - 1)
     closed = subject.timed_run(w, "closed-loop", aidings=sources)
-    before, observer, ratio = alternating(closed, subject.timed_run(w, "nlo", aidings=sources), turns)
+    before, observer, ratio = alternating(
+        closed, subject.timed_run(w, "nlo", aidings=sources), turns
+    )
     theirs, own, value = alternating(closed, subject.timed_run(w, "xkf", aidings=sources), turns)
-    return [(observer * us, f"{ratio:.2f} x closed loop ({before * us:.3f} us)"), (value, f"{own * us:.3f} against {theirs * us:.3f} us per IMU sample")]
+    return [
+        (observer * us, f"{ratio:.2f} x closed loop ({before * us:.3f} us)"),
+        (value, f"{own * us:.3f} against {theirs * us:.3f} us per IMU sample"),
+    ]
 
 
 def starts():
-    """[(of 100 seeds, note)] for `STARTS`; the notes have the printed vector and the other filters."""
+    """[(of 100 seeds, note)] for `STARTS`; the notes have the printed vector and the other
+    filters."""
     from strapdown_reproductions.alam import convergence
+
     found = convergence.shares()
-    course, magnetometer = (found.pop(f"NLO, {name}") for name in ("tilt-compensated course", "magnetometer"))
-    return [(course, ", ".join(f"{name} {count}" for name, count in found.items())), (magnetometer, "")]
+    course, magnetometer = (
+        found.pop(f"NLO, {name}") for name in ("tilt-compensated course", "magnetometer")
+    )
+    return [
+        (course, ", ".join(f"{name} {count}" for name, count in found.items())),
+        (magnetometer, ""),
+    ]
 
 
 def compared():
-    """[(s, note)] for `COMPARED`: the whole call, page and tables included, once everything is compiled."""
+    """[(s, note)] for `COMPARED`: the whole call, page and tables included, once everything is
+    compiled."""
     import tempfile
     from pathlib import Path
+
     import strapdown as sd
-    recording = sd.read(Path(__file__).resolve().parents[1] / "examples" / "recordings" / "thor75-full.toml")
+
+    recording = sd.read(
+        Path(__file__).resolve().parents[1] / "examples" / "recordings" / "thor75-full.toml"
+    )
     sd.compare(recording, FILTERS, "30@240:280/5")
     begin = time.perf_counter()
     made = sd.compare(recording, FILTERS, OUTAGES)
     with tempfile.TemporaryDirectory() as folder:
         made.write(Path(folder))
-    return [(time.perf_counter() - begin, f"{len(made.filters)} filters, {len(made.windows)} outages of 30 s on thor75, tables and page written; {os.cpu_count()} cores")]
+    return [
+        (
+            time.perf_counter() - begin,
+            f"{len(made.filters)} filters, {len(made.windows)} outages of 30 s on thor75, tables and page written; {os.cpu_count()} cores",
+        )
+    ]

@@ -1,9 +1,10 @@
-"""The navigation filters under measurement: time on workload A with an attitude record at 1 Hz, and consistency over 100 simulated flights."""
+"""The navigation filters under measurement: time on workload A with an attitude record at 1 Hz,
+and consistency over 100 simulated flights."""
+
 import sys
 from pathlib import Path
 
 import numpy as np
-
 import subject
 import workload
 
@@ -13,36 +14,59 @@ TIMES = {"navigation, mekf time": "mekf", "navigation, fixed-gain time": "fixed-
 """Figure and filter, which runs in turns with the closed loop on the same sources."""
 FED = ("direct-ahrs", "direct-euler", "indirect-ahrs-open", "indirect-ahrs-closed")
 """The Kalman filters whose attitude an AHRS measures."""
-CONSISTENT = ["navigation, mekf NEES inside", "navigation, AHRS-fed NEES inside", "navigation, smoothed NEES inside"]
+CONSISTENT = [
+    "navigation, mekf NEES inside",
+    "navigation, AHRS-fed NEES inside",
+    "navigation, smoothed NEES inside",
+]
 
 
 def attitude(w, seed=1):
     """The attitude record of a workload: its truth once a second, with white errors (Aiding)."""
     import strapdown as sd
+
     rows = np.searchsorted(w.t, np.arange(1, int(w.t[-1]) + 1) - 0.5 * w.dt)
     errors = np.random.default_rng(seed).standard_normal((len(rows), 3)) * AHRS_SD
-    return sd.Aiding("attitude", w.t[rows], w.rph[rows] + errors, np.tile(AHRS_SD, (len(rows), 1)), gate=np.inf)
+    return sd.Aiding(
+        "attitude", w.t[rows], w.rph[rows] + errors, np.tile(AHRS_SD, (len(rows), 1)), gate=np.inf
+    )
 
 
 def times(alternating, turns):
-    """[(time over the closed loop's, note)] of the filters of `TIMES`: medians of `turns` neighbouring runs."""
+    """[(time over the closed loop's, note)] of the filters of `TIMES`: medians of `turns`
+    neighbouring runs."""
     w = workload.load("A")
     sources, found = (attitude(w),), []
     for name in TIMES.values():
-        closed, own, value = alternating(subject.timed_run(w, "closed-loop", aidings=sources), subject.timed_run(w, name, aidings=sources), turns)
+        closed, own, value = alternating(
+            subject.timed_run(w, "closed-loop", aidings=sources),
+            subject.timed_run(w, name, aidings=sources),
+            turns,
+        )
         samples = len(w.t) - 1
-        found.append((value, f"{own / samples * 1e6:.3f} against {closed / samples * 1e6:.3f} us per IMU sample"))
+        found.append(
+            (
+                value,
+                f"{own / samples * 1e6:.3f} against {closed / samples * 1e6:.3f} us per IMU sample",
+            )
+        )
     return found
 
 
 def consistency():
-    """[(share of epochs inside the band, note)] for `CONSISTENT`: the statistics of tests/filters/test_consistency.py, whose functions these are."""
+    """[(share of epochs inside the band, note)] for `CONSISTENT`: the statistics of
+    tests/filters/test_consistency.py, whose functions these are."""
     tests = Path(__file__).resolve().parents[1] / "tests"
     sys.path[:0] = [str(tests / "filters"), str(tests / "support")]
-    import strapdown as sd
     import test_consistency as made
+
+    import strapdown as sd
+
     flight = made.made_flight()
-    share = lambda names, estimate=sd.fuse: min((made.share_inside(made.runs(flight, line, estimate=estimate)[0]), line[0], line[2].name)
-                                                for line in made.FILTERS if line[0] in names)
+    share = lambda names, estimate=sd.fuse: min(
+        (made.share_inside(made.runs(flight, line, estimate=estimate)[0]), line[0], line[2].name)
+        for line in made.FILTERS
+        if line[0] in names
+    )
     found = share(("mekf",)), share(FED), share(("closed-loop", "mekf"), sd.smooth)
     return [(value, f"the lowest: {name}, {imu}") for value, name, imu in found]

@@ -1,15 +1,16 @@
 """Other packages on the same workloads, each as one small function: (workload, seconds) -> Result.
 
-The peers work with what they have: pyins with its two filters, smsfusion (flat Earth) with AidedINS, filterpy with an unscented filter
-whose motion model is written here in plain numpy. All assume the noise that the workload was made with.
+The peers work with what they have: pyins with its two filters, smsfusion (flat Earth) with
+AidedINS, filterpy with an unscented filter whose motion model is written here in plain numpy. All
+assume the noise that the workload was made with.
 """
+
 import math
 import time
 from importlib.metadata import PackageNotFoundError, version
 from typing import NamedTuple
 
 import numpy as np
-
 from workload import DEG, SETTLED, Rms, score
 
 PACKAGES = ("python-ins", "smsfusion", "filterpy")
@@ -17,8 +18,9 @@ PACKAGES = ("python-ins", "smsfusion", "filterpy")
 
 class Result(NamedTuple):
     """What a peer took and reached."""
-    us: float               # microseconds per IMU sample
-    rms: Rms | None         # None on a piece too short to score
+
+    us: float  # microseconds per IMU sample
+    rms: Rms | None  # None on a piece too short to score
 
 
 def versions():
@@ -33,36 +35,56 @@ def versions():
 
 
 def judged(workload, seconds, t, lla, v, C):
-    """A Result from the time taken and an estimate at times `t`; on a short piece without accuracy."""
+    """A Result from the time taken and an estimate at times `t`; on a short piece without
+    accuracy."""
     rms = score(workload, t, lla, v, C) if workload.t[-1] > SETTLED else None
     return Result(seconds / (len(workload.t) - 1) * 1e6, rms)
 
 
 def _pyins_setup(w):
-    """Inputs of pyins' filters: initial state, its four standard deviations, increments and the keyword arguments."""
+    """Inputs of pyins' filters: initial state, its four standard deviations, increments and the
+    keyword arguments."""
     import pandas as pd
     from pyins import inertial_sensor, measurements, strapdown, util
+
     p = w.parameters
     degrees = np.array([1 / DEG, 1 / DEG, 1.0])
-    start = pd.Series(np.r_[w.start[0] * degrees, w.start[1], w.start[2] / DEG], index=util.LLA_COLS + util.VEL_COLS + util.RPH_COLS, name=w.t[0])
+    start = pd.Series(
+        np.r_[w.start[0] * degrees, w.start[1], w.start[2] / DEG],
+        index=util.LLA_COLS + util.VEL_COLS + util.RPH_COLS,
+        name=w.t[0],
+    )
     imu = pd.DataFrame(np.c_[w.dtheta, w.dv], index=w.t, columns=util.GYRO_COLS + util.ACCEL_COLS)
-    models = {f"{sensor}_model": inertial_sensor.EstimationModel(p[sensor + "_bias_sd"], p[sensor + "_noise"], p[sensor + "_bias_walk"])
-              for sensor in ("gyro", "accel")}
+    models = {
+        f"{sensor}_model": inertial_sensor.EstimationModel(
+            p[sensor + "_bias_sd"], p[sensor + "_noise"], p[sensor + "_bias_walk"]
+        )
+        for sensor in ("gyro", "accel")
+    }
     fixes = pd.DataFrame(w.fix * degrees, index=w.fix_t, columns=util.LLA_COLS)
     models["measurements"] = [measurements.Position(fixes, p["gnss_sd"])]
-    return start, [p[key] for key in ("pos_sd", "vel_sd", "level_sd", "azimuth_sd")], strapdown.compute_increments_from_imu(imu, "increment"), models
+    return (
+        start,
+        [p[key] for key in ("pos_sd", "vel_sd", "level_sd", "azimuth_sd")],
+        strapdown.compute_increments_from_imu(imu, "increment"),
+        models,
+    )
 
 
 def _pyins_result(w, seconds, trajectory):
     from pyins import transform, util
+
     lla = trajectory[util.LLA_COLS].to_numpy() * [DEG, DEG, 1.0]
     C = transform.mat_from_rph(trajectory[util.RPH_COLS].to_numpy())
-    return judged(w, seconds, trajectory.index.to_numpy(float), lla, trajectory[util.VEL_COLS].to_numpy(), C)
+    return judged(
+        w, seconds, trajectory.index.to_numpy(float), lla, trajectory[util.VEL_COLS].to_numpy(), C
+    )
 
 
 def pyins_feedback(workload, seconds=60.0):
     """pyins' closed loop (covariance at 10 Hz or at every fix)."""
     from pyins import filters
+
     w = workload.first(seconds)
     start, sd, increments, models = _pyins_setup(w)
     begin = time.perf_counter()
@@ -73,6 +95,7 @@ def pyins_feedback(workload, seconds=60.0):
 def pyins_feedforward(workload, seconds=60.0):
     """pyins' open loop: integration of the increments, then the filter beside it."""
     from pyins import filters, strapdown
+
     w = workload.first(seconds)
     start, sd, increments, models = _pyins_setup(w)
     begin = time.perf_counter()
@@ -89,20 +112,45 @@ def _radii(lat, alt):
 
 
 def smsfusion_aided(workload, seconds=1800.0):
-    """smsfusion's AidedINS in a plane tangent at the start; its Gauss-Markov bias with a long time constant stands for the random walk."""
+    """smsfusion's AidedINS in a plane tangent at the start; its Gauss-Markov bias with a long
+    time constant stands for the random walk."""
     import smsfusion
     from scipy.spatial.transform import Rotation
+
     w = workload.first(seconds)
     p, origin, long = w.parameters, w.start[0], 1e5
     scale = np.array([*_radii(origin[0], origin[2]), -1.0])
-    errors = [{"N": p[s + "_noise"], "B": p[s + "_bias_walk"] * math.sqrt(long / 2), "tau_cb": long} for s in ("accel", "gyro")]
-    x = np.r_[np.zeros(3), w.start[1], Rotation.from_euler("xyz", w.start[2]).as_quat()[[3, 0, 1, 2]], np.zeros(6)]
-    ins = smsfusion.AidedINS(1 / w.dt, x, np.diag(w.sd ** 2), *errors, g=smsfusion.gravity(origin[0] / DEG), ignore_bias_acc=False, cold_start=False)
-    f, omega, fixes, variance = w.dv / w.dt, w.dtheta / w.dt, (w.fix - origin) * scale, np.full(3, p["gnss_sd"] ** 2)
+    errors = [
+        {"N": p[s + "_noise"], "B": p[s + "_bias_walk"] * math.sqrt(long / 2), "tau_cb": long}
+        for s in ("accel", "gyro")
+    ]
+    x = np.r_[
+        np.zeros(3),
+        w.start[1],
+        Rotation.from_euler("xyz", w.start[2]).as_quat()[[3, 0, 1, 2]],
+        np.zeros(6),
+    ]
+    ins = smsfusion.AidedINS(
+        1 / w.dt,
+        x,
+        np.diag(w.sd**2),
+        *errors,
+        g=smsfusion.gravity(origin[0] / DEG),
+        ignore_bias_acc=False,
+        cold_start=False,
+    )
+    f, omega, fixes, variance = (
+        w.dv / w.dt,
+        w.dtheta / w.dt,
+        (w.fix - origin) * scale,
+        np.full(3, p["gnss_sd"] ** 2),
+    )
     fix_of = dict(zip(np.rint((w.fix_t - w.t[0]) / w.dt).astype(int), fixes))
     states = np.empty((len(w.t) - 1, 16))
     begin = time.perf_counter()
-    for k in range(len(states)):  # sample k + 1 leads from t[k] to t[k+1]; the fix of t[k] comes first
+    for k in range(
+        len(states)
+    ):  # sample k + 1 leads from t[k] to t[k+1]; the fix of t[k] comes first
         fix = fix_of.get(k)
         ins.update(f[k + 1], omega[k + 1], pos=fix, pos_var=None if fix is None else variance)
         states[k] = ins.x
@@ -116,10 +164,18 @@ def _rotation(r):
     x, y, z = r
     s = x * x + y * y + z * z
     angle = math.sqrt(s)
-    a, b = (1 - s / 6, 0.5 - s / 24) if s < 1e-8 else (math.sin(angle) / angle, (1 - math.cos(angle)) / s)
-    return np.array([[1 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y],
-                     [b * x * y + a * z, 1 - b * (x * x + z * z), b * y * z - a * x],
-                     [b * x * z - a * y, b * y * z + a * x, 1 - b * (x * x + y * y)]])
+    a, b = (
+        (1 - s / 6, 0.5 - s / 24)
+        if s < 1e-8
+        else (math.sin(angle) / angle, (1 - math.cos(angle)) / s)
+    )
+    return np.array(
+        [
+            [1 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y],
+            [b * x * y + a * z, 1 - b * (x * x + z * z), b * y * z - a * x],
+            [b * x * z - a * y, b * y * z + a * x, 1 - b * (x * x + y * y)],
+        ]
+    )
 
 
 def _small_rotation(R):
@@ -128,7 +184,9 @@ def _small_rotation(R):
 
 
 def _cross(a, b):
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    return np.array(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
 
 
 def _mechanise(lla, v, C, dtheta, dv, dt):
@@ -137,30 +195,58 @@ def _mechanise(lla, v, C, dtheta, dv, dt):
     cosine = math.cos(lla[0])
     earth = np.array([7.292115e-5 * cosine, 0.0, -7.292115e-5 * sine])
     transport = np.array([v[1] * cosine / east, -v[0] / north, -v[1] * sine / east])
-    g = 9.7803253359 * (1 + 0.00193185265241 * sine ** 2) / math.sqrt(1 - 6.6943799901413e-3 * sine ** 2) * (1 - 2 * lla[2] / 6378137.0)
+    g = (
+        9.7803253359
+        * (1 + 0.00193185265241 * sine**2)
+        / math.sqrt(1 - 6.6943799901413e-3 * sine**2)
+        * (1 - 2 * lla[2] / 6378137.0)
+    )
     f = C @ (dv + _cross(dtheta, dv) / 2)
     after = v + f - _cross(earth + transport, f) * dt / 2 - _cross(2 * earth + transport, v) * dt
     after[2] += g * dt
     mean = (v + after) / 2 * dt
-    return lla + mean / np.array([north, east, -1.0]), after, _rotation(-(earth + transport) * dt) @ C @ _rotation(dtheta)
+    return (
+        lla + mean / np.array([north, east, -1.0]),
+        after,
+        _rotation(-(earth + transport) * dt) @ C @ _rotation(dtheta),
+    )
 
 
 class _Unscented:
-    """filterpy's UKF on 15 states: metres from `origin`, velocity, rotation from `C`, biases. `C` moves so that the rotation stays small."""
+    """filterpy's UKF on 15 states: metres from `origin`, velocity, rotation from `C`, biases.
+    `C` moves so that the rotation stays small."""
 
     def __init__(self, w):
         from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+
         p, self.dt, self.origin = w.parameters, w.dt, w.start[0]
         self.scale = np.array([*_radii(w.start[0][0], w.start[0][2]), -1.0])
-        self.C = _rotation([0, 0, w.start[2][2]]) @ _rotation([0, w.start[2][1], 0]) @ _rotation([w.start[2][0], 0, 0])
+        self.C = (
+            _rotation([0, 0, w.start[2][2]])
+            @ _rotation([0, w.start[2][1], 0])
+            @ _rotation([w.start[2][0], 0, 0])
+        )
         points = MerweScaledSigmaPoints(15, alpha=1.0, beta=0.0, kappa=0.0)
         self.filter = UnscentedKalmanFilter(15, 3, w.dt, lambda x: x[:3], self.move, points)
         self.filter.x = np.r_[np.zeros(3), w.start[1], np.zeros(9)]
-        self.filter.P, self.filter.R = np.diag(w.sd ** 2), np.eye(3) * p["gnss_sd"] ** 2
-        self.filter.Q = np.diag(np.repeat([0, p["accel_noise"], p["gyro_noise"], p["accel_bias_walk"], p["gyro_bias_walk"]], 3) ** 2 * w.dt)
+        self.filter.P, self.filter.R = np.diag(w.sd**2), np.eye(3) * p["gnss_sd"] ** 2
+        self.filter.Q = np.diag(
+            np.repeat(
+                [0, p["accel_noise"], p["gyro_noise"], p["accel_bias_walk"], p["gyro_bias_walk"]], 3
+            )
+            ** 2
+            * w.dt
+        )
 
     def after(self, x, C, dtheta, dv):
-        lla, v, C = _mechanise(self.origin + x[:3] / self.scale, x[3:6], C, dtheta - x[12:] * self.dt, dv - x[9:12] * self.dt, self.dt)
+        lla, v, C = _mechanise(
+            self.origin + x[:3] / self.scale,
+            x[3:6],
+            C,
+            dtheta - x[12:] * self.dt,
+            dv - x[9:12] * self.dt,
+            self.dt,
+        )
         return (lla - self.origin) * self.scale, v, C
 
     def move(self, x, dt, dtheta, dv, new):
@@ -190,8 +276,10 @@ def filterpy_ukf(workload, seconds=5.0):
     return judged(w, time.perf_counter() - begin, w.t[1:], lla, v, C)
 
 
-RUNS = (("python-ins feedback", pyins_feedback, "python-ins", {"A": 30.0, "B": 10.0}),
-        ("python-ins feedforward", pyins_feedforward, "python-ins", {"N": 60.0}),
-        ("smsfusion AidedINS", smsfusion_aided, "smsfusion", {"A": 1800.0, "B": 1800.0}),
-        ("filterpy UKF", filterpy_ukf, "filterpy", {"A": 5.0, "B": 25.0}))
+RUNS = (
+    ("python-ins feedback", pyins_feedback, "python-ins", {"A": 30.0, "B": 10.0}),
+    ("python-ins feedforward", pyins_feedforward, "python-ins", {"N": 60.0}),
+    ("smsfusion AidedINS", smsfusion_aided, "smsfusion", {"A": 1800.0, "B": 1800.0}),
+    ("filterpy UKF", filterpy_ukf, "filterpy", {"A": 5.0, "B": 25.0}),
+)
 """(name, function, package, seconds of each workload that are enough to time it)."""

@@ -1,7 +1,10 @@
-"""Figures that need a process of their own: a day in bounded memory, the first solution, the first compilation, `--help`.
+"""Figures that need a process of their own: a day in bounded memory, the first solution, the first
+compilation, `--help`.
 
-`python benchmarks/processes.py day PERIOD SECONDS` and `... first LOG` are what those processes run; each prints one JSON line.
+`python benchmarks/processes.py day PERIOD SECONDS` and `... first LOG` are what those processes
+run; each prints one JSON line.
 """
+
 import json
 import os
 import resource
@@ -23,12 +26,20 @@ def environment(**changes):
 
 
 def child(*arguments, **changes):
-    """(seconds of the whole process, its last line of output as JSON or text). Raises RuntimeError with its last words."""
+    """(seconds of the whole process, its last line of output as JSON or text). Raises
+    RuntimeError with its last words."""
     begin = time.perf_counter()
-    done = subprocess.run([sys.executable, *map(str, arguments)], env=environment(**changes), capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, *map(str, arguments)],
+        env=environment(**changes),
+        capture_output=True,
+        text=True,
+    )
     seconds = time.perf_counter() - begin
     if done.returncode:
-        raise RuntimeError(f"{' '.join(map(str, arguments))[:80]}: {(done.stderr.strip() or done.stdout.strip() or 'no output').splitlines()[-1]}")
+        raise RuntimeError(
+            f"{' '.join(map(str, arguments))[:80]}: {(done.stderr.strip() or done.stdout.strip() or 'no output').splitlines()[-1]}"
+        )
     last = (done.stdout.strip().splitlines() or ["null"])[-1]
     try:
         return seconds, json.loads(last)
@@ -38,20 +49,28 @@ def child(*arguments, **changes):
 
 def help_seconds(times=5):
     """Median time of `strapdown --help`, as its console script runs it."""
-    runs = sorted(child("-c", "import sys; from strapdown.cli.app import main; sys.exit(main())", "--help")[0] for _ in range(times))
+    runs = sorted(
+        child("-c", "import sys; from strapdown.cli.app import main; sys.exit(main())", "--help")[0]
+        for _ in range(times)
+    )
     return runs[times // 2]
 
 
 def first_solution(log, times=3):
-    """(seconds with nothing cached, median seconds with a warm cache) of a process that reads and fuses `log`."""
+    """(seconds with nothing cached, median seconds with a warm cache) of a process that reads
+    and fuses `log`."""
     with tempfile.TemporaryDirectory() as empty:
         cold = child(__file__, "first", log, XDG_CACHE_HOME=empty, NUMBA_CACHE_DIR="")
-        runs = sorted(child(__file__, "first", log, XDG_CACHE_HOME=empty, NUMBA_CACHE_DIR="")[0] for _ in range(times))
+        runs = sorted(
+            child(__file__, "first", log, XDG_CACHE_HOME=empty, NUMBA_CACHE_DIR="")[0]
+            for _ in range(times)
+        )
     return cold[0], runs[times // 2]
 
 
 def day(period, seconds=DAY):
-    """Of a closed loop over a synthetic day: (seconds, MB above the input arrays, MB of python and numpy, rms position error in m of the last hour)."""
+    """Of a closed loop over a synthetic day: (seconds, MB above the input arrays, MB of python
+    and numpy, rms position error in m of the last hour)."""
     child(__file__, "day", period, 20)  # compiles
     return child(__file__, "day", period, seconds)[1]
 
@@ -59,34 +78,51 @@ def day(period, seconds=DAY):
 def memory():
     """(bytes now, largest so far) that this process has in memory."""
     try:
-        lines = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines() if ":" in line)
+        lines = dict(
+            line.split(":", 1)
+            for line in Path("/proc/self/status").read_text().splitlines()
+            if ":" in line
+        )
         return tuple(1024 * int(lines[key].split()[0]) for key in ("VmRSS", "VmHWM"))
     except OSError:  # not Linux: the largest stands for both
-        largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+        largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (
+            1 if sys.platform == "darwin" else 1024
+        )
         return largest, largest
 
 
 def run_day(path, seconds):
-    """What the process of `day` does. All but the input arrays and numpy itself counts as memory: strapdown, its libraries, compiled code."""
+    """What the process of `day` does. All but the input arrays and numpy itself counts as
+    memory: strapdown, its libraries, compiled code."""
     import numpy as np
     import workload
+
     with np.load(path) as piece:
         piece = dict(piece)
     w = workload.repeated(piece, seconds)
     before = memory()[0]
     interpreter = before - sum(array.nbytes for array in (w.t, w.dtheta, w.dv, w.fix_t, w.fix))
     import subject
+
     begin = time.perf_counter()
     solution = subject.fuse(w, "closed-loop", every=100)
     took, above = time.perf_counter() - begin, memory()[1] - before
     late = solution.t > solution.t[-1] - 3600
-    error = (solution.trajectory.lla[late] - workload.round_position(piece, solution.t[late])) * [*workload.round_scale(piece), 1.0]
-    print(json.dumps([took, above / 1e6, interpreter / 1e6, float(np.sqrt((error ** 2).sum(axis=1).mean()))]))
+    error = (solution.trajectory.lla[late] - workload.round_position(piece, solution.t[late])) * [
+        *workload.round_scale(piece),
+        1.0,
+    ]
+    print(
+        json.dumps(
+            [took, above / 1e6, interpreter / 1e6, float(np.sqrt((error**2).sum(axis=1).mean()))]
+        )
+    )
 
 
 def run_first(log):
     """What the process of `first_solution` does: the user's three lines."""
     import strapdown as sd
+
     recording = sd.read(log)
     solution = sd.fuse(recording, "closed-loop")
     print(json.dumps(float(solution.t[-1])))

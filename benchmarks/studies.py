@@ -1,7 +1,10 @@
-"""Figures of studies: the first paper's whole study, its quick form, threads, memory, and how near the closed loop comes to the Cramer-Rao bound.
+"""Figures of studies: the first paper's whole study, its quick form, threads, memory, and how near
+the closed loop comes to the Cramer-Rao bound.
 
-`python benchmarks/studies.py runs COUNT`, `... threads COUNT` and `... busy` are what the child processes run; each prints one JSON line.
+`python benchmarks/studies.py runs COUNT`, `... threads COUNT` and `... busy` are what the child
+processes run; each prints one JSON line.
 """
+
 import json
 import subprocess
 import sys
@@ -10,7 +13,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-
 from processes import child, environment, memory
 
 TACTICAL, CLOSED = "paper1-tactical", "closed-loop-error-bias"
@@ -21,14 +23,29 @@ SECONDS = 6.0
 
 
 def paper(*options):
-    """(seconds, filter steps, worst Cramer-Rao ratio of the closed loop at tactical grade) of `strapdown reproduce hager-bryne`, its page included."""
+    """(seconds, filter steps, worst Cramer-Rao ratio of the closed loop at tactical grade) of
+    `strapdown reproduce hager-bryne`, its page included."""
     from strapdown.experiments.monte_carlo.campaign import Campaign
+
     with tempfile.TemporaryDirectory() as folder:
         took, _ = child("-m", "strapdown", "reproduce", "hager-bryne", "--out", folder, *options)
         found = [Campaign.open(path.parent) for path in Path(folder).rglob("manifest.json")]
-        steps = sum(cell["scenario"]["duration_s"] * cell["scenario"]["rate_hz"] * c.manifest["runs"] * len(c.manifest["filters"]) for c in found for cell in c.manifest["cells"])
-        ratios = [row.bound_ratio for c in found for _, row in c.summary.iterrows()
-                  if row.imu == TACTICAL and row["filter"] == CLOSED and not row.scenario.endswith("-offset")]
+        steps = sum(
+            cell["scenario"]["duration_s"]
+            * cell["scenario"]["rate_hz"]
+            * c.manifest["runs"]
+            * len(c.manifest["filters"])
+            for c in found
+            for cell in c.manifest["cells"]
+        )
+        ratios = [
+            row.bound_ratio
+            for c in found
+            for _, row in c.summary.iterrows()
+            if row.imu == TACTICAL
+            and row["filter"] == CLOSED
+            and not row.scenario.endswith("-offset")
+        ]
         return took, steps, max(ratios, key=lambda ratio: abs(ratio - 1))
 
 
@@ -45,15 +62,26 @@ def threads():
 
 def busy():
     """How much two processes get done against one."""
+
     def counted(number):
-        started = [subprocess.Popen([sys.executable, __file__, "busy"], env=environment(), stdout=subprocess.PIPE, text=True) for _ in range(number)]
+        started = [
+            subprocess.Popen(
+                [sys.executable, __file__, "busy"],
+                env=environment(),
+                stdout=subprocess.PIPE,
+                text=True,
+            )
+            for _ in range(number)
+        ]
         return sum(json.loads(process.communicate()[0]) for process in started)
+
     return counted(2) / counted(1)
 
 
 def minute(runs):
     """A study of so many runs of a minute at 20 Hz with a fix at each sample."""
     import strapdown as sd
+
     flight = sd.scenario("paper1-01").replace(name="a minute", duration=60.0)
     return sd.Study(flight, ("closed-loop",), (TACTICAL,), runs, seed=1)
 
@@ -61,8 +89,12 @@ def minute(runs):
 def run_threads(count):
     """Seconds of a study on `count` threads, everything compiled and simulated once before."""
     import strapdown as sd
-    made = sd.Study("paper1-04", ("open-loop", "closed-loop"), (TACTICAL,), 400, seed=1, chunk_steps=400_000)
+
+    made = sd.Study(
+        "paper1-04", ("open-loop", "closed-loop"), (TACTICAL,), 400, seed=1, chunk_steps=400_000
+    )
     from strapdown.experiments.monte_carlo.study import run_chunk
+
     run_chunk(made, made.chunks()[0])
     begin = time.perf_counter()
     made.run(threads=count)

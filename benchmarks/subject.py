@@ -1,8 +1,8 @@
 """The library under measurement, on a workload: its recording, start and noise, and timed runs."""
+
 import time
 
 import numpy as np
-
 from workload import DEG, FOLDER, score
 
 LOG = """[imu]
@@ -26,32 +26,65 @@ sd = [1.0, 1.0, 1.0]
 def noise(p):
     """strapdown's Noise of the workload's parameters: random-walk biases."""
     from strapdown.core.contract import Noise
-    return Noise(p["gyro_noise"], p["accel_noise"], p["gyro_bias_walk"], p["accel_bias_walk"], 0.0, 0.0)
+
+    return Noise(
+        p["gyro_noise"], p["accel_noise"], p["gyro_bias_walk"], p["accel_bias_walk"], 0.0, 0.0
+    )
 
 
 def start(workload):
     """strapdown's Start of the workload: its perturbed state and standard deviations."""
     from strapdown.core.contract import Start
+
     lla, v, rph = workload.start
-    return Start(float(workload.t[0]), tuple(lla), tuple(v), tuple(rph), (0.0,) * 3, (0.0,) * 3, tuple(workload.sd))
+    return Start(
+        float(workload.t[0]),
+        tuple(lla),
+        tuple(v),
+        tuple(rph),
+        (0.0,) * 3,
+        (0.0,) * 3,
+        tuple(workload.sd),
+    )
 
 
 def fixes(workload):
     """The position fixes; without gate, since the yardstick has none."""
     import strapdown as sd
-    return sd.Aiding("position", workload.fix_t, workload.fix, np.full(workload.fix.shape, workload.parameters["gnss_sd"]), gate=np.inf)
+
+    return sd.Aiding(
+        "position",
+        workload.fix_t,
+        workload.fix,
+        np.full(workload.fix.shape, workload.parameters["gnss_sd"]),
+        gate=np.inf,
+    )
 
 
 def recording(workload, *aidings):
     """strapdown's Recording of the workload, with these sources beside its position fixes."""
     import strapdown as sd
-    return sd.Recording.from_arrays(workload.t[1:], workload.dtheta[1:], workload.dv[1:], aidings=[fixes(workload), *aidings], kind="increment")
+
+    return sd.Recording.from_arrays(
+        workload.t[1:],
+        workload.dtheta[1:],
+        workload.dv[1:],
+        aidings=[fixes(workload), *aidings],
+        kind="increment",
+    )
 
 
 def fuse(workload, name, **options):
     """Solution of filter `name` on the workload."""
     import strapdown as sd
-    return sd.fuse(recording(workload), name, start=start(workload), noise=noise(workload.parameters), **options)
+
+    return sd.fuse(
+        recording(workload),
+        name,
+        start=start(workload),
+        noise=noise(workload.parameters),
+        **options,
+    )
 
 
 def accuracy(workload, name):
@@ -61,21 +94,31 @@ def accuracy(workload, name):
 
 
 def timed_run(workload, name, every=1, aidings=(), **options):
-    """A function that runs filter `name` over the whole workload and returns the seconds of the compiled loop; every `every`-th sample is stored,
-    where it is not each of them with its covariance as in a study. `aidings` are sources beside the position fixes.
+    """A function that runs filter `name` over the whole workload and returns the seconds of the
+    compiled loop; every `every`-th sample is stored, where it is not each of them with its
+    covariance as in a study. `aidings` are sources beside the position fixes.
 
-    As with the yardstick, compiling, the start and the output arrays are there before the clock starts.
+    As with the yardstick, compiling, the start and the output arrays are there before the clock
+    starts.
     """
-    log, at_start, densities = recording(workload, *aidings), start(workload), noise(workload.parameters)
-    return timed(lambda begin: begin(log, name, None, at_start, densities, every, every > 1, None, options))
+    log, at_start, densities = (
+        recording(workload, *aidings),
+        start(workload),
+        noise(workload.parameters),
+    )
+    return timed(
+        lambda begin: begin(log, name, None, at_start, densities, every, every > 1, None, options)
+    )
 
 
 def timed(made):
-    """A function that runs the Run that `made(engine.begin)` gives, anew each time, and returns the seconds of the compiled loop alone."""
+    """A function that runs the Run that `made(engine.begin)` gives, anew each time, and returns
+    the seconds of the compiled loop alone."""
     from strapdown.engine import batch
+
     out = made(batch.begin).out
     for part in out[:3]:
-        part[...] = 0.0     # its pages are there
+        part[...] = 0.0  # its pages are there
 
     def seconds():
         run = made(batch.begin)
@@ -83,22 +126,30 @@ def timed(made):
         for rows in run.chunks(batch.CHUNK):
             run.advance(rows, out)
         return time.perf_counter() - begin
+
     return seconds
 
 
 def stream_times(workload):
-    """(us per IMU sample, us per fix) of `Stream.step`: medians over the seconds of a workload with 1 Hz fixes.
+    """(us per IMU sample, us per fix) of `Stream.step`: medians over the seconds of a workload with
+    1 Hz fixes.
 
-    A fix is used with the sample that ends at its time, so its cost is that of both steps less that of a sample.
+    A fix is used with the sample that ends at its time, so its cost is that of both steps less that
+    of a sample.
     """
     import strapdown as sd
-    stream = sd.Stream("closed-loop", start(workload), noise=noise(workload.parameters), aidings=[fixes(workload)])
+
+    stream = sd.Stream(
+        "closed-loop", start(workload), noise=noise(workload.parameters), aidings=[fixes(workload)]
+    )
     deviation, samples = (workload.parameters["gnss_sd"],) * 3, []
-    for t, dtheta, dv in zip(workload.t[1:].tolist(), workload.dtheta[1:].tolist(), workload.dv[1:].tolist()):
+    for t, dtheta, dv in zip(
+        workload.t[1:].tolist(), workload.dtheta[1:].tolist(), workload.dv[1:].tolist()
+    ):
         samples.append(sd.Sample(t, workload.dt, tuple(dtheta), tuple(dv)))
     each, plain, both = len(samples) // len(workload.fix_t), [], []
     for k, (t, y) in enumerate(zip(workload.fix_t.tolist(), workload.fix.tolist())):
-        fix, block = sd.Fix(t, 0, tuple(y), deviation), samples[k * each:(k + 1) * each]
+        fix, block = sd.Fix(t, 0, tuple(y), deviation), samples[k * each : (k + 1) * each]
         begin = time.perf_counter()
         for sample in block[:-1]:
             stream.step(sample)
@@ -118,7 +169,11 @@ def write_log(workload, folder=FOLDER / "log"):
     folder.mkdir(parents=True, exist_ok=True)
     imu = np.c_[workload.t, workload.dtheta, workload.dv][1:]
     gnss = np.c_[workload.fix_t, workload.fix / [DEG, DEG, 1.0]]
-    np.savetxt(folder / "imu.csv", imu, fmt="%.12g", delimiter=",", header="t,x,y,z,vx,vy,vz", comments="")
-    np.savetxt(folder / "gnss.csv", gnss, fmt="%.12g", delimiter=",", header="t,lat,lon,alt", comments="")
+    np.savetxt(
+        folder / "imu.csv", imu, fmt="%.12g", delimiter=",", header="t,x,y,z,vx,vy,vz", comments=""
+    )
+    np.savetxt(
+        folder / "gnss.csv", gnss, fmt="%.12g", delimiter=",", header="t,lat,lon,alt", comments=""
+    )
     (folder / "recording.toml").write_text(LOG)
     return folder / "recording.toml"

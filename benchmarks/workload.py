@@ -1,12 +1,15 @@
-"""The three 30-minute workloads everything is measured on, one synthetic day, and the scoring against their truth.
+"""The three 30-minute workloads everything is measured on, one synthetic day, and the scoring
+against their truth.
 
-A vehicle at 20 m/s that turns, climbs, rolls and pitches, from the independent simulator of python-ins:
-`A` imu100_gnss1: 100 Hz increments, 1 Hz position fixes, a tactical MEMS IMU;
-`B` imu20_gnss20: the same IMU at 20 Hz, a fix at every sample;
-`N` nav100_gnss1: as A with a navigation-grade IMU, for filters in open loop.
+A vehicle at 20 m/s that turns, climbs, rolls and pitches, from the independent simulator of
+python-ins: `A` imu100_gnss1: 100 Hz increments, 1 Hz position fixes, a tactical MEMS IMU; `B`
+imu20_gnss20: the same IMU at 20 Hz, a fix at every sample; `N` nav100_gnss1: as A with a
+navigation-grade IMU, for filters in open loop.
 
-Run as `python benchmarks/workload.py [FOLDER]` to write them as .npz files; same versions of numpy and python-ins, same bits.
+Run as `python benchmarks/workload.py [FOLDER]` to write them as .npz files; same versions of numpy
+and python-ins, same bits.
 """
+
 import os
 import sys
 import tempfile
@@ -20,44 +23,65 @@ SETTLED = 120.0  # s; errors are scored from here on
 DEG, HOUR = np.pi / 180, 3600.0
 
 TACTICAL = dict(
-    gyro_noise=0.2 * (DEG / 60), accel_noise=0.05 / 60,                # rad/sqrt(s), m/s/sqrt(s): 0.2 deg/sqrt(h), 0.05 m/s/sqrt(h)
-    gyro_bias_sd=30 * DEG / HOUR, accel_bias_sd=0.02,                           # rad/s, m/s^2
-    gyro_bias_walk=6 * DEG / HOUR / 60, accel_bias_walk=0.002 / 60,             # rad/s/sqrt(s), m/s^2/sqrt(s)
-    gnss_sd=1.0, pos_sd=2.0, vel_sd=0.2, level_sd=0.5, azimuth_sd=2.0)          # m, m, m/s, deg, deg
+    gyro_noise=0.2 * (DEG / 60),
+    accel_noise=0.05 / 60,  # rad/sqrt(s), m/s/sqrt(s): 0.2 deg/sqrt(h), 0.05 m/s/sqrt(h)
+    gyro_bias_sd=30 * DEG / HOUR,
+    accel_bias_sd=0.02,  # rad/s, m/s^2
+    gyro_bias_walk=6 * DEG / HOUR / 60,
+    accel_bias_walk=0.002 / 60,  # rad/s/sqrt(s), m/s^2/sqrt(s)
+    gnss_sd=1.0,
+    pos_sd=2.0,
+    vel_sd=0.2,
+    level_sd=0.5,
+    azimuth_sd=2.0,
+)  # m, m, m/s, deg, deg
 NAVIGATION = dict(
-    TACTICAL, gyro_noise=0.002 * (DEG / 60), accel_noise=0.003 / 60, gyro_bias_sd=0.01 * DEG / HOUR, accel_bias_sd=50e-5,
-    gyro_bias_walk=0.003 * DEG / HOUR / 60, accel_bias_walk=10e-5 / 60, level_sd=0.02, azimuth_sd=0.1)
+    TACTICAL,
+    gyro_noise=0.002 * (DEG / 60),
+    accel_noise=0.003 / 60,
+    gyro_bias_sd=0.01 * DEG / HOUR,
+    accel_bias_sd=50e-5,
+    gyro_bias_walk=0.003 * DEG / HOUR / 60,
+    accel_bias_walk=10e-5 / 60,
+    level_sd=0.02,
+    azimuth_sd=0.1,
+)
 
 
 class Recipe(NamedTuple):
     """What makes one workload."""
+
     name: str
-    rate: int           # Hz
-    fix_every: int      # samples
+    rate: int  # Hz
+    fix_every: int  # samples
     seed: int
     parameters: dict
 
 
-RECIPES = {"A": Recipe("imu100_gnss1", 100, 100, 20240, TACTICAL),
-           "B": Recipe("imu20_gnss20", 20, 1, 20241, TACTICAL),
-           "N": Recipe("nav100_gnss1", 100, 100, 20242, NAVIGATION)}
+RECIPES = {
+    "A": Recipe("imu100_gnss1", 100, 100, 20240, TACTICAL),
+    "B": Recipe("imu20_gnss20", 20, 1, 20241, TACTICAL),
+    "N": Recipe("nav100_gnss1", 100, 100, 20242, NAVIGATION),
+}
 
 
 class Workload(NamedTuple):
-    """One workload in SI and radians. Row k of the increments is the integral over (t[k-1], t[k]]; row 0 is the start."""
+    """One workload in SI and radians. Row k of the increments is the integral over (t[k-1],
+    t[k]]; row 0 is the start."""
+
     name: str
     dt: float
-    t: np.ndarray           # (n+1,) s
-    dtheta: np.ndarray      # (n+1, 3) body FRD, rad, with errors
-    dv: np.ndarray          # (n+1, 3) body FRD, m/s, with errors
-    lla: np.ndarray         # truth: rad, rad, m
-    v: np.ndarray           # truth: NED, m/s
-    rph: np.ndarray         # truth: rad
-    fix_t: np.ndarray       # (m,) s
-    fix: np.ndarray         # (m, 3) rad, rad, m
-    start: tuple            # perturbed initial lla, v, rph
-    sd: np.ndarray          # 15 initial standard deviations
-    parameters: dict        # as above: SI, initial angles in deg
+    t: np.ndarray  # (n+1,) s
+    dtheta: np.ndarray  # (n+1, 3) body FRD, rad, with errors
+    dv: np.ndarray  # (n+1, 3) body FRD, m/s, with errors
+    lla: np.ndarray  # truth: rad, rad, m
+    v: np.ndarray  # truth: NED, m/s
+    rph: np.ndarray  # truth: rad
+    fix_t: np.ndarray  # (m,) s
+    fix: np.ndarray  # (m, 3) rad, rad, m
+    start: tuple  # perturbed initial lla, v, rph
+    sd: np.ndarray  # 15 initial standard deviations
+    parameters: dict  # as above: SI, initial angles in deg
 
     def first(self, seconds):
         """The workload up to `seconds`."""
@@ -68,9 +92,10 @@ class Workload(NamedTuple):
 
 class Rms(NamedTuple):
     """Root mean square of the length of the error vectors."""
-    position: float     # m
-    velocity: float     # m/s
-    attitude: float     # deg
+
+    position: float  # m
+    velocity: float  # m/s
+    attitude: float  # deg
 
     def __str__(self):
         return f"{self.position:.4f} m {self.velocity:.4f} m/s {self.attitude:.4f} deg"
@@ -78,6 +103,7 @@ class Rms(NamedTuple):
 
 def motion(t):
     """True velocity (n, 3) in m/s NED and roll, pitch, heading (n, 3) in deg at times `t`."""
+
     def wave(amplitude, period):
         return amplitude * np.sin(2 * np.pi / period * t)
 
@@ -97,25 +123,46 @@ def motion(t):
 
 
 def simulate(recipe, duration=1800.0):
-    """Arrays of one workload as they are stored: degrees for angles of position, attitude and their sd, else SI."""
+    """Arrays of one workload as they are stored: degrees for angles of position, attitude and
+    their sd, else SI."""
     from pyins import inertial_sensor, sim, util
+
     p, rng = recipe.parameters, np.random.RandomState(recipe.seed)
     t = np.arange(round(duration * recipe.rate) + 1) / recipe.rate
     v, rph = motion(t)
     truth, ideal = sim.generate_imu(t, [45.0, 10.0, 500.0], rph, v, "increment")
     bias = {sensor: p[sensor + "_bias_sd"] * rng.randn(3) for sensor in ("gyro", "accel")}
-    errors = [inertial_sensor.Parameters(None, bias[sensor], p[sensor + "_noise"], p[sensor + "_bias_walk"], rng) for sensor in bias]
+    errors = [
+        inertial_sensor.Parameters(
+            None, bias[sensor], p[sensor + "_noise"], p[sensor + "_bias_walk"], rng
+        )
+        for sensor in bias
+    ]
     imu = inertial_sensor.apply_imu_parameters(ideal, "increment", *errors)
-    fixes = sim.generate_position_measurements(truth.iloc[recipe.fix_every::recipe.fix_every], p["gnss_sd"], rng)
-    start = sim.perturb_pva(truth.iloc[0], sim.generate_pva_error(*(p[key] for key in ("pos_sd", "vel_sd", "level_sd", "azimuth_sd")), rng))
+    fixes = sim.generate_position_measurements(
+        truth.iloc[recipe.fix_every :: recipe.fix_every], p["gnss_sd"], rng
+    )
+    start = sim.perturb_pva(
+        truth.iloc[0],
+        sim.generate_pva_error(
+            *(p[key] for key in ("pos_sd", "vel_sd", "level_sd", "azimuth_sd")), rng
+        ),
+    )
     columns = {"lla": util.LLA_COLS, "vel": util.VEL_COLS, "rph": util.RPH_COLS}
     sensors = {"dtheta": util.GYRO_COLS, "dvel": util.ACCEL_COLS}
-    return {"time": t, "rate": recipe.rate, **p, "gnss_time": fixes.index.to_numpy(float), "gnss_lla": fixes.to_numpy(),
-            **{key: truth[names].to_numpy() for key, names in columns.items()},
-            **{"init_" + key: start[names].to_numpy(float) for key, names in columns.items()},
-            **{key: imu[names].to_numpy() for key, names in sensors.items()},
-            **{key + "_true": ideal[names].to_numpy() for key, names in sensors.items()},
-            "gyro_bias": errors[0].data_frame.to_numpy(), "accel_bias": errors[1].data_frame.to_numpy()}
+    return {
+        "time": t,
+        "rate": recipe.rate,
+        **p,
+        "gnss_time": fixes.index.to_numpy(float),
+        "gnss_lla": fixes.to_numpy(),
+        **{key: truth[names].to_numpy() for key, names in columns.items()},
+        **{"init_" + key: start[names].to_numpy(float) for key, names in columns.items()},
+        **{key: imu[names].to_numpy() for key, names in sensors.items()},
+        **{key + "_true": ideal[names].to_numpy() for key, names in sensors.items()},
+        "gyro_bias": errors[0].data_frame.to_numpy(),
+        "accel_bias": errors[1].data_frame.to_numpy(),
+    }
 
 
 def save(path, arrays):
@@ -144,15 +191,32 @@ def from_stored(name, w):
     """Workload from arrays in the units of `simulate`."""
     p = {key: float(w[key]) for key in TACTICAL}
     scale = np.array([DEG, DEG, 1.0])
-    sd = np.repeat([p["pos_sd"], p["vel_sd"], p["level_sd"] * DEG, p["accel_bias_sd"], p["gyro_bias_sd"]], 3)
+    sd = np.repeat(
+        [p["pos_sd"], p["vel_sd"], p["level_sd"] * DEG, p["accel_bias_sd"], p["gyro_bias_sd"]], 3
+    )
     sd[8] = p["azimuth_sd"] * DEG
-    return Workload(name, 1 / float(w["rate"]), w["time"], w["dtheta"], w["dvel"], w["lla"] * scale, w["vel"], w["rph"] * DEG,
-                    w["gnss_time"], w["gnss_lla"] * scale, (w["init_lla"] * scale, w["init_vel"], w["init_rph"] * DEG), sd, p)
+    return Workload(
+        name,
+        1 / float(w["rate"]),
+        w["time"],
+        w["dtheta"],
+        w["dvel"],
+        w["lla"] * scale,
+        w["vel"],
+        w["rph"] * DEG,
+        w["gnss_time"],
+        w["gnss_lla"] * scale,
+        (w["init_lla"] * scale, w["init_vel"], w["init_rph"] * DEG),
+        sd,
+        p,
+    )
 
 
 def score(workload, t, lla, v, C):
-    """Rms of an estimate at IMU times `t` (s): `lla` rad, rad, m; `v` m/s NED; `C` (n, 3, 3) body to navigation frame."""
+    """Rms of an estimate at IMU times `t` (s): `lla` rad, rad, m; `v` m/s NED; `C` (n, 3, 3)
+    body to navigation frame."""
     from scipy.spatial.transform import Rotation
+
     late = t >= SETTLED
     k = np.rint(t[late] / workload.dt).astype(int)
     if not late.any() or np.abs(workload.t[k] - t[late]).max() > 1e-6:
@@ -160,25 +224,44 @@ def score(workload, t, lla, v, C):
     true = workload.lla[k]
     x = 1 - 6.6943799901413e-3 * np.sin(true[:, 0]) ** 2
     normal = 6378137.0 / np.sqrt(x)
-    metres = np.c_[normal * (1 - 6.6943799901413e-3) / x + true[:, 2], (normal + true[:, 2]) * np.cos(true[:, 0]), -np.ones(len(k))]
+    metres = np.c_[
+        normal * (1 - 6.6943799901413e-3) / x + true[:, 2],
+        (normal + true[:, 2]) * np.cos(true[:, 0]),
+        -np.ones(len(k)),
+    ]
     rotation = Rotation.from_matrix(C[late]) * Rotation.from_euler("xyz", workload.rph[k]).inv()
-    errors = ((lla[late] - true) * metres, v[late] - workload.v[k], rotation.as_rotvec(degrees=True))
-    return Rms(*(float(np.sqrt((error ** 2).sum(axis=1).mean())) for error in errors))
+    errors = (
+        (lla[late] - true) * metres,
+        v[late] - workload.v[k],
+        rotation.as_rotvec(degrees=True),
+    )
+    return Rms(*(float(np.sqrt((error**2).sum(axis=1).mean())) for error in errors))
 
 
 def period(seconds=600, rate=100):
-    """Arrays of a closed figure that repeats after `seconds`: ideal dtheta and dv; lla (rad, rad, m) with the start; v and rph (rad) there; rate.
+    """Arrays of a closed figure that repeats after `seconds`: ideal dtheta and dv; lla (rad, rad,
+    m) with the start; v and rph (rad) there; rate.
 
-    Every wave fits a whole number of times, so rounds of it join smoothly; what is left of the last position belongs to the next round.
+    Every wave fits a whole number of times, so rounds of it join smoothly; what is left of the last
+    position belongs to the next round.
     """
     from pyins import sim, util
+
     t = np.arange(seconds * rate + 1) / rate
-    wave = lambda amplitude, times, shift=0.0: amplitude * np.sin(2 * np.pi * times / seconds * t + shift)
+    wave = lambda amplitude, times, shift=0.0: (
+        amplitude * np.sin(2 * np.pi * times / seconds * t + shift)
+    )
     v = np.c_[wave(15, 4), wave(15, 8, 0.3), wave(1, 6)]
     rph = np.c_[wave(20, 4) + wave(2, 120), wave(5, 6) + wave(1, 180), wave(90, 4)]
     truth, ideal = sim.generate_imu(t, [45.0, 10.0, 500.0], rph, v, "increment")
-    return {"dtheta": ideal[util.GYRO_COLS].to_numpy()[1:], "dv": ideal[util.ACCEL_COLS].to_numpy()[1:],
-            "lla": truth[util.LLA_COLS].to_numpy() * [DEG, DEG, 1.0], "v": v[0], "rph": rph[0] * DEG, "rate": rate}
+    return {
+        "dtheta": ideal[util.GYRO_COLS].to_numpy()[1:],
+        "dv": ideal[util.ACCEL_COLS].to_numpy()[1:],
+        "lla": truth[util.LLA_COLS].to_numpy() * [DEG, DEG, 1.0],
+        "v": v[0],
+        "rph": rph[0] * DEG,
+        "rate": rate,
+    }
 
 
 def stored_period(folder=FOLDER):
@@ -190,11 +273,18 @@ def stored_period(folder=FOLDER):
 
 
 def repeated(piece, seconds, seed=1):
-    """A Workload of `seconds` that repeats `piece` (arrays of `period`) with noise, biases and 1 Hz fixes; it starts without error.
+    """A Workload of `seconds` that repeats `piece` (arrays of `period`) with noise, biases and 1 Hz
+    fixes; it starts without error.
 
-    Filled in place, so that building it takes no more memory than it keeps. It carries no truth: `round_position` has it.
+    Filled in place, so that building it takes no more memory than it keeps. It carries no truth:
+    `round_position` has it.
     """
-    rng, rate, rows, p = np.random.default_rng(seed), int(piece["rate"]), len(piece["dtheta"]), TACTICAL
+    rng, rate, rows, p = (
+        np.random.default_rng(seed),
+        int(piece["rate"]),
+        len(piece["dtheta"]),
+        TACTICAL,
+    )
     n, increments = round(seconds * rate), {}
     t = np.arange(n + 1, dtype=float)
     t /= rate
@@ -202,16 +292,35 @@ def repeated(piece, seconds, seed=1):
         column = increments[name] = np.zeros((n + 1, 3))
         bias = p[sensor + "_bias_sd"] * rng.standard_normal(3) / rate
         for first in range(1, n + 1, rows):
-            part = column[first:first + rows]
+            part = column[first : first + rows]
             rng.standard_normal(out=part)
             part *= p[sensor + "_noise"] / np.sqrt(rate)
-            part += piece[name][:len(part)] + bias
+            part += piece[name][: len(part)] + bias
     fix_t = np.arange(1.0, seconds + 1)
     north, east = round_scale(piece)
-    fix = round_position(piece, fix_t) + rng.standard_normal((len(fix_t), 3)) * p["gnss_sd"] / [north, east, 1.0]
-    sd = np.repeat([p["pos_sd"], p["vel_sd"], p["level_sd"] * DEG, p["accel_bias_sd"], p["gyro_bias_sd"]], 3)
-    return Workload("day", 1 / rate, t, increments["dtheta"], increments["dv"], None, None, None, fix_t, fix,
-                    (piece["lla"][0], piece["v"], piece["rph"]), sd, p)
+    fix = round_position(piece, fix_t) + rng.standard_normal((len(fix_t), 3)) * p["gnss_sd"] / [
+        north,
+        east,
+        1.0,
+    ]
+    sd = np.repeat(
+        [p["pos_sd"], p["vel_sd"], p["level_sd"] * DEG, p["accel_bias_sd"], p["gyro_bias_sd"]], 3
+    )
+    return Workload(
+        "day",
+        1 / rate,
+        t,
+        increments["dtheta"],
+        increments["dv"],
+        None,
+        None,
+        None,
+        fix_t,
+        fix,
+        (piece["lla"][0], piece["v"], piece["rph"]),
+        sd,
+        p,
+    )
 
 
 def round_position(piece, t):

@@ -1,10 +1,13 @@
-"""The yardstick: a whole 15-state closed-loop error-state filter in one compiled function, to measure the library against.
+"""The yardstick: a whole 15-state closed-loop error-state filter in one compiled function, to
+measure the library against.
 
-WGS-84 mechanisation on increments, block-sparse covariance step, position fixes as three scalar updates, no gate, no lever arm, no
-contract: what a library adds on top is what the ratio shows. It stores the state and 15 variances at every sample.
-States and errors as in the library: position (m, NED), velocity, attitude (in n), accelerometer and gyro bias; delta = true - estimate.
-Sources: Groves (2013), chapters 5 and 14; WGS-84 normal gravity after Somigliana.
+WGS-84 mechanisation on increments, block-sparse covariance step, position fixes as three scalar
+updates, no gate, no lever arm, no contract: what a library adds on top is what the ratio shows. It
+stores the state and 15 variances at every sample. States and errors as in the library: position (m,
+NED), velocity, attitude (in n), accelerometer and gyro bias; delta = true - estimate. Sources:
+Groves (2013), chapters 5 and 14; WGS-84 normal gravity after Somigliana.
 """
+
 import numpy as np
 from numba import njit
 
@@ -34,14 +37,47 @@ def product(X, Y, out):
 
 
 @njit(error_model="numpy")
-def run(dtheta, dv, dt, fix_of, fixes, variance, start_lla, start_v, start_C, start_P, q, out_lla, out_v, out_C, out_variance):
-    """Filter all samples of `dt` seconds; `fix_of[k]` is the row of `fixes` (rad, rad, m) at the end of sample k, or -1."""
+def run(
+    dtheta,
+    dv,
+    dt,
+    fix_of,
+    fixes,
+    variance,
+    start_lla,
+    start_v,
+    start_C,
+    start_P,
+    q,
+    out_lla,
+    out_v,
+    out_C,
+    out_variance,
+):
+    """Filter all samples of `dt` seconds; `fix_of[k]` is the row of `fixes` (rad, rad, m) at the
+    end of sample k, or -1."""
     lat, lon, alt = start_lla
     vn, ve, vd = start_v
-    C, P, W, x, K, ba, bg = start_C.copy(), start_P.copy(), np.empty((15, 15)), np.empty(15), np.empty(15), np.zeros(3), np.zeros(3)
-    R, T, D, VV, VA, AA = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.eye(3), np.zeros((3, 3)), np.eye(3)
+    C, P, W, x, K, ba, bg = (
+        start_C.copy(),
+        start_P.copy(),
+        np.empty((15, 15)),
+        np.empty(15),
+        np.empty(15),
+        np.zeros(3),
+        np.zeros(3),
+    )
+    R, T, D, VV, VA, AA = (
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+        np.eye(3),
+        np.zeros((3, 3)),
+        np.eye(3),
+    )
     for k in range(len(dtheta)):
-        # mechanisation: velocity with Coriolis and frame rotation, trapezoidal position, attitude as two rotations
+        # mechanisation: velocity with Coriolis and frame rotation, trapezoidal position, attitude
+        # as two rotations
         sine, cosine = np.sin(lat), np.cos(lat)
         root = np.sqrt(1 - E2 * sine * sine)
         north, east = A * (1 - E2) / (root * root * root) + alt, A / root + alt
@@ -49,11 +85,15 @@ def run(dtheta, dv, dt, fix_of, fixes, variance, start_lla, start_v, start_C, st
         en, ed = OMEGA * cosine, -OMEGA * sine
         tn, te = ve / east, -vn / north
         td = -tn * sine / cosine
-        wn, we, wd = (en + tn) * dt, te * dt, (ed + td) * dt                    # rotation of n, rad
-        cn, ce, cd = wn + en * dt, we, wd + ed * dt                             # with Coriolis, rad
+        wn, we, wd = (en + tn) * dt, te * dt, (ed + td) * dt  # rotation of n, rad
+        cn, ce, cd = wn + en * dt, we, wd + ed * dt  # with Coriolis, rad
         ax, ay, az = dtheta[k, 0] - bg[0] * dt, dtheta[k, 1] - bg[1] * dt, dtheta[k, 2] - bg[2] * dt
         bx, by, bz = dv[k, 0] - ba[0] * dt, dv[k, 1] - ba[1] * dt, dv[k, 2] - ba[2] * dt
-        sx, sy, sz = bx + (ay * bz - az * by) / 2, by + (az * bx - ax * bz) / 2, bz + (ax * by - ay * bx) / 2
+        sx, sy, sz = (
+            bx + (ay * bz - az * by) / 2,
+            by + (az * bx - ax * bz) / 2,
+            bz + (ax * by - ay * bx) / 2,
+        )
         fn = C[0, 0] * sx + C[0, 1] * sy + C[0, 2] * sz
         fe = C[1, 0] * sx + C[1, 1] * sy + C[1, 2] * sz
         fd = C[2, 0] * sx + C[2, 1] * sy + C[2, 2] * sz
@@ -64,7 +104,8 @@ def run(dtheta, dv, dt, fix_of, fixes, variance, start_lla, start_v, start_C, st
         lon += (ve + new_e) / 2 * dt / (east * cosine)
         alt -= (vd + new_d) / 2 * dt
         vn, ve, vd = new_n, new_e, new_d
-        # transition blocks: velocity to velocity, attitude to velocity, attitude to attitude, biases through D
+        # transition blocks: velocity to velocity, attitude to velocity, attitude to attitude,
+        # biases through D
         VV[0, 1], VV[0, 2], VV[1, 0], VV[1, 2], VV[2, 0], VV[2, 1] = cd, -ce, -cd, cn, ce, -cn
         VA[0, 1], VA[0, 2], VA[1, 0], VA[1, 2], VA[2, 0], VA[2, 1] = fd, -fe, -fd, fn, fe, -fn
         AA[0, 1], AA[0, 2], AA[1, 0], AA[1, 2], AA[2, 0], AA[2, 1] = wd, -we, -wd, wn, we, -wn
@@ -80,7 +121,9 @@ def run(dtheta, dv, dt, fix_of, fixes, variance, start_lla, start_v, start_C, st
             for j in range(15):
                 velocity, attitude = 0.0, 0.0
                 for m in range(3):
-                    velocity += VV[i, m] * P[3 + m, j] + VA[i, m] * P[6 + m, j] + D[i, m] * P[9 + m, j]
+                    velocity += (
+                        VV[i, m] * P[3 + m, j] + VA[i, m] * P[6 + m, j] + D[i, m] * P[9 + m, j]
+                    )
                     attitude += AA[i, m] * P[6 + m, j] + D[i, m] * P[12 + m, j]
                 W[i, j] = P[i, j] + dt * P[3 + i, j]
                 W[3 + i, j], W[6 + i, j] = velocity, attitude
@@ -89,7 +132,9 @@ def run(dtheta, dv, dt, fix_of, fixes, variance, start_lla, start_v, start_C, st
             for j in range(3):
                 velocity, attitude = 0.0, 0.0
                 for m in range(3):
-                    velocity += W[i, 3 + m] * VV[j, m] + W[i, 6 + m] * VA[j, m] + W[i, 9 + m] * D[j, m]
+                    velocity += (
+                        W[i, 3 + m] * VV[j, m] + W[i, 6 + m] * VA[j, m] + W[i, 9 + m] * D[j, m]
+                    )
                     attitude += W[i, 6 + m] * AA[j, m] + W[i, 12 + m] * D[j, m]
                 P[i, j] = W[i, j] + dt * W[i, 3 + j]
                 P[i, 3 + j], P[i, 6 + j] = velocity, attitude
@@ -136,12 +181,26 @@ def run(dtheta, dv, dt, fix_of, fixes, variance, start_lla, start_v, start_C, st
 def arguments(workload):
     """Inputs and outputs of `run` on a workload: (inputs, outputs), both tuples."""
     from scipy.spatial.transform import Rotation
+
     p, dt, n = workload.parameters, workload.dt, len(workload.t) - 1
     fix_of = np.full(n, -1)
-    fix_of[np.rint((workload.fix_t - workload.t[0]) / dt).astype(int) - 1] = np.arange(len(workload.fix_t))
+    fix_of[np.rint((workload.fix_t - workload.t[0]) / dt).astype(int) - 1] = np.arange(
+        len(workload.fix_t)
+    )
     densities = [0.0, p["accel_noise"], p["gyro_noise"], p["accel_bias_walk"], p["gyro_bias_walk"]]
     lla, v, rph = workload.start
     C = np.ascontiguousarray(Rotation.from_euler("xyz", rph).as_matrix())
-    inputs = (workload.dtheta[1:].copy(), workload.dv[1:].copy(), dt, fix_of, workload.fix.copy(), p["gnss_sd"] ** 2,
-              lla, v, C, np.diag(workload.sd ** 2), np.repeat(densities, 3) ** 2 * dt)
+    inputs = (
+        workload.dtheta[1:].copy(),
+        workload.dv[1:].copy(),
+        dt,
+        fix_of,
+        workload.fix.copy(),
+        p["gnss_sd"] ** 2,
+        lla,
+        v,
+        C,
+        np.diag(workload.sd**2),
+        np.repeat(densities, 3) ** 2 * dt,
+    )
     return inputs, (np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 15)))

@@ -1,4 +1,6 @@
-"""Compile every kernel into the cache, on all cores, before the tests run: each of their processes would compile what it needs by itself."""
+"""Compile every kernel into the cache, on all cores, before the tests run: each of their
+processes would compile what it needs by itself."""
+
 import importlib
 import os
 import re
@@ -7,13 +9,13 @@ import time
 from multiprocessing import get_context
 from pathlib import Path
 
-import strapdown_reproductions
-
 import strapdown
+import strapdown_reproductions
 from strapdown.core import jit, kernel_cache
 
 SLOW = ("xkf", "two_stage", "ins_points", "pkf", "six", "ekf")
-"""Parts of the names of modules whose kernels take longest: they come first, so that none of them is left over for one core at the end."""
+"""Parts of the names of modules whose kernels take longest: they come first, so that none of
+them is left over for one core at the end."""
 
 
 def modules():
@@ -22,13 +24,21 @@ def modules():
         root = Path(package.__file__).parent
         for file in sorted(root.rglob("*.py")):
             if re.search(r"^@kernel\b", file.read_text(encoding="utf-8"), re.MULTILINE):
-                yield ".".join((package.__name__, *file.relative_to(root).with_suffix("").parts)).removesuffix(".__init__")
+                yield ".".join(
+                    (package.__name__, *file.relative_to(root).with_suffix("").parts)
+                ).removesuffix(".__init__")
 
 
 def kernels():
     """(module, name) of every kernel, in the order in which to compile them."""
-    found = [(module, name) for module in modules() for name, value in vars(importlib.import_module(module)).items()
-             if hasattr(value, "signature") and hasattr(value, "py_func") and value.py_func.__module__ == module]
+    found = [
+        (module, name)
+        for module in modules()
+        for name, value in vars(importlib.import_module(module)).items()
+        if hasattr(value, "signature")
+        and hasattr(value, "py_func")
+        and value.py_func.__module__ == module
+    ]
     return sorted(found, key=lambda place: not any(part in place[0] for part in SLOW))
 
 
@@ -41,4 +51,7 @@ if __name__ == "__main__" and jit.COMPILED and kernel_cache.folder():
     begin, places = time.perf_counter(), kernels()
     with get_context("spawn").Pool(os.cpu_count()) as pool:
         new = sum(pool.imap_unordered(compiled, places))
-    print(f"{new} of {len(places)} kernels compiled in {time.perf_counter() - begin:.0f} s", file=sys.stderr)
+    print(
+        f"{new} of {len(places)} kernels compiled in {time.perf_counter() - begin:.0f} s",
+        file=sys.stderr,
+    )

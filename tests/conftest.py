@@ -1,4 +1,6 @@
-"""What all tests share: the command line, and the folder of recorded data with one line that says so where it is missing."""
+"""What all tests share: the command line, and the folder of recorded data with one line that
+says so where it is missing."""
+
 import sys
 
 import pytest
@@ -21,7 +23,9 @@ def data_folder():
 
 @pytest.fixture
 def command(monkeypatch, capsys):
-    """Function of the words after `strapdown` -> (exit code, standard output, lines of standard error without that on compiling)."""
+    """Function of the words after `strapdown` -> (exit code, standard output, lines of standard
+    error without that on compiling)."""
+
     def run(*words):
         monkeypatch.setattr(sys, "argv", ["strapdown", *map(str, words)])
         code = 0
@@ -30,12 +34,21 @@ def command(monkeypatch, capsys):
         except SystemExit as end:
             code = end.code or 0
         shown = capsys.readouterr()
-        return code, shown.out, [line for line in shown.err.splitlines() if not line.startswith("compiling")]
+        return (
+            code,
+            shown.out,
+            [line for line in shown.err.splitlines() if not line.startswith("compiling")],
+        )
+
     return run
 
 
 def pytest_terminal_summary(terminalreporter):
     """One line for all tests that were skipped for want of recorded data."""
-    skipped = [report for report in terminalreporter.stats.get("skipped", []) if NO_DATA in str(report.longrepr)]
+    skipped = [
+        report
+        for report in terminalreporter.stats.get("skipped", [])
+        if NO_DATA in str(report.longrepr)
+    ]
     if skipped:
         terminalreporter.write_line(f"{len(skipped)} tests skipped: {NO_DATA}")

@@ -1,4 +1,6 @@
-"""The measuring stick itself: targets, judgement of figures, workloads, the yardstick against a textbook step. No times are asserted."""
+"""The measuring stick itself: targets, judgement of figures, workloads, the yardstick against a
+textbook step. No times are asserted."""
+
 import json
 import math
 import sys
@@ -37,13 +39,22 @@ def skew(v):
 def test_targets_are_the_issues():
     tables = figures.targets()
     assert len(tables) == 64
-    assert tables["A closed loop time"]["target"] == 1.0 and tables["B closed loop time"]["target"] == 1.2
+    assert (
+        tables["A closed loop time"]["target"] == 1.0
+        and tables["B closed loop time"]["target"] == 1.2
+    )
     assert tables["N open loop position"]["tolerance"] == 0.05
 
 
 @pytest.mark.short
-@pytest.mark.parametrize("text", ['[a]\ntarget = 1\nunit = "s"\ntext = "t"', '[a]\ntarget = 1\ncomparison = "<"\nunit = "s"\ntext = "t"',
-                                  '[a]\ntarget = 1\ncomparison = "within"\nunit = "s"\ntext = "t"'])
+@pytest.mark.parametrize(
+    "text",
+    [
+        '[a]\ntarget = 1\nunit = "s"\ntext = "t"',
+        '[a]\ntarget = 1\ncomparison = "<"\nunit = "s"\ntext = "t"',
+        '[a]\ntarget = 1\ncomparison = "within"\nunit = "s"\ntext = "t"',
+    ],
+)
 def test_a_wrong_target_is_named(tmp_path, text):
     path = tmp_path / "targets.toml"
     path.write_text(text)
@@ -52,12 +63,21 @@ def test_a_wrong_target_is_named(tmp_path, text):
 
 
 @pytest.mark.short
-@pytest.mark.parametrize("value, table, holds", [
-    (1.0, {"comparison": "<=", "target": 1.0}, True), (1.001, {"comparison": "<=", "target": 1.0}, False),
-    (0.335, {"comparison": "within", "target": 0.32, "tolerance": 0.05}, True), (0.305, {"comparison": "within", "target": 0.32, "tolerance": 0.05}, True),
-    (0.337, {"comparison": "within", "target": 0.32, "tolerance": 0.05}, False), (0.303, {"comparison": "within", "target": 0.32, "tolerance": 0.05}, False),
-    (1.6, {"comparison": ">=", "target": 1.6}, True), (1.59, {"comparison": ">=", "target": 1.6}, False),
-    (math.nan, {"comparison": "<=", "target": 1.0}, False), (None, {"comparison": "<=", "target": 1.0}, False)])
+@pytest.mark.parametrize(
+    "value, table, holds",
+    [
+        (1.0, {"comparison": "<=", "target": 1.0}, True),
+        (1.001, {"comparison": "<=", "target": 1.0}, False),
+        (0.335, {"comparison": "within", "target": 0.32, "tolerance": 0.05}, True),
+        (0.305, {"comparison": "within", "target": 0.32, "tolerance": 0.05}, True),
+        (0.337, {"comparison": "within", "target": 0.32, "tolerance": 0.05}, False),
+        (0.303, {"comparison": "within", "target": 0.32, "tolerance": 0.05}, False),
+        (1.6, {"comparison": ">=", "target": 1.6}, True),
+        (1.59, {"comparison": ">=", "target": 1.6}, False),
+        (math.nan, {"comparison": "<=", "target": 1.0}, False),
+        (None, {"comparison": "<=", "target": 1.0}, False),
+    ],
+)
 def test_judgement(value, table, holds):
     assert figures.judge(value, table) is holds
 
@@ -66,10 +86,15 @@ def test_judgement(value, table, holds):
 def test_lines_say_name_value_unit_target_and_verdict():
     tables = figures.targets()
     line = str(figures.against_target("B closed loop time", 1.25, tables, "busy machine"))
-    assert line.split() == "B closed loop time 1.25 x yardstick at most 1.2 MISSED busy machine".split()
+    assert (
+        line.split()
+        == "B closed loop time 1.25 x yardstick at most 1.2 MISSED busy machine".split()
+    )
     line = str(figures.against_target("A accuracy position", 0.635, tables))
     assert line.split() == "A accuracy position 0.635 m within 1 % of 0.6344 holds".split()
-    assert "not measured" in str(figures.against_target("first compilation", None, tables)) and "no target" in str(figures.informative("x", 1, "s"))
+    assert "not measured" in str(
+        figures.against_target("first compilation", None, tables)
+    ) and "no target" in str(figures.informative("x", 1, "s"))
 
 
 def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short, capsys):
@@ -89,30 +114,66 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
     monkeypatch.setattr(bench.studies, "threads", lambda: (1.7, 1.9))
     monkeypatch.setattr(bench.studies, "peak", lambda runs: 300.0)
     monkeypatch.setattr(bench.studies, "paper", lambda *options: (50.0, 1e8, 1.0))
-    for name, lines in (("accuracy", attitude.ACCURACY), ("times", attitude.TIMES), ("simulated", attitude.SIMULATED)):
+    for name, lines in (
+        ("accuracy", attitude.ACCURACY),
+        ("times", attitude.TIMES),
+        ("simulated", attitude.SIMULATED),
+    ):
         monkeypatch.setattr(attitude, name, lambda lines=lines: [(0.3, "")] * len(lines))
     monkeypatch.setattr(navigation, "times", lambda *_: [(0.3, "")] * len(navigation.TIMES))
-    monkeypatch.setattr(navigation, "consistency", lambda: [(0.95, "")] * len(navigation.CONSISTENT))
-    for name, lines in (("times", exogenous.TIMES), ("starts", exogenous.STARTS), ("compared", exogenous.COMPARED)):
+    monkeypatch.setattr(
+        navigation, "consistency", lambda: [(0.95, "")] * len(navigation.CONSISTENT)
+    )
+    for name, lines in (
+        ("times", exogenous.TIMES),
+        ("starts", exogenous.STARTS),
+        ("compared", exogenous.COMPARED),
+    ):
         monkeypatch.setattr(exogenous, name, lambda *_, lines=lines: [(0.3, "")] * len(lines))
     for name in ("ukf", "pkf", "aircraft", "flown", "study"):
-        monkeypatch.setattr(airborne, name, lambda *_, lines=getattr(airborne, "FLOWN" if name == "flown" else name.upper()): [(0.3, "")] * len(lines))
+        monkeypatch.setattr(
+            airborne,
+            name,
+            lambda *_, lines=getattr(airborne, "FLOWN" if name == "flown" else name.upper()): (
+                [(0.3, "")] * len(lines)
+            ),
+        )
     monkeypatch.setattr(smoothing, "smoothing", lambda: [(0.3, "")] * len(smoothing.FIGURES))
-    monkeypatch.setattr(attitude, "peer_figures", lambda: [figures.informative("attitude, BROAD vqf", 2.6, "deg")])
-    monkeypatch.setattr(bench.peers, "RUNS", (("fast", lambda w, s: bench.peers.Result(2.0, None), "smsfusion", {"A": 1.0}),
-                                              ("absent", None, "no such package", {"A": 1.0})))
-    monkeypatch.setattr(bench.peers, "versions", lambda: {"smsfusion": "1.0", "no such package": None})
+    monkeypatch.setattr(
+        attitude, "peer_figures", lambda: [figures.informative("attitude, BROAD vqf", 2.6, "deg")]
+    )
+    monkeypatch.setattr(
+        bench.peers,
+        "RUNS",
+        (
+            ("fast", lambda w, s: bench.peers.Result(2.0, None), "smsfusion", {"A": 1.0}),
+            ("absent", None, "no such package", {"A": 1.0}),
+        ),
+    )
+    monkeypatch.setattr(
+        bench.peers, "versions", lambda: {"smsfusion": "1.0", "no such package": None}
+    )
 
     def broken(w):
         raise RuntimeError("no stream today\nmore")
+
     monkeypatch.setattr(subject, "stream_times", broken)
     bench.main()
     written = {line["name"]: line for line in json.loads(bench.OUT.read_text())["figures"]}
     assert set(figures.targets()) <= set(written)
-    assert {name for name, line in written.items() if line["target"] is not None} == set(figures.targets())
-    assert written["N closed loop position"]["holds"] is True and written["A accuracy position"]["holds"] is False
+    assert {name for name, line in written.items() if line["target"] is not None} == set(
+        figures.targets()
+    )
+    assert (
+        written["N closed loop position"]["holds"] is True
+        and written["A accuracy position"]["holds"] is False
+    )
     assert written["A closed loop time"]["holds"] is False
-    assert written["stream step, fix"] | {"value": None, "holds": False, "note": "RuntimeError: no stream today"} == written["stream step, fix"]
+    assert (
+        written["stream step, fix"]
+        | {"value": None, "holds": False, "note": "RuntimeError: no stream today"}
+        == written["stream step, fix"]
+    )
     assert written["A absent time"]["note"] == "no such package is not installed"
     assert len(capsys.readouterr().out.splitlines()) == len(written) + 2
 
@@ -121,6 +182,7 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
 def test_score_measures_known_errors():
     w = workload.from_stored("B", workload.simulate(workload.RECIPES["B"], 121.0))
     from scipy.spatial.transform import Rotation
+
     C = Rotation.from_euler("xyz", w.rph).as_matrix()
     shift = np.array([3 / 6370e3, 4 / (6390e3 * math.cos(w.lla[0, 0])), 0])
     wrong = Rotation.from_rotvec([0, 0, 0.5], degrees=True).as_matrix() @ C
@@ -145,8 +207,13 @@ def test_a_day_is_rounds_of_one_piece():
 @pytest.mark.short
 def test_yardstick_mechanisation_follows_the_simulator(short):
     truth = workload.simulate(workload.RECIPES["B"], 20.0)
-    w = short._replace(dtheta=truth["dtheta_true"], dv=truth["dvel_true"], fix_t=short.fix_t[:0], fix=short.fix[:0],
-                       start=(short.lla[0], short.v[0], short.rph[0]))
+    w = short._replace(
+        dtheta=truth["dtheta_true"],
+        dv=truth["dvel_true"],
+        fix_t=short.fix_t[:0],
+        fix=short.fix[:0],
+        start=(short.lla[0], short.v[0], short.rph[0]),
+    )
     inputs, (lla, v, C, _) = yardstick.arguments(w)
     plain_run(*inputs, lla, v, C, _)
     assert np.abs((lla - w.lla[1:]) * [6.37e6, 4.5e6, 1]).max() < 0.05
@@ -157,11 +224,18 @@ def test_yardstick_mechanisation_follows_the_simulator(short):
 def test_yardstick_step_is_the_textbook_one(short):
     w, sd = short.first(short.dt), short.sd
     correlation = np.corrcoef(np.random.default_rng(3).standard_normal((15, 40)))
-    arguments = lambda w: (*yardstick.arguments(w)[0][:-2], correlation * np.outer(sd, sd), yardstick.arguments(w)[0][-1])
+    arguments = lambda w: (
+        *yardstick.arguments(w)[0][:-2],
+        correlation * np.outer(sd, sd),
+        yardstick.arguments(w)[0][-1],
+    )
     (dtheta, dv, dt, _, fix, r, lla, v, C, P, q), outputs = arguments(w), yardstick.arguments(w)[1]
     plain_run(*arguments(w), *outputs)
     x = 1 - yardstick.E2 * math.sin(lla[0]) ** 2
-    north, east = yardstick.A * (1 - yardstick.E2) / x ** 1.5 + lla[2], yardstick.A / math.sqrt(x) + lla[2]
+    north, east = (
+        yardstick.A * (1 - yardstick.E2) / x**1.5 + lla[2],
+        yardstick.A / math.sqrt(x) + lla[2],
+    )
     earth = yardstick.OMEGA * np.array([math.cos(lla[0]), 0, -math.sin(lla[0])])
     transport = np.array([v[1] / east, -v[0] / north, -v[1] * math.tan(lla[0]) / east])
     Phi = np.eye(15)
@@ -179,7 +253,9 @@ def test_yardstick_step_is_the_textbook_one(short):
     plain_run(*arguments(free), *without)
     scale = np.array([north, east * math.cos(lla[0]), -1])
     correction = K @ ((fix[0] - without[0][0]) * scale)
-    assert np.allclose((outputs[0][0] - without[0][0]) * scale, correction[:3], rtol=1e-5, atol=1e-9)
+    assert np.allclose(
+        (outputs[0][0] - without[0][0]) * scale, correction[:3], rtol=1e-5, atol=1e-9
+    )
     assert np.allclose(outputs[1][0] - without[1][0], correction[3:6], rtol=1e-6, atol=1e-12)
 
 

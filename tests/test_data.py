@@ -1,4 +1,6 @@
-"""Trajectory, Recording and Solution: tables and their units, cutting and hiding, another point of the body."""
+"""Trajectory, Recording and Solution: tables and their units, cutting and hiding, another point
+of the body."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -24,9 +26,13 @@ def solution(recording):
 
 def test_every_column_of_the_table_has_a_unit(solution):
     table = solution.table()
-    assert set(NAV_COLUMNS + BIAS_COLUMNS + SD_COLUMNS) <= set(table.columns) and set(UNITS) >= set(table.columns) - {"status"}
+    assert set(NAV_COLUMNS + BIAS_COLUMNS + SD_COLUMNS) <= set(table.columns) and set(UNITS) >= set(
+        table.columns
+    ) - {"status"}
     assert table["lat"].iloc[0] == pytest.approx(np.degrees(solution.trajectory.lla[0, 0]))
-    assert table["sd_gyro_bias_x"].iloc[0] == pytest.approx(np.degrees(solution.trajectory.sd[0, 12]) * 3600)
+    assert table["sd_gyro_bias_x"].iloc[0] == pytest.approx(
+        np.degrees(solution.trajectory.sd[0, 12]) * 3600
+    )
     assert table["heading"].between(0, 360).all()
 
 
@@ -37,38 +43,68 @@ def test_another_point_of_the_body_moves_as_the_body_turns():
     turns = truth.rotation
     omega = np.array([0.1, -0.2, 0.3])
     moved = truth.displaced(lever, omega)
-    offset = np.array(pymap3d.geodetic2ned(*np.degrees(moved.lla[:, :2]).T, moved.lla[:, 2], *np.degrees(truth.lla[:, :2]).T, truth.lla[:, 2])).T
+    offset = np.array(
+        pymap3d.geodetic2ned(
+            *np.degrees(moved.lla[:, :2]).T,
+            moved.lla[:, 2],
+            *np.degrees(truth.lla[:, :2]).T,
+            truth.lla[:, 2],
+        )
+    ).T
     assert np.allclose(offset, turns.apply(lever), atol=1e-4)
     assert np.allclose(moved.v_n - truth.v_n, turns.apply(np.cross(omega, lever)))
 
 
 def test_tables_describe_the_reference_point_where_the_recording_asks_for_it(recording, solution):
     lever = [1.0, 0.5, -2.0]
-    there = sd.fuse(replace(recording, meta={**recording.meta, "point": "reference", "imu_lever_arm": lever}))
-    back = there.trajectory.displaced(lever, (recording.imu.dtheta / recording.imu.dt[:, None])[-len(there.t):] - there.b_g)
-    assert np.allclose(back.lla[:, :2], solution.trajectory.lla[:, :2], atol=1e-12) and np.allclose(back.lla[:, 2], solution.trajectory.lla[:, 2])
+    there = sd.fuse(
+        replace(recording, meta={**recording.meta, "point": "reference", "imu_lever_arm": lever})
+    )
+    back = there.trajectory.displaced(
+        lever, (recording.imu.dtheta / recording.imu.dt[:, None])[-len(there.t) :] - there.b_g
+    )
+    assert np.allclose(back.lla[:, :2], solution.trajectory.lla[:, :2], atol=1e-12) and np.allclose(
+        back.lla[:, 2], solution.trajectory.lla[:, 2]
+    )
     assert np.allclose(back.v_n, solution.trajectory.v_n, atol=1e-9)
     assert np.linalg.norm(there.trajectory.lla[:, 2] - solution.trajectory.lla[:, 2]) > 1
 
 
 def test_cutting_keeps_fixes_inside_and_refuses_an_empty_part(recording):
     part = recording.between(2.0, 5.0)
-    assert part.imu.t[0] > 2.0 and part.imu.t[-1] <= 5.0 and all((2 <= a.t).all() and (a.t <= 5).all() for a in part.aidings)
+    assert (
+        part.imu.t[0] > 2.0
+        and part.imu.t[-1] <= 5.0
+        and all((2 <= a.t).all() and (a.t <= 5).all() for a in part.aidings)
+    )
     with pytest.raises(DataError, match="covers"):
         recording.between(100.0, 200.0)
 
 
 def test_hiding_withholds_recorded_fixes_only(recording):
     rows = np.arange(0, 8, 0.5)
-    constraint = sd.Aiding("zero-lateral-velocity", rows, np.zeros((len(rows), 1)), np.full((len(rows), 1), 0.1), (0.0, 0.0, 0.0))
+    constraint = sd.Aiding(
+        "zero-lateral-velocity",
+        rows,
+        np.zeros((len(rows), 1)),
+        np.full((len(rows), 1), 0.1),
+        (0.0, 0.0, 0.0),
+    )
     hidden = replace(recording, aidings=(*recording.aidings, constraint)).hidden([(3.0, 5.0)])
-    assert not any(((a.t >= 3) & (a.t < 5)).any() for a in hidden.aidings[:2]) and len(hidden.aidings[2].t) == len(rows)
+    assert not any(((a.t >= 3) & (a.t < 5)).any() for a in hidden.aidings[:2]) and len(
+        hidden.aidings[2].t
+    ) == len(rows)
 
 
 def test_arrays_and_frames_give_the_same_recording(recording):
     import pandas as pd
+
     imu = recording.imu
-    frame = pd.DataFrame(np.c_[imu.dtheta, imu.dv], index=imu.t, columns=[f"{s}_{a}" for s in ("gyro", "accel") for a in "xyz"])
+    frame = pd.DataFrame(
+        np.c_[imu.dtheta, imu.dv],
+        index=imu.t,
+        columns=[f"{s}_{a}" for s in ("gyro", "accel") for a in "xyz"],
+    )
     a = sd.Recording.from_frames(frame, recording.aidings, kind="increment")
     b = sd.Recording.from_arrays(imu.t, imu.dtheta, imu.dv, recording.aidings, kind="increment")
     assert all(np.array_equal(x, y) for x, y in zip(a.imu, b.imu))
@@ -77,4 +113,8 @@ def test_arrays_and_frames_give_the_same_recording(recording):
 
 
 def test_short_words_for_people(recording, solution):
-    assert "IMU samples" in repr(recording) and "closed-loop" in repr(solution) and "<table" in solution._repr_html_()
+    assert (
+        "IMU samples" in repr(recording)
+        and "closed-loop" in repr(solution)
+        and "<table" in solution._repr_html_()
+    )

@@ -1,8 +1,11 @@
-"""The documentation works: every Python example and every `strapdown` line of it runs, links lead somewhere, every public name is mentioned.
+"""The documentation works: every Python example and every `strapdown` line of it runs, links lead
+somewhere, every public name is mentioned.
 
-Blocks of one page share a namespace and a working folder and run from top to bottom. A block whose fence says `needs-data` uses recorded data;
-on such a page all blocks run once more, in a test of its own, which is skipped where there is no data.
+Blocks of one page share a namespace and a working folder and run from top to bottom. A block whose
+fence says `needs-data` uses recorded data; on such a page all blocks run once more, in a test of
+its own, which is skipped where there is no data.
 """
+
 import io
 import re
 import shlex
@@ -17,13 +20,19 @@ import strapdown
 from strapdown.cli import app
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), ROOT / "benchmarks" / "README.md"]
+PAGES = [
+    ROOT / "README.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+    ROOT / "benchmarks" / "README.md",
+]
 FENCE = re.compile(r"^```(\w+)?([^\n]*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\[[^\]]+\]\(([^)\s]+)\)")
 
 
 class Block(NamedTuple):
-    """A fenced block: its language, what else its fence says, its text and the line where the text begins."""
+    """A fenced block: its language, what else its fence says, its text and the line where the
+    text begins."""
+
     language: str
     flags: tuple
     text: str
@@ -37,7 +46,10 @@ class Block(NamedTuple):
 def blocks(page):
     """All fenced blocks of a page."""
     text = page.read_text(encoding="utf-8")
-    return [Block(m[1] or "", tuple(m[2].split()), m[3], text.count("\n", 0, m.start()) + 2) for m in FENCE.finditer(text)]
+    return [
+        Block(m[1] or "", tuple(m[2].split()), m[3], text.count("\n", 0, m.start()) + 2)
+        for m in FENCE.finditer(text)
+    ]
 
 
 def executable(page):
@@ -89,7 +101,9 @@ WITH_DATA = [page for page in PAGES if any(block.needs_data for block in executa
 
 @pytest.mark.parametrize("page", WITH_EXAMPLES, ids=ids(WITH_EXAMPLES))
 def test_examples_run(page, tmp_path, monkeypatch):
-    run_page(page, [block for block in executable(page) if not block.needs_data], tmp_path, monkeypatch)
+    run_page(
+        page, [block for block in executable(page) if not block.needs_data], tmp_path, monkeypatch
+    )
 
 
 @pytest.mark.parametrize("page", WITH_DATA, ids=ids(WITH_DATA))
@@ -120,9 +134,13 @@ def anchors(page):
 @pytest.mark.short
 @pytest.mark.parametrize("page", PAGES, ids=ids(PAGES))
 def test_fences_are_of_a_known_kind(page):
-    assert page.read_text(encoding="utf-8").count("```") % 2 == 0, f"{page.name}: a block is not closed"
+    assert page.read_text(encoding="utf-8").count("```") % 2 == 0, (
+        f"{page.name}: a block is not closed"
+    )
     for block in blocks(page):
-        assert block.language in ("python", "sh", "toml", "text"), f"{page.name}:{block.line}: {block.language!r}"
+        assert block.language in ("python", "sh", "toml", "text"), (
+            f"{page.name}:{block.line}: {block.language!r}"
+        )
         assert set(block.flags) <= {"needs-data"}, f"{page.name}:{block.line}: {block.flags}"
 
 
@@ -133,18 +151,30 @@ def whole():
 @pytest.mark.short
 def test_every_public_name_is_mentioned():
     text = whole()
-    missing = [name for name in strapdown.__all__ if not re.search(rf"(?<!\w){re.escape(name)}(?!\w)", text)]
+    missing = [
+        name
+        for name in strapdown.__all__
+        if not re.search(rf"(?<!\w){re.escape(name)}(?!\w)", text)
+    ]
     assert not missing, f"not a word in docs/ on {', '.join(missing)}"
 
 
 @pytest.mark.short
 def test_every_command_option_filter_and_kind_is_mentioned():
+    from typer.main import get_command
+
     from strapdown import aiding, filters
     from strapdown.sensor_models.imu import grades
-    from typer.main import get_command
+
     text, commands = whole(), get_command(app.app).commands
     expected = [f"strapdown {name}" for name in commands]
-    options = {option for command in commands.values() for parameter in command.params for option in parameter.opts if option.startswith("--")}
+    options = {
+        option
+        for command in commands.values()
+        for parameter in command.params
+        for option in parameter.opts
+        if option.startswith("--")
+    }
     expected += sorted(options - {"--help"})
     expected += [f"`{name}`" for name in (*filters.names(), *aiding.names(), *grades())]
     missing = [name for name in expected if name not in text]
@@ -154,7 +184,12 @@ def test_every_command_option_filter_and_kind_is_mentioned():
 @pytest.mark.short
 def test_the_recipe_for_an_aiding_takes_the_next_free_number():
     from strapdown import aiding
-    number = re.search(r"^VERTICAL_SPEED = (\d+)", (ROOT / "docs" / "design.md").read_text(encoding="utf-8"), re.MULTILINE)
+
+    number = re.search(
+        r"^VERTICAL_SPEED = (\d+)",
+        (ROOT / "docs" / "design.md").read_text(encoding="utf-8"),
+        re.MULTILINE,
+    )
     assert int(number[1]) == len(aiding.measurements())
 
 
@@ -166,14 +201,16 @@ def test_index_lists_every_page():
 
 @pytest.mark.short
 def test_the_example_of_the_readme_is_short():
-    example, = [block for block in blocks(ROOT / "README.md") if block.language == "python"]
+    (example,) = [block for block in blocks(ROOT / "README.md") if block.language == "python"]
     assert len(example.text.strip().splitlines()) <= 10
 
 
 @pytest.mark.short
 def test_the_test_sees_failures(tmp_path, monkeypatch):
     page = tmp_path / "page.md"
-    page.write_text("text\n```python\na = 1\n```\n```python\nassert a == 2, 'seen'\n```\n```sh\nstrapdown nonsense\n```\n")
+    page.write_text(
+        "text\n```python\na = 1\n```\n```python\nassert a == 2, 'seen'\n```\n```sh\nstrapdown nonsense\n```\n"
+    )
     folder = tmp_path / "work"
     folder.mkdir()
     with pytest.raises(AssertionError, match="seen"):

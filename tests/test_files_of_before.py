@@ -1,4 +1,6 @@
-"""Files that version 0.1 wrote still read, with the values that it found in them (facts.json): recordings, solutions, campaigns, TOML."""
+"""Files that version 0.1 wrote still read, with the values that it found in them (facts.json):
+recordings, solutions, campaigns, TOML."""
+
 import json
 import shutil
 from pathlib import Path
@@ -18,13 +20,18 @@ def is_as_before(solution, facts):
     """1e-6 of the standard deviations: rounding differs between processors."""
     sd_m = np.asarray(facts["sd"])
     off = (solution.trajectory.lla[-1] - facts["lla"]) * [6.4e6, 6.4e6, 1.0]
-    return (abs(off) < 1e-3 * sd_m[:3]).all() and np.allclose(solution.trajectory.sd[-1], sd_m, rtol=1e-5)
+    return (abs(off) < 1e-3 * sd_m[:3]).all() and np.allclose(
+        solution.trajectory.sd[-1], sd_m, rtol=1e-5
+    )
 
 
 def test_a_recording_reads_and_gives_its_solution():
     recording = sd.read(FILES / "recording.nc")
     facts = FACTS["recording"]
-    assert len(recording.imu.t) == facts["samples"] and [source.kind for source in recording.aidings] == facts["aidings"]
+    assert (
+        len(recording.imu.t) == facts["samples"]
+        and [source.kind for source in recording.aidings] == facts["aidings"]
+    )
     assert np.abs(recording.imu.dv).sum() == pytest.approx(facts["dv"], rel=1e-12)
     assert is_as_before(sd.fuse(recording, "closed-loop", every=10), FACTS["solution"])
 
@@ -40,13 +47,25 @@ def test_a_solution_reads():
 def test_a_solution_is_written_as_before(tmp_path, suffix):
     """Byte for byte, so that what people read these files with goes on working."""
     sd.write_solution(sd.read_solution(FILES / "solution.nc"), tmp_path / f"solution{suffix}")
-    assert (tmp_path / f"solution{suffix}").read_bytes() == (FILES / f"solution{suffix}").read_bytes()
+    assert (tmp_path / f"solution{suffix}").read_bytes() == (
+        FILES / f"solution{suffix}"
+    ).read_bytes()
 
 
 def test_a_description_reads_with_its_grade():
     truth = sd.read(FILES / "recording.nc").reference
-    start = sd.Start(float(truth.t[0]), tuple(truth.lla[0]), tuple(truth.v_n[0]), tuple(truth.rph[0]), (0.0,) * 3, (0.0,) * 3, SD)
-    assert is_as_before(sd.fuse(sd.read(FILES / "recording.toml"), "closed-loop", start=start), FACTS["description"])
+    start = sd.Start(
+        float(truth.t[0]),
+        tuple(truth.lla[0]),
+        tuple(truth.v_n[0]),
+        tuple(truth.rph[0]),
+        (0.0,) * 3,
+        (0.0,) * 3,
+        SD,
+    )
+    assert is_as_before(
+        sd.fuse(sd.read(FILES / "recording.toml"), "closed-loop", start=start), FACTS["description"]
+    )
 
 
 def test_a_grade_and_a_calibration_read():
@@ -63,7 +82,9 @@ def test_a_scenario_gives_the_same_recording():
 
 def test_a_campaign_opens():
     campaign = sd.Campaign.open(FILES / "campaign")
-    assert campaign.summary["rmse_position_m"].tolist() == pytest.approx(FACTS["campaign"]["rmse_position_m"], rel=1e-12)
+    assert campaign.summary["rmse_position_m"].tolist() == pytest.approx(
+        FACTS["campaign"]["rmse_position_m"], rel=1e-12
+    )
     assert campaign.curves(campaign.cells[0])["rmse"].shape[0] == 2
 
 
@@ -72,6 +93,12 @@ def test_a_campaign_of_another_version_is_not_gone_on_with(tmp_path):
     shutil.copytree(FILES / "campaign", tmp_path / "campaign")
     next((tmp_path / "campaign").rglob("*.nc")).unlink()
     (tmp_path / "campaign/chunks/short--tactical/000000-000001.nc").touch()
-    study = sd.Study(scenarios=str(FILES / "scenario.toml"), filters=("closed-loop", "open-loop"), imus=("tactical",), runs=2, seed=7)
+    study = sd.Study(
+        scenarios=str(FILES / "scenario.toml"),
+        filters=("closed-loop", "open-loop"),
+        imus=("tactical",),
+        runs=2,
+        seed=7,
+    )
     with pytest.raises(sd.DataError, match="choose another folder|another version"):
         study.run(tmp_path / "campaign")

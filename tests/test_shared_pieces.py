@@ -1,12 +1,15 @@
-"""What several modules share: where a recording is, stretches of a mask, running products of rotations, TOML read with complaints."""
+"""What several modules share: where a recording is, stretches of a mask, running products of
+rotations, TOML read with complaints."""
+
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from strapdown.alignment.location import GIVEN_SD, place_of
 from strapdown.data import Aiding, DataError
 from strapdown.files import read_toml
-from strapdown.alignment.location import GIVEN_SD, place_of
 from strapdown.preprocessing.stationary import stretches
 from strapdown.rotation_products import running_products
 
@@ -21,13 +24,29 @@ def fixes(y, kind="position", sd=2.0):
 
 def test_a_given_place_comes_first():
     place = place_of({"place": [0.5, 0.1, 20.0]}, (fixes([[0.7, 0.2, 30.0]]),), 3.0)
-    assert place.lla.tolist() == [0.5, 0.1, 20.0] and place.sd.tolist() == [GIVEN_SD] * 3 and "given" in place.note
+    assert (
+        place.lla.tolist() == [0.5, 0.1, 20.0]
+        and place.sd.tolist() == [GIVEN_SD] * 3
+        and "given" in place.note
+    )
     assert place_of({"place": None}, (fixes([[0.7, 0.2, 30.0]]),)).lla.tolist() == [0.7, 0.2, 30.0]
 
 
 def test_else_it_is_the_nearest_whole_fix_or_the_first():
-    aidings = (fixes([[1.0, 0.0, 0.0]], "velocity"), fixes([[NAN] * 3]),
-               fixes([[0.7, 0.2, NAN], [0.7, 0.2, 31.0], [0.7, NAN, 32.0], [0.7, 0.2, 33.0], [0.7, 0.2, 34.0]], sd=3.0))
+    aidings = (
+        fixes([[1.0, 0.0, 0.0]], "velocity"),
+        fixes([[NAN] * 3]),
+        fixes(
+            [
+                [0.7, 0.2, NAN],
+                [0.7, 0.2, 31.0],
+                [0.7, NAN, 32.0],
+                [0.7, 0.2, 33.0],
+                [0.7, 0.2, 34.0],
+            ],
+            sd=3.0,
+        ),
+    )
     heights = [place_of({}, aidings, t).lla[2] for t in (-9.0, 0.0, 1.9, 2.1, 3.6, 9.0)]
     assert heights == [31.0, 31.0, 31.0, 33.0, 34.0, 34.0]
     assert place_of({}, aidings).lla[2] == 31.0 and place_of({}, aidings).sd.tolist() == [3.0] * 3
@@ -54,9 +73,14 @@ def test_running_products_are_those_one_by_one(n):
         np.testing.assert_allclose(found[k].as_matrix(), expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("content, message", [
-    (b"a = ", r"x\.toml: is not TOML: Invalid value"), (b"a = '\xff'", r"x\.toml: is not UTF-8 text; save it as UTF-8"),
-    (None, r"x\.toml: cannot be read \(No such file or directory\); look there")])
+@pytest.mark.parametrize(
+    "content, message",
+    [
+        (b"a = ", r"x\.toml: is not TOML: Invalid value"),
+        (b"a = '\xff'", r"x\.toml: is not UTF-8 text; save it as UTF-8"),
+        (None, r"x\.toml: cannot be read \(No such file or directory\); look there"),
+    ],
+)
 def test_toml_ends_in_a_line(tmp_path, content, message):
     if content is not None:
         (tmp_path / "x.toml").write_bytes(content)

@@ -1,4 +1,5 @@
-"""strapdown: aided inertial navigation, from IMU, GNSS and other records to position, velocity, attitude and biases with honest uncertainties.
+"""strapdown: aided inertial navigation, from IMU, GNSS and other records to position, velocity,
+attitude and biases with honest uncertainties.
 
 Conventions
 -----------
@@ -11,6 +12,7 @@ IMU         samples are increments: row k is the integral over (t[k] - dt[k], t[
 Errors      delta = true - estimate; attitude error in n, q_true = dq (x) q_est; position errors in metres NED.
 States      0-14: position, velocity, attitude, accelerometer bias, gyro bias.
 """
+
 import sys
 
 import lazy_loader
@@ -18,7 +20,9 @@ import lazy_loader
 from . import former_names
 
 __version__ = "0.1.0"
-__getattr__, _dir, __all__ = lazy_loader.attach_stub(__name__, __file__)    # the names in __init__.pyi: `import strapdown` costs nothing
+__getattr__, _dir, __all__ = lazy_loader.attach_stub(
+    __name__, __file__
+)  # the names in __init__.pyi: `import strapdown` costs nothing
 __all__ = [*__all__, "__version__"]
 sys.meta_path.append(former_names)
 

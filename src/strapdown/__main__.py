@@ -1,4 +1,6 @@
-"""Entry point of the command: Ctrl-C ends it in one line also while the commands are still being imported."""
+"""Entry point of the command: Ctrl-C ends it in one line also while the commands are still being
+imported."""
+
 import sys
 
 
@@ -6,6 +8,7 @@ def main():
     """Run the command `strapdown`."""
     try:
         from .cli.app import main as commands
+
         commands()
     except KeyboardInterrupt:
         print("strapdown: interrupted", file=sys.stderr)

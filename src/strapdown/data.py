@@ -1,7 +1,10 @@
-"""The types a user meets: Trajectory, Aiding, Solution, and Recording in recording.py. Inside SI and radians; tables are in degrees and say so.
+"""The types a user meets: Trajectory, Aiding, Solution, and Recording in recording.py. Inside SI
+and radians; tables are in degrees and say so.
 
-Tables follow the column names of pyins: lat, lon, alt, VN, VE, VD, roll, pitch, heading (deg, m, m/s).
+Tables follow the column names of pyins: lat, lon, alt, VN, VE, VD, roll, pitch, heading (deg, m,
+m/s).
 """
+
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -11,12 +14,40 @@ from .core.contract import BRIDGED, INVALID, VALID, Imu  # noqa: F401 (status va
 
 ATTITUDE_COLUMNS = ["roll", "pitch", "heading"]
 NAV_COLUMNS = ["lat", "lon", "alt", "VN", "VE", "VD", *ATTITUDE_COLUMNS]
-BIAS_COLUMNS = ["accel_bias_x", "accel_bias_y", "accel_bias_z", "gyro_bias_x", "gyro_bias_y", "gyro_bias_z"]
-SD_COLUMNS = ["sd_north", "sd_east", "sd_down", "sd_VN", "sd_VE", "sd_VD", "sd_rotation_north", "sd_rotation_east", "sd_rotation_down",
-              *("sd_" + name for name in BIAS_COLUMNS)]
-UNITS = {"t": "s", "lat": "deg", "lon": "deg", "alt": "m", "VN": "m/s", "VE": "m/s", "VD": "m/s", "roll": "deg", "pitch": "deg", "heading": "deg",
-         **{name: "m/s^2" if "accel" in name else "deg/h" for name in BIAS_COLUMNS + SD_COLUMNS[9:]},
-         **dict(zip(SD_COLUMNS, ["m"] * 3 + ["m/s"] * 3 + ["deg"] * 3))}
+BIAS_COLUMNS = [
+    "accel_bias_x",
+    "accel_bias_y",
+    "accel_bias_z",
+    "gyro_bias_x",
+    "gyro_bias_y",
+    "gyro_bias_z",
+]
+SD_COLUMNS = [
+    "sd_north",
+    "sd_east",
+    "sd_down",
+    "sd_VN",
+    "sd_VE",
+    "sd_VD",
+    "sd_rotation_north",
+    "sd_rotation_east",
+    "sd_rotation_down",
+    *("sd_" + name for name in BIAS_COLUMNS),
+]
+UNITS = {
+    "t": "s",
+    "lat": "deg",
+    "lon": "deg",
+    "alt": "m",
+    "VN": "m/s",
+    "VE": "m/s",
+    "VD": "m/s",
+    "roll": "deg",
+    "pitch": "deg",
+    "heading": "deg",
+    **{name: "m/s^2" if "accel" in name else "deg/h" for name in BIAS_COLUMNS + SD_COLUMNS[9:]},
+    **dict(zip(SD_COLUMNS, ["m"] * 3 + ["m/s"] * 3 + ["deg"] * 3)),
+}
 """Unit of every column of `Trajectory.table` and `Solution.table`."""
 SD_SCALE = np.r_[np.ones(6), np.full(3, np.degrees(1)), np.ones(3), np.full(3, np.degrees(3600))]
 """From SI to the units of the `sd_` columns; its last six also to those of the biases."""
@@ -28,12 +59,17 @@ class DataError(ValueError):
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Position, velocity and attitude over time: truth, reference and solution alike. What is not known is None or NaN."""
-    t: np.ndarray                   # (n,) s
-    lla: np.ndarray                 # (n, 3) latitude rad, longitude rad, ellipsoidal height m; NaN where only the attitude is known
-    v_n: np.ndarray | None = None   # (n, 3) m/s NED
+    """Position, velocity and attitude over time: truth, reference and solution alike. What is
+    not known is None or NaN."""
+
+    t: np.ndarray  # (n,) s
+    # (n, 3) latitude rad, longitude rad, ellipsoidal height m; NaN where only the attitude is known
+    lla: np.ndarray
+    v_n: np.ndarray | None = None  # (n, 3) m/s NED
     q_nb: np.ndarray | None = None  # (n, 4) scalar first, body to navigation
-    sd: np.ndarray | None = None    # (n, k) standard deviations of the first k error states, SI and radians
+    sd: np.ndarray | None = (
+        None  # (n, k) standard deviations of the first k error states, SI and radians
+    )
 
     def __len__(self):
         return len(self.t)
@@ -42,30 +78,47 @@ class Trajectory:
     def rotation(self):
         """scipy Rotation from body to navigation frame."""
         from scipy.spatial.transform import Rotation
+
         return Rotation.from_quat(self.q_nb[:, [1, 2, 3, 0]])
 
     @cached_property
     def rph(self):
-        """(n, 3) roll, pitch, heading in rad, heading in [0, 2 pi); NaN where the quaternion is. Groves (2013) eq. 2.37."""
+        """(n, 3) roll, pitch, heading in rad, heading in [0, 2 pi); NaN where the quaternion is.
+        Groves (2013) eq. 2.37."""
         w, x, y, z = self.q_nb.T
         roll = np.arctan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
         pitch = np.arcsin(np.clip(2 * (w * y - x * z), -1, 1))
-        return np.c_[roll, pitch, np.arctan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z) % (2 * np.pi)]
+        return np.c_[
+            roll,
+            pitch,
+            np.arctan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z) % (2 * np.pi),
+        ]
 
     def displaced(self, lever_arm, omega):
-        """The trajectory of another point of the body: `lever_arm` (3,) m from this one, body; `omega` (n, 3) rad/s, bias-free body rate.
+        """The trajectory of another point of the body: `lever_arm` (3,) m from this one, body;
+        `omega` (n, 3) rad/s, bias-free body rate.
 
         Standard deviations stay those of the original point.
         """
         from dataclasses import replace
+
         from .geodesy import displaced
+
         turn = self.rotation
-        return replace(self, lla=displaced(self.lla, turn.apply(lever_arm)), v_n=self.v_n + turn.apply(np.cross(omega, lever_arm)))
+        return replace(
+            self,
+            lla=displaced(self.lla, turn.apply(lever_arm)),
+            v_n=self.v_n + turn.apply(np.cross(omega, lever_arm)),
+        )
 
     def table(self):
         """pandas DataFrame indexed by time (s), columns in the units of `UNITS`."""
         import pandas as pd
-        parts = {name: np.degrees(self.lla[:, i]) if i < 2 else self.lla[:, 2] for i, name in enumerate(NAV_COLUMNS[:3])}
+
+        parts = {
+            name: np.degrees(self.lla[:, i]) if i < 2 else self.lla[:, 2]
+            for i, name in enumerate(NAV_COLUMNS[:3])
+        }
         if self.v_n is not None:
             parts |= dict(zip(NAV_COLUMNS[3:6], self.v_n.T))
         if self.q_nb is not None:
@@ -79,14 +132,16 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Aiding:
-    """One source of fixes. `sd` has a column per row of the innovation; a missing component of `y` is NaN."""
-    kind: str                       # a name of `strapdown.aiding.names()`
-    t: np.ndarray                   # (m,) s
-    y: np.ndarray                   # (m, components), SI and radians
-    sd: np.ndarray                  # (m, rows) m, m/s or rad
-    parameters: tuple = ()          # e.g. lever arm from the IMU to the antenna, m, body
-    gate: float | None = None       # bound on the NIS; None: 0.1 % false alarms; inf: no gate
-    name: str = ""                  # shown in tables; the kind by default
+    """One source of fixes. `sd` has a column per row of the innovation; a missing component of
+    `y` is NaN."""
+
+    kind: str  # a name of `strapdown.aiding.names()`
+    t: np.ndarray  # (m,) s
+    y: np.ndarray  # (m, components), SI and radians
+    sd: np.ndarray  # (m, rows) m, m/s or rad
+    parameters: tuple = ()  # e.g. lever arm from the IMU to the antenna, m, body
+    gate: float | None = None  # bound on the NIS; None: 0.1 % false alarms; inf: no gate
+    name: str = ""  # shown in tables; the kind by default
 
     def between(self, start, stop):
         """The fixes of [start, stop)."""
@@ -101,6 +156,7 @@ class Aiding:
 
     def _where(self, keep):
         from dataclasses import replace
+
         return replace(self, t=self.t[keep], y=self.y[keep], sd=self.sd[keep])
 
     def __repr__(self):
@@ -110,27 +166,31 @@ class Aiding:
 @dataclass(frozen=True)
 class Innovations:
     """What became of each fix, in time order."""
-    t: np.ndarray               # (m,) s
-    source: np.ndarray          # (m,) index into `names`
-    innovation: np.ndarray      # (m, 3) m, m/s, rad, m/s^2 or T; NaN where there was nothing to measure
-    nis: np.ndarray             # (m,) normalised innovation squared; NaN where the filter does not gate
-    accepted: np.ndarray        # (m,) bool
-    names: tuple = ()           # of the sources
-    gates: tuple = ()           # of the sources
+
+    t: np.ndarray  # (m,) s
+    source: np.ndarray  # (m,) index into `names`
+    innovation: np.ndarray  # (m, 3) m, m/s, rad, m/s^2 or T; NaN where there was nothing to measure
+    nis: np.ndarray  # (m,) normalised innovation squared; NaN where the filter does not gate
+    accepted: np.ndarray  # (m,) bool
+    names: tuple = ()  # of the sources
+    gates: tuple = ()  # of the sources
 
 
 @dataclass(frozen=True)
 class Solution:
     """What a filter made of a recording."""
-    trajectory: Trajectory              # with sd of the 15 error states; NaN where the filter estimates or claims none
-    b_a: np.ndarray                     # (n, 3) accelerometer bias, m/s^2; NaN where the filter estimates none
-    b_g: np.ndarray                     # (n, 3) gyro bias, rad/s; NaN where the filter estimates none
-    status: np.ndarray                  # (n,) VALID, BRIDGED or INVALID
+
+    trajectory: (
+        Trajectory  # with sd of the 15 error states; NaN where the filter estimates or claims none
+    )
+    b_a: np.ndarray  # (n, 3) accelerometer bias, m/s^2; NaN where the filter estimates none
+    b_g: np.ndarray  # (n, 3) gyro bias, rad/s; NaN where the filter estimates none
+    status: np.ndarray  # (n,) VALID, BRIDGED or INVALID
     innovations: Innovations
-    events: tuple = ()                  # (t, text): gaps, re-acquisitions, what else the user must know
-    columns: dict = field(default_factory=dict)     # the filter's extra output columns by name
-    covariance: np.ndarray | None = None            # (n, k, k) at the same times, where it was asked for
-    meta: dict = field(default_factory=dict)        # filter, imu, start, recording, counts
+    events: tuple = ()  # (t, text): gaps, re-acquisitions, what else the user must know
+    columns: dict = field(default_factory=dict)  # the filter's extra output columns by name
+    covariance: np.ndarray | None = None  # (n, k, k) at the same times, where it was asked for
+    meta: dict = field(default_factory=dict)  # filter, imu, start, recording, counts
 
     @property
     def t(self):
@@ -139,13 +199,18 @@ class Solution:
 
     @property
     def has_position(self):
-        """Whether latitude, longitude and height are known in any row; filters of attitude alone publish NaN."""
+        """Whether latitude, longitude and height are known in any row; filters of attitude alone
+        publish NaN."""
         return bool(np.isfinite(self.trajectory.lla).all(axis=1).any())
 
     def table(self):
-        """pandas DataFrame of state, biases, standard deviations and status, units as in `UNITS`."""
+        """pandas DataFrame of state, biases, standard deviations and status, units as in
+        `UNITS`."""
         table = self.trajectory.table()
-        for names, values in ((BIAS_COLUMNS, np.c_[self.b_a, self.b_g] * SD_SCALE[9:]), (SD_COLUMNS, self.trajectory.sd * SD_SCALE)):
+        for names, values in (
+            (BIAS_COLUMNS, np.c_[self.b_a, self.b_g] * SD_SCALE[9:]),
+            (SD_COLUMNS, self.trajectory.sd * SD_SCALE),
+        ):
             table[names] = values
         for name, values in self.columns.items():
             table[name] = values
@@ -156,12 +221,19 @@ class Solution:
         """{source: (accepted, rejected)} over all fixes that were measured."""
         i = self.innovations
         measured = ~np.isnan(i.innovation).all(axis=1)
-        return {name: (int((i.accepted & measured & (i.source == s)).sum()), int((~i.accepted & measured & (i.source == s)).sum()))
-                for s, name in enumerate(i.names)}
+        return {
+            name: (
+                int((i.accepted & measured & (i.source == s)).sum()),
+                int((~i.accepted & measured & (i.source == s)).sum()),
+            )
+            for s, name in enumerate(i.names)
+        }
 
     def _repr_html_(self):
         return f"<p>{self!r}</p>" + self.table().iloc[:: max(1, len(self.t) // 8)].to_html()
 
     def __repr__(self):
-        fixes = ", ".join(f"{name} {good} accepted {bad} rejected" for name, (good, bad) in self.counts().items())
+        fixes = ", ".join(
+            f"{name} {good} accepted {bad} rejected" for name, (good, bad) in self.counts().items()
+        )
         return f"Solution({self.meta.get('filter', '')}: {self.trajectory!r}, {fixes or 'no fixes'}, {len(self.events)} events)"

@@ -1,4 +1,6 @@
-"""Writing files so that a reader never meets half of one, reading TOML with complaints for people, and the TOML files that ship with packages."""
+"""Writing files so that a reader never meets half of one, reading TOML with complaints for
+people, and the TOML files that ship with packages."""
+
 import os
 import shutil
 import tempfile
@@ -17,9 +19,11 @@ IN_MEMORY = 1_000_000_000
 
 @contextmanager
 def replacing(path):
-    """A temporary path beside `path` to write to; it takes the place of `path` when the block ends well, else it is removed.
+    """A temporary path beside `path` to write to; it takes the place of `path` when the block ends
+    well, else it is removed.
 
-    Whatever the system refuses (no folder, no permission, disk full) is raised as a DataError of one line.
+    Whatever the system refuses (no folder, no permission, disk full) is raised as a DataError of
+    one line.
     """
     target = Path(os.path.realpath(path))
     part = None
@@ -31,15 +35,19 @@ def replacing(path):
         os.replace(part, target)
     except OSError as error:
         reason = error.strerror or str(error).splitlines()[0]
-        raise DataError(f"{path}: cannot be written ({reason}); choose another folder, or make room there") from error
+        raise DataError(
+            f"{path}: cannot be written ({reason}); choose another folder, or make room there"
+        ) from error
     finally:
         if part is not None:
             part.unlink(missing_ok=True)
 
 
 def read_toml(path, hint):
-    """The content of a TOML file as a dict. Raises DataError naming the file; `hint` is the remedy where it cannot be read."""
+    """The content of a TOML file as a dict. Raises DataError naming the file; `hint` is the
+    remedy where it cannot be read."""
     import tomllib
+
     try:
         return tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
@@ -52,12 +60,15 @@ def read_toml(path, hint):
 
 @contextmanager
 def netcdf(part, size):
-    """A new h5netcdf.File that becomes the file `part` (of `replacing`) when the block ends; `size`: bytes of the arrays that go into it.
+    """A new h5netcdf.File that becomes the file `part` (of `replacing`) when the block ends;
+    `size`: bytes of the arrays that go into it.
 
-    It is made in memory and written at once, for HDF5 that runs out of disk cannot even close its file and takes the process with it. Above
-    IN_MEMORY it is written directly, into a folder that has room for all of it.
+    It is made in memory and written at once, for HDF5 that runs out of disk cannot even close its
+    file and takes the process with it. Above IN_MEMORY it is written directly, into a folder that
+    has room for all of it.
     """
     import h5netcdf
+
     if size > IN_MEMORY:
         if shutil.disk_usage(part.parent).free < size:
             raise OSError(28, f"the disk has not the {size / 1e9:.2g} GB that it needs")
@@ -76,7 +87,9 @@ def _part(target):
     if target.exists() and not os.access(target, os.W_OK):
         raise PermissionError(0, "it is read-only")
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
-    umask = os.umask(0)     # mkstemp makes private files; the result gets the permissions of any other new file
+    umask = os.umask(
+        0
+    )  # mkstemp makes private files; the result gets the permissions of any other new file
     os.umask(umask)
     os.fchmod(handle, 0o666 & ~umask)
     os.close(handle)
@@ -85,17 +98,28 @@ def _part(target):
 
 @cache
 def shipped(kind, package, others=True):
-    """{name: file} of the TOML files in folder `kind` (`grades`, `scenarios`) of `package` and, with `others`, of installed packages that bring some.
+    """{name: file} of the TOML files in folder `kind` (`grades`, `scenarios`) of `package` and,
+    with `others`, of installed packages that bring some.
 
-    Such a package names itself under the entry points `strapdown.data`; a name that `package` has itself stays its own. Raises DataError.
+    Such a package names itself under the entry points `strapdown.data`; a name that `package` has
+    itself stays its own. Raises DataError.
     """
     found = {}
-    for place in (package, *(entry.value for entry in entry_points(group="strapdown.data") if others)):
+    for place in (
+        package,
+        *(entry.value for entry in entry_points(group="strapdown.data") if others),
+    ):
         try:
             folder = files(place).joinpath(kind)
         except ImportError as error:
-            raise DataError(f"the installed package {place} should bring {kind}, and cannot be imported ({error}); install it again") from None
+            raise DataError(
+                f"the installed package {place} should bring {kind}, and cannot be imported ({error}); install it again"
+            ) from None
         if folder.is_dir():
-            own = {entry.name.removesuffix(".toml"): entry for entry in folder.iterdir() if entry.name.endswith(".toml")}
+            own = {
+                entry.name.removesuffix(".toml"): entry
+                for entry in folder.iterdir()
+                if entry.name.endswith(".toml")
+            }
             found |= {name: entry for name, entry in own.items() if name not in found}
     return dict(sorted(found.items()))

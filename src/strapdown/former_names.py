@@ -1,7 +1,10 @@
-"""Modules under the names that documentation of version 0.1 showed: they import as before, with a DeprecationWarning that says the new name.
+"""Modules under the names that documentation of version 0.1 showed: they import as before, with a
+DeprecationWarning that says the new name.
 
-This module is itself the finder, the last one on `sys.meta_path`: it is asked for what nobody else has.
+This module is itself the finder, the last one on `sys.meta_path`: it is asked for what nobody else
+has.
 """
+
 import sys
 import warnings
 from importlib import import_module
@@ -45,7 +48,8 @@ MOVED = {
 }
 """{module as it was called: as it is}, below `strapdown`."""
 PACKAGES = {name.rpartition(".")[0] for name in MOVED} - {""} | {"papers"}
-"""Folders that such modules were in. Those of `papers` are named by the package of the reproductions, in a module called as this one."""
+"""Folders that such modules were in. Those of `papers` are named by the package of the
+reproductions, in a module called as this one."""
 REPRODUCTIONS = "strapdown_reproductions"
 
 
@@ -57,12 +61,16 @@ def _present_name(old):
         try:
             return import_module(f"{REPRODUCTIONS}.former_names").MOVED.get(module)
         except ModuleNotFoundError:
-            raise ModuleNotFoundError(f"strapdown.{old} is in the package strapdown-reproductions, which is not installed", name=f"strapdown.{old}") from None
+            raise ModuleNotFoundError(
+                f"strapdown.{old} is in the package strapdown-reproductions, which is not installed",
+                name=f"strapdown.{old}",
+            ) from None
     return None
 
 
 def find_spec(name, path=None, target=None):
-    """As the import system asks: how to make the module `name`, or None where it is none of these."""
+    """As the import system asks: how to make the module `name`, or None where it is none of
+    these."""
     old = name.removeprefix("strapdown.")
     if old == name:
         return None
@@ -80,4 +88,10 @@ def exec_module(module):
     """Fill the module with what the present one has."""
     if new := module.__spec__.origin:
         warnings.warn(f"{module.__name__} is {new} now", DeprecationWarning, stacklevel=2)
-        module.__dict__.update({name: value for name, value in vars(import_module(new)).items() if not name.startswith("__")})
+        module.__dict__.update(
+            {
+                name: value
+                for name, value in vars(import_module(new)).items()
+                if not name.startswith("__")
+            }
+        )

@@ -1,14 +1,17 @@
-"""Geodesy of arrays at the edge (numpy): displacements in metres NED between geodetic positions. The kernels have their own in core/earth."""
+"""Geodesy of arrays at the edge (numpy): displacements in metres NED between geodetic positions.
+The kernels have their own in core/earth."""
+
 import numpy as np
 
-from .core.earth import A, E2, F, FAR, GRAVITY_EQUATOR, M_RATIO, MU, SOMIGLIANA
+from .core.earth import E2, FAR, GRAVITY_EQUATOR, M_RATIO, MU, SOMIGLIANA, A, F
 
 STANDARD_GRAVITY = 9.80665
 """m/s^2, of the constant model: by definition, near 45 deg of latitude at sea level."""
 
 
 def radii(lat):
-    """Meridian and normal radius of curvature R_M, R_N, m, of an array of latitudes in rad; Groves (2013) eq. 2.105, 2.106."""
+    """Meridian and normal radius of curvature R_M, R_N, m, of an array of latitudes in rad;
+    Groves (2013) eq. 2.105, 2.106."""
     x = 1 - E2 * np.sin(lat) ** 2
     R_N = A / np.sqrt(x)
     return R_N * (1 - E2) / x, R_N
@@ -20,28 +23,39 @@ def wrap(angle):
 
 
 def displacement(lla, origin):
-    """(n, 3) metres NED from `origin` to `lla`, radii at the middle of the two as in pyins; longitudes may straddle the antimeridian."""
+    """(n, 3) metres NED from `origin` to `lla`, radii at the middle of the two as in pyins;
+    longitudes may straddle the antimeridian."""
     lla, origin = np.asarray(lla), np.asarray(origin)
     middle = (lla + origin) / 2
     R_M, R_N = radii(middle[..., 0])
-    return np.stack([(lla[..., 0] - origin[..., 0]) * (R_M + middle[..., 2]),
-                     wrap(lla[..., 1] - origin[..., 1]) * (R_N + middle[..., 2]) * np.cos(middle[..., 0]),
-                     origin[..., 2] - lla[..., 2]], axis=-1)
+    return np.stack(
+        [
+            (lla[..., 0] - origin[..., 0]) * (R_M + middle[..., 2]),
+            wrap(lla[..., 1] - origin[..., 1]) * (R_N + middle[..., 2]) * np.cos(middle[..., 0]),
+            origin[..., 2] - lla[..., 2],
+        ],
+        axis=-1,
+    )
 
 
 def displaced(lla, ned):
-    """Geodetic positions (n, 3) moved by a few metres north, east, down (n, 3); first order, error about d^2/R."""
+    """Geodetic positions (n, 3) moved by a few metres north, east, down (n, 3); first order,
+    error about d^2/R."""
     lat, lon, alt = np.moveaxis(np.asarray(lla, float), -1, 0)
     north, east, down = np.moveaxis(np.asarray(ned, float), -1, 0)
     R_M, R_N = radii(lat)
-    return np.stack([lat + north / (R_M + alt), wrap(lon + east / ((R_N + alt) * np.cos(lat))), alt - down], axis=-1)
+    return np.stack(
+        [lat + north / (R_M + alt), wrap(lon + east / ((R_N + alt) * np.cos(lat))), alt - down],
+        axis=-1,
+    )
 
 
 def gravity(lat, h=0.0, model="wgs84"):
     """Gravity (m/s^2, downwards), of latitudes (rad) and ellipsoidal heights (m).
 
-    model: "wgs84", normal gravity of the ellipsoid, Somigliana's formula with the second-order term in height (Heiskanen & Moritz 1967, 2-123),
-    which every filter here uses; "constant", 9.80665 everywhere, up to 0.3 % off at sea level. Raises ValueError for another model.
+    model: "wgs84", normal gravity of the ellipsoid, Somigliana's formula with the second-order term
+    in height (Heiskanen & Moritz 1967, 2-123), which every filter here uses; "constant", 9.80665
+    everywhere, up to 0.3 % off at sea level. Raises ValueError for another model.
     """
     lat, h = np.broadcast_arrays(np.asarray(lat, float), np.asarray(h, float))
     if model == "constant":

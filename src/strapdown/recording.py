@@ -1,4 +1,6 @@
-"""What filters run on: IMU samples, sources of fixes and a reference, from arrays that are cleaned and checked."""
+"""What filters run on: IMU samples, sources of fixes and a reference, from arrays that are
+cleaned and checked."""
+
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,32 +12,49 @@ from .data import DataError, Trajectory
 @dataclass(frozen=True)
 class Recording:
     """IMU samples, sources of fixes and, where there is one, a reference to score against."""
+
     imu: Imu
     aidings: tuple = ()
     reference: Trajectory | None = None
-    meta: dict = field(default_factory=dict)    # name, date, grade, notes (list of what was handled while reading)
+    meta: dict = field(
+        default_factory=dict
+    )  # name, date, grade, notes (list of what was handled while reading)
 
     @classmethod
     def from_arrays(cls, t, gyro, accel, aidings=(), reference=None, kind="rate", **meta):
-        """From arrays in body FRD axes: `gyro` and `accel` (n, 3) in rad/s and m/s^2, or, with kind="increment", in rad and m/s.
+        """From arrays in body FRD axes: `gyro` and `accel` (n, 3) in rad/s and m/s^2, or, with
+        kind="increment", in rad and m/s.
 
-        Row k is the integral (or mean) over (t[k-1], t[k]]; the first row's interval is the median one. Raises DataError.
+        Row k is the integral (or mean) over (t[k-1], t[k]]; the first row's interval is the median
+        one. Raises DataError.
         """
-        from .preprocessing.imu_samples import imu_from_arrays
         from .preprocessing.fixes import checked_aidings
+        from .preprocessing.imu_samples import imu_from_arrays
+
         imu, notes = imu_from_arrays(t, gyro, accel, kind)
         aidings, more = checked_aidings(imu, aidings)
-        return cls(imu, tuple(aidings), reference, {"name": "arrays", **meta, "notes": [*notes, *more]})
+        return cls(
+            imu, tuple(aidings), reference, {"name": "arrays", **meta, "notes": [*notes, *more]}
+        )
 
     @classmethod
     def from_frames(cls, imu, aidings=(), reference=None, kind="rate", **meta):
-        """From a DataFrame indexed by time (s) with columns gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z (pyins), SI and radians."""
+        """From a DataFrame indexed by time (s) with columns gyro_x, gyro_y, gyro_z, accel_x,
+        accel_y, accel_z (pyins), SI and radians."""
         axes = [[f"{sensor}_{axis}" for axis in "xyz"] for sensor in ("gyro", "accel")]
         missing = [name for names in axes for name in names if name not in imu.columns]
         if missing:
-            raise DataError(f"IMU table: column {missing[0]!r} is missing; it has {', '.join(map(str, imu.columns))}")
-        return cls.from_arrays(imu.index.to_numpy(float), *(imu[names].to_numpy(float) for names in axes),
-                               aidings=aidings, reference=reference, kind=kind, **meta)
+            raise DataError(
+                f"IMU table: column {missing[0]!r} is missing; it has {', '.join(map(str, imu.columns))}"
+            )
+        return cls.from_arrays(
+            imu.index.to_numpy(float),
+            *(imu[names].to_numpy(float) for names in axes),
+            aidings=aidings,
+            reference=reference,
+            kind=kind,
+            **meta,
+        )
 
     @property
     def span(self):
@@ -45,17 +64,29 @@ class Recording:
     def between(self, start=-np.inf, stop=np.inf):
         """The part within [start, stop], s."""
         from dataclasses import replace
+
         first, last = np.searchsorted(self.imu.t, [start, stop], side="right")
         if last - first < 2:
-            raise DataError(f"no IMU samples between {start:g} and {stop:g} s; the recording covers {self.span[0]:.3f} to {self.span[1]:.3f} s")
-        return replace(self, imu=Imu(*(column[first:last] for column in self.imu)), aidings=tuple(a.between(start, np.nextafter(stop, np.inf)) for a in self.aidings))
+            raise DataError(
+                f"no IMU samples between {start:g} and {stop:g} s; the recording covers {self.span[0]:.3f} to {self.span[1]:.3f} s"
+            )
+        return replace(
+            self,
+            imu=Imu(*(column[first:last] for column in self.imu)),
+            aidings=tuple(a.between(start, np.nextafter(stop, np.inf)) for a in self.aidings),
+        )
 
     def hidden(self, windows, kinds=None):
-        """The same recording with the recorded fixes inside `windows` withheld (constraints stay, unless `kinds` names them)."""
+        """The same recording with the recorded fixes inside `windows` withheld (constraints
+        stay, unless `kinds` names them)."""
         from dataclasses import replace
+
         from .aiding import find
+
         hide = lambda a: a.kind in kinds if kinds else find(a.kind).recorded
-        return replace(self, aidings=tuple(a.without(windows) if hide(a) else a for a in self.aidings))
+        return replace(
+            self, aidings=tuple(a.without(windows) if hide(a) else a for a in self.aidings)
+        )
 
     def __repr__(self):
         return f"Recording({self.meta.get('name', '')}: {len(self.imu.t)} IMU samples, {self.span[0]:.1f} to {self.span[1]:.1f} s, {list(self.aidings)})"

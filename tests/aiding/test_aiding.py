@@ -1,7 +1,9 @@
-"""Every sensor against a plain model of what it measures, and its Jacobian against central differences.
+"""Every sensor against a plain model of what it measures, and its Jacobian against central
+differences.
 
 A new sensor needs one line here: its entry in SENSORS.
 """
+
 import math
 
 import numpy as np
@@ -14,7 +16,7 @@ from strapdown.core.contract import PARAMETERS, Belief, compile_kernel
 
 pytestmark = pytest.mark.short
 DEG = np.pi / 180
-ARM = (1.2, -0.7, 2.5)      # m, body
+ARM = (1.2, -0.7, 2.5)  # m, body
 
 
 def antenna(b, arm):
@@ -31,7 +33,7 @@ def heading(b):
     return Rotation.from_matrix(b.C).as_euler("ZYX")[0]
 
 
-FIELD = np.array([20.3, 1.2, 45.0])     # NED, in uT, so that the tolerances of metres fit
+FIELD = np.array([20.3, 1.2, 45.0])  # NED, in uT, so that the tolerances of metres fit
 
 
 def atmosphere(h):
@@ -42,10 +44,15 @@ def atmosphere(h):
 def normal_gravity(b):
     """Somigliana at the ellipsoid with the free-air gradient, m/s^2: to 1e-4 below 10 km."""
     square = math.sin(b.lla[0]) ** 2
-    return 9.7803253359 * (1 + 0.00193185265241 * square) / math.sqrt(1 - 0.00669437999014 * square) - 3.0877e-6 * b.lla[2] + 7.2e-13 * b.lla[2] ** 2
+    return (
+        9.7803253359 * (1 + 0.00193185265241 * square) / math.sqrt(1 - 0.00669437999014 * square)
+        - 3.0877e-6 * b.lla[2]
+        + 7.2e-13 * b.lla[2] ** 2
+    )
 
 
-# name: parameters, and what the sensor would measure without error where the body is in the state b; of a constraint, what must vanish
+# name: parameters, and what the sensor would measure without error where the body is in the state
+# b; of a constraint, what must vanish
 SENSORS = {
     "position": (ARM, lambda b: antenna(b, ARM)),
     "velocity": (ARM, lambda b: velocity(b, ARM)),
@@ -57,27 +64,53 @@ SENSORS = {
     "zero-velocity": ((), lambda b: b.v),
     "gravity": ((), lambda b: b.C @ b.f + [0, 0, normal_gravity(b)]),
     "magnetic-field": (FIELD, lambda b: b.C.T @ FIELD),
-    "pressure": ((*ARM, 0, 0, 0, 0, 15), lambda b: atmosphere(antenna(b, ARM)[2] + b.extra_states[0])),
+    "pressure": (
+        (*ARM, 0, 0, 0, 0, 15),
+        lambda b: atmosphere(antenna(b, ARM)[2] + b.extra_states[0]),
+    ),
     "pressure-altitude": ((*ARM, 0, 0, 0, 0, 15), lambda b: antenna(b, ARM)[2] + b.extra_states[0]),
     "zero-sea-level": (ARM, lambda b: antenna(b, ARM)[2]),
     "attitude": ((), lambda b: Rotation.from_matrix(b.C).as_euler("ZYX")[::-1]),
 }
-TOGETHER = {"attitude": (0, 1)}     # components that are measured together or not at all
+TOGETHER = {"attitude": (0, 1)}  # components that are measured together or not at all
 
 # latitude, longitude (deg), height; velocity; roll, pitch, heading (deg); angular rate (rad/s)
 BELIEFS = {
     "level, north": ((47.0, 8.0, 400.0), (12.0, 0.1, -0.2), (0.0, 0.0, 0.0), (0.0, 0.0, 0.1)),
-    "banked, east": ((-35.0, 150.0, 9000.0), (10.0, 200.0, 3.0), (-60.0, 3.0, 90.0), (0.5, -0.2, 0.3)),
+    "banked, east": (
+        (-35.0, 150.0, 9000.0),
+        (10.0, 200.0, 3.0),
+        (-60.0, 3.0, 90.0),
+        (0.5, -0.2, 0.3),
+    ),
     "south": ((10.0, -70.0, -20.0), (-30.0, 2.0, 1.0), (2.0, -3.0, 180.0), (0.1, 0.2, -2.0)),
-    "steep climb, west": ((60.0, 25.0, 5000.0), (-10.0, -40.0, -150.0), (10.0, 85.0, -90.0), (1.0, 0.0, 3.0)),
-    "steep dive": ((-20.0, -45.0, 3000.0), (30.0, -18.0, 80.0), (170.0, -80.0, 225.0), (-3.0, 1.0, 0.2)),
+    "steep climb, west": (
+        (60.0, 25.0, 5000.0),
+        (-10.0, -40.0, -150.0),
+        (10.0, 85.0, -90.0),
+        (1.0, 0.0, 3.0),
+    ),
+    "steep dive": (
+        (-20.0, -45.0, 3000.0),
+        (30.0, -18.0, 80.0),
+        (170.0, -80.0, 225.0),
+        (-3.0, 1.0, 0.2),
+    ),
     "lat 85": ((85.0, 10.0, 2000.0), (150.0, 130.0, 5.0), (20.0, 10.0, 135.0), (0.2, 0.1, 0.0)),
-    "lat -88, antimeridian": ((-88.0, 180.0, 2000.0), (5.0, 5.0, 0.0), (0.0, 20.0, 300.0), (0.0, -1.0, 0.0)),
+    "lat -88, antimeridian": (
+        (-88.0, 180.0, 2000.0),
+        (5.0, 5.0, 0.0),
+        (0.0, 20.0, 300.0),
+        (0.0, -1.0, 0.0),
+    ),
     "antimeridian": ((52.0, -180.0, 10.0), (0.0, 8.0, 0.0), (5.0, 0.0, 45.0), (0.0, 0.0, 0.5)),
 }
-STEPS = np.r_[np.repeat([1.0, 0.1, 1e-4, 0.1, 1e-2], 3), 1.0, 1.0]     # m, m/s, rad, m/s^2, rad/s, m
-VANISHING = ("zero-velocity", "gravity")    # constraints that say so of the belief itself, and look at no y
-STATES = 17     # two more than the library's: a sensor leaves those of others alone
+STEPS = np.r_[np.repeat([1.0, 0.1, 1e-4, 0.1, 1e-2], 3), 1.0, 1.0]  # m, m/s, rad, m/s^2, rad/s, m
+VANISHING = (
+    "zero-velocity",
+    "gravity",
+)  # constraints that say so of the belief itself, and look at no y
+STATES = 17  # two more than the library's: a sensor leaves those of others alone
 
 
 def belief_at(name):
@@ -85,15 +118,36 @@ def belief_at(name):
     C = Rotation.from_euler("ZYX", rph[::-1], degrees=True).as_matrix()
     ba, bg = np.array([0.1, -0.2, 0.05]), np.array([0.01, 0.02, -0.005])
     f = np.array([0.3, -1.0, -9.7])
-    return Belief(np.array(lla) * [DEG, DEG, 1], np.array(v), C, ba, bg, np.eye(STATES), np.array(omega), f, np.zeros(5), np.array([3.0, -7.0]))
+    return Belief(
+        np.array(lla) * [DEG, DEG, 1],
+        np.array(v),
+        C,
+        ba,
+        bg,
+        np.eye(STATES),
+        np.array(omega),
+        f,
+        np.zeros(5),
+        np.array([3.0, -7.0]),
+    )
 
 
 def moved(b, error):
-    """b (+) error: metres NED, m/s, rad in n, biases; rate and force are the measured ones less the biases."""
+    """b (+) error: metres NED, m/s, rad in n, biases; rate and force are the measured ones less
+    the biases."""
     p, dv, theta, ba, bg = error[:15].reshape(5, 3)
     lla = np.array(pymap3d.ned2geodetic(*p, *b.lla, deg=False))
     C = Rotation.from_rotvec(theta).as_matrix() @ b.C
-    return b._replace(lla=lla, v=b.v + dv, C=C, ba=b.ba + ba, bg=b.bg + bg, omega=b.omega - bg, f=b.f - ba, extra_states=b.extra_states + error[15:])
+    return b._replace(
+        lla=lla,
+        v=b.v + dv,
+        C=C,
+        ba=b.ba + ba,
+        bg=b.bg + bg,
+        omega=b.omega - bg,
+        f=b.f - ba,
+        extra_states=b.extra_states + error[15:],
+    )
 
 
 def observe(name, b, y):
@@ -101,13 +155,15 @@ def observe(name, b, y):
     kernel = aiding.find(name).observe
     compile_kernel(kernel)
     innovation, H, parameters = np.full(3, 7e7), np.zeros((3, STATES)), np.zeros(PARAMETERS)
-    parameters[:len(SENSORS[name][0])] = SENSORS[name][0]
+    parameters[: len(SENSORS[name][0])] = SENSORS[name][0]
     measured = np.full(3, np.nan)
-    measured[:np.size(y)] = y
+    measured[: np.size(y)] = y
     b = Belief(*(np.ascontiguousarray(part) for part in b))
     before = [part.copy() for part in b]
     rows = kernel(b, measured, parameters, innovation, H)
-    assert all(np.array_equal(part, was) for part, was in zip(b, before)), "a sensor changed the belief"
+    assert all(np.array_equal(part, was) for part, was in zip(b, before)), (
+        "a sensor changed the belief"
+    )
     return rows, innovation, H
 
 
@@ -118,10 +174,11 @@ def test_every_sensor_has_its_line():
 @pytest.mark.parametrize("at", BELIEFS)
 @pytest.mark.parametrize("name", SENSORS)
 def test_innovation_is_measured_minus_expected(name, at):
-    """Zero for what the body would measure; and where the truth is elsewhere, the part of its error that the sensor sees."""
+    """Zero for what the body would measure; and where the truth is elsewhere, the part of its
+    error that the sensor sees."""
     b, model = belief_at(at), SENSORS[name][1]
     rows, innovation, H = observe(name, b, model(b))
-    assert rows == len(aiding.find(name).quantities)      # the default gate counts on it
+    assert rows == len(aiding.find(name).quantities)  # the default gate counts on it
     if name in VANISHING:
         np.testing.assert_allclose(innovation[:rows], -np.asarray(model(b)), atol=3e-4)
         return
@@ -137,12 +194,16 @@ def test_jacobian_is_the_derivative(name, at):
     b = belief_at(at)
     y = SENSORS[name][1](b)
     rows, _, H = observe(name, b, y)
-    assert 1 <= rows <= 3 and not H[rows:].any() and H[:, 15:].any() == bool(aiding.find(name).states)
+    assert (
+        1 <= rows <= 3 and not H[rows:].any() and H[:, 15:].any() == bool(aiding.find(name).states)
+    )
     for state, step in enumerate(STEPS):
         error = np.zeros(STATES)
         error[state] = step
         ahead, behind = (observe(name, moved(b, sign * error), y)[1][:rows] for sign in (1, -1))
-        np.testing.assert_allclose(H[:rows, state], (behind - ahead) / (2 * step), rtol=1e-5, atol=2e-5)
+        np.testing.assert_allclose(
+            H[:rows, state], (behind - ahead) / (2 * step), rtol=1e-5, atol=2e-5
+        )
 
 
 @pytest.mark.parametrize("name", [name for name in SENSORS if aiding.find(name).recorded])
@@ -154,15 +215,21 @@ def test_a_missing_component_is_a_nan_and_spares_the_others(name):
         rows, innovation, _ = observe(name, b, np.where(np.arange(len(y)) == missing, np.nan, y))
         assert math.isnan(innovation[missing])
         others = np.arange(rows) != missing
-        np.testing.assert_allclose(innovation[:rows][others], whole[:rows][others], rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(
+            innovation[:rows][others], whole[:rows][others], rtol=1e-12, atol=1e-14
+        )
 
 
-@pytest.mark.parametrize("name", [name for name in SENSORS if "angle" in aiding.find(name).quantities])
+@pytest.mark.parametrize(
+    "name", [name for name in SENSORS if "angle" in aiding.find(name).quantities]
+)
 @pytest.mark.parametrize("turns", [-2, -1, 1])
 @pytest.mark.parametrize("at", BELIEFS)
 def test_an_angle_is_wrapped(name, at, turns):
     b = belief_at(at)
-    near, (rows, innovation, _) = (observe(name, b, SENSORS[name][1](b) + 0.01 + k * 2 * math.pi) for k in (0, turns))
+    near, (rows, innovation, _) = (
+        observe(name, b, SENSORS[name][1](b) + 0.01 + k * 2 * math.pi) for k in (0, turns)
+    )
     np.testing.assert_allclose(innovation[:rows], near[1][:rows], atol=1e-9)
     assert 0 < np.abs(innovation[:rows]).max() < 0.03
 
@@ -171,12 +238,16 @@ def test_an_angle_is_wrapped(name, at, turns):
 @pytest.mark.parametrize("turns", [-1, 0, 1])
 def test_longitude_is_wrapped(at, turns):
     b = belief_at(at)
-    _, innovation, _ = observe("position", b, SENSORS["position"][1](b) + [0, turns * 2 * math.pi, 0])
+    _, innovation, _ = observe(
+        "position", b, SENSORS["position"][1](b) + [0, turns * 2 * math.pi, 0]
+    )
     np.testing.assert_allclose(innovation, 0, atol=2e-5)
 
 
 def test_at_vertical_pitch_heading_is_finite():
-    b = belief_at("level, north")._replace(C=Rotation.from_euler("ZYX", [30, 90, 0], degrees=True).as_matrix())
+    b = belief_at("level, north")._replace(
+        C=Rotation.from_euler("ZYX", [30, 90, 0], degrees=True).as_matrix()
+    )
     rows, innovation, H = observe("heading", b, 1.0)
     assert np.all(np.isfinite(innovation[:rows])) and np.all(np.isfinite(H))
 

@@ -1,4 +1,6 @@
-"""Starts: level in all upright quadrants and in acceleration, heading from what there is, biases from rest; and what a run makes of them."""
+"""Starts: level in all upright quadrants and in acceleration, heading from what there is, biases
+from rest; and what a run makes of them."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +11,8 @@ import strapdown as sd
 from strapdown.alignment.initial import UNKNOWN_SD, level
 from strapdown.core.contract import Imu
 from strapdown.data import Aiding, DataError
-from strapdown.recording import Recording
 from strapdown.geodesy import displacement
+from strapdown.recording import Recording
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.trajectory import DEG, Motion, ramp, static
@@ -39,16 +41,27 @@ def test_level_of_an_accelerating_body_needs_its_heading(heading):
     C = Rotation.from_euler("ZYX", rph[::-1])
     found = level(C.inv().apply(a_n - [0, 0, 9.7803]), a_n, rph[2])
     assert found == pytest.approx(rph[:2], abs=1e-3)
-    assert abs(level(C.inv().apply(a_n - [0, 0, 9.7803]))[0] - rph[0]) > 0.02    # taken for rest it is wrong
+    assert (
+        abs(level(C.inv().apply(a_n - [0, 0, 9.7803]))[0] - rph[0]) > 0.02
+    )  # taken for rest it is wrong
 
 
 def parked_then_driving(start=20.0, speed=15.0, seed=4, seconds=60.0):
-    """A car that stands for `start` s at 40 deg heading and then drives off in that direction, turning from time to time."""
+    """A car that stands for `start` s at 40 deg heading and then drives off in that direction,
+    turning from time to time."""
     v = lambda t: speed * ramp(t, start + 6, 2.0)
-    course = lambda t: DEG * (40 + 60 * np.sin(2 * np.pi * (t - start) / 25) * ramp(t, start + 12, 2.0))
-    motion = Motion("car", (DEG * 50, DEG * 10, 100.0), lambda t: (v(t) * np.cos(course(t)), v(t) * np.sin(course(t)), 0 * t),
-                    lambda t: (DEG * 2 + 0 * t, DEG * 3 + 0 * t, course(t)))
-    return sd.simulate(motion, seconds, SPEC, seed, 50.0, Gnss(0.5, (1, 1, 1), (0.05, 0.05, 0.05), ARM))
+    course = lambda t: (
+        DEG * (40 + 60 * np.sin(2 * np.pi * (t - start) / 25) * ramp(t, start + 12, 2.0))
+    )
+    motion = Motion(
+        "car",
+        (DEG * 50, DEG * 10, 100.0),
+        lambda t: (v(t) * np.cos(course(t)), v(t) * np.sin(course(t)), 0 * t),
+        lambda t: (DEG * 2 + 0 * t, DEG * 3 + 0 * t, course(t)),
+    )
+    return sd.simulate(
+        motion, seconds, SPEC, seed, 50.0, Gnss(0.5, (1, 1, 1), (0.05, 0.05, 0.05), ARM)
+    )
 
 
 def errors_of(start, recording):
@@ -56,35 +69,54 @@ def errors_of(start, recording):
     truth = recording.reference
     row = int(np.argmin(np.abs(truth.t - start.t)))
     estimate = Rotation.from_euler("ZYX", start.rph[::-1])
-    return displacement(truth.lla[row], np.array(start.lla)), (truth.rotation[row] * estimate.inv()).as_rotvec()
+    return displacement(truth.lla[row], np.array(start.lla)), (
+        truth.rotation[row] * estimate.inv()
+    ).as_rotvec()
 
 
 def test_from_rest_to_the_first_course():
     recording = parked_then_driving()
     start = sd.align(recording, SPEC)
     position, attitude = errors_of(start, recording)
-    assert "course" in start.note and "level from the rest" in start.note and "gyro bias from" in start.note
+    assert (
+        "course" in start.note
+        and "level from the rest" in start.note
+        and "gyro bias from" in start.note
+    )
     assert 20 < start.t < 30 and np.abs(position / start.sd[:3]).max() < 4
     assert np.abs(attitude / start.sd[6:9]).max() < 3 and abs(attitude[2]) < 5 * DEG
     b_g = recording.meta["b_g"][0]
-    assert np.abs((b_g - start.bg) / start.sd[12:]).max() < 4 and start.sd[12] < 5e-4 < np.abs(b_g).max()
+    assert (
+        np.abs((b_g - start.bg) / start.sd[12:]).max() < 4
+        and start.sd[12] < 5e-4 < np.abs(b_g).max()
+    )
 
 
 def test_smooth_motion_is_not_taken_for_rest():
-    """By the IMU alone steady flight is rest; its fixes say otherwise, and then neither level nor gyro bias come from it."""
-    motion = Motion("steady", (DEG * 50, 0.0, 1000.0), lambda t: (60.0 + 0 * t, 0 * t, 0 * t), lambda t: (0 * t, 0.05 + 0 * t, 0 * t))
+    """By the IMU alone steady flight is rest; its fixes say otherwise, and then neither level
+    nor gyro bias come from it."""
+    motion = Motion(
+        "steady",
+        (DEG * 50, 0.0, 1000.0),
+        lambda t: (60.0 + 0 * t, 0 * t, 0 * t),
+        lambda t: (0 * t, 0.05 + 0 * t, 0 * t),
+    )
     start = sd.align(sd.simulate(motion, 20.0, SPEC, 1, 50.0), SPEC, at=15.0)
     assert "rest" not in start.note and start.sd[12] == pytest.approx(SPEC.bias_sd()[1])
 
 
 @pytest.mark.short
 def test_heading_as_the_caller_knows_it_or_as_it_is_measured():
-    recording = sd.simulate(static((DEG * 50, DEG * 10, 100.0), (0.02, -0.01, 2.0)), 6.0, SPEC, 2, 20.0)
+    recording = sd.simulate(
+        static((DEG * 50, DEG * 10, 100.0), (0.02, -0.01, 2.0)), 6.0, SPEC, 2, 20.0
+    )
     given = sd.align(recording, SPEC, heading=2.0, heading_sd=0.01)
     assert given.rph[2] == 2.0 and given.sd[8] == 0.01 and "heading given" in given.note
     compass = Aiding("heading", np.arange(1.0, 6.0), np.full((5, 1), 1.99), np.full((5, 1), 0.02))
     measured = sd.align(replace(recording, aidings=(*recording.aidings, compass)), SPEC)
-    assert measured.rph[2] == 1.99 and measured.sd[8] == 0.02 and "heading measured" in measured.note
+    assert (
+        measured.rph[2] == 1.99 and measured.sd[8] == 0.02 and "heading measured" in measured.note
+    )
 
 
 @pytest.mark.short
@@ -96,26 +128,48 @@ def test_an_unknown_heading_is_stated_with_its_uncertainty():
 def test_a_poor_heading_converges_once_the_vehicle_manoeuvres():
     recording = parked_then_driving(seconds=120.0)
     start = sd.align(recording, SPEC)
-    off = start._replace(rph=(*start.rph[:2], start.rph[2] + 25 * DEG), sd=(*start.sd[:8], 30 * DEG, *start.sd[9:]))
+    off = start._replace(
+        rph=(*start.rph[:2], start.rph[2] + 25 * DEG), sd=(*start.sd[:8], 30 * DEG, *start.sd[9:])
+    )
     solution = sd.fuse(recording, imu=SPEC, start=off)
     e = sd.errors(solution, recording.reference)
     late = e.t > 90
-    assert np.degrees(np.abs(e.rph[late, 2])).max() < 3 and (np.abs(e.rph[late, 2]) < 4 * e.sd[late, 8]).mean() > 0.95
+    assert (
+        np.degrees(np.abs(e.rph[late, 2])).max() < 3
+        and (np.abs(e.rph[late, 2]) < 4 * e.sd[late, 8]).mean() > 0.95
+    )
 
 
 @pytest.mark.short
 def test_the_lever_arm_is_taken_off_the_antenna():
-    recording = sd.simulate(static((DEG * 50, DEG * 10, 100.0), (0.0, 0.0, 1.0)), 6.0, SPEC, 2, 20.0, Gnss(1.0, (1e-3,) * 3, None, ARM))
+    recording = sd.simulate(
+        static((DEG * 50, DEG * 10, 100.0), (0.0, 0.0, 1.0)),
+        6.0,
+        SPEC,
+        2,
+        20.0,
+        Gnss(1.0, (1e-3,) * 3, None, ARM),
+    )
     start = sd.align(recording, SPEC, heading=1.0)
-    assert np.abs(displacement(np.array(start.lla), np.array([DEG * 50, DEG * 10, 100.0]))).max() < 0.02
+    assert (
+        np.abs(displacement(np.array(start.lla), np.array([DEG * 50, DEG * 10, 100.0]))).max()
+        < 0.02
+    )
 
 
 @pytest.mark.short
 def test_velocity_comes_from_positions_where_nothing_else_tells_it():
-    motion = Motion("straight", (DEG * 50, 0.0, 1000.0), lambda t: (30.0 + 0 * t, 40.0 + 0 * t, 0 * t), lambda t: (0 * t, 0 * t, np.arctan2(40, 30) + 0 * t))
+    motion = Motion(
+        "straight",
+        (DEG * 50, 0.0, 1000.0),
+        lambda t: (30.0 + 0 * t, 40.0 + 0 * t, 0 * t),
+        lambda t: (0 * t, 0 * t, np.arctan2(40, 30) + 0 * t),
+    )
     recording = sd.simulate(motion, 6.0, SPEC, 1, 20.0, Gnss(1.0, (0.01,) * 3, None))
     start = sd.align(recording, SPEC)
-    assert np.allclose(start.v, [30, 40, 0], atol=0.1) and start.rph[2] == pytest.approx(np.arctan2(40, 30), abs=0.01)
+    assert np.allclose(start.v, [30, 40, 0], atol=0.1) and start.rph[2] == pytest.approx(
+        np.arctan2(40, 30), abs=0.01
+    )
 
 
 @pytest.mark.short

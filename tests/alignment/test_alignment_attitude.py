@@ -1,4 +1,6 @@
-"""Starts of attitude filters without position, headings from the magnetic field and from the Earth's rate; errors as large as the deviations say."""
+"""Starts of attitude filters without position, headings from the magnetic field and from the
+Earth's rate; errors as large as the deviations say."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -7,26 +9,33 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.alignment.initial import COURSE_SD, EARTH_RADIUS, align
+from strapdown.alignment.initial_heading import GYROCOMPASS_SD, MAGNETIC_SD, UNKNOWN_SD, mean_force
 from strapdown.core.contract import Imu
 from strapdown.data import Aiding, DataError
-from strapdown.recording import Recording
-from strapdown.alignment.initial_heading import GYROCOMPASS_SD, MAGNETIC_SD, UNKNOWN_SD, mean_force
 from strapdown.preprocessing.stationary import motionless
+from strapdown.recording import Recording
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.trajectory import DEG, Motion, ramp, static
 
-FIELD = np.array([17e-6, 1.5e-6, 46e-6])    # T, NED
+FIELD = np.array([17e-6, 1.5e-6, 46e-6])  # T, NED
 MEMS = ImuSpec("MEMS", Triad(noise=2e-4, turn_on_bias=0.005), Triad(noise=1e-3, turn_on_bias=0.02))
 LLA = (DEG * 52, DEG * 10, 100.0)
 NAVIGATION = sd.grade("navigation")
 
 
-def with_field(recording, noise=0.3e-6, distort=lambda m: m, field=FIELD, seed=1, every=5, aidings=()):
-    """The recording with a magnetometer, whose reference is `field`, and `aidings` instead of its fixes."""
+def with_field(
+    recording, noise=0.3e-6, distort=lambda m: m, field=FIELD, seed=1, every=5, aidings=()
+):
+    """The recording with a magnetometer, whose reference is `field`, and `aidings` instead of
+    its fixes."""
     truth = recording.reference
     rows = np.arange(0, len(truth), every)
-    m = distort(truth.rotation[rows].inv().apply(field)) + np.random.default_rng(seed).normal(0, noise, (len(rows), 3))
-    compass = Aiding("magnetic-field", truth.t[rows], m, np.full((len(rows), 3), noise), tuple(field))
+    m = distort(truth.rotation[rows].inv().apply(field)) + np.random.default_rng(seed).normal(
+        0, noise, (len(rows), 3)
+    )
+    compass = Aiding(
+        "magnetic-field", truth.t[rows], m, np.full((len(rows), 3), noise), tuple(field)
+    )
     return replace(recording, aidings=(*aidings, compass))
 
 
@@ -36,7 +45,9 @@ def resting(rph, seconds=10.0, seed=1, imu=MEMS, rate=50.0):
 
 def unplaced(recording):
     """The recording without its place."""
-    return replace(recording, meta={key: value for key, value in recording.meta.items() if key != "place"})
+    return replace(
+        recording, meta={key: value for key, value in recording.meta.items() if key != "place"}
+    )
 
 
 def attitude_error(start, recording):
@@ -48,45 +59,88 @@ def attitude_error(start, recording):
 
 # ---- without position
 
+
 @pytest.mark.short
-@pytest.mark.parametrize("rph", [(0.1, -0.2, 2.0), (-2.9, 0.3, 4.0), (1.4, -1.2, 6.0), (0.0, 0.0, np.pi)])
+@pytest.mark.parametrize(
+    "rph", [(0.1, -0.2, 2.0), (-2.9, 0.3, 4.0), (1.4, -1.2, 6.0), (0.0, 0.0, np.pi)]
+)
 def test_from_rest_without_any_fix(rph):
     recording = with_field(resting(rph))
     start = align(recording, MEMS, position=False)
-    assert start.t == 0.0 and "heading from the magnetic field" in start.note and "level at rest" in start.note and "gyro bias from" in start.note
-    assert "place unknown: 0 deg latitude assumed" in start.note and start.lla == (0.0, 0.0, 0.0) and start.sd[0] == EARTH_RADIUS
-    assert np.abs(attitude_error(start, recording) / start.sd[6:9]).max() < 3 and start.sd[6] < 0.6 * DEG
+    assert (
+        start.t == 0.0
+        and "heading from the magnetic field" in start.note
+        and "level at rest" in start.note
+        and "gyro bias from" in start.note
+    )
+    assert (
+        "place unknown: 0 deg latitude assumed" in start.note
+        and start.lla == (0.0, 0.0, 0.0)
+        and start.sd[0] == EARTH_RADIUS
+    )
+    assert (
+        np.abs(attitude_error(start, recording) / start.sd[6:9]).max() < 3
+        and start.sd[6] < 0.6 * DEG
+    )
     assert start.sd[8] > MAGNETIC_SD and np.degrees(start.sd[8]) < 7
-    assert np.abs((recording.meta["b_g"][0] - start.bg) / start.sd[12:]).max() < 4 and start.sd[12] < 1e-3
+    assert (
+        np.abs((recording.meta["b_g"][0] - start.bg) / start.sd[12:]).max() < 4
+        and start.sd[12] < 1e-3
+    )
 
 
 @pytest.mark.short
 def test_place_is_that_of_the_recording_or_of_a_fix():
     recording = with_field(resting((0, 0, 1)))
-    given = align(replace(recording, meta=recording.meta | {"place": [0.9, 0.1, 50.0]}), MEMS, position=False)
-    assert given.lla == (0.9, 0.1, 50.0) and "place given" in given.note and given.v == (0.0, 0.0, 0.0)
+    given = align(
+        replace(recording, meta=recording.meta | {"place": [0.9, 0.1, 50.0]}), MEMS, position=False
+    )
+    assert (
+        given.lla == (0.9, 0.1, 50.0) and "place given" in given.note and given.v == (0.0, 0.0, 0.0)
+    )
     fixed = align(resting((0, 0, 1)), MEMS, position=False)
-    assert fixed.lla == pytest.approx(LLA, abs=10) and "place of the nearest fix" in fixed.note and fixed.sd[8] == UNKNOWN_SD
+    assert (
+        fixed.lla == pytest.approx(LLA, abs=10)
+        and "place of the nearest fix" in fixed.note
+        and fixed.sd[8] == UNKNOWN_SD
+    )
 
 
 @pytest.mark.short
 def test_a_record_without_anything_but_samples():
     start = align(replace(resting((0.1, 0.2, 1.0)), aidings=()), MEMS, position=False)
-    assert start.rph == pytest.approx((0.1, 0.2, 0.0), abs=0.02) and start.sd[8] == UNKNOWN_SD and "heading unknown" in start.note
+    assert (
+        start.rph == pytest.approx((0.1, 0.2, 0.0), abs=0.02)
+        and start.sd[8] == UNKNOWN_SD
+        and "heading unknown" in start.note
+    )
 
 
 @pytest.mark.short
 @pytest.mark.parametrize("samples", [2, 3, 40])
 def test_the_shortest_records(samples):
-    imu = Imu(0.02 * np.arange(1, samples + 1), np.full(samples, 0.02), np.zeros((samples, 3)), np.tile([0, 0, -9.8 * 0.02], (samples, 1)))
+    imu = Imu(
+        0.02 * np.arange(1, samples + 1),
+        np.full(samples, 0.02),
+        np.zeros((samples, 3)),
+        np.tile([0, 0, -9.8 * 0.02], (samples, 1)),
+    )
     start = align(Recording(imu), MEMS, position=False)
     assert start.rph[:2] == pytest.approx((0, 0)) and start.t == 0 and start.sd[6] >= 5 * DEG
 
 
 @pytest.mark.short
 def test_without_gravity_there_is_no_level():
-    imu = Imu(0.02 * np.arange(1, 101), np.full(100, 0.02), np.zeros((100, 3)), np.tile([0, 0, -0.5 * 0.02], (100, 1)))
-    with pytest.raises(DataError, match=r"cannot level: the mean specific force at 0.00 s is 0.5 m/s\^2, far from gravity"):
+    imu = Imu(
+        0.02 * np.arange(1, 101),
+        np.full(100, 0.02),
+        np.zeros((100, 3)),
+        np.tile([0, 0, -0.5 * 0.02], (100, 1)),
+    )
+    with pytest.raises(
+        DataError,
+        match=r"cannot level: the mean specific force at 0.00 s is 0.5 m/s\^2, far from gravity",
+    ):
         align(Recording(imu), MEMS, position=False)
     with pytest.raises(DataError, match="cannot start at 9 s"):
         align(Recording(imu), MEMS, at=9.0, position=False)
@@ -95,73 +149,129 @@ def test_without_gravity_there_is_no_level():
 def tumbling(speed=2.0):
     """A hand that turns an IMU by up to 2 rad/s about all axes and shakes it by 1 m/s^2."""
     v = lambda t: 0.3 * np.sin(3.3 * t)
-    return Motion("tumbling", LLA, lambda t: (v(t), v(t + 1), v(t + 2)),
-                  lambda t: (speed * np.sin(t), 0.6 * np.sin(0.8 * speed * t), 1.0 + speed * t))
+    return Motion(
+        "tumbling",
+        LLA,
+        lambda t: (v(t), v(t + 1), v(t + 2)),
+        lambda t: (speed * np.sin(t), 0.6 * np.sin(0.8 * speed * t), 1.0 + speed * t),
+    )
 
 
 def test_anywhere_in_a_tumble_errors_are_as_large_as_the_start_says():
     recording = with_field(sd.simulate(tumbling(), 60.0, MEMS, 2, 100.0))
-    starts = [align(recording, MEMS, at=float(t), position=False) for t in np.arange(0.0, 60.0, 1.7)]
+    starts = [
+        align(recording, MEMS, at=float(t), position=False) for t in np.arange(0.0, 60.0, 1.7)
+    ]
     z = np.array([attitude_error(start, recording) / start.sd[6:9] for start in starts])
-    assert np.sqrt((z ** 2).mean(axis=0)).max() < 1.3 and np.abs(z).max() < 3.5
-    assert all("level from specific force alone" in start.note and start.bg == (0.0, 0.0, 0.0) for start in starts)
+    assert np.sqrt((z**2).mean(axis=0)).max() < 1.3 and np.abs(z).max() < 3.5
+    assert all(
+        "level from specific force alone" in start.note and start.bg == (0.0, 0.0, 0.0)
+        for start in starts
+    )
 
 
 def test_the_gyros_take_the_turn_out_of_the_mean():
-    """Without acceleration, however fast it turns, the mean force at any instant is that of the instant; blurred it would be degrees off."""
-    motion = Motion("spinning", LLA, lambda t: (0 * t, 0 * t, 0 * t), lambda t: (3.0 * t, 0.3 * np.sin(t), 0.5 * t))
+    """Without acceleration, however fast it turns, the mean force at any instant is that of the
+    instant; blurred it would be degrees off."""
+    motion = Motion(
+        "spinning",
+        LLA,
+        lambda t: (0 * t, 0 * t, 0 * t),
+        lambda t: (3.0 * t, 0.3 * np.sin(t), 0.5 * t),
+    )
     recording = sd.simulate(motion, 6.0, "navigation", 1, 200.0)
     for t in (0.0, 2.505, 6.0 - 0.005):
         force = mean_force(recording, t, np.zeros(3))
         row = int(np.argmin(np.abs(recording.reference.t - t)))
         expected = recording.reference.rotation[row].inv().apply([0, 0, -9.81])
-        assert np.linalg.norm(force.f - expected) < 0.02 and force.off < 0.005 and force.end - force.begin == pytest.approx(1.0, abs=0.01)
+        assert (
+            np.linalg.norm(force.f - expected) < 0.02
+            and force.off < 0.005
+            and force.end - force.begin == pytest.approx(1.0, abs=0.01)
+        )
 
 
 def test_a_slow_turn_of_the_hand_is_no_sure_gyro_bias():
-    """0.03 rad/s, up and down: still enough for rest, but the deviation of the bias then covers it."""
-    motion = Motion("hand", LLA, lambda t: (0 * t, 0 * t, 0 * t), lambda t: (0 * t, 0 * t, 0.03 / 0.8 * np.sin(0.8 * t)))
+    """0.03 rad/s, up and down: still enough for rest, but the deviation of the bias then covers
+    it."""
+    motion = Motion(
+        "hand",
+        LLA,
+        lambda t: (0 * t, 0 * t, 0 * t),
+        lambda t: (0 * t, 0 * t, 0.03 / 0.8 * np.sin(0.8 * t)),
+    )
     recording = replace(sd.simulate(motion, 20.0, MEMS, 3, 100.0), aidings=())
     start = align(recording, MEMS, position=False)
-    assert np.abs((recording.meta["b_g"][0] - start.bg) / start.sd[12:]).max() < 3 and start.sd[14] > 0.01
+    assert (
+        np.abs((recording.meta["b_g"][0] - start.bg) / start.sd[12:]).max() < 3
+        and start.sd[14] > 0.01
+    )
 
 
 def test_after_a_rest_the_surer_of_gyros_and_force():
     turn = lambda t: 1.0 * ramp(t, 11.0, 0.2)
-    still = Motion("stand, then turn", LLA, lambda t: (0 * t, 0 * t, 0 * t), lambda t: (0.3 * turn(t), 0.1 + 0 * t, 1 + turn(t)))
+    still = Motion(
+        "stand, then turn",
+        LLA,
+        lambda t: (0 * t, 0 * t, 0 * t),
+        lambda t: (0.3 * turn(t), 0.1 + 0 * t, 1 + turn(t)),
+    )
     recording = replace(sd.simulate(still, 14.0, MEMS, 3, 100.0), aidings=())
     soon = align(recording, MEMS, at=11.2, position=False)
-    assert "level from the rest" in soon.note and np.abs(attitude_error(soon, recording)[:2] / soon.sd[6:8]).max() < 3
+    assert (
+        "level from the rest" in soon.note
+        and np.abs(attitude_error(soon, recording)[:2] / soon.sd[6:8]).max() < 3
+    )
     wild = lambda t: 8.0 * np.maximum(0, 1) * (t - 11.0) * ramp(t, 11.0, 0.05)
-    spun = Motion("stand, then spin", LLA, lambda t: (0 * t, 0 * t, 0 * t), lambda t: (wild(t), 0 * t, 0 * t))
-    late = align(replace(sd.simulate(spun, 30.0, MEMS, 3, 100.0), aidings=()), MEMS, at=29.0, position=False)
-    assert "level from specific force alone" in late.note       # the gyros have turned 144 rad since
+    spun = Motion(
+        "stand, then spin", LLA, lambda t: (0 * t, 0 * t, 0 * t), lambda t: (wild(t), 0 * t, 0 * t)
+    )
+    late = align(
+        replace(sd.simulate(spun, 30.0, MEMS, 3, 100.0), aidings=()), MEMS, at=29.0, position=False
+    )
+    assert "level from specific force alone" in late.note  # the gyros have turned 144 rad since
 
 
 # ---- headings
+
 
 @pytest.mark.short
 def test_declination_is_that_of_the_reference_field():
     east = np.array([0.0, 20e-6, 40e-6])
     recording = resting((0.0, 0.0, 1.0))
     truth = recording.reference
-    compass = Aiding("magnetic-field", truth.t, truth.rotation.inv().apply(east), np.full((len(truth), 3), 1e-7), tuple(east))
-    assert align(replace(recording, aidings=(compass,)), MEMS, position=False).rph[2] == pytest.approx(1.0, abs=0.02)
-    magnetic = align(replace(recording, aidings=(replace(compass, parameters=()),)), MEMS, position=False)
-    assert magnetic.rph[2] == pytest.approx(1.0 - np.pi / 2, abs=0.02)      # without a reference north is where the field points
+    compass = Aiding(
+        "magnetic-field",
+        truth.t,
+        truth.rotation.inv().apply(east),
+        np.full((len(truth), 3), 1e-7),
+        tuple(east),
+    )
+    assert align(replace(recording, aidings=(compass,)), MEMS, position=False).rph[
+        2
+    ] == pytest.approx(1.0, abs=0.02)
+    magnetic = align(
+        replace(recording, aidings=(replace(compass, parameters=()),)), MEMS, position=False
+    )
+    assert magnetic.rph[2] == pytest.approx(
+        1.0 - np.pi / 2, abs=0.02
+    )  # without a reference north is where the field points
 
 
 def test_a_disturbed_field_shows_in_the_deviation():
-    """Disturbances of 8 uT in random directions: of 120 headings 85 to 100 % lie within two of their own deviations.
+    """Disturbances of 8 uT in random directions: of 120 headings 85 to 100 % lie within two of
+    their own deviations.
 
-    The deviation comes from the two parts of the disturbance that show, so that the ratio has Student's long tails (2 degrees of freedom): 89 % were
-    the floor of 5 deg not there.
+    The deviation comes from the two parts of the disturbance that show, so that the ratio has
+    Student's long tails (2 degrees of freedom): 89 % were the floor of 5 deg not there.
     """
     rng, z, stated = np.random.default_rng(0), [], []
     base = resting((0.2, -0.1, 1.0), 3.0)
     for _ in range(120):
         other = rng.normal(0, 8e-6, 3)
-        recording = with_field(base, distort=lambda m: m + base.reference.rotation[0].inv().apply(other))
+        recording = with_field(
+            base, distort=lambda m: m + base.reference.rotation[0].inv().apply(other)
+        )
         start = align(recording, MEMS, position=False)
         z.append(attitude_error(start, recording)[2] / start.sd[8])
         stated.append(start.sd[8])
@@ -170,9 +280,18 @@ def test_a_disturbed_field_shows_in_the_deviation():
 
 
 @pytest.mark.short
-@pytest.mark.parametrize("field, words", [((0.0, 0.0, 50e-6), "dip"), ((0.0, 0.0, 0.0), "the magnetic field is 0"), ((0.2e-6, 0.0, 50e-6), "leaves it open")])
+@pytest.mark.parametrize(
+    "field, words",
+    [
+        ((0.0, 0.0, 50e-6), "dip"),
+        ((0.0, 0.0, 0.0), "the magnetic field is 0"),
+        ((0.2e-6, 0.0, 50e-6), "leaves it open"),
+    ],
+)
 def test_a_field_that_tells_no_heading(field, words):
-    recording = with_field(resting((0, 0, 1)), noise=1e-9 if any(field) else 0.0, field=np.array(field))
+    recording = with_field(
+        resting((0, 0, 1)), noise=1e-9 if any(field) else 0.0, field=np.array(field)
+    )
     start = align(recording, MEMS, position=False)
     assert start.sd[8] == UNKNOWN_SD and "heading unknown" in start.note and words in start.note
 
@@ -187,31 +306,49 @@ def test_a_field_that_comes_later_is_no_heading_yet():
 
 def test_order_of_sources():
     speed = lambda t: 12 * ramp(t, 5.0, 1.0)
-    motion = Motion("east", LLA, lambda t: (0 * t, speed(t), 0 * t), lambda t: (0 * t, 0 * t, np.pi / 2 + 0 * t))
+    motion = Motion(
+        "east", LLA, lambda t: (0 * t, speed(t), 0 * t), lambda t: (0 * t, 0 * t, np.pi / 2 + 0 * t)
+    )
     plain = sd.simulate(motion, 20.0, MEMS, 1, 50.0)
     both = with_field(plain, aidings=plain.aidings)
     start = align(both, MEMS)
-    assert start.t == plain.aidings[0].t[0] and "magnetic" in start.note        # no waiting for a course
+    assert start.t == plain.aidings[0].t[0] and "magnetic" in start.note  # no waiting for a course
     assert "position and velocity" in start.note and abs(start.rph[2] - np.pi / 2) < 0.2
     compass = Aiding("heading", np.arange(1.0, 19.0), np.full((18, 1), 1.5), np.full((18, 1), 0.02))
     assert "heading measured" in align(replace(both, aidings=(*both.aidings, compass)), MEMS).note
-    assert "heading given" in align(both, MEMS, heading=1.0).note and align(both, MEMS, heading=1.0, position=False).rph[2] == 1.0
+    assert (
+        "heading given" in align(both, MEMS, heading=1.0).note
+        and align(both, MEMS, heading=1.0, position=False).rph[2] == 1.0
+    )
     steep = with_field(plain, field=np.array([0.1e-6, 0, 50e-6]), aidings=plain.aidings)
     course = align(steep, MEMS)
-    assert course.t > 3 and course.sd[8] == COURSE_SD and "heading from the course" in course.note and "magnetic field" in course.note
+    assert (
+        course.t > 3
+        and course.sd[8] == COURSE_SD
+        and "heading from the course" in course.note
+        and "magnetic field" in course.note
+    )
     assert "heading from the course" in align(plain, MEMS, position=False, at=15.0).note
 
 
 # ---- the Earth's rate
 
+
 def parked(seconds, seed=1, heading=2.0, bump=0.0, latitude=DEG * 52, end=np.inf):
-    """A navigation-grade IMU in a vehicle that rocks by 0.002 deg and, after `end`, drives off; `bump`: rad/s of gyro bias nobody knows of."""
+    """A navigation-grade IMU in a vehicle that rocks by 0.002 deg and, after `end`, drives off;
+    `bump`: rad/s of gyro bias nobody knows of."""
     rock = lambda t: 3e-5 * np.sin(2.37 * t)
     speed = (lambda t: 15 * ramp(t, end, 1.0)) if np.isfinite(end) else (lambda t: 0 * t)
-    motion = Motion("parked", (latitude, 0.1, 50.0), lambda t: (speed(t) * np.cos(heading), speed(t) * np.sin(heading), 0 * t),
-                    lambda t: (0.05 + rock(t), -0.02 + rock(t + 1), heading + 0 * t))
+    motion = Motion(
+        "parked",
+        (latitude, 0.1, 50.0),
+        lambda t: (speed(t) * np.cos(heading), speed(t) * np.sin(heading), 0 * t),
+        lambda t: (0.05 + rock(t), -0.02 + rock(t + 1), heading + 0 * t),
+    )
     made = sd.simulate(motion, seconds, "navigation", seed, 20.0)
-    return replace(unplaced(made), imu=made.imu._replace(dtheta=made.imu.dtheta + bump * made.imu.dt[:, None]))
+    return replace(
+        unplaced(made), imu=made.imu._replace(dtheta=made.imu.dtheta + bump * made.imu.dt[:, None])
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -219,33 +356,58 @@ def parked(seconds, seed=1, heading=2.0, bump=0.0, latitude=DEG * 52, end=np.inf
 def test_gyrocompass_from_a_long_rest(seed, latitude):
     recording = parked(300.0, seed, latitude=DEG * latitude)
     start = align(recording, NAVIGATION)
-    assert "heading from the Earth's rate over 290 s of rest" in start.note and "level at rest" in start.note
-    assert abs(attitude_error(start, recording)[2]) < 4 * start.sd[8] and start.sd[8] < GYROCOMPASS_SD and start.sd[6] < 0.6 * DEG
+    assert (
+        "heading from the Earth's rate over 290 s of rest" in start.note
+        and "level at rest" in start.note
+    )
+    assert (
+        abs(attitude_error(start, recording)[2]) < 4 * start.sd[8]
+        and start.sd[8] < GYROCOMPASS_SD
+        and start.sd[6] < 0.6 * DEG
+    )
     alone = align(replace(recording, aidings=()), NAVIGATION, position=False)
-    assert abs(attitude_error(alone, recording)[2]) < 4 * alone.sd[8] and "Earth's rate" in alone.note
+    assert (
+        abs(attitude_error(alone, recording)[2]) < 4 * alone.sd[8] and "Earth's rate" in alone.note
+    )
 
 
 def test_gyrocompass_ends_where_the_vehicle_drives_off():
     recording = parked(200.0, end=125.0)
     still = motionless(recording.imu, 0.0)
     assert still.start == pytest.approx(0, abs=1e-6) and 100 <= still.stop <= 130
-    assert motionless(recording.imu, 118.0).start == pytest.approx(8)     # from the moment before it leaves, in steps of 10 s
+    assert motionless(recording.imu, 118.0).start == pytest.approx(
+        8
+    )  # from the moment before it leaves, in steps of 10 s
     assert "Earth's rate" in align(recording, NAVIGATION).note
 
 
-@pytest.mark.parametrize("recording, imu", [(parked(300.0), sd.grade("tactical")), (parked(20.0), NAVIGATION), (parked(300.0, bump=3e-5), NAVIGATION),
-                                            (parked(60.0, latitude=DEG * 88.5), NAVIGATION)], ids=["gyro too poor", "too short", "unknown bias", "pole"])
+@pytest.mark.parametrize(
+    "recording, imu",
+    [
+        (parked(300.0), sd.grade("tactical")),
+        (parked(20.0), NAVIGATION),
+        (parked(300.0, bump=3e-5), NAVIGATION),
+        (parked(60.0, latitude=DEG * 88.5), NAVIGATION),
+    ],
+    ids=["gyro too poor", "too short", "unknown bias", "pole"],
+)
 def test_no_gyrocompass_where_it_would_be_wrong(recording, imu):
     start = align(recording, imu)
     assert "Earth's rate over" not in start.note and start.sd[8] == UNKNOWN_SD
 
 
 def test_cruise_is_no_rest_where_fixes_tell():
-    """At 20 m/s to the north the Earth's curvature adds 3e-6 rad/s about east: 4 deg of heading, which nothing else would show."""
-    motion = Motion("cruise", LLA, lambda t: (20 + 0 * t, 0 * t, 0 * t), lambda t: (0 * t, 0 * t, 0 * t))
+    """At 20 m/s to the north the Earth's curvature adds 3e-6 rad/s about east: 4 deg of heading,
+    which nothing else would show."""
+    motion = Motion(
+        "cruise", LLA, lambda t: (20 + 0 * t, 0 * t, 0 * t), lambda t: (0 * t, 0 * t, 0 * t)
+    )
     recording = sd.simulate(motion, 120.0, "navigation", 1, 20.0)
     assert "course" in align(recording, NAVIGATION).note
-    assert "Earth's rate over" in align(replace(recording, aidings=()), NAVIGATION, position=False).note
+    assert (
+        "Earth's rate over"
+        in align(replace(recording, aidings=()), NAVIGATION, position=False).note
+    )
 
 
 def test_the_surer_of_field_and_earth_rate():
@@ -257,23 +419,38 @@ def test_the_surer_of_field_and_earth_rate():
 @pytest.mark.short
 def test_motionless_needs_samples_all_the_time():
     n = 400
-    imu = Imu(0.1 * np.arange(1, n + 1), np.full(n, 0.1), np.full((n, 3), 1e-7), np.tile([0, 0, -0.98], (n, 1)))
+    imu = Imu(
+        0.1 * np.arange(1, n + 1),
+        np.full(n, 0.1),
+        np.full((n, 3), 1e-7),
+        np.tile([0, 0, -0.98], (n, 1)),
+    )
     whole = motionless(imu, 0.0)
-    assert whole.stop == 40.0 and whole.rate == pytest.approx([1e-6] * 3) and whole.force == pytest.approx([0, 0, -9.8]) and whole.rate_sd < 1e-12
+    assert (
+        whole.stop == 40.0
+        and whole.rate == pytest.approx([1e-6] * 3)
+        and whole.force == pytest.approx([0, 0, -9.8])
+        and whole.rate_sd < 1e-12
+    )
     holed = Imu(*(np.delete(column, slice(120, 180), axis=0) for column in imu))
     assert motionless(holed, 0.0) is None and motionless(imu, 1e6) is None
 
 
 @pytest.mark.short
 def test_a_tilt_that_goes_on_is_in_the_deviation_of_the_rate():
-    """Springs that settle at 1e-6 rad/s turn all parts of the rest alike; only the specific force shows it."""
+    """Springs that settle at 1e-6 rad/s turn all parts of the rest alike; only the specific
+    force shows it."""
     t = 0.1 * np.arange(1, 1001)
     f = np.c_[9.8 * np.sin(1e-6 * t), 0 * t, -9.8 * np.cos(1e-6 * t)]
-    assert motionless(Imu(t, np.full(1000, 0.1), np.full((1000, 3), 1e-7), 0.1 * f), 0.0).rate_sd == pytest.approx(1e-6, rel=1e-3)
+    assert motionless(
+        Imu(t, np.full(1000, 0.1), np.full((1000, 3), 1e-7), 0.1 * f), 0.0
+    ).rate_sd == pytest.approx(1e-6, rel=1e-3)
 
 
 def test_the_ring_laser_record_starts_with_a_gyrocompass_heading(data_folder):
     recording = sd.read(data_folder / "lasergyro" / "lasergyro.imu.xz")
     start = align(recording, NAVIGATION)
-    assert np.degrees(start.rph[2]) == pytest.approx(88, abs=2) and 0.5 < np.degrees(start.sd[8]) < 5
+    assert (
+        np.degrees(start.rph[2]) == pytest.approx(88, abs=2) and 0.5 < np.degrees(start.sd[8]) < 5
+    )
     assert "over 1840 s of rest" in start.note and "level at rest" in start.note

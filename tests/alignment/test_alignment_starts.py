@@ -1,4 +1,6 @@
-"""Starts in simulated motion: errors as large as the deviations say, rest told from smooth flight, and runs that converge from anywhere."""
+"""Starts in simulated motion: errors as large as the deviations say, rest told from smooth
+flight, and runs that converge from anywhere."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +12,8 @@ from strapdown.alignment.initial import COURSE_SD, UNKNOWN_SD, align, body_to_na
 from strapdown.core.contract import Imu
 from strapdown.core.earth import RATE
 from strapdown.data import Aiding, DataError
-from strapdown.recording import Recording
 from strapdown.geodesy import displacement
+from strapdown.recording import Recording
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.trajectory import DEG, Motion, demo_flight, ramp, static
@@ -22,22 +24,38 @@ TACTICAL = sd.grade("tactical")
 
 
 def departing():
-    """A car that stands for 30 s on a slope, leaves to the north-east and drives 12 m/s through bends."""
+    """A car that stands for 30 s on a slope, leaves to the north-east and drives 12 m/s through
+    bends."""
     course = lambda t: DEG * 40 + DEG * 60 * ramp(t, 60.0, 4.0) - DEG * 90 * ramp(t, 85.0, 5.0)
     speed = lambda t: 12 * ramp(t, 38.0, 3.0) * ramp(t, 31.0, 0.3)
     rate = lambda t: 0.0 * t
-    return Motion("departing", (DEG * 50, DEG * 7, 150.0), lambda t: (speed(t) * np.cos(course(t)), speed(t) * np.sin(course(t)), rate(t)),
-                  lambda t: (0.05 + rate(t), -0.03 + rate(t), course(t)))
+    return Motion(
+        "departing",
+        (DEG * 50, DEG * 7, 150.0),
+        lambda t: (speed(t) * np.cos(course(t)), speed(t) * np.sin(course(t)), rate(t)),
+        lambda t: (0.05 + rate(t), -0.03 + rate(t), course(t)),
+    )
 
 
 def scores(recording, start):
-    """Errors of a Start in its own standard deviations (15,), and of position, velocity (m, m/s) and attitude (deg)."""
+    """Errors of a Start in its own standard deviations (15,), and of position, velocity (m, m/s)
+    and attitude (deg)."""
     truth = recording.reference
     row = int(np.argmin(np.abs(truth.t - start.t)))
     assert abs(truth.t[row] - start.t) < 1e-6
     turn = truth.rotation[row] * Rotation.from_euler("ZYX", start.rph[::-1]).inv()
-    biases = (recording.meta[name][max(row - 1, 0)] - estimate for name, estimate in (("b_a", start.ba), ("b_g", start.bg)))
-    error = np.concatenate([displacement(truth.lla[row], np.array(start.lla)), truth.v_n[row] - start.v, turn.as_rotvec(), *biases])
+    biases = (
+        recording.meta[name][max(row - 1, 0)] - estimate
+        for name, estimate in (("b_a", start.ba), ("b_g", start.bg))
+    )
+    error = np.concatenate(
+        [
+            displacement(truth.lla[row], np.array(start.lla)),
+            truth.v_n[row] - start.v,
+            turn.as_rotvec(),
+            *biases,
+        ]
+    )
     return error / start.sd, np.r_[error[:6], np.degrees(error[6:9])]
 
 
@@ -47,14 +65,22 @@ def at_rest(seconds=20.0, seed=1, rph=(0.1, -0.2, 2.0), gnss=Gnss(velocity_sd=(0
 
 # ---- from rest
 
+
 @pytest.mark.parametrize("seed", range(4))
 def test_at_rest(seed):
     recording = at_rest(60.0, seed, gnss=Gnss(position_sd=(1.0,) * 3, velocity_sd=(0.05,) * 3))
     start = align(recording, MEMS, heading=2.0, heading_sd=0.01, at=50.0)
     z, error = scores(recording, start)
     assert np.abs(z).max() < 3.5 and np.abs(error[6:8]).max() < 0.5
-    assert "level from the rest 0 s before" in start.note and "gyro bias from" in start.note and "heading given" in start.note
-    assert start.sd[12] == pytest.approx(RATE, rel=0.2) and np.abs(np.array(start.bg) - recording.meta["b_g"][0]).max() < 2 * RATE
+    assert (
+        "level from the rest 0 s before" in start.note
+        and "gyro bias from" in start.note
+        and "heading given" in start.note
+    )
+    assert (
+        start.sd[12] == pytest.approx(RATE, rel=0.2)
+        and np.abs(np.array(start.bg) - recording.meta["b_g"][0]).max() < 2 * RATE
+    )
     assert start.ba == (0.0, 0.0, 0.0) and start.sd[9:12] == (0.02,) * 3
 
 
@@ -75,20 +101,41 @@ def test_noisy_fixes_do_not_hide_rest(velocity_sd):
 def test_smooth_flight_is_not_taken_for_rest():
     """In a steady turn an IMU feels what it feels at rest, with a gyro bias of the rate of turn."""
     course, bank = (lambda t: DEG * 2 * t), np.arctan(40 * DEG * 2 / GRAVITY)
-    motion = Motion("turn", (0.8, 0.2, 500.0), lambda t: (40 * np.cos(course(t)), 40 * np.sin(course(t)), 0 * t), lambda t: (bank + 0 * t, 0 * t, course(t)))
+    motion = Motion(
+        "turn",
+        (0.8, 0.2, 500.0),
+        lambda t: (40 * np.cos(course(t)), 40 * np.sin(course(t)), 0 * t),
+        lambda t: (bank + 0 * t, 0 * t, course(t)),
+    )
     recording = sd.simulate(motion, 40.0, MEMS, 2, 50.0)
     start = align(recording, MEMS, at=30.0)
     z, error = scores(recording, start)
-    assert "rest" not in start.note and start.bg == (0.0, 0.0, 0.0) and np.abs(z).max() < 3.5 and np.abs(error[6:8]).max() < 2
+    assert (
+        "rest" not in start.note
+        and start.bg == (0.0, 0.0, 0.0)
+        and np.abs(z).max() < 3.5
+        and np.abs(error[6:8]).max() < 2
+    )
 
 
 # ---- in motion
 
-@pytest.mark.parametrize("gnss, level_error, speed_error", [
-    (Gnss(lever_arm=(1.0, -0.5, -1.0)), 4.0, 0.6), (Gnss(interval=5.0), 7.0, 4.0), (Gnss(velocity_sd=None), 7.0, 8.0)], ids=["1 s", "5 s", "position alone"])
+
+@pytest.mark.parametrize(
+    "gnss, level_error, speed_error",
+    [
+        (Gnss(lever_arm=(1.0, -0.5, -1.0)), 4.0, 0.6),
+        (Gnss(interval=5.0), 7.0, 4.0),
+        (Gnss(velocity_sd=None), 7.0, 8.0),
+    ],
+    ids=["1 s", "5 s", "position alone"],
+)
 def test_anywhere_in_a_flight_errors_are_as_large_as_the_start_says(gnss, level_error, speed_error):
     recording = sd.simulate(demo_flight(), 300.0, "tactical", 3, 50.0, gnss)
-    found = [scores(recording, align(recording, TACTICAL, at=float(t))) for t in np.arange(13.0, 290.0, 6.5)]
+    found = [
+        scores(recording, align(recording, TACTICAL, at=float(t)))
+        for t in np.arange(13.0, 290.0, 6.5)
+    ]
     z, error = (np.array(part) for part in zip(*found))
     assert np.sqrt((z[:, :9] ** 2).mean(axis=0)).max() < 1.3 and np.abs(z).max() < 4.2
     assert np.abs(error[:, 6:8]).max() < level_error and np.abs(error[:, 3:6]).max() < speed_error
@@ -97,7 +144,11 @@ def test_anywhere_in_a_flight_errors_are_as_large_as_the_start_says(gnss, level_
 def test_course_is_heading_once_it_moves():
     recording = sd.simulate(departing(), 60.0, TACTICAL, 5, 50.0)
     start = align(recording, TACTICAL)
-    assert np.hypot(*start.v[:2]) > 5 and start.rph[2] == pytest.approx(np.arctan2(start.v[1], start.v[0]), abs=0.01) and start.sd[8] == COURSE_SD
+    assert (
+        np.hypot(*start.v[:2]) > 5
+        and start.rph[2] == pytest.approx(np.arctan2(start.v[1], start.v[0]), abs=0.01)
+        and start.sd[8] == COURSE_SD
+    )
     fast = recording.aidings[1].t[np.hypot(*recording.aidings[1].y[:, :2].T) > 5]
     assert start.t == fast[0] and f"{start.t:.2f} s" in start.note
 
@@ -110,24 +161,53 @@ def test_a_lever_arm_is_taken_off_position_and_velocity():
     assert np.abs(displacement(truth, np.array(start.lla))).max() < 0.1
     antenna = displacement(still.aidings[0].y[0], truth)
     np.testing.assert_allclose(antenna, body_to_navigation(0.1, -0.2, 2.0) @ arm, atol=0.01)
-    turning = Motion("turning", (0.8, 0.2, 0.0), lambda t: (10 + 0 * t, 0 * t, 0 * t), lambda t: (0 * t, 0 * t, 0.5 * t))
-    spun = sd.simulate(turning, 10.0, MEMS, 1, 50.0, Gnss(position_sd=(1e-3,) * 3, velocity_sd=(1e-3,) * 3, lever_arm=arm))
+    turning = Motion(
+        "turning",
+        (0.8, 0.2, 0.0),
+        lambda t: (10 + 0 * t, 0 * t, 0 * t),
+        lambda t: (0 * t, 0 * t, 0.5 * t),
+    )
+    spun = sd.simulate(
+        turning,
+        10.0,
+        MEMS,
+        1,
+        50.0,
+        Gnss(position_sd=(1e-3,) * 3, velocity_sd=(1e-3,) * 3, lever_arm=arm),
+    )
     start = align(spun, MEMS, heading=2.5, heading_sd=0.01, at=5.0)
-    assert np.abs(np.array(start.v) - [10, 0, 0]).max() < 0.15 and np.abs(spun.aidings[1].y - [10, 0, 0]).max() > 0.5
+    assert (
+        np.abs(np.array(start.v) - [10, 0, 0]).max() < 0.15
+        and np.abs(spun.aidings[1].y - [10, 0, 0]).max() > 0.5
+    )
 
 
 # ---- heading
+
 
 def test_heading_given_or_measured():
     recording = sd.simulate(departing(), 60.0, TACTICAL, 5, 50.0)
     given = align(recording, TACTICAL, heading=40 * DEG, heading_sd=0.03)
     assert given.rph[2] == 40 * DEG and given.sd[8] == 0.03 and "heading given" in given.note
-    assert given.t == 1.0       # no need to wait for motion
+    assert given.t == 1.0  # no need to wait for motion
     t = np.arange(0.2, 60.0, 0.2)
-    compass = Aiding("heading", t, np.interp(t, recording.reference.t, np.unwrap(recording.reference.rph[:, 2]))[:, None], np.full((len(t), 1), 0.02))
+    compass = Aiding(
+        "heading",
+        t,
+        np.interp(t, recording.reference.t, np.unwrap(recording.reference.rph[:, 2]))[:, None],
+        np.full((len(t), 1), 0.02),
+    )
     measured = align(replace(recording, aidings=(*recording.aidings, compass)), TACTICAL)
-    assert measured.t == 1.0 and measured.rph[2] == pytest.approx(40 * DEG, abs=1e-3) and measured.sd[8] == pytest.approx(0.02, abs=1e-3)
-    turning = align(replace(recording, aidings=(*recording.aidings, compass.between(0, 59))), TACTICAL, at=60.0 - 0.1)
+    assert (
+        measured.t == 1.0
+        and measured.rph[2] == pytest.approx(40 * DEG, abs=1e-3)
+        and measured.sd[8] == pytest.approx(0.02, abs=1e-3)
+    )
+    turning = align(
+        replace(recording, aidings=(*recording.aidings, compass.between(0, 59))),
+        TACTICAL,
+        at=60.0 - 0.1,
+    )
     assert turning.sd[8] > 0.02 and "heading measured" in turning.note
 
 
@@ -142,32 +222,61 @@ def test_an_unknown_heading_converges_in_motion():
 
 # ---- refusals and overrides
 
+
 @pytest.mark.short
 @pytest.mark.parametrize("at", [-5.0, 20.0, 1e9])
 def test_a_start_outside_the_imu_record_is_refused(at):
-    with pytest.raises(DataError, match=r"cannot start at .* s; the IMU record covers 0.000 to 20.000 s"):
+    with pytest.raises(
+        DataError, match=r"cannot start at .* s; the IMU record covers 0.000 to 20.000 s"
+    ):
         align(at_rest(), MEMS, at=at)
 
 
 @pytest.mark.short
 def test_two_samples_and_one_fix_are_enough():
-    imu = Imu(np.array([0.02, 0.04]), np.full(2, 0.02), np.zeros((2, 3)), np.tile([0, 0, -9.8 * 0.02], (2, 1)))
+    imu = Imu(
+        np.array([0.02, 0.04]),
+        np.full(2, 0.02),
+        np.zeros((2, 3)),
+        np.tile([0, 0, -9.8 * 0.02], (2, 1)),
+    )
     fix = Aiding("position", np.array([0.0]), np.array([[0.8, 0.2, 100.0]]), np.ones((1, 3)))
     start = align(Recording(imu, (fix,)), MEMS)
-    assert start.t == 0.0 and start.rph[:2] == pytest.approx((0, 0)) and start.lla == pytest.approx((0.8, 0.2, 100.0))
-    assert start.v == (0.0, 0.0, 0.0) and min(start.sd[3:6]) >= 10 and "heading unknown" in start.note
+    assert (
+        start.t == 0.0
+        and start.rph[:2] == pytest.approx((0, 0))
+        and start.lla == pytest.approx((0.8, 0.2, 100.0))
+    )
+    assert (
+        start.v == (0.0, 0.0, 0.0) and min(start.sd[3:6]) >= 10 and "heading unknown" in start.note
+    )
 
 
 # ---- runs that begin there
 
 BOTH, POSITION, ARM = Gnss(), Gnss(velocity_sd=None), Gnss(lever_arm=(1.0, 0.5, -1.5))
-STARTS = [{}, {"heading": 40 * DEG}, {"at": 20.0}, {"at": 58.0}, {"at": 73.3}]   # at 20 s the heading is unknown, which positions alone take long to find
+STARTS = [
+    {},
+    {"heading": 40 * DEG},
+    {"at": 20.0},
+    {"at": 58.0},
+    {"at": 73.3},
+]  # at 20 s the heading is unknown, which positions alone take long to find
 
 
-@pytest.mark.parametrize("options, gnss", [(o, g) for o in STARTS for g in (BOTH, POSITION, ARM) if (o, g) != ({"at": 20.0}, POSITION)])
+@pytest.mark.parametrize(
+    "options, gnss",
+    [(o, g) for o in STARTS for g in (BOTH, POSITION, ARM) if (o, g) != ({"at": 20.0}, POSITION)],
+)
 def test_a_run_converges_from_any_start(options, gnss):
     recording = sd.simulate(departing(), 150.0, TACTICAL, 11, 50.0, gnss)
     solution = sd.fuse(recording, start=align(recording, TACTICAL, **options))
     r = sd.rms(sd.errors(solution, recording.reference), (125.0, 150.0))
     rejected = sum(count for _, count in solution.counts().values())
-    assert r.position.max() < 1.5 and r.velocity.max() < 0.4 and np.degrees(r.rph[:2]).max() < 1 and np.degrees(r.rph[2]) < 8 and rejected <= 3
+    assert (
+        r.position.max() < 1.5
+        and r.velocity.max() < 0.4
+        and np.degrees(r.rph[:2]).max() < 1
+        and np.degrees(r.rph[2]) < 8
+        and rejected <= 3
+    )

@@ -1,4 +1,6 @@
-"""The command line as a user meets it: what it prints, what it writes, how it refuses, and what is left after Ctrl-C."""
+"""The command line as a user meets it: what it prints, what it writes, how it refuses, and what
+is left after Ctrl-C."""
+
 import os
 import re
 import shutil
@@ -15,7 +17,9 @@ import pytest
 import strapdown as sd
 from strapdown.sim.trajectory import demo_flight
 
-COMMAND = shutil.which("strapdown", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+COMMAND = shutil.which(
+    "strapdown", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+)
 RESULTS = {"solution.nc", "solution.csv", "track.kml", "report.html"}
 TOML = """
 [imu]
@@ -53,9 +57,13 @@ def tables(tmp_path_factory):
     flight = sd.simulate(demo_flight(), 30.0, "tactical", seed=1, rate=50.0)
     imu, position, velocity = flight.imu, *flight.aidings
     rates = np.degrees(imu.dtheta) / imu.dt[:, None], imu.dv / imu.dt[:, None]
-    pd.DataFrame(np.c_[imu.t, *rates], columns=["t", "gx", "gy", "gz", "ax", "ay", "az"]).to_csv(folder / "imu.csv", index=False)
+    pd.DataFrame(np.c_[imu.t, *rates], columns=["t", "gx", "gy", "gz", "ax", "ay", "az"]).to_csv(
+        folder / "imu.csv", index=False
+    )
     fixes = np.c_[position.t, np.degrees(position.y[:, :2]), position.y[:, 2], velocity.y]
-    pd.DataFrame(fixes, columns=["t", "lat", "lon", "alt", "vn", "ve", "vd"]).to_csv(folder / "gnss.csv", index=False)
+    pd.DataFrame(fixes, columns=["t", "lat", "lon", "alt", "vn", "ve", "vd"]).to_csv(
+        folder / "gnss.csv", index=False
+    )
     flight.reference.table().to_csv(folder / "truth.csv")
     (folder / "recording.toml").write_text(TOML)
     return folder
@@ -71,11 +79,14 @@ def flight(tables, tmp_path, monkeypatch):
 
 @pytest.fixture
 def good(command):
-    """Function of the words -> standard output of a command that must end well and say nothing on standard error."""
+    """Function of the words -> standard output of a command that must end well and say nothing
+    on standard error."""
+
     def run(*words):
         code, out, err = command(*words)
         assert (code, err) == (0, []), (code, out, err)
         return out
+
     return run
 
 
@@ -85,10 +96,16 @@ def files(folder="."):
 
 def test_installed_command_is_quick_and_light():
     shown = subprocess.run([COMMAND, "--version"], capture_output=True, text=True)
-    assert (shown.returncode, shown.stdout, shown.stderr) == (0, f"strapdown {sd.__version__}\n", "")
+    assert (shown.returncode, shown.stdout, shown.stderr) == (
+        0,
+        f"strapdown {sd.__version__}\n",
+        "",
+    )
     heavy = "{'numpy', 'numba', 'pandas', 'scipy', 'plotly', 'pydantic', 'xarray'}"
-    code = (f"import sys; sys.argv = ['strapdown', '--help']\nfrom strapdown import cli\ntry:\n    cli.main()\nfinally:\n"
-            f"    print('loaded:', {heavy} & set(sys.modules))")
+    code = (
+        f"import sys; sys.argv = ['strapdown', '--help']\nfrom strapdown import cli\ntry:\n    cli.main()\nfinally:\n"
+        f"    print('loaded:', {heavy} & set(sys.modules))"
+    )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert shown.stdout.endswith("loaded: set()\n") and shown.stderr == ""
 
@@ -96,27 +113,52 @@ def test_installed_command_is_quick_and_light():
 @pytest.mark.short
 def test_help_names_every_command(good):
     for out in (good(), good("--help")):
-        assert all(re.search(rf"^  {name} ", out, re.MULTILINE) for name in ("demo", "fuse", "inspect", "filters", "imus", "reproduce"))
+        assert all(
+            re.search(rf"^  {name} ", out, re.MULTILINE)
+            for name in ("demo", "fuse", "inspect", "filters", "imus", "reproduce")
+        )
     out = good("fuse", "--help")
-    assert all(option in out for option in ("--filter", "--imu", "--from", "--to", "--hide", "--heading", "--option", "--every", "--out"))
+    assert all(
+        option in out
+        for option in (
+            "--filter",
+            "--imu",
+            "--from",
+            "--to",
+            "--hide",
+            "--heading",
+            "--option",
+            "--every",
+            "--out",
+        )
+    )
 
 
 @pytest.mark.short
 def test_lists(good):
     out = good("filters")
-    assert all(name in out for name in ("closed-loop-error-bias", "open-loop", "interval=60.0", "Groves (2013)"))
-    assert "position, position" not in out and max(map(len, out.splitlines())) <= 120      # on the 80 columns of no terminal, for long options
+    assert all(
+        name in out
+        for name in ("closed-loop-error-bias", "open-loop", "interval=60.0", "Groves (2013)")
+    )
+    assert (
+        "position, position" not in out and max(map(len, out.splitlines())) <= 120
+    )  # on the 80 columns of no terminal, for long options
     assert any(line.startswith(" " * 40) for line in out.splitlines())
     out = good("imus")
     header, _, *rows = out.splitlines()
     assert header.split() == sd.grades()
-    noise, = [row for row in rows if row.startswith("gyro noise, deg/sqrt(h)")]
+    (noise,) = [row for row in rows if row.startswith("gyro noise, deg/sqrt(h)")]
     assert float(noise.split()[-1]) == 0.15 and "6012" in out
 
 
 def test_demo_writes_a_page(good, tmp_path):
     out = good("demo", "--out", tmp_path / "new" / "page.html", "--seed", "3")
-    rows = {line.split()[0]: np.array(line.split()[1:4], float) for line in out.splitlines() if line.startswith(("closed-loop", "open-loop"))}
+    rows = {
+        line.split()[0]: np.array(line.split()[1:4], float)
+        for line in out.splitlines()
+        if line.startswith(("closed-loop", "open-loop"))
+    }
     assert np.all(rows["closed-loop"] < 1.0) and rows.keys() == {"closed-loop", "open-loop"}
     page = (tmp_path / "new" / "page.html").read_text(encoding="utf-8")
     assert "strapdown demo" in page and "open-loop" in page and len(page) > 1e6
@@ -126,7 +168,11 @@ def test_demo_writes_a_page(good, tmp_path):
 @pytest.mark.short
 def test_inspect_a_recording(good, flight):
     out = good("inspect", flight)
-    assert "1500 samples" in out and "position: 30 fixes" in out and out.endswith("no mistakes found\n")
+    assert (
+        "1500 samples" in out
+        and "position: 30 fixes" in out
+        and out.endswith("no mistakes found\n")
+    )
     flight.write_text(TOML.replace('unit = "deg/s"', 'unit = "rad/s"'))
     assert re.search(r"problem: .*\[imu\].*deg/s", good("inspect", flight))
 
@@ -138,7 +184,10 @@ def test_inspect_drafts_a_description(good, command, flight):
     draft = Path("drafted.toml").read_text()
     assert 'columns = ["gx", "gy", "gz"]' in draft and "check" in draft
     assert "1500 samples" in good("inspect", "drafted.toml")
-    for words, reason in (("imu.csv", "such a file already"), ("recording.toml", "is a recording already")):
+    for words, reason in (
+        ("imu.csv", "such a file already"),
+        ("recording.toml", "is a recording already"),
+    ):
         code, _, (line,) = command("inspect", words, "--write", "drafted.toml")
         assert code == 2 and reason in line
     assert Path("drafted.toml").read_text() == draft
@@ -146,14 +195,22 @@ def test_inspect_drafts_a_description(good, command, flight):
 
 def test_fuse_writes_what_python_gets(good, flight):
     out = good("fuse", flight, "--out", "deep/result")
-    assert "position: 29 fixes accepted, 0 rejected" in out and "heading from the course" in out and "rms error against the reference" in out
+    assert (
+        "position: 29 fixes accepted, 0 rejected" in out
+        and "heading from the course" in out
+        and "rms error against the reference" in out
+    )
     folder = Path("deep/result")
     assert {path.name for path in folder.iterdir()} == RESULTS
     expected, found = sd.fuse(sd.read(flight)), sd.read_solution(folder / "solution.nc")
     np.testing.assert_allclose(found.trajectory.lla, expected.trajectory.lla, rtol=1e-15)
     np.testing.assert_array_equal(found.innovations.nis, expected.innovations.nis)
-    np.testing.assert_allclose(sd.read_solution(folder / "solution.csv").table(), expected.table(), rtol=0, atol=1e-9)
-    assert "<coordinates>" in (folder / "track.kml").read_text() and "closed-loop" in (folder / "report.html").read_text(encoding="utf-8")
+    np.testing.assert_allclose(
+        sd.read_solution(folder / "solution.csv").table(), expected.table(), rtol=0, atol=1e-9
+    )
+    assert "<coordinates>" in (folder / "track.kml").read_text() and "closed-loop" in (
+        folder / "report.html"
+    ).read_text(encoding="utf-8")
     first = sd.rms(sd.errors(expected, sd.read(flight).reference)).position[0]
     assert f"{first:.3g}" in out
 
@@ -162,7 +219,9 @@ def test_fuse_names_its_folder_and_reads_netcdf(good, flight):
     sd.write_recording(sd.read(flight), "flight.nc")
     out = good("fuse", "flight.nc", "--filter", "open-loop")
     assert "wrote recording-open-loop/solution.nc" in out
-    assert set(sd.read_solution("recording-open-loop/solution.nc").columns) == {f"ins_error_{axis} [m]" for axis in ("north", "east", "down")}
+    assert set(sd.read_solution("recording-open-loop/solution.nc").columns) == {
+        f"ins_error_{axis} [m]" for axis in ("north", "east", "down")
+    }
 
 
 def test_from_to_and_every(good, flight):
@@ -173,10 +232,17 @@ def test_from_to_and_every(good, flight):
 
 def test_hide(good, flight):
     out = good("fuse", flight, "--hide", "10:15, 20:22.5", "--out", "a")
-    assert "16 fixes withheld" in out and re.search(r"^10-15 +\d", out, re.MULTILINE) and re.search(r"^20-22.5 +\d", out, re.MULTILINE)
+    assert (
+        "16 fixes withheld" in out
+        and re.search(r"^10-15 +\d", out, re.MULTILINE)
+        and re.search(r"^20-22.5 +\d", out, re.MULTILINE)
+    )
     made, page = sd.read_solution("a/solution.nc"), Path("a/report.html").read_text()
     t = made.innovations.t
-    assert [tuple(window) for window in made.meta["withheld"]] == [(10, 15), (20, 22.5)] and "<td>20 to 22.5</td>" in page
+    assert [tuple(window) for window in made.meta["withheld"]] == [
+        (10, 15),
+        (20, 22.5),
+    ] and "<td>20 to 22.5</td>" in page
     assert not ((t >= 10) & (t < 15) | (t >= 20) & (t < 22.5)).any() and len(t) == 2 * 29 - 16
     assert "not scored: outage 100-110 s" in good("fuse", flight, "--hide", "100:110", "--out", "a")
 
@@ -189,9 +255,32 @@ def test_heading(good, flight):
 
 def test_options_of_a_filter(good, flight):
     good("fuse", flight, "--out", "open", "--filter", "open-loop")
-    good("fuse", flight, "--out", "never", "--filter", "periodic-reset", "--option", "interval=inf", "--option", "error_model=corrected")
-    good("fuse", flight, "--out", "literal", "--filter", "open-loop", "--option", "error_model=literal")
-    position = {name: sd.read_solution(f"{name}/solution.nc").trajectory.lla for name in ("open", "never", "literal")}
+    good(
+        "fuse",
+        flight,
+        "--out",
+        "never",
+        "--filter",
+        "periodic-reset",
+        "--option",
+        "interval=inf",
+        "--option",
+        "error_model=corrected",
+    )
+    good(
+        "fuse",
+        flight,
+        "--out",
+        "literal",
+        "--filter",
+        "open-loop",
+        "--option",
+        "error_model=literal",
+    )
+    position = {
+        name: sd.read_solution(f"{name}/solution.nc").trajectory.lla
+        for name in ("open", "never", "literal")
+    }
     np.testing.assert_array_equal(position["never"], position["open"])
     assert np.any(position["literal"] != position["open"])
 
@@ -220,13 +309,21 @@ BAD = [
     ([*FUSE, "--filter", "closed-lop"], TOML, "did you mean 'closed-loop'?"),
     ([*FUSE, "--option", "intervall=3"], TOML, "no option 'intervall'; it has error_model"),
     ([*FUSE, "--option", "interval"], TOML, "write NAME=VALUE"),
-    ([*FUSE, "--filter", "periodic-reset", "--option", "interval=soon"], TOML, "interval is 'soon'; it must be a number"),
+    (
+        [*FUSE, "--filter", "periodic-reset", "--option", "interval=soon"],
+        TOML,
+        "interval is 'soon'; it must be a number",
+    ),
     ([*FUSE, "--filter", "periodic-reset", "--option", "interval=-1"], TOML, "must be 0 or more"),
     ([*FUSE, "--option", "error_model=printed"], TOML, "one of corrected, literal, printed-signs"),
     ([*FUSE, "--hide", "3-4"], TOML, "a window is START:STOP"),
     ([*FUSE, "--hide", "4:3"], TOML, "ends before it starts"),
     ([*FUSE, "--hide", "3:4:5"], TOML, "a window is START:STOP"),
-    ([*FUSE, "--from", "1000"], TOML, "no IMU samples between 1000 and inf s; the recording covers 0.000 to 30.000 s"),
+    (
+        [*FUSE, "--from", "1000"],
+        TOML,
+        "no IMU samples between 1000 and inf s; the recording covers 0.000 to 30.000 s",
+    ),
     ([*FUSE, "--from", "20", "--to", "10"], TOML, "no IMU samples between 20 and 10 s"),
     ([*FUSE, "--from", "soon"], TOML, "--from"),
     ([*FUSE, "--every", "0"], TOML, "every is 0"),
@@ -237,14 +334,32 @@ BAD = [
     ([*FUSE, "--bogus"], TOML, "No such option: --bogus"),
     (FUSE, change('grade = "tactical"\n', ""), "give --imu, one of consumer"),
     ([*FUSE, "--heading", "50"], change('grade = "tactical"\n', ""), "give --imu, one of consumer"),
-    (FUSE, change('kind = "velocity"', 'kind = "velocity"\nlever_arms = [0, 0, 0]'), "did you mean 'lever_arm'?"),
+    (
+        FUSE,
+        change('kind = "velocity"', 'kind = "velocity"\nlever_arms = [0, 0, 0]'),
+        "did you mean 'lever_arm'?",
+    ),
     (FUSE, change('kind = "velocity"', 'kind = "velocty"'), "velocity"),
     (FUSE, change('unit = "m/s"', 'unit = "mph"'), "unit"),
     (FUSE, change('columns = ["lat",', 'columns = ["latt",'), "latt"),
     (FUSE, change('unit = "deg/s"', 'unit = "rad/s"'), "deg/s"),
     (FUSE, TOML.replace('unit = "s" }\ncolumns', 'unit = "s", offset = 1e4 }\ncolumns'), "offset"),
-    (FUSE, change('columns = ["lat", "lon", "alt"]', 'scale = [1.875, 1.0, 1.0]\ncolumns = ["lat", "lon", "alt"]'), "89 deg"),
-    (FUSE, change('columns = ["lat", "lon", "alt"]', 'scale = [2.0, 1.0, 1.0]\ncolumns = ["lat", "lon", "alt"]'), "the limit is 90"),
+    (
+        FUSE,
+        change(
+            'columns = ["lat", "lon", "alt"]',
+            'scale = [1.875, 1.0, 1.0]\ncolumns = ["lat", "lon", "alt"]',
+        ),
+        "89 deg",
+    ),
+    (
+        FUSE,
+        change(
+            'columns = ["lat", "lon", "alt"]',
+            'scale = [2.0, 1.0, 1.0]\ncolumns = ["lat", "lon", "alt"]',
+        ),
+        "the limit is 90",
+    ),
     (FUSE, TOML.split("[[aiding]]")[0], "no position fix to start from"),
     (FUSE, "", "is empty"),
     (["fuse", "recording.toml", "--out", "imu.csv"], TOML, "choose another folder"),
@@ -261,7 +376,11 @@ BAD = [
 
 
 @pytest.mark.short
-@pytest.mark.parametrize("words, description, expected", BAD, ids=[f"{number}-{expected[:30]}" for number, (_, _, expected) in enumerate(BAD)])
+@pytest.mark.parametrize(
+    "words, description, expected",
+    BAD,
+    ids=[f"{number}-{expected[:30]}" for number, (_, _, expected) in enumerate(BAD)],
+)
 def test_bad_input_is_refused_in_one_line(command, flight, words, description, expected):
     flight.write_text(description)
     before = files()
@@ -275,29 +394,48 @@ def test_what_cannot_be_written_leaves_the_rest_whole(command, flight):
     Path("result/solution.csv").mkdir(parents=True)
     code, _, (line,) = command("fuse", flight, "--out", "result")
     assert code == 2 and line.startswith("strapdown: result/solution.csv: cannot be written")
-    assert {path.name for path in Path("result").iterdir()} == {"solution.nc", "solution.csv"} and len(sd.read_solution("result/solution.nc").t) == 1450
+    assert {path.name for path in Path("result").iterdir()} == {
+        "solution.nc",
+        "solution.csv",
+    } and len(sd.read_solution("result/solution.nc").t) == 1450
 
 
 @pytest.mark.short
-@pytest.mark.parametrize("interrupted, left", [("strapdown.engine.batch.fuse", set()), ("strapdown.reports.page.report", RESULTS - {"report.html"})])
+@pytest.mark.parametrize(
+    "interrupted, left",
+    [
+        ("strapdown.engine.batch.fuse", set()),
+        ("strapdown.reports.page.report", RESULTS - {"report.html"}),
+    ],
+)
 def test_ctrl_c_at_an_awkward_moment(command, flight, monkeypatch, interrupted, left):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
+
     monkeypatch.setattr(interrupted, interrupt)
     code, _, err = command("fuse", flight, "--out", "result/deep", "--every", 10)
     assert code == 130 and len(err) == 1 and err[0].startswith("strapdown: interrupted")
-    assert {path.name for path in Path("result").rglob("*") if path.is_file()} == left and Path("result").exists() == bool(left)
+    assert {path.name for path in Path("result").rglob("*") if path.is_file()} == left and Path(
+        "result"
+    ).exists() == bool(left)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_ctrl_c_during_a_long_run(tmp_path):
-    """Without the compiler 200 s of flight take ten seconds and more: time enough to interrupt the loop itself."""
+    """Without the compiler 200 s of flight take ten seconds and more: time enough to interrupt
+    the loop itself."""
     recording = sd.simulate(demo_flight(), 200.0, "tactical", seed=1)
     sd.write_recording(recording, tmp_path / "long.nc")
-    process = subprocess.Popen([COMMAND, "fuse", "long.nc", "--hide", "1:2", "--out", "result"], cwd=tmp_path, text=True, stdout=subprocess.PIPE,
-                               stderr=subprocess.PIPE, env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONUNBUFFERED": "1"})
+    process = subprocess.Popen(
+        [COMMAND, "fuse", "long.nc", "--hide", "1:2", "--out", "result"],
+        cwd=tmp_path,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONUNBUFFERED": "1"},
+    )
     try:
-        assert process.stdout.readline().endswith("fixes withheld\n")   # read, and about to fuse
+        assert process.stdout.readline().endswith("fixes withheld\n")  # read, and about to fuse
         time.sleep(2.0)
         assert process.poll() is None, process.communicate()
         process.send_signal(signal.SIGINT)
@@ -305,7 +443,9 @@ def test_ctrl_c_during_a_long_run(tmp_path):
     finally:
         process.kill()
     assert process.returncode == 130
-    assert err.splitlines() == ["strapdown: interrupted; files written so far are whole, nothing is half-written"]
+    assert err.splitlines() == [
+        "strapdown: interrupted; files written so far are whole, nothing is half-written"
+    ]
     assert [path.name for path in tmp_path.iterdir()] == ["long.nc"]
 
 

@@ -1,20 +1,25 @@
-"""How the calls of the error-state filters are undone: the adjoints of the compiled prediction and correction against dense matrices.
+"""How the calls of the error-state filters are undone: the adjoints of the compiled prediction and
+correction against dense matrices.
 
-The transition comes from the columns that the compiled step makes of unit errors, the correction from the textbook's gain.
+The transition comes from the columns that the compiled step makes of unit errors, the correction
+from the textbook's gain.
 """
+
 import math
 
 import numpy as np
 import pytest
-
-from strapdown.core.adjoint import adjoint_step, save_step, width
-from strapdown.core.smoother import work_size
-from strapdown.core.contract import CORRECT, OBSERVE, PREDICT, Noise, Start, compile_kernel, kernel
-from strapdown.core.error_state import PREDICTED, X, auxiliary, linearised_step, measure
 from test_kalman import covariance
 
+from strapdown.core.adjoint import adjoint_step, save_step, width
+from strapdown.core.contract import CORRECT, OBSERVE, PREDICT, Noise, Start, compile_kernel, kernel
+from strapdown.core.error_state import PREDICTED, X, auxiliary, linearised_step, measure
+from strapdown.core.smoother import work_size
+
 pytestmark = pytest.mark.short
-NOISE = Noise(gyro=1e-4, accel=2e-3, gyro_bias=3e-6, accel_bias=4e-5, gyro_decay=1 / 3, accel_decay=1 / 5)
+NOISE = Noise(
+    gyro=1e-4, accel=2e-3, gyro_bias=3e-6, accel_bias=4e-5, gyro_decay=1 / 3, accel_decay=1 / 5
+)
 SD = np.r_[[3.0] * 3, [0.3] * 3, [0.01, 0.01, 0.05], [0.05] * 3, [1e-3] * 3]
 SCALE = (*SD, 2.0, 2.0, 2.0)
 STATES = [15, 16, 18]
@@ -23,12 +28,28 @@ STATES = [15, 16, 18]
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
     """The linearised step, with an error beside the belief that shows its transition."""
-    linearised_step(belief, belief.C, belief.extra_states[0] if belief.extra_states.size else 1.0, u, dt, noise, True)
+    linearised_step(
+        belief,
+        belief.C,
+        belief.extra_states[0] if belief.extra_states.size else 1.0,
+        u,
+        dt,
+        noise,
+        True,
+    )
 
 
 def belief(n, error_model="corrected"):
     """At 70 deg south and 190 m/s, where no block of the transition is small; P full."""
-    start = Start(0.0, (-1.2, 2.0, 9000.0), (120.0, -150.0, 8.0), (-0.4, 1.2, 2.0), (0.1, -0.2, 0.3), (0.01, 0.02, -0.03), (*SD, *[2.0] * (n - 15)))
+    start = Start(
+        0.0,
+        (-1.2, 2.0, 9000.0),
+        (120.0, -150.0, 8.0),
+        (-0.4, 1.2, 2.0),
+        (0.1, -0.2, 0.3),
+        (0.01, 0.02, -0.03),
+        (*SD, *[2.0] * (n - 15)),
+    )
     made = start.belief(auxiliary(n, error_model))
     made.P[...] = covariance(np.random.default_rng(n), np.array(start.sd))
     made.extra_states[:] = 1.0
@@ -46,7 +67,9 @@ def record(made):
 def undone(row, lam, Lam):
     compile_kernel(adjoint_step)
     found, Found = lam.copy(), Lam.copy()
-    adjoint_step(row, found, Found, np.full(work_size(len(lam), len(lam)), np.nan))     # stale numbers in the workspace must not matter
+    adjoint_step(
+        row, found, Found, np.full(work_size(len(lam), len(lam)), np.nan)
+    )  # stale numbers in the workspace must not matter
     return found, Found
 
 
@@ -59,11 +82,14 @@ def later(n, seed=1):
 def close(found, expected, sd, tolerance=1e-11):
     """Assert that a vector or matrix of 1/sd is as expected."""
     scale = sd if found.ndim == 1 else np.outer(sd, sd)
-    assert np.abs((found - expected) * scale).max() < tolerance * max(1.0, np.abs(expected * scale).max())
+    assert np.abs((found - expected) * scale).max() < tolerance * max(
+        1.0, np.abs(expected * scale).max()
+    )
 
 
 def transition(n, dt, u, error_model="corrected", coupling=1.0):
-    """Phi (n, n) in columns: what the compiled step makes of unit errors kept beside the belief. States beyond the fifteenth stand still."""
+    """Phi (n, n) in columns: what the compiled step makes of unit errors kept beside the belief.
+    States beyond the fifteenth stand still."""
     compile_kernel(predict)
     Phi = np.eye(n)
     for column in range(15):
@@ -76,7 +102,10 @@ def transition(n, dt, u, error_model="corrected", coupling=1.0):
 
 
 @pytest.mark.parametrize("n", STATES)
-@pytest.mark.parametrize("dt, error_model", [(0.01, "corrected"), (0.5, "corrected"), (0.1, "literal"), (0.0, "corrected")])
+@pytest.mark.parametrize(
+    "dt, error_model",
+    [(0.01, "corrected"), (0.5, "corrected"), (0.1, "literal"), (0.0, "corrected")],
+)
 def test_adjoint_of_the_prediction_is_the_transposed_transition(n, dt, error_model):
     u = np.r_[np.array([0.2, -0.5, 0.8]) * dt, np.array([20.0, -15.0, -17.0]) * dt]
     Phi, (lam, Lam), made = transition(n, dt, u, error_model), later(n), belief(n, error_model)
@@ -88,10 +117,12 @@ def test_adjoint_of_the_prediction_is_the_transposed_transition(n, dt, error_mod
     sd = np.r_[SD, [2.0] * (n - 15)]
     close(found, Phi.T @ lam, sd)
     close(Found, Phi.T @ Lam @ Phi, sd)
-    there = (np.abs(Phi) > 0) & (Phi != np.eye(n))      # each entry, however small
+    there = (np.abs(Phi) > 0) & (Phi != np.eye(n))  # each entry, however small
     for column in range(n):
         unit, _ = undone(row, np.eye(n)[column], Lam)
-        np.testing.assert_allclose(unit[there[column]], Phi[column][there[column]], rtol=1e-9, atol=0)
+        np.testing.assert_allclose(
+            unit[there[column]], Phi[column][there[column]], rtol=1e-9, atol=0
+        )
         assert not unit[~there[column] & (np.arange(n) != column)].any()
 
 
@@ -108,7 +139,8 @@ def test_an_attitude_known_from_elsewhere_does_not_reach_the_velocity():
 
 @kernel(OBSERVE)
 def observe(belief, y, parameters, innovation, H):
-    """Three rows of which each sees many states; those of a y that is no number are not measured."""
+    """Three rows of which each sees many states; those of a y that is no number are not
+    measured."""
     for i in range(3):
         innovation[i] = y[i]
         for j in range(i, H.shape[1], 2):
@@ -128,7 +160,15 @@ def corrected(made, y, gate=np.inf):
     compile_kernel(correct)
     compile_kernel(observe)
     nis = correct(made, np.array(y), sd, 0, observe, np.zeros(8), gate, np.empty(3))
-    H = np.array([[math.cos(3.0 * i + j) / SCALE[j] if j >= i and (j - i) % 2 == 0 else 0.0 for j in range(n)] for i in range(3)])
+    H = np.array(
+        [
+            [
+                math.cos(3.0 * i + j) / SCALE[j] if j >= i and (j - i) % 2 == 0 else 0.0
+                for j in range(n)
+            ]
+            for i in range(3)
+        ]
+    )
     rows = ~np.isnan(y)
     return nis, H[rows], np.diag(sd[rows] ** 2)
 
@@ -153,7 +193,7 @@ def test_adjoint_of_the_correction(n, y):
 def test_what_was_not_used_says_nothing(y, gate):
     made, (lam, Lam) = belief(16), later(16)
     compile_kernel(predict)
-    predict(made, np.full(6, 0.01), 0.1, NOISE)     # its record must not be taken for that of the fix
+    predict(made, np.full(6, 0.01), 0.1, NOISE)  # its record must not be taken for that of the fix
     corrected(made, y, gate)
     found, Found = undone(record(made), lam, Lam)
     assert np.array_equal(found, lam) and np.array_equal(Found, Lam)

@@ -1,4 +1,5 @@
 """Compilation: wrong types refused, kernels called by address, imports cheap, views right."""
+
 import os
 import subprocess
 import sys
@@ -11,25 +12,44 @@ import pytest
 
 import strapdown
 from strapdown.core import jit
-from strapdown.core.jit import OPTIONS, compile_kernel, flatten, helper, is_cached, kernel, matrix, plain
+from strapdown.core.jit import (
+    OPTIONS,
+    compile_kernel,
+    flatten,
+    helper,
+    is_cached,
+    kernel,
+    matrix,
+    plain,
+)
 
 PACKAGE = Path(strapdown.__file__).parent
 needs_compiler = pytest.mark.skipif(not jit.COMPILED, reason="the compiler is off")
 
 
 def python(code, path=PACKAGE.parent, **environment):
-    """What a new process prints for `code`; it must print nothing on standard error. The package is taken from `path`."""
+    """What a new process prints for `code`; it must print nothing on standard error. The package
+    is taken from `path`."""
     environment = {**os.environ, "PYTHONPATH": str(path), "PYTHONWARNINGS": "error", **environment}
-    done = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], env=environment, capture_output=True, text=True, cwd="/")
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        cwd="/",
+    )
     assert done.returncode == 0 and done.stderr == "", done.stderr
     return done.stdout.split()
 
 
 @needs_compiler
 def test_reference_counts_can_be_left_out_in_this_numba(monkeypatch):
-    """A private option: without it everything works, 0.14 us a sample slower. Where it holds an allocation is a compile error."""
+    """A private option: without it everything works, 0.14 us a sample slower. Where it holds an
+    allocation is a compile error."""
     assert OPTIONS.get("_nrt") is False
-    assert numba.njit(_nrt=False)(lambda x: x + 1)(1) == 2      # numba refuses an option it does not know only when it compiles
+    assert (
+        numba.njit(_nrt=False)(lambda x: x + 1)(1) == 2
+    )  # numba refuses an option it does not know only when it compiles
     with pytest.raises(numba.TypingError):
         helper(lambda: np.zeros(3))()
     monkeypatch.setattr(jit.cpu, "CPUTargetOptions", object)
@@ -84,9 +104,16 @@ def test_a_kernel_is_called_by_its_address():
     assert jit.entry_point(triple)(2.0) == 6.0
 
 
-@pytest.mark.parametrize("code", ["import strapdown", "import strapdown; dir(strapdown); strapdown.__version__"])
+@pytest.mark.parametrize(
+    "code", ["import strapdown", "import strapdown; dir(strapdown); strapdown.__version__"]
+)
 def test_importing_the_package_imports_nothing_heavy(code):
-    assert python(f"{code}; import sys; print(*{{'numba', 'numpy', 'pandas', 'scipy', 'xarray', 'pydantic', 'typer'}} & set(sys.modules))") == []
+    assert (
+        python(
+            f"{code}; import sys; print(*{{'numba', 'numpy', 'pandas', 'scipy', 'xarray', 'pydantic', 'typer'}} & set(sys.modules))"
+        )
+        == []
+    )
 
 
 def test_help_does_not_import_numba():

@@ -1,4 +1,6 @@
-"""Kernels on disk: an edit costs what it touches, nothing stale or broken is ever loaded, importing leaves no trace."""
+"""Kernels on disk: an edit costs what it touches, nothing stale or broken is ever loaded,
+importing leaves no trace."""
+
 import os
 import re
 import shutil
@@ -41,9 +43,22 @@ HEADING, VELOCITY, LOOP, CLOSED_LOOP, MEKF = range(5)
 
 
 def python(code, path=PACKAGE.parent, **environment):
-    """Words that a new process prints for `code`; it must print nothing on standard error. The package is taken from `path`."""
-    environment = {**os.environ, "PYTHONPATH": str(path), "PYTHONWARNINGS": "error", "PYTHONDONTWRITEBYTECODE": "1", **environment}
-    done = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], env=environment, capture_output=True, text=True, cwd="/")
+    """Words that a new process prints for `code`; it must print nothing on standard error. The
+    package is taken from `path`."""
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(path),
+        "PYTHONWARNINGS": "error",
+        "PYTHONDONTWRITEBYTECODE": "1",
+        **environment,
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        cwd="/",
+    )
     assert done.returncode == 0 and done.stderr == "", done.stderr
     return done.stdout.split()
 
@@ -66,7 +81,8 @@ def edit(copy):
         source, stamp = before.setdefault(file, (file.read_text(), file.stat()))
         assert source.count(old) >= 1
         file.write_text(source.replace(old, new, 1))
-        os.utime(file, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))     # even where the clock hides it
+        os.utime(file, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))  # even where the clock hides it
+
     yield replace
     for file, (source, _) in before.items():
         file.write_text(source)
@@ -83,15 +99,16 @@ def compiled(path, cache):
 
 
 def test_a_changed_helper_in_another_file_is_noticed(copy, edit, cache):
-    """numba itself looks only at the file of the kernel: a kernel in aiding/, its helper in core/."""
+    """numba itself looks only at the file of the kernel: a kernel in aiding/, its helper in
+    core/."""
     assert compiled(copy, cache) == ["1.0", "True", "False"]
     assert compiled(copy, cache) == ["1.0", "False", "True"]
     edit("core/rotation.py", "return angle - 2 *", "return angle + 1 - 2 *")
     assert compiled(copy, cache) == ["2.0", "True", "False"]
     edit("core/rotation.py", "return angle - 2 *", "return angle - 2 *")
-    assert compiled(copy, cache) == ["1.0", "False", "True"]        # and the old one is still there
+    assert compiled(copy, cache) == ["1.0", "False", "True"]  # and the old one is still there
     assert len(list(cache.iterdir())) == 2
-    assert not list(copy.glob("strapdown/**/__pycache__"))          # numba's own, stale place
+    assert not list(copy.glob("strapdown/**/__pycache__"))  # numba's own, stale place
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +117,11 @@ def keys(copy):
 
 
 def changed(copy, keys):
-    return [number for number, (old, new) in enumerate(zip(keys, python(KEYS, copy), strict=True)) if old != new]
+    return [
+        number
+        for number, (old, new) in enumerate(zip(keys, python(KEYS, copy), strict=True))
+        if old != new
+    ]
 
 
 def test_docstrings_comments_and_annotations_recompile_nothing(copy, edit, keys):
@@ -110,27 +131,57 @@ def test_docstrings_comments_and_annotations_recompile_nothing(copy, edit, keys)
     assert changed(copy, keys) == []
 
 
-@pytest.mark.parametrize("name, touched", [("aiding/heading.py", [HEADING]), ("filters/ins/mekf.py", [MEKF]),
-                                           ("core/error_state.py", [CLOSED_LOOP, MEKF]), ("core/mechanization.py", [LOOP, CLOSED_LOOP, MEKF]),
-                                           ("engine/batch.py", []), ("core/contract.py", [HEADING, VELOCITY, LOOP, CLOSED_LOOP, MEKF])])
+@pytest.mark.parametrize(
+    "name, touched",
+    [
+        ("aiding/heading.py", [HEADING]),
+        ("filters/ins/mekf.py", [MEKF]),
+        ("core/error_state.py", [CLOSED_LOOP, MEKF]),
+        ("core/mechanization.py", [LOOP, CLOSED_LOOP, MEKF]),
+        ("engine/batch.py", []),
+        ("core/contract.py", [HEADING, VELOCITY, LOOP, CLOSED_LOOP, MEKF]),
+    ],
+)
 def test_an_edit_recompiles_what_it_touches(copy, edit, keys, name, touched):
     edit(name, "\nfrom ", "\nEXTRA = 1\nfrom ")
     assert changed(copy, keys) == touched
 
 
-@pytest.mark.parametrize("setting, value", [("LOOP_VECTORIZE", 0), ("SLP_VECTORIZE", 1), ("OPT", 1), ("BOUNDSCHECK", 1), ("DEBUGINFO_DEFAULT", 1),
-                                            ("ENABLE_AVX", False), ("LLVM_REFPRUNE_PASS", 0), ("A_SETTING_TO_COME", 1)])
+@pytest.mark.parametrize(
+    "setting, value",
+    [
+        ("LOOP_VECTORIZE", 0),
+        ("SLP_VECTORIZE", 1),
+        ("OPT", 1),
+        ("BOUNDSCHECK", 1),
+        ("DEBUGINFO_DEFAULT", 1),
+        ("ENABLE_AVX", False),
+        ("LLVM_REFPRUNE_PASS", 0),
+        ("A_SETTING_TO_COME", 1),
+    ],
+)
 def test_settings_that_change_machine_code_make_another_kernel(monkeypatch, setting, value):
     from strapdown.aiding import heading
+
     before = kernel_cache.key(heading.observe)
     monkeypatch.setattr(numba.config, setting, value, raising=False)
     assert kernel_cache.key(heading.observe) != before
 
 
-@pytest.mark.parametrize("setting, value", [("CACHE_DIR", "/elsewhere"), ("NUMBA_NUM_THREADS", 7), ("DUMP_ASSEMBLY", 1), ("COLOR_SCHEME", "dark_bg"),
-                                            ("CUDA_LOG_LEVEL", "debug"), ("DISABLE_PERFORMANCE_WARNINGS", 1)])
+@pytest.mark.parametrize(
+    "setting, value",
+    [
+        ("CACHE_DIR", "/elsewhere"),
+        ("NUMBA_NUM_THREADS", 7),
+        ("DUMP_ASSEMBLY", 1),
+        ("COLOR_SCHEME", "dark_bg"),
+        ("CUDA_LOG_LEVEL", "debug"),
+        ("DISABLE_PERFORMANCE_WARNINGS", 1),
+    ],
+)
 def test_settings_of_no_effect_make_none(monkeypatch, setting, value):
     from strapdown.aiding import heading
+
     before = kernel_cache.key(heading.observe)
     monkeypatch.setattr(numba.config, setting, value, raising=False)
     assert kernel_cache.key(heading.observe) == before
@@ -138,6 +189,7 @@ def test_settings_of_no_effect_make_none(monkeypatch, setting, value):
 
 def test_numba_and_processor_belong_to_the_key(monkeypatch):
     from strapdown.aiding import heading
+
     before = kernel_cache.key(heading.observe)
     monkeypatch.setattr(kernel_cache.numba, "__version__", "0.0")
     other = kernel_cache.key(heading.observe)
@@ -160,10 +212,12 @@ def test_importing_every_module_with_kernels_makes_and_deletes_nothing(tmp_path)
     assert [file for file in tmp_path.rglob("*") if file.is_file()] == [leftover]
 
 
-@pytest.mark.parametrize("broken", [b"", b"half", lambda whole: whole[:-1], lambda whole: whole[:40] + b"x" + whole[41:]])
+@pytest.mark.parametrize(
+    "broken", [b"", b"half", lambda whole: whole[:-1], lambda whole: whole[:40] + b"x" + whole[41:]]
+)
 def test_a_broken_file_is_compiled_anew(copy, cache, broken):
     assert compiled(copy, cache) == ["1.0", "True", "False"]
-    file, = cache.iterdir()
+    (file,) = cache.iterdir()
     whole = file.read_bytes()
     file.write_bytes(broken(whole) if callable(broken) else broken)
     assert compiled(copy, cache)[:2] == ["1.0", "True"]
@@ -177,16 +231,24 @@ def test_what_a_killed_process_left_is_swept_at_the_next_write(copy, cache):
     held = (cache / "alive.part").open("wb")
     kernel_cache.flock(held, kernel_cache.LOCK_EX)
     assert compiled(copy, cache)[1] == "True"
-    assert sorted(file.suffix for file in cache.iterdir()) == [".kernel", ".part"] and (cache / "alive.part").exists()
+    assert (
+        sorted(file.suffix for file in cache.iterdir()) == [".kernel", ".part"]
+        and (cache / "alive.part").exists()
+    )
     held.close()
 
 
 @pytest.mark.parametrize("place", ["a file", "read-only", "full"])
 def test_a_folder_that_cannot_be_written_means_no_cache_and_no_noise(tmp_path, monkeypatch, place):
-    """Root may write anywhere, so a folder that is read-only or full is played by the call that would fail there."""
+    """Root may write anywhere, so a folder that is read-only or full is played by the call that
+    would fail there."""
     if place == "a file":
         (tmp_path / "file").write_text("not a folder")
-        assert python(COMPILE, XDG_CACHE_HOME=str(tmp_path / "file"), NUMBA_CACHE_DIR="") == ["1.0", "True", "False"]
+        assert python(COMPILE, XDG_CACHE_HOME=str(tmp_path / "file"), NUMBA_CACHE_DIR="") == [
+            "1.0",
+            "True",
+            "False",
+        ]
         return
     fails = {"read-only": "kernel_cache.Path.mkdir", "full": "kernel_cache.os.replace"}[place]
     code = f"""
@@ -196,21 +258,45 @@ def test_a_folder_that_cannot_be_written_means_no_cache_and_no_noise(tmp_path, m
             raise OSError(28, "No space left on device")
         {fails} = fail
         """
-    assert python(textwrap.dedent(code) + textwrap.dedent(COMPILE), XDG_CACHE_HOME=str(tmp_path), NUMBA_CACHE_DIR="") == ["1.0", "True", "False"]
+    assert python(
+        textwrap.dedent(code) + textwrap.dedent(COMPILE),
+        XDG_CACHE_HOME=str(tmp_path),
+        NUMBA_CACHE_DIR="",
+    ) == ["1.0", "True", "False"]
     assert not [file for file in tmp_path.rglob("*") if file.is_file()]
 
 
 def test_two_processes_at_once_leave_one_whole_kernel(copy, cache):
-    environment = {**os.environ, "PYTHONPATH": str(copy), "XDG_CACHE_HOME": str(cache.parents[1]), "NUMBA_CACHE_DIR": "", "PYTHONDONTWRITEBYTECODE": "1"}
-    both = [subprocess.Popen([sys.executable, "-c", textwrap.dedent(COMPILE)], env=environment, stdout=subprocess.PIPE, text=True) for _ in range(2)]
-    assert all(process.communicate()[0].startswith("1.0") and process.returncode == 0 for process in both)
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(copy),
+        "XDG_CACHE_HOME": str(cache.parents[1]),
+        "NUMBA_CACHE_DIR": "",
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    both = [
+        subprocess.Popen(
+            [sys.executable, "-c", textwrap.dedent(COMPILE)],
+            env=environment,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for _ in range(2)
+    ]
+    assert all(
+        process.communicate()[0].startswith("1.0") and process.returncode == 0 for process in both
+    )
     assert compiled(copy, cache) == ["1.0", "False", "True"] and len(list(cache.iterdir())) == 1
 
 
 def test_a_user_without_a_home_has_no_cache(monkeypatch):
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
-    monkeypatch.setattr(kernel_cache.Path, "home", lambda: (_ for _ in ()).throw(RuntimeError("Could not determine home directory.")))
+    monkeypatch.setattr(
+        kernel_cache.Path,
+        "home",
+        lambda: (_ for _ in ()).throw(RuntimeError("Could not determine home directory.")),
+    )
     assert kernel_cache.folder() is None
 
 
@@ -224,6 +310,7 @@ def test_numbas_own_setting_of_the_folder_is_respected_and_left_as_found(tmp_pat
 
 def test_the_versions_used_last_are_kept(tmp_path, monkeypatch):
     from strapdown.aiding import heading
+
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     place = kernel_cache.KernelCache(heading.observe)
     place.path.parent.mkdir(parents=True)
@@ -234,8 +321,13 @@ def test_the_versions_used_last_are_kept(tmp_path, monkeypatch):
     (tmp_path / "strapdown/kernels/strapdown.aiding.velocity.observe-0.kernel").touch()
     place._sweep()
     place.path.touch()
-    names = {file.name.removeprefix("strapdown.aiding.") for file in place.path.parent.iterdir()} - {place.path.name.removeprefix("strapdown.aiding.")}
-    assert names == {"velocity.observe-0.kernel", *(f"heading.observe-{age}.kernel" for age in range(kernel_cache.KEEP - 1))}
+    names = {
+        file.name.removeprefix("strapdown.aiding.") for file in place.path.parent.iterdir()
+    } - {place.path.name.removeprefix("strapdown.aiding.")}
+    assert names == {
+        "velocity.observe-0.kernel",
+        *(f"heading.observe-{age}.kernel" for age in range(kernel_cache.KEEP - 1)),
+    }
 
 
 def test_a_kernel_made_inside_a_function_is_not_kept(tmp_path, monkeypatch):
@@ -248,6 +340,7 @@ def test_a_kernel_made_inside_a_function_is_not_kept(tmp_path, monkeypatch):
 def test_a_kernel_of_similar_name_does_not_count_as_cached(tmp_path, monkeypatch):
     """zero_velocity.observe in the cache says nothing of velocity.observe."""
     from strapdown.aiding import velocity, zero_velocity
+
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     other = kernel(OBSERVE)(velocity.observe.py_func)
     place = kernel_cache.KernelCache(zero_velocity.observe).path
@@ -269,21 +362,31 @@ USER = """
 
 
 def test_kernels_of_a_users_own_files_follow_what_these_import(tmp_path):
-    (tmp_path / "mine.py").write_text("import numba\nfrom strapdown.core.jit import kernel\nfrom helpers import scaled\n\n"
-                                      "@kernel(numba.float64(numba.float64))\ndef kernel_of_mine(x):\n    return scaled(x)\n")
+    (tmp_path / "mine.py").write_text(
+        "import numba\nfrom strapdown.core.jit import kernel\nfrom helpers import scaled\n\n"
+        "@kernel(numba.float64(numba.float64))\ndef kernel_of_mine(x):\n    return scaled(x)\n"
+    )
     helpers = tmp_path / "helpers.py"
-    run = lambda: python(USER.format(folder=str(tmp_path)), XDG_CACHE_HOME=str(tmp_path), NUMBA_CACHE_DIR="")
+    run = lambda: python(
+        USER.format(folder=str(tmp_path)), XDG_CACHE_HOME=str(tmp_path), NUMBA_CACHE_DIR=""
+    )
     source = "from strapdown.core.jit import helper\nFACTOR = 3.0\n\n@helper\ndef scaled(x):\n    return FACTOR * x\n"
     helpers.write_text(source)
     first = run()
     helpers.write_text(source.replace("3.0", "5.0"))
     second = run()
-    assert (first[0], second[0]) == ("3.0", "5.0") and first[1] != second[1] and {"helpers", "strapdown.core.jit"} <= set(first[2:])
+    assert (
+        (first[0], second[0]) == ("3.0", "5.0")
+        and first[1] != second[1]
+        and {"helpers", "strapdown.core.jit"} <= set(first[2:])
+    )
 
 
 def test_the_closure_of_every_kernel_holds_the_modules_of_its_helpers():
-    """What a kernel calls is found in the globals of its module; each such function's own file must be in the closure."""
+    """What a kernel calls is found in the globals of its module; each such function's own file
+    must be in the closure."""
     from compile_all import kernels
+
     checked = 0
     for module in {module for module, _ in kernels()}:
         loaded = sys.modules[module]

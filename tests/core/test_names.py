@@ -1,4 +1,6 @@
-"""Names of compiled functions: the linker takes two helpers of one name, cached by different processes, for one function."""
+"""Names of compiled functions: the linker takes two helpers of one name, cached by different
+processes, for one function."""
+
 import importlib
 import pkgutil
 
@@ -11,7 +13,9 @@ pytestmark = pytest.mark.short
 
 def compiled_functions():
     for package in ("core", "aiding", "filters"):
-        for module in pkgutil.walk_packages(importlib.import_module(f"strapdown.{package}").__path__, f"strapdown.{package}."):
+        for module in pkgutil.walk_packages(
+            importlib.import_module(f"strapdown.{package}").__path__, f"strapdown.{package}."
+        ):
             for value in vars(importlib.import_module(module.name)).values():
                 if hasattr(value, "py_func"):
                     yield value.py_func
@@ -22,4 +26,6 @@ def test_every_compiled_function_has_a_name_of_its_own():
     found = {id(function): function for function in compiled_functions()}.values()
     names = [(function.__module__, function.__qualname__) for function in found]
     assert len(names) > 200 and len(set(names)) == len(names)
-    assert not [name for name in names if "<" in name[1]]   # a closure or lambda shares its name with others made in the same place
+    assert not [
+        name for name in names if "<" in name[1]
+    ]  # a closure or lambda shares its name with others made in the same place

@@ -1,4 +1,5 @@
 """Rotations against scipy, and the laws that hold whatever the angles."""
+
 import math
 
 import numpy as np
@@ -12,7 +13,7 @@ from strapdown.core import rotation
 pytestmark = pytest.mark.short
 repeatable = settings(deadline=None, derandomize=True, max_examples=60)
 angles = st.floats(-math.pi, math.pi)
-vectors = st.tuples(*[st.floats(-2.5, 2.5)] * 3)      # up to 4.3 rad: beyond half a turn too
+vectors = st.tuples(*[st.floats(-2.5, 2.5)] * 3)  # up to 4.3 rad: beyond half a turn too
 DEG = np.pi / 180
 
 
@@ -32,7 +33,9 @@ def turned(vector, C=None, left=True):
 @given(angles, st.floats(-1.56, 1.56), angles)
 def test_euler_angles_become_the_matrix_and_come_back(roll, pitch, heading):
     C = matrix_of(roll, pitch, heading)
-    np.testing.assert_allclose(C, Rotation.from_euler("ZYX", [heading, pitch, roll]).as_matrix(), atol=1e-15)
+    np.testing.assert_allclose(
+        C, Rotation.from_euler("ZYX", [heading, pitch, roll]).as_matrix(), atol=1e-15
+    )
     np.testing.assert_allclose(matrix_of(*rotation.matrix_to_euler(C)), C, atol=1e-13)
 
 
@@ -46,7 +49,9 @@ def test_steep_pitch_keeps_heading_and_roll(pitch):
 def test_at_vertical_pitch_the_angles_are_finite_and_the_pitch_is_right(pitch):
     angles = rotation.matrix_to_euler(matrix_of(0.3, pitch * DEG, 1.0))
     assert np.all(np.isfinite(angles)) and angles[1] == pytest.approx(pitch * DEG, abs=1e-7)
-    assert math.isfinite(rotation.matrix_to_euler(1.0000000001 * matrix_of(0.3, pitch * DEG, 1.0))[1])      # rounded beyond asin's domain
+    assert math.isfinite(
+        rotation.matrix_to_euler(1.0000000001 * matrix_of(0.3, pitch * DEG, 1.0))[1]
+    )  # rounded beyond asin's domain
 
 
 @repeatable
@@ -58,7 +63,9 @@ def test_rotate_left_and_right_are_the_exponential_map(vector, other):
     np.testing.assert_allclose(turned(vector, C, left=False), C @ turn, atol=2e-15)
 
 
-@pytest.mark.parametrize("size", [0.0, 1e-12, 1e-6, 0.99e-2, 1.01e-2, 0.1, math.pi, 2 * math.pi, 7.0])
+@pytest.mark.parametrize(
+    "size", [0.0, 1e-12, 1e-6, 0.99e-2, 1.01e-2, 0.1, math.pi, 2 * math.pi, 7.0]
+)
 def test_exponential_on_both_sides_of_its_series(size):
     vector = size * np.array([2.0, -1, 2]) / 3
     np.testing.assert_allclose(turned(vector), Rotation.from_rotvec(vector).as_matrix(), atol=1e-15)
@@ -73,8 +80,16 @@ def test_exponential_is_undone_by_its_negative_and_by_the_logarithm(vector):
         np.testing.assert_allclose(logarithm, vector, atol=1e-13)
 
 
-BRANCHES = {"w": [0.1, 0.2, -0.3], "x": [3.0, 0.2, -0.1], "y": [0.1, 3.1, 0.2], "z": [-0.2, 0.1, 3.0],
-            "half turn x": [math.pi, 0, 0], "half turn y": [0, math.pi, 0], "half turn z": [0, 0, math.pi], "none": [0, 0, 0]}
+BRANCHES = {
+    "w": [0.1, 0.2, -0.3],
+    "x": [3.0, 0.2, -0.1],
+    "y": [0.1, 3.1, 0.2],
+    "z": [-0.2, 0.1, 3.0],
+    "half turn x": [math.pi, 0, 0],
+    "half turn y": [0, math.pi, 0],
+    "half turn z": [0, 0, math.pi],
+    "none": [0, 0, 0],
+}
 
 
 @pytest.mark.parametrize("vector", BRANCHES.values(), ids=BRANCHES)
@@ -91,7 +106,9 @@ def test_quaternion_in_every_branch(vector):
 def test_quaternion_is_that_of_the_matrix(vector):
     q = np.empty(4)
     rotation.matrix_to_quaternion(turned(vector), q)
-    np.testing.assert_allclose(Rotation.from_quat(q[[1, 2, 3, 0]]).as_matrix(), turned(vector), atol=2e-15)
+    np.testing.assert_allclose(
+        Rotation.from_quat(q[[1, 2, 3, 0]]).as_matrix(), turned(vector), atol=2e-15
+    )
     assert q[0] >= 0 and np.linalg.norm(q) == pytest.approx(1, abs=1e-15)
 
 
@@ -103,7 +120,9 @@ def test_wrapped_angle_is_the_same_direction(angle):
     assert abs(np.exp(1j * wrapped) - np.exp(1j * angle)) < 1e-11
 
 
-@pytest.mark.parametrize("angle, expected", [(0.0, 0.0), (3.1, 3.1), (3.2, 3.2 - 2 * math.pi), (-3.2, 2 * math.pi - 3.2)])
+@pytest.mark.parametrize(
+    "angle, expected", [(0.0, 0.0), (3.1, 3.1), (3.2, 3.2 - 2 * math.pi), (-3.2, 2 * math.pi - 3.2)]
+)
 def test_wrap_leaves_small_angles(angle, expected):
     assert rotation.wrap(angle) == pytest.approx(expected, abs=1e-15)
     assert math.isnan(rotation.wrap(math.nan))
@@ -115,7 +134,7 @@ def test_orthonormalise_finds_the_nearest_rotation():
     noisy = C + 1e-5 * rng.standard_normal((3, 3))
     u, _, vt = np.linalg.svd(noisy)
     rotation.orthonormalise(noisy)
-    np.testing.assert_allclose(noisy, u @ vt, atol=1e-9)        # one step leaves the square of the defect
+    np.testing.assert_allclose(noisy, u @ vt, atol=1e-9)  # one step leaves the square of the defect
     rotation.orthonormalise(noisy)
     np.testing.assert_allclose(noisy.T @ noisy, np.eye(3), atol=1e-15)
 
@@ -140,10 +159,21 @@ def test_the_nearest_turn_is_the_same_rotation_and_no_other_is_nearer(vector, tu
     near = x * (1 + 2 * math.pi * turns / size) + off
     own = np.array(rotation.nearest_turn(*x, *near))
     others = x * (1 + 2 * math.pi * np.arange(-5, 6)[:, None] / size)
-    assert np.linalg.norm(own - near) == pytest.approx(np.linalg.norm(others - near, axis=1).min(), abs=1e-9)
-    assert np.abs(Rotation.from_rotvec(own).as_matrix() - Rotation.from_rotvec(x).as_matrix()).max() < 1e-12
+    assert np.linalg.norm(own - near) == pytest.approx(
+        np.linalg.norm(others - near, axis=1).min(), abs=1e-9
+    )
+    assert (
+        np.abs(Rotation.from_rotvec(own).as_matrix() - Rotation.from_rotvec(x).as_matrix()).max()
+        < 1e-12
+    )
 
 
 def test_the_nearest_turn_of_no_rotation_is_whole_turns():
-    assert rotation.nearest_turn(0.0, 0.0, 0.0, 0.1, 0.2, 6.2) == pytest.approx(2 * math.pi * np.array([0.1, 0.2, 6.2]) / np.linalg.norm([0.1, 0.2, 6.2]))
-    assert rotation.nearest_turn(0.0, 0.0, 0.0, 0.1, 0.0, 0.0) == rotation.nearest_turn(0.0, 0.0, 0.0, 0.0, 0.0, 0.0) == (0, 0, 0)
+    assert rotation.nearest_turn(0.0, 0.0, 0.0, 0.1, 0.2, 6.2) == pytest.approx(
+        2 * math.pi * np.array([0.1, 0.2, 6.2]) / np.linalg.norm([0.1, 0.2, 6.2])
+    )
+    assert (
+        rotation.nearest_turn(0.0, 0.0, 0.0, 0.1, 0.0, 0.0)
+        == rotation.nearest_turn(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        == (0, 0, 0)
+    )

@@ -1,4 +1,5 @@
 """Starts by recorded attitude: what counts as a record, and how it is carried to the start."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -24,21 +25,26 @@ def test_a_vehicle_that_stands_starts_at_once_with_the_recorded_attitude():
     imu = sd.grade("tactical")
     assert "heading unknown" in sd.align(beside(), imu).note
     start = sd.align(beside(recorded()), imu)
-    assert start.t == beside().aidings[0].t[0] and "heading from box, roll and pitch from box" in start.note
+    assert (
+        start.t == beside().aidings[0].t[0]
+        and "heading from box, roll and pitch from box" in start.note
+    )
     assert off(start) < 1e-3
     c, s = np.cos(start.rph[2]), np.sin(start.rph[2])
-    P = np.array([[c, -s], [s, c]]) @ np.diag([0.01 ** 2, 0.02 ** 2]) @ np.array([[c, s], [-s, c]])
+    P = np.array([[c, -s], [s, c]]) @ np.diag([0.01**2, 0.02**2]) @ np.array([[c, s], [-s, c]])
     assert start.sd[6:9] == pytest.approx([*np.sqrt(np.diag(P)), 0.03], rel=1e-6)
 
 
 @pytest.mark.short
-@pytest.mark.parametrize("after, position", [(0.0, True), (0.7, True), (-0.7, True), (0.7, False), (-0.7, False)])
+@pytest.mark.parametrize(
+    "after, position", [(0.0, True), (0.7, True), (-0.7, True), (0.7, False), (-0.7, False)]
+)
 def test_a_record_is_carried_to_the_start_by_the_gyros(after, position):
     whole, at = recorded(every=1), 10.0
     one = whole._where(np.abs(whole.t - at - after) < 0.01)
     start = sd.align(beside(one), sd.grade("tactical"), at=at, position=position)
     assert len(one.t) == 1 and off(start) < 2e-3
-    turned = 0.01 * 0.2 * abs(after)            # 1 % of the angle, of at least 0.2 rad/s
+    turned = 0.01 * 0.2 * abs(after)  # 1 % of the angle, of at least 0.2 rad/s
     assert np.hypot(0.03, turned) <= start.sd[8] < np.hypot(0.03, 1.5 * turned) + 1e-9
 
 
@@ -48,7 +54,9 @@ def test_the_gyro_bias_is_not_carried_along():
     still = sd.simulate(static((0.8, 0.1, 100.0), (0.1, 0.2, 1.0)), 20.0, imu, 1, 20.0)
     record = Aiding("attitude", np.array([9.1]), np.array([[0.1, 0.2, 1.0]]), np.full((1, 3), 0.01))
     start = sd.align(replace(still, aidings=(*still.aidings, record)), imu, at=10.0)
-    assert np.linalg.norm(still.meta["b_g"][0]) > 0.02 and start.rph == pytest.approx((0.1, 0.2, 1.0), abs=2e-3)
+    assert np.linalg.norm(still.meta["b_g"][0]) > 0.02 and start.rph == pytest.approx(
+        (0.1, 0.2, 1.0), abs=2e-3
+    )
 
 
 @pytest.mark.short
@@ -63,6 +71,9 @@ def test_what_does_not_count_as_a_record():
     unsure = sd.align(beside(unsure_box), imu, at=at)
     assert "roll and pitch from box" in unsure.note and "heading unknown" in unsure.note
     beside_field = sd.align(beside(unsure_box, kinds=("position", "magnetic-field")), imu, at=at)
-    assert "heading from the magnetic field" in beside_field.note and "roll and pitch from box" in beside_field.note
+    assert (
+        "heading from the magnetic field" in beside_field.note
+        and "roll and pitch from box" in beside_field.note
+    )
     known = sd.align(beside(whole), imu, at=at, heading=1.0)
     assert "heading given, roll and pitch from box" in known.note and known.rph[2] == 1.0

@@ -1,17 +1,18 @@
 """fuse: chunks, threads, decimation, starts, ends, refusals, and parts of a recording."""
+
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 from recordings import ahrs, alike, flight, rows, same, split, start, without_samples
+from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.engine import batch
 from strapdown.core import loop
 from strapdown.data import BRIDGED, INVALID, Aiding, DataError
+from strapdown.engine import batch
 from strapdown.sensor_models.imu import grades
 from strapdown.sim.trajectory import DEG
 
@@ -24,6 +25,7 @@ def fused(recording, **more):
 
 # ---- chunks, threads, decimation
 
+
 @short
 @pytest.mark.parametrize("chunk", [1, 37, 399])
 def test_chunks_change_nothing(monkeypatch, chunk):
@@ -31,7 +33,10 @@ def test_chunks_change_nothing(monkeypatch, chunk):
     whole = fused(recording)
     monkeypatch.setattr(batch, "CHUNK", chunk)
     assert same(fused(recording), whole)
-    assert [text.split(":")[0] for _, text in whole.events] == ["IMU gap of 0.5 s", "IMU gap of 3 s"]
+    assert [text.split(":")[0] for _, text in whole.events] == [
+        "IMU gap of 0.5 s",
+        "IMU gap of 3 s",
+    ]
 
 
 @short
@@ -47,24 +52,38 @@ def test_ctrl_c_ends_a_run_between_chunks(monkeypatch):
 
     def stop(share):
         raise KeyboardInterrupt
+
     with pytest.raises(KeyboardInterrupt):
         fused(flight(), progress=stop)
 
 
 def test_two_threads_at_once_give_what_one_gives():
     recordings = [flight(seconds=60.0, seed=seed) for seed in range(6)]
-    alone = [fused(recording, filter=name) for recording in recordings for name in ("closed-loop", "open-loop")]
+    alone = [
+        fused(recording, filter=name)
+        for recording in recordings
+        for name in ("closed-loop", "open-loop")
+    ]
     with ThreadPoolExecutor(2) as pool:
-        together = list(pool.map(lambda job: fused(job[0], filter=job[1]), [(r, name) for r in recordings for name in ("closed-loop", "open-loop")]))
+        together = list(
+            pool.map(
+                lambda job: fused(job[0], filter=job[1]),
+                [(r, name) for r in recordings for name in ("closed-loop", "open-loop")],
+            )
+        )
     assert all(same(a, b) for a, b in zip(alone, together))
 
 
 def test_two_threads_may_prepare_at_once():
-    """In a new process: the second thread must find the result of the first, not compilation switched off."""
+    """In a new process: the second thread must find the result of the first, not compilation
+    switched off."""
     import subprocess
     import sys
-    code = ("from concurrent.futures import ThreadPoolExecutor\nfrom strapdown.engine.batch import prepare\n"
-            "with ThreadPoolExecutor(4) as pool:\n    list(pool.map(lambda _: prepare('closed-loop', ['position', 'velocity']), range(8)))")
+
+    code = (
+        "from concurrent.futures import ThreadPoolExecutor\nfrom strapdown.engine.batch import prepare\n"
+        "with ThreadPoolExecutor(4) as pool:\n    list(pool.map(lambda _: prepare('closed-loop', ['position', 'velocity']), range(8)))"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
@@ -74,26 +93,36 @@ def test_two_threads_may_prepare_at_once():
 def test_every_nth_row_and_the_last(every):
     all_rows = rows(fused(flight()))
     kept = rows(fused(flight(), every=every))
-    np.testing.assert_array_equal(kept, all_rows[(len(all_rows) - 1) % every::every] if every < len(all_rows) else all_rows[-1:])
+    np.testing.assert_array_equal(
+        kept,
+        all_rows[(len(all_rows) - 1) % every :: every] if every < len(all_rows) else all_rows[-1:],
+    )
 
 
 @short
 def test_covariance_belongs_to_the_rows():
     solution = fused(flight(), every=10, covariance=True)
     assert solution.covariance.shape == (40, 15, 15)
-    np.testing.assert_allclose(np.sqrt(np.diagonal(solution.covariance, axis1=1, axis2=2)), solution.trajectory.sd, rtol=1e-14)
+    np.testing.assert_allclose(
+        np.sqrt(np.diagonal(solution.covariance, axis1=1, axis2=2)),
+        solution.trajectory.sd,
+        rtol=1e-14,
+    )
     np.testing.assert_array_equal(solution.covariance, solution.covariance.transpose(0, 2, 1))
     assert fused(flight()).covariance is None
 
 
 # ---- starts and ends
 
+
 @short
 def test_a_start_in_the_middle_uses_what_comes_after():
     recording = flight()
     solution = fused(recording, start=start(recording, 10.0))
     assert solution.t[0] == pytest.approx(10.05) and len(solution.t) == 200
-    assert solution.innovations.t.min() == pytest.approx(11.0)      # the fix at the start's own time is the start's
+    assert solution.innovations.t.min() == pytest.approx(
+        11.0
+    )  # the fix at the start's own time is the start's
     assert solution.meta["fixes_outside"] == 20
     assert sd.rms(sd.errors(solution, recording.reference)).position.max() < 2
 
@@ -104,7 +133,10 @@ def test_a_start_inside_a_sample_uses_the_rest_of_it(share):
     recording, begin = alike()
     inside = recording.imu.t[20] - (1 - share) * recording.imu.dt[20]
     begin = begin._replace(t=float(inside))
-    solution, by_hand = sd.fuse(recording, start=begin), sd.fuse(split(recording, 20, share), start=begin)
+    solution, by_hand = (
+        sd.fuse(recording, start=begin),
+        sd.fuse(split(recording, 20, share), start=begin),
+    )
     assert solution.t[0] == recording.imu.t[20]
     np.testing.assert_allclose(rows(solution), rows(by_hand), rtol=1e-11, atol=1e-13)
 
@@ -112,19 +144,31 @@ def test_a_start_inside_a_sample_uses_the_rest_of_it(share):
 @short
 def test_a_start_before_the_first_sample_is_a_gap():
     recording, begin = alike()
-    for early, status, text in ((0.8, BRIDGED, "IMU gap of 0.8 s: bridged"), (3.0, INVALID, "IMU gap of 3 s: velocity")):
+    for early, status, text in (
+        (0.8, BRIDGED, "IMU gap of 0.8 s: bridged"),
+        (3.0, INVALID, "IMU gap of 3 s: velocity"),
+    ):
         solution = sd.fuse(recording, start=begin._replace(t=-early))
-        assert solution.status[0] == status and solution.events[0][0] == -early and text in solution.events[0][1]
+        assert (
+            solution.status[0] == status
+            and solution.events[0][0] == -early
+            and text in solution.events[0][1]
+        )
 
 
 @short
 def test_the_latitude_limit_ends_a_run_with_its_reason():
     recording, begin = alike()
-    begin = begin._replace(lla=(np.radians(89) - 50 / 6.4e6, 0.2, 300.0), v=(10.0, 0.0, 0.0), rph=(0.0, 0.0, 0.0))
+    begin = begin._replace(
+        lla=(np.radians(89) - 50 / 6.4e6, 0.2, 300.0), v=(10.0, 0.0, 0.0), rph=(0.0, 0.0, 0.0)
+    )
     solution = sd.fuse(recording, start=begin)
     t, text = solution.events[-1]
     assert solution.meta["stopped"] == text and "latitude" in text and 3 < t < 7
-    assert solution.t[-1] == pytest.approx(t - 0.05) and (np.abs(solution.trajectory.lla[:, 0]) <= np.radians(89)).all()
+    assert (
+        solution.t[-1] == pytest.approx(t - 0.05)
+        and (np.abs(solution.trajectory.lla[:, 0]) <= np.radians(89)).all()
+    )
 
 
 def test_a_run_that_diverges_ends_with_its_reason():
@@ -133,7 +177,9 @@ def test_a_run_that_diverges_ends_with_its_reason():
     dv[100] = 1e300
     solution = sd.fuse(replace(recording, imu=recording.imu._replace(dv=dv)), start=begin)
     assert len(solution.t) in (100, 101) and "diverged" in solution.meta["stopped"]
-    with pytest.raises(DataError, match="diverged"):    # the state stays finite here, the covariance does not
+    with pytest.raises(
+        DataError, match="diverged"
+    ):  # the state stays finite here, the covariance does not
         sd.fuse(recording, start=begin, noise=sd.Noise(1e200, 1e200, 0.0, 0.0, 0.0, 0.0))
     dv[0] = 1e300
     with pytest.raises(DataError, match="closed-loop stopped at 0.05 s: .*diverged"):
@@ -153,35 +199,57 @@ def test_the_antimeridian_is_crossed(name):
 
 # ---- refusals
 
+
 @short
-@pytest.mark.parametrize("wrong, words", [
-    (dict(filter="closed-lop"), "no filter is called 'closed-lop'; did you mean 'closed-loop'"),
-    (dict(interval=3.0), "filter 'closed-loop' has no option 'interval'; it has error_model"),
-    (dict(error_model="exact"), "error_model is 'exact'; it must be one of corrected, literal, printed-signs, no-gradient, latitude-gravity"),
-    (dict(filter="periodic-reset", interval="x"), "filter 'periodic-reset': interval is 'x'; it must be a number"),
-    (dict(filter="periodic-reset", interval=None), "interval is None; it must be a number"),
-    (dict(filter="periodic-reset", interval=True), "interval is True; it must be a number"),
-    (dict(filter="fixed-gain", k1=[1, 2]), "filter 'fixed-gain': k1 is [1, 2]; it must be a number"),
-    (dict(filter="fixed-gain", k1=1j), "k1 is 1j; it must be a number"),
-    (dict(filter="fixed-gain", k1=np.ones(3)), "it must be a number"),
-    (dict(filter="direct-ahrs", correlation=None), "correlation is None; it must be a number"),
-    (dict(filter="direct-ahrs", bias=["decaying"]), "bias is ['decaying']; it must be text, such as 'random-walk'"),
-    (dict(error_model=3.0), "filter 'closed-loop': error_model is 3.0; it must be text, such as 'corrected'"),
-    (dict(every=0), "every is 0; it must be a whole number, at least 1"),
-    (dict(every=2.5), "every is 2.5"),
-    (dict(imu="tacticle"), "did you mean 'tactical'"),
-    (dict(noise=(1e-4, float("nan"), 0, 0, 0, 0)), "noise: accel is nan; it must be a finite number, 0 or more"),
-    (dict(noise=(1e-4, 1e-3, -1, 0, 0, 0)), "noise: gyro_bias is -1"),
-    (dict(t=30.0), "the start at 30 s is not before the last IMU sample at 20 s"),
-    (dict(t=-1e9), "the start at -1e+09 s is 1000000000 s before the first IMU sample"),
-    (dict(t=float("nan")), "start: t is nan"),
-    (dict(lla=(1.56, 0.0, 0.0)), "start: latitude is 89.3814 deg; results hold up to 89 deg"),
-    (dict(v=(1.0, 2.0)), "start: v is (1.0, 2.0); it must be 3 finite numbers"),
-    (dict(sd=(-1.0,) * 15), "start: sd has -1; standard deviations must be 0 or more"),
-    (dict(sd=(1.0,) * 9), "it must be 15 finite numbers"),
-    (dict(rph=(0.0, 0.0, 180.0)), "start: rph is (0.0, 0.0, 180.0), in rad; is it in degrees?"),
-    (dict(rph="north"), "start: rph is 'north'; it must be 3 finite numbers"),
-])
+@pytest.mark.parametrize(
+    "wrong, words",
+    [
+        (dict(filter="closed-lop"), "no filter is called 'closed-lop'; did you mean 'closed-loop'"),
+        (dict(interval=3.0), "filter 'closed-loop' has no option 'interval'; it has error_model"),
+        (
+            dict(error_model="exact"),
+            "error_model is 'exact'; it must be one of corrected, literal, printed-signs, no-gradient, latitude-gravity",
+        ),
+        (
+            dict(filter="periodic-reset", interval="x"),
+            "filter 'periodic-reset': interval is 'x'; it must be a number",
+        ),
+        (dict(filter="periodic-reset", interval=None), "interval is None; it must be a number"),
+        (dict(filter="periodic-reset", interval=True), "interval is True; it must be a number"),
+        (
+            dict(filter="fixed-gain", k1=[1, 2]),
+            "filter 'fixed-gain': k1 is [1, 2]; it must be a number",
+        ),
+        (dict(filter="fixed-gain", k1=1j), "k1 is 1j; it must be a number"),
+        (dict(filter="fixed-gain", k1=np.ones(3)), "it must be a number"),
+        (dict(filter="direct-ahrs", correlation=None), "correlation is None; it must be a number"),
+        (
+            dict(filter="direct-ahrs", bias=["decaying"]),
+            "bias is ['decaying']; it must be text, such as 'random-walk'",
+        ),
+        (
+            dict(error_model=3.0),
+            "filter 'closed-loop': error_model is 3.0; it must be text, such as 'corrected'",
+        ),
+        (dict(every=0), "every is 0; it must be a whole number, at least 1"),
+        (dict(every=2.5), "every is 2.5"),
+        (dict(imu="tacticle"), "did you mean 'tactical'"),
+        (
+            dict(noise=(1e-4, float("nan"), 0, 0, 0, 0)),
+            "noise: accel is nan; it must be a finite number, 0 or more",
+        ),
+        (dict(noise=(1e-4, 1e-3, -1, 0, 0, 0)), "noise: gyro_bias is -1"),
+        (dict(t=30.0), "the start at 30 s is not before the last IMU sample at 20 s"),
+        (dict(t=-1e9), "the start at -1e+09 s is 1000000000 s before the first IMU sample"),
+        (dict(t=float("nan")), "start: t is nan"),
+        (dict(lla=(1.56, 0.0, 0.0)), "start: latitude is 89.3814 deg; results hold up to 89 deg"),
+        (dict(v=(1.0, 2.0)), "start: v is (1.0, 2.0); it must be 3 finite numbers"),
+        (dict(sd=(-1.0,) * 15), "start: sd has -1; standard deviations must be 0 or more"),
+        (dict(sd=(1.0,) * 9), "it must be 15 finite numbers"),
+        (dict(rph=(0.0, 0.0, 180.0)), "start: rph is (0.0, 0.0, 180.0), in rad; is it in degrees?"),
+        (dict(rph="north"), "start: rph is 'north'; it must be 3 finite numbers"),
+    ],
+)
 def test_refused_in_one_line(wrong, words):
     recording = flight()
     parts = {key: wrong.pop(key) for key in ("t", "lla", "v", "sd", "rph") if key in wrong}
@@ -197,7 +265,10 @@ def test_refused_in_one_line(wrong, words):
 @short
 def test_options_may_be_any_real_number():
     recording = flight()
-    whole = [fused(recording, filter="periodic-reset", interval=value) for value in (5, 5.0, np.float32(5), np.int64(5))]
+    whole = [
+        fused(recording, filter="periodic-reset", interval=value)
+        for value in (5, 5.0, np.float32(5), np.int64(5))
+    ]
     assert all(same(whole[0], other) for other in whole[1:])
 
 
@@ -211,8 +282,17 @@ def test_a_start_that_is_none():
 @short
 def test_a_noise_that_is_none():
     good = sd.grade("tactical").noise()
-    for wrong in (good._asdict(), tuple(good), 0, 5, good._replace(gyro="small"), good._replace(accel=None)):
-        with pytest.raises(DataError, match="it must be a Noise of numbers, such as an ImuSpec gives"):
+    for wrong in (
+        good._asdict(),
+        tuple(good),
+        0,
+        5,
+        good._replace(gyro="small"),
+        good._replace(accel=None),
+    ):
+        with pytest.raises(
+            DataError, match="it must be a Noise of numbers, such as an ImuSpec gives"
+        ):
             sd.fuse(flight(), noise=wrong)
 
 
@@ -224,7 +304,7 @@ def test_an_imu_that_nobody_named():
     noise = sd.Noise(1e-4, 1e-3, 1e-6, 1e-5, 0.0, 0.0)
     assert fused(recording, noise=noise).meta["noise"] == noise._asdict()
     with pytest.raises(DataError, match="give imu="):
-        sd.fuse(recording, noise=noise)      # the alignment needs it
+        sd.fuse(recording, noise=noise)  # the alignment needs it
 
 
 @short
@@ -235,17 +315,36 @@ def test_a_start_takes_a_unit_quaternion_and_no_other():
     for sign in (1, -1):
         begin = start(flight()).towards(sign * np.array([w, x, y, z]))
         assert Rotation.from_euler("ZYX", begin.rph[::-1]).approx_equal(turn, 1e-12)
-    for wrong in ((1.0, 0.0, 0.1, 0.0), (1.0, 0.0, 0.0), (np.nan, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)):
+    for wrong in (
+        (1.0, 0.0, 0.1, 0.0),
+        (1.0, 0.0, 0.0),
+        (np.nan, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 0.0),
+    ):
         with pytest.raises(ValueError, match="q_nb is .* it must be four numbers, scalar first"):
             start(flight()).towards(wrong)
 
 
 @pytest.mark.short
-@pytest.mark.parametrize("name, words", [("attitude-mekf", "not observed and drift"), ("mahony", "not observed and drift"), ("vru", "no source of height"), ("closed-loop", "")])
+@pytest.mark.parametrize(
+    "name, words",
+    [
+        ("attitude-mekf", "not observed and drift"),
+        ("mahony", "not observed and drift"),
+        ("vru", "no source of height"),
+        ("closed-loop", ""),
+    ],
+)
 def test_what_nothing_observes_is_said(name, words):
     bare = replace(flight(), aidings=())
     notes = sd.fuse(bare, name, start=start(flight())).meta["notes"]
-    assert words == "" and not notes or len(notes) == 1 and words in notes[0] and notes[0].startswith(name)
+    assert (
+        words == ""
+        and not notes
+        or len(notes) == 1
+        and words in notes[0]
+        and notes[0].startswith(name)
+    )
 
 
 def test_an_unknown_aiding_is_refused():
@@ -266,30 +365,55 @@ def test_slow_compilation_is_announced_at_most_once():
 @short
 def test_a_lifted_gate_is_one_event_until_it_holds_again():
     recording, begin = alike()
-    uses = [loop.ACCEPTED, loop.REACQUIRED, loop.REACQUIRED, loop.UNMEASURED, loop.REACQUIRED, loop.ACCEPTED, loop.REJECTED_FIX, loop.REACQUIRED]
+    uses = [
+        loop.ACCEPTED,
+        loop.REACQUIRED,
+        loop.REACQUIRED,
+        loop.UNMEASURED,
+        loop.REACQUIRED,
+        loop.ACCEPTED,
+        loop.REJECTED_FIX,
+        loop.REACQUIRED,
+    ]
     used = np.zeros((len(uses), loop.FIX_WIDTH))
     used[:, loop.F_T], used[:, loop.F_USE] = np.arange(len(uses)), uses
-    assert [t for t, _ in batch._events(recording.imu, 200, begin, used, ["a"], "held")] == [1.0, 7.0]
+    assert [t for t, _ in batch._events(recording.imu, 200, begin, used, ["a"], "held")] == [
+        1.0,
+        7.0,
+    ]
 
 
 L, R, P, U = loop.REACQUIRED, loop.REJECTED_FIX, loop.ACCEPTED, loop.UNMEASURED
 
 
 @short
-@pytest.mark.parametrize("uses, lifted, in_vain", [
-    ([R] * 6 + [L, P] + [R] * 9, [6], []),                              # one lift helped; what is rejected later is another matter
-    ([R] * 6 + [L] + [R] * 9 + [L] + [R] * 9 + [P], [6], []),           # still to be lifted once more
-    ([R] * 6 + [L, R, R, L, R, R, L] + [R] * 4, [6], []),               # the end of the record, not yet in vain
-    ([R] * 6 + [L, R, R, L, R, U, R, L] + [R] * 5, [6], [13]),
-    ([R] * 6 + [L, R, L, R, L] + [R] * 4 + [P] + [R] * 20, [6], []),    # passes after four
-    ([L, L, L] + [R] * 5 + [P, R, L, P] + [L, L, L] + [R] * 5 + [P], [0, 10, 12], [2, 14]),
-    ([L] * 30 + [P], [0], []),                                          # a position, lifted as often as it takes
-])
+@pytest.mark.parametrize(
+    "uses, lifted, in_vain",
+    [
+        (
+            [R] * 6 + [L, P] + [R] * 9,
+            [6],
+            [],
+        ),  # one lift helped; what is rejected later is another matter
+        ([R] * 6 + [L] + [R] * 9 + [L] + [R] * 9 + [P], [6], []),  # still to be lifted once more
+        (
+            [R] * 6 + [L, R, R, L, R, R, L] + [R] * 4,
+            [6],
+            [],
+        ),  # the end of the record, not yet in vain
+        ([R] * 6 + [L, R, R, L, R, U, R, L] + [R] * 5, [6], [13]),
+        ([R] * 6 + [L, R, L, R, L] + [R] * 4 + [P] + [R] * 20, [6], []),  # passes after four
+        ([L, L, L] + [R] * 5 + [P, R, L, P] + [L, L, L] + [R] * 5 + [P], [0, 10, 12], [2, 14]),
+        ([L] * 30 + [P], [0], []),  # a position, lifted as often as it takes
+    ],
+)
 def test_a_source_is_left_out_where_lifting_did_not_help(uses, lifted, in_vain):
     own = np.zeros((len(uses), loop.FIX_WIDTH))
     own[:, loop.F_T], own[:, loop.F_USE] = np.arange(len(uses)), uses
     events = batch._lifted(own, "a")
-    assert [t for t, text in events if "gate lifted" in text] == lifted and [t for t, text in events if "did not help" in text] == in_vain
+    assert [t for t, text in events if "gate lifted" in text] == lifted and [
+        t for t, text in events if "did not help" in text
+    ] == in_vain
 
 
 @short
@@ -306,13 +430,17 @@ def test_many_lifts_of_a_long_record_take_no_time():
 
 # ---- parts of a recording
 
+
 @short
 def test_between_keeps_what_lies_within():
     part = flight().between(5.0, 10.0)
     assert part.imu.t[0] == pytest.approx(5.05) and part.imu.t[-1] == pytest.approx(10.0)
     assert part.span == (pytest.approx(5.0), pytest.approx(10.0))
     assert all(a.t.tolist() == pytest.approx([5, 6, 7, 8, 9, 10]) for a in part.aidings)
-    with pytest.raises(DataError, match="no IMU samples between 30 and 40 s; the recording covers 0.000 to 20.000 s"):
+    with pytest.raises(
+        DataError,
+        match="no IMU samples between 30 and 40 s; the recording covers 0.000 to 20.000 s",
+    ):
         flight().between(30, 40)
 
 
@@ -322,9 +450,15 @@ def test_hidden_withholds_recorded_fixes_and_keeps_constraints():
     lateral = Aiding("zero-lateral-velocity", t, np.zeros((len(t), 1)), np.ones((len(t), 1)))
     recording = replace(flight(), aidings=(*flight().aidings, lateral))
     hidden = recording.hidden([(5.0, 8.0), (10.0, 12.0)])
-    assert hidden.aidings[0].t.tolist() == pytest.approx([1, 2, 3, 4, 8, 9, *range(12, 21)]) and len(hidden.aidings[1].t) == 15
+    assert (
+        hidden.aidings[0].t.tolist() == pytest.approx([1, 2, 3, 4, 8, 9, *range(12, 21)])
+        and len(hidden.aidings[1].t) == 15
+    )
     assert hidden.aidings[2] is lateral
-    assert [len(a.t) for a in recording.hidden([(5.0, 8.0)], kinds=["velocity", "zero-lateral-velocity"]).aidings] == [20, 17, 33]
+    assert [
+        len(a.t)
+        for a in recording.hidden([(5.0, 8.0)], kinds=["velocity", "zero-lateral-velocity"]).aidings
+    ] == [20, 17, 33]
     solution = fused(recording.hidden([(5.0, 8.0)]))
     used = solution.innovations.t[solution.innovations.source == 0]
     assert not ((used >= 5) & (used < 8)).any() and solution.meta["fixes_outside"] == 0
@@ -334,7 +468,11 @@ def test_hidden_withholds_recorded_fixes_and_keeps_constraints():
 def test_no_fixes_at_all():
     recording, begin = alike()
     solution = sd.fuse(recording, start=begin)
-    assert solution.counts() == {} and len(solution.t) == 200 and (np.diff(solution.trajectory.sd[:, 0]) > 0).all()
+    assert (
+        solution.counts() == {}
+        and len(solution.t) == 200
+        and (np.diff(solution.trajectory.sd[:, 0]) > 0).all()
+    )
     with pytest.raises(DataError, match="no position fix to start from"):
         sd.fuse(recording)
 

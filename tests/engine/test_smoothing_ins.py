@@ -1,4 +1,6 @@
-"""Smoothing of the error-state filters: against textbook smoothers over a short log, the same in any chunks, and through every rule of the loop."""
+"""Smoothing of the error-state filters: against textbook smoothers over a short log, the same in
+any chunks, and through every rule of the loop."""
+
 import tracemalloc
 from dataclasses import replace
 
@@ -9,21 +11,33 @@ from scipy.spatial.transform import Rotation
 from smoothed_ins import State, least_squares, log_of, rauch_tung_striebel
 
 import strapdown as sd
-from strapdown.engine import batch, smoothing
 from strapdown.aiding.pressure import BIAS
 from strapdown.core.contract import Imu, Noise
 from strapdown.data import Aiding
+from strapdown.engine import batch, smoothing
 from strapdown.recording import Recording
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.synthesis import draw_start
 from strapdown.sim.trajectory import DEG, Motion, increments, sample
 
-MEMS = ImuSpec("Gauss-Markov MEMS", Triad(noise=1e-3, gauss_markov=1e-3, time_constant=20.0), Triad(noise=1e-2, gauss_markov=0.05, time_constant=20.0))
-NAVIGATION = ImuSpec("navigation", Triad(noise=6e-7, turn_on_bias=2e-8, bias_walk=1e-9), Triad(noise=5e-5, turn_on_bias=2.5e-4, bias_walk=1e-5))
+MEMS = ImuSpec(
+    "Gauss-Markov MEMS",
+    Triad(noise=1e-3, gauss_markov=1e-3, time_constant=20.0),
+    Triad(noise=1e-2, gauss_markov=0.05, time_constant=20.0),
+)
+NAVIGATION = ImuSpec(
+    "navigation",
+    Triad(noise=6e-7, turn_on_bias=2e-8, bias_walk=1e-9),
+    Triad(noise=5e-5, turn_on_bias=2.5e-4, bias_walk=1e-5),
+)
 COARSE, FINE = np.radians([0.5, 0.5, 2.0]), np.radians([0.01, 0.01, 0.05])
-FILTERS = [("closed-loop", {}, MEMS, COARSE), ("closed-loop-error-bias", {}, MEMS, COARSE), ("periodic-reset", {"interval": 4.0}, MEMS, COARSE),
-           ("open-loop", {}, NAVIGATION, FINE)]   # with a worse IMU, or a coarse start, its INS leaves the linear model
+FILTERS = [
+    ("closed-loop", {}, MEMS, COARSE),
+    ("closed-loop-error-bias", {}, MEMS, COARSE),
+    ("periodic-reset", {"interval": 4.0}, MEMS, COARSE),
+    ("open-loop", {}, NAVIGATION, FINE),
+]  # with a worse IMU, or a coarse start, its INS leaves the linear model
 """Name, options, IMU, attitude at the start (rad). To test another filter, add a line."""
 NAMES = [line[0] for line in FILTERS]
 RATE = 20
@@ -34,8 +48,12 @@ def weaving():
     wave = lambda t, period: np.sin(2 * np.pi * t / period)
     course, speed = lambda t: DEG * (30 + 40 * wave(t, 12.0)), lambda t: 40 + 5 * wave(t, 9.0)
     rate = lambda t: DEG * 40 * 2 * np.pi / 12 * np.cos(2 * np.pi * t / 12)
-    return Motion("weaving", (DEG * 47.0, DEG * 8.0, 800.0), lambda t: (speed(t) * np.cos(course(t)), speed(t) * np.sin(course(t)), 2 * wave(t, 10.0)),
-                  lambda t: (np.arctan(speed(t) * rate(t) / 9.81), DEG * (2 + 3 * wave(t, 7.0)), course(t)))
+    return Motion(
+        "weaving",
+        (DEG * 47.0, DEG * 8.0, 800.0),
+        lambda t: (speed(t) * np.cos(course(t)), speed(t) * np.sin(course(t)), 2 * wave(t, 10.0)),
+        lambda t: (np.arctan(speed(t) * rate(t) / 9.81), DEG * (2 + 3 * wave(t, 7.0)), course(t)),
+    )
 
 
 class Flight:
@@ -50,16 +68,40 @@ class Flight:
         of_imu, of_fix, of_start = np.random.default_rng(seed).spawn(3)
         imu, b_a, b_g = spec.corrupt(self.ideal, of_imu)
         accel_sd, gyro_sd = spec.bias_sd()
-        start = draw_start(self.truth, np.r_[[2.0] * 3, [0.3] * 3, attitude_sd, [accel_sd] * 3, [gyro_sd] * 3], of_start)
-        fix, = Gnss(position_sd=(1.0, 1.0, 1.0), velocity_sd=None, lever_arm=(0.5, -0.3, -1.0)).fixes(self.truth, of_fix)
+        start = draw_start(
+            self.truth,
+            np.r_[[2.0] * 3, [0.3] * 3, attitude_sd, [accel_sd] * 3, [gyro_sd] * 3],
+            of_start,
+        )
+        (fix,) = Gnss(
+            position_sd=(1.0, 1.0, 1.0), velocity_sd=None, lever_arm=(0.5, -0.3, -1.0)
+        ).fixes(self.truth, of_fix)
         aidings = (replace(fix, gate=gate),)
         if barometer:
             rows = np.arange(10, len(self.t), 10)
             height = self.truth.lla[rows, 2] + 80.0 + 0.5 * of_fix.standard_normal(len(rows))
-            aidings += (Aiding("pressure-altitude", self.t[rows], height[:, None], np.full((len(rows), 1), 0.5), gate=np.inf, name="barometer"),)
+            aidings += (
+                Aiding(
+                    "pressure-altitude",
+                    self.t[rows],
+                    height[:, None],
+                    np.full((len(rows), 1), 0.5),
+                    gate=np.inf,
+                    name="barometer",
+                ),
+            )
         biases = np.hstack([b_a, b_g])
-        truth = State(self.truth.lla, self.truth.v_n, Rotation.from_quat(self.truth.q_nb[:, [1, 2, 3, 0]]).as_matrix(), np.vstack([biases[:1], biases]))
-        return Recording(imu, aidings, self.truth, {"name": "weaving"}), dict(start=start, noise=spec.noise()), truth
+        truth = State(
+            self.truth.lla,
+            self.truth.v_n,
+            Rotation.from_quat(self.truth.q_nb[:, [1, 2, 3, 0]]).as_matrix(),
+            np.vstack([biases[:1], biases]),
+        )
+        return (
+            Recording(imu, aidings, self.truth, {"name": "weaving"}),
+            dict(start=start, noise=spec.noise()),
+            truth,
+        )
 
 
 @pytest.fixture(scope="module")
@@ -69,8 +111,17 @@ def flight():
 
 
 def state(solution):
-    own = [column[:, None] for name, column in solution.columns.items() if "bias" in name and "sd of" not in name]
-    return State(solution.trajectory.lla, solution.trajectory.v_n, solution.trajectory.rotation.as_matrix(), np.hstack([solution.b_a, solution.b_g, *own]))
+    own = [
+        column[:, None]
+        for name, column in solution.columns.items()
+        if "bias" in name and "sd of" not in name
+    ]
+    return State(
+        solution.trajectory.lla,
+        solution.trajectory.v_n,
+        solution.trajectory.rotation.as_matrix(),
+        np.hstack([solution.b_a, solution.b_g, *own]),
+    )
 
 
 def sds(covariance):
@@ -78,20 +129,25 @@ def sds(covariance):
 
 
 def apart(solution, other):
-    """(n, states): from a solution to another State, in standard deviations of the solution, which has its covariances."""
+    """(n, states): from a solution to another State, in standard deviations of the solution,
+    which has its covariances."""
     return other.less(state(solution)) / sds(solution.covariance)
 
 
 def equal(first, second, tolerance=1e-9):
-    """Assert that two solutions are alike to so many standard deviations and fractions of them; positions at least to the 10 nm that doubles have."""
+    """Assert that two solutions are alike to so many standard deviations and fractions of them;
+    positions at least to the 10 nm that doubles have."""
     assert np.array_equal(first.t, second.t) and first.events == second.events
     deviation, off = first.trajectory.sd, np.abs(state(second).less(state(first)))
-    assert (off[:, 3:15] / deviation[:, 3:] < tolerance).all() and (off[:, :3] < tolerance * deviation[:, :3] + 1e-8).all()
+    assert (off[:, 3:15] / deviation[:, 3:] < tolerance).all() and (
+        off[:, :3] < tolerance * deviation[:, :3] + 1e-8
+    ).all()
     np.testing.assert_allclose(first.trajectory.sd, second.trajectory.sd, rtol=tolerance)
 
 
 def ordered(smoothed, filtered):
-    """Assert that a smoother is nowhere less sure than its filter, and that they agree at the end."""
+    """Assert that a smoother is nowhere less sure than its filter, and that they agree at the
+    end."""
     scale = sds(filtered.covariance)
     loss = (filtered.covariance - smoothed.covariance) / (scale[:, :, None] * scale[:, None, :])
     assert np.linalg.eigvalsh(loss).min() > -1e-9
@@ -101,11 +157,20 @@ def ordered(smoothed, filtered):
 
 
 def both(recording, given, name="closed-loop", **options):
-    """(smoothed, filtered), of which is checked what holds for every recording, also in small chunks."""
-    smoothed, filtered = (run(recording, name, covariance=True, **given, **options) for run in (sd.smooth, sd.fuse))
+    """(smoothed, filtered), of which is checked what holds for every recording, also in small
+    chunks."""
+    smoothed, filtered = (
+        run(recording, name, covariance=True, **given, **options) for run in (sd.smooth, sd.fuse)
+    )
     ordered(smoothed, filtered)
-    assert smoothed.events == filtered.events and smoothed.counts() == filtered.counts() and np.array_equal(smoothed.status, filtered.status)
-    assert np.array_equal(smoothed.innovations.innovation, filtered.innovations.innovation, equal_nan=True)
+    assert (
+        smoothed.events == filtered.events
+        and smoothed.counts() == filtered.counts()
+        and np.array_equal(smoothed.status, filtered.status)
+    )
+    assert np.array_equal(
+        smoothed.innovations.innovation, filtered.innovations.innovation, equal_nan=True
+    )
     assert smoothed.meta == filtered.meta | {"smoothed": True}
     before, smoothing.CHUNK = smoothing.CHUNK, 60
     try:
@@ -117,53 +182,75 @@ def both(recording, given, name="closed-loop", **options):
 
 # against other smoothers
 
+
 @pytest.mark.parametrize("line", FILTERS, ids=NAMES)
 @pytest.mark.parametrize("seed", range(2))
 def test_as_rauch_tung_and_striebel(flight, line, seed):
-    """To first order: the filter takes specific force and attitude for constant over a sample in its transition, and heading begins 2 deg off."""
+    """To first order: the filter takes specific force and attitude for constant over a sample in
+    its transition, and heading begins 2 deg off."""
     name, options, spec, attitude_sd = line
     recording, given, _ = flight.drawn(seed, spec, attitude_sd)
-    smoothed, filtered = (run(recording, name, covariance=True, **given, **options) for run in (sd.smooth, sd.fuse))
+    smoothed, filtered = (
+        run(recording, name, covariance=True, **given, **options) for run in (sd.smooth, sd.fuse)
+    )
     textbook, P = rauch_tung_striebel(log_of(recording, **given))
     off = apart(smoothed, textbook)
-    assert np.sqrt((off ** 2).mean(axis=0)).max() < 0.05 and np.abs(off).max() < 0.15
+    assert np.sqrt((off**2).mean(axis=0)).max() < 0.05 and np.abs(off).max() < 0.15
     deviation = sds(P)
     np.testing.assert_allclose(smoothed.trajectory.sd, deviation, rtol=3e-4)
-    assert np.abs((smoothed.covariance - P) / (deviation[:, :, None] * deviation[:, None, :])).max() < 5e-4
-    assert np.abs(apart(filtered, textbook)).max() > 1.5      # the comparison can tell
+    assert (
+        np.abs((smoothed.covariance - P) / (deviation[:, :, None] * deviation[:, None, :])).max()
+        < 5e-4
+    )
+    assert np.abs(apart(filtered, textbook)).max() > 1.5  # the comparison can tell
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_as_least_squares_over_the_whole_log(flight, seed):
-    """The nonlinear one, which begins at the truth: what linearising about the filter costs when its heading begins 2 deg off."""
+    """The nonlinear one, which begins at the truth: what linearising about the filter costs when
+    its heading begins 2 deg off."""
     recording, given, truth = flight.drawn(seed)
     rows = [0, 100, 200, 399]
     best, P, last = least_squares(log_of(recording, **given), truth, rows)
     assert last < 1e-4
     smoothed = sd.smooth(recording, covariance=True, **given)
     off = apart(smoothed, best)
-    assert np.sqrt((off ** 2).mean(axis=0)).max() < 0.08 and np.abs(off).max() < 0.2
+    assert np.sqrt((off**2).mean(axis=0)).max() < 0.08 and np.abs(off).max() < 0.2
     deviation = sds(P)
     np.testing.assert_allclose(smoothed.trajectory.sd[rows], deviation, rtol=0.02)
-    assert np.abs((smoothed.covariance[rows] - P) / (deviation[:, :, None] * deviation[:, None, :])).max() < 0.04
+    assert (
+        np.abs(
+            (smoothed.covariance[rows] - P) / (deviation[:, :, None] * deviation[:, None, :])
+        ).max()
+        < 0.04
+    )
 
 
 def test_states_of_aidings_are_smoothed_too(flight):
-    """A barometer's bias, a sixteenth state, against the textbook; also between its fixes, which come twice a second."""
+    """A barometer's bias, a sixteenth state, against the textbook; also between its fixes, which
+    come twice a second."""
     recording, given, _ = flight.drawn(2, barometer=True)
     smoothed, filtered = both(recording, given)
-    log = log_of(recording, **given)._replace(baro=recording.aidings[1], baro_sd=BIAS["state_sd"], baro_walk=BIAS["state_walk"])
+    log = log_of(recording, **given)._replace(
+        baro=recording.aidings[1], baro_sd=BIAS["state_sd"], baro_walk=BIAS["state_walk"]
+    )
     textbook, P = rauch_tung_striebel(log)
     assert smoothed.covariance.shape[1:] == (16, 16)
     assert np.abs(apart(smoothed, textbook)).max() < 0.25
     deviation = sds(P)
     np.testing.assert_allclose(sds(smoothed.covariance), deviation, rtol=3e-3)
-    assert np.abs((smoothed.covariance - P) / (deviation[:, :, None] * deviation[:, None, :])).max() < 5e-3
-    np.testing.assert_allclose(smoothed.columns["sd of barometer bias [m]"], deviation[:, 15], rtol=3e-3)
+    assert (
+        np.abs((smoothed.covariance - P) / (deviation[:, :, None] * deviation[:, None, :])).max()
+        < 5e-3
+    )
+    np.testing.assert_allclose(
+        smoothed.columns["sd of barometer bias [m]"], deviation[:, 15], rtol=3e-3
+    )
     assert filtered.columns["sd of barometer bias [m]"][0] > 100 > 1 > deviation[0, 15]
 
 
 # the same whatever the way
+
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("chunk", (7, 64, 399))
@@ -175,18 +262,29 @@ def test_chunks_do_not_matter(flight, monkeypatch, name, chunk):
     parts = sd.smooth(recording, name, covariance=True, **given)
     equal(whole, parts)
     scale = sds(whole.covariance)
-    assert np.abs((whole.covariance - parts.covariance) / (scale[:, :, None] * scale[:, None, :])).max() < 1e-9
+    assert (
+        np.abs(
+            (whole.covariance - parts.covariance) / (scale[:, :, None] * scale[:, None, :])
+        ).max()
+        < 1e-9
+    )
 
 
 @pytest.mark.parametrize("every", (3, 90, 1000))
 @pytest.mark.parametrize("covariance", (False, True))
 @pytest.mark.short
 def test_kept_rows_are_those_of_all(flight, monkeypatch, every, covariance):
-    monkeypatch.setattr(smoothing, "CHUNK", 40)     # some chunks keep no row
+    monkeypatch.setattr(smoothing, "CHUNK", 40)  # some chunks keep no row
     recording, given, _ = flight.drawn(5)
-    whole, some = (sd.smooth(recording, every=kept, covariance=covariance, **given) for kept in (1, every))
+    whole, some = (
+        sd.smooth(recording, every=kept, covariance=covariance, **given) for kept in (1, every)
+    )
     rows = np.searchsorted(whole.t, some.t)
-    assert len(rows) == -(-400 // every) and some.t[-1] == whole.t[-1] and np.array_equal(some.t, whole.t[rows])
+    assert (
+        len(rows) == -(-400 // every)
+        and some.t[-1] == whole.t[-1]
+        and np.array_equal(some.t, whole.t[rows])
+    )
     np.testing.assert_allclose(some.trajectory.lla, whole.trajectory.lla[rows], rtol=0, atol=1e-12)
     np.testing.assert_allclose(some.trajectory.sd, whole.trajectory.sd[rows], rtol=1e-9)
     assert (some.covariance is None) == (not covariance)
@@ -197,11 +295,24 @@ def test_a_fix_within_a_sample():
     recording, start = alike()
     t = np.array([1.02, 3.333, 5.2, 5.21, 7.0, 9.99])
     noise = Noise(1e-3, 1e-2, 1e-4, 1e-3, 0.0, 0.01)
-    fixes = position(t, deviation=2.0, lla=np.array([0.8, 0.2, 300.0]) + np.outer(t, [10 / 6.38e6, 5 / 6.39e6 / np.cos(0.8), 0.0]))
+    fixes = position(
+        t,
+        deviation=2.0,
+        lla=np.array([0.8, 0.2, 300.0]) + np.outer(t, [10 / 6.38e6, 5 / 6.39e6 / np.cos(0.8), 0.0]),
+    )
     ends = np.union1d(np.round(recording.imu.t, 9), t)
     dt = np.diff(ends, prepend=0.0)
-    split = Imu(ends, dt, *(column[:1] * (dt / recording.imu.dt[0])[:, None] for column in recording.imu[2:]))
-    one, other = (sd.smooth(replace(recording, imu=imu, aidings=(fixes,)), start=start, noise=noise, covariance=True) for imu in (recording.imu, split))
+    split = Imu(
+        ends,
+        dt,
+        *(column[:1] * (dt / recording.imu.dt[0])[:, None] for column in recording.imu[2:]),
+    )
+    one, other = (
+        sd.smooth(
+            replace(recording, imu=imu, aidings=(fixes,)), start=start, noise=noise, covariance=True
+        )
+        for imu in (recording.imu, split)
+    )
     assert len(split.t) == len(recording.imu.t) + 4
     rows = np.searchsorted(other.t, one.t - 1e-6)
     assert np.abs(apart(one, state(other).rows(rows))).max() < 1e-6
@@ -210,25 +321,34 @@ def test_a_fix_within_a_sample():
 
 # the rules of the loop
 
+
 @pytest.mark.parametrize("name", NAMES)
 def test_an_outage_of_fixes_at_the_end(flight, name):
-    """The last 8 s are dead reckoning for both; the smoother still knows better what biases and heading were."""
+    """The last 8 s are dead reckoning for both; the smoother still knows better what biases and
+    heading were."""
     recording, given, truth = flight.drawn(6)
     fix = recording.aidings[0]
     keep = fix.t < 12
-    recording = replace(recording, aidings=(replace(fix, t=fix.t[keep], y=fix.y[keep], sd=fix.sd[keep]),))
+    recording = replace(
+        recording, aidings=(replace(fix, t=fix.t[keep], y=fix.y[keep], sd=fix.sd[keep]),)
+    )
     smoothed, filtered = both(recording, given, name)
     assert (smoothed.trajectory.sd[:100, 8] < 0.5 * filtered.trajectory.sd[:100, 8]).any()
-    np.testing.assert_allclose(smoothed.trajectory.sd[250:], filtered.trajectory.sd[250:], rtol=1e-9)      # nothing comes after
+    np.testing.assert_allclose(
+        smoothed.trajectory.sd[250:], filtered.trajectory.sd[250:], rtol=1e-9
+    )  # nothing comes after
     assert smoothed.trajectory.sd[-1, 0] > 3 * smoothed.trajectory.sd[200, 0]
 
 
-@pytest.mark.parametrize("window, rule", [((8.0, 8.6), "bridged"), ((8.0, 11.0), "velocity and attitude held"), ((18.0, 20.1), None)])
+@pytest.mark.parametrize(
+    "window, rule",
+    [((8.0, 8.6), "bridged"), ((8.0, 11.0), "velocity and attitude held"), ((18.0, 20.1), None)],
+)
 def test_gaps_of_samples(flight, window, rule):
     """The filter comes out of a gap unsure, the smoother knows what follows."""
     recording, given, truth = flight.drawn(7)
     smoothed, filtered = both(without_samples(recording, window), given)
-    if rule is None:    # the recording ends before
+    if rule is None:  # the recording ends before
         assert smoothed.t[-1] == 18.0 and not smoothed.events
         return
     assert rule in smoothed.events[0][1]
@@ -238,9 +358,15 @@ def test_gaps_of_samples(flight, window, rule):
     assert (smoothed.trajectory.sd[at, 6:9] < 0.75 * filtered.trajectory.sd[at, 6:9]).all()
     rows = np.rint(smoothed.t[at] * RATE).astype(int)
     if rule == "bridged":
-        assert np.abs(apart(smoothed, truth.rows(np.rint(smoothed.t * RATE).astype(int)))[at]).max() < 4
-    else:       # in 3 s the flight turns by 60 deg, too much to be linear
-        error = [np.linalg.norm(truth.rows(rows).less(state(solution).rows(at))[:, 6:9], axis=1) for solution in (smoothed, filtered)]
+        assert (
+            np.abs(apart(smoothed, truth.rows(np.rint(smoothed.t * RATE).astype(int)))[at]).max()
+            < 4
+        )
+    else:  # in 3 s the flight turns by 60 deg, too much to be linear
+        error = [
+            np.linalg.norm(truth.rows(rows).less(state(solution).rows(at))[:, 6:9], axis=1)
+            for solution in (smoothed, filtered)
+        ]
         assert (error[0] < error[1]).all()
 
 
@@ -253,14 +379,19 @@ def test_rejected_and_missing_fixes_say_nothing(flight):
     y[lost] = np.nan
     marred = replace(recording, aidings=(replace(fix, y=y, gate=50.0),))
     kept = ~(bad | lost)
-    without = replace(recording, aidings=(replace(fix, t=fix.t[kept], y=fix.y[kept], sd=fix.sd[kept]),))
+    without = replace(
+        recording, aidings=(replace(fix, t=fix.t[kept], y=fix.y[kept], sd=fix.sd[kept]),)
+    )
     smoothed, _ = both(marred, given)
-    assert (smoothed.innovations.nis > 50).sum() == 3 and np.isnan(smoothed.innovations.nis).sum() == 2
+    assert (smoothed.innovations.nis > 50).sum() == 3 and np.isnan(
+        smoothed.innovations.nis
+    ).sum() == 2
     equal(smoothed, sd.smooth(without, **given))
 
 
 def test_a_lifted_gate(flight):
-    """From 8 s on the fixes are 200 m off: rejected for 5 s, then believed, with P made larger, which the way back counts as noise."""
+    """From 8 s on the fixes are 200 m off: rejected for 5 s, then believed, with P made larger,
+    which the way back counts as noise."""
     recording, given, _ = flight.drawn(10)
     fix = recording.aidings[0]
     y = fix.y + (fix.t > 8)[:, None] * np.array([200 / 6.38e6, 0.0, 0.0])
@@ -287,7 +418,9 @@ def test_the_rest_is_the_filters(flight):
 def test_memory_is_that_of_a_chunk(flight, monkeypatch):
     """The record's room does not grow with the recording."""
     sizes = []
-    monkeypatch.setattr(smoothing, "new_output", lambda *given: sizes.append(batch.new_output(*given)) or sizes[-1])
+    monkeypatch.setattr(
+        smoothing, "new_output", lambda *given: sizes.append(batch.new_output(*given)) or sizes[-1]
+    )
     monkeypatch.setattr(smoothing, "CHUNK", 50)
     recording, given, _ = flight.drawn(13)
     for until in (10.0, 20.0):
@@ -297,8 +430,14 @@ def test_memory_is_that_of_a_chunk(flight, monkeypatch):
 
 
 def peak(rows, every):
-    """Bytes that smoothing a standing IMU with a fix a second takes at most, beside the recording."""
-    imu = Imu(0.01 * np.arange(1, rows + 1), np.full(rows, 0.01), np.zeros((rows, 3)), np.tile([0.0, 0.0, -0.0981], (rows, 1)))
+    """Bytes that smoothing a standing IMU with a fix a second takes at most, beside the
+    recording."""
+    imu = Imu(
+        0.01 * np.arange(1, rows + 1),
+        np.full(rows, 0.01),
+        np.zeros((rows, 3)),
+        np.tile([0.0, 0.0, -0.0981], (rows, 1)),
+    )
     fixes = position(np.arange(1.0, rows // 100))
     given = dict(start=alike()[1]._replace(v=(0.0, 0.0, 0.0)), noise=MEMS.noise(), every=every)
     tracemalloc.start()
@@ -311,8 +450,9 @@ def peak(rows, every):
 
 @pytest.mark.parametrize("every, bound", [(1, 350), (100, 50)])
 def test_a_day_fits_into_four_gigabytes(every, bound):
-    """By the growth from 10 to 30 minutes at 100 Hz, to a day of 8.64 million samples of 64 bytes; 350 MB for Python, its packages and compiled code."""
-    peak(1000, every)       # what is loaded once
+    """By the growth from 10 to 30 minutes at 100 Hz, to a day of 8.64 million samples of 64
+    bytes; 350 MB for Python, its packages and compiled code."""
+    peak(1000, every)  # what is loaded once
     few, many = peak(60_000, every), peak(180_000, every)
     each = (many - few) / 120_000
     assert 10 < each < bound

@@ -1,4 +1,6 @@
-"""NEES, bands, survival, intervals, coverage and whiteness: against simulation, scipy and values worked by hand."""
+"""NEES, bands, survival, intervals, coverage and whiteness: against simulation, scipy and values
+worked by hand."""
+
 from types import SimpleNamespace
 
 import numpy as np
@@ -6,9 +8,9 @@ import pytest
 from scipy import stats
 
 import strapdown as sd
+from strapdown.data import DataError, Innovations
 from strapdown.evaluation import consistency
 from strapdown.evaluation.consistency import INCONSISTENT, LOST, REASONS, SURVIVED, Limits
-from strapdown.data import DataError, Innovations
 from strapdown.sim.synthesis import draw_start
 from strapdown.sim.trajectory import DEG, Motion
 
@@ -25,10 +27,17 @@ def covariances(rng, count=1):
 def test_nees_is_the_quadratic_form_whatever_the_scales():
     rng = np.random.default_rng(1)
     P, e = covariances(rng, 50), rng.standard_normal((50, 15)) * SCALES
-    unscaled = [np.linalg.solve(p / SCALES[:, None] / SCALES, x / SCALES) @ (x / SCALES) for p, x in zip(P, e)]
+    unscaled = [
+        np.linalg.solve(p / SCALES[:, None] / SCALES, x / SCALES) @ (x / SCALES)
+        for p, x in zip(P, e)
+    ]
     np.testing.assert_allclose(consistency.nees(e, P), unscaled, rtol=1e-9)
     assert consistency.nees(e[0], P[0]) == pytest.approx(unscaled[0])
-    np.testing.assert_allclose(consistency.nees(e.reshape(5, 10, 15), P.reshape(5, 10, 15, 15)).ravel(), unscaled, rtol=1e-9)
+    np.testing.assert_allclose(
+        consistency.nees(e.reshape(5, 10, 15), P.reshape(5, 10, 15, 15)).ravel(),
+        unscaled,
+        rtol=1e-9,
+    )
     assert consistency.nees([3.0, 4.0], np.diag([9.0, 4.0])) == pytest.approx(5.0)
 
 
@@ -36,7 +45,11 @@ def test_nees_is_the_quadratic_form_whatever_the_scales():
 def test_nees_of_errors_drawn_from_P_is_chi_square():
     rng = np.random.default_rng(2)
     P = covariances(rng)[0]
-    e = rng.standard_normal((2000, 15)) @ np.linalg.cholesky(P / SCALES[:, None] / SCALES).T * SCALES
+    e = (
+        rng.standard_normal((2000, 15))
+        @ np.linalg.cholesky(P / SCALES[:, None] / SCALES).T
+        * SCALES
+    )
     assert stats.kstest(consistency.nees(e, P), "chi2", args=(15,)).pvalue > 1e-3
     assert stats.kstest(consistency.nees(1.2 * e, P), "chi2", args=(15,)).pvalue < 1e-6
 
@@ -44,12 +57,20 @@ def test_nees_of_errors_drawn_from_P_is_chi_square():
 @pytest.mark.short
 def test_nees_is_nan_without_warning_where_P_is_no_covariance():
     P = np.tile(np.eye(2), (7, 1, 1))
-    P[1, 0, 0], P[2, 1, 1], P[3, 0, 1], P[4, 0, 0], P[5] = np.nan, -1.0, np.inf, 0.0, [[1.0, 1.0], [1.0, 1.0]]
+    P[1, 0, 0], P[2, 1, 1], P[3, 0, 1], P[4, 0, 0], P[5] = (
+        np.nan,
+        -1.0,
+        np.inf,
+        0.0,
+        [[1.0, 1.0], [1.0, 1.0]],
+    )
     P[6, 0, 1] = P[6, 1, 0] = 1.5
     value = consistency.nees(np.ones((7, 2)), P)
     assert value[0] == 2 and np.isnan(value[1:]).all()
     assert np.isnan(consistency.nees([1.0, np.nan], np.eye(2)))
-    thin = np.random.default_rng(12).standard_normal((20, 15, 14))      # rank 14; what is left of the last pivot is rounding, of either sign
+    thin = np.random.default_rng(12).standard_normal(
+        (20, 15, 14)
+    )  # rank 14; what is left of the last pivot is rounding, of either sign
     assert np.isnan(consistency.nees(np.ones(15), thin @ thin.transpose(0, 2, 1))).mean() > 0.8
 
 
@@ -59,10 +80,13 @@ def test_band_holds_the_mean_as_often_as_it_says():
     means = rng.chisquare(15, (4000, 20)).mean(axis=1)
     for probability in (0.5, 0.95):
         low, high = consistency.band(15, 20, probability)
-        for share, expected in (((means < low).mean(), 0.5 - probability / 2), ((means > high).mean(), 0.5 - probability / 2)):
+        for share, expected in (
+            ((means < low).mean(), 0.5 - probability / 2),
+            ((means > high).mean(), 0.5 - probability / 2),
+        ):
             assert share == pytest.approx(expected, abs=4 * np.sqrt(expected / len(means)))
     low, high = consistency.band(3)
-    assert (low, high) == pytest.approx((0.2158, 9.3484), abs=1e-4)     # of the tables
+    assert (low, high) == pytest.approx((0.2158, 9.3484), abs=1e-4)  # of the tables
 
 
 @pytest.mark.short
@@ -77,7 +101,7 @@ FINE = np.full(100, 15.0)
 
 @pytest.mark.short
 def test_a_run_that_keeps_its_limits_survives():
-    high = np.where(T % 10 < 9.5, 1e9, 15.0)            # beyond the bound, but never for more than 10 s
+    high = np.where(T % 10 < 9.5, 1e9, 15.0)  # beyond the bound, but never for more than 10 s
     assert consistency.survival(np.full(100, 499.0), FINE, T) == (100, SURVIVED)
     assert consistency.survival(np.zeros(100), high, T) == (100, SURVIVED)
     assert consistency.survival([], [], []) == (0, SURVIVED)
@@ -96,9 +120,12 @@ def test_a_run_is_lost_at_its_first_far_epoch(far):
 @pytest.mark.parametrize("value", [100.0, np.nan, np.inf])
 def test_a_run_is_inconsistent_once_its_nees_was_beyond_for_more_than_ten_seconds(value):
     nees = FINE.copy()
-    nees[10:] = value                                   # from 5 s: 15 s is exactly ten seconds on, 15.5 s is more
+    nees[10:] = value  # from 5 s: 15 s is exactly ten seconds on, 15.5 s is more
     assert consistency.survival(np.zeros(100), nees, T) == (31, INCONSISTENT)
-    assert consistency.survival(np.zeros(100), nees, 0.1 * np.arange(100), Limits(seconds=2.0)) == (31, INCONSISTENT)   # 3.0000000000000004 - 1.0
+    assert consistency.survival(np.zeros(100), nees, 0.1 * np.arange(100), Limits(seconds=2.0)) == (
+        31,
+        INCONSISTENT,
+    )  # 3.0000000000000004 - 1.0
     nees[20] = 15.0
     assert consistency.survival(np.zeros(100), nees, T) == (42, INCONSISTENT)
     assert consistency.survival(np.zeros(100), nees, T, Limits(seconds=60.0)) == (100, SURVIVED)
@@ -108,7 +135,7 @@ def test_a_run_is_inconsistent_once_its_nees_was_beyond_for_more_than_ten_second
 @pytest.mark.short
 def test_whichever_limit_is_broken_first_ends_a_run():
     nees, distance = np.full(100, 1e3), np.zeros(100)
-    distance[21:] = 600.0                               # NEES: more than 10 s at epoch 21 too
+    distance[21:] = 600.0  # NEES: more than 10 s at epoch 21 too
     assert consistency.survival(distance, nees, T) == (21, LOST)
     assert consistency.survival(np.roll(distance, 1) * (T > 0), nees, T) == (21, INCONSISTENT)
 
@@ -118,7 +145,10 @@ def test_the_nees_bound_is_that_of_the_alarm():
     limit = stats.chi2.isf(1e-6, 15)
     assert consistency.survival(np.zeros(100), FINE * 0 + 0.999 * limit, T)[1] == SURVIVED
     assert consistency.survival(np.zeros(100), FINE * 0 + 1.001 * limit, T)[1] == INCONSISTENT
-    assert consistency.survival(np.zeros(100), FINE * 0 + 1.001 * limit, T, Limits(alarm=1e-9))[1] == SURVIVED
+    assert (
+        consistency.survival(np.zeros(100), FINE * 0 + 1.001 * limit, T, Limits(alarm=1e-9))[1]
+        == SURVIVED
+    )
 
 
 @pytest.mark.short
@@ -134,7 +164,9 @@ def test_rmse_is_the_root_of_scipys_interval_of_the_mean_square():
 
 
 @pytest.mark.short
-@pytest.mark.parametrize("successes, count, probability", [(0, 50, 0.95), (47, 50, 0.95), (50, 50, 0.9), (1, 2, 0.99)])
+@pytest.mark.parametrize(
+    "successes, count, probability", [(0, 50, 0.95), (47, 50, 0.95), (50, 50, 0.9), (1, 2, 0.99)]
+)
 def test_proportion_is_scipys_wilson_interval(successes, count, probability):
     expected = stats.binomtest(successes, count).proportion_ci(probability, "wilson")
     found = consistency.proportion(successes, count, probability)
@@ -161,8 +193,10 @@ def test_paired_is_the_t_interval_of_the_differences():
     expected = stats.ttest_rel(a[both], b[both]).confidence_interval()
     assert found[:3] == pytest.approx(((a - b)[both].mean(), expected.low, expected.high))
     assert found.count == 28 and found.wins == (a < b)[both].sum()
-    assert found.high < 0                           # the runs differ by 10, the filters by 0.3: seen only pair by pair
-    assert consistency.paired([1.0], [2.0])[3:] == (1, 1) and np.isnan(consistency.paired([1.0], [2.0]).low)
+    assert found.high < 0  # the runs differ by 10, the filters by 0.3: seen only pair by pair
+    assert consistency.paired([1.0], [2.0])[3:] == (1, 1) and np.isnan(
+        consistency.paired([1.0], [2.0]).low
+    )
 
 
 @pytest.mark.short
@@ -175,16 +209,20 @@ def test_coverage_of_gaussian_errors():
     for row, expected in zip(share, (0.6827, 0.9545, 0.9973)):
         assert row == pytest.approx(expected, abs=4 * np.sqrt(expected * (1 - expected) / 15000))
     assert consistency.coverage(error, 0.5 * deviations)[0] == pytest.approx(0.383, abs=0.02)
-    np.testing.assert_array_equal(consistency.coverage([[1.0, np.nan], [-3.0, np.nan]], np.ones((2, 2)), (1, 3)), [[0.5, np.nan], [1.0, np.nan]])
+    np.testing.assert_array_equal(
+        consistency.coverage([[1.0, np.nan], [-3.0, np.nan]], np.ones((2, 2)), (1, 3)),
+        [[0.5, np.nan], [1.0, np.nan]],
+    )
 
 
 @pytest.mark.short
 def test_ljung_box_by_hand():
-    """z = (1, 2, -1, 1): power 7, lagged products 2 - 2 - 1 = -1 and -1 + 2 = 1; Q = 4 * 6 ((1/49)/3 + (1/49)/2) = 20/49."""
+    """z = (1, 2, -1, 1): power 7, lagged products 2 - 2 - 1 = -1 and -1 + 2 = 1; Q = 4 * 6
+    ((1/49)/3 + (1/49)/2) = 20/49."""
     found = consistency.whiteness([1.0, 2.0, -1.0, 1.0], lags=2)
     assert found.autocorrelation[:, 0] == pytest.approx([-1 / 7, 1 / 7])
     assert found.bound == pytest.approx(0.98)
-    assert found.p_value == pytest.approx(np.exp(-10 / 49))         # chi-square of two degrees of freedom
+    assert found.p_value == pytest.approx(np.exp(-10 / 49))  # chi-square of two degrees of freedom
 
 
 @pytest.mark.short
@@ -196,7 +234,9 @@ def test_whiteness_tells_white_from_coloured_and_from_biased():
     assert np.mean(np.abs(found.autocorrelation) > found.bound) == pytest.approx(0.05, abs=0.015)
     coloured = white[1:] + 0.5 * white[:-1]
     assert np.median(consistency.whiteness(coloured).p_value) < 1e-6
-    assert np.median(consistency.whiteness(coloured).autocorrelation[0]) == pytest.approx(0.4, abs=0.02)   # 0.5 / (1 + 0.25)
+    assert np.median(consistency.whiteness(coloured).autocorrelation[0]) == pytest.approx(
+        0.4, abs=0.02
+    )  # 0.5 / (1 + 0.25)
     assert np.median(consistency.whiteness(white + 0.5).p_value) < 1e-6
 
 
@@ -213,7 +253,9 @@ def test_whiteness_leaves_out_what_was_not_measured():
 
 
 def solution_with(innovation, nis, source, accepted, names):
-    return SimpleNamespace(innovations=Innovations(np.arange(len(nis)), source, innovation, nis, accepted, names, ()))
+    return SimpleNamespace(
+        innovations=Innovations(np.arange(len(nis)), source, innovation, nis, accepted, names, ())
+    )
 
 
 @pytest.mark.short
@@ -223,26 +265,43 @@ def test_normalised_innovations_have_unit_size_and_keep_their_correlation():
     swelling = np.exp(np.linspace(0, 3, 2000))[:, None] * [1.0, 10.0, 0.1]
     source, accepted = np.arange(2000) % 2, np.arange(2000) % 50 > 1
     heights = np.c_[4.0 * z[:, :1], nan]
-    innovation, nis = np.where(source[:, None] == 0, z * swelling, heights), np.where(source == 0, 3.0, z[:, 0] ** 2)
+    innovation, nis = (
+        np.where(source[:, None] == 0, z * swelling, heights),
+        np.where(source == 0, 3.0, z[:, 0] ** 2),
+    )
     solution = solution_with(innovation, nis, source, accepted, ("gnss", "baro"))
     scaled = consistency.normalised(solution, "gnss")
     assert scaled.shape == (960, 3) and np.square(scaled).mean(axis=0) == pytest.approx(1, abs=0.02)
-    assert min(np.corrcoef(scaled[:, k], z[(source == 0) & accepted, k])[0, 1] for k in range(3)) > 0.98
+    assert (
+        min(np.corrcoef(scaled[:, k], z[(source == 0) & accepted, k])[0, 1] for k in range(3))
+        > 0.98
+    )
     assert consistency.whiteness(scaled).p_value.min() > 1e-3
-    np.testing.assert_allclose(consistency.normalised(solution, 1)[:, 0], z[(source == 1) & accepted, 0])   # exactly e / sqrt(S), not e / rms
+    np.testing.assert_allclose(
+        consistency.normalised(solution, 1)[:, 0], z[(source == 1) & accepted, 0]
+    )  # exactly e / sqrt(S), not e / rms
     with pytest.raises(DataError, match="no source 'radar'; it has gnss, baro"):
         consistency.normalised(solution, "radar")
 
 
-CRUISE = Motion("circling", (DEG * 47, DEG * 8, 500.0),
-                lambda t: (30 * np.cos(0.1 * t), 30 * np.sin(0.1 * t), 0 * t), lambda t: (0.2 + 0 * t, 0.03 + 0 * t, 0.1 * t))
+CRUISE = Motion(
+    "circling",
+    (DEG * 47, DEG * 8, 500.0),
+    lambda t: (30 * np.cos(0.1 * t), 30 * np.sin(0.1 * t), 0 * t),
+    lambda t: (0.2 + 0 * t, 0.03 + 0 * t, 0.1 * t),
+)
 
 
 @pytest.fixture(scope="module")
 def flown():
     recording = sd.simulate(CRUISE, 40.0, "tactical", seed=1, rate=20.0)
     deviations = np.r_[[1.0] * 3, [0.1] * 3, [1e-2] * 3, [5e-2] * 3, [1e-4] * 3]
-    start = draw_start(recording.reference, deviations, np.random.default_rng(2), biases=(recording.meta["b_a"][0], recording.meta["b_g"][0]))
+    start = draw_start(
+        recording.reference,
+        deviations,
+        np.random.default_rng(2),
+        biases=(recording.meta["b_a"][0], recording.meta["b_g"][0]),
+    )
     return recording, start, sd.fuse(recording, start=start, every=20, covariance=True)
 
 
@@ -252,18 +311,25 @@ def test_state_errors_are_those_of_the_simulation(flown):
     np.testing.assert_array_equal(solution.t, recording.imu.t[rows])
     np.testing.assert_array_equal(error[:, 9:12], recording.meta["b_a"][rows] - solution.b_a)
     np.testing.assert_array_equal(error[:, 12:15], recording.meta["b_g"][rows] - solution.b_g)
-    np.testing.assert_allclose(error[:, 3:6], recording.reference.v_n[rows + 1] - solution.trajectory.v_n, atol=1e-12)
+    np.testing.assert_allclose(
+        error[:, 3:6], recording.reference.v_n[rows + 1] - solution.trajectory.v_n, atol=1e-12
+    )
     by_hand = [e @ np.linalg.solve(P, e) for e, P in zip(error, solution.covariance)]
     np.testing.assert_allclose(consistency.nees_of(solution, recording), by_hand, rtol=1e-6)
-    assert 3 < np.mean(by_hand) < 45                # of one run: a right filter's epochs are strongly correlated
+    assert 3 < np.mean(by_hand) < 45  # of one run: a right filter's epochs are strongly correlated
 
 
 def test_what_the_recording_does_not_know_is_refused_or_nan(flown):
     from dataclasses import replace
+
     recording, start, solution = flown
     with pytest.raises(DataError, match="covariance=True"):
         consistency.nees_of(replace(solution, covariance=None), recording)
-    for other in (replace(recording, meta={}), replace(recording, reference=None), recording.between(0.0, 20.0)):
+    for other in (
+        replace(recording, meta={}),
+        replace(recording, reference=None),
+        recording.between(0.0, 20.0),
+    ):
         with pytest.raises(DataError, match="whole simulated recording"):
             consistency.nees_of(solution, other)
     truth = recording.reference
@@ -272,5 +338,9 @@ def test_what_the_recording_does_not_know_is_refused_or_nan(flown):
     shifted = replace(recording, imu=recording.imu._replace(t=recording.imu.t + 0.01))
     with pytest.raises(DataError, match="not at the recording's IMU samples"):
         consistency.nees_of(solution, shifted)
-    half = replace(truth, **{name: getattr(truth, name)[:401] for name in ("t", "lla", "v_n", "q_nb")})
-    np.testing.assert_array_equal(np.isnan(consistency.nees_of(solution, replace(recording, reference=half))), solution.t > 20)
+    half = replace(
+        truth, **{name: getattr(truth, name)[:401] for name in ("t", "lla", "v_n", "q_nb")}
+    )
+    np.testing.assert_array_equal(
+        np.isnan(consistency.nees_of(solution, replace(recording, reference=half))), solution.t > 20
+    )

@@ -1,4 +1,6 @@
-"""The Cramer-Rao bound: against Tichavsky's information recursion, a closed form, and a filter that attains it."""
+"""The Cramer-Rao bound: against Tichavsky's information recursion, a closed form, and a filter
+that attains it."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -6,22 +8,28 @@ import pytest
 from scipy.linalg import expm
 
 import strapdown as sd
-from strapdown.evaluation.cramer_rao import cramer_rao
 from strapdown.core.contract import Noise, Start
 from strapdown.core.error_dynamics import dynamics
 from strapdown.data import Aiding, DataError
-from strapdown.recording import Recording
+from strapdown.evaluation.cramer_rao import cramer_rao
 from strapdown.geodesy import displaced
+from strapdown.recording import Recording
 from strapdown.sim.synthesis import draw_start
 from strapdown.sim.trajectory import DEG, Motion, increments, sample, static
 
 RATE = 20
-NOISE = Noise(gyro=1e-4, accel=1e-3, gyro_bias=1e-6, accel_bias=1e-4, gyro_decay=1 / 300, accel_decay=1 / 300)
+NOISE = Noise(
+    gyro=1e-4, accel=1e-3, gyro_bias=1e-6, accel_bias=1e-4, gyro_decay=1 / 300, accel_decay=1 / 300
+)
 SD = np.r_[[2.0] * 3, [0.2] * 3, [5e-3, 5e-3, 2e-2], [2e-2] * 3, [1e-4] * 3]
 FIX_SD = np.array([1.0, 1.5, 2.0])
 PARKED = static((DEG * 47.0, DEG * 8.0, 500.0))
-TURNING = Motion("turning", (DEG * 47.0, DEG * 8.0, 500.0), lambda t: (20 * np.cos(0.2 * t), 20 * np.sin(0.2 * t), 0.3 * np.sin(t)),
-                 lambda t: (0.4 + 0 * t, 0.05 * np.sin(0.5 * t), 0.2 * t))
+TURNING = Motion(
+    "turning",
+    (DEG * 47.0, DEG * 8.0, 500.0),
+    lambda t: (20 * np.cos(0.2 * t), 20 * np.sin(0.2 * t), 0.3 * np.sin(t)),
+    lambda t: (0.4 + 0 * t, 0.05 * np.sin(0.5 * t), 0.2 * t),
+)
 
 
 def ideal(motion, duration, fixes=True):
@@ -31,12 +39,21 @@ def ideal(motion, duration, fixes=True):
     at = slice(RATE, None, RATE)
     aiding = Aiding("position", t[at], truth.lla[at], np.tile(FIX_SD, (duration, 1)))
     heading, pitch, roll = truth.rotation[0].as_euler("ZYX")
-    start = Start(0.0, tuple(truth.lla[0]), tuple(truth.v_n[0]), (roll, pitch, heading), (0.0,) * 3, (0.0,) * 3, tuple(SD))
+    start = Start(
+        0.0,
+        tuple(truth.lla[0]),
+        tuple(truth.v_n[0]),
+        (roll, pitch, heading),
+        (0.0,) * 3,
+        (0.0,) * 3,
+        tuple(SD),
+    )
     return Recording(increments(motion, t), (aiding,) if fixes else (), truth), start
 
 
 def van_loan(motion, start, stop):
-    """Phi and Q_d (15, 15) of one second along the truth, from F at the middle of each sample and matrix exponentials. Van Loan (1978)."""
+    """Phi and Q_d (15, 15) of one second along the truth, from F at the middle of each sample
+    and matrix exponentials. Van Loan (1978)."""
     edges = np.linspace(start, stop, round((stop - start) * RATE) + 1)
     truth = sample(motion, np.r_[0.0, edges[:-1] + 0.5 / RATE])
     lla, v, C = truth.lla[1:], truth.v_n[1:], truth.rotation[1:].as_matrix()
@@ -51,13 +68,18 @@ def van_loan(motion, start, stop):
 
 
 def information(motion, duration):
-    """(duration, 15, 15) bounds after each fix by J' = D22 - D21 (J + D11)^-1 D12; states in units of SD, so that Q can be inverted."""
+    """(duration, 15, 15) bounds after each fix by J' = D22 - D21 (J + D11)^-1 D12; states in
+    units of SD, so that Q can be inverted."""
     J, bounds = np.eye(15), []
     H = np.eye(3, 15) * SD
     for second in range(duration):
         Phi, Q = van_loan(motion, second, second + 1)
         Phi, precision = Phi * SD / SD[:, None], np.linalg.inv(Q / SD / SD[:, None])
-        D11, D12, D22 = Phi.T @ precision @ Phi, -Phi.T @ precision, precision + H.T @ np.diag(FIX_SD ** -2) @ H
+        D11, D12, D22 = (
+            Phi.T @ precision @ Phi,
+            -Phi.T @ precision,
+            precision + H.T @ np.diag(FIX_SD**-2) @ H,
+        )
         J = D22 - D12.T @ np.linalg.solve(J + D11, D12)
         bounds.append(np.linalg.inv(J) * SD * SD[:, None])
     return np.array(bounds)
@@ -71,19 +93,22 @@ def test_bound_is_that_of_the_information_recursion(motion):
     twin = information(motion, 30)
     np.testing.assert_allclose(bound.t, np.arange(1, 31))
     deviations = np.sqrt(np.diagonal(twin, axis1=1, axis2=2))
-    np.testing.assert_allclose(bound.sd, deviations, rtol=2e-4)     # of discretisation
+    np.testing.assert_allclose(bound.sd, deviations, rtol=2e-4)  # of discretisation
     correlation = lambda P, s: P / s[:, None] / s[:, :, None]
-    np.testing.assert_allclose(correlation(bound.covariance, bound.sd), correlation(twin, deviations), atol=2e-4)
+    np.testing.assert_allclose(
+        correlation(bound.covariance, bound.sd), correlation(twin, deviations), atol=2e-4
+    )
 
 
 @pytest.mark.short
 def test_bound_without_fixes_is_the_closed_form_of_the_down_channel():
-    """At rest, constant bias: var = p0 + t^2 v0 + t^4/4 b0 + t^3/3 q_v; the gravity gradient adds 3e-6 t^2/2 of it within 20 s."""
+    """At rest, constant bias: var = p0 + t^2 v0 + t^4/4 b0 + t^3/3 q_v; the gravity gradient
+    adds 3e-6 t^2/2 of it within 20 s."""
     recording, start = ideal(PARKED, 20, fixes=False)
     quiet = NOISE._replace(accel_decay=0.0, accel_bias=0.0)
     bound = cramer_rao(recording, start, quiet, every=RATE)
     t = bound.t
-    expected = SD[2] ** 2 + (SD[5] * t) ** 2 + (SD[11] * t ** 2 / 2) ** 2 + quiet.accel ** 2 * t ** 3 / 3
+    expected = SD[2] ** 2 + (SD[5] * t) ** 2 + (SD[11] * t**2 / 2) ** 2 + quiet.accel**2 * t**3 / 3
     np.testing.assert_allclose(bound.sd[:, 2], np.sqrt(expected), rtol=5e-4)
 
 
@@ -93,12 +118,13 @@ def test_lengths_are_roots_of_traces():
     bound = cramer_rao(recording, start, NOISE)
     assert bound.t.shape == (100,) and bound.covariance.shape == (100, 15, 15)
     for k, name in enumerate(("position", "velocity", "attitude", "accel_bias", "gyro_bias")):
-        block = bound.covariance[:, 3 * k:3 * k + 3, 3 * k:3 * k + 3]
+        block = bound.covariance[:, 3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
         np.testing.assert_allclose(getattr(bound, name), np.sqrt(np.trace(block, axis1=1, axis2=2)))
 
 
 def ratios(told=1.0, runs=200, duration=60):
-    """Mean square of the closed loop's position, velocity and attitude error over that of the bound at the last fix, and its sd, (3,) each.
+    """Mean square of the closed loop's position, velocity and attitude error over that of the bound
+    at the last fix, and its sd, (3,) each.
 
     `told`: the IMU's white noise in the bound and in the filter, in true ones.
     """
@@ -108,24 +134,44 @@ def ratios(told=1.0, runs=200, duration=60):
     bound = cramer_rao(perfect, start, noise, every=RATE)
     squares = []
     for _ in range(runs):
-        b_a, b_g = (markov(rng, len(imu.t), SD[k], decay, drive) for k, decay, drive in
-                    ((9, NOISE.accel_decay, NOISE.accel_bias), (12, NOISE.gyro_decay, NOISE.gyro_bias)))
+        b_a, b_g = (
+            markov(rng, len(imu.t), SD[k], decay, drive)
+            for k, decay, drive in (
+                (9, NOISE.accel_decay, NOISE.accel_bias),
+                (12, NOISE.gyro_decay, NOISE.gyro_bias),
+            )
+        )
         white = rng.standard_normal((2, len(imu.t), 3)) / np.sqrt(RATE)
-        noisy = imu._replace(dtheta=imu.dtheta + b_g / RATE + NOISE.gyro * white[0], dv=imu.dv + b_a / RATE + NOISE.accel * white[1])
+        noisy = imu._replace(
+            dtheta=imu.dtheta + b_g / RATE + NOISE.gyro * white[0],
+            dv=imu.dv + b_a / RATE + NOISE.accel * white[1],
+        )
         position = perfect.aidings[0]
-        fixes = replace(position, y=displaced(position.y, FIX_SD * rng.standard_normal((duration, 3))), gate=np.inf)
-        solution = sd.fuse(Recording(noisy, (fixes,)), start=draw_start(truth, SD, rng), noise=noise, every=RATE * duration)
+        fixes = replace(
+            position,
+            y=displaced(position.y, FIX_SD * rng.standard_normal((duration, 3))),
+            gate=np.inf,
+        )
+        solution = sd.fuse(
+            Recording(noisy, (fixes,)),
+            start=draw_start(truth, SD, rng),
+            noise=noise,
+            every=RATE * duration,
+        )
         e = sd.errors(solution, truth)
         squares.append([np.square(part[-1]).sum() for part in (e.position, e.velocity, e.attitude)])
     least = np.array([bound.position[-1], bound.velocity[-1], bound.attitude[-1]]) ** 2
-    spread = [np.sqrt(2 * np.square(bound.covariance[-1, k:k + 3, k:k + 3]).sum() / runs) for k in (0, 3, 6)]   # of a mean of Gaussian quadratic forms
+    spread = [
+        np.sqrt(2 * np.square(bound.covariance[-1, k : k + 3, k : k + 3]).sum() / runs)
+        for k in (0, 3, 6)
+    ]  # of a mean of Gaussian quadratic forms
     return np.mean(squares, axis=0) / least, spread / least
 
 
 def markov(rng, rows, deviation, decay, drive):
     """Biases (rows, 3) that begin with `deviation` and follow db = -decay b dt + drive dw."""
     keep = np.exp(-decay / RATE)
-    steps = drive * np.sqrt((1 - keep ** 2) / (2 * decay)) * rng.standard_normal((rows, 3))
+    steps = drive * np.sqrt((1 - keep**2) / (2 * decay)) * rng.standard_normal((rows, 3))
     steps[0] = deviation * rng.standard_normal(3)
     for k in range(1, rows):
         steps[k] += keep * steps[k - 1]
@@ -151,7 +197,11 @@ def test_what_is_not_ideal_is_refused():
     with pytest.raises(DataError, match="from the true position at .* give an ideal recording"):
         cramer_rao(replace(recording, imu=biased), start, NOISE)
     with pytest.raises(DataError, match="from the true attitude at 0.* s"):
-        cramer_rao(recording.between(0.0, 1.0), start._replace(rph=(start.rph[0], start.rph[1], start.rph[2] + 0.01)), NOISE)
+        cramer_rao(
+            recording.between(0.0, 1.0),
+            start._replace(rph=(start.rph[0], start.rph[1], start.rph[2] + 0.01)),
+            NOISE,
+        )
     far = replace(recording.aidings[0], y=recording.aidings[0].y + [0, 0, 100.0])
     with pytest.raises(DataError, match="fixes of position were rejected"):
         cramer_rao(replace(recording, aidings=(far,)), start, NOISE)

@@ -1,4 +1,6 @@
-"""Filters through the same outages: bit for bit the runs of `fuse`, with one start for all; failures stay in the result; bad input is one line."""
+"""Filters through the same outages: bit for bit the runs of `fuse`, with one start for all;
+failures stay in the result; bad input is one line."""
+
 import re
 from dataclasses import replace
 from functools import cache
@@ -9,25 +11,45 @@ import pytest
 from recordings import flight, rows, turning
 
 import strapdown as sd
-from strapdown.experiments.outages import runs
-from strapdown.experiments.outages.compare import _events
 from strapdown.core.contract import Imu
 from strapdown.data import DataError, Trajectory
 from strapdown.evaluation.metrics import moving_windows
+from strapdown.experiments.outages import runs
+from strapdown.experiments.outages.compare import _events
 from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
 
-SCORES = ["north_rmse_m", "east_rmse_m", "down_rmse_m", "horizontal_end_m", "velocity_end_m_s", "heading_rmse_deg"]
+SCORES = [
+    "north_rmse_m",
+    "east_rmse_m",
+    "down_rmse_m",
+    "horizontal_end_m",
+    "velocity_end_m_s",
+    "heading_rmse_deg",
+]
 FIXES = ("position", "velocity")
 
 
 @cache
 def sensed(seconds=60.0, shift=0.013):
-    """A turning flight with GNSS a `shift` (s) off the samples, a magnetometer and a barometer, whose offset the filters estimate."""
-    magnetometer, barometer = Magnetometer(rate=10.0, field=(21e-6, 1.6e-6, 43.9e-6)), Barometer(rate=2.0, drift=50.0)
-    made = sd.simulate(turning(), seconds, "industrial", 4, 20.0, Gnss(lever_arm=(0.3, -0.2, -0.5)), magnetometer, barometer)
-    late = lambda a: replace(a, t=a.t + shift, y=a.y[:len(a.t)])
+    """A turning flight with GNSS a `shift` (s) off the samples, a magnetometer and a barometer,
+    whose offset the filters estimate."""
+    magnetometer, barometer = (
+        Magnetometer(rate=10.0, field=(21e-6, 1.6e-6, 43.9e-6)),
+        Barometer(rate=2.0, drift=50.0),
+    )
+    made = sd.simulate(
+        turning(),
+        seconds,
+        "industrial",
+        4,
+        20.0,
+        Gnss(lever_arm=(0.3, -0.2, -0.5)),
+        magnetometer,
+        barometer,
+    )
+    late = lambda a: replace(a, t=a.t + shift, y=a.y[: len(a.t)])
     return replace(made, aidings=tuple(late(a) if a.kind in FIXES else a for a in made.aidings))
 
 
@@ -39,21 +61,36 @@ def solutions(monkeypatch):
     def keep(solution, outage, scored=runs.scored):
         kept[solution.meta["filter"], outage.start] = solution
         return scored(solution, outage)
+
     monkeypatch.setattr(runs, "scored", keep)
     return kept
 
 
 def same_rows(part, whole):
-    """Assert that the rows of a Solution are those of another one at the same times, bit for bit."""
+    """Assert that the rows of a Solution are those of another one at the same times, bit for
+    bit."""
     first = int(np.searchsorted(whole.t, part.t[0]))
-    assert len(part.t) > 10 and np.array_equal(rows(part), rows(whole)[first:first + len(part.t)], equal_nan=True)
+    assert len(part.t) > 10 and np.array_equal(
+        rows(part), rows(whole)[first : first + len(part.t)], equal_nan=True
+    )
 
 
 # ---- the runs
 
+
 @pytest.mark.parametrize("outages", ["7@20:58/4.321", "22:30,40.02:49"])
 def test_an_outage_is_bit_for_bit_a_run_without_its_fixes(solutions, outages):
-    recording, labels = sensed(), ["closed-loop", "periodic-reset:interval=5", "direct-ahrs", "fixed-gain:k1=0.6", "mekf", "open-loop"]
+    recording, labels = (
+        sensed(),
+        [
+            "closed-loop",
+            "periodic-reset:interval=5",
+            "direct-ahrs",
+            "fixed-gain:k1=0.6",
+            "mekf",
+            "open-loop",
+        ],
+    )
     found = sd.compare(recording, labels, outages)
     start = sd.Start(**found.settings["start"])
     for label in labels:
@@ -61,7 +98,10 @@ def test_an_outage_is_bit_for_bit_a_run_without_its_fixes(solutions, outages):
         for window in found.windows:
             hidden = recording.hidden([window] if found.sweep else found.windows, FIXES)
             same_rows(solutions[name, window[0]], sd.fuse(hidden, name, start=start, **options))
-    assert any("GNSS velocity" in names and "barometer" in names for names in found.settings["sources"].values())
+    assert any(
+        "GNSS velocity" in names and "barometer" in names
+        for names in found.settings["sources"].values()
+    )
     assert found.sweep == ("@" in outages) and not found.summary["failures"].any()
 
 
@@ -71,7 +111,12 @@ def test_a_few_samples_of_it(solutions, filter):
     recording = flight(20.0)
     found = sd.compare(recording, [filter], "5@8:18/5", threads=1)
     for window in found.windows:
-        same_rows(solutions[filter, window[0]], sd.fuse(recording.hidden([window], FIXES), filter, start=sd.Start(**found.settings["start"])))
+        same_rows(
+            solutions[filter, window[0]],
+            sd.fuse(
+                recording.hidden([window], FIXES), filter, start=sd.Start(**found.settings["start"])
+            ),
+        )
 
 
 def test_an_ahrs_that_uses_what_is_withheld_runs_anew_for_each_outage(solutions):
@@ -81,36 +126,59 @@ def test_an_ahrs_that_uses_what_is_withheld_runs_anew_for_each_outage(solutions)
     start = sd.Start(**found.settings["start"])
     for window in found.windows:
         for name in found.filters:
-            same_rows(solutions[name, window[0]], sd.fuse(recording.hidden([window], kinds), name, start=start))
-    whole = sd.fuse(recording, "direct-ahrs", start=start)      # the comparison can tell
+            same_rows(
+                solutions[name, window[0]],
+                sd.fuse(recording.hidden([window], kinds), name, start=start),
+            )
+    whole = sd.fuse(recording, "direct-ahrs", start=start)  # the comparison can tell
     with pytest.raises(AssertionError):
         same_rows(solutions["direct-ahrs", found.windows[0][0]], whole)
 
 
 def test_an_ahrs_that_all_outages_together_leave_nothing_runs_for_each(solutions):
     recording, kinds = sensed(), (*FIXES, "magnetic-field")
-    late = replace(recording, aidings=tuple(a.between(22.0, 99.0) if a.kind == "magnetic-field" else a for a in recording.aidings))
+    late = replace(
+        recording,
+        aidings=tuple(
+            a.between(22.0, 99.0) if a.kind == "magnetic-field" else a for a in recording.aidings
+        ),
+    )
     found = sd.compare(late, ["closed-loop", "direct-ahrs"], "19@22:60/19", kinds=kinds)
-    assert not found.summary["failures"].any() and {name for name, _ in solutions} == {"closed-loop", "direct-ahrs"}
+    assert not found.summary["failures"].any() and {name for name, _ in solutions} == {
+        "closed-loop",
+        "direct-ahrs",
+    }
     hidden = late.hidden([found.windows[0]], kinds)
-    same_rows(solutions["direct-ahrs", 22.0], sd.fuse(hidden, "direct-ahrs", start=sd.Start(**found.settings["start"])))
+    same_rows(
+        solutions["direct-ahrs", 22.0],
+        sd.fuse(hidden, "direct-ahrs", start=sd.Start(**found.settings["start"])),
+    )
 
 
 def test_the_scores_are_those_of_sd_outages():
     recording = sensed()
     found = sd.compare(recording, ["closed-loop", "open-loop"], "22:30,40:49")
     for name in found.filters:
-        solution = sd.fuse(recording.hidden(found.windows, FIXES), name, start=sd.Start(**found.settings["start"]))
+        solution = sd.fuse(
+            recording.hidden(found.windows, FIXES), name, start=sd.Start(**found.settings["start"])
+        )
         own = found.scores[found.scores["filter"] == name]
-        for outage, (_, row) in zip(sd.outages(solution, recording.reference, found.windows), own.iterrows()):
-            assert outage.rms == pytest.approx([row["north_rmse_m"], row["east_rmse_m"], row["down_rmse_m"]], rel=1e-9)
-            assert (outage.horizontal_max, outage.horizontal_end) == pytest.approx((row["horizontal_max_m"], row["horizontal_end_m"]), rel=1e-9)
+        for outage, (_, row) in zip(
+            sd.outages(solution, recording.reference, found.windows), own.iterrows()
+        ):
+            assert outage.rms == pytest.approx(
+                [row["north_rmse_m"], row["east_rmse_m"], row["down_rmse_m"]], rel=1e-9
+            )
+            assert (outage.horizontal_max, outage.horizontal_end) == pytest.approx(
+                (row["horizontal_max_m"], row["horizontal_end_m"]), rel=1e-9
+            )
             e = sd.rms(sd.errors(solution, recording.reference), (outage.start, outage.stop))
             assert row["heading_rmse_deg"] == pytest.approx(np.degrees(e.rph[2]), rel=1e-9)
             assert row["velocity_rmse_m_s"] == pytest.approx(np.linalg.norm(e.velocity), rel=1e-9)
 
 
 # ---- fairness
+
 
 @pytest.mark.short
 def test_all_filters_have_the_same_start_noise_and_fixes_withheld(monkeypatch):
@@ -120,13 +188,21 @@ def test_all_filters_have_the_same_start_noise_and_fixes_withheld(monkeypatch):
         run = begin(recording, filter, imu, start, noise, *others)
         given.append((start, run.start, run.noise, [tuple(a.t) for a in run.recording.aidings]))
         return run
+
     monkeypatch.setattr(runs, "begin", begin)
     recording = flight(20.0)
     found = sd.compare(recording, ["closed-loop", "open-loop", "mekf"], "8:12,14:18")
-    assert len(given) == 3 and all(each == given[0] for each in given) and given[0][0] == given[0][1]
+    assert (
+        len(given) == 3 and all(each == given[0] for each in given) and given[0][0] == given[0][1]
+    )
     hidden = recording.hidden(found.windows)
-    assert given[0][0] == sd.align(hidden, sd.grade("tactical")) and given[0][3] == [tuple(a.t) for a in hidden.aidings]
-    assert found.settings["withheld"] == {a.name: 8 for a in recording.aidings} and found.settings["noise"] == sd.grade("tactical").noise()._asdict()
+    assert given[0][0] == sd.align(hidden, sd.grade("tactical")) and given[0][3] == [
+        tuple(a.t) for a in hidden.aidings
+    ]
+    assert (
+        found.settings["withheld"] == {a.name: 8 for a in recording.aidings}
+        and found.settings["noise"] == sd.grade("tactical").noise()._asdict()
+    )
     assert found.settings["start"]["note"].startswith("position and velocity at")
 
 
@@ -142,74 +218,150 @@ def test_the_start_knows_nothing_of_what_is_withheld():
 @pytest.mark.short
 def test_the_order_of_filters_and_the_number_of_threads_change_nothing():
     names = ["closed-loop", "mekf", "open-loop"]
-    one, other = sd.compare(flight(20.0), names, "4@8:18/3", threads=1), sd.compare(flight(20.0), names[::-1], "4@8:18/3", threads=3)
+    one, other = (
+        sd.compare(flight(20.0), names, "4@8:18/3", threads=1),
+        sd.compare(flight(20.0), names[::-1], "4@8:18/3", threads=3),
+    )
     for name in names:
-        a, b = (each.scores[each.scores["filter"] == name].reset_index(drop=True) for each in (one, other))
+        a, b = (
+            each.scores[each.scores["filter"] == name].reset_index(drop=True)
+            for each in (one, other)
+        )
         pd.testing.assert_frame_equal(a, b)
-    pair = lambda made, a, b: made.paired.query(f"a == '{a}' and b == '{b}' and axis == 'horizontal'").iloc[0]
-    assert pair(one, "closed-loop", "open-loop")["ratio"] == pytest.approx(1 / pair(other, "open-loop", "closed-loop")["ratio"], rel=1e-12)
+    pair = lambda made, a, b: made.paired.query(
+        f"a == '{a}' and b == '{b}' and axis == 'horizontal'"
+    ).iloc[0]
+    assert pair(one, "closed-loop", "open-loop")["ratio"] == pytest.approx(
+        1 / pair(other, "open-loop", "closed-loop")["ratio"], rel=1e-12
+    )
     assert list(one.scores["filter"].unique()) == names and list(other.filters) == names[::-1]
 
 
 def test_a_given_start_and_noise_are_used():
-    noise, start = sd.grade("consumer").noise(), sd.align(sensed(), sd.grade("industrial"))._replace(ba=(0.1, 0.0, 0.0))
-    found = sd.compare(sensed(), [("closed-loop", {"error_model": "corrected"})], "22:30", start=start, noise=noise)
+    noise, start = (
+        sd.grade("consumer").noise(),
+        sd.align(sensed(), sd.grade("industrial"))._replace(ba=(0.1, 0.0, 0.0)),
+    )
+    found = sd.compare(
+        sensed(), [("closed-loop", {"error_model": "corrected"})], "22:30", start=start, noise=noise
+    )
     solution = sd.fuse(sensed().hidden([(22.0, 30.0)], FIXES), start=start, noise=noise)
-    assert found.scores["north_rmse_m"][0] == pytest.approx(sd.outages(solution, sensed().reference, [(22.0, 30.0)])[0].rms[0], rel=1e-9)
+    assert found.scores["north_rmse_m"][0] == pytest.approx(
+        sd.outages(solution, sensed().reference, [(22.0, 30.0)])[0].rms[0], rel=1e-9
+    )
 
 
 def test_default_filters_are_all_that_estimate_a_position_but_the_slow_ones():
     found = sd.compare(sensed(40.0), outages="25:35")
-    assert {"closed-loop", "direct-ahrs", "fixed-gain"} <= set(found.filters) and not {"attitude-mekf", "mahony", "vru", "pkf"} & set(found.filters)
+    assert {"closed-loop", "direct-ahrs", "fixed-gain"} <= set(found.filters) and not {
+        "attitude-mekf",
+        "mahony",
+        "vru",
+        "pkf",
+    } & set(found.filters)
     named = sd.compare(flight(20.0), "pkf:components=2", "8:12")
-    assert set(named.filters) == {"pkf:components=2"} and np.isfinite(named.scores["north_rmse_m"]).all()
+    assert (
+        set(named.filters) == {"pkf:components=2"}
+        and np.isfinite(named.scores["north_rmse_m"]).all()
+    )
 
 
 # ---- what does not work
 
+
 def test_a_filter_that_cannot_run_stays_with_what_it_said():
     found = sd.compare(flight(20.0), ["closed-loop", "fixed-gain"], "8:12,14:18")
     own = found.scores[found.scores["filter"] == "fixed-gain"]
-    assert len(own) == 2 and own["north_rmse_m"].isna().all() and own["said"].str.contains("needs attitude aiding").all()
-    assert found.tracks["fixed-gain"] == [None, None] and np.isfinite(found.scores["north_rmse_m"][:2]).all()
-    assert list(found.summary["failures"]) == [0, 2] and found.paired["ratio"].isna().all() and found.table()[("North", "fixed-gain")].isna().all()
-    with pytest.raises(DataError, match="no filter got through any outage; fixed-gain: .*needs attitude"):
+    assert (
+        len(own) == 2
+        and own["north_rmse_m"].isna().all()
+        and own["said"].str.contains("needs attitude aiding").all()
+    )
+    assert (
+        found.tracks["fixed-gain"] == [None, None]
+        and np.isfinite(found.scores["north_rmse_m"][:2]).all()
+    )
+    assert (
+        list(found.summary["failures"]) == [0, 2]
+        and found.paired["ratio"].isna().all()
+        and found.table()[("North", "fixed-gain")].isna().all()
+    )
+    with pytest.raises(
+        DataError, match="no filter got through any outage; fixed-gain: .*needs attitude"
+    ):
         sd.compare(flight(20.0), ["fixed-gain"], "8:12")
 
 
-@pytest.mark.parametrize("outages, scored", [("4:6,8:12,14:18", [True, False, False]), ("2@4:18/4", [True, False, False, False])])
+@pytest.mark.parametrize(
+    "outages, scored",
+    [("4:6,8:12,14:18", [True, False, False]), ("2@4:18/4", [True, False, False, False])],
+)
 @pytest.mark.short
 def test_a_filter_that_stops_keeps_the_outages_before(outages, scored):
-    """A force that throws it beyond 89 deg of latitude at 9 s: in the second outage, and before the others."""
+    """A force that throws it beyond 89 deg of latitude at 9 s: in the second outage, and before
+    the others."""
     recording = flight(20.0)
     dv = recording.imu.dv.copy()
     dv[np.searchsorted(recording.imu.t, 9.0)] = 1e9
-    found = sd.compare(replace(recording, imu=recording.imu._replace(dv=dv)), ["closed-loop"], outages)
-    assert list(np.isfinite(found.scores["horizontal_rmse_m"])) == scored and [track is not None for track in found.tracks["closed-loop"]] == scored
-    assert all(bool(said) != good and (good or "stopped at 9" in said) for said, good in zip(found.scores["said"], scored))
+    found = sd.compare(
+        replace(recording, imu=recording.imu._replace(dv=dv)), ["closed-loop"], outages
+    )
+    assert (
+        list(np.isfinite(found.scores["horizontal_rmse_m"])) == scored
+        and [track is not None for track in found.tracks["closed-loop"]] == scored
+    )
+    assert all(
+        bool(said) != good and (good or "stopped at 9" in said)
+        for said, good in zip(found.scores["said"], scored)
+    )
 
 
 REFUSED = [
-    (dict(outages="8:12,10:14"), "overlap"), (dict(outages="300/600"), "longer than the recording"),
-    (dict(outages="15:25"), "outside the recording"), (dict(outages="0:5"), "before the alignment is done"),
-    (dict(outages="1:5"), "before the alignment is done"), (dict(outages="8.1:8.4"), "no fix of position or velocity"),
-    (dict(outages="5@8:18/0"), "step is 0 s"), (dict(outages="ten"), "'ten' is no window"),
-    (dict(filters=["kalman"]), "no filter is called 'kalman'"), (dict(filters=["closed-loop:gain=2"]), "no option 'gain'"),
-    (dict(filters=["mahony"]), "mahony estimates no position"), (dict(filters=[]), "no filter"),
-    (dict(filters=["mekf", "mekf"]), "'mekf' is there twice"), (dict(filters=[5]), "5 is no filter"),
-    (dict(filters=[("mekf", 5)]), "is no filter"), (dict(kinds=()), "kinds is empty"), (dict(kinds=("gnss",)), "'gnss'"),
-    (dict(kinds="heading"), "no fix of heading"), (dict(threads=0), "threads is 0"), (dict(start=5.0), "must be a Start"),
-    (dict(imu="best"), "best"), (dict(filters=["fixed-gain"], ahrs="mekf"), "no AHRS"),
-    (dict(ahrs="nope"), "'nope', which is no AHRS; there are: attitude-mekf"), (dict(ahrs=5), "no AHRS"),
+    (dict(outages="8:12,10:14"), "overlap"),
+    (dict(outages="300/600"), "longer than the recording"),
+    (dict(outages="15:25"), "outside the recording"),
+    (dict(outages="0:5"), "before the alignment is done"),
+    (dict(outages="1:5"), "before the alignment is done"),
+    (dict(outages="8.1:8.4"), "no fix of position or velocity"),
+    (dict(outages="5@8:18/0"), "step is 0 s"),
+    (dict(outages="ten"), "'ten' is no window"),
+    (dict(filters=["kalman"]), "no filter is called 'kalman'"),
+    (dict(filters=["closed-loop:gain=2"]), "no option 'gain'"),
+    (dict(filters=["mahony"]), "mahony estimates no position"),
+    (dict(filters=[]), "no filter"),
+    (dict(filters=["mekf", "mekf"]), "'mekf' is there twice"),
+    (dict(filters=[5]), "5 is no filter"),
+    (dict(filters=[("mekf", 5)]), "is no filter"),
+    (dict(kinds=()), "kinds is empty"),
+    (dict(kinds=("gnss",)), "'gnss'"),
+    (dict(kinds="heading"), "no fix of heading"),
+    (dict(threads=0), "threads is 0"),
+    (dict(start=5.0), "must be a Start"),
+    (dict(imu="best"), "best"),
+    (dict(filters=["fixed-gain"], ahrs="mekf"), "no AHRS"),
+    (dict(ahrs="nope"), "'nope', which is no AHRS; there are: attitude-mekf"),
+    (dict(ahrs=5), "no AHRS"),
     (dict(filters=[("periodic-reset", {"interval": None})]), "interval is None"),
-    (dict(filters=[("periodic-reset", {"interval": [1]})]), "interval is [1]"), (dict(filters=5), "filters is 5"),
-    (dict(kinds=None), "kinds is None"), (dict(kinds=5), "kinds is 5"), (dict(kinds=[["position"]]), "kinds is [['position']]"),
-    (dict(noise=5), "noise is 5"), (dict(noise=0), "noise is 0"),
-    (dict(recording="flight.nc"), "recording is 'flight.nc'; it must be a Recording"), (dict(recording=None), "recording is None"),
-    (dict(outages="1e-8/2e-8"), "more than 5000 windows"), (dict(outages="8:8.06"), "shorter than two IMU samples"),
+    (dict(filters=[("periodic-reset", {"interval": [1]})]), "interval is [1]"),
+    (dict(filters=5), "filters is 5"),
+    (dict(kinds=None), "kinds is None"),
+    (dict(kinds=5), "kinds is 5"),
+    (dict(kinds=[["position"]]), "kinds is [['position']]"),
+    (dict(noise=5), "noise is 5"),
+    (dict(noise=0), "noise is 0"),
+    (dict(recording="flight.nc"), "recording is 'flight.nc'; it must be a Recording"),
+    (dict(recording=None), "recording is None"),
+    (dict(outages="1e-8/2e-8"), "more than 5000 windows"),
+    (dict(outages="8:8.06"), "shorter than two IMU samples"),
     (dict(filters=["mekf", "mekf:"]), "'mekf' is there twice"),
-    (dict(filters=["periodic-reset:interval=5", ("periodic-reset", {"interval": 5})]), "'periodic-reset:interval=5' is there twice"),
-    (dict(filters=["fixed-gain:k1=0.6,k2=0.5", "fixed-gain: k2=0.50, k1=.6"]), "'fixed-gain:k1=0.6,k2=0.5' is there twice"),
+    (
+        dict(filters=["periodic-reset:interval=5", ("periodic-reset", {"interval": 5})]),
+        "'periodic-reset:interval=5' is there twice",
+    ),
+    (
+        dict(filters=["fixed-gain:k1=0.6,k2=0.5", "fixed-gain: k2=0.50, k1=.6"]),
+        "'fixed-gain:k1=0.6,k2=0.5' is there twice",
+    ),
 ]
 
 
@@ -217,18 +369,33 @@ REFUSED = [
 @pytest.mark.short
 def test_bad_input_is_refused_in_a_line(given, said):
     with pytest.raises(DataError) as error:
-        sd.compare(**{"recording": flight(20.0), "filters": ["closed-loop"], "outages": "8:12", **given})
+        sd.compare(
+            **{"recording": flight(20.0), "filters": ["closed-loop"], "outages": "8:12", **given}
+        )
     assert said in str(error.value) and "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("change, said", [
-    (lambda reference: None, "no reference"), (lambda reference: replace(reference, lla=np.full_like(reference.lla, np.nan)), "has no position"),
-    (lambda reference: replace(reference, t=reference.t + 1000), r"the reference covers 10\d\d\S* to 1020 s, the recording 0 to 20 s; check its clock"),
-    (lambda reference: replace(reference, t=reference.t - 18), "reference")])
+@pytest.mark.parametrize(
+    "change, said",
+    [
+        (lambda reference: None, "no reference"),
+        (
+            lambda reference: replace(reference, lla=np.full_like(reference.lla, np.nan)),
+            "has no position",
+        ),
+        (
+            lambda reference: replace(reference, t=reference.t + 1000),
+            r"the reference covers 10\d\d\S* to 1020 s, the recording 0 to 20 s; check its clock",
+        ),
+        (lambda reference: replace(reference, t=reference.t - 18), "reference"),
+    ],
+)
 @pytest.mark.short
 def test_a_reference_that_cannot_score_is_refused(change, said):
     with pytest.raises(DataError, match=said) as error:
-        sd.compare(replace(flight(20.0), reference=change(flight(20.0).reference)), ["closed-loop"], "8:12")
+        sd.compare(
+            replace(flight(20.0), reference=change(flight(20.0).reference)), ["closed-loop"], "8:12"
+        )
     assert "\n" not in str(error.value)
 
 
@@ -244,10 +411,14 @@ def test_a_recording_without_an_imu_grade_or_positions_is_refused():
 @pytest.mark.parametrize("outages", ["3:", "3:19,19.5:20", "2@3:20/2", "3/4", [(0.0, 20.0)]])
 @pytest.mark.short
 def test_an_outage_before_the_alignment_of_all_fixes_is_refused(outages):
-    """A flight whose fixes begin late: without those of the outage it could start later, or not at all."""
+    """A flight whose fixes begin late: without those of the outage it could start later, or not
+    at all."""
     made = flight(20.0)
     late = replace(made, aidings=tuple(a.between(5.0, 99.0) for a in made.aidings))
-    with pytest.raises(DataError, match=r"begins before the alignment is done, at 5 s; give later outages \(or, in Python"):
+    with pytest.raises(
+        DataError,
+        match=r"begins before the alignment is done, at 5 s; give later outages \(or, in Python",
+    ):
         sd.compare(late, ["closed-loop"], outages)
 
 
@@ -255,23 +426,38 @@ def test_events_are_noted_by_kind_with_the_range_of_their_numbers():
     """Times are of the run, so "here" has no meaning in a note."""
     held = lambda seconds: (9.0, f"held for {seconds} s in all, first here")
     gnss = (9.0, "GNSS2: left out from here until 1 passes")
-    results = [[({}, None, [held(21.9), held(3)]), ({}, None, [held("1e-05"), gnss]), "stopped"], ["stopped", ({}, None, [held(3)]), "stopped"]]
-    assert _events(["a", "b"], results) == ["in the runs with outages: held for 1e-05 to 21.9 s in all (runs: a 2, b 1)",
-                                            "in the runs with outages: GNSS2: left out until 1 passes (runs: a 1)"]
+    results = [
+        [({}, None, [held(21.9), held(3)]), ({}, None, [held("1e-05"), gnss]), "stopped"],
+        ["stopped", ({}, None, [held(3)]), "stopped"],
+    ]
+    assert _events(["a", "b"], results) == [
+        "in the runs with outages: held for 1e-05 to 21.9 s in all (runs: a 2, b 1)",
+        "in the runs with outages: GNSS2: left out until 1 passes (runs: a 1)",
+    ]
 
 
 # ---- around it
 
+
 @pytest.mark.short
 def test_a_fix_of_several_windows_is_withheld_once_and_an_idle_ahrs_is_noted():
     found = sd.compare(flight(20.0), ["closed-loop:"], "4@8:18/1", ahrs="mahony")
-    assert found.settings["withheld"] == {a.name: 10 for a in flight(20.0).aidings} and len(found.windows) == 7
-    assert "mahony fed no filter, for none of these needs an attitude" in found.notes and found.filters == ("closed-loop",)
+    assert (
+        found.settings["withheld"] == {a.name: 10 for a in flight(20.0).aidings}
+        and len(found.windows) == 7
+    )
+    assert (
+        "mahony fed no filter, for none of these needs an attitude" in found.notes
+        and found.filters == ("closed-loop",)
+    )
 
 
 def test_a_sweep_without_a_range_begins_a_minute_after_the_start():
     found = sd.compare(sensed(90.0), ["closed-loop"], "10@/5")
-    assert found.windows[0][0] == pytest.approx(found.settings["start"]["t"] + 60.0) and found.windows[-1][1] <= 90.0
+    assert (
+        found.windows[0][0] == pytest.approx(found.settings["start"]["t"] + 60.0)
+        and found.windows[-1][1] <= 90.0
+    )
 
 
 @pytest.mark.short
@@ -282,24 +468,37 @@ def test_progress_comes_to_one_and_files_are_written(tmp_path, monkeypatch):
     found.write(tmp_path / "out")
     for name in ("scores", "summary", "paired", "growth"):
         read = pd.read_csv(tmp_path / "out" / f"{name}.csv", keep_default_na=False, na_values=[""])
-        assert list(read.columns) == list(getattr(found, name).columns) and len(read) == len(getattr(found, name))
+        assert list(read.columns) == list(getattr(found, name).columns) and len(read) == len(
+            getattr(found, name)
+        )
     table = pd.read_csv(tmp_path / "out" / "table.csv", index_col="outage")
-    assert table["North closed-loop, m"].to_numpy() == pytest.approx(found.table()[("North", "closed-loop")].to_numpy(), rel=1e-6)
-    assert re.search("compar|outage", (tmp_path / "out" / "index.html").read_text(), re.I) and "2 filters, 3 outages" in repr(found)
+    assert table["North closed-loop, m"].to_numpy() == pytest.approx(
+        found.table()[("North", "closed-loop")].to_numpy(), rel=1e-6
+    )
+    assert re.search(
+        "compar|outage", (tmp_path / "out" / "index.html").read_text(), re.I
+    ) and "2 filters, 3 outages" in repr(found)
 
 
 def test_an_imu_gap_is_noted():
     recording = flight(20.0)
     keep = (recording.imu.t <= 9.0) | (recording.imu.t > 9.4)
-    found = sd.compare(replace(recording, imu=Imu(*(column[keep] for column in recording.imu))), ["closed-loop", "mekf"], "8:12")
+    found = sd.compare(
+        replace(recording, imu=Imu(*(column[keep] for column in recording.imu))),
+        ["closed-loop", "mekf"],
+        "8:12",
+    )
     assert any("IMU gap of 0.4 s" in note for note in found.notes)
 
 
 def test_drive_is_scored_as_fuse_scores_it(data_folder, solutions, monkeypatch):
-    """The reference point of the car is not its IMU, and the reference is the withheld RTK itself."""
+    """The reference point of the car is not its IMU, and the reference is the withheld RTK
+    itself."""
     monkeypatch.setenv("STRAPDOWN_DATA", str(data_folder))
     recording = sd.read("examples/recordings/drive0708-vehicle.toml")
-    windows = moving_windows(recording.reference, count=2, length=15.0, every=50.0, after=60.0, speed=4.0)
+    windows = moving_windows(
+        recording.reference, count=2, length=15.0, every=50.0, after=60.0, speed=4.0
+    )
     found = sd.compare(recording, ["closed-loop"], windows)
     whole = sd.fuse(recording.hidden(windows, FIXES), start=sd.Start(**found.settings["start"]))
     for window in windows:

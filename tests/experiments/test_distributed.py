@@ -1,4 +1,5 @@
 """Studies on Dask: workers that die, runs that kill them, schedulers that are not there."""
+
 import os
 import signal
 
@@ -9,7 +10,9 @@ import strapdown as sd
 from strapdown.core.jit import COMPILED
 from strapdown.sensor_models.imu import ImuSpec, grade
 
-pytestmark = pytest.mark.skipif(not COMPILED, reason="worker processes without the compiler are too slow")
+pytestmark = pytest.mark.skipif(
+    not COMPILED, reason="worker processes without the compiler are too slow"
+)
 
 
 class Deadly(ImuSpec):
@@ -42,6 +45,7 @@ def classes_travel_by_value():
     import sys
 
     import cloudpickle
+
     cloudpickle.register_pickle_by_value(sys.modules[__name__])
     yield
     cloudpickle.unregister_pickle_by_value(sys.modules[__name__])
@@ -51,15 +55,21 @@ def test_a_run_that_kills_its_worker_is_quarantined_and_the_others_stay(tmp_path
     said = []
     found = study(imus=spec(Deadly), runs=6).run(tmp_path / "deadly", workers=1, say=said.append)
     whole = study(runs=6).run()
-    assert list(found.runs.end[found.runs["filter"] == "open-loop"]) == ["survived"] * 3 + ["quarantined"] + ["survived"] * 2
+    assert (
+        list(found.runs.end[found.runs["filter"] == "open-loop"])
+        == ["survived"] * 3 + ["quarantined"] + ["survived"] * 2
+    )
     assert any("run 3 kills its worker; it is quarantined (seed 0, run 3)" in line for line in said)
     others = found.runs.run != 3
-    assert found.runs[others].rmse_position_m.tolist() == whole.runs[others].rmse_position_m.tolist()
+    assert (
+        found.runs[others].rmse_position_m.tolist() == whole.runs[others].rmse_position_m.tolist()
+    )
     assert found.summary.quarantined.tolist() == [1, 1]
 
 
 def test_workers_that_do_not_come_back_are_replaced(monkeypatch):
     from strapdown.experiments.monte_carlo import distributed
+
     monkeypatch.setattr(distributed, "PATIENCE", 0.5)
     with distributed._client(1, None) as client:
         client.cluster.scale(0)
@@ -69,12 +79,17 @@ def test_workers_that_do_not_come_back_are_replaced(monkeypatch):
 def test_a_worker_killed_from_outside_costs_nothing(tmp_path):
     mark = tmp_path / "mark"
     found = study(imus=spec(Clumsy, str(mark)), runs=6).run(tmp_path / "clumsy", workers=1)
-    assert mark.exists() and tables(found.folder) == tables(study(runs=6).run(tmp_path / "whole").folder)
+    assert mark.exists() and tables(found.folder) == tables(
+        study(runs=6).run(tmp_path / "whole").folder
+    )
 
 
 def test_a_scheduler_of_ones_own_and_one_that_is_not_there(tmp_path, monkeypatch):
     from dask.distributed import LocalCluster
-    with LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0") as cluster:
+
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
+    ) as cluster:
         found = study(runs=6).run(tmp_path / "cluster", scheduler=cluster.scheduler_address)
     assert tables(found.folder) == tables(study(runs=6).run(tmp_path / "whole").folder)
     monkeypatch.setattr("strapdown.experiments.monte_carlo.distributed.PATIENCE", 1)

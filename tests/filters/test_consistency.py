@@ -1,16 +1,19 @@
-"""Honest covariances: NEES and NIS over 100 flights inside their chi-square bands, for every filter whose model is the simulator's.
+"""Honest covariances: NEES and NIS over 100 flights inside their chi-square bands, for every filter
+whose model is the simulator's.
 
-The truth is simulated once; sensors and the initial error (from P0) are drawn per seed. To add a filter, add a line to FILTERS.
+The truth is simulated once; sensors and the initial error (from P0) are drawn per seed. To add a
+filter, add a line to FILTERS.
 """
+
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from recordings import ahrs
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from recordings import ahrs
 from strapdown.core.contract import STATES
 from strapdown.recording import Recording
 from strapdown.sensor_models.gnss import Gnss
@@ -22,27 +25,49 @@ pytestmark = pytest.mark.slow
 
 SEEDS, DURATION, RATE = 100, 600, 50
 BAND = 0.930, 1.073
-"""chi-square quantiles 2.5 % and 97.5 % of 1500 degrees of freedom over 1500: of the mean of NEES/15 over 100 runs."""
+"""chi-square quantiles 2.5 % and 97.5 % of 1500 degrees of freedom over 1500: of the mean of
+NEES/15 over 100 runs."""
 INSIDE = 0.90
-"""Least share of the epochs inside the band. The epochs of a run are correlated, so that a right filter falls below it now and then.
+"""Least share of the epochs inside the band. The epochs of a run are correlated, so that a right
+filter falls below it now and then.
 
-Measured with 600 other seeds: 1 in 170 sets of 100 seeds for MEMS, 1 in 65 for WALK, 1 in 6 for NAVIGATION, whose errors change slowest.
+Measured with 600 other seeds: 1 in 170 sets of 100 seeds for MEMS, 1 in 65 for WALK, 1 in 6 for
+NAVIGATION, whose errors change slowest.
 """
 
 
 def weaving():
-    """At 40 m/s: turns of 70 deg to both sides every 35 s, banked, with climbs and a little pitch."""
+    """At 40 m/s: turns of 70 deg to both sides every 35 s, banked, with climbs and a little
+    pitch."""
     wave = lambda t, period: np.sin(2 * np.pi * t / period)
-    speed, course = lambda t: 40 + 5 * wave(t, 50.0), lambda t: DEG * (30 + 70 * wave(t, 35.0) + 40 * wave(t, 90.0))
-    rate = lambda t: DEG * (70 * 2 * np.pi / 35 * np.cos(2 * np.pi * t / 35) + 40 * 2 * np.pi / 90 * np.cos(2 * np.pi * t / 90))
-    return Motion("weaving", (DEG * 47.0, DEG * 8.0, 800.0), lambda t: (speed(t) * np.cos(course(t)), speed(t) * np.sin(course(t)), 2 * wave(t, 60.0)),
-                  lambda t: (np.arctan(speed(t) * rate(t) / 9.81), DEG * (2 + 3 * wave(t, 7.0)), course(t)))
+    speed, course = (
+        lambda t: 40 + 5 * wave(t, 50.0),
+        lambda t: DEG * (30 + 70 * wave(t, 35.0) + 40 * wave(t, 90.0)),
+    )
+    rate = lambda t: (
+        DEG
+        * (
+            70 * 2 * np.pi / 35 * np.cos(2 * np.pi * t / 35)
+            + 40 * 2 * np.pi / 90 * np.cos(2 * np.pi * t / 90)
+        )
+    )
+    return Motion(
+        "weaving",
+        (DEG * 47.0, DEG * 8.0, 800.0),
+        lambda t: (speed(t) * np.cos(course(t)), speed(t) * np.sin(course(t)), 2 * wave(t, 60.0)),
+        lambda t: (np.arctan(speed(t) * rate(t) / 9.81), DEG * (2 + 3 * wave(t, 7.0)), course(t)),
+    )
 
 
 def made_flight(duration=DURATION, rate=RATE):
-    """(truth at the times of the fixes, IMU without errors, truth at 10 Hz for an AHRS); the IMU has `rate` samples per second."""
+    """(truth at the times of the fixes, IMU without errors, truth at 10 Hz for an AHRS); the IMU
+    has `rate` samples per second."""
     t = np.arange(duration * rate + 1) / rate
-    return sample(weaving(), t[::rate]), increments(weaving(), t), sample(weaving(), t[::rate // 10])
+    return (
+        sample(weaving(), t[::rate]),
+        increments(weaving(), t),
+        sample(weaving(), t[:: rate // 10]),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -51,10 +76,22 @@ def flight():
     return made_flight()
 
 
-MEMS = ImuSpec("Gauss-Markov MEMS", Triad(noise=1e-3, gauss_markov=1e-3, time_constant=20.0), Triad(noise=1e-2, gauss_markov=0.05, time_constant=20.0))
-WALK = ImuSpec("walking MEMS", Triad(noise=3e-4, turn_on_bias=1e-4, bias_walk=1e-4), Triad(noise=3e-3, turn_on_bias=5e-3, bias_walk=3e-3))
-NAVIGATION = ImuSpec("navigation", Triad(noise=6e-7, turn_on_bias=2e-8, bias_walk=1e-9), Triad(noise=5e-5, turn_on_bias=2.5e-4, bias_walk=1e-5))
-WANDERING = 20.0    # s: in place of a rate, an AHRS whose errors are alike for so long
+MEMS = ImuSpec(
+    "Gauss-Markov MEMS",
+    Triad(noise=1e-3, gauss_markov=1e-3, time_constant=20.0),
+    Triad(noise=1e-2, gauss_markov=0.05, time_constant=20.0),
+)
+WALK = ImuSpec(
+    "walking MEMS",
+    Triad(noise=3e-4, turn_on_bias=1e-4, bias_walk=1e-4),
+    Triad(noise=3e-3, turn_on_bias=5e-3, bias_walk=3e-3),
+)
+NAVIGATION = ImuSpec(
+    "navigation",
+    Triad(noise=6e-7, turn_on_bias=2e-8, bias_walk=1e-9),
+    Triad(noise=5e-5, turn_on_bias=2.5e-4, bias_walk=1e-5),
+)
+WANDERING = 20.0  # s: in place of a rate, an AHRS whose errors are alike for so long
 COARSE, FINE = np.radians([0.5, 0.5, 2.0]), np.radians([0.01, 0.01, 0.05])
 
 FILTERS = [
@@ -66,7 +103,12 @@ FILTERS = [
     ("ukf", {}, WALK, COARSE),
     ("closed-loop-error-bias", {}, MEMS, COARSE),
     ("periodic-reset", {"interval": 10.0}, WALK, COARSE),
-    ("open-loop", {}, NAVIGATION, FINE),    # with a worse IMU, or a coarse start, its INS leaves the linear model
+    (
+        "open-loop",
+        {},
+        NAVIGATION,
+        FINE,
+    ),  # with a worse IMU, or a coarse start, its INS leaves the linear model
     ("pkf", {"components": 20}, WALK, COARSE),
     ("pkf", {"components": 3, "kernel": 0.9, "resample": 1.0}, WALK, COARSE),
     ("direct-ahrs", {}, WALK, COARSE, 1),
@@ -75,21 +117,27 @@ FILTERS = [
     ("indirect-ahrs-closed", {}, MEMS, COARSE, 1),
     ("indirect-ahrs-open", {}, WALK, COARSE, 10),
 ]
-"""Name, options, IMU, sd of the initial attitude (rad) and, where there is an AHRS with white errors, its records per second."""
+"""Name, options, IMU, sd of the initial attitude (rad) and, where there is an AHRS with white
+errors, its records per second."""
 
 
 LESS = {"ukf": (DURATION, 20), "pkf": (180, RATE)}
 """Seconds of flight and IMU samples per second of the two filters whose steps take longest.
 
-What the particle filter's lines check: 20 components that each start elsewhere, with weights by their likelihoods, and mean and covariance made of
-them: with the default width for so few, 0.99 of the mixture's, 13 are effective in the end, and none is drawn anew (with 0.79 the share inside is 0).
-Three that are drawn anew at every fix. What resampling more of them costs is in docs/particle.md. In so short a flight 1 in 12 sets of 100 other
-seeds falls below INSIDE (closed loop).
+What the particle filter's lines check: 20 components that each start elsewhere, with weights by
+their likelihoods, and mean and covariance made of them: with the default width for so few, 0.99 of
+the mixture's, 13 are effective in the end, and none is drawn anew (with 0.79 the share inside is
+0). Three that are drawn anew at every fix. What resampling more of them costs is in
+docs/particle.md. In so short a flight 1 in 12 sets of 100 other seeds falls below INSIDE (closed
+loop).
 """
 
 
-def flown(seed, flight, name, options, spec, attitude_sd, ahrs_rate=None, told=1.0, estimate=sd.fuse):
-    """(errors (epochs, 15), Solution) of one flight; the filter, or its smoother, is `told` that many times the true noise."""
+def flown(
+    seed, flight, name, options, spec, attitude_sd, ahrs_rate=None, told=1.0, estimate=sd.fuse
+):
+    """(errors (epochs, 15), Solution) of one flight; the filter, or its smoother, is `told` that
+    many times the true noise."""
     truth, ideal, often = flight
     of_imu, of_gnss, of_start, of_ahrs = np.random.default_rng(seed).spawn(4)
     imu, b_a, b_g = spec.corrupt(ideal, of_imu)
@@ -98,34 +146,70 @@ def flown(seed, flight, name, options, spec, attitude_sd, ahrs_rate=None, told=1
     start = draw_start(truth, start_sd, of_start)
     noise = spec.noise()._replace(gyro=told * spec.gyro.noise, accel=told * spec.accel.noise)
     fixes = tuple(replace(source, gate=np.inf) for source in Gnss().fixes(truth, of_gnss))
-    fixes += (wandering(often, of_ahrs) if ahrs_rate == WANDERING else ahrs(often, ahrs_rate, seed=of_ahrs, gate=np.inf),) if ahrs_rate else ()
-    solution = estimate(Recording(imu, fixes), name, noise=noise, start=start, every=round(1 / ideal.dt[0]), covariance=True, **options)
+    fixes += (
+        (
+            wandering(often, of_ahrs)
+            if ahrs_rate == WANDERING
+            else ahrs(often, ahrs_rate, seed=of_ahrs, gate=np.inf),
+        )
+        if ahrs_rate
+        else ()
+    )
+    solution = estimate(
+        Recording(imu, fixes),
+        name,
+        noise=noise,
+        start=start,
+        every=round(1 / ideal.dt[0]),
+        covariance=True,
+        **options,
+    )
     e, rows = sd.errors(solution, truth), np.searchsorted(ideal.t, solution.t - 1e-6)
-    return np.c_[e.position, e.velocity, e.attitude, b_a[rows] - solution.b_a, b_g[rows] - solution.b_g], solution
+    return np.c_[
+        e.position, e.velocity, e.attitude, b_a[rows] - solution.b_a, b_g[rows] - solution.b_g
+    ], solution
 
 
 def run(seed, flight, *line, **more):
-    """(NEES, NIS, innovations, sources) of one flight: (epochs,), (fixes,), (fixes, 3), (fixes,)."""
+    """(NEES, NIS, innovations, sources) of one flight: (epochs,), (fixes,), (fixes, 3),
+    (fixes,)."""
     error, solution = flown(seed, flight, *line, **more)
-    nees = np.einsum("ij,ij->i", error, np.linalg.solve(solution.covariance, error[:, :, None])[:, :, 0])
-    return nees, solution.innovations.nis, solution.innovations.innovation, solution.innovations.source
+    nees = np.einsum(
+        "ij,ij->i", error, np.linalg.solve(solution.covariance, error[:, :, None])[:, :, 0]
+    )
+    return (
+        nees,
+        solution.innovations.nis,
+        solution.innovations.innovation,
+        solution.innovations.source,
+    )
 
 
 def wandering(truth, rng):
-    """Attitude records at 2 Hz whose errors of 0.2, 0.2 and 0.5 deg are alike for WANDERING seconds (first-order Gauss-Markov)."""
+    """Attitude records at 2 Hz whose errors of 0.2, 0.2 and 0.5 deg are alike for WANDERING
+    seconds (first-order Gauss-Markov)."""
     white = ahrs(truth, 2.0, seed=rng, gate=np.inf)
     rows = np.searchsorted(truth.t, white.t - 1e-6)
-    error, keep = (Rotation.from_euler("ZYX", white.y[:, ::-1]) * truth.rotation[rows].inv()).as_rotvec(), np.exp(-0.5 / WANDERING)
-    error[1:] *= np.sqrt(1 - keep ** 2)
+    error, keep = (
+        (Rotation.from_euler("ZYX", white.y[:, ::-1]) * truth.rotation[rows].inv()).as_rotvec(),
+        np.exp(-0.5 / WANDERING),
+    )
+    error[1:] *= np.sqrt(1 - keep**2)
     for k in range(1, len(error)):
         error[k] += keep * error[k - 1]
-    return replace(white, y=(Rotation.from_rotvec(error) * truth.rotation[rows]).as_euler("ZYX")[:, ::-1])
+    return replace(
+        white, y=(Rotation.from_rotvec(error) * truth.rotation[rows]).as_euler("ZYX")[:, ::-1]
+    )
 
 
 def runs(flight, line, seeds=range(SEEDS), **more):
-    """NEES (runs, epochs), NIS (runs, fixes), innovations (runs, fixes, 3), their sources (runs, fixes)."""
+    """NEES (runs, epochs), NIS (runs, fixes), innovations (runs, fixes, 3), their sources (runs,
+    fixes)."""
     with ThreadPoolExecutor(2) as pool:
-        return [np.array(part) for part in zip(*pool.map(lambda seed: run(seed, flight, *line, **more), seeds))]
+        return [
+            np.array(part)
+            for part in zip(*pool.map(lambda seed: run(seed, flight, *line, **more), seeds))
+        ]
 
 
 def share_inside(nees):
@@ -134,24 +218,41 @@ def share_inside(nees):
     return np.mean((mean > BAND[0]) & (mean < BAND[1]))
 
 
-@pytest.mark.parametrize("line", FILTERS, ids=lambda line: ", ".join([line[0], line[2].name, *(f"AHRS at {rate} Hz" for rate in line[4:])]))
+@pytest.mark.parametrize(
+    "line",
+    FILTERS,
+    ids=lambda line: ", ".join(
+        [line[0], line[2].name, *(f"AHRS at {rate} Hz" for rate in line[4:])]
+    ),
+)
 def test_errors_are_as_large_as_the_covariance_says(flight, line):
     duration, rate = LESS.get(line[0], (DURATION, RATE))
-    nees, nis, innovation, source = runs(made_flight(duration, rate) if line[0] in LESS else flight, line)
+    nees, nis, innovation, source = runs(
+        made_flight(duration, rate) if line[0] in LESS else flight, line
+    )
     assert nees.shape == (SEEDS, duration)
     assert share_inside(nees) >= INSIDE
     assert nis.mean() / 3 == pytest.approx(1, abs=3.5 * np.sqrt(2 / (3 * nis.size)))
     for own in np.unique(source):
         settled = innovation[:, source[0] == own]
-        settled = settled[:, settled.shape[1] // 10:]
-        correlation = (settled[:, 1:] * settled[:, :-1]).mean(axis=(0, 1)) / (settled ** 2).mean(axis=(0, 1))
+        settled = settled[:, settled.shape[1] // 10 :]
+        correlation = (settled[:, 1:] * settled[:, :-1]).mean(axis=(0, 1)) / (settled**2).mean(
+            axis=(0, 1)
+        )
         assert np.abs(correlation).max() < 4 / np.sqrt(settled[..., 0].size)
 
 
 @pytest.mark.parametrize("name", ["direct-ahrs", "indirect-ahrs-closed", "indirect-ahrs-open"])
 def test_an_ahrs_whose_errors_last_is_not_believed_too_much_where_the_filter_is_told(flight, name):
-    """With `correlation` the covariance is at least as large as the errors; without it the filter is far too sure of itself."""
-    told, untold = (runs(flight, (name, {"correlation": seconds}, WALK, COARSE, WANDERING), range(20))[0][:, 60:].mean() / STATES for seconds in (WANDERING, 0.0))
+    """With `correlation` the covariance is at least as large as the errors; without it the
+    filter is far too sure of itself."""
+    told, untold = (
+        runs(flight, (name, {"correlation": seconds}, WALK, COARSE, WANDERING), range(20))[0][
+            :, 60:
+        ].mean()
+        / STATES
+        for seconds in (WANDERING, 0.0)
+    )
     assert 0.5 < told < 1.05 and untold > 3
 
 

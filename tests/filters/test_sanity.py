@@ -1,8 +1,11 @@
-"""Errors of the filters whose models allow no NEES mark, on the weaving flight of test_consistency: bounds on them and, where standard deviations are
-claimed, how often twice those hold. To add a filter, add a line to FILTERS.
+"""Errors of the filters whose models allow no NEES mark, on the weaving flight of test_consistency:
+bounds on them and, where standard deviations are claimed, how often twice those hold. To add a
+filter, add a line to FILTERS.
 
-The bounds are about twice what other seeds gave when the filter was added: they tell a filter that has lost its way, not a better one from a worse.
+The bounds are about twice what other seeds gave when the filter was added: they tell a filter that
+has lost its way, not a better one from a worse.
 """
+
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -13,17 +16,23 @@ from test_consistency import COARSE, MEMS, flight, flown  # noqa: F401
 from strapdown import filters
 from strapdown.core.contract import ATT, BA, BG, POS, VEL
 
-SEEDS, SETTLED = 10, 120    # flights; s
+SEEDS, SETTLED = 10, 120  # flights; s
 GROUPS = POS, VEL, ATT, BA, BG
 
 
 class Line(NamedTuple):
-    """A filter, its options, its AHRS (records per second, as in test_consistency) and what to expect of it once it has settled."""
+    """A filter, its options, its AHRS (records per second, as in test_consistency) and what to
+    expect of it once it has settled."""
+
     name: str
     options: dict
     ahrs: float
-    rms: tuple      # most of position m, velocity m/s, attitude deg, accelerometer bias m/s^2, gyro bias deg/s; a vector's length
-    covered: tuple  # least and most of the shares of errors within twice the standard deviation, of each of these five
+    # most of position m, velocity m/s, attitude deg, accelerometer bias m/s^2, gyro bias deg/s; a
+    # vector's length
+    rms: tuple
+    # least and most of the shares of errors within twice the standard deviation, of each of these
+    # five
+    covered: tuple
 
 
 FILTERS = [
@@ -38,7 +47,12 @@ FILTERS = [
 @pytest.mark.parametrize("line", FILTERS, ids=lambda line: line.name)
 def test_errors_stay_small_and_are_about_as_large_as_claimed(flight, line):  # noqa: F811
     with ThreadPoolExecutor(2) as pool:
-        runs = list(pool.map(lambda seed: flown(seed, flight, line.name, line.options, MEMS, COARSE, line.ahrs), range(SEEDS)))
+        runs = list(
+            pool.map(
+                lambda seed: flown(seed, flight, line.name, line.options, MEMS, COARSE, line.ahrs),
+                range(SEEDS),
+            )
+        )
     error = np.array([e for e, _ in runs])[:, SETTLED:]
     assert error.shape[1] > 400
     filter = filters.find(line.name)

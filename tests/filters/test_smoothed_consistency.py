@@ -1,4 +1,6 @@
-"""Honest smoothed covariances: NEES over the 100 flights of test_consistency, whose list of filters holds here too, for those that can be smoothed."""
+"""Honest smoothed covariances: NEES over the 100 flights of test_consistency, whose list of
+filters holds here too, for those that can be smoothed."""
+
 import pytest
 from test_consistency import FILTERS, INSIDE, flight, runs, share_inside  # noqa: F401
 
@@ -7,7 +9,8 @@ from strapdown import filters
 
 pytestmark = pytest.mark.slow
 SMOOTHED = [line for line in FILTERS if filters.find(line[0]).smoother]
-"""Measured with 2400 other seeds of the closed loop: of 12 sets of 100 for MEMS and 12 for WALK none had less than INSIDE, the lowest 0.923 and 0.900."""
+"""Measured with 2400 other seeds of the closed loop: of 12 sets of 100 for MEMS and 12 for WALK
+none had less than INSIDE, the lowest 0.923 and 0.900."""
 
 
 @pytest.mark.parametrize("line", SMOOTHED, ids=lambda line: f"{line[0]}, {line[2].name}")

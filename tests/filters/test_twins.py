@@ -1,13 +1,15 @@
-"""The loops as Hager & Bryne write them, with dense matrices, against the compiled ones; and what sets them apart over minutes."""
+"""The loops as Hager & Bryne write them, with dense matrices, against the compiled ones; and
+what sets them apart over minutes."""
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from recordings import flight, start
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from recordings import flight, start
 from strapdown.core.contract import Noise
 from strapdown.core.error_dynamics import dynamics
 from strapdown.core.mechanization import mechanize
@@ -15,7 +17,9 @@ from strapdown.geodesy import displaced, displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import demo_flight
 
-NOISE = Noise(gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100)
+NOISE = Noise(
+    gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100
+)
 
 
 class State:
@@ -26,7 +30,11 @@ class State:
 
     def plus(self, error):
         """This state (+) an error of nine numbers: equations (21)-(23)."""
-        return State(displaced(self.lla, error[:3]), self.v + error[3:6], Rotation.from_rotvec(error[6:9]).as_matrix() @ self.C)
+        return State(
+            displaced(self.lla, error[:3]),
+            self.v + error[3:6],
+            Rotation.from_rotvec(error[6:9]).as_matrix() @ self.C,
+        )
 
     def step(self, rotation, force, dt):
         mechanize(self.lla, self.v, self.C, *rotation, *force, dt, np.zeros(3))
@@ -55,7 +63,7 @@ def transition(belief, b, rotation, force, dt):
 
 def gain(P, sd):
     """K and the covariance after it, in Joseph's form, of a position without lever arm."""
-    H, R = np.eye(3, 15), np.diag(sd ** 2)
+    H, R = np.eye(3, 15), np.diag(sd**2)
     K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
     keep = np.eye(15) - K @ H
     return K, keep @ P @ keep.T + K @ R @ K.T
@@ -85,7 +93,8 @@ def open_loop(recording, begin):
 
 
 def closed_loop_error_bias(recording, begin):
-    """The INS runs on the raw IMU; errors are reset but for the biases, whose effect is injected at each step: equations (24)-(26)."""
+    """The INS runs on the raw IMU; errors are reset but for the biases, whose effect is injected
+    at each step: equations (24)-(26)."""
     ins = State(begin.lla, begin.v, Rotation.from_euler("ZYX", begin.rph[::-1]).as_matrix())
     b, P = np.r_[begin.ba, begin.bg], np.diag(np.square(begin.sd))
     for t, (rotation, force, dt) in zip(recording.imu.t, increments(recording.imu)):
@@ -102,7 +111,9 @@ def closed_loop_error_bias(recording, begin):
 
 
 @pytest.mark.short
-@pytest.mark.parametrize("name, twin", [("open-loop", open_loop), ("closed-loop-error-bias", closed_loop_error_bias)])
+@pytest.mark.parametrize(
+    "name, twin", [("open-loop", open_loop), ("closed-loop-error-bias", closed_loop_error_bias)]
+)
 def test_a_loop_is_the_one_of_the_paper(name, twin):
     """50 samples at 20 Hz, a position twice a second, biases that matter."""
     recording = flight(2.5, 20.0, gnss=Gnss(0.5, velocity_sd=None))
@@ -110,7 +121,10 @@ def test_a_loop_is_the_one_of_the_paper(name, twin):
     begin = start(recording)._replace(ba=(0.05, -0.03, 0.04), bg=(1e-3, -2e-3, 1e-3))
     solution = sd.fuse(recording, name, start=begin, noise=NOISE, covariance=True)
     lla, v, C, b, P, x = (np.array(part) for part in zip(*twin(recording, begin)))
-    assert np.abs(displacement(solution.trajectory.lla, lla)).max() < 1e-4 and np.abs(solution.trajectory.v_n - v).max() < 5e-5
+    assert (
+        np.abs(displacement(solution.trajectory.lla, lla)).max() < 1e-4
+        and np.abs(solution.trajectory.v_n - v).max() < 5e-5
+    )
     assert (solution.trajectory.rotation * Rotation.from_matrix(C).inv()).magnitude().max() < 1e-6
     scale = np.sqrt(np.einsum("kii->ki", P))
     assert np.abs((np.c_[solution.b_a, solution.b_g] - b) / scale[:, 9:]).max() < 1e-4
@@ -121,7 +135,8 @@ def test_a_loop_is_the_one_of_the_paper(name, twin):
 
 @pytest.mark.short
 def test_the_columns_of_the_open_loop_are_truth_less_raw_ins():
-    """With perfect fixes the error beside the INS is, after each of them, the distance of the raw INS from the truth."""
+    """With perfect fixes the error beside the INS is, after each of them, the distance of the
+    raw INS from the truth."""
     recording = flight(8.0, 20.0, gnss=Gnss(0.5, position_sd=(1e-3,) * 3, velocity_sd=None))
     recording = replace(recording, aidings=(replace(recording.aidings[0], gate=np.inf),))
     begin = start(recording)._replace(bg=(0.003, -0.002, 0.001))
@@ -129,8 +144,14 @@ def test_the_columns_of_the_open_loop_are_truth_less_raw_ins():
     raw = sd.fuse(replace(recording, aidings=()), "open-loop", start=begin, noise=NOISE)
     at = np.isin(np.round(solution.t, 6), np.round(recording.aidings[0].t, 6))
     truth = np.isin(np.round(recording.reference.t, 6), np.round(solution.t[at], 6))
-    shift = np.stack([solution.columns[f"ins_error_{axis} [m]"] for axis in ("north", "east", "down")], axis=1)[at]
-    np.testing.assert_allclose(shift, displacement(recording.reference.lla[truth], raw.trajectory.lla[at]), atol=0.005 + 1e-3 * np.abs(shift).max())
+    shift = np.stack(
+        [solution.columns[f"ins_error_{axis} [m]"] for axis in ("north", "east", "down")], axis=1
+    )[at]
+    np.testing.assert_allclose(
+        shift,
+        displacement(recording.reference.lla[truth], raw.trajectory.lla[at]),
+        atol=0.005 + 1e-3 * np.abs(shift).max(),
+    )
     assert np.abs(shift).max() > 1
 
 
@@ -146,17 +167,32 @@ def scores(recording, name, **options):
 
 def test_over_two_minutes_of_a_tactical_imu_the_loops_are_one(ten_minutes):
     recording = ten_minutes.between(0.0, 120.0)
-    begin = sd.align(recording, sd.grade("paper1-tactical"), heading=float(recording.reference.rph[50, 2]), heading_sd=0.01)
-    closed, *others = (sd.fuse(recording, name, start=begin) for name in ("closed-loop", "closed-loop-error-bias", "open-loop", "periodic-reset"))
+    begin = sd.align(
+        recording,
+        sd.grade("paper1-tactical"),
+        heading=float(recording.reference.rph[50, 2]),
+        heading_sd=0.01,
+    )
+    closed, *others = (
+        sd.fuse(recording, name, start=begin)
+        for name in ("closed-loop", "closed-loop-error-bias", "open-loop", "periodic-reset")
+    )
     for solution, bound in zip(others, (1e-4, 0.05, 0.05)):
         late = slice(3000, None)
-        assert np.abs(displacement(closed.trajectory.lla, solution.trajectory.lla))[late].max() < bound
-        assert (closed.trajectory.rotation * solution.trajectory.rotation.inv()).magnitude()[late].max() < 0.1 * bound
+        assert (
+            np.abs(displacement(closed.trajectory.lla, solution.trajectory.lla))[late].max() < bound
+        )
+        assert (closed.trajectory.rotation * solution.trajectory.rotation.inv()).magnitude()[
+            late
+        ].max() < 0.1 * bound
         np.testing.assert_allclose(solution.trajectory.sd[-1], closed.trajectory.sd[-1], rtol=0.01)
 
 
 def test_the_printed_error_model_shows_in_the_open_loop_alone(ten_minutes):
     for name, least, most in (("closed-loop", 0.0, 0.01), ("open-loop", 0.02, np.inf)):
         right, literal = scores(ten_minutes, name), scores(ten_minutes, name, error_model="literal")
-        change = max(np.abs(literal.position / right.position - 1).max(), abs(literal.rph[2] / right.rph[2] - 1))
+        change = max(
+            np.abs(literal.position / right.position - 1).max(),
+            abs(literal.rph[2] / right.rph[2] - 1),
+        )
         assert least <= change < most, name

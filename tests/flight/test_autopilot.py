@@ -1,9 +1,12 @@
-"""The autopilot: gains place poles, routes are continuous, and each loop settles on what it is asked for, flown on the truth."""
+"""The autopilot: gains place poles, routes are continuous, and each loop settles on what it is
+asked for, flown on the truth."""
+
 import math
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+
 from strapdown.core.jit import plain
 from strapdown.data import DataError
 from strapdown.flight import autopilot as p
@@ -22,20 +25,46 @@ CALM = (0.0, 0.0, 0.0)
 def parts(airspeed=25.0):
     craft = aircraft("aerosonde")
     steady = trim(craft, airspeed, origin=PLACE, earth="flat")
-    return craft, steady, linearise(craft, steady), gains(craft, steady, linearise(craft, steady), G)
+    return (
+        craft,
+        steady,
+        linearise(craft, steady),
+        gains(craft, steady, linearise(craft, steady), G),
+    )
 
 
 def feedback(craft, steady, k):
-    """(4, 8): commands = -K (u v w p q r roll pitch) about a trim, by differences of `hold` itself; its turn with the roll is left out."""
+    """(4, 8): commands = -K (u v w p q r roll pitch) about a trim, by differences of `hold`
+    itself; its turn with the roll is left out."""
     pilot, commands = pilot_array(k, craft, steady, PLACE, (1.0, 1.0), G), np.zeros(4)
 
     def answer(rates, pitch, roll, u):
-        memory, C = np.zeros(p.MEMORY_SIZE), Rotation.from_euler("ZYX", [0.0, steady.pitch + pitch, roll]).as_matrix()
+        memory, C = (
+            np.zeros(p.MEMORY_SIZE),
+            Rotation.from_euler("ZYX", [0.0, steady.pitch + pitch, roll]).as_matrix(),
+        )
         memory[p.HEIGHT], memory[p.AIRSPEED] = 500.0, 25.0
-        plain(p.hold)(pilot, memory, 500.0, np.array([25.0 + u, 0.0, 0.0]), C, np.array(rates), np.zeros(3), 0.0, commands)
+        plain(p.hold)(
+            pilot,
+            memory,
+            500.0,
+            np.array([25.0 + u, 0.0, 0.0]),
+            C,
+            np.array(rates),
+            np.zeros(3),
+            0.0,
+            commands,
+        )
         return commands.copy()
-    steps = [(3, ((1e-4, 0, 0), 0, 0, 0)), (4, ((0, 1e-4, 0), 0, 0, 0)), (5, ((0, 0, 1e-4), 0, 0, 0)), (7, ((0, 0, 0), 1e-4, 0, 0)),
-             (0, ((0, 0, 0), 0, 0, 1e-4)), (6, ((0, 0, 0), 0, 1e-4, 0))]
+
+    steps = [
+        (3, ((1e-4, 0, 0), 0, 0, 0)),
+        (4, ((0, 1e-4, 0), 0, 0, 0)),
+        (5, ((0, 0, 1e-4), 0, 0, 0)),
+        (7, ((0, 0, 0), 1e-4, 0, 0)),
+        (0, ((0, 0, 0), 0, 0, 1e-4)),
+        (6, ((0, 0, 0), 0, 1e-4, 0)),
+    ]
     K, still = np.zeros((4, 8)), answer((0, 0, 0), 0.0, 0.0, 0.0)
     for column, change in steps:
         K[:, column] = (still - answer(*change)) / 1e-4
@@ -46,45 +75,71 @@ def feedback(craft, steady, k):
 @pytest.mark.short
 @pytest.mark.parametrize("airspeed", [20.0, 25.0, 32.0])
 def test_inner_loops_damp_every_mode(airspeed):
-    """Attitude, yaw and speed loops closed over the eight-state model with the actuators' lags: all poles decay, and oscillations are damped
-    by 0.35 or more, what MIL-F-8785C asks of a short period (level 1)."""
+    """Attitude, yaw and speed loops closed over the eight-state model with the actuators' lags:
+    all poles decay, and oscillations are damped by 0.35 or more, what MIL-F-8785C asks of a
+    short period (level 1)."""
     craft, steady, modes, k = parts(airspeed)
     K = feedback(craft, steady, k)
-    lags = np.diag([1 / craft[f"{control}_lag"] for control in ("elevator", "aileron", "rudder", "throttle")])
+    lags = np.diag(
+        [1 / craft[f"{control}_lag"] for control in ("elevator", "aileron", "rudder", "throttle")]
+    )
     closed = np.block([[modes.A, modes.B], [-lags @ K, -lags]])
     poles = np.linalg.eigvals(closed)
     assert poles.real.max() < -1e-3
     damping = -poles.real / np.abs(poles)
     assert damping[np.abs(poles) > 1.0].min() > 0.35
-    assert np.sort(np.linalg.eigvals(modes.A).real)[-1] > poles.real.max()      # open, something is slower or grows
+    assert (
+        np.sort(np.linalg.eigvals(modes.A).real)[-1] > poles.real.max()
+    )  # open, something is slower or grows
 
 
 @pytest.mark.short
 @pytest.mark.parametrize("roll", [-45, -15, 30])
 def test_turns_are_fed_forward_to_their_trim(roll):
-    """At the roll and the rates of a coordinated turn, pitch and elevator of the autopilot are those of the full model trimmed in that turn, to 8 %."""
+    """At the roll and the rates of a coordinated turn, pitch and elevator of the autopilot are
+    those of the full model trimmed in that turn, to 8 %."""
     craft, steady, _, k = parts()
-    turned = trim(craft, 25.0, radius=25.0 ** 2 / G / math.tan(roll * DEG), origin=PLACE, earth="flat")
-    pilot, memory, commands = pilot_array(k, craft, steady, PLACE, (1.0, 1.0), G), np.zeros(p.MEMORY_SIZE), np.zeros(4)
+    turned = trim(
+        craft, 25.0, radius=25.0**2 / G / math.tan(roll * DEG), origin=PLACE, earth="flat"
+    )
+    pilot, memory, commands = (
+        pilot_array(k, craft, steady, PLACE, (1.0, 1.0), G),
+        np.zeros(p.MEMORY_SIZE),
+        np.zeros(4),
+    )
     memory[p.ROLL] = turned.roll
-    plain(p._surfaces)(pilot, memory, turned.roll, turned.pitch, turned.state[10:13], 25.0, commands)
-    assert abs(turned.commands[0] - steady.commands[0]) > 0.01 and turned.pitch - steady.pitch > 1e-3
-    assert commands[0] - steady.commands[0] == pytest.approx(turned.commands[0] - steady.commands[0], rel=0.08)
-    assert pilot[p.TURN_PITCH] * (1 - math.cos(turned.roll)) == pytest.approx(turned.pitch - steady.pitch, rel=0.08)
+    plain(p._surfaces)(
+        pilot, memory, turned.roll, turned.pitch, turned.state[10:13], 25.0, commands
+    )
+    assert (
+        abs(turned.commands[0] - steady.commands[0]) > 0.01 and turned.pitch - steady.pitch > 1e-3
+    )
+    assert commands[0] - steady.commands[0] == pytest.approx(
+        turned.commands[0] - steady.commands[0], rel=0.08
+    )
+    assert pilot[p.TURN_PITCH] * (1 - math.cos(turned.roll)) == pytest.approx(
+        turned.pitch - steady.pitch, rel=0.08
+    )
     assert commands[2] == pytest.approx(steady.commands[2], abs=5e-3)
 
 
 @pytest.mark.short
 def test_roll_gain_places_the_pole_of_the_textbook():
-    """Beard & McLain (2012), eqs. 5.23, 5.24 from the coefficients: roll'' = -a1 roll' + a2 aileron."""
+    """Beard & McLain (2012), eqs. 5.23, 5.24 from the coefficients: roll'' = -a1 roll' + a2
+    aileron."""
     craft, steady, _, k = parts()
     determinant = craft["J_x"] * craft["J_z"] - craft["J_xz"] ** 2
-    primed = lambda term: (craft["J_z"] * craft[f"C_l_{term}"] + craft["J_xz"] * craft[f"C_n_{term}"]) / determinant
-    pressure = 0.5 * craft["density"] * 25.0 ** 2 * craft["area"] * craft["span"]
+    primed = lambda term: (
+        (craft["J_z"] * craft[f"C_l_{term}"] + craft["J_xz"] * craft[f"C_n_{term}"]) / determinant
+    )
+    pressure = 0.5 * craft["density"] * 25.0**2 * craft["area"] * craft["span"]
     a1, a2 = -pressure * primed("p") * craft["span"] / 50.0, pressure * primed("aileron")
     slow = max(np.roots([1.0, a1 + a2 * k.roll_d, a2 * k.roll_p]).real)
     assert k.course_p == pytest.approx(-slow / 5, rel=1e-3)
-    assert k.roll_p == pytest.approx(min(craft["aileron_max"] - steady.commands[1], steady.commands[1] - craft["aileron_min"]) / (45 * DEG))
+    assert k.roll_p == pytest.approx(
+        min(craft["aileron_max"] - steady.commands[1], steady.commands[1] - craft["aileron_min"])
+        / (45 * DEG)
+    )
 
 
 @pytest.mark.short
@@ -107,17 +162,25 @@ def test_an_aileron_at_its_stop_is_refused():
 @pytest.mark.short
 @pytest.mark.parametrize("asked", [30 * DEG, -45 * DEG])
 def test_roll_follows_a_step(asked):
-    """Surfaces alone, in the compiled aircraft: 90 % within two time constants and the actuator's lag, at most 5 % over, steady error below 2 deg
-    (there is no integral here)."""
+    """Surfaces alone, in the compiled aircraft: 90 % within two time constants and the
+    actuator's lag, at most 5 % over, steady error below 2 deg (there is no integral here)."""
     craft, steady, _, k = parts()
     array = craft.array("flat", PLACE)
     pilot = pilot_array(k, craft, steady, PLACE, (1.0, 1.0), array[GRAVITY])
-    memory, state, commands, u = np.zeros(p.MEMORY_SIZE), steady.state.copy(), steady.commands.copy(), np.zeros(6)
+    memory, state, commands, u = (
+        np.zeros(p.MEMORY_SIZE),
+        steady.state.copy(),
+        steady.commands.copy(),
+        np.zeros(6),
+    )
     advance, surfaces, rolls = ready(step), plain(p._surfaces), []
     memory[p.ROLL] = asked
     for _ in range(300):
         a, b, c, d = state[6:10]
-        roll, pitch = math.atan2(2 * (a * b + c * d), 1 - 2 * (b * b + c * c)), math.asin(2 * (a * c - b * d))
+        roll, pitch = (
+            math.atan2(2 * (a * b + c * d), 1 - 2 * (b * b + c * c)),
+            math.asin(2 * (a * c - b * d)),
+        )
         surfaces(pilot, memory, roll, pitch, state[10:13], 25.0, commands)
         advance(array, state, commands, np.zeros(9), 0.01, u)
         rolls.append(roll / asked)
@@ -143,7 +206,9 @@ def test_integral_does_not_wind_up_over_a_long_climb():
     assert flight.log["above route, m"].max() < 2.5
     assert settled(flight, "above route, m", 0.0, 1.0) < 32.0
     climb = np.diff(flight.log["above route, m"][300:1500]).mean() * 100
-    assert climb == pytest.approx(25.0 * math.sin(8 * DEG), rel=0.2)      # the climb that the saturated zone allows
+    assert climb == pytest.approx(
+        25.0 * math.sin(8 * DEG), rel=0.2
+    )  # the climb that the saturated zone allows
 
 
 @pytest.mark.parametrize("faster", [2.0, -3.0])
@@ -156,18 +221,26 @@ def test_airspeed_follows_a_step(faster):
 
 
 def test_course_and_line_follow_a_step_aside():
-    flight = fly(FlightPlan("aside", ((0.0, 50.0, 0.0), (1e4, 50.0, 0.0))), duration=30.0, feedback="truth")
+    flight = fly(
+        FlightPlan("aside", ((0.0, 50.0, 0.0), (1e4, 50.0, 0.0))), duration=30.0, feedback="truth"
+    )
     right = flight.log["right of route, m"]
     assert right[0] == pytest.approx(-50.0, abs=0.5) and right.max() < 1.0 and abs(right[-1]) < 2.5
     assert settled(flight, "right of route, m", 0.0, 5.0) < 12.0
     assert np.abs(flight.log["commanded roll, rad"]).max() <= 45 * DEG + 1e-12
 
 
-@pytest.mark.parametrize("wind, track, height", [(CALM, 3.0, 3.5), ((6.0, -4.0, 0.0), 4.0, 5.0)], ids=["calm", "wind"])
+@pytest.mark.parametrize(
+    "wind, track, height", [(CALM, 3.0, 3.5), ((6.0, -4.0, 0.0), 4.0, 5.0)], ids=["calm", "wind"]
+)
 def test_waypoints_are_passed(wind, track, height):
-    """On the truth the aircraft stays within `track` of its route, and so passes each waypoint at the arc's distance from the corner."""
+    """On the truth the aircraft stays within `track` of its route, and so passes each waypoint
+    at the arc's distance from the corner."""
     flight = fly("turning", duration=200.0, feedback="truth", wind=wind)
-    assert np.abs(flight.log["right of route, m"]).max() < track and np.abs(flight.log["above route, m"]).max() < height
+    assert (
+        np.abs(flight.log["right of route, m"]).max() < track
+        and np.abs(flight.log["above route, m"]).max() < height
+    )
     assert np.abs(flight.log["sideslip, rad"]).max() < 3 * DEG
     north, east = places(flight).T
     waypoints, segment = np.array(flight.plan.waypoints)[:, :2], np.r_[0, flight.log["segment"]]
@@ -176,7 +249,7 @@ def test_waypoints_are_passed(wind, track, height):
     arcs = np.flatnonzero(flight.route[:, p.KIND] == p.ARC_KIND)
     assert len(arcs) == len(corners) and segment.max() > 12
     for row, (n, e) in list(zip(arcs, corners))[:6]:
-        cut = abs(flight.route[row, p.RADIUS]) * (math.sqrt(2) - 1)       # of a right angle
+        cut = abs(flight.route[row, p.RADIUS]) * (math.sqrt(2) - 1)  # of a right angle
         assert abs(np.hypot(north - n, east - e)[segment == row].min() - cut) < track
     stops = 25 * DEG
     for column in ("elevator command, rad", "aileron command, rad", "rudder command, rad"):
@@ -185,7 +258,8 @@ def test_waypoints_are_passed(wind, track, height):
 
 
 def places(flight):
-    """(n, 2) true metres north and east of the plan's place, by radii of the ellipsoid written out here."""
+    """(n, 2) true metres north and east of the plan's place, by radii of the ellipsoid written
+    out here."""
     lat, lon, h = PLACE
     x = 1 - 0.0066943799901413165 * math.sin(lat) ** 2
     R_N = 6378137.0 / math.sqrt(x)
@@ -195,26 +269,51 @@ def places(flight):
 
 
 @pytest.mark.short
-@pytest.mark.parametrize("plan", [
-    turning(), FlightPlan("bent", ((0, 0, 0), (500, 40, 20), (900, 700, 60), (300, 1400, 0), (-400, 900, 30)), (22.0, 25, 28, 24)),
-], ids=lambda plan: plan.name)
+@pytest.mark.parametrize(
+    "plan",
+    [
+        turning(),
+        FlightPlan(
+            "bent",
+            ((0, 0, 0), (500, 40, 20), (900, 700, 60), (300, 1400, 0), (-400, 900, 30)),
+            (22.0, 25, 28, 24),
+        ),
+    ],
+    ids=lambda plan: plan.name,
+)
 def test_routes_are_continuous(plan):
-    """Where a segment ends the next one begins: same place, course and height; arcs have the radius that bank and ground speed give."""
+    """Where a segment ends the next one begins: same place, course and height; arcs have the
+    radius that bank and ground speed give."""
     rows, seconds = route(plan, (3.0, 4.0, 0.0), G)
     deviation, height_along = plain(p.deviation), plain(p.height_along)
     for row, after in zip(rows, rows[1:]):
         end = row[[p.TO_N, p.TO_E]]
         right, along, course = deviation(row, *end)
         begin, start, next_course = deviation(after, *end)
-        assert abs(right) < 1e-9 and abs(begin) < 1e-9 and abs(start) < 1e-9 and along == pytest.approx(row[p.LENGTH])
+        assert (
+            abs(right) < 1e-9
+            and abs(begin) < 1e-9
+            and abs(start) < 1e-9
+            and along == pytest.approx(row[p.LENGTH])
+        )
         assert math.remainder(course - next_course, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
         assert height_along(row, along) == pytest.approx(height_along(after, 0.0))
     arcs = rows[rows[:, p.KIND] == p.ARC_KIND]
-    speeds = np.maximum(arcs[:, p.SPEED], rows[np.flatnonzero(rows[:, p.KIND] == p.ARC_KIND) - 1, p.SPEED]) + 5.0
-    assert np.abs(arcs[:, p.RADIUS]) == pytest.approx(speeds ** 2 / (G * math.tan(30 * DEG)))
+    speeds = (
+        np.maximum(
+            arcs[:, p.SPEED], rows[np.flatnonzero(rows[:, p.KIND] == p.ARC_KIND) - 1, p.SPEED]
+        )
+        + 5.0
+    )
+    assert np.abs(arcs[:, p.RADIUS]) == pytest.approx(speeds**2 / (G * math.tan(30 * DEG)))
     assert seconds == pytest.approx((rows[:, p.LENGTH] / rows[:, p.SPEED]).sum())
-    for (n, e, up), row in zip(plan.waypoints[:1] + plan.waypoints[-1:], (rows[0, [p.FROM_N, p.FROM_E, p.FROM_H]],
-                               [*rows[-1, [p.TO_N, p.TO_E]], height_along(rows[-1], 1e9)])):
+    for (n, e, up), row in zip(
+        plan.waypoints[:1] + plan.waypoints[-1:],
+        (
+            rows[0, [p.FROM_N, p.FROM_E, p.FROM_H]],
+            [*rows[-1, [p.TO_N, p.TO_E]], height_along(rows[-1], 1e9)],
+        ),
+    ):
         assert np.allclose(row, (n, e, up + PLACE[2]))
 
 
@@ -224,7 +323,13 @@ def test_deviation_has_the_signs_of_right_and_along():
     line[[p.ALONG_N, p.LENGTH]] = 1.0, 100.0
     assert plain(p.deviation)(line, 30.0, 5.0) == pytest.approx((5.0, 30.0, 0.0))
     arc = np.zeros(p.ROUTE_WIDTH)
-    arc[[p.KIND, p.FROM_E, p.RADIUS, p.ANGLE, p.LENGTH]] = p.ARC_KIND, 50.0, 50.0, -math.pi / 2, 100.0     # clockwise from the origin, northwards
+    arc[[p.KIND, p.FROM_E, p.RADIUS, p.ANGLE, p.LENGTH]] = (
+        p.ARC_KIND,
+        50.0,
+        50.0,
+        -math.pi / 2,
+        100.0,
+    )  # clockwise from the origin, northwards
     assert plain(p.deviation)(arc, 0.0, 2.0) == pytest.approx((2.0, 0.0, 0.0))
     right, along, course = plain(p.deviation)(arc, 53.0, 50.0)
     assert (right, along, course) == pytest.approx((-3.0, 25 * math.pi, math.pi / 2))
@@ -250,11 +355,22 @@ def test_bad_plans_are_refused(text):
 
 
 @pytest.mark.short
-@pytest.mark.parametrize("text, plan, wind", [
-    ("the course turns by 180 deg", FlightPlan("back", ((0, 0, 0), (500, 0, 0), (0, 0, 0))), CALM),
-    ("waypoint 1 to 2 is 100 m long, and its turns need", FlightPlan("short", ((0, 0, 0), (500, 0, 0), (500, 100, 0), (900, 100, 0))), CALM),
-    ("leaves an airspeed of 25 m/s no way against it", straight(faster=0.0), (0.0, 24.0, 0.0)),
-])
+@pytest.mark.parametrize(
+    "text, plan, wind",
+    [
+        (
+            "the course turns by 180 deg",
+            FlightPlan("back", ((0, 0, 0), (500, 0, 0), (0, 0, 0))),
+            CALM,
+        ),
+        (
+            "waypoint 1 to 2 is 100 m long, and its turns need",
+            FlightPlan("short", ((0, 0, 0), (500, 0, 0), (500, 100, 0), (900, 100, 0))),
+            CALM,
+        ),
+        ("leaves an airspeed of 25 m/s no way against it", straight(faster=0.0), (0.0, 24.0, 0.0)),
+    ],
+)
 def test_routes_that_cannot_be_flown_are_refused(text, plan, wind):
     with pytest.raises(DataError, match=text):
         route(plan, wind, G)

@@ -1,4 +1,6 @@
-"""Dryden gusts against MIL-F-8785C's closed forms: intensities and lengths by height, variance, correlation and spectra."""
+"""Dryden gusts against MIL-F-8785C's closed forms: intensities and lengths by height, variance,
+correlation and spectra."""
+
 import numpy as np
 import pytest
 from scipy.signal import welch
@@ -15,7 +17,11 @@ FOOT, KNOT = 0.3048, 0.514444
 def record():
     """An hour of moderate gusts at 80 m: (array of the turbulence, winds (n, 9))."""
     blowing, rng = turbulence("moderate", 80.0, SPAN), np.random.default_rng(8)
-    n, advance, state = 180_000, ready(gust), begin(turbulence("moderate", 80.0, SPAN), rng.standard_normal(6))
+    n, advance, state = (
+        180_000,
+        ready(gust),
+        begin(turbulence("moderate", 80.0, SPAN), rng.standard_normal(6)),
+    )
     normals, winds = rng.standard_normal((n, NORMALS)), np.zeros((n, 9))
     for k in range(n):
         advance(blowing, state, normals[k], V, DT, winds[k])
@@ -27,10 +33,22 @@ def test_intensities_and_lengths_by_height():
     """At 200 ft by hand from 3.7.2.1; above 1000 ft and below 10 ft the values there."""
     array = turbulence("light", 200 * FOOT, SPAN)
     shape = 0.177 + 0.000823 * 200
-    assert array == pytest.approx([1.5 * KNOT / shape ** 0.4, 1.5 * KNOT / shape ** 0.4, 1.5 * KNOT, 200 * FOOT / shape ** 1.2, 200 * FOOT / shape ** 1.2,
-                                   200 * FOOT, SPAN], rel=1e-5)
+    assert array == pytest.approx(
+        [
+            1.5 * KNOT / shape**0.4,
+            1.5 * KNOT / shape**0.4,
+            1.5 * KNOT,
+            200 * FOOT / shape**1.2,
+            200 * FOOT / shape**1.2,
+            200 * FOOT,
+            SPAN,
+        ],
+        rel=1e-5,
+    )
     high = turbulence("severe", 1000 * FOOT)
-    assert high[:3] == pytest.approx(4.5 * KNOT, rel=1e-5) and high[3:6] == pytest.approx(1000 * FOOT, rel=1e-6)
+    assert high[:3] == pytest.approx(4.5 * KNOT, rel=1e-5) and high[3:6] == pytest.approx(
+        1000 * FOOT, rel=1e-6
+    )
     np.testing.assert_array_equal(turbulence("severe", 5e3), high)
     np.testing.assert_array_equal(turbulence("light", -5.0), turbulence("light", 1.0))
     assert not turbulence("none", 50.0)[:3].any()
@@ -42,20 +60,28 @@ def test_variances_and_correlations_are_those_of_the_closed_forms(record):
     seconds = len(winds) * DT
     for gusts, sd, L in ((winds[:, 3], su, Lu), (winds[:, 4], sv, Lv), (winds[:, 5], sw, Lw)):
         band = 4 * np.sqrt(2 * (L / V) / seconds)
-        assert abs(gusts.var() / sd ** 2 - 1) < band, (gusts.var(), sd ** 2, band)
-    for gusts, sd, L, form in ((winds[:, 3], su, Lu, lambda x: np.exp(-x)), (winds[:, 4], sv, Lv, lambda x: np.exp(-x) * (1 - x / 2)),
-                               (winds[:, 5], sw, Lw, lambda x: np.exp(-x) * (1 - x / 2))):
+        assert abs(gusts.var() / sd**2 - 1) < band, (gusts.var(), sd**2, band)
+    for gusts, sd, L, form in (
+        (winds[:, 3], su, Lu, lambda x: np.exp(-x)),
+        (winds[:, 4], sv, Lv, lambda x: np.exp(-x) * (1 - x / 2)),
+        (winds[:, 5], sw, Lw, lambda x: np.exp(-x) * (1 - x / 2)),
+    ):
         for share in (0.1, 0.5, 1.0, 2.5):
             lag = round(share * L / V / DT)
-            got = (gusts[lag:] * gusts[:-lag]).mean() / sd ** 2
+            got = (gusts[lag:] * gusts[:-lag]).mean() / sd**2
             assert abs(got - form(lag * DT * V / L)) < 4 * np.sqrt(2 * (L / V) / seconds)
-    roll = sw ** 2 * 0.8 * (np.pi * Lw / (4 * b)) ** (1 / 3) / (V * Lw) * np.pi / 2 * np.pi * V / (4 * b)      # integral of the standard's spectrum
-    assert winds[:, 6].var() == pytest.approx(roll, rel=4 * np.sqrt(2 * (4 * b / (np.pi * V)) / seconds))
+    roll = (
+        sw**2 * 0.8 * (np.pi * Lw / (4 * b)) ** (1 / 3) / (V * Lw) * np.pi / 2 * np.pi * V / (4 * b)
+    )  # integral of the standard's spectrum
+    assert winds[:, 6].var() == pytest.approx(
+        roll, rel=4 * np.sqrt(2 * (4 * b / (np.pi * V)) / seconds)
+    )
     assert not winds[:, :3].any()
 
 
 def test_spectra_are_those_of_the_standard(record):
-    """One-sided in rad/s, from 0.3 to 25 rad/s in bands of a third of a decade: within 4 standard deviations and 2 % for sampling.
+    """One-sided in rad/s, from 0.3 to 25 rad/s in bands of a third of a decade: within 4 standard
+    deviations and 2 % for sampling.
 
     The signs of pitch and yaw are those of the air's own turning.
     """
@@ -63,41 +89,75 @@ def test_spectra_are_those_of_the_standard(record):
     hertz, density = welch(winds[:, 3:], 1 / DT, nperseg=8192, axis=0)
     w = 2 * np.pi * hertz
     space = w / V
-    along = lambda sd, L: sd ** 2 * 2 * L / (np.pi * V) / (1 + (L * space) ** 2)
-    across = lambda sd, L: sd ** 2 * L / (np.pi * V) * (1 + 3 * (L * space) ** 2) / (1 + (L * space) ** 2) ** 2
+    along = lambda sd, L: sd**2 * 2 * L / (np.pi * V) / (1 + (L * space) ** 2)
+    across = lambda sd, L: (
+        sd**2 * L / (np.pi * V) * (1 + 3 * (L * space) ** 2) / (1 + (L * space) ** 2) ** 2
+    )
     low = lambda span: 1 / (1 + (span * space / np.pi) ** 2)
-    want = [along(su, Lu), across(sv, Lv), across(sw, Lw), sw ** 2 / (V * Lw) * 0.8 * (np.pi * Lw / (4 * b)) ** (1 / 3) * low(4 * b),
-            space ** 2 * low(4 * b) * across(sw, Lw), space ** 2 * low(3 * b) * across(sv, Lv)]
+    want = [
+        along(su, Lu),
+        across(sv, Lv),
+        across(sw, Lw),
+        sw**2 / (V * Lw) * 0.8 * (np.pi * Lw / (4 * b)) ** (1 / 3) * low(4 * b),
+        space**2 * low(4 * b) * across(sw, Lw),
+        space**2 * low(3 * b) * across(sv, Lv),
+    ]
     edges = 0.3 * 10 ** (np.arange(7) / 3)
     for column, form in enumerate(want):
         for first, last in zip(edges[:-1], np.minimum(edges[1:], 25.0)):
             band = (w >= first) & (w < last)
             ratio = (density[band, column] / (2 * np.pi) / form[band]).mean()
-            assert abs(ratio - 1) < 0.02 + 4 / np.sqrt(1.5 * band.sum() * len(winds) / 8192), (column, first, ratio)
+            assert abs(ratio - 1) < 0.02 + 4 / np.sqrt(1.5 * band.sum() * len(winds) / 8192), (
+                column,
+                first,
+                ratio,
+            )
     slower = lambda gusts: (gusts[15:] - gusts[:-15]) / (15 * DT * V)
-    assert np.corrcoef(winds[15:, 7], slower(winds[:, 5]))[0, 1] < -0.7 and np.corrcoef(winds[15:, 8], slower(winds[:, 4]))[0, 1] > 0.7
+    assert (
+        np.corrcoef(winds[15:, 7], slower(winds[:, 5]))[0, 1] < -0.7
+        and np.corrcoef(winds[15:, 8], slower(winds[:, 4]))[0, 1] > 0.7
+    )
 
 
 def test_steps_as_long_as_the_gusts_are_exact_too():
-    """Steps of L/V: variances, and neighbours' correlations exp(-1) along and exp(-1)/2 across, within 4 standard deviations of 40000 samples."""
-    blowing, rng, n = np.array([1.0, 1.0, 1.0, 100.0, 100.0, 100.0, SPAN]), np.random.default_rng(5), 40_000
-    state, normals, winds = begin(blowing, rng.standard_normal(6)), rng.standard_normal((n, NORMALS)), np.zeros((n, 9))
+    """Steps of L/V: variances, and neighbours' correlations exp(-1) along and exp(-1)/2 across,
+    within 4 standard deviations of 40000 samples."""
+    blowing, rng, n = (
+        np.array([1.0, 1.0, 1.0, 100.0, 100.0, 100.0, SPAN]),
+        np.random.default_rng(5),
+        40_000,
+    )
+    state, normals, winds = (
+        begin(blowing, rng.standard_normal(6)),
+        rng.standard_normal((n, NORMALS)),
+        np.zeros((n, 9)),
+    )
     for k in range(n):
         ready(gust)(blowing, state, normals[k], V, 100 / V, winds[k])
     for column, neighbours in ((3, np.exp(-1)), (4, np.exp(-1) / 2), (5, np.exp(-1) / 2)):
         gusts = winds[:, column]
         assert gusts.var() == pytest.approx(1, abs=4 * np.sqrt(2.6 / n))
-        assert (gusts[1:] * gusts[:-1]).mean() == pytest.approx(neighbours, abs=4 * np.sqrt(1.5 / n))
+        assert (gusts[1:] * gusts[:-1]).mean() == pytest.approx(
+            neighbours, abs=4 * np.sqrt(1.5 / n)
+        )
 
 
 @pytest.mark.short
 def test_steps_of_any_length_and_no_airspeed_stay_finite_and_unknown_levels_are_named():
-    blowing, state, wind, rng = turbulence("severe", 30.0), np.zeros(8), np.zeros(9), np.random.default_rng(1)
+    blowing, state, wind, rng = (
+        turbulence("severe", 30.0),
+        np.zeros(8),
+        np.zeros(9),
+        np.random.default_rng(1),
+    )
     for airspeed, dt in ((0.0, 0.01), (25.0, 1e-5), (25.0, 100.0)):
         for _ in range(20):
             ready(gust)(blowing, state, rng.standard_normal(NORMALS), airspeed, dt, wind)
         assert np.isfinite(wind).all() and np.abs(wind).max() < 30
-    with pytest.raises(DataError, match="unknown turbulence 'ligt' .did you mean 'light'..; levels: none, light, moderate, severe"):
+    with pytest.raises(
+        DataError,
+        match="unknown turbulence 'ligt' .did you mean 'light'..; levels: none, light, moderate, severe",
+    ):
         turbulence("ligt")
     with pytest.raises(DataError, match="height must be finite, span between 0 and 200 m"):
         turbulence("light", np.nan)

@@ -1,23 +1,26 @@
-"""Flights in the loop: the filter is the house's own bit for bit, the sensors are the library's, estimation error moves the aircraft."""
+"""Flights in the loop: the filter is the house's own bit for bit, the sensors are the library's,
+estimation error moves the aircraft."""
+
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
-import strapdown as sd
 from scipy.spatial.transform import Rotation
+
+import strapdown as sd
 from strapdown.core.contract import STATES, Noise
 from strapdown.data import DataError
 from strapdown.filters import find
+from strapdown.flight.aircraft.parameters import aircraft
+from strapdown.flight.fly import LOG, fly
+from strapdown.flight.plan import DEG, PLACE, FlightPlan, straight, turning
+from strapdown.flight.sensor_errors import barometer_errors, outage_windows
 from strapdown.geodesy import displacement
 from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec
-from strapdown.flight.aircraft.parameters import aircraft
-from strapdown.flight.fly import LOG, fly
-from strapdown.flight.plan import DEG, PLACE, FlightPlan, straight, turning
-from strapdown.flight.sensor_errors import barometer_errors, outage_windows
 
 IDEAL = ImuSpec("ideal", Triad(), Triad())
 EXACT = Gnss(interval=0.2, position_sd=1e-4, velocity_sd=1e-5)
@@ -26,16 +29,32 @@ SURE = (1e-4,) * 3 + (1e-5,) * 3 + (1e-6,) * 3 + (0.0,) * 6
 
 def same(one, other):
     """Whether two Solutions are equal, bit for bit."""
-    parts = lambda s: (s.trajectory.t, s.trajectory.lla, s.trajectory.v_n, s.trajectory.q_nb, s.trajectory.sd, s.b_a, s.b_g, s.status,
-                       s.innovations.t, s.innovations.source, s.innovations.innovation, s.innovations.nis, s.innovations.accepted,
-                       np.zeros(0) if s.covariance is None else s.covariance)
-    return all(np.array_equal(a, b, equal_nan=a.dtype.kind == "f") for a, b in zip(parts(one), parts(other)))
+    parts = lambda s: (
+        s.trajectory.t,
+        s.trajectory.lla,
+        s.trajectory.v_n,
+        s.trajectory.q_nb,
+        s.trajectory.sd,
+        s.b_a,
+        s.b_g,
+        s.status,
+        s.innovations.t,
+        s.innovations.source,
+        s.innovations.innovation,
+        s.innovations.nis,
+        s.innovations.accepted,
+        np.zeros(0) if s.covariance is None else s.covariance,
+    )
+    return all(
+        np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
+        for a, b in zip(parts(one), parts(other))
+    )
 
 
 def off_truth(flight):
     """(n, 3) m NED: truth - estimate at the rows of the solution."""
     n = len(flight.solution.t)
-    return displacement(flight.recording.reference.lla[1:n + 1], flight.solution.trajectory.lla)
+    return displacement(flight.recording.reference.lla[1 : n + 1], flight.solution.trajectory.lla)
 
 
 @pytest.mark.short
@@ -44,14 +63,27 @@ def test_fuse_on_the_recording_gives_the_flights_solution():
     solution = sd.fuse(flight.recording, "closed-loop", start=flight.start)
     assert same(flight.solution, solution) and flight.solution.events == solution.events
     assert flight.solution.meta == solution.meta | {"filter_options": {}}
-    assert len(flight.recording.reference) == 201 and [len(a.t) for a in flight.recording.aidings] == [10, 10]
+    assert len(flight.recording.reference) == 201 and [
+        len(a.t) for a in flight.recording.aidings
+    ] == [10, 10]
 
 
 @pytest.mark.parametrize("filter", ["closed-loop", "open-loop"])
 def test_fuse_gives_it_with_everything_at_once(filter):
-    """Fixes inside samples, late, from a lever arm; an outage, wind, gusts, the whole covariance."""
+    """Fixes inside samples, late, from a lever arm; an outage, wind, gusts, the whole
+    covariance."""
     gnss = Gnss(interval=0.333, lever_arm=(0.3, 0.1, -0.5), latency=0.055)
-    flight = fly("turning", filter, duration=30.0, outage=[(12, 18.5)], gnss=gnss, wind=(3, -2, 0), turbulence="light", covariance=True, seed=4)
+    flight = fly(
+        "turning",
+        filter,
+        duration=30.0,
+        outage=[(12, 18.5)],
+        gnss=gnss,
+        wind=(3, -2, 0),
+        turbulence="light",
+        covariance=True,
+        seed=4,
+    )
     solution = sd.fuse(flight.recording, filter, start=flight.start, covariance=True)
     assert same(flight.solution, solution) and flight.solution.covariance.shape == (3000, 15, 15)
     taken = flight.recording.aidings[0].t - 0.055
@@ -59,55 +91,129 @@ def test_fuse_gives_it_with_everything_at_once(filter):
 
 
 def test_a_filters_own_seed_comes_from_the_flights():
-    """Each seed draws other components, and what was handed over repeats the flight bit for bit; sensors and air do not notice."""
-    flights = [fly("straight", "pkf", duration=2.0, components=3, feedback="truth", seed=seed) for seed in (4, 5)]
+    """Each seed draws other components, and what was handed over repeats the flight bit for bit;
+    sensors and air do not notice."""
+    flights = [
+        fly("straight", "pkf", duration=2.0, components=3, feedback="truth", seed=seed)
+        for seed in (4, 5)
+    ]
     plain = fly("straight", duration=2.0, feedback="truth", seed=4)
-    assert np.array_equal(flights[0].recording.imu.dv, plain.recording.imu.dv) and flights[0].start == plain.start
+    assert (
+        np.array_equal(flights[0].recording.imu.dv, plain.recording.imu.dv)
+        and flights[0].start == plain.start
+    )
     for flight in flights:
         given = flight.recording.meta["filter_options"]
-        assert set(given) == {"components", "seed"} and given == flight.solution.meta["filter_options"]
+        assert (
+            set(given) == {"components", "seed"} and given == flight.solution.meta["filter_options"]
+        )
         assert same(flight.solution, sd.fuse(flight.recording, "pkf", start=flight.start, **given))
     one, other = (flight.recording.meta["filter_options"]["seed"] for flight in flights)
-    assert one != other and not same(flights[0].solution, sd.fuse(flights[0].recording, "pkf", start=flights[0].start, components=3, seed=other))
+    assert one != other and not same(
+        flights[0].solution,
+        sd.fuse(flights[0].recording, "pkf", start=flights[0].start, components=3, seed=other),
+    )
 
 
 @pytest.mark.short
 def test_a_filter_gets_what_is_flown():
-    """Options called aircraft, rate and earth are the flight's; one bound beforehand stays, for a wrong model on purpose."""
+    """Options called aircraft, rate and earth are the flight's; one bound beforehand stays, for
+    a wrong model on purpose."""
     got, closed = [], find("closed-loop")
 
     def start(start, noise, gain=1.0, rate=1.0, aircraft="aerosonde", earth="geodetic"):
         got.append((gain, rate, aircraft, earth))
         return closed.start(start, noise)
+
     heavy = aircraft("aerosonde").replace("heavy", mass=12.0)
-    flight = fly("straight", closed._replace(start=start), duration=1.0, rate=50.0, aircraft=heavy, earth="flat", gain=2.0)
-    fly("straight", closed._replace(start=partial(start, aircraft="aerosonde")), duration=1.0, aircraft=heavy)
-    sd.fuse(flight.recording, closed._replace(start=start), start=flight.start, **flight.recording.meta["filter_options"])
-    assert got == [(2.0, 50.0, heavy, "flat"), (1.0, 100.0, "aerosonde", "geodetic"), (2.0, 50.0, heavy, "flat")]
-    assert "flat and still" in flight.solution.meta["notes"][-1] and not flight.recording.meta["notes"]
+    flight = fly(
+        "straight",
+        closed._replace(start=start),
+        duration=1.0,
+        rate=50.0,
+        aircraft=heavy,
+        earth="flat",
+        gain=2.0,
+    )
+    fly(
+        "straight",
+        closed._replace(start=partial(start, aircraft="aerosonde")),
+        duration=1.0,
+        aircraft=heavy,
+    )
+    sd.fuse(
+        flight.recording,
+        closed._replace(start=start),
+        start=flight.start,
+        **flight.recording.meta["filter_options"],
+    )
+    assert got == [
+        (2.0, 50.0, heavy, "flat"),
+        (1.0, 100.0, "aerosonde", "geodetic"),
+        (2.0, 50.0, heavy, "flat"),
+    ]
+    assert (
+        "flat and still" in flight.solution.meta["notes"][-1] and not flight.recording.meta["notes"]
+    )
 
 
 @pytest.mark.short
 @pytest.mark.parametrize("quantity, size", [("height", 0.01), ("pressure", 0.1)])
 def test_a_barometer_is_the_librarys(quantity, size):
-    """Against `Barometer` on the flown trajectory, without noise to speak of: m or Pa; beside late fixes; and `fuse` takes it the same way."""
-    barometer = Barometer(rate=10.0, quantity=quantity, sd=1e-5, bias=50.0, zero=40.0, lever_arm=(1.0, 0.0, -2.0))
+    """Against `Barometer` on the flown trajectory, without noise to speak of: m or Pa; beside
+    late fixes; and `fuse` takes it the same way."""
+    barometer = Barometer(
+        rate=10.0, quantity=quantity, sd=1e-5, bias=50.0, zero=40.0, lever_arm=(1.0, 0.0, -2.0)
+    )
     plan = FlightPlan("up", ((0, 0, 40), (2000, 0, 40)))
-    flight = fly(plan, duration=8.0, barometer=barometer, gnss=Gnss(interval=0.2, latency=0.055), outage="6:", seed=3)
-    own, expected = flight.recording.aidings[2], barometer.measure(flight.recording.reference, np.random.default_rng(0))
-    assert own.kind == expected.kind and np.array_equal(own.t, expected.t) and own.y.shape == expected.y.shape and own.t[-1] == 8.0
+    flight = fly(
+        plan,
+        duration=8.0,
+        barometer=barometer,
+        gnss=Gnss(interval=0.2, latency=0.055),
+        outage="6:",
+        seed=3,
+    )
+    own, expected = (
+        flight.recording.aidings[2],
+        barometer.measure(flight.recording.reference, np.random.default_rng(0)),
+    )
+    assert (
+        own.kind == expected.kind
+        and np.array_equal(own.t, expected.t)
+        and own.y.shape == expected.y.shape
+        and own.t[-1] == 8.0
+    )
     assert np.abs(own.y - expected.y).max() < size and np.ptp(own.y[:, 0]) > 100 * size
-    assert np.array_equal(own.sd, np.full_like(own.sd, own.sd[0])) and own.sd[0] == pytest.approx(expected.sd[0], rel=1e-3)
+    assert np.array_equal(own.sd, np.full_like(own.sd, own.sd[0])) and own.sd[0] == pytest.approx(
+        expected.sd[0], rel=1e-3
+    )
     assert same(flight.solution, sd.fuse(flight.recording, start=flight.start))
-    without, beside = (fly(plan, duration=2.0, gnss=Gnss(interval=0.2, latency=0.055), feedback="truth", barometer=b) for b in (None, barometer))
+    without, beside = (
+        fly(
+            plan,
+            duration=2.0,
+            gnss=Gnss(interval=0.2, latency=0.055),
+            feedback="truth",
+            barometer=b,
+        )
+        for b in (None, barometer)
+    )
     assert np.array_equal(without.recording.aidings[0].y, beside.recording.aidings[0].y)
 
 
 def test_errors_of_a_barometer_are_as_stated():
-    """White noise and weather: their standard deviations in Pa, within the bands of 4 of their own standard deviations."""
+    """White noise and weather: their standard deviations in Pa, within the bands of 4 of their
+    own standard deviations."""
     wet, t = Barometer(rate=20.0, sd=4.0, drift=100.0, drift_time=0.02), np.arange(1, 10_001) / 20
-    both, white = (barometer_errors(b, t, 500.0, np.random.SeedSequence(1)).errors[0][:, 0] for b in (wet, replace(wet, drift=0.0)))
-    assert both.std() == pytest.approx(np.hypot(4.0, 100.0), rel=4 * 0.01) and abs(both.mean()) < 4 * 1.2
+    both, white = (
+        barometer_errors(b, t, 500.0, np.random.SeedSequence(1)).errors[0][:, 0]
+        for b in (wet, replace(wet, drift=0.0))
+    )
+    assert (
+        both.std() == pytest.approx(np.hypot(4.0, 100.0), rel=4 * 0.01)
+        and abs(both.mean()) < 4 * 1.2
+    )
     assert white.std() == pytest.approx(4.0, rel=4 / np.sqrt(2 * 10_000))
 
 
@@ -117,17 +223,32 @@ def test_a_seed_repeats_and_another_one_does_not():
     logs = [np.stack(list(flight.log.values())) for flight in flights]
     assert np.array_equal(logs[0], logs[1]) and same(flights[0].solution, flights[1].solution)
     assert not np.array_equal(logs[0], logs[2])
-    assert list(flights[0].log) == ["t, s", *LOG] and flights[0].start == flights[1].start != flights[2].start
+    assert (
+        list(flights[0].log) == ["t, s", *LOG]
+        and flights[0].start == flights[1].start != flights[2].start
+    )
 
 
 @pytest.mark.short
 def test_filters_of_one_seed_meet_the_same_errors():
-    """On the truth the aircraft flies alike for each filter, so IMU and fixes are equal; and their errors do not depend on the flight either."""
-    one, other = (fly("straight", filter, duration=3.0, feedback="truth", seed=5) for filter in ("closed-loop", "open-loop"))
-    assert np.array_equal(one.recording.imu.dv, other.recording.imu.dv) and np.array_equal(one.recording.aidings[0].y, other.recording.aidings[0].y)
+    """On the truth the aircraft flies alike for each filter, so IMU and fixes are equal; and
+    their errors do not depend on the flight either."""
+    one, other = (
+        fly("straight", filter, duration=3.0, feedback="truth", seed=5)
+        for filter in ("closed-loop", "open-loop")
+    )
+    assert np.array_equal(one.recording.imu.dv, other.recording.imu.dv) and np.array_equal(
+        one.recording.aidings[0].y, other.recording.aidings[0].y
+    )
     elsewhere = fly("turning", "open-loop", duration=3.0, seed=5)
-    errors = [np.c_[displacement(a.y, f.recording.reference.lla[20::20]), b.y - f.recording.reference.v_n[20::20]]
-              for f in (one, elsewhere) for a, b in [f.recording.aidings]]
+    errors = [
+        np.c_[
+            displacement(a.y, f.recording.reference.lla[20::20]),
+            b.y - f.recording.reference.v_n[20::20],
+        ]
+        for f in (one, elsewhere)
+        for a, b in [f.recording.aidings]
+    ]
     assert np.abs(errors[0] - errors[1]).max() < 1e-6 and np.abs(errors[0]).max() > 0.5
 
 
@@ -138,56 +259,96 @@ def test_imu_errors_are_those_of_the_spec():
     accel = Triad(1e-3, 0.05, 1e-4, 0.01, 50.0, 1e-3, 1e-2, 5e-3, 0.0, 1e-3, 10.5)
     bad = ImuSpec("bad", gyro, accel)
     plan = FlightPlan("bend", ((0, 0, 0), (120, 0, 20), (120, 300, 20)), 25.0, duration=5.0)
-    ideal, flown = (fly(plan, imu=spec, feedback="truth", seed=11, start_sd=SURE).recording for spec in (IDEAL, bad))
+    ideal, flown = (
+        fly(plan, imu=spec, feedback="truth", seed=11, start_sd=SURE).recording
+        for spec in (IDEAL, bad)
+    )
     expected, b_a, b_g = bad.corrupt(ideal.imu, np.random.default_rng(11).spawn(2)[0])
     at_stop = np.isclose(np.abs(expected.dv), 10.5 * 0.01).sum()
     assert at_stop > 5 and "saturated" in " ".join(flown.meta["notes"])
-    assert np.abs(flown.imu.dtheta - expected.dtheta).max() < 1e-12 and np.abs(flown.imu.dv - expected.dv).max() < 1e-12
+    assert (
+        np.abs(flown.imu.dtheta - expected.dtheta).max() < 1e-12
+        and np.abs(flown.imu.dv - expected.dv).max() < 1e-12
+    )
     assert np.array_equal(flown.meta["b_a"], b_a) and np.array_equal(flown.meta["b_g"], b_g)
 
 
 def test_fixes_are_those_of_the_receiver():
-    """Against `Gnss` on the flown trajectory from the same stream: at samples exact, between them to the curvature within a sample."""
-    for gnss, metres, speeds in ((Gnss(interval=0.2), 1e-7, 1e-12), (Gnss(interval=0.333, lever_arm=(0.5, -0.3, -1.0), latency=0.055), 5e-4, 5e-3)):
+    """Against `Gnss` on the flown trajectory from the same stream: at samples exact, between
+    them to the curvature within a sample."""
+    for gnss, metres, speeds in (
+        (Gnss(interval=0.2), 1e-7, 1e-12),
+        (Gnss(interval=0.333, lever_arm=(0.5, -0.3, -1.0), latency=0.055), 5e-4, 5e-3),
+    ):
         recording = fly("turning", duration=20.0, gnss=gnss, seed=2, outage="15:17").recording
-        expected = gnss._replace(outages=((15, 17),)).fixes(recording.reference, np.random.default_rng(2).spawn(2)[1])
+        expected = gnss._replace(outages=((15, 17),)).fixes(
+            recording.reference, np.random.default_rng(2).spawn(2)[1]
+        )
         for mine, theirs in zip(recording.aidings, expected):
-            assert np.array_equal(mine.t, theirs.t) and np.array_equal(mine.sd, theirs.sd) and mine.parameters == theirs.parameters
+            assert (
+                np.array_equal(mine.t, theirs.t)
+                and np.array_equal(mine.sd, theirs.sd)
+                and mine.parameters == theirs.parameters
+            )
         assert np.abs(displacement(recording.aidings[0].y, expected[0].y)).max() < metres
         assert np.abs(recording.aidings[1].y - expected[1].y).max() < speeds
 
 
 def test_ideal_sensors_and_their_ins_agree_with_the_truth():
-    """An INS without errors and without fixes stays on the flown truth: the increments belong to it."""
+    """An INS without errors and without fixes stays on the flown truth: the increments belong to
+    it."""
     flight = fly("turning", duration=30.0, imu=IDEAL, start_sd=(0.0,) * 15, outage="0.1:")
     assert np.abs(off_truth(flight)).max() < 5e-3
-    turned = Rotation.from_quat(flight.solution.trajectory.q_nb[:, [1, 2, 3, 0]]).inv() * flight.recording.reference.rotation[1:]
+    turned = (
+        Rotation.from_quat(flight.solution.trajectory.q_nb[:, [1, 2, 3, 0]]).inv()
+        * flight.recording.reference.rotation[1:]
+    )
     assert turned.magnitude().max() < 1e-5
 
 
 def test_estimates_move_the_aircraft():
-    """With perfect sensors flights on estimate and truth agree; with real ones they part; and in an outage the aircraft's error is its estimate's."""
+    """With perfect sensors flights on estimate and truth agree; with real ones they part; and in
+    an outage the aircraft's error is its estimate's."""
     on_truth = fly("turning", duration=20.0, feedback="truth")
     perfect = fly("turning", duration=20.0, imu=IDEAL, gnss=EXACT, start_sd=SURE)
     real = fly("turning", duration=20.0)
-    apart = lambda flight: np.abs(displacement(flight.recording.reference.lla, on_truth.recording.reference.lla)).max()
+    apart = lambda flight: np.abs(
+        displacement(flight.recording.reference.lla, on_truth.recording.reference.lla)
+    ).max()
     assert apart(perfect) < 0.02 and apart(real) > 0.3
     lost = fly(straight(higher=0.0, faster=0.0), duration=60.0, outage="15:", seed=2)
     error = off_truth(lost)
-    assert np.abs(error[-1, 1]) > 10.0      # the course is north
-    assert abs(lost.log["right of route, m"][-1] - error[-1, 1]) < 2.0 and abs(-lost.log["above route, m"][-1] - error[-1, 2]) < 2.0
+    assert np.abs(error[-1, 1]) > 10.0  # the course is north
+    assert (
+        abs(lost.log["right of route, m"][-1] - error[-1, 1]) < 2.0
+        and abs(-lost.log["above route, m"][-1] - error[-1, 2]) < 2.0
+    )
 
 
 def test_log_is_consistent_with_the_truth():
-    """Newton along the body axes and the flow angles, from the columns of the log, on the flat Earth."""
-    flight = fly("turning", duration=20.0, feedback="truth", earth="flat", wind=(2.0, 1.0, 0.0), turbulence="light")
+    """Newton along the body axes and the flow angles, from the columns of the log, on the flat
+    Earth."""
+    flight = fly(
+        "turning",
+        duration=20.0,
+        feedback="truth",
+        earth="flat",
+        wind=(2.0, 1.0, 0.0),
+        turbulence="light",
+    )
     log, truth, craft = flight.log, flight.recording.reference, aircraft("aerosonde")
     column = lambda *names: np.stack([log[name] for name in names], axis=1)
     force = truth.rotation[1:].apply(column("Fx, N", "Fy, N", "Fz, N")) / craft["mass"]
     acceleration = (truth.v_n[2:] - truth.v_n[:-2]) / 0.02
     apart = acceleration - force[:-1] - [0, 0, 9.807]
-    assert np.abs(apart[:, :2]).max() < 1.0 and np.abs(np.mean(apart, axis=0)).max() < 0.02      # gusts step from sample to sample
-    air = truth.rotation[1:].inv().apply(truth.v_n[1:] - column("wind north, m/s", "wind east, m/s", "wind down, m/s"))
+    assert (
+        np.abs(apart[:, :2]).max() < 1.0 and np.abs(np.mean(apart, axis=0)).max() < 0.02
+    )  # gusts step from sample to sample
+    air = (
+        truth.rotation[1:]
+        .inv()
+        .apply(truth.v_n[1:] - column("wind north, m/s", "wind east, m/s", "wind down, m/s"))
+    )
     assert log["airspeed, m/s"] == pytest.approx(np.linalg.norm(air, axis=1))
     assert log["angle of attack, rad"] == pytest.approx(np.arctan2(air[:, 2], air[:, 0]))
     over_ground = truth.rotation[1:].inv().apply(truth.v_n[1:])
@@ -195,20 +356,55 @@ def test_log_is_consistent_with_the_truth():
 
 
 @pytest.mark.short
-@pytest.mark.parametrize("name, cause, arguments", [
-    ("ground", "hit the ground", dict(plan=FlightPlan("low", ((0, 0, -20), (900, 0, -20)), clearance=5.0), duration=8.0, feedback="truth")),
-    ("stall", "was stalled for 1 s", dict(plan=straight(0.0, 0.0), told_wind=(-14.0, 0.0, 0.0), duration=12.0, feedback="truth",
-                                            aircraft=aircraft("aerosonde").replace(stall_alpha=0.12))),
-    ("filter", "the filter diverged or left", dict(plan=straight(place=(88.9998 * DEG, 0.2, 500.0)), duration=4.0, feedback="truth")),
-])
+@pytest.mark.parametrize(
+    "name, cause, arguments",
+    [
+        (
+            "ground",
+            "hit the ground",
+            dict(
+                plan=FlightPlan("low", ((0, 0, -20), (900, 0, -20)), clearance=5.0),
+                duration=8.0,
+                feedback="truth",
+            ),
+        ),
+        (
+            "stall",
+            "was stalled for 1 s",
+            dict(
+                plan=straight(0.0, 0.0),
+                told_wind=(-14.0, 0.0, 0.0),
+                duration=12.0,
+                feedback="truth",
+                aircraft=aircraft("aerosonde").replace(stall_alpha=0.12),
+            ),
+        ),
+        (
+            "filter",
+            "the filter diverged or left",
+            dict(plan=straight(place=(88.9998 * DEG, 0.2, 500.0)), duration=4.0, feedback="truth"),
+        ),
+    ],
+)
 def test_flights_that_diverge_stop_with_state_and_cause(name, cause, arguments):
     flight = fly(**arguments)
-    assert cause in flight.stopped.cause and flight.stopped.state.shape == (17,) and cause in str(flight)
+    assert (
+        cause in flight.stopped.cause
+        and flight.stopped.state.shape == (17,)
+        and cause in str(flight)
+    )
     assert 0.1 < flight.stopped.t < arguments["duration"]
     rows = round(100 * flight.stopped.t)
-    assert len(flight.recording.imu.t) == len(flight.log["t, s"]) == rows and len(flight.recording.reference) == rows + 1
-    assert flight.stopped.t == flight.recording.imu.t[-1] and np.allclose(flight.stopped.state[0:3], flight.recording.reference.lla[-1])
-    assert flight.solution.meta["stopped"] and any(cause in text for _, text in flight.solution.events)
+    assert (
+        len(flight.recording.imu.t) == len(flight.log["t, s"]) == rows
+        and len(flight.recording.reference) == rows + 1
+    )
+    assert flight.stopped.t == flight.recording.imu.t[-1] and np.allclose(
+        flight.stopped.state[0:3], flight.recording.reference.lla[-1]
+    )
+    assert flight.solution.meta["stopped"] and any(
+        cause in text for _, text in flight.solution.events
+    )
     assert any(cause in note for note in flight.recording.meta["notes"])
     assert len(flight.solution.t) == rows - (name == "filter")
     assert same(flight.solution, sd.fuse(flight.recording, start=flight.start))
@@ -222,26 +418,53 @@ def test_a_wrong_attitude_loses_the_aircraft():
 
 
 def test_the_model_predicts_while_the_receiver_is_cut():
-    """Calm air, ideal sensors, exact start: the pseudo-increments are the aircraft's own to the error of the belief; the filter is told their noise."""
+    """Calm air, ideal sensors, exact start: the pseudo-increments are the aircraft's own to the
+    error of the belief; the filter is told their noise."""
     common = dict(plan=turning(), duration=16.0, outage="11:", imu=IDEAL, gnss=EXACT)
     imu, model = (fly(**common, start_sd=SURE, prediction=by) for by in ("imu", "model"))
     cut = model.log["model predicts"] == 1
-    assert cut.sum() == 500 and not imu.log["model predicts"].any() and model.log["t, s"][cut][0] == pytest.approx(11.01)
+    assert (
+        cut.sum() == 500
+        and not imu.log["model predicts"].any()
+        and model.log["t, s"][cut][0] == pytest.approx(11.01)
+    )
     assert "500 IMU samples are those of the aircraft's model" in model.recording.meta["notes"][0]
-    assert np.array_equal(imu.recording.imu.dv[~cut], model.recording.imu.dv[~cut]) and abs(model.log["r, rad/s"][1100]) > 0.15     # in a turn
+    assert (
+        np.array_equal(imu.recording.imu.dv[~cut], model.recording.imu.dv[~cut])
+        and abs(model.log["r, rad/s"][1100]) > 0.15
+    )  # in a turn
     assert np.abs(imu.recording.imu.dtheta[cut] - model.recording.imu.dtheta[cut]).max() < 1e-4
-    assert np.abs(imu.recording.imu.dv[cut] - model.recording.imu.dv[cut]).max() < 2e-3 and np.abs(off_truth(model)).max() < 0.5
-    sure = fly(**common, start_sd=SURE, prediction="model", model_noise=Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    assert (
+        np.abs(imu.recording.imu.dv[cut] - model.recording.imu.dv[cut]).max() < 2e-3
+        and np.abs(off_truth(model)).max() < 0.5
+    )
+    sure = fly(
+        **common, start_sd=SURE, prediction="model", model_noise=Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    )
     assert model.solution.trajectory.sd[-1, 3] > 0.1 > sure.solution.trajectory.sd[-1, 3]
 
 
 @pytest.mark.short
 def test_the_beliefs_biases_are_in_the_models_increments():
-    """A filter that is sure of wrong biases takes them off again: what is left of the pseudo-increments is the aircraft's force and rate."""
-    start = fly("straight", duration=0.1, imu=IDEAL, start_sd=(0.0,) * 15).start._replace(ba=(0.3, -0.2, 0.1), bg=(2e-3, -1e-3, 1e-3))
-    flight = fly(straight(higher=0.0, faster=0.0), duration=3.0, outage="0:", imu=IDEAL, start=start, prediction="model", earth="flat")
+    """A filter that is sure of wrong biases takes them off again: what is left of the
+    pseudo-increments is the aircraft's force and rate."""
+    start = fly("straight", duration=0.1, imu=IDEAL, start_sd=(0.0,) * 15).start._replace(
+        ba=(0.3, -0.2, 0.1), bg=(2e-3, -1e-3, 1e-3)
+    )
+    flight = fly(
+        straight(higher=0.0, faster=0.0),
+        duration=3.0,
+        outage="0:",
+        imu=IDEAL,
+        start=start,
+        prediction="model",
+        earth="flat",
+    )
     cut, log, imu = flight.log["model predicts"] == 1, flight.log, flight.recording.imu
-    force = np.stack([log[name] for name in ("Fx, N", "Fy, N", "Fz, N")], axis=1) / aircraft("aerosonde")["mass"]
+    force = (
+        np.stack([log[name] for name in ("Fx, N", "Fy, N", "Fz, N")], axis=1)
+        / aircraft("aerosonde")["mass"]
+    )
     rates = np.stack([log[name] for name in ("p, rad/s", "q, rad/s", "r, rad/s")], axis=1)
     assert cut.all() and (imu.dv / 0.01 - force).mean(axis=0) == pytest.approx(start.ba, abs=2e-3)
     assert (imu.dtheta / 0.01 - rates).mean(axis=0) == pytest.approx(start.bg, abs=1e-4)
@@ -249,30 +472,53 @@ def test_the_beliefs_biases_are_in_the_models_increments():
 
 @pytest.mark.short
 def test_a_filter_can_be_told_the_controls():
-    """workspace[inputs : inputs + 9] of a filter whose workspace has nine numbers more; its samples stay the IMU's."""
+    """workspace[inputs : inputs + 9] of a filter whose workspace has nine numbers more; its
+    samples stay the IMU's."""
     held, closed = [], find("closed-loop")
 
     def start(start, noise):
         belief = closed.start(start, noise)
         belief = belief._replace(workspace=np.zeros(belief.workspace.size + 9))
-        belief.workspace[:closed.start(start, noise).workspace.size] = closed.start(start, noise).workspace
+        belief.workspace[: closed.start(start, noise).workspace.size] = closed.start(
+            start, noise
+        ).workspace
         held.append(belief)
         return belief
-    first = closed.start(fly("straight", duration=0.1).start, Noise(*[0.0] * 6)).workspace.size - 3 * STATES     # before H, which stands at the end
+
+    first = (
+        closed.start(fly("straight", duration=0.1).start, Noise(*[0.0] * 6)).workspace.size
+        - 3 * STATES
+    )  # before H, which stands at the end
     cut = dict(duration=3.0, outage="2:", wind=(1.0, 2.0, 0.0))
-    flight = fly("straight", closed._replace(name="told", start=start), prediction="model", inputs=first, **cut)
-    workspace, log = held[0].workspace[first:first + 9], flight.log
-    middle = [0.5 * (log[name][-1] + log[name][-2]) for name in ("elevator, rad", "aileron, rad", "rudder, rad", "throttle")]
+    flight = fly(
+        "straight",
+        closed._replace(name="told", start=start),
+        prediction="model",
+        inputs=first,
+        **cut,
+    )
+    workspace, log = held[0].workspace[first : first + 9], flight.log
+    middle = [
+        0.5 * (log[name][-1] + log[name][-2])
+        for name in ("elevator, rad", "aileron, rad", "rudder, rad", "throttle")
+    ]
     assert workspace == pytest.approx([1.0, *middle, 1.0, 2.0, 0.0, 0.01])
     plain = fly("straight", **cut)
-    assert np.array_equal(plain.recording.imu.dv, flight.recording.imu.dv) and same(plain.solution, flight.solution)
+    assert np.array_equal(plain.recording.imu.dv, flight.recording.imu.dv) and same(
+        plain.solution, flight.solution
+    )
 
 
 @pytest.mark.short
 def test_flights_on_the_flat_earth_and_with_a_start_of_ones_own():
     flight = fly("straight", duration=2.0, earth="flat", feedback="truth", start_sd=(0.0,) * 15)
     assert flight.start.lla == pytest.approx(PLACE) and flight.start.sd == (0.0,) * 15
-    rate = np.linalg.norm(flight.recording.imu.dtheta - flight.recording.meta["b_g"] * 0.01, axis=1).mean() / 0.01
+    rate = (
+        np.linalg.norm(
+            flight.recording.imu.dtheta - flight.recording.meta["b_g"] * 0.01, axis=1
+        ).mean()
+        / 0.01
+    )
     assert flight.recording.meta["earth"] == "flat" and rate < 0.2
     assert fly("straight", duration=2.0, start=flight.start, seed=8).start == flight.start
 
@@ -288,17 +534,23 @@ BAD = {
     "and it never is; give an outage": dict(prediction="model"),
     "a time step of 0.5 s is too long": dict(rate=2.0, gnss=Gnss(interval=1.0)),
     "come faster than the IMU's samples": dict(rate=20.0, gnss=Gnss(interval=0.01)),
-    "a leg that rises by 0.5 m per m at 25 m/s cannot be flown": dict(plan=FlightPlan("steep", ((0, 0, 0), (100, 0, 50)))),
+    "a leg that rises by 0.5 m per m at 25 m/s cannot be flown": dict(
+        plan=FlightPlan("steep", ((0, 0, 0), (100, 0, 50)))
+    ),
     "cannot be trimmed at 8 m/s": dict(plan=straight(airspeed=8.0)),
     "unknown turbulence 'heavy'": dict(turbulence="heavy"),
     "earth is 'round'": dict(earth="round"),
     "leaves an airspeed of 27 m/s no way against it": dict(wind=(0, 30.0, 0)),
     "a wind of 24 m/s is too fast": dict(wind=(0, 24.0, 0), told_wind=(0, 0, 0)),
     "seed is -1": dict(seed=-1),
-    "the start is at 3 s; a flight begins at 0 s": dict(start=sd.Start(3.0, PLACE, (0,) * 3, (0,) * 3, (0,) * 3, (0,) * 3, (1,) * 15)),
+    "the start is at 3 s; a flight begins at 0 s": dict(
+        start=sd.Start(3.0, PLACE, (0,) * 3, (0,) * 3, (0,) * 3, (0,) * 3, (1,) * 15)
+    ),
     "cannot fly 0.001 s at 100 Hz": dict(duration=0.001),
     "estimates no position, and the autopilot flies by one": dict(filter="attitude-mekf"),
-    "inputs 1000000 to 1000008 do not fit": dict(inputs=1_000_000, filter=find("closed-loop")._replace(name="told")),
+    "inputs 1000000 to 1000008 do not fit": dict(
+        inputs=1_000_000, filter=find("closed-loop")._replace(name="told")
+    ),
     "pkf does not compute with controls; leave inputs out": dict(inputs=0, filter="pkf"),
     "prediction='model' takes over while the receiver is cut": dict(prediction="model", outage=[]),
     "wind is .'a', 0, 0.; it must be three": dict(wind=("a", 0, 0)),
@@ -330,7 +582,11 @@ def test_a_flight_can_be_written_to_without_harm_to_the_next():
     one = fly("straight", duration=0.5)
     one.trim.state[2], one.trim.commands[:], one.route[:] = 1e4, 0.0, 0.0
     other = fly("straight", duration=0.5)
-    assert other.trim.state[2] == 500.0 and other.route.any() and np.array_equal(one.recording.reference.lla, other.recording.reference.lla)
+    assert (
+        other.trim.state[2] == 500.0
+        and other.route.any()
+        and np.array_equal(one.recording.reference.lla, other.recording.reference.lla)
+    )
 
 
 @pytest.mark.short
@@ -343,6 +599,7 @@ def test_outage_windows():
 
 def test_threads_may_fly_at_once():
     from concurrent.futures import ThreadPoolExecutor
+
     go = lambda seed: fly("turning", duration=5.0, seed=seed, turbulence="light")
     with ThreadPoolExecutor(3) as pool:
         for seed, flight in enumerate(pool.map(go, range(3))):

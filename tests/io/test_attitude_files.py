@@ -1,4 +1,6 @@
-"""Files of what has no position: solutions of attitude as NetCDF and CSV, and recordings with magnetic field, pressure and place."""
+"""Files of what has no position: solutions of attitude as NetCDF and CSV, and recordings with
+magnetic field, pressure and place."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -6,13 +8,16 @@ import pytest
 from synthetic import attitude_only, flight, solution
 
 from strapdown.data import Aiding, DataError, Trajectory
-from strapdown.recording import Recording
 from strapdown.io.netcdf import read_recording, write_recording
 from strapdown.io.solution import read_solution, write_solution
+from strapdown.recording import Recording
 
 pytestmark = pytest.mark.short
 TRUTH = flight(30, rate=5.0)
-MADE = {name: attitude_only(solution(TRUTH), heave=name == "vru", name=name) for name in ("attitude-mekf", "vru")}
+MADE = {
+    name: attitude_only(solution(TRUTH), heave=name == "vru", name=name)
+    for name in ("attitude-mekf", "vru")
+}
 
 
 @pytest.mark.parametrize("name", MADE)
@@ -22,24 +27,46 @@ def test_what_is_not_known_stays_so(name, ending, tmp_path):
     write_solution(made, tmp_path / f"a.{ending}")
     back = read_solution(tmp_path / f"a.{ending}")
     for part in ("lla", "v_n", "sd"):
-        assert np.allclose(getattr(back.trajectory, part), getattr(made.trajectory, part), rtol=0, atol=1e-9, equal_nan=True)
-    assert np.isnan(back.b_a).all() and np.allclose(back.b_g, made.b_g, rtol=0, atol=1e-14) and not back.has_position
+        assert np.allclose(
+            getattr(back.trajectory, part),
+            getattr(made.trajectory, part),
+            rtol=0,
+            atol=1e-9,
+            equal_nan=True,
+        )
+    assert (
+        np.isnan(back.b_a).all()
+        and np.allclose(back.b_g, made.b_g, rtol=0, atol=1e-14)
+        and not back.has_position
+    )
     assert (back.trajectory.rotation * made.trajectory.rotation.inv()).magnitude().max() < 1e-9
     if ending == "nc":
-        assert np.array_equal(back.innovations.innovation, made.innovations.innovation, equal_nan=True) and back.meta["filter"] == name
+        assert (
+            np.array_equal(back.innovations.innovation, made.innovations.innovation, equal_nan=True)
+            and back.meta["filter"] == name
+        )
 
 
 def test_csv_leaves_cells_of_the_unknown_empty(tmp_path):
     write_solution(MADE["vru"], tmp_path / "a.csv")
     head, row = (line.split(",") for line in (tmp_path / "a.csv").read_text().splitlines()[:2])
     cells = dict(zip(head, row))
-    assert cells["lat [deg]"] == cells["VE [m/s]"] == cells["sd_north [m]"] == cells["accel_bias_x [m/s^2]"] == "" and float(cells["alt [m]"]) > 300
+    assert (
+        cells["lat [deg]"]
+        == cells["VE [m/s]"]
+        == cells["sd_north [m]"]
+        == cells["accel_bias_x [m/s^2]"]
+        == ""
+        and float(cells["alt [m]"]) > 300
+    )
     assert "nan" not in (tmp_path / "a.csv").read_text()
 
 
 @pytest.mark.parametrize("name", MADE)
 def test_no_track_is_written_without_position(name, tmp_path):
-    with pytest.raises(DataError, match=f"a.kml: the solution of {name} has no position.*use .nc or .csv") as refusal:
+    with pytest.raises(
+        DataError, match=f"a.kml: the solution of {name} has no position.*use .nc or .csv"
+    ) as refusal:
         write_solution(MADE[name], tmp_path / "a.kml")
     assert "\n" not in str(refusal.value) and not list(tmp_path.iterdir())
 
@@ -47,8 +74,16 @@ def test_no_track_is_written_without_position(name, tmp_path):
 def test_tables_say_nothing_of_the_unknown():
     table = MADE["attitude-mekf"].table()
     known = set(table.columns[table.notna().any()])
-    assert known == {"roll", "pitch", "heading", "sd_rotation_north", "sd_rotation_east", "sd_rotation_down",
-                     *(f"{sd}gyro_bias_{axis}" for sd in ("", "sd_") for axis in "xyz"), "status"}
+    assert known == {
+        "roll",
+        "pitch",
+        "heading",
+        "sd_rotation_north",
+        "sd_rotation_east",
+        "sd_rotation_down",
+        *(f"{sd}gyro_bias_{axis}" for sd in ("", "sd_") for axis in "xyz"),
+        "status",
+    }
     assert "rows" in repr(MADE["attitude-mekf"]) and "roll" in MADE["attitude-mekf"]._repr_html_()
 
 
@@ -56,44 +91,95 @@ def recording(aidings=(), **meta):
     rng = np.random.default_rng(4)
     t = np.arange(1, 501) / 50
     reference = Trajectory(TRUTH.t[:50], np.full((50, 3), np.nan), None, TRUTH.q_nb[:50])
-    return Recording.from_arrays(t, rng.normal(0, 0.1, (500, 3)), rng.normal(0, 0.1, (500, 3)) - [0, 0, 9.81], aidings, reference, **meta)
+    return Recording.from_arrays(
+        t,
+        rng.normal(0, 0.1, (500, 3)),
+        rng.normal(0, 0.1, (500, 3)) - [0, 0, 9.81],
+        aidings,
+        reference,
+        **meta,
+    )
 
 
 def test_a_recording_keeps_place_date_kinds_and_a_reference_of_attitude(tmp_path):
     t, rng = np.arange(1.0, 10), np.random.default_rng(5)
-    field = Aiding("magnetic-field", t, rng.normal(0, 3e-5, (9, 3)), np.full((9, 3), 1e-6), (2e-5, 1e-6, 4e-5), np.inf, "compass")
-    pressure = Aiding("pressure", t, 1e5 + rng.normal(0, 3, (9, 1)), np.full((9, 1), 0.3), (0.1, 0.2, -0.3))
+    field = Aiding(
+        "magnetic-field",
+        t,
+        rng.normal(0, 3e-5, (9, 3)),
+        np.full((9, 3), 1e-6),
+        (2e-5, 1e-6, 4e-5),
+        np.inf,
+        "compass",
+    )
+    pressure = Aiding(
+        "pressure", t, 1e5 + rng.normal(0, 3, (9, 1)), np.full((9, 1), 0.3), (0.1, 0.2, -0.3)
+    )
     altitude = Aiding("pressure-altitude", t, rng.normal(100, 3, (9, 1)), np.full((9, 1), 0.3))
-    level, gravity = Aiding("zero-sea-level", t, np.zeros((9, 1)), np.ones((9, 1))), Aiding("gravity", t, np.zeros((9, 3)), np.ones((9, 3)))
-    made = recording((field, pressure, altitude, level, gravity), place=[0.9, 0.2, 70.0], date="2012-11-01")
+    level, gravity = (
+        Aiding("zero-sea-level", t, np.zeros((9, 1)), np.ones((9, 1))),
+        Aiding("gravity", t, np.zeros((9, 3)), np.ones((9, 3))),
+    )
+    made = recording(
+        (field, pressure, altitude, level, gravity), place=[0.9, 0.2, 70.0], date="2012-11-01"
+    )
     write_recording(made, tmp_path / "a.nc")
     back = read_recording(tmp_path / "a.nc")
     assert back.meta["place"] == [0.9, 0.2, 70.0] and back.meta["date"] == "2012-11-01"
     for a, b in zip(made.aidings, back.aidings, strict=True):
         assert (a.kind, a.parameters, a.gate, a.name) == (b.kind, b.parameters, b.gate, b.name)
         assert all(np.array_equal(getattr(a, part), getattr(b, part)) for part in ("t", "y", "sd"))
-    assert np.isnan(back.reference.lla).all() and back.reference.v_n is None and np.array_equal(back.reference.q_nb, made.reference.q_nb)
+    assert (
+        np.isnan(back.reference.lla).all()
+        and back.reference.v_n is None
+        and np.array_equal(back.reference.q_nb, made.reference.q_nb)
+    )
 
 
 def test_netcdf_names_the_units_of_the_new_kinds(tmp_path):
     import h5netcdf
+
     t = np.arange(1.0, 5)
-    made = recording((Aiding("magnetic-field", t, np.full((4, 3), 3e-5), np.full((4, 3), 1e-6), (2e-5, 1e-6, 4.5e-5)), Aiding("pressure", t, np.full((4, 1), 1e5), np.ones((4, 1)))))
+    made = recording(
+        (
+            Aiding(
+                "magnetic-field",
+                t,
+                np.full((4, 3), 3e-5),
+                np.full((4, 3), 1e-6),
+                (2e-5, 1e-6, 4.5e-5),
+            ),
+            Aiding("pressure", t, np.full((4, 1), 1e5), np.ones((4, 1))),
+        )
+    )
     write_recording(made, tmp_path / "a.nc")
     with h5netcdf.File(tmp_path / "a.nc") as file:
-        units = [tuple(file[f"aiding_{k}"][name].attrs["units"] for name in ("y", "sd")) for k in (1, 2)]
+        units = [
+            tuple(file[f"aiding_{k}"][name].attrs["units"] for name in ("y", "sd")) for k in (1, 2)
+        ]
     assert units == [("T", "T"), ("Pa", "m")]
 
 
 def test_every_quantity_of_an_aiding_has_its_units():
     from strapdown import aiding
     from strapdown.io.netcdf import SI
-    assert {quantity for sensor in aiding.measurements().values() for quantity in sensor.quantities} <= set(SI)
+
+    assert {
+        quantity for sensor in aiding.measurements().values() for quantity in sensor.quantities
+    } <= set(SI)
 
 
 def test_parts_of_a_recording_without_fixes(tmp_path):
     made = recording()
     part = made.between(2.0, 4.0)
-    assert part.aidings == () and part.span == (2.0, 4.0) and made.hidden([(1, 2)]).aidings == () and "IMU samples" in repr(part)
+    assert (
+        part.aidings == ()
+        and part.span == (2.0, 4.0)
+        and made.hidden([(1, 2)]).aidings == ()
+        and "IMU samples" in repr(part)
+    )
     write_recording(part, tmp_path / "a.nc")
-    assert read_recording(tmp_path / "a.nc").aidings == () and replace(part, reference=None).reference is None
+    assert (
+        read_recording(tmp_path / "a.nc").aidings == ()
+        and replace(part, reference=None).reference is None
+    )

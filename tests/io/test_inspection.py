@@ -1,19 +1,22 @@
-"""`inspect` names the mistake and the remedy where reading refuses, and drafts a description that reads."""
+"""`inspect` names the mistake and the remedy where reading refuses, and drafts a description
+that reads."""
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from strapdown.data import DataError
-from strapdown.recording import Recording
 from strapdown.io import read, write_recording
 from strapdown.io.description.draft import draft
 from strapdown.io.inspection import inspect
+from strapdown.recording import Recording
 
 pytestmark = pytest.mark.short
 
 
 def car(n=12000, dt=0.01):
-    """A car that turns left and right at 10 m/s: t, gyro (rad/s), accel (m/s^2), and north, east velocity."""
+    """A car that turns left and right at 10 m/s: t, gyro (rad/s), accel (m/s^2), and north, east
+    velocity."""
     t = dt * np.arange(1, n + 1)
     rate = 0.2 * np.sin(0.3 * t)
     heading = np.cumsum(rate) * dt
@@ -25,14 +28,22 @@ def car(n=12000, dt=0.01):
 
 @pytest.fixture
 def drive(tmp_path):
-    """Function (changes of arrays and text) -> path of a description of that drive, without any mistake unless changed."""
+    """Function (changes of arrays and text) -> path of a description of that drive, without any
+    mistake unless changed."""
+
     def drive(gyro=1.0, offset=0.0, toml=lambda s: s):
         t, w, f, v = car()
-        pd.DataFrame(np.c_[t, w * gyro, f], columns=["t_s", "gyro_x", "gyro_y", "gyro_z", "acc_x", "acc_y", "acc_z"]).to_csv(tmp_path / "imu.csv", index=False)
+        pd.DataFrame(
+            np.c_[t, w * gyro, f],
+            columns=["t_s", "gyro_x", "gyro_y", "gyro_z", "acc_x", "acc_y", "acc_z"],
+        ).to_csv(tmp_path / "imu.csv", index=False)
         rows = slice(99, None, 20)
-        pd.DataFrame(np.c_[t[rows] + offset, v[rows], 0 * t[rows]], columns=["t", "vn", "ve", "vd"]).to_csv(tmp_path / "gnss.csv", index=False)
+        pd.DataFrame(
+            np.c_[t[rows] + offset, v[rows], 0 * t[rows]], columns=["t", "vn", "ve", "vd"]
+        ).to_csv(tmp_path / "gnss.csv", index=False)
         path = tmp_path / "recording.toml"
-        path.write_text(toml('''[imu]
+        path.write_text(
+            toml("""[imu]
 file = "imu.csv"
 time = { column = "t_s", unit = "s" }
 gyro = { columns = ["gyro_x", "gyro_y", "gyro_z"], unit = "rad/s" }
@@ -45,37 +56,70 @@ time = { column = "t", unit = "s" }
 columns = ["vn", "ve", "vd"]
 unit = "m/s"
 sd = 0.1
-'''))
+""")
+        )
         return path
+
     return drive
 
 
 def test_facts_of_a_good_recording(build, tmp_path):
     path = build(imu=lambda f: f.drop(range(500, 1000)))
     text = str(inspect(path))
-    for words in ("imu: 1500 samples, 10.010 to 30.000 s (20.0 s), 100 Hz", "gaps: 1, the longest 5.000 s after 15.000 s", "median magnitude 9.80",
-                  "at rest for 15.0 s", "z is negative, as it must be", "angular rate [1.0",
-                  "position: 20 fixes, 10.500 to 29.500 s, every 1 s", "19.0 s of it with the IMU", "note: ", "no mistakes found"):
+    for words in (
+        "imu: 1500 samples, 10.010 to 30.000 s (20.0 s), 100 Hz",
+        "gaps: 1, the longest 5.000 s after 15.000 s",
+        "median magnitude 9.80",
+        "at rest for 15.0 s",
+        "z is negative, as it must be",
+        "angular rate [1.0",
+        "position: 20 fixes, 10.500 to 29.500 s, every 1 s",
+        "19.0 s of it with the IMU",
+        "note: ",
+        "no mistakes found",
+    ):
         assert words in text, text
     write_recording(read(path), tmp_path / "recording.nc")
-    assert [line for line in inspect(tmp_path / "recording.nc").facts if "note" not in line] == [line for line in inspect(path).facts if "note" not in line]
+    assert [line for line in inspect(tmp_path / "recording.nc").facts if "note" not in line] == [
+        line for line in inspect(path).facts if "note" not in line
+    ]
 
 
-@pytest.mark.parametrize("changes, words", [
-    (dict(), None),
-    (dict(gyro=57.3), "gyro.unit: the gyro claims tilting"),
-    (dict(gyro=1 / 57.3), "gyro.unit: gyro z turns 0.017"),
-    (dict(gyro=[1, 1, -1]), "check the sign of gyro z"),
-    (dict(offset=1.0), "fits the gyro best with -1.00 s added to its time, or +1.00 s to that of the IMU: check `offset`"),
-    (dict(toml=lambda s: s.replace('"m/s^2"', '"g"')), "accel.unit: specific force has median magnitude 97"),
-    (dict(toml=lambda s: s.replace("[imu]", '[imu]\naxes = "FLU"')), "axes: specific force on z has median +9.8"),
-    (dict(toml=lambda s: s.replace("[imu]", '[imu]\naxes = "+z +y -x"')), "specific force lies mostly on x"),
-    (dict(offset=1e4), "nothing falls within the IMU record"),
-    (dict(toml=lambda s: s.replace('columns = ["vn"', 'columns = ["vnn"')), "column 'vnn' is missing; did you mean 'vn'?"),
-])
+@pytest.mark.parametrize(
+    "changes, words",
+    [
+        (dict(), None),
+        (dict(gyro=57.3), "gyro.unit: the gyro claims tilting"),
+        (dict(gyro=1 / 57.3), "gyro.unit: gyro z turns 0.017"),
+        (dict(gyro=[1, 1, -1]), "check the sign of gyro z"),
+        (
+            dict(offset=1.0),
+            "fits the gyro best with -1.00 s added to its time, or +1.00 s to that of the IMU: check `offset`",
+        ),
+        (
+            dict(toml=lambda s: s.replace('"m/s^2"', '"g"')),
+            "accel.unit: specific force has median magnitude 97",
+        ),
+        (
+            dict(toml=lambda s: s.replace("[imu]", '[imu]\naxes = "FLU"')),
+            "axes: specific force on z has median +9.8",
+        ),
+        (
+            dict(toml=lambda s: s.replace("[imu]", '[imu]\naxes = "+z +y -x"')),
+            "specific force lies mostly on x",
+        ),
+        (dict(offset=1e4), "nothing falls within the IMU record"),
+        (
+            dict(toml=lambda s: s.replace('columns = ["vn"', 'columns = ["vnn"')),
+            "column 'vnn' is missing; did you mean 'vn'?",
+        ),
+    ],
+)
 def test_mistakes_are_named(drive, changes, words):
     found = inspect(drive(**changes))
-    assert any(line.startswith("imu: 12000 samples") for line in found.facts), "the IMU is described whatever is wrong"
+    assert any(line.startswith("imu: 12000 samples") for line in found.facts), (
+        "the IMU is described whatever is wrong"
+    )
     if words is None:
         assert found.problems == () and found.lines[-1] == "no mistakes found"
     else:
@@ -83,14 +127,27 @@ def test_mistakes_are_named(drive, changes, words):
 
 
 def test_an_invalid_description_still_shows_the_table(drive):
-    found = inspect(drive(toml=lambda s: s.replace("rad/s", "radians").replace("sd = 0.1", "sd = 0")))
-    assert len(found.problems) >= 2 and "accepted for angular rate" in found.problems[0] and "above zero" in found.problems[1]
+    found = inspect(
+        drive(toml=lambda s: s.replace("rad/s", "radians").replace("sd = 0.1", "sd = 0"))
+    )
+    assert (
+        len(found.problems) >= 2
+        and "accepted for angular rate" in found.problems[0]
+        and "above zero" in found.problems[1]
+    )
     assert any("imu: 12000 samples" in line for line in found.facts)
 
 
 def test_held_fixes_are_pointed_out(build):
-    path = build(gnss=lambda f: f.loc[f.index.repeat(4)].reset_index(drop=True).assign(t=lambda g: 10.5 + 0.2 * g.index))
-    assert any("75 % of the fixes repeat" in problem or "76 % of the fixes repeat" in problem for problem in inspect(path).problems)
+    path = build(
+        gnss=lambda f: (
+            f.loc[f.index.repeat(4)].reset_index(drop=True).assign(t=lambda g: 10.5 + 0.2 * g.index)
+        )
+    )
+    assert any(
+        "75 % of the fixes repeat" in problem or "76 % of the fixes repeat" in problem
+        for problem in inspect(path).problems
+    )
 
 
 def frame(accel, gyro_names, accel_names, time="time", rate=1.0):
@@ -98,13 +155,40 @@ def frame(accel, gyro_names, accel_names, time="time", rate=1.0):
     return pd.DataFrame(np.c_[t, w * rate, f * accel], columns=[time, *gyro_names, *accel_names])
 
 
-@pytest.mark.parametrize("table, expected", [
-    (frame(1, ["wx_rad_s", "wy_rad_s", "wz_rad_s"], ["fx_m_s2", "fy_m_s2", "fz_m_s2"], "t_s"), ['unit = "rad/s"', 'axes = "FRD"', 'unit = "m/s^2"']),
-    (frame(1 / 9.80665, ["gyro_x [deg/s]", "gyro_y [deg/s]", "gyro_z [deg/s]"], ["acc_x [g]", "acc_y [g]", "acc_z [g]"], rate=57.2958), ['unit = "deg/s"', 'unit = "g"']),
-    (frame(-1000 / 9.80665, ["GyrX", "GyrY", "GyrZ"], ["AccX", "AccY", "AccZ"], rate=57.2958), ['axes = "FLU"', 'unit = "mg"', 'unit = "deg/s" }      # check']),
-    (frame(4096 / 9.80665, ["imu_gx", "imu_gy", "imu_gz"], ["imu_ax", "imu_ay", "imu_az"]), ["scale = 0.0023", "check: counts?"]),
-    (frame([1, 1, 1], ["gx", "gy", "gz"], ["az", "ax", "ay"]), ['axes = "+x -z +y"', "gravity lies on y"]),
-])
+@pytest.mark.parametrize(
+    "table, expected",
+    [
+        (
+            frame(
+                1, ["wx_rad_s", "wy_rad_s", "wz_rad_s"], ["fx_m_s2", "fy_m_s2", "fz_m_s2"], "t_s"
+            ),
+            ['unit = "rad/s"', 'axes = "FRD"', 'unit = "m/s^2"'],
+        ),
+        (
+            frame(
+                1 / 9.80665,
+                ["gyro_x [deg/s]", "gyro_y [deg/s]", "gyro_z [deg/s]"],
+                ["acc_x [g]", "acc_y [g]", "acc_z [g]"],
+                rate=57.2958,
+            ),
+            ['unit = "deg/s"', 'unit = "g"'],
+        ),
+        (
+            frame(
+                -1000 / 9.80665, ["GyrX", "GyrY", "GyrZ"], ["AccX", "AccY", "AccZ"], rate=57.2958
+            ),
+            ['axes = "FLU"', 'unit = "mg"', 'unit = "deg/s" }      # check'],
+        ),
+        (
+            frame(4096 / 9.80665, ["imu_gx", "imu_gy", "imu_gz"], ["imu_ax", "imu_ay", "imu_az"]),
+            ["scale = 0.0023", "check: counts?"],
+        ),
+        (
+            frame([1, 1, 1], ["gx", "gy", "gz"], ["az", "ax", "ay"]),
+            ['axes = "+x -z +y"', "gravity lies on y"],
+        ),
+    ],
+)
 def test_a_draft_reads(tmp_path, table, expected):
     (tmp_path / "logs").mkdir()
     table.to_csv(tmp_path / "logs" / "flight.csv", index=False)
@@ -114,33 +198,64 @@ def test_a_draft_reads(tmp_path, table, expected):
         assert words in text, text
     (tmp_path / "recording.toml").write_text(text)
     recording = read(tmp_path / "recording.toml")
-    assert len(recording.imu.t) == 3000 and np.median(recording.imu.dv[:, 2] / recording.imu.dt) == pytest.approx(-9.8, abs=0.2)
+    assert len(recording.imu.t) == 3000 and np.median(
+        recording.imu.dv[:, 2] / recording.imu.dt
+    ) == pytest.approx(-9.8, abs=0.2)
     assert inspect(tmp_path / "logs" / "flight.csv").problems == ()
 
 
-@pytest.mark.parametrize("names, size, expected", [
-    (["mx", "my", "mz"], 1.0, ['columns = ["mx", "my", "mz"]\nunit = "uT"      # check', "sd = 1  "]), (["mag_x_gauss", "mag_y_gauss", "mag_z_gauss"], 0.01, ['unit = "gauss"\n', "sd = 0.01"]),
-    (["MagnX", "MagnY", "MagnZ"], 10.0, ['unit = "mgauss"']), (["magX [nT]", "magY [nT]", "magZ [nT]"], 1e3, ['unit = "nT"\n']),
-    (["mag_x", "mag_y", "mag_z"], 60.0, ['unit = "uT"', "scale = 0.016", "counts?"])])
+@pytest.mark.parametrize(
+    "names, size, expected",
+    [
+        (
+            ["mx", "my", "mz"],
+            1.0,
+            ['columns = ["mx", "my", "mz"]\nunit = "uT"      # check', "sd = 1  "],
+        ),
+        (["mag_x_gauss", "mag_y_gauss", "mag_z_gauss"], 0.01, ['unit = "gauss"\n', "sd = 0.01"]),
+        (["MagnX", "MagnY", "MagnZ"], 10.0, ['unit = "mgauss"']),
+        (["magX [nT]", "magY [nT]", "magZ [nT]"], 1e3, ['unit = "nT"\n']),
+        (["mag_x", "mag_y", "mag_z"], 60.0, ['unit = "uT"', "scale = 0.016", "counts?"]),
+    ],
+)
 def test_a_draft_keeps_the_magnetometer(tmp_path, names, size, expected):
     t, w, f, _ = car()
     heading = np.cumsum(w[:, 2]) * 0.01
     field = size * np.c_[20 * np.cos(heading), -20 * np.sin(heading), 0 * t + 43.0]
     columns = ["t", "gx", "gy", "gz", "ax", "ay", "az", *names]
-    pd.DataFrame(np.c_[t, w, f, field + np.random.default_rng(3).normal(0, 0.05 * size, field.shape)], columns=columns).to_csv(tmp_path / "log.csv", index=False)
+    pd.DataFrame(
+        np.c_[t, w, f, field + np.random.default_rng(3).normal(0, 0.05 * size, field.shape)],
+        columns=columns,
+    ).to_csv(tmp_path / "log.csv", index=False)
     text = draft(tmp_path / "log.csv")
-    assert 'kind = "magnetic-field"' in text and 'axes = "FRD"' in text and all(words in text for words in expected), text
-    assert any(fact.startswith(f"magnetometer: {', '.join(names)} in ") for fact in inspect(tmp_path / "log.csv").facts)
+    assert (
+        'kind = "magnetic-field"' in text
+        and 'axes = "FRD"' in text
+        and all(words in text for words in expected)
+    ), text
+    assert any(
+        fact.startswith(f"magnetometer: {', '.join(names)} in ")
+        for fact in inspect(tmp_path / "log.csv").facts
+    )
     (tmp_path / "recording.toml").write_text(text)
-    mag, = read(tmp_path / "recording.toml").aidings
-    assert np.median(np.linalg.norm(mag.y, axis=1)) == pytest.approx(47.5e-6, rel=0.05) and mag.sd[0, 0] == pytest.approx(1e-6)
+    (mag,) = read(tmp_path / "recording.toml").aidings
+    assert np.median(np.linalg.norm(mag.y, axis=1)) == pytest.approx(47.5e-6, rel=0.05) and mag.sd[
+        0, 0
+    ] == pytest.approx(1e-6)
 
 
 def test_a_draft_with_fixes_and_time_in_ms(tmp_path):
     table = frame(1, ["gx", "gy", "gz"], ["ax", "ay", "az"], "timestamp")
     table["timestamp"] = (table["timestamp"] * 1000).round()
     fixed = table.index % 100 == 99
-    for name, value in (("latitude", 451234567), ("longitude", -1.2e9), ("altitude", 300.0), ("vel_n", 1.0), ("vel_e", 2.0), ("vel_u", 0.5)):
+    for name, value in (
+        ("latitude", 451234567),
+        ("longitude", -1.2e9),
+        ("altitude", 300.0),
+        ("vel_n", 1.0),
+        ("vel_e", 2.0),
+        ("vel_u", 0.5),
+    ):
         table[name] = np.where(fixed, value, np.nan)
     table.to_csv(tmp_path / "log.csv", index=False)
     text = draft(tmp_path / "log.csv")
@@ -166,5 +281,5 @@ def test_tables_that_cannot_be_guessed(tmp_path):
 
 def test_arrays_are_not_accused():
     t, gyro, accel, _ = car()
-    for turn in (1, 5):     # a car, and a vehicle that turns five times as fast
+    for turn in (1, 5):  # a car, and a vehicle that turns five times as fast
         assert Recording.from_arrays(t, gyro * [1, 1, turn], accel).meta["notes"] == []

@@ -1,4 +1,6 @@
-"""A description becomes SI, body axes and NED: against values worked out by hand from the same small files."""
+"""A description becomes SI, body axes and NED: against values worked out by hand from the same
+small files."""
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -21,21 +23,45 @@ def test_units_become_si(build):
     recording, raw, fixes = read(path), table(path), table(path, "gnss")
     rates = recording.imu.dtheta / recording.imu.dt[:, None]
     np.testing.assert_allclose(rates, np.radians(raw[["gx", "gy", "gz"]]), rtol=1e-9)
-    np.testing.assert_allclose(recording.imu.dv / recording.imu.dt[:, None], raw[["ax", "ay", "az"]], rtol=1e-9)
+    np.testing.assert_allclose(
+        recording.imu.dv / recording.imu.dt[:, None], raw[["ax", "ay", "az"]], rtol=1e-9
+    )
     position, velocity = recording.aidings
-    np.testing.assert_allclose(position.y, np.c_[np.radians(fixes[["lat", "lon"]]), fixes.alt], rtol=1e-12)
+    np.testing.assert_allclose(
+        position.y, np.c_[np.radians(fixes[["lat", "lon"]]), fixes.alt], rtol=1e-12
+    )
     np.testing.assert_allclose(position.sd, 1.5)
     np.testing.assert_allclose(velocity.sd, 0.1)
-    assert recording.meta == {"name": "recording", "date": "2024-05-01", "point": "imu", "imu_lever_arm": [0.0, 0.0, 0.0], "notes": []}
-    assert velocity.sd.flags.writeable and velocity.sd.flags.c_contiguous and velocity.name == "velocity"
+    assert recording.meta == {
+        "name": "recording",
+        "date": "2024-05-01",
+        "point": "imu",
+        "imu_lever_arm": [0.0, 0.0, 0.0],
+        "notes": [],
+    }
+    assert (
+        velocity.sd.flags.writeable
+        and velocity.sd.flags.c_contiguous
+        and velocity.name == "velocity"
+    )
 
 
 def test_time_unit_scale_and_offset(build):
-    path = build(imu=lambda f: f.assign(t=(f.t * 1000).round().astype(int)), toml=lambda s: s.replace('unit = "s" }', 'unit = "ms", offset = -0.125 }', 1))
+    path = build(
+        imu=lambda f: f.assign(t=(f.t * 1000).round().astype(int)),
+        toml=lambda s: s.replace('unit = "s" }', 'unit = "ms", offset = -0.125 }', 1),
+    )
     assert read(path).imu.t[0] == pytest.approx(10.01 - 0.125)
 
 
-@pytest.mark.parametrize("axes, names", [("FLU", ["ax", "-ay", "-az"]), ("RFU", ["ay", "ax", "-az"]), ("-z +y +x", ["-az", "ay", "ax"])])
+@pytest.mark.parametrize(
+    "axes, names",
+    [
+        ("FLU", ["ax", "-ay", "-az"]),
+        ("RFU", ["ay", "ax", "-az"]),
+        ("-z +y +x", ["-az", "ay", "ax"]),
+    ],
+)
 def test_axes(build, axes, names):
     true = table(build())
 
@@ -46,28 +72,51 @@ def test_axes(build, axes, names):
             for sensor in "ag":
                 frame[sensor + name[-1]] = sign * true[sensor + body]
         return frame
+
     imu = read(build(imu=turned, toml=lambda s: s.replace('"FRD"', f'"{axes}"'))).imu
     np.testing.assert_allclose(imu.dv / imu.dt[:, None], true[["ax", "ay", "az"]], rtol=1e-9)
-    np.testing.assert_allclose(imu.dtheta / imu.dt[:, None], np.radians(true[["gx", "gy", "gz"]]), rtol=1e-9)
+    np.testing.assert_allclose(
+        imu.dtheta / imu.dt[:, None], np.radians(true[["gx", "gy", "gz"]]), rtol=1e-9
+    )
 
 
 def test_mounting_and_calibration(build, tmp_path):
     true = table(build())
     C = Rotation.from_euler("ZYX", [-170.0, 5.0, 178.0], degrees=True).as_matrix()
-    M, bias = np.array([[1.01, 0.002, 0.0], [0.0, 0.98, 0.001], [0.003, 0.0, 1.02]]), np.array([0.3, -0.2, 0.1])
+    M, bias = (
+        np.array([[1.01, 0.002, 0.0], [0.0, 0.98, 0.001], [0.003, 0.0, 1.02]]),
+        np.array([0.3, -0.2, 0.1]),
+    )
 
     def raw(frame):
         sensor = true[["ax", "ay", "az"]] @ C
         frame[["ax", "ay", "az"]] = np.linalg.solve(M, sensor.T).T + bias
-        frame[["gx", "gy", "gz"]] = np.degrees(np.radians(true[["gx", "gy", "gz"]].to_numpy()) @ C + [0.01, 0.02, 0.03])
+        frame[["gx", "gy", "gz"]] = np.degrees(
+            np.radians(true[["gx", "gy", "gz"]].to_numpy()) @ C + [0.01, 0.02, 0.03]
+        )
         return frame
-    (tmp_path / "imu_calibration.toml").write_text(f"[accel]\nbias = {bias.tolist()}\nmatrix = {M.tolist()}\n[gyro]\nbias = [0.01, 0.02, 0.03]\n")
-    path = build(imu=raw, toml=lambda s: s.replace('axes = "FRD"', 'mounting = { roll = 178.0, pitch = 5.0, heading = -170.0, unit = "deg" }\n'
-                                                                   'calibration = "imu_calibration.toml"'))
+
+    (tmp_path / "imu_calibration.toml").write_text(
+        f"[accel]\nbias = {bias.tolist()}\nmatrix = {M.tolist()}\n[gyro]\nbias = [0.01, 0.02, 0.03]\n"
+    )
+    path = build(
+        imu=raw,
+        toml=lambda s: s.replace(
+            'axes = "FRD"',
+            'mounting = { roll = 178.0, pitch = 5.0, heading = -170.0, unit = "deg" }\n'
+            'calibration = "imu_calibration.toml"',
+        ),
+    )
     imu = read(path).imu
     np.testing.assert_allclose(imu.dv / imu.dt[:, None], true[["ax", "ay", "az"]], atol=1e-9)
-    np.testing.assert_allclose(imu.dtheta / imu.dt[:, None], np.radians(true[["gx", "gy", "gz"]]), atol=1e-9)
-    for text, words in (("[accel]\nbias = 3", "must be 3 numbers"), ("[mag]\nbias = [1.0, 2.0, 3.0]", "unknown section 'mag'"), ("[accel]\noffset = 1", "no other key")):
+    np.testing.assert_allclose(
+        imu.dtheta / imu.dt[:, None], np.radians(true[["gx", "gy", "gz"]]), atol=1e-9
+    )
+    for text, words in (
+        ("[accel]\nbias = 3", "must be 3 numbers"),
+        ("[mag]\nbias = [1.0, 2.0, 3.0]", "unknown section 'mag'"),
+        ("[accel]\noffset = 1", "no other key"),
+    ):
         (tmp_path / "imu_calibration.toml").write_text(text)
         with pytest.raises(DataError, match=words):
             read(path)
@@ -75,25 +124,40 @@ def test_mounting_and_calibration(build, tmp_path):
 
 def test_increments_and_counts(build):
     true = read(build())
-    path = build(imu=lambda f: f.assign(**{c: f[c] * 0.01 / 0.001 for c in ("gx", "gy", "gz", "ax", "ay", "az")}),
-                 toml=lambda s: s.replace('"rate"', '"increment"').replace('unit = "deg/s"', 'unit = "deg", scale = 0.001')
-                 .replace('unit = "m/s^2"', 'unit = "m/s", scale = 0.001'))
+    path = build(
+        imu=lambda f: f.assign(
+            **{c: f[c] * 0.01 / 0.001 for c in ("gx", "gy", "gz", "ax", "ay", "az")}
+        ),
+        toml=lambda s: (
+            s.replace('"rate"', '"increment"')
+            .replace('unit = "deg/s"', 'unit = "deg", scale = 0.001')
+            .replace('unit = "m/s^2"', 'unit = "m/s", scale = 0.001')
+        ),
+    )
     for first, second in zip(true.imu, read(path).imu):
         np.testing.assert_allclose(first, second, rtol=1e-9)
 
 
 def test_enu_velocity_turns_values_and_standard_deviations(build):
-    path = build(toml=lambda s: s.replace('["vn", "ve", "vd"]', '["ve", "vn", "vd"]').replace(
-        "sd = 0.1", 'axes = "ENU"\nsd = [0.1, 0.2, { column = "sd", unit = "cm/s" }]'))
+    path = build(
+        toml=lambda s: s.replace('["vn", "ve", "vd"]', '["ve", "vn", "vd"]').replace(
+            "sd = 0.1", 'axes = "ENU"\nsd = [0.1, 0.2, { column = "sd", unit = "cm/s" }]'
+        )
+    )
     velocity = read(path).aidings[1]
     np.testing.assert_allclose(velocity.y[0], [0.11, -0.08, 0.1])
     np.testing.assert_allclose(velocity.sd[0], [0.2, 0.1, 0.015])
-    missing = read(build(gnss=lambda f: f.assign(vd=np.nan), toml=lambda s: s.replace("sd = 0.1", 'axes = "ENU"\nsd = 0.1'))).aidings[1]
+    missing = read(
+        build(
+            gnss=lambda f: f.assign(vd=np.nan),
+            toml=lambda s: s.replace("sd = 0.1", 'axes = "ENU"\nsd = 0.1'),
+        )
+    ).aidings[1]
     assert np.isnan(missing.y).tolist() == [[False, False, True]] * 20
 
 
 def test_scalar_kinds_units_of_sd_and_lever_arms(build):
-    extra = '''
+    extra = """
 [[aiding]]
 kind = "heading"
 file = "gnss.csv"
@@ -132,14 +196,22 @@ lever_arm = [-1.0, 0.0, 0.0]
 kind = "zero-lateral-velocity"
 rate = 2.0
 sd = 0.15
-'''
-    recording = read(build(toml=lambda s: s.replace('axes = "FRD"', "lever_arm = [0.1, 0.2, -0.65]", 1) + extra))
+"""
+    recording = read(
+        build(toml=lambda s: s.replace('axes = "FRD"', "lever_arm = [0.1, 0.2, -0.65]", 1) + extra)
+    )
     heading, speed, altitude, lateral, other = recording.aidings[2:]
-    assert heading.y[0, 0] == pytest.approx(np.radians(250)) and heading.sd[0, 0] == pytest.approx(np.radians(2)) and heading.gate == np.inf
+    assert (
+        heading.y[0, 0] == pytest.approx(np.radians(250))
+        and heading.sd[0, 0] == pytest.approx(np.radians(2))
+        and heading.gate == np.inf
+    )
     assert heading.name == "compass" and heading.parameters == ()
     assert speed.y[0, 0] == pytest.approx(25 / 3.6) and speed.sd[0, 0] == pytest.approx(1.0)
     np.testing.assert_allclose(speed.parameters, [-0.1, -0.2, 0.65])
-    assert altitude.y[0, 0] == pytest.approx(250 * 0.3048) and altitude.sd[0, 0] == pytest.approx(3.048)
+    assert altitude.y[0, 0] == pytest.approx(250 * 0.3048) and altitude.sd[0, 0] == pytest.approx(
+        3.048
+    )
     np.testing.assert_allclose(altitude.parameters, [0.4, -0.2, 0.65])
     np.testing.assert_allclose(lateral.parameters, [-1.1, -0.2, 0.65])
     np.testing.assert_allclose(lateral.t, 10 + 0.2 * np.arange(1, 101))
@@ -152,8 +224,14 @@ def test_constraint_at_rest_holds_only_there_and_none_in_a_gap(build):
     def moving(frame):
         frame.loc[1000:1499, "ax"] += 3 * np.sin(np.arange(500))
         return frame.drop(range(300, 400))
+
     constraint = '\n[[aiding]]\nkind = "{}"\nrate = 10.0\nsd = 0.05\n'
-    path = build(imu=moving, toml=lambda s: s + constraint.format("zero-velocity") + constraint.format("zero-lateral-velocity"))
+    path = build(
+        imu=moving,
+        toml=lambda s: (
+            s + constraint.format("zero-velocity") + constraint.format("zero-lateral-velocity")
+        ),
+    )
     recording = read(path)
     t = recording.aidings[2].t
     assert not ((t > 19.1) & (t < 25.9)).any() and ((t > 26.2) & (t < 30.01)).sum() > 35
@@ -166,7 +244,13 @@ def test_constraint_at_rest_holds_only_there_and_none_in_a_gap(build):
 def test_table_without_header_and_other_separators(build, tmp_path):
     expected, frame = read(build()), table(tmp_path / "x")
     text = frame.to_csv(index=False, header=False, sep=";")
-    path = build(toml=lambda s: s.replace('column = "t"', "column = 1", 1).replace('["gx", "gy", "gz"]', "[2, 3, 4]").replace('["ax", "ay", "az"]', "[5, 6, 7]"))
+    path = build(
+        toml=lambda s: (
+            s.replace('column = "t"', "column = 1", 1)
+            .replace('["gx", "gy", "gz"]', "[2, 3, 4]")
+            .replace('["ax", "ay", "az"]', "[5, 6, 7]")
+        )
+    )
     (tmp_path / "imu.csv").write_text("# logged by hand\n" + text)
     np.testing.assert_array_equal(read(path).imu.dv, expected.imu.dv)
     (tmp_path / "imu.csv").write_text(text.replace(";", "  "))
@@ -177,33 +261,54 @@ def test_table_without_header_and_other_separators(build, tmp_path):
 
 
 def build_named(path):
-    path.write_text(path.read_text().replace("column = 1", 'column = "t"').replace("[2, 3, 4]", '["a", "b", "c"]').replace("[5, 6, 7]", '["d", "e", "f"]'))
+    path.write_text(
+        path.read_text()
+        .replace("column = 1", 'column = "t"')
+        .replace("[2, 3, 4]", '["a", "b", "c"]')
+        .replace("[5, 6, 7]", '["d", "e", "f"]')
+    )
     return path
 
 
 def test_reference(build, tmp_path):
-    (tmp_path / "truth.csv").write_text("time,la,lo,h,e,n,u,r,p,y\n" + "".join(f"{11 + k},45,7,250,1,2,3,10,20,{350 + k}\n" for k in (0, 1, 3, 2, 4)))
-    section = '''
+    (tmp_path / "truth.csv").write_text(
+        "time,la,lo,h,e,n,u,r,p,y\n"
+        + "".join(f"{11 + k},45,7,250,1,2,3,10,20,{350 + k}\n" for k in (0, 1, 3, 2, 4))
+    )
+    section = """
 [reference]
 file = "truth.csv"
 time = { column = "time", unit = "s" }
 position = { columns = ["la", "lo", "h"], unit = ["deg", "deg", "m"] }
 velocity = { columns = ["e", "n", "u"], unit = "m/s", axes = "ENU" }
 attitude = { columns = ["r", "p", "y"], unit = "deg" }
-'''
+"""
     reference = read(build(toml=lambda s: s + section)).reference
     np.testing.assert_allclose(reference.t, [11, 12, 13, 14, 15])
     np.testing.assert_allclose(reference.v_n, [[2, 1, -3]] * 5)
-    np.testing.assert_allclose(np.degrees(reference.rph), np.c_[[10] * 5, [20] * 5, 350 + np.arange(5)])
+    np.testing.assert_allclose(
+        np.degrees(reference.rph), np.c_[[10] * 5, [20] * 5, 350 + np.arange(5)]
+    )
     with pytest.raises(DataError, match=r"\[reference\]: nothing falls within the IMU record"):
-        read(build(toml=lambda s: s + section.replace('unit = "s" }', 'unit = "s", offset = 900.0 }')))
+        read(
+            build(
+                toml=lambda s: s + section.replace('unit = "s" }', 'unit = "s", offset = 900.0 }')
+            )
+        )
     with pytest.raises(DataError, match=r"\[reference\] position: is missing"):
         read(build(toml=lambda s: s + section.replace("position", "#")))
 
 
 def test_reference_written_by_this_library(build, tmp_path):
     expected = read(build()).aidings[0]
-    frame = pd.DataFrame({"t [s]": expected.t, "lat [deg]": np.degrees(expected.y[:, 0]), "lon [deg]": np.degrees(expected.y[:, 1]), "alt [m]": expected.y[:, 2]})
+    frame = pd.DataFrame(
+        {
+            "t [s]": expected.t,
+            "lat [deg]": np.degrees(expected.y[:, 0]),
+            "lon [deg]": np.degrees(expected.y[:, 1]),
+            "alt [m]": expected.y[:, 2],
+        }
+    )
     frame.to_csv(tmp_path / "solution.csv", index=False)
     reference = read(build(toml=lambda s: s + '[reference]\nfile = "solution.csv"\n')).reference
     np.testing.assert_allclose(reference.lla, expected.y)
@@ -212,9 +317,12 @@ def test_reference_written_by_this_library(build, tmp_path):
 
 def test_a_new_kind_of_aiding_needs_nothing_here(build, monkeypatch):
     import strapdown.aiding
+
     known = strapdown.aiding.find
     sensor = Measurement("airflow", 99, None, ("speed", "angle"), parameters="antenna")
-    monkeypatch.setattr(strapdown.aiding, "find", lambda name: sensor if name == "airflow" else known(name))
+    monkeypatch.setattr(
+        strapdown.aiding, "find", lambda name: sensor if name == "airflow" else known(name)
+    )
     extra = '[[aiding]]\nkind = "airflow"\nfile = "gnss.csv"\ntime = { column = "t", unit = "s" }\ncolumns = ["vn", "ve"]\nunit = ["knot", "deg"]\nsd = [1.0, 2.0]\n'
     airflow = read(build(toml=lambda s: s + extra)).aidings[2]
     np.testing.assert_allclose(airflow.y[0], [0.11 * 1852 / 3600, np.radians(-0.08)])

@@ -1,4 +1,5 @@
 """Solutions written and read back: what each format keeps, atomic writing, refusals in one line."""
+
 import os
 import subprocess
 import sys
@@ -10,11 +11,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 import pytest
+from synthetic import flight, solution
 
 from strapdown.data import UNITS, DataError
 from strapdown.io.solution import read_solution, write_solution
-
-from synthetic import flight, solution
 
 pytestmark = pytest.mark.short
 KML = "{http://www.opengis.net/kml/2.2}"
@@ -23,14 +23,28 @@ KML = "{http://www.opengis.net/kml/2.2}"
 @pytest.fixture(scope="module")
 def made():
     made = solution(flight(30, rate=5.0), start={"t": np.float64(0.0), "sd": (1.0, np.inf)})
-    made.trajectory.sd[:, 14] = np.nan     # a state the filter does not claim
-    return replace(made, columns={"heave [m]": np.arange(150.0)}, covariance=np.random.default_rng(1).random((150, 15, 15)))
+    made.trajectory.sd[:, 14] = np.nan  # a state the filter does not claim
+    return replace(
+        made,
+        columns={"heave [m]": np.arange(150.0)},
+        covariance=np.random.default_rng(1).random((150, 15, 15)),
+    )
 
 
 def same_state(a, b, angle=0.0):
     assert np.allclose(a.t, b.t, rtol=0, atol=1e-9)
-    assert np.allclose(a.trajectory.lla, b.trajectory.lla, rtol=1e-15, atol=[2e-12, 2e-12, 1e-10] if angle else 1e-15)
-    for left, right in ((a.trajectory.v_n, b.trajectory.v_n), (a.trajectory.sd, b.trajectory.sd), (a.b_a, b.b_a), (a.b_g, b.b_g)):
+    assert np.allclose(
+        a.trajectory.lla,
+        b.trajectory.lla,
+        rtol=1e-15,
+        atol=[2e-12, 2e-12, 1e-10] if angle else 1e-15,
+    )
+    for left, right in (
+        (a.trajectory.v_n, b.trajectory.v_n),
+        (a.trajectory.sd, b.trajectory.sd),
+        (a.b_a, b.b_a),
+        (a.b_g, b.b_g),
+    ):
         assert np.allclose(left, right, rtol=1e-14, atol=1e-10 if angle else 0, equal_nan=True)
     assert (a.trajectory.rotation * b.trajectory.rotation.inv()).magnitude().max() <= angle
     assert np.array_equal(a.status, b.status)
@@ -41,23 +55,44 @@ def test_netcdf_holds_everything(made, tmp_path):
     back = read_solution(tmp_path / "a.nc")
     same_state(made, back)
     for name in ("t", "source", "innovation", "nis", "accepted"):
-        assert np.array_equal(getattr(made.innovations, name), getattr(back.innovations, name), equal_nan=True), name
-    assert (back.innovations.names, back.innovations.gates, back.events) == (made.innovations.names, made.innovations.gates, made.events)
-    assert np.array_equal(back.covariance, made.covariance) and np.array_equal(back.columns["heave [m]"], made.columns["heave [m]"])
-    assert back.meta["notes"] == made.meta["notes"] and back.meta["start"] == {"t": 0.0, "sd": [1.0, np.inf]}
+        assert np.array_equal(
+            getattr(made.innovations, name), getattr(back.innovations, name), equal_nan=True
+        ), name
+    assert (back.innovations.names, back.innovations.gates, back.events) == (
+        made.innovations.names,
+        made.innovations.gates,
+        made.events,
+    )
+    assert np.array_equal(back.covariance, made.covariance) and np.array_equal(
+        back.columns["heave [m]"], made.columns["heave [m]"]
+    )
+    assert back.meta["notes"] == made.meta["notes"] and back.meta["start"] == {
+        "t": 0.0,
+        "sd": [1.0, np.inf],
+    }
     assert back.counts() == made.counts()
 
 
 def test_netcdf_says_its_units_to_any_reader(made, tmp_path):
     import h5netcdf
+
     write_solution(made, tmp_path / "a.nc")
     with h5netcdf.File(tmp_path / "a.nc") as file:
-        assert all("units" in file[name].attrs or "long_name" in file[name].attrs for name in file.variables)
-        assert file["lat"].attrs["units"] == "deg" and file["lat"][0] == pytest.approx(np.degrees(made.trajectory.lla[0, 0]), abs=1e-12)
+        assert all(
+            "units" in file[name].attrs or "long_name" in file[name].attrs
+            for name in file.variables
+        )
+        assert file["lat"].attrs["units"] == "deg" and file["lat"][0] == pytest.approx(
+            np.degrees(made.trajectory.lla[0, 0]), abs=1e-12
+        )
 
 
 def test_netcdf_takes_texts_beyond_the_limit_of_attributes(made, tmp_path):
-    many = replace(made, events=tuple((float(i), "a text of some length " * 5) for i in range(2000)), covariance=None)
+    many = replace(
+        made,
+        events=tuple((float(i), "a text of some length " * 5) for i in range(2000)),
+        covariance=None,
+    )
     write_solution(many, tmp_path / "a.nc")
     assert read_solution(tmp_path / "a.nc").events == many.events
 
@@ -77,13 +112,20 @@ def test_a_solution_without_fixes_goes_through_both_formats(made, tmp_path):
     write_solution(read_solution(tmp_path / "a.csv"), tmp_path / "b.nc")
     back = read_solution(tmp_path / "b.nc")
     same_state(made, back, angle=1e-7)
-    assert back.innovations.innovation.shape == (0, 3) and back.counts() == {} and back.covariance is None
+    assert (
+        back.innovations.innovation.shape == (0, 3)
+        and back.counts() == {}
+        and back.covariance is None
+    )
 
 
 def test_csv_header_has_a_name_and_a_unit_per_column(made, tmp_path):
     write_solution(made, tmp_path / "a.csv")
     columns = list(pd.read_csv(tmp_path / "a.csv").columns)
-    assert columns[:4] == ["t [s]", "lat [deg]", "lon [deg]", "alt [m]"] and columns[-2:] == ["heave [m]", "status"]
+    assert columns[:4] == ["t [s]", "lat [deg]", "lon [deg]", "alt [m]"] and columns[-2:] == [
+        "heave [m]",
+        "status",
+    ]
     assert set(columns[:-2]) == {f"{name} [{unit}]" for name, unit in UNITS.items()}
 
 
@@ -99,27 +141,54 @@ def test_kml_is_well_formed_and_says_which_height_it_means(made, tmp_path):
     write_solution(named, tmp_path / "a.kml")
     document = ElementTree.parse(tmp_path / "a.kml").getroot().find(f"{KML}Document")
     assert document.find(f"{KML}name").text == "a <b> & ?c closed-loop"
-    assert "ellipsoid" in document.find(f"{KML}description").text and "mean sea level" in document.find(f"{KML}description").text
+    assert (
+        "ellipsoid" in document.find(f"{KML}description").text
+        and "mean sea level" in document.find(f"{KML}description").text
+    )
     line = document.find(f".//{KML}LineString")
     assert line.find(f"{KML}altitudeMode").text == "absolute"
-    track = np.array([[float(value) for value in point.split(",")] for point in line.find(f"{KML}coordinates").text.split()])
-    assert np.allclose(track, np.c_[np.degrees(made.trajectory.lla[:, [1, 0]]), made.trajectory.lla[:, 2]], atol=1e-3)
+    track = np.array(
+        [
+            [float(value) for value in point.split(",")]
+            for point in line.find(f"{KML}coordinates").text.split()
+        ]
+    )
+    assert np.allclose(
+        track,
+        np.c_[np.degrees(made.trajectory.lla[:, [1, 0]]), made.trajectory.lla[:, 2]],
+        atol=1e-3,
+    )
     stamps = [element.text for element in document.iter(f"{KML}when")]
-    assert stamps[0] == "2012-10-10T00:00:00.000Z" and stamps[-1] == "2012-10-10T00:00:29.800Z" and len(stamps) == 150
+    assert (
+        stamps[0] == "2012-10-10T00:00:00.000Z"
+        and stamps[-1] == "2012-10-10T00:00:29.800Z"
+        and len(stamps) == 150
+    )
 
 
 def test_kml_of_a_long_run_is_thinned_and_cut_at_the_antimeridian(tmp_path):
     truth = flight(1500, rate=20.0, lon=179.9985)
     write_solution(solution(truth), tmp_path / "a.kml")
     root = ElementTree.parse(tmp_path / "a.kml").getroot()
-    lines = [np.array([float(point.split(",")[0]) for point in element.text.split()]) for element in root.iter(f"{KML}coordinates")][:-500]
+    lines = [
+        np.array([float(point.split(",")[0]) for point in element.text.split()])
+        for element in root.iter(f"{KML}coordinates")
+    ][:-500]
     assert len(lines) > 2 and all(np.abs(np.diff(line)).max(initial=0) < 1 for line in lines)
     assert sum(map(len, lines)) <= 10000 and len(list(root.iter(f"{KML}when"))) <= 500
 
 
-REFUSED = {"missing": (None, "no such file"), "empty.csv": (b"", "not a solution"), "text.nc": (b"not netcdf", "not a solution"),
-           "no_column.csv": (b"t [s],lat [deg]\n0,1\n", "column 'lon [deg]' is missing"), "wrong_unit.csv": (b"t [s],lat [rad]\n0,1\n", "is in 'rad'"),
-           "cut.csv.gz": (b"\x1f\x8b\x08\x00", "damaged"), "cut.csv.xz": (b"\xfd7zXZ\x00\x00\x04\xe6", "damaged"), "a.kml": (b"", "use .nc"), "a.txt": (b"", "use .nc")}
+REFUSED = {
+    "missing": (None, "no such file"),
+    "empty.csv": (b"", "not a solution"),
+    "text.nc": (b"not netcdf", "not a solution"),
+    "no_column.csv": (b"t [s],lat [deg]\n0,1\n", "column 'lon [deg]' is missing"),
+    "wrong_unit.csv": (b"t [s],lat [rad]\n0,1\n", "is in 'rad'"),
+    "cut.csv.gz": (b"\x1f\x8b\x08\x00", "damaged"),
+    "cut.csv.xz": (b"\xfd7zXZ\x00\x00\x04\xe6", "damaged"),
+    "a.kml": (b"", "use .nc"),
+    "a.txt": (b"", "use .nc"),
+}
 
 
 @pytest.mark.parametrize("name", REFUSED)
@@ -130,7 +199,11 @@ def test_what_is_no_solution_is_refused_in_one_line(name, tmp_path):
         path.write_bytes(content)
     with pytest.raises(DataError, match=".") as refusal:
         read_solution(path)
-    assert reason in str(refusal.value) and str(path) in str(refusal.value) and "\n" not in str(refusal.value)
+    assert (
+        reason in str(refusal.value)
+        and str(path) in str(refusal.value)
+        and "\n" not in str(refusal.value)
+    )
 
 
 def test_damaged_files_are_refused(made, tmp_path):
@@ -154,6 +227,7 @@ def test_a_cell_that_is_no_number_is_named_by_row_and_column(made, tmp_path):
 
 def test_another_netcdf_is_refused(tmp_path):
     import xarray as xr
+
     xr.Dataset({"a": ("x", [1.0])}).to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
     with pytest.raises(DataError, match="no solution"):
         read_solution(tmp_path / "a.nc")
@@ -163,7 +237,11 @@ def test_another_netcdf_is_refused(tmp_path):
 def test_an_unwritable_path_is_refused_in_one_line(made, tmp_path, ending):
     (tmp_path / "file").write_text("")
     (tmp_path / f"folder.{ending}").mkdir()
-    for path in (tmp_path / "absent" / f"a.{ending}", tmp_path / "file" / f"a.{ending}", tmp_path / f"folder.{ending}"):
+    for path in (
+        tmp_path / "absent" / f"a.{ending}",
+        tmp_path / "file" / f"a.{ending}",
+        tmp_path / f"folder.{ending}",
+    ):
         with pytest.raises(DataError, match="cannot be written") as refusal:
             write_solution(made, path)
         assert "\n" not in str(refusal.value)
@@ -177,7 +255,7 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path, ending):
     path.write_text("old")
     program = textwrap.dedent(f"""
         import resource, signal, sys
-        sys.path.insert(0, {str(Path(__file__).parents[1] / 'support')!r})
+        sys.path.insert(0, {str(Path(__file__).parents[1] / "support")!r})
         from synthetic import flight, solution
         from strapdown.data import DataError
         from strapdown.io.solution import write_solution
@@ -189,7 +267,9 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path, ending):
         except DataError as error:
             print(error)
     """)
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120
+    )
     assert "cannot be written" in done.stdout and done.stdout.count("\n") == 1, done.stderr
     assert os.listdir(tmp_path) == [path.name] and path.read_text() == "old"
 

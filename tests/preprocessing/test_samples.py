@@ -1,13 +1,14 @@
 """Arrays to increments: conversion, gaps, order, repeats, refusals, rest."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from strapdown.data import DataError
-from strapdown.recording import Recording
 from strapdown.preprocessing.imu_samples import LATE, imu_from_arrays, increments
 from strapdown.preprocessing.stationary import at_rest
+from strapdown.recording import Recording
 
 
 def level(n, dt=0.01):
@@ -52,7 +53,7 @@ def test_a_gap_is_seen_between_the_samples_and_not_in_one():
 
 def test_jitter_is_no_gap():
     t, gyro, accel = level(400, 0.0025)
-    t = np.floor(t * 1000 + 1e-6) / 1000    # 400 Hz in whole milliseconds: intervals of 2 and 3 ms
+    t = np.floor(t * 1000 + 1e-6) / 1000  # 400 Hz in whole milliseconds: intervals of 2 and 3 ms
     imu, notes = imu_from_arrays(t, gyro, accel)
     assert notes == [] and set((imu.dt * 1000).round(6)) == {2, 3}
 
@@ -87,7 +88,9 @@ def test_a_stray_time_is_dropped(stray):
     t, gyro, accel = level(100)
     t[50] = stray
     imu, notes = imu_from_arrays(t, gyro, accel)
-    assert len(imu.t) == 99 and notes[0] == "IMU: 1 row with a stray time dropped, the first in row 50"
+    assert (
+        len(imu.t) == 99 and notes[0] == "IMU: 1 row with a stray time dropped, the first in row 50"
+    )
 
 
 def spoiled(change):
@@ -98,23 +101,32 @@ def coarse(t, gyro, accel):
     return np.floor(t * 50) / 50, gyro, accel
 
 
-@pytest.mark.parametrize("change, words", [
-    (lambda t, g, a: (np.r_[t[:200], t[:200]], g, a), "row 200: time goes back from 6.990 to 5.000 s"),
-    (lambda t, g, a: (np.r_[t[:50], t[50:] + 1e9], g, a), "row 50: time jumps"),
-    (lambda t, g, a: (t[:1], g[:1], a[:1]), "1 usable IMU sample; at least 2"),
-    (lambda t, g, a: (t[:0], g[:0], a[:0]), "0 usable IMU samples"),
-    (lambda t, g, a: (t * np.nan, g, a), "0 usable IMU samples; at least 2 are needed; IMU: 400 samples with NaN"),
-    (lambda t, g, a: (t * 1000, g, a), "IMU samples are 10 s apart; is the unit of time right"),
-    (lambda t, g, a: (t * 1e-3, g, a), "is the unit of time right"),
-    (lambda t, g, a: (t, g[:, :2], a), "they must be (n,), (n, 3) and (n, 3)"),
-    (coarse, "the time stamps are too coarse"),
-    (lambda t, g, a: (t, np.degrees(g + 0.02), a), "check the unit: deg/s read as rad/s?"),
-    (lambda t, g, a: (t, g, a / 9.80665), "is the unit g?"),
-    (lambda t, g, a: (t, g, a * 9.80665), "values in m/s^2 were read as g"),
-    (lambda t, g, a: (t, g, -a), "must read -9.8 on z"),
-    (lambda t, g, a: (t, g * 0.01, a * 0.01), "are these increments, not rates?"),
-    (lambda t, g, a: (t, g, a * 0), "check unit, scale and columns"),
-])
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        (
+            lambda t, g, a: (np.r_[t[:200], t[:200]], g, a),
+            "row 200: time goes back from 6.990 to 5.000 s",
+        ),
+        (lambda t, g, a: (np.r_[t[:50], t[50:] + 1e9], g, a), "row 50: time jumps"),
+        (lambda t, g, a: (t[:1], g[:1], a[:1]), "1 usable IMU sample; at least 2"),
+        (lambda t, g, a: (t[:0], g[:0], a[:0]), "0 usable IMU samples"),
+        (
+            lambda t, g, a: (t * np.nan, g, a),
+            "0 usable IMU samples; at least 2 are needed; IMU: 400 samples with NaN",
+        ),
+        (lambda t, g, a: (t * 1000, g, a), "IMU samples are 10 s apart; is the unit of time right"),
+        (lambda t, g, a: (t * 1e-3, g, a), "is the unit of time right"),
+        (lambda t, g, a: (t, g[:, :2], a), "they must be (n,), (n, 3) and (n, 3)"),
+        (coarse, "the time stamps are too coarse"),
+        (lambda t, g, a: (t, np.degrees(g + 0.02), a), "check the unit: deg/s read as rad/s?"),
+        (lambda t, g, a: (t, g, a / 9.80665), "is the unit g?"),
+        (lambda t, g, a: (t, g, a * 9.80665), "values in m/s^2 were read as g"),
+        (lambda t, g, a: (t, g, -a), "must read -9.8 on z"),
+        (lambda t, g, a: (t, g * 0.01, a * 0.01), "are these increments, not rates?"),
+        (lambda t, g, a: (t, g, a * 0), "check unit, scale and columns"),
+    ],
+)
 def test_refused_in_one_line(change, words):
     with pytest.raises(DataError) as error:
         Recording.from_arrays(*spoiled(change))
@@ -124,7 +136,9 @@ def test_refused_in_one_line(change, words):
 def test_a_hand_held_imu_in_deg_per_second_is_refused_though_it_is_never_steady():
     t = 0.01 * np.arange(3000)
     gyro = 3 * np.c_[np.sin(2 * t), np.cos(3 * t), np.sin(t)]
-    accel = np.c_[0 * t, 0 * t, 0 * t - 9.8] + 4 * np.c_[np.sin(5 * t), np.cos(4 * t), np.sin(3 * t)]
+    accel = (
+        np.c_[0 * t, 0 * t, 0 * t - 9.8] + 4 * np.c_[np.sin(5 * t), np.cos(4 * t), np.sin(3 * t)]
+    )
     assert Recording.from_arrays(t, gyro, accel).meta["notes"] == []
     with pytest.raises(DataError, match=r"angular rate has rms \d+ rad/s .*deg/s read as rad/s"):
         Recording.from_arrays(t, np.degrees(gyro), accel)

@@ -1,4 +1,6 @@
-"""The page: self-contained, honest about what it was given, and really drawn by a browser that has no network."""
+"""The page: self-contained, honest about what it was given, and really drawn by a browser that
+has no network."""
+
 import json
 import re
 import shutil
@@ -11,18 +13,33 @@ import pytest
 from synthetic import flight, solution
 
 from strapdown import report
-from strapdown.evaluation import metrics
 from strapdown.data import DataError
+from strapdown.evaluation import metrics
 from strapdown.reports.drawing import WITHHELD
 
 pytestmark = pytest.mark.short
 TRUTH = flight(600, rate=2.0)
 SOLUTION = solution(TRUTH)
 OPEN = solution(TRUTH, seed=2, drift=0.02, name="open-loop")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
-         "--disable-sync", "--hide-scrollbars", "--virtual-time-budget=60000", "--window-size=1300,1700", "--host-resolver-rules=MAP * ~NOTFOUND",
-         "--enable-logging=stderr", "--log-level=0"]
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+FLAGS = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--hide-scrollbars",
+    "--virtual-time-budget=60000",
+    "--window-size=1300,1700",
+    "--host-resolver-rules=MAP * ~NOTFOUND",
+    "--enable-logging=stderr",
+    "--log-level=0",
+]
 
 
 @pytest.fixture(scope="module")
@@ -33,52 +50,94 @@ def page():
 def own(page):
     """The page without plotly's script."""
     from plotly.offline import get_plotlyjs
+
     return page.html.replace(get_plotlyjs(), "")
 
 
 def cells(html, label):
     """The cells of the first table row that begins with `label`."""
-    return re.findall(r">([^<]*)</td>", re.search(rf"<tr><td>{re.escape(label)}</td>(.*?)</tr>", html)[1])
+    return re.findall(
+        r">([^<]*)</td>", re.search(rf"<tr><td>{re.escape(label)}</td>(.*?)</tr>", html)[1]
+    )
 
 
 def test_nothing_is_fetched(page):
     assert "default-src 'none'" in page.html and page.html.count("plotly.js v") == 1
-    assert not re.search(r"(src|href|url|action)\s*[=(]\s*['\"]?\s*(https?:)?//", own(page)) and "@import" not in own(page)
+    assert not re.search(
+        r"(src|href|url|action)\s*[=(]\s*['\"]?\s*(https?:)?//", own(page)
+    ) and "@import" not in own(page)
     assert len(own(page)) < 3e6
 
 
 def test_the_summary_tells_the_errors(page):
     e = metrics.rms(metrics.errors(SOLUTION, TRUTH))
     north, heading = cells(page.html, "north position [m]"), cells(page.html, "heading [deg]")
-    assert float(north[0]) == pytest.approx(e.position[0], rel=0.01) and float(heading[0]) == pytest.approx(np.degrees(e.rph[2]), rel=0.01)
-    assert float(north[3]) == pytest.approx(metrics.rms(metrics.errors(OPEN, TRUTH)).position[0], rel=0.01)
-    assert [int(text) for text in cells(page.html, "closed-loop: gnss")[:2]] == list(SOLUTION.counts()["gnss"])
-    assert cells(page.html, "time not valid [s]")[0] == "11.5" and cells(page.html, "gaps bridged")[0] == "1"
+    assert float(north[0]) == pytest.approx(e.position[0], rel=0.01) and float(
+        heading[0]
+    ) == pytest.approx(np.degrees(e.rph[2]), rel=0.01)
+    assert float(north[3]) == pytest.approx(
+        metrics.rms(metrics.errors(OPEN, TRUTH)).position[0], rel=0.01
+    )
+    assert [int(text) for text in cells(page.html, "closed-loop: gnss")[:2]] == list(
+        SOLUTION.counts()["gnss"]
+    )
+    assert (
+        cells(page.html, "time not valid [s]")[0] == "11.5"
+        and cells(page.html, "gaps bridged")[0] == "1"
+    )
 
 
 def test_a_window_is_scored_and_said():
     html = report(SOLUTION, TRUTH, window=(100, 500)).html
-    assert float(cells(html, "down position [m]")[0]) == pytest.approx(metrics.rms(metrics.errors(SOLUTION, TRUTH), (100, 500)).position[2], rel=0.01)
+    assert float(cells(html, "down position [m]")[0]) == pytest.approx(
+        metrics.rms(metrics.errors(SOLUTION, TRUTH), (100, 500)).position[2], rel=0.01
+    )
     assert "100 to 500 s" in html
 
 
 def test_texts_of_the_user_are_escaped(page):
     evil = "</script><script>alert(1)</script><b>"
-    html = own(report(replace(SOLUTION, meta={**SOLUTION.meta, "recording": evil, "notes": [evil], "filter": evil, "imu": evil}, events=((1.0, evil),),
-                              innovations=replace(SOLUTION.innovations, names=(evil, "velocity")), columns={evil: TRUTH.t}), TRUTH))
-    assert "alert(1)" in html and "<script>alert" not in html and "<b>" not in html.replace("<b style", "")
+    html = own(
+        report(
+            replace(
+                SOLUTION,
+                meta={
+                    **SOLUTION.meta,
+                    "recording": evil,
+                    "notes": [evil],
+                    "filter": evil,
+                    "imu": evil,
+                },
+                events=((1.0, evil),),
+                innovations=replace(SOLUTION.innovations, names=(evil, "velocity")),
+                columns={evil: TRUTH.t},
+            ),
+            TRUTH,
+        )
+    )
+    assert (
+        "alert(1)" in html
+        and "<script>alert" not in html
+        and "<b>" not in html.replace("<b style", "")
+    )
     assert "Flight &lt;1&gt; &amp; more" in page.html
 
 
 def test_figures_are_json_with_unique_names(page):
-    blocks = re.findall(r"<script type='application/json' id=(data-p\d+)>(.*?)</script>", page.html, re.DOTALL)
+    blocks = re.findall(
+        r"<script type='application/json' id=(data-p\d+)>(.*?)</script>", page.html, re.DOTALL
+    )
     assert len(blocks) == len({name for name, _ in blocks}) == page.html.count("class=plot ") > 15
     assert all(json.loads(text)["data"] for _, text in blocks)
 
 
 def test_without_reference_the_estimates_are_shown():
     html = report(SOLUTION).html
-    assert "<h2>Estimates</h2>" in html and "<h2>Errors</h2>" not in html and "true − estimate</th>" not in html
+    assert (
+        "<h2>Estimates</h2>" in html
+        and "<h2>Errors</h2>" not in html
+        and "true − estimate</th>" not in html
+    )
 
 
 def test_a_reference_elsewhere_in_time_is_told_not_fatal():
@@ -87,7 +146,9 @@ def test_a_reference_elsewhere_in_time_is_told_not_fatal():
 
 def test_a_reference_of_position_only_is_enough():
     html = report(SOLUTION, replace(TRUTH, v_n=None, q_nb=None)).html
-    assert "Position error" in html and "Velocity error" not in html and "north velocity" not in html
+    assert (
+        "Position error" in html and "Velocity error" not in html and "north velocity" not in html
+    )
 
 
 def test_equal_names_are_numbered_and_own_names_kept():
@@ -104,19 +165,37 @@ def test_saving_is_whole_or_not_at_all(page, tmp_path):
 
 
 def browse(tmp_path, *options):
-    done = subprocess.run([CHROMIUM, *FLAGS, f"--user-data-dir={tmp_path / 'profile'}", *options, f"file://{tmp_path / 'a.html'}"],
-                          capture_output=True, timeout=180, cwd=tmp_path)
-    said = [line for line in done.stderr.decode(errors="replace").splitlines() if ":CONSOLE" in line]
+    done = subprocess.run(
+        [
+            CHROMIUM,
+            *FLAGS,
+            f"--user-data-dir={tmp_path / 'profile'}",
+            *options,
+            f"file://{tmp_path / 'a.html'}",
+        ],
+        capture_output=True,
+        timeout=180,
+        cwd=tmp_path,
+    )
+    said = [
+        line for line in done.stderr.decode(errors="replace").splitlines() if ":CONSOLE" in line
+    ]
     assert done.returncode == 0 and not said, said
     return done.stdout.decode(errors="replace")
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium found (chromium, chromium-browser or google-chrome): the page is not looked at in a browser")
+@pytest.mark.skipif(
+    CHROMIUM is None,
+    reason="no Chromium found (chromium, chromium-browser or google-chrome): the page is not looked at in a browser",
+)
 def test_a_browser_without_network_draws_every_figure(page, tmp_path):
     page.save(tmp_path / "a.html")
     dom = browse(tmp_path, "--dump-dom")
     count = page.html.count("class=plot ")
-    assert f'data-drawn="{count}"' in dom and len(re.findall(r'class="main-svg"[^>]*>\s*<defs', dom)) >= count
+    assert (
+        f'data-drawn="{count}"' in dom
+        and len(re.findall(r'class="main-svg"[^>]*>\s*<defs', dom)) >= count
+    )
     browse(tmp_path, f"--screenshot={tmp_path / 'a.png'}")
     assert ink((tmp_path / "a.png").read_bytes()) > 20_000
 
@@ -125,31 +204,44 @@ def ink(png):
     """Bytes of a PNG's filtered rows that are not zero: hardly any where nothing was drawn."""
     data, at = b"", 8
     while at < len(png):
-        size, kind = int.from_bytes(png[at:at + 4], "big"), png[at + 4:at + 8]
-        data += png[at + 8:at + 8 + size] if kind == b"IDAT" else b""
+        size, kind = int.from_bytes(png[at : at + 4], "big"), png[at + 4 : at + 8]
+        data += png[at + 8 : at + 8 + size] if kind == b"IDAT" else b""
         at += 12 + size
     return len(rows := zlib.decompress(data)) - rows.count(0)
 
 
 def test_the_key_says_how_many_events_are_marked():
     many = replace(SOLUTION, events=tuple((float(k), f"event {k}") for k in range(57)))
-    assert "the first 20 of 57 events are marked" in report(many, TRUTH).html and "are marked" not in report(SOLUTION, TRUTH).html
+    assert (
+        "the first 20 of 57 events are marked" in report(many, TRUTH).html
+        and "are marked" not in report(SOLUTION, TRUTH).html
+    )
     assert "57 events of a are marked" in report({"a": many, "b": SOLUTION}, TRUTH).html
 
 
 def test_no_claim_is_asked_for_where_none_is_drawn():
-    silent = replace(SOLUTION, trajectory=replace(SOLUTION.trajectory, sd=np.full_like(SOLUTION.trajectory.sd, np.nan)))
-    assert "It should stay below" in report(SOLUTION, TRUTH).html and "It should stay below" not in report(silent, TRUTH).html
+    silent = replace(
+        SOLUTION,
+        trajectory=replace(SOLUTION.trajectory, sd=np.full_like(SOLUTION.trajectory.sd, np.nan)),
+    )
+    assert (
+        "It should stay below" in report(SOLUTION, TRUTH).html
+        and "It should stay below" not in report(silent, TRUTH).html
+    )
 
 
 def test_withheld_windows_are_listed_shaded_and_scored():
     windows = [(100.0, 130.0), (5000.0, np.inf)]
     hidden = replace(SOLUTION, meta=SOLUTION.meta | {"withheld": windows})
     html = report(hidden, TRUTH).html
-    outage, = metrics.outages(SOLUTION, TRUTH, windows[:1])
-    assert [float(text) for text in cells(html, "100 to 130")] == pytest.approx([outage.horizontal_max, outage.horizontal_end, outage.down_max], rel=0.01)
+    (outage,) = metrics.outages(SOLUTION, TRUTH, windows[:1])
+    assert [float(text) for text in cells(html, "100 to 130")] == pytest.approx(
+        [outage.horizontal_max, outage.horizontal_end, outage.down_max], rel=0.01
+    )
     assert cells(html, "5000 to inf") == ["–"] * 3 and "</b>fixes withheld<" in html
-    assert html.count(f'"fillcolor":"{WITHHELD}"') == html.count("class=plot") - 1      # all but the track
+    assert (
+        html.count(f'"fillcolor":"{WITHHELD}"') == html.count("class=plot") - 1
+    )  # all but the track
     alone = report(hidden).html
     assert cells(alone, "100 to 130") == [] and "at the end [m]" not in alone
     assert "fixes withheld" not in report(SOLUTION, TRUTH).html

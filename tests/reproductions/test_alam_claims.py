@@ -1,16 +1,30 @@
-"""The rules that turn tables into verdicts: in made-up worlds where the paper is right, where it is wrong, and where nothing can be told."""
+"""The rules that turn tables into verdicts: in made-up worlds where the paper is right, where it
+is wrong, and where nothing can be told."""
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from strapdown.evaluation.consistency import proportion
-from strapdown_reproductions.alam import main, choices, claims
+from strapdown_reproductions.alam import choices, claims, main
 from strapdown_reproductions.alam.claims import Evidence
 from strapdown_reproductions.alam.convergence import CASES
+from strapdown_reproductions.alam.runs import (
+    ABLATIONS,
+    ASTRAY,
+    AXES,
+    EKF,
+    EKF_NO_COURSE,
+    FILTERS,
+    FULL,
+    MEASURES,
+    NLO,
+    XKF,
+    XKF_NO_COURSE,
+)
 from strapdown_reproductions.alam.table1 import wide
-from strapdown_reproductions.common.paired_ratios import against, any_better
-from strapdown_reproductions.alam.runs import ABLATIONS, ASTRAY, AXES, EKF, EKF_NO_COURSE, FILTERS, FULL, MEASURES, NLO, XKF, XKF_NO_COURSE
 from strapdown_reproductions.common.pages import NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
+from strapdown_reproductions.common.paired_ratios import against, any_better
 
 pytestmark = pytest.mark.short
 SEEDS = 12
@@ -21,35 +35,65 @@ WRONG = {EKF: 5.0, NLO: 9.0, XKF: 20.0, FULL: 20.0}
 
 
 def scores(level, spread=0.02, north=None, places=PLACES, velocity=None):
-    """Scores with RMSEs around `level` {filter: m}; north: {case: {filter: m}} on that axis; velocity: {filter: m/s} instead of a tenth of it."""
+    """Scores with RMSEs around `level` {filter: m}; north: {case: {filter: m}} on that axis;
+    velocity: {filter: m/s} instead of a tenth of it."""
     rng, rows = np.random.default_rng(3), []
     for case in places:
         for seed in range(SEEDS):
             for k, name in enumerate(FILTERS | ABLATIONS):
-                size = level.get(name, level[name.split(",")[0]] if name.split(",")[0] in level else 15.0)
+                size = level.get(
+                    name, level[name.split(",")[0]] if name.split(",")[0] in level else 15.0
+                )
                 draw = lambda value: float(value * np.exp(spread * rng.standard_normal()))
-                row = {measure: draw(size if measure.endswith("m") else (velocity or {}).get(name, size / 10)) for measure in MEASURES}
+                row = {
+                    measure: draw(
+                        size if measure.endswith("m") else (velocity or {}).get(name, size / 10)
+                    )
+                    for measure in MEASURES
+                }
                 if north and name in north.get(case, {}):
                     row["north_rmse_m"] = draw(north[case][name])
-                rows.append({"case": case, "block": seed, "filter": name, "outage": int(case[-1]) if case.startswith("outage") else seed, **row, "said": ""})
+                rows.append(
+                    {
+                        "case": case,
+                        "block": seed,
+                        "filter": name,
+                        "outage": int(case[-1]) if case.startswith("outage") else seed,
+                        **row,
+                        "said": "",
+                    }
+                )
     return pd.DataFrame(rows)
 
 
 def biases(ekf, others, spread=0.02, late=0.8):
-    """Wander of m/s^2 and rad/s of all filters; over the last ten minutes `late` times as much, the true one's far smaller."""
+    """Wander of m/s^2 and rad/s of all filters; over the last ten minutes `late` times as much,
+    the true one's far smaller."""
     rng, rows = np.random.default_rng(4), []
     for seed in range(SEEDS):
         for name in FILTERS | ABLATIONS:
-            size = np.array(ekf if name.startswith(EKF) else others) * np.exp(spread * rng.standard_normal())
+            size = np.array(ekf if name.startswith(EKF) else others) * np.exp(
+                spread * rng.standard_normal()
+            )
             parts = {"wander": 1.0, "wander_late": late, "true": 1e-3, "rms": 1.5}
-            rows.append({"filter": name, "seed": seed, "said": ""} | {f"{sensor}_{what}": factor * value for sensor, value in zip(("accel", "gyro"), size)
-                                                                      for what, factor in parts.items()})
+            rows.append(
+                {"filter": name, "seed": seed, "said": ""}
+                | {
+                    f"{sensor}_{what}": factor * value
+                    for sensor, value in zip(("accel", "gyro"), size)
+                    for what, factor in parts.items()
+                }
+            )
     return pd.DataFrame(rows)
 
 
 def converged(counts, starts=100):
     """Starts 170 deg off, of which so many converged {label: number}."""
-    rows = [(label, seed, 20.0 if seed < counts.get(label, starts) else np.inf, 5.0, 1.0, "") for label in CASES for seed in range(starts)]
+    rows = [
+        (label, seed, 20.0 if seed < counts.get(label, starts) else np.inf, 5.0, 1.0, "")
+        for label in CASES
+        for seed in range(starts)
+    ]
     return pd.DataFrame(rows, columns=["case", "seed", "since_s", "first_s", "last_deg", "said"])
 
 
@@ -57,38 +101,70 @@ MIXED = {case: {EKF: 5.0, EKF_NO_COURSE: 30.0} for case in ("outage 1", "outage 
 """The EKF better in the north of two outages, thanks to its course."""
 SCORES = scores(RIGHT, north=MIXED)
 GOOD = Evidence(wide(SCORES), biases((0.1, 0.05), (1e-3, 1e-4)), converged({"two-stage EKF": 20}))
-BAD = Evidence(wide(scores(WRONG)), biases((1e-3, 1e-4), (0.1, 0.05)), converged({label: 10 for label in CASES if label.startswith("XKF")}))
-LOUD = Evidence(wide(scores({name: 10.0 for name in FILTERS}, spread=3.0)), biases((0.01, 0.001), (0.005, 0.0005), spread=8.0), converged({}, starts=3))
+BAD = Evidence(
+    wide(scores(WRONG)),
+    biases((1e-3, 1e-4), (0.1, 0.05)),
+    converged({label: 10 for label in CASES if label.startswith("XKF")}),
+)
+LOUD = Evidence(
+    wide(scores({name: 10.0 for name in FILTERS}, spread=3.0)),
+    biases((0.01, 0.001), (0.005, 0.0005), spread=8.0),
+    converged({}, starts=3),
+)
 
 
 def verdicts(evidence):
-    return {make.__name__: make(evidence)["verdict"] for make in (
-        claims.some_cases, claims.no_clear_benefit, claims.diverges_rapidly, claims.biases_vary, claims.biases_stabilised,
-        claims.east, claims.down, claims.north, claims.overall, claims.heading_correction, claims.least,
-        claims.like_the_observer, claims.inherits_stability, claims.no_guarantee)}
+    return {
+        make.__name__: make(evidence)["verdict"]
+        for make in (
+            claims.some_cases,
+            claims.no_clear_benefit,
+            claims.diverges_rapidly,
+            claims.biases_vary,
+            claims.biases_stabilised,
+            claims.east,
+            claims.down,
+            claims.north,
+            claims.overall,
+            claims.heading_correction,
+            claims.least,
+            claims.like_the_observer,
+            claims.inherits_stability,
+            claims.no_guarantee,
+        )
+    }
 
 
 def test_a_world_in_which_the_paper_is_right():
     found = verdicts(GOOD)
-    assert found.pop("no_clear_benefit") == NOT_REPRODUCED         # for the XKF is better than both everywhere
+    assert (
+        found.pop("no_clear_benefit") == NOT_REPRODUCED
+    )  # for the XKF is better than both everywhere
     assert set(found.values()) == {REPRODUCED}, found
 
 
 def test_a_world_in_which_it_is_wrong():
     found = verdicts(BAD)
-    assert found.pop("no_clear_benefit") == REPRODUCED and found.pop("no_guarantee") == NOT_REPRODUCED
-    assert found.pop("heading_correction") == NOT_REPRODUCED        # better in the north everywhere, and it stays so without course
+    assert (
+        found.pop("no_clear_benefit") == REPRODUCED and found.pop("no_guarantee") == NOT_REPRODUCED
+    )
+    assert (
+        found.pop("heading_correction") == NOT_REPRODUCED
+    )  # better in the north everywhere, and it stays so without course
     assert set(found.values()) == {NOT_REPRODUCED}, found
 
 
 def test_a_world_in_which_nothing_can_be_told():
     found = verdicts(LOUD)
-    assert found.pop("no_guarantee") == NOT_REPRODUCED and found.pop("inherits_stability") == REPRODUCED      # three of three
+    assert (
+        found.pop("no_guarantee") == NOT_REPRODUCED
+        and found.pop("inherits_stability") == REPRODUCED
+    )  # three of three
     assert found.pop("heading_correction") == UNDECIDED
     stabilised = found.pop("biases_stabilised")
     assert set(found.values()) == {UNDECIDED}, found
     assert stabilised in (UNDECIDED, NOT_REPRODUCED, PARTLY)
-    assert proportion(3, 3).low == pytest.approx(0.44, abs=0.005)      # the page says so of three seeds
+    assert proportion(3, 3).low == pytest.approx(0.44, abs=0.005)  # the page says so of three seeds
 
 
 def test_findings_are_complete_and_in_order():
@@ -101,18 +177,24 @@ def test_findings_are_complete_and_in_order():
 def test_without_runs_nothing_is_said():
     nothing = Evidence({}, biases((1.0, 1.0), (1.0, 1.0))[:0], converged({})[:0])
     found = claims.claims(nothing)
-    assert {f["verdict"] for f in found} <= {UNDECIDED}, [(f["claim"], f["verdict"]) for f in found if f["verdict"] != UNDECIDED]
+    assert {f["verdict"] for f in found} <= {UNDECIDED}, [
+        (f["claim"], f["verdict"]) for f in found if f["verdict"] != UNDECIDED
+    ]
 
 
 def test_a_benefit_on_one_axis_alone_is_no_clear_one():
     table = scores(RIGHT | {NLO: 10.0})
-    table.loc[table["filter"] == NLO, [f"{axis}_rmse_m" for axis in AXES]] *= np.array([1.0, 1.0, 0.5])
+    table.loc[table["filter"] == NLO, [f"{axis}_rmse_m" for axis in AXES]] *= np.array(
+        [1.0, 1.0, 0.5]
+    )
     assert claims.no_clear_benefit(GOOD._replace(tables=wide(table)))["verdict"] == REPRODUCED
 
 
 def test_a_heading_correction_that_explains_nothing():
     """The EKF is better in the north of two outages, and stays so without its course."""
-    same = scores(RIGHT, north={case: {EKF: 5.0, EKF_NO_COURSE: 5.0} for case in ("outage 1", "outage 2")})
+    same = scores(
+        RIGHT, north={case: {EKF: 5.0, EKF_NO_COURSE: 5.0} for case in ("outage 1", "outage 2")}
+    )
     found = claims.heading_correction(GOOD._replace(tables=wide(same)))
     assert found["verdict"] == NOT_REPRODUCED and "2 of 7 cases" in found["measured"]
     never = claims.heading_correction(GOOD._replace(tables=wide(scores(RIGHT))))
@@ -120,12 +202,16 @@ def test_a_heading_correction_that_explains_nothing():
 
 
 def test_a_course_that_does_as_much_in_the_east_explains_nothing_of_the_north():
-    """Both lose it: the EKF is better in the north of two outages, no longer without course, by as much in the east, which leaves that open."""
+    """Both lose it: the EKF is better in the north of two outages, no longer without course, by
+    as much in the east, which leaves that open."""
     table = scores(RIGHT, north=MIXED, places=PLACES[:2])
     assert claims.heading_correction(GOOD._replace(tables=wide(table)))["verdict"] == REPRODUCED
-    table.loc[table["filter"] == EKF_NO_COURSE, "east_rmse_m"] *= 6.3       # 30 / 5, and some more
+    table.loc[table["filter"] == EKF_NO_COURSE, "east_rmse_m"] *= 6.3  # 30 / 5, and some more
     found = claims.heading_correction(GOOD._replace(tables=wide(table)))
-    assert found["verdict"] == UNDECIDED and "0 of 2 cells for it, 0 against, 2 open" in found["measured"]
+    assert (
+        found["verdict"] == UNDECIDED
+        and "0 of 2 cells for it, 0 against, 2 open" in found["measured"]
+    )
 
 
 def test_one_cell_is_too_little_to_judge_the_heading_correction():
@@ -138,12 +224,24 @@ def test_one_cell_is_too_little_to_judge_the_heading_correction():
 
 def test_lists_of_ratios_say_what_stands_over_what():
     found = claims.claims(GOOD)
-    assert "; EKF / XKF: outage 1 " in found[2]["measured"] and all("; XKF / EKF: outage 1 " in found[k]["measured"] for k in (5, 6, 7))
-    assert "accelerometers: EKF / XKF " in found[3]["measured"] and "in the north, XKF / NLO: outage 1 " in found[11]["measured"]
+    assert "; EKF / XKF: outage 1 " in found[2]["measured"] and all(
+        "; XKF / EKF: outage 1 " in found[k]["measured"] for k in (5, 6, 7)
+    )
+    assert (
+        "accelerometers: EKF / XKF " in found[3]["measured"]
+        and "in the north, XKF / NLO: outage 1 " in found[11]["measured"]
+    )
     assert "outage 3 " not in found[9]["measured"]
     headings = [heading for _, heading, _ in main.shown(SCORES, GOOD.biases, GOOD.converged)]
-    named = [part.replace("table ", "").strip('"') for each in found for part in each["decided_by"].split("; ") if not part.startswith("figure")]
-    assert len(named) == 6 and all(any(heading.startswith(name) for heading in headings) for name in named)
+    named = [
+        part.replace("table ", "").strip('"')
+        for each in found
+        for part in each["decided_by"].split("; ")
+        if not part.startswith("figure")
+    ]
+    assert len(named) == 6 and all(
+        any(heading.startswith(name) for heading in headings) for name in named
+    )
 
 
 def test_the_choices_say_how_many_seeds_there_are():
@@ -153,27 +251,41 @@ def test_the_choices_say_how_many_seeds_there_are():
 
 
 def test_the_heading_correction_is_judged_with_both_filters_without_course():
-    """The XKF loses as much from its course as the EKF, which stays the better one: the course explains nothing."""
-    table = scores(RIGHT, north={case: {EKF: 5.0, EKF_NO_COURSE: 30.0, XKF_NO_COURSE: 60.0} for case in ("outage 1", "outage 2")})
+    """The XKF loses as much from its course as the EKF, which stays the better one: the course
+    explains nothing."""
+    table = scores(
+        RIGHT,
+        north={
+            case: {EKF: 5.0, EKF_NO_COURSE: 30.0, XKF_NO_COURSE: 60.0}
+            for case in ("outage 1", "outage 2")
+        },
+    )
     assert claims.heading_correction(GOOD._replace(tables=wide(table)))["verdict"] == NOT_REPRODUCED
 
 
 def test_one_cell_of_many_is_decided_at_the_level_of_them_all():
-    """A cell in which the XKF is better at 95 % and not at 1 - 0.05 / 21 is none of "some cases"."""
+    """A cell in which the XKF is better at 95 % and not at 1 - 0.05 / 21 is none of "some
+    cases"."""
     size, table = 0.5, scores(RIGHT | {XKF: 45.0})
     draw = np.random.default_rng(6).standard_normal(SEEDS)
     draw = size * (draw - draw.mean()) / draw.std(ddof=1)
     own = (table["case"] == "outage 3") & (table["filter"] == XKF)
-    table.loc[own, "east_rmse_m"] = 11.5 * np.exp(draw - 3.0 * size / np.sqrt(SEEDS))     # 3 standard errors: beyond t(11) at 95 %, not at 99.76 %
+    table.loc[own, "east_rmse_m"] = 11.5 * np.exp(
+        draw - 3.0 * size / np.sqrt(SEEDS)
+    )  # 3 standard errors: beyond t(11) at 95 %, not at 99.76 %
     tables, measures = wide(table), claims.RMSE
-    assert against(tables, measures, XKF, (EKF, NLO)).supports == 1 and any_better(tables, measures, XKF, (EKF, NLO)).supports == 0
+    assert (
+        against(tables, measures, XKF, (EKF, NLO)).supports == 1
+        and any_better(tables, measures, XKF, (EKF, NLO)).supports == 0
+    )
     assert claims.some_cases(GOOD._replace(tables=tables))["verdict"] == UNDECIDED
     table.loc[own, "east_rmse_m"] *= 0.5
     assert claims.some_cases(GOOD._replace(tables=wide(table)))["verdict"] == REPRODUCED
 
 
 def test_sometimes_is_decided_at_the_level_of_all_cells_too():
-    """The EKF is better in the north of all cells but one, which the XKF has at 95 % and not at 1 - 0.05 / 7."""
+    """The EKF is better in the north of all cells but one, which the XKF has at 95 % and not at
+    1 - 0.05 / 7."""
     table = scores(RIGHT | {XKF: 45.0}, spread=0.0)
     draw = 0.5 * np.resize([1.0, -1.0], SEEDS) * np.sqrt((SEEDS - 1) / SEEDS)
     own = (table["case"] == "outage 3") & (table["filter"] == XKF)
@@ -197,9 +309,12 @@ def test_lost_runs_count_among_the_biases():
         table.loc[lost, [f"{sensor}_wander", f"{sensor}_wander_late", f"{sensor}_rms"]] = most
     table.loc[lost, "said"] = "stopped at 700 s"
     found = claims.biases_vary(GOOD._replace(biases=table))
-    assert found["verdict"] == NOT_REPRODUCED and "12 seeds, lost EKF 0, NLO 0, XKF 10" in found["measured"]
+    assert (
+        found["verdict"] == NOT_REPRODUCED
+        and "12 seeds, lost EKF 0, NLO 0, XKF 10" in found["measured"]
+    )
     steady = claims.biases_stabilised(GOOD._replace(biases=table))
-    assert steady["verdict"] == PARTLY and "XKF 10" in steady["measured"]       # the EKF's half holds
+    assert steady["verdict"] == PARTLY and "XKF 10" in steady["measured"]  # the EKF's half holds
     by = main.bias_table(table).set_index("filter")["lost"]
     assert by[XKF] == "10 of 12" and by[EKF] == "0 of 12"
 
@@ -215,8 +330,11 @@ def test_three_times_as_much_on_average_may_still_be_open():
 
 @pytest.mark.parametrize(("late", "verdict"), [(0.8, NOT_REPRODUCED), (1e-3, PARTLY)])
 def test_what_is_stabilised_is_so_in_the_last_ten_minutes(late, verdict):
-    """Estimates that still move before: at 0.8 of it the XKF's are above the bound and the EKF's are below, at a thousandth all are below."""
-    found = claims.biases_stabilised(GOOD._replace(biases=biases((1e-3, 1e-4), (0.1, 0.05), late=late)))
+    """Estimates that still move before: at 0.8 of it the XKF's are above the bound and the EKF's
+    are below, at a thousandth all are below."""
+    found = claims.biases_stabilised(
+        GOOD._replace(biases=biases((1e-3, 1e-4), (0.1, 0.05), late=late))
+    )
     assert found["verdict"] == verdict
 
 
@@ -234,13 +352,25 @@ def test_stability_of_one_form_alone_is_partly_inherited():
 
 
 def test_tables_for_people():
-    shown = dict((name, table) for name, _, table in main.shown(SCORES, GOOD.biases, GOOD.converged))
+    shown = dict(
+        (name, table) for name, _, table in main.shown(SCORES, GOOD.biases, GOOD.converged)
+    )
     first = shown["redrawn"].iloc[0]
     for column, published, ours in (("north, EKF, m", "7.9", 5.0), ("down, XKF, m", "24.7", 10.0)):
         printed, _, text = first[column].partition(" / ")
-        assert printed == published and float(text.partition(" ± ")[0]) == pytest.approx(ours, rel=0.05)
-    assert len(shown["redrawn"]) == 7 and "/" not in shown["redrawn"].iloc[5]["north, EKF, m"] and list(GOOD.tables) == list(PLACES)
-    assert list(shown["filters"]["filter"]) == list(FILTERS | ABLATIONS) and set(shown["filters"]["lost"]) == {f"0 of {7 * SEEDS}"}
-    assert len(shown["ablations"]) == 3 * len(ABLATIONS) + 3 and len(shown["biases"]) == len(FILTERS | ABLATIONS)
+        assert printed == published and float(text.partition(" ± ")[0]) == pytest.approx(
+            ours, rel=0.05
+        )
+    assert (
+        len(shown["redrawn"]) == 7
+        and "/" not in shown["redrawn"].iloc[5]["north, EKF, m"]
+        and list(GOOD.tables) == list(PLACES)
+    )
+    assert list(shown["filters"]["filter"]) == list(FILTERS | ABLATIONS) and set(
+        shown["filters"]["lost"]
+    ) == {f"0 of {7 * SEEDS}"}
+    assert len(shown["ablations"]) == 3 * len(ABLATIONS) + 3 and len(shown["biases"]) == len(
+        FILTERS | ABLATIONS
+    )
     by = shown["convergence"].set_index("filter")["below 10 deg from some time to 60 s"]
     assert by["two-stage EKF"] == "20 of 100" and by["closed loop"] == "100 of 100"

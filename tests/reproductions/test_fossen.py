@@ -1,4 +1,6 @@
-"""The case studies of Fossen's chapter 14: signals and truth against independent code, weights, one run in numbers, errata, and a small study."""
+"""The case studies of Fossen's chapter 14: signals and truth against independent code, weights,
+one run in numbers, errata, and a small study."""
+
 import json
 
 import numpy as np
@@ -8,13 +10,24 @@ from ins_equations import derivatives
 
 from strapdown.core.contract import BA, BG, Noise
 from strapdown.data import DataError
-from strapdown.recording import Recording
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
-from strapdown_reproductions.fossen import main, cases as fossen_cases, write_docs, runs as fossen_runs
-from strapdown_reproductions.fossen import signals
-from strapdown_reproductions.fossen.cases import AHRS, CASES, CHAPTER, EULER, FAST, MEKF, RIGHT, Case, Run
+from strapdown.recording import Recording
 from strapdown_reproductions.common.pages import COLOURS
+from strapdown_reproductions.fossen import cases as fossen_cases
+from strapdown_reproductions.fossen import main, signals, write_docs
+from strapdown_reproductions.fossen import runs as fossen_runs
+from strapdown_reproductions.fossen.cases import (
+    AHRS,
+    CASES,
+    CHAPTER,
+    EULER,
+    FAST,
+    MEKF,
+    RIGHT,
+    Case,
+    Run,
+)
 
 BY_NAME = {case.name: case for case in CASES}
 SHORT = 20.0
@@ -24,9 +37,23 @@ def published(name, t):
     """(acceleration, rate) of the published generator, written out."""
     s, c = np.sin, np.cos
     if name == "signal 1":
-        return (0.1 * s(0.1 * t), 0.01 * c(0.1 * t), 0.05 * s(0.05 * t)), (0.03 * c(0.2 * t), -0.02 * s(0.1 * t), 0.01 * s(0.05 * t))
-    return ((0.2 * s(0.07 * t + 0.5) + 0.05 * s(0.2 * t), 0.1 * c(0.1 * t) + 0.02 * c(0.3 * t + 0.3), 0.15 * s(0.05 * t + 1.0) + 0.03 * c(0.2 * t)),
-            (0.05 * s(0.3 * t) + 0.01 * c(0.1 * t + 0.7), 0.04 * c(0.2 * t + 1.2), 0.03 * s(0.15 * t + 0.4)))
+        return (0.1 * s(0.1 * t), 0.01 * c(0.1 * t), 0.05 * s(0.05 * t)), (
+            0.03 * c(0.2 * t),
+            -0.02 * s(0.1 * t),
+            0.01 * s(0.05 * t),
+        )
+    return (
+        (
+            0.2 * s(0.07 * t + 0.5) + 0.05 * s(0.2 * t),
+            0.1 * c(0.1 * t) + 0.02 * c(0.3 * t + 0.3),
+            0.15 * s(0.05 * t + 1.0) + 0.03 * c(0.2 * t),
+        ),
+        (
+            0.05 * s(0.3 * t) + 0.01 * c(0.1 * t + 0.7),
+            0.04 * c(0.2 * t + 1.2),
+            0.03 * s(0.15 * t + 0.4),
+        ),
+    )
 
 
 @pytest.mark.short
@@ -37,23 +64,41 @@ def test_signals_are_the_published_ones(name):
         np.testing.assert_allclose(signals.acceleration(name, t), acceleration, atol=1e-15)
         np.testing.assert_allclose(signals.rate(name, t), rate, atol=1e-15)
     t = np.linspace(0.0, 5.0, 100001)
-    trapezium = 0.5 * (t[1] - t[0]) * (signals.rate(name, t)[1:] + signals.rate(name, t)[:-1]).sum(axis=0)
+    trapezium = (
+        0.5 * (t[1] - t[0]) * (signals.rate(name, t)[1:] + signals.rate(name, t)[:-1]).sum(axis=0)
+    )
     np.testing.assert_allclose(signals._angles(name, t[[0, -1]])[1], trapezium, atol=1e-11)
 
 
 @pytest.mark.short
 def test_constants_are_the_published_ones():
-    assert np.degrees(signals.TRONDHEIM[:2]) == pytest.approx([63.4305, 10.3951]) and signals.TRONDHEIM[2] == 0
+    assert (
+        np.degrees(signals.TRONDHEIM[:2]) == pytest.approx([63.4305, 10.3951])
+        and signals.TRONDHEIM[2] == 0
+    )
     assert [round(part * 1e9) for part in signals.FIELD] == [13559, 921, 50209]
-    assert signals.ACCEL_BIAS == (0.1, 0.3, -0.1) and signals.GYRO_BIAS == (0.05, 0.1, -0.05) and signals.SAMPLE_NOISE == 0.005
-    assert signals.BIAS_SD == pytest.approx((1.962e-4, 3.8785e-5), rel=1e-4) and signals.BIAS_TIME == 300
-    assert (signals.POSITION_SD, signals.VELOCITY_SD, 1 / signals.POSITION_INTERVAL, signals.FIELD_RATE) == (0.05, 0.01, 5.0, 100.0)
+    assert (
+        signals.ACCEL_BIAS == (0.1, 0.3, -0.1)
+        and signals.GYRO_BIAS == (0.05, 0.1, -0.05)
+        and signals.SAMPLE_NOISE == 0.005
+    )
+    assert (
+        signals.BIAS_SD == pytest.approx((1.962e-4, 3.8785e-5), rel=1e-4)
+        and signals.BIAS_TIME == 300
+    )
+    assert (
+        signals.POSITION_SD,
+        signals.VELOCITY_SD,
+        1 / signals.POSITION_INTERVAL,
+        signals.FIELD_RATE,
+    ) == (0.05, 0.01, 5.0, 100.0)
 
 
 @pytest.mark.short
 @pytest.mark.parametrize("name", signals.SIGNALS)
 def test_the_truth_solves_the_strapdown_equations(name):
-    """Fixed-step Runge-Kutta on the test's own equations, gravity and radii; the specific force is the acceleration less the gravity of the place."""
+    """Fixed-step Runge-Kutta on the test's own equations, gravity and radii; the specific force
+    is the acceleration less the gravity of the place."""
     t, dt = np.linspace(0.0, 40.0, 401), 0.1
     lla, v, C = np.array(signals.TRONDHEIM), np.zeros(3), np.eye(3)
 
@@ -68,7 +113,9 @@ def test_the_truth_solves_the_strapdown_equations(name):
         k2 = slope(*(x + 0.5 * dt * d for x, d in zip(state, k1)), begin + 0.5 * dt)
         k3 = slope(*(x + 0.5 * dt * d for x, d in zip(state, k2)), begin + 0.5 * dt)
         k4 = slope(*(x + dt * d for x, d in zip(state, k3)), begin + dt)
-        lla, v, C = (x + dt / 6 * (a + 2 * b + 2 * c + d) for x, a, b, c, d in zip(state, k1, k2, k3, k4))
+        lla, v, C = (
+            x + dt / 6 * (a + 2 * b + 2 * c + d) for x, a, b, c, d in zip(state, k1, k2, k3, k4)
+        )
     truth = signals.integrated(name, t).truth
     assert np.abs((truth.lla[-1] - lla) * [6.4e6, 2.9e6, 1.0]).max() < 1e-5
     np.testing.assert_allclose(truth.v_n[-1], v, atol=1e-7)
@@ -79,14 +126,22 @@ def test_the_truth_solves_the_strapdown_equations(name):
 def test_the_librarys_mechanization_stays_on_the_truth(name):
     truth, imu = signals.ideal(name, 100.0, 60.0)
     begin = fossen_cases.start(Recording(imu, (), truth), CHAPTER, 0)
-    e = errors(fuse(Recording(imu, (), truth), "closed-loop", start=begin, noise=Noise(*[0.0] * 6)), truth)
-    assert np.abs(e.position).max() < 2e-5 and np.abs(e.velocity).max() < 1e-6 and np.abs(e.attitude).max() < 1e-9
+    e = errors(
+        fuse(Recording(imu, (), truth), "closed-loop", start=begin, noise=Noise(*[0.0] * 6)), truth
+    )
+    assert (
+        np.abs(e.position).max() < 2e-5
+        and np.abs(e.velocity).max() < 1e-6
+        and np.abs(e.attitude).max() < 1e-9
+    )
 
 
 @pytest.mark.short
 def test_a_body_at_rest_feels_gravity_and_the_turning_earth():
     imu = signals.ideal("at rest", 100.0, 5.0).imu
-    earth = 7.292115e-5 * np.array([np.cos(signals.TRONDHEIM[0]), 0.0, -np.sin(signals.TRONDHEIM[0])])
+    earth = 7.292115e-5 * np.array(
+        [np.cos(signals.TRONDHEIM[0]), 0.0, -np.sin(signals.TRONDHEIM[0])]
+    )
     np.testing.assert_allclose(imu.dtheta / imu.dt[:, None], np.tile(earth, (500, 1)), atol=1e-12)
     np.testing.assert_allclose(imu.dv[-1] / imu.dt[-1], [0, 0, -9.8215], atol=1e-3)
     with pytest.raises(DataError, match="no excitation 'dancing'; there is: signal 1"):
@@ -97,35 +152,63 @@ def test_a_body_at_rest_feels_gravity_and_the_turning_earth():
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
 def test_samples_have_the_published_noise_at_any_rate(rate):
     n = 1500
-    recording, ideal = signals.recording("signal 1", 1, rate, n / rate), signals.ideal("signal 1", rate, n / rate).imu
-    noise = np.stack([(recording.imu.dv - ideal.dv) * rate - signals.ACCEL_BIAS, (recording.imu.dtheta - ideal.dtheta) * rate - signals.GYRO_BIAS])
-    np.testing.assert_allclose(noise.std(axis=1), 0.005, rtol=0.12)     # 6 sigma of 1500 samples
+    recording, ideal = (
+        signals.recording("signal 1", 1, rate, n / rate),
+        signals.ideal("signal 1", rate, n / rate).imu,
+    )
+    noise = np.stack(
+        [
+            (recording.imu.dv - ideal.dv) * rate - signals.ACCEL_BIAS,
+            (recording.imu.dtheta - ideal.dtheta) * rate - signals.GYRO_BIAS,
+        ]
+    )
+    np.testing.assert_allclose(noise.std(axis=1), 0.005, rtol=0.12)  # 6 sigma of 1500 samples
     assert np.abs(noise.mean(axis=1)).max() < 5 * 0.005 / np.sqrt(n)
 
 
 @pytest.mark.short
 def test_varying_biases_begin_at_the_constant_ones_and_follow_their_law():
     b_a, b_g = signals.biases(True, 60_000, 30.0, np.random.default_rng(1))
-    np.testing.assert_allclose(b_a[9], np.exp(-1.0) * np.array(signals.ACCEL_BIAS), atol=5 * signals.BIAS_SD[0])    # after 300 s
-    assert [part[100:].std() for part in (b_a, b_g)] == pytest.approx(signals.BIAS_SD, rel=0.05)    # 4 sigma: 9000 independent values
+    np.testing.assert_allclose(
+        b_a[9], np.exp(-1.0) * np.array(signals.ACCEL_BIAS), atol=5 * signals.BIAS_SD[0]
+    )  # after 300 s
+    assert [part[100:].std() for part in (b_a, b_g)] == pytest.approx(
+        signals.BIAS_SD, rel=0.05
+    )  # 4 sigma: 9000 independent values
     begun = signals.biases(True, 10, 1e-3, np.random.default_rng(1))
-    np.testing.assert_allclose([part[0] for part in begun], [signals.ACCEL_BIAS, signals.GYRO_BIAS], atol=1e-5)
+    np.testing.assert_allclose(
+        [part[0] for part in begun], [signals.ACCEL_BIAS, signals.GYRO_BIAS], atol=1e-5
+    )
     assert np.ptp(signals.biases(False, 50, 0.1, np.random.default_rng(1))[0], axis=0).max() == 0
 
 
 def test_a_recording_repeats_and_its_fixes_have_their_noise():
     first, again = (signals.recording("signal 2", 5, duration=60.0) for _ in range(2))
-    assert all(np.array_equal(a.y, b.y) for a, b in zip(first.aidings, again.aidings)) and np.array_equal(first.imu.dv, again.imu.dv)
+    assert all(
+        np.array_equal(a.y, b.y) for a, b in zip(first.aidings, again.aidings)
+    ) and np.array_equal(first.imu.dv, again.imu.dv)
     assert not np.array_equal(first.imu.dv, signals.recording("signal 2", 6, duration=60.0).imu.dv)
     of = {a.kind: a for a in first.aidings}
-    assert {kind: len(a.t) for kind, a in of.items()} == {"position": 300, "velocity": 300, "magnetic-field": 6000, "heading": 6000, "attitude": 600,
-                                                          "gravity": 300}
+    assert {kind: len(a.t) for kind, a in of.items()} == {
+        "position": 300,
+        "velocity": 300,
+        "magnetic-field": 6000,
+        "heading": 6000,
+        "attitude": 600,
+        "gravity": 300,
+    }
     truth = first.reference
     rows = {kind: np.searchsorted(truth.t, a.t - 1e-9) for kind, a in of.items()}
     assert (of["velocity"].y - truth.v_n[rows["velocity"]]).std() == pytest.approx(0.01, rel=0.12)
-    assert ((of["position"].y - truth.lla[rows["position"]])[:, 2]).std() == pytest.approx(0.05, rel=0.2)
+    assert ((of["position"].y - truth.lla[rows["position"]])[:, 2]).std() == pytest.approx(
+        0.05, rel=0.2
+    )
     unit = of["magnetic-field"].y / np.linalg.norm(signals.FIELD)
-    expected = truth.rotation[rows["magnetic-field"]].inv().apply(np.array(signals.FIELD) / np.linalg.norm(signals.FIELD))
+    expected = (
+        truth.rotation[rows["magnetic-field"]]
+        .inv()
+        .apply(np.array(signals.FIELD) / np.linalg.norm(signals.FIELD))
+    )
     assert (unit - expected).std() == pytest.approx(0.005, rel=0.05)
     turned = (of["heading"].y[:, 0] - truth.rph[rows["heading"], 2] + np.pi) % (2 * np.pi) - np.pi
     assert turned.std() == pytest.approx(0.005, rel=0.05)
@@ -133,51 +216,98 @@ def test_a_recording_repeats_and_its_fixes_have_their_noise():
 
 @pytest.mark.short
 def test_published_weights_and_what_they_mean():
-    assert MEKF.Q == (0.01, 0.01, 0.1, 0.001) and MEKF.times == (500, 500) and MEKF.R["position"] == 1 and MEKF.R["velocity"] == 0.1
-    assert MEKF.R["magnetic-field"] == MEKF.R["heading"] == 0.01 and EULER.R["heading"] == 0.001 and AHRS.Q[2] == 10 and AHRS.times == (1000, 500)
+    assert (
+        MEKF.Q == (0.01, 0.01, 0.1, 0.001)
+        and MEKF.times == (500, 500)
+        and MEKF.R["position"] == 1
+        and MEKF.R["velocity"] == 0.1
+    )
+    assert (
+        MEKF.R["magnetic-field"] == MEKF.R["heading"] == 0.01
+        and EULER.R["heading"] == 0.001
+        and AHRS.Q[2] == 10
+        and AHRS.times == (1000, 500)
+    )
     case = BY_NAME["mekf, position + field"]
-    assert fossen_cases.deviation(case, CHAPTER, "magnetic-field") == pytest.approx(0.1 * 52015e-9, rel=1e-3)
+    assert fossen_cases.deviation(case, CHAPTER, "magnetic-field") == pytest.approx(
+        0.1 * 52015e-9, rel=1e-3
+    )
     assert fossen_cases.deviation(case, RIGHT, "position") == 0.05
     with pytest.raises(DataError, match="no weight of 'attitude' is published"):
         fossen_cases.deviation(case, CHAPTER, "attitude")
     told = fossen_cases.noise(case, RIGHT, "signal 2")
-    assert (told.accel, told.gyro) == pytest.approx((5e-4, 5e-4)) and told.gyro_decay == told.accel_decay == 1 / 300
-    assert fossen_cases.noise(case._replace(rate=1000.0), RIGHT, "signal 1")[:2] == pytest.approx((0.005 / 1000 ** 0.5,) * 2)
-    assert fossen_cases.noise(case, RIGHT, "signal 1").accel_decay == 0 and fossen_cases.noise(case, CHAPTER, "signal 1").accel_decay == 1 / 500
+    assert (told.accel, told.gyro) == pytest.approx(
+        (5e-4, 5e-4)
+    ) and told.gyro_decay == told.accel_decay == 1 / 300
+    assert fossen_cases.noise(case._replace(rate=1000.0), RIGHT, "signal 1")[:2] == pytest.approx(
+        (0.005 / 1000**0.5,) * 2
+    )
+    assert (
+        fossen_cases.noise(case, RIGHT, "signal 1").accel_decay == 0
+        and fossen_cases.noise(case, CHAPTER, "signal 1").accel_decay == 1 / 500
+    )
     direct = BY_NAME["direct-ahrs"]
-    assert fossen_cases.noise(direct, CHAPTER, "signal 2").accel_decay == 0 and fossen_cases.noise(direct, RIGHT, "signal 2").accel_decay == 1 / 300
+    assert (
+        fossen_cases.noise(direct, CHAPTER, "signal 2").accel_decay == 0
+        and fossen_cases.noise(direct, RIGHT, "signal 2").accel_decay == 1 / 300
+    )
 
 
 def grown(weights, step, rate):
-    """Variances of velocity, attitude and biases after a second without fixes: as the published code adds them, and as the library does from densities."""
-    code = np.array(weights.Q)[[0, 2, 1, 3]] * step ** 2 * round(1 / step)
+    """Variances of velocity, attitude and biases after a second without fixes: as the published
+    code adds them, and as the library does from densities."""
+    code = np.array(weights.Q)[[0, 2, 1, 3]] * step**2 * round(1 / step)
     truth, imu = signals.ideal("at rest", rate, 2.0)
     case = Case("", "closed-loop", (), weights)
     begin = fossen_cases.start(Recording(imu, (), truth), CHAPTER, 0)._replace(sd=(0.0,) * 15)
-    solution = fuse(Recording(imu, (), truth), "closed-loop", start=begin, noise=fossen_cases.noise(case, CHAPTER, "at rest"))
+    solution = fuse(
+        Recording(imu, (), truth),
+        "closed-loop",
+        start=begin,
+        noise=fossen_cases.noise(case, CHAPTER, "at rest"),
+    )
     return code, solution.trajectory.sd[round(rate) - 1] ** 2
 
 
 @pytest.mark.parametrize("rate", [100.0, 500.0])
 def test_published_weights_belong_to_their_step_and_densities_do_not(rate):
-    """h^2 Q in each step: at 1 ms the sums are what the densities q = h Q give at any rate; the same Q at 10 ms would be ten times that."""
+    """h^2 Q in each step: at 1 ms the sums are what the densities q = h Q give at any rate; the
+    same Q at 10 ms would be ten times that."""
     code, library = grown(MEKF, 1e-3, rate)
-    kept = library[[3, 8, 9, 12]]       # velocity, heading, biases; gravity tilts and bias drives add to the first two
+    kept = library[
+        [3, 8, 9, 12]
+    ]  # velocity, heading, biases; gravity tilts and bias drives add to the first two
     np.testing.assert_allclose(kept[2:], code[2:], rtol=0.01)
     assert code[1] == pytest.approx(1e-4) and kept[1] == pytest.approx(code[1] + 1e-6 / 3, rel=0.01)
-    assert kept[0] == pytest.approx(code[0] + 1e-5 / 3 + 9.82 ** 2 * (1e-4 / 3 + 1e-6 / 20), rel=0.01)
+    assert kept[0] == pytest.approx(code[0] + 1e-5 / 3 + 9.82**2 * (1e-4 / 3 + 1e-6 / 20), rel=0.01)
     np.testing.assert_allclose(grown(MEKF, 1e-2, rate)[0], 10 * code)
 
 
 def test_every_fix_is_used_when_it_comes_and_that_tells_more():
-    """The published code computes fields between positions and drops them; here all 100 a second count."""
-    case, recording = BY_NAME["mekf, position + field"], signals.recording("signal 1", 1, duration=SHORT)
+    """The published code computes fields between positions and drops them; here all 100 a second
+    count."""
+    case, recording = (
+        BY_NAME["mekf, position + field"],
+        signals.recording("signal 1", 1, duration=SHORT),
+    )
     used = fossen_cases.sensed(recording, case, RIGHT)
-    dropped = Recording(used.imu, tuple(a if a.kind == "position" else a._where(np.isin(a.t, used.aidings[0].t)) for a in used.aidings), used.reference)
-    begin, noise = fossen_cases.start(recording, RIGHT, 1), fossen_cases.noise(case, RIGHT, "signal 1")
+    dropped = Recording(
+        used.imu,
+        tuple(
+            a if a.kind == "position" else a._where(np.isin(a.t, used.aidings[0].t))
+            for a in used.aidings
+        ),
+        used.reference,
+    )
+    begin, noise = (
+        fossen_cases.start(recording, RIGHT, 1),
+        fossen_cases.noise(case, RIGHT, "signal 1"),
+    )
     made = [fuse(each, case.filter, start=begin, noise=noise) for each in (used, dropped)]
-    assert made[0].counts() == {"GNSS position": (100, 0), "magnetometer": (2000, 0)} and made[1].counts()["magnetometer"] == (100, 0)
-    across = [solution.trajectory.sd[-1, 7] for solution in made]      # about east, across the field
+    assert made[0].counts() == {"GNSS position": (100, 0), "magnetometer": (2000, 0)} and made[
+        1
+    ].counts()["magnetometer"] == (100, 0)
+    across = [solution.trajectory.sd[-1, 7] for solution in made]  # about east, across the field
     assert across[1] > 1.5 * across[0]
 
 
@@ -186,9 +316,17 @@ def test_times_of_convergence():
     t = np.arange(1.0, 7.0)
     settled = fossen_cases.settled
     assert settled(t, np.array([5, 5, 0.1, 0.1, 0.1, 0.1]), 1.0) == 3.0
-    assert settled(t, np.array([5, 0.1, 5, 0.1, 0.1, 0.1]), 1.0) == 4.0 and settled(t, np.full(6, 0.1), 1.0) == 0.0
-    assert settled(t, np.array([0.1, 0.1, 0.1, 0.1, 0.1, 2.0]), 1.0) == np.inf and settled(np.empty(0), np.empty(0), 1.0) == np.inf
-    assert settled(t, np.array([5, np.nan, 0.1, 0.1, 0.1, 0.1]), 1.0) == 3.0 and np.isnan(settled(t, np.full(6, np.nan), 1.0))
+    assert (
+        settled(t, np.array([5, 0.1, 5, 0.1, 0.1, 0.1]), 1.0) == 4.0
+        and settled(t, np.full(6, 0.1), 1.0) == 0.0
+    )
+    assert (
+        settled(t, np.array([0.1, 0.1, 0.1, 0.1, 0.1, 2.0]), 1.0) == np.inf
+        and settled(np.empty(0), np.empty(0), 1.0) == np.inf
+    )
+    assert settled(t, np.array([5, np.nan, 0.1, 0.1, 0.1, 0.1]), 1.0) == 3.0 and np.isnan(
+        settled(t, np.full(6, np.nan), 1.0)
+    )
 
 
 @pytest.mark.short
@@ -200,25 +338,58 @@ def test_a_run_in_numbers():
     sd = np.linspace(1.0, 0.1, 3000)[:, None] * np.ones(15)
     run = Run(t, error, sd, np.zeros((3000, 6)), "", np.full(3000, 7.0))
     found = fossen_cases.numbers(run, 300.0)
-    assert (found["accel_s"], found["gyro_s"], found["position_m"], found["ins_m"], found["stopped"]) == (80.0, 4.0, pytest.approx(0.03), 7.0, False)
-    assert found["accel_left_x"] == pytest.approx(0.1) and found["accel_m_s2"] == pytest.approx(0.001 * 3 ** 0.5) and found["accel_first_s"] == 80.0
+    assert (
+        found["accel_s"],
+        found["gyro_s"],
+        found["position_m"],
+        found["ins_m"],
+        found["stopped"],
+    ) == (80.0, 4.0, pytest.approx(0.03), 7.0, False)
+    assert (
+        found["accel_left_x"] == pytest.approx(0.1)
+        and found["accel_m_s2"] == pytest.approx(0.001 * 3**0.5)
+        and found["accel_first_s"] == 80.0
+    )
     broken = fossen_cases.numbers(run._replace(stopped="at 5 s"), 300.0)
     assert broken["stopped"] and broken["accel_s"] == np.inf and np.isnan(broken["position_m"])
-    assert fossen_cases.numbers(Run(t[:0], error[:0], sd[:0], error[:0, :6], "no start", t[:0]), 300.0)["stopped"]
+    assert fossen_cases.numbers(
+        Run(t[:0], error[:0], sd[:0], error[:0, :6], "no start", t[:0]), 300.0
+    )["stopped"]
 
 
 @pytest.mark.short
 def test_the_whole_study():
     wanted = fossen_runs.tasks(list(range(50)))
     assert len(wanted) == 50 * len(signals.EXCITATIONS)
-    names = lambda seed, excitation: [case.name for s, e, cases in wanted if (s, e) == (seed, excitation) for case in cases]
-    assert names(0, "signal 1") == [case.name for case in CASES + FAST] and names(30, "signal 2") == [case.name for case in CASES]
-    assert names(0, "steep") == list(fossen_runs.STEEP) and names(7, "at rest") == [case.name for case in CASES]
-    assert {case.filter for case in CASES} == {"mekf", "direct-euler", "direct-ahrs", "indirect-ahrs-closed", "indirect-ahrs-open", "fixed-gain"}
+    names = lambda seed, excitation: [
+        case.name for s, e, cases in wanted if (s, e) == (seed, excitation) for case in cases
+    ]
+    assert names(0, "signal 1") == [case.name for case in CASES + FAST] and names(
+        30, "signal 2"
+    ) == [case.name for case in CASES]
+    assert names(0, "steep") == list(fossen_runs.STEEP) and names(7, "at rest") == [
+        case.name for case in CASES
+    ]
+    assert {case.filter for case in CASES} == {
+        "mekf",
+        "direct-euler",
+        "direct-ahrs",
+        "indirect-ahrs-closed",
+        "indirect-ahrs-open",
+        "fixed-gain",
+    }
 
 
-STUDIED = tuple(BY_NAME[name] for name in ("mekf, position + field, 1 Hz", "mekf, position + compass", "direct-euler, position + "
-    "compass", "indirect-ahrs-open", "fixed-gain"))
+STUDIED = tuple(
+    BY_NAME[name]
+    for name in (
+        "mekf, position + field, 1 Hz",
+        "mekf, position + compass",
+        "direct-euler, position + compass",
+        "indirect-ahrs-open",
+        "fixed-gain",
+    )
+)
 
 
 @pytest.fixture(scope="module")
@@ -228,24 +399,44 @@ def made(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fossen_runs, "DROPOUT", (10.0, SHORT))
         patch.setattr("strapdown_reproductions.fossen.intro.OUTAGE", (10.0, 15.0))
-        patch.setattr("strapdown_reproductions.fossen.intro.simulate", lambda *a, f=main.fossen_intro.simulate: f(*a, duration=SHORT))
-        claims = main.reproduce(out, runs=2, seed=9, threads=2, progress=shares.append, studied=STUDIED, duration=SHORT)
+        patch.setattr(
+            "strapdown_reproductions.fossen.intro.simulate",
+            lambda *a, f=main.fossen_intro.simulate: f(*a, duration=SHORT),
+        )
+        claims = main.reproduce(
+            out, runs=2, seed=9, threads=2, progress=shares.append, studied=STUDIED, duration=SHORT
+        )
     assert shares == sorted(shares) and shares[-1] == 1.0
     return out, claims
 
 
 def test_the_study_writes_page_tables_and_claims(made):
     out, claims = made
-    assert json.loads((out / "claims.json").read_text()) == claims and {c["verdict"] for c in claims} <= set(COLOURS)
+    assert json.loads((out / "claims.json").read_text()) == claims and {
+        c["verdict"] for c in claims
+    } <= set(COLOURS)
     html = (out / "index.html").read_text()
     for number in ("1a", "1b", "2a", "3b", "4", "5a", "5d", "6a", "6b", "7", "8"):
         assert f"<h3>Figure {number}:" in html, number
-    assert html.count("<tr id=claim") == len(claims) == 14 and "What the chapter leaves open" in html
+    assert (
+        html.count("<tr id=claim") == len(claims) == 14 and "What the chapter leaves open" in html
+    )
     runs = pd.read_csv(out / "runs.csv")
-    assert len(runs) == 2 * (5 * 9 + 4) and set(runs["seed"]) == {9000, 9001} and not runs["stopped"].any()
+    assert (
+        len(runs) == 2 * (5 * 9 + 4)
+        and set(runs["seed"]) == {9000, 9001}
+        and not runs["stopped"].any()
+    )
     fixed = runs[runs["case"] == "fixed-gain"]
-    assert fixed["gyro_s"].isna().all() and fixed["accel_left_x"].isna().all() and fixed["position_m"].max() < 3.0     # of a start that is off by a metre
-    assert runs[runs["case"] == "indirect-ahrs-open"]["ins_m"].min() > 10 and runs[runs["case"] != "indirect-ahrs-open"]["ins_m"].isna().all()
+    assert (
+        fixed["gyro_s"].isna().all()
+        and fixed["accel_left_x"].isna().all()
+        and fixed["position_m"].max() < 3.0
+    )  # of a start that is off by a metre
+    assert (
+        runs[runs["case"] == "indirect-ahrs-open"]["ins_m"].min() > 10
+        and runs[runs["case"] != "indirect-ahrs-open"]["ins_m"].isna().all()
+    )
     dropouts = pd.read_csv(out / "dropouts-runs.csv")
     assert set(dropouts["case"]) == {"indirect-ahrs-open"} and len(dropouts) == 2 * 2 * 2
     left = dropouts[dropouts["tuning"] == CHAPTER]["accel_left"]
@@ -255,26 +446,50 @@ def test_the_study_writes_page_tables_and_claims(made):
 def test_threads_change_nothing(made):
     runs = fossen_runs.run_all([9000, 9001], STUDIED[-1:], SHORT, threads=1).runs
     stored = pd.read_csv(made[0] / "runs.csv")
-    np.testing.assert_allclose(runs["position_m"], stored[stored["case"] == "fixed-gain"]["position_m"], rtol=1e-5)
+    np.testing.assert_allclose(
+        runs["position_m"], stored[stored["case"] == "fixed-gain"]["position_m"], rtol=1e-5
+    )
 
 
 def test_markdown_goes_between_its_marks(made, tmp_path):
     text, page = (made[0] / "findings.md").read_text(), tmp_path / "page.md"
-    assert text.count("| **") == 14 and "Signal 1:" in text and "At rest:" in text and "| fixed-gain | true noises |" in text
+    assert (
+        text.count("| **") == 14
+        and "Signal 1:" in text
+        and "At rest:" in text
+        and "| fixed-gain | true noises |" in text
+    )
     page.write_text(f"before\n{write_docs.BEGIN}\nold\n{write_docs.END}\nafter\n")
     write_docs.insert(page, text)
     found = page.read_text()
-    assert "old" not in found and text in found and found.startswith("before") and found.endswith("after\n")
+    assert (
+        "old" not in found
+        and text in found
+        and found.startswith("before")
+        and found.endswith("after\n")
+    )
 
 
 def test_the_command(command, tmp_path, monkeypatch):
     given = []
-    monkeypatch.setattr(main, "reproduce", lambda *a, **k: given.append((a, k)) or [{"verdict": "partly", "claim": "it converges"}])
+    monkeypatch.setattr(
+        main,
+        "reproduce",
+        lambda *a, **k: given.append((a, k)) or [{"verdict": "partly", "claim": "it converges"}],
+    )
     code, out, err = command("reproduce", "fossen", "--quick", "--seed", 4, "--out", tmp_path / "x")
-    assert code == 0 and given[0][0] == (tmp_path / "x", True, None, 4) and "it converges" in out and not err
+    assert (
+        code == 0
+        and given[0][0] == (tmp_path / "x", True, None, 4)
+        and "it converges" in out
+        and not err
+    )
     monkeypatch.undo()
-    for words, text in ((("--runs", "0"), "runs is 0"), (("--recordings", "."), "reproduce fossen has no option "
-        "--recordings"), (("--runs", "1", "--seed", "-1"), "seed -1")):
+    for words, text in (
+        (("--runs", "0"), "runs is 0"),
+        (("--recordings", "."), "reproduce fossen has no option --recordings"),
+        (("--runs", "1", "--seed", "-1"), "seed -1"),
+    ):
         code, _, err = command("reproduce", "fossen", *words, "--out", tmp_path / "y")
         assert code == 2 and text in err[-1] and len(err) == 1
 
@@ -285,5 +500,9 @@ def test_a_plain_fuse_of_a_recording_knows_its_biases(name):
     found = fuse(made, "mekf")
     e = errors(found, made.reference)
     late, true = e.t > 60.0, np.r_[made.meta["b_a"][-1], made.meta["b_g"][-1]]
-    assert np.abs(e.position[late]).max() < 0.05 and np.degrees(np.abs(e.attitude[late]).max()) < 0.3
-    assert (np.abs(true - np.r_[found.b_a[-1], found.b_g[-1]]) < 4 * found.trajectory.sd[-1, 9:]).all()      # 1 in 2600 for all six, normal
+    assert (
+        np.abs(e.position[late]).max() < 0.05 and np.degrees(np.abs(e.attitude[late]).max()) < 0.3
+    )
+    assert (
+        np.abs(true - np.r_[found.b_a[-1], found.b_g[-1]]) < 4 * found.trajectory.sd[-1, 9:]
+    ).all()  # 1 in 2600 for all six, normal

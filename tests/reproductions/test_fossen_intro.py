@@ -1,4 +1,6 @@
-"""The introductory example: its model against closed forms, its steady state against the Riccati equation, its three forms against each other."""
+"""The introductory example: its model against closed forms, its steady state against the Riccati
+equation, its three forms against each other."""
+
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
@@ -12,7 +14,8 @@ QUIET = MODEL._replace(accel=1e-12, rate=1e-12, position_sd=1e-9, angle_sd=1e-9)
 
 
 def covariance_after(model, dt, every, fixes):
-    """Predicted P before the last of `fixes` corrections, `every` samples of dt apart, by the filter's own steps."""
+    """Predicted P before the last of `fixes` corrections, `every` samples of dt apart, by the
+    filter's own steps."""
     Phi, Q = intro.discretised(model, dt)
     P = np.diag(model.start_sd) ** 2
     for k in range(fixes):
@@ -25,7 +28,7 @@ def covariance_after(model, dt, every, fixes):
 
 @pytest.mark.parametrize("every", [1, 10])
 def test_the_steady_state_is_that_of_the_riccati_equation(every):
-    model = MODEL._replace(rate_bias=1e-3)      # settles within the fixes of this test
+    model = MODEL._replace(rate_bias=1e-3)  # settles within the fixes of this test
     Phi, Q = intro.discretised(model, 0.1)
     whole, noise = np.linalg.matrix_power(Phi, every), np.zeros((5, 5))
     for k in range(every):
@@ -33,15 +36,22 @@ def test_the_steady_state_is_that_of_the_riccati_equation(every):
         noise += part @ Q @ part.T
     H = np.zeros((2, 5))
     H[0, 0] = H[1, 2] = 1.0
-    R = np.diag([0.05 ** 2, 0.01 ** 2])
-    np.testing.assert_allclose(covariance_after(model, 0.1, every, 2000 // every), solve_discrete_are(whole.T, H.T, noise, R), rtol=1e-6, atol=1e-14)
+    R = np.diag([0.05**2, 0.01**2])
+    np.testing.assert_allclose(
+        covariance_after(model, 0.1, every, 2000 // every),
+        solve_discrete_are(whole.T, H.T, noise, R),
+        rtol=1e-6,
+        atol=1e-14,
+    )
 
 
 def test_position_and_angle_tell_all_five_states_and_neither_alone_does():
     position, velocity, angle = np.eye(5)[[0, 1, 2]]
     assert intro.observable(np.array([position, angle])) == 5
     assert intro.observable(position) == 3 and intro.observable(angle) == 2
-    assert intro.observable(np.array([velocity, angle])) == 4       # where it is, is not told by how fast it goes
+    assert (
+        intro.observable(np.array([velocity, angle])) == 4
+    )  # where it is, is not told by how fast it goes
     assert intro.observable(np.array([position, angle]), MODEL.without_decay()) == 5
 
 
@@ -49,19 +59,34 @@ def test_transition_and_noise_have_their_closed_forms():
     dt, T = 0.7, MODEL.accel_time
     Phi, Q = intro.discretised(MODEL, dt)
     fade = np.exp(-dt / T)
-    np.testing.assert_allclose(Phi[:2, 3], [-T * T * (fade - 1 + dt / T), -T * (1 - fade)], rtol=1e-8)
-    np.testing.assert_allclose([Phi[0, 1], Phi[3, 3], Phi[2, 4]], [dt, fade, -MODEL.rate_time * (1 - np.exp(-dt / MODEL.rate_time))], rtol=1e-10)
+    np.testing.assert_allclose(
+        Phi[:2, 3], [-T * T * (fade - 1 + dt / T), -T * (1 - fade)], rtol=1e-8
+    )
+    np.testing.assert_allclose(
+        [Phi[0, 1], Phi[3, 3], Phi[2, 4]],
+        [dt, fade, -MODEL.rate_time * (1 - np.exp(-dt / MODEL.rate_time))],
+        rtol=1e-10,
+    )
     assert Phi[2, 0] == Phi[0, 2] == Phi[1, 4] == 0
     free = MODEL.without_decay()
-    a, b = free.accel ** 2, free.accel_bias ** 2
-    expected = np.array([[a * dt ** 3 / 3 + b * dt ** 5 / 20, a * dt ** 2 / 2 + b * dt ** 4 / 8, -b * dt ** 3 / 6],
-                         [a * dt ** 2 / 2 + b * dt ** 4 / 8, a * dt + b * dt ** 3 / 3, -b * dt ** 2 / 2], [-b * dt ** 3 / 6, -b * dt ** 2 / 2, b * dt]])
-    np.testing.assert_allclose(intro.discretised(free, dt)[1][np.ix_([0, 1, 3], [0, 1, 3])], expected, rtol=1e-7)
+    a, b = free.accel**2, free.accel_bias**2
+    expected = np.array(
+        [
+            [a * dt**3 / 3 + b * dt**5 / 20, a * dt**2 / 2 + b * dt**4 / 8, -b * dt**3 / 6],
+            [a * dt**2 / 2 + b * dt**4 / 8, a * dt + b * dt**3 / 3, -b * dt**2 / 2],
+            [-b * dt**3 / 6, -b * dt**2 / 2, b * dt],
+        ]
+    )
+    np.testing.assert_allclose(
+        intro.discretised(free, dt)[1][np.ix_([0, 1, 3], [0, 1, 3])], expected, rtol=1e-7
+    )
 
 
 def test_without_decay_all_three_forms_are_one_filter():
     record = intro.simulate(np.random.default_rng(1), runs=2, duration=40.0)
-    feedforward, feedback, direct = (intro.estimate(record, form, MODEL.without_decay()) for form in intro.FORMS)
+    feedforward, feedback, direct = (
+        intro.estimate(record, form, MODEL.without_decay()) for form in intro.FORMS
+    )
     np.testing.assert_allclose(feedback.x, direct.x, atol=1e-9)
     np.testing.assert_allclose(feedforward.x, direct.x, atol=1e-8)
     np.testing.assert_allclose(feedforward.sd, direct.sd, rtol=1e-9)
@@ -73,15 +98,19 @@ def test_the_raw_ins_drifts_as_a_constant_bias_says():
     ins = intro.estimate(record).ins[:, 0]
     b, r, t = *intro.BEGIN, record.t
     np.testing.assert_allclose(ins[:, 1] - record.true[:, 0, 1], b * t, atol=1e-6)
-    np.testing.assert_allclose(ins[:, 0] - record.true[:, 0, 0], 0.5 * b * t * t, atol=0.02)    # the acceleration within a sample
+    np.testing.assert_allclose(
+        ins[:, 0] - record.true[:, 0, 0], 0.5 * b * t * t, atol=0.02
+    )  # the acceleration within a sample
     np.testing.assert_allclose(ins[:, 2] - record.true[:, 0, 2], r * t, atol=1e-6)
 
 
 def test_in_a_dropout_feedforward_lets_the_bias_decay_and_the_others_hold_it():
     record = intro.simulate(np.random.default_rng(3), duration=80.0, outages=((50.0, 100.0),))
     rows = [np.searchsorted(record.t, at - 1e-9) for at in (50.0, 80.0)]
-    assert not record.fixed[rows[0] - 1:].any() and record.fixed[:rows[0] - 1].sum() == 49
-    kept = {form: np.divide(*intro.estimate(record, form).x[rows[::-1], 0, 3]) for form in intro.FORMS}
+    assert not record.fixed[rows[0] - 1 :].any() and record.fixed[: rows[0] - 1].sum() == 49
+    kept = {
+        form: np.divide(*intro.estimate(record, form).x[rows[::-1], 0, 3]) for form in intro.FORMS
+    }
     assert kept["feedforward"] == pytest.approx(np.exp(-30.0 / MODEL.accel_time), rel=1e-9)
     assert kept["feedback"] == kept["direct"] == pytest.approx(1.0, abs=1e-12)
 
@@ -109,10 +138,14 @@ def test_the_filter_is_consistent_where_its_model_is_the_simulators():
 def test_decaying_biases_follow_their_law():
     record = intro.simulate(np.random.default_rng(5), 400, "decaying", duration=150.0, rate=1.0)
     last, keep = record.true[-1, :, 3], np.exp(-150.0 / MODEL.accel_time)
-    spread = MODEL.accel_bias * np.sqrt(MODEL.accel_time / 2 * (1 - keep ** 2))
-    assert abs(last.mean() - 0.3 * keep) < 5 * spread / 20 and last.std() == pytest.approx(spread, rel=0.15)
+    spread = MODEL.accel_bias * np.sqrt(MODEL.accel_time / 2 * (1 - keep**2))
+    assert abs(last.mean() - 0.3 * keep) < 5 * spread / 20 and last.std() == pytest.approx(
+        spread, rel=0.15
+    )
 
 
 def test_an_unknown_form_is_refused_by_name():
-    with pytest.raises(ValueError, match="no form 'sideways'; there is: feedforward, feedback, direct"):
+    with pytest.raises(
+        ValueError, match="no form 'sideways'; there is: feedforward, feedback, direct"
+    ):
         intro.estimate(intro.simulate(np.random.default_rng(0), duration=1.0), "sideways")

@@ -1,4 +1,6 @@
-"""The study end to end on two short flights, the numbers of its cells against hand-made ones, and the page in a browser."""
+"""The study end to end on two short flights, the numbers of its cells against hand-made ones,
+and the page in a browser."""
+
 import json
 import re
 import shutil
@@ -12,21 +14,35 @@ import pytest
 from test_hager_bryne_claims import world
 
 from strapdown.engine.batch import fuse
-from strapdown.geodesy import displacement
-from strapdown_reproductions.hager_bryne import main, ablations, claims as hager_bryne_claims, drift as hager_bryne_drift, write_docs
-from strapdown_reproductions.hager_bryne.cells import RESOLVED, Rows, censored, compared, onsets, resolved, stacked
-from strapdown_reproductions.hager_bryne.figures import _frame_biases
-from strapdown_reproductions.common.pages import COLOURS, claim, finding, write_page
 from strapdown.experiments.monte_carlo.scoring import GROUPS
+from strapdown.experiments.monte_carlo.study import SCALARS, seeds, simulator
+from strapdown.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.scenario import Scenario
 from strapdown.sim.trajectory import demo_flight
-from strapdown.experiments.monte_carlo.study import SCALARS, seeds, simulator
+from strapdown_reproductions.common.pages import COLOURS, claim, finding, write_page
+from strapdown_reproductions.hager_bryne import ablations, main, write_docs
+from strapdown_reproductions.hager_bryne import claims as hager_bryne_claims
+from strapdown_reproductions.hager_bryne import drift as hager_bryne_drift
+from strapdown_reproductions.hager_bryne.cells import (
+    RESOLVED,
+    Rows,
+    censored,
+    compared,
+    onsets,
+    resolved,
+    stacked,
+)
+from strapdown_reproductions.hager_bryne.figures import _frame_biases
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
 GNSS = Gnss(interval=0.05, position_sd=(1.0, 1.0, 1.0), velocity_sd=None)
-FLIGHTS = tuple(Scenario(f"paper1-{number}", demo_flight(), seconds, rate=20.0, gnss=GNSS, gate=np.inf) for number, seconds in (("01",
-    140.0), ("07", 150.0)))
+FLIGHTS = tuple(
+    Scenario(f"paper1-{number}", demo_flight(), seconds, rate=20.0, gnss=GNSS, gate=np.inf)
+    for number, seconds in (("01", 140.0), ("07", 150.0))
+)
 IMUS = ("paper1-consumer", "paper1-tactical")
 T = np.arange(5.0, 305.0, 5.0)
 RNG = np.random.default_rng(3)
@@ -40,59 +56,117 @@ def out(tmp_path_factory):
 @pytest.fixture(scope="module")
 def claims(out):
     wanted = main.studies(runs=2, flights=FLIGHTS, offset_flights=FLIGHTS, imus=IMUS)
-    wanted |= {f"ablation-{name}": study for name, study in ablations.studies(FLIGHTS[:1], 2, 1).items()}
+    wanted |= {
+        f"ablation-{name}": study for name, study in ablations.studies(FLIGHTS[:1], 2, 1).items()
+    }
     said, shares = [], []
     found = main.made(out, wanted, threads=2, say=said.append, progress=shares.append)
-    assert "million filter steps in 8 studies" in said[0] and shares == sorted(shares) and shares[-1] == pytest.approx(1.0)
+    assert (
+        "million filter steps in 8 studies" in said[0]
+        and shares == sorted(shares)
+        and shares[-1] == pytest.approx(1.0)
+    )
     return found
 
 
 def test_the_full_study_is_the_papers():
     wanted = main.studies(ablations=True)
     assert {name: (len(study.cells), study.runs) for name, study in wanted.items()} == {
-        "flights": (33, 50), "offset": (21, 50), "initial": (21, 50), "ablation-filters": (3, 50), "ablation-gravity": (3, 50), "ablation-density": (3, 50),
-        "ablation-start": (3, 50), "ablation-wide": (3, 50)}
-    assert wanted["flights"].steps() == 50 * 2 * 3 * 20 * sum(cell.scenario.duration for cell in wanted["flights"].cells[::3])
-    assert all(cell.scenario.accel_offset == (0.5, 0.5, 0.5) and cell.scenario.name.endswith("-offset") for cell in wanted["offset"].cells)
+        "flights": (33, 50),
+        "offset": (21, 50),
+        "initial": (21, 50),
+        "ablation-filters": (3, 50),
+        "ablation-gravity": (3, 50),
+        "ablation-density": (3, 50),
+        "ablation-start": (3, 50),
+        "ablation-wide": (3, 50),
+    }
+    assert wanted["flights"].steps() == 50 * 2 * 3 * 20 * sum(
+        cell.scenario.duration for cell in wanted["flights"].cells[::3]
+    )
+    assert all(
+        cell.scenario.accel_offset == (0.5, 0.5, 0.5) and cell.scenario.name.endswith("-offset")
+        for cell in wanted["offset"].cells
+    )
     assert {cell.scenario.gravity for cell in wanted["ablation-gravity"].cells} == {"latitude"}
-    assert wanted["ablation-start"].cells[0].scenario.start_sd[6] == pytest.approx(np.radians(0.01)) and wanted["ablation-start"].cells[0].imu.name == "paper1-navigation"
+    assert (
+        wanted["ablation-start"].cells[0].scenario.start_sd[6] == pytest.approx(np.radians(0.01))
+        and wanted["ablation-start"].cells[0].imu.name == "paper1-navigation"
+    )
     wide = wanted["ablation-wide"].cells[0].scenario
-    assert wide.start_sd[9:12] == wide.accel_offset == (0.5, 0.5, 0.5) and wide.start_sd[:9] == wanted["offset"].cells[0].scenario.start_sd[:9]
-    assert main.studies(quick=True)["flights"].runs == 5 and main.studies(runs=7, quick=True)["offset"].runs == 7
+    assert (
+        wide.start_sd[9:12] == wide.accel_offset == (0.5, 0.5, 0.5)
+        and wide.start_sd[:9] == wanted["offset"].cells[0].scenario.start_sd[:9]
+    )
+    assert (
+        main.studies(quick=True)["flights"].runs == 5
+        and main.studies(runs=7, quick=True)["offset"].runs == 7
+    )
 
 
 def test_the_study_writes_page_tables_and_claims(out, claims):
-    assert json.loads((out / "claims.json").read_text()) == claims and len(claims) == 19 and {c["verdict"] for c in claims} <= set(COLOURS)
+    assert (
+        json.loads((out / "claims.json").read_text()) == claims
+        and len(claims) == 19
+        and {c["verdict"] for c in claims} <= set(COLOURS)
+    )
     html = (out / "index.html").read_text()
     for number in ("1a", "1b", "2", "4", "5a", "5b", "5c", "6a", "6b", "7", "8a", "8b"):
         assert f"<h3>Figure {number}:" in html
-    for name in ("flights", "offset", "initial", "bound", "flights-all", "offset-all", "initial-all", "drift", "drift-runs", *(f"ablation-{name}"
-        for name in (*ablations.PAIRS, "gravity", "density", "start", "wide"))):
+    for name in (
+        "flights",
+        "offset",
+        "initial",
+        "bound",
+        "flights-all",
+        "offset-all",
+        "initial-all",
+        "drift",
+        "drift-runs",
+        *(f"ablation-{name}" for name in (*ablations.PAIRS, "gravity", "density", "start", "wide")),
+    ):
         assert len(pd.read_csv(out / f"{name}.csv")), name
-    assert "consumer sigma" not in html and "What the paper leaves open" in html and html.count("<tr id=claim") == 19
+    assert (
+        "consumer sigma" not in html
+        and "What the paper leaves open" in html
+        and html.count("<tr id=claim") == 19
+    )
 
 
 def test_cells_agree_with_the_campaigns_own_summary(out, claims):
     cells = pd.read_csv(out / "flights-all.csv")
     summary = pd.read_csv(out / "campaign" / "flights" / "summary.csv")
-    for loop, name in (("open", "open-loop:kinematics=geodetic"), ("closed", "closed-loop-error-bias")):
+    for loop, name in (
+        ("open", "open-loop:kinematics=geodetic"),
+        ("closed", "closed-loop-error-bias"),
+    ):
         own = summary[summary["filter"] == name].reset_index()
-        np.testing.assert_allclose(cells[f"{loop}_censored_m"], own["censored_position_m"], rtol=1e-4)
+        np.testing.assert_allclose(
+            cells[f"{loop}_censored_m"], own["censored_position_m"], rtol=1e-4
+        )
         np.testing.assert_allclose(cells[f"{loop}_survived"], own["survived"])
 
 
 def test_nothing_runs_twice(out, claims, monkeypatch):
-    monkeypatch.setattr("strapdown.experiments.monte_carlo.campaign.run_chunk", lambda *_: pytest.fail("ran again"))
-    for name, study in main.studies(runs=2, flights=FLIGHTS, offset_flights=FLIGHTS, imus=IMUS).items():
+    monkeypatch.setattr(
+        "strapdown.experiments.monte_carlo.campaign.run_chunk", lambda *_: pytest.fail("ran again")
+    )
+    for name, study in main.studies(
+        runs=2, flights=FLIGHTS, offset_flights=FLIGHTS, imus=IMUS
+    ).items():
         assert len(study.run(out / "campaign" / name, threads=1).runs) == 16
 
 
 def test_drift_is_that_of_an_ins_without_any_fix():
-    study = main.studies(runs=1, flights=FLIGHTS, offset_flights=FLIGHTS, imus=("paper1-tactical",))["flights"]
+    study = main.studies(
+        runs=1, flights=FLIGHTS, offset_flights=FLIGHTS, imus=("paper1-tactical",)
+    )["flights"]
     t, drift = hager_bryne_drift.drift(study, 0, 0)
     cell = study.cells[0]
     recording, start = simulator(cell).run(cell.imu, seeds(study, cell, 0))
-    alone = fuse(recording.hidden([(0.0, 1e6)]), "closed-loop", start=start, noise=cell.imu.noise(), every=20)
+    alone = fuse(
+        recording.hidden([(0.0, 1e6)]), "closed-loop", start=start, noise=cell.imu.noise(), every=20
+    )
     truth = recording.reference
     rows = np.searchsorted(truth.t, alone.t - 1e-6)
     expected = np.linalg.norm(displacement(truth.lla[rows], alone.trajectory.lla), axis=1)
@@ -102,28 +176,54 @@ def test_drift_is_that_of_an_ins_without_any_fix():
 @pytest.mark.short
 def test_the_density_reading_of_table_three():
     spec = ablations.density_reading()
-    assert spec.accel.gauss_markov == pytest.approx(9.81e-3 * np.sqrt(1800)) and spec.gyro.gauss_markov == pytest.approx(4.8481e-6 * np.sqrt(1800))
+    assert spec.accel.gauss_markov == pytest.approx(
+        9.81e-3 * np.sqrt(1800)
+    ) and spec.gyro.gauss_markov == pytest.approx(4.8481e-6 * np.sqrt(1800))
     assert spec.noise().accel_bias == pytest.approx(9.81e-3)
 
 
 def made_up(scale):
-    """(numbers, Rows) of two filters, ten runs: the errors of the second are those of the first times `scale`."""
+    """(numbers, Rows) of two filters, ten runs: the errors of the second are those of the first
+    times `scale`."""
     error = RNG.standard_normal((1, 10, len(T), 15)) * np.array([1.0, scale])[:, None, None, None]
     distance = np.linalg.norm(error[..., :3], axis=-1)
-    numbers = {name: np.ones((2, 10)) for name in SCALARS} | {"reason": np.zeros((2, 10)), "lasted": np.full((2, 10), 305.0),
-        "left_model": np.full((2, 10), np.nan)}
-    numbers |= {"censored": (distance ** 2).mean(axis=-1), "mean_square": np.ones((2, 10, len(GROUPS))), "nees": np.full((2, 10), 15.0)}
+    numbers = {name: np.ones((2, 10)) for name in SCALARS} | {
+        "reason": np.zeros((2, 10)),
+        "lasted": np.full((2, 10), 305.0),
+        "left_model": np.full((2, 10), np.nan),
+    }
+    numbers |= {
+        "censored": (distance**2).mean(axis=-1),
+        "mean_square": np.ones((2, 10, len(GROUPS))),
+        "nees": np.full((2, 10), 15.0),
+    }
     everywhere = np.ones(distance.shape, bool)
-    return numbers, Rows(T, error, np.ones_like(error), np.full(distance.shape, 15.0), np.zeros((10, len(T), 6)), everywhere, distance,
-        everywhere)
+    return numbers, Rows(
+        T,
+        error,
+        np.ones_like(error),
+        np.full(distance.shape, 15.0),
+        np.zeros((10, len(T), 6)),
+        everywhere,
+        distance,
+        everywhere,
+    )
 
 
 @pytest.mark.short
 def test_ratios_of_made_up_errors():
     found = compared(*made_up(2.0))
     for name in ("position", "position_500", "tilt", "heading", "accel_bias", "gyro_bias"):
-        assert found[name] == pytest.approx(0.5) and found[f"{name}_low"] == pytest.approx(0.5) and found[f"{name}_count"] == 10
-    assert found["open_survived"] == 1.0 and found["open_anees"] == pytest.approx(1.0) and found["closed_diverged"] < 1.0
+        assert (
+            found[name] == pytest.approx(0.5)
+            and found[f"{name}_low"] == pytest.approx(0.5)
+            and found[f"{name}_count"] == 10
+        )
+    assert (
+        found["open_survived"] == 1.0
+        and found["open_anees"] == pytest.approx(1.0)
+        and found["closed_diverged"] < 1.0
+    )
     numbers, rows = made_up(3.0)
     assert compared(*stacked((numbers, rows, 1), (numbers, rows, 0)))["tilt"] == pytest.approx(3.0)
 
@@ -132,7 +232,7 @@ def test_ratios_of_made_up_errors():
 def test_after_the_loss_every_epoch_counts_500_m():
     numbers, rows = made_up(1.0)
     within = rows.within.copy()
-    within[0, :, len(T) // 2:] = False
+    within[0, :, len(T) // 2 :] = False
     distance = np.full_like(rows.distance, 3.0)
     found = censored(rows._replace(within=within, distance=distance))
     np.testing.assert_allclose(found[0], (9 + 250_000) / 2)
@@ -142,36 +242,75 @@ def test_after_the_loss_every_epoch_counts_500_m():
 @pytest.mark.short
 def test_onset_and_resolution_times():
     distance = np.array([[[1.0, 11.0, 2.0], [1.0, 2.0, np.inf], [1.0, 1.0, 1.0]]])
-    np.testing.assert_array_equal(onsets(SimpleNamespace(t=T[:3], distance=distance), 0), [10.0, 15.0, np.inf])
+    np.testing.assert_array_equal(
+        onsets(SimpleNamespace(t=T[:3], distance=distance), 0), [10.0, 15.0, np.inf]
+    )
     big, small = 2 * RESOLVED, RESOLVED / 2
-    np.testing.assert_array_equal(resolved(np.array([[big, small, small], [small, big, small], [small, small, big], [small] * 3,
-        [np.nan] * 3]), T[:3]), [10, 15, 15, 5, 15])
+    np.testing.assert_array_equal(
+        resolved(
+            np.array(
+                [
+                    [big, small, small],
+                    [small, big, small],
+                    [small, small, big],
+                    [small] * 3,
+                    [np.nan] * 3,
+                ]
+            ),
+            T[:3],
+        ),
+        [10, 15, 15, 5, 15],
+    )
 
 
 @pytest.mark.short
 def test_a_page_of_findings_escapes_and_counts(tmp_path):
-    write_page(tmp_path / "new", "A <title>", ["text & more"], [finding("a <claim>", "V", "a rule", "1 < 2", verdict, "figure 1")
-        for verdict in COLOURS],
-               {"t": ("a table", pd.DataFrame({"x": [1.0, np.nan]})), "hidden": (None, pd.DataFrame({"y": [1]}))}, notes=[("Choices",
-               pd.DataFrame({"what": ["<b>"]}))])
+    write_page(
+        tmp_path / "new",
+        "A <title>",
+        ["text & more"],
+        [finding("a <claim>", "V", "a rule", "1 < 2", verdict, "figure 1") for verdict in COLOURS],
+        {
+            "t": ("a table", pd.DataFrame({"x": [1.0, np.nan]})),
+            "hidden": (None, pd.DataFrame({"y": [1]})),
+        },
+        notes=[("Choices", pd.DataFrame({"what": ["<b>"]}))],
+    )
     html = (tmp_path / "new" / "index.html").read_text()
-    assert "a &lt;claim&gt;" in html and "&lt;b&gt;" in html and "4 claims: 1 reproduced, 1 partly, 1 not reproduced, 1 not decidable here" in html
-    assert "hidden.csv" not in html and (tmp_path / "new" / "hidden.csv").exists() and "Plotly" not in html
+    assert (
+        "a &lt;claim&gt;" in html
+        and "&lt;b&gt;" in html
+        and "4 claims: 1 reproduced, 1 partly, 1 not reproduced, 1 not decidable here" in html
+    )
+    assert (
+        "hidden.csv" not in html
+        and (tmp_path / "new" / "hidden.csv").exists()
+        and "Plotly" not in html
+    )
 
 
 @pytest.mark.short
 def test_the_documentation_lists_the_claims_as_the_code_has_them():
-    page = (Path(__file__).resolve().parents[2] / "docs" / "open-or-closed-loop.md").read_text(encoding="utf-8")
-    listed = re.findall(r"^\| (\d+) \| (.*?) \| \*\*(.*?)\*\* \|",
-        page.partition(write_docs.BEGIN)[2].partition(write_docs.END)[0], re.MULTILINE)
-    assert [text for _, text, _ in listed] == [c["claim"] for c in hager_bryne_claims.claims(world(True))] and {v for _, _,
-        v in listed} <= set(COLOURS)
+    page = (Path(__file__).resolve().parents[2] / "docs" / "open-or-closed-loop.md").read_text(
+        encoding="utf-8"
+    )
+    listed = re.findall(
+        r"^\| (\d+) \| (.*?) \| \*\*(.*?)\*\* \|",
+        page.partition(write_docs.BEGIN)[2].partition(write_docs.END)[0],
+        re.MULTILINE,
+    )
+    assert [text for _, text, _ in listed] == [
+        c["claim"] for c in hager_bryne_claims.claims(world(True))
+    ] and {v for _, _, v in listed} <= set(COLOURS)
 
 
 def test_findings_as_markdown_go_between_the_marks(out, claims, tmp_path):
     text = (out / "findings.md").read_text()
-    assert text.startswith("This page: 2 runs") and len(re.findall(r"^\| \d+ \| .* \| \*\*", text,
-        re.MULTILINE)) == 19 and text.count("| tactical | 07 |") == 3
+    assert (
+        text.startswith("This page: 2 runs")
+        and len(re.findall(r"^\| \d+ \| .* \| \*\*", text, re.MULTILINE)) == 19
+        and text.count("| tactical | 07 |") == 3
+    )
     page = tmp_path / "page.md"
     page.write_text(f"before\n{write_docs.BEGIN}\nold\n{write_docs.END}\nafter\n")
     write_docs.insert(page, text)
@@ -180,10 +319,21 @@ def test_findings_as_markdown_go_between_the_marks(out, claims, tmp_path):
 
 @pytest.mark.short
 def test_a_page_of_bounds_links_its_reports(tmp_path):
-    write_page(tmp_path, "Recordings", ["a `command` & <b>"], [claim("heading", 1.5, 2.0, "deg"), claim("roll", 0.5, 0.4, "deg")], {"t": ("a table", pd.DataFrame({"x": [1.0]}))},
-               [("a flight", "flight.html")])
+    write_page(
+        tmp_path,
+        "Recordings",
+        ["a `command` & <b>"],
+        [claim("heading", 1.5, 2.0, "deg"), claim("roll", 0.5, 0.4, "deg")],
+        {"t": ("a table", pd.DataFrame({"x": [1.0]}))},
+        [("a flight", "flight.html")],
+    )
     html = (tmp_path / "index.html").read_text()
-    assert "<td class='yes'>holds</td>" in html and "<td class='no'>does not hold</td>" in html and "&lt;= 2 deg" in html and "<a href='flight.html'>a flight</a>" in html
+    assert (
+        "<td class='yes'>holds</td>" in html
+        and "<td class='no'>does not hold</td>" in html
+        and "&lt;= 2 deg" in html
+        and "<a href='flight.html'>a flight</a>" in html
+    )
     assert "<p>a <code>command</code> &amp; &lt;b&gt;</p>" in html
 
 
@@ -196,12 +346,35 @@ def test_a_wild_open_loop_does_not_flatten_the_biases():
     assert -10 < ranges[1][0] < -1 and 1 < ranges[1][1] < 10
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium found (chromium, chromium-browser or google-chrome): the page is not looked at in "
-    "a browser")
+@pytest.mark.skipif(
+    CHROMIUM is None,
+    reason="no Chromium found (chromium, chromium-browser or google-chrome): the page is not looked at in "
+    "a browser",
+)
 def test_a_browser_without_network_draws_every_figure(out, claims, tmp_path):
-    flags = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking", "--virtual-time-budget=60000",
-             "--host-resolver-rules=MAP * ~NOTFOUND", "--enable-logging=stderr", "--log-level=0", f"--user-data-dir={tmp_path}"]
-    done = subprocess.run([CHROMIUM, *flags, "--dump-dom", f"file://{out / 'index.html'}"], capture_output=True, timeout=180)
-    said = [line for line in done.stderr.decode(errors="replace").splitlines() if ":CONSOLE" in line]
+    flags = [
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--no-first-run",
+        "--disable-background-networking",
+        "--virtual-time-budget=60000",
+        "--host-resolver-rules=MAP * ~NOTFOUND",
+        "--enable-logging=stderr",
+        "--log-level=0",
+        f"--user-data-dir={tmp_path}",
+    ]
+    done = subprocess.run(
+        [CHROMIUM, *flags, "--dump-dom", f"file://{out / 'index.html'}"],
+        capture_output=True,
+        timeout=180,
+    )
+    said = [
+        line for line in done.stderr.decode(errors="replace").splitlines() if ":CONSOLE" in line
+    ]
     count = (out / "index.html").read_text().count("class=plot ")
-    assert done.returncode == 0 and not said and re.search(f'data-drawn="{count}"', done.stdout.decode(errors="replace")), said
+    assert (
+        done.returncode == 0
+        and not said
+        and re.search(f'data-drawn="{count}"', done.stdout.decode(errors="replace"))
+    ), said

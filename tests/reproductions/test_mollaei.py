@@ -1,4 +1,6 @@
-"""The study of Mollaei et al.: its metrics against closed forms, the published tables as printed, and a small study end to end."""
+"""The study of Mollaei et al.: its metrics against closed forms, the published tables as
+printed, and a small study end to end."""
+
 import json
 
 import numpy as np
@@ -7,27 +9,63 @@ import pytest
 
 from strapdown import geodesy
 from strapdown.data import DataError
-from strapdown_reproductions.mollaei import main, choices, write_docs, runs
-from strapdown_reproductions.mollaei import metrics
-from strapdown_reproductions.mollaei.cells import (CASES, CLOSED, E0, E1, E2, EKF, FULL, IMU, MODEL, MODES, NO_FILTER, PKF, PRINTED, PUBLISHED, SIX,
-                                            TURN, UKF, WIND, Case, left_out, middle, redrawn, wide)
-from strapdown_reproductions.mollaei.metrics import FINAL, MEASURES, Record
-from strapdown_reproductions.common.pages import COLOURS
 from strapdown.sensor_models.imu import grade
+from strapdown_reproductions.common.pages import COLOURS
+from strapdown_reproductions.mollaei import choices, main, metrics, runs, write_docs
+from strapdown_reproductions.mollaei.cells import (
+    CASES,
+    CLOSED,
+    E0,
+    E1,
+    E2,
+    EKF,
+    FULL,
+    IMU,
+    MODEL,
+    MODES,
+    NO_FILTER,
+    PKF,
+    PRINTED,
+    PUBLISHED,
+    SIX,
+    TURN,
+    UKF,
+    WIND,
+    Case,
+    left_out,
+    middle,
+    redrawn,
+    wide,
+)
+from strapdown_reproductions.mollaei.metrics import FINAL, MEASURES, Record
 
 DT = 0.01
 CUT = 15.0
 
 
 def flown(duration=25.0, deviating=0.0, error=(0.0, 0.0, 0.0), stopped=""):
-    """A Record whose signals settle as exp(-t): forces (-10, 0, -100) N, weight, u from 25 to 27 m/s; `error` grows linearly from the cut on, m/s."""
+    """A Record whose signals settle as exp(-t): forces (-10, 0, -100) N, weight, u from 25 to 27
+    m/s; `error` grows linearly from the cut on, m/s."""
     t = np.arange(1, round(duration / DT) + 1) * DT
     step, rows = np.exp(-t), np.ones((len(t), 3))
     after = np.maximum(t - CUT, 0.0)[:, None]
-    return Record(t, np.array([-10.0, 0, -100]) + (1 + deviating) * step[:, None] * [1.0, 0, 5.0], 0.1 * step[:, None] * rows,
-                  rows * [-5.0, 0, 107.0], np.array([27.0, 0, 2.0]) - step[:, None] * [2.0, 0, 0.5], step[:, None] * rows, 500 + 20 * step,
-                  3 + step, np.c_[25 * t, 0 * t, 0 * t], 0 * t, after * np.array(error), (after > 0) * np.array(error), np.full(len(t), 0.01),
-                  np.full(2, 6.0), stopped)
+    return Record(
+        t,
+        np.array([-10.0, 0, -100]) + (1 + deviating) * step[:, None] * [1.0, 0, 5.0],
+        0.1 * step[:, None] * rows,
+        rows * [-5.0, 0, 107.0],
+        np.array([27.0, 0, 2.0]) - step[:, None] * [2.0, 0, 0.5],
+        step[:, None] * rows,
+        500 + 20 * step,
+        3 + step,
+        np.c_[25 * t, 0 * t, 0 * t],
+        0 * t,
+        after * np.array(error),
+        (after > 0) * np.array(error),
+        np.full(len(t), 0.01),
+        np.full(2, 6.0),
+        stopped,
+    )
 
 
 REFERENCE = flown()
@@ -37,17 +75,27 @@ REFERENCE = flown()
 def test_deviation_overshoot_and_settling_of_a_known_response():
     """Second order, damping 0.5: overshoot exp(-pi zeta / sqrt(1 - zeta^2)) of the step."""
     t, zeta, w = np.arange(0.0, 40.0, DT), 0.5, 2.0
-    wd = w * np.sqrt(1 - zeta ** 2)
-    y = 25 + 2 * (1 - np.exp(-zeta * w * t) * (np.cos(wd * t) + zeta / np.sqrt(1 - zeta ** 2) * np.sin(wd * t)))
-    peak = 100 * np.exp(-np.pi * zeta / np.sqrt(1 - zeta ** 2))
+    wd = w * np.sqrt(1 - zeta**2)
+    y = 25 + 2 * (
+        1 - np.exp(-zeta * w * t) * (np.cos(wd * t) + zeta / np.sqrt(1 - zeta**2) * np.sin(wd * t))
+    )
+    peak = 100 * np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2))
     last = metrics.final(t, y)
-    assert last == pytest.approx(27.0, abs=1e-12) and metrics.overshoot(y, last, 25.0) == pytest.approx(peak, rel=1e-4)
+    assert last == pytest.approx(27.0, abs=1e-12) and metrics.overshoot(
+        y, last, 25.0
+    ) == pytest.approx(peak, rel=1e-4)
     assert metrics.overshoot(y, last) == pytest.approx(peak * 2 / 27, rel=1e-4)
     assert metrics.overshoot(-y, -last) == pytest.approx(peak * 2 / 27, rel=1e-4)
-    assert metrics.overshoot(50 - y, 23.0, 25.0) == pytest.approx(peak, rel=1e-4) and metrics.overshoot(y, 25.0, 25.0) == np.inf
+    assert (
+        metrics.overshoot(50 - y, 23.0, 25.0) == pytest.approx(peak, rel=1e-4)
+        and metrics.overshoot(y, 25.0, 25.0) == np.inf
+    )
     decay = np.exp(-t)
     assert metrics.deviation(decay, 0.0) == pytest.approx(np.sqrt(0.5 / 40), rel=0.01)
-    assert metrics.settling(t, decay, 0.0, 0.1) == pytest.approx(np.log(10), abs=DT) and metrics.settling(t, decay, 0.0, 2.0) == 0
+    assert (
+        metrics.settling(t, decay, 0.0, 0.1) == pytest.approx(np.log(10), abs=DT)
+        and metrics.settling(t, decay, 0.0, 2.0) == 0
+    )
 
 
 @pytest.mark.short
@@ -57,47 +105,101 @@ def test_scores_of_a_flight_are_those_of_closed_forms():
     last = np.exp(-t[t > 25 - FINAL]).mean()
     assert found["fx_n"] == pytest.approx(2 * np.sqrt(np.mean((np.exp(-t) - last) ** 2)), rel=1e-9)
     assert found["fz_n"] == pytest.approx(5 * found["fx_n"])
-    assert found["fx_n_ref"] == pytest.approx(np.sqrt(np.mean((2 * np.exp(-t) - last) ** 2)), rel=1e-9) and found["fy_n"] == 0 and found["gy_n"] == 0
-    assert found["mx_nm"] == pytest.approx(0.05 * found["fx_n"]) and found["engine_rad_s"] == pytest.approx(10 * found["fx_n"])
-    assert found["step_x_pct"] < 1e-6 and found["settle_alpha_s"] == pytest.approx(-np.log(0.1 * np.ptp(np.exp(-t))), abs=2 * DT)
+    assert (
+        found["fx_n_ref"] == pytest.approx(np.sqrt(np.mean((2 * np.exp(-t) - last) ** 2)), rel=1e-9)
+        and found["fy_n"] == 0
+        and found["gy_n"] == 0
+    )
+    assert found["mx_nm"] == pytest.approx(0.05 * found["fx_n"]) and found[
+        "engine_rad_s"
+    ] == pytest.approx(10 * found["fx_n"])
+    assert found["step_x_pct"] < 1e-6 and found["settle_alpha_s"] == pytest.approx(
+        -np.log(0.1 * np.ptp(np.exp(-t))), abs=2 * DT
+    )
     after = t[t > CUT + 1e-9] - CUT
-    assert found["outage_horizontal_rmse_m"] == pytest.approx(0.5 * np.sqrt(np.mean(after ** 2))) and found["fixed_horizontal_rmse_m"] == 0
-    assert found["outage_vertical_rmse_m"] == pytest.approx(1.2 * np.sqrt(np.mean(after ** 2))) and found["velocity_end_m_s"] == pytest.approx(1.3)
-    assert (found["horizontal_end_m"], found["vertical_end_m"], found["drift_m_s"], found["worst_m"]) == pytest.approx((5.0, 12.0, 0.5, 13.0))
+    assert (
+        found["outage_horizontal_rmse_m"] == pytest.approx(0.5 * np.sqrt(np.mean(after**2)))
+        and found["fixed_horizontal_rmse_m"] == 0
+    )
+    assert found["outage_vertical_rmse_m"] == pytest.approx(
+        1.2 * np.sqrt(np.mean(after**2))
+    ) and found["velocity_end_m_s"] == pytest.approx(1.3)
+    assert (
+        found["horizontal_end_m"],
+        found["vertical_end_m"],
+        found["drift_m_s"],
+        found["worst_m"],
+    ) == pytest.approx((5.0, 12.0, 0.5, 13.0))
     assert found["attitude_rmse_deg"] == pytest.approx(np.degrees(0.01)) and found["nees_end"] == 6
     assert found["off_max_m"] == 0 and found["said"] == ""
     assert set(found) == {*MEASURES, "said"}
     with_fixes = metrics.score(REFERENCE, REFERENCE)
-    assert all(np.isnan(with_fixes[name]) for name in ("horizontal_end_m", "drift_m_s", "outage_horizontal_rmse_m")) and with_fixes["worst_m"] == 0
+    assert (
+        all(
+            np.isnan(with_fixes[name])
+            for name in ("horizontal_end_m", "drift_m_s", "outage_horizontal_rmse_m")
+        )
+        and with_fixes["worst_m"] == 0
+    )
 
 
 @pytest.mark.short
 def test_a_flight_that_stops_counts_and_is_named():
     lost = metrics.score(flown(12.0, stopped="below the ground at 12 s"), REFERENCE, CUT)
     assert np.isnan([lost.pop("nees_cut"), lost.pop("nees_end")]).all()
-    assert lost == {**{name: most for name, most in MEASURES.items() if not name.startswith("nees")}, "said": "below the ground at 12 s"}
-    assert middle([MEASURES["fx_n"]] * 3, MEASURES["fx_n"]) == "diverged" and middle([1.0, 2.0, 1e3], 1e3) == "2 (1 to diverged)"
+    assert lost == {
+        **{name: most for name, most in MEASURES.items() if not name.startswith("nees")},
+        "said": "below the ground at 12 s",
+    }
+    assert (
+        middle([MEASURES["fx_n"]] * 3, MEASURES["fx_n"]) == "diverged"
+        and middle([1.0, 2.0, 1e3], 1e3) == "2 (1 to diverged)"
+    )
     far = metrics.score(flown(error=(2e4, 0.0, 0.0)), REFERENCE, CUT)
     assert far["worst_m"] == MEASURES["worst_m"] and far["said"] == "diverged" and far["fx_n"] < 1
     moved = REFERENCE._replace(place=REFERENCE.place + np.array([0.0, 3.0, 4.0]))
     assert metrics.score(moved, REFERENCE, CUT)["off_rms_m"] == pytest.approx(5.0)
-    assert metrics.score(REFERENCE._replace(place=np.nan * REFERENCE.place), REFERENCE, CUT)["said"] == "no finite state"
+    assert (
+        metrics.score(REFERENCE._replace(place=np.nan * REFERENCE.place), REFERENCE, CUT)["said"]
+        == "no finite state"
+    )
 
 
 @pytest.mark.short
 def test_the_published_tables_say_what_was_counted_in_them():
     from strapdown_reproductions.mollaei.rules import PRINTED_ALL, PRINTED_DEVIATIONS, printed
-    assert printed("Table 2", PRINTED_DEVIATIONS, UKF, EKF) == "4 of 4" and printed("Table 2", PRINTED_ALL, UKF, EKF) == "5 of 6"
-    assert printed("Table 2", PRINTED_ALL, PKF, "no filter") == "2 of 6" and printed("Table 2", PRINTED_ALL, UKF, "no filter") == "0 of 6"
-    assert printed("Table 4", PRINTED_ALL, PKF, UKF) == "5 of 6" and printed("Table 3", ("fx_n",), UKF, "no filter") == "1 of 1"
-    ratios = [PUBLISHED[table][name][1] / PUBLISHED[table][name][2] for table in ("Table 2", "Table 3") for name in PRINTED_DEVIATIONS]
-    assert min(ratios) == pytest.approx(2.93, abs=0.01) and max(ratios) == pytest.approx(19.4, abs=0.1)      # as the claim on nonlinearity says
+
+    assert (
+        printed("Table 2", PRINTED_DEVIATIONS, UKF, EKF) == "4 of 4"
+        and printed("Table 2", PRINTED_ALL, UKF, EKF) == "5 of 6"
+    )
+    assert (
+        printed("Table 2", PRINTED_ALL, PKF, "no filter") == "2 of 6"
+        and printed("Table 2", PRINTED_ALL, UKF, "no filter") == "0 of 6"
+    )
+    assert (
+        printed("Table 4", PRINTED_ALL, PKF, UKF) == "5 of 6"
+        and printed("Table 3", ("fx_n",), UKF, "no filter") == "1 of 1"
+    )
+    ratios = [
+        PUBLISHED[table][name][1] / PUBLISHED[table][name][2]
+        for table in ("Table 2", "Table 3")
+        for name in PRINTED_DEVIATIONS
+    ]
+    assert min(ratios) == pytest.approx(2.93, abs=0.01) and max(ratios) == pytest.approx(
+        19.4, abs=0.1
+    )  # as the claim on nonlinearity says
 
 
 @pytest.mark.short
 def test_gz_over_gx_of_the_tables_is_that_of_a_weight():
-    """Printed deviations are in the ratio of a change of pitch about 2.9 to 13.6 deg of it (-m g sin, m g cos), in both tables with four modes."""
-    slopes = [PUBLISHED[table]["gz"][k] / PUBLISHED[table]["gx"][k] for table in ("Table 2", "Table 3") for k in range(4)]
+    """Printed deviations are in the ratio of a change of pitch about 2.9 to 13.6 deg of it (-m g
+    sin, m g cos), in both tables with four modes."""
+    slopes = [
+        PUBLISHED[table]["gz"][k] / PUBLISHED[table]["gx"][k]
+        for table in ("Table 2", "Table 3")
+        for k in range(4)
+    ]
     assert 2.8 < np.degrees(np.arctan(min(slopes))) < np.degrees(np.arctan(max(slopes))) < 13.7
 
 
@@ -108,22 +210,53 @@ def test_the_grade_is_inside_the_ranges_of_table_1():
     assert noise == pytest.approx(np.sqrt(max(0.01, 0.001 * 60) * min(0.1, 0.02 * 60)), rel=1e-3)
     assert sheet["gyro flicker, deg/h"] == pytest.approx(np.sqrt(1 * 10), rel=1e-3)
     assert sheet["accel flicker, mg"] == pytest.approx(np.sqrt(10 * 500) / 1e3, rel=1e-3)
-    assert grade("mollaei").accel.noise == pytest.approx(np.sqrt(50 * 500) * 1e-6 * 9.80665, rel=2e-3) and sheet["gyro turn-on bias, deg/h"] == 0
+    assert (
+        grade("mollaei").accel.noise == pytest.approx(np.sqrt(50 * 500) * 1e-6 * 9.80665, rel=2e-3)
+        and sheet["gyro turn-on bias, deg/h"] == 0
+    )
 
 
 @pytest.mark.short
 def test_tables_for_people():
-    made = {(mode, cut): metrics.score(flown(deviating=0.1 * k), REFERENCE, cut) for k, mode in enumerate(MODES) for cut in (None, CUT)}
-    rows = [{**case._asdict(), "mode": mode, "seed": seed, **made[mode, None if case.experiment == E0 else CUT]}
-            for case in CASES for seed in range(3) for mode in MODES]
+    made = {
+        (mode, cut): metrics.score(flown(deviating=0.1 * k), REFERENCE, cut)
+        for k, mode in enumerate(MODES)
+        for cut in (None, CUT)
+    }
+    rows = [
+        {
+            **case._asdict(),
+            "mode": mode,
+            "seed": seed,
+            **made[mode, None if case.experiment == E0 else CUT],
+        }
+        for case in CASES
+        for seed in range(3)
+        for mode in MODES
+    ]
     tables = wide(pd.DataFrame(rows))
     assert list(tables) == list(CASES) and tables[CASES[0]].attrs["lost"] == dict.fromkeys(MODES, 0)
     first = redrawn(tables, E0).iloc[0]
-    assert first[EKF].startswith("1.0659 / 0.1") and first["prediction"] == "–" and len(redrawn(tables, E1)) == 2 * len(redrawn(tables, E0))
-    over = redrawn(tables, E1).set_index("rms deviation from the final value, or overshoot").loc["overshoot of velocity X, %"]
-    assert over["no filter"].iloc[0].startswith("divergence / ") and redrawn(tables, E2)[EKF].str.startswith("– / ").all()
+    assert (
+        first[EKF].startswith("1.0659 / 0.1")
+        and first["prediction"] == "–"
+        and len(redrawn(tables, E1)) == 2 * len(redrawn(tables, E0))
+    )
+    over = (
+        redrawn(tables, E1)
+        .set_index("rms deviation from the final value, or overshoot")
+        .loc["overshoot of velocity X, %"]
+    )
+    assert (
+        over["no filter"].iloc[0].startswith("divergence / ")
+        and redrawn(tables, E2)[EKF].str.startswith("– / ").all()
+    )
     shown = left_out(tables)
-    assert len(shown) == len(CASES) * 4 and shown["NEES at the end"].str.startswith("6 (").all() and set(shown["lost"]) == {0}
+    assert (
+        len(shown) == len(CASES) * 4
+        and shown["NEES at the end"].str.startswith("6 (").all()
+        and set(shown["lost"]) == {0}
+    )
     assert [str(Case(E1, FULL, MODEL)), str(Case(E0))] == ["E1, 15 states, model-driven", "E0"]
     assert str(Case(E1, SIX, IMU, PRINTED)) == "E1, IMU-driven, printed Q, R"
 
@@ -136,9 +269,17 @@ def test_the_choices_fill_their_braces():
 
 def test_all_modes_of_a_seed_have_the_same_sensor_errors():
     """Steered by the truth they fly the same way, and then measure the same."""
-    one, other = (runs.flight(Case(E1), mode, 7, duration=2.0, feedback="truth", outage=None).recording for mode in (EKF, NO_FILTER))
-    assert np.array_equal(one.imu.dv, other.imu.dv) and np.array_equal(one.imu.dtheta, other.imu.dtheta)
-    assert all(np.array_equal(a.y, b.y) for a, b in zip(one.aidings, other.aidings)) and len(one.aidings) == 2
+    one, other = (
+        runs.flight(Case(E1), mode, 7, duration=2.0, feedback="truth", outage=None).recording
+        for mode in (EKF, NO_FILTER)
+    )
+    assert np.array_equal(one.imu.dv, other.imu.dv) and np.array_equal(
+        one.imu.dtheta, other.imu.dtheta
+    )
+    assert (
+        all(np.array_equal(a.y, b.y) for a, b in zip(one.aidings, other.aidings))
+        and len(one.aidings) == 2
+    )
     again = runs.flight(Case(E1), EKF, 8, duration=2.0, feedback="truth", outage=None).recording
     assert not np.array_equal(one.imu.dv, again.imu.dv)
 
@@ -148,27 +289,46 @@ def test_a_record_is_the_flight_it_was_made_of():
     made, truth = runs.record(flight), flight.recording.reference
     assert len(made.t) == 2000 == len(truth.t) - 1 and made.stopped == ""
     fixes = flight.recording.aidings[0].t
-    assert fixes.max() == pytest.approx(14.8)           # none at 15 s, none at the end
+    assert fixes.max() == pytest.approx(14.8)  # none at 15 s, none at the end
     from strapdown.evaluation.consistency import nees
+
     estimate, P = flight.solution.trajectory, flight.solution.covariance
-    position, velocity = geodesy.displacement(truth.lla[1:], estimate.lla), truth.v_n[1:] - estimate.v_n
-    assert np.allclose(made.position, position, atol=1e-6) and np.allclose(made.v_error, velocity, atol=1e-9)
-    assert np.allclose(made.attitude, (truth.rotation[1:] * estimate.rotation.inv()).magnitude(), atol=1e-7)
-    assert made.nees[1] == pytest.approx(float(nees(np.r_[position[-1], velocity[-1]], P[-1, :6, :6])), rel=1e-3)
+    position, velocity = (
+        geodesy.displacement(truth.lla[1:], estimate.lla),
+        truth.v_n[1:] - estimate.v_n,
+    )
+    assert np.allclose(made.position, position, atol=1e-6) and np.allclose(
+        made.v_error, velocity, atol=1e-9
+    )
+    assert np.allclose(
+        made.attitude, (truth.rotation[1:] * estimate.rotation.inv()).magnitude(), atol=1e-7
+    )
+    assert made.nees[1] == pytest.approx(
+        float(nees(np.r_[position[-1], velocity[-1]], P[-1, :6, :6])), rel=1e-3
+    )
     lat, _, height = truth.lla[0]
-    assert np.allclose(np.linalg.norm(made.gravity, axis=1), 11.0 * geodesy.gravity(lat, height), rtol=1e-12)
+    assert np.allclose(
+        np.linalg.norm(made.gravity, axis=1), 11.0 * geodesy.gravity(lat, height), rtol=1e-12
+    )
     assert np.array_equal(made.force[:, 2], flight.log["Fz, N"])
     # body acceleration at rest in a turn-free final state: force and weight nearly cancel
     assert np.abs(made.force[-1] + made.gravity[-1]).max() < 2.0
     body = truth.rotation[1:].inv().apply(truth.v_n[1:])
-    assert np.allclose(made.velocity, body, atol=1e-9) and made.place[-1, 0] == pytest.approx(20 * 26.5, rel=0.02)
-    assert np.isnan(runs.record(runs.flight(Case(E1), NO_FILTER, 3, duration=2.0, outage=None)).nees).all()
+    assert np.allclose(made.velocity, body, atol=1e-9) and made.place[-1, 0] == pytest.approx(
+        20 * 26.5, rel=0.02
+    )
+    assert np.isnan(
+        runs.record(runs.flight(Case(E1), NO_FILTER, 3, duration=2.0, outage=None)).nees
+    ).all()
 
 
 def test_ekf_and_ukf_are_one_filter_where_the_imu_drives_and_not_where_the_model_does():
     apart = {}
     for driven in (IMU, MODEL):
-        ekf, ukf = (runs.scored(Case(E1, prediction=driven, tuning=PRINTED), mode, 11, None)[1] for mode in (EKF, UKF))
+        ekf, ukf = (
+            runs.scored(Case(E1, prediction=driven, tuning=PRINTED), mode, 11, None)[1]
+            for mode in (EKF, UKF)
+        )
         apart[driven] = runs.apart(ukf, ekf)
     assert apart[IMU] < 1e-6 < 1e-4 < apart[MODEL] < 10
     assert np.isnan(runs.apart(None, None)) and runs.apart(flown(12.0), flown()) == np.inf
@@ -178,7 +338,11 @@ def test_ekf_and_ukf_are_one_filter_where_the_imu_drives_and_not_where_the_model
 def test_growth_curves_end_where_a_flight_does():
     curve = runs.curve(flown(12.0, stopped="gone"), REFERENCE)
     t = runs.curve_times(E1)
-    assert np.isfinite(curve[:, t <= 12.0]).all() and np.isinf(curve[:, t > 12.0]).all() and np.isinf(runs.curve(None, REFERENCE)).all()
+    assert (
+        np.isfinite(curve[:, t <= 12.0]).all()
+        and np.isinf(curve[:, t > 12.0]).all()
+        and np.isinf(runs.curve(None, REFERENCE)).all()
+    )
     whole = runs.curve(flown(error=(3.0, 4.0, 0.0)), REFERENCE)
     assert whole[0, -1] == pytest.approx(50.0) and whole[1, -1] == 0
 
@@ -186,12 +350,26 @@ def test_growth_curves_end_where_a_flight_does():
 def test_a_flight_that_cannot_begin_is_lost(monkeypatch):
     def refuse(*_, **__):
         raise DataError("no such filter")
+
     monkeypatch.setattr(runs, "fly", refuse)
     row, made = runs.scored(Case(E1), EKF, 1, None)
-    assert row["said"] == "no such filter" and row["fx_n"] == MEASURES["fx_n"] and np.isnan(row["nees_end"]) and made is None
+    assert (
+        row["said"] == "no such filter"
+        and row["fx_n"] == MEASURES["fx_n"]
+        and np.isnan(row["nees_end"])
+        and made is None
+    )
 
 
-SMALL = (Case(E0), Case(E1), Case(E1, prediction=MODEL), Case(E2), Case(TURN), Case(WIND, prediction=MODEL), Case(E1, FULL))
+SMALL = (
+    Case(E0),
+    Case(E1),
+    Case(E1, prediction=MODEL),
+    Case(E2),
+    Case(TURN),
+    Case(WIND, prediction=MODEL),
+    Case(E1, FULL),
+)
 
 
 def test_a_small_study_writes_its_page(monkeypatch, tmp_path):
@@ -203,21 +381,43 @@ def test_a_small_study_writes_its_page(monkeypatch, tmp_path):
     done = []
     claims = main.reproduce(tmp_path, quick=True, progress=done.append)
     runs.reference.cache_clear()
-    assert done == sorted(done) and done[-1] == pytest.approx(1.0) and {claim["verdict"] for claim in claims} <= set(COLOURS)
-    assert json.loads((tmp_path / "claims.json").read_text()) == claims and claims[-1]["verdict"] == "reproduced"       # one filter
+    assert (
+        done == sorted(done)
+        and done[-1] == pytest.approx(1.0)
+        and {claim["verdict"] for claim in claims} <= set(COLOURS)
+    )
+    assert (
+        json.loads((tmp_path / "claims.json").read_text()) == claims
+        and claims[-1]["verdict"] == "reproduced"
+    )  # one filter
     page = (tmp_path / "index.html").read_text()
-    assert "Figure 7b redrawn" in page and "So few seeds decide little" in page and "2 seeds of E1" in page and ">nan<" not in page
-    names = {"flights", "full", "time", *(f"redrawn-{name}" for name in ("e0", "e1", "e2")),
-             *(f"left-out-{name}" for name in ("e0", "e1", "e2", "turn", "wind"))}
+    assert (
+        "Figure 7b redrawn" in page
+        and "So few seeds decide little" in page
+        and "2 seeds of E1" in page
+        and ">nan<" not in page
+    )
+    names = {
+        "flights",
+        "full",
+        "time",
+        *(f"redrawn-{name}" for name in ("e0", "e1", "e2")),
+        *(f"left-out-{name}" for name in ("e0", "e1", "e2", "turn", "wind")),
+    }
     assert {path.stem for path in tmp_path.glob("*.csv")} == names
     flights = pd.read_csv(tmp_path / "flights.csv")
-    assert len(flights) == 4 * (2 * 4 + 1 * 2) + 1 and not flights["fx_n"].isna().any()      # two seeds of the short ones, one of the long ones
+    assert (
+        len(flights) == 4 * (2 * 4 + 1 * 2) + 1 and not flights["fx_n"].isna().any()
+    )  # two seeds of the short ones, one of the long ones
     assert flights.loc[flights["mode"] == UKF, "apart_m"][flights["prediction"] == IMU].max() < 1e-6
     text = (tmp_path / "findings.md").read_text()
     docs = tmp_path / "mollaei.md"
     docs.write_text(f"before\n{write_docs.BEGIN}\nold\n{write_docs.END}\nafter\n")
     write_docs.insert(docs, text)
-    assert docs.read_text() == f"before\n{write_docs.BEGIN}\n{text}{write_docs.END}\nafter\n" and "| 22 | (Not said:)" in text
+    assert (
+        docs.read_text() == f"before\n{write_docs.BEGIN}\n{text}{write_docs.END}\nafter\n"
+        and "| 22 | (Not said:)" in text
+    )
 
 
 @pytest.mark.short

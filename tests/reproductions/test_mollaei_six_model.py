@@ -1,28 +1,40 @@
-"""The six-state form driven by the aircraft's model: its truth, its Jacobian, filterpy's unscented filter, and what its inputs do."""
+"""The six-state form driven by the aircraft's model: its truth, its Jacobian, filterpy's
+unscented filter, and what its inputs do."""
+
 import numpy as np
 import pytest
 from filterpy.kalman import MerweScaledSigmaPoints, unscented_transform
+from flat_flight import flat
+from flown import acceleration, flown
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
-from strapdown.engine import batch
 from strapdown.core.contract import Noise
+from strapdown.engine import batch
 from strapdown_reproductions.mollaei.six_state import filters
-
-from flat_flight import flat
-from flown import acceleration, flown
 
 NOISE = Noise(gyro=1e-6, accel=0.08, gyro_bias=0.0, accel_bias=0.0, gyro_decay=0.0, accel_decay=0.0)
 
 
 def through(made, filter, start=None, model=slice(None), **options):
-    """(states (n, 6), covariances (n, 6, 6), belief) of a filter that is told its inputs before each sample, to use the model in the rows `model`."""
-    run = batch.begin(made.recording, filter, None, start or made.start, NOISE, 1, False, None, {"model": 0.05, **options})
+    """(states (n, 6), covariances (n, 6, 6), belief) of a filter that is told its inputs before
+    each sample, to use the model in the rows `model`."""
+    run = batch.begin(
+        made.recording,
+        filter,
+        None,
+        start or made.start,
+        NOISE,
+        1,
+        False,
+        None,
+        {"model": 0.05, **options},
+    )
     flags = np.zeros(len(made.inputs))
     flags[model] = 1
     states, covariances = [], []
     for row, inputs in enumerate(made.inputs):
-        run.belief.workspace[filters.INPUTS:filters.INPUTS + 9] = inputs
+        run.belief.workspace[filters.INPUTS : filters.INPUTS + 9] = inputs
         run.belief.workspace[filters.INPUTS] = flags[row]
         run.advance(row + 1)
         states.append(np.r_[flat(run.belief.lla, made.start.lla), run.belief.v])
@@ -31,29 +43,41 @@ def through(made, filter, start=None, model=slice(None), **options):
 
 
 def model(made, row, dt):
-    """Function x (6,) -> x after sample `row` of a flight, by the midpoint rule with the attitude of mid-sample that the increments tell."""
+    """Function x (6,) -> x after sample `row` of a flight, by the midpoint rule with the
+    attitude of mid-sample that the increments tell."""
     theta = made.recording.imu.dtheta
     before = theta[row - 1] if row else np.zeros(3)
     turn = Rotation.from_rotvec(0.5 * (theta[row] + np.cross(before, theta[row]) / 12))
     rotation = Rotation.from_quat(made.truth[row, [7, 8, 9, 6]]) * turn
-    q, controls, wind = rotation.as_quat()[[3, 0, 1, 2]], made.inputs[row, 1:5], made.inputs[row, 5:8]
+    q, controls, wind = (
+        rotation.as_quat()[[3, 0, 1, 2]],
+        made.inputs[row, 1:5],
+        made.inputs[row, 5:8],
+    )
     omega = (theta[row] + np.cross(before, theta[row]) / 12) / dt
 
     def advance(x):
         v = x[3:]
-        w = v + dt * acceleration(q, omega, controls, wind, v + 0.5 * dt * acceleration(q, omega, controls, wind, v))
+        w = v + dt * acceleration(
+            q, omega, controls, wind, v + 0.5 * dt * acceleration(q, omega, controls, wind, v)
+        )
         return np.r_[x[:3] + 0.5 * dt * (v + w), w]
+
     return advance
 
 
 def driven_noise(dt):
-    """Covariance of six independent numbers and what they do to the state: velocity noise, which moves the position of its sample, and the rest."""
-    v = 0.05 ** 2 * dt
-    return np.diag([v] * 3 + [v * dt * dt / 12] * 3), np.block([[0.5 * dt * np.eye(3), np.eye(3)], [np.eye(3), np.zeros((3, 3))]])
+    """Covariance of six independent numbers and what they do to the state: velocity noise, which
+    moves the position of its sample, and the rest."""
+    v = 0.05**2 * dt
+    return np.diag([v] * 3 + [v * dt * dt / 12] * 3), np.block(
+        [[0.5 * dt * np.eye(3), np.eye(3)], [np.eye(3), np.zeros((3, 3))]]
+    )
 
 
 def test_the_model_flies_what_the_aircraft_flew():
-    """Second order in dt: what is left is the rectangle of a sample, and it falls with the square of it."""
+    """Second order in dt: what is left is the rectangle of a sample, and it falls with the
+    square of it."""
     error = {}
     for dt in (0.02, 0.01):
         made = flown(6.0, dt)
@@ -75,12 +99,15 @@ def test_the_covariance_follows_the_derivative_of_the_model():
         Phi = np.column_stack([(advance(x + d) - advance(x - d)) / 2e-4 for d in 1e-4 * np.eye(6)])
         P = Phi @ P @ Phi.T + G @ noise @ G.T
         assert np.abs(covariances[row] - P).max() < 1e-7
-    assert np.abs(Phi[3:, 3:] - np.eye(3)).max() > 0.03     # the air holds the velocity: without it the test would show nothing
+    assert (
+        np.abs(Phi[3:, 3:] - np.eye(3)).max() > 0.03
+    )  # the air holds the velocity: without it the test would show nothing
 
 
 @pytest.mark.parametrize("options", [{}, dict(sigma="symmetric")])
 def test_the_unscented_filter_is_that_of_filterpy(options):
-    """Textbook weights and covariances instead of square roots; augmented noise; sigma points drawn anew for each fix."""
+    """Textbook weights and covariances instead of square roots; augmented noise; sigma points
+    drawn anew for each fix."""
     made, dt = flown(1.5, fixes=(0.5, 1.0)), 0.01
     states, covariances, belief = through(made, filters.UKF6, **options)
     sets = (1.0, 0.0, 0.0) if options else (0.1, 2.0, 0.0)
@@ -90,12 +117,16 @@ def test_the_unscented_filter_is_that_of_filterpy(options):
     for row in range(len(made.inputs)):
         points = wide.sigma_points(np.r_[x, np.zeros(6)], block_diag(P, noise))
         advance = model(made, row, dt)
-        x, P = unscented_transform(np.array([advance(p[:6]) + G @ p[6:] for p in points]), wide.Wm, wide.Wc)
+        x, P = unscented_transform(
+            np.array([advance(p[:6]) + G @ p[6:] for p in points]), wide.Wm, wide.Wc
+        )
         for aiding, rows in zip(made.recording.aidings, (slice(0, 3), slice(3, 6))):
             for k in np.flatnonzero(np.abs(aiding.t - made.recording.imu.t[row]) < 1e-6):
                 y = flat(aiding.y[k], made.start.lla) if aiding.kind == "position" else aiding.y[k]
                 points = narrow.sigma_points(x, P)
-                z, S = unscented_transform(points[:, rows], narrow.Wm, narrow.Wc, np.diag(aiding.sd[k] ** 2))
+                z, S = unscented_transform(
+                    points[:, rows], narrow.Wm, narrow.Wc, np.diag(aiding.sd[k] ** 2)
+                )
                 cross = sum(w * np.outer(p - x, p[rows] - z) for w, p in zip(narrow.Wc, points))
                 K = cross @ np.linalg.inv(S)
                 x, P = x + K @ (y - z), P - K @ S @ K.T
@@ -106,26 +137,45 @@ def test_the_unscented_filter_is_that_of_filterpy(options):
 def test_one_component_is_the_extended_filter_there_too_and_the_flag_alone_decides():
     made = flown(1.0, fixes=(0.4,))
     for rows in (slice(None), slice(50, None), slice(0, 0)):
-        (one, P, _), (other, Q, _) = through(made, filters.EKF6, model=rows), through(made, filters.PKF6, model=rows, components=1)
+        (one, P, _), (other, Q, _) = (
+            through(made, filters.EKF6, model=rows),
+            through(made, filters.PKF6, model=rows, components=1),
+        )
         assert np.abs(one - other).max() < 1e-9 and np.abs(P - Q).max() < 1e-9
-    by_imu, by_model = (through(made, filters.EKF6, model=rows)[1][-1] for rows in (slice(0, 0), slice(None)))
-    assert by_model[3, 3] < 0.8 * by_imu[3, 3]      # the air holds the velocity, and the model knows it
+    by_imu, by_model = (
+        through(made, filters.EKF6, model=rows)[1][-1] for rows in (slice(0, 0), slice(None))
+    )
+    assert by_model[3, 3] < 0.8 * by_imu[3, 3]  # the air holds the velocity, and the model knows it
 
 
 def test_where_the_spread_is_wide_points_and_components_find_the_mean_that_the_derivative_misses():
-    """Velocities of 4 m/s about the truth, 0.6 s of the model: against Gauss-Hermite quadrature of five nodes per axis."""
+    """Velocities of 4 m/s about the truth, 0.6 s of the model: against Gauss-Hermite quadrature
+    of five nodes per axis."""
     made, sigma = flown(0.6), 4.0
     start = made.start._replace(sd=(1e-3,) * 3 + (sigma,) * 3 + (0.0,) * 9)
     nodes, weights = np.polynomial.hermite_e.hermegauss(5)
-    grid, weight = np.stack(np.meshgrid(nodes, nodes, nodes), -1).reshape(-1, 3), np.einsum("i,j,k->ijk", *[weights / weights.sum()] * 3).ravel()
+    grid, weight = (
+        np.stack(np.meshgrid(nodes, nodes, nodes), -1).reshape(-1, 3),
+        np.einsum("i,j,k->ijk", *[weights / weights.sum()] * 3).ravel(),
+    )
     ends = np.array([np.r_[0, 0, 0, np.array(made.start.v) + sigma * g] for g in grid])
     for row in range(len(made.inputs)):
         advance = model(made, row, 0.01)
         ends = np.array([advance(x) for x in ends])
     mean = weight @ ends
-    off = {filter.name: np.abs(through(made, filter, start=start, **more)[0][-1] - mean)[3:].max()
-           for filter, more in ((filters.EKF6, {}), (filters.UKF6, {}), (filters.CKF6, {}), (filters.PKF6, dict(components=4000)))}
-    assert off["six-ekf"] > 0.1 and max(off["six-ukf"], off["six-ckf"], off["six-pkf"]) < 0.25 * off["six-ekf"], off
+    off = {
+        filter.name: np.abs(through(made, filter, start=start, **more)[0][-1] - mean)[3:].max()
+        for filter, more in (
+            (filters.EKF6, {}),
+            (filters.UKF6, {}),
+            (filters.CKF6, {}),
+            (filters.PKF6, dict(components=4000)),
+        )
+    }
+    assert (
+        off["six-ekf"] > 0.1
+        and max(off["six-ukf"], off["six-ckf"], off["six-pkf"]) < 0.25 * off["six-ekf"]
+    ), off
 
 
 def test_without_fixes_the_weights_stay():

@@ -1,4 +1,6 @@
-"""The geomagnetic field against the official test values of the World Magnetic Model, and the two models against each other."""
+"""The geomagnetic field against the official test values of the World Magnetic Model, and the
+two models against each other."""
+
 import datetime
 
 import numpy as np
@@ -10,7 +12,8 @@ from strapdown.sensor_models.geomagnetism import decimal_year, geomagnetic_field
 pytestmark = pytest.mark.short
 DEG, NT = np.pi / 180, 1e-9
 
-# Published with each model by NOAA's National Centers for Environmental Information: year, height (km), latitude, longitude (deg);
+# Published with each model by NOAA's National Centers for Environmental Information: year, height
+# (km), latitude, longitude (deg);
 # north, east, down, horizontal, total (nT), inclination, declination (deg).
 OFFICIAL = {
     "WMM2010": """
@@ -47,7 +50,8 @@ OFFICIAL = {
 2022.5  100   0  120  37694.0    -35.3  -10362.0  37694.1  39092.4  -15.37   -0.05
 2022.5  100 -80  240   5815.0  14803.0  -49755.3  15904.1  52235.4  -72.27   68.55""",
 }
-# Published to 1 nT: year, height, latitude, longitude; declination, inclination, horizontal, north, east, down, total.
+# Published to 1 nT: year, height, latitude, longitude; declination, inclination, horizontal, north,
+# east, down, total.
 ROUNDED = """
 2025.0  28  89 -121  -99.77  88.47   1504   -255  -1482   56194  56214
 2025.0  48  80  -96  -29.91  87.77   2164   1876  -1079   55623  55665
@@ -65,14 +69,20 @@ def rows(text):
     return [tuple(map(float, line.split())) for line in text.strip().splitlines()]
 
 
-@pytest.mark.parametrize("name, row", [(name, row) for name, text in OFFICIAL.items() for row in rows(text)])
+@pytest.mark.parametrize(
+    "name, row", [(name, row) for name, text in OFFICIAL.items() for row in rows(text)]
+)
 def test_official_values(name, row):
     year, height, lat, lon, north, east, down, horizontal, total, inclination, declination = row
     found = geomagnetic_field(year, lat * DEG, lon * DEG, 1000 * height)
     assert found.model == name and found.note == ""
     np.testing.assert_allclose(np.array(found.field) / NT, [north, east, down], atol=0.051)
-    np.testing.assert_allclose(np.array([found.horizontal, found.total]) / NT, [horizontal, total], atol=0.051)
-    np.testing.assert_allclose(np.degrees([found.inclination, found.declination]), [inclination, declination], atol=0.0051)
+    np.testing.assert_allclose(
+        np.array([found.horizontal, found.total]) / NT, [horizontal, total], atol=0.051
+    )
+    np.testing.assert_allclose(
+        np.degrees([found.inclination, found.declination]), [inclination, declination], atol=0.0051
+    )
 
 
 @pytest.mark.parametrize("row", rows(ROUNDED))
@@ -80,42 +90,83 @@ def test_official_values_of_2025(row):
     year, height, lat, lon, declination, inclination, horizontal, north, east, down, total = row
     found = geomagnetic_field(year, lat * DEG, lon * DEG, 1000 * height)
     assert found.model == "WMM2025" and bool(found.note) == (horizontal <= 6000)
-    np.testing.assert_allclose(np.array([*found.field, found.horizontal, found.total]) / NT, [north, east, down, horizontal, total], atol=0.51)
-    np.testing.assert_allclose(np.degrees([found.inclination, found.declination]), [inclination, declination], atol=0.0051)
+    np.testing.assert_allclose(
+        np.array([*found.field, found.horizontal, found.total]) / NT,
+        [north, east, down, horizontal, total],
+        atol=0.51,
+    )
+    np.testing.assert_allclose(
+        np.degrees([found.inclination, found.declination]), [inclination, declination], atol=0.0051
+    )
 
 
 def test_worked_example_of_the_report_on_wmm2025():
-    """Chulliat et al. (2025), table 3b: 2027.5, 100 km, 80 deg south, 240 deg east, there to ten decimals."""
+    """Chulliat et al. (2025), table 3b: 2027.5, 100 km, 80 deg south, 240 deg east, there to ten
+    decimals."""
     found = geomagnetic_field(2027.5, -80 * DEG, 240 * DEG, 100e3)
-    np.testing.assert_allclose(np.array(found.field) / NT, [5983.9760496518, 14760.1359757868, -49317.6706154255], atol=1e-3)
-    assert found.declination == pytest.approx(1.1856308407, abs=1e-8) and found.inclination == pytest.approx(-1.2584221541, abs=1e-8)
+    np.testing.assert_allclose(
+        np.array(found.field) / NT,
+        [5983.9760496518, 14760.1359757868, -49317.6706154255],
+        atol=1e-3,
+    )
+    assert found.declination == pytest.approx(
+        1.1856308407, abs=1e-8
+    ) and found.inclination == pytest.approx(-1.2584221541, abs=1e-8)
 
 
 @pytest.mark.parametrize("year", [2010.1, 2013.7, 2017.0, 2022.5, 2024.9])
 def test_the_models_agree_as_well_as_they_claim(year):
-    """IGRF-14 is another library, another model and knows what came later: the WMM's own error of a component is 0.15 uT (1 sigma) at the ground."""
+    """IGRF-14 is another library, another model and knows what came later: the WMM's own error
+    of a component is 0.15 uT (1 sigma) at the ground."""
     rng = np.random.default_rng(1)
     places = np.c_[np.arcsin(rng.uniform(-0.999, 0.999, 40)), rng.uniform(-np.pi, np.pi, 40)]
-    difference = [np.subtract(geomagnetic_field(year, *place).field, geomagnetic_field(year, *place, model="IGRF-14").field) for place in places]
+    difference = [
+        np.subtract(
+            geomagnetic_field(year, *place).field,
+            geomagnetic_field(year, *place, model="IGRF-14").field,
+        )
+        for place in places
+    ]
     assert 1e-9 < np.sqrt(np.mean(np.square(difference))) < 0.15e-6
 
 
 def test_before_the_world_magnetic_models_it_is_the_igrf():
-    found, next_day = (geomagnetic_field(day, 0.8, 0.15, 300.0) for day in ("2009-12-31", "2010-01-01"))
+    found, next_day = (
+        geomagnetic_field(day, 0.8, 0.15, 300.0) for day in ("2009-12-31", "2010-01-01")
+    )
     assert (found.model, next_day.model) == ("IGRF-14", "WMM2010")
     np.testing.assert_allclose(found.field, next_day.field, atol=0.15e-6)
 
 
 def test_the_vector_agrees_with_its_angles():
     found = geomagnetic_field("2024-05-01", 0.6, 2.4, 1000.0)
-    np.testing.assert_allclose(found.field, found.total * np.array([
-        np.cos(found.inclination) * np.cos(found.declination), np.cos(found.inclination) * np.sin(found.declination), np.sin(found.inclination)]), rtol=1e-12)
+    np.testing.assert_allclose(
+        found.field,
+        found.total
+        * np.array(
+            [
+                np.cos(found.inclination) * np.cos(found.declination),
+                np.cos(found.inclination) * np.sin(found.declination),
+                np.sin(found.inclination),
+            ]
+        ),
+        rtol=1e-12,
+    )
     assert found.horizontal == pytest.approx(found.total * np.cos(found.inclination))
 
 
-@pytest.mark.parametrize("date", ["2012-07-02", datetime.date(2012, 7, 2), datetime.datetime(2012, 7, 2), "2012-07-02T00:00:00", 2012.5])
+@pytest.mark.parametrize(
+    "date",
+    [
+        "2012-07-02",
+        datetime.date(2012, 7, 2),
+        datetime.datetime(2012, 7, 2),
+        "2012-07-02T00:00:00",
+        2012.5,
+    ],
+)
 def test_dates(date):
-    assert decimal_year(date) == pytest.approx(2012.5, abs=1e-12)       # day 184 of 366
+    assert decimal_year(date) == pytest.approx(2012.5, abs=1e-12)  # day 184 of 366
 
 
 def test_day_fractions_count():
@@ -125,18 +176,31 @@ def test_day_fractions_count():
 
 def test_every_year_from_1900_has_a_model():
     spans = models().values()
-    assert all(any(first <= year < last for first, last in spans) for year in np.arange(1900, 2030, 0.25))
-    assert {"WMM2010", "WMM2015v2", "WMM2020", "WMM2025", "IGRF-14"} <= set(models()) and "WMM2015" not in models()
+    assert all(
+        any(first <= year < last for first, last in spans) for year in np.arange(1900, 2030, 0.25)
+    )
+    assert {"WMM2010", "WMM2015v2", "WMM2020", "WMM2025", "IGRF-14"} <= set(
+        models()
+    ) and "WMM2015" not in models()
 
 
 REFUSED = {
     "expired": (dict(date="2300-01-01"), "past the newest geomagnetic model (WMM2"),
-    "before all": (dict(date=1899.9), "before the oldest geomagnetic model (IGRF-14, 1900 to 2030)"),
+    "before all": (
+        dict(date=1899.9),
+        "before the oldest geomagnetic model (IGRF-14, 1900 to 2030)",
+    ),
     "no date": (dict(date=None), "None is no date"),
     "no date in the text": (dict(date="tomorrow"), "'tomorrow' is no date; write it as"),
     "not a number": (dict(date=float("nan")), "is no date"),
-    "model of other years": (dict(model="WMM2020", date="2012-10-10"), "WMM2020 holds 2020 to 2025, not on 2012-10-10: it had not begun; use WMM2010"),
-    "expired model": (dict(model="WMM2010", date="2016-10-10"), "WMM2010 holds 2010 to 2015, not on 2016-10-10: it had expired; use WMM2015v2"),
+    "model of other years": (
+        dict(model="WMM2020", date="2012-10-10"),
+        "WMM2020 holds 2020 to 2025, not on 2012-10-10: it had not begun; use WMM2010",
+    ),
+    "expired model": (
+        dict(model="WMM2010", date="2016-10-10"),
+        "WMM2010 holds 2010 to 2015, not on 2016-10-10: it had expired; use WMM2015v2",
+    ),
     "unknown model": (dict(model="EMM"), "there is no geomagnetic model 'EMM'; there are WMM2010"),
     "degrees": (dict(lat=44.7, lon=-93.1), "are they in degrees?"),
     "the pole": (dict(lat=np.pi / 2), "up to 89 deg"),

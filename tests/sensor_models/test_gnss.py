@@ -1,4 +1,5 @@
 """GNSS fixes: noise, antenna position and velocity against pymap3d and differentiation."""
+
 import numpy as np
 import pymap3d
 import pytest
@@ -26,11 +27,20 @@ def test_displaced_moves_by_metres(lat, lon):
 
 def test_fixes_come_at_the_interval_and_carry_their_noise():
     fixes = position_fixes(TRUTH, 1.0, (1.0, 2.0, 3.0), np.random.default_rng(4))
-    np.testing.assert_array_equal(fixes.t, TRUTH.t[ROWS])       # exactly the samples' times: no sliver of an increment to split off
-    assert fixes.kind == "position" and fixes.parameters == (0.0, 0.0, 0.0) and fixes.sd.shape == fixes.y.shape == (120, 3)
+    np.testing.assert_array_equal(
+        fixes.t, TRUTH.t[ROWS]
+    )  # exactly the samples' times: no sliver of an increment to split off
+    assert (
+        fixes.kind == "position"
+        and fixes.parameters == (0.0, 0.0, 0.0)
+        and fixes.sd.shape == fixes.y.shape == (120, 3)
+    )
     many = position_fixes(TRUTH, TRUTH.t, (1.0, 2.0, 3.0), np.random.default_rng(4))
     error = north_east_down(many.y, TRUTH.lla)
-    assert error.std(axis=0) == pytest.approx([1, 2, 3], rel=0.03) and np.abs(error.mean(axis=0) / [1, 2, 3]).max() < 0.04
+    assert (
+        error.std(axis=0) == pytest.approx([1, 2, 3], rel=0.03)
+        and np.abs(error.mean(axis=0) / [1, 2, 3]).max() < 0.04
+    )
     velocities = velocity_fixes(TRUTH, TRUTH.t, 0.1, np.random.default_rng(4))
     assert (velocities.y - TRUTH.v_n).std(axis=0) == pytest.approx([0.1] * 3, rel=0.03)
 
@@ -40,13 +50,17 @@ def test_antenna_position_and_velocity():
     expected = TRUTH.rotation[ROWS].apply(ARM)
     np.testing.assert_allclose(north_east_down(fixes.y, TRUTH.lla[ROWS]), expected, atol=1e-6)
     assert fixes.parameters == ARM
-    antenna = np.stack(pymap3d.geodetic2ecef(*displaced(TRUTH.lla, TRUTH.rotation.apply(ARM)).T, deg=False), axis=1)
+    antenna = np.stack(
+        pymap3d.geodetic2ecef(*displaced(TRUTH.lla, TRUTH.rotation.apply(ARM)).T, deg=False), axis=1
+    )
     inner = ROWS[:-1]
     moved = (antenna[inner + 1] - antenna[inner - 1]) / 0.02
-    velocity = np.stack(pymap3d.ecef2enuv(*moved.T, *np.degrees(TRUTH.lla[inner, :2].T)), axis=1)[:, [1, 0, 2]] * [1, 1, -1]
+    velocity = np.stack(pymap3d.ecef2enuv(*moved.T, *np.degrees(TRUTH.lla[inner, :2].T)), axis=1)[
+        :, [1, 0, 2]
+    ] * [1, 1, -1]
     measured = velocity_fixes(TRUTH, 1.0, 1e-9, np.random.default_rng(0), ARM).y[:-1]
     np.testing.assert_allclose(measured, velocity, atol=2e-4)
-    assert np.abs(measured - TRUTH.v_n[inner]).max() > 0.05      # the lever arm matters here
+    assert np.abs(measured - TRUTH.v_n[inner]).max() > 0.05  # the lever arm matters here
 
 
 def test_times_between_samples_are_interpolated():
@@ -54,19 +68,32 @@ def test_times_between_samples_are_interpolated():
     direct = sample(demo_flight(), t)
     fixes = position_fixes(TRUTH, t, 1e-9, np.random.default_rng(0))
     np.testing.assert_allclose(north_east_down(fixes.y, direct.lla), 0, atol=1e-6)
-    np.testing.assert_allclose(velocity_fixes(TRUTH, t, 1e-9, np.random.default_rng(0)).y, direct.v_n, atol=1e-6)
+    np.testing.assert_allclose(
+        velocity_fixes(TRUTH, t, 1e-9, np.random.default_rng(0)).y, direct.v_n, atol=1e-6
+    )
 
 
 def test_a_receiver_gives_what_it_measures_from_separate_streams():
     both = Gnss(interval=2.0, lever_arm=ARM).fixes(TRUTH, np.random.default_rng(9))
-    assert [fix.kind for fix in both] == ["position", "velocity"] and all(len(fix.t) == 60 and fix.parameters == ARM for fix in both)
-    alone, = Gnss(interval=2.0, lever_arm=ARM, position_sd=None).fixes(TRUTH, np.random.default_rng(9))
+    assert [fix.kind for fix in both] == ["position", "velocity"] and all(
+        len(fix.t) == 60 and fix.parameters == ARM for fix in both
+    )
+    (alone,) = Gnss(interval=2.0, lever_arm=ARM, position_sd=None).fixes(
+        TRUTH, np.random.default_rng(9)
+    )
     np.testing.assert_array_equal(alone.y, both[1].y)
 
 
-@pytest.mark.parametrize("change, words", [
-    ({"interval": 0.0}, "interval between fixes"), ({"position_sd": (1, 1, 0)}, "larger than 0"), ({"velocity_sd": (1, np.nan, 1)}, "larger than 0"),
-    ({"lever_arm": (1.0, 2.0)}, "lever arm"), ({"interval": np.array([10.0])}, "outside the trajectory")])
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        ({"interval": 0.0}, "interval between fixes"),
+        ({"position_sd": (1, 1, 0)}, "larger than 0"),
+        ({"velocity_sd": (1, np.nan, 1)}, "larger than 0"),
+        ({"lever_arm": (1.0, 2.0)}, "lever arm"),
+        ({"interval": np.array([10.0])}, "outside the trajectory"),
+    ],
+)
 def test_impossible_receivers_are_refused(change, words):
     with pytest.raises(DataError, match=words):
         Gnss()._replace(**change).fixes(TRUTH, np.random.default_rng(0))
@@ -92,20 +119,30 @@ def test_outages_leave_the_other_fixes_as_they_were():
 
 def test_late_fixes_are_stamped_late():
     prompt = Gnss(0.5, lever_arm=ARM).fixes(TRUTH, np.random.default_rng(9))
-    late = Gnss(0.5, lever_arm=ARM, latency=0.2, outages=((70.0, 75.0),)).fixes(TRUTH, np.random.default_rng(9))
+    late = Gnss(0.5, lever_arm=ARM, latency=0.2, outages=((70.0, 75.0),)).fixes(
+        TRUTH, np.random.default_rng(9)
+    )
     for one, other in zip(prompt, late, strict=True):
-        keep = ((one.t < 69.9999) | (one.t >= 74.9999)) & (one.t <= 179.801)       # an outage is one of measuring; the last stamp would be after the end
+        keep = ((one.t < 69.9999) | (one.t >= 74.9999)) & (
+            one.t <= 179.801
+        )  # an outage is one of measuring; the last stamp would be after the end
         np.testing.assert_allclose(other.t, one.t[keep] + 0.2, rtol=0, atol=1e-12)
         np.testing.assert_array_equal(other.y, one.y[keep])
     error = north_east_down(late[0].y, displaced(sample(demo_flight(), late[0].t).lla, np.zeros(3)))
-    assert np.linalg.norm(error, axis=1).mean() > 7      # 45 m/s for 0.2 s, which a filter without knowledge of it takes for error
+    assert (
+        np.linalg.norm(error, axis=1).mean() > 7
+    )  # 45 m/s for 0.2 s, which a filter without knowledge of it takes for error
 
 
 def test_a_plan_serves_any_number_of_runs():
     receiver = Gnss(0.1, lever_arm=ARM)
     plan = receiver.plan(TRUTH, gate=np.inf)
     for seed in (1, 2, 1):
-        for mine, other in zip(plan.fixes(np.random.default_rng(seed)), receiver.fixes(TRUTH, np.random.default_rng(seed)), strict=True):
+        for mine, other in zip(
+            plan.fixes(np.random.default_rng(seed)),
+            receiver.fixes(TRUTH, np.random.default_rng(seed)),
+            strict=True,
+        ):
             np.testing.assert_array_equal(mine.y, other.y)
             assert mine.gate == np.inf and other.gate is None
     for mine, noisy in zip(plan.exact(), plan.fixes(np.random.default_rng(1)), strict=True):
@@ -113,10 +150,19 @@ def test_a_plan_serves_any_number_of_runs():
     np.testing.assert_array_equal(plan.exact()[1].y, plan.exact()[1].y)
 
 
-@pytest.mark.parametrize("change, words", [
-    ({"latency": -0.1}, "latency"), ({"latency": np.nan}, "latency"), ({"outages": ((5.0, 5.0),)}, "start before the stop"), ({"outages": ((5.0,),)}, "write .start, stop."),
-    ({"position_sd": (1.0, 2.0)}, "2 standard deviations are given"), ({"outages": (("a", "b"),)}, "start before the stop"), ({"latency": "x"}, "latency"),
-    ({"interval": np.array([1.0, np.nan])}, "must be finite")])
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        ({"latency": -0.1}, "latency"),
+        ({"latency": np.nan}, "latency"),
+        ({"outages": ((5.0, 5.0),)}, "start before the stop"),
+        ({"outages": ((5.0,),)}, "write .start, stop."),
+        ({"position_sd": (1.0, 2.0)}, "2 standard deviations are given"),
+        ({"outages": (("a", "b"),)}, "start before the stop"),
+        ({"latency": "x"}, "latency"),
+        ({"interval": np.array([1.0, np.nan])}, "must be finite"),
+    ],
+)
 def test_impossible_outages_and_delays_are_refused(change, words):
     with pytest.raises(DataError, match=words):
         Gnss(**change).plan(TRUTH)

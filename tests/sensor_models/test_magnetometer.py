@@ -1,4 +1,6 @@
-"""The magnetometer: its equation term by term against matrices written out, its noise, its times, its full scale, and what no magnetometer is."""
+"""The magnetometer: its equation term by term against matrices written out, its noise, its
+times, its full scale, and what no magnetometer is."""
+
 import numpy as np
 import pytest
 from scipy.stats import chi2, norm
@@ -9,10 +11,10 @@ from strapdown.sim.motions import hand_held
 from strapdown.sim.trajectory import DEG, sample, static
 
 pytestmark = pytest.mark.short
-FIELD = (21e-6, 1.5e-6, 43e-6)      # T NED
+FIELD = (21e-6, 1.5e-6, 43e-6)  # T NED
 PLACE = (48 * DEG, 11 * DEG, 500.0)
 HAND = sample(hand_held(PLACE), np.arange(2001) / 100)
-QUIET = 1e-15                       # T: noise that no comparison sees
+QUIET = 1e-15  # T: noise that no comparison sees
 
 
 def to_body(roll, pitch, heading):
@@ -24,14 +26,22 @@ def to_body(roll, pitch, heading):
 
 
 def read(truth=HAND, seed=0, **changes):
-    return Magnetometer(**{"sd": QUIET, "field": FIELD, **changes}).measure(truth, np.random.default_rng(seed))
+    return Magnetometer(**{"sd": QUIET, "field": FIELD, **changes}).measure(
+        truth, np.random.default_rng(seed)
+    )
 
 
-@pytest.mark.parametrize("rph", [(0, 0, 0), (0, 0, 180), (30, -20, 250), (-170, 60, 91), (90, 0, 359)])
+@pytest.mark.parametrize(
+    "rph", [(0, 0, 0), (0, 0, 180), (30, -20, 250), (-170, 60, 91), (90, 0, 359)]
+)
 def test_the_field_at_rest_is_the_one_turned_into_the_body(rph):
     angles = np.array(rph) * DEG
     aiding = read(sample(static(PLACE, tuple(angles)), [0.0, 1.0, 2.0]))
-    assert aiding.kind == "magnetic-field" and aiding.name == "magnetometer" and aiding.parameters == FIELD
+    assert (
+        aiding.kind == "magnetic-field"
+        and aiding.name == "magnetometer"
+        and aiding.parameters == FIELD
+    )
     assert aiding.y.shape == aiding.sd.shape == (2, 3) and np.array_equal(aiding.t, [1, 2])
     np.testing.assert_allclose(aiding.y, [to_body(*angles) @ FIELD] * 2, atol=1e-13)
 
@@ -39,29 +49,51 @@ def test_the_field_at_rest_is_the_one_turned_into_the_body(rph):
 @pytest.mark.parametrize("heading", range(0, 360, 45))
 def test_level_heading_is_minus_the_angle_of_the_horizontal_field_plus_declination(heading):
     x, y, _ = read(sample(static(PLACE, (0, 0, heading * DEG)), [0.0, 1.0])).y[0]
-    assert np.angle(np.exp(1j * (-np.arctan2(y, x) + np.arctan2(FIELD[1], FIELD[0]) - heading * DEG))) == pytest.approx(0, abs=1e-8)
+    assert np.angle(
+        np.exp(1j * (-np.arctan2(y, x) + np.arctan2(FIELD[1], FIELD[0]) - heading * DEG))
+    ) == pytest.approx(0, abs=1e-8)
 
 
 def test_every_distortion_enters_where_the_equation_says():
-    iron, hard, scale = ((1.1, 0.05, -0.02), (0.03, 0.9, 0.04), (-0.06, 0.01, 1.05)), (12e-6, -7e-6, 30e-6), (0.02, -0.03, 0.01)
-    windows = (Disturbance(5.0, 7.0, (3e-6, -4e-6, 5e-6)), Disturbance(6.0, 9.0, (-8e-6, 2e-6, 1e-6), "b"), Disturbance(6.5, 6.75, (1e-6, 0, 0), "n"))
+    iron, hard, scale = (
+        ((1.1, 0.05, -0.02), (0.03, 0.9, 0.04), (-0.06, 0.01, 1.05)),
+        (12e-6, -7e-6, 30e-6),
+        (0.02, -0.03, 0.01),
+    )
+    windows = (
+        Disturbance(5.0, 7.0, (3e-6, -4e-6, 5e-6)),
+        Disturbance(6.0, 9.0, (-8e-6, 2e-6, 1e-6), "b"),
+        Disturbance(6.5, 6.75, (1e-6, 0, 0), "n"),
+    )
     aiding = read(hard_iron=hard, soft_iron=iron, scale=scale, disturbances=windows)
     for t, y in zip(aiding.t, aiding.y):
-        around = np.array(FIELD) + np.array([3e-6, -4e-6, 5e-6]) * (5 <= t < 7) + np.array([1e-6, 0, 0]) * (6.5 <= t < 6.75)
-        felt = to_body(*HAND.rph[round(100 * t)]) @ around + np.array([-8e-6, 2e-6, 1e-6]) * (6 <= t < 9)
-        expected = [sum((1 + scale[i]) * iron[i][j] * felt[j] for j in range(3)) + hard[i] for i in range(3)]
+        around = (
+            np.array(FIELD)
+            + np.array([3e-6, -4e-6, 5e-6]) * (5 <= t < 7)
+            + np.array([1e-6, 0, 0]) * (6.5 <= t < 6.75)
+        )
+        felt = to_body(*HAND.rph[round(100 * t)]) @ around + np.array([-8e-6, 2e-6, 1e-6]) * (
+            6 <= t < 9
+        )
+        expected = [
+            sum((1 + scale[i]) * iron[i][j] * felt[j] for j in range(3)) + hard[i] for i in range(3)
+        ]
         assert y == pytest.approx(expected, abs=1e-13)
 
 
 def test_the_noise_is_white_and_as_stated():
-    """Chi-square of the variance, normal of mean and of neighbours' correlation: nine checks, together 0.1 % false alarms."""
+    """Chi-square of the variance, normal of mean and of neighbours' correlation: nine checks,
+    together 0.1 % false alarms."""
     sd, side = np.array([0.2e-6, 0.4e-6, 0.9e-6]), 0.001 / 9 / 2
     noise = (read(sd=tuple(sd), seed=11).y - read().y) / sd
     n = len(noise)
     low, high = chi2.ppf([side, 1 - side], n)
-    assert np.all((low < (noise ** 2).sum(axis=0)) & ((noise ** 2).sum(axis=0) < high))
+    assert np.all((low < (noise**2).sum(axis=0)) & ((noise**2).sum(axis=0) < high))
     bound = norm.ppf(1 - side) / np.sqrt(n)
-    assert np.abs(noise.mean(axis=0)).max() < bound and np.abs((noise[1:] * noise[:-1]).mean(axis=0)).max() < bound
+    assert (
+        np.abs(noise.mean(axis=0)).max() < bound
+        and np.abs((noise[1:] * noise[:-1]).mean(axis=0)).max() < bound
+    )
     assert np.array_equal(read(sd=tuple(sd)).sd, np.tile(sd, (n, 1)))
 
 
@@ -76,7 +108,9 @@ def test_samples_come_at_their_rate_and_belong_to_their_times(rate):
     np.testing.assert_allclose(aiding.t, np.arange(1, 20 * rate + 1) / rate, rtol=1e-12)
     exact = sample(hand_held(PLACE), aiding.t)
     expected = [to_body(*angles) @ FIELD for angles in exact.rph]
-    between = 20 * 0.01 ** 2 / 8 * 50e-6        # T: a constant rate over 10 ms misses angular accelerations, here below 20 rad/s^2
+    between = (
+        20 * 0.01**2 / 8 * 50e-6
+    )  # T: a constant rate over 10 ms misses angular accelerations, here below 20 rad/s^2
     np.testing.assert_allclose(aiding.y, expected, rtol=0, atol=between if rate == 40 else 1e-13)
 
 
@@ -91,7 +125,9 @@ def test_full_scale_clips_and_is_counted():
     free = Magnetometer(sd=1e-6, field=FIELD).measure(HAND, np.random.default_rng(3)).y
     np.testing.assert_array_equal(aiding.y, np.clip(free, -40e-6, 40e-6))
     beyond = int((np.abs(free) >= 40e-6).any(axis=1).sum())
-    assert 0 < beyond < 2000 and plan.notes(aiding) == [f"magnetometer: {beyond} of 2000 samples saturated at 40 uT"]
+    assert 0 < beyond < 2000 and plan.notes(aiding) == [
+        f"magnetometer: {beyond} of 2000 samples saturated at 40 uT"
+    ]
     assert Magnetometer(field=FIELD, saturation=1e-3).plan(HAND).notes(aiding) == []
 
 
@@ -99,12 +135,20 @@ def test_a_field_given_at_the_measurement_stands_before_the_sensors_own():
     aiding = Magnetometer(sd=QUIET).measure(HAND, np.random.default_rng(0), (18e-6, 0, 50e-6))
     assert aiding.parameters == (18e-6, 0.0, 50e-6)
     assert np.linalg.norm(aiding.y, axis=1) == pytest.approx(np.hypot(18e-6, 50e-6), abs=1e-12)
-    own = Magnetometer(sd=QUIET, field=FIELD).measure(HAND, np.random.default_rng(0), (18e-6, 0, 50e-6))
+    own = Magnetometer(sd=QUIET, field=FIELD).measure(
+        HAND, np.random.default_rng(0), (18e-6, 0, 50e-6)
+    )
     np.testing.assert_array_equal(own.y, aiding.y)
 
 
 def test_the_exact_reading_has_no_error_but_states_the_noise():
-    plan = Magnetometer(sd=2e-6, hard_iron=(1e-5,) * 3, scale=0.1, field=FIELD, disturbances=((0.0, 9.0, (1e-6,) * 3),)).plan(HAND, gate=np.inf)
+    plan = Magnetometer(
+        sd=2e-6,
+        hard_iron=(1e-5,) * 3,
+        scale=0.1,
+        field=FIELD,
+        disturbances=((0.0, 9.0, (1e-6,) * 3),),
+    ).plan(HAND, gate=np.inf)
     np.testing.assert_array_equal(plan.exact().y, plan.ideal)
     np.testing.assert_allclose(plan.exact().y, read().y, atol=1e-13)
     assert plan.exact().gate == np.inf and set(plan.exact().sd.ravel()) == {2e-6}
@@ -112,19 +156,45 @@ def test_the_exact_reading_has_no_error_but_states_the_noise():
 
 def test_a_rate_that_leaves_no_sample_is_noted():
     plan = Magnetometer(rate=0.01, field=FIELD).plan(HAND)
-    assert plan.notes(plan.fixes(np.random.default_rng(0))) == ["magnetometer: not one sample falls into the recording; its rate is too low"]
+    assert plan.notes(plan.fixes(np.random.default_rng(0))) == [
+        "magnetometer: not one sample falls into the recording; its rate is too low"
+    ]
 
 
-@pytest.mark.parametrize("change, words", [
-    ({"rate": 0}, "rate is 0; it must be larger than 0, in Hz"), ({"rate": True}, "rate is True"), ({"sd": (1e-6, 0, 1e-6)}, "must be larger than 0, in T"),
-    ({"sd": 0.5}, "at most 0.1 T: is it in tesla"), ({"sd": (1e-6, 1e-6)}, "sd is .*; it must be three numbers"), ({"hard_iron": 1e-6}, "hard_iron is 1e-06; it must be three"),
-    ({"hard_iron": (12, 0, 0)}, "is it in tesla"), ({"hard_iron": (np.nan, 0, 0)}, "three numbers"), ({"scale": (-1, 0, 0)}, "nothing of the field"), ({"scale": "x"}, "three numbers"),
-    ({"soft_iron": np.eye(2)}, "three rows of three"), ({"soft_iron": "iron"}, "three rows of three"), ({"soft_iron": np.diag([1, 1, -1])}, "mirrors the field"),
-    ({"soft_iron": np.diag([1, 1, 0])}, "leaves nothing of it"), ({"saturation": -1e-4}, "saturation is -0.0001"), ({"saturation": True}, "saturation is True"),
-    ({"field": (48, 0, 0)}, "is it in tesla"), ({"field": (0, 0, 0)}, "field is 0; give the Earth's"), ({"field": (1e-6, 2e-6)}, "field is .*three numbers"),
-    ({"disturbances": ((3.0, 2.0, (1e-6,) * 3),)}, "start must come before its stop"), ({"disturbances": ((1.0, 2.0, 1e-6),)}, "field of a disturbance is 1e-06; it must be three"),
-    ({"disturbances": ((1.0, 2.0, (1e-6,) * 3, "e"),)}, "frame is 'e'"), ({"disturbances": ((1.0,),)}, "give start and stop"), ({"disturbances": (3,)}, "give start and stop"),
-    ({"disturbances": 3}, "disturbances is 3; it must be a list"), ({"hard_iron": np.eye(3)}, "hard_iron is .*three numbers")])
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        ({"rate": 0}, "rate is 0; it must be larger than 0, in Hz"),
+        ({"rate": True}, "rate is True"),
+        ({"sd": (1e-6, 0, 1e-6)}, "must be larger than 0, in T"),
+        ({"sd": 0.5}, "at most 0.1 T: is it in tesla"),
+        ({"sd": (1e-6, 1e-6)}, "sd is .*; it must be three numbers"),
+        ({"hard_iron": 1e-6}, "hard_iron is 1e-06; it must be three"),
+        ({"hard_iron": (12, 0, 0)}, "is it in tesla"),
+        ({"hard_iron": (np.nan, 0, 0)}, "three numbers"),
+        ({"scale": (-1, 0, 0)}, "nothing of the field"),
+        ({"scale": "x"}, "three numbers"),
+        ({"soft_iron": np.eye(2)}, "three rows of three"),
+        ({"soft_iron": "iron"}, "three rows of three"),
+        ({"soft_iron": np.diag([1, 1, -1])}, "mirrors the field"),
+        ({"soft_iron": np.diag([1, 1, 0])}, "leaves nothing of it"),
+        ({"saturation": -1e-4}, "saturation is -0.0001"),
+        ({"saturation": True}, "saturation is True"),
+        ({"field": (48, 0, 0)}, "is it in tesla"),
+        ({"field": (0, 0, 0)}, "field is 0; give the Earth's"),
+        ({"field": (1e-6, 2e-6)}, "field is .*three numbers"),
+        ({"disturbances": ((3.0, 2.0, (1e-6,) * 3),)}, "start must come before its stop"),
+        (
+            {"disturbances": ((1.0, 2.0, 1e-6),)},
+            "field of a disturbance is 1e-06; it must be three",
+        ),
+        ({"disturbances": ((1.0, 2.0, (1e-6,) * 3, "e"),)}, "frame is 'e'"),
+        ({"disturbances": ((1.0,),)}, "give start and stop"),
+        ({"disturbances": (3,)}, "give start and stop"),
+        ({"disturbances": 3}, "disturbances is 3; it must be a list"),
+        ({"hard_iron": np.eye(3)}, "hard_iron is .*three numbers"),
+    ],
+)
 def test_what_no_magnetometer_is_is_refused_in_one_line(change, words):
     with pytest.raises(DataError, match=words) as error:
         Magnetometer(**change)

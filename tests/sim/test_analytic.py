@@ -1,4 +1,6 @@
-"""Profiles and lifted functions against their definitions: sums of ramps, integrals, complex functions."""
+"""Profiles and lifted functions against their definitions: sums of ramps, integrals, complex
+functions."""
+
 import numpy as np
 import pytest
 
@@ -30,7 +32,10 @@ def test_slopes_of_complex_times_are_exact():
 def test_any_shape_and_order_of_times_gives_the_same():
     mixed = np.random.default_rng(1).permutation(T)[:600].reshape(20, 30)
     flat = Profile.of(1.0, [5.0], [2.0], 1.0)
-    assert PROFILE(4.2) == pytest.approx(float(PROFILE(np.array([4.2]))[0]), abs=0) and flat(2.0) == 5.0
+    assert (
+        PROFILE(4.2) == pytest.approx(float(PROFILE(np.array([4.2]))[0]), abs=0)
+        and flat(2.0) == 5.0
+    )
     for function in (PROFILE, PROFILE.rate):
         np.testing.assert_allclose(function(mixed), np.interp(mixed, T, function(T)), atol=1e-12)
         assert np.iscomplexobj(function(mixed + 1e-20j)) and not np.iscomplexobj(function(mixed))
@@ -38,9 +43,13 @@ def test_any_shape_and_order_of_times_gives_the_same():
 
 def test_corners_of_short_lines_are_rounded_less():
     profile = Profile.of(0.0, [1.0, 10.0, 10.0, np.inf], [0.0, 1.0, 2.0, 2.0], 2.0)
-    np.testing.assert_allclose(profile.widths, [0.2, 2.0])      # a line that goes on has no kink
+    np.testing.assert_allclose(profile.widths, [0.2, 2.0])  # a line that goes on has no kink
     assert profile.at.tolist() == [1.0, 11.0]
 
 
 def test_waves_are_sums_of_sines():
-    np.testing.assert_allclose(waves(T, ((2.0, 7.0, 0.3), (1.0, 3.0, 0.0))), 2 * np.sin(2 * np.pi * T / 7 + 0.3) + np.sin(2 * np.pi * T / 3), atol=1e-14)
+    np.testing.assert_allclose(
+        waves(T, ((2.0, 7.0, 0.3), (1.0, 3.0, 0.0))),
+        2 * np.sin(2 * np.pi * T / 7 + 0.3) + np.sin(2 * np.pi * T / 3),
+        atol=1e-14,
+    )

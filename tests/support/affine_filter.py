@@ -1,4 +1,6 @@
-"""A plain affine Kalman filter beside a given trajectory, with dense matrices: the oracle of the exogenous Kalman filter."""
+"""A plain affine Kalman filter beside a given trajectory, with dense matrices: the oracle of the
+exogenous Kalman filter."""
+
 from typing import NamedTuple
 
 import numpy as np
@@ -11,13 +13,16 @@ from strapdown.core.kalman import propagate_error
 from strapdown.core.mechanization import mechanize
 from strapdown.geodesy import radii
 
-NOISE = Noise(gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100)
+NOISE = Noise(
+    gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100
+)
 ARM = np.array([0.3, -0.2, -0.5])
 FIX_SD = {"position": np.array([1.5, 1.5, 3.0]), "velocity": np.array([0.1, 0.1, 0.2])}
 
 
 class State(NamedTuple):
     """Position, velocity, attitude and biases."""
+
     lla: np.ndarray
     v: np.ndarray
     C: np.ndarray
@@ -32,27 +37,47 @@ def copied(state):
 def plus(state, x):
     """state (+) x, metres at the state."""
     M, N = np.add(radii(state.lla[0]), state.lla[2])
-    return State(state.lla + [x[0] / M, x[1] / (N * np.cos(state.lla[0])), -x[2]], state.v + x[3:6],
-                 Rotation.from_rotvec(x[6:9]).as_matrix() @ state.C, state.ba + x[9:12], state.bg + x[12:15])
+    return State(
+        state.lla + [x[0] / M, x[1] / (N * np.cos(state.lla[0])), -x[2]],
+        state.v + x[3:6],
+        Rotation.from_rotvec(x[6:9]).as_matrix() @ state.C,
+        state.ba + x[9:12],
+        state.bg + x[12:15],
+    )
 
 
 def minus(other, state):
     """other (-) state, so that plus(state, minus(other, state)) is other."""
     M, N = np.add(radii(state.lla[0]), state.lla[2])
     p = (other.lla - state.lla) * [M, N * np.cos(state.lla[0]), -1]
-    return np.r_[p, other.v - state.v, Rotation.from_matrix(other.C @ state.C.T).as_rotvec(), other.ba - state.ba, other.bg - state.bg]
+    return np.r_[
+        p,
+        other.v - state.v,
+        Rotation.from_matrix(other.C @ state.C.T).as_rotvec(),
+        other.ba - state.ba,
+        other.bg - state.bg,
+    ]
 
 
 def moved(state, u, dt):
     """One mechanization of a state with its own biases, which decay as the model says."""
     lla, v, C = state.lla.copy(), state.v.copy(), state.C.copy()
     mechanize(lla, v, C, *(u[:3] - state.bg * dt), *(u[3:] - state.ba * dt), dt, np.zeros(3))
-    return State(lla, v, C, state.ba * np.exp(-NOISE.accel_decay * dt), state.bg * np.exp(-NOISE.gyro_decay * dt))
+    return State(
+        lla,
+        v,
+        C,
+        state.ba * np.exp(-NOISE.accel_decay * dt),
+        state.bg * np.exp(-NOISE.gyro_decay * dt),
+    )
 
 
 def expected(kind, state, rate):
     """(what a fix at this state measures beyond the position of the IMU, H)."""
-    H, swing = np.zeros((3, 15)), state.C @ (ARM if kind == "position" else np.cross(rate - state.bg, ARM))
+    H, swing = (
+        np.zeros((3, 15)),
+        state.C @ (ARM if kind == "position" else np.cross(rate - state.bg, ARM)),
+    )
     H[:, 6:9] = -cross_matrix(swing)
     if kind == "position":
         H[:, :3] = np.eye(3)
@@ -62,17 +87,25 @@ def expected(kind, state, rate):
 
 
 def turned(x, bar, after):
-    """The attitude error x counted from `after` instead of `bar`: what is affine in it of log(exp(x) exp(m))."""
+    """The attitude error x counted from `after` instead of `bar`: what is affine in it of
+    log(exp(x) exp(m))."""
     m = Rotation.from_matrix(bar.C @ after.C.T).as_rotvec()
     return x + m + np.cross(x, m) / 2
 
 
 class Dense:
-    """The affine filter with dense matrices and the Joseph form, beside whatever trajectory it is given; without `mismatch` as if that were a
-    solution of the model. Its transition is the library's column by column, or the matrix exponential (`exact`)."""
+    """The affine filter with dense matrices and the Joseph form, beside whatever trajectory it
+    is given; without `mismatch` as if that were a solution of the model. Its transition is the
+    library's column by column, or the matrix exponential (`exact`)."""
 
     def __init__(self, state, bar, P, mismatch=True, exact=False):
-        self.x, self.P, self.mismatch, self.exact, self.rate = minus(state, bar), P.copy(), mismatch, exact, np.zeros(3)
+        self.x, self.P, self.mismatch, self.exact, self.rate = (
+            minus(state, bar),
+            P.copy(),
+            mismatch,
+            exact,
+            np.zeros(3),
+        )
 
     def predict(self, bar, after, u, dt):
         """While the trajectory goes from `bar` to `after`."""
@@ -84,7 +117,18 @@ class Dense:
             self.P = Phi @ self.P @ Phi.T + Phi @ large[:15, 15:]
         else:
             Phi = library_transition(bar, u, dt)
-            half = np.diag(np.repeat(np.square([0.0, NOISE.accel, NOISE.gyro, NOISE.accel_bias, NOISE.gyro_bias]), 3)) * dt / 2
+            half = (
+                np.diag(
+                    np.repeat(
+                        np.square(
+                            [0.0, NOISE.accel, NOISE.gyro, NOISE.accel_bias, NOISE.gyro_bias]
+                        ),
+                        3,
+                    )
+                )
+                * dt
+                / 2
+            )
             self.P = Phi @ (self.P + half) @ Phi.T + half
         self.x, self.rate = Phi @ self.x, u[:3] / dt
         if self.mismatch:
@@ -97,7 +141,10 @@ class Dense:
         S = H @ self.P @ H.T + np.diag(FIX_SD[kind] ** 2)
         K = self.P @ H.T @ np.linalg.inv(S)
         keep = np.eye(15) - K @ H
-        self.x, self.P = self.x + K @ e, keep @ self.P @ keep.T + K @ np.diag(FIX_SD[kind] ** 2) @ K.T
+        self.x, self.P = (
+            self.x + K @ e,
+            keep @ self.P @ keep.T + K @ np.diag(FIX_SD[kind] ** 2) @ K.T,
+        )
         return e @ np.linalg.solve(S, e)
 
     def jump(self, bar, after):
@@ -109,10 +156,13 @@ class Dense:
 
 
 def library_transition(bar, u, dt):
-    """Phi, from where the library's transition carries unit errors; tests of its own compare that with the matrix exponential."""
+    """Phi, from where the library's transition carries unit errors; tests of its own compare
+    that with the matrix exponential."""
     blocks, columns = np.zeros(BLOCKS), np.eye(15)
     w = np.multiply(kinematic_blocks(bar.lla, bar.v, 0, blocks), dt)
     middle = bar.C @ (np.eye(3) + cross_matrix((u[:3] - bar.bg * dt) / 2))
     for column in columns:
-        propagate_error(column, blocks, middle, middle @ (u[3:] - bar.ba * dt), *w, dt, NOISE, np.zeros(600))
+        propagate_error(
+            column, blocks, middle, middle @ (u[3:] - bar.ba * dt), *w, dt, NOISE, np.zeros(600)
+        )
     return columns.T

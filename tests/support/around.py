@@ -1,4 +1,6 @@
-"""A platform that turns on the spot, with nine axes and GNSS, and attitude records beside them: for the tests of AHRSs that feed a filter."""
+"""A platform that turns on the spot, with nine axes and GNSS, and attitude records beside them:
+for the tests of AHRSs that feed a filter."""
+
 from dataclasses import replace
 from functools import cache
 
@@ -9,14 +11,27 @@ from strapdown.data import Aiding
 from strapdown.sensor_models.magnetometer import Magnetometer
 from strapdown.sim.trajectory import DEG, Motion
 
-AROUND = Motion("around", (DEG * 47.0, DEG * 8.0, 500.0), lambda t: (0 * t, 0 * t, 0 * t), lambda t: (0.2 * np.sin(0.3 * t), 0.1 * np.sin(0.2 * t), 2 + 0.2 * t))
+AROUND = Motion(
+    "around",
+    (DEG * 47.0, DEG * 8.0, 500.0),
+    lambda t: (0 * t, 0 * t, 0 * t),
+    lambda t: (0.2 * np.sin(0.3 * t), 0.1 * np.sin(0.2 * t), 2 + 0.2 * t),
+)
 """A platform that turns on the spot: no course tells its heading."""
 
 
 @cache
 def recording(seconds=20.0, rate=20.0):
     """Nine axes and GNSS: 400 samples, a magnetometer with every second one."""
-    return sd.simulate(AROUND, seconds, "tactical", 5, rate, magnetometer=Magnetometer(rate=rate / 2), date="2024-05-01")
+    return sd.simulate(
+        AROUND,
+        seconds,
+        "tactical",
+        5,
+        rate,
+        magnetometer=Magnetometer(rate=rate / 2),
+        date="2024-05-01",
+    )
 
 
 def only(*kinds):

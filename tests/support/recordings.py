@@ -1,4 +1,6 @@
-"""Short recordings for the tests of the loop: a turning flight of a few hundred samples, and one whose increments are all alike."""
+"""Short recordings for the tests of the loop: a turning flight of a few hundred samples, and one
+whose increments are all alike."""
+
 from dataclasses import replace
 from functools import cache
 
@@ -6,8 +8,8 @@ import numpy as np
 
 import strapdown as sd
 from strapdown import filters
-from strapdown.core.jit import COMPILED
 from strapdown.core.contract import Imu, Start
+from strapdown.core.jit import COMPILED
 from strapdown.data import Aiding
 from strapdown.recording import Recording
 from strapdown.sensor_models.ahrs import Ahrs
@@ -17,22 +19,36 @@ from strapdown.sim.trajectory import DEG, Motion
 SD = (2.0, 2.0, 2.0, 0.2, 0.2, 0.2, 0.005, 0.005, 0.02, 0.01, 0.01, 0.01, 3e-5, 3e-5, 3e-5)
 """Standard deviations of the starts."""
 OPTIONS = {"pkf": {"components": 3}}
-"""Options of filters in the tests that run all of them: few components where the default number would take a minute without the compiler."""
+"""Options of filters in the tests that run all of them: few components where the default number
+would take a minute without the compiler."""
 
 SWIFT = [name for name in filters.names() if COMPILED or name not in ("ukf", "ckf")]
-"""Filters for the tests that run all of them: without the compiler not those whose steps then take 5 ms, which tests/filters/sigma_point/test_ukf.py runs."""
+"""Filters for the tests that run all of them: without the compiler not those whose steps then
+take 5 ms, which tests/filters/sigma_point/test_ukf.py runs."""
 
 
 def turning(lla=(DEG * 47.0, DEG * 8.0, 500.0)):
     """A banked turn of 4 deg/s at 30 m/s with a slow climb."""
     course = lambda t: DEG * (80 + 4 * t)
     bank = np.arctan(30 * DEG * 4 / 9.81)
-    return Motion("turning", lla, lambda t: (30 * np.cos(course(t)), 30 * np.sin(course(t)), -1.0 + 0 * t), lambda t: (bank + 0 * t, 0.03 + 0 * t, course(t)))
+    return Motion(
+        "turning",
+        lla,
+        lambda t: (30 * np.cos(course(t)), 30 * np.sin(course(t)), -1.0 + 0 * t),
+        lambda t: (bank + 0 * t, 0.03 + 0 * t, course(t)),
+    )
 
 
 @cache
-def flight(seconds=20.0, rate=20.0, seed=3, gnss=Gnss(lever_arm=(0.3, -0.2, -0.5)), lla=(DEG * 47.0, DEG * 8.0, 500.0)):
-    """A simulated Recording with position and velocity fixes once a second; 400 samples by default."""
+def flight(
+    seconds=20.0,
+    rate=20.0,
+    seed=3,
+    gnss=Gnss(lever_arm=(0.3, -0.2, -0.5)),
+    lla=(DEG * 47.0, DEG * 8.0, 500.0),
+):
+    """A simulated Recording with position and velocity fixes once a second; 400 samples by
+    default."""
     return sd.simulate(turning(lla), seconds, "tactical", seed, rate, gnss)
 
 
@@ -41,26 +57,49 @@ def start(recording, t=0.0):
     truth = recording.reference
     row = int(np.argmin(np.abs(truth.t - t)))
     roll, pitch, heading = truth.rph[row]
-    return Start(float(truth.t[row]), tuple(truth.lla[row] + [1e-7, -1e-7, 1.0]), tuple(truth.v_n[row] + [0.1, -0.1, 0.1]),
-                 (roll + 0.003, pitch - 0.003, heading + 0.01), (0.0,) * 3, (0.0,) * 3, SD)
+    return Start(
+        float(truth.t[row]),
+        tuple(truth.lla[row] + [1e-7, -1e-7, 1.0]),
+        tuple(truth.v_n[row] + [0.1, -0.1, 0.1]),
+        (roll + 0.003, pitch - 0.003, heading + 0.01),
+        (0.0,) * 3,
+        (0.0,) * 3,
+        SD,
+    )
 
 
 @cache
 def alike(seconds=10.0, rate=20.0):
-    """(Recording without fixes, Start): every sample the same rotation and force, so that a sample split by hand is exactly a part of one."""
+    """(Recording without fixes, Start): every sample the same rotation and force, so that a
+    sample split by hand is exactly a part of one."""
     n, dt = round(seconds * rate), 1 / rate
-    imu = Imu(dt * np.arange(1, n + 1), np.full(n, dt), np.tile([0.002, -0.001, 0.005], (n, 1)), np.tile([0.01, 0.02, -9.8 * dt], (n, 1)))
-    return Recording(imu, meta={"grade": "tactical"}), Start(0.0, (0.8, 0.2, 300.0), (10.0, 5.0, 0.0), (0.05, 0.02, 1.0), (0.0,) * 3, (0.0,) * 3, SD)
+    imu = Imu(
+        dt * np.arange(1, n + 1),
+        np.full(n, dt),
+        np.tile([0.002, -0.001, 0.005], (n, 1)),
+        np.tile([0.01, 0.02, -9.8 * dt], (n, 1)),
+    )
+    return Recording(imu, meta={"grade": "tactical"}), Start(
+        0.0, (0.8, 0.2, 300.0), (10.0, 5.0, 0.0), (0.05, 0.02, 1.0), (0.0,) * 3, (0.0,) * 3, SD
+    )
 
 
 def position(t, lla=(0.8, 0.2, 300.0), deviation=1.0, gate=np.inf, **more):
     """Position fixes at the times `t`, all at `lla` or each at its row of it, without a gate."""
     t = np.atleast_1d(np.asarray(t, float))
-    return Aiding("position", t, np.tile(lla, (len(t), 1)) if np.ndim(lla) == 1 else np.array(lla), np.full((len(t), 3), deviation), gate=gate, **more)
+    return Aiding(
+        "position",
+        t,
+        np.tile(lla, (len(t), 1)) if np.ndim(lla) == 1 else np.array(lla),
+        np.full((len(t), 3), deviation),
+        gate=gate,
+        **more,
+    )
 
 
 def ahrs(truth, rate=1.0, deviation=(0.2, 0.2, 0.5), seed=7, **more):
-    """Attitude records of a Trajectory at `rate` (Hz) with white errors about forward, right and down (deg); seed: number or numpy Generator."""
+    """Attitude records of a Trajectory at `rate` (Hz) with white errors about forward, right and
+    down (deg); seed: number or numpy Generator."""
     made = Ahrs(rate, tuple(np.radians(deviation))).measure(truth, np.random.default_rng(seed))
     return replace(made, name="ahrs", **more)
 
@@ -77,7 +116,12 @@ def without_samples(recording, *windows):
 def split(recording, row, share):
     """The recording whose sample `row` is given as two, of `share` and 1 - share of it."""
     imu = recording.imu
-    parts = [np.concatenate([column[:row], [share * column[row], (1 - share) * column[row]], column[row + 1:]]) for column in imu[1:]]
+    parts = [
+        np.concatenate(
+            [column[:row], [share * column[row], (1 - share) * column[row]], column[row + 1 :]]
+        )
+        for column in imu[1:]
+    ]
     cut = imu.t[row] - (1 - share) * imu.dt[row]
     return replace(recording, imu=Imu(np.concatenate([imu.t[:row], [cut], imu.t[row:]]), *parts))
 
@@ -85,10 +129,25 @@ def split(recording, row, share):
 def rows(solution):
     """Everything a Solution says of its rows, as one table."""
     path = solution.trajectory
-    return np.c_[path.t, path.lla, path.v_n, path.q_nb, solution.b_a, solution.b_g, path.sd, solution.status, *solution.columns.values()]
+    return np.c_[
+        path.t,
+        path.lla,
+        path.v_n,
+        path.q_nb,
+        solution.b_a,
+        solution.b_g,
+        path.sd,
+        solution.status,
+        *solution.columns.values(),
+    ]
 
 
 def same(first, second):
     """Whether two Solutions are equal bit for bit."""
-    a, b = ([getattr(s.innovations, name) for name in ("t", "source", "innovation", "nis", "accepted")] for s in (first, second))
-    return first.events == second.events and all(np.array_equal(x, y, equal_nan=True) for x, y in zip([rows(first), *a], [rows(second), *b]))
+    a, b = (
+        [getattr(s.innovations, name) for name in ("t", "source", "innovation", "nis", "accepted")]
+        for s in (first, second)
+    )
+    return first.events == second.events and all(
+        np.array_equal(x, y, equal_nan=True) for x, y in zip([rows(first), *a], [rows(second), *b])
+    )

@@ -1,35 +1,46 @@
-"""Smoothers to compare with over all fifteen states, in dense numpy: textbook Rauch-Tung-Striebel, and least squares of a whole log at once.
+"""Smoothers to compare with over all fifteen states, in dense numpy: textbook Rauch-Tung-Striebel,
+and least squares of a whole log at once.
 
-Both rest on the continuous INS equations of tests/support/ins_equations.py, integrated over each sample with its mean rate and specific force, and on
-numeric derivatives of that: nothing of the library's error dynamics is in them. x = (position m NED, velocity, attitude in n, biases), true = estimate (+) error.
+Both rest on the continuous INS equations of tests/support/ins_equations.py, integrated over each
+sample with its mean rate and specific force, and on numeric derivatives of that: nothing of the
+library's error dynamics is in them. x = (position m NED, velocity, attitude in n, biases), true =
+estimate (+) error.
 """
+
 from typing import NamedTuple
 
 import numpy as np
+from ins_equations import RATE, gravity, radii
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.spatial.transform import Rotation
-
-from ins_equations import RATE, gravity, radii
 
 N = 15
 
 
 class State(NamedTuple):
     """Of n times, or of n neighbours of one."""
-    lla: np.ndarray     # (n, 3)
-    v: np.ndarray       # (n, 3)
-    C: np.ndarray       # (n, 3, 3)
-    b: np.ndarray       # (n, 6) accelerometer and gyro bias; and, where there is a barometer, its (n, 7)
+
+    lla: np.ndarray  # (n, 3)
+    v: np.ndarray  # (n, 3)
+    C: np.ndarray  # (n, 3, 3)
+    b: np.ndarray  # (n, 6) accelerometer and gyro bias; and, where there is a barometer, its (n, 7)
 
     def moved(self, x):
         """This state (+) errors (n, 15)."""
         scale = metres(self.lla)
-        return State(self.lla + x[:, 0:3] / scale, self.v + x[:, 3:6], Rotation.from_rotvec(x[:, 6:9]).as_matrix() @ self.C, self.b + x[:, 9:])
+        return State(
+            self.lla + x[:, 0:3] / scale,
+            self.v + x[:, 3:6],
+            Rotation.from_rotvec(x[:, 6:9]).as_matrix() @ self.C,
+            self.b + x[:, 9:],
+        )
 
     def less(self, other):
         """(n, 15): the errors that take `other` to this state."""
         turned = Rotation.from_matrix(self.C @ np.swapaxes(other.C, -1, -2)).as_rotvec()
-        return np.hstack([(self.lla - other.lla) * metres(other.lla), self.v - other.v, turned, self.b - other.b])
+        return np.hstack(
+            [(self.lla - other.lla) * metres(other.lla), self.v - other.v, turned, self.b - other.b]
+        )
 
     def rows(self, rows):
         return State(*(part[rows] for part in self))
@@ -38,27 +49,38 @@ class State(NamedTuple):
 def metres(lla):
     """(n, 3): metres north, east and down per unit of a position."""
     M, R = radii(lla[:, 0])
-    return np.stack([M + lla[:, 2], (R + lla[:, 2]) * np.cos(lla[:, 0]), -np.ones(len(lla))], axis=1)
+    return np.stack(
+        [M + lla[:, 2], (R + lla[:, 2]) * np.cos(lla[:, 0]), -np.ones(len(lla))], axis=1
+    )
 
 
 class Log(NamedTuple):
     """What a smoother is given."""
+
     start: object
     noise: object
     dt: float
-    u: np.ndarray       # (n, 6) rotation vectors and velocity increments of the samples, coning and sculling taken out
-    at: np.ndarray      # (m,) samples at whose end there is a position fix
-    y: np.ndarray       # (m, 3) rad, rad, m
-    sd: float           # m
-    arm: np.ndarray     # to the antenna, m
-    baro: object = None     # Aiding of heights with a bias, at ends of samples; its bias is another state
-    baro_sd: float = 0.0    # of that bias at the start, m
+    # (n, 6) rotation vectors and velocity increments of the samples, coning and sculling taken out
+    u: np.ndarray
+    at: np.ndarray  # (m,) samples at whose end there is a position fix
+    y: np.ndarray  # (m, 3) rad, rad, m
+    sd: float  # m
+    arm: np.ndarray  # to the antenna, m
+    baro: object = (
+        None  # Aiding of heights with a bias, at ends of samples; its bias is another state
+    )
+    baro_sd: float = 0.0  # of that bias at the start, m
     baro_walk: float = 0.0  # m/sqrt(s)
 
     def first(self):
         """The State at the start, of one time."""
         s = self.start
-        return State(np.array([s.lla]), np.array([s.v]), Rotation.from_euler("ZYX", [s.rph[::-1]]).as_matrix(), np.array([[*s.ba, *s.bg, *[0.0] * self.extra_states]]))
+        return State(
+            np.array([s.lla]),
+            np.array([s.v]),
+            Rotation.from_euler("ZYX", [s.rph[::-1]]).as_matrix(),
+            np.array([[*s.ba, *s.bg, *[0.0] * self.extra_states]]),
+        )
 
     @property
     def extra_states(self):
@@ -77,11 +99,17 @@ class Log(NamedTuple):
     def density(self):
         """Of the process noise, per second."""
         n = self.noise
-        return np.repeat([0.0, n.accel ** 2, n.gyro ** 2, n.accel_bias ** 2, n.gyro_bias ** 2], 3)
+        return np.repeat([0.0, n.accel**2, n.gyro**2, n.accel_bias**2, n.gyro_bias**2], 3)
 
     @property
     def keep(self):
-        return np.exp(-self.dt * np.r_[np.repeat([self.noise.accel_decay, self.noise.gyro_decay], 3), [0.0] * self.extra_states])
+        return np.exp(
+            -self.dt
+            * np.r_[
+                np.repeat([self.noise.accel_decay, self.noise.gyro_decay], 3),
+                [0.0] * self.extra_states,
+            ]
+        )
 
 
 def log_of(recording, start, noise):
@@ -89,9 +117,18 @@ def log_of(recording, start, noise):
     imu, fix = recording.imu, recording.aidings[0]
     u = np.hstack([imu.dtheta, imu.dv])
     before = np.vstack([np.zeros(6), u[:-1]])
-    cross = lambda i, j: np.cross(before[:, i:i + 3], u[:, j:j + 3]) / 12
+    cross = lambda i, j: np.cross(before[:, i : i + 3], u[:, j : j + 3]) / 12
     u = u + np.hstack([cross(0, 0), cross(0, 3) + cross(3, 0)])
-    return Log(start, noise, float(imu.dt[0]), u, np.searchsorted(imu.t, fix.t - 1e-6), fix.y, fix.sd[0, 0], np.array(fix.parameters))
+    return Log(
+        start,
+        noise,
+        float(imu.dt[0]),
+        u,
+        np.searchsorted(imu.t, fix.t - 1e-6),
+        fix.y,
+        fix.sd[0, 0],
+        np.array(fix.parameters),
+    )
 
 
 def skew(a):
@@ -102,7 +139,8 @@ def skew(a):
 
 
 def derivative(lla, v, C, omega, f):
-    """Time derivatives of position, velocity and attitude, as in ins_equations, for many at once."""
+    """Time derivatives of position, velocity and attitude, as in ins_equations, for many at
+    once."""
     M, R = (r + lla[:, 2] for r in radii(lla[:, 0]))
     zero = 0 * M
     ie = RATE * np.stack([np.cos(lla[:, 0]), zero, -np.sin(lla[:, 0])], axis=1)
@@ -120,7 +158,9 @@ def propagated(log, state, u):
     for _ in range(2):
         rates = []
         for share in (0, 0.5, 0.5, 1):
-            there = [part + share * h * rate for part, rate in zip(now, rates[-1])] if rates else now
+            there = (
+                [part + share * h * rate for part, rate in zip(now, rates[-1])] if rates else now
+            )
             rates.append(derivative(*there, omega, f))
         now = [part + h / 6 * (a + 2 * b + 2 * c + d) for part, a, b, c, d in zip(now, *rates)]
     return State(*now, log.keep * state.b)
@@ -150,30 +190,41 @@ def _corrected(state, P, H, e, R):
 def _at(log, k, state, P):
     """State and P after the fixes at the end of sample k."""
     for row in np.flatnonzero(log.at == k):
-        H = np.hstack([np.eye(3), np.zeros((3, 3)), -skew((state.C @ log.arm)[0]), np.zeros((3, len(P) - 9))])
-        state, P = _corrected(state, P, H, misfit(log, state, log.y[row:row + 1])[0], log.sd ** 2 * np.eye(3))
+        H = np.hstack(
+            [np.eye(3), np.zeros((3, 3)), -skew((state.C @ log.arm)[0]), np.zeros((3, len(P) - 9))]
+        )
+        state, P = _corrected(
+            state, P, H, misfit(log, state, log.y[row : row + 1])[0], log.sd**2 * np.eye(3)
+        )
     if log.baro is not None and k in log.baro_at:
         row = log.baro_at[k]
         H = np.zeros((1, N + 1))
         H[0, 2], H[0, N] = 1.0, -1.0
-        state, P = _corrected(state, P, H, state.lla[0, 2:] + state.b[0, 6] - log.baro.y[row], np.array([[log.baro.sd[row, 0] ** 2]]))
+        state, P = _corrected(
+            state,
+            P,
+            H,
+            state.lla[0, 2:] + state.b[0, 6] - log.baro.y[row],
+            np.array([[log.baro.sd[row, 0] ** 2]]),
+        )
     return state, P
 
 
 def rauch_tung_striebel(log):
-    """(States, covariances (n, 15 or 16, ...)) at the ends of the samples: extended Kalman filter, then backwards."""
+    """(States, covariances (n, 15 or 16, ...)) at the ends of the samples: extended Kalman
+    filter, then backwards."""
     state, P, steps, n, walked = log.first(), log.P0, [], N + log.extra_states, 0
     around = np.zeros((1 + 2 * N, n))
-    around[1:N + 1, :N], around[N + 1:, :N] = np.diag(STEP), -np.diag(STEP)
+    around[1 : N + 1, :N], around[N + 1 :, :N] = np.diag(STEP), -np.diag(STEP)
     many = [0] * len(around)
     for k, u in enumerate(log.u):
         neighbours = propagated(log, state.rows(many).moved(around), u)
         state = neighbours.rows([0])
         x, Phi, Q = neighbours.less(state.rows(many)), np.eye(n), np.zeros((n, n))
-        Phi[:, :N] = ((x[1:N + 1] - x[N + 1:]) / (2 * STEP[:, None])).T
+        Phi[:, :N] = ((x[1 : N + 1] - x[N + 1 :]) / (2 * STEP[:, None])).T
         Q[:N, :N] = noise_of(log, Phi[:N, :N])
-        if log.baro is not None and k in log.baro_at:   # its bias need not walk before it is seen
-            Q[N, N], walked = log.baro_walk ** 2 * (k + 1 - walked) * log.dt, k + 1
+        if log.baro is not None and k in log.baro_at:  # its bias need not walk before it is seen
+            Q[N, N], walked = log.baro_walk**2 * (k + 1 - walked) * log.dt, k + 1
         P = Phi @ P @ Phi.T + Q
         before = state, P
         state, P = _at(log, k, state, P)
@@ -182,32 +233,48 @@ def rauch_tung_striebel(log):
     for (_, _, (state, P)), (Phi, (ahead, P_ahead), _) in zip(steps[-2::-1], steps[:0:-1]):
         later, P_later = found[-1]
         gain = np.linalg.solve(P_ahead, Phi @ P).T
-        found.append((state.moved((gain @ later.less(ahead)[0])[None]), P + gain @ (P_later - P_ahead) @ gain.T))
+        found.append(
+            (
+                state.moved((gain @ later.less(ahead)[0])[None]),
+                P + gain @ (P_later - P_ahead) @ gain.T,
+            )
+        )
     states, P = zip(*found[::-1])
     return State(*(np.concatenate(part) for part in zip(*states))), np.array(P)
 
 
 def least_squares(log, state, rows, iterations=4):
-    """(States at the n ends, covariances at `rows`, size of the last step in prior sd) by Gauss and Newton over all n + 1 times at once.
+    """(States at the n ends, covariances at `rows`, size of the last step in prior sd) by Gauss and
+    Newton over all n + 1 times at once.
 
-    `state` (n + 1) is where it begins. Unknowns are in units of `scale`, and the normal equations banded.
+    `state` (n + 1) is where it begins. Unknowns are in units of `scale`, and the normal equations
+    banded.
     """
     n, scale = len(log.u), np.array(log.start.sd)
     for _ in range(iterations):
         there = propagated(log, state.rows(slice(0, n)), log.u)
-        ahead, J = state.rows(slice(1, n + 1)), np.zeros((n, N, N))     # of the prediction by the state before; by the one after it is I, nearly
+        ahead, J = (
+            state.rows(slice(1, n + 1)),
+            np.zeros((n, N, N)),
+        )  # of the prediction by the state before; by the one after it is I, nearly
         E = np.zeros((n, N, N))
         for i in range(N):
             x = np.zeros((n, N))
             x[:, i] = STEP[i]
-            behind = [ahead.less(propagated(log, state.rows(slice(0, n)).moved(s * x), log.u)) for s in (1, -1)]
+            behind = [
+                ahead.less(propagated(log, state.rows(slice(0, n)).moved(s * x), log.u))
+                for s in (1, -1)
+            ]
             J[:, :, i] = (behind[0] - behind[1]) / (2 * STEP[i])
             E[:, :, i] = (ahead.moved(x).less(there) - ahead.moved(-x).less(there)) / (2 * STEP[i])
         inverse = np.linalg.inv(noise_of(log, -J))
         r = ahead.less(there)
-        normal, right = np.zeros((n + 1, 2, N, N)), np.zeros((n + 1, N))    # diagonal blocks, blocks below
-        normal[0, 0] += np.diag(1 / scale ** 2)
-        right[0] -= state.rows([0]).less(log.first())[0] / scale ** 2
+        normal, right = (
+            np.zeros((n + 1, 2, N, N)),
+            np.zeros((n + 1, N)),
+        )  # diagonal blocks, blocks below
+        normal[0, 0] += np.diag(1 / scale**2)
+        right[0] -= state.rows([0]).less(log.first())[0] / scale**2
         JT, ET = np.swapaxes(J, 1, 2), np.swapaxes(E, 1, 2)
         normal[:n, 0] += JT @ inverse @ J
         normal[1:, 0] += ET @ inverse @ E
@@ -218,16 +285,18 @@ def least_squares(log, state, rows, iterations=4):
         antenna, e = state.rows(seen), misfit(log, state.rows(seen), log.y)
         for k, C in zip(seen, antenna.C):
             H = np.hstack([np.eye(3), np.zeros((3, 3)), -skew(C @ log.arm), np.zeros((3, 6))])
-            normal[k, 0] += H.T @ H / log.sd ** 2
-            right[k] += H.T @ e[np.flatnonzero(seen == k)[0]] / log.sd ** 2
+            normal[k, 0] += H.T @ H / log.sd**2
+            right[k] += H.T @ e[np.flatnonzero(seen == k)[0]] / log.sd**2
         factor = cholesky_banded(_banded(normal * np.outer(scale, scale)), lower=True)
         x = cho_solve_banded((factor, True), (right * scale).ravel()).reshape(n + 1, N)
         state = state.moved(x * scale)
     P = np.empty((len(rows), N, N))
     for number, row in enumerate(rows):
         units = np.zeros(((n + 1) * N, N))
-        units[(row + 1) * N:(row + 2) * N] = np.eye(N)
-        P[number] = cho_solve_banded((factor, True), units)[(row + 1) * N:(row + 2) * N] * np.outer(scale, scale)
+        units[(row + 1) * N : (row + 2) * N] = np.eye(N)
+        P[number] = cho_solve_banded((factor, True), units)[
+            (row + 1) * N : (row + 2) * N
+        ] * np.outer(scale, scale)
     return state.rows(slice(1, n + 1)), P, np.abs(x).max()
 
 

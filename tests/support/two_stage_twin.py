@@ -1,13 +1,16 @@
-"""The two-stage Kalman filter once more, with dense matrices in its own coordinates: position, velocity in the body, Euler angles, biases.
+"""The two-stage Kalman filter once more, with dense matrices in its own coordinates: position,
+velocity in the body, Euler angles, biases.
 
-About the estimate itself (EKF) or about states that are given (affine filter). One function of plain numpy for each equation of docs/two-stage.md.
+About the estimate itself (EKF) or about states that are given (affine filter). One function of
+plain numpy for each equation of docs/two-stage.md.
 """
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from strapdown.filters.attitude.attitude_error_state import carry
 from strapdown.core.earth import RATE, gravity
 from strapdown.core.mechanization import mechanize
+from strapdown.filters.attitude.attitude_error_state import carry
 from strapdown.geodesy import displaced, displacement
 
 CROSS = lambda a: np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
@@ -25,7 +28,8 @@ def angles_of(C):
 
 
 def jacobian(angles):
-    """J of theta_n = J d(roll, pitch, heading): the axes about which the three angles turn, in n."""
+    """J of theta_n = J d(roll, pitch, heading): the axes about which the three angles turn, in
+    n."""
     _, pitch, heading = angles
     turn = Rotation.from_euler("Z", heading).as_matrix()
     return np.c_[turn @ [np.cos(pitch), 0, -np.sin(pitch)], turn @ [0, 1, 0], [0, 0, 1]]
@@ -40,8 +44,11 @@ def coordinates(angles):
 
 class State:
     """lla, v_b, Euler angles, biases."""
+
     def __init__(self, lla, v, angles, ba, bg, of_body=False):
-        self.lla, self.angles, self.ba, self.bg = (np.array(part, float) for part in (lla, angles, ba, bg))
+        self.lla, self.angles, self.ba, self.bg = (
+            np.array(part, float) for part in (lla, angles, ba, bg)
+        )
         self.v = np.array(v, float) if of_body else matrix(angles).T @ v
 
     @property
@@ -49,21 +56,53 @@ class State:
         return matrix(self.angles)
 
     def plus(self, x):
-        return State(displaced(self.lla, x[P]), self.v + x[V], self.angles + x[A], self.ba + x[BA], self.bg + x[BG], True)
+        return State(
+            displaced(self.lla, x[P]),
+            self.v + x[V],
+            self.angles + x[A],
+            self.ba + x[BA],
+            self.bg + x[BG],
+            True,
+        )
 
     def minus(self, other):
-        return np.r_[displacement(self.lla, other.lla), self.v - other.v, WRAP(self.angles - other.angles), self.ba - other.ba, self.bg - other.bg]
+        return np.r_[
+            displacement(self.lla, other.lla),
+            self.v - other.v,
+            WRAP(self.angles - other.angles),
+            self.ba - other.ba,
+            self.bg - other.bg,
+        ]
 
 
 class Twin:
     """The filter, its options (rad, SI) and Noise; `bar` is None or the state to linearise at."""
-    least_speed, largest_bank, crab, correlation, window, acceleration = 3.0, np.radians(45), np.radians(5), 10.0, 1.0, 0.2
+
+    least_speed, largest_bank, crab, correlation, window, acceleration = (
+        3.0,
+        np.radians(45),
+        np.radians(5),
+        10.0,
+        1.0,
+        0.2,
+    )
 
     def __init__(self, start, noise, bar=None):
-        self.at, self.bar, self.noise = State(start.lla, start.v, start.rph, start.ba, start.bg), bar, noise
+        self.at, self.bar, self.noise = (
+            State(start.lla, start.v, start.rph, start.ba, start.bg),
+            bar,
+            noise,
+        )
         T = coordinates(start.rph)
         self.P = np.linalg.inv(T) @ np.diag(np.square(start.sd)) @ np.linalg.inv(T).T
-        self.force, self.centrifugal, self.seconds, self.then, self.since, self.moved = np.zeros(3), np.zeros(3), 0.0, None, 3.0, np.zeros(3)
+        self.force, self.centrifugal, self.seconds, self.then, self.since, self.moved = (
+            np.zeros(3),
+            np.zeros(3),
+            0.0,
+            None,
+            3.0,
+            np.zeros(3),
+        )
 
     @property
     def about(self):
@@ -78,15 +117,34 @@ class Twin:
         self.seconds, self.since = self.seconds + dt, self.since + dt
         lla, v, turned, f = x.lla.copy(), C @ x.v, C.copy(), np.zeros(3)
         mechanize(lla, v, turned, *r, *a, dt, f, 1.0)
-        moved = State(lla, v, angles_of(turned), x.ba * np.exp(-noise.accel_decay * dt), x.bg * np.exp(-noise.gyro_decay * dt))
+        moved = State(
+            lla,
+            v,
+            angles_of(turned),
+            x.ba * np.exp(-noise.accel_decay * dt),
+            x.bg * np.exp(-noise.gyro_decay * dt),
+        )
         middle = C @ (np.eye(3) + CROSS(r / 2))
         drift, driven, kept = np.eye(15), np.eye(15), np.eye(15)
         drift[P, V] = 0.5 * dt * np.eye(3)
         driven[V, BA] = driven[A, BG] = -middle * dt
-        kept[BA, BA], kept[BG, BG] = np.exp(-noise.accel_decay * dt) * np.eye(3), np.exp(-noise.gyro_decay * dt) * np.eye(3)
-        first, last = kept @ driven @ drift @ coordinates(x.angles), np.linalg.inv(coordinates(moved.angles)) @ drift
+        kept[BA, BA], kept[BG, BG] = (
+            np.exp(-noise.accel_decay * dt) * np.eye(3),
+            np.exp(-noise.gyro_decay * dt) * np.eye(3),
+        )
+        first, last = (
+            kept @ driven @ drift @ coordinates(x.angles),
+            np.linalg.inv(coordinates(moved.angles)) @ drift,
+        )
         S = first @ self.P @ first.T
-        S += np.diag(np.repeat([0, noise.accel ** 2, noise.gyro ** 2, noise.accel_bias ** 2, noise.gyro_bias ** 2], 3)) * dt
+        S += (
+            np.diag(
+                np.repeat(
+                    [0, noise.accel**2, noise.gyro**2, noise.accel_bias**2, noise.gyro_bias**2], 3
+                )
+            )
+            * dt
+        )
         S[V, V] += 2 * self.correlation / dt * CROSS(f) @ S[A, A] @ CROSS(f).T
         self.P = last @ S @ last.T
         self.at = moved.plus(last @ first @ self.at.minus(x))
@@ -95,11 +153,18 @@ class Twin:
             self.bar = bar
         if self.since >= 3 and self.seconds >= self.window:
             swing = np.sum((u[:3] / dt - self.about.bg) ** 2) * np.trace(self.covariance()[V, V])
-            self.inject(self._level(self.about.C, self.force - self.centrifugal, (self.acceleration ** 2 + noise.accel ** 2) / self.seconds + swing))
+            self.inject(
+                self._level(
+                    self.about.C,
+                    self.force - self.centrifugal,
+                    (self.acceleration**2 + noise.accel**2) / self.seconds + swing,
+                )
+            )
             self.then, self.seconds = None, 0.0
 
     def update(self, y, H, R):
-        """Kalman correction by an innovation y at `about`, in the coordinates of the library; an EKF injects at once."""
+        """Kalman correction by an innovation y at `about`, in the coordinates of the library; an
+        EKF injects at once."""
         x = self.about
         own = H @ coordinates(x.angles)
         e = y - own @ self.at.minus(x)
@@ -110,22 +175,26 @@ class Twin:
         return K @ e, e @ np.linalg.solve(S, e)
 
     def inject(self, x):
-        """Own errors into the state; what the attitude turns the velocity by counts as its error."""
+        """Own errors into the state; what the attitude turns the velocity by counts as its
+        error."""
         before = self.at.C
         self.at = self.at.plus(x)
         if self.bar is None and x[A].any():
-            turned = before.T @ ((self.at.C - before) @ self.at.v)      # in the body as it was,
-            turned = self.at.C.T @ before @ turned                      # and as it is
+            turned = before.T @ ((self.at.C - before) @ self.at.v)  # in the body as it was,
+            turned = self.at.C.T @ before @ turned  # and as it is
             self.P[V, V] += np.outer(turned, turned)
 
     def position(self, y, sd, arm):
         self._doubt()
         C, H = self.about.C, np.zeros((3, 15))
         H[:, P] = np.eye(3)
-        self.inject(self.update(displacement(y, self.about.lla) - C @ arm, H, np.diag(np.square(sd)))[0])
+        self.inject(
+            self.update(displacement(y, self.about.lla) - C @ arm, H, np.diag(np.square(sd)))[0]
+        )
 
     def velocity(self, y, sd, arm, omega):
-        """Gravity by the change of velocity, and course, both at one linearisation; then the velocity."""
+        """Gravity by the change of velocity, and course, both at one linearisation; then the
+        velocity."""
         self._doubt()
         x = self.about
         C, vel = x.C, y - x.C @ np.cross(omega, arm)
@@ -134,8 +203,13 @@ class Twin:
             earth = RATE * np.array([np.cos(x.lla[0]), 0, -np.sin(x.lla[0])])
             a = (vel - self.then) / T + 2 * np.cross(earth, vel)
             heading = (jacobian(x.angles) @ self.P[A, A] @ jacobian(x.angles).T)[2, 2]
-            found += self._level(C, self.force - C.T @ a,
-                                 self.acceleration ** 2 / T + 2 * np.mean(np.square(sd)) / T ** 2 + (a[:2] @ a[:2]) * heading)
+            found += self._level(
+                C,
+                self.force - C.T @ a,
+                self.acceleration**2 / T
+                + 2 * np.mean(np.square(sd)) / T**2
+                + (a[:2] @ a[:2]) * heading,
+            )
         if self.then is None or T >= 0.9 * self.window:
             self.then, self.seconds = vel, 0.0
         found += self._course(C, vel, sd, found)
@@ -143,23 +217,35 @@ class Twin:
         self.inject(found)
         C, H = self.about.C, np.zeros((3, 15))
         H[:, V] = np.eye(3)
-        self.inject(self.update(y - C @ self.about.v - C @ np.cross(omega, arm), H, np.diag(np.square(sd)))[0])
+        self.inject(
+            self.update(y - C @ self.about.v - C @ np.cross(omega, arm), H, np.diag(np.square(sd)))[
+                0
+            ]
+        )
 
     def _level(self, C, z, variance):
-        """Correction by the specific force z less the body's own acceleration, with that variance of what is left."""
+        """Correction by the specific force z less the body's own acceleration, with that
+        variance of what is left."""
         g, H = gravity(np.sin(self.about.lla[0]), self.about.lla[2]), np.zeros((3, 15))
         H[:, A] = C.T @ CROSS([0, 0, -g])
         R = variance + (np.linalg.norm(z) - g) ** 2
-        return self._believed(z - C.T @ [0, 0, -g], H, R * np.eye(3) + np.diag(np.diag(self.P)[BA]), 16.266)
+        return self._believed(
+            z - C.T @ [0, 0, -g], H, R * np.eye(3) + np.diag(np.diag(self.P)[BA]), 16.266
+        )
 
     def _course(self, C, vel, sd, found):
         speed = np.hypot(*vel[:2])
         if speed < self.least_speed or abs(self.about.angles[0]) > self.largest_bank:
             return np.zeros(15)
-        R = np.mean(np.square(sd[:2])) / speed ** 2 + self.crab ** 2 * max(2 * self.correlation / self.since, 1)
+        R = np.mean(np.square(sd[:2])) / speed**2 + self.crab**2 * max(
+            2 * self.correlation / self.since, 1
+        )
         H = np.zeros((1, 15))
         H[0, A] = np.linalg.inv(jacobian(self.about.angles))[2]
-        e = WRAP(np.arctan2(vel[1], vel[0]) - self.about.angles[2]) - H @ coordinates(self.about.angles) @ found
+        e = (
+            WRAP(np.arctan2(vel[1], vel[0]) - self.about.angles[2])
+            - H @ coordinates(self.about.angles) @ found
+        )
         return self._believed(e, H, R * np.eye(1), 10.828)
 
     def _believed(self, e, H, R, bound):

@@ -1,1 +1,2 @@
-"""Reproductions of published and recorded results; each writes index.html, CSV tables and claims.json."""
+"""Reproductions of published and recorded results; each writes index.html, CSV tables and
+claims.json."""

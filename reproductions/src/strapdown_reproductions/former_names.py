@@ -1,4 +1,6 @@
-"""Modules under the names that documentation of version 0.1 showed, when they were `strapdown.papers`."""
+"""Modules under the names that documentation of version 0.1 showed, when they were
+`strapdown.papers`."""
+
 MOVED = {
     "alam_convergence": "strapdown_reproductions.alam.convergence",
     "alam_runs": "strapdown_reproductions.alam.runs",

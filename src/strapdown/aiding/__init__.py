@@ -1,4 +1,6 @@
-"""Kinds of aiding, one file per measurement. A file holds `observe` kernels and, for each, one `Measurement(...)` value; nothing else lists them."""
+"""Kinds of aiding, one file per measurement. A file holds `observe` kernels and, for each, one
+`Measurement(...)` value; nothing else lists them."""
+
 import importlib
 import pkgutil
 from difflib import get_close_matches
@@ -9,12 +11,23 @@ from ..core.contract import Measurement
 
 @cache
 def measurements():
-    """{name: Measurement} of all kinds, in the order of their `kind` numbers, which must be 0, 1, 2, ..."""
-    modules = [importlib.import_module(module.name) for module in pkgutil.walk_packages(__path__, __name__ + ".")]
-    found = {id(value): value for module in modules for value in vars(module).values() if isinstance(value, Measurement)}.values()
+    """{name: Measurement} of all kinds, in the order of their `kind` numbers, which must be 0,
+    1, 2, ..."""
+    modules = [
+        importlib.import_module(module.name)
+        for module in pkgutil.walk_packages(__path__, __name__ + ".")
+    ]
+    found = {
+        id(value): value
+        for module in modules
+        for value in vars(module).values()
+        if isinstance(value, Measurement)
+    }.values()
     ordered = sorted(found, key=lambda sensor: sensor.kind)
     if [sensor.kind for sensor in ordered] != list(range(len(ordered))):
-        raise RuntimeError(f"kind numbers of aiding must be 0, 1, 2, ...: {[(s.name, s.kind) for s in ordered]}")
+        raise RuntimeError(
+            f"kind numbers of aiding must be 0, 1, 2, ...: {[(s.name, s.kind) for s in ordered]}"
+        )
     return {sensor.name: sensor for sensor in ordered}
 
 
@@ -27,5 +40,7 @@ def find(name):
     """The Measurement of that kind. Raises ValueError with the nearest name."""
     if name not in measurements():
         near = get_close_matches(str(name), names(), 1)
-        raise ValueError(f"no aiding is of kind {name!r}; {f'did you mean {near[0]!r}? ' if near else ''}there are: {', '.join(names())}")
+        raise ValueError(
+            f"no aiding is of kind {name!r}; {f'did you mean {near[0]!r}? ' if near else ''}there are: {', '.join(names())}"
+        )
     return measurements()[name]

@@ -1,4 +1,5 @@
 """Ellipsoidal height of a point of the body: y = m."""
+
 from ..core.contract import OBSERVE, Measurement, helper, kernel
 from ..core.rotation import turned
 
@@ -7,7 +8,8 @@ ALTITUDE = 3
 
 @helper
 def height(belief, measured, parameters, innovation, H):
-    """One row, down: estimated height of the point at the lever arm parameters[0:3] (m, body) - measured, m."""
+    """One row, down: estimated height of the point at the lever arm parameters[0:3] (m, body) -
+    measured, m."""
     north, east, down = turned(belief.C, parameters[0], parameters[1], parameters[2])
     innovation[0] = belief.lla[2] - measured - down
     H[0, 2] = 1.0
@@ -21,4 +23,11 @@ def observe(belief, y, parameters, innovation, H):
     return height(belief, y[0], parameters, innovation, H)
 
 
-MEASUREMENT = Measurement("altitude", ALTITUDE, observe, ("length",), parameters="antenna", reference="down component of the position fix")
+MEASUREMENT = Measurement(
+    "altitude",
+    ALTITUDE,
+    observe,
+    ("length",),
+    parameters="antenna",
+    reference="down component of the position fix",
+)

@@ -1,7 +1,9 @@
-"""Velocity of a point of the vehicle along its own axes: wheel speed, and the constraints of a vehicle that neither slips sideways nor hops.
+"""Velocity of a point of the vehicle along its own axes: wheel speed, and the constraints of a
+vehicle that neither slips sideways nor hops.
 
 h = C' v + omega x l; with true C = exp(theta) C the derivative by theta is C' S(v).
 """
+
 from ..core.contract import OBSERVE, Measurement, helper, kernel
 
 SPEED, ZERO_LATERAL_VELOCITY, ZERO_VERTICAL_VELOCITY = 4, 5, 6
@@ -9,11 +11,14 @@ SPEED, ZERO_LATERAL_VELOCITY, ZERO_VERTICAL_VELOCITY = 4, 5, 6
 
 @helper
 def along(axis, belief, y, parameters, innovation, H):
-    """One row: y - velocity of the point `parameters[0:3]` (m, body, from the IMU) along body axis 0, 1 or 2."""
+    """One row: y - velocity of the point `parameters[0:3]` (m, body, from the IMU) along body
+    axis 0, 1 or 2."""
     C, v, w = belief.C, belief.v, belief.omega
     i, j = (axis + 1) % 3, (axis + 2) % 3
     c0, c1, c2 = C[0, axis], C[1, axis], C[2, axis]
-    innovation[0] = y[0] - c0 * v[0] - c1 * v[1] - c2 * v[2] - (w[i] * parameters[j] - w[j] * parameters[i])
+    innovation[0] = (
+        y[0] - c0 * v[0] - c1 * v[1] - c2 * v[2] - (w[i] * parameters[j] - w[j] * parameters[i])
+    )
     H[0, 3], H[0, 4], H[0, 5] = c0, c1, c2
     H[0, 6], H[0, 7], H[0, 8] = c1 * v[2] - c2 * v[1], c2 * v[0] - c0 * v[2], c0 * v[1] - c1 * v[0]
     H[0, 12 + i], H[0, 12 + j] = -parameters[j], parameters[i]
@@ -38,8 +43,29 @@ def observe_vertical(belief, y, parameters, innovation, H):
     return along(2, belief, y, parameters, innovation, H)
 
 
-FORWARD = Measurement("speed", SPEED, observe_speed, ("speed",), parameters="reference", reference="odometer: Groves (2013) section 16.3")
-LATERAL = Measurement("zero-lateral-velocity", ZERO_LATERAL_VELOCITY, observe_lateral, ("speed",), parameters="reference", recorded=False,
-                 reference="Dissanayake et al. (2001), IEEE Trans. Robotics and Automation 17(5)")
-VERTICAL = Measurement("zero-vertical-velocity", ZERO_VERTICAL_VELOCITY, observe_vertical, ("speed",), parameters="reference", recorded=False,
-                  reference="Dissanayake et al. (2001), IEEE Trans. Robotics and Automation 17(5)")
+FORWARD = Measurement(
+    "speed",
+    SPEED,
+    observe_speed,
+    ("speed",),
+    parameters="reference",
+    reference="odometer: Groves (2013) section 16.3",
+)
+LATERAL = Measurement(
+    "zero-lateral-velocity",
+    ZERO_LATERAL_VELOCITY,
+    observe_lateral,
+    ("speed",),
+    parameters="reference",
+    recorded=False,
+    reference="Dissanayake et al. (2001), IEEE Trans. Robotics and Automation 17(5)",
+)
+VERTICAL = Measurement(
+    "zero-vertical-velocity",
+    ZERO_VERTICAL_VELOCITY,
+    observe_vertical,
+    ("speed",),
+    parameters="reference",
+    recorded=False,
+    reference="Dissanayake et al. (2001), IEEE Trans. Robotics and Automation 17(5)",
+)

@@ -1,8 +1,11 @@
-"""The body does not accelerate: its specific force is the reaction to gravity. A constraint, for bodies that stand, float or move steadily.
+"""The body does not accelerate: its specific force is the reaction to gravity. A constraint, for
+bodies that stand, float or move steadily.
 
-With true C = exp(theta) C and f = f_measured - b_a, -(C f + g) = theta x (C f) - C delta b_a for the estimated C and f, m/s^2 in n: three rows, the third for the bias alone.
-An acceleration of the body goes into the attitude as its angle against g; its standard deviation is what `sd` must say.
+With true C = exp(theta) C and f = f_measured - b_a, -(C f + g) = theta x (C f) - C delta b_a for
+the estimated C and f, m/s^2 in n: three rows, the third for the bias alone. An acceleration of the
+body goes into the attitude as its angle against g; its standard deviation is what `sd` must say.
 """
+
 import math
 
 from ..core.contract import GRAVITY_KIND, OBSERVE, Measurement, kernel
@@ -17,7 +20,11 @@ def observe(belief, y, parameters, innovation, H):
     """Three rows: - gravity - specific force, m/s^2 NED, of the last sample."""
     C, f = belief.C, belief.f
     n0, n1, n2 = turned(C, f[0], f[1], f[2])
-    innovation[0], innovation[1], innovation[2] = -n0, -n1, -n2 - gravity(math.sin(belief.lla[0]), belief.lla[2])
+    innovation[0], innovation[1], innovation[2] = (
+        -n0,
+        -n1,
+        -n2 - gravity(math.sin(belief.lla[0]), belief.lla[2]),
+    )
     H[0, 7], H[0, 8] = n2, -n1
     H[1, 6], H[1, 8] = -n2, n0
     H[2, 6], H[2, 7] = n1, -n0
@@ -27,5 +34,11 @@ def observe(belief, y, parameters, innovation, H):
     return 3
 
 
-MEASUREMENT = Measurement("gravity", GRAVITY, observe, ("acceleration", "acceleration", "acceleration"), recorded=False,
-                reference="Fossen (2021) section 14.4.3, reference vector of gravity")
+MEASUREMENT = Measurement(
+    "gravity",
+    GRAVITY,
+    observe,
+    ("acceleration", "acceleration", "acceleration"),
+    recorded=False,
+    reference="Fossen (2021) section 14.4.3, reference vector of gravity",
+)

@@ -1,4 +1,6 @@
-"""Heading of the body's x axis, clockwise from true north: y = rad. The Jacobian is exact at every heading (the published compass row is not)."""
+"""Heading of the body's x axis, clockwise from true north: y = rad. The Jacobian is exact at
+every heading (the published compass row is not)."""
+
 import math
 
 from ..core.contract import OBSERVE, Measurement, kernel
@@ -11,7 +13,9 @@ HEADING = 2
 def observe(belief, y, parameters, innovation, H):
     """One row: y - heading, wrapped, rad."""
     C = belief.C
-    horizontal = max(C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0], 1e-12)  # zero where the x axis points up or down
+    horizontal = max(
+        C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0], 1e-12
+    )  # zero where the x axis points up or down
     innovation[0] = wrap(y[0] - math.atan2(C[1, 0], C[0, 0]))
     H[0, 6] = -C[2, 0] * C[0, 0] / horizontal
     H[0, 7] = -C[2, 0] * C[1, 0] / horizontal
@@ -19,4 +23,10 @@ def observe(belief, y, parameters, innovation, H):
     return 1
 
 
-MEASUREMENT = Measurement("heading", HEADING, observe, ("angle",), reference="derivative of atan2(C21, C11); Fossen (2021) eq. 14.254 corrected")
+MEASUREMENT = Measurement(
+    "heading",
+    HEADING,
+    observe,
+    ("angle",),
+    reference="derivative of atan2(C21, C11); Fossen (2021) eq. 14.254 corrected",
+)

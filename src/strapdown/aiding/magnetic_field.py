@@ -1,8 +1,11 @@
-"""The magnetic field in body axes, T, calibrated; its reference vector in n is that of a field model at date and place, or of the record.
+"""The magnetic field in body axes, T, calibrated; its reference vector in n is that of a field
+model at date and place, or of the record.
 
-h = C' m_n; with true C = exp(theta) C its derivative by theta is C' S(m_n). Needs the whole vector right: where only its direction in the horizontal
-plane is to be trusted, the attitude filters take that.
+h = C' m_n; with true C = exp(theta) C its derivative by theta is C' S(m_n). Needs the whole vector
+right: where only its direction in the horizontal plane is to be trusted, the attitude filters take
+that.
 """
+
 from ..core.contract import MAGNETIC_KIND, OBSERVE, Measurement, kernel
 
 MAGNETIC_FIELD = MAGNETIC_KIND
@@ -20,5 +23,12 @@ def observe(belief, y, parameters, innovation, H):
     return 3
 
 
-MEASUREMENT = Measurement("magnetic-field", MAGNETIC_FIELD, observe, ("magnetic field", "magnetic field", "magnetic field"), parameters="field", vector="b",
-                reference="Fossen (2021) eq. 14.2.1 and section 14.4.3, magnetic reference vector")
+MEASUREMENT = Measurement(
+    "magnetic-field",
+    MAGNETIC_FIELD,
+    observe,
+    ("magnetic field", "magnetic field", "magnetic field"),
+    parameters="field",
+    vector="b",
+    reference="Fossen (2021) eq. 14.2.1 and section 14.4.3, magnetic reference vector",
+)

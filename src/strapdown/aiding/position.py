@@ -1,4 +1,5 @@
 """Geodetic position of an antenna: y = latitude (rad), longitude (rad), ellipsoidal height (m)."""
+
 import math
 
 from ..core.contract import OBSERVE, POSITION_KIND, Measurement, kernel
@@ -17,7 +18,9 @@ def observe(belief, y, parameters, innovation, H):
     l1 = C[1, 0] * parameters[0] + C[1, 1] * parameters[1] + C[1, 2] * parameters[2]
     l2 = C[2, 0] * parameters[0] + C[2, 1] * parameters[1] + C[2, 2] * parameters[2]
     innovation[0] = (y[0] - belief.lla[0]) * (R_M + belief.lla[2]) - l0
-    innovation[1] = wrap(y[1] - belief.lla[1]) * (R_N + belief.lla[2]) * math.cos(belief.lla[0]) - l1
+    innovation[1] = (
+        wrap(y[1] - belief.lla[1]) * (R_N + belief.lla[2]) * math.cos(belief.lla[0]) - l1
+    )
     innovation[2] = belief.lla[2] - y[2] - l2
     H[0, 0] = H[1, 1] = H[2, 2] = 1.0
     H[0, 7], H[0, 8] = l2, -l1
@@ -26,5 +29,11 @@ def observe(belief, y, parameters, innovation, H):
     return 3
 
 
-MEASUREMENT = Measurement("position", POSITION, observe, ("latitude", "longitude", "length"), parameters="antenna",
-                reference="Groves (2013) eq. 14.111")
+MEASUREMENT = Measurement(
+    "position",
+    POSITION,
+    observe,
+    ("latitude", "longitude", "length"),
+    parameters="antenna",
+    reference="Groves (2013) eq. 14.111",
+)

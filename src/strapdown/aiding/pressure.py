@@ -1,23 +1,26 @@
-"""Barometric height of a point of the body: from pressure (Pa) in the ICAO standard atmosphere, or as a height (m) whose zero is unknown.
+"""Barometric height of a point of the body: from pressure (Pa) in the ICAO standard atmosphere, or
+as a height (m) whose zero is unknown.
 
-Weather and the undulation of the geoid put it off the ellipsoidal height by up to some hundred metres, and drift. So each source brings a bias
-along, in m: what the barometer reads too high.
+Weather and the undulation of the geoid put it off the ellipsoidal height by up to some hundred
+metres, and drift. So each source brings a bias along, in m: what the barometer reads too high.
 """
+
 import math
 
 from ..core.contract import FIRST, OBSERVE, STATES, Measurement, helper, kernel
 from .altitude import height
 
 PRESSURE, PRESSURE_ALTITUDE = 10, 11
-P_0, T_0, LAPSE = 101325.0, 288.15, 6.5e-3      # Pa, K, K/m at mean sea level
-EXPONENT = 287.05287 * LAPSE / 9.80665          # of p / p_0 in the troposphere
-TOP, P_TOP = 11000.0, P_0 * (1 - 11000.0 * LAPSE / T_0) ** (1 / EXPONENT)   # tropopause, m and Pa
-SCALE_TOP = 287.05287 * (T_0 - LAPSE * TOP) / 9.80665                       # scale height above it, m
+P_0, T_0, LAPSE = 101325.0, 288.15, 6.5e-3  # Pa, K, K/m at mean sea level
+EXPONENT = 287.05287 * LAPSE / 9.80665  # of p / p_0 in the troposphere
+TOP, P_TOP = 11000.0, P_0 * (1 - 11000.0 * LAPSE / T_0) ** (1 / EXPONENT)  # tropopause, m and Pa
+SCALE_TOP = 287.05287 * (T_0 - LAPSE * TOP) / 9.80665  # scale height above it, m
 
 
 @helper
 def pressure_altitude(p):
-    """Geopotential height in the standard atmosphere, m, up to 20 km; ICAO Doc 7488. NaN where p is not above zero."""
+    """Geopotential height in the standard atmosphere, m, up to 20 km; ICAO Doc 7488. NaN where p
+    is not above zero."""
     if not p > 0:
         return math.nan
     if p < P_TOP:
@@ -45,7 +48,24 @@ def observe_altitude(belief, y, parameters, innovation, H):
     return biased(belief, y[0], parameters, innovation, H)
 
 
-BIAS = dict(states=("bias [m]",), state_sd=150.0, state_walk=0.1)       # the walk: 6 m an hour, where 1 hPa of weather is 8 m
-MEASUREMENT = Measurement("pressure", PRESSURE, observe, ("pressure",), parameters="antenna", reference="ICAO Doc 7488; Groves (2013) section 6.2.1", **BIAS)
-ALTITUDE = Measurement("pressure-altitude", PRESSURE_ALTITUDE, observe_altitude, ("length",), parameters="antenna", reference="Groves (2013) section 6.2.1",
-                  **BIAS)
+BIAS = dict(
+    states=("bias [m]",), state_sd=150.0, state_walk=0.1
+)  # the walk: 6 m an hour, where 1 hPa of weather is 8 m
+MEASUREMENT = Measurement(
+    "pressure",
+    PRESSURE,
+    observe,
+    ("pressure",),
+    parameters="antenna",
+    reference="ICAO Doc 7488; Groves (2013) section 6.2.1",
+    **BIAS,
+)
+ALTITUDE = Measurement(
+    "pressure-altitude",
+    PRESSURE_ALTITUDE,
+    observe_altitude,
+    ("length",),
+    parameters="antenna",
+    reference="Groves (2013) section 6.2.1",
+    **BIAS,
+)

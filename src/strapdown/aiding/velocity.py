@@ -1,4 +1,6 @@
-"""Velocity of an antenna over ground: y = north, east, down, m/s. The Earth's rate in the lever-arm term (7e-5 rad/s) is left out."""
+"""Velocity of an antenna over ground: y = north, east, down, m/s. The Earth's rate in the
+lever-arm term (7e-5 rad/s) is left out."""
+
 from ..core.contract import OBSERVE, Measurement, kernel
 
 VELOCITY = 1
@@ -27,5 +29,12 @@ def observe(belief, y, parameters, innovation, H):
     return 3
 
 
-MEASUREMENT = Measurement("velocity", VELOCITY, observe, ("speed", "speed", "speed"), parameters="antenna", vector="n",
-                reference="Groves (2013) eq. 14.111")
+MEASUREMENT = Measurement(
+    "velocity",
+    VELOCITY,
+    observe,
+    ("speed", "speed", "speed"),
+    parameters="antenna",
+    vector="n",
+    reference="Groves (2013) eq. 14.111",
+)

@@ -1,7 +1,10 @@
-"""A floating body heaves about mean sea level. The waves are the noise: `sd` is that of the heave, m.
+"""A floating body heaves about mean sea level. The waves are the noise: `sd` is that of the heave,
+m.
 
-y is the height of mean sea level above the ellipsoid, m: the undulation of the geoid where heights are ellipsoidal, 0 where heave is all that is wanted.
+y is the height of mean sea level above the ellipsoid, m: the undulation of the geoid where heights
+are ellipsoidal, 0 where heave is all that is wanted.
 """
+
 from ..core.contract import OBSERVE, SEA_LEVEL_KIND, Measurement, kernel
 from .altitude import height
 
@@ -10,9 +13,17 @@ ZERO_SEA_LEVEL = SEA_LEVEL_KIND
 
 @kernel(OBSERVE)
 def observe(belief, y, parameters, innovation, H):
-    """One row, down: estimated height of the point of the waterline at parameters[0:3] (m, body) - y, m."""
+    """One row, down: estimated height of the point of the waterline at parameters[0:3] (m, body)
+    - y, m."""
     return height(belief, y[0], parameters, innovation, H)
 
 
-MEASUREMENT = Measurement("zero-sea-level", ZERO_SEA_LEVEL, observe, ("length",), parameters="reference", recorded=False,
-                reference="Fossen (2021) section 14.4.3: z = 0 aiding of surface craft")
+MEASUREMENT = Measurement(
+    "zero-sea-level",
+    ZERO_SEA_LEVEL,
+    observe,
+    ("length",),
+    parameters="reference",
+    recorded=False,
+    reference="Fossen (2021) section 14.4.3: z = 0 aiding of surface craft",
+)

@@ -1,4 +1,6 @@
-"""Zero velocity over ground while the vehicle is at rest; `strapdown.preprocessing.stationary.at_rest` finds when."""
+"""Zero velocity over ground while the vehicle is at rest;
+`strapdown.preprocessing.stationary.at_rest` finds when."""
+
 from ..core.contract import OBSERVE, Measurement, kernel
 
 ZERO_VELOCITY = 7
@@ -13,5 +15,12 @@ def observe(belief, y, parameters, innovation, H):
     return 3
 
 
-MEASUREMENT = Measurement("zero-velocity", ZERO_VELOCITY, observe, ("speed", "speed", "speed"), recorded=False, when="at rest",
-                reference="Groves (2013) section 15.3")
+MEASUREMENT = Measurement(
+    "zero-velocity",
+    ZERO_VELOCITY,
+    observe,
+    ("speed", "speed", "speed"),
+    recorded=False,
+    when="at rest",
+    reference="Groves (2013) section 15.3",
+)

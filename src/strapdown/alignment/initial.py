@@ -1,9 +1,12 @@
-"""From the first seconds of a Recording to a filter's Start: position and velocity from fixes, level from specific force, heading from what there is.
+"""From the first seconds of a Recording to a filter's Start: position and velocity from fixes,
+level from specific force, heading from what there is.
 
-The start is the first position fix; where the heading can only come from the course, the first fix faster than `MOVING`. A filter of attitude
-alone needs no fix and starts with the record. Everything found is stated in `Start.note` and can be overridden with `Start._replace`.
-Source: Groves (2013) section 5.6.
+The start is the first position fix; where the heading can only come from the course, the first fix
+faster than `MOVING`. A filter of attitude alone needs no fix and starts with the record. Everything
+found is stated in `Start.note` and can be overridden with `Start._replace`. Source: Groves (2013)
+section 5.6.
 """
+
 from typing import NamedTuple
 
 import numpy as np
@@ -12,70 +15,124 @@ from ..core.contract import Start
 from ..core.earth import GRAVITY_EQUATOR, RATE
 from ..data import DataError
 from ..geodesy import displaced, displacement
-from .initial_heading import LEVEL_SD_MOVING, LEVEL_SD_REST, UNKNOWN_SD, Found, earth_rate_heading, magnetic_heading, mean_force
-from .location import place_of
 from ..preprocessing.stationary import at_rest, stretches
 from ..rotation_products import running_products
+from .initial_heading import (
+    LEVEL_SD_MOVING,
+    LEVEL_SD_REST,
+    UNKNOWN_SD,
+    Found,
+    earth_rate_heading,
+    magnetic_heading,
+    mean_force,
+)
+from .location import place_of
 from .static_attitude import body_to_navigation, level
 
-MOVING = 5.0                    # m/s: above it the course of the velocity is taken as heading
-COURSE_SD = np.radians(15.0)    # wind, sideslip
+MOVING = 5.0  # m/s: above it the course of the velocity is taken as heading
+COURSE_SD = np.radians(15.0)  # wind, sideslip
 LEVEL_SD_GUESSED = np.radians(15.0)
-REST_TIME = 2.0                 # s: shortest rest that is worth averaging
-SLOW = 1.0                      # m/s: fixes surely faster than that are no rest, whatever the IMU feels
-UNKNOWN_ACCELERATION = 3.0      # m/s^2: what a velocity may change by between fixes
-REST_SEARCH = 600.0             # s before the start in which rest is looked for
-REST_AHEAD = 10.0               # s after the start in which a filter of attitude alone may find it, where the record begins with rest
-RECORD_AGE = 1.0                # s that a record of the attitude may be away from the start
-REST_AGE = 30.0                 # s for which the gyros carry on the level of a rest
-UNKNOWN_SPEED, EARTH_RADIUS = 10.0, 6.4e6   # m/s, m: standard deviations of what a filter of attitude alone does not need
-GYRO_SCALE = 0.01               # of the angle turned: what a MEMS gyro's scale and axes may be off by
-WEIGHTLESS = 0.8                # of gravity: a mean specific force further from it has no level in it
+REST_TIME = 2.0  # s: shortest rest that is worth averaging
+SLOW = 1.0  # m/s: fixes surely faster than that are no rest, whatever the IMU feels
+UNKNOWN_ACCELERATION = 3.0  # m/s^2: what a velocity may change by between fixes
+REST_SEARCH = 600.0  # s before the start in which rest is looked for
+# s after the start in which a filter of attitude alone may find it, where the record begins with
+# rest
+REST_AHEAD = 10.0
+RECORD_AGE = 1.0  # s that a record of the attitude may be away from the start
+REST_AGE = 30.0  # s for which the gyros carry on the level of a rest
+UNKNOWN_SPEED, EARTH_RADIUS = (
+    10.0,
+    6.4e6,
+)  # m/s, m: standard deviations of what a filter of attitude alone does not need
+GYRO_SCALE = 0.01  # of the angle turned: what a MEMS gyro's scale and axes may be off by
+WEIGHTLESS = 0.8  # of gravity: a mean specific force further from it has no level in it
 
 
 def align(recording, imu, heading=None, heading_sd=np.radians(2.0), at=None, position=True):
     """A Start for `recording`, whose IMU is the ImuSpec `imu`.
 
-    heading, heading_sd: rad, where the caller knows it; at: s, where the caller wants another instant (then the fixes next to it are used).
-    position: False for a filter that estimates attitude without position: it starts with the record and needs no fix.
-    Raises DataError where there is no position fix to start from, or no specific force to level by.
+    heading, heading_sd: rad, where the caller knows it; at: s, where the caller wants another
+    instant (then the fixes next to it are used). position: False for a filter that estimates
+    attitude without position: it starts with the record and needs no fix. Raises DataError where
+    there is no position fix to start from, or no specific force to level by.
     """
     if at is not None and not recording.span[0] <= at < recording.span[1]:
-        raise DataError(f"cannot start at {at:g} s; the IMU record covers {recording.span[0]:.3f} to {recording.span[1]:.3f} s")
+        raise DataError(
+            f"cannot start at {at:g} s; the IMU record covers {recording.span[0]:.3f} to {recording.span[1]:.3f} s"
+        )
     given = None if heading is None else Found(float(heading), float(heading_sd), "heading given")
     if not position:
         return _attitude_start(recording, imu, given, recording.span[0] if at is None else at)
     position = _source(recording, "position")
     if position is None:
-        raise DataError("no position fix to start from: add a position aiding, or give start= (in Python), "
-                        "or choose a filter of attitude alone (attitude-mekf, mahony, vru)")
+        raise DataError(
+            "no position fix to start from: add a position aiding, or give start= (in Python), "
+            "or choose a filter of attitude alone (attitude-mekf, mahony, vru)"
+        )
     velocity = _source(recording, "velocity")
     b_a_sd, b_g_sd = imu.bias_sd()
-    t, v, v_sd, moving = _instant(recording, position, velocity, at, lambda t: _heading(recording, imu, t, given, np.zeros(3), position.y[0]).known)
+    t, v, v_sd, moving = _instant(
+        recording,
+        position,
+        velocity,
+        at,
+        lambda t: _heading(recording, imu, t, given, np.zeros(3), position.y[0]).known,
+    )
     k = int(np.argmin(np.abs(position.t - t)))
     age = abs(t - position.t[k])
     rest = _rest_before(recording, t)
     bg, bg_sd, bias_note = _gyro_bias(recording, rest, b_g_sd)
     omega, f = _rates(recording, t, bg)
-    psi, psi_sd, psi_note, still = _or_course(_heading(recording, imu, t, given, bg, position.y[k]), v, moving)
-    roll, pitch, level_sd, level_note = (_level_at_rest(mean_force(recording, t, bg), b_a_sd) if still else
-                                         _level(recording, t, rest, v, psi, psi_sd, velocity, b_a_sd, bg, omega, f))
+    psi, psi_sd, psi_note, still = _or_course(
+        _heading(recording, imu, t, given, bg, position.y[k]), v, moving
+    )
+    roll, pitch, level_sd, level_note = (
+        _level_at_rest(mean_force(recording, t, bg), b_a_sd)
+        if still
+        else _level(recording, t, rest, v, psi, psi_sd, velocity, b_a_sd, bg, omega, f)
+    )
     if record := _recorded(recording, t, bg):
         roll, pitch, level_sd, level_note = _level_recorded(record, psi)
     C = body_to_navigation(roll, pitch, psi)
     v = v - C @ np.cross(omega, _arm(velocity))
     lla = displaced(position.y[k], v * (t - position.t[k]) - C @ _arm(position))
-    sd = [*np.hypot(position.sd[k], age * v_sd), *v_sd, *np.broadcast_to(level_sd, 2), psi_sd, *[b_a_sd] * 3, *bg_sd]
-    return _start(t, lla, v, (roll, pitch, psi), bg, sd, f"position and velocity at {t:.2f} s, {psi_note}, {level_note}, {bias_note}")
+    sd = [
+        *np.hypot(position.sd[k], age * v_sd),
+        *v_sd,
+        *np.broadcast_to(level_sd, 2),
+        psi_sd,
+        *[b_a_sd] * 3,
+        *bg_sd,
+    ]
+    return _start(
+        t,
+        lla,
+        v,
+        (roll, pitch, psi),
+        bg,
+        sd,
+        f"position and velocity at {t:.2f} s, {psi_note}, {level_note}, {bias_note}",
+    )
 
 
 def _start(t, lla, v, rph, bg, sd, note):
     numbers = lambda values: tuple(float(value) for value in values)
-    return Start(float(t), numbers(lla), numbers(v), numbers(rph), (0.0, 0.0, 0.0), numbers(bg), numbers(sd), note)
+    return Start(
+        float(t),
+        numbers(lla),
+        numbers(v),
+        numbers(rph),
+        (0.0, 0.0, 0.0),
+        numbers(bg),
+        numbers(sd),
+        note,
+    )
 
 
 def _attitude_start(recording, imu, given, t):
-    """A Start for a filter of attitude alone: level from rest or else the mean specific force; place and velocity as far as they are known."""
+    """A Start for a filter of attitude alone: level from rest or else the mean specific force;
+    place and velocity as far as they are known."""
     fixes, velocity = _source(recording, "position"), _source(recording, "velocity")
     lla, lla_sd, place_note = _place(recording, fixes, t)
     v, v_sd, moving = np.zeros(3), np.full(3, UNKNOWN_SPEED), False
@@ -86,74 +143,125 @@ def _attitude_start(recording, imu, given, t):
     bg, bg_sd, bias_note = _gyro_bias(recording, rest, b_g_sd)
     bg_sd = np.hypot(bg_sd, _unsteadiness(recording.imu, rest)) if bg.any() else bg_sd
     place = lla if np.isfinite(lla_sd).all() else None
-    psi, psi_sd, psi_note, still = _or_course(_heading(recording, imu, t, given, bg, place), v, moving)
+    psi, psi_sd, psi_note, still = _or_course(
+        _heading(recording, imu, t, given, bg, place), v, moving
+    )
     force, age = mean_force(recording, t, bg), t - recording.imu.t[rest[-1][-1]] if rest else np.inf
     record = _recorded(recording, t, bg)
     if force.off > WEIGHTLESS and not record:
-        raise DataError(f"cannot level: the mean specific force at {t:.2f} s is {np.linalg.norm(force.f):.3g} m/s^2, far from gravity; "
-                        "start elsewhere, or give start= (in Python)")
+        raise DataError(
+            f"cannot level: the mean specific force at {t:.2f} s is {np.linalg.norm(force.f):.3g} m/s^2, far from gravity; "
+            "start elsewhere, or give start= (in Python)"
+        )
     if record:
         roll, pitch, level_sd, level_note = _level_recorded(record, psi)
     elif still or age <= 0:
         roll, pitch, level_sd, level_note = _level_at_rest(force, b_a_sd)
     else:
-        roll, pitch, level_sd, level_note = min(_levels_in_motion(recording, t, rest, age, force, b_a_sd, bg), key=lambda found: found[2])
+        roll, pitch, level_sd, level_note = min(
+            _levels_in_motion(recording, t, rest, age, force, b_a_sd, bg),
+            key=lambda found: found[2],
+        )
     lla_sd = np.where(np.isfinite(lla_sd), lla_sd, EARTH_RADIUS)
     sd = [*lla_sd, *v_sd, *np.broadcast_to(level_sd, 2), psi_sd, *[b_a_sd] * 3, *bg_sd]
     when = 0.0 if abs(t) < 0.005 else t
-    return _start(t, lla, v, (roll, pitch, psi), bg, sd, f"attitude at {when:.2f} s, {psi_note}, {level_note}, {bias_note}, {place_note}")
+    return _start(
+        t,
+        lla,
+        v,
+        (roll, pitch, psi),
+        bg,
+        sd,
+        f"attitude at {when:.2f} s, {psi_note}, {level_note}, {bias_note}, {place_note}",
+    )
 
 
 def _levels_in_motion(recording, t, rest, age, force, b_a_sd, bg):
-    """[(roll, pitch, sd, note)]: by the MeanForce, and where a rest ended `age` (s) ago by it and the gyros, whose scale errs."""
-    found = [(*level(force.f), np.linalg.norm([LEVEL_SD_MOVING, b_a_sd / GRAVITY_EQUATOR, force.off]), "level from specific force alone")]
+    """[(roll, pitch, sd, note)]: by the MeanForce, and where a rest ended `age` (s) ago by it
+    and the gyros, whose scale errs."""
+    found = [
+        (
+            *level(force.f),
+            np.linalg.norm([LEVEL_SD_MOVING, b_a_sd / GRAVITY_EQUATOR, force.off]),
+            "level from specific force alone",
+        )
+    ]
     if age < REST_AGE:
         roll, pitch, sd, note = _level_from_rest(recording, t, rest, bg, b_a_sd)
-        turned = np.linalg.norm(recording.imu.dtheta[slice(*np.searchsorted(recording.imu.t, [t - age, t]))], axis=1).sum()
+        turned = np.linalg.norm(
+            recording.imu.dtheta[slice(*np.searchsorted(recording.imu.t, [t - age, t]))], axis=1
+        ).sum()
         found.append((roll, pitch, np.hypot(sd, GYRO_SCALE * turned), note))
     return found
 
 
 class Record(NamedTuple):
-    """Roll, pitch, heading (rad, NaN where it has none), standard deviations forward, right and down (rad), and the source's name."""
+    """Roll, pitch, heading (rad, NaN where it has none), standard deviations forward, right and
+    down (rad), and the source's name."""
+
     rph: tuple
     sd: np.ndarray
     name: str
 
 
 def _recorded(recording, t, bg):
-    """The Record of the attitude nearest to t, carried there by the gyros less their bias bg (rad/s); None without one within `RECORD_AGE`."""
+    """The Record of the attitude nearest to t, carried there by the gyros less their bias bg
+    (rad/s); None without one within `RECORD_AGE`."""
     imu = recording.imu
     for a in recording.aidings:
-        near = np.flatnonzero(np.isfinite(a.y[:, :2]).all(axis=1) & (np.abs(a.t - t) <= RECORD_AGE)) if a.kind == "attitude" else []
+        near = (
+            np.flatnonzero(np.isfinite(a.y[:, :2]).all(axis=1) & (np.abs(a.t - t) <= RECORD_AGE))
+            if a.kind == "attitude"
+            else []
+        )
         if len(near):
             k = near[np.argmin(np.abs(a.t[near] - t))]
             between = slice(*np.searchsorted(imu.t, sorted((a.t[k], t)), side="right"))
             turns = imu.dtheta[between] - bg * imu.dt[between, None]
             rph = _turned(a.y[k], turns, t < a.t[k])
-            return Record(rph, np.hypot(a.sd[k], GYRO_SCALE * np.linalg.norm(turns, axis=1).sum()), a.name or a.kind)
+            return Record(
+                rph,
+                np.hypot(a.sd[k], GYRO_SCALE * np.linalg.norm(turns, axis=1).sum()),
+                a.name or a.kind,
+            )
     return None
 
 
 def _turned(rph, dtheta, back):
-    """Roll, pitch, heading (rad; a NaN stays) after the rotation increments dtheta (n, 3), rad, or before them."""
+    """Roll, pitch, heading (rad; a NaN stays) after the rotation increments dtheta (n, 3), rad,
+    or before them."""
     from scipy.spatial.transform import Rotation
+
     turn = running_products(Rotation.from_rotvec(np.vstack([np.zeros(3), dtheta])))[-1].as_matrix()
     C = body_to_navigation(rph[0], rph[1], np.nan_to_num(rph[2])) @ (turn.T if back else turn)
-    roll, pitch, heading = np.arctan2(C[2, 1], C[2, 2]), np.arcsin(np.clip(-C[2, 0], -1, 1)), np.arctan2(C[1, 0], C[0, 0])
+    roll, pitch, heading = (
+        np.arctan2(C[2, 1], C[2, 2]),
+        np.arcsin(np.clip(-C[2, 0], -1, 1)),
+        np.arctan2(C[1, 0], C[0, 0]),
+    )
     return float(roll), float(pitch), float(heading) if np.isfinite(rph[2]) else np.nan
 
 
 def _level_recorded(record, psi):
-    """Roll, pitch, their sd about north and east, and a note: from a Record, at the heading psi (rad)."""
+    """Roll, pitch, their sd about north and east, and a note: from a Record, at the heading psi
+    (rad)."""
     c, s, (forward, right, _) = np.cos(psi), np.sin(psi), record.sd
-    return *record.rph[:2], np.hypot([c * forward, s * forward], [s * right, c * right]), f"roll and pitch from {record.name}"
+    return (
+        *record.rph[:2],
+        np.hypot([c * forward, s * forward], [s * right, c * right]),
+        f"roll and pitch from {record.name}",
+    )
 
 
 def _place(recording, fixes, t):
-    """Position (rad, rad, m), its sd (m) and a note: the recording's place, else the fix nearest to t, else the equator with an infinite sd."""
+    """Position (rad, rad, m), its sd (m) and a note: the recording's place, else the fix nearest
+    to t, else the equator with an infinite sd."""
     found = place_of(recording.meta, [fixes] if fixes is not None else [], t)
-    return found or (np.zeros(3), np.full(3, np.inf), "place unknown: 0 deg latitude assumed; give place")
+    return found or (
+        np.zeros(3),
+        np.full(3, np.inf),
+        "place unknown: 0 deg latitude assumed; give place",
+    )
 
 
 def _arm(source):
@@ -162,29 +270,45 @@ def _arm(source):
 
 
 def _rates(recording, t, bg):
-    """Mean angular rate (rad/s, less the gyro bias) and specific force (m/s^2) over half a second before and after t."""
+    """Mean angular rate (rad/s, less the gyro bias) and specific force (m/s^2) over half a
+    second before and after t."""
     imu = recording.imu
-    rows = slice(*np.clip(np.searchsorted(imu.t, [t - 0.5, t + 0.5 + 1e-9]), [0, 1], [len(imu.t) - 1, len(imu.t)]))
+    rows = slice(
+        *np.clip(
+            np.searchsorted(imu.t, [t - 0.5, t + 0.5 + 1e-9]), [0, 1], [len(imu.t) - 1, len(imu.t)]
+        )
+    )
     seconds = imu.dt[rows].sum()
     return imu.dtheta[rows].sum(axis=0) / seconds - bg, imu.dv[rows].sum(axis=0) / seconds
 
 
 def _source(recording, kind):
-    """The first source of that kind with a complete fix within the IMU's time, those fixes only; or None."""
+    """The first source of that kind with a complete fix within the IMU's time, those fixes only;
+    or None."""
     for a in recording.aidings:
-        usable = np.isfinite(a.y).all(axis=1) & (a.t >= recording.span[0]) & (a.t < recording.span[1]) if a.kind == kind else np.array([False])
+        usable = (
+            np.isfinite(a.y).all(axis=1) & (a.t >= recording.span[0]) & (a.t < recording.span[1])
+            if a.kind == kind
+            else np.array([False])
+        )
         if usable.any():
             return a._where(usable)
     return None
 
 
 def _instant(recording, position, velocity, at=None, heading_known=None):
-    """When to start, and velocity (m/s), its sd and whether the course is to be believed then; without `at`, once `heading_known(t)` or fast."""
+    """When to start, and velocity (m/s), its sd and whether the course is to be believed then;
+    without `at`, once `heading_known(t)` or fast."""
     t, v, sd = _velocities(position, velocity)
     if at is not None:
         k = int(np.argmin(np.abs(t - at)))
         between = np.array([np.interp(at, t, column) for column in v.T])
-        return at, between, np.hypot(sd[k], UNKNOWN_ACCELERATION * abs(at - t[k])), np.hypot(*between[:2]) > MOVING
+        return (
+            at,
+            between,
+            np.hypot(sd[k], UNKNOWN_ACCELERATION * abs(at - t[k])),
+            np.hypot(*between[:2]) > MOVING,
+        )
     fast = np.hypot(v[:, 0], v[:, 1]) > MOVING
     first = max(t[0], recording.span[0])
     k = int(np.argmax(fast)) if fast.any() and not heading_known(first) else 0
@@ -192,7 +316,8 @@ def _instant(recording, position, velocity, at=None, heading_known=None):
 
 
 def _velocities(position, velocity):
-    """Times, velocities and standard deviations: of the velocity source, else of differences of positions."""
+    """Times, velocities and standard deviations: of the velocity source, else of differences of
+    positions."""
     if velocity is not None:
         later = velocity.t >= position.t[0] - 0.5
         if later.any():
@@ -205,18 +330,26 @@ def _velocities(position, velocity):
 
 
 def _rest_before(recording, t, ahead=0.0):
-    """The rests before t that lasted REST_TIME, as arrays of rows, in order; with `ahead` (s) so much after t counts too, of a rest that holds t."""
+    """The rests before t that lasted REST_TIME, as arrays of rows, in order; with `ahead` (s) so
+    much after t counts too, of a rest that holds t."""
     imu = recording.imu
     first, n = np.searchsorted(imu.t, [t - REST_SEARCH, t + ahead])
     if n - first < 2:
         return []
-    still = at_rest(type(imu)(*(column[first:n] for column in imu))) & ~_moves(recording, imu.t[first:n])
+    still = at_rest(type(imu)(*(column[first:n] for column in imu))) & ~_moves(
+        recording, imu.t[first:n]
+    )
     runs = [np.arange(*run) for run in first + stretches(still)]
-    return [run for run in runs if imu.t[run[-1]] - imu.t[run[0]] >= REST_TIME and imu.t[run[0]] - imu.dt[run[0]] <= t + 0.1]
+    return [
+        run
+        for run in runs
+        if imu.t[run[-1]] - imu.t[run[0]] >= REST_TIME and imu.t[run[0]] - imu.dt[run[0]] <= t + 0.1
+    ]
 
 
 def _moves(recording, t):
-    """Where the fixes around the times t say that the vehicle moves: smooth flight feels like rest to an IMU."""
+    """Where the fixes around the times t say that the vehicle moves: smooth flight feels like
+    rest to an IMU."""
     position, velocity = _source(recording, "position"), _source(recording, "velocity")
     if position is None:
         return np.zeros(len(t), bool)
@@ -227,7 +360,8 @@ def _moves(recording, t):
 
 
 def _heading(recording, imu, t, given, bg, place):
-    """The Found heading at t without asking the course: given, recorded with the attitude, measured, else the surer one of field and Earth's rate."""
+    """The Found heading at t without asking the course: given, recorded with the attitude,
+    measured, else the surer one of field and Earth's rate."""
     if given is not None:
         return given
     record = _recorded(recording, t, bg)
@@ -237,27 +371,41 @@ def _heading(recording, imu, t, given, bg, place):
     if source is not None:
         k = int(np.argmin(np.abs(source.t - t)))
         away = np.linalg.norm(_rates(recording, t, bg)[0]) * (t - source.t[k])
-        return Found(float(source.y[k, 0]), float(np.hypot(source.sd[k, 0], away)), "heading measured")
+        return Found(
+            float(source.y[k, 0]), float(np.hypot(source.sd[k, 0], away)), "heading measured"
+        )
     field, b_a_sd = _source(recording, "magnetic-field"), imu.bias_sd()[0]
     rest = _rest_before(recording, t, REST_AHEAD) if field is not None else []
     tilt_sd = LEVEL_SD_REST if rest and t - recording.imu.t[rest[-1][-1]] < 1.0 else LEVEL_SD_MOVING
-    found = [magnetic_heading(recording, field, t, bg, np.hypot(tilt_sd, b_a_sd / GRAVITY_EQUATOR)),
-             earth_rate_heading(recording, imu, t, place, lambda t: _moves(recording, t))]
-    return min((each for each in found if each), key=lambda each: each.sd, default=Found(0.0, UNKNOWN_SD, ""))
+    found = [
+        magnetic_heading(recording, field, t, bg, np.hypot(tilt_sd, b_a_sd / GRAVITY_EQUATOR)),
+        earth_rate_heading(recording, imu, t, place, lambda t: _moves(recording, t)),
+    ]
+    return min(
+        (each for each in found if each),
+        key=lambda each: each.sd,
+        default=Found(0.0, UNKNOWN_SD, ""),
+    )
 
 
 def _or_course(found, v, moving):
-    """The Found heading, else the course, else an unknown one; they say what kept the other from being found."""
+    """The Found heading, else the course, else an unknown one; they say what kept the other from
+    being found."""
     if found.known:
         return found
     why = found.note and f" ({found.note})"
     if moving:
-        return Found(float(np.arctan2(v[1], v[0])), COURSE_SD, f"heading from the course at {np.hypot(v[0], v[1]):.1f} m/s{why}")
+        return Found(
+            float(np.arctan2(v[1], v[0])),
+            COURSE_SD,
+            f"heading from the course at {np.hypot(v[0], v[1]):.1f} m/s{why}",
+        )
     return Found(0.0, UNKNOWN_SD, f"heading unknown{why or f' (never faster than {MOVING:g} m/s)'}")
 
 
 def _level(recording, t, rest, v, psi, psi_sd, velocity, b_a_sd, bg, omega, f):
-    """Roll, pitch, their sd and a note: from the last rest, carried to t by the gyros; else from specific force less the acceleration."""
+    """Roll, pitch, their sd and a note: from the last rest, carried to t by the gyros; else from
+    specific force less the acceleration."""
     if rest and t - recording.imu.t[rest[-1][-1]] < REST_AGE:
         return _level_from_rest(recording, t, rest, bg, b_a_sd)
     if psi_sd == UNKNOWN_SD:
@@ -266,46 +414,82 @@ def _level(recording, t, rest, v, psi, psi_sd, velocity, b_a_sd, bg, omega, f):
         k = int(np.clip(np.searchsorted(velocity.t, t), 1, len(velocity.t) - 1))
         step = velocity.t[k] - velocity.t[k - 1]
         if step <= 2.0 and velocity.t[k - 1] <= t <= velocity.t[k]:
-            return *level(f, (velocity.y[k] - velocity.y[k - 1]) / step, psi), LEVEL_SD_MOVING, "level in motion"
+            return (
+                *level(f, (velocity.y[k] - velocity.y[k - 1]) / step, psi),
+                LEVEL_SD_MOVING,
+                "level in motion",
+            )
     c, s = np.cos(psi), np.sin(psi)
     v_b = np.array([c * v[0] + s * v[1], c * v[1] - s * v[0], 0.0])
-    return *level(f - np.cross(omega, v_b)), LEVEL_SD_GUESSED, "level in motion, without the change of speed"
+    return (
+        *level(f - np.cross(omega, v_b)),
+        LEVEL_SD_GUESSED,
+        "level in motion, without the change of speed",
+    )
 
 
 def _level_from_rest(recording, t, rest, bg, b_a_sd):
-    """Roll, pitch, their sd and a note: from the last rest, carried to t by the gyros less their bias bg (rad/s)."""
+    """Roll, pitch, their sd and a note: from the last rest, carried to t by the gyros less their
+    bias bg (rad/s)."""
     imu, last = recording.imu, rest[-1]
     roll, pitch = level(imu.dv[last].sum(axis=0) / imu.dt[last].sum())
     since = slice(last[-1] + 1, int(np.searchsorted(imu.t, t)))
     roll, pitch = _carried(roll, pitch, imu.dtheta[since] - bg * imu.dt[since, None])
     age = t - imu.t[last[-1]]
-    return roll, pitch, np.hypot(LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR) + np.radians(0.05) * age, f"level from the rest {age:.0f} s before"
+    return (
+        roll,
+        pitch,
+        np.hypot(LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR) + np.radians(0.05) * age,
+        f"level from the rest {age:.0f} s before",
+    )
 
 
 def _level_at_rest(force, b_a_sd):
-    """Roll, pitch, their sd and a note from the MeanForce of a body at rest; the sd grows with what its size differs by from gravity."""
-    return *level(force.f), np.linalg.norm([LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR, force.off]), "level at rest"
+    """Roll, pitch, their sd and a note from the MeanForce of a body at rest; the sd grows with
+    what its size differs by from gravity."""
+    return (
+        *level(force.f),
+        np.linalg.norm([LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR, force.off]),
+        "level at rest",
+    )
 
 
 def _carried(roll, pitch, dtheta):
-    """Roll and pitch after the rotation increments dtheta (n, 3), rad: they turn the direction of specific force in the body."""
+    """Roll and pitch after the rotation increments dtheta (n, 3), rad: they turn the direction
+    of specific force in the body."""
     from scipy.spatial.transform import Rotation
+
     turn = running_products(Rotation.from_rotvec(np.vstack([np.zeros(3), dtheta])))[-1]
-    return level(turn.inv().apply(body_to_navigation(roll, pitch, 0.0).T @ [0.0, 0.0, -GRAVITY_EQUATOR]))
+    return level(
+        turn.inv().apply(body_to_navigation(roll, pitch, 0.0).T @ [0.0, 0.0, -GRAVITY_EQUATOR])
+    )
 
 
 def _gyro_bias(recording, rest, b_g_sd):
-    """Gyro bias (rad/s) from all rest, where the IMU's own turn-on bias is larger than the Earth's rate that rest cannot tell from it."""
+    """Gyro bias (rad/s) from all rest, where the IMU's own turn-on bias is larger than the
+    Earth's rate that rest cannot tell from it."""
     if not rest or b_g_sd <= 2 * RATE:
-        return np.zeros(3), np.full(3, b_g_sd), "biases smaller than the Earth's rate" if rest else "biases unknown"
+        return (
+            np.zeros(3),
+            np.full(3, b_g_sd),
+            "biases smaller than the Earth's rate" if rest else "biases unknown",
+        )
     imu, rows = recording.imu, np.concatenate(rest)
     T = imu.dt[rows].sum()
     noise = imu.dtheta[rows].std(axis=0) * np.sqrt(len(rows)) / T
-    return imu.dtheta[rows].sum(axis=0) / T, np.hypot(noise, RATE), f"gyro bias from {T:.0f} s of rest"
+    return (
+        imu.dtheta[rows].sum(axis=0) / T,
+        np.hypot(noise, RATE),
+        f"gyro bias from {T:.0f} s of rest",
+    )
 
 
 def _unsteadiness(imu, rest):
-    """(3,) rad/s: scatter of the mean rates of single seconds of these rests. A hand that turns slowly feels like rest, but not as steady."""
-    seconds = [imu.dtheta[part].sum(axis=0) / imu.dt[part].sum() for run in rest
-               for part in np.array_split(run, max(1, int(imu.t[run[-1]] - imu.t[run[0]])))]
+    """(3,) rad/s: scatter of the mean rates of single seconds of these rests. A hand that turns
+    slowly feels like rest, but not as steady."""
+    seconds = [
+        imu.dtheta[part].sum(axis=0) / imu.dt[part].sum()
+        for run in rest
+        for part in np.array_split(run, max(1, int(imu.t[run[-1]] - imu.t[run[0]])))
+    ]
     return np.std(seconds, axis=0)

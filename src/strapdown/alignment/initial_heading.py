@@ -1,4 +1,6 @@
-"""Where a vehicle heads at one instant of a Recording: by the magnetic field, by the Earth's rate; each with an honest standard deviation."""
+"""Where a vehicle heads at one instant of a Recording: by the magnetic field, by the Earth's
+rate; each with an honest standard deviation."""
+
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -11,18 +13,21 @@ from ..rotation_products import running_products
 from .static_attitude import PARALLEL, gyrocompass, level, levelled
 
 LEVEL_SD_REST, LEVEL_SD_MOVING = np.radians(0.5), np.radians(5.0)
-UNKNOWN_SD = np.radians(104.0)      # uniform over the circle
-MAGNETIC_SD = np.radians(5.0)       # of a magnetic heading at best: iron around, what calibration and field model leave
-STEEP = np.radians(60.0)            # deviation from which on a magnetic heading is none
-GYROCOMPASS_SD = np.radians(5.0)    # deviation from which on the Earth's rate gives no heading
+UNKNOWN_SD = np.radians(104.0)  # uniform over the circle
+MAGNETIC_SD = np.radians(
+    5.0
+)  # of a magnetic heading at best: iron around, what calibration and field model leave
+STEEP = np.radians(60.0)  # deviation from which on a magnetic heading is none
+GYROCOMPASS_SD = np.radians(5.0)  # deviation from which on the Earth's rate gives no heading
 
 
 class Found(NamedTuple):
     """A heading (rad), its standard deviation (rad), and how it was found, or why not."""
+
     heading: float
     sd: float
     note: str
-    at_rest: bool = False   # whether finding it needed a rest
+    at_rest: bool = False  # whether finding it needed a rest
 
     @property
     def known(self):
@@ -31,10 +36,12 @@ class Found(NamedTuple):
 
 
 def magnetic_heading(recording, source, t, bg, level_sd):
-    """The Found heading at t by the field of the Aiding `source`, levelled by the mean specific force; None without a source.
+    """The Found heading at t by the field of the Aiding `source`, levelled by the mean specific
+    force; None without a source.
 
-    bg: gyro bias, rad/s; level_sd: rad, of that level. The deviation holds the noise, the level's error times tan(dip), `MAGNETIC_SD`, and what
-    horizontal and vertical part differ by from the reference: what disturbs the field is about as large crosswise, where it turns the heading.
+    bg: gyro bias, rad/s; level_sd: rad, of that level. The deviation holds the noise, the level's
+    error times tan(dip), `MAGNETIC_SD`, and what horizontal and vertical part differ by from the
+    reference: what disturbs the field is about as large crosswise, where it turns the heading.
     Declination is that of the source's reference field.
     """
     if source is None:
@@ -44,13 +51,29 @@ def magnetic_heading(recording, source, t, bg, level_sd):
     if not len(near):
         return Found(0.0, UNKNOWN_SD, "no sample of the magnetic field there")
     m = np.einsum("nij,nj->i", force.turns(source.t[near]), source.y[near]) / len(near)
-    seen, reference = levelled(m, *level(force.f)), np.array((*source.parameters, 0.0, 0.0, 0.0))[:3]
+    seen, reference = (
+        levelled(m, *level(force.f)),
+        np.array((*source.parameters, 0.0, 0.0, 0.0))[:3],
+    )
     horizontal, size = np.hypot(seen[0], seen[1]), np.linalg.norm(m)
     if not horizontal > PARALLEL * size:
-        return Found(0.0, UNKNOWN_SD, "the magnetic field is vertical" if size else "the magnetic field is 0")
-    strange = np.hypot(horizontal - np.hypot(*reference[:2]), seen[2] - reference[2]) if reference.any() else 0.0
+        return Found(
+            0.0, UNKNOWN_SD, "the magnetic field is vertical" if size else "the magnetic field is 0"
+        )
+    strange = (
+        np.hypot(horizontal - np.hypot(*reference[:2]), seen[2] - reference[2])
+        if reference.any()
+        else 0.0
+    )
     noise = np.sqrt(np.mean(source.sd[near] ** 2) / len(near))
-    sd = np.linalg.norm([MAGNETIC_SD, strange / horizontal, noise / horizontal, seen[2] / horizontal * np.hypot(level_sd, force.off)])
+    sd = np.linalg.norm(
+        [
+            MAGNETIC_SD,
+            strange / horizontal,
+            noise / horizontal,
+            seen[2] / horizontal * np.hypot(level_sd, force.off),
+        ]
+    )
     words = f"dip {np.degrees(np.arctan2(seen[2], horizontal)):.0f} deg, {size * 1e6:.3g} uT"
     if sd > STEEP:
         return Found(0.0, UNKNOWN_SD, f"the magnetic field ({words}) leaves it open")
@@ -60,41 +83,63 @@ def magnetic_heading(recording, source, t, bg, level_sd):
 
 class MeanForce(NamedTuple):
     """Specific force over a second, and how the body turned in it."""
-    f: np.ndarray       # (3,) m/s^2, in the body as it is at the instant
-    off: float          # by how much of gravity its size differs from gravity
-    begin: float        # s
-    end: float          # s
-    turns: Callable     # times within it (m,) -> (m, 3, 3) from the body then to the body at the instant
+
+    f: np.ndarray  # (3,) m/s^2, in the body as it is at the instant
+    off: float  # by how much of gravity its size differs from gravity
+    begin: float  # s
+    end: float  # s
+    turns: (
+        Callable  # times within it (m,) -> (m, 3, 3) from the body then to the body at the instant
+    )
 
 
 def mean_force(recording, t, bg):
-    """The MeanForce at t: over half a second before and after it, or over a second after or before it where the record begins or ends there.
+    """The MeanForce at t: over half a second before and after it, or over a second after or before
+    it where the record begins or ends there.
 
-    Every sample is turned by the gyros, less their bias bg (rad/s), to the body as it is at t: a rotation does not blur the mean.
+    Every sample is turned by the gyros, less their bias bg (rad/s), to the body as it is at t: a
+    rotation does not blur the mean.
     """
     imu, (first, last) = recording.imu, recording.span
     begin = min(max(t - 0.5, first), last - 1.0)
-    rows = slice(*np.clip(np.searchsorted(imu.t, [begin + 1e-9, begin + 1.0 + 1e-9]), [0, 1], [len(imu.t) - 1, len(imu.t)]))
+    rows = slice(
+        *np.clip(
+            np.searchsorted(imu.t, [begin + 1e-9, begin + 1.0 + 1e-9]),
+            [0, 1],
+            [len(imu.t) - 1, len(imu.t)],
+        )
+    )
     seconds, turned = imu.dt[rows], _turned(imu.dtheta[rows] - bg * imu.dt[rows, None])
     middles, edges = imu.t[rows] - 0.5 * seconds, np.r_[imu.t[rows][0] - seconds[0], imu.t[rows]]
     to_now = turned[2 * int(np.argmin(np.abs(edges - t)))].T
-    turns = lambda times: to_now @ turned[np.clip(np.searchsorted(middles, times, side="right") * 2 - 1, 0, len(turned) - 1)]
+    turns = lambda times: (
+        to_now
+        @ turned[np.clip(np.searchsorted(middles, times, side="right") * 2 - 1, 0, len(turned) - 1)]
+    )
     f = np.einsum("nij,nj->i", turns(middles), imu.dv[rows]) / seconds.sum()
-    return MeanForce(f, abs(np.linalg.norm(f) / GRAVITY_EQUATOR - 1), float(edges[0]), float(edges[-1]), turns)
+    return MeanForce(
+        f, abs(np.linalg.norm(f) / GRAVITY_EQUATOR - 1), float(edges[0]), float(edges[-1]), turns
+    )
 
 
 def _turned(dtheta):
-    """(2 n + 1, 3, 3): from the body at the edges and middles of n samples, in turn, to the body at the first edge."""
+    """(2 n + 1, 3, 3): from the body at the edges and middles of n samples, in turn, to the body
+    at the first edge."""
     from scipy.spatial.transform import Rotation
-    return running_products(Rotation.from_rotvec(np.vstack([np.zeros(3), np.repeat(0.5 * dtheta, 2, axis=0)]))).as_matrix()
+
+    return running_products(
+        Rotation.from_rotvec(np.vstack([np.zeros(3), np.repeat(0.5 * dtheta, 2, axis=0)]))
+    ).as_matrix()
 
 
 def earth_rate_heading(recording, imu, t, place, moves):
-    """The Found heading by the Earth's rate over the long rest that holds t; None where there is none or its deviation exceeds `GYROCOMPASS_SD`.
+    """The Found heading by the Earth's rate over the long rest that holds t; None where there is
+    none or its deviation exceeds `GYROCOMPASS_SD`.
 
-    imu: ImuSpec; place: (latitude rad, longitude, height), or None where it is not known; moves: times -> whether fixes say it moves then. The
-    deviation holds the gyro's bias, the scatter of the rate, the level's error, and what the rate differs by from the Earth's: at a known
-    place each part of it, elsewhere its size.
+    imu: ImuSpec; place: (latitude rad, longitude, height), or None where it is not known; moves:
+    times -> whether fixes say it moves then. The deviation holds the gyro's bias, the scatter of
+    the rate, the level's error, and what the rate differs by from the Earth's: at a known place
+    each part of it, elsewhere its size.
     """
     b_a_sd, b_g_sd = imu.bias_sd()
     still = motionless(recording.imu, t) if b_g_sd < GYROCOMPASS_SD * RATE else None
@@ -103,10 +148,19 @@ def earth_rate_heading(recording, imu, t, place, moves):
     seen = gyrocompass(still.rate, still.force)
     strange = abs(seen.total - RATE)
     if place is not None:
-        strange = np.hypot(seen.horizontal - RATE * np.cos(place[0]), seen.vertical - RATE * np.sin(place[0]))
-    found = gyrocompass(still.rate, still.force, np.linalg.norm([b_g_sd, still.rate_sd, strange]), np.hypot(still.tilt_sd, b_a_sd / GRAVITY_EQUATOR))
+        strange = np.hypot(
+            seen.horizontal - RATE * np.cos(place[0]), seen.vertical - RATE * np.sin(place[0])
+        )
+    found = gyrocompass(
+        still.rate,
+        still.force,
+        np.linalg.norm([b_g_sd, still.rate_sd, strange]),
+        np.hypot(still.tilt_sd, b_a_sd / GRAVITY_EQUATOR),
+    )
     if not found.heading_sd < GYROCOMPASS_SD:
         return None
-    note = (f"heading from the Earth's rate over {still.stop - still.start:.0f} s of rest "
-            f"(latitude {np.degrees(found.latitude):.2f} deg by its vertical part)")
+    note = (
+        f"heading from the Earth's rate over {still.stop - still.start:.0f} s of rest "
+        f"(latitude {np.degrees(found.latitude):.2f} deg by its vertical part)"
+    )
     return Found(float(wrap(found.rph[2])), found.heading_sd, note, True)

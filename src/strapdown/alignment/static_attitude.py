@@ -1,8 +1,11 @@
-"""Attitude of a body at rest: roll and pitch from specific force, heading from the magnetic field or from the Earth's rate.
+"""Attitude of a body at rest: roll and pitch from specific force, heading from the magnetic field
+or from the Earth's rate.
 
-Body axes FRD, navigation frame NED, SI and radians; every function takes one triple or rows of them.
-Source: Fossen (2021) section 14.1, in all quadrants and with the sign of heading that NED asks for; Groves (2013) section 5.6.
+Body axes FRD, navigation frame NED, SI and radians; every function takes one triple or rows of
+them. Source: Fossen (2021) section 14.1, in all quadrants and with the sign of heading that NED
+asks for; Groves (2013) section 5.6.
 """
+
 from typing import NamedTuple
 
 import numpy as np
@@ -16,14 +19,15 @@ PARALLEL = 1e-6
 def static_attitude(f, m=None, declination=0.0):
     """Roll, pitch, heading (rad), (3,) or (n, 3), of a body that does not accelerate.
 
-    f: specific force, m/s^2; m: magnetic field in any unit; both body FRD, (3,) or (n, 3), calibrated. declination: rad, east positive, added to
-    the magnetic heading; one for all or (n,).
+    f: specific force, m/s^2; m: magnetic field in any unit; both body FRD, (3,) or (n, 3),
+    calibrated. declination: rad, east positive, added to the magnetic heading; one for all or (n,).
 
         roll = atan2(-f_y, -f_z)    pitch = atan2(f_x, hypot(f_y, f_z))    heading = atan2(-m_y', m_x') + declination, in [0, 2 pi)
 
-    with m' the field turned by pitch and roll into the level. At a pitch of +-90 deg roll and heading are not separate: roll is 0 there.
-    NaN is what cannot be found: all of it where f is 0 or not finite, the heading without m or where m is vertical, 0 or not finite.
-    Acceleration tilts the result: by atan(a/g) for a horizontal acceleration a.
+    with m' the field turned by pitch and roll into the level. At a pitch of +-90 deg roll and
+    heading are not separate: roll is 0 there. NaN is what cannot be found: all of it where f is 0
+    or not finite, the heading without m or where m is vertical, 0 or not finite. Acceleration tilts
+    the result: by atan(a/g) for a horizontal acceleration a.
     """
     f = np.asarray(f, float)
     size = np.linalg.norm(f, axis=-1)
@@ -33,13 +37,18 @@ def static_attitude(f, m=None, declination=0.0):
         roll, pitch = level(np.where(level_known[..., None], f, [0.0, 0.0, -1.0]))
         pitch = np.where(steep, np.copysign(np.pi / 2, f[..., 0]), pitch)
     roll = np.where(steep, 0.0, roll)
-    heading = np.full(np.shape(roll), np.nan) if m is None else _azimuth(levelled(m, roll, pitch), declination)
+    heading = (
+        np.full(np.shape(roll), np.nan)
+        if m is None
+        else _azimuth(levelled(m, roll, pitch), declination)
+    )
     roll, pitch, heading = np.broadcast_arrays(roll, pitch, heading)
     return np.where(level_known[..., None], np.stack([roll, pitch, heading], axis=-1), np.nan)
 
 
 def _azimuth(vector, declination=0.0):
-    """Heading (rad) in [0, 2 pi) of a body whose levelled axes see this vector (..., 3), which points north but for the declination."""
+    """Heading (rad) in [0, 2 pi) of a body whose levelled axes see this vector (..., 3), which
+    points north but for the declination."""
     horizontal, size = np.hypot(vector[..., 0], vector[..., 1]), np.linalg.norm(vector, axis=-1)
     with np.errstate(invalid="ignore"):
         known = np.isfinite(size) & (horizontal > PARALLEL * size)
@@ -48,45 +57,62 @@ def _azimuth(vector, declination=0.0):
 
 
 def levelled(vector, roll, pitch):
-    """Ry(pitch) Rx(roll) vector: a body vector (..., 3) in axes that are level and keep the body's heading; angles in rad."""
+    """Ry(pitch) Rx(roll) vector: a body vector (..., 3) in axes that are level and keep the
+    body's heading; angles in rad."""
     x, y, z = np.moveaxis(np.asarray(vector, float), -1, 0)
     sr, cr, sp, cp = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
     across = sr * y + cr * z
-    return np.stack(np.broadcast_arrays(cp * x + sp * across, cr * y - sr * z, cp * across - sp * x), axis=-1)
+    return np.stack(
+        np.broadcast_arrays(cp * x + sp * across, cr * y - sr * z, cp * across - sp * x), axis=-1
+    )
 
 
 def level(f_b, a_n=(0.0, 0.0, 0.0), heading=0.0):
-    """Roll and pitch (rad, upright branch) from specific force f_b (m/s^2) of a body that accelerates by a_n (m/s^2, NED) at a known heading.
+    """Roll and pitch (rad, upright branch) from specific force f_b (m/s^2) of a body that
+    accelerates by a_n (m/s^2, NED) at a known heading.
 
-    Solves Ry(pitch) Rx(roll) f_b = Rz(heading)' (a_n - g); without acceleration roll = atan2(-f_y, -f_z), pitch = atan2(f_x, hypot(f_y, f_z)).
-    f_b, a_n: (3,) or (n, 3). A force along x leaves the roll open, whatever comes out.
+    Solves Ry(pitch) Rx(roll) f_b = Rz(heading)' (a_n - g); without acceleration roll = atan2(-f_y,
+    -f_z), pitch = atan2(f_x, hypot(f_y, f_z)). f_b, a_n: (3,) or (n, 3). A force along x leaves the
+    roll open, whatever comes out.
     """
     f_b, a_n = np.asarray(f_b, float), np.asarray(a_n, float)
     size = np.linalg.norm(f_b, axis=-1)
     g = np.where(a_n.any(axis=-1), GRAVITY_EQUATOR, size)
     c, s = np.cos(heading), np.sin(heading)
-    h = np.stack(np.broadcast_arrays(c * a_n[..., 0] + s * a_n[..., 1], c * a_n[..., 1] - s * a_n[..., 0], a_n[..., 2] - g), axis=-1)
+    h = np.stack(
+        np.broadcast_arrays(
+            c * a_n[..., 0] + s * a_n[..., 1], c * a_n[..., 1] - s * a_n[..., 0], a_n[..., 2] - g
+        ),
+        axis=-1,
+    )
     h = h * (size / np.linalg.norm(h, axis=-1))[..., None]
     across = np.hypot(f_b[..., 1], f_b[..., 2])
-    roll = -np.arccos(np.clip(h[..., 1] / np.maximum(across, 1e-9), -1, 1)) - np.arctan2(f_b[..., 2], f_b[..., 1])
+    roll = -np.arccos(np.clip(h[..., 1] / np.maximum(across, 1e-9), -1, 1)) - np.arctan2(
+        f_b[..., 2], f_b[..., 1]
+    )
     roll = (roll + np.pi) % (2 * np.pi) - np.pi
     w = f_b[..., 1] * np.sin(roll) + f_b[..., 2] * np.cos(roll)
-    return roll, np.arctan2(h[..., 0] * w - h[..., 2] * f_b[..., 0], h[..., 0] * f_b[..., 0] + h[..., 2] * w)
+    return roll, np.arctan2(
+        h[..., 0] * w - h[..., 2] * f_b[..., 0], h[..., 0] * f_b[..., 0] + h[..., 2] * w
+    )
 
 
 def body_to_navigation(roll, pitch, heading):
     """C_nb (3, 3) of Euler angles, rad."""
     from scipy.spatial.transform import Rotation
+
     return Rotation.from_euler("ZYX", [heading, pitch, roll]).as_matrix()
 
 
 class Gyrocompass(NamedTuple):
     """What the Earth's rate tells of a body at rest; rad and rad/s."""
-    rph: tuple              # roll, pitch, heading
+
+    rph: tuple  # roll, pitch, heading
     heading_sd: float
-    horizontal: float       # the Earth's rate as measured, north component
-    vertical: float         # and upward component, negative south of the equator
-    latitude: float         # of a place where its vertical component is the measured one; NaN where no place has it
+    horizontal: float  # the Earth's rate as measured, north component
+    vertical: float  # and upward component, negative south of the equator
+    # of a place where its vertical component is the measured one; NaN where no place has it
+    latitude: float
 
     @property
     def total(self):
@@ -97,20 +123,26 @@ class Gyrocompass(NamedTuple):
 def gyrocompass(rate, f, rate_sd=0.0, level_sd=0.0):
     """Heading of a body at rest from the Earth's rate, as a Gyrocompass.
 
-    rate: mean angular rate (3,), rad/s; f: mean specific force (3,), m/s^2, body FRD. Levelled by f, the rate's horizontal part points north.
-    rate_sd: rad/s, of the mean rate's horizontal part, its bias and noise; level_sd: rad, of roll and pitch. With w the Earth's rate
+    rate: mean angular rate (3,), rad/s; f: mean specific force (3,), m/s^2, body FRD. Levelled by
+    f, the rate's horizontal part points north. rate_sd: rad/s, of the mean rate's horizontal part,
+    its bias and noise; level_sd: rad, of roll and pitch. With w the Earth's rate
 
         heading_sd = hypot(rate_sd / (w cos(latitude)), tan(latitude) level_sd)
 
-    since a gyro bias towards east turns the horizontal rate, and a tilt about north brings the vertical one into it. Cosine and tangent are
-    those of the measured rate. The latitude is a check for whoever knows the place. Raises ValueError where f is 0 or something is not finite.
+    since a gyro bias towards east turns the horizontal rate, and a tilt about north brings the
+    vertical one into it. Cosine and tangent are those of the measured rate. The latitude is a check
+    for whoever knows the place. Raises ValueError where f is 0 or something is not finite.
     """
     roll, pitch = np.asarray(static_attitude(f))[:2]
     seen = levelled(rate, roll, pitch)
     if not np.isfinite([*seen, rate_sd, level_sd]).all():
-        raise ValueError(f"gyrocompass: rate {rate} and specific force {f} must be finite, and the force not 0")
+        raise ValueError(
+            f"gyrocompass: rate {rate} and specific force {f} must be finite, and the force not 0"
+        )
     horizontal, vertical = float(np.hypot(seen[0], seen[1])), float(-seen[2])
     heading = float(_azimuth(seen)) if horizontal else np.nan
     sd = np.hypot(rate_sd, vertical * level_sd) / horizontal if horizontal else np.inf
     latitude = np.arcsin(vertical / RATE) if abs(vertical) <= RATE else np.nan
-    return Gyrocompass((float(roll), float(pitch), heading), float(sd), horizontal, vertical, float(latitude))
+    return Gyrocompass(
+        (float(roll), float(pitch), heading), float(sd), horizontal, vertical, float(latitude)
+    )

@@ -1,16 +1,19 @@
-"""Allan deviation of IMU samples at rest: overlapping estimates with confidence bounds, and the noise coefficients behind them, per axis and triad.
+"""Allan deviation of IMU samples at rest: overlapping estimates with confidence bounds, and the
+noise coefficients behind them, per axis and triad.
 
-Estimates: W. J. Riley, NIST SP 1065 (2008), section 5.2.2. Bounds: chi-square with the equivalent degrees of freedom of its section 5.4.1.
-Coefficients: IEEE Std 952-1997, annex C; the fit is in allan_fit.py.
+Estimates: W. J. Riley, NIST SP 1065 (2008), section 5.2.2. Bounds: chi-square with the equivalent
+degrees of freedom of its section 5.4.1. Coefficients: IEEE Std 952-1997, annex C; the fit is in
+allan_fit.py.
 """
+
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from ..data import DataError
-from .fit import COEFFICIENTS, Fit, edf, fit
 from ..sensor_models.datasheet_units import SHEET, in_units
+from .fit import COEFFICIENTS, Fit, edf, fit
 
 AXES = ("x", "y", "z")
 PER_DECADE = 12
@@ -18,23 +21,27 @@ PER_DECADE = 12
 LEVEL = 0.683
 """Probability of the confidence bounds: one standard deviation of a normal estimate."""
 LONGEST = 4
-"""The longest cluster is a quarter of the record: beyond, an estimate has hardly a degree of freedom."""
+"""The longest cluster is a quarter of the record: beyond, an estimate has hardly a degree of
+freedom."""
 FEWEST = 100
 """Samples needed."""
 JITTER = 0.01
-"""Largest departure of an interval from the median that still counts as a constant rate, in medians."""
+"""Largest departure of an interval from the median that still counts as a constant rate, in
+medians."""
 
 
 def oadev(increments, dt, sizes):
-    """Overlapping Allan deviations (k,) of the rate behind `increments` (n,) of constant interval `dt` s, at clusters of `sizes` (k,) samples.
+    """Overlapping Allan deviations (k,) of the rate behind `increments` (n,) of constant interval
+    `dt` s, at clusters of `sizes` (k,) samples.
 
-    With theta the integral, sigma^2(m dt) = mean over k of (theta[k + 2m] - 2 theta[k + m] + theta[k])^2 / (2 (m dt)^2); NIST SP 1065, eq. 11.
-    A constant rate drops out, so its removal first only keeps digits.
+    With theta the integral, sigma^2(m dt) = mean over k of (theta[k + 2m] - 2 theta[k + m] +
+    theta[k])^2 / (2 (m dt)^2); NIST SP 1065, eq. 11. A constant rate drops out, so its removal
+    first only keeps digits.
     """
     theta = np.concatenate([[0.0], np.cumsum(increments - np.mean(increments))])
     found = np.empty(len(sizes))
     for i, m in enumerate(sizes):
-        second = theta[2 * m:] - 2 * theta[m:-m] + theta[:-2 * m]
+        second = theta[2 * m :] - 2 * theta[m:-m] + theta[: -2 * m]
         found[i] = np.sqrt(second @ second / (2 * len(second))) / (m * dt)
     return found
 
@@ -42,90 +49,152 @@ def oadev(increments, dt, sizes):
 def cluster_sizes(n):
     """Cluster sizes of n samples: log-spaced, each once, from 1 to n / LONGEST."""
     most = n // LONGEST
-    return np.unique(np.round(10 ** np.linspace(0, np.log10(most), int(PER_DECADE * np.log10(most)) + 1)).astype(int))
+    return np.unique(
+        np.round(10 ** np.linspace(0, np.log10(most), int(PER_DECADE * np.log10(most)) + 1)).astype(
+            int
+        )
+    )
 
 
 class Curve(NamedTuple):
-    """Allan deviation of one axis, or of a triad (the root of the mean of its three variances), in rad/s or m/s^2."""
-    tau: np.ndarray         # (k,) cluster times, s
-    deviation: np.ndarray   # (k,)
-    low: np.ndarray         # (k,) bounds that hold the true value with probability LEVEL
-    high: np.ndarray        # (k,)
-    edf: np.ndarray         # (k,) equivalent degrees of freedom
+    """Allan deviation of one axis, or of a triad (the root of the mean of its three variances),
+    in rad/s or m/s^2."""
+
+    tau: np.ndarray  # (k,) cluster times, s
+    deviation: np.ndarray  # (k,)
+    low: np.ndarray  # (k,) bounds that hold the true value with probability LEVEL
+    high: np.ndarray  # (k,)
+    edf: np.ndarray  # (k,) equivalent degrees of freedom
     fit: Fit
 
 
 class Sensor(NamedTuple):
     """Curves of one triad; `name` is "gyro" or "accel"."""
+
     name: str
-    axes: tuple     # Curve of x, y, z
+    axes: tuple  # Curve of x, y, z
     triad: Curve
 
 
 @dataclass(frozen=True)
 class Allan:
     """Result of `allan`: what the samples of a stationary IMU say of its noise."""
+
     gyro: Sensor
     accel: Sensor
-    dt: float           # s
-    duration: float     # s
+    dt: float  # s
+    duration: float  # s
     notes: tuple = ()
 
     def table(self):
-        """pandas DataFrame: a row per sensor, axis and coefficient with value and standard error in units of datasheets and in SI.
+        """pandas DataFrame: a row per sensor, axis and coefficient with value and standard error in
+        units of datasheets and in SI.
 
-        A coefficient that cannot be told from zero has NaN as its value, and as its limit what it would have to exceed to be seen.
+        A coefficient that cannot be told from zero has NaN as its value, and as its limit what it
+        would have to exceed to be seen.
         """
         import pandas as pd
+
         rows = []
         for sensor in (self.gyro, self.accel):
             for axis, curve in (*zip(AXES, sensor.axes), ("triad", sensor.triad)):
                 for name in curve.fit.names:
                     si = COEFFICIENTS[name].units[sensor.name]
-                    value, sd, limit = (curve.fit.value[name], curve.fit.sd[name], curve.fit.limit[name])
-                    rows.append((sensor.name, axis, name, in_units(value, si), in_units(sd, si), in_units(limit, si), SHEET[si], value, sd, limit, si))
-        columns = ("sensor", "axis", "coefficient", "value", "sd", "limit", "unit", "value_si", "sd_si", "limit_si", "unit_si")
+                    value, sd, limit = (
+                        curve.fit.value[name],
+                        curve.fit.sd[name],
+                        curve.fit.limit[name],
+                    )
+                    rows.append(
+                        (
+                            sensor.name,
+                            axis,
+                            name,
+                            in_units(value, si),
+                            in_units(sd, si),
+                            in_units(limit, si),
+                            SHEET[si],
+                            value,
+                            sd,
+                            limit,
+                            si,
+                        )
+                    )
+        columns = (
+            "sensor",
+            "axis",
+            "coefficient",
+            "value",
+            "sd",
+            "limit",
+            "unit",
+            "value_si",
+            "sd_si",
+            "limit_si",
+            "unit_si",
+        )
         return pd.DataFrame(rows, columns=columns)
 
     def deviations(self):
-        """pandas DataFrame indexed by tau (s): deviation, bounds and fitted curve of every axis and triad, gyros in deg/h, accelerometers in mg."""
+        """pandas DataFrame indexed by tau (s): deviation, bounds and fitted curve of every axis
+        and triad, gyros in deg/h, accelerometers in mg."""
         import pandas as pd
+
         columns = {}
         for sensor in (self.gyro, self.accel):
             si = "rad/s" if sensor.name == "gyro" else "m/s^2"
             for axis, curve in (*zip(AXES, sensor.axes), ("triad", sensor.triad)):
-                for name, values in (("", curve.deviation), ("_low", curve.low), ("_high", curve.high), ("_fit", curve.fit.deviation(curve.tau))):
+                for name, values in (
+                    ("", curve.deviation),
+                    ("_low", curve.low),
+                    ("_high", curve.high),
+                    ("_fit", curve.fit.deviation(curve.tau)),
+                ):
                     columns[f"{sensor.name}_{axis}{name} [{SHEET[si]}]"] = in_units(values, si)
         return pd.DataFrame(columns, index=pd.Index(self.gyro.triad.tau, name="tau [s]"))
 
     def __repr__(self):
         shown = lambda sensor: ", ".join(
-            f"{name} {in_units(sensor.triad.fit.value[name], si):.3g} {SHEET[si]}" for name in sensor.triad.fit.present
-            for si in [COEFFICIENTS[name].units[sensor.name]])
+            f"{name} {in_units(sensor.triad.fit.value[name], si):.3g} {SHEET[si]}"
+            for name in sensor.triad.fit.present
+            for si in [COEFFICIENTS[name].units[sensor.name]]
+        )
         return f"Allan({self.duration:.0f} s; gyro: {shown(self.gyro) or 'no noise'}; accel: {shown(self.accel) or 'no noise'})"
 
 
 def allan(imu, gauss_markov=False):
-    """The Allan analysis of an `Imu` (core.contract) that does not move, at a constant rate without gaps.
+    """The Allan analysis of an `Imu` (core.contract) that does not move, at a constant rate without
+    gaps.
 
-    gauss_markov: fit a first-order Gauss-Markov bias (its standard deviation and time constant) in the place of flicker.
-    Raises DataError on gaps, an uneven rate, fewer than FEWEST samples, or samples that never change.
+    gauss_markov: fit a first-order Gauss-Markov bias (its standard deviation and time constant) in
+    the place of flicker. Raises DataError on gaps, an uneven rate, fewer than FEWEST samples, or
+    samples that never change.
     """
     n, dt = len(imu.t), float(np.median(imu.dt)) if len(imu.t) else 0.0
     if n < FEWEST:
-        raise DataError(f"{n} IMU samples are too few for an Allan deviation; it needs {FEWEST}, and minutes of them to see more than white noise")
+        raise DataError(
+            f"{n} IMU samples are too few for an Allan deviation; it needs {FEWEST}, and minutes of them to see more than white noise"
+        )
     if gap := first_gap(imu):
-        raise DataError(f"the IMU samples have a gap after {imu.t[gap - 1]:.3f} s; choose a stretch without one (--from, --to)")
+        raise DataError(
+            f"the IMU samples have a gap after {imu.t[gap - 1]:.3f} s; choose a stretch without one (--from, --to)"
+        )
     if np.abs(imu.dt - dt).max() > JITTER * dt:
-        raise DataError(f"the IMU intervals vary from {imu.dt.min():.6g} to {imu.dt.max():.6g} s; an Allan deviation needs a constant rate")
+        raise DataError(
+            f"the IMU intervals vary from {imu.dt.min():.6g} to {imu.dt.max():.6g} s; an Allan deviation needs a constant rate"
+        )
     dt = float((imu.t[-1] - imu.t[0]) / (n - 1))
     sizes = cluster_sizes(n)
-    sensors = [_sensor(name, increments, dt, sizes, gauss_markov) for name, increments in (("gyro", imu.dtheta), ("accel", imu.dv))]
+    sensors = [
+        _sensor(name, increments, dt, sizes, gauss_markov)
+        for name, increments in (("gyro", imu.dtheta), ("accel", imu.dv))
+    ]
     return Allan(*sensors, dt, n * dt)
 
 
 def first_gap(imu):
-    """Row of the first sample that does not begin where the one before it ends (within half its interval), 0 where there is none."""
+    """Row of the first sample that does not begin where the one before it ends (within half its
+    interval), 0 where there is none."""
     missing = np.abs(imu.t[1:] - imu.dt[1:] - imu.t[:-1]) > 0.5 * imu.dt[1:]
     return int(np.argmax(missing)) + 1 if missing.any() else 0
 
@@ -133,17 +202,26 @@ def first_gap(imu):
 def _sensor(name, increments, dt, sizes, gauss_markov):
     still = [axis for axis, column in zip(AXES, increments.T) if np.ptp(column) == 0]
     if still:
-        raise DataError(f"the {name} samples of axis {still[0]} never change: there is no noise to analyse")
+        raise DataError(
+            f"the {name} samples of axis {still[0]} never change: there is no noise to analyse"
+        )
     n, tau = len(increments), sizes * dt
     variances = np.stack([oadev(column, dt, sizes) ** 2 for column in increments.T])
     curves = [_curve(tau, variance, n, sizes, dt, 1, gauss_markov) for variance in (*variances,)]
-    return Sensor(name, tuple(curves), _curve(tau, variances.mean(axis=0), n, sizes, dt, 3, gauss_markov))
+    return Sensor(
+        name, tuple(curves), _curve(tau, variances.mean(axis=0), n, sizes, dt, 3, gauss_markov)
+    )
 
 
 def _curve(tau, variance, n, sizes, dt, axes, gauss_markov):
-    """A Curve of the mean of `axes` equal and independent variances: their degrees of freedom add up."""
+    """A Curve of the mean of `axes` equal and independent variances: their degrees of freedom
+    add up."""
     from scipy.stats import chi2
+
     found = fit(tau, variance, n, sizes, dt, axes, gauss_markov)
     degrees = axes * edf(found.dominant(tau), n, sizes)
-    low, high = (np.sqrt(variance * degrees / chi2.ppf(p, degrees)) for p in (0.5 + LEVEL / 2, 0.5 - LEVEL / 2))
+    low, high = (
+        np.sqrt(variance * degrees / chi2.ppf(p, degrees))
+        for p in (0.5 + LEVEL / 2, 0.5 - LEVEL / 2)
+    )
     return Curve(tau, np.sqrt(variance), low, high, degrees, found)

@@ -1,4 +1,6 @@
-"""The Allan page of a recording at rest: curves of gyros and accelerometers, coefficients, the grade they suggest; also as CSV and TOML."""
+"""The Allan page of a recording at rest: curves of gyros and accelerometers, coefficients, the
+grade they suggest; also as CSV and TOML."""
+
 from dataclasses import dataclass, replace
 from html import escape
 
@@ -8,35 +10,44 @@ import plotly.graph_objects as go
 from .. import __version__
 from ..core.contract import Imu
 from ..data import DataError
-from ..recording import Recording
 from ..files import replacing
 from ..preprocessing.stationary import REST_ACCEL, REST_MEAN, REST_RATE, at_rest, stretches
+from ..recording import Recording
+from ..reports.drawing import COLOURS, GREY, finish, log_ticks, note
+from ..reports.shell import listed, placed, shell
+from ..sensor_models.datasheet_units import SHEET, in_units
+from ..sensor_models.imu import grade
 from .deviation import AXES, Allan, allan, first_gap
 from .fit import COEFFICIENTS
 from .suggested_grade import MISFIT, Suggestion, expected, suggest
-from ..sensor_models.imu import grade
-from ..sensor_models.datasheet_units import SHEET, in_units
-from ..reports.drawing import COLOURS, GREY, finish, log_ticks, note
-from ..reports.shell import listed, placed, shell
 
 BODY = ("x (forward)", "y (right)", "z (down)")
 TITLES = {"gyro": "Gyros", "accel": "Accelerometers"}
 STILL = 0.25
-"""Rest is judged on samples averaged to about this time, s: the noise of single counts is no motion."""
+"""Rest is judged on samples averaged to about this time, s: the noise of single counts is no
+motion."""
 SLOW = 30.0
-"""Smooth driving is as still as a rest over a second: what turns or accelerates slowly is judged on stretches of about this time, s."""
+"""Smooth driving is as still as a rest over a second: what turns or accelerates slowly is judged
+on stretches of about this time, s."""
 FOOTER = "Overlapping estimates (NIST SP 1065); coefficients as in IEEE Std 952-1997; axes of the body: forward, right, down."
-SYMBOLS = {"quantisation": "-1", "white noise": "-1/2", "bias instability": "0", "rate random walk": "+1/2", "rate ramp": "+1"}
+SYMBOLS = {
+    "quantisation": "-1",
+    "white noise": "-1/2",
+    "bias instability": "0",
+    "rate random walk": "+1/2",
+    "rate ramp": "+1",
+}
 """Slope of each term in the logarithmic plot."""
 
 
 @dataclass(frozen=True)
 class Analysis:
     """What `analyse` found in a recording."""
-    recording: Recording        # the stretch that was used
+
+    recording: Recording  # the stretch that was used
     result: Allan
     suggestion: Suggestion
-    notes: tuple                # sentences for the user
+    notes: tuple  # sentences for the user
 
     @property
     def header(self):
@@ -45,24 +56,41 @@ class Analysis:
 
     @property
     def rows(self):
-        """Coefficients in units of datasheets as text, a row each; "<" and a limit stand where one cannot be told from zero."""
+        """Coefficients in units of datasheets as text, a row each; "<" and a limit stand where
+        one cannot be told from zero."""
         rows = []
         for sensor in (self.result.gyro, self.result.accel):
             for name in sensor.triad.fit.names:
                 si = COEFFICIENTS[name].units[sensor.name]
                 cells = [_shown(curve.fit, name, si) for curve in (sensor.triad, *sensor.axes)]
                 sd = sensor.triad.fit.sd[name]
-                rows.append((sensor.name, name, SYMBOLS.get(name, ""), cells[0], _number(in_units(sd, si)) if np.isfinite(sd) else "", *cells[1:], SHEET[si]))
+                rows.append(
+                    (
+                        sensor.name,
+                        name,
+                        SYMBOLS.get(name, ""),
+                        cells[0],
+                        _number(in_units(sd, si)) if np.isfinite(sd) else "",
+                        *cells[1:],
+                        SHEET[si],
+                    )
+                )
         return rows
 
     @property
     def disturbed(self):
-        """Whether the record holds more than noise: the fitted terms miss the estimates of an axis."""
-        return any(curve.fit.misfit > MISFIT for sensor in (self.result.gyro, self.result.accel) for curve in sensor.axes)
+        """Whether the record holds more than noise: the fitted terms miss the estimates of an
+        axis."""
+        return any(
+            curve.fit.misfit > MISFIT
+            for sensor in (self.result.gyro, self.result.accel)
+            for curve in sensor.axes
+        )
 
     @property
     def verdict(self):
-        """One sentence: the nearest grade and how far its deviations are from those of the record; none where the record is disturbed."""
+        """One sentence: the nearest grade and how far its deviations are from those of the
+        record; none where the record is disturbed."""
         name = self.suggestion.grade
         near = f"{name} (its Allan deviations differ by a factor of {self.suggestion.factors[name]:.2g} on average)"
         if self.disturbed:
@@ -70,7 +98,8 @@ class Analysis:
         return f"nearest grade: {near}"
 
     def write(self, folder):
-        """Write allan.csv, allan-imu.toml and allan.html into `folder`. Raises DataError where that cannot be done."""
+        """Write allan.csv, allan-imu.toml and allan.html into `folder`. Raises DataError where
+        that cannot be done."""
         with replacing(folder / "allan.csv") as part:
             self.result.deviations().to_csv(part, float_format="%.6g")
         self.suggestion.spec.to_toml(folder / "allan-imu.toml")
@@ -80,7 +109,8 @@ class Analysis:
 def analyse(recording, start=None, stop=None, gauss_markov=False):
     """The Analysis of a Recording at rest, or of its part from `start` to `stop`, s.
 
-    Where the part has gaps, its longest stretch without one is used and a note says so. Raises DataError where the IMU moves most of the time.
+    Where the part has gaps, its longest stretch without one is used and a note says so. Raises
+    DataError where the IMU moves most of the time.
     """
     part = recording.between(-np.inf if start is None else start, np.inf if stop is None else stop)
     imu, notes = longest(part.imu)
@@ -89,7 +119,11 @@ def analyse(recording, start=None, stop=None, gauss_markov=False):
     suggestion = suggest(result)
     notes += [text for sensor in (result.gyro, result.accel) for text in _misfit(sensor)]
     source = f"{recording.meta.get('name', 'recording')}, {imu.t[0] - imu.dt[0]:.1f} to {imu.t[-1]:.1f} s: {suggestion.spec.source}"
-    suggestion = suggestion._replace(spec=replace(suggestion.spec, name=f"{recording.meta.get('name', 'recording')}-allan", source=source))
+    suggestion = suggestion._replace(
+        spec=replace(
+            suggestion.spec, name=f"{recording.meta.get('name', 'recording')}-allan", source=source
+        )
+    )
     return Analysis(replace(part, imu=imu), result, suggestion, tuple(notes))
 
 
@@ -103,30 +137,43 @@ def longest(imu):
     if len(edges) == 2:
         return imu, []
     best = int(np.argmax(np.diff(edges)))
-    found = Imu(*(column[edges[best]:edges[best + 1]] for column in imu))
-    return found, [f"{len(edges) - 2} gaps: the longest stretch without one is used, {found.t[0] - found.dt[0]:.2f} to {found.t[-1]:.2f} s"]
+    found = Imu(*(column[edges[best] : edges[best + 1]] for column in imu))
+    return found, [
+        f"{len(edges) - 2} gaps: the longest stretch without one is used, {found.t[0] - found.dt[0]:.2f} to {found.t[-1]:.2f} s"
+    ]
 
 
 def _motion(imu):
-    """A note where the IMU moves for more than a hundredth of the time. Raises DataError where it moves for more than half of it."""
+    """A note where the IMU moves for more than a hundredth of the time. Raises DataError where
+    it moves for more than half of it."""
     width = max(1, round(STILL / float(np.median(imu.dt))))
     n = len(imu.t) // width
     if n < 8:
         return []
-    sums = [column[:n * width].reshape(n, width, -1).sum(axis=1) for column in imu[1:]]
-    coarse = Imu(imu.t[width - 1:n * width:width], sums[0][:, 0], sums[1], sums[2])
+    sums = [column[: n * width].reshape(n, width, -1).sum(axis=1) for column in imu[1:]]
+    coarse = Imu(imu.t[width - 1 : n * width : width], sums[0][:, 0], sums[1], sums[2])
     still, slow = at_rest(coarse, window=4 * STILL), _slow_motion(coarse)
     if still.mean() >= 0.5 and slow >= 0.5:
-        raise DataError(f"the IMU turns or accelerates in {100 * slow:.0f} % of its stretches of {_slow_stretch(n) * width * np.median(imu.dt):.0f} s: "
-                        "an Allan deviation needs it at rest; choose a stretch with --from and --to")
+        raise DataError(
+            f"the IMU turns or accelerates in {100 * slow:.0f} % of its stretches of {_slow_stretch(n) * width * np.median(imu.dt):.0f} s: "
+            "an Allan deviation needs it at rest; choose a stretch with --from and --to"
+        )
     if still.mean() >= 0.99:
         return []
-    rests = [(coarse.t[first] - coarse.dt[first], coarse.t[last - 1]) for first, last in stretches(still)]
+    rests = [
+        (coarse.t[first] - coarse.dt[first], coarse.t[last - 1]) for first, last in stretches(still)
+    ]
     begin, end = max(rests, key=lambda s: s[1] - s[0], default=(0.0, 0.0))
-    moves = f"the IMU moves for {100 * (1 - still.mean()):.0f} % of the time" + (f"; its longest rest is {begin:.1f} to {end:.1f} s" if rests else "")
+    moves = f"the IMU moves for {100 * (1 - still.mean()):.0f} % of the time" + (
+        f"; its longest rest is {begin:.1f} to {end:.1f} s" if rests else ""
+    )
     if still.mean() < 0.5:
-        raise DataError(f"{moves}: an Allan deviation needs it at rest; choose a stretch with --from and --to")
-    return [f"{moves}, and the Allan deviation shows the motion too; choose a stretch with --from and --to"]
+        raise DataError(
+            f"{moves}: an Allan deviation needs it at rest; choose a stretch with --from and --to"
+        )
+    return [
+        f"{moves}, and the Allan deviation shows the motion too; choose a stretch with --from and --to"
+    ]
 
 
 def _slow_stretch(n):
@@ -138,22 +185,35 @@ def _slow_motion(coarse):
     """Share of the stretches in which the samples of a `coarse` Imu vary or turn as at no rest."""
     size = _slow_stretch(len(coarse.t))
     count = len(coarse.t) // size
-    force, rate = ((column / coarse.dt[:, None])[:count * size].reshape(count, size, 3) for column in (coarse.dv, coarse.dtheta))
+    force, rate = (
+        (column / coarse.dt[:, None])[: count * size].reshape(count, size, 3)
+        for column in (coarse.dv, coarse.dtheta)
+    )
     spread = lambda values: values.var(axis=1).sum(axis=1)
-    quiet = (spread(force) < REST_ACCEL ** 2) & (spread(rate) < REST_RATE ** 2) & (np.square(rate.mean(axis=1)).sum(axis=1) < REST_MEAN ** 2)
+    quiet = (
+        (spread(force) < REST_ACCEL**2)
+        & (spread(rate) < REST_RATE**2)
+        & (np.square(rate.mean(axis=1)).sum(axis=1) < REST_MEAN**2)
+    )
     return 1 - quiet.mean()
 
 
 def _misfit(sensor):
-    """A note on the axes whose curve the model does not follow, and what their white noise is at most: no cluster time shows less than the sensor has."""
+    """A note on the axes whose curve the model does not follow, and what their white noise is at
+    most: no cluster time shows less than the sensor has."""
     poor = [(axis, curve) for axis, curve in zip(AXES, sensor.axes) if curve.fit.misfit > MISFIT]
     if not poor:
         return []
     si = COEFFICIENTS["white noise"].units[sensor.name]
-    most = ", ".join(f"{axis} {in_units((curve.high * np.sqrt(curve.tau)).min(), si):.2g}" for axis, curve in poor)
+    most = ", ".join(
+        f"{axis} {in_units((curve.high * np.sqrt(curve.tau)).min(), si):.2g}"
+        for axis, curve in poor
+    )
     missed = ", ".join(f"{axis} {100 * curve.fit.misfit:.0f} %" for axis, curve in poor)
-    return [f"{sensor.name}: the fitted curves miss the estimates ({missed} rms): the record holds more than the terms of the model, such as vibration or "
-            f"rocking, and its coefficients are not those of the sensor. Its white noise is at most {most} {SHEET[si]}"]
+    return [
+        f"{sensor.name}: the fitted curves miss the estimates ({missed} rms): the record holds more than the terms of the model, such as vibration or "
+        f"rocking, and its coefficients are not those of the sensor. Its white noise is at most {most} {SHEET[si]}"
+    ]
 
 
 def _number(value):
@@ -168,72 +228,171 @@ def _shown(fit, name, si):
 
 
 def figure(sensor, suggested=None):
-    """Allan deviations of three axes with bands, fitted curves and the slopes of the triad's terms, on logarithmic axes."""
+    """Allan deviations of three axes with bands, fitted curves and the slopes of the triad's
+    terms, on logarithmic axes."""
     si = "rad/s" if sensor.name == "gyro" else "m/s^2"
     drawn = finish(go.Figure(), 560)
     shown = lambda values: in_units(values, si)
     for axis, colour, curve in zip(BODY, COLOURS, sensor.axes):
-        colour_of_band = f"rgba({int(colour[1:3], 16)},{int(colour[3:5], 16)},{int(colour[5:], 16)},0.18)"
-        drawn.add_trace(go.Scatter(x=np.r_[curve.tau, curve.tau[::-1]], y=shown(np.r_[curve.low, curve.high[::-1]]), fill="toself", fillcolor=colour_of_band,
-                                   line={"width": 0}, hoverinfo="skip", showlegend=False, legendgroup=axis))
-        drawn.add_trace(go.Scatter(x=curve.tau, y=shown(curve.deviation), name=axis, legendgroup=axis, mode="lines+markers", marker={"size": 4},
-                                   line={"color": colour, "width": 1.8}, hovertemplate="%{y:.4g} " + SHEET[si]))
-        drawn.add_trace(go.Scatter(x=curve.tau, y=shown(curve.fit.deviation(curve.tau)), name=f"{axis[0]} fitted", legendgroup=axis, mode="lines",
-                                   line={"color": colour, "width": 1.2, "dash": "dash"}, hoverinfo="skip"))
+        colour_of_band = (
+            f"rgba({int(colour[1:3], 16)},{int(colour[3:5], 16)},{int(colour[5:], 16)},0.18)"
+        )
+        drawn.add_trace(
+            go.Scatter(
+                x=np.r_[curve.tau, curve.tau[::-1]],
+                y=shown(np.r_[curve.low, curve.high[::-1]]),
+                fill="toself",
+                fillcolor=colour_of_band,
+                line={"width": 0},
+                hoverinfo="skip",
+                showlegend=False,
+                legendgroup=axis,
+            )
+        )
+        drawn.add_trace(
+            go.Scatter(
+                x=curve.tau,
+                y=shown(curve.deviation),
+                name=axis,
+                legendgroup=axis,
+                mode="lines+markers",
+                marker={"size": 4},
+                line={"color": colour, "width": 1.8},
+                hovertemplate="%{y:.4g} " + SHEET[si],
+            )
+        )
+        drawn.add_trace(
+            go.Scatter(
+                x=curve.tau,
+                y=shown(curve.fit.deviation(curve.tau)),
+                name=f"{axis[0]} fitted",
+                legendgroup=axis,
+                mode="lines",
+                line={"color": colour, "width": 1.2, "dash": "dash"},
+                hoverinfo="skip",
+            )
+        )
     if suggested is not None:
         name, triad = suggested
-        drawn.add_trace(go.Scatter(x=sensor.triad.tau, y=shown(expected(triad, sensor.triad.tau)), name=f"grade {escape(name)}", mode="lines",
-                                   line={"color": GREY, "width": 1.6, "dash": "dashdot"}, hovertemplate="%{y:.4g} " + SHEET[si]))
+        drawn.add_trace(
+            go.Scatter(
+                x=sensor.triad.tau,
+                y=shown(expected(triad, sensor.triad.tau)),
+                name=f"grade {escape(name)}",
+                mode="lines",
+                line={"color": GREY, "width": 1.6, "dash": "dashdot"},
+                hovertemplate="%{y:.4g} " + SHEET[si],
+            )
+        )
     everything = shown(np.concatenate([np.r_[curve.low, curve.high] for curve in sensor.axes]))
     low, high = np.log10(everything.min()) - 0.15, np.log10(everything.max()) + 0.15
     _slopes(drawn, sensor, si, low, high)
     drawn.update_xaxes(type="log", title_text="cluster time [s]", exponentformat="power", dtick=1)
-    drawn.update_yaxes(type="log", title_text=f"Allan deviation [{SHEET[si]}]", range=[low, high], **log_ticks(low, high))
-    note(drawn, "Shaded: bounds that hold the true deviation with 68 % probability. Dotted: the terms found in the mean of the three axes.")
+    drawn.update_yaxes(
+        type="log",
+        title_text=f"Allan deviation [{SHEET[si]}]",
+        range=[low, high],
+        **log_ticks(low, high),
+    )
+    note(
+        drawn,
+        "Shaded: bounds that hold the true deviation with 68 % probability. Dotted: the terms found in the mean of the three axes.",
+    )
     return drawn
 
 
 def _slopes(drawn, sensor, si, low, high):
     """A dotted line with a label for each term of the triad, where it lies within the frame."""
     tau = np.geomspace(sensor.triad.tau[0], sensor.triad.tau[-1], 60)
-    for place, (name, variance) in zip((0.06, 0.3, 0.94, 0.7, 0.82), sensor.triad.fit.parts(tau).items()):
+    for place, (name, variance) in zip(
+        (0.06, 0.3, 0.94, 0.7, 0.82), sensor.triad.fit.parts(tau).items()
+    ):
         y = in_units(np.sqrt(variance), si)
         inside = np.flatnonzero((np.log10(y) > low) & (np.log10(y) < high))
         if not len(inside):
             continue
         unit = COEFFICIENTS[name].units[sensor.name]
-        drawn.add_trace(go.Scatter(x=tau[inside], y=y[inside], mode="lines", line={"color": GREY, "width": 1, "dash": "dot"},
-                                   hoverinfo="skip", showlegend=False))
+        drawn.add_trace(
+            go.Scatter(
+                x=tau[inside],
+                y=y[inside],
+                mode="lines",
+                line={"color": GREY, "width": 1, "dash": "dot"},
+                hoverinfo="skip",
+                showlegend=False,
+            )
+        )
         at = inside[int(place * (len(inside) - 1))]
         slope = f", slope {SYMBOLS[name].replace('-', '−')}" if name in SYMBOLS else ""
-        drawn.add_annotation(x=np.log10(tau[at]), y=np.log10(y[at]), text=f"{name} {_number(in_units(sensor.triad.fit.value[name], unit))} {SHEET[unit]}{slope}",
-                             showarrow=False, yshift=2, xanchor="left" if place < 0.5 else "right", yanchor="bottom", font={"size": 11, "color": GREY})
+        drawn.add_annotation(
+            x=np.log10(tau[at]),
+            y=np.log10(y[at]),
+            text=f"{name} {_number(in_units(sensor.triad.fit.value[name], unit))} {SHEET[unit]}{slope}",
+            showarrow=False,
+            yshift=2,
+            xanchor="left" if place < 0.5 else "right",
+            yanchor="bottom",
+            font={"size": 11, "color": GREY},
+        )
 
 
 def page(analysis):
     """The Page of an Analysis."""
     title = f"Allan deviation of {analysis.recording.meta.get('name', 'recording')}"
     nearest = grade(analysis.suggestion.grade)
-    figures = [figure(sensor, (nearest.name, triad)) for sensor, triad in ((analysis.result.gyro, nearest.gyro), (analysis.result.accel, nearest.accel))]
-    curves = "".join(placed(number, drawn, heading) for number, (heading, drawn) in enumerate(zip(TITLES.values(), figures), 1))
+    figures = [
+        figure(sensor, (nearest.name, triad))
+        for sensor, triad in (
+            (analysis.result.gyro, nearest.gyro),
+            (analysis.result.accel, nearest.accel),
+        )
+    ]
+    curves = "".join(
+        placed(number, drawn, heading)
+        for number, (heading, drawn) in enumerate(zip(TITLES.values(), figures), 1)
+    )
     notes = "".join(f"<p class=note>{escape(text)}</p>" for text in analysis.notes)
     imu = analysis.recording.imu
-    facts = {"recording": analysis.recording.meta.get("name", ""), "time": f"{imu.t[0] - imu.dt[0]:.1f} to {imu.t[-1]:.1f} s",
-             "samples": f"{len(imu.t)} at {1 / analysis.result.dt:.6g} Hz",
-             "nearest grade": "none: disturbed" if analysis.disturbed else analysis.suggestion.grade, "software": f"strapdown {__version__}"}
-    said = f"<p>{escape(analysis.verdict[0].upper() + analysis.verdict[1:])}. {_others(analysis)}</p>"
-    return shell(title, listed(facts), [("Coefficients", _table(analysis) + said + notes), ("Curves", curves)], FOOTER)
+    facts = {
+        "recording": analysis.recording.meta.get("name", ""),
+        "time": f"{imu.t[0] - imu.dt[0]:.1f} to {imu.t[-1]:.1f} s",
+        "samples": f"{len(imu.t)} at {1 / analysis.result.dt:.6g} Hz",
+        "nearest grade": "none: disturbed" if analysis.disturbed else analysis.suggestion.grade,
+        "software": f"strapdown {__version__}",
+    }
+    said = (
+        f"<p>{escape(analysis.verdict[0].upper() + analysis.verdict[1:])}. {_others(analysis)}</p>"
+    )
+    return shell(
+        title,
+        listed(facts),
+        [("Coefficients", _table(analysis) + said + notes), ("Curves", curves)],
+        FOOTER,
+    )
 
 
 def _others(analysis):
     ranked = sorted(analysis.suggestion.factors.items(), key=lambda item: item[1])
-    return "Factors of all grades: " + ", ".join(f"{escape(name)} {_number(factor)}" for name, factor in ranked) + "."
+    return (
+        "Factors of all grades: "
+        + ", ".join(f"{escape(name)} {_number(factor)}" for name, factor in ranked)
+        + "."
+    )
 
 
 def _table(analysis):
     head = "".join(f"<th>{escape(name)}</th>" for name in analysis.header)
-    rows = "".join("<tr>" + "".join(f"<td>{escape(cell.replace('-1', '−1') if i == 2 else cell)}</td>" for i, cell in enumerate(row)) + "</tr>"
-                   for row in analysis.rows)
-    caption = ("Units of datasheets; “triad” is fitted to the mean variance of the three axes and “sd” its standard error. "
-               "“<” precedes what a coefficient would have to exceed to be told from zero.")
+    rows = "".join(
+        "<tr>"
+        + "".join(
+            f"<td>{escape(cell.replace('-1', '−1') if i == 2 else cell)}</td>"
+            for i, cell in enumerate(row)
+        )
+        + "</tr>"
+        for row in analysis.rows
+    )
+    caption = (
+        "Units of datasheets; “triad” is fitted to the mean variance of the three axes and “sd” its standard error. "
+        "“<” precedes what a coefficient would have to exceed to be told from zero."
+    )
     return f"<div class=scroll><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div><p class=caption>{caption}</p>"

@@ -1,4 +1,6 @@
-"""From an Allan analysis to a description of the IMU: the grade that ships with the package and comes nearest, and an ImuSpec of the fitted coefficients."""
+"""From an Allan analysis to a description of the IMU: the grade that ships with the package and
+comes nearest, and an ImuSpec of the fitted coefficients."""
+
 from typing import NamedTuple
 
 import numpy as np
@@ -8,22 +10,36 @@ from ..sensor_models.imu import ImuSpec, grade, grades
 from ..sensor_models.noise import FLOOR, gauss_markov_variance
 
 MISFIT = 0.1
-"""A fitted curve that misses the estimates by more than this share (rms) has coefficients of something else than the sensor's noise."""
+"""A fitted curve that misses the estimates by more than this share (rms) has coefficients of
+something else than the sensor's noise."""
 
 
 class Suggestion(NamedTuple):
     """What `suggest` makes of an Allan analysis."""
-    grade: str          # the nearest one
-    factors: dict       # {grade: factor between its expected and the estimated deviations, geometric mean over sensors and cluster times}
-    spec: ImuSpec       # from the coefficients of the triads; its turn-on bias is the nearest grade's, since one record cannot show it
+
+    grade: str  # the nearest one
+    # {grade: factor between its expected and the estimated deviations, geometric mean over sensors
+    # and cluster times}
+    factors: dict
+    # from the coefficients of the triads; its turn-on bias is the nearest grade's, since one record
+    # cannot show it
+    spec: ImuSpec
 
 
 def expected(triad, tau):
-    """Allan deviation (k,) of an IMU whose errors are those of `triad` at cluster times `tau`, s; constant errors do not show in it."""
+    """Allan deviation (k,) of an IMU whose errors are those of `triad` at cluster times `tau`,
+    s; constant errors do not show in it."""
     tau = np.asarray(tau, float)
-    variance = triad.noise ** 2 / tau + triad.bias_walk ** 2 * tau / 3 + (FLOOR * triad.flicker) ** 2 + triad.quantisation ** 2 / 4 / tau ** 2
+    variance = (
+        triad.noise**2 / tau
+        + triad.bias_walk**2 * tau / 3
+        + (FLOOR * triad.flicker) ** 2
+        + triad.quantisation**2 / 4 / tau**2
+    )
     if triad.gauss_markov:
-        variance = variance + triad.gauss_markov ** 2 * gauss_markov_variance(tau, triad.time_constant)
+        variance = variance + triad.gauss_markov**2 * gauss_markov_variance(
+            tau, triad.time_constant
+        )
     return np.sqrt(variance)
 
 
@@ -32,21 +48,36 @@ def suggest(result):
     factors = {name: _factor(grade(name), result) for name in grades(others=False)}
     best = min(factors, key=factors.get)
     nearest = grade(best)
-    text = (f"Allan deviation of {result.duration:.0f} s at rest, mean of three axes; turn-on bias of the nearest grade, {best}, "
-            "since one record cannot show it")
-    spec = ImuSpec("allan", _triad(result.gyro, nearest.gyro), _triad(result.accel, nearest.accel), text)
+    text = (
+        f"Allan deviation of {result.duration:.0f} s at rest, mean of three axes; turn-on bias of the nearest grade, {best}, "
+        "since one record cannot show it"
+    )
+    spec = ImuSpec(
+        "allan", _triad(result.gyro, nearest.gyro), _triad(result.accel, nearest.accel), text
+    )
     return Suggestion(best, factors, spec)
 
 
 def _factor(spec, result):
-    ratios = [np.log(expected(triad, sensor.triad.tau) / sensor.triad.deviation) for triad, sensor in ((spec.gyro, result.gyro), (spec.accel, result.accel))]
+    ratios = [
+        np.log(expected(triad, sensor.triad.tau) / sensor.triad.deviation)
+        for triad, sensor in ((spec.gyro, result.gyro), (spec.accel, result.accel))
+    ]
     return float(np.exp(np.mean(np.abs(ratios))))
 
 
 def _triad(sensor, nearest):
-    """The Triad of fitted coefficients; white noise that was not seen is at most what each cluster time allows."""
+    """The Triad of fitted coefficients; white noise that was not seen is at most what each
+    cluster time allows."""
     fit, curve = sensor.triad.fit, sensor.triad
     found = lambda name: float(np.nan_to_num(fit.value.get(name, 0.0)))
     noise = found("white noise") or float((curve.high * np.sqrt(curve.tau)).min())
-    return Triad(noise=noise, turn_on_bias=nearest.turn_on_bias, bias_walk=found("rate random walk"), gauss_markov=found("gauss-markov"),
-                 time_constant=found("time constant"), flicker=found("bias instability"), quantisation=np.sqrt(12) * found("quantisation"))
+    return Triad(
+        noise=noise,
+        turn_on_bias=nearest.turn_on_bias,
+        bias_walk=found("rate random walk"),
+        gauss_markov=found("gauss-markov"),
+        time_constant=found("time constant"),
+        flicker=found("bias instability"),
+        quantisation=np.sqrt(12) * found("quantisation"),
+    )

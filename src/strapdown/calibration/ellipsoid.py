@@ -1,18 +1,33 @@
-"""Calibration by strength alone: |M (y - b)| is the same in every direction, for gravity at rest and for the Earth's magnetic field.
+"""Calibration by strength alone: |M (y - b)| is the same in every direction, for gravity at rest
+and for the Earth's magnetic field.
 
-M is symmetric: scale and non-orthogonality without a turn, which strength cannot show. An algebraic fit of a quadric is the start of least squares
-on the strength itself (Gander, Golub & Strebel 1994; for magnetometers Renaudin, Afzal & Lachapelle 2010, Journal of Sensors 967245). What the
-directions do not determine is held at identity and named. The fit is in units of the strength, so that misfits are relative.
+M is symmetric: scale and non-orthogonality without a turn, which strength cannot show. An algebraic
+fit of a quadric is the start of least squares on the strength itself (Gander, Golub & Strebel 1994;
+for magnetometers Renaudin, Afzal & Lachapelle 2010, Journal of Sensors 967245). What the directions
+do not determine is held at identity and named. The fit is in units of the strength, so that misfits
+are relative.
 """
+
 from typing import NamedTuple
 
 import numpy as np
 
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-NAMES = ("scale x", "scale y", "scale z", "misalignment xy", "misalignment xz", "misalignment yz", "bias x", "bias y", "bias z")
+NAMES = (
+    "scale x",
+    "scale y",
+    "scale z",
+    "misalignment xy",
+    "misalignment xz",
+    "misalignment yz",
+    "bias x",
+    "bias y",
+    "bias z",
+)
 WEAKEST = 0.02
-"""Least singular value of the Jacobian (rms over its rows, all in units of the strength) at which a parameter counts as determined: a misfit of 0.5 %
-that happens to have the worst pattern then makes an error of 25 %."""
+"""Least singular value of the Jacobian (rms over its rows, all in units of the strength) at
+which a parameter counts as determined: a misfit of 0.5 % that happens to have the worst pattern
+then makes an error of 25 %."""
 OUTLIER = 5.0
 """Misfits beyond so many standard deviations, robustly estimated, are left out."""
 STEPS, DONE = 200, 1e-13
@@ -20,20 +35,22 @@ STEPS, DONE = 200, 1e-13
 
 class Fit(NamedTuple):
     """What was found: calibrated = matrix @ (y - bias)."""
-    bias: np.ndarray            # (3,) unit of y
-    matrix: np.ndarray          # (3, 3)
-    covariance: np.ndarray      # (12, 12) of bias and of the rows of the matrix
-    residuals: np.ndarray       # (n, 3) unit of y; NaN where a sample was not used
-    used: np.ndarray            # (n,) bool
-    weakest: float              # least singular value, see `WEAKEST`
-    held: tuple = ()            # names of parameters held at identity
-    missing: tuple = ()         # names of parameters that were not determined and could not be held
+
+    bias: np.ndarray  # (3,) unit of y
+    matrix: np.ndarray  # (3, 3)
+    covariance: np.ndarray  # (12, 12) of bias and of the rows of the matrix
+    residuals: np.ndarray  # (n, 3) unit of y; NaN where a sample was not used
+    used: np.ndarray  # (n,) bool
+    weakest: float  # least singular value, see `WEAKEST`
+    held: tuple = ()  # names of parameters held at identity
+    missing: tuple = ()  # names of parameters that were not determined and could not be held
 
 
 def ellipsoid(y, strength, sd=0.0):
     """The Fit of y (n, 3) to one strength; rows with NaN are left out.
 
-    sd: standard deviation of the strength of a row, where it is known beforehand; the covariance assumes no less.
+    sd: standard deviation of the strength of a row, where it is known beforehand; the covariance
+    assumes no less.
     """
     known = np.isfinite(y).all(axis=1)
     z = np.where(known[:, None], y, 0) / strength
@@ -48,7 +65,8 @@ def ellipsoid(y, strength, sd=0.0):
 
 
 def _held(p, free, z):
-    """(p, free, weakest): entries of M held at identity until the directions of z determine the rest, those with most part in the weakest first.
+    """(p, free, weakest): entries of M held at identity until the directions of z determine the
+    rest, those with most part in the weakest first.
 
     Misalignment goes before scale: it is the smaller of the two in most sensors.
     """
@@ -59,16 +77,21 @@ def _held(p, free, z):
         entries = np.flatnonzero(free[:6])
         if weakest >= WEAKEST or not len(entries):
             return p, free, weakest
-        k = entries[np.argmax(np.abs(pattern[:len(entries)]) * np.where(entries < 3, 1, 3))]
+        k = entries[np.argmax(np.abs(pattern[: len(entries)]) * np.where(entries < 3, 1, 3))]
         free[k], p[k] = False, float(k < 3)
         if not free[:6].all():
             p[6:] = start(z, sphere=True)[6:]
 
 
 def start(z, sphere=False):
-    """(9,) entries of M and b in units of the strength: of the quadric through z (n, 3), else, or where `sphere`, identity and its centre."""
+    """(9,) entries of M and b in units of the strength: of the quadric through z (n, 3), else,
+    or where `sphere`, identity and its centre."""
     x, y, w = z.T
-    quadric, rest, _, values = np.linalg.lstsq(np.c_[x * x, y * y, w * w, 2 * x * y, 2 * x * w, 2 * y * w, 2 * z], np.ones(len(z)), rcond=None)
+    quadric, rest, _, values = np.linalg.lstsq(
+        np.c_[x * x, y * y, w * w, 2 * x * y, 2 * x * w, 2 * y * w, 2 * z],
+        np.ones(len(z)),
+        rcond=None,
+    )
     Q = quadric[[0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(3, 3)
     if not sphere and len(z) >= 9 and values[-1] > 1e-6 * values[0]:
         b = -np.linalg.solve(Q, quadric[6:])
@@ -77,7 +100,11 @@ def start(z, sphere=False):
             M = turn @ np.diag(np.sqrt(sizes)) @ turn.T
             return np.r_[[M[i] for i in ENTRIES], b]
     middle = z.mean(axis=0)
-    centre = np.linalg.lstsq(np.c_[2 * (z - middle), np.ones(len(z))], np.einsum("ij,ij->i", z - middle, z - middle), rcond=1e-4)[0][:3]
+    centre = np.linalg.lstsq(
+        np.c_[2 * (z - middle), np.ones(len(z))],
+        np.einsum("ij,ij->i", z - middle, z - middle),
+        rcond=1e-4,
+    )[0][:3]
     return np.r_[1, 1, 1, 0, 0, 0, middle + (centre if np.linalg.norm(centre) < 3 else 0)]
 
 
@@ -101,7 +128,8 @@ def _misfit(p, z):
 
 
 def _robust(z, used, p, free):
-    """(p, used): weighted least squares with weights that fall with the misfit, then plain ones without outliers."""
+    """(p, used): weighted least squares with weights that fall with the misfit, then plain ones
+    without outliers."""
     p = levenberg(lambda p: _misfit(p, z[used]), p, free, robust=True)
     known = used
     for _ in range(5):
@@ -117,14 +145,15 @@ def _robust(z, used, p, free):
 
 
 def levenberg(function, p, free, robust=False):
-    """The parameters p (k,) that minimise the squares of function(p) = (r (n,), J (n, k)), moving only the `free` ones; Levenberg-Marquardt."""
+    """The parameters p (k,) that minimise the squares of function(p) = (r (n,), J (n, k)),
+    moving only the `free` ones; Levenberg-Marquardt."""
     p, damping = p.copy(), 1e-3
     cost = None
     for _ in range(STEPS):
         r, J = function(p)
         J = J[:, free]
         scale = 3 * max(spread(r), 1e-9)
-        weigh = (lambda r: np.log1p((r / scale) ** 2) * scale ** 2) if robust else np.square
+        weigh = (lambda r: np.log1p((r / scale) ** 2) * scale**2) if robust else np.square
         w = 1 / (1 + (r / scale) ** 2) if robust else np.ones(len(r))
         cost = weigh(r).sum()
         H, g = J.T @ (w[:, None] * J), J.T @ (w * r)
@@ -144,7 +173,8 @@ def levenberg(function, p, free, robust=False):
 
 
 def spread(r):
-    """Standard deviation of r about zero from the median of magnitudes, which outliers do not move."""
+    """Standard deviation of r about zero from the median of magnitudes, which outliers do not
+    move."""
     return 1.4826 * float(np.median(np.abs(r))) if len(r) else 0.0
 
 
@@ -155,14 +185,15 @@ def weakest_direction(H):
 
 
 def inflation(r, block=50):
-    """How much more the mean of `block` neighbouring residuals (rows of r) varies than of independent ones; at least 1."""
+    """How much more the mean of `block` neighbouring residuals (rows of r) varies than of
+    independent ones; at least 1."""
     r = r.reshape(len(r), -1)
     n = len(r) // block
     if n < 10:
         return 1.0
-    means = r[:n * block].reshape(n, block, -1).mean(axis=1)
-    variance = float(np.mean(r ** 2))
-    return max(1.0, block * float(np.mean(means ** 2)) / variance) if variance > 0 else 1.0
+    means = r[: n * block].reshape(n, block, -1).mean(axis=1)
+    variance = float(np.mean(r**2))
+    return max(1.0, block * float(np.mean(means**2)) / variance) if variance > 0 else 1.0
 
 
 def _fit(z, used, p, free, weakest, scale, sd):
@@ -181,4 +212,13 @@ def _fit(z, used, p, free, weakest, scale, sd):
     radial = m * (1 - 1 / np.maximum(np.linalg.norm(m, axis=1), 1e-9))[:, None] * scale
     held = tuple(name for name, is_free in zip(NAMES, free) if not is_free)
     missing = NAMES[6:] if weakest < WEAKEST else ()
-    return Fit(b * scale, M, to_full @ covariance @ to_full.T, np.where(used[:, None], radial, np.nan), used, weakest, held, missing)
+    return Fit(
+        b * scale,
+        M,
+        to_full @ covariance @ to_full.T,
+        np.where(used[:, None], radial, np.nan),
+        used,
+        weakest,
+        held,
+        missing,
+    )

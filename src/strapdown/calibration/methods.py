@@ -1,4 +1,6 @@
-"""What a calibration says of its data: rests of an accelerometer, directions that were seen, and the choice between two fits of a magnetometer."""
+"""What a calibration says of its data: rests of an accelerometer, directions that were seen, and
+the choice between two fits of a magnetometer."""
+
 from typing import NamedTuple
 
 import numpy as np
@@ -9,21 +11,25 @@ from .ellipsoid import ellipsoid
 from .gyro_aided import turning
 
 BANDS, SECTORS = 6, 8
-"""Cells of the sphere for `coverage`: bands of equal height, so of equal area, in sectors of azimuth."""
+"""Cells of the sphere for `coverage`: bands of equal height, so of equal area, in sectors of
+azimuth."""
 NEAR = np.radians(30.0)
 """An axis counts as seen where a direction lies within this angle of it."""
 STILL, SAME, BLOCKS = 1.0, np.radians(2.0), 2
-"""A rest is BLOCKS blocks of STILL (s) or more whose mean specific force has one direction within SAME (rad)."""
+"""A rest is BLOCKS blocks of STILL (s) or more whose mean specific force has one direction
+within SAME (rad)."""
 LEAST_CHANGE = 5e-6
-"""T: half the range that a sensor must have seen where the strength is unknown; the Earth's field has 22 to 67 uT."""
+"""T: half the range that a sensor must have seen where the strength is unknown; the Earth's
+field has 22 to 67 uT."""
 HALF_AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
 class Rests(NamedTuple):
     """Mean specific force of each rest."""
-    t: np.ndarray           # (n,) s, the middle
-    force: np.ndarray       # (n, 3) m/s^2
-    sd: float               # m/s^2, of a mean, from the scatter of the blocks
+
+    t: np.ndarray  # (n,) s, the middle
+    force: np.ndarray  # (n, 3) m/s^2
+    sd: float  # m/s^2, of a mean, from the scatter of the blocks
 
 
 def rests(imu):
@@ -35,7 +41,10 @@ def rests(imu):
         if n < BLOCKS:
             continue
         rows = slice(first, first + n * width)
-        force = imu.dv[rows].reshape(n, width, 3).sum(axis=1) / imu.dt[rows].reshape(n, width).sum(axis=1)[:, None]
+        force = (
+            imu.dv[rows].reshape(n, width, 3).sum(axis=1)
+            / imu.dt[rows].reshape(n, width).sum(axis=1)[:, None]
+        )
         t = imu.t[rows].reshape(n, width).mean(axis=1)
         for group in _groups(force):
             if len(group) >= BLOCKS:
@@ -58,63 +67,97 @@ def _groups(force):
 
 
 def coverage(vectors):
-    """(share of the sphere's `BANDS` x `SECTORS` cells of equal area that hold a direction, (BANDS, SECTORS) counts, half-axes with none near)."""
+    """(share of the sphere's `BANDS` x `SECTORS` cells of equal area that hold a direction,
+    (BANDS, SECTORS) counts, half-axes with none near)."""
     unit = vectors / np.maximum(np.linalg.norm(vectors, axis=1), 1e-30)[:, None]
     band = np.clip(((unit[:, 2] + 1) / 2 * BANDS).astype(int), 0, BANDS - 1)
-    sector = ((np.arctan2(unit[:, 1], unit[:, 0]) / (2 * np.pi) + 0.5) * SECTORS).astype(int) % SECTORS
+    sector = ((np.arctan2(unit[:, 1], unit[:, 0]) / (2 * np.pi) + 0.5) * SECTORS).astype(
+        int
+    ) % SECTORS
     counts = np.zeros((BANDS, SECTORS), int)
     np.add.at(counts, (band, sector), 1)
     nearest = np.c_[unit.max(axis=0), -unit.min(axis=0)].ravel() if len(unit) else np.full(6, -1.0)
-    return float((counts > 0).mean()), counts, tuple(axis for axis, cosine in zip(HALF_AXES, nearest) if cosine < np.cos(NEAR))
+    return (
+        float((counts > 0).mean()),
+        counts,
+        tuple(axis for axis, cosine in zip(HALF_AXES, nearest) if cosine < np.cos(NEAR)),
+    )
 
 
 def six_positions(found, gravity):
-    """The Fit of an accelerometer to gravity (m/s^2) in its Rests. Raises DataError with the directions that lack."""
+    """The Fit of an accelerometer to gravity (m/s^2) in its Rests. Raises DataError with the
+    directions that lack."""
     if len(found.t) < 3:
-        raise DataError(f"accelerometer: {len(found.t)} {'rest' if len(found.t) == 1 else 'rests'} of {BLOCKS * STILL:g} s and longer; a calibration needs six and more, "
-                        "with each axis once up and once down")
+        raise DataError(
+            f"accelerometer: {len(found.t)} {'rest' if len(found.t) == 1 else 'rests'} of {BLOCKS * STILL:g} s and longer; a calibration needs six and more, "
+            "with each axis once up and once down"
+        )
     fit = ellipsoid(found.force, gravity, found.sd)
     if fit.missing:
-        raise DataError(f"accelerometer: too few directions in {len(found.t)} rests: {lacking(coverage(found.force)[2], 'no rest with')}; "
-                        "rest with each axis once up and once down")
+        raise DataError(
+            f"accelerometer: too few directions in {len(found.t)} rests: {lacking(coverage(found.force)[2], 'no rest with')}; "
+            "rest with each axis once up and once down"
+        )
     return fit
 
 
 def hard_and_soft_iron(t, y, imu, strength, dip=None):
-    """(Fit, form, gyro bias or None) of a magnetometer y (n, 3) T at t (n,) s; form is "ellipsoid" or "turning".
+    """(Fit, form, gyro bias or None) of a magnetometer y (n, 3) T at t (n,) s; form is "ellipsoid"
+    or "turning".
 
-    Of two forms that determine all their parameters, the one whose calibrated field is the more certain is taken; else the one that determines more.
-    strength: T; dip: rad, or None where they are not known (a scale of its own is then kept). Raises DataError with the directions that lack.
+    Of two forms that determine all their parameters, the one whose calibrated field is the more
+    certain is taken; else the one that determines more. strength: T; dip: rad, or None where they
+    are not known (a scale of its own is then kept). Raises DataError with the directions that lack.
     """
     known = np.isfinite(y).all(axis=1)
     _refuse_still(y[known], strength)
     size = strength if strength is not None else typical(y[known])
     static, turned = ellipsoid(y, size), turning(t, y, imu, size, dip)
     if turned is not None and not turned[0].held and np.linalg.det(turned[0].matrix) < 0:
-        raise DataError("magnetometer: its axes are left-handed against those of the gyros: one column has the wrong sign; "
-                        "put it right in the table, or by scale")
-    fits = [(static, "ellipsoid", None)] + ([(turned[0], "turning", turned[1])] if turned is not None else [])
-    fits = [each for each in fits if not each[0].missing and each[0].used.sum() >= 10 and np.linalg.det(each[0].matrix) > 0]
+        raise DataError(
+            "magnetometer: its axes are left-handed against those of the gyros: one column has the wrong sign; "
+            "put it right in the table, or by scale"
+        )
+    fits = [(static, "ellipsoid", None)] + (
+        [(turned[0], "turning", turned[1])] if turned is not None else []
+    )
+    fits = [
+        each
+        for each in fits
+        if not each[0].missing and each[0].used.sum() >= 10 and np.linalg.det(each[0].matrix) > 0
+    ]
     if not fits:
-        raise DataError(f"magnetometer: too few directions: {lacking(coverage(y[known] - static.bias)[2], 'no field along')}; "
-                        "turn the sensor through all directions, upside down too")
+        raise DataError(
+            f"magnetometer: too few directions: {lacking(coverage(y[known] - static.bias)[2], 'no field along')}; "
+            "turn the sensor through all directions, upside down too"
+        )
     determined = {"ellipsoid": 9, "turning": 12}
     complete = [each for each in fits if not each[0].held]
-    fit, form, gyro = min(complete, key=lambda each: uncertainty(each[0], size)) if complete else \
-        max(fits, key=lambda each: determined[each[1]] - len(each[0].held))
+    fit, form, gyro = (
+        min(complete, key=lambda each: uncertainty(each[0], size))
+        if complete
+        else max(fits, key=lambda each: determined[each[1]] - len(each[0].held))
+    )
     return (fit if strength is not None else _own_scale(fit)), form, gyro
 
 
 def _refuse_still(y, strength):
-    """Raises DataError where the samples y (n, 3), T, are too few, or show no turn, so that noise would be fitted."""
+    """Raises DataError where the samples y (n, 3), T, are too few, or show no turn, so that
+    noise would be fitted."""
     if len(y) < 20:
-        raise DataError(f"magnetometer: {len(y)} samples; a calibration needs 20 and more, better some thousand")
+        raise DataError(
+            f"magnetometer: {len(y)} samples; a calibration needs 20 and more, better some thousand"
+        )
     if (np.ptp(y, axis=0) == 0).any():
         axis = "xyz"[int(np.argmin(np.ptp(y, axis=0)))]
-        raise DataError(f"magnetometer: {axis} is constant: the sensor is stuck or was not turned; nothing can be calibrated")
+        raise DataError(
+            f"magnetometer: {axis} is constant: the sensor is stuck or was not turned; nothing can be calibrated"
+        )
     if strength is None and (change := typical(y)) < LEAST_CHANGE:
-        raise DataError(f"magnetometer: it changes by +-{change * 1e6:.2g} uT in its widest axis, and the Earth's field has 22 to 67 uT: "
-                        "too few directions; turn the sensor through all directions, upside down too")
+        raise DataError(
+            f"magnetometer: it changes by +-{change * 1e6:.2g} uT in its widest axis, and the Earth's field has 22 to 67 uT: "
+            "too few directions; turn the sensor through all directions, upside down too"
+        )
 
 
 def typical(y):
@@ -124,21 +167,31 @@ def typical(y):
 
 
 def uncertainty(fit, strength):
-    """Standard deviation of the calibrated field, T, of a field of that strength, over all directions and axes."""
+    """Standard deviation of the calibrated field, T, of a field of that strength, over all
+    directions and axes."""
     variance = np.diag(fit.covariance)
-    return float(np.sqrt((variance[:3].sum() + strength ** 2 * variance[3:].sum() / 3) / 3))
+    return float(np.sqrt((variance[:3].sum() + strength**2 * variance[3:].sum() / 3) / 3))
 
 
 def _own_scale(fit):
     """The Fit whose matrix keeps volumes, and so the typical strength."""
     factor = np.linalg.det(fit.matrix) ** (-1 / 3)
     resize = np.r_[np.ones(3), np.full(9, factor)]
-    return fit._replace(matrix=fit.matrix * factor, residuals=fit.residuals * factor, covariance=fit.covariance * np.outer(resize, resize))
+    return fit._replace(
+        matrix=fit.matrix * factor,
+        residuals=fit.residuals * factor,
+        covariance=fit.covariance * np.outer(resize, resize),
+    )
 
 
 def lacking(axes, words):
-    """"no rest with the z axis up (within 30 deg), ..."; axes are half-axes such as "+z", the direction of specific force, or of the field."""
+    """ "no rest with the z axis up (within 30 deg), ..."; axes are half-axes such as "+z", the
+    direction of specific force, or of the field."""
     within = f"(within {np.degrees(NEAR):.0f} deg)"
     if "rest" in words:
         axes = [f"the {axis[1]} axis {'up' if axis[0] == '+' else 'down'}" for axis in axes]
-    return f"{words} {', '.join(axes)} {within}" if axes else "no direction lacks, but some are too alike"
+    return (
+        f"{words} {', '.join(axes)} {within}"
+        if axes
+        else "no direction lacks, but some are too alike"
+    )

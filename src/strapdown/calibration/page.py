@@ -1,56 +1,103 @@
-"""The page of a calibration: strength before and after, directions on a map of the sphere, misfits."""
+"""The page of a calibration: strength before and after, directions on a map of the sphere,
+misfits."""
+
 from html import escape
 
 import numpy as np
 import plotly.graph_objects as go
 
 from .. import __version__
-from .fitting import DETAIL
-from .methods import BANDS, SECTORS, coverage
 from ..reports.drawing import COLOURS, GREY, even, finish, line, note, origin, panels
 from ..reports.shell import listed, placed, shell
+from .fitting import DETAIL
+from .methods import BANDS, SECTORS, coverage
 
 POINTS = 2000
 FOOTER = "calibrated = matrix (measured − bias), axes of the body: forward, right, down. The file is in the axes of the recording's columns."
-FORMS = {"rests": "strength of specific force in rests is gravity", "ellipsoid": "strength is the same in every direction",
-         "turning": "the field turns against the gyros"}
+FORMS = {
+    "rests": "strength of specific force in rests is gravity",
+    "ellipsoid": "strength is the same in every direction",
+    "turning": "the field turns against the gyros",
+}
 
 
 def strength_figure(found):
     """Strength of the samples before and after calibration over time, and what it should be."""
     _, factor, unit = DETAIL[found.sensor]
     drawn, zero = panels([f"strength [{unit}]"], 300), origin(found.t)
-    for name, vectors, colour in (("before", found.measured, GREY), ("after", found.calibrated, COLOURS[0])):
+    for name, vectors, colour in (
+        ("before", found.measured, GREY),
+        ("after", found.calibrated, COLOURS[0]),
+    ):
         values = np.linalg.norm(vectors, axis=1) * factor
         if len(found.t) < 100:
-            drawn.add_trace(go.Scatter(x=found.t - zero, y=values, name=name, mode="markers", marker={"color": colour}, hovertemplate="%{y:.5g}"))
+            drawn.add_trace(
+                go.Scatter(
+                    x=found.t - zero,
+                    y=values,
+                    name=name,
+                    mode="markers",
+                    marker={"color": colour},
+                    hovertemplate="%{y:.5g}",
+                )
+            )
         else:
             line(drawn, found.t - zero, values, name, colour)
-    drawn.add_hline(y=found.strength * factor, line={"color": COLOURS[1], "width": 1, "dash": "dash"})
+    drawn.add_hline(
+        y=found.strength * factor, line={"color": COLOURS[1], "width": 1, "dash": "dash"}
+    )
     drawn.update_xaxes(title_text="time [s]" if not zero else f"time since {zero:.0f} s [s]")
     note(drawn, f"Dashed: {found.strength * factor:.5g} {unit}, to which the strength was fitted.")
     return drawn
 
 
 def directions_figure(found):
-    """The directions of the calibrated samples in body axes, on an equal-area map; cells without any are grey."""
+    """The directions of the calibrated samples in body axes, on an equal-area map; cells without
+    any are grey."""
     vectors = found.calibrated[np.isfinite(found.calibrated).all(axis=1)]
     share, counts, _ = coverage(vectors)
     unit = vectors[even(len(vectors), POINTS)]
     unit = unit / np.linalg.norm(unit, axis=1)[:, None]
     drawn = finish(go.Figure(), 380)
-    drawn.add_trace(go.Scatter(x=np.degrees(np.arctan2(unit[:, 1], unit[:, 0])), y=-unit[:, 2], mode="markers", name="directions",
-                               marker={"size": 4, "color": COLOURS[0]}, hovertemplate="%{x:.0f} deg<extra></extra>"))
+    drawn.add_trace(
+        go.Scatter(
+            x=np.degrees(np.arctan2(unit[:, 1], unit[:, 0])),
+            y=-unit[:, 2],
+            mode="markers",
+            name="directions",
+            marker={"size": 4, "color": COLOURS[0]},
+            hovertemplate="%{x:.0f} deg<extra></extra>",
+        )
+    )
     for band, sector in zip(*np.nonzero(counts == 0)):
         x, y = -180 + sector * 360 / SECTORS, 1 - 2 * band / BANDS
-        drawn.add_shape(type="rect", x0=x, x1=x + 360 / SECTORS, y0=y, y1=y - 2 / BANDS, fillcolor=GREY, opacity=0.25, line={"width": 0},
-                        layer="below")
-    for x, y, text in ((0, 0, "+x"), (90, 0, "+y"), (-90, 0, "−y"), (180, 0, "−x"), (0, -0.97, "+z"), (0, 0.97, "−z")):
+        drawn.add_shape(
+            type="rect",
+            x0=x,
+            x1=x + 360 / SECTORS,
+            y0=y,
+            y1=y - 2 / BANDS,
+            fillcolor=GREY,
+            opacity=0.25,
+            line={"width": 0},
+            layer="below",
+        )
+    for x, y, text in (
+        (0, 0, "+x"),
+        (90, 0, "+y"),
+        (-90, 0, "−y"),
+        (180, 0, "−x"),
+        (0, -0.97, "+z"),
+        (0, 0.97, "−z"),
+    ):
         drawn.add_annotation(x=x, y=y, text=text, showarrow=False, font={"size": 13})
     drawn.update_layout(hovermode="closest", showlegend=False)
     drawn.update_xaxes(title_text="azimuth from x towards y [deg]", range=[-182, 182], dtick=45)
     drawn.update_yaxes(title_text="sine of elevation (−z)", range=[-1.02, 1.02])
-    note(drawn, f"Shaded: cells without a direction. {share:.0%} of {BANDS * SECTORS} cells of equal area hold one.")
+    note(
+        drawn,
+        f"Shaded: cells without a direction. {share:.0%} of {BANDS * SECTORS} cells of equal area hold one.",
+    )
     return drawn
 
 
@@ -62,18 +109,42 @@ def misfit_figure(found):
     for axis, colour, values in zip("xyz", COLOURS, found.residuals[used].T * factor):
         line(drawn, found.t[used] - zero, values, axis, colour)
     drawn.update_xaxes(title_text="time [s]" if not zero else f"time since {zero:.0f} s [s]")
-    note(drawn, "Noise without a pattern is what is left of a good calibration; steps are iron or currents that came and went.")
+    note(
+        drawn,
+        "Noise without a pattern is what is left of a good calibration; steps are iron or currents that came and went.",
+    )
     return drawn
 
 
 def page(found):
     """The Page of a Calibration."""
-    figures = [("Strength", strength_figure(found)), ("Directions", directions_figure(found)), ("Misfits", misfit_figure(found))]
-    facts = {"recording": found.name, "time": f"{found.t[0]:.1f} to {found.t[-1]:.1f} s", "samples": str(len(found.t)),
-             "form": f"{found.form}: {FORMS[found.form]}", "coverage": f"{found.coverage:.0%}", "software": f"strapdown {__version__}"}
+    figures = [
+        ("Strength", strength_figure(found)),
+        ("Directions", directions_figure(found)),
+        ("Misfits", misfit_figure(found)),
+    ]
+    facts = {
+        "recording": found.name,
+        "time": f"{found.t[0]:.1f} to {found.t[-1]:.1f} s",
+        "samples": str(len(found.t)),
+        "form": f"{found.form}: {FORMS[found.form]}",
+        "coverage": f"{found.coverage:.0%}",
+        "software": f"strapdown {__version__}",
+    }
     head = "".join(f"<th>{escape(name)}</th>" for name in found.header)
-    rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in found.rows)
-    said = f"<p>{escape(found.verdict[0].upper() + found.verdict[1:])}.</p>" + "".join(f"<p class=note>{escape(text)}</p>" for text in found.notes)
-    drawn = "".join(placed(number, figure, heading) for number, (heading, figure) in enumerate(figures, 1))
+    rows = "".join(
+        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in found.rows
+    )
+    said = f"<p>{escape(found.verdict[0].upper() + found.verdict[1:])}.</p>" + "".join(
+        f"<p class=note>{escape(text)}</p>" for text in found.notes
+    )
+    drawn = "".join(
+        placed(number, figure, heading) for number, (heading, figure) in enumerate(figures, 1)
+    )
     numbers = f"<div class=scroll><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
-    return shell(f"Calibration of the {found.sensor}", listed(facts), [("Parameters", numbers + said), ("Curves", drawn)], FOOTER)
+    return shell(
+        f"Calibration of the {found.sensor}",
+        listed(facts),
+        [("Parameters", numbers + said), ("Curves", drawn)],
+        FOOTER,
+    )

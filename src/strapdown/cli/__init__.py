@@ -4,4 +4,5 @@
 def main():
     """Entry point of the command `strapdown`."""
     from .app import main as run
+
     run()

@@ -1,4 +1,6 @@
-"""The command line. Bad input ends in one line on standard error and exit code 2; Ctrl-C in one line and 130; nothing is left half-written."""
+"""The command line. Bad input ends in one line on standard error and exit code 2; Ctrl-C in one
+line and 130; nothing is left half-written."""
+
 import sys
 from pathlib import Path
 from typing import Annotated, Optional
@@ -6,10 +8,25 @@ from typing import Annotated, Optional
 import typer
 
 from . import calibrate, compare, fly, simulation
-from .console import IMU, OPTION, Progress, option_values, print_errors, print_outages, results_folder, summarise, table, wrapped_table
+from .console import (
+    IMU,
+    OPTION,
+    Progress,
+    option_values,
+    print_errors,
+    print_outages,
+    results_folder,
+    summarise,
+    table,
+    wrapped_table,
+)
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
-                  help="Aided inertial navigation: from IMU, GNSS and other records to position, velocity, attitude and biases with uncertainties.")
+app = typer.Typer(
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="Aided inertial navigation: from IMU, GNSS and other records to position, velocity, attitude and biases with uncertainties.",
+)
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
 
@@ -20,26 +37,36 @@ def main():
         sys.argv.append("--help")
     sys.unraisablehook = _again
     try:
-        if app(standalone_mode=False, prog_name="strapdown") == INTERRUPTED:  # typer takes Ctrl-C for itself and returns the code
+        if (
+            app(standalone_mode=False, prog_name="strapdown") == INTERRUPTED
+        ):  # typer takes Ctrl-C for itself and returns the code
             raise KeyboardInterrupt
     except (KeyboardInterrupt, typer.Abort):
         _stop("interrupted; files written so far are whole, nothing is half-written", INTERRUPTED)
     except Exception as error:
         from ..data import DataError
-        if hasattr(error, "format_message"):  # usage errors of typer's own, whichever click it carries
+
+        if hasattr(
+            error, "format_message"
+        ):  # usage errors of typer's own, whichever click it carries
             context = getattr(error, "ctx", None)
-            _stop(error.format_message() + (f" See `{context.command_path} --help`." if context else ""))
+            _stop(
+                error.format_message()
+                + (f" See `{context.command_path} --help`." if context else "")
+            )
         if isinstance(error, DataError):
             _stop(str(error))
         raise
 
 
 def _again(raised):
-    """Ctrl-C that fell into the clean-up of an object, where Python only reports exceptions: give it once more, a little later."""
+    """Ctrl-C that fell into the clean-up of an object, where Python only reports exceptions:
+    give it once more, a little later."""
     if not issubclass(raised.exc_type, KeyboardInterrupt):
         return sys.__unraisablehook__(raised)
     import signal
     import threading
+
     threading.Timer(0.02, signal.raise_signal, (signal.SIGINT,)).start()
 
 
@@ -51,63 +78,147 @@ def _stop(message, code=2):
 def _version(wanted: bool):
     if wanted:
         from .. import __version__
+
         print(f"strapdown {__version__}")
         raise typer.Exit()
 
 
 @app.callback()
-def options(version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and end.")] = False):
+def options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_version, is_eager=True, help="Print the version and end."
+        ),
+    ] = False,
+):
     """Options of the command itself."""
 
 
 @app.command()
-def demo(out: Annotated[Path, typer.Option(help="The page to write.")] = Path("report.html"),
-         seed: Annotated[int, typer.Option(help="Of the random errors; another seed is another flight's noise.")] = 7,
-         imu: Annotated[str, typer.Option(help="IMU grade to simulate, or a file that describes one.")] = "tactical"):
-    """Simulate a 10-minute flight, fuse it open and closed loop, print the errors and write a page."""
+def demo(
+    out: Annotated[Path, typer.Option(help="The page to write.")] = Path("report.html"),
+    seed: Annotated[
+        int, typer.Option(help="Of the random errors; another seed is another flight's noise.")
+    ] = 7,
+    imu: Annotated[
+        str, typer.Option(help="IMU grade to simulate, or a file that describes one.")
+    ] = "tactical",
+):
+    """Simulate a 10-minute flight, fuse it open and closed loop, print the errors and write a
+    page."""
     import strapdown as sd
+
     from ..sim.trajectory import demo_flight
+
     recording = sd.simulate(demo_flight(), 600.0, imu, seed)
-    print(f"simulated flight: 600 s, {imu} IMU at 100 Hz, GNSS position and velocity at 1 Hz, seed {seed}")
+    print(
+        f"simulated flight: 600 s, {imu} IMU at 100 Hz, GNSS position and velocity at 1 Hz, seed {seed}"
+    )
     with results_folder(out.parent), Progress() as progress:
-        solutions = {name: sd.fuse(recording, name, imu, say=progress.say, progress=progress.track(name)) for name in ("closed-loop", "open-loop")}
+        solutions = {
+            name: sd.fuse(recording, name, imu, say=progress.say, progress=progress.track(name))
+            for name in ("closed-loop", "open-loop")
+        }
         print_errors(solutions, recording.reference, (120.0, 600.0))
-        sd.report(solutions, recording.reference, title="strapdown demo: a simulated 10-minute flight", window=(120.0, 600.0)).save(out)
+        sd.report(
+            solutions,
+            recording.reference,
+            title="strapdown demo: a simulated 10-minute flight",
+            window=(120.0, 600.0),
+        ).save(out)
     print(f"wrote {out}")
 
 
 @app.command()
-def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="recording.toml, .nc, a PSINS log, .imu, or a BROAD trial, .npz")],
-         filter: Annotated[str, typer.Option(help="Architecture; see `strapdown filters`.")] = "closed-loop", imu: IMU = None,
-         start: Annotated[Optional[float], typer.Option("--from", metavar="T", help="First second of the recording to use.")] = None,
-         stop: Annotated[Optional[float], typer.Option("--to", metavar="T", help="Last second of the recording to use.")] = None,
-         hide: Annotated[Optional[str], typer.Option(metavar="T:T,...", help="Withhold recorded fixes in these windows, s.")] = None,
-         heading: Annotated[Optional[float], typer.Option(metavar="DEG", help="Initial heading, where you know it (to 2 deg).")] = None,
-         option: OPTION = None,
-         every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
-         ahrs: Annotated[Optional[str], typer.Option(
-             metavar="NAME", help="A filter of attitude alone that runs first; its output is the attitude aiding.  [default: attitude-mekf, where the "
-                                  "filter needs attitude and the recording has a magnetometer or heading instead]")] = None,
-         ahrs_rate: Annotated[float, typer.Option(metavar="HZ", help="Rate of that aiding, at most the IMU's.")] = 10.0,
-         smooth: Annotated[bool, typer.Option(
-             "--smooth", help="Estimate each time from the whole recording, for filters that can be smoothed.")] = False,
-         out: Annotated[Optional[Path], typer.Option(help="Folder for the results.  [default: NAME-FILTER, or NAME-FILTER-smooth]")] = None):
-    """Fuse a recording: writes solution.nc, solution.csv, report.html and, where there is a position, track.kml."""
-    import strapdown as sd
+def fuse(
+    recording: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RECORDING",
+            help="recording.toml, .nc, a PSINS log, .imu, or a BROAD trial, .npz",
+        ),
+    ],
+    filter: Annotated[
+        str, typer.Option(help="Architecture; see `strapdown filters`.")
+    ] = "closed-loop",
+    imu: IMU = None,
+    start: Annotated[
+        Optional[float],
+        typer.Option("--from", metavar="T", help="First second of the recording to use."),
+    ] = None,
+    stop: Annotated[
+        Optional[float],
+        typer.Option("--to", metavar="T", help="Last second of the recording to use."),
+    ] = None,
+    hide: Annotated[
+        Optional[str],
+        typer.Option(metavar="T:T,...", help="Withhold recorded fixes in these windows, s."),
+    ] = None,
+    heading: Annotated[
+        Optional[float],
+        typer.Option(metavar="DEG", help="Initial heading, where you know it (to 2 deg)."),
+    ] = None,
+    option: OPTION = None,
+    every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
+    ahrs: Annotated[
+        Optional[str],
+        typer.Option(
+            metavar="NAME",
+            help="A filter of attitude alone that runs first; its output is the attitude aiding.  [default: attitude-mekf, where the "
+            "filter needs attitude and the recording has a magnetometer or heading instead]",
+        ),
+    ] = None,
+    ahrs_rate: Annotated[
+        float, typer.Option(metavar="HZ", help="Rate of that aiding, at most the IMU's.")
+    ] = 10.0,
+    smooth: Annotated[
+        bool,
+        typer.Option(
+            "--smooth",
+            help="Estimate each time from the whole recording, for filters that can be smoothed.",
+        ),
+    ] = False,
+    out: Annotated[
+        Optional[Path],
+        typer.Option(help="Folder for the results.  [default: NAME-FILTER, or NAME-FILTER-smooth]"),
+    ] = None,
+):
+    """Fuse a recording: writes solution.nc, solution.csv, report.html and, where there is a
+    position, track.kml."""
     from math import inf
+
+    import strapdown as sd
+
     windows, options = _windows(hide), option_values(option)
     whole = sd.read(recording)
     imu = imu or _grade_of(whole)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
     seen = part.hidden(windows)
     if windows:
-        print(f"{sum(len(a.t) for a in part.aidings) - sum(len(a.t) for a in seen.aidings)} fixes withheld")
-    estimate, label, ending = (sd.smooth, f"{filter}, smoothed", "-smooth") if smooth else (sd.fuse, filter, "")
-    with results_folder(out or Path(f"{part.meta.get('name') or recording.stem}-{filter}{ending}")) as folder:
+        print(
+            f"{sum(len(a.t) for a in part.aidings) - sum(len(a.t) for a in seen.aidings)} fixes withheld"
+        )
+    estimate, label, ending = (
+        (sd.smooth, f"{filter}, smoothed", "-smooth") if smooth else (sd.fuse, filter, "")
+    )
+    with results_folder(
+        out or Path(f"{part.meta.get('name') or recording.stem}-{filter}{ending}")
+    ) as folder:
         begin = _start(seen, imu, heading, filter)
         with Progress() as progress:
-            solution = estimate(seen, filter, imu=imu, start=begin, every=every, say=progress.say, progress=progress.track(label),
-                                ahrs=ahrs, ahrs_rate=ahrs_rate, **options)
+            solution = estimate(
+                seen,
+                filter,
+                imu=imu,
+                start=begin,
+                every=every,
+                say=progress.say,
+                progress=progress.track(label),
+                ahrs=ahrs,
+                ahrs_rate=ahrs_rate,
+                **options,
+            )
         if windows:
             solution.meta["withheld"] = windows
         summarise(solution)
@@ -118,47 +229,79 @@ def fuse(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="re
         for name in names:
             sd.write_solution(solution, folder / name)
         sd.report(solution, whole.reference).save(folder / "report.html")
-    print(f"wrote {folder}/{', '.join(names)}, report.html{'' if solution.has_position else '; no track.kml, because there is no position'}")
+    print(
+        f"wrote {folder}/{', '.join(names)}, report.html{'' if solution.has_position else '; no track.kml, because there is no position'}"
+    )
 
 
 def _start(recording, imu, heading, filter):
     """The Start of `filter` at a heading (deg) that the user knows; None leaves it to `fuse`."""
     if heading is None:
         return None
-    import strapdown as sd
     from math import isfinite, radians
+
+    import strapdown as sd
+
     from ..engine.batch import found, positioned
     from ..filters import find
+
     if not isfinite(heading):
-        raise sd.DataError(f"--heading {heading:g}: it must be a number, deg clockwise from true north")
+        raise sd.DataError(
+            f"--heading {heading:g}: it must be a number, deg clockwise from true north"
+        )
     if not -360 <= heading <= 360:
-        raise sd.DataError(f"--heading {heading:g}: it is clockwise from true north in deg, at most 360")
-    return sd.align(recording, sd.grade(imu), heading=radians(heading), position=positioned(found(find, filter)))
+        raise sd.DataError(
+            f"--heading {heading:g}: it is clockwise from true north in deg, at most 360"
+        )
+    return sd.align(
+        recording, sd.grade(imu), heading=radians(heading), position=positioned(found(find, filter))
+    )
 
 
 def _grade_of(recording):
     from ..data import DataError
     from ..sensor_models.imu import grades
+
     if recording.meta.get("grade") is None:
-        raise DataError(f"the recording does not name its IMU: give --imu, one of {', '.join(grades())}, or a file that describes it")
+        raise DataError(
+            f"the recording does not name its IMU: give --imu, one of {', '.join(grades())}, or a file that describes it"
+        )
     return recording.meta["grade"]
 
 
 @app.command()
-def inspect(path: Annotated[Path, typer.Argument(metavar="PATH", help="recording.toml, .nc, a PSINS log (.imu), a BROAD trial (.npz), or a bare CSV")],
-            write: Annotated[Optional[Path], typer.Option(help="From a bare CSV: draft the recording.toml that describes it.")] = None):
-    """Say what a recording or a CSV holds, and what is probably wrong with it: rates, gaps, time base, units, axes."""
+def inspect(
+    path: Annotated[
+        Path,
+        typer.Argument(
+            metavar="PATH",
+            help="recording.toml, .nc, a PSINS log (.imu), a BROAD trial (.npz), or a bare CSV",
+        ),
+    ],
+    write: Annotated[
+        Optional[Path],
+        typer.Option(help="From a bare CSV: draft the recording.toml that describes it."),
+    ] = None,
+):
+    """Say what a recording or a CSV holds, and what is probably wrong with it: rates, gaps, time
+    base, units, axes."""
     from ..data import DataError
     from ..io.inspection import inspect
     from ..io.psins import is_psins
+
     if write is not None and (path.suffix.lower() in (".toml", ".nc", ".npz") or is_psins(path)):
-        raise DataError(f"--write drafts the description of a bare CSV; {path} is a recording already")
+        raise DataError(
+            f"--write drafts the description of a bare CSV; {path} is a recording already"
+        )
     if write is not None and write.exists():
-        raise DataError(f"--write {write}: there is such a file already; name another, or remove it")
+        raise DataError(
+            f"--write {write}: there is such a file already; name another, or remove it"
+        )
     print(inspect(path))
     if write is not None:
         from ..files import replacing
         from ..io.description.draft import draft
+
         text = draft(path, write.resolve().parent)
         with replacing(write) as part:
             part.write_text(text)
@@ -169,11 +312,17 @@ def inspect(path: Annotated[Path, typer.Argument(metavar="PATH", help="recording
 def filters():
     """List the filter architectures with what they need, their options, defaults and sources."""
     from inspect import signature
-    from ..engine import batch
+
     from .. import filters
+    from ..engine import batch
+
     found = [filters.find(name) for name in filters.names()]
-    options = lambda each: " ".join(f"{p.name}={p.default}" for p in list(signature(each.start).parameters.values())[2:])
-    needs = lambda each: ", ".join(dict.fromkeys([*(["position"] if batch.positioned(each) else []), *each.needs]))
+    options = lambda each: " ".join(
+        f"{p.name}={p.default}" for p in list(signature(each.start).parameters.values())[2:]
+    )
+    needs = lambda each: ", ".join(
+        dict.fromkeys([*(["position"] if batch.positioned(each) else []), *each.needs])
+    )
     head = "filter", "needs", "options", "reference"
     wrapped_table(head, [(each.name, needs(each), options(each), each.reference) for each in found])
 
@@ -182,20 +331,31 @@ def filters():
 def imus():
     """List the IMU grades with their error terms."""
     from ..sensor_models.imu import grade, grades
+
     specs = [grade(name) for name in grades()]
     rows = {key: [spec.datasheet()[key] for spec in specs] for key in specs[0].datasheet()}
-    table(("", *(spec.name for spec in specs)), [(key, *(f"{value:.4g}" if value else "-" for value in row)) for key, row in rows.items() if any(row)])
+    table(
+        ("", *(spec.name for spec in specs)),
+        [
+            (key, *(f"{value:.4g}" if value else "-" for value in row))
+            for key, row in rows.items()
+            if any(row)
+        ],
+    )
 
 
 def _windows(text):
     """[(start, stop)] from "T:T,T:T"."""
     from ..data import DataError
+
     windows = []
     for item in filter(str.strip, (text or "").split(",")):
         try:
             start, stop = map(float, item.split(":"))
         except ValueError:
-            raise DataError(f"--hide {item!r}: a window is START:STOP in seconds, windows are separated by commas") from None
+            raise DataError(
+                f"--hide {item!r}: a window is START:STOP in seconds, windows are separated by commas"
+            ) from None
         if not start < stop:
             raise DataError(f"--hide {item!r}: the window ends before it starts")
         windows.append((start, stop))

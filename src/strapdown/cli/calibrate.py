@@ -1,4 +1,6 @@
-"""The command calibrate: bias, scale, misalignment and soft iron of accelerometer and magnetometer from a record."""
+"""The command calibrate: bias, scale, misalignment and soft iron of accelerometer and
+magnetometer from a record."""
+
 from pathlib import Path
 from typing import Annotated, Optional
 
@@ -6,25 +8,44 @@ import typer
 
 from .console import OUT, results_folder, table
 
+SENSOR = Annotated[
+    Optional[str],
+    typer.Option(
+        help="accelerometer, magnetometer, or the name of a magnetometer.  "
+        "[default: magnetometer, where there is one]"
+    ),
+]
 
-SENSOR = Annotated[Optional[str], typer.Option(help="accelerometer, magnetometer, or the name of a magnetometer.  "
-                                                    "[default: magnetometer, where there is one]")]
 
-
-def calibrate(recording: Annotated[Path, typer.Argument(metavar="RECORDING",
-                                                       help="recording.toml, .nc, a PSINS log, .imu, or a BROAD trial, .npz; docs/calibrate.md tells how to record it.")],
-              sensor: SENSOR = None,
-              start: Annotated[Optional[float], typer.Option("--from", metavar="T", help="First second to use.")] = None,
-              stop: Annotated[Optional[float], typer.Option("--to", metavar="T", help="Last second to use.")] = None,
-              out: OUT = Path("calibration")):
-    """Calibrate accelerometer or magnetometer from a record: the file that recording.toml names as calibration, residuals, coverage."""
+def calibrate(
+    recording: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RECORDING",
+            help="recording.toml, .nc, a PSINS log, .imu, or a BROAD trial, .npz; docs/calibrate.md tells how to record it.",
+        ),
+    ],
+    sensor: SENSOR = None,
+    start: Annotated[
+        Optional[float], typer.Option("--from", metavar="T", help="First second to use.")
+    ] = None,
+    stop: Annotated[
+        Optional[float], typer.Option("--to", metavar="T", help="Last second to use.")
+    ] = None,
+    out: OUT = Path("calibration"),
+):
+    """Calibrate accelerometer or magnetometer from a record: the file that recording.toml names
+    as calibration, residuals, coverage."""
     import strapdown as sd
+
     found = sd.calibrate(sd.read(recording), sensor, start, stop)
     for note in found.notes:
         print(f"note: {note}")
     table(found.header, found.rows)
     if {"bias", "matrix", "temperature"} & set(found.columns):
-        print("these numbers are on top of the calibration that the recording names; the file holds both")
+        print(
+            "these numbers are on top of the calibration that the recording names; the file holds both"
+        )
     print(found.verdict)
     with results_folder(out):
         found.write(out)

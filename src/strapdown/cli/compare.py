@@ -1,4 +1,5 @@
 """The command compare: filters side by side on the same GNSS outages of one recording."""
+
 from pathlib import Path
 from typing import Annotated, Optional
 
@@ -6,41 +7,94 @@ import typer
 
 from .console import IMU, Progress, number, results_folder, table, triple
 
-FILTERS = Annotated[Optional[list[str]], typer.Option(
-    metavar="A,B,...", help="Filters, with options as NAME:option=value; may be repeated.  "
-                              "[default: all that estimate a position but pkf, which takes minutes]")]
-OUTAGES = Annotated[str, typer.Option(
-    metavar="PROTOCOL", help="30/300 (30 s at the end of every 300 s but the first), 15: (from 15 s on), 100:130,200:230 (windows) or "
-                             "10,30@240:575/5 (a sweep: windows of 10 and of 30 s inside 240 to 575 s, one every 5 s).")]
-KINDS = Annotated[Optional[str], typer.Option(metavar="KIND,...", help="What is withheld.  [default: position,velocity]")]
+FILTERS = Annotated[
+    Optional[list[str]],
+    typer.Option(
+        metavar="A,B,...",
+        help="Filters, with options as NAME:option=value; may be repeated.  "
+        "[default: all that estimate a position but pkf, which takes minutes]",
+    ),
+]
+OUTAGES = Annotated[
+    str,
+    typer.Option(
+        metavar="PROTOCOL",
+        help="30/300 (30 s at the end of every 300 s but the first), 15: (from 15 s on), 100:130,200:230 (windows) or "
+        "10,30@240:575/5 (a sweep: windows of 10 and of 30 s inside 240 to 575 s, one every 5 s).",
+    ),
+]
+KINDS = Annotated[
+    Optional[str],
+    typer.Option(metavar="KIND,...", help="What is withheld.  [default: position,velocity]"),
+]
 
 
-def compare(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="recording.toml, .nc or a PSINS log, .imu, with a reference.")],
-            filters: FILTERS = None, outages: OUTAGES = "30/300", imu: IMU = None, kinds: KINDS = None,
-            start: Annotated[Optional[float], typer.Option("--from", metavar="T", help="First second of the recording to use.")] = None,
-            stop: Annotated[Optional[float], typer.Option("--to", metavar="T", help="Last second of the recording to use.")] = None,
-            ahrs: Annotated[Optional[str], typer.Option(
-                metavar="NAME", help="A filter of attitude alone that runs first and feeds the filters that need attitude.")] = None,
-            out: Annotated[Optional[Path], typer.Option(help="Folder for the results.  [default: NAME-compare]")] = None):
-    """Compare filters in the same GNSS outages, with the same start and noise: writes index.html and CSV tables."""
-    import strapdown as sd
+def compare(
+    recording: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RECORDING", help="recording.toml, .nc or a PSINS log, .imu, with a reference."
+        ),
+    ],
+    filters: FILTERS = None,
+    outages: OUTAGES = "30/300",
+    imu: IMU = None,
+    kinds: KINDS = None,
+    start: Annotated[
+        Optional[float],
+        typer.Option("--from", metavar="T", help="First second of the recording to use."),
+    ] = None,
+    stop: Annotated[
+        Optional[float],
+        typer.Option("--to", metavar="T", help="Last second of the recording to use."),
+    ] = None,
+    ahrs: Annotated[
+        Optional[str],
+        typer.Option(
+            metavar="NAME",
+            help="A filter of attitude alone that runs first and feeds the filters that need attitude.",
+        ),
+    ] = None,
+    out: Annotated[
+        Optional[Path], typer.Option(help="Folder for the results.  [default: NAME-compare]")
+    ] = None,
+):
+    """Compare filters in the same GNSS outages, with the same start and noise: writes index.html
+    and CSV tables."""
     from math import inf
+
+    import strapdown as sd
+
     whole = sd.read(recording)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
     given = {"kinds": tuple(words(kinds))} if kinds is not None else {}
-    with results_folder(out or Path(f"{part.meta.get('name') or recording.stem}-compare")) as folder, Progress() as progress:
-        found = sd.compare(part, labels(filters), outages, imu=imu, ahrs=ahrs, say=progress.say, progress=progress.track("compare"), **given)
+    with (
+        results_folder(out or Path(f"{part.meta.get('name') or recording.stem}-compare")) as folder,
+        Progress() as progress,
+    ):
+        found = sd.compare(
+            part,
+            labels(filters),
+            outages,
+            imu=imu,
+            ahrs=ahrs,
+            say=progress.say,
+            progress=progress.track("compare"),
+            **given,
+        )
         found.write(folder)
     show(found)
     print(f"wrote {folder}/index.html, scores.csv, summary.csv, paired.csv, growth.csv, table.csv")
 
 
 def labels(items):
-    """["NAME:option=value,option=value", ...] from words that are separated by commas too; None where none is given.
+    """["NAME:option=value,option=value", ...] from words that are separated by commas too; None
+    where none is given.
 
     A piece with "=" but without ":" is a further option of the filter before it. Raises DataError.
     """
     from ..data import DataError
+
     if not items:
         return None
     found = []
@@ -52,9 +106,13 @@ def labels(items):
             elif len(found) > begun and ":" in found[-1]:
                 found[-1] += f",{piece}"
             else:
-                raise DataError(f"--filters {item!r}: {piece!r} belongs to no filter; write NAME:{piece}")
+                raise DataError(
+                    f"--filters {item!r}: {piece!r} belongs to no filter; write NAME:{piece}"
+                )
     if not found:
-        raise DataError(f"--filters {items[0]!r}: it names no filter; `strapdown filters` lists them")
+        raise DataError(
+            f"--filters {items[0]!r}: it names no filter; `strapdown filters` lists them"
+        )
     return found
 
 
@@ -64,13 +122,17 @@ def words(text):
 
 
 def show(found):
-    """Print what a Comparison says: the notes, the protocol, the RMSE of each outage where they are few, the summary, the answer, who failed."""
+    """Print what a Comparison says: the notes, the protocol, the RMSE of each outage where they
+    are few, the summary, the answer, who failed."""
     from ..experiments.outages.figures import are_listed
     from ..experiments.outages.tables import in_order
     from ..experiments.outages.words import counted, sentences
+
     for note in found.notes:
         print(f"note: {note}")
-    count = "" if "outage" in found.words else f": {counted(len(found.windows))}"     # that of a list counts them itself
+    count = (
+        "" if "outage" in found.words else f": {counted(len(found.windows))}"
+    )  # that of a list counts them itself
     print(f"{found.words}{count}, without {' and '.join(found.kinds)}")
     start = found.settings["start"]
     print(f"start of all filters at {start['t']:.2f} s: {start['note']}")
@@ -78,8 +140,13 @@ def show(found):
         made = found.table()
         three = lambda i, name: triple([made.loc[i, (axis, name)] for axis in AXES])
         print("RMSE N E D in each outage, m")
-        table(("outage", "from-to, s", *found.filters), [(i, f"{start:.10g}-{stop:.10g}", *(three(i, name) for name in found.filters))
-                                                         for i, (start, stop) in enumerate(found.windows, 1)])
+        table(
+            ("outage", "from-to, s", *found.filters),
+            [
+                (i, f"{start:.10g}-{stop:.10g}", *(three(i, name) for name in found.filters))
+                for i, (start, stop) in enumerate(found.windows, 1)
+            ],
+        )
     table(HEAD, [_row(row) for _, row in in_order(found).iterrows()])
     for line in sentences(found):
         print(line)
@@ -87,8 +154,16 @@ def show(found):
 
 AXES = ("North", "East", "Down")
 """Of the table of the outages."""
-HEAD = ("filter", "length, s", "scored", "RMSE N E D, m (mean)", "horizontal, m (median)", "at the end, m (median, 90 %, largest)",
-        "drift, % (median)", "heading, deg (median)")
+HEAD = (
+    "filter",
+    "length, s",
+    "scored",
+    "RMSE N E D, m (mean)",
+    "horizontal, m (median)",
+    "at the end, m (median, 90 %, largest)",
+    "drift, % (median)",
+    "heading, deg (median)",
+)
 """Of the summary."""
 
 
@@ -96,5 +171,13 @@ def _row(row):
     """The cells of a row of the summary."""
     ends = triple([row[f"horizontal_end_{what}_m"] for what in ("median", "p90", "max")])
     rmse = triple([row[f"{axis.lower()}_rmse_mean_m"] for axis in AXES])
-    return (row["filter"], f"{row['length_s']:g}", f"{row['n']} of {row['n'] + row['failures']}", rmse, number(row["horizontal_rmse_median_m"]), ends,
-            number(row["drift_median_percent"]), number(row["heading_rmse_median_deg"]))
+    return (
+        row["filter"],
+        f"{row['length_s']:g}",
+        f"{row['n']} of {row['n'] + row['failures']}",
+        rmse,
+        number(row["horizontal_rmse_median_m"]),
+        ends,
+        number(row["drift_median_percent"]),
+        number(row["heading_rmse_median_deg"]),
+    )

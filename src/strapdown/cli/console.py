@@ -1,4 +1,6 @@
-"""What the commands share: options, the folder for results, tables, summaries, progress. Heavy imports inside functions, so that `--help` stays quick."""
+"""What the commands share: options, the folder for results, tables, summaries, progress. Heavy
+imports inside functions, so that `--help` stays quick."""
+
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Optional
@@ -6,18 +8,41 @@ from typing import Annotated, Optional
 import typer
 
 OUT = Annotated[Path, typer.Option(help="Folder for the results.")]
-IMU = Annotated[Optional[str], typer.Option(help="IMU grade (see `strapdown imus`) or a file that describes one; default: what the recording names.")]
-OPTION = Annotated[Optional[list[str]], typer.Option(metavar="NAME=VALUE", help="An option of the filter (see `strapdown filters`); may be repeated.")]
+IMU = Annotated[
+    Optional[str],
+    typer.Option(
+        help="IMU grade (see `strapdown imus`) or a file that describes one; default: what the recording names."
+    ),
+]
+OPTION = Annotated[
+    Optional[list[str]],
+    typer.Option(
+        metavar="NAME=VALUE",
+        help="An option of the filter (see `strapdown filters`); may be repeated.",
+    ),
+]
 SEED = Annotated[int, typer.Option(help="Of the random errors.")]
-WORKERS = Annotated[int, typer.Option(metavar="N", help="Worker processes of this machine, on Dask; 0 is threads in this process.")]
-SCHEDULER = Annotated[Optional[str], typer.Option(metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT, whose workers see the folder of the results.")]
+WORKERS = Annotated[
+    int,
+    typer.Option(
+        metavar="N", help="Worker processes of this machine, on Dask; 0 is threads in this process."
+    ),
+]
+SCHEDULER = Annotated[
+    Optional[str],
+    typer.Option(
+        metavar="ADDRESS",
+        help="A Dask scheduler, tcp://HOST:PORT, whose workers see the folder of the results.",
+    ),
+]
 
 NARROWEST = 32
 """Characters that a column that is wrapped may have at least."""
 
 
 def summarise(solution):
-    """What a user must know of a solution beside its errors: notes, start, fixes, events, uncertainty at the end."""
+    """What a user must know of a solution beside its errors: notes, start, fixes, events,
+    uncertainty at the end."""
     for note in solution.meta.get("notes", []):
         print(f"note: {note}")
     print(f"start: {solution.meta['start']['note']}")
@@ -26,7 +51,9 @@ def summarise(solution):
     if solution.meta["fixes_outside"]:
         outside = solution.meta["fixes_outside"]
         verbs = ("lies", "was") if outside == 1 else ("lie", "were")
-        print(f"{counted(outside, 'fix', 'es')} {verbs[0]} before the start or after the last sample and {verbs[1]} not used")
+        print(
+            f"{counted(outside, 'fix', 'es')} {verbs[0]} before the start or after the last sample and {verbs[1]} not used"
+        )
     for t, text in solution.events[:10]:
         print(f"{t:10.2f} s  {text}")
     if len(solution.events) > 10:
@@ -40,27 +67,59 @@ def counted(count, noun, plural="s"):
 
 
 def uncertainty(sd):
-    """The standard deviations of one row that a filter claims, as text; those of the gyro bias where it claims no position."""
+    """The standard deviations of one row that a filter claims, as text; those of the gyro bias
+    where it claims no position."""
     import numpy as np
-    parts = [("position", "m NED", sd[:3]), ("velocity", "m/s", sd[3:6]), ("attitude", "deg", np.degrees(sd[6:9]))]
-    parts += [("gyro bias", "deg/h", np.degrees(sd[12:15]) * 3600)] if not np.isfinite(sd[:2]).any() else []
-    return ", ".join(f"{name} sd {triple(values)} {unit}" for name, unit, values in parts if np.isfinite(values).any()) or "no uncertainty claimed"
+
+    parts = [
+        ("position", "m NED", sd[:3]),
+        ("velocity", "m/s", sd[3:6]),
+        ("attitude", "deg", np.degrees(sd[6:9])),
+    ]
+    parts += (
+        [("gyro bias", "deg/h", np.degrees(sd[12:15]) * 3600)]
+        if not np.isfinite(sd[:2]).any()
+        else []
+    )
+    return (
+        ", ".join(
+            f"{name} sd {triple(values)} {unit}"
+            for name, unit, values in parts
+            if np.isfinite(values).any()
+        )
+        or "no uncertainty claimed"
+    )
 
 
 def print_outages(solution, reference, windows):
-    """How far the solution went while its fixes were withheld, a row per window; says in one line why there is none."""
+    """How far the solution went while its fixes were withheld, a row per window; says in one
+    line why there is none."""
     from ..data import DataError
     from ..evaluation.metrics import outages
+
     rows = []
     for window in windows:
         try:
-            outage, = outages(solution, reference, [window])
+            (outage,) = outages(solution, reference, [window])
         except DataError as error:
             print(f"not scored: {error}")
             continue
-        rows.append((f"{outage.start:g}-{outage.stop:g}", *map(number, (outage.horizontal_max, outage.horizontal_end, outage.down_max))))
+        rows.append(
+            (
+                f"{outage.start:g}-{outage.stop:g}",
+                *map(number, (outage.horizontal_max, outage.horizontal_end, outage.down_max)),
+            )
+        )
     if rows:
-        table(("fixes withheld, s", "largest horizontal error, m", "at the end, m", "largest vertical, m"), rows)
+        table(
+            (
+                "fixes withheld, s",
+                "largest horizontal error, m",
+                "at the end, m",
+                "largest vertical, m",
+            ),
+            rows,
+        )
 
 
 def triple(values):
@@ -70,7 +129,8 @@ def triple(values):
 
 
 def number(value):
-    """A number with three digits, or all before the point of one below 10 million; a dash for None and NaN."""
+    """A number with three digits, or all before the point of one below 10 million; a dash for
+    None and NaN."""
     if value is None or value != value:
         return "-"
     if not isinstance(value, float):
@@ -79,14 +139,17 @@ def number(value):
 
 
 def print_errors(solutions, reference, window=None):
-    """A table of root mean square errors; says in one line why there is none. The angles of the attitude error where a solution has no position.
+    """A table of root mean square errors; says in one line why there is none. The angles of the
+    attitude error where a solution has no position.
 
     A heading that runs free is not scored, nor the angle of the whole rotation with it.
     """
     import numpy as np
+
     from ..data import DataError
     from ..evaluation.metrics import AttitudeAngles, errors, rms
     from ..reports.summary import heading_held
+
     rows = []
     for name, solution in solutions.items():
         try:
@@ -96,13 +159,28 @@ def print_errors(solutions, reference, window=None):
             continue
         angles = [None if part is None else np.degrees(part) for part in (r.rph, r.angles)]
         if not heading_held(solution):
-            angles = [None if part is None else np.where([known, True, False], part, np.nan) for part, known in zip(angles, (True, False))]
+            angles = [
+                None if part is None else np.where([known, True, False], part, np.nan)
+                for part, known in zip(angles, (True, False))
+            ]
         rows.append((name, triple(r.position), triple(r.velocity), *map(triple, angles)))
     if rows:
-        print("rms error against the reference" + (f" over {window[0]:g}-{window[1]:g} s" if window else ""))
-        header = "filter", "position N E D, m", "velocity N E D, m/s", "roll pitch heading, deg", f"angle {' '.join(AttitudeAngles._fields)}, deg"
+        print(
+            "rms error against the reference"
+            + (f" over {window[0]:g}-{window[1]:g} s" if window else "")
+        )
+        header = (
+            "filter",
+            "position N E D, m",
+            "velocity N E D, m/s",
+            "roll pitch heading, deg",
+            f"angle {' '.join(AttitudeAngles._fields)}, deg",
+        )
         all_columns = not all(solution.has_position for solution in solutions.values())
-        table(header if all_columns else header[:-1], rows if all_columns else [row[:-1] for row in rows])
+        table(
+            header if all_columns else header[:-1],
+            rows if all_columns else [row[:-1] for row in rows],
+        )
 
 
 def table(header, rows):
@@ -113,10 +191,12 @@ def table(header, rows):
 
 
 def wrapped_table(header, rows):
-    """The same, but the last two columns go on in further rows, below themselves, where the terminal (80 columns without one) is too narrow."""
+    """The same, but the last two columns go on in further rows, below themselves, where the
+    terminal (80 columns without one) is too narrow."""
     from itertools import zip_longest
     from shutil import get_terminal_size
     from textwrap import wrap
+
     before = sum(2 + max(len(row[i]) for row in [header, *rows]) for i in range(len(header) - 2))
     width = max((get_terminal_size().columns - before - 2) // 2, NARROWEST)
     fit = lambda text: wrap(text, width, break_long_words=False, break_on_hyphens=False) or [""]
@@ -128,13 +208,17 @@ def wrapped_table(header, rows):
 
 
 class Progress:
-    """A progress bar on standard error where that is a terminal; plain lines for what takes long otherwise."""
+    """A progress bar on standard error where that is a terminal; plain lines for what takes long
+    otherwise."""
 
     def __enter__(self):
         from rich.console import Console
         from rich.progress import Progress
+
         self.console = Console(stderr=True)
-        self.bar = Progress(console=self.console, transient=True, disable=not self.console.is_terminal)
+        self.bar = Progress(
+            console=self.console, transient=True, disable=not self.console.is_terminal
+        )
         self.bar.start()
         return self
 
@@ -154,6 +238,7 @@ class Progress:
 def option_values(items):
     """{name: value} from NAME=VALUE, numbers as float."""
     from ..data import DataError
+
     options = {}
     for item in items or ():
         name, equals, value = item.partition("=")
@@ -168,9 +253,12 @@ def option_values(items):
 
 @contextmanager
 def results_folder(path):
-    """The folder for results, made and tried before the work begins; what was made is removed again where the work fails and left it empty."""
+    """The folder for results, made and tried before the work begins; what was made is removed
+    again where the work fails and left it empty."""
     from tempfile import TemporaryFile
+
     from ..data import DataError
+
     made = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
         try:
@@ -178,7 +266,9 @@ def results_folder(path):
             with TemporaryFile(dir=path):
                 pass
         except OSError as error:
-            raise DataError(f"--out {path}: nothing can be written there ({error.strerror}); choose another folder") from None
+            raise DataError(
+                f"--out {path}: nothing can be written there ({error.strerror}); choose another folder"
+            ) from None
         yield path
     except BaseException:
         for folder in made:

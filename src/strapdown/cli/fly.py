@@ -1,71 +1,151 @@
-"""The command fly: an aircraft flown by an autopilot on a filter's estimates, with the receiver cut on the way."""
+"""The command fly: an aircraft flown by an autopilot on a filter's estimates, with the receiver
+cut on the way."""
+
 from pathlib import Path
 from typing import Annotated, Optional
 
 import typer
 
-from .console import OPTION, SEED, Progress, number, option_values, print_errors, print_outages, results_folder, summarise, table
+from .console import (
+    OPTION,
+    SEED,
+    Progress,
+    number,
+    option_values,
+    print_errors,
+    print_outages,
+    results_folder,
+    summarise,
+    table,
+)
 
 FEEDBACK = Annotated[str, typer.Option(help="What the autopilot flies by: estimate, or truth.")]
-PREDICTION = Annotated[str, typer.Option(help="What the filter predicts by while the receiver is cut: imu, or model, the aircraft's.")]
-BAROMETER = Annotated[bool, typer.Option("--barometer", help="Carry a barometer of 10 samples per second.")]
-WIND = Annotated[Optional[str], typer.Option(metavar="N,E[,D]", help="Steady wind towards north, east and down, m/s.")]
+PREDICTION = Annotated[
+    str,
+    typer.Option(
+        help="What the filter predicts by while the receiver is cut: imu, or model, the aircraft's."
+    ),
+]
+BAROMETER = Annotated[
+    bool, typer.Option("--barometer", help="Carry a barometer of 10 samples per second.")
+]
+WIND = Annotated[
+    Optional[str],
+    typer.Option(metavar="N,E[,D]", help="Steady wind towards north, east and down, m/s."),
+]
 
 
-def fly(plan: Annotated[str, typer.Argument(metavar="PLAN", help="straight, turning, or a TOML file (docs/flight.md).")] = "straight",
-        filter: Annotated[str, typer.Option(help="Architecture; see `strapdown filters`.")] = "closed-loop",
-        imu: Annotated[str, typer.Option(help="IMU grade (see `strapdown imus`) or a file that describes one.")] = "industrial",
-        duration: Annotated[Optional[float], typer.Option(metavar="S", help="Seconds to fly [default: the plan's].")] = None,
-        outage: Annotated[Optional[str], typer.Option(metavar="T:T,...", help="When the receiver is cut, s; 15: is from 15 s to the end.")] = None,
-        feedback: FEEDBACK = "estimate", prediction: PREDICTION = "imu",
-        turbulence: Annotated[str, typer.Option(help="none, light, moderate or severe.")] = "none", wind: WIND = None,
-        aircraft: Annotated[str, typer.Option(help="A built-in aircraft (docs/aircraft.md) or a TOML file.")] = "aerosonde", seed: SEED = 0,
-        barometer: BAROMETER = False, option: OPTION = None,
-        out: Annotated[Optional[Path], typer.Option(help="Folder for the results.  [default: fly-PLAN-FILTER]")] = None):
-    """Fly an aircraft on a filter's estimates: writes recording.nc, solution.nc, log.csv and report.html."""
+def fly(
+    plan: Annotated[
+        str,
+        typer.Argument(metavar="PLAN", help="straight, turning, or a TOML file (docs/flight.md)."),
+    ] = "straight",
+    filter: Annotated[
+        str, typer.Option(help="Architecture; see `strapdown filters`.")
+    ] = "closed-loop",
+    imu: Annotated[
+        str, typer.Option(help="IMU grade (see `strapdown imus`) or a file that describes one.")
+    ] = "industrial",
+    duration: Annotated[
+        Optional[float], typer.Option(metavar="S", help="Seconds to fly [default: the plan's].")
+    ] = None,
+    outage: Annotated[
+        Optional[str],
+        typer.Option(
+            metavar="T:T,...", help="When the receiver is cut, s; 15: is from 15 s to the end."
+        ),
+    ] = None,
+    feedback: FEEDBACK = "estimate",
+    prediction: PREDICTION = "imu",
+    turbulence: Annotated[str, typer.Option(help="none, light, moderate or severe.")] = "none",
+    wind: WIND = None,
+    aircraft: Annotated[
+        str, typer.Option(help="A built-in aircraft (docs/aircraft.md) or a TOML file.")
+    ] = "aerosonde",
+    seed: SEED = 0,
+    barometer: BAROMETER = False,
+    option: OPTION = None,
+    out: Annotated[
+        Optional[Path], typer.Option(help="Folder for the results.  [default: fly-PLAN-FILTER]")
+    ] = None,
+):
+    """Fly an aircraft on a filter's estimates: writes recording.nc, solution.nc, log.csv and
+    report.html."""
     import strapdown as sd
+
     from ..flight.figures import facts, sections
     from ..flight.fly import fly as flown
     from ..sensor_models.barometer import Barometer
+
     given = {} if duration is None else {"duration": duration}
     if barometer:
         given["barometer"] = Barometer(rate=10.0)
-    with results_folder(out or Path(f"fly-{Path(plan).stem}-{filter}")) as folder, Progress() as progress:
-        flight = flown(plan, filter, imu, seed, outage, feedback, prediction, aircraft, turbulence=turbulence, wind=_wind(wind), say=progress.say,
-                       progress=progress.track(filter), **given, **_options(option, flown))
+    with (
+        results_folder(out or Path(f"fly-{Path(plan).stem}-{filter}")) as folder,
+        Progress() as progress,
+    ):
+        flight = flown(
+            plan,
+            filter,
+            imu,
+            seed,
+            outage,
+            feedback,
+            prediction,
+            aircraft,
+            turbulence=turbulence,
+            wind=_wind(wind),
+            say=progress.say,
+            progress=progress.track(filter),
+            **given,
+            **_options(option, flown),
+        )
         windows = withheld(flight)
         if windows:
             flight.solution.meta["withheld"] = windows
         sd.write_recording(flight.recording, folder / "recording.nc")
         sd.write_solution(flight.solution, folder / "solution.nc")
         write_log(flight, folder / "log.csv")
-        page = sd.report({filter: flight.solution}, flight.recording.reference, f"Flight {flight.plan.name} on {filter}", more=sections(flight),
-                         facts=facts(flight))
+        page = sd.report(
+            {filter: flight.solution},
+            flight.recording.reference,
+            f"Flight {flight.plan.name} on {filter}",
+            more=sections(flight),
+            facts=facts(flight),
+        )
         page.save(folder / "report.html")
     show(flight, filter, windows)
     print(f"wrote {folder}/recording.nc, solution.nc, log.csv, report.html")
 
 
 def _options(items, flown):
-    """{name: value} of the filter's own options, from NAME=VALUE; those that a flight decides are refused."""
+    """{name: value} of the filter's own options, from NAME=VALUE; those that a flight decides
+    are refused."""
     import inspect
+
     from ..data import DataError
+
     values = option_values(items)
     if taken := [name for name in values if name in inspect.signature(flown).parameters]:
-        raise DataError(f"--option {taken[0]}: the flight decides this one for its filter; leave it out (--seed and --aircraft are the flight's)")
+        raise DataError(
+            f"--option {taken[0]}: the flight decides this one for its filter; leave it out (--seed and --aircraft are the flight's)"
+        )
     return values
 
 
 def write_log(flight, path):
     """Write the log of a Flight as CSV, atomically; every column's name has its unit."""
     import pandas as pd
+
     from ..files import replacing
+
     with replacing(path) as part:
         pd.DataFrame(flight.log).to_csv(part, index=False, float_format="%.9g")
 
 
 def show(flight, name, windows):
-    """Print what became of a Flight: the filter's errors, the outages, and how the aircraft kept to its plan."""
+    """Print what became of a Flight: the filter's errors, the outages, and how the aircraft kept
+    to its plan."""
     summarise(flight.solution)
     print_errors({name: flight.solution}, flight.recording.reference)
     print_outages(flight.solution, flight.recording.reference, windows)
@@ -77,30 +157,49 @@ def show(flight, name, windows):
 
 
 def withheld(flight):
-    """[(start, stop)] in s of the outages as they are scored: to the last sample before a fix may be used again, or to where the flight stopped."""
+    """[(start, stop)] in s of the outages as they are scored: to the last sample before a fix
+    may be used again, or to where the flight stopped."""
     t = flight.recording.imu.t
     last = lambda stop: float(t[t < stop - 1e-6][-1]) if stop < t[-1] else float(t[-1])
-    return [(start, last(stop) if start < t[-1] else stop) for start, stop in flight.recording.meta["outages"]]
+    return [
+        (start, last(stop) if start < t[-1] else stop)
+        for start, stop in flight.recording.meta["outages"]
+    ]
 
 
 def kept(flight):
-    """Rows (what, RMS, the value of largest magnitude, last), as text: how far the aircraft was off its plan, and its controls off their trim."""
+    """Rows (what, RMS, the value of largest magnitude, last), as text: how far the aircraft was
+    off its plan, and its controls off their trim."""
     import numpy as np
+
     log, degrees = flight.log, np.degrees(1)
-    rows = [("right of its route, m", log["right of route, m"]), ("above its route, m", log["above route, m"]),
-            ("airspeed less what was asked, m/s", log["airspeed, m/s"] - log["commanded airspeed, m/s"])]
+    rows = [
+        ("right of its route, m", log["right of route, m"]),
+        ("above its route, m", log["above route, m"]),
+        (
+            "airspeed less what was asked, m/s",
+            log["airspeed, m/s"] - log["commanded airspeed, m/s"],
+        ),
+    ]
     for control, trimmed in zip(("elevator", "aileron", "rudder"), flight.trim.commands):
         rows.append((f"{control} from trim, deg", (log[f"{control}, rad"] - trimmed) * degrees))
     rows.append(("throttle from trim, %", (log["throttle"] - flight.trim.commands[3]) * 100))
-    texts = lambda values: (np.sqrt(np.mean(values ** 2)), values[np.abs(values).argmax()], values[-1])
+    texts = lambda values: (
+        np.sqrt(np.mean(values**2)),
+        values[np.abs(values).argmax()],
+        values[-1],
+    )
     return [(what, *(number(float(value)) for value in texts(values))) for what, values in rows]
 
 
 def drift(flight, start, stop):
-    """A sentence on the horizontal error that an outage added, m and by the distance flown in it."""
+    """A sentence on the horizontal error that an outage added, m and by the distance flown in
+    it."""
     import numpy as np
-    from ..geodesy import displacement
+
     from ..evaluation.metrics import errors
+    from ..geodesy import displacement
+
     truth, e = flight.recording.reference, errors(flight.solution, flight.recording.reference)
     scored = np.flatnonzero((e.t >= start) & (e.t <= stop))
     if len(scored) < 2:
@@ -115,6 +214,7 @@ def drift(flight, start, stop):
 def _wind(text):
     """(north, east, down) m/s from "N,E" or "N,E,D"."""
     from ..data import DataError
+
     if text is None:
         return 0.0, 0.0, 0.0
     try:

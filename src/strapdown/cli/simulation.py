@@ -1,4 +1,6 @@
-"""The commands that simulate: simulate, study, advise, reproduce; and allan, which measures what a simulation needs."""
+"""The commands that simulate: simulate, study, advise, reproduce; and allan, which measures what
+a simulation needs."""
+
 from pathlib import Path
 from typing import Annotated, Optional
 
@@ -7,34 +9,82 @@ import typer
 from .console import OUT, SCHEDULER, SEED, WORKERS, Progress, results_folder, table
 
 
-def simulate(scenario: Annotated[str, typer.Argument(metavar="SCENARIO", help="A built-in scenario (docs/simulate.md) or a TOML file.")],
-             out: Annotated[Path, typer.Option(help="The recording to write, .nc.")],
-             imu: Annotated[Optional[str], typer.Option(help="IMU grade or file [default: the scenario's].")] = None, seed: SEED = 0,
-             duration: Annotated[Optional[float], typer.Option(metavar="S", help="Seconds to simulate [default: the scenario's].")] = None):
-    """Simulate a scenario and write it with its truth, as a recording that `strapdown fuse` reads."""
+def simulate(
+    scenario: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENARIO", help="A built-in scenario (docs/simulate.md) or a TOML file."
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="The recording to write, .nc.")],
+    imu: Annotated[
+        Optional[str], typer.Option(help="IMU grade or file [default: the scenario's].")
+    ] = None,
+    seed: SEED = 0,
+    duration: Annotated[
+        Optional[float],
+        typer.Option(metavar="S", help="Seconds to simulate [default: the scenario's]."),
+    ] = None,
+):
+    """Simulate a scenario and write it with its truth, as a recording that `strapdown fuse`
+    reads."""
     import strapdown as sd
+
     if out.suffix.lower() != ".nc":
-        raise sd.DataError(f"--out {out}: a recording is written as NetCDF; name a file that ends in .nc")
+        raise sd.DataError(
+            f"--out {out}: a recording is written as NetCDF; name a file that ends in .nc"
+        )
     recording = sd.simulate(sd.scenario(scenario), duration, imu, seed)
     with results_folder(out.parent):
         sd.write_recording(recording, out)
     for note in recording.meta["notes"]:
         print(f"note: {note}")
     fixes = ", ".join(f"{len(a.t)} {a.name or a.kind}" for a in recording.aidings)
-    print(f"wrote {out}: {recording.span[1] - recording.span[0]:g} s, {len(recording.imu.t)} IMU samples, {fixes or 'no fixes'}, the truth as reference")
+    print(
+        f"wrote {out}: {recording.span[1] - recording.span[0]:g} s, {len(recording.imu.t)} IMU samples, {fixes or 'no fixes'}, the truth as reference"
+    )
 
 
-def study(scenario: Annotated[list[str], typer.Argument(metavar="SCENARIO...", help="Built-in scenarios or TOML files.")],
-          imu: Annotated[Optional[list[str]], typer.Option(help="IMU grade or file; may be repeated [default: the scenario's].")] = None,
-          filter: Annotated[Optional[list[str]], typer.Option(help="A filter, with options as NAME:option=value; may be repeated.  [default: closed-loop, open-loop]")] = None,
-          runs: Annotated[int, typer.Option(metavar="N", help="Runs of each scenario with each IMU.")] = 50, seed: SEED = 0,
-          out: OUT = Path("study"), workers: WORKERS = 0, scheduler: SCHEDULER = None):
-    """Run filters many times on the same simulated data and score them; an interrupted study goes on where it was."""
+def study(
+    scenario: Annotated[
+        list[str], typer.Argument(metavar="SCENARIO...", help="Built-in scenarios or TOML files.")
+    ],
+    imu: Annotated[
+        Optional[list[str]],
+        typer.Option(help="IMU grade or file; may be repeated [default: the scenario's]."),
+    ] = None,
+    filter: Annotated[
+        Optional[list[str]],
+        typer.Option(
+            help="A filter, with options as NAME:option=value; may be repeated.  [default: closed-loop, open-loop]"
+        ),
+    ] = None,
+    runs: Annotated[
+        int, typer.Option(metavar="N", help="Runs of each scenario with each IMU.")
+    ] = 50,
+    seed: SEED = 0,
+    out: OUT = Path("study"),
+    workers: WORKERS = 0,
+    scheduler: SCHEDULER = None,
+):
+    """Run filters many times on the same simulated data and score them; an interrupted study
+    goes on where it was."""
     import strapdown as sd
-    made = sd.Study(tuple(scenario), tuple(filter or ("closed-loop", "open-loop")), tuple(imu or ()), runs, seed)
-    print(f"{len(made.cells)} cells, {len(made.filters)} filters, {runs} runs: {made.steps() / 1e6:.3g} million filter steps")
+
+    made = sd.Study(
+        tuple(scenario), tuple(filter or ("closed-loop", "open-loop")), tuple(imu or ()), runs, seed
+    )
+    print(
+        f"{len(made.cells)} cells, {len(made.filters)} filters, {runs} runs: {made.steps() / 1e6:.3g} million filter steps"
+    )
     with results_folder(out), Progress() as progress:
-        campaign = made.run(out, workers=workers, scheduler=scheduler, say=progress.say, progress=progress.track("study"))
+        campaign = made.run(
+            out,
+            workers=workers,
+            scheduler=scheduler,
+            say=progress.say,
+            progress=progress.track("study"),
+        )
     print_summary(campaign.summary)
     print(f"wrote {out}/summary.csv, runs.csv and the chunk files in chunks")
 
@@ -42,65 +92,181 @@ def study(scenario: Annotated[list[str], typer.Argument(metavar="SCENARIO...", h
 def print_summary(summary):
     """The columns of a summary that a screen has room for."""
     number = lambda value: "-" if value != value else f"{value:.3g}"
-    interval = lambda row, name: f"{number(row[name])} ({number(row[name + '_low'])}-{number(row[name + '_high'])})"
-    header = ("scenario", "IMU", "filter", "survived", "position rms, m (95 %)", "censored, m", "heading, deg", "NEES/15", "rms/bound")
-    table(header, [(row.scenario, row.imu, row["filter"], f"{row.survived:.0%}", interval(row, "rmse_position_m"), number(row.censored_position_m),
-                    number(row.rmse_heading_deg), number(row.anees), number(row.bound_ratio)) for _, row in summary.iterrows()])
+    interval = lambda row, name: (
+        f"{number(row[name])} ({number(row[name + '_low'])}-{number(row[name + '_high'])})"
+    )
+    header = (
+        "scenario",
+        "IMU",
+        "filter",
+        "survived",
+        "position rms, m (95 %)",
+        "censored, m",
+        "heading, deg",
+        "NEES/15",
+        "rms/bound",
+    )
+    table(
+        header,
+        [
+            (
+                row.scenario,
+                row.imu,
+                row["filter"],
+                f"{row.survived:.0%}",
+                interval(row, "rmse_position_m"),
+                number(row.censored_position_m),
+                number(row.rmse_heading_deg),
+                number(row.anees),
+                number(row.bound_ratio),
+            )
+            for _, row in summary.iterrows()
+        ],
+    )
 
 
-def advise(imu: Annotated[str, typer.Option(help="IMU grade (see `strapdown imus`) or a file that describes one.")],
-           flight: Annotated[str, typer.Option(metavar="KIND", help="dynamic (circuits of a light aircraft), a built-in scenario (straight, demo, car, ship, ...) or a TOML file.")],
-           duration: Annotated[str, typer.Option(metavar="T", help="Length of the mission: 90min, 2h, or seconds.")],
-           runs: Annotated[Optional[int], typer.Option(metavar="N", help="Runs of the study [default: as the page says].")] = None, seed: SEED = 0,
-           map: Annotated[Optional[bool], typer.Option("--map/--no-map", help="Also the crossover map of grades, durations and dynamics.  [default: unless --quick]")] = None,
-           quick: Annotated[bool, typer.Option("--quick", help="No map, fewer runs and reset intervals.")] = False,
-           out: OUT = Path("advice"), workers: WORKERS = 0, scheduler: SCHEDULER = None):
-    """Open loop, closed loop, or reset every t seconds, for your IMU and mission: with intervals, and how sure it is."""
+def advise(
+    imu: Annotated[
+        str, typer.Option(help="IMU grade (see `strapdown imus`) or a file that describes one.")
+    ],
+    flight: Annotated[
+        str,
+        typer.Option(
+            metavar="KIND",
+            help="dynamic (circuits of a light aircraft), a built-in scenario (straight, demo, car, ship, ...) or a TOML file.",
+        ),
+    ],
+    duration: Annotated[
+        str, typer.Option(metavar="T", help="Length of the mission: 90min, 2h, or seconds.")
+    ],
+    runs: Annotated[
+        Optional[int],
+        typer.Option(metavar="N", help="Runs of the study [default: as the page says]."),
+    ] = None,
+    seed: SEED = 0,
+    map: Annotated[
+        Optional[bool],
+        typer.Option(
+            "--map/--no-map",
+            help="Also the crossover map of grades, durations and dynamics.  [default: unless --quick]",
+        ),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="No map, fewer runs and reset intervals.")
+    ] = False,
+    out: OUT = Path("advice"),
+    workers: WORKERS = 0,
+    scheduler: SCHEDULER = None,
+):
+    """Open loop, closed loop, or reset every t seconds, for your IMU and mission: with
+    intervals, and how sure it is."""
     from ..experiments.advice.advise import advise
+
     with results_folder(out), Progress() as progress:
-        made = advise(imu, flight, duration, runs, seed, out, map, quick, workers=workers, scheduler=scheduler, say=progress.say, progress=progress.track("advise"))
+        made = advise(
+            imu,
+            flight,
+            duration,
+            runs,
+            seed,
+            out,
+            map,
+            quick,
+            workers=workers,
+            scheduler=scheduler,
+            say=progress.say,
+            progress=progress.track("advise"),
+        )
     print(made)
     print(f"wrote {out}/index.html")
 
 
 def _reproduction(name):
-    """The function of that name that an installed package offers as an entry point `strapdown.reproductions`."""
+    """The function of that name that an installed package offers as an entry point
+    `strapdown.reproductions`."""
     from importlib.metadata import entry_points
 
     from .. import __version__
     from ..data import DataError
+
     offered = {entry.name: entry for entry in entry_points(group="strapdown.reproductions")}
     if not offered:
-        raise DataError(f"reproduce {name}: the package strapdown-reproductions is not installed; install it from the folder reproductions of the "
-                        "repository (pip install ./reproductions)")
+        raise DataError(
+            f"reproduce {name}: the package strapdown-reproductions is not installed; install it from the folder reproductions of the "
+            "repository (pip install ./reproductions)"
+        )
     if name not in offered:
-        raise DataError(f"nothing to reproduce is called {name!r}; there is: {', '.join(sorted(offered))}")
+        raise DataError(
+            f"nothing to reproduce is called {name!r}; there is: {', '.join(sorted(offered))}"
+        )
     package = offered[name].dist
-    if package is not None and package.version != __version__ and package.name == "strapdown-reproductions":
-        raise DataError(f"reproduce {name}: {package.name} {package.version} belongs to another strapdown than {__version__}; "
-                        "install both from one checkout (pip install . ./reproductions)")
+    if (
+        package is not None
+        and package.version != __version__
+        and package.name == "strapdown-reproductions"
+    ):
+        raise DataError(
+            f"reproduce {name}: {package.name} {package.version} belongs to another strapdown than {__version__}; "
+            "install both from one checkout (pip install . ./reproductions)"
+        )
     try:
         return offered[name].load()
     except (ImportError, AttributeError) as error:
-        raise DataError(f"reproduce {name}: {package.name if package else offered[name].value} cannot be loaded ({error}); install it again") from None
+        raise DataError(
+            f"reproduce {name}: {package.name if package else offered[name].value} cannot be loaded ({error}); install it again"
+        ) from None
 
 
-def reproduce(name: Annotated[str, typer.Argument(metavar="NAME", help="What to run again; an unknown name lists what there is.")],
-              out: OUT = Path("reproduction"),
-              quick: Annotated[bool, typer.Option("--quick", help="Less of it, in about a minute; the page says what was left out.")] = False,
-              ablations: Annotated[bool, typer.Option("--ablations", help="Also what decides the result.")] = False,
-              runs: Annotated[Optional[int], typer.Option(metavar="N", help="Runs of each configuration.")] = None,
-              seed: Annotated[Optional[int], typer.Option(help="Of the random errors [default: 2].")] = None,
-              workers: WORKERS = 0, scheduler: SCHEDULER = None,
-              recordings: Annotated[Optional[Path], typer.Option(help="Folder of the recordings, or of their descriptions "
-                                                                      "[default: those of the checkout and the data folder].")] = None):
+def reproduce(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME", help="What to run again; an unknown name lists what there is."
+        ),
+    ],
+    out: OUT = Path("reproduction"),
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick", help="Less of it, in about a minute; the page says what was left out."
+        ),
+    ] = False,
+    ablations: Annotated[
+        bool, typer.Option("--ablations", help="Also what decides the result.")
+    ] = False,
+    runs: Annotated[
+        Optional[int], typer.Option(metavar="N", help="Runs of each configuration.")
+    ] = None,
+    seed: Annotated[Optional[int], typer.Option(help="Of the random errors [default: 2].")] = None,
+    workers: WORKERS = 0,
+    scheduler: SCHEDULER = None,
+    recordings: Annotated[
+        Optional[Path],
+        typer.Option(
+            help="Folder of the recordings, or of their descriptions "
+            "[default: those of the checkout and the data folder]."
+        ),
+    ] = None,
+):
     """Run a published or recorded result again: writes index.html, CSV tables and claims.json."""
     import inspect
 
     from ..data import DataError
+
     run = _reproduction(name)
-    given = {key: value for key, value in dict(quick=quick, ablations=ablations, runs=runs, seed=seed, workers=workers, scheduler=scheduler,
-                                               recordings=recordings).items() if value not in (None, False) and (key, value) != ("workers", 0)}
+    given = {
+        key: value
+        for key, value in dict(
+            quick=quick,
+            ablations=ablations,
+            runs=runs,
+            seed=seed,
+            workers=workers,
+            scheduler=scheduler,
+            recordings=recordings,
+        ).items()
+        if value not in (None, False) and (key, value) != ("workers", 0)
+    }
     takes = inspect.signature(run).parameters
     if foreign := [key for key in given if key not in takes]:
         raise DataError(f"reproduce {name} has no option --{foreign[0]}; leave it out")
@@ -110,17 +276,35 @@ def reproduce(name: Annotated[str, typer.Argument(metavar="NAME", help="What to 
     if claims and "verdict" in claims[0]:
         table(("verdict", "the paper says"), [(c["verdict"], c["claim"]) for c in claims])
     else:
-        table(("claim", "target", "measured", "holds"), [(c["claim"], c["target"], c["figure"], "yes" if c["holds"] else "no") for c in claims])
+        table(
+            ("claim", "target", "measured", "holds"),
+            [(c["claim"], c["target"], c["figure"], "yes" if c["holds"] else "no") for c in claims],
+        )
     print(f"wrote {out}/index.html")
 
 
-def allan(recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="recording.toml, .nc, a PSINS log, .imu, or a BROAD trial, .npz; at rest.")],
-          start: Annotated[Optional[float], typer.Option("--from", metavar="T", help="First second of the rest.")] = None,
-          stop: Annotated[Optional[float], typer.Option("--to", metavar="T", help="Last second of the rest.")] = None,
-          out: OUT = Path("allan")):
-    """Allan deviation of an IMU at rest: its noise coefficients, their plot, and the grade they suggest."""
+def allan(
+    recording: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RECORDING",
+            help="recording.toml, .nc, a PSINS log, .imu, or a BROAD trial, .npz; at rest.",
+        ),
+    ],
+    start: Annotated[
+        Optional[float], typer.Option("--from", metavar="T", help="First second of the rest.")
+    ] = None,
+    stop: Annotated[
+        Optional[float], typer.Option("--to", metavar="T", help="Last second of the rest.")
+    ] = None,
+    out: OUT = Path("allan"),
+):
+    """Allan deviation of an IMU at rest: its noise coefficients, their plot, and the grade they
+    suggest."""
     import strapdown as sd
+
     from ..allan.page import analyse
+
     analysis = analyse(sd.read(recording), start, stop)
     for note in analysis.notes:
         print(f"note: {note}")

@@ -1,19 +1,27 @@
-"""How the calls of the error-state filters are undone: what `linearised_step` and `measure` leave behind, and their adjoints on lam and Lam (core/smoother.py).
+"""How the calls of the error-state filters are undone: what `linearised_step` and `measure` leave
+behind, and their adjoints on lam and Lam (core/smoother.py).
 
-The transposed transition goes the other way round than the transition: position, velocity, attitude, bias. Like that it is applied to rows of a
-workspace, with constant offsets, strides and trip counts. States beyond the fifteenth stand still.
+The transposed transition goes the other way round than the transition: position, velocity,
+attitude, bias. Like that it is applied to rows of a workspace, with constant offsets, strides and
+trip counts. States beyond the fifteenth stand still.
 """
-from .jit import flatten, helper, inlined, kernel, matrix
+
 from .contract import ADJOINT_STEP, SAVE_STEP, Smoother
 from .error_dynamics import BLOCKS, PP, TP, TV, VP, VV
 from .error_state import DV, PREDICTED, STEP, WORK
+from .jit import flatten, helper, inlined, kernel, matrix
 from .kalman import decay, used_rows, whiten
 
-PREDICTION = DV.stop - STEP.start               # numbers of a record of a prediction: STEP, BLOCK, MID and DV of workspace
+PREDICTION = (
+    DV.stop - STEP.start
+)  # numbers of a record of a prediction: STEP, BLOCK, MID and DV of workspace
 DT, W, DECAY_A, DECAY_G, F, C, HALF_FORCE = 1, 2, 5, 6, 7, 7 + BLOCKS, 7 + BLOCKS + 9
 """Places in it: the first number is PREDICTED."""
-INNOVATION, U = 1, 4                            # of a correction: rows used, whitened innovations (3), U and H, each (3, n), rows not used zero
-ONE, OTHER, COLUMN = 0, 240, 480                # of the workspace: 15 rows of 16 twice, and a column
+INNOVATION, U = (
+    1,
+    4,
+)  # of a correction: rows used, whitened innovations (3), U and H, each (3, n), rows not used zero
+ONE, OTHER, COLUMN = 0, 240, 480  # of the workspace: 15 rows of 16 twice, and a column
 
 
 def width(n):
@@ -65,7 +73,8 @@ def undone(call, lam, Lam, work):
 
 
 def transposed_transition(name, source, target, stride, blocks_of_lanes, lanes):
-    """A helper that applies Phi' to columns of 15 rows in the workspace, from `source` to `target`: `lanes` of them from each of `blocks_of_lanes` on."""
+    """A helper that applies Phi' to columns of 15 rows in the workspace, from `source` to
+    `target`: `lanes` of them from each of `blocks_of_lanes` on."""
     p, v, t, a, g = (tuple(source + (3 * k + i) * stride for i in range(3)) for k in range(5))
     P, V, T, A, G = (tuple(target + (3 * k + i) * stride for i in range(3)) for k in range(5))
 
@@ -74,11 +83,32 @@ def transposed_transition(name, source, target, stride, blocks_of_lanes, lanes):
         keep_a, keep_g = decay(step[DECAY_A] * dt), decay(step[DECAY_G] * dt)
         w0, w1, w2 = step[W], step[W + 1], step[W + 2]
         half = 0.5 * dt
-        pp0, pp2, pp3, pp4, pp5 = dt * step[F + PP], dt * step[F + PP + 2], dt * step[F + PP + 3], dt * step[F + PP + 4], dt * step[F + PP + 5]
-        vp0, vp2, vp3, vp5 = dt * step[F + VP], dt * step[F + VP + 2], dt * step[F + VP + 3], dt * step[F + VP + 5]
+        pp0, pp2, pp3, pp4, pp5 = (
+            dt * step[F + PP],
+            dt * step[F + PP + 2],
+            dt * step[F + PP + 3],
+            dt * step[F + PP + 4],
+            dt * step[F + PP + 5],
+        )
+        vp0, vp2, vp3, vp5 = (
+            dt * step[F + VP],
+            dt * step[F + VP + 2],
+            dt * step[F + VP + 3],
+            dt * step[F + VP + 5],
+        )
         vp6, vp8 = dt * step[F + VP + 6], dt * step[F + VP + 8]
-        vv0, vv1, vv2, vv3 = dt * step[F + VV], dt * step[F + VV + 1], dt * step[F + VV + 2], dt * step[F + VV + 3]
-        vv4, vv5, vv6, vv7 = dt * step[F + VV + 4], dt * step[F + VV + 5], dt * step[F + VV + 6], dt * step[F + VV + 7]
+        vv0, vv1, vv2, vv3 = (
+            dt * step[F + VV],
+            dt * step[F + VV + 1],
+            dt * step[F + VV + 2],
+            dt * step[F + VV + 3],
+        )
+        vv4, vv5, vv6, vv7 = (
+            dt * step[F + VV + 4],
+            dt * step[F + VV + 5],
+            dt * step[F + VV + 6],
+            dt * step[F + VV + 7],
+        )
         tp0, tp2, tp5 = dt * step[F + TP], dt * step[F + TP + 2], dt * step[F + TP + 5]
         tp6, tp8 = dt * step[F + TP + 6], dt * step[F + TP + 8]
         tv1, tv3, tv7 = dt * step[F + TV + 1], dt * step[F + TV + 3], dt * step[F + TV + 7]
@@ -90,15 +120,37 @@ def transposed_transition(name, source, target, stride, blocks_of_lanes, lanes):
             for lane in range(lanes):
                 j = block + lane
                 p0, p1, p2 = work[p[0] + j], work[p[1] + j], work[p[2] + j]
-                v0, v1, v2 = half * p0, half * p1, half * p2    # what the old velocity alone gets
-                u0, u1, u2 = work[v[0] + j] + v0, work[v[1] + j] + v1, work[v[2] + j] + v2      # the new velocity
-                s0, s1, s2 = f1 * u2 - f2 * u1, f2 * u0 - f0 * u2, f0 * u1 - f1 * u0            # the sum of old and new attitude
-                n0, n1, n2 = work[t[0] + j] + s0, work[t[1] + j] + s1, work[t[2] + j] + s2      # the new attitude
-                work[P[0] + j] = (p0 + pp0 * p0 + pp3 * p1) + (vp0 * u0 + vp3 * u1 + vp6 * u2) + (tp0 * n0 + tp6 * n2)
+                v0, v1, v2 = half * p0, half * p1, half * p2  # what the old velocity alone gets
+                u0, u1, u2 = (
+                    work[v[0] + j] + v0,
+                    work[v[1] + j] + v1,
+                    work[v[2] + j] + v2,
+                )  # the new velocity
+                s0, s1, s2 = (
+                    f1 * u2 - f2 * u1,
+                    f2 * u0 - f0 * u2,
+                    f0 * u1 - f1 * u0,
+                )  # the sum of old and new attitude
+                n0, n1, n2 = (
+                    work[t[0] + j] + s0,
+                    work[t[1] + j] + s1,
+                    work[t[2] + j] + s2,
+                )  # the new attitude
+                work[P[0] + j] = (
+                    (p0 + pp0 * p0 + pp3 * p1)
+                    + (vp0 * u0 + vp3 * u1 + vp6 * u2)
+                    + (tp0 * n0 + tp6 * n2)
+                )
                 work[P[1] + j] = p1 + pp4 * p1
-                work[P[2] + j] = (p2 + pp2 * p0 + pp5 * p1) + (vp2 * u0 + vp5 * u1 + vp8 * u2) + (tp2 * n0 + tp5 * n1 + tp8 * n2)
+                work[P[2] + j] = (
+                    (p2 + pp2 * p0 + pp5 * p1)
+                    + (vp2 * u0 + vp5 * u1 + vp8 * u2)
+                    + (tp2 * n0 + tp5 * n1 + tp8 * n2)
+                )
                 work[V[0] + j] = (v0 + u0) + (vv0 * u0 + vv3 * u1 + vv6 * u2) + tv3 * n1
-                work[V[1] + j] = (v1 + u1) + (vv1 * u0 + vv4 * u1 + vv7 * u2) + (tv1 * n0 + tv7 * n2)
+                work[V[1] + j] = (
+                    (v1 + u1) + (vv1 * u0 + vv4 * u1 + vv7 * u2) + (tv1 * n0 + tv7 * n2)
+                )
                 work[V[2] + j] = (v2 + u2) + (vv2 * u0 + vv5 * u1)
                 work[T[0] + j] = (s0 + n0) + (w1 * n2 - w2 * n1)
                 work[T[1] + j] = (s1 + n1) + (w2 * n0 - w0 * n2)
@@ -109,7 +161,9 @@ def transposed_transition(name, source, target, stride, blocks_of_lanes, lanes):
                 work[G[0] + j] = keep_g * work[g[0] + j] - (c00 * n0 + c10 * n1 + c20 * n2)
                 work[G[1] + j] = keep_g * work[g[1] + j] - (c01 * n0 + c11 * n1 + c21 * n2)
                 work[G[2] + j] = keep_g * work[g[2] + j] - (c02 * n0 + c12 * n1 + c22 * n2)
-    # Kernels loaded from the cache bring their helpers along, and the linker takes helpers of one name for one function.
+
+    # Kernels loaded from the cache bring their helpers along, and the linker takes helpers of one
+    # name for one function.
     apply.__name__ = apply.__qualname__ = name
     return helper(apply)
 
@@ -120,12 +174,15 @@ _one = transposed_transition("_one", COLUMN, COLUMN + 15, 1, (0,), 1)
 
 @helper
 def unpropagated(step, lam, Lam, work):
-    """The adjoint of `propagate`: lam <- Phi' lam and Lam <- Phi' Lam Phi. lam goes along as the sixteenth column of Lam.
+    """The adjoint of `propagate`: lam <- Phi' lam and Lam <- Phi' Lam Phi. lam goes along as the
+    sixteenth column of Lam.
 
     Lam is left as symmetric as rounding leaves it; the next correction makes it so to the last bit.
     """
     n, numbers = lam.size, flatten(Lam)
-    if n == 15:     # rows of 16, of which the last number belongs to the next row: such copies are fast
+    if (
+        n == 15
+    ):  # rows of 16, of which the last number belongs to the next row: such copies are fast
         for i in range(14):
             for j in range(16):
                 work[ONE + 16 * i + j] = numbers[15 * i + j]
@@ -146,7 +203,7 @@ def unpropagated(step, lam, Lam, work):
     _sixteen(work, step)
     for i in range(15):
         lam[i] = work[OTHER + 16 * i + 15]
-        for j in range(16):     # a sixteenth that means nothing
+        for j in range(16):  # a sixteenth that means nothing
             work[ONE + 16 * i + j] = work[OTHER + 16 * j + i]
     _sixteen(work, step)
     if n == 15:
@@ -163,7 +220,8 @@ def unpropagated(step, lam, Lam, work):
 
 @inlined
 def _uncorrected(n, call, lam, Lam, work):
-    """The adjoint of `update`, with its K H = U' H, both whitened: lam <- lam - H' (U lam + e) and Lam <- (I - U' H)' Lam (I - U' H) + H' H.
+    """The adjoint of `update`, with its K H = U' H, both whitened: lam <- lam - H' (U lam + e) and
+    Lam <- (I - U' H)' Lam (I - U' H) + H' H.
 
     The latter is Lam - H' Z - Z' H with Z = U Lam - M H / 2, M = U Lam U' + I.
     """
@@ -199,8 +257,10 @@ def _uncorrected(n, call, lam, Lam, work):
         h0, h1, h2 = call[H + i], call[H + n + i], call[H + 2 * n + i]
         z0, z1, z2 = work[Z + i], work[Z + n + i], work[Z + 2 * n + i]
         for j in range(n):
-            numbers[n * i + j] = work[n * i + j] - ((h0 * work[Z + j] + h1 * work[Z + n + j] + h2 * work[Z + 2 * n + j])
-                                                    + (z0 * call[H + j] + z1 * call[H + n + j] + z2 * call[H + 2 * n + j]))
+            numbers[n * i + j] = work[n * i + j] - (
+                (h0 * work[Z + j] + h1 * work[Z + n + j] + h2 * work[Z + 2 * n + j])
+                + (z0 * call[H + j] + z1 * call[H + n + j] + z2 * call[H + 2 * n + j])
+            )
 
 
 SMOOTHER = Smoother(width, save_step, adjoint_step)

@@ -1,7 +1,10 @@
-"""The contract between sensors, filters and the loop that runs them: four kernel signatures and the tuples they pass.
+"""The contract between sensors, filters and the loop that runs them: four kernel signatures and the
+tuples they pass.
 
-Everything is SI and radians, navigation frame NED, body frame forward-right-down; errors are true - estimate. `docs/design.md` tells why.
+Everything is SI and radians, navigation frame NED, body frame forward-right-down; errors are true -
+estimate. `docs/design.md` tells why.
 """
+
 import math
 from collections.abc import Callable
 from typing import NamedTuple
@@ -9,185 +12,336 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from .jit import COMPILED, address, caller, compile_kernel, entry_point, helper, is_cached, kernel, matrix, plain
+from .jit import (
+    COMPILED,
+    address,
+    caller,
+    compile_kernel,
+    entry_point,
+    helper,
+    is_cached,
+    kernel,
+    matrix,
+    plain,
+)
 
-__all__ = ["Belief", "Start", "Noise", "Imu", "Fixes", "Cursor", "Output", "Filter", "Smoother", "Measurement", "PARAMETERS", "WALK", "FIRST",
-           "POSITION_KIND", "VELOCITY_KIND", "HEADING_KIND", "ALTITUDE_KIND", "GRAVITY_KIND", "MAGNETIC_KIND", "SEA_LEVEL_KIND", "ATTITUDE_KIND",
-           "VALID", "BRIDGED", "INVALID", "OBSERVE", "PREDICT", "CORRECT", "RUN", "RUN_RECORDED", "SAVE_STEP", "ADJOINT_STEP", "RUN_BACK", "POS", "VEL", "ATT", "BA", "BG", "STATES", "COMPILED", "kernel", "helper",
-           "matrix", "address", "entry_point", "caller", "compile_kernel", "is_cached"]
+__all__ = [
+    "Belief",
+    "Start",
+    "Noise",
+    "Imu",
+    "Fixes",
+    "Cursor",
+    "Output",
+    "Filter",
+    "Smoother",
+    "Measurement",
+    "PARAMETERS",
+    "WALK",
+    "FIRST",
+    "POSITION_KIND",
+    "VELOCITY_KIND",
+    "HEADING_KIND",
+    "ALTITUDE_KIND",
+    "GRAVITY_KIND",
+    "MAGNETIC_KIND",
+    "SEA_LEVEL_KIND",
+    "ATTITUDE_KIND",
+    "VALID",
+    "BRIDGED",
+    "INVALID",
+    "OBSERVE",
+    "PREDICT",
+    "CORRECT",
+    "RUN",
+    "RUN_RECORDED",
+    "SAVE_STEP",
+    "ADJOINT_STEP",
+    "RUN_BACK",
+    "POS",
+    "VEL",
+    "ATT",
+    "BA",
+    "BG",
+    "STATES",
+    "COMPILED",
+    "kernel",
+    "helper",
+    "matrix",
+    "address",
+    "entry_point",
+    "caller",
+    "compile_kernel",
+    "is_cached",
+]
 
 POS, VEL, ATT, BA, BG = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
 STATES = 15
-"""The library's error states, in this order: position (m, NED), velocity (m/s, NED), attitude (rad, in n), accelerometer bias (m/s^2),
-gyro bias (rad/s). States that an aiding brings along follow them."""
+"""The library's error states, in this order: position (m, NED), velocity (m/s, NED), attitude
+(rad, in n), accelerometer bias (m/s^2), gyro bias (rad/s). States that an aiding brings along
+follow them."""
 
 
 class Belief(NamedTuple):
     """What a filter believes at one instant, at the IMU; arrays updated in place."""
-    lla: np.ndarray     # latitude rad, longitude rad, ellipsoidal height m
-    v: np.ndarray       # velocity NED, m/s
-    C: np.ndarray       # C_nb, body to navigation frame
-    ba: np.ndarray      # accelerometer bias, m/s^2
-    bg: np.ndarray      # gyro bias, rad/s
-    P: np.ndarray       # error covariance (n, n)
-    omega: np.ndarray   # last bias-free angular rate omega_ib_b, rad/s
-    f: np.ndarray       # last bias-free specific force f_ib_b, m/s^2
-    workspace: np.ndarray     # what one architecture alone needs; its first numbers are the filter's extra output columns
-    extra_states: np.ndarray    # the states that aidings bring along, error states 15 ...
+
+    lla: np.ndarray  # latitude rad, longitude rad, ellipsoidal height m
+    v: np.ndarray  # velocity NED, m/s
+    C: np.ndarray  # C_nb, body to navigation frame
+    ba: np.ndarray  # accelerometer bias, m/s^2
+    bg: np.ndarray  # gyro bias, rad/s
+    P: np.ndarray  # error covariance (n, n)
+    omega: np.ndarray  # last bias-free angular rate omega_ib_b, rad/s
+    f: np.ndarray  # last bias-free specific force f_ib_b, m/s^2
+    workspace: (
+        np.ndarray
+    )  # what one architecture alone needs; its first numbers are the filter's extra output columns
+    extra_states: np.ndarray  # the states that aidings bring along, error states 15 ...
 
 
 class Noise(NamedTuple):
     """What a filter assumes of the IMU, per axis, in root densities."""
-    gyro: float         # angle random walk, rad/sqrt(s)
-    accel: float        # velocity random walk, m/s/sqrt(s)
-    gyro_bias: float    # driving noise of the gyro bias, rad/s/sqrt(s)
-    accel_bias: float   # driving noise of the accelerometer bias, m/s^2/sqrt(s)
-    gyro_decay: float   # 1/time constant of the gyro bias, 1/s; 0 is a random walk
+
+    gyro: float  # angle random walk, rad/sqrt(s)
+    accel: float  # velocity random walk, m/s/sqrt(s)
+    gyro_bias: float  # driving noise of the gyro bias, rad/s/sqrt(s)
+    accel_bias: float  # driving noise of the accelerometer bias, m/s^2/sqrt(s)
+    gyro_decay: float  # 1/time constant of the gyro bias, 1/s; 0 is a random walk
     accel_decay: float  # 1/time constant of the accelerometer bias, 1/s
 
 
 class Start(NamedTuple):
-    """Where a filter begins: state and standard deviations, SI and radians. Print it, or override a part with `_replace`."""
+    """Where a filter begins: state and standard deviations, SI and radians. Print it, or
+    override a part with `_replace`."""
+
     t: float
-    lla: tuple          # latitude rad, longitude rad, ellipsoidal height m
-    v: tuple            # NED, m/s
-    rph: tuple          # roll, pitch, heading, rad
-    ba: tuple           # accelerometer bias, m/s^2
-    bg: tuple           # gyro bias, rad/s
-    sd: tuple           # 15 standard deviations in the order of the error states, then those of states that aidings bring along
-    note: str = ""      # how each part was found
+    lla: tuple  # latitude rad, longitude rad, ellipsoidal height m
+    v: tuple  # NED, m/s
+    rph: tuple  # roll, pitch, heading, rad
+    ba: tuple  # accelerometer bias, m/s^2
+    bg: tuple  # gyro bias, rad/s
+    # 15 standard deviations in the order of the error states, then those of states that aidings
+    # bring along
+    sd: tuple
+    note: str = ""  # how each part was found
 
     def towards(self, q_nb):
-        """This Start with the attitude of a unit quaternion, scalar first, body to navigation. Raises ValueError where it is none."""
+        """This Start with the attitude of a unit quaternion, scalar first, body to navigation.
+        Raises ValueError where it is none."""
         q = np.asarray(q_nb, float)
         size = np.linalg.norm(q)
         if q.shape != (4,) or not abs(size - 1) < 1e-3:
-            raise ValueError(f"start: q_nb is {q_nb}; it must be four numbers, scalar first, whose squares add up to 1 (here to {size * size:.4g})")
+            raise ValueError(
+                f"start: q_nb is {q_nb}; it must be four numbers, scalar first, whose squares add up to 1 (here to {size * size:.4g})"
+            )
         w, x, y, z = q / size
-        return self._replace(rph=(math.atan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z), math.asin(max(-1.0, min(1.0, 2 * (w * y - x * z)))),
-                                  math.atan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z)))
+        return self._replace(
+            rph=(
+                math.atan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z),
+                math.asin(max(-1.0, min(1.0, 2 * (w * y - x * z)))),
+                math.atan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z),
+            )
+        )
 
     def belief(self, workspace):
         """A Belief at this start with a diagonal P; `workspace` is the filter's own array."""
         from .rotation import euler_to_matrix
+
         column = lambda values: np.array(values, float)
         C = np.empty((3, 3))
         plain(euler_to_matrix)(*(float(angle) for angle in self.rph), C)
-        return Belief(column(self.lla), column(self.v), C, column(self.ba), column(self.bg), np.diag(column(self.sd) ** 2),
-                      np.zeros(3), np.zeros(3), workspace, np.zeros(len(self.sd) - STATES))
+        return Belief(
+            column(self.lla),
+            column(self.v),
+            C,
+            column(self.ba),
+            column(self.bg),
+            np.diag(column(self.sd) ** 2),
+            np.zeros(3),
+            np.zeros(3),
+            workspace,
+            np.zeros(len(self.sd) - STATES),
+        )
 
 
 class Imu(NamedTuple):
     """IMU samples as columns: row k is the integral over (t[k] - dt[k], t[k]]."""
-    t: np.ndarray       # s
-    dt: np.ndarray      # s
+
+    t: np.ndarray  # s
+    dt: np.ndarray  # s
     dtheta: np.ndarray  # (n, 3) integral of the angular rate, body FRD, rad
-    dv: np.ndarray      # (n, 3) integral of the specific force, body FRD, m/s
+    dv: np.ndarray  # (n, 3) integral of the specific force, body FRD, m/s
 
 
 class Fixes(NamedTuple):
     """All aiding of a run, merged and sorted by time, and what each source of it is."""
-    t: np.ndarray           # s
-    source: np.ndarray      # int64, row of the three tables below
-    y: np.ndarray           # (m, 3); what a sensor does not measure is NaN
-    sd: np.ndarray          # (m, 3) of the rows of the innovation
-    kind: np.ndarray        # int64 per source
+
+    t: np.ndarray  # s
+    source: np.ndarray  # int64, row of the three tables below
+    y: np.ndarray  # (m, 3); what a sensor does not measure is NaN
+    sd: np.ndarray  # (m, 3) of the rows of the innovation
+    kind: np.ndarray  # int64 per source
     parameters: np.ndarray  # (sources, PARAMETERS)
-    gate: np.ndarray        # per source, bound on NIS; inf switches gating off
+    gate: np.ndarray  # per source, bound on NIS; inf switches gating off
 
 
 class Cursor(NamedTuple):
     """The loop's own state, so that a run can stop and go on at any sample."""
-    at: np.ndarray        # int64, see the names in core/loop.py
-    now: np.ndarray       # time of the belief, s
+
+    at: np.ndarray  # int64, see the names in core/loop.py
+    now: np.ndarray  # time of the belief, s
     previous: np.ndarray  # the last sample: increments (6), seconds
-    work: np.ndarray      # increments in use (6), a part of them (6), innovation (3)
+    work: np.ndarray  # increments in use (6), a part of them (6), innovation (3)
     accepted: np.ndarray  # int64 per source
     rejected: np.ndarray  # int64 per source
     in_a_row: np.ndarray  # int64 per source: rejections since the last accepted fix
-    since: np.ndarray     # time of the first of them, or of the last that was used with the gate lifted
-    lifts: np.ndarray     # int64 per source: how many of them were used so, positions and velocities apart
-    last: np.ndarray      # per source: time up to which its own states have walked
+    since: (
+        np.ndarray
+    )  # time of the first of them, or of the last that was used with the gate lifted
+    lifts: (
+        np.ndarray
+    )  # int64 per source: how many of them were used so, positions and velocities apart
+    last: np.ndarray  # per source: time up to which its own states have walked
 
 
 class Output(NamedTuple):
     """What a run writes: a row per kept IMU sample, a row per fix."""
-    nav: np.ndarray         # (rows, NAV_COLUMNS + extra columns of the filter)
+
+    nav: np.ndarray  # (rows, NAV_COLUMNS + extra columns of the filter)
     covariance: np.ndarray  # (rows, n, n), or (0, n, n)
-    fix: np.ndarray         # (m, FIX_COLUMNS)
-    record: np.ndarray        # (calls, width) what each call of predict and correct left for the smoother; (0,) without one, which is another type
-    mark: np.ndarray        # int64 per row: calls before it; unused without a record
+    fix: np.ndarray  # (m, FIX_COLUMNS)
+    # (calls, width) what each call of predict and correct left for the smoother; (0,) without one,
+    # which is another type
+    record: np.ndarray
+    mark: np.ndarray  # int64 per row: calls before it; unused without a record
 
 
 PARAMETERS, WALK, FIRST = 8, 6, 7
-"""Numbers that a source hands to its observer; of a source that brings states along, the last two are their random walk (unit/sqrt(s)) and the
-index of the first of them."""
+"""Numbers that a source hands to its observer; of a source that brings states along, the last
+two are their random walk (unit/sqrt(s)) and the index of the first of them."""
 VALID, BRIDGED, INVALID = 0, 1, 2
-"""Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and before the next accepted position fix."""
-POSITION_KIND, VELOCITY_KIND, HEADING_KIND, ALTITUDE_KIND, GRAVITY_KIND, MAGNETIC_KIND, SEA_LEVEL_KIND, ATTITUDE_KIND = 0, 1, 2, 3, 8, 9, 12, 13
-"""Kinds that are more than rows of H to someone: a position makes a solution valid again after a long gap, attitude filters treat directions their
-way, a heave filter the waves about mean sea level, filters fed with an attitude take it as known, gains belong to what they act on."""
+"""Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and
+before the next accepted position fix."""
+(
+    POSITION_KIND,
+    VELOCITY_KIND,
+    HEADING_KIND,
+    ALTITUDE_KIND,
+    GRAVITY_KIND,
+    MAGNETIC_KIND,
+    SEA_LEVEL_KIND,
+    ATTITUDE_KIND,
+) = 0, 1, 2, 3, 8, 9, 12, 13
+"""Kinds that are more than rows of H to someone: a position makes a solution valid again after a
+long gap, attitude filters treat directions their way, a heave filter the waves about mean sea
+level, filters fed with an attitude take it as known, gains belong to what they act on."""
 
 if COMPILED:
     _f8, _i8 = types.float64, types.int64
-    _line, _table, _cube = types.Array(_f8, 1, "C"), types.Array(_f8, 2, "C"), types.Array(_f8, 3, "C")
+    _line, _table, _cube = (
+        types.Array(_f8, 1, "C"),
+        types.Array(_f8, 2, "C"),
+        types.Array(_f8, 3, "C"),
+    )
     _count = types.Array(_i8, 1, "C")
     _named = lambda cls, *fields: types.NamedTuple(fields, cls)
     BELIEF = _named(Belief, _line, _line, _table, _line, _line, _table, _line, _line, _line, _line)
     NOISE = types.NamedUniTuple(_f8, len(Noise._fields), Noise)
     IMU = _named(Imu, _line, _line, _table, _table)
     FIXES = _named(Fixes, _line, _count, _table, _table, _count, _table, _line)
-    CURSOR = _named(Cursor, _count, _line, _line, _line, _count, _count, _count, _line, _count, _line)
-    OUTPUT, RECORDED_OUTPUT = (_named(Output, _table, _cube, _table, record, _count) for record in (_line, _table))
+    CURSOR = _named(
+        Cursor, _count, _line, _line, _line, _count, _count, _count, _line, _count, _line
+    )
+    OUTPUT, RECORDED_OUTPUT = (
+        _named(Output, _table, _cube, _table, record, _count) for record in (_line, _table)
+    )
 
     OBSERVE = _i8(BELIEF, _line, _line, _line, _table)
     PREDICT = types.void(BELIEF, _line, _f8, NOISE)
     CORRECT = _f8(BELIEF, _line, _line, _i8, types.FunctionType(OBSERVE), _line, _f8, _line)
-    RUN, RUN_RECORDED = (types.void(_i8, _i8, _count, BELIEF, IMU, FIXES, NOISE, CURSOR, output) for output in (OUTPUT, RECORDED_OUTPUT))
+    RUN, RUN_RECORDED = (
+        types.void(_i8, _i8, _count, BELIEF, IMU, FIXES, NOISE, CURSOR, output)
+        for output in (OUTPUT, RECORDED_OUTPUT)
+    )
     SAVE_STEP = types.void(BELIEF, _line)
     ADJOINT_STEP = types.void(_line, _line, _table, _line)
     RUN_BACK = types.void(_i8, _table, _count, _cube, _count, _line, _table, _line, _table, _cube)
 else:
-    OBSERVE, PREDICT, CORRECT, RUN, RUN_RECORDED, SAVE_STEP, ADJOINT_STEP, RUN_BACK = "observe", "predict", "correct", "run", "run recorded", "save step", "adjoint step", "run back"
+    OBSERVE, PREDICT, CORRECT, RUN, RUN_RECORDED, SAVE_STEP, ADJOINT_STEP, RUN_BACK = (
+        "observe",
+        "predict",
+        "correct",
+        "run",
+        "run recorded",
+        "save step",
+        "adjoint step",
+        "run back",
+    )
 
 
 class Smoother(NamedTuple):
     """How the calls of a filter are undone, last one first."""
-    width: Callable     # n -> numbers of a record of one call, with n states
-    save_step: Callable      # (belief, record (width,)): what the adjoint of the last call of predict or correct needs, also where it did nothing
-    adjoint_step: Callable      # (record, lam (k,), Lam (k, k), work: core.smoother.workspace): the adjoint of that call, on the states that the filter estimates and the tail
+
+    width: Callable  # n -> numbers of a record of one call, with n states
+    # (belief, record (width,)): what the adjoint of the last call of predict or correct needs, also
+    # where it did nothing
+    save_step: Callable
+    # (record, lam (k,), Lam (k, k), work: core.smoother.workspace): the adjoint of that call, on
+    # the states that the filter estimates and the tail
+    adjoint_step: Callable
 
 
 class Filter(NamedTuple):
-    """One architecture. `name` is its file's name with dashes; `reference` its source in the literature."""
+    """One architecture. `name` is its file's name with dashes; `reference` its source in the
+    literature."""
+
     name: str
     reference: str
-    start: Callable         # (Start, Noise, **options) -> Belief; plain Python, refuses bad options
-    predict: Callable       # (belief, u, dt, noise): u[0:6] = rotation (rad) and velocity (m/s) increments
-    correct: Callable       # (belief, y, sd, kind, observe, parameters, gate, innovation) -> NIS
-    states: tuple = tuple(range(STATES))  # the standard deviations it claims; the others are published as NaN
-    estimates: tuple = tuple(range(STATES))     # the states it estimates at all; the others are published as NaN. Without position it starts without one
-    columns: tuple = ()     # names, with units, of its extra output columns
-    uses: tuple = None      # kinds of aiding that it can use; None: all. Sources of other kinds are left out and named in the notes
-    needs: tuple = ()       # kinds without which it cannot run
-    configure: Callable = None    # (options, sources it uses) -> (options, notes): options that the sources decide where the user does not; refuses what it cannot run on
-    unaided_note: str = ""         # what to say where a recording has no source that it can use
+    start: Callable  # (Start, Noise, **options) -> Belief; plain Python, refuses bad options
+    predict: (
+        Callable  # (belief, u, dt, noise): u[0:6] = rotation (rad) and velocity (m/s) increments
+    )
+    correct: Callable  # (belief, y, sd, kind, observe, parameters, gate, innovation) -> NIS
+    states: tuple = tuple(
+        range(STATES)
+    )  # the standard deviations it claims; the others are published as NaN
+    estimates: tuple = tuple(
+        range(STATES)
+        # the states it estimates at all; the others are published as NaN. Without position it starts
+        # without one
+    )
+    columns: tuple = ()  # names, with units, of its extra output columns
+    # kinds of aiding that it can use; None: all. Sources of other kinds are left out and named in
+    # the notes
+    uses: tuple = None
+    needs: tuple = ()  # kinds without which it cannot run
+    # (options, sources it uses) -> (options, notes): options that the sources decide where the user
+    # does not; refuses what it cannot run on
+    configure: Callable = None
+    unaided_note: str = ""  # what to say where a recording has no source that it can use
     smoother: Smoother = None
-    diagnose: Callable = None  # (t (n,), lla (n, 3), {column: (n,)}) -> [(t, text)]: what of the kept rows a user must know
-
+    # (t (n,), lla (n, 3), {column: (n,)}) -> [(t, text)]: what of the kept rows a user must know
+    diagnose: Callable = None
 
 
 class Measurement(NamedTuple):
     """One kind of aiding: how it is observed, and what the edge must know to read it."""
+
     name: str
-    kind: int               # index of the observer, a module constant
-    observe: Callable       # (belief, y, parameters, innovation, H) -> rows, at most 3 of y - h(belief), SI and radians
-    quantities: tuple       # what each component of y is: "latitude", "longitude", "length", "speed", "angle", "acceleration", "magnetic field", "pressure"
-    parameters: str = ""    # what parameters[0:3] is: "" nothing, "antenna" or "reference": lever arm from the IMU to that point, m, body; "field": T, NED
-    vector: str = ""        # frame of y where it is a vector that the description's axes turn: "n" or "b"
-    recorded: bool = True   # False: a constraint of the vehicle, rows at a rate instead of a file
-    when: str = ""          # a constraint that holds only then: "at rest"
+    kind: int  # index of the observer, a module constant
+    # (belief, y, parameters, innovation, H) -> rows, at most 3 of y - h(belief), SI and radians
+    observe: Callable
+    # what each component of y is: "latitude", "longitude", "length", "speed", "angle",
+    # "acceleration", "magnetic field", "pressure"
+    quantities: tuple
+    # what parameters[0:3] is: "" nothing, "antenna" or "reference": lever arm from the IMU to that
+    # point, m, body; "field": T, NED
+    parameters: str = ""
+    vector: str = ""  # frame of y where it is a vector that the description's axes turn: "n" or "b"
+    recorded: bool = True  # False: a constraint of the vehicle, rows at a rate instead of a file
+    when: str = ""  # a constraint that holds only then: "at rest"
     reference: str = ""
-    states: tuple = ()      # names, with units, of the states that each source of this kind brings along
-    state_sd: float = 0.0   # their initial standard deviation
-    state_walk: float = 0.0     # their random walk, unit/sqrt(s)
+    # names, with units, of the states that each source of this kind brings along
+    states: tuple = ()
+    state_sd: float = 0.0  # their initial standard deviation
+    state_walk: float = 0.0  # their random walk, unit/sqrt(s)

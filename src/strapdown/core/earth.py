@@ -1,7 +1,10 @@
-"""WGS-84: radii of curvature, Earth rate, transport rate, normal gravity with height. NED, SI and radians.
+"""WGS-84: radii of curvature, Earth rate, transport rate, normal gravity with height. NED, SI and
+radians.
 
-Source: Groves (2013) sections 2.4 and 5.4; gravity is Somigliana's formula with the second-order height term (Heiskanen & Moritz 1967, 2-123).
+Source: Groves (2013) sections 2.4 and 5.4; gravity is Somigliana's formula with the second-order
+height term (Heiskanen & Moritz 1967, 2-123).
 """
+
 import math
 
 from .jit import helper
@@ -17,12 +20,13 @@ RATE = 7.292115e-5
 MU = 3.986004418e14
 """Gravitational constant times mass, m^3/s^2."""
 GRAVITY_EQUATOR, SOMIGLIANA = 9.7803253359, 0.00193185265241
-M_RATIO = RATE ** 2 * A ** 3 * (1 - F) / MU
+M_RATIO = RATE**2 * A**3 * (1 - F) / MU
 """Centrifugal over gravitational acceleration at the equator."""
 FAR = 500e3
 """Height beyond which gravity is inverse-square instead of a series in height, m."""
 LATITUDE_LIMIT = math.radians(89.0)
-"""Results hold up to this latitude: beyond it the azimuth of the north axis turns too fast for a metre of position error."""
+"""Results hold up to this latitude: beyond it the azimuth of the north axis turns too fast for a
+metre of position error."""
 
 
 @helper
@@ -41,10 +45,11 @@ def curvature(sine):
 
 @helper
 def place(lat, h):
-    """What every equation at a position needs: sine and cosine of latitude, M = R_M + h and N = R_N + h in m.
+    """What every equation at a position needs: sine and cosine of latitude, M = R_M + h and N = R_N
+    + h in m.
 
-    The cosine comes from the sine, at half the price and 1e-13 of itself at 89 deg. It is kept above 1e-3, its value 6 km from a pole, so that a
-    raw INS that crosses a pole stays finite.
+    The cosine comes from the sine, at half the price and 1e-13 of itself at 89 deg. It is kept
+    above 1e-3, its value 6 km from a pole, so that a raw INS that crosses a pole stays finite.
     """
     sine = math.sin(lat)
     R_M, R_N = curvature(sine)
@@ -53,14 +58,16 @@ def place(lat, h):
 
 @helper
 def rotation_rates(v_n, v_e, sine, cosine, M, N):
-    """omega_ie_n (north, down; east is zero) and omega_in_n = omega_ie_n + omega_en_n (north, east, down), rad/s."""
+    """omega_ie_n (north, down; east is zero) and omega_in_n = omega_ie_n + omega_en_n (north,
+    east, down), rad/s."""
     ie_n, ie_d = RATE * cosine, -RATE * sine
     return ie_n, ie_d, ie_n + v_e / N, -v_n / M, ie_d - v_e * sine / (cosine * N)
 
 
 @helper
 def gravity(sine, h):
-    """Normal gravity, m/s^2, down, from the sine of latitude; inverse-square beyond `FAR`, where only a raw INS gets."""
+    """Normal gravity, m/s^2, down, from the sine of latitude; inverse-square beyond `FAR`, where
+    only a raw INS gets."""
     square = sine * sine
     if abs(h) > FAR:
         r = max(A + h, 0.1 * A)
@@ -71,19 +78,29 @@ def gravity(sine, h):
 
 @helper
 def gravity_gradient(sine, cosine, h):
-    """d gravity / d lat (m/s^2/rad) and d gravity / d h (1/s^2), both with the second-order term."""
+    """d gravity / d lat (m/s^2/rad) and d gravity / d h (1/s^2), both with the second-order
+    term."""
     square = sine * sine
     root = math.sqrt(1 - E2 * square)
     surface = GRAVITY_EQUATOR * (1 + SOMIGLIANA * square) / root
     linear = 2 / A * (1 + F + M_RATIO - 2 * F * square)
     height = 1 - linear * h + 3 / (A * A) * h * h
-    surface_lat = GRAVITY_EQUATOR * 2 * sine * cosine * (SOMIGLIANA / root + 0.5 * E2 * (1 + SOMIGLIANA * square) / (root * root * root))
-    return surface_lat * height + surface * 8 * F / A * sine * cosine * h, surface * (-linear + 6 / (A * A) * h)
+    surface_lat = (
+        GRAVITY_EQUATOR
+        * 2
+        * sine
+        * cosine
+        * (SOMIGLIANA / root + 0.5 * E2 * (1 + SOMIGLIANA * square) / (root * root * root))
+    )
+    return surface_lat * height + surface * 8 * F / A * sine * cosine * h, surface * (
+        -linear + 6 / (A * A) * h
+    )
 
 
 @helper
 def displace(lla, north, east, down):
-    """Move a geodetic position by metres NED, in place; longitude stays in [-pi, pi], and a pole is crossed, not passed."""
+    """Move a geodetic position by metres NED, in place; longitude stays in [-pi, pi], and a pole
+    is crossed, not passed."""
     sine = math.sin(lla[0])
     R_M, R_N = curvature(sine)
     lon = lla[1] + east / ((R_N + lla[2]) * max(math.sqrt(1 - sine * sine), 1e-6))

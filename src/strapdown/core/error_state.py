@@ -1,30 +1,38 @@
-"""What the error-state filters share: their workspace array, the linearised step, the measurement, the injection of an error into the belief."""
+"""What the error-state filters share: their workspace array, the linearised step, the
+measurement, the injection of an error into the belief."""
+
 import math
 
 import numpy as np
 
-from .jit import helper, inlined, matrix, plain
 from .contract import ATT, BA, BG, POS, STATES, VEL
 from .earth import displace
 from .error_dynamics import BLOCKS, LATITUDE_GRAVITY, MODELS, kinematic_blocks
+from .jit import helper, inlined, matrix, plain
 from .kalman import WORKSPACE, decay, propagate, propagate_error, update, used_rows
 from .rotation import orthonormalise, rotate_left
 
-PREDICTED = -1.0                                # the last call was a prediction
-X = slice(0, STATES)                            # error state kept apart from the belief; zero where it is injected at once
-MODEL = X.stop                                  # which error model; see error_dynamics
-OWN = MODEL + 1                                 # 52 numbers for the architecture itself
-HEIGHT = OWN + 52                               # gravity at this times the height: 1 or 0
-STEP = slice(OWN + 53, OWN + 60)                # of the last call: rows used, or PREDICTED; dt, rotation of n over it (rad), decays of the biases (1/s)
-BLOCK = slice(STEP.stop, STEP.stop + BLOCKS)    # blocks of F
-MID = BLOCK.stop                                # C_nb at mid-interval, 3 x 3
-DV = slice(MID + 9, MID + 12)                   # specific-force velocity increment in n, bias-free, m/s
-DX = slice(DV.stop, DV.stop + 2 * STATES)       # the correction that `measure` found, n numbers
-WORK = DX.stop                                  # workspace of core.kalman, to the end; its last 3 n numbers are H (3, n)
+PREDICTED = -1.0  # the last call was a prediction
+X = slice(0, STATES)  # error state kept apart from the belief; zero where it is injected at once
+MODEL = X.stop  # which error model; see error_dynamics
+OWN = MODEL + 1  # 52 numbers for the architecture itself
+HEIGHT = OWN + 52  # gravity at this times the height: 1 or 0
+STEP = slice(
+    OWN + 53,
+    OWN + 60,
+    # of the last call: rows used, or PREDICTED; dt, rotation of n over it (rad), decays of the biases
+    # (1/s)
+)
+BLOCK = slice(STEP.stop, STEP.stop + BLOCKS)  # blocks of F
+MID = BLOCK.stop  # C_nb at mid-interval, 3 x 3
+DV = slice(MID + 9, MID + 12)  # specific-force velocity increment in n, bias-free, m/s
+DX = slice(DV.stop, DV.stop + 2 * STATES)  # the correction that `measure` found, n numbers
+WORK = DX.stop  # workspace of core.kalman, to the end; its last 3 n numbers are H (3, n)
 
 
 def auxiliary(n, error_model="corrected"):
-    """The workspace array of an error-state filter with n states; refuses an unknown error model."""
+    """The workspace array of an error-state filter with n states; refuses an unknown error
+    model."""
     if error_model not in MODELS:
         raise ValueError(f"error_model is {error_model!r}; it must be one of {', '.join(MODELS)}")
     workspace = np.zeros(WORK + max(WORKSPACE, plain(used_rows)(n) + 13) + 3 * n)
@@ -35,14 +43,21 @@ def auxiliary(n, error_model="corrected"):
 
 @inlined
 def linearised_step(belief, C, coupling, u, dt, noise, beside):
-    """Propagate P, and the error state where one is kept `beside` the belief, over dt, linearised at the belief with bias-corrected increments.
+    """Propagate P, and the error state where one is kept `beside` the belief, over dt, linearised
+    at the belief with bias-corrected increments.
 
-    State and attitude stay.
-    C (3, 3) is the attitude of body-fixed errors in n: the belief's, or one known from elsewhere. `coupling` is 1, or 0 where the attitude error
-    does not reach the velocity, because that is computed with the known one.
-    Also publishes the bias-free rate and specific force, decays the biases, and leaves in workspace what a smoother needs.
+    State and attitude stay. C (3, 3) is the attitude of body-fixed errors in n: the belief's, or
+    one known from elsewhere. `coupling` is 1, or 0 where the attitude error does not reach the
+    velocity, because that is computed with the known one. Also publishes the bias-free rate and
+    specific force, decays the biases, and leaves in workspace what a smoother needs.
     """
-    workspace, mid, dv_n, ba, bg = belief.workspace, matrix(belief.workspace, MID, 3, 3), belief.workspace[DV], belief.ba, belief.bg
+    workspace, mid, dv_n, ba, bg = (
+        belief.workspace,
+        matrix(belief.workspace, MID, 3, 3),
+        belief.workspace[DV],
+        belief.ba,
+        belief.bg,
+    )
     r0, r1, r2 = 0.5 * (u[0] - bg[0] * dt), 0.5 * (u[1] - bg[1] * dt), 0.5 * (u[2] - bg[2] * dt)
     a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
     for i in range(3):
@@ -53,7 +68,15 @@ def linearised_step(belief, C, coupling, u, dt, noise, beside):
     blocks, step = workspace[BLOCK], workspace[STEP]
     w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, int(workspace[MODEL]), blocks)
     w0, w1, w2 = w0 * dt, w1 * dt, w2 * dt
-    step[0], step[1], step[2], step[3], step[4], step[5], step[6] = PREDICTED, dt, w0, w1, w2, noise.accel_decay, noise.gyro_decay
+    step[0], step[1], step[2], step[3], step[4], step[5], step[6] = (
+        PREDICTED,
+        dt,
+        w0,
+        w1,
+        w2,
+        noise.accel_decay,
+        noise.gyro_decay,
+    )
     propagate(belief.P, blocks, mid, dv_n, w0, w1, w2, dt, noise, workspace[WORK:])
     if beside:
         propagate_error(workspace[X], blocks, mid, dv_n, w0, w1, w2, dt, noise, workspace[WORK:])
@@ -65,8 +88,16 @@ def linearised_step(belief, C, coupling, u, dt, noise, beside):
 
 @inlined
 def bias_free(u, ba, bg, dt):
-    """Increments u of one sample without the biases: rotation vector (rad) and velocity (m/s), as six numbers."""
-    return u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt, u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
+    """Increments u of one sample without the biases: rotation vector (rad) and velocity (m/s),
+    as six numbers."""
+    return (
+        u[0] - bg[0] * dt,
+        u[1] - bg[1] * dt,
+        u[2] - bg[2] * dt,
+        u[3] - ba[0] * dt,
+        u[4] - ba[1] * dt,
+        u[5] - ba[2] * dt,
+    )
 
 
 @helper
@@ -80,7 +111,8 @@ def decay_biases(ba, bg, dt, noise):
 
 @inlined
 def measure(belief, y, sd, observe, parameters, gate, innovation):
-    """Correct P by one fix and leave the correction of the states in workspace[DX]. Returns the NIS.
+    """Correct P by one fix and leave the correction of the states in workspace[DX]. Returns the
+    NIS.
 
     Unless NIS <= gate, P is left as it was and the correction must not be used.
     """
@@ -88,7 +120,9 @@ def measure(belief, y, sd, observe, parameters, gate, innovation):
     H = matrix(belief.workspace, belief.workspace.size - 3 * n, 3, n)
     rows = observed(belief, y, observe, parameters, innovation, H)
     belief.workspace[STEP.start] = 0.0
-    nis = update(belief.P, H, innovation, sd, rows, gate, belief.workspace[WORK:], belief.workspace[DX])
+    nis = update(
+        belief.P, H, innovation, sd, rows, gate, belief.workspace[WORK:], belief.workspace[DX]
+    )
     if nis <= gate:
         belief.workspace[STEP.start] = belief.workspace[WORK + used_rows(n)]
     return nis
@@ -106,14 +140,16 @@ def observed(belief, y, observe, parameters, innovation, H):
 
 @inlined
 def inject_all(belief, dx):
-    """Compose the whole correction into the belief: position, velocity, attitude, biases and what aidings brought along."""
+    """Compose the whole correction into the belief: position, velocity, attitude, biases and
+    what aidings brought along."""
     inject(belief.lla, belief.v, belief.C, dx)
     inject_biases(belief, dx)
 
 
 @inlined
 def inject(lla, v, C, dx):
-    """Compose position (m, NED), velocity (m/s) and attitude errors (rad, n) into a state that is kept: true = estimate (+) error."""
+    """Compose position (m, NED), velocity (m/s) and attitude errors (rad, n) into a state that
+    is kept: true = estimate (+) error."""
     added(lla, v, C, dx)
     orthonormalise(C)
 
@@ -131,7 +167,8 @@ def added(lla, v, C, dx):
 
 @inlined
 def inject_biases(belief, dx):
-    """Add bias errors to the estimated biases, and the errors of the states that aidings brought along to those."""
+    """Add bias errors to the estimated biases, and the errors of the states that aidings brought
+    along to those."""
     a, g = dx[BA], dx[BG]
     for i in range(3):
         belief.ba[i] += a[i]

@@ -1,27 +1,33 @@
-"""Covariance: prediction with the block-sparse transition of the 15 error states, correction that keeps P symmetric and positive.
+"""Covariance: prediction with the block-sparse transition of the 15 error states, correction that
+keeps P symmetric and positive.
 
-The transition is applied to rows, in the order in which the states feed each other (bias, attitude, velocity, position) and with mid-interval
-values, so that it is of second order in dt at the cost of the first-order one. Tests compare it with Van Loan's matrix exponential (IEEE TAC
-1978) and the correction with the Joseph form.
+The transition is applied to rows, in the order in which the states feed each other (bias, attitude,
+velocity, position) and with mid-interval values, so that it is of second order in dt at the cost of
+the first-order one. Tests compare it with Van Loan's matrix exponential (IEEE TAC 1978) and the
+correction with the Joseph form.
 """
+
 import math
 
-from .jit import flatten, helper, inlined
 from .error_dynamics import PP, TP, TV, VP, VV
+from .jit import flatten, helper, inlined
 
 COPY, PRODUCT, TRANSPOSED = 0, 225, 480
 WORKSPACE = 600  # and used_rows(n) + 13 numbers for the correction, which uses it in its own way
-"""Parts of the flat workspace: P (rows of 15), Phi P (rows of 16), the first 8 rows of Phi P transposed (rows of 8). One array with constant
-offsets, strides and trip counts, because then the compiler sees that nothing overlaps and makes vector code."""
+"""Parts of the flat workspace: P (rows of 15), Phi P (rows of 16), the first 8 rows of Phi P
+transposed (rows of 8). One array with constant offsets, strides and trip counts, because then
+the compiler sees that nothing overlaps and makes vector code."""
 LEAST_NOISE = 1e-9
-"""A fix has at least this fraction of the variance that its states would bring without their correlations: below it P would lose its positive
-sign to rounding."""
+"""A fix has at least this fraction of the variance that its states would bring without their
+correlations: below it P would lose its positive sign to rounding."""
 
 
 def transition(name, source, source_stride, target, target_stride, blocks_of_lanes, lanes):
-    """A helper that applies Phi to columns of the workspace: the 9 rows of position, velocity and attitude errors from `source` to `target`.
+    """A helper that applies Phi to columns of the workspace: the 9 rows of position, velocity and
+    attitude errors from `source` to `target`.
 
-    The columns are `lanes` beginning at each of `blocks_of_lanes`. Bias rows, which only decay, are left to the caller.
+    The columns are `lanes` beginning at each of `blocks_of_lanes`. Bias rows, which only decay, are
+    left to the caller.
     """
     p, v, t = (tuple(source + (3 * k + i) * source_stride for i in range(3)) for k in range(3))
     a, g = (tuple(source + (3 * k + i) * source_stride for i in range(3)) for k in (3, 4))
@@ -29,17 +35,48 @@ def transition(name, source, source_stride, target, target_stride, blocks_of_lan
 
     def apply(work, blocks, C, dv_n, w0, w1, w2, dt):
         half = 0.5 * dt
-        pp0, pp2, pp3, pp4, pp5 = dt * blocks[PP], dt * blocks[PP + 2], dt * blocks[PP + 3], dt * blocks[PP + 4], dt * blocks[PP + 5]
-        vp0, vp2, vp3, vp5 = dt * blocks[VP], dt * blocks[VP + 2], dt * blocks[VP + 3], dt * blocks[VP + 5]
+        pp0, pp2, pp3, pp4, pp5 = (
+            dt * blocks[PP],
+            dt * blocks[PP + 2],
+            dt * blocks[PP + 3],
+            dt * blocks[PP + 4],
+            dt * blocks[PP + 5],
+        )
+        vp0, vp2, vp3, vp5 = (
+            dt * blocks[VP],
+            dt * blocks[VP + 2],
+            dt * blocks[VP + 3],
+            dt * blocks[VP + 5],
+        )
         vp6, vp8 = dt * blocks[VP + 6], dt * blocks[VP + 8]
-        vv0, vv1, vv2, vv3 = dt * blocks[VV], dt * blocks[VV + 1], dt * blocks[VV + 2], dt * blocks[VV + 3]
-        vv4, vv5, vv6, vv7 = dt * blocks[VV + 4], dt * blocks[VV + 5], dt * blocks[VV + 6], dt * blocks[VV + 7]
-        tp0, tp2, tp5, tp6, tp8 = dt * blocks[TP], dt * blocks[TP + 2], dt * blocks[TP + 5], dt * blocks[TP + 6], dt * blocks[TP + 8]
+        vv0, vv1, vv2, vv3 = (
+            dt * blocks[VV],
+            dt * blocks[VV + 1],
+            dt * blocks[VV + 2],
+            dt * blocks[VV + 3],
+        )
+        vv4, vv5, vv6, vv7 = (
+            dt * blocks[VV + 4],
+            dt * blocks[VV + 5],
+            dt * blocks[VV + 6],
+            dt * blocks[VV + 7],
+        )
+        tp0, tp2, tp5, tp6, tp8 = (
+            dt * blocks[TP],
+            dt * blocks[TP + 2],
+            dt * blocks[TP + 5],
+            dt * blocks[TP + 6],
+            dt * blocks[TP + 8],
+        )
         tv1, tv3, tv7 = dt * blocks[TV + 1], dt * blocks[TV + 3], dt * blocks[TV + 7]
         c00, c01, c02 = dt * C[0, 0], dt * C[0, 1], dt * C[0, 2]
         c10, c11, c12 = dt * C[1, 0], dt * C[1, 1], dt * C[1, 2]
         c20, c21, c22 = dt * C[2, 0], dt * C[2, 1], dt * C[2, 2]
-        f0, f1, f2 = 0.5 * dv_n[0], 0.5 * dv_n[1], 0.5 * dv_n[2]  # halves: they meet the sum of old and new attitude
+        f0, f1, f2 = (
+            0.5 * dv_n[0],
+            0.5 * dv_n[1],
+            0.5 * dv_n[2],
+        )  # halves: they meet the sum of old and new attitude
         for block in blocks_of_lanes:
             for lane in range(lanes):
                 j = block + lane
@@ -49,12 +86,36 @@ def transition(name, source, source_stride, target, target_stride, blocks_of_lan
                 a0, a1, a2 = work[a[0] + j], work[a[1] + j], work[a[2] + j]
                 g0, g1, g2 = work[g[0] + j], work[g[1] + j], work[g[2] + j]
                 # sums in groups that do not wait for each other
-                n0 = (t0 + w2 * t1 - w1 * t2) + (tp0 * p0 + tp2 * p2 + tv1 * v1) - (c00 * g0 + c01 * g1 + c02 * g2)
-                n1 = (t1 + w0 * t2 - w2 * t0) + (tp5 * p2 + tv3 * v0) - (c10 * g0 + c11 * g1 + c12 * g2)
-                n2 = (t2 + w1 * t0 - w0 * t1) + (tp6 * p0 + tp8 * p2 + tv7 * v1) - (c20 * g0 + c21 * g1 + c22 * g2)
-                u0 = (v0 + vp0 * p0 + vp2 * p2) + (vv0 * v0 + vv1 * v1 + vv2 * v2) - (c00 * a0 + c01 * a1 + c02 * a2)
-                u1 = (v1 + vp3 * p0 + vp5 * p2) + (vv3 * v0 + vv4 * v1 + vv5 * v2) - (c10 * a0 + c11 * a1 + c12 * a2)
-                u2 = (v2 + vp6 * p0 + vp8 * p2) + (vv6 * v0 + vv7 * v1) - (c20 * a0 + c21 * a1 + c22 * a2)
+                n0 = (
+                    (t0 + w2 * t1 - w1 * t2)
+                    + (tp0 * p0 + tp2 * p2 + tv1 * v1)
+                    - (c00 * g0 + c01 * g1 + c02 * g2)
+                )
+                n1 = (
+                    (t1 + w0 * t2 - w2 * t0)
+                    + (tp5 * p2 + tv3 * v0)
+                    - (c10 * g0 + c11 * g1 + c12 * g2)
+                )
+                n2 = (
+                    (t2 + w1 * t0 - w0 * t1)
+                    + (tp6 * p0 + tp8 * p2 + tv7 * v1)
+                    - (c20 * g0 + c21 * g1 + c22 * g2)
+                )
+                u0 = (
+                    (v0 + vp0 * p0 + vp2 * p2)
+                    + (vv0 * v0 + vv1 * v1 + vv2 * v2)
+                    - (c00 * a0 + c01 * a1 + c02 * a2)
+                )
+                u1 = (
+                    (v1 + vp3 * p0 + vp5 * p2)
+                    + (vv3 * v0 + vv4 * v1 + vv5 * v2)
+                    - (c10 * a0 + c11 * a1 + c12 * a2)
+                )
+                u2 = (
+                    (v2 + vp6 * p0 + vp8 * p2)
+                    + (vv6 * v0 + vv7 * v1)
+                    - (c20 * a0 + c21 * a1 + c22 * a2)
+                )
                 s0, s1, s2 = t0 + n0, t1 + n1, t2 + n2
                 u0 += f2 * s1 - f1 * s2
                 u1 += f0 * s2 - f2 * s0
@@ -64,14 +125,20 @@ def transition(name, source, source_stride, target, target_stride, blocks_of_lan
                 work[P[2] + j] = p2 + half * (v2 + u2)
                 work[V[0] + j], work[V[1] + j], work[V[2] + j] = u0, u1, u2
                 work[T[0] + j], work[T[1] + j], work[T[2] + j] = n0, n1, n2
-    # Kernels loaded from the cache bring their helpers along, and the linker takes helpers of one name for one function.
+
+    # Kernels loaded from the cache bring their helpers along, and the linker takes helpers of one
+    # name for one function.
     apply.__name__ = apply.__qualname__ = name
     return helper(apply)
 
 
-_rows = transition("_rows", COPY, 15, PRODUCT, 16, (0, 7), 8)            # all 15 columns; the eighth is done twice, alike
-_columns = transition("_columns", TRANSPOSED, 8, TRANSPOSED, 8, (0,), 8)    # columns 0-7 of Phi P: symmetry gives the rest
-_last = transition("_last", PRODUCT + 8 * 16, 1, COPY, 1, (0,), 1)       # its row 8
+_rows = transition(
+    "_rows", COPY, 15, PRODUCT, 16, (0, 7), 8
+)  # all 15 columns; the eighth is done twice, alike
+_columns = transition(
+    "_columns", TRANSPOSED, 8, TRANSPOSED, 8, (0,), 8
+)  # columns 0-7 of Phi P: symmetry gives the rest
+_last = transition("_last", PRODUCT + 8 * 16, 1, COPY, 1, (0,), 1)  # its row 8
 _single = transition("_single", COPY, 1, PRODUCT, 1, (0,), 1)
 
 
@@ -79,13 +146,17 @@ _single = transition("_single", COPY, 1, PRODUCT, 1, (0,), 1)
 def propagate(P, blocks, C, dv_n, w0, w1, w2, dt, noise, work):
     """P <- Phi P Phi' + Q_d over dt, by symmetry from 9 rows of Phi P.
 
-    `blocks` from kinematic_blocks, C and the specific-force increment dv_n (m/s, n) at mid-interval, w = omega_in dt (rad).
-    Half of Q_d is added before and half after the transition: the trapezoidal rule for its integral.
+    `blocks` from kinematic_blocks, C and the specific-force increment dv_n (m/s, n) at
+    mid-interval, w = omega_in dt (rad). Half of Q_d is added before and half after the transition:
+    the trapezoidal rule for its integral.
     """
     keep_a, keep_g = decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt)
     keep = (keep_a, keep_a, keep_a, keep_g, keep_g, keep_g)
     q_v, q_t = noise.accel * noise.accel * 0.5 * dt, noise.gyro * noise.gyro * 0.5 * dt
-    q_a, q_g = noise.accel_bias * noise.accel_bias * 0.5 * dt, noise.gyro_bias * noise.gyro_bias * 0.5 * dt
+    q_a, q_g = (
+        noise.accel_bias * noise.accel_bias * 0.5 * dt,
+        noise.gyro_bias * noise.gyro_bias * 0.5 * dt,
+    )
     q = (q_v, q_v, q_v, q_t, q_t, q_t, q_a, q_a, q_a, q_g, q_g, q_g)
     for i in range(12):
         P[3 + i, 3 + i] += q[i]
@@ -144,19 +215,22 @@ def propagate_error(x, blocks, C, dv_n, w0, w1, w2, dt, noise, work):
 
 @helper
 def decay(a):
-    """exp(-a), by its series where a is as small as between two samples; exactly 1 for a random walk."""
+    """exp(-a), by its series where a is as small as between two samples; exactly 1 for a random
+    walk."""
     return 1 - a * (1 - a * (0.5 - a * (1 - 0.25 * a) / 6)) if a < 1e-3 else math.exp(-a)
 
 
 @inlined
 def used_rows(n):
-    """Where `update` leaves, in its workspace, how many rows it used and their innovations by L^-1; U = L^-1 H P, rows of n + 1, lies from n n + 1 on."""
+    """Where `update` leaves, in its workspace, how many rows it used and their innovations by
+    L^-1; U = L^-1 H P, rows of n + 1, lies from n n + 1 on."""
     return n * n + 3 * n + 4
 
 
 @helper
 def whiten(H, work):
-    """After `update`: the first rows of H, as many as were used, become those of L^-1 H, L L' = H P H' + R."""
+    """After `update`: the first rows of H, as many as were used, become those of L^-1 H, L L' =
+    H P H' + R."""
     n = H.shape[1]
     used = used_rows(n)
     for m in range(int(work[used])):
@@ -170,10 +244,12 @@ def whiten(H, work):
 
 @helper
 def update(P, H, innovation, sd, rows, gate, work, dx):
-    """Correct P by the measured rows (not NaN) of an innovation y - h with Jacobian H (3, n) and standard deviations sd.
+    """Correct P by the measured rows (not NaN) of an innovation y - h with Jacobian H (3, n) and
+    standard deviations sd.
 
-    Writes dx = P H' (H P H' + R)^-1 innovation and returns the NIS, NaN without any measured row. Unless NIS <= gate P is left as it was.
-    What a smoother needs stays in `work`: see `used_rows` and `whiten`.
+    Writes dx = P H' (H P H' + R)^-1 innovation and returns the NIS, NaN without any measured row.
+    Unless NIS <= gate P is left as it was. What a smoother needs stays in `work`: see `used_rows`
+    and `whiten`.
     """
     if P.shape[0] == 15:  # the same code with constant lengths
         return _update(15, P, H, innovation, sd, rows, gate, work, dx)
@@ -188,9 +264,11 @@ def update_fifteen(P, H, innovation, sd, rows, gate, work, dx):
 
 @inlined
 def _update(n, P, H, innovation, sd, rows, gate, work, dx):
-    """Whitening: U = L^-1 H P with L L' = H P H' + R row by row, then P - U' U, which is symmetric to the last bit.
+    """Whitening: U = L^-1 H P with L L' = H P H' + R row by row, then P - U' U, which is symmetric
+    to the last bit.
 
-    Rows of P in the workspace are worked on with n + 1 lanes: the last one reaches into the next row, where U has a zero.
+    Rows of P in the workspace are worked on with n + 1 lanes: the last one reaches into the next
+    row, where U has a zero.
     """
     numbers = flatten(P)
     for i in range(n * n):
@@ -243,7 +321,9 @@ def _update(n, P, H, innovation, sd, rows, gate, work, dx):
         for i in range(15, n):
             a, b, c = work[U + i], work[U + n + 1 + i], work[U + 2 * n + 2 + i]
             for lane in range(n + 1):
-                work[n * i + lane] -= a * work[U + lane] + b * work[U + n + 1 + lane] + c * work[U + 2 * n + 2 + lane]
+                work[n * i + lane] -= (
+                    a * work[U + lane] + b * work[U + n + 1 + lane] + c * work[U + 2 * n + 2 + lane]
+                )
         for i in range(n * n):
             numbers[i] = work[i]
     return nis
@@ -251,11 +331,30 @@ def _update(n, P, H, innovation, sd, rows, gate, work, dx):
 
 @inlined
 def _subtract_five(n, i, work):
-    """P - U' U in rows i to i + 4: five at a time, written out, because then the compiler makes vector code of the lanes."""
+    """P - U' U in rows i to i + 4: five at a time, written out, because then the compiler makes
+    vector code of the lanes."""
     U, V, W = n * n + 1, n * n + n + 2, n * n + 2 * n + 3
-    a0, a1, a2, a3, a4 = work[U + i], work[U + i + 1], work[U + i + 2], work[U + i + 3], work[U + i + 4]
-    b0, b1, b2, b3, b4 = work[V + i], work[V + i + 1], work[V + i + 2], work[V + i + 3], work[V + i + 4]
-    c0, c1, c2, c3, c4 = work[W + i], work[W + i + 1], work[W + i + 2], work[W + i + 3], work[W + i + 4]
+    a0, a1, a2, a3, a4 = (
+        work[U + i],
+        work[U + i + 1],
+        work[U + i + 2],
+        work[U + i + 3],
+        work[U + i + 4],
+    )
+    b0, b1, b2, b3, b4 = (
+        work[V + i],
+        work[V + i + 1],
+        work[V + i + 2],
+        work[V + i + 3],
+        work[V + i + 4],
+    )
+    c0, c1, c2, c3, c4 = (
+        work[W + i],
+        work[W + i + 1],
+        work[W + i + 2],
+        work[W + i + 3],
+        work[W + i + 4],
+    )
     r = n * i
     for lane in range(n + 1):
         u, v, w = work[U + lane], work[V + lane], work[W + lane]

@@ -1,10 +1,13 @@
 """Compiled kernels on disk: one file each, named after everything that its machine code comes from.
 
-numba's own cache looks at the file of the outermost function alone: after an edit to a helper in another module, or with vectorising
-switched off, it would go on with machine code of before. Here the name of a kernel's file is a digest of the code of all modules that it
-imports (docstrings, comments and annotations left out), of numba's version, of the processor and of numba's settings.
-Files are written at once and carry a checksum, so that what a killed process or a full disk leaves is never loaded.
+numba's own cache looks at the file of the outermost function alone: after an edit to a helper in
+another module, or with vectorising switched off, it would go on with machine code of before. Here
+the name of a kernel's file is a digest of the code of all modules that it imports (docstrings,
+comments and annotations left out), of numba's version, of the processor and of numba's settings.
+Files are written at once and carry a checksum, so that what a killed process or a full disk leaves
+is never loaded.
 """
+
 import ast
 import hashlib
 import os
@@ -22,21 +25,28 @@ from numba.core import compiler, config, serialize
 
 try:
     from fcntl import LOCK_EX, LOCK_NB, flock
-except ImportError:     # where files in use cannot be deleted anyway
+except ImportError:  # where files in use cannot be deleted anyway
     LOCK_EX = LOCK_NB = 0
     flock = lambda file, how: None
 
 KEEP = 6
 """Versions of one kernel that stay: of other branches, settings and processors."""
-WITHOUT_EFFECT = re.compile(r"CACHE|CUDA|DUMP|DEBUG_(?!INFO|NRT)|THREAD|COLOR|TRACE|WARN|SHOW|GDB|HIGHLIGHT|DIFF_IR|DIAGNOSTICS|TIMINGS|DEVELOPER|DISABLE_JIT")
-"""Settings of numba that leave machine code as it is. Any other, also one that a later numba brings, makes another key."""
+WITHOUT_EFFECT = re.compile(
+    r"CACHE|CUDA|DUMP|DEBUG_(?!INFO|NRT)|THREAD|COLOR|TRACE|WARN|SHOW|GDB|HIGHLIGHT|DIFF_IR|DIAGNOSTICS|TIMINGS|DEVELOPER|DISABLE_JIT"
+)
+"""Settings of numba that leave machine code as it is. Any other, also one that a later numba
+brings, makes another key."""
 CHECKSUM = hashlib.sha256().digest_size
 
 
 def folder():
     """Where kernels are kept, or None for a user without a home. Nothing is looked at or made."""
     try:
-        return Path(config.CACHE_DIR or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "strapdown" / "kernels"
+        return (
+            Path(config.CACHE_DIR or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+            / "strapdown"
+            / "kernels"
+        )
     except RuntimeError:
         return None
 
@@ -47,7 +57,11 @@ class _Code(ast.NodeTransformer):
     def visit(self, node):
         body = getattr(node, "body", None)
         if isinstance(body, list):
-            node.body = [each for each in body if not (isinstance(each, ast.Expr) and isinstance(each.value, ast.Constant))]
+            node.body = [
+                each
+                for each in body
+                if not (isinstance(each, ast.Expr) and isinstance(each.value, ast.Constant))
+            ]
         if isinstance(node, ast.FunctionDef):
             node.returns = None
         if isinstance(node, ast.arg):
@@ -67,7 +81,9 @@ def _imports(node):
         if isinstance(child, (ast.Import, ast.ImportFrom)):
             yield child
         elif isinstance(child, ast.If) and "TYPE_CHECKING" in ast.dump(child.test):
-            yield from (found for each in child.orelse for found in _imports(ast.Module([each], [])))
+            yield from (
+                found for each in child.orelse for found in _imports(ast.Module([each], []))
+            )
         elif not isinstance(child, (ast.FunctionDef, ast.Lambda)):
             yield from _imports(child)
 
@@ -78,24 +94,46 @@ def _imported(module, statement):
         names = [alias.name for alias in statement.names]
     else:
         above = (module.__package__ or "").split(".")
-        base = ".".join([*above[:len(above) - statement.level + 1], *([statement.module] if statement.module else [])]) if statement.level else statement.module
+        base = (
+            ".".join(
+                [
+                    *above[: len(above) - statement.level + 1],
+                    *([statement.module] if statement.module else []),
+                ]
+            )
+            if statement.level
+            else statement.module
+        )
         inside = {alias.name: f"{base}.{alias.name}" for alias in statement.names}
         names = [name for name in inside.values() if name in sys.modules]
         if len(names) < len(inside):
-            names.append(base)      # also where a package only hands a name on: then whoever defined it counts as well
-            values = (getattr(module, alias.asname or alias.name, None) for alias in statement.names)
-            names += [name for name in (getattr(value, "__module__", None) for value in values) if isinstance(name, str)]
+            names.append(
+                base
+            )  # also where a package only hands a name on: then whoever defined it counts as well
+            values = (
+                getattr(module, alias.asname or alias.name, None) for alias in statement.names
+            )
+            names += [
+                name
+                for name in (getattr(value, "__module__", None) for value in values)
+                if isinstance(name, str)
+            ]
     return [sys.modules[name] for name in names if name in sys.modules]
 
 
 def import_closure(module):
-    """({file: name} of the modules whose code can end up in kernels of `module`, {name: version} of installed packages among them)."""
+    """({file: name} of the modules whose code can end up in kernels of `module`, {name: version}
+    of installed packages among them)."""
     files, packages, seen, todo = {}, {}, set(), [module]
     own = {module.__name__.partition(".")[0], "strapdown"}
     while todo:
         one = todo.pop()
         top = one.__name__.partition(".")[0]
-        if one.__name__ in seen or top in sys.stdlib_module_names or not getattr(one, "__file__", None):
+        if (
+            one.__name__ in seen
+            or top in sys.stdlib_module_names
+            or not getattr(one, "__file__", None)
+        ):
             continue
         seen.add(one.__name__)
         file, version = Path(one.__file__), getattr(sys.modules.get(top), "__version__", None)
@@ -103,13 +141,21 @@ def import_closure(module):
             packages[top] = version
         elif file.suffix == ".py":
             files[file] = one.__name__
-            todo += [other for statement in _module_code(file)[0] for other in _imported(one, statement)]
+            todo += [
+                other for statement in _module_code(file)[0] for other in _imported(one, statement)
+            ]
     return files, packages
 
 
 def _settings():
     """numba's settings that can change machine code, as text."""
-    return repr([(name, getattr(config, name)) for name in sorted(vars(config)) if name.isupper() and not WITHOUT_EFFECT.search(name)])
+    return repr(
+        [
+            (name, getattr(config, name))
+            for name in sorted(vars(config))
+            if name.isupper() and not WITHOUT_EFFECT.search(name)
+        ]
+    )
 
 
 @cache
@@ -123,15 +169,27 @@ def _closure_digest(name):
 
 def key(dispatcher):
     """Digest of all that the machine code of a kernel comes from."""
-    options = sorted((name, sorted(value) if isinstance(value, set) else value) for name, value in dispatcher.targetoptions.items())
+    options = sorted(
+        (name, sorted(value) if isinstance(value, set) else value)
+        for name, value in dispatcher.targetoptions.items()
+    )
     processor = dispatcher.targetctx.codegen().magic_tuple()
-    parts = (_closure_digest(dispatcher.py_func.__module__), numba.__version__, llvmlite.__version__, sys.implementation.cache_tag,
-             processor, _settings(), options, str(dispatcher.signature))
+    parts = (
+        _closure_digest(dispatcher.py_func.__module__),
+        numba.__version__,
+        llvmlite.__version__,
+        sys.implementation.cache_tag,
+        processor,
+        _settings(),
+        options,
+        str(dispatcher.signature),
+    )
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
 
 
 class KernelCache:
-    """What numba asks of a cache, for one kernel. Where nothing can be read or written the kernel is compiled anew, and that is all."""
+    """What numba asks of a cache, for one kernel. Where nothing can be read or written the
+    kernel is compiled anew, and that is all."""
 
     def __init__(self, dispatcher):
         function = dispatcher.py_func
@@ -139,7 +197,9 @@ class KernelCache:
         # what is defined in a function or typed into a shell has no code of its own to be known by
         module = sys.modules.get(function.__module__)
         known = "<" not in self._stem and getattr(module, "__file__", "")
-        self.path = folder() / f"{self._stem}-{key(dispatcher)}.kernel" if known and folder() else None
+        self.path = (
+            folder() / f"{self._stem}-{key(dispatcher)}.kernel" if known and folder() else None
+        )
 
     @property
     def cache_path(self):
@@ -153,8 +213,10 @@ class KernelCache:
             content = self.path.read_bytes() if self.path else b""
             if content and hashlib.sha256(content[CHECKSUM:]).digest() == content[:CHECKSUM]:
                 with suppress(OSError):
-                    os.utime(self.path)     # the ones used last are kept
-                return compiler.CompileResult._rebuild(target_context, *pickle.loads(content[CHECKSUM:]))
+                    os.utime(self.path)  # the ones used last are kept
+                return compiler.CompileResult._rebuild(
+                    target_context, *pickle.loads(content[CHECKSUM:])
+                )
         return None
 
     def save_overload(self, signature, compiled):
@@ -185,11 +247,15 @@ class KernelCache:
         """Delete what killed processes left, and all but the last versions of this kernel."""
         for part in self.path.parent.glob("*.part"):
             with suppress(OSError), part.open("rb") as file:
-                flock(file, LOCK_EX | LOCK_NB)      # refused while its writer lives
+                flock(file, LOCK_EX | LOCK_NB)  # refused while its writer lives
                 part.unlink()
-        versions = [file for file in self.path.parent.glob(f"{self._stem}-*.kernel") if file != self.path]
+        versions = [
+            file for file in self.path.parent.glob(f"{self._stem}-*.kernel") if file != self.path
+        ]
         with suppress(OSError):
-            for old in sorted(versions, key=lambda file: file.stat().st_mtime, reverse=True)[KEEP - 1:]:
+            for old in sorted(versions, key=lambda file: file.stat().st_mtime, reverse=True)[
+                KEEP - 1 :
+            ]:
                 old.unlink(missing_ok=True)
 
     def enable(self):

@@ -1,51 +1,91 @@
-"""The one loop: IMU samples and fixes in time order through any filter, with the rules for partial samples, gaps and re-acquisition.
+"""The one loop: IMU samples and fixes in time order through any filter, with the rules for partial
+samples, gaps and re-acquisition.
 
 Rules (docs/conventions.md):
 - A sample is split at the time of a fix inside it, in proportion.
 - A gap of at most BRIDGE seconds is bridged with the last sample's rates and added noise, the row after it marked BRIDGED. Over a longer one
-  velocity and attitude are held, the covariance grows at the HOLD densities for HOLD seconds at most, and rows are INVALID until a position fix after
-  it is accepted, or, of a filter that estimates no position, for one row.
+  velocity and attitude are held, the covariance grows at the HOLD densities for HOLD seconds at
+  most, and rows are INVALID until a position fix after it is accepted, or, of a filter that
+  estimates no position, for one row.
 - A source whose fixes were rejected REJECTED times in a row over at least PATIENCE seconds has its gate lifted until a fix passes it again. Before such
-  a fix is used, P is multiplied by NIS/gate, DOUBT at most; where a position is further off than that, its squared innovation is added to the
-  variances of position. Sources of neither position nor velocity are given LIFTS such uses, PATIENCE seconds apart: one that nothing in the
-  states explains, such as a field beside iron, would let P explode.
+  a fix is used, P is multiplied by NIS/gate, DOUBT at most; where a position is further off than
+  that, its squared innovation is added to the variances of position. Sources of neither position
+  nor velocity are given LIFTS such uses, PATIENCE seconds apart: one that nothing in the states
+  explains, such as a field beside iron, would let P explode.
 """
+
 import math
 
-from .jit import caller, flatten, helper, inlined, kernel, plain
 from . import contract
-from .contract import BRIDGED, CORRECT, FIRST, INVALID, OBSERVE, POSITION_KIND, PREDICT, RUN, RUN_RECORDED, VALID, VELOCITY_KIND, WALK, Noise
+from .contract import (
+    BRIDGED,
+    CORRECT,
+    FIRST,
+    INVALID,
+    OBSERVE,
+    POSITION_KIND,
+    PREDICT,
+    RUN,
+    RUN_RECORDED,
+    VALID,
+    VELOCITY_KIND,
+    WALK,
+    Noise,
+)
 from .earth import LATITUDE_LIMIT
+from .jit import caller, flatten, helper, inlined, kernel, plain
 from .mechanization import compensate, stationary_increments
 from .rotation import matrix_to_quaternion
 
-ROW, STOP, FIX, FIXES, OUT, EVERY, PHASE, STATUS, FAULT, POSITIONED, RECORDED, SAVE_STEP, CURSOR_SIZE = range(13)
-"""Cursor.at: next IMU row, where to stop, next fix, how many there are, next output row, keep rows with row % every == phase, status of the
-belief, FAULT = 1 once the belief left the latitudes where results hold, or is not a number, POSITIONED = 1 where the filter estimates a position, calls of
-predict and correct so far, and the address of the kernel that records a call."""
+(
+    ROW,
+    STOP,
+    FIX,
+    FIXES,
+    OUT,
+    EVERY,
+    PHASE,
+    STATUS,
+    FAULT,
+    POSITIONED,
+    RECORDED,
+    SAVE_STEP,
+    CURSOR_SIZE,
+) = range(13)
+"""Cursor.at: next IMU row, where to stop, next fix, how many there are, next output row, keep
+rows with row % every == phase, status of the belief, FAULT = 1 once the belief left the
+latitudes where results hold, or is not a number, POSITIONED = 1 where the filter estimates a
+position, calls of predict and correct so far, and the address of the kernel that records a call."""
 T, LLA, V, Q, BIASES, SD, ROW_STATUS, NAV_WIDTH = 0, 1, 4, 7, 11, 17, 32, 33
-"""Columns of Output.nav: time, position, velocity, quaternion, biases (accelerometer, gyro), 15 standard deviations, status; then a filter's own, then
-the states that aidings brought along and their standard deviations."""
+"""Columns of Output.nav: time, position, velocity, quaternion, biases (accelerometer, gyro), 15
+standard deviations, status; then a filter's own, then the states that aidings brought along and
+their standard deviations."""
 F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, FIX_WIDTH = 0, 1, 2, 5, 6, 7
 """Columns of Output.fix; use is one of the next four."""
 UNMEASURED, REJECTED_FIX, ACCEPTED, REACQUIRED = -1.0, 0.0, 1.0, 2.0
 
-BRIDGE = 1.0                            # s
-STEP = 0.1                              # s: longest prediction inside a gap
-BRIDGE_GYRO, BRIDGE_ACCEL = 0.05, 1.0   # rad/sqrt(s), m/s/sqrt(s): added in a bridged gap
-HOLD_GYRO, HOLD_ACCEL = 0.1, 3.0        # the same in a longer one
-HOLD = 300.0                            # s: how long P grows in a gap; beyond, the unstable height alone would let it explode
-REJECTED, PATIENCE = 5, 3.0             # rejections in a row; s
-DOUBT = 9.0                             # largest growth of P at once, when a gate is lifted
-LIFTS = 3                               # uses in a row with the gate lifted, of sources of neither position nor velocity
-SAME_TIME = 1e-6                        # s: a fix this close to a sample's end is taken there
+BRIDGE = 1.0  # s
+STEP = 0.1  # s: longest prediction inside a gap
+BRIDGE_GYRO, BRIDGE_ACCEL = 0.05, 1.0  # rad/sqrt(s), m/s/sqrt(s): added in a bridged gap
+HOLD_GYRO, HOLD_ACCEL = 0.1, 3.0  # the same in a longer one
+HOLD = 300.0  # s: how long P grows in a gap; beyond, the unstable height alone would let it explode
+REJECTED, PATIENCE = 5, 3.0  # rejections in a row; s
+DOUBT = 9.0  # largest growth of P at once, when a gate is lifted
+LIFTS = 3  # uses in a row with the gate lifted, of sources of neither position nor velocity
+SAME_TIME = 1e-6  # s: a fix this close to a sample's end is taken there
 
-predict_at, correct_at, observe_at, save_step_at = caller(PREDICT), caller(CORRECT), caller(OBSERVE), caller(contract.SAVE_STEP)
+predict_at, correct_at, observe_at, save_step_at = (
+    caller(PREDICT),
+    caller(CORRECT),
+    caller(OBSERVE),
+    caller(contract.SAVE_STEP),
+)
 
 
 @kernel(RUN)
 def run(predict, correct, observers, belief, imu, fixes, noise, cursor, out):
-    """Process the samples at[ROW] to at[STOP] and the fixes among them; all state is in `belief` and `cursor`, all results in `out`."""
+    """Process the samples at[ROW] to at[STOP] and the fixes among them; all state is in `belief`
+    and `cursor`, all results in `out`."""
     at, now, sample = cursor.at, cursor.now, cursor.work[0:6]
     for row in range(at[ROW], at[STOP]):
         t, dt = imu.t[row], imu.dt[row]
@@ -54,7 +94,9 @@ def run(predict, correct, observers, belief, imu, fixes, noise, cursor, out):
             _cross_gap(predict, correct, observers, belief, fixes, noise, cursor, out, begin)
         elif at[STATUS] == BRIDGED or at[POSITIONED] == 0:
             at[STATUS] = VALID
-        inside = 0.5 * dt if cursor.previous[6] > 0 else SAME_TIME  # a run may begin anywhere inside its first sample
+        inside = (
+            0.5 * dt if cursor.previous[6] > 0 else SAME_TIME
+        )  # a run may begin anywhere inside its first sample
         compensate(imu.dtheta[row], imu.dv[row], dt, cursor.previous, sample)
         for i in range(3):
             cursor.previous[i], cursor.previous[3 + i] = imu.dtheta[row, i], imu.dv[row, i]
@@ -65,7 +107,12 @@ def run(predict, correct, observers, belief, imu, fixes, noise, cursor, out):
             for i in range(6):
                 sample[i] *= share
         _advance(predict, correct, observers, belief, fixes, noise, cursor, out, t, dt)
-        if not (abs(belief.lla[0]) <= LATITUDE_LIMIT and belief.P[0, 0] >= 0 and belief.P[6, 6] >= 0 and belief.C[0, 0] == belief.C[0, 0]):
+        if not (
+            abs(belief.lla[0]) <= LATITUDE_LIMIT
+            and belief.P[0, 0] >= 0
+            and belief.P[6, 6] >= 0
+            and belief.C[0, 0] == belief.C[0, 0]
+        ):
             at[FAULT] = 1
             at[STOP] = row
             return
@@ -84,7 +131,8 @@ run_recorded = kernel(RUN_RECORDED)(plain(run))
 
 @inlined
 def _advance(predict, correct, observers, belief, fixes, noise, cursor, out, until, left):
-    """Bring the belief to `until` with the increments in cursor.work[0:6], which last `left` seconds, stopping at each fix on the way."""
+    """Bring the belief to `until` with the increments in cursor.work[0:6], which last `left`
+    seconds, stopping at each fix on the way."""
     at, now, whole, part = cursor.at, cursor.now, cursor.work[0:6], cursor.work[6:12]
     while at[FIX] < at[FIXES] and fixes.t[at[FIX]] <= until + SAME_TIME:
         span = fixes.t[at[FIX]] - (until - left)
@@ -116,13 +164,26 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
         _walk(belief.P, fixes.parameters, s, fixes.t[k] - cursor.last[s])
         cursor.last[s] = fixes.t[k]
     while True:  # once, or a second time with the gate lifted
-        found = correct_at(correct)(belief, fixes.y[k], fixes.sd[k], fixes.kind[s], observe_at(observers[fixes.kind[s]]),
-                                    fixes.parameters[s], gate, innovation)
+        found = correct_at(correct)(
+            belief,
+            fixes.y[k],
+            fixes.sd[k],
+            fixes.kind[s],
+            observe_at(observers[fixes.kind[s]]),
+            fixes.parameters[s],
+            gate,
+            innovation,
+        )
         _save_step(belief, at, out.record)
         if lifted:
             break
         nis = found
-        if not (nis > gate and cursor.in_a_row[s] >= REJECTED and fixes.t[k] - cursor.since[s] >= PATIENCE and cursor.lifts[s] < LIFTS):
+        if not (
+            nis > gate
+            and cursor.in_a_row[s] >= REJECTED
+            and fixes.t[k] - cursor.since[s] >= PATIENCE
+            and cursor.lifts[s] < LIFTS
+        ):
             break
         _doubt(belief.P, nis / gate, fixes.kind[s] == POSITION_KIND, innovation)
         gate, lifted = math.inf, True
@@ -152,15 +213,21 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
 
 @helper
 def _save_step(belief, at, record):
-    """Record the last call, where there is a record; count it anyway, so that one can be made for the next time."""
-    if record.ndim == 2:      # a constant of the type: without a record nothing of this is compiled, which is worth 5 % of a fix
+    """Record the last call, where there is a record; count it anyway, so that one can be made
+    for the next time."""
+    if (
+        record.ndim == 2
+        # a constant of the type: without a record nothing of this is compiled, which is worth 5 % of a
+        # fix
+    ):
         save_step_at(at[SAVE_STEP])(belief, record[at[RECORDED]])
     at[RECORDED] += 1
 
 
 @helper
 def _walk(P, parameters, s, seconds):
-    """The random walk of the states of source `s`, which reach up to those of the next one; only its fixes see them, so it can wait for one."""
+    """The random walk of the states of source `s`, which reach up to those of the next one; only
+    its fixes see them, so it can wait for one."""
     last = P.shape[0]
     for other in range(s + 1, parameters.shape[0]):
         if parameters[other, FIRST] > 0:
@@ -172,10 +239,12 @@ def _walk(P, parameters, s, seconds):
 
 @helper
 def _doubt(P, excess, position, innovation):
-    """Make room for a fix whose NIS is `excess` times its gate, after its source was rejected for long.
+    """Make room for a fix whose NIS is `excess` times its gate, after its source was rejected for
+    long.
 
-    A filter that rejects everything is too sure of itself: P grows as a whole, so that attitude and biases can turn too. A position that is further
-    off than that explains has jumped: it shall move the position and bend nothing else.
+    A filter that rejects everything is too sure of itself: P grows as a whole, so that attitude and
+    biases can turn too. A position that is further off than that explains has jumped: it shall move
+    the position and bend nothing else.
     """
     factor = min(excess, DOUBT)
     for i in range(P.shape[0]):
@@ -189,12 +258,19 @@ def _doubt(P, excess, position, innovation):
 
 @helper
 def _cross_gap(predict, correct, observers, belief, fixes, noise, cursor, out, until):
-    """Bring the belief over missing samples to the time `until`, in steps of at most STEP seconds."""
+    """Bring the belief over missing samples to the time `until`, in steps of at most STEP
+    seconds."""
     at, now, u, last = cursor.at, cursor.now, cursor.work[0:6], cursor.previous
     short = until - now[0] <= BRIDGE
     gyro, accel = (BRIDGE_GYRO, BRIDGE_ACCEL) if short else (HOLD_GYRO, HOLD_ACCEL)
-    wide = Noise(math.hypot(noise.gyro, gyro), math.hypot(noise.accel, accel), noise.gyro_bias, noise.accel_bias,
-                 noise.gyro_decay, noise.accel_decay)
+    wide = Noise(
+        math.hypot(noise.gyro, gyro),
+        math.hypot(noise.accel, accel),
+        noise.gyro_bias,
+        noise.accel_bias,
+        noise.gyro_decay,
+        noise.accel_decay,
+    )
     grown = now[0] + HOLD
     while min(until, grown) - now[0] > SAME_TIME:
         step = min(STEP, until - now[0])
@@ -208,7 +284,9 @@ def _cross_gap(predict, correct, observers, belief, fixes, noise, cursor, out, u
                 u[3 + i] += belief.ba[i] * step
         _advance(predict, correct, observers, belief, fixes, wide, cursor, out, now[0] + step, step)
     now[0] = until
-    at[STATUS] = max(at[STATUS], BRIDGED if short else INVALID)  # last: fixes inside the gap do not end it
+    at[STATUS] = max(
+        at[STATUS], BRIDGED if short else INVALID
+    )  # last: fixes inside the gap do not end it
     last[6] = 0.0
 
 
@@ -218,7 +296,7 @@ def _write_row(belief, t, status, row):
     for i in range(3):
         row[LLA + i], row[V + i] = belief.lla[i], belief.v[i]
         row[BIASES + i], row[BIASES + 3 + i] = belief.ba[i], belief.bg[i]
-    matrix_to_quaternion(belief.C, row[Q:Q + 4])
+    matrix_to_quaternion(belief.C, row[Q : Q + 4])
     for i in range(ROW_STATUS - SD):
         row[SD + i] = math.sqrt(max(belief.P[i, i], 0.0))
     brought = belief.extra_states.size

@@ -1,24 +1,36 @@
-"""Strapdown mechanization on increments in geodetic NED: from rotation and velocity increments to position, velocity, attitude.
+"""Strapdown mechanization on increments in geodetic NED: from rotation and velocity increments to
+position, velocity, attitude.
 
-Source: Savage (1998), "Strapdown inertial navigation integration algorithm design", parts 1 and 2; Groves (2013) section 5.4.
+Source: Savage (1998), "Strapdown inertial navigation integration algorithm design", parts 1 and 2;
+Groves (2013) section 5.4.
 """
+
 import math
 
-from .jit import helper
 from .earth import displace, gravity, place, rotation_rates
+from .jit import helper
 from .rotation import rotate_left, rotate_right
 
 
 @helper
 def compensate(dtheta, dv, dt, previous, u):
-    """Coning and sculling: from plain integrals of rate and specific force over one sample to what `mechanize` expects.
+    """Coning and sculling: from plain integrals of rate and specific force over one sample to what
+    `mechanize` expects.
 
-    u[0:3] is the rotation vector of the sample, rad; u[3:6] the velocity increment including sculling, m/s. `previous` is the last sample
-    (increments and dt); rate and force are taken as linear over the two, also where their dt differ (equal dt give the usual 1/12).
+    u[0:3] is the rotation vector of the sample, rad; u[3:6] the velocity increment including
+    sculling, m/s. `previous` is the last sample (increments and dt); rate and force are taken as
+    linear over the two, also where their dt differ (equal dt give the usual 1/12).
     """
     before = previous[6]
     c = dt / (6 * before * (before + dt)) * dt if before > 0 else 0.0
-    a0, a1, a2, b0, b1, b2 = previous[0], previous[1], previous[2], previous[3], previous[4], previous[5]
+    a0, a1, a2, b0, b1, b2 = (
+        previous[0],
+        previous[1],
+        previous[2],
+        previous[3],
+        previous[4],
+        previous[5],
+    )
     x0, x1, x2, y0, y1, y2 = dtheta[0], dtheta[1], dtheta[2], dv[0], dv[1], dv[2]
     u[0] = x0 + c * (a1 * x2 - a2 * x1)
     u[1] = x1 + c * (a2 * x0 - a0 * x2)
@@ -30,22 +42,30 @@ def compensate(dtheta, dv, dt, previous, u):
 
 @helper
 def mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, dv_n, height=1.0):
-    """Advance lla, v_n and C_nb by one sample of bias-free increments: rotation vector r (rad) and velocity a (m/s), body.
+    """Advance lla, v_n and C_nb by one sample of bias-free increments: rotation vector r (rad) and
+    velocity a (m/s), body.
 
-    dv_n[0:3] receives the specific-force velocity increment in n. Gravity and Coriolis act at mid-interval. Gravity is that of `height` times the
-    height: 1, or 0 for an Earth whose gravity depends on latitude alone.
+    dv_n[0:3] receives the specific-force velocity increment in n. Gravity and Coriolis act at
+    mid-interval. Gravity is that of `height` times the height: 1, or 0 for an Earth whose gravity
+    depends on latitude alone.
     """
     sine, cosine, M, N = place(lla[0], lla[2])
     ie_n, ie_d, w0, w1, w2 = rotation_rates(v[0], v[1], sine, cosine, M, N)
     w0, w1, w2 = w0 * dt, w1 * dt, w2 * dt
     x0, x1, x2 = r1 * a2 - r2 * a1, r2 * a0 - r0 * a2, r0 * a1 - r1 * a0
-    s0 = a0 + 0.5 * x0 + (r1 * x2 - r2 * x1) / 6  # without the second order, turns at 20 Hz feel 5e-4 m/s^2 too little lift
+    s0 = (
+        a0 + 0.5 * x0 + (r1 * x2 - r2 * x1) / 6
+    )  # without the second order, turns at 20 Hz feel 5e-4 m/s^2 too little lift
     s1 = a1 + 0.5 * x1 + (r2 * x0 - r0 * x2) / 6
     s2 = a2 + 0.5 * x2 + (r0 * x1 - r1 * x0) / 6
     f0 = C[0, 0] * s0 + C[0, 1] * s1 + C[0, 2] * s2
     f1 = C[1, 0] * s0 + C[1, 1] * s1 + C[1, 2] * s2
     f2 = C[2, 0] * s0 + C[2, 1] * s1 + C[2, 2] * s2
-    f0, f1, f2 = f0 - 0.5 * (w1 * f2 - w2 * f1), f1 - 0.5 * (w2 * f0 - w0 * f2), f2 - 0.5 * (w0 * f1 - w1 * f0)
+    f0, f1, f2 = (
+        f0 - 0.5 * (w1 * f2 - w2 * f1),
+        f1 - 0.5 * (w2 * f0 - w0 * f2),
+        f2 - 0.5 * (w0 * f1 - w1 * f0),
+    )
     c0, c1, c2 = w0 + ie_n * dt, w1, w2 + ie_d * dt
     v0, v1, v2 = v[0], v[1], v[2]
     g = gravity(sine, height * (lla[2] - 0.5 * v2 * dt)) * dt
@@ -56,8 +76,16 @@ def mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, dv_n, height=1.0):
     v[1] = v1 + f1 - c2 * m0 + c0 * m2
     v[2] = v2 + f2 - c0 * m1 + c1 * m0 + g
     a0, a1, a2 = 0.5 * (v0 + v[0]), 0.5 * (v1 + v[1]), 0.5 * (v2 + v[2])
-    turn, tan = 0.5 * dt * a0 / M, sine / cosine  # the frame turns at the rates of mid-interval: at its start they would be of first order only
-    w0, w1, w2 = ie_n + ie_d * turn + a1 / N, -a0 / M, ie_d - ie_n * turn - (tan + (1 + tan * tan) * turn) * a1 / N
+    turn, tan = (
+        0.5 * dt * a0 / M,
+        sine / cosine,
+        # the frame turns at the rates of mid-interval: at its start they would be of first order only
+    )
+    w0, w1, w2 = (
+        ie_n + ie_d * turn + a1 / N,
+        -a0 / M,
+        ie_d - ie_n * turn - (tan + (1 + tan * tan) * turn) * a1 / N,
+    )
     rotate_right(C, r0, r1, r2)
     rotate_left(-w0 * dt, -w1 * dt, -w2 * dt, C)
     _move(lla, sine, cosine, M, N, a0 * dt, a1 * dt, a2 * dt)
@@ -66,8 +94,11 @@ def mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, dv_n, height=1.0):
 
 @helper
 def _move(lla, sine, cosine, M, N, north, east, down):
-    """`displace` over a sample: longitude with the cosine of the mid-latitude, so that the position is of second order in dt."""
-    if abs(lla[0]) > 1.55:  # within 1.2 deg of a pole: only a raw INS gets here, and it must stay finite
+    """`displace` over a sample: longitude with the cosine of the mid-latitude, so that the
+    position is of second order in dt."""
+    if (
+        abs(lla[0]) > 1.55
+    ):  # within 1.2 deg of a pole: only a raw INS gets here, and it must stay finite
         displace(lla, north, east, down)
         return
     lla[0] += north / M
@@ -79,11 +110,16 @@ def _move(lla, sine, cosine, M, N, north, east, down):
 
 @helper
 def stationary_increments(lla, v, C, dt, u):
-    """The increments of a bias-free IMU whose velocity and attitude in n do not change over dt: what `mechanize` would need to hold them."""
+    """The increments of a bias-free IMU whose velocity and attitude in n do not change over dt:
+    what `mechanize` would need to hold them."""
     sine, cosine, M, N = place(lla[0], lla[2])
     ie_n, ie_d, w0, w1, w2 = rotation_rates(v[0], v[1], sine, cosine, M, N)
     c0, c1, c2 = w0 + ie_n, w1, w2 + ie_d
-    f0, f1, f2 = c1 * v[2] - c2 * v[1], c2 * v[0] - c0 * v[2], c0 * v[1] - c1 * v[0] - gravity(sine, lla[2])
+    f0, f1, f2 = (
+        c1 * v[2] - c2 * v[1],
+        c2 * v[0] - c0 * v[2],
+        c0 * v[1] - c1 * v[0] - gravity(sine, lla[2]),
+    )
     for i in range(3):
         u[i] = dt * (C[0, i] * w0 + C[1, i] * w1 + C[2, i] * w2)
         u[3 + i] = dt * (C[0, i] * f0 + C[1, i] * f1 + C[2, i] * f2)

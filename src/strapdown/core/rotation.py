@@ -1,7 +1,9 @@
-"""Rotations: exponential map, quaternions, Euler angles (ZYX). Hamilton quaternions, scalar first, body to navigation frame.
+"""Rotations: exponential map, quaternions, Euler angles (ZYX). Hamilton quaternions, scalar first,
+body to navigation frame.
 
 Compiled helpers that write into arrays. Source: Groves (2013) sections 2.2 and 5.5.
 """
+
 import math
 
 import numpy as np
@@ -18,58 +20,104 @@ def wrap(angle):
 @helper
 def turned(C, x, y, z):
     """C times the vector (x, y, z)."""
-    return C[0, 0] * x + C[0, 1] * y + C[0, 2] * z, C[1, 0] * x + C[1, 1] * y + C[1, 2] * z, C[2, 0] * x + C[2, 1] * y + C[2, 2] * z
+    return (
+        C[0, 0] * x + C[0, 1] * y + C[0, 2] * z,
+        C[1, 0] * x + C[1, 1] * y + C[1, 2] * z,
+        C[2, 0] * x + C[2, 1] * y + C[2, 2] * z,
+    )
 
 
 @helper
 def euler_to_matrix(roll, pitch, heading, C):
     """C_nb = Rz(heading) Ry(pitch) Rx(roll), rad."""
-    C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2] = euler_terms(roll, pitch, heading)
+    C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2] = euler_terms(
+        roll, pitch, heading
+    )
 
 
 @helper
 def euler_terms(roll, pitch, heading):
     """The nine numbers of that matrix, row by row."""
-    sr, cr, sp, cp, sh, ch = math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch), math.sin(heading), math.cos(heading)
-    return (cp * ch, sr * sp * ch - cr * sh, cr * sp * ch + sr * sh, cp * sh, sr * sp * sh + cr * ch, cr * sp * sh - sr * ch,
-            -sp, sr * cp, cr * cp)
+    sr, cr, sp, cp, sh, ch = (
+        math.sin(roll),
+        math.cos(roll),
+        math.sin(pitch),
+        math.cos(pitch),
+        math.sin(heading),
+        math.cos(heading),
+    )
+    return (
+        cp * ch,
+        sr * sp * ch - cr * sh,
+        cr * sp * ch + sr * sh,
+        cp * sh,
+        sr * sp * sh + cr * ch,
+        cr * sp * sh - sr * ch,
+        -sp,
+        sr * cp,
+        cr * cp,
+    )
 
 
 @helper
 def measured_heading(y, C):
-    """Heading (rad) of a record y = roll, pitch, heading; where that is not measured (NaN), the heading of C_nb."""
+    """Heading (rad) of a record y = roll, pitch, heading; where that is not measured (NaN), the
+    heading of C_nb."""
     return math.atan2(C[1, 0], C[0, 0]) if math.isnan(y[2]) else y[2]
 
 
 @helper
 def matrix_to_euler(C):
-    """Roll, pitch, heading of C_nb, rad; at pitch +-90 deg roll and heading are not separate and roll is what atan2 makes of zeros."""
-    return math.atan2(C[2, 1], C[2, 2]), math.asin(min(1.0, max(-1.0, -C[2, 0]))), math.atan2(C[1, 0], C[0, 0])
+    """Roll, pitch, heading of C_nb, rad; at pitch +-90 deg roll and heading are not separate and
+    roll is what atan2 makes of zeros."""
+    return (
+        math.atan2(C[2, 1], C[2, 2]),
+        math.asin(min(1.0, max(-1.0, -C[2, 0]))),
+        math.atan2(C[1, 0], C[0, 0]),
+    )
 
 
 @helper
 def matrix_to_quaternion(C, q):
-    """Unit quaternion q[0:4] of a rotation matrix, q_w >= 0; the largest component is computed first (Shepperd 1978)."""
+    """Unit quaternion q[0:4] of a rotation matrix, q_w >= 0; the largest component is computed
+    first (Shepperd 1978)."""
     trace = C[0, 0] + C[1, 1] + C[2, 2]
     if trace >= max(C[0, 0], C[1, 1], C[2, 2]):
         w = 0.5 * math.sqrt(1 + trace)
-        x, y, z = (C[2, 1] - C[1, 2]) / (4 * w), (C[0, 2] - C[2, 0]) / (4 * w), (C[1, 0] - C[0, 1]) / (4 * w)
+        x, y, z = (
+            (C[2, 1] - C[1, 2]) / (4 * w),
+            (C[0, 2] - C[2, 0]) / (4 * w),
+            (C[1, 0] - C[0, 1]) / (4 * w),
+        )
     elif C[0, 0] >= C[1, 1] and C[0, 0] >= C[2, 2]:
         x = 0.5 * math.sqrt(1 + 2 * C[0, 0] - trace)
-        w, y, z = (C[2, 1] - C[1, 2]) / (4 * x), (C[0, 1] + C[1, 0]) / (4 * x), (C[0, 2] + C[2, 0]) / (4 * x)
+        w, y, z = (
+            (C[2, 1] - C[1, 2]) / (4 * x),
+            (C[0, 1] + C[1, 0]) / (4 * x),
+            (C[0, 2] + C[2, 0]) / (4 * x),
+        )
     elif C[1, 1] >= C[2, 2]:
         y = 0.5 * math.sqrt(1 + 2 * C[1, 1] - trace)
-        w, x, z = (C[0, 2] - C[2, 0]) / (4 * y), (C[0, 1] + C[1, 0]) / (4 * y), (C[1, 2] + C[2, 1]) / (4 * y)
+        w, x, z = (
+            (C[0, 2] - C[2, 0]) / (4 * y),
+            (C[0, 1] + C[1, 0]) / (4 * y),
+            (C[1, 2] + C[2, 1]) / (4 * y),
+        )
     else:
         z = 0.5 * math.sqrt(1 + 2 * C[2, 2] - trace)
-        w, x, y = (C[1, 0] - C[0, 1]) / (4 * z), (C[0, 2] + C[2, 0]) / (4 * z), (C[1, 2] + C[2, 1]) / (4 * z)
+        w, x, y = (
+            (C[1, 0] - C[0, 1]) / (4 * z),
+            (C[0, 2] + C[2, 0]) / (4 * z),
+            (C[1, 2] + C[2, 1]) / (4 * z),
+        )
     sign = 1.0 if w >= 0 else -1.0
     q[0], q[1], q[2], q[3] = sign * w, sign * x, sign * y, sign * z
 
 
 @helper
 def turn_quaternion(x, y, z, q):
-    """q <- exp([x y z]/2) q, scalar first and not negative: a rotation vector in the frame on the left, rad, by any angle."""
+    """q <- exp([x y z]/2) q, scalar first and not negative: a rotation vector in the frame on
+    the left, rad, by any angle."""
     a, b = _exponential(0.5 * x, 0.5 * y, 0.5 * z)
     w, x, y, z = 1 - 0.25 * b * (x * x + y * y + z * z), 0.5 * a * x, 0.5 * a * y, 0.5 * a * z
     q0, q1, q2, q3 = q[0], q[1], q[2], q[3]
@@ -81,27 +129,45 @@ def turn_quaternion(x, y, z, q):
 
 @helper
 def rotation_between(C, M):
-    """Rotation vector x (rad) with M = exp(x) C of two rotation matrices, |x| <= pi; M is nine numbers, row by row."""
+    """Rotation vector x (rad) with M = exp(x) C of two rotation matrices, |x| <= pi; M is nine
+    numbers, row by row."""
     m0, m1, m2, m3, m4, m5, m6, m7, m8 = M
-    d0, d1, d2 = m0 * C[0, 0] + m1 * C[0, 1] + m2 * C[0, 2], m3 * C[1, 0] + m4 * C[1, 1] + m5 * C[1, 2], m6 * C[2, 0] + m7 * C[2, 1] + m8 * C[2, 2]
-    x = 0.5 * (m6 * C[1, 0] + m7 * C[1, 1] + m8 * C[1, 2] - m3 * C[2, 0] - m4 * C[2, 1] - m5 * C[2, 2])
-    y = 0.5 * (m0 * C[2, 0] + m1 * C[2, 1] + m2 * C[2, 2] - m6 * C[0, 0] - m7 * C[0, 1] - m8 * C[0, 2])
-    z = 0.5 * (m3 * C[0, 0] + m4 * C[0, 1] + m5 * C[0, 2] - m0 * C[1, 0] - m1 * C[1, 1] - m2 * C[1, 2])
+    d0, d1, d2 = (
+        m0 * C[0, 0] + m1 * C[0, 1] + m2 * C[0, 2],
+        m3 * C[1, 0] + m4 * C[1, 1] + m5 * C[1, 2],
+        m6 * C[2, 0] + m7 * C[2, 1] + m8 * C[2, 2],
+    )
+    x = 0.5 * (
+        m6 * C[1, 0] + m7 * C[1, 1] + m8 * C[1, 2] - m3 * C[2, 0] - m4 * C[2, 1] - m5 * C[2, 2]
+    )
+    y = 0.5 * (
+        m0 * C[2, 0] + m1 * C[2, 1] + m2 * C[2, 2] - m6 * C[0, 0] - m7 * C[0, 1] - m8 * C[0, 2]
+    )
+    z = 0.5 * (
+        m3 * C[0, 0] + m4 * C[0, 1] + m5 * C[0, 2] - m0 * C[1, 0] - m1 * C[1, 1] - m2 * C[1, 2]
+    )
     sine, cosine = math.sqrt(x * x + y * y + z * z), 0.5 * (d0 + d1 + d2 - 1)
-    if sine < 1e-9 and cosine < 0:      # half a turn, about the axis that moves least, near enough
-        return (math.pi, 0.0, 0.0) if d0 >= max(d1, d2) else ((0.0, math.pi, 0.0) if d1 >= d2 else (0.0, 0.0, math.pi))
+    if sine < 1e-9 and cosine < 0:  # half a turn, about the axis that moves least, near enough
+        return (
+            (math.pi, 0.0, 0.0)
+            if d0 >= max(d1, d2)
+            else ((0.0, math.pi, 0.0) if d1 >= d2 else (0.0, 0.0, math.pi))
+        )
     scale = math.atan2(sine, cosine) / sine if sine > 1e-9 else 1.0
     return scale * x, scale * y, scale * z
 
 
 @helper
 def nearest_turn(x, y, z, a, b, c):
-    """Of the rotation vectors of the same rotation as (x, y, z), which differ by whole turns about it, the one nearest to (a, b, c), rad."""
+    """Of the rotation vectors of the same rotation as (x, y, z), which differ by whole turns
+    about it, the one nearest to (a, b, c), rad."""
     size = math.sqrt(x * x + y * y + z * z)
     if size > 1e-9:
-        scale = 1 + 2 * math.pi / size * np.floor(((x * a + y * b + z * c) / size - size) / (2 * math.pi) + 0.5)
+        scale = 1 + 2 * math.pi / size * np.floor(
+            ((x * a + y * b + z * c) / size - size) / (2 * math.pi) + 0.5
+        )
         return scale * x, scale * y, scale * z
-    size = math.sqrt(a * a + b * b + c * c)     # no rotation: whole turns about any axis
+    size = math.sqrt(a * a + b * b + c * c)  # no rotation: whole turns about any axis
     scale = 2 * math.pi / size * np.floor(size / (2 * math.pi) + 0.5) if size > 0 else 0.0
     return x + scale * a, y + scale * b, z + scale * c
 
@@ -144,7 +210,8 @@ def rotate_right(C, x, y, z):
 
 @helper
 def orthonormalise(C):
-    """One Newton step towards the nearest rotation, C <- C (3 I - C'C) / 2: undoes the rounding of many products."""
+    """One Newton step towards the nearest rotation, C <- C (3 I - C'C) / 2: undoes the rounding
+    of many products."""
     a = C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0] + C[2, 0] * C[2, 0]
     b = C[0, 1] * C[0, 1] + C[1, 1] * C[1, 1] + C[2, 1] * C[2, 1]
     c = C[0, 2] * C[0, 2] + C[1, 2] * C[1, 2] + C[2, 2] * C[2, 2]

@@ -1,14 +1,18 @@
-"""Fixed-interval smoothing in the form of Bryson and Frazier: backwards over what each call of a filter left on the record, without inverting a covariance.
+"""Fixed-interval smoothing in the form of Bryson and Frazier: backwards over what each call of a
+filter left on the record, without inverting a covariance.
 
-Between the calls stand lam and Lam: what all later measurements say about the belief there. With its covariance P, its error is - P lam, with
-covariance P - P Lam P. A call of predict or correct acts on them by its adjoint, which the filter brings along; a call that only adds to P needs none.
-Source: Bryson & Frazier (1963), modified as in Bierman (1973), Automatica 9; Gibbs (2011), Advanced Kalman Filtering, section 6.2.
+Between the calls stand lam and Lam: what all later measurements say about the belief there. With
+its covariance P, its error is - P lam, with covariance P - P Lam P. A call of predict or correct
+acts on them by its adjoint, which the filter brings along; a call that only adds to P needs none.
+Source: Bryson & Frazier (1963), modified as in Bierman (1973), Automatica 9; Gibbs (2011), Advanced
+Kalman Filtering, section 6.2.
 """
+
 import math
 
-from .jit import caller, flatten, helper, inlined, kernel
 from .contract import ADJOINT_STEP, RUN_BACK
 from .earth import displace
+from .jit import caller, flatten, helper, inlined, kernel
 from .loop import BIASES, LLA, SD, Q, V
 from .rotation import turn_quaternion
 
@@ -22,10 +26,12 @@ def work_size(k, n):
 
 @kernel(RUN_BACK)
 def run_back(adjoint_step, record, mark, P, estimated, lam, Lam, work, nav, covariance):
-    """From the last call on `record` to the first. Rows of `nav` (as of the loop), the filter's, become the smoothed ones, with P (rows, n, n) theirs.
+    """From the last call on `record` to the first. Rows of `nav` (as of the loop), the filter's,
+    become the smoothed ones, with P (rows, n, n) theirs.
 
-    Before each row `mark` calls were done. `estimated` (k,) are the states in lam (k,) and Lam (k, k), which begin with what is known of later tapes
-    and end with what earlier ones need. work has `work_size(k, n)` numbers. `covariance` gets the smoothed covariances, unless it has no rows.
+    Before each row `mark` calls were done. `estimated` (k,) are the states in lam (k,) and Lam (k,
+    k), which begin with what is known of later tapes and end with what earlier ones need. work has
+    `work_size(k, n)` numbers. `covariance` gets the smoothed covariances, unless it has no rows.
     """
     call = record.shape[0] - 1
     for row in range(mark.size - 1, -1, -1):
@@ -44,11 +50,11 @@ def run_back(adjoint_step, record, mark, P, estimated, lam, Lam, work, nav, cova
 def _smooth_row(P, estimated, lam, Lam, work, row):
     """A row of the output from the filter's to the smoothed one."""
     k, n = lam.size, P.shape[0]
-    error = work[work.size - n:]
+    error = work[work.size - n :]
     if k < n:
         for i in range(n):
             error[i] = 0.0
-    if k == 15:     # the same code with constant lengths
+    if k == 15:  # the same code with constant lengths
         _smoothed(15, P, estimated, lam, Lam, work, error, row)
     elif k == 6:
         _smoothed(6, P, estimated, lam, Lam, work, error, row)
@@ -59,9 +65,11 @@ def _smooth_row(P, estimated, lam, Lam, work, row):
 
 @inlined
 def _smoothed(k, P, estimated, lam, Lam, work, error, row):
-    """error (n,) = - P lam in the estimated states; the standard deviations of P - P Lam P into the row of the output.
+    """error (n,) = - P lam in the estimated states; the standard deviations of P - P Lam P into the
+    row of the output.
 
-    The workspace gets P in the estimated states, rows of k, then Lam P and three more rows of `_lanes`.
+    The workspace gets P in the estimated states, rows of k, then Lam P and three more rows of
+    `_lanes`.
     """
     lanes, product = _lanes(k), k * _lanes(k)
     if k == P.shape[0]:
@@ -76,11 +84,13 @@ def _smoothed(k, P, estimated, lam, Lam, work, error, row):
     diagonal, change = 2 * product, 2 * product + lanes
     for j in range(2 * lanes):
         work[diagonal + j] = 0.0
-    for m in range(0, k - k % 3, 3):    # three at a time, because each waits for the one before
+    for m in range(0, k - k % 3, 3):  # three at a time, because each waits for the one before
         p, q, l0, l1, l2 = k * m, product + lanes * m, lam[m], lam[m + 1], lam[m + 2]
         for j in range(lanes):
             p0, p1, p2 = work[p + j], work[p + k + j], work[p + 2 * k + j]
-            work[diagonal + j] -= p0 * work[q + j] + p1 * work[q + lanes + j] + p2 * work[q + 2 * lanes + j]
+            work[diagonal + j] -= (
+                p0 * work[q + j] + p1 * work[q + lanes + j] + p2 * work[q + 2 * lanes + j]
+            )
             work[change + j] -= l0 * p0 + l1 * p1 + l2 * p2
     for m in range(k - k % 3, k):
         for j in range(lanes):
@@ -100,32 +110,54 @@ def _smoothed(k, P, estimated, lam, Lam, work, error, row):
 
 @inlined
 def _lanes(k):
-    """Lanes that a row of k numbers is worked on with: beyond k they reach into the next row, which does no harm."""
+    """Lanes that a row of k numbers is worked on with: beyond k they reach into the next row,
+    which does no harm."""
     return 16 if k == 15 else (8 if k == 6 else k)
 
 
 @inlined
 def _product(k, A, source, stride, target, work):
-    """A times the matrix at `source` with rows of `stride`, row by row; for 15 and 6 states written out, because then the compiler makes vector code."""
+    """A times the matrix at `source` with rows of `stride`, row by row; for 15 and 6 states
+    written out, because then the compiler makes vector code."""
     lanes, s = _lanes(k), stride
     for i in range(k):
         row = target + i * lanes
         if k == 15:
-            a0, a1, a2, a3, a4, a5, a6, a7 = A[i, 0], A[i, 1], A[i, 2], A[i, 3], A[i, 4], A[i, 5], A[i, 6], A[i, 7]
-            a8, a9, b0, b1, b2, b3, b4 = A[i, 8], A[i, 9], A[i, 10], A[i, 11], A[i, 12], A[i, 13], A[i, 14]
+            a0, a1, a2, a3, a4, a5, a6, a7 = (
+                A[i, 0],
+                A[i, 1],
+                A[i, 2],
+                A[i, 3],
+                A[i, 4],
+                A[i, 5],
+                A[i, 6],
+                A[i, 7],
+            )
+            a8, a9, b0, b1, b2, b3, b4 = (
+                A[i, 8],
+                A[i, 9],
+                A[i, 10],
+                A[i, 11],
+                A[i, 12],
+                A[i, 13],
+                A[i, 14],
+            )
             for lane in range(16):
                 j = source + lane
-                work[row + lane] = ((a0 * work[j] + a1 * work[s + j] + a2 * work[2 * s + j])
-                                    + (a3 * work[3 * s + j] + a4 * work[4 * s + j] + a5 * work[5 * s + j])
-                                    + (a6 * work[6 * s + j] + a7 * work[7 * s + j] + a8 * work[8 * s + j])
-                                    + (a9 * work[9 * s + j] + b0 * work[10 * s + j] + b1 * work[11 * s + j])
-                                    + (b2 * work[12 * s + j] + b3 * work[13 * s + j] + b4 * work[14 * s + j]))
+                work[row + lane] = (
+                    (a0 * work[j] + a1 * work[s + j] + a2 * work[2 * s + j])
+                    + (a3 * work[3 * s + j] + a4 * work[4 * s + j] + a5 * work[5 * s + j])
+                    + (a6 * work[6 * s + j] + a7 * work[7 * s + j] + a8 * work[8 * s + j])
+                    + (a9 * work[9 * s + j] + b0 * work[10 * s + j] + b1 * work[11 * s + j])
+                    + (b2 * work[12 * s + j] + b3 * work[13 * s + j] + b4 * work[14 * s + j])
+                )
         elif k == 6:
             a0, a1, a2, a3, a4, a5 = A[i, 0], A[i, 1], A[i, 2], A[i, 3], A[i, 4], A[i, 5]
             for lane in range(8):
                 j = source + lane
-                work[row + lane] = ((a0 * work[j] + a1 * work[s + j] + a2 * work[2 * s + j])
-                                    + (a3 * work[3 * s + j] + a4 * work[4 * s + j] + a5 * work[5 * s + j]))
+                work[row + lane] = (a0 * work[j] + a1 * work[s + j] + a2 * work[2 * s + j]) + (
+                    a3 * work[3 * s + j] + a4 * work[4 * s + j] + a5 * work[5 * s + j]
+                )
         else:
             for j in range(k):
                 work[row + j] = 0.0
@@ -136,9 +168,10 @@ def _product(k, A, source, stride, target, work):
 
 @helper
 def _write_covariance(P, estimated, k, work, out):
-    """P - P Lam P from what `_smoothed` left, in the estimated states; the others are the filter's."""
+    """P - P Lam P from what `_smoothed` left, in the estimated states; the others are the
+    filter's."""
     n, lanes, product = P.shape[0], _lanes(k), k * _lanes(k)
-    if k == 15 and n == 15:     # the same code with constant lengths
+    if k == 15 and n == 15:  # the same code with constant lengths
         _product(15, P, 240, 16, 512, work)
         for i in range(15):
             for j in range(i, 15):

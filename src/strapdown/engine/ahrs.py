@@ -1,8 +1,10 @@
-"""Attitude from an AHRS: a filter of attitude alone runs first, and its solution is the `attitude` aiding of another filter.
+"""Attitude from an AHRS: a filter of attitude alone runs first, and its solution is the `attitude`
+aiding of another filter.
 
-Its errors wander over seconds to minutes, while every filter takes those of fixes for independent: at a high rate it is believed more than it is
-worth. `docs/fuse.md` tells what to expect.
+Its errors wander over seconds to minutes, while every filter takes those of fixes for independent:
+at a high rate it is believed more than it is worth. `docs/fuse.md` tells what to expect.
 """
+
 import math
 from dataclasses import replace
 from difflib import get_close_matches
@@ -13,28 +15,35 @@ import numpy as np
 from .. import filters
 from ..core.contract import ATT, VALID
 from ..data import Aiding, DataError
-from .batch import assumed_noise, fuse, positioned
 from ..preprocessing.stationary import motionless
+from .batch import assumed_noise, fuse, positioned
 
 AHRS = "attitude-mekf"
-"""The one that runs where a filter needs attitude, the recording has none of it, and something in it measures the heading."""
+"""The one that runs where a filter needs attitude, the recording has none of it, and something
+in it measures the heading."""
 RATE = 10.0
 """Hz, where no rate is asked for."""
 HEADING_KINDS = ("magnetic-field", "heading")
 ASSUMED = np.radians([1.5, 1.5, 5.0])
-"""rad: standard deviations forward, right and down where a filter claims none: the largest rms inclination and heading error of `mahony` in the five
-BROAD trials (docs/attitude-broad.md), rounded up."""
-REMEDY = (f"add an attitude record or a magnetometer to the recording, or run an AHRS without one, whose heading drifts: --ahrs {AHRS}, "
-          f'in Python ahrs="{AHRS}"')
+"""rad: standard deviations forward, right and down where a filter claims none: the largest rms
+inclination and heading error of `mahony` in the five BROAD trials (docs/attitude-broad.md),
+rounded up."""
+REMEDY = (
+    f"add an attitude record or a magnetometer to the recording, or run an AHRS without one, whose heading drifts: --ahrs {AHRS}, "
+    f'in Python ahrs="{AHRS}"'
+)
 
 
 def fed(recording, filter, ahrs=None, rate=RATE, imu=None, noise=None, start=None, say=None):
-    """(Recording for `filter`, Aiding of the AHRS that ran first, or None): the attitude that the filter needs is among the sources.
+    """(Recording for `filter`, Aiding of the AHRS that ran first, or None): the attitude that the
+    filter needs is among the sources.
 
-    ahrs: name of a filter of attitude alone, which takes the place of recorded attitude; None: `attitude-mekf` where the filter needs attitude, the
-    recording has none, and something in it measures the heading. rate (Hz), imu, noise, start: as of `source`. What measures the heading goes to the
-    AHRS and not to the filter once more. A note says what ran. Raises DataError where there is no attitude and nothing to make it of, where the AHRS
-    that was asked for cannot be used, or where a rate other than `RATE` is asked for and no AHRS runs.
+    ahrs: name of a filter of attitude alone, which takes the place of recorded attitude; None:
+    `attitude-mekf` where the filter needs attitude, the recording has none, and something in it
+    measures the heading. rate (Hz), imu, noise, start: as of `source`. What measures the heading
+    goes to the AHRS and not to the filter once more. A note says what ran. Raises DataError where
+    there is no attitude and nothing to make it of, where the AHRS that was asked for cannot be
+    used, or where a rate other than `RATE` is asked for and no AHRS runs.
     """
     if isinstance(rate, bool) or not isinstance(rate, Real) or not 0 < rate < math.inf:
         raise DataError(f"ahrs_rate is {rate!r} Hz; it must be a number above 0")
@@ -42,8 +51,14 @@ def fed(recording, filter, ahrs=None, rate=RATE, imu=None, noise=None, start=Non
     if ahrs is None:
         if "attitude" not in filter.needs or "attitude" in measured:
             if rate != RATE:
-                why = "the recording has its attitude" if "attitude" in filter.needs else f"{filter.name} runs without one"
-                raise DataError(f"ahrs_rate is {rate:g} Hz, but no AHRS runs: {why}; leave it out, or name an AHRS (--ahrs {AHRS})")
+                why = (
+                    "the recording has its attitude"
+                    if "attitude" in filter.needs
+                    else f"{filter.name} runs without one"
+                )
+                raise DataError(
+                    f"ahrs_rate is {rate:g} Hz, but no AHRS runs: {why}; leave it out, or name an AHRS (--ahrs {AHRS})"
+                )
             return recording, None
         if not measured.intersection(HEADING_KINDS):
             raise DataError(f"{filter.name} needs attitude aiding, and there is none: {REMEDY}")
@@ -51,7 +66,11 @@ def fed(recording, filter, ahrs=None, rate=RATE, imu=None, noise=None, start=Non
     ahrs = _found(ahrs)
     _check(ahrs, filter)
     made, notes = source(recording, ahrs, rate, imu, noise, start, say)
-    taken = [a for a in recording.aidings if a.kind in HEADING_KINDS and a.kind in (ahrs.uses or HEADING_KINDS)]
+    taken = [
+        a
+        for a in recording.aidings
+        if a.kind in HEADING_KINDS and a.kind in (ahrs.uses or HEADING_KINDS)
+    ]
     replaced = [a for a in recording.aidings if a.kind == "attitude"]
     if taken:
         notes[0] += f", which alone uses {_names(taken)}"
@@ -63,17 +82,24 @@ def fed(recording, filter, ahrs=None, rate=RATE, imu=None, noise=None, start=Non
 
 
 def source(recording, ahrs, rate=RATE, imu=None, noise=None, start=None, say=None):
-    """(Aiding of kind `attitude`, notes): the solution of the attitude filter `ahrs` (Filter) at every n-th IMU sample.
+    """(Aiding of kind `attitude`, notes): the solution of the attitude filter `ahrs` (Filter) at
+    every n-th IMU sample.
 
-    n is the whole number that comes nearest to `rate` (Hz); rows that are not VALID are left out. imu: ImuSpec; noise: a Noise in place of the IMU's;
-    start: Start of the filter that is fed: where it knows the heading better than alignment does, the AHRS begins with that. y: roll, pitch, heading,
-    NaN where the filter does not estimate a heading; sd: claimed by it, else `ASSUMED`. Raises DataError.
+    n is the whole number that comes nearest to `rate` (Hz); rows that are not VALID are left out.
+    imu: ImuSpec; noise: a Noise in place of the IMU's; start: Start of the filter that is fed:
+    where it knows the heading better than alignment does, the AHRS begins with that. y: roll,
+    pitch, heading, NaN where the filter does not estimate a heading; sd: claimed by it, else
+    `ASSUMED`. Raises DataError.
     """
     own = 1 / float(np.median(recording.imu.dt))
     if rate > own * 1.001:
         raise DataError(f"ahrs_rate is {rate:g} Hz; it must be at most the IMU's {own:.4g} Hz")
     every = round(own / rate)
-    seen = replace(recording, aidings=tuple(a for a in recording.aidings if a.kind != "attitude"), meta=recording.meta | {"notes": []})
+    seen = replace(
+        recording,
+        aidings=tuple(a for a in recording.aidings if a.kind != "attitude"),
+        meta=recording.meta | {"notes": []},
+    )
     begin = _start(seen, imu, noise, start)
     solution = fuse(seen, ahrs, imu=imu, start=begin, noise=noise, every=every, say=say)
     keep = solution.status == VALID
@@ -81,19 +107,26 @@ def source(recording, ahrs, rate=RATE, imu=None, noise=None, start=None, say=Non
     notes = [f"attitude from {ahrs.name} at {own / every:.4g} Hz"]
     if not ahrs.states:
         sd = np.tile(ASSUMED, (len(t), 1))
-        notes.append(f"{ahrs.name} claims no standard deviations: {_degrees(ASSUMED)} deg of roll, pitch and heading are assumed")
+        notes.append(
+            f"{ahrs.name} claims no standard deviations: {_degrees(ASSUMED)} deg of roll, pitch and heading are assumed"
+        )
     notes += _heading(ahrs, [a for a in seen.aidings if len(a.t)], y, sd)
     if ahrs.diagnose:
-        notes += [f"{ahrs.name}: {text}" for _, text in ahrs.diagnose(solution.t, solution.trajectory.lla, solution.columns)]
+        notes += [
+            f"{ahrs.name}: {text}"
+            for _, text in ahrs.diagnose(solution.t, solution.trajectory.lla, solution.columns)
+        ]
     notes += _motion(ahrs, begin, recording.imu)
     notes += [f"{ahrs.name} {solution.meta['stopped']}"] if "stopped" in solution.meta else []
     return Aiding("attitude", t, y, sd, name=ahrs.name), notes
 
 
 def deviations(solution):
-    """(n, 3) rad: the claimed standard deviations of the attitude, turned from north, east, down to the horizontal forward and right and to down.
+    """(n, 3) rad: the claimed standard deviations of the attitude, turned from north, east, down to
+    the horizontal forward and right and to down.
 
-    The correlation of the errors about north and east, which is not published, is left out; where both are alike it is none.
+    The correlation of the errors about north and east, which is not published, is left out; where
+    both are alike it is none.
     """
     north, east, down = solution.trajectory.sd[:, ATT].T
     heading = solution.trajectory.rph[:, 2]
@@ -102,7 +135,8 @@ def deviations(solution):
 
 
 def _heading(ahrs, aidings, y, sd):
-    """Notes on the heading; one that is not estimated, or drifts without saying so, becomes NaN in y and sd."""
+    """Notes on the heading; one that is not estimated, or drifts without saying so, becomes NaN
+    in y and sd."""
     aided = any(a.kind in HEADING_KINDS and a.kind in (ahrs.uses or HEADING_KINDS) for a in aidings)
     if aided:
         return []
@@ -113,11 +147,14 @@ def _heading(ahrs, aidings, y, sd):
 
 
 def _motion(ahrs, start, imu):
-    """Notes on an AHRS that began where the vehicle did not stand, by its Start: what moves it, specific force alone takes for tilt."""
+    """Notes on an AHRS that began where the vehicle did not stand, by its Start: what moves it,
+    specific force alone takes for tilt."""
     if "level from specific force alone" not in start.note or motionless(imu, start.t):
         return []
-    return [f"{ahrs.name} began in motion, at {start.t:.1f} s: its attitude may be off by tens of degrees for minutes, and more than its "
-            "standard deviations say; begin where the vehicle stands"]
+    return [
+        f"{ahrs.name} began in motion, at {start.t:.1f} s: its attitude may be off by tens of degrees for minutes, and more than its "
+        "standard deviations say; begin where the vehicle stands"
+    ]
 
 
 def _alone():
@@ -130,25 +167,39 @@ def _found(name):
         return filters.find(name)
     except ValueError:
         near = get_close_matches(str(name), _alone(), 1)
-        raise DataError(f"no AHRS is called {name!r}; {f'did you mean {near[0]!r}? ' if near else ''}there are: {', '.join(_alone())}") from None
+        raise DataError(
+            f"no AHRS is called {name!r}; {f'did you mean {near[0]!r}? ' if near else ''}there are: {', '.join(_alone())}"
+        ) from None
 
 
 def _check(ahrs, filter):
     """Raise DataError where `ahrs` is none, or `filter` has no use for an attitude."""
     if positioned(ahrs):
-        raise DataError(f"{ahrs.name} is no AHRS, because it needs positions; these are: {', '.join(_alone())}")
+        raise DataError(
+            f"{ahrs.name} is no AHRS, because it needs positions; these are: {', '.join(_alone())}"
+        )
     if filter.uses is not None and "attitude" not in filter.uses:
-        raise DataError(f"{filter.name} has no use for the attitude of an AHRS: leave out ahrs (--ahrs), or choose another filter")
+        raise DataError(
+            f"{filter.name} has no use for the attitude of an AHRS: leave out ahrs (--ahrs), or choose another filter"
+        )
 
 
 def _start(recording, imu, noise, given):
-    """The Start of the AHRS: where the record begins, or at the `given` Start of the other filter where that knows the heading better."""
+    """The Start of the AHRS: where the record begins, or at the `given` Start of the other
+    filter where that knows the heading better."""
     from ..alignment.initial import align
+
     spec = imu or assumed_noise(recording.meta.get("grade"), noise, needed=True)[1]
     start = align(recording, spec, position=False)
-    if given is None or given.sd[8] >= start.sd[8] or not recording.span[0] <= given.t < recording.span[1]:
+    if (
+        given is None
+        or given.sd[8] >= start.sd[8]
+        or not recording.span[0] <= given.t < recording.span[1]
+    ):
         return start
-    return align(recording, spec, heading=given.rph[2], heading_sd=given.sd[8], at=given.t, position=False)
+    return align(
+        recording, spec, heading=given.rph[2], heading_sd=given.sd[8], at=given.t, position=False
+    )
 
 
 def _names(aidings):

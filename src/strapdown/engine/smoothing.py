@@ -1,35 +1,55 @@
-"""Offline: the best estimate at each time from the whole recording, before and after it. Forwards with the filter, then backwards (core/smoother.py).
+"""Offline: the best estimate at each time from the whole recording, before and after it. Forwards
+with the filter, then backwards (core/smoother.py).
 
-The filter runs twice: once to its end, keeping its state every `CHUNK` samples, and once more through each chunk, the last one first, leaving
-in a record what the way back needs. So beside the solution and these states memory is that of a chunk, however long the recording.
+The filter runs twice: once to its end, keeping its state every `CHUNK` samples, and once more
+through each chunk, the last one first, leaving in a record what the way back needs. So beside the
+solution and these states memory is that of a chunk, however long the recording.
 """
+
 from typing import NamedTuple
 
 import numpy as np
 
 from .. import filters
 from ..core import loop
-from ..core.smoother import run_back, work_size
 from ..core.contract import COMPILED, STATES, address, compile_kernel, is_cached
+from ..core.smoother import run_back, work_size
 from ..data import DataError
 from .batch import begin, found, new_output, solution
 
 CHUNK = 512 if COMPILED else 250
-"""IMU samples whose record is kept at once: few enough for the processor's cache, enough to make little of what each such piece costs in Python."""
+"""IMU samples whose record is kept at once: few enough for the processor's cache, enough to make
+little of what each such piece costs in Python."""
 
 
-def smooth(recording, filter="closed-loop", imu=None, start=None, noise=None, every=1, covariance=False, say=None, progress=None,
-           ahrs=None, ahrs_rate=10.0, **options):
-    """The smoothed Solution of a recording: arguments and result as of `fuse`, for a filter that can be smoothed (`Filter.smoother`).
+def smooth(
+    recording,
+    filter="closed-loop",
+    imu=None,
+    start=None,
+    noise=None,
+    every=1,
+    covariance=False,
+    say=None,
+    progress=None,
+    ahrs=None,
+    ahrs_rate=10.0,
+    **options,
+):
+    """The smoothed Solution of a recording: arguments and result as of `fuse`, for a filter that
+    can be smoothed (`Filter.smoother`).
 
-    Its standard deviations, and covariances where they are kept, are those given all measurements, before and after.
-    Innovations, status, events and the filter's own columns are the filter's. Raises DataError.
+    Its standard deviations, and covariances where they are kept, are those given all measurements,
+    before and after. Innovations, status, events and the filter's own columns are the filter's.
+    Raises DataError.
     """
     filter = found(filters.find, filter)
     if filter.smoother is None:
         able = [name for name in filters.names() if filters.find(name).smoother]
         raise DataError(f"{filter.name} cannot be smoothed; these can: {', '.join(able)}")
-    run = begin(recording, filter, imu, start, noise, every, covariance, say, options, ahrs, ahrs_rate)
+    run = begin(
+        recording, filter, imu, start, noise, every, covariance, say, options, ahrs, ahrs_rate
+    )
     kernels = run_back, loop.run_recorded, filter.smoother.adjoint_step, filter.smoother.save_step
     if say and not all(map(is_cached, kernels)):
         say("compiling the smoother for the first time on this machine, about 15 s ...")
@@ -42,10 +62,14 @@ def smooth(recording, filter="closed-loop", imu=None, start=None, noise=None, ev
 
 
 def both_ways(run, report):
-    """Fill the output of a Run that has not begun with smoothed rows; `report` is told the fraction done. Its kernels must be compiled."""
+    """Fill the output of a Run that has not begun with smoothed rows; `report` is told the
+    fraction done. Its kernels must be compiled."""
     at = run.cursor.at
-    at[loop.SAVE_STEP], keeping = address(run.filter.smoother.save_step), at[[loop.EVERY, loop.PHASE]]
-    at[loop.PHASE] = -1     # no rows on the way forwards: those of the way back take their place
+    at[loop.SAVE_STEP], keeping = (
+        address(run.filter.smoother.save_step),
+        at[[loop.EVERY, loop.PHASE]],
+    )
+    at[loop.PHASE] = -1  # no rows on the way forwards: those of the way back take their place
     kept = [_stand(run)]
     for rows in run.chunks(CHUNK):
         run.advance(rows)
@@ -56,6 +80,7 @@ def both_ways(run, report):
 
 class _Stand(NamedTuple):
     """Where a filter stands between two samples: next sample, calls so far, and all its arrays."""
+
     row: int
     calls: int
     arrays: list
@@ -63,7 +88,11 @@ class _Stand(NamedTuple):
 
 def _stand(run):
     at = run.cursor.at
-    return _Stand(int(at[loop.ROW]), int(at[loop.RECORDED]), [part.copy() for each in (run.belief, run.cursor) for part in each])
+    return _Stand(
+        int(at[loop.ROW]),
+        int(at[loop.RECORDED]),
+        [part.copy() for each in (run.belief, run.cursor) for part in each],
+    )
 
 
 def _restore(run, stand):
@@ -72,25 +101,48 @@ def _restore(run, stand):
 
 
 def _backwards(run, kept, keeping, report):
-    """Fill `run.out` with smoothed rows, chunk after chunk from the end; `kept` are the stands before each chunk and after the last.
+    """Fill `run.out` with smoothed rows, chunk after chunk from the end; `kept` are the stands
+    before each chunk and after the last.
 
     `keeping` says which rows there are: those whose number by the first is the second.
     """
     n, pairs = len(run.belief.P), list(zip(kept, kept[1:]))
     estimated = np.r_[np.array(run.filter.estimates, np.int64), STATES:n]
-    k, adjoint_step, (every, phase) = len(estimated), address(run.filter.smoother.adjoint_step), keeping
+    k, adjoint_step, (every, phase) = (
+        len(estimated),
+        address(run.filter.smoother.adjoint_step),
+        keeping,
+    )
     lam, Lam, work = np.zeros(k), np.zeros((k, k)), np.zeros(work_size(k, n))
-    out = [(stand.row - 1 - phase) // every - (run.first - 1 - phase) // every for stand in kept]   # rows before each
+    out = [
+        (stand.row - 1 - phase) // every - (run.first - 1 - phase) // every for stand in kept
+    ]  # rows before each
     rows, calls = max(np.diff(out)), max(after.calls - before.calls for before, after in pairs)
-    room = new_output(run.filter, run.belief, rows, True, 0, max(calls, 1))._replace(fix=run.out.fix)
+    room = new_output(run.filter, run.belief, rows, True, 0, max(calls, 1))._replace(
+        fix=run.out.fix
+    )
     for number in range(len(pairs), 0, -1):
-        (before, after), rows, whole = pairs[number - 1], out[number] - out[number - 1], slice(out[number - 1], out[number])
+        (before, after), rows, whole = (
+            pairs[number - 1],
+            out[number] - out[number - 1],
+            slice(out[number - 1], out[number]),
+        )
         _restore(run, before)
         run.cursor.at[loop.OUT] = run.cursor.at[loop.RECORDED] = 0
         run.cursor.at[[loop.EVERY, loop.PHASE]] = keeping
         run.advance(after.row, room._replace(nav=run.out.nav[whole]), loop.run_recorded)
-        run_back(adjoint_step, room.record[:run.cursor.at[loop.RECORDED]], room.mark[:rows], room.covariance[:rows], estimated, lam, Lam, work, run.out.nav[whole],
-                 run.out.covariance[whole])
+        run_back(
+            adjoint_step,
+            room.record[: run.cursor.at[loop.RECORDED]],
+            room.mark[:rows],
+            room.covariance[:rows],
+            estimated,
+            lam,
+            Lam,
+            work,
+            run.out.nav[whole],
+            run.out.covariance[whole],
+        )
         report(1 - (number - 1) / len(pairs) / 2)
     _restore(run, kept[-1])
     run.cursor.at[loop.OUT] = out[-1]

@@ -1,4 +1,6 @@
-"""The filters live: `Stream` takes samples and fixes as they come and gives what `fuse` gives, bit for bit."""
+"""The filters live: `Stream` takes samples and fixes as they come and gives what `fuse` gives,
+bit for bit."""
+
 from heapq import heappop, heappush
 from math import inf, isfinite, nan
 from typing import NamedTuple
@@ -9,7 +11,19 @@ from .. import aiding, filters
 from ..core import loop
 from ..core.contract import Imu, entry_point
 from ..data import DataError
-from .batch import LONGEST_GAP, assumed_noise, check_needs, fitted, found, merge, new_belief, new_cursor, new_output, prepare, usable
+from .batch import (
+    LONGEST_GAP,
+    assumed_noise,
+    check_needs,
+    fitted,
+    found,
+    merge,
+    new_belief,
+    new_cursor,
+    new_output,
+    prepare,
+    usable,
+)
 
 ROOM = 1024
 """Fixes that a stream holds while it waits for a sample."""
@@ -17,6 +31,7 @@ ROOM = 1024
 
 class Sample(NamedTuple):
     """One IMU sample of a stream: increments over (t - dt, t], body FRD, rad and m/s."""
+
     t: float
     dt: float
     dtheta: tuple
@@ -24,7 +39,9 @@ class Sample(NamedTuple):
 
 
 class Fix(NamedTuple):
-    """One fix of a stream. `source` is the place of its source among the stream's `aidings`; y and sd as in Aiding, NaN where not measured."""
+    """One fix of a stream. `source` is the place of its source among the stream's `aidings`; y
+    and sd as in Aiding, NaN where not measured."""
+
     t: float
     source: int
     y: tuple
@@ -32,36 +49,68 @@ class Fix(NamedTuple):
 
 
 class Stream:
-    """The same kernels live: samples wait `lag` seconds for late events, then all is used in time order; what comes later still is dropped and counted.
+    """The same kernels live: samples wait `lag` seconds for late events, then all is used in time
+    order; what comes later still is dropped and counted.
 
-    aidings: Aiding values whose kind, parameters and gate describe the sources (their fixes are not used). The result is that of `fuse` on the
-    same events, bit for bit. A fix is used with the sample that reaches its time; a sample with a NaN is dropped. Fixes of sources that the
-    filter cannot use change nothing. Where a filter takes options from the fixes of a recording, such as their interval, it takes them from these
-    Aidings, which may hold none: then give the options. `notes` says what it took. Raises DataError.
+    aidings: Aiding values whose kind, parameters and gate describe the sources (their fixes are not
+    used). The result is that of `fuse` on the same events, bit for bit. A fix is used with the
+    sample that reaches its time; a sample with a NaN is dropped. Fixes of sources that the filter
+    cannot use change nothing. Where a filter takes options from the fixes of a recording, such as
+    their interval, it takes them from these Aidings, which may hold none: then give the options.
+    `notes` says what it took. Raises DataError.
     """
 
-    def __init__(self, filter, start, imu=None, noise=None, aidings=(), lag=0.0, say=None, **options):
+    def __init__(
+        self, filter, start, imu=None, noise=None, aidings=(), lag=0.0, say=None, **options
+    ):
         if not lag >= 0:
             raise DataError(f"lag is {lag} s; it must be 0 or more")
         self.noise, _ = assumed_noise(imu, noise, needed=False)
         filter = found(filters.find, filter)
         used, _ = usable(filter, aidings)
-        check_needs(filter, aidings, "a stream runs no AHRS: give an Aiding of that kind among its aidings")
+        check_needs(
+            filter, aidings, "a stream runs no AHRS: give an Aiding of that kind among its aidings"
+        )
         options, self.notes = fitted(filter, options, used)
         self.belief = new_belief(filter, start, self.noise, options, used)
         self.prepared = prepare(filter, [a.kind for a in used], say)
         self.lag, self.newest, self.dropped = lag, start.t, 0
         self._widths = [len(aiding.find(a.kind).quantities) for a in aidings]
-        self._places = [next((i for i, b in enumerate(used) if b is a), None) for a in aidings]     # among those that the filter can use
-        self._samples, self._waiting, self._number = [], [], 0      # heaps of samples and of fixes; a number that keeps equal times in order
-        self._late = self._late_fix = start.t + loop.SAME_TIME      # what is not later than this is too late
+        self._places = [
+            next((i for i, b in enumerate(used) if b is a), None) for a in aidings
+        ]  # among those that the filter can use
+        self._samples, self._waiting, self._number = (
+            [],
+            [],
+            0,
+        )  # heaps of samples and of fixes; a number that keeps equal times in order
+        self._late = self._late_fix = (
+            start.t + loop.SAME_TIME
+        )  # what is not later than this is too late
         sources = [a._where(np.zeros(len(a.t), bool)) for a in used]
-        self._fixes = merge(sources)._replace(t=np.empty(ROOM), source=np.zeros(ROOM, np.int64), y=np.full((ROOM, 3), np.nan), sd=np.full((ROOM, 3), np.nan))
+        self._fixes = merge(sources)._replace(
+            t=np.empty(ROOM),
+            source=np.zeros(ROOM, np.int64),
+            y=np.full((ROOM, 3), np.nan),
+            sd=np.full((ROOM, 3), np.nan),
+        )
         self._imu = Imu(np.empty(1), np.empty(1), np.empty((1, 3)), np.empty((1, 3)))
         self._cursor = new_cursor(filter, start.t, len(used))
-        self._cursor.at[loop.EVERY], self._cursor.at[loop.PHASE], self._cursor.at[loop.STOP] = 2, 1, 1  # no output rows
+        self._cursor.at[loop.EVERY], self._cursor.at[loop.PHASE], self._cursor.at[loop.STOP] = (
+            2,
+            1,
+            1,
+        )  # no output rows
         self._out = new_output(filter, self.belief, 0, fixes=ROOM)
-        self._arguments = (*self.prepared[1:], self.belief, self._imu, self._fixes, self.noise, self._cursor, self._out)
+        self._arguments = (
+            *self.prepared[1:],
+            self.belief,
+            self._imu,
+            self._fixes,
+            self.noise,
+            self._cursor,
+            self._out,
+        )
         self._run = entry_point(loop.run)
 
     @property
@@ -75,7 +124,8 @@ class Stream:
         return int(self._cursor.at[loop.STATUS])
 
     def step(self, event):
-        """Take a Sample or a Fix, use what has waited long enough, and return the belief (updated in place)."""
+        """Take a Sample or a Fix, use what has waited long enough, and return the belief
+        (updated in place)."""
         t = event[0]
         self._number += 1
         if type(event) is Fix:
@@ -89,29 +139,42 @@ class Stream:
             return self.belief
         if t > self.newest:
             if t - self.newest > LONGEST_GAP:
-                raise DataError(f"IMU sample at {t:.3f} s: time jumps by {t - self.newest:.0f} s; begin a new stream there")
+                raise DataError(
+                    f"IMU sample at {t:.3f} s: time jumps by {t - self.newest:.0f} s; begin a new stream there"
+                )
             self.newest = t
         heappush(self._samples, (t, self._number, event))
         self._use(self.newest - self.lag)
         return self.belief
 
     def _usable(self, fix):
-        """The fix as (t, source, y, sd) with NaN for what is not finite; raises DataError for what no source delivers."""
+        """The fix as (t, source, y, sd) with NaN for what is not finite; raises DataError for
+        what no source delivers."""
         if not (isinstance(fix.source, (int, np.integer)) and 0 <= fix.source < len(self._widths)):
-            raise DataError(f"fix at {fix.t:.3f} s: source is {fix.source!r}; the stream has {len(self._widths)}, counted from 0")
+            raise DataError(
+                f"fix at {fix.t:.3f} s: source is {fix.source!r}; the stream has {len(self._widths)}, counted from 0"
+            )
         width = self._widths[fix.source]
         try:
             y, deviations = [float(value) for value in fix.y], [float(value) for value in fix.sd]
         except (TypeError, ValueError):
-            raise DataError(f"fix at {fix.t:.3f} s: y is {fix.y!r} and sd {fix.sd!r}; each must be a tuple, source {fix.source} needs {width} "
-                            f"number{'s' * (width > 1)}") from None
+            raise DataError(
+                f"fix at {fix.t:.3f} s: y is {fix.y!r} and sd {fix.sd!r}; each must be a tuple, source {fix.source} needs {width} "
+                f"number{'s' * (width > 1)}"
+            ) from None
         if not len(y) == len(deviations) == width:
-            raise DataError(f"fix at {fix.t:.3f} s: y has {len(y)} and sd {len(deviations)} numbers; source {fix.source} needs {width}")
+            raise DataError(
+                f"fix at {fix.t:.3f} s: y has {len(y)} and sd {len(deviations)} numbers; source {fix.source} needs {width}"
+            )
         y = [value if isfinite(value) else nan for value in y]
         if not all(value != value or 0 < sd < inf for value, sd in zip(y, deviations)):
-            raise DataError(f"fix at {fix.t:.3f} s: standard deviations are {tuple(fix.sd)}; they must be above zero")
+            raise DataError(
+                f"fix at {fix.t:.3f} s: standard deviations are {tuple(fix.sd)}; they must be above zero"
+            )
         if len(self._waiting) == ROOM:
-            raise DataError(f"{ROOM} fixes wait for an IMU sample, the first at {self._waiting[0][0]:.3f} s; the stream needs samples to go on")
+            raise DataError(
+                f"{ROOM} fixes wait for an IMU sample, the first at {self._waiting[0][0]:.3f} s; the stream needs samples to go on"
+            )
         return fix.t, self._places[fix.source], y, deviations
 
     def _use(self, until):
@@ -125,16 +188,25 @@ class Stream:
 
     def _take(self, sample):
         """Run over one sample and the fixes up to its end."""
-        at, imu, fixes, waiting, end, k = self._cursor.at, self._imu, self._fixes, self._waiting, sample[0] + loop.SAME_TIME, 0
+        at, imu, fixes, waiting, end, k = (
+            self._cursor.at,
+            self._imu,
+            self._fixes,
+            self._waiting,
+            sample[0] + loop.SAME_TIME,
+            0,
+        )
         while waiting and waiting[0][0] <= end:
             fixes.t[k], fixes.source[k], y, sd = heappop(waiting)[3]
-            fixes.y[k, :len(y)], fixes.sd[k, :len(y)] = y, sd
+            fixes.y[k, : len(y)], fixes.sd[k, : len(y)] = y, sd
             k += 1
         imu.t[0], imu.dt[0], imu.dtheta[0], imu.dv[0] = sample
         at[loop.ROW], at[loop.STOP], at[loop.FIXES] = 0, 1, k
         self._run(*self._arguments)
         if at[loop.FAULT]:
-            raise DataError(f"stream stopped at {sample[0]:.2f} s: the latitude left the +-89 deg where results hold, or the filter diverged")
+            raise DataError(
+                f"stream stopped at {sample[0]:.2f} s: the latitude left the +-89 deg where results hold, or the filter diverged"
+            )
         if k:
             at[loop.FIX] = at[loop.FIXES] = 0
         self._late, self._late_fix = sample[0], sample[0] - loop.SAME_TIME

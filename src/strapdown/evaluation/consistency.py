@@ -1,16 +1,18 @@
-"""Is a filter as good as it says: NEES and its bands, coverage, whiteness, survival of a run, and intervals over runs.
+"""Is a filter as good as it says: NEES and its bands, coverage, whiteness, survival of a run, and
+intervals over runs.
 
-Functions of arrays; errors are true - estimate. Sources: Bar-Shalom, Li & Kirubarajan (2001), section 5.4 (NEES, NIS, whiteness);
-Wilson (1927) for proportions; Ljung & Box (1978).
+Functions of arrays; errors are true - estimate. Sources: Bar-Shalom, Li & Kirubarajan (2001),
+section 5.4 (NEES, NIS, whiteness); Wilson (1927) for proportions; Ljung & Box (1978).
 """
+
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from . import metrics
 from ..core.contract import ATT, BA, BG, POS, STATES, VEL
 from ..data import DataError
+from . import metrics
 
 SURVIVED, LOST, INCONSISTENT = 0, 1, 2
 REASONS = ("survived", "lost", "inconsistent")
@@ -20,21 +22,27 @@ SAME_TIME = 1e-6
 
 
 class Limits(NamedTuple):
-    """When a run is given up: lost beyond `distance`, or NEES beyond the chi-square bound of `alarm` at every epoch for more than `seconds`."""
-    distance: float = 500.0     # m, of the three-dimensional position error
-    alarm: float = 1e-6         # probability that a right filter exceeds the bound at one epoch
-    seconds: float = 10.0       # s
+    """When a run is given up: lost beyond `distance`, or NEES beyond the chi-square bound of
+    `alarm` at every epoch for more than `seconds`."""
+
+    distance: float = 500.0  # m, of the three-dimensional position error
+    alarm: float = 1e-6  # probability that a right filter exceeds the bound at one epoch
+    seconds: float = 10.0  # s
 
 
 class Interval(NamedTuple):
-    """An estimate with the two ends of its confidence interval, in its own unit; NaN where there is too little to tell."""
+    """An estimate with the two ends of its confidence interval, in its own unit; NaN where there
+    is too little to tell."""
+
     value: float
     low: float
     high: float
 
 
 class Paired(NamedTuple):
-    """Mean of a - b over `count` common runs with its confidence interval, and in how many of them a < b."""
+    """Mean of a - b over `count` common runs with its confidence interval, and in how many of
+    them a < b."""
+
     difference: float
     low: float
     high: float
@@ -43,17 +51,21 @@ class Paired(NamedTuple):
 
 
 class Whiteness(NamedTuple):
-    """Autocorrelation of normalised innovations, the bound that 95 % of those of a white sequence keep, and the Ljung-Box p-values."""
-    autocorrelation: np.ndarray     # (lags, k), of lag 1 first
-    bound: float                    # 1.96 / sqrt(m)
-    p_value: np.ndarray             # (k,)
+    """Autocorrelation of normalised innovations, the bound that 95 % of those of a white
+    sequence keep, and the Ljung-Box p-values."""
+
+    autocorrelation: np.ndarray  # (lags, k), of lag 1 first
+    bound: float  # 1.96 / sqrt(m)
+    p_value: np.ndarray  # (k,)
 
 
 def nees(error, covariance):
-    """Normalised estimation error squared e' P^-1 e: error (..., k), covariance (..., k, k) -> (...).
+    """Normalised estimation error squared e' P^-1 e: error (..., k), covariance (..., k, k) ->
+    (...).
 
-    P is scaled to a unit diagonal first: states range from 1e-8 rad/s to 1e3 m. NaN where error or P is not finite, or where P is not positive
-    definite (to rounding: a state whose variance given those before it is below k eps of its own).
+    P is scaled to a unit diagonal first: states range from 1e-8 rad/s to 1e3 m. NaN where error or
+    P is not finite, or where P is not positive definite (to rounding: a state whose variance given
+    those before it is below k eps of its own).
     """
     error, covariance = np.asarray(error, float), np.asarray(covariance, float)
     k = error.shape[-1]
@@ -61,27 +73,36 @@ def nees(error, covariance):
         variance = np.diagonal(covariance, axis1=-2, axis2=-1)
         known = np.isfinite(covariance).all(axis=(-2, -1)) & (variance > 0).all(axis=-1)
         scale = 1 / np.sqrt(np.where(known[..., None], variance, np.nan))
-        rows = _whitened(error * scale, covariance * scale[..., :, None] * scale[..., None, :], k * np.finfo(float).eps)
+        rows = _whitened(
+            error * scale,
+            covariance * scale[..., :, None] * scale[..., None, :],
+            k * np.finfo(float).eps,
+        )
         return np.square(rows).sum(axis=-1)
 
 
 def _whitened(error, P, least):
-    """L^-1 error with L L' = P (unit diagonal), NaN where a pivot is not above `least`; by columns over the whole stack."""
+    """L^-1 error with L L' = P (unit diagonal), NaN where a pivot is not above `least`; by
+    columns over the whole stack."""
     k = error.shape[-1]
     L, white = np.zeros(P.shape), np.empty(np.broadcast_shapes(error.shape, P.shape[:-1]))
     for j in range(k):
         row = L[..., j, :j]
         pivot = P[..., j, j] - np.square(row).sum(axis=-1)
         pivot = np.sqrt(np.where(pivot > least, pivot, np.nan))
-        L[..., j:, j] = (P[..., j:, j] - np.einsum("...ij,...j->...i", L[..., j:, :j], row)) / pivot[..., None]
+        L[..., j:, j] = (
+            P[..., j:, j] - np.einsum("...ij,...j->...i", L[..., j:, :j], row)
+        ) / pivot[..., None]
         white[..., j] = (error[..., j] - (row * white[..., :j]).sum(axis=-1)) / pivot
     return white
 
 
 @lru_cache(maxsize=64)
 def band(dof, count=1, probability=0.95):
-    """(low, high) that the mean of `count` independent NEES or NIS values of `dof` components each keeps with `probability`, two-sided."""
+    """(low, high) that the mean of `count` independent NEES or NIS values of `dof` components
+    each keeps with `probability`, two-sided."""
     from scipy.stats import chi2
+
     tail = 0.5 * (1 - probability)
     return float(chi2.ppf(tail, dof * count) / count), float(chi2.isf(tail, dof * count) / count)
 
@@ -90,19 +111,24 @@ def band(dof, count=1, probability=0.95):
 def bound(dof, alarm):
     """The bound that one NEES or NIS value of `dof` components exceeds with probability `alarm`."""
     from scipy.stats import chi2
+
     return float(chi2.isf(alarm, dof))
 
 
 def survival(distance, nees, t, limits=Limits()):
-    """(rows, reason) of one run: how many of its scored epochs come before it is given up, and the code of the reason (REASONS).
+    """(rows, reason) of one run: how many of its scored epochs come before it is given up, and the
+    code of the reason (REASONS).
 
-    distance (n,) m, 3-D position error; nees (n,) of the 15 states; t (n,) s, increasing. A distance that is not finite is LOST, a NaN NEES is
-    beyond the bound. INCONSISTENT takes effect at the epoch at which the NEES has been beyond it for more than `limits.seconds`.
+    distance (n,) m, 3-D position error; nees (n,) of the 15 states; t (n,) s, increasing. A
+    distance that is not finite is LOST, a NaN NEES is beyond the bound. INCONSISTENT takes effect
+    at the epoch at which the NEES has been beyond it for more than `limits.seconds`.
     """
     distance, nees, t = (np.asarray(values, float) for values in (distance, nees, t))
     lost = ~(distance <= limits.distance)
     beyond = ~(nees <= bound(STATES, limits.alarm))
-    inside_before = np.maximum.accumulate(np.where(beyond, -1, np.arange(len(t))))  # last epoch within the bound, -1 for none
+    inside_before = np.maximum.accumulate(
+        np.where(beyond, -1, np.arange(len(t)))
+    )  # last epoch within the bound, -1 for none
     began = t[np.minimum(inside_before + 1, len(t) - 1)]
     inconsistent = beyond & (t - began > limits.seconds + SAME_TIME)
     ends = [int(np.argmax(end)) if end.any() else len(t) for end in (lost, inconsistent)]
@@ -112,17 +138,21 @@ def survival(distance, nees, t, limits=Limits()):
 
 
 def rmse(mean_square, probability=0.95):
-    """Interval of the RMSE pooled over runs, from their mean squared errors (runs,); every run counts alike, NaN ones are left out.
+    """Interval of the RMSE pooled over runs, from their mean squared errors (runs,); every run
+    counts alike, NaN ones are left out.
 
     Student's t on the mean square, its lower end cut at 0, then the root; one run gives NaN ends.
     """
     mean, low, high = _mean(mean_square, probability)
-    return Interval(*(float(np.sqrt(value)) for value in (mean, low if np.isnan(low) else max(low, 0.0), high)))
+    return Interval(
+        *(float(np.sqrt(value)) for value in (mean, low if np.isnan(low) else max(low, 0.0), high))
+    )
 
 
 def _mean(values, probability):
     """Mean of the finite values with Student's interval: (mean, low, high)."""
     from scipy.stats import t
+
     values = np.asarray(values, float).ravel()
     values = values[np.isfinite(values)]
     count, mean = len(values), float(values.mean()) if len(values) else np.nan
@@ -133,22 +163,32 @@ def _mean(values, probability):
 
 
 def proportion(successes, count, probability=0.95):
-    """Interval of a proportion by Wilson's score; without any trial its value is NaN and its ends are 0 and 1."""
+    """Interval of a proportion by Wilson's score; without any trial its value is NaN and its
+    ends are 0 and 1."""
     from scipy.stats import norm
+
     if not 0 <= successes <= count:
-        raise DataError(f"{successes} successes of {count}; there must be 0 or more, and no more than trials")
+        raise DataError(
+            f"{successes} successes of {count}; there must be 0 or more, and no more than trials"
+        )
     if count == 0:
         return Interval(np.nan, 0.0, 1.0)
     share, z2 = successes / count, float(norm.isf(0.5 * (1 - probability))) ** 2
     centre = (share + z2 / (2 * count)) / (1 + z2 / count)
-    half = np.sqrt(z2 * (share * (1 - share) / count + z2 / (4 * count ** 2))) / (1 + z2 / count)
-    return Interval(share, 0.0 if successes == 0 else float(centre - half), 1.0 if successes == count else float(centre + half))
+    half = np.sqrt(z2 * (share * (1 - share) / count + z2 / (4 * count**2))) / (1 + z2 / count)
+    return Interval(
+        share,
+        0.0 if successes == 0 else float(centre - half),
+        1.0 if successes == count else float(centre + half),
+    )
 
 
 def paired(a, b, probability=0.95):
-    """Compare two filters on the same runs: a and b (runs,), one figure of each run; Paired of a - b, with Student's t over the runs.
+    """Compare two filters on the same runs: a and b (runs,), one figure of each run; Paired of a -
+    b, with Student's t over the runs.
 
-    Runs where either is not finite are left out. For errors take logarithms (of the mean squares, say): ratios then count alike in good and bad runs.
+    Runs where either is not finite are left out. For errors take logarithms (of the mean squares,
+    say): ratios then count alike in good and bad runs.
     """
     a, b = np.asarray(a, float), np.asarray(b, float)
     both = np.isfinite(a) & np.isfinite(b)
@@ -156,7 +196,8 @@ def paired(a, b, probability=0.95):
 
 
 def coverage(error, sd, sigmas=(1, 2, 3)):
-    """(len(sigmas), k) share of the errors (..., k) within so many of their standard deviations (..., k); what is NaN is left out.
+    """(len(sigmas), k) share of the errors (..., k) within so many of their standard deviations
+    (..., k); what is NaN is left out.
 
     Of a Gaussian error 0.683, 0.954 and 0.997 are within 1, 2 and 3.
     """
@@ -164,16 +205,23 @@ def coverage(error, sd, sigmas=(1, 2, 3)):
     error, sd = (values.reshape(-1, values.shape[-1]) for values in (error, sd))
     known = ~np.isnan(error) & ~np.isnan(sd)
     count = known.sum(axis=0)
-    return np.array([((error <= sigma * sd) & known).sum(axis=0) / np.where(count, count, np.nan) for sigma in sigmas])
+    return np.array(
+        [
+            ((error <= sigma * sd) & known).sum(axis=0) / np.where(count, count, np.nan)
+            for sigma in sigmas
+        ]
+    )
 
 
 def whiteness(innovation, lags=20):
     """Whiteness of the normalised innovations (m, k) of one source in time order.
 
-    The mean is not taken off: it belongs to the hypothesis that it is zero, so that a constant innovation is not white. Rows with a missing
-    component are left out, components that are never measured give NaN. Ljung & Box (1978). Raises DataError where m <= lags.
+    The mean is not taken off: it belongs to the hypothesis that it is zero, so that a constant
+    innovation is not white. Rows with a missing component are left out, components that are never
+    measured give NaN. Ljung & Box (1978). Raises DataError where m <= lags.
     """
     from scipy.stats import chi2
+
     innovation = np.asarray(innovation, float)
     z = innovation.reshape(len(innovation), -1)
     measured = np.isfinite(z).any(axis=0)
@@ -182,23 +230,40 @@ def whiteness(innovation, lags=20):
     if not 1 <= lags < m:
         raise DataError(f"{m} innovations are too few for {lags} lags; give fewer lags, at least 1")
     power = np.square(z).sum(axis=0)
-    power[power == 0] = np.nan      # an innovation that is always 0 tells nothing
-    autocorrelation = np.array([(z[lag:] * z[:-lag]).sum(axis=0) for lag in range(1, lags + 1)]) / power
-    statistic = m * (m + 2) * (np.square(autocorrelation) / (m - np.arange(1, lags + 1))[:, None]).sum(axis=0)
+    power[power == 0] = np.nan  # an innovation that is always 0 tells nothing
+    autocorrelation = (
+        np.array([(z[lag:] * z[:-lag]).sum(axis=0) for lag in range(1, lags + 1)]) / power
+    )
+    statistic = (
+        m
+        * (m + 2)
+        * (np.square(autocorrelation) / (m - np.arange(1, lags + 1))[:, None]).sum(axis=0)
+    )
     return Whiteness(autocorrelation, 1.96 / np.sqrt(m), chi2.sf(statistic, lags))
 
 
 def normalised(solution, source, window=101):
-    """Innovations (m, k) of one source (name or index) of a Solution, accepted fixes in time order, for `whiteness`.
+    """Innovations (m, k) of one source (name or index) of a Solution, accepted fixes in time order,
+    for `whiteness`.
 
-    A Solution keeps the NIS but not the innovation covariance S. With one component, innovation / sqrt(S) follows from the NIS and is given.
-    With more, each component is divided by its own rms over `window` fixes around it, *not* by what the filter predicted: this serves
-    whiteness, where only signs and order matter, and says nothing on the size of innovations, which the NIS tells. Raises DataError.
+    A Solution keeps the NIS but not the innovation covariance S. With one component, innovation /
+    sqrt(S) follows from the NIS and is given. With more, each component is divided by its own rms
+    over `window` fixes around it, *not* by what the filter predicted: this serves whiteness, where
+    only signs and order matter, and says nothing on the size of innovations, which the NIS tells.
+    Raises DataError.
     """
     i = solution.innovations
-    s = source if isinstance(source, (int, np.integer)) else i.names.index(source) if source in i.names else -1
+    s = (
+        source
+        if isinstance(source, (int, np.integer))
+        else i.names.index(source)
+        if source in i.names
+        else -1
+    )
     if not 0 <= s < len(i.names):
-        raise DataError(f"the solution has no source {source!r}; it has {', '.join(i.names) or 'none'}")
+        raise DataError(
+            f"the solution has no source {source!r}; it has {', '.join(i.names) or 'none'}"
+        )
     rows = (i.source == s) & i.accepted & ~np.isnan(i.innovation).all(axis=1)
     innovation, nis = i.innovation[rows], i.nis[rows]
     innovation = innovation[:, ~np.isnan(innovation).all(axis=0)]
@@ -210,7 +275,10 @@ def normalised(solution, source, window=101):
 def _rms_around(values, window):
     """Root mean square of the known values in the `window` rows around each, (m, k)."""
     known = np.isfinite(values)
-    sums = [np.vstack([np.zeros(values.shape[1]), np.cumsum(part, axis=0)]) for part in (np.where(known, values, 0.0) ** 2, known)]
+    sums = [
+        np.vstack([np.zeros(values.shape[1]), np.cumsum(part, axis=0)])
+        for part in (np.where(known, values, 0.0) ** 2, known)
+    ]
     at = np.arange(len(values))
     first, last = np.maximum(at - window // 2, 0), np.minimum(at + window // 2 + 1, len(values))
     squares, count = (total[last] - total[first] for total in sums)
@@ -218,31 +286,50 @@ def _rms_around(values, window):
 
 
 def state_errors(solution, recording):
-    """(n, 15) true - estimate of all states at the rows of a Solution, against the simulated recording's truth: m, m/s, rad, m/s^2, rad/s.
+    """(n, 15) true - estimate of all states at the rows of a Solution, against the simulated
+    recording's truth: m, m/s, rad, m/s^2, rad/s.
 
-    Rows outside the reference are NaN. Raises DataError where the recording does not know attitude and biases.
+    Rows outside the reference are NaN. Raises DataError where the recording does not know attitude
+    and biases.
     """
     b_a, b_g = (recording.meta.get(name) for name in ("b_a", "b_g"))
     t_imu, t = recording.imu.t, solution.t
-    if recording.reference is None or b_a is None or b_g is None or len(b_a) != len(t_imu) or len(b_g) != len(t_imu):
-        raise DataError("the recording's true states are not known at each IMU sample; use a whole simulated recording")
+    if (
+        recording.reference is None
+        or b_a is None
+        or b_g is None
+        or len(b_a) != len(t_imu)
+        or len(b_g) != len(t_imu)
+    ):
+        raise DataError(
+            "the recording's true states are not known at each IMU sample; use a whole simulated recording"
+        )
     e = metrics.errors(solution, recording.reference)
     if e.velocity is None or e.attitude is None:
-        raise DataError("the recording's reference has no velocity or attitude; use a simulated recording")
+        raise DataError(
+            "the recording's reference has no velocity or attitude; use a simulated recording"
+        )
     rows = np.clip(np.searchsorted(t_imu, t - SAME_TIME), 0, len(t_imu) - 1)
     if np.abs(t_imu[rows] - t).max(initial=0.0) > SAME_TIME:
-        raise DataError("rows of the solution are not at the recording's IMU samples; give the recording that was fused")
+        raise DataError(
+            "rows of the solution are not at the recording's IMU samples; give the recording that was fused"
+        )
     error = np.full((len(t), STATES), np.nan)
     for states, values in ((POS, e.position), (VEL, e.velocity), (ATT, e.attitude)):
         error[e.rows, states] = values
-    error[e.rows, BA], error[e.rows, BG] = (b_a[rows] - solution.b_a)[e.rows], (b_g[rows] - solution.b_g)[e.rows]
+    error[e.rows, BA], error[e.rows, BG] = (
+        (b_a[rows] - solution.b_a)[e.rows],
+        (b_g[rows] - solution.b_g)[e.rows],
+    )
     return error
 
 
 def nees_of(solution, recording):
-    """(n,) NEES of the 15 states at the rows of a Solution with covariance, against a simulated recording; NaN outside its reference.
+    """(n,) NEES of the 15 states at the rows of a Solution with covariance, against a simulated
+    recording; NaN outside its reference.
 
-    Raises DataError where the solution has no covariance or the recording does not know its true states.
+    Raises DataError where the solution has no covariance or the recording does not know its true
+    states.
     """
     if solution.covariance is None:
         raise DataError("the solution has no covariance; fuse with covariance=True")

@@ -1,7 +1,10 @@
-"""Posterior Cramer-Rao bound of the 15 states along a known trajectory: what no filter can undercut on average.
+"""Posterior Cramer-Rao bound of the 15 states along a known trajectory: what no filter can undercut
+on average.
 
-Source: Tichavsky, Muravchik & Nehorai (1998), "Posterior Cramer-Rao bounds for discrete-time nonlinear filtering".
+Source: Tichavsky, Muravchik & Nehorai (1998), "Posterior Cramer-Rao bounds for discrete-time
+nonlinear filtering".
 """
+
 from typing import NamedTuple
 
 import numpy as np
@@ -12,16 +15,19 @@ from ..engine.batch import fuse
 from .metrics import errors
 
 DEPARTURE = 0.1
-"""Largest error of the belief in its standard deviations; a bound is worth nothing where the linearisation is not at the truth."""
+"""Largest error of the belief in its standard deviations; a bound is worth nothing where the
+linearisation is not at the truth."""
 ROOM = 1e-2, 1e-4
 """m, rad: errors that cannot change a Jacobian, allowed however small the standard deviation is."""
 
 
 class Bound(NamedTuple):
-    """The bound at times `t`: the least covariance of true - estimate, states in their usual order and units (SI, radians)."""
-    t: np.ndarray               # (n,) s
-    covariance: np.ndarray      # (n, 15, 15)
-    sd: np.ndarray              # (n, 15) roots of its diagonal
+    """The bound at times `t`: the least covariance of true - estimate, states in their usual
+    order and units (SI, radians)."""
+
+    t: np.ndarray  # (n,) s
+    covariance: np.ndarray  # (n, 15, 15)
+    sd: np.ndarray  # (n, 15) roots of its diagonal
 
     @property
     def position(self):
@@ -55,20 +61,28 @@ class Bound(NamedTuple):
 def cramer_rao(recording, start, noise, every=1):
     """The posterior Cramer-Rao Bound at every `every`-th IMU sample of an ideal recording.
 
-    recording: error-free IMU samples, fixes at the truth that carry the standard deviations of the real ones, and the truth as reference;
-    start: the true state, with the standard deviations of the prior; noise: the true Noise of the IMU.
+    recording: error-free IMU samples, fixes at the truth that carry the standard deviations of the
+    real ones, and the truth as reference; start: the true state, with the standard deviations of
+    the prior; noise: the true Noise of the IMU.
 
-    For additive Gaussian noise the bound's recursion is the covariance recursion of an extended Kalman filter whose Jacobians are taken at the
-    truth. The closed loop on ideal data is the device: with every innovation zero its belief stays on the truth, and its P is that covariance.
-    The source's expectation over trajectories falls away because one is given. The bound is on the mean square over prior, IMU and fixes, all
-    Gaussian and as stated: white fixes, biases that walk or decay as `noise` says. One run, or a filter in a lucky minute, may be below it.
+    For additive Gaussian noise the bound's recursion is the covariance recursion of an extended
+    Kalman filter whose Jacobians are taken at the truth. The closed loop on ideal data is the
+    device: with every innovation zero its belief stays on the truth, and its P is that covariance.
+    The source's expectation over trajectories falls away because one is given. The bound is on the
+    mean square over prior, IMU and fixes, all Gaussian and as stated: white fixes, biases that walk
+    or decay as `noise` says. One run, or a filter in a lucky minute, may be below it.
 
-    Raises DataError where the belief leaves the truth: position by more than 0.1 of its standard deviation (and 1 cm), attitude by more than
-    0.1 of its own (and 0.1 mrad), per axis; or where a fix is not used.
+    Raises DataError where the belief leaves the truth: position by more than 0.1 of its standard
+    deviation (and 1 cm), attitude by more than 0.1 of its own (and 0.1 mrad), per axis; or where a
+    fix is not used.
     """
     if recording.reference is None or recording.reference.q_nb is None:
-        raise DataError("the bound needs the true trajectory with its attitude as the recording's reference")
-    solution = fuse(recording, "closed-loop", start=start, noise=noise, every=every, covariance=True)
+        raise DataError(
+            "the bound needs the true trajectory with its attitude as the recording's reference"
+        )
+    solution = fuse(
+        recording, "closed-loop", start=start, noise=noise, every=every, covariance=True
+    )
     _check(solution, recording.reference)
     covariance = solution.covariance[:, :STATES, :STATES]
     return Bound(solution.t, covariance, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)))
@@ -77,11 +91,20 @@ def cramer_rao(recording, start, noise, every=1):
 def _check(solution, truth):
     """Raise DataError where the belief is not on the truth, or fixes were rejected."""
     if rejected := [name for name, (_, bad) in solution.counts().items() if bad]:
-        raise DataError(f"the bound needs ideal data, but fixes of {', '.join(rejected)} were rejected; give fixes without noise")
+        raise DataError(
+            f"the bound needs ideal data, but fixes of {', '.join(rejected)} were rejected; give fixes without noise"
+        )
     e, sd = errors(solution, truth), solution.trajectory.sd
-    for name, error, states, room, unit in (("position", e.position, POS, ROOM[0], "m"), ("attitude", e.attitude, ATT, ROOM[1], "rad")):
+    for name, error, states, room, unit in (
+        ("position", e.position, POS, ROOM[0], "m"),
+        ("attitude", e.attitude, ATT, ROOM[1], "rad"),
+    ):
         beyond = np.abs(error) - DEPARTURE * sd[e.rows, states] - room
         if not np.all(beyond <= 0):
-            row, axis = np.unravel_index(np.argmax(np.where(np.isnan(beyond), np.inf, beyond)), beyond.shape)
-            raise DataError(f"the belief of the bound is {error[row, axis]:.3g} {unit} from the true {name} at {e.t[row]:.2f} s "
-                            f"({sd[e.rows, states][row, axis]:.3g} {unit} standard deviation); give an ideal recording and its exact start")
+            row, axis = np.unravel_index(
+                np.argmax(np.where(np.isnan(beyond), np.inf, beyond)), beyond.shape
+            )
+            raise DataError(
+                f"the belief of the bound is {error[row, axis]:.3g} {unit} from the true {name} at {e.t[row]:.2f} s "
+                f"({sd[e.rows, states][row, axis]:.3g} {unit} standard deviation); give an ideal recording and its exact start"
+            )

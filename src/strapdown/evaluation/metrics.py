@@ -1,7 +1,10 @@
-"""How far a trajectory is from a reference: errors in metres, m/s and radians, and their root mean squares.
+"""How far a trajectory is from a reference: errors in metres, m/s and radians, and their root mean
+squares.
 
-Errors are true - estimate, as everywhere: position in metres NED, attitude as the rotation vector of `q_true (x) q_est*` in n.
+Errors are true - estimate, as everywhere: position in metres NED, attitude as the rotation vector
+of `q_true (x) q_est*` in n.
 """
+
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,43 +16,58 @@ from ..geodesy import displacement, radii, wrap
 
 @dataclass(frozen=True)
 class Errors:
-    """true - estimate at times `t`. What the reference or the estimate nowhere knows is None, or where it is a component NaN; so are rows in gaps."""
-    t: np.ndarray                   # (n,) s
-    position: np.ndarray | None     # (n, 3) m NED
-    velocity: np.ndarray | None     # (n, 3) m/s NED
-    attitude: np.ndarray | None     # (n, 3) rotation vector in n, rad
-    rph: np.ndarray | None          # (n, 3) of roll, pitch and heading, wrapped to [-pi, pi), rad
-    sd: np.ndarray | None           # (n, k) the trajectory's own standard deviations, m, m/s and rad
-    rows: slice                     # of the trajectory, which these errors belong to
+    """true - estimate at times `t`. What the reference or the estimate nowhere knows is None, or
+    where it is a component NaN; so are rows in gaps."""
+
+    t: np.ndarray  # (n,) s
+    position: np.ndarray | None  # (n, 3) m NED
+    velocity: np.ndarray | None  # (n, 3) m/s NED
+    attitude: np.ndarray | None  # (n, 3) rotation vector in n, rad
+    rph: np.ndarray | None  # (n, 3) of roll, pitch and heading, wrapped to [-pi, pi), rad
+    sd: np.ndarray | None  # (n, k) the trajectory's own standard deviations, m, m/s and rad
+    rows: slice  # of the trajectory, which these errors belong to
 
     @property
     def horizontal(self):
-        """(n,) horizontal position error, m; NaN where only the height is known, None where not even that is."""
+        """(n,) horizontal position error, m; NaN where only the height is known, None where not
+        even that is."""
         return None if self.position is None else np.hypot(self.position[:, 0], self.position[:, 1])
 
 
 class Rms(NamedTuple):
-    """Root mean square of errors per axis; None where the errors are, NaN where they cover no time asked for or not that component."""
-    position: np.ndarray | None     # (3,) m NED
-    velocity: np.ndarray | None     # (3,) m/s NED
-    attitude: np.ndarray | None     # (3,) rad, rotation vector
-    rph: np.ndarray | None          # (3,) rad, roll, pitch, heading
-    angles: np.ndarray | None       # (3,) rad, total, inclination and heading angle as in `attitude_angles`
+    """Root mean square of errors per axis; None where the errors are, NaN where they cover no
+    time asked for or not that component."""
+
+    position: np.ndarray | None  # (3,) m NED
+    velocity: np.ndarray | None  # (3,) m/s NED
+    attitude: np.ndarray | None  # (3,) rad, rotation vector
+    rph: np.ndarray | None  # (3,) rad, roll, pitch, heading
+    angles: (
+        np.ndarray | None
+    )  # (3,) rad, total, inclination and heading angle as in `attitude_angles`
 
 
 def errors(trajectory, reference):
-    """Errors of a Trajectory (or Solution) against a reference at the trajectory's own times inside the reference's span.
+    """Errors of a Trajectory (or Solution) against a reference at the trajectory's own times inside
+    the reference's span.
 
-    The reference is interpolated: position by a cubic through its positions and velocities (linear without velocities), velocity linearly,
-    attitude along the shortest rotation. Its gaps (intervals beyond 1 s and three usual intervals) are not bridged. A reference or a solution
-    of attitude alone, whose positions are NaN, is scored on attitude alone, one that knows its height on that too. Raises DataError where the
-    two do not overlap.
+    The reference is interpolated: position by a cubic through its positions and velocities (linear
+    without velocities), velocity linearly, attitude along the shortest rotation. Its gaps
+    (intervals beyond 1 s and three usual intervals) are not bridged. A reference or a solution of
+    attitude alone, whose positions are NaN, is scored on attitude alone, one that knows its height
+    on that too. Raises DataError where the two do not overlap.
     """
     trajectory = getattr(trajectory, "trajectory", trajectory)
-    first, last = np.searchsorted(trajectory.t, reference.t[[0, -1]]) if len(reference.t) > 1 else (0, 0)
-    last += last < len(trajectory) and len(reference.t) > 1 and trajectory.t[last] == reference.t[-1]
+    first, last = (
+        np.searchsorted(trajectory.t, reference.t[[0, -1]]) if len(reference.t) > 1 else (0, 0)
+    )
+    last += (
+        last < len(trajectory) and len(reference.t) > 1 and trajectory.t[last] == reference.t[-1]
+    )
     if last <= first:
-        raise DataError(f"the reference ({reference!r}) covers no time of the solution ({trajectory!r}); check the time base of both")
+        raise DataError(
+            f"the reference ({reference!r}) covers no time of the solution ({trajectory!r}); check the time base of both"
+        )
     rows = slice(int(first), int(last))
     t = trajectory.t[rows]
     both = lambda part: all(any_known(getattr(each, part)) for each in (reference, trajectory))
@@ -60,11 +78,20 @@ def errors(trajectory, reference):
         velocity = _linear(reference.t, reference.v_n, t) - trajectory.v_n[rows]
     if both("q_nb"):
         attitude, rph = _attitude(reference, trajectory, rows)
-    return Errors(t, position, velocity, attitude, rph, None if trajectory.sd is None else trajectory.sd[rows], rows)
+    return Errors(
+        t,
+        position,
+        velocity,
+        attitude,
+        rph,
+        None if trajectory.sd is None else trajectory.sd[rows],
+        rows,
+    )
 
 
 def interpolated(reference, t):
-    """The Trajectory of a reference at times t (n,), s, interpolated as for `errors`: NaN outside its span and in its gaps, None where nothing is known."""
+    """The Trajectory of a reference at times t (n,), s, interpolated as for `errors`: NaN
+    outside its span and in its gaps, None where nothing is known."""
     v_n = _linear(reference.t, reference.v_n, t) if any_known(reference.v_n) else None
     q_nb = None
     if any_known(reference.q_nb):
@@ -79,31 +106,50 @@ def any_known(values):
 
 
 class AttitudeAngles(NamedTuple):
-    """How far an attitude is off, as angles without sign, rad, (n,) each; NaN where the errors are."""
-    total: np.ndarray           # of the whole rotation, [0, pi]
-    inclination: np.ndarray     # between true and estimated vertical, [0, pi]
-    heading: np.ndarray         # of the turn about the vertical that is left once the verticals are brought together, [0, pi]
+    """How far an attitude is off, as angles without sign, rad, (n,) each; NaN where the errors
+    are."""
+
+    total: np.ndarray  # of the whole rotation, [0, pi]
+    inclination: np.ndarray  # between true and estimated vertical, [0, pi]
+    # of the turn about the vertical that is left once the verticals are brought together, [0, pi]
+    heading: np.ndarray
 
 
 def attitude_angles(errors):
     """AttitudeAngles of `errors`, None where they have no attitude.
 
-    With q = q_true (x) q_est* in n: inclination 2 acos(sqrt(w^2 + z^2)), heading 2 atan2(|z|, |w|); q is their product, so that
-    cos(total/2) = cos(inclination/2) cos(heading/2). Unlike roll and pitch these have no singular attitude. Laidig et al. (2021), BROAD.
+    With q = q_true (x) q_est* in n: inclination 2 acos(sqrt(w^2 + z^2)), heading 2 atan2(|z|, |w|);
+    q is their product, so that cos(total/2) = cos(inclination/2) cos(heading/2). Unlike roll and
+    pitch these have no singular attitude. Laidig et al. (2021), BROAD.
     """
     if errors.attitude is None:
         return None
     total = np.linalg.norm(errors.attitude, axis=1)
-    x, y, z = (errors.attitude * (np.sinc(total / (2 * np.pi)) / 2)[:, None]).T     # sin(total/2) along the axis
+    x, y, z = (
+        errors.attitude * (np.sinc(total / (2 * np.pi)) / 2)[:, None]
+    ).T  # sin(total/2) along the axis
     w = np.cos(total / 2)
-    return AttitudeAngles(total, 2 * np.arctan2(np.hypot(x, y), np.hypot(w, z)), 2 * np.arctan2(np.abs(z), np.abs(w)))
+    return AttitudeAngles(
+        total, 2 * np.arctan2(np.hypot(x, y), np.hypot(w, z)), 2 * np.arctan2(np.abs(z), np.abs(w))
+    )
 
 
 def rms(errors, window=None):
-    """Root mean square of `errors` over window = (start, stop) in s, both included, or over all of them: an Rms."""
-    inside = np.ones(len(errors.t), bool) if window is None else (errors.t >= window[0]) & (errors.t <= window[1])
+    """Root mean square of `errors` over window = (start, stop) in s, both included, or over all
+    of them: an Rms."""
+    inside = (
+        np.ones(len(errors.t), bool)
+        if window is None
+        else (errors.t >= window[0]) & (errors.t <= window[1])
+    )
     angles = attitude_angles(errors)
-    parts = errors.position, errors.velocity, errors.attitude, errors.rph, None if angles is None else np.column_stack(angles)
+    parts = (
+        errors.position,
+        errors.velocity,
+        errors.attitude,
+        errors.rph,
+        None if angles is None else np.column_stack(angles),
+    )
     return Rms(*(None if part is None else _rms(part[inside]) for part in parts))
 
 
@@ -114,20 +160,26 @@ def _rms(values):
 
 
 def _brackets(t_ref, known, t):
-    """The rows of the reference that are known and advance in time, and where each time falls among them: left index, or -1 in a gap."""
+    """The rows of the reference that are known and advance in time, and where each time falls
+    among them: left index, or -1 in a gap."""
     rows = np.flatnonzero(known)
-    rows = rows[np.r_[True, t_ref[rows][1:] > np.maximum.accumulate(t_ref[rows])[:-1]][:len(rows)]]
+    rows = rows[np.r_[True, t_ref[rows][1:] > np.maximum.accumulate(t_ref[rows])[:-1]][: len(rows)]]
     if len(rows) < 2:
         return rows, np.full(len(t), -1)
     times = t_ref[rows]
     left = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(rows) - 2)
     steps = np.diff(times)
-    usable = (t >= times[0]) & (t <= times[-1]) & ((steps <= max(1.0, 3 * np.median(steps)))[left] | np.isin(t, times))
+    usable = (
+        (t >= times[0])
+        & (t <= times[-1])
+        & ((steps <= max(1.0, 3 * np.median(steps)))[left] | np.isin(t, times))
+    )
     return rows, np.where(usable, left, -1)
 
 
 def _linear(t_ref, values, t):
-    """The columns of `values` at times t; one that is nowhere known is NaN and does not keep the others from being known."""
+    """The columns of `values` at times t; one that is nowhere known is NaN and does not keep the
+    others from being known."""
     columns = np.flatnonzero(np.isfinite(values).any(axis=0))
     rows, left = _brackets(t_ref, np.isfinite(values[:, columns]).all(axis=1), t)
     out = np.full((len(t), values.shape[1]), np.nan)
@@ -138,13 +190,15 @@ def _linear(t_ref, values, t):
 
 
 def _position(reference, t):
-    """The reference's latitude, longitude and height at times t; its longitude is unwrapped first."""
+    """The reference's latitude, longitude and height at times t; its longitude is unwrapped
+    first."""
     lla = reference.lla.copy()
     known = np.isfinite(lla).all(axis=1)
     lla[known, 1] = np.unwrap(lla[known, 1])
     if reference.v_n is None:
         return _linear(reference.t, lla, t)
     from scipy.interpolate import CubicHermiteSpline
+
     rows, left = _brackets(reference.t, known & np.isfinite(reference.v_n).all(axis=1), t)
     out, inside = _linear(reference.t, lla, t), left >= 0
     if inside.any():
@@ -156,15 +210,20 @@ def _position(reference, t):
 
 
 def _turned(reference, t):
-    """((n,) bool: where the attitude of the reference is known, Rotation at those of the times t, None where there are none)."""
+    """((n,) bool: where the attitude of the reference is known, Rotation at those of the times
+    t, None where there are none)."""
     from scipy.spatial.transform import Rotation, Slerp
+
     known, left = _brackets(reference.t, np.isfinite(reference.q_nb).all(axis=1), t)
     usable = left >= 0
-    return usable, Slerp(reference.t[known], Rotation.from_quat(reference.q_nb[known][:, [1, 2, 3, 0]]))(t[usable]) if usable.any() else None
+    return usable, Slerp(
+        reference.t[known], Rotation.from_quat(reference.q_nb[known][:, [1, 2, 3, 0]])
+    )(t[usable]) if usable.any() else None
 
 
 def _attitude(reference, trajectory, rows):
     from scipy.spatial.transform import Rotation
+
     usable, true = _turned(reference, trajectory.t[rows])
     both = usable & np.isfinite(trajectory.q_nb[rows]).all(axis=1)
     attitude, rph = np.full((len(both), 3), np.nan), np.full((len(both), 3), np.nan)
@@ -178,18 +237,21 @@ def _attitude(reference, trajectory, rows):
 
 class Outage(NamedTuple):
     """How far a solution went from the reference while its fixes were withheld."""
-    start: float                # s
-    stop: float                 # s
-    horizontal_max: float       # m, largest horizontal error within
-    horizontal_end: float       # m, at the end
-    down_max: float             # m, largest vertical error within
-    rms: np.ndarray             # (3,) m NED
+
+    start: float  # s
+    stop: float  # s
+    horizontal_max: float  # m, largest horizontal error within
+    horizontal_end: float  # m, at the end
+    down_max: float  # m, largest vertical error within
+    rms: np.ndarray  # (3,) m NED
 
 
 def outages(solution, reference, windows):
-    """An Outage for each (start, stop) window in s, both included, of a solution whose fixes were withheld there (`Recording.hidden`).
+    """An Outage for each (start, stop) window in s, both included, of a solution whose fixes were
+    withheld there (`Recording.hidden`).
 
-    Scored at the solution's own times against the reference, without any alignment of the two. Raises DataError where one covers no time of the other.
+    Scored at the solution's own times against the reference, without any alignment of the two.
+    Raises DataError where one covers no time of the other.
     """
     return outages_of(errors(solution, reference), windows)
 
@@ -197,19 +259,33 @@ def outages(solution, reference, windows):
 def outages_of(e, windows):
     """As `outages`, of the Errors of a solution."""
     if e.position is None or not any_known(e.horizontal):
-        raise DataError("outages are scored by position, which solution and reference have not both; choose another filter")
+        raise DataError(
+            "outages are scored by position, which solution and reference have not both; choose another filter"
+        )
     scores = []
     for start, stop in windows:
         inside = (e.t >= start) & (e.t <= stop) & np.isfinite(e.position).all(axis=1)
         if not inside.any():
-            raise DataError(f"outage {start:g}-{stop:g} s: solution and reference have no time in common there; choose another window")
+            raise DataError(
+                f"outage {start:g}-{stop:g} s: solution and reference have no time in common there; choose another window"
+            )
         horizontal, p = e.horizontal[inside], e.position[inside]
-        scores.append(Outage(float(start), float(stop), float(horizontal.max()), float(horizontal[-1]), float(abs(p[:, 2]).max()), _rms(p)))
+        scores.append(
+            Outage(
+                float(start),
+                float(stop),
+                float(horizontal.max()),
+                float(horizontal[-1]),
+                float(abs(p[:, 2]).max()),
+                _rms(p),
+            )
+        )
     return scores
 
 
 def moving_windows(reference, count, length, every, after, speed):
-    """`count` windows of `length` s, one `every` s, the first `after` s past the first time that the reference is faster than `speed` m/s."""
+    """`count` windows of `length` s, one `every` s, the first `after` s past the first time that
+    the reference is faster than `speed` m/s."""
     if not any_known(reference.v_n):
         raise DataError("the reference has no velocity: windows after a speed cannot be chosen")
     fast = np.hypot(reference.v_n[:, 0], reference.v_n[:, 1]) >= speed

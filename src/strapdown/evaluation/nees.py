@@ -1,16 +1,21 @@
-"""Normalised estimation error squared of many rows at once: e' P^-1 e by Cholesky with the states scaled to their standard deviations."""
+"""Normalised estimation error squared of many rows at once: e' P^-1 e by Cholesky with the
+states scaled to their standard deviations."""
+
 import math
 
 from numba import types
 
 from ..core.jit import kernel
 
-ROWS = types.void(types.float64[:, ::1], types.float64[:, :, ::1], types.float64[:, ::1], types.float64[::1])
+ROWS = types.void(
+    types.float64[:, ::1], types.float64[:, :, ::1], types.float64[:, ::1], types.float64[::1]
+)
 
 
 @kernel(ROWS)
 def normalised_rows(error, covariance, work, out):
-    """out[k] = e_k' P_k^-1 e_k of errors (n, s) and covariances (n, s, s); NaN where P is not positive definite. `work` is (s + 2, s)."""
+    """out[k] = e_k' P_k^-1 e_k of errors (n, s) and covariances (n, s, s); NaN where P is not
+    positive definite. `work` is (s + 2, s)."""
     n, s = error.shape
     scale, y = work[s], work[s + 1]
     for k in range(n):
@@ -28,7 +33,9 @@ def normalised_rows(error, covariance, work, out):
                     work[i, j] = value * work[j, j]
                     y[i] -= work[i, j] * y[j]
                 else:
-                    work[i, i] = 1 / math.sqrt(value) if value > 0 else math.nan     # the inverse of the diagonal
+                    work[i, i] = (
+                        1 / math.sqrt(value) if value > 0 else math.nan
+                    )  # the inverse of the diagonal
             y[i] *= work[i, i]
             total += y[i] * y[i]
         out[k] = total

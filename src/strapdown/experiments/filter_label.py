@@ -1,10 +1,15 @@
-"""Filters by label: a name, or a name with options, as studies, comparisons and their tables have them."""
+"""Filters by label: a name, or a name with options, as studies, comparisons and their tables
+have them."""
+
 from .. import filters
 from ..core.contract import STATES, Noise, Start
 from ..data import DataError
 from ..engine.batch import check_options, found, new_belief
 
-ANYWHERE, STILL = Start(0.0, (0.0, 0.0, 0.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * STATES), Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+ANYWHERE, STILL = (
+    Start(0.0, (0.0, 0.0, 0.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * STATES),
+    Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+)
 """A start and a noise that any filter takes, to try its options with."""
 
 
@@ -13,21 +18,28 @@ def parsed(label):
     name, _, rest = label.partition(":")
     pairs = [item.partition("=") for item in rest.split(",") if item.strip()]
     if wrong := [key for key, equals, _ in pairs if not equals]:
-        raise DataError(f"filter {label!r}: {wrong[0]!r} is no option with a value; write {name}:option=value,option=value")
+        raise DataError(
+            f"filter {label!r}: {wrong[0]!r} is no option with a value; write {name}:option=value,option=value"
+        )
     return tried(name, {key.strip(): _value(value) for key, _, value in pairs})
 
 
 def tried(name, options):
-    """(Filter, options) where there is a filter of that name and it takes these options. Raises DataError."""
+    """(Filter, options) where there is a filter of that name and it takes these options. Raises
+    DataError."""
     filter = found(filters.find, name)
     check_options(filter, options)
-    new_belief(filter, ANYWHERE, STILL, options, ())    # refuses values
+    new_belief(filter, ANYWHERE, STILL, options, ())  # refuses values
     return filter, options
 
 
 def labelled(name, options):
-    """The label of a filter with options, as `parsed` reads it; the same options always have the same label."""
-    texts = {key: value if isinstance(value, str) else format(value, ".12g") for key, value in sorted(options.items())}
+    """The label of a filter with options, as `parsed` reads it; the same options always have the
+    same label."""
+    texts = {
+        key: value if isinstance(value, str) else format(value, ".12g")
+        for key, value in sorted(options.items())
+    }
     return name + ":" * bool(texts) + ",".join(f"{key}={text}" for key, text in texts.items())
 
 

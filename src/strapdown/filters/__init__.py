@@ -1,4 +1,6 @@
-"""Filter architectures by family. A filter's name is its file's name with dashes, in whatever folder; the file ends in one `Filter(...)` value."""
+"""Filter architectures by family. A filter's name is its file's name with dashes, in whatever
+folder; the file ends in one `Filter(...)` value."""
+
 import copyreg
 import importlib
 from difflib import get_close_matches
@@ -10,21 +12,39 @@ from ..core.contract import Filter
 
 @cache
 def _modules():
-    """{name: module} of every file below this folder; those that hold no filter are what a family shares."""
-    files = sorted(file.relative_to(folder).with_suffix("") for folder in __path__ for file in Path(folder).rglob("*.py") if file.stem != "__init__")
-    found = {file.stem.replace("_", "-"): ".".join((__name__, *file.parts)) for file in sorted(files, key=lambda file: file.stem)}
+    """{name: module} of every file below this folder; those that hold no filter are what a
+    family shares."""
+    files = sorted(
+        file.relative_to(folder).with_suffix("")
+        for folder in __path__
+        for file in Path(folder).rglob("*.py")
+        if file.stem != "__init__"
+    )
+    found = {
+        file.stem.replace("_", "-"): ".".join((__name__, *file.parts))
+        for file in sorted(files, key=lambda file: file.stem)
+    }
     if len(found) < len(files):
         raise RuntimeError(f"two files below {__name__} have one name")
     return found
 
 
-copyreg.pickle(Filter, lambda filter: (find, (filter.name,)))   # kernels are no data: another process finds the filter by its name
+copyreg.pickle(
+    Filter, lambda filter: (find, (filter.name,))
+)  # kernels are no data: another process finds the filter by its name
 
 
 def _filter(name):
     """The Filter that the file of that name holds, or None."""
     module = _modules().get(name)
-    return module and next((value for value in vars(importlib.import_module(module)).values() if isinstance(value, Filter) and value.name == name), None)
+    return module and next(
+        (
+            value
+            for value in vars(importlib.import_module(module)).values()
+            if isinstance(value, Filter) and value.name == name
+        ),
+        None,
+    )
 
 
 @cache
@@ -34,13 +54,18 @@ def names():
 
 
 def find(name):
-    """The Filter of that name; only its own file is imported. Raises ValueError with the nearest name."""
+    """The Filter of that name; only its own file is imported. Raises ValueError with the nearest
+    name."""
     if isinstance(name, Filter):
         return name
     if not (found := _filter(name)):
         near = get_close_matches(str(name), names(), 1)
-        raise ValueError(f"no filter is called {name!r}; {f'did you mean {near[0]!r}? ' if near else ''}there are: {', '.join(names())}")
+        raise ValueError(
+            f"no filter is called {name!r}; {f'did you mean {near[0]!r}? ' if near else ''}there are: {', '.join(names())}"
+        )
     return found
 
 
-copyreg.pickle(Filter, lambda filter: (find, (filter.name,)))   # kernels are no data: another process finds the filter by its name
+copyreg.pickle(
+    Filter, lambda filter: (find, (filter.name,))
+)  # kernels are no data: another process finds the filter by its name

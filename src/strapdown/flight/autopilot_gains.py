@@ -1,8 +1,11 @@
-"""Gains of the autopilot from an aircraft's trim and its linear model: each loop by pole placement, the outer ones slower than the inner ones.
+"""Gains of the autopilot from an aircraft's trim and its linear model: each loop by pole placement,
+the outer ones slower than the inner ones.
 
-Proportional gains of the inner loops spend the travel of a control on the largest error that is expected; damping places the poles. What the rules
-need of the aircraft are its derivatives; no number belongs to one aircraft. Source: Beard & McLain (2012), sections 5.4 and 6.3, 6.4.
+Proportional gains of the inner loops spend the travel of a control on the largest error that is
+expected; damping places the poles. What the rules need of the aircraft are its derivatives; no
+number belongs to one aircraft. Source: Beard & McLain (2012), sections 5.4 and 6.3, 6.4.
 """
+
 import math
 from typing import NamedTuple
 
@@ -14,95 +17,153 @@ from .aircraft.modes import STATE_NAMES
 
 DEG = math.pi / 180
 ROLL_ERROR, PITCH_ERROR, SPEED_ERROR = 45 * DEG, 15 * DEG, 0.2
-"""Errors that spend the travel of aileron and elevator from trim to the nearer stop; and half the throttle's travel, as a share of the airspeed."""
+"""Errors that spend the travel of aileron and elevator from trim to the nearer stop; and half
+the throttle's travel, as a share of the airspeed."""
 DAMPING, DUTCH_ROLL = 0.9, 0.7
-"""Damping ratios of roll and pitch, and of the Dutch roll that the yaw damper brings about where it is lower."""
+"""Damping ratios of roll and pitch, and of the Dutch roll that the yaw damper brings about where
+it is lower."""
 SEPARATION, FOLLOWING = 5.0, 3.0
-"""How much slower course is than roll, height than pitch; and following a line than holding a course."""
-INTEGRAL = 8.0         # squared proportional rate over the integral one: two real poles, 6 % overshoot of a step at most
+"""How much slower course is than roll, height than pitch; and following a line than holding a
+course."""
+# squared proportional rate over the integral one: two real poles, 6 % overshoot of a step at most
+INTEGRAL = 8.0
 ROLL_MOST, PITCH_MOST, CLIMB_MOST, COURSE_ZONE = 45 * DEG, 20 * DEG, 8 * DEG, 20 * DEG
-LEAST_TRAVEL = 0.1 * DEG       # of aileron and elevator from their trim
+LEAST_TRAVEL = 0.1 * DEG  # of aileron and elevator from their trim
 
 
 class Gains(NamedTuple):
     """Gains of the loops, SI and radians; signs are those of the controls' effects."""
-    roll_p: float           # aileron per rad of roll
-    roll_d: float           # aileron per rad/s
-    course_p: float         # rad/s of course per rad
-    course_i: float         # 1/s^2
-    pitch_p: float          # elevator per rad of pitch
-    pitch_d: float          # elevator per rad/s
-    height_p: float         # rad of climb per m
-    height_i: float         # rad of climb per m s
-    airspeed_p: float       # throttle per m/s
-    airspeed_i: float       # throttle per m
-    yaw_d: float            # rudder per rad/s beside the rate of a coordinated turn
-    line: float             # 1/s: how fast a line is approached
-    turn_pitch: float       # rad of pitch per (1 - cos roll)
-    turn_elevator: float    # rad of elevator per (1/cos roll - 1)
+
+    roll_p: float  # aileron per rad of roll
+    roll_d: float  # aileron per rad/s
+    course_p: float  # rad/s of course per rad
+    course_i: float  # 1/s^2
+    pitch_p: float  # elevator per rad of pitch
+    pitch_d: float  # elevator per rad/s
+    height_p: float  # rad of climb per m
+    height_i: float  # rad of climb per m s
+    airspeed_p: float  # throttle per m/s
+    airspeed_i: float  # throttle per m
+    yaw_d: float  # rudder per rad/s beside the rate of a coordinated turn
+    line: float  # 1/s: how fast a line is approached
+    turn_pitch: float  # rad of pitch per (1 - cos roll)
+    turn_elevator: float  # rad of elevator per (1/cos roll - 1)
 
 
 def gains(aircraft, trim, modes, gravity):
-    """The Gains of an Aircraft from its Trim and Modes (aircraft.trim, aircraft.modes). Raises DataError where a control has no effect."""
+    """The Gains of an Aircraft from its Trim and Modes (aircraft.trim, aircraft.modes). Raises
+    DataError where a control has no effect."""
     A, B, V = modes.A, modes.B, trim.airspeed
     row = {name: i for i, name in enumerate(STATE_NAMES)}
     state = lambda to, of: float(A[row[to], row[of]])
     elevator, aileron, rudder, throttle = (lambda to, i=i: float(B[row[to], i]) for i in range(4))
-    for name, effect in (("elevator", elevator("q")), ("aileron", aileron("p")), ("throttle", throttle("u"))):
+    for name, effect in (
+        ("elevator", elevator("q")),
+        ("aileron", aileron("p")),
+        ("throttle", throttle("u")),
+    ):
         if not abs(effect) > 1e-6:
-            raise DataError(f"aircraft {aircraft.name!r}: the {name} has no effect in trim at {V:g} m/s; an autopilot cannot fly it")
-    roll_p, roll_d, roll_rate = _inner(-state("p", "p"), 0.0, aileron("p"), _travel(aircraft, trim, 1, "aileron") / ROLL_ERROR)
-    pitch_p, pitch_d, pitch_rate = _inner(-state("q", "q"), -state("q", "w") * V, elevator("q"), _travel(aircraft, trim, 0, "elevator") / PITCH_ERROR)
+            raise DataError(
+                f"aircraft {aircraft.name!r}: the {name} has no effect in trim at {V:g} m/s; an autopilot cannot fly it"
+            )
+    roll_p, roll_d, roll_rate = _inner(
+        -state("p", "p"), 0.0, aileron("p"), _travel(aircraft, trim, 1, "aileron") / ROLL_ERROR
+    )
+    pitch_p, pitch_d, pitch_rate = _inner(
+        -state("q", "q"),
+        -state("q", "w") * V,
+        elevator("q"),
+        _travel(aircraft, trim, 0, "elevator") / PITCH_ERROR,
+    )
     course, height = roll_rate / SEPARATION, min(pitch_rate, -state("w", "w")) / SEPARATION
     speed_p = 0.5 / (SPEED_ERROR * V)
     speed = throttle("u") * speed_p - state("u", "u")
-    lift = gravity / (-state("w", "w") * V)      # rad of angle of attack that carry the weight
+    lift = gravity / (-state("w", "w") * V)  # rad of angle of attack that carry the weight
     stiffness = state("q", "w") * V * lift + 2 * state("q", "q") * gravity / V
-    return Gains(roll_p, roll_d, course, course ** 2 / INTEGRAL, pitch_p, pitch_d, height / V, height ** 2 / INTEGRAL / V, speed_p,
-                 speed ** 2 / INTEGRAL / throttle("u"), _yaw_damper(state, rudder("r"), V), course / FOLLOWING, lift - trim.alpha,
-                 -stiffness / elevator("q"))
+    return Gains(
+        roll_p,
+        roll_d,
+        course,
+        course**2 / INTEGRAL,
+        pitch_p,
+        pitch_d,
+        height / V,
+        height**2 / INTEGRAL / V,
+        speed_p,
+        speed**2 / INTEGRAL / throttle("u"),
+        _yaw_damper(state, rudder("r"), V),
+        course / FOLLOWING,
+        lift - trim.alpha,
+        -stiffness / elevator("q"),
+    )
 
 
 def pilot_array(gains, aircraft, trim, origin, scales, gravity):
-    """What autopilot.steer reads, (PILOT_SIZE,): Gains, limits, origin of the route (rad, rad, m), metres per rad north and east, gravity (m/s^2)."""
+    """What autopilot.steer reads, (PILOT_SIZE,): Gains, limits, origin of the route (rad, rad,
+    m), metres per rad north and east, gravity (m/s^2)."""
     pilot = np.zeros(p.PILOT_SIZE)
-    for name, place in (("roll_p", p.ROLL_P), ("roll_d", p.ROLL_D), ("course_p", p.COURSE_P), ("course_i", p.COURSE_I), ("pitch_p", p.PITCH_P),
-                        ("pitch_d", p.PITCH_D), ("height_p", p.HEIGHT_P), ("height_i", p.HEIGHT_I), ("airspeed_p", p.SPEED_P),
-                        ("airspeed_i", p.SPEED_I), ("yaw_d", p.YAW_D), ("line", p.LINE), ("turn_pitch", p.TURN_PITCH),
-                        ("turn_elevator", p.TURN_ELEVATOR)):
+    for name, place in (
+        ("roll_p", p.ROLL_P),
+        ("roll_d", p.ROLL_D),
+        ("course_p", p.COURSE_P),
+        ("course_i", p.COURSE_I),
+        ("pitch_p", p.PITCH_P),
+        ("pitch_d", p.PITCH_D),
+        ("height_p", p.HEIGHT_P),
+        ("height_i", p.HEIGHT_I),
+        ("airspeed_p", p.SPEED_P),
+        ("airspeed_i", p.SPEED_I),
+        ("yaw_d", p.YAW_D),
+        ("line", p.LINE),
+        ("turn_pitch", p.TURN_PITCH),
+        ("turn_elevator", p.TURN_ELEVATOR),
+    ):
         pilot[place] = getattr(gains, name)
     pilot[p.COURSE_ZONE], pilot[p.HEIGHT_ZONE] = COURSE_ZONE, CLIMB_MOST / gains.height_p
     pilot[p.ROLL_MOST], pilot[p.PITCH_MOST] = ROLL_MOST, PITCH_MOST
-    pilot[p.NORTH_SCALE], pilot[p.EAST_SCALE], pilot[p.ORIGIN_LAT], pilot[p.ORIGIN_LON] = *scales, *origin[:2]
+    pilot[p.NORTH_SCALE], pilot[p.EAST_SCALE], pilot[p.ORIGIN_LAT], pilot[p.ORIGIN_LON] = (
+        *scales,
+        *origin[:2],
+    )
     pilot[p.GRAVITY], pilot[p.TRIM_PITCH] = gravity, trim.pitch
-    pilot[p.TRIM:p.TRIM + 4] = trim.commands
+    pilot[p.TRIM : p.TRIM + 4] = trim.commands
     for i, control in enumerate(("elevator", "aileron", "rudder", "throttle")):
         pilot[p.LOW + i], pilot[p.HIGH + i] = aircraft[f"{control}_min"], aircraft[f"{control}_max"]
     return pilot
 
 
 def _inner(damping, stiffness, effect, gain):
-    """(proportional gain, damping gain, bandwidth in rad/s) of angle'' = -damping angle' - stiffness angle + effect control."""
+    """(proportional gain, damping gain, bandwidth in rad/s) of angle'' = -damping angle' -
+    stiffness angle + effect control."""
     p_gain = math.copysign(gain, effect)
     square = max(stiffness + effect * p_gain, effect * p_gain)
     lacking = 2 * DAMPING * math.sqrt(square) - damping
     d_gain = max(lacking, 0.0) / effect
     half = 0.5 * (damping + effect * d_gain)
     root = math.sqrt(max(half * half - square, 0.0))
-    return p_gain, d_gain, square / (half + root)      # of two real poles the slower one
+    return p_gain, d_gain, square / (half + root)  # of two real poles the slower one
 
 
 def _travel(aircraft, trim, i, control):
-    """rad from the trim's position of a control to its nearer stop. Raises DataError where it stands there."""
-    left = float(min(aircraft[f"{control}_max"] - trim.commands[i], trim.commands[i] - aircraft[f"{control}_min"]))
+    """rad from the trim's position of a control to its nearer stop. Raises DataError where it
+    stands there."""
+    left = float(
+        min(
+            aircraft[f"{control}_max"] - trim.commands[i],
+            trim.commands[i] - aircraft[f"{control}_min"],
+        )
+    )
     if not left > LEAST_TRAVEL:
-        raise DataError(f"aircraft {aircraft.name!r}: in trim at {trim.airspeed:g} m/s the {control} stands at its stop, and no autopilot can "
-                        "move it both ways; fly at another airspeed")
+        raise DataError(
+            f"aircraft {aircraft.name!r}: in trim at {trim.airspeed:g} m/s the {control} stands at its stop, and no autopilot can "
+            "move it both ways; fly at another airspeed"
+        )
     return left
 
 
 def _yaw_damper(state, effect, V):
-    """Rudder per rad/s of yaw that gives the Dutch roll its damping; 0 where it has it, or where there is no rudder."""
+    """Rudder per rad/s of yaw that gives the Dutch roll its damping; 0 where it has it, or where
+    there is no rudder."""
     stiffness = max(state("r", "v") * V + state("v", "v") * state("r", "r"), 0.0)
     lacking = 2 * DUTCH_ROLL * math.sqrt(stiffness) + state("v", "v") + state("r", "r")
     return max(lacking, 0.0) / effect if abs(effect) > 1e-6 else 0.0

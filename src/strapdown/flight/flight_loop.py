@@ -1,117 +1,252 @@
-"""The loop of a flight, one kernel: air, aircraft, sensors, the filter by the house's own loop one sample at a time, autopilot, log.
+"""The loop of a flight, one kernel: air, aircraft, sensors, the filter by the house's own loop one
+sample at a time, autopilot, log.
 
-The filter runs through `core.loop.run`, so that splitting, gates, gaps and rows are the rules of every other run, and `fuse` on the flight's
-recording gives the flight's own solution bit for bit.
+The filter runs through `core.loop.run`, so that splitting, gates, gaps and rows are the rules of
+every other run, and `fuse` on the flight's recording gives the flight's own solution bit for bit.
 """
+
 import math
 from typing import NamedTuple
 
 import numpy as np
 from numba import types
 
-from ..aiding.pressure import EXPONENT, LAPSE, P_0, P_TOP, PRESSURE, PRESSURE_ALTITUDE, SCALE_TOP, T_0, TOP, pressure_altitude
+from ..aiding.pressure import (
+    EXPONENT,
+    LAPSE,
+    P_0,
+    P_TOP,
+    PRESSURE,
+    PRESSURE_ALTITUDE,
+    SCALE_TOP,
+    T_0,
+    TOP,
+    pressure_altitude,
+)
 from ..core import loop
-from ..core.jit import COMPILED, caller, helper, inlined, kernel, matrix
 from ..core.contract import POSITION_KIND, RUN
 from ..core.earth import radii
+from ..core.jit import COMPILED, caller, helper, inlined, kernel, matrix
 from ..core.rotation import matrix_to_quaternion, turned, wrap
 from .aircraft.dynamics import AIRSPEED as AIR_SPEED
-from .aircraft.dynamics import ALPHA, CONTROLS, EVALUATE_SIGNATURE, OMEGA, OUTPUTS, PROPELLER, QUATERNION, STEP_SIGNATURE, VELOCITY
+from .aircraft.dynamics import (
+    ALPHA,
+    CONTROLS,
+    EVALUATE_SIGNATURE,
+    OMEGA,
+    OUTPUTS,
+    PROPELLER,
+    QUATERNION,
+    STEP_SIGNATURE,
+    VELOCITY,
+)
 from .aircraft.wind import GUST_SIGNATURE, SD_U
-from .autopilot import AIRSPEED, COURSE, PITCH, SEGMENT, TRIM_PITCH, deviation, height_along, metres, steer
+from .autopilot import (
+    AIRSPEED,
+    COURSE,
+    PITCH,
+    SEGMENT,
+    TRIM_PITCH,
+    deviation,
+    height_along,
+    metres,
+    steer,
+)
 
 DISTORTION, STEP_SIZE, FULL_SCALE, COUNTER, COUNTED, IMU_SIZE = 0, 27, 29, 31, 37, 43
-"""Numbers of the IMU's errors: three (3, 3) (rotation to measured rotation, velocity increment to it, velocity increment to itself), steps of counted
-increments and full scales (gyro, accelerometer; 0: none), the six counters before they are cut to whole steps, and after."""
+"""Numbers of the IMU's errors: three (3, 3) (rotation to measured rotation, velocity increment
+to it, velocity increment to itself), steps of counted increments and full scales (gyro,
+accelerometer; 0: none), the six counters before they are cut to whole steps, and after."""
 ROW, LAST, CAUSE, FILLED, BY_TRUTH, BY_MODEL, INPUTS, STALLED, AT_SIZE = range(9)
-"""Journal.at: next row, where to stop, why the flight ended, fixes measured so far, 1: the autopilot flies by the truth, 1: the aircraft's model
-predicts while the receiver is cut, first of the filter's inputs in workspace (-1: it takes none), samples in a row beyond the stall."""
+"""Journal.at: next row, where to stop, why the flight ended, fixes measured so far, 1: the
+autopilot flies by the truth, 1: the aircraft's model predicts while the receiver is cut, first
+of the filter's inputs in workspace (-1: it takes none), samples in a row beyond the stall."""
 FLYING, GROUND, STALL, ATTITUDE, NUMBER, FILTER = range(6)
-COMMANDED, ACTUAL, OUTPUT_COLUMNS, BODY_VELOCITY, RATES, WIND, ASKED, OFF, LEG, CUT, LOG_WIDTH = 0, 4, 8, 18, 21, 24, 27, 32, 34, 35, 36
-"""Columns of the log: commands, positions of the controls, what `evaluate` tells up to the propeller's speed, velocity over ground and rates in body
-axes, wind, what the autopilot asks for, how far the aircraft is off its route, row of the route, whether the model predicts. flight.LOG names them."""
-MODEL_U, CONTROLS_BEFORE, TRUE_C, RATE_ROWS, TOLD, LOADS, SLOPES, WORK_SIZE = 6, 12, 16, 25, 44, 53, 53 + OUTPUTS, 59 + OUTPUTS
-STALL_PATIENCE = 1.0            # s
-STEEPEST = math.sin(math.radians(85.0))     # of the pitch, beyond which the attitude counts as lost
+COMMANDED, ACTUAL, OUTPUT_COLUMNS, BODY_VELOCITY, RATES, WIND, ASKED, OFF, LEG, CUT, LOG_WIDTH = (
+    0,
+    4,
+    8,
+    18,
+    21,
+    24,
+    27,
+    32,
+    34,
+    35,
+    36,
+)
+"""Columns of the log: commands, positions of the controls, what `evaluate` tells up to the
+propeller's speed, velocity over ground and rates in body axes, wind, what the autopilot asks
+for, how far the aircraft is off its route, row of the route, whether the model predicts.
+flight.LOG names them."""
+MODEL_U, CONTROLS_BEFORE, TRUE_C, RATE_ROWS, TOLD, LOADS, SLOPES, WORK_SIZE = (
+    6,
+    12,
+    16,
+    25,
+    44,
+    53,
+    53 + OUTPUTS,
+    59 + OUTPUTS,
+)
+STALL_PATIENCE = 1.0  # s
+STEEPEST = math.sin(math.radians(85.0))  # of the pitch, beyond which the attitude counts as lost
 
 
 class Vehicle(NamedTuple):
     """The aircraft in its air."""
+
     parameters: np.ndarray  # of the aircraft
-    state: np.ndarray       # (17,) see aircraft.dynamics
-    commands: np.ndarray    # (4,)
-    wind: np.ndarray        # (9,) steady (NED), gust velocity (body), gust rates
-    model: np.ndarray       # (17,) the aircraft that predicts while the receiver is cut
+    state: np.ndarray  # (17,) see aircraft.dynamics
+    commands: np.ndarray  # (4,)
+    wind: np.ndarray  # (9,) steady (NED), gust velocity (body), gust rates
+    model: np.ndarray  # (17,) the aircraft that predicts while the receiver is cut
     turbulence: np.ndarray  # numbers of the gusts
-    gusts: np.ndarray       # their state
-    normals: np.ndarray     # (n, k) white normals
-    limits: np.ndarray      # height of the ground, m; largest angle of attack, rad
-    work: np.ndarray        # increments, the model's increments, controls before the step, C_nb, rates, the wind that is told,
-                            # outputs, mean rates of change of velocity and body rates over the sample
+    gusts: np.ndarray  # their state
+    normals: np.ndarray  # (n, k) white normals
+    limits: np.ndarray  # height of the ground, m; largest angle of attack, rad
+    # increments, the model's increments, controls before the step, C_nb, rates, the wind that is
+    # told,
+    work: np.ndarray
+    # outputs, mean rates of change of velocity and body rates over the sample
 
 
 class Steering(NamedTuple):
     """The autopilot, see autopilot.py."""
+
     pilot: np.ndarray
     memory: np.ndarray
     route: np.ndarray
-    wind: np.ndarray        # (3,) m/s NED: the steady wind it is told
+    wind: np.ndarray  # (3,) m/s NED: the steady wind it is told
 
 
 class Errors(NamedTuple):
     """What the sensors add."""
-    dtheta: np.ndarray      # (n, 3) rad
-    dv: np.ndarray          # (n, 3) m/s
-    numbers: np.ndarray     # (IMU_SIZE,)
-    fix: np.ndarray         # (m, 3) in the order of the fixes: m or m/s, NED; of a barometer Pa, and the ellipsoidal height of its zero, m
-    measured: np.ndarray    # (m,) s: when each is measured; the receiver's are stamped later by its latency
-    order: np.ndarray       # int64 (m,): the fixes in the order in which they are measured
+
+    dtheta: np.ndarray  # (n, 3) rad
+    dv: np.ndarray  # (n, 3) m/s
+    numbers: np.ndarray  # (IMU_SIZE,)
+    # (m, 3) in the order of the fixes: m or m/s, NED; of a barometer Pa, and the ellipsoidal height
+    # of its zero, m
+    fix: np.ndarray
+    measured: (
+        np.ndarray
+    )  # (m,) s: when each is measured; the receiver's are stamped later by its latency
+    order: np.ndarray  # int64 (m,): the fixes in the order in which they are measured
 
 
 class Journal(NamedTuple):
     """What happened."""
-    lla: np.ndarray         # (n + 1, 3)
-    v: np.ndarray           # (n + 1, 3)
-    q: np.ndarray           # (n + 1, 4)
-    log: np.ndarray         # (n, LOG_WIDTH)
-    cut: np.ndarray         # int64 (n,): 1 where the receiver is cut
-    at: np.ndarray          # int64
+
+    lla: np.ndarray  # (n + 1, 3)
+    v: np.ndarray  # (n + 1, 3)
+    q: np.ndarray  # (n + 1, 4)
+    log: np.ndarray  # (n, LOG_WIDTH)
+    cut: np.ndarray  # int64 (n,): 1 where the receiver is cut
+    at: np.ndarray  # int64
 
 
 if COMPILED:
     from ..core.contract import BELIEF, CURSOR, FIXES, IMU, NOISE, OUTPUT
+
     _i8 = types.int64
-    _line, _table, _count = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C"), types.Array(_i8, 1, "C")
+    _line, _table, _count = (
+        types.Array(types.float64, 1, "C"),
+        types.Array(types.float64, 2, "C"),
+        types.Array(_i8, 1, "C"),
+    )
     _named = lambda cls, *fields: types.NamedTuple(fields, cls)
-    FLY = types.void(_i8, _i8, _i8, _i8, _i8, _i8, _count, BELIEF, IMU, FIXES, NOISE, NOISE, CURSOR, OUTPUT,
-                     _named(Vehicle, _line, _line, _line, _line, _line, _line, _line, _table, _line, _line),
-                     _named(Steering, _line, _line, _table, _line), _named(Errors, _table, _table, _line, _table, _line, _count),
-                     _named(Journal, _table, _table, _table, _table, _count, _count))
+    FLY = types.void(
+        _i8,
+        _i8,
+        _i8,
+        _i8,
+        _i8,
+        _i8,
+        _count,
+        BELIEF,
+        IMU,
+        FIXES,
+        NOISE,
+        NOISE,
+        CURSOR,
+        OUTPUT,
+        _named(Vehicle, _line, _line, _line, _line, _line, _line, _line, _table, _line, _line),
+        _named(Steering, _line, _line, _table, _line),
+        _named(Errors, _table, _table, _line, _table, _line, _count),
+        _named(Journal, _table, _table, _table, _table, _count, _count),
+    )
 else:
     FLY = "fly"
-run_at, step_at, evaluate_at, gust_at = caller(RUN), caller(STEP_SIGNATURE), caller(EVALUATE_SIGNATURE), caller(GUST_SIGNATURE)
+run_at, step_at, evaluate_at, gust_at = (
+    caller(RUN),
+    caller(STEP_SIGNATURE),
+    caller(EVALUATE_SIGNATURE),
+    caller(GUST_SIGNATURE),
+)
 
 
 @kernel(FLY)
-def fly(step, evaluate, gust, run, predict, correct, observers, belief, imu, fixes, noise, model_noise, cursor, out, vehicle, steering, errors,
-        journal):
-    """Fly the samples at[ROW] to at[LAST]; stops early, with at[CAUSE], where the flight ends. Commands must stand for the first sample."""
-    at, state, work, told = journal.at, vehicle.state, vehicle.work, vehicle.work[TOLD:TOLD + 9]
+def fly(
+    step,
+    evaluate,
+    gust,
+    run,
+    predict,
+    correct,
+    observers,
+    belief,
+    imu,
+    fixes,
+    noise,
+    model_noise,
+    cursor,
+    out,
+    vehicle,
+    steering,
+    errors,
+    journal,
+):
+    """Fly the samples at[ROW] to at[LAST]; stops early, with at[CAUSE], where the flight ends.
+    Commands must stand for the first sample."""
+    at, state, work, told = journal.at, vehicle.state, vehicle.work, vehicle.work[TOLD : TOLD + 9]
     C = matrix(work, TRUE_C, 3, 3)
     for row in range(at[ROW], at[LAST]):
         t, dt, cut = imu.t[row], imu.dt[row], journal.cut[row] * at[BY_MODEL]
         imagined = cut == 1 and at[INPUTS] < 0
         if vehicle.turbulence[SD_U] > 0:
-            gust_at(gust)(vehicle.turbulence, vehicle.gusts, vehicle.normals[row], work[LOADS + AIR_SPEED], dt, vehicle.wind)
+            gust_at(gust)(
+                vehicle.turbulence,
+                vehicle.gusts,
+                vehicle.normals[row],
+                work[LOADS + AIR_SPEED],
+                dt,
+                vehicle.wind,
+            )
         _move(step, vehicle, dt, C)
         if imagined:
             _set_model(vehicle.model, belief)
-            step_at(step)(vehicle.parameters, vehicle.model, vehicle.commands, told, dt, work[MODEL_U:MODEL_U + 6])
+            step_at(step)(
+                vehicle.parameters,
+                vehicle.model,
+                vehicle.commands,
+                told,
+                dt,
+                work[MODEL_U : MODEL_U + 6],
+            )
             for i in range(3):
                 imu.dtheta[row, i] = work[MODEL_U + i] + belief.bg[i] * dt
                 imu.dv[row, i] = work[MODEL_U + 3 + i] + belief.ba[i] * dt
         else:
-            _measure(work, errors.numbers, errors.dtheta[row], errors.dv[row], dt, imu.dtheta[row], imu.dv[row])
+            _measure(
+                work,
+                errors.numbers,
+                errors.dtheta[row],
+                errors.dv[row],
+                dt,
+                imu.dtheta[row],
+                imu.dv[row],
+            )
         if at[INPUTS] >= 0:
             _tell(belief.workspace, at[INPUTS], cut, work, state, steering.wind, dt)
         _fill(errors, fixes, at, state, C, t, work[SLOPES:WORK_SIZE])
@@ -122,13 +257,44 @@ def fly(step, evaluate, gust, run, predict, correct, observers, belief, imu, fix
             run_at(run)(predict, correct, observers, belief, imu, fixes, noise, cursor, out)
             _learn(vehicle.model, state, belief)
         if at[BY_TRUTH] == 1:
-            steer(steering.pilot, steering.memory, steering.route, state[0:3], state[VELOCITY:QUATERNION], C, state[OMEGA:CONTROLS], steering.wind,
-                  dt, vehicle.commands)
+            steer(
+                steering.pilot,
+                steering.memory,
+                steering.route,
+                state[0:3],
+                state[VELOCITY:QUATERNION],
+                C,
+                state[OMEGA:CONTROLS],
+                steering.wind,
+                dt,
+                vehicle.commands,
+            )
         elif cursor.at[loop.FAULT] == 0:
-            steer(steering.pilot, steering.memory, steering.route, belief.lla, belief.v, belief.C, belief.omega, steering.wind, dt, vehicle.commands)
-        evaluate_at(evaluate)(vehicle.parameters, state, vehicle.wind, work[RATE_ROWS:TOLD], work[LOADS:LOADS + OUTPUTS])
+            steer(
+                steering.pilot,
+                steering.memory,
+                steering.route,
+                belief.lla,
+                belief.v,
+                belief.C,
+                belief.omega,
+                steering.wind,
+                dt,
+                vehicle.commands,
+            )
+        evaluate_at(evaluate)(
+            vehicle.parameters,
+            state,
+            vehicle.wind,
+            work[RATE_ROWS:TOLD],
+            work[LOADS : LOADS + OUTPUTS],
+        )
         _write(journal, row, vehicle, steering, C, cut)
-        at[CAUSE] = FILTER if cursor.at[loop.FAULT] else _cause(state, C, vehicle.limits, work[LOADS + ALPHA], at, dt)
+        at[CAUSE] = (
+            FILTER
+            if cursor.at[loop.FAULT]
+            else _cause(state, C, vehicle.limits, work[LOADS + ALPHA], at, dt)
+        )
         at[ROW] = row + 1
         if at[CAUSE] != FLYING:
             return
@@ -136,7 +302,8 @@ def fly(step, evaluate, gust, run, predict, correct, observers, belief, imu, fix
 
 @inlined
 def _move(step, vehicle, dt, C):
-    """Move the aircraft by a sample; leaves its controls before, its increments and mean rates of change in `work`, its attitude in C."""
+    """Move the aircraft by a sample; leaves its controls before, its increments and mean rates
+    of change in `work`, its attitude in C."""
     state, work = vehicle.state, vehicle.work
     for i in range(3):
         work[SLOPES + i], work[SLOPES + 3 + i] = -state[VELOCITY + i] / dt, -state[OMEGA + i] / dt
@@ -160,7 +327,8 @@ def _attitude(q, C):
 
 @helper
 def _set_model(model, belief):
-    """Position, velocity and attitude of the model from the belief; its rates and its controls go on."""
+    """Position, velocity and attitude of the model from the belief; its rates and its controls
+    go on."""
     for i in range(3):
         model[i], model[VELOCITY + i] = belief.lla[i], belief.v[i]
     matrix_to_quaternion(belief.C, model[QUATERNION:OMEGA])
@@ -168,7 +336,8 @@ def _set_model(model, belief):
 
 @helper
 def _learn(model, state, belief):
-    """Rates of the model from the belief, as long as gyros are used; controls from the commands, which the model follows as the aircraft does."""
+    """Rates of the model from the belief, as long as gyros are used; controls from the commands,
+    which the model follows as the aircraft does."""
     for i in range(3):
         model[OMEGA + i] = belief.omega[i]
     for i in range(4):
@@ -180,9 +349,23 @@ def _measure(true, numbers, add_theta, add_v, dt, dtheta, dv):
     """The increments as the IMU measures them: distortion, bias and noise, counting, full scale."""
     for i in range(3):
         g, m, a = DISTORTION + 3 * i, DISTORTION + 9 + 3 * i, DISTORTION + 18 + 3 * i
-        dtheta[i] = (add_theta[i] + numbers[g] * true[0] + numbers[g + 1] * true[1] + numbers[g + 2] * true[2]
-                     + numbers[m] * true[3] + numbers[m + 1] * true[4] + numbers[m + 2] * true[5] + true[i])
-        dv[i] = add_v[i] + numbers[a] * true[3] + numbers[a + 1] * true[4] + numbers[a + 2] * true[5] + true[3 + i]
+        dtheta[i] = (
+            add_theta[i]
+            + numbers[g] * true[0]
+            + numbers[g + 1] * true[1]
+            + numbers[g + 2] * true[2]
+            + numbers[m] * true[3]
+            + numbers[m + 1] * true[4]
+            + numbers[m + 2] * true[5]
+            + true[i]
+        )
+        dv[i] = (
+            add_v[i]
+            + numbers[a] * true[3]
+            + numbers[a + 1] * true[4]
+            + numbers[a + 2] * true[5]
+            + true[3 + i]
+        )
         dtheta[i] = _read(numbers, 0, i, dtheta[i], dt)
         dv[i] = _read(numbers, 1, 3 + i, dv[i], dt)
 
@@ -201,7 +384,8 @@ def _read(numbers, sensor, axis, increment, dt):
 
 @helper
 def _tell(workspace, first, cut, work, state, wind, dt):
-    """The filter's inputs: whether the model is to predict, positions of the controls in the middle of the sample, the wind, the sample's seconds."""
+    """The filter's inputs: whether the model is to predict, positions of the controls in the
+    middle of the sample, the wind, the sample's seconds."""
     workspace[first] = float(cut)
     for i in range(4):
         workspace[first + 1 + i] = 0.5 * (work[CONTROLS_BEFORE + i] + state[CONTROLS + i])
@@ -212,12 +396,20 @@ def _tell(workspace, first, cut, work, state, wind, dt):
 
 @helper
 def _fill(errors, fixes, at, state, C, t, slopes):
-    """Measure what is due by t: position and velocity of antennas, pressure, with errors, back from t at the sample's mean accelerations."""
+    """Measure what is due by t: position and velocity of antennas, pressure, with errors, back
+    from t at the sample's mean accelerations."""
     a0, a1, a2 = slopes[0], slopes[1], slopes[2]
-    while at[FILLED] < fixes.t.size and errors.measured[errors.order[at[FILLED]]] <= t + loop.SAME_TIME:
+    while (
+        at[FILLED] < fixes.t.size
+        and errors.measured[errors.order[at[FILLED]]] <= t + loop.SAME_TIME
+    ):
         k = errors.order[at[FILLED]]
         back, s, y, error = t - errors.measured[k], fixes.source[k], fixes.y[k], errors.fix[k]
-        w0, w1, w2 = state[OMEGA] - back * slopes[3], state[OMEGA + 1] - back * slopes[4], state[OMEGA + 2] - back * slopes[5]
+        w0, w1, w2 = (
+            state[OMEGA] - back * slopes[3],
+            state[OMEGA + 1] - back * slopes[4],
+            state[OMEGA + 2] - back * slopes[5],
+        )
         l0, l1, l2 = fixes.parameters[s, 0], fixes.parameters[s, 1], fixes.parameters[s, 2]
         m0, m1, m2 = turned(C, w1 * l2 - w2 * l1, w2 * l0 - w0 * l2, w0 * l1 - w1 * l0)
         if fixes.kind[s] == POSITION_KIND:
@@ -244,7 +436,8 @@ def _fill(errors, fixes, at, state, C, t, slopes):
 
 @helper
 def _pressure(height):
-    """Pressure of the standard atmosphere, Pa, at a height in it, m: `pressure_altitude` backwards."""
+    """Pressure of the standard atmosphere, Pa, at a height in it, m: `pressure_altitude`
+    backwards."""
     if height > TOP:
         return P_TOP * math.exp((TOP - height) / SCALE_TOP)
     return P_0 * (1 - LAPSE * height / T_0) ** (1 / EXPONENT)
@@ -257,14 +450,22 @@ def _write(journal, row, vehicle, steering, C, cut):
     for i in range(3):
         journal.lla[row + 1, i], journal.v[row + 1, i] = state[i], state[VELOCITY + i]
         log[RATES + i] = state[OMEGA + i]
-        log[BODY_VELOCITY + i] = C[0, i] * state[VELOCITY] + C[1, i] * state[VELOCITY + 1] + C[2, i] * state[VELOCITY + 2]
+        log[BODY_VELOCITY + i] = (
+            C[0, i] * state[VELOCITY]
+            + C[1, i] * state[VELOCITY + 1]
+            + C[2, i] * state[VELOCITY + 2]
+        )
     for i in range(4):
         journal.q[row + 1, i] = state[QUATERNION + i]
         log[COMMANDED + i], log[ACTUAL + i] = vehicle.commands[i], state[CONTROLS + i]
     for i in range(PROPELLER + 1):
         log[OUTPUT_COLUMNS + i] = work[LOADS + i]
     g0, g1, g2 = turned(C, vehicle.wind[3], vehicle.wind[4], vehicle.wind[5])
-    log[WIND], log[WIND + 1], log[WIND + 2] = vehicle.wind[0] + g0, vehicle.wind[1] + g1, vehicle.wind[2] + g2
+    log[WIND], log[WIND + 1], log[WIND + 2] = (
+        vehicle.wind[0] + g0,
+        vehicle.wind[1] + g1,
+        vehicle.wind[2] + g2,
+    )
     for i in range(COURSE, AIRSPEED + 1):
         log[ASKED + i - COURSE] = memory[i]
     log[ASKED + PITCH - COURSE] += steering.pilot[TRIM_PITCH]

@@ -1,16 +1,25 @@
-"""An Aircraft flown by JSBSim: an independent engine for the same body, with given positions of the controls."""
+"""An Aircraft flown by JSBSim: an independent engine for the same body, with given positions of
+the controls."""
+
 import numpy as np
 
 from ..data import DataError
 from ..sensor_models.datasheet_units import real
-from .aircraft.dynamics import checked_state
-from .aircraft.parameters import aircraft as find, checked_array
 from ..sim.jsbsim import FOOT, SCALE, STATE, begin, quaternions, session
-from .jsbsim_definition import CONTROLS, jsbsim_definition
 from ..sim.trajectory import EARTH_RATE
+from .aircraft.dynamics import checked_state
+from .aircraft.parameters import aircraft as find
+from .aircraft.parameters import checked_array
+from .jsbsim_definition import CONTROLS, jsbsim_definition
 
-INTEGRATORS = {"rate/rotational": 4, "rate/translational": 4, "position/rotational": 4, "position/translational": 4}
-"""Adams-Bashforth of third order for all; as it comes, JSBSim integrates rotation by the first-order rectangle rule."""
+INTEGRATORS = {
+    "rate/rotational": 4,
+    "rate/translational": 4,
+    "position/rotational": 4,
+    "position/translational": 4,
+}
+"""Adams-Bashforth of third order for all; as it comes, JSBSim integrates rotation by the
+first-order rectangle rule."""
 HIGHEST = 100e3
 """m: beyond, a flight is lost."""
 SUBSTEPS = 10
@@ -20,30 +29,58 @@ RATES = ("velocities/pi-rad_sec", "velocities/qi-rad_sec", "velocities/ri-rad_se
 
 
 def fly_jsbsim(aircraft, state, controls, dt, wind=(0.0, 0.0), substeps=SUBSTEPS, integrators=None):
-    """The motion of an Aircraft (or that of a name) in JSBSim, its controls moved as recorded: (n, 17) states as in sim.aircraft.dynamics, at 0, dt, ... s.
+    """The motion of an Aircraft (or that of a name) in JSBSim, its controls moved as recorded: (n,
+    17) states as in sim.aircraft.dynamics, at 0, dt, ... s.
 
-    `state` (17,): where it begins. `controls` (n, 4): positions of elevator, aileron, rudder (rad) and throttle at those times, straight
-    lines between them. `wind` (2,): steady, to north and east, m/s. JSBSim takes `substeps` steps per dt, by its `integrators`
-    (default INTEGRATORS), on its own Earth: rotating WGS-84 with J2 gravity. Raises DataError: JSBSim missing, bad arrays, a flight that is lost.
+    `state` (17,): where it begins. `controls` (n, 4): positions of elevator, aileron, rudder (rad)
+    and throttle at those times, straight lines between them. `wind` (2,): steady, to north and
+    east, m/s. JSBSim takes `substeps` steps per dt, by its `integrators` (default INTEGRATORS), on
+    its own Earth: rotating WGS-84 with J2 gravity. Raises DataError: JSBSim missing, bad arrays, a
+    flight that is lost.
     """
     from tempfile import TemporaryDirectory
-    aircraft, state, controls = find(aircraft), checked_state(state, "fly_jsbsim"), checked_array(controls, (None, 4), "fly_jsbsim: controls")
+
+    aircraft, state, controls = (
+        find(aircraft),
+        checked_state(state, "fly_jsbsim"),
+        checked_array(controls, (None, 4), "fly_jsbsim: controls"),
+    )
     wind = checked_array(wind, (2,), "fly_jsbsim: wind to north and east")
-    if len(controls) < 2 or not real(dt) or not 0 < dt < np.inf or not isinstance(substeps, (int, np.integer)) or substeps < 1:
-        raise DataError(f"fly_jsbsim takes controls at two or more times, dt above 0 and whole substeps of 1 or more, "
-                        f"not {len(controls)} times, {dt!r}, {substeps!r}")
+    if (
+        len(controls) < 2
+        or not real(dt)
+        or not 0 < dt < np.inf
+        or not isinstance(substeps, (int, np.integer))
+        or substeps < 1
+    ):
+        raise DataError(
+            f"fly_jsbsim takes controls at two or more times, dt above 0 and whole substeps of 1 or more, "
+            f"not {len(controls)} times, {dt!r}, {substeps!r}"
+        )
     if set(integrators or {}) - set(INTEGRATORS):
-        raise DataError(f"fly_jsbsim takes of integrators {', '.join(INTEGRATORS)}, not {integrators!r}")
+        raise DataError(
+            f"fly_jsbsim takes of integrators {', '.join(INTEGRATORS)}, not {integrators!r}"
+        )
     with session(substeps / dt) as (executive, said), TemporaryDirectory() as folder:
         path = jsbsim_definition(aircraft, folder)
         executive.set_aircraft_path(str(folder))
         if not executive.load_model(path.stem):
-            raise DataError(f"JSBSim does not take the definition of {aircraft.name}: {''.join(said).strip()[-200:]}")
-        _place(executive, state, controls[0], wind, INTEGRATORS if integrators is None else integrators)
+            raise DataError(
+                f"JSBSim does not take the definition of {aircraft.name}: {''.join(said).strip()[-200:]}"
+            )
+        _place(
+            executive, state, controls[0], wind, INTEGRATORS if integrators is None else integrators
+        )
         told = np.empty((len(controls), len(STATE) + len(RATES)))
         for row in range(len(controls)):
-            for i in range(1, substeps + 1 if row else 0):      # a run moves on, then computes accelerations there: it takes the controls there
-                _set(executive, CONTROLS, controls[row - 1] + i / substeps * (controls[row] - controls[row - 1]))
+            for i in range(
+                1, substeps + 1 if row else 0
+            ):  # a run moves on, then computes accelerations there: it takes the controls there
+                _set(
+                    executive,
+                    CONTROLS,
+                    controls[row - 1] + i / substeps * (controls[row] - controls[row - 1]),
+                )
                 executive.run()
             told[row] = [executive[key] for key in STATE + RATES]
             if not np.isfinite(told[row]).all() or abs(told[row, 2]) > HIGHEST / FOOT:
@@ -58,15 +95,32 @@ def _set(executive, keys, values):
 
 
 def _place(executive, state, controls, wind, integrators):
-    """Begin at a state of ours; JSBSim counts the rates that it is given against the rotating Earth."""
+    """Begin at a state of ours; JSBSim counts the rates that it is given against the rotating
+    Earth."""
     from scipy.spatial.transform import Rotation
+
     attitude = Rotation.from_quat(state[[7, 8, 9, 6]])
     heading, pitch, roll = attitude.as_euler("ZYX")
-    rates = state[10:13] - attitude.inv().apply(EARTH_RATE * np.array([np.cos(state[0]), 0.0, -np.sin(state[0])]))
+    rates = state[10:13] - attitude.inv().apply(
+        EARTH_RATE * np.array([np.cos(state[0]), 0.0, -np.sin(state[0])])
+    )
     for key, value in integrators.items():
         executive[f"simulation/integrator/{key}"] = value
     _set(executive, CONTROLS, controls)
-    begin(executive, state[:3], {
-        "vw-dir-deg": np.degrees(np.arctan2(wind[1], wind[0])), "vw-mag-fps": np.hypot(*wind) / FOOT,       # where it blows to
-        "phi-rad": roll, "theta-rad": pitch, "psi-true-rad": heading,
-        "vn-fps": state[3] / FOOT, "ve-fps": state[4] / FOOT, "vd-fps": state[5] / FOOT, "p-rad_sec": rates[0], "q-rad_sec": rates[1], "r-rad_sec": rates[2]})
+    begin(
+        executive,
+        state[:3],
+        {
+            "vw-dir-deg": np.degrees(np.arctan2(wind[1], wind[0])),
+            "vw-mag-fps": np.hypot(*wind) / FOOT,  # where it blows to
+            "phi-rad": roll,
+            "theta-rad": pitch,
+            "psi-true-rad": heading,
+            "vn-fps": state[3] / FOOT,
+            "ve-fps": state[4] / FOOT,
+            "vd-fps": state[5] / FOOT,
+            "p-rad_sec": rates[0],
+            "q-rad_sec": rates[1],
+            "r-rad_sec": rates[2],
+        },
+    )

@@ -1,4 +1,6 @@
-"""What is to be flown: waypoints with heights and airspeeds, and the route of lines and arcs that an aircraft can follow through them."""
+"""What is to be flown: waypoints with heights and airspeeds, and the route of lines and arcs
+that an aircraft can follow through them."""
+
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,57 +17,89 @@ from . import autopilot as p
 DEG = math.pi / 180
 PLACE = (47.63 * DEG, 9.35 * DEG, 500.0)
 """Where the flights begin that name no place: over Lake Constance, 100 m above the water."""
-STRAIGHT_ON = 1 * DEG       # corners below it need no arc
-SHARPEST = 170 * DEG        # corners above it would need arcs of no end
+STRAIGHT_ON = 1 * DEG  # corners below it need no arc
+SHARPEST = 170 * DEG  # corners above it would need arcs of no end
 
 
 @dataclass(frozen=True)
 class FlightPlan:
-    """Waypoints and airspeeds. The aircraft begins at `place`, trimmed level at `start_airspeed` along the first leg; the legs' heights and speeds
-    are commanded from the first instant, so a first waypoint above the start or another airspeed is a step. SI and radians. Raises DataError."""
+    """Waypoints and airspeeds. The aircraft begins at `place`, trimmed level at `start_airspeed`
+    along the first leg; the legs' heights and speeds are commanded from the first instant, so a
+    first waypoint above the start or another airspeed is a step. SI and radians. Raises
+    DataError."""
+
     name: str
-    waypoints: tuple                    # ((north, east, up), ...) m from `place`, two or more; the first is where the first leg begins
-    airspeed: float | tuple = 25.0      # m/s, of all legs or one per leg
-    start_airspeed: float | None = None     # m/s; None: that of the first leg
-    place: tuple = PLACE                # latitude rad, longitude rad, ellipsoidal height m, at 0 s
-    clearance: float = 100.0            # m that the start is above ground; a flight that gets there ends
-    bank: float = 30 * DEG              # rad, of the arcs between legs
-    duration: float | None = None       # s; None: until the last waypoint. Beyond it the last leg goes on
+    # ((north, east, up), ...) m from `place`, two or more; the first is where the first leg begins
+    waypoints: tuple
+    airspeed: float | tuple = 25.0  # m/s, of all legs or one per leg
+    start_airspeed: float | None = None  # m/s; None: that of the first leg
+    place: tuple = PLACE  # latitude rad, longitude rad, ellipsoidal height m, at 0 s
+    clearance: float = 100.0  # m that the start is above ground; a flight that gets there ends
+    bank: float = 30 * DEG  # rad, of the arcs between legs
+    duration: float | None = (
+        None  # s; None: until the last waypoint. Beyond it the last leg goes on
+    )
 
     def __post_init__(self):
         points = _numbers(self.waypoints, f"plan {self.name!r}: waypoints")
         if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2:
-            raise DataError(f"plan {self.name!r}: waypoints must be two or more of (north, east, up) in m")
+            raise DataError(
+                f"plan {self.name!r}: waypoints must be two or more of (north, east, up) in m"
+            )
         object.__setattr__(self, "waypoints", tuple(map(tuple, points.tolist())))
         lengths = np.hypot(*np.diff(points[:, :2], axis=0).T)
         if not np.all(lengths > 1.0):
             at = int(np.argmin(lengths))
-            raise DataError(f"plan {self.name!r}: waypoints {at} and {at + 1} are at one place; leave one out")
+            raise DataError(
+                f"plan {self.name!r}: waypoints {at} and {at + 1} are at one place; leave one out"
+            )
         if np.ndim(self.airspeed):
-            object.__setattr__(self, "airspeed", tuple(_numbers(self.airspeed, f"plan {self.name!r}: airspeed").tolist()))
+            object.__setattr__(
+                self,
+                "airspeed",
+                tuple(_numbers(self.airspeed, f"plan {self.name!r}: airspeed").tolist()),
+            )
         if np.ndim(self.airspeed) and len(self.airspeed) != len(points) - 1:
-            raise DataError(f"plan {self.name!r}: {len(self.airspeed)} airspeeds for {len(points) - 1} legs; give one, or one per leg")
+            raise DataError(
+                f"plan {self.name!r}: {len(self.airspeed)} airspeeds for {len(points) - 1} legs; give one, or one per leg"
+            )
         for name in ("start_airspeed", "clearance", "bank", "duration"):
             value = getattr(self, name)
             if not real(value) and (value is not None or name in ("clearance", "bank")):
                 raise DataError(f"plan {self.name!r}: {name} is {value!r}; it must be a number")
-        for value in (*np.atleast_1d(_numbers(self.airspeed, f"plan {self.name!r}: airspeed")), self.begin_airspeed, self.clearance):
+        for value in (
+            *np.atleast_1d(_numbers(self.airspeed, f"plan {self.name!r}: airspeed")),
+            self.begin_airspeed,
+            self.clearance,
+        ):
             if not (real(float(value)) and 0 < value < 1000):
-                raise DataError(f"plan {self.name!r}: airspeeds (m/s) and clearance (m) must be above 0, not {value:g}")
+                raise DataError(
+                    f"plan {self.name!r}: airspeeds (m/s) and clearance (m) must be above 0, not {value:g}"
+                )
         if not 5 * DEG <= self.bank <= 60 * DEG:
-            raise DataError(f"plan {self.name!r}: bank is {self.bank / DEG:.3g} deg; it must be 5 to 60")
+            raise DataError(
+                f"plan {self.name!r}: bank is {self.bank / DEG:.3g} deg; it must be 5 to 60"
+            )
         place = _numbers(self.place, f"plan {self.name!r}: place")
         if place.shape != (3,) or abs(place[0]) > LATITUDE_LIMIT:
-            raise DataError(f"plan {self.name!r}: place is {self.place!r}; it must be latitude and longitude (rad) and height (m), "
-                            "up to 89 deg north or south")
+            raise DataError(
+                f"plan {self.name!r}: place is {self.place!r}; it must be latitude and longitude (rad) and height (m), "
+                "up to 89 deg north or south"
+            )
         object.__setattr__(self, "place", tuple(place.tolist()))
         if self.duration is not None and not (real(self.duration) and 0 < self.duration < np.inf):
-            raise DataError(f"plan {self.name!r}: duration is {self.duration!r} s; it must be above 0")
+            raise DataError(
+                f"plan {self.name!r}: duration is {self.duration!r} s; it must be above 0"
+            )
 
     @property
     def begin_airspeed(self):
         """Airspeed at 0 s, m/s."""
-        return float(self.start_airspeed if self.start_airspeed is not None else np.atleast_1d(self.airspeed)[0])
+        return float(
+            self.start_airspeed
+            if self.start_airspeed is not None
+            else np.atleast_1d(self.airspeed)[0]
+        )
 
     @property
     def course(self):
@@ -79,14 +113,19 @@ class FlightPlan:
 
 
 def straight(higher=10.0, faster=2.0, airspeed=25.0, course=0.0, length=10_000.0, **fields):
-    """A level straight flight (course in rad) of an aircraft trimmed at `airspeed` (m/s), asked at 0 s to be `higher` (m) and `faster` (m/s)."""
+    """A level straight flight (course in rad) of an aircraft trimmed at `airspeed` (m/s), asked
+    at 0 s to be `higher` (m) and `faster` (m/s)."""
     end = (length * math.cos(course), length * math.sin(course), higher)
     return FlightPlan("straight", ((0.0, 0.0, higher), end), airspeed + faster, airspeed, **fields)
 
 
 def turning(airspeed=25.0, **fields):
-    """Right angles left and right, climbs and descents, for 5 minutes: the first turn after 10 s."""
-    waypoints, up = [(0.0, 0.0, 0.0), (340.0, 0.0, 0.0)], (30.0, 30.0, 0.0, 20.0, -20.0, 0.0, 0.0, 40.0)
+    """Right angles left and right, climbs and descents, for 5 minutes: the first turn after 10
+    s."""
+    waypoints, up = (
+        [(0.0, 0.0, 0.0), (340.0, 0.0, 0.0)],
+        (30.0, 30.0, 0.0, 20.0, -20.0, 0.0, 0.0, 40.0),
+    )
     for k in range(21):
         north, east, _ = waypoints[-1]
         along = ((0, 1), (1, 0), (0, 1), (-1, 0), (0, -1), (0, -1), (1, 0), (0, -1), (1, 0))[k % 9]
@@ -98,23 +137,37 @@ PLANS = {"straight": straight, "turning": turning}
 """Plans that ship with the package."""
 
 
-KEYS = {"waypoints_m": ("waypoints", 1.0, True), "airspeed_m_s": ("airspeed", 1.0, True), "start_airspeed_m_s": ("start_airspeed", 1.0, False),
-        "clearance_m": ("clearance", 1.0, False), "bank_deg": ("bank", DEG, False), "duration_s": ("duration", 1.0, False)}
-"""Keys of a plan's file: the field that each sets, the size of its unit, whether it may be a list."""
+KEYS = {
+    "waypoints_m": ("waypoints", 1.0, True),
+    "airspeed_m_s": ("airspeed", 1.0, True),
+    "start_airspeed_m_s": ("start_airspeed", 1.0, False),
+    "clearance_m": ("clearance", 1.0, False),
+    "bank_deg": ("bank", DEG, False),
+    "duration_s": ("duration", 1.0, False),
+}
+"""Keys of a plan's file: the field that each sets, the size of its unit, whether it may be a
+list."""
 PLACE_KEYS = {"latitude_deg": DEG, "longitude_deg": DEG, "height_m": 1.0}
 """Those of its place."""
 
 
 def flight_plan(plan):
-    """The FlightPlan of a name (`PLANS`) or of a file (ends in .toml or contains a folder); a FlightPlan is returned as it is. Raises DataError."""
+    """The FlightPlan of a name (`PLANS`) or of a file (ends in .toml or contains a folder); a
+    FlightPlan is returned as it is. Raises DataError."""
     if isinstance(plan, FlightPlan):
         return plan
     if isinstance(plan, str) and plan in PLANS:
         return PLANS[plan]()
-    if isinstance(plan, Path) or isinstance(plan, str) and (plan.endswith(".toml") or len(Path(plan).parts) > 1):
+    if (
+        isinstance(plan, Path)
+        or isinstance(plan, str)
+        and (plan.endswith(".toml") or len(Path(plan).parts) > 1)
+    ):
         return read_plan(plan)
-    raise DataError(f"unknown plan {plan!r}{nearest(str(plan), PLANS)}; there are: {', '.join(PLANS)}; or give a FlightPlan or "
-                    "the path of a .toml file")
+    raise DataError(
+        f"unknown plan {plan!r}{nearest(str(plan), PLANS)}; there are: {', '.join(PLANS)}; or give a FlightPlan or "
+        "the path of a .toml file"
+    )
 
 
 def read_plan(path):
@@ -133,12 +186,20 @@ def _from_table(table, name):
         raise DataError("waypoints_m is missing; write [[north, east, up], ...], m from the place")
     if not isinstance(table.get("name", name), str):
         raise DataError(f"name is {table['name']!r}; it must be text in quotes")
-    fields = {field: _scaled(table[key], unit, key, listed) for key, (field, unit, listed) in KEYS.items() if key in table}
+    fields = {
+        field: _scaled(table[key], unit, key, listed)
+        for key, (field, unit, listed) in KEYS.items()
+        if key in table
+    }
     if "place" in table:
         place = table["place"]
         if not isinstance(place, dict) or set(place) != set(PLACE_KEYS):
-            raise DataError(f"place is {place!r}; write {{ latitude_deg = ..., longitude_deg = ..., height_m = ... }}")
-        fields["place"] = tuple(_scaled(place[key], unit, f"place, {key}", False) for key, unit in PLACE_KEYS.items())
+            raise DataError(
+                f"place is {place!r}; write {{ latitude_deg = ..., longitude_deg = ..., height_m = ... }}"
+            )
+        fields["place"] = tuple(
+            _scaled(place[key], unit, f"place, {key}", False) for key, unit in PLACE_KEYS.items()
+        )
     return FlightPlan(table.get("name", name), **fields)
 
 
@@ -147,67 +208,111 @@ def _scaled(value, unit, where, listed):
     if listed and isinstance(value, list):
         return tuple(_scaled(each, unit, where, True) for each in value)
     if not real(value) or not abs(value) < 1e300:
-        raise DataError(f"{where} is {str(value)[:40]}; it must be a finite number{' or a list of them' if listed else ''}")
+        raise DataError(
+            f"{where} is {str(value)[:40]}; it must be a finite number{' or a list of them' if listed else ''}"
+        )
     return value * unit
 
 
 def route(plan, wind, gravity):
-    """(Segments of the plan as autopilot.steer takes them, (m, 13); seconds from end to end at the legs' airspeeds, wind left out).
+    """(Segments of the plan as autopilot.steer takes them, (m, 13); seconds from end to end at the
+    legs' airspeeds, wind left out).
 
-    Between legs the aircraft flies an arc that both touch, at the plan's bank at the largest ground speed the wind (m/s, NED) allows. Raises
-    DataError where two arcs do not fit on a leg, or where the wind is as fast as the aircraft.
+    Between legs the aircraft flies an arc that both touch, at the plan's bank at the largest ground
+    speed the wind (m/s, NED) allows. Raises DataError where two arcs do not fit on a leg, or where
+    the wind is as fast as the aircraft.
     """
     points = np.array(plan.waypoints, float)
     legs = np.diff(points, axis=0)
     lengths = np.hypot(legs[:, 0], legs[:, 1])
-    along, speeds = legs[:, :2] / lengths[:, None], np.broadcast_to(np.asarray(plan.airspeed, float), len(legs))
+    along, speeds = (
+        legs[:, :2] / lengths[:, None],
+        np.broadcast_to(np.asarray(plan.airspeed, float), len(legs)),
+    )
     breeze = math.hypot(*wind[:2])
     if breeze >= 0.9 * min(*speeds, plan.begin_airspeed):
-        raise DataError(f"plan {plan.name!r}: a wind of {breeze:.3g} m/s leaves an airspeed of {min(speeds):.3g} m/s no way against it; "
-                        "give a faster airspeed or less wind")
+        raise DataError(
+            f"plan {plan.name!r}: a wind of {breeze:.3g} m/s leaves an airspeed of {min(speeds):.3g} m/s no way against it; "
+            "give a faster airspeed or less wind"
+        )
     corners = [_corner(plan, i, along, speeds, breeze, gravity) for i in range(len(legs) - 1)]
-    cuts = np.array([0.0, *(abs(radius) * math.tan(abs(angle) / 2) for angle, radius in corners), 0.0])
+    cuts = np.array(
+        [0.0, *(abs(radius) * math.tan(abs(angle) / 2) for angle, radius in corners), 0.0]
+    )
     short = lengths - cuts[:-1] - cuts[1:]
     if np.any(short < 0):
         i = int(np.argmin(short))
-        raise DataError(f"plan {plan.name!r}: the leg from waypoint {i} to {i + 1} is {lengths[i]:.0f} m long, and its turns need "
-                        f"{cuts[i] + cuts[i + 1]:.0f} m; set the waypoints further apart, or give less airspeed or more bank")
+        raise DataError(
+            f"plan {plan.name!r}: the leg from waypoint {i} to {i + 1} is {lengths[i]:.0f} m long, and its turns need "
+            f"{cuts[i] + cuts[i + 1]:.0f} m; set the waypoints further apart, or give less airspeed or more bank"
+        )
     rise, heights, rows = legs[:, 2] / lengths, points[:, 2] + plan.place[2], []
     for i in range(len(legs)):
         begin, end = points[i, :2] + cuts[i] * along[i], points[i + 1, :2] - cuts[i + 1] * along[i]
         low, high = heights[i] + rise[i] * cuts[i], heights[i + 1] - rise[i] * cuts[i + 1]
-        rows.append((p.LINE_KIND, *begin, low, *along[i], short[i], rise[i], speeds[i], 0.0, *end, 0.0))
+        rows.append(
+            (p.LINE_KIND, *begin, low, *along[i], short[i], rise[i], speeds[i], 0.0, *end, 0.0)
+        )
         if i < len(corners) and cuts[i + 1] > 0:
-            rows.append(_arc(*corners[i], end, along[i], along[i + 1], high, heights[i + 1] + rise[i + 1] * cuts[i + 1], speeds[i + 1],
-                             points[i + 1, :2] + cuts[i + 1] * along[i + 1]))
+            rows.append(
+                _arc(
+                    *corners[i],
+                    end,
+                    along[i],
+                    along[i + 1],
+                    high,
+                    heights[i + 1] + rise[i + 1] * cuts[i + 1],
+                    speeds[i + 1],
+                    points[i + 1, :2] + cuts[i + 1] * along[i + 1],
+                )
+            )
     rows = np.array(rows)
     return rows, float((rows[:, p.LENGTH] / rows[:, p.SPEED]).sum())
 
 
 def _corner(plan, i, along, speeds, breeze, gravity):
-    """(angle in rad, clockwise above zero; signed radius in m) of the arc at the end of leg i; (0, 0) where it needs none."""
+    """(angle in rad, clockwise above zero; signed radius in m) of the arc at the end of leg i;
+    (0, 0) where it needs none."""
     angle = float(wrap(math.atan2(*along[i + 1, ::-1]) - math.atan2(*along[i, ::-1])))
     if abs(angle) > SHARPEST:
-        raise DataError(f"plan {plan.name!r}: at waypoint {i + 1} the course turns by {abs(angle) / DEG:.0f} deg; {SHARPEST / DEG:.0f} are the most: "
-                        "set a waypoint beside it")
+        raise DataError(
+            f"plan {plan.name!r}: at waypoint {i + 1} the course turns by {abs(angle) / DEG:.0f} deg; {SHARPEST / DEG:.0f} are the most: "
+            "set a waypoint beside it"
+        )
     if abs(angle) < STRAIGHT_ON:
         return 0.0, 0.0
-    return angle, math.copysign((max(speeds[i], speeds[i + 1]) + breeze) ** 2 / (gravity * math.tan(plan.bank)), angle)
+    return angle, math.copysign(
+        (max(speeds[i], speeds[i + 1]) + breeze) ** 2 / (gravity * math.tan(plan.bank)), angle
+    )
 
 
 def _arc(angle, radius, begin, before, after, low, high, speed, end):
-    """The row of an arc from `begin`, where the course is along `before`, to `end`, where it is along `after`."""
+    """The row of an arc from `begin`, where the course is along `before`, to `end`, where it is
+    along `after`."""
     centre = begin + radius * np.array([-before[1], before[0]])
     length = abs(angle * radius)
     outward = begin - centre
-    return (p.ARC_KIND, *centre, low, *after, length, (high - low) / length, speed, radius, *end, math.atan2(outward[1], outward[0]))
+    return (
+        p.ARC_KIND,
+        *centre,
+        low,
+        *after,
+        length,
+        (high - low) / length,
+        speed,
+        radius,
+        *end,
+        math.atan2(outward[1], outward[0]),
+    )
 
 
 def _numbers(values, what):
     try:
         values = np.asarray(values, float)
     except (TypeError, ValueError):
-        raise DataError(f"{what}: {values!r} is no number or list of numbers of one length") from None
+        raise DataError(
+            f"{what}: {values!r} is no number or list of numbers of one length"
+        ) from None
     if not np.all(np.isfinite(values)):
         raise DataError(f"{what}: not all numbers are finite")
     return values

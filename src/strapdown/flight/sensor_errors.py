@@ -1,8 +1,11 @@
-"""The errors of a flight's sensors before it is flown: what adds to IMU and fixes, drawn from the sensors' own models and streams.
+"""The errors of a flight's sensors before it is flown: what adds to IMU and fixes, drawn from the
+sensors' own models and streams.
 
-What does not depend on the motion (biases, noise, the receiver's noise, outages, latency) is drawn in advance; what does (scale, misalignment,
-g-sensitivity, counting, full scale) is given as numbers that the loop applies, in the order of `sensors.errors.Triad.measure`.
+What does not depend on the motion (biases, noise, the receiver's noise, outages, latency) is drawn
+in advance; what does (scale, misalignment, g-sensitivity, counting, full scale) is given as numbers
+that the loop applies, in the order of `sensors.errors.Triad.measure`.
 """
+
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -17,46 +20,69 @@ from .flight_loop import COUNTER, DISTORTION, FULL_SCALE, IMU_SIZE, STEP_SIZE
 
 class ImuErrors(NamedTuple):
     """Errors of an IMU over a flight."""
+
     dtheta: np.ndarray  # (n, 3) rad: what bias and noise add to the increments
-    dv: np.ndarray      # (n, 3) m/s
-    numbers: np.ndarray     # (IMU_SIZE,): see flight_loop
-    b_a: np.ndarray     # (n, 3) m/s^2
-    b_g: np.ndarray     # (n, 3) rad/s
+    dv: np.ndarray  # (n, 3) m/s
+    numbers: np.ndarray  # (IMU_SIZE,): see flight_loop
+    b_a: np.ndarray  # (n, 3) m/s^2
+    b_g: np.ndarray  # (n, 3) rad/s
 
 
 def imu_errors(spec, t, dt, seed):
-    """The ImuErrors of `spec` (ImuSpec) at samples t, dt (n,), from a numpy SeedSequence: those that `spec.corrupt` makes of the same stream."""
+    """The ImuErrors of `spec` (ImuSpec) at samples t, dt (n,), from a numpy SeedSequence: those
+    that `spec.corrupt` makes of the same stream."""
     zeros = np.zeros((len(t), 3))
     smooth = lambda triad: replace(triad, quantisation=0.0, saturation=0.0)
-    additive, b_a, b_g = replace(spec, gyro=smooth(spec.gyro), accel=smooth(spec.accel)).corrupt(Imu(t, dt, zeros, zeros), generator(seed))
+    additive, b_a, b_g = replace(spec, gyro=smooth(spec.gyro), accel=smooth(spec.accel)).corrupt(
+        Imu(t, dt, zeros, zeros), generator(seed)
+    )
     numbers = np.zeros(IMU_SIZE)
     for i, matrix in enumerate(_distortions(spec, seed)):
-        numbers[DISTORTION + 9 * i:DISTORTION + 9 * i + 9] = matrix.ravel()
-    numbers[STEP_SIZE:STEP_SIZE + 2] = spec.gyro.quantisation, spec.accel.quantisation
-    numbers[FULL_SCALE:FULL_SCALE + 2] = spec.gyro.saturation, spec.accel.saturation
+        numbers[DISTORTION + 9 * i : DISTORTION + 9 * i + 9] = matrix.ravel()
+    numbers[STEP_SIZE : STEP_SIZE + 2] = spec.gyro.quantisation, spec.accel.quantisation
+    numbers[FULL_SCALE : FULL_SCALE + 2] = spec.gyro.saturation, spec.accel.saturation
     accel, gyro = generator(seed).spawn(2)
     for i, stream in enumerate((gyro, accel)):
-        numbers[COUNTER + 3 * i:COUNTER + 3 * i + 3] = dict(zip(STREAMS, stream.spawn(len(STREAMS))))["quantisation"].random(3)
+        numbers[COUNTER + 3 * i : COUNTER + 3 * i + 3] = dict(
+            zip(STREAMS, stream.spawn(len(STREAMS)))
+        )["quantisation"].random(3)
     return ImuErrors(additive.dtheta, additive.dv, numbers, b_a, b_g)
 
 
 def _distortions(spec, seed):
-    """Three (3, 3): what true rotations and velocity increments add to the measured rotations, and velocity increments to themselves."""
-    if not any((spec.gyro.scale_factor, spec.gyro.misalignment, spec.gyro.g_sensitivity, spec.accel.scale_factor, spec.accel.misalignment)):
+    """Three (3, 3): what true rotations and velocity increments add to the measured rotations,
+    and velocity increments to themselves."""
+    if not any(
+        (
+            spec.gyro.scale_factor,
+            spec.gyro.misalignment,
+            spec.gyro.g_sensitivity,
+            spec.accel.scale_factor,
+            spec.accel.misalignment,
+        )
+    ):
         return np.zeros((3, 3, 3))
-    keep = lambda triad: Triad(scale_factor=triad.scale_factor, misalignment=triad.misalignment, g_sensitivity=triad.g_sensitivity)
+    keep = lambda triad: Triad(
+        scale_factor=triad.scale_factor,
+        misalignment=triad.misalignment,
+        g_sensitivity=triad.g_sensitivity,
+    )
     units = np.vstack([np.eye(3), np.zeros((3, 3))])
     probe = Imu(np.arange(1.0, 7.0), np.ones(6), units, units[::-1].copy())
-    answer = replace(spec, gyro=keep(spec.gyro), accel=keep(spec.accel), warm_up=None).corrupt(probe, generator(seed))[0]
+    answer = replace(spec, gyro=keep(spec.gyro), accel=keep(spec.accel), warm_up=None).corrupt(
+        probe, generator(seed)
+    )[0]
     gyro, accel = (answer.dtheta - probe.dtheta), (answer.dv - probe.dv)
     return gyro[:3].T, gyro[:2:-1].T, accel[:2:-1].T
 
 
 class FixErrors(NamedTuple):
     """Sources of fixes, their values still to be measured, and the errors of each fix."""
-    aidings: tuple      # of data.Aiding
-    errors: tuple       # (m, 3) per source: metres or m/s, NED; of a barometer as flight_loop.Errors has them
-    delays: tuple       # s per source, from measuring to the stamp
+
+    aidings: tuple  # of data.Aiding
+    # (m, 3) per source: metres or m/s, NED; of a barometer as flight_loop.Errors has them
+    errors: tuple
+    delays: tuple  # s per source, from measuring to the stamp
 
     def with_those(self, others):
         """These sources and those of other FixErrors."""
@@ -64,37 +90,56 @@ class FixErrors(NamedTuple):
 
 
 def fix_errors(gnss, t, seed, gate=None):
-    """The FixErrors of a receiver (Gnss) over samples at t (n,), with its outages, from a numpy SeedSequence. Raises DataError."""
+    """The FixErrors of a receiver (Gnss) over samples at t (n,), with its outages, from a numpy
+    SeedSequence. Raises DataError."""
     t = np.r_[0.0, t]
-    nowhere = Trajectory(t, np.zeros((len(t), 3)), np.zeros((len(t), 3)), np.tile([1.0, 0, 0, 0], (len(t), 1)))
+    nowhere = Trajectory(
+        t, np.zeros((len(t), 3)), np.zeros((len(t), 3)), np.tile([1.0, 0, 0, 0], (len(t), 1))
+    )
     plan = gnss._replace(lever_arm=(0.0, 0.0, 0.0)).plan(nowhere, gate)
     noisy, exact = plan.fixes(generator(seed)), plan.exact()
     errors = []
     for part, with_noise, without in zip([part for part in plan if part is not None], noisy, exact):
         error = with_noise.y - without.y
-        errors.append(error * part.metres[slice(None) if part.keep is None else part.keep] if with_noise.kind == "position" else error)
+        errors.append(
+            error * part.metres[slice(None) if part.keep is None else part.keep]
+            if with_noise.kind == "position"
+            else error
+        )
     lever_arm = tuple(map(float, gnss.lever_arm))
     aidings = tuple(replace(a, y=np.zeros_like(a.y), parameters=lever_arm) for a in exact)
     return FixErrors(aidings, tuple(errors), (gnss.latency,) * len(errors))
 
 
 def barometer_errors(barometer, t, height, seed):
-    """The FixErrors of a Barometer over samples at t (n,), from a numpy SeedSequence; the noise it states in m is that at `height` (m).
+    """The FixErrors of a Barometer over samples at t (n,), from a numpy SeedSequence; the noise it
+    states in m is that at `height` (m).
 
     Raises DataError."""
     t = np.r_[0.0, t]
-    nowhere = Trajectory(t, np.tile([0.0, 0.0, height], (len(t), 1)), np.zeros((len(t), 3)), np.tile([1.0, 0, 0, 0], (len(t), 1)))
+    nowhere = Trajectory(
+        t,
+        np.tile([0.0, 0.0, height], (len(t), 1)),
+        np.zeros((len(t), 3)),
+        np.tile([1.0, 0, 0, 0], (len(t), 1)),
+    )
     plan = replace(barometer, quantity="pressure", lever_arm=(0.0, 0.0, 0.0)).plan(nowhere)
     measured = plan.measured(generator(seed))[0]
     error = np.zeros((len(measured.t), 3))
     error[:, 0], error[:, 1] = measured.y[:, 0] - plan.pressure, barometer.zero
-    aiding = replace(measured, kind=QUANTITIES[barometer.quantity], y=np.zeros_like(measured.y), parameters=barometer.lever_arm)
+    aiding = replace(
+        measured,
+        kind=QUANTITIES[barometer.quantity],
+        y=np.zeros_like(measured.y),
+        parameters=barometer.lever_arm,
+    )
     return FixErrors((aiding,), (error,), (0.0,))
 
 
 def in_loop_order(fixes, used, made):
-    """(errors (m, 3), when each is measured (m,) s, order in which they are (m,)) of the sources that a filter uses, of the FixErrors `made`, in the
-    order of the merged `fixes` (core.contract.Fixes)."""
+    """(errors (m, 3), when each is measured (m,) s, order in which they are (m,)) of the sources
+    that a filter uses, of the FixErrors `made`, in the order of the merged `fixes`
+    (core.contract.Fixes)."""
     merged, measured = np.zeros((len(fixes.t), 3)), fixes.t.copy()
     of_kind = {a.kind: (error, delay) for a, error, delay in zip(*made)}
     for s, a in enumerate(used):
@@ -105,7 +150,8 @@ def in_loop_order(fixes, used, made):
 
 
 def outage_windows(outage, end):
-    """((start, stop), ...) in s of "15:", "100:130,200:230" or a list of pairs; one that reaches the end (s) never stops.
+    """((start, stop), ...) in s of "15:", "100:130,200:230" or a list of pairs; one that reaches
+    the end (s) never stops.
 
     Raises DataError."""
     if outage is None:
@@ -114,7 +160,9 @@ def outage_windows(outage, end):
     try:
         if isinstance(outage, str):
             pairs = [part.split(":") for part in outage.split(",")]
-            windows = [(float(start), float(stop) if stop.strip() else end) for start, stop in pairs]
+            windows = [
+                (float(start), float(stop) if stop.strip() else end) for start, stop in pairs
+            ]
         else:
             windows = [(float(start), float(stop)) for start, stop in outage]
     except (TypeError, ValueError):
@@ -122,7 +170,9 @@ def outage_windows(outage, end):
     windows.sort()
     for start, stop in windows:
         if not 0 <= start < stop or not start < end:
-            raise DataError(f"outage {start:g}:{stop:g} s is not a window of the flight, which lasts {end:g} s; {remedy}")
+            raise DataError(
+                f"outage {start:g}:{stop:g} s is not a window of the flight, which lasts {end:g} s; {remedy}"
+            )
     if any(later[0] < earlier[1] for earlier, later in zip(windows, windows[1:])):
         raise DataError(f"outage {outage!r}: windows overlap; {remedy}")
     return tuple((start, stop if stop < end else np.inf) for start, stop in windows)
@@ -130,4 +180,6 @@ def outage_windows(outage, end):
 
 def generator(seed):
     """A numpy Generator of a SeedSequence that gives the same streams however often it was used."""
-    return np.random.default_rng(np.random.SeedSequence(seed.entropy, spawn_key=seed.spawn_key, pool_size=seed.pool_size))
+    return np.random.default_rng(
+        np.random.SeedSequence(seed.entropy, spawn_key=seed.spawn_key, pool_size=seed.pool_size)
+    )

@@ -1,12 +1,16 @@
-"""Trials of BROAD, the Berlin Robust Orientation Estimation Assessment Dataset (Laidig et al. 2021, doi 10.3390/data6070072), as .npz files.
+"""Trials of BROAD, the Berlin Robust Orientation Estimation Assessment Dataset (Laidig et al. 2021,
+doi 10.3390/data6070072), as .npz files.
 
-A hand-held IMU with a magnetometer, its attitude and position measured by cameras. An .npz file holds `fs` (Hz), `gyr` (rad/s), `acc` (m/s^2) and
-`mag` (uT) in the axes of the sensor, `quat_wxyz_enu` (sensor to east, north, up), `pos_enu` (m), both NaN where markers were lost, and
-`movement`, true where errors count. The box lies with its z axis up; its x axis is taken as forward, so the sensor's axes are FLU and the
-body's are (x, -y, -z).
+A hand-held IMU with a magnetometer, its attitude and position measured by cameras. An .npz file
+holds `fs` (Hz), `gyr` (rad/s), `acc` (m/s^2) and `mag` (uT) in the axes of the sensor,
+`quat_wxyz_enu` (sensor to east, north, up), `pos_enu` (m), both NaN where markers were lost, and
+`movement`, true where errors count. The box lies with its z axis up; its x axis is taken as
+forward, so the sensor's axes are FLU and the body's are (x, -y, -z).
 
-North of the reference is magnetic north: no declination. The record does not say where it was taken; `PLACE` is nominal.
+North of the reference is magnetic north: no declination. The record does not say where it was
+taken; `PLACE` is nominal.
 """
+
 import zipfile
 import zlib
 from dataclasses import replace
@@ -15,44 +19,56 @@ from pathlib import Path
 import numpy as np
 
 from ..data import Aiding, DataError, Trajectory
-from ..recording import Recording
 from ..geodesy import displaced
-from ..preprocessing.stationary import at_rest, stretches
-from ..sensor_models.errors import Triad
-from ..sensor_models.imu import ImuSpec
 from ..preprocessing.attitude_record import quaternions
 from ..preprocessing.axes import BODY, NAVIGATION, axes_matrix
 from ..preprocessing.origin import Origin, counted
+from ..preprocessing.stationary import at_rest, stretches
+from ..recording import Recording
+from ..sensor_models.errors import Triad
+from ..sensor_models.imu import ImuSpec
 
 ROWS = {"gyr": 3, "acc": 3, "mag": 3, "quat_wxyz_enu": 4, "pos_enu": 3, "movement": 0}
 """Arrays of a file and their columns; 0 is an array without columns."""
 PLACE = (np.radians(52.512), np.radians(13.327), 70.0)
-"""Latitude (rad), longitude (rad), ellipsoidal height (m) of the origin of `pos_enu`: Technische Universitaet Berlin, nominal, not surveyed."""
+"""Latitude (rad), longitude (rad), ellipsoidal height (m) of the origin of `pos_enu`: Technische
+Universitaet Berlin, nominal, not surveyed."""
 MAG_DENSITY = 0.078e-6
-"""T/sqrt(Hz). At rest (trials 02, 21, 24) the Allan deviation of the magnetometer falls as 0.078 uT/sqrt(tau) from 0.1 to 1 s. From one row to
-the next it has 0.7 uT, less than the 1.3 uT that white noise of this density would have, because the magnetometer is slower than the gyro and
-29 % of its rows repeat."""
+"""T/sqrt(Hz). At rest (trials 02, 21, 24) the Allan deviation of the magnetometer falls as 0.078
+uT/sqrt(tau) from 0.1 to 1 s. From one row to the next it has 0.7 uT, less than the 1.3 uT that
+white noise of this density would have, because the magnetometer is slower than the gyro and 29 %
+of its rows repeat."""
 REST = 2.0
 """s: the shortest rest from which the reference field is taken."""
 IMU = ImuSpec(
-    "broad", Triad(noise=1.0e-4, turn_on_bias=4.3e-3, bias_walk=6.3e-6), Triad(noise=3.1e-3, turn_on_bias=0.023, bias_walk=2.1e-4),
+    "broad",
+    Triad(noise=1.0e-4, turn_on_bias=4.3e-3, bias_walk=6.3e-6),
+    Triad(noise=3.1e-3, turn_on_bias=0.023, bias_walk=2.1e-4),
     "Rests of the BROAD trials 02, 21 and 24: noise from the Allan deviation at 0.1 to 1 s; turn-on bias as rms of the mean rate of the first rest "
-    "and of the excess of |f| over gravity (9.813 m/s^2); bias walk from the change between first and last rest, 150 to 160 s apart.")
+    "and of the excess of |f| over gravity (9.813 m/s^2); bias walk from the change between first and last rest, 150 to 160 s apart.",
+)
 """What filters assume of the IMU, from its records at rest alone."""
 
 
 def read_broad(path):
-    """The Recording of a BROAD trial: IMU and magnetic field in FRD, the optical attitude as reference, in NED of magnetic north.
+    """The Recording of a BROAD trial: IMU and magnetic field in FRD, the optical attitude as
+    reference, in NED of magnetic north.
 
-    meta: `movement`, [[start, stop], ...] in s, the first and last sample of each stretch that counts; `place`, nominal; `grade`, the ImuSpec `IMU`.
-    The reference has the rows whose attitude is known. The reference field of the magnetometer is (B_N, 0, B_D) of the first rest, from
+    meta: `movement`, [[start, stop], ...] in s, the first and last sample of each stretch that
+    counts; `place`, nominal; `grade`, the ImuSpec `IMU`. The reference has the rows whose attitude
+    is known. The reference field of the magnetometer is (B_N, 0, B_D) of the first rest, from
     specific force and magnetic field alone. Raises DataError of one line.
     """
     path = Path(path)
     fs, arrays = parse(path)
     t, C = np.arange(len(arrays["gyr"])) / fs, axes_matrix("FLU", BODY)
     gyro, accel, field = arrays["gyr"] @ C.T, arrays["acc"] @ C.T, arrays["mag"] @ C.T * 1e-6
-    meta = {"name": path.stem, "grade": IMU, "place": list(PLACE), "movement": windows(t, arrays["movement"])}
+    meta = {
+        "name": path.stem,
+        "grade": IMU,
+        "place": list(PLACE),
+        "movement": windows(t, arrays["movement"]),
+    }
     try:
         recording = Recording.from_arrays(t, gyro, accel, reference=_reference(t, arrays), **meta)
         return _with_field(recording, t, field, fs)
@@ -61,70 +77,99 @@ def read_broad(path):
 
 
 def parse(path):
-    """(fs in Hz, {name: array}) of a BROAD file as it stands there, numbers as float, `movement` as bool. Raises DataError."""
+    """(fs in Hz, {name: array}) of a BROAD file as it stands there, numbers as float, `movement`
+    as bool. Raises DataError."""
     found = _arrays(Path(path))
     if missing := [name for name in ("fs", *ROWS) if name not in found]:
-        raise DataError(f"{path}: array {missing[0]!r} is missing; a BROAD trial has fs, {', '.join(ROWS)}, "
-                        f"this file has {', '.join(found) or 'none'}")
+        raise DataError(
+            f"{path}: array {missing[0]!r} is missing; a BROAD trial has fs, {', '.join(ROWS)}, "
+            f"this file has {', '.join(found) or 'none'}"
+        )
     try:
         found = {name: np.asarray(found[name], float) for name in ("fs", *ROWS)}
     except (TypeError, ValueError):
         types = ", ".join(f"{name} {array.dtype}" for name, array in found.items())
-        raise DataError(f"{path}: the arrays of a BROAD trial are numbers; this file has {types}") from None
+        raise DataError(
+            f"{path}: the arrays of a BROAD trial are numbers; this file has {types}"
+        ) from None
     fs = found.pop("fs")
     if fs.size != 1 or not 0 < fs.item() < np.inf:
-        raise DataError(f"{path}: fs must be one sampling rate in Hz, above 0; it is {fs.tolist()!r:.60}")
+        raise DataError(
+            f"{path}: fs must be one sampling rate in Hz, above 0; it is {fs.tolist()!r:.60}"
+        )
     n = len(found["gyr"]) if found["gyr"].ndim else 0
     for name, columns in ROWS.items():
         if found[name].shape != ((n, columns) if columns else (n,)):
-            raise DataError(f"{path}: {name} has shape {found[name].shape}; "
-                            f"with {n} rows of gyr it must be {(n, columns) if columns else (n,)}")
+            raise DataError(
+                f"{path}: {name} has shape {found[name].shape}; "
+                f"with {n} rows of gyr it must be {(n, columns) if columns else (n,)}"
+            )
     return fs.item(), found | {"movement": found["movement"] > 0}
 
 
 def _arrays(path):
     """{name: array} of an .npz file."""
     try:
-        with open(path, "rb") as stream:    # numpy leaves a file that it cannot read open
+        with open(path, "rb") as stream:  # numpy leaves a file that it cannot read open
             file = np.load(stream, allow_pickle=False)
             if not isinstance(file, np.lib.npyio.NpzFile):
                 raise ValueError("it holds one bare array")
             with file:
                 return dict(file)
     except (zipfile.BadZipFile, zlib.error, EOFError) as error:
-        raise DataError(f"{path}: the file is truncated or damaged ({str(error) or 'empty'}); copy it again") from None
+        raise DataError(
+            f"{path}: the file is truncated or damaged ({str(error) or 'empty'}); copy it again"
+        ) from None
     except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error}); check the path") from None
+        raise DataError(
+            f"{path}: cannot be read ({error.strerror or error}); check the path"
+        ) from None
     except (ValueError, NotImplementedError) as error:
-        raise DataError(f"{path}: not an .npz file of plain arrays ({str(error).splitlines()[0][:80]}); a BROAD trial is expected") from None
+        raise DataError(
+            f"{path}: not an .npz file of plain arrays ({str(error).splitlines()[0][:80]}); a BROAD trial is expected"
+        ) from None
 
 
 def windows(t, inside):
-    """[[start, stop], ...] in s: the first and the last of the times `t` of each stretch where `inside` is true."""
+    """[[start, stop], ...] in s: the first and the last of the times `t` of each stretch where
+    `inside` is true."""
     return [[float(t[first]), float(t[stop - 1])] for first, stop in stretches(inside)]
 
 
 def _reference(t, arrays):
-    """Trajectory of the optical attitude, body to NED, where it is known; None where it never is."""
-    q, known = arrays["quat_wxyz_enu"], np.isfinite(arrays["quat_wxyz_enu"]).all(axis=1) & np.isfinite(arrays["pos_enu"]).all(axis=1)
+    """Trajectory of the optical attitude, body to NED, where it is known; None where it never
+    is."""
+    q, known = (
+        arrays["quat_wxyz_enu"],
+        np.isfinite(arrays["quat_wxyz_enu"]).all(axis=1)
+        & np.isfinite(arrays["pos_enu"]).all(axis=1),
+    )
     if not known.any():
         return None
     north_east_down = arrays["pos_enu"][known] @ axes_matrix("ENU", NAVIGATION).T
     q_nb = body_to_ned(np.where(known[:, None], q, np.nan))[known]
-    return Trajectory(t[known], displaced(np.tile(PLACE, (known.sum(), 1)), north_east_down), q_nb=q_nb)
+    return Trajectory(
+        t[known], displaced(np.tile(PLACE, (known.sum(), 1)), north_east_down), q_nb=q_nb
+    )
 
 
 def with_positions(trial, rate=1.0, sd=0.05, seed=0):
-    """The trial with position fixes as further aiding: the optical position `rate` times a second with white noise of `sd` (m north, east, down).
+    """The trial with position fixes as further aiding: the optical position `rate` times a second
+    with white noise of `sd` (m north, east, down).
 
-    trial: a Recording of `read_broad`. Fixes are at samples; where the cameras had lost the body there are none. `sd` is one number or three;
-    the noise of an epoch depends on `seed` and the epoch alone. Raises DataError.
+    trial: a Recording of `read_broad`. Fixes are at samples; where the cameras had lost the body
+    there are none. `sd` is one number or three; the noise of an epoch depends on `seed` and the
+    epoch alone. Raises DataError.
     """
     name, step = trial.meta.get("name", "trial"), float(np.median(trial.imu.dt))
     if np.shape(sd) not in ((), (3,)) or not np.all((np.asarray(sd) > 0) & np.isfinite(sd)):
-        raise DataError(f"{name}: sd of the positions is {sd!r}; it must be one number or three, above 0, in m")
+        raise DataError(
+            f"{name}: sd of the positions is {sd!r}; it must be one number or three, above 0, in m"
+        )
     if not 0 < rate * step <= 1 + 1e-6:
-        raise DataError(f"{name}: positions at {rate!r} Hz; the rate must be above 0 and at most that of the IMU, {1 / step:.4g} Hz")
+        raise DataError(
+            f"{name}: positions at {rate!r} Hz; the rate must be above 0 and at most that of the IMU, {1 / step:.4g} Hz"
+        )
     if trial.reference is None:
         raise DataError(f"{name}: the trial has no optical position")
     known, sd = trial.reference.t, np.broadcast_to(np.asarray(sd, float), (3,))
@@ -135,15 +180,31 @@ def with_positions(trial, rate=1.0, sd=0.05, seed=0):
     seen = np.abs(known[row] - epochs) <= 0.5 * step * (1 + 1e-6)
     noise = sd * np.random.default_rng(seed).standard_normal((len(epochs), 3))
     lla = displaced(trial.reference.lla[row[seen]], noise[seen])
-    fixes = Aiding("position", known[row[seen]], lla, np.tile(sd, (len(lla), 1)), (0.0, 0.0, 0.0), name="optical position")
-    lost = f"; {counted(int((~seen).sum()), 'epoch')} without the body left out" if not seen.all() else ""
+    fixes = Aiding(
+        "position",
+        known[row[seen]],
+        lla,
+        np.tile(sd, (len(lla), 1)),
+        (0.0, 0.0, 0.0),
+        name="optical position",
+    )
+    lost = (
+        f"; {counted(int((~seen).sum()), 'epoch')} without the body left out"
+        if not seen.all()
+        else ""
+    )
     said = ", ".join(f"{each:g}" for each in sd)
     note = f"optical position: {len(lla)} fixes at {rate:g} Hz, white noise of {said} m north, east, down added{lost}"
-    return replace(trial, aidings=(*trial.aidings, fixes), meta=trial.meta | {"notes": [*trial.meta["notes"], note]})
+    return replace(
+        trial,
+        aidings=(*trial.aidings, fixes),
+        meta=trial.meta | {"notes": [*trial.meta["notes"], note]},
+    )
 
 
 def body_to_ned(q):
-    """(n, 4) attitude of the body (FRD) in NED from that of the sensor in east, north, up; scalar first, rows with NaN stay NaN.
+    """(n, 4) attitude of the body (FRD) in NED from that of the sensor in east, north, up; scalar
+    first, rows with NaN stay NaN.
 
     Raises DataError naming the first row that is no unit quaternion.
     """
@@ -151,24 +212,39 @@ def body_to_ned(q):
 
 
 def _with_field(recording, t, field, fs):
-    """The recording with its magnetometer as aiding; without, and a note, where no rest tells the reference field."""
+    """The recording with its magnetometer as aiding; without, and a note, where no rest tells
+    the reference field."""
     from ..preprocessing.fixes import checked_aidings
+
     rest = first_rest(recording.imu)
-    inside = (t >= recording.imu.t[rest.start]) & (t < recording.imu.t[rest.stop - 1]) & np.isfinite(field).all(axis=1) if rest else np.array([False])
+    inside = (
+        (t >= recording.imu.t[rest.start])
+        & (t < recording.imu.t[rest.stop - 1])
+        & np.isfinite(field).all(axis=1)
+        if rest
+        else np.array([False])
+    )
     notes = recording.meta["notes"]
     if not inside.any():
         missing = f"no rest of {REST:g} s with a magnetic field to take its reference from: magnetometer left out"
         return replace(recording, meta=recording.meta | {"notes": [*notes, missing]})
     force = recording.imu.dv[rest].sum(axis=0)
     down = -force / np.linalg.norm(force)
-    m = np.median(field[inside], axis=0)    # a magnet that comes near for a while must not shift it
+    m = np.median(field[inside], axis=0)  # a magnet that comes near for a while must not shift it
     reference = (float(np.linalg.norm(m - down * (m @ down))), 0.0, float(m @ down))
     sd = np.full(field.shape, MAG_DENSITY * np.sqrt(fs))
-    aidings, more = checked_aidings(recording.imu, [Aiding("magnetic-field", t, field, sd, reference, name="magnetometer")])
+    aidings, more = checked_aidings(
+        recording.imu, [Aiding("magnetic-field", t, field, sd, reference, name="magnetometer")]
+    )
     return replace(recording, aidings=aidings, meta=recording.meta | {"notes": [*notes, *more]})
 
 
 def first_rest(imu):
-    """slice of the first rest of at least `REST` s in an Imu, judged by itself; None where there is none."""
-    long = (slice(int(first), int(stop)) for first, stop in stretches(at_rest(imu)) if imu.t[stop - 1] - imu.t[first] >= REST)
+    """slice of the first rest of at least `REST` s in an Imu, judged by itself; None where there
+    is none."""
+    long = (
+        slice(int(first), int(stop))
+        for first, stop in stretches(at_rest(imu))
+        if imu.t[stop - 1] - imu.t[first] >= REST
+    )
     return next(long, None)

@@ -1,4 +1,6 @@
-"""The track of a Solution as KML 2.2 for a map viewer: a line at absolute altitude and points with time stamps."""
+"""The track of a Solution as KML 2.2 for a map viewer: a line at absolute altitude and points
+with time stamps."""
+
 import re
 from datetime import UTC, datetime, timedelta
 from xml.etree import ElementTree
@@ -13,7 +15,12 @@ def kml(solution):
     """The KML document of a Solution, as bytes."""
     root = ElementTree.Element("kml", xmlns="http://www.opengis.net/kml/2.2")
     document = _add(root, "Document")
-    name = " ".join(str(solution.meta[key]) for key in ("recording", "filter") if solution.meta.get(key)) or "strapdown solution"
+    name = (
+        " ".join(
+            str(solution.meta[key]) for key in ("recording", "filter") if solution.meta.get(key)
+        )
+        or "strapdown solution"
+    )
     midnight, dated = _midnight(solution.meta.get("date"))
     _add(document, "name", name)
     _add(document, "description", _description(solution, midnight, dated))
@@ -30,14 +37,16 @@ def kml(solution):
 def _add(parent, tag, text=None, **attributes):
     child = ElementTree.SubElement(parent, tag, attributes)
     if text is not None:
-        child.text = re.sub(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "?", str(text))  # what XML 1.0 cannot hold
+        child.text = re.sub(
+            r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "?", str(text)
+        )  # what XML 1.0 cannot hold
     return child
 
 
 def _every(rows, most):
     """At most `most` of the rows at even steps, the last one included."""
     step = -(-len(rows) // most) if len(rows) else 1
-    return rows if step == 1 else np.r_[rows[::step][:most - 1], rows[-1]]
+    return rows if step == 1 else np.r_[rows[::step][: most - 1], rows[-1]]
 
 
 def _midnight(date):
@@ -51,13 +60,16 @@ def _description(solution, midnight, dated):
     t = solution.t
     span = f"{t[0]:.3f} to {t[-1]:.3f} s" if len(t) else "no rows"
     remark = "." if dated else ": the recording has no date."
-    return (f"Solution of strapdown, {span} of the recording. Altitudes are heights above the WGS-84 ellipsoid; map viewers take them as "
-            "heights above mean sea level, so that the track may appear too high or too low by the geoid undulation (-107 to +86 m). "
-            f"Time stamps are {midnight:%Y-%m-%d} 00:00:00 UTC plus the seconds since the first row{remark}")
+    return (
+        f"Solution of strapdown, {span} of the recording. Altitudes are heights above the WGS-84 ellipsoid; map viewers take them as "
+        "heights above mean sea level, so that the track may appear too high or too low by the geoid undulation (-107 to +86 m). "
+        f"Time stamps are {midnight:%Y-%m-%d} 00:00:00 UTC plus the seconds since the first row{remark}"
+    )
 
 
 def _line(document, name, lla):
-    """The track, cut where it crosses the antimeridian: a viewer would draw the missing step around the Earth."""
+    """The track, cut where it crosses the antimeridian: a viewer would draw the missing step
+    around the Earth."""
     placemark = _add(document, "Placemark")
     _add(placemark, "name", name)
     _add(placemark, "styleUrl", "#track")
@@ -76,7 +88,11 @@ def _points(document, trajectory, rows, midnight):
         placemark = _add(folder, "Placemark")
         _add(placemark, "name", f"{t:.1f} s")
         stamp = midnight + timedelta(seconds=float(t - trajectory.t[0]))
-        _add(_add(placemark, "TimeStamp"), "when", stamp.isoformat(timespec="milliseconds").replace("+00:00", "Z"))
+        _add(
+            _add(placemark, "TimeStamp"),
+            "when",
+            stamp.isoformat(timespec="milliseconds").replace("+00:00", "Z"),
+        )
         point = _add(placemark, "Point")
         _add(point, "altitudeMode", "absolute")
         _add(point, "coordinates", _coordinates(trajectory.lla[row]))

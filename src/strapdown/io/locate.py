@@ -1,4 +1,5 @@
 """Where files are: the data folder, and the paths that a description names."""
+
 import os
 import re
 from pathlib import Path
@@ -9,24 +10,32 @@ VARIABLE = "STRAPDOWN_DATA"
 
 
 def data_folder(start="."):
-    """The folder of recorded data: `STRAPDOWN_DATA`, else `shared/data` in the nearest folder at or above `start` or here. Raises DataError."""
+    """The folder of recorded data: `STRAPDOWN_DATA`, else `shared/data` in the nearest folder at
+    or above `start` or here. Raises DataError."""
     named = os.environ.get(VARIABLE)
     if named:
         if not Path(named).is_dir():
-            raise DataError(f"{VARIABLE}: {named} is not a folder; set it to the folder that holds the recorded data")
+            raise DataError(
+                f"{VARIABLE}: {named} is not a folder; set it to the folder that holds the recorded data"
+            )
         return Path(named)
     for folder in (Path(start).resolve(), Path.cwd()):
         for parent in (folder, *folder.parents):
             if (parent / "shared" / "data").is_dir():
                 return parent / "shared" / "data"
-    raise DataError(f"{VARIABLE} is not set and no data folder was found above {Path(start).resolve()}; set it to the folder of the recorded data")
+    raise DataError(
+        f"{VARIABLE} is not set and no data folder was found above {Path(start).resolve()}; set it to the folder of the recorded data"
+    )
 
 
 def locate(file, folder):
-    """The path that a description in `folder` means by `file`: `${STRAPDOWN_DATA}` is the data folder, relative paths start at `folder`."""
+    """The path that a description in `folder` means by `file`: `${STRAPDOWN_DATA}` is the data
+    folder, relative paths start at `folder`."""
     for name in re.findall(r"\$\{(\w*)\}", file):
         if name != VARIABLE:
-            raise DataError(f"{file}: only ${{{VARIABLE}}} is replaced in file names, not ${{{name}}}; write the path out")
+            raise DataError(
+                f"{file}: only ${{{VARIABLE}}} is replaced in file names, not ${{{name}}}; write the path out"
+            )
     if "${" in file:
         file = file.replace(f"${{{VARIABLE}}}", str(data_folder(folder)))
     return Path(folder) / Path(file).expanduser()

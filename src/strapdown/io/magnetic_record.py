@@ -1,35 +1,44 @@
-"""What reading a magnetometer needs beyond other sources: its calibration, stuck and saturated samples, the Earth's field to compare with.
+"""What reading a magnetometer needs beyond other sources: its calibration, stuck and saturated
+samples, the Earth's field to compare with.
 
-The field of a sound, calibrated magnetometer has the same strength and the same angle to the vertical (its dip) in every attitude: that is what the
-checks rest on.
+The field of a sound, calibrated magnetometer has the same strength and the same angle to the
+vertical (its dip) in every attitude: that is what the checks rest on.
 """
+
 import numpy as np
 
 from ..data import DataError
 from ..geodesy import STANDARD_GRAVITY
 from ..preprocessing.axes import named_permutation, signed_permutations
 from ..preprocessing.origin import counted
-from ..preprocessing.stuck import STUCK, TURN, stuck, turned as turned_by
+from ..preprocessing.stuck import STUCK, TURN, stuck
+from ..preprocessing.stuck import turned as turned_by
 from ..preprocessing.units import UNITS
 
 LEVELS, PILE, TIMES = 20, 0.01, 5
-"""A column is saturated where it has more than LEVELS values and its extreme one holds more than PILE of the samples and TIMES those of the next
-(at the turning point of an oscillation the last level holds 2.4 times as many as the next, or fewer)."""
+"""A column is saturated where it has more than LEVELS values and its extreme one holds more than
+PILE of the samples and TIMES those of the next (at the turning point of an oscillation the last
+level holds 2.4 times as many as the next, or fewer)."""
 QUIET_FORCE, QUIET_RATE, QUIET_WINDOW = 0.4, 0.35, 0.5
-"""The vertical is known where, over QUIET_WINDOW (s), the specific force is within QUIET_FORCE (m/s^2) of gravity and the rate below QUIET_RATE
-(rad/s)."""
+"""The vertical is known where, over QUIET_WINDOW (s), the specific force is within QUIET_FORCE
+(m/s^2) of gravity and the rate below QUIET_RATE (rad/s)."""
 VARIATION = 0.2
-"""Relative variation of the strength, and difference from the Earth's field, above which a magnetometer needs calibration."""
+"""Relative variation of the strength, and difference from the Earth's field, above which a
+magnetometer needs calibration."""
 SCATTER, CLEARER = np.radians(5), 2.0
-"""Axes are doubted where the dip scatters by more than SCATTER (rad) and with others by less than a CLEARER-th of that."""
+"""Axes are doubted where the dip scatters by more than SCATTER (rad) and with others by less
+than a CLEARER-th of that."""
 TILTED = np.radians(30)
-"""An axis that never changes while the body turns about the others by more than TILTED (rad) is broken; from TURN on it is noted."""
+"""An axis that never changes while the body turns about the others by more than TILTED (rad) is
+broken; from TURN on it is noted."""
 BEYOND, EARTH = 5.0, 48e-6
-"""Factor of the Earth's field, by default EARTH (T), beyond which a median strength is a mistaken unit."""
+"""Factor of the Earth's field, by default EARTH (T), beyond which a median strength is a
+mistaken unit."""
 
 
 def calibrated(part, files, raw):
-    """The field in the axes of the columns, T, from raw samples (m, 3) in T: matrix @ (raw - bias) of the calibration file. Raises DataError.
+    """The field in the axes of the columns, T, from raw samples (m, 3) in T: matrix @ (raw - bias)
+    of the calibration file. Raises DataError.
 
     A sample with a missing component is missing whole, since its strength and direction are.
     """
@@ -37,6 +46,7 @@ def calibrated(part, files, raw):
     if part.calibration is None:
         return raw
     from .calibration_file import read_calibration
+
     path = files.locate(part.calibration)
     found = read_calibration(path)
     if "magnetometer" not in found:
@@ -46,39 +56,47 @@ def calibrated(part, files, raw):
 
 
 def sound(t, raw, imu, name, origin, matrix=np.eye(3)):
-    """(mask, notes): the samples that are neither stuck nor saturated, and how many were; t (m,) s, raw (m, 3) as in the file.
+    """(mask, notes): the samples that are neither stuck nor saturated, and how many were; t (m,) s,
+    raw (m, 3) as in the file.
 
-    name: of the source, origin: Origin of the rows, matrix: from its columns to the body. Raises DataError where all are stuck or saturated, or
-    one axis is.
+    name: of the source, origin: Origin of the rows, matrix: from its columns to the body. Raises
+    DataError where all are stuck or saturated, or one axis is.
     """
     notes = _constant_axis(t, raw, imu, name, origin, matrix)
     held = stuck(t, raw, imu)
     if held.any():
-        notes.append(f"{name}: {counted(int(held.sum()), 'sample')} dropped, stuck at one value for {STUCK:g} s and more while the gyro turns, "
-                     f"the first at {t[np.argmax(held)]:.3f} s: check the sensor")
+        notes.append(
+            f"{name}: {counted(int(held.sum()), 'sample')} dropped, stuck at one value for {STUCK:g} s and more while the gyro turns, "
+            f"the first at {t[np.argmax(held)]:.3f} s: check the sensor"
+        )
     elif len(t) > 10 and (raw == raw[0]).all():
         notes.append(f"{name}: it never changes; nothing here shows that the sensor works")
     full = _saturated(raw[~held])
     mask = ~held
     if full.any():
         mask[np.flatnonzero(~held)[full]] = False
-        notes.append(f"{name}: {counted(int(full.sum()), 'sample')} dropped, at the limit of the sensor's range (saturated), "
-                     f"the first at {t[~held][np.argmax(full)]:.3f} s: keep magnets and currents away, or use a wider range")
+        notes.append(
+            f"{name}: {counted(int(full.sum()), 'sample')} dropped, at the limit of the sensor's range (saturated), "
+            f"the first at {t[~held][np.argmax(full)]:.3f} s: keep magnets and currents away, or use a wider range"
+        )
     if len(mask) and not mask.any():
         raise DataError(f"{origin.name}: no usable sample; {notes[-1]}")
     return mask, notes
 
 
 def _constant_axis(t, raw, imu, name, origin, matrix):
-    """Notes on one axis that never changes though the others do and the body turns about them. Raises DataError where it turns by TILTED."""
+    """Notes on one axis that never changes though the others do and the body turns about them.
+    Raises DataError where it turns by TILTED."""
     known = np.isfinite(t) & np.isfinite(raw).all(axis=1)
     constant = np.ptp(raw[known], axis=0) == 0 if known.sum() > 10 else np.zeros(3, bool)
     if not constant.any() or constant.all():
         return []
     begin, end = np.searchsorted(imu.t, (t[known].min(), t[known].max()))
-    turns = np.abs(matrix.T) @ np.ptp(turned_by(imu)[begin:end + 1], axis=0)      # about each column
+    turns = np.abs(matrix.T) @ np.ptp(turned_by(imu)[begin : end + 1], axis=0)  # about each column
     k = int(np.argmax(constant))
-    turned = float(np.delete(turns, k).max())       # a turn about the axis itself leaves its reading as it is
+    turned = float(
+        np.delete(turns, k).max()
+    )  # a turn about the axis itself leaves its reading as it is
     text = f"{'xyz'[k]} is constant while the body turns by {np.degrees(turned):.0f} deg about another axis: the sensor is stuck"
     if turned > TILTED:
         raise DataError(f"{origin.name}: {name}: {text}; check its column, or leave the source out")
@@ -86,7 +104,8 @@ def _constant_axis(t, raw, imu, name, origin, matrix):
 
 
 def _saturated(raw):
-    """(m,) bool: a column stands at its largest or smallest value, and far more samples do than at the next one."""
+    """(m,) bool: a column stands at its largest or smallest value, and far more samples do than
+    at the next one."""
     full = np.zeros(len(raw), bool)
     for column in raw.T:
         values, counts = np.unique(column[np.isfinite(column)], return_counts=True)
@@ -99,29 +118,48 @@ def _saturated(raw):
 
 
 def with_field(part, aiding, imu, date, place):
-    """(Aiding whose parameters are the Earth's field north, east, down in T, notes of it and of what contradicts it).
+    """(Aiding whose parameters are the Earth's field north, east, down in T, notes of it and of
+    what contradicts it).
 
-    part: its AidingPart; date: ISO text or None; place: latitude, longitude (rad), height (m) or None. Raises DataError.
+    part: its AidingPart; date: ISO text or None; place: latitude, longitude (rad), height (m) or
+    None. Raises DataError.
     """
     from dataclasses import replace
+
     field, notes = _field(part, aiding, imu, date, place)
     known = part.field != "record"
     _refuse_strength(part, aiding, float(np.linalg.norm(field)) if known else EARTH)
     aiding = replace(aiding, parameters=tuple(map(float, field)))
-    return aiding, notes + facts_and_problems(aiding, imu, part.matrix, known, part.calibration is not None)[1]
+    return aiding, notes + facts_and_problems(
+        aiding, imu, part.matrix, known, part.calibration is not None
+    )[1]
 
 
 def _refuse_strength(part, aiding, total):
-    """Raises DataError where the median strength is beyond a factor BEYOND of `total` (T), which a mistaken unit makes of it, not hard iron."""
+    """Raises DataError where the median strength is beyond a factor BEYOND of `total` (T), which
+    a mistaken unit makes of it, not hard iron."""
     if len(aiding.t) < 10:
         return
-    median, change = float(np.nanmedian(np.linalg.norm(aiding.y, axis=1))), float(np.nanmax(np.ptp(aiding.y, axis=0)) / 2)
-    if 1 / BEYOND <= median / total <= BEYOND or 0.5 < change / total < 2:      # a turn changes the field by its strength, whatever the hard iron
+    median, change = (
+        float(np.nanmedian(np.linalg.norm(aiding.y, axis=1))),
+        float(np.nanmax(np.ptp(aiding.y, axis=0)) / 2),
+    )
+    if (
+        1 / BEYOND <= median / total <= BEYOND or 0.5 < change / total < 2
+    ):  # a turn changes the field by its strength, whatever the hard iron
         return
     known = UNITS["magnetic field"]
-    likely = [unit for unit in known if 0.4 < median / total * known[unit] / known[part.units[0]] < 2.5]
-    raise DataError(f"unit: its median strength is {median * 1e6:.3g} uT, that of the Earth's field {total * 1e6:.3g} uT: "
-                    + (f"is the unit {' or '.join(likely)}, not {part.units[0]}?" if likely else "check unit, scale, columns and calibration"))
+    likely = [
+        unit for unit in known if 0.4 < median / total * known[unit] / known[part.units[0]] < 2.5
+    ]
+    raise DataError(
+        f"unit: its median strength is {median * 1e6:.3g} uT, that of the Earth's field {total * 1e6:.3g} uT: "
+        + (
+            f"is the unit {' or '.join(likely)}, not {part.units[0]}?"
+            if likely
+            else "check unit, scale, columns and calibration"
+        )
+    )
 
 
 def _field(part, aiding, imu, date, place):
@@ -130,50 +168,79 @@ def _field(part, aiding, imu, date, place):
     if part.field is not None:
         return part.field, []
     if date is None or place is None:
-        what, key = ("date", "date = \"2012-10-10\"") if date is None else ("place", "place = { latitude = 44.7, longitude = -93.1, unit = \"deg\" }")
-        raise DataError(f"field: is missing, and the geomagnetic model needs the {what}: write {key} at the top, or give field")
+        what, key = (
+            ("date", 'date = "2012-10-10"')
+            if date is None
+            else ("place", 'place = { latitude = 44.7, longitude = -93.1, unit = "deg" }')
+        )
+        raise DataError(
+            f"field: is missing, and the geomagnetic model needs the {what}: write {key} at the top, or give field"
+        )
     from ..sensor_models.geomagnetism import geomagnetic_field
+
     try:
         found = geomagnetic_field(date, *map(float, place))
     except DataError as error:
         raise DataError(f"field: {error}") from None
     latitude, longitude = np.degrees(place[:2])
-    notes = [f"{aiding.name}: the Earth's field is that of {found.model} on {date} at {latitude:.3f}, {longitude:.3f} deg: "
-             f"declination {np.degrees(found.declination):.2f} deg, dip {np.degrees(found.inclination):.2f} deg, {found.total * 1e6:.2f} uT"]
+    notes = [
+        f"{aiding.name}: the Earth's field is that of {found.model} on {date} at {latitude:.3f}, {longitude:.3f} deg: "
+        f"declination {np.degrees(found.declination):.2f} deg, dip {np.degrees(found.inclination):.2f} deg, {found.total * 1e6:.2f} uT"
+    ]
     return found.field, notes + ([f"{aiding.name}: {found.note}"] if found.note else [])
 
 
 def _field_of_the_record(part, aiding, imu):
-    """Strengths along and across the vertical, medians over quiet times, with the given declination or none."""
+    """Strengths along and across the vertical, medians over quiet times, with the given
+    declination or none."""
     down, quiet = vertical(aiding.t, imu)
     if quiet.sum() < 10:
-        raise DataError("field: \"record\" needs times without acceleration, and there are none; give north, east and down, "
-                        "or leave it out for the geomagnetic model")
+        raise DataError(
+            'field: "record" needs times without acceleration, and there are none; give north, east and down, '
+            "or leave it out for the geomagnetic model"
+        )
     y, down = aiding.y[quiet], down[quiet]
     along = np.einsum("ij,ij->i", y, down)
-    vertically, horizontally = np.median(along), np.median(np.linalg.norm(y - along[:, None] * down, axis=1))
+    vertically, horizontally = (
+        np.median(along),
+        np.median(np.linalg.norm(y - along[:, None] * down, axis=1)),
+    )
     angle = part.declination.angle if part.declination is not None else 0.0
-    heading = f"declination {np.degrees(angle):.2f} deg as given" if part.declination is not None else \
-        "declination 0, so headings are from magnetic north; give declination for true north"
-    note = (f"{aiding.name}: the field is that of the record, medians over {counted(int(quiet.sum()), 'quiet sample')}: "
-            f"{horizontally * 1e6:.2f} uT horizontal, {vertically * 1e6:.2f} uT down; {heading}")
+    heading = (
+        f"declination {np.degrees(angle):.2f} deg as given"
+        if part.declination is not None
+        else "declination 0, so headings are from magnetic north; give declination for true north"
+    )
+    note = (
+        f"{aiding.name}: the field is that of the record, medians over {counted(int(quiet.sum()), 'quiet sample')}: "
+        f"{horizontally * 1e6:.2f} uT horizontal, {vertically * 1e6:.2f} uT down; {heading}"
+    )
     return (horizontally * np.cos(angle), horizontally * np.sin(angle), vertically), [note]
 
 
 def vertical(t, imu):
-    """(Down as unit vectors in body axes (m, 3), bool (m,) where it is known) at times t, from the mean specific force around each."""
+    """(Down as unit vectors in body axes (m, 3), bool (m,) where it is known) at times t, from
+    the mean specific force around each."""
+
     def mean(increments):
         total = np.vstack([np.zeros(3), np.cumsum(increments, axis=0)])
         at = lambda times: np.stack([np.interp(times, ends, column) for column in total.T], axis=1)
         return (at(t + QUIET_WINDOW / 2) - at(t - QUIET_WINDOW / 2)) / seconds[:, None]
+
     ends = np.r_[imu.t[0] - imu.dt[0], imu.t]
     covered = np.r_[0.0, np.cumsum(imu.dt)]
-    seconds = np.interp(t + QUIET_WINDOW / 2, ends, covered) - np.interp(t - QUIET_WINDOW / 2, ends, covered)
+    seconds = np.interp(t + QUIET_WINDOW / 2, ends, covered) - np.interp(
+        t - QUIET_WINDOW / 2, ends, covered
+    )
     whole = seconds > 0.5 * QUIET_WINDOW
     seconds = np.where(whole, seconds, QUIET_WINDOW)
     force, rate = mean(imu.dv), mean(imu.dtheta)
     magnitude = np.linalg.norm(force, axis=1)
-    quiet = whole & (np.abs(magnitude - STANDARD_GRAVITY) < QUIET_FORCE) & (np.linalg.norm(rate, axis=1) < QUIET_RATE)
+    quiet = (
+        whole
+        & (np.abs(magnitude - STANDARD_GRAVITY) < QUIET_FORCE)
+        & (np.linalg.norm(rate, axis=1) < QUIET_RATE)
+    )
     return -force / np.maximum(magnitude, 1e-9)[:, None], quiet
 
 
@@ -181,25 +248,38 @@ def strength_notes(aiding, field, is_calibrated):
     """Notes on a strength (T) that varies, or that is not that of `field` (3,) T; None: unknown."""
     if len(aiding.t) < 10:
         return []
-    low, median, high = (float(value) for value in np.nanpercentile(np.linalg.norm(aiding.y, axis=1), [5, 50, 95]))
-    remedy = ("the calibration does not fit this record, or iron or currents are near" if is_calibrated else
-              "calibrate it (`strapdown calibrate`) and name the result as calibration")
+    low, median, high = (
+        float(value) for value in np.nanpercentile(np.linalg.norm(aiding.y, axis=1), [5, 50, 95])
+    )
+    remedy = (
+        "the calibration does not fit this record, or iron or currents are near"
+        if is_calibrated
+        else "calibrate it (`strapdown calibrate`) and name the result as calibration"
+    )
     if not median > 0 or (high - low) / median > VARIATION:
-        return [f"{aiding.name}: its strength varies from {low * 1e6:.3g} to {high * 1e6:.3g} uT, where the Earth's field does not: {remedy}"]
+        return [
+            f"{aiding.name}: its strength varies from {low * 1e6:.3g} to {high * 1e6:.3g} uT, where the Earth's field does not: {remedy}"
+        ]
     total = float(np.linalg.norm(field)) if field is not None else median
     if abs(median / total - 1) > VARIATION:
-        return [f"{aiding.name}: its median strength is {median * 1e6:.3g} uT, that of the Earth's field {total * 1e6:.3g} uT: "
-                f"check the unit, or {remedy}"]
+        return [
+            f"{aiding.name}: its median strength is {median * 1e6:.3g} uT, that of the Earth's field {total * 1e6:.3g} uT: "
+            f"check the unit, or {remedy}"
+        ]
     return []
 
 
 def facts_and_problems(aiding, imu, matrix=np.eye(3), known=True, is_calibrated=True):
-    """(facts, problems) of a magnetometer that was read: its dip over quiet samples, a strength that is wrong, axes that fit clearly better.
+    """(facts, problems) of a magnetometer that was read: its dip over quiet samples, a strength
+    that is wrong, axes that fit clearly better.
 
-    matrix: from its columns to the body; known: whether the parameters are the Earth's field, not that of the record itself.
+    matrix: from its columns to the body; known: whether the parameters are the Earth's field, not
+    that of the record itself.
     """
     facts, problems = _axes(aiding, imu, matrix, known)
-    return facts, strength_notes(aiding, aiding.parameters if known else None, is_calibrated) or problems    # uncalibrated, the dip says little
+    return facts, strength_notes(
+        aiding, aiding.parameters if known else None, is_calibrated
+    ) or problems  # uncalibrated, the dip says little
 
 
 def _axes(aiding, imu, matrix, known):
@@ -207,27 +287,50 @@ def _axes(aiding, imu, matrix, known):
     rows = np.flatnonzero(quiet & np.isfinite(aiding.y).all(axis=1))
     if len(rows) < 50:
         return [], []
-    rows = rows[::max(1, len(rows) // 5000)]
+    rows = rows[:: max(1, len(rows) // 5000)]
     field = aiding.y[rows] / np.linalg.norm(aiding.y[rows], axis=1)[:, None]
     reference = np.array(aiding.parameters[:3])
     earth = np.arcsin(reference[2] / np.linalg.norm(reference)) if known else None
-    table = np.einsum("ni,nj->nij", down[rows], field @ matrix)     # back in the axes of the columns
+    table = np.einsum("ni,nj->nij", down[rows], field @ matrix)  # back in the axes of the columns
 
     def misfit(signed):
         dip = np.arcsin(np.clip(np.einsum("nij,ij->n", table, signed), -1, 1))
-        return float(np.sqrt(np.mean((dip - (dip.mean() if earth is None else earth)) ** 2))), float(dip.mean())
+        return float(
+            np.sqrt(np.mean((dip - (dip.mean() if earth is None else earth)) ** 2))
+        ), float(dip.mean())
+
     now, dip = misfit(matrix)
-    compared = "scatter" if earth is None else f"the Earth's field {np.degrees(earth):.1f} deg, rms difference"
-    facts = [f"{aiding.name}: dip {np.degrees(dip):.1f} deg in the mean of {counted(len(rows), 'quiet sample')}, "
-             f"{compared} {np.degrees(now):.1f} deg"]
+    compared = (
+        "scatter"
+        if earth is None
+        else f"the Earth's field {np.degrees(earth):.1f} deg, rms difference"
+    )
+    facts = [
+        f"{aiding.name}: dip {np.degrees(dip):.1f} deg in the mean of {counted(len(rows), 'quiet sample')}, "
+        f"{compared} {np.degrees(now):.1f} deg"
+    ]
     if now < SCATTER:
         return facts, []
-    candidates = [(misfit(candidate)[0], candidate) for candidate in signed_permutations() if earth is not None or np.linalg.det(candidate) > 0]
+    candidates = [
+        (misfit(candidate)[0], candidate)
+        for candidate in signed_permutations()
+        if earth is not None or np.linalg.det(candidate) > 0
+    ]
     least = min(found for found, _ in candidates)
-    fitting = [(-np.linalg.det(candidate), found, k) for k, (found, candidate) in enumerate(candidates) if found < 1.2 * least + np.radians(0.5)]
-    best, other = candidates[min(fitting)[2]]       # a right-handed one where there is any
+    fitting = [
+        (-np.linalg.det(candidate), found, k)
+        for k, (found, candidate) in enumerate(candidates)
+        if found < 1.2 * least + np.radians(0.5)
+    ]
+    best, other = candidates[min(fitting)[2]]  # a right-handed one where there is any
     if best > now / CLEARER:
         return facts, []
-    remedy = "check axes" if np.linalg.det(other) > 0 else "they are left-handed, so one column has the wrong sign: put it right in the table"
-    return facts, [f"{aiding.name} axes: the dip of the field is off by {np.degrees(now):.0f} deg rms; "
-                   f"with {named_permutation(other)!r} by {np.degrees(best):.0f}: {remedy}"]
+    remedy = (
+        "check axes"
+        if np.linalg.det(other) > 0
+        else "they are left-handed, so one column has the wrong sign: put it right in the table"
+    )
+    return facts, [
+        f"{aiding.name} axes: the dip of the field is off by {np.degrees(now):.0f} deg rms; "
+        f"with {named_permutation(other)!r} by {np.degrees(best):.0f}: {remedy}"
+    ]

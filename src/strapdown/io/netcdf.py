@@ -1,4 +1,6 @@
-"""A whole Recording in one NetCDF file: group imu, a group per aiding, group reference; every variable says its unit. SI and radians."""
+"""A whole Recording in one NetCDF file: group imu, a group per aiding, group reference; every
+variable says its unit. SI and radians."""
+
 import json
 from pathlib import Path
 
@@ -6,22 +8,38 @@ import numpy as np
 
 from ..core.contract import Imu
 from ..data import Aiding, DataError, Trajectory
-from ..recording import Recording
 from ..files import netcdf, replacing
 from ..preprocessing.fixes import checked_aidings, overlap
 from ..preprocessing.plausible import mistakes
+from ..recording import Recording
 from .solution import plain
 
 FORMAT = "strapdown recording 1"
-IMU = {"t": ("time", "s", "end of the interval"), "dt": ("time", "s", "length of the interval"),
-       "dtheta": ("time axis", "rad", "integral of the angular rate, body FRD"),
-       "dv": ("time axis", "m/s", "integral of the specific force, body FRD")}
-SI = {"latitude": ("rad", "m"), "longitude": ("rad", "m"), "length": ("m", "m"), "speed": ("m/s", "m/s"), "angle": ("rad", "rad"),
-      "acceleration": ("m/s^2", "m/s^2"), "magnetic field": ("T", "T"), "pressure": ("Pa", "m")}
-"""Units of what a component of a fix is, and of its standard deviation, which is that of the innovation."""
-REFERENCE = {"t": ("time", "s", "time"), "lla": ("time axis", "rad, rad, m", "latitude, longitude, ellipsoidal height"),
-             "v_n": ("time axis", "m/s", "velocity north, east, down"), "q_nb": ("time quaternion", "1", "body to navigation, scalar first"),
-             "sd": ("time state", "SI", "standard deviations in the order of the error states")}
+IMU = {
+    "t": ("time", "s", "end of the interval"),
+    "dt": ("time", "s", "length of the interval"),
+    "dtheta": ("time axis", "rad", "integral of the angular rate, body FRD"),
+    "dv": ("time axis", "m/s", "integral of the specific force, body FRD"),
+}
+SI = {
+    "latitude": ("rad", "m"),
+    "longitude": ("rad", "m"),
+    "length": ("m", "m"),
+    "speed": ("m/s", "m/s"),
+    "angle": ("rad", "rad"),
+    "acceleration": ("m/s^2", "m/s^2"),
+    "magnetic field": ("T", "T"),
+    "pressure": ("Pa", "m"),
+}
+"""Units of what a component of a fix is, and of its standard deviation, which is that of the
+innovation."""
+REFERENCE = {
+    "t": ("time", "s", "time"),
+    "lla": ("time axis", "rad, rad, m", "latitude, longitude, ellipsoidal height"),
+    "v_n": ("time axis", "m/s", "velocity north, east, down"),
+    "q_nb": ("time quaternion", "1", "body to navigation, scalar first"),
+    "sd": ("time state", "SI", "standard deviations in the order of the error states"),
+}
 
 
 def write_recording(recording, path):
@@ -29,14 +47,20 @@ def write_recording(recording, path):
     groups = {"imu": (IMU, recording.imu._asdict(), {})}
     for number, aiding in enumerate(recording.aidings, 1):
         attributes = {"kind": aiding.kind, "name": aiding.name}
-        attributes |= {"parameters": np.array(aiding.parameters, float)} if len(aiding.parameters) else {}
+        attributes |= (
+            {"parameters": np.array(aiding.parameters, float)} if len(aiding.parameters) else {}
+        )
         attributes |= {"gate": float(aiding.gate)} if aiding.gate is not None else {}
         groups[f"aiding_{number}"] = (_aiding_layout(aiding.kind), vars(aiding), attributes)
     if recording.reference is not None:
         groups["reference"] = (REFERENCE, vars(recording.reference), {})
     columns = {name: _columns(*group[:2], f"{path}: {name}") for name, group in groups.items()}
     arrays, text = _meta(recording.meta)
-    size = sum(values.nbytes for variables in (*columns.values(), arrays) for _, values, _ in variables.values())
+    size = sum(
+        values.nbytes
+        for variables in (*columns.values(), arrays)
+        for _, values, _ in variables.values()
+    )
     with replacing(path) as part, netcdf(part, size) as file:
         file.attrs["format"] = FORMAT
         _fill(file, arrays)
@@ -49,27 +73,48 @@ def write_recording(recording, path):
 
 def _aiding_layout(kind):
     from ..aiding import find
+
     quantities = find(kind).quantities
-    units = [names[0] if len(set(names)) == 1 else ", ".join(names) for names in zip(*(SI[quantity] for quantity in quantities))]
-    return {"t": ("time", "s", "time of the fix"), "y": ("time component", units[0], ", ".join(quantities)),
-            "sd": ("time component", units[1], "standard deviation per component")}
+    units = [
+        names[0] if len(set(names)) == 1 else ", ".join(names)
+        for names in zip(*(SI[quantity] for quantity in quantities))
+    ]
+    return {
+        "t": ("time", "s", "time of the fix"),
+        "y": ("time component", units[0], ", ".join(quantities)),
+        "sd": ("time component", units[1], "standard deviation per component"),
+    }
 
 
 def _meta(meta):
-    """({name: variable} of the arrays of meta, the rest as JSON), which stands in a variable because an attribute ends at 64 KiB."""
-    arrays = {key: value for key, value in meta.items() if isinstance(value, np.ndarray) and value.ndim and value.dtype.kind in "fi"}
+    """({name: variable} of the arrays of meta, the rest as JSON), which stands in a variable
+    because an attribute ends at 64 KiB."""
+    arrays = {
+        key: value
+        for key, value in meta.items()
+        if isinstance(value, np.ndarray) and value.ndim and value.dtype.kind in "fi"
+    }
     text = json.dumps(plain({key: value for key, value in meta.items() if key not in arrays}))
-    return {f"meta_{key}": ([f"{key}_{axis}" for axis in range(value.ndim)], value, {}) for key, value in arrays.items()}, text
+    return {
+        f"meta_{key}": ([f"{key}_{axis}" for axis in range(value.ndim)], value, {})
+        for key, value in arrays.items()
+    }, text
 
 
 def _columns(layout, values, where):
-    """{name: (dimensions, array, attributes)} of the columns that there are. Raises DataError where their lengths differ."""
-    found = {name: (dims.split(), np.asarray(values[name], float), {"units": unit, "long_name": text})
-             for name, (dims, unit, text) in layout.items() if values[name] is not None}
+    """{name: (dimensions, array, attributes)} of the columns that there are. Raises DataError
+    where their lengths differ."""
+    found = {
+        name: (dims.split(), np.asarray(values[name], float), {"units": unit, "long_name": text})
+        for name, (dims, unit, text) in layout.items()
+        if values[name] is not None
+    }
     for name, (dims, array, _) in found.items():
         if array.ndim != len(dims) or len(array) != len(found["t"][1]):
-            raise DataError(f"{where}: not written, the columns of the recording have different lengths ({name} has the shape {array.shape}, "
-                            f"t {found['t'][1].shape})")
+            raise DataError(
+                f"{where}: not written, the columns of the recording have different lengths ({name} has the shape {array.shape}, "
+                f"t {found['t'][1].shape})"
+            )
     return found
 
 
@@ -83,47 +128,73 @@ def _fill(group, variables):
 
 def _text(file, text):
     import h5py
-    file.create_variable("meta", (), h5py.string_dtype(), data=np.array(text, object)).attrs["long_name"] = "meta as JSON"
+
+    file.create_variable("meta", (), h5py.string_dtype(), data=np.array(text, object)).attrs[
+        "long_name"
+    ] = "meta as JSON"
 
 
 def read_recording(path):
-    """The Recording in a file of `write_recording`, checked as when it was first read. Raises DataError."""
+    """The Recording in a file of `write_recording`, checked as when it was first read. Raises
+    DataError."""
     meta, imu, aidings, reference = parts(path)
     for _, text in mistakes(imu):
         raise DataError(f"{path}: imu: {text}")
     aidings, notes = checked_aidings(imu, aidings)
     if reference is not None:
         overlap(imu, reference.t, f"{path}: reference")
-    return Recording(imu, aidings, reference, meta | {"notes": list(dict.fromkeys([*meta.get("notes", []), *notes]))})
+    return Recording(
+        imu,
+        aidings,
+        reference,
+        meta | {"notes": list(dict.fromkeys([*meta.get("notes", []), *notes]))},
+    )
 
 
 def parts(path):
-    """(meta, Imu, aidings, reference) as they stand in the file, the IMU checked for shape only. Raises DataError."""
+    """(meta, Imu, aidings, reference) as they stand in the file, the IMU checked for shape only.
+    Raises DataError."""
     path = Path(path)
     if not path.is_file():
-        raise DataError(f"{path}: cannot be read ({'it is a folder' if path.is_dir() else 'no such file'}); check the path")
+        raise DataError(
+            f"{path}: cannot be read ({'it is a folder' if path.is_dir() else 'no such file'}); check the path"
+        )
     try:
         found = _parts(path)
     except DataError:
         raise
     except (OSError, KeyError, ValueError, RuntimeError) as error:
         reason = (str(error) or type(error).__name__).splitlines()[0][:120]
-        raise DataError(f"{path}: is not a whole NetCDF recording ({reason}); write it again") from error
+        raise DataError(
+            f"{path}: is not a whole NetCDF recording ({reason}); write it again"
+        ) from error
     _check_columns(found[1], path)
     return found
 
 
 def _parts(path):
     import h5netcdf
+
     with h5netcdf.File(path, "r") as file:
         if file.attrs.get("format") != FORMAT:
-            raise DataError(f"{path}: is no recording (its format attribute is {file.attrs.get('format')!r}, not {FORMAT!r}); "
-                            "solutions are read with read_solution")
+            raise DataError(
+                f"{path}: is no recording (its format attribute is {file.attrs.get('format')!r}, not {FORMAT!r}); "
+                "solutions are read with read_solution"
+            )
         imu = Imu(**{name: _column(file["imu"][name]) for name in Imu._fields})
-        sources = sorted((name for name in file.groups if name.startswith("aiding_")), key=lambda name: int(name[7:]))
+        sources = sorted(
+            (name for name in file.groups if name.startswith("aiding_")),
+            key=lambda name: int(name[7:]),
+        )
         aidings = [_aiding(file[name]) for name in sources]
         truth = file["reference"] if "reference" in file.groups else None
-        reference = None if truth is None else Trajectory(**{name: _column(truth[name]) for name in REFERENCE if name in truth.variables})
+        reference = (
+            None
+            if truth is None
+            else Trajectory(
+                **{name: _column(truth[name]) for name in REFERENCE if name in truth.variables}
+            )
+        )
         text = np.asarray(file["meta"][...]).item()
         meta = json.loads(text.decode() if isinstance(text, bytes) else text)
         meta |= {name[5:]: file[name][...] for name in file.variables if name.startswith("meta_")}
@@ -136,12 +207,25 @@ def _column(variable):
 
 def _aiding(group):
     gate, parameters = group.attrs.get("gate"), np.atleast_1d(group.attrs.get("parameters", ()))
-    return Aiding(group.attrs["kind"], *(_column(group[name]) for name in ("t", "y", "sd")), parameters=tuple(map(float, parameters)),
-                  gate=None if gate is None else float(gate), name=group.attrs["name"])
+    return Aiding(
+        group.attrs["kind"],
+        *(_column(group[name]) for name in ("t", "y", "sd")),
+        parameters=tuple(map(float, parameters)),
+        gate=None if gate is None else float(gate),
+        name=group.attrs["name"],
+    )
 
 
 def _check_columns(imu, path):
     n = len(imu.t)
     whole = imu.t.shape == imu.dt.shape == (n,) and imu.dtheta.shape == imu.dv.shape == (n, 3)
-    if not whole or n < 2 or not all(np.isfinite(column).all() for column in imu) or not (np.diff(imu.t) > 0).all() or not (imu.dt > 0).all():
-        raise DataError(f"{path}: group imu must hold at least 2 finite samples in rising time with positive dt; read the original files again")
+    if (
+        not whole
+        or n < 2
+        or not all(np.isfinite(column).all() for column in imu)
+        or not (np.diff(imu.t) > 0).all()
+        or not (imu.dt > 0).all()
+    ):
+        raise DataError(
+            f"{path}: group imu must hold at least 2 finite samples in rising time with positive dt; read the original files again"
+        )

@@ -1,21 +1,25 @@
-"""Inertial logs of the PSINS toolbox (Gongmin Yan): text with a header and six counts a row, plain or compressed.
+"""Inertial logs of the PSINS toolbox (Gongmin Yan): text with a header and six counts a row, plain
+or compressed.
 
-Lines that begin with % and blank ones are comments. Then come three lines of six numbers: attitude and velocity at the start (pitch, roll, yaw in
-deg, yaw counter-clockwise from north; VE, VN, VU in m/s); latitude, longitude (deg), height (m), time of the start (s), sampling interval (ms),
-gravity (m/s^2); and what a count is worth, three gyros in arcsec and three accelerometers in ug*s, where g is the gravity of the header (in PSINS
-that of the equator, 9.780327 m/s^2: with it the specific force of a parked vehicle has the size of gravity at its place, with 9.80665 it is 0.27 %
-too large). Each row after them is one sample: counts of the rotation and of the velocity increment over the interval that ends with it. Axes are
-right, forward, up; here they become forward, right, down.
+Lines that begin with % and blank ones are comments. Then come three lines of six numbers: attitude
+and velocity at the start (pitch, roll, yaw in deg, yaw counter-clockwise from north; VE, VN, VU in
+m/s); latitude, longitude (deg), height (m), time of the start (s), sampling interval (ms), gravity
+(m/s^2); and what a count is worth, three gyros in arcsec and three accelerometers in ug*s, where g
+is the gravity of the header (in PSINS that of the equator, 9.780327 m/s^2: with it the specific
+force of a parked vehicle has the size of gravity at its place, with 9.80665 it is 0.27 % too
+large). Each row after them is one sample: counts of the rotation and of the velocity increment over
+the interval that ends with it. Axes are right, forward, up; here they become forward, right, down.
 """
+
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from ..data import Aiding, DataError
-from ..recording import Recording
 from ..preprocessing.axes import BODY, axes_matrix
 from ..preprocessing.imu_samples import increments
+from ..recording import Recording
 from .tables import BROKEN, open_text
 
 SUFFIXES = tuple(".imu" + packed for packed in ("", ".gz", ".xz", ".bz2"))
@@ -26,14 +30,16 @@ POSITION_SD, VELOCITY_SD = 10.0, 1.0
 
 
 class Header(NamedTuple):
-    """The three lines before the samples, SI, in NED and FRD; its author calls the first of them maybe inaccurate."""
-    rph: tuple          # roll, pitch, heading, rad
-    v_n: tuple          # m/s, NED
-    lla: tuple          # rad, rad, m
-    t: float            # s
-    dt: float           # s
-    gravity: float      # m/s^2
-    gyro_count: tuple   # rad per count, about the file's x (right), y (forward), z (up)
+    """The three lines before the samples, SI, in NED and FRD; its author calls the first of them
+    maybe inaccurate."""
+
+    rph: tuple  # roll, pitch, heading, rad
+    v_n: tuple  # m/s, NED
+    lla: tuple  # rad, rad, m
+    t: float  # s
+    dt: float  # s
+    gravity: float  # m/s^2
+    gyro_count: tuple  # rad per count, about the file's x (right), y (forward), z (up)
     accel_count: tuple  # m/s per count
 
 
@@ -43,12 +49,15 @@ def is_psins(path):
 
 
 def read_psins(path):
-    """The Recording of a PSINS log: IMU samples in FRD; the header in meta ("position", "attitude", "velocity" and "gravity", SI, NED).
+    """The Recording of a PSINS log: IMU samples in FRD; the header in meta ("position", "attitude",
+    "velocity" and "gravity", SI, NED).
 
-    The header's position and velocity are one fix each, at the start, with `POSITION_SD` and `VELOCITY_SD`: enough to start a filter from.
-    Such a file has no other fixes and no reference. Raises DataError of one line.
+    The header's position and velocity are one fix each, at the start, with `POSITION_SD` and
+    `VELOCITY_SD`: enough to start a filter from. Such a file has no other fixes and no reference.
+    Raises DataError of one line.
     """
     from ..preprocessing.plausible import mistakes
+
     recording = unchecked(path)
     for _, text in mistakes(recording.imu, "increment"):
         raise DataError(f"{path}: {text}")
@@ -56,24 +65,45 @@ def read_psins(path):
 
 
 def unchecked(path):
-    """As `read_psins`, whatever the samples read. Raises DataError where the file is no PSINS log."""
+    """As `read_psins`, whatever the samples read. Raises DataError where the file is no PSINS
+    log."""
     path = Path(path)
     header, counts = parse(path)
     t = header.t + header.dt * np.arange(1, len(counts) + 1)
     C = axes_matrix("RFU", BODY)
-    gyro, accel = (counts[:, :3] * header.gyro_count) @ C.T, (counts[:, 3:] * header.accel_count) @ C.T
+    gyro, accel = (
+        (counts[:, :3] * header.gyro_count) @ C.T,
+        (counts[:, 3:] * header.accel_count) @ C.T,
+    )
     imu, notes = increments(t, gyro, accel, "increment")
-    meta = {"name": path.name.partition(".")[0], "position": list(header.lla), "attitude": list(header.rph), "velocity": list(header.v_n),
-            "gravity": header.gravity, "notes": notes}
-    at_start = lambda kind, values, sd: Aiding(kind, imu.t[:1] - imu.dt[:1], np.array([values]), np.full((1, 3), sd), name=f"header {kind}")
-    return Recording(imu, (at_start("position", header.lla, POSITION_SD), at_start("velocity", header.v_n, VELOCITY_SD)), meta=meta)
+    meta = {
+        "name": path.name.partition(".")[0],
+        "position": list(header.lla),
+        "attitude": list(header.rph),
+        "velocity": list(header.v_n),
+        "gravity": header.gravity,
+        "notes": notes,
+    }
+    at_start = lambda kind, values, sd: Aiding(
+        kind, imu.t[:1] - imu.dt[:1], np.array([values]), np.full((1, 3), sd), name=f"header {kind}"
+    )
+    return Recording(
+        imu,
+        (
+            at_start("position", header.lla, POSITION_SD),
+            at_start("velocity", header.v_n, VELOCITY_SD),
+        ),
+        meta=meta,
+    )
 
 
 def parse(path):
     """(Header, (n, 6) counts) of a PSINS log. Raises DataError."""
     lines = _lines(Path(path))
     if len(lines) < 5:
-        raise DataError(f"{path}: {len(lines)} lines of numbers; a PSINS log has three of header and then samples, two at least")
+        raise DataError(
+            f"{path}: {len(lines)} lines of numbers; a PSINS log has three of header and then samples, two at least"
+        )
     rows = [_numbers(path, *line) for line in lines[:3]]
     try:
         counts = np.loadtxt([text for _, text in lines[3:]], ndmin=2)
@@ -83,7 +113,9 @@ def parse(path):
         for line in lines[3:]:
             _numbers(path, *line)
     if not np.isfinite(counts).all():
-        raise DataError(f"{path}, line {lines[3 + int(np.argmin(np.isfinite(counts).all(axis=1)))][0]}: a count is no finite number; remove the row")
+        raise DataError(
+            f"{path}, line {lines[3 + int(np.argmin(np.isfinite(counts).all(axis=1)))][0]}: a count is no finite number; remove the row"
+        )
     return _header(path, lines, *rows), counts
 
 
@@ -91,11 +123,19 @@ def _lines(path):
     """[(line number, text)] without comments and blank lines."""
     try:
         with open_text(path) as file:
-            return [(number, line) for number, line in enumerate(file, 1) if line.strip() and not line.startswith("%")]
+            return [
+                (number, line)
+                for number, line in enumerate(file, 1)
+                if line.strip() and not line.startswith("%")
+            ]
     except BROKEN as error:
-        raise DataError(f"{path}: the compressed file is truncated or damaged ({error}); copy it again") from error
+        raise DataError(
+            f"{path}: the compressed file is truncated or damaged ({error}); copy it again"
+        ) from error
     except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error}); check the path") from error
+        raise DataError(
+            f"{path}: cannot be read ({error.strerror or error}); check the path"
+        ) from error
 
 
 def _numbers(path, number, text):
@@ -106,7 +146,9 @@ def _numbers(path, number, text):
     except ValueError:
         values = ()
     if len(values) != 6:
-        raise DataError(f"{path}, line {number}: {text.strip()[:40]!r} is not six numbers, as every line of a PSINS log is; correct or remove it")
+        raise DataError(
+            f"{path}, line {number}: {text.strip()[:40]!r} is not six numbers, as every line of a PSINS log is; correct or remove it"
+        )
     return values
 
 
@@ -114,10 +156,27 @@ def _header(path, lines, attitude, place, scale):
     rad = np.pi / 180
     pitch, roll, yaw, east, north, up = attitude
     latitude, longitude, height, t, milliseconds, gravity = place
-    if not (abs(latitude) <= 90 and abs(longitude) <= 360 and 0 < milliseconds < 1e4 and 9 < gravity < 11):
-        raise DataError(f"{path}, line {lines[1][0]}: latitude, longitude, height, time, interval in ms and gravity are expected, "
-                        f"not {lines[1][1].strip()!r}")
+    if not (
+        abs(latitude) <= 90
+        and abs(longitude) <= 360
+        and 0 < milliseconds < 1e4
+        and 9 < gravity < 11
+    ):
+        raise DataError(
+            f"{path}, line {lines[1][0]}: latitude, longitude, height, time, interval in ms and gravity are expected, "
+            f"not {lines[1][1].strip()!r}"
+        )
     if not all(0 < value < np.inf for value in scale):
-        raise DataError(f"{path}, line {lines[2][0]}: what a count is worth must be larger than 0 for all six, not {lines[2][1].strip()!r}")
-    return Header((roll * rad, pitch * rad, -yaw * rad % (2 * np.pi)), (north, east, -up), (latitude * rad, longitude * rad, height), t,
-                  milliseconds / 1e3, gravity, tuple(value * ARCSEC for value in scale[:3]), tuple(value * 1e-6 * gravity for value in scale[3:]))
+        raise DataError(
+            f"{path}, line {lines[2][0]}: what a count is worth must be larger than 0 for all six, not {lines[2][1].strip()!r}"
+        )
+    return Header(
+        (roll * rad, pitch * rad, -yaw * rad % (2 * np.pi)),
+        (north, east, -up),
+        (latitude * rad, longitude * rad, height),
+        t,
+        milliseconds / 1e3,
+        gravity,
+        tuple(value * ARCSEC for value in scale[:3]),
+        tuple(value * 1e-6 * gravity for value in scale[3:]),
+    )

@@ -1,4 +1,6 @@
-"""CSV files as tables of numbers: plain or compressed, with or without a header; every complaint names the file, the line and the column."""
+"""CSV files as tables of numbers: plain or compressed, with or without a header; every complaint
+names the file, the line and the column."""
+
 import bz2
 import gzip
 import lzma
@@ -13,13 +15,19 @@ import numpy as np
 from ..data import DataError
 from ..preprocessing.origin import Origin
 
-SUFFIXES = tuple(name + packed for name in (".csv", ".txt", ".tsv", ".dat") for packed in ("", ".gz", ".xz", ".bz2", ".zip"))
+SUFFIXES = tuple(
+    name + packed
+    for name in (".csv", ".txt", ".tsv", ".dat")
+    for packed in ("", ".gz", ".xz", ".bz2", ".zip")
+)
 OPENERS = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}
 BROKEN = (EOFError, lzma.LZMAError, zlib.error, zipfile.BadZipFile)
 
 
 class Table(NamedTuple):
-    """A CSV file: pandas DataFrame of raw cells, and the line of the file that each row stands in."""
+    """A CSV file: pandas DataFrame of raw cells, and the line of the file that each row stands
+    in."""
+
     name: str
     frame: object
     lines: np.ndarray
@@ -30,8 +38,10 @@ class Table(NamedTuple):
         return Origin(self.name, self.lines, "line")
 
     def numbers(self, column):
-        """The column as floats; missing cells are NaN. Raises DataError for a missing column or a cell that is no number."""
+        """The column as floats; missing cells are NaN. Raises DataError for a missing column or
+        a cell that is no number."""
         import pandas as pd
+
         if column not in self.frame.columns:
             raise DataError(f"{self.name}: {self._missing(column)}")
         cells = self.frame[column]
@@ -39,8 +49,10 @@ class Table(NamedTuple):
         wrong = np.isnan(values) & cells.notna().to_numpy()
         if wrong.any():
             row = int(np.argmax(wrong))
-            raise DataError(f"{self.origin.row(row)}, column {column!r}: {str(cells.iloc[row])[:40]!r} is not a number; "
-                            "correct the cell or leave it empty")
+            raise DataError(
+                f"{self.origin.row(row)}, column {column!r}: {str(cells.iloc[row])[:40]!r} is not a number; "
+                "correct the cell or leave it empty"
+            )
         return values
 
     def _missing(self, column):
@@ -49,31 +61,54 @@ class Table(NamedTuple):
             return f"column {column} is missing; it has {len(names)} columns"
         if sum(map(is_number, names)) > len(names) / 2:
             return f"column {column!r} is missing; the file has no header line: give columns by number, the first is 1"
-        near = get_close_matches(column, names, 1, 0.5) or [name for name in names if name.lower() == column.lower()]
+        near = get_close_matches(column, names, 1, 0.5) or [
+            name for name in names if name.lower() == column.lower()
+        ]
         return f"column {column!r} is missing; {f'did you mean {near[0]!r}? ' if near else ''}it has {', '.join(names[:20])}"
 
 
 def read_table(path, header=True):
-    """The Table of a CSV file; lines before the header that start with # or % are left out. Raises DataError.
+    """The Table of a CSV file; lines before the header that start with # or % are left out. Raises
+    DataError.
 
-    Without header the columns are numbered from 1. The separator (comma, semicolon, tab or blanks) is what the first line holds.
+    Without header the columns are numbered from 1. The separator (comma, semicolon, tab or blanks)
+    is what the first line holds.
     """
     import pandas as pd
+
     try:
         skipped, first = _first_line(path)
         with open_text(path) as file, warnings.catch_warnings():
-            warnings.simplefilter("error", pd.errors.ParserWarning)     # rows with more cells than the header has names
-            frame = pd.read_csv(file, sep=_separator(first), header=0 if header else None, skiprows=skipped, skip_blank_lines=False,
-                                skipinitialspace=True, low_memory=False, index_col=False)
+            warnings.simplefilter(
+                "error", pd.errors.ParserWarning
+            )  # rows with more cells than the header has names
+            frame = pd.read_csv(
+                file,
+                sep=_separator(first),
+                header=0 if header else None,
+                skiprows=skipped,
+                skip_blank_lines=False,
+                skipinitialspace=True,
+                low_memory=False,
+                index_col=False,
+            )
     except BROKEN as error:
-        raise DataError(f"{path}: the compressed file is truncated or damaged ({_line(error)}); copy it again") from error
+        raise DataError(
+            f"{path}: the compressed file is truncated or damaged ({_line(error)}); copy it again"
+        ) from error
     except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or _line(error)}); check the path") from error
+        raise DataError(
+            f"{path}: cannot be read ({error.strerror or _line(error)}); check the path"
+        ) from error
     except pd.errors.EmptyDataError as error:
         raise DataError(f"{path}: is empty; it must hold a header and rows of numbers") from error
     except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
-        raise DataError(f"{path}: is not a table of comma-separated values ({_line(error)})") from error
-    frame.columns = [str(name).strip() for name in frame.columns] if header else range(1, frame.shape[1] + 1)
+        raise DataError(
+            f"{path}: is not a table of comma-separated values ({_line(error)})"
+        ) from error
+    frame.columns = (
+        [str(name).strip() for name in frame.columns] if header else range(1, frame.shape[1] + 1)
+    )
     lines = np.arange(len(frame)) + skipped + 1 + header
     filled = frame.notna().any(axis=1).to_numpy()
     if not filled.any():
@@ -82,14 +117,20 @@ def read_table(path, header=True):
 
 
 def open_text(path):
-    """A text file, plain or compressed, open to read. Raises OSError, and those of BROKEN where it is read."""
+    """A text file, plain or compressed, open to read. Raises OSError, and those of BROKEN where
+    it is read."""
     if path.is_dir():
         raise IsADirectoryError(0, "it is a folder")
     if path.suffix.lower() == ".zip":
         import io
+
         archive = zipfile.ZipFile(path)
-        return io.TextIOWrapper(archive.open(archive.namelist()[0]), encoding="utf-8-sig", errors="replace", newline="")
-    return OPENERS.get(path.suffix.lower(), open)(path, "rt", encoding="utf-8-sig", errors="replace", newline="")
+        return io.TextIOWrapper(
+            archive.open(archive.namelist()[0]), encoding="utf-8-sig", errors="replace", newline=""
+        )
+    return OPENERS.get(path.suffix.lower(), open)(
+        path, "rt", encoding="utf-8-sig", errors="replace", newline=""
+    )
 
 
 def _first_line(path):

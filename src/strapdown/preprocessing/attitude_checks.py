@@ -1,36 +1,54 @@
 """An attitude record against the IMU beside it: stuck fixes, mistaken units, axes and clocks.
 
-An attitude and a gyro that belong together turn alike: by the same angle about the same axes at the same time. That is what the checks rest on.
+An attitude and a gyro that belong together turn alike: by the same angle about the same axes at the
+same time. That is what the checks rest on.
 """
+
 import numpy as np
 
 from ..data import DataError
-from .stationary import at_rest
 from ..rotation_products import running_products
 from .axes import named_permutation, signed_permutations
-from .stuck import STUCK, stuck
 from .origin import counted
+from .stationary import at_rest
+from .stuck import STUCK, stuck
 
 SECOND, LEAST, PAIRS, ENOUGH = 1.0, np.radians(3), 1000, 20
-"""Turns are compared over about SECOND (s), where the gyro turned by LEAST (rad) and more; at most PAIRS of them and at least ENOUGH."""
+"""Turns are compared over about SECOND (s), where the gyro turned by LEAST (rad) and more; at
+most PAIRS of them and at least ENOUGH."""
 LONGEST = 3.0
 """s: clocks are compared up to this shift."""
 
 
 def sound_attitude(t, y, imu, name, where):
-    """(mask, notes): the fixes that are not stuck, and how many were. Raises DataError where all are, or where rad was read as deg.
+    """(mask, notes): the fixes that are not stuck, and how many were. Raises DataError where all
+    are, or where rad was read as deg.
 
-    Rows in which something is missing are none of its business: they are kept, and between rows that are whole they do not count as a change.
+    Rows in which something is missing are none of its business: they are kept, and between rows
+    that are whole they do not count as a change.
     """
     level, heading = np.isfinite(t) & np.isfinite(y[:, :2]).all(axis=1), np.isfinite(y[:, 2])
     held = np.zeros(len(t), bool)
-    for rows, columns in ((np.flatnonzero(level & heading), 3), (np.flatnonzero(level & ~heading), 2)):
-        held[rows] = stuck(t[rows], np.c_[y[rows, :columns], _pieces(t[rows])], imu, slice(0, columns))     # two do not see turns about the vertical
+    for rows, columns in (
+        (np.flatnonzero(level & heading), 3),
+        (np.flatnonzero(level & ~heading), 2),
+    ):
+        held[rows] = stuck(
+            t[rows], np.c_[y[rows, :columns], _pieces(t[rows])], imu, slice(0, columns)
+        )  # two do not see turns about the vertical
     sound = level & ~held
     if held.any() and sound.sum() < 2:
-        raise DataError(f"{where}: no usable fix of kind attitude; it never changes while the gyro turns")
-    notes = [f"{name}: {counted(int(held.sum()), 'row')} dropped, stuck at one value while the gyro turns, "
-             f"the first at {t[np.argmax(held)]:.3f} s: check the sensor"] if held.any() else []
+        raise DataError(
+            f"{where}: no usable fix of kind attitude; it never changes while the gyro turns"
+        )
+    notes = (
+        [
+            f"{name}: {counted(int(held.sum()), 'row')} dropped, stuck at one value while the gyro turns, "
+            f"the first at {t[np.argmax(held)]:.3f} s: check the sensor"
+        ]
+        if held.any()
+        else []
+    )
     rows = np.flatnonzero(sound)
     rows = rows[np.argsort(t[rows], kind="stable")]
     refuse_unit(t[rows], y[rows], imu, where)
@@ -41,13 +59,20 @@ def refuse_unit(t, y, imu, where):
     """Raise DataError where these attitudes, in order, turn about a 57th of what the gyro does."""
     recorded, gyro = turns(t, y, imu)()
     if len(gyro) >= ENOUGH and 0.5 < np.degrees(ratio(recorded, gyro)) < 2:
-        raise DataError(f"{where} unit: the attitude turns {ratio(recorded, gyro):.3g} times as much as the gyro: rad read as deg?")
+        raise DataError(
+            f"{where} unit: the attitude turns {ratio(recorded, gyro):.3g} times as much as the gyro: rad read as deg?"
+        )
 
 
 def _pieces(t):
-    """(n,) number of the unbroken piece of a record that each time belongs to: a value that is there again after a pause was not held."""
+    """(n,) number of the unbroken piece of a record that each time belongs to: a value that is
+    there again after a pause was not held."""
     step = np.diff(t)
-    return np.r_[0, np.cumsum(step > max(STUCK, 3 * np.median(step)))] if len(step) else np.zeros(len(t))
+    return (
+        np.r_[0, np.cumsum(step > max(STUCK, 3 * np.median(step)))]
+        if len(step)
+        else np.zeros(len(t))
+    )
 
 
 def ratio(recorded, gyro):
@@ -57,16 +82,27 @@ def ratio(recorded, gyro):
 
 
 def turns(t, y, imu):
-    """Function of a shift of the IMU's time (s): turns of the attitude and of the gyro, (k, 3) rad each, body, k the same for all shifts.
+    """Function of a shift of the IMU's time (s): turns of the attitude and of the gyro, (k, 3) rad
+    each, body, k the same for all shifts.
 
-    They are rotation vectors over about a second; of an attitude without heading the turns of the vertical alone.
+    They are rotation vectors over about a second; of an attitude without heading the turns of the
+    vertical alone.
     """
     from scipy.spatial.transform import Rotation
+
     whole = np.isfinite(y).all(axis=1)
     heading = whole.sum() > 0.5 * len(y)
-    use = (whole if heading else np.isfinite(y[:, :2]).all(axis=1)) & (t > imu.t[0] + _margin(imu)) & (t < imu.t[-1] - _margin(imu))
+    use = (
+        (whole if heading else np.isfinite(y[:, :2]).all(axis=1))
+        & (t > imu.t[0] + _margin(imu))
+        & (t < imu.t[-1] - _margin(imu))
+    )
     t, y = t[use], y[use]
-    step = max(1, round(SECOND / max(float(np.median(np.diff(t))), 1e-3))) if len(t) > ENOUGH else len(t)
+    step = (
+        max(1, round(SECOND / max(float(np.median(np.diff(t))), 1e-3)))
+        if len(t) > ENOUGH
+        else len(t)
+    )
     first = np.arange(len(t) - step)
     first = first[t[first + step] - t[first] < 2.5 * SECOND]
     if not len(first):
@@ -78,10 +114,15 @@ def turns(t, y, imu):
         turn = path(t[rows] - shift).inv() * path(t[rows + step] - shift)
         before = vertical(attitude[rows])
         return turn.as_rotvec() if heading else np.cross(turn.inv().apply(before), before)
+
     first = first[np.linalg.norm(gyro(first, 0.0), axis=1) > LEAST]
-    first = first[::max(1, -(-len(first) // PAIRS))]
+    first = first[:: max(1, -(-len(first) // PAIRS))]
     before, after = attitude[first], attitude[first + step]
-    recorded = (before.inv() * after).as_rotvec() if heading else np.cross(vertical(after), vertical(before))
+    recorded = (
+        (before.inv() * after).as_rotvec()
+        if heading
+        else np.cross(vertical(after), vertical(before))
+    )
     return lambda shift=0.0: (recorded, gyro(first, shift))
 
 
@@ -91,51 +132,77 @@ def _margin(imu):
 
 
 def _gyro_path(imu):
-    """Slerp of the attitude of the body since the first sample by the gyro alone, without its mean at rest."""
+    """Slerp of the attitude of the body since the first sample by the gyro alone, without its
+    mean at rest."""
     from scipy.spatial.transform import Rotation, Slerp
+
     rest = at_rest(imu)
     bias = imu.dtheta[rest].sum(axis=0) / imu.dt[rest].sum() if rest.any() else np.zeros(3)
     return Slerp(imu.t, running_products(Rotation.from_rotvec(imu.dtheta - bias * imu.dt[:, None])))
 
 
 def facts_and_problems(aiding, imu):
-    """([text], [text]) on an attitude beside an IMU: how well it turns as the gyro does, what is probably wrong with unit, axes or clock."""
+    """([text], [text]) on an attitude beside an IMU: how well it turns as the gyro does, what is
+    probably wrong with unit, axes or clock."""
     facts, problems = _level(aiding, imu)
     fit = turns(aiding.t, aiding.y, imu)
     recorded, gyro = fit()
     if len(gyro) < ENOUGH:
         return facts, problems
     now, factor = _likeness(recorded, gyro), ratio(recorded, gyro)
-    facts = [f"turns of {aiding.name} against those of the gyro: correlation {now:.3f}, attitude / gyro {factor:.3g} ({len(gyro)} intervals)", *facts]
+    facts = [
+        f"turns of {aiding.name} against those of the gyro: correlation {now:.3f}, attitude / gyro {factor:.3g} ({len(gyro)} intervals)",
+        *facts,
+    ]
     if not 0.4 < factor < 2.5:
-        likely = "rad read as deg" if 0.5 < np.degrees(factor) < 2 else "a wrong unit or scale, or other columns"
-        return facts, [f"{aiding.name} unit: it turns {factor:.3g} times as much as the gyro: {likely}?", *problems]
+        likely = (
+            "rad read as deg"
+            if 0.5 < np.degrees(factor) < 2
+            else "a wrong unit or scale, or other columns"
+        )
+        return facts, [
+            f"{aiding.name} unit: it turns {factor:.3g} times as much as the gyro: {likely}?",
+            *problems,
+        ]
     shifts = np.arange(-LONGEST, LONGEST + 0.01, 0.05)[1:-1] if _margin(imu) else np.zeros(1)
     others = np.array([_likeness(*fit(shift)) for shift in shifts])
     best = int(np.argmax(others))
     if others[best] > 0.9 and 1 - others[best] < 0.5 * (1 - now) and abs(shifts[best]) > 0.2:
-        problems.append(f"{aiding.name}: it fits the gyro best with {-shifts[best]:+.2f} s added to its time, "
-                        f"or {shifts[best]:+.2f} s to that of the IMU: check `offset`")
+        problems.append(
+            f"{aiding.name}: it fits the gyro best with {-shifts[best]:+.2f} s added to its time, "
+            f"or {shifts[best]:+.2f} s to that of the IMU: check `offset`"
+        )
     elif now < 0.7:
-        fits = [(_likeness(recorded, gyro @ other.T), np.linalg.det(other), other) for other in signed_permutations()]
+        fits = [
+            (_likeness(recorded, gyro @ other.T), np.linalg.det(other), other)
+            for other in signed_permutations()
+        ]
         likeness, _, other = max(fits, key=lambda each: (round(each[0], 2), each[1]))
         if likeness > 0.9:
-            problems.append(f"{aiding.name} axes: it turns as a gyro with the axes {named_permutation(other)!r} would: "
-                            "check axes, order and signs of its columns against those of the IMU")
+            problems.append(
+                f"{aiding.name} axes: it turns as a gyro with the axes {named_permutation(other)!r} would: "
+                "check axes, order and signs of its columns against those of the IMU"
+            )
     return facts, problems
 
 
 def _likeness(recorded, gyro):
     """Correlation of vectors, 1 where they are alike; nothing is subtracted."""
-    size = np.sqrt((recorded ** 2).sum() * (gyro ** 2).sum())
+    size = np.sqrt((recorded**2).sum() * (gyro**2).sum())
     return float((recorded * gyro).sum() / size) if size > 0 else 0.0
 
 
 def _level(aiding, imu):
-    """Facts and problems from the vertical at rest: that of the attitude against that of the accelerometer."""
+    """Facts and problems from the vertical at rest: that of the attitude against that of the
+    accelerometer."""
     rest = at_rest(imu)
     row = np.minimum(np.searchsorted(imu.t, aiding.t), len(imu.t) - 1)
-    still = rest[row] & (aiding.t <= imu.t[-1]) & (aiding.t > imu.t[0]) & np.isfinite(aiding.y[:, :2]).all(axis=1)
+    still = (
+        rest[row]
+        & (aiding.t <= imu.t[-1])
+        & (aiding.t > imu.t[0])
+        & np.isfinite(aiding.y[:, :2]).all(axis=1)
+    )
     if still.sum() < 5:
         return [], []
     roll, pitch = aiding.y[still, :2].T
@@ -143,7 +210,13 @@ def _level(aiding, imu):
     force = imu.dv[row[still]]
     cosine = -(down * force).sum(axis=1) / np.linalg.norm(force, axis=1)
     off = float(np.degrees(np.median(np.arccos(np.clip(cosine, -1, 1)))))
-    return [f"at rest the vertical of {aiding.name} is {off:.1f} deg from that of the accelerometer"], (
-        [f"{aiding.name}: at rest its vertical is {off:.0f} deg from that of the accelerometer: "
-         "check axes, order and signs of its columns, and mounting"]
-        if off > 10 else [])
+    return [
+        f"at rest the vertical of {aiding.name} is {off:.1f} deg from that of the accelerometer"
+    ], (
+        [
+            f"{aiding.name}: at rest its vertical is {off:.0f} deg from that of the accelerometer: "
+            "check axes, order and signs of its columns, and mounting"
+        ]
+        if off > 10
+        else []
+    )

@@ -1,4 +1,6 @@
-"""Attitudes as files have them: angles or quaternions, in axes of other conventions, brought to roll, pitch and heading of FRD in NED."""
+"""Attitudes as files have them: angles or quaternions, in axes of other conventions, brought to
+roll, pitch and heading of FRD in NED."""
+
 import numpy as np
 
 from ..data import DataError, Trajectory
@@ -13,11 +15,14 @@ PITCH, TURN = np.pi / 2 + 1e-6, 2 * np.pi * (1 + 1e-9)
 
 
 def axes_of(text):
-    """(body, navigation) matrices of axes such as "FLU to ENU": from the record's axes to FRD and to NED. Raises DataError."""
+    """(body, navigation) matrices of axes such as "FLU to ENU": from the record's axes to FRD
+    and to NED. Raises DataError."""
     body, to, navigation = text.partition(" to ")
     if not to:
-        raise DataError(f"{text!r}: write the axes of the body and those that its attitude is told in, such as \"FLU to ENU\"; "
-                        "FRD to NED are the library's")
+        raise DataError(
+            f'{text!r}: write the axes of the body and those that its attitude is told in, such as "FLU to ENU"; '
+            "FRD to NED are the library's"
+        )
     matrices = axes_matrix(body.strip(), BODY), axes_matrix(navigation.strip(), NAVIGATION)
     if not matrices[1][2, 2]:
         raise DataError(f"{text!r}: the third navigation axis must point up or down")
@@ -25,19 +30,23 @@ def axes_of(text):
 
 
 def quaternions(values, order, axes, origin):
-    """(n, 4) attitude of the body (FRD) in NED, scalar first, from what the columns hold; rows with a missing number are NaN.
+    """(n, 4) attitude of the body (FRD) in NED, scalar first, from what the columns hold; rows with
+    a missing number are NaN.
 
-    values: (n, 3) roll, pitch, heading, rad, or (n, 4) with `order` a name of `ORDERS`; axes: text of `axes_of` or None.
-    Raises DataError naming the row of a quaternion that is none.
+    values: (n, 3) roll, pitch, heading, rad, or (n, 4) with `order` a name of `ORDERS`; axes: text
+    of `axes_of` or None. Raises DataError naming the row of a quaternion that is none.
     """
     from scipy.spatial.transform import Rotation
+
     known, found = np.isfinite(values).all(axis=1), np.full((len(values), 4), np.nan)
     if not known.any():
         return found
     if order is None:
         turn = Rotation.from_euler("ZYX", values[known][:, ::-1])
     else:
-        turn = Rotation.from_quat(_unit(values[known][:, ORDERS[order]], origin.kept(known, len(known)))[:, [1, 2, 3, 0]])
+        turn = Rotation.from_quat(
+            _unit(values[known][:, ORDERS[order]], origin.kept(known, len(known)))[:, [1, 2, 3, 0]]
+        )
     if axes is not None:
         body, navigation = map(Rotation.from_matrix, axes_of(axes))
         turn = navigation * turn * body.inv()
@@ -50,23 +59,36 @@ def _unit(q, origin):
     wrong = np.abs(norm - 1) > UNIT_NORM
     if wrong.any():
         row = int(np.argmax(wrong))
-        raise DataError(f"{origin.row(row)}: quaternion [{' '.join(f'{each:.6g}' for each in q[row])}] has norm {norm[row]:.4g}, not 1; "
-                        + ("empty its cells or leave the row out where the attitude is not known" if not norm[row] else "check columns and scale"))
+        raise DataError(
+            f"{origin.row(row)}: quaternion [{' '.join(f'{each:.6g}' for each in q[row])}] has norm {norm[row]:.4g}, not 1; "
+            + (
+                "empty its cells or leave the row out where the attitude is not known"
+                if not norm[row]
+                else "check columns and scale"
+            )
+        )
     return q / norm[:, None]
 
 
 def angles(values, order, axes, origin):
-    """(n, 3) roll, pitch, heading of the body in NED, rad, arguments as of `quaternions`; without a heading (a column less, or NaN) it stays NaN.
+    """(n, 3) roll, pitch, heading of the body in NED, rad, arguments as of `quaternions`; without a
+    heading (a column less, or NaN) it stays NaN.
 
-    Raises DataError naming the row of angles that none can be, before they are turned: afterwards they are always possible.
+    Raises DataError naming the row of angles that none can be, before they are turned: afterwards
+    they are always possible.
     """
     if order is None:
-        values = np.c_[np.where(np.isfinite(values), values, np.nan), np.full((len(values), 3 - values.shape[1]), np.nan)]
+        values = np.c_[
+            np.where(np.isfinite(values), values, np.nan),
+            np.full((len(values), 3 - values.shape[1]), np.nan),
+        ]
         possible_attitude(values, origin)
         if axes is None:
             return values
     level = order is None and np.isnan(values[:, 2])
-    filled = np.where(level[:, None] & [False, False, True], 0.0, values) if order is None else values
+    filled = (
+        np.where(level[:, None] & [False, False, True], 0.0, values) if order is None else values
+    )
     q = quaternions(filled, order, axes, origin)
     found = Trajectory(np.zeros(len(q)), np.empty((0, 3)), q_nb=q).rph
     found[level, 2] = np.nan
@@ -74,12 +96,14 @@ def angles(values, order, axes, origin):
 
 
 def together(y):
-    """(m, 3) roll, pitch, heading without those rows of which roll or pitch is missing: NaN whole."""
+    """(m, 3) roll, pitch, heading without those rows of which roll or pitch is missing: NaN
+    whole."""
     return np.where(np.isnan(y[:, :2]).any(axis=1)[:, None], np.nan, y)
 
 
 def possible_attitude(y, origin):
-    """Raise DataError naming the first row whose roll, pitch or heading (m, 3), rad, is beyond what such an angle can be.
+    """Raise DataError naming the first row whose roll, pitch or heading (m, 3), rad, is beyond what
+    such an angle can be.
 
     Infinite ones count as missing.
     """
@@ -87,5 +111,7 @@ def possible_attitude(y, origin):
         beyond = (np.abs(column) > limit) & np.isfinite(column)
         if beyond.any():
             row = int(np.argmax(beyond))
-            raise DataError(f"{origin.row(row)}: {name} is {np.degrees(column[row]):.6g} deg, at most {np.degrees(limit):.0f} is expected; "
-                            "check the unit (deg read as rad?) and the order of the columns, and wrap angles that count turns")
+            raise DataError(
+                f"{origin.row(row)}: {name} is {np.degrees(column[row]):.6g} deg, at most {np.degrees(limit):.0f} is expected; "
+                "check the unit (deg read as rad?) and the order of the columns, and wrap angles that count turns"
+            )

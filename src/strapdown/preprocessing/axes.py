@@ -1,4 +1,6 @@
-"""Axes of sensors and of vectors in files, as matrices that turn them into body FRD or navigation NED axes."""
+"""Axes of sensors and of vectors in files, as matrices that turn them into body FRD or
+navigation NED axes."""
+
 from itertools import permutations, product
 
 import numpy as np
@@ -9,7 +11,8 @@ from .units import factor
 BODY = {"FRD": "+x +y +z", "FLU": "+x -y -z", "RFU": "+y +x -z"}
 """Body axes by name: forward, right and down in terms of the file's x, y and z."""
 NAVIGATION = {"NED": "+x +y +z", "ENU": "+y +x -z"}
-"""Navigation axes by name: north, east and down in terms of the file's first, second and third column."""
+"""Navigation axes by name: north, east and down in terms of the file's first, second and third
+column."""
 
 
 def sensor_to_body(part):
@@ -18,14 +21,27 @@ def sensor_to_body(part):
     if part.mounting is None:
         return C
     unit = factor(part.mounting.unit, "angle")
-    return rotation_matrix(*(angle * unit for angle in (part.mounting.roll, part.mounting.pitch, part.mounting.heading))) @ C
+    return (
+        rotation_matrix(
+            *(
+                angle * unit
+                for angle in (part.mounting.roll, part.mounting.pitch, part.mounting.heading)
+            )
+        )
+        @ C
+    )
 
 
 def axes_matrix(text, named, right_handed=True):
-    """Matrix that takes columns with the axes `text` (a name of `named`, or signed axes such as "+y +x -z") to FRD or NED. Raises DataError."""
+    """Matrix that takes columns with the axes `text` (a name of `named`, or signed axes such as
+    "+y +x -z") to FRD or NED. Raises DataError."""
     signed = named.get(text, text).split()
-    if len(signed) != 3 or any(len(part) != 2 or part[0] not in "+-" or part[1] not in "xyz" for part in signed):
-        raise DataError(f"unknown axes {text!r}; give {', '.join(named)}, or three signed axes such as \"+y +x -z\"")
+    if len(signed) != 3 or any(
+        len(part) != 2 or part[0] not in "+-" or part[1] not in "xyz" for part in signed
+    ):
+        raise DataError(
+            f'unknown axes {text!r}; give {", ".join(named)}, or three signed axes such as "+y +x -z"'
+        )
     matrix = np.zeros((3, 3))
     for row, (sign, axis) in zip(matrix, signed):
         row["xyz".index(axis)] = 1.0 if sign == "+" else -1.0
@@ -33,16 +49,22 @@ def axes_matrix(text, named, right_handed=True):
     if abs(determinant) < 0.5:
         raise DataError(f"axes {text!r} use an axis twice; each of x, y and z must stand once")
     if right_handed and determinant < 0:
-        raise DataError(f"axes {text!r} are left-handed, so no turned sensor has them; change one sign or swap two axes")
+        raise DataError(
+            f"axes {text!r} are left-handed, so no turned sensor has them; change one sign or swap two axes"
+        )
     return matrix
 
 
 def rotation_matrix(roll, pitch, heading):
     """C = Rz(heading) Ry(pitch) Rx(roll), angles in rad; Groves (2013) eq. 2.22 transposed."""
     (cr, cp, ch), (sr, sp, sh) = np.cos([roll, pitch, heading]), np.sin([roll, pitch, heading])
-    return np.array([[ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr],
-                     [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr],
-                     [-sp, cp * sr, cp * cr]])
+    return np.array(
+        [
+            [ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr],
+            [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
 
 
 def signed_permutations():

@@ -1,4 +1,6 @@
-"""Fixes of an aiding and rows of a reference: cleaned, put in order, checked against what is possible and against the span of the IMU."""
+"""Fixes of an aiding and rows of a reference: cleaned, put in order, checked against what is
+possible and against the span of the IMU."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -6,33 +8,57 @@ import numpy as np
 from ..core.contract import ATTITUDE_KIND
 from ..core.earth import LATITUDE_LIMIT
 from ..data import DataError, Trajectory
-from .attitude_record import possible_attitude, together
 from .attitude_checks import refuse_unit
-from .origin import Origin, counted
+from .attitude_record import possible_attitude, together
 from .imu_samples import order
+from .origin import Origin, counted
 
-LIMITS = {"length": (500e3, "m", "is the unit mm or ft?"), "speed": (1e4, "m/s", "is the unit mm/s or cm/s?"),
-          "angle": (4 * np.pi, "rad", "is the unit deg?"), "longitude": (2 * np.pi, "rad", "is the unit deg, or is a scale missing?"),
-          "magnetic field": (1e-3, "T", "the Earth's is 22 to 67 uT: is the unit gauss, uT, nT or mgauss, or is a scale missing?")}
+LIMITS = {
+    "length": (500e3, "m", "is the unit mm or ft?"),
+    "speed": (1e4, "m/s", "is the unit mm/s or cm/s?"),
+    "angle": (4 * np.pi, "rad", "is the unit deg?"),
+    "longitude": (2 * np.pi, "rad", "is the unit deg, or is a scale missing?"),
+    "magnetic field": (
+        1e-3,
+        "T",
+        "the Earth's is 22 to 67 uT: is the unit gauss, uT, nT or mgauss, or is a scale missing?",
+    ),
+}
 """Largest magnitude of a quantity, its unit, and the likely mistake beyond it."""
 PRESSURES = (5e3, 200e3)
-"""Lowest and highest pressure that air has for a vehicle, Pa: 20 km above the sea, where the standard atmosphere of the library ends, and a
-pressurised or submerged sensor."""
+"""Lowest and highest pressure that air has for a vehicle, Pa: 20 km above the sea, where the
+standard atmosphere of the library ends, and a pressurised or submerged sensor."""
 LEAST_SHARE, LONG = 0.2, 10.0
-"""An aiding and an IMU record, both longer than LONG (s), that have less than LEAST_SHARE of one of them in common, probably differ in clock."""
-SLIPS = {1e-5: "bar read as Pa", 1e-3: "kPa read as Pa", 1e-2: "hPa or mbar read as Pa", 1e-1: "kPa read as hPa or mbar",
-         10.0: "hPa or mbar read as kPa", 100.0: "Pa read as hPa or mbar", 1e3: "Pa read as kPa", 1e5: "Pa read as bar"}
+"""An aiding and an IMU record, both longer than LONG (s), that have less than LEAST_SHARE of one
+of them in common, probably differ in clock."""
+SLIPS = {
+    1e-5: "bar read as Pa",
+    1e-3: "kPa read as Pa",
+    1e-2: "hPa or mbar read as Pa",
+    1e-1: "kPa read as hPa or mbar",
+    10.0: "hPa or mbar read as kPa",
+    100.0: "Pa read as hPa or mbar",
+    1e3: "Pa read as kPa",
+    1e5: "Pa read as bar",
+}
 """What a mistaken unit makes of the pressure near the ground, and what to say then."""
 
 
 def checked_aidings(imu, aidings):
-    """(aidings, notes): each aiding cleaned and checked by its kind's Measurement. Raises DataError."""
+    """(aidings, notes): each aiding cleaned and checked by its kind's Measurement. Raises
+    DataError."""
     from ..aiding import find
+
     done, notes = [], []
     for aiding in aidings:
-        if find(aiding.kind).parameters == "field" and not 1e-6 <= np.linalg.norm(aiding.parameters) <= 100e-6:
-            raise DataError(f"{aiding.name or aiding.kind}: parameters are {tuple(aiding.parameters)}, where the Earth's field north, east, down "
-                            "in T is needed; geomagnetic_field gives it")
+        if (
+            find(aiding.kind).parameters == "field"
+            and not 1e-6 <= np.linalg.norm(aiding.parameters) <= 100e-6
+        ):
+            raise DataError(
+                f"{aiding.name or aiding.kind}: parameters are {tuple(aiding.parameters)}, where the Earth's field north, east, down "
+                "in T is needed; geomagnetic_field gives it"
+            )
         if find(aiding.kind).kind == ATTITUDE_KIND:
             possible_attitude(np.asarray(aiding.y, float), Origin(aiding.name or aiding.kind))
         aiding, more = clean(aiding, find(aiding.kind))
@@ -47,10 +73,12 @@ def checked_aidings(imu, aidings):
 
 
 def clean(aiding, sensor, origin=None):
-    """(Aiding, notes): rows without a time or a value are dropped, late ones sorted, repeated ones dropped. Raises DataError naming the row.
+    """(Aiding, notes): rows without a time or a value are dropped, late ones sorted, repeated ones
+    dropped. Raises DataError naming the row.
 
-    A single missing component stays as NaN; infinite ones become NaN; roll and pitch come together. A row whose standard deviation is missing is
-    dropped, one where it is zero or negative is refused.
+    A single missing component stays as NaN; infinite ones become NaN; roll and pitch come together.
+    A row whose standard deviation is missing is dropped, one where it is zero or negative is
+    refused.
     """
     origin, notes = origin or Origin(aiding.name or aiding.kind), []
     t, y, sd = _arrays(aiding, sensor, origin)
@@ -58,38 +86,51 @@ def clean(aiding, sensor, origin=None):
     y = together(y) if sensor.kind == ATTITUDE_KIND else y
     keep = np.isfinite(t) & np.isfinite(y).any(axis=1) & (np.isnan(y) | np.isfinite(sd)).all(axis=1)
     if not keep.all():
-        notes.append(f"{origin.name}: {counted((~keep).sum(), 'row')} without time, value or standard deviation dropped, "
-                     f"the first in {origin.line(np.argmin(keep))}")
+        notes.append(
+            f"{origin.name}: {counted((~keep).sum(), 'row')} without time, value or standard deviation dropped, "
+            f"the first in {origin.line(np.argmin(keep))}"
+        )
         origin, t, y, sd = origin.kept(keep, len(t)), t[keep], y[keep], sd[keep]
     if not len(t) and len(keep):
         raise DataError(f"{origin.name}: no usable fix of kind {sensor.name}; {notes[-1]}")
     index = order(t, origin, notes)
     if index is not None:
         origin, t, y, sd = origin.kept(index, len(t)), t[index], y[index], sd[index]
-    repeated = np.r_[False, (np.diff(t) == 0) & ((y[1:] == y[:-1]) | np.isnan(y[1:])).all(axis=1)][:len(t)]
+    repeated = np.r_[False, (np.diff(t) == 0) & ((y[1:] == y[:-1]) | np.isnan(y[1:])).all(axis=1)][
+        : len(t)
+    ]
     if repeated.any():
-        notes.append(f"{origin.name}: {counted(repeated.sum(), 'repeated row')} dropped, the first in {origin.line(np.argmax(repeated))}")
+        notes.append(
+            f"{origin.name}: {counted(repeated.sum(), 'repeated row')} dropped, the first in {origin.line(np.argmax(repeated))}"
+        )
         origin, t, y, sd = origin.kept(~repeated, len(t)), t[~repeated], y[~repeated], sd[~repeated]
-    if sensor.kind != ATTITUDE_KIND:    # its angles are judged as they were recorded, before anything turned them
+    if (
+        sensor.kind != ATTITUDE_KIND
+    ):  # its angles are judged as they were recorded, before anything turned them
         possible(y, sensor.quantities, origin)
     wrong = (~np.isnan(y) & ~(sd > 0)).any(axis=1)
     if wrong.any():
         row = int(np.argmax(wrong))
-        raise DataError(f"{origin.row(row)}: standard deviation {np.nanmin(sd[row]):g} of kind {sensor.name}; it must be above zero")
+        raise DataError(
+            f"{origin.row(row)}: standard deviation {np.nanmin(sd[row]):g} of kind {sensor.name}; it must be above zero"
+        )
     if sensor.kind == ATTITUDE_KIND:
         notes += _without_heading(t, y, aiding.name or aiding.kind)
     return replace(aiding, t=_column(t), y=_column(y), sd=_column(sd)), notes
 
 
 def _without_heading(t, y, name):
-    """Notes on an attitude that has its heading in some rows only: how many lack it, and the longest time without one."""
+    """Notes on an attitude that has its heading in some rows only: how many lack it, and the
+    longest time without one."""
     known = np.isfinite(y[:, 2])
     if known.all() or not known.any():
         return []
     times = np.unique(np.r_[t[0], t[known], t[-1]])
     k = int(np.argmax(np.diff(times)))
-    return [f"{name}: {counted(int((~known).sum()), 'row')} of {len(t)} without heading, "
-            f"the longest time without one {times[k + 1] - times[k]:.3g} s from {times[k]:.3f} s"]
+    return [
+        f"{name}: {counted(int((~known).sum()), 'row')} of {len(t)} without heading, "
+        f"the longest time without one {times[k + 1] - times[k]:.3g} s from {times[k]:.3f} s"
+    ]
 
 
 def _column(values):
@@ -101,17 +142,22 @@ def _arrays(aiding, sensor, origin):
     y = y[:, None] if y.ndim == 1 and len(sensor.quantities) == 1 else y
     shape = (len(t), len(sensor.quantities))
     try:
-        sd = np.broadcast_to(sd[:, None] if sd.ndim == 1 and shape[1] == 1 and len(sd) == len(t) else sd, shape)
+        sd = np.broadcast_to(
+            sd[:, None] if sd.ndim == 1 and shape[1] == 1 and len(sd) == len(t) else sd, shape
+        )
     except ValueError:
         pass
     if t.ndim != 1 or y.shape != shape or sd.shape != shape:
-        raise DataError(f"{origin.name}: kind {sensor.name} needs y and sd of shape {shape} for t of shape {t.shape}; "
-                        f"y has {y.shape}, sd {sd.shape}")
+        raise DataError(
+            f"{origin.name}: kind {sensor.name} needs y and sd of shape {shape} for t of shape {t.shape}; "
+            f"y has {y.shape}, sd {sd.shape}"
+        )
     return t, y, sd
 
 
 def possible(y, quantities, origin):
-    """Raise DataError naming the first row whose latitude is impossible or beyond the library's limit, or whose magnitude no vehicle has."""
+    """Raise DataError naming the first row whose latitude is impossible or beyond the library's
+    limit, or whose magnitude no vehicle has."""
     for quantity, column in zip(quantities, y.T):
         size = np.abs(column)
         row = int(np.argmax(np.where(np.isnan(size), -1, size))) if len(size) else 0
@@ -127,12 +173,19 @@ def possible(y, quantities, origin):
 
 
 def _latitude(column, size, origin):
-    for limit, text in ((np.pi / 2 * (1 + 1e-12), "the limit is 90; check columns, unit and scale"),
-                        (LATITUDE_LIMIT, f"results hold up to {np.degrees(LATITUDE_LIMIT):.0f} deg latitude; leave such rows out")):
+    for limit, text in (
+        (np.pi / 2 * (1 + 1e-12), "the limit is 90; check columns, unit and scale"),
+        (
+            LATITUDE_LIMIT,
+            f"results hold up to {np.degrees(LATITUDE_LIMIT):.0f} deg latitude; leave such rows out",
+        ),
+    ):
         beyond = size > limit
         if beyond.any():
             row = int(np.argmax(beyond))
-            raise DataError(f"{origin.row(row)}: latitude is {np.degrees(column[row]):.6g} deg; {text}")
+            raise DataError(
+                f"{origin.row(row)}: latitude is {np.degrees(column[row]):.6g} deg; {text}"
+            )
 
 
 def _pressure(column, origin):
@@ -140,44 +193,64 @@ def _pressure(column, origin):
     if wrong.any():
         row = int(np.argmax(wrong))
         typical = float(np.nanmedian(column)) / 1e5
-        likely = next((f"{text}?" for ratio, text in SLIPS.items() if 0.29 < typical / ratio < 1.15),
-                      "check columns, unit and scale, or leave such rows out")
-        raise DataError(f"{origin.row(row)}: pressure is {column[row]:.6g} Pa, where air has {PRESSURES[0]:g} to {PRESSURES[1]:g}: {likely}")
+        likely = next(
+            (f"{text}?" for ratio, text in SLIPS.items() if 0.29 < typical / ratio < 1.15),
+            "check columns, unit and scale, or leave such rows out",
+        )
+        raise DataError(
+            f"{origin.row(row)}: pressure is {column[row]:.6g} Pa, where air has {PRESSURES[0]:g} to {PRESSURES[1]:g}: {likely}"
+        )
 
 
 def overlap(imu, t, name):
     """Raise DataError where none of the times `t` (s) is within the IMU record."""
     start, stop = float(imu.t[0] - imu.dt[0]), float(imu.t[-1])
     if len(t) and not ((t >= start) & (t <= stop)).any():
-        raise DataError(f"{name}: nothing falls within the IMU record: IMU {start:.3f} to {stop:.3f} s, here {t[0]:.3f} to {t[-1]:.3f} s; "
-                        "add `offset` to one `time`, or check the units of time")
+        raise DataError(
+            f"{name}: nothing falls within the IMU record: IMU {start:.3f} to {stop:.3f} s, here {t[0]:.3f} to {t[-1]:.3f} s; "
+            "add `offset` to one `time`, or check the units of time"
+        )
 
 
 def overlap_notes(imu, aiding):
-    """Notes on an Aiding that has little of its record, or of the IMU's, in common with the other."""
+    """Notes on an Aiding that has little of its record, or of the IMU's, in common with the
+    other."""
     if not len(aiding.t):
         return []
     start, stop = float(imu.t[0] - imu.dt[0]), float(imu.t[-1])
     inside = int(((aiding.t >= start) & (aiding.t <= stop)).sum())
     common = min(stop, float(aiding.t[-1])) - max(start, float(aiding.t[0]))
-    if min(stop - start, float(np.ptp(aiding.t))) <= LONG or min(inside / len(aiding.t), common / (stop - start)) >= LEAST_SHARE:
+    if (
+        min(stop - start, float(np.ptp(aiding.t))) <= LONG
+        or min(inside / len(aiding.t), common / (stop - start)) >= LEAST_SHARE
+    ):
         return []
-    return [f"{aiding.name or aiding.kind}: only {inside} of {len(aiding.t)} fixes fall within the IMU record, {max(common, 0.0):.1f} of its "
-            f"{stop - start:.1f} s: check unit and offset of time"]
+    return [
+        f"{aiding.name or aiding.kind}: only {inside} of {len(aiding.t)} fixes fall within the IMU record, {max(common, 0.0):.1f} of its "
+        f"{stop - start:.1f} s: check unit and offset of time"
+    ]
 
 
 def clean_reference(t, lla, v_n, q_nb, origin):
-    """(Trajectory, notes) of a reference: rows without time or position dropped, in order, each time once. Raises DataError."""
+    """(Trajectory, notes) of a reference: rows without time or position dropped, in order, each
+    time once. Raises DataError."""
     notes = []
     keep = np.isfinite(t) & np.isfinite(lla).all(axis=1)
     if not keep.all():
-        notes.append(f"{origin.name}: {counted((~keep).sum(), 'row')} of the reference without time or position dropped, "
-                     f"the first in {origin.line(np.argmin(keep))}")
+        notes.append(
+            f"{origin.name}: {counted((~keep).sum(), 'row')} of the reference without time or position dropped, "
+            f"the first in {origin.line(np.argmin(keep))}"
+        )
     rows = np.flatnonzero(keep)
     if len(rows) < 2:
-        raise DataError(f"{origin.name}: the reference has {len(rows)} usable rows; at least 2 are needed")
+        raise DataError(
+            f"{origin.name}: the reference has {len(rows)} usable rows; at least 2 are needed"
+        )
     index = order(t[rows], origin.kept(rows, len(t)), notes)
     rows = rows if index is None else rows[index]
     rows = rows[np.r_[True, np.diff(t[rows]) > 0]]
     possible(lla[rows], ("latitude", "longitude", "length"), origin.kept(rows, len(t)))
-    return Trajectory(_column(t[rows]), *(None if values is None else _column(values[rows]) for values in (lla, v_n, q_nb))), notes
+    return Trajectory(
+        _column(t[rows]),
+        *(None if values is None else _column(values[rows]) for values in (lla, v_n, q_nb)),
+    ), notes

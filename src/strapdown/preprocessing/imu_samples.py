@@ -1,4 +1,6 @@
-"""IMU samples from arrays: rates become increments here and nowhere else; what cannot be used is dropped and counted."""
+"""IMU samples from arrays: rates become increments here and nowhere else; what cannot be used is
+dropped and counted."""
+
 from bisect import bisect_right
 
 import numpy as np
@@ -8,9 +10,11 @@ from ..data import DataError
 from .origin import Origin, counted
 
 GAP = 1.75
-"""An interval longer than this many median ones is a gap: a lost sample makes 2, jitter and coarse time stamps rarely reach it."""
+"""An interval longer than this many median ones is a gap: a lost sample makes 2, jitter and
+coarse time stamps rarely reach it."""
 LATE = 10
-"""Rows that come later in a file than their time says by at most this many are sorted; at most so many in a row are dropped as stray."""
+"""Rows that come later in a file than their time says by at most this many are sorted; at most
+so many in a row are dropped as stray."""
 LONGEST_PAUSE = 86400.0
 """A jump in time beyond this is no pause of one recording, s."""
 SLOWEST, FASTEST = 1.0, 2e-5
@@ -18,8 +22,10 @@ SLOWEST, FASTEST = 1.0, 2e-5
 
 
 def imu_from_arrays(t, gyro, accel, kind="rate"):
-    """(Imu, notes) from arrays in body FRD axes, SI and radians, cleaned by `increments` and checked by `plausible`. Raises DataError."""
+    """(Imu, notes) from arrays in body FRD axes, SI and radians, cleaned by `increments` and
+    checked by `plausible`. Raises DataError."""
     from .plausible import mistakes
+
     imu, notes = increments(t, gyro, accel, kind)
     for _, text in mistakes(imu, kind):
         raise DataError(f"IMU: {text}")
@@ -29,12 +35,13 @@ def imu_from_arrays(t, gyro, accel, kind="rate"):
 def increments(t, gyro, accel, kind="rate", origin=Origin("IMU")):
     """(Imu, notes): row k becomes the increment over its own dt = t[k] - t[k-1], s.
 
-    The first dt, and that of a sample after a gap (an interval beyond `GAP` medians), is the median interval: what lies between t[k-1] and
-    t[k] - dt[k] is then seen as missing. Samples with NaN or infinite values are dropped (and so leave a gap), rows that repeat a time too.
-    Raises DataError for shapes, fewer than 2 samples, a clock that is set back, and intervals that no IMU has.
+    The first dt, and that of a sample after a gap (an interval beyond `GAP` medians), is the median
+    interval: what lies between t[k-1] and t[k] - dt[k] is then seen as missing. Samples with NaN or
+    infinite values are dropped (and so leave a gap), rows that repeat a time too. Raises DataError
+    for shapes, fewer than 2 samples, a clock that is set back, and intervals that no IMU has.
     """
     if kind not in ("rate", "increment"):
-        raise DataError(f"{origin.name}: kind {kind!r} is unknown; it is \"rate\" or \"increment\"")
+        raise DataError(f'{origin.name}: kind {kind!r} is unknown; it is "rate" or "increment"')
     t, gyro, accel = _columns(t, gyro, accel, origin)
     notes = []
     for rule in (_finite, _ordered, _distinct):
@@ -42,8 +49,10 @@ def increments(t, gyro, accel, kind="rate", origin=Origin("IMU")):
         if keep is not None:
             origin, t, gyro, accel = origin.kept(keep, len(t)), t[keep], gyro[keep], accel[keep]
         if len(t) < 2:
-            raise DataError(f"{origin.name}: {counted(len(t), 'usable IMU sample')}; at least 2 are needed"
-                            + "".join("; " + note for note in notes))
+            raise DataError(
+                f"{origin.name}: {counted(len(t), 'usable IMU sample')}; at least 2 are needed"
+                + "".join("; " + note for note in notes)
+            )
     dt = _intervals(t, origin, notes)
     if kind == "rate":
         gyro, accel = gyro * dt[:, None], accel * dt[:, None]
@@ -53,7 +62,9 @@ def increments(t, gyro, accel, kind="rate", origin=Origin("IMU")):
 def _columns(t, gyro, accel, origin):
     t, gyro, accel = (np.asarray(values, float) for values in (t, gyro, accel))
     if t.ndim != 1 or gyro.shape != (len(t), 3) or accel.shape != (len(t), 3):
-        raise DataError(f"{origin.name}: t has shape {t.shape}, gyro {gyro.shape} and accel {accel.shape}; they must be (n,), (n, 3) and (n, 3)")
+        raise DataError(
+            f"{origin.name}: t has shape {t.shape}, gyro {gyro.shape} and accel {accel.shape}; they must be (n,), (n, 3) and (n, 3)"
+        )
     return t, gyro, accel
 
 
@@ -61,8 +72,10 @@ def _finite(t, gyro, accel, origin, notes):
     keep = np.isfinite(t) & np.isfinite(gyro).all(axis=1) & np.isfinite(accel).all(axis=1)
     if keep.all():
         return None
-    notes.append(f"{origin.name}: {counted((~keep).sum(), 'sample')} with NaN or infinite values dropped, "
-                 f"the first in {origin.line(np.argmin(keep))}")
+    notes.append(
+        f"{origin.name}: {counted((~keep).sum(), 'sample')} with NaN or infinite values dropped, "
+        f"the first in {origin.line(np.argmin(keep))}"
+    )
     return keep
 
 
@@ -73,7 +86,8 @@ def _ordered(t, gyro, accel, origin, notes):
 def order(t, origin, notes):
     """Row numbers that put `t` in order, or None where it is in order.
 
-    Late rows are sorted and stray ones left out, counted in `notes`. Raises DataError for a clock that is set back.
+    Late rows are sorted and stray ones left out, counted in `notes`. Raises DataError for a clock
+    that is set back.
     """
     steps = np.diff(t)
     if (steps >= 0).all():
@@ -81,16 +95,22 @@ def order(t, origin, notes):
     index = np.argsort(t, kind="stable")
     if np.abs(index - np.arange(len(t))).max() <= LATE:
         late = np.flatnonzero(steps < 0) + 1
-        notes.append(f"{origin.name}: {counted(len(late), 'late row')} sorted by time, the first in {origin.line(late[0])}")
+        notes.append(
+            f"{origin.name}: {counted(len(late), 'late row')} sorted by time, the first in {origin.line(late[0])}"
+        )
         return index
     keep = _longest_rising(t)
     stray = np.flatnonzero(~np.isin(np.arange(len(t)), keep))
     run = max(len(part) for part in np.split(stray, np.flatnonzero(np.diff(stray) > 1) + 1))
     if run > LATE or len(stray) > max(LATE, len(t) // 100):
         back = int(np.argmin(steps)) + 1
-        raise DataError(f"{origin.row(back)}: time goes back from {t[back - 1]:.3f} to {t[back]:.3f} s and does not recover; "
-                        "cut the file there or correct its time column")
-    notes.append(f"{origin.name}: {counted(len(stray), 'row')} with a stray time dropped, the first in {origin.line(stray[0])}")
+        raise DataError(
+            f"{origin.row(back)}: time goes back from {t[back - 1]:.3f} to {t[back]:.3f} s and does not recover; "
+            "cut the file there or correct its time column"
+        )
+    notes.append(
+        f"{origin.name}: {counted(len(stray), 'row')} with a stray time dropped, the first in {origin.line(stray[0])}"
+    )
     return keep
 
 
@@ -100,7 +120,7 @@ def _longest_rising(t):
     for i, value in enumerate(t.tolist()):
         pile = bisect_right(tops, value)
         previous.append(rows[pile - 1] if pile else -1)
-        tops[pile:pile + 1], rows[pile:pile + 1] = [value], [i]
+        tops[pile : pile + 1], rows[pile : pile + 1] = [value], [i]
     chain, i = [], rows[-1]
     while i >= 0:
         chain.append(i)
@@ -113,11 +133,17 @@ def _distinct(t, gyro, accel, origin, notes):
     if not same.any():
         return None
     rows = np.flatnonzero(same)
-    different = ((gyro[rows] != gyro[rows - 1]).any(axis=1) | (accel[rows] != accel[rows - 1]).any(axis=1)).sum()
+    different = (
+        (gyro[rows] != gyro[rows - 1]).any(axis=1) | (accel[rows] != accel[rows - 1]).any(axis=1)
+    ).sum()
     if different > max(1, len(t) // 10):
-        raise DataError(f"{origin.row(rows[0])}: {different} of {len(t)} samples have the time of the row before but other values; "
-                        "the time stamps are too coarse: use a time column with more digits")
-    notes.append(f"{origin.name}: {counted(len(rows), 'repeated time')} dropped, the first in {origin.line(rows[0])}")
+        raise DataError(
+            f"{origin.row(rows[0])}: {different} of {len(t)} samples have the time of the row before but other values; "
+            "the time stamps are too coarse: use a time column with more digits"
+        )
+    notes.append(
+        f"{origin.name}: {counted(len(rows), 'repeated time')} dropped, the first in {origin.line(rows[0])}"
+    )
     return ~same
 
 
@@ -125,15 +151,21 @@ def _intervals(t, origin, notes):
     steps = np.diff(t)
     median = float(np.median(steps))
     if not FASTEST <= median <= SLOWEST:
-        raise DataError(f"{origin.name}: IMU samples are {median:.6g} s apart; is the unit of time right? "
-                        f"{FASTEST:g} to {SLOWEST:g} s are accepted")
+        raise DataError(
+            f"{origin.name}: IMU samples are {median:.6g} s apart; is the unit of time right? "
+            f"{FASTEST:g} to {SLOWEST:g} s are accepted"
+        )
     gap = steps > GAP * median
     if gap.any():
         longest = int(np.argmax(steps))
         if steps[longest] > LONGEST_PAUSE:
-            raise DataError(f"{origin.row(longest + 1)}: time jumps from {t[longest]:.3f} to {t[longest + 1]:.3f} s; "
-                            "cut the file there or correct its time column")
-        notes.append(f"{origin.name}: {counted(gap.sum(), 'gap')} in time, "
-                     f"the longest {steps[longest] - median:.3f} s before {origin.line(longest + 1)}")
+            raise DataError(
+                f"{origin.row(longest + 1)}: time jumps from {t[longest]:.3f} to {t[longest + 1]:.3f} s; "
+                "cut the file there or correct its time column"
+            )
+        notes.append(
+            f"{origin.name}: {counted(gap.sum(), 'gap')} in time, "
+            f"the longest {steps[longest] - median:.3f} s before {origin.line(longest + 1)}"
+        )
         steps[gap] = median
     return np.r_[median, steps]

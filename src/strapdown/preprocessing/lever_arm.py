@@ -1,12 +1,16 @@
-"""Measurements carried between points of a rigid body: an IMU to another point, fixes of an antenna to the IMU.
+"""Measurements carried between points of a rigid body: an IMU to another point, fixes of an antenna
+to the IMU.
 
-With l the lever arm from a point to another in body axes, C the attitude and w the angular rate of the body:
+With l the lever arm from a point to another in body axes, C the attitude and w the angular rate of
+the body:
 
     specific force   f_P = f + dw/dt x l + w x (w x l)          angular rate   the same everywhere
     position         p_P = p + C l                              velocity       v_P = v + C (w x l)
 
-Source: Fossen (2021) section 14.1 (IMU off the centre) and 14.2.2 (vertical reference unit). A solution moves with `Trajectory.displaced`.
+Source: Fossen (2021) section 14.1 (IMU off the centre) and 14.2.2 (vertical reference unit). A
+solution moves with `Trajectory.displaced`.
 """
+
 from dataclasses import replace
 
 import numpy as np
@@ -16,32 +20,46 @@ from ..data import DataError, Trajectory
 from ..geodesy import displaced
 
 CONTIGUOUS = 0.5
-"""Of a sample: what may be missing between two samples for their rates to be compared, as in the loop."""
+"""Of a sample: what may be missing between two samples for their rates to be compared, as in the
+loop."""
 
 
 def specific_force_at(f, omega, omega_dot, lever_arm):
-    """Specific force (m/s^2) at the point `lever_arm` (m, body) of a body that feels f at its origin.
+    """Specific force (m/s^2) at the point `lever_arm` (m, body) of a body that feels f at its
+    origin.
 
-    f, omega (rad/s, against inertial space), omega_dot (rad/s^2): (3,) or (n, 3), body. Exact for a rigid body.
+    f, omega (rad/s, against inertial space), omega_dot (rad/s^2): (3,) or (n, 3), body. Exact for a
+    rigid body.
     """
     lever_arm = np.asarray(lever_arm, float)
-    return np.asarray(f, float) + np.cross(omega_dot, lever_arm) + np.cross(omega, np.cross(omega, lever_arm))
+    return (
+        np.asarray(f, float)
+        + np.cross(omega_dot, lever_arm)
+        + np.cross(omega, np.cross(omega, lever_arm))
+    )
 
 
 def imu_at(imu, lever_arm):
-    """The Imu samples as an IMU at `lever_arm` (3,) m, body, from this one would deliver them, its axes parallel.
+    """The Imu samples as an IMU at `lever_arm` (3,) m, body, from this one would deliver them, its
+    axes parallel.
 
-    Over a sample the tangential part is the change of the rate times the lever arm, between rates at the sample's edges that are interpolated
-    linearly from the mean rates on both sides (central differences); the centripetal part is exact for a rate that changes evenly. Of the
-    tangential part (2 pi f dt)^2/6 is missing at a frequency f: 1.6 % at 5 Hz and 100 Hz. Gyro noise of N rad/sqrt(s) adds to the velocity
-    some N |l| / sqrt(dt), which does not grow with time. At gaps and at the ends the rate is taken as going on evenly. Raises DataError.
+    Over a sample the tangential part is the change of the rate times the lever arm, between rates
+    at the sample's edges that are interpolated linearly from the mean rates on both sides (central
+    differences); the centripetal part is exact for a rate that changes evenly. Of the tangential
+    part (2 pi f dt)^2/6 is missing at a frequency f: 1.6 % at 5 Hz and 100 Hz. Gyro noise of N
+    rad/sqrt(s) adds to the velocity some N |l| / sqrt(dt), which does not grow with time. At gaps
+    and at the ends the rate is taken as going on evenly. Raises DataError.
     """
     lever_arm = _arm(lever_arm)
     rate = imu.dtheta / imu.dt[:, None]
     before, after = _edges(imu, rate)
     change = after - before
     turned = lambda w: np.cross(w, np.cross(w, lever_arm))
-    dv = imu.dv + np.cross(change, lever_arm) + imu.dt[:, None] * (turned(rate) + turned(change) / 12)
+    dv = (
+        imu.dv
+        + np.cross(change, lever_arm)
+        + imu.dt[:, None] * (turned(rate) + turned(change) / 12)
+    )
     return Imu(imu.t, imu.dt, imu.dtheta, dv)
 
 
@@ -56,34 +74,50 @@ def _edges(imu, rate):
     before, after = np.full_like(rate, np.nan), np.full_like(rate, np.nan)
     before[1:], after[:-1] = np.where(joined, between, np.nan), np.where(joined, between, np.nan)
     alone = np.isnan(before) & np.isnan(after)
-    before, after = np.where(np.isnan(before), 2 * rate - after, before), np.where(np.isnan(after), 2 * rate - before, after)
+    before, after = (
+        np.where(np.isnan(before), 2 * rate - after, before),
+        np.where(np.isnan(after), 2 * rate - before, after),
+    )
     return np.where(alone, rate, before), np.where(alone, rate, after)
 
 
 def gnss_at(fixes, attitude, imu=None, lever_arm=None, attitude_sd=None, rate_sd=0.0):
-    """An Aiding of "position" or "velocity" moved from the antenna to the IMU: p - C l, v - C (w x l); its parameters become zero.
+    """An Aiding of "position" or "velocity" moved from the antenna to the IMU: p - C l, v - C (w x
+    l); its parameters become zero.
 
-    attitude: a Trajectory with attitude (a solution's, a reference), or (t, rph) in s and rad, of a vertical reference unit with a compass;
-    between its rows the body turns evenly. imu: Imu samples, whose mean rate over the sample at the fix is w, for velocities.
-    lever_arm: (3,) m, body, from the IMU to the antenna, by default the fixes' own. attitude_sd: (3,) rad, of the rotation about north, east
-    and down, by default the trajectory's, else 0; rate_sd: rad/s, of w. They add to the standard deviations what they do through the lever arm.
-    The filters here take the lever arm into account themselves, with the attitude they estimate: this is for what has no lever arm of its own.
-    Raises DataError.
+    attitude: a Trajectory with attitude (a solution's, a reference), or (t, rph) in s and rad, of a
+    vertical reference unit with a compass; between its rows the body turns evenly. imu: Imu
+    samples, whose mean rate over the sample at the fix is w, for velocities. lever_arm: (3,) m,
+    body, from the IMU to the antenna, by default the fixes' own. attitude_sd: (3,) rad, of the
+    rotation about north, east and down, by default the trajectory's, else 0; rate_sd: rad/s, of w.
+    They add to the standard deviations what they do through the lever arm. The filters here take
+    the lever arm into account themselves, with the attitude they estimate: this is for what has no
+    lever arm of its own. Raises DataError.
     """
     from scipy.spatial.transform import Slerp
+
     lever_arm = _arm((*fixes.parameters, 0.0, 0.0, 0.0)[:3] if lever_arm is None else lever_arm)
     if fixes.kind not in ("position", "velocity"):
-        raise DataError(f"fixes of kind {fixes.kind!r} stay where they are; position and velocity can be moved")
+        raise DataError(
+            f"fixes of kind {fixes.kind!r} stay where they are; position and velocity can be moved"
+        )
     t, turns, deviations = _attitude(attitude)
     outside = int(((fixes.t < t[0]) | (fixes.t > t[-1])).sum())
     if outside:
-        raise DataError(f"{outside} of {len(fixes.t)} fixes are outside the attitude's {t[0]:.3f} to {t[-1]:.3f} s; take fixes.between(...) first")
+        raise DataError(
+            f"{outside} of {len(fixes.t)} fixes are outside the attitude's {t[0]:.3f} to {t[-1]:.3f} s; take fixes.between(...) first"
+        )
     turn = Slerp(t, turns)(fixes.t)
     between = np.stack([np.interp(fixes.t, t, column) for column in deviations.T], axis=1)
     sd = np.broadcast_to(between if attitude_sd is None else attitude_sd, (len(fixes.t), 3))
     if fixes.kind == "position":
         arm = turn.apply(lever_arm)
-        return replace(fixes, y=displaced(fixes.y, -arm), sd=_grown(fixes.sd, arm, sd), parameters=(0.0, 0.0, 0.0))
+        return replace(
+            fixes,
+            y=displaced(fixes.y, -arm),
+            sd=_grown(fixes.sd, arm, sd),
+            parameters=(0.0, 0.0, 0.0),
+        )
     swing = turn.apply(np.cross(_rates(imu, fixes.t), lever_arm))
     grown = np.hypot(_grown(fixes.sd, swing, sd), rate_sd * np.linalg.norm(lever_arm))
     return replace(fixes, y=fixes.y - swing, sd=grown, parameters=(0.0, 0.0, 0.0))
@@ -92,29 +126,41 @@ def gnss_at(fixes, attitude, imu=None, lever_arm=None, attitude_sd=None, rate_sd
 def _arm(lever_arm):
     lever_arm = np.asarray(lever_arm, float)
     if lever_arm.shape != (3,) or not np.isfinite(lever_arm).all():
-        raise DataError(f"lever arm is {lever_arm.tolist()}; it must be three numbers, m forward, right, down")
+        raise DataError(
+            f"lever arm is {lever_arm.tolist()}; it must be three numbers, m forward, right, down"
+        )
     return lever_arm
 
 
 def _attitude(attitude):
-    """Times (n,), Rotations body to navigation and standard deviations (n, 3) rad of a Trajectory or of (t, rph). Raises DataError."""
+    """Times (n,), Rotations body to navigation and standard deviations (n, 3) rad of a
+    Trajectory or of (t, rph). Raises DataError."""
     from scipy.spatial.transform import Rotation
+
     if isinstance(attitude, Trajectory):
         if attitude.q_nb is None:
             raise DataError("the trajectory has no attitude; give (t, rph)")
-        sd = attitude.sd[:, 6:9] if attitude.sd is not None and attitude.sd.shape[1] >= 9 else np.zeros((len(attitude), 3))
+        sd = (
+            attitude.sd[:, 6:9]
+            if attitude.sd is not None and attitude.sd.shape[1] >= 9
+            else np.zeros((len(attitude), 3))
+        )
         t, turns = attitude.t, attitude.rotation
     else:
         t, rph = (np.asarray(part, float) for part in attitude)
         turns, sd = Rotation.from_euler("ZYX", rph[:, ::-1]), np.zeros((len(t), 3))
     known = np.isfinite(turns.as_quat()).all(axis=1)
     if known.sum() < 2:
-        raise DataError("the attitude has fewer than two rows; fixes between its rows cannot be moved")
+        raise DataError(
+            "the attitude has fewer than two rows; fixes between its rows cannot be moved"
+        )
     t = t[known]
     if not (np.diff(t) > 0).all():
         row = int(np.argmin(np.diff(t) > 0))
-        raise DataError(f"the times of the attitude do not increase: {t[row]:.6g} s is followed by {t[row + 1]:.6g} s; "
-                        "sort its rows and leave out the doubles")
+        raise DataError(
+            f"the times of the attitude do not increase: {t[row]:.6g} s is followed by {t[row + 1]:.6g} s; "
+            "sort its rows and leave out the doubles"
+        )
     return t, turns[known], np.nan_to_num(sd[known])
 
 
@@ -125,14 +171,21 @@ def _rates(imu, at):
     rows = np.searchsorted(imu.t, at)
     outside = int(((rows == len(imu.t)) | (at < imu.t[0] - imu.dt[0])).sum())
     if outside:
-        raise DataError(f"{outside} of {len(at)} fixes are outside the IMU's {imu.t[0] - imu.dt[0]:.3f} to {imu.t[-1]:.3f} s; "
-                        "take fixes.between(...) first")
+        raise DataError(
+            f"{outside} of {len(at)} fixes are outside the IMU's {imu.t[0] - imu.dt[0]:.3f} to {imu.t[-1]:.3f} s; "
+            "take fixes.between(...) first"
+        )
     return imu.dtheta[rows] / imu.dt[rows, None]
 
 
 def _grown(sd, arm, attitude_sd):
-    """Standard deviations (n, 3) grown by what a rotation error of `attitude_sd` (n, 3), about north, east, down, does to `arm` (n, 3) in n."""
+    """Standard deviations (n, 3) grown by what a rotation error of `attitude_sd` (n, 3), about
+    north, east, down, does to `arm` (n, 3) in n."""
     north, east, down = arm.T
     a, b, c = attitude_sd.T
-    added = [(b * down) ** 2 + (c * east) ** 2, (a * down) ** 2 + (c * north) ** 2, (a * east) ** 2 + (b * north) ** 2]
-    return np.sqrt(sd ** 2 + np.stack(added, axis=-1))
+    added = [
+        (b * down) ** 2 + (c * east) ** 2,
+        (a * down) ** 2 + (c * north) ** 2,
+        (a * east) ** 2 + (b * north) ** 2,
+    ]
+    return np.sqrt(sd**2 + np.stack(added, axis=-1))

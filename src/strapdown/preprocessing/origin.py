@@ -1,4 +1,5 @@
 """Where rows came from, so that a message can name the line."""
+
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +12,9 @@ def counted(count, noun):
 
 class Origin(NamedTuple):
     """A source of rows: its name in messages, and what each row is called there."""
+
     name: str
-    lines: np.ndarray | None = None     # numbers of the rows in that source; None: 0, 1, 2, ...
+    lines: np.ndarray | None = None  # numbers of the rows in that source; None: 0, 1, 2, ...
     word: str = "row"
 
     def row(self, i):
@@ -24,5 +26,6 @@ class Origin(NamedTuple):
         return f"{self.word} {i if self.lines is None else self.lines[i]}"
 
     def kept(self, index, count):
-        """The same source after only the rows of `index` (numbers or mask) of its `count` rows were kept."""
+        """The same source after only the rows of `index` (numbers or mask) of its `count` rows
+        were kept."""
         return self._replace(lines=(np.arange(count) if self.lines is None else self.lines)[index])

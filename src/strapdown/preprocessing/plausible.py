@@ -1,29 +1,38 @@
 """Signs of mistaken units and axes in IMU samples that are already SI and body FRD.
 
-`mistakes` are contradictions with gravity, on which reading stops; `doubts` are only worth a look and shown by `inspect`.
-Every text ends in the remedy.
-The bounds were set so that the recorded car, aircraft and hand-held data pass with a factor of 4 or more to spare.
+`mistakes` are contradictions with gravity, on which reading stops; `doubts` are only worth a look
+and shown by `inspect`. Every text ends in the remedy. The bounds were set so that the recorded car,
+aircraft and hand-held data pass with a factor of 4 or more to spare.
 """
+
 import numpy as np
 
 from .stationary import at_rest
 
 G = 9.80665
 LEAST_FORCE, MOST_FORCE = 3.0, 60.0
-"""Median magnitude of the specific force, m/s^2, that a vehicle can have for most of a recording."""
+"""Median magnitude of the specific force, m/s^2, that a vehicle can have for most of a
+recording."""
 MOST_RATE = 35.0
 """Root mean square rate, rad/s (2000 deg/s: the range of the common MEMS gyros)."""
 STEADY, TILT_RATE = 0.4, 0.5
-"""A second is steady when its mean specific force is within STEADY (m/s^2) of gravity and moves by less than 0.3 between its halves;
-a body that tilts at TILT_RATE (rad/s) for that second would move it by 2.4. Recorded data stay below 0.12 rad/s."""
-SLIPS = ((1 / G, "values in g were read as m/s^2, is the unit g?"), (G, "values in m/s^2 were read as g, is the unit m/s^2?"),
-         (1000 / G, "values in mg were read as m/s^2, is the unit mg?"), (G / 1000, "values in m/s^2 were read as mg, is the unit m/s^2?"),
-         (1000.0, "values in mg were read as g, is the unit mg?"), (0.001, "values in g were read as mg, is the unit g?"))
+"""A second is steady when its mean specific force is within STEADY (m/s^2) of gravity and moves
+by less than 0.3 between its halves; a body that tilts at TILT_RATE (rad/s) for that second would
+move it by 2.4. Recorded data stay below 0.12 rad/s."""
+SLIPS = (
+    (1 / G, "values in g were read as m/s^2, is the unit g?"),
+    (G, "values in m/s^2 were read as g, is the unit m/s^2?"),
+    (1000 / G, "values in mg were read as m/s^2, is the unit mg?"),
+    (G / 1000, "values in m/s^2 were read as mg, is the unit m/s^2?"),
+    (1000.0, "values in mg were read as g, is the unit mg?"),
+    (0.001, "values in g were read as mg, is the unit g?"),
+)
 """What a mistaken unit makes of gravity, and what to say then."""
 
 
 def mistakes(imu, kind=None):
-    """[(field, text)] of what cannot be true; the field is the key of [imu] that is probably wrong, `kind` what the samples were given as."""
+    """[(field, text)] of what cannot be true; the field is the key of [imu] that is probably
+    wrong, `kind` what the samples were given as."""
     rate, force = half_seconds(imu)
     found = _unit_of_accel(force, float(np.median(imu.dt)), kind)
     if not found:
@@ -32,11 +41,15 @@ def mistakes(imu, kind=None):
 
 
 def half_seconds(imu):
-    """Mean rate (rad/s) and mean specific force (m/s^2) over consecutive half seconds of samples, (m, 3) each."""
+    """Mean rate (rad/s) and mean specific force (m/s^2) over consecutive half seconds of
+    samples, (m, 3) each."""
     width = min(len(imu.t), max(1, round(0.5 / float(np.median(imu.dt)))))
     whole = len(imu.t) // width * width
     seconds = imu.dt[:whole].reshape(-1, width).sum(axis=1)[:, None]
-    return tuple(column[:whole].reshape(-1, width, 3).sum(axis=1) / seconds for column in (imu.dtheta, imu.dv))
+    return tuple(
+        column[:whole].reshape(-1, width, 3).sum(axis=1) / seconds
+        for column in (imu.dtheta, imu.dv)
+    )
 
 
 def _unit_of_accel(force, interval, kind):
@@ -48,23 +61,41 @@ def _unit_of_accel(force, interval, kind):
     slips += [("kind", 1 / interval, "are these rates, not increments?")] * (kind != "rate")
     fitting = [(field, text) for field, ratio, text in slips if 0.6 < magnitude / G / ratio < 1.7]
     field = fitting[0][0] if fitting else "accel.unit"
-    return [(field, f"specific force has median magnitude {magnitude:.3g} m/s^2, where gravity alone gives 9.8: "
-                    + (" Or ".join(text for _, text in fitting) or "check unit, scale and columns"))]
+    return [
+        (
+            field,
+            f"specific force has median magnitude {magnitude:.3g} m/s^2, where gravity alone gives 9.8: "
+            + (" Or ".join(text for _, text in fitting) or "check unit, scale and columns"),
+        )
+    ]
 
 
 def _unit_of_gyro(imu, rate, force):
     remedy = "check the unit: deg/s read as rad/s?"
-    rms = float(np.sqrt(np.einsum("ij,ij->", imu.dtheta, imu.dtheta) / len(imu.t)) / np.median(imu.dt))
+    rms = float(
+        np.sqrt(np.einsum("ij,ij->", imu.dtheta, imu.dtheta) / len(imu.t)) / np.median(imu.dt)
+    )
     if rms > MOST_RATE:
-        return [("gyro.unit", f"angular rate has rms {rms:.3g} rad/s ({np.degrees(rms):.0f} deg/s): {remedy}")]
+        return [
+            (
+                "gyro.unit",
+                f"angular rate has rms {rms:.3g} rad/s ({np.degrees(rms):.0f} deg/s): {remedy}",
+            )
+        ]
     tilt = steady_tilt_rate(rate, force)
     if (tilt > TILT_RATE).sum() >= max(3, 0.01 * len(tilt)):
-        return [("gyro.unit", f"the gyro claims tilting at up to {tilt.max():.3g} rad/s while the specific force stays steady: {remedy}")]
+        return [
+            (
+                "gyro.unit",
+                f"the gyro claims tilting at up to {tilt.max():.3g} rad/s while the specific force stays steady: {remedy}",
+            )
+        ]
     return []
 
 
 def steady_tilt_rate(rate, force):
-    """Mean rate about the horizontal axes, rad/s, in each second whose specific force is gravity's and steady."""
+    """Mean rate about the horizontal axes, rad/s, in each second whose specific force is
+    gravity's and steady."""
     first, second = force[:-1:2], force[1::2]
     mean, turn = (first + second) / 2, (rate[:-1:2] + rate[1::2]) / 2
     magnitude = np.linalg.norm(mean, axis=1)
@@ -77,8 +108,13 @@ def _gravity_sign(force):
     z = float(np.median(force[:, 2]))
     if z < 0.7 * np.median(np.linalg.norm(force, axis=1)):
         return []
-    return [("axes", f"specific force on z has median {z:+.2f} m/s^2; a level body at rest must read -9.8 on z (forward-right-down): "
-                     "check axes (FLU or RFU instead of FRD?), mounting, or the sign of accel")]
+    return [
+        (
+            "axes",
+            f"specific force on z has median {z:+.2f} m/s^2; a level body at rest must read -9.8 on z (forward-right-down): "
+            "check axes (FLU or RFU instead of FRD?), mounting, or the sign of accel",
+        )
+    ]
 
 
 def doubts(imu):
@@ -88,14 +124,22 @@ def doubts(imu):
     median = np.median(force, axis=0)
     largest = int(np.argmax(np.abs(median)))
     if largest != 2 and abs(median[largest]) > 0.7 * np.linalg.norm(median):
-        found.append(f"specific force lies mostly on {'xyz'[largest]} ({median[largest]:+.2f} m/s^2), not on z: check axes or mounting")
+        found.append(
+            f"specific force lies mostly on {'xyz'[largest]} ({median[largest]:+.2f} m/s^2), not on z: check axes or mounting"
+        )
     rest = at_rest(imu)
     if rest.any():
         bias = np.degrees(imu.dtheta[rest].sum(axis=0) / imu.dt[rest].sum())
         if np.abs(bias).max() > 2.5:
-            found.append(f"the gyro reads [{' '.join(f'{b:.2f}' for b in bias)}] deg/s at rest: a large turn-on bias, or a wrong unit or scale")
+            found.append(
+                f"the gyro reads [{' '.join(f'{b:.2f}' for b in bias)}] deg/s at rest: a large turn-on bias, or a wrong unit or scale"
+            )
     for name, columns in (("gyro", imu.dtheta), ("accel", imu.dv)):
-        still = [axis for axis, column in zip("xyz", (columns / imu.dt[:, None]).T) if np.ptp(column) < 1e-9 * max(1.0, np.abs(column).max())]
+        still = [
+            axis
+            for axis, column in zip("xyz", (columns / imu.dt[:, None]).T)
+            if np.ptp(column) < 1e-9 * max(1.0, np.abs(column).max())
+        ]
         if still and len(imu.t) > 10:
             found.append(f"{name} {', '.join(still)} never changes: check its column")
     return found

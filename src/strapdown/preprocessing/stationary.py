@@ -1,4 +1,5 @@
 """When the vehicle stands still, judged by the IMU alone."""
+
 from typing import NamedTuple
 
 import numpy as np
@@ -6,36 +7,44 @@ import numpy as np
 from ..core.earth import RATE
 
 REST_ACCEL, REST_RATE, REST_MEAN = 0.25, 0.1, 0.1
-"""At rest: bounds on the standard deviation of specific force (m/s^2) and rate (rad/s), three axes together, and on the mean rate (rad/s).
+"""At rest: bounds on the standard deviation of specific force (m/s^2) and rate (rad/s), three axes
+together, and on the mean rate (rad/s).
 
-Measured with one-second windows: a car at rest with its engine running and a MEMS IMU 0.10-0.16 m/s^2, the slowest driving 0.37 m/s^2.
-The mean rate leaves room for an uncalibrated MEMS gyro (5.7 deg/s).
+Measured with one-second windows: a car at rest with its engine running and a MEMS IMU 0.10-0.16
+m/s^2, the slowest driving 0.37 m/s^2. The mean rate leaves room for an uncalibrated MEMS gyro (5.7
+deg/s).
 """
 
 
 def at_rest(imu, window=1.0):
-    """(n,) bool: the vehicle stands still, judged by the IMU alone over every `window` (s) that holds the sample; see `REST_ACCEL`.
+    """(n,) bool: the vehicle stands still, judged by the IMU alone over every `window` (s) that
+    holds the sample; see `REST_ACCEL`.
 
-    Smooth straight motion looks the same to an IMU: use it for what stops now and then, or together with the speed of fixes.
+    Smooth straight motion looks the same to an IMU: use it for what stops now and then, or together
+    with the speed of fixes.
     """
     n, width = len(imu.t), max(2, round(window / float(np.median(imu.dt))))
     if n < width:
         return np.zeros(n, bool)
     force, _ = _spread(imu.dv, imu.dt, width)
     rate, mean = _spread(imu.dtheta, imu.dt, width)
-    quiet = (force < REST_ACCEL ** 2) & (rate < REST_RATE ** 2) & (mean < REST_MEAN ** 2)
-    moving = np.r_[0, np.cumsum(~quiet)]    # window k covers samples k ... k + width - 1, so sample i is in windows i - width + 1 ... i
+    quiet = (force < REST_ACCEL**2) & (rate < REST_RATE**2) & (mean < REST_MEAN**2)
+    moving = np.r_[
+        0, np.cumsum(~quiet)
+    ]  # window k covers samples k ... k + width - 1, so sample i is in windows i - width + 1 ... i
     i = np.arange(n)
     return moving[np.minimum(i + 1, len(quiet))] == moving[np.maximum(i - width + 1, 0)]
 
 
 def stretches(mask):
-    """(k, 2) int: the first row and the row after the last of each stretch where the mask (n,) is true, in order."""
+    """(k, 2) int: the first row and the row after the last of each stretch where the mask (n,)
+    is true, in order."""
     return np.flatnonzero(np.diff(np.r_[False, mask, False])).reshape(-1, 2)
 
 
 def _spread(columns, dt, width):
-    """Variance and squared mean of columns / dt over every window of `width` samples, summed over the axes."""
+    """Variance and squared mean of columns / dt over every window of `width` samples, summed
+    over the axes."""
     variance, square = np.zeros((2, len(dt) - width + 1))
     for column in columns.T:
         values = column / dt
@@ -53,53 +62,81 @@ def _moving_sum(values, width):
 
 
 STEP, STEPS_BEFORE, STEPS_AFTER, STEPS_LEAST = 10.0, 60, 360, 3
-"""A long rest is judged by the means over steps of `STEP` seconds, so many before and after an instant, and so many at least."""
+"""A long rest is judged by the means over steps of `STEP` seconds, so many before and after an
+instant, and so many at least."""
 GROUPS = 10
 TURNING, TILTED = 20 * RATE, np.radians(1.0)
-"""In a long rest no step turns faster (rad/s) or is tilted more against the step at the instant (rad): people board, springs settle, engines shake."""
+"""In a long rest no step turns faster (rad/s) or is tilted more against the step at the instant
+(rad): people board, springs settle, engines shake."""
 
 
 class Motionless(NamedTuple):
     """Means over a long rest."""
-    rate: np.ndarray    # (3,) angular rate, rad/s
-    rate_sd: float      # of it, rad/s: scatter of up to `GROUPS` parts of the rest, the largest of the axes, and the mean rate at which it tilts
-    force: np.ndarray   # (3,) specific force, m/s^2
-    tilt_sd: float      # rad, by which the steps scatter about the mean tilt
-    start: float        # s
-    stop: float         # s
+
+    rate: np.ndarray  # (3,) angular rate, rad/s
+    # of it, rad/s: scatter of up to `GROUPS` parts of the rest, the largest of the axes, and the
+    # mean rate at which it tilts
+    rate_sd: float
+    force: np.ndarray  # (3,) specific force, m/s^2
+    tilt_sd: float  # rad, by which the steps scatter about the mean tilt
+    start: float  # s
+    stop: float  # s
 
 
 def motionless(imu, t):
-    """The `Motionless` around t: the steps without a break before and after it in which the body neither turns nor tilts. None where too few do.
+    """The `Motionless` around t: the steps without a break before and after it in which the body
+    neither turns nor tilts. None where too few do.
 
-    Unlike `at_rest` it does not mind vibration, but needs gyros whose bias is below the Earth's rate.
+    Unlike `at_rest` it does not mind vibration, but needs gyros whose bias is below the Earth's
+    rate.
     """
     steps = np.arange(-STEPS_BEFORE, STEPS_AFTER + 1)
     edges = np.searchsorted(imu.t, t + STEP * steps + 1e-6)
-    sums = [[column[a:b].sum(axis=0) for column in (imu.dt, imu.dtheta, imu.dv)] for a, b in zip(edges[:-1], edges[1:])]
+    sums = [
+        [column[a:b].sum(axis=0) for column in (imu.dt, imu.dtheta, imu.dv)]
+        for a, b in zip(edges[:-1], edges[1:])
+    ]
     seconds, dtheta, dv = (np.array(column) for column in zip(*sums))
     full = np.abs(seconds - STEP) < 0.1 * STEP
-    rate, force = dtheta / np.where(full, seconds, np.inf)[:, None], dv / np.where(full, seconds, np.inf)[:, None]
+    rate, force = (
+        dtheta / np.where(full, seconds, np.inf)[:, None],
+        dv / np.where(full, seconds, np.inf)[:, None],
+    )
     turning = ~full | (np.linalg.norm(rate, axis=1) >= TURNING)
-    anchors = STEPS_BEFORE - 1, STEPS_BEFORE    # t may end it or begin it
+    anchors = STEPS_BEFORE - 1, STEPS_BEFORE  # t may end it or begin it
     runs = [_run(turning | (_angle(force, force[anchor]) >= TILTED), anchor) for anchor in anchors]
     first, last = max(runs, key=lambda run: run[1] - run[0])
     if last - first < STEPS_LEAST:
         return None
     rows = slice(first, last)
-    mean_rate, mean_force = dtheta[rows].sum(axis=0) / seconds[rows].sum(), dv[rows].sum(axis=0) / seconds[rows].sum()
-    parts = np.array([part.mean(axis=0) for part in np.array_split(rate[rows], min(GROUPS, last - first))])     # long ones: rocking averages out
+    mean_rate, mean_force = (
+        dtheta[rows].sum(axis=0) / seconds[rows].sum(),
+        dv[rows].sum(axis=0) / seconds[rows].sum(),
+    )
+    parts = np.array(
+        [part.mean(axis=0) for part in np.array_split(rate[rows], min(GROUPS, last - first))]
+    )  # long ones: rocking averages out
     scatter = parts.std(axis=0, ddof=1).max() / np.sqrt(len(parts))
     tilts = _angle(force[rows], mean_force)
-    drift = _angle(force[first:first + 1], force[last - 1])[0] / (STEP * (last - first - 1))     # springs that settle: all parts have that in common
-    return Motionless(mean_rate, float(np.hypot(scatter, drift)), mean_force, float(np.sqrt(np.mean(tilts ** 2))),
-                      t + STEP * steps[first], t + STEP * steps[last])
+    drift = _angle(force[first : first + 1], force[last - 1])[0] / (
+        STEP * (last - first - 1)
+    )  # springs that settle: all parts have that in common
+    return Motionless(
+        mean_rate,
+        float(np.hypot(scatter, drift)),
+        mean_force,
+        float(np.sqrt(np.mean(tilts**2))),
+        t + STEP * steps[first],
+        t + STEP * steps[last],
+    )
 
 
 def _run(moving, anchor):
     """(first, last + 1) of the steps around `anchor` that do not move; empty where it does."""
     breaks = np.flatnonzero(moving)
-    return int(np.r_[-1, breaks[breaks <= anchor]][-1]) + 1, int(np.r_[breaks[breaks >= anchor], len(moving)][0])
+    return int(np.r_[-1, breaks[breaks <= anchor]][-1]) + 1, int(
+        np.r_[breaks[breaks >= anchor], len(moving)][0]
+    )
 
 
 def _angle(vectors, other):

@@ -1,26 +1,37 @@
 """Samples held at one value while the body turns, of whatever sensor."""
+
 import numpy as np
 
 from .stationary import at_rest
 
 STUCK, TURN = 2.0, np.radians(10)
-"""Samples are stuck where they do not change for longer than STUCK (s) while the gyro turns by more than TURN (rad)."""
+"""Samples are stuck where they do not change for longer than STUCK (s) while the gyro turns by
+more than TURN (rad)."""
 
 
 def stuck(t, raw, imu, axes=slice(0, 3)):
-    """(m,) bool: held for STUCK and longer while the body turned by TURN about one of `axes`; the first sample of each such run counts as sound."""
+    """(m,) bool: held for STUCK and longer while the body turned by TURN about one of `axes`;
+    the first sample of each such run counts as sound."""
     held = np.zeros(len(t), bool)
-    changed = np.flatnonzero(np.r_[True, (raw[1:] != raw[:-1]).any(axis=1), True]) if len(t) else np.zeros(1, int)
+    changed = (
+        np.flatnonzero(np.r_[True, (raw[1:] != raw[:-1]).any(axis=1), True])
+        if len(t)
+        else np.zeros(1, int)
+    )
     first, last = changed[:-1], changed[1:] - 1
     with np.errstate(invalid="ignore"):
-        long = np.flatnonzero((t[last] - t[first] > STUCK) & np.isfinite(raw[first]).all(axis=1)) if len(first) else []
+        long = (
+            np.flatnonzero((t[last] - t[first] > STUCK) & np.isfinite(raw[first]).all(axis=1))
+            if len(first)
+            else []
+        )
     if not len(long):
         return held
     angle = turned(imu)
     for run in long:
         begin, end = np.searchsorted(imu.t, (t[first[run]], t[last[run]]))
-        if np.ptp(angle[begin:end + 1, axes], axis=0).max() > TURN:
-            held[first[run] + 1:last[run] + 1] = True
+        if np.ptp(angle[begin : end + 1, axes], axis=0).max() > TURN:
+            held[first[run] + 1 : last[run] + 1] = True
     return held
 
 

@@ -1,4 +1,5 @@
 """Names of units, and the numbers that turn them into SI and radians."""
+
 import math
 from difflib import get_close_matches
 
@@ -19,29 +20,85 @@ UNITS = {
 }
 """Factor to SI of every unit, by dimension. The standard gravity g is 9.80665 m/s^2."""
 
-DIMENSIONS = {"latitude": "angle", "longitude": "angle", "angle": "angle", "length": "length", "speed": "speed", "acceleration": "acceleration",
-              "magnetic field": "magnetic field", "pressure": "pressure"}
+DIMENSIONS = {
+    "latitude": "angle",
+    "longitude": "angle",
+    "angle": "angle",
+    "length": "length",
+    "speed": "speed",
+    "acceleration": "acceleration",
+    "magnetic field": "magnetic field",
+    "pressure": "pressure",
+}
 """Dimension of each quantity that a kind of aiding can have."""
 
 ALIASES = {
-    "sec": "s", "second": "s", "seconds": "s", "msec": "ms", "millisecond": "ms", "milliseconds": "ms",
-    "µs": "us", "usec": "us", "microseconds": "us", "nsec": "ns", "nanoseconds": "ns",
-    "degree": "deg", "degrees": "deg", "°": "deg", "radian": "rad", "radians": "rad",
-    "rad/sec": "rad/s", "rps": "rad/s", "dps": "deg/s", "°/s": "deg/s", "degrees/s": "deg/s", "deg/sec": "deg/s",
-    "deg/hr": "deg/h", "°/h": "deg/h", "dph": "deg/h",
-    "m/s2": "m/s^2", "m/s²": "m/s^2", "m/s/s": "m/s^2", "m/s**2": "m/s^2", "mps2": "m/s^2", "G": "g gauss",
-    "milli-g": "mg", "mG": "mg mgauss",
-    "meter": "m", "meters": "m", "metre": "m", "metres": "m", "feet": "ft", "foot": "ft",
-    "mps": "m/s", "m/sec": "m/s", "kph": "km/h", "kmh": "km/h", "kn": "knot", "kt": "knot", "kts": "knot", "knots": "knot",
-    "tesla": "T", "µT": "uT", "μT": "uT", "microtesla": "uT", "nanotesla": "nT", "Gauss": "gauss", "Gs": "gauss", "milligauss": "mgauss",
-    "pascal": "Pa", "mb": "mbar", "millibar": "mbar",
+    "sec": "s",
+    "second": "s",
+    "seconds": "s",
+    "msec": "ms",
+    "millisecond": "ms",
+    "milliseconds": "ms",
+    "µs": "us",
+    "usec": "us",
+    "microseconds": "us",
+    "nsec": "ns",
+    "nanoseconds": "ns",
+    "degree": "deg",
+    "degrees": "deg",
+    "°": "deg",
+    "radian": "rad",
+    "radians": "rad",
+    "rad/sec": "rad/s",
+    "rps": "rad/s",
+    "dps": "deg/s",
+    "°/s": "deg/s",
+    "degrees/s": "deg/s",
+    "deg/sec": "deg/s",
+    "deg/hr": "deg/h",
+    "°/h": "deg/h",
+    "dph": "deg/h",
+    "m/s2": "m/s^2",
+    "m/s²": "m/s^2",
+    "m/s/s": "m/s^2",
+    "m/s**2": "m/s^2",
+    "mps2": "m/s^2",
+    "G": "g gauss",
+    "milli-g": "mg",
+    "mG": "mg mgauss",
+    "meter": "m",
+    "meters": "m",
+    "metre": "m",
+    "metres": "m",
+    "feet": "ft",
+    "foot": "ft",
+    "mps": "m/s",
+    "m/sec": "m/s",
+    "kph": "km/h",
+    "kmh": "km/h",
+    "kn": "knot",
+    "kt": "knot",
+    "kts": "knot",
+    "knots": "knot",
+    "tesla": "T",
+    "µT": "uT",
+    "μT": "uT",
+    "microtesla": "uT",
+    "nanotesla": "nT",
+    "Gauss": "gauss",
+    "Gs": "gauss",
+    "milligauss": "mgauss",
+    "pascal": "Pa",
+    "mb": "mbar",
+    "millibar": "mbar",
 }
-"""Other spellings, which are suggested, not accepted: one name for each unit keeps descriptions readable. Where there are two names, the
-dimension decides."""
+"""Other spellings, which are suggested, not accepted: one name for each unit keeps descriptions
+readable. Where there are two names, the dimension decides."""
 
 
 def factor(unit, dimension):
-    """What a value in `unit` is multiplied with to be SI and radians. Raises DataError that lists the accepted names."""
+    """What a value in `unit` is multiplied with to be SI and radians. Raises DataError that
+    lists the accepted names."""
     known = UNITS[dimension]
     if unit in known:
         return known[unit]
@@ -52,6 +109,12 @@ def factor(unit, dimension):
     if other:
         raise DataError(f"unit {unit!r} is one of {other}; {accepted}")
     spellings = (ALIASES.get(unit) or ALIASES.get(unit.lower().strip()) or "").split()
-    near = [name for name in (*spellings, *known) if name in known and (name in spellings or name.lower() == unit.lower().strip())]
+    near = [
+        name
+        for name in (*spellings, *known)
+        if name in known and (name in spellings or name.lower() == unit.lower().strip())
+    ]
     near = near or get_close_matches(unit.lower(), known, 1)
-    raise DataError(f"unknown unit {unit!r}{f', did you mean {near[0]!r}?' if near else ';'} {accepted}")
+    raise DataError(
+        f"unknown unit {unit!r}{f', did you mean {near[0]!r}?' if near else ';'} {accepted}"
+    )

@@ -1,1 +1,2 @@
-"""Figures of solutions as functions, and the page that shows them: `strapdown.report(solution).save("report.html")`."""
+"""Figures of solutions as functions, and the page that shows them:
+`strapdown.report(solution).save("report.html")`."""

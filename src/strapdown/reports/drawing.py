@@ -1,4 +1,6 @@
-"""What all figures share: thinning long runs, the frame of an axis, bands, shading of gaps and events, layout."""
+"""What all figures share: thinning long runs, the frame of an axis, bands, shading of gaps and
+events, layout."""
+
 from html import escape
 
 import numpy as np
@@ -8,7 +10,8 @@ from plotly.subplots import make_subplots
 from ..data import BRIDGED, INVALID
 
 MOST = 2000
-"""Points per line at most. Longer runs keep the smallest and the largest value of each of MOST/2 stretches, so that no peak is lost."""
+"""Points per line at most. Longer runs keep the smallest and the largest value of each of MOST/2
+stretches, so that no peak is lost."""
 COLOURS = ("#3b7dd8", "#e8710a", "#2f9e44", "#9c4dcc", "#c2255c", "#0b8a8f")
 """Of solutions, and of north, east, down."""
 GREY, RED = "#868e96", "#e03131"
@@ -17,11 +20,13 @@ WITHHELD = "rgba(59,125,216,0.13)"
 """Of the windows whose fixes were withheld."""
 AXES = ("north", "east", "down")
 MARKED = 20
-"""At most this many events and status stretches of each kind are drawn; the page lists all events."""
+"""At most this many events and status stretches of each kind are drawn; the page lists all
+events."""
 
 
 def thin(y, most=MOST):
-    """Indices of about `most` values of y that keep the smallest and largest value of each stretch, and a NaN wherever some begin."""
+    """Indices of about `most` values of y that keep the smallest and largest value of each
+    stretch, and a NaN wherever some begin."""
     y = np.asarray(y, float)
     if len(y) <= most:
         return np.arange(len(y))
@@ -55,14 +60,25 @@ def peak(values):
 def frame(t, values, band, window=None):
     """(limit, largest): half the height of an axis around zero, and the largest magnitude of all.
 
-    The frame holds every value after the first tenth and every band after the first third of the run (or all of `window`), so that the
-    initial convergence does not flatten the rest; it holds everything where that is less than three times as much.
+    The frame holds every value after the first tenth and every band after the first third of the
+    run (or all of `window`), so that the initial convergence does not flatten the rest; it holds
+    everything where that is less than three times as much.
     """
-    since, band_since = (t[0] + (t[-1] - t[0]) * part for part in (0.1, 1 / 3)) if len(t) else (0.0, 0.0)
-    later, much_later = (t >= since, t >= band_since) if window is None else ((t >= window[0]) & (t <= window[1]),) * 2
+    since, band_since = (
+        (t[0] + (t[-1] - t[0]) * part for part in (0.1, 1 / 3)) if len(t) else (0.0, 0.0)
+    )
+    later, much_later = (
+        (t >= since, t >= band_since)
+        if window is None
+        else ((t >= window[0]) & (t <= window[1]),) * 2
+    )
     within = max(peak(values[later]), peak(band[much_later]) if band is not None else 0.0)
     largest = max(peak(values), peak(band))
-    return (1.08 * largest or 1.0, largest) if largest <= 3 * within or not within else (1.15 * within, largest)
+    return (
+        (1.08 * largest or 1.0, largest)
+        if largest <= 3 * within or not within
+        else (1.15 * within, largest)
+    )
 
 
 def cut(degrees):
@@ -73,8 +89,11 @@ def cut(degrees):
 
 
 def together(degrees, beside=None):
-    """(degrees, beside) less whole turns, so that headings around north are not torn apart; as they are where they cover more than half a turn."""
-    near = lambda values, about: None if values is None else about + (values - about + 180) % 360 - 180
+    """(degrees, beside) less whole turns, so that headings around north are not torn apart; as
+    they are where they cover more than half a turn."""
+    near = lambda values, about: (
+        None if values is None else about + (values - about + 180) % 360 - 180
+    )
     low, high = extent(degrees)
     if high - low > 180:
         moved = near(degrees, np.degrees(np.angle(np.nanmean(np.exp(1j * np.radians(degrees))))))
@@ -87,7 +106,9 @@ def together(degrees, beside=None):
 
 def panels(labels, height=170, log=False):
     """A figure with one panel per label of its y axis, time below all of them."""
-    figure = make_subplots(rows=len(labels), cols=1, shared_xaxes=True, vertical_spacing=0.11 / len(labels))
+    figure = make_subplots(
+        rows=len(labels), cols=1, shared_xaxes=True, vertical_spacing=0.11 / len(labels)
+    )
     for row, label in enumerate(labels, start=1):
         figure.update_yaxes(title_text=label, row=row, col=1, type="log" if log else "linear")
     return finish(figure, height * len(labels) + 85)
@@ -100,28 +121,47 @@ def log_range(figure, low, high, row=1):
 
 
 def log_ticks(low, high):
-    """Settings of a logarithmic axis from 10^low to 10^high: decades, or where there are few, numbers.
+    """Settings of a logarithmic axis from 10^low to 10^high: decades, or where there are few,
+    numbers.
 
     Plotly's own labels between decades are single digits, which do not say of which decade.
     """
     if high - low > 2.2:
         return {"tickmode": "linear", "dtick": 1, "exponentformat": "power"}
     values = ticks_125(low, high)
-    return {"tickmode": "array", "tickvals": values, "ticktext": [f"{value:.15g}" if 1e-4 <= value < 1e6 else f"{value:.0e}" for value in values]}
+    return {
+        "tickmode": "array",
+        "tickvals": values,
+        "ticktext": [
+            f"{value:.15g}" if 1e-4 <= value < 1e6 else f"{value:.0e}" for value in values
+        ],
+    }
 
 
 def ticks_125(low, high):
-    """The numbers 1, 2, 5 x 10^k between 10^low and 10^high; where these are fewer than two, all digits x 10^k."""
-    every = lambda digits: [float(f"{digit}e{k}") for k in range(int(np.floor(low)), int(np.ceil(high)) + 1) for digit in digits
-                            if low <= np.log10(digit) + k <= high]
+    """The numbers 1, 2, 5 x 10^k between 10^low and 10^high; where these are fewer than two, all
+    digits x 10^k."""
+    every = lambda digits: [
+        float(f"{digit}e{k}")
+        for k in range(int(np.floor(low)), int(np.ceil(high)) + 1)
+        for digit in digits
+        if low <= np.log10(digit) + k <= high
+    ]
     found = every((1, 2, 5))
     return found if len(found) > 1 else every((1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9))
 
 
 def finish(figure, height):
     """Layout of every figure; `layout.meta["notes"]` takes sentences that belong below it."""
-    figure.update_layout(template=go.layout.Template(), height=height, margin={"l": 70, "r": 15, "t": 52, "b": 45}, hovermode="x unified",
-                         legend={"orientation": "h", "x": 0, "y": 1, "yanchor": "bottom"}, font={"size": 12}, meta={"notes": []})
+    figure.update_layout(
+        template=go.layout.Template(),
+        height=height,
+        margin={"l": 70, "r": 15, "t": 52, "b": 45},
+        hovermode="x unified",
+        legend={"orientation": "h", "x": 0, "y": 1, "yanchor": "bottom"},
+        font={"size": 12},
+        meta={"notes": []},
+    )
     figure.update_yaxes(title_standoff=6, zeroline=False, automargin=True)
     figure.update_xaxes(zeroline=False)
     return figure
@@ -133,26 +173,42 @@ def note(figure, text):
 
 
 def origin(t):
-    """Where the time axes start counting: 0, or the first full second where times are as large as those of a Unix clock."""
+    """Where the time axes start counting: 0, or the first full second where times are as large
+    as those of a Unix clock."""
     return float(np.floor(t[0])) if len(t) and abs(t[0]) > 1e6 else 0.0
 
 
 def column(values):
-    """As it goes into the page: 4 bytes a number are enough for a screen, unless times are large."""
+    """As it goes into the page: 4 bytes a number are enough for a screen, unless times are
+    large."""
     values = np.asarray(values, float)
     return values if peak(values) > 1e5 else values.astype(np.float32)
 
 
 def line(figure, t, y, name, colour, row=1, legend=None, rank=1000, **style):
-    """One thinned line; `rank` is its place in the legend, where it is shown if `legend` says so, by default in the first row."""
+    """One thinned line; `rank` is its place in the legend, where it is shown if `legend` says
+    so, by default in the first row."""
     keep = thin(y)
-    figure.add_trace(go.Scatter(x=column(t[keep]), y=column(y[keep]), name=escape(name), mode="lines", legendgroup=name,
-                                legendrank=rank, showlegend=row == 1 if legend is None else legend, line={"color": colour, "width": 1.4, **style},
-                                hovertemplate="%{y:.4g}"), row=row, col=1)
+    figure.add_trace(
+        go.Scatter(
+            x=column(t[keep]),
+            y=column(y[keep]),
+            name=escape(name),
+            mode="lines",
+            legendgroup=name,
+            legendrank=rank,
+            showlegend=row == 1 if legend is None else legend,
+            line={"color": colour, "width": 1.4, **style},
+            hovertemplate="%{y:.4g}",
+        ),
+        row=row,
+        col=1,
+    )
 
 
 def band(figure, t, centre, half, row=1, name="±3σ"):
-    """A shaded band of `half` to both sides of `centre`, a polygon per stretch without NaN; nothing where nothing is claimed."""
+    """A shaded band of `half` to both sides of `centre`, a polygon per stretch without NaN;
+    nothing where nothing is claimed."""
     half = np.where(np.isfinite(centre), half, np.nan)
     keep = thin(half)
     t, centre, half = t[keep], centre[keep], half[keep]
@@ -161,48 +217,123 @@ def band(figure, t, centre, half, row=1, name="±3σ"):
         x += [t[stretch], t[stretch][::-1], [np.nan]]
         y += [(centre + half)[stretch], (centre - half)[stretch][::-1], [np.nan]]
     if x:
-        figure.add_trace(go.Scatter(x=column(np.concatenate(x)), y=column(np.concatenate(y)), name=name, legendgroup=name, mode="lines",
-                                    fill="toself", fillcolor="rgba(134,142,150,0.22)", line={"color": GREY, "width": 0.7},
-                                    showlegend=row == 1, hoverinfo="skip"), row=row, col=1)
+        figure.add_trace(
+            go.Scatter(
+                x=column(np.concatenate(x)),
+                y=column(np.concatenate(y)),
+                name=name,
+                legendgroup=name,
+                mode="lines",
+                fill="toself",
+                fillcolor="rgba(134,142,150,0.22)",
+                line={"color": GREY, "width": 0.7},
+                showlegend=row == 1,
+                hoverinfo="skip",
+            ),
+            row=row,
+            col=1,
+        )
 
 
 def time_axis(figure, solution, zero=0.0):
-    """Label the time axis, shade gaps and windows of withheld fixes, and mark the events of a solution, numbered as the page lists them."""
+    """Label the time axis, shade gaps and windows of withheld fixes, and mark the events of a
+    solution, numbered as the page lists them."""
     label = "time [s]" if not zero else f"time since {zero:.0f} s [s]"
-    rows = max((int(name[5:] or 1) for name in figure.layout if name.startswith("yaxis")), default=1)
+    rows = max(
+        (int(name[5:] or 1) for name in figure.layout if name.startswith("yaxis")), default=1
+    )
     figure.update_xaxes(title_text=label, row=rows, col=1)
     figure.update_xaxes(range=[float(solution.t[0]) - zero, float(solution.t[-1]) - zero])
     panel = {"xref": "x", "yref": "paper"}
-    shapes = [{"type": "rect", "x0": start - zero, "x1": stop - zero, "y0": 0, "y1": 1, **panel, "fillcolor": SHADES[status],
-               "line": {"width": 0}, "layer": "below"} for start, stop, status in stretches(solution)]
-    hidden = [(max(start, float(solution.t[0])), min(stop, float(solution.t[-1]))) for start, stop in solution.meta.get("withheld", ())]
-    shapes += [{"type": "rect", "x0": start - zero, "x1": stop - zero, "y0": 0, "y1": 1, **panel, "fillcolor": WITHHELD, "line": {"width": 0},
-                "layer": "below"} for start, stop in hidden if start < stop]
+    shapes = [
+        {
+            "type": "rect",
+            "x0": start - zero,
+            "x1": stop - zero,
+            "y0": 0,
+            "y1": 1,
+            **panel,
+            "fillcolor": SHADES[status],
+            "line": {"width": 0},
+            "layer": "below",
+        }
+        for start, stop, status in stretches(solution)
+    ]
+    hidden = [
+        (max(start, float(solution.t[0])), min(stop, float(solution.t[-1])))
+        for start, stop in solution.meta.get("withheld", ())
+    ]
+    shapes += [
+        {
+            "type": "rect",
+            "x0": start - zero,
+            "x1": stop - zero,
+            "y0": 0,
+            "y1": 1,
+            **panel,
+            "fillcolor": WITHHELD,
+            "line": {"width": 0},
+            "layer": "below",
+        }
+        for start, stop in hidden
+        if start < stop
+    ]
     texts = []
     for number, (t, _) in enumerate(solution.events[:MARKED], start=1):
-        shapes.append({"type": "line", "x0": t - zero, "x1": t - zero, "y0": 0, "y1": 1, **panel,
-                       "line": {"width": 1, "dash": "dot", "color": GREY}})
-        texts.append({"x": t - zero, "y": 0, **panel, "text": str(number), "showarrow": False, "yanchor": "bottom",
-                      "xanchor": "left", "font": {"size": 10, "color": GREY}})
+        shapes.append(
+            {
+                "type": "line",
+                "x0": t - zero,
+                "x1": t - zero,
+                "y0": 0,
+                "y1": 1,
+                **panel,
+                "line": {"width": 1, "dash": "dot", "color": GREY},
+            }
+        )
+        texts.append(
+            {
+                "x": t - zero,
+                "y": 0,
+                **panel,
+                "text": str(number),
+                "showarrow": False,
+                "yanchor": "bottom",
+                "xanchor": "left",
+                "font": {"size": 10, "color": GREY},
+            }
+        )
     figure.update_layout(shapes=shapes, annotations=texts)
     return figure
 
 
 def stretches(solution):
-    """[(start, stop, status)] of rows that are not VALID, the longest first, at most MARKED of each kind.
+    """[(start, stop, status)] of rows that are not VALID, the longest first, at most MARKED of each
+    kind.
 
     A row covers the time since the one before it.
     """
     found = []
-    edges = np.flatnonzero(np.diff(solution.status, prepend=-1, append=-1)) if len(solution.status) else []
+    edges = (
+        np.flatnonzero(np.diff(solution.status, prepend=-1, append=-1))
+        if len(solution.status)
+        else []
+    )
     for first, stop in zip(edges[:-1], edges[1:]):
         if solution.status[first] in SHADES:
-            found.append((float(solution.t[max(first - 1, 0)]), float(solution.t[stop - 1]), int(solution.status[first])))
+            found.append(
+                (
+                    float(solution.t[max(first - 1, 0)]),
+                    float(solution.t[stop - 1]),
+                    int(solution.status[first]),
+                )
+            )
     found.sort(key=lambda s: s[0] - s[1])
     return [s for status in SHADES for s in [f for f in found if f[2] == status][:MARKED]]
 
 
 def about_mean(t, values, span):
-    """Heights (n, 1) at times t less the mean of those that are known between the first and the last time of `span`."""
+    """Heights (n, 1) at times t less the mean of those that are known between the first and the
+    last time of `span`."""
     known = values[(t >= span[0]) & (t <= span[-1]) & np.isfinite(values[:, 0])]
     return values - known.mean() if len(known) else values

@@ -1,8 +1,11 @@
-"""Figures of a Solution: track, errors or estimates with 3-sigma bands, claimed uncertainty, biases, innovations and NIS.
+"""Figures of a Solution: track, errors or estimates with 3-sigma bands, claimed uncertainty,
+biases, innovations and NIS.
 
-Errors are true - estimate. Every function returns a plotly Figure, or None where the solution holds nothing of what it shows; axes that are nowhere
-known are left out. Sentences that belong below a figure are in `figure.layout.meta["notes"]`.
+Errors are true - estimate. Every function returns a plotly Figure, or None where the solution holds
+nothing of what it shows; axes that are nowhere known are left out. Sentences that belong below a
+figure are in `figure.layout.meta["notes"]`.
 """
+
 from html import escape
 
 import numpy as np
@@ -10,8 +13,28 @@ import plotly.graph_objects as go
 
 from ..evaluation import metrics
 from ..geodesy import displacement
-from .drawing import (AXES, COLOURS, GREY, RED, about_mean, band, column, cut, even, extent, finish, frame, line, log_range, note, origin, panels, peak,
-                      time_axis, together)
+from .drawing import (
+    AXES,
+    COLOURS,
+    GREY,
+    RED,
+    about_mean,
+    band,
+    column,
+    cut,
+    even,
+    extent,
+    finish,
+    frame,
+    line,
+    log_range,
+    note,
+    origin,
+    panels,
+    peak,
+    time_axis,
+    together,
+)
 from .fix_figures import kind
 
 EULER = ("roll", "pitch", "heading")
@@ -28,39 +51,71 @@ def track(solutions, reference=None):
     first = solutions[shown[0]]
     known = None if reference is None else reference.lla[np.isfinite(reference.lla).all(axis=1)]
     known = known if known is not None and len(known) else None
-    start = (first.trajectory.lla[np.isfinite(first.trajectory.lla).all(axis=1)] if known is None else known)[0]
+    start = (
+        first.trajectory.lla[np.isfinite(first.trajectory.lla).all(axis=1)]
+        if known is None
+        else known
+    )[0]
     known = None if known is None else _ground(known, start)
     paths = {name: _ground(solutions[name].trajectory.lla, start) for name in shown}
     figure = finish(go.Figure(), 480 if known is None else 690)
     _fixes(figure, first, start)
     for rank, colour, name in _last_first(solutions, shown):
         path = paths[name]
-        _path(figure, path[even(len(path))], name, line={"color": colour, "width": 2}, legendrank=rank)
+        _path(
+            figure, path[even(len(path))], name, line={"color": colour, "width": 2}, legendrank=rank
+        )
     if known is not None:
-        _path(figure, known[even(len(known))], "reference", line={"color": GREY, "width": 1.5, "dash": "dash"})
+        _path(
+            figure,
+            known[even(len(known))],
+            "reference",
+            line={"color": GREY, "width": 1.5, "dash": "dash"},
+        )
     path = known if known is not None else next(iter(paths.values()))
-    for row, label, symbol, colour in ((0, "start", "circle", "#2f9e44"), (-1, "end", "square", "#343a40")):
-        marker = {"symbol": symbol, "size": 11, "color": colour, "line": {"color": "#fff", "width": 1.5}}
+    for row, label, symbol, colour in (
+        (0, "start", "circle", "#2f9e44"),
+        (-1, "end", "square", "#343a40"),
+    ):
+        marker = {
+            "symbol": symbol,
+            "size": 11,
+            "color": colour,
+            "line": {"color": "#fff", "width": 1.5},
+        }
         _path(figure, path[[row]], label, mode="markers", marker=marker)
     _frame_track(figure, known, paths)
-    return figure.update_layout(xaxis_title="east [m]", yaxis_title="north [m]", hovermode="closest", yaxis_scaleanchor="x",
-                                margin_t=72)
+    return figure.update_layout(
+        xaxis_title="east [m]",
+        yaxis_title="north [m]",
+        hovermode="closest",
+        yaxis_scaleanchor="x",
+        margin_t=72,
+    )
 
 
 def _fixes(figure, solution, start):
     """Mark the position fixes of a solution, accepted and rejected."""
-    looks = {True: ("accepted", {"color": GREY, "size": 4, "opacity": 0.5}), False: ("rejected", {"color": RED, "size": 8, "symbol": "x"})}
+    looks = {
+        True: ("accepted", {"color": GREY, "size": 4, "opacity": 0.5}),
+        False: ("rejected", {"color": RED, "size": 8, "symbol": "x"}),
+    }
     for name, (places, accepted) in _position_fixes(solution, start).items():
         for good, (label, marker) in looks.items():
             chosen = np.flatnonzero(accepted == good)
             chosen = chosen[even(len(chosen))]
             if len(chosen):
-                _path(figure, places[chosen], f"{name} fixes, {label}", mode="markers", marker=marker)
+                _path(
+                    figure, places[chosen], f"{name} fixes, {label}", mode="markers", marker=marker
+                )
 
 
 def _last_first(names, shown):
-    """(legend rank, colour, name) of those `shown` in the order of drawing: the first solution comes to lie on top."""
-    return [(1 + i, COLOURS[i % len(COLOURS)], name) for i, name in enumerate(names) if name in shown][::-1]
+    """(legend rank, colour, name) of those `shown` in the order of drawing: the first solution
+    comes to lie on top."""
+    return [
+        (1 + i, COLOURS[i % len(COLOURS)], name) for i, name in enumerate(names) if name in shown
+    ][::-1]
 
 
 def _ground(lla, start):
@@ -69,26 +124,42 @@ def _ground(lla, start):
 
 
 def _path(figure, path, name, mode="lines", **style):
-    figure.add_trace(go.Scatter(x=column(path[:, 0]), y=column(path[:, 1]), name=escape(name), mode=mode,
-                                hovertemplate="%{x:.1f} m east, %{y:.1f} m north", **style))
+    figure.add_trace(
+        go.Scatter(
+            x=column(path[:, 0]),
+            y=column(path[:, 1]),
+            name=escape(name),
+            mode=mode,
+            hovertemplate="%{x:.1f} m east, %{y:.1f} m north",
+            **style,
+        )
+    )
 
 
 def _position_fixes(solution, start):
-    """{source: (east and north, accepted)} of position sources: the estimate at each fix plus its innovation."""
+    """{source: (east and north, accepted)} of position sources: the estimate at each fix plus
+    its innovation."""
     fixes, found = solution.innovations, {}
     for index, name in enumerate(fixes.names):
         if kind(solution, name) == "position":
             chosen = (fixes.source == index) & np.isfinite(fixes.innovation[:, :2]).all(axis=1)
             path = _ground(solution.trajectory.lla, start)
-            there = np.column_stack([np.interp(fixes.t[chosen], solution.t, axis) for axis in path.T])
+            there = np.column_stack(
+                [np.interp(fixes.t[chosen], solution.t, axis) for axis in path.T]
+            )
             found[name] = there + fixes.innovation[chosen][:, [1, 0]], fixes.accepted[chosen]
     return found
 
 
 def _frame_track(figure, known, paths):
-    """Set the ranges around the reference or the solution that moves least; one that goes as far again beyond that leaves the frame."""
+    """Set the ranges around the reference or the solution that moves least; one that goes as far
+    again beyond that leaves the frame."""
     corners = lambda path: np.array([extent(path[:, 0]), extent(path[:, 1])]).T
-    low, high = corners(known) if known is not None else min(map(corners, paths.values()), key=lambda box: (box[1] - box[0]).max())
+    low, high = (
+        corners(known)
+        if known is not None
+        else min(map(corners, paths.values()), key=lambda box: (box[1] - box[0]).max())
+    )
     room = max((high - low).max(), 10.0)
     for name, path in paths.items():
         far_low, far_high = corners(path)
@@ -96,9 +167,15 @@ def _frame_track(figure, known, paths):
         if beyond <= room:
             low, high = np.minimum(low, far_low), np.maximum(high, far_high)
         else:
-            note(figure, f"{name} leaves the frame by up to {_metres(beyond)}; double-click the plot to see all of it.")
+            note(
+                figure,
+                f"{name} leaves the frame by up to {_metres(beyond)}; double-click the plot to see all of it.",
+            )
     margin = 0.06 * max((high - low).max(), 10.0)
-    figure.update_layout(xaxis_range=[low[0] - margin, high[0] + margin], yaxis_range=[low[1] - margin, high[1] + margin])
+    figure.update_layout(
+        xaxis_range=[low[0] - margin, high[0] + margin],
+        yaxis_range=[low[1] - margin, high[1] + margin],
+    )
 
 
 def _metres(value):
@@ -113,18 +190,37 @@ def height(solutions, reference=None):
     figure, first = panels(["height [m]"], 260), solutions[shown[0]]
     zero = origin(first.t)
     for rank, colour, name in _last_first(solutions, shown):
-        line(figure, solutions[name].t - zero, solutions[name].trajectory.lla[:, 2], name, colour, rank=rank)
+        line(
+            figure,
+            solutions[name].t - zero,
+            solutions[name].trajectory.lla[:, 2],
+            name,
+            colour,
+            rank=rank,
+        )
     spans = [extent(solutions[name].trajectory.lla[:, 2]) for name in shown]
     low, high = min(spans, key=lambda span: span[1] - span[0])
-    inside = None if reference is None else (reference.t >= first.t[0]) & (reference.t <= first.t[-1])
+    inside = (
+        None if reference is None else (reference.t >= first.t[0]) & (reference.t <= first.t[-1])
+    )
     if reference is not None and metrics.any_known(reference.lla[inside, 2]):
-        line(figure, reference.t[inside] - zero, reference.lla[inside, 2], "reference", GREY, dash="dash")
+        line(
+            figure,
+            reference.t[inside] - zero,
+            reference.lla[inside, 2],
+            "reference",
+            GREY,
+            dash="dash",
+        )
         low, high = extent(reference.lla[inside, 2])
     room = max(high - low, 20.0)
     for name, (lowest, highest) in zip(shown, spans):
         beyond = max(low - lowest, highest - high)
         if beyond > 2 * room:
-            note(figure, f"{name} leaves the frame by up to {_metres(beyond)}; double-click the plot to see all of it.")
+            note(
+                figure,
+                f"{name} leaves the frame by up to {_metres(beyond)}; double-click the plot to see all of it.",
+            )
         else:
             low, high = min(low, lowest), max(high, highest)
     figure.update_yaxes(range=[low - 0.06 * room, high + 0.06 * room])
@@ -132,11 +228,16 @@ def height(solutions, reference=None):
 
 
 def horizontal(solutions, reference):
-    """Horizontal position error over time on a logarithmic axis, with the 3-sigma each of {name: Solution} claims.
+    """Horizontal position error over time on a logarithmic axis, with the 3-sigma each of {name:
+    Solution} claims.
 
     reference: Trajectory, or {name: Errors} against it where they are known already.
     """
-    found = reference if isinstance(reference, dict) else {name: metrics.errors(solution, reference) for name, solution in solutions.items()}
+    found = (
+        reference
+        if isinstance(reference, dict)
+        else {name: metrics.errors(solution, reference) for name, solution in solutions.items()}
+    )
     shown = [name for name in solutions if metrics.any_known(found[name].horizontal)]
     if not shown:
         return None
@@ -147,7 +248,15 @@ def horizontal(solutions, reference):
         claimed = 3 * np.hypot(e.sd[:, 0], e.sd[:, 1])
         line(figure, e.t - zero, e.horizontal, name, colour, rank=2 * rank)
         if np.isfinite(claimed).any():
-            line(figure, e.t - zero, claimed, f"{name}, 3σ claimed", colour, rank=2 * rank + 1, dash="dot")
+            line(
+                figure,
+                e.t - zero,
+                claimed,
+                f"{name}, 3σ claimed",
+                colour,
+                rank=2 * rank + 1,
+                dash="dot",
+            )
         values += [e.horizontal, claimed]
     values = np.concatenate(values)
     values = values[np.isfinite(values) & (values > 0)]
@@ -157,9 +266,11 @@ def horizontal(solutions, reference):
 
 
 def position(solution, reference=None, colour=COLOURS[0], window=None):
-    """Position error per axis with its 3-sigma band, m NED; without a reference north, east and height from the start.
+    """Position error per axis with its 3-sigma band, m NED; without a reference north, east and
+    height from the start.
 
-    reference: Trajectory, or the Errors against it where they are known already; so for the figures below too.
+    reference: Trajectory, or the Errors against it where they are known already; so for the figures
+    below too.
     """
     e = _known(solution, reference)
     if e is not None and e.position is not None:
@@ -167,39 +278,83 @@ def position(solution, reference=None, colour=COLOURS[0], window=None):
     lla = solution.trajectory.lla
     moved = displacement(lla, np.broadcast_to(lla[0], lla.shape))
     values = np.c_[moved[:, :2], lla[:, 2]]
-    return _estimates(solution, values, 3 * solution.trajectory.sd[:, :3], ("north", "east", "height"), "m", colour)
+    return _estimates(
+        solution,
+        values,
+        3 * solution.trajectory.sd[:, :3],
+        ("north", "east", "height"),
+        "m",
+        colour,
+    )
 
 
 def heave(solution, colour=COLOURS[0], compare=None):
-    """Height about its mean with its 3-sigma band of a solution that knows no place beside it, m, upwards; None of others. Beside it `compare`, about its own."""
+    """Height about its mean with its 3-sigma band of a solution that knows no place beside it,
+    m, upwards; None of others. Beside it `compare`, about its own."""
     if solution.has_position:
         return None
-    values, beside = (None if each is None else about_mean(each.t, each.lla[:, 2:], solution.t) for each in (solution.trajectory, compare))
-    return _estimates(solution, values, 3 * solution.trajectory.sd[:, 2:3], ("heave about its mean",), "m", colour, compare, beside, 260)
+    values, beside = (
+        None if each is None else about_mean(each.t, each.lla[:, 2:], solution.t)
+        for each in (solution.trajectory, compare)
+    )
+    return _estimates(
+        solution,
+        values,
+        3 * solution.trajectory.sd[:, 2:3],
+        ("heave about its mean",),
+        "m",
+        colour,
+        compare,
+        beside,
+        260,
+    )
 
 
 def velocity(solution, reference=None, colour=COLOURS[0], window=None, compare=None):
-    """Velocity error per axis with its 3-sigma band, m/s NED; without a reference the estimate (with `compare` drawn beside it)."""
+    """Velocity error per axis with its 3-sigma band, m/s NED; without a reference the estimate
+    (with `compare` drawn beside it)."""
     e = _known(solution, reference)
     if e is not None and e.velocity is not None:
         return _errors(solution, e.t, e.velocity, 3 * e.sd[:, 3:6], AXES, "m/s", colour, window)
     beside = None if compare is None else compare.v_n
-    return _estimates(solution, solution.trajectory.v_n, 3 * solution.trajectory.sd[:, 3:6], AXES, "m/s", colour, compare, beside)
+    return _estimates(
+        solution,
+        solution.trajectory.v_n,
+        3 * solution.trajectory.sd[:, 3:6],
+        AXES,
+        "m/s",
+        colour,
+        compare,
+        beside,
+    )
 
 
 def attitude(solution, reference=None, colour=COLOURS[0], window=None, compare=None):
-    """Errors of roll, pitch and heading with 3-sigma bands, deg; without a reference the estimate (with `compare` drawn beside it)."""
+    """Errors of roll, pitch and heading with 3-sigma bands, deg; without a reference the
+    estimate (with `compare` drawn beside it)."""
     e = _known(solution, reference)
     if e is not None and e.attitude is not None:
         sd = euler_sd(solution.trajectory.rph[e.rows], e.sd[:, 6:9])
-        return _errors(solution, e.t, np.degrees(e.rph), 3 * np.degrees(sd), EULER, "deg", colour, window)
+        return _errors(
+            solution, e.t, np.degrees(e.rph), 3 * np.degrees(sd), EULER, "deg", colour, window
+        )
     rph, sd = solution.trajectory.rph, solution.trajectory.sd[:, 6:9]
     beside = None if compare is None or compare.q_nb is None else np.degrees(compare.rph)
-    return _estimates(solution, np.degrees(rph), 3 * np.degrees(euler_sd(rph, sd)), EULER, "deg", colour, compare, beside)
+    return _estimates(
+        solution,
+        np.degrees(rph),
+        3 * np.degrees(euler_sd(rph, sd)),
+        EULER,
+        "deg",
+        colour,
+        compare,
+        beside,
+    )
 
 
 def attitude_angles(solution, reference, colour=COLOURS[0], window=None):
-    """How far the attitude is off, deg: the angle of the whole rotation, of the vertical (inclination) and about it (heading)."""
+    """How far the attitude is off, deg: the angle of the whole rotation, of the vertical
+    (inclination) and about it (heading)."""
     e = _known(solution, reference)
     if not metrics.any_known(e.attitude):
         return None
@@ -215,24 +370,36 @@ def attitude_angles(solution, reference, colour=COLOURS[0], window=None):
 
 
 def _known(solution, reference):
-    return reference if reference is None or isinstance(reference, metrics.Errors) else metrics.errors(solution, reference)
+    return (
+        reference
+        if reference is None or isinstance(reference, metrics.Errors)
+        else metrics.errors(solution, reference)
+    )
 
 
 def euler_sd(rph, sd):
     """Standard deviations of roll, pitch and heading from those of the rotation vector in n, rad.
 
-    Correlations are neglected; NaN beyond 85 deg of pitch, where roll and heading lose their meaning.
+    Correlations are neglected; NaN beyond 85 deg of pitch, where roll and heading lose their
+    meaning.
     """
     pitch, heading = rph[:, 1], rph[:, 2]
-    variance_n, variance_e, variance_d = (sd ** 2).T
+    variance_n, variance_e, variance_d = (sd**2).T
     forward = np.cos(heading) ** 2 * variance_n + np.sin(heading) ** 2 * variance_e
     right = np.sin(heading) ** 2 * variance_n + np.cos(heading) ** 2 * variance_e
     steep = np.where(np.abs(pitch) > np.radians(85), np.nan, 1.0)
-    return np.sqrt(np.c_[steep * forward / np.cos(pitch) ** 2, right, steep * (variance_d + np.tan(pitch) ** 2 * forward)])
+    return np.sqrt(
+        np.c_[
+            steep * forward / np.cos(pitch) ** 2,
+            right,
+            steep * (variance_d + np.tan(pitch) ** 2 * forward),
+        ]
+    )
 
 
 def _errors(solution, t, values, half, names, unit, colour, window):
-    """A panel per column of `values` around zero, with bands of `half`; columns without a number are left out."""
+    """A panel per column of `values` around zero, with bands of `half`; columns without a number
+    are left out."""
     names, values, half = _with_numbers(names, values, half)
     if not names:
         return None
@@ -252,50 +419,93 @@ def _beyond(figure, outside, window=None):
     """Say below the figure what of `outside` its frames do not show."""
     if outside:
         when = "outside the scored window" if window else "while the filter converges"
-        note(figure, f"Beyond the frame {when}: {', '.join(outside)}. Double-click a panel to see all of it.")
+        note(
+            figure,
+            f"Beyond the frame {when}: {', '.join(outside)}. Double-click a panel to see all of it.",
+        )
 
 
 def _with_numbers(names, *tables):
     """[names, *tables] without the columns in which the first table has no number."""
     kept = np.flatnonzero(np.isfinite(tables[0]).any(axis=0))
-    return [[names[i] for i in kept], *(None if table is None else table[:, kept] for table in tables)]
+    return [
+        [names[i] for i in kept],
+        *(None if table is None else table[:, kept] for table in tables),
+    ]
 
 
 def _estimates(solution, values, half, names, unit, colour, other=None, beside=None, height=170):
-    """A panel per column of `values` that has numbers, with bands of `half` around it; angles that wrap are cut there."""
+    """A panel per column of `values` that has numbers, with bands of `half` around it; angles
+    that wrap are cut there."""
     names, values, half, beside = _with_numbers(names, values, half, beside)
     if not names:
         return None
-    figure, zero, t = panels([f"{name} [{unit}]" for name in names], height), origin(solution.t), solution.t
+    figure, zero, t = (
+        panels([f"{name} [{unit}]" for name in names], height),
+        origin(solution.t),
+        solution.t,
+    )
     for i, name in enumerate(names):
         wraps, seen = name in ("roll", "heading"), None if beside is None else beside[:, i]
         if name == "heading":
             values[:, i], seen = together(values[:, i], seen)
         centre = cut(values[:, i]) if wraps else values[:, i]
-        band(figure, t - zero, centre, np.where(half[:, i] < 180, half[:, i], np.nan) if wraps else half[:, i], row=i + 1)
+        band(
+            figure,
+            t - zero,
+            centre,
+            np.where(half[:, i] < 180, half[:, i], np.nan) if wraps else half[:, i],
+            row=i + 1,
+        )
         line(figure, t - zero, centre, "estimate", colour, row=i + 1)
         if seen is not None and metrics.any_known(seen):
             inside = (other.t >= t[0]) & (other.t <= t[-1])
             shown = cut(seen[inside]) if wraps else seen[inside]
             line(figure, other.t[inside] - zero, shown, "reference", GREY, row=i + 1, dash="dot")
         low, high = extent(values[:, i])
-        reach = 1.15 * max((high - low) / 2, min(peak(half[len(t) // 3:, i]), 2 * (high - low)), 1e-9)
+        reach = 1.15 * max(
+            (high - low) / 2, min(peak(half[len(t) // 3 :, i]), 2 * (high - low)), 1e-9
+        )
         whole_turn = name == "heading" and high - low > 180
-        figure.update_yaxes(range=[0, 360] if whole_turn else [(low + high) / 2 - reach, (low + high) / 2 + reach], row=i + 1, col=1)
+        figure.update_yaxes(
+            range=[0, 360] if whole_turn else [(low + high) / 2 - reach, (low + high) / 2 + reach],
+            row=i + 1,
+            col=1,
+        )
     return time_axis(figure, solution, zero)
 
 
 def sigma(solution):
-    """3-sigma of position (m), velocity (m/s) and attitude (deg) over time on logarithmic axes; None where the filter claims none."""
-    sd, zero = 3 * solution.trajectory.sd[:, :9] * np.r_[np.ones(6), np.full(3, np.degrees(1))], origin(solution.t)
+    """3-sigma of position (m), velocity (m/s) and attitude (deg) over time on logarithmic axes;
+    None where the filter claims none."""
+    sd, zero = (
+        3 * solution.trajectory.sd[:, :9] * np.r_[np.ones(6), np.full(3, np.degrees(1))],
+        origin(solution.t),
+    )
     if not np.isfinite(sd).any():
         return None
-    groups = [k for k in range(3) if np.isfinite(sd[:, 3 * k:3 * k + 3]).any()]
-    figure, legend = panels([("3σ position [m]", "3σ velocity [m/s]", "3σ attitude [deg]")[k] for k in groups], log=True), set()
+    groups = [k for k in range(3) if np.isfinite(sd[:, 3 * k : 3 * k + 3]).any()]
+    figure, legend = (
+        panels(
+            [("3σ position [m]", "3σ velocity [m/s]", "3σ attitude [deg]")[k] for k in groups],
+            log=True,
+        ),
+        set(),
+    )
     for row, group in enumerate(groups, start=1):
-        shown = np.where(sd[:, 3 * group:3 * group + 3] > 0, sd[:, 3 * group:3 * group + 3], np.nan)
+        shown = np.where(
+            sd[:, 3 * group : 3 * group + 3] > 0, sd[:, 3 * group : 3 * group + 3], np.nan
+        )
         for i in np.flatnonzero(np.isfinite(shown).any(axis=0)):
-            line(figure, solution.t - zero, shown[:, i], AXES[i], COLOURS[i], row=row, legend=i not in legend)
+            line(
+                figure,
+                solution.t - zero,
+                shown[:, i],
+                AXES[i],
+                COLOURS[i],
+                row=row,
+                legend=i not in legend,
+            )
             legend.add(i)
         shown = shown[np.isfinite(shown)]
         if len(shown):
@@ -306,26 +516,41 @@ def sigma(solution):
 def accel_bias(solution, colour=COLOURS[0]):
     """Accelerometer bias per body axis with its 3-sigma band, in mg or, where it is small, ug."""
     scale, unit = (1e6 / 9.80665, "ug") if peak(solution.b_a) < 1e-3 else (1e3 / 9.80665, "mg")
-    return _bias(solution, solution.b_a * scale, 3 * solution.trajectory.sd[:, 9:12] * scale, unit, colour)
+    return _bias(
+        solution, solution.b_a * scale, 3 * solution.trajectory.sd[:, 9:12] * scale, unit, colour
+    )
 
 
 def gyro_bias(solution, colour=COLOURS[0]):
     """Gyro bias per body axis with its 3-sigma band, in deg/h or, where it is large, deg/s."""
-    scale, unit = (np.degrees(1), "deg/s") if peak(solution.b_g) > np.radians(0.5) else (np.degrees(3600), "deg/h")
-    return _bias(solution, solution.b_g * scale, 3 * solution.trajectory.sd[:, 12:15] * scale, unit, colour)
+    scale, unit = (
+        (np.degrees(1), "deg/s")
+        if peak(solution.b_g) > np.radians(0.5)
+        else (np.degrees(3600), "deg/h")
+    )
+    return _bias(
+        solution, solution.b_g * scale, 3 * solution.trajectory.sd[:, 12:15] * scale, unit, colour
+    )
 
 
 def _bias(solution, values, half, unit, colour):
     if not np.isfinite(half).any() and not peak(values):
         return None
     axes, values, half = _with_numbers("xyz", values, half)
-    figure, zero, t, outside = panels([f"{axis} [{unit}]" for axis in axes]), origin(solution.t), solution.t, []
+    figure, zero, t, outside = (
+        panels([f"{axis} [{unit}]" for axis in axes]),
+        origin(solution.t),
+        solution.t,
+        [],
+    )
     for i, axis in enumerate(axes):
         band(figure, t - zero, values[:, i], half[:, i], row=i + 1)
         line(figure, t - zero, values[:, i], "estimate", colour, row=i + 1)
-        late = values[len(t) // 3:, i]
+        late = values[len(t) // 3 :, i]
         settled = float(np.nanmedian(late)) if np.isfinite(late).any() else 0.0
-        limit, largest = frame(t, values[:, i] - settled, half[:, i] + np.abs(values[:, i] - settled))
+        limit, largest = frame(
+            t, values[:, i] - settled, half[:, i] + np.abs(values[:, i] - settled)
+        )
         figure.update_yaxes(range=[settled - limit, settled + limit], row=i + 1, col=1)
         if largest > limit:
             outside.append(axis)
@@ -335,7 +560,11 @@ def _bias(solution, values, half, unit, colour):
 
 def extra(solution, colour=COLOURS[0]):
     """The filter's own output columns, a panel each; None where it has none."""
-    numeric = {name: np.asarray(values, float) for name, values in solution.columns.items() if np.asarray(values).dtype.kind in "fiub"}
+    numeric = {
+        name: np.asarray(values, float)
+        for name, values in solution.columns.items()
+        if np.asarray(values).dtype.kind in "fiub"
+    }
     if not numeric:
         return None
     figure, zero = panels([escape(name) for name in numeric]), origin(solution.t)

@@ -1,52 +1,84 @@
-"""One self-contained HTML page of solutions: works offline, asks the network for nothing, and is written whole or not at all."""
+"""One self-contained HTML page of solutions: works offline, asks the network for nothing, and is
+written whole or not at all."""
+
 import json
 from datetime import UTC, datetime
 from html import escape
 
 from .. import __version__
-from ..evaluation import metrics
 from ..data import BRIDGED, INVALID, DataError
+from ..evaluation import metrics
 from . import figures, fix_figures, summary
 from .drawing import COLOURS, MARKED, SHADES, WITHHELD
 from .shell import listed, placed, shell
 
-FOOTER = ("Errors are true − estimate.",
-          " Position, velocity and their errors are in metres and m/s along north, east, down; heights are above the "
-          "WGS-84 ellipsoid.", " Lines of more than 2000 points keep the extremes of each stretch.")
+FOOTER = (
+    "Errors are true − estimate.",
+    " Position, velocity and their errors are in metres and m/s along north, east, down; heights are above the "
+    "WGS-84 ellipsoid.",
+    " Lines of more than 2000 points keep the extremes of each stretch.",
+)
 HINT = "Drag to zoom, double-click to go back (again: to see all), click the legend to hide a line."
 
 
 def report(solutions, reference=None, title=None, window=None, more=(), facts={}):
     """A Page about one Solution, or several of them (a list, or {name: Solution}) side by side.
 
-    reference: Trajectory that errors are taken against. window: (start, stop) in s over which errors are scored and error axes are framed.
-    more: further sections after the track, [(heading, [(figure, its heading, caption), ...])]. facts: further lines below the title, {name: text}.
+    reference: Trajectory that errors are taken against. window: (start, stop) in s over which
+    errors are scored and error axes are framed. more: further sections after the track, [(heading,
+    [(figure, its heading, caption), ...])]. facts: further lines below the title, {name: text}.
     """
     solutions = _named(solutions)
     scores, unscored = _scores(solutions, reference)
     first = next(iter(solutions.values()))
     title = title or f"{first.meta.get('recording', 'Solution')}: {', '.join(solutions)}"
-    sections = [(name, text) for name, text in _sections(solutions, reference if scores else None, scores, window, more) if text]
+    sections = [
+        (name, text)
+        for name, text in _sections(solutions, reference if scores else None, scores, window, more)
+        if text
+    ]
     sections[0] = "Summary", unscored + sections[0][1]
     sections[1] = sections[1][0], _key(solutions) + sections[1][1]
-    footer = "".join(FOOTER if any(solution.has_position for solution in solutions.values()) else FOOTER[::2])
-    return shell(title, listed(_facts(solutions, window, facts)), sections, footer, wide=len(solutions) > 1)
+    footer = "".join(
+        FOOTER if any(solution.has_position for solution in solutions.values()) else FOOTER[::2]
+    )
+    return shell(
+        title, listed(_facts(solutions, window, facts)), sections, footer, wide=len(solutions) > 1
+    )
 
 
 def _key(solutions):
-    """HTML of what the shades and dotted lines of the figures mean; where not all events are marked, how many are."""
+    """HTML of what the shades and dotted lines of the figures mean; where not all events are
+    marked, how many are."""
     colour = lambda shade: f"background:{shade}"
-    many = {name: len(solution.events) for name, solution in solutions.items() if len(solution.events) > MARKED}
-    counts = ", ".join(f"{count} events{f' of {name}' if len(solutions) > 1 else ''}" for name, count in many.items())
-    rows = [(colour(SHADES[BRIDGED]), "gap bridged"), (colour(SHADES[INVALID]), "not valid"),
-            *([(colour(WITHHELD), "fixes withheld")] if any(solution.meta.get("withheld") for solution in solutions.values()) else []),
-            ("border-left:1px dotted; width:4px; margin-left:6px",
-             f"event, numbered as in the list{f'; the first {MARKED} of {counts} are marked' if many else ''}")]
+    many = {
+        name: len(solution.events)
+        for name, solution in solutions.items()
+        if len(solution.events) > MARKED
+    }
+    counts = ", ".join(
+        f"{count} events{f' of {name}' if len(solutions) > 1 else ''}"
+        for name, count in many.items()
+    )
+    rows = [
+        (colour(SHADES[BRIDGED]), "gap bridged"),
+        (colour(SHADES[INVALID]), "not valid"),
+        *(
+            [(colour(WITHHELD), "fixes withheld")]
+            if any(solution.meta.get("withheld") for solution in solutions.values())
+            else []
+        ),
+        (
+            "border-left:1px dotted; width:4px; margin-left:6px",
+            f"event, numbered as in the list{f'; the first {MARKED} of {counts} are marked' if many else ''}",
+        ),
+    ]
     return f"<p class='caption key'>{''.join(f'<span><b style={style!r}></b>{escape(text)}</span>' for style, text in rows)}<span>{HINT}</span></p>"
 
 
 def _named(solutions):
-    """{name: Solution} by filter, and whether it was smoothed; names that occur twice are numbered."""
+    """{name: Solution} by filter, and whether it was smoothed; names that occur twice are
+    numbered."""
     if isinstance(solutions, dict):
         return solutions
     named = {}
@@ -61,12 +93,15 @@ def _named(solutions):
 
 
 def _scores(solutions, reference):
-    """{name: Errors} and "", or {} and a remark where the reference does not cover all solutions or knows nothing of what they estimate."""
+    """{name: Errors} and "", or {} and a remark where the reference does not cover all solutions
+    or knows nothing of what they estimate."""
     if reference is None:
         return {}, ""
     try:
         found = {name: metrics.errors(solution, reference) for name, solution in solutions.items()}
-        if all(part is None for e in found.values() for part in (e.position, e.velocity, e.attitude)):
+        if all(
+            part is None for e in found.values() for part in (e.position, e.velocity, e.attitude)
+        ):
             raise DataError("the reference knows nothing of what was estimated")
         return found, ""
     except DataError as error:
@@ -76,11 +111,21 @@ def _scores(solutions, reference):
 def _facts(solutions, window, more):
     """What stands below the title: {name: text}."""
     metas = [solution.meta for solution in solutions.values()]
-    said = lambda key: ", ".join(dict.fromkeys(str(meta[key]) for meta in metas if meta.get(key) not in (None, "")))
+    said = lambda key: ", ".join(
+        dict.fromkeys(str(meta[key]) for meta in metas if meta.get(key) not in (None, ""))
+    )
     first = next(iter(solutions.values()))
-    return {"recording": said("recording"), "date": said("date"), "time": f"{first.t[0]:.1f} to {first.t[-1]:.1f} s",
-            "filter": ", ".join(solutions), "IMU": _imu(metas), "scored": f"{window[0]:.12g} to {window[1]:.12g} s" if window else "",
-            **more, "software": f"strapdown {__version__}", "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"}
+    return {
+        "recording": said("recording"),
+        "date": said("date"),
+        "time": f"{first.t[0]:.1f} to {first.t[-1]:.1f} s",
+        "filter": ", ".join(solutions),
+        "IMU": _imu(metas),
+        "scored": f"{window[0]:.12g} to {window[1]:.12g} s" if window else "",
+        **more,
+        "software": f"strapdown {__version__}",
+        "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+    }
 
 
 def _imu(metas):
@@ -99,78 +144,212 @@ def _sections(solutions, reference, scores, window, more):
     if scores:
         yield "Errors", _errors(draw, scores, window)
     yield ("Motion" if scores else "Estimates"), _motion(draw, reference)
-    yield "Claimed uncertainty", draw.each(f"3σ of {_claimed(solutions)}", "Logarithmic axes: it falls with aiding and grows without.",
-                                           lambda name, s, _: figures.sigma(s))
+    yield (
+        "Claimed uncertainty",
+        draw.each(
+            f"3σ of {_claimed(solutions)}",
+            "Logarithmic axes: it falls with aiding and grows without.",
+            lambda name, s, _: figures.sigma(s),
+        ),
+    )
     axes = lambda states: _banded(states, ", with ±3σ", "In body axes, forward, right, down", ".")
-    yield "Biases", draw.each("Accelerometer bias", axes(slice(9, 12)), lambda name, *made: figures.accel_bias(*made)) \
-        + draw.each("Gyro bias", axes(slice(12, 15)), lambda name, *made: figures.gyro_bias(*made))
-    yield "Fixes", draw.each("Innovations", "Fix − estimate: around zero and without pattern when all is well.",
-                             lambda name, s, _: fix_figures.innovations(s)) \
-        + draw.each("Normalised innovation squared", "A fix above the gate is rejected.", lambda name, s, _: fix_figures.nis(s))
-    yield "Filter columns", draw.each("Columns of the filter", "What this filter publishes besides the navigation state.",
-                                      lambda name, *made: figures.extra(*made))
-    yield "Details", "".join(f"<details><summary>{escape(name)}: how it was made</summary><pre>{escape(_details(solution))}</pre></details>"
-                             for name, solution in solutions.items())
+    yield (
+        "Biases",
+        draw.each(
+            "Accelerometer bias", axes(slice(9, 12)), lambda name, *made: figures.accel_bias(*made)
+        )
+        + draw.each("Gyro bias", axes(slice(12, 15)), lambda name, *made: figures.gyro_bias(*made)),
+    )
+    yield (
+        "Fixes",
+        draw.each(
+            "Innovations",
+            "Fix − estimate: around zero and without pattern when all is well.",
+            lambda name, s, _: fix_figures.innovations(s),
+        )
+        + draw.each(
+            "Normalised innovation squared",
+            "A fix above the gate is rejected.",
+            lambda name, s, _: fix_figures.nis(s),
+        ),
+    )
+    yield (
+        "Filter columns",
+        draw.each(
+            "Columns of the filter",
+            "What this filter publishes besides the navigation state.",
+            lambda name, *made: figures.extra(*made),
+        ),
+    )
+    yield (
+        "Details",
+        "".join(
+            f"<details><summary>{escape(name)}: how it was made</summary><pre>{escape(_details(solution))}</pre></details>"
+            for name, solution in solutions.items()
+        ),
+    )
 
 
 def _banded(states, claimed, before="", after=""):
-    """A caption as function of the Solution it is for: with the words on the band where the filter claims standard deviations of those states."""
-    return lambda solution: before + (claimed if metrics.any_known(solution.trajectory.sd[:, states]) else "") + after
+    """A caption as function of the Solution it is for: with the words on the band where the
+    filter claims standard deviations of those states."""
+    return lambda solution: (
+        before + (claimed if metrics.any_known(solution.trajectory.sd[:, states]) else "") + after
+    )
 
 
 def _claimed(solutions):
-    parts = (("position", slice(0, 2)), ("height", 2), ("velocity", slice(3, 6)), ("attitude", slice(6, 9)))
-    known = [name for name, states in parts if any(metrics.any_known(solution.trajectory.sd[:, states]) for solution in solutions.values())]
+    parts = (
+        ("position", slice(0, 2)),
+        ("height", 2),
+        ("velocity", slice(3, 6)),
+        ("attitude", slice(6, 9)),
+    )
+    known = [
+        name
+        for name, states in parts
+        if any(
+            metrics.any_known(solution.trajectory.sd[:, states]) for solution in solutions.values()
+        )
+    ]
     return ", ".join(name for name in known if name != "height" or "position" not in known)
 
 
 def _overview(draw, solutions, reference, scores):
     if not any(solution.has_position for solution in solutions.values()):
         return ""
-    seen = draw.place(figures.track(solutions, reference), "Seen from above", "Dots are position fixes: the estimate plus its innovation.")
-    beside = draw.place(figures.height(solutions, reference), "Height", "Above the WGS-84 ellipsoid.")
-    claimed = any(metrics.any_known(solution.trajectory.sd[:, :2]) for solution in solutions.values())
+    seen = draw.place(
+        figures.track(solutions, reference),
+        "Seen from above",
+        "Dots are position fixes: the estimate plus its innovation.",
+    )
+    beside = draw.place(
+        figures.height(solutions, reference), "Height", "Above the WGS-84 ellipsoid."
+    )
+    claimed = any(
+        metrics.any_known(solution.trajectory.sd[:, :2]) for solution in solutions.values()
+    )
     if scores and (horizontal := figures.horizontal(solutions, scores)):
-        beside += draw.place(horizontal, "Horizontal error", "It should stay below what the filter claims." if claimed else "")
+        beside += draw.place(
+            horizontal,
+            "Horizontal error",
+            "It should stay below what the filter claims." if claimed else "",
+        )
     return f"<div class='grid pair'>{seen}<div>{beside}</div></div>"
 
 
 def _errors(draw, scores, window):
-    shown = [("Position error", _banded(slice(0, 3), "With the ±3σ band that the filter claims."), figures.position, "position"),
-             ("Velocity error", _banded(slice(3, 6), "With its ±3σ band."), figures.velocity, "velocity"),
-             ("Attitude error", _banded(slice(6, 9), "; ±3σ bands from the rotation vector, correlations neglected", "Heading wrapped to ±180 deg", "."),
-              figures.attitude, "attitude")]
+    shown = [
+        (
+            "Position error",
+            _banded(slice(0, 3), "With the ±3σ band that the filter claims."),
+            figures.position,
+            "position",
+        ),
+        (
+            "Velocity error",
+            _banded(slice(3, 6), "With its ±3σ band."),
+            figures.velocity,
+            "velocity",
+        ),
+        (
+            "Attitude error",
+            _banded(
+                slice(6, 9),
+                "; ±3σ bands from the rotation vector, correlations neglected",
+                "Heading wrapped to ±180 deg",
+                ".",
+            ),
+            figures.attitude,
+            "attitude",
+        ),
+    ]
     if not all(metrics.any_known(e.horizontal) for e in scores.values()):
-        shown.append(("Angle of the attitude error",
-                      "Of the whole rotation, of the vertical, and about it: without signs, and alike in every attitude.",
-                      figures.attitude_angles, "attitude"))
+        shown.append(
+            (
+                "Angle of the attitude error",
+                "Of the whole rotation, of the vertical, and about it: without signs, and alike in every attitude.",
+                figures.attitude_angles,
+                "attitude",
+            )
+        )
     known = lambda name, part: getattr(scores[name], part) is not None
-    return "".join(draw.each(heading, caption, lambda name, s, colour: figure(s, scores[name], colour, window) if known(name, part) else None)
-                   for heading, caption, figure, part in shown)
+    return "".join(
+        draw.each(
+            heading,
+            caption,
+            lambda name, s, colour: (
+                figure(s, scores[name], colour, window) if known(name, part) else None
+            ),
+        )
+        for heading, caption, figure, part in shown
+    )
 
 
 def _motion(draw, reference):
-    position = "" if reference is not None else draw.each("Position", _banded(slice(0, 3), ", with ±3σ", "North and east from the start, and height", "."),
-                                                          lambda name, s, colour: figures.position(s, None, colour) if s.has_position else None)
-    heave = draw.each("Heave", _banded(slice(2, 3), ", with ±3σ", "Height, upwards, about its mean", "; a reference about its own."),
-                      lambda name, s, colour: figures.heave(s, colour, reference))
-    return position + heave \
-        + draw.each("Velocity", _banded(slice(3, 6), "With ±3σ."), lambda name, s, colour: figures.velocity(s, None, colour, compare=reference)) \
-        + draw.each("Attitude", _banded(slice(6, 9), "; with ±3σ", "Heading is clockwise from north", "."),
-                    lambda name, s, colour: figures.attitude(s, None, colour, compare=reference))
+    position = (
+        ""
+        if reference is not None
+        else draw.each(
+            "Position",
+            _banded(slice(0, 3), ", with ±3σ", "North and east from the start, and height", "."),
+            lambda name, s, colour: figures.position(s, None, colour) if s.has_position else None,
+        )
+    )
+    heave = draw.each(
+        "Heave",
+        _banded(
+            slice(2, 3),
+            ", with ±3σ",
+            "Height, upwards, about its mean",
+            "; a reference about its own.",
+        ),
+        lambda name, s, colour: figures.heave(s, colour, reference),
+    )
+    return (
+        position
+        + heave
+        + draw.each(
+            "Velocity",
+            _banded(slice(3, 6), "With ±3σ."),
+            lambda name, s, colour: figures.velocity(s, None, colour, compare=reference),
+        )
+        + draw.each(
+            "Attitude",
+            _banded(slice(6, 9), "; with ±3σ", "Heading is clockwise from north", "."),
+            lambda name, s, colour: figures.attitude(s, None, colour, compare=reference),
+        )
+    )
 
 
 def _details(solution):
     from ..io.solution import plain
-    return json.dumps(plain({key: value for key, value in solution.meta.items() if key != "notes"}), indent=2, ensure_ascii=False)
+
+    return json.dumps(
+        plain({key: value for key, value in solution.meta.items() if key != "notes"}),
+        indent=2,
+        ensure_ascii=False,
+    )
 
 
 def _summary(solutions, scores, window):
     free = {name for name, solution in solutions.items() if not summary.heading_held(solution)}
     tables = [summary.error_table(scores, window, free)] if scores else []
-    parts = ["<div class=tables>", *tables, "<div>", summary.run_table(solutions), summary.fix_table(solutions), "</div></div>", summary.beyond(scores, window)]
+    parts = [
+        "<div class=tables>",
+        *tables,
+        "<div>",
+        summary.run_table(solutions),
+        summary.fix_table(solutions),
+        "</div></div>",
+        summary.beyond(scores, window),
+    ]
     parts += [summary.withheld_table(solutions, scores)]
-    notes = list(dict.fromkeys(str(note) for solution in solutions.values() for note in solution.meta.get("notes", ())))
+    notes = list(
+        dict.fromkeys(
+            str(note) for solution in solutions.values() for note in solution.meta.get("notes", ())
+        )
+    )
     parts += ["<h3>Notes</h3>", summary.listing(notes)] if notes else []
     same = {}
     for name, solution in solutions.items():
@@ -189,7 +368,8 @@ class _Drawer:
         self.solutions, self.count = solutions, 0
 
     def each(self, heading, caption, make):
-        """One figure per solution, side by side, made by make(name, solution, colour); the colour of a solution is the same everywhere.
+        """One figure per solution, side by side, made by make(name, solution, colour); the colour
+        of a solution is the same everywhere.
 
         caption: text, or a function of the Solution that gives it.
         """
@@ -198,8 +378,16 @@ class _Drawer:
             colour = COLOURS[i % len(COLOURS)]
             figure = make(name, solution, colour)
             if figure is not None:
-                tag = f"<span class=tag><i style='background:{colour}'></i>{escape(name)}</span>" if len(self.solutions) > 1 else ""
-                shown.append(self.place(figure, heading, caption(solution) if callable(caption) else caption, tag))
+                tag = (
+                    f"<span class=tag><i style='background:{colour}'></i>{escape(name)}</span>"
+                    if len(self.solutions) > 1
+                    else ""
+                )
+                shown.append(
+                    self.place(
+                        figure, heading, caption(solution) if callable(caption) else caption, tag
+                    )
+                )
         return f"<div class=grid>{''.join(shown)}</div>" if shown else ""
 
     def place(self, figure, heading, caption, tag=""):

@@ -1,4 +1,6 @@
-"""What all pages share: one self-contained HTML file that works offline, asks the network for nothing, and is written whole or not at all."""
+"""What all pages share: one self-contained HTML file that works offline, asks the network for
+nothing, and is written whole or not at all."""
+
 from dataclasses import dataclass
 from html import escape
 from importlib import resources
@@ -10,11 +12,13 @@ POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inli
 @dataclass(frozen=True)
 class Page:
     """A finished page; `html` is its text."""
+
     html: str
 
     def save(self, path):
         """Write the page to `path`, atomically. Raises DataError where it cannot be written."""
         from ..files import replacing
+
         with replacing(path) as part:
             part.write_text(self.html, encoding="utf-8")
 
@@ -23,21 +27,29 @@ class Page:
 
 
 def shell(title, facts, sections, footer, introduction="", style="", wide=False):
-    """The Page around sections [(heading, HTML)]; `facts` and `introduction` are HTML, `footer` is text, `style` further CSS.
+    """The Page around sections [(heading, HTML)]; `facts` and `introduction` are HTML, `footer` is
+    text, `style` further CSS.
 
-    Figures made by `placed` are drawn where there are any; a page without them does without plotly, 4 MB of script.
+    Figures made by `placed` are drawn where there are any; a page without them does without plotly,
+    4 MB of script.
     """
     read = lambda name: resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
-    links = "".join(f"<a href='#s{i}'>{escape(heading)}</a>" for i, (heading, _) in enumerate(sections))
-    body = "".join(f"<section id=s{i}><h2>{escape(heading)}</h2>{text}</section>" for i, (heading, text) in enumerate(sections))
+    links = "".join(
+        f"<a href='#s{i}'>{escape(heading)}</a>" for i, (heading, _) in enumerate(sections)
+    )
+    body = "".join(
+        f"<section id=s{i}><h2>{escape(heading)}</h2>{text}</section>"
+        for i, (heading, text) in enumerate(sections)
+    )
     scripts = ""
     if "<div class=plot" in body:
         from plotly.offline import get_plotlyjs
+
         scripts = f"<script>{get_plotlyjs()}</script><script>{read('page.js')}</script>"
     return Page(f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <meta http-equiv="Content-Security-Policy" content="{POLICY}"><title>{escape(title)}</title>
-<link rel="icon" href="data:,"><style>{read('page.css')}{style}</style></head><body class="{'wide' if wide else ''}">
+<link rel="icon" href="data:,"><style>{read("page.css")}{style}</style></head><body class="{"wide" if wide else ""}">
 <header><div><h1>{escape(title)}</h1>{facts}</div></header><nav><div>{links}</div></nav><main>{introduction}{body}</main>
 <footer>{escape(footer)}</footer>
 {scripts}</body></html>
@@ -50,8 +62,11 @@ def listed(facts):
 
 
 def placed(number, figure, heading, caption="", tag=""):
-    """HTML of a plotly figure, the page's `number`-th; its data follow as JSON, in which plotly writes no `<`. `tag` is HTML."""
+    """HTML of a plotly figure, the page's `number`-th; its data follow as JSON, in which plotly
+    writes no `<`. `tag` is HTML."""
     notes = "".join(f"<p class=note>{escape(text)}</p>" for text in figure.layout.meta["notes"])
     below = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
-    return (f"<figure><h3>{escape(heading)}{tag}</h3><div class=plot id=p{number} style='height:{figure.layout.height}px'></div>{below}{notes}"
-            f"<script type='application/json' id=data-p{number}>{figure.to_json()}</script></figure>")
+    return (
+        f"<figure><h3>{escape(heading)}{tag}</h3><div class=plot id=p{number} style='height:{figure.layout.height}px'></div>{below}{notes}"
+        f"<script type='application/json' id=data-p{number}>{figure.to_json()}</script></figure>"
+    )

@@ -1,19 +1,26 @@
-"""The tables of the page, as HTML: errors against the reference, the run, the fixes; and the lists of notes and events."""
+"""The tables of the page, as HTML: errors against the reference, the run, the fixes; and the
+lists of notes and events."""
+
 from html import escape
 
 import numpy as np
 
-from ..evaluation import metrics
 from ..data import BRIDGED, INVALID, DataError
+from ..evaluation import metrics
 
 LISTED = 500
 """At most this many notes or events are listed."""
 
 
 def table(head, rows, split=1):
-    """An HTML table; cells are escaped. A rule stands left of every `split`-th column after the first."""
+    """An HTML table; cells are escaped. A rule stands left of every `split`-th column after the
+    first."""
     rule = lambda i: " class=split" if i and split > 1 and (i - 1) % split == 0 else ""
-    line = lambda tag, texts: "<tr>" + "".join(f"<{tag}{rule(i)}>{escape(str(text))}</{tag}>" for i, text in enumerate(texts)) + "</tr>"
+    line = lambda tag, texts: (
+        "<tr>"
+        + "".join(f"<{tag}{rule(i)}>{escape(str(text))}</{tag}>" for i, text in enumerate(texts))
+        + "</tr>"
+    )
     body = "".join(line("td", row) for row in rows)
     return f"<div class=scroll><table><thead>{line('th', head)}</thead><tbody>{body}</tbody></table></div>"
 
@@ -22,12 +29,20 @@ def number(value):
     """Three digits, or as many as stand before the point; a dash where there is none."""
     if value is None or not np.isfinite(value):
         return "–"
-    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:#.3g}".rstrip(".") if abs(value) >= 1e-4 or value == 0 else f"{value:.2e}"
+    return (
+        f"{value:.0f}"
+        if abs(value) >= 1000
+        else f"{value:#.3g}".rstrip(".")
+        if abs(value) >= 1e-4 or value == 0
+        else f"{value:.2e}"
+    )
 
 
 def heading_held(solution):
-    """Whether the filter of a Solution estimates its heading; that of others runs free with the gyros and is no result. True of unknown filters."""
+    """Whether the filter of a Solution estimates its heading; that of others runs free with the
+    gyros and is no result. True of unknown filters."""
     from ..filters import find
+
     try:
         return 8 in find(solution.meta.get("filter")).estimates
     except ValueError:
@@ -35,27 +50,46 @@ def heading_held(solution):
 
 
 def error_table(found, window=None, free=()):
-    """RMS, largest and last error per axis of {name: metrics.Errors}; dashes where a solution or the reference does not know it.
+    """RMS, largest and last error per axis of {name: metrics.Errors}; dashes where a solution or
+    the reference does not know it.
 
-    The angles of the attitude error stand below where one of them has no position: they are what filters of attitude are compared by.
-    free: names whose heading runs free, so that it and the angle of the whole rotation are not scored.
+    The angles of the attitude error stand below where one of them has no position: they are what
+    filters of attitude are compared by. free: names whose heading runs free, so that it and the
+    angle of the whole rotation are not scored.
     """
     positioned, rows = all(metrics.any_known(e.horizontal) for e in found.values()), []
     for labels, unit, factor, part in QUANTITIES[:-1] if positioned else QUANTITIES:
         known = [part(e) for e in found.values()]
-        values = [np.full((len(e.t), len(labels)), np.nan) if v is None else v * factor for v, e in zip(known, found.values())]
+        values = [
+            np.full((len(e.t), len(labels)), np.nan) if v is None else v * factor
+            for v, e in zip(known, found.values())
+        ]
         for column in (i for i, label in enumerate(labels) if label in HEADINGS):
             for v in (v for v, name in zip(values, found) if name in free):
                 v[:, column] = np.nan
         scores = [_scores(v, e.t, window) for v, e in zip(values, found.values())]
-        rows += [[f"{label} [{unit}]", *(text for score in scores for text in score[i])] for i, label in enumerate(labels)
-                 if any(np.isfinite(v[:, i]).any() for v in values)]
-    head = ["true − estimate", *(f"{name}: {what}" if what == "RMS" else what for name in found for what in ("RMS", "largest", "last"))]
+        rows += [
+            [f"{label} [{unit}]", *(text for score in scores for text in score[i])]
+            for i, label in enumerate(labels)
+            if any(np.isfinite(v[:, i]).any() for v in values)
+        ]
+    head = [
+        "true − estimate",
+        *(
+            f"{name}: {what}" if what == "RMS" else what
+            for name in found
+            for what in ("RMS", "largest", "last")
+        ),
+    ]
     return table(head, rows, split=3)
 
 
 def _columns(values):
-    return None if values is None else np.column_stack(values if isinstance(values, tuple) else [values])
+    return (
+        None
+        if values is None
+        else np.column_stack(values if isinstance(values, tuple) else [values])
+    )
 
 
 AXES = ("north", "east", "down")
@@ -65,7 +99,13 @@ QUANTITIES = (
     ([f"{axis} position" for axis in AXES], "m", 1.0, lambda e: e.position),
     ([f"{axis} velocity" for axis in AXES], "m/s", 1.0, lambda e: e.velocity),
     (["roll", "pitch", "heading"], "deg", np.degrees(1), lambda e: e.rph),
-    ([f"{name} angle" for name in metrics.AttitudeAngles._fields], "deg", np.degrees(1), lambda e: _columns(metrics.attitude_angles(e))))
+    (
+        [f"{name} angle" for name in metrics.AttitudeAngles._fields],
+        "deg",
+        np.degrees(1),
+        lambda e: _columns(metrics.attitude_angles(e)),
+    ),
+)
 """What is scored: labels, unit, its size, and the columns of an Errors, None where it has none."""
 
 
@@ -75,20 +115,28 @@ def _scores(values, t, window):
     out = []
     for column in values[inside].T:
         known = column[np.isfinite(column)]
-        out.append([number(np.sqrt(np.mean(known ** 2))), number(np.abs(known).max()), number(known[-1])] if len(known) else ["–"] * 3)
+        out.append(
+            [number(np.sqrt(np.mean(known**2))), number(np.abs(known).max()), number(known[-1])]
+            if len(known)
+            else ["–"] * 3
+        )
     return out
 
 
 GROUPS = (("position", slice(0, 3)), ("velocity", slice(3, 6)), ("attitude", slice(6, 9)))
 BEYOND, SIGMAS = 0.05, 3.0
-"""Share of the times above which it is said that errors leave the band of so many standard deviations; it would be 0.8 % for three normal errors."""
+"""Share of the times above which it is said that errors leave the band of so many standard
+deviations; it would be 0.8 % for three normal errors."""
 
 
 def beyond(found, window=None):
-    """Paragraphs on the errors of {name: metrics.Errors} that any of their components exceeds its claim too often by; "" where none does."""
+    """Paragraphs on the errors of {name: metrics.Errors} that any of their components exceeds
+    its claim too often by; "" where none does."""
     said = []
     for name, e in found.items():
-        inside = np.ones(len(e.t), bool) if window is None else (e.t >= window[0]) & (e.t <= window[1])
+        inside = (
+            np.ones(len(e.t), bool) if window is None else (e.t >= window[0]) & (e.t <= window[1])
+        )
         for group, states in GROUPS:
             errors, sd = getattr(e, group), None if e.sd is None else e.sd[inside, states]
             if errors is None or sd is None:
@@ -97,39 +145,67 @@ def beyond(found, window=None):
             known = (np.isfinite(errors) & np.isfinite(sd)).any(axis=1)
             share = (errors > SIGMAS * sd).any(axis=1)[known].mean() if known.any() else 0.0
             if share > BEYOND:
-                said.append(f"{name}: {group} error beyond 3σ of what the filter claims at {100 * share:.0f} % of the times.")
+                said.append(
+                    f"{name}: {group} error beyond 3σ of what the filter claims at {100 * share:.0f} % of the times."
+                )
     return "".join(f"<p class=note>{escape(text)}</p>" for text in said)
 
 
 def run_table(solutions):
-    """Span, gaps and claimed standard deviations of {name: Solution}; without those that none of them claims."""
+    """Span, gaps and claimed standard deviations of {name: Solution}; without those that none of
+    them claims."""
     rows = list(zip(RUN, *map(_run, solutions.values())))
     return table(["", *solutions], [row for row in rows if set(row[1:]) != {"–"}])
 
 
-RUN = ("time [s]", "rows", "gaps bridged", "time bridged [s]", "stretches not valid", "time not valid [s]",
-       "horizontal sd, largest / last [m]", "height sd, largest / last [m]", "inclination sd, largest / last [deg]",
-       "heading sd, largest / last [deg]")
+RUN = (
+    "time [s]",
+    "rows",
+    "gaps bridged",
+    "time bridged [s]",
+    "stretches not valid",
+    "time not valid [s]",
+    "horizontal sd, largest / last [m]",
+    "height sd, largest / last [m]",
+    "inclination sd, largest / last [deg]",
+    "heading sd, largest / last [deg]",
+)
 
 
 def _run(solution):
     t, sd = solution.t, solution.trajectory.sd
-    pair = lambda values: " / ".join((number(np.nanmax(values)), number(values[-1]))) if np.isfinite(values).any() else "–"
+    pair = lambda values: (
+        " / ".join((number(np.nanmax(values)), number(values[-1])))
+        if np.isfinite(values).any()
+        else "–"
+    )
     span = np.diff(t, prepend=t[:1])
     texts = [f"{t[0]:.2f} to {t[-1]:.2f}" if len(t) else "–", f"{len(t)}"]
     for status in (BRIDGED, INVALID):
         there = solution.status == status
-        texts += [str(int((np.diff(there.astype(int), prepend=0) == 1).sum())), number(span[there].sum()) if there.any() else "0"]
-    return [*texts, pair(np.hypot(sd[:, 0], sd[:, 1])), pair(sd[:, 2]), pair(np.degrees(np.hypot(sd[:, 6], sd[:, 7]))), pair(np.degrees(sd[:, 8]))]
+        texts += [
+            str(int((np.diff(there.astype(int), prepend=0) == 1).sum())),
+            number(span[there].sum()) if there.any() else "0",
+        ]
+    return [
+        *texts,
+        pair(np.hypot(sd[:, 0], sd[:, 1])),
+        pair(sd[:, 2]),
+        pair(np.degrees(np.hypot(sd[:, 6], sd[:, 7]))),
+        pair(np.degrees(sd[:, 8])),
+    ]
 
 
 FAR_BELOW = 0.05
-LASTING = ("<p class=caption>The mean NIS of the magnetic field is far below what is expected: its errors are taken as lasting, so single samples count "
-           "little; see docs/attitude.md.</p>")
+LASTING = (
+    "<p class=caption>The mean NIS of the magnetic field is far below what is expected: its errors are taken as lasting, so single samples count "
+    "little; see docs/attitude.md.</p>"
+)
 
 
 def fix_table(solutions):
-    """Accepted and rejected fixes per source, and the mean NIS of the accepted ones beside that of a consistent filter; "" without any."""
+    """Accepted and rejected fixes per source, and the mean NIS of the accepted ones beside that
+    of a consistent filter; "" without any."""
     rows, lasting = [], False
     for name, solution in solutions.items():
         fixes, counts = solution.innovations, solution.counts()
@@ -138,30 +214,60 @@ def fix_table(solutions):
             used = (fixes.source == source) & fixes.accepted & np.isfinite(fixes.nis)
             mean = ("–", "–")
             if used.any():
-                found, expected = fixes.nis[used].mean(), np.isfinite(fixes.innovation[used]).sum(axis=1).mean()
+                found, expected = (
+                    fixes.nis[used].mean(),
+                    np.isfinite(fixes.innovation[used]).sum(axis=1).mean(),
+                )
                 mean = number(found), number(expected)
-                field = solution.meta.get("filter") == "attitude-mekf" and solution.meta.get("kinds", {}).get(label, label) == "magnetic-field"
+                field = (
+                    solution.meta.get("filter") == "attitude-mekf"
+                    and solution.meta.get("kinds", {}).get(label, label) == "magnetic-field"
+                )
                 lasting |= field and found < FAR_BELOW * expected
-            gates = source < len(fixes.gates) and np.isfinite(fixes.nis[fixes.source == source]).any()
+            gates = (
+                source < len(fixes.gates) and np.isfinite(fixes.nis[fixes.source == source]).any()
+            )
             gate = fixes.gates[source] if gates else None
-            rows.append([f"{name}: {label}" if len(solutions) > 1 else label, good, bad, *mean, number(gate)])
-    return table(["source", "accepted", "rejected", "mean NIS", "expected", "gate"], rows) + (LASTING if lasting else "") if rows else ""
+            rows.append(
+                [
+                    f"{name}: {label}" if len(solutions) > 1 else label,
+                    good,
+                    bad,
+                    *mean,
+                    number(gate),
+                ]
+            )
+    return (
+        table(["source", "accepted", "rejected", "mean NIS", "expected", "gate"], rows)
+        + (LASTING if lasting else "")
+        if rows
+        else ""
+    )
 
 
 def withheld_table(solutions, found):
-    """The windows, s, whose fixes were withheld from {name: Solution}, by meta["withheld"], with the errors inside where `found`, {name:
-    metrics.Errors}, knows them; "" without any."""
+    """The windows, s, whose fixes were withheld from {name: Solution}, by meta["withheld"], with
+    the errors inside where `found`, {name: metrics.Errors}, knows them; "" without any."""
     rows = []
     for name, solution in solutions.items():
         for window in solution.meta.get("withheld", ()):
             try:
-                outage, = metrics.outages_of(found[name], [window]) if found else [None]
+                (outage,) = metrics.outages_of(found[name], [window]) if found else [None]
             except DataError:
                 outage = None
-            scores = ["–"] * 3 if outage is None else map(number, (outage.horizontal_max, outage.horizontal_end, outage.down_max))
+            scores = (
+                ["–"] * 3
+                if outage is None
+                else map(number, (outage.horizontal_max, outage.horizontal_end, outage.down_max))
+            )
             label = "{:g} to {:g}".format(*window)
             rows.append([f"{name}: {label}" if len(solutions) > 1 else label, *scores])
-    head = ["fixes withheld [s]", "largest horizontal error [m]", "at the end [m]", "largest vertical [m]"]
+    head = [
+        "fixes withheld [s]",
+        "largest horizontal error [m]",
+        "at the end [m]",
+        "largest vertical [m]",
+    ]
     if all(row[1:] == ["–"] * 3 for row in rows):
         head, rows = head[:1], [row[:1] for row in rows]
     return table(head, rows) if rows else ""
@@ -171,4 +277,8 @@ def listing(items, ordered=False):
     """A scrolling HTML list of texts, at most LISTED of them."""
     tag = "ol" if ordered else "ul"
     more = [f"and {len(items) - LISTED} more"] if len(items) > LISTED else []
-    return f"<{tag} class=list>" + "".join(f"<li>{escape(str(item))}</li>" for item in [*items[:LISTED], *more]) + f"</{tag}>"
+    return (
+        f"<{tag} class=list>"
+        + "".join(f"<li>{escape(str(item))}</li>" for item in [*items[:LISTED], *more])
+        + f"</{tag}>"
+    )

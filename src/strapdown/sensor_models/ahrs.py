@@ -1,20 +1,23 @@
-"""Measurement equation of an attitude and heading reference system (AHRS): roll, pitch and heading with white errors.
+"""Measurement equation of an attitude and heading reference system (AHRS): roll, pitch and heading
+with white errors.
 
     C_meas = exp([e_n x]) C_nb,   e_n = Rz(heading) (e_roll, e_pitch, e_heading),   e ~ N(0, sd^2), independent from fix to fix
 
-The errors are a small rotation about the horizontal forward and right axes and the vertical, as in the innovation of the aiding `attitude`, so
-that they mean the same in every attitude. Real AHRS err in correlated ways; the white errors are those of Fossen (2021), Handbook of Marine Craft,
-section 14.3.2.
+The errors are a small rotation about the horizontal forward and right axes and the vertical, as in
+the innovation of the aiding `attitude`, so that they mean the same in every attitude. Real AHRS err
+in correlated ways; the white errors are those of Fossen (2021), Handbook of Marine Craft, section
+14.3.2.
 """
+
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from ..data import Aiding, DataError, Trajectory
+from .datasheet_units import real
 from .gnss import fix_times
 from .magnetometer import rotation_at
-from .datasheet_units import real
 
 LARGEST = np.radians(30)
 """rad: errors beyond this are no small angles, and probably in deg."""
@@ -22,40 +25,57 @@ LARGEST = np.radians(30)
 
 @dataclass(frozen=True)
 class Ahrs:
-    """An AHRS, SI and radians. One number for `sd` stands for three. Raises DataError on what none can be."""
-    rate: float | None = 10.0                               # fixes per second; None: one with every IMU sample
-    sd: tuple = tuple(np.radians([0.5, 0.5, 1.0]).tolist())  # rad: of roll, pitch and heading, white
+    """An AHRS, SI and radians. One number for `sd` stands for three. Raises DataError on what
+    none can be."""
+
+    rate: float | None = 10.0  # fixes per second; None: one with every IMU sample
+    sd: tuple = tuple(
+        np.radians([0.5, 0.5, 1.0]).tolist()
+    )  # rad: of roll, pitch and heading, white
 
     def __post_init__(self):
         if self.rate is not None and (not real(self.rate) or not 0 < self.rate < np.inf):
             raise DataError(f"attitude: rate is {self.rate!r}; it must be larger than 0, in Hz")
         listed = (self.sd,) * 3 if real(self.sd) else self.sd
         if np.shape(listed) != (3,) or not all(real(each) and 0 < each < np.inf for each in listed):
-            raise DataError(f"attitude: sd is {self.sd!r}; it must be three numbers above 0: of roll, pitch and heading, rad")
+            raise DataError(
+                f"attitude: sd is {self.sd!r}; it must be three numbers above 0: of roll, pitch and heading, rad"
+            )
         if max(listed) > LARGEST:
-            raise DataError(f"attitude: sd is {[float(each) for each in listed]} rad; at most {LARGEST:.4g} (30 deg): is it in rad?")
+            raise DataError(
+                f"attitude: sd is {[float(each) for each in listed]} rad; at most {LARGEST:.4g} (30 deg): is it in rad?"
+            )
         object.__setattr__(self, "sd", tuple(map(float, listed)))
 
     def measure(self, truth, rng):
-        """Aiding "attitude" of a flight; truth: data.Trajectory with attitude, rng: numpy Generator. Raises DataError."""
+        """Aiding "attitude" of a flight; truth: data.Trajectory with attitude, rng: numpy
+        Generator. Raises DataError."""
         return self.plan(truth).fixes(rng)
 
     def plan(self, truth, gate=None):
-        """What all runs over one trajectory share, as an AhrsPlan; `gate` is that of its aiding. Raises DataError."""
+        """What all runs over one trajectory share, as an AhrsPlan; `gate` is that of its aiding.
+        Raises DataError."""
         if truth.q_nb is None:
             raise DataError("attitude: the trajectory has no attitude")
         t = truth.t[1:] if self.rate is None else fix_times(truth, 1 / self.rate)
-        return AhrsPlan(Aiding("attitude", t, np.empty((0, 3)), np.tile(self.sd, (len(t), 1)), (), gate, "AHRS"), rotation_at(truth, t))
+        return AhrsPlan(
+            Aiding(
+                "attitude", t, np.empty((0, 3)), np.tile(self.sd, (len(t), 1)), (), gate, "AHRS"
+            ),
+            rotation_at(truth, t),
+        )
 
 
 class AhrsPlan(NamedTuple):
     """What an AHRS would report without errors; each run adds its own."""
-    aiding: Aiding          # all but its y
-    attitude: object        # (n,) scipy Rotation, body to navigation
+
+    aiding: Aiding  # all but its y
+    attitude: object  # (n,) scipy Rotation, body to navigation
 
     def fixes(self, rng):
         """The aiding of one run, with errors from `rng`."""
         from scipy.spatial.transform import Rotation
+
         error = rng.standard_normal((len(self.aiding.t), 3))
         error *= self.aiding.sd
         if not len(error):
@@ -69,12 +89,28 @@ class AhrsPlan(NamedTuple):
 
     def notes(self, aiding):
         """Sentences for the notes of a recording: no fix at all."""
-        return [] if len(aiding.t) else ["AHRS: not one fix falls into the recording; its rate is too low"]
+        return (
+            []
+            if len(aiding.t)
+            else ["AHRS: not one fix falls into the recording; its rate is too low"]
+        )
 
     def _with(self, attitude):
         t = self.aiding.t
-        y = Trajectory(t, np.empty((0, 3)), q_nb=attitude.as_quat()[:, [3, 0, 1, 2]]).rph if len(t) else np.empty((0, 3))
-        return Aiding(self.aiding.kind, t, y, self.aiding.sd, self.aiding.parameters, self.aiding.gate, self.aiding.name)
+        y = (
+            Trajectory(t, np.empty((0, 3)), q_nb=attitude.as_quat()[:, [3, 0, 1, 2]]).rph
+            if len(t)
+            else np.empty((0, 3))
+        )
+        return Aiding(
+            self.aiding.kind,
+            t,
+            y,
+            self.aiding.sd,
+            self.aiding.parameters,
+            self.aiding.gate,
+            self.aiding.name,
+        )
 
 
 def _heading(attitude):

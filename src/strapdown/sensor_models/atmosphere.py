@@ -1,43 +1,63 @@
-"""The International Standard Atmosphere from 5 km below sea level to 20 km: pressure of a height, and height of a pressure (ISO 2533:1975).
+"""The International Standard Atmosphere from 5 km below sea level to 20 km: pressure of a height,
+and height of a pressure (ISO 2533:1975).
 
-Two layers: the troposphere, where it gets colder by 6.5 K per km, and above 11 km the lower stratosphere of one temperature. Heights are
-geopotential, as the standard's are: at 10 km, 16 m less than the geometric height.
+Two layers: the troposphere, where it gets colder by 6.5 K per km, and above 11 km the lower
+stratosphere of one temperature. Heights are geopotential, as the standard's are: at 10 km, 16 m
+less than the geometric height.
 """
+
 import numpy as np
 
 from ..data import DataError
 from ..geodesy import STANDARD_GRAVITY
 
-SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE = 101325.0, 288.15    # Pa, K
-LAPSE, GAS = 6.5e-3, 287.05287                                  # K/m, J/(kg K) of dry air
-TROPOPAUSE, LOWEST, HIGHEST = 11_000.0, -5_000.0, 20_000.0      # m
+SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE = 101325.0, 288.15  # Pa, K
+LAPSE, GAS = 6.5e-3, 287.05287  # K/m, J/(kg K) of dry air
+TROPOPAUSE, LOWEST, HIGHEST = 11_000.0, -5_000.0, 20_000.0  # m
 """Constants of ISO 2533:1975; its gravity is the standard one."""
 _POWER = STANDARD_GRAVITY / (GAS * LAPSE)
-_COLD = SEA_LEVEL_TEMPERATURE - LAPSE * TROPOPAUSE              # K
-_THERE = SEA_LEVEL_PRESSURE * (_COLD / SEA_LEVEL_TEMPERATURE) ** _POWER     # Pa at the tropopause
-_SCALE = GAS * _COLD / STANDARD_GRAVITY                                  # m in which the pressure above it falls by e
+_COLD = SEA_LEVEL_TEMPERATURE - LAPSE * TROPOPAUSE  # K
+_THERE = SEA_LEVEL_PRESSURE * (_COLD / SEA_LEVEL_TEMPERATURE) ** _POWER  # Pa at the tropopause
+_SCALE = GAS * _COLD / STANDARD_GRAVITY  # m in which the pressure above it falls by e
 
 
 def standard_pressure(height):
-    """Pressure, Pa, of the standard atmosphere at heights in m (an array or a number). Raises DataError outside -5 to 20 km."""
+    """Pressure, Pa, of the standard atmosphere at heights in m (an array or a number). Raises
+    DataError outside -5 to 20 km."""
     height = np.asarray(height, float)
-    _refuse(~((height >= LOWEST) & (height <= HIGHEST)), height,
-            f"height {{:.6g}} m; the standard atmosphere here goes from {LOWEST:g} to {HIGHEST:g} m")
-    low = SEA_LEVEL_PRESSURE * (1 - LAPSE / SEA_LEVEL_TEMPERATURE * np.minimum(height, TROPOPAUSE)) ** _POWER
+    _refuse(
+        ~((height >= LOWEST) & (height <= HIGHEST)),
+        height,
+        f"height {{:.6g}} m; the standard atmosphere here goes from {LOWEST:g} to {HIGHEST:g} m",
+    )
+    low = (
+        SEA_LEVEL_PRESSURE
+        * (1 - LAPSE / SEA_LEVEL_TEMPERATURE * np.minimum(height, TROPOPAUSE)) ** _POWER
+    )
     return low * np.exp(-np.maximum(height - TROPOPAUSE, 0.0) / _SCALE)
 
 
 def pressure_altitude(pressure):
-    """Height, m, at which the standard atmosphere has these pressures, Pa (an array or a number). Raises DataError outside -5 to 20 km."""
+    """Height, m, at which the standard atmosphere has these pressures, Pa (an array or a
+    number). Raises DataError outside -5 to 20 km."""
     pressure = np.asarray(pressure, float)
-    _refuse(~((pressure >= _LEAST) & (pressure <= _MOST)), pressure, f"pressure {{:.6g}} Pa; between {LOWEST / 1e3:g} and {HIGHEST / 1e3:g} km it is "
-            f"{_LEAST:.0f} to {_MOST:.0f} Pa: is the unit right?")
-    low = SEA_LEVEL_TEMPERATURE / LAPSE * (1 - (np.maximum(pressure, _THERE) / SEA_LEVEL_PRESSURE) ** (1 / _POWER))
+    _refuse(
+        ~((pressure >= _LEAST) & (pressure <= _MOST)),
+        pressure,
+        f"pressure {{:.6g}} Pa; between {LOWEST / 1e3:g} and {HIGHEST / 1e3:g} km it is "
+        f"{_LEAST:.0f} to {_MOST:.0f} Pa: is the unit right?",
+    )
+    low = (
+        SEA_LEVEL_TEMPERATURE
+        / LAPSE
+        * (1 - (np.maximum(pressure, _THERE) / SEA_LEVEL_PRESSURE) ** (1 / _POWER))
+    )
     return low + _SCALE * np.log(_THERE / np.minimum(pressure, _THERE))
 
 
 def pressure_gradient(height):
-    """Change of pressure with height, Pa/m (negative), at heights in m: -p g/(R T), the weight of the air. Raises DataError as above."""
+    """Change of pressure with height, Pa/m (negative), at heights in m: -p g/(R T), the weight
+    of the air. Raises DataError as above."""
     temperature = SEA_LEVEL_TEMPERATURE - LAPSE * np.minimum(np.asarray(height, float), TROPOPAUSE)
     return -standard_pressure(height) * STANDARD_GRAVITY / (GAS * temperature)
 

@@ -1,11 +1,15 @@
-"""Measurement equation of a barometer: pressure of the standard atmosphere at a height above its zero, with weather, offset and noise.
+"""Measurement equation of a barometer: pressure of the standard atmosphere at a height above its
+zero, with weather, offset and noise.
 
     p = p_ISA(h - zero) + bias + weather + w,   or as a height, pressure_altitude(p)
 
-h is the ellipsoidal height of the sensor; `zero` the ellipsoidal height at which the standard atmosphere has its sea level, which takes up
-the geoid and the pressure of the day; weather is a stationary first-order Gauss-Markov process. Fossen (2021), Handbook of Marine Craft, section
-14.1; the heights of the standard atmosphere are geopotential and are not told from geometric ones, which differ by 0.16 m at 1 km.
+h is the ellipsoidal height of the sensor; `zero` the ellipsoidal height at which the standard
+atmosphere has its sea level, which takes up the geoid and the pressure of the day; weather is a
+stationary first-order Gauss-Markov process. Fossen (2021), Handbook of Marine Craft, section 14.1;
+the heights of the standard atmosphere are geopotential and are not told from geometric ones, which
+differ by 0.16 m at 1 km.
 """
+
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,67 +17,98 @@ import numpy as np
 
 from ..data import Aiding, DataError
 from .atmosphere import HIGHEST, LOWEST, pressure_altitude, pressure_gradient, standard_pressure
+from .datasheet_units import real
 from .gnss import arm_in_navigation, fix_times, interpolated
 from .noise import gauss_markov
-from .datasheet_units import real
 
 QUANTITIES = {"pressure": "pressure", "height": "pressure-altitude"}
 """What a barometer can give, and the kind of aiding that this is."""
-LARGEST = 10_000.0      # Pa: of weather, offset and noise; the weather of the Earth stays within
+LARGEST = 10_000.0  # Pa: of weather, offset and noise; the weather of the Earth stays within
 
 
 @dataclass(frozen=True)
 class Barometer:
     """A barometer, in SI. Raises DataError on what none can be."""
-    rate: float | None = None               # samples per second; None: one with every IMU sample
-    sd: float = 5.0                         # Pa, white noise of each sample: 0.4 m at sea level
-    bias: float = 0.0                       # Pa: what it reads too much
-    drift: float = 0.0                      # Pa: stationary standard deviation of the weather
-    drift_time: float = 6 * 3600.0          # s: time constant of the weather
-    zero: float = 0.0                       # m: ellipsoidal height of the standard atmosphere's sea level
-    lever_arm: tuple = (0.0, 0.0, 0.0)      # from the IMU to the sensor, m, body
-    quantity: str = "pressure"              # what it gives: "pressure", or "height" by the standard atmosphere
+
+    rate: float | None = None  # samples per second; None: one with every IMU sample
+    sd: float = 5.0  # Pa, white noise of each sample: 0.4 m at sea level
+    bias: float = 0.0  # Pa: what it reads too much
+    drift: float = 0.0  # Pa: stationary standard deviation of the weather
+    drift_time: float = 6 * 3600.0  # s: time constant of the weather
+    zero: float = 0.0  # m: ellipsoidal height of the standard atmosphere's sea level
+    lever_arm: tuple = (0.0, 0.0, 0.0)  # from the IMU to the sensor, m, body
+    quantity: str = "pressure"  # what it gives: "pressure", or "height" by the standard atmosphere
 
     def __post_init__(self):
         for name in ("sd", "bias", "drift", "drift_time", "zero"):
             if not real(getattr(self, name)) or not np.isfinite(getattr(self, name)):
-                raise DataError(f"barometer: {name} is {getattr(self, name)!r}; it must be a finite number")
+                raise DataError(
+                    f"barometer: {name} is {getattr(self, name)!r}; it must be a finite number"
+                )
         for name in ("sd", "drift_time"):
             if not getattr(self, name) > 0:
-                raise DataError(f"barometer: {name} is {getattr(self, name)!r}; it must be larger than 0")
+                raise DataError(
+                    f"barometer: {name} is {getattr(self, name)!r}; it must be larger than 0"
+                )
         if self.drift < 0 or max(self.sd, abs(self.bias), self.drift) > LARGEST:
-            raise DataError(f"barometer: sd {self.sd:g}, bias {self.bias:g} and drift {self.drift:g} Pa; they are at most {LARGEST:g} Pa, "
-                            "and the drift is 0 or more")
+            raise DataError(
+                f"barometer: sd {self.sd:g}, bias {self.bias:g} and drift {self.drift:g} Pa; they are at most {LARGEST:g} Pa, "
+                "and the drift is 0 or more"
+            )
         if self.rate is not None and (not real(self.rate) or not 0 < self.rate < np.inf):
             raise DataError(f"barometer: rate is {self.rate!r}; it must be larger than 0, in Hz")
-        if np.shape(self.lever_arm) != (3,) or not all(map(real, self.lever_arm)) or not np.all(np.isfinite(self.lever_arm)):
-            raise DataError(f"barometer: lever_arm is {self.lever_arm!r}; it must be three numbers: forward, right, down, m")
+        if (
+            np.shape(self.lever_arm) != (3,)
+            or not all(map(real, self.lever_arm))
+            or not np.all(np.isfinite(self.lever_arm))
+        ):
+            raise DataError(
+                f"barometer: lever_arm is {self.lever_arm!r}; it must be three numbers: forward, right, down, m"
+            )
         object.__setattr__(self, "lever_arm", tuple(map(float, self.lever_arm)))
         if self.quantity not in QUANTITIES:
-            raise DataError(f"barometer: quantity is {self.quantity!r}; it is one of {', '.join(QUANTITIES)}")
+            raise DataError(
+                f"barometer: quantity is {self.quantity!r}; it is one of {', '.join(QUANTITIES)}"
+            )
 
     def measure(self, truth, rng):
-        """Aiding "pressure" (y in Pa) or "pressure-altitude" (y in m) of a flight, its sd in m; `rng`: numpy Generator. Raises DataError."""
+        """Aiding "pressure" (y in Pa) or "pressure-altitude" (y in m) of a flight, its sd in m;
+        `rng`: numpy Generator. Raises DataError."""
         return self.plan(truth).fixes(rng)
 
     def plan(self, truth, gate=None):
-        """What all runs over one trajectory share, as a BarometerPlan; `gate` is that of its aiding. Raises DataError."""
+        """What all runs over one trajectory share, as a BarometerPlan; `gate` is that of its
+        aiding. Raises DataError."""
         t = truth.t[1:] if self.rate is None else fix_times(truth, 1 / self.rate)
-        height = interpolated(truth, t).lla[:, 2] - arm_in_navigation(truth, t, self.lever_arm, "barometer")[:, 2]
+        height = (
+            interpolated(truth, t).lla[:, 2]
+            - arm_in_navigation(truth, t, self.lever_arm, "barometer")[:, 2]
+        )
         above = height - self.zero
         if np.any((above < LOWEST) | (above > HIGHEST)):
-            raise DataError(f"barometer: it comes to {above[np.argmax(np.abs(above))]:.6g} m above its zero; the standard atmosphere here goes from "
-                            f"{LOWEST:g} to {HIGHEST:g} m")
-        sd = self.sd / -pressure_gradient(above)    # m, as the innovation of both kinds
-        aiding = Aiding(QUANTITIES[self.quantity], t, np.empty((0, 1)), sd[:, None], self.lever_arm, gate, "barometer")
+            raise DataError(
+                f"barometer: it comes to {above[np.argmax(np.abs(above))]:.6g} m above its zero; the standard atmosphere here goes from "
+                f"{LOWEST:g} to {HIGHEST:g} m"
+            )
+        sd = self.sd / -pressure_gradient(above)  # m, as the innovation of both kinds
+        aiding = Aiding(
+            QUANTITIES[self.quantity],
+            t,
+            np.empty((0, 1)),
+            sd[:, None],
+            self.lever_arm,
+            gate,
+            "barometer",
+        )
         return BarometerPlan(aiding, height, standard_pressure(above), self)
 
 
 class BarometerPlan(NamedTuple):
     """What a barometer would read without errors; each run adds its own."""
-    aiding: Aiding              # all but its y
-    height: np.ndarray          # (n,) m, ellipsoidal, of the sensor
-    pressure: np.ndarray        # (n,) Pa at it
+
+    aiding: Aiding  # all but its y
+    height: np.ndarray  # (n,) m, ellipsoidal, of the sensor
+    pressure: np.ndarray  # (n,) Pa at it
     barometer: Barometer
 
     def fixes(self, rng):
@@ -81,12 +116,17 @@ class BarometerPlan(NamedTuple):
         return self.measured(rng)[0]
 
     def measured(self, rng):
-        """(aiding of one run, (n,) m by which its barometric heights exceed the ellipsoidal ones but for noise); noise and weather a stream each."""
+        """(aiding of one run, (n,) m by which its barometric heights exceed the ellipsoidal ones
+        but for noise); noise and weather a stream each."""
         noise, weather = rng.spawn(2)
-        wander = gauss_markov(np.diff(self.aiding.t) / self.barometer.drift_time, weather)[:len(self.height), 0]
+        wander = gauss_markov(np.diff(self.aiding.t) / self.barometer.drift_time, weather)[
+            : len(self.height), 0
+        ]
         error = self.barometer.bias + self.barometer.drift * wander
         bias = pressure_altitude(self.pressure + error) - self.height
-        return self._with(self.pressure + error + self.barometer.sd * noise.standard_normal(len(self.height))), bias
+        return self._with(
+            self.pressure + error + self.barometer.sd * noise.standard_normal(len(self.height))
+        ), bias
 
     def exact(self):
         """The aiding of a barometer without errors, which states the noise of the one with them."""
@@ -94,8 +134,20 @@ class BarometerPlan(NamedTuple):
 
     def notes(self, aiding):
         """Sentences for the notes of a recording: no sample at all."""
-        return [] if len(aiding.t) else ["barometer: not one sample falls into the recording; its rate is too low"]
+        return (
+            []
+            if len(aiding.t)
+            else ["barometer: not one sample falls into the recording; its rate is too low"]
+        )
 
     def _with(self, pressure):
         y = pressure if self.barometer.quantity == "pressure" else pressure_altitude(pressure)
-        return Aiding(self.aiding.kind, self.aiding.t, y[:, None].copy(), self.aiding.sd, self.aiding.parameters, self.aiding.gate, self.aiding.name)
+        return Aiding(
+            self.aiding.kind,
+            self.aiding.t,
+            y[:, None].copy(),
+            self.aiding.sd,
+            self.aiding.parameters,
+            self.aiding.gate,
+            self.aiding.name,
+        )

@@ -1,4 +1,6 @@
-"""Units of IMU errors: what a specification file may write, what tables show, and numbers with units in and out of TOML."""
+"""Units of IMU errors: what a specification file may write, what tables show, and numbers with
+units in and out of TOML."""
+
 import difflib
 from numbers import Real
 
@@ -9,29 +11,83 @@ from ..data import DataError
 _DEG, _G = np.pi / 180, 9.80665
 
 UNITS = {
-    "rad/sqrt(s)": {"rad/sqrt(s)": 1.0, "rad/s/sqrt(Hz)": 1.0, "deg/sqrt(s)": _DEG, "deg/s/sqrt(Hz)": _DEG, "mdps/sqrt(Hz)": _DEG * 1e-3,
-                    "deg/sqrt(h)": _DEG / 60, "deg/h/sqrt(Hz)": _DEG / 3600},
-    "m/s/sqrt(s)": {"m/s/sqrt(s)": 1.0, "m/s^2/sqrt(Hz)": 1.0, "m/s/sqrt(h)": 1 / 60, "mg/sqrt(Hz)": _G * 1e-3, "ug/sqrt(Hz)": _G * 1e-6},
+    "rad/sqrt(s)": {
+        "rad/sqrt(s)": 1.0,
+        "rad/s/sqrt(Hz)": 1.0,
+        "deg/sqrt(s)": _DEG,
+        "deg/s/sqrt(Hz)": _DEG,
+        "mdps/sqrt(Hz)": _DEG * 1e-3,
+        "deg/sqrt(h)": _DEG / 60,
+        "deg/h/sqrt(Hz)": _DEG / 3600,
+    },
+    "m/s/sqrt(s)": {
+        "m/s/sqrt(s)": 1.0,
+        "m/s^2/sqrt(Hz)": 1.0,
+        "m/s/sqrt(h)": 1 / 60,
+        "mg/sqrt(Hz)": _G * 1e-3,
+        "ug/sqrt(Hz)": _G * 1e-6,
+    },
     "rad/s": {"rad/s": 1.0, "deg/s": _DEG, "deg/h": _DEG / 3600},
     "m/s^2": {"m/s^2": 1.0, "g": _G, "mg": _G * 1e-3, "ug": _G * 1e-6},
-    "rad/s/sqrt(s)": {"rad/s/sqrt(s)": 1.0, "rad/s^2/sqrt(Hz)": 1.0, "deg/s/sqrt(s)": _DEG, "deg/s/sqrt(h)": _DEG / 60,
-                      "deg/h/sqrt(s)": _DEG / 3600, "deg/h/sqrt(h)": _DEG / 3600 / 60},
-    "m/s^2/sqrt(s)": {"m/s^2/sqrt(s)": 1.0, "m/s^3/sqrt(Hz)": 1.0, "m/s^2/sqrt(h)": 1 / 60, "mg/sqrt(s)": _G * 1e-3, "mg/sqrt(h)": _G * 1e-3 / 60,
-                      "ug/sqrt(s)": _G * 1e-6, "ug/sqrt(h)": _G * 1e-6 / 60},
-    "rad/s^2": {"rad/s^2": 1.0, "deg/s/h": _DEG / 3600, "deg/h/h": _DEG / 3600 ** 2},
+    "rad/s/sqrt(s)": {
+        "rad/s/sqrt(s)": 1.0,
+        "rad/s^2/sqrt(Hz)": 1.0,
+        "deg/s/sqrt(s)": _DEG,
+        "deg/s/sqrt(h)": _DEG / 60,
+        "deg/h/sqrt(s)": _DEG / 3600,
+        "deg/h/sqrt(h)": _DEG / 3600 / 60,
+    },
+    "m/s^2/sqrt(s)": {
+        "m/s^2/sqrt(s)": 1.0,
+        "m/s^3/sqrt(Hz)": 1.0,
+        "m/s^2/sqrt(h)": 1 / 60,
+        "mg/sqrt(s)": _G * 1e-3,
+        "mg/sqrt(h)": _G * 1e-3 / 60,
+        "ug/sqrt(s)": _G * 1e-6,
+        "ug/sqrt(h)": _G * 1e-6 / 60,
+    },
+    "rad/s^2": {"rad/s^2": 1.0, "deg/s/h": _DEG / 3600, "deg/h/h": _DEG / 3600**2},
     "m/s^3": {"m/s^3": 1.0, "mg/h": _G * 1e-3 / 3600, "ug/h": _G * 1e-6 / 3600},
     "s": {"s": 1.0, "min": 60.0, "h": 3600.0},
     "1": {"1": 1.0, "%": 1e-2, "ppm": 1e-6},
-    "rad": {"rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "deg": _DEG, "arcmin": _DEG / 60, "arcsec": _DEG / 3600},
-    "m/s": {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6, "g*s": _G, "mg*s": _G * 1e-3, "ug*s": _G * 1e-6},
+    "rad": {
+        "rad": 1.0,
+        "mrad": 1e-3,
+        "urad": 1e-6,
+        "deg": _DEG,
+        "arcmin": _DEG / 60,
+        "arcsec": _DEG / 3600,
+    },
+    "m/s": {
+        "m/s": 1.0,
+        "mm/s": 1e-3,
+        "um/s": 1e-6,
+        "g*s": _G,
+        "mg*s": _G * 1e-3,
+        "ug*s": _G * 1e-6,
+    },
     "rad/s/(m/s^2)": {"rad/s/(m/s^2)": 1.0, "deg/s/g": _DEG / _G, "deg/h/g": _DEG / 3600 / _G},
     "degC": {"degC": 1.0},
 }
-"""Accepted units of each SI unit and their size in it; g is the standard 9.80665 m/s^2, a noise density is two-sided (equal to the random walk)."""
+"""Accepted units of each SI unit and their size in it; g is the standard 9.80665 m/s^2, a noise
+density is two-sided (equal to the random walk)."""
 
-SHEET = {"rad/sqrt(s)": "deg/sqrt(h)", "m/s/sqrt(s)": "m/s/sqrt(h)", "rad/s": "deg/h", "m/s^2": "mg",
-         "rad/s/sqrt(s)": "deg/h/sqrt(h)", "m/s^2/sqrt(s)": "mg/sqrt(h)", "rad/s^2": "deg/h/h", "m/s^3": "mg/h", "s": "s", "1": "ppm",
-         "rad": "arcsec", "m/s": "mm/s", "rad/s/(m/s^2)": "deg/h/g", "degC": "degC"}
+SHEET = {
+    "rad/sqrt(s)": "deg/sqrt(h)",
+    "m/s/sqrt(s)": "m/s/sqrt(h)",
+    "rad/s": "deg/h",
+    "m/s^2": "mg",
+    "rad/s/sqrt(s)": "deg/h/sqrt(h)",
+    "m/s^2/sqrt(s)": "mg/sqrt(h)",
+    "rad/s^2": "deg/h/h",
+    "m/s^3": "mg/h",
+    "s": "s",
+    "1": "ppm",
+    "rad": "arcsec",
+    "m/s": "mm/s",
+    "rad/s/(m/s^2)": "deg/h/g",
+    "degC": "degC",
+}
 """The unit of each SI unit that datasheets use, for tables; a term may name another."""
 
 
@@ -58,7 +114,7 @@ def check_finite(value, name):
 
 
 def nearest(word, words):
-    """" (did you mean 'x'?)" where one of `words` is like `word`, else nothing."""
+    """ " (did you mean 'x'?)" where one of `words` is like `word`, else nothing."""
     match = difflib.get_close_matches(str(word), list(words), n=1, cutoff=0.5)
     return f" (did you mean {match[0]!r}?)" if match else ""
 
@@ -67,20 +123,26 @@ def refuse_unknown(table, known, where):
     """Refuse keys of a TOML table that are not known. Raises DataError."""
     for key in table:
         if key not in known:
-            raise DataError(f"{where}: unknown key {key!r}{nearest(key, known)}; known: {', '.join(known)}")
+            raise DataError(
+                f"{where}: unknown key {key!r}{nearest(key, known)}; known: {', '.join(known)}"
+            )
 
 
 def size(unit, si, where):
     """What one `unit` is in the SI unit `si`. Raises DataError."""
     if unit not in list(UNITS[si]):
-        raise DataError(f"{where}: unknown unit {unit!r}{nearest(unit, UNITS[si])}; known: {', '.join(UNITS[si])}")
+        raise DataError(
+            f"{where}: unknown unit {unit!r}{nearest(unit, UNITS[si])}; known: {', '.join(UNITS[si])}"
+        )
     return UNITS[si][unit]
 
 
 def quantity(entry, si, where, example=None, checked=check):
     """The SI value of the TOML table {value, unit}. Raises DataError."""
     if not isinstance(entry, dict):
-        raise DataError(f"{where}: {entry!r} has no unit; write {{ value = {entry}, unit = \"{example or SHEET[si]}\" }}")
+        raise DataError(
+            f'{where}: {entry!r} has no unit; write {{ value = {entry}, unit = "{example or SHEET[si]}" }}'
+        )
     refuse_unknown(entry, ["value", "unit"], where)
     if missing := [key for key in ("value", "unit") if key not in entry]:
         raise DataError(f"{where}: {missing[0]} is missing; known units: {', '.join(UNITS[si])}")
@@ -90,5 +152,6 @@ def quantity(entry, si, where, example=None, checked=check):
 
 
 def toml_quantity(value, si, unit=None):
-    """The TOML of an SI value with its unit, and beside it as a comment the value in `unit` (by default the one of datasheets)."""
+    """The TOML of an SI value with its unit, and beside it as a comment the value in `unit` (by
+    default the one of datasheets)."""
     return f'{{ value = {float(value)!r}, unit = "{si}" }}  # {in_units(value, si, unit):.6g} {unit or SHEET[si]}'

@@ -1,17 +1,31 @@
-"""Errors of three like axes: what they are (`Triad`), how they corrupt increments, and what one bias state of a filter should make of them.
+"""Errors of three like axes: what they are (`Triad`), how they corrupt increments, and what one
+bias state of a filter should make of them.
 
-A further error term is a field of `Triad` with its units, a random stream at the end of `STREAMS` and a line in `Triad.bias` or `Triad.measure`.
+A further error term is a field of `Triad` with its units, a random stream at the end of `STREAMS`
+and a line in `Triad.bias` or `Triad.measure`.
 """
+
 from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from ..data import DataError
-from .noise import FLICKER_TIMES, FLICKER_VARIANCE, FLOOR, flicker, gauss_markov, random_walk
 from .datasheet_units import SHEET, check, check_finite
+from .noise import FLICKER_TIMES, FLICKER_VARIANCE, FLOOR, flicker, gauss_markov, random_walk
 
-STREAMS = ("noise", "turn_on_bias", "bias_walk", "gauss_markov", "flicker", "scale_factor", "misalignment", "g_sensitivity", "quantisation")
-"""Terms with chance in them, each with a random stream of its own, in the order of their streams: a new one goes to the end, or every seed's draws change."""
+STREAMS = (
+    "noise",
+    "turn_on_bias",
+    "bias_walk",
+    "gauss_markov",
+    "flicker",
+    "scale_factor",
+    "misalignment",
+    "g_sensitivity",
+    "quantisation",
+)
+"""Terms with chance in them, each with a random stream of its own, in the order of their
+streams: a new one goes to the end, or every seed's draws change."""
 
 
 LARGEST = (("scale_factor", 1.0, "1 (100 %)"), ("misalignment", np.pi / 4, "0.785 rad (45 deg)"))
@@ -19,13 +33,20 @@ LARGEST = (("scale_factor", 1.0, "1 (100 %)"), ("misalignment", np.pi / 4, "0.78
 
 
 def _term(gyro, accel, gyro_sheet=None, accel_sheet=None):
-    units = {"gyro": gyro, "accel": accel, "gyro_sheet": gyro_sheet or SHEET[gyro], "accel_sheet": accel_sheet or SHEET.get(accel)}
+    units = {
+        "gyro": gyro,
+        "accel": accel,
+        "gyro_sheet": gyro_sheet or SHEET[gyro],
+        "accel_sheet": accel_sheet or SHEET.get(accel),
+    }
     return field(default=0.0, metadata=units)
 
 
 @dataclass(frozen=True)
 class WarmUp:
-    """Temperature of a run, degC: end + (start - end) exp(-t / time_constant), t in s since the run's first sample began."""
+    """Temperature of a run, degC: end + (start - end) exp(-t / time_constant), t in s since the
+    run's first sample began."""
+
     start: float
     end: float
     time_constant: float
@@ -44,56 +65,98 @@ class WarmUp:
 
 @dataclass(frozen=True)
 class Triad:
-    """Errors of three like axes, in SI; 0 means absent. Raises DataError on what no sensor can have."""
-    noise: float = _term("rad/sqrt(s)", "m/s/sqrt(s)")              # white noise: angle or velocity random walk
-    turn_on_bias: float = _term("rad/s", "m/s^2")                   # sd of a bias that is constant during a run
-    bias_walk: float = _term("rad/s/sqrt(s)", "m/s^2/sqrt(s)")      # random walk of the bias: infinite time constant
-    gauss_markov: float = _term("rad/s", "m/s^2")                   # stationary sd of a first-order Gauss-Markov bias
-    time_constant: float = _term("s", "s")                          # of the Gauss-Markov bias
-    flicker: float = _term("rad/s", "m/s^2")                        # bias instability B: a 1/f bias whose Allan deviation is flat at 0.664 B
-    scale_factor: float = _term("1", "1")                           # sd of each axis's relative error of scale, constant during a run
-    misalignment: float = _term("rad", "rad", "mrad", "mrad")       # sd of the six angles between true and nominal axes, constant during a run
-    g_sensitivity: float = _term("rad/s/(m/s^2)", None)             # sd of the nine coefficients from specific force to a gyro's rate, as above
-    quantisation: float = _term("rad", "m/s", "arcsec")             # step of the counted increments; what is left is carried to the next
-    saturation: float = _term("rad/s", "m/s^2", "deg/s", "g")       # full scale: a larger increment reads as full scale
-    temperature: tuple = ()                                         # rows (temperature degC, bias x, y, z): linear in between
+    """Errors of three like axes, in SI; 0 means absent. Raises DataError on what no sensor can
+    have."""
+
+    noise: float = _term("rad/sqrt(s)", "m/s/sqrt(s)")  # white noise: angle or velocity random walk
+    turn_on_bias: float = _term("rad/s", "m/s^2")  # sd of a bias that is constant during a run
+    bias_walk: float = _term(
+        "rad/s/sqrt(s)", "m/s^2/sqrt(s)"
+    )  # random walk of the bias: infinite time constant
+    gauss_markov: float = _term(
+        "rad/s", "m/s^2"
+    )  # stationary sd of a first-order Gauss-Markov bias
+    time_constant: float = _term("s", "s")  # of the Gauss-Markov bias
+    flicker: float = _term(
+        "rad/s", "m/s^2"
+    )  # bias instability B: a 1/f bias whose Allan deviation is flat at 0.664 B
+    scale_factor: float = _term(
+        "1", "1"
+    )  # sd of each axis's relative error of scale, constant during a run
+    misalignment: float = _term(
+        "rad", "rad", "mrad", "mrad"
+    )  # sd of the six angles between true and nominal axes, constant during a run
+    g_sensitivity: float = _term(
+        "rad/s/(m/s^2)", None
+    )  # sd of the nine coefficients from specific force to a gyro's rate, as above
+    quantisation: float = _term(
+        "rad", "m/s", "arcsec"
+    )  # step of the counted increments; what is left is carried to the next
+    saturation: float = _term(
+        "rad/s", "m/s^2", "deg/s", "g"
+    )  # full scale: a larger increment reads as full scale
+    temperature: tuple = ()  # rows (temperature degC, bias x, y, z): linear in between
 
     def __post_init__(self):
         for term in terms():
             check(getattr(self, term.name), term.name)
         for name, most, text in LARGEST:
             if getattr(self, name) > most:
-                raise DataError(f"{name} is {getattr(self, name):g}; it must be at most {text}; is its unit right?")
+                raise DataError(
+                    f"{name} is {getattr(self, name):g}; it must be at most {text}; is its unit right?"
+                )
         if (self.gauss_markov > 0) != (self.time_constant > 0):
-            present, absent = ("gauss_markov", "time_constant") if self.gauss_markov else ("time_constant", "gauss_markov")
-            raise DataError(f"{present} is given without {absent}; a Gauss-Markov bias needs both, larger than 0")
+            present, absent = (
+                ("gauss_markov", "time_constant")
+                if self.gauss_markov
+                else ("time_constant", "gauss_markov")
+            )
+            raise DataError(
+                f"{present} is given without {absent}; a Gauss-Markov bias needs both, larger than 0"
+            )
         object.__setattr__(self, "temperature", _rows(self.temperature))
 
     def bias_sd(self, warm_up=None):
-        """Standard deviation of the bias at the start of a run, rad/s or m/s^2; of the temperature bias the rms over the axes."""
+        """Standard deviation of the bias at the start of a run, rad/s or m/s^2; of the
+        temperature bias the rms over the axes."""
         flickering = self.flicker * np.sqrt(FLICKER_VARIANCE * len(FLICKER_TIMES))
         start, _ = self._temperature_effect(warm_up)
-        return float(np.hypot(np.hypot(self.turn_on_bias, self.gauss_markov), np.hypot(flickering, start)))
+        return float(
+            np.hypot(np.hypot(self.turn_on_bias, self.gauss_markov), np.hypot(flickering, start))
+        )
 
     def bias_model(self, warm_up=None):
         """(driving noise, decay) of the one bias state of a filter: db/dt = -decay b + noise.
 
-        A Gauss-Markov bias alone is represented exactly. Beside a bias that does not decay, one state cannot follow both:
-        the decay is 0, which is right over times short against the time constant and cautious beyond it.
-        Flicker is the random walk whose Allan deviation meets the floor 0.664 B where the white noise does: the bias can be averaged no better there.
-        A change of D (rms over the axes) through the temperature is one of variance D^2 per time constant of the warm-up.
+        A Gauss-Markov bias alone is represented exactly. Beside a bias that does not decay, one
+        state cannot follow both: the decay is 0, which is right over times short against the time
+        constant and cautious beyond it. Flicker is the random walk whose Allan deviation meets the
+        floor 0.664 B where the white noise does: the bias can be averaged no better there. A change
+        of D (rms over the axes) through the temperature is one of variance D^2 per time constant of
+        the warm-up.
         """
         _, change = self._temperature_effect(warm_up)
-        alone = self.gauss_markov > 0 and self.bias_sd(warm_up) == self.gauss_markov and self.bias_walk == change == 0
-        driving = self.bias_walk ** 2 + (2 * self.gauss_markov ** 2 / self.time_constant if self.gauss_markov else 0.0)
+        alone = (
+            self.gauss_markov > 0
+            and self.bias_sd(warm_up) == self.gauss_markov
+            and self.bias_walk == change == 0
+        )
+        driving = self.bias_walk**2 + (
+            2 * self.gauss_markov**2 / self.time_constant if self.gauss_markov else 0.0
+        )
         if self.flicker:
             floor = FLOOR * self.flicker
-            driving += 3 * floor ** 2 / np.clip((self.noise / floor) ** 2, FLICKER_TIMES[0], FLICKER_TIMES[-1])
-        driving += change ** 2 / warm_up.time_constant if change else 0.0
+            driving += (
+                3
+                * floor**2
+                / np.clip((self.noise / floor) ** 2, FLICKER_TIMES[0], FLICKER_TIMES[-1])
+            )
+        driving += change**2 / warm_up.time_constant if change else 0.0
         return float(np.sqrt(driving)), 1 / self.time_constant if alone else 0.0
 
     def bias(self, t, streams, since=0.0, warm_up=None):
-        """The bias (n, 3) at the sample times `t`, held over a sample; it follows its exact discrete law from one to the next."""
+        """The bias (n, 3) at the sample times `t`, held over a sample; it follows its exact
+        discrete law from one to the next."""
         step, bias = np.diff(t), np.zeros((len(t), 3))
         if self.turn_on_bias:
             bias += self.turn_on_bias * streams["turn_on_bias"].standard_normal(3)
@@ -110,11 +173,13 @@ class Triad:
         return bias
 
     def measure(self, true, t, dt, rng, force=None, warm_up=None):
-        """(increments as measured, bias behind them), (n, 3) each, of error-free increments `true` at times `t` over the intervals `dt`.
+        """(increments as measured, bias behind them), (n, 3) each, of error-free increments `true`
+        at times `t` over the intervals `dt`.
 
-        `force`: increments of specific force for the g-sensitivity of gyros, m/s. Each term has a random stream of its own, so that two
-        grades with one seed differ by size alone. Order: scale, misalignment and g-sensitivity of the true increments; bias and noise;
-        quantisation; saturation.
+        `force`: increments of specific force for the g-sensitivity of gyros, m/s. Each term has a
+        random stream of its own, so that two grades with one seed differ by size alone. Order:
+        scale, misalignment and g-sensitivity of the true increments; bias and noise; quantisation;
+        saturation.
         """
         streams = dict(zip(STREAMS, rng.spawn(len(STREAMS))))
         bias = self.bias(t, streams, t[0] - dt[0] if len(t) else 0.0, warm_up)
@@ -126,7 +191,9 @@ class Triad:
         if self.scale_factor or self.misalignment:
             error += true @ self._distortion(streams).T
         if self.g_sensitivity:
-            error += force @ (self.g_sensitivity * streams["g_sensitivity"].standard_normal((3, 3))).T
+            error += (
+                force @ (self.g_sensitivity * streams["g_sensitivity"].standard_normal((3, 3))).T
+            )
         error += true
         if self.quantisation:
             error = self._counted(error, streams["quantisation"])
@@ -137,12 +204,22 @@ class Triad:
 
     def saturated(self, increments, dt):
         """Number of samples of which an axis stands at full scale."""
-        return int((np.abs(increments) >= self.saturation * (1 - 1e-12) * dt[:, None]).any(axis=1).sum()) if self.saturation else 0
+        return (
+            int(
+                (np.abs(increments) >= self.saturation * (1 - 1e-12) * dt[:, None])
+                .any(axis=1)
+                .sum()
+            )
+            if self.saturation
+            else 0
+        )
 
     def temperature_bias(self, temperature):
         """(n, 3) bias at temperatures (n,) degC within the table."""
         table = np.array(self.temperature)
-        return np.stack([np.interp(temperature, table[:, 0], column) for column in table[:, 1:].T], axis=1)
+        return np.stack(
+            [np.interp(temperature, table[:, 0], column) for column in table[:, 1:].T], axis=1
+        )
 
     def _distortion(self, streams):
         """(3, 3) what scale and misalignment add to the true increments, as a share of them."""
@@ -151,7 +228,8 @@ class Triad:
         return scale + angles * (1 - np.eye(3))
 
     def _counted(self, increments, stream):
-        """Whole steps only: a counter of the integral, read after every sample, that starts at a random place within a step."""
+        """Whole steps only: a counter of the integral, read after every sample, that starts at a
+        random place within a step."""
         begin = stream.random((1, 3))
         count = np.floor(np.cumsum(np.concatenate([begin, increments / self.quantisation]), axis=0))
         return np.diff(count, axis=0) * self.quantisation
@@ -161,26 +239,38 @@ class Triad:
         if not self.temperature or warm_up is None:
             return 0.0, 0.0
         rms = lambda values: float(np.sqrt(np.mean(np.square(values))))
-        corners = [row[0] for row in self.temperature if min(warm_up.start, warm_up.end) < row[0] < max(warm_up.start, warm_up.end)]
+        corners = [
+            row[0]
+            for row in self.temperature
+            if min(warm_up.start, warm_up.end) < row[0] < max(warm_up.start, warm_up.end)
+        ]
         bias = self.temperature_bias(np.array([warm_up.start, warm_up.end, *corners]))
         return rms(bias[0]), rms(np.ptp(bias, axis=0))
 
 
 def terms(sensor=None):
-    """The fields of Triad that are numbers with units, of both sensors or of one ("gyro" or "accel")."""
+    """The fields of Triad that are numbers with units, of both sensors or of one ("gyro" or
+    "accel")."""
     return [f for f in fields(Triad) if f.metadata and (sensor is None or f.metadata[sensor])]
 
 
 def _rows(table):
-    """A temperature table as a tuple of tuples of floats, by rising temperature. Raises DataError."""
+    """A temperature table as a tuple of tuples of floats, by rising temperature. Raises
+    DataError."""
     rows = tuple(tuple(row) for row in table)
     for row in rows:
         if len(row) != 4:
-            raise DataError(f"temperature row {row!r} needs four numbers: temperature in degC and the bias of x, y and z")
+            raise DataError(
+                f"temperature row {row!r} needs four numbers: temperature in degC and the bias of x, y and z"
+            )
         for value in row:
             check_finite(value, "a number of the temperature table")
     if len(rows) == 1:
-        raise DataError("the temperature table has one row; it needs two or more to interpolate between")
+        raise DataError(
+            "the temperature table has one row; it needs two or more to interpolate between"
+        )
     if any(later[0] <= earlier[0] for earlier, later in zip(rows, rows[1:])):
-        raise DataError("the temperatures of the temperature table do not rise from row to row; sort them, each once")
+        raise DataError(
+            "the temperatures of the temperature table do not rise from row to row; sort them, each once"
+        )
     return tuple(tuple(float(value) for value in row) for row in rows)

@@ -1,10 +1,13 @@
-"""The Earth's magnetic field at a date and place, from the World Magnetic Model (WMM) or the International Geomagnetic Reference Field (IGRF).
+"""The Earth's magnetic field at a date and place, from the World Magnetic Model (WMM) or the
+International Geomagnetic Reference Field (IGRF).
 
-Both are spherical harmonics of the field of the core, of degree 12 (WMM) and 13 (IGRF), with a linear drift between the years of a model.
-Chulliat et al. (2025), The US/UK World Magnetic Model for 2025-2030; Alken et al. (2021), International Geomagnetic Reference Field, Earth,
-Planets and Space 73:49. Rocks, buildings, vehicles and magnetic storms are not in them: they change the field by 1 % where nothing is near,
-and by as much as you like beside iron.
+Both are spherical harmonics of the field of the core, of degree 12 (WMM) and 13 (IGRF), with a
+linear drift between the years of a model. Chulliat et al. (2025), The US/UK World Magnetic Model
+for 2025-2030; Alken et al. (2021), International Geomagnetic Reference Field, Earth, Planets and
+Space 73:49. Rocks, buildings, vehicles and magnetic storms are not in them: they change the field
+by 1 % where nothing is near, and by as much as you like beside iron.
 """
+
 import datetime
 import math
 from functools import cache
@@ -17,48 +20,74 @@ import numpy as np
 from ..core.earth import LATITUDE_LIMIT
 from ..data import DataError
 
-YEARS = 5.0                         # that each WMM is meant for
+YEARS = 5.0  # that each WMM is meant for
 IGRF, IGRF_YEARS = "IGRF-14", (1900.0, 2030.0)
-LOWEST, HIGHEST = -12e3, 850e3      # m: the deepest sea, and where currents of the ionosphere and beyond end what the models claim
-COMPASS = 6e-6                      # T: horizontal intensity below which the WMM warns of compasses (its caution zone)
+LOWEST, HIGHEST = (
+    -12e3,
+    850e3,
+)  # m: the deepest sea, and where currents of the ionosphere and beyond end what the models claim
+COMPASS = 6e-6  # T: horizontal intensity below which the WMM warns of compasses (its caution zone)
 
 
 class GeomagneticField(NamedTuple):
-    """The Earth's field at a date and place: SI and radians. `np.asarray(result.field)` is the vector that aidings take."""
-    field: tuple            # north, east, down, T
-    declination: float      # rad, of magnetic north from true north, positive east
-    inclination: float      # rad, below the horizon
-    horizontal: float       # T, horizontal intensity
-    total: float            # T, total intensity
-    model: str              # the model used
-    note: str               # what must be known where the field is used, or ""
+    """The Earth's field at a date and place: SI and radians. `np.asarray(result.field)` is the
+    vector that aidings take."""
+
+    field: tuple  # north, east, down, T
+    declination: float  # rad, of magnetic north from true north, positive east
+    inclination: float  # rad, below the horizon
+    horizontal: float  # T, horizontal intensity
+    total: float  # T, total intensity
+    model: str  # the model used
+    note: str  # what must be known where the field is used, or ""
 
 
 def geomagnetic_field(date, lat, lon, height=0.0, model=None):
     """The GeomagneticField at a date and place.
 
-    date: datetime.date or datetime, ISO text ("2012-10-10") or decimal year; lat, lon: rad; height: m above the WGS-84 ellipsoid.
-    model: a name of `models()`; None takes the World Magnetic Model of the date, or where there is none the IGRF (1900 to 2009).
-    Raises DataError for a date that the model, or every model, does not cover: no model is used past the years it was made for.
+    date: datetime.date or datetime, ISO text ("2012-10-10") or decimal year; lat, lon: rad; height:
+    m above the WGS-84 ellipsoid. model: a name of `models()`; None takes the World Magnetic Model
+    of the date, or where there is none the IGRF (1900 to 2009). Raises DataError for a date that
+    the model, or every model, does not cover: no model is used past the years it was made for.
     """
     year = decimal_year(date)
     _check_place(lat, lon, height)
     name = _model_at(year, date) if model is None else _named(model, year, date)
     evaluate = _igrf if name == IGRF else _wmm
-    north, east, down = (1e-9 * float(value) for value in evaluate(name, year, math.degrees(lat), math.degrees(lon), height / 1000))
+    north, east, down = (
+        1e-9 * float(value)
+        for value in evaluate(name, year, math.degrees(lat), math.degrees(lon), height / 1000)
+    )
     horizontal = math.hypot(north, east)
-    note = "" if horizontal > COMPASS else (f"the horizontal field is only {horizontal * 1e6:.1f} uT ({name}), so near the magnetic pole that "
-                                            "a magnetic heading is poor; trust it less or leave it out")
-    return GeomagneticField((north, east, down), math.atan2(east, north), math.atan2(down, horizontal), horizontal,
-                            math.hypot(horizontal, down), name, note)
+    note = (
+        ""
+        if horizontal > COMPASS
+        else (
+            f"the horizontal field is only {horizontal * 1e6:.1f} uT ({name}), so near the magnetic pole that "
+            "a magnetic heading is poor; trust it less or leave it out"
+        )
+    )
+    return GeomagneticField(
+        (north, east, down),
+        math.atan2(east, north),
+        math.atan2(down, horizontal),
+        horizontal,
+        math.hypot(horizontal, down),
+        name,
+        note,
+    )
 
 
 @cache
 def models():
-    """{name: (first, last) decimal year} of all models: each WMM that the installed coefficients hold, and the IGRF."""
+    """{name: (first, last) decimal year} of all models: each WMM that the installed coefficients
+    hold, and the IGRF."""
     import pygeomag
+
     files = sorted((Path(pygeomag.__file__).parent / "wmm").glob("WMM_20*.COF"))
-    newest = {int(file.stem[4:8]): file.stem.replace("_", "") for file in files}     # a corrected WMM (2015v2) replaces the first
+    newest = {
+        int(file.stem[4:8]): file.stem.replace("_", "") for file in files
+    }  # a corrected WMM (2015v2) replaces the first
     return {name: (float(year), year + YEARS) for year, name in newest.items()} | {IGRF: IGRF_YEARS}
 
 
@@ -70,11 +99,17 @@ def decimal_year(date):
         try:
             date = datetime.datetime.fromisoformat(date)
         except ValueError:
-            raise DataError(f"date: {date!r} is no date; write it as \"2012-10-10\"") from None
+            raise DataError(f'date: {date!r} is no date; write it as "2012-10-10"') from None
     if not isinstance(date, datetime.date):
-        raise DataError(f"date: {date!r} is no date; the geomagnetic model needs one, such as \"2012-10-10\"")
+        raise DataError(
+            f'date: {date!r} is no date; the geomagnetic model needs one, such as "2012-10-10"'
+        )
     clock = getattr(date, "hour", 0) / 24 + getattr(date, "minute", 0) / 1440
-    days = datetime.date(date.year + 1, 1, 1).toordinal() - datetime.date(date.year, 1, 1).toordinal() if date.year < 9999 else 365
+    days = (
+        datetime.date(date.year + 1, 1, 1).toordinal() - datetime.date(date.year, 1, 1).toordinal()
+        if date.year < 9999
+        else 365
+    )
     return date.year + (date.timetuple().tm_yday - 1 + clock) / days
 
 
@@ -83,22 +118,32 @@ def _check_place(lat, lon, height):
         if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
             raise DataError(f"{name} is {value!r}; the geomagnetic model needs a finite number")
     if abs(lat) > math.pi / 2 or abs(lon) > 2 * math.pi:
-        raise DataError(f"latitude {lat:g}, longitude {lon:g} rad: no place has these; are they in degrees?")
+        raise DataError(
+            f"latitude {lat:g}, longitude {lon:g} rad: no place has these; are they in degrees?"
+        )
     if abs(lat) > LATITUDE_LIMIT + 1e-9:
-        raise DataError(f"latitude is {math.degrees(lat):.6g} deg; results hold up to {math.degrees(LATITUDE_LIMIT):.0f} deg")
+        raise DataError(
+            f"latitude is {math.degrees(lat):.6g} deg; results hold up to {math.degrees(LATITUDE_LIMIT):.0f} deg"
+        )
     if not LOWEST <= height <= HIGHEST:
-        raise DataError(f"height is {height:g} m; geomagnetic models hold from {LOWEST / 1000:.0f} to {HIGHEST / 1000:.0f} km")
+        raise DataError(
+            f"height is {height:g} m; geomagnetic models hold from {LOWEST / 1000:.0f} to {HIGHEST / 1000:.0f} km"
+        )
 
 
 def _model_at(year, date):
-    for name, (first, last) in models().items():    # the IGRF is the last of them
+    for name, (first, last) in models().items():  # the IGRF is the last of them
         if first <= year < last:
             return name
     newest = max(models().items(), key=lambda item: item[1])
     if year >= newest[1][1]:
-        raise DataError(f"date {date} is past the newest geomagnetic model ({newest[0]}, {_years(newest[1])}): it has expired; "
-                        "install a newer `pygeomag`, or give the field itself")
-    raise DataError(f"date {date} is before the oldest geomagnetic model ({IGRF}, {_years(IGRF_YEARS)}): check the date, or give the field itself")
+        raise DataError(
+            f"date {date} is past the newest geomagnetic model ({newest[0]}, {_years(newest[1])}): it has expired; "
+            "install a newer `pygeomag`, or give the field itself"
+        )
+    raise DataError(
+        f"date {date} is before the oldest geomagnetic model ({IGRF}, {_years(IGRF_YEARS)}): check the date, or give the field itself"
+    )
 
 
 def _named(model, year, date):
@@ -106,10 +151,14 @@ def _named(model, year, date):
         raise DataError(f"there is no geomagnetic model {model!r}; there are {', '.join(models())}")
     first, last = models()[model]
     if not first <= year < last:
-        better = next((name for name, (begin, end) in models().items() if begin <= year < end), None)
-        raise DataError(f"geomagnetic model {model} holds {_years((first, last))}, not on {date}: "
-                        f"it {'had expired' if year >= last else 'had not begun'}; "
-                        + (f"use {better}" if better else "no model holds then, give the field itself"))
+        better = next(
+            (name for name, (begin, end) in models().items() if begin <= year < end), None
+        )
+        raise DataError(
+            f"geomagnetic model {model} holds {_years((first, last))}, not on {date}: "
+            f"it {'had expired' if year >= last else 'had not begun'}; "
+            + (f"use {better}" if better else "no model holds then, give the field itself")
+        )
     return model
 
 
@@ -120,6 +169,7 @@ def _years(span):
 @cache
 def _coefficients(name):
     from pygeomag import GeoMag
+
     return GeoMag(coefficients_file=f"wmm/{name.replace('WMM', 'WMM_')}.COF")
 
 
@@ -132,7 +182,10 @@ def _wmm(name, year, lat, lon, height):
 def _igrf(name, year, lat, lon, height):
     """North, east, down in nT; degrees and km."""
     import ppigrf
+
     whole = int(year)
     begin = datetime.datetime(whole, 1, 1)
-    east, north, up = ppigrf.igrf(lon, lat, height, begin + (year - whole) * (datetime.datetime(whole + 1, 1, 1) - begin))
+    east, north, up = ppigrf.igrf(
+        lon, lat, height, begin + (year - whole) * (datetime.datetime(whole + 1, 1, 1) - begin)
+    )
     return np.ravel(north)[0], np.ravel(east)[0], -np.ravel(up)[0]

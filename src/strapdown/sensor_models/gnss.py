@@ -1,4 +1,6 @@
-"""Error model of a GNSS receiver: fixes of position and velocity at the antenna with white noise, outages and latency, as Aiding."""
+"""Error model of a GNSS receiver: fixes of position and velocity at the antenna with white
+noise, outages and latency, as Aiding."""
+
 from typing import NamedTuple
 
 import numpy as np
@@ -9,27 +11,48 @@ from .datasheet_units import real
 
 
 class Gnss(NamedTuple):
-    """A receiver: time between fixes, and standard deviations north, east, down; None means that it does not measure this."""
-    interval: float = 1.0                   # s
-    position_sd: tuple | None = (1.0, 1.0, 1.5)     # m
-    velocity_sd: tuple | None = (0.1, 0.1, 0.1)     # m/s
-    lever_arm: tuple = (0.0, 0.0, 0.0)      # from the IMU to the antenna, m, body
-    outages: tuple = ()                     # (start, stop) of windows in which no fix is measured, s; the stop itself is outside
-    latency: float = 0.0                    # s: each fix is stamped that much later than the instant it was measured
+    """A receiver: time between fixes, and standard deviations north, east, down; None means that
+    it does not measure this."""
+
+    interval: float = 1.0  # s
+    position_sd: tuple | None = (1.0, 1.0, 1.5)  # m
+    velocity_sd: tuple | None = (0.1, 0.1, 0.1)  # m/s
+    lever_arm: tuple = (0.0, 0.0, 0.0)  # from the IMU to the antenna, m, body
+    # (start, stop) of windows in which no fix is measured, s; the stop itself is outside
+    outages: tuple = ()
+    latency: float = 0.0  # s: each fix is stamped that much later than the instant it was measured
 
     def fixes(self, trajectory, rng):
-        """The aidings of a flight, position and velocity each from a random stream of its own. Raises DataError."""
+        """The aidings of a flight, position and velocity each from a random stream of its own.
+        Raises DataError."""
         return self.plan(trajectory).fixes(rng)
 
     def plan(self, trajectory, gate=None):
-        """What all runs over one trajectory share, as a Plan; `gate` is that of its aidings. Raises DataError."""
+        """What all runs over one trajectory share, as a Plan; `gate` is that of its aidings.
+        Raises DataError."""
         self.check()
         keep = self._kept(fix_times(trajectory, self.interval), trajectory.t[-1])
         position = velocity = None
         if self.position_sd is not None:
-            position = PositionPlan.of(trajectory, self.interval, self.position_sd, self.lever_arm, keep=keep, latency=self.latency, gate=gate)
+            position = PositionPlan.of(
+                trajectory,
+                self.interval,
+                self.position_sd,
+                self.lever_arm,
+                keep=keep,
+                latency=self.latency,
+                gate=gate,
+            )
         if self.velocity_sd is not None:
-            velocity = VelocityPlan.of(trajectory, self.interval, self.velocity_sd, self.lever_arm, keep=keep, latency=self.latency, gate=gate)
+            velocity = VelocityPlan.of(
+                trajectory,
+                self.interval,
+                self.velocity_sd,
+                self.lever_arm,
+                keep=keep,
+                latency=self.latency,
+                gate=gate,
+            )
         return Plan(position, velocity)
 
     def check(self):
@@ -46,10 +69,13 @@ class Gnss(NamedTuple):
             raise DataError(f"latency of the fixes is {self.latency!r} s; it must be 0 or more")
         for window in self.outages:
             if np.shape(window) != (2,) or not all(map(real, window)) or not window[0] < window[1]:
-                raise DataError(f"outage {window!r}: write (start, stop) in s, the start before the stop")
+                raise DataError(
+                    f"outage {window!r}: write (start, stop) in s, the start before the stop"
+                )
 
     def _kept(self, t, end):
-        """Rows of the fixes that are measured and, with their latency, come before the end; None where that is all of them."""
+        """Rows of the fixes that are measured and, with their latency, come before the end; None
+        where that is all of them."""
         keep = t + self.latency <= end + 1e-9 if self.latency else np.ones(len(t), bool)
         for start, stop in self.outages:
             keep &= (t < start) | (t >= stop)
@@ -58,12 +84,16 @@ class Gnss(NamedTuple):
 
 class Plan(NamedTuple):
     """What a receiver would measure without noise; each run adds its own. None: not measured."""
+
     position: "PositionPlan | None"
     velocity: "VelocityPlan | None"
 
     def fixes(self, rng):
-        """The aidings of one run, with noise from `rng`: position and velocity each from a random stream of its own."""
-        return tuple(part.fixes(stream) for part, stream in zip(self, rng.spawn(2)) if part is not None)
+        """The aidings of one run, with noise from `rng`: position and velocity each from a
+        random stream of its own."""
+        return tuple(
+            part.fixes(stream) for part, stream in zip(self, rng.spawn(2)) if part is not None
+        )
 
     def exact(self):
         """The aidings with the noise left out but its standard deviations stated."""
@@ -72,21 +102,44 @@ class Plan(NamedTuple):
 
 class PositionPlan(NamedTuple):
     """Noise-free positions of an antenna and what a displacement in metres does to them."""
-    aiding: Aiding              # all but its y
-    lla: np.ndarray             # (n, 3) of the IMU, rad, rad, m
-    antenna: np.ndarray         # (n, 3) lever arm, m NED
-    metres: np.ndarray          # (n, 3) per rad north, per rad east, per metre up
-    sd: np.ndarray              # (3,) m
-    keep: np.ndarray | None     # rows that become fixes; None: all
+
+    aiding: Aiding  # all but its y
+    lla: np.ndarray  # (n, 3) of the IMU, rad, rad, m
+    antenna: np.ndarray  # (n, 3) lever arm, m NED
+    metres: np.ndarray  # (n, 3) per rad north, per rad east, per metre up
+    sd: np.ndarray  # (3,) m
+    keep: np.ndarray | None  # rows that become fixes; None: all
 
     @classmethod
-    def of(cls, trajectory, times, sd, lever_arm=(0.0, 0.0, 0.0), name="GNSS position", keep=None, latency=0.0, gate=None):
+    def of(
+        cls,
+        trajectory,
+        times,
+        sd,
+        lever_arm=(0.0, 0.0, 0.0),
+        name="GNSS position",
+        keep=None,
+        latency=0.0,
+        gate=None,
+    ):
         """For a trajectory; arguments as in `position_fixes`."""
         t, sd = fix_times(trajectory, times), _deviations(sd, name)
-        antenna, lla = arm_in_navigation(trajectory, t, lever_arm, name), interpolated(trajectory, t).lla
+        antenna, lla = (
+            arm_in_navigation(trajectory, t, lever_arm, name),
+            interpolated(trajectory, t).lla,
+        )
         R_M, R_N = radii(lla[:, 0])
-        metres = np.stack([R_M + lla[:, 2], (R_N + lla[:, 2]) * np.cos(lla[:, 0]), -np.ones(len(t))], axis=1)
-        return cls(_without_values("position", t, sd, lever_arm, name, keep, latency, gate), lla, antenna, metres, sd, keep)
+        metres = np.stack(
+            [R_M + lla[:, 2], (R_N + lla[:, 2]) * np.cos(lla[:, 0]), -np.ones(len(t))], axis=1
+        )
+        return cls(
+            _without_values("position", t, sd, lever_arm, name, keep, latency, gate),
+            lla,
+            antenna,
+            metres,
+            sd,
+            keep,
+        )
 
     def fixes(self, rng):
         """Aiding of the antenna's position, white noise added; without `rng` the exact one."""
@@ -102,13 +155,24 @@ class PositionPlan(NamedTuple):
 
 class VelocityPlan(NamedTuple):
     """Noise-free velocities of an antenna."""
-    aiding: Aiding              # all but its y
-    v_n: np.ndarray             # (n, 3) m/s NED
-    sd: np.ndarray              # (3,) m/s
-    keep: np.ndarray | None     # rows that become fixes; None: all
+
+    aiding: Aiding  # all but its y
+    v_n: np.ndarray  # (n, 3) m/s NED
+    sd: np.ndarray  # (3,) m/s
+    keep: np.ndarray | None  # rows that become fixes; None: all
 
     @classmethod
-    def of(cls, trajectory, times, sd, lever_arm=(0.0, 0.0, 0.0), name="GNSS velocity", keep=None, latency=0.0, gate=None):
+    def of(
+        cls,
+        trajectory,
+        times,
+        sd,
+        lever_arm=(0.0, 0.0, 0.0),
+        name="GNSS velocity",
+        keep=None,
+        latency=0.0,
+        gate=None,
+    ):
         """For a trajectory; arguments as in `velocity_fixes`."""
         if trajectory.v_n is None:
             raise DataError(f"{name}: the trajectory has no velocity")
@@ -117,9 +181,16 @@ class VelocityPlan(NamedTuple):
         if np.any(lever_arm):
             half = 0.5 * float(np.median(np.diff(trajectory.t)))
             early, late = np.clip([t - half, t + half], trajectory.t[0], trajectory.t[-1])
-            moved = arm_in_navigation(trajectory, late, lever_arm, name) - arm_in_navigation(trajectory, early, lever_arm, name)
+            moved = arm_in_navigation(trajectory, late, lever_arm, name) - arm_in_navigation(
+                trajectory, early, lever_arm, name
+            )
             velocity = velocity + moved / (late - early)[:, None]
-        return cls(_without_values("velocity", t, sd, lever_arm, name, keep, latency, gate), velocity, sd, keep)
+        return cls(
+            _without_values("velocity", t, sd, lever_arm, name, keep, latency, gate),
+            velocity,
+            sd,
+            keep,
+        )
 
     def fixes(self, rng):
         """Aiding of the antenna's velocity, white noise added; without `rng` the exact one."""
@@ -132,33 +203,43 @@ class VelocityPlan(NamedTuple):
 
 
 def position_fixes(trajectory, times, sd, rng, lever_arm=(0.0, 0.0, 0.0), name="GNSS position"):
-    """Aiding of antenna positions (latitude rad, longitude rad, height m) with white noise of `sd` (3,) m north, east, down.
+    """Aiding of antenna positions (latitude rad, longitude rad, height m) with white noise of `sd`
+    (3,) m north, east, down.
 
-    `times` is the interval between fixes in s (the first one interval after the start) or the times themselves. The antenna is at
-    p + C_nb lever_arm. Raises DataError.
+    `times` is the interval between fixes in s (the first one interval after the start) or the times
+    themselves. The antenna is at p + C_nb lever_arm. Raises DataError.
     """
     return PositionPlan.of(trajectory, times, sd, lever_arm, name).fixes(rng)
 
 
 def velocity_fixes(trajectory, times, sd, rng, lever_arm=(0.0, 0.0, 0.0), name="GNSS velocity"):
-    """Aiding of antenna velocities (m/s, NED) with white noise of `sd` (3,) m/s; arguments as in `position_fixes`.
+    """Aiding of antenna velocities (m/s, NED) with white noise of `sd` (3,) m/s; arguments as in
+    `position_fixes`.
 
-    The antenna moves with v + C_nb (omega_nb_b x lever_arm); the rate comes from the change of attitude between neighbouring samples
-    (the turning of the navigation frame, v/R, stays below 2e-5 m/s per metre of lever arm at 100 m/s and is left out).
+    The antenna moves with v + C_nb (omega_nb_b x lever_arm); the rate comes from the change of
+    attitude between neighbouring samples (the turning of the navigation frame, v/R, stays below
+    2e-5 m/s per metre of lever arm at 100 m/s and is left out).
     """
     return VelocityPlan.of(trajectory, times, sd, lever_arm, name).fixes(rng)
 
 
 def interpolated(trajectory, t):
-    """Position and velocity at times within the trajectory, as data.Trajectory: its rows at their own times, else cubic splines. Raises DataError."""
+    """Position and velocity at times within the trajectory, as data.Trajectory: its rows at
+    their own times, else cubic splines. Raises DataError."""
     if len(trajectory.t) < 2 or not np.all((t >= trajectory.t[0]) & (t <= trajectory.t[-1])):
-        raise DataError(f"fixes are wanted at times outside the trajectory, which covers {trajectory.t[0]:g} to {trajectory.t[-1]:g} s")
+        raise DataError(
+            f"fixes are wanted at times outside the trajectory, which covers {trajectory.t[0]:g} to {trajectory.t[-1]:g} s"
+        )
     row = np.searchsorted(trajectory.t, t)
     if np.array_equal(trajectory.t[row], t):
         lla, v_n = trajectory.lla[row], None if trajectory.v_n is None else trajectory.v_n[row]
     else:
         from scipy.interpolate import CubicSpline
-        lla = CubicSpline(trajectory.t, np.c_[trajectory.lla[:, 0], np.unwrap(trajectory.lla[:, 1]), trajectory.lla[:, 2]])(t)
+
+        lla = CubicSpline(
+            trajectory.t,
+            np.c_[trajectory.lla[:, 0], np.unwrap(trajectory.lla[:, 1]), trajectory.lla[:, 2]],
+        )(t)
         v_n = None if trajectory.v_n is None else CubicSpline(trajectory.t, trajectory.v_n)(t)
     lla[:, 1] = wrap(lla[:, 1])
     return Trajectory(t, lla, v_n)
@@ -167,11 +248,27 @@ def interpolated(trajectory, t):
 def _without_values(kind, t, sd, lever_arm, name, keep, latency, gate):
     """The Aiding of a plan with everything that no noise touches."""
     t = (t if keep is None else t[keep]) + latency
-    return Aiding(kind, t, np.empty((0, 3)), np.tile(sd, (len(t), 1)), tuple(map(float, lever_arm)), gate, name)
+    return Aiding(
+        kind,
+        t,
+        np.empty((0, 3)),
+        np.tile(sd, (len(t), 1)),
+        tuple(map(float, lever_arm)),
+        gate,
+        name,
+    )
 
 
 def _with_values(aiding, y, keep):
-    return Aiding(aiding.kind, aiding.t, y if keep is None else y[keep], aiding.sd, aiding.parameters, aiding.gate, aiding.name)
+    return Aiding(
+        aiding.kind,
+        aiding.t,
+        y if keep is None else y[keep],
+        aiding.sd,
+        aiding.parameters,
+        aiding.gate,
+        aiding.name,
+    )
 
 
 def arm_in_navigation(trajectory, t, lever_arm, name):
@@ -182,6 +279,7 @@ def arm_in_navigation(trajectory, t, lever_arm, name):
     if trajectory.q_nb is None:
         raise DataError(f"{name}: a lever arm needs the trajectory's attitude, and it has none")
     from scipy.spatial.transform import Slerp
+
     return Slerp(trajectory.t, trajectory.rotation)(t).apply(lever_arm)
 
 
@@ -194,14 +292,22 @@ def fix_times(trajectory, times):
         start, stop = trajectory.t[0], trajectory.t[-1]
         t = start + times * np.arange(1, int((stop - start) / times + 1e-9) + 1)
     after = np.clip(np.searchsorted(trajectory.t, t), 1, len(trajectory.t) - 1)
-    nearest = np.where(t - trajectory.t[after - 1] < trajectory.t[after] - t, trajectory.t[after - 1], trajectory.t[after])
+    nearest = np.where(
+        t - trajectory.t[after - 1] < trajectory.t[after] - t,
+        trajectory.t[after - 1],
+        trajectory.t[after],
+    )
     return np.where(np.abs(nearest - t) < 1e-9 * (1 + np.abs(t)), nearest, t)
 
 
 def without_fixes(aidings):
-    """Sentences for the notes of a recording: the receiver's measurements of which not one falls into it; none where all are there."""
-    return [f"{aiding.name or aiding.kind}: not one fix falls into the recording; outages, interval and latency leave none" for aiding in aidings
-            if not len(aiding.t)]
+    """Sentences for the notes of a recording: the receiver's measurements of which not one falls
+    into it; none where all are there."""
+    return [
+        f"{aiding.name or aiding.kind}: not one fix falls into the recording; outages, interval and latency leave none"
+        for aiding in aidings
+        if not len(aiding.t)
+    ]
 
 
 def _numbers(values, what):
@@ -217,14 +323,22 @@ def _interval(seconds):
 
 
 def _lever_arm(lever_arm, name):
-    if np.shape(lever_arm) != (3,) or not np.all(np.isfinite(_numbers(lever_arm, f"{name}: lever arm"))):
-        raise DataError(f"{name}: lever arm is {lever_arm!r}; it must be three numbers: forward, right, down, m")
+    if np.shape(lever_arm) != (3,) or not np.all(
+        np.isfinite(_numbers(lever_arm, f"{name}: lever arm"))
+    ):
+        raise DataError(
+            f"{name}: lever arm is {lever_arm!r}; it must be three numbers: forward, right, down, m"
+        )
 
 
 def _deviations(sd, name):
     if np.ndim(sd) and np.shape(sd) != (3,):
-        raise DataError(f"{name}: {np.size(sd)} standard deviations are given; give three, north, east, down, or one for all")
+        raise DataError(
+            f"{name}: {np.size(sd)} standard deviations are given; give three, north, east, down, or one for all"
+        )
     sd = np.broadcast_to(_numbers(sd, f"{name}: standard deviations"), (3,))
     if not np.all((sd > 0) & np.isfinite(sd)):
-        raise DataError(f"{name}: standard deviations are {sd.tolist()}; they must be larger than 0")
+        raise DataError(
+            f"{name}: standard deviations are {sd.tolist()}; they must be larger than 0"
+        )
     return sd

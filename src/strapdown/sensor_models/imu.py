@@ -1,4 +1,6 @@
-"""What is wrong with an inertial measurement unit: the errors of its two triads (errors.py), its TOML file, and the grades that ship with the package."""
+"""What is wrong with an inertial measurement unit: the errors of its two triads (errors.py), its
+TOML file, and the grades that ship with the package."""
+
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,8 +8,17 @@ from pathlib import Path
 from ..core.contract import Imu, Noise
 from ..data import DataError
 from ..files import read_toml, replacing, shipped
+from .datasheet_units import (
+    SHEET,
+    check_finite,
+    in_units,
+    nearest,
+    quantity,
+    refuse_unknown,
+    size,
+    toml_quantity,
+)
 from .errors import Triad, WarmUp, terms
-from .datasheet_units import SHEET, check_finite, in_units, nearest, quantity, refuse_unknown, size, toml_quantity
 
 WARM_UP = {"start": "degC", "end": "degC", "time_constant": "s"}
 """Keys of the section [warm_up] and their SI units."""
@@ -15,39 +26,62 @@ WARM_UP = {"start": "degC", "end": "degC", "time_constant": "s"}
 
 @dataclass(frozen=True, repr=False)
 class ImuSpec:
-    """What is wrong with an IMU, per axis, in SI. Written as a TOML file in datasheet units (docs/imu.md). Raises DataError on what no IMU can have."""
+    """What is wrong with an IMU, per axis, in SI. Written as a TOML file in datasheet units
+    (docs/imu.md). Raises DataError on what no IMU can have."""
+
     name: str
     gyro: Triad
     accel: Triad
     source: str = ""
-    warm_up: WarmUp | None = None       # the temperature of a run; goes with the temperature table of a triad
+    warm_up: WarmUp | None = (
+        None  # the temperature of a run; goes with the temperature table of a triad
+    )
 
     def __post_init__(self):
         if self.accel.g_sensitivity:
-            raise DataError("g_sensitivity is an error of gyros; the accelerometer's answer to specific force is its scale_factor")
-        tables = {sensor: triad.temperature for sensor, triad in (("gyro", self.gyro), ("accel", self.accel)) if triad.temperature}
+            raise DataError(
+                "g_sensitivity is an error of gyros; the accelerometer's answer to specific force is its scale_factor"
+            )
+        tables = {
+            sensor: triad.temperature
+            for sensor, triad in (("gyro", self.gyro), ("accel", self.accel))
+            if triad.temperature
+        }
         if bool(tables) != (self.warm_up is not None):
-            raise DataError("warm_up is given without a temperature table of gyro or accel; leave it out" if self.warm_up else
-                            f"the temperature table of {min(tables)} needs warm_up: temperatures at start and end, time constant")
+            raise DataError(
+                "warm_up is given without a temperature table of gyro or accel; leave it out"
+                if self.warm_up
+                else f"the temperature table of {min(tables)} needs warm_up: temperatures at start and end, time constant"
+            )
         for sensor, table in tables.items():
             low, high = sorted((self.warm_up.start, self.warm_up.end))
             if low < table[0][0] or high > table[-1][0]:
-                raise DataError(f"warm_up goes from {self.warm_up.start:g} to {self.warm_up.end:g} degC, beyond the temperature table of {sensor}, "
-                                f"which covers {table[0][0]:g} to {table[-1][0]:g}")
+                raise DataError(
+                    f"warm_up goes from {self.warm_up.start:g} to {self.warm_up.end:g} degC, beyond the temperature table of {sensor}, "
+                    f"which covers {table[0][0]:g} to {table[-1][0]:g}"
+                )
 
     def noise(self):
-        """What a filter with one bias state per axis should assume (see `Triad.bias_model`), as core.contract.Noise."""
-        (gyro_bias, gyro_decay), (accel_bias, accel_decay) = self.gyro.bias_model(self.warm_up), self.accel.bias_model(self.warm_up)
-        return Noise(self.gyro.noise, self.accel.noise, gyro_bias, accel_bias, gyro_decay, accel_decay)
+        """What a filter with one bias state per axis should assume (see `Triad.bias_model`), as
+        core.contract.Noise."""
+        (gyro_bias, gyro_decay), (accel_bias, accel_decay) = (
+            self.gyro.bias_model(self.warm_up),
+            self.accel.bias_model(self.warm_up),
+        )
+        return Noise(
+            self.gyro.noise, self.accel.noise, gyro_bias, accel_bias, gyro_decay, accel_decay
+        )
 
     def bias_sd(self):
         """Initial standard deviations (accelerometer m/s^2, gyro rad/s)."""
         return self.accel.bias_sd(self.warm_up), self.gyro.bias_sd(self.warm_up)
 
     def corrupt(self, imu, rng):
-        """(Imu with errors, b_a (n, 3) m/s^2, b_g (n, 3) rad/s) of an error-free `imu`; `rng` is a numpy Generator, the source of all chance.
+        """(Imu with errors, b_a (n, 3) m/s^2, b_g (n, 3) rad/s) of an error-free `imu`; `rng` is a
+        numpy Generator, the source of all chance.
 
-        The biases are all that adds to specific force and rate but noise: turn-on, walk, Gauss-Markov, flicker and temperature.
+        The biases are all that adds to specific force and rate but noise: turn-on, walk,
+        Gauss-Markov, flicker and temperature.
         """
         accel, gyro = rng.spawn(2)
         dv, b_a = self.accel.measure(imu.dv, imu.t, imu.dt, accel, warm_up=self.warm_up)
@@ -55,27 +89,40 @@ class ImuSpec:
         return Imu(imu.t, imu.dt, dtheta, dv), b_a, b_g
 
     def datasheet(self):
-        """{"gyro noise, deg/sqrt(h)": value, ...}: every term of both triads in the units of datasheets; of a temperature table the largest bias."""
+        """{"gyro noise, deg/sqrt(h)": value, ...}: every term of both triads in the units of
+        datasheets; of a temperature table the largest bias."""
         sheet = {}
         for sensor in ("gyro", "accel"):
             triad = getattr(self, sensor)
             for term in terms(sensor):
-                unit, name = term.metadata[f"{sensor}_sheet"], term.name.replace("turn_on", "turn-on").replace("g_s", "g-s").replace("_", " ")
-                sheet[f"{sensor} {name}, {unit}"] = in_units(getattr(triad, term.name), term.metadata[sensor], unit)
+                unit, name = (
+                    term.metadata[f"{sensor}_sheet"],
+                    term.name.replace("turn_on", "turn-on").replace("g_s", "g-s").replace("_", " "),
+                )
+                sheet[f"{sensor} {name}, {unit}"] = in_units(
+                    getattr(triad, term.name), term.metadata[sensor], unit
+                )
             si = _bias_unit(sensor)
-            largest = max((abs(value) for row in triad.temperature for value in row[1:]), default=0.0)
+            largest = max(
+                (abs(value) for row in triad.temperature for value in row[1:]), default=0.0
+            )
             sheet[f"{sensor} temperature bias (largest), {SHEET[si]}"] = in_units(largest, si)
         for key, si in WARM_UP.items():
-            sheet[f"warm-up {key.replace('_', ' ')}, {si}"] = getattr(self.warm_up, key) if self.warm_up else 0.0
+            sheet[f"warm-up {key.replace('_', ' ')}, {si}"] = (
+                getattr(self.warm_up, key) if self.warm_up else 0.0
+            )
         return sheet
 
     @classmethod
     def from_toml(cls, path):
         """Read a spec file. Raises DataError naming the file, the field and the remedy."""
-        return _from_table(read_toml(path, "give a grade's name or the path of a .toml file"), str(path))
+        return _from_table(
+            read_toml(path, "give a grade's name or the path of a .toml file"), str(path)
+        )
 
     def to_toml(self, path):
-        """Write a spec file that `from_toml` reads back to an equal spec (SI values; datasheet units beside them as comments)."""
+        """Write a spec file that `from_toml` reads back to an equal spec (SI values; datasheet
+        units beside them as comments)."""
         with replacing(path) as part:
             part.write_text(_as_toml(self), encoding="utf-8")
 
@@ -84,27 +131,37 @@ class ImuSpec:
         for sensor, bias_sd in (("gyro", self.bias_sd()[1]), ("accel", self.bias_sd()[0])):
             unit = {term.name: term.metadata[sensor] for term in terms(sensor)}
             shown = lambda value, si: f"{in_units(value, si):.3g} {SHEET[si]}"
-            parts.append(f"{sensor} {shown(getattr(self, sensor).noise, unit['noise'])}, bias {shown(bias_sd, unit['turn_on_bias'])}")
+            parts.append(
+                f"{sensor} {shown(getattr(self, sensor).noise, unit['noise'])}, bias {shown(bias_sd, unit['turn_on_bias'])}"
+            )
         return f"ImuSpec({self.name}: {'; '.join(parts)})"
 
 
 def saturated(spec, imu):
-    """Sentences for the notes of a recording: how many samples of `imu`, corrupted by `spec`, stand at full scale; none where none does."""
+    """Sentences for the notes of a recording: how many samples of `imu`, corrupted by `spec`,
+    stand at full scale; none where none does."""
     notes = []
-    for sensor, increments, si, unit in (("gyro", imu.dtheta, "rad/s", "deg/s"), ("accelerometer", imu.dv, "m/s^2", "g")):
+    for sensor, increments, si, unit in (
+        ("gyro", imu.dtheta, "rad/s", "deg/s"),
+        ("accelerometer", imu.dv, "m/s^2", "g"),
+    ):
         triad = spec.gyro if sensor == "gyro" else spec.accel
         if count := triad.saturated(increments, imu.dt):
-            notes.append(f"{sensor}: {count} of {len(imu.t)} samples saturated at {in_units(triad.saturation, si, unit):.4g} {unit}")
+            notes.append(
+                f"{sensor}: {count} of {len(imu.t)} samples saturated at {in_units(triad.saturation, si, unit):.4g} {unit}"
+            )
     return notes
 
 
 def grades(others=True):
-    """Names of the grades that ship with this and, with `others`, with other installed packages, sorted."""
+    """Names of the grades that ship with this and, with `others`, with other installed packages,
+    sorted."""
     return list(shipped("grades", __package__, others))
 
 
 def grade(name):
-    """The ImuSpec of a grade's name or of a spec file's path (ends in .toml or contains a folder); an ImuSpec is returned as it is.
+    """The ImuSpec of a grade's name or of a spec file's path (ends in .toml or contains a folder);
+    an ImuSpec is returned as it is.
 
     A dict is one that was stored with a recording (dataclasses.asdict).
     """
@@ -112,13 +169,22 @@ def grade(name):
         return name
     if isinstance(name, dict):
         warm_up = name.get("warm_up")
-        return ImuSpec(**{**name, "gyro": Triad(**name["gyro"]), "accel": Triad(**name["accel"]), "warm_up": WarmUp(**warm_up) if warm_up else None})
+        return ImuSpec(
+            **{
+                **name,
+                "gyro": Triad(**name["gyro"]),
+                "accel": Triad(**name["accel"]),
+                "warm_up": WarmUp(**warm_up) if warm_up else None,
+            }
+        )
     name = str(name)
     if resource := shipped("grades", __package__).get(name):
         return _from_table(tomllib.loads(resource.read_text(encoding="utf-8")), f"grade {name}")
     if name.endswith(".toml") or len(Path(name).parts) > 1:
         return ImuSpec.from_toml(name)
-    raise DataError(f"unknown IMU grade {name!r}{nearest(name, grades())}; grades: {', '.join(grades())}; or give the path of a .toml file")
+    raise DataError(
+        f"unknown IMU grade {name!r}{nearest(name, grades())}; grades: {', '.join(grades())}; or give the path of a .toml file"
+    )
 
 
 def _bias_unit(sensor):
@@ -127,11 +193,19 @@ def _bias_unit(sensor):
 
 def _from_table(table, where):
     refuse_unknown(table, ["name", "source", "gyro", "accel", "warm_up"], where)
-    text = {"name": Path(where).stem, "source": "", **{key: table[key] for key in ("name", "source") if key in table}}
+    text = {
+        "name": Path(where).stem,
+        "source": "",
+        **{key: table[key] for key in ("name", "source") if key in table},
+    }
     for key, value in text.items():
         if not isinstance(value, str):
             raise DataError(f"{where}: {key} must be text, not {value!r}")
-    gyro, accel, warm_up = _triad(table, "gyro", where), _triad(table, "accel", where), _warm_up(table, where)
+    gyro, accel, warm_up = (
+        _triad(table, "gyro", where),
+        _triad(table, "accel", where),
+        _warm_up(table, where),
+    )
     return _made(where, ImuSpec, text["name"], gyro, accel, text["source"], warm_up)
 
 
@@ -146,24 +220,44 @@ def _made(where, kind, *arguments, **named):
 def _triad(table, sensor, where):
     entries = table.get(sensor)
     if not isinstance(entries, dict):
-        raise DataError(f"{where}: section [{sensor}] is missing; it needs at least noise = {{ value = ..., unit = ... }}")
+        raise DataError(
+            f"{where}: section [{sensor}] is missing; it needs at least noise = {{ value = ..., unit = ... }}"
+        )
     known = {term.name: term.metadata for term in terms(sensor)}
     refuse_unknown(entries, [*known, "temperature"], f"{where}, [{sensor}]")
     if "noise" not in entries:
-        raise DataError(f"{where}, [{sensor}]: noise is missing; give it as {{ value = ..., unit = \"{known['noise'][f'{sensor}_sheet']}\" }}")
-    values = {name: quantity(entry, known[name][sensor], f"{where}, {sensor}.{name}", known[name][f"{sensor}_sheet"])
-              for name, entry in entries.items() if name != "temperature"}
+        raise DataError(
+            f'{where}, [{sensor}]: noise is missing; give it as {{ value = ..., unit = "{known["noise"][f"{sensor}_sheet"]}" }}'
+        )
+    values = {
+        name: quantity(
+            entry, known[name][sensor], f"{where}, {sensor}.{name}", known[name][f"{sensor}_sheet"]
+        )
+        for name, entry in entries.items()
+        if name != "temperature"
+    }
     if values.get("saturation") == 0:
-        raise DataError(f"{where}, {sensor}.saturation: the full scale is 0, so nothing would be measured; give it above 0, or leave it out for none")
+        raise DataError(
+            f"{where}, {sensor}.saturation: the full scale is 0, so nothing would be measured; give it above 0, or leave it out for none"
+        )
     if "temperature" in entries:
-        values["temperature"] = temperature_rows(entries["temperature"], _bias_unit(sensor), f"{where}, {sensor}.temperature")
+        values["temperature"] = temperature_rows(
+            entries["temperature"], _bias_unit(sensor), f"{where}, {sensor}.temperature"
+        )
     return _made(f"{where}, [{sensor}]", Triad, **values)
 
 
 def temperature_rows(entry, si, where):
-    """Rows in degC and SI of the TOML table {unit, rows}, unsorted and unchecked beyond their shape. Raises DataError naming `where`."""
-    if not isinstance(entry, dict) or set(entry) != {"unit", "rows"} or not isinstance(entry["rows"], list):
-        raise DataError(f"{where}: write {{ unit = \"{SHEET[si]}\", rows = [[temperature in degC, bias x, y, z], ...] }}")
+    """Rows in degC and SI of the TOML table {unit, rows}, unsorted and unchecked beyond their
+    shape. Raises DataError naming `where`."""
+    if (
+        not isinstance(entry, dict)
+        or set(entry) != {"unit", "rows"}
+        or not isinstance(entry["rows"], list)
+    ):
+        raise DataError(
+            f'{where}: write {{ unit = "{SHEET[si]}", rows = [[temperature in degC, bias x, y, z], ...] }}'
+        )
     factor, rows = size(entry["unit"], si, where), []
     for row in entry["rows"]:
         if not isinstance(row, list) or len(row) != 4:
@@ -179,22 +273,41 @@ def _warm_up(table, where):
     if entries is None:
         return None
     if not isinstance(entries, dict) or set(entries) != set(WARM_UP):
-        raise DataError(f"{where}: [warm_up] needs start, end and time_constant, each as {{ value = ..., unit = ... }}, and nothing else")
-    return _made(where, WarmUp, **{key: quantity(entries[key], si, f"{where}, warm_up.{key}", checked=check_finite) for key, si in WARM_UP.items()})
+        raise DataError(
+            f"{where}: [warm_up] needs start, end and time_constant, each as {{ value = ..., unit = ... }}, and nothing else"
+        )
+    return _made(
+        where,
+        WarmUp,
+        **{
+            key: quantity(entries[key], si, f"{where}, warm_up.{key}", checked=check_finite)
+            for key, si in WARM_UP.items()
+        },
+    )
 
 
 def _as_toml(spec):
-    quote = lambda text: '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
+    quote = lambda text: (
+        '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
+    )
     lines = [f"name = {quote(spec.name)}", f"source = {quote(spec.source)}"]
     for sensor in ("gyro", "accel"):
         triad = getattr(spec, sensor)
         lines.append(f"\n[{sensor}]")
         for term in terms(sensor):
             if (value := getattr(triad, term.name)) or term.name == "noise":
-                lines.append(f"{term.name} = {toml_quantity(value, term.metadata[sensor], term.metadata[f'{sensor}_sheet'])}")
+                lines.append(
+                    f"{term.name} = {toml_quantity(value, term.metadata[sensor], term.metadata[f'{sensor}_sheet'])}"
+                )
         if triad.temperature:
             rows = ", ".join(str(list(row)) for row in triad.temperature)
             lines.append(f'temperature = {{ unit = "{_bias_unit(sensor)}", rows = [{rows}] }}')
     if spec.warm_up:
-        lines += ["\n[warm_up]", *(f"{key} = {toml_quantity(getattr(spec.warm_up, key), si)}" for key, si in WARM_UP.items())]
+        lines += [
+            "\n[warm_up]",
+            *(
+                f"{key} = {toml_quantity(getattr(spec.warm_up, key), si)}"
+                for key, si in WARM_UP.items()
+            ),
+        ]
     return "\n".join(lines) + "\n"

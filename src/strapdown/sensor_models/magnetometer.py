@@ -1,11 +1,14 @@
-"""Measurement equation of a magnetometer: the Earth's field in body axes, bent by soft iron, shifted by hard iron, with noise and a full scale.
+"""Measurement equation of a magnetometer: the Earth's field in body axes, bent by soft iron,
+shifted by hard iron, with noise and a full scale.
 
     m_imu = D S (C_nb' (m_n + d_n) + d_b) + b_mag + w,   clipped at the full scale
 
-m_n: the Earth's field in n; d: disturbances, fixed to the surroundings (n) or to the body (b); S: soft iron; D = diag(1 + scale);
-b_mag: hard iron and the sensor's own offset; w: white noise. Fossen (2021), Handbook of Marine Craft, section 14.1; distortions as in
-Renaudin et al. (2010), Journal of Sensors 967245.
+m_n: the Earth's field in n; d: disturbances, fixed to the surroundings (n) or to the body (b); S:
+soft iron; D = diag(1 + scale); b_mag: hard iron and the sensor's own offset; w: white noise. Fossen
+(2021), Handbook of Marine Craft, section 14.1; distortions as in Renaudin et al. (2010), Journal of
+Sensors 967245.
 """
+
 from dataclasses import dataclass
 from numbers import Real
 from typing import NamedTuple
@@ -13,18 +16,20 @@ from typing import NamedTuple
 import numpy as np
 
 from ..data import Aiding, DataError
-from .gnss import fix_times
 from .datasheet_units import real
+from .gnss import fix_times
 
 UNIFORM = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Soft iron that changes nothing."""
-STRONGEST = 0.1         # T: beside a magnet; a larger number is a mistaken unit
-EARTH = 100e-6          # T: no field of the Earth is as strong
-LEFT = 1e-3             # of its largest value: the least singular value that soft iron may leave
+STRONGEST = 0.1  # T: beside a magnet; a larger number is a mistaken unit
+EARTH = 100e-6  # T: no field of the Earth is as strong
+LEFT = 1e-3  # of its largest value: the least singular value that soft iron may leave
 
 
 class Disturbance(NamedTuple):
-    """A field that adds to the Earth's from `start` to `stop` (s, the stop itself outside), T, in `frame` "n" (a magnet at rest) or "b"."""
+    """A field that adds to the Earth's from `start` to `stop` (s, the stop itself outside), T,
+    in `frame` "n" (a magnet at rest) or "b"."""
+
     start: float
     stop: float
     field: tuple
@@ -33,15 +38,19 @@ class Disturbance(NamedTuple):
 
 @dataclass(frozen=True)
 class Magnetometer:
-    """A three-axis magnetometer, in SI. One number for `sd` or `scale` stands for three. Raises DataError on what none can be."""
-    rate: float | None = None               # samples per second; None: one with every IMU sample
-    sd: tuple = (0.3e-6, 0.3e-6, 0.3e-6)    # T, white noise of each sample
-    hard_iron: tuple = (0.0, 0.0, 0.0)      # T, body: what it reads too much
-    soft_iron: tuple = UNIFORM              # (3, 3), body
-    scale: tuple = (0.0, 0.0, 0.0)          # relative error of each axis's scale
-    saturation: float = 0.0                 # T, full scale of each axis; 0: none
-    field: tuple | None = None              # T, NED: the Earth's field; None: the geomagnetic model's, at date and place
-    disturbances: tuple = ()                # of Disturbance
+    """A three-axis magnetometer, in SI. One number for `sd` or `scale` stands for three. Raises
+    DataError on what none can be."""
+
+    rate: float | None = None  # samples per second; None: one with every IMU sample
+    sd: tuple = (0.3e-6, 0.3e-6, 0.3e-6)  # T, white noise of each sample
+    hard_iron: tuple = (0.0, 0.0, 0.0)  # T, body: what it reads too much
+    soft_iron: tuple = UNIFORM  # (3, 3), body
+    scale: tuple = (0.0, 0.0, 0.0)  # relative error of each axis's scale
+    saturation: float = 0.0  # T, full scale of each axis; 0: none
+    field: tuple | None = (
+        None  # T, NED: the Earth's field; None: the geomagnetic model's, at date and place
+    )
+    disturbances: tuple = ()  # of Disturbance
 
     def __post_init__(self):
         settle = lambda name, value: object.__setattr__(self, name, value)
@@ -52,27 +61,39 @@ class Magnetometer:
         if not min(self.sd) > 0:
             raise DataError(f"magnetometer: sd is {list(self.sd)}; it must be larger than 0, in T")
         if min(self.scale) <= -1:
-            raise DataError(f"magnetometer: scale is {list(self.scale)}; an error of -1 would leave nothing of the field")
+            raise DataError(
+                f"magnetometer: scale is {list(self.scale)}; an error of -1 would leave nothing of the field"
+            )
         settle("soft_iron", _soft_iron(self.soft_iron))
-        if not (_positive(self.saturation) or self.saturation == 0) or isinstance(self.saturation, bool):
-            raise DataError(f"magnetometer: saturation is {self.saturation!r}; it must be larger than 0, in T, or 0 for none")
+        if not (_positive(self.saturation) or self.saturation == 0) or isinstance(
+            self.saturation, bool
+        ):
+            raise DataError(
+                f"magnetometer: saturation is {self.saturation!r}; it must be larger than 0, in T, or 0 for none"
+            )
         if self.field is not None:
             settle("field", reference_field(self.field))
         if not isinstance(self.disturbances, (tuple, list)):
-            raise DataError(f"magnetometer: disturbances is {_shown(self.disturbances)}; it must be a list of them")
+            raise DataError(
+                f"magnetometer: disturbances is {_shown(self.disturbances)}; it must be a list of them"
+            )
         settle("disturbances", tuple(_disturbance(each) for each in self.disturbances))
 
     def measure(self, truth, rng, field=None):
-        """Aiding "magnetic-field" of a flight, its parameters the reference field: `field` (3,) T NED, by default this sensor's own.
+        """Aiding "magnetic-field" of a flight, its parameters the reference field: `field` (3,) T
+        NED, by default this sensor's own.
 
         truth: data.Trajectory with attitude; rng: numpy Generator. Raises DataError.
         """
         return self.plan(truth, field).fixes(rng)
 
     def plan(self, truth, field=None, gate=None):
-        """What all runs over one trajectory share, as a MagnetometerPlan; arguments as of `measure`, `gate` that of its aiding. Raises DataError."""
+        """What all runs over one trajectory share, as a MagnetometerPlan; arguments as of
+        `measure`, `gate` that of its aiding. Raises DataError."""
         if field is None and self.field is None:
-            raise DataError("magnetometer: it has no field of its own; give the reference field north, east, down, T")
+            raise DataError(
+                "magnetometer: it has no field of its own; give the reference field north, east, down, T"
+            )
         field = np.array(self.field if field is None else reference_field(field))
         if truth.q_nb is None:
             raise DataError("magnetometer: the trajectory has no attitude")
@@ -81,8 +102,18 @@ class Magnetometer:
         turn = rotation_at(truth, t)
         ideal = turn.inv().apply(field)
         felt = (turn.inv().apply(field + outside) if outside.any() else ideal) + inside
-        distorted = felt @ (np.diag(1 + np.array(self.scale)) @ np.array(self.soft_iron)).T + self.hard_iron
-        aiding = Aiding("magnetic-field", t, np.empty((0, 3)), np.tile(self.sd, (len(t), 1)), tuple(map(float, field)), gate, "magnetometer")
+        distorted = (
+            felt @ (np.diag(1 + np.array(self.scale)) @ np.array(self.soft_iron)).T + self.hard_iron
+        )
+        aiding = Aiding(
+            "magnetic-field",
+            t,
+            np.empty((0, 3)),
+            np.tile(self.sd, (len(t), 1)),
+            tuple(map(float, field)),
+            gate,
+            "magnetometer",
+        )
         return MagnetometerPlan(aiding, ideal, distorted, np.array(self.sd), self.saturation)
 
     def _disturbance(self, t, frame):
@@ -96,11 +127,12 @@ class Magnetometer:
 
 class MagnetometerPlan(NamedTuple):
     """What a magnetometer would read without noise; each run adds its own."""
-    aiding: Aiding          # all but its y
-    ideal: np.ndarray       # (n, 3) T: C_nb' m_n
-    distorted: np.ndarray   # (n, 3) T: with everything but noise and full scale
-    sd: np.ndarray          # (3,) T
-    saturation: float       # T; 0: none
+
+    aiding: Aiding  # all but its y
+    ideal: np.ndarray  # (n, 3) T: C_nb' m_n
+    distorted: np.ndarray  # (n, 3) T: with everything but noise and full scale
+    sd: np.ndarray  # (3,) T
+    saturation: float  # T; 0: none
 
     def fixes(self, rng):
         """The aiding of one run, with noise from `rng`."""
@@ -110,22 +142,41 @@ class MagnetometerPlan(NamedTuple):
         return self._with(np.clip(y, -self.saturation, self.saturation) if self.saturation else y)
 
     def exact(self):
-        """The aiding of a magnetometer without errors, which states the noise of the one with them."""
+        """The aiding of a magnetometer without errors, which states the noise of the one with
+        them."""
         return self._with(self.ideal.copy())
 
     def notes(self, aiding):
-        """Sentences for the notes of a recording: samples at full scale, or no sample at all; none where nothing is to be said."""
+        """Sentences for the notes of a recording: samples at full scale, or no sample at all;
+        none where nothing is to be said."""
         if not len(aiding.t):
             return ["magnetometer: not one sample falls into the recording; its rate is too low"]
-        full = int((np.abs(aiding.y) >= self.saturation).any(axis=1).sum()) if self.saturation else 0
-        return [f"magnetometer: {full} of {len(aiding.t)} samples saturated at {self.saturation * 1e6:.4g} uT"] if full else []
+        full = (
+            int((np.abs(aiding.y) >= self.saturation).any(axis=1).sum()) if self.saturation else 0
+        )
+        return (
+            [
+                f"magnetometer: {full} of {len(aiding.t)} samples saturated at {self.saturation * 1e6:.4g} uT"
+            ]
+            if full
+            else []
+        )
 
     def _with(self, y):
-        return Aiding(self.aiding.kind, self.aiding.t, y, self.aiding.sd, self.aiding.parameters, self.aiding.gate, self.aiding.name)
+        return Aiding(
+            self.aiding.kind,
+            self.aiding.t,
+            y,
+            self.aiding.sd,
+            self.aiding.parameters,
+            self.aiding.gate,
+            self.aiding.name,
+        )
 
 
 def reference_field(field):
-    """The Earth's field north, east, down, T, as three floats. Raises DataError where it is no field of the Earth."""
+    """The Earth's field north, east, down, T, as three floats. Raises DataError where it is no
+    field of the Earth."""
     field = _three(field, "field", EARTH, spread=False)
     if not any(field):
         raise DataError("magnetometer: field is 0; give the Earth's, north, east, down, in T")
@@ -133,11 +184,15 @@ def reference_field(field):
 
 
 def rotation_at(truth, t):
-    """Attitude at times t as scipy Rotation: the trajectory's rows where these are its times, else turned at a constant rate between them."""
+    """Attitude at times t as scipy Rotation: the trajectory's rows where these are its times,
+    else turned at a constant rate between them."""
     from scipy.spatial.transform import Rotation, Slerp
+
     row = np.searchsorted(truth.t, t)
     if np.array_equal(truth.t[np.minimum(row, len(truth.t) - 1)], t):
-        return Rotation.from_quat(truth.q_nb[row][:, [1, 2, 3, 0]]) if len(t) else Rotation.identity(0)
+        return (
+            Rotation.from_quat(truth.q_nb[row][:, [1, 2, 3, 0]]) if len(t) else Rotation.identity(0)
+        )
     return Slerp(truth.t, truth.rotation)(t)
 
 
@@ -147,13 +202,16 @@ def _three(values, name, largest, spread):
     if np.shape(listed) != (3,) or not all(real(v) and np.isfinite(v) for v in listed):
         raise DataError(f"magnetometer: {name} is {_shown(values)}; it must be three numbers")
     if max(map(abs, listed)) > largest:
-        raise DataError(f"magnetometer: {name} is {[float(v) for v in listed]}; at most {largest:g}"
-                        + ("" if name == "scale" else " T: is it in tesla?"))
+        raise DataError(
+            f"magnetometer: {name} is {[float(v) for v in listed]}; at most {largest:g}"
+            + ("" if name == "scale" else " T: is it in tesla?")
+        )
     return tuple(map(float, listed))
 
 
 def _soft_iron(matrix):
-    """The matrix as a tuple of rows. Raises DataError where it is none, mirrors the field or leaves too little of it in some direction."""
+    """The matrix as a tuple of rows. Raises DataError where it is none, mirrors the field or
+    leaves too little of it in some direction."""
     try:
         rows = np.array(matrix, float)
     except (TypeError, ValueError):
@@ -162,7 +220,9 @@ def _soft_iron(matrix):
         raise DataError("magnetometer: soft_iron must be three rows of three numbers")
     values = np.linalg.svd(rows, compute_uv=False)
     if np.linalg.det(rows) <= 0 or values[2] < LEFT * values[0]:
-        raise DataError("magnetometer: soft_iron mirrors the field or leaves nothing of it in a direction; its determinant must be above 0")
+        raise DataError(
+            "magnetometer: soft_iron mirrors the field or leaves nothing of it in a direction; its determinant must be above 0"
+        )
     return tuple(tuple(map(float, row)) for row in rows)
 
 
@@ -171,12 +231,20 @@ def _disturbance(values):
     try:
         made = Disturbance(*values)
     except TypeError:
-        raise DataError(f"magnetometer: disturbance {_shown(values)}: give start and stop in s, field in T, and frame") from None
+        raise DataError(
+            f"magnetometer: disturbance {_shown(values)}: give start and stop in s, field in T, and frame"
+        ) from None
     if not all(map(real, made[:2])) or not made.start < made.stop:
-        raise DataError(f"magnetometer: disturbance from {made.start!r} to {made.stop!r} s; its start must come before its stop")
+        raise DataError(
+            f"magnetometer: disturbance from {made.start!r} to {made.stop!r} s; its start must come before its stop"
+        )
     if made.frame not in ("n", "b"):
-        raise DataError(f"magnetometer: disturbance: frame is {made.frame!r}; it is \"n\", fixed to the surroundings, or \"b\", fixed to the body")
-    return made._replace(field=_three(made.field, "field of a disturbance", STRONGEST, spread=False))
+        raise DataError(
+            f'magnetometer: disturbance: frame is {made.frame!r}; it is "n", fixed to the surroundings, or "b", fixed to the body'
+        )
+    return made._replace(
+        field=_three(made.field, "field of a disturbance", STRONGEST, spread=False)
+    )
 
 
 def _shown(value):

@@ -1,19 +1,26 @@
-"""Functions of time that motions are made of. Each takes real times, or complex ones whose imaginary part is vanishingly small.
+"""Functions of time that motions are made of. Each takes real times, or complex ones whose
+imaginary part is vanishingly small.
 
-The complex step needs a function's slope only: value and slope are computed in real arithmetic, many times faster than complex functions.
+The complex step needs a function's slope only: value and slope are computed in real arithmetic,
+many times faster than complex functions.
 """
+
 from typing import NamedTuple
 
 import numpy as np
 
-_REACH = 20.0       # widths from a kink beyond which its rounding is below 1e-17 of it
+_REACH = 20.0  # widths from a kink beyond which its rounding is below 1e-17 of it
 
 
 def lifted(function, slope):
     """The function of complex times that has this real `function` and `slope`, its derivative."""
+
     def of(z):
         z = np.asarray(z)
-        return function(z.real) + 1j * (z.imag * slope(z.real)) if np.iscomplexobj(z) else function(z)
+        return (
+            function(z.real) + 1j * (z.imag * slope(z.real)) if np.iscomplexobj(z) else function(z)
+        )
+
     return of
 
 
@@ -22,23 +29,30 @@ arctangent = lifted(np.arctan, lambda x: 1 / (1 + x * x))
 
 
 def waves(t, terms):
-    """Sum of amplitude * sin(2 pi t / period + phase) over `terms` (amplitude, period s, phase rad)."""
-    return sum(amplitude * sine(t * (2 * np.pi / period) + phase) for amplitude, period, phase in terms)
+    """Sum of amplitude * sin(2 pi t / period + phase) over `terms` (amplitude, period s, phase
+    rad)."""
+    return sum(
+        amplitude * sine(t * (2 * np.pi / period) + phase) for amplitude, period, phase in terms
+    )
 
 
 class Profile(NamedTuple):
-    """A function of time of straight lines whose kinks are rounded: the integral of a sum of `trajectory.ramp`s.
+    """A function of time of straight lines whose kinks are rounded: the integral of a sum of
+    `trajectory.ramp`s.
 
-    Where a kink has width w, the slope goes from 12 % to 88 % of its change within 2 w, and far from it the lines are met exactly.
+    Where a kink has width w, the slope goes from 12 % to 88 % of its change within 2 w, and far
+    from it the lines are met exactly.
     """
-    value: float            # at t = 0 of the first line
-    slopes: np.ndarray      # (k + 1,) of the lines, per s
-    at: np.ndarray          # (k,) times of the kinks, s, increasing
-    widths: np.ndarray      # (k,) s
+
+    value: float  # at t = 0 of the first line
+    slopes: np.ndarray  # (k + 1,) of the lines, per s
+    at: np.ndarray  # (k,) times of the kinks, s, increasing
+    widths: np.ndarray  # (k,) s
 
     @classmethod
     def of(cls, value, durations, slopes, smoothing):
-        """Lines of these durations (s) and slopes one after the other, the last one for ever; widths at most `smoothing` and a fifth of a line."""
+        """Lines of these durations (s) and slopes one after the other, the last one for ever;
+        widths at most `smoothing` and a fifth of a line."""
         durations, slopes = np.asarray(durations, float), np.asarray(slopes, float)
         at = np.cumsum(durations)[:-1]
         widths = np.minimum(smoothing, 0.2 * np.minimum(durations[:-1], durations[1:]))
@@ -63,7 +77,11 @@ class Profile(NamedTuple):
             back = np.argsort(order, kind="stable")
             parts = [part[back] for part in parts]
         value, slope, *bend = (part.reshape(t.shape) for part in parts)
-        return (value + 1j * (t.imag * slope), slope + 1j * (t.imag * bend[0])) if bend else (value, slope)
+        return (
+            (value + 1j * (t.imag * slope), slope + 1j * (t.imag * bend[0]))
+            if bend
+            else (value, slope)
+        )
 
     def _real(self, x, bent):
         """Value, slope and, where `bent`, second derivative at increasing times x (n,)."""

@@ -1,4 +1,6 @@
-"""JSBSim (the extra `jsbsim`) as a source of truth: an aircraft of its own, flown by its own autopilot, as a Motion for `simulate`."""
+"""JSBSim (the extra `jsbsim`) as a source of truth: an aircraft of its own, flown by its own
+autopilot, as a Motion for `simulate`."""
+
 from collections.abc import Iterable, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,37 +21,67 @@ RATE = 200.0
 ROW = 0.02
 """Time from row to row of what it flew, s: the pieces of the splines."""
 FASTEST, MOST_STEPS = 1e5, 1e9
-"""Steps of JSBSim per second, 1/s, and in one flight, beyond which nothing is flown: JSBSim itself checks neither."""
-HOLDS = {"heading": ("ap/heading_hold", "ap/heading_setpoint", 1 / DEG), "height": ("ap/altitude_hold", "ap/altitude_setpoint", 1 / FOOT)}
+"""Steps of JSBSim per second, 1/s, and in one flight, beyond which nothing is flown: JSBSim
+itself checks neither."""
+HOLDS = {
+    "heading": ("ap/heading_hold", "ap/heading_setpoint", 1 / DEG),
+    "height": ("ap/altitude_hold", "ap/altitude_setpoint", 1 / FOOT),
+}
 """Of a Target: JSBSim's switch, its set point, and the set point's unit."""
 TRIM_FULL = 1
-STATE = ("position/lat-geod-rad", "position/long-gc-rad", "position/geod-alt-ft", "velocities/v-north-fps", "velocities/v-east-fps",
-         "velocities/v-down-fps", "attitude/phi-rad", "attitude/theta-rad", "attitude/psi-rad")
+STATE = (
+    "position/lat-geod-rad",
+    "position/long-gc-rad",
+    "position/geod-alt-ft",
+    "velocities/v-north-fps",
+    "velocities/v-east-fps",
+    "velocities/v-down-fps",
+    "attitude/phi-rad",
+    "attitude/theta-rad",
+    "attitude/psi-rad",
+)
 _ONE = RLock()
 SCALE = np.array([1.0, 1.0, FOOT, FOOT, FOOT, FOOT, 1.0, 1.0, 1.0])
 
 
 class Target(NamedTuple):
     """What the autopilot holds from a time on; what is None stays as it was."""
-    at: float = 0.0                 # s
-    heading: float | None = None    # rad, of the nose, clockwise from true north
-    height: float | None = None     # m above the ellipsoid
-    throttle: float | None = None   # 0 to 1
+
+    at: float = 0.0  # s
+    heading: float | None = None  # rad, of the nose, clockwise from true north
+    height: float | None = None  # m above the ellipsoid
+    throttle: float | None = None  # 0 to 1
 
 
-def jsbsim_motion(start, heading, speed, duration, aircraft="c172x", targets=(), properties=None, name=None):
-    """The Motion of an aircraft that comes with JSBSim, flown by JSBSim and its autopilot, splined through the rows of `flown_by_jsbsim`."""
+def jsbsim_motion(
+    start, heading, speed, duration, aircraft="c172x", targets=(), properties=None, name=None
+):
+    """The Motion of an aircraft that comes with JSBSim, flown by JSBSim and its autopilot,
+    splined through the rows of `flown_by_jsbsim`."""
     flown = flown_by_jsbsim(start, heading, speed, duration, aircraft, targets, properties)
     return splined(flown, name or f"{aircraft} of JSBSim")
 
 
-def flown_by_jsbsim(start, heading, speed, duration, aircraft="c172x", targets=(), properties=None, rate=RATE, row=ROW):
-    """Position, velocity and attitude that JSBSim flies, every `row` s (whole steps), as data.Trajectory.
+def flown_by_jsbsim(
+    start,
+    heading,
+    speed,
+    duration,
+    aircraft="c172x",
+    targets=(),
+    properties=None,
+    rate=RATE,
+    row=ROW,
+):
+    """Position, velocity and attitude that JSBSim flies, every `row` s (whole steps), as
+    data.Trajectory.
 
-    It begins in trimmed level flight with the engine running: `start` (latitude rad, longitude rad, ellipsoidal height m), `heading` rad,
-    true airspeed `speed` m/s. `targets`: Targets; without one heading and height of the start are held. `properties`: JSBSim properties, by
-    name in its own units, that are set once before it flies ({"atmosphere/wind-north-fps": 20.0}). `rate`: steps per second.
-    The ground is the ellipsoid. Raises DataError: JSBSim missing, unknown aircraft or property, no autopilot, no trim, a crash.
+    It begins in trimmed level flight with the engine running: `start` (latitude rad, longitude rad,
+    ellipsoidal height m), `heading` rad, true airspeed `speed` m/s. `targets`: Targets; without one
+    heading and height of the start are held. `properties`: JSBSim properties, by name in its own
+    units, that are set once before it flies ({"atmosphere/wind-north-fps": 20.0}). `rate`: steps
+    per second. The ground is the ellipsoid. Raises DataError: JSBSim missing, unknown aircraft or
+    property, no autopilot, no trim, a crash.
     """
     start, targets = _checked_start(start), _checked(heading, speed, duration, rate, row, targets)
     properties = _checked_properties(properties)
@@ -57,25 +89,39 @@ def flown_by_jsbsim(start, heading, speed, duration, aircraft="c172x", targets=(
         _load(executive, aircraft)
         missing = [switch for switch, _, _ in HOLDS.values() if not _has(executive, switch)]
         if missing:
-            raise DataError(f"JSBSim's {aircraft} has no autopilot for heading and height ({missing[0]}); c172x and global5000 have one")
+            raise DataError(
+                f"JSBSim's {aircraft} has no autopilot for heading and height ({missing[0]}); c172x and global5000 have one"
+            )
         _trim(executive, aircraft, start, heading, speed)
         for key, value in properties.items():
             if not _has(executive, key):
-                raise DataError(f"JSBSim's {aircraft} has no property {key!r}; names end in their unit, as in atmosphere/wind-north-fps")
+                raise DataError(
+                    f"JSBSim's {aircraft} has no property {key!r}; names end in their unit, as in atmosphere/wind-north-fps"
+                )
             executive[key] = value
         every = max(1, round(row * rate))
-        return _fly(executive, aircraft, [Target(0.0, heading, start[2]), *targets], int(np.ceil(duration * rate / every - 1e-9)), every)
+        return _fly(
+            executive,
+            aircraft,
+            [Target(0.0, heading, start[2]), *targets],
+            int(np.ceil(duration * rate / every - 1e-9)),
+            every,
+        )
 
 
 @contextmanager
 def session(rate=RATE):
-    """(FGFDMExec, list of what JSBSim says) with nothing printed; `rate` steps per second. Raises DataError where JSBSim is not installed.
+    """(FGFDMExec, list of what JSBSim says) with nothing printed; `rate` steps per second. Raises
+    DataError where JSBSim is not installed.
 
-    What listens to JSBSim is one for the whole process, so that a thread waits until the session of another has ended.
+    What listens to JSBSim is one for the whole process, so that a thread waits until the session of
+    another has ended.
     """
     engine = found()
     if not real(rate) or not 0 < rate <= FASTEST:
-        raise DataError(f"JSBSim's rate is {rate!r} steps per second; it must be above 0 and at most {FASTEST:g}")
+        raise DataError(
+            f"JSBSim's rate is {rate!r} steps per second; it must be above 0 and at most {FASTEST:g}"
+        )
     with _ONE:
         yield from _listened(engine, rate)
 
@@ -93,10 +139,14 @@ def _listened(engine, rate):
     said, before = [], engine.get_logger()
     engine.set_logger(Listener())
     try:
-        executive = engine.FGFDMExec(None, engine.FGPropertyManager())      # properties of its own: two may be alive at a time
+        executive = engine.FGFDMExec(
+            None, engine.FGPropertyManager()
+        )  # properties of its own: two may be alive at a time
         executive.set_debug_level(0)
         executive.set_dt(1.0 / rate)
-        with TemporaryDirectory(ignore_cleanup_errors=True) as folder:      # some aircraft write logs of their own, else into the working folder
+        with TemporaryDirectory(
+            ignore_cleanup_errors=True
+        ) as folder:  # some aircraft write logs of their own, else into the working folder
             executive.set_output_path(folder)
             yield executive, said
     finally:
@@ -104,13 +154,16 @@ def _listened(engine, rate):
 
 
 def found():
-    """The module jsbsim. Raises DataError naming the extra where it is not installed, or too old."""
+    """The module jsbsim. Raises DataError naming the extra where it is not installed, or too
+    old."""
     try:
         import jsbsim
     except ImportError:
         raise DataError("JSBSim is not installed; pip install 'strapdown[jsbsim]'") from None
     if not hasattr(jsbsim, "set_logger"):
-        raise DataError(f"JSBSim {jsbsim.__version__} is too old (1.3 is needed); pip install 'strapdown[jsbsim]'")
+        raise DataError(
+            f"JSBSim {jsbsim.__version__} is too old (1.3 is needed); pip install 'strapdown[jsbsim]'"
+        )
     return jsbsim
 
 
@@ -121,27 +174,58 @@ def _finite(value):
 def _checked_start(start):
     """(latitude rad, longitude rad, height m) as floats. Raises DataError."""
     numbers = list(start) if isinstance(start, Iterable) else []
-    if len(numbers) != 3 or not all(map(_finite, numbers)) or abs(numbers[0]) > 89 * DEG or abs(numbers[1]) > 360 * DEG:
-        raise DataError(f"start is {start!r}; give latitude (rad, within 89 deg = 1.553), longitude (rad) and ellipsoidal height (m)")
+    if (
+        len(numbers) != 3
+        or not all(map(_finite, numbers))
+        or abs(numbers[0]) > 89 * DEG
+        or abs(numbers[1]) > 360 * DEG
+    ):
+        raise DataError(
+            f"start is {start!r}; give latitude (rad, within 89 deg = 1.553), longitude (rad) and ellipsoidal height (m)"
+        )
     return tuple(map(float, numbers))
 
 
 def _checked(heading, speed, duration, rate, row, targets):
-    """The targets in order of time. Raises DataError for a number that no flight can have, or what is no target."""
-    for name, value, unit in (("speed", speed, "m/s"), ("duration", duration, "s"), ("rate", rate, "steps per second"), ("row", row, "s")):
+    """The targets in order of time. Raises DataError for a number that no flight can have, or
+    what is no target."""
+    for name, value, unit in (
+        ("speed", speed, "m/s"),
+        ("duration", duration, "s"),
+        ("rate", rate, "steps per second"),
+        ("row", row, "s"),
+    ):
         if not _finite(value) or value <= 0:
-            raise DataError(f"{name} of a flight of JSBSim is {value!r}; it must be a number above 0, in {unit}")
+            raise DataError(
+                f"{name} of a flight of JSBSim is {value!r}; it must be a number above 0, in {unit}"
+            )
     if not _finite(heading):
-        raise DataError(f"heading of a flight of JSBSim is {heading!r}; it must be a finite number, in rad")
+        raise DataError(
+            f"heading of a flight of JSBSim is {heading!r}; it must be a finite number, in rad"
+        )
     if row > duration or duration * rate > MOST_STEPS:
-        raise DataError(f"a flight of {duration:g} s cannot have rows of {row:g} s at {rate:g} steps per second; rows are no longer than the flight, "
-                        f"and {MOST_STEPS:g} steps are the most")
-    targets = list(targets) if isinstance(targets, Iterable) and not isinstance(targets, Target) else targets
+        raise DataError(
+            f"a flight of {duration:g} s cannot have rows of {row:g} s at {rate:g} steps per second; rows are no longer than the flight, "
+            f"and {MOST_STEPS:g} steps are the most"
+        )
+    targets = (
+        list(targets)
+        if isinstance(targets, Iterable) and not isinstance(targets, Target)
+        else targets
+    )
     if not isinstance(targets, list) or not all(isinstance(target, Target) for target in targets):
         raise DataError(f"targets are a list of strapdown.sim.jsbsim.Target, not {targets!r}")
     for target in targets:
-        if not all(_finite(value) for value in (target.at, *(value for value in target if value is not None))) or not 0 <= target.at <= duration:
-            raise DataError(f"{target}: its time is within the flight's 0 to {duration:g} s and its values are finite numbers")
+        if (
+            not all(
+                _finite(value)
+                for value in (target.at, *(value for value in target if value is not None))
+            )
+            or not 0 <= target.at <= duration
+        ):
+            raise DataError(
+                f"{target}: its time is within the flight's 0 to {duration:g} s and its values are finite numbers"
+            )
         if target.throttle is not None and not 0 <= target.throttle <= 1:
             raise DataError(f"{target}: throttle is between 0 and 1")
     return sorted(targets, key=lambda target: target.at)
@@ -153,23 +237,31 @@ def _checked_properties(properties):
         raise DataError(f"properties are {properties!r}; give a number for each name of JSBSim's")
     for key, value in (properties or {}).items():
         if not isinstance(key, str) or not _finite(value):
-            raise DataError(f"property {key!r} of JSBSim is {value!r}; it must be a finite number, in the unit that its name ends in")
+            raise DataError(
+                f"property {key!r} of JSBSim is {value!r}; it must be a finite number, in the unit that its name ends in"
+            )
     return {key: float(value) for key, value in (properties or {}).items()}
 
 
 def _load(executive, aircraft):
     """Load an aircraft that comes with JSBSim. Raises DataError."""
     folder = Path(executive.get_aircraft_path())
-    if not isinstance(aircraft, str) or not (folder / aircraft / f"{aircraft}.xml").is_file():       # JSBSim itself would leave half a model behind
+    if (
+        not isinstance(aircraft, str) or not (folder / aircraft / f"{aircraft}.xml").is_file()
+    ):  # JSBSim itself would leave half a model behind
         known = sorted(entry.name for entry in folder.iterdir() if entry.is_dir())
-        raise DataError(f"JSBSim has no aircraft {aircraft!r}{nearest(aircraft, known)}; it has {', '.join(known)}")
+        raise DataError(
+            f"JSBSim has no aircraft {aircraft!r}{nearest(aircraft, known)}; it has {', '.join(known)}"
+        )
     executive.load_model(aircraft)
 
 
 def begin(executive, lla, values):
-    """Start at `lla` (rad, rad, ellipsoidal height m) with further initial conditions, {name below ic/: value in JSBSim's unit}.
+    """Start at `lla` (rad, rad, ellipsoidal height m) with further initial conditions, {name below
+    ic/: value in JSBSim's unit}.
 
-    JSBSim takes its heights along the radius, 7 mm off at 1000 m: corrected by what it then says the ellipsoidal height is.
+    JSBSim takes its heights along the radius, 7 mm off at 1000 m: corrected by what it then says
+    the ellipsoidal height is.
     """
     executive["ic/h-sl-ft"] = lla[2] / FOOT
     for _ in range(3):
@@ -190,7 +282,9 @@ def _has(executive, key):
 
 def _trim(executive, aircraft, start, heading, speed):
     """Level flight in balance. Raises DataError where JSBSim finds none."""
-    _order(executive, Target(0.0, heading, start[2]), hold=False)       # known before they are held, else the autopilot begins with a kick
+    _order(
+        executive, Target(0.0, heading, start[2]), hold=False
+    )  # known before they are held, else the autopilot begins with a kick
     begin(executive, start, {"vt-fps": speed / FOOT, "psi-true-rad": heading, "gamma-rad": 0.0})
     for key in ("fcs/mixture-cmd-norm", "propulsion/magneto_cmd"):
         if _has(executive, key):
@@ -199,8 +293,10 @@ def _trim(executive, aircraft, start, heading, speed):
     try:
         executive.do_trim(TRIM_FULL)
     except RuntimeError:
-        raise DataError(f"JSBSim cannot trim {aircraft} in level flight at {speed:g} m/s and {start[2]:g} m; "
-                        "give another speed or a lower height") from None
+        raise DataError(
+            f"JSBSim cannot trim {aircraft} in level flight at {speed:g} m/s and {start[2]:g} m; "
+            "give another speed or a lower height"
+        ) from None
 
 
 def _fly(executive, aircraft, targets, rows, every, watch=None):
@@ -213,8 +309,10 @@ def _fly(executive, aircraft, targets, rows, every, watch=None):
     for row in range(rows + 1):
         flown[row] = [executive[key] for key in STATE]
         if not np.isfinite(flown[row]).all() or flown[row, 2] <= 0 or executive["gear/wow"]:
-            raise DataError(f"{aircraft} of JSBSim met the ground (the ellipsoid) or was lost after {row * every * step:.2f} s; "
-                            "begin higher, or ask less of it")
+            raise DataError(
+                f"{aircraft} of JSBSim met the ground (the ellipsoid) or was lost after {row * every * step:.2f} s; "
+                "begin higher, or ask less of it"
+            )
         if watch is not None:
             watch()
         for i in range(every if row < rows else 0):
@@ -222,13 +320,14 @@ def _fly(executive, aircraft, targets, rows, every, watch=None):
                 _order(executive, orders.pop(0))
             executive.run()
     flown *= SCALE
-    lla, v_n = (np.ascontiguousarray(flown[:, first:first + 3]) for first in (0, 3))
+    lla, v_n = (np.ascontiguousarray(flown[:, first : first + 3]) for first in (0, 3))
     return Trajectory(np.arange(rows + 1) * every * step, lla, v_n, quaternions(flown[:, 6:]))
 
 
 def quaternions(angles):
     """q_nb (n, 4), scalar first and not negative, of roll, pitch and heading (n, 3), rad."""
     from scipy.spatial.transform import Rotation
+
     q = Rotation.from_euler("ZYX", angles[:, ::-1]).as_quat()[:, [3, 0, 1, 2]]
     return q * np.where(q[:, :1] < 0, -1.0, 1.0)
 

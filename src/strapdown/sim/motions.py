@@ -1,10 +1,14 @@
-"""Motions to simulate: at rest, in a hand, moored in waves, straight along a geodesic, flights and drives and voyages by legs. SI and radians.
+"""Motions to simulate: at rest, in a hand, moored in waves, straight along a geodesic, flights and
+drives and voyages by legs. SI and radians.
 
-A leg is a dict: `duration` (s), and what happens during it: `turn` (rad, clockwise positive), `speed` (m/s, reached at its end, changing
-evenly), `climb` (m/s) or, on the road, `gradient` (rise over run). A turn may have a `bank` (rad) instead of a duration: it lasts as long as
-a coordinated turn with that bank does, but at least six times `smoothing`, to roll in and out.
-{"repeat": n, "legs": [...]} stands for n times these legs. Corners between legs are rounded over a few times `smoothing` seconds.
+A leg is a dict: `duration` (s), and what happens during it: `turn` (rad, clockwise positive),
+`speed` (m/s, reached at its end, changing evenly), `climb` (m/s) or, on the road, `gradient` (rise
+over run). A turn may have a `bank` (rad) instead of a duration: it lasts as long as a coordinated
+turn with that bank does, but at least six times `smoothing`, to roll in and out. {"repeat": n,
+"legs": [...]} stands for n times these legs. Corners between legs are rounded over a few times
+`smoothing` seconds.
 """
+
 import numpy as np
 
 from ..data import DataError
@@ -18,21 +22,43 @@ VERTICAL = {"flight": "climb", "sortie": "climb", "car": "gradient", "ship": Non
 """What climbs in a leg of each motion by legs."""
 MOST_LEGS, LONGEST = 5000, 10 * 86400.0
 """Legs, and s, of a motion at most."""
-_SLACK = 1.0        # s that a geodesic is solved for beyond its end, so that slopes there can be checked
-GUSTS = {           # of a light aircraft in light turbulence: amplitude rad or m/s, period s, phase rad
-    "roll": ((1.5 * DEG, 5.3, 0.0), (0.5 * DEG, 1.9, 1.0)), "pitch": ((1.0 * DEG, 4.1, 0.5), (0.4 * DEG, 1.3, 2.0)),
+_SLACK = 1.0  # s that a geodesic is solved for beyond its end, so that slopes there can be checked
+GUSTS = {  # of a light aircraft in light turbulence: amplitude rad or m/s, period s, phase rad
+    "roll": ((1.5 * DEG, 5.3, 0.0), (0.5 * DEG, 1.9, 1.0)),
+    "pitch": ((1.0 * DEG, 4.1, 0.5), (0.4 * DEG, 1.3, 2.0)),
     "heading": ((0.8 * DEG, 6.7, 1.5),),
-    "speed": ((0.4, 11.0, 0.0), (0.2, 4.7, 2.5)), "down": ((0.4, 7.9, 1.0), (0.2, 3.1, 0.3))}
-_SHAKES = {"roll": ((0.5 * DEG, 1.1, 0.0), (0.2 * DEG, 0.37, 1.0)), "pitch": ((0.4 * DEG, 0.9, 2.0), (0.2 * DEG, 0.29, 0.5)),
-           "down": ((0.02, 0.71, 0.4),)}
-_SEA = ((0.75, 1.0, 0.0), (0.45, 0.83, 2.1), (0.35, 1.21, 4.0), (0.25, 0.67, 1.2), (0.2, 1.47, 5.1))   # share of amplitude, of period, phase rad
+    "speed": ((0.4, 11.0, 0.0), (0.2, 4.7, 2.5)),
+    "down": ((0.4, 7.9, 1.0), (0.2, 3.1, 0.3)),
+}
+_SHAKES = {
+    "roll": ((0.5 * DEG, 1.1, 0.0), (0.2 * DEG, 0.37, 1.0)),
+    "pitch": ((0.4 * DEG, 0.9, 2.0), (0.2 * DEG, 0.29, 0.5)),
+    "down": ((0.02, 0.71, 0.4),),
+}
+_SEA = (
+    (0.75, 1.0, 0.0),
+    (0.45, 0.83, 2.1),
+    (0.35, 1.21, 4.0),
+    (0.25, 0.67, 1.2),
+    (0.2, 1.47, 5.1),
+)  # share of amplitude, of period, phase rad
 
-_HAND = {           # amplitude rad or m/s, period s, phase rad: the periods have no common multiple within an hour
-    "roll": ((42 * DEG, 4.3, 0.0), (9 * DEG, 1.7, 1.1)), "pitch": ((33 * DEG, 5.1, 0.7), (8 * DEG, 1.9, 2.3)),
+# amplitude rad or m/s, period s, phase rad: the periods have no common multiple within an hour
+_HAND = {
+    "roll": ((42 * DEG, 4.3, 0.0), (9 * DEG, 1.7, 1.1)),
+    "pitch": ((33 * DEG, 5.1, 0.7), (8 * DEG, 1.9, 2.3)),
     "heading": ((125 * DEG, 13.7, 0.0), (25 * DEG, 3.7, 1.9), (6 * DEG, 1.3, 0.4)),
-    "north": ((0.31, 1.31, 0.0), (0.26, 2.9, 1.0), (0.07, 0.71, 2.0)), "east": ((0.26, 1.13, 2.2), (0.22, 3.3, 0.3), (0.08, 0.83, 1.4)),
-    "down": ((0.20, 0.97, 1.3), (0.24, 2.3, 2.6), (0.06, 0.67, 0.9))}
-_SWELL = ((1.0, 1.0, 0.0), (0.3, 0.83, 2.1), (0.25, 1.21, 4.0), (0.15, 0.67, 1.2), (0.1, 1.47, 5.1))  # as _SEA, around one long swell
+    "north": ((0.31, 1.31, 0.0), (0.26, 2.9, 1.0), (0.07, 0.71, 2.0)),
+    "east": ((0.26, 1.13, 2.2), (0.22, 3.3, 0.3), (0.08, 0.83, 1.4)),
+    "down": ((0.20, 0.97, 1.3), (0.24, 2.3, 2.6), (0.06, 0.67, 0.9)),
+}
+_SWELL = (
+    (1.0, 1.0, 0.0),
+    (0.3, 0.83, 2.1),
+    (0.25, 1.21, 4.0),
+    (0.15, 0.67, 1.2),
+    (0.1, 1.47, 5.1),
+)  # as _SEA, around one long swell
 
 
 def static(start, roll=0.0, pitch=0.0, heading=0.0):
@@ -41,45 +67,85 @@ def static(start, roll=0.0, pitch=0.0, heading=0.0):
 
 
 def hand_held(start, heading=0.0, turning=1.0, travel=1.0, rest=0.0, name="hand-held"):
-    """Turned about all axes and moved to and fro in a hand at `start`: by 50 deg of roll, 40 of pitch, 155 around `heading` (rad).
+    """Turned about all axes and moved to and fro in a hand at `start`: by 50 deg of roll, 40 of
+    pitch, 155 around `heading` (rad).
 
-    `turning` scales the angles (1: rates to 3 rad/s), `travel` the movement (1: some 15 cm with 1 to 3 m/s^2; 0: the IMU stays in its place and
-    feels gravity alone). It lies level and still for the first `rest` s and is in full motion 2 s later. Raises DataError.
+    `turning` scales the angles (1: rates to 3 rad/s), `travel` the movement (1: some 15 cm with 1
+    to 3 m/s^2; 0: the IMU stays in its place and feels gravity alone). It lies level and still for
+    the first `rest` s and is in full motion 2 s later. Raises DataError.
     """
     if not (0 <= turning <= 1.5 and 0 <= travel < np.inf and 0 <= rest < np.inf):
-        raise DataError(f"a motion in a hand has turning from 0 to 1.5 (beyond, it pitches over the vertical), travel and rest from 0, "
-                        f"not {turning!r}, {travel!r}, {rest!r} s")
-    begun = lifted(lambda t: ramp(t, rest + 1.0, 0.25), lambda t: ramp_rate(t, rest + 1.0, 0.25)) if rest else lambda t: 1.0
+        raise DataError(
+            f"a motion in a hand has turning from 0 to 1.5 (beyond, it pitches over the vertical), travel and rest from 0, "
+            f"not {turning!r}, {travel!r}, {rest!r} s"
+        )
+    begun = (
+        lifted(lambda t: ramp(t, rest + 1.0, 0.25), lambda t: ramp_rate(t, rest + 1.0, 0.25))
+        if rest
+        else lambda t: 1.0
+    )
     swing = lambda t, what, size: size * begun(t) * waves(t, _HAND[what])
     velocity = lambda t: tuple(swing(t, axis, travel) for axis in ("north", "east", "down"))
-    attitude = lambda t: (swing(t, "roll", turning), swing(t, "pitch", turning), heading + swing(t, "heading", turning))
+    attitude = lambda t: (
+        swing(t, "roll", turning),
+        swing(t, "pitch", turning),
+        heading + swing(t, "heading", turning),
+    )
     return Motion(name, tuple(start), velocity, attitude)
 
 
-def moored(start, heading=0.0, heave=1.0, wave_period=8.0, roll=6 * DEG, pitch=2 * DEG, name="moored"):
+def moored(
+    start, heading=0.0, heave=1.0, wave_period=8.0, roll=6 * DEG, pitch=2 * DEG, name="moored"
+):
     """A vessel that lies in a swell and heaves about the height of `start`, its mean over time.
 
-    `heave` (m), `roll` and `pitch` (rad) are amplitudes of the largest of five waves, that of the period `wave_period` (s); the others have 0.3 of
-    it and less. It surges and sways by 0.3 of the heave and yaws by a fifth of the roll around `heading` (rad). Raises DataError.
+    `heave` (m), `roll` and `pitch` (rad) are amplitudes of the largest of five waves, that of the
+    period `wave_period` (s); the others have 0.3 of it and less. It surges and sways by 0.3 of the
+    heave and yaws by a fifth of the roll around `heading` (rad). Raises DataError.
     """
     if not (0 <= heave < np.inf and 0 < wave_period < np.inf):
-        raise DataError(f"a swell has a heave of 0 m or more and a period above 0 s, not {heave!r} m, {wave_period!r} s")
-    swell = lambda t, size, phase: waves(t, [(size * share, wave_period * longer, phase + p) for share, longer, p in _SWELL])
-    rate = lambda t, size, phase: waves(t, [(size * share * 2 * np.pi / (wave_period * longer), wave_period * longer, phase + p + np.pi / 2)
-                                            for share, longer, p in _SWELL])
+        raise DataError(
+            f"a swell has a heave of 0 m or more and a period above 0 s, not {heave!r} m, {wave_period!r} s"
+        )
+    swell = lambda t, size, phase: waves(
+        t, [(size * share, wave_period * longer, phase + p) for share, longer, p in _SWELL]
+    )
+    rate = lambda t, size, phase: waves(
+        t,
+        [
+            (
+                size * share * 2 * np.pi / (wave_period * longer),
+                wave_period * longer,
+                phase + p + np.pi / 2,
+            )
+            for share, longer, p in _SWELL
+        ],
+    )
     lat, lon, mean = start
-    velocity = lambda t: (rate(t, 0.3 * heave, 1.4), rate(t, 0.3 * heave, 2.2), -rate(t, heave, 0.0))
-    attitude = lambda t: (swell(t, roll, 1.7), swell(t, pitch, 0.6), heading + swell(t, 0.2 * roll, 2.9))
+    velocity = lambda t: (
+        rate(t, 0.3 * heave, 1.4),
+        rate(t, 0.3 * heave, 2.2),
+        -rate(t, heave, 0.0),
+    )
+    attitude = lambda t: (
+        swell(t, roll, 1.7),
+        swell(t, pitch, 0.6),
+        heading + swell(t, 0.2 * roll, 2.9),
+    )
     return Motion(name, (lat, lon, mean + float(swell(0.0, heave, 0.0))), velocity, attitude)
 
 
 def straight(start, azimuth, speed, duration, amplitude=5 * DEG, period=100.0):
-    """Level flight along a geodesic of the ellipsoid for `duration` s: the foot of the height runs along it, `speed` is that of the flight.
+    """Level flight along a geodesic of the ellipsoid for `duration` s: the foot of the height runs
+    along it, `speed` is that of the flight.
 
-    Roll, pitch and heading swing by `amplitude` (rad) with `period` (s), a third of a period apart, heading around the course.
+    Roll, pitch and heading swing by `amplitude` (rad) with `period` (s), a third of a period apart,
+    heading around the course.
     """
     if not (speed > 0 and duration > 0 and period > 0 and np.isfinite(duration + speed)):
-        raise DataError(f"a straight flight needs speed, duration and period above 0, not {speed!r} m/s, {duration!r} s, {period!r} s")
+        raise DataError(
+            f"a straight flight needs speed, duration and period above 0, not {speed!r} m/s, {duration!r} s, {period!r} s"
+        )
     course = _geodesic_course(start, azimuth, speed, duration + _SLACK)
     swing = lambda t, phase: waves(t, ((amplitude, period, phase),))
 
@@ -94,13 +160,16 @@ def straight(start, azimuth, speed, duration, amplitude=5 * DEG, period=100.0):
 
 
 def _geodesic_course(start, azimuth, speed, duration):
-    """Course at the height of `start` over time: a Chebyshev series through a solution of the geodesic's differential equation.
+    """Course at the height of `start` over time: a Chebyshev series through a solution of the
+    geodesic's differential equation.
 
-    Along it dlat = cos(azimuth) ds / M and dazimuth = sin(azimuth) tan(lat) ds / N (Rapp 1991, Geometric Geodesy I). At the height h, north
-    and east go (M + h)/M and (N + h)/N as far, which turns the course from the azimuth by up to 1e-5 rad per 10 km of height.
+    Along it dlat = cos(azimuth) ds / M and dazimuth = sin(azimuth) tan(lat) ds / N (Rapp 1991,
+    Geometric Geodesy I). At the height h, north and east go (M + h)/M and (N + h)/N as far, which
+    turns the course from the azimuth by up to 1e-5 rad per 10 km of height.
     """
     from numpy.polynomial import Chebyshev
     from scipy.integrate import solve_ivp
+
     lat0, _, alt = start
 
     def parts(lat, angle):
@@ -116,14 +185,29 @@ def _geodesic_course(start, azimuth, speed, duration):
     def course(t):
         lat, angle = solution.sol(t)
         _, _, north, east, _ = parts(lat, angle)
-        return angle + np.arctan2(east * np.cos(angle) - north * np.sin(angle), north * np.cos(angle) + east * np.sin(angle))
+        return angle + np.arctan2(
+            east * np.cos(angle) - north * np.sin(angle),
+            north * np.cos(angle) + east * np.sin(angle),
+        )
 
     if abs(lat0) >= 89 * DEG:
-        raise DataError(f"a straight flight begins at {lat0 / DEG:.6g} deg of latitude; give one below 89")
-    solution = solve_ivp(slope, (0.0, duration), (lat0, azimuth), method="DOP853", rtol=1e-13, atol=1e-14, dense_output=True)
+        raise DataError(
+            f"a straight flight begins at {lat0 / DEG:.6g} deg of latitude; give one below 89"
+        )
+    solution = solve_ivp(
+        slope,
+        (0.0, duration),
+        (lat0, azimuth),
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-14,
+        dense_output=True,
+    )
     if np.abs(solution.y[0]).max() >= 89 * DEG:
-        raise DataError("the geodesic of a straight flight comes within 1 deg of a pole, where courses turn too fast; "
-                        "choose another azimuth or duration")
+        raise DataError(
+            "the geodesic of a straight flight comes within 1 deg of a pole, where courses turn too fast; "
+            "choose another azimuth or duration"
+        )
     series = Chebyshev.interpolate(course, 40, domain=[0.0, duration])
     used = 1 + np.flatnonzero(np.abs(series.coef) > 1e-15)[-1]
     series = series.truncate(used)
@@ -135,7 +219,8 @@ def flight(start, course, speed, legs, smoothing=2.0, roughness=1.0, name="fligh
 
     Turns are coordinated: bank = atan(speed * turn rate / g).
 
-    `roughness` scales sinusoidal gusts in attitude, speed and sink rate (1: light turbulence; 0: smooth air).
+    `roughness` scales sinusoidal gusts in attitude, speed and sink rate (1: light turbulence; 0:
+    smooth air).
     """
     flat = flat_legs(legs, "climb")
     _check_flight(flat, speed)
@@ -143,21 +228,27 @@ def flight(start, course, speed, legs, smoothing=2.0, roughness=1.0, name="fligh
 
 
 def _check_flight(legs, speed):
-    """Raise DataError where an aircraft would stand still in the air or climb faster than it flies."""
+    """Raise DataError where an aircraft would stand still in the air or climb faster than it
+    flies."""
     now = speed
     for number, leg in enumerate(legs, 1):
         then = leg.get("speed", now)
         slowest = min(now, then)
         if not slowest > 0:
-            raise DataError(f"leg {number} (repeats written out): speed is {slowest!r}; an aircraft's must be above 0")
+            raise DataError(
+                f"leg {number} (repeats written out): speed is {slowest!r}; an aircraft's must be above 0"
+            )
         if not abs(leg["climb"]) <= slowest:
-            raise DataError(f"leg {number} (repeats written out): a climb of {leg['climb']:g} m/s at a speed of {slowest:g} m/s; "
-                            "it must not be larger than the speed")
+            raise DataError(
+                f"leg {number} (repeats written out): a climb of {leg['climb']:g} m/s at a speed of {slowest:g} m/s; "
+                "it must not be larger than the speed"
+            )
         now = then
 
 
 def flown(start, path, pace, climb, end, roughness, name):
-    """The Motion of an aircraft from Profiles of course (rad), speed (m/s) and height (m, its slope alone is used)."""
+    """The Motion of an aircraft from Profiles of course (rad), speed (m/s) and height (m, its
+    slope alone is used)."""
     gust = lambda t, what: roughness * waves(t, GUSTS[what])
 
     def velocity(t):
@@ -167,13 +258,18 @@ def flown(start, path, pace, climb, end, roughness, name):
     def attitude(t):
         v = pace(t)
         bank = arctangent(v * path.rate(t) / G)
-        return bank + gust(t, "roll"), 2.5 * DEG + arctangent(climb.rate(t) / v) + gust(t, "pitch"), path(t) + gust(t, "heading")
+        return (
+            bank + gust(t, "roll"),
+            2.5 * DEG + arctangent(climb.rate(t) / v) + gust(t, "pitch"),
+            path(t) + gust(t, "heading"),
+        )
 
     return Motion(name, tuple(start), velocity, attitude, end)
 
 
 def car(start, course, legs, speed=0.0, smoothing=0.7, roughness=1.0, name="car"):
-    """A car by `legs`; on a `gradient` it climbs with its speed and pitches with the road; it leans out of turns by 3 deg per g.
+    """A car by `legs`; on a `gradient` it climbs with its speed and pitches with the road; it leans
+    out of turns by 3 deg per g.
 
     `roughness` scales the shaking of the body, which grows with the speed and ends at a stop.
     """
@@ -192,19 +288,33 @@ def car(start, course, legs, speed=0.0, smoothing=0.7, roughness=1.0, name="car"
 
 
 def ship(start, course, speed, legs, wave_height=2.0, wave_period=9.0, smoothing=15.0, name="ship"):
-    """A ship by `legs` in a sea of significant `wave_height` (m) and peak `wave_period` (s): roll, pitch, yaw, heave and sway with it.
+    """A ship by `legs` in a sea of significant `wave_height` (m) and peak `wave_period` (s): roll,
+    pitch, yaw, heave and sway with it.
 
-    A metre of wave height rolls it by 2.5 deg and pitches it by 0.8 deg (standard deviations 1.8 and 0.6 deg), as a vessel of some 50 m.
+    A metre of wave height rolls it by 2.5 deg and pitches it by 0.8 deg (standard deviations 1.8
+    and 0.6 deg), as a vessel of some 50 m.
     """
     if not (wave_height >= 0 and wave_period > 0):
-        raise DataError(f"a sea has a wave height of 0 m or more and a period above 0 s, not {wave_height!r} m, {wave_period!r} s")
+        raise DataError(
+            f"a sea has a wave height of 0 m or more and a period above 0 s, not {wave_height!r} m, {wave_period!r} s"
+        )
     path, pace, _, end = profiles(flat_legs(legs, None), course, speed, smoothing)
-    sea = lambda t, size, phase: waves(t, [(size * wave_height * share, wave_period * longer, phase + p) for share, longer, p in _SEA])
-    surge = 2 * np.pi / wave_period         # from a displacement to its speed
+    sea = lambda t, size, phase: waves(
+        t,
+        [
+            (size * wave_height * share, wave_period * longer, phase + p)
+            for share, longer, p in _SEA
+        ],
+    )
+    surge = 2 * np.pi / wave_period  # from a displacement to its speed
 
     def velocity(t):
         angle, v, sway = path(t), pace(t), sea(t, 0.12 * surge, 1.0)
-        return v * cosine(angle) - sway * sine(angle), v * sine(angle) + sway * cosine(angle), sea(t, 0.25 * surge, 0.0)
+        return (
+            v * cosine(angle) - sway * sine(angle),
+            v * sine(angle) + sway * cosine(angle),
+            sea(t, 0.25 * surge, 0.0),
+        )
 
     def attitude(t):
         return sea(t, 2.5 * DEG, 1.7), sea(t, 0.8 * DEG, 0.6), path(t) + sea(t, 0.4 * DEG, 2.9)
@@ -213,7 +323,8 @@ def ship(start, course, speed, legs, wave_height=2.0, wave_period=9.0, smoothing
 
 
 def flat_legs(legs, vertical):
-    """[leg] with repeats written out, each with its climb (m/s or slope) under "climb"; `vertical` is the key of that, or None. Raises DataError."""
+    """[leg] with repeats written out, each with its climb (m/s or slope) under "climb";
+    `vertical` is the key of that, or None. Raises DataError."""
     found = []
     for number, leg in enumerate(legs, 1):
         if not isinstance(leg, dict):
@@ -223,13 +334,24 @@ def flat_legs(legs, vertical):
             if key not in known:
                 raise DataError(f"leg {number}: unknown key {key!r}; known: {', '.join(known)}")
         if "legs" in leg or "repeat" in leg:
-            if set(leg) != {"legs", "repeat"} or not isinstance(leg["repeat"], int) or leg["repeat"] < 1:
-                raise DataError(f"leg {number}: a repeat has a whole number from 1 as repeat, a list of legs, and nothing else")
+            if (
+                set(leg) != {"legs", "repeat"}
+                or not isinstance(leg["repeat"], int)
+                or leg["repeat"] < 1
+            ):
+                raise DataError(
+                    f"leg {number}: a repeat has a whole number from 1 as repeat, a list of legs, and nothing else"
+                )
             inner = flat_legs(leg["legs"], vertical)
             _bounded(len(found) + len(inner) * leg["repeat"])
             found += inner * leg["repeat"]
         else:
-            found.append({"climb": leg.get(vertical, 0.0), **{key: value for key, value in leg.items() if key != vertical}})
+            found.append(
+                {
+                    "climb": leg.get(vertical, 0.0),
+                    **{key: value for key, value in leg.items() if key != vertical},
+                }
+            )
     _bounded(len(found))
     return found
 
@@ -245,25 +367,45 @@ def _bounded(count):
 
 
 def profiles(legs, course, speed, smoothing):
-    """(course, speed, height or rise, end s): Profiles along `flat_legs`; course rad and speed m/s at first, smoothing s. Raises DataError."""
+    """(course, speed, height or rise, end s): Profiles along `flat_legs`; course rad and speed
+    m/s at first, smoothing s. Raises DataError."""
     if not legs or not smoothing > 0 or not 0 <= speed < np.inf:
-        raise DataError(f"a motion by legs needs a leg or more, smoothing above 0 s and a speed from 0, not {len(legs)}, {smoothing!r}, {speed!r}")
+        raise DataError(
+            f"a motion by legs needs a leg or more, smoothing above 0 s and a speed from 0, not {len(legs)}, {smoothing!r}, {speed!r}"
+        )
     durations, turning, changing, climbing, now = [], [], [], [], float(speed)
     for number, leg in enumerate(legs, 1):
         then, turn = leg.get("speed", now), leg.get("turn", 0.0)
         duration = leg.get("duration")
         if "bank" in leg and not 0 < leg["bank"] < 80 * DEG:
-            raise DataError(f"leg {number} (repeats written out): a turn needs a bank between 0 and 80 deg, not {leg['bank'] / DEG:g}")
+            raise DataError(
+                f"leg {number} (repeats written out): a turn needs a bank between 0 and 80 deg, not {leg['bank'] / DEG:g}"
+            )
         if duration is None and "bank" in leg and turn:
-            duration = max(abs(turn) * 0.5 * (now + then) / (G * np.tan(leg["bank"])), 6 * smoothing)
+            duration = max(
+                abs(turn) * 0.5 * (now + then) / (G * np.tan(leg["bank"])), 6 * smoothing
+            )
         if duration is None or not 0 < duration < np.inf or ("bank" in leg and "duration" in leg):
-            raise DataError(f"leg {number} (repeats written out): it needs a duration above 0 s or, with a turn, a bank between 0 and 80 deg")
+            raise DataError(
+                f"leg {number} (repeats written out): it needs a duration above 0 s or, with a turn, a bank between 0 and 80 deg"
+            )
         if not 0 <= then < np.inf:
-            raise DataError(f"leg {number} (repeats written out): speed is {then!r}; it must be 0 or more")
-        durations.append(duration), turning.append(turn / duration), changing.append((then - now) / duration), climbing.append(leg["climb"])
+            raise DataError(
+                f"leg {number} (repeats written out): speed is {then!r}; it must be 0 or more"
+            )
+        (
+            durations.append(duration),
+            turning.append(turn / duration),
+            changing.append((then - now) / duration),
+            climbing.append(leg["climb"]),
+        )
         now = then
     if sum(durations) > LONGEST:
-        raise DataError(f"the legs last {sum(durations):g} s; at most {LONGEST:g} s (10 days) are simulated")
-    made = [Profile.of(value, [*durations, np.inf], [*slopes, 0.0], smoothing)
-            for value, slopes in ((course, turning), (speed, changing), (0.0, climbing))]
+        raise DataError(
+            f"the legs last {sum(durations):g} s; at most {LONGEST:g} s (10 days) are simulated"
+        )
+    made = [
+        Profile.of(value, [*durations, np.inf], [*slopes, 0.0], smoothing)
+        for value, slopes in ((course, turning), (speed, changing), (0.0, climbing))
+    ]
     return *made, float(sum(durations))

@@ -1,4 +1,6 @@
-"""Scenario files (TOML): every number's key names its unit, every unknown key is refused. docs/simulate.md lists the keys."""
+"""Scenario files (TOML): every number's key names its unit, every unknown key is refused.
+docs/simulate.md lists the keys."""
+
 import datetime
 import difflib
 import inspect
@@ -18,28 +20,99 @@ from .sortie import sortie
 from .trajectory import DEG, demo_flight
 from .waypoints import waypoints
 
-KINDS = {"demo": demo_flight, "static": motions.static, "straight": motions.straight,
-         "flight": motions.flight, "sortie": sortie, "waypoints": waypoints, "car": motions.car, "ship": motions.ship,
-         "hand-held": motions.hand_held, "moored": motions.moored, "jsbsim": jsbsim_motion}
-"""What a [motion] can be, and the function that makes it; the function's parameters are its keys."""
-UNITS = {"azimuth": "deg", "course": "deg", "roll": "deg", "pitch": "deg", "heading": "deg", "amplitude": "deg", "turn": "deg", "bank": "deg",
-         "speed": "m_s", "climb": "m_s", "duration": "s", "period": "s", "wave_period": "s", "smoothing": "s", "wave_height": "m",
-         "heave": "m", "rest": "s", "wind": "m_s", "wind_from": "deg"}
+KINDS = {
+    "demo": demo_flight,
+    "static": motions.static,
+    "straight": motions.straight,
+    "flight": motions.flight,
+    "sortie": sortie,
+    "waypoints": waypoints,
+    "car": motions.car,
+    "ship": motions.ship,
+    "hand-held": motions.hand_held,
+    "moored": motions.moored,
+    "jsbsim": jsbsim_motion,
+}
+"""What a [motion] can be, and the function that makes it; the function's parameters are its
+keys."""
+UNITS = {
+    "azimuth": "deg",
+    "course": "deg",
+    "roll": "deg",
+    "pitch": "deg",
+    "heading": "deg",
+    "amplitude": "deg",
+    "turn": "deg",
+    "bank": "deg",
+    "speed": "m_s",
+    "climb": "m_s",
+    "duration": "s",
+    "period": "s",
+    "wave_period": "s",
+    "smoothing": "s",
+    "wave_height": "m",
+    "heave": "m",
+    "rest": "s",
+    "wind": "m_s",
+    "wind_from": "deg",
+}
 """Unit of each parameter that has one: its key ends in it."""
-TOP = ("name", "about", "duration_s", "rate_hz", "imu", "accel_offset_m_s2", "accel_offset_decays", "gate", "gravity", "date",
-       "motion", "gnss", "magnetometer", "barometer", "attitude", "start")
-START = {"position_sd_m": (0, 1.0), "velocity_sd_m_s": (3, 1.0), "attitude_sd_deg": (6, DEG),
-         "accel_bias_sd_m_s2": (9, 1.0), "gyro_bias_sd_deg_h": (12, DEG / 3600)}
+TOP = (
+    "name",
+    "about",
+    "duration_s",
+    "rate_hz",
+    "imu",
+    "accel_offset_m_s2",
+    "accel_offset_decays",
+    "gate",
+    "gravity",
+    "date",
+    "motion",
+    "gnss",
+    "magnetometer",
+    "barometer",
+    "attitude",
+    "start",
+)
+START = {
+    "position_sd_m": (0, 1.0),
+    "velocity_sd_m_s": (3, 1.0),
+    "attitude_sd_deg": (6, DEG),
+    "accel_bias_sd_m_s2": (9, 1.0),
+    "gyro_bias_sd_deg_h": (12, DEG / 3600),
+}
 GNSS = ("interval_s", "position_sd_m", "velocity_sd_m_s", "lever_arm_m", "outages_s", "latency_s")
-MAGNETOMETER = {"rate_hz": ("rate", 1.0), "sd_uT": ("sd", 1e-6), "hard_iron_uT": ("hard_iron", 1e-6), "soft_iron": ("soft_iron", 1.0),
-                "scale": ("scale", 1.0), "saturation_uT": ("saturation", 1e-6), "field_uT": ("field", 1e-6), "disturbances": ("disturbances", 1.0)}
+MAGNETOMETER = {
+    "rate_hz": ("rate", 1.0),
+    "sd_uT": ("sd", 1e-6),
+    "hard_iron_uT": ("hard_iron", 1e-6),
+    "soft_iron": ("soft_iron", 1.0),
+    "scale": ("scale", 1.0),
+    "saturation_uT": ("saturation", 1e-6),
+    "field_uT": ("field", 1e-6),
+    "disturbances": ("disturbances", 1.0),
+}
 DISTURBANCE = ("start_s", "stop_s", "field_uT", "frame")
-BAROMETER = {"rate_hz": "rate", "sd_Pa": "sd", "bias_Pa": "bias", "drift_Pa": "drift", "drift_time_s": "drift_time", "zero_m": "zero",
-             "lever_arm_m": "lever_arm", "quantity": "quantity"}
+BAROMETER = {
+    "rate_hz": "rate",
+    "sd_Pa": "sd",
+    "bias_Pa": "bias",
+    "drift_Pa": "drift",
+    "drift_time_s": "drift_time",
+    "zero_m": "zero",
+    "lever_arm_m": "lever_arm",
+    "quantity": "quantity",
+}
 ATTITUDE = ("rate_hz", "sd_deg")
-TARGET = {"at_s": ("at", 1.0), "heading_deg": ("heading", DEG), "height_m": ("height", 1.0), "throttle": ("throttle", 1.0)}
-"""Keys of the sections of sensors; those of magnetometer and barometer with the field that each sets, and the size of its unit;
-those of a target of JSBSim's autopilot likewise."""
+TARGET = {
+    "at_s": ("at", 1.0),
+    "heading_deg": ("heading", DEG),
+    "height_m": ("height", 1.0),
+    "throttle": ("throttle", 1.0),
+}
+"""Keys of the sections of sensors; those of magnetometer and barometer with the field that each
+sets, and the size of its unit; those of a target of JSBSim's autopilot likewise."""
 
 
 def read(path):
@@ -58,7 +131,8 @@ def nearest(word, words):
 
 
 def from_table(table, path):
-    """The Scenario of a parsed scenario file; `path` gives a missing name and the folder of an IMU file. Raises DataError naming the key."""
+    """The Scenario of a parsed scenario file; `path` gives a missing name and the folder of an
+    IMU file. Raises DataError naming the key."""
     _refuse_unknown(table, TOP, "")
     name = _text(table.get("name", path.stem), "name")
     duration = _number(table["duration_s"], "duration_s") if "duration_s" in table else None
@@ -66,8 +140,15 @@ def from_table(table, path):
     if duration is None and math.isinf(motion.end):
         raise DataError("duration_s is missing; this motion has no end of its own")
     values = {"name": name, "motion": motion}
-    for key, field, read in (("rate_hz", "rate", _number), ("gate", "gate", _bound), ("gravity", "gravity", _text), ("about", "about", _text),
-                             ("accel_offset_m_s2", "accel_offset", _three), ("accel_offset_decays", "offset_decays", _flag), ("imu", "imu", _text)):
+    for key, field, read in (
+        ("rate_hz", "rate", _number),
+        ("gate", "gate", _bound),
+        ("gravity", "gravity", _text),
+        ("about", "about", _text),
+        ("accel_offset_m_s2", "accel_offset", _three),
+        ("accel_offset_decays", "offset_decays", _flag),
+        ("imu", "imu", _text),
+    ):
         if key in table:
             values[field] = read(table[key], key)
     rate = values.get("rate", 100.0)
@@ -91,9 +172,15 @@ def from_table(table, path):
 
 def _motion(table, duration):
     if table.get("kind") not in list(KINDS):
-        raise DataError(f"[motion] kind is {table.get('kind')!r}{nearest(table.get('kind'), KINDS)}; it is one of {', '.join(KINDS)}")
+        raise DataError(
+            f"[motion] kind is {table.get('kind')!r}{nearest(table.get('kind'), KINDS)}; it is one of {', '.join(KINDS)}"
+        )
     build = KINDS[table["kind"]]
-    parameters = {name: parameter for name, parameter in inspect.signature(build).parameters.items() if name != "name"}
+    parameters = {
+        name: parameter
+        for name, parameter in inspect.signature(build).parameters.items()
+        if name != "name"
+    }
     given = {}
     if "duration" in parameters:
         if duration is None:
@@ -122,15 +209,26 @@ def _value(name, value, where, kind):
     if name == "start":
         return _place(value, where)
     if name == "waypoints":
-        return [_place(place, f"{where} {number}") for number, place in enumerate(_list(value, where), 1)]
+        return [
+            _place(place, f"{where} {number}")
+            for number, place in enumerate(_list(value, where), 1)
+        ]
     if name == "legs":
-        return [_leg(leg, f"{where} {number}", kind) for number, leg in enumerate(_list(value, where), 1)]
+        return [
+            _leg(leg, f"{where} {number}", kind)
+            for number, leg in enumerate(_list(value, where), 1)
+        ]
     if name == "aircraft":
         return _text(value, where)
     if name == "targets":
-        return [_target(target, f"{where} {number}") for number, target in enumerate(_list(value, where), 1)]
+        return [
+            _target(target, f"{where} {number}")
+            for number, target in enumerate(_list(value, where), 1)
+        ]
     if name == "properties":
-        return {key: _number(each, f"{where}, {key}") for key, each in _entries(value, where).items()}
+        return {
+            key: _number(each, f"{where}, {key}") for key, each in _entries(value, where).items()
+        }
     return _number(value, where) * (DEG if UNITS.get(name) == "deg" else 1.0)
 
 
@@ -139,12 +237,22 @@ def _leg(leg, where, kind):
         raise DataError(f"{where} is {leg!r}; write a table of its keys")
     keys = {_key(name): name for name in motions.leg_keys(motions.VERTICAL[kind])}
     _refuse_unknown(leg, keys, f"{where}: ")
-    return {name: leg[key] if name == "repeat" else _value(name, leg[key], f"{where}, {key}", kind) for key, name in keys.items() if key in leg}
+    return {
+        name: leg[key] if name == "repeat" else _value(name, leg[key], f"{where}, {key}", kind)
+        for key, name in keys.items()
+        if key in leg
+    }
 
 
 def _target(value, where):
     _refuse_unknown(_entries(value, where), TARGET, f"{where}: ")
-    return Target(**{field: _number(value[key], f"{where}, {key}") * unit for key, (field, unit) in TARGET.items() if key in value})
+    return Target(
+        **{
+            field: _number(value[key], f"{where}, {key}") * unit
+            for key, (field, unit) in TARGET.items()
+            if key in value
+        }
+    )
 
 
 def _entries(value, where):
@@ -156,13 +264,17 @@ def _entries(value, where):
 def _place(value, where):
     keys = ("latitude_deg", "longitude_deg", "height_m")
     if not isinstance(value, dict):
-        raise DataError(f"{where} is {value!r}; write {{ latitude_deg = ..., longitude_deg = ..., height_m = ... }}")
+        raise DataError(
+            f"{where} is {value!r}; write {{ latitude_deg = ..., longitude_deg = ..., height_m = ... }}"
+        )
     _refuse_unknown(value, keys, f"{where}: ")
     if missing := [key for key in keys if key not in value]:
         raise DataError(f"{where}: {missing[0]} is missing")
     lat, lon, height = (_number(value[key], f"{where}, {key}") for key in keys)
     if abs(lat) > 90 or abs(lon) > 360:
-        raise DataError(f"{where}: {lat:g}, {lon:g} is no position; latitude is within 90 deg, longitude within 360")
+        raise DataError(
+            f"{where}: {lat:g}, {lon:g} is no position; latitude is within 90 deg, longitude within 360"
+        )
     return lat * DEG, lon * DEG, height
 
 
@@ -170,12 +282,20 @@ def _gnss(table):
     """The receiver: what [gnss] does not name, it does not measure."""
     _refuse_unknown(table, GNSS, "[gnss] ")
     values = {"position_sd": None, "velocity_sd": None}
-    for key, field, read in (("interval_s", "interval", _number), ("position_sd_m", "position_sd", _three), ("velocity_sd_m_s", "velocity_sd", _three),
-                             ("lever_arm_m", "lever_arm", _three), ("latency_s", "latency", _number)):
+    for key, field, read in (
+        ("interval_s", "interval", _number),
+        ("position_sd_m", "position_sd", _three),
+        ("velocity_sd_m_s", "velocity_sd", _three),
+        ("lever_arm_m", "lever_arm", _three),
+        ("latency_s", "latency", _number),
+    ):
         if key in table:
             values[field] = read(table[key], f"[gnss] {key}")
     windows = _list(table.get("outages_s", []), "[gnss] outages_s")
-    values["outages"] = tuple(tuple(_number(edge, "[gnss] outages_s") for edge in _list(window, "[gnss] outages_s")) for window in windows)
+    values["outages"] = tuple(
+        tuple(_number(edge, "[gnss] outages_s") for edge in _list(window, "[gnss] outages_s"))
+        for window in windows
+    )
     return Gnss(**values)
 
 
@@ -189,9 +309,15 @@ def _magnetometer(table):
         if key in ("rate_hz", "saturation_uT"):
             values[field] = _number(table[key], where) * unit
         elif key == "soft_iron":
-            values[field] = tuple(_exactly_three(row, f"{where}, row {number}") for number, row in enumerate(_list(table[key], where), 1))
+            values[field] = tuple(
+                _exactly_three(row, f"{where}, row {number}")
+                for number, row in enumerate(_list(table[key], where), 1)
+            )
         elif key == "disturbances":
-            values[field] = tuple(_disturbance(each, f"{where} {number}") for number, each in enumerate(_list(table[key], where), 1))
+            values[field] = tuple(
+                _disturbance(each, f"{where} {number}")
+                for number, each in enumerate(_list(table[key], where), 1)
+            )
         else:
             read = _exactly_three if key in ("hard_iron_uT", "field_uT") else _three
             values[field] = tuple(value * unit for value in read(table[key], where))
@@ -212,7 +338,13 @@ def _disturbance(table, where):
 def _barometer(table):
     _refuse_unknown(table, BAROMETER, "[barometer] ")
     read = {"lever_arm_m": _exactly_three, "quantity": _text}
-    return Barometer(**{field: read.get(key, _number)(table[key], f"[barometer] {key}") for key, field in BAROMETER.items() if key in table})
+    return Barometer(
+        **{
+            field: read.get(key, _number)(table[key], f"[barometer] {key}")
+            for key, field in BAROMETER.items()
+            if key in table
+        }
+    )
 
 
 def _attitude(table):
@@ -233,7 +365,7 @@ def _start(table):
     sd = list(START_SD)
     for key, (first, unit) in START.items():
         if key in table:
-            sd[first:first + 3] = [value * unit for value in _three(table[key], f"[start] {key}")]
+            sd[first : first + 3] = [value * unit for value in _three(table[key], f"[start] {key}")]
     known = table.get("biases_known", False)
     if not isinstance(known, bool):
         raise DataError(f"[start] biases_known is {known!r}; it is true or false")
@@ -243,12 +375,18 @@ def _start(table):
 def _refuse_unknown(table, known, where):
     for key in table:
         if key not in known:
-            raise DataError(f"{where}unknown key {key!r}{nearest(key, known)}; known: {', '.join(known)}")
+            raise DataError(
+                f"{where}unknown key {key!r}{nearest(key, known)}; known: {', '.join(known)}"
+            )
 
 
 def _table(table, key):
     if not isinstance(table.get(key), dict):
-        raise DataError(f"section [{key}] is missing" if key not in table else f"{key} is {table[key]!r}; write a section [{key}]")
+        raise DataError(
+            f"section [{key}] is missing"
+            if key not in table
+            else f"{key} is {table[key]!r}; write a section [{key}]"
+        )
     return table[key]
 
 
@@ -273,7 +411,7 @@ def _text(value, where):
 def _number(value, where):
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise DataError(f"{where} is {value!r}; it must be a number")
-    if not abs(value) < 1e300:      # an integer of TOML has no end
+    if not abs(value) < 1e300:  # an integer of TOML has no end
         raise DataError(f"{where} is {str(value)[:20]}; it must be a finite number")
     return float(value)
 

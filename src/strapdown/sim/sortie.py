@@ -1,8 +1,11 @@
-"""A flight from standing to standing: parked, taxiing, rolling, in the air by legs, landed and stopped again, in a steady wind. SI and radians.
+"""A flight from standing to standing: parked, taxiing, rolling, in the air by legs, landed and
+stopped again, in a steady wind. SI and radians.
 
-Legs are those of `motions`; course and speed are heading and airspeed, to which the wind adds in the air. A leg lasts as long as it says: short ones
-make corners sharp, so that a dive of 2.5 s followed by a climb is a pull-up of several g, and a turn of a few seconds rolls in quickly.
+Legs are those of `motions`; course and speed are heading and airspeed, to which the wind adds in
+the air. A leg lasts as long as it says: short ones make corners sharp, so that a dive of 2.5 s
+followed by a climb is a pull-up of several g, and a turn of a few seconds rolls in quickly.
 """
+
 import numpy as np
 
 from ..data import DataError
@@ -11,19 +14,34 @@ from .motions import GUSTS, G, flat_legs, profiles
 from .trajectory import DEG, Motion
 
 LIFT_OFF, ROTATION = 27.0, 2.0
-"""m/s: the airspeed at which half the weight is on the wings, and how much slower or faster it takes until 12 or 88 % of it are."""
-_CRAWL = 1e-3       # m/s, that no slope is divided by zero at rest
+"""m/s: the airspeed at which half the weight is on the wings, and how much slower or faster it
+takes until 12 or 88 % of it are."""
+_CRAWL = 1e-3  # m/s, that no slope is divided by zero at rest
 
 
-def sortie(start, course, legs, speed=0.0, wind=0.0, wind_from=0.0, smoothing=2.0, roughness=1.0, name="sortie"):
-    """A light aircraft by `legs` from `start` (rad, rad, m), first heading (rad) and speed (m/s, 0: parked).
+def sortie(
+    start,
+    course,
+    legs,
+    speed=0.0,
+    wind=0.0,
+    wind_from=0.0,
+    smoothing=2.0,
+    roughness=1.0,
+    name="sortie",
+):
+    """A light aircraft by `legs` from `start` (rad, rad, m), first heading (rad) and speed (m/s, 0:
+    parked).
 
-    It stands and rolls level below some 20 m/s and flies above some 34: with bank = atan(airspeed * turn rate / g), pitch 2.5 deg above its path
-    through the air, gusts scaled by `roughness`, and the steady `wind` (m/s) out of `wind_from` (rad), in which its course is not its heading.
-    A climb at less than that is refused, and so is one faster than the airspeed. Raises DataError.
+    It stands and rolls level below some 20 m/s and flies above some 34: with bank = atan(airspeed *
+    turn rate / g), pitch 2.5 deg above its path through the air, gusts scaled by `roughness`, and
+    the steady `wind` (m/s) out of `wind_from` (rad), in which its course is not its heading. A
+    climb at less than that is refused, and so is one faster than the airspeed. Raises DataError.
     """
     if not (0 <= wind < np.inf and np.isfinite(wind_from)):
-        raise DataError(f"a wind blows with 0 m/s or more out of some direction, not with {wind!r} m/s out of {wind_from!r} rad")
+        raise DataError(
+            f"a wind blows with 0 m/s or more out of some direction, not with {wind!r} m/s out of {wind_from!r} rad"
+        )
     flat = flat_legs(legs, "climb")
     _check(flat, speed)
     path, pace, climb, end = profiles(flat, course, speed, smoothing)
@@ -33,13 +51,21 @@ def sortie(start, course, legs, speed=0.0, wind=0.0, wind_from=0.0, smoothing=2.
     def velocity(t):
         angle, lifted_off = path(t), airborne(pace(t))
         v = pace(t) + lifted_off * gust(t, "speed")
-        return v * cosine(angle) + lifted_off * drift[0], v * sine(angle) + lifted_off * drift[1], lifted_off * gust(t, "down") - climb.rate(t)
+        return (
+            v * cosine(angle) + lifted_off * drift[0],
+            v * sine(angle) + lifted_off * drift[1],
+            lifted_off * gust(t, "down") - climb.rate(t),
+        )
 
     def attitude(t):
         v = pace(t)
         lifted_off = airborne(v)
         bank, slope = arctangent(v * path.rate(t) / G), arctangent(climb.rate(t) / (v + _CRAWL))
-        return lifted_off * (bank + gust(t, "roll")), lifted_off * (2.5 * DEG + gust(t, "pitch")) + slope, path(t) + lifted_off * gust(t, "heading")
+        return (
+            lifted_off * (bank + gust(t, "roll")),
+            lifted_off * (2.5 * DEG + gust(t, "pitch")) + slope,
+            path(t) + lifted_off * gust(t, "heading"),
+        )
 
     return Motion(name, tuple(start), velocity, attitude, end)
 
@@ -48,7 +74,9 @@ def _share(speed):
     return 0.5 + 0.5 * np.tanh((speed - LIFT_OFF) / ROTATION)
 
 
-airborne = lifted(_share, lambda speed: 0.5 / ROTATION * (1 - np.tanh((speed - LIFT_OFF) / ROTATION) ** 2))
+airborne = lifted(
+    _share, lambda speed: 0.5 / ROTATION * (1 - np.tanh((speed - LIFT_OFF) / ROTATION) ** 2)
+)
 """Share of the weight that the wings carry at an airspeed (m/s): 0 on the ground, 1 in the air."""
 
 
@@ -59,6 +87,8 @@ def _check(legs, speed):
         then = leg.get("speed", now)
         slowest = min(now, then)
         if leg["climb"] and not max(abs(leg["climb"]), LIFT_OFF) <= slowest:
-            raise DataError(f"leg {number} (repeats written out): a climb of {leg['climb']:g} m/s at a speed of {slowest:g} m/s; "
-                            f"it must fly at {LIFT_OFF:g} m/s at least, and not slower than it climbs")
+            raise DataError(
+                f"leg {number} (repeats written out): a climb of {leg['climb']:g} m/s at a speed of {slowest:g} m/s; "
+                f"it must fly at {LIFT_OFF:g} m/s at least, and not slower than it climbs"
+            )
         now = then

@@ -1,4 +1,6 @@
-"""A Motion through the rows of a trajectory: what another simulator flew, or a reference that was recorded, as truth of a simulation."""
+"""A Motion through the rows of a trajectory: what another simulator flew, or a reference that
+was recorded, as truth of a simulation."""
+
 import math
 from functools import partial
 
@@ -8,69 +10,108 @@ from ..data import DataError
 from .trajectory import Motion
 
 DEGREE = 5
-"""Of the splines: angular and linear acceleration have two continuous derivatives, so that Gauss-Legendre quadrature keeps its order."""
+"""Of the splines: angular and linear acceleration have two continuous derivatives, so that
+Gauss-Legendre quadrature keeps its order."""
 STEEPEST, WIDEST = math.radians(85), math.radians(90)
-"""Of pitch, and of the rotation from row to row, rad: beyond, Euler angles do not tell how it turned between two rows."""
+"""Of pitch, and of the rotation from row to row, rad: beyond, Euler angles do not tell how it
+turned between two rows."""
 
 
 def splined(trajectory, name="splined motion"):
-    """The Motion whose velocity and Euler angles are quintic splines through those of a data.Trajectory (velocity and attitude in every row).
+    """The Motion whose velocity and Euler angles are quintic splines through those of a
+    data.Trajectory (velocity and attitude in every row).
 
-    Its time begins at 0 with the first row, and it begins at that row's position: its positions are the integral of its velocity, not the
-    trajectory's own (`residual` says by how much they differ). It is no way to fly a loop: Euler angles have no spline through the vertical. Raises
-    DataError for fewer than six rows, a row that is not finite or has no attitude, times that do not increase, pitch beyond STEEPEST or a rotation
-    beyond WIDEST from one row to the next.
+    Its time begins at 0 with the first row, and it begins at that row's position: its positions are
+    the integral of its velocity, not the trajectory's own (`residual` says by how much they
+    differ). It is no way to fly a loop: Euler angles have no spline through the vertical. Raises
+    DataError for fewer than six rows, a row that is not finite or has no attitude, times that do
+    not increase, pitch beyond STEEPEST or a rotation beyond WIDEST from one row to the next.
     """
     if trajectory.v_n is None or trajectory.q_nb is None:
-        raise DataError(f"{name}: the trajectory has no {'velocity' if trajectory.v_n is None else 'attitude'}; a motion is made of both")
+        raise DataError(
+            f"{name}: the trajectory has no {'velocity' if trajectory.v_n is None else 'attitude'}; a motion is made of both"
+        )
     t = np.asarray(trajectory.t, float) - trajectory.t[0] if len(trajectory) else np.empty(0)
     if len(t) <= DEGREE:
-        raise DataError(f"{name}: the trajectory has {len(t)} rows; a spline of degree {DEGREE} needs {DEGREE + 1} or more")
-    bad = ~np.isfinite(np.c_[t, trajectory.lla, trajectory.v_n, trajectory.q_nb]).all(axis=1) | ~np.any(trajectory.q_nb, axis=1)
+        raise DataError(
+            f"{name}: the trajectory has {len(t)} rows; a spline of degree {DEGREE} needs {DEGREE + 1} or more"
+        )
+    bad = ~np.isfinite(np.c_[t, trajectory.lla, trajectory.v_n, trajectory.q_nb]).all(
+        axis=1
+    ) | ~np.any(trajectory.q_nb, axis=1)
     if bad.any():
-        raise DataError(f"{name}: row {int(np.argmax(bad))} of the trajectory is not finite or has no attitude; leave out what is not known")
+        raise DataError(
+            f"{name}: row {int(np.argmax(bad))} of the trajectory is not finite or has no attitude; leave out what is not known"
+        )
     if np.any(np.diff(t) <= 0):
-        raise DataError(f"{name}: the time does not increase at row {int(np.argmax(np.diff(t) <= 0)) + 1} of the trajectory")
+        raise DataError(
+            f"{name}: the time does not increase at row {int(np.argmax(np.diff(t) <= 0)) + 1} of the trajectory"
+        )
     _refuse_turns(trajectory, name)
-    return Motion(name, tuple(map(float, trajectory.lla[0])), _spline(t, trajectory.v_n), _spline(t, np.unwrap(trajectory.rph, axis=0)), float(t[-1]))
+    return Motion(
+        name,
+        tuple(map(float, trajectory.lla[0])),
+        _spline(t, trajectory.v_n),
+        _spline(t, np.unwrap(trajectory.rph, axis=0)),
+        float(t[-1]),
+    )
 
 
 def _refuse_turns(trajectory, name):
     """Raise DataError where splines of Euler angles would not follow the attitude."""
     steep = np.abs(trajectory.rph[:, 1]) > STEEPEST
     if steep.any():
-        raise DataError(f"{name}: pitch is {np.degrees(trajectory.rph[np.argmax(steep), 1]):.1f} deg at row {int(np.argmax(steep))} of the trajectory; "
-                        f"splines of Euler angles hold up to {math.degrees(STEEPEST):g} deg")
+        raise DataError(
+            f"{name}: pitch is {np.degrees(trajectory.rph[np.argmax(steep), 1]):.1f} deg at row {int(np.argmax(steep))} of the trajectory; "
+            f"splines of Euler angles hold up to {math.degrees(STEEPEST):g} deg"
+        )
     q = trajectory.q_nb / np.linalg.norm(trajectory.q_nb, axis=1, keepdims=True)
     wide = np.abs((q[1:] * q[:-1]).sum(axis=1)) < math.cos(0.5 * WIDEST)
     if wide.any():
-        raise DataError(f"{name}: it turns by more than {math.degrees(WIDEST):g} deg between rows {int(np.argmax(wide))} and {int(np.argmax(wide)) + 1} "
-                        "of the trajectory; give rows closer together")
+        raise DataError(
+            f"{name}: it turns by more than {math.degrees(WIDEST):g} deg between rows {int(np.argmax(wide))} and {int(np.argmax(wide)) + 1} "
+            "of the trajectory; give rows closer together"
+        )
 
 
 def residual(motion, trajectory):
-    """(position NED m, velocity m/s, rotation vector in n rad), (n, 3) each: the trajectory less the motion at its rows after the first.
+    """(position NED m, velocity m/s, rotation vector in n rad), (n, 3) each: the trajectory less
+    the motion at its rows after the first.
 
-    At a spline's own rows velocity and attitude agree to rounding; hold rows back to see what it makes of the time between them.
+    At a spline's own rows velocity and attitude agree to rounding; hold rows back to see what it
+    makes of the time between them.
     """
     from ..geodesy import displacement
     from .trajectory import sample
+
     t = np.asarray(trajectory.t, float) - trajectory.t[0]
     made = sample(motion, t[1:])
-    return displacement(trajectory.lla[1:], made.lla), trajectory.v_n[1:] - made.v_n, (trajectory.rotation[1:] * made.rotation.inv()).as_rotvec()
+    return (
+        displacement(trajectory.lla[1:], made.lla),
+        trajectory.v_n[1:] - made.v_n,
+        (trajectory.rotation[1:] * made.rotation.inv()).as_rotvec(),
+    )
 
 
 def _spline(t, values):
-    """t -> three values, for real and complex times: the piece is chosen by the real part, and is a polynomial."""
+    """t -> three values, for real and complex times: the piece is chosen by the real part, and
+    is a polynomial."""
     from math import factorial
+
     from scipy.interpolate import make_interp_spline
+
     spline = make_interp_spline(t, values, k=DEGREE)
     begins = np.unique(spline.t)[:-1]
-    return partial(_evaluate, begins, np.stack([spline(begins, power) / factorial(power) for power in range(DEGREE, -1, -1)]))
+    return partial(
+        _evaluate,
+        begins,
+        np.stack([spline(begins, power) / factorial(power) for power in range(DEGREE, -1, -1)]),
+    )
 
 
 def _evaluate(begins, coefficients, t):
-    """Horner's rule on the pieces that begin at `begins`; coefficients (degree + 1, pieces, 3), of the highest power first."""
+    """Horner's rule on the pieces that begin at `begins`; coefficients (degree + 1, pieces, 3),
+    of the highest power first."""
     t = np.asarray(t)
     piece = np.clip(np.searchsorted(begins, t.real, side="right") - 1, 0, len(begins) - 1)
     x = (t - begins[piece])[..., None]

@@ -1,4 +1,6 @@
-"""From a scenario and an IMU's errors to Recordings with their truth, and to a filter's start drawn around that truth."""
+"""From a scenario and an IMU's errors to Recordings with their truth, and to a filter's start
+drawn around that truth."""
+
 from functools import lru_cache
 from pathlib import Path
 
@@ -6,29 +8,36 @@ import numpy as np
 
 from ..core.contract import ATT, BA, BG, POS, STATES, VEL, Start
 from ..data import DataError
-from ..recording import Recording
 from ..geodesy import displaced
+from ..recording import Recording
 from ..sensor_models.gnss import without_fixes
 from ..sensor_models.imu import grade, saturated
 from .scenario import Scenario
 from .scenario import scenario as find
 from .trajectory import Motion, gravity, records
 
-
 KEPT = 200_000
-"""Samples of a flight whose truth is kept for the next scenario with the same motion: 30 MB each at most."""
+"""Samples of a flight whose truth is kept for the next scenario with the same motion: 30 MB each
+at most."""
 
 
 @lru_cache(maxsize=12)
 def _known_records(motion, count, rate, gravity_of):
-    """(truth, ideal IMU) of a motion; scenarios that differ in sensors or start alone share them."""
-    return records(motion, np.arange(count + 1) / rate, _gravity_at_the_ellipsoid if gravity_of == "latitude" else gravity)
+    """(truth, ideal IMU) of a motion; scenarios that differ in sensors or start alone share
+    them."""
+    return records(
+        motion,
+        np.arange(count + 1) / rate,
+        _gravity_at_the_ellipsoid if gravity_of == "latitude" else gravity,
+    )
 
 
 class Simulator:
-    """A scenario and all that its runs share, computed once: the truth, what an ideal IMU and an exact receiver make of it.
+    """A scenario and all that its runs share, computed once: the truth, what an ideal IMU and an
+    exact receiver make of it.
 
-    Nothing in it changes afterwards, so that threads may share it. All chance of a run comes from the generator or seed it is given.
+    Nothing in it changes afterwards, so that threads may share it. All chance of a run comes from
+    the generator or seed it is given.
     """
 
     def __init__(self, scenario):
@@ -37,34 +46,57 @@ class Simulator:
         count = round(scenario.duration * scenario.rate)
         known = _known_records if count <= KEPT else _known_records.__wrapped__
         self.truth, self.ideal = known(scenario.motion, count, scenario.rate, scenario.gravity)
-        """The true trajectory at 0, 1/rate, ... s, and the increments of an ideal IMU (core.contract.Imu) from row to row of it."""
+        """The true trajectory at 0, 1/rate, ... s, and the increments of an ideal IMU
+        (core.contract.Imu) from row to row of it."""
         self.offset = np.asarray(scenario.accel_offset, float)
         self.plan = scenario.gnss.plan(self.truth, scenario.gate)
-        self.magnetic = None if scenario.magnetometer is None else scenario.magnetometer.plan(self.truth, scenario.magnetic_field(), scenario.gate)
-        self.barometric = None if scenario.barometer is None else scenario.barometer.plan(self.truth, scenario.gate)
-        self.attitude = None if scenario.attitude is None else scenario.attitude.plan(self.truth, scenario.gate)
+        self.magnetic = (
+            None
+            if scenario.magnetometer is None
+            else scenario.magnetometer.plan(self.truth, scenario.magnetic_field(), scenario.gate)
+        )
+        self.barometric = (
+            None
+            if scenario.barometer is None
+            else scenario.barometer.plan(self.truth, scenario.gate)
+        )
+        self.attitude = (
+            None if scenario.attitude is None else scenario.attitude.plan(self.truth, scenario.gate)
+        )
 
     def recording(self, imu, rng):
-        """A Recording with the errors of `imu` (ImuSpec, grade or file) and fixes, from `rng` (numpy Generator), each sensor with its stream.
+        """A Recording with the errors of `imu` (ImuSpec, grade or file) and fixes, from `rng`
+        (numpy Generator), each sensor with its stream.
 
-        meta holds the true biases "b_a" (m/s^2, the scenario's offset included) and "b_g" (rad/s), (n, 3) at the IMU samples, and, of a barometer,
-        "b_baro" (m): by how much its heights exceed the ellipsoidal ones but for noise, (n,) at its samples.
+        meta holds the true biases "b_a" (m/s^2, the scenario's offset included) and "b_g" (rad/s),
+        (n, 3) at the IMU samples, and, of a barometer, "b_baro" (m): by how much its heights exceed
+        the ellipsoidal ones but for noise, (n,) at its samples.
         """
         spec = grade(imu)
         of_imu, of_gnss = rng.spawn(2)
         offset = self._offset(spec)
-        felt = self.ideal if offset is None else self.ideal._replace(dv=self.ideal.dv + offset * self.ideal.dt[:, None])
+        felt = (
+            self.ideal
+            if offset is None
+            else self.ideal._replace(dv=self.ideal.dv + offset * self.ideal.dt[:, None])
+        )
         samples, b_a, b_g = spec.corrupt(felt, of_imu)
         b_a = b_a if offset is None else b_a + offset
         fixes = self.plan.fixes(of_gnss)
         others, more, notes = self._others(of_gnss)
         notes = saturated(spec, samples) + without_fixes(fixes) + notes
-        return Recording(samples, (*fixes, *others), self.truth, self._meta(imu, spec, b_a, b_g) | more | {"notes": notes})
+        return Recording(
+            samples,
+            (*fixes, *others),
+            self.truth,
+            self._meta(imu, spec, b_a, b_g) | more | {"notes": notes},
+        )
 
     def _others(self, of_gnss):
         """(aidings, meta, notes) of magnetometer, barometer and AHRS.
 
-        Their streams come after the receiver's two, and all are taken always: no sensor changes what another one draws.
+        Their streams come after the receiver's two, and all are taken always: no sensor changes
+        what another one draws.
         """
         of_magnetometer, of_barometer, of_attitude = of_gnss.spawn(3)
         aidings, more, notes = [], {}, []
@@ -81,58 +113,122 @@ class Simulator:
         return aidings, more, notes
 
     def _offset(self, spec):
-        """The scenario's accelerometer offset at the samples, (n, 3) or (3,) m/s^2; None where there is none."""
+        """The scenario's accelerometer offset at the samples, (n, 3) or (3,) m/s^2; None where
+        there is none."""
         if not self.offset.any():
             return None
         if not (self.scenario.offset_decays and spec.accel.time_constant):
             return self.offset
-        return self.offset * np.exp(-(self.ideal.t - self.ideal.t[0]) / spec.accel.time_constant)[:, None]
+        return (
+            self.offset
+            * np.exp(-(self.ideal.t - self.ideal.t[0]) / spec.accel.time_constant)[:, None]
+        )
 
     def start(self, rng, imu, recording):
-        """A Start at 0 s: the truth less an error drawn from the scenario's `start_sd`, biases 0 or, where they are known, those of `recording`."""
-        biases = (recording.meta["b_a"][0], recording.meta["b_g"][0]) if self.scenario.biases_known else None
-        return draw_start(self.truth, self.scenario.start_deviations(grade(imu)), rng, biases=biases)
+        """A Start at 0 s: the truth less an error drawn from the scenario's `start_sd`, biases 0
+        or, where they are known, those of `recording`."""
+        biases = (
+            (recording.meta["b_a"][0], recording.meta["b_g"][0])
+            if self.scenario.biases_known
+            else None
+        )
+        return draw_start(
+            self.truth, self.scenario.start_deviations(grade(imu)), rng, biases=biases
+        )
 
     def run(self, imu, seed_sequence):
-        """(Recording, Start) of one numpy SeedSequence; the same one gives the same run, however often it was used."""
-        same = np.random.SeedSequence(seed_sequence.entropy, spawn_key=seed_sequence.spawn_key, pool_size=seed_sequence.pool_size)
+        """(Recording, Start) of one numpy SeedSequence; the same one gives the same run, however
+        often it was used."""
+        same = np.random.SeedSequence(
+            seed_sequence.entropy,
+            spawn_key=seed_sequence.spawn_key,
+            pool_size=seed_sequence.pool_size,
+        )
         rng = np.random.default_rng(same)
         recording = self.recording(imu, rng)
         return recording, self.start(rng.spawn(1)[0], imu, recording)
 
     def ideal_recording(self):
-        """The Recording of an IMU without errors and of exact fixes, which state the standard deviations of the noisy ones."""
+        """The Recording of an IMU without errors and of exact fixes, which state the standard
+        deviations of the noisy ones."""
         zeros = np.zeros((len(self.ideal.t), 3))
-        others = tuple(plan.exact() for plan in (self.magnetic, self.barometric, self.attitude) if plan is not None)
-        return Recording(self.ideal, self.plan.exact() + others, self.truth, self._meta(None, None, zeros, zeros.copy()))
+        others = tuple(
+            plan.exact()
+            for plan in (self.magnetic, self.barometric, self.attitude)
+            if plan is not None
+        )
+        return Recording(
+            self.ideal,
+            self.plan.exact() + others,
+            self.truth,
+            self._meta(None, None, zeros, zeros.copy()),
+        )
 
     def exact_start(self, imu):
         """The Start at the truth with the standard deviations that `start` has with `imu`."""
-        return _start(self.truth, 0, self.scenario.start_deviations(grade(imu)), np.zeros(STATES), None, "the truth")
+        return _start(
+            self.truth,
+            0,
+            self.scenario.start_deviations(grade(imu)),
+            np.zeros(STATES),
+            None,
+            "the truth",
+        )
 
     def _meta(self, imu, spec, b_a, b_g):
-        meta = {"name": self.scenario.name, "grade": str(imu) if isinstance(imu, (str, Path)) else spec, "notes": [], "b_a": b_a, "b_g": b_g,
-                "place": [float(value) for value in self.truth.lla[0]]}
+        meta = {
+            "name": self.scenario.name,
+            "grade": str(imu) if isinstance(imu, (str, Path)) else spec,
+            "notes": [],
+            "b_a": b_a,
+            "b_g": b_g,
+            "place": [float(value) for value in self.truth.lla[0]],
+        }
         return meta if self.scenario.date is None else meta | {"date": self.scenario.date}
 
 
-def simulate(motion, duration=None, imu=None, seed=0, rate=None, gnss=None, magnetometer=None, barometer=None, date=None, attitude=None):
-    """A simulated Recording: IMU samples with errors, fixes of GNSS, magnetometer, barometer and AHRS, and the truth as reference.
+def simulate(
+    motion,
+    duration=None,
+    imu=None,
+    seed=0,
+    rate=None,
+    gnss=None,
+    magnetometer=None,
+    barometer=None,
+    date=None,
+    attitude=None,
+):
+    """A simulated Recording: IMU samples with errors, fixes of GNSS, magnetometer, barometer and
+    AHRS, and the truth as reference.
 
-    motion: a Motion, then `duration` (s) and `imu` must be given; or a Scenario, its name, or the path of its TOML file, whose values hold
-    where no other is given. imu: grade, file or ImuSpec; rate: IMU samples per second, else 100; gnss: a Gnss;
-    magnetometer: a Magnetometer, which needs a field of its own or a `date` (ISO) for the geomagnetic model; barometer: a Barometer;
-    attitude: an Ahrs. meta holds the grade, the seed, the place where it begins ([rad, rad, m]), the date, and the true biases "b_a" (m/s^2) and
-    "b_g" (rad/s), (n, 3) at the IMU samples. Each sensor has its own random stream: the fixes of a seed are the same for every grade. Raises DataError.
+    motion: a Motion, then `duration` (s) and `imu` must be given; or a Scenario, its name, or the
+    path of its TOML file, whose values hold where no other is given. imu: grade, file or ImuSpec;
+    rate: IMU samples per second, else 100; gnss: a Gnss; magnetometer: a Magnetometer, which needs
+    a field of its own or a `date` (ISO) for the geomagnetic model; barometer: a Barometer;
+    attitude: an Ahrs. meta holds the grade, the seed, the place where it begins ([rad, rad, m]),
+    the date, and the true biases "b_a" (m/s^2) and "b_g" (rad/s), (n, 3) at the IMU samples. Each
+    sensor has its own random stream: the fixes of a seed are the same for every grade. Raises
+    DataError.
     """
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise DataError(f"seed is {seed!r}; it must be a whole number, 0 or more")
-    given = {"duration": duration, "imu": imu, "rate": rate, "gnss": gnss, "magnetometer": magnetometer, "barometer": barometer, "date": date,
-             "attitude": attitude}
+    given = {
+        "duration": duration,
+        "imu": imu,
+        "rate": rate,
+        "gnss": gnss,
+        "magnetometer": magnetometer,
+        "barometer": barometer,
+        "date": date,
+        "attitude": attitude,
+    }
     given = {key: value for key, value in given.items() if value is not None}
     if isinstance(motion, Motion):
         if duration is None or imu is None:
-            raise DataError("to simulate a Motion, give its duration in s and an imu; a scenario has them of its own")
+            raise DataError(
+                "to simulate a Motion, give its duration in s and an imu; a scenario has them of its own"
+            )
         scenario = Scenario(motion.name, motion, **given)
     else:
         scenario = find(motion).replace(**given)
@@ -142,10 +238,12 @@ def simulate(motion, duration=None, imu=None, seed=0, rate=None, gnss=None, magn
 
 
 def draw_start(truth, sd, rng, t=None, biases=None):
-    """A Start at the truth's row at `t` (its first by default) less an error drawn from the 15 standard deviations `sd` (SI, radians).
+    """A Start at the truth's row at `t` (its first by default) less an error drawn from the 15
+    standard deviations `sd` (SI, radians).
 
-    Errors are true - estimate, the attitude's in the navigation frame: q_true = dq (x) q_est. `biases` are the true (b_a, b_g) there;
-    without them the estimated biases are 0, right where the sensor has drawn its biases from the same standard deviations.
+    Errors are true - estimate, the attitude's in the navigation frame: q_true = dq (x) q_est.
+    `biases` are the true (b_a, b_g) there; without them the estimated biases are 0, right where the
+    sensor has drawn its biases from the same standard deviations.
     """
     sd = np.asarray(sd, float)
     if sd.shape != (STATES,) or not np.all((sd >= 0) & np.isfinite(sd)):
@@ -153,17 +251,37 @@ def draw_start(truth, sd, rng, t=None, biases=None):
     row = 0 if t is None else int(np.argmin(np.abs(truth.t - t)))
     if t is not None and abs(truth.t[row] - t) > 1e-6:
         raise DataError(f"the truth has no row at {t:g} s; the nearest is at {truth.t[row]:g} s")
-    return _start(truth, row, sd, sd * rng.standard_normal(STATES), biases, "truth less an error drawn from sd")
+    return _start(
+        truth,
+        row,
+        sd,
+        sd * rng.standard_normal(STATES),
+        biases,
+        "truth less an error drawn from sd",
+    )
 
 
 def _start(truth, row, sd, error, biases, note):
     from scipy.spatial.transform import Rotation
+
     attitude = Rotation.from_quat(truth.q_nb[row, [1, 2, 3, 0]])
     heading, pitch, roll = (Rotation.from_rotvec(-error[ATT]) * attitude).as_euler("ZYX")
-    b_a, b_g = (np.zeros(3), np.zeros(3)) if biases is None else (np.asarray(biases[0]) - error[BA], np.asarray(biases[1]) - error[BG])
+    b_a, b_g = (
+        (np.zeros(3), np.zeros(3))
+        if biases is None
+        else (np.asarray(biases[0]) - error[BA], np.asarray(biases[1]) - error[BG])
+    )
     numbers = lambda values: tuple(float(value) for value in values)
-    return Start(float(truth.t[row]), numbers(displaced(truth.lla[row], -error[POS])), numbers(truth.v_n[row] - error[VEL]),
-                 numbers((roll, pitch, heading % (2 * np.pi))), numbers(b_a), numbers(b_g), numbers(sd), note)
+    return Start(
+        float(truth.t[row]),
+        numbers(displaced(truth.lla[row], -error[POS])),
+        numbers(truth.v_n[row] - error[VEL]),
+        numbers((roll, pitch, heading % (2 * np.pi))),
+        numbers(b_a),
+        numbers(b_g),
+        numbers(sd),
+        note,
+    )
 
 
 def _gravity_at_the_ellipsoid(lat, alt):

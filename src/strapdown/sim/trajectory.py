@@ -1,7 +1,9 @@
 """A motion as two functions of time, and the exact truth and IMU increments that follow from it.
 
-The Earth here (radii, gravity, rate) is the simulator's own and deliberately not that of `core`: an error in one must not cancel in the other.
+The Earth here (radii, gravity, rate) is the simulator's own and deliberately not that of `core`: an
+error in one must not cancel in the other.
 """
+
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -16,44 +18,58 @@ GRAVITY_EQUATOR, GRAVITY_POLE, GM = 9.7803253359, 9.8321849378, 3.986004418e14
 """WGS-84: m, -, rad/s, -, m/s^2, m/s^2, m^3/s^2."""
 DEG = np.pi / 180
 
-_POLEWARD = 89 * DEG                    # as of the models: beyond it, heading and longitude turn too fast to mean anything
-_LONGEST = 0.02                         # s; a longer sample is integrated in pieces
-_STEP = 1e-20                           # of the complex-step derivative: no cancellation, so it may vanish against t
-_BLOCK = 400_000                        # pieces worked on at a time: a day of samples is too long for temporary arrays
+_POLEWARD = (
+    89 * DEG
+)  # as of the models: beyond it, heading and longitude turn too fast to mean anything
+_LONGEST = 0.02  # s; a longer sample is integrated in pieces
+_STEP = 1e-20  # of the complex-step derivative: no cancellation, so it may vanish against t
+_BLOCK = 400_000  # pieces worked on at a time: a day of samples is too long for temporary arrays
 _NODES = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
 _WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18
 _r = np.sqrt(15.0)
-_INNER = np.array([[5 / 36, 2 / 9 - _r / 15, 5 / 36 - _r / 30],
-                   [5 / 36 + _r / 24, 2 / 9, 5 / 36 - _r / 24],
-                   [5 / 36 + _r / 30, 2 / 9 + _r / 15, 5 / 36]])
-"""Three-point Gauss-Legendre collocation on [0, 1] (order 6): nodes, weights, and weights of the integrals up to each node."""
+_INNER = np.array(
+    [
+        [5 / 36, 2 / 9 - _r / 15, 5 / 36 - _r / 30],
+        [5 / 36 + _r / 24, 2 / 9, 5 / 36 - _r / 24],
+        [5 / 36 + _r / 30, 2 / 9 + _r / 15, 5 / 36],
+    ]
+)
+"""Three-point Gauss-Legendre collocation on [0, 1] (order 6): nodes, weights, and weights of the
+integrals up to each node."""
 
 
 class Motion(NamedTuple):
-    """A motion over the Earth: where it begins and two functions of time, from which everything else follows.
+    """A motion over the Earth: where it begins and two functions of time, from which everything
+    else follows.
 
-    Both take an array of times (s, from 0) and return three arrays or numbers. They are differentiated by complex step: write them with
-    analytic numpy functions that take complex arguments (no abs, arctan2, comparison or np.radians; `ramp` for what changes, `DEG` for degrees).
+    Both take an array of times (s, from 0) and return three arrays or numbers. They are
+    differentiated by complex step: write them with analytic numpy functions that take complex
+    arguments (no abs, arctan2, comparison or np.radians; `ramp` for what changes, `DEG` for
+    degrees).
     """
+
     name: str
-    lla: tuple              # at t = 0: latitude rad, longitude rad, ellipsoidal height m
-    velocity: Callable      # t -> north, east, down velocity, m/s
-    attitude: Callable      # t -> roll, pitch, heading, rad (ZYX; heading need not be wrapped)
-    end: float = np.inf     # s, the last time at which the functions are meant
+    lla: tuple  # at t = 0: latitude rad, longitude rad, ellipsoidal height m
+    velocity: Callable  # t -> north, east, down velocity, m/s
+    attitude: Callable  # t -> roll, pitch, heading, rad (ZYX; heading need not be wrapped)
+    end: float = np.inf  # s, the last time at which the functions are meant
 
 
 def sample(motion, t, longest=_LONGEST, lla=None):
-    """Truth at increasing times t (n,), s, at or after 0, as data.Trajectory; position is the exact integral of velocity. Raises DataError.
+    """Truth at increasing times t (n,), s, at or after 0, as data.Trajectory; position is the exact
+    integral of velocity. Raises DataError.
 
-    The integral is made of pieces of at most `longest` s; for a glance at a smooth motion more than the default will do.
-    It begins at 0 with the motion or, where it is given, at t[0] with the position `lla`.
+    The integral is made of pieces of at most `longest` s; for a glance at a smooth motion more than
+    the default will do. It begins at 0 with the motion or, where it is given, at t[0] with the
+    position `lla`.
     """
     t = _checked(motion, t)
     return _truth(motion, t, _positions(motion, t, lla, longest)[0])
 
 
 def increments(motion, t):
-    """What an ideal IMU delivers at t[1:]: integrals of omega_ib_b (rad) and f_ib_b (m/s) since the time before. Raises DataError."""
+    """What an ideal IMU delivers at t[1:]: integrals of omega_ib_b (rad) and f_ib_b (m/s) since
+    the time before. Raises DataError."""
     t = _checked(motion, t)
     return _increments(motion, t, _positions(motion, t), gravity)
 
@@ -61,69 +77,101 @@ def increments(motion, t):
 def records(motion, t, gravity_model=None):
     """(`sample`, `increments`) at once, for less time and memory: t[0] must be 0. Raises DataError.
 
-    `gravity_model` is a function of latitude (rad) and height (m), m/s^2, in place of this module's normal gravity.
+    `gravity_model` is a function of latitude (rad) and height (m), m/s^2, in place of this module's
+    normal gravity.
     """
     t = _checked(motion, t)
     if t[0] != 0 or len(t) < 2:
-        raise DataError(f"a recording begins at 0 s and has two times or more, not {len(t)} from {t[0]:g} s")
+        raise DataError(
+            f"a recording begins at 0 s and has two times or more, not {len(t)} from {t[0]:g} s"
+        )
     rows = max(1, _BLOCK // max(1, int(np.ceil(np.diff(t).max() / _LONGEST - 1e-9))))
     lla, truths, imus = None, [], []
     for begin in range(0, len(t) - 1, rows):
-        part = t[begin:begin + rows + 1]
+        part = t[begin : begin + rows + 1]
         positions = _positions(motion, part, lla)
         lla, skip = positions[0][-1], int(begin > 0)
         truths.append(_truth(motion, part[skip:], positions[0][skip:]))
         imus.append(_increments(motion, part, positions, gravity_model or gravity))
     if len(imus) == 1:
         return truths[0], imus[0]
-    return (Trajectory(t, *(np.concatenate([getattr(truth, name) for truth in truths]) for name in ("lla", "v_n", "q_nb"))),
-            Imu(*(np.concatenate(columns) for columns in zip(*imus))))
+    return (
+        Trajectory(
+            t,
+            *(
+                np.concatenate([getattr(truth, name) for truth in truths])
+                for name in ("lla", "v_n", "q_nb")
+            ),
+        ),
+        Imu(*(np.concatenate(columns) for columns in zip(*imus))),
+    )
 
 
 def _truth(motion, t, lla):
     from scipy.spatial.transform import Rotation
+
     roll, pitch, heading = _values(motion.attitude, t)
     q = Rotation.from_euler("ZYX", np.c_[heading, pitch, roll]).as_quat()[:, [3, 0, 1, 2]]
-    return Trajectory(t, lla, np.ascontiguousarray(_values(motion.velocity, t).T), q * np.where(q[:, :1] < 0, -1.0, 1.0))
+    return Trajectory(
+        t,
+        lla,
+        np.ascontiguousarray(_values(motion.velocity, t).T),
+        q * np.where(q[:, :1] < 0, -1.0, 1.0),
+    )
 
 
 def _increments(motion, t, positions, gravity_model):
     _, nodes, times, length, first = positions
     omega, f = rates(motion, times.ravel(), nodes.reshape(3, -1), gravity_model)
-    sums = [np.add.reduceat(length * (rate.reshape(3, *times.shape) @ _WEIGHTS), first, axis=1) for rate in (omega, f)]
+    sums = [
+        np.add.reduceat(length * (rate.reshape(3, *times.shape) @ _WEIGHTS), first, axis=1)
+        for rate in (omega, f)
+    ]
     return Imu(t[1:], np.diff(t), *(np.ascontiguousarray(total.T) for total in sums))
 
 
 def rates(motion, t, lla, gravity_model):
-    """(omega_ib_b rad/s, f_ib_b m/s^2), (3, n) each, at times t (n,), positions lla (3, n) and in the gravity that belong to them."""
+    """(omega_ib_b rad/s, f_ib_b m/s^2), (3, n) each, at times t (n,), positions lla (3, n) and
+    in the gravity that belong to them."""
     (north, east, down), acceleration = _with_derivative(motion.velocity, t)
-    (roll, pitch, heading), (roll_rate, pitch_rate, heading_rate) = _with_derivative(motion.attitude, t)
+    (roll, pitch, heading), (roll_rate, pitch_rate, heading_rate) = _with_derivative(
+        motion.attitude, t
+    )
     lat, _, alt = lla
     meridian, normal = radii(lat)
     earth = EARTH_RATE * np.stack([np.cos(lat), 0 * lat, -np.sin(lat)])
-    transport = np.stack([east / (normal + alt), -north / (meridian + alt), -east * np.tan(lat) / (normal + alt)])
+    transport = np.stack(
+        [east / (normal + alt), -north / (meridian + alt), -east * np.tan(lat) / (normal + alt)]
+    )
     force = acceleration + np.cross(2 * earth + transport, np.stack([north, east, down]), axis=0)
     force[2] -= gravity_model(lat, alt)
-    omega_nb = np.stack([roll_rate - heading_rate * np.sin(pitch),
-                         pitch_rate * np.cos(roll) + heading_rate * np.cos(pitch) * np.sin(roll),
-                         -pitch_rate * np.sin(roll) + heading_rate * np.cos(pitch) * np.cos(roll)])
-    return omega_nb + _to_body(earth + transport, roll, pitch, heading), _to_body(force, roll, pitch, heading)
+    omega_nb = np.stack(
+        [
+            roll_rate - heading_rate * np.sin(pitch),
+            pitch_rate * np.cos(roll) + heading_rate * np.cos(pitch) * np.sin(roll),
+            -pitch_rate * np.sin(roll) + heading_rate * np.cos(pitch) * np.cos(roll),
+        ]
+    )
+    return omega_nb + _to_body(earth + transport, roll, pitch, heading), _to_body(
+        force, roll, pitch, heading
+    )
 
 
 def radii(lat):
     """Radii of curvature of the ellipsoid in the meridian and in the prime vertical, m."""
     w2 = 1 - ECCENTRICITY2 * np.sin(lat) ** 2
-    return SEMI_MAJOR * (1 - ECCENTRICITY2) / w2 ** 1.5, SEMI_MAJOR / np.sqrt(w2)
+    return SEMI_MAJOR * (1 - ECCENTRICITY2) / w2**1.5, SEMI_MAJOR / np.sqrt(w2)
 
 
 def gravity(lat, alt):
-    """Normal gravity, m/s^2, straight down: Somigliana on the ellipsoid, second order in height (Heiskanen & Moritz 1967, eq. 2-123)."""
+    """Normal gravity, m/s^2, straight down: Somigliana on the ellipsoid, second order in height
+    (Heiskanen & Moritz 1967, eq. 2-123)."""
     b = SEMI_MAJOR * (1 - FLATTENING)
     k = b * GRAVITY_POLE / (SEMI_MAJOR * GRAVITY_EQUATOR) - 1
-    m = EARTH_RATE ** 2 * SEMI_MAJOR ** 2 * b / GM
+    m = EARTH_RATE**2 * SEMI_MAJOR**2 * b / GM
     s2, x = np.sin(lat) ** 2, alt / SEMI_MAJOR
     surface = GRAVITY_EQUATOR * (1 + k * s2) / np.sqrt(1 - ECCENTRICITY2 * s2)
-    return surface * (1 - 2 * (1 + FLATTENING + m - 2 * FLATTENING * s2) * x + 3 * x ** 2)
+    return surface * (1 - 2 * (1 + FLATTENING + m - 2 * FLATTENING * s2) * x + 3 * x**2)
 
 
 def ramp(t, at, width):
@@ -142,14 +190,26 @@ def static(lla, rph=(0.0, 0.0, 0.0)):
 
 
 def demo_flight():
-    """Ten minutes in a light aircraft over Lake Constance: 40 to 50 m/s, climbs and descents of 3 m/s, coordinated turns, some turbulence."""
-    turns = [(95, 120, 12), (170, -100, 11), (245, 190, 15), (335, -210, 15), (425, 150, 12), (520, 110, 12)]       # s, deg, s
-    climbs = [(40, 120, 3.0), (200, 270, -2.5), (380, 470, 3.0), (500, 570, -2.0)]                                # s, s, m/s
+    """Ten minutes in a light aircraft over Lake Constance: 40 to 50 m/s, climbs and descents of
+    3 m/s, coordinated turns, some turbulence."""
+    turns = [
+        (95, 120, 12),
+        (170, -100, 11),
+        (245, 190, 15),
+        (335, -210, 15),
+        (425, 150, 12),
+        (520, 110, 12),
+    ]  # s, deg, s
+    climbs = [(40, 120, 3.0), (200, 270, -2.5), (380, 470, 3.0), (500, 570, -2.0)]  # s, s, m/s
     wave = lambda t, period: np.sin(2 * np.pi * t / period)
     speed = lambda t: 45 + 4 * wave(t, 97.0) + 1.0 * wave(t, 31.0)
-    course = lambda t: DEG * 55 + sum(DEG * angle * ramp(t, at, width) for at, angle, width in turns)
+    course = lambda t: (
+        DEG * 55 + sum(DEG * angle * ramp(t, at, width) for at, angle, width in turns)
+    )
     turn_rate = lambda t: sum(DEG * angle * ramp_rate(t, at, width) for at, angle, width in turns)
-    climb = lambda t: sum(rate * (ramp(t, start, 4.0) - ramp(t, stop, 4.0)) for start, stop, rate in climbs)
+    climb = lambda t: sum(
+        rate * (ramp(t, start, 4.0) - ramp(t, stop, 4.0)) for start, stop, rate in climbs
+    )
 
     def velocity(t):
         return speed(t) * np.cos(course(t)), speed(t) * np.sin(course(t)), -climb(t)
@@ -164,7 +224,8 @@ def demo_flight():
 
 
 def _positions(motion, t, lla=None, longest=_LONGEST):
-    """Positions at t (n, 3) and at the quadrature nodes (3, pieces, 3), the times of these, length of each piece, first piece of each interval.
+    """Positions at t (n, 3) and at the quadrature nodes (3, pieces, 3), the times of these, length
+    of each piece, first piece of each interval.
 
     `lla` is the position at t[0]; without it the integral begins with the motion, at 0.
     """
@@ -172,27 +233,44 @@ def _positions(motion, t, lla=None, longest=_LONGEST):
     pieces = np.maximum(1, np.ceil(np.diff(edges) / longest - 1e-9)).astype(int)
     first = np.cumsum(pieces) - pieces
     length = np.repeat(np.diff(edges) / pieces, pieces)
-    start = np.repeat(edges[:-1], pieces) + (np.arange(len(length)) - np.repeat(first, pieces)) * length
+    start = (
+        np.repeat(edges[:-1], pieces) + (np.arange(len(length)) - np.repeat(first, pieces)) * length
+    )
     times = start[:, None] + length[:, None] * _NODES
     north, east, down = _values(motion.velocity, times)
     lat0, lon0, alt0 = motion.lla if lla is None else lla
     alt, alt_nodes = _integral(alt0, -down, length)
     lat_nodes = np.full(times.shape, lat0)
-    for _ in range(20):     # the rate depends on latitude through the radius alone: each round gains three digits or more
+    for _ in range(
+        20
+        # the rate depends on latitude through the radius alone: each round gains three digits or more
+    ):
         before = lat_nodes
         lat, lat_nodes = _integral(lat0, north / (radii(lat_nodes)[0] + alt_nodes), length)
         if np.abs(lat_nodes - before).max(initial=0.0) < 1e-15:
             break
-    lon, lon_nodes = _integral(lon0, east / ((radii(lat_nodes)[1] + alt_nodes) * np.cos(lat_nodes)), length)
+    lon, lon_nodes = _integral(
+        lon0, east / ((radii(lat_nodes)[1] + alt_nodes) * np.cos(lat_nodes)), length
+    )
     if not np.all(np.isfinite(lat + lon + alt)):
-        raise DataError(f"motion {motion.name!r}: its velocity or the place where it begins is not finite")
+        raise DataError(
+            f"motion {motion.name!r}: its velocity or the place where it begins is not finite"
+        )
     if np.abs(lat).max() > _POLEWARD:
-        raise DataError(f"motion {motion.name!r} goes beyond {_POLEWARD / DEG:g} deg of latitude, where the models do not hold; keep away from the poles")
-    at = np.r_[first, len(length)][len(edges) - len(t):]
+        raise DataError(
+            f"motion {motion.name!r} goes beyond {_POLEWARD / DEG:g} deg of latitude, where the models do not hold; keep away from the poles"
+        )
+    at = np.r_[first, len(length)][len(edges) - len(t) :]
     lla = np.c_[lat[at], (lon[at] + np.pi) % (2 * np.pi) - np.pi, alt[at]]
     skip = first[len(edges) - len(t)] if len(t) > 1 else 0
     keep = slice(skip, None)
-    return lla, np.stack([lat_nodes, lon_nodes, alt_nodes])[:, keep], times[keep], length[keep], first[len(edges) - len(t):] - skip
+    return (
+        lla,
+        np.stack([lat_nodes, lon_nodes, alt_nodes])[:, keep],
+        times[keep],
+        length[keep],
+        first[len(edges) - len(t) :] - skip,
+    )
 
 
 def _integral(start, rate, length):
@@ -206,18 +284,24 @@ def _values(function, t):
 
 
 def _with_derivative(function, t):
-    """Values and time derivatives (3, n) of an analytic function, exact to rounding (Squire & Trapp 1998)."""
+    """Values and time derivatives (3, n) of an analytic function, exact to rounding (Squire &
+    Trapp 1998)."""
     z = np.stack(np.broadcast_arrays(*function(t + 1j * _STEP), t)[:3])
     value, slope = z.real.copy(), z.imag / _STEP
     some, half = slice(None, None, 1 + len(t) // 50), 1e-4
-    difference = (_values(function, t[some] + half) - _values(function, t[some] - half)) / (2 * half)
+    difference = (_values(function, t[some] + half) - _values(function, t[some] - half)) / (
+        2 * half
+    )
     if not np.allclose(slope[:, some], difference, rtol=1e-3, atol=1e-3):
-        raise DataError("a motion's function is not analytic: its complex-step derivative is not its slope (abs, arctan2, comparison or jump?)")
+        raise DataError(
+            "a motion's function is not analytic: its complex-step derivative is not its slope (abs, arctan2, comparison or jump?)"
+        )
     return value, slope
 
 
 def _to_body(vector, roll, pitch, heading):
-    """Components (3, n) in the body frame of vectors given in the navigation frame: turned about z, then y, then x."""
+    """Components (3, n) in the body frame of vectors given in the navigation frame: turned about
+    z, then y, then x."""
     v = vector.copy()
     for i, j, angle in ((0, 1, heading), (2, 0, pitch), (1, 2, roll)):
         c, s = np.cos(angle), np.sin(angle)
@@ -227,8 +311,18 @@ def _to_body(vector, roll, pitch, heading):
 
 def _checked(motion, t):
     t = np.ascontiguousarray(t, float)
-    if t.ndim != 1 or len(t) == 0 or not np.all(np.isfinite(t)) or t[0] < 0 or np.any(np.diff(t) <= 0):
-        raise DataError("times of a simulation must be one or more, finite, increasing, and not before 0 s")
+    if (
+        t.ndim != 1
+        or len(t) == 0
+        or not np.all(np.isfinite(t))
+        or t[0] < 0
+        or np.any(np.diff(t) <= 0)
+    ):
+        raise DataError(
+            "times of a simulation must be one or more, finite, increasing, and not before 0 s"
+        )
     if t[-1] > motion.end + 1e-9:
-        raise DataError(f"motion {motion.name!r} ends at {motion.end:g} s, but is wanted to {t[-1]:g} s; simulate less of it, or plan more")
+        raise DataError(
+            f"motion {motion.name!r} ends at {motion.end:g} s, but is wanted to {t[-1]:g} s; simulate less of it, or plan more"
+        )
     return t

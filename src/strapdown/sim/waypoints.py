@@ -1,4 +1,6 @@
-"""A flight by waypoints: over each of them it flies on for a few seconds, then turns until the straight line leads to the next."""
+"""A flight by waypoints: over each of them it flies on for a few seconds, then turns until the
+straight line leads to the next."""
+
 import numpy as np
 
 from ..core.earth import LATITUDE_LIMIT
@@ -8,21 +10,29 @@ from .analytic import Profile
 from .motions import LONGEST, G, flown
 from .trajectory import DEG, Motion, sample
 
-_ROUNDS = 5         # each brings the aim at a waypoint a hundred times closer
-_MARGIN = 5.0       # of the smoothing, from a waypoint to the next corner: what the rounding there moves is 5e-5 of a turn
+_ROUNDS = 5  # each brings the aim at a waypoint a hundred times closer
+# of the smoothing, from a waypoint to the next corner: what the rounding there moves is 5e-5 of a
+# turn
+_MARGIN = 5.0
 
 
-def waypoints(waypoints, speed, bank=25 * DEG, smoothing=2.0, roughness=1.0, name="waypoint flight"):
-    """Over all `waypoints` (latitude rad, longitude rad, height m) in turn at a ground `speed` (m/s), with about `bank` (rad) at most in turns.
+def waypoints(
+    waypoints, speed, bank=25 * DEG, smoothing=2.0, roughness=1.0, name="waypoint flight"
+):
+    """Over all `waypoints` (latitude rad, longitude rad, height m) in turn at a ground `speed`
+    (m/s), with about `bank` (rad) at most in turns.
 
-    It begins over the first, on course to the second, and ends over the last. In smooth air (`roughness` 0) it passes each one within 0.5 m;
-    gusts move it by some metres. Course is constant after a turn (a rhumb line), and so is climb but for a sixth of the time at either end,
+    It begins over the first, on course to the second, and ends over the last. In smooth air
+    (`roughness` 0) it passes each one within 0.5 m; gusts move it by some metres. Course is
+    constant after a turn (a rhumb line), and so is climb but for a sixth of the time at either end,
     which is level. Raises DataError, also where a waypoint is too near to settle on the line to it.
     """
     places = [tuple(map(float, place)) for place in waypoints]
     if len(places) < 2 or not 0 < speed < np.inf or not 0 < bank < 80 * DEG or not smoothing > 0:
-        raise DataError(f"a flight by waypoints needs two or more, speed and smoothing above 0 and a bank between 0 and 80 deg, not {len(places)}, "
-                        f"{speed!r} m/s, {smoothing!r} s, {bank / DEG:.6g} deg")
+        raise DataError(
+            f"a flight by waypoints needs two or more, speed and smoothing above 0 and a bank between 0 and 80 deg, not {len(places)}, "
+            f"{speed!r} m/s, {smoothing!r} s, {bank / DEG:.6g} deg"
+        )
     _check(places, speed)
     here, course, first, turns, climbs = places[0], None, None, [], []
     for number, place in enumerate(places[1:], 2):
@@ -31,36 +41,72 @@ def waypoints(waypoints, speed, bank=25 * DEG, smoothing=2.0, roughness=1.0, nam
             if first is not None:
                 begin, turn = course, _turn_then_line(aim, course, speed, bank, smoothing, number)
             else:
-                begin, turn = float(np.arctan2(aim[1], aim[0])), [(float(np.hypot(*aim)) / speed, 0.0)]
+                begin, turn = (
+                    float(np.arctan2(aim[1], aim[0])),
+                    [(float(np.hypot(*aim)) / speed, 0.0)],
+                )
             seconds = sum(duration for duration, _ in turn)
-            climb = [(seconds / 6, 0.0), (seconds * 2 / 3, (place[2] - here[2]) / (seconds * 2 / 3)), (seconds / 6, 0.0)]
-            reached = _reached(here, _profile(begin, turn, smoothing), _profile(0.0, climb, smoothing), speed, seconds, number)
+            climb = [
+                (seconds / 6, 0.0),
+                (seconds * 2 / 3, (place[2] - here[2]) / (seconds * 2 / 3)),
+                (seconds / 6, 0.0),
+            ]
+            reached = _reached(
+                here,
+                _profile(begin, turn, smoothing),
+                _profile(0.0, climb, smoothing),
+                speed,
+                seconds,
+                number,
+            )
             aim = aim + displacement(place, reached)[:2]
         if abs(climb[1][1]) > speed:
-            raise DataError(f"waypoint {number} needs a climb of {climb[1][1]:.3g} m/s at a speed of {speed:g} m/s; it must not be larger than the speed")
+            raise DataError(
+                f"waypoint {number} needs a climb of {climb[1][1]:.3g} m/s at a speed of {speed:g} m/s; it must not be larger than the speed"
+            )
         first = begin if first is None else first
-        here, course, turns, climbs = reached, begin + sum(duration * rate for duration, rate in turn), turns + turn, climbs + climb
+        here, course, turns, climbs = (
+            reached,
+            begin + sum(duration * rate for duration, rate in turn),
+            turns + turn,
+            climbs + climb,
+        )
     pace = Profile(float(speed), np.zeros(1), np.empty(0), np.empty(0))
     end = float(sum(duration for duration, _ in turns))
-    return flown(places[0], _profile(first, turns, smoothing), pace, _profile(0.0, climbs, smoothing), end, roughness, name)
+    return flown(
+        places[0],
+        _profile(first, turns, smoothing),
+        pace,
+        _profile(0.0, climbs, smoothing),
+        end,
+        roughness,
+        name,
+    )
 
 
 def _check(places, speed):
-    """Raise DataError, before any flying, where places cannot be flown over in turn at that speed."""
+    """Raise DataError, before any flying, where places cannot be flown over in turn at that
+    speed."""
     if not np.all(np.isfinite(places)):
         raise DataError("a waypoint is not finite; give latitude, longitude and height of each")
     for number, (lat, _, _) in enumerate(places, 1):
         if abs(lat) > LATITUDE_LIMIT:
-            raise DataError(f"waypoint {number} is at {lat / DEG:.6g} deg of latitude; the models hold up to {LATITUDE_LIMIT / DEG:g}")
+            raise DataError(
+                f"waypoint {number} is at {lat / DEG:.6g} deg of latitude; the models hold up to {LATITUDE_LIMIT / DEG:g}"
+            )
     total = 0.0
     for number, (here, place) in enumerate(zip(places, places[1:]), 2):
         north, east, _ = displacement(place, here)
         length = float(np.hypot(north, east))
         if length < 1.0:
-            raise DataError(f"waypoints {number - 1} and {number} are at the same place; leave one of them out")
+            raise DataError(
+                f"waypoints {number - 1} and {number} are at the same place; leave one of them out"
+            )
         total += length / speed
     if total > LONGEST:
-        raise DataError(f"the flight by these waypoints takes {total:.3g} s; at most {LONGEST:g} s (10 days) are simulated; fly faster")
+        raise DataError(
+            f"the flight by these waypoints takes {total:.3g} s; at most {LONGEST:g} s (10 days) are simulated; fly faster"
+        )
 
 
 def _profile(value, lines, smoothing):
@@ -69,37 +115,56 @@ def _profile(value, lines, smoothing):
 
 
 def _reached(here, path, climb, speed, seconds, number):
-    leg = Motion("leg", here, lambda t: (speed * np.cos(path(t)), speed * np.sin(path(t)), -climb.rate(t)), lambda t: (0.0, 0.0, 0.0))
+    leg = Motion(
+        "leg",
+        here,
+        lambda t: (speed * np.cos(path(t)), speed * np.sin(path(t)), -climb.rate(t)),
+        lambda t: (0.0, 0.0, 0.0),
+    )
     try:
         return sample(leg, [0.0, seconds], 0.5).lla[-1]
     except DataError:
-        raise DataError(f"the line to waypoint {number} comes within 1 deg of a pole, where courses turn too fast; go round it") from None
+        raise DataError(
+            f"the line to waypoint {number} comes within 1 deg of a pole, where courses turn too fast; go round it"
+        ) from None
 
 
 def _turn_then_line(aim, course, speed, bank, smoothing, number):
-    """[(duration, course rate)] from the origin to `aim` (north, east, m) in the plane: straight, a turn, straight; the shorter of both senses.
+    """[(duration, course rate)] from the origin to `aim` (north, east, m) in the plane: straight, a
+    turn, straight; the shorter of both senses.
 
     An aim inside the turning circle of one side is reached from the other: it cannot be in both.
     """
     pause, quickest, rate = _MARGIN * smoothing, 6 * smoothing, G * np.tan(bank) / speed
     begin, turn = aim - speed * pause * np.array([np.cos(course), np.sin(course)]), None
-    for _ in range(30):     # a small turn takes `quickest` all the same, so its radius depends on its angle
-        radius = speed / rate if turn is None else speed * max(1 / rate, quickest / max(abs(turn), 1e-9))
-        ways = [way for sense in (1, -1) if (way := _tangent(begin, course, radius, sense)) is not None]
+    for _ in range(
+        30
+    ):  # a small turn takes `quickest` all the same, so its radius depends on its angle
+        radius = (
+            speed / rate if turn is None else speed * max(1 / rate, quickest / max(abs(turn), 1e-9))
+        )
+        ways = [
+            way for sense in (1, -1) if (way := _tangent(begin, course, radius, sense)) is not None
+        ]
         if not ways:
-            raise DataError(f"waypoint {number} follows too soon: it lies within the turn to it; fly slower, bank more, or leave it out")
+            raise DataError(
+                f"waypoint {number} follows too soon: it lies within the turn to it; fly slower, bank more, or leave it out"
+            )
         turn, line = min(ways, key=lambda way: radius * abs(way[0]) + way[1])
     if line < speed * pause:
-        raise DataError(f"waypoint {number} follows too soon: {line:.0f} m of straight line are left after the turn to it, {speed * pause:.0f} m "
-                        "are needed; fly slower, bank more, or leave it out")
+        raise DataError(
+            f"waypoint {number} follows too soon: {line:.0f} m of straight line are left after the turn to it, {speed * pause:.0f} m "
+            "are needed; fly slower, bank more, or leave it out"
+        )
     turning = max(abs(turn) / rate, quickest)
     return [(pause, 0.0), (turning, turn / turning), (line / speed, 0.0)]
 
 
 def _tangent(aim, course, radius, sense):
-    """(turn rad, length m of the line after it) of a circle of `radius` to the right (sense 1) or left (-1); None where `aim` is inside."""
+    """(turn rad, length m of the line after it) of a circle of `radius` to the right (sense 1)
+    or left (-1); None where `aim` is inside."""
     to_aim = aim - sense * radius * np.array([-np.sin(course), np.cos(course)])
-    square = to_aim @ to_aim - radius ** 2
+    square = to_aim @ to_aim - radius**2
     if square < 0:
         return None
     line = float(np.sqrt(square))

@@ -1,4 +1,6 @@
-"""Fixed-gain observer: sampled poles at any rate, Lyapunov's covariance, commuting with yaw, two kinds of fixes together, refused gains."""
+"""Fixed-gain observer: sampled poles at any rate, Lyapunov's covariance, commuting with yaw, two
+kinds of fixes together, refused gains."""
+
 from dataclasses import replace
 from itertools import product
 
@@ -10,7 +12,16 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import aiding, filters
-from strapdown.core.contract import ALTITUDE_KIND, ATTITUDE_KIND, PARAMETERS, POSITION_KIND, VELOCITY_KIND, Noise, Start, compile_kernel
+from strapdown.core.contract import (
+    ALTITUDE_KIND,
+    ATTITUDE_KIND,
+    PARAMETERS,
+    POSITION_KIND,
+    VELOCITY_KIND,
+    Noise,
+    Start,
+    compile_kernel,
+)
 from strapdown.core.mechanization import stationary_increments
 from strapdown.data import DataError
 from strapdown.filters.ahrs_aided.fixed_gain import fastest_turn, poles
@@ -24,13 +35,22 @@ DEFAULT = (0.7, 0.14, 0.008)
 
 
 class Standing:
-    """An observer at rest whose error of position, velocity and bias (m, m/s, m/s^2, in n) is set and read; the truth stands still."""
+    """An observer at rest whose error of position, velocity and bias (m, m/s, m/s^2, in n) is
+    set and read; the truth stands still."""
 
     def __init__(self, **gains):
         self.filter = filters.find("fixed-gain")
-        for kernel in (self.filter.predict, self.filter.correct, *(aiding.find(kind).observe for kind in (*KINDS, "attitude"))):
+        for kernel in (
+            self.filter.predict,
+            self.filter.correct,
+            *(aiding.find(kind).observe for kind in (*KINDS, "attitude")),
+        ):
             compile_kernel(kernel)
-        self.belief = self.filter.start(Start(0.0, tuple(LLA), (0.0,) * 3, RPH, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15), NOISE, **gains)
+        self.belief = self.filter.start(
+            Start(0.0, tuple(LLA), (0.0,) * 3, RPH, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15),
+            NOISE,
+            **gains,
+        )
         self.C, self.u = self.belief.C.copy(), np.zeros(6)
 
     def set(self, error):
@@ -39,23 +59,43 @@ class Standing:
 
     @property
     def error(self):
-        return np.array([displacement(LLA, self.belief.lla), -self.belief.v, -self.C @ self.belief.ba])
+        return np.array(
+            [displacement(LLA, self.belief.lla), -self.belief.v, -self.C @ self.belief.ba]
+        )
 
     def wait(self, seconds):
         stationary_increments(LLA, np.zeros(3), self.C, seconds, self.u)
         self.filter.predict(self.belief, self.u, seconds, NOISE)
 
     def fix(self, kind, off=np.zeros(3)):
-        y = {"position": displaced(LLA, off), "velocity": off, "altitude": np.array([LLA[2] - off[2]])}[kind]
+        y = {
+            "position": displaced(LLA, off),
+            "velocity": off,
+            "altitude": np.array([LLA[2] - off[2]]),
+        }[kind]
         innovation = np.zeros(3)
-        nis = self.filter.correct(self.belief, y, np.ones(3), KINDS[kind], aiding.find(kind).observe, np.zeros(PARAMETERS), 16.0, innovation)
+        nis = self.filter.correct(
+            self.belief,
+            y,
+            np.ones(3),
+            KINDS[kind],
+            aiding.find(kind).observe,
+            np.zeros(PARAMETERS),
+            16.0,
+            innovation,
+        )
         assert np.isnan(nis)
         return innovation
 
 
 def sampled(observer, steps, axis):
     """The 3 x 3 matrix by which `steps`, [(seconds, kind)], multiply an error on that axis."""
-    for seconds, kind in steps:     # once before, so that the seconds since the last fix of each kind are those of a period
+    for (
+        seconds,
+        kind,
+    ) in (
+        steps
+    ):  # once before, so that the seconds since the last fix of each kind are those of a period
         observer.wait(seconds)
         observer.fix(kind)
     columns = []
@@ -71,10 +111,14 @@ def sampled(observer, steps, axis):
 
 
 @pytest.mark.parametrize("T", [0.1, 1.0, 2.5])
-@pytest.mark.parametrize("roots", [(-0.1, -0.2, -0.4), (-0.2, -0.2, -0.2), (-0.1, -0.15 + 0.3j, -0.15 - 0.3j)])
+@pytest.mark.parametrize(
+    "roots", [(-0.1, -0.2, -0.4), (-0.2, -0.2, -0.2), (-0.1, -0.15 + 0.3j, -0.15 - 0.3j)]
+)
 def test_sampled_errors_have_the_poles_of_the_continuous_observer(roots, T):
     gains = np.real(np.poly(roots))[1:]
-    observer = Standing(k1=gains[0], k2=gains[1], k3=gains[2], l1=gains[0], l2=gains[1], l3=gains[2])
+    observer = Standing(
+        k1=gains[0], k2=gains[1], k3=gains[2], l1=gains[0], l2=gains[1], l3=gains[2]
+    )
     for axis, kind in ((0, "position"), (1, "position"), (2, "position"), (2, "altitude")):
         found = np.poly(sampled(observer, [(T, kind)], axis))
         np.testing.assert_allclose(found, np.real(np.poly(np.exp(np.array(roots) * T))), atol=5e-5)
@@ -101,34 +145,54 @@ def test_without_the_last_gain_the_bias_stands_still():
     none.set(np.eye(3))
     none.wait(1.0)
     before = none.error
-    assert np.isfinite(none.fix("velocity")).all() and np.abs(none.error - before)[:, :2].max() < 1e-8 < np.abs(none.error - before)[:, 2].max()
+    assert (
+        np.isfinite(none.fix("velocity")).all()
+        and np.abs(none.error - before)[:, :2].max()
+        < 1e-8
+        < np.abs(none.error - before)[:, 2].max()
+    )
 
 
 @pytest.mark.parametrize("T", [5.0, 60.0])
 def test_at_fixes_slower_than_the_poles_it_settles_within_a_few(T):
     """A pole faster than 1/T counts as 1/T."""
     found = np.poly(sampled(Standing(), [(T, "position")], 0))
-    np.testing.assert_allclose(found, np.poly(np.exp(np.maximum([-0.1, -0.2, -0.4], -1 / T) * T)), atol=1e-3 + 1e-6 * T ** 2)     # gravity's gradient
+    np.testing.assert_allclose(
+        found, np.poly(np.exp(np.maximum([-0.1, -0.2, -0.4], -1 / T) * T)), atol=1e-3 + 1e-6 * T**2
+    )  # gravity's gradient
 
 
 def test_both_kinds_of_fixes_together_settle_at_any_rates():
-    """From 10 Hz to 0.02 Hz each, at once or with any delay between them; rates that are multiples, so that the sampled error is periodic."""
+    """From 10 Hz to 0.02 Hz each, at once or with any delay between them; rates that are
+    multiples, so that the sampled error is periodic."""
     slowest = {}
-    for often, times, delay, first in product((0.1, 1.0, 5.0, 10.0, 50.0), (1, 2, 5), (0.0, 0.3, 0.7, 0.95), ("position", "velocity")):
+    for often, times, delay, first in product(
+        (0.1, 1.0, 5.0, 10.0, 50.0), (1, 2, 5), (0.0, 0.3, 0.7, 0.95), ("position", "velocity")
+    ):
         second = "velocity" if first == "position" else "position"
-        at = sorted([((k + 1) * often, first) for k in range(times)] + [((times - 1 + (delay or 1)) * often, second)])
-        steps = [(max(t - before, 1e-9), kind) for (t, kind), (before, _) in zip(at, [(0.0, ""), *at])]
+        at = sorted(
+            [((k + 1) * often, first) for k in range(times)]
+            + [((times - 1 + (delay or 1)) * often, second)]
+        )
+        steps = [
+            (max(t - before, 1e-9), kind) for (t, kind), (before, _) in zip(at, [(0.0, ""), *at])
+        ]
         rest = times * often - at[-1][0]
         steps[0] = (steps[0][0] + rest, steps[0][1])
         for axis in (0, 2):
-            slowest[often, times, delay, first, axis] = -np.log(np.abs(np.linalg.eigvals(sampled(Standing(), steps, axis))).max()) / (times * often)
+            slowest[often, times, delay, first, axis] = -np.log(
+                np.abs(np.linalg.eigvals(sampled(Standing(), steps, axis))).max()
+            ) / (times * often)
     assert min(slowest.values()) > 0.004, min(slowest, key=slowest.get)
-    assert min(rate for (often, *_), rate in slowest.items() if often <= 1) > 0.07     # the continuous observer: 0.082 1/s
+    assert (
+        min(rate for (often, *_), rate in slowest.items() if often <= 1) > 0.07
+    )  # the continuous observer: 0.082 1/s
     np.testing.assert_allclose(np.max(poles(*DEFAULT, 0.5, 0.04).real), -0.0822, atol=1e-4)
 
 
 def test_errors_are_as_large_as_lyapunovs_equation_says():
-    """1900 position fixes with white errors of 1 m at 1 Hz: some 150 independent errors per axis, so variances within 4 x 7 %."""
+    """1900 position fixes with white errors of 1 m at 1 Hz: some 150 independent errors per
+    axis, so variances within 4 x 7 %."""
     observer, rng = Standing(), np.random.default_rng(8)
     M = sampled(observer, [(1.0, "position")], 0)
     observer.set(np.zeros((3, 3)))
@@ -148,13 +212,22 @@ def test_errors_are_as_large_as_lyapunovs_equation_says():
 
 
 def test_a_turned_vehicle_has_turned_errors():
-    """The gains commute with yaw: the same fixes in a course 70 deg further make the same error 70 deg further."""
+    """The gains commute with yaw: the same fixes in a course 70 deg further make the same error
+    70 deg further."""
     found = []
     yaw = np.radians(70)
     level = Rotation.from_euler("z", yaw).as_matrix()
     for turned in (0.0, yaw):
         filter, rng = filters.find("fixed-gain"), np.random.default_rng(3)
-        truth = Start(0.0, tuple(LLA), (0.0,) * 3, (0.1, -0.2, 0.4 + turned), (0.0,) * 3, (0.0,) * 3, (1.0,) * 15)
+        truth = Start(
+            0.0,
+            tuple(LLA),
+            (0.0,) * 3,
+            (0.1, -0.2, 0.4 + turned),
+            (0.0,) * 3,
+            (0.0,) * 3,
+            (1.0,) * 15,
+        )
         observer = Standing()
         belief = filter.start(truth, NOISE)
         observer.belief, observer.C = belief, belief.C.copy()
@@ -181,10 +254,13 @@ def test_the_fastest_turn_is_where_the_bias_begins_to_swing_up(beyond, stable):
 
 @pytest.mark.parametrize("beyond, stable", [(0.8, True), (1.2, False)])
 def test_and_the_observer_on_a_turning_body_does_so(beyond, stable, T=0.1):
-    """A level body turns on the spot, exact positions come at 10 Hz: the error (north + j east) goes as the slowest eigenvalue of the sampled observer."""
+    """A level body turns on the spot, exact positions come at 10 Hz: the error (north + j east)
+    goes as the slowest eigenvalue of the sampled observer."""
     rate, observer = beyond * fastest_turn(*DEFAULT), Standing()
     carried = lambda turn: expm(np.array([[0, 1, 0], [0, 0, -1], [0, 0, 1j * turn]]) * T)
-    fixed = sampled(observer, [(T, "position")], 0) @ np.linalg.inv(carried(0.0))      # what a fix multiplies the error by
+    fixed = sampled(observer, [(T, "position")], 0) @ np.linalg.inv(
+        carried(0.0)
+    )  # what a fix multiplies the error by
     expected = np.log(np.abs(np.linalg.eigvals(fixed @ carried(rate))).max()) / T
     observer = Standing()
     observer.belief.C[:] = np.eye(3)
@@ -196,7 +272,9 @@ def test_and_the_observer_on_a_turning_body_does_so(beyond, stable, T=0.1):
         observer.filter.predict(observer.belief, observer.u, T, NOISE)
         observer.fix("position")
         sizes.append(np.linalg.norm(observer.belief.ba[:2]))
-    found = np.polyfit(T * np.arange(500), np.log(sizes[400:]), 1)[0]       # 1/s, after what is faster has settled
+    found = np.polyfit(T * np.arange(500), np.log(sizes[400:]), 1)[
+        0
+    ]  # 1/s, after what is faster has settled
     assert (found < 0) == (expected < 0) == stable and found == pytest.approx(expected, rel=0.03)
 
 
@@ -205,9 +283,21 @@ def test_it_follows_a_flight_and_claims_no_deviations():
     recording = replace(recording, aidings=(*recording.aidings, ahrs(recording.reference)))
     solution = sd.fuse(recording, "fixed-gain", start=start(recording))
     e = sd.rms(sd.errors(solution, recording.reference), (50.0, 100.0))
-    assert np.linalg.norm(e.position) < 1.5 and np.linalg.norm(e.velocity) < 0.4 and np.abs(e.rph).max() < np.radians(1.5)
-    assert np.isnan(solution.trajectory.sd).all() and np.isnan(solution.b_g).all() and np.isfinite(solution.b_a).all()
-    assert np.isnan(solution.innovations.nis).all() and solution.counts() == {"GNSS position": (100, 0), "GNSS velocity": (100, 0), "ahrs": (100, 0)}
+    assert (
+        np.linalg.norm(e.position) < 1.5
+        and np.linalg.norm(e.velocity) < 0.4
+        and np.abs(e.rph).max() < np.radians(1.5)
+    )
+    assert (
+        np.isnan(solution.trajectory.sd).all()
+        and np.isnan(solution.b_g).all()
+        and np.isfinite(solution.b_a).all()
+    )
+    assert np.isnan(solution.innovations.nis).all() and solution.counts() == {
+        "GNSS position": (100, 0),
+        "GNSS velocity": (100, 0),
+        "ahrs": (100, 0),
+    }
 
 
 def test_the_attitude_is_the_measured_one_and_keeps_a_heading_that_is_not():
@@ -215,8 +305,18 @@ def test_the_attitude_is_the_measured_one_and_keeps_a_heading_that_is_not():
     observe = aiding.find("attitude").observe
 
     def record(*rph):
-        observer.filter.correct(observer.belief, np.array(rph), np.full(3, 0.01), ATTITUDE_KIND, observe, np.zeros(PARAMETERS), 16.0, np.zeros(3))
+        observer.filter.correct(
+            observer.belief,
+            np.array(rph),
+            np.full(3, 0.01),
+            ATTITUDE_KIND,
+            observe,
+            np.zeros(PARAMETERS),
+            16.0,
+            np.zeros(3),
+        )
         return Rotation.from_matrix(observer.belief.C).as_euler("ZYX")[::-1]
+
     np.testing.assert_allclose(record(0.3, 0.2, -2.0), [0.3, 0.2, -2.0], atol=1e-12)
     np.testing.assert_allclose(record(-0.1, 0.1, np.nan), [-0.1, 0.1, -2.0], atol=1e-12)
     np.testing.assert_allclose(record(np.nan, np.nan, np.nan), [-0.1, 0.1, -2.0], atol=1e-12)
@@ -229,15 +329,30 @@ def test_of_two_fixes_at_one_time_the_second_changes_nothing_and_a_missing_compo
     first = observer.error
     assert first[0, 0] != 0 and abs(first[0, 1]) < 1e-8
     observer.fix("position", np.array([5.0, 5.0, 5.0]))
-    assert np.allclose(observer.error[:, [0, 2]], first[:, [0, 2]], atol=1e-12) and observer.error[0, 1] < -2
+    assert (
+        np.allclose(observer.error[:, [0, 2]], first[:, [0, 2]], atol=1e-12)
+        and observer.error[0, 1] < -2
+    )
 
 
-@pytest.mark.parametrize("gains, message", [
-    ({"k3": 0.2}, r"the horizontal gains 0.7, 0.14, 0.2 of positions and 0.5, 0.04 of velocities are not stable: poles with position .*[+]0.*j.* 1/s; "),
-    ({"l1": -0.1}, "the vertical gains -0.1, .* are not stable: poles with position"), ({"k2": 0.0, "k3": 0.0}, "not stable: poles with position -0.7"),
-    ({"kv1": -1.0}, "not stable: poles with velocity"), ({"lv1": np.nan}, "vertical gains .* must be finite numbers"),
-    ({"k1": 0.0, "k2": 0.0, "k3": 0.0, "kv1": 0.0, "kv2": 0.0}, "horizontal gains .* nothing is corrected"),
-    ({"k1": "fast"}, "k1 is 'fast'; it must be a number")])
+@pytest.mark.parametrize(
+    "gains, message",
+    [
+        (
+            {"k3": 0.2},
+            r"the horizontal gains 0.7, 0.14, 0.2 of positions and 0.5, 0.04 of velocities are not stable: poles with position .*[+]0.*j.* 1/s; ",
+        ),
+        ({"l1": -0.1}, "the vertical gains -0.1, .* are not stable: poles with position"),
+        ({"k2": 0.0, "k3": 0.0}, "not stable: poles with position -0.7"),
+        ({"kv1": -1.0}, "not stable: poles with velocity"),
+        ({"lv1": np.nan}, "vertical gains .* must be finite numbers"),
+        (
+            {"k1": 0.0, "k2": 0.0, "k3": 0.0, "kv1": 0.0, "kv2": 0.0},
+            "horizontal gains .* nothing is corrected",
+        ),
+        ({"k1": "fast"}, "k1 is 'fast'; it must be a number"),
+    ],
+)
 def test_gains_that_do_not_settle_are_refused_with_their_poles(gains, message):
     recording = flight()
     recording = replace(recording, aidings=(*recording.aidings, ahrs(recording.reference)))

@@ -1,4 +1,6 @@
-"""What the attitude filters share, against closed forms, Van Loan's matrix exponential and the Joseph form."""
+"""What the attitude filters share, against closed forms, Van Loan's matrix exponential and the
+Joseph form."""
+
 import math
 
 import numpy as np
@@ -7,13 +9,25 @@ from scipy.integrate import quad_vec
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from strapdown.filters.attitude.attitude_error_state import RECORD, SIX, INVERSE, carry, inject, measured, off_vertical, propagate, turn
 from strapdown.core.contract import Noise, Start
 from strapdown.core.error_state import auxiliary
+from strapdown.filters.attitude.attitude_error_state import (
+    INVERSE,
+    RECORD,
+    SIX,
+    carry,
+    inject,
+    measured,
+    off_vertical,
+    propagate,
+    turn,
+)
 
 pytestmark = pytest.mark.short
-NOISE = Noise(gyro=3e-3, accel=0.02, gyro_bias=4e-4, accel_bias=0.0, gyro_decay=1 / 50, accel_decay=0.0)
-EARTH = 0.3, -0.4           # rad/s, north and down: of a faster Earth, so that it shows
+NOISE = Noise(
+    gyro=3e-3, accel=0.02, gyro_bias=4e-4, accel_bias=0.0, gyro_decay=1 / 50, accel_decay=0.0
+)
+EARTH = 0.3, -0.4  # rad/s, north and down: of a faster Earth, so that it shows
 SD = np.r_[0.3, 0.2, 0.5, 0.02, 0.03, 0.01]
 UP = np.array([0.0, 0.0, -1.0])
 OTHERS = [i for i in range(15) if i not in SIX]
@@ -38,39 +52,69 @@ def normalised(difference, P):
 
 
 def belief(rng):
-    start = Start(0.0, (0.8, 0.2, 0.0), (0.0,) * 3, tuple(rng.uniform(-math.pi, math.pi, 3) * [1, 0.5, 1]), (0.0,) * 3, (0.01, -0.02, 0.03), (1.0,) * 15)
+    start = Start(
+        0.0,
+        (0.8, 0.2, 0.0),
+        (0.0,) * 3,
+        tuple(rng.uniform(-math.pi, math.pi, 3) * [1, 0.5, 1]),
+        (0.0,) * 3,
+        (0.01, -0.02, 0.03),
+        (1.0,) * 15,
+    )
     return start.belief(auxiliary(15))
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 def test_the_specific_force_stays_where_it_points_while_the_body_turns(share):
-    """The old one turns by the whole rotation, the new one is a mean over the sample; the error is of third order in the rotation."""
+    """The old one turns by the whole rotation, the new one is a mean over the sample; the error
+    is of third order in the rotation."""
     rng = np.random.default_rng(1)
     old, new, axis = rng.standard_normal(3) * 9, rng.standard_normal(3) * 9, rng.standard_normal(3)
     axis /= np.linalg.norm(axis)
     errors = []
     for angle in (0.2, 0.1):
         f, r, dt = old.copy(), axis * angle, 0.01
-        body = lambda s: Rotation.from_rotvec(-r * s).apply(new)    # a vector at rest in n, from the body
+        body = lambda s: Rotation.from_rotvec(-r * s).apply(
+            new
+        )  # a vector at rest in n, from the body
         u = np.r_[r, quad_vec(body, 0, 1)[0] * dt]
         carry(f, u, *r, dt, share)
-        errors.append(np.linalg.norm(f - (1 - share) * Rotation.from_rotvec(-r).apply(old) - share * body(1.0)))
-    assert errors[0] < 0.2 ** 3 * 9 and errors[0] / errors[1] > 7
+        errors.append(
+            np.linalg.norm(
+                f - (1 - share) * Rotation.from_rotvec(-r).apply(old) - share * body(1.0)
+            )
+        )
+    assert errors[0] < 0.2**3 * 9 and errors[0] / errors[1] > 7
 
 
 def test_the_rotation_to_the_vertical_is_exact_at_any_tilt():
     rng = np.random.default_rng(2)
     for _ in range(200):
-        C, f = Rotation.random(random_state=rng).as_matrix(), rng.standard_normal(3) * rng.choice([0.1, 9.8, 30.0])
+        C, f = (
+            Rotation.random(random_state=rng).as_matrix(),
+            rng.standard_normal(3) * rng.choice([0.1, 9.8, 30.0]),
+        )
         north, east = off_vertical(C, f)
-        np.testing.assert_allclose(Rotation.from_rotvec([north, east, 0]).apply(C @ f) / np.linalg.norm(f), UP, atol=1e-12)
+        np.testing.assert_allclose(
+            Rotation.from_rotvec([north, east, 0]).apply(C @ f) / np.linalg.norm(f), UP, atol=1e-12
+        )
         assert math.hypot(north, east) <= math.pi + 1e-12
 
 
-@pytest.mark.parametrize("f, angle", [((0, 0, -9.8), 0.0), ((0, 0, 9.8), math.pi), ((0, 0, 0), 0.0), ((9.8, 0, 0), math.pi / 2),
-                                      ((1e-9, 0, 9.8), math.pi - 1e-9 / 9.8)])
+@pytest.mark.parametrize(
+    "f, angle",
+    [
+        ((0, 0, -9.8), 0.0),
+        ((0, 0, 9.8), math.pi),
+        ((0, 0, 0), 0.0),
+        ((9.8, 0, 0), math.pi / 2),
+        ((1e-9, 0, 9.8), math.pi - 1e-9 / 9.8),
+    ],
+)
 def test_the_rotation_to_the_vertical_where_it_is_singular(f, angle):
-    assert math.hypot(*off_vertical(np.eye(3), np.array(f, float))) == pytest.approx(angle, abs=1e-12)
+    assert math.hypot(*off_vertical(np.eye(3), np.array(f, float))) == pytest.approx(
+        angle, abs=1e-12
+    )
 
 
 def test_the_rate_is_published_and_both_frames_turn():
@@ -78,7 +122,11 @@ def test_the_rate_is_published_and_both_frames_turn():
     n = np.array([EARTH[0], 0.0, EARTH[1]]) * dt * 1e3
     before = b.C.copy()
     turn(b, *r, n[0], n[2], dt)
-    np.testing.assert_allclose(b.C, Rotation.from_rotvec(-n).as_matrix() @ before @ Rotation.from_rotvec(r).as_matrix(), atol=1e-14)
+    np.testing.assert_allclose(
+        b.C,
+        Rotation.from_rotvec(-n).as_matrix() @ before @ Rotation.from_rotvec(r).as_matrix(),
+        atol=1e-14,
+    )
     np.testing.assert_allclose(b.omega, r / dt)
 
 
@@ -87,11 +135,11 @@ def dense(C, q, noise=NOISE):
     north, down = EARTH
     W = np.array([[0, -down, 0], [down, 0, -north], [0, north, 0]])
     F = np.block([[-W, -C], [np.zeros((3, 3)), -noise.gyro_decay * np.eye(3)]])
-    return F, np.diag(np.r_[np.full(3, q), np.full(3, noise.gyro_bias ** 2)])
+    return F, np.diag(np.r_[np.full(3, q), np.full(3, noise.gyro_bias**2)])
 
 
 def propagation_error(dt, P, C):
-    q = NOISE.gyro ** 2
+    q = NOISE.gyro**2
     F, Q = dense(C, q)
     E = expm(np.block([[-F, Q], [np.zeros((6, 6)), F.T]]) * dt)
     Phi = E[6:, 6:].T
@@ -127,7 +175,12 @@ def joseph(P, H, e, R):
 def test_a_measurement_is_the_textbook_one_and_several_are_as_one():
     rng = np.random.default_rng(5)
     for count in (1, 2, 3):
-        P, H, e, R = random_covariance(rng), rng.standard_normal((count, 3)), rng.standard_normal(count), rng.uniform(1e-3, 1, count)
+        P, H, e, R = (
+            random_covariance(rng),
+            rng.standard_normal((count, 3)),
+            rng.standard_normal(count),
+            rng.uniform(1e-3, 1, count),
+        )
         dx, after, nis = joseph(six(P), np.c_[H, np.zeros((count, 3))], e, np.diag(R))
         found, total = np.zeros(6), 0.0
         for row in range(count):

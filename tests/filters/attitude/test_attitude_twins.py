@@ -1,4 +1,6 @@
-"""attitude-mekf against a dense filter written from its equations; mahony against the published observer, integrated, and its linear poles."""
+"""attitude-mekf against a dense filter written from its equations; mahony against the published
+observer, integrated, and its linear poles."""
+
 import math
 
 import numpy as np
@@ -8,17 +10,27 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding
-from strapdown.filters.attitude.attitude_error_state import SIX
 from strapdown.core.contract import PARAMETERS, Noise, Start, compile_kernel
+from strapdown.filters.attitude.attitude_error_state import SIX
 from strapdown.filters.attitude.attitude_mekf import ATTITUDE_MEKF
 from strapdown.filters.attitude.mahony import MAHONY, poles
 
 FIELD, RATE, LAT, G = np.array([21e-6, 1.6e-6, 43.9e-6]), 7.292115e-5, 0.8, 9.7803253359
-NOISE = Noise(gyro=3e-3, accel=0.05, gyro_bias=1e-4, accel_bias=0.0, gyro_decay=1 / 100, accel_decay=0.0)
-WHITE = dict(low_pass=0.0, acceleration=0.0, rate_error=0.0, heading=0.0, timing=0.0, disturbance=0.0)
+NOISE = Noise(
+    gyro=3e-3, accel=0.05, gyro_bias=1e-4, accel_bias=0.0, gyro_decay=1 / 100, accel_decay=0.0
+)
+WHITE = dict(
+    low_pass=0.0, acceleration=0.0, rate_error=0.0, heading=0.0, timing=0.0, disturbance=0.0
+)
 EARTH = np.array([RATE * math.cos(LAT), 0.0, -RATE * math.sin(LAT)])
 UP, DOWN = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
-ATTITUDES = {"level": (0, 0, 20), "south": (3, -5, 180), "banked": (-60, 20, 250), "steep": (10, 88, -90), "upside down": (179.9, 1, 135)}   # roll, pitch, heading, deg
+ATTITUDES = {
+    "level": (0, 0, 20),
+    "south": (3, -5, 180),
+    "banked": (-60, 20, 250),
+    "steep": (10, 88, -90),
+    "upside down": (179.9, 1, 135),
+}  # roll, pitch, heading, deg
 
 
 def rotvec(v):
@@ -29,12 +41,23 @@ def skew(x):
     return np.cross(np.eye(3), x)
 
 
-def begun(filter, rph, sd=(0.3, 0.2, 0.5, 0.02, 0.03, 0.01), bg=(0.01, -0.02, 0.03), noise=NOISE, **options):
+def begun(
+    filter,
+    rph,
+    sd=(0.3, 0.2, 0.5, 0.02, 0.03, 0.01),
+    bg=(0.01, -0.02, 0.03),
+    noise=NOISE,
+    **options,
+):
     """A belief of `filter`; rph in deg, sd of attitude and gyro bias."""
     for kernel in (filter.predict, filter.correct):
         compile_kernel(kernel)
     all_sd = (1.0,) * 6 + tuple(sd[:3]) + (1.0,) * 3 + tuple(sd[3:])
-    return filter.start(Start(0.0, (LAT, 0.2, 500.0), (0.0,) * 3, tuple(np.radians(rph)), (0.0,) * 3, bg, all_sd), noise, **options)
+    return filter.start(
+        Start(0.0, (LAT, 0.2, 500.0), (0.0,) * 3, tuple(np.radians(rph)), (0.0,) * 3, bg, all_sd),
+        noise,
+        **options,
+    )
 
 
 def correct(filter, belief, kind, y, sd, gate=math.inf, field=FIELD):
@@ -44,7 +67,9 @@ def correct(filter, belief, kind, y, sd, gate=math.inf, field=FIELD):
     innovation, parameters = np.zeros(3), np.zeros(PARAMETERS)
     parameters[:3] = field
     y, sd = (np.r_[value, np.full(3 - np.size(value), np.nan)].astype(float) for value in (y, sd))
-    return filter.correct(belief, y, sd, sensor.kind, sensor.observe, parameters, gate, innovation), innovation
+    return filter.correct(
+        belief, y, sd, sensor.kind, sensor.observe, parameters, gate, innovation
+    ), innovation
 
 
 def correlated(belief, seed):
@@ -57,19 +82,29 @@ def correlated(belief, seed):
 
 
 class Twin:
-    """The six-state filter with dense matrices: true C = exp(theta) C, true b = b + db; white noise alone."""
+    """The six-state filter with dense matrices: true C = exp(theta) C, true b = b + db; white
+    noise alone."""
 
     def __init__(self, belief):
-        self.C, self.b, self.P = belief.C.copy(), belief.bg.copy(), belief.P[np.ix_(SIX, SIX)].copy()
+        self.C, self.b, self.P = (
+            belief.C.copy(),
+            belief.bg.copy(),
+            belief.P[np.ix_(SIX, SIX)].copy(),
+        )
 
     def predict(self, u, dt):
         r, f = u[:3] - self.b * dt, u[3:] / dt
         F = np.block([[-skew(EARTH), -self.C], [np.zeros((3, 3)), -NOISE.gyro_decay * np.eye(3)]])
         Phi = expm(F * dt)
-        self.P = Phi @ self.P @ Phi.T + np.diag(np.r_[np.full(3, NOISE.gyro ** 2), np.full(3, NOISE.gyro_bias ** 2)]) * dt
+        self.P = (
+            Phi @ self.P @ Phi.T
+            + np.diag(np.r_[np.full(3, NOISE.gyro**2), np.full(3, NOISE.gyro_bias**2)]) * dt
+        )
         self.C = rotvec(-EARTH * dt) @ self.C @ rotvec(r)
         self.b = self.b * math.exp(-NOISE.gyro_decay * dt)
-        mean = expm(np.block([[-skew(r), np.eye(3)], [np.zeros((3, 6))]]))[:3, 3:]      # of what a vector at rest in n looks like over the sample
+        mean = expm(np.block([[-skew(r), np.eye(3)], [np.zeros((3, 6))]]))[
+            :3, 3:
+        ]  # of what a vector at rest in n looks like over the sample
         f = self.C @ rotvec(-r) @ np.linalg.solve(mean, f)
         if np.linalg.norm(f) < 0.5:
             return
@@ -79,10 +114,16 @@ class Twin:
 
     def field(self, y, sd):
         azimuth = lambda theta: math.atan2(*(rotvec(theta) @ self.C @ y)[[1, 0]])
-        e = (math.atan2(FIELD[1], FIELD[0]) - azimuth(np.zeros(3)) + math.pi) % (2 * math.pi) - math.pi
+        e = (math.atan2(FIELD[1], FIELD[0]) - azimuth(np.zeros(3)) + math.pi) % (
+            2 * math.pi
+        ) - math.pi
         wrapped = lambda angle: (angle + math.pi) % (2 * math.pi) - math.pi
-        H = np.array([[wrapped(azimuth(1e-6 * axis) - azimuth(-1e-6 * axis)) / 2e-6 for axis in np.eye(3)]])
-        return e, self.correct(H, np.array([e]), np.array([[sd ** 2 / np.sum((self.C @ y)[:2] ** 2)]]))
+        H = np.array(
+            [[wrapped(azimuth(1e-6 * axis) - azimuth(-1e-6 * axis)) / 2e-6 for axis in np.eye(3)]]
+        )
+        return e, self.correct(
+            H, np.array([e]), np.array([[sd**2 / np.sum((self.C @ y)[:2] ** 2)]])
+        )
 
     def correct(self, H, e, R):
         H = np.c_[H, np.zeros_like(H)]
@@ -100,7 +141,10 @@ class Twin:
         assert np.abs(np.r_[theta, self.b - belief.bg] / sd).max() < tolerance
         assert np.abs((belief.P[np.ix_(SIX, SIX)] - self.P) / np.outer(sd, sd)).max() < tolerance
         np.testing.assert_array_equal(belief.P, belief.P.T)
-        assert not np.delete(belief.P, SIX, axis=0).any() and not np.delete(belief.P, SIX, axis=1).any()
+        assert (
+            not np.delete(belief.P, SIX, axis=0).any()
+            and not np.delete(belief.P, SIX, axis=1).any()
+        )
         np.testing.assert_allclose(belief.C @ belief.C.T, np.eye(3), atol=1e-12)
 
 
@@ -111,7 +155,10 @@ def test_prediction_and_level_are_those_of_the_dense_filter(name, dt):
     rng = np.random.default_rng(1)
     for seed in range(5):
         belief = correlated(begun(ATTITUDE_MEKF, ATTITUDES[name], **WHITE), seed)
-        twin, u = Twin(belief), np.r_[rng.standard_normal(3) * 2, rng.standard_normal(3) * 3 + [0, 0, -9.8]] * dt
+        twin, u = (
+            Twin(belief),
+            np.r_[rng.standard_normal(3) * 2, rng.standard_normal(3) * 3 + [0, 0, -9.8]] * dt,
+        )
         twin.predict(u, dt)
         ATTITUDE_MEKF.predict(belief, u, dt, NOISE)
         twin.compare(belief, 1e-4)
@@ -127,18 +174,27 @@ def test_the_field_is_used_as_by_the_dense_filter(name):
         twin, y = Twin(belief), rng.standard_normal(3) * 30e-6
         e, nis = twin.field(y, 1e-6)
         found, innovation = correct(ATTITUDE_MEKF, belief, "magnetic-field", y, np.full(3, 1e-6))
-        assert (found, innovation[0]) == (pytest.approx(nis, rel=1e-6), pytest.approx(e, abs=1e-12)) and np.isnan(innovation[1:]).all()
+        assert (found, innovation[0]) == (
+            pytest.approx(nis, rel=1e-6),
+            pytest.approx(e, abs=1e-12),
+        ) and np.isnan(innovation[1:]).all()
         twin.compare(belief, 1e-6)
 
 
 @pytest.mark.short
 def test_over_many_irregular_samples_the_filters_stay_together():
-    rng, belief = np.random.default_rng(3), begun(ATTITUDE_MEKF, ATTITUDES["south"], sd=(0.05, 0.05, 0.1, 0.02, 0.02, 0.02), **WHITE)
+    rng, belief = (
+        np.random.default_rng(3),
+        begun(ATTITUDE_MEKF, ATTITUDES["south"], sd=(0.05, 0.05, 0.1, 0.02, 0.02, 0.02), **WHITE),
+    )
     twin, C = Twin(belief), rotvec([0.1, 0, 0]) @ belief.C
     for step in range(400):
         dt = rng.uniform(1e-3, 0.02)
         r = np.array([1.0, 2.0 * math.sin(step / 30), -1.5]) * dt
-        u = np.r_[r + [0.02 * dt, 0, 0], (rotvec(-r / 2) @ (C.T @ UP) * G + rng.standard_normal(3) * 0.05) * dt]
+        u = np.r_[
+            r + [0.02 * dt, 0, 0],
+            (rotvec(-r / 2) @ (C.T @ UP) * G + rng.standard_normal(3) * 0.05) * dt,
+        ]
         C = C @ rotvec(r)
         twin.predict(u, dt)
         ATTITUDE_MEKF.predict(belief, u, dt, NOISE)
@@ -146,7 +202,7 @@ def test_over_many_irregular_samples_the_filters_stay_together():
             y = C.T @ FIELD + rng.standard_normal(3) * 1e-6
             twin.field(y, 1e-6)
             correct(ATTITUDE_MEKF, belief, "magnetic-field", y, np.full(3, 1e-6))
-    twin.compare(belief, 0.02)      # what second order leaves in 400 steps
+    twin.compare(belief, 0.02)  # what second order leaves in 400 steps
     assert np.linalg.eigvalsh(belief.P[np.ix_(SIX, SIX)]).min() > 0
 
 
@@ -164,7 +220,9 @@ def test_the_covariance_keeps_its_sign_over_an_hour():
 
 @pytest.mark.short
 @pytest.mark.parametrize("filter", [ATTITUDE_MEKF, MAHONY], ids=lambda filter: filter.name)
-@pytest.mark.parametrize("y", [(math.nan, 2e-5, 4e-5), (2e-5, math.nan, 4e-5), (0, 0, 0), (math.nan,) * 3], ids=str)
+@pytest.mark.parametrize(
+    "y", [(math.nan, 2e-5, 4e-5), (2e-5, math.nan, 4e-5), (0, 0, 0), (math.nan,) * 3], ids=str
+)
 def test_a_field_without_a_direction_is_not_measured(filter, y):
     belief = begun(filter, (3, 4, 50))
     filter.predict(belief, np.array([0, 0, 0, 0, 0, -0.098]), 0.01, NOISE)
@@ -172,7 +230,11 @@ def test_a_field_without_a_direction_is_not_measured(filter, y):
     nis, innovation = correct(filter, belief, "magnetic-field", y, np.full(3, 1e-6))
     assert math.isnan(nis) and np.isnan(innovation).all()
     assert all(np.array_equal(part, was) for part, was in zip(belief, before))
-    assert math.isnan(correct(filter, belief, "magnetic-field", FIELD, np.full(3, 1e-6), field=(0.0, 0.0, 5e-5))[1][0])     # at a magnetic pole
+    assert math.isnan(
+        correct(filter, belief, "magnetic-field", FIELD, np.full(3, 1e-6), field=(0.0, 0.0, 5e-5))[
+            1
+        ][0]
+    )  # at a magnetic pole
     assert math.isfinite(correct(filter, belief, "magnetic-field", FIELD, np.full(3, 1e-6))[1][0])
 
 
@@ -191,7 +253,11 @@ def test_free_fall_has_no_vertical_and_no_time_changes_nothing(filter):
     belief = begun(filter, (30, 40, 50), bg=(0.0, 0.0, 0.0))
     before = [part.copy() for part in belief]
     filter.predict(belief, np.full(6, 0.3), 0.0, NOISE)
-    assert all(np.array_equal(part, was) for name, part, was in zip(belief._fields, belief, before) if name != "workspace")    # where the smoother is told so
+    assert all(
+        np.array_equal(part, was)
+        for name, part, was in zip(belief._fields, belief, before)
+        if name != "workspace"
+    )  # where the smoother is told so
     C, r = belief.C.copy(), np.array([0.02, -0.01, 0.03])
     filter.predict(belief, np.r_[r, 1e-3, -1e-3, 2e-3], 0.01, NOISE)
     np.testing.assert_allclose(belief.C, rotvec(-EARTH * 0.01) @ C @ rotvec(r), atol=1e-12)
@@ -215,22 +281,33 @@ HEADINGS = range(0, 360, 10)
 @pytest.mark.parametrize("kind", ["magnetic-field", "heading"])
 @pytest.mark.parametrize("filter", [ATTITUDE_MEKF, MAHONY], ids=lambda filter: filter.name)
 def test_what_is_left_of_a_heading_error_is_the_same_at_every_heading(filter, kind):
-    """Errata of the printed compass Jacobian, which vanishes at 180 deg: 20 deg off, ten fixes, at level and tilted."""
+    """Errata of the printed compass Jacobian, which vanishes at 180 deg: 20 deg off, ten fixes,
+    at level and tilted."""
     for roll, pitch in ((0, 0), (25, -40)):
         left = []
         for heading in HEADINGS:
-            belief = begun(filter, (roll, pitch, heading), bg=(0.0,) * 3, **({"k1": 0.5, "k2": 1.0, "k3": 1.0} if filter is MAHONY else WHITE))
+            belief = begun(
+                filter,
+                (roll, pitch, heading),
+                bg=(0.0,) * 3,
+                **({"k1": 0.5, "k2": 1.0, "k3": 1.0} if filter is MAHONY else WHITE),
+            )
             C = rotvec([0, 0, math.radians(20)]) @ belief.C
             for _ in range(10):
                 filter.predict(belief, np.r_[np.zeros(3), C.T @ UP * G * 0.1], 0.1, NOISE)
-                y, sd = (C.T @ FIELD, np.full(3, 3e-6)) if kind == "magnetic-field" else (math.atan2(C[1, 0], C[0, 0]), 0.1)
+                y, sd = (
+                    (C.T @ FIELD, np.full(3, 3e-6))
+                    if kind == "magnetic-field"
+                    else (math.atan2(C[1, 0], C[0, 0]), 0.1)
+                )
                 correct(filter, belief, kind, y, sd)
             left.append(Rotation.from_matrix(C @ belief.C.T).magnitude())
         assert max(left) < math.radians(9) and np.ptp(left) < 1e-4
 
 
 def published(body, bias, k1, k2, ki, R0, T):
-    """(R, b) at T of q' = T(w - b + sigma) q, b' = -ki sigma, sigma = sum of k v x R' v0, under the rate w = turn + bias; the turning Earth besides."""
+    """(R, b) at T of q' = T(w - b + sigma) q, b' = -ki sigma, sigma = sum of k v x R' v0, under
+    the rate w = turn + bias; the turning Earth besides."""
     north = np.r_[FIELD[:2], 0] / math.hypot(*FIELD[:2])
 
     def rate(t, x):
@@ -239,16 +316,21 @@ def published(body, bias, k1, k2, ki, R0, T):
         v2 = m - (m @ v1) * v1
         sigma = k1 * np.cross(v1, R.T @ UP) + k2 * np.cross(v2 / np.linalg.norm(v2), R.T @ north)
         return np.r_[(R @ skew(TURN + bias - b + sigma) - skew(EARTH) @ R).ravel(), -ki * sigma]
+
     x = solve_ivp(rate, (0, T), np.r_[R0.ravel(), np.zeros(3)], rtol=1e-9, atol=1e-11).y[:, -1]
     return x[:9].reshape(3, 3), x[9:]
 
 
-TURN = np.array([0.4, -0.7, 0.5])       # rad/s, body
+TURN = np.array([0.4, -0.7, 0.5])  # rad/s, body
 
 
-@pytest.mark.parametrize("k1, k2, ki", [(1.0, 1.0, 0.2), (0.5, 0.3, 0.05), (2.0, 0.5, 0.0), (0.0, 1.0, 0.1), (1.0, 0.0, 0.1)])
+@pytest.mark.parametrize(
+    "k1, k2, ki",
+    [(1.0, 1.0, 0.2), (0.5, 0.3, 0.05), (2.0, 0.5, 0.0), (0.0, 1.0, 0.1), (1.0, 0.0, 0.1)],
+)
 def test_without_low_pass_the_observer_is_the_published_one(k1, k2, ki):
-    """Ten seconds from 60 deg off, with a gyro bias: the difference vanishes with the sampling interval."""
+    """Ten seconds from 60 deg off, with a gyro bias: the difference vanishes with the sampling
+    interval."""
     T, bias, before = 10.0, np.array([0.02, -0.03, 0.01]), rotvec([0.2, -0.1, 2.0])
     body = lambda t: rotvec(-EARTH * t) @ before @ rotvec(TURN * t)
     off = rotvec(np.radians(60) * np.array([0.6, 0.48, 0.64]))
@@ -256,68 +338,130 @@ def test_without_low_pass_the_observer_is_the_published_one(k1, k2, ki):
     found = []
     for dt in (0.01, 0.005):
         h, p, r = Rotation.from_matrix(off @ before).as_euler("ZYX", degrees=True)
-        belief = begun(MAHONY, (r, p, h), bg=(0.0,) * 3, noise=NOISE._replace(gyro_decay=0.0), k1=k1, k2=k2, k3=0.0, ki=ki, low_pass=0.0)
+        belief = begun(
+            MAHONY,
+            (r, p, h),
+            bg=(0.0,) * 3,
+            noise=NOISE._replace(gyro_decay=0.0),
+            k1=k1,
+            k2=k2,
+            k3=0.0,
+            ki=ki,
+            low_pass=0.0,
+        )
         for k in range(round(T / dt)):
-            MAHONY.predict(belief, np.r_[(TURN + bias) * dt, body((k + 0.5) * dt).T @ UP * G * dt], dt, NOISE._replace(gyro_decay=0.0))
-            correct(MAHONY, belief, "magnetic-field", body((k + 1) * dt).T @ FIELD, np.full(3, 1e-6))
+            MAHONY.predict(
+                belief,
+                np.r_[(TURN + bias) * dt, body((k + 0.5) * dt).T @ UP * G * dt],
+                dt,
+                NOISE._replace(gyro_decay=0.0),
+            )
+            correct(
+                MAHONY, belief, "magnetic-field", body((k + 1) * dt).T @ FIELD, np.full(3, 1e-6)
+            )
         found.append(np.r_[Rotation.from_matrix(R @ belief.C.T).as_rotvec(), b - belief.bg])
     coarse, fine = (np.abs(each).max() for each in found)
     assert fine < 2e-3 and (fine < 1e-6 or 1.7 < coarse / fine < 2.3)
 
 
 def closed_loop(belief, step, places, dt):
-    """Poles (1/s) of `step` as a map of small changes of the places [(array, index)], attitude changes being rotations in n."""
+    """Poles (1/s) of `step` as a map of small changes of the places [(array, index)], attitude
+    changes being rotations in n."""
+
     def state(change):
-        b = belief._replace(**{name: getattr(belief, name).copy() for name in ("C", "f", "bg", "workspace", "omega", "P")})
+        b = belief._replace(
+            **{
+                name: getattr(belief, name).copy()
+                for name in ("C", "f", "bg", "workspace", "omega", "P")
+            }
+        )
         for (name, index), value in zip(places, change):
             if name == "C":
                 b.C[:] = rotvec(value * np.eye(3)[index]) @ b.C
             else:
                 getattr(b, name)[index] += value
         step(b)
-        return np.array([Rotation.from_matrix(b.C).as_rotvec()[index] if name == "C" else getattr(b, name)[index] for name, index in places])
+        return np.array(
+            [
+                Rotation.from_matrix(b.C).as_rotvec()[index]
+                if name == "C"
+                else getattr(b, name)[index]
+                for name, index in places
+            ]
+        )
+
     change = 1e-5 * np.eye(len(places))
     M = np.column_stack([(state(row) - state(-row)) / 2e-5 for row in change])
     return np.log(np.linalg.eigvals(M).astype(complex)) / dt
 
 
 @pytest.mark.short
-@pytest.mark.parametrize("k, ki, low_pass", [(0.5, 0.005, 2.0), (1.0, 0.2, 0.5), (0.3, 0.02, 5.0), (2.0, 0.4, 0.0)])
+@pytest.mark.parametrize(
+    "k, ki, low_pass", [(0.5, 0.005, 2.0), (1.0, 0.2, 0.5), (0.3, 0.02, 5.0), (2.0, 0.4, 0.0)]
+)
 def test_poles_are_those_of_the_closed_loop(k, ki, low_pass):
     from strapdown.filters.attitude.mahony import SECONDS
+
     dt, noise = 1e-3, NOISE._replace(gyro_decay=0.0)
     level, still = np.array([0, 0, -G]), np.r_[EARTH, 0, 0, -G] * dt
-    belief = begun(MAHONY, (0, 0, 0), bg=(0.0,) * 3, noise=noise, k1=k, k2=k, k3=k, ki=ki, low_pass=low_pass)
+    belief = begun(
+        MAHONY, (0, 0, 0), bg=(0.0,) * 3, noise=noise, k1=k, k2=k, k3=k, ki=ki, low_pass=low_pass
+    )
     belief.f[:], belief.workspace[SECONDS] = level, 1e9
     places = [("C", 0), ("bg", 0)] + ([("f", 1)] if low_pass else [])
     found = closed_loop(belief, lambda b: MAHONY.predict(b, still, dt, noise), places, dt)
-    np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(poles(k, ki, low_pass)), rtol=0.01)
+    np.testing.assert_allclose(
+        np.sort_complex(found), np.sort_complex(poles(k, ki, low_pass)), rtol=0.01
+    )
     for kind, y in (("magnetic-field", FIELD), ("heading", 0.0)):
+
         def step(b):
             MAHONY.predict(b, still, dt, noise)
             correct(MAHONY, b, kind, y, 0.01 * np.ones(np.size(y)))
+
         found = closed_loop(belief, step, [("C", 2), ("bg", 2)], dt)
-        np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(poles(k, ki, 0.0)), rtol=0.01)
+        np.testing.assert_allclose(
+            np.sort_complex(found), np.sort_complex(poles(k, ki, 0.0)), rtol=0.01
+        )
 
 
-COMBINATIONS = {     # gains: what of 10 deg of tilt and of heading error is left after 20 s of field and compass
-    "force": (dict(k1=1.0), True, False, False), "field": (dict(k2=1.0), True, True, False), "compass": (dict(k3=1.0), False, True, True),
-    "force and field": (dict(k1=1.0, k2=1.0), True, True, False), "force and compass": (dict(k1=1.0, k3=1.0), True, True, True),
-    "all": (dict(k1=1.0, k2=1.0, k3=1.0), True, True, True)}
+# gains: what of 10 deg of tilt and of heading error is left after 20 s of field and compass
+COMBINATIONS = {
+    "force": (dict(k1=1.0), True, False, False),
+    "field": (dict(k2=1.0), True, True, False),
+    "compass": (dict(k3=1.0), False, True, True),
+    "force and field": (dict(k1=1.0, k2=1.0), True, True, False),
+    "force and compass": (dict(k1=1.0, k3=1.0), True, True, True),
+    "all": (dict(k1=1.0, k2=1.0, k3=1.0), True, True, True),
+}
 
 
 @pytest.mark.parametrize("name", COMBINATIONS)
 def test_each_combination_of_directions_corrects_what_it_sees(name):
-    """Field and compass contradict each other by 0.2 rad where only one is used; without k1 the field alone levels about one axis."""
+    """Field and compass contradict each other by 0.2 rad where only one is used; without k1 the
+    field alone levels about one axis."""
     gains, levels, heads, compass = COMBINATIONS[name]
-    belief = begun(MAHONY, (0, 0, 0), bg=(0.0,) * 3, **{"k1": 0.0, "k2": 0.0, "k3": 0.0, "ki": 0.0, "low_pass": 0.0} | gains)
-    C = rotvec([0.0, 0.17, 0]) @ rotvec([0, 0, 0.17]) @ belief.C        # of the truth: the field, which points north and down, sees this tilt
+    belief = begun(
+        MAHONY,
+        (0, 0, 0),
+        bg=(0.0,) * 3,
+        **{"k1": 0.0, "k2": 0.0, "k3": 0.0, "ki": 0.0, "low_pass": 0.0} | gains,
+    )
+    C = (
+        rotvec([0.0, 0.17, 0]) @ rotvec([0, 0, 0.17]) @ belief.C
+    )  # of the truth: the field, which points north and down, sees this tilt
     both = "k2" in gains and "k3" in gains
     psi = math.atan2(C[1, 0], C[0, 0])
     for _ in range(2000):
         MAHONY.predict(belief, np.r_[C.T @ EARTH, C.T @ UP * G] * 0.01, 0.01, NOISE)
-        correct(MAHONY, belief, "magnetic-field", C.T @ FIELD if not compass or both else C.T @ rotvec([0, 0, 0.2]) @ FIELD, np.full(3, 1e-6))
+        correct(
+            MAHONY,
+            belief,
+            "magnetic-field",
+            C.T @ FIELD if not compass or both else C.T @ rotvec([0, 0, 0.2]) @ FIELD,
+            np.full(3, 1e-6),
+        )
         correct(MAHONY, belief, "heading", psi if compass else psi + 0.2, 0.01)
     theta = Rotation.from_matrix(C @ belief.C.T).as_rotvec()
-    heading = (psi - math.atan2(belief.C[1, 0], belief.C[0, 0]))
+    heading = psi - math.atan2(belief.C[1, 0], belief.C[0, 0])
     assert (abs(theta[1]) < 0.01) == levels and (abs(heading) < 0.01) == heads, (theta, heading)

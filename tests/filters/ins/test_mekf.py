@@ -1,4 +1,6 @@
-"""The multiplicative EKF against one with a quaternion and body-frame errors, against the closed loop, and with every sensor at its own rate."""
+"""The multiplicative EKF against one with a quaternion and body-frame errors, against the closed
+loop, and with every sensor at its own rate."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -14,23 +16,26 @@ from strapdown.core.earth import place, rotation_rates
 from strapdown.core.error_dynamics import cross_matrix, dynamics
 from strapdown.core.mechanization import mechanize
 from strapdown.data import Aiding
-from strapdown.recording import Recording
 from strapdown.filters.ins.mekf import MEKF
 from strapdown.geodesy import displaced, displacement
+from strapdown.recording import Recording
 from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sensor_models.magnetometer import Magnetometer
 from strapdown.sim.synthesis import draw_start
 from strapdown.sim.trajectory import DEG, Motion, increments, sample, static
 
-NOISE = Noise(gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100)
-FIELD = np.array([20e-6, 1.5e-6, 43e-6])    # T, NED
+NOISE = Noise(
+    gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100
+)
+FIELD = np.array([20e-6, 1.5e-6, 43e-6])  # T, NED
 PLACE = (DEG * 47.0, DEG * 8.0, 500.0)
-WALK = 0.1                                  # m/sqrt(s) of a barometer's bias
-GRAVITY = 9.8072                            # m/s^2 at that place
+WALK = 0.1  # m/sqrt(s) of a barometer's bias
+GRAVITY = 9.8072  # m/s^2 at that place
 
 
 # ---- the filter of the book: a quaternion, errors in body axes, dense matrices
+
 
 def product(p, q):
     """Hamilton product, scalar first."""
@@ -38,7 +43,9 @@ def product(p, q):
 
 
 def matrix(q):
-    return np.eye(3) + 2 * q[0] * cross_matrix(q[1:]) + 2 * cross_matrix(q[1:]) @ cross_matrix(q[1:])
+    return (
+        np.eye(3) + 2 * q[0] * cross_matrix(q[1:]) + 2 * cross_matrix(q[1:]) @ cross_matrix(q[1:])
+    )
 
 
 def exponential(rotation):
@@ -52,7 +59,8 @@ def gibbs(a):
 
 
 class Book:
-    """Position, velocity, quaternion, biases of accelerometer, gyro and barometer; errors p, v, a, b_a, b_g, b_h with a in body axes."""
+    """Position, velocity, quaternion, biases of accelerometer, gyro and barometer; errors p, v,
+    a, b_a, b_g, b_h with a in body axes."""
 
     def __init__(self, begin, baro_sd):
         self.lla, self.v = np.array(begin.lla, float), np.array(begin.v, float)
@@ -69,7 +77,8 @@ class Book:
         return A @ self.P @ A.T
 
     def step(self, rotation, force, dt):
-        """Errors of the textbook, a' = -w x a - b_g and v' = -C (f x a) - C b_a; what the Earth adds is the library's, its rows of a turned to the body."""
+        """Errors of the textbook, a' = -w x a - b_g and v' = -C (f x a) - C b_a; what the Earth
+        adds is the library's, its rows of a turned to the body."""
         r, a = rotation - self.bg * dt, force - self.ba * dt
         self.w, self.f = r / dt, a / dt
         middle = matrix(product(self.q, exponential(r / 2)))
@@ -85,7 +94,10 @@ class Book:
         turn = np.array(rotation_rates(self.v[0], self.v[1], sine, cosine, M, N)[2:]) * dt
         mechanize(self.lla, self.v, matrix(self.q), *r, *a, dt, np.zeros(3))
         self.q = product(exponential(-turn), product(self.q, exponential(r)))
-        self.ba, self.bg = self.ba * np.exp(-NOISE.accel_decay * dt), self.bg * np.exp(-NOISE.gyro_decay * dt)
+        self.ba, self.bg = (
+            self.ba * np.exp(-NOISE.accel_decay * dt),
+            self.bg * np.exp(-NOISE.gyro_decay * dt),
+        )
 
     def expected(self, source, y):
         """(innovation, rows of H) of a fix, with derivatives by the error in body axes."""
@@ -96,7 +108,11 @@ class Book:
                 H[:, :3], H[:, 6:9] = np.eye(3), -C @ cross_matrix(arm)
                 return displacement(y, self.lla) - C @ arm, H
             case "velocity":
-                H[:, 3:6], H[:, 6:9], H[:, 12:15] = np.eye(3), -C @ cross_matrix(swing), C @ cross_matrix(arm)
+                H[:, 3:6], H[:, 6:9], H[:, 12:15] = (
+                    np.eye(3),
+                    -C @ cross_matrix(swing),
+                    C @ cross_matrix(arm),
+                )
                 return y - self.v - C @ swing, H
             case "heading":
                 pitch, roll = -np.arcsin(C[2, 0]), np.arctan2(C[2, 1], C[2, 2])
@@ -114,83 +130,144 @@ class Book:
 
     def correct(self, source, y, deviation):
         e, H = self.expected(source, y)
-        R = np.diag(deviation ** 2)
+        R = np.diag(deviation**2)
         K = self.P @ H.T @ np.linalg.inv(H @ self.P @ H.T + R)
         keep, dx = np.eye(16) - K @ H, K @ e
         self.P = keep @ self.P @ keep.T + K @ R @ K.T
-        self.lla, self.v, self.q = displaced(self.lla, dx[:3]), self.v + dx[3:6], product(self.q, gibbs(dx[6:9]))
+        self.lla, self.v, self.q = (
+            displaced(self.lla, dx[:3]),
+            self.v + dx[3:6],
+            product(self.q, gibbs(dx[6:9])),
+        )
         self.q /= np.linalg.norm(self.q)
         self.ba, self.bg, self.bh = self.ba + dx[9:12], self.bg + dx[12:15], self.bh + dx[15]
 
 
 def book(recording, begin):
-    """(lla, v, C, biases, P in n) after each sample; fixes at the ends of samples, in the order of their sources."""
+    """(lla, v, C, biases, P in n) after each sample; fixes at the ends of samples, in the order
+    of their sources."""
     made, before, seen = Book(begin, 150.0), None, {}
     for t, dt, rotation, force in zip(*recording.imu):
         r, a = rotation.copy(), force.copy()
         if before is not None:
-            r, a = r + np.cross(before[0], rotation) / 12, a + (np.cross(before[0], force) + np.cross(before[1], rotation)) / 12
+            r, a = (
+                r + np.cross(before[0], rotation) / 12,
+                a + (np.cross(before[0], force) + np.cross(before[1], rotation)) / 12,
+            )
         before = rotation, force
         made.step(r, a, dt)
         for source in recording.aidings:
             for row in np.flatnonzero(np.abs(source.t - t) < 1e-6):
                 if source.kind == "pressure-altitude":
-                    made.P[15, 15] += WALK ** 2 * (t - seen.get(source.kind, 0.0))
+                    made.P[15, 15] += WALK**2 * (t - seen.get(source.kind, 0.0))
                     seen[source.kind] = t
                 made.correct(source, source.y[row], source.sd[row])
-        yield made.lla.copy(), made.v.copy(), matrix(made.q), np.r_[made.ba, made.bg, made.bh], made.in_n()
+        yield (
+            made.lla.copy(),
+            made.v.copy(),
+            matrix(made.q),
+            np.r_[made.ba, made.bg, made.bh],
+            made.in_n(),
+        )
 
 
 def every_kind(seconds=3.0, rate=20.0):
-    """The turning flight with position, velocity, compass, field, gravity and a barometer, each at its rate, and a start whose errors matter."""
+    """The turning flight with position, velocity, compass, field, gravity and a barometer, each
+    at its rate, and a start whose errors matter."""
     recording = flight(seconds, rate)
     truth, rng = recording.reference, np.random.default_rng(5)
     made = [replace(a, gate=np.inf) for a in recording.aidings]
-    kinds = (("heading", 4, 0.02, lambda C, h: [np.arctan2(C[1, 0], C[0, 0])], ()), ("magnetic-field", 2, 5e-7, lambda C, h: C.T @ FIELD, tuple(FIELD)),
-             ("gravity", 10, 3.0, lambda C, h: np.zeros(3), ()), ("pressure-altitude", 5, 1.0, lambda C, h: [h + 80.0], ()))
+    kinds = (
+        ("heading", 4, 0.02, lambda C, h: [np.arctan2(C[1, 0], C[0, 0])], ()),
+        ("magnetic-field", 2, 5e-7, lambda C, h: C.T @ FIELD, tuple(FIELD)),
+        ("gravity", 10, 3.0, lambda C, h: np.zeros(3), ()),
+        ("pressure-altitude", 5, 1.0, lambda C, h: [h + 80.0], ()),
+    )
     for kind, each, deviation, model, parameters in kinds:
         rows = np.arange(each, len(truth.t), each)
         y = np.array([model(truth.rotation[k].as_matrix(), truth.lla[k, 2]) for k in rows])
-        made.append(Aiding(kind, truth.t[rows], y + (kind != "gravity") * rng.normal(0, deviation, y.shape), np.full(y.shape, deviation), parameters, gate=np.inf))
-    begin, deviation = start(recording), np.r_[[2.0] * 3, [0.5] * 3, 0.1, 0.1, 0.4, [0.05] * 3, [2e-3] * 3]
+        made.append(
+            Aiding(
+                kind,
+                truth.t[rows],
+                y + (kind != "gravity") * rng.normal(0, deviation, y.shape),
+                np.full(y.shape, deviation),
+                parameters,
+                gate=np.inf,
+            )
+        )
+    begin, deviation = (
+        start(recording),
+        np.r_[[2.0] * 3, [0.5] * 3, 0.1, 0.1, 0.4, [0.05] * 3, [2e-3] * 3],
+    )
     rph = np.array(begin.rph) + [0.06, -0.05, 0.25]
-    return replace(recording, aidings=tuple(made)), begin._replace(rph=tuple(rph), ba=(0.05, -0.03, 0.04), bg=(1e-3, -2e-3, 1e-3), sd=tuple(deviation))
+    return replace(recording, aidings=tuple(made)), begin._replace(
+        rph=tuple(rph), ba=(0.05, -0.03, 0.04), bg=(1e-3, -2e-3, 1e-3), sd=tuple(deviation)
+    )
 
 
 def distance(solution, made):
-    """Largest distances of a Solution from `book`: m, m/s, rad, biases in their sd, covariance in sd."""
+    """Largest distances of a Solution from `book`: m, m/s, rad, biases in their sd, covariance
+    in sd."""
     lla, v, C, b, P = (np.array(part) for part in zip(*made))
     scale = np.sqrt(np.einsum("kii->ki", P))
     found = np.c_[solution.b_a, solution.b_g, solution.columns["pressure-altitude bias [m]"]]
-    return np.array([np.abs(displacement(solution.trajectory.lla, lla)).max(), np.abs(solution.trajectory.v_n - v).max(),
-                     (solution.trajectory.rotation * Rotation.from_matrix(C).inv()).magnitude().max(), np.abs((found - b) / scale[:, 9:]).max(),
-                     np.abs((solution.covariance - P) / (scale[:, :, None] * scale[:, None, :])).max()])
+    return np.array(
+        [
+            np.abs(displacement(solution.trajectory.lla, lla)).max(),
+            np.abs(solution.trajectory.v_n - v).max(),
+            (solution.trajectory.rotation * Rotation.from_matrix(C).inv()).magnitude().max(),
+            np.abs((found - b) / scale[:, 9:]).max(),
+            np.abs((solution.covariance - P) / (scale[:, :, None] * scale[:, None, :])).max(),
+        ]
+    )
 
 
 @pytest.mark.short
 def test_it_is_the_filter_of_the_book():
     recording, begin = every_kind()
     made = list(book(recording, begin))
-    ours, closed = (sd.fuse(recording, name, start=begin, noise=NOISE, covariance=True) for name in ("mekf", "closed-loop"))
+    ours, closed = (
+        sd.fuse(recording, name, start=begin, noise=NOISE, covariance=True)
+        for name in ("mekf", "closed-loop")
+    )
     assert (distance(ours, made) < [3e-5, 5e-5, 1e-6, 3e-4, 1e-3]).all()
-    assert (distance(closed, made) > 50 * distance(ours, made)).all()       # which of the two it is is no matter of rounding
+    assert (
+        distance(closed, made) > 50 * distance(ours, made)
+    ).all()  # which of the two it is is no matter of rounding
     assert np.array_equal(ours.covariance, ours.covariance.swapaxes(1, 2))
 
 
 # ---- the correction by itself
 
+
 def corrected(a, C):
-    """(C, P, P that the gain alone leaves) of a correction whose attitude error in n is a: a velocity northward that errs as the attitude about a does."""
+    """(C, P, P that the gain alone leaves) of a correction whose attitude error in n is a: a
+    velocity northward that errs as the attitude about a does."""
     sensor = aiding.find("velocity")
     for kernel in (MEKF.correct, sensor.observe):
         compile_kernel(kernel)
     rph, length = Rotation.from_matrix(C).as_euler("ZYX")[::-1], np.linalg.norm(a)
-    belief = MEKF.start(Start(0.0, PLACE, (0.0,) * 3, tuple(rph), (0.0,) * 3, (0.0,) * 3, (1.0,) * 15), NOISE)
+    belief = MEKF.start(
+        Start(0.0, PLACE, (0.0,) * 3, tuple(rph), (0.0,) * 3, (0.0,) * 3, (1.0,) * 15), NOISE
+    )
     P = np.diag(np.r_[[1.0] * 3, 0.1, 0.2, 0.3, 0.1, 0.2, 0.3, [0.01] * 6] ** 2)
     P[3, 6:9] = P[6:9, 3] = 0.06 * a / length
-    P[6:9, 6:9] += np.outer(a, a) / length ** 2
+    P[6:9, 6:9] += np.outer(a, a) / length**2
     belief.P[...], e = P, np.array([length * (P[3, 3] + 1e-6) / 0.06, np.nan, np.nan])
-    assert MEKF.correct(belief, e, np.array([1e-3, np.nan, np.nan]), sensor.kind, sensor.observe, np.zeros(PARAMETERS), np.inf, np.zeros(3)) > 0
+    assert (
+        MEKF.correct(
+            belief,
+            e,
+            np.array([1e-3, np.nan, np.nan]),
+            sensor.kind,
+            sensor.observe,
+            np.zeros(PARAMETERS),
+            np.inf,
+            np.zeros(3),
+        )
+        > 0
+    )
     return belief.C, belief.P, P - np.outer(P[:, 3], P[3]) / (P[3, 3] + 1e-6)
 
 
@@ -198,7 +275,8 @@ def corrected(a, C):
 @pytest.mark.parametrize("angle", [1e-6, 0.01, 1.0, 30.0, 90.0, 120.0, 170.0, 179.0])
 @pytest.mark.parametrize("axis", [(0, 0, 1), (0.6, 0, 0.8), (-0.48, 0.8, 0.36)])
 def test_a_correction_is_a_gibbs_vector_at_every_angle(angle, axis):
-    """By tan(angle/2) = |a|/2: what the rotation vector would make of 179 deg is 36 turns. The covariance left turns with it."""
+    """By tan(angle/2) = |a|/2: what the rotation vector would make of 179 deg is 36 turns. The
+    covariance left turns with it."""
     C = Rotation.from_euler("ZYX", [2.0, -0.4, 0.7]).as_matrix()
     a = 2 * np.tan(angle * DEG / 2) * np.array(axis)
     found, P, left = corrected(a, C)
@@ -211,13 +289,16 @@ def test_a_correction_is_a_gibbs_vector_at_every_angle(angle, axis):
 
 @pytest.mark.short
 def test_the_exact_covariance_is_half_way_between_the_two_filters():
-    """The error left, true (x) corrected^-1, by differences of the error before: the closed loop lets P stand, this filter turns it by all of the correction."""
+    """The error left, true (x) corrected^-1, by differences of the error before: the closed loop
+    lets P stand, this filter turns it by all of the correction."""
     a, P, h = np.array([0.003, -0.002, 0.004]), np.diag([0.1, 0.2, 0.3]) ** 2, 1e-6
     turn = lambda x: Rotation.from_quat([*x / 2, 1.0])
     left = lambda x: (turn(x) * turn(a).inv()).as_rotvec()
     J = np.stack([(left(a + h * x) - left(a - h * x)) / (2 * h) for x in np.eye(3)], axis=1)
     turned = lambda x: turn(x).as_matrix() @ P @ turn(x).as_matrix().T
-    closed, half, ours = (np.linalg.norm(turned(share * a) - J @ P @ J.T) for share in (0.0, 0.5, 1.0))
+    closed, half, ours = (
+        np.linalg.norm(turned(share * a) - J @ P @ J.T) for share in (0.0, 0.5, 1.0)
+    )
     assert ours == pytest.approx(closed, rel=0.1) and half < 0.02 * ours
 
 
@@ -225,16 +306,28 @@ def test_the_exact_covariance_is_half_way_between_the_two_filters():
 def test_a_fix_that_is_rejected_changes_nothing():
     recording, begin = every_kind(1.0)
     far = replace(recording.aidings[1], y=recording.aidings[1].y + 50, gate=11.0)
-    with_it, without = (sd.fuse(replace(recording, aidings=(*others, *recording.aidings[2:])), "mekf", start=begin, noise=NOISE, covariance=True)
-                        for others in ((far,), ()))
+    with_it, without = (
+        sd.fuse(
+            replace(recording, aidings=(*others, *recording.aidings[2:])),
+            "mekf",
+            start=begin,
+            noise=NOISE,
+            covariance=True,
+        )
+        for others in ((far,), ())
+    )
     assert with_it.counts()["GNSS velocity"] == (0, 1)
-    assert np.array_equal(with_it.covariance, without.covariance) and np.array_equal(with_it.trajectory.q_nb, without.trajectory.q_nb)
+    assert np.array_equal(with_it.covariance, without.covariance) and np.array_equal(
+        with_it.trajectory.q_nb, without.trajectory.q_nb
+    )
 
 
 # ---- against the closed loop
 
+
 def exact(motion, seconds, rate, *sources):
-    """Recording of an IMU and of sources without errors; each source is (kind, rate, deviation, model of the truth, parameters)."""
+    """Recording of an IMU and of sources without errors; each source is (kind, rate, deviation,
+    model of the truth, parameters)."""
     t = np.arange(round(seconds * rate) + 1) / rate
     truth, made = sample(motion, t), []
     for kind, hertz, deviation, model, parameters in sources:
@@ -248,77 +341,155 @@ def aside(recording, error, deviation):
     """The Start that errs by `error` in the fifteen states, true - start."""
     truth, x = recording.reference, np.array(error)
     C = Rotation.from_rotvec(-x[6:9]) * truth.rotation[0]
-    return Start(0.0, tuple(displaced(truth.lla[0], -x[:3])), tuple(truth.v_n[0] - x[3:6]), tuple(C.as_euler("ZYX")[::-1]), tuple(-x[9:12]), tuple(-x[12:15]),
-                 tuple(deviation))
+    return Start(
+        0.0,
+        tuple(displaced(truth.lla[0], -x[:3])),
+        tuple(truth.v_n[0] - x[3:6]),
+        tuple(C.as_euler("ZYX")[::-1]),
+        tuple(-x[9:12]),
+        tuple(-x[12:15]),
+        tuple(deviation),
+    )
 
 
 def apart(recording, scale):
-    """(state differences between mekf and closed loop in standard deviations, attitude difference, sum of the attitude corrections, rad)."""
+    """(state differences between mekf and closed loop in standard deviations, attitude
+    difference, sum of the attitude corrections, rad)."""
     deviation = np.r_[[3.0] * 3, [0.5] * 3, 0.08, 0.08, 0.2, [0.05] * 3, [2e-3] * 3]
-    begin = aside(recording, scale * deviation * np.r_[1, -1, 1, 1, 1, -1, 1, -1, 1, 1, -1, 1, -1, 1, 1], deviation)
+    begin = aside(
+        recording,
+        scale * deviation * np.r_[1, -1, 1, 1, 1, -1, 1, -1, 1, 1, -1, 1, -1, 1, 1],
+        deviation,
+    )
     a, b = (sd.fuse(recording, name, start=begin, noise=NOISE) for name in ("mekf", "closed-loop"))
     between = (a.trajectory.rotation * b.trajectory.rotation.inv()).as_rotvec()
-    state = np.c_[displacement(a.trajectory.lla, b.trajectory.lla), a.trajectory.v_n - b.trajectory.v_n, between, a.b_a - b.b_a, a.b_g - b.b_g]
-    corrections = sum(np.linalg.norm(np.diff(sd.errors(s, recording.reference).attitude, axis=0), axis=1).sum() for s in (a, b)) / 2
-    return np.abs(state / b.trajectory.sd).max(axis=0), np.linalg.norm(between, axis=1).max(), corrections
+    state = np.c_[
+        displacement(a.trajectory.lla, b.trajectory.lla),
+        a.trajectory.v_n - b.trajectory.v_n,
+        between,
+        a.b_a - b.b_a,
+        a.b_g - b.b_g,
+    ]
+    corrections = (
+        sum(
+            np.linalg.norm(
+                np.diff(sd.errors(s, recording.reference).attitude, axis=0), axis=1
+            ).sum()
+            for s in (a, b)
+        )
+        / 2
+    )
+    return (
+        np.abs(state / b.trajectory.sd).max(axis=0),
+        np.linalg.norm(between, axis=1).max(),
+        corrections,
+    )
 
 
 @pytest.mark.short
 def test_it_agrees_with_the_closed_loop_to_first_order():
-    """What is left is of second order. After corrections that sum up to s, P of the one is turned by s at most, so that its next correction c differs by s |c|
-    through the rows of P and as much through its columns; a Gibbs vector differs by |c|^3/12. Together at most S^2 + S^3/12, S the sum of all |c|.
+    """What is left is of second order. After corrections that sum up to s, P of the one is turned
+    by s at most, so that its next correction c differs by s |c| through the rows of P and as much
+    through its columns; a Gibbs vector differs by |c|^3/12. Together at most S^2 + S^3/12, S the
+    sum of all |c|.
     """
-    recording = exact(turning(), 10.0, 20.0, ("position", 1, 1.0, lambda truth, k: truth.lla[k], ()), ("velocity", 1, 0.1, lambda truth, k: truth.v_n[k], ()),
-                      ("magnetic-field", 4, 5e-7, lambda truth, k: truth.rotation[k].as_matrix().T @ FIELD, tuple(FIELD)))
+    recording = exact(
+        turning(),
+        10.0,
+        20.0,
+        ("position", 1, 1.0, lambda truth, k: truth.lla[k], ()),
+        ("velocity", 1, 0.1, lambda truth, k: truth.v_n[k], ()),
+        (
+            "magnetic-field",
+            4,
+            5e-7,
+            lambda truth, k: truth.rotation[k].as_matrix().T @ FIELD,
+            tuple(FIELD),
+        ),
+    )
     state, attitude, corrections = zip(*(apart(recording, scale) for scale in (0.2, 0.1, 0.05)))
     for difference, total in zip(attitude, corrections):
-        assert 1e-3 * total ** 2 < difference < total ** 2 + total ** 3 / 12
-    for coarse, fine in ((attitude[0], attitude[1]), (attitude[1], attitude[2]), (state[0].max(), state[1].max()), (state[1].max(), state[2].max())):
-        assert 3.5 < coarse / fine < 5.2      # of second order: by 4, and by 8 for what is of third
+        assert 1e-3 * total**2 < difference < total**2 + total**3 / 12
+    for coarse, fine in (
+        (attitude[0], attitude[1]),
+        (attitude[1], attitude[2]),
+        (state[0].max(), state[1].max()),
+        (state[1].max(), state[2].max()),
+    ):
+        assert 3.5 < coarse / fine < 5.2  # of second order: by 4, and by 8 for what is of third
 
 
 # ---- heading 180 deg
 
+
 def heading_errors(heading, off):
-    """Errors of the heading (rad) of a body at rest with a compass at 5 Hz and exact positions, which begins `off` (deg) beside it."""
-    still = exact(static(PLACE, (0.1, -0.2, heading * DEG)), 8.0, 20.0, ("position", 1, 1.0, lambda truth, k: truth.lla[k], ()),
-                  ("heading", 5, 0.02, lambda truth, k: [truth.rph[k, 2]], ()))
+    """Errors of the heading (rad) of a body at rest with a compass at 5 Hz and exact positions,
+    which begins `off` (deg) beside it."""
+    still = exact(
+        static(PLACE, (0.1, -0.2, heading * DEG)),
+        8.0,
+        20.0,
+        ("position", 1, 1.0, lambda truth, k: truth.lla[k], ()),
+        ("heading", 5, 0.02, lambda truth, k: [truth.rph[k, 2]], ()),
+    )
     deviation = np.r_[[1.0] * 3, [0.1] * 3, 0.01, 0.01, 0.5, [1e-2] * 3, [1e-4] * 3]
     begin = aside(still, np.r_[np.zeros(6), 0, 0, off * DEG, np.zeros(6)], deviation)
-    return sd.errors(sd.fuse(still, "mekf", start=begin, noise=NOISE), still.reference).attitude[:, 2]
+    return sd.errors(sd.fuse(still, "mekf", start=begin, noise=NOISE), still.reference).attitude[
+        :, 2
+    ]
 
 
 @pytest.mark.short
 @pytest.mark.parametrize("off", [-25.0, 1.0, 25.0])
 @pytest.mark.parametrize("heading", [90.0, 179.999, 180.0, -155.0, -90.0])
 def test_a_compass_converges_at_every_heading_as_at_north(heading, off):
-    """The Earth's rate alone tells one heading from another: 7e-5 rad/s over 8 s, less what the compass corrects."""
+    """The Earth's rate alone tells one heading from another: 7e-5 rad/s over 8 s, less what the
+    compass corrects."""
     found, north = heading_errors(heading, off), heading_errors(0.0, off)
     np.testing.assert_allclose(found, north, atol=2e-5)
-    assert abs(north[2]) == pytest.approx(abs(off) * DEG, rel=0.01) and abs(north[-1]) < 0.01 * abs(off) * DEG
+    assert (
+        abs(north[2]) == pytest.approx(abs(off) * DEG, rel=0.01)
+        and abs(north[-1]) < 0.01 * abs(off) * DEG
+    )
 
 
 # ---- every sensor at its own rate
 
+
 def hover():
     """In one place but for some centimetres, at heading 100 deg."""
     wave = lambda t, period: np.sin(2 * np.pi * t / period)
-    return Motion("hover", PLACE, lambda t: (0.02 * wave(t, 11.0), 0.02 * wave(t, 17.0), 0.02 * wave(t, 13.0)),
-                  lambda t: (0.02 * np.sin(t), 0.03 * np.cos(t), 100 * DEG + 0.05 * np.sin(0.3 * t)))
+    return Motion(
+        "hover",
+        PLACE,
+        lambda t: (0.02 * wave(t, 11.0), 0.02 * wave(t, 17.0), 0.02 * wave(t, 13.0)),
+        lambda t: (0.02 * np.sin(t), 0.03 * np.cos(t), 100 * DEG + 0.05 * np.sin(0.3 * t)),
+    )
 
 
-SPEC = ImuSpec("white MEMS", Triad(noise=3e-4, turn_on_bias=1e-3), Triad(noise=3e-3, turn_on_bias=2e-2))
+SPEC = ImuSpec(
+    "white MEMS", Triad(noise=3e-4, turn_on_bias=1e-3), Triad(noise=3e-3, turn_on_bias=2e-2)
+)
 DEVIATION = np.r_[[2.0] * 3, [0.1] * 3, np.radians([0.5, 0.5, 8.0]), [2e-2] * 3, [1e-3] * 3]
 
 
 @pytest.fixture(scope="module")
 def hovering():
-    """(recording, start) of 30 s: position at 1 Hz but for 10 s, field at 100 Hz, gravity at 10 Hz, pressure at 50 Hz."""
+    """(recording, start) of 30 s: position at 1 Hz but for 10 s, field at 100 Hz, gravity at 10
+    Hz, pressure at 50 Hz."""
     t = np.arange(3001) / 100.0
-    truth, (of_imu, of_start, of_fix, of_field, of_baro) = sample(hover(), t), np.random.default_rng(9).spawn(5)
+    truth, (of_imu, of_start, of_fix, of_field, of_baro) = (
+        sample(hover(), t),
+        np.random.default_rng(9).spawn(5),
+    )
     imu, b_a, b_g = SPEC.corrupt(increments(hover(), t), of_imu)
     at = np.r_[100:1001:100, 2100:3001:100]
-    position = Aiding("position", t[at], displaced(truth.lla[at], of_fix.normal(0, 1.0, (len(at), 3))), np.ones((len(at), 3)))
+    position = Aiding(
+        "position",
+        t[at],
+        displaced(truth.lla[at], of_fix.normal(0, 1.0, (len(at), 3))),
+        np.ones((len(at), 3)),
+    )
     field = Magnetometer(rate=100.0, sd=1e-6, field=tuple(FIELD)).measure(truth, of_field)
     baro = Barometer(rate=50.0, sd=3.0, bias=40.0).measure(truth, of_baro)
     gravity = Aiding("gravity", t[10::10], np.zeros((300, 3)), np.full((300, 3), 0.1))
@@ -331,20 +502,41 @@ def test_whatever_arrives_between_position_fixes_is_used(hovering):
     recording, begin = hovering
     solution = sd.fuse(recording, "mekf", start=begin, noise=SPEC.noise())
     e, used = sd.errors(solution, recording.reference), solution.innovations
-    assert solution.counts() == {"position": (20, 0), "magnetometer": (3000, 0), "barometer": (1500, 0), "gravity": (300, 0)}
-    assert np.isin(np.round(used.t[used.source > 0], 6), recording.aidings[0].t, invert=True).sum() == 2980 + 1480 + 280
+    assert solution.counts() == {
+        "position": (20, 0),
+        "magnetometer": (3000, 0),
+        "barometer": (1500, 0),
+        "gravity": (300, 0),
+    }
+    assert (
+        np.isin(np.round(used.t[used.source > 0], 6), recording.aidings[0].t, invert=True).sum()
+        == 2980 + 1480 + 280
+    )
     off = np.c_[e.position, e.velocity, e.attitude] / e.sd[:, :9]
     assert np.abs(off[100:]).max() < 4.5 and np.sqrt(np.mean(off[100:] ** 2)) < 1.5
     horizontal = e.sd[:, :2].max(axis=1)
-    assert horizontal[2090] > 2 * max(horizontal[1000], horizontal[2900])       # dead reckoning from 10 to 21 s
-    assert e.sd[2090, 2] < 1.5 * e.sd[1000, 2] and e.sd[2090, 8] < 1.2 * e.sd[1000, 8]      # but for height and heading
+    assert horizontal[2090] > 2 * max(
+        horizontal[1000], horizontal[2900]
+    )  # dead reckoning from 10 to 21 s
+    assert (
+        e.sd[2090, 2] < 1.5 * e.sd[1000, 2] and e.sd[2090, 8] < 1.2 * e.sd[1000, 8]
+    )  # but for height and heading
 
 
 def test_a_field_between_position_fixes_improves_the_heading(hovering):
-    """Against the field at the times of positions alone, which is what the published routine makes of it."""
+    """Against the field at the times of positions alone, which is what the published routine
+    makes of it."""
     recording, begin = hovering
     position, field, *others = recording.aidings
-    rare = replace(recording, aidings=(position, field._where(np.isin(np.round(field.t, 6), position.t)), *others))
-    ours, printed = (sd.errors(sd.fuse(each, "mekf", start=begin, noise=SPEC.noise()), recording.reference) for each in (recording, rare))
+    rare = replace(
+        recording,
+        aidings=(position, field._where(np.isin(np.round(field.t, 6), position.t)), *others),
+    )
+    ours, printed = (
+        sd.errors(sd.fuse(each, "mekf", start=begin, noise=SPEC.noise()), recording.reference)
+        for each in (recording, rare)
+    )
     assert (ours.sd[200:, 8] < 0.5 * printed.sd[200:, 8]).all()
-    assert np.sqrt(np.mean(ours.rph[200:, 2] ** 2)) < 0.5 * np.sqrt(np.mean(printed.rph[200:, 2] ** 2))
+    assert np.sqrt(np.mean(ours.rph[200:, 2] ** 2)) < 0.5 * np.sqrt(
+        np.mean(printed.rph[200:, 2] ** 2)
+    )

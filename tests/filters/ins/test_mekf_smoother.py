@@ -1,4 +1,6 @@
-"""The smoother of the multiplicative EKF: the adjoint of its correction against dense matrices, and smoothed solutions against the closed loop's."""
+"""The smoother of the multiplicative EKF: the adjoint of its correction against dense matrices,
+and smoothed solutions against the closed loop's."""
+
 import numpy as np
 import pytest
 from recordings import flight, start
@@ -7,14 +9,16 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import aiding
-from strapdown.core.smoother import work_size
 from strapdown.core.contract import PARAMETERS, Noise, compile_kernel
+from strapdown.core.smoother import work_size
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.filters.ins.mekf import MEKF
 from strapdown.geodesy import displacement
 
 pytestmark = pytest.mark.short
-NOISE = Noise(gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100)
+NOISE = Noise(
+    gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100
+)
 
 
 def correlated(n, seed):
@@ -23,14 +27,29 @@ def correlated(n, seed):
 
 
 def recorded(filter, n, y, gate=np.inf):
-    """(record of a correction, its rotation vector) of a belief with n states and a full P, by a velocity y (m/s)."""
+    """(record of a correction, its rotation vector) of a belief with n states and a full P, by a
+    velocity y (m/s)."""
     sensor = aiding.find("velocity")
-    for kernel in (filter.correct, filter.smoother.save_step, filter.smoother.adjoint_step, sensor.observe):
+    for kernel in (
+        filter.correct,
+        filter.smoother.save_step,
+        filter.smoother.adjoint_step,
+        sensor.observe,
+    ):
         compile_kernel(kernel)
     begin = start(flight())
     belief = filter.start(begin._replace(v=(0.0,) * 3, sd=(1.0,) * n), NOISE)
     belief.P[...], before = correlated(n, 1), Rotation.from_matrix(belief.C)
-    filter.correct(belief, np.array(y), np.array([0.5, 0.7, 0.9]), sensor.kind, sensor.observe, np.zeros(PARAMETERS), gate, np.zeros(3))
+    filter.correct(
+        belief,
+        np.array(y),
+        np.array([0.5, 0.7, 0.9]),
+        sensor.kind,
+        sensor.observe,
+        np.zeros(PARAMETERS),
+        gate,
+        np.zeros(3),
+    )
     record = np.full(filter.smoother.width(n), np.nan)
     filter.smoother.save_step(belief, record)
     return record, (Rotation.from_matrix(belief.C) * before.inv()).as_matrix()
@@ -60,19 +79,28 @@ def test_what_was_not_used_turns_nothing():
     for y, gate in (((50.0, 60.0, 70.0), 1.0), ((np.nan,) * 3, np.inf)):
         record, _ = recorded(MEKF, 15, y, gate)
         lam, Lam = undone(MEKF, record, 15)
-        assert np.array_equal(lam, np.random.default_rng(2).standard_normal(15)) and np.array_equal(Lam, correlated(15, 3))
+        assert np.array_equal(lam, np.random.default_rng(2).standard_normal(15)) and np.array_equal(
+            Lam, correlated(15, 3)
+        )
 
 
 def test_smoothed_solutions_are_the_closed_loops_to_first_order_and_nearer_to_the_truth():
     recording = flight()
     begin = start(recording)
-    ours, closed = (sd.smooth(recording, name, start=begin, noise=NOISE) for name in ("mekf", "closed-loop"))
+    ours, closed = (
+        sd.smooth(recording, name, start=begin, noise=NOISE) for name in ("mekf", "closed-loop")
+    )
     forward = sd.fuse(recording, "mekf", start=begin, noise=NOISE)
-    apart = np.c_[displacement(ours.trajectory.lla, closed.trajectory.lla), ours.trajectory.v_n - closed.trajectory.v_n,
-                  (ours.trajectory.rotation * closed.trajectory.rotation.inv()).as_rotvec(), ours.b_a - closed.b_a, ours.b_g - closed.b_g]
+    apart = np.c_[
+        displacement(ours.trajectory.lla, closed.trajectory.lla),
+        ours.trajectory.v_n - closed.trajectory.v_n,
+        (ours.trajectory.rotation * closed.trajectory.rotation.inv()).as_rotvec(),
+        ours.b_a - closed.b_a,
+        ours.b_g - closed.b_g,
+    ]
     assert 0 < np.abs(apart / closed.trajectory.sd).max() < 0.05
     np.testing.assert_allclose(ours.trajectory.sd, closed.trajectory.sd, rtol=0.02)
     late = slice(40, -1)
     smoothed, filtered = (sd.errors(s, recording.reference).position[late] for s in (ours, forward))
-    assert np.sqrt(np.mean(smoothed ** 2)) < 0.8 * np.sqrt(np.mean(filtered ** 2))
+    assert np.sqrt(np.mean(smoothed**2)) < 0.8 * np.sqrt(np.mean(filtered**2))
     assert (ours.trajectory.sd[late] < forward.trajectory.sd[late]).all()

@@ -1,35 +1,57 @@
-"""The nonlinear observer against a plain one in ECEF coordinates, its projection and its monitor, and what the printed equations would do instead."""
+"""The nonlinear observer against a plain one in ECEF coordinates, its projection and its
+monitor, and what the printed equations would do instead."""
+
 from functools import cache
 
 import numpy as np
 import pymap3d
 import pytest
+from recordings import start, turning
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import filters
-from strapdown.filters.observer import equations
 from strapdown.core.contract import Noise, Start, compile_kernel
+from strapdown.filters.observer import equations
 from strapdown.filters.observer.gains import begin, implant
 from strapdown.filters.observer.translation_gains import SPREAD, TRANSLATION
 from strapdown.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
 
-from recordings import start, turning
-
 pytestmark = pytest.mark.short
 NOISE = Noise(3e-4, 3e-3, 2e-5, 2e-4, 0.0, 0.0)
 RATE = 7.292115e-5
 K1, K2, KI, ADAPTATION = 0.8, 0.5, 0.1, 0.3
-CONSTANT = dict(start_time=1e-3, k1=K1, k2=K2, ki=KI, k1_start=K1, k2_start=K2, ki_start=KI, adaptation=ADAPTATION,
-                kpp=0.4, kvp=0.05, kxp=0.01, kpv=0.2, kvv=0.5, kxv=0.15)
+CONSTANT = dict(
+    start_time=1e-3,
+    k1=K1,
+    k2=K2,
+    ki=KI,
+    k1_start=K1,
+    k2_start=K2,
+    ki_start=KI,
+    adaptation=ADAPTATION,
+    kpp=0.4,
+    kvp=0.05,
+    kxp=0.01,
+    kpv=0.2,
+    kvv=0.5,
+    kxv=0.15,
+)
 OFF = Rotation.from_rotvec([0.25, -0.3, 0.5])
 
 
 @cache
 def noiseless(seconds=15.0, rate=100.0):
     """A turning flight with the errors of an IMU and fixes of a millimetre."""
-    return sd.simulate(turning(), seconds, "tactical", 3, rate, Gnss(position_sd=(1e-3,) * 3, velocity_sd=(1e-3,) * 3))
+    return sd.simulate(
+        turning(),
+        seconds,
+        "tactical",
+        3,
+        rate,
+        Gnss(position_sd=(1e-3,) * 3, velocity_sd=(1e-3,) * 3),
+    )
 
 
 def off(recording):
@@ -40,12 +62,13 @@ def off(recording):
 
 
 def gravity(lla):
-    """Normal gravity (m/s^2, downwards) by Somigliana and the second-order height term, written out."""
+    """Normal gravity (m/s^2, downwards) by Somigliana and the second-order height term, written
+    out."""
     a, f, gm = 6378137.0, 1 / 298.257223563, 3.986004418e14
     s2, e2 = np.sin(lla[0]) ** 2, f * (2 - f)
     surface = 9.7803253359 * (1 + 0.00193185265241 * s2) / np.sqrt(1 - e2 * s2)
-    m = RATE ** 2 * a ** 3 * (1 - f) / gm
-    return surface * (1 - 2 / a * (1 + f + m - 2 * f * s2) * lla[2] + 3 / a ** 2 * lla[2] ** 2)
+    m = RATE**2 * a**3 * (1 - f) / gm
+    return surface * (1 - 2 / a * (1 + f + m - 2 * f * s2) * lla[2] + 3 / a**2 * lla[2] ** 2)
 
 
 def ned_axes(lla):
@@ -55,7 +78,8 @@ def ned_axes(lla):
 
 
 def plain_observer(recording, begin_at, parts=4):
-    """Equations (1)-(3) of the paper, corrected, in ECEF, in small Euler steps; fixes and course as docs/observer.md has them.
+    """Equations (1)-(3) of the paper, corrected, in ECEF, in small Euler steps; fixes and course as
+    docs/observer.md has them.
 
     Returns the final (lla, v, C, ba, bg, xi).
     """
@@ -63,23 +87,50 @@ def plain_observer(recording, begin_at, parts=4):
     axes = ned_axes(lla)
     p = np.array(pymap3d.geodetic2ecef(*lla, deg=False))
     v, R = axes.T @ begin_at.v, axes.T @ Rotation.from_euler("ZYX", begin_at.rph[::-1]).as_matrix()
-    ba, bg, xi, square = np.array(begin_at.ba), np.array(begin_at.bg), np.zeros(3), float(np.dot(begin_at.ba, begin_at.ba))
-    spin, since, gains = np.array([0, 0, RATE]), 0.0, np.array([[0.4, 0.05, 0.01], [0.2, 0.5, 0.15]])
+    ba, bg, xi, square = (
+        np.array(begin_at.ba),
+        np.array(begin_at.bg),
+        np.zeros(3),
+        float(np.dot(begin_at.ba, begin_at.ba)),
+    )
+    spin, since, gains = (
+        np.array([0, 0, RATE]),
+        0.0,
+        np.array([[0.4, 0.05, 0.01], [0.2, 0.5, 0.15]]),
+    )
     position, velocity = recording.aidings
     for k, t in enumerate(recording.imu.t):
-        w, f = recording.imu.dtheta[k] / recording.imu.dt[k], recording.imu.dv[k] / recording.imu.dt[k]
+        w, f = (
+            recording.imu.dtheta[k] / recording.imu.dt[k],
+            recording.imu.dv[k] / recording.imu.dt[k],
+        )
         h = recording.imu.dt[k] / parts
         for _ in range(parts):
             force = R @ (f - ba) + xi
-            sigma = K1 * np.cross((f - ba) / np.linalg.norm(f - ba), R.T @ force / np.linalg.norm(force))
+            sigma = K1 * np.cross(
+                (f - ba) / np.linalg.norm(f - ba), R.T @ force / np.linalg.norm(force)
+            )
             lla = np.array(pymap3d.ecef2geodetic(*p, deg=False))
             phi, theta = np.r_[1.0, -2 * f], np.r_[square, ba]
             scale = np.array([1.0, 1, 1, 1])
-            slope = ADAPTATION * scale * phi * (force @ force - f @ f - phi @ theta) / (phi @ (scale * phi))
-            p, v_next = p + h * v, v + h * (-2 * np.cross(spin, v) + force + ned_axes(lla).T @ [0, 0, gravity(lla)])
+            slope = (
+                ADAPTATION
+                * scale
+                * phi
+                * (force @ force - f @ f - phi @ theta)
+                / (phi @ (scale * phi))
+            )
+            p, v_next = (
+                p + h * v,
+                v + h * (-2 * np.cross(spin, v) + force + ned_axes(lla).T @ [0, 0, gravity(lla)]),
+            )
             p, v = p + 0.5 * h * (v_next - v), v_next
             xi = xi - h * R @ np.cross(sigma, f - ba)
-            R = Rotation.from_rotvec(-h * spin).as_matrix() @ R @ Rotation.from_rotvec(h * (w - bg + sigma)).as_matrix()
+            R = (
+                Rotation.from_rotvec(-h * spin).as_matrix()
+                @ R
+                @ Rotation.from_rotvec(h * (w - bg + sigma)).as_matrix()
+            )
             ba, square, bg = ba + h * slope[1:], max(square + h * slope[0], 0), bg - h * KI * sigma
         since += recording.imu.dt[k]
         for row in np.flatnonzero(np.abs(position.t - t) < 1e-6):
@@ -87,7 +138,9 @@ def plain_observer(recording, begin_at, parts=4):
             p, v, xi = p + gains[0, 0] * e, v + gains[0, 1] * e, xi + gains[0, 2] * e
             axes = ned_axes(np.array(pymap3d.ecef2geodetic(*p, deg=False)))
             e, C = axes.T @ velocity.y[row] - v, axes @ R
-            angle = np.arctan2(velocity.y[row, 1], velocity.y[row, 0]) - np.arctan2(C[1, 0], C[0, 0])
+            angle = np.arctan2(velocity.y[row, 1], velocity.y[row, 0]) - np.arctan2(
+                C[1, 0], C[0, 0]
+            )
             angle = (angle + np.pi) % (2 * np.pi) - np.pi
             turn = (angle - 2 * np.arctan(np.tan(angle / 2) * np.exp(-K2 * min(since, 1.0)))) * C[2]
             since, before = 0.0, R
@@ -100,14 +153,25 @@ def plain_observer(recording, begin_at, parts=4):
 
 
 def distance(rate):
-    """Differences between the library's observer and the plain one at that IMU rate (SI), and the library's solution."""
+    """Differences between the library's observer and the plain one at that IMU rate (SI), and
+    the library's solution."""
     recording = noiseless(rate=rate)
     ours = sd.fuse(recording, "nlo", start=off(recording), noise=NOISE, **CONSTANT)
     lla, v, C, ba, bg, xi = plain_observer(recording, off(recording), round(400 / rate))
-    end, own = ours.trajectory, [ours.columns[f"xi_{axis} [m/s^2]"][-1] for axis in ("north", "east", "down")]
-    return np.array([np.linalg.norm(displacement(lla, end.lla[-1])), np.linalg.norm(v - end.v_n[-1]),
-                     (Rotation.from_matrix(C) * end.rotation[-1].inv()).magnitude(),
-                     np.linalg.norm(bg - ours.b_g[-1]), np.linalg.norm(ba - ours.b_a[-1]), np.linalg.norm(xi - own)]), ours
+    end, own = (
+        ours.trajectory,
+        [ours.columns[f"xi_{axis} [m/s^2]"][-1] for axis in ("north", "east", "down")],
+    )
+    return np.array(
+        [
+            np.linalg.norm(displacement(lla, end.lla[-1])),
+            np.linalg.norm(v - end.v_n[-1]),
+            (Rotation.from_matrix(C) * end.rotation[-1].inv()).magnitude(),
+            np.linalg.norm(bg - ours.b_g[-1]),
+            np.linalg.norm(ba - ours.b_a[-1]),
+            np.linalg.norm(xi - own),
+        ]
+    ), ours
 
 
 def test_it_is_the_observer_in_ecef_coordinates_to_first_order_in_the_sample():
@@ -115,7 +179,10 @@ def test_it_is_the_observer_in_ecef_coordinates_to_first_order_in_the_sample():
     fine, ours = distance(100.0)
     assert (fine < [5e-4, 1e-3, 3e-4, 5e-5, 2e-4, 2e-3]).all()
     assert (coarse[3:] / fine[3:] > 1.6).all()
-    assert np.abs(ours.b_g[-1] - (0.004, -0.003, 0.002)).max() > 0.01 and np.abs(ours.b_a[-1] - (0.02, -0.01, 0.03)).max() > 0.05
+    assert (
+        np.abs(ours.b_g[-1] - (0.004, -0.003, 0.002)).max() > 0.01
+        and np.abs(ours.b_a[-1] - (0.02, -0.01, 0.03)).max() > 0.05
+    )
 
 
 @pytest.fixture(scope="module")
@@ -128,67 +195,103 @@ def predict():
 
 def belief(at=None, **options):
     """A belief at `at` (a Start) or level and at rest."""
-    at = at or Start(0.0, (0.8, 0.1, 300.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15)
+    at = at or Start(
+        0.0, (0.8, 0.1, 300.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15
+    )
     made = at.belief(np.zeros(equations.BLOCK))
     begin(made.workspace, at, NOISE, **{"start_time": 1e-3, "outage_after": 10.0, **options})
     return made
 
 
 def force_of_observer(b):
-    return b.C @ b.f + b.workspace[equations.XI:equations.XI + 3]
+    return b.C @ b.f + b.workspace[equations.XI : equations.XI + 3]
 
 
 def test_a_turn_by_sigma_leaves_the_force_where_it_was_with_the_bias_taken_off_and_not_without():
-    """Row g: xi' = - R S(sigma) (f - b). Both terms of f_n must hold the same f; with f_IMU in one of them f_n moves by sigma x R b."""
+    """Row g: xi' = - R S(sigma) (f - b). Both terms of f_n must hold the same f; with f_IMU in
+    one of them f_n moves by sigma x R b."""
     b, s = belief(), np.array([0.2, -0.3, 0.5])
-    b.f[:], b.workspace[equations.XI:equations.XI + 3] = (1.0, -2.0, -9.0), (0.3, 0.1, -0.2)
+    b.f[:], b.workspace[equations.XI : equations.XI + 3] = (1.0, -2.0, -9.0), (0.3, 0.1, -0.2)
     before, C = force_of_observer(b), b.C.copy()
     equations.turn(b, *s)
     assert np.abs(force_of_observer(b) - before).max() < 1e-14 and np.abs(b.C - C).max() > 0.1
     assert np.abs(b.C - C @ Rotation.from_rotvec(s).as_matrix()).max() < 1e-14
     bias, sigma, xi_rate = np.array([0.1, 0.2, -0.1]), s, lambda f: -C @ np.cross(s, f)
     rate_of_rotated = C @ np.cross(sigma, b.f)
-    assert np.abs(rate_of_rotated + xi_rate(b.f)).max() < 1e-14 < 0.01 < np.abs(rate_of_rotated + xi_rate(b.f + bias)).max()
+    assert (
+        np.abs(rate_of_rotated + xi_rate(b.f)).max()
+        < 1e-14
+        < 0.01
+        < np.abs(rate_of_rotated + xi_rate(b.f + bias)).max()
+    )
 
 
 def test_the_projection_keeps_the_bound_and_does_nothing_inside():
-    """Row a: Proj acts on the estimate; inside the ball it is the identity, beyond it fades, and what leads inwards always passes."""
+    """Row a: Proj acts on the estimate; inside the ball it is the identity, beyond it fades, and
+    what leads inwards always passes."""
     rng, bound, b = np.random.default_rng(1), 0.1, np.zeros(3)
     for _ in range(3000):
-        inside, before, d = np.linalg.norm(b) <= bound, b.copy(), rng.normal(0, 0.01, 3) + [0.004, 0, 0]
+        inside, before, d = (
+            np.linalg.norm(b) <= bound,
+            b.copy(),
+            rng.normal(0, 0.01, 3) + [0.004, 0, 0],
+        )
         equations.bounded(b, *d, bound)
         assert np.linalg.norm(b) <= equations.OUTER * bound * (1 + 1e-12)
-        if inside and np.linalg.norm(before + d) <= bound or before @ d <= 0 and np.linalg.norm(before + d) <= bound:
+        if (
+            inside
+            and np.linalg.norm(before + d) <= bound
+            or before @ d <= 0
+            and np.linalg.norm(before + d) <= bound
+        ):
             assert np.array_equal(b, before + d)
     assert np.linalg.norm(b) > 0.9 * bound
 
 
 def test_adaptation_uses_what_is_measured_and_the_square_of_the_bias():
-    """Rows c and d: |f - b|^2 = |f|^2 - 2 f b + |b|^2 is linear in [|b|^2, b], not in [|b|, b]; with the printed y_f the error is zero at once."""
-    f, b, guess = np.array([1.0, -2.0, -9.0]), np.array([0.2, -0.1, 0.3]), np.array([0.1, 0.0, 0.05])
+    """Rows c and d: |f - b|^2 = |f|^2 - 2 f b + |b|^2 is linear in [|b|^2, b], not in [|b|, b];
+    with the printed y_f the error is zero at once."""
+    f, b, guess = (
+        np.array([1.0, -2.0, -9.0]),
+        np.array([0.2, -0.1, 0.3]),
+        np.array([0.1, 0.0, 0.05]),
+    )
     phi = np.r_[1.0, -2 * f]
     measured = (f - b) @ (f - b) - f @ f
-    assert abs(measured - phi @ np.r_[b @ b, b]) < 1e-12 < 0.1 < abs(measured - phi @ np.r_[np.linalg.norm(b), b])
+    assert (
+        abs(measured - phi @ np.r_[b @ b, b])
+        < 1e-12
+        < 0.1
+        < abs(measured - phi @ np.r_[np.linalg.norm(b), b])
+    )
     printed = np.linalg.norm(guess) - 2 * f @ guess
-    assert abs(printed - phi @ np.r_[np.linalg.norm(guess), guess]) < 1e-12 and abs(measured - phi @ np.r_[guess @ guess, guess]) > 0.5
+    assert (
+        abs(printed - phi @ np.r_[np.linalg.norm(guess), guess]) < 1e-12
+        and abs(measured - phi @ np.r_[guess @ guess, guess]) > 0.5
+    )
 
 
 def test_adaptation_finds_a_bias_that_is_excited_and_survives_an_impact(predict):
-    """The IMU turns about all axes at rest in n, with a bias; xi is what f_n lacks. An impact of 16 g for one sample moves little."""
+    """The IMU turns about all axes at rest in n, with a bias; xi is what f_n lacks. An impact of
+    16 g for one sample moves little."""
     rng, true, dt = np.random.default_rng(2), np.array([0.05, -0.08, 0.1]), 0.1
     b = belief(k1=1e-9, ki=0.0, k1_start=1e-9, ki_start=0.0, adaptation=1.0)
-    b.workspace[equations.FADE] = 0.0      # the start is over
+    b.workspace[equations.FADE] = 0.0  # the start is over
     for _ in range(1500):
         C = Rotation.random(random_state=rng).as_matrix()
         f = C.T @ [0, 0, -9.8]
         b.C[:], b.v[:], b.lla[:], b.workspace[equations.SINCE_FIX] = C, 0.0, (0.8, 0.1, 300.0), 0.0
-        b.workspace[equations.XI:equations.XI + 3] = C @ (f - (f + true - b.ba))
+        b.workspace[equations.XI : equations.XI + 3] = C @ (f - (f + true - b.ba))
         predict(b, np.r_[0.0, 0, 0, (f + true) * dt], dt, NOISE)
-    assert np.abs(b.ba - true).max() < 2e-3 and abs(b.workspace[equations.SQUARE] - true @ true) < 2e-2
+    assert (
+        np.abs(b.ba - true).max() < 2e-3 and abs(b.workspace[equations.SQUARE] - true @ true) < 2e-2
+    )
     assert equations.smallest(b.workspace) > 0.05
     before = b.ba.copy()
     predict(b, np.r_[0.0, 0, 0, 157.0 * dt, 0, 0], dt, NOISE)
-    assert np.linalg.norm(b.ba - before) < 1e-4     # along an impact the step is that of any other sample
+    assert (
+        np.linalg.norm(b.ba - before) < 1e-4
+    )  # along an impact the step is that of any other sample
 
 
 def test_the_monitor_is_the_smallest_eigenvalue(predict):
@@ -196,34 +299,66 @@ def test_the_monitor_is_the_smallest_eigenvalue(predict):
     for _ in range(5):
         A = rng.normal(size=(4, 4))
         A = A @ A.T
-        b.workspace[equations.MOMENT:equations.MOMENT + 10] = A[np.triu_indices(4)]
+        b.workspace[equations.MOMENT : equations.MOMENT + 10] = A[np.triu_indices(4)]
         assert abs(equations.smallest(b.workspace) - np.linalg.eigvalsh(A)[0]) < 1e-8 * np.trace(A)
     still = belief()
     for _ in range(500):
         predict(still, np.r_[0.0, 0, 0, 0, 0, -0.98], 0.1, NOISE)
-    assert equations.smallest(still.workspace) < 1e-9      # nothing but gravity along one axis: never excited
+    assert (
+        equations.smallest(still.workspace) < 1e-9
+    )  # nothing but gravity along one axis: never excited
 
 
 def test_in_an_outage_biases_are_held_bit_for_bit_and_xi_stands_still_in_e(predict):
-    at = Start(0.0, (0.8, 0.1, 300.0), (200.0, 150.0, 0.0), (0.1, 0.2, 0.3), (0.01, 0.02, 0.03), (1e-3, 2e-3, 3e-3), (1.0,) * 15)
+    at = Start(
+        0.0,
+        (0.8, 0.1, 300.0),
+        (200.0, 150.0, 0.0),
+        (0.1, 0.2, 0.3),
+        (0.01, 0.02, 0.03),
+        (1e-3, 2e-3, 3e-3),
+        (1.0,) * 15,
+    )
     b = belief(at, outage_after=1.0)
-    b.workspace[equations.XI:equations.XI + 3], b.workspace[equations.SINCE_FIX] = (0.3, -0.4, 0.2), 5.0
-    in_e = ned_axes(b.lla).T @ b.workspace[equations.XI:equations.XI + 3]
+    b.workspace[equations.XI : equations.XI + 3], b.workspace[equations.SINCE_FIX] = (
+        (0.3, -0.4, 0.2),
+        5.0,
+    )
+    in_e = ned_axes(b.lla).T @ b.workspace[equations.XI : equations.XI + 3]
     for _ in range(600):
-        b.workspace[equations.SINCE_HEADING] = 0.0     # a heading is there, and not injected
+        b.workspace[equations.SINCE_HEADING] = 0.0  # a heading is there, and not injected
         predict(b, np.r_[0.0, 0, 0, 0.1, 0, -0.98], 0.1, NOISE)
-    assert np.array_equal(b.ba, at.ba) and np.array_equal(b.bg, at.bg) and b.workspace[equations.FADE] == equations.HOLD
-    xi = b.workspace[equations.XI:equations.XI + 3]
-    assert np.abs(ned_axes(b.lla).T @ xi - in_e).max() < 1e-7 < 1e-4 < np.abs(xi - (0.3, -0.4, 0.2)).max()
+    assert (
+        np.array_equal(b.ba, at.ba)
+        and np.array_equal(b.bg, at.bg)
+        and b.workspace[equations.FADE] == equations.HOLD
+    )
+    xi = b.workspace[equations.XI : equations.XI + 3]
+    assert (
+        np.abs(ned_axes(b.lla).T @ xi - in_e).max()
+        < 1e-7
+        < 1e-4
+        < np.abs(xi - (0.3, -0.4, 0.2)).max()
+    )
 
 
 def test_printed_course_turns_a_right_attitude_and_the_tilt_compensated_does_not():
     """Row b: at the truth, 28 deg of bank and no crab, the printed vector is not that of north."""
     recording, truth = noiseless(), start(noiseless())
-    exact = truth._replace(rph=tuple(recording.reference.rph[0]), v=tuple(recording.reference.v_n[0]), lla=tuple(recording.reference.lla[0]))
-    errors = {course: sd.errors(sd.fuse(recording, "nlo", start=exact, noise=NOISE, course=course), recording.reference).attitude
-              for course in ("tilt-compensated", "printed")}
-    worst = {course: np.degrees(np.linalg.norm(error, axis=1).max()) for course, error in errors.items()}
+    exact = truth._replace(
+        rph=tuple(recording.reference.rph[0]),
+        v=tuple(recording.reference.v_n[0]),
+        lla=tuple(recording.reference.lla[0]),
+    )
+    errors = {
+        course: sd.errors(
+            sd.fuse(recording, "nlo", start=exact, noise=NOISE, course=course), recording.reference
+        ).attitude
+        for course in ("tilt-compensated", "printed")
+    }
+    worst = {
+        course: np.degrees(np.linalg.norm(error, axis=1).max()) for course, error in errors.items()
+    }
     assert worst["tilt-compensated"] < 0.5 and worst["printed"] > 3
 
 
@@ -240,7 +375,11 @@ def test_a_block_inside_another_filter_is_the_same_observer():
 def with_xi(**options):
     """A belief at rest with fixes just now, an xi across the specific force and biases."""
     b = belief(**options)
-    b.workspace[equations.XI:equations.XI + 3], b.ba[:], b.bg[:] = (0.6, -0.4, 0.2), (0.05, -0.03, 0.02), (1e-3, 2e-3, -1e-3)
+    b.workspace[equations.XI : equations.XI + 3], b.ba[:], b.bg[:] = (
+        (0.6, -0.4, 0.2),
+        (0.05, -0.03, 0.02),
+        (1e-3, 2e-3, -1e-3),
+    )
     b.workspace[equations.FADE] = 0.0
     return b
 
@@ -249,12 +388,13 @@ SAMPLE = np.r_[0.02, -0.03, 0.05, 0.03, -0.02, -0.98]
 
 
 def test_xi_accelerates_in_n_however_the_body_turns_within_a_sample(predict):
-    """The velocity that xi brings is xi dt to second order in the 0.06 rad turned; kept still in the body it would be half a turn off, 3 %."""
+    """The velocity that xi brings is xi dt to second order in the 0.06 rad turned; kept still in
+    the body it would be half a turn off, 3 %."""
     b, without, dt = with_xi(), with_xi(), 0.1
-    xi = b.workspace[equations.XI:equations.XI + 3].copy()
-    without.workspace[equations.XI:equations.XI + 3] = 0.0
+    xi = b.workspace[equations.XI : equations.XI + 3].copy()
+    without.workspace[equations.XI : equations.XI + 3] = 0.0
     for one in (b, without):
-        one.workspace[equations.SINCE_FIX] = 1e3      # in an outage nothing else acts
+        one.workspace[equations.SINCE_FIX] = 1e3  # in an outage nothing else acts
         predict(one, SAMPLE, dt, NOISE)
     assert np.abs(b.v - without.v - xi * dt).max() < 1e-3 * np.linalg.norm(xi) * dt
 
@@ -266,29 +406,43 @@ def test_over_samples_made_up_in_a_gap_nothing_is_injected(predict, since):
     for name, noise in (("made up", NOISE._replace(accel=1.0)), ("measured", NOISE)):
         b = ends[name] = with_xi(course="frozen")
         b.workspace[equations.COURSE], b.workspace[equations.SINCE_FIX] = 1.0, since
-        begun = b.bg.copy(), b.ba.copy(), b.workspace[equations.XI:equations.XI + 3].copy()
+        begun = b.bg.copy(), b.ba.copy(), b.workspace[equations.XI : equations.XI + 3].copy()
         predict(b, SAMPLE, 0.1, noise)
     gap = ends["made up"]
-    assert np.array_equal(gap.bg, begun[0]) and np.array_equal(gap.ba, begun[1]) and np.array_equal(gap.workspace[equations.XI:equations.XI + 3], begun[2])
-    assert np.abs(gap.C - Rotation.from_rotvec(SAMPLE[:3] - 0.1 * begun[0]).as_matrix()).max() < 1e-4     # but for the Earth's turn
+    assert (
+        np.array_equal(gap.bg, begun[0])
+        and np.array_equal(gap.ba, begun[1])
+        and np.array_equal(gap.workspace[equations.XI : equations.XI + 3], begun[2])
+    )
+    assert (
+        np.abs(gap.C - Rotation.from_rotvec(SAMPLE[:3] - 0.1 * begun[0]).as_matrix()).max() < 1e-4
+    )  # but for the Earth's turn
     assert np.abs(ends["measured"].C - gap.C).max() > 1e-3
 
 
-@pytest.mark.parametrize("fade, share", [(0.0, 1.0), (0.25, 0.75), (1.0, 0.0), (equations.HOLD, 0.0)])
+@pytest.mark.parametrize(
+    "fade, share", [(0.0, 1.0), (0.25, 0.75), (1.0, 0.0), (equations.HOLD, 0.0)]
+)
 def test_adaptation_comes_in_as_the_start_fades_out(predict, fade, share):
     """Its step in closed form, docs/observer.md, times what the start leaves of it."""
     b, dt = with_xi(k1=1e-9, k1_start=1e-9, ki=0.0, ki_start=0.0, adaptation=1.0), 0.1
-    b.workspace[equations.FADE], b.workspace[equations.SQUARE], ba, xi = fade, 0.01, b.ba.copy(), b.workspace[equations.XI:equations.XI + 3].copy()
+    b.workspace[equations.FADE], b.workspace[equations.SQUARE], ba, xi = (
+        fade,
+        0.01,
+        b.ba.copy(),
+        b.workspace[equations.XI : equations.XI + 3].copy(),
+    )
     m = SAMPLE[3:] / dt
     e = (m - ba + xi) @ (m - ba + xi) - m @ m - 0.01 + 2 * m @ ba
-    step = share * dt * e / (1 + 4 * m @ m) * -2 * m        # accel_bound is 1 m/s^2
+    step = share * dt * e / (1 + 4 * m @ m) * -2 * m  # accel_bound is 1 m/s^2
     predict(b, SAMPLE, dt, NOISE)
     assert np.abs(b.ba - ba - step).max() < 1e-9 and (share == 0 or np.abs(step).max() > 1e-3)
 
 
 def test_gaps_add_the_velocity_they_spread_to_what_a_fix_may_correct(predict):
-    """(a^2 - a0^2) seconds, of the noise a made-up sample has and the IMU's a0; the samples that are there add nothing."""
+    """(a^2 - a0^2) seconds, of the noise a made-up sample has and the IMU's a0; the samples that
+    are there add nothing."""
     b, own = belief(), slice(equations.OWN, equations.OWN + TRANSLATION)
     for noise in (NOISE, NOISE._replace(accel=1.0), NOISE._replace(accel=1.0), NOISE):
         predict(b, np.r_[0.0, 0, 0, 0, 0, -0.98], 0.1, noise)
-    assert b.workspace[own][SPREAD] == pytest.approx(0.2 * (1.0 - NOISE.accel ** 2), rel=1e-12)
+    assert b.workspace[own][SPREAD] == pytest.approx(0.2 * (1.0 - NOISE.accel**2), rel=1e-12)

@@ -1,4 +1,5 @@
 """When a fix is the one before, handed over with the gate lifted, and when it is another."""
+
 import numpy as np
 import pytest
 
@@ -26,12 +27,22 @@ def test_after_an_accepted_one_it_is_another(gate, nis):
     assert not repeated(after(gate, nis), gate=np.inf, nis=2.0, **FIX)
 
 
-@pytest.mark.parametrize("other", [dict(gate=16.0), dict(kind=VELOCITY), dict(y=np.array([1.0, np.nan, 3.1])), dict(y=np.array([1.0, 2.0, 3.0])),
-                                   dict(sd=np.array([0.5, np.nan, 2.1]))])
+@pytest.mark.parametrize(
+    "other",
+    [
+        dict(gate=16.0),
+        dict(kind=VELOCITY),
+        dict(y=np.array([1.0, np.nan, 3.1])),
+        dict(y=np.array([1.0, 2.0, 3.0])),
+        dict(sd=np.array([0.5, np.nan, 2.1])),
+    ],
+)
 def test_another_gate_kind_value_or_deviation_is_another_fix(other):
     assert not repeated(after(16.0, 17.0), **{**FIX, "gate": np.inf, "nis": 2.0, **other})
 
 
 def test_it_is_forgotten_once_taken():
     memory = after(16.0, 17.0)
-    assert repeated(memory, gate=np.inf, nis=2.0, **FIX) and not repeated(memory, gate=np.inf, nis=2.0, **FIX)
+    assert repeated(memory, gate=np.inf, nis=2.0, **FIX) and not repeated(
+        memory, gate=np.inf, nis=2.0, **FIX
+    )

@@ -1,9 +1,22 @@
-"""The gains of the translational motion observer at one fix, in closed form: velocity that a gap spread, and poles with and without velocities."""
+"""The gains of the translational motion observer at one fix, in closed form: velocity that a gap
+spread, and poles with and without velocities."""
+
 import numpy as np
 import pytest
 
 from strapdown.filters.observer.gains import transition
-from strapdown.filters.observer.translation_gains import BY_POLES, DESIGN, LOST, P, POLES, RICCATI, SPREAD, TRANSLATION, VELOCITY_AGE, pulled
+from strapdown.filters.observer.translation_gains import (
+    BY_POLES,
+    DESIGN,
+    LOST,
+    POLES,
+    RICCATI,
+    SPREAD,
+    TRANSLATION,
+    VELOCITY_AGE,
+    P,
+    pulled,
+)
 
 pytestmark = pytest.mark.short
 
@@ -18,18 +31,21 @@ def correction(own, velocity, axis=0):
 def test_what_a_gap_spread_counts_once_for_each_axis():
     own = np.zeros(TRANSLATION)
     own[DESIGN], own[SPREAD] = RICCATI, 2.0
-    own[P + 3], own[P + 9] = 0.1, 0.1       # variance of velocity, north and east
+    own[P + 3], own[P + 9] = 0.1, 0.1  # variance of velocity, north and east
     assert np.allclose(correction(own, True), [0, 2.1 / 2.35, 0], atol=1e-12)
     left = 2.1 * 0.25 / 2.35
     assert np.allclose(correction(own, True), [0, left / (left + 0.25), 0], atol=1e-12)
     assert np.allclose(correction(own, True, axis=1), [0, 2.1 / 2.35, 0], atol=1e-12)
 
 
-@pytest.mark.parametrize("since, alone", [(0.5, False), (2.999, False), (3.0, False), (3.001, True), (50.0, True)])
+@pytest.mark.parametrize(
+    "since, alone", [(0.5, False), (2.999, False), (3.0, False), (3.001, True), (50.0, True)]
+)
 def test_positions_do_the_work_of_velocities_that_are_lost(since, alone):
-    """Until LOST seconds without one a position corrects the position alone; then its gains have all three poles."""
+    """Until LOST seconds without one a position corrects the position alone; then its gains have
+    all three poles."""
     own, T, poles = np.zeros(TRANSLATION), 0.8, np.array([-0.5, -0.4 + 0.3j, -0.4 - 0.3j])
-    own[DESIGN], own[LOST], own[POLES:POLES + 4] = BY_POLES, 3.0, (-0.5, -0.4, 0.3, 1.0)
+    own[DESIGN], own[LOST], own[POLES : POLES + 4] = BY_POLES, 3.0, (-0.5, -0.4, 0.3, 1.0)
     own[0], own[VELOCITY_AGE] = T, since
     K = correction(own, False)
     assert own[0] == 0 and own[VELOCITY_AGE] == since

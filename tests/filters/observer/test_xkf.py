@@ -1,4 +1,6 @@
-"""The exogenous Kalman filter against dense matrices: around the truth, any other trajectory, and the nonlinear observer with its jumps."""
+"""The exogenous Kalman filter against dense matrices: around the truth, any other trajectory,
+and the nonlinear observer with its jumps."""
+
 import inspect
 from dataclasses import replace
 from functools import cache
@@ -11,23 +13,23 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import aiding
-from strapdown.core.jit import plain
 from strapdown.core.contract import CORRECT, PARAMETERS, PREDICT, compile_kernel, kernel
-from strapdown.filters.observer.equations import embedded
+from strapdown.core.jit import plain
 from strapdown.data import Aiding, DataError
 from strapdown.filters.observer import nlo, xkf
+from strapdown.filters.observer.equations import embedded
 from strapdown.filters.observer.xkf import XKF
 from strapdown.geodesy import displaced, displacement
 
 pytestmark = pytest.mark.short
-STEPS, EVERY = 120, 10      # samples, and samples between fixes
+STEPS, EVERY = 120, 10  # samples, and samples between fixes
 ROUNDED = np.r_[[3e-8] * 3, np.zeros(12)]
 """m: what latitude and longitude in double precision round to over these steps."""
 
 
 def observer(belief):
     """The state of the observer inside, as views."""
-    a = belief.workspace[xkf.OBSERVER:]
+    a = belief.workspace[xkf.OBSERVER :]
     return State(a[0:3], a[3:6], a[6:15].reshape(3, 3), a[15:18], a[18:21])
 
 
@@ -40,7 +42,9 @@ def carried(belief, u, dt, noise):
 @kernel(CORRECT)
 def corrected(belief, y, sd, kind, observe, parameters, gate, innovation):
     """A fix by the filter without the observer taking it."""
-    return xkf.correct_around(belief, embedded(belief, xkf.OBSERVER), y, sd, kind, observe, parameters, gate, innovation)
+    return xkf.correct_around(
+        belief, embedded(belief, xkf.OBSERVER), y, sd, kind, observe, parameters, gate, innovation
+    )
 
 
 def put(belief, state):
@@ -52,9 +56,14 @@ def put(belief, state):
 
 @cache
 def world():
-    """(increments (n, 6), dt, true states, fixes {step: [(kind, y)]}): a turning flight without noise in the IMU, so that the truth is a solution."""
+    """(increments (n, 6), dt, true states, fixes {step: [(kind, y)]}): a turning flight without
+    noise in the IMU, so that the truth is a solution."""
     imu, rng = flight().imu, np.random.default_rng(11)
-    u, dt, begin = np.c_[imu.dtheta, imu.dv][:STEPS], float(imu.dt[0]), copied(start(flight()).belief(np.zeros(1)))
+    u, dt, begin = (
+        np.c_[imu.dtheta, imu.dv][:STEPS],
+        float(imu.dt[0]),
+        copied(start(flight()).belief(np.zeros(1))),
+    )
     truth = [plus(begin, rng.standard_normal(15) * start(flight()).sd)]
     for row in u:
         truth.append(moved(truth[-1], row, dt))
@@ -64,12 +73,25 @@ def world():
         for kind, deviation in FIX_SD.items():
             h, _ = expected(kind, truth[k], u[k - 1, :3] / dt)
             error = rng.standard_normal(3) * deviation
-            fixes[k].append((kind, plus(truth[k], np.r_[h + error, np.zeros(12)]).lla if kind == "position" else h + error))
+            fixes[k].append(
+                (
+                    kind,
+                    plus(truth[k], np.r_[h + error, np.zeros(12)]).lla
+                    if kind == "position"
+                    else h + error,
+                )
+            )
     return u, dt, truth, fixes
 
 
 def begun(**options):
-    for needed in (XKF.predict, XKF.correct, carried, corrected, *(aiding.find(kind).observe for kind in FIX_SD)):
+    for needed in (
+        XKF.predict,
+        XKF.correct,
+        carried,
+        corrected,
+        *(aiding.find(kind).observe for kind in FIX_SD),
+    ):
         compile_kernel(needed)
     return XKF.start(start(flight()), NOISE, **options)
 
@@ -78,14 +100,28 @@ def fix(belief, kind, y, gate=np.inf, correct=XKF.correct):
     """(NIS, innovation) of a fix by the filter."""
     sensor, parameters, innovation = aiding.find(kind), np.zeros(PARAMETERS), np.zeros(3)
     parameters[:3] = ARM
-    return correct(belief, np.array(y, float), FIX_SD[kind], sensor.kind, sensor.observe, parameters, gate, innovation), innovation
+    return correct(
+        belief,
+        np.array(y, float),
+        FIX_SD[kind],
+        sensor.kind,
+        sensor.observe,
+        parameters,
+        gate,
+        innovation,
+    ), innovation
 
 
 def together(path=None, **dense):
-    """Yields (belief, Dense, the two NIS) after each step and fix, where the observer is `path` or, by default, itself."""
+    """Yields (belief, Dense, the two NIS) after each step and fix, where the observer is `path`
+    or, by default, itself."""
     u, dt, _, fixes = world()
     belief = begun()
-    bar, predict, correct = observer(belief), carried if path else XKF.predict, corrected if path else XKF.correct
+    bar, predict, correct = (
+        observer(belief),
+        carried if path else XKF.predict,
+        corrected if path else XKF.correct,
+    )
     if path:
         put(belief, path[0])
     oracle = Dense(belief, copied(bar), belief.P, **dense)
@@ -107,17 +143,18 @@ def together(path=None, **dense):
 def assert_equal(belief, oracle, nis, relative):
     """Estimate within `relative` of its standard deviations, covariance and NIS likewise."""
     scale = np.sqrt(np.diag(oracle.P))
-    off = np.abs(belief.workspace[xkf.ERROR_STATE:][:15] - oracle.x)
+    off = np.abs(belief.workspace[xkf.ERROR_STATE :][:15] - oracle.x)
     assert (off <= relative * scale + ROUNDED).all(), off / scale
     assert np.abs((belief.P - oracle.P) / np.outer(scale, scale)).max() < relative
     assert nis[0] == pytest.approx(nis[1], rel=10 * relative, abs=1e-12)
 
 
 def wandering(size, seed=5):
-    """The true states, each off by a different error of about `size` times the start's: a trajectory that is no solution of anything."""
+    """The true states, each off by a different error of about `size` times the start's: a
+    trajectory that is no solution of anything."""
     rng, scale = np.random.default_rng(seed), size * np.array(start(flight()).sd)
     slow = scale * np.cumsum(rng.standard_normal((STEPS + 1, 15)), axis=0) / 4
-    slow[STEPS // 2:] += 3 * scale     # and a jump
+    slow[STEPS // 2 :] += 3 * scale  # and a jump
     return [plus(truth, x) for truth, x in zip(world()[2], slow)]
 
 
@@ -128,7 +165,8 @@ def test_around_the_truth_it_is_the_linear_kalman_filter():
 
 
 def test_around_any_trajectory_it_is_the_affine_filter():
-    """And the belief is what lies off the trajectory by the errors, its attitude but for what is cut of their composition."""
+    """And the belief is what lies off the trajectory by the errors, its attitude but for what is
+    cut of their composition."""
     for belief, oracle, nis in together(wandering(1.0)):
         assert_equal(belief, oracle, nis, 1e-9)
         off = np.abs(minus(belief, observer(belief)) - oracle.x)
@@ -151,26 +189,44 @@ def test_with_matrix_exponentials_it_is_the_same_filter():
 
 
 def test_without_the_mismatch_it_would_be_another_filter():
-    """What the observer's injections and jumps do to it would then be taken for errors of the estimate."""
+    """What the observer's injections and jumps do to it would then be taken for errors of the
+    estimate."""
     off = 0.0
     for belief, oracle, _ in together(mismatch=False):
-        off = max(off, np.abs((belief.workspace[xkf.ERROR_STATE:][:15] - oracle.x) / np.sqrt(np.diag(oracle.P))).max())
+        off = max(
+            off,
+            np.abs(
+                (belief.workspace[xkf.ERROR_STATE :][:15] - oracle.x) / np.sqrt(np.diag(oracle.P))
+            ).max(),
+        )
     assert off > 3
 
 
 def test_to_first_order_the_trajectory_does_not_matter():
-    """Half the distance of the trajectory from the truth leaves a quarter of what it does to the estimate."""
-    ends = [[minus(belief, world()[2][-1]) for belief, *_ in together(wandering(size))][-1] for size in (0.0, 1.0, 0.5)]
+    """Half the distance of the trajectory from the truth leaves a quarter of what it does to the
+    estimate."""
+    ends = [
+        [minus(belief, world()[2][-1]) for belief, *_ in together(wandering(size))][-1]
+        for size in (0.0, 1.0, 0.5)
+    ]
     scale = np.sqrt(np.diag([belief.P for belief, *_ in together(world()[2])][-1]))
     far, near = (np.linalg.norm((end - ends[0]) / scale) for end in ends[1:])
     assert 0 < near < 0.2 and 3 < far / near < 5
 
 
 def test_it_is_the_closed_loop_to_first_order():
-    fused = [sd.fuse(flight(), name, start=start(flight()), noise=NOISE, covariance=True) for name in ("xkf", "closed-loop")]
+    fused = [
+        sd.fuse(flight(), name, start=start(flight()), noise=NOISE, covariance=True)
+        for name in ("xkf", "closed-loop")
+    ]
     own, closed = (solution.trajectory for solution in fused)
-    assert np.abs(displacement(own.lla, closed.lla)).max() < 0.05 and np.abs(own.v_n - closed.v_n).max() < 0.02
-    assert (own.rotation * closed.rotation.inv()).magnitude().max() < 1e-3 and np.abs(own.sd / closed.sd - 1).max() < 0.1
+    assert (
+        np.abs(displacement(own.lla, closed.lla)).max() < 0.05
+        and np.abs(own.v_n - closed.v_n).max() < 0.02
+    )
+    assert (own.rotation * closed.rotation.inv()).magnitude().max() < 1e-3 and np.abs(
+        own.sd / closed.sd - 1
+    ).max() < 0.1
 
 
 def test_the_observer_inside_is_nlo():
@@ -178,11 +234,19 @@ def test_the_observer_inside_is_nlo():
     recording = flight()
     strict = replace(recording, aidings=tuple(replace(a, gate=0.5) for a in recording.aidings))
     alone = sd.fuse(recording, "nlo", start=start(recording), noise=NOISE)
-    for solution in (sd.fuse(r, "xkf", start=start(recording), noise=NOISE, covariance=True) for r in (recording, strict)):
+    for solution in (
+        sd.fuse(r, "xkf", start=start(recording), noise=NOISE, covariance=True)
+        for r in (recording, strict)
+    ):
         for name in nlo.COLUMNS:
-            np.testing.assert_allclose(solution.columns[name], alone.columns[name], atol=1e-11)     # two kernels, compiled apart
+            np.testing.assert_allclose(
+                solution.columns[name], alone.columns[name], atol=1e-11
+            )  # two kernels, compiled apart
         shift = np.stack([solution.columns[name] for name in xkf.COLUMNS[:3]], axis=1)
-        assert np.abs(displacement(solution.trajectory.lla, alone.trajectory.lla) - shift).max() < 1e-3 and np.abs(shift).max() > 0.1
+        assert (
+            np.abs(displacement(solution.trajectory.lla, alone.trajectory.lla) - shift).max() < 1e-3
+            and np.abs(shift).max() > 0.1
+        )
     assert min(rejected for _, rejected in solution.counts().values()) > 2
 
 
@@ -191,7 +255,9 @@ def test_where_the_observer_jumps_the_belief_stays_bit_for_bit():
     before, was, P = copied(belief), copied(observer(belief)), belief.P.copy()
     nis, _ = fix(belief, "position", displaced(belief.lla, [300.0, -200.0, 100.0]), gate=16.0)
     assert nis > 16 and np.linalg.norm(minus(observer(belief), was)[:3]) > 20
-    assert all(np.array_equal(a, b) for a, b in zip(before, copied(belief))) and np.array_equal(P, belief.P)
+    assert all(np.array_equal(a, b) for a, b in zip(before, copied(belief))) and np.array_equal(
+        P, belief.P
+    )
     np.testing.assert_allclose(belief.workspace[:3], minus(belief, observer(belief))[:3], atol=1e-8)
 
 
@@ -200,7 +266,7 @@ def test_the_observer_takes_a_fix_once_though_the_loop_hands_it_over_again():
     y = displaced(belief.lla, [300.0, -200.0, 100.0])
     fix(belief, "position", y, gate=16.0)
     once = copied(observer(belief))
-    nis, _ = fix(belief, "position", y)     # with the gate lifted
+    nis, _ = fix(belief, "position", y)  # with the gate lifted
     assert nis > 16 and all(np.array_equal(a, b) for a, b in zip(once, observer(belief)))
     XKF.predict(belief, world()[0][0], world()[1], NOISE)
     moving = copied(observer(belief))
@@ -220,20 +286,34 @@ def test_the_observer_takes_equal_fixes_of_two_sources(gate):
 
 
 def test_a_heading_across_the_turn_of_the_compass():
-    """Observer 178 deg to one side, estimate 4 deg to the other side of what is measured: the innovation is those 4 deg."""
+    """Observer 178 deg to one side, estimate 4 deg to the other side of what is measured: the
+    innovation is those 4 deg."""
     belief, compass = begun(), aiding.find("heading")
     compile_kernel(compass.observe)
     heading, innovation = float(start(flight()).rph[2]), np.zeros(3)
     away = Rotation.from_rotvec([0, 0, np.radians(178.0)]).as_matrix() @ belief.C
     put(belief, State(belief.lla, belief.v, away, belief.ba, belief.bg))
     y = np.array([(heading - np.radians(4.0) + np.pi) % (2 * np.pi) - np.pi, np.nan, np.nan])
-    XKF.correct(belief, y, np.full(3, 0.01), compass.kind, compass.observe, np.zeros(PARAMETERS), 1e-12, innovation)
+    XKF.correct(
+        belief,
+        y,
+        np.full(3, 0.01),
+        compass.kind,
+        compass.observe,
+        np.zeros(PARAMETERS),
+        1e-12,
+        innovation,
+    )
     assert np.degrees(innovation[0]) == pytest.approx(-4.0, abs=0.1)
 
 
-@pytest.mark.parametrize("near, off, itself", [(np.inf, 2.0, True), (0.5, 0.3, True), (0.5, 0.7, False), (0.0, 0.3, False)])
+@pytest.mark.parametrize(
+    "near, off, itself",
+    [(np.inf, 2.0, True), (0.5, 0.3, True), (0.5, 0.7, False), (0.0, 0.3, False)],
+)
 def test_a_mean_through_the_model_itself_where_the_observer_is_near(near, off, itself):
-    """An INS without fixes, and the innovation that of the belief; the affine mean is some way off both."""
+    """An INS without fixes, and the innovation that of the belief; the affine mean is some way
+    off both."""
     u, dt, _, _ = world()
     belief = begun(near=near)
     ins = copied(belief)
@@ -242,7 +322,9 @@ def test_a_mean_through_the_model_itself_where_the_observer_is_near(near, off, i
         XKF.predict(belief, row, dt, NOISE)
         ins = moved(ins, row, dt)
     h, _ = expected("position", ins, u[19, :3] / dt)
-    _, innovation = fix(belief, "position", plus(ins, np.r_[h + [1.0, 2.0, 3.0], np.zeros(12)]).lla, gate=1e-12)
+    _, innovation = fix(
+        belief, "position", plus(ins, np.r_[h + [1.0, 2.0, 3.0], np.zeros(12)]).lla, gate=1e-12
+    )
     errors = np.abs(minus(belief, ins)).max(), np.abs(innovation - [1.0, 2.0, 3.0]).max()
     assert max(errors) < 1e-6 if itself else min(errors) > 0.01
 
@@ -253,12 +335,21 @@ def test_states_that_sources_bring_along_are_estimated():
     truth = recording.reference
     rows, rng = slice(10, None, 20), np.random.default_rng(2)
     height = truth.lla[rows, 2] + 40.0 + rng.standard_normal(len(truth.lla[rows])) * 0.5
-    barometer = Aiding("pressure-altitude", truth.t[rows], height, np.full((len(height), 1), 0.5), name="baro")
-    run = lambda sources: sd.fuse(replace(recording, aidings=sources), "xkf", start=start(recording), noise=NOISE)
+    barometer = Aiding(
+        "pressure-altitude", truth.t[rows], height, np.full((len(height), 1), 0.5), name="baro"
+    )
+    run = lambda sources: sd.fuse(
+        replace(recording, aidings=sources), "xkf", start=start(recording), noise=NOISE
+    )
     solution, alone = run((*recording.aidings, barometer)), run(recording.aidings)
-    bias, deviation = solution.columns["baro bias [m]"][-1], solution.columns["sd of baro bias [m]"][-1]
+    bias, deviation = (
+        solution.columns["baro bias [m]"][-1],
+        solution.columns["sd of baro bias [m]"][-1],
+    )
     assert abs(bias - 40) < 3 * deviation < 3 and solution.counts()["baro"][0] == len(height)
-    np.testing.assert_allclose(solution.columns["xi_down [m/s^2]"], alone.columns["xi_down [m/s^2]"], atol=1e-11)
+    np.testing.assert_allclose(
+        solution.columns["xi_down [m/s^2]"], alone.columns["xi_down [m/s^2]"], atol=1e-11
+    )
 
 
 def test_options_are_those_of_the_observer_and_one_more():
@@ -269,5 +360,16 @@ def test_options_are_those_of_the_observer_and_one_more():
     with pytest.raises(DataError, match="k1 is -1"):
         sd.fuse(flight(), "xkf", start=start(flight()), noise=NOISE, k1=-1.0)
     with pytest.raises(DataError, match="nothing measures heading or course"):
-        sd.fuse(replace(flight(), aidings=flight().aidings[:1]), "xkf", start=start(flight()), noise=NOISE, near=0.5)
-    assert any("spectral radius" in note for note in sd.fuse(flight(), "xkf", start=start(flight()), noise=NOISE, near=0.5).meta["notes"])
+        sd.fuse(
+            replace(flight(), aidings=flight().aidings[:1]),
+            "xkf",
+            start=start(flight()),
+            noise=NOISE,
+            near=0.5,
+        )
+    assert any(
+        "spectral radius" in note
+        for note in sd.fuse(flight(), "xkf", start=start(flight()), noise=NOISE, near=0.5).meta[
+            "notes"
+        ]
+    )

@@ -1,31 +1,46 @@
-"""Mixtures of Gaussians: known answers, closed forms of weights and moments, the Kalman filter and a bimodal posterior as oracles."""
+"""Mixtures of Gaussians: known answers, closed forms of weights and moments, the Kalman filter
+and a bimodal posterior as oracles."""
+
 import math
 import sys
 from unittest.mock import patch
 
 import numpy as np
 import pytest
+from plain_sigma_points import uncompiled
 from scipy.special import logsumexp
 from scipy.stats import chi2, kstest
 
-from plain_sigma_points import uncompiled
-from strapdown.filters.particle import threefry as counter_random
 from strapdown.filters.particle import mixture as compiled_mixture
-from strapdown.filters.particle.threefry import COUNTER, new_stream, normal_rows
+from strapdown.filters.particle import threefry as counter_random
 from strapdown.filters.particle.mixture import MOST, begin, kernel_width, silverman
+from strapdown.filters.particle.threefry import COUNTER, new_stream, normal_rows
 
 pytestmark = pytest.mark.short
 random = uncompiled(counter_random)
 with patch.dict(sys.modules, {counter_random.__name__: random}):
     mixture = uncompiled(compiled_mixture)
 threefry, normals, uniform = random.threefry, random.normals, random.uniform
-accumulate, clear, effective, moments, moments_size = mixture.accumulate, mixture.clear, mixture.effective, mixture.moments, mixture.moments_size
-resample, resample_size, root, systematic, weigh = mixture.resample, mixture.resample_size, mixture.root, mixture.systematic, mixture.weigh
+accumulate, clear, effective, moments, moments_size = (
+    mixture.accumulate,
+    mixture.clear,
+    mixture.effective,
+    mixture.moments,
+    mixture.moments_size,
+)
+resample, resample_size, root, systematic, weigh = (
+    mixture.resample,
+    mixture.resample_size,
+    mixture.root,
+    mixture.systematic,
+    mixture.weigh,
+)
 ONES, PI = 0xFFFFFFFF, (0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344)
 
 
 def positive(rng, n, zero=False):
-    """A covariance (n, n) with scales from 1e-3 to 1e3, or one whose first state has no variance."""
+    """A covariance (n, n) with scales from 1e-3 to 1e3, or one whose first state has no
+    variance."""
     A = rng.standard_normal((n, 2 * n)) * 10 ** rng.uniform(-3, 3, (n, 1))
     A[0] *= not zero
     return A @ A.T / (2 * n)
@@ -37,34 +52,46 @@ def scaled(difference, S):
     return np.abs(difference / np.outer(sd, sd)).max()
 
 
-@pytest.mark.parametrize("key, counter, words", [((0, 0), (0, 0), (0x6B200159, 0x99BA4EFE)), ((ONES, ONES), (ONES, ONES), (0x1CB996FC, 0xBB002BE7)),
-                                                 (PI[2:], PI[:2], (0xC4923A9C, 0x483DF7A0))])
+@pytest.mark.parametrize(
+    "key, counter, words",
+    [
+        ((0, 0), (0, 0), (0x6B200159, 0x99BA4EFE)),
+        ((ONES, ONES), (ONES, ONES), (0x1CB996FC, 0xBB002BE7)),
+        (PI[2:], PI[:2], (0xC4923A9C, 0x483DF7A0)),
+    ],
+)
 def test_threefry_gives_the_known_answers_of_random123(key, counter, words):
     assert threefry(*key, *counter) == words
 
 
 def test_normals_are_normal_and_the_same_one_by_one_and_in_a_table():
-    """Kolmogorov-Smirnov, and the variance within its 1 in 1e4 band; the same seed gives the same numbers, another one others."""
+    """Kolmogorov-Smirnov, and the variance within its 1 in 1e4 band; the same seed gives the
+    same numbers, another one others."""
     table = normal_rows(new_stream(3), 2000, 15)
     assert kstest(table.ravel(), "norm").pvalue > 1e-4
     low, high = chi2.ppf([5e-5, 1 - 5e-5], table.size)
-    assert low < np.sum(table ** 2) < high and abs(table.sum()) < 4 * np.sqrt(table.size)
+    assert low < np.sum(table**2) < high and abs(table.sum()) < 4 * np.sqrt(table.size)
     stream, row = new_stream(3), np.zeros(15)
     for k in range(20):
         normals(stream, row, 15)
         assert np.allclose(row, table[k], rtol=1e-14, atol=0)
     assert stream[COUNTER] == 20 * 8
     assert not np.isclose(normal_rows(new_stream(4), 1, 15), table[0]).any()
-    assert not np.isclose(normal_rows(new_stream(3 + 2 ** 32), 1, 15), table[0]).any()
+    assert not np.isclose(normal_rows(new_stream(3 + 2**32), 1, 15), table[0]).any()
 
 
 def test_uniforms_are_uniform():
     stream = new_stream(11)
     drawn = np.array([uniform(stream) for _ in range(2000)])
-    assert kstest(drawn, "uniform").pvalue > 1e-4 and 0 < drawn.min() and drawn.max() < 1 and stream[COUNTER] == 2000
+    assert (
+        kstest(drawn, "uniform").pvalue > 1e-4
+        and 0 < drawn.min()
+        and drawn.max() < 1
+        and stream[COUNTER] == 2000
+    )
 
 
-@pytest.mark.parametrize("seed", [-1, 0.5, 2 ** 53, math.nan, math.inf])
+@pytest.mark.parametrize("seed", [-1, 0.5, 2**53, math.nan, math.inf])
 def test_seeds_that_are_none(seed):
     with pytest.raises(ValueError, match="whole number"):
         new_stream(seed)
@@ -73,12 +100,15 @@ def test_seeds_that_are_none(seed):
 def test_effective_number_in_closed_form():
     assert effective(np.full(8, 1 / 8)) == pytest.approx(8, rel=1e-14)
     assert effective(np.array([0.0, 1.0, 0.0])) == 1
-    share = 0.7     # of one component, the rest alike
-    assert effective(np.r_[share, np.full(9, (1 - share) / 9)]) == pytest.approx(1 / (share ** 2 + (1 - share) ** 2 / 9), rel=1e-14)
+    share = 0.7  # of one component, the rest alike
+    assert effective(np.r_[share, np.full(9, (1 - share) / 9)]) == pytest.approx(
+        1 / (share**2 + (1 - share) ** 2 / 9), rel=1e-14
+    )
 
 
 def test_weights_by_log_sum_exp():
-    """Where every likelihood underflows too; a component without one is out, and weights that nothing is known of stay."""
+    """Where every likelihood underflows too; a component without one is out, and weights that
+    nothing is known of stay."""
     rng = np.random.default_rng(0)
     before = rng.dirichlet(np.ones(6))
     logs = np.array([-2000.0, -2001.0, math.nan, -math.inf, -1e5, -1999.5])
@@ -88,10 +118,14 @@ def test_weights_by_log_sum_exp():
     assert np.allclose(weights, np.exp(expected - logsumexp(expected)), rtol=1e-12, atol=0)
     gone = np.array([0.5, 0.0, 0.5])
     assert weigh(np.array([-1.0, 0.0, -1.0]), gone) == 0 and gone.tolist() == [0.5, 0.0, 0.5]
-    assert weigh(np.array([math.nan, 0.0, -math.inf]), gone) == 1 and gone.tolist() == [0.5, 0.0, 0.5]
+    assert weigh(np.array([math.nan, 0.0, -math.inf]), gone) == 1 and gone.tolist() == [
+        0.5,
+        0.0,
+        0.5,
+    ]
 
 
-@pytest.mark.parametrize("at", [1e-9, 0.3, 0.77, 1 - 2.0 ** -53])
+@pytest.mark.parametrize("at", [1e-9, 0.3, 0.77, 1 - 2.0**-53])
 def test_systematic_resampling_draws_each_its_share_up_or_down_to_a_whole(at):
     rng = np.random.default_rng(1)
     weights = rng.dirichlet(np.full(40, 0.3))
@@ -100,7 +134,11 @@ def test_systematic_resampling_draws_each_its_share_up_or_down_to_a_whole(at):
     ancestors = np.zeros(40)
     systematic(weights, at, ancestors)
     drawn = np.bincount(ancestors.astype(int), minlength=40)
-    assert np.all(np.abs(drawn - 40 * weights) < 1 + 1e-9) and not drawn[[0, 7, 39]].any() and np.all(np.diff(ancestors) >= 0)
+    assert (
+        np.all(np.abs(drawn - 40 * weights) < 1 + 1e-9)
+        and not drawn[[0, 7, 39]].any()
+        and np.all(np.diff(ancestors) >= 0)
+    )
     expected = np.searchsorted(np.cumsum(weights), (np.arange(40) + at) / 40, side="right")
     assert np.array_equal(ancestors, np.minimum(expected, 38))
 
@@ -117,22 +155,44 @@ def test_moments_are_those_within_and_between(n):
     moments(sums, mean, S)
     assert np.allclose(mean, weights @ x, rtol=1e-13)
     between = np.einsum("k,ki,kj->ij", weights, x - mean, x - mean)
-    assert scaled(S - np.einsum("k,kij->ij", weights, P) - between, S) < 1e-14 and np.array_equal(S, S.T)
+    assert scaled(S - np.einsum("k,kij->ij", weights, P) - between, S) < 1e-14 and np.array_equal(
+        S, S.T
+    )
 
 
 def test_roots():
-    """Cholesky's; of a matrix without variance in one state; of one that is negative in some direction, which is counted."""
+    """Cholesky's; of a matrix without variance in one state; of one that is negative in some
+    direction, which is counted."""
     rng = np.random.default_rng(2)
     A, B, L = positive(rng, 6), positive(rng, 6), np.full((6, 6), np.nan)
-    assert root(A, 1.0, B, 2.0, L) == 0 and scaled(L - np.linalg.cholesky(A + 2 * B), np.eye(6)) < 1e-10
+    assert (
+        root(A, 1.0, B, 2.0, L) == 0
+        and scaled(L - np.linalg.cholesky(A + 2 * B), np.eye(6)) < 1e-10
+    )
     flat = positive(rng, 6, zero=True)
-    assert root(flat, 1.0, flat, 0.0, L) == 0 and scaled(L @ L.T - flat, flat) < 1e-14 and not L[0].any()
+    assert (
+        root(flat, 1.0, flat, 0.0, L) == 0
+        and scaled(L @ L.T - flat, flat) < 1e-14
+        and not L[0].any()
+    )
     assert root(A, 1.0, A, -1.5, L) > 0
 
 
-@pytest.mark.parametrize("N, n, zero", [(500, 6, False), (40, 15, False), (16, 15, False), (30, 6, True), (15, 15, False), (4, 6, True), (2, 3, False)])
+@pytest.mark.parametrize(
+    "N, n, zero",
+    [
+        (500, 6, False),
+        (40, 15, False),
+        (16, 15, False),
+        (30, 6, True),
+        (15, 15, False),
+        (4, 6, True),
+        (2, 3, False),
+    ],
+)
 def test_resampling_keeps_mean_and_covariance(N, n, zero):
-    """Exactly, for N <= n too: there components that are too far apart are drawn together, which is a repair."""
+    """Exactly, for N <= n too: there components that are too far apart are drawn together, which
+    is a repair."""
     rng = np.random.default_rng(N)
     weights = rng.dirichlet(np.full(N, 0.2))
     components = np.zeros((N, n * n + 3))
@@ -140,27 +200,69 @@ def test_resampling_keeps_mean_and_covariance(N, n, zero):
     scale = np.sqrt(np.einsum("k,kij->ij", weights, components[:, 3:].reshape(N, n, n)).diagonal())
     x = rng.standard_normal((N, n)) * scale
     x -= weights @ x
-    S = np.einsum("k,kij->ij", weights, components[:, 3:].reshape(N, n, n)) + np.einsum("k,ki,kj->ij", weights, x, x)
+    S = np.einsum("k,kij->ij", weights, components[:, 3:].reshape(N, n, n)) + np.einsum(
+        "k,ki,kj->ij", weights, x, x
+    )
     kernel, drawn, Phi, ancestors = silverman(N, n), np.zeros((N, n)), np.zeros((n, n)), np.zeros(N)
-    repairs = resample(weights, x, components, 3, S, kernel, new_stream(5), ancestors, drawn, Phi, np.full(resample_size(n), np.nan))
+    repairs = resample(
+        weights,
+        x,
+        components,
+        3,
+        S,
+        kernel,
+        new_stream(5),
+        ancestors,
+        drawn,
+        Phi,
+        np.full(resample_size(n), np.nan),
+    )
     sd = np.where(np.diag(S) > 0, np.sqrt(np.diag(S)), 1)
     assert np.abs(drawn.mean(axis=0) / sd).max() < 1e-12
     assert scaled(drawn.T @ drawn / N + Phi - S, S) < 1e-12
-    assert np.allclose(weights, 1 / N) and repairs == (1 if N <= n and len(set(ancestors)) > 1 else 0)
-    assert np.linalg.eigvalsh((Phi - kernel ** 2 * S) / np.outer(sd, sd)).min() > -1e-12
+    assert np.allclose(weights, 1 / N) and repairs == (
+        1 if N <= n and len(set(ancestors)) > 1 else 0
+    )
+    assert np.linalg.eigvalsh((Phi - kernel**2 * S) / np.outer(sd, sd)).min() > -1e-12
     if N > n:
-        assert scaled(Phi - kernel ** 2 * S, S) < 1e-14
+        assert scaled(Phi - kernel**2 * S, S) < 1e-14
 
 
 @pytest.mark.parametrize("N", [2, 3, 20])
 def test_what_is_no_covariance_is_mended_and_counted(N):
-    """A negative direction, as rounding leaves it, counts as none: the resampling ends, and what it draws has the rest."""
-    S, x = np.diag([1.0, 4.0, -1e-6]), np.random.default_rng(4).standard_normal((N, 3)) * [0.5, 1.0, 0.1]
+    """A negative direction, as rounding leaves it, counts as none: the resampling ends, and what
+    it draws has the rest."""
+    S, x = (
+        np.diag([1.0, 4.0, -1e-6]),
+        np.random.default_rng(4).standard_normal((N, 3)) * [0.5, 1.0, 0.1],
+    )
     x -= x.mean(axis=0)
-    components, drawn, Phi = np.tile(np.diag([0.3, 0.5, 0.1]).ravel(), (N, 1)), np.zeros((N, 3)), np.zeros((3, 3))
-    assert resample(np.full(N, 1 / N), x, components, 0, S, 0.9, new_stream(1), np.zeros(N), drawn, Phi, np.full(resample_size(3), np.nan)) == 1
+    components, drawn, Phi = (
+        np.tile(np.diag([0.3, 0.5, 0.1]).ravel(), (N, 1)),
+        np.zeros((N, 3)),
+        np.zeros((3, 3)),
+    )
+    assert (
+        resample(
+            np.full(N, 1 / N),
+            x,
+            components,
+            0,
+            S,
+            0.9,
+            new_stream(1),
+            np.zeros(N),
+            drawn,
+            Phi,
+            np.full(resample_size(3), np.nan),
+        )
+        == 1
+    )
     mended = np.diag([1.0, 4.0, 0.0])
-    assert np.abs(drawn.T @ drawn / N + Phi - mended).max() < 1e-11 and np.linalg.eigvalsh(Phi).min() > -1e-11
+    assert (
+        np.abs(drawn.T @ drawn / N + Phi - mended).max() < 1e-11
+        and np.linalg.eigvalsh(Phi).min() > -1e-11
+    )
 
 
 @pytest.mark.parametrize("N, n", [(1, 4), (3, 4), (4, 4), (5, 4), (500, 15)])
@@ -173,34 +275,61 @@ def test_a_mixture_begins_with_the_covariance_that_it_is_given(N, n):
     if N == 1:
         assert np.array_equal(Phi, P) and not deviations.any()
     else:
-        assert stream[COUNTER] > 0 and np.linalg.eigvalsh((Phi - 0.36 * P) / np.outer(sd, sd)).min() > -1e-12
+        assert (
+            stream[COUNTER] > 0
+            and np.linalg.eigvalsh((Phi - 0.36 * P) / np.outer(sd, sd)).min() > -1e-12
+        )
         assert np.linalg.matrix_rank(deviations / sd) == min(N - 1, n - (n == 4))
 
 
 def test_silverman():
-    assert silverman(500, 1) == pytest.approx((4 / 1500) ** 0.2) and silverman(1, 15) == 1.0 and silverman(2, 1) < 1
+    assert (
+        silverman(500, 1) == pytest.approx((4 / 1500) ** 0.2)
+        and silverman(1, 15) == 1.0
+        and silverman(2, 1) < 1
+    )
 
 
 @pytest.mark.parametrize("n", [6, 15])
 def test_the_kernel_that_is_taken_keeps_the_loss_at_each_resampling_small(n):
-    """4 (1 - h^2)/N, at most 0.4 % or what Silverman's width gives; one component is as wide as the mixture."""
+    """4 (1 - h^2)/N, at most 0.4 % or what Silverman's width gives; one component is as wide as
+    the mixture."""
     N = np.arange(1, 3000)
     h = np.array([kernel_width(k, n) for k in N])
-    assert h[0] == 1 and np.all(4 * (1 - h ** 2) / N <= 0.004 + 1e-15) and np.all(h >= [silverman(k, n) for k in N])
-    assert kernel_width(20, n) ** 2 == pytest.approx(0.98) and kernel_width(500, n) ** 2 == pytest.approx(0.5) and np.all(np.diff(h) < 0)
+    assert (
+        h[0] == 1
+        and np.all(4 * (1 - h**2) / N <= 0.004 + 1e-15)
+        and np.all(h >= [silverman(k, n) for k in N])
+    )
+    assert (
+        kernel_width(20, n) ** 2 == pytest.approx(0.98)
+        and kernel_width(500, n) ** 2 == pytest.approx(0.5)
+        and np.all(np.diff(h) < 0)
+    )
     assert kernel_width(2000, n) == silverman(2000, n)
 
 
-@pytest.mark.parametrize("options, message", [((0, 0.5), "components is 0"), ((2.5, 0.5), "components is 2.5"), ((-3, 0.5), "at least 1"),
-                                              ((math.nan, 0.5), "components is nan"), ((MOST + 1, 0.5), "at most 100000"),
-                                              ((5, 0.0), "kernel is 0.0"), ((5, 1.1), "kernel is 1.1"), ((5, math.nan), "kernel is nan")])
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        ((0, 0.5), "components is 0"),
+        ((2.5, 0.5), "components is 2.5"),
+        ((-3, 0.5), "at least 1"),
+        ((math.nan, 0.5), "components is nan"),
+        ((MOST + 1, 0.5), "at most 100000"),
+        ((5, 0.0), "kernel is 0.0"),
+        ((5, 1.1), "kernel is 1.1"),
+        ((5, math.nan), "kernel is nan"),
+    ],
+)
 def test_bad_options_in_one_line(options, message):
     with pytest.raises(ValueError, match=message):
         begin(np.eye(2), *options, 0)
 
 
 def filtered(x0, P0, ys, moved, seen, Q, R, N, kernel=None, share=0.5, seed=0):
-    """[(means (N, n), covariances (N, n, n), weights)] after each scalar measurement: a particle Kalman filter in numpy around the helpers.
+    """[(means (N, n), covariances (N, n, n), weights)] after each scalar measurement: a particle
+    Kalman filter in numpy around the helpers.
 
     moved(k, x) -> (x, F) and seen(x) -> (h, H) of all components at once.
     """
@@ -222,7 +351,19 @@ def filtered(x0, P0, ys, moved, seen, Q, R, N, kernel=None, share=0.5, seed=0):
         if effective(weights) < share * N:
             mean, spread = about(found[-1])
             drawn, Phi = np.zeros((N, n)), np.zeros((n, n))
-            resample(weights, x - mean, P.reshape(N, n * n).copy(), 0, spread, kernel, stream, np.zeros(N), drawn, Phi, np.zeros(resample_size(n)))
+            resample(
+                weights,
+                x - mean,
+                P.reshape(N, n * n).copy(),
+                0,
+                spread,
+                kernel,
+                stream,
+                np.zeros(N),
+                drawn,
+                Phi,
+                np.zeros(resample_size(n)),
+            )
             x, P = mean + drawn, np.tile(Phi, (N, 1, 1))
     return found
 
@@ -231,7 +372,9 @@ def about(mixture):
     """Mean and covariance of a mixture."""
     x, P, weights = mixture
     mean = weights @ x
-    return mean, np.einsum("k,kij->ij", weights, P) + np.einsum("k,ki,kj->ij", weights, x - mean, x - mean)
+    return mean, np.einsum("k,kij->ij", weights, P) + np.einsum(
+        "k,ki,kj->ij", weights, x - mean, x - mean
+    )
 
 
 def kalman(P, ys, F, H, Q, R):
@@ -246,16 +389,24 @@ def kalman(P, ys, F, H, Q, R):
 
 
 F, H, Q, R = np.array([[1.0, 0.5], [0.0, 1.0]]), np.array([1.0, 0.0]), np.diag([0.01, 0.02]), 0.5
-LINEAR = dict(x0=np.zeros(2), P0=np.diag([4.0, 1.0]), moved=lambda k, x: (x @ F.T, F), seen=lambda x: (x @ H, np.tile(H, (len(x), 1))), Q=Q, R=R)
+LINEAR = dict(
+    x0=np.zeros(2),
+    P0=np.diag([4.0, 1.0]),
+    moved=lambda k, x: (x @ F.T, F),
+    seen=lambda x: (x @ H, np.tile(H, (len(x), 1))),
+    Q=Q,
+    R=R,
+)
 
 
 def off(N, seed, kernel=None):
-    """(mean - Kalman's in standard deviations, covariance over Kalman's - 1: largest) after 20 measurements of a linear model."""
+    """(mean - Kalman's in standard deviations, covariance over Kalman's - 1: largest) after 20
+    measurements of a linear model."""
     rng = np.random.default_rng(seed)
     x, ys = rng.standard_normal(2) * [2, 1], []
     for _ in range(20):
         x = F @ x + rng.standard_normal(2) * np.sqrt(np.diag(Q))
-        ys.append(H @ x + rng.standard_normal() * R ** 0.5)
+        ys.append(H @ x + rng.standard_normal() * R**0.5)
     mean, spread = about(filtered(ys=ys, N=N, seed=seed, kernel=kernel, **LINEAR)[-1])
     x, P = kalman(LINEAR["P0"], ys, F, H, Q, R)
     return (mean - x) / np.sqrt(np.diag(P)), scaled(spread - P, P)
@@ -267,29 +418,40 @@ def test_one_component_is_the_kalman_filter():
 
 
 def test_many_components_are_the_kalman_filter_within_their_monte_carlo_error():
-    """Ten linear runs with 500 components: rms error of the mean below 0.06 standard deviations, mean error of the covariance below 6 %.
+    """Ten linear runs with 500 components: rms error of the mean below 0.06 standard deviations,
+    mean error of the covariance below 6 %.
 
-    Of twenty sets of ten with other seeds the largest were 0.039 and 3.6 %: less than 1 in 20 by chance, estimated.
+    Of twenty sets of ten with other seeds the largest were 0.039 and 3.6 %: less than 1 in 20 by
+    chance, estimated.
     """
     mean, spread = map(np.array, zip(*[off(500, seed) for seed in range(10)]))
-    assert 1e-4 < np.sqrt(np.mean(mean ** 2)) < 0.06 and spread.mean() < 0.06
+    assert 1e-4 < np.sqrt(np.mean(mean**2)) < 0.06 and spread.mean() < 0.06
 
 
 DRIFT, START_VARIANCE = 0.3, 16.0
 GRID = np.linspace(-25.0, 25.0, 2001)
 STEP = GRID[1] - GRID[0]
-SQUARED = dict(x0=np.ones(1), P0=np.array([[START_VARIANCE]]), Q=np.array([[0.01]]), R=4.0, moved=lambda k, x: (x + DRIFT, np.eye(1)),
-               seen=lambda x: (x[:, 0] ** 2, 2 * x))
-"""A state that drifts and whose square is measured: on both sides of zero at first, until the drift tells which it is."""
+SQUARED = dict(
+    x0=np.ones(1),
+    P0=np.array([[START_VARIANCE]]),
+    Q=np.array([[0.01]]),
+    R=4.0,
+    moved=lambda k, x: (x + DRIFT, np.eye(1)),
+    seen=lambda x: (x[:, 0] ** 2, 2 * x),
+)
+"""A state that drifts and whose square is measured: on both sides of zero at first, until the
+drift tells which it is."""
 
 
 def exact(ys):
     """The posterior densities on GRID after each measurement, by quadrature."""
-    p = np.exp(-(GRID - 1) ** 2 / (2 * START_VARIANCE))
+    p = np.exp(-((GRID - 1) ** 2) / (2 * START_VARIANCE))
     far = np.arange(-20, 21) * STEP
-    spread = np.exp(-far ** 2 / (2 * 0.01))
+    spread = np.exp(-(far**2) / (2 * 0.01))
     for y in ys:
-        p = np.convolve(np.interp(GRID - DRIFT, GRID, p), spread, "same") * np.exp(-(y - GRID ** 2) ** 2 / (2 * SQUARED["R"]))
+        p = np.convolve(np.interp(GRID - DRIFT, GRID, p), spread, "same") * np.exp(
+            -((y - GRID**2) ** 2) / (2 * SQUARED["R"])
+        )
         p /= p.sum() * STEP
         yield p
 
@@ -297,12 +459,17 @@ def exact(ys):
 def distance(found, p):
     """Total variation between the density of a mixture and p on GRID: 0 alike, 1 apart."""
     x, P, weights = found
-    q = np.exp(-(GRID[:, None] - x[:, 0]) ** 2 / (2 * P[:, 0, 0])) / np.sqrt(2 * np.pi * P[:, 0, 0]) @ weights
+    q = (
+        np.exp(-((GRID[:, None] - x[:, 0]) ** 2) / (2 * P[:, 0, 0]))
+        / np.sqrt(2 * np.pi * P[:, 0, 0])
+        @ weights
+    )
     return 0.5 * np.abs(q - p).sum() * STEP
 
 
 def test_many_components_approach_a_bimodal_posterior():
-    """The extended Kalman filter, which is one component, takes one side at once; more and narrower ones come ever closer to the posterior.
+    """The extended Kalman filter, which is one component, takes one side at once; more and narrower
+    ones come ever closer to the posterior.
 
     Each of eight other sets of four seeds fulfils the last line as well.
     """
@@ -310,10 +477,21 @@ def test_many_components_approach_a_bimodal_posterior():
     for seed in range(4):
         rng = np.random.default_rng(seed)
         x = 2.0 + DRIFT * np.arange(1, 5) + np.cumsum(0.1 * rng.standard_normal(4))
-        ys = x ** 2 + 2 * rng.standard_normal(4)
+        ys = x**2 + 2 * rng.standard_normal(4)
         truth = list(exact(ys))
         assert 0.1 < truth[0][GRID < 0].sum() * STEP < 0.9
-        far.append([np.mean([distance(*pair) for pair in zip(filtered(ys=ys, N=N, kernel=kernel, seed=seed, **SQUARED), truth)])
-                    for N, kernel in ((1, 1.0), (30, 0.4), (300, 0.15), (2000, 0.05))])
+        far.append(
+            [
+                np.mean(
+                    [
+                        distance(*pair)
+                        for pair in zip(
+                            filtered(ys=ys, N=N, kernel=kernel, seed=seed, **SQUARED), truth
+                        )
+                    ]
+                )
+                for N, kernel in ((1, 1.0), (30, 0.4), (300, 0.15), (2000, 0.05))
+            ]
+        )
     one, few, more, many = np.mean(far, axis=0)
     assert 1.5 * many < more and 2 * more < few < one and many < 0.06

@@ -1,18 +1,22 @@
-"""The two-stage filter against its twin with dense matrices; what it does without fixes, at rest, near the vertical, with bad options."""
+"""The two-stage filter against its twin with dense matrices; what it does without fixes, at
+rest, near the vertical, with bad options."""
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from recordings import flight, start
+from two_stage_twin import WRAP, State, Twin
 
 import strapdown as sd
-from recordings import flight, start
 from strapdown.core.contract import Noise
 from strapdown.data import Aiding, DataError
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import DEG, Motion
-from two_stage_twin import State, Twin, WRAP
 
-NOISE = Noise(gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100)
+NOISE = Noise(
+    gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100
+)
 
 
 def ungated(recording):
@@ -33,7 +37,9 @@ def compensated(recording):
 @pytest.mark.short
 def test_it_is_the_textbook_filter():
     recording = ungated(flight(12.0, 20.0))
-    solution = sd.fuse(recording, "two-stage-ekf", start=start(recording), noise=NOISE, covariance=True)
+    solution = sd.fuse(
+        recording, "two-stage-ekf", start=start(recording), noise=NOISE, covariance=True
+    )
     twin = Twin(start(recording), NOISE)
     for k, (t, dt, u) in enumerate(compensated(recording)):
         rate = u[:3] / dt - twin.at.bg
@@ -45,18 +51,28 @@ def test_it_is_the_textbook_filter():
                 else:
                     twin.velocity(source.y[row], source.sd[row], source.parameters, rate)
         path, C = solution.trajectory, twin.at.C
-        e = State(path.lla[k], C @ twin.at.v, twin.at.angles, solution.b_a[k], solution.b_g[k]).minus(twin.at)
+        e = State(
+            path.lla[k], C @ twin.at.v, twin.at.angles, solution.b_a[k], solution.b_g[k]
+        ).minus(twin.at)
         scale = np.sqrt(np.diag(twin.covariance()))
         assert np.abs(e[:3]).max() < 1e-6 and np.abs(path.v_n[k] - C @ twin.at.v).max() < 1e-7
         assert np.abs(WRAP(path.rotation[k].as_euler("ZYX")[::-1] - twin.at.angles)).max() < 1e-8
         assert (np.abs(e[9:]) / scale[9:]).max() < 1e-6
-        assert np.abs((solution.covariance[k] - twin.covariance()) / np.outer(scale, scale)).max() < 1e-6
+        assert (
+            np.abs((solution.covariance[k] - twin.covariance()) / np.outer(scale, scale)).max()
+            < 1e-6
+        )
 
 
 def resting(seconds=60.0):
     """A body that rolls at 8 m/s for 20 s, brakes and stands: no course."""
     north = lambda t: np.clip(8 - 2 * (t - 20), 0, 8)
-    motion = Motion("braking", (DEG * 47.0, DEG * 8.0, 500.0), lambda t: (north(t), 0 * t, 0 * t), lambda t: (0 * t, 0 * t, 0 * t))
+    motion = Motion(
+        "braking",
+        (DEG * 47.0, DEG * 8.0, 500.0),
+        lambda t: (north(t), 0 * t, 0 * t),
+        lambda t: (0 * t, 0 * t, 0 * t),
+    )
     return sd.simulate(motion, seconds, "tactical", 5, 20.0, Gnss())
 
 
@@ -64,8 +80,11 @@ def resting(seconds=60.0):
 def test_without_a_course_the_heading_is_held_and_that_is_said():
     solution = sd.fuse(resting(), "two-stage-ekf", start=start(resting()))
     seconds = solution.columns["course_held [s]"]
-    assert seconds[-1] == pytest.approx(37.5, abs=2) and seconds[np.searchsorted(solution.t, 20.0)] == 0
-    (t, text), = solution.events
+    assert (
+        seconds[-1] == pytest.approx(37.5, abs=2)
+        and seconds[np.searchsorted(solution.t, 20.0)] == 0
+    )
+    ((t, text),) = solution.events
     assert 21 < t < 25 and "heading held" in text
     heading, sd_heading = np.unwrap(solution.trajectory.rph[:, 2]), solution.trajectory.sd[:, 8]
     assert abs(heading[-1] - heading[600]) < 0.01 and sd_heading[-1] > sd_heading[400]
@@ -73,12 +92,24 @@ def test_without_a_course_the_heading_is_held_and_that_is_said():
 
 @pytest.mark.short
 def test_in_an_outage_stage_1_is_still_levelled():
-    """Attitude stays level by the specific force less omega x v_b while the position drifts; heading becomes uncertain, roll and pitch do not."""
+    """Attitude stays level by the specific force less omega x v_b while the position drifts;
+    heading becomes uncertain, roll and pitch do not."""
     recording = flight(60.0, 20.0)
-    solution, alone = (sd.fuse(recording.hidden([(20.0, 60.0)]), "two-stage-ekf", start=start(recording), noise=NOISE._replace(gyro=2e-3), **options)
-                       for options in ({}, {"acceleration": 1e4}))
+    solution, alone = (
+        sd.fuse(
+            recording.hidden([(20.0, 60.0)]),
+            "two-stage-ekf",
+            start=start(recording),
+            noise=NOISE._replace(gyro=2e-3),
+            **options,
+        )
+        for options in ({}, {"acceleration": 1e4})
+    )
     tilt = lambda s: np.degrees(s.trajectory.sd[-1, 6:8]).max()
-    assert tilt(solution) < 0.8 * tilt(alone) and solution.trajectory.sd[-1, 8] > 1.1 * solution.trajectory.sd[390, 8]
+    assert (
+        tilt(solution) < 0.8 * tilt(alone)
+        and solution.trajectory.sd[-1, 8] > 1.1 * solution.trajectory.sd[390, 8]
+    )
     e = sd.errors(solution, recording.reference)
     assert np.degrees(np.abs(e.rph[-1, :2])).max() < 1.0
 
@@ -86,17 +117,38 @@ def test_in_an_outage_stage_1_is_still_levelled():
 @pytest.mark.short
 def test_a_rejected_fix_leaves_the_belief_and_a_heading_corrects_stage_1_alone():
     recording, t = flight(), np.array([5.0])
-    heading = Aiding("heading", t, np.array([[recording.reference.rph[100, 2] + 0.02]]), np.array([[0.01]]), name="compass")
-    far = Aiding("velocity", t, np.array([[300.0, 0, 0]]), np.full((1, 3), 0.1), np.zeros(3), name="far")
+    heading = Aiding(
+        "heading",
+        t,
+        np.array([[recording.reference.rph[100, 2] + 0.02]]),
+        np.array([[0.01]]),
+        name="compass",
+    )
+    far = Aiding(
+        "velocity", t, np.array([[300.0, 0, 0]]), np.full((1, 3), 0.1), np.zeros(3), name="far"
+    )
     later = replace(far, t=t + 50)
-    base, wrong, turned = (sd.fuse(replace(recording, aidings=more), "two-stage-ekf", start=start(recording), covariance=True)
-                           for more in ((later,), (far,), (heading,)))
+    base, wrong, turned = (
+        sd.fuse(
+            replace(recording, aidings=more),
+            "two-stage-ekf",
+            start=start(recording),
+            covariance=True,
+        )
+        for more in ((later,), (far,), (heading,))
+    )
     row = np.searchsorted(base.t, 5.0 + 1e-6) - 1
-    assert wrong.counts() == {"far": (0, 1)} and np.array_equal(wrong.covariance[row], base.covariance[row])
+    assert wrong.counts() == {"far": (0, 1)} and np.array_equal(
+        wrong.covariance[row], base.covariance[row]
+    )
     assert np.array_equal(wrong.trajectory.v_n, base.trajectory.v_n)
-    np.testing.assert_allclose(turned.trajectory.lla[row], base.trajectory.lla[row], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        turned.trajectory.lla[row], base.trajectory.lla[row], rtol=0, atol=1e-12
+    )
     assert turned.trajectory.sd[row, 8] < 0.6 * base.trajectory.sd[row, 8]
-    assert np.linalg.norm(turned.trajectory.v_n[row]) == pytest.approx(np.linalg.norm(base.trajectory.v_n[row]), rel=1e-12)
+    assert np.linalg.norm(turned.trajectory.v_n[row]) == pytest.approx(
+        np.linalg.norm(base.trajectory.v_n[row]), rel=1e-12
+    )
     v_b = [s.trajectory.rotation[row].inv().apply(s.trajectory.v_n[row]) for s in (turned, base)]
     np.testing.assert_allclose(*v_b, atol=1e-12)
 
@@ -104,19 +156,34 @@ def test_a_rejected_fix_leaves_the_belief_and_a_heading_corrects_stage_1_alone()
 @pytest.mark.short
 def test_what_it_cannot_run_on_and_bad_options():
     recording = flight()
-    run = lambda recording=recording, **options: sd.fuse(recording, "two-stage-ekf", start=start(recording), **options)
-    for options, said in ((dict(velocity="up"), "full, down"), (dict(course="tilt"), "gnss, none"), (dict(level="no"), "bias-free, raw"),
-                          (dict(least_speed=-1.0), "least_speed"), (dict(largest_bank=0.0), "largest_bank"), (dict(crab=np.inf), "crab"),
-                          (dict(correlation=-1.0), "correlation"), (dict(window=0.0), "window"), (dict(acceleration=-1.0), "acceleration")):
+    run = lambda recording=recording, **options: sd.fuse(
+        recording, "two-stage-ekf", start=start(recording), **options
+    )
+    for options, said in (
+        (dict(velocity="up"), "full, down"),
+        (dict(course="tilt"), "gnss, none"),
+        (dict(level="no"), "bias-free, raw"),
+        (dict(least_speed=-1.0), "least_speed"),
+        (dict(largest_bank=0.0), "largest_bank"),
+        (dict(crab=np.inf), "crab"),
+        (dict(correlation=-1.0), "correlation"),
+        (dict(window=0.0), "window"),
+        (dict(acceleration=-1.0), "acceleration"),
+    ):
         with pytest.raises(DataError, match=said):
             run(**options)
-    with pytest.raises(DataError, match="nothing gives a heading: add velocity, heading or magnetic-field"):
+    with pytest.raises(
+        DataError, match="nothing gives a heading: add velocity, heading or magnetic-field"
+    ):
         run(replace(recording, aidings=recording.aidings[:1]))
-    assert "two-stage-ekf" in run(course="none").meta["filter"] and any("drifts" in note for note in run(course="none").meta["notes"])
+    assert "two-stage-ekf" in run(course="none").meta["filter"] and any(
+        "drifts" in note for note in run(course="none").meta["notes"]
+    )
 
 
 def test_errors_are_bounded_and_mostly_inside_their_standard_deviations():
-    """Five flights, no NEES mark, which the model does not allow; the share inside two sigma is wide, since the two stages neglect each other."""
+    """Five flights, no NEES mark, which the model does not allow; the share inside two sigma is
+    wide, since the two stages neglect each other."""
     inside, worst = [], []
     for seed in range(5):
         recording = flight(90.0, 20.0, seed)
@@ -125,5 +192,11 @@ def test_errors_are_bounded_and_mostly_inside_their_standard_deviations():
         late = e.t > 30
         every = np.c_[e.position, e.velocity, e.attitude][late]
         inside.append((np.abs(every) < 2 * solution.trajectory.sd[e.rows][late][:, :9]).mean())
-        worst.append([np.abs(e.position[late]).max(), np.abs(e.velocity[late]).max(), np.degrees(np.abs(e.rph[late])).max()])
+        worst.append(
+            [
+                np.abs(e.position[late]).max(),
+                np.abs(e.velocity[late]).max(),
+                np.degrees(np.abs(e.rph[late])).max(),
+            ]
+        )
     assert (np.max(worst, axis=0) < [4.0, 0.8, 4.0]).all() and 0.8 < np.mean(inside) <= 1

@@ -1,24 +1,35 @@
-"""The exogenous filter of the two-stage model: a linear Kalman filter about any trajectory, and the observer beside it left alone."""
+"""The exogenous filter of the two-stage model: a linear Kalman filter about any trajectory, and
+the observer beside it left alone."""
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from recordings import flight, start
 from scipy.spatial.transform import Rotation
+from test_two_stage_ekf import compensated, ungated
+from two_stage_twin import WRAP, State, Twin
 
 import strapdown as sd
-from recordings import flight, start
 from strapdown.core.contract import CORRECT, PREDICT, Noise, kernel
-from strapdown.filters.observer.equations import embedded
 from strapdown.data import DataError
 from strapdown.engine.batch import begin
+from strapdown.filters.observer.equations import embedded
 from strapdown.filters.two_stage import xkf_two_stage
-from strapdown.filters.two_stage.xkf_two_stage import OBSERVER, XKF_TWO_STAGE, arrive, carry, compose, correct_around
+from strapdown.filters.two_stage.xkf_two_stage import (
+    OBSERVER,
+    XKF_TWO_STAGE,
+    arrive,
+    carry,
+    compose,
+    correct_around,
+)
 from strapdown.geodesy import displacement
-from two_stage_twin import State, Twin, WRAP
-from test_two_stage_ekf import compensated, ungated
 
-NOISE = Noise(gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100)
-GIVEN = 21      # numbers of workspace before H: the next state to linearise at
+NOISE = Noise(
+    gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100
+)
+GIVEN = 21  # numbers of workspace before H: the next state to linearise at
 
 
 @kernel(PREDICT)
@@ -28,7 +39,12 @@ def along(belief, u, dt, noise):
     carry(belief, bar, u, dt, noise)
     first = workspace.size - 3 * belief.P.shape[0] - GIVEN
     for i in range(3):
-        bar.lla[i], bar.v[i], bar.ba[i], bar.bg[i] = workspace[first + i], workspace[first + 3 + i], workspace[first + 15 + i], workspace[first + 18 + i]
+        bar.lla[i], bar.v[i], bar.ba[i], bar.bg[i] = (
+            workspace[first + i],
+            workspace[first + 3 + i],
+            workspace[first + 15 + i],
+            workspace[first + 18 + i],
+        )
         bar.omega[i], bar.f[i] = u[i] / dt - bar.bg[i], u[3 + i] / dt - bar.ba[i]
         for j in range(3):
             bar.C[i, j] = workspace[first + 6 + 3 * i + j]
@@ -46,25 +62,39 @@ def correct_along(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 def roomy(start, noise):
     belief = xkf_two_stage.start(start, noise)
-    return belief._replace(workspace=np.r_[belief.workspace[:-45], np.zeros(GIVEN), belief.workspace[-45:]])
+    return belief._replace(
+        workspace=np.r_[belief.workspace[:-45], np.zeros(GIVEN), belief.workspace[-45:]]
+    )
 
 
-ALONG = XKF_TWO_STAGE._replace(name="along", start=roomy, predict=along, correct=correct_along, configure=None)
+ALONG = XKF_TWO_STAGE._replace(
+    name="along", start=roomy, predict=along, correct=correct_along, configure=None
+)
 
 
 def trajectories():
     """The truth, and one that is far from any solution of the model: it jumps and wanders."""
     truth = flight(8.0, 20.0).reference
     rng = np.random.default_rng(4)
-    wild = replace(truth, lla=truth.lla + rng.normal(0, 1e-8, truth.lla.shape) * [1, 1, 1e7], v_n=truth.v_n + rng.normal(0, 0.3, truth.v_n.shape),
-                   q_nb=(Rotation.from_rotvec(rng.normal(0, 0.03, truth.v_n.shape)) * truth.rotation).as_quat()[:, [3, 0, 1, 2]])
-    return {"truth": (truth, np.zeros((len(truth), 6))), "wild": (wild, rng.normal(0, 1, (len(truth), 6)) * np.repeat([0.02, 1e-3], 3))}
+    wild = replace(
+        truth,
+        lla=truth.lla + rng.normal(0, 1e-8, truth.lla.shape) * [1, 1, 1e7],
+        v_n=truth.v_n + rng.normal(0, 0.3, truth.v_n.shape),
+        q_nb=(
+            Rotation.from_rotvec(rng.normal(0, 0.03, truth.v_n.shape)) * truth.rotation
+        ).as_quat()[:, [3, 0, 1, 2]],
+    )
+    return {
+        "truth": (truth, np.zeros((len(truth), 6))),
+        "wild": (wild, rng.normal(0, 1, (len(truth), 6)) * np.repeat([0.02, 1e-3], 3)),
+    }
 
 
 @pytest.mark.short
 @pytest.mark.parametrize("name", ["truth", "wild"])
 def test_about_a_given_trajectory_it_is_the_linear_kalman_filter(name):
-    """In particular when that is the truth, as Johansen & Fossen say. Of the same model and products; only rounding differs."""
+    """In particular when that is the truth, as Johansen & Fossen say. Of the same model and
+    products; only rounding differs."""
     recording = ungated(flight(8.0, 20.0))
     given, biases = trajectories()[name]
     run = begin(recording, ALONG, None, start(recording), NOISE, 1, True, None, {})
@@ -73,42 +103,81 @@ def test_about_a_given_trajectory_it_is_the_linear_kalman_filter(name):
     rows = np.searchsorted(given.t, recording.imu.t - 1e-6)
     first, worst = belief.workspace.size - 45 - GIVEN, np.zeros(4)
     for k, (t, dt, u) in enumerate(compensated(recording)):
-        lla, v, C, bias = given.lla[rows[k]], given.v_n[rows[k]], given.rotation[rows[k]].as_matrix(), biases[rows[k]]
-        belief.workspace[first:first + GIVEN] = *lla, *v, *C.ravel(), *bias
+        lla, v, C, bias = (
+            given.lla[rows[k]],
+            given.v_n[rows[k]],
+            given.rotation[rows[k]].as_matrix(),
+            biases[rows[k]],
+        )
+        belief.workspace[first : first + GIVEN] = *lla, *v, *C.ravel(), *bias
         run.advance(k + 1)
-        twin.predict(u, dt, State(lla, v, given.rotation[rows[k]].as_euler("ZYX")[::-1], bias[:3], bias[3:]))
+        twin.predict(
+            u, dt, State(lla, v, given.rotation[rows[k]].as_euler("ZYX")[::-1], bias[:3], bias[3:])
+        )
         for source in recording.aidings:
             for row in np.flatnonzero(np.abs(source.t - t) < 1e-6):
                 if source.kind == "position":
                     twin.position(source.y[row], source.sd[row], source.parameters)
                 else:
-                    twin.velocity(source.y[row], source.sd[row], source.parameters, u[:3] / dt - twin.bar.bg)
-        got, scale = State(belief.lla, belief.v, np.zeros(3), belief.ba, belief.bg), np.sqrt(np.diag(twin.covariance()))
+                    twin.velocity(
+                        source.y[row], source.sd[row], source.parameters, u[:3] / dt - twin.bar.bg
+                    )
+        got, scale = (
+            State(belief.lla, belief.v, np.zeros(3), belief.ba, belief.bg),
+            np.sqrt(np.diag(twin.covariance())),
+        )
         angles = Rotation.from_matrix(belief.C).as_euler("ZYX")[::-1]
         e = got.minus(twin.at)
-        worst = np.maximum(worst, [np.abs(e[:3]).max(), np.abs(belief.v - twin.bar.C @ twin.at.v).max(), np.abs(WRAP(angles - twin.at.angles)).max(),
-                                   np.abs((belief.P - twin.covariance()) / np.outer(scale, scale)).max()])
-    assert worst[0] < 5e-6 and worst[1] < 3e-8 and worst[2] < 1e-12 and worst[3] < 1e-8     # positions: metres by radii here, by the ellipsoid there
+        worst = np.maximum(
+            worst,
+            [
+                np.abs(e[:3]).max(),
+                np.abs(belief.v - twin.bar.C @ twin.at.v).max(),
+                np.abs(WRAP(angles - twin.at.angles)).max(),
+                np.abs((belief.P - twin.covariance()) / np.outer(scale, scale)).max(),
+            ],
+        )
+    assert (
+        worst[0] < 5e-6 and worst[1] < 3e-8 and worst[2] < 1e-12 and worst[3] < 1e-8
+    )  # positions: metres by radii here, by the ellipsoid there
 
 
 def test_the_observer_beside_it_is_the_observer_alone():
     recording = flight()
     both = sd.fuse(recording, "xkf-two-stage", start=start(recording))
     alone = sd.fuse(recording, "nlo", start=start(recording))
-    shift = np.column_stack([both.columns[f"observer_error_{axis} [m]"] for axis in ("north", "east", "down")])
+    shift = np.column_stack(
+        [both.columns[f"observer_error_{axis} [m]"] for axis in ("north", "east", "down")]
+    )
     assert np.abs(displacement(both.trajectory.lla, alone.trajectory.lla) - shift).max() < 1e-6
-    np.testing.assert_allclose(both.columns["xi_east [m/s^2]"], alone.columns["xi_east [m/s^2]"], rtol=0, atol=1e-12)    # two kernels, compiled apart
+    np.testing.assert_allclose(
+        both.columns["xi_east [m/s^2]"], alone.columns["xi_east [m/s^2]"], rtol=0, atol=1e-12
+    )  # two kernels, compiled apart
     assert np.abs(shift).max() > 0.01
 
 
 @pytest.mark.parametrize("gate, lifted", [(16.0, False), (0.01, True)])
-def test_the_observer_takes_fixes_of_two_sources_alike_and_once_where_a_gate_is_lifted(gate, lifted):
+def test_the_observer_takes_fixes_of_two_sources_alike_and_once_where_a_gate_is_lifted(
+    gate, lifted
+):
     """Second sources measure the very same at the same times; the observer alone has no gate."""
     recording = flight()
-    twice = replace(recording, aidings=tuple(replace(a, gate=gate, name=f"{a.kind} {n}") for a in recording.aidings for n in (1, 2)))
-    both, alone = (sd.fuse(twice, name, start=start(recording)) for name in ("xkf-two-stage", "nlo"))
+    twice = replace(
+        recording,
+        aidings=tuple(
+            replace(a, gate=gate, name=f"{a.kind} {n}") for a in recording.aidings for n in (1, 2)
+        ),
+    )
+    both, alone = (
+        sd.fuse(twice, name, start=start(recording)) for name in ("xkf-two-stage", "nlo")
+    )
     for axis in ("north", "east", "down"):
-        np.testing.assert_allclose(both.columns[f"xi_{axis} [m/s^2]"], alone.columns[f"xi_{axis} [m/s^2]"], rtol=0, atol=1e-10)
+        np.testing.assert_allclose(
+            both.columns[f"xi_{axis} [m/s^2]"],
+            alone.columns[f"xi_{axis} [m/s^2]"],
+            rtol=0,
+            atol=1e-10,
+        )
     fixes = both.innovations
     assert (fixes.accepted & (fixes.nis > gate)).any() == lifted
 
@@ -120,6 +189,10 @@ def test_options_are_those_of_both():
     with pytest.raises(DataError, match="crab"):
         sd.fuse(recording, "xkf-two-stage", start=start(recording), crab=-1.0)
     with pytest.raises(DataError, match="nothing gives a heading"):
-        sd.fuse(replace(recording, aidings=recording.aidings[:1]), "xkf-two-stage", start=start(recording))
+        sd.fuse(
+            replace(recording, aidings=recording.aidings[:1]),
+            "xkf-two-stage",
+            start=start(recording),
+        )
     notes = sd.fuse(recording, "xkf-two-stage", start=start(recording), course="none").meta["notes"]
     assert any("drifts" in note for note in notes)

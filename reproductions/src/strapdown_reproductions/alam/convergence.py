@@ -1,8 +1,11 @@
-"""Attitude convergence from far away: a minute of turning flight, begun 170 deg off about a random axis with a wrong gyro bias, over seeds.
+"""Attitude convergence from far away: a minute of turning flight, begun 170 deg off about a random
+axis with a wrong gyro bias, over seeds.
 
-The rule: a start converges when the total attitude error comes below 10 deg within 60 s and stays there to their end. How many starts were below at
-some time is reported beside it: an observer whose error swings passes through.
+The rule: a start converges when the total attitude error comes below 10 deg within 60 s and stays
+there to their end. How many starts were below at some time is reported beside it: an observer whose
+error swings passes through.
 """
+
 import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
@@ -23,36 +26,51 @@ from strapdown.sim.synthesis import Simulator
 from strapdown.sim.trajectory import DEG
 
 OFF, GYRO_BIAS, BELOW, WITHIN = 170 * DEG, 0.05, 10.0, 60.0
-"""rad of attitude and rad/s of gyro bias at the start, each about a random direction; deg and s of the rule."""
+"""rad of attitude and rad/s of gyro bias at the start, each about a random direction; deg and s
+of the rule."""
 IMU, RATE, FIXES = "dmu10", 100.0, 0.2
 """Grade and Hz of the IMU, s between fixes."""
 SEEDS = range(100)
 ROWS = 10
 """Every so many samples are scored: 10 Hz."""
 _PLACE = (49.72 * DEG, 14.10 * DEG, 800.0)
-_LEGS = ({"duration": 4.0}, {"duration": 12.0, "turn": 150 * DEG}, {"duration": 4.0, "climb": 2.0}, {"duration": 14.0, "turn": -160 * DEG},
-         {"duration": 5.0, "climb": -2.0}, {"duration": 12.0, "turn": -120 * DEG}, {"duration": 14.0, "turn": 150 * DEG})
-_FIELD = (20.0e-6, 1.5e-6, 44.8e-6)     # T NED, near there
-_STREAM = 170                           # of the starts' directions, apart from the sensors'
+_LEGS = (
+    {"duration": 4.0},
+    {"duration": 12.0, "turn": 150 * DEG},
+    {"duration": 4.0, "climb": 2.0},
+    {"duration": 14.0, "turn": -160 * DEG},
+    {"duration": 5.0, "climb": -2.0},
+    {"duration": 12.0, "turn": -120 * DEG},
+    {"duration": 14.0, "turn": 150 * DEG},
+)
+_FIELD = (20.0e-6, 1.5e-6, 44.8e-6)  # T NED, near there
+_STREAM = 170  # of the starts' directions, apart from the sensors'
 
 
 class Case(NamedTuple):
     """A filter with its options, and whether the recording has a magnetometer."""
+
     filter: str
     options: dict = {}
     magnetometer: bool = False
 
 
 CASES = {
-    "NLO, tilt-compensated course": Case("nlo"), "NLO, magnetometer": Case("nlo", {}, True),
-    "NLO, the printed vector": Case("nlo", {"course": "printed"}), "two-stage EKF": Case("two-stage-ekf"), "XKF, two stages": Case("xkf-two-stage"),
-    "XKF, 15 states": Case("xkf"), "closed loop": Case("closed-loop")}
+    "NLO, tilt-compensated course": Case("nlo"),
+    "NLO, magnetometer": Case("nlo", {}, True),
+    "NLO, the printed vector": Case("nlo", {"course": "printed"}),
+    "two-stage EKF": Case("two-stage-ekf"),
+    "XKF, two stages": Case("xkf-two-stage"),
+    "XKF, 15 states": Case("xkf"),
+    "closed loop": Case("closed-loop"),
+}
 """What is compared, by its label."""
 
 
 @lru_cache(maxsize=4)
 def simulator(magnetometer=False, interval=FIXES):
-    """The Simulator of the flight: 45 m/s, turns of up to 50 deg of bank to both sides, a climb and a descent; fixes of a u-blox-class receiver."""
+    """The Simulator of the flight: 45 m/s, turns of up to 50 deg of bank to both sides, a climb
+    and a descent; fixes of a u-blox-class receiver."""
     motion = flight(_PLACE, 40 * DEG, 45.0, _LEGS, smoothing=1.5)
     gnss = Gnss(interval, (2.1, 2.1, 3.5), (0.1, 0.1, 0.15))
     compass = Magnetometer(rate=10.0, sd=(0.5e-6,) * 3, field=_FIELD) if magnetometer else None
@@ -60,24 +78,46 @@ def simulator(magnetometer=False, interval=FIXES):
 
 
 def run(seed, magnetometer=False, interval=FIXES):
-    """(Recording, Start) of a seed: position and velocity at the truth, attitude and gyro bias off, with standard deviations that say so."""
+    """(Recording, Start) of a seed: position and velocity at the truth, attitude and gyro bias
+    off, with standard deviations that say so."""
     from scipy.spatial.transform import Rotation
+
     recording = simulator(magnetometer, interval).recording(IMU, np.random.default_rng(seed))
     rng, truth = np.random.default_rng([seed, _STREAM]), recording.reference
     axis, direction = (vector / np.linalg.norm(vector) for vector in rng.standard_normal((2, 3)))
     heading, pitch, roll = (Rotation.from_rotvec(OFF * axis) * truth.rotation[0]).as_euler("ZYX")
     bias = recording.meta["b_g"][0] + GYRO_BIAS * direction
     accel_sd, gyro_sd = grade(IMU).bias_sd()
-    sd = (2.1, 2.1, 3.5, 0.1, 0.1, 0.15, *[OFF / 3 ** 0.5] * 3, *[accel_sd] * 3, *[float(np.hypot(gyro_sd, GYRO_BIAS / 3 ** 0.5))] * 3)
+    sd = (
+        2.1,
+        2.1,
+        3.5,
+        0.1,
+        0.1,
+        0.15,
+        *[OFF / 3**0.5] * 3,
+        *[accel_sd] * 3,
+        *[float(np.hypot(gyro_sd, GYRO_BIAS / 3**0.5))] * 3,
+    )
     numbers = lambda values: tuple(map(float, values))
-    return recording, Start(0.0, numbers(truth.lla[0]), numbers(truth.v_n[0]), numbers((roll, pitch, heading % (2 * np.pi))), (0.0,) * 3,
-                            numbers(bias), sd, "170 deg off about a random axis")
+    return recording, Start(
+        0.0,
+        numbers(truth.lla[0]),
+        numbers(truth.v_n[0]),
+        numbers((roll, pitch, heading % (2 * np.pi))),
+        (0.0,) * 3,
+        numbers(bias),
+        sd,
+        "170 deg off about a random axis",
+    )
 
 
 def outcome(case, seed, interval=FIXES):
-    """(s from which the attitude error stayed below the bound, inf where it did not; s at which it was first below; its last value in deg; said).
+    """(s from which the attitude error stayed below the bound, inf where it did not; s at which it
+    was first below; its last value in deg; said).
 
-    The first three are inf for a run that stopped or cannot begin, and the fourth tells why; else it is "".
+    The first three are inf for a run that stopped or cannot begin, and the fourth tells why; else
+    it is "".
     """
     recording, start = run(seed, case.magnetometer, interval)
     try:
@@ -85,7 +125,10 @@ def outcome(case, seed, interval=FIXES):
     except DataError as error:
         return np.inf, np.inf, np.inf, str(error)
     truth = recording.reference
-    e = errors(solution, Trajectory(truth.t[::ROWS], truth.lla[::ROWS], truth.v_n[::ROWS], truth.q_nb[::ROWS]))
+    e = errors(
+        solution,
+        Trajectory(truth.t[::ROWS], truth.lla[::ROWS], truth.v_n[::ROWS], truth.q_nb[::ROWS]),
+    )
     total = np.degrees(attitude_angles(e).total)
     if solution.meta.get("stopped") or not len(total) or not np.isfinite(total[-1]):
         return np.inf, np.inf, np.inf, solution.meta.get("stopped") or "no estimate"
@@ -94,7 +137,8 @@ def outcome(case, seed, interval=FIXES):
 
 
 def settled(t, total):
-    """s from which the angle `total` (deg) stays below the bound to the end; inf where it does not."""
+    """s from which the angle `total` (deg) stays below the bound to the end; inf where it does
+    not."""
     above = np.flatnonzero(~(total < BELOW))
     if not len(above):
         return float(t[0])
@@ -102,17 +146,31 @@ def settled(t, total):
 
 
 def study(cases=None, seeds=SEEDS, threads=None, interval=FIXES):
-    """DataFrame with a row per case and seed: case, seed, since_s, first_s, last_deg, and what was `said` of a run that has none."""
+    """DataFrame with a row per case and seed: case, seed, since_s, first_s, last_deg, and what
+    was `said` of a run that has none."""
     import pandas as pd
-    cases, rows = {label: Case(*case) for label, case in (CASES if cases is None else cases).items()}, []
+
+    cases, rows = (
+        {label: Case(*case) for label, case in (CASES if cases is None else cases).items()},
+        [],
+    )
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         for label, case in cases.items():
-            outcome(case, min(seeds), interval)     # compiles before the threads
-            rows += [(label, seed, *found) for seed, found in zip(seeds, pool.map(lambda seed: outcome(case, seed, interval), seeds))]
+            outcome(case, min(seeds), interval)  # compiles before the threads
+            rows += [
+                (label, seed, *found)
+                for seed, found in zip(
+                    seeds, pool.map(lambda seed: outcome(case, seed, interval), seeds)
+                )
+            ]
     return pd.DataFrame(rows, columns=["case", "seed", "since_s", "first_s", "last_deg", "said"])
 
 
 def shares(cases=None, seeds=SEEDS, threads=None, interval=FIXES):
-    """{label: number of `seeds` that converge} of Cases, or tuples (filter, options, magnetometer), by label (default: CASES)."""
+    """{label: number of `seeds` that converge} of Cases, or tuples (filter, options,
+    magnetometer), by label (default: CASES)."""
     found = study(cases, seeds, threads, interval)
-    return {label: int(np.isfinite(part["since_s"]).sum()) for label, part in found.groupby("case", sort=False)}
+    return {
+        label: int(np.isfinite(part["since_s"]).sum())
+        for label, part in found.groupby("case", sort=False)
+    }

@@ -1,10 +1,13 @@
-"""Figures of the study of Alam et al.: the flight, growth of the errors in the outages, the ratios that decide the claims, Figure 4 redrawn."""
+"""Figures of the study of Alam et al.: the flight, growth of the errors in the outages, the
+ratios that decide the claims, Figure 4 redrawn."""
+
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from strapdown.geodesy import displacement
 from strapdown.reports.drawing import COLOURS, GREY, WITHHELD, finish, line, log_ticks, note, panels
+
 from ..common.paired_ratios import ratio
 from .runs import AXES, CLOSED, EKF, FULL, NLO, SINCE, XKF, windows
 
@@ -14,31 +17,58 @@ ANGLES, BODY = ("roll", "pitch", "heading"), ("forward", "right", "down")
 SHOWN = (EKF, NLO, XKF)
 SYMBOLS = ("circle", "circle-open", "diamond", "diamond-open")
 FRAMES = 4.0
-"""Frames of errors and biases hold what is within this many times the 98 % quantile; what leaves them is named below."""
+"""Frames of errors and biases hold what is within this many times the 98 % quantile; what leaves
+them is named below."""
 
 
 def all_figures(results, growth, tables):
-    """[(heading, figure, caption)] of the page; growth: {recording: DataFrame}, tables: alam_pairs.wide of simulation and recordings."""
+    """[(heading, figure, caption)] of the page; growth: {recording: DataFrame}, tables:
+    alam_pairs.wide of simulation and recordings."""
     path, height = flight(results.recording)
-    found = [("Figure 1a: the simulated flight seen from above", path, "Thick: where position and velocity fixes are withheld, as in the "
-                                                                       "paper's Figure 3."),
-             ("Figure 1b: its height", height, "Above the ellipsoid; the paper's Figure 2b."),
-             ("Figure 2a: growth of the errors in the simulated outages", growth_of_runs(results.growth),
-              "Horizontal and vertical error by time in the outage: median over all outages and seeds, dotted the 10 and 90 % quantiles. "
-              "Outages that a filter did not get through count as infinitely far off.")]
-    found += [(f"Figure 2{letter}: growth of the errors in {name}", growth_of_recording(table),
-               "As figure 2a, over the windows; here windows that a filter did not get through are left out.")
-              for letter, (name, table) in zip("bc", growth.items())]
-    found.append(("Figure 3: ratios of RMSE", ratios(tables), "Geometric means over the seeds, or over the blocks of windows of a recording, "
-                                                              "with 95 % intervals. Left of 1: the XKF is better."))
-    return found + [(f"Figure 4{letter}: {title}", drawn, f"{FIRST} {BIASES.get(title, '')}".strip())
-                    for letter, (title, drawn) in zip("abcde", figure4(results))]
+    found = [
+        (
+            "Figure 1a: the simulated flight seen from above",
+            path,
+            "Thick: where position and velocity fixes are withheld, as in the paper's Figure 3.",
+        ),
+        ("Figure 1b: its height", height, "Above the ellipsoid; the paper's Figure 2b."),
+        (
+            "Figure 2a: growth of the errors in the simulated outages",
+            growth_of_runs(results.growth),
+            "Horizontal and vertical error by time in the outage: median over all outages and seeds, dotted the 10 and 90 % quantiles. "
+            "Outages that a filter did not get through count as infinitely far off.",
+        ),
+    ]
+    found += [
+        (
+            f"Figure 2{letter}: growth of the errors in {name}",
+            growth_of_recording(table),
+            "As figure 2a, over the windows; here windows that a filter did not get through are left out.",
+        )
+        for letter, (name, table) in zip("bc", growth.items())
+    ]
+    found.append(
+        (
+            "Figure 3: ratios of RMSE",
+            ratios(tables),
+            "Geometric means over the seeds, or over the blocks of windows of a recording, "
+            "with 95 % intervals. Left of 1: the XKF is better.",
+        )
+    )
+    return found + [
+        (f"Figure 4{letter}: {title}", drawn, f"{FIRST} {BIASES.get(title, '')}".strip())
+        for letter, (title, drawn) in zip("abcde", figure4(results))
+    ]
 
 
-FIRST = ("First seed, whatever it looks like. Shaded: outages. Frames are chosen for the time after 300 s and hold all but "
-         "extreme values of it; what leaves them then is named, what leaves them before is not.")
-BIASES = {"gyro biases": "Estimates also hold what errors of scale and axes make of steady turns: 0.2 % and 2 mrad are each 0.02 deg/s at 10 deg/s.",
-          "accelerometer biases": "Estimates also hold what errors of scale and axes make of 1 g: 0.2 % and 2 mrad are each 0.02 m/s²."}
+FIRST = (
+    "First seed, whatever it looks like. Shaded: outages. Frames are chosen for the time after 300 s and hold all but "
+    "extreme values of it; what leaves them then is named, what leaves them before is not."
+)
+BIASES = {
+    "gyro biases": "Estimates also hold what errors of scale and axes make of steady turns: 0.2 % and 2 mrad are each 0.02 deg/s at 10 deg/s.",
+    "accelerometer biases": "Estimates also hold what errors of scale and axes make of 1 g: 0.2 % and 2 mrad are each 0.02 m/s².",
+}
 
 
 def flight(recording):
@@ -46,18 +76,36 @@ def flight(recording):
     truth = recording.reference
     t, p = truth.t[::100], displacement(truth.lla[::100], truth.lla[0])
     path, height = panels(["north [km]"], height=420), panels(["height [m]"], height=220)
-    path.add_trace(go.Scatter(x=p[:, 1] / 1e3, y=p[:, 0] / 1e3, mode="lines", name="flight", line={"color": GREY, "width": 1.2}, hoverinfo="skip"))
+    path.add_trace(
+        go.Scatter(
+            x=p[:, 1] / 1e3,
+            y=p[:, 0] / 1e3,
+            mode="lines",
+            name="flight",
+            line={"color": GREY, "width": 1.2},
+            hoverinfo="skip",
+        )
+    )
     line(height, t, truth.lla[::100, 2], "flight", GREY)
     for k, (start, stop) in enumerate(windows(), 1):
         own = (t >= start) & (t <= stop)
-        path.add_trace(go.Scatter(x=p[own, 1] / 1e3, y=p[own, 0] / 1e3, mode="lines", name=f"outage {k}", line={"color": COLOURS[k - 1], "width": 4}))
+        path.add_trace(
+            go.Scatter(
+                x=p[own, 1] / 1e3,
+                y=p[own, 0] / 1e3,
+                mode="lines",
+                name=f"outage {k}",
+                line={"color": COLOURS[k - 1], "width": 4},
+            )
+        )
     path.update_xaxes(title_text="east [km]")
     path.update_yaxes(scaleanchor="x", scaleratio=1)
     return path.update_layout(hovermode="closest"), _outages(height, t)
 
 
 def figure4(results):
-    """[(title, figure)] of the paper's Figure 4: attitude, gyro bias, position, velocity in body axes, accelerometer bias; as errors, or with truth."""
+    """[(title, figure)] of the paper's Figure 4: attitude, gyro bias, position, velocity in body
+    axes, accelerometer bias; as errors, or with truth."""
     rec, truth = results.recording, results.recording.reference
     b_a, b_g = rec.meta["b_a"], rec.meta["b_g"]
     some = next(iter(results.sample.values())).t if results.sample else truth.t[::20]
@@ -65,12 +113,17 @@ def figure4(results):
     samples = np.clip(np.searchsorted(rec.imu.t, some - 1e-6), 0, len(rec.imu.t) - 1)
     true_v_b = truth.rotation[rows].inv().apply(truth.v_n[rows])
     turned = lambda run: (truth.rph[_rows(truth.t, run.t)] - run.rph + np.pi) % (2 * np.pi) - np.pi
-    parts = (("errors of roll, pitch and heading", ANGLES, "deg", lambda run: turned(run) * DEG, None),
-             ("gyro biases", BODY, "deg/s", lambda run: run.b_g * DEG, (some, b_g[samples] * DEG)),
-             ("errors of position", AXES, "m", lambda run: run.position, None),
-             ("velocity in body axes", BODY, "m/s", lambda run: run.v_b, (some, true_v_b)),
-             ("accelerometer biases", BODY, "m/s²", lambda run: run.b_a, (some, b_a[samples])))
-    return [(title, _lines(results.sample, names, unit, of, true)) for title, names, unit, of, true in parts]
+    parts = (
+        ("errors of roll, pitch and heading", ANGLES, "deg", lambda run: turned(run) * DEG, None),
+        ("gyro biases", BODY, "deg/s", lambda run: run.b_g * DEG, (some, b_g[samples] * DEG)),
+        ("errors of position", AXES, "m", lambda run: run.position, None),
+        ("velocity in body axes", BODY, "m/s", lambda run: run.v_b, (some, true_v_b)),
+        ("accelerometer biases", BODY, "m/s²", lambda run: run.b_a, (some, b_a[samples])),
+    )
+    return [
+        (title, _lines(results.sample, names, unit, of, true))
+        for title, names, unit, of, true in parts
+    ]
 
 
 def _rows(t, wanted):
@@ -78,7 +131,8 @@ def _rows(t, wanted):
 
 
 def _lines(sample, names, unit, of, true):
-    """A panel per component of what `of` takes from each Run; true: (t, values) or None for an error."""
+    """A panel per component of what `of` takes from each Run; true: (t, values) or None for an
+    error."""
     drawn, outside = panels([f"{name}<br>[{unit}]" for name in names], height=150), []
     for i, name in enumerate(names):
         seen = [] if true is None else [true[1][:, i]]
@@ -91,7 +145,10 @@ def _lines(sample, names, unit, of, true):
         values = np.concatenate(seen) if seen else np.zeros(1)
         values = values[np.isfinite(values)]
         middle = 0.0 if true is None else float(np.median(values))
-        reach, most = (np.quantile(np.abs(values - middle), share) if len(values) else 1.0 for share in (0.98, 1.0))
+        reach, most = (
+            np.quantile(np.abs(values - middle), share) if len(values) else 1.0
+            for share in (0.98, 1.0)
+        )
         limit = 1.08 * min(FRAMES * reach, most) or 1.0
         drawn.update_yaxes(range=[middle - limit, middle + limit], row=i + 1, col=1)
         if most > limit:
@@ -109,9 +166,15 @@ def _outages(drawn, t, rows=1):
 
 
 def growth_of_runs(growth):
-    """Median and quantiles of horizontal and vertical error over time in the outage, from the curves of alam_runs.Results."""
-    curves = {label: [np.quantile(part, (0.1, 0.5, 0.9), axis=0, method="inverted_cdf") for part in values] for label, values in growth.items()
-              if label in COLOUR and values.size}
+    """Median and quantiles of horizontal and vertical error over time in the outage, from the
+    curves of alam_runs.Results."""
+    curves = {
+        label: [
+            np.quantile(part, (0.1, 0.5, 0.9), axis=0, method="inverted_cdf") for part in values
+        ]
+        for label, values in growth.items()
+        if label in COLOUR and values.size
+    }
     return _growth(curves, SINCE)
 
 
@@ -120,20 +183,40 @@ def growth_of_recording(table):
     curves = {}
     for label, own in table.groupby("filter", sort=False):
         if label in COLOUR:
-            curves[label] = [own[[f"{part}_{share}_m" for share in ("p10", "median", "p90")]].to_numpy(float).T
-                             for part in ("horizontal", "vertical")]
+            curves[label] = [
+                own[[f"{part}_{share}_m" for share in ("p10", "median", "p90")]].to_numpy(float).T
+                for part in ("horizontal", "vertical")
+            ]
             since = own["since_s"].to_numpy(float)
     return _growth(curves, since if curves else SINCE)
 
 
 def _growth(curves, since):
-    drawn = make_subplots(rows=1, cols=2, horizontal_spacing=0.09, subplot_titles=["horizontal", "vertical"])
+    drawn = make_subplots(
+        rows=1, cols=2, horizontal_spacing=0.09, subplot_titles=["horizontal", "vertical"]
+    )
     for label, parts in curves.items():
         for col, (low, middle, high) in enumerate(parts, 1):
             thin = {"width": 0.8, "dash": "dot"}
-            for y, style, shown in ((middle, {"width": 2.0}, col == 1), (low, thin, False), (high, thin, False)):
-                drawn.add_trace(go.Scatter(x=since, y=np.where(np.isfinite(y), y, np.nan), mode="lines", name=label, legendgroup=label,
-                                           showlegend=shown, line={"color": COLOUR[label], **style}, hovertemplate="%{y:.3g} m"), row=1, col=col)
+            for y, style, shown in (
+                (middle, {"width": 2.0}, col == 1),
+                (low, thin, False),
+                (high, thin, False),
+            ):
+                drawn.add_trace(
+                    go.Scatter(
+                        x=since,
+                        y=np.where(np.isfinite(y), y, np.nan),
+                        mode="lines",
+                        name=label,
+                        legendgroup=label,
+                        showlegend=shown,
+                        line={"color": COLOUR[label], **style},
+                        hovertemplate="%{y:.3g} m",
+                    ),
+                    row=1,
+                    col=col,
+                )
     drawn.update_xaxes(title_text="time in the outage [s]")
     drawn.update_yaxes(title_text="error [m]", rangemode="tozero", row=1, col=1)
     drawn.update_yaxes(rangemode="tozero", row=1, col=2)
@@ -143,20 +226,49 @@ def _growth(curves, since):
 def ratios(tables):
     """Ratio of RMSE of both forms of the XKF to EKF and NLO per case and axis, with intervals."""
     pairs = ((XKF, EKF), (XKF, NLO), (FULL, EKF), (FULL, NLO))
-    drawn = make_subplots(rows=1, cols=3, shared_yaxes=True, horizontal_spacing=0.03, subplot_titles=AXES)
+    drawn = make_subplots(
+        rows=1, cols=3, shared_yaxes=True, horizontal_spacing=0.03, subplot_titles=AXES
+    )
     names, ends = list(tables), []
     for col, axis in enumerate(AXES, 1):
         for k, (first, second) in enumerate(pairs):
             found = [ratio(table, f"{axis}_rmse_m", first, second) for table in tables.values()]
-            values, low, high = (np.array([getattr(each, name) for each in found], float) for name in ("value", "low", "high"))
+            values, low, high = (
+                np.array([getattr(each, name) for each in found], float)
+                for name in ("value", "low", "high")
+            )
             ends += [*low[low > 0], *high[np.isfinite(high)], *values[values > 0]]
-            drawn.add_trace(go.Scatter(
-                x=values, y=np.arange(len(names)) + 0.15 * (k - 1.5), mode="markers", name=f"{first} / {second}", legendgroup=str(k),
-                showlegend=col == 1, marker={"color": COLOURS[k], "size": 7, "symbol": SYMBOLS[k]}, hovertemplate="%{x:.3g}",
-                error_x={"type": "data", "array": np.nan_to_num(high - values), "arrayminus": np.nan_to_num(values - low), "width": 2}),
-                row=1, col=col)
+            drawn.add_trace(
+                go.Scatter(
+                    x=values,
+                    y=np.arange(len(names)) + 0.15 * (k - 1.5),
+                    mode="markers",
+                    name=f"{first} / {second}",
+                    legendgroup=str(k),
+                    showlegend=col == 1,
+                    marker={"color": COLOURS[k], "size": 7, "symbol": SYMBOLS[k]},
+                    hovertemplate="%{x:.3g}",
+                    error_x={
+                        "type": "data",
+                        "array": np.nan_to_num(high - values),
+                        "arrayminus": np.nan_to_num(values - low),
+                        "width": 2,
+                    },
+                ),
+                row=1,
+                col=col,
+            )
         drawn.add_vline(x=1, line={"color": GREY, "width": 1, "dash": "dot"}, row=1, col=col)
     low, high = (np.log10(min(ends, default=0.5)) - 0.05, np.log10(max(ends, default=2.0)) + 0.05)
-    drawn.update_xaxes(type="log", range=[low, high], title_text="ratio of RMSE", **log_ticks(low, high))
-    drawn.update_yaxes(tickmode="array", tickvals=list(range(len(names))), ticktext=names, range=[len(names) - 0.5, -0.5])
-    return finish(drawn, 190 + 52 * len(names)).update_layout(hovermode="closest", margin={"t": 84}, legend={"y": 1.12})
+    drawn.update_xaxes(
+        type="log", range=[low, high], title_text="ratio of RMSE", **log_ticks(low, high)
+    )
+    drawn.update_yaxes(
+        tickmode="array",
+        tickvals=list(range(len(names))),
+        ticktext=names,
+        range=[len(names) - 0.5, -0.5],
+    )
+    return finish(drawn, 190 + 52 * len(names)).update_layout(
+        hovermode="closest", margin={"t": 84}, legend={"y": 1.12}
+    )

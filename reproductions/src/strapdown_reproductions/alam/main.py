@@ -1,8 +1,10 @@
-"""The exogenous Kalman filter in GNSS outages: the study of Alam, Whidborne & Millidere on a simulated flight and on recordings, and its claims.
+"""The exogenous Kalman filter in GNSS outages: the study of Alam, Whidborne & Millidere on a
+simulated flight and on recordings, and its claims.
 
-Source: M. Alam, J. Whidborne and M. Millidere, "Performance Analysis of eXogenous Kalman Filter for INS/GNSS Navigation Solutions",
-IFAC-PapersOnLine 56(2), 2023.
+Source: M. Alam, J. Whidborne and M. Millidere, "Performance Analysis of eXogenous Kalman Filter for
+INS/GNSS Navigation Solutions", IFAC-PapersOnLine 56(2), 2023.
 """
+
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +13,13 @@ import pandas as pd
 from strapdown import __version__
 from strapdown.data import DataError
 from strapdown.files import replacing
-from . import choices, claims as alam_claims, convergence, on_recordings, table1, runs as alam_runs
+
 from ..common import markdown
-from .runs import ABLATIONS, EKF_NO_COURSE, FILTERS, MEASURES, XKF_NO_COURSE
 from ..common.pages import write_page
+from . import choices, convergence, on_recordings, table1
+from . import claims as alam_claims
+from . import runs as alam_runs
+from .runs import ABLATIONS, EKF_NO_COURSE, FILTERS, MEASURES, XKF_NO_COURSE
 
 SEEDS, QUICK_SEEDS = 50, 3
 QUICK_STARTS = 20
@@ -25,7 +30,7 @@ INTRODUCTION = (
     "one flight of 33 minutes with the GNSS cut for 30 s in every five minutes. The flight is not public. Here the same protocol runs on a "
     "simulated flight of the stated envelope over many seeds, and on two public recordings. All filters have the same start, noise, fixes and "
     "outages; the closed loop of this library is the anchor, and a second XKF stands around the library's 15-state error model.",
-    "Each claim of the paper has a verdict that code has taken from the numbers, by a rule that stands beside it. \"Not reproduced\" means: not "
+    'Each claim of the paper has a verdict that code has taken from the numbers, by a rule that stands beside it. "Not reproduced" means: not '
     "under the assumptions stated here. Of two filters in a cell (an axis in one of the five outages over all seeds, or in a recording) one is "
     "better where the 95 % interval of the ratio of their RMSEs lies beyond 1 by more than 1 %. Over the cells of a claim: reproduced where 75 "
     "% or more support it, not reproduced where not even with all open ones more than 25 % would, partly where more than 25 % do, else not "
@@ -34,97 +39,174 @@ INTRODUCTION = (
     "one cell is enough it is decided at Bonferroni's level of all cells, and the heading correction is judged with EKF and XKF both without "
     "course and by its effect in the north against that in the east. A third was tightened after the "
     "verdicts of runs with few seeds had been seen: the heading correction is not judged from one cell. None was changed for its verdict. Runs "
-    "that diverge or stop are counted: with 10 km and 1 km/s, and the wander of their bias estimates with a hundred times the turn-on biases.")
-LITTLE = (f"So few seeds decide little, and their verdicts are no findings: a run with --quick ({QUICK_SEEDS} seeds, {QUICK_STARTS} starts) shows that "
-          f"everything runs (even three of three seeds leave the share of seeds open: Wilson's interval begins at 44 %); those that count are of the "
-          f"full study of {SEEDS} seeds.")
+    "that diverge or stop are counted: with 10 km and 1 km/s, and the wander of their bias estimates with a hundred times the turn-on biases.",
+)
+LITTLE = (
+    f"So few seeds decide little, and their verdicts are no findings: a run with --quick ({QUICK_SEEDS} seeds, {QUICK_STARTS} starts) shows that "
+    f"everything runs (even three of three seeds leave the share of seeds open: Wilson's interval begins at 44 %); those that count are of the "
+    f"full study of {SEEDS} seeds."
+)
 FEW = 10
 """With fewer seeds than that the page says LITTLE."""
 
 
-def reproduce(out, quick=False, runs=None, seed=2, recordings=None, threads=None, say=None, progress=None):
-    """Run everything, write page, tables and claims.json into the folder `out`, and return the claims.
+def reproduce(
+    out, quick=False, runs=None, seed=2, recordings=None, threads=None, say=None, progress=None
+):
+    """Run everything, write page, tables and claims.json into the folder `out`, and return the
+    claims.
 
-    quick: 3 seeds in place of 50, 20 starts in place of 100; runs: another number of seeds; seed: from which they are made, 0 or more;
-    recordings: folder of the descriptions (default: those of the source tree, left out where they are not); threads: the processors by default;
-    say: told of slow compilation; progress: called with the fraction done. Raises DataError.
+    quick: 3 seeds in place of 50, 20 starts in place of 100; runs: another number of seeds; seed:
+    from which they are made, 0 or more; recordings: folder of the descriptions (default: those of
+    the source tree, left out where they are not); threads: the processors by default; say: told of
+    slow compilation; progress: called with the fraction done. Raises DataError.
     """
     count = (QUICK_SEEDS if quick else SEEDS) if runs is None else runs
     if count < 1 or seed < 0:
         raise DataError(f"runs is {count} and seed {seed}; give one run or more, and a seed from 0")
     starts = range(QUICK_STARTS) if quick else convergence.SEEDS
-    parts = (0.15, 0.2, 1.0)     # of the progress
-    of = lambda k: (lambda share: progress(parts[k - 1] * (k > 0) + share * (parts[k] - parts[k - 1] * (k > 0)))) if progress else None
+    parts = (0.15, 0.2, 1.0)  # of the progress
+    of = lambda k: (
+        (
+            lambda share: progress(
+                parts[k - 1] * (k > 0) + share * (parts[k] - parts[k - 1] * (k > 0))
+            )
+        )
+        if progress
+        else None
+    )
     recorded = on_recordings.run(FILTERS | ABLATIONS, recordings, threads, say, of(0))
     converged = convergence.study(seeds=starts, threads=threads)
-    results = alam_runs.run_all([1000 * seed + k for k in range(count)], FILTERS | ABLATIONS, of(2), threads, say)
+    results = alam_runs.run_all(
+        [1000 * seed + k for k in range(count)], FILTERS | ABLATIONS, of(2), threads, say
+    )
     return write(out, results, recorded, converged, seed)
 
 
 def write(out, results, recorded, converged, seed):
-    """Write the page of finished Results, Recorded and convergence study into the folder `out`; return the claims."""
+    """Write the page of finished Results, Recorded and convergence study into the folder `out`;
+    return the claims."""
     from .figures import all_figures
+
     scores = pd.concat([results.scores, recorded.scores], ignore_index=True)
     wide = table1.wide(scores)
     claims = alam_claims.claims(alam_claims.Evidence(wide, results.biases, converged))
     count, out = results.scores["block"].nunique(), Path(out)
-    size = (f"This page: {count} seeds of the simulated flight with {len(alam_runs.windows())} outages each, {converged['seed'].nunique()} "
-            f"starts 170 deg off, recordings {', '.join(dict.fromkeys(recorded.scores['case'])) if len(recorded.scores) else 'none'}, seed "
-            f"{seed}, strapdown {__version__}.")
+    size = (
+        f"This page: {count} seeds of the simulated flight with {len(alam_runs.windows())} outages each, {converged['seed'].nunique()} "
+        f"starts 170 deg off, recordings {', '.join(dict.fromkeys(recorded.scores['case'])) if len(recorded.scores) else 'none'}, seed "
+        f"{seed}, strapdown {__version__}."
+    )
     size += f" {LITTLE}" * (count < FEW)
     tables = shown(scores, results.biases, converged)
-    files = {name: (None, table) for name, _, table in tables} | {"outages": (None, scores), "biases-runs": (None, results.biases),
-                                                                   "convergence-runs": (None, converged)}
-    notes = [(heading, table) for _, heading, table in tables] + [("What the paper leaves open, and what was chosen", choices.table(count))]
+    files = {name: (None, table) for name, _, table in tables} | {
+        "outages": (None, scores),
+        "biases-runs": (None, results.biases),
+        "convergence-runs": (None, converged),
+    }
+    notes = [(heading, table) for _, heading, table in tables] + [
+        ("What the paper leaves open, and what was chosen", choices.table(count))
+    ]
     if recorded.notes:
-        notes.append(("Notes on the recordings", pd.DataFrame(list(dict.fromkeys(recorded.notes)), columns=["recording", "note"])))
-    write_page(out, TITLE, (*INTRODUCTION, size), claims, files, figures=all_figures(results, recorded.growth, wide), notes=notes)
+        notes.append(
+            (
+                "Notes on the recordings",
+                pd.DataFrame(list(dict.fromkeys(recorded.notes)), columns=["recording", "note"]),
+            )
+        )
+    write_page(
+        out,
+        TITLE,
+        (*INTRODUCTION, size),
+        claims,
+        files,
+        figures=all_figures(results, recorded.growth, wide),
+        notes=notes,
+    )
     with replacing(out / "findings.md") as part:
-        part.write_text(markdown.findings(size, claims, [(heading, table) for _, heading, table in tables]), encoding="utf-8")
+        part.write_text(
+            markdown.findings(size, claims, [(heading, table) for _, heading, table in tables]),
+            encoding="utf-8",
+        )
     return claims
 
 
 def shown(scores, biases, converged):
     """[(name, heading, DataFrame of text)] of the tables for people."""
-    return [("redrawn", "Table 1 redrawn: RMSE in m, published / ours as mean ± standard deviation over the runs", table1.redrawn(scores)),
-            ("filters", "All filters and ablations: medians over the outages", filters(scores)),
-            ("ablations", "Ablations: ratio of RMSE to the same filter with its defaults, and of EKF to XKF both without course",
-             ablations(table1.wide(scores))),
-            ("biases", "Wander of the bias estimates from 600 s to the touchdown, medians over the seeds", bias_table(biases)),
-            ("convergence", "Starts 170 deg off: below 10 deg within 60 s, staying there or not", convergence_table(converged))]
+    return [
+        (
+            "redrawn",
+            "Table 1 redrawn: RMSE in m, published / ours as mean ± standard deviation over the runs",
+            table1.redrawn(scores),
+        ),
+        ("filters", "All filters and ablations: medians over the outages", filters(scores)),
+        (
+            "ablations",
+            "Ablations: ratio of RMSE to the same filter with its defaults, and of EKF to XKF both without course",
+            ablations(table1.wide(scores)),
+        ),
+        (
+            "biases",
+            "Wander of the bias estimates from 600 s to the touchdown, medians over the seeds",
+            bias_table(biases),
+        ),
+        (
+            "convergence",
+            "Starts 170 deg off: below 10 deg within 60 s, staying there or not",
+            convergence_table(converged),
+        ),
+    ]
 
 
 def filters(scores):
-    """A row per filter: median errors over the simulated outages and in each recording, and how many outages it did not get through."""
+    """A row per filter: median errors over the simulated outages and in each recording, and how
+    many outages it did not get through."""
     rows = []
     for name in dict.fromkeys(scores["filter"]):
         own, row = scores[scores["filter"] == name], {"filter": name}
-        parts = {"simulated": own[own["case"].str.startswith("outage ")]} | {case: own[own["case"] == case] for case in on_recordings.RECORDINGS}
+        parts = {"simulated": own[own["case"].str.startswith("outage ")]} | {
+            case: own[own["case"] == case] for case in on_recordings.RECORDINGS
+        }
         for title, part in parts.items():
             if len(part):
-                row |= {f"{title}: horizontal RMSE, m": f"{part['horizontal_rmse_m'].median():.3g}",
-                        f"{title}: down RMSE, m": f"{part['down_rmse_m'].median():.3g}",
-                        f"{title}: horizontal at the end, m": f"{part['horizontal_end_m'].median():.3g}",
-                        f"{title}: velocity at the end, m/s": f"{part['velocity_end_m_s'].median():.2g}"}
+                row |= {
+                    f"{title}: horizontal RMSE, m": f"{part['horizontal_rmse_m'].median():.3g}",
+                    f"{title}: down RMSE, m": f"{part['down_rmse_m'].median():.3g}",
+                    f"{title}: horizontal at the end, m": f"{part['horizontal_end_m'].median():.3g}",
+                    f"{title}: velocity at the end, m/s": f"{part['velocity_end_m_s'].median():.2g}",
+                }
         rows.append(row | {"lost": f"{int((own['said'] != '').sum())} of {len(own)}"})
     return pd.DataFrame(rows).fillna("–")
 
 
 def ablations(tables):
-    """A row per ablation and axis: the ratio of RMSE to the filter that it is a variant of, and of EKF to XKF both without course, by case.
+    """A row per ablation and axis: the ratio of RMSE to the filter that it is a variant of, and of
+    EKF to XKF both without course, by case.
 
     tables: of alam_table1.wide.
     """
     rows = []
-    for name, base in (*((name, name.split(",")[0]) for name in ABLATIONS), (EKF_NO_COURSE, XKF_NO_COURSE)):
+    for name, base in (
+        *((name, name.split(",")[0]) for name in ABLATIONS),
+        (EKF_NO_COURSE, XKF_NO_COURSE),
+    ):
         for measure in list(MEASURES)[:3]:
-            rows.append({"ablation": f"{name} / {base}", "axis": measure.split("_")[0],
-                         **{case: str(table1.ratio(table, measure, name, base)) for case, table in tables.items()}})
+            rows.append(
+                {
+                    "ablation": f"{name} / {base}",
+                    "axis": measure.split("_")[0],
+                    **{
+                        case: str(table1.ratio(table, measure, name, base))
+                        for case, table in tables.items()
+                    },
+                }
+            )
     return pd.DataFrame(rows)
 
 
 def bias_table(biases):
-    """A row per filter: standard deviation over time and rms error of its bias estimates, and of the true biases, medians over the seeds.
+    """A row per filter: standard deviation over time and rms error of its bias estimates, and of
+    the true biases, medians over the seeds.
 
     Lost runs are in the medians, with alam_runs.ASTRAY.
     """
@@ -132,20 +214,32 @@ def bias_table(biases):
     for name in dict.fromkeys(biases["filter"]):
         own, row = biases[biases["filter"] == name], {"filter": name}
         for sensor, (unit, factor) in scale.items():
-            for column, title in (("wander", "wander"), ("wander_late", "wander, last 10 min"), ("rms", "rms error"),
-                                  ("true", "wander of the true one")):
-                row[f"{sensor}: {title}, {unit}"] = f"{own[f'{sensor}_{column}'].median() * factor:.2g}"
+            for column, title in (
+                ("wander", "wander"),
+                ("wander_late", "wander, last 10 min"),
+                ("rms", "rms error"),
+                ("true", "wander of the true one"),
+            ):
+                row[f"{sensor}: {title}, {unit}"] = (
+                    f"{own[f'{sensor}_{column}'].median() * factor:.2g}"
+                )
         rows.append(row | {"lost": f"{int((own['said'] != '').sum())} of {len(own)}"})
     return pd.DataFrame(rows)
 
 
 def convergence_table(converged):
-    """A row per case: converged of all, their median time, and what was said of those that stopped or cannot run."""
+    """A row per case: converged of all, their median time, and what was said of those that
+    stopped or cannot run."""
     rows = []
     for name, own in converged.groupby("case", sort=False):
         good = own[np.isfinite(own["since_s"])]
-        rows.append({"filter": name, "below 10 deg from some time to 60 s": f"{len(good)} of {len(own)}",
-                     "below 10 deg at some time": f"{int(np.isfinite(own['first_s']).sum())} of {len(own)}",
-                     "median time, s": f"{good['since_s'].median():.1f}" if len(good) else "–",
-                     "said": "; ".join(dict.fromkeys(text for text in own["said"] if text))})
+        rows.append(
+            {
+                "filter": name,
+                "below 10 deg from some time to 60 s": f"{len(good)} of {len(own)}",
+                "below 10 deg at some time": f"{int(np.isfinite(own['first_s']).sum())} of {len(own)}",
+                "median time, s": f"{good['since_s'].median():.1f}" if len(good) else "–",
+                "said": "; ".join(dict.fromkeys(text for text in own["said"] if text)),
+            }
+        )
     return pd.DataFrame(rows)

@@ -1,4 +1,6 @@
-"""The filters of Alam et al. in outages of recorded data: thor75 at every offset, drive0708 in its nine windows. Their flight is not public."""
+"""The filters of Alam et al. in outages of recorded data: thor75 at every offset, drive0708 in
+its nine windows. Their flight is not public."""
+
 from pathlib import Path
 from typing import NamedTuple
 
@@ -6,11 +8,12 @@ import numpy as np
 import pandas as pd
 
 from strapdown import io
+from strapdown.data import DataError
 from strapdown.experiments.outages.compare import compare
 from strapdown.experiments.outages.summaries import blocks, widening
-from strapdown.data import DataError
-from .runs import MEASURES
+
 from ..common.example_recordings import DESCRIPTIONS, FLIGHT, windows_of
+from .runs import MEASURES
 
 SWEEP = f"30@{FLIGHT[0]:g}:{FLIGHT[1]:g}/5"
 """thor75: windows of 30 s inside its scored seconds, one every 5 s, each a run of its own."""
@@ -19,22 +22,30 @@ RECORDINGS = ("thor75", "drive0708")
 
 class Recorded(NamedTuple):
     """What the recordings gave."""
-    scores: pd.DataFrame    # a row per recording, filter and outage, with the columns of alam_runs.Results.scores
-    growth: dict            # recording -> DataFrame of Comparison.growth, its filters by their names here
-    notes: list             # (recording, sentence)
+
+    scores: (
+        pd.DataFrame
+    )  # a row per recording, filter and outage, with the columns of alam_runs.Results.scores
+    growth: dict  # recording -> DataFrame of Comparison.growth, its filters by their names here
+    notes: list  # (recording, sentence)
 
 
 NONE = Recorded(pd.DataFrame(), {}, [])
 
 
 def run(variants, folder=None, threads=None, say=None, progress=None):
-    """Recorded of `variants` {name: Variant} on the descriptions in `folder`. Recordings that are not there are noted.
+    """Recorded of `variants` {name: Variant} on the descriptions in `folder`. Recordings that are
+    not there are noted.
 
     Raises DataError where `folder` is named and lacks one.
     """
     folder, parts, growth, notes = Path(folder or DESCRIPTIONS), [], {}, []
     for number, name in enumerate(RECORDINGS):
-        part = (lambda done, number=number: progress((number + done) / len(RECORDINGS))) if progress else None
+        part = (
+            (lambda done, number=number: progress((number + done) / len(RECORDINGS)))
+            if progress
+            else None
+        )
         try:
             recording = io.read(folder / f"{name}.toml")
         except DataError as error:
@@ -42,8 +53,14 @@ def run(variants, folder=None, threads=None, say=None, progress=None):
                 raise
             notes.append((name, f"not run: {error}"))
             continue
-        compared = compare(recording, [(each.filter, each.options) for each in variants.values()],
-                           SWEEP if name == "thor75" else windows_of(recording), threads=threads, say=say, progress=part)
+        compared = compare(
+            recording,
+            [(each.filter, each.options) for each in variants.values()],
+            SWEEP if name == "thor75" else windows_of(recording),
+            threads=threads,
+            say=say,
+            progress=part,
+        )
         named = dict(zip(compared.filters, variants))
         parts.append(scores(compared, name, named))
         growth[name] = compared.growth.assign(filter=compared.growth["filter"].map(named))
@@ -52,16 +69,23 @@ def run(variants, folder=None, threads=None, say=None, progress=None):
 
 
 def scores(compared, case, named):
-    """The scores of a Comparison as rows of the study: capped where a filter went too far or did not get through, its windows in blocks."""
+    """The scores of a Comparison as rows of the study: capped where a filter went too far or did
+    not get through, its windows in blocks."""
     table = compared.scores.copy()
     starts, stops = (table.groupby("outage")[name].first() for name in ("start_s", "stop_s"))
     lengths = (stops - starts).to_numpy()
     block = blocks(starts.to_numpy(), lengths)
     number = dict(zip(starts.index, block))
-    table = table.assign(case=case, widening=widening(starts.to_numpy(), lengths, block), block=table["outage"].map(number),
-                         filter=table["filter"].map(named))
+    table = table.assign(
+        case=case,
+        widening=widening(starts.to_numpy(), lengths, block),
+        block=table["outage"].map(number),
+        filter=table["filter"].map(named),
+    )
     for measure, most in MEASURES.items():
         lost = table["said"].ne("")
         table[measure] = np.where(lost, most, np.minimum(table[measure], most))
         table.loc[~lost & (table[measure] >= most), "said"] = "diverged"
-    return table[["case", "block", "filter", "outage", "start_s", "stop_s", *MEASURES, "widening", "said"]]
+    return table[
+        ["case", "block", "filter", "outage", "start_s", "stop_s", *MEASURES, "widening", "said"]
+    ]

@@ -1,7 +1,10 @@
-"""The filters of Alam et al. and their variants on the simulated flight, over seeds: every outage scored, the wander of the bias estimates, tracks.
+"""The filters of Alam et al. and their variants on the simulated flight, over seeds: every outage
+scored, the wander of the bias estimates, tracks.
 
-All five windows are withheld in one run, as in the paper. All filters of a seed have the same samples, fixes, start and noise.
+All five windows are withheld in one run, as in the paper. All filters of a seed have the same
+samples, fixes, start and noise.
 """
+
 import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
@@ -11,10 +14,10 @@ import numpy as np
 import pandas as pd
 
 from strapdown.alignment.initial import align
-from strapdown.experiments.outages.protocols import protocol
 from strapdown.data import DataError
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
+from strapdown.experiments.outages.protocols import protocol
 from strapdown.sensor_models.imu import grade
 from strapdown.sim.scenario import scenario
 from strapdown.sim.synthesis import Simulator
@@ -25,10 +28,18 @@ FIXES = ("position", "velocity")
 ROWS = 20
 """Every so many samples are scored: 10 Hz."""
 SETTLED, LATE = (600.0, 1850.0), (1250.0, 1850.0)
-"""s: the flight after the first ten minutes to the touchdown, in which bias estimates should stand; and the last ten minutes of it."""
+"""s: the flight after the first ten minutes to the touchdown, in which bias estimates should
+stand; and the last ten minutes of it."""
 FAR, FAST = 1e4, 1e3
 """m and m/s: what a filter that stopped, or went further, is scored with."""
-MEASURES = {"north_rmse_m": FAR, "east_rmse_m": FAR, "down_rmse_m": FAR, "horizontal_rmse_m": FAR, "horizontal_end_m": FAR, "velocity_end_m_s": FAST}
+MEASURES = {
+    "north_rmse_m": FAR,
+    "east_rmse_m": FAR,
+    "down_rmse_m": FAR,
+    "horizontal_rmse_m": FAR,
+    "horizontal_end_m": FAR,
+    "velocity_end_m_s": FAST,
+}
 """What claims are decided with, and the most that counts of it."""
 TURN_ON = {"accel": 0.049, "gyro": float(np.radians(0.2))}
 """m/s^2 and rad/s: standard deviation of the turn-on biases of the grade `dmu10`."""
@@ -42,40 +53,60 @@ SINCE = np.r_[np.arange(0.0, LENGTH), LENGTH - LAST]
 
 class Variant(NamedTuple):
     """A filter with its options."""
+
     filter: str
     options: dict = {}
 
 
 EKF, NLO, XKF, FULL, CLOSED = "EKF", "NLO", "XKF", "XKF, 15 states", "closed loop"
-FILTERS = {EKF: Variant("two-stage-ekf"), NLO: Variant("nlo"), XKF: Variant("xkf-two-stage"), FULL: Variant("xkf"), CLOSED: Variant("closed-loop")}
-"""The three of the paper, the exogenous filter with the library's error model, and an anchor, by the names that they have in tables."""
+FILTERS = {
+    EKF: Variant("two-stage-ekf"),
+    NLO: Variant("nlo"),
+    XKF: Variant("xkf-two-stage"),
+    FULL: Variant("xkf"),
+    CLOSED: Variant("closed-loop"),
+}
+"""The three of the paper, the exogenous filter with the library's error model, and an anchor, by
+the names that they have in tables."""
 EKF_NO_COURSE, XKF_NO_COURSE = "EKF, no course", "XKF, no course"
-ABLATIONS = {EKF_NO_COURSE: Variant("two-stage-ekf", {"course": "none"}), XKF_NO_COURSE: Variant("xkf-two-stage", {"course": "none"}),
-             "NLO, printed course": Variant("nlo", {"course": "printed"}), "NLO, course frozen": Variant("nlo", {"course": "frozen"}),
-             "NLO, no course": Variant("nlo", {"course": "none"}),
-             "NLO, accelerometer bias held": Variant("nlo", {"adaptation": 0.0})}
-"""What the heading correction and the estimation of the accelerometer bias do: beside the same filter of FILTERS."""
+ABLATIONS = {
+    EKF_NO_COURSE: Variant("two-stage-ekf", {"course": "none"}),
+    XKF_NO_COURSE: Variant("xkf-two-stage", {"course": "none"}),
+    "NLO, printed course": Variant("nlo", {"course": "printed"}),
+    "NLO, course frozen": Variant("nlo", {"course": "frozen"}),
+    "NLO, no course": Variant("nlo", {"course": "none"}),
+    "NLO, accelerometer bias held": Variant("nlo", {"adaptation": 0.0}),
+}
+"""What the heading correction and the estimation of the accelerometer bias do: beside the same
+filter of FILTERS."""
 AXES = ("north", "east", "down")
 
 
 class Run(NamedTuple):
     """One run at 10 Hz: errors true - estimate, estimates and truth, for the figures."""
-    t: np.ndarray           # (n,) s
-    rph: np.ndarray         # (n, 3) rad, estimate
-    v_b: np.ndarray         # (n, 3) m/s, estimate in body axes
-    b_a: np.ndarray         # (n, 3) m/s^2, estimate
-    b_g: np.ndarray         # (n, 3) rad/s, estimate
-    position: np.ndarray    # (n, 3) m NED, error
-    velocity: np.ndarray    # (n, 3) m/s NED, error
+
+    t: np.ndarray  # (n,) s
+    rph: np.ndarray  # (n, 3) rad, estimate
+    v_b: np.ndarray  # (n, 3) m/s, estimate in body axes
+    b_a: np.ndarray  # (n, 3) m/s^2, estimate
+    b_g: np.ndarray  # (n, 3) rad/s, estimate
+    position: np.ndarray  # (n, 3) m NED, error
+    velocity: np.ndarray  # (n, 3) m/s NED, error
 
 
 class Results(NamedTuple):
     """What all runs gave."""
-    scores: pd.DataFrame    # a row per seed, filter and outage: case, block (the seed), filter, outage, start_s, stop_s, MEASURES, ..., said
-    biases: pd.DataFrame    # a row per seed and filter: wander and rms error of the estimates, wander of the true biases, said
-    growth: dict            # filter -> (horizontal, vertical), (runs, len(SINCE)) m each, of all outages of all seeds
-    sample: dict            # filter -> Run of the first seed
-    recording: object       # of the first seed, with what was withheld
+
+    # a row per seed, filter and outage: case, block (the seed), filter, outage, start_s, stop_s,
+    # MEASURES, ..., said
+    scores: pd.DataFrame
+    # a row per seed and filter: wander and rms error of the estimates, wander of the true biases,
+    # said
+    biases: pd.DataFrame
+    # filter -> (horizontal, vertical), (runs, len(SINCE)) m each, of all outages of all seeds
+    growth: dict
+    sample: dict  # filter -> Run of the first seed
+    recording: object  # of the first seed, with what was withheld
 
 
 @lru_cache(maxsize=1)
@@ -92,12 +123,16 @@ def windows():
 
 
 def run_all(seeds, variants=None, progress=None, threads=None, say=None):
-    """Results of `variants` (default: FILTERS and ABLATIONS) over `seeds`. progress: called with the fraction done; say: of slow compilation."""
+    """Results of `variants` (default: FILTERS and ABLATIONS) over `seeds`. progress: called with
+    the fraction done; say: of slow compilation."""
     seeds, variants = list(seeds), FILTERS | ABLATIONS if variants is None else variants
     scores, biases, growth, sample = [], [], {label: [] for label in variants}, {}
-    simulator()         # before the threads, which would each compute it
+    simulator()  # before the threads, which would each compute it
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        for done, (seed, found) in enumerate(zip(seeds, pool.map(lambda seed: _seed(seed, variants, seed == seeds[0], say), seeds)), 1):
+        for done, (seed, found) in enumerate(
+            zip(seeds, pool.map(lambda seed: _seed(seed, variants, seed == seeds[0], say), seeds)),
+            1,
+        ):
             scores += found[0]
             biases += found[1]
             for label, curves in found[2].items():
@@ -105,95 +140,172 @@ def run_all(seeds, variants=None, progress=None, threads=None, say=None):
             sample |= found[3]
             if progress:
                 progress(done / len(seeds))
-    growth = {label: np.array(curves).reshape(-1, 2, len(SINCE)).swapaxes(0, 1) for label, curves in growth.items()}
+    growth = {
+        label: np.array(curves).reshape(-1, 2, len(SINCE)).swapaxes(0, 1)
+        for label, curves in growth.items()
+    }
     return Results(pd.DataFrame(scores), pd.DataFrame(biases), growth, sample, recording(seeds[0]))
 
 
 def recording(seed):
     """The Recording of a seed with the fixes of the outages withheld."""
-    return simulator().recording(simulator().scenario.imu, np.random.default_rng(seed)).hidden(windows(), kinds=FIXES)
+    return (
+        simulator()
+        .recording(simulator().scenario.imu, np.random.default_rng(seed))
+        .hidden(windows(), kinds=FIXES)
+    )
 
 
 def _seed(seed, variants, kept, say):
-    """(rows of scores, rows of biases, {label: curves}, {label: Run}) of one seed; the Runs where they are `kept`."""
+    """(rows of scores, rows of biases, {label: curves}, {label: Run}) of one seed; the Runs
+    where they are `kept`."""
     hidden = recording(seed)
     start = align(hidden, grade(hidden.meta["grade"]))
     scores, biases, growth, sample = [], [], {}, {}
     for label, variant in variants.items():
         try:
-            solution = fuse(hidden, variant.filter, start=start, every=ROWS, say=say, **variant.options)
+            solution = fuse(
+                hidden, variant.filter, start=start, every=ROWS, say=say, **variant.options
+            )
         except DataError as error:
-            scores += [_lost(seed, label, k, window, str(error)) for k, window in enumerate(windows(), 1)]
+            scores += [
+                _lost(seed, label, k, window, str(error)) for k, window in enumerate(windows(), 1)
+            ]
             biases.append({"filter": label, "seed": seed, **without_biases(str(error))})
             growth[label] = [np.full((2, len(SINCE)), np.inf) for _ in windows()]
             continue
         e = errors(solution, hidden.reference)
         found = [scored(e, window, solution.meta.get("stopped", "")) for window in windows()]
-        scores += [{"case": f"outage {k}", "block": seed, "filter": label, "outage": k, "start_s": window[0], "stop_s": window[1], **score}
-                   for k, (window, score) in enumerate(zip(windows(), found), 1)]
+        scores += [
+            {
+                "case": f"outage {k}",
+                "block": seed,
+                "filter": label,
+                "outage": k,
+                "start_s": window[0],
+                "stop_s": window[1],
+                **score,
+            }
+            for k, (window, score) in enumerate(zip(windows(), found), 1)
+        ]
         biases.append({"filter": label, "seed": seed, **wander(solution, hidden)})
         growth[label] = [curve(e, window) for window in windows()]
         if kept:
             own = solution.trajectory
             v_b = own.rotation.inv().apply(own.v_n)
-            sample[label] = Run(*(column[e.rows] for column in (own.t, own.rph, v_b, solution.b_a, solution.b_g)), e.position, e.velocity)
+            sample[label] = Run(
+                *(column[e.rows] for column in (own.t, own.rph, v_b, solution.b_a, solution.b_g)),
+                e.position,
+                e.velocity,
+            )
     return scores, biases, growth, sample
 
 
 def _lost(seed, label, k, window, said):
-    return {"case": f"outage {k}", "block": seed, "filter": label, "outage": k, "start_s": window[0], "stop_s": window[1], **MEASURES, "said": said}
+    return {
+        "case": f"outage {k}",
+        "block": seed,
+        "filter": label,
+        "outage": k,
+        "start_s": window[0],
+        "stop_s": window[1],
+        **MEASURES,
+        "said": said,
+    }
 
 
 def scored(e, window, stopped):
-    """{measure: value, "said": text} of an outage from metrics.Errors: FAR and FAST where the filter did not get through it, or further away.
+    """{measure: value, "said": text} of an outage from metrics.Errors: FAR and FAST where the
+    filter did not get through it, or further away.
 
-    window: (start, stop) in s; stopped: why the run ended early, "" where it did not; it is said of the outages that this cost.
+    window: (start, stop) in s; stopped: why the run ended early, "" where it did not; it is said of
+    the outages that this cost.
     """
     inside = (e.t > window[0] - 1e-6) & (e.t < window[1] - 1e-6)
-    if not inside.any() or e.t[inside][-1] < window[1] - 2 * LAST or not np.isfinite(np.c_[e.position, e.velocity][inside]).all():
+    if (
+        not inside.any()
+        or e.t[inside][-1] < window[1] - 2 * LAST
+        or not np.isfinite(np.c_[e.position, e.velocity][inside]).all()
+    ):
         return {**MEASURES, "said": stopped or "no estimate"}
     position, velocity = e.position[inside], e.velocity[inside]
-    rmse = np.sqrt((position ** 2).mean(axis=0))
+    rmse = np.sqrt((position**2).mean(axis=0))
     found = dict(zip((f"{axis}_rmse_m" for axis in AXES), rmse)) | {
-        "horizontal_rmse_m": np.hypot(*rmse[:2]), "horizontal_end_m": np.hypot(*position[-1, :2]), "velocity_end_m_s": np.linalg.norm(velocity[-1])}
-    said = (stopped or "diverged") if any(found[name] > most for name, most in MEASURES.items()) else ""
+        "horizontal_rmse_m": np.hypot(*rmse[:2]),
+        "horizontal_end_m": np.hypot(*position[-1, :2]),
+        "velocity_end_m_s": np.linalg.norm(velocity[-1]),
+    }
+    said = (
+        (stopped or "diverged")
+        if any(found[name] > most for name, most in MEASURES.items())
+        else ""
+    )
     return {name: float(min(found[name], most)) for name, most in MEASURES.items()} | {"said": said}
 
 
 def wander(solution, hidden):
-    """{measure: value, "said": text} of the bias estimates: of the three of a sensor together, standard deviations over time and rms error.
+    """{measure: value, "said": text} of the bias estimates: of the three of a sensor together,
+    standard deviations over time and rms error.
 
-    Over SETTLED, over LATE the names that end in _late; beside them the standard deviations of the true biases (_true). m/s^2 and rad/s; ASTRAY
-    where the run ended before, or what is larger.
+    Over SETTLED, over LATE the names that end in _late; beside them the standard deviations of the
+    true biases (_true). m/s^2 and rad/s; ASTRAY where the run ended before, or what is larger.
     """
-    found, rows = {}, np.clip(np.searchsorted(hidden.imu.t, solution.t - 1e-6), 0, len(hidden.imu.t) - 1)
-    for sensor, estimate, true in (("accel", solution.b_a, hidden.meta["b_a"][rows]), ("gyro", solution.b_g, hidden.meta["b_g"][rows])):
+    found, rows = (
+        {},
+        np.clip(np.searchsorted(hidden.imu.t, solution.t - 1e-6), 0, len(hidden.imu.t) - 1),
+    )
+    for sensor, estimate, true in (
+        ("accel", solution.b_a, hidden.meta["b_a"][rows]),
+        ("gyro", solution.b_g, hidden.meta["b_g"][rows]),
+    ):
         whole, late = (_over(period, solution.t, estimate, true) for period in (SETTLED, LATE))
-        found |= dict(zip((f"{sensor}_{what}" for what in ("wander", "rms", "true", "wander_late", "true_late")), (*whole, late[0], late[2])))
+        found |= dict(
+            zip(
+                (
+                    f"{sensor}_{what}"
+                    for what in ("wander", "rms", "true", "wander_late", "true_late")
+                ),
+                (*whole, late[0], late[2]),
+            )
+        )
     beyond = {name for name, value in found.items() if value >= ASTRAY[name.split("_")[0]]}
     said = (solution.meta.get("stopped") or "diverged") if beyond else ""
-    return {name: ASTRAY[name.split("_")[0]] if name in beyond else value for name, value in found.items()} | {"said": said}
+    return {
+        name: ASTRAY[name.split("_")[0]] if name in beyond else value
+        for name, value in found.items()
+    } | {"said": said}
 
 
 def without_biases(said):
     """What `wander` gives of a run that did not begin."""
-    return {f"{sensor}_{what}": most if "true" not in what else np.nan for sensor, most in ASTRAY.items()
-            for what in ("wander", "rms", "true", "wander_late", "true_late")} | {"said": said}
+    return {
+        f"{sensor}_{what}": most if "true" not in what else np.nan
+        for sensor, most in ASTRAY.items()
+        for what in ("wander", "rms", "true", "wander_late", "true_late")
+    } | {"said": said}
 
 
 def _over(period, t, estimate, true):
-    """(standard deviation of the estimate, its rms error, standard deviation of the true bias) over a period; inf, inf, NaN of what ended before."""
+    """(standard deviation of the estimate, its rms error, standard deviation of the true bias)
+    over a period; inf, inf, NaN of what ended before."""
     inside = (t >= period[0]) & (t <= period[1])
     if not inside.any() or t[-1] < period[1] or not np.isfinite(estimate[inside]).all():
         return np.inf, np.inf, np.nan
     spread = lambda values: float(np.sqrt(values[inside].var(axis=0).sum()))
-    return spread(estimate), float(np.sqrt(((true - estimate)[inside] ** 2).sum(axis=1).mean())), spread(true)
+    return (
+        spread(estimate),
+        float(np.sqrt(((true - estimate)[inside] ** 2).sum(axis=1).mean())),
+        spread(true),
+    )
 
 
 def curve(e, window):
-    """(2, len(SINCE)) horizontal and vertical error at SINCE after the outage began, m; inf where there is no estimate."""
+    """(2, len(SINCE)) horizontal and vertical error at SINCE after the outage began, m; inf
+    where there is no estimate."""
     rows = np.searchsorted(e.t, window[0] + SINCE - 1e-6)
-    known = (rows < len(e.t)) & (np.abs(e.t[np.minimum(rows, len(e.t) - 1)] - window[0] - SINCE) < 0.5 * LAST)
+    known = (rows < len(e.t)) & (
+        np.abs(e.t[np.minimum(rows, len(e.t) - 1)] - window[0] - SINCE) < 0.5 * LAST
+    )
     rows = np.minimum(rows, len(e.t) - 1)
     found = np.where(known, [e.horizontal[rows], np.abs(e.position[rows, 2])], np.inf)
     return np.where(np.isfinite(found), found, np.inf)

@@ -2,24 +2,34 @@
 
 A case is one outage of the simulated flight over all seeds, or all windows of a recording.
 """
+
 import pandas as pd
 
 from ..common.paired_ratios import ratio
 from .runs import AXES, EKF, MEASURES, NLO, XKF
 
 PUBLISHED = {
-    ("north", EKF): (7.9, 7.5, 6.7, 31.5, 38.2), ("north", NLO): (15.8, 14.9, 23.5, 15.1, 11.3), ("north", XKF): (14.1, 14.9, 23.6, 14.3, 11.2),
-    ("east", EKF): (16.6, 10.4, 28.8, 129.1, 18.4), ("east", NLO): (12.4, 9.4, 13.1, 22.2, 12.6), ("east", XKF): (11.4, 9.4, 13.3, 21.4, 11.8),
-    ("down", EKF): (1.8, 12.1, 31.8, 50.0, 5.4), ("down", NLO): (25.7, 4.9, 27.6, 18.9, 12.5), ("down", XKF): (24.7, 4.3, 25.6, 18.2, 12.0)}
+    ("north", EKF): (7.9, 7.5, 6.7, 31.5, 38.2),
+    ("north", NLO): (15.8, 14.9, 23.5, 15.1, 11.3),
+    ("north", XKF): (14.1, 14.9, 23.6, 14.3, 11.2),
+    ("east", EKF): (16.6, 10.4, 28.8, 129.1, 18.4),
+    ("east", NLO): (12.4, 9.4, 13.1, 22.2, 12.6),
+    ("east", XKF): (11.4, 9.4, 13.3, 21.4, 11.8),
+    ("down", EKF): (1.8, 12.1, 31.8, 50.0, 5.4),
+    ("down", NLO): (25.7, 4.9, 27.6, 18.9, 12.5),
+    ("down", XKF): (24.7, 4.3, 25.6, 18.2, 12.0),
+}
 """Table 1: RMSE in m of the five outages by axis and filter."""
 OUTAGES = 5
 THREE = (EKF, NLO, XKF)
 
 
 def wide(scores):
-    """{case: DataFrame} of the table of scores: a row per outage under its block, columns by measure and filter, cases in their order.
+    """{case: DataFrame} of the table of scores: a row per outage under its block, columns by
+    measure and filter, cases in their order.
 
-    attrs["widening"] of each: by how much the intervals of its blocks are wider, from the column of that name, 1 where there is none.
+    attrs["widening"] of each: by how much the intervals of its blocks are wider, from the column of
+    that name, 1 where there is none.
     """
     if not len(scores):
         return {}
@@ -32,7 +42,8 @@ def wide(scores):
 
 
 def redrawn(scores, names=THREE):
-    """DataFrame shaped as Table 1: a row per case, for each axis and filter the published RMSE and ours, its mean over runs and standard deviation."""
+    """DataFrame shaped as Table 1: a row per case, for each axis and filter the published RMSE
+    and ours, its mean over runs and standard deviation."""
     rows = []
     for case, own in scores.groupby("case", sort=False):
         row = {"outage": case.removeprefix("outage ")}
@@ -41,7 +52,11 @@ def redrawn(scores, names=THREE):
                 values = own.loc[own["filter"] == name, f"{axis}_rmse_m"]
                 text = f"{values.mean():.3g} ± {values.std():.2g}" if len(values) else "–"
                 published = case.startswith("outage ") and name in THREE
-                row[f"{axis}, {name}, m"] = f"{PUBLISHED[axis, name][int(case.split()[1]) - 1]:g} / {text}" if published else text
+                row[f"{axis}, {name}, m"] = (
+                    f"{PUBLISHED[axis, name][int(case.split()[1]) - 1]:g} / {text}"
+                    if published
+                    else text
+                )
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -53,11 +68,21 @@ def published_wins(axis, first=XKF, second=EKF):
 
 def listed(tables, measure, first, second):
     """Text: what over what, and the ratio of every case; empty without cases."""
-    return f"{first} / {second}: " * bool(tables) + "; ".join(f"{case} {ratio(table, measure, first, second)}" for case, table in tables.items())
+    return f"{first} / {second}: " * bool(tables) + "; ".join(
+        f"{case} {ratio(table, measure, first, second)}" for case, table in tables.items()
+    )
 
 
 def won(tables, measure, first, second):
     """Text: share of the simulated outages in which the first filter's measure is smaller."""
-    found = [ratio(table, measure, first, second) for case, table in tables.items() if case.startswith("outage ")]
+    found = [
+        ratio(table, measure, first, second)
+        for case, table in tables.items()
+        if case.startswith("outage ")
+    ]
     count = sum(each.count for each in found)
-    return f"{first} smaller in {sum(each.wins for each in found) / count:.0%} of {count} simulated outages" if count else "no simulated outage"
+    return (
+        f"{first} smaller in {sum(each.wins for each in found) / count:.0%} of {count} simulated outages"
+        if count
+        else "no simulated outage"
+    )

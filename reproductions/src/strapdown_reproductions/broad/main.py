@@ -1,8 +1,10 @@
 """Attitude estimators on the BROAD trials beside their peers: `strapdown reproduce broad`.
 
-The orientation error is the angle of the rotation between estimate and reference, without any alignment of the two. Only samples count at which the
-trial's `movement` is true and the reference known; rms per trial, then the mean over the trials.
+The orientation error is the angle of the rotation between estimate and reference, without any
+alignment of the two. Only samples count at which the trial's `movement` is true and the reference
+known; rms per trial, then the mean over the trials.
 """
+
 import time
 from pathlib import Path
 from typing import NamedTuple
@@ -12,25 +14,35 @@ import pandas as pd
 
 from strapdown import filters, io
 from strapdown.data import DataError, Trajectory
-from strapdown.recording import Recording
 from strapdown.engine.batch import fuse, positioned
+from strapdown.engine.smoothing import smooth
+from strapdown.evaluation.metrics import attitude_angles, errors
 from strapdown.files import replacing
 from strapdown.io.broad import body_to_ned, parse
 from strapdown.io.locate import data_folder
-from strapdown.evaluation.metrics import attitude_angles, errors
-from strapdown.engine.smoothing import smooth
-from . import figures as broad_figures, write_docs
-from .peers import PEERS, installed
+from strapdown.recording import Recording
+
 from ..common.pages import claim, write_page
+from . import figures as broad_figures
+from . import write_docs
+from .peers import PEERS, installed
 
 CHOSEN_ON, OTHERS = ("02", "21", "24"), ("15", "33")
 """Trials that the default settings were chosen on, and the others."""
-MEASURES = {"orientation": "orientation error (whole rotation angle)", "inclination": "inclination error (angle between the vertical axes)",
-            "heading": "heading error (what remains about the vertical)"}
+MEASURES = {
+    "orientation": "orientation error (whole rotation angle)",
+    "inclination": "inclination error (angle between the vertical axes)",
+    "heading": "heading error (what remains about the vertical)",
+}
 REPEATS = 3
 """Runs of which the median time counts; of slow peers one."""
-CLAIMS = (("attitude-mekf", "mean", 2.6), ("mahony", "mean", 5.5), ("attitude-mekf, smoothed", "mean", 2.4), ("attitude-mekf", "24", 2.5),
-          ("attitude-mekf", "33", 5.0))
+CLAIMS = (
+    ("attitude-mekf", "mean", 2.6),
+    ("mahony", "mean", 5.5),
+    ("attitude-mekf, smoothed", "mean", 2.4),
+    ("attitude-mekf", "24", 2.5),
+    ("attitude-mekf", "33", 5.0),
+)
 """Estimator, trial or mean over the five, and the bound on its rms orientation error, deg."""
 INTRODUCTION = (
     "BROAD holds trials of a hand-held IMU with gyro, accelerometer and magnetometer at 286 Hz, whose attitude cameras measured (Laidig et al. 2021, "
@@ -40,16 +52,18 @@ INTRODUCTION = (
     "between the vertical axes of estimate and reference, heading what is left: the error rotation in the navigation frame as a rotation about "
     "the vertical and one about a horizontal axis. North is magnetic north, as in the reference.",
     "The defaults of strapdown were chosen by reasoning on the sensors and on the trials 02, 21 and 24, marked with a star. The others gave no "
-    "constant, but what failed on them was changed (docs/attitude-broad.md).")
+    "constant, but what failed on them was changed (docs/attitude-broad.md).",
+)
 
 
 class Trial(NamedTuple):
     """One trial as everybody gets it."""
-    name: str               # of the file
+
+    name: str  # of the file
     recording: Recording
-    arrays: dict            # of the file, in the sensor's axes
-    fs: float               # Hz
-    scored: np.ndarray      # (n,) bool: IMU samples with movement and a known reference
+    arrays: dict  # of the file, in the sensor's axes
+    fs: float  # Hz
+    scored: np.ndarray  # (n,) bool: IMU samples with movement and a known reference
 
     @property
     def number(self):
@@ -59,11 +73,18 @@ class Trial(NamedTuple):
 
 class Run(NamedTuple):
     """An estimator on a trial."""
+
     estimator: str
     trial: str
-    angles: np.ndarray      # (n, 3) orientation, inclination and heading error at the IMU samples, rad; NaN where one of the two is not known
-    us: float               # microseconds per IMU sample
-    over: tuple = (np.nan,) * 3     # rms of the attitude error over its standard deviation, north, east, down, over the scored samples
+    # (n, 3) orientation, inclination and heading error at the IMU samples, rad; NaN where one of
+    # the two is not known
+    angles: np.ndarray
+    us: float  # microseconds per IMU sample
+    over: tuple = (
+        (np.nan,) * 3
+        # rms of the attitude error over its standard deviation, north, east, down, over the scored
+        # samples
+    )
 
 
 def load(path):
@@ -74,19 +95,27 @@ def load(path):
     if recording.reference is not None:
         scored &= np.isin(recording.imu.t, recording.reference.t)
     if recording.reference is None or not scored.any():
-        raise DataError(f"{path}: no sample has both movement and a known reference, so nothing can be scored")
+        raise DataError(
+            f"{path}: no sample has both movement and a known reference, so nothing can be scored"
+        )
     return Trial(Path(path).stem, recording, arrays, fs, scored)
 
 
 def moving(recording):
     """(n,) bool: the IMU samples inside the stretches of meta["movement"]."""
     t = recording.imu.t
-    return np.logical_or.reduce([np.zeros(len(t), bool), *((t >= start) & (t <= stop) for start, stop in recording.meta["movement"])])
+    return np.logical_or.reduce(
+        [
+            np.zeros(len(t), bool),
+            *((t >= start) & (t <= stop) for start, stop in recording.meta["movement"]),
+        ]
+    )
 
 
 def angles(trajectory, recording):
-    """(n, 3) orientation, inclination and heading error (metrics.attitude_angles) at the IMU samples of a recording, rad; NaN where an estimate or
-    the reference lacks: what the reference has not measured is not interpolated here."""
+    """(n, 3) orientation, inclination and heading error (metrics.attitude_angles) at the IMU
+    samples of a recording, rad; NaN where an estimate or the reference lacks: what the reference
+    has not measured is not interpolated here."""
     found, t = np.full((len(recording.imu.t), 3), np.nan), recording.imu.t
     e = errors(trajectory, recording.reference)
     rows = np.searchsorted(t, e.t)
@@ -97,13 +126,18 @@ def angles(trajectory, recording):
 
 
 def rms(run, trial):
-    """(3,) root mean square of a Run's angles over the scored samples, rad; NaN where an estimate is missing at one of them."""
+    """(3,) root mean square of a Run's angles over the scored samples, rad; NaN where an
+    estimate is missing at one of them."""
     return np.sqrt(np.mean(run.angles[trial.scored].astype(float) ** 2, axis=0))
 
 
 def estimators():
     """Names of the filters that estimate roll and pitch, at least, and need no position."""
-    return [name for name in filters.names() if not positioned(filters.find(name)) and {6, 7} <= set(filters.find(name).estimates)]
+    return [
+        name
+        for name in filters.names()
+        if not positioned(filters.find(name)) and {6, 7} <= set(filters.find(name).estimates)
+    ]
 
 
 def _timed(function, repeats):
@@ -117,11 +151,17 @@ def _timed(function, repeats):
 
 
 def _run(name, trial, trajectory, seconds):
-    return Run(name, trial.name, angles(trajectory, trial.recording).astype(np.float32), seconds / len(trial.recording.imu.t) * 1e6)
+    return Run(
+        name,
+        trial.name,
+        angles(trajectory, trial.recording).astype(np.float32),
+        seconds / len(trial.recording.imu.t) * 1e6,
+    )
 
 
 def over_sd(trajectory, trial):
-    """(3,) rms of the attitude error (north, east, down) over the standard deviation that the Trajectory claims, over the scored samples; NaN without one."""
+    """(3,) rms of the attitude error (north, east, down) over the standard deviation that the
+    Trajectory claims, over the scored samples; NaN without one."""
     e = errors(trajectory, trial.recording.reference)
     scored = np.isin(e.t, trial.recording.imu.t[trial.scored])
     return tuple(np.sqrt(np.mean((e.attitude[scored] / e.sd[scored, 6:9]) ** 2, axis=0)))
@@ -133,12 +173,16 @@ def own_runs(trial, names, say=None):
     Timed is what `fuse` takes with alignment and all rows of its solution, compilation apart.
     """
     for name in names:
-        kinds = [(name, fuse)] + [(f"{name}, smoothed", smooth)] * (filters.find(name).smoother is not None)
+        kinds = [(name, fuse)] + [(f"{name}, smoothed", smooth)] * (
+            filters.find(name).smoother is not None
+        )
         for title, function in kinds:
             function(trial.recording, name, say=say)
             solution, seconds = _timed(lambda: function(trial.recording, name), REPEATS)
-            run = _run(title, trial, solution.trajectory, seconds)._replace(over=over_sd(solution.trajectory, trial))
-            if 8 not in filters.find(name).estimates:   # its heading runs free
+            run = _run(title, trial, solution.trajectory, seconds)._replace(
+                over=over_sd(solution.trajectory, trial)
+            )
+            if 8 not in filters.find(name).estimates:  # its heading runs free
                 run.angles[:, [0, 2]] = np.nan
             yield run
 
@@ -150,11 +194,17 @@ def peer_runs(trial, quick):
     for peer in PEERS:
         if installed(peer.package) and not (quick and peer.slow):
             q, seconds = _timed(lambda: peer.run(*samples, trial.fs), 1 if peer.slow else REPEATS)
-            yield _run(peer.name, trial, Trajectory(t, np.full((len(t), 3), np.nan), q_nb=body_to_ned(q)), seconds)
+            yield _run(
+                peer.name,
+                trial,
+                Trajectory(t, np.full((len(t), 3), np.nan), q_nb=body_to_ned(q)),
+                seconds,
+            )
 
 
 def reproduce(out, quick=False, recordings=None, say=None):
-    """Run all estimators on the trials in `recordings` (the data folder's `broad` by default), write the page into `out`, return the claims.
+    """Run all estimators on the trials in `recordings` (the data folder's `broad` by default),
+    write the page into `out`, return the claims.
 
     Raises DataError.
     """
@@ -170,33 +220,64 @@ def reproduce(out, quick=False, recordings=None, say=None):
     made = tables(trials, runs)
     claims = judged(made["orientation"][1], trials)
     figures = broad_figures.figures(trials, runs)
-    write_page(out, "strapdown on the BROAD trials", INTRODUCTION, claims, made, figures=figures, notes=_notes(quick, made))
+    write_page(
+        out,
+        "strapdown on the BROAD trials",
+        INTRODUCTION,
+        claims,
+        made,
+        figures=figures,
+        notes=_notes(quick, made),
+    )
     with replacing(out / "table.md") as part:
         part.write_text(write_docs.text(made), encoding="utf-8")
     return claims
 
 
 def tables(trials, runs):
-    """{name: (caption, DataFrame)}: a table per measure with a row per estimator, in deg; that of orientation also with the time per sample."""
+    """{name: (caption, DataFrame)}: a table per measure with a row per estimator, in deg; that
+    of orientation also with the time per sample."""
     names = list(dict.fromkeys(run.estimator for run in runs))
     of = {(run.estimator, run.trial): run for run in runs}
-    values = {name: np.degrees([rms(of[name, trial.name], trial) for trial in trials]) for name in names}
+    values = {
+        name: np.degrees([rms(of[name, trial.name], trial) for trial in trials]) for name in names
+    }
     made = {}
     for i, (measure, text) in enumerate(MEASURES.items()):
-        rows = {name: dict(zip(map(column, trials), values[name][:, i])) | {"mean, deg": values[name][:, i].mean()} for name in names}
+        rows = {
+            name: dict(zip(map(column, trials), values[name][:, i]))
+            | {"mean, deg": values[name][:, i].mean()}
+            for name in names
+        }
         rest = [k for k, trial in enumerate(trials) if trial.number not in CHOSEN_ON]
         for name in names if 0 < len(rest) < len(trials) else ():
             rows[name]["mean of the others, deg"] = values[name][rest, i].mean()
         if measure == "orientation":
             for name in names:
-                rows[name]["time, us per sample"] = float(np.median([of[name, trial.name].us for trial in trials]))
+                rows[name]["time, us per sample"] = float(
+                    np.median([of[name, trial.name].us for trial in trials])
+                )
         table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("estimator").reset_index()
-        made[measure] = f"rms {text} during movement; * marks trials that strapdown's defaults were chosen on", table
+        made[measure] = (
+            f"rms {text} during movement; * marks trials that strapdown's defaults were chosen on",
+            table,
+        )
     claimed = [name for name in names if np.isfinite(of[name, trials[0].name].over).any()]
     if claimed:
-        rows = [(name, *(" ".join("–" if np.isnan(x) else f"{x:.2f}" for x in of[name, trial.name].over) for trial in trials)) for name in claimed]
-        made["over-sd"] = ("rms of the attitude error over its own standard deviation, about north, east and down, during movement",
-                           pd.DataFrame(rows, columns=["estimator", *(trial.number for trial in trials)]))
+        rows = [
+            (
+                name,
+                *(
+                    " ".join("–" if np.isnan(x) else f"{x:.2f}" for x in of[name, trial.name].over)
+                    for trial in trials
+                ),
+            )
+            for name in claimed
+        ]
+        made["over-sd"] = (
+            "rms of the attitude error over its own standard deviation, about north, east and down, during movement",
+            pd.DataFrame(rows, columns=["estimator", *(trial.number for trial in trials)]),
+        )
     return made
 
 
@@ -206,7 +287,8 @@ def column(trial):
 
 
 def judged(table, trials):
-    """The claims that the trials and estimators at hand can decide, from the table of orientation errors."""
+    """The claims that the trials and estimators at hand can decide, from the table of
+    orientation errors."""
     numbers, found = {trial.number for trial in trials}, []
     of = table.set_index("estimator")
     heads = {trial.number: column(trial) for trial in trials}
@@ -225,20 +307,53 @@ def claim_text(name, which):
 
 
 def _notes(quick, made):
-    """[(heading, DataFrame of text)]: what each estimator is, and the known figures of the peers, by which the scoring is checked."""
+    """[(heading, DataFrame of text)]: what each estimator is, and the known figures of the
+    peers, by which the scoring is checked."""
     table = made["orientation"][1].set_index("estimator")
     about, known = [(name, "strapdown", filters.find(name).reference) for name in estimators()], []
     for peer in PEERS:
         release = installed(peer.package)
         state = f"{peer.package} {release}" if release else f"{peer.package}: not installed"
-        about.append((peer.name, state + (", left out by --quick" if release and quick and peer.slow else ""), peer.text))
+        about.append(
+            (
+                peer.name,
+                state + (", left out by --quick" if release and quick and peer.slow else ""),
+                peer.text,
+            )
+        )
         if peer.known and peer.name in table.index:
-            own = {number: name for name in table.columns for number in (*CHOSEN_ON, *OTHERS) if name.rstrip("*, deg") == number}
+            own = {
+                number: name
+                for name in table.columns
+                for number in (*CHOSEN_ON, *OTHERS)
+                if name.rstrip("*, deg") == number
+            }
             if len(own) == 5:
                 row = [table.loc[peer.name, own[number]] for number in sorted(own)]
                 measured = row if len(peer.known) > 1 else [np.mean(row)]
-                known.append((peer.name, ", ".join(f"{value:g}" for value in peer.known), ", ".join(f"{value:.3g}" for value in measured)))
-    found = [("Estimators", pd.DataFrame(about, columns=["estimator", "package", "what it is, or how it is called"]))]
+                known.append(
+                    (
+                        peer.name,
+                        ", ".join(f"{value:g}" for value in peer.known),
+                        ", ".join(f"{value:.3g}" for value in measured),
+                    )
+                )
+    found = [
+        (
+            "Estimators",
+            pd.DataFrame(
+                about, columns=["estimator", "package", "what it is, or how it is called"]
+            ),
+        )
+    ]
     if known:
-        found.append(("The scoring, checked", pd.DataFrame(known, columns=["peer", "known, deg: per trial, or the mean", "measured here, deg"])))
+        found.append(
+            (
+                "The scoring, checked",
+                pd.DataFrame(
+                    known,
+                    columns=["peer", "known, deg: per trial, or the mean", "measured here, deg"],
+                ),
+            )
+        )
     return found

@@ -1,7 +1,10 @@
-"""Other packages on the samples of a BROAD trial, each as a small function: arrays in the sensor's axes -> its attitude in east, north, up.
+"""Other packages on the samples of a BROAD trial, each as a small function: arrays in the sensor's
+axes -> its attitude in east, north, up.
 
-All run with the settings that their packages ship. `vqf` and `ahrs` are optional: `installed` tells which are there.
+All run with the settings that their packages ship. `vqf` and `ahrs` are optional: `installed` tells
+which are there.
 """
+
 from importlib.metadata import PackageNotFoundError, version
 from typing import NamedTuple
 
@@ -18,12 +21,14 @@ DOWN = np.array([1.0, -1.0, -1.0])
 
 class Peer(NamedTuple):
     """An estimator of another package."""
+
     name: str
-    package: str        # on PyPI
-    run: callable       # (gyr rad/s, acc m/s^2, mag uT, fs Hz) -> (n, 4) sensor to ENU, scalar first
-    slow: bool          # a Python loop over the samples
-    text: str           # how it is called
-    known: tuple = ()   # orientation error of the five trials in deg, or its mean alone, as measured before
+    package: str  # on PyPI
+    run: callable  # (gyr rad/s, acc m/s^2, mag uT, fs Hz) -> (n, 4) sensor to ENU, scalar first
+    slow: bool  # a Python loop over the samples
+    text: str  # how it is called
+    # orientation error of the five trials in deg, or its mean alone, as measured before
+    known: tuple = ()
 
 
 def installed(package):
@@ -37,46 +42,98 @@ def installed(package):
 def product(p, q):
     """Quaternion products of (4,) or (n, 4) with (n, 4) or (4,), scalar first."""
     (a, b, c, d), (w, x, y, z) = np.moveaxis(p, -1, 0), np.moveaxis(q, -1, 0)
-    return np.stack([a * w - b * x - c * y - d * z, a * x + b * w + c * z - d * y,
-                     a * y - b * z + c * w + d * x, a * z + b * y - c * x + d * w], axis=-1)
+    return np.stack(
+        [
+            a * w - b * x - c * y - d * z,
+            a * x + b * w + c * z - d * y,
+            a * y - b * z + c * w + d * x,
+            a * z + b * y - c * x + d * w,
+        ],
+        axis=-1,
+    )
 
 
 def _vqf(gyr, acc, mag, fs):
     from vqf import VQF
+
     return VQF(1 / fs).updateBatch(gyr, acc, mag)["quat9D"]
 
 
 def _vqf_offline(gyr, acc, mag, fs):
     from vqf import offlineVQF
+
     return offlineVQF(gyr, acc, mag, 1 / fs)["quat9D"]
 
 
 def _madgwick(gyr, acc, mag, fs):
     from ahrs.filters import Madgwick
+
     return product(NWU, Madgwick(gyr=gyr, acc=acc, mag=mag, frequency=fs).Q)
 
 
 def _mahony(gyr, acc, mag, fs):
     from ahrs.filters import Mahony
+
     return Mahony(gyr=gyr, acc=acc, mag=mag, frequency=fs).Q
 
 
 def _ekf(gyr, acc, mag, fs):
     from ahrs.filters import EKF
-    return product(product(NED, EKF(gyr=gyr * DOWN, acc=-acc * DOWN, mag=mag * DOWN, frequency=fs, frame="NED").Q), FLIPPED)
+
+    return product(
+        product(
+            NED, EKF(gyr=gyr * DOWN, acc=-acc * DOWN, mag=mag * DOWN, frequency=fs, frame="NED").Q
+        ),
+        FLIPPED,
+    )
 
 
 def _ekf_as_is(gyr, acc, mag, fs):
     from ahrs.filters import EKF
+
     return product(NWU, EKF(gyr=gyr, acc=acc, mag=mag, frequency=fs).Q)
 
 
 PEERS = (
     Peer("vqf", "vqf", _vqf, False, "VQF(Ts).updateBatch, quat9D", (1.38, 2.31, 4.08, 1.55, 3.75)),
-    Peer("vqf, offline", "vqf", _vqf_offline, False, "offlineVQF, quat9D: uses the samples after as well as before", (2.40,)),
-    Peer("ahrs Madgwick", "ahrs", _madgwick, True, "samples in the sensor's axes; its navigation frame is north, west, up", (7.8,)),
-    Peer("ahrs Mahony", "ahrs", _mahony, True, "samples in the sensor's axes; its navigation frame is east, north, up", (31.7,)),
-    Peer("ahrs EKF", "ahrs", _ekf, True, "samples in forward, right, down and gravity for specific force, as its frame NED wants them; its default "
-         "field is that of Munich, with a declination of some 4 deg that this reference does not have"),
-    Peer("ahrs EKF, sensor axes", "ahrs", _ekf_as_is, True,
-         "samples as the record has them, as the others get them; its equations want other axes", (31.9,)))
+    Peer(
+        "vqf, offline",
+        "vqf",
+        _vqf_offline,
+        False,
+        "offlineVQF, quat9D: uses the samples after as well as before",
+        (2.40,),
+    ),
+    Peer(
+        "ahrs Madgwick",
+        "ahrs",
+        _madgwick,
+        True,
+        "samples in the sensor's axes; its navigation frame is north, west, up",
+        (7.8,),
+    ),
+    Peer(
+        "ahrs Mahony",
+        "ahrs",
+        _mahony,
+        True,
+        "samples in the sensor's axes; its navigation frame is east, north, up",
+        (31.7,),
+    ),
+    Peer(
+        "ahrs EKF",
+        "ahrs",
+        _ekf,
+        True,
+        "samples in forward, right, down and gravity for specific force, as its frame NED wants them; its default "
+        "field is that of Munich, with a declination of some 4 deg that this reference does not have",
+    ),
+    Peer(
+        "ahrs EKF, sensor axes",
+        "ahrs",
+        _ekf_as_is,
+        True,
+        "samples as the record has them, as the others get them; its equations want other axes",
+        (31.9,),
+    ),
+)

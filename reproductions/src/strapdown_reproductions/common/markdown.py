@@ -1,4 +1,6 @@
-"""Tables that a command makes, as Markdown, and the pages of docs/ in which they stand between two marks."""
+"""Tables that a command makes, as Markdown, and the pages of docs/ in which they stand between
+two marks."""
+
 import re
 
 from strapdown.files import replacing
@@ -14,7 +16,13 @@ def begin(file, command):
 def insert(path, text, mark):
     """Put `text` between `mark` and END in the Markdown file `path`."""
     page = path.read_text(encoding="utf-8")
-    found = re.sub(f"{re.escape(mark)}.*?{re.escape(END)}", lambda _: f"{mark}\n{text}{END}", page, count=1, flags=re.DOTALL)
+    found = re.sub(
+        f"{re.escape(mark)}.*?{re.escape(END)}",
+        lambda _: f"{mark}\n{text}{END}",
+        page,
+        count=1,
+        flags=re.DOTALL,
+    )
     with replacing(path) as part:
         part.write_text(found, encoding="utf-8")
 
@@ -31,8 +39,12 @@ def plain(text):
 
 
 def findings(size, claims, tables):
-    """Text: sentences on the size of the study, the claims with their verdicts, and the tables [(heading, DataFrame of text)]."""
-    rows = [f"| {i} | {plain(c['claim'])} | **{c['verdict']}** | {plain(c['measured'])} |" for i, c in enumerate(claims, 1)]
+    """Text: sentences on the size of the study, the claims with their verdicts, and the tables
+    [(heading, DataFrame of text)]."""
+    rows = [
+        f"| {i} | {plain(c['claim'])} | **{c['verdict']}** | {plain(c['measured'])} |"
+        for i, c in enumerate(claims, 1)
+    ]
     parts = [size, "", "| | the paper says | verdict | measured |", "|---|---|---|---|", *rows]
     for heading, frame in tables:
         parts += ["", f"{heading}:", "", table(frame, lambda value: plain(str(value)))]

@@ -1,4 +1,6 @@
-"""What every reproduction writes: claims.json, CSV tables and an index.html that shows them, with figures where it has some."""
+"""What every reproduction writes: claims.json, CSV tables and an index.html that shows them,
+with figures where it has some."""
+
 import json
 import re
 from html import escape
@@ -8,7 +10,12 @@ import numpy as np
 from strapdown.files import replacing
 from strapdown.reports.shell import placed, shell
 
-REPRODUCED, PARTLY, NOT_REPRODUCED, UNDECIDED = "reproduced", "partly", "not reproduced", "not decidable here"
+REPRODUCED, PARTLY, NOT_REPRODUCED, UNDECIDED = (
+    "reproduced",
+    "partly",
+    "not reproduced",
+    "not decidable here",
+)
 """Verdicts on what somebody else has claimed."""
 COLOURS = {REPRODUCED: "yes", PARTLY: "half", NOT_REPRODUCED: "no", UNDECIDED: "open"}
 FOOTER = "All figures and verdicts on this page were computed by the command that wrote it; the numbers are in the CSV files beside it."
@@ -24,20 +31,36 @@ caption{text-align:left;color:var(--soft);padding:.3rem 0;max-width:95ch}.slim{f
 
 def claim(text, figure, bound, unit):
     """One claim: what was asked for, what was measured, whether it holds (figure <= bound)."""
-    return {"claim": text, "target": f"<= {bound:g} {unit}", "figure": f"{figure:.3g} {unit}", "value": float(figure), "bound": float(bound),
-            "holds": bool(figure <= bound)}
+    return {
+        "claim": text,
+        "target": f"<= {bound:g} {unit}",
+        "figure": f"{figure:.3g} {unit}",
+        "value": float(figure),
+        "bound": float(bound),
+        "holds": bool(figure <= bound),
+    }
 
 
 def finding(text, source, rule, measured, verdict, decided_by):
-    """One claim of a paper, where it stands in it, the rule that decides, what was measured, the verdict, the figure or table that shows it."""
-    return {"claim": text, "source": source, "rule": rule, "measured": measured, "verdict": verdict, "decided_by": decided_by}
+    """One claim of a paper, where it stands in it, the rule that decides, what was measured, the
+    verdict, the figure or table that shows it."""
+    return {
+        "claim": text,
+        "source": source,
+        "rule": rule,
+        "measured": measured,
+        "verdict": verdict,
+        "decided_by": decided_by,
+    }
 
 
 def write_page(out, title, introduction, claims, tables, links=(), figures=(), notes=()):
-    """Write claims.json, one CSV per table {name: (caption, DataFrame)} and index.html into the folder `out`, each of them whole.
+    """Write claims.json, one CSV per table {name: (caption, DataFrame)} and index.html into the
+    folder `out`, each of them whole.
 
-    claims: of `claim` or of `finding`; figures: (heading, plotly figure of reports.drawing, caption); notes: (heading, DataFrame of text).
-    A caption of None keeps a table off the page; its CSV is written all the same.
+    claims: of `claim` or of `finding`; figures: (heading, plotly figure of reports.drawing,
+    caption); notes: (heading, DataFrame of text). A caption of None keeps a table off the page; its
+    CSV is written all the same.
     """
     out.mkdir(parents=True, exist_ok=True)
     with replacing(out / "claims.json") as part:
@@ -45,8 +68,19 @@ def write_page(out, title, introduction, claims, tables, links=(), figures=(), n
     for name, (_, table) in tables.items():
         with replacing(out / f"{name}.csv") as part:
             table.to_csv(part, index=False, float_format="%.6g")
-    sections = [(heading, text) for heading, text in _sections(claims, tables, links, figures, notes) if text]
-    shell(title, "", sections, FOOTER, "".join(f"<p>{_marked(text)}</p>" for text in introduction), STYLE).save(out / "index.html")
+    sections = [
+        (heading, text)
+        for heading, text in _sections(claims, tables, links, figures, notes)
+        if text
+    ]
+    shell(
+        title,
+        "",
+        sections,
+        FOOTER,
+        "".join(f"<p>{_marked(text)}</p>" for text in introduction),
+        STYLE,
+    ).save(out / "index.html")
 
 
 def _marked(text):
@@ -56,34 +90,73 @@ def _marked(text):
 
 def _sections(claims, tables, links, figures, notes):
     """[(heading, HTML)] of the page; empty where there is nothing."""
-    shown = {name: (caption, table) for name, (caption, table) in tables.items() if caption is not None}
-    return [("Claims", _findings(claims) if claims and "verdict" in claims[0] else _claims(claims)),
-            ("Figures", "".join(placed(i, drawn, heading, caption) for i, (heading, drawn, caption) in enumerate(figures, 1))),
-            ("Tables", "".join(f"<div class=scroll><table><caption>{escape(caption)} (<a href='{name}.csv'>CSV</a>)</caption>{_rows(table)}</table></div>"
-                               for name, (caption, table) in shown.items())),
-            *((heading, f"<div class='scroll text'><table>{_rows(table)}</table></div>") for heading, table in notes),
-            ("Reports", "<ul>" + "".join(f"<li><a href='{escape(path)}'>{escape(text)}</a></li>" for text, path in links) + "</ul>" if links else "")]
+    shown = {
+        name: (caption, table) for name, (caption, table) in tables.items() if caption is not None
+    }
+    return [
+        ("Claims", _findings(claims) if claims and "verdict" in claims[0] else _claims(claims)),
+        (
+            "Figures",
+            "".join(
+                placed(i, drawn, heading, caption)
+                for i, (heading, drawn, caption) in enumerate(figures, 1)
+            ),
+        ),
+        (
+            "Tables",
+            "".join(
+                f"<div class=scroll><table><caption>{escape(caption)} (<a href='{name}.csv'>CSV</a>)</caption>{_rows(table)}</table></div>"
+                for name, (caption, table) in shown.items()
+            ),
+        ),
+        *(
+            (heading, f"<div class='scroll text'><table>{_rows(table)}</table></div>")
+            for heading, table in notes
+        ),
+        (
+            "Reports",
+            "<ul>"
+            + "".join(
+                f"<li><a href='{escape(path)}'>{escape(text)}</a></li>" for text, path in links
+            )
+            + "</ul>"
+            if links
+            else "",
+        ),
+    ]
 
 
 def _claims(claims):
-    verdict = lambda holds: f"<td class='{'yes' if holds else 'no'}'>{'holds' if holds else 'does not hold'}</td>"
-    rows = "".join(f"<tr><td>{escape(c['claim'])}</td><td>{escape(c['target'])}</td><td>{escape(c['figure'])}</td>{verdict(c['holds'])}</tr>" for c in claims)
+    verdict = lambda holds: (
+        f"<td class='{'yes' if holds else 'no'}'>{'holds' if holds else 'does not hold'}</td>"
+    )
+    rows = "".join(
+        f"<tr><td>{escape(c['claim'])}</td><td>{escape(c['target'])}</td><td>{escape(c['figure'])}</td>{verdict(c['holds'])}</tr>"
+        for c in claims
+    )
     return f"<div class='scroll plain'><table><tr><th>claim</th><th>target</th><th>measured</th><th>verdict</th></tr>{rows}</table></div>"
 
 
 def _findings(claims):
-    rows = "".join(f"<tr id=claim{i}><td>{i}</td><td>{escape(c['claim'])}<br><span class=slim>{escape(c['source'])}</span></td>"
-                   f"<td class='verdict {COLOURS[c['verdict']]}'>{escape(c['verdict'])}</td>"
-                   f"<td>{escape(c['measured'])}<br><span class=slim>Rule: {escape(c['rule'])}</span></td><td>{escape(c['decided_by'])}</td></tr>"
-                   for i, c in enumerate(claims, 1))
-    counts = ", ".join(f"{sum(c['verdict'] == verdict for c in claims)} {verdict}" for verdict in COLOURS)
+    rows = "".join(
+        f"<tr id=claim{i}><td>{i}</td><td>{escape(c['claim'])}<br><span class=slim>{escape(c['source'])}</span></td>"
+        f"<td class='verdict {COLOURS[c['verdict']]}'>{escape(c['verdict'])}</td>"
+        f"<td>{escape(c['measured'])}<br><span class=slim>Rule: {escape(c['rule'])}</span></td><td>{escape(c['decided_by'])}</td></tr>"
+        for i, c in enumerate(claims, 1)
+    )
+    counts = ", ".join(
+        f"{sum(c['verdict'] == verdict for c in claims)} {verdict}" for verdict in COLOURS
+    )
     head = "<thead><tr><th></th><th>the paper says</th><th>verdict</th><th>measured, and the rule that decides</th><th>see</th></tr></thead>"
     return f"<p>{len(claims)} claims: {counts}.</p><div class='scroll claims'><table>{head}{rows}</table></div>"
 
 
 def _rows(table):
     head = "".join(f"<th>{escape(str(name))}</th>" for name in table.columns)
-    rows = ("<tr>" + "".join(f"<td>{_cell(value)}</td>" for value in row) + "</tr>" for row in table.itertuples(index=False))
+    rows = (
+        "<tr>" + "".join(f"<td>{_cell(value)}</td>" for value in row) + "</tr>"
+        for row in table.itertuples(index=False)
+    )
     return f"<thead><tr>{head}</tr></thead>{''.join(rows)}"
 
 

@@ -1,13 +1,16 @@
 """Two filters on the same cases: geometric means of the ratios of their errors, with intervals.
 
-Within a block (a seed; windows of a recording that overlap its first one) log ratios are averaged, over blocks Student's t gives the interval:
-overlapping windows are not independent. The windows of neighbouring blocks overlap too, which widens the interval.
+Within a block (a seed; windows of a recording that overlap its first one) log ratios are averaged,
+over blocks Student's t gives the interval: overlapping windows are not independent. The windows of
+neighbouring blocks overlap too, which widens the interval.
 """
+
 from typing import NamedTuple
 
 import numpy as np
 
 from strapdown.experiments.outages.summaries import over_blocks
+
 from .verdicts import SIZE, Count
 
 LEAST = 1e-6
@@ -15,7 +18,9 @@ LEAST = 1e-6
 
 
 class Ratio(NamedTuple):
-    """Geometric mean of the ratio of a measure of two filters with its 95 % interval, in how many of `count` outages the first one's is smaller."""
+    """Geometric mean of the ratio of a measure of two filters with its 95 % interval, in how
+    many of `count` outages the first one's is smaller."""
+
     value: float
     low: float
     high: float
@@ -24,7 +29,8 @@ class Ratio(NamedTuple):
 
     @property
     def side(self):
-        """+1 where the first filter is better by more than SIZE, -1 where it is worse or surely not better, 0 where that is open."""
+        """+1 where the first filter is better by more than SIZE, -1 where it is worse or surely
+        not better, 0 where that is open."""
         if self.high < 1 / (1 + SIZE):
             return 1
         return -1 if self.low >= 1 / (1 + SIZE) else 0
@@ -32,11 +38,16 @@ class Ratio(NamedTuple):
     def __str__(self):
         if not np.isfinite(self.value):
             return "–"
-        return f"{self.value:.3g} ({self.low:.3g} to {self.high:.3g})" if np.isfinite(self.low) else f"{self.value:.3g}"
+        return (
+            f"{self.value:.3g} ({self.low:.3g} to {self.high:.3g})"
+            if np.isfinite(self.low)
+            else f"{self.value:.3g}"
+        )
 
 
 def both_of(table, measure, first, second):
-    """(block (n,), values of the first filter (n,), of the second) of the outages that both have; empty where one is not in the table."""
+    """(block (n,), values of the first filter (n,), of the second) of the outages that both
+    have; empty where one is not in the table."""
     if not {(measure, first), (measure, second)} <= set(table.columns):
         return np.empty((3, 0))
     a, b = (np.maximum(table[measure, name].to_numpy(float), LEAST) for name in (first, second))
@@ -52,41 +63,58 @@ def ratio(table, measure, first, second, probability=0.95):
 
 
 def difference(table, measure, first, second):
-    """Mean over blocks of the difference of a measure of two filters with its interval, as a Paired, in the unit of the measure."""
+    """Mean over blocks of the difference of a measure of two filters with its interval, as a
+    Paired, in the unit of the measure."""
     block, a, b = both_of(table, measure, first, second)
     return over_blocks(a - b, block, table.attrs["widening"])
 
 
 def change(table, measure, first, second, other_first, other_second):
-    """(block (n,), log ratio of `measure` of the first two filters less that of the other two (n,)) of the outages that all have."""
-    if not {(measure, name) for name in (first, second, other_first, other_second)} <= set(table.columns):
+    """(block (n,), log ratio of `measure` of the first two filters less that of the other two
+    (n,)) of the outages that all have."""
+    if not {(measure, name) for name in (first, second, other_first, other_second)} <= set(
+        table.columns
+    ):
         return np.empty((2, 0))
-    a, b, c, d = (np.log(np.maximum(table[measure, name].to_numpy(float), LEAST)) for name in (first, second, other_first, other_second))
+    a, b, c, d = (
+        np.log(np.maximum(table[measure, name].to_numpy(float), LEAST))
+        for name in (first, second, other_first, other_second)
+    )
     return table.index.get_level_values("block").to_numpy(), a - b - (c - d)
 
 
 def stronger(table, one, other, *filters):
-    """By how much the `change` between four `filters` is larger in measure `one` than in measure `other`: Paired of logarithms."""
+    """By how much the `change` between four `filters` is larger in measure `one` than in measure
+    `other`: Paired of logarithms."""
     (block, a), (_, b) = (change(table, measure, *filters) for measure in (one, other))
     return over_blocks(a - b, block, table.attrs["widening"])
 
 
 def sides(tables, measures, first, second, probability=0.95):
-    """Count of the cells (case and measure) in which filter `first` is better than `second`; where it surely is not contradicts."""
+    """Count of the cells (case and measure) in which filter `first` is better than `second`;
+    where it surely is not contradicts."""
     return against(tables, measures, first, [second], probability)
 
 
 def against(tables, measures, first, others, probability=0.95):
-    """Count of the cells in which filter `first` is better than every one of `others`; where it surely is not than one of them contradicts."""
-    found = [min(ratio(table, measure, first, other, probability).side for other in others) for table in tables.values() for measure in measures]
+    """Count of the cells in which filter `first` is better than every one of `others`; where it
+    surely is not than one of them contradicts."""
+    found = [
+        min(ratio(table, measure, first, other, probability).side for other in others)
+        for table in tables.values()
+        for measure in measures
+    ]
     return Count(found.count(1), found.count(-1), len(found))
 
 
 def any_better(tables, measures, first, others):
-    """Count of the same cells for a claim that one of them is enough for: better is decided with Bonferroni's level of so many cells.
+    """Count of the same cells for a claim that one of them is enough for: better is decided with
+    Bonferroni's level of so many cells.
 
     That a filter is better nowhere is told by each cell at 95 %, as elsewhere.
     """
     cells = max(len(tables) * len(measures), 1)
     one = against(tables, measures, first, others)
-    return one._replace(supports=against(tables, measures, first, others, 1 - 0.05 / cells).supports)
+    return one._replace(
+        supports=against(tables, measures, first, others, 1 - 0.05 / cells).supports
+    )

@@ -1,4 +1,6 @@
-"""How numbers with intervals become a verdict on a claim: a cell supports it, contradicts it, or leaves it open, and the shares of cells decide."""
+"""How numbers with intervals become a verdict on a claim: a cell supports it, contradicts it, or
+leaves it open, and the shares of cells decide."""
+
 from typing import NamedTuple
 
 import numpy as np
@@ -8,7 +10,8 @@ from .pages import NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
 SIZE = 0.01
 """A difference of RMSE below this part is called none, however well many runs resolve it."""
 MOST, FEW = 0.75, 0.25
-"""A claim is reproduced from this share of supporting cells on, and not reproduced where even with all open cells it cannot exceed the other one."""
+"""A claim is reproduced from this share of supporting cells on, and not reproduced where even
+with all open cells it cannot exceed the other one."""
 READINGS = ("", "_500")
 """Columns by both abort rules, and by the 500 m rule alone."""
 OPEN, CLOSED, NONE, UNKNOWN = "open", "closed", "none", "unknown"
@@ -17,25 +20,37 @@ OPEN, CLOSED, NONE, UNKNOWN = "open", "closed", "none", "unknown"
 
 class Count(NamedTuple):
     """Cells that support a claim, that contradict it, and all."""
+
     supports: int
     contradicts: int
     total: int
 
     @property
     def verdict(self):
-        """Of the share of supporting cells, whose interval goes from none to all of the open cells supporting."""
+        """Of the share of supporting cells, whose interval goes from none to all of the open
+        cells supporting."""
         if not self.total:
             return UNDECIDED
         low, high = self.supports / self.total, 1 - self.contradicts / self.total
-        return REPRODUCED if low >= MOST else NOT_REPRODUCED if high <= FEW else PARTLY if low > FEW else UNDECIDED
+        return (
+            REPRODUCED
+            if low >= MOST
+            else NOT_REPRODUCED
+            if high <= FEW
+            else PARTLY
+            if low > FEW
+            else UNDECIDED
+        )
 
     def __str__(self):
         return f"{self.supports} of {self.total} cells for it, {self.contradicts} against, {self.total - self.supports - self.contradicts} open"
 
 
-RULE = (f"reproduced where {MOST:.0%} of the cells or more support it, not reproduced where not even with all open cells more than "
-        f"{FEW:.0%} would, "
-        f"partly where more than {FEW:.0%} support it, else not decidable")
+RULE = (
+    f"reproduced where {MOST:.0%} of the cells or more support it, not reproduced where not even with all open cells more than "
+    f"{FEW:.0%} would, "
+    f"partly where more than {FEW:.0%} support it, else not decidable"
+)
 BETTER = f"better: the 95 % interval of the ratio of RMSEs over common runs lies beyond 1 by more than {SIZE:.0%}; no difference: all of it is within {SIZE:.0%}"
 
 
@@ -50,20 +65,30 @@ def better(row, name):
 
 
 def sides(rows, name, side):
-    """Count of the rows in which filter `side` is better; the other one better or no difference contradicts."""
+    """Count of the rows in which filter `side` is better; the other one better or no difference
+    contradicts."""
     found = [better(row, name) for _, row in rows.iterrows()]
-    return Count(found.count(side), len(found) - found.count(side) - found.count(UNKNOWN), len(found))
+    return Count(
+        found.count(side), len(found) - found.count(side) - found.count(UNKNOWN), len(found)
+    )
 
 
 def share(rows, name, more=True, level=0.5):
-    """Count of the rows whose interval `name` is above `level` (below for more=False); on the other side contradicts."""
-    above, below = int((rows[f"{name}_low"] > level).sum()), int((rows[f"{name}_high"] < level).sum())
+    """Count of the rows whose interval `name` is above `level` (below for more=False); on the
+    other side contradicts."""
+    above, below = (
+        int((rows[f"{name}_low"] > level).sum()),
+        int((rows[f"{name}_high"] < level).sum()),
+    )
     return Count(above, below, len(rows)) if more else Count(below, above, len(rows))
 
 
 def apart(first, second, name):
-    """+1 where interval `name` of row `first` is above that of `second`, -1 where it is below, 0 where they overlap."""
-    return int(first[f"{name}_low"] > second[f"{name}_high"]) - int(first[f"{name}_high"] < second[f"{name}_low"])
+    """+1 where interval `name` of row `first` is above that of `second`, -1 where it is below, 0
+    where they overlap."""
+    return int(first[f"{name}_low"] > second[f"{name}_high"]) - int(
+        first[f"{name}_high"] < second[f"{name}_low"]
+    )
 
 
 def total(counts):
@@ -80,7 +105,8 @@ def both(*verdicts):
 
 
 def over_readings(*verdicts):
-    """Of the two ways to abort: opposite ones mean that what the paper leaves open decides; else the less favourable one."""
+    """Of the two ways to abort: opposite ones mean that what the paper leaves open decides; else
+    the less favourable one."""
     if {REPRODUCED, NOT_REPRODUCED} <= set(verdicts):
         return UNDECIDED
     return max(verdicts, key=(REPRODUCED, PARTLY, UNDECIDED, NOT_REPRODUCED).index)

@@ -1,10 +1,13 @@
-"""The case studies of Fossen's chapter 14: which filter on which sensors, with which weights, from which start; and one run in numbers.
+"""The case studies of Fossen's chapter 14: which filter on which sensors, with which weights, from
+which start; and one run in numbers.
 
-The published weights are variances Q of white noise that a code adds as h^2 Q in each step of h = 1 ms, so that they are no property of the noise:
-another step would mean another tuning. Here each becomes the spectral density q = h Q of its own step and holds at every rate. Weights R of
-measurements are variances of one fix and are kept, though the published code skips all fixes but those that come with a position, and here every
-fix is used when it comes.
+The published weights are variances Q of white noise that a code adds as h^2 Q in each step of h = 1
+ms, so that they are no property of the noise: another step would mean another tuning. Here each
+becomes the spectral density q = h Q of its own step and holds at every rate. Weights R of
+measurements are variances of one fix and are kept, though the published code skips all fixes but
+those that come with a position, and here every fix is used when it comes.
 """
+
 from typing import NamedTuple
 
 import numpy as np
@@ -12,9 +15,10 @@ import numpy as np
 from strapdown.core.contract import BA, BG, Noise, Start
 from strapdown.data import DataError, Trajectory
 from strapdown.engine.batch import fuse
-from strapdown.filters.ins.open_loop import INS_ERROR
 from strapdown.evaluation.metrics import errors
+from strapdown.filters.ins.open_loop import INS_ERROR
 from strapdown.sim.synthesis import draw_start
+
 from . import signals
 
 PUBLISHED_STEP = 1e-3
@@ -24,81 +28,149 @@ TUNINGS = (CHAPTER, RIGHT)
 ROWS = 10.0
 """Hz: rows of a run that are scored."""
 ACCEL_BELOW, GYRO_BELOW = 0.02, 0.05 * float(np.linalg.norm(signals.GYRO_BIAS))
-"""m/s^2 and rad/s: a bias has converged when the length of its error stays below this: 6 and 5 % of the biases at the start."""
+"""m/s^2 and rad/s: a bias has converged when the length of its error stays below this: 6 and 5 %
+of the biases at the start."""
 RMS = {"position_m": 0, "velocity_m_s": 3, "attitude_rad": 6, "accel_m_s2": 9, "gyro_rad_s": 12}
 """Names of rms errors, and the first of the three states that each is of."""
 LAST = 100.0
 """s at the end of a run over which its errors are averaged."""
-START_SD = (1.0, 1.0, 1.0, 0.1, 0.1, 0.1, *np.radians([2.0, 2.0, 5.0]).tolist(), 0.3, 0.3, 0.3, 0.1, 0.1, 0.1)
+START_SD = (
+    1.0,
+    1.0,
+    1.0,
+    0.1,
+    0.1,
+    0.1,
+    *np.radians([2.0, 2.0, 5.0]).tolist(),
+    0.3,
+    0.3,
+    0.3,
+    0.1,
+    0.1,
+    0.1,
+)
 """With the true noises: m, m/s, rad, and of biases that are estimated as 0, m/s^2 and rad/s."""
 
 
 class Weights(NamedTuple):
-    """Published weights: Q of velocity, accelerometer bias, attitude and gyro bias, time constants (s), and R of each kind of measurement.
+    """Published weights: Q of velocity, accelerometer bias, attitude and gyro bias, time constants
+    (s), and R of each kind of measurement.
 
     R of field and gravity is that of a unit vector; the others are in m^2, (m/s)^2 and rad^2.
     """
+
     Q: tuple
     times: tuple
     R: dict
 
 
-MEKF = Weights((0.01, 0.01, 0.1, 0.001), (500.0, 500.0),
-               {"position": 1.0, "velocity": 0.1, "magnetic-field": 0.01, "heading": 0.01, "gravity": 1.0})
+MEKF = Weights(
+    (0.01, 0.01, 0.1, 0.001),
+    (500.0, 500.0),
+    {"position": 1.0, "velocity": 0.1, "magnetic-field": 0.01, "heading": 0.01, "gravity": 1.0},
+)
 """SIMaidedINSquat and ins_mekf of the Marine Systems Simulator."""
-EULER = Weights((0.1, 0.001, 0.1, 0.001), (1000.0, 500.0), {"position": 0.1, "heading": 0.001, "gravity": 1.0})
-"""SIMaidedINSeuler and ins_euler, an indirect filter in Euler angles: the chapter's direct one has no published code."""
+EULER = Weights(
+    (0.1, 0.001, 0.1, 0.001), (1000.0, 500.0), {"position": 0.1, "heading": 0.001, "gravity": 1.0}
+)
+"""SIMaidedINSeuler and ins_euler, an indirect filter in Euler angles: the chapter's direct one
+has no published code."""
 AHRS = Weights((1.0, 1.0, 10.0, 0.01), (1000.0, 500.0), {"position": 1.0, "attitude": 1.0})
 """SIMaidedINSeuler and ins_ahrs."""
-TRUE_SD = {"position": signals.POSITION_SD, "velocity": signals.VELOCITY_SD, "magnetic-field": signals.DIRECTION_SD, "heading": signals.COMPASS_SD,
-           "attitude": signals.AHRS_SD, "gravity": 1.0 / 9.82}
-"""Standard deviations of what is simulated; that of gravity stands for the body's acceleration, 1 m/s^2. Of field and gravity, over their size."""
+TRUE_SD = {
+    "position": signals.POSITION_SD,
+    "velocity": signals.VELOCITY_SD,
+    "magnetic-field": signals.DIRECTION_SD,
+    "heading": signals.COMPASS_SD,
+    "attitude": signals.AHRS_SD,
+    "gravity": 1.0 / 9.82,
+}
+"""Standard deviations of what is simulated; that of gravity stands for the body's acceleration,
+1 m/s^2. Of field and gravity, over their size."""
 SIZE = {"magnetic-field": float(np.linalg.norm(signals.FIELD)), "gravity": 9.82}
 """T and m/s^2: from the unit vector to what the aidings measure."""
 
 
 class Case(NamedTuple):
-    """A filter with its sensors. `white`: tunings with which its biases are driven by white noise alone; with the others they decay."""
+    """A filter with its sensors. `white`: tunings with which its biases are driven by white
+    noise alone; with the others they decay."""
+
     name: str
     filter: str
     kinds: tuple
     weights: Weights
     white: tuple = ()
-    interval: float = signals.POSITION_INTERVAL     # s between positions
-    rate: float = 100.0                             # IMU samples per second
+    interval: float = signals.POSITION_INTERVAL  # s between positions
+    rate: float = 100.0  # IMU samples per second
     tunings: tuple = TUNINGS
 
 
 CASES = (
-    Case("mekf, position + field, 1 Hz", "mekf", ("position", "magnetic-field"), MEKF, interval=1.0),
+    Case(
+        "mekf, position + field, 1 Hz", "mekf", ("position", "magnetic-field"), MEKF, interval=1.0
+    ),
     Case("mekf, position + field", "mekf", ("position", "magnetic-field"), MEKF),
-    Case("mekf, position + velocity + field", "mekf", ("position", "velocity", "magnetic-field"), MEKF),
-    Case("mekf, position + gravity + field", "mekf", ("position", "gravity", "magnetic-field"), MEKF),
+    Case(
+        "mekf, position + velocity + field",
+        "mekf",
+        ("position", "velocity", "magnetic-field"),
+        MEKF,
+    ),
+    Case(
+        "mekf, position + gravity + field", "mekf", ("position", "gravity", "magnetic-field"), MEKF
+    ),
     Case("mekf, position + compass", "mekf", ("position", "heading"), MEKF),
     Case("mekf, position + velocity + compass", "mekf", ("position", "velocity", "heading"), MEKF),
-    Case("mekf, position + field, white-driven biases", "mekf", ("position", "magnetic-field"), MEKF, white=TUNINGS, tunings=(CHAPTER,)),
-    Case("direct-euler, position + compass", "direct-euler", ("position", "heading"), EULER, white=(CHAPTER,)),
+    Case(
+        "mekf, position + field, white-driven biases",
+        "mekf",
+        ("position", "magnetic-field"),
+        MEKF,
+        white=TUNINGS,
+        tunings=(CHAPTER,),
+    ),
+    Case(
+        "direct-euler, position + compass",
+        "direct-euler",
+        ("position", "heading"),
+        EULER,
+        white=(CHAPTER,),
+    ),
     Case("direct-ahrs", "direct-ahrs", ("position", "attitude"), AHRS, white=(CHAPTER,)),
-    Case("direct-ahrs, white-driven biases", "direct-ahrs", ("position", "attitude"), AHRS, white=TUNINGS, tunings=(RIGHT,)),
+    Case(
+        "direct-ahrs, white-driven biases",
+        "direct-ahrs",
+        ("position", "attitude"),
+        AHRS,
+        white=TUNINGS,
+        tunings=(RIGHT,),
+    ),
     Case("indirect-ahrs-closed", "indirect-ahrs-closed", ("position", "attitude"), AHRS),
     Case("indirect-ahrs-open", "indirect-ahrs-open", ("position", "attitude"), AHRS),
-    Case("fixed-gain", "fixed-gain", ("position", "attitude"), AHRS, tunings=(RIGHT,)))
-FAST = tuple(case._replace(name=f"{case.name}, 1 kHz", rate=1000.0) for case in CASES if case.name in ("mekf, position + "
-    "field", "mekf, position + compass"))
+    Case("fixed-gain", "fixed-gain", ("position", "attitude"), AHRS, tunings=(RIGHT,)),
+)
+FAST = tuple(
+    case._replace(name=f"{case.name}, 1 kHz", rate=1000.0)
+    for case in CASES
+    if case.name in ("mekf, position + field", "mekf, position + compass")
+)
 """At the IMU rate of the published scripts."""
 
 
 def noise(case, tuning, excitation):
     """The Noise that the filter of a case is told.
 
-    chapter: the published weights as densities, biases of direct filters without decay. true noises: what is simulated, the bias model included;
-    the drive of the varying biases also where they are constant.
+    chapter: the published weights as densities, biases of direct filters without decay. true
+    noises: what is simulated, the bias model included; the drive of the varying biases also where
+    they are constant.
     """
     if tuning == CHAPTER:
-        accel, accel_bias, gyro, gyro_bias = np.sqrt(np.array(case.weights.Q) * PUBLISHED_STEP).tolist()
+        accel, accel_bias, gyro, gyro_bias = np.sqrt(
+            np.array(case.weights.Q) * PUBLISHED_STEP
+        ).tolist()
         times = case.weights.times
     else:
-        accel = gyro = signals.SAMPLE_NOISE * case.rate ** -0.5
+        accel = gyro = signals.SAMPLE_NOISE * case.rate**-0.5
         accel_bias, gyro_bias = (sd * np.sqrt(2 / signals.BIAS_TIME) for sd in signals.BIAS_SD)
         times = (signals.BIAS_TIME if excitation == "signal 2" else np.inf,) * 2
     accel_decay, gyro_decay = (0.0, 0.0) if tuning in case.white else (1 / time for time in times)
@@ -106,7 +178,8 @@ def noise(case, tuning, excitation):
 
 
 def deviation(case, tuning, kind):
-    """Standard deviation that a fix of `kind` is given, in the unit of its aiding. Raises DataError where no weight is known."""
+    """Standard deviation that a fix of `kind` is given, in the unit of its aiding. Raises
+    DataError where no weight is known."""
     if tuning == CHAPTER and kind not in case.weights.R:
         raise DataError(f"{case.name}: no weight of {kind!r} is published")
     unit = np.sqrt(case.weights.R[kind]) if tuning == CHAPTER else TRUE_SD[kind]
@@ -116,28 +189,41 @@ def deviation(case, tuning, kind):
 def sensed(recording, case, tuning):
     """The recording with the sources of a case alone, which state the deviations of a tuning."""
     from dataclasses import replace
+
     chosen = [a for a in recording.aidings if a.kind in case.kinds]
-    return replace(recording, aidings=tuple(replace(a, sd=np.full(a.sd.shape, deviation(case, tuning, a.kind))) for a in chosen))
+    return replace(
+        recording,
+        aidings=tuple(
+            replace(a, sd=np.full(a.sd.shape, deviation(case, tuning, a.kind))) for a in chosen
+        ),
+    )
 
 
 def start(recording, tuning, seed):
-    """Where a run begins: as the published scripts do, at the truth with deviations of 1 of everything, or at an error drawn from START_SD. Biases 0."""
+    """Where a run begins: as the published scripts do, at the truth with deviations of 1 of
+    everything, or at an error drawn from START_SD. Biases 0."""
     truth = recording.reference
     if tuning == CHAPTER:
-        place, speed, angles = (tuple(map(float, part[0])) for part in (truth.lla, truth.v_n, truth.rph))
+        place, speed, angles = (
+            tuple(map(float, part[0])) for part in (truth.lla, truth.v_n, truth.rph)
+        )
         return Start(0.0, place, speed, angles, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15, "the truth")
     unbiased, rng = (np.zeros(3), np.zeros(3)), np.random.default_rng([seed, 77])
-    return draw_start(truth, np.r_[START_SD[:9], np.zeros(6)], rng, biases=unbiased)._replace(sd=START_SD)
+    return draw_start(truth, np.r_[START_SD[:9], np.zeros(6)], rng, biases=unbiased)._replace(
+        sd=START_SD
+    )
 
 
 class Run(NamedTuple):
-    """One run at ROWS a second: errors true - estimate, SI and radians, NaN where nothing is estimated."""
-    t: np.ndarray           # (n,) s
-    error: np.ndarray       # (n, 15)
-    sd: np.ndarray          # (n, 15)
-    bias: np.ndarray        # (n, 6) true biases
-    stopped: str            # why it ended early, or ""
-    ins: np.ndarray         # (n,) m: how far the raw INS of a feedforward filter is off; NaN without one
+    """One run at ROWS a second: errors true - estimate, SI and radians, NaN where nothing is
+    estimated."""
+
+    t: np.ndarray  # (n,) s
+    error: np.ndarray  # (n, 15)
+    sd: np.ndarray  # (n, 15)
+    bias: np.ndarray  # (n, 6) true biases
+    stopped: str  # why it ended early, or ""
+    ins: np.ndarray  # (n,) m: how far the raw INS of a feedforward filter is off; NaN without one
 
     def size(self, states):
         """(n,) length of the error of three states."""
@@ -146,23 +232,51 @@ class Run(NamedTuple):
 
 def run(recording, case, tuning, excitation, seed):
     """Run of a case on a Recording of fossen_signals; a filter that breaks down ends it early."""
-    used, every, truth = sensed(recording, case, tuning), round(case.rate / ROWS), recording.reference
-    options = {"bias": "random-walk" if tuning in case.white else "decaying"} if case.filter.startswith("direct") else {}
+    used, every, truth = (
+        sensed(recording, case, tuning),
+        round(case.rate / ROWS),
+        recording.reference,
+    )
+    options = (
+        {"bias": "random-walk" if tuning in case.white else "decaying"}
+        if case.filter.startswith("direct")
+        else {}
+    )
     try:
-        solution = fuse(used, case.filter, start=start(recording, tuning, seed), noise=noise(case, tuning, excitation), every=every, **options)
+        solution = fuse(
+            used,
+            case.filter,
+            start=start(recording, tuning, seed),
+            noise=noise(case, tuning, excitation),
+            every=every,
+            **options,
+        )
     except DataError as error:
-        return Run(np.empty(0), np.empty((0, 15)), np.empty((0, 15)), np.empty((0, 6)), str(error), np.empty(0))
-    e = errors(solution, Trajectory(truth.t[::every], truth.lla[::every], truth.v_n[::every], truth.q_nb[::every]))
+        return Run(
+            np.empty(0),
+            np.empty((0, 15)),
+            np.empty((0, 15)),
+            np.empty((0, 6)),
+            str(error),
+            np.empty(0),
+        )
+    e = errors(
+        solution,
+        Trajectory(truth.t[::every], truth.lla[::every], truth.v_n[::every], truth.q_nb[::every]),
+    )
     rows = np.searchsorted(recording.imu.t, solution.t - 1e-6)
     bias = np.c_[recording.meta["b_a"][rows], recording.meta["b_g"][rows]]
     error = np.c_[e.position, e.velocity, e.attitude, bias - np.c_[solution.b_a, solution.b_g]]
     beside = [solution.columns.get(name, np.full(len(e.t), np.nan)) for name in INS_ERROR]
     ins = np.linalg.norm(e.position + np.stack(beside, axis=1), axis=1)
-    return Run(solution.t, error, solution.trajectory.sd, bias, solution.meta.get("stopped", ""), ins)
+    return Run(
+        solution.t, error, solution.trajectory.sd, bias, solution.meta.get("stopped", ""), ins
+    )
 
 
 def settled(t, size, below):
-    """s: since when `size` (n,) stays below a bound to the end; inf where it does not, NaN where it is nowhere known."""
+    """s: since when `size` (n,) stays below a bound to the end; inf where it does not, NaN where
+    it is nowhere known."""
     if not len(size) or not size[-1] < below:
         return np.nan if len(size) and np.isnan(size).all() else np.inf
     above = np.flatnonzero(~(size < below))
@@ -170,15 +284,21 @@ def settled(t, size, below):
 
 
 def numbers(run, duration):
-    """{name: number} of a run: times of convergence, rms errors over the last LAST s, shares of the biases' deviations that are left.
+    """{name: number} of a run: times of convergence, rms errors over the last LAST s, shares of the
+    biases' deviations that are left.
 
-    accel_first_s is when the error of the accelerometer biases first was below its bound, whether it stayed there or not.
+    accel_first_s is when the error of the accelerometer biases first was below its bound, whether
+    it stayed there or not.
     """
     ended = bool(run.stopped) or not len(run.t) or run.t[-1] < duration - 1.0
     late = run.t >= duration - LAST
     rms = lambda states: np.nan if ended else float(np.sqrt(np.mean(run.size(states)[late] ** 2)))
-    found = {"stopped": ended, "accel_s": np.inf if ended else settled(run.t, run.size(BA), ACCEL_BELOW),
-             "gyro_s": np.inf if ended else settled(run.t, run.size(BG), GYRO_BELOW), "ins_m": np.nan if ended else float(run.ins[-1])}
+    found = {
+        "stopped": ended,
+        "accel_s": np.inf if ended else settled(run.t, run.size(BA), ACCEL_BELOW),
+        "gyro_s": np.inf if ended else settled(run.t, run.size(BG), GYRO_BELOW),
+        "ins_m": np.nan if ended else float(run.ins[-1]),
+    }
     below = np.flatnonzero(run.size(BA) < ACCEL_BELOW)
     found |= {"accel_first_s": float(run.t[below[0]]) if len(below) else np.inf}
     found |= {name: rms(slice(i, i + 3)) for name, i in RMS.items()}

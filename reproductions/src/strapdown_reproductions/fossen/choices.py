@@ -1,49 +1,133 @@
-"""What Fossen's chapter 14 and its published code leave unspecified or have otherwise, and what was chosen here."""
+"""What Fossen's chapter 14 and its published code leave unspecified or have otherwise, and what
+was chosen here."""
 
 CHOICES = (
-    ("the Earth", "flat, at rest; gravity of the latitude, without height", "the turning ellipsoid with gravity by height; specific force "
+    (
+        "the Earth",
+        "flat, at rest; gravity of the latitude, without height",
+        "the turning ellipsoid with gravity by height; specific force "
         "and rate in body axes are the "
-     "published ones, so that the gyro's is against inertial space"),
-    ("samples of the IMU", "values at the end of each step", "integrals over each step of the true force and rate"),
+        "published ones, so that the gyro's is against inertial space",
+    ),
+    (
+        "samples of the IMU",
+        "values at the end of each step",
+        "integrals over each step of the true force and rate",
+    ),
     ("length of a run", "100 s in the scripts; claims of 1-2 minutes", "300 s"),
-    ("rates", "text: IMU 100 Hz, position 1 Hz; scripts: IMU 1 kHz, field 100 Hz, position 5 Hz", "IMU 100 Hz, field and compass 100 Hz, "
-        "position and velocity 5 Hz; also position at 1 Hz, and IMU at 1 kHz"),
-    ("noise of the IMU", "0.005 m/s² and 0.005 rad/s per sample, at 1 kHz", "the same per sample at every rate"),
-    ("noise of the magnetometer", "0.005 nT per axis of a field of 52 000 nT", "0.005 of the field's strength: 0.26 uT"),
+    (
+        "rates",
+        "text: IMU 100 Hz, position 1 Hz; scripts: IMU 1 kHz, field 100 Hz, position 5 Hz",
+        "IMU 100 Hz, field and compass 100 Hz, "
+        "position and velocity 5 Hz; also position at 1 Hz, and IMU at 1 kHz",
+    ),
+    (
+        "noise of the IMU",
+        "0.005 m/s² and 0.005 rad/s per sample, at 1 kHz",
+        "the same per sample at every rate",
+    ),
+    (
+        "noise of the magnetometer",
+        "0.005 nT per axis of a field of 52 000 nT",
+        "0.005 of the field's strength: 0.26 uT",
+    ),
     ("noise of compass and AHRS", "none", "white, 0.005 rad; AHRS at 10 Hz"),
-    ("AHRS", "measures independently of the IMU's noise", "so here; a real one uses the same gyros and accelerometers"),
-    ("weights Q", "variances that the code adds as h² Q in each step of 1 ms", "densities q = h Q of that step, at every rate"),
-    ("weights R", "of fixes that are used only together with a position: the code computes the others and drops them", "of every fix, used "
-        "when it comes; "
-     "so 100 fields a second weigh more than in the scripts"),
-    ("weights of the direct filters", "no code published", "those of the published filter with the same sensors (ins_euler, ins_ahrs); "
-        "biases driven by white noise, without decay"),
-    ("gains of the fixed-gain observer", "not stated", "the defaults of `fixed-gain`, which has no weights"),
-    ("which tuning", "weights larger than the simulated noise by far, not explained", "twice: the chapter's weights, and the simulated "
-        "noises with the simulated model of the biases"),
-    ("start", "at the true position, velocity and attitude, biases 0, P the identity in m, m/s, rad", "so with the chapter's weights; with "
+    (
+        "AHRS",
+        "measures independently of the IMU's noise",
+        "so here; a real one uses the same gyros and accelerometers",
+    ),
+    (
+        "weights Q",
+        "variances that the code adds as h² Q in each step of 1 ms",
+        "densities q = h Q of that step, at every rate",
+    ),
+    (
+        "weights R",
+        "of fixes that are used only together with a position: the code computes the others and drops them",
+        "of every fix, used when it comes; so 100 fields a second weigh more than in the scripts",
+    ),
+    (
+        "weights of the direct filters",
+        "no code published",
+        "those of the published filter with the same sensors (ins_euler, ins_ahrs); "
+        "biases driven by white noise, without decay",
+    ),
+    (
+        "gains of the fixed-gain observer",
+        "not stated",
+        "the defaults of `fixed-gain`, which has no weights",
+    ),
+    (
+        "which tuning",
+        "weights larger than the simulated noise by far, not explained",
+        "twice: the chapter's weights, and the simulated "
+        "noises with the simulated model of the biases",
+    ),
+    (
+        "start",
+        "at the true position, velocity and attitude, biases 0, P the identity in m, m/s, rad",
+        "so with the chapter's weights; with "
         "the true noises errors drawn from 1 m, "
-     "0.1 m/s, 2 deg of roll and pitch, 5 deg of heading; deviations of the biases 0.3 m/s² and 0.1 rad/s"),
-    ("time constants", "500 s (MEKF), 1000 and 500 s (Euler angles, AHRS), in the code", "those with the chapter's weights; with the true "
-        "noises 300 s where the biases vary so, none where they are constant"),
-    ("varying biases of signal 2", "begin at the constant ones, 300 s, 20 µg and 8 deg/h", "so: they decay by two thirds in the run"),
-    ("gravity as a reference vector", "a unit vector, variance 1", "specific force against gravity with 9.8 m/s², and 1 m/s² for the true "
-        "noises: the body's acceleration, of up to 0.3 m/s², lasts for tens of seconds"),
-    ("\"converged\"", "not defined; read off plots", "the length of the error of the three biases is below 0.02 m/s² (0.35 deg/s) and "
-        "stays there"),
-    ("experiments behind \"1-2 minutes\"", "one run of one signal", "50 seeds, two signals, six sets of sensors, two tunings"),
-    ("\"sufficiently excited\"", "not quantified", "the two signals against a body at rest, one in steady straight motion, and one that "
-        "swings its heading alone"),
-    ("Euler angles in the indirect filter (ins_euler)", "the error is a small rotation of the body, but is added to the angles, and the "
-        "compass row is [0 0 1]", "not run; `direct-euler` maps "
-     "rotation and angles by their Jacobian"),
-    ("compass row of the MEKF (ins_mekf_psi)", "derivative by the whole attitude: zero pointing south", "exact"),
+        "0.1 m/s, 2 deg of roll and pitch, 5 deg of heading; deviations of the biases 0.3 m/s² and 0.1 rad/s",
+    ),
+    (
+        "time constants",
+        "500 s (MEKF), 1000 and 500 s (Euler angles, AHRS), in the code",
+        "those with the chapter's weights; with the true "
+        "noises 300 s where the biases vary so, none where they are constant",
+    ),
+    (
+        "varying biases of signal 2",
+        "begin at the constant ones, 300 s, 20 µg and 8 deg/h",
+        "so: they decay by two thirds in the run",
+    ),
+    (
+        "gravity as a reference vector",
+        "a unit vector, variance 1",
+        "specific force against gravity with 9.8 m/s², and 1 m/s² for the true "
+        "noises: the body's acceleration, of up to 0.3 m/s², lasts for tens of seconds",
+    ),
+    (
+        '"converged"',
+        "not defined; read off plots",
+        "the length of the error of the three biases is below 0.02 m/s² (0.35 deg/s) and "
+        "stays there",
+    ),
+    (
+        'experiments behind "1-2 minutes"',
+        "one run of one signal",
+        "50 seeds, two signals, six sets of sensors, two tunings",
+    ),
+    (
+        '"sufficiently excited"',
+        "not quantified",
+        "the two signals against a body at rest, one in steady straight motion, and one that "
+        "swings its heading alone",
+    ),
+    (
+        "Euler angles in the indirect filter (ins_euler)",
+        "the error is a small rotation of the body, but is added to the angles, and the "
+        "compass row is [0 0 1]",
+        "not run; `direct-euler` maps rotation and angles by their Jacobian",
+    ),
+    (
+        "compass row of the MEKF (ins_mekf_psi)",
+        "derivative by the whole attitude: zero pointing south",
+        "exact",
+    ),
     ("gates", "none", "none"),
-    ("seeds", "none", "each sensor of each run has its own stream; filters and tunings share the draws of a seed"))
+    (
+        "seeds",
+        "none",
+        "each sensor of each run has its own stream; filters and tunings share the draws of a seed",
+    ),
+)
 """(what, in the chapter and its code, here)."""
 
 
 def table():
     """The choices as a pandas DataFrame of text."""
     import pandas as pd
+
     return pd.DataFrame(CHOICES, columns=["what", "in the chapter and its code", "here"])

@@ -1,15 +1,25 @@
-"""The introductory example of Fossen's chapter 14 (section 14.4.1): an aided INS along one axis, in plain numpy.
+"""The introductory example of Fossen's chapter 14 (section 14.4.1): an aided INS along one axis, in
+plain numpy.
 
-A body moves along a line and turns about one axis; its accelerometer and rate sensor have biases, and its position and angle are measured now and
-then. The five states are position (m), velocity (m/s), angle (rad), accelerometer bias (m/s^2) and rate bias (rad/s). Three filters use the same
-records: the feedforward one estimates the error of an INS that it never touches, the feedback one puts that estimate into the INS at each fix, the
-direct one estimates the state itself. Errors are true - estimate, so that a bias, which is what a sensor reads too much, drives them with a minus.
+A body moves along a line and turns about one axis; its accelerometer and rate sensor have biases,
+and its position and angle are measured now and then. The five states are position (m), velocity
+(m/s), angle (rad), accelerometer bias (m/s^2) and rate bias (rad/s). Three filters use the same
+records: the feedforward one estimates the error of an INS that it never touches, the feedback one
+puts that estimate into the INS at each fix, the direct one estimates the state itself. Errors are
+true - estimate, so that a bias, which is what a sensor reads too much, drives them with a minus.
 """
+
 from typing import NamedTuple
 
 import numpy as np
 
-STATES = ("position, m", "velocity, m/s", "angle, deg", "accelerometer bias, m/s^2", "rate bias, deg/s")
+STATES = (
+    "position, m",
+    "velocity, m/s",
+    "angle, deg",
+    "accelerometer bias, m/s^2",
+    "rate bias, deg/s",
+)
 SCALE = np.array([1.0, 1.0, np.degrees(1), 1.0, np.degrees(1)])
 """From SI to the units of STATES."""
 H = np.array([[1.0, 0, 0, 0, 0], [0, 0, 1, 0, 0]])
@@ -23,15 +33,17 @@ OUTAGE = (180.0, 240.0)
 
 
 class Model(NamedTuple):
-    """What a filter assumes. Densities are roots: m/s/sqrt(s) and so on; time constants in s, inf for a random walk."""
-    accel: float = 0.005 * 0.1 ** 0.5
-    rate: float = 0.005 * 0.1 ** 0.5
+    """What a filter assumes. Densities are roots: m/s/sqrt(s) and so on; time constants in s,
+    inf for a random walk."""
+
+    accel: float = 0.005 * 0.1**0.5
+    rate: float = 0.005 * 0.1**0.5
     accel_bias: float = 3e-4
     rate_bias: float = 3e-5
     accel_time: float = 300.0
     rate_time: float = 300.0
-    position_sd: float = 0.05       # m
-    angle_sd: float = 0.01          # rad
+    position_sd: float = 0.05  # m
+    angle_sd: float = 0.01  # rad
     start_sd: tuple = (1.0, 0.3, 0.1, 0.3, 0.1)
 
     @property
@@ -40,29 +52,33 @@ class Model(NamedTuple):
         return np.diag([self.position_sd, self.angle_sd]) ** 2
 
     def without_decay(self):
-        """The same with biases that are driven by white noise alone, as the chapter's direct filters have them."""
+        """The same with biases that are driven by white noise alone, as the chapter's direct
+        filters have them."""
         return self._replace(accel_time=np.inf, rate_time=np.inf)
 
 
 class Record(NamedTuple):
     """Simulated records of several runs: IMU samples are means over the dt before their time."""
-    t: np.ndarray           # (n + 1,) s, from 0
-    dt: float               # s
-    imu: np.ndarray         # (n, runs, 2) measured acceleration m/s^2 and rate rad/s
-    true: np.ndarray        # (n + 1, runs, 5) states
-    fixes: np.ndarray       # (n, runs, 2) measured position and angle after each sample
-    fixed: np.ndarray       # (n,) whether there is a fix
+
+    t: np.ndarray  # (n + 1,) s, from 0
+    dt: float  # s
+    imu: np.ndarray  # (n, runs, 2) measured acceleration m/s^2 and rate rad/s
+    true: np.ndarray  # (n + 1, runs, 5) states
+    fixes: np.ndarray  # (n, runs, 2) measured position and angle after each sample
+    fixed: np.ndarray  # (n,) whether there is a fix
 
 
 class Estimate(NamedTuple):
     """What a filter made of a record, rows as those of `Record.true`."""
-    x: np.ndarray           # (n + 1, runs, 5) states
-    sd: np.ndarray          # (n + 1, 5) standard deviations that it states
-    ins: np.ndarray         # (n + 1, runs, 3) position, velocity and angle of the INS behind it
+
+    x: np.ndarray  # (n + 1, runs, 5) states
+    sd: np.ndarray  # (n + 1, 5) standard deviations that it states
+    ins: np.ndarray  # (n + 1, runs, 3) position, velocity and angle of the INS behind it
 
 
 def dynamics(model):
-    """(F (5, 5), G (5, 4)) of the error states: d dx/dt = F dx + G w, w the noise of acceleration, rate and the two biases."""
+    """(F (5, 5), G (5, 4)) of the error states: d dx/dt = F dx + G w, w the noise of
+    acceleration, rate and the two biases."""
     F, G = np.zeros((5, 5)), np.zeros((5, 4))
     F[0, 1], F[1, 3], F[2, 4] = 1.0, -1.0, -1.0
     F[3, 3], F[4, 4] = -1 / model.accel_time, -1 / model.rate_time
@@ -73,6 +89,7 @@ def dynamics(model):
 def discretised(model, dt):
     """(Phi (5, 5), Q (5, 5)) over dt s, by Van Loan's matrix exponential."""
     from scipy.linalg import expm
+
     F, G = dynamics(model)
     W = np.diag([model.accel, model.rate, model.accel_bias, model.rate_bias]) ** 2
     both = expm(np.block([[-F, G @ W @ G.T], [np.zeros((5, 5)), F.T]]) * dt)
@@ -82,31 +99,48 @@ def discretised(model, dt):
 
 
 def observable(measured, model=Model()):
-    """How many of the five states the rows `measured` (k, 5) tell: the rank of the observability matrix."""
+    """How many of the five states the rows `measured` (k, 5) tell: the rank of the observability
+    matrix."""
     F, rows = dynamics(model)[0], [np.atleast_2d(measured)]
     for _ in range(4):
         rows.append(rows[-1] @ F)
     return int(np.linalg.matrix_rank(np.vstack(rows)))
 
 
-def simulate(rng, runs=1, biases="constant", outages=(), duration=300.0, rate=10.0, every=1.0, model=Model()):
-    """A Record: acceleration and rate are the first components of the chapter's signal 1, fixes come each `every` s but in `outages`.
+def simulate(
+    rng, runs=1, biases="constant", outages=(), duration=300.0, rate=10.0, every=1.0, model=Model()
+):
+    """A Record: acceleration and rate are the first components of the chapter's signal 1, fixes
+    come each `every` s but in `outages`.
 
-    biases: "constant", or "decaying" with the time constants of the model, from BEGIN both; the model's driving noise moves the decaying ones.
+    biases: "constant", or "decaying" with the time constants of the model, from BEGIN both; the
+    model's driving noise moves the decaying ones.
     """
     n, dt = round(duration * rate), 1 / rate
     t = np.arange(n + 1) * dt
-    motion = np.stack([t - 10 * np.sin(0.1 * t), 1 - np.cos(0.1 * t), 0.15 * np.sin(0.2 * t)], axis=1)
+    motion = np.stack(
+        [t - 10 * np.sin(0.1 * t), 1 - np.cos(0.1 * t), 0.15 * np.sin(0.2 * t)], axis=1
+    )
     bias = np.tile(np.array(BEGIN), (n + 1, runs, 1))
     if biases == "decaying":
         keep = np.exp(-dt / np.array([model.accel_time, model.rate_time]))
-        steps = np.sqrt(dt) * np.array([model.accel_bias, model.rate_bias]) * rng.standard_normal((n, runs, 2))
+        steps = (
+            np.sqrt(dt)
+            * np.array([model.accel_bias, model.rate_bias])
+            * rng.standard_normal((n, runs, 2))
+        )
         for k in range(n):
             bias[k + 1] = keep * bias[k] + steps[k]
     true = np.concatenate([np.repeat(motion[:, None], runs, axis=1), bias], axis=2)
     mean = np.diff(motion[:, 1:], axis=0)[:, None] / dt
-    imu = mean + bias[1:] + np.array([model.accel, model.rate]) / np.sqrt(dt) * rng.standard_normal((n, runs, 2))
-    fixes = true[1:] @ H.T + np.array([model.position_sd, model.angle_sd]) * rng.standard_normal((n, runs, 2))
+    imu = (
+        mean
+        + bias[1:]
+        + np.array([model.accel, model.rate]) / np.sqrt(dt) * rng.standard_normal((n, runs, 2))
+    )
+    fixes = true[1:] @ H.T + np.array([model.position_sd, model.angle_sd]) * rng.standard_normal(
+        (n, runs, 2)
+    )
     fixed = np.arange(1, n + 1) % round(every * rate) == 0
     for start, stop in outages:
         fixed &= (t[1:] < start) | (t[1:] >= stop)
@@ -114,27 +148,47 @@ def simulate(rng, runs=1, biases="constant", outages=(), duration=300.0, rate=10
 
 
 def strapdown(state, u, dt):
-    """Position, velocity and angle (runs, 3) a sample later: acceleration and rate u (runs, 2) constant over dt."""
+    """Position, velocity and angle (runs, 3) a sample later: acceleration and rate u (runs, 2)
+    constant over dt."""
     position, velocity, angle = state.T
-    return np.stack([position + dt * velocity + 0.5 * dt * dt * u[:, 0], velocity + dt * u[:, 0], angle + dt * u[:, 1]], axis=1)
+    return np.stack(
+        [
+            position + dt * velocity + 0.5 * dt * dt * u[:, 0],
+            velocity + dt * u[:, 0],
+            angle + dt * u[:, 1],
+        ],
+        axis=1,
+    )
 
 
 def estimate(record, form="feedforward", model=Model()):
-    """The Estimate of one of FORMS, begun at the true position, velocity and angle and with biases of 0.
+    """The Estimate of one of FORMS, begun at the true position, velocity and angle and with biases
+    of 0.
 
-    feedforward: the INS integrates the raw IMU; its error, biases included, is the filter's state and decays with the time constants.
-    feedback: the error is put into INS and biases at each fix and is 0 then; in between the INS holds its biases, as in the published code.
-    direct: the five states themselves, with the IMU as input and biases that do not decay. Raises ValueError for another form.
+    feedforward: the INS integrates the raw IMU; its error, biases included, is the filter's state
+    and decays with the time constants. feedback: the error is put into INS and biases at each fix
+    and is 0 then; in between the INS holds its biases, as in the published code. direct: the five
+    states themselves, with the IMU as input and biases that do not decay. Raises ValueError for
+    another form.
     """
     if form not in FORMS:
         raise ValueError(f"no form {form!r}; there is: {', '.join(FORMS)}")
-    return _direct(record, model.without_decay()) if form == "direct" else _indirect(record, model, form == "feedback")
+    return (
+        _direct(record, model.without_decay())
+        if form == "direct"
+        else _indirect(record, model, form == "feedback")
+    )
 
 
 def _indirect(record, model, feedback):
     Phi, Q = discretised(model, record.dt)
     runs = record.imu.shape[1]
-    ins, bias, dx, P = record.true[0, :, :3], np.zeros((runs, 2)), np.zeros((runs, 5)), np.diag(model.start_sd) ** 2
+    ins, bias, dx, P = (
+        record.true[0, :, :3],
+        np.zeros((runs, 2)),
+        np.zeros((runs, 5)),
+        np.diag(model.start_sd) ** 2,
+    )
     rows = [(np.c_[ins, bias], np.diag(P), ins)]
     for u, fix, fixed in zip(record.imu, record.fixes, record.fixed):
         ins = strapdown(ins, u - bias, record.dt)
@@ -167,29 +221,49 @@ def _stacked(rows):
 
 
 def corrected(x, P, y, R):
-    """States (runs, 5) and covariance after measurements y (runs, 2) of position and angle, or of their errors; Joseph's form."""
+    """States (runs, 5) and covariance after measurements y (runs, 2) of position and angle, or
+    of their errors; Joseph's form."""
     gain = np.linalg.solve(H @ P @ H.T + R, H @ P).T
     rest = np.eye(5) - gain @ H
     return x + (y - x @ H.T) @ gain.T, rest @ P @ rest.T + gain @ R @ gain.T
 
 
 def study(runs, seed=2):
-    """(DataFrame, {(biases, outage, form): (Record, Estimate)}): rows of seed, biases, outage (0 or 1), form and what became of position and bias.
+    """(DataFrame, {(biases, outage, form): (Record, Estimate)}): rows of seed, biases, outage (0 or
+    1), form and what became of position and bias.
 
-    position_m and ins_m: errors of estimate and INS, at the end of the record or of the OUTAGE; bias_before, bias_after: error of the accelerometer
-    bias at the beginning and at the end of the OUTAGE, m/s^2.
+    position_m and ins_m: errors of estimate and INS, at the end of the record or of the OUTAGE;
+    bias_before, bias_after: error of the accelerometer bias at the beginning and at the end of the
+    OUTAGE, m/s^2.
     """
     import pandas as pd
+
     rows, kept = [], {}
     for i, biases in enumerate(BIASES):
         for outage in (0, 1):
-            record = simulate(np.random.default_rng([seed, i, outage]), runs, biases, (OUTAGE,) if outage else ())
+            record = simulate(
+                np.random.default_rng([seed, i, outage]), runs, biases, (OUTAGE,) if outage else ()
+            )
             before, after = (int(np.argmin(np.abs(record.t - at))) for at in OUTAGE)
             after, end = after - 1, after - 1 if outage else len(record.t) - 1
             for form in FORMS:
                 made = estimate(record, form)
-                error, ins = np.abs(record.true - made.x), np.abs(record.true[end, :, 0] - made.ins[end, :, 0])
-                rows += [{"seed": k, "biases": biases, "outage": outage, "form": form, "position_m": error[end, k, 0], "ins_m": ins[k],
-                          "bias_before": error[before - 1, k, 3], "bias_after": error[after, k, 3]} for k in range(runs)]
+                error, ins = (
+                    np.abs(record.true - made.x),
+                    np.abs(record.true[end, :, 0] - made.ins[end, :, 0]),
+                )
+                rows += [
+                    {
+                        "seed": k,
+                        "biases": biases,
+                        "outage": outage,
+                        "form": form,
+                        "position_m": error[end, k, 0],
+                        "ins_m": ins[k],
+                        "bias_before": error[before - 1, k, 3],
+                        "bias_after": error[after, k, 3],
+                    }
+                    for k in range(runs)
+                ]
                 kept[biases, outage, form] = record, made
     return pd.DataFrame(rows), kept

@@ -1,4 +1,6 @@
-"""All runs of the case studies: seeds on threads, a table with a row per run, curves for the figures, and the dead reckoning of dropouts."""
+"""All runs of the case studies: seeds on threads, a table with a row per run, curves for the
+figures, and the dead reckoning of dropouts."""
+
 import os
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
@@ -8,15 +10,20 @@ import numpy as np
 import pandas as pd
 
 from strapdown.core.contract import BA, BG
-from . import cases
-from . import signals
+
+from . import cases, signals
 
 DURATION = 300.0
 FAST_SEEDS = 10
 """Seeds of the runs at 1 kHz, at most."""
 DROPOUT = (180.0, 300.0)
 """s without any fix, to the end, in the runs of dead reckoning."""
-DROPPED = ("mekf, position + field", "direct-ahrs, white-driven biases", "indirect-ahrs-closed", "indirect-ahrs-open")
+DROPPED = (
+    "mekf, position + field",
+    "direct-ahrs, white-driven biases",
+    "indirect-ahrs-closed",
+    "indirect-ahrs-open",
+)
 CURVE = 5
 """Every so many rows of a run are kept for the curves: 2 Hz."""
 STEEP = ("mekf, position + compass", "direct-euler, position + compass")
@@ -25,41 +32,65 @@ STEEP = ("mekf, position + compass", "direct-euler, position + compass")
 
 class Results(NamedTuple):
     """What all runs gave."""
-    runs: pd.DataFrame      # a row per run: case, excitation, tuning, seed, and fossen_cases.numbers
-    dropouts: pd.DataFrame  # a row per run: case, excitation, tuning, seed, accel and gyro error before and after, share of the estimate left
-    t: np.ndarray           # (m,) s, of the curves
-    curves: dict            # (case, excitation, tuning) -> (2, seeds, m) lengths of the errors of accelerometer and gyro bias; NaN where a run ended
-    samples: dict           # (case, excitation, tuning) -> Run of the first seed
+
+    runs: pd.DataFrame  # a row per run: case, excitation, tuning, seed, and fossen_cases.numbers
+    # a row per run: case, excitation, tuning, seed, accel and gyro error before and after, share of
+    # the estimate left
+    dropouts: pd.DataFrame
+    t: np.ndarray  # (m,) s, of the curves
+    # (case, excitation, tuning) -> (2, seeds, m) lengths of the errors of accelerometer and gyro
+    # bias; NaN where a run ended
+    curves: dict
+    samples: dict  # (case, excitation, tuning) -> Run of the first seed
 
 
 def tasks(seeds, studied=cases.CASES + cases.FAST):
     """[(seed, excitation, [cases])] in order: what shares one truth."""
     found = []
     for number, (seed, excitation) in enumerate(product(seeds, signals.EXCITATIONS)):
-        own = [case for case in studied if (excitation != "steep" or case.name in STEEP)
-               and (case.rate <= 100 or (excitation in signals.SIGNALS and seed in seeds[:FAST_SEEDS]))]
+        own = [
+            case
+            for case in studied
+            if (excitation != "steep" or case.name in STEEP)
+            and (case.rate <= 100 or (excitation in signals.SIGNALS and seed in seeds[:FAST_SEEDS]))
+        ]
         if own:
             found.append((seed, excitation, own))
     return found
 
 
-def run_all(seeds, studied=cases.CASES + cases.FAST, duration=DURATION, progress=None, threads=None):
-    """Results over `seeds` (whole numbers). progress: called with the fraction done; threads: as many as there are processors by default."""
+def run_all(
+    seeds, studied=cases.CASES + cases.FAST, duration=DURATION, progress=None, threads=None
+):
+    """Results over `seeds` (whole numbers). progress: called with the fraction done; threads: as
+    many as there are processors by default."""
     wanted, rows, dropped, curves, samples = tasks(list(seeds), studied), [], [], {}, {}
     t = np.arange(round(duration * cases.ROWS / CURVE)) * CURVE / cases.ROWS + CURVE / cases.ROWS
-    for excitation in signals.EXCITATIONS:      # before the threads, which would each compute it
+    for excitation in signals.EXCITATIONS:  # before the threads, which would each compute it
         signals.ideal(excitation, 100.0, float(duration))
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        for done, (task, result) in enumerate(zip(wanted, pool.map(lambda task: _seed(*task, duration), wanted)), 1):
+        for done, (task, result) in enumerate(
+            zip(wanted, pool.map(lambda task: _seed(*task, duration), wanted)), 1
+        ):
             for key, run in result[0]:
-                rows.append(dict(zip(("case", "excitation", "tuning"), key)) | {"seed": task[0]} | cases.numbers(run, duration))
+                rows.append(
+                    dict(zip(("case", "excitation", "tuning"), key))
+                    | {"seed": task[0]}
+                    | cases.numbers(run, duration)
+                )
                 curves.setdefault(key, []).append(_curve(run, t))
                 if task[0] == seeds[0]:
                     samples[key] = run
             dropped += result[1]
             if progress:
                 progress(done / len(wanted))
-    return Results(pd.DataFrame(rows), pd.DataFrame(dropped), t, {key: np.stack(found, axis=1) for key, found in curves.items()}, samples)
+    return Results(
+        pd.DataFrame(rows),
+        pd.DataFrame(dropped),
+        t,
+        {key: np.stack(found, axis=1) for key, found in curves.items()},
+        samples,
+    )
 
 
 def _seed(seed, excitation, studied, duration):
@@ -70,26 +101,50 @@ def _seed(seed, excitation, studied, duration):
         if key not in known:
             known[key] = signals.recording(excitation, seed, case.rate, duration, case.interval)
         for tuning in case.tunings:
-            found.append(((case.name, excitation, tuning), cases.run(known[key], case, tuning, excitation, seed)))
+            found.append(
+                (
+                    (case.name, excitation, tuning),
+                    cases.run(known[key], case, tuning, excitation, seed),
+                )
+            )
             if case.name in DROPPED and excitation in signals.SIGNALS and duration >= DROPOUT[1]:
                 dropped.append(_dropout(known[key], case, tuning, excitation, seed))
     return found, dropped
 
 
 def _dropout(recording, case, tuning, excitation, seed):
-    """Row of a run whose fixes all end where the dropout begins: errors and estimates of the biases there and at its end."""
-    run = cases.run(recording.hidden([(DROPOUT[0], np.inf)], case.kinds), case, tuning, excitation, seed)
-    row = {"case": case.name, "excitation": excitation, "tuning": tuning, "seed": seed, "stopped": bool(run.stopped)}
+    """Row of a run whose fixes all end where the dropout begins: errors and estimates of the
+    biases there and at its end."""
+    run = cases.run(
+        recording.hidden([(DROPOUT[0], np.inf)], case.kinds), case, tuning, excitation, seed
+    )
+    row = {
+        "case": case.name,
+        "excitation": excitation,
+        "tuning": tuning,
+        "seed": seed,
+        "stopped": bool(run.stopped),
+    }
     if run.stopped or not len(run.t):
         return row
     before, after = (int(np.argmin(np.abs(run.t - at))) for at in DROPOUT)
     noise = cases.noise(case, tuning, excitation)
-    for name, states, column, decay in (("accel", BA, slice(0, 3), noise.accel_decay), ("gyro", BG, slice(3, 6), noise.gyro_decay)):
+    for name, states, column, decay in (
+        ("accel", BA, slice(0, 3), noise.accel_decay),
+        ("gyro", BG, slice(3, 6), noise.gyro_decay),
+    ):
         estimate = run.bias[:, column] - run.error[:, states]
         size = lambda k: float(np.linalg.norm(estimate[k]))
-        row |= {f"{name}_before": float(run.size(states)[before]), f"{name}_after": float(run.size(states)[after]),
-                f"{name}_left": size(after) / size(before), f"{name}_model": float(np.exp(-decay * (run.t[after] - run.t[before])))}
-    return row | {"position_before_m": float(run.size(slice(0, 3))[before]), "position_after_m": float(run.size(slice(0, 3))[after])}
+        row |= {
+            f"{name}_before": float(run.size(states)[before]),
+            f"{name}_after": float(run.size(states)[after]),
+            f"{name}_left": size(after) / size(before),
+            f"{name}_model": float(np.exp(-decay * (run.t[after] - run.t[before]))),
+        }
+    return row | {
+        "position_before_m": float(run.size(slice(0, 3))[before]),
+        "position_after_m": float(run.size(slice(0, 3))[after]),
+    }
 
 
 def _curve(run, t):
@@ -104,22 +159,39 @@ def _curve(run, t):
 
 
 def table(runs):
-    """A row per case, excitation and tuning: runs, share that stopped, quantiles of the times of convergence, medians of errors and shares."""
+    """A row per case, excitation and tuning: runs, share that stopped, quantiles of the times of
+    convergence, medians of errors and shares."""
     rows = []
     for key, part in runs.groupby(["case", "excitation", "tuning"], sort=False):
-        row = dict(zip(("case", "excitation", "tuning"), key)) | {"runs": len(part), "stopped": float(part["stopped"].mean())}
+        row = dict(zip(("case", "excitation", "tuning"), key)) | {
+            "runs": len(part),
+            "stopped": float(part["stopped"].mean()),
+        }
         for name in ("accel_s", "gyro_s"):
             low, middle, high = quantiles(part[name])
             row |= {f"{name}_low": low, name: middle, f"{name}_high": high}
-        row |= {name: float(part[name].median()) for name in ("position_m", "velocity_m_s", "attitude_rad", "accel_m_s2", "gyro_rad_s", "ins_m")}
+        row |= {
+            name: float(part[name].median())
+            for name in (
+                "position_m",
+                "velocity_m_s",
+                "attitude_rad",
+                "accel_m_s2",
+                "gyro_rad_s",
+                "ins_m",
+            )
+        }
         row |= {name: float(part[name].median()) for name in part if "_left_" in name}
         rows.append(row)
     return pd.DataFrame(rows)
 
 
 def quantiles(values):
-    """10, 50 and 90 % of times of convergence: each is one of them, so that "never" stays what it is."""
-    return tuple(float(value) for value in np.quantile(values, (0.1, 0.5, 0.9), method="inverted_cdf"))
+    """10, 50 and 90 % of times of convergence: each is one of them, so that "never" stays what
+    it is."""
+    return tuple(
+        float(value) for value in np.quantile(values, (0.1, 0.5, 0.9), method="inverted_cdf")
+    )
 
 
 def readable(cells):
@@ -128,20 +200,38 @@ def readable(cells):
     found = {name: cells[name] for name in ("case", "excitation", "tuning")}
     found |= {"stopped": [f"{value:.0%}" for value in cells["stopped"]]}
     times = {"accelerometer biases, s": "accel_s", "gyro biases, s": "gyro_s"}
-    found |= {text: [span(row, name) for _, row in cells.iterrows()] for text, name in times.items()}
-    found |= {"position, m": cells["position_m"], "velocity, m/s": cells["velocity_m_s"], "attitude, deg": np.degrees(cells["attitude_rad"]),
-              "accelerometer bias, m/s²": cells["accel_m_s2"], "gyro bias, deg/s": np.degrees(cells["gyro_rad_s"]),
-              "left of the accelerometers' deviations, x y z": [left(row, "accel") for _, row in cells.iterrows()],
-              "left of the gyros', x y z": [left(row, "gyro") for _, row in cells.iterrows()]}
+    found |= {
+        text: [span(row, name) for _, row in cells.iterrows()] for text, name in times.items()
+    }
+    found |= {
+        "position, m": cells["position_m"],
+        "velocity, m/s": cells["velocity_m_s"],
+        "attitude, deg": np.degrees(cells["attitude_rad"]),
+        "accelerometer bias, m/s²": cells["accel_m_s2"],
+        "gyro bias, deg/s": np.degrees(cells["gyro_rad_s"]),
+        "left of the accelerometers' deviations, x y z": [
+            left(row, "accel") for _, row in cells.iterrows()
+        ],
+        "left of the gyros', x y z": [left(row, "gyro") for _, row in cells.iterrows()],
+    }
     return pd.DataFrame(found)
 
 
 def span(row, name):
-    """Text of the median of a time of convergence and, where they differ, of the 10 and 90 % quantiles."""
+    """Text of the median of a time of convergence and, where they differ, of the 10 and 90 %
+    quantiles."""
     low, middle, high = (seconds(row[f"{name}{end}"]) for end in ("_low", "", "_high"))
     return middle if low == middle == high else f"{middle} ({low} to {high})"
 
 
 def seconds(value):
     """Text of a time of convergence; a dash where nothing is estimated."""
-    return "–" if np.isnan(value) else "never" if not np.isfinite(value) else f"{value:.0f}" if value >= 10 else f"{value:.1f}"
+    return (
+        "–"
+        if np.isnan(value)
+        else "never"
+        if not np.isfinite(value)
+        else f"{value:.0f}"
+        if value >= 10
+        else f"{value:.1f}"
+    )

@@ -1,9 +1,13 @@
-"""The input signals of the case study of Fossen's chapter 14, as a truth for this library and as recordings of it.
+"""The input signals of the case study of Fossen's chapter 14, as a truth for this library and as
+recordings of it.
 
-What the published generator (`insSignal` of the Marine Systems Simulator) gives on a flat Earth at rest is integrated here on the turning ellipsoid:
-the accelerometer feels the published acceleration less the gravity of the place, both in body axes, and the gyro the published rate against
-inertial space. So the ideal IMU reads the published signals to the letter, and the trajectory is what they mean on Earth.
+What the published generator (`insSignal` of the Marine Systems Simulator) gives on a flat Earth at
+rest is integrated here on the turning ellipsoid: the accelerometer feels the published acceleration
+less the gravity of the place, both in body axes, and the gyro the published rate against inertial
+space. So the ideal IMU reads the published signals to the letter, and the trajectory is what they
+mean on Earth.
 """
+
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -24,7 +28,8 @@ from strapdown.sim.trajectory import DEG, EARTH_RATE, Motion, gravity, radii, re
 TRONDHEIM = (float(np.radians(63.4305)), float(np.radians(10.3951)), 0.0)
 """Where all signals begin: rad, rad, m."""
 FIELD = (13559e-9, 921e-9, 50209e-9)
-"""The published field there, T NED; its direction is that of a field model, its strength that of the Earth."""
+"""The published field there, T NED; its direction is that of a field model, its strength that of
+the Earth."""
 ACCEL_BIAS, GYRO_BIAS = (0.1, 0.3, -0.1), (0.05, 0.1, -0.05)
 """m/s^2 and rad/s at the beginning."""
 BIAS_TIME = 300.0
@@ -33,28 +38,45 @@ BIAS_SD = (20e-6 * 9.81, float(np.radians(8 / 3600)))
 """m/s^2 and rad/s: their stationary standard deviations."""
 SAMPLE_NOISE = 0.005
 """Of each sample of force (m/s^2) and rate (rad/s)."""
-POSITION_SD, VELOCITY_SD = 0.05, 0.01           # m, m/s
+POSITION_SD, VELOCITY_SD = 0.05, 0.01  # m, m/s
 DIRECTION_SD, COMPASS_SD, AHRS_SD = 0.005, 0.005, 0.005
-"""Of the unit vector of the field, and rad: chosen, for the published generator has 0.005 nT, and an exact compass and AHRS."""
-POSITION_INTERVAL, FIELD_RATE, AHRS_RATE = 0.2, 100.0, 10.0     # s, Hz, Hz
+"""Of the unit vector of the field, and rad: chosen, for the published generator has 0.005 nT,
+and an exact compass and AHRS."""
+POSITION_INTERVAL, FIELD_RATE, AHRS_RATE = 0.2, 100.0, 10.0  # s, Hz, Hz
 SPEED = 5.0
 """m/s of the steady straight motion."""
-SIGNALS = {     # (amplitude, rad/s, phase rad) of sines: acceleration forward, right, down, m/s^2; rate about forward, right, down, rad/s
-    "signal 1": (([(0.1, 0.1, 0.0)], [(0.01, 0.1, np.pi / 2)], [(0.05, 0.05, 0.0)]),
-                 ([(0.03, 0.2, np.pi / 2)], [(-0.02, 0.1, 0.0)], [(0.01, 0.05, 0.0)])),
-    "signal 2": (([(0.2, 0.07, 0.5), (0.05, 0.2, 0.0)], [(0.1, 0.1, np.pi / 2), (0.02, 0.3, 0.3 + np.pi / 2)],
-                  [(0.15, 0.05, 1.0), (0.03, 0.2, np.pi / 2)]),
-                 ([(0.05, 0.3, 0.0), (0.01, 0.1, 0.7 + np.pi / 2)], [(0.04, 0.2, 1.2 + np.pi / 2)], [(0.03, 0.15, 0.4)]))}
+# (amplitude, rad/s, phase rad) of sines: acceleration forward, right, down, m/s^2; rate about
+# forward, right, down, rad/s
+SIGNALS = {
+    "signal 1": (
+        ([(0.1, 0.1, 0.0)], [(0.01, 0.1, np.pi / 2)], [(0.05, 0.05, 0.0)]),
+        ([(0.03, 0.2, np.pi / 2)], [(-0.02, 0.1, 0.0)], [(0.01, 0.05, 0.0)]),
+    ),
+    "signal 2": (
+        (
+            [(0.2, 0.07, 0.5), (0.05, 0.2, 0.0)],
+            [(0.1, 0.1, np.pi / 2), (0.02, 0.3, 0.3 + np.pi / 2)],
+            [(0.15, 0.05, 1.0), (0.03, 0.2, np.pi / 2)],
+        ),
+        (
+            [(0.05, 0.3, 0.0), (0.01, 0.1, 0.7 + np.pi / 2)],
+            [(0.04, 0.2, 1.2 + np.pi / 2)],
+            [(0.03, 0.15, 0.4)],
+        ),
+    ),
+}
 EXCITATIONS = (*SIGNALS, "at rest", "steady", "turning", "steep")
-"""The two signals; level and still; level and straight at SPEED; level in one place, its heading swinging; pitching through the vertical."""
+"""The two signals; level and still; level and straight at SPEED; level in one place, its heading
+swinging; pitching through the vertical."""
 SWINGS = {"turning": (0.0, 0.0, 40.0), "steep": (10.0, 95.0, 20.0)}
 """deg: amplitudes of roll, pitch and heading, with periods of 37, 80 and 60 s."""
 
 
 class Ideal(NamedTuple):
     """The truth of an excitation and what an IMU without errors reads."""
-    truth: Trajectory   # n + 1 rows from 0 s
-    imu: Imu            # n rows
+
+    truth: Trajectory  # n + 1 rows from 0 s
+    imu: Imu  # n rows
 
 
 def acceleration(name, t):
@@ -68,48 +90,88 @@ def rate(name, t):
 
 
 def _sines(axes, t):
-    return np.stack([sum(size * np.sin(pace * np.asarray(t) + phase) for size, pace, phase in terms) for terms in axes], axis=-1)
+    return np.stack(
+        [
+            sum(size * np.sin(pace * np.asarray(t) + phase) for size, pace, phase in terms)
+            for terms in axes
+        ],
+        axis=-1,
+    )
 
 
 @lru_cache(maxsize=8)
 def ideal(name, rate_hz, duration):
-    """The Ideal of one of EXCITATIONS over `duration` s with `rate_hz` samples a second. Raises DataError for another name."""
+    """The Ideal of one of EXCITATIONS over `duration` s with `rate_hz` samples a second. Raises
+    DataError for another name."""
     t = np.arange(round(duration * rate_hz) + 1) / rate_hz
     if name in SIGNALS:
         return integrated(name, t)
     if name not in EXCITATIONS:
         raise DataError(f"no excitation {name!r}; there is: {', '.join(EXCITATIONS)}")
     speed = SPEED if name == "steady" else 0.0
-    swing = [(DEG * size, period, 0.0) for size, period in zip(SWINGS.get(name, (0.0, 0.0, 0.0)), (37.0, 80.0, 60.0))]
-    motion = Motion(name, TRONDHEIM, lambda s: (speed + 0 * s, 0 * s, 0 * s), lambda s: tuple(waves(s, (term,)) for term in swing))
+    swing = [
+        (DEG * size, period, 0.0)
+        for size, period in zip(SWINGS.get(name, (0.0, 0.0, 0.0)), (37.0, 80.0, 60.0))
+    ]
+    motion = Motion(
+        name,
+        TRONDHEIM,
+        lambda s: (speed + 0 * s, 0 * s, 0 * s),
+        lambda s: tuple(waves(s, (term,)) for term in swing),
+    )
     return Ideal(*records(motion, t))
 
 
 def integrated(name, t):
-    """The Ideal of a signal at times t (n + 1,) from 0, by a Runge-Kutta solution (order 8) of the strapdown equations to 1e-12.
+    """The Ideal of a signal at times t (n + 1,) from 0, by a Runge-Kutta solution (order 8) of the
+    strapdown equations to 1e-12.
 
-    The state: latitude, longitude, height, velocity NED, quaternion, and the integral of the specific force, whose differences are the samples.
+    The state: latitude, longitude, height, velocity NED, quaternion, and the integral of the
+    specific force, whose differences are the samples.
     """
     from scipy.integrate import solve_ivp
+
     begin = np.r_[TRONDHEIM, np.zeros(3), 1.0, np.zeros(6)]
     scale = np.r_[1e-7, 1e-7, np.ones(4), np.full(4, 0.1), np.ones(3)]
-    found = solve_ivp(lambda s, y: _slope(name, s, y), (0.0, t[-1]), begin, method="DOP853", rtol=1e-12, atol=1e-12 * scale, max_step=0.25, t_eval=t)
+    found = solve_ivp(
+        lambda s, y: _slope(name, s, y),
+        (0.0, t[-1]),
+        begin,
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-12 * scale,
+        max_step=0.25,
+        t_eval=t,
+    )
     y = found.y.T
     q = y[:, 6:10] / np.linalg.norm(y[:, 6:10], axis=1)[:, None]
     truth = Trajectory(t, y[:, :3].copy(), y[:, 3:6].copy(), q * np.where(q[:, :1] < 0, -1.0, 1.0))
-    return Ideal(truth, Imu(t[1:], np.diff(t), np.diff(_angles(name, t), axis=0), np.diff(y[:, 10:], axis=0)))
+    return Ideal(
+        truth, Imu(t[1:], np.diff(t), np.diff(_angles(name, t), axis=0), np.diff(y[:, 10:], axis=0))
+    )
 
 
 def _angles(name, t):
     """(n, 3) integrals of the rate from 0, rad."""
-    return np.stack([sum(size / pace * (np.cos(phase) - np.cos(pace * t + phase)) for size, pace, phase in terms) for terms in SIGNALS[name][1]], axis=1)
+    return np.stack(
+        [
+            sum(
+                size / pace * (np.cos(phase) - np.cos(pace * t + phase))
+                for size, pace, phase in terms
+            )
+            for terms in SIGNALS[name][1]
+        ],
+        axis=1,
+    )
 
 
 def _slope(name, t, y):
     lat, _, alt, north, east, down = y[:6]
     meridian, normal = radii(lat)
     earth = EARTH_RATE * np.array([np.cos(lat), 0.0, -np.sin(lat)])
-    frame = earth + np.array([east / (normal + alt), -north / (meridian + alt), -east * np.tan(lat) / (normal + alt)])
+    frame = earth + np.array(
+        [east / (normal + alt), -north / (meridian + alt), -east * np.tan(lat) / (normal + alt)]
+    )
     C, g = _matrix(y[6:10]), np.array([0.0, 0.0, gravity(lat, alt)])
     force = acceleration(name, t) - C.T @ g
     moved = C @ force + g - np.cross(earth + frame, y[3:6])
@@ -120,9 +182,13 @@ def _slope(name, t, y):
 def _matrix(q):
     """C_nb of a quaternion, scalar first, whose length may be off by rounding."""
     w, x, y, z = q / np.linalg.norm(q)
-    return np.array([[w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                     [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
-                     [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z]])
+    return np.array(
+        [
+            [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+        ]
+    )
 
 
 def _turning(w):
@@ -132,55 +198,97 @@ def _turning(w):
 
 
 def sensor(rate_hz):
-    """The ImuSpec behind the samples: white noise of 0.005 each, whatever their rate, and nothing else; biases are added by `recording`."""
-    noise = SAMPLE_NOISE * rate_hz ** -0.5
-    return ImuSpec("fossen", Triad(noise=noise), Triad(noise=noise), "white noise of insSignal, Marine Systems Simulator")
+    """The ImuSpec behind the samples: white noise of 0.005 each, whatever their rate, and
+    nothing else; biases are added by `recording`."""
+    noise = SAMPLE_NOISE * rate_hz**-0.5
+    return ImuSpec(
+        "fossen",
+        Triad(noise=noise),
+        Triad(noise=noise),
+        "white noise of insSignal, Marine Systems Simulator",
+    )
 
 
 def described(rate_hz, walking):
-    """The ImuSpec that tells filters what the samples hold: noise, and biases of the published size, constant or decaying with BIAS_TIME."""
+    """The ImuSpec that tells filters what the samples hold: noise, and biases of the published
+    size, constant or decaying with BIAS_TIME."""
     size = lambda values: float(np.sqrt(np.mean(np.square(values))))
-    terms = lambda values: {"gauss_markov": size(values), "time_constant": BIAS_TIME} if walking else {"turn_on_bias": size(values)}
-    noise = SAMPLE_NOISE * rate_hz ** -0.5
-    return ImuSpec("fossen", Triad(noise=noise, **terms(GYRO_BIAS)), Triad(noise=noise, **terms(ACCEL_BIAS)), "insSignal, Marine Systems Simulator")
+    terms = lambda values: (
+        {"gauss_markov": size(values), "time_constant": BIAS_TIME}
+        if walking
+        else {"turn_on_bias": size(values)}
+    )
+    noise = SAMPLE_NOISE * rate_hz**-0.5
+    return ImuSpec(
+        "fossen",
+        Triad(noise=noise, **terms(GYRO_BIAS)),
+        Triad(noise=noise, **terms(ACCEL_BIAS)),
+        "insSignal, Marine Systems Simulator",
+    )
 
 
 def biases(walking, count, dt, rng):
-    """(b_a (count, 3) m/s^2, b_g rad/s) at the samples: constant, or where `walking` the published Gauss-Markov process begun at the constant values."""
+    """(b_a (count, 3) m/s^2, b_g rad/s) at the samples: constant, or where `walking` the
+    published Gauss-Markov process begun at the constant values."""
     begun = np.array([ACCEL_BIAS, GYRO_BIAS])
     if not walking:
         return tuple(np.tile(value, (count, 1)) for value in begun)
     keep = np.exp(-dt / BIAS_TIME)
-    steps = np.sqrt(1 - keep * keep) * rng.standard_normal((2, count + 1, 3)) * np.array(BIAS_SD)[:, None, None]
+    steps = (
+        np.sqrt(1 - keep * keep)
+        * rng.standard_normal((2, count + 1, 3))
+        * np.array(BIAS_SD)[:, None, None]
+    )
     steps[:, 0] = begun
     return tuple(recursion(keep, part)[1:] for part in steps)
 
 
 def recording(name, seed, rate_hz=100.0, duration=300.0, interval=POSITION_INTERVAL, walking=None):
-    """A Recording of an excitation with all that the filters may want: position, velocity, field, heading (compass), attitude (AHRS), gravity.
+    """A Recording of an excitation with all that the filters may want: position, velocity, field,
+    heading (compass), attitude (AHRS), gravity.
 
-    interval: s between fixes of position and velocity; walking: whether biases vary, by default those of signal 2. `seed` is a whole number;
-    each sensor has its own stream, so that excitations and rates share no draw by accident of order. meta holds the true biases "b_a" and "b_g".
+    interval: s between fixes of position and velocity; walking: whether biases vary, by default
+    those of signal 2. `seed` is a whole number; each sensor has its own stream, so that excitations
+    and rates share no draw by accident of order. meta holds the true biases "b_a" and "b_g".
     """
     truth, imu = ideal(name, float(rate_hz), float(duration))
-    of_imu, of_biases, of_gnss, of_field, of_compass, of_ahrs = np.random.default_rng([seed, EXCITATIONS.index(name)]).spawn(6)
+    of_imu, of_biases, of_gnss, of_field, of_compass, of_ahrs = np.random.default_rng(
+        [seed, EXCITATIONS.index(name)]
+    ).spawn(6)
     noisy, _, _ = sensor(rate_hz).corrupt(imu, of_imu)
     walks = name == "signal 2" if walking is None else walking
     b_a, b_g = biases(walks, len(imu.t), 1 / rate_hz, of_biases)
-    noisy = noisy._replace(dv=noisy.dv + b_a * imu.dt[:, None], dtheta=noisy.dtheta + b_g * imu.dt[:, None])
+    noisy = noisy._replace(
+        dv=noisy.dv + b_a * imu.dt[:, None], dtheta=noisy.dtheta + b_g * imu.dt[:, None]
+    )
     position, velocity, field, ahrs = plans(name, float(rate_hz), float(duration), float(interval))
-    fixes = (*(plan.fixes(stream) for plan, stream in zip((position, velocity), of_gnss.spawn(2))), field.fixes(of_field),
-             _compass(truth, of_compass), ahrs.fixes(of_ahrs), _gravity(position.aiding.t))
-    meta = {"name": f"{name}, seed {seed}", "grade": described(rate_hz, walks), "notes": [], "b_a": b_a, "b_g": b_g, "place": list(TRONDHEIM)}
+    fixes = (
+        *(plan.fixes(stream) for plan, stream in zip((position, velocity), of_gnss.spawn(2))),
+        field.fixes(of_field),
+        _compass(truth, of_compass),
+        ahrs.fixes(of_ahrs),
+        _gravity(position.aiding.t),
+    )
+    meta = {
+        "name": f"{name}, seed {seed}",
+        "grade": described(rate_hz, walks),
+        "notes": [],
+        "b_a": b_a,
+        "b_g": b_g,
+        "place": list(TRONDHEIM),
+    }
     return Recording(noisy, fixes, truth, meta)
 
 
 @lru_cache(maxsize=16)
 def plans(name, rate_hz, duration, interval):
-    """What all seeds share: the noise-free fixes of position, velocity, field and AHRS, as plans that add noise."""
+    """What all seeds share: the noise-free fixes of position, velocity, field and AHRS, as plans
+    that add noise."""
     truth, strength = ideal(name, rate_hz, duration).truth, float(np.linalg.norm(FIELD))
     receiver = Gnss(interval, (POSITION_SD,) * 3, (VELOCITY_SD,) * 3).plan(truth, np.inf)
-    field = Magnetometer(min(FIELD_RATE, rate_hz), DIRECTION_SD * strength, field=FIELD).plan(truth, gate=np.inf)
+    field = Magnetometer(min(FIELD_RATE, rate_hz), DIRECTION_SD * strength, field=FIELD).plan(
+        truth, gate=np.inf
+    )
     return receiver.position, receiver.velocity, field, Ahrs(AHRS_RATE, AHRS_SD).plan(truth, np.inf)
 
 
@@ -188,9 +296,14 @@ def _compass(truth, rng):
     t = fix_times(truth, 1 / FIELD_RATE)
     rows = np.searchsorted(truth.t, t)
     y = truth.rph[rows, 2] + COMPASS_SD * rng.standard_normal(len(t))
-    return Aiding("heading", t, y[:, None], np.full((len(t), 1), COMPASS_SD), gate=np.inf, name="compass")
+    return Aiding(
+        "heading", t, y[:, None], np.full((len(t), 1), COMPASS_SD), gate=np.inf, name="compass"
+    )
 
 
 def _gravity(t):
-    """The constraint that the body does not accelerate, which it does by 0.1 to 0.2 m/s^2 for tens of seconds."""
-    return Aiding("gravity", t, np.zeros((len(t), 3)), np.ones((len(t), 3)), gate=np.inf, name="gravity")
+    """The constraint that the body does not accelerate, which it does by 0.1 to 0.2 m/s^2 for
+    tens of seconds."""
+    return Aiding(
+        "gravity", t, np.zeros((len(t), 3)), np.ones((len(t), 3)), gate=np.inf, name="gravity"
+    )

@@ -1,35 +1,66 @@
-"""The findings as Markdown, for docs/fossen.md: what stands there between its two marks is this file's output."""
+"""The findings as Markdown, for docs/fossen.md: what stands there between its two marks is this
+file's output."""
+
 import numpy as np
 
 from ..common import markdown
 from .runs import span
 
 BEGIN, END = markdown.begin("findings.md", "fossen"), markdown.END
-COLUMNS = ("filter and sensors", "tuning", "accelerometer biases, s", "gyro biases, s", "position, m", "velocity, m/s", "attitude, "
-    "deg", "runs that stop")
+COLUMNS = (
+    "filter and sensors",
+    "tuning",
+    "accelerometer biases, s",
+    "gyro biases, s",
+    "position, m",
+    "velocity, m/s",
+    "attitude, deg",
+    "runs that stop",
+)
 
 
 def findings(size, claims, cells, dropouts):
-    """Text: one sentence on the size of the study, the claims with their verdicts, a table per excitation, and the dropouts."""
-    rows = [f"| {i} | {markdown.plain(c['claim'])} | **{c['verdict']}** | {markdown.plain(c['measured'])} |" for i, c in enumerate(claims, 1)]
+    """Text: one sentence on the size of the study, the claims with their verdicts, a table per
+    excitation, and the dropouts."""
+    rows = [
+        f"| {i} | {markdown.plain(c['claim'])} | **{c['verdict']}** | {markdown.plain(c['measured'])} |"
+        for i, c in enumerate(claims, 1)
+    ]
     parts = [size, "", "| | the chapter says | verdict | measured |", "|---|---|---|---|", *rows]
     for excitation, part in cells.groupby("excitation", sort=False):
-        parts += ["", f"{excitation[0].upper()}{excitation[1:]}:", "", f"| {' | '.join(COLUMNS)} |", "|---" * len(COLUMNS) + "|",
-                  *(_row(row) for _, row in part.iterrows())]
+        parts += [
+            "",
+            f"{excitation[0].upper()}{excitation[1:]}:",
+            "",
+            f"| {' | '.join(COLUMNS)} |",
+            "|---" * len(COLUMNS) + "|",
+            *(_row(row) for _, row in part.iterrows()),
+        ]
     if len(dropouts):
-        parts += ["", "Dropouts of all fixes, medians; errors of the accelerometer biases and of the position before and after:", "",
-                  "| filter | signal | tuning | biases before, m/s² | after, m/s² | position before, m | after, m |", "|---|---|---|---|---|---|---|",
-                  *(f"| {case} | {signal} | {tuning} | {part['accel_before'].median():.2g} | {part['accel_after'].median():.2g} | "
-                    f"{part['position_before_m'].median():.2g} | {part['position_after_m'].median():.3g} |"
-                    for (case, signal, tuning), part in dropouts.groupby(["case", "excitation", "tuning"], sort=False))]
+        parts += [
+            "",
+            "Dropouts of all fixes, medians; errors of the accelerometer biases and of the position before and after:",
+            "",
+            "| filter | signal | tuning | biases before, m/s² | after, m/s² | position before, m | after, m |",
+            "|---|---|---|---|---|---|---|",
+            *(
+                f"| {case} | {signal} | {tuning} | {part['accel_before'].median():.2g} | {part['accel_after'].median():.2g} | "
+                f"{part['position_before_m'].median():.2g} | {part['position_after_m'].median():.3g} |"
+                for (case, signal, tuning), part in dropouts.groupby(
+                    ["case", "excitation", "tuning"], sort=False
+                )
+            ),
+        ]
     return "\n".join(parts) + "\n"
 
 
 def _row(row):
     number = lambda value: "–" if np.isnan(value) else f"{value:.2g}"
-    return (f"| {row['case']} | {row['tuning']} | {span(row, 'accel_s')} | {span(row, 'gyro_s')} | {number(row['position_m'])} | "
-            f"{number(row['velocity_m_s'])} | "
-            f"{number(np.degrees(row['attitude_rad']))} | {row['stopped']:.0%} |")
+    return (
+        f"| {row['case']} | {row['tuning']} | {span(row, 'accel_s')} | {span(row, 'gyro_s')} | {number(row['position_m'])} | "
+        f"{number(row['velocity_m_s'])} | "
+        f"{number(np.degrees(row['attitude_rad']))} | {row['stopped']:.0%} |"
+    )
 
 
 def insert(path, text):

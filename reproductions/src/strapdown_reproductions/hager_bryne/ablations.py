@@ -1,18 +1,20 @@
-"""What changes when one thing of the study changes: biases' place, printed equations, gravity, resets, the reading of Table III,
-the start.
+"""What changes when one thing of the study changes: biases' place, printed equations, gravity,
+resets, the reading of Table III, the start.
 
 Each variant runs on the same draws as what it is compared with. Tactical grade, but for the start.
 """
+
 from dataclasses import replace
 
 import numpy as np
 
 from strapdown.experiments.monte_carlo.campaign import Campaign
+from strapdown.experiments.monte_carlo.study import Study
 from strapdown.sensor_models.imu import grade
 from strapdown.sim.scenario import scenario
-from strapdown.experiments.monte_carlo.study import Study
-from .cells import compared, numbers_of, rows_of, stacked
+
 from ..common.verdicts import NONE, UNKNOWN, better, interval
+from .cells import compared, numbers_of, rows_of, stacked
 
 OPEN, CLOSED = "open-loop:kinematics=geodetic", "closed-loop-error-bias"
 """The two filters of the paper: its error state is in latitude, longitude and height."""
@@ -29,75 +31,156 @@ def variant(loop, **options):
 
 
 PAIRS = {
-    "bias": ("The bias inside the INS (closed-loop) against the bias in the error state (closed-loop-error-bias).", [("closed-loop", CLOSED)]),
-                "printed": ("Table II as printed, in part and whole, against the corrected error model.",
-                [(variant(loop, error_model=model), loop) for model in MODELS[:2] for loop in (OPEN, CLOSED)]),
-    "gradient": ("The error model without the gravity gradient, as printed, against the corrected one; gravity itself depends on height.",
-                 [(variant(loop, error_model="no-gradient"), loop) for loop in (OPEN, CLOSED)]),
-    "kinematics": ("The position error of the open loop propagated linearly in metres, and exactly to second order, against linearly in "
-                   "latitude, longitude and height as in the paper.",
-                   [("open-loop:kinematics=metres", OPEN), ("open-loop", OPEN)]),
-               "resets": ("Periodic resets, from nearly a closed loop to nearly an open one, against the closed loop; the last row is the open loop.",
-               [*((f"periodic-reset:kinematics=geodetic,interval={interval}", CLOSED) for interval in INTERVALS), (OPEN, CLOSED)])}
+    "bias": (
+        "The bias inside the INS (closed-loop) against the bias in the error state (closed-loop-error-bias).",
+        [("closed-loop", CLOSED)],
+    ),
+    "printed": (
+        "Table II as printed, in part and whole, against the corrected error model.",
+        [
+            (variant(loop, error_model=model), loop)
+            for model in MODELS[:2]
+            for loop in (OPEN, CLOSED)
+        ],
+    ),
+    "gradient": (
+        "The error model without the gravity gradient, as printed, against the corrected one; gravity itself depends on height.",
+        [(variant(loop, error_model="no-gradient"), loop) for loop in (OPEN, CLOSED)],
+    ),
+    "kinematics": (
+        "The position error of the open loop propagated linearly in metres, and exactly to second order, against linearly in "
+        "latitude, longitude and height as in the paper.",
+        [("open-loop:kinematics=metres", OPEN), ("open-loop", OPEN)],
+    ),
+    "resets": (
+        "Periodic resets, from nearly a closed loop to nearly an open one, against the closed loop; the last row is the open loop.",
+        [
+            *(
+                (f"periodic-reset:kinematics=geodetic,interval={interval}", CLOSED)
+                for interval in INTERVALS
+            ),
+            (OPEN, CLOSED),
+        ],
+    ),
+}
 """Ablations within one campaign: what, and pairs of a variant with what it is compared with."""
 GRAVITY = "Gravity that depends on latitude alone, in truth, INS and error model, against gravity that falls with height."
-DENSITY = ("Sigma of Table III read as density q of the driving noise (stationary sd sigma sqrt(tau/2), the start's accelerometer sd "
-           "likewise), against sigma as "
-           "stationary sd.")
-START = ("Navigation grade with a start ten times as good in attitude, 0.01 deg roll and pitch and 0.02 deg heading: the open loop against "
-         "the closed loop. The raw INS keeps "
-         "the start's attitude error for good, so that this error too must be small for a linear error model; compare with the rows of "
-         "navigation grade in the table of flights.")
-WIDE = ("Offset of 0.5 m/s^2 with a start that allows for it, 0.5 m/s^2 instead of 0.1: the open loop against the closed loop; compare with "
-        "the rows of tactical grade in the table of flights with offset.")
+DENSITY = (
+    "Sigma of Table III read as density q of the driving noise (stationary sd sigma sqrt(tau/2), the start's accelerometer sd "
+    "likewise), against sigma as "
+    "stationary sd."
+)
+START = (
+    "Navigation grade with a start ten times as good in attitude, 0.01 deg roll and pitch and 0.02 deg heading: the open loop against "
+    "the closed loop. The raw INS keeps "
+    "the start's attitude error for good, so that this error too must be small for a linear error model; compare with the rows of "
+    "navigation grade in the table of flights."
+)
+WIDE = (
+    "Offset of 0.5 m/s^2 with a start that allows for it, 0.5 m/s^2 instead of 0.1: the open loop against the closed loop; compare with "
+    "the rows of tactical grade in the table of flights with offset."
+)
 COLUMNS = {"position_500": "position RMSE", "heading": "heading RMSE"}
 
 
 def density_reading(name="paper1-tactical"):
-    """The ImuSpec of a grade with sigma of Table III read as the density of the driving noise: stationary sd = sigma sqrt(tau / 2)."""
+    """The ImuSpec of a grade with sigma of Table III read as the density of the driving noise:
+    stationary sd = sigma sqrt(tau / 2)."""
     spec = grade(name)
-    wider = lambda triad: replace(triad, gauss_markov=triad.gauss_markov * float(np.sqrt(triad.time_constant / 2)))
-    return replace(spec, name=f"{spec.name}-density", gyro=wider(spec.gyro), accel=wider(spec.accel),
-        source=f"{spec.source} Here sigma is read as density.")
+    wider = lambda triad: replace(
+        triad, gauss_markov=triad.gauss_markov * float(np.sqrt(triad.time_constant / 2))
+    )
+    return replace(
+        spec,
+        name=f"{spec.name}-density",
+        gyro=wider(spec.gyro),
+        accel=wider(spec.accel),
+        source=f"{spec.source} Here sigma is read as density.",
+    )
 
 
-def studies(scenarios, runs, seed, imu="paper1-tactical", best="paper1-navigation", offset=(0.5, 0.5, 0.5)):
+def studies(
+    scenarios, runs, seed, imu="paper1-tactical", best="paper1-navigation", offset=(0.5, 0.5, 0.5)
+):
     """{name: Study} of all ablations on Scenario values or names; `offset` in m/s^2."""
     known = [scenario(name) for name in scenarios]
-    labels = tuple(dict.fromkeys(label for _, pairs in PAIRS.values() for pair in pairs for label in (*pair[::-1],)))
+    labels = tuple(
+        dict.fromkeys(
+            label for _, pairs in PAIRS.values() for pair in pairs for label in (*pair[::-1],)
+        )
+    )
     own = lambda s: s.replace(start_sd=(*s.start_sd[:9], *[None] * 6))
-    aligned = lambda s: s.replace(start_sd=(*s.start_sd[:6], *(0.1 * sd for sd in s.start_sd[6:9]), *s.start_sd[9:]))
-    wide = lambda s: s.replace(name=f"{s.name}-offset", accel_offset=offset, start_sd=(*s.start_sd[:9], *map(abs, offset), *s.start_sd[12:]))
+    aligned = lambda s: s.replace(
+        start_sd=(*s.start_sd[:6], *(0.1 * sd for sd in s.start_sd[6:9]), *s.start_sd[9:])
+    )
+    wide = lambda s: s.replace(
+        name=f"{s.name}-offset",
+        accel_offset=offset,
+        start_sd=(*s.start_sd[:9], *map(abs, offset), *s.start_sd[12:]),
+    )
     density = density_reading(imu)
-    return {"filters": Study(tuple(known), tuple(dict.fromkeys((OPEN, CLOSED, *labels))), (imu,), runs, seed),
-            "gravity": Study(tuple(s.replace(gravity="latitude") for s in known), tuple(variant(loop, error_model="latitude-gravity")
-            for loop in (OPEN, CLOSED)), (imu,), runs, seed),
-            "density": Study(tuple(own(s) for s in known), (OPEN, CLOSED), (density,), runs, seed),
-            "start": Study(tuple(map(aligned, known)), (OPEN, CLOSED), (best,), runs, seed),
-            "wide": Study(tuple(map(wide, known)), (OPEN, CLOSED), (imu,), runs, seed)}
+    return {
+        "filters": Study(
+            tuple(known), tuple(dict.fromkeys((OPEN, CLOSED, *labels))), (imu,), runs, seed
+        ),
+        "gravity": Study(
+            tuple(s.replace(gravity="latitude") for s in known),
+            tuple(variant(loop, error_model="latitude-gravity") for loop in (OPEN, CLOSED)),
+            (imu,),
+            runs,
+            seed,
+        ),
+        "density": Study(tuple(own(s) for s in known), (OPEN, CLOSED), (density,), runs, seed),
+        "start": Study(tuple(map(aligned, known)), (OPEN, CLOSED), (best,), runs, seed),
+        "wide": Study(tuple(map(wide, known)), (OPEN, CLOSED), (imu,), runs, seed),
+    }
 
 
 def tables(campaigns: dict[str, Campaign]):
-    """({name: (caption with its sentence, DataFrame)}, resets DataFrame for the claims) of the campaigns of `studies`."""
+    """({name: (caption with its sentence, DataFrame)}, resets DataFrame for the claims) of the
+    campaigns of `studies`."""
     import pandas as pd
+
     found = {name: [] for name in (*PAIRS, "gravity", "density", "start", "wide")}
     base = campaigns["filters"]
     for number, cell in enumerate(base.cells):
         parts = _parts(base, number)
         for name, (_, pairs) in PAIRS.items():
-            found[name] += [_row(base, number, variant, other, parts[variant], parts[other]) for variant, other in pairs]
+            found[name] += [
+                _row(base, number, variant, other, parts[variant], parts[other])
+                for variant, other in pairs
+            ]
         for name in ("gravity", "density"):
             own = _parts(campaigns[name], number)
-            found[name] += [_row(base, number, f"{label} ({name})" if label == loop else label, loop, own[label], parts[loop]) for label,
-                loop in zip(own, (OPEN, CLOSED))]
+            found[name] += [
+                _row(
+                    base,
+                    number,
+                    f"{label} ({name})" if label == loop else label,
+                    loop,
+                    own[label],
+                    parts[loop],
+                )
+                for label, loop in zip(own, (OPEN, CLOSED))
+            ]
         for name in ("start", "wide"):
             own = _parts(campaigns[name], number)
             found[name].append(_row(campaigns[name], number, OPEN, CLOSED, own[OPEN], own[CLOSED]))
-    captions = {name: text for name, (text, _) in PAIRS.items()} | {"gravity": GRAVITY, "density": DENSITY, "start": START, "wide": WIDE}
+    captions = {name: text for name, (text, _) in PAIRS.items()} | {
+        "gravity": GRAVITY,
+        "density": DENSITY,
+        "start": START,
+        "wide": WIDE,
+    }
     frames = {name: pd.DataFrame(rows) for name, rows in found.items()}
     resets = frames["resets"][frames["resets"]["variant"].str.startswith("periodic-reset")]
-    resets = resets.assign(interval_s=[float(label.rpartition("=")[2]) for label in resets["variant"]])
-    shown = {f"ablation-{name}": (f"{captions[name]} {sentence(frame)}", readable(frame)) for name, frame in frames.items()}
+    resets = resets.assign(
+        interval_s=[float(label.rpartition("=")[2]) for label in resets["variant"]]
+    )
+    shown = {
+        f"ablation-{name}": (f"{captions[name]} {sentence(frame)}", readable(frame))
+        for name, frame in frames.items()
+    }
     return shown, resets
 
 
@@ -113,22 +196,56 @@ def _row(campaign, number, variant, other, first, second):
     """What a variant does against another filter on the runs of a cell."""
     c = compared(*stacked(first, second))
     described = campaign.manifest["cells"][number]["scenario"]
-    keys = ("survived", "survived_low", "survived_high", "survived_500", "censored_500_m", "anees", "anees_low", "anees_high")
-    return {"flight": described["name"].removeprefix("paper1-"), "minutes": described["duration_s"] / 60, "variant": variant, "against": other,
-            **{key: c[f"open_{key}"] for key in keys}, **{f"other_{key}": c[f"closed_{key}"] for key in ("survived", "censored_500_m",
-            "anees", "anees_low", "anees_high")},
-            **{f"{name}{end}": c[f"{name}{end}"] for name in ("position", "position_500", "heading") for end in ("", "_low", "_high")}}
+    keys = (
+        "survived",
+        "survived_low",
+        "survived_high",
+        "survived_500",
+        "censored_500_m",
+        "anees",
+        "anees_low",
+        "anees_high",
+    )
+    return {
+        "flight": described["name"].removeprefix("paper1-"),
+        "minutes": described["duration_s"] / 60,
+        "variant": variant,
+        "against": other,
+        **{key: c[f"open_{key}"] for key in keys},
+        **{
+            f"other_{key}": c[f"closed_{key}"]
+            for key in ("survived", "censored_500_m", "anees", "anees_low", "anees_high")
+        },
+        **{
+            f"{name}{end}": c[f"{name}{end}"]
+            for name in ("position", "position_500", "heading")
+            for end in ("", "_low", "_high")
+        },
+    }
 
 
 def readable(frame):
     """The table for people: intervals in brackets."""
     import pandas as pd
+
     plain = lambda r, name: f"{r[name]:.3g} ({r[f'{name}_low']:.3g} to {r[f'{name}_high']:.3g})"
-    return pd.DataFrame([{"flight": r["flight"], "variant": r["variant"], "against": r["against"],
-                          **{text: interval(r, name) for name, text in COLUMNS.items()}, "NEES/15": plain(r, "anees"),
-                          "NEES/15 of the other": plain(r, "other_anees"),
-                          "survived": r["survived"], "other survived": r["other_survived"], "position RMSE, m": r["censored_500_m"],
-                          "other, m": r["other_censored_500_m"]} for _, r in frame.iterrows()])
+    return pd.DataFrame(
+        [
+            {
+                "flight": r["flight"],
+                "variant": r["variant"],
+                "against": r["against"],
+                **{text: interval(r, name) for name, text in COLUMNS.items()},
+                "NEES/15": plain(r, "anees"),
+                "NEES/15 of the other": plain(r, "other_anees"),
+                "survived": r["survived"],
+                "other survived": r["other_survived"],
+                "position RMSE, m": r["censored_500_m"],
+                "other, m": r["other_censored_500_m"],
+            }
+            for _, r in frame.iterrows()
+        ]
+    )
 
 
 def sentence(frame):
@@ -136,15 +253,28 @@ def sentence(frame):
     parts = []
     for name, text in (("position_500", "position"), ("heading", "heading")):
         found = [better(row, name) for _, row in frame.iterrows()]
-        changed = [f"{row['variant']} on {row['flight']} by {row[name] - 1:+.0%}" for side, (_, row) in zip(found, frame.iterrows())
-            if side not in (NONE, UNKNOWN)]
-        most = f" ({'; '.join(sorted(changed, key=lambda item: -abs(_percent(item)))[:3])}{', ...' if len(changed) > 3 else ''})" if changed else ""
-        parts.append(f"{text} RMSE changes beyond 1 % in {len(changed)} of {len(found)} rows{most}, does not in {found.count(NONE)}, and "
-            f"{found.count(UNKNOWN)} are not resolved")
-    apart = ((frame["anees_low"] > frame["other_anees_high"]) | (frame["anees_high"] < frame["other_anees_low"])).sum()
+        changed = [
+            f"{row['variant']} on {row['flight']} by {row[name] - 1:+.0%}"
+            for side, (_, row) in zip(found, frame.iterrows())
+            if side not in (NONE, UNKNOWN)
+        ]
+        most = (
+            f" ({'; '.join(sorted(changed, key=lambda item: -abs(_percent(item)))[:3])}{', ...' if len(changed) > 3 else ''})"
+            if changed
+            else ""
+        )
+        parts.append(
+            f"{text} RMSE changes beyond 1 % in {len(changed)} of {len(found)} rows{most}, does not in {found.count(NONE)}, and "
+            f"{found.count(UNKNOWN)} are not resolved"
+        )
+    apart = (
+        (frame["anees_low"] > frame["other_anees_high"])
+        | (frame["anees_high"] < frame["other_anees_low"])
+    ).sum()
     survival = (frame["survived"] != frame["other_survived"]).sum()
-    return f"{'; '.join(parts)}; the intervals of NEES/15 are apart in {apart}; survival differs in {survival}.".replace("position RMSE",
-        "Position RMSE", 1)
+    return f"{'; '.join(parts)}; the intervals of NEES/15 are apart in {apart}; survival differs in {survival}.".replace(
+        "position RMSE", "Position RMSE", 1
+    )
 
 
 def _percent(text):

@@ -1,4 +1,6 @@
-"""How far the raw INS of the open loop has drifted, beside what the filters lose by it: some runs of a campaign once more, with the INS kept."""
+"""How far the raw INS of the open loop has drifted, beside what the filters lose by it: some
+runs of a campaign once more, with the INS kept."""
+
 from concurrent.futures import ThreadPoolExecutor
 from os import cpu_count
 
@@ -6,6 +8,7 @@ import numpy as np
 
 from strapdown.engine.batch import fuse
 from strapdown.experiments.monte_carlo.study import parsed, seeds, simulator
+
 from .cells import numbers_of, rows_of
 from .claims import SMALL_DRIFT
 
@@ -19,13 +22,20 @@ LEAST = 20
 
 
 def measure(campaign, threads=None, runs=RUNS):
-    """(DataFrame, DataFrame): per run the rank correlation of drift and NEES ratio and the ratio at small drift; per bin of drift the ratios.
+    """(DataFrame, DataFrame): per run the rank correlation of drift and NEES ratio and the ratio at
+    small drift; per bin of drift the ratios.
 
-    The campaign must know its study. Drift is the length of the INS error as the open loop estimates it, which is good to metres.
+    The campaign must know its study. Drift is the length of the INS error as the open loop
+    estimates it, which is good to metres.
     """
     import pandas as pd
+
     known = [numbers_of(campaign, cell.name) for cell in campaign.study.cells]
-    jobs = [(number, int(run)) for number, (_, ran) in enumerate(known) for run in np.flatnonzero(ran)[:runs]]
+    jobs = [
+        (number, int(run))
+        for number, (_, ran) in enumerate(known)
+        for run in np.flatnonzero(ran)[:runs]
+    ]
     with ThreadPoolExecutor(threads or cpu_count()) as pool:
         drifts = dict(zip(jobs, pool.map(lambda job: drift(campaign.study, *job), jobs)))
     rows, points = [], []
@@ -33,26 +43,46 @@ def measure(campaign, threads=None, runs=RUNS):
         stored = rows_of(campaign, cell.name, *known[number])
         for row, run in enumerate(np.flatnonzero(known[number][1])[:runs]):
             x, y, position = _points(stored, row, *drifts[number, int(run)])
-            place = {"flight": cell.scenario.name.removeprefix("paper1-"), "grade": cell.imu.name.removeprefix("paper1-"), "run": run}
+            place = {
+                "flight": cell.scenario.name.removeprefix("paper1-"),
+                "grade": cell.imu.name.removeprefix("paper1-"),
+                "run": run,
+            }
             small = y[x < SMALL_DRIFT]
-            rows.append(place | {"correlation": _rank_correlation(x, y), "small_ratio": float(np.exp(small.mean())) if len(small) else np.nan,
-                                 "largest_drift_m": float(x.max(initial=0.0)), "epochs": len(x)})
+            rows.append(
+                place
+                | {
+                    "correlation": _rank_correlation(x, y),
+                    "small_ratio": float(np.exp(small.mean())) if len(small) else np.nan,
+                    "largest_drift_m": float(x.max(initial=0.0)),
+                    "epochs": len(x),
+                }
+            )
             points.append(np.c_[np.digitize(x, EDGES), y, position])
     return pd.DataFrame(rows), _binned(np.concatenate(points))
 
 
 def drift(study, number, run):
-    """(t s, drift m) of the raw INS in a run of the cell of that number, at the scored epochs that the filter reached."""
+    """(t s, drift m) of the raw INS in a run of the cell of that number, at the scored epochs
+    that the filter reached."""
     cell = study.cells[number]
     made = simulator(cell)
     recording, start = made.run(cell.imu, seeds(study, cell, run))
     filter, options = parsed(study.filters[0])
-    solution = fuse(recording, filter, start=start, noise=cell.imu.noise(), every=max(1, round(study.epoch * cell.scenario.rate)), **options)
+    solution = fuse(
+        recording,
+        filter,
+        start=start,
+        noise=cell.imu.noise(),
+        every=max(1, round(study.epoch * cell.scenario.rate)),
+        **options,
+    )
     return solution.t, np.sqrt(sum(np.square(solution.columns[name]) for name in INS))
 
 
 def _points(stored, run, t, drifted):
-    """Drift, log NEES ratio and log ratio of squared position errors, open by closed, at the stored epochs with both filters within 500 m."""
+    """Drift, log NEES ratio and log ratio of squared position errors, open by closed, at the
+    stored epochs with both filters within 500 m."""
     at = np.searchsorted(t, stored.t - 1e-6)
     known = (at < len(t)) & stored.within[0, run] & stored.within[1, run]
     x = np.where(known, drifted[np.minimum(at, len(t) - 1)], np.nan)
@@ -65,16 +95,38 @@ def _points(stored, run, t, drifted):
 
 def _rank_correlation(x, y):
     from scipy.stats import spearmanr
+
     return float(spearmanr(x, y).statistic) if len(x) >= LEAST and np.ptp(y) > 0 else np.nan
 
 
 def _binned(points):
-    """Quartiles of the NEES ratio and the median position ratio per bin of drift, as a DataFrame; bins with fewer than LEAST epochs are left out."""
+    """Quartiles of the NEES ratio and the median position ratio per bin of drift, as a
+    DataFrame; bins with fewer than LEAST epochs are left out."""
     import pandas as pd
+
     found = []
     for k in range(1, len(EDGES)):
         own = points[points[:, 0] == k]
         if len(own) >= LEAST:
             low, middle, high = np.exp(np.quantile(own[:, 1], (0.25, 0.5, 0.75)))
-            found.append((float(np.sqrt(EDGES[k - 1] * EDGES[k])), middle, low, high, float(np.exp(np.median(own[:, 2]) / 2)), len(own)))
-    return pd.DataFrame(found, columns=["drift, m", "NEES ratio", "lower quartile", "upper quartile", "position error ratio", "epochs"])
+            found.append(
+                (
+                    float(np.sqrt(EDGES[k - 1] * EDGES[k])),
+                    middle,
+                    low,
+                    high,
+                    float(np.exp(np.median(own[:, 2]) / 2)),
+                    len(own),
+                )
+            )
+    return pd.DataFrame(
+        found,
+        columns=[
+            "drift, m",
+            "NEES ratio",
+            "lower quartile",
+            "upper quartile",
+            "position error ratio",
+            "epochs",
+        ],
+    )

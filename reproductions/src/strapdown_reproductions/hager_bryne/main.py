@@ -1,17 +1,22 @@
-"""Open against closed loop: the study of Hager & Bryne on eleven flights with three IMU grades, its figures and its claims.
+"""Open against closed loop: the study of Hager & Bryne on eleven flights with three IMU grades, its
+figures and its claims.
 
-Source: A. Hager and T. H. Bryne, "Closed-loop vs. open-loop Kalman filter architectures in airborne aided inertial navigation".
+Source: A. Hager and T. H. Bryne, "Closed-loop vs. open-loop Kalman filter architectures in airborne
+aided inertial navigation".
 """
+
 from pathlib import Path
 
+from strapdown.experiments.monte_carlo.study import Study
 from strapdown.files import replacing
 from strapdown.sim.scenario import scenario
-from strapdown.experiments.monte_carlo.study import Study
-from . import ablations as ablation
-from . import choices, claims as hager_bryne_claims, write_docs
-from .cells import table
-from ..common.verdicts import BETTER, RULE, interval
+
 from ..common.pages import write_page
+from ..common.verdicts import BETTER, RULE, interval
+from . import ablations as ablation
+from . import choices, write_docs
+from . import claims as hager_bryne_claims
+from .cells import table
 
 FILTERS = (ablation.OPEN, ablation.CLOSED)
 IMUS = ("paper1-consumer", "paper1-tactical", "paper1-navigation")
@@ -25,8 +30,8 @@ INTRODUCTION = (
     "of 5 to 95 minutes, three IMU grades, "
     "IMU and 1 m position fixes at 20 Hz. Their paths, initial uncertainties and one of their two abort rules are not published; the last "
     "section lists what was chosen instead.",
-    "Below, each claim of the paper with a verdict that code has taken from the numbers, by a rule that stands beside it. \"Not "
-    "reproduced\" means: not under the assumptions stated here. "
+    'Below, each claim of the paper with a verdict that code has taken from the numbers, by a rule that stands beside it. "Not '
+    'reproduced" means: not under the assumptions stated here. '
     "All comparisons are between runs on the same data; intervals are of 95 %.",
     f"How verdicts come about. Of two filters on a cell (a flight with a grade) {BETTER}. Over the cells that a claim is about: {RULE}. Of a claim with parts that must "
     f"all hold: reproduced where all are, not reproduced where none is, partly where one is. "
@@ -35,104 +40,213 @@ INTRODUCTION = (
     "counts. The rules were written beside "
     "a trial of five runs with another seed, before the full study was run, and none was changed for its verdict. "
     "The second reading of the accelerometer offset, as initial value of the bias process, was added after the first full study, when a check had shown that a "
-    "constant offset contradicts the filters' model of a bias that decays.")
+    "constant offset contradicts the filters' model of a bias that decays.",
+)
 
 
-def studies(quick=False, ablations=False, runs=None, seed=2, flights=FLIGHTS, offset_flights=OFFSET_FLIGHTS, imus=IMUS):
-    """{name: Study} of what is run; `flights` and `offset_flights` are Scenario values or names. Raises DataError."""
+def studies(
+    quick=False,
+    ablations=False,
+    runs=None,
+    seed=2,
+    flights=FLIGHTS,
+    offset_flights=OFFSET_FLIGHTS,
+    imus=IMUS,
+):
+    """{name: Study} of what is run; `flights` and `offset_flights` are Scenario values or names.
+    Raises DataError."""
     count = (QUICK_RUNS if quick else RUNS) if runs is None else runs
-    moved = lambda ending, decays: tuple(s.replace(name=f"{s.name}-{ending}", accel_offset=OFFSET, offset_decays=decays) for s in map(scenario, offset_flights))
-    found = {"flights": Study(tuple(map(scenario, flights)), FILTERS, imus, count, seed),
-             "offset": Study(moved("offset", False), FILTERS, imus, count, seed), "initial": Study(moved("initial", True), FILTERS, imus, count, seed)}
+    moved = lambda ending, decays: tuple(
+        s.replace(name=f"{s.name}-{ending}", accel_offset=OFFSET, offset_decays=decays)
+        for s in map(scenario, offset_flights)
+    )
+    found = {
+        "flights": Study(tuple(map(scenario, flights)), FILTERS, imus, count, seed),
+        "offset": Study(moved("offset", False), FILTERS, imus, count, seed),
+        "initial": Study(moved("initial", True), FILTERS, imus, count, seed),
+    }
     if ablations:
         chosen = [f"paper1-{number}" for number in ablation.FLIGHTS]
-        found |= {f"ablation-{name}": study for name, study in ablation.studies(chosen, count, seed).items()}
+        found |= {
+            f"ablation-{name}": study
+            for name, study in ablation.studies(chosen, count, seed).items()
+        }
     return found
 
 
-def reproduce(out, quick=False, ablations=False, runs=None, seed=2, threads=None, workers=0, scheduler=None, say=None, progress=None):
-    """Run what is missing of the study in DIR/campaign, write the page into the folder `out`, and return the claims.
+def reproduce(
+    out,
+    quick=False,
+    ablations=False,
+    runs=None,
+    seed=2,
+    threads=None,
+    workers=0,
+    scheduler=None,
+    say=None,
+    progress=None,
+):
+    """Run what is missing of the study in DIR/campaign, write the page into the folder `out`, and
+    return the claims.
 
-    quick: 5 runs in place of 50; ablations: also the variants of hager_bryne_ablations; threads, workers, scheduler, say, progress: as in Study.run,
-    progress over all studies. An interrupted call goes on where it was. Raises DataError.
+    quick: 5 runs in place of 50; ablations: also the variants of hager_bryne_ablations; threads,
+    workers, scheduler, say, progress: as in Study.run, progress over all studies. An interrupted
+    call goes on where it was. Raises DataError.
     """
-    return made(out, studies(quick, ablations, runs, seed), threads, workers, scheduler, say, progress)
+    return made(
+        out, studies(quick, ablations, runs, seed), threads, workers, scheduler, say, progress
+    )
 
 
 def made(out, wanted, threads=None, workers=0, scheduler=None, say=None, progress=None):
-    """As `reproduce`, of given studies: "flights", "offset" and "initial", and perhaps those of the ablations."""
+    """As `reproduce`, of given studies: "flights", "offset" and "initial", and perhaps those of
+    the ablations."""
     out = Path(out)
     campaigns, done, total = {}, 0, sum(study.steps() for study in wanted.values())
     if say:
-        say(f"{total / 1e6:.3g} million filter steps in {len(wanted)} studies: "
-            f"{', '.join(f'{name} {study.steps() / 1e6:.3g}' for name, study in wanted.items())}")
+        say(
+            f"{total / 1e6:.3g} million filter steps in {len(wanted)} studies: "
+            f"{', '.join(f'{name} {study.steps() / 1e6:.3g}' for name, study in wanted.items())}"
+        )
     for name, study in wanted.items():
-        part = (lambda share, done=done, own=study.steps(): progress((done + share * own) / total)) if progress else None
+        part = (
+            (lambda share, done=done, own=study.steps(): progress((done + share * own) / total))
+            if progress
+            else None
+        )
         campaigns[name] = study.run(out / "campaign" / name, threads, workers, scheduler, say, part)
         done += study.steps()
     return write(out, campaigns, threads)
 
 
 def write(out, campaigns, threads=None):
-    """Write page, tables and claims.json of finished campaigns into the folder `out`; return the claims."""
+    """Write page, tables and claims.json of finished campaigns into the folder `out`; return the
+    claims."""
     from . import drift as hager_bryne_drift
     from .figures import all_figures
+
     flights = campaigns["flights"]
     cells, moved, initial = (table(campaigns[name]) for name in ("flights", "offset", "initial"))
     drift, bins = hager_bryne_drift.measure(flights, threads)
-    own = {name.removeprefix("ablation-"): campaign for name, campaign in campaigns.items() if name.startswith("ablation-")}
+    own = {
+        name.removeprefix("ablation-"): campaign
+        for name, campaign in campaigns.items()
+        if name.startswith("ablation-")
+    }
     ablated, resets = ablation.tables(own) if own else ({}, None)
-    claims = hager_bryne_claims.claims(hager_bryne_claims.Evidence(cells, moved, drift, initial, resets))
-    figures = all_figures(campaigns, cells, moved, initial, bins, [cell.scenario for cell in _first_imu(flights.study)])
+    claims = hager_bryne_claims.claims(
+        hager_bryne_claims.Evidence(cells, moved, drift, initial, resets)
+    )
+    figures = all_figures(
+        campaigns,
+        cells,
+        moved,
+        initial,
+        bins,
+        [cell.scenario for cell in _first_imu(flights.study)],
+    )
     out = Path(out)
-    write_page(out, TITLE, (*INTRODUCTION, _size(campaigns)), claims, _tables(cells, moved, initial, drift, bins) | _bounds(flights) | ablated, figures=figures,
-               notes=[("What the paper leaves open, and what was chosen", choices.table())])
+    write_page(
+        out,
+        TITLE,
+        (*INTRODUCTION, _size(campaigns)),
+        claims,
+        _tables(cells, moved, initial, drift, bins) | _bounds(flights) | ablated,
+        figures=figures,
+        notes=[("What the paper leaves open, and what was chosen", choices.table())],
+    )
     with replacing(out / "findings.md") as part:
-        part.write_text(write_docs.findings(_size(campaigns), claims, cells, moved, initial, ablated), encoding="utf-8")
+        part.write_text(
+            write_docs.findings(_size(campaigns), claims, cells, moved, initial, ablated),
+            encoding="utf-8",
+        )
     return claims
 
 
 def _first_imu(study):
-    return study.cells[::max(1, len(study.cells) // len(study.scenarios))]
+    return study.cells[:: max(1, len(study.cells) // len(study.scenarios))]
 
 
 def _size(campaigns):
     first = campaigns["flights"].manifest
-    return (f"This page: {first['runs']} runs of each flight and grade, seed {first['seed']}, "
-            f"{sum(c.study.steps() for c in campaigns.values()) / 1e6:.3g} million filter steps, "
-            f"strapdown {first['versions']['strapdown']}; filters {' and '.join(first['filters'])}.")
+    return (
+        f"This page: {first['runs']} runs of each flight and grade, seed {first['seed']}, "
+        f"{sum(c.study.steps() for c in campaigns.values()) / 1e6:.3g} million filter steps, "
+        f"strapdown {first['versions']['strapdown']}; filters {' and '.join(first['filters'])}."
+    )
 
 
 def _tables(cells, moved, initial, drift, bins):
-    about = ("{}, open and closed loop: share of runs that survive both abort rules, the same where a raw INS that left its model counts as "
-             "lost, the 500 m rule alone; position RMSE of "
-             "survivors and, with each epoch after an abort counted as 500 m, of all runs; typical NEES/15; and by how much RMSEs of the "
-             "open loop differ from those of the closed one, by "
-             "the 500 m rule")
-    return {"flights": (about.format("Without offset"), readable(cells)), "offset": (about.format("With a constant accelerometer offset of 0.5 "
-            "m/s^2 on each axis"), readable(moved)),
-            "initial": (about.format("With 0.5 m/s^2 on each axis as initial value of the accelerometers' bias process, which decays"), readable(initial)),
-            "flights-all": (None, cells), "offset-all": (None, moved), "initial-all": (None, initial),
-            "drift": ("Open by closed loop against the drift of the raw INS, medians and quartiles over stored epochs", bins),
-            "drift-runs": (None, drift)}
+    about = (
+        "{}, open and closed loop: share of runs that survive both abort rules, the same where a raw INS that left its model counts as "
+        "lost, the 500 m rule alone; position RMSE of "
+        "survivors and, with each epoch after an abort counted as 500 m, of all runs; typical NEES/15; and by how much RMSEs of the "
+        "open loop differ from those of the closed one, by "
+        "the 500 m rule"
+    )
+    return {
+        "flights": (about.format("Without offset"), readable(cells)),
+        "offset": (
+            about.format("With a constant accelerometer offset of 0.5 m/s^2 on each axis"),
+            readable(moved),
+        ),
+        "initial": (
+            about.format(
+                "With 0.5 m/s^2 on each axis as initial value of the accelerometers' bias process, which decays"
+            ),
+            readable(initial),
+        ),
+        "flights-all": (None, cells),
+        "offset-all": (None, moved),
+        "initial-all": (None, initial),
+        "drift": (
+            "Open by closed loop against the drift of the raw INS, medians and quartiles over stored epochs",
+            bins,
+        ),
+        "drift-runs": (None, drift),
+    }
 
 
 def _bounds(flights):
     """The closed loop against the Cramer-Rao bound after 120 s, per flight and grade."""
     rows = flights.summary[flights.summary["filter"] == ablation.CLOSED]
-    shown = rows[["scenario", "imu", "survived", "settled_rmse_m", "bound_m", "bound_ratio"]].rename(columns={
-        "scenario": "flight", "imu": "IMU", "settled_rmse_m": "position RMSE, m", "bound_m": "bound, m", "bound_ratio": "ratio"})
-    return {"bound": ("Closed loop against the Cramér-Rao bound of a filter told this P0: time-averaged position RMSE after 120 s", shown)}
+    shown = rows[
+        ["scenario", "imu", "survived", "settled_rmse_m", "bound_m", "bound_ratio"]
+    ].rename(
+        columns={
+            "scenario": "flight",
+            "imu": "IMU",
+            "settled_rmse_m": "position RMSE, m",
+            "bound_m": "bound, m",
+            "bound_ratio": "ratio",
+        }
+    )
+    return {
+        "bound": (
+            "Closed loop against the Cramér-Rao bound of a filter told this P0: time-averaged position RMSE after 120 s",
+            shown,
+        )
+    }
 
 
 def readable(cells):
-    """The table of cells for people: shares, RMSE and NEES of both filters side by side, and the ratios with their intervals."""
+    """The table of cells for people: shares, RMSE and NEES of both filters side by side, and the
+    ratios with their intervals."""
     import pandas as pd
+
     shown = {"flight": cells["flight"], "grade": cells["grade"]}
-    for column, name in (("survived", "survived"), ("survived_in_model", "survived in model"), ("survived_500", "survived 500 m rule"),
+    for column, name in (
+        ("survived", "survived"),
+        ("survived_in_model", "survived in model"),
+        ("survived_500", "survived 500 m rule"),
         ("rmse_m", "RMSE of survivors, m"),
-                         ("censored_m", "RMSE of all, m"), ("censored_500_m", "RMSE of all by the 500 m rule, m"), ("anees", "NEES/15")):
+        ("censored_m", "RMSE of all, m"),
+        ("censored_500_m", "RMSE of all by the 500 m rule, m"),
+        ("anees", "NEES/15"),
+    ):
         shown |= {f"{name}, {loop}": cells[f"{loop}_{column}"] for loop in ("open", "closed")}
     for name in ("position_500", "tilt", "heading"):
-        shown[f"{name.removesuffix('_500')}, open against closed"] = [interval(row, name) for _, row in cells.iterrows()]
+        shown[f"{name.removesuffix('_500')}, open against closed"] = [
+            interval(row, name) for _, row in cells.iterrows()
+        ]
     return pd.DataFrame(shown)

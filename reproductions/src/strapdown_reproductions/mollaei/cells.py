@@ -1,4 +1,6 @@
-"""The study of Mollaei et al. in cells: what is flown, the published Tables 2 to 4, and the scores of a case as a table."""
+"""The study of Mollaei et al. in cells: what is flown, the published Tables 2 to 4, and the
+scores of a case as a table."""
+
 from typing import NamedTuple
 
 import numpy as np
@@ -8,71 +10,138 @@ from .metrics import MEASURES
 
 NO_FILTER, EKF, UKF, PKF, TRUTH = "no filter", "EKF", "UKF", "PKF", "true state"
 MODES = (NO_FILTER, EKF, UKF, PKF)
-"""The four of the paper, by the names that they have in tables; TRUTH is the reference flight, steered by the true state."""
+"""The four of the paper, by the names that they have in tables; TRUTH is the reference flight,
+steered by the true state."""
 FILTERS = MODES[1:]
 CLOSED, CKF = "closed loop", "CKF"
 SIX, FULL = "six states", "15 states"
 IMU, MODEL = "IMU", "model"
 SENSORS, PRINTED = "sensors", "printed"
 E0, E1, E2, TURN, WIND = "E0", "E1", "E2", "turn", "wind"
-EXPERIMENTS = {E0: "25 s with fixes", E1: "25 s, fixes cut at 15 s", E2: "315 s, fixes cut at 15 s",
-               TURN: "25 s of turning flight, fixes cut at 15 s", WIND: "as E2 in 3 m/s of wind that nobody is told of"}
+EXPERIMENTS = {
+    E0: "25 s with fixes",
+    E1: "25 s, fixes cut at 15 s",
+    E2: "315 s, fixes cut at 15 s",
+    TURN: "25 s of turning flight, fixes cut at 15 s",
+    WIND: "as E2 in 3 m/s of wind that nobody is told of",
+}
 CUT = 15.0
 """s at which the fixes end."""
 
 
 class Case(NamedTuple):
     """Flights that are compared with one another."""
-    experiment: str             # of EXPERIMENTS
-    form: str = SIX             # or FULL
-    prediction: str = IMU       # what drives the prediction during the outage: IMU or MODEL
-    tuning: str = SENSORS       # Q and R from the sensors, or as PRINTED
+
+    experiment: str  # of EXPERIMENTS
+    form: str = SIX  # or FULL
+    prediction: str = IMU  # what drives the prediction during the outage: IMU or MODEL
+    tuning: str = SENSORS  # Q and R from the sensors, or as PRINTED
 
     def __str__(self):
-        parts = [self.experiment, self.form * (self.form == FULL), f"{self.prediction}-driven" * (self.experiment != E0),
-                 "printed Q, R" * (self.tuning == PRINTED)]
+        parts = [
+            self.experiment,
+            self.form * (self.form == FULL),
+            f"{self.prediction}-driven" * (self.experiment != E0),
+            "printed Q, R" * (self.tuning == PRINTED),
+        ]
         return ", ".join(part for part in parts if part)
 
 
-CASES = (Case(E0), Case(E0, tuning=PRINTED),
-         *(Case(E1, SIX, prediction, tuning) for prediction in (IMU, MODEL) for tuning in (SENSORS, PRINTED)),
-         Case(E2), Case(E2, prediction=MODEL), Case(TURN), Case(TURN, prediction=MODEL), Case(WIND), Case(WIND, prediction=MODEL),
-         *(Case(experiment, FULL, prediction) for experiment in (E1, E2, TURN) for prediction in (IMU, MODEL)))
-"""All that are flown. E0 has no outage, so that nothing but the IMU predicts. During an outage Q moves no estimate but that of UKF and PKF through
-their spread, and R none: E2 is flown with one tuning."""
+CASES = (
+    Case(E0),
+    Case(E0, tuning=PRINTED),
+    *(
+        Case(E1, SIX, prediction, tuning)
+        for prediction in (IMU, MODEL)
+        for tuning in (SENSORS, PRINTED)
+    ),
+    Case(E2),
+    Case(E2, prediction=MODEL),
+    Case(TURN),
+    Case(TURN, prediction=MODEL),
+    Case(WIND),
+    Case(WIND, prediction=MODEL),
+    *(
+        Case(experiment, FULL, prediction)
+        for experiment in (E1, E2, TURN)
+        for prediction in (IMU, MODEL)
+    ),
+)
+"""All that are flown. E0 has no outage, so that nothing but the IMU predicts. During an outage Q
+moves no estimate but that of UKF and PKF through their spread, and R none: E2 is flown with one
+tuning."""
 PUBLISHED = {
-    "Table 2": {"fx_n": (0.1314, 1.0659, 0.2513, 0.1013), "fy_n": (0, 0, 0, 0), "fz_n": (0.2982, 2.6447, 0.6103, 0.4401),
-                "gx": (0.0862, 2.537, 0.33, 0.1449), "gy": (0, 0, 0, 0), "gz": (0.0047, 0.6123, 0.0315, 0.0073),
-                "over_x_pct": (1.2362, 5.0732, 56.3589, 2.3981), "over_z_pct": (11.4462, 741.31, 25.2314, 4.8788)},
-    "Table 3": {"fx_n": (4.0548, 0.4664, 0.1145, 0.0536), "fy_n": (0, 0, 0, 0), "fz_n": (1.4949, 0.6771, 0.2308, 0.1798),
-                "gx": (1.835, 0.8348, 0.1443, 0.0591), "gy": (0, 0, 0, 0), "gz": (0.2589, 0.1104, 0.0104, 0.0049),
-                "over_x_pct": (np.inf, 53.4087, 11.6219, 5.4411), "over_z_pct": (np.inf, 1635.3, 72.0926, 29.7413)},
-    "Table 4": {"fx_n": (np.nan, np.nan, 0.0018, 0.0011), "fy_n": (np.nan, np.nan, 0, 0), "fz_n": (np.nan, np.nan, 0.043, 0.0235),
-                "gx": (np.nan, np.nan, 0.0051, 0.0018), "gy": (np.nan, np.nan, 0, 0), "gz": (np.nan, np.nan, 0.0056, 0.0057),
-                "over_x_pct": (np.nan, np.nan, 8.337, 5.1873), "over_z_pct": (np.nan, np.nan, 38.7196, 23.8822)}}
-"""{table: {criterion: values of MODES}} as printed, its decimal strokes as points; inf: "Divergence", NaN: not flown."""
+    "Table 2": {
+        "fx_n": (0.1314, 1.0659, 0.2513, 0.1013),
+        "fy_n": (0, 0, 0, 0),
+        "fz_n": (0.2982, 2.6447, 0.6103, 0.4401),
+        "gx": (0.0862, 2.537, 0.33, 0.1449),
+        "gy": (0, 0, 0, 0),
+        "gz": (0.0047, 0.6123, 0.0315, 0.0073),
+        "over_x_pct": (1.2362, 5.0732, 56.3589, 2.3981),
+        "over_z_pct": (11.4462, 741.31, 25.2314, 4.8788),
+    },
+    "Table 3": {
+        "fx_n": (4.0548, 0.4664, 0.1145, 0.0536),
+        "fy_n": (0, 0, 0, 0),
+        "fz_n": (1.4949, 0.6771, 0.2308, 0.1798),
+        "gx": (1.835, 0.8348, 0.1443, 0.0591),
+        "gy": (0, 0, 0, 0),
+        "gz": (0.2589, 0.1104, 0.0104, 0.0049),
+        "over_x_pct": (np.inf, 53.4087, 11.6219, 5.4411),
+        "over_z_pct": (np.inf, 1635.3, 72.0926, 29.7413),
+    },
+    "Table 4": {
+        "fx_n": (np.nan, np.nan, 0.0018, 0.0011),
+        "fy_n": (np.nan, np.nan, 0, 0),
+        "fz_n": (np.nan, np.nan, 0.043, 0.0235),
+        "gx": (np.nan, np.nan, 0.0051, 0.0018),
+        "gy": (np.nan, np.nan, 0, 0),
+        "gz": (np.nan, np.nan, 0.0056, 0.0057),
+        "over_x_pct": (np.nan, np.nan, 8.337, 5.1873),
+        "over_z_pct": (np.nan, np.nan, 38.7196, 23.8822),
+    },
+}
+"""{table: {criterion: values of MODES}} as printed, its decimal strokes as points; inf:
+"Divergence", NaN: not flown."""
 TABLE_OF = {E0: "Table 2", E1: "Table 3", E2: "Table 4"}
 
 
 def wide(scores):
-    """{Case: DataFrame} of the table of scores: a row per seed, columns by measure and mode, cases in their order.
+    """{Case: DataFrame} of the table of scores: a row per seed, columns by measure and mode, cases
+    in their order.
 
-    A row's index is (block, outage), the seed and 0, as common.paired_ratios.ratio takes it. attrs["lost"]: {mode: flights that stopped or
-    diverged}.
+    A row's index is (block, outage), the seed and 0, as common.paired_ratios.ratio takes it.
+    attrs["lost"]: {mode: flights that stopped or diverged}.
     """
     found = {}
     for case, own in scores.groupby(list(Case._fields), sort=False):
         measures = [name for name in MEASURES if name in own]
-        table = own.assign(block=own["seed"], outage=0).set_index(["block", "outage", "mode"])[measures].unstack("mode")
-        table.attrs |= {"widening": 1.0, "lost": own.groupby("mode", sort=False)["said"].agg(lambda said: int(said.ne("").sum())).to_dict()}
+        table = (
+            own.assign(block=own["seed"], outage=0)
+            .set_index(["block", "outage", "mode"])[measures]
+            .unstack("mode")
+        )
+        table.attrs |= {
+            "widening": 1.0,
+            "lost": own.groupby("mode", sort=False)["said"]
+            .agg(lambda said: int(said.ne("").sum()))
+            .to_dict(),
+        }
         found[Case(*case)] = table
     return found
 
 
 def of(tables, experiment, *, form=SIX, prediction=None, tuning=None):
     """The tables of one experiment in one form, of all readings or of those named."""
-    return {case: table for case, table in tables.items() if case.experiment == experiment and case.form == form
-            and prediction in (None, case.prediction) and tuning in (None, case.tuning)}
+    return {
+        case: table
+        for case, table in tables.items()
+        if case.experiment == experiment
+        and case.form == form
+        and prediction in (None, case.prediction)
+        and tuning in (None, case.tuning)
+    }
 
 
 def known(table, measure, mode):
@@ -84,28 +153,50 @@ def known(table, measure, mode):
 
 
 def middle(values, most=np.inf):
-    """Text: the median and in brackets the 10 and 90 % quantiles over the seeds; "diverged" from the most on that counts."""
+    """Text: the median and in brackets the 10 and 90 % quantiles over the seeds; "diverged" from
+    the most on that counts."""
     if not len(values):
         return "–"
-    shown = [f"{value:.3g}" if value < most else "diverged" for value in np.quantile(values, (0.5, 0.1, 0.9), method="inverted_cdf")]
+    shown = [
+        f"{value:.3g}" if value < most else "diverged"
+        for value in np.quantile(values, (0.5, 0.1, 0.9), method="inverted_cdf")
+    ]
     return f"{shown[0]} ({shown[1]} to {shown[2]})" if set(shown) != {"diverged"} else "diverged"
 
 
-CRITERIA = {"fx_n": "Fx, N", "fy_n": "Fy, N", "fz_n": "Fz, N", "gx_n": "Gx as weight, N", "gy_n": "Gy as weight, N", "gz_n": "Gz as weight, N",
-            "mx_nm": "Gx as moment, N m", "my_nm": "Gy as moment, N m", "mz_nm": "Gz as moment, N m",
-            "over_x_pct": "overshoot of velocity X, %", "over_z_pct": "overshoot of velocity Z, %",
-            "step_x_pct": "the same, of the step, X, %", "step_z_pct": "the same, of the step, Z, %"}
+CRITERIA = {
+    "fx_n": "Fx, N",
+    "fy_n": "Fy, N",
+    "fz_n": "Fz, N",
+    "gx_n": "Gx as weight, N",
+    "gy_n": "Gy as weight, N",
+    "gz_n": "Gz as weight, N",
+    "mx_nm": "Gx as moment, N m",
+    "my_nm": "Gy as moment, N m",
+    "mz_nm": "Gz as moment, N m",
+    "over_x_pct": "overshoot of velocity X, %",
+    "over_z_pct": "overshoot of velocity Z, %",
+    "step_x_pct": "the same, of the step, X, %",
+    "step_z_pct": "the same, of the step, Z, %",
+}
 """Rows of Tables 2 to 4 redrawn: rms deviations from the final value, and overshoots."""
 
 
 def redrawn(tables, experiment):
-    """DataFrame shaped as the paper's table of an experiment: a row per criterion and reading, "published / ours" for each mode."""
+    """DataFrame shaped as the paper's table of an experiment: a row per criterion and reading,
+    "published / ours" for each mode."""
     rows = []
     published = PUBLISHED[TABLE_OF[experiment]]
     for case, table in of(tables, experiment, tuning=SENSORS).items():
         for measure, title in CRITERIA.items():
-            row = {"rms deviation from the final value, or overshoot": title, "prediction": case.prediction if experiment != E0 else "–"}
-            printed = published.get(measure, published.get(f"g{measure[1]}" if measure[0] in "gm" else "", (np.nan,) * 4))
+            row = {
+                "rms deviation from the final value, or overshoot": title,
+                "prediction": case.prediction if experiment != E0 else "–",
+            }
+            printed = published.get(
+                measure,
+                published.get(f"g{measure[1]}" if measure[0] in "gm" else "", (np.nan,) * 4),
+            )
             for mode, value in zip(MODES, printed):
                 text = "divergence" if np.isinf(value) else "–" if np.isnan(value) else f"{value:g}"
                 row[mode] = f"{text} / {middle(known(table, measure, mode), MEASURES[measure])}"
@@ -113,11 +204,19 @@ def redrawn(tables, experiment):
     return pd.DataFrame(rows)
 
 
-LEFT_OUT = {"horizontal_rmse_m": "position, horizontal, m", "vertical_rmse_m": "position, vertical, m",
-            "velocity_rmse_m_s": "velocity, m/s", "attitude_rmse_deg": "attitude, deg", "outage_horizontal_rmse_m": "in the outage: horizontal, m",
-            "horizontal_end_m": "at its end: horizontal, m", "vertical_end_m": "at its end: vertical, m",
-            "velocity_end_m_s": "at its end: velocity, m/s", "drift_m_s": "drift, m/s", "off_max_m": "aircraft from the reference flight, at most, m",
-            "off_route_m": "aircraft beside its route, at most, m"}
+LEFT_OUT = {
+    "horizontal_rmse_m": "position, horizontal, m",
+    "vertical_rmse_m": "position, vertical, m",
+    "velocity_rmse_m_s": "velocity, m/s",
+    "attitude_rmse_deg": "attitude, deg",
+    "outage_horizontal_rmse_m": "in the outage: horizontal, m",
+    "horizontal_end_m": "at its end: horizontal, m",
+    "vertical_end_m": "at its end: vertical, m",
+    "velocity_end_m_s": "at its end: velocity, m/s",
+    "drift_m_s": "drift, m/s",
+    "off_max_m": "aircraft from the reference flight, at most, m",
+    "off_route_m": "aircraft beside its route, at most, m",
+}
 """Columns of what the tables of the paper leave out."""
 
 
@@ -129,15 +228,25 @@ def left_out(tables, cases=None):
             continue
         for mode, lost in table.attrs["lost"].items():
             row = {"case": str(case), "mode": mode, "flights": len(table), "lost": lost}
-            row |= {title: middle(known(table, measure, mode), MEASURES[measure]) for measure, title in LEFT_OUT.items()}
-            rows.append(row | {"NEES at 15 s": _nees(known(table, "nees_cut", mode)), "NEES at the end": _nees(known(table, "nees_end", mode))})
+            row |= {
+                title: middle(known(table, measure, mode), MEASURES[measure])
+                for measure, title in LEFT_OUT.items()
+            }
+            rows.append(
+                row
+                | {
+                    "NEES at 15 s": _nees(known(table, "nees_cut", mode)),
+                    "NEES at the end": _nees(known(table, "nees_end", mode)),
+                }
+            )
     return pd.DataFrame(rows)
 
 
 def _nees(values):
-    """Text: mean over the flights that were not lost and, in brackets, the band that it keeps in 95 % of studies if a filter is as good as
-    it says (six states)."""
+    """Text: mean over the flights that were not lost and, in brackets, the band that it keeps in
+    95 % of studies if a filter is as good as it says (six states)."""
     from strapdown.evaluation.consistency import band
+
     if not len(values):
         return "–"
     low, high = band(6, len(values))

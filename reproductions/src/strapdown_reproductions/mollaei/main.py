@@ -1,8 +1,10 @@
-"""EKF, UKF and particle Kalman filter in the loop of an aircraft that loses GPS: the study of Mollaei, Shafieirad & Moradi, and its claims.
+"""EKF, UKF and particle Kalman filter in the loop of an aircraft that loses GPS: the study of
+Mollaei, Shafieirad & Moradi, and its claims.
 
-Source: M. Mollaei, M. Shafieirad and E. Moradi, "Enhanced Navigation Accuracy Using Nonlinear Kalman Filters in INS/GPS Integration",
-Majlesi Journal of Electrical Engineering, 2025.
+Source: M. Mollaei, M. Shafieirad and E. Moradi, "Enhanced Navigation Accuracy Using Nonlinear
+Kalman Filters in INS/GPS Integration", Majlesi Journal of Electrical Engineering, 2025.
 """
+
 from pathlib import Path
 
 import pandas as pd
@@ -10,11 +12,15 @@ import pandas as pd
 from strapdown import __version__
 from strapdown.data import DataError
 from strapdown.files import replacing
+
 from ..common import markdown
-from . import cells, choices as mollaei_choices, claims as mollaei_claims, rules, runs as mollaei_runs
+from ..common.pages import write_page
+from . import cells, rules
+from . import choices as mollaei_choices
+from . import claims as mollaei_claims
+from . import runs as mollaei_runs
 from .cells import E0, E1, E2, FULL, IMU, PKF, SIX, UKF
 from .metrics import FINAL
-from ..common.pages import write_page
 
 SEEDS, QUICK_SEEDS = 200, 2
 COMPONENTS, QUICK_COMPONENTS = 500, 25
@@ -28,47 +34,73 @@ INTRODUCTION = (
     "by an attitude that is true at the start and then integrated from the gyros; with position and velocity as its states the filter is then "
     "linear, and EKF and UKF are one and the same. Model-driven: the forces of the aircraft's own model from the controls, with that same attitude; "
     "with 15 states its moments too, and no gyros. The model has the very parameters of the aircraft that is flown, which no real flight has.",
-    "; ".join(f"{name}: {text}" for name, text in cells.EXPERIMENTS.items()) + ". In tables \"published / ours\" ours is the median over the "
+    "; ".join(f"{name}: {text}" for name, text in cells.EXPERIMENTS.items())
+    + '. In tables "published / ours" ours is the median over the '
     "seeds, in brackets their 10 and 90 % quantiles; NEES is the mean over the flights that were not lost, with the band that it keeps in 95 % of "
     "studies where a filter is as good as it says.",
     "Each claim of the paper has a verdict that code has taken from the numbers, by a rule that stands beside it. "
-    "\"Not reproduced\" means: not under the assumptions stated here. A flight that stops counts with the most of each measure.")
-LITTLE = ("So few seeds decide little, and so few components are no PKF of the paper: "
-          f"a run with --quick ({QUICK_SEEDS} seeds, {QUICK_COMPONENTS} components) shows that everything runs; "
-          f"the verdicts that count are those of the full study of {SEEDS} seeds and {COMPONENTS} components.")
+    '"Not reproduced" means: not under the assumptions stated here. A flight that stops counts with the most of each measure.',
+)
+LITTLE = (
+    "So few seeds decide little, and so few components are no PKF of the paper: "
+    f"a run with --quick ({QUICK_SEEDS} seeds, {QUICK_COMPONENTS} components) shows that everything runs; "
+    f"the verdicts that count are those of the full study of {SEEDS} seeds and {COMPONENTS} components."
+)
 FEW = 10
 """With fewer seeds than that the page says LITTLE."""
 
 
 def reproduce(out, quick=False, runs=None, seed=2, threads=None, progress=None):
-    """Run everything, write page, tables and claims.json into the folder `out`, and return the claims.
+    """Run everything, write page, tables and claims.json into the folder `out`, and return the
+    claims.
 
-    quick: 2 seeds in place of 200, PKF of 25 components in place of 500; runs: another number of seeds; seed: from which they are made, 0 or more;
-    threads: the processors by default; progress: called with the fraction done. Raises DataError.
+    quick: 2 seeds in place of 200, PKF of 25 components in place of 500; runs: another number of
+    seeds; seed: from which they are made, 0 or more; threads: the processors by default; progress:
+    called with the fraction done. Raises DataError.
     """
     count = (QUICK_SEEDS if quick else SEEDS) if runs is None else runs
     if count < 1 or seed < 0:
         raise DataError(f"runs is {count} and seed {seed}; give one run or more, and a seed from 0")
     components = QUICK_COMPONENTS if quick else COMPONENTS
-    results = mollaei_runs.run_all([1000 * seed + k for k in range(count)], components, threads=threads, progress=progress)
+    results = mollaei_runs.run_all(
+        [1000 * seed + k for k in range(count)], components, threads=threads, progress=progress
+    )
     return write(out, results, components, seed)
 
 
 def write(out, results, components, seed):
     """Write the page of finished Results into the folder `out`; return the claims."""
     from .figures import all_figures
+
     out, scores = Path(out), results.scores
     tables = cells.wide(scores)
-    linear = scores[(scores["form"] == SIX) & (scores["prediction"] == IMU) & scores["mode"].isin((UKF, PKF))]
-    claims = mollaei_claims.claims(rules.Evidence(tables, linear[["seed", "mode", "apart_m"]], results.seconds))
+    linear = scores[
+        (scores["form"] == SIX) & (scores["prediction"] == IMU) & scores["mode"].isin((UKF, PKF))
+    ]
+    claims = mollaei_claims.claims(
+        rules.Evidence(tables, linear[["seed", "mode", "apart_m"]], results.seconds)
+    )
     size = sentence(scores, components, seed)
     made = shown(tables, results)
     files = {name: (None, table) for name, _, table in made} | {"flights": (None, scores)}
     choices = mollaei_choices.table(seeds=flights(scores), final=FINAL, **mollaei_runs.texts())
-    write_page(out, TITLE, (*INTRODUCTION, size), claims, files, figures=all_figures(results, tables),
-               notes=[*((heading, table) for _, heading, table in made), ("What the paper leaves open, and what was chosen", choices)])
+    write_page(
+        out,
+        TITLE,
+        (*INTRODUCTION, size),
+        claims,
+        files,
+        figures=all_figures(results, tables),
+        notes=[
+            *((heading, table) for _, heading, table in made),
+            ("What the paper leaves open, and what was chosen", choices),
+        ],
+    )
     with replacing(out / "findings.md") as part:
-        part.write_text(markdown.findings(size, claims, [(heading, table) for _, heading, table in made]), encoding="utf-8")
+        part.write_text(
+            markdown.findings(size, claims, [(heading, table) for _, heading, table in made]),
+            encoding="utf-8",
+        )
     return claims
 
 
@@ -82,21 +114,50 @@ def sentence(scores, components, seed):
 def flights(scores):
     """Text: seeds by experiment and form."""
     counts = scores.groupby(["experiment", "form"], sort=False)["seed"].nunique()
-    of = lambda form: ", ".join(f"{own} seed{'s' * (own != 1)} of {experiment}" for (experiment, each), own in counts.items() if each == form)
+    of = lambda form: ", ".join(
+        f"{own} seed{'s' * (own != 1)} of {experiment}"
+        for (experiment, each), own in counts.items()
+        if each == form
+    )
     return "; ".join(f"{form}: {of(form)}" for form in dict.fromkeys(scores["form"]))
 
 
 def shown(tables, results):
     """[(name, heading, DataFrame of text)] of the tables for people."""
-    six = lambda experiment: [case for case in tables if case.form == SIX and case.experiment == experiment]
-    found = [(f"redrawn-{experiment.lower()}", f"{cells.TABLE_OF[experiment]} redrawn ({experiment})",
-              cells.redrawn(tables, experiment)) for experiment in (E0, E1, E2)]
-    found += [(f"left-out-{experiment.lower()}", f"Left out: {experiment}", cells.left_out(tables, six(experiment)))
-              for experiment in cells.EXPERIMENTS if six(experiment)]
+    six = lambda experiment: [
+        case for case in tables if case.form == SIX and case.experiment == experiment
+    ]
+    found = [
+        (
+            f"redrawn-{experiment.lower()}",
+            f"{cells.TABLE_OF[experiment]} redrawn ({experiment})",
+            cells.redrawn(tables, experiment),
+        )
+        for experiment in (E0, E1, E2)
+    ]
+    found += [
+        (
+            f"left-out-{experiment.lower()}",
+            f"Left out: {experiment}",
+            cells.left_out(tables, six(experiment)),
+        )
+        for experiment in cells.EXPERIMENTS
+        if six(experiment)
+    ]
     full = [case for case in tables if case.form == FULL]
     if full:
         found.append(("full", "Filters with 15 states", cells.left_out(tables, full)))
-    return [*found, ("time", "Time of one flight (E2)", pd.DataFrame(
-        [(mode, driven, f"{seconds:.2g}", "5400" if mode in (UKF, PKF) else "–")
-         for (mode, driven), seconds in results.seconds.items()],
-        columns=["six states", "prediction", "s", "the paper, s"]))]
+    return [
+        *found,
+        (
+            "time",
+            "Time of one flight (E2)",
+            pd.DataFrame(
+                [
+                    (mode, driven, f"{seconds:.2g}", "5400" if mode in (UKF, PKF) else "–")
+                    for (mode, driven), seconds in results.seconds.items()
+                ],
+                columns=["six states", "prediction", "s", "the paper, s"],
+            ),
+        ),
+    ]

@@ -1,7 +1,9 @@
-"""What one flight of Mollaei et al. scores: their deviations from a final value and overshoots, and what they leave out.
+"""What one flight of Mollaei et al. scores: their deviations from a final value and overshoots, and
+what they leave out.
 
 All are functions of arrays at the IMU samples. Errors are true - estimate.
 """
+
 from typing import NamedTuple
 
 import numpy as np
@@ -11,23 +13,72 @@ FINAL = 2.0
 WITHIN = 0.1
 """Settled: within this share of the reference flight's range about the final value."""
 FAR = 1e5
-"""m: what a flight that stopped, or went further, is scored with. The other most values of MEASURES are as far beyond what is flown."""
+"""m: what a flight that stopped, or went further, is scored with. The other most values of
+MEASURES are as far beyond what is flown."""
 MEASURES = {
-    "fx_n": 1e3, "fy_n": 1e3, "fz_n": 1e3, "mx_nm": 1e3, "my_nm": 1e3, "mz_nm": 1e3, "gx_n": 1e3, "gy_n": 1e3, "gz_n": 1e3,
-    "over_x_pct": 1e4, "over_z_pct": 1e4, "step_x_pct": 1e4, "step_z_pct": 1e4,
-    "aileron_deg": 100.0, "elevator_deg": 100.0, "rudder_deg": 100.0, "engine_rad_s": 1e4, "alpha_deg": 360.0, "alpha_off_deg": 360.0,
-    "settle_elevator_s": 1e3, "settle_engine_s": 1e3, "settle_alpha_s": 1e3,
-    "horizontal_rmse_m": FAR, "vertical_rmse_m": FAR, "velocity_rmse_m_s": 1e3, "attitude_rmse_deg": 180.0,
-    "fixed_horizontal_rmse_m": FAR, "outage_horizontal_rmse_m": FAR, "outage_vertical_rmse_m": FAR, "outage_velocity_rmse_m_s": 1e3,
-    "horizontal_end_m": FAR, "vertical_end_m": FAR, "velocity_end_m_s": 1e3, "drift_m_s": 1e3, "worst_m": FAR,
-    "off_rms_m": FAR, "off_max_m": FAR, "off_end_m": FAR, "off_route_m": FAR, "nees_cut": 1e9, "nees_end": 1e9}
-"""{measure: the most that counts of it}; a measure's unit is the end of its name. fx ... gz, aileron ... alpha: rms deviation from the final value of
-the flight itself, and under the same name with `_ref` from that of the reference flight. The final value is the mean of the last FINAL seconds, also
-of a flight that still drifts then. worst_m: the estimate's largest error after the cut, of the whole flight where there is no cut; off_max_m and
-off_route_m: of the whole flight."""
-SIGNALS = {"fx_n": ("force", 0), "fy_n": ("force", 1), "fz_n": ("force", 2), "mx_nm": ("moment", 0), "my_nm": ("moment", 1), "mz_nm": ("moment", 2),
-           "gx_n": ("gravity", 0), "gy_n": ("gravity", 1), "gz_n": ("gravity", 2), "aileron_deg": ("surfaces", 0), "elevator_deg": ("surfaces", 1),
-           "rudder_deg": ("surfaces", 2), "engine_rad_s": ("engine", None), "alpha_deg": ("alpha", None)}
+    "fx_n": 1e3,
+    "fy_n": 1e3,
+    "fz_n": 1e3,
+    "mx_nm": 1e3,
+    "my_nm": 1e3,
+    "mz_nm": 1e3,
+    "gx_n": 1e3,
+    "gy_n": 1e3,
+    "gz_n": 1e3,
+    "over_x_pct": 1e4,
+    "over_z_pct": 1e4,
+    "step_x_pct": 1e4,
+    "step_z_pct": 1e4,
+    "aileron_deg": 100.0,
+    "elevator_deg": 100.0,
+    "rudder_deg": 100.0,
+    "engine_rad_s": 1e4,
+    "alpha_deg": 360.0,
+    "alpha_off_deg": 360.0,
+    "settle_elevator_s": 1e3,
+    "settle_engine_s": 1e3,
+    "settle_alpha_s": 1e3,
+    "horizontal_rmse_m": FAR,
+    "vertical_rmse_m": FAR,
+    "velocity_rmse_m_s": 1e3,
+    "attitude_rmse_deg": 180.0,
+    "fixed_horizontal_rmse_m": FAR,
+    "outage_horizontal_rmse_m": FAR,
+    "outage_vertical_rmse_m": FAR,
+    "outage_velocity_rmse_m_s": 1e3,
+    "horizontal_end_m": FAR,
+    "vertical_end_m": FAR,
+    "velocity_end_m_s": 1e3,
+    "drift_m_s": 1e3,
+    "worst_m": FAR,
+    "off_rms_m": FAR,
+    "off_max_m": FAR,
+    "off_end_m": FAR,
+    "off_route_m": FAR,
+    "nees_cut": 1e9,
+    "nees_end": 1e9,
+}
+"""{measure: the most that counts of it}; a measure's unit is the end of its name. fx ... gz,
+aileron ... alpha: rms deviation from the final value of the flight itself, and under the same
+name with `_ref` from that of the reference flight. The final value is the mean of the last FINAL
+seconds, also of a flight that still drifts then. worst_m: the estimate's largest error after the
+cut, of the whole flight where there is no cut; off_max_m and off_route_m: of the whole flight."""
+SIGNALS = {
+    "fx_n": ("force", 0),
+    "fy_n": ("force", 1),
+    "fz_n": ("force", 2),
+    "mx_nm": ("moment", 0),
+    "my_nm": ("moment", 1),
+    "mz_nm": ("moment", 2),
+    "gx_n": ("gravity", 0),
+    "gy_n": ("gravity", 1),
+    "gz_n": ("gravity", 2),
+    "aileron_deg": ("surfaces", 0),
+    "elevator_deg": ("surfaces", 1),
+    "rudder_deg": ("surfaces", 2),
+    "engine_rad_s": ("engine", None),
+    "alpha_deg": ("alpha", None),
+}
 """{measure of deviation: (field of Record, column)}."""
 MEASURES |= {f"{name}_ref": MEASURES[name] for name in SIGNALS}
 LOST = MEASURES | {"nees_cut": np.nan, "nees_end": np.nan}
@@ -36,21 +87,24 @@ LOST = MEASURES | {"nees_cut": np.nan, "nees_end": np.nan}
 
 class Record(NamedTuple):
     """What the scores need of a flight, a row per IMU sample."""
-    t: np.ndarray           # (n,) s
-    force: np.ndarray       # (n, 3) N, aerodynamic and propulsive, body axes
-    moment: np.ndarray      # (n, 3) N m, body axes
-    gravity: np.ndarray     # (n, 3) N, weight along the body axes
-    velocity: np.ndarray    # (n, 3) m/s, true, body axes
-    surfaces: np.ndarray    # (n, 3) aileron, elevator, rudder, deg
-    engine: np.ndarray      # (n,) rad/s
-    alpha: np.ndarray       # (n,) deg
-    place: np.ndarray       # (n, 3) m NED of the aircraft from the start
-    beside: np.ndarray      # (n,) m, of the aircraft to the right of its route
-    position: np.ndarray    # (n, 3) m NED, error of the estimate
-    v_error: np.ndarray     # (n, 3) m/s NED, error of the estimate
-    attitude: np.ndarray    # (n,) rad, angle between true and estimated attitude
-    nees: np.ndarray        # (2,) of position and velocity, where the fixes end or would, and at the end; NaN where no covariance was kept
-    stopped: str = ""       # why the flight ended early
+
+    t: np.ndarray  # (n,) s
+    force: np.ndarray  # (n, 3) N, aerodynamic and propulsive, body axes
+    moment: np.ndarray  # (n, 3) N m, body axes
+    gravity: np.ndarray  # (n, 3) N, weight along the body axes
+    velocity: np.ndarray  # (n, 3) m/s, true, body axes
+    surfaces: np.ndarray  # (n, 3) aileron, elevator, rudder, deg
+    engine: np.ndarray  # (n,) rad/s
+    alpha: np.ndarray  # (n,) deg
+    place: np.ndarray  # (n, 3) m NED of the aircraft from the start
+    beside: np.ndarray  # (n,) m, of the aircraft to the right of its route
+    position: np.ndarray  # (n, 3) m NED, error of the estimate
+    v_error: np.ndarray  # (n, 3) m/s NED, error of the estimate
+    attitude: np.ndarray  # (n,) rad, angle between true and estimated attitude
+    # (2,) of position and velocity, where the fixes end or would, and at the end; NaN where no
+    # covariance was kept
+    nees: np.ndarray
+    stopped: str = ""  # why the flight ended early
 
     def signal(self, name):
         """(n,) of one of SIGNALS."""
@@ -70,9 +124,11 @@ def deviation(values, last):
 
 
 def overshoot(values, last, begin=0.0):
-    """Per cent by which `values` (n,) go beyond `last`, seen from `begin`, of |last - begin|: 100 (extreme - last) / (last - begin), 0 or more.
+    """Per cent by which `values` (n,) go beyond `last`, seen from `begin`, of |last - begin|: 100
+    (extreme - last) / (last - begin), 0 or more.
 
-    With begin = 0 that is the overshoot of MATLAB's stepinfo without an initial value. inf where last = begin.
+    With begin = 0 that is the overshoot of MATLAB's stepinfo without an initial value. inf where
+    last = begin.
     """
     step = last - begin
     if step == 0:
@@ -81,19 +137,27 @@ def overshoot(values, last, begin=0.0):
 
 
 def settling(t, values, last, width):
-    """s from t[0] to the last time at which values (n,) are not within `width` of `last`; 0 where they always are."""
+    """s from t[0] to the last time at which values (n,) are not within `width` of `last`; 0
+    where they always are."""
     outside = np.flatnonzero(np.abs(values - last) > width)
     return float(t[outside[-1]] - t[0]) if len(outside) else 0.0
 
 
 def score(record, reference, cut=None):
-    """{measure: value, "said": text} of a flight, the names of MEASURES; of a stopped flight the most of each.
+    """{measure: value, "said": text} of a flight, the names of MEASURES; of a stopped flight the
+    most of each.
 
-    reference: Record of the same flight steered by the truth; cut: when the fixes end, s, None where they do not.
+    reference: Record of the same flight steered by the truth; cut: when the fixes end, s, None
+    where they do not.
     """
     if record.stopped or not np.isfinite(record.place).all():
         return {**LOST, "said": record.stopped or "no finite state"}
-    found = {**deviations(record, reference), **transients(record, reference), **estimates(record, cut), **ways(record, reference)}
+    found = {
+        **deviations(record, reference),
+        **transients(record, reference),
+        **estimates(record, cut),
+        **ways(record, reference),
+    }
     said = "diverged" if max(found["worst_m"], found["off_max_m"]) >= FAR else ""
     return {name: _at_most(found[name], most) for name, most in MEASURES.items()} | {"said": said}
 
@@ -119,36 +183,67 @@ def transients(record, reference):
     for axis, column in (("x", 0), ("z", 2)):
         values = record.velocity[:, column]
         last = float(final(record.t, values))
-        found |= {f"over_{axis}_pct": overshoot(values, last), f"step_{axis}_pct": overshoot(values, last, float(reference.velocity[0, column]))}
-    for name, label in (("elevator_deg", "elevator"), ("engine_rad_s", "engine"), ("alpha_deg", "alpha")):
+        found |= {
+            f"over_{axis}_pct": overshoot(values, last),
+            f"step_{axis}_pct": overshoot(values, last, float(reference.velocity[0, column])),
+        }
+    for name, label in (
+        ("elevator_deg", "elevator"),
+        ("engine_rad_s", "engine"),
+        ("alpha_deg", "alpha"),
+    ):
         values = record.signal(name)
-        found[f"settle_{label}_s"] = settling(record.t, values, final(record.t, values), WITHIN * np.ptp(reference.signal(name)))
-    return found | {"alpha_off_deg": abs(float(final(record.t, record.alpha) - final(reference.t, reference.alpha)))}
+        found[f"settle_{label}_s"] = settling(
+            record.t, values, final(record.t, values), WITHIN * np.ptp(reference.signal(name))
+        )
+    return found | {
+        "alpha_off_deg": abs(
+            float(final(record.t, record.alpha) - final(reference.t, reference.alpha))
+        )
+    }
 
 
 def estimates(record, cut):
-    """Errors of the estimate over the flight and in the outage; NEES of six states at the cut and at the end."""
+    """Errors of the estimate over the flight and in the outage; NEES of six states at the cut
+    and at the end."""
     t, position = record.t, record.position
     after = np.zeros(len(t), bool) if cut is None else t > cut + 1e-6
-    before = ~after & (t > t[0] + FINAL)        # the first seconds are of the start's own error
-    rms = lambda values: float(np.sqrt(np.mean(values ** 2))) if values.size else np.nan
+    before = ~after & (t > t[0] + FINAL)  # the first seconds are of the start's own error
+    rms = lambda values: float(np.sqrt(np.mean(values**2))) if values.size else np.nan
     length = lambda rows, axes, values: rms(np.linalg.norm(values[rows][:, axes], axis=1))
     level, all_rows = [0, 1], np.ones(len(t), bool)
     end = position[-1] if cut is not None else np.full(3, np.nan)
     horizontal = float(np.hypot(end[0], end[1]))
-    return {"horizontal_rmse_m": length(all_rows, level, position), "vertical_rmse_m": rms(position[:, 2]),
-            "velocity_rmse_m_s": length(all_rows, [0, 1, 2], record.v_error), "attitude_rmse_deg": float(np.degrees(rms(record.attitude))),
-            "fixed_horizontal_rmse_m": length(before, level, position), "outage_horizontal_rmse_m": length(after, level, position),
-            "outage_vertical_rmse_m": rms(position[after, 2]), "outage_velocity_rmse_m_s": length(after, [0, 1, 2], record.v_error),
-            "horizontal_end_m": horizontal, "vertical_end_m": abs(float(end[2])),
-            "velocity_end_m_s": float(np.linalg.norm(record.v_error[-1])) if cut is not None else np.nan,
-            "drift_m_s": horizontal / (t[-1] - cut) if cut is not None else np.nan,
-            "worst_m": float(np.linalg.norm(position[after] if cut is not None else position, axis=1).max()),
-            "nees_cut": float(record.nees[0]), "nees_end": float(record.nees[1])}
+    return {
+        "horizontal_rmse_m": length(all_rows, level, position),
+        "vertical_rmse_m": rms(position[:, 2]),
+        "velocity_rmse_m_s": length(all_rows, [0, 1, 2], record.v_error),
+        "attitude_rmse_deg": float(np.degrees(rms(record.attitude))),
+        "fixed_horizontal_rmse_m": length(before, level, position),
+        "outage_horizontal_rmse_m": length(after, level, position),
+        "outage_vertical_rmse_m": rms(position[after, 2]),
+        "outage_velocity_rmse_m_s": length(after, [0, 1, 2], record.v_error),
+        "horizontal_end_m": horizontal,
+        "vertical_end_m": abs(float(end[2])),
+        "velocity_end_m_s": float(np.linalg.norm(record.v_error[-1]))
+        if cut is not None
+        else np.nan,
+        "drift_m_s": horizontal / (t[-1] - cut) if cut is not None else np.nan,
+        "worst_m": float(
+            np.linalg.norm(position[after] if cut is not None else position, axis=1).max()
+        ),
+        "nees_cut": float(record.nees[0]),
+        "nees_end": float(record.nees[1]),
+    }
 
 
 def ways(record, reference):
-    """How far the aircraft is from the reference flight at the same time, m: rms, largest, at the end; and beside its route at most."""
-    apart = np.linalg.norm(record.place - reference.place[:len(record.place)], axis=1)
-    return {"off_rms_m": float(np.sqrt(np.mean(apart ** 2))), "off_max_m": float(apart.max()), "off_end_m": float(apart[-1]),
-            "off_route_m": float(np.abs(record.beside).max())}
+    """How far the aircraft is from the reference flight at the same time, m: rms, largest, at
+    the end; and beside its route at most."""
+    apart = np.linalg.norm(record.place - reference.place[: len(record.place)], axis=1)
+    return {
+        "off_rms_m": float(np.sqrt(np.mean(apart**2))),
+        "off_max_m": float(apart.max()),
+        "off_end_m": float(apart[-1]),
+        "off_route_m": float(np.abs(record.beside).max()),
+    }

@@ -1,8 +1,10 @@
-"""The flights of Mollaei et al. over seeds: every case and mode scored, records of the first seed, growth of the errors.
+"""The flights of Mollaei et al. over seeds: every case and mode scored, records of the first seed,
+growth of the errors.
 
-All modes of a seed have the same sensor errors. Trim, gains and plan are computed once; seeds run in threads, since kernels let go
-of the interpreter.
+All modes of a seed have the same sensor errors. Trim, gains and plan are computed once; seeds run
+in threads, since kernels let go of the interpreter.
 """
+
 import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
@@ -12,29 +14,58 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from strapdown.evaluation.consistency import nees
 from strapdown.data import DataError, Trajectory
-from strapdown.geodesy import displacement
+from strapdown.evaluation.consistency import nees
 from strapdown.evaluation.metrics import errors
-from strapdown.sensor_models.gnss import Gnss
 from strapdown.flight.aircraft.parameters import GRAVITY
 from strapdown.flight.fly import fly
 from strapdown.flight.plan import straight, turning
+from strapdown.geodesy import displacement
+from strapdown.sensor_models.gnss import Gnss
+
 from . import metrics
-from .six_state import filters as mollaei_six
-from .cells import CASES, CKF, CLOSED, CUT, E0, E1, E2, EKF, FULL, IMU, FILTERS, MODEL, NO_FILTER, PKF, PRINTED, SIX, TURN, UKF, WIND, Case
+from .cells import (
+    CASES,
+    CKF,
+    CLOSED,
+    CUT,
+    E0,
+    E1,
+    E2,
+    EKF,
+    FILTERS,
+    FULL,
+    IMU,
+    MODEL,
+    NO_FILTER,
+    PKF,
+    PRINTED,
+    SIX,
+    TURN,
+    UKF,
+    WIND,
+    Case,
+)
 from .metrics import Record
+from .six_state import filters as mollaei_six
 
 GRADE = "mollaei"
 RECEIVER = Gnss(interval=0.2)
 STEP = {"higher": 10.0, "faster": 2.0, "airspeed": 25.0}
-"""m, m/s, m/s: the straight flight begins trimmed at `airspeed` and is asked at 0 s to be so much higher and faster."""
+"""m, m/s, m/s: the straight flight begins trimmed at `airspeed` and is asked at 0 s to be so
+much higher and faster."""
 SECONDS = {E2: 315.0, WIND: 315.0}
 """Durations; 25 s of the others."""
-FILTERS_SIX = {NO_FILTER: mollaei_six.RAW, EKF: mollaei_six.EKF6, UKF: mollaei_six.UKF6, PKF: mollaei_six.PKF6}
+FILTERS_SIX = {
+    NO_FILTER: mollaei_six.RAW,
+    EKF: mollaei_six.EKF6,
+    UKF: mollaei_six.UKF6,
+    PKF: mollaei_six.PKF6,
+}
 FILTERS_FULL = {CLOSED: "closed-loop", EKF: "ekf", UKF: "ukf", CKF: "ckf", PKF: "pkf"}
 START_SD = (1.0, 1.0, 1.5, 0.1, 0.1, 0.1, *[0.0] * 3, *[None] * 6)
-"""Of the start of the six-state filters: m, m/s; their attitude is the true one, since nothing would ever correct it."""
+"""Of the start of the six-state filters: m, m/s; their attitude is the true one, since nothing
+would ever correct it."""
 BREEZE = (3.0, 0.0, 0.0)
 """m/s, NED: the wind of WIND, from behind."""
 SHARES = {(E2, SIX): 4, (WIND, SIX): 10, (E1, FULL): 4, (TURN, FULL): 4, (E2, FULL): 10}
@@ -45,11 +76,16 @@ TIMES = 50
 
 class Results(NamedTuple):
     """What all flights gave."""
-    scores: pd.DataFrame    # a row per Case (its fields as columns), mode and seed: mollaei_metrics.MEASURES, apart_m, said
-    samples: dict           # {(Case, mode): Record} of the first seed, six states
-    references: dict        # {experiment: Record} of the flights steered by the true state
-    curves: dict            # {(Case, mode): ((k,) s, (runs, 2, k) m horizontal error and distance of the aircraft from the reference flight)}
-    seconds: dict           # {(mode, prediction): wall time of one flight of E2 with six states, nothing else running, s}
+
+    # a row per Case (its fields as columns), mode and seed: mollaei_metrics.MEASURES, apart_m, said
+    scores: pd.DataFrame
+    samples: dict  # {(Case, mode): Record} of the first seed, six states
+    references: dict  # {experiment: Record} of the flights steered by the true state
+    # {(Case, mode): ((k,) s, (runs, 2, k) m horizontal error and distance of the aircraft from the
+    # reference flight)}
+    curves: dict
+    # {(mode, prediction): wall time of one flight of E2 with six states, nothing else running, s}
+    seconds: dict
 
 
 def plan(experiment):
@@ -63,26 +99,42 @@ def duration(experiment):
 
 
 def flight(case, mode, seed, components=None, **changes):
-    """The Flight of a mode in a case; components: of the PKF, None for its default; changes: of what `fly` is given."""
+    """The Flight of a mode in a case; components: of the PKF, None for its default; changes: of
+    what `fly` is given."""
     six = case.form == SIX
-    given = {"imu": GRADE, "seed": seed, "gnss": RECEIVER, "duration": duration(case.experiment),
-             "outage": None if case.experiment == E0 else [(CUT, duration(case.experiment) + 1.0)],
-             "prediction": "imu" if case.prediction == IMU else "model", "covariance": True}
+    given = {
+        "imu": GRADE,
+        "seed": seed,
+        "gnss": RECEIVER,
+        "duration": duration(case.experiment),
+        "outage": None if case.experiment == E0 else [(CUT, duration(case.experiment) + 1.0)],
+        "prediction": "imu" if case.prediction == IMU else "model",
+        "covariance": True,
+    }
     if case.experiment == WIND:
         given |= {"wind": BREEZE, "told_wind": (0.0, 0.0, 0.0)}
     if six:
-        given |= {"earth": "flat", "start_sd": START_SD, "gate": np.inf, "inputs": mollaei_six.INPUTS}
+        given |= {
+            "earth": "flat",
+            "start_sd": START_SD,
+            "gate": np.inf,
+            "inputs": mollaei_six.INPUTS,
+        }
     if case.tuning == PRINTED and mode != NO_FILTER:
         given |= mollaei_six.REPRODUCED
     if mode == PKF and components:
         given["components"] = components
-    return fly(plan(case.experiment), (FILTERS_SIX if six else FILTERS_FULL)[mode], **{**given, **changes})
+    return fly(
+        plan(case.experiment), (FILTERS_SIX if six else FILTERS_FULL)[mode], **{**given, **changes}
+    )
 
 
 @lru_cache(maxsize=16)
 def reference(experiment, form=SIX):
     """Record of the flight steered by the true state, over the same Earth."""
-    return record(flight(Case(experiment, form), NO_FILTER if form == SIX else CLOSED, 0, feedback="truth"))
+    return record(
+        flight(Case(experiment, form), NO_FILTER if form == SIX else CLOSED, 0, feedback="truth")
+    )
 
 
 def record(flight):
@@ -91,38 +143,71 @@ def record(flight):
     stack = lambda names: np.column_stack([column(name) for name in names])
     solution, reference = flight.solution, flight.recording.reference
     off = errors(solution, reference)
-    rows = len(off.t)                   # a filter that stopped may have one less
-    flown = slice(1, rows + 1)          # the first row is the start
-    truth = Trajectory(*(values[flown] for values in (reference.t, reference.lla, reference.v_n, reference.q_nb)))
-    craft, gravity = flight.trim.aircraft, flight.trim.aircraft.array(flight.trim.earth, flight.trim.origin)[GRAVITY]
+    rows = len(off.t)  # a filter that stopped may have one less
+    flown = slice(1, rows + 1)  # the first row is the start
+    truth = Trajectory(
+        *(values[flown] for values in (reference.t, reference.lla, reference.v_n, reference.q_nb))
+    )
+    craft, gravity = (
+        flight.trim.aircraft,
+        flight.trim.aircraft.array(flight.trim.earth, flight.trim.origin)[GRAVITY],
+    )
     weight = craft["mass"] * gravity * truth.rotation.inv().apply([0.0, 0.0, 1.0])
     at = [min(int(np.searchsorted(truth.t, CUT - 1e-6)), rows - 1), rows - 1]
-    claimed = bool(np.isfinite(solution.trajectory.sd[at, :6]).all())       # without a filter nothing is
-    normalised = nees(np.c_[off.position, off.velocity][at], solution.covariance[at][:, :6, :6]) if claimed else np.full(2, np.nan)
-    return Record(*(values[:rows] for values in (
-        column("t, s"), stack(("Fx, N", "Fy, N", "Fz, N")), stack(("Gx, N m", "Gy, N m", "Gz, N m")), weight, stack(("u, m/s", "v, m/s", "w, m/s")),
-        np.degrees(stack(("aileron, rad", "elevator, rad", "rudder, rad"))), column("propeller speed, rad/s"),
-        np.degrees(column("angle of attack, rad")),
-        displacement(truth.lla, reference.lla[0]), column("right of route, m"))), off.position, off.velocity,
-        np.linalg.norm(off.attitude, axis=1), normalised, str(flight.stopped or ""))
+    claimed = bool(np.isfinite(solution.trajectory.sd[at, :6]).all())  # without a filter nothing is
+    normalised = (
+        nees(np.c_[off.position, off.velocity][at], solution.covariance[at][:, :6, :6])
+        if claimed
+        else np.full(2, np.nan)
+    )
+    return Record(
+        *(
+            values[:rows]
+            for values in (
+                column("t, s"),
+                stack(("Fx, N", "Fy, N", "Fz, N")),
+                stack(("Gx, N m", "Gy, N m", "Gz, N m")),
+                weight,
+                stack(("u, m/s", "v, m/s", "w, m/s")),
+                np.degrees(stack(("aileron, rad", "elevator, rad", "rudder, rad"))),
+                column("propeller speed, rad/s"),
+                np.degrees(column("angle of attack, rad")),
+                displacement(truth.lla, reference.lla[0]),
+                column("right of route, m"),
+            )
+        ),
+        off.position,
+        off.velocity,
+        np.linalg.norm(off.attitude, axis=1),
+        normalised,
+        str(flight.stopped or ""),
+    )
 
 
 def scored(case, mode, seed, components):
-    """(row of the table of scores, Record or None) of one flight; a flight that could not begin is lost."""
+    """(row of the table of scores, Record or None) of one flight; a flight that could not begin
+    is lost."""
     try:
         made = record(flight(case, mode, seed, components))
     except DataError as error:
         return {**metrics.LOST, "said": str(error)}, None
-    return metrics.score(made, reference(case.experiment, case.form), None if case.experiment == E0 else CUT), made
+    return metrics.score(
+        made, reference(case.experiment, case.form), None if case.experiment == E0 else CUT
+    ), made
 
 
 def run_all(seeds, components=None, cases=None, progress=None, threads=None):
-    """Results over `seeds`, or SHARES of them; cases: by default all. components: of the PKF; progress: called with the fraction done."""
+    """Results over `seeds`, or SHARES of them; cases: by default all. components: of the PKF;
+    progress: called with the fraction done."""
     seeds, cases = list(seeds), CASES if cases is None else cases
     # alone, and before the threads, which would each compile
-    seconds = times(seeds[0], components) if any(case.experiment == E2 and case.form == SIX for case in cases) else {}
+    seconds = (
+        times(seeds[0], components)
+        if any(case.experiment == E2 and case.form == SIX for case in cases)
+        else {}
+    )
     groups = dict.fromkeys((case.experiment, case.form) for case in cases)
-    tasks = [(group, seed) for group in groups for seed in seeds[::SHARES.get(group, 1)]]
+    tasks = [(group, seed) for group in groups for seed in seeds[:: SHARES.get(group, 1)]]
     tasks.sort(key=lambda task: (-duration(task[0][0]), task[0][1]))
     for group in groups:
         reference(*group)
@@ -130,7 +215,10 @@ def run_all(seeds, components=None, cases=None, progress=None, threads=None):
     of = lambda task: [case for case in cases if (case.experiment, case.form) == task[0]]
     total = sum(duration(task[0][0]) for task in tasks)
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        for task, found in zip(tasks, pool.map(lambda task: _seed(of(task), task[1], components, task[1] == seeds[0]), tasks)):
+        for task, found in zip(
+            tasks,
+            pool.map(lambda task: _seed(of(task), task[1], components, task[1] == seeds[0]), tasks),
+        ):
             rows += found[0]
             samples |= found[1]
             for key, curve in found[2].items():
@@ -140,15 +228,23 @@ def run_all(seeds, components=None, cases=None, progress=None, threads=None):
                 progress(done / total)
     order = {case: k for k, case in enumerate(cases)}
     rows.sort(key=lambda row: (order[Case(*(row[name] for name in Case._fields))], row["seed"]))
-    references = {experiment: reference(experiment, form) for experiment, form in groups if form == SIX}
-    curves = {key: (curve_times(key[0].experiment), np.array(values)) for key, values in curves.items()}
+    references = {
+        experiment: reference(experiment, form) for experiment, form in groups if form == SIX
+    }
+    curves = {
+        key: (curve_times(key[0].experiment), np.array(values)) for key, values in curves.items()
+    }
     return Results(pd.DataFrame(rows), samples, references, curves, seconds)
 
 
 def times(seed, components=None):
-    """{(mode, prediction): wall time of a flight of E2 with six states, s}; each was flown before for a moment, so that nothing compiles."""
+    """{(mode, prediction): wall time of a flight of E2 with six states, s}; each was flown
+    before for a moment, so that nothing compiles."""
     found = {}
-    for mode, prediction in ((NO_FILTER, IMU), *((mode, prediction) for prediction in (IMU, MODEL) for mode in FILTERS)):
+    for mode, prediction in (
+        (NO_FILTER, IMU),
+        *((mode, prediction) for prediction in (IMU, MODEL) for mode in FILTERS),
+    ):
         flight(Case(E2, prediction=prediction), mode, seed, components, duration=CUT + 1)
         begun = perf_counter()
         flight(Case(E2, prediction=prediction), mode, seed, components)
@@ -157,19 +253,28 @@ def times(seed, components=None):
 
 
 def _seed(cases, seed, components, kept):
-    """(rows of scores, {(Case, mode): Record}, {(Case, mode): curve}) of the cases of one experiment and form with one seed."""
+    """(rows of scores, {(Case, mode): Record}, {(Case, mode): curve}) of the cases of one
+    experiment and form with one seed."""
     rows, samples, curves = [], {}, {}
-    unfiltered = None           # knows no prediction and no Q, R: one flight for all cases
+    unfiltered = None  # knows no prediction and no Q, R: one flight for all cases
     for case in cases:
         made = {}
-        for mode in (FILTERS_SIX if case.form == SIX else FILTERS_FULL):
+        for mode in FILTERS_SIX if case.form == SIX else FILTERS_FULL:
             if mode == NO_FILTER:
                 unfiltered = unfiltered or scored(case, mode, seed, components)
                 score, own = unfiltered
             else:
                 score, own = scored(case, mode, seed, components)
             made[mode] = own
-            rows.append({**case._asdict(), "mode": mode, "seed": seed, **score, "apart_m": apart(own, made.get(EKF))})
+            rows.append(
+                {
+                    **case._asdict(),
+                    "mode": mode,
+                    "seed": seed,
+                    **score,
+                    "apart_m": apart(own, made.get(EKF)),
+                }
+            )
             curves[case, mode] = curve(own, reference(case.experiment, case.form))
             if kept and case.form == SIX and own is not None:
                 samples[case, mode] = own
@@ -177,13 +282,19 @@ def _seed(cases, seed, components, kept):
 
 
 def apart(one, other):
-    """m: largest distance between two flights' aircraft or between their estimates; NaN where one was not flown, inf where it was not as long."""
+    """m: largest distance between two flights' aircraft or between their estimates; NaN where
+    one was not flown, inf where it was not as long."""
     if one is None or other is None:
         return np.nan
     if len(one.t) != len(other.t):
         return np.inf
     estimates = (one.place - one.position) - (other.place - other.position)
-    return float(max(np.linalg.norm(one.place - other.place, axis=1).max(), np.linalg.norm(estimates, axis=1).max()))
+    return float(
+        max(
+            np.linalg.norm(one.place - other.place, axis=1).max(),
+            np.linalg.norm(estimates, axis=1).max(),
+        )
+    )
 
 
 def curve_times(experiment):
@@ -192,7 +303,8 @@ def curve_times(experiment):
 
 
 def curve(record, reference):
-    """(2, TIMES) horizontal error of the estimate, and distance of the aircraft from the reference flight, m; inf where it had stopped."""
+    """(2, TIMES) horizontal error of the estimate, and distance of the aircraft from the
+    reference flight, m; inf where it had stopped."""
     found = np.full((2, TIMES), np.inf)
     if record is None:
         return found
@@ -207,7 +319,12 @@ def curve(record, reference):
 
 def texts():
     """{brace: text} for mollaei_choices: what was flown and with which receiver."""
-    p, v = (", ".join(f"{value:g}" for value in sd) for sd in (RECEIVER.position_sd, RECEIVER.velocity_sd))
-    return {"plan": f"level and straight, trimmed at {STEP['airspeed']:g} m/s; asked at 0 s to be {STEP['higher']:g} m higher and "
-                    f"{STEP['faster']:g} m/s faster, which the values converge to",
-            "gnss": f"white errors of {p} m and {v} m/s (north, east, down), as good as the filters are told"}
+    p, v = (
+        ", ".join(f"{value:g}" for value in sd)
+        for sd in (RECEIVER.position_sd, RECEIVER.velocity_sd)
+    )
+    return {
+        "plan": f"level and straight, trimmed at {STEP['airspeed']:g} m/s; asked at 0 s to be {STEP['higher']:g} m higher and "
+        f"{STEP['faster']:g} m/s faster, which the values converge to",
+        "gnss": f"white errors of {p} m and {v} m/s (north, east, down), as good as the filters are told",
+    }

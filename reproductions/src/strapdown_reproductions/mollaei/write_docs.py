@@ -1,4 +1,6 @@
-"""The findings as Markdown, for docs/mollaei.md: what stands there between its two marks is this file's output."""
+"""The findings as Markdown, for docs/mollaei.md: what stands there between its two marks is this
+file's output."""
+
 from ..common import markdown
 
 BEGIN, END = markdown.begin("findings.md", "mollaei"), markdown.END

@@ -1,18 +1,22 @@
-"""The recordings on which `strapdown reproduce recordings` tries every filter: what each is aided with, what it is scored by, and when.
+"""The recordings on which `strapdown reproduce recordings` tries every filter: what each is aided
+with, what it is scored by, and when.
 
-thor75 with magnetometer and barometer, drive0708 with GNSS alone, the BROAD trials with thinned and noised optical positions, and the ring-laser
-record of a parked vehicle with what is known of one that stands still.
+thor75 with magnetometer and barometer, drive0708 with GNSS alone, the BROAD trials with thinned and
+noised optical positions, and the ring-laser record of a parked vehicle with what is known of one
+that stands still.
 """
+
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from strapdown import io
-from strapdown.data import Aiding, Trajectory
-from strapdown.recording import Recording
-from strapdown.io.locate import data_folder
 from strapdown.alignment.static_attitude import body_to_navigation, gyrocompass
+from strapdown.data import Aiding, Trajectory
+from strapdown.io.locate import data_folder
+from strapdown.recording import Recording
+
 from ..common.example_recordings import FLIGHT, windows_of
 
 LASER = ("lasergyro", "lasergyro.imu.xz")
@@ -20,18 +24,23 @@ LASER = ("lasergyro", "lasergyro.imu.xz")
 POSITION_SD = 0.1
 """m per axis of the BROAD positions."""
 SCALE, LASTS = 0.01, 0.3
-"""Part by which scale and axes of a MEMS IMU may be off, and s for which a movement of the hand lasts in one direction."""
+"""Part by which scale and axes of a MEMS IMU may be off, and s for which a movement of the hand
+lasts in one direction."""
 PARKED_RATE, PARKED_SD, PARKED_SETTLED, PARKED_IMU = 1.0, 0.05, 60.0, "navigation"
-"""Of the parked vehicle: Hz of its fixes, m/s of its zero velocity (it rocks and vibrates), s after which it is scored, the grade of its IMU."""
+"""Of the parked vehicle: Hz of its fixes, m/s of its zero velocity (it rocks and vibrates), s
+after which it is scored, the grade of its IMU."""
 
 
 class Case(NamedTuple):
     """A recording and the seconds of it that are scored."""
-    group: str              # heading of its column, which the cases of one group share
+
+    group: str  # heading of its column, which the cases of one group share
     name: str
     recording: Recording
-    windows: tuple          # ((start, stop), ...) in s, both included
-    held: bool = False      # in a hand: attitude as inclination and heading, which no pitch makes singular, and scored where the reference has a row
+    windows: tuple  # ((start, stop), ...) in s, both included
+    # in a hand: attitude as inclination and heading, which no pitch makes singular, and scored
+    # where the reference has a row
+    held: bool = False
 
     def inside(self, t):
         """(n,) bool: which of the times `t` are scored."""
@@ -42,7 +51,10 @@ class Case(NamedTuple):
 def cases(folder):
     """The Cases of the descriptions in `folder` and of the data folder. Raises DataError."""
     flight, drive = io.read(folder / "thor75-full.toml"), io.read(folder / "drive0708.toml")
-    found = [Case("thor75", "thor75", flight, (FLIGHT,)), Case("drive0708", "drive0708", drive, ((windows_of(drive)[0][0], drive.span[1]),))]
+    found = [
+        Case("thor75", "thor75", flight, (FLIGHT,)),
+        Case("drive0708", "drive0708", drive, ((windows_of(drive)[0][0], drive.span[1]),)),
+    ]
     data = data_folder(folder)
     trials = [with_optics(path) for path in sorted((data / "broad").glob("*.npz"))]
     found += [held_by_hand("BROAD, as read", trial) for trial in trials]
@@ -54,47 +66,85 @@ def cases(folder):
 def with_optics(path):
     """The Recording of a BROAD trial with the optical positions of one row a second, noised."""
     from strapdown.io.broad import with_positions
+
     return with_positions(io.read(path), rate=1.0, sd=POSITION_SD)
 
 
 def held_by_hand(group, recording):
     """The Case of a BROAD trial, scored while it moves."""
-    return Case(group, recording.meta["name"], recording, tuple(map(tuple, recording.meta["movement"])), held=True)
+    return Case(
+        group,
+        recording.meta["name"],
+        recording,
+        tuple(map(tuple, recording.meta["movement"])),
+        held=True,
+    )
 
 
 def in_motion(recording):
-    """The recording of a hand-held IMU with the errors that motion brings, none of which its records at rest show.
+    """The recording of a hand-held IMU with the errors that motion brings, none of which its
+    records at rest show.
 
-    Scale and axes of a MEMS IMU are off by `SCALE`: that part of rates and forces is an error which lasts as long as a movement of the hand, so that
-    it weighs like white noise of density SCALE rms sqrt(2 LASTS). The rows of a magnetometer that stand for one second have the weight of one
-    reading, since iron near by bends the field for longer than that. Neither looks at the reference.
+    Scale and axes of a MEMS IMU are off by `SCALE`: that part of rates and forces is an error which
+    lasts as long as a movement of the hand, so that it weighs like white noise of density SCALE rms
+    sqrt(2 LASTS). The rows of a magnetometer that stand for one second have the weight of one
+    reading, since iron near by bends the field for longer than that. Neither looks at the
+    reference.
     """
     imu, grade = recording.imu, recording.meta["grade"]
-    density = lambda increments: float(SCALE * np.sqrt(2 * LASTS) * np.sqrt(np.mean((increments / imu.dt[:, None]) ** 2)))
-    noisy = lambda triad, increments: replace(triad, noise=float(np.hypot(triad.noise, density(increments))))
+    density = lambda increments: float(
+        SCALE * np.sqrt(2 * LASTS) * np.sqrt(np.mean((increments / imu.dt[:, None]) ** 2))
+    )
+    noisy = lambda triad, increments: replace(
+        triad, noise=float(np.hypot(triad.noise, density(increments)))
+    )
     moved = replace(grade, gyro=noisy(grade.gyro, imu.dtheta), accel=noisy(grade.accel, imu.dv))
-    rare = lambda a: replace(a, sd=a.sd / np.sqrt(np.median(np.diff(a.t)))) if a.kind == "magnetic-field" else a
-    return replace(recording, aidings=tuple(map(rare, recording.aidings)), meta=recording.meta | {"grade": moved})
+    rare = lambda a: (
+        replace(a, sd=a.sd / np.sqrt(np.median(np.diff(a.t)))) if a.kind == "magnetic-field" else a
+    )
+    return replace(
+        recording,
+        aidings=tuple(map(rare, recording.aidings)),
+        meta=recording.meta | {"grade": moved},
+    )
 
 
 def parked(recording):
-    """The Case of a parked ring-laser IMU: the header's position and zero velocity as fixes, and as reference with the attitude that gravity and
-    the Earth's rate have in the mean of the whole record.
+    """The Case of a parked ring-laser IMU: the header's position and zero velocity as fixes, and as
+    reference with the attitude that gravity and the Earth's rate have in the mean of the whole
+    record.
 
     The position has the standard deviation that reading it gave the header, at every fix.
     """
     imu, header = recording.imu, next(a for a in recording.aidings if a.kind == "position")
     t = np.arange(recording.span[0] + 1 / PARKED_RATE, imu.t[-1], 1 / PARKED_RATE)
-    still = lambda kind, values, sd: Aiding(kind, t, np.tile(values, (len(t), 1)), np.full((len(t), 3), sd), name=f"parked {kind}")
-    fixes = still("position", header.y[0], header.sd[0]), still("zero-velocity", np.zeros(3), PARKED_SD)
+    still = lambda kind, values, sd: Aiding(
+        kind, t, np.tile(values, (len(t), 1)), np.full((len(t), 3), sd), name=f"parked {kind}"
+    )
+    fixes = (
+        still("position", header.y[0], header.sd[0]),
+        still("zero-velocity", np.zeros(3), PARKED_SD),
+    )
     reference = standing(imu, header.y[0])
-    made = replace(recording, aidings=(*recording.aidings, *fixes), reference=reference, meta=recording.meta | {"grade": PARKED_IMU})
-    return Case("ring laser", recording.meta["name"], made, ((recording.span[0] + PARKED_SETTLED, recording.span[1]),))
+    made = replace(
+        recording,
+        aidings=(*recording.aidings, *fixes),
+        reference=reference,
+        meta=recording.meta | {"grade": PARKED_IMU},
+    )
+    return Case(
+        "ring laser",
+        recording.meta["name"],
+        made,
+        ((recording.span[0] + PARKED_SETTLED, recording.span[1]),),
+    )
 
 
 def standing(imu, lla):
-    """Trajectory of a body that stands at `lla` (rad, rad, m), with the attitude of the mean rate and specific force of an Imu."""
+    """Trajectory of a body that stands at `lla` (rad, rad, m), with the attitude of the mean
+    rate and specific force of an Imu."""
     from scipy.spatial.transform import Rotation
+
     seconds, ends = imu.dt.sum(), np.arange(imu.t[0] - imu.dt[0], imu.t[-1] + 1.0, 1.0)
     rph = gyrocompass(imu.dtheta.sum(axis=0) / seconds, imu.dv.sum(axis=0) / seconds).rph
     x, y, z, w = Rotation.from_matrix(body_to_navigation(*rph)).as_quat()

@@ -1,83 +1,127 @@
-"""The recorded flights and drives of examples/recordings, fused and scored: `strapdown reproduce recordings`.
+"""The recorded flights and drives of examples/recordings, fused and scored: `strapdown reproduce
+recordings`.
 
-thor75 is compared with the solution computed on board over the time in which that one has converged; drive0708 is scored in nine outages of 15 s;
-the ring-laser record gives the Earth's rate and a heading from it.
+thor75 is compared with the solution computed on board over the time in which that one has
+converged; drive0708 is scored in nine outages of 15 s; the ring-laser record gives the Earth's rate
+and a heading from it.
 """
+
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from strapdown import io
+from strapdown.alignment.static_attitude import gyrocompass
 from strapdown.core.earth import RATE
 from strapdown.data import DataError
 from strapdown.engine.batch import fuse
+from strapdown.evaluation.metrics import errors, outages, rms
 from strapdown.files import replacing
 from strapdown.io.locate import data_folder
-from strapdown.evaluation.metrics import errors, outages, rms
-from strapdown.reports.page import report
 from strapdown.preprocessing.stationary import motionless
-from strapdown.alignment.static_attitude import gyrocompass
-from . import calibrated_compass, drift, write_docs, table as recordings_table
-from ..common.pages import claim, write_page
+from strapdown.reports.page import report
+
 from ..common.example_recordings import DESCRIPTIONS, FLIGHT, windows_of
+from ..common.pages import claim, write_page
+from . import calibrated_compass, drift, write_docs
+from . import table as recordings_table
 from .cases import LASER, cases
 
 FILTERS = ("closed-loop", "open-loop")
-DRIVES = {"drive0708": ("GNSS alone", 5.5), "drive0708-vehicle": ("with the vehicle's constraints", 1.8)}
+DRIVES = {
+    "drive0708": ("GNSS alone", 5.5),
+    "drive0708-vehicle": ("with the vehicle's constraints", 1.8),
+}
 """Description, what it adds, and the bound on the median of the largest horizontal errors, m."""
 DEG_H = np.degrees(3600.0)
 """deg/h in a rad/s."""
 LASER_HEADING, LASER_BOUNDS = 88.0, (0.1, 0.5, 3.0)
-"""Heading of the parked vehicle (deg) as the data folder states it, and bounds on the differences in vertical and horizontal rate (deg/h) and
-heading (deg). They are set by the vehicle: it tilts by up to 0.15 deg during the record, a mean rate of 0.3 deg/h about a horizontal axis, which is
-1.3 deg of heading; twice that and a little is allowed, and of the vertical axis, about which springs do not turn it, a fifth."""
+"""Heading of the parked vehicle (deg) as the data folder states it, and bounds on the
+differences in vertical and horizontal rate (deg/h) and heading (deg). They are set by the
+vehicle: it tilts by up to 0.15 deg during the record, a mean rate of 0.3 deg/h about a
+horizontal axis, which is 1.3 deg of heading; twice that and a little is allowed, and of the
+vertical axis, about which springs do not turn it, a fifth."""
 INTRODUCTION = (
     "Real recordings, fused from raw IMU and GNSS as examples/recordings describes them, with the closed loop, and with the open loop beside it.",
     "thor75 is a fixed-wing UAV with a MEMS IMU at 50 Hz and GPS at 1 Hz. Its reference is the solution of the autopilot on board: another filter "
     "on the same sensors, no independent truth. Its own accelerometer bias y still moves from -0.33 m/s^2 at 227 s to -0.44 at 527 s, "
     "worth 0.6 deg of roll, and most of the difference lies in its first half minute; the table shows the same errors over later windows too.",
     "drive0708 is a car in hills with a MEMS IMU at 100 Hz and RTK GNSS at 4 Hz. Fixes are withheld for 15 s every 50 s, nine times, from 60 s after "
-    "the car first reaches 4 m/s; the error is the largest horizontal distance from the RTK solution within each outage.")
+    "the car first reaches 4 m/s; the error is the largest horizontal distance from the RTK solution within each outage.",
+)
 LASER_INTRODUCTION = (
     "lasergyro is a ring-laser IMU in a parked vehicle, 1847 s at 100 Hz. Its mean rate, levelled by its mean specific force, is the Earth's: the "
     "vertical part tells the latitude, the direction of the horizontal part the heading. The vehicle vibrates and rocks; the table shows ten "
-    "parts of the record beside the whole. The stated deviation of heading is that of the scatter of such parts.",)
-NO_LASER = ("The ring-laser record is not in the data folder, so that there is no word on the Earth's rate here.",)
+    "parts of the record beside the whole. The stated deviation of heading is that of the scatter of such parts.",
+)
+NO_LASER = (
+    "The ring-laser record is not in the data folder, so that there is no word on the Earth's rate here.",
+)
 
 
 def reproduce(out, recordings=None, say=None):
-    """Fuse and score the recordings, write the page into the folder `out`, return the claims. Raises DataError."""
+    """Fuse and score the recordings, write the page into the folder `out`, return the claims.
+    Raises DataError."""
     folder = Path(recordings) if recordings else DESCRIPTIONS
     if not (folder / "thor75.toml").exists():
-        raise DataError(f"{folder}: no thor75.toml there; give the folder of the descriptions (examples/recordings of the source tree)")
+        raise DataError(
+            f"{folder}: no thor75.toml there; give the folder of the descriptions (examples/recordings of the source tree)"
+        )
     flight, flight_claims, flight_links = _flight(folder, out, say)
     drive, summary, drive_claims, drive_links = _drive(folder, out, say)
     magnetic, magnetic_claims = calibrated_compass.magnetometer(folder, FLIGHT, say)
     laser, laser_claims = _laser(folder)
     claims = flight_claims + drive_claims + magnetic_claims + laser_claims
-    tables = {"thor75": ("thor75: rms difference from the solution on board", flight),
-              "drive0708-summary": ("drive0708: largest horizontal error in the nine outages", summary),
-              "drive0708": ("drive0708: every outage", drive)} | magnetic
-    tables |= {"lasergyro": ("lasergyro: the Earth's rate and the heading from it", laser)} if laser is not None else {}
+    tables = {
+        "thor75": ("thor75: rms difference from the solution on board", flight),
+        "drive0708-summary": ("drive0708: largest horizontal error in the nine outages", summary),
+        "drive0708": ("drive0708: every outage", drive),
+    } | magnetic
+    tables |= (
+        {"lasergyro": ("lasergyro: the Earth's rate and the heading from it", laser)}
+        if laser is not None
+        else {}
+    )
     every, shown = every_filter(folder, say)
     with replacing(out / "table.md") as part:
         part.write_text(write_docs.text(shown), encoding="utf-8")
-    introduction = INTRODUCTION + calibrated_compass.INTRODUCTION + (LASER_INTRODUCTION if laser is not None else NO_LASER) + recordings_table.INTRODUCTION
-    write_page(out, "strapdown on recorded data", introduction, claims, tables | every, flight_links + drive_links, notes=shown)
+    introduction = (
+        INTRODUCTION
+        + calibrated_compass.INTRODUCTION
+        + (LASER_INTRODUCTION if laser is not None else NO_LASER)
+        + recordings_table.INTRODUCTION
+    )
+    write_page(
+        out,
+        "strapdown on recorded data",
+        introduction,
+        claims,
+        tables | every,
+        flight_links + drive_links,
+        notes=shown,
+    )
     return claims
 
 
 def every_filter(folder, say):
-    """Every filter on every recording, and dead reckoning: ({name: (caption, DataFrame)}, [(heading, DataFrame of text)])."""
+    """Every filter on every recording, and dead reckoning: ({name: (caption, DataFrame)},
+    [(heading, DataFrame of text)])."""
     found = cases(folder)
     scores = recordings_table.scores(found, say=say)
     apart = drift.outage_scores(found[0].recording, found[1].recording, say=say)
     summary = drift.summary(apart)
-    shown = [(recordings_table.EVERY, recordings_table.wide(scores)), (drift.HEADING, drift.shown(summary))]
+    shown = [
+        (recordings_table.EVERY, recordings_table.wide(scores)),
+        (drift.HEADING, drift.shown(summary)),
+    ]
     if scores["held"].any():
         shown.append((recordings_table.TRIALS, recordings_table.by_trial(scores)))
-    return {"every-filter": (None, scores.drop(columns="held")), "dead-reckoning": (None, summary), "dead-reckoning-outages": (None, apart)}, shown
+    return {
+        "every-filter": (None, scores.drop(columns="held")),
+        "dead-reckoning": (None, summary),
+        "dead-reckoning-outages": (None, apart),
+    }, shown
 
 
 def _flight(folder, out, say):
@@ -87,14 +131,38 @@ def _flight(folder, out, say):
     for name, solution in solutions.items():
         for window in (FLIGHT, (270.0, FLIGHT[1]), (300.0, FLIGHT[1])):
             r = rms(errors(solution, recording.reference), window)
-            rows.append((name, f"{window[0]:.0f}-{window[1]:.0f}", *r.position, *r.velocity, *np.degrees(r.rph)))
-    vectors = [f"{quantity} {axis}, {unit}" for quantity, unit in (("position", "m"), ("velocity", "m/s")) for axis in "NED"]
-    table = pd.DataFrame(rows, columns=["filter", "window, s", *vectors, "roll, deg", "pitch, deg", "heading, deg"])
-    report(solutions, recording.reference, title="thor75: closed and open loop", window=FLIGHT).save(out / "thor75.html")
+            rows.append(
+                (
+                    name,
+                    f"{window[0]:.0f}-{window[1]:.0f}",
+                    *r.position,
+                    *r.velocity,
+                    *np.degrees(r.rph),
+                )
+            )
+    vectors = [
+        f"{quantity} {axis}, {unit}"
+        for quantity, unit in (("position", "m"), ("velocity", "m/s"))
+        for axis in "NED"
+    ]
+    table = pd.DataFrame(
+        rows, columns=["filter", "window, s", *vectors, "roll, deg", "pitch, deg", "heading, deg"]
+    )
+    report(
+        solutions, recording.reference, title="thor75: closed and open loop", window=FLIGHT
+    ).save(out / "thor75.html")
     first = table.iloc[0]
-    claims = [claim(f"thor75 closed loop, {name.split(',')[0]} rms", first[name], bound, unit)
-              for name, bound, unit in (("roll, deg", 0.4, "deg"), ("pitch, deg", 0.4, "deg"), ("heading, deg", 2.0, "deg"),
-                                        ("position N, m", 0.5, "m"), ("position E, m", 0.5, "m"), ("position D, m", 0.5, "m"))]
+    claims = [
+        claim(f"thor75 closed loop, {name.split(',')[0]} rms", first[name], bound, unit)
+        for name, bound, unit in (
+            ("roll, deg", 0.4, "deg"),
+            ("pitch, deg", 0.4, "deg"),
+            ("heading, deg", 2.0, "deg"),
+            ("position N, m", 0.5, "m"),
+            ("position E, m", 0.5, "m"),
+            ("position D, m", 0.5, "m"),
+        )
+    ]
     return table, claims, [("thor75: closed and open loop", "thor75.html")]
 
 
@@ -107,16 +175,47 @@ def _drive(folder, out, say):
         for name, solution in solutions.items():
             scores = outages(solution, recording.reference, windows)
             largest = np.array([score.horizontal_max for score in scores])
-            rows += [(description, name, s.start, s.stop, s.horizontal_max, s.horizontal_end, s.down_max) for s in scores]
-            summary.append((description, name, float(np.median(largest)), float(largest.max()), float(np.median([s.horizontal_end for s in scores]))))
+            rows += [
+                (description, name, s.start, s.stop, s.horizontal_max, s.horizontal_end, s.down_max)
+                for s in scores
+            ]
+            summary.append(
+                (
+                    description,
+                    name,
+                    float(np.median(largest)),
+                    float(largest.max()),
+                    float(np.median([s.horizontal_end for s in scores])),
+                )
+            )
             if name == "closed-loop":
                 what = f"drive0708 closed loop, {text}: median of the largest horizontal error in nine 15 s outages"
                 claims.append(claim(what, np.median(largest), bound, "m"))
-        report(solutions, recording.reference, title=f"{description}: nine outages of 15 s").save(out / f"{description}.html")
+        report(solutions, recording.reference, title=f"{description}: nine outages of 15 s").save(
+            out / f"{description}.html"
+        )
         links.append((f"{description}: nine outages of 15 s, {text}", f"{description}.html"))
-    table = pd.DataFrame(rows, columns=["recording", "filter", "from, s", "to, s", "largest horizontal, m", "horizontal at the end, m",
-                                        "largest vertical, m"])
-    return table, pd.DataFrame(summary, columns=["recording", "filter", "median, m", "largest, m", "median at the end, m"]), claims, links
+    table = pd.DataFrame(
+        rows,
+        columns=[
+            "recording",
+            "filter",
+            "from, s",
+            "to, s",
+            "largest horizontal, m",
+            "horizontal at the end, m",
+            "largest vertical, m",
+        ],
+    )
+    return (
+        table,
+        pd.DataFrame(
+            summary,
+            columns=["recording", "filter", "median, m", "largest, m", "median at the end, m"],
+        ),
+        claims,
+        links,
+    )
 
 
 def _laser(folder):
@@ -128,25 +227,69 @@ def _laser(folder):
 
 
 def earth_rate(recording):
-    """(table, claims): the Earth's rate in the record of a parked ring-laser IMU whose header names its latitude, and the heading from it."""
+    """(table, claims): the Earth's rate in the record of a parked ring-laser IMU whose header
+    names its latitude, and the heading from it."""
     imu, latitude = recording.imu, recording.meta["position"][0]
     whole, ten = np.arange(len(imu.t)), np.array_split(np.arange(len(imu.t)), 10)
     found = [_compass(imu, rows) for rows in (whole, *ten)]
     still = motionless(imu, recording.span[0])
-    stated = np.degrees(gyrocompass(still.rate, still.force, still.rate_sd, still.tilt_sd).heading_sd) if still else np.nan
-    rows = [(f"{imu.t[rows[0]]:.0f}-{imu.t[rows[-1]]:.0f}", each.vertical * DEG_H, each.horizontal * DEG_H, each.total * DEG_H,
-             np.degrees(each.latitude), *np.degrees(each.rph), np.nan) for rows, each in zip((whole, *ten), found)]
+    stated = (
+        np.degrees(gyrocompass(still.rate, still.force, still.rate_sd, still.tilt_sd).heading_sd)
+        if still
+        else np.nan
+    )
+    rows = [
+        (
+            f"{imu.t[rows[0]]:.0f}-{imu.t[rows[-1]]:.0f}",
+            each.vertical * DEG_H,
+            each.horizontal * DEG_H,
+            each.total * DEG_H,
+            np.degrees(each.latitude),
+            *np.degrees(each.rph),
+            np.nan,
+        )
+        for rows, each in zip((whole, *ten), found)
+    ]
     rows[0] = (*rows[0][:-1], stated)
-    rows.append(("the Earth's", RATE * np.sin(latitude) * DEG_H, RATE * np.cos(latitude) * DEG_H, RATE * DEG_H, np.degrees(latitude), *[np.nan] * 4))
-    table = pd.DataFrame(rows, columns=["seconds", "vertical rate, deg/h", "horizontal rate, deg/h", "rate, deg/h", "latitude by it, deg",
-                                        "roll, deg", "pitch, deg", "heading, deg", "stated deviation of heading, deg"])
+    rows.append(
+        (
+            "the Earth's",
+            RATE * np.sin(latitude) * DEG_H,
+            RATE * np.cos(latitude) * DEG_H,
+            RATE * DEG_H,
+            np.degrees(latitude),
+            *[np.nan] * 4,
+        )
+    )
+    table = pd.DataFrame(
+        rows,
+        columns=[
+            "seconds",
+            "vertical rate, deg/h",
+            "horizontal rate, deg/h",
+            "rate, deg/h",
+            "latitude by it, deg",
+            "roll, deg",
+            "pitch, deg",
+            "heading, deg",
+            "stated deviation of heading, deg",
+        ],
+    )
     _, vertical, horizontal, _, _, _, _, heading, _ = rows[0]
     off = (heading - LASER_HEADING + 180) % 360 - 180
-    return table, [claim(f"lasergyro: {name}", abs(figure), bound, unit) for name, figure, bound, unit in zip(
-        (f"measured vertical Earth rate {vertical:.2f} deg/h, distance from {rows[-1][1]:.2f}",
-         f"measured horizontal Earth rate {horizontal:.2f} deg/h, distance from {rows[-1][2]:.2f}",
-         f"gyrocompass heading {heading:.1f} deg, distance from {LASER_HEADING:g}"),
-        (vertical - rows[-1][1], horizontal - rows[-1][2], off), LASER_BOUNDS, ("deg/h", "deg/h", "deg"))]
+    return table, [
+        claim(f"lasergyro: {name}", abs(figure), bound, unit)
+        for name, figure, bound, unit in zip(
+            (
+                f"measured vertical Earth rate {vertical:.2f} deg/h, distance from {rows[-1][1]:.2f}",
+                f"measured horizontal Earth rate {horizontal:.2f} deg/h, distance from {rows[-1][2]:.2f}",
+                f"gyrocompass heading {heading:.1f} deg, distance from {LASER_HEADING:g}",
+            ),
+            (vertical - rows[-1][1], horizontal - rows[-1][2], off),
+            LASER_BOUNDS,
+            ("deg/h", "deg/h", "deg"),
+        )
+    ]
 
 
 def _compass(imu, rows):

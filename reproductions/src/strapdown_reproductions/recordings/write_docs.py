@@ -1,4 +1,6 @@
-"""The tables of every filter as Markdown, for docs/every-filter.md: what `strapdown reproduce recordings` writes as table.md stands there."""
+"""The tables of every filter as Markdown, for docs/every-filter.md: what `strapdown reproduce
+recordings` writes as table.md stands there."""
+
 from ..common import markdown
 
 BEGIN, END = markdown.begin("table.md", "recordings"), markdown.END
@@ -6,7 +8,9 @@ BEGIN, END = markdown.begin("table.md", "recordings"), markdown.END
 
 def text(tables):
     """Markdown of [(heading, DataFrame of text)]."""
-    return "\n".join(f"### {heading}\n\n{markdown.table(table, _cell)}\n" for heading, table in tables)
+    return "\n".join(
+        f"### {heading}\n\n{markdown.table(table, _cell)}\n" for heading, table in tables
+    )
 
 
 def _cell(text):

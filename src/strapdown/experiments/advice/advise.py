@@ -1,23 +1,38 @@
-"""Which loop for my IMU on my mission: a paired study of open loop, resets and closed loop, a stated rule, and the answer with its reasons.
+"""Which loop for my IMU on my mission: a paired study of open loop, resets and closed loop, a
+stated rule, and the answer with its reasons.
 
-The framework that Hager & Bryne's conclusion promises, for any IMU and motion: the studies, the crossover map and the folder. The rule itself
-is in `verdicts`, the words and figures in `reports.advice`.
+The framework that Hager & Bryne's conclusion promises, for any IMU and motion: the studies, the
+crossover map and the folder. The rule itself is in `verdicts`, the words and figures in
+`reports.advice`.
 """
+
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from ...evaluation.consistency import Interval
 from ...data import DataError
+from ...evaluation.consistency import Interval
 from ...files import replacing
 from ...sensor_models.imu import ImuSpec, grade
 from ...sim.scenario import Scenario
 from ..monte_carlo.campaign import Campaign
-from .mission import CIRCUIT, RATE, mission, seconds
 from ..monte_carlo.study import Study
-from .verdicts import CLOSED, OPEN, RESET, Decision, Rules, Runs, decide, evidence, guess, judge, variants
+from .mission import CIRCUIT, RATE, mission, seconds
+from .verdicts import (
+    CLOSED,
+    OPEN,
+    RESET,
+    Decision,
+    Rules,
+    Runs,
+    decide,
+    evidence,
+    guess,
+    judge,
+    variants,
+)
 
 INTERVALS = (10, 60, 300, 1200)
 """s between the resets that are compared, where two or more fit into the mission."""
@@ -35,16 +50,18 @@ STEP_TIME = 1.2e-6
 
 @dataclass(frozen=True)
 class Advice:
-    """The answer for an IMU and a mission with all it rests on; `print` shows it in a few lines, `save` writes the folder."""
+    """The answer for an IMU and a mission with all it rests on; `print` shows it in a few lines,
+    `save` writes the folder."""
+
     scenario: Scenario
     imu: ImuSpec
     rules: Rules
-    found: dict                 # {filter: Evidence}
+    found: dict  # {filter: Evidence}
     decision: Decision
-    others: dict                # {changed threshold: Decision}
-    through: list               # [(duration s, Decision)] of this mission cut short, by the estimates
+    others: dict  # {changed threshold: Decision}
+    through: list  # [(duration s, Decision)] of this mission cut short, by the estimates
     campaign: Campaign
-    map: list                   # dicts: motion, imu, duration_s, answer, filter, sure
+    map: list  # dicts: motion, imu, duration_s, answer, filter, sure
     map_campaign: Campaign | None
     seed: int
 
@@ -54,71 +71,144 @@ class Advice:
         return self.decision.answer
 
     def save(self, folder):
-        """Write advice.json, summary.csv, map.csv (where there is a map) and index.html into a folder. Raises DataError."""
+        """Write advice.json, summary.csv, map.csv (where there is a map) and index.html into a
+        folder. Raises DataError."""
         from .page import page, summary_table
+
         tables = {"summary": summary_table(self)} | ({"map": self._map_table()} if self.map else {})
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise DataError(f"{folder}: cannot be made ({error.strerror}); choose another folder") from None
+            raise DataError(
+                f"{folder}: cannot be made ({error.strerror}); choose another folder"
+            ) from None
         for name, table in tables.items():
             with replacing(folder / f"{name}.csv") as part:
                 table.to_csv(part, index=False, float_format="%.6g")
         with replacing(folder / "advice.json") as part:
-            part.write_text(json.dumps(self.as_dict(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+            part.write_text(
+                json.dumps(self.as_dict(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+            )
         page(self).save(folder / "index.html")
 
     def _map_table(self):
         import pandas as pd
+
         return pd.DataFrame(self.map)
 
     def as_dict(self):
         """JSON values of all but the campaigns; NaN is null."""
         from .page import sentences
-        decision = lambda d: {"answer": d.answer, "filter": d.filter, "doubtful": d.doubtful, "runs_needed": d.runs}
+
+        decision = lambda d: {
+            "answer": d.answer,
+            "filter": d.filter,
+            "doubtful": d.doubtful,
+            "runs_needed": d.runs,
+        }
         interval = lambda i: [None if not np.isfinite(value) else float(value) for value in i]
-        filters = [{"filter": e.filter, "runs": e.count, "survived": e.lived, "survival": interval(e.survived),
-                    "worst_nees_per_state": interval(e.nees), "rmse_ratio_to_closed_loop": interval(e.ratio),
-                    "runs_ahead_of_closed_loop": e.ahead, "censored_rmse_m": e.rmse,
-                    "verdict": self.decision.verdicts[e.filter]._asdict()} for e in self.found.values()]
-        return {"imu": self.imu.name, "mission": self.scenario.name, "duration_s": self.scenario.duration, "imu_rate_hz": self.scenario.rate,
-                "seed": self.seed, **decision(self.decision), "text": sentences(self), "rules": self.rules._asdict(), "filters": filters,
-                "with_other_thresholds": {name: decision(other) for name, other in self.others.items()},
-                "cut_short": [{"duration_s": t} | decision(d) for t, d in self.through], "map": self.map}
+        filters = [
+            {
+                "filter": e.filter,
+                "runs": e.count,
+                "survived": e.lived,
+                "survival": interval(e.survived),
+                "worst_nees_per_state": interval(e.nees),
+                "rmse_ratio_to_closed_loop": interval(e.ratio),
+                "runs_ahead_of_closed_loop": e.ahead,
+                "censored_rmse_m": e.rmse,
+                "verdict": self.decision.verdicts[e.filter]._asdict(),
+            }
+            for e in self.found.values()
+        ]
+        return {
+            "imu": self.imu.name,
+            "mission": self.scenario.name,
+            "duration_s": self.scenario.duration,
+            "imu_rate_hz": self.scenario.rate,
+            "seed": self.seed,
+            **decision(self.decision),
+            "text": sentences(self),
+            "rules": self.rules._asdict(),
+            "filters": filters,
+            "with_other_thresholds": {name: decision(other) for name, other in self.others.items()},
+            "cut_short": [{"duration_s": t} | decision(d) for t, d in self.through],
+            "map": self.map,
+        }
 
     def __str__(self):
         from .page import sentences
+
         return "\n".join(sentences(self))
 
 
-def advise(imu, flight, duration, runs=None, seed=0, out=None, map=None, quick=False, rules=Rules(), rate=RATE, threads=None, workers=0,
-           scheduler=None, say=None, progress=None):
-    """Advice on open loop, resets or closed loop for an IMU (grade, file or ImuSpec) on a mission. Raises DataError.
+def advise(
+    imu,
+    flight,
+    duration,
+    runs=None,
+    seed=0,
+    out=None,
+    map=None,
+    quick=False,
+    rules=Rules(),
+    rate=RATE,
+    threads=None,
+    workers=0,
+    scheduler=None,
+    say=None,
+    progress=None,
+):
+    """Advice on open loop, resets or closed loop for an IMU (grade, file or ImuSpec) on a mission.
+    Raises DataError.
 
-    flight, duration: as `mission.mission` and `mission.seconds` take them; runs: of the study (default 40, quick 36); map: also the crossover map
-    of grades, durations and dynamics (default: unless quick); quick: no map and two reset intervals only. With `out`, the folder that all
-    goes to, a command that was interrupted goes on where it was. threads, workers, scheduler, say, progress: as `Study.run`.
+    flight, duration: as `mission.mission` and `mission.seconds` take them; runs: of the study
+    (default 40, quick 36); map: also the crossover map of grades, durations and dynamics (default:
+    unless quick); quick: no map and two reset intervals only. With `out`, the folder that all goes
+    to, a command that was interrupted goes on where it was. threads, workers, scheduler, say,
+    progress: as `Study.run`.
     """
     if quick and map:
         raise DataError("quick makes no map (--quick, --map): leave out one of the two")
     map = not quick if map is None else map
     spec, length = grade(imu), seconds(duration)
     scenario = mission(flight, length, rate)
-    study = _study((scenario,), (spec,), _candidates(length, quick), (QUICK_RUNS if quick else RUNS) if runs is None else runs, seed)
-    maps = _study(_map_scenarios(scenario), _map_imus(spec), MAP_FILTERS, min(study.runs, MAP_RUNS), seed) if map else None
+    study = _study(
+        (scenario,),
+        (spec,),
+        _candidates(length, quick),
+        (QUICK_RUNS if quick else RUNS) if runs is None else runs,
+        seed,
+    )
+    maps = (
+        _study(
+            _map_scenarios(scenario), _map_imus(spec), MAP_FILTERS, min(study.runs, MAP_RUNS), seed
+        )
+        if map
+        else None
+    )
     steps = study.steps() + (maps.steps() if maps else 0)
     folder = Path(out) if out is not None else None
     if workers < 0:
         raise DataError(f"workers is {workers}; it must be 1 or more")
-    if folder:      # what is refused is refused before anything is said
+    if folder:  # what is refused is refused before anything is said
         for each, name in ((study, "mission"), (maps, "map")):
             if each:
                 Campaign.begin(each, folder / "runs" / name)
     if say:
-        say(f"{study.runs} runs of {len(study.filters)} filters" + (f", and a map of {len(maps.cells)} cells" if maps else "")
-            + f": {steps / 1e6:.3g} million filter steps, about {steps * STEP_TIME:.0f} s of one core")
-    run = lambda s, name, first: s.run(folder / "runs" / name if folder else None, threads, workers, scheduler, say,
-                                       progress and (lambda done: progress((first + done * s.steps()) / steps)))
+        say(
+            f"{study.runs} runs of {len(study.filters)} filters"
+            + (f", and a map of {len(maps.cells)} cells" if maps else "")
+            + f": {steps / 1e6:.3g} million filter steps, about {steps * STEP_TIME:.0f} s of one core"
+        )
+    run = lambda s, name, first: s.run(
+        folder / "runs" / name if folder else None,
+        threads,
+        workers,
+        scheduler,
+        say,
+        progress and (lambda done: progress((first + done * s.steps()) / steps)),
+    )
     campaign = run(study, "mission", 0)
     map_campaign = run(maps, "map", study.steps()) if maps else None
     made = _advice(scenario, spec, rules, campaign, map_campaign, int(seed))
@@ -130,23 +220,47 @@ def advise(imu, flight, duration, runs=None, seed=0, out=None, map=None, quick=F
 def _advice(scenario, spec, rules, campaign, map_campaign, seed):
     own = Runs.of(campaign, campaign.cells[0])
     found = evidence(own)
-    through = [(float(t), decide(evidence(own.until(t)), rules, guess)) for t in durations(scenario.duration)]
+    through = [
+        (float(t), decide(evidence(own.until(t)), rules, guess))
+        for t in durations(scenario.duration)
+    ]
     others = {name: decide(found, other) for name, other in variants(rules).items()}
     seen = crossover(map_campaign, scenario.duration, rules) if map_campaign else []
-    return Advice(scenario, spec, rules, found, decide(found, rules), others, through, campaign, seen, map_campaign, seed)
+    return Advice(
+        scenario,
+        spec,
+        rules,
+        found,
+        decide(found, rules),
+        others,
+        through,
+        campaign,
+        seen,
+        map_campaign,
+        seed,
+    )
 
 
 def crossover(campaign, duration, rules=Rules()):
-    """The map of a campaign of the map's study: a dict per motion, IMU and duration; `sure` is False where an interval allows another answer."""
+    """The map of a campaign of the map's study: a dict per motion, IMU and duration; `sure` is
+    False where an interval allows another answer."""
     rows = []
     for number, cell in enumerate(campaign.cells):
         about, runs = campaign.manifest["cells"][number], Runs.of(campaign, cell)
         for t in durations(duration):
             found = evidence(runs.until(t))
             best = decide(found, rules, guess)
-            rows.append({"motion": about["scenario"]["name"].removeprefix("map-"), "imu": about["imu"]["name"], "duration_s": float(t),
-                         "answer": best.answer, "filter": best.filter, "sure": decide(found, rules, _certain).answer == best.answer,
-                         "runs": runs.lasted.shape[1]})
+            rows.append(
+                {
+                    "motion": about["scenario"]["name"].removeprefix("map-"),
+                    "imu": about["imu"]["name"],
+                    "duration_s": float(t),
+                    "answer": best.answer,
+                    "filter": best.filter,
+                    "sure": decide(found, rules, _certain).answer == best.answer,
+                    "runs": runs.lasted.shape[1],
+                }
+            )
     return rows
 
 
@@ -156,28 +270,58 @@ def _certain(found, rules):
 
 
 def durations(duration):
-    """Geometric grid of at most nine durations up to `duration`, s, from a hundredth of it or a minute on; all but the last have two digits."""
+    """Geometric grid of at most nine durations up to `duration`, s, from a hundredth of it or a
+    minute on; all but the last have two digits."""
     first = max(60.0, duration / 100)
-    count = min(9, 1 + int(np.ceil(np.log(duration / first) / np.log(1.75)))) if duration > 1.3 * first else 1
+    count = (
+        min(9, 1 + int(np.ceil(np.log(duration / first) / np.log(1.75))))
+        if duration > 1.3 * first
+        else 1
+    )
     return np.r_[[float(f"{t:.2g}") for t in np.geomspace(first, duration, count)[:-1]], duration]
 
 
 def _candidates(duration, quick):
     """Labels of the filters that are compared."""
-    fitting = [seconds for seconds in (QUICK_INTERVALS if quick else INTERVALS) if 2 * seconds <= duration]
+    fitting = [
+        seconds for seconds in (QUICK_INTERVALS if quick else INTERVALS) if 2 * seconds <= duration
+    ]
     return (CLOSED, *(f"{RESET}{seconds}" for seconds in fitting), OPEN)
 
 
 def _study(scenarios, imus, filters, runs, seed):
-    return Study(scenarios, filters, imus, runs, seed, keep=max(1, int(np.ceil(scenarios[0].duration / ROWS))))
+    return Study(
+        scenarios,
+        filters,
+        imus,
+        runs,
+        seed,
+        keep=max(1, int(np.ceil(scenarios[0].duration / ROWS))),
+    )
 
 
 def _map_scenarios(scenario):
     """A straight and a dynamic flight with the receiver and the start of the mission."""
-    own = {name: getattr(scenario, name)
-           for name in ("gnss", "start_sd", "accel_offset", "offset_decays", "biases_known", "gate", "gravity", "magnetometer", "barometer",
-                    "attitude", "date")}
-    return tuple(mission(kind, scenario.duration, scenario.rate).replace(name=f"map-{kind}", **own) for kind in ("straight", CIRCUIT["name"]))
+    own = {
+        name: getattr(scenario, name)
+        for name in (
+            "gnss",
+            "start_sd",
+            "accel_offset",
+            "offset_decays",
+            "biases_known",
+            "gate",
+            "gravity",
+            "magnetometer",
+            "barometer",
+            "attitude",
+            "date",
+        )
+    }
+    return tuple(
+        mission(kind, scenario.duration, scenario.rate).replace(name=f"map-{kind}", **own)
+        for kind in ("straight", CIRCUIT["name"])
+    )
 
 
 def _map_imus(spec):

@@ -1,21 +1,30 @@
-"""Figures of the page of an advice: errors with stated uncertainty and bound, NEES with its band, survival, the crossover map."""
+"""Figures of the page of an advice: errors with stated uncertainty and bound, NEES with its
+band, survival, the crossover map."""
+
 import numpy as np
 import plotly.graph_objects as go
 
-from ...evaluation.consistency import band
 from ...core.contract import POS, STATES
-from .mission import spoken
-from .verdicts import CLOSED, OPEN, interval_of
-from .page import called
+from ...evaluation.consistency import band
 from ...reports.drawing import COLOURS, GREY, RED, line, log_range, note, panels
+from .mission import spoken
+from .page import called
+from .verdicts import CLOSED, OPEN, interval_of
 
 LINES = {OPEN: COLOURS[1], CLOSED: COLOURS[0]}
 """Colours of the two extremes; resets take the others."""
 OTHERS = COLOURS[2:]
-FILLS = {"open": "#8fd19e", "reset": "#ffe08a", "closed": "#9ec5f5", "none": "#e9b8b8", "undecided": "#d5d9de"}
+FILLS = {
+    "open": "#8fd19e",
+    "reset": "#ffe08a",
+    "closed": "#9ec5f5",
+    "none": "#e9b8b8",
+    "undecided": "#d5d9de",
+}
 """Of the map's answers, pale so that black text can be read on them."""
 WIDEST = 1e4
-"""Ratio of the ends of a logarithmic axis at most, so that one diverging run does not flatten all others."""
+"""Ratio of the ends of a logarithmic axis at most, so that one diverging run does not flatten
+all others."""
 
 
 def _time(advice):
@@ -32,11 +41,20 @@ def _curves(advice):
 
 
 def _filters(advice):
-    """(place, label, colour, shown at once) of each filter; resets that are not the answer wait in the legend."""
+    """(place, label, colour, shown at once) of each filter; resets that are not the answer wait
+    in the legend."""
     labels = list(advice.campaign.manifest["filters"])
     resets = sorted((label for label in labels if label not in LINES), key=interval_of)
     colours = LINES | {label: OTHERS[i % len(OTHERS)] for i, label in enumerate(resets)}
-    return [(labels.index(label), label, colours[label], label in LINES or label == advice.decision.filter) for label in advice.found]
+    return [
+        (
+            labels.index(label),
+            label,
+            colours[label],
+            label in LINES or label == advice.decision.filter,
+        )
+        for label in advice.found
+    ]
 
 
 def _labelled(figure, t, unit):
@@ -51,7 +69,8 @@ def _hide(figure, count, shown):
 
 
 def _errors(advice, label, length, factor=1.0):
-    """RMSE, stated standard deviation and bound of one quantity; `length` makes it of (n, 15) values."""
+    """RMSE, stated standard deviation and bound of one quantity; `length` makes it of (n, 15)
+    values."""
     curves, t, unit = _curves(advice)
     figure, seen = panels([label], height=290, log=True), []
     for place, name, colour, shown in _filters(advice):
@@ -65,8 +84,11 @@ def _errors(advice, label, length, factor=1.0):
     if np.isfinite(bound).any():
         line(figure, t, bound, "Cramer-Rao bound", GREY, dash="dot")
     else:
-        note(figure, "The Cramer-Rao bound is left out: it is computed along an ideal run (no errors of the IMU, exact fixes), and on this mission "
-                     "the ideal run leaves the truth, so that its linearisation does not hold, or rejects a fix.")
+        note(
+            figure,
+            "The Cramer-Rao bound is left out: it is computed along an ideal run (no errors of the IMU, exact fixes), and on this mission "
+            "the ideal run leaves the truth, so that its linearisation does not hold, or rejects a fix.",
+        )
     values = np.concatenate([*seen, bound])
     values = values[np.isfinite(values) & (values > 0)]
     if len(values):
@@ -76,7 +98,9 @@ def _errors(advice, label, length, factor=1.0):
 
 def rmse(advice):
     """Three-dimensional position error over time."""
-    return _errors(advice, "position error [m]", lambda values: np.sqrt(np.square(values[:, POS]).sum(axis=1)))
+    return _errors(
+        advice, "position error [m]", lambda values: np.sqrt(np.square(values[:, POS]).sum(axis=1))
+    )
 
 
 def heading(advice):
@@ -85,7 +109,8 @@ def heading(advice):
 
 
 def nees(advice):
-    """NEES per state over time, with the band of a mean over all runs and the limits of the rule."""
+    """NEES per state over time, with the band of a mean over all runs and the limits of the
+    rule."""
     curves, t, unit = _curves(advice)
     figure = panels(["NEES per state"], height=290, log=True)
     low, high = (value / STATES for value in band(STATES, advice.campaign.manifest["runs"]))
@@ -108,7 +133,13 @@ def survival(advice):
     curves, t, unit = _curves(advice)
     figure = panels(["runs alive [%]"], height=210)
     for place, name, colour, shown in _filters(advice):
-        line(figure, t, 100 * curves["alive"][place] / advice.campaign.manifest["runs"], called(name), colour)
+        line(
+            figure,
+            t,
+            100 * curves["alive"][place] / advice.campaign.manifest["runs"],
+            called(name),
+            colour,
+        )
         _hide(figure, 1, shown)
     figure.add_hline(100 * advice.rules.survival, line={"color": RED, "width": 1, "dash": "dash"})
     figure.update_yaxes(range=[-4, 104])
@@ -116,25 +147,57 @@ def survival(advice):
 
 
 def crossover(advice):
-    """The map: a panel per motion, a row per IMU, a column per duration; the colour is the answer."""
+    """The map: a panel per motion, a row per IMU, a column per duration; the colour is the
+    answer."""
     from plotly.subplots import make_subplots
+
     rows, kinds = advice.map, list(FILLS)
-    motions, imus, times = (list(dict.fromkeys(row[name] for row in rows)) for name in ("motion", "imu", "duration_s"))
+    motions, imus, times = (
+        list(dict.fromkeys(row[name] for row in rows)) for name in ("motion", "imu", "duration_s")
+    )
     titles = [f"{motion} flight" for motion in motions]
-    figure = make_subplots(rows=len(motions), cols=1, shared_xaxes=True, vertical_spacing=0.13, subplot_titles=titles)
+    figure = make_subplots(
+        rows=len(motions), cols=1, shared_xaxes=True, vertical_spacing=0.13, subplot_titles=titles
+    )
     found = {(row["motion"], row["imu"], row["duration_s"]): row for row in rows}
-    steps = [(edge, colour) for i, colour in enumerate(FILLS.values()) for edge in (i / len(kinds), (i + 1) / len(kinds))]
+    steps = [
+        (edge, colour)
+        for i, colour in enumerate(FILLS.values())
+        for edge in (i / len(kinds), (i + 1) / len(kinds))
+    ]
     for place, motion in enumerate(motions, 1):
         cells = [[found[motion, imu, t] for t in times] for imu in imus]
-        figure.add_trace(go.Heatmap(
-            z=[[kinds.index(cell["answer"]) for cell in line] for line in cells], x=[spoken(t) for t in times], y=imus,
-            text=[[_mark(cell) for cell in line] for line in cells], texttemplate="%{text}", textfont={"color": "#1f2933"},
-            zmin=-0.5, zmax=len(kinds) - 0.5, colorscale=steps,
-            xgap=2, ygap=2, showscale=False, hovertemplate="%{y}, %{x}: %{text}<extra></extra>"), row=place, col=1)
-    figure.update_xaxes(title_text="duration of the mission", type="category", row=len(motions), col=1)
+        figure.add_trace(
+            go.Heatmap(
+                z=[[kinds.index(cell["answer"]) for cell in line] for line in cells],
+                x=[spoken(t) for t in times],
+                y=imus,
+                text=[[_mark(cell) for cell in line] for line in cells],
+                texttemplate="%{text}",
+                textfont={"color": "#1f2933"},
+                zmin=-0.5,
+                zmax=len(kinds) - 0.5,
+                colorscale=steps,
+                xgap=2,
+                ygap=2,
+                showscale=False,
+                hovertemplate="%{y}, %{x}: %{text}<extra></extra>",
+            ),
+            row=place,
+            col=1,
+        )
+    figure.update_xaxes(
+        title_text="duration of the mission", type="category", row=len(motions), col=1
+    )
     figure.update_yaxes(type="category", autorange="reversed", automargin=True)
-    figure.update_layout(template=go.layout.Template(), height=110 + len(motions) * (70 + 34 * len(imus)),
-                         margin={"l": 90, "r": 15, "t": 36, "b": 50}, font={"size": 12}, meta={"notes": []}, hovermode="closest")
+    figure.update_layout(
+        template=go.layout.Template(),
+        height=110 + len(motions) * (70 + 34 * len(imus)),
+        margin={"l": 90, "r": 15, "t": 36, "b": 50},
+        font={"size": 12},
+        meta={"notes": []},
+        hovermode="closest",
+    )
     return figure
 
 

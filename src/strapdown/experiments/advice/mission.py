@@ -1,4 +1,6 @@
-"""Missions to advise on: a kind of flight, a built-in scenario or a scenario file, flown again and again until the wanted time is over."""
+"""Missions to advise on: a kind of flight, a built-in scenario or a scenario file, flown again
+and again until the wanted time is over."""
+
 import math
 import re
 import tomllib
@@ -16,35 +18,59 @@ UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 SHORTEST, LONGEST = 10.0, 24 * 3600.0
 """s: what is advised on."""
 RATE = 20.0
-"""IMU samples per second of a mission, at most: vibration is no part of the question, and the time that the runs take grows with it."""
+"""IMU samples per second of a mission, at most: vibration is no part of the question, and the
+time that the runs take grows with it."""
 CIRCUIT = {
-    "name": "dynamic", "about": "circuits of a light aircraft: climbs, descents, coordinated turns, changes of speed, light turbulence",
-    "motion": {"kind": "flight", "start": {"latitude_deg": 47.6, "longitude_deg": 9.3, "height_m": 900},
-               "course_deg": 60, "speed_m_s": 40, "legs": [
-        {"duration_s": 40, "climb_m_s": 2.5}, {"turn_deg": -90, "bank_deg": 22}, {"duration_s": 30, "speed_m_s": 46},
-        {"turn_deg": -90, "bank_deg": 25}, {"duration_s": 60}, {"turn_deg": 270, "bank_deg": 28, "speed_m_s": 42},
-        {"duration_s": 25}, {"turn_deg": -180, "bank_deg": 20},
-        {"duration_s": 40, "climb_m_s": -2.5, "speed_m_s": 40}, {"turn_deg": -270, "bank_deg": 25}]}}
+    "name": "dynamic",
+    "about": "circuits of a light aircraft: climbs, descents, coordinated turns, changes of speed, light turbulence",
+    "motion": {
+        "kind": "flight",
+        "start": {"latitude_deg": 47.6, "longitude_deg": 9.3, "height_m": 900},
+        "course_deg": 60,
+        "speed_m_s": 40,
+        "legs": [
+            {"duration_s": 40, "climb_m_s": 2.5},
+            {"turn_deg": -90, "bank_deg": 22},
+            {"duration_s": 30, "speed_m_s": 46},
+            {"turn_deg": -90, "bank_deg": 25},
+            {"duration_s": 60},
+            {"turn_deg": 270, "bank_deg": 28, "speed_m_s": 42},
+            {"duration_s": 25},
+            {"turn_deg": -180, "bank_deg": 20},
+            {"duration_s": 40, "climb_m_s": -2.5, "speed_m_s": 40},
+            {"turn_deg": -270, "bank_deg": 25},
+        ],
+    },
+}
 """A scenario file's content: the kind "dynamic". Climb and descent cancel."""
 
 
 def seconds(text):
-    """Seconds of a number (s) or a text like "90min", "1.5 h", "1h30min", "600". Raises DataError where it is none, or not above 0."""
+    """Seconds of a number (s) or a text like "90min", "1.5 h", "1h30min", "600". Raises
+    DataError where it is none, or not above 0."""
     if isinstance(text, str):
         parts = re.findall(r"([0-9.]+(?:e[+-]?\d+)?)\s*([a-z]*)\s*", text.strip().lower())
         whole = "".join(text.lower().split())
         try:
-            if not parts or "".join(number + unit for number, unit in parts) != whole or (len(parts) > 1 and not all(unit for _, unit in parts)):
+            if (
+                not parts
+                or "".join(number + unit for number, unit in parts) != whole
+                or (len(parts) > 1 and not all(unit for _, unit in parts))
+            ):
                 raise ValueError
             value = sum(float(number) * UNITS[unit or "s"] for number, unit in parts)
         except (ValueError, KeyError):
-            raise DataError(f"duration {text!r}: write a number with its unit above 0, as 600s, 90min, 2h or 1h30min") from None
+            raise DataError(
+                f"duration {text!r}: write a number with its unit above 0, as 600s, 90min, 2h or 1h30min"
+            ) from None
     elif isinstance(text, bool) or not isinstance(text, (int, float)):
         raise DataError(f"duration {text!r}: write seconds as a number, or a text as 90min")
     else:
         value = float(text)
     if not SHORTEST <= value <= LONGEST:
-        raise DataError(f"duration {text!r} is {value:g} s; advice is on {SHORTEST:g} s to {LONGEST / 3600:g} h")
+        raise DataError(
+            f"duration {text!r} is {value:g} s; advice is on {SHORTEST:g} s to {LONGEST / 3600:g} h"
+        )
     return value
 
 
@@ -54,18 +80,23 @@ def spoken(t):
     if t < 120 or (t < 600 and t % 60):
         return f"{t} s"
     hours, minutes = divmod(round(t / 60), 60)
-    return f"{minutes} min" if not hours else f"{hours} h {minutes} min" if minutes else f"{hours} h"
+    return (
+        f"{minutes} min" if not hours else f"{hours} h {minutes} min" if minutes else f"{hours} h"
+    )
 
 
 def kinds():
-    """What `mission` takes beside scenario files: "dynamic" and the names of the built-in scenarios."""
+    """What `mission` takes beside scenario files: "dynamic" and the names of the built-in
+    scenarios."""
     return sorted({CIRCUIT["name"], *scenarios()})
 
 
 def mission(flight, duration, rate=RATE):
-    """The Scenario of a `flight` of `duration` s: one of `kinds()`, a scenario file's path, or a Scenario. Raises DataError.
+    """The Scenario of a `flight` of `duration` s: one of `kinds()`, a scenario file's path, or a
+    Scenario. Raises DataError.
 
-    Legs and waypoints begin again until the time is over. The IMU has `rate` samples per second, or the scenario's where that is less.
+    Legs and waypoints begin again until the time is over. The IMU has `rate` samples per second, or
+    the scenario's where that is less.
     """
     if isinstance(flight, Scenario):
         made = _lasting(flight, duration)
@@ -73,7 +104,9 @@ def mission(flight, duration, rate=RATE):
         table, path = _table(flight)
         made = _lasting(_again(table, path, duration), duration)
     ending = f"-{duration:g}s"
-    return made.replace(name=made.name.removesuffix(ending) + ending, rate=min(max(rate, _fastest(made)), made.rate))
+    return made.replace(
+        name=made.name.removesuffix(ending) + ending, rate=min(max(rate, _fastest(made)), made.rate)
+    )
 
 
 def _table(flight):
@@ -84,10 +117,12 @@ def _table(flight):
     if resource := shipped("scenarios", "strapdown.sim").get(flight):
         return tomllib.loads(resource.read_text(encoding="utf-8")), Path(flight)
     if flight.endswith(".toml") or len(Path(flight).parts) > 1:
-        scenario(flight)    # says what is wrong with the file
+        scenario(flight)  # says what is wrong with the file
         return read_toml(flight, "check the path"), Path(flight)
-    raise DataError(f"unknown flight {flight!r}{nearest(flight, kinds())}; flights: {', '.join(kinds())}; "
-                    "or give the path of a scenario file (.toml)")
+    raise DataError(
+        f"unknown flight {flight!r}{nearest(flight, kinds())}; flights: {', '.join(kinds())}; "
+        "or give the path of a scenario file (.toml)"
+    )
 
 
 def _again(table, path, duration):
@@ -96,14 +131,25 @@ def _again(table, path, duration):
     key = next((key for key in ("legs", "waypoints") if key in motion), None)
     if key is None:
         return from_table(table | {"duration_s": duration}, path)
-    once = from_table({name: value for name, value in table.items() if name != "duration_s"}, path).motion.end
+    once = from_table(
+        {name: value for name, value in table.items() if name != "duration_s"}, path
+    ).motion.end
     times = math.ceil(duration / once)
     while times < 5000:
-        made = from_table({**table, "motion": motion | {key: _times(key, motion[key], times)}, "duration_s": min(duration, once)}, path)
+        made = from_table(
+            {
+                **table,
+                "motion": motion | {key: _times(key, motion[key], times)},
+                "duration_s": min(duration, once),
+            },
+            path,
+        )
         if made.motion.end >= duration:
             return made
         times += 1
-    raise DataError(f"{path}: its motion of {once:g} s would be flown {times} times in {spoken(duration)}; choose a longer one")
+    raise DataError(
+        f"{path}: its motion of {once:g} s would be flown {times} times in {spoken(duration)}; choose a longer one"
+    )
 
 
 def _times(key, items, times):
@@ -117,15 +163,23 @@ def _times(key, items, times):
 
 def _fastest(made):
     """Fixes per second of the fastest sensor: the IMU's samples may not be fewer."""
-    others = [sensor.rate or 0.0 for sensor in (made.magnetometer, made.barometer, made.attitude) if sensor is not None]
+    others = [
+        sensor.rate or 0.0
+        for sensor in (made.magnetometer, made.barometer, made.attitude)
+        if sensor is not None
+    ]
     return max([0.0 if np.ndim(made.gnss.interval) else 1 / made.gnss.interval, *others])
 
 
 def _lasting(made, duration):
     if made.motion.end < duration:
-        raise DataError(f"scenario {made.name!r}: its motion ends at {made.motion.end:g} s; plan {duration:g} s, or give a scenario file, "
-                        "whose legs are flown again")
+        raise DataError(
+            f"scenario {made.name!r}: its motion ends at {made.motion.end:g} s; plan {duration:g} s, or give a scenario file, "
+            "whose legs are flown again"
+        )
     try:
         return made.replace(duration=float(duration))
     except DataError as error:
-        raise DataError(f"{error}; a flight of {spoken(duration)} needs another motion or start") from None
+        raise DataError(
+            f"{error}; a flight of {spoken(duration)} needs another motion or start"
+        ) from None

@@ -1,4 +1,6 @@
-"""What `strapdown advise` says and shows: the sentences, the table of evidence, and the page with its figures."""
+"""What `strapdown advise` says and shows: the sentences, the table of evidence, and the page
+with its figures."""
+
 import re
 from datetime import UTC, datetime
 from html import escape
@@ -7,33 +9,57 @@ from itertools import count
 import numpy as np
 
 from ... import __version__
-from .mission import spoken
-from .verdicts import CLOSED, MOST_RUNS, NO, STRETCHES, UNDECIDED, YES, interval_of, kind_of
 from ...reports.shell import listed, placed, shell
 from ...reports.summary import number, table
+from .mission import spoken
+from .verdicts import CLOSED, MOST_RUNS, NO, STRETCHES, UNDECIDED, YES, interval_of, kind_of
 
 FOOTER = "Simulated runs with the IMU's error model as it is described; a real IMU, vibration and faulty fixes are no part of them."
-ANSWERS = {"open": "open loop", "reset": "reset", "closed": "closed loop", "none": "none", "undecided": "not decided"}
-ERRORS = ("Root mean square over the runs that are still alive (solid), what the filter states (dashed), and the Cramer-Rao bound, which no "
-          "filter can undercut on average.")
-NEES = ("Mean over the runs that are still alive. A filter that is as good as it says is around 1: in the grey band at 95 % of the times. "
-        "Red: where the rule ends belief.")
+ANSWERS = {
+    "open": "open loop",
+    "reset": "reset",
+    "closed": "closed loop",
+    "none": "none",
+    "undecided": "not decided",
+}
+ERRORS = (
+    "Root mean square over the runs that are still alive (solid), what the filter states (dashed), and the Cramer-Rao bound, which no "
+    "filter can undercut on average."
+)
+NEES = (
+    "Mean over the runs that are still alive. A filter that is as good as it says is around 1: in the grey band at 95 % of the times. "
+    "Red: where the rule ends belief."
+)
 SURVIVAL = "Share of runs that are neither lost nor inconsistent yet. Red: what the rule asks for."
-EVIDENCE = ("In brackets 95 % intervals. ✗: the criterion is broken; ?: its interval holds the threshold. Lost / incons.: runs lost, "
-            "inconsistent. Worst NEES: per state, in the tenth of the mission where it is farthest from 1. RMSE: of the position, every error counted "
-            "with at most 500 m, and an aborted run with 500 m from there on; RMSE ratio: by the closed loop's on the same runs; ahead: runs in which it is smaller. "
-            "summary.csv has more columns.")
-LEGEND = ("The crossover map: which architecture is admissible for a mission that long, by the estimates of its runs; a number is the longest "
-          "admissible time between resets of those compared (60 s stands for all), a question mark says that an interval allows another answer.")
+EVIDENCE = (
+    "In brackets 95 % intervals. ✗: the criterion is broken; ?: its interval holds the threshold. Lost / incons.: runs lost, "
+    "inconsistent. Worst NEES: per state, in the tenth of the mission where it is farthest from 1. RMSE: of the position, every error counted "
+    "with at most 500 m, and an aborted run with 500 m from there on; RMSE ratio: by the closed loop's on the same runs; ahead: runs in which it is smaller. "
+    "summary.csv has more columns."
+)
+LEGEND = (
+    "The crossover map: which architecture is admissible for a mission that long, by the estimates of its runs; a number is the longest "
+    "admissible time between resets of those compared (60 s stands for all), a question mark says that an interval allows another answer."
+)
 
 
-UNESTIMATED = ("scale_factor", "misalignment", "g_sensitivity", "quantisation", "saturation", "temperature")
-"""Error terms of an IMU that the filters' models of noise and bias do not hold, or, as the temperature, hold only roughly."""
+UNESTIMATED = (
+    "scale_factor",
+    "misalignment",
+    "g_sensitivity",
+    "quantisation",
+    "saturation",
+    "temperature",
+)
+"""Error terms of an IMU that the filters' models of noise and bias do not hold, or, as the
+temperature, hold only roughly."""
 
 
 def called(label):
     """A filter's label for people: "open loop", "closed loop", "reset every 60 s"."""
-    return {"open": "open loop", "closed": "closed loop", "none": "none"}.get(kind_of(label)) or f"reset every {interval_of(label):g} s"
+    return {"open": "open loop", "closed": "closed loop", "none": "none"}.get(
+        kind_of(label)
+    ) or f"reset every {interval_of(label):g} s"
 
 
 def sentences(advice):
@@ -85,11 +111,15 @@ def _about(advice):
     scenario, gnss = advice.scenario, advice.scenario.gnss
     axes = lambda sd: f"{sd[0]:g} {sd[1]:g} {sd[2]:g}" if np.ndim(sd) else f"{sd:g}"
     receiver = (("position", gnss.position_sd, "m"), ("velocity", gnss.velocity_sd, "m/s"))
-    measured = [f"{what} (sd {axes(sd)} {unit} NED)" for what, sd, unit in receiver if sd is not None]
-    return (f"{imu_name(advice)}, {flight(advice)}, {spoken(scenario.duration)}, simulated at {scenario.rate:g} Hz; "
-            f"GNSS {' and '.join(measured) or 'nothing'} every {gnss.interval:g} s; "
-            f"attitude at the start to {axes(np.degrees(scenario.start_sd[6:9]).round(3))} deg; "
-            f"{advice.found[CLOSED].count} runs, seed {advice.seed}")
+    measured = [
+        f"{what} (sd {axes(sd)} {unit} NED)" for what, sd, unit in receiver if sd is not None
+    ]
+    return (
+        f"{imu_name(advice)}, {flight(advice)}, {spoken(scenario.duration)}, simulated at {scenario.rate:g} Hz; "
+        f"GNSS {' and '.join(measured) or 'nothing'} every {gnss.interval:g} s; "
+        f"attitude at the start to {axes(np.degrees(scenario.start_sd[6:9]).round(3))} deg; "
+        f"{advice.found[CLOSED].count} runs, seed {advice.seed}"
+    )
 
 
 def notes(advice):
@@ -97,9 +127,13 @@ def notes(advice):
     truth, found = advice.scenario.glance(200), []
     low, high = truth.lla[:, 2].min(), truth.lla[:, 2].max()
     if high - low > 3000:
-        found.append(f"note: flown again and again the motion goes from {low:.0f} to {high:.0f} m of height; is that the mission you mean?")
+        found.append(
+            f"note: flown again and again the motion goes from {low:.0f} to {high:.0f} m of height; is that the mission you mean?"
+        )
     if flight(advice) == "demo" and advice.scenario.duration > 600:
-        found.append("note: the demo flight goes straight on after 600 s; the flight `dynamic` keeps turning")
+        found.append(
+            "note: the demo flight goes straight on after 600 s; the flight `dynamic` keeps turning"
+        )
     return found
 
 
@@ -107,9 +141,11 @@ def _broken(e, verdict, state):
     """What speaks against a filter: the criteria that are in `state`, in words."""
     factor = np.sqrt(max(e.nees.value, 1 / e.nees.value)) if e.nees.value > 0 else np.nan
     small = "small" if e.nees.value > 1 else "large"
-    said = {"survival": f"lost or inconsistent in {e.count - e.lived} of {e.count} runs",
-            "belief": f"NEES per state of {_interval(e.nees)} at worst, so its stated uncertainty is too {small} by a factor of {number(factor)}",
-            "worse": f"position RMSE {_interval(e.ratio)} times the closed loop's"}
+    said = {
+        "survival": f"lost or inconsistent in {e.count - e.lived} of {e.count} runs",
+        "belief": f"NEES per state of {_interval(e.nees)} at worst, so its stated uncertainty is too {small} by a factor of {number(factor)}",
+        "worse": f"position RMSE {_interval(e.ratio)} times the closed loop's",
+    }
     return [text for name, text in said.items() if getattr(verdict, name) == state]
 
 
@@ -124,7 +160,11 @@ def _percent(share):
 def _verdict(advice, e):
     verdict = advice.decision.verdicts[e.filter]
     if verdict.admissible == YES:
-        other = "" if e.filter == CLOSED else f", position RMSE {_interval(e.ratio)} times the closed loop's"
+        other = (
+            ""
+            if e.filter == CLOSED
+            else f", position RMSE {_interval(e.ratio)} times the closed loop's"
+        )
         return f"admissible: survived in {e.lived} of {e.count} runs, NEES per state {_interval(e.nees)} at worst{other}"
     if verdict.admissible == NO:
         return f"not admissible: {'; '.join(_broken(e, verdict, NO))}"
@@ -132,31 +172,54 @@ def _verdict(advice, e):
 
 
 def _not_estimated(advice):
-    """Where not even the closed loop is admissible: the errors of the IMU that no filter here estimates, as a likely cause, and the remedy."""
+    """Where not even the closed loop is admissible: the errors of the IMU that no filter here
+    estimates, as a likely cause, and the remedy."""
     if advice.decision.verdicts[CLOSED].admissible != NO:
         return []
     found = []
     for sensor, triad in (("gyro", advice.imu.gyro), ("accelerometer", advice.imu.accel)):
-        terms = [name.replace("_", " ").replace("g s", "g-s") for name in UNESTIMATED if getattr(triad, name)]
-        found += [f"{' and '.join(filter(None, [', '.join(terms[:-1]), terms[-1]]))} of the {sensor}"] if terms else []
+        terms = [
+            name.replace("_", " ").replace("g s", "g-s")
+            for name in UNESTIMATED
+            if getattr(triad, name)
+        ]
+        found += (
+            [f"{' and '.join(filter(None, [', '.join(terms[:-1]), terms[-1]]))} of the {sensor}"]
+            if terms
+            else []
+        )
     if not found:
         return []
-    return [f"Likely cause: the IMU has errors that the filters do not estimate ({'; '.join(found)}), and that their noise does not cover. State more "
-            "noise in the IMU's file, or leave these terms out to judge the architecture alone."]
+    return [
+        f"Likely cause: the IMU has errors that the filters do not estimate ({'; '.join(found)}), and that their noise does not cover. State more "
+        "noise in the IMU's file, or leave these terms out to judge the architecture alone."
+    ]
 
 
 def _sure(advice):
     """How much hangs on the thresholds and on the number of runs."""
     own = (advice.decision.answer, advice.decision.filter)
     text = lambda d: called(d.filter) if d.answer != "undecided" else "not decided"
-    changed = [f"{text(d)} with {name}" for name, d in advice.others.items() if (d.answer, d.filter) != own and d.answer != "undecided"]
+    changed = [
+        f"{text(d)} with {name}"
+        for name, d in advice.others.items()
+        if (d.answer, d.filter) != own and d.answer != "undecided"
+    ]
     untold = [name for name, d in advice.others.items() if d.answer == "undecided"]
     best = advice.found.get(advice.decision.filter)
     within = best and f"{_percent(best.survived.low)} to {_percent(best.survived.high)}"
-    counts = f"survival in {best.lived} of {best.count} runs (95 % interval: {within}); " if best else ""
-    same = "no other threshold that was tried " + ("decides it either" if advice.answer == "undecided" else "gives another answer")
+    counts = (
+        f"survival in {best.lived} of {best.count} runs (95 % interval: {within}); " if best else ""
+    )
+    same = "no other threshold that was tried " + (
+        "decides it either" if advice.answer == "undecided" else "gives another answer"
+    )
     said = f"the answer would be {', '.join(changed)}" if changed else same
-    few = f"; too few runs to tell for {', '.join(untold)}" if untold and advice.answer != "undecided" else ""
+    few = (
+        f"; too few runs to tell for {', '.join(untold)}"
+        if untold and advice.answer != "undecided"
+        else ""
+    )
     return f"How sure: {counts}{said}{few}."
 
 
@@ -170,53 +233,98 @@ def _shorter(advice):
             break
         long = t
     if not long:
-        return [f"The open loop is not admissible even for the first {spoken(advice.through[0][0])}."]
-    return [f"By the estimates the open loop would do for the first {spoken(long)} of this mission."]
+        return [
+            f"The open loop is not admissible even for the first {spoken(advice.through[0][0])}."
+        ]
+    return [
+        f"By the estimates the open loop would do for the first {spoken(long)} of this mission."
+    ]
 
 
 def summary_table(advice):
     """pandas DataFrame with a row per filter: the evidence and the verdicts."""
     import pandas as pd
+
     rows = []
     own = advice.campaign.summary.set_index("filter")
     for e in advice.found.values():
         verdict = advice.decision.verdicts[e.filter]
         ends = lambda name, i: {name: i.value, f"{name}_low": i.low, f"{name}_high": i.high}
-        rows.append({"filter": e.filter, "admissible": verdict.admissible, "runs": e.count, "survived_runs": e.lived, "lost": own.lost[e.filter],
-                     "inconsistent": own.inconsistent[e.filter], **ends("survived", e.survived), **ends("worst_nees_per_state", e.nees),
-                     **ends("rmse_ratio", e.ratio), "ahead_of_closed_loop_runs": e.ahead, "censored_rmse_m": e.rmse,
-                     "heading_rmse_deg": e.heading,
-                     "bound_ratio": own.bound_ratio[e.filter], "runs_needed": verdict.runs})
+        rows.append(
+            {
+                "filter": e.filter,
+                "admissible": verdict.admissible,
+                "runs": e.count,
+                "survived_runs": e.lived,
+                "lost": own.lost[e.filter],
+                "inconsistent": own.inconsistent[e.filter],
+                **ends("survived", e.survived),
+                **ends("worst_nees_per_state", e.nees),
+                **ends("rmse_ratio", e.ratio),
+                "ahead_of_closed_loop_runs": e.ahead,
+                "censored_rmse_m": e.rmse,
+                "heading_rmse_deg": e.heading,
+                "bound_ratio": own.bound_ratio[e.filter],
+                "runs_needed": verdict.runs,
+            }
+        )
     return pd.DataFrame(rows)
 
 
 def page(advice):
     """The Page of an Advice."""
     from . import figures
+
     numbers = count(1)
     place = lambda figure, heading, caption: placed(next(numbers), figure, heading, caption)
     errors = place(figures.rmse(advice), "Position error over time", ERRORS)
     errors += place(figures.heading(advice), "Heading error over time", "The same for the heading.")
-    belief = place(figures.nees(advice), "NEES per state over time", NEES) + place(figures.survival(advice), "Survival", SURVIVAL)
-    seen = [("Why", _why(advice)), ("Error and stated uncertainty", errors), ("Can it be believed", belief),
-            ("Shorter missions", _through(advice)),
-            ("Crossover map", place(figures.crossover(advice), "Which loop, for which IMU, duration and dynamics", LEGEND) if advice.map else
-             "<p class=caption>Not made; leave out --quick and --no-map for it.</p>"),
-            ("The rule", _rule(advice))]
+    belief = place(figures.nees(advice), "NEES per state over time", NEES) + place(
+        figures.survival(advice), "Survival", SURVIVAL
+    )
+    seen = [
+        ("Why", _why(advice)),
+        ("Error and stated uncertainty", errors),
+        ("Can it be believed", belief),
+        ("Shorter missions", _through(advice)),
+        (
+            "Crossover map",
+            place(
+                figures.crossover(advice),
+                "Which loop, for which IMU, duration and dynamics",
+                LEGEND,
+            )
+            if advice.map
+            else "<p class=caption>Not made; leave out --quick and --no-map for it.</p>",
+        ),
+        ("The rule", _rule(advice)),
+    ]
     title = f"Open loop, resets or closed loop: {imu_name(advice)}, {flight(advice)}, {spoken(advice.scenario.duration)}"
     return shell(title, _answer(advice), seen, FOOTER)
 
 
 def _answer(advice):
-    return listed({"IMU": advice.imu.name, "mission": flight(advice), "duration": spoken(advice.scenario.duration),
-                   "answer": called(advice.decision.filter) if advice.answer != "undecided" else "not decided",
-                   "runs": advice.found[CLOSED].count, "seed": str(advice.seed), "software": f"strapdown {__version__}",
-                   "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"})
+    return listed(
+        {
+            "IMU": advice.imu.name,
+            "mission": flight(advice),
+            "duration": spoken(advice.scenario.duration),
+            "answer": called(advice.decision.filter)
+            if advice.answer != "undecided"
+            else "not decided",
+            "runs": advice.found[CLOSED].count,
+            "seed": str(advice.seed),
+            "software": f"strapdown {__version__}",
+            "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+        }
+    )
 
 
 def _why(advice):
     first, about, *rest = [line.strip() for line in sentences(advice)]
-    said = [line for line in rest if not line.startswith(tuple(called(label) for label in advice.found))]
+    said = [
+        line for line in rest if not line.startswith(tuple(called(label) for label in advice.found))
+    ]
     answer, _, reason = first.partition(": ")
     head = f"<p><b>{escape(answer)}:</b> {escape(reason)}</p><p class=caption>{escape(about)}</p>"
     return head + "".join(f"<p>{escape(line)}</p>" for line in said) + _evidence(advice)
@@ -230,31 +338,58 @@ def _evidence(advice):
         mark = lambda text, state: f"{text}{'' if state == YES else ' ✗' if state == NO else ' ?'}"
         within = lambda i: f"{number(i.value)} ({number(i.low)}–{number(i.high)})"
         lost, inconsistent = own.lost[e.filter], own.inconsistent[e.filter]
-        rows.append([called(e.filter), {YES: "yes", NO: "no", UNDECIDED: "open"}[v.admissible],
-                     mark(f"{e.lived} of {e.count} ({100 * e.survived.low:.0f}–{100 * e.survived.high:.0f} %)", v.survival),
-                     f"{lost} / {inconsistent}",
-                     mark(within(e.nees), v.belief), "1" if e.filter == CLOSED else mark(within(e.ratio), v.worse),
-                     "–" if e.filter == CLOSED else f"{e.ahead} of {e.count}", number(e.rmse), number(e.heading)])
-    head = ["filter", "admissible", "survived", "lost / incons.", "worst NEES", "RMSE ratio", "ahead in", "RMSE [m]", "heading [deg]"]
+        rows.append(
+            [
+                called(e.filter),
+                {YES: "yes", NO: "no", UNDECIDED: "open"}[v.admissible],
+                mark(
+                    f"{e.lived} of {e.count} ({100 * e.survived.low:.0f}–{100 * e.survived.high:.0f} %)",
+                    v.survival,
+                ),
+                f"{lost} / {inconsistent}",
+                mark(within(e.nees), v.belief),
+                "1" if e.filter == CLOSED else mark(within(e.ratio), v.worse),
+                "–" if e.filter == CLOSED else f"{e.ahead} of {e.count}",
+                number(e.rmse),
+                number(e.heading),
+            ]
+        )
+    head = [
+        "filter",
+        "admissible",
+        "survived",
+        "lost / incons.",
+        "worst NEES",
+        "RMSE ratio",
+        "ahead in",
+        "RMSE [m]",
+        "heading [deg]",
+    ]
     return f"{table(head, rows)}<p class=caption>{EVIDENCE}</p>"
 
 
 def _through(advice):
     rows = [[spoken(t), ANSWERS[d.answer], called(d.filter)] for t, d in advice.through]
-    return (table(["first ... of the mission", "answer", "filter"], rows)
-            + "<p class=caption>From the same runs cut short, by the estimates alone, without intervals.</p>")
+    return (
+        table(["first ... of the mission", "answer", "filter"], rows)
+        + "<p class=caption>From the same runs cut short, by the estimates alone, without intervals.</p>"
+    )
 
 
 def _rule(advice):
     r = advice.rules
-    criteria = [f"It survives: at least {_percent(r.survival)} of the runs are neither lost (500 m) nor inconsistent "
-                "(NEES beyond its 1 − 1e-6 bound for more than 10 s).",
-                f"It can be believed: NEES per state, mean over the runs alive, is between {1 / r.belief:g} and {r.belief:g} in each "
-                f"of {STRETCHES} equal stretches; its stated standard deviations are then right within a factor of {np.sqrt(r.belief):.3g}.",
-                f"It is not worse: its censored position RMSE is at most {_percent(r.worse)} above the closed loop's on the same runs."]
+    criteria = [
+        f"It survives: at least {_percent(r.survival)} of the runs are neither lost (500 m) nor inconsistent "
+        "(NEES beyond its 1 − 1e-6 bound for more than 10 s).",
+        f"It can be believed: NEES per state, mean over the runs alive, is between {1 / r.belief:g} and {r.belief:g} in each "
+        f"of {STRETCHES} equal stretches; its stated standard deviations are then right within a factor of {np.sqrt(r.belief):.3g}.",
+        f"It is not worse: its censored position RMSE is at most {_percent(r.worse)} above the closed loop's on the same runs.",
+    ]
     others = [[name, ANSWERS[d.answer], called(d.filter)] for name, d in advice.others.items()]
     listed = "".join(f"<li>{escape(c)}</li>" for c in criteria)
-    return (f"<p>An architecture is admissible if the 95 % interval of each of these says so:</p><ol>{listed}</ol>"
-            "<p>The answer is the open loop where it is admissible, for it keeps the INS isolated; else the longest admissible time between resets; "
-            "else the closed loop. Where an interval leaves open which of these it is, the answer is “not decided”.</p>"
-            "<h3>With one threshold changed</h3>" + table(["threshold", "answer", "filter"], others))
+    return (
+        f"<p>An architecture is admissible if the 95 % interval of each of these says so:</p><ol>{listed}</ol>"
+        "<p>The answer is the open loop where it is admissible, for it keeps the INS isolated; else the longest admissible time between resets; "
+        "else the closed loop. Where an interval leaves open which of these it is, the answer is “not decided”.</p>"
+        "<h3>With one threshold changed</h3>" + table(["threshold", "answer", "filter"], others)
+    )

@@ -1,15 +1,18 @@
-"""The rule of `strapdown advise`: what the runs of a study say of each filter, whether that makes it admissible, and the answer.
+"""The rule of `strapdown advise`: what the runs of a study say of each filter, whether that makes
+it admissible, and the answer.
 
-Criteria and answer are in `Rules`, `judge` and `decide`; docs/advise.md says why they are so. Everything is computed from the stored rows of
-the runs, so that the answer for a shorter mission needs no runs of its own.
+Criteria and answer are in `Rules`, `judge` and `decide`; docs/advise.md says why they are so.
+Everything is computed from the stored rows of the runs, so that the answer for a shorter mission
+needs no runs of its own.
 """
+
 from typing import NamedTuple
 
 import numpy as np
 
-from ...evaluation.consistency import SURVIVED, Interval, paired, proportion
 from ...core.contract import POS, STATES
 from ...data import DataError
+from ...evaluation.consistency import SURVIVED, Interval, paired, proportion
 from ..monte_carlo.scoring import REASONS
 
 OPEN, CLOSED, RESET = "open-loop", "closed-loop", "periodic-reset:interval="
@@ -21,27 +24,33 @@ YES, NO, UNDECIDED = "yes", "no", "undecided"
 
 
 class Rules(NamedTuple):
-    """What makes an architecture admissible; each is asked of a 95 % interval. Defaults: docs/advise.md."""
-    survival: float = 0.9       # share of runs neither lost nor inconsistent, at least
-    belief: float = 2.0         # NEES per state, mean over runs, in each tenth of the mission: between 1 / belief and belief
-    worse: float = 0.10         # position RMSE, censored: at most that share above the closed loop's
+    """What makes an architecture admissible; each is asked of a 95 % interval. Defaults:
+    docs/advise.md."""
+
+    survival: float = 0.9  # share of runs neither lost nor inconsistent, at least
+    # NEES per state, mean over runs, in each tenth of the mission: between 1 / belief and belief
+    belief: float = 2.0
+    worse: float = 0.10  # position RMSE, censored: at most that share above the closed loop's
 
 
 class Evidence(NamedTuple):
     """What the runs say of one filter."""
+
     filter: str
-    count: int                  # runs
-    lived: int                  # runs that survived
-    survived: Interval          # share
-    nees: Interval              # NEES per state in the tenth of the mission where it is farthest from 1
-    ratio: Interval             # censored position RMSE by the closed loop's on the same runs
-    ahead: int                  # runs in which it was smaller than the closed loop's
-    rmse: float                 # m, censored
-    heading: float              # deg, root mean square over the rows before an abort
+    count: int  # runs
+    lived: int  # runs that survived
+    survived: Interval  # share
+    nees: Interval  # NEES per state in the tenth of the mission where it is farthest from 1
+    ratio: Interval  # censored position RMSE by the closed loop's on the same runs
+    ahead: int  # runs in which it was smaller than the closed loop's
+    rmse: float  # m, censored
+    heading: float  # deg, root mean square over the rows before an abort
 
 
 class Verdict(NamedTuple):
-    """Is a filter admissible: YES, NO or UNDECIDED; by criterion; and how many runs in all an open question would take, about."""
+    """Is a filter admissible: YES, NO or UNDECIDED; by criterion; and how many runs in all an
+    open question would take, about."""
+
     admissible: str
     survival: str
     belief: str
@@ -50,32 +59,44 @@ class Verdict(NamedTuple):
 
 
 class Decision(NamedTuple):
-    """The answer: "open", "reset", "closed", "none" or "undecided"; `filter` is the recommended one, for "undecided" the safe one (or None)."""
+    """The answer: "open", "reset", "closed", "none" or "undecided"; `filter` is the recommended
+    one, for "undecided" the safe one (or None)."""
+
     answer: str
     filter: str | None
-    verdicts: dict              # {filter: Verdict}
-    doubtful: str | None = None     # the filter that more runs would decide
-    runs: int = 0               # that this would take in all, about
+    verdicts: dict  # {filter: Verdict}
+    doubtful: str | None = None  # the filter that more runs would decide
+    runs: int = 0  # that this would take in all, about
 
 
 class Runs(NamedTuple):
-    """Stored rows of a cell's runs: t (n,) s; squares (filter, run, n) m^2, censored; nees (filter, run, n) per state, NaN after an abort."""
+    """Stored rows of a cell's runs: t (n,) s; squares (filter, run, n) m^2, censored; nees
+    (filter, run, n) per state, NaN after an abort."""
+
     filters: tuple
     t: np.ndarray
     squares: np.ndarray
     nees: np.ndarray
-    heading: np.ndarray         # (filter, run, n) rad, error, NaN after an abort
-    lasted: np.ndarray          # (filter, run) s; inf where the run survived
+    heading: np.ndarray  # (filter, run, n) rad, error, NaN after an abort
+    lasted: np.ndarray  # (filter, run) s; inf where the run survived
 
     @classmethod
     def of(cls, campaign, cell):
-        """Of a campaign's cell, without the runs that were quarantined. Raises DataError where none is left."""
+        """Of a campaign's cell, without the runs that were quarantined. Raises DataError where
+        none is left."""
         parts = campaign.read(cell, ("t", "error", "nees_rows", "lasted", "reason"))
-        joined = {name: np.concatenate([part[name] for part in parts], axis=1) for name in ("error", "nees_rows", "lasted", "reason")}
+        joined = {
+            name: np.concatenate([part[name] for part in parts], axis=1)
+            for name in ("error", "nees_rows", "lasted", "reason")
+        }
         ran = (joined["reason"] != REASONS.index("quarantined")).all(axis=0)
         if not ran.any():
-            raise DataError(f"{cell}: not one run came to its end; run again with another seed, or look at its IMU")
-        error, nees, lasted, reason = (joined[name][:, ran] for name in ("error", "nees_rows", "lasted", "reason"))
+            raise DataError(
+                f"{cell}: not one run came to its end; run again with another seed, or look at its IMU"
+            )
+        error, nees, lasted, reason = (
+            joined[name][:, ran] for name in ("error", "nees_rows", "lasted", "reason")
+        )
         lasted = np.where(reason == SURVIVED, np.inf, lasted)
         t, limit = parts[0]["t"], campaign.manifest["limits"]["distance"] ** 2
         alive = t <= lasted[..., None]
@@ -83,13 +104,25 @@ class Runs(NamedTuple):
             squares = np.square(error[..., POS].astype(float)).sum(axis=-1)
         squares = np.where(alive & (squares < limit), squares, limit)
         masked = lambda values: np.where(alive, values.astype(float), np.nan)
-        return cls(tuple(campaign.manifest["filters"]), t, squares, masked(nees) / STATES, masked(error[..., 8]), lasted)
+        return cls(
+            tuple(campaign.manifest["filters"]),
+            t,
+            squares,
+            masked(nees) / STATES,
+            masked(error[..., 8]),
+            lasted,
+        )
 
     def until(self, t):
         """The same up to the time `t`, s."""
         rows = self.t <= t + 1e-6
-        return self._replace(t=self.t[rows], squares=self.squares[..., rows], nees=self.nees[..., rows], heading=self.heading[..., rows],
-                             lasted=np.where(self.lasted >= self.t[rows][-1], np.inf, self.lasted))
+        return self._replace(
+            t=self.t[rows],
+            squares=self.squares[..., rows],
+            nees=self.nees[..., rows],
+            heading=self.heading[..., rows],
+            lasted=np.where(self.lasted >= self.t[rows][-1], np.inf, self.lasted),
+        )
 
 
 def evidence(runs):
@@ -102,9 +135,18 @@ def evidence(runs):
         apart = paired(own, reference)
         ratio = Interval(*np.exp(0.5 * np.array([apart.difference, apart.low, apart.high])))
         heading = runs.heading[place][np.isfinite(runs.heading[place])]
-        heading = float(np.degrees(np.sqrt(np.mean(heading ** 2)))) if len(heading) else np.nan
-        found[label] = Evidence(label, count, lived, proportion(lived, count), _worst(runs.nees[place]), ratio, apart.wins,
-                                float(np.sqrt(runs.squares[place].mean())), heading)
+        heading = float(np.degrees(np.sqrt(np.mean(heading**2)))) if len(heading) else np.nan
+        found[label] = Evidence(
+            label,
+            count,
+            lived,
+            proportion(lived, count),
+            _worst(runs.nees[place]),
+            ratio,
+            apart.wins,
+            float(np.sqrt(runs.squares[place].mean())),
+            heading,
+        )
     return found
 
 
@@ -113,42 +155,79 @@ def _mean_square(runs, label):
 
 
 def _worst(nees):
-    """Interval over runs of the mean NEES per state (run, n) in the stretch where it is farthest from 1, as a factor."""
+    """Interval over runs of the mean NEES per state (run, n) in the stretch where it is farthest
+    from 1, as a factor."""
     found = []
     for part in np.array_split(nees, min(STRETCHES, nees.shape[1]), axis=1):
         known = np.isfinite(part)
-        means = np.where(known, part, 0.0).sum(axis=1)[known.any(axis=1)] / known.sum(axis=1)[known.any(axis=1)]
+        means = (
+            np.where(known, part, 0.0).sum(axis=1)[known.any(axis=1)]
+            / known.sum(axis=1)[known.any(axis=1)]
+        )
         if len(means):
             value, low, high, *_ = paired(means, np.zeros(len(means)))
             found.append(Interval(value, low if np.isnan(low) else max(low, 0.0), high))
-    return max(found, key=lambda interval: abs(np.log(interval.value)), default=Interval(np.nan, np.nan, np.nan))
+    return max(
+        found,
+        key=lambda interval: abs(np.log(interval.value)),
+        default=Interval(np.nan, np.nan, np.nan),
+    )
 
 
 def interval_of(label):
     """Seconds between resets of a filter's label: inf for the open loop, 0 for the closed."""
-    return np.inf if label == OPEN else float(label.removeprefix(RESET)) if label.startswith(RESET) else 0.0
+    return (
+        np.inf
+        if label == OPEN
+        else float(label.removeprefix(RESET))
+        if label.startswith(RESET)
+        else 0.0
+    )
 
 
 def kind_of(label):
     """ "open", "reset" or "closed" of a filter's label; "none" of None."""
-    return "none" if label is None else "open" if label == OPEN else "reset" if label.startswith(RESET) else "closed"
+    return (
+        "none"
+        if label is None
+        else "open"
+        if label == OPEN
+        else "reset"
+        if label.startswith(RESET)
+        else "closed"
+    )
 
 
 def judge(found, rules=Rules()):
-    """The Verdict on an Evidence: each criterion is met (YES) or broken (NO) where its whole interval says so."""
-    survival = YES if found.survived.low >= rules.survival else NO if found.survived.high < rules.survival else UNDECIDED
+    """The Verdict on an Evidence: each criterion is met (YES) or broken (NO) where its whole
+    interval says so."""
+    survival = (
+        YES
+        if found.survived.low >= rules.survival
+        else NO
+        if found.survived.high < rules.survival
+        else UNDECIDED
+    )
     belief = _between(found.nees, 1 / rules.belief, rules.belief)
     worse = YES if found.filter == CLOSED else _between(found.ratio, 0.0, 1 + rules.worse)
     criteria = (survival, belief, worse)
     admissible = NO if NO in criteria else UNDECIDED if UNDECIDED in criteria else YES
-    runs = max((needed for state, needed in zip(criteria, _needed(found, rules)) if state == UNDECIDED), default=0)
+    runs = max(
+        (needed for state, needed in zip(criteria, _needed(found, rules)) if state == UNDECIDED),
+        default=0,
+    )
     return Verdict(admissible, *criteria, runs if admissible == UNDECIDED else 0)
 
 
 def guess(found, rules=Rules()):
     """Verdict by the estimates alone, without intervals: for the map, whose runs are few."""
     point = lambda interval: Interval(interval.value, interval.value, interval.value)
-    return judge(found._replace(survived=point(found.survived), nees=point(found.nees), ratio=point(found.ratio)), rules)
+    return judge(
+        found._replace(
+            survived=point(found.survived), nees=point(found.nees), ratio=point(found.ratio)
+        ),
+        rules,
+    )
 
 
 def _between(interval, least, most):
@@ -158,40 +237,72 @@ def _between(interval, least, most):
 
 
 def _needed(found, rules):
-    """Runs in all that would decide each criterion if the estimates stayed as they are; 0 where that cannot be said."""
+    """Runs in all that would decide each criterion if the estimates stayed as they are; 0 where
+    that cannot be said."""
     count, share = found.count, found.survived.value
     sizes = np.unique(np.geomspace(count + 1, MOST_RUNS, 400).astype(int))
-    decided = lambda n: (lambda p: p.low >= rules.survival or p.high < rules.survival)(proportion(round(share * n), int(n)))
+    decided = lambda n: (lambda p: p.low >= rules.survival or p.high < rules.survival)(
+        proportion(round(share * n), int(n))
+    )
     survival = next((int(n) for n in sizes if decided(n)), int(sizes[-1]))
-    return survival, _shrunk(found.nees, (1 / rules.belief, rules.belief), count), _shrunk(found.ratio, (1 + rules.worse,), count)
+    return (
+        survival,
+        _shrunk(found.nees, (1 / rules.belief, rules.belief), count),
+        _shrunk(found.ratio, (1 + rules.worse,), count),
+    )
 
 
 def _shrunk(interval, limits, count):
-    """Runs until an interval whose width falls with the root of their number leaves the nearest limit outside."""
+    """Runs until an interval whose width falls with the root of their number leaves the nearest
+    limit outside."""
     if not np.isfinite(interval).all():
         return 0
-    half, room = 0.5 * (interval.high - interval.low), min(abs(interval.value - limit) for limit in limits)
-    return int(min(np.ceil(count * (half / room) ** 2 - 1e-6), MOST_RUNS)) if room > 0 else MOST_RUNS
+    half, room = (
+        0.5 * (interval.high - interval.low),
+        min(abs(interval.value - limit) for limit in limits),
+    )
+    return (
+        int(min(np.ceil(count * (half / room) ** 2 - 1e-6), MOST_RUNS)) if room > 0 else MOST_RUNS
+    )
 
 
 def decide(found, rules=Rules(), judged=judge):
-    """The Decision on {filter: Evidence} in the order of isolation: the first admissible one, open loop first, closed loop last.
+    """The Decision on {filter: Evidence} in the order of isolation: the first admissible one, open
+    loop first, closed loop last.
 
-    An open question about a filter before it matters where it could change the kind of the answer; then the answer is "undecided".
+    An open question about a filter before it matters where it could change the kind of the answer;
+    then the answer is "undecided".
     """
     verdicts = {label: judged(each, rules) for label, each in found.items()}
     order = list(verdicts)
     best = next((label for label in order if verdicts[label].admissible == YES), None)
-    before = order[:order.index(best)] if best else order
-    doubtful = next((label for label in before if verdicts[label].admissible == UNDECIDED and kind_of(label) != kind_of(best)), None)
+    before = order[: order.index(best)] if best else order
+    doubtful = next(
+        (
+            label
+            for label in before
+            if verdicts[label].admissible == UNDECIDED and kind_of(label) != kind_of(best)
+        ),
+        None,
+    )
     if doubtful:
         return Decision("undecided", best, verdicts, doubtful, verdicts[doubtful].runs)
     return Decision(kind_of(best), best, verdicts)
 
 
 def variants(rules=Rules()):
-    """{what is changed: Rules} with each threshold once stricter and once laxer: does the answer hang on them?"""
+    """{what is changed: Rules} with each threshold once stricter and once laxer: does the answer
+    hang on them?"""
     lax, strict = max(1 - 2 * (1 - rules.survival), 0.0), 1 - 0.5 * (1 - rules.survival)
-    found = {f"survival of {100 * share:.3g} %": rules._replace(survival=share) for share in (lax, strict)}
-    found |= {f"NEES within a factor {factor:.3g}": rules._replace(belief=factor) for factor in (rules.belief ** 2, rules.belief ** 0.5)}
-    return found | {f"RMSE up to {100 * share:.3g} % worse": rules._replace(worse=share) for share in (rules.worse * 2.5, rules.worse / 2)}
+    found = {
+        f"survival of {100 * share:.3g} %": rules._replace(survival=share)
+        for share in (lax, strict)
+    }
+    found |= {
+        f"NEES within a factor {factor:.3g}": rules._replace(belief=factor)
+        for factor in (rules.belief**2, rules.belief**0.5)
+    }
+    return found | {
+        f"RMSE up to {100 * share:.3g} % worse": rules._replace(worse=share)
+        for share in (rules.worse * 2.5, rules.worse / 2)
+    }

@@ -1,1 +1,2 @@
-"""Many simulated runs of several filters: studies in resumable campaigns, their summaries, and advice that rests on them."""
+"""Many simulated runs of several filters: studies in resumable campaigns, their summaries, and
+advice that rests on them."""

@@ -1,8 +1,11 @@
-"""A campaign: the folder of a study, with its manifest, one file per finished chunk, and the tables made of them.
+"""A campaign: the folder of a study, with its manifest, one file per finished chunk, and the tables
+made of them.
 
-`manifest.json` says what is run and with which version; `chunks/CELL/FIRST-STOP.nc` are written whole or not at all; `summary.csv` and `runs.csv`
-are made from the chunk files alone, in their order. Arrays stay in the files and open lazily.
+`manifest.json` says what is run and with which version; `chunks/CELL/FIRST-STOP.nc` are written
+whole or not at all; `summary.csv` and `runs.csv` are made from the chunk files alone, in their
+order. Arrays stay in the files and open lazily.
 """
+
 import fcntl
 import hashlib
 import json
@@ -24,16 +27,46 @@ from .study import SCALARS, run_chunk
 
 FORMAT = 1
 """Of manifest and chunk files."""
-DIMENSIONS = {"error": ("filter", "run", "t", "state"), "sd": ("filter", "run", "t", "state"),
-              "nees_rows": ("filter", "run", "t"), "bias": ("run", "t", "bias_axis"), "squares": ("filter", "t", "state"),
-              "variances": ("filter", "t", "state"), "nees_sum": ("filter", "t"), "alive": ("filter", "t"), "bound": ("t", "state"),
-              "mean_square": ("filter", "run", "group"), "coverage": ("filter", "run", "sigma"), **dict.fromkeys(SCALARS, ("filter", "run"))}
-ABOUT = {"t": "s", "error": "true - estimate, m, m/s, rad, m/s^2, rad/s", "sd": "as the filter states it, units of error", "bias": "true biases, m/s^2, rad/s",
-         "bound": "variances of the Cramer-Rao bound, units of error squared", "nees_rows": "of 15 states", "lasted": "s", "left_model": "s",
-         "censored": "mean squared position error, m^2", "mean_square": "until the abort, SI and radians squared",
-         "reason": "0 survived, 1 lost, 2 inconsistent, 3 quarantined"}
-SOURCES = ("core", "aiding", "filters", "sim", "sensor_models", "engine", "evaluation", "experiments/filter_spec.py", "geodesy.py",
-           "experiments/monte_carlo/study.py", "experiments/monte_carlo/scoring.py")
+DIMENSIONS = {
+    "error": ("filter", "run", "t", "state"),
+    "sd": ("filter", "run", "t", "state"),
+    "nees_rows": ("filter", "run", "t"),
+    "bias": ("run", "t", "bias_axis"),
+    "squares": ("filter", "t", "state"),
+    "variances": ("filter", "t", "state"),
+    "nees_sum": ("filter", "t"),
+    "alive": ("filter", "t"),
+    "bound": ("t", "state"),
+    "mean_square": ("filter", "run", "group"),
+    "coverage": ("filter", "run", "sigma"),
+    **dict.fromkeys(SCALARS, ("filter", "run")),
+}
+ABOUT = {
+    "t": "s",
+    "error": "true - estimate, m, m/s, rad, m/s^2, rad/s",
+    "sd": "as the filter states it, units of error",
+    "bias": "true biases, m/s^2, rad/s",
+    "bound": "variances of the Cramer-Rao bound, units of error squared",
+    "nees_rows": "of 15 states",
+    "lasted": "s",
+    "left_model": "s",
+    "censored": "mean squared position error, m^2",
+    "mean_square": "until the abort, SI and radians squared",
+    "reason": "0 survived, 1 lost, 2 inconsistent, 3 quarantined",
+}
+SOURCES = (
+    "core",
+    "aiding",
+    "filters",
+    "sim",
+    "sensor_models",
+    "engine",
+    "evaluation",
+    "experiments/filter_spec.py",
+    "geodesy.py",
+    "experiments/monte_carlo/study.py",
+    "experiments/monte_carlo/scoring.py",
+)
 """What can change a result."""
 
 
@@ -45,7 +78,8 @@ class Campaign:
 
     @classmethod
     def begin(cls, study, out=None):
-        """The campaign of `study` in folder `out`, new or to be resumed. Raises DataError where the folder holds another one."""
+        """The campaign of `study` in folder `out`, new or to be resumed. Raises DataError where
+        the folder holds another one."""
         manifest = describe(study)
         if out is None:
             folder = tempfile.mkdtemp(prefix="strapdown-study-")
@@ -59,10 +93,13 @@ class Campaign:
         return campaign
 
     def _settle(self):
-        """Write the manifest, or compare with the one that is there; one that has no chunks yet binds nobody. The folder must be locked."""
+        """Write the manifest, or compare with the one that is there; one that has no chunks yet
+        binds nobody. The folder must be locked."""
         path, chunks = self.folder / "manifest.json", any(self.folder.glob("chunks/*/*.nc"))
         if chunks and not path.exists():
-            raise DataError(f"{self.folder}: it holds chunks of a study but no manifest.json; choose another folder")
+            raise DataError(
+                f"{self.folder}: it holds chunks of a study but no manifest.json; choose another folder"
+            )
         if chunks:
             _same(_manifest(self.folder), self.manifest, self.folder)
         else:
@@ -80,12 +117,16 @@ class Campaign:
         try:
             lock = open(self.folder / "lock", "w")
         except OSError as error:
-            raise DataError(f"{self.folder}: nothing can be written there ({error.strerror}); choose another folder") from None
+            raise DataError(
+                f"{self.folder}: nothing can be written there ({error.strerror}); choose another folder"
+            ) from None
         with lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
-                raise DataError(f"{self.folder}: another process works on this campaign; wait for it, or choose another folder") from None
+                raise DataError(
+                    f"{self.folder}: another process works on this campaign; wait for it, or choose another folder"
+                ) from None
             yield
 
     def check(self):
@@ -94,7 +135,12 @@ class Campaign:
 
     def path(self, chunk):
         """The file of a chunk."""
-        return self.folder / "chunks" / self.cells[chunk.cell] / f"{chunk.first:06d}-{chunk.stop:06d}.nc"
+        return (
+            self.folder
+            / "chunks"
+            / self.cells[chunk.cell]
+            / f"{chunk.first:06d}-{chunk.stop:06d}.nc"
+        )
 
     @property
     def cells(self):
@@ -111,11 +157,19 @@ class Campaign:
         path = self.path(chunk)
         _make(path.parent)
         with replacing(path) as part:
-            part.write_bytes(_file(arrays, self.manifest["filters"], range(chunk.first, chunk.stop), self._identity(path)))
+            part.write_bytes(
+                _file(
+                    arrays,
+                    self.manifest["filters"],
+                    range(chunk.first, chunk.stop),
+                    self._identity(path),
+                )
+            )
         return chunk
 
     def _identity(self, path):
-        """What only the file at `path` of this campaign says: a digest of the manifest, the cell and the runs."""
+        """What only the file at `path` of this campaign says: a digest of the manifest, the cell
+        and the runs."""
         text = json.dumps(self.manifest, sort_keys=True) + f"{path.parent.name}/{path.name}"
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -128,63 +182,108 @@ class Campaign:
     def _files(self, cell):
         files = sorted((self.folder / "chunks" / cell).glob("*.nc"))
         if not files:
-            raise DataError(f"{self.folder}: no finished runs of {cell!r}; it has {', '.join(self.cells)}")
+            raise DataError(
+                f"{self.folder}: no finished runs of {cell!r}; it has {', '.join(self.cells)}"
+            )
         return files
 
     def read(self, cell, names):
-        """[{name: array}] of the chunk files of a cell, in the order of the runs; names that a file has not are left out."""
+        """[{name: array}] of the chunk files of a cell, in the order of the runs; names that a
+        file has not are left out."""
         import h5py
+
         found = []
         for path in self._files(cell):
             try:
-                with h5py.File(path, "r") as file:      # a tenth of the time that its NetCDF dress takes
+                with h5py.File(
+                    path, "r"
+                ) as file:  # a tenth of the time that its NetCDF dress takes
                     if file.attrs.get("identity") != self._identity(path):
                         raise OSError("it is the file of another study, cell or chunk")
                     found.append({name: file[name][...] for name in names if name in file})
             except (OSError, KeyError, RuntimeError) as error:
-                raise DataError(f"{path}: cannot be read ({str(error).splitlines()[0]}); remove it and run the study again") from None
+                raise DataError(
+                    f"{path}: cannot be read ({str(error).splitlines()[0]}); remove it and run the study again"
+                ) from None
         return found
 
     def numbers(self, cell):
-        """{name: array (filter, run, ...)} of every run of a cell: SCALARS, "mean_square" (GROUPS) and "coverage" (1, 2, 3 sigma)."""
+        """{name: array (filter, run, ...)} of every run of a cell: SCALARS, "mean_square"
+        (GROUPS) and "coverage" (1, 2, 3 sigma)."""
         parts = self.read(cell, (*SCALARS, "mean_square", "coverage"))
         return {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]}
 
     def curves(self, cell):
-        """{name: array} over the stored epochs of a cell, from sums over the runs that were alive: "t" s, and per filter "rmse" and "sd" (the root
-        of the mean stated variance) (filter, epoch, state), "nees" (mean / 15), "alive" (filter, epoch); "bound" (epoch, state), the
-        Cramer-Rao standard deviation."""
+        """{name: array} over the stored epochs of a cell, from sums over the runs that were
+        alive: "t" s, and per filter "rmse" and "sd" (the root of the mean stated variance)
+        (filter, epoch, state), "nees" (mean / 15), "alive" (filter, epoch); "bound" (epoch,
+        state), the Cramer-Rao standard deviation."""
         parts = self.read(cell, ("t", "squares", "variances", "nees_sum", "alive", "bound"))
-        total = lambda name: sum(part[name] for part in parts[1:]) + parts[0][name] if len(parts) > 1 else parts[0][name]
+        total = lambda name: (
+            sum(part[name] for part in parts[1:]) + parts[0][name]
+            if len(parts) > 1
+            else parts[0][name]
+        )
         alive = total("alive")
         with np.errstate(all="ignore"):
-            return {"t": parts[0]["t"], "rmse": np.sqrt(total("squares") / alive[..., None]), "sd": np.sqrt(total("variances") / alive[..., None]),
-                    "nees": total("nees_sum") / alive / len(STATE_NAMES), "alive": alive, "bound": np.sqrt(parts[0]["bound"])}
+            return {
+                "t": parts[0]["t"],
+                "rmse": np.sqrt(total("squares") / alive[..., None]),
+                "sd": np.sqrt(total("variances") / alive[..., None]),
+                "nees": total("nees_sum") / alive / len(STATE_NAMES),
+                "alive": alive,
+                "bound": np.sqrt(parts[0]["bound"]),
+            }
 
     def arrays(self, cell):
-        """The stored rows of a cell as a labelled xarray Dataset (filter, run, t, state) that stays in the chunk files until it is used."""
+        """The stored rows of a cell as a labelled xarray Dataset (filter, run, t, state) that
+        stays in the chunk files until it is used."""
         import xarray
+
         try:
-            return xarray.open_mfdataset(self._files(cell), combine="nested", concat_dim="run", data_vars="minimal", coords="minimal",
-                                         compat="override", engine="h5netcdf", drop_variables=("squares", "variances", "nees_sum", "alive"))
+            return xarray.open_mfdataset(
+                self._files(cell),
+                combine="nested",
+                concat_dim="run",
+                data_vars="minimal",
+                coords="minimal",
+                compat="override",
+                engine="h5netcdf",
+                drop_variables=("squares", "variances", "nees_sum", "alive"),
+            )
         except (ImportError, ValueError) as error:
             if "dask" not in str(error):
                 raise
-            raise DataError("arrays over several chunk files need dask: pip install 'strapdown[study]'") from None
+            raise DataError(
+                "arrays over several chunk files need dask: pip install 'strapdown[study]'"
+            ) from None
 
     @cached_property
     def summary(self):
-        """pandas DataFrame with a row per cell and filter; see `summaries.summary_row` for its columns."""
+        """pandas DataFrame with a row per cell and filter; see `summaries.summary_row` for its
+        columns."""
         import pandas as pd
+
         from .summaries import summary_row
-        return pd.DataFrame([summary_row(self, number, place) for number in range(len(self.cells)) for place in range(len(self.manifest["filters"]))])
+
+        return pd.DataFrame(
+            [
+                summary_row(self, number, place)
+                for number in range(len(self.cells))
+                for place in range(len(self.manifest["filters"]))
+            ]
+        )
 
     @cached_property
     def runs(self):
         """pandas DataFrame with a row per cell, filter and run."""
         import pandas as pd
+
         from .summaries import run_rows
-        return pd.concat([run_rows(self, number) for number in range(len(self.cells))], ignore_index=True)
+
+        return pd.concat(
+            [run_rows(self, number) for number in range(len(self.cells))], ignore_index=True
+        )
 
     def __reduce__(self):
         return Campaign, (self.folder, self.manifest, self.study)
@@ -195,10 +294,22 @@ class Campaign:
 
 def describe(study):
     """The manifest of a study: all that its results depend on."""
-    cells = [{"name": cell.name, "scenario": cell.scenario.describe(), "imu": asdict(cell.imu)} for cell in study.cells]
-    manifest = {"format": FORMAT, "versions": {"strapdown": __version__, "sources": _sources(), "numpy": np.__version__}, "seed": int(study.seed),
-                "runs": int(study.runs), "filters": list(study.filters), "epoch_s": float(study.epoch), "keep": int(study.keep),
-                "limits": study.limits._asdict(), "chunk_steps": int(study.chunk_steps), "cells": cells}
+    cells = [
+        {"name": cell.name, "scenario": cell.scenario.describe(), "imu": asdict(cell.imu)}
+        for cell in study.cells
+    ]
+    manifest = {
+        "format": FORMAT,
+        "versions": {"strapdown": __version__, "sources": _sources(), "numpy": np.__version__},
+        "seed": int(study.seed),
+        "runs": int(study.runs),
+        "filters": list(study.filters),
+        "epoch_s": float(study.epoch),
+        "keep": int(study.keep),
+        "limits": study.limits._asdict(),
+        "chunk_steps": int(study.chunk_steps),
+        "cells": cells,
+    }
     return json.loads(json.dumps(manifest, default=float))
 
 
@@ -206,7 +317,11 @@ def _sources():
     """A short digest of the code that can change a result."""
     package, digest = Path(__file__).parents[2], hashlib.sha256()
     for name in SOURCES:
-        for file in sorted((package / name).rglob("*.py")) if (package / name).is_dir() else [package / name]:
+        for file in (
+            sorted((package / name).rglob("*.py"))
+            if (package / name).is_dir()
+            else [package / name]
+        ):
             digest.update(file.read_bytes())
     return digest.hexdigest()[:12]
 
@@ -217,11 +332,15 @@ def _manifest(folder):
         manifest = json.loads(path.read_text())
         number = manifest["format"]
     except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror}); is this the folder of a study?") from None
+        raise DataError(
+            f"{path}: cannot be read ({error.strerror}); is this the folder of a study?"
+        ) from None
     except (ValueError, KeyError, TypeError):
         raise DataError(f"{path}: not the manifest of a study; choose another folder") from None
     if number != FORMAT:
-        raise DataError(f"{path}: format {number!r}, this version reads {FORMAT}; use the version of strapdown that wrote it, or another folder")
+        raise DataError(
+            f"{path}: format {number!r}, this version reads {FORMAT}; use the version of strapdown that wrote it, or another folder"
+        )
     return manifest
 
 
@@ -231,43 +350,77 @@ def _same(found, wanted, folder):
         return
     if found["versions"] != wanted["versions"]:
         text = lambda versions: ", ".join(f"{key} {value}" for key, value in versions.items())
-        raise DataError(f"{folder}: this campaign was begun with {text(found['versions'])}; this is {text(wanted['versions'])}, whose results must not "
-                        f"be mixed with it; finish it with that version, or choose another folder")
+        raise DataError(
+            f"{folder}: this campaign was begun with {text(found['versions'])}; this is {text(wanted['versions'])}, whose results must not "
+            f"be mixed with it; finish it with that version, or choose another folder"
+        )
     key = next(key for key in wanted if found.get(key) != wanted[key])
     if key == "cells":
         before, after = found[key], wanted[key]
-        changed = [b["name"] for a, b in zip(before, after) if a != b] or [cell["name"] for cell in (before if len(before) > len(after) else after)[min(len(before), len(after)):]]
-        raise DataError(f"{folder}: it holds another study: cell {changed[0]!r} differs; choose another folder")
-    raise DataError(f"{folder}: it holds another study: {key} is {found.get(key)!r} there and {wanted[key]!r} here; choose another folder")
+        changed = [b["name"] for a, b in zip(before, after) if a != b] or [
+            cell["name"]
+            for cell in (before if len(before) > len(after) else after)[
+                min(len(before), len(after)) :
+            ]
+        ]
+        raise DataError(
+            f"{folder}: it holds another study: cell {changed[0]!r} differs; choose another folder"
+        )
+    raise DataError(
+        f"{folder}: it holds another study: {key} is {found.get(key)!r} there and {wanted[key]!r} here; choose another folder"
+    )
 
 
 def _make(folder):
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise DataError(f"{folder}: cannot be made ({error.strerror}); choose another folder") from None
+        raise DataError(
+            f"{folder}: cannot be made ({error.strerror}); choose another folder"
+        ) from None
 
 
 def _remove(folder):
     import shutil
+
     shutil.rmtree(folder, ignore_errors=True)
 
 
 def _file(arrays, filters, runs, identity):
-    """The bytes of a chunk file, with checksums. It is made in memory: HDF5 that runs out of disk in the middle cannot even close its file."""
+    """The bytes of a chunk file, with checksums. It is made in memory: HDF5 that runs out of
+    disk in the middle cannot even close its file."""
     import h5netcdf
     import h5py
-    labels = {"filter": list(filters), "run": np.array(runs), "state": list(STATE_NAMES), "group": list(GROUPS), "sigma": np.array([1, 2, 3]),
-              "bias_axis": list(STATE_NAMES[9:]), "t": arrays["t"]}
-    variables = {name: (DIMENSIONS[name], values) for name, values in arrays.items() if name not in ("t", "kept")}
+
+    labels = {
+        "filter": list(filters),
+        "run": np.array(runs),
+        "state": list(STATE_NAMES),
+        "group": list(GROUPS),
+        "sigma": np.array([1, 2, 3]),
+        "bias_axis": list(STATE_NAMES[9:]),
+        "t": arrays["t"],
+    }
+    variables = {
+        name: (DIMENSIONS[name], values)
+        for name, values in arrays.items()
+        if name not in ("t", "kept")
+    }
     buffer = BytesIO()
     with h5netcdf.File(buffer, "w") as file:
         file.attrs["format"], file.attrs["identity"] = FORMAT, identity
         file.dimensions = {name: len(values) for name, values in labels.items()}
-        for name, (dimensions, values) in ({name: ((name,), values) for name, values in labels.items()} | variables).items():
+        for name, (dimensions, values) in (
+            {name: ((name,), values) for name, values in labels.items()} | variables
+        ).items():
             text = isinstance(values, list)
-            made = file.create_variable(name, dimensions, h5py.string_dtype() if text else values.dtype, data=np.array(values, object) if text else values,
-                                        **({} if text else {"chunks": values.shape, "fletcher32": True}))
+            made = file.create_variable(
+                name,
+                dimensions,
+                h5py.string_dtype() if text else values.dtype,
+                data=np.array(values, object) if text else values,
+                **({} if text else {"chunks": values.shape, "fletcher32": True}),
+            )
             if name in ABOUT:
                 made.attrs["long_name"] = ABOUT[name]
     return buffer.getbuffer()

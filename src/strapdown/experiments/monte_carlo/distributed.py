@@ -1,8 +1,11 @@
-"""The chunk function of a study on Dask: worker processes of this machine, or those of a scheduler elsewhere that see the same folder.
+"""The chunk function of a study on Dask: worker processes of this machine, or those of a scheduler
+elsewhere that see the same folder.
 
-The chunk files are the only interface: a worker writes its file and returns nothing. A chunk whose worker dies is tried again on a fresh one;
-where it kills that too, its runs are tried one by one, those that kill alone are quarantined, and the chunk is run without them.
+The chunk files are the only interface: a worker writes its file and returns nothing. A chunk whose
+worker dies is tried again on a fresh one; where it kills that too, its runs are tried one by one,
+those that kill alone are quarantined, and the chunk is run without them.
 """
+
 from contextlib import contextmanager
 from logging import CRITICAL
 from threading import Event, Thread
@@ -17,13 +20,15 @@ PATIENCE = 10
 
 
 def run(campaign, missing, workers, scheduler, say=None):
-    """Run the missing chunks of a campaign on `workers` processes, or on the cluster of `scheduler`; yield each when its file is there."""
+    """Run the missing chunks of a campaign on `workers` processes, or on the cluster of
+    `scheduler`; yield each when its file is there."""
     if not missing:
         return
     if not scheduler:
-        compile_for(campaign.study, say)    # once, into the cache that the workers load from
+        compile_for(campaign.study, say)  # once, into the cache that the workers load from
     with _client(workers, scheduler) as client:
         from dask.distributed import as_completed
+
         options = {"pure": False, "retries": 0}
         futures = {client.submit(campaign.work, chunk, **options): chunk for chunk in missing}
         waiting, tried = as_completed(futures), dict.fromkeys(missing, 0)
@@ -34,7 +39,12 @@ def run(campaign, missing, workers, scheduler, say=None):
                 yield chunk
                 continue
             tried[chunk] += 1
-            again = client.submit(campaign.work, chunk, _killers(client, campaign.study, chunk, tried[chunk], say), **options)
+            again = client.submit(
+                campaign.work,
+                chunk,
+                _killers(client, campaign.study, chunk, tried[chunk], say),
+                **options,
+            )
             futures[again] = chunk
             waiting.add(again)
 
@@ -42,12 +52,15 @@ def run(campaign, missing, workers, scheduler, say=None):
 def _killed(future):
     """Whether the worker died of it; any other failure is raised where the result is asked for."""
     from distributed.scheduler import KilledWorker
+
     return future.status == "error" and isinstance(future.exception(), KilledWorker)
 
 
 def _killers(client, study, chunk, times, say):
-    """Runs of a chunk that kill their worker when they are alone, found one after the other so that none dies for another. Raises DataError."""
+    """Runs of a chunk that kill their worker when they are alone, found one after the other so
+    that none dies for another. Raises DataError."""
     from dask.distributed import wait
+
     cell, killers = study.cells[chunk.cell], []
     for number in range(chunk.first, chunk.stop):
         alone = client.submit(_probe, study, Chunk(chunk.cell, number, number + 1), pure=False)
@@ -57,10 +70,14 @@ def _killers(client, study, chunk, times, say):
             continue
         killers.append(number)
         if say:
-            say(f"{cell.name}: run {number} kills its worker; it is quarantined (seed {study.seed}, run {number})")
+            say(
+                f"{cell.name}: run {number} kills its worker; it is quarantined (seed {study.seed}, run {number})"
+            )
     if not killers and times == ATTEMPTS:
-        raise DataError(f"{cell.name}, runs {chunk.first} to {chunk.stop - 1}: together they kill their worker, alone none does; "
-                        "perhaps memory: use fewer workers and run again, finished chunks are kept")
+        raise DataError(
+            f"{cell.name}, runs {chunk.first} to {chunk.stop - 1}: together they kill their worker, alone none does; "
+            "perhaps memory: use fewer workers and run again, finished chunks are kept"
+        )
     return tuple(killers)
 
 
@@ -70,7 +87,8 @@ def _probe(study, chunk):
 
 @contextmanager
 def _kept_alive(cluster, workers):
-    """New workers where there are none for two looks in a row: now and then one that died is not started again, and everybody would wait forever."""
+    """New workers where there are none for two looks in a row: now and then one that died is not
+    started again, and everybody would wait forever."""
     over = Event()
 
     def watch():
@@ -81,6 +99,7 @@ def _kept_alive(cluster, workers):
                 cluster.scale(0)
                 cluster.scale(workers)
                 empty = 0
+
     watcher = Thread(target=watch, daemon=True)
     watcher.start()
     try:
@@ -97,10 +116,23 @@ def _client(workers, scheduler):
         import dask
         from dask.distributed import Client, LocalCluster
     except ImportError:
-        raise DataError("worker processes need Dask: pip install 'strapdown[study]', or leave out workers and scheduler") from None
+        raise DataError(
+            "worker processes need Dask: pip install 'strapdown[study]', or leave out workers and scheduler"
+        ) from None
     if not scheduler:
-        dask.config.set({"distributed.scheduler.allowed-failures": ATTEMPTS - 1, "distributed.scheduler.worker-saturation": 1.0})
-        with LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=CRITICAL) as cluster:
+        dask.config.set(
+            {
+                "distributed.scheduler.allowed-failures": ATTEMPTS - 1,
+                "distributed.scheduler.worker-saturation": 1.0,
+            }
+        )
+        with LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=":0",
+            silence_logs=CRITICAL,
+        ) as cluster:
             with Client(cluster) as client, _kept_alive(cluster, workers):
                 yield client
         return
@@ -108,6 +140,8 @@ def _client(workers, scheduler):
         client = Client(scheduler, timeout=f"{PATIENCE}s")
         client.wait_for_workers(1, PATIENCE)
     except (OSError, ValueError, TimeoutError) as error:
-        raise DataError(f"scheduler {scheduler}: no answer, or it has no workers ({str(error).splitlines()[0]}); check the address") from None
+        raise DataError(
+            f"scheduler {scheduler}: no answer, or it has no workers ({str(error).splitlines()[0]}); check the address"
+        ) from None
     with client:
         yield client

@@ -1,17 +1,20 @@
-"""One run of a study scored against its truth: errors of the 15 states, NEES, abort, and what a summary needs of them."""
+"""One run of a study scored against its truth: errors of the 15 states, NEES, abort, and what a
+summary needs of them."""
+
 from typing import NamedTuple
 
 import numpy as np
 
-from ...evaluation import consistency
 from ...core.contract import ATT, BA, BG, POS, STATES, VEL, compile_kernel
-from ...evaluation.nees import normalised_rows
 from ...data import SD_COLUMNS, Trajectory
+from ...evaluation import consistency
+from ...evaluation.nees import normalised_rows
 from ...filters.ins.open_loop import LEFT_MODEL
 from ...geodesy import displacement, wrap
 
 STATE_NAMES = tuple(name.removeprefix("sd_") for name in SD_COLUMNS)
-"""Names of the 15 error states: position m NED, velocity m/s NED, rotation rad NED, biases m/s^2 and rad/s body."""
+"""Names of the 15 error states: position m NED, velocity m/s NED, rotation rad NED, biases m/s^2
+and rad/s body."""
 GROUPS = ("position", "velocity", "attitude", "roll", "pitch", "heading", "accel_bias", "gyro_bias")
 """What a mean square is kept of: the squared lengths of vectors, and three angles."""
 QUARANTINED = len(consistency.REASONS)
@@ -21,49 +24,68 @@ REASONS = (*consistency.REASONS, "quarantined")
 
 class Scored(NamedTuple):
     """A run at the scored epochs and in numbers; NaN from where the filter stopped."""
-    error: np.ndarray           # (n, 15) true - estimate, SI, radians
-    sd: np.ndarray              # (n, 15) as the filter states them
-    nees: np.ndarray            # (n,) of all 15 states
-    rows: int                   # epochs before the abort; n where there was none
-    numbers: dict               # scalars of the run, and "mean_square" (len(GROUPS),)
+
+    error: np.ndarray  # (n, 15) true - estimate, SI, radians
+    sd: np.ndarray  # (n, 15) as the filter states them
+    nees: np.ndarray  # (n,) of all 15 states
+    rows: int  # epochs before the abort; n where there was none
+    numbers: dict  # scalars of the run, and "mean_square" (len(GROUPS),)
 
 
 class Epochs(NamedTuple):
     """The truth at the scored epochs of a scenario."""
+
     truth: Trajectory
-    every: int                  # IMU samples from one epoch to the next
-    rows: np.ndarray            # of the IMU samples
+    every: int  # IMU samples from one epoch to the next
+    rows: np.ndarray  # of the IMU samples
 
 
 def epochs(truth, every):
-    """Epochs at each `every`-th IMU sample, the last sample among them, of a truth that has one row before the first sample."""
+    """Epochs at each `every`-th IMU sample, the last sample among them, of a truth that has one
+    row before the first sample."""
     samples = len(truth) - 1
     rows = np.arange((samples - 1) % every, samples, every)
     part = lambda values: np.ascontiguousarray(values[rows + 1])
-    return Epochs(Trajectory(part(truth.t), part(truth.lla), part(truth.v_n), part(truth.q_nb)), every, rows)
+    return Epochs(
+        Trajectory(part(truth.t), part(truth.lla), part(truth.v_n), part(truth.q_nb)), every, rows
+    )
 
 
 def score(solution, at, b_a, b_g, limits):
-    """Scored of a Solution kept at the epochs `at` with its covariance; b_a and b_g (n, 3) are the true biases there."""
+    """Scored of a Solution kept at the epochs `at` with its covariance; b_a and b_g (n, 3) are
+    the true biases there."""
     n, kept = len(at.rows), len(solution.t)
     error, sd, nees = np.full((n, STATES), np.nan), np.full((n, STATES), np.nan), np.full(n, np.nan)
     rph = np.full((n, 3), np.nan)
-    with np.errstate(all="ignore"):     # a filter that diverged may have any number
+    with np.errstate(all="ignore"):  # a filter that diverged may have any number
         error[:kept], rph[:kept] = _errors(solution, at, b_a, b_g)
         sd[:kept] = solution.trajectory.sd
         compile_kernel(normalised_rows)
-        normalised_rows(error[:kept], solution.covariance, np.zeros((STATES + 2, STATES)), nees[:kept])
+        normalised_rows(
+            error[:kept], solution.covariance, np.zeros((STATES + 2, STATES)), nees[:kept]
+        )
         distance = np.sqrt((error[:, POS] ** 2).sum(axis=1))
         rows, reason = consistency.survival(distance, nees, at.truth.t, limits)
-        numbers = {"rows": rows, "reason": reason, "lasted": float(at.truth.t[rows - 1]) if rows else 0.0,
-                   "left_model": _left_model(solution), **_alive(error[:rows], rph[:rows], sd[:rows], nees[:rows]),
-                   "censored": float(np.r_[np.minimum(distance[:rows], limits.distance) ** 2, np.full(n - rows, limits.distance ** 2)].mean()),
-                   **_fixes(solution.innovations, at.truth.t[rows - 1] if rows else -np.inf)}
+        numbers = {
+            "rows": rows,
+            "reason": reason,
+            "lasted": float(at.truth.t[rows - 1]) if rows else 0.0,
+            "left_model": _left_model(solution),
+            **_alive(error[:rows], rph[:rows], sd[:rows], nees[:rows]),
+            "censored": float(
+                np.r_[
+                    np.minimum(distance[:rows], limits.distance) ** 2,
+                    np.full(n - rows, limits.distance**2),
+                ].mean()
+            ),
+            **_fixes(solution.innovations, at.truth.t[rows - 1] if rows else -np.inf),
+        }
     return Scored(error, sd, nees, rows, numbers)
 
 
 def _errors(solution, at, b_a, b_g):
-    """Errors (kept, 15) and those of roll, pitch and heading (kept, 3) at the rows that the solution has."""
+    """Errors (kept, 15) and those of roll, pitch and heading (kept, 3) at the rows that the
+    solution has."""
     trajectory, truth, kept = solution.trajectory, at.truth, len(solution.t)
     error = np.empty((kept, STATES))
     error[:, POS] = displacement(truth.lla[:kept], trajectory.lla)
@@ -74,42 +96,70 @@ def _errors(solution, at, b_a, b_g):
 
 
 def rotation_between(estimate, true):
-    """Rotation vectors (n, 3) in n with q_true = q(theta) (x) q_estimate, of quaternions (n, 4), scalar first."""
+    """Rotation vectors (n, 3) in n with q_true = q(theta) (x) q_estimate, of quaternions (n, 4),
+    scalar first."""
     w, x, y, z = estimate.T * [[1.0], [-1.0], [-1.0], [-1.0]]
     W, X, Y, Z = true.T
     real = W * w - X * x - Y * y - Z * z
-    vector = np.stack([W * x + X * w + Y * z - Z * y, W * y - X * z + Y * w + Z * x, W * z + X * y - Y * x + Z * w])
-    size = np.sqrt((vector ** 2).sum(axis=0))
+    vector = np.stack(
+        [
+            W * x + X * w + Y * z - Z * y,
+            W * y - X * z + Y * w + Z * x,
+            W * z + X * y - Y * x + Z * w,
+        ]
+    )
+    size = np.sqrt((vector**2).sum(axis=0))
     angle = 2 * np.arctan2(size, np.abs(real)) * np.where(real < 0, -1.0, 1.0)
     return (vector * np.where(size > 1e-12, angle / np.where(size > 1e-12, size, 1.0), 2.0)).T
 
 
 def _left_model(solution):
-    """When the raw INS of an open loop left its model, s; NaN where it did not, or there is none."""
+    """When the raw INS of an open loop left its model, s; NaN where it did not, or there is
+    none."""
     return next((t for t, text in solution.events if text.startswith(LEFT_MODEL)), np.nan)
 
 
 def _alive(error, rph, sd, nees):
     """Means over the epochs before the abort; NaN where there is none."""
     if not len(error):
-        return {"mean_square": np.full(len(GROUPS), np.nan), "nees": np.nan, "nees_inside": np.nan, "coverage": np.full(3, np.nan)}
-    squares = np.c_[_square(error[:, POS]), _square(error[:, VEL]), _square(error[:, ATT]), rph ** 2, _square(error[:, BA]), _square(error[:, BG])]
+        return {
+            "mean_square": np.full(len(GROUPS), np.nan),
+            "nees": np.nan,
+            "nees_inside": np.nan,
+            "coverage": np.full(3, np.nan),
+        }
+    squares = np.c_[
+        _square(error[:, POS]),
+        _square(error[:, VEL]),
+        _square(error[:, ATT]),
+        rph**2,
+        _square(error[:, BA]),
+        _square(error[:, BG]),
+    ]
     low, high = consistency.band(STATES)
     normal = np.abs(error[:, POS]) / sd[:, POS]
-    return {"mean_square": squares.mean(axis=0), "nees": float(nees[known].mean()) if (known := np.isfinite(nees)).any() else np.nan, "nees_inside": float(((nees >= low) & (nees <= high)).mean()),
-            "coverage": np.array([(normal <= sigma).mean() for sigma in (1, 2, 3)])}
+    return {
+        "mean_square": squares.mean(axis=0),
+        "nees": float(nees[known].mean()) if (known := np.isfinite(nees)).any() else np.nan,
+        "nees_inside": float(((nees >= low) & (nees <= high)).mean()),
+        "coverage": np.array([(normal <= sigma).mean() for sigma in (1, 2, 3)]),
+    }
 
 
 def _square(vectors):
-    return (vectors ** 2).sum(axis=1)
+    return (vectors**2).sum(axis=1)
 
 
 def _fixes(innovations, end):
-    """Until the abort at `end` s: mean NIS by degree of freedom over the measured rows, lag-1 correlation of the innovations; and over the whole run
-    how many fixes were used."""
+    """Until the abort at `end` s: mean NIS by degree of freedom over the measured rows, lag-1
+    correlation of the innovations; and over the whole run how many fixes were used."""
     measured = np.isfinite(innovations.nis) & (innovations.t <= end)
     rows = np.isfinite(innovations.innovation[measured]).sum()
     y = innovations.innovation[measured & (innovations.source == 0)]
-    moved = np.nansum(y[1:] * y[:-1]) / np.nansum(y ** 2) if len(y) > 2 else np.nan
-    return {"nis": float(innovations.nis[measured].sum() / rows) if rows else np.nan, "correlation": float(moved),
-            "accepted": int(innovations.accepted.sum()), "rejected": int((~innovations.accepted).sum())}
+    moved = np.nansum(y[1:] * y[:-1]) / np.nansum(y**2) if len(y) > 2 else np.nan
+    return {
+        "nis": float(innovations.nis[measured].sum() / rows) if rows else np.nan,
+        "correlation": float(moved),
+        "accepted": int(innovations.accepted.sum()),
+        "rejected": int((~innovations.accepted).sum()),
+    }

@@ -1,49 +1,103 @@
-"""The tables of a campaign: one row per cell and filter, one row per run. Everything comes from the numbers in the chunk files."""
+"""The tables of a campaign: one row per cell and filter, one row per run. Everything comes from
+the numbers in the chunk files."""
+
 import numpy as np
 
-from ...evaluation.consistency import SURVIVED, paired, proportion, rmse
 from ...core.contract import POS, STATES
 from ...data import DataError
+from ...evaluation.consistency import SURVIVED, paired, proportion, rmse
 from .scoring import GROUPS, REASONS
 
 SETTLED = 120.0
-"""s: the Cramer-Rao ratio leaves out what comes before, where the start and not the filter decides."""
-SCALE = {"roll": np.degrees(1), "pitch": np.degrees(1), "heading": np.degrees(1), "attitude": np.degrees(1), "gyro_bias": np.degrees(1) * 3600}
-UNITS = {"position": "m", "velocity": "m/s", "attitude": "deg", "roll": "deg", "pitch": "deg", "heading": "deg", "accel_bias": "m/s^2", "gyro_bias": "deg/h"}
+"""s: the Cramer-Rao ratio leaves out what comes before, where the start and not the filter
+decides."""
+SCALE = {
+    "roll": np.degrees(1),
+    "pitch": np.degrees(1),
+    "heading": np.degrees(1),
+    "attitude": np.degrees(1),
+    "gyro_bias": np.degrees(1) * 3600,
+}
+UNITS = {
+    "position": "m",
+    "velocity": "m/s",
+    "attitude": "deg",
+    "roll": "deg",
+    "pitch": "deg",
+    "heading": "deg",
+    "accel_bias": "m/s^2",
+    "gyro_bias": "deg/h",
+}
 """Of the mean squares' roots in tables."""
 
 
 def summary_row(campaign, number, place):
     """A dict for the filter at `place` on cell `number`.
 
-    rmse_X: root of the mean over surviving runs of X's mean squared error, with the ends of a 95 % interval (_low, _high) for position;
-    until_abort_X: over all runs, each until it was given up; censored: position, over all runs, every epoch counted with at most the
-    limit's distance and those after an abort with just that; std: of the runs' position RMSE; bound: Cramer-Rao, both over t >= SETTLED.
+    rmse_X: root of the mean over surviving runs of X's mean squared error, with the ends of a 95 %
+    interval (_low, _high) for position; until_abort_X: over all runs, each until it was given up;
+    censored: position, over all runs, every epoch counted with at most the limit's distance and
+    those after an abort with just that; std: of the runs' position RMSE; bound: Cramer-Rao, both
+    over t >= SETTLED.
     """
     cell = campaign.manifest["cells"][number]
     numbers = {name: values[place] for name, values in campaign.numbers(cell["name"]).items()}
     ran = numbers["reason"] != REASONS.index("quarantined")
     alive = numbers["reason"] == SURVIVED
     survived = proportion(int(alive.sum()), int(ran.sum()))
-    row = {"scenario": cell["scenario"]["name"], "imu": cell["imu"]["name"], "filter": campaign.manifest["filters"][place], "runs": len(ran),
-           "survived": survived.value, "survived_low": survived.low, "survived_high": survived.high,
-           **{reason: int((numbers["reason"] == code).sum()) for code, reason in enumerate(REASONS) if code},
-           "left_model": int(np.isfinite(numbers["left_model"]).sum()), "lasted_median_s": _median(numbers["lasted"][ran])}
+    row = {
+        "scenario": cell["scenario"]["name"],
+        "imu": cell["imu"]["name"],
+        "filter": campaign.manifest["filters"][place],
+        "runs": len(ran),
+        "survived": survived.value,
+        "survived_low": survived.low,
+        "survived_high": survived.high,
+        **{
+            reason: int((numbers["reason"] == code).sum())
+            for code, reason in enumerate(REASONS)
+            if code
+        },
+        "left_model": int(np.isfinite(numbers["left_model"]).sum()),
+        "lasted_median_s": _median(numbers["lasted"][ran]),
+    }
     squares = numbers["mean_square"]
-    for name, values in (("rmse_position_m", squares[alive, 0]), ("censored_position_m", numbers["censored"][ran]), ("until_abort_position_m", squares[ran, 0])):
+    for name, values in (
+        ("rmse_position_m", squares[alive, 0]),
+        ("censored_position_m", numbers["censored"][ran]),
+        ("until_abort_position_m", squares[ran, 0]),
+    ):
         row |= dict(zip((name, name + "_low", name + "_high"), rmse(values)))
-    row["std_position_m"] = float(np.sqrt(squares[alive, 0]).std(ddof=1)) if alive.sum() > 1 else np.nan
+    row["std_position_m"] = (
+        float(np.sqrt(squares[alive, 0]).std(ddof=1)) if alive.sum() > 1 else np.nan
+    )
     for which, prefix in ((alive, "rmse"), (ran, "until_abort")):
-        row |= {f"{prefix}_{group}_{UNITS[group]}": rmse(squares[which, i]).value * SCALE.get(group, 1.0) for i, group in enumerate(GROUPS) if i}
-    row |= {"anees": _mean(numbers["nees"][ran]) / STATES, "nees_inside": _mean(numbers["nees_inside"][ran]), "nis": _mean(numbers["nis"][ran]),
-            "innovation_correlation": _mean(numbers["correlation"][ran])}
-    row |= {f"within_{sigma}_sigma": _mean(numbers["coverage"][ran, i]) for i, sigma in enumerate((1, 2, 3))}
-    row |= {"accepted": int(np.nansum(numbers["accepted"])), "rejected": int(np.nansum(numbers["rejected"]))}
+        row |= {
+            f"{prefix}_{group}_{UNITS[group]}": rmse(squares[which, i]).value
+            * SCALE.get(group, 1.0)
+            for i, group in enumerate(GROUPS)
+            if i
+        }
+    row |= {
+        "anees": _mean(numbers["nees"][ran]) / STATES,
+        "nees_inside": _mean(numbers["nees_inside"][ran]),
+        "nis": _mean(numbers["nis"][ran]),
+        "innovation_correlation": _mean(numbers["correlation"][ran]),
+    }
+    row |= {
+        f"within_{sigma}_sigma": _mean(numbers["coverage"][ran, i])
+        for i, sigma in enumerate((1, 2, 3))
+    }
+    row |= {
+        "accepted": int(np.nansum(numbers["accepted"])),
+        "rejected": int(np.nansum(numbers["rejected"])),
+    }
     return row | bound_ratio(campaign.curves(cell["name"]), place)
 
 
 def bound_ratio(curves, place):
-    """Time-averaged position RMSE of the runs alive and its Cramer-Rao bound, m, and their ratio, over t >= SETTLED."""
+    """Time-averaged position RMSE of the runs alive and its Cramer-Rao bound, m, and their
+    ratio, over t >= SETTLED."""
     late = (curves["t"] >= SETTLED) & (curves["alive"][place] > 0)
     if not late.any():
         return {"settled_rmse_m": np.nan, "bound_m": np.nan, "bound_ratio": np.nan}
@@ -55,24 +109,44 @@ def bound_ratio(curves, place):
 def run_rows(campaign, number):
     """pandas DataFrame of the runs of a cell: reason, times, mean squares as roots, consistency."""
     import pandas as pd
+
     cell = campaign.manifest["cells"][number]
     numbers, frames = campaign.numbers(cell["name"]), []
     for place, name in enumerate(campaign.manifest["filters"]):
         own = {key: values[place] for key, values in numbers.items()}
         roots = np.sqrt(own["mean_square"])
-        frames.append(pd.DataFrame({
-            "scenario": cell["scenario"]["name"], "imu": cell["imu"]["name"], "filter": name, "run": np.arange(len(own["reason"])),
-            "end": [REASONS[int(code)] for code in own["reason"]], "lasted_s": own["lasted"], "left_model_s": own["left_model"],
-            **{f"rmse_{group}_{UNITS[group]}": roots[:, i] * SCALE.get(group, 1.0) for i, group in enumerate(GROUPS)},
-            "censored_position_m": np.sqrt(own["censored"]), "anees": own["nees"] / STATES, "nees_inside": own["nees_inside"], "nis": own["nis"],
-            "innovation_correlation": own["correlation"], "rejected": own["rejected"]}))
+        frames.append(
+            pd.DataFrame(
+                {
+                    "scenario": cell["scenario"]["name"],
+                    "imu": cell["imu"]["name"],
+                    "filter": name,
+                    "run": np.arange(len(own["reason"])),
+                    "end": [REASONS[int(code)] for code in own["reason"]],
+                    "lasted_s": own["lasted"],
+                    "left_model_s": own["left_model"],
+                    **{
+                        f"rmse_{group}_{UNITS[group]}": roots[:, i] * SCALE.get(group, 1.0)
+                        for i, group in enumerate(GROUPS)
+                    },
+                    "censored_position_m": np.sqrt(own["censored"]),
+                    "anees": own["nees"] / STATES,
+                    "nees_inside": own["nees_inside"],
+                    "nis": own["nis"],
+                    "innovation_correlation": own["correlation"],
+                    "rejected": own["rejected"],
+                }
+            )
+        )
     return pd.concat(frames, ignore_index=True)
 
 
 def compare(campaign, cell, first, second):
-    """Paired of two filters on the runs of a cell: the logarithm of the censored mean squared position error of `first` less that of `second`.
+    """Paired of two filters on the runs of a cell: the logarithm of the censored mean squared
+    position error of `first` less that of `second`.
 
-    Below 0 the first is better; half of it is the logarithm of the ratio of RMSEs. Raises DataError for a filter that the campaign has not.
+    Below 0 the first is better; half of it is the logarithm of the ratio of RMSEs. Raises DataError
+    for a filter that the campaign has not.
     """
     filters = campaign.manifest["filters"]
     for name in (first, second):

@@ -1,1 +1,2 @@
-"""Filters side by side on the same outages of one recording: protocols, the runs, the scores, what they say together."""
+"""Filters side by side on the same outages of one recording: protocols, the runs, the scores,
+what they say together."""

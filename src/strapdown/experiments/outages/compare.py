@@ -1,4 +1,6 @@
-"""Filters side by side on the same outages of a recording: one start, one noise, the same sources and the same fixes withheld for all."""
+"""Filters side by side on the same outages of a recording: one start, one noise, the same
+sources and the same fixes withheld for all."""
+
 import inspect
 import re
 from collections.abc import Iterable
@@ -10,8 +12,8 @@ import numpy as np
 from ... import aiding, filters
 from ...core.contract import Noise, Start
 from ...data import DataError
-from ...recording import Recording
 from ...engine.batch import assumed_noise, found, positioned, prepare
+from ...recording import Recording
 from ..filter_label import labelled, parsed, tried
 from .protocols import SETTLING, before_start, protocol
 from .result import Comparison
@@ -22,21 +24,37 @@ FIXES = "position", "velocity"
 """Kinds of aiding that an outage of GNSS withholds."""
 NUMBER = re.compile(r"(?<![\w.-])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?!\w)")
 """A number in the text of an event."""
-SLOW = "pkf",
-"""Filters of hundreds of components, which take minutes where the others take a second: they run only where they are named."""
+SLOW = ("pkf",)
+"""Filters of hundreds of components, which take minutes where the others take a second: they run
+only where they are named."""
 HERE = re.compile(r",? (?:first|from) here\b")
 """What the text of an event refers to its time by."""
 
 
-def compare(recording, filters=None, outages="30/300", imu=None, start=None, noise=None, kinds=FIXES, ahrs=None, threads=None, say=None,
-            progress=None):
-    """Run filters through the same outages of a recording with a reference, and return the Comparison of their errors.
+def compare(
+    recording,
+    filters=None,
+    outages="30/300",
+    imu=None,
+    start=None,
+    noise=None,
+    kinds=FIXES,
+    ahrs=None,
+    threads=None,
+    say=None,
+    progress=None,
+):
+    """Run filters through the same outages of a recording with a reference, and return the
+    Comparison of their errors.
 
-    filters: labels "NAME" or "NAME:option=value,...", or (name, options); default: all that estimate a position but those of SLOW.
-    outages: text, see `comparison.outages`, or a list of (start, stop) in s; kinds: of the fixes withheld. imu, noise: as of `fuse`, for all filters;
-    start: a Start for all (default: alignment without the fixes of any outage). ahrs: what feeds those that need an attitude (default: as `fuse`
-    has it). threads: at a time (default: one per core); say: told of slow compilation; progress: called with the fraction done.
-    A filter that cannot run, or stops, stays in the result with what it said. Raises DataError for bad input, and where no filter can run.
+    filters: labels "NAME" or "NAME:option=value,...", or (name, options); default: all that
+    estimate a position but those of SLOW. outages: text, see `comparison.outages`, or a list of
+    (start, stop) in s; kinds: of the fixes withheld. imu, noise: as of `fuse`, for all filters;
+    start: a Start for all (default: alignment without the fixes of any outage). ahrs: what feeds
+    those that need an attitude (default: as `fuse` has it). threads: at a time (default: one per
+    core); say: told of slow compilation; progress: called with the fraction done. A filter that
+    cannot run, or stops, stays in the result with what it said. Raises DataError for bad input, and
+    where no filter can run.
     """
     if not isinstance(recording, Recording):
         raise DataError(f"recording is {recording!r}; it must be a Recording, such as `read` gives")
@@ -49,12 +67,19 @@ def compare(recording, filters=None, outages="30/300", imu=None, start=None, noi
         raise DataError(f"noise is {noise!r}; it must be a Noise, such as an ImuSpec gives")
     _check_ahrs(ahrs)
     from ...alignment.initial import align
+
     reference = known_reference(recording)
-    spec = assumed_noise(recording.meta.get("grade") if imu is None else imu, noise, needed=start is None)[1]
+    spec = assumed_noise(
+        recording.meta.get("grade") if imu is None else imu, noise, needed=start is None
+    )[1]
     end = min(recording.span[1], float(reference.t[-1]))
     whole = cache(lambda: start or align(recording, spec))
     made = protocol(outages, recording.span, end, lambda: whole().t + SETTLING)
-    before_start(made, whole())     # without the fixes of an early outage an alignment would wait, or begin with less than there is
+    before_start(
+        made,
+        whole(),
+        # without the fixes of an early outage an alignment would wait, or begin with less than there is
+    )
     hidden = recording.hidden(made.windows, kinds)
     start = start or _aligned(hidden, spec)
     before_start(made, start)
@@ -64,45 +89,72 @@ def compare(recording, filters=None, outages="30/300", imu=None, start=None, noi
     common = Common(recording, hidden, made.sweep, scenes, kinds, imu, noise, start, ahrs)
     for entrant in entrants:
         prepare(entrant.filter, [a.kind for a in recording.aidings], say)
-    ways, results = through(common, entrants, threads or cpu_count(), say, progress or (lambda done: None))
+    ways, results = through(
+        common, entrants, threads or cpu_count(), say, progress or (lambda done: None)
+    )
     return _comparison(common, made, entrants, ways, results, notes, reference, spec)
 
 
 def _entrants(wanted):
     """[Entrant] of what `compare` was given. Raises DataError."""
     if wanted is None:
-        wanted = [name for name in filters.names() if name not in SLOW and positioned(filters.find(name))]
+        wanted = [
+            name for name in filters.names() if name not in SLOW and positioned(filters.find(name))
+        ]
     if not isinstance(wanted, Iterable):
-        raise DataError(f"filters is {wanted!r}; it must be a list of names, of NAME:option=value, or of (name, {{option: value}})")
+        raise DataError(
+            f"filters is {wanted!r}; it must be a list of names, of NAME:option=value, or of (name, {{option: value}})"
+        )
     made = []
     for each in [wanted] if isinstance(wanted, str) else wanted:
         filter, options = parsed(each) if isinstance(each, str) else tried(*_pair(each))
         made.append(Entrant(labelled(filter.name, options), filter, options))
         if not positioned(made[-1].filter):
-            raise DataError(f"{made[-1].label} estimates no position, by which outages are scored; leave it out")
+            raise DataError(
+                f"{made[-1].label} estimates no position, by which outages are scored; leave it out"
+            )
     labels = [entrant.label for entrant in made]
     if not labels:
         raise DataError("compare: there is no filter; name one at least")
     if len(set(labels)) < len(labels):
-        raise DataError(f"compare: the filter {next(label for label in labels if labels.count(label) > 1)!r} is there twice; leave one out")
+        raise DataError(
+            f"compare: the filter {next(label for label in labels if labels.count(label) > 1)!r} is there twice; leave one out"
+        )
     return made
 
 
 def _pair(each):
     """(name, options) where `each` is that. Raises DataError."""
-    if not (isinstance(each, (tuple, list)) and len(each) == 2 and isinstance(each[0], str) and isinstance(each[1], dict)):
-        raise DataError(f"compare: {each!r} is no filter; give its name, NAME:option=value, or (name, {{option: value}})")
+    if not (
+        isinstance(each, (tuple, list))
+        and len(each) == 2
+        and isinstance(each[0], str)
+        and isinstance(each[1], dict)
+    ):
+        raise DataError(
+            f"compare: {each!r} is no filter; give its name, NAME:option=value, or (name, {{option: value}})"
+        )
     return each
 
 
 def _kinds(kinds):
     """Kinds of aiding to withhold, as a tuple. Raises DataError."""
-    named = [kinds] if isinstance(kinds, str) else list(kinds) if isinstance(kinds, Iterable) else [None]
+    named = (
+        [kinds]
+        if isinstance(kinds, str)
+        else list(kinds)
+        if isinstance(kinds, Iterable)
+        else [None]
+    )
     if not all(isinstance(kind, str) for kind in named):
-        raise DataError(f"kinds is {kinds!r}; it must be a list of kinds of fixes, such as position and velocity")
+        raise DataError(
+            f"kinds is {kinds!r}; it must be a list of kinds of fixes, such as position and velocity"
+        )
     kinds = tuple(dict.fromkeys(named))
     if not kinds:
-        raise DataError("kinds is empty: name the kinds of fixes to withhold, such as position and velocity")
+        raise DataError(
+            "kinds is empty: name the kinds of fixes to withhold, such as position and velocity"
+        )
     for kind in kinds:
         found(aiding.find, kind)
     return kinds
@@ -117,6 +169,7 @@ def _check_ahrs(name):
 
 def _aligned(recording, spec):
     from ...alignment.initial import align
+
     try:
         return align(recording, spec)
     except DataError as error:
@@ -126,36 +179,88 @@ def _aligned(recording, spec):
 def _comparison(common, made, entrants, ways, results, notes, reference, spec):
     """The Comparison of what the runs gave. Raises DataError where nothing was scored."""
     import pandas as pd
+
     labels, rows = [entrant.label for entrant in entrants], []
     for label, own in zip(labels, results):
         for number, (each, outage) in enumerate(zip(own, common.outages), 1):
-            head = {"filter": label, "outage": number, "start_s": outage.start, "stop_s": outage.stop,
-                    "length_s": round(outage.length, 6)}
+            head = {
+                "filter": label,
+                "outage": number,
+                "start_s": outage.start,
+                "stop_s": outage.stop,
+                "length_s": round(outage.length, 6),
+            }
             failed = isinstance(each, str)
-            rows.append(head | ({} if failed else each[0]) | {"distance_m": outage.distance, "said": each if failed else ""})
+            rows.append(
+                head
+                | ({} if failed else each[0])
+                | {"distance_m": outage.distance, "said": each if failed else ""}
+            )
     if all(isinstance(each, str) for own in results for each in own):
         raise DataError(f"no filter got through any outage; {labels[0]}: {results[0][0]}")
-    scores = pd.DataFrame(sorted(rows, key=lambda row: -len(row)))      # the columns of a row that has them all
+    scores = pd.DataFrame(
+        sorted(rows, key=lambda row: -len(row))
+    )  # the columns of a row that has them all
     in_order = lambda column: column.map(labels.index) if column.name == "filter" else column
     scores = scores.sort_values(["filter", "outage"], key=in_order, ignore_index=True)
-    tracks = {label: [None if isinstance(each, str) else each[1] for each in own] for label, own in zip(labels, results)}
+    tracks = {
+        label: [None if isinstance(each, str) else each[1] for each in own]
+        for label, own in zip(labels, results)
+    }
     windows = tuple((each.start, each.stop) for each in common.outages)
-    notes = [*common.recording.meta.get("notes", []), *notes, *_said(common, entrants, ways), *_events(labels, results)]
-    return Comparison(common.recording.meta.get("name", ""), made.text, made.words, made.sweep, tuple(labels), windows, common.kinds, scores, tracks,
-                      reference, (common.start.t, common.recording.span[1]), _settings(common, entrants, ways, spec), tuple(notes))
+    notes = [
+        *common.recording.meta.get("notes", []),
+        *notes,
+        *_said(common, entrants, ways),
+        *_events(labels, results),
+    ]
+    return Comparison(
+        common.recording.meta.get("name", ""),
+        made.text,
+        made.words,
+        made.sweep,
+        tuple(labels),
+        windows,
+        common.kinds,
+        scores,
+        tracks,
+        reference,
+        (common.start.t, common.recording.span[1]),
+        _settings(common, entrants, ways, spec),
+        tuple(notes),
+    )
 
 
 def _settings(common, entrants, ways, spec):
     """What all runs had in common, and what each filter had of its own."""
     ran = [(entrant, way.run) for entrant, way in zip(entrants, ways)]
     noise = next(run.noise for _, run in ran if run)
-    defaults = lambda filter: {name: option.default for name, option in list(inspect.signature(filter.start).parameters.items())[2:]}
-    return {"imu": spec.name if spec else "", "noise": noise._asdict(), "start": common.start._asdict(), "kinds": list(common.kinds),
-            "withheld": _withheld(common),
-            "kept": {a.name or a.kind: a.kind for _, run in ran if run for a in run.recording.aidings if a.kind not in common.kinds},
-            "options": {e.label: defaults(e.filter) | (run.options if run else e.options) for e, run in ran},
-            "sources": {e.label: [a.name or a.kind for a in run.recording.aidings] if run else [] for e, run in ran},
-            "reference": {e.label: e.filter.reference for e, _ in ran}}
+    defaults = lambda filter: {
+        name: option.default
+        for name, option in list(inspect.signature(filter.start).parameters.items())[2:]
+    }
+    return {
+        "imu": spec.name if spec else "",
+        "noise": noise._asdict(),
+        "start": common.start._asdict(),
+        "kinds": list(common.kinds),
+        "withheld": _withheld(common),
+        "kept": {
+            a.name or a.kind: a.kind
+            for _, run in ran
+            if run
+            for a in run.recording.aidings
+            if a.kind not in common.kinds
+        },
+        "options": {
+            e.label: defaults(e.filter) | (run.options if run else e.options) for e, run in ran
+        },
+        "sources": {
+            e.label: [a.name or a.kind for a in run.recording.aidings] if run else []
+            for e, run in ran
+        },
+        "reference": {e.label: e.filter.reference for e, _ in ran},
+    }
 
 
 def _withheld(common):
@@ -175,24 +280,36 @@ def _said(common, entrants, ways):
         for note in way.run.recording.meta["notes"] if way.run else ():
             if note not in known:
                 found.setdefault(note, []).append(entrant.label)
-    return [note if note.startswith(had[0]) else f"{', '.join(had)}: {note}" for note, had in found.items()]
+    return [
+        note if note.startswith(had[0]) else f"{', '.join(had)}: {note}"
+        for note, had in found.items()
+    ]
 
 
 def _events(labels, results):
-    """A note per kind of event of the outages, with the range of its numbers and in how many runs which filters had it."""
+    """A note per kind of event of the outages, with the range of its numbers and in how many
+    runs which filters had it."""
     found = {}
     for label, own in zip(labels, results):
         for run, each in enumerate(own):
-            for text in () if isinstance(each, str) else [HERE.sub("", text) for _, text in each[2]]:
+            for text in (
+                () if isinstance(each, str) else [HERE.sub("", text) for _, text in each[2]]
+            ):
                 numbers, had = found.setdefault(NUMBER.sub("\0", text), ([], {}))
                 numbers.append(NUMBER.findall(text))
                 had.setdefault(label, set()).add(run)
     runs = lambda had: ", ".join(f"{label} {len(seen)}" for label, seen in had.items())
-    return [f"in the runs with outages: {_ranged(text, numbers)} (runs: {runs(had)})" for text, (numbers, had) in found.items()]
+    return [
+        f"in the runs with outages: {_ranged(text, numbers)} (runs: {runs(had)})"
+        for text, (numbers, had) in found.items()
+    ]
 
 
 def _ranged(text, numbers):
-    """`text` with each NUL replaced by the smallest and the largest of the texts of numbers, [[text per NUL] per event], at its place."""
+    """`text` with each NUL replaced by the smallest and the largest of the texts of numbers,
+    [[text per NUL] per event], at its place."""
     ends = [sorted(column, key=float) for column in zip(*numbers)]
-    ranges = iter(own[0] if float(own[0]) == float(own[-1]) else f"{own[0]} to {own[-1]}" for own in ends)
+    ranges = iter(
+        own[0] if float(own[0]) == float(own[-1]) else f"{own[0]} to {own[-1]}" for own in ends
+    )
     return re.sub("\0", lambda _: next(ranges), text)

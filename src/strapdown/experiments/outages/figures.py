@@ -1,8 +1,11 @@
-"""Figures of a comparison over outages: paired ratios, growth with time, every outage, errors in single outages, coverage, the track.
+"""Figures of a comparison over outages: paired ratios, growth with time, every outage, errors in
+single outages, coverage, the track.
 
-Errors are true - estimate. Every function takes a comparison.Comparison and returns a plotly Figure, or None where there is nothing to draw; a
-filter has the same colour, symbol and dash in all of them. What was not scored is left out of the drawing and named in a sentence below it.
+Errors are true - estimate. Every function takes a comparison.Comparison and returns a plotly
+Figure, or None where there is nothing to draw; a filter has the same colour, symbol and dash in all
+of them. What was not scored is left out of the drawing and named in a sentence below it.
 """
+
 from html import escape
 from typing import NamedTuple
 
@@ -11,26 +14,54 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from ...geodesy import displacement
+from ...reports.drawing import (
+    AXES,
+    COLOURS,
+    GREY,
+    column,
+    even,
+    extent,
+    finish,
+    line,
+    log_range,
+    log_ticks,
+    note,
+    origin,
+    panels,
+)
 from .words import ranked, ratio
-from ...reports.drawing import AXES, COLOURS, GREY, column, even, extent, finish, line, log_range, log_ticks, note, origin, panels
 
 PALETTE = (*COLOURS, "#8a6d3b", "#e0559f", "#7c8a00", "#5f7fa8")
-SYMBOLS = ("circle", "square", "diamond", "triangle-up", "triangle-down", "cross", "x", "star", "pentagon", "hexagon")
+SYMBOLS = (
+    "circle",
+    "square",
+    "diamond",
+    "triangle-up",
+    "triangle-down",
+    "cross",
+    "x",
+    "star",
+    "pentagon",
+    "hexagon",
+)
 DASHES = ("solid", "dash", "dot")
 OUTAGE = "rgba(59,125,216,0.35)"
 """Of the stretches of the track whose fixes were withheld."""
 GAUSS = (68.27, 95.45, 99.73)
 """Percent of a normal error within 1, 2 and 3 standard deviations."""
 REACH = 100.0
-"""A logarithmic axis reaches so many times above and below the median at most: a filter that diverges leaves it instead of flattening the others."""
+"""A logarithmic axis reaches so many times above and below the median at most: a filter that
+diverges leaves it instead of flattening the others."""
 POINTS = 250
 """Of a line over one outage at most."""
 MIDDLING = 5.0
-"""The frame of a single outage holds so many times the largest error of the middle filter, where others go twice as far."""
+"""The frame of a single outage holds so many times the largest error of the middle filter, where
+others go twice as far."""
 
 
 class Style(NamedTuple):
     """How a filter is drawn."""
+
     colour: str
     symbol: str
     dash: str
@@ -38,21 +69,35 @@ class Style(NamedTuple):
 
 def styles(filters):
     """{filter: Style} in their order; ten colours, then again with other dashes."""
-    chosen = lambda i: Style(PALETTE[i % len(PALETTE)], SYMBOLS[i % len(SYMBOLS)], DASHES[i // len(PALETTE) % len(DASHES)])
+    chosen = lambda i: Style(
+        PALETTE[i % len(PALETTE)],
+        SYMBOLS[i % len(SYMBOLS)],
+        DASHES[i // len(PALETTE) % len(DASHES)],
+    )
     return {name: chosen(i) for i, name in enumerate(filters)}
 
 
 def paired(comparison, base, length):
-    """Ratio of RMSE of each filter to that of `base` on the same outages, with 95 % intervals: horizontal, north, east, down."""
+    """Ratio of RMSE of each filter to that of `base` on the same outages, with 95 % intervals:
+    horizontal, north, east, down."""
     others = [name for name in comparison.filters if name != base]
     if not others:
         return None
     look, measures = styles(comparison.filters), ("horizontal", *AXES)
-    ratios = {name: [ratio(comparison, name, base, length, measure) for measure in measures] for name in others}
+    ratios = {
+        name: [ratio(comparison, name, base, length, measure) for measure in measures]
+        for name in others
+    }
     known = [name for name in others if np.isfinite([r.value for r in ratios[name]]).any()]
     if not known:
         return None
-    figure = make_subplots(rows=1, cols=len(measures), shared_yaxes=True, horizontal_spacing=0.02, subplot_titles=measures)
+    figure = make_subplots(
+        rows=1,
+        cols=len(measures),
+        shared_yaxes=True,
+        horizontal_spacing=0.02,
+        subplot_titles=measures,
+    )
     for i in range(len(measures)):
         for name in known:
             _interval(figure, ratios[name][i], name, look[name], i + 1)
@@ -60,12 +105,21 @@ def paired(comparison, base, length):
     ends = np.array([r[:3] for name in known for r in ratios[name]])
     low, high = (float(take(np.log10(ends[np.isfinite(ends)]))) for take in (np.min, np.max))
     low, high = min(low, 0.0) - 0.08, max(high, 0.0) + 0.08
-    figure.update_xaxes(type="log", range=[low, high], title_text="ratio of RMSE", **_few(log_ticks(low, high)))
-    figure.update_yaxes(type="category", categoryorder="array", categoryarray=known[::-1], range=[-0.6, len(known) - 0.4])
+    figure.update_xaxes(
+        type="log", range=[low, high], title_text="ratio of RMSE", **_few(log_ticks(low, high))
+    )
+    figure.update_yaxes(
+        type="category",
+        categoryorder="array",
+        categoryarray=known[::-1],
+        range=[-0.6, len(known) - 0.4],
+    )
     for i in range(len(measures)):
         figure.add_vline(1.0, line={"color": GREY, "width": 1.2, "dash": "dash"}, row=1, col=i + 1)
     if unknown := [name for name in others if name not in known]:
-        note(figure, f"Without a ratio, because no outage was scored for both: {', '.join(unknown)}.")
+        note(
+            figure, f"Without a ratio, because no outage was scored for both: {', '.join(unknown)}."
+        )
     return figure
 
 
@@ -75,13 +129,33 @@ def _interval(figure, r, name, style, col):
         return
     sure, error = bool(np.isfinite([r.low, r.high]).all()), None
     if sure:
-        error = {"type": "data", "symmetric": False, "array": [r.high - r.value], "arrayminus": [r.value - r.low], "color": style.colour,
-                 "thickness": 1.6, "width": 5}
+        error = {
+            "type": "data",
+            "symmetric": False,
+            "array": [r.high - r.value],
+            "arrayminus": [r.value - r.low],
+            "color": style.colour,
+            "thickness": 1.6,
+            "width": 5,
+        }
     filled = style.colour if sure and not r.low <= 1 <= r.high else "rgba(0,0,0,0)"
-    marker = {"color": filled, "symbol": style.symbol, "size": 10, "line": {"color": style.colour, "width": 2}}
+    marker = {
+        "color": filled,
+        "symbol": style.symbol,
+        "size": 10,
+        "line": {"color": style.colour, "width": 2},
+    }
     within = f" (95 %: {r.low:.3g} to {r.high:.3g})" if sure else ""
     said = f"%{{y}}: {r.value:.3g} times{within}; smaller in {r.wins} of {r.count} outages, {r.blocks} blocks<extra></extra>"
-    drawn = go.Scatter(x=[r.value], y=[name], error_x=error, mode="markers", showlegend=False, hovertemplate=said, marker=marker)
+    drawn = go.Scatter(
+        x=[r.value],
+        y=[name],
+        error_x=error,
+        mode="markers",
+        showlegend=False,
+        hovertemplate=said,
+        marker=marker,
+    )
     figure.add_trace(drawn, row=1, col=col)
 
 
@@ -89,21 +163,46 @@ def _few(settings):
     """Ticks of a narrow logarithmic axis: every second number where there are many."""
     texts = settings.get("ticktext", ())
     step = -(-len(texts) // 6) if texts else 1
-    return settings if step == 1 else settings | {name: settings[name][::step] for name in ("tickvals", "ticktext")}
+    return (
+        settings
+        if step == 1
+        else settings | {name: settings[name][::step] for name in ("tickvals", "ticktext")}
+    )
 
 
 def growth(comparison, length):
-    """Horizontal and vertical error over the time since the outage began, of each filter: median and 10 to 90 % of its outages."""
-    look, figure, seen = styles(comparison.filters), panels(["horizontal error [m]", "vertical error [m]"], 300, log=True), [[], []]
+    """Horizontal and vertical error over the time since the outage began, of each filter: median
+    and 10 to 90 % of its outages."""
+    look, figure, seen = (
+        styles(comparison.filters),
+        panels(["horizontal error [m]", "vertical error [m]"], 300, log=True),
+        [[], []],
+    )
     for rank, (name, style) in reversed(list(enumerate(look.items()))):
-        rows = comparison.growth[(comparison.growth["filter"] == name) & (comparison.growth["length_s"] == length)]
+        rows = comparison.growth[
+            (comparison.growth["filter"] == name) & (comparison.growth["length_s"] == length)
+        ]
         for row, part in enumerate(("horizontal", "vertical"), 1):
             since = rows["since_s"].to_numpy(float)
-            middle, low, high = (rows[f"{part}_{what}_m"].to_numpy(float) for what in ("median", "p10", "p90"))
+            middle, low, high = (
+                rows[f"{part}_{what}_m"].to_numpy(float) for what in ("median", "p10", "p90")
+            )
             if not np.isfinite(middle).any():
                 continue
-            _ribbon(figure, since, low, high, style.colour, name, row, 0.14 if len(look) <= 4 else 0.07)
-            line(figure, since, np.where(middle > 0, middle, np.nan), name, style.colour, row=row, rank=rank, dash=style.dash, width=2)
+            _ribbon(
+                figure, since, low, high, style.colour, name, row, 0.14 if len(look) <= 4 else 0.07
+            )
+            line(
+                figure,
+                since,
+                np.where(middle > 0, middle, np.nan),
+                name,
+                style.colour,
+                row=row,
+                rank=rank,
+                dash=style.dash,
+                width=2,
+            )
             seen[row - 1] += [middle, high, low]
     if not seen[0]:
         return None
@@ -119,17 +218,31 @@ def _ribbon(figure, x, low, high, colour, name, row, opacity):
     if known.sum() > 1:
         keep = np.flatnonzero(known)[even(int(known.sum()), POINTS)]
         round_ = lambda there, back: column(np.r_[there[keep], back[keep][::-1]])
-        figure.add_trace(go.Scatter(x=round_(x, x), y=round_(high, low), mode="lines", fill="toself", fillcolor=_faint(colour, opacity),
-                                    line={"width": 0}, legendgroup=name, showlegend=False, hoverinfo="skip"), row=row, col=1)
+        figure.add_trace(
+            go.Scatter(
+                x=round_(x, x),
+                y=round_(high, low),
+                mode="lines",
+                fill="toself",
+                fillcolor=_faint(colour, opacity),
+                line={"width": 0},
+                legendgroup=name,
+                showlegend=False,
+                hoverinfo="skip",
+            ),
+            row=row,
+            col=1,
+        )
 
 
 def _faint(colour, opacity):
-    red, green, blue = (int(colour[i:i + 2], 16) for i in (1, 3, 5))
+    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
     return f"rgba({red},{green},{blue},{opacity})"
 
 
 def _frame(figure, values, row, least=0.0):
-    """Range of a logarithmic axis that holds the `values` down to their quantile `least`; what is farther than REACH leaves it, which is said."""
+    """Range of a logarithmic axis that holds the `values` down to their quantile `least`; what
+    is farther than REACH leaves it, which is said."""
     values = values[np.isfinite(values) & (values > 0)]
     if not len(values):
         return
@@ -137,7 +250,10 @@ def _frame(figure, values, row, least=0.0):
     low, high = max(np.quantile(values, least), middle / REACH), min(most, middle * REACH)
     log_range(figure, low, high, row=row)
     if values.min() < middle / REACH / 1.2 and not least or most > 1.4 * high:
-        note(figure, f"Panel {row}: values from {values.min():.3g} to {most:.3g} are there, more than the frame holds; double-click it to see all.")
+        note(
+            figure,
+            f"Panel {row}: values from {values.min():.3g} to {most:.3g} are there, more than the frame holds; double-click it to see all.",
+        )
 
 
 def metres(value):
@@ -145,37 +261,73 @@ def metres(value):
     return f"{value / 1000:.3g} km" if value >= 1000 else f"{value:.3g} m"
 
 
-MEASURES = (("horizontal_rmse_m", "horizontal RMSE [m]"), ("down_rmse_m", "vertical RMSE [m]"), ("velocity_rmse_m_s", "velocity RMSE [m/s]"),
-            ("heading_rmse_deg", "heading RMSE [deg]"))
+MEASURES = (
+    ("horizontal_rmse_m", "horizontal RMSE [m]"),
+    ("down_rmse_m", "vertical RMSE [m]"),
+    ("velocity_rmse_m_s", "velocity RMSE [m/s]"),
+    ("heading_rmse_deg", "heading RMSE [deg]"),
+)
 """Columns of the scores that `outages` draws where they are known, and the labels of their axes."""
 
 
 def outages(comparison, length):
-    """The errors of each filter in every outage: over its start for a sweep, over its number otherwise."""
+    """The errors of each filter in every outage: over its start for a sweep, over its number
+    otherwise."""
     own = comparison.of_length(length)
     shown = [(name, label) for name, label in MEASURES if np.isfinite(own[name]).any()]
     if not shown:
         return None
     many, figure = not are_listed(comparison), panels([label for _, label in shown], 190, log=True)
-    look = {name: style for name, style in styles(comparison.filters).items() if np.isfinite(own[own["filter"] == name]["horizontal_rmse_m"]).any()}
+    look = {
+        name: style
+        for name, style in styles(comparison.filters).items()
+        if np.isfinite(own[own["filter"] == name]["horizontal_rmse_m"]).any()
+    }
     zero = origin(own["start_s"].to_numpy(float))
     for place, (name, style) in enumerate(look.items()):
         rows = own[own["filter"] == name].sort_values("start_s")
         beside = 0.5 * (place - (len(look) - 1) / 2) / len(look)
-        x = rows["start_s"].to_numpy(float) - zero if many else rows["outage"].to_numpy(float) + beside
+        x = (
+            rows["start_s"].to_numpy(float) - zero
+            if many
+            else rows["outage"].to_numpy(float) + beside
+        )
         for row, (measure, _) in enumerate(shown, 1):
-            figure.add_trace(go.Scatter(x=x, y=rows[measure], mode="lines+markers" if many else "markers", name=escape(name), legendgroup=name,
-                                        showlegend=row == 1, line={"color": style.colour, "width": 1, "dash": style.dash}, hovertemplate="%{y:.3g}",
-                                        marker={"color": style.colour, "symbol": style.symbol, "size": 6 if many else 9}), row=row, col=1)
+            figure.add_trace(
+                go.Scatter(
+                    x=x,
+                    y=rows[measure],
+                    mode="lines+markers" if many else "markers",
+                    name=escape(name),
+                    legendgroup=name,
+                    showlegend=row == 1,
+                    line={"color": style.colour, "width": 1, "dash": style.dash},
+                    hovertemplate="%{y:.3g}",
+                    marker={
+                        "color": style.colour,
+                        "symbol": style.symbol,
+                        "size": 6 if many else 9,
+                    },
+                ),
+                row=row,
+                col=1,
+            )
     for row, (measure, _) in enumerate(shown, 1):
         _frame(figure, own[measure].to_numpy(float), row)
     start = f"start of the outage{f', since {zero:.0f} s' if zero else ''} [s]"
     figure.update_xaxes(title_text=start if many else "outage", row=len(shown), col=1)
-    return figure if many else figure.update_xaxes(dtick=1, range=[0.5, len(comparison.windows) + 0.5]).update_layout(hovermode="closest")
+    return (
+        figure
+        if many
+        else figure.update_xaxes(dtick=1, range=[0.5, len(comparison.windows) + 0.5]).update_layout(
+            hovermode="closest"
+        )
+    )
 
 
 LIST = 12
-"""Up to so many outages of one run have a number each on the track and on axes; more, and those of a sweep, are told by their start."""
+"""Up to so many outages of one run have a number each on the track and on axes; more, and those
+of a sweep, are told by their start."""
 
 
 def are_listed(comparison):
@@ -184,7 +336,8 @@ def are_listed(comparison):
 
 
 def course(comparison, outage):
-    """North, east and down error of every filter over one outage (its index), time from its beginning."""
+    """North, east and down error of every filter over one outage (its index), time from its
+    beginning."""
     figure, found = panels([f"{axis} [m]" for axis in AXES], 150), {}
     for rank, (name, style) in reversed(list(enumerate(styles(comparison.filters).items()))):
         if (track := comparison.tracks[name][outage]) is None:
@@ -192,7 +345,16 @@ def course(comparison, outage):
         keep = even(len(track.since), POINTS)
         found[name] = np.abs(track.error).max(axis=0)
         for i in range(len(AXES)):
-            line(figure, track.since[keep], track.error[keep, i], name, style.colour, row=i + 1, rank=rank, dash=style.dash)
+            line(
+                figure,
+                track.since[keep],
+                track.error[keep, i],
+                name,
+                style.colour,
+                row=i + 1,
+                rank=rank,
+                dash=style.dash,
+            )
     if not found:
         return None
     for i, axis in enumerate(AXES):
@@ -200,8 +362,13 @@ def course(comparison, outage):
         most, middle = max(largest.values()), float(np.median(list(largest.values())))
         limit = 1.1 * (most if most <= 2 * MIDDLING * middle else MIDDLING * middle) or 1.0
         figure.update_yaxes(range=[-limit, limit], row=i + 1, col=1)
-        if outside := [f"{name} up to {metres(value)}" for name, value in largest.items() if value > limit]:
-            note(figure, f"Beyond the frame {axis}: {', '.join(outside)}. Double-click the panel to see all of it.")
+        if outside := [
+            f"{name} up to {metres(value)}" for name, value in largest.items() if value > limit
+        ]:
+            note(
+                figure,
+                f"Beyond the frame {axis}: {', '.join(outside)}. Double-click the panel to see all of it.",
+            )
     if missing := [name for name in comparison.filters if name not in found]:
         note(figure, f"Not scored here: {', '.join(missing)}.")
     figure.update_xaxes(title_text="time since the outage began [s]", row=len(AXES), col=1)
@@ -209,31 +376,70 @@ def course(comparison, outage):
 
 
 def coverage(comparison):
-    """Share of the errors in the outages within 1, 2 and 3 of the standard deviations that each filter claims: north and east together, and down."""
-    parts, columns = ("north and east", "down"), [[f"{part}coverage_{k}" for k in (1, 2, 3)] for part in ("", "down_")]
-    found = {name: comparison.scores[comparison.scores["filter"] == name] for name in comparison.filters}
-    known = [name for name, own in found.items() if np.isfinite(own[sum(columns, [])]).any(axis=None)]
+    """Share of the errors in the outages within 1, 2 and 3 of the standard deviations that each
+    filter claims: north and east together, and down."""
+    parts, columns = (
+        ("north and east", "down"),
+        [[f"{part}coverage_{k}" for k in (1, 2, 3)] for part in ("", "down_")],
+    )
+    found = {
+        name: comparison.scores[comparison.scores["filter"] == name] for name in comparison.filters
+    }
+    known = [
+        name for name, own in found.items() if np.isfinite(own[sum(columns, [])]).any(axis=None)
+    ]
     if not known:
         return None
-    figure = make_subplots(rows=1, cols=2, shared_yaxes=True, horizontal_spacing=0.03, subplot_titles=parts)
+    figure = make_subplots(
+        rows=1, cols=2, shared_yaxes=True, horizontal_spacing=0.03, subplot_titles=parts
+    )
     for i, names in enumerate(columns, 1):
-        for k, (column_, share, colour, symbol) in enumerate(zip(names, GAUSS, PALETTE, SYMBOLS), 1):
-            figure.add_trace(go.Scatter(x=[100 * found[name][column_].mean() for name in known], y=known, mode="markers", name=f"within {k}σ",
-                                        legendgroup=k, showlegend=i == 1, hovertemplate="%{y}: %{x:.1f} %",
-                                        marker={"color": colour, "symbol": symbol, "size": 11}), row=1, col=i)
-            figure.add_vline(share, line={"color": colour, "width": 1.2, "dash": "dash"}, row=1, col=i)
-    finish(figure, 150 + 30 * len(known)).update_layout(hovermode="closest", margin={"t": 74}, legend={"y": 1 + 26 / (40 + 30 * len(known))})
-    figure.update_yaxes(type="category", categoryorder="array", categoryarray=known[::-1], range=[-0.6, len(known) - 0.4])
+        for k, (column_, share, colour, symbol) in enumerate(
+            zip(names, GAUSS, PALETTE, SYMBOLS), 1
+        ):
+            figure.add_trace(
+                go.Scatter(
+                    x=[100 * found[name][column_].mean() for name in known],
+                    y=known,
+                    mode="markers",
+                    name=f"within {k}σ",
+                    legendgroup=k,
+                    showlegend=i == 1,
+                    hovertemplate="%{y}: %{x:.1f} %",
+                    marker={"color": colour, "symbol": symbol, "size": 11},
+                ),
+                row=1,
+                col=i,
+            )
+            figure.add_vline(
+                share, line={"color": colour, "width": 1.2, "dash": "dash"}, row=1, col=i
+            )
+    finish(figure, 150 + 30 * len(known)).update_layout(
+        hovermode="closest", margin={"t": 74}, legend={"y": 1 + 26 / (40 + 30 * len(known))}
+    )
+    figure.update_yaxes(
+        type="category",
+        categoryorder="array",
+        categoryarray=known[::-1],
+        range=[-0.6, len(known) - 0.4],
+    )
     figure.update_xaxes(title_text="share of the errors [%]", range=[-3, 103])
     if silent := [name for name in comparison.filters if name not in known]:
-        note(figure, f"No standard deviation is claimed, or nothing was scored: {', '.join(silent)}.")
+        note(
+            figure, f"No standard deviation is claimed, or nothing was scored: {', '.join(silent)}."
+        )
     return figure
 
 
 def track(comparison):
-    """The reference from above with the outages on it, numbered where they are a list; then with the estimates in them, error and all."""
+    """The reference from above with the outages on it, numbered where they are a list; then with
+    the estimates in them, error and all."""
     reference = comparison.reference
-    known = np.isfinite(reference.lla).all(axis=1) & (reference.t >= comparison.span[0]) & (reference.t <= comparison.span[1])
+    known = (
+        np.isfinite(reference.lla).all(axis=1)
+        & (reference.t >= comparison.span[0])
+        & (reference.t <= comparison.span[1])
+    )
     if not known.any():
         return None
     t, lla = reference.t[known], reference.lla[known]
@@ -244,21 +450,53 @@ def track(comparison):
     hidden = np.zeros(len(t), bool)
     for start, stop in comparison.windows:
         hidden |= (t >= start) & (t <= stop)
-    _path(figure, np.where(hidden[:, None], path, np.nan)[_breaks(hidden)], "fixes withheld", line={"color": OUTAGE, "width": 10})
+    _path(
+        figure,
+        np.where(hidden[:, None], path, np.nan)[_breaks(hidden)],
+        "fixes withheld",
+        line={"color": OUTAGE, "width": 10},
+    )
     if listed:
         starts = _beginnings(comparison.windows, t, path)
-        texts = [f"outage {i}, {start:.10g} to {stop:.10g} s" for i, (start, stop) in enumerate(comparison.windows, 1)]
-        _path(figure, starts, "an outage begins", mode="markers", text=texts, hovertemplate="%{text}",
-              marker={"color": GREY, "size": 9, "symbol": "circle-open", "line": {"width": 2}})
+        texts = [
+            f"outage {i}, {start:.10g} to {stop:.10g} s"
+            for i, (start, stop) in enumerate(comparison.windows, 1)
+        ]
+        _path(
+            figure,
+            starts,
+            "an outage begins",
+            mode="markers",
+            text=texts,
+            hovertemplate="%{text}",
+            marker={"color": GREY, "size": 9, "symbol": "circle-open", "line": {"width": 2}},
+        )
         for number, (east, north) in enumerate(starts, 1):
-            figure.add_annotation(x=float(east), y=float(north), text=str(number), showarrow=False, xshift=12, yshift=10, font={"size": 14})
+            figure.add_annotation(
+                x=float(east),
+                y=float(north),
+                text=str(number),
+                showarrow=False,
+                xshift=12,
+                yshift=10,
+                font={"size": 14},
+            )
         _estimates(figure, comparison, t, path)
     else:
         _hard(figure, comparison, t, path)
     low, high = np.array([extent(path[:, 0]), extent(path[:, 1])]).T
     margin = 0.08 * max((high - low).max(), 10.0)
-    figure.update_layout(xaxis_range=[low[0] - margin, high[0] + margin], yaxis_range=[low[1] - margin, high[1] + margin])
-    return figure.update_layout(xaxis_title="east [m]", yaxis_title="north [m]", hovermode="closest", yaxis_scaleanchor="x", margin_t=72)
+    figure.update_layout(
+        xaxis_range=[low[0] - margin, high[0] + margin],
+        yaxis_range=[low[1] - margin, high[1] + margin],
+    )
+    return figure.update_layout(
+        xaxis_title="east [m]",
+        yaxis_title="north [m]",
+        hovermode="closest",
+        yaxis_scaleanchor="x",
+        margin_t=72,
+    )
 
 
 def _beginnings(windows, t, path):
@@ -266,39 +504,86 @@ def _beginnings(windows, t, path):
 
 
 def _hard(figure, comparison, t, path):
-    """A mark where each outage of the longest length begins, in the colour of the horizontal RMSE of the best filter: where it is hard."""
+    """A mark where each outage of the longest length begins, in the colour of the horizontal
+    RMSE of the best filter: where it is hard."""
     if not (order := ranked(comparison, comparison.lengths[-1])):
         return
     own = comparison.of_length(comparison.lengths[-1])
     own = own[(own["filter"] == order[0]) & (own["horizontal_rmse_m"] > 0)]
-    windows, rmse = list(zip(own["start_s"], own["stop_s"])), own["horizontal_rmse_m"].to_numpy(float)
+    windows, rmse = (
+        list(zip(own["start_s"], own["stop_s"])),
+        own["horizontal_rmse_m"].to_numpy(float),
+    )
     ticks = log_ticks(np.log10(rmse.min()) - 0.01, np.log10(rmse.max()) + 0.01)
-    bar = {"title": {"text": f"horizontal RMSE<br>of {escape(order[0])} [m]", "side": "right"}, "thickness": 12}
-    bar |= {"tickvals": np.log10(ticks["tickvals"]), "ticktext": ticks["ticktext"]} if "tickvals" in ticks else {"tickprefix": "10^", "dtick": 1}
-    texts = [f"outage {i}, {start:.10g} to {stop:.10g} s: {metres(value)}" for i, (start, stop), value in zip(own["outage"], windows, rmse)]
-    _path(figure, _beginnings(windows, t, path), "an outage begins", mode="markers", text=texts, hovertemplate="%{text}",
-          marker={"color": np.log10(rmse), "colorscale": "Viridis", "size": 9, "colorbar": bar, "line": {"width": 0}})
+    bar = {
+        "title": {"text": f"horizontal RMSE<br>of {escape(order[0])} [m]", "side": "right"},
+        "thickness": 12,
+    }
+    bar |= (
+        {"tickvals": np.log10(ticks["tickvals"]), "ticktext": ticks["ticktext"]}
+        if "tickvals" in ticks
+        else {"tickprefix": "10^", "dtick": 1}
+    )
+    texts = [
+        f"outage {i}, {start:.10g} to {stop:.10g} s: {metres(value)}"
+        for i, (start, stop), value in zip(own["outage"], windows, rmse)
+    ]
+    _path(
+        figure,
+        _beginnings(windows, t, path),
+        "an outage begins",
+        mode="markers",
+        text=texts,
+        hovertemplate="%{text}",
+        marker={
+            "color": np.log10(rmse),
+            "colorscale": "Viridis",
+            "size": 9,
+            "colorbar": bar,
+            "line": {"width": 0},
+        },
+    )
 
 
 def _breaks(hidden):
-    """At most MOST rows of a line that is drawn where `hidden`, each stretch with a row beside it to break the line."""
+    """At most MOST rows of a line that is drawn where `hidden`, each stretch with a row beside
+    it to break the line."""
     wanted = np.flatnonzero(hidden)
     edges = np.flatnonzero(np.diff(hidden))
     return np.unique(np.r_[wanted[even(len(wanted))], edges, edges + 1])
 
 
 def _estimates(figure, comparison, t, path):
-    """Where each filter thought it was in the outages: the reference less its error. Lines of one filter are one entry of the legend."""
+    """Where each filter thought it was in the outages: the reference less its error. Lines of
+    one filter are one entry of the legend."""
     for name, style in styles(comparison.filters).items():
         parts = []
         for (start, _), track in zip(comparison.windows, comparison.tracks[name]):
             if track is not None:
                 keep = even(len(track.since), POINTS)
-                true = np.column_stack([np.interp(start + track.since[keep], t, axis) for axis in path.T])
+                true = np.column_stack(
+                    [np.interp(start + track.since[keep], t, axis) for axis in path.T]
+                )
                 parts += [true - track.error[keep][:, [1, 0]], np.full((1, 2), np.nan)]
         if parts:
-            _path(figure, np.concatenate(parts), name, line={"color": style.colour, "width": 1.6, "dash": style.dash})
+            _path(
+                figure,
+                np.concatenate(parts),
+                name,
+                line={"color": style.colour, "width": 1.6, "dash": style.dash},
+            )
 
 
-def _path(figure, path, name, mode="lines", hovertemplate="%{x:.1f} m east, %{y:.1f} m north", **style):
-    figure.add_trace(go.Scatter(x=column(path[:, 0]), y=column(path[:, 1]), name=escape(name), mode=mode, hovertemplate=hovertemplate, **style))
+def _path(
+    figure, path, name, mode="lines", hovertemplate="%{x:.1f} m east, %{y:.1f} m north", **style
+):
+    figure.add_trace(
+        go.Scatter(
+            x=column(path[:, 0]),
+            y=column(path[:, 1]),
+            name=escape(name),
+            mode=mode,
+            hovertemplate=hovertemplate,
+            **style,
+        )
+    )

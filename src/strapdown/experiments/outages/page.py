@@ -1,4 +1,6 @@
-"""The page that `strapdown compare` writes: the answer in words, tables, figures, how it was done."""
+"""The page that `strapdown compare` writes: the answer in words, tables, figures, how it was
+done."""
+
 from datetime import UTC, datetime
 from html import escape
 from itertools import count
@@ -6,14 +8,15 @@ from itertools import count
 import numpy as np
 
 from ... import __version__
-from . import figures
-from . import tables
-from .words import answers, counted, failures, ranked, unlike
 from ...reports.shell import listed, placed, shell
 from ...reports.summary import listing
+from . import figures, tables
+from .words import answers, counted, failures, ranked, unlike
 
-FOOTER = ("Errors are true − estimate against the reference in its own geodetic frame, without any alignment of trajectories, at every row of the "
-          "solution in an outage. RMSE: root mean square over an outage.")
+FOOTER = (
+    "Errors are true − estimate against the reference in its own geodetic frame, without any alignment of trajectories, at every row of the "
+    "solution in an outage. RMSE: root mean square over an outage."
+)
 STYLE = """td.best{font-weight:700;background:color-mix(in srgb,var(--accent) 20%,var(--paper))!important}
 .names thead th{white-space:normal;vertical-align:bottom;min-width:4.2rem}.names thead tr:first-child .split{text-align:center}
 .tall{max-height:560px;overflow:auto}.tall thead,.tall tfoot{position:sticky;z-index:1}.tall thead{top:0}.tall tfoot{bottom:0}
@@ -21,15 +24,21 @@ STYLE = """td.best{font-weight:700;background:color-mix(in srgb,var(--accent) 20
 .text td,.text th{white-space:normal;text-align:left;vertical-align:top;overflow-wrap:anywhere}
 .text td:first-child{white-space:nowrap}.text td:nth-child(3){min-width:11rem}
 .narrow{max-width:1000px}.answer{font-size:16.5px;max-width:95ch}main a{color:var(--accent)}details{margin:8px 0}"""
-RANKED = ("The filters are in the order of the mean logarithm of their horizontal RMSE. Which one is first was found on these same outages, so its "
-          "lead flatters it a little; a comparison of two filters that were named beforehand does not suffer from this. Shaded: the smallest of a "
-          "column, of filters that were scored in equally many outages.")
-RATIOS = ("Geometric mean over the outages of the ratio of two RMSE on the same outage, left of 1 where the filter drifts less; with its 95 % "
-          "interval (Student's t over blocks of outages that begin before the first of them stops, widened for what neighbouring blocks share). "
-          "Where outages overlap the mean is that of the blocks. Filled: the interval excludes 1. Logarithmic axes.")
+RANKED = (
+    "The filters are in the order of the mean logarithm of their horizontal RMSE. Which one is first was found on these same outages, so its "
+    "lead flatters it a little; a comparison of two filters that were named beforehand does not suffer from this. Shaded: the smallest of a "
+    "column, of filters that were scored in equally many outages."
+)
+RATIOS = (
+    "Geometric mean over the outages of the ratio of two RMSE on the same outage, left of 1 where the filter drifts less; with its 95 % "
+    "interval (Student's t over blocks of outages that begin before the first of them stops, widened for what neighbouring blocks share). "
+    "Where outages overlap the mean is that of the blocks. Filled: the interval excludes 1. Logarithmic axes."
+)
 GROWTH = "Median (line) and 10 to 90 % of the outages (shade). Logarithmic error axes."
-COVERAGE = ("Of the errors of position in the outages. Dashed: a normal error with the claimed standard deviation, 68.3, 95.4 and 99.7 %. "
-            "Left of them the filter trusts itself too much, right of them too little.")
+COVERAGE = (
+    "Of the errors of position in the outages. Dashed: a normal error with the claimed standard deviation, 68.3, 95.4 and 99.7 %. "
+    "Left of them the filter trusts itself too much, right of them too little."
+)
 TRACK = "The reference, and the outages on it with what the filters took for the track."
 SWEPT = "The reference, and the outages on it: the colour of a mark is the error in the outage that begins there."
 SHOWN = 6
@@ -39,17 +48,35 @@ SHOWN = 6
 def page(comparison):
     """The Page of a Comparison."""
     numbers = count(1)
-    place = lambda figure, heading, caption="": placed(next(numbers), figure, heading, caption) if figure is not None else ""
+    place = lambda figure, heading, caption="": (
+        placed(next(numbers), figure, heading, caption) if figure is not None else ""
+    )
     sections = [(heading, make(comparison, place)) for heading, make in SECTIONS]
     title = f"{comparison.name or 'A recording'}: {counted(len(comparison.filters), 'filter')} in {counted(len(comparison.windows))}"
-    facts = {"recording": comparison.name, "outages": comparison.words, "withheld": ", ".join(comparison.kinds),
-             "IMU": comparison.settings.get("imu", ""), "software": f"strapdown {__version__}", "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"}
-    return shell(title, listed(facts), [(heading, text) for heading, text in sections if text], FOOTER, style=STYLE, wide=True)
+    facts = {
+        "recording": comparison.name,
+        "outages": comparison.words,
+        "withheld": ", ".join(comparison.kinds),
+        "IMU": comparison.settings.get("imu", ""),
+        "software": f"strapdown {__version__}",
+        "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+    }
+    return shell(
+        title,
+        listed(facts),
+        [(heading, text) for heading, text in sections if text],
+        FOOTER,
+        style=STYLE,
+        wide=True,
+    )
 
 
 def _each_length(comparison):
     """(length, words to add to a heading) of the outages."""
-    return [(length, f", outages of {length:g} s" if len(comparison.lengths) > 1 else "") for length in comparison.lengths]
+    return [
+        (length, f", outages of {length:g} s" if len(comparison.lengths) > 1 else "")
+        for length in comparison.lengths
+    ]
 
 
 def _grid(*parts):
@@ -62,13 +89,21 @@ def _narrow(part):
 
 def _summary(comparison, place):
     said = "".join(f"<p class=answer>{escape(text)}</p>" for text in answers(comparison))
-    said += "".join(f"<p class=note>{escape(text)}</p>" for text in [*unlike(comparison), *failures(comparison)])
+    said += "".join(
+        f"<p class=note>{escape(text)}</p>" for text in [*unlike(comparison), *failures(comparison)]
+    )
     return said + tables.summary(comparison) + f"<p class=caption>{RANKED}</p>"
 
 
 def _outages(comparison, place):
-    drawn = [place(figures.outages(comparison, length), f"RMSE of each outage{of}", "Logarithmic error axes.")
-             for length, of in _each_length(comparison)]
+    drawn = [
+        place(
+            figures.outages(comparison, length),
+            f"RMSE of each outage{of}",
+            "Logarithmic error axes.",
+        )
+        for length, of in _each_length(comparison)
+    ]
     return tables.of_outages(comparison) + "".join(drawn)
 
 
@@ -84,32 +119,60 @@ def _pairs(comparison, place):
 
 
 def _growth(comparison, place):
-    return _grid(*(place(figures.growth(comparison, length), f"Error over the time in the outage{of}", GROWTH)
-                   for length, of in _each_length(comparison)))
+    return _grid(
+        *(
+            place(
+                figures.growth(comparison, length), f"Error over the time in the outage{of}", GROWTH
+            )
+            for length, of in _each_length(comparison)
+        )
+    )
 
 
 def _single(comparison, place):
-    return _grid(*(place(figures.course(comparison, i), heading, "True − estimate.") for i, heading in _chosen(comparison)))
+    return _grid(
+        *(
+            place(figures.course(comparison, i), heading, "True − estimate.")
+            for i, heading in _chosen(comparison)
+        )
+    )
 
 
 def _chosen(comparison):
-    """[(index, heading)] of the outages that are drawn in full: all of a few, else a median and the worst one by the filters' mean log error."""
+    """[(index, heading)] of the outages that are drawn in full: all of a few, else a median and
+    the worst one by the filters' mean log error."""
     label = lambda i: "{:.10g} to {:.10g} s".format(*comparison.windows[i])
     if len(comparison.windows) <= SHOWN:
         return [(i, f"Outage {i + 1}, {label(i)}") for i in range(len(comparison.windows))]
     own = comparison.of_length(comparison.lengths[-1])
     own = own[own["horizontal_rmse_m"] > 0]
-    order = own.assign(log=np.log(own["horizontal_rmse_m"])).groupby("outage")["log"].mean().sort_values(kind="stable").index
+    order = (
+        own.assign(log=np.log(own["horizontal_rmse_m"]))
+        .groupby("outage")["log"]
+        .mean()
+        .sort_values(kind="stable")
+        .index
+    )
     picked = [("A median", order[len(order) // 2]), ("The worst", order[-1])] if len(order) else []
     return [(number - 1, f"{what} outage, {label(number - 1)}") for what, number in picked]
 
 
 def _coverage(comparison, place):
-    return _narrow(place(figures.coverage(comparison), "Errors within the claimed standard deviations", COVERAGE))
+    return _narrow(
+        place(
+            figures.coverage(comparison), "Errors within the claimed standard deviations", COVERAGE
+        )
+    )
 
 
 def _track(comparison, place):
-    return _narrow(place(figures.track(comparison), "Seen from above", TRACK if figures.are_listed(comparison) else SWEPT))
+    return _narrow(
+        place(
+            figures.track(comparison),
+            "Seen from above",
+            TRACK if figures.are_listed(comparison) else SWEPT,
+        )
+    )
 
 
 def _how(comparison, place):
@@ -120,6 +183,16 @@ def _notes(comparison, place):
     return listing(comparison.notes) if comparison.notes else ""
 
 
-SECTIONS = (("Summary", _summary), ("Every outage", _outages), ("Paired differences", _pairs), ("Growth", _growth), ("Single outages", _single),
-            ("Coverage", _coverage), ("Track", _track), ("How it was done", _how), ("Notes", _notes))
-"""In reading order: heading, and function of the Comparison and of what places a figure, that gives HTML; "" leaves it out."""
+SECTIONS = (
+    ("Summary", _summary),
+    ("Every outage", _outages),
+    ("Paired differences", _pairs),
+    ("Growth", _growth),
+    ("Single outages", _single),
+    ("Coverage", _coverage),
+    ("Track", _track),
+    ("How it was done", _how),
+    ("Notes", _notes),
+)
+"""In reading order: heading, and function of the Comparison and of what places a figure, that
+gives HTML; "" leaves it out."""

@@ -5,6 +5,7 @@
 100:130,200:230     a list of windows
 30@240:575/5        a sweep: windows of 30 s inside 240 to 575 s, one every 5 s; several lengths as 10,30,60@240:575/5
 """
+
 import math
 from itertools import islice
 from typing import NamedTuple
@@ -23,18 +24,23 @@ HINT = "write 30/300 (30 s at the end of every 300 s), 15: (from 15 s on), 100:1
 
 
 class Protocol(NamedTuple):
-    """Windows in which fixes are withheld, and whether all in one run or each in a run of its own."""
-    text: str           # as it was asked for, or made of the windows
-    windows: tuple      # ((start, stop), ...) s, in order of length and start where they are of a sweep, else of start
-    sweep: bool         # each window is a run of its own with all fixes before it
-    words: str          # what that means, for people
+    """Windows in which fixes are withheld, and whether all in one run or each in a run of its
+    own."""
+
+    text: str  # as it was asked for, or made of the windows
+    # ((start, stop), ...) s, in order of length and start where they are of a sweep, else of start
+    windows: tuple
+    sweep: bool  # each window is a run of its own with all fixes before it
+    words: str  # what that means, for people
 
 
 def protocol(outages, span, end, settled):
-    """The Protocol of `outages`: text as above, or a list of (start, stop) in s, which may overlap in a sweep only.
+    """The Protocol of `outages`: text as above, or a list of (start, stop) in s, which may overlap
+    in a sweep only.
 
-    span: (first, last) of the recording, s; end: where a window without an end stops, s; settled: () -> first second of a sweep that names no
-    range. Raises DataError for what is malformed, empty, too long, outside the recording or overlapping.
+    span: (first, last) of the recording, s; end: where a window without an end stops, s; settled:
+    () -> first second of a sweep that names no range. Raises DataError for what is malformed,
+    empty, too long, outside the recording or overlapping.
     """
     if not isinstance(outages, str):
         made = _listed(outages)
@@ -54,21 +60,32 @@ def _listed(windows, text=None):
         windows = tuple(islice(windows, MOST + 1))
         found = tuple(sorted((float(start), float(stop)) for start, stop in windows))
     except (TypeError, ValueError):
-        raise DataError(f"outages is {windows!r}; it must be text or a list of (start, stop) in s: {HINT}") from None
+        raise DataError(
+            f"outages is {windows!r}; it must be text or a list of (start, stop) in s: {HINT}"
+        ) from None
     if not found:
         raise DataError(f"outages: there are none; {HINT}")
     if len(found) > MOST:
         raise DataError(f"outages: more than {MOST} windows in a list; give fewer")
-    count = f"{len(found)} outages of a list, all in one run" if len(found) > 1 else f"one outage, {named(found[0])}"
-    return Protocol(text or ",".join(f"{start:.10g}:{stop:.10g}" for start, stop in found), found, False, count)
+    count = (
+        f"{len(found)} outages of a list, all in one run"
+        if len(found) > 1
+        else f"one outage, {named(found[0])}"
+    )
+    return Protocol(
+        text or ",".join(f"{start:.10g}:{stop:.10g}" for start, stop in found), found, False, count
+    )
 
 
 def _periodic(text, span):
-    """A stated length at the end of every stated period but the first, counted from the beginning of the first IMU sample."""
+    """A stated length at the end of every stated period but the first, counted from the
+    beginning of the first IMU sample."""
     length, period = _numbers(text, text.split("/"), 2)
     _positive(text, length=length, period=period)
     if length >= period:
-        raise DataError(f"outages {text!r}: {length:g} s of every {period:g} s leave no fixes between the outages; give a shorter length")
+        raise DataError(
+            f"outages {text!r}: {length:g} s of every {period:g} s leave no fixes between the outages; give a shorter length"
+        )
     first, last = span
     if length > last - first:
         raise _too_long(length, span)
@@ -76,8 +93,10 @@ def _periodic(text, span):
         raise DataError(f"outages {text!r}: more than {MOST} windows; give a longer period")
     ends = [first + k * period for k in range(2, int((last - first + ROUNDING) / period) + 1)]
     if not ends:
-        raise DataError(f"outages {text!r}: the recording lasts {last - first:.6g} s, and the first period is left out: "
-                        f"there is no outage in less than two periods of {period:g} s; give a shorter period")
+        raise DataError(
+            f"outages {text!r}: the recording lasts {last - first:.6g} s, and the first period is left out: "
+            f"there is no outage in less than two periods of {period:g} s; give a shorter period"
+        )
     words = f"{length:g} s at the end of every {period:g} s but the first, all in one run"
     return Protocol(text, tuple((end - length, end) for end in ends), False, words)
 
@@ -94,13 +113,20 @@ def _sweep(text, span, end, settled):
     first, last = _window(within, end, text) if within.strip() else (settled(), end)
     if sum((last - first) / step for _ in lengths) > MOST:
         raise DataError(f"outages {text!r}: more than {MOST} windows; give a longer step")
-    windows = [(first + k * step, first + k * step + length) for length in lengths
-               for k in range(math.floor((last - first - length + ROUNDING) / step) + 1)]
+    windows = [
+        (first + k * step, first + k * step + length)
+        for length in lengths
+        for k in range(math.floor((last - first - length + ROUNDING) / step) + 1)
+    ]
     if not windows:
-        raise DataError(f"outages {text!r}: no window of {lengths[0]:g} s fits into {first:.10g} to {last:.10g} s; "
-                        "give a shorter length or a wider range")
-    words = (f"windows of {', '.join(f'{length:g}' for length in lengths)} s inside {first:.10g} to {last:.10g} s, one every {step:g} s, "
-             "each a run of its own with all fixes before it")
+        raise DataError(
+            f"outages {text!r}: no window of {lengths[0]:g} s fits into {first:.10g} to {last:.10g} s; "
+            "give a shorter length or a wider range"
+        )
+    words = (
+        f"windows of {', '.join(f'{length:g}' for length in lengths)} s inside {first:.10g} to {last:.10g} s, one every {step:g} s, "
+        "each a run of its own with all fixes before it"
+    )
     return Protocol(text, tuple(windows), True, words)
 
 
@@ -111,8 +137,10 @@ def _window(part, end, text):
         raise DataError(f"outages {text!r}: {part.strip()!r} is no window; {HINT}")
     first = _numbers(text, [start], 1)[0]
     if not stop.strip() and first >= end:
-        raise DataError(f"outages {text!r}: {first:.10g} s is outside the recording and its reference, which end at {end:.10g} s; "
-                        "give an earlier time")
+        raise DataError(
+            f"outages {text!r}: {first:.10g} s is outside the recording and its reference, which end at {end:.10g} s; "
+            "give an earlier time"
+        )
     return first, _numbers(text, [stop], 1)[0] if stop.strip() else end
 
 
@@ -134,7 +162,9 @@ def _numbers(text, parts, count=None):
 def _positive(text, **values):
     for name, value in values.items():
         if value <= 0:
-            raise DataError(f"outages {text!r}: the {name} is {value:g} s; it must be larger than 0")
+            raise DataError(
+                f"outages {text!r}: the {name} is {value:g} s; it must be larger than 0"
+            )
 
 
 def named(window):
@@ -143,11 +173,14 @@ def named(window):
 
 
 def _too_long(length, span):
-    return DataError(f"an outage of {length:g} s is longer than the recording, which lasts {span[1] - span[0]:.6g} s; give a shorter one")
+    return DataError(
+        f"an outage of {length:g} s is longer than the recording, which lasts {span[1] - span[0]:.6g} s; give a shorter one"
+    )
 
 
 def _check(made, span):
-    """Raise DataError for the first window that cannot be one, or that overlaps the next in a protocol of one run."""
+    """Raise DataError for the first window that cannot be one, or that overlaps the next in a
+    protocol of one run."""
     for window in made.windows:
         start, stop = window
         if not (math.isfinite(start) and math.isfinite(stop)):
@@ -155,13 +188,17 @@ def _check(made, span):
         if stop - start > span[1] - span[0] + ROUNDING:
             raise _too_long(stop - start, span)
         if start < span[0] - ROUNDING or max(start, stop) > span[1] + ROUNDING:
-            raise DataError(f"outage {named(window)} is outside the recording, which covers {span[0]:.10g} to {span[1]:.10g} s; give another window")
+            raise DataError(
+                f"outage {named(window)} is outside the recording, which covers {span[0]:.10g} to {span[1]:.10g} s; give another window"
+            )
         if stop <= start:
             raise DataError(f"outage {named(window)}: it ends before it begins; give start:stop")
     for window, after in zip(made.windows, made.windows[1:] if not made.sweep else ()):
         if after[0] < window[1] - ROUNDING:
-            raise DataError(f"outages {named(window)} and {named(after)} overlap, which in one run they must not; "
-                            "give others, or a sweep (30@240:575/5), in which each is a run of its own")
+            raise DataError(
+                f"outages {named(window)} and {named(after)} overlap, which in one run they must not; "
+                "give others, or a sweep (30@240:575/5), in which each is a run of its own"
+            )
 
 
 def before_start(made, start):
@@ -169,5 +206,7 @@ def before_start(made, start):
     first = min(window[0] for window in made.windows)
     if first <= start.t + ROUNDING:
         window = next(window for window in made.windows if window[0] == first)
-        raise DataError(f"outage {named(window)} begins before the alignment is done, at {start.t:.10g} s; "
-                        "give later outages (or, in Python, a start= before them)")
+        raise DataError(
+            f"outage {named(window)} begins before the alignment is done, at {start.t:.10g} s; "
+            "give later outages (or, in Python, a start= before them)"
+        )

@@ -1,4 +1,6 @@
-"""The result of a comparison: scores of every filter in every outage, what they say together, and the files of it."""
+"""The result of a comparison: scores of every filter in every outage, what they say together,
+and the files of it."""
+
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -13,47 +15,58 @@ TABLES = ("scores", "summary", "paired", "growth", "table")
 
 @dataclass(frozen=True)
 class Comparison:
-    """Filters on the same outages of one recording. Errors are true - estimate, against the reference in its own geodetic frame, not aligned.
+    """Filters on the same outages of one recording. Errors are true - estimate, against the
+    reference in its own geodetic frame, not aligned.
 
     What a filter did not get to is NaN, and `said` tells why.
     """
-    name: str                       # of the recording
-    protocol: str                   # as it was asked for
-    words: str                      # the same for people
-    sweep: bool                     # each outage is a run of its own, and they may overlap; else all are in one run
-    filters: tuple                  # labels, in the order they were given
-    windows: tuple                  # ((start, stop), ...) s, outages 1, 2, ...
-    kinds: tuple                    # of the fixes withheld
-    scores: object                  # pandas DataFrame, a row per filter and outage; units in the names of its columns
-    tracks: dict                    # {label: [scores.Track or None per outage]}
-    reference: Trajectory           # rows whose position is known
-    span: tuple                     # (start of the filters, end of the recording), s
-    settings: dict = field(default_factory=dict)    # imu, noise, start, kinds, withheld, kept, and per filter options, sources
+
+    name: str  # of the recording
+    protocol: str  # as it was asked for
+    words: str  # the same for people
+    sweep: bool  # each outage is a run of its own, and they may overlap; else all are in one run
+    filters: tuple  # labels, in the order they were given
+    windows: tuple  # ((start, stop), ...) s, outages 1, 2, ...
+    kinds: tuple  # of the fixes withheld
+    scores: (
+        object  # pandas DataFrame, a row per filter and outage; units in the names of its columns
+    )
+    tracks: dict  # {label: [scores.Track or None per outage]}
+    reference: Trajectory  # rows whose position is known
+    span: tuple  # (start of the filters, end of the recording), s
+    settings: dict = field(
+        default_factory=dict
+    )  # imu, noise, start, kinds, withheld, kept, and per filter options, sources
     notes: tuple = ()
 
     @cached_property
     def lengths(self):
-        """Lengths of outages that are pooled, s: those of a sweep one by one; those of one run all together, under the longest."""
+        """Lengths of outages that are pooled, s: those of a sweep one by one; those of one run
+        all together, under the longest."""
         found = sorted(set(self.scores["length_s"]))
         return tuple(found) if self.sweep else (found[-1],)
 
     @cached_property
     def summary(self):
-        """pandas DataFrame, a row per filter and length: means, medians, 90 % and largest of the scores, coverage, failures."""
+        """pandas DataFrame, a row per filter and length: means, medians, 90 % and largest of the
+        scores, coverage, failures."""
         return summaries.summary(self)
 
     @cached_property
     def paired(self):
-        """pandas DataFrame, a row per pair of filters, length and axis: ratio of their RMSE on the same outages with its 95 % interval, and wins."""
+        """pandas DataFrame, a row per pair of filters, length and axis: ratio of their RMSE on
+        the same outages with its 95 % interval, and wins."""
         return summaries.paired_differences(self)
 
     @cached_property
     def growth(self):
-        """pandas DataFrame, a row per filter, length and time since the start of the outage: median and 10-90 % of the errors over the outages."""
+        """pandas DataFrame, a row per filter, length and time since the start of the outage:
+        median and 10-90 % of the errors over the outages."""
         return summaries.growth(self)
 
     def table(self):
-        """pandas DataFrame like Table 1 of Alam et al.: RMSE (m), a row per outage, a column per axis and filter."""
+        """pandas DataFrame like Table 1 of Alam et al.: RMSE (m), a row per outage, a column per
+        axis and filter."""
         return summaries.table(self)
 
     def of_length(self, length):
@@ -61,8 +74,10 @@ class Comparison:
         return self.scores[self.scores["length_s"] == length] if self.sweep else self.scores
 
     def write(self, folder):
-        """Write scores.csv, summary.csv, paired.csv, growth.csv, table.csv and index.html, a page to read, into `folder`. Raises DataError."""
+        """Write scores.csv, summary.csv, paired.csv, growth.csv, table.csv and index.html, a
+        page to read, into `folder`. Raises DataError."""
         from .page import page
+
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         for name in TABLES:

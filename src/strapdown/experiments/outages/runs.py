@@ -1,38 +1,43 @@
 """The runs of a comparison.
 
-A protocol of one run withholds its fixes from a single run of each filter. In a sweep each window is a run of its own with all fixes before it, and
-windows overlap: the filter runs once with all fixes, its whole state is kept just before the first withheld fix of each window, and each window goes
-on from there without them. That is, bit for bit, the run of `fuse` on `recording.hidden([window], kinds)`.
+A protocol of one run withholds its fixes from a single run of each filter. In a sweep each window
+is a run of its own with all fixes before it, and windows overlap: the filter runs once with all
+fixes, its whole state is kept just before the first withheld fix of each window, and each window
+goes on from there without them. That is, bit for bit, the run of `fuse` on
+`recording.hidden([window], kinds)`.
 """
+
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from typing import NamedTuple
 
 import numpy as np
 
-from ...engine.ahrs import RATE
 from ...core import loop
 from ...core.contract import Filter, Imu, Noise, Start
 from ...data import DataError
-from ...recording import Recording
+from ...engine.ahrs import RATE
 from ...engine.batch import Run, begin, new_output, solution
+from ...recording import Recording
 from .scores import scored
 
 
 class Common(NamedTuple):
     """What all filters of a comparison have in common."""
-    recording: Recording    # with all its fixes
-    hidden: Recording       # without those of any outage
+
+    recording: Recording  # with all its fixes
+    hidden: Recording  # without those of any outage
     sweep: bool
     outages: list
     kinds: tuple
-    imu: object             # as it was given
-    noise: Noise | None     # as it was given
+    imu: object  # as it was given
+    noise: Noise | None  # as it was given
     start: Start
-    ahrs: str | None        # of filters that need an attitude
+    ahrs: str | None  # of filters that need an attitude
 
 
 class Entrant(NamedTuple):
     """One filter of a comparison."""
+
     label: str
     filter: Filter
     options: dict
@@ -40,14 +45,18 @@ class Entrant(NamedTuple):
 
 class Way(NamedTuple):
     """How one filter came to the outages."""
-    run: Run | None         # that it made; None where it cannot run at all
-    stands: dict            # {IMU row: (Belief, Cursor) before it}
-    alone: bool             # each outage needs a run of its own from the start, for what it is fed depends on what is withheld
-    said: str               # why it cannot run, or stopped
+
+    run: Run | None  # that it made; None where it cannot run at all
+    stands: dict  # {IMU row: (Belief, Cursor) before it}
+    # each outage needs a run of its own from the start, for what it is fed depends on what is
+    # withheld
+    alone: bool
+    said: str  # why it cannot run, or stopped
 
 
 def through(common, entrants, threads, say, report):
-    """([Way], per filter and outage (row, Track, events) or text): first every filter's way to the outages, then all outages of all filters."""
+    """([Way], per filter and outage (row, Track, events) or text): first every filter's way to
+    the outages, then all outages of all filters."""
     weights = [each.last - each.branch for each in common.outages]
     before = max(each.branch for each in common.outages)
     total, done = len(entrants) * (before + sum(weights)), 0
@@ -60,7 +69,10 @@ def through(common, entrants, threads, say, report):
             report(done / total)
         ways = [future.result() for future in going]
         pairs = [(i, k) for k in range(len(common.outages)) for i in range(len(entrants))]
-        going = {pool.submit(_in_outage, common, entrants[i], ways[i], common.outages[k]): (i, k) for i, k in pairs}
+        going = {
+            pool.submit(_in_outage, common, entrants[i], ways[i], common.outages[k]): (i, k)
+            for i, k in pairs
+        }
         for future in as_completed(going):
             future.result()
             done += weights[going[future][1]]
@@ -74,7 +86,19 @@ def through(common, entrants, threads, say, report):
 def _begun(common, entrant, recording, say=None):
     """The Run of a filter on `recording`, which keeps no rows on the way."""
     ahrs = common.ahrs if "attitude" in entrant.filter.needs else None
-    return begin(recording, entrant.filter, common.imu, common.start, common.noise, len(recording.imu.t), False, say, entrant.options, ahrs, RATE)
+    return begin(
+        recording,
+        entrant.filter,
+        common.imu,
+        common.start,
+        common.noise,
+        len(recording.imu.t),
+        False,
+        say,
+        entrant.options,
+        ahrs,
+        RATE,
+    )
 
 
 def _way(common, entrant, say):
@@ -90,28 +114,36 @@ def _way(common, entrant, say):
 
 
 def _fed_alike(common, entrant, fed):
-    """Whether what a filter is `fed` in a run with all fixes is the same without those of any outage."""
+    """Whether what a filter is `fed` in a run with all fixes is the same without those of any
+    outage."""
     try:
         other = _fed(_begun(common, entrant, common.hidden), common.hidden) if fed else []
     except DataError:
         return False
-    return len(fed) == len(other) and all(np.array_equal(getattr(a, part), getattr(b, part), equal_nan=True)
-                                          for a, b in zip(fed, other) for part in ("t", "y", "sd"))
+    return len(fed) == len(other) and all(
+        np.array_equal(getattr(a, part), getattr(b, part), equal_nan=True)
+        for a, b in zip(fed, other)
+        for part in ("t", "y", "sd")
+    )
 
 
 def _fed(run, recording):
-    """The sources of a Run that are none of the recording's: the attitude of an AHRS that ran first."""
+    """The sources of a Run that are none of the recording's: the attitude of an AHRS that ran
+    first."""
     return [a for a in run.recording.aidings if not any(a is own for own in recording.aidings)]
 
 
 def _stands(run, rows):
-    """{row: (Belief, Cursor)} copied before these IMU rows on the way of `run`, as far as it gets."""
+    """{row: (Belief, Cursor)} copied before these IMU rows on the way of `run`, as far as it
+    gets."""
     stands = {}
     for row in sorted(rows):
         run.advance(row)
         if run.cursor.at[loop.FAULT]:
             break
-        stands[row] = tuple(type(each)(*(part.copy() for part in each)) for each in (run.belief, run.cursor))
+        stands[row] = tuple(
+            type(each)(*(part.copy() for part in each)) for each in (run.belief, run.cursor)
+        )
     return stands
 
 
@@ -145,24 +177,46 @@ def _in_outage(common, entrant, way, outage):
 
 
 def _withheld(common, run):
-    """Numbers of the sources of `run` whose fixes are still to be withheld: the recording's own, whole, of such a kind."""
-    return [s for s, a in enumerate(run.recording.aidings) if a.kind in common.kinds and any(a is own for own in common.recording.aidings)]
+    """Numbers of the sources of `run` whose fixes are still to be withheld: the recording's own,
+    whole, of such a kind."""
+    return [
+        s
+        for s, a in enumerate(run.recording.aidings)
+        if a.kind in common.kinds and any(a is own for own in common.recording.aidings)
+    ]
 
 
 def _branched(run, stand, outage, sources):
-    """The Run of an outage to its end: from where it branches off, without its fixes; only its scored rows are kept."""
+    """The Run of an outage to its end: from where it branches off, without its fixes; only its
+    scored rows are kept."""
     belief, cursor = (type(each)(*(part.copy() for part in each)) for each in stand)
     rows, fixes = slice(outage.branch, outage.last), run.fixes
     samples = Imu(*(column[rows] for column in run.samples))
-    near = slice(int(cursor.at[loop.FIX]), int(np.searchsorted(fixes.t, samples.t[-1] + loop.SAME_TIME, side="right")))
+    near = slice(
+        int(cursor.at[loop.FIX]),
+        int(np.searchsorted(fixes.t, samples.t[-1] + loop.SAME_TIME, side="right")),
+    )
     t, source = fixes.t[near], fixes.source[near]
     keep = ~((t >= outage.start) & (t < outage.stop) & np.isin(source, sources))
-    fixes = fixes._replace(t=t[keep], source=source[keep], y=fixes.y[near][keep], sd=fixes.sd[near][keep])
+    fixes = fixes._replace(
+        t=t[keep], source=source[keep], y=fixes.y[near][keep], sd=fixes.sd[near][keep]
+    )
     at = cursor.at
-    at[loop.ROW], at[loop.FIX], at[loop.FIXES], at[loop.OUT], at[loop.EVERY], at[loop.PHASE] = 0, 0, keep.sum(), 0, 1, -1
-    out = new_output(run.filter, belief, len(samples.t) - (outage.first - outage.branch), False, len(fixes.t))
+    at[loop.ROW], at[loop.FIX], at[loop.FIXES], at[loop.OUT], at[loop.EVERY], at[loop.PHASE] = (
+        0,
+        0,
+        keep.sum(),
+        0,
+        1,
+        -1,
+    )
+    out = new_output(
+        run.filter, belief, len(samples.t) - (outage.first - outage.branch), False, len(fixes.t)
+    )
     start = run.start._replace(t=float(cursor.now[0]))
-    branched = run._replace(samples=samples, start=start, belief=belief, fixes=fixes, cursor=cursor, out=out, first=0)
+    branched = run._replace(
+        samples=samples, start=start, belief=belief, fixes=fixes, cursor=cursor, out=out, first=0
+    )
     branched.advance(outage.first - outage.branch)
     if not at[loop.FAULT]:
         at[loop.PHASE] = 0

@@ -1,17 +1,20 @@
-"""What is scored of an outage, which is the same for every filter, and the scores of one filter in it.
+"""What is scored of an outage, which is the same for every filter, and the scores of one filter in
+it.
 
-Errors are true - estimate at the solution's own rows against the reference in its own geodetic frame, without any alignment of the two. An outage is
-scored from its first row to the last one before a fix of the withheld kinds is used again.
+Errors are true - estimate at the solution's own rows against the reference in its own geodetic
+frame, without any alignment of the two. An outage is scored from its first row to the last one
+before a fix of the withheld kinds is used again.
 """
+
 from typing import NamedTuple
 
 import numpy as np
 
-from ...evaluation.consistency import coverage
 from ...core.loop import SAME_TIME
 from ...data import DataError, Trajectory
-from ...geodesy import displacement, wrap
+from ...evaluation.consistency import coverage
 from ...evaluation.metrics import interpolated
+from ...geodesy import displacement, wrap
 from .protocols import named
 
 AXES = ("north", "east", "down")
@@ -20,7 +23,8 @@ HARDLY = 10.0
 MOSTLY = 0.95
 """Share of the rows of an outage at which the reference is known that goes without saying."""
 NEAR_END = 0.02
-"""Of the length of an outage: so far before its end, or one IMU sample, the reference must be known for errors at the end."""
+"""Of the length of an outage: so far before its end, or one IMU sample, the reference must be
+known for errors at the end."""
 COARSE = 5, 1.0
 """A reference of fewer rows in an outage, or of longer steps (s), is noted."""
 NAMED = 10
@@ -30,17 +34,19 @@ DRAWN = 301
 
 
 class Outage(NamedTuple):
-    """A window, the IMU rows that are scored in it and where a run of it branches off, and what the reference says of it."""
+    """A window, the IMU rows that are scored in it and where a run of it branches off, and what
+    the reference says of it."""
+
     start: float
     stop: float
-    branch: int             # IMU row before which no withheld fix of the window was used yet
-    first: int              # scored IMU rows
-    last: int               # and the one after them
-    truth: Trajectory       # the reference at its scored rows, NaN where it is not known
-    distance: float         # m, horizontal way of the reference in it
-    known: float            # share of its rows at which the reference is known
-    reaches_end: bool       # whether the reference is known to its end
-    coarse: bool            # whether the reference has few rows in it
+    branch: int  # IMU row before which no withheld fix of the window was used yet
+    first: int  # scored IMU rows
+    last: int  # and the one after them
+    truth: Trajectory  # the reference at its scored rows, NaN where it is not known
+    distance: float  # m, horizontal way of the reference in it
+    known: float  # share of its rows at which the reference is known
+    reaches_end: bool  # whether the reference is known to its end
+    coarse: bool  # whether the reference has few rows in it
 
     @property
     def length(self):
@@ -50,43 +56,57 @@ class Outage(NamedTuple):
 
 class Track(NamedTuple):
     """Errors of one filter in one outage, thinned for drawing."""
-    since: np.ndarray           # (k,) s since its start
-    error: np.ndarray           # (k, 3) true - estimate, m NED
-    sd: np.ndarray | None       # (k, 3) claimed standard deviations, m; None where the filter claims none
+
+    since: np.ndarray  # (k,) s since its start
+    error: np.ndarray  # (k, 3) true - estimate, m NED
+    sd: (
+        np.ndarray | None
+    )  # (k, 3) claimed standard deviations, m; None where the filter claims none
 
 
 def known_reference(recording):
-    """The rows of the recording's reference whose position is known. Raises DataError where there are none."""
+    """The rows of the recording's reference whose position is known. Raises DataError where
+    there are none."""
     reference = recording.reference
     if reference is None:
-        raise DataError("the recording has no reference to score against: add one to it (section [reference] of its description)")
+        raise DataError(
+            "the recording has no reference to score against: add one to it (section [reference] of its description)"
+        )
     known = np.isfinite(reference.lla).all(axis=1)
     if known.sum() < 2:
-        raise DataError("the reference has no position, and outages are scored by position: add one to it")
+        raise DataError(
+            "the reference has no position, and outages are scored by position: add one to it"
+        )
     (first, last), (begin, end) = reference.t[known][[0, -1]], recording.span
     if last < begin or first > end:
-        raise DataError(f"the reference covers {first:.10g} to {last:.10g} s, the recording {begin:.10g} to {end:.10g} s; check its clock")
+        raise DataError(
+            f"the reference covers {first:.10g} to {last:.10g} s, the recording {begin:.10g} to {end:.10g} s; check its clock"
+        )
     part = lambda values: None if values is None else values[known]
-    return Trajectory(reference.t[known], reference.lla[known], part(reference.v_n), part(reference.q_nb))
+    return Trajectory(
+        reference.t[known], reference.lla[known], part(reference.v_n), part(reference.q_nb)
+    )
 
 
 class _Scene(NamedTuple):
     """What outages are found from."""
-    t: np.ndarray           # s of the IMU rows
-    used: np.ndarray        # s up to which each row uses fixes
-    least: int              # first row after the start
-    truth: Trajectory       # the reference at all rows in any window
-    times: np.ndarray       # s of the fixes of the kinds withheld, in order
-    kinds: str              # named
-    sample: float           # s, the usual step of the IMU
-    step: float             # s, of the reference
+
+    t: np.ndarray  # s of the IMU rows
+    used: np.ndarray  # s up to which each row uses fixes
+    least: int  # first row after the start
+    truth: Trajectory  # the reference at all rows in any window
+    times: np.ndarray  # s of the fixes of the kinds withheld, in order
+    kinds: str  # named
+    sample: float  # s, the usual step of the IMU
+    step: float  # s, of the reference
 
 
 def outages_of(made, recording, reference, kinds, start):
     """([Outage] of a Protocol, notes). `kinds` are withheld, `start` is the Start of the filters.
 
-    A window of a sweep in which nothing is withheld or nothing known of the reference is left out and noted. Raises DataError where all are, or
-    in another protocol one is; and where two outages of one run have no withheld fix between them.
+    A window of a sweep in which nothing is withheld or nothing known of the reference is left out
+    and noted. Raises DataError where all are, or in another protocol one is; and where two outages
+    of one run have no withheld fix between them.
     """
     scene, found, left_out = _scene(made, recording, reference, kinds, start), [], {}
     for window in made.windows:
@@ -101,72 +121,151 @@ def outages_of(made, recording, reference, kinds, start):
         raise refused
     for one, other in zip(found, found[1:] if not made.sweep else ()):
         if not ((scene.times >= one.stop) & (scene.times < other.start)).any():
-            raise DataError(f"outages {named(one[:2])} and {named(other[:2])} have no fix of {scene.kinds} between them: give one window")
-    notes = [f"{len(windows)} of {len(made.windows)} windows left out, such as {named(windows[0])}: {why}" for why, windows in left_out.items()]
+            raise DataError(
+                f"outages {named(one[:2])} and {named(other[:2])} have no fix of {scene.kinds} between them: give one window"
+            )
+    notes = [
+        f"{len(windows)} of {len(made.windows)} windows left out, such as {named(windows[0])}: {why}"
+        for why, windows in left_out.items()
+    ]
     return found, notes + _poor_references(found, scene.step)
 
 
 def _scene(made, recording, reference, kinds, start):
     t, inside = recording.imu.t, np.zeros(len(recording.imu.t), bool)
     for begin, stop in made.windows:
-        inside[np.searchsorted(t, begin - SAME_TIME):np.searchsorted(t, stop + SAME_TIME, side="right")] = True
-    times = np.sort(np.concatenate([a.t for a in recording.aidings if a.kind in kinds] or [np.empty(0)]))
+        inside[
+            np.searchsorted(t, begin - SAME_TIME) : np.searchsorted(
+                t, stop + SAME_TIME, side="right"
+            )
+        ] = True
+    times = np.sort(
+        np.concatenate([a.t for a in recording.aidings if a.kind in kinds] or [np.empty(0)])
+    )
     least = int(np.searchsorted(t, start.t + SAME_TIME, side="right"))
     steps = float(np.median(recording.imu.dt)), float(np.median(np.diff(reference.t)))
-    return _Scene(t, t + SAME_TIME, least, interpolated(reference, t[inside]), times, " or ".join(kinds), *steps)
+    return _Scene(
+        t,
+        t + SAME_TIME,
+        least,
+        interpolated(reference, t[inside]),
+        times,
+        " or ".join(kinds),
+        *steps,
+    )
 
 
 def _outage(window, scene):
     begin, stop = window
-    missing, again = (int(np.searchsorted(scene.times, edge)) for edge in window)       # the first fix that is, and the first that is not any more
+    missing, again = (
+        int(np.searchsorted(scene.times, edge)) for edge in window
+    )  # the first fix that is, and the first that is not any more
     if missing >= again:
-        raise DataError(f"outage {named(window)}: there is no fix of {scene.kinds} in it to withhold; give another window or other kinds")
+        raise DataError(
+            f"outage {named(window)}: there is no fix of {scene.kinds} in it to withhold; give another window or other kinds"
+        )
     if stop - begin < 2 * scene.sample - SAME_TIME:
-        raise DataError(f"outage {named(window)}: it is shorter than two IMU samples of {scene.sample:.3g} s; give a longer window")
-    first, last = np.searchsorted(scene.t, begin - SAME_TIME), np.searchsorted(scene.t, stop + SAME_TIME, side="right")
+        raise DataError(
+            f"outage {named(window)}: it is shorter than two IMU samples of {scene.sample:.3g} s; give a longer window"
+        )
+    first, last = (
+        np.searchsorted(scene.t, begin - SAME_TIME),
+        np.searchsorted(scene.t, stop + SAME_TIME, side="right"),
+    )
     branch = min(first, np.searchsorted(scene.used, scene.times[missing]))
     if again < len(scene.times):
         last = min(last, np.searchsorted(scene.used, scene.times[again]))
     branch, first, last = (int(max(row, scene.least)) for row in (branch, first, last))
     if last - first < 2:
-        raise DataError(f"outage {named(window)}: there are fewer than two IMU samples in it; give another window")
+        raise DataError(
+            f"outage {named(window)}: there are fewer than two IMU samples in it; give another window"
+        )
     at = int(np.searchsorted(scene.truth.t, scene.t[first]))
-    truth = Trajectory(*(None if part is None else part[at:at + last - first]
-                         for part in (scene.truth.t, scene.truth.lla, scene.truth.v_n, scene.truth.q_nb)))
+    truth = Trajectory(
+        *(
+            None if part is None else part[at : at + last - first]
+            for part in (scene.truth.t, scene.truth.lla, scene.truth.v_n, scene.truth.q_nb)
+        )
+    )
     known = np.isfinite(truth.lla).all(axis=1)
     if not known.any():
-        raise DataError(f"outage {named(window)}: the reference covers no time of it; give another window")
+        raise DataError(
+            f"outage {named(window)}: the reference covers no time of it; give another window"
+        )
     path = truth.lla[known]
     way = float(np.hypot(*displacement(path[1:], path[:-1])[:, :2].T).sum())
-    reaches_end = bool(stop - truth.t[known][-1] <= max(NEAR_END * (stop - begin), scene.sample) + SAME_TIME)
+    reaches_end = bool(
+        stop - truth.t[known][-1] <= max(NEAR_END * (stop - begin), scene.sample) + SAME_TIME
+    )
     coarse = scene.step > COARSE[1] or COARSE[0] * scene.step > stop - begin + SAME_TIME
-    return Outage(float(begin), float(stop), branch, first, last, truth, way, float(known.mean()), reaches_end, coarse)
+    return Outage(
+        float(begin),
+        float(stop),
+        branch,
+        first,
+        last,
+        truth,
+        way,
+        float(known.mean()),
+        reaches_end,
+        coarse,
+    )
 
 
 def _poor_references(found, step):
-    """Notes on the outages that the reference covers in part, not to the end, or at few rows, `step` s apart."""
-    part, short, coarse = ([i for i, each in enumerate(found, 1) if poor(each)]
-                           for poor in (lambda o: o.known < MOSTLY, lambda o: not o.reaches_end, lambda o: o.coarse))
-    notes = [f"the reference is known at less than {100 * MOSTLY:g} % of the rows of {_outages(part)}, which are scored where it is"] if part else []
-    notes += [f"the reference is not known to the end of {_outages(short)}: no errors at the end"] if short else []
-    return notes + ([f"the reference has a row every {step:.3g} s, which is coarse for {_outages(coarse)}: "
-                     "what it does not show between its rows counts as error"] if coarse else [])
+    """Notes on the outages that the reference covers in part, not to the end, or at few rows,
+    `step` s apart."""
+    part, short, coarse = (
+        [i for i, each in enumerate(found, 1) if poor(each)]
+        for poor in (lambda o: o.known < MOSTLY, lambda o: not o.reaches_end, lambda o: o.coarse)
+    )
+    notes = (
+        [
+            f"the reference is known at less than {100 * MOSTLY:g} % of the rows of {_outages(part)}, which are scored where it is"
+        ]
+        if part
+        else []
+    )
+    notes += (
+        [f"the reference is not known to the end of {_outages(short)}: no errors at the end"]
+        if short
+        else []
+    )
+    return notes + (
+        [
+            f"the reference has a row every {step:.3g} s, which is coarse for {_outages(coarse)}: "
+            "what it does not show between its rows counts as error"
+        ]
+        if coarse
+        else []
+    )
 
 
 def _outages(numbers):
-    text = ", ".join(map(str, numbers[:NAMED])) + (f" and {len(numbers) - NAMED} more" if len(numbers) > NAMED else "")
+    text = ", ".join(map(str, numbers[:NAMED])) + (
+        f" and {len(numbers) - NAMED} more" if len(numbers) > NAMED else ""
+    )
     return f"outage{'s' * (len(numbers) > 1)} {text}"
 
 
 def scored(solution, outage):
-    """({column: value}, Track) of a Solution of the rows of an Outage. Raises DataError where its position is no number."""
+    """({column: value}, Track) of a Solution of the rows of an Outage. Raises DataError where
+    its position is no number."""
     estimate, truth = solution.trajectory, outage.truth
     if not np.isfinite(estimate.lla).all():
         raise DataError("diverged: its position is no number")
     known = np.isfinite(truth.lla).all(axis=1)
     p = displacement(truth.lla[known], estimate.lla[known])
-    sd = None if estimate.sd is None or not np.isfinite(estimate.sd[:, :3]).any() else estimate.sd[known, :3]
-    row = _position_scores(p, outage) | _velocity_scores(estimate, outage) | _attitude_scores(estimate, truth)
+    sd = (
+        None
+        if estimate.sd is None or not np.isfinite(estimate.sd[:, :3]).any()
+        else estimate.sd[known, :3]
+    )
+    row = (
+        _position_scores(p, outage)
+        | _velocity_scores(estimate, outage)
+        | _attitude_scores(estimate, truth)
+    )
     row |= _coverage(p, np.full_like(p, np.nan) if sd is None else sd)
     at = np.unique(np.linspace(0, len(p) - 1, min(len(p), DRAWN)).round().astype(int))
     return row, Track(truth.t[known][at] - outage.start, p[at], None if sd is None else sd[at])
@@ -178,27 +277,53 @@ def _rms(values):
 
 
 def _position_scores(p, outage):
-    horizontal, end = np.hypot(p[:, 0], p[:, 1]), p[-1] if outage.reaches_end else np.full(3, np.nan)
+    horizontal, end = (
+        np.hypot(p[:, 0], p[:, 1]),
+        p[-1] if outage.reaches_end else np.full(3, np.nan),
+    )
     far = float(np.hypot(end[0], end[1]))
-    row = {f"{axis}_rmse_m": _rms(p[:, i]) for i, axis in enumerate(AXES)} | {f"{axis}_end_m": float(end[i]) for i, axis in enumerate(AXES)}
-    return row | {"horizontal_rmse_m": _rms(horizontal), "horizontal_max_m": float(horizontal.max()), "horizontal_end_m": far,
-                  "drift_percent": 100 * far / outage.distance if outage.distance >= HARDLY else np.nan}
+    row = {f"{axis}_rmse_m": _rms(p[:, i]) for i, axis in enumerate(AXES)} | {
+        f"{axis}_end_m": float(end[i]) for i, axis in enumerate(AXES)
+    }
+    return row | {
+        "horizontal_rmse_m": _rms(horizontal),
+        "horizontal_max_m": float(horizontal.max()),
+        "horizontal_end_m": far,
+        "drift_percent": 100 * far / outage.distance if outage.distance >= HARDLY else np.nan,
+    }
 
 
 def _velocity_scores(estimate, outage):
-    v = np.full((1, 3), np.nan) if outage.truth.v_n is None or estimate.v_n is None else outage.truth.v_n - estimate.v_n
+    v = (
+        np.full((1, 3), np.nan)
+        if outage.truth.v_n is None or estimate.v_n is None
+        else outage.truth.v_n - estimate.v_n
+    )
     size = np.linalg.norm(v, axis=1)
     known = np.flatnonzero(np.isfinite(size))
     end = float(size[known[-1]]) if len(known) and outage.reaches_end else np.nan
-    return {f"velocity_{axis}_rmse_m_s": _rms(v[:, i]) for i, axis in enumerate(AXES)} | {"velocity_rmse_m_s": _rms(size), "velocity_end_m_s": end}
+    return {f"velocity_{axis}_rmse_m_s": _rms(v[:, i]) for i, axis in enumerate(AXES)} | {
+        "velocity_rmse_m_s": _rms(size),
+        "velocity_end_m_s": end,
+    }
 
 
 def _attitude_scores(estimate, truth):
-    rph = np.full((1, 3), np.nan) if truth.q_nb is None or estimate.q_nb is None else wrap(truth.rph - estimate.rph)
-    return {f"{name}_rmse_deg": float(np.degrees(_rms(rph[:, i]))) for i, name in enumerate(("roll", "pitch", "heading"))}
+    rph = (
+        np.full((1, 3), np.nan)
+        if truth.q_nb is None or estimate.q_nb is None
+        else wrap(truth.rph - estimate.rph)
+    )
+    return {
+        f"{name}_rmse_deg": float(np.degrees(_rms(rph[:, i])))
+        for i, name in enumerate(("roll", "pitch", "heading"))
+    }
 
 
 def _coverage(p, sd):
-    """Share of the errors within 1, 2 and 3 claimed standard deviations: north and east together, and down."""
+    """Share of the errors within 1, 2 and 3 claimed standard deviations: north and east
+    together, and down."""
     share = coverage(p, sd)
-    return {f"coverage_{k}": float(share[k - 1, :2].mean()) for k in (1, 2, 3)} | {f"down_coverage_{k}": float(share[k - 1, 2]) for k in (1, 2, 3)}
+    return {f"coverage_{k}": float(share[k - 1, :2].mean()) for k in (1, 2, 3)} | {
+        f"down_coverage_{k}": float(share[k - 1, 2]) for k in (1, 2, 3)
+    }

@@ -1,4 +1,6 @@
-"""What the scores of a comparison say together: summaries, paired differences with intervals, growth of the error, the table of the paper."""
+"""What the scores of a comparison say together: summaries, paired differences with intervals,
+growth of the error, the table of the paper."""
+
 from itertools import combinations
 
 import numpy as np
@@ -10,14 +12,19 @@ from .scores import AXES
 GRID = 61
 """Points of a growth curve."""
 GAP = 2.5
-"""Usual steps of a Track, thinned to every row or every other one: it is not known over more, nor over so many beyond its ends."""
+"""Usual steps of a Track, thinned to every row or every other one: it is not known over more,
+nor over so many beyond its ends."""
 MEANS = tuple(f"coverage_{k}" for k in (1, 2, 3)) + tuple(f"down_coverage_{k}" for k in (1, 2, 3))
-MEDIANS = tuple(f"{part}_rmse_deg" for part in ("roll", "pitch", "heading")) + ("velocity_rmse_m_s", "velocity_end_m_s")
+MEDIANS = tuple(f"{part}_rmse_deg" for part in ("roll", "pitch", "heading")) + (
+    "velocity_rmse_m_s",
+    "velocity_end_m_s",
+)
 
 
 def summary(comparison):
     """A row per filter and length; see `Comparison.summary`."""
     import pandas as pd
+
     rows = []
     for name in comparison.filters:
         for length in comparison.lengths:
@@ -31,11 +38,27 @@ def _summary_row(own):
     got = own[np.isfinite(own["horizontal_rmse_m"])]
     row = {"n": len(got), "failures": len(own) - len(got)}
     for part in (*AXES, "horizontal"):
-        row |= {f"{part}_rmse_mean_m": got[f"{part}_rmse_m"].mean(), f"{part}_rmse_median_m": got[f"{part}_rmse_m"].median()}
-    for part, values in (("horizontal", got["horizontal_end_m"]), ("down", got["down_end_m"].abs())):
-        row |= {f"{part}_end_median_m": values.median(), f"{part}_end_p90_m": values.quantile(0.9), f"{part}_end_max_m": values.max()}
-    row |= {"horizontal_max_m": got["horizontal_max_m"].max(), "drift_median_percent": got["drift_percent"].median()}
-    row |= {name.replace("_rmse_", "_rmse_median_").replace("_end_", "_end_median_"): got[name].median() for name in MEDIANS}
+        row |= {
+            f"{part}_rmse_mean_m": got[f"{part}_rmse_m"].mean(),
+            f"{part}_rmse_median_m": got[f"{part}_rmse_m"].median(),
+        }
+    for part, values in (
+        ("horizontal", got["horizontal_end_m"]),
+        ("down", got["down_end_m"].abs()),
+    ):
+        row |= {
+            f"{part}_end_median_m": values.median(),
+            f"{part}_end_p90_m": values.quantile(0.9),
+            f"{part}_end_max_m": values.max(),
+        }
+    row |= {
+        "horizontal_max_m": got["horizontal_max_m"].max(),
+        "drift_median_percent": got["drift_percent"].median(),
+    }
+    row |= {
+        name.replace("_rmse_", "_rmse_median_").replace("_end_", "_end_median_"): got[name].median()
+        for name in MEDIANS
+    }
     row |= {name: got[name].mean() for name in MEANS}
     return row | {"said": "; ".join(dict.fromkeys(text for text in own["said"] if text))}
 
@@ -43,6 +66,7 @@ def _summary_row(own):
 def paired_differences(comparison):
     """A row per pair of filters, length and axis; see `Comparison.paired`."""
     import pandas as pd
+
     rows = []
     for length in comparison.lengths:
         own = comparison.of_length(length)
@@ -51,12 +75,36 @@ def paired_differences(comparison):
         for axis in ("horizontal", *AXES):
             by = own.pivot(index="outage", columns="filter", values=f"{axis}_rmse_m")
             for a, b in combinations(comparison.filters, 2):
-                rows.append({"a": a, "b": b, "length_s": length, "axis": axis, **ratio(by[a].to_numpy(), by[b].to_numpy(), starts, each)})
-    return pd.DataFrame(rows, columns=["a", "b", "length_s", "axis", "ratio", "low", "high", "wins_a", "wins_b", "n", "blocks"])
+                rows.append(
+                    {
+                        "a": a,
+                        "b": b,
+                        "length_s": length,
+                        "axis": axis,
+                        **ratio(by[a].to_numpy(), by[b].to_numpy(), starts, each),
+                    }
+                )
+    return pd.DataFrame(
+        rows,
+        columns=[
+            "a",
+            "b",
+            "length_s",
+            "axis",
+            "ratio",
+            "low",
+            "high",
+            "wins_a",
+            "wins_b",
+            "n",
+            "blocks",
+        ],
+    )
 
 
 def blocks(starts, lengths):
-    """(n,) number of the block of each window, in order of start: those that begin before the first one of the block stops are in it."""
+    """(n,) number of the block of each window, in order of start: those that begin before the
+    first one of the block stops are in it."""
     found, number, until = [], -1, -np.inf
     for start, length in zip(starts, lengths):
         if start >= until - ROUNDING:
@@ -66,44 +114,62 @@ def blocks(starts, lengths):
 
 
 def ratio(a, b, starts, lengths):
-    """Geometric mean of a / b with its 95 % interval, and how often each is the smaller, over windows where both are known and larger than 0.
+    """Geometric mean of a / b with its 95 % interval, and how often each is the smaller, over
+    windows where both are known and larger than 0.
 
-    starts, lengths: of the windows, s, in order. Log-ratios are averaged within each block, for windows that overlap are not independent; the mean is
-    that of the blocks, Student's t is over them, widened for what neighbours share; with fewer than two blocks the interval is NaN.
+    starts, lengths: of the windows, s, in order. Log-ratios are averaged within each block, for
+    windows that overlap are not independent; the mean is that of the blocks, Student's t is over
+    them, widened for what neighbours share; with fewer than two blocks the interval is NaN.
     """
     known = np.isfinite(a) & np.isfinite(b) & (np.nan_to_num(a) > 0) & (np.nan_to_num(b) > 0)
     a, b, starts, lengths = a[known], b[known], starts[known], lengths[known]
     block = blocks(starts, lengths)
     found = over_blocks(np.log(a / b), block, widening(starts, lengths, block))
-    return {"ratio": float(np.exp(found.difference)), "low": float(np.exp(found.low)), "high": float(np.exp(found.high)),
-            "wins_a": int((a < b).sum()), "wins_b": int((b < a).sum()), "n": len(a), "blocks": found.count}
+    return {
+        "ratio": float(np.exp(found.difference)),
+        "low": float(np.exp(found.low)),
+        "high": float(np.exp(found.high)),
+        "wins_a": int((a < b).sum()),
+        "wins_b": int((b < a).sum()),
+        "n": len(a),
+        "blocks": found.count,
+    }
 
 
 def over_blocks(values, block, wider=1.0, probability=0.95):
-    """Paired of the mean of `values` (n,), averaged within each `block` (n,) first: Student's t over the blocks, its half width times `wider`."""
+    """Paired of the mean of `values` (n,), averaged within each `block` (n,) first: Student's t
+    over the blocks, its half width times `wider`."""
     means = np.array([values[block == number].mean() for number in np.unique(block)])
     found = paired(means, np.zeros(len(means)), probability)
-    low, high = (found.difference + wider * (end - found.difference) for end in (found.low, found.high))
+    low, high = (
+        found.difference + wider * (end - found.difference) for end in (found.low, found.high)
+    )
     return found._replace(low=float(low), high=float(high))
 
 
 def widening(starts, lengths, block):
-    """Factor by which the interval of Student's t over blocks is too narrow, because windows of one block overlap some of the next; 1 where none do.
+    """Factor by which the interval of Student's t over blocks is too narrow, because windows of one
+    block overlap some of the next; 1 where none do.
 
-    As for windows that average one white noise: with C the covariance of the means of the blocks, which is tridiagonal, their mean has the variance
-    1'C1 / n^2 and their sample variance expects (tr C - 1'C1 / n) / (n - 1).
+    As for windows that average one white noise: with C the covariance of the means of the blocks,
+    which is tridiagonal, their mean has the variance 1'C1 / n^2 and their sample variance expects
+    (tr C - 1'C1 / n) / (n - 1).
     """
     parts = [(starts[block == number], lengths[block == number]) for number in np.unique(block)]
     n = len(parts)
     if n < 2:
         return 1.0
-    own, shared = sum(_covariance(part, part) for part in parts), sum(_covariance(*pair) for pair in zip(parts, parts[1:]))
+    own, shared = (
+        sum(_covariance(part, part) for part in parts),
+        sum(_covariance(*pair) for pair in zip(parts, parts[1:])),
+    )
     total = own + 2 * shared
     return float(np.sqrt(total / n / ((own - total / n) / (n - 1))))
 
 
 def _covariance(one, other):
-    """Of the means over two blocks (starts, lengths) of window averages of white noise of density 1."""
+    """Of the means over two blocks (starts, lengths) of window averages of white noise of
+    density 1."""
     (a, la), (b, lb) = one, other
     overlap = np.minimum.outer(a + la, b + lb) - np.maximum.outer(a, b)
     return float((np.clip(overlap, 0.0, None) / np.multiply.outer(la, lb)).mean())
@@ -112,21 +178,32 @@ def _covariance(one, other):
 def growth(comparison):
     """A row per filter, length and time since the start of the outage; see `Comparison.growth`."""
     import pandas as pd
+
     parts = []
     lengths = np.array([round(stop - start, 6) for start, stop in comparison.windows])
     for name in comparison.filters:
         for length in comparison.lengths:
             grid = np.linspace(0.0, length, GRID)
-            own = [(track, each) for track, each in zip(comparison.tracks[name], lengths)
-                   if track is not None and (each == length or not comparison.sweep)]
-            curves = {"horizontal": [_on(grid, t, np.hypot(*t.error[:, :2].T), each) for t, each in own],
-                      "vertical": [_on(grid, t, np.abs(t.error[:, 2]), each) for t, each in own]}
-            parts.append(pd.DataFrame({"filter": name, "length_s": length, "since_s": grid, **_quantiles(curves)}))
+            own = [
+                (track, each)
+                for track, each in zip(comparison.tracks[name], lengths)
+                if track is not None and (each == length or not comparison.sweep)
+            ]
+            curves = {
+                "horizontal": [_on(grid, t, np.hypot(*t.error[:, :2].T), each) for t, each in own],
+                "vertical": [_on(grid, t, np.abs(t.error[:, 2]), each) for t, each in own],
+            }
+            parts.append(
+                pd.DataFrame(
+                    {"filter": name, "length_s": length, "since_s": grid, **_quantiles(curves)}
+                )
+            )
     return pd.concat(parts, ignore_index=True)
 
 
 def _on(grid, track, values, length):
-    """Values of a Track at the times `grid` since the start of its outage of this length; NaN where it has no rows: before, behind and in gaps."""
+    """Values of a Track at the times `grid` since the start of its outage of this length; NaN
+    where it has no rows: before, behind and in gaps."""
     since, steps = track.since, np.diff(track.since)
     wide = GAP * float(np.median(steps)) if len(steps) else ROUNDING
     known = (grid >= since[0] - wide) & (grid <= min(since[-1] + wide, length + ROUNDING))
@@ -141,7 +218,9 @@ def _quantiles(curves):
         values = np.array(values).reshape(-1, GRID)
         count = np.isfinite(values).sum(axis=0)
         for name, share in (("median", 0.5), ("p10", 0.1), ("p90", 0.9)):
-            found[f"{part}_{name}_m"] = [np.nanquantile(column, share) if n else np.nan for column, n in zip(values.T, count)]
+            found[f"{part}_{name}_m"] = [
+                np.nanquantile(column, share) if n else np.nan for column, n in zip(values.T, count)
+            ]
         found["n"] = count
     return found
 
@@ -149,7 +228,12 @@ def _quantiles(curves):
 def table(comparison):
     """RMSE (m) by outage, columns by axis and filter; see `Comparison.table`."""
     import pandas as pd
-    by = comparison.scores.set_index(["outage", "filter"])[[f"{axis}_rmse_m" for axis in AXES]].unstack("filter")
+
+    by = comparison.scores.set_index(["outage", "filter"])[
+        [f"{axis}_rmse_m" for axis in AXES]
+    ].unstack("filter")
     by = by[[(f"{axis}_rmse_m", name) for axis in AXES for name in comparison.filters]]
-    by.columns = pd.MultiIndex.from_product([[axis.capitalize() for axis in AXES], comparison.filters], names=["axis", "filter"])
+    by.columns = pd.MultiIndex.from_product(
+        [[axis.capitalize() for axis in AXES], comparison.filters], names=["axis", "filter"]
+    )
     return by

@@ -1,50 +1,81 @@
-"""The tables of the page of a comparison, as HTML: the summary, the RMSE of every outage, all pairs, how it was done."""
+"""The tables of the page of a comparison, as HTML: the summary, the RMSE of every outage, all
+pairs, how it was done."""
+
 import re
 from html import escape
 
 import numpy as np
 
-from .words import ranked, unlike
 from ...reports.drawing import AXES
 from ...reports.summary import number, table
+from .words import ranked, unlike
 
-SUMMARY = (("RMSE north, mean [m]", "north_rmse_mean_m"), ("RMSE east, mean [m]", "east_rmse_mean_m"), ("RMSE down, mean [m]", "down_rmse_mean_m"),
-           ("RMSE horizontal, median [m]", "horizontal_rmse_median_m"), ("horizontal at the end, median [m]", "horizontal_end_median_m"),
-           ("at the end, 90 % [m]", "horizontal_end_p90_m"), ("horizontal, largest [m]", "horizontal_max_m"),
-           ("at the end, median [% of the way]", "drift_median_percent"), ("RMSE velocity, median [m/s]", "velocity_rmse_median_m_s"),
-           ("RMSE heading, median [deg]", "heading_rmse_median_deg"))
+SUMMARY = (
+    ("RMSE north, mean [m]", "north_rmse_mean_m"),
+    ("RMSE east, mean [m]", "east_rmse_mean_m"),
+    ("RMSE down, mean [m]", "down_rmse_mean_m"),
+    ("RMSE horizontal, median [m]", "horizontal_rmse_median_m"),
+    ("horizontal at the end, median [m]", "horizontal_end_median_m"),
+    ("at the end, 90 % [m]", "horizontal_end_p90_m"),
+    ("horizontal, largest [m]", "horizontal_max_m"),
+    ("at the end, median [% of the way]", "drift_median_percent"),
+    ("RMSE velocity, median [m/s]", "velocity_rmse_median_m_s"),
+    ("RMSE heading, median [deg]", "heading_rmse_median_deg"),
+)
 """Headings and columns of the summary; a column that is nowhere known is left out."""
-NOISE = (("gyro", "deg/sqrt(h)", np.degrees(60)), ("accel", "m/s/sqrt(h)", 60.0), ("gyro_bias", "deg/h/sqrt(h)", np.degrees(3600) * 60),
-         ("accel_bias", "mg/sqrt(h)", 60 / 9.80665e-3), ("gyro_decay", "1/h", 3600.0), ("accel_decay", "1/h", 3600.0))
+NOISE = (
+    ("gyro", "deg/sqrt(h)", np.degrees(60)),
+    ("accel", "m/s/sqrt(h)", 60.0),
+    ("gyro_bias", "deg/h/sqrt(h)", np.degrees(3600) * 60),
+    ("accel_bias", "mg/sqrt(h)", 60 / 9.80665e-3),
+    ("gyro_decay", "1/h", 3600.0),
+    ("accel_decay", "1/h", 3600.0),
+)
 """Terms of a Noise, the units for people, and from SI to them."""
 
 
 def in_order(comparison):
-    """The summary, one length after the other, in each the filters as they are ranked and then those that are not."""
-    order = {length: [*ranked(comparison, length), *comparison.filters] for length in comparison.lengths}
-    place = [(length, order[length].index(name)) for length, name in zip(comparison.summary["length_s"], comparison.summary["filter"])]
+    """The summary, one length after the other, in each the filters as they are ranked and then
+    those that are not."""
+    order = {
+        length: [*ranked(comparison, length), *comparison.filters] for length in comparison.lengths
+    }
+    place = [
+        (length, order[length].index(name))
+        for length, name in zip(comparison.summary["length_s"], comparison.summary["filter"])
+    ]
     return comparison.summary.iloc[sorted(range(len(place)), key=place.__getitem__)]
 
 
 def summary(comparison):
-    """The summary; of each column and length the smallest value is marked, among the filters that were scored in most outages."""
+    """The summary; of each column and length the smallest value is marked, among the filters
+    that were scored in most outages."""
     found, several = in_order(comparison), len(comparison.lengths) > 1
     shown = [(head, name) for head, name in SUMMARY if np.isfinite(found[name]).any()]
     head = ["filter", *(["length [s]"] if several else []), "scored", *(text for text, _ in shown)]
     body = ""
     for _, own in found.groupby("length_s", sort=False):
         comparable = own["n"].to_numpy() == own["n"].max()
-        marks = np.array([_smallest(np.where(comparable, own[name], np.nan)) for _, name in shown]).reshape(len(shown), len(own))
+        marks = np.array(
+            [_smallest(np.where(comparable, own[name], np.nan)) for _, name in shown]
+        ).reshape(len(shown), len(own))
         for i, (row, mark) in enumerate(zip(own.to_dict("records"), marks.T)):
-            lead = [row["filter"], *([f"{row['length_s']:g}"] if several else []), f"{row['n']} of {row['n'] + row['failures']}"]
-            begin = ("<tr>" if i or not body else "<tr class=rule>") + "".join(f"<td>{escape(text)}</td>" for text in lead)
+            lead = [
+                row["filter"],
+                *([f"{row['length_s']:g}"] if several else []),
+                f"{row['n']} of {row['n'] + row['failures']}",
+            ]
+            begin = ("<tr>" if i or not body else "<tr class=rule>") + "".join(
+                f"<td>{escape(text)}</td>" for text in lead
+            )
             body += begin + _cells([row[name] for _, name in shown], mark, False) + "</tr>"
     head = "".join(f"<th>{escape(text)}</th>" for text in head)
     return f"<div class='scroll names'><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
 
 
 def _smallest(values):
-    """Which of the values is the smallest, or reads like it; none where there is nothing to compare."""
+    """Which of the values is the smallest, or reads like it; none where there is nothing to
+    compare."""
     if len(values) < 2 or not np.isfinite(values).any():
         return [False] * len(values)
     return [number(value) == number(np.nanmin(values)) for value in values]
@@ -52,24 +83,43 @@ def _smallest(values):
 
 def _cells(values, marks, rule=True):
     """Cells of numbers, some of them marked, the first with a rule to its left."""
-    kinds = [" ".join(["split"] * (rule and not i) + ["best"] * bool(mark)) for i, mark in enumerate(marks)]
+    kinds = [
+        " ".join(["split"] * (rule and not i) + ["best"] * bool(mark))
+        for i, mark in enumerate(marks)
+    ]
     return "".join(f"<td class='{kind}'>{number(value)}</td>" for kind, value in zip(kinds, values))
 
 
 def of_outages(comparison):
-    """RMSE of every outage, axis by axis, as Table 1 of Alam, Whidborne & Millidere has it; the smallest of each outage and axis is marked."""
+    """RMSE of every outage, axis by axis, as Table 1 of Alam, Whidborne & Millidere has it; the
+    smallest of each outage and axis is marked."""
     values, n = comparison.table().to_numpy(float), len(comparison.filters)
     axes = "".join(f"<th colspan={n} class=split>{axis.capitalize()} [m]</th>" for axis in AXES)
-    names = "".join(f"<th{'' if i else ' class=split'}>{_breakable(name)}</th>" for _ in AXES for i, name in enumerate(comparison.filters))
+    names = "".join(
+        f"<th{'' if i else ' class=split'}>{_breakable(name)}</th>"
+        for _ in AXES
+        for i, name in enumerate(comparison.filters)
+    )
     head = f"<tr><th rowspan=2>outage</th><th rowspan=2>time [s]</th>{axes}</tr><tr>{names}</tr>"
-    line = lambda lead, row: f"<tr>{lead}{''.join(_cells(part, _smallest(part)) for part in np.split(row, len(AXES)))}</tr>"
-    body = "".join(line(f"<td>{i}</td><td>{start:.10g}–{stop:.10g}</td>", row)
-                   for i, ((start, stop), row) in enumerate(zip(comparison.windows, values), 1))
-    # NaN stays in these two: over other outages than the others' they would be no mean and median to compare
-    foot = [("mean", values.mean(axis=0)), ("median", np.median(values, axis=0))] if len(values) > 1 and len(comparison.lengths) == 1 else []
+    line = lambda lead, row: (
+        f"<tr>{lead}{''.join(_cells(part, _smallest(part)) for part in np.split(row, len(AXES)))}</tr>"
+    )
+    body = "".join(
+        line(f"<td>{i}</td><td>{start:.10g}–{stop:.10g}</td>", row)
+        for i, ((start, stop), row) in enumerate(zip(comparison.windows, values), 1)
+    )
+    # NaN stays in these two: over other outages than the others' they would be no mean and median
+    # to compare
+    foot = (
+        [("mean", values.mean(axis=0)), ("median", np.median(values, axis=0))]
+        if len(values) > 1 and len(comparison.lengths) == 1
+        else []
+    )
     foot = "".join(line(f"<td colspan=2>{what}</td>", row) for what, row in foot)
-    return ("<p class=caption>RMSE of the position in each outage; shaded: the smallest of its row and axis (<a href='table.csv'>CSV</a>).</p>"
-            f"<div class='scroll tall names'><table><thead>{head}</thead><tbody>{body}</tbody><tfoot>{foot}</tfoot></table></div>")
+    return (
+        "<p class=caption>RMSE of the position in each outage; shaded: the smallest of its row and axis (<a href='table.csv'>CSV</a>).</p>"
+        f"<div class='scroll tall names'><table><thead>{head}</thead><tbody>{body}</tbody><tfoot>{foot}</tfoot></table></div>"
+    )
 
 
 def _breakable(name):
@@ -81,36 +131,86 @@ def pairs(comparison, length):
     """The horizontal ratios of all pairs, of the outages of a length."""
     rows = comparison.paired
     rows = rows[(rows["length_s"] == length) & (rows["axis"] == "horizontal") & (rows["n"] > 0)]
-    cells = [[r["a"], r["b"], number(r["ratio"]), f"{number(r['low'])} to {number(r['high'])}", r["wins_a"], r["wins_b"], r["n"], r["blocks"]]
-             for r in rows.to_dict("records")]
-    return table(["A", "B", "horizontal RMSE of A / B", "95 %", "outages that A wins", "B wins", "outages", "blocks"], cells)
+    cells = [
+        [
+            r["a"],
+            r["b"],
+            number(r["ratio"]),
+            f"{number(r['low'])} to {number(r['high'])}",
+            r["wins_a"],
+            r["wins_b"],
+            r["n"],
+            r["blocks"],
+        ]
+        for r in rows.to_dict("records")
+    ]
+    return table(
+        [
+            "A",
+            "B",
+            "horizontal RMSE of A / B",
+            "95 %",
+            "outages that A wins",
+            "B wins",
+            "outages",
+            "blocks",
+        ],
+        cells,
+    )
 
 
 def how(comparison):
     """What all filters had in common, and the options and sources of each."""
     known = comparison.settings
     withheld = ", ".join(f"{count} of {name}" for name, count in known["withheld"].items() if count)
-    common = [("outages", f"{comparison.protocol}: {comparison.words}"), ("fixes withheld, in all windows together", withheld),
-              ("start", _start(known["start"])),
-              ("IMU", known["imu"]), ("noise", _noise(known["noise"]))]
-    own = [[name, _options(known["options"][name]), ", ".join(known["sources"][name]) or "–", known["reference"][name]]
-           for name in comparison.filters]
+    common = [
+        ("outages", f"{comparison.protocol}: {comparison.words}"),
+        ("fixes withheld, in all windows together", withheld),
+        ("start", _start(known["start"])),
+        ("IMU", known["imu"]),
+        ("noise", _noise(known["noise"])),
+    ]
+    own = [
+        [
+            name,
+            _options(known["options"][name]),
+            ", ".join(known["sources"][name]) or "–",
+            known["reference"][name],
+        ]
+        for name in comparison.filters
+    ]
     some = "".join(f" {escape(text)}" for text in unlike(comparison))
-    return ("<p>All filters had the same start and the same noise, and were offered the same fixes, of which the same were withheld; "
-            f"the table says which sources each used.{some}</p>"
-            "<div class=text>" + table(["of all filters", ""], [row for row in common if row[1]])
-            + table(["filter", "options", "sources", "reference"], own) + "</div>")
+    return (
+        "<p>All filters had the same start and the same noise, and were offered the same fixes, of which the same were withheld; "
+        f"the table says which sources each used.{some}</p>"
+        "<div class=text>"
+        + table(["of all filters", ""], [row for row in common if row[1]])
+        + table(["filter", "options", "sources", "reference"], own)
+        + "</div>"
+    )
 
 
 def _options(options):
-    return ", ".join(f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}" for name, value in options.items()) or "–"
+    return (
+        ", ".join(
+            f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}"
+            for name, value in options.items()
+        )
+        or "–"
+    )
 
 
 def _start(start):
     (lat, lon), heading = np.degrees(start["lla"][:2]), np.degrees(start["rph"][2]) % 360
     place, sd = f"{lat:.5f} deg, {lon:.5f} deg, {start['lla'][2]:.1f} m", np.degrees(start["sd"][8])
-    return f"at {start['t']:.2f} s, {place}, heading {heading:.1f} deg (sd {sd:.2g} deg)" + (f"; {start['note']}" if start["note"] else "")
+    return f"at {start['t']:.2f} s, {place}, heading {heading:.1f} deg (sd {sd:.2g} deg)" + (
+        f"; {start['note']}" if start["note"] else ""
+    )
 
 
 def _noise(noise):
-    return ", ".join(f"{name.replace('_', ' ')} {noise[name] * factor:.3g} {unit}" for name, unit, factor in NOISE if noise[name])
+    return ", ".join(
+        f"{name.replace('_', ' ')} {noise[name] * factor:.3g} {unit}"
+        for name, unit, factor in NOISE
+        if noise[name]
+    )

@@ -1,10 +1,11 @@
-"""What a comparison over outages says in words: which filter drifts least and how sure that is, and which filters were not scored, with why."""
+"""What a comparison over outages says in words: which filter drifts least and how sure that is,
+and which filters were not scored, with why."""
+
 from typing import NamedTuple
 
 import numpy as np
 
 from ...reports.summary import number
-
 
 HEIGHTS = "altitude", "pressure", "zero-sea-level"
 """Kinds of sources that tell the height alone."""
@@ -12,38 +13,55 @@ HEIGHTS = "altitude", "pressure", "zero-sea-level"
 
 class Ratio(NamedTuple):
     """How much larger one filter's RMSE is than another's on the same outages."""
-    value: float        # geometric mean of the ratios
-    low: float          # 95 % interval, NaN with fewer than two blocks
+
+    value: float  # geometric mean of the ratios
+    low: float  # 95 % interval, NaN with fewer than two blocks
     high: float
-    wins: int           # outages in which the first is smaller
-    count: int          # outages scored for both
-    blocks: int         # of outages that overlap
+    wins: int  # outages in which the first is smaller
+    count: int  # outages scored for both
+    blocks: int  # of outages that overlap
 
 
 def ratio(comparison, name, base, length, axis="horizontal"):
-    """The Ratio of RMSE of `name` to that of `base` along an axis, over the outages of a length; NaN where they have none in common."""
+    """The Ratio of RMSE of `name` to that of `base` along an axis, over the outages of a length;
+    NaN where they have none in common."""
     rows = comparison.paired
     rows = rows[(rows["axis"] == axis) & (rows["length_s"] == length)]
     for a, b, sign in (name, base, 1), (base, name, -1):
         for _, row in rows[(rows["a"] == a) & (rows["b"] == b)].iterrows():
             low, high = (row["low"], row["high"])[::sign]
             wins = row["wins_a" if sign > 0 else "wins_b"]
-            return Ratio(row["ratio"] ** sign, low ** sign, high ** sign, int(wins), int(row["n"]), int(row["blocks"]))
+            return Ratio(
+                row["ratio"] ** sign,
+                low**sign,
+                high**sign,
+                int(wins),
+                int(row["n"]),
+                int(row["blocks"]),
+            )
     return Ratio(np.nan, np.nan, np.nan, 0, 0, 0)
 
 
 def ranked(comparison, length):
-    """The filters that were scored in most outages of a length, the one with the smallest mean logarithm of the horizontal RMSE first."""
+    """The filters that were scored in most outages of a length, the one with the smallest mean
+    logarithm of the horizontal RMSE first."""
     own = comparison.of_length(length)
     own = own[own["horizontal_rmse_m"] > 0]
     if not len(own):
         return []
-    found = own.assign(log=np.log(own["horizontal_rmse_m"])).groupby("filter", sort=False)["log"].agg(["size", "mean"])
-    return list(found[found["size"] == found["size"].max()].sort_values("mean", kind="stable").index)
+    found = (
+        own.assign(log=np.log(own["horizontal_rmse_m"]))
+        .groupby("filter", sort=False)["log"]
+        .agg(["size", "mean"])
+    )
+    return list(
+        found[found["size"] == found["size"].max()].sort_values("mean", kind="stable").index
+    )
 
 
 def sentences(comparison):
-    """The answer in words: which filter drifts least in these outages and how sure that is, of each length, sources that only some used, then who failed.
+    """The answer in words: which filter drifts least in these outages and how sure that is, of each
+    length, sources that only some used, then who failed.
 
     A list of lines.
     """
@@ -59,45 +77,70 @@ def _answer(comparison, length):
     order, count = ranked(comparison, length), comparison.of_length(length)["outage"].nunique()
     where = counted(count) + (f" of {length:g} s" if len(comparison.lengths) > 1 else "")
     if len(order) < 2:
-        return f"Nothing was scored in {where}." if not order else f"Only {order[0]} was scored in {where}: there is nothing to compare it with."
+        return (
+            f"Nothing was scored in {where}."
+            if not order
+            else f"Only {order[0]} was scored in {where}: there is nothing to compare it with."
+        )
     best, found = order[0], {name: ratio(comparison, name, order[0], length) for name in order[1:]}
     blocks, n = (max(getattr(r, part) for r in found.values()) for part in ("blocks", "count"))
     alike = [name for name, r in found.items() if not r.low > 1]
     within = f"in {where}" + (f" ({blocks} blocks of those that overlap)" if blocks < n else "")
     if blocks < 2:
         why = "they overlap" if n > 1 else "it is only one"
-        return (f"{best} has the smallest horizontal RMSE in {where}; {_times(best, found, order[1:2])}, the next; but {why}, "
-                "so that it may be chance.")
+        return (
+            f"{best} has the smallest horizontal RMSE in {where}; {_times(best, found, order[1:2])}, the next; but {why}, "
+            "so that it may be chance."
+        )
     if not alike:
         return f"{best} drifts least {within}: {_times(best, found, order[1:2])}, the next."
     if len(alike) == len(found):
-        return (f"The data do not tell the filters apart: {best} has the smallest horizontal RMSE {within}, but there may be no difference to "
-                f"{_listed(alike)}: {_times(best, found, alike)}.")
+        return (
+            f"The data do not tell the filters apart: {best} has the smallest horizontal RMSE {within}, but there may be no difference to "
+            f"{_listed(alike)}: {_times(best, found, alike)}."
+        )
     rest = [name for name in found if name not in alike]
-    return (f"{best} has the smallest horizontal RMSE {within}, but the data do not tell it apart from {_listed(alike)}: "
-            f"{_times(best, found, alike)}; {_listed(rest)} {'drift' if len(rest) > 1 else 'drifts'} more.")
+    return (
+        f"{best} has the smallest horizontal RMSE {within}, but the data do not tell it apart from {_listed(alike)}: "
+        f"{_times(best, found, alike)}; {_listed(rest)} {'drift' if len(rest) > 1 else 'drifts'} more."
+    )
 
 
 def _times(best, found, names):
-    """How the RMSE of `best` stands to that of each other: "best's horizontal RMSE is 0.5 times as large as worse's (95 %: 0.45 to 0.56)".
+    """How the RMSE of `best` stands to that of each other: "best's horizontal RMSE is 0.5 times as
+    large as worse's (95 %: 0.45 to 0.56)".
 
     found: {name: Ratio to it}.
     """
-    within = lambda r: f" (95 %: {number(1 / r.high)} to {number(1 / r.low)})" if np.isfinite([r.low, r.high]).all() else ""
-    ratios = [f"{number(1 / found[name].value)} times as large as {name}'s{within(found[name])}" for name in names]
+    within = lambda r: (
+        f" (95 %: {number(1 / r.high)} to {number(1 / r.low)})"
+        if np.isfinite([r.low, r.high]).all()
+        else ""
+    )
+    ratios = [
+        f"{number(1 / found[name].value)} times as large as {name}'s{within(found[name])}"
+        for name in names
+    ]
     return f"{best}'s horizontal RMSE is " + _listed(ratios)
 
 
 def unlike(comparison):
-    """A sentence for each source that is not withheld and that only some of the filters use, of those that could run."""
+    """A sentence for each source that is not withheld and that only some of the filters use, of
+    those that could run."""
     used = {name: own for name, own in comparison.settings["sources"].items() if own}
     said = []
     for source, kind in comparison.settings["kept"].items():
         having = [name for name, own in used.items() if source in own]
         if 0 < len(having) < len(used):
-            so = "vertical errors do not compare" if kind in HEIGHTS else "mind this where errors are compared"
-            said.append(f"In the outages {_listed(having)} also used {source}, which {_listed([name for name in used if name not in having])} "
-                        f"did not, so {so}.")
+            so = (
+                "vertical errors do not compare"
+                if kind in HEIGHTS
+                else "mind this where errors are compared"
+            )
+            said.append(
+                f"In the outages {_listed(having)} also used {source}, which {_listed([name for name in used if name not in having])} "
+                f"did not, so {so}."
+            )
     return said
 
 
@@ -118,8 +161,14 @@ def failures(comparison):
         own = comparison.scores[comparison.scores["filter"] == name]
         missing = own[~np.isfinite(own["horizontal_rmse_m"])]
         if len(missing):
-            said = list(dict.fromkeys(text for text in missing["said"] if text)) or ["no reason given"]
+            said = list(dict.fromkeys(text for text in missing["said"] if text)) or [
+                "no reason given"
+            ]
             more = f"; and {len(said) - 2} more" if len(said) > 2 else ""
-            where = f"{len(missing)} of {counted(len(own))}" if len(missing) < len(own) else f"any of {counted(len(own))}"
+            where = (
+                f"{len(missing)} of {counted(len(own))}"
+                if len(missing) < len(own)
+                else f"any of {counted(len(own))}"
+            )
             lines.append(f"{name} was not scored in {where}: {'; '.join(said[:2])}{more}")
     return lines

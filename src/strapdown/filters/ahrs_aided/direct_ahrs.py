@@ -1,33 +1,59 @@
-"""Direct Kalman filter with the attitude of an AHRS: the 15 states themselves, Euler angles among them, as one linear time-varying system.
+"""Direct Kalman filter with the attitude of an AHRS: the 15 states themselves, Euler angles among
+them, as one linear time-varying system.
 
-The angles change by T(known attitude) times the bias-free rate, so that their model is linear; the price is an error of its own while the body turns.
+The angles change by T(known attitude) times the bias-free rate, so that their model is linear; the
+price is an error of its own while the body turns.
 """
+
 import math
 
 from ...core.contract import CORRECT, PREDICT, Filter, helper, kernel
 from ...core.error_state import DV, MID, auxiliary
-from .known_attitude import (BEYOND, BEYOND_COLUMN, CORRELATION, SINCE, STEEP, add_angles, bias_model, correct_angles, corrected, euler_rates, gentle, know,
-                        predict_fed, rate_of_body, read_angles, steep, tilt_variances, weigh, with_angles)
 from ...core.rotation import rotate_right
+from .known_attitude import (
+    BEYOND,
+    BEYOND_COLUMN,
+    CORRELATION,
+    SINCE,
+    STEEP,
+    add_angles,
+    bias_model,
+    correct_angles,
+    corrected,
+    euler_rates,
+    gentle,
+    know,
+    predict_fed,
+    rate_of_body,
+    read_angles,
+    steep,
+    tilt_variances,
+    weigh,
+    with_angles,
+)
 
 LEAST_COSINE = math.cos(STEEP)
 
 
 def start(start, noise, bias="random-walk", correlation=0.0):
-    """Belief at `start`. bias: "random-walk", or "decaying" with the time constants of the IMU. correlation: s for which errors of the AHRS are alike."""
+    """Belief at `start`. bias: "random-walk", or "decaying" with the time constants of the IMU.
+    correlation: s for which errors of the AHRS are alike."""
     return with_angles(know(start.belief(auxiliary(len(start.sd))), bias, correlation), start)
 
 
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
-    """Advance P, position and velocity with the known attitude, and the Euler angles with its transformation of rates."""
+    """Advance P, position and velocity with the known attitude, and the Euler angles with its
+    transformation of rates."""
     noise = bias_model(belief, noise)
     r0, r1, r2 = predict_fed(belief, u, dt, noise)
     r0, r1, r2 = rate_of_body(belief, r0, r1, r2)
-    mid = belief.workspace[MID:MID + 9]
+    mid = belief.workspace[MID : MID + 9]
     cosine = math.sqrt(mid[7] * mid[7] + mid[8] * mid[8])
     if cosine > LEAST_COSINE and gentle(belief, math.sqrt(r0 * r0 + r1 * r1 + r2 * r2)):
-        roll, pitch, heading = euler_rates(mid[7] / cosine, mid[8] / cosine, -mid[6] / cosine, cosine, r0, r1, r2)
+        roll, pitch, heading = euler_rates(
+            mid[7] / cosine, mid[8] / cosine, -mid[6] / cosine, cosine, r0, r1, r2
+        )
         _doubt_rates(belief, pitch, heading, mid, cosine, dt)
         add_angles(belief, roll, pitch, heading)
     else:
@@ -38,11 +64,14 @@ def predict(belief, u, dt, noise):
 
 @helper
 def _doubt_rates(belief, pitch, heading, mid, cosine, dt):
-    """What the rates of the angles err by, because they are those at the known attitude, mid (9,) of that cosine of pitch.
+    """What the rates of the angles err by, because they are those at the known attitude, mid (9,)
+    of that cosine of pitch.
 
-    Its tilt off the estimated one, x forward and y right, counts as long as it is held: the angles change by `pitch` and `heading` (rad), and err by
-    (pitch tan(pitch angle) x + heading y, -heading x, pitch x) forward, right and down, from differentiating T. Of independent records that distance
-    is the residual of the last one, with the variance that the record has more than the estimate; of correlated ones it may be all of the record's.
+    Its tilt off the estimated one, x forward and y right, counts as long as it is held: the angles
+    change by `pitch` and `heading` (rad), and err by (pitch tan(pitch angle) x + heading y,
+    -heading x, pitch x) forward, right and down, from differentiating T. Of independent records
+    that distance is the residual of the last one, with the variance that the record has more than
+    the estimate; of correlated ones it may be all of the record's.
     """
     workspace, P = belief.workspace, belief.P
     ch, sh, climb = mid[0] / cosine, mid[3] / cosine, -mid[6] / cosine * pitch
@@ -52,11 +81,22 @@ def _doubt_rates(belief, pitch, heading, mid, cosine, dt):
     a, c = max(a - share * a0, 0.0), max(c - share * c0, 0.0)
     b = max(-math.sqrt(a * c), min(b - share * b0, math.sqrt(a * c)))
     growth = (2 * max(workspace[SINCE] - dt, workspace[CORRELATION]) + dt) / dt
-    forward, right, down = climb * a + heading * b, -heading * a, pitch * a     # covariances with x
-    ff, fr, rr = climb * forward + heading * (climb * b + heading * c), -heading * forward, -heading * right
+    forward, right, down = climb * a + heading * b, -heading * a, pitch * a  # covariances with x
+    ff, fr, rr = (
+        climb * forward + heading * (climb * b + heading * c),
+        -heading * forward,
+        -heading * right,
+    )
     fd, rd = pitch * forward, -heading * down
     nn, ne, ee = along(ch, -sh, ff, fr, rr)
-    for i, j, value in ((6, 6, nn), (6, 7, ne), (7, 7, ee), (6, 8, ch * fd - sh * rd), (7, 8, sh * fd + ch * rd), (8, 8, pitch * down)):
+    for i, j, value in (
+        (6, 6, nn),
+        (6, 7, ne),
+        (7, 7, ee),
+        (6, 8, ch * fd - sh * rd),
+        (7, 8, sh * fd + ch * rd),
+        (8, 8, pitch * down),
+    ):
         P[i, j] += growth * value
         if i != j:
             P[j, i] += growth * value
@@ -64,8 +104,13 @@ def _doubt_rates(belief, pitch, heading, mid, cosine, dt):
 
 @helper
 def along(c, s, xx, xy, yy):
-    """Covariance xx, xy, yy of two components along axes turned by the angle of cosine c and sine s."""
-    return c * c * xx + 2 * c * s * xy + s * s * yy, c * s * (yy - xx) + (c * c - s * s) * xy, s * s * xx - 2 * c * s * xy + c * c * yy
+    """Covariance xx, xy, yy of two components along axes turned by the angle of cosine c and
+    sine s."""
+    return (
+        c * c * xx + 2 * c * s * xy + s * s * yy,
+        c * s * (yy - xx) + (c * c - s * s) * xy,
+        s * s * xx - 2 * c * s * xy + c * c * yy,
+    )
 
 
 @kernel(CORRECT)
@@ -78,4 +123,13 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     return nis
 
 
-DIRECT_AHRS = Filter("direct-ahrs", "Fossen (2021) section 14.3.2", start, predict, correct, needs=("attitude",), columns=(BEYOND_COLUMN,), diagnose=steep)
+DIRECT_AHRS = Filter(
+    "direct-ahrs",
+    "Fossen (2021) section 14.3.2",
+    start,
+    predict,
+    correct,
+    needs=("attitude",),
+    columns=(BEYOND_COLUMN,),
+    diagnose=steep,
+)

@@ -1,14 +1,30 @@
-"""Direct extended Kalman filter whose attitude states are Euler angles: they are integrated as such, and corrected by adding to them.
+"""Direct extended Kalman filter whose attitude states are Euler angles: they are integrated as
+such, and corrected by adding to them.
 
-P is kept in the library's error states: that of the angles follows from it by their Jacobian, and its prediction is the same to first order.
+P is kept in the library's error states: that of the angles follows from it by their Jacobian, and
+its prediction is the same to first order.
 """
+
 import math
 
 from ...core.contract import CORRECT, PREDICT, Filter, helper, kernel
 from ...core.error_state import DX, HEIGHT, auxiliary, bias_free, linearised_step
-from .known_attitude import (ANGLES, BEYOND, BEYOND_COLUMN, add_angles, bias_model, correct_angles, euler_rates, gentle, rate_of_body, read_angles, steep,
-                        with_angles, with_biases)
 from ...core.mechanization import mechanize
+from .known_attitude import (
+    ANGLES,
+    BEYOND,
+    BEYOND_COLUMN,
+    add_angles,
+    bias_model,
+    correct_angles,
+    euler_rates,
+    gentle,
+    rate_of_body,
+    read_angles,
+    steep,
+    with_angles,
+    with_biases,
+)
 
 
 def start(start, noise, bias="random-walk"):
@@ -22,7 +38,9 @@ def predict(belief, u, dt, noise):
     workspace, noise = belief.workspace, bias_model(belief, noise)
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
     linearised_step(belief, belief.C, 1.0, u, dt, noise, False)
-    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[DX], workspace[HEIGHT])
+    mechanize(
+        belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[DX], workspace[HEIGHT]
+    )
     r0, r1, r2 = rate_of_body(belief, r0, r1, r2)
     if gentle(belief, math.sqrt(r0 * r0 + r1 * r1 + r2 * r2)):
         integrate_angles(belief, r0, r1, r2)
@@ -33,13 +51,16 @@ def predict(belief, u, dt, noise):
 
 @helper
 def integrate_angles(belief, r0, r1, r2):
-    """Advance the Euler angles while the body turns by r (rad) at a constant rate: Runge-Kutta of fourth order."""
-    angles = belief.workspace[ANGLES:ANGLES + 3]
+    """Advance the Euler angles while the body turns by r (rad) at a constant rate: Runge-Kutta
+    of fourth order."""
+    angles = belief.workspace[ANGLES : ANGLES + 3]
     d0 = d1 = d2 = x = y = 0.0
     for weight, share in ((1 / 6, 0.5), (1 / 3, 0.5), (1 / 3, 1.0), (1 / 6, 0.0)):
         roll, pitch = angles[0] + x, angles[1] + y
         cosine = math.cos(pitch)
-        k0, k1, k2 = euler_rates(math.sin(roll), math.cos(roll), math.sin(pitch) / cosine, cosine, r0, r1, r2)
+        k0, k1, k2 = euler_rates(
+            math.sin(roll), math.cos(roll), math.sin(pitch) / cosine, cosine, r0, r1, r2
+        )
         d0, d1, d2 = d0 + weight * k0, d1 + weight * k1, d2 + weight * k2
         x, y = share * k0, share * k1
     add_angles(belief, d0, d1, d2)
@@ -51,4 +72,12 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     return correct_angles(belief, y, sd, observe, parameters, gate, innovation)
 
 
-DIRECT_EULER = Filter("direct-euler", "Fossen (2021) section 14.3.3", start, predict, correct, columns=(BEYOND_COLUMN,), diagnose=steep)
+DIRECT_EULER = Filter(
+    "direct-euler",
+    "Fossen (2021) section 14.3.3",
+    start,
+    predict,
+    correct,
+    columns=(BEYOND_COLUMN,),
+    diagnose=steep,
+)

@@ -1,36 +1,73 @@
-"""Observer of position, velocity and accelerometer bias with fixed gains; its attitude is that of an AHRS. No covariance, so no standard deviations.
+"""Observer of position, velocity and accelerometer bias with fixed gains; its attitude is that of
+an AHRS. No covariance, so no standard deviations.
 
-Per axis, north and east alike: p' = v + k1 e, v' = C (f - b) + g + k2 e, C b' = -k3 e with the error e of a position; of a velocity v' = ... + kv1 e,
-C b' = -kv2 e. Between fixes it is an INS; at a fix the error is multiplied as those poles say for the time since the last fix, whatever the rate.
+Per axis, north and east alike: p' = v + k1 e, v' = C (f - b) + g + k2 e, C b' = -k3 e with the
+error e of a position; of a velocity v' = ... + kv1 e, C b' = -kv2 e. Between fixes it is an INS; at
+a fix the error is multiplied as those poles say for the time since the last fix, whatever the rate.
 """
+
 import math
 
 import numpy as np
 
-from ...core.contract import ALTITUDE_KIND, ATTITUDE_KIND, CORRECT, POSITION_KIND, PREDICT, Filter, helper, kernel, matrix
+from ...core.contract import (
+    ALTITUDE_KIND,
+    ATTITUDE_KIND,
+    CORRECT,
+    POSITION_KIND,
+    PREDICT,
+    Filter,
+    helper,
+    kernel,
+    matrix,
+)
 from ...core.earth import displace
 from ...core.error_state import bias_free, observed
 from ...core.mechanization import mechanize
 from ...core.rotation import euler_to_matrix, measured_heading
 
-POLES = 8                       # of the horizontal axes, then the vertical one: a third pole, a pair; of velocities a pair (1/s). A pair is (a, b, complex):
-SINCE, FORCE = 16, 22           # a and b, or a +- jb; s since the last position and velocity fix, north, east, down; specific-force increment, m/s
-CHANGE = 25                     # of position, velocity and bias in n, by a fix
+# of the horizontal axes, then the vertical one: a third pole, a pair; of velocities a pair (1/s). A
+# pair is (a, b, complex):
+POLES = 8
+SINCE, FORCE = (
+    16,
+    22,
+    # a and b, or a +- jb; s since the last position and velocity fix, north, east, down; specific-force
+    # increment, m/s
+)
+CHANGE = 25  # of position, velocity and bias in n, by a fix
 SCRATCH = 34
-SHORTEST = 1e-6                 # s: of two fixes at one time the second changes nothing
+SHORTEST = 1e-6  # s: of two fixes at one time the second changes nothing
 
 
-def start(start, noise, k1=0.7, k2=0.14, k3=0.008, l1=0.7, l2=0.14, l3=0.008, kv1=0.5, kv2=0.04, lv1=0.5, lv2=0.04):
-    """Belief at `start`. Gains: k1 (1/s), k2 (1/s^2), k3 (1/s^3) of a position's north and east, l1, l2, l3 of its height; kv1 (1/s), kv2 (1/s^2) of a
-    velocity's north and east, lv1, lv2 of down. Without k3 (l3) and kv2 (lv2) the bias stays, without all of a kind that kind is not used.
+def start(
+    start,
+    noise,
+    k1=0.7,
+    k2=0.14,
+    k3=0.008,
+    l1=0.7,
+    l2=0.14,
+    l3=0.008,
+    kv1=0.5,
+    kv2=0.04,
+    lv1=0.5,
+    lv2=0.04,
+):
+    """Belief at `start`. Gains: k1 (1/s), k2 (1/s^2), k3 (1/s^3) of a position's north and east,
+    l1, l2, l3 of its height; kv1 (1/s), kv2 (1/s^2) of a velocity's north and east, lv1, lv2 of
+    down. Without k3 (l3) and kv2 (lv2) the bias stays, without all of a kind that kind is not used.
     Refuses gains that are not stable.
     """
     workspace = np.zeros(SCRATCH + 3 * len(start.sd))
-    for first, axes, of_position, of_velocity in ((0, "horizontal", (k1, k2, k3), (kv1, kv2)), (POLES, "vertical", (l1, l2, l3), (lv1, lv2))):
+    for first, axes, of_position, of_velocity in (
+        (0, "horizontal", (k1, k2, k3), (kv1, kv2)),
+        (POLES, "vertical", (l1, l2, l3), (lv1, lv2)),
+    ):
         _check(axes, of_position, of_velocity)
         third, *pair = sorted(poles(*of_position), key=lambda pole: (pole.imag != 0, pole.real))
-        workspace[first:first + 4] = third.real, *_pair(*pair)
-        workspace[first + 4:first + 7] = _pair(*np.roots([1.0, *of_velocity]))
+        workspace[first : first + 4] = third.real, *_pair(*pair)
+        workspace[first + 4 : first + 7] = _pair(*np.roots([1.0, *of_velocity]))
     return start.belief(workspace)
 
 
@@ -40,7 +77,8 @@ def _pair(a, b):
 
 
 def poles(k1, k2, k3, kv1=0.0, kv2=0.0):
-    """Poles (1/s) of the errors of an axis under these gains: s^3 + (k1 + kv1) s^2 + (k2 + kv2 + k1 kv1) s + k3 + k1 kv2.
+    """Poles (1/s) of the errors of an axis under these gains: s^3 + (k1 + kv1) s^2 + (k2 + kv2 + k1
+    kv1) s + k3 + k1 kv2.
 
     A bias that no gain corrects has one at 0.
     """
@@ -48,12 +86,14 @@ def poles(k1, k2, k3, kv1=0.0, kv2=0.0):
 
 
 def fastest_turn(k1, k2, k3):
-    """Rate (rad/s) of a steady turn up to which those gains of a position estimate the horizontal bias; beyond, it swings up: it turns in n meanwhile."""
+    """Rate (rad/s) of a steady turn up to which those gains of a position estimate the
+    horizontal bias; beyond, it swings up: it turns in n meanwhile."""
     return (k1 * k2 - k3) / (k1 * math.sqrt(k2))
 
 
 def _check(axes, of_position, of_velocity):
-    """Raise ValueError where the gains of an axis are no numbers, or do not make position, velocity and bias settle."""
+    """Raise ValueError where the gains of an axis are no numbers, or do not make position,
+    velocity and bias settle."""
     gains = (*of_position, *of_velocity)
     said = f"the {axes} gains {', '.join(f'{gain:g}' for gain in of_position)} of positions and {', '.join(f'{gain:g}' for gain in of_velocity)} of velocities"
     if not np.isfinite(gains).all():
@@ -65,10 +105,14 @@ def _check(axes, of_position, of_velocity):
     if len(found) == 2:
         found.append(("both", poles(*gains), of_position[2] or of_velocity[1]))
     for name, roots, last in found:
-        settling = np.delete(roots, np.argmin(np.abs(roots))) if not last else roots    # a bias without gain stands still
+        settling = (
+            np.delete(roots, np.argmin(np.abs(roots))) if not last else roots
+        )  # a bias without gain stands still
         if not (settling.real < 0).all():
-            raise ValueError(f"{said} are not stable: poles with {name} {', '.join(f'{pole:.3g}' for pole in roots)} 1/s; "
-                             "all must be above zero, and the product of the first two above the third")
+            raise ValueError(
+                f"{said} are not stable: poles with {name} {', '.join(f'{pole:.3g}' for pole in roots)} 1/s; "
+                "all must be above zero, and the product of the first two above the third"
+            )
 
 
 @kernel(PREDICT)
@@ -76,7 +120,9 @@ def predict(belief, u, dt, noise):
     """Advance the INS; the gyros carry the attitude on until the next record."""
     workspace, omega, f = belief.workspace, belief.omega, belief.f
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
-    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[FORCE:FORCE + 3])
+    mechanize(
+        belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[FORCE : FORCE + 3]
+    )
     for i in range(6):
         workspace[SINCE + i] += dt
     if dt > 0:
@@ -86,10 +132,13 @@ def predict(belief, u, dt, noise):
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
-    """Take over an attitude; pull position, velocity and bias to any other fix. It does not gate."""
+    """Take over an attitude; pull position, velocity and bias to any other fix. It does not
+    gate."""
     workspace, C, n = belief.workspace, belief.C, belief.P.shape[0]
-    observed(belief, y, observe, parameters, innovation, matrix(workspace, workspace.size - 3 * n, 3, n))
-    change = workspace[CHANGE:CHANGE + 9]
+    observed(
+        belief, y, observe, parameters, innovation, matrix(workspace, workspace.size - 3 * n, 3, n)
+    )
+    change = workspace[CHANGE : CHANGE + 9]
     for i in range(9):
         change[i] = 0.0
     if kind == ATTITUDE_KIND:
@@ -110,15 +159,18 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 @helper
 def _pull(workspace, axis, kind, e, change):
-    """What an error e (m, or m/s where kind is 3) of a fix changes on that axis: the gains that give the sampled error the poles' factors exp(s T)."""
-    T, poles = workspace[SINCE + kind + axis], workspace[POLES if axis == 2 else 0:]
+    """What an error e (m, or m/s where kind is 3) of a fix changes on that axis: the gains that
+    give the sampled error the poles' factors exp(s T)."""
+    T, poles = workspace[SINCE + kind + axis], workspace[POLES if axis == 2 else 0 :]
     if math.isnan(e) or T < SHORTEST:
         return
     workspace[SINCE + kind + axis] = 0.0
     if kind == 0:
         third, (two, product) = _factor(poles[0], T), _factors(poles[1:4], T)
         g1, g3 = -third - two, -third * product / (T * T)
-        g2 = (third * two + product) / T - 0.5 * g3 * T     # of the state before the fix; change is that after it
+        g2 = (
+            third * two + product
+        ) / T - 0.5 * g3 * T  # of the state before the fix; change is that after it
         change[axis] = (g1 - T * g2 + 0.5 * T * T * g3) * e
         change[3 + axis], change[6 + axis] = (g2 - T * g3) * e, g3 * e
     else:
@@ -128,7 +180,8 @@ def _pull(workspace, axis, kind, e, change):
 
 @helper
 def _factor(pole, T):
-    """exp(s T) - 1 of a real pole; one that is faster than the fixes counts as 1/T, which keeps fixes of two kinds from overshooting together."""
+    """exp(s T) - 1 of a real pole; one that is faster than the fixes counts as 1/T, which keeps
+    fixes of two kinds from overshooting together."""
     return math.expm1(max(pole * T, -1.0))
 
 
@@ -144,5 +197,14 @@ def _factors(pair, T):
     return 2 * x, x * x + y * y
 
 
-FIXED_GAIN = Filter("fixed-gain", "Fossen (2021) section 14.3.1", start, predict, correct, states=(), estimates=tuple(range(12)),
-                    uses=("position", "velocity", "altitude", "attitude"), needs=("attitude",))
+FIXED_GAIN = Filter(
+    "fixed-gain",
+    "Fossen (2021) section 14.3.1",
+    start,
+    predict,
+    correct,
+    states=(),
+    estimates=tuple(range(12)),
+    uses=("position", "velocity", "altitude", "attitude"),
+    needs=("attitude",),
+)

@@ -1,12 +1,15 @@
-"""Indirect filter with the attitude of an AHRS, feedback: the estimated error of the INS is reset into it at each fix."""
+"""Indirect filter with the attitude of an AHRS, feedback: the estimated error of the INS is
+reset into it at each fix."""
+
 from ...core.contract import CORRECT, PREDICT, Filter, kernel
 from ...core.error_state import DV, DX, STEP, auxiliary, inject_all, measure
-from .known_attitude import bias_model, corrected, know, predict_fed, weigh
 from ...core.rotation import rotate_left, rotate_right
+from .known_attitude import bias_model, corrected, know, predict_fed, weigh
 
 
 def start(start, noise, bias="decaying", correlation=0.0):
-    """Belief at `start`. bias: "decaying", with the time constants of the IMU, or "random-walk". correlation: s for which errors of the AHRS are alike."""
+    """Belief at `start`. bias: "decaying", with the time constants of the IMU, or "random-walk".
+    correlation: s for which errors of the AHRS are alike."""
     return know(start.belief(auxiliary(len(start.sd))), bias, correlation)
 
 
@@ -21,7 +24,8 @@ def predict(belief, u, dt, noise):
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
-    """Correct P; inject the errors into INS and biases. A measured attitude also is the known one from now on."""
+    """Correct P; inject the errors into INS and biases. A measured attitude also is the known
+    one from now on."""
     weigh(belief, sd, kind)
     nis = measure(belief, y, belief.workspace[DV], observe, parameters, gate, innovation)
     if nis <= gate:
@@ -30,4 +34,11 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     return nis
 
 
-INDIRECT_AHRS_CLOSED = Filter("indirect-ahrs-closed", "Fossen (2021) section 14.4.2, feedback", start, predict, correct, needs=("attitude",))
+INDIRECT_AHRS_CLOSED = Filter(
+    "indirect-ahrs-closed",
+    "Fossen (2021) section 14.4.2, feedback",
+    start,
+    predict,
+    correct,
+    needs=("attitude",),
+)

@@ -1,33 +1,61 @@
-"""Indirect filter with the attitude of an AHRS, feed-forward: the INS runs raw, its error is estimated beside it. The belief is INS (+) error.
+"""Indirect filter with the attitude of an AHRS, feed-forward: the INS runs raw, its error is
+estimated beside it. The belief is INS (+) error.
 
-Of the attitude only the sum of INS and error is kept: it has no part in the velocity, and a raw one beside a small-angle error would be over with
-the first tens of degrees that uncorrected gyros drift.
+Of the attitude only the sum of INS and error is kept: it has no part in the velocity, and a raw one
+beside a small-angle error would be over with the first tens of degrees that uncorrected gyros
+drift.
 """
+
 from ...core.contract import CORRECT, PREDICT, Filter, kernel, matrix
 from ...core.error_state import BLOCK, DV, STEP, X, decay_biases, linearised_step
-from .known_attitude import KNOWN, bias_model, corrected, know, move, weigh
 from ...core.rotation import orthonormalise, rotate_left, rotate_right
 from ..ins import open_loop
-from ..ins.open_loop import BIAS, INS_ERROR, LLA, V, C, compose, correct_beside, left_model, products
+from ..ins.open_loop import (
+    BIAS,
+    INS_ERROR,
+    LLA,
+    C,
+    V,
+    compose,
+    correct_beside,
+    left_model,
+    products,
+)
+from .known_attitude import KNOWN, bias_model, corrected, know, move, weigh
 
 
 def start(start, noise, bias="decaying", correlation=0.0):
-    """Belief at `start`: the INS begins there, only the initial biases of `start` are taken off its IMU.
+    """Belief at `start`: the INS begins there, only the initial biases of `start` are taken off its
+    IMU.
 
-    bias: "decaying", with the time constants of the IMU, or "random-walk". correlation: s for which errors of the AHRS are alike.
+    bias: "decaying", with the time constants of the IMU, or "random-walk". correlation: s for which
+    errors of the AHRS are alike.
     """
     return know(open_loop.start(start, noise), bias, correlation)
 
 
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
-    """Advance P, the raw INS and the error beside it: velocity with the known attitude, attitudes with corrected gyros."""
+    """Advance P, the raw INS and the error beside it: velocity with the known attitude,
+    attitudes with corrected gyros."""
     workspace, bg, noise = belief.workspace, belief.bg, bias_model(belief, noise)
     x, b, attitude = workspace[X], workspace[BIAS], matrix(workspace, C, 3, 3)
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
     linearised_step(belief, matrix(workspace, KNOWN, 3, 3), 0.0, u, dt, noise, True)
     products(x, workspace[BLOCK], belief.lla[0], False, dt)
-    move(belief, workspace[LLA], workspace[V], r0, r1, r2, u[3] - b[0] * dt, u[4] - b[1] * dt, u[5] - b[2] * dt, dt, noise)
+    move(
+        belief,
+        workspace[LLA],
+        workspace[V],
+        r0,
+        r1,
+        r2,
+        u[3] - b[0] * dt,
+        u[4] - b[1] * dt,
+        u[5] - b[2] * dt,
+        dt,
+        noise,
+    )
     w = workspace[STEP]
     x[6] = x[7] = x[8] = 0.0
     rotate_right(attitude, r0, r1, r2)
@@ -38,7 +66,8 @@ def predict(belief, u, dt, noise):
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
-    """Correct P and the error beside the INS. A measured attitude also is the known one from now on."""
+    """Correct P and the error beside the INS. A measured attitude also is the known one from now
+    on."""
     weigh(belief, sd, kind)
     nis = correct_beside(belief, y, belief.workspace[DV], observe, parameters, gate, innovation)
     if nis <= gate:
@@ -50,5 +79,13 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     return nis
 
 
-INDIRECT_AHRS_OPEN = Filter("indirect-ahrs-open", "Fossen (2021) section 14.4.2, feed-forward", start, predict, correct,
-                            needs=("attitude",), columns=INS_ERROR, diagnose=left_model)
+INDIRECT_AHRS_OPEN = Filter(
+    "indirect-ahrs-open",
+    "Fossen (2021) section 14.4.2, feed-forward",
+    start,
+    predict,
+    correct,
+    needs=("attitude",),
+    columns=INS_ERROR,
+    diagnose=left_model,
+)

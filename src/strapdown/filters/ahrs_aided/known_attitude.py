@@ -1,35 +1,58 @@
-"""What filters share whose attitude comes from elsewhere, such as an AHRS: the known attitude, what its errors do to the velocity, bias models, Euler angles.
+"""What filters share whose attitude comes from elsewhere, such as an AHRS: the known attitude, what
+its errors do to the velocity, bias models, Euler angles.
 
-The known attitude is that of the last record, carried on by the gyros. Position and velocity are computed with it, so that their errors, with those
-of the accelerometer biases, and the errors of attitude and gyro biases are two linear filters beside each other. Source: Fossen (2021) 14.3-14.4.
+The known attitude is that of the last record, carried on by the gyros. Position and velocity are
+computed with it, so that their errors, with those of the accelerometer biases, and the errors of
+attitude and gyro biases are two linear filters beside each other. Source: Fossen (2021) 14.3-14.4.
 
-The errors of the known attitude are not estimated, but considered: their covariance with those of the states is kept beside P, so that a fix which
-corrects what they did to the velocity is weighed rightly. Source: Schmidt (1966); Bierman (1977), Factorization Methods, chapter VIII.
+The errors of the known attitude are not estimated, but considered: their covariance with those of
+the states is kept beside P, so that a fix which corrects what they did to the velocity is weighed
+rightly. Source: Schmidt (1966); Bierman (1977), Factorization Methods, chapter VIII.
 """
+
 import math
 
 import numpy as np
 
-from ...core.jit import helper, inlined, matrix
 from ...core.contract import ATTITUDE_KIND, Noise
-from ...core.error_state import BLOCK, DV, DX, HEIGHT, MID, OWN, STEP, WORK, bias_free, inject_all, linearised_step, measure
+from ...core.error_state import (
+    BLOCK,
+    DV,
+    DX,
+    HEIGHT,
+    MID,
+    OWN,
+    STEP,
+    WORK,
+    bias_free,
+    inject_all,
+    linearised_step,
+    measure,
+)
+from ...core.jit import helper, inlined, matrix
 from ...core.kalman import propagate_error, used_rows, whiten
 from ...core.mechanization import mechanize
 from ...core.rotation import euler_to_matrix, matrix_to_euler, measured_heading, wrap
 
-BEYOND = 0              # s with the pitch beyond STEEP, in a place that errors injected at once leave free: an extra column of the solution
-ANGLES = OWN            # Euler angles, rad
-KNOWN = OWN + 33        # the known attitude C_nb, 3 x 3; before it lies what an open loop keeps
-ERRORS = KNOWN + 9      # covariance of its errors in n without those of the gyro biases, rad^2: nn, ne, ee, dd
-SINCE = ERRORS + 4      # s since it was measured: tilt, heading
-DRIFT = SINCE + 2       # standard deviation of what gyro biases have turned it since, rad: tilt, heading
-CORRELATION = DRIFT + 2 # s for which the errors of records are alike
-DECAYING = DRIFT + 3    # which bias model:
+# s with the pitch beyond STEEP, in a place that errors injected at once leave free: an extra column
+# of the solution
+BEYOND = 0
+ANGLES = OWN  # Euler angles, rad
+KNOWN = OWN + 33  # the known attitude C_nb, 3 x 3; before it lies what an open loop keeps
+ERRORS = (
+    KNOWN + 9
+)  # covariance of its errors in n without those of the gyro biases, rad^2: nn, ne, ee, dd
+SINCE = ERRORS + 4  # s since it was measured: tilt, heading
+DRIFT = SINCE + 2  # standard deviation of what gyro biases have turned it since, rad: tilt, heading
+CORRELATION = DRIFT + 2  # s for which the errors of records are alike
+DECAYING = DRIFT + 3  # which bias model:
 BIAS_MODELS = {"random-walk": 0.0, "decaying": 1.0}
-"""Biases driven by white noise alone, or Gauss-Markov with the time constants of the IMU (where it has any), so that they fade without fixes."""
+"""Biases driven by white noise alone, or Gauss-Markov with the time constants of the IMU (where
+it has any), so that they fade without fixes."""
 STEEP = math.radians(85.0)
-"""Pitch from which on Euler angles are read off the rotation matrix: roll and heading move 11 times as fast as the body, and ever faster."""
-SHORTEST = 1e-3         # s between two attitude records
+"""Pitch from which on Euler angles are read off the rotation matrix: roll and heading move 11
+times as fast as the body, and ever faster."""
+SHORTEST = 1e-3  # s between two attitude records
 BEYOND_COLUMN = "pitch_beyond_85_deg [s]"
 
 
@@ -42,21 +65,26 @@ def with_biases(belief, bias):
 
 
 def know(belief, bias, correlation=0.0):
-    """`belief`, one of `BIAS_MODELS`, with its attitude as the known one, as uncertain as P says, and room for `shared`.
+    """`belief`, one of `BIAS_MODELS`, with its attitude as the known one, as uncertain as P says,
+    and room for `shared`.
 
-    correlation: time constant (s) of the errors of attitude records; 0 for errors that are new with each record.
+    correlation: time constant (s) of the errors of attitude records; 0 for errors that are new with
+    each record.
     """
     if not 0 <= correlation < math.inf:
         raise ValueError(f"correlation is {correlation} s; it must be a finite number, 0 or more")
     P, workspace = belief.P, np.concatenate([belief.workspace, np.zeros(3 * len(belief.P))])
-    workspace[KNOWN:KNOWN + 9], workspace[ERRORS:ERRORS + 4] = belief.C.ravel(), (P[6, 6], P[6, 7], P[7, 7], P[8, 8])
+    workspace[KNOWN : KNOWN + 9], workspace[ERRORS : ERRORS + 4] = (
+        belief.C.ravel(),
+        (P[6, 6], P[6, 7], P[7, 7], P[8, 8]),
+    )
     workspace[CORRELATION] = correlation
     return with_biases(belief._replace(workspace=workspace), bias)
 
 
 def with_angles(belief, start):
     """`belief` with the Euler angles of `start`."""
-    belief.workspace[ANGLES:ANGLES + 3] = start.rph
+    belief.workspace[ANGLES : ANGLES + 3] = start.rph
     return belief
 
 
@@ -64,12 +92,20 @@ def with_angles(belief, start):
 def bias_model(belief, noise):
     """`noise` with the decay of the biases that was asked for."""
     decaying = belief.workspace[DECAYING]
-    return Noise(noise.gyro, noise.accel, noise.gyro_bias, noise.accel_bias, decaying * noise.gyro_decay, decaying * noise.accel_decay)
+    return Noise(
+        noise.gyro,
+        noise.accel,
+        noise.gyro_bias,
+        noise.accel_bias,
+        decaying * noise.gyro_decay,
+        decaying * noise.accel_decay,
+    )
 
 
 @inlined
 def shared(n):
-    """How far from the end of workspace the covariance (3, n) begins of the errors of the known attitude, in n, with those of the n states.
+    """How far from the end of workspace the covariance (3, n) begins of the errors of the known
+    attitude, in n, with those of the n states.
 
     That with attitude and gyro biases is left out.
     """
@@ -78,12 +114,16 @@ def shared(n):
 
 @helper
 def take_attitude(belief, y, sd):
-    """The measured attitude is the known one from now on, its errors new; a heading that it lacks is the belief's, whose error goes on."""
+    """The measured attitude is the known one from now on, its errors new; a heading that it
+    lacks is the belief's, whose error goes on."""
     workspace, n, heading = belief.workspace, belief.P.shape[0], measured_heading(y, belief.C)
     S = matrix(workspace, workspace.size - shared(n), 3, n)
     euler_to_matrix(y[0], y[1], heading, matrix(workspace, KNOWN, 3, 3))
     ch, sh, forward, right = math.cos(heading), math.sin(heading), sd[0] * sd[0], sd[1] * sd[1]
-    workspace[ERRORS], workspace[ERRORS + 1] = ch * ch * forward + sh * sh * right, ch * sh * (forward - right)
+    workspace[ERRORS], workspace[ERRORS + 1] = (
+        ch * ch * forward + sh * sh * right,
+        ch * sh * (forward - right),
+    )
     workspace[ERRORS + 2] = sh * sh * forward + ch * ch * right
     workspace[SINCE] = workspace[DRIFT] = keep = 0.0
     if math.isnan(y[2]):
@@ -98,9 +138,11 @@ def take_attitude(belief, y, sd):
 
 @helper
 def _go_on(workspace, variance):
-    """The error of the known heading becomes that of the belief, of that variance (rad^2). Returns which share of it is the same error still.
+    """The error of the known heading becomes that of the belief, of that variance (rad^2). Returns
+    which share of it is the same error still.
 
-    Where fixes have made the belief more certain, an optimal estimate has that share, the ratio of the variances, in common with the former one.
+    Where fixes have made the belief more certain, an optimal estimate has that share, the ratio of
+    the variances, in common with the former one.
     """
     before = workspace[ERRORS + 3] + workspace[DRIFT + 1] * workspace[DRIFT + 1]
     keep = min(variance / before, 1.0) if before > 0 else 0.0
@@ -111,9 +153,11 @@ def _go_on(workspace, variance):
 
 @helper
 def weigh(belief, sd, kind):
-    """Write the standard deviations to use of a fix into workspace[DV], which is free between predictions: those given.
+    """Write the standard deviations to use of a fix into workspace[DV], which is free between
+    predictions: those given.
 
-    Those of an attitude record are so much larger that independent errors have the low-frequency power of its correlated ones.
+    Those of an attitude record are so much larger that independent errors have the low-frequency
+    power of its correlated ones.
     """
     workspace, used, scale = belief.workspace, belief.workspace[DV], 1.0
     if kind == ATTITUDE_KIND:
@@ -124,7 +168,8 @@ def weigh(belief, sd, kind):
 
 @helper
 def predict_fed(belief, u, dt, noise):
-    """Advance P, position, velocity and the known attitude with bias-corrected increments. Returns the rotation vector of the body, rad."""
+    """Advance P, position, velocity and the known attitude with bias-corrected increments.
+    Returns the rotation vector of the body, rad."""
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
     linearised_step(belief, matrix(belief.workspace, KNOWN, 3, 3), 0.0, u, dt, noise, False)
     move(belief, belief.lla, belief.v, r0, r1, r2, a0, a1, a2, dt, noise)
@@ -133,16 +178,31 @@ def predict_fed(belief, u, dt, noise):
 
 @helper
 def move(belief, lla, v, r0, r1, r2, a0, a1, a2, dt, noise):
-    """Advance lla, v and the known attitude by rotation r and velocity increment a (body), and P by what errors of that attitude do to the velocity.
+    """Advance lla, v and the known attitude by rotation r and velocity increment a (body), and P by
+    what errors of that attitude do to the velocity.
 
-    After `linearised_step`. An error n held for the time s since the record moves the velocity by n x f s and the position by n x f s^2/2.
+    After `linearised_step`. An error n held for the time s since the record moves the velocity by n
+    x f s and the position by n x f s^2/2.
     """
     workspace, f, n = belief.workspace, belief.workspace[DX], belief.P.shape[0]
     S = matrix(workspace, workspace.size - shared(n), 3, n)
-    mechanize(lla, v, matrix(workspace, KNOWN, 3, 3), r0, r1, r2, a0, a1, a2, dt, f, workspace[HEIGHT])
+    mechanize(
+        lla, v, matrix(workspace, KNOWN, 3, 3), r0, r1, r2, a0, a1, a2, dt, f, workspace[HEIGHT]
+    )
     f0, f1, f2 = f[0], f[1], f[2]
     for k in range(3):
-        propagate_error(S[k], workspace[BLOCK], matrix(workspace, MID, 3, 3), workspace[DV], workspace[STEP][2], workspace[STEP][3], workspace[STEP][4], dt, noise, workspace[WORK:])
+        propagate_error(
+            S[k],
+            workspace[BLOCK],
+            matrix(workspace, MID, 3, 3),
+            workspace[DV],
+            workspace[STEP][2],
+            workspace[STEP][3],
+            workspace[STEP][4],
+            dt,
+            noise,
+            workspace[WORK:],
+        )
     _consider(S, workspace, f0, f1, f2, dt)
     _spread(belief, S, f0, f1, f2, dt)
     _consider(S, workspace, f0, f1, f2, dt)
@@ -151,12 +211,22 @@ def move(belief, lla, v, r0, r1, r2, a0, a1, a2, dt, noise):
 
 @helper
 def _consider(S, workspace, f0, f1, f2, dt):
-    """Add to S half of what the errors of the known attitude do to velocity and position over dt; f is the velocity increment, m/s.
+    """Add to S half of what the errors of the known attitude do to velocity and position over dt; f
+    is the velocity increment, m/s.
 
-    The turn by a constant gyro bias counts 1.5 times: that makes good for its covariance with the velocity, which is not kept, as far as velocity goes.
+    The turn by a constant gyro bias counts 1.5 times: that makes good for its covariance with the
+    velocity, which is not kept, as far as velocity goes.
     """
-    tilt, heading = 0.75 * workspace[DRIFT] * workspace[DRIFT], 0.75 * workspace[DRIFT + 1] * workspace[DRIFT + 1]
-    nn, ne, ee, dd = 0.5 * workspace[ERRORS] + tilt, 0.5 * workspace[ERRORS + 1], 0.5 * workspace[ERRORS + 2] + tilt, 0.5 * workspace[ERRORS + 3] + heading
+    tilt, heading = (
+        0.75 * workspace[DRIFT] * workspace[DRIFT],
+        0.75 * workspace[DRIFT + 1] * workspace[DRIFT + 1],
+    )
+    nn, ne, ee, dd = (
+        0.5 * workspace[ERRORS] + tilt,
+        0.5 * workspace[ERRORS + 1],
+        0.5 * workspace[ERRORS + 2] + tilt,
+        0.5 * workspace[ERRORS + 3] + heading,
+    )
     for k, x, y, z in ((0, nn, ne, 0.0), (1, ne, ee, 0.0), (2, 0.0, 0.0, dd)):
         v0, v1, v2 = y * f2 - z * f1, z * f0 - x * f2, x * f1 - y * f0
         S[k, 3] += v0
@@ -169,11 +239,14 @@ def _consider(S, workspace, f0, f1, f2, dt):
 
 @helper
 def _spread(belief, S, f0, f1, f2, dt):
-    """Add to P what the errors of the known attitude, of covariance S with the states, do over dt; further, as white noise, what they do beyond the
-    record where those of several records are alike.
+    """Add to P what the errors of the known attitude, of covariance S with the states, do over dt;
+    further, as white noise, what they do beyond the record where those of several records are
+    alike.
     """
     workspace, P, n, half = belief.workspace, belief.P, S.shape[1], 0.5 * dt
-    G = matrix(workspace, workspace.size - 3 * n, 3, n)    # covariance of the velocity that is gained with the states
+    G = matrix(
+        workspace, workspace.size - 3 * n, 3, n
+    )  # covariance of the velocity that is gained with the states
     for j in range(n):
         s0, s1, s2 = S[0, j], S[1, j], S[2, j]
         G[0, j], G[1, j], G[2, j] = s1 * f2 - s2 * f1, s2 * f0 - s0 * f2, s0 * f1 - s1 * f0
@@ -187,19 +260,32 @@ def _spread(belief, S, f0, f1, f2, dt):
         for j in range(i + 1):
             P[i, j] = P[j, i] = P[i, j] + half * (G[i, j] + G[j, i])
             P[3 + i, 3 + j] = P[3 + j, 3 + i] = P[3 + i, 3 + j] + G[i, 3 + j] + G[j, 3 + i]
-    tilt, heading = 2 * max(workspace[CORRELATION] - workspace[SINCE], 0.0) / dt, 2 * max(workspace[CORRELATION] - workspace[SINCE + 1], 0.0) / dt
-    nn, ne, ee, dd = tilt * workspace[ERRORS], tilt * workspace[ERRORS + 1], tilt * workspace[ERRORS + 2], heading * workspace[ERRORS + 3]
+    tilt, heading = (
+        2 * max(workspace[CORRELATION] - workspace[SINCE], 0.0) / dt,
+        2 * max(workspace[CORRELATION] - workspace[SINCE + 1], 0.0) / dt,
+    )
+    nn, ne, ee, dd = (
+        tilt * workspace[ERRORS],
+        tilt * workspace[ERRORS + 1],
+        tilt * workspace[ERRORS + 2],
+        heading * workspace[ERRORS + 3],
+    )
     P[3, 3] += f2 * f2 * ee + f1 * f1 * dd
     P[4, 4] += f2 * f2 * nn + f0 * f0 * dd
     P[5, 5] += f1 * f1 * nn - 2 * f0 * f1 * ne + f0 * f0 * ee
-    for i, j, more in ((3, 4, -f2 * f2 * ne - f0 * f1 * dd), (3, 5, f1 * f2 * ne - f0 * f2 * ee), (4, 5, f0 * f2 * ne - f1 * f2 * nn)):
+    for i, j, more in (
+        (3, 4, -f2 * f2 * ne - f0 * f1 * dd),
+        (3, 5, f1 * f2 * ne - f0 * f2 * ee),
+        (4, 5, f0 * f2 * ne - f1 * f2 * nn),
+    ):
         P[i, j] += more
         P[j, i] += more
 
 
 @helper
 def _carry(belief, dt, noise):
-    """What the gyros add to the errors of the known attitude over dt: their noise, and the turn by their biases."""
+    """What the gyros add to the errors of the known attitude over dt: their noise, and the turn
+    by their biases."""
     workspace, P, walk = belief.workspace, belief.P, noise.gyro * noise.gyro * dt
     drift = math.sqrt((P[12, 12] + P[13, 13] + P[14, 14]) / 3) * dt
     workspace[ERRORS] += walk
@@ -220,7 +306,8 @@ def tilt_variances(belief):
 
 @helper
 def corrected(belief, y, sd, kind):
-    """After a fix that was used: what it tells of the known attitude; a measured attitude is that one from now on."""
+    """After a fix that was used: what it tells of the known attitude; a measured attitude is
+    that one from now on."""
     learn(belief)
     if kind == ATTITUDE_KIND:
         take_attitude(belief, y, sd)
@@ -228,9 +315,15 @@ def corrected(belief, y, sd, kind):
 
 @helper
 def learn(belief):
-    """After a correction of P by `measure`: the covariance of the states with the errors of the known attitude, corrected alike."""
+    """After a correction of P by `measure`: the covariance of the states with the errors of the
+    known attitude, corrected alike."""
     workspace, n = belief.workspace, belief.P.shape[0]
-    S, H, work, U = matrix(workspace, workspace.size - shared(n), 3, n), matrix(workspace, workspace.size - 3 * n, 3, n), workspace[WORK:], n * n + 1
+    S, H, work, U = (
+        matrix(workspace, workspace.size - shared(n), 3, n),
+        matrix(workspace, workspace.size - 3 * n, 3, n),
+        workspace[WORK:],
+        n * n + 1,
+    )
     whiten(H, work)
     for k in range(3):
         x = y = z = 0.0
@@ -247,26 +340,32 @@ def rate_of_body(belief, r0, r1, r2):
     """Rotation vector of the body to n, in the body (rad): r less that of n."""
     m, w = belief.workspace[MID:], belief.workspace[STEP]
     w0, w1, w2 = w[2], w[3], w[4]
-    return r0 - m[0] * w0 - m[3] * w1 - m[6] * w2, r1 - m[1] * w0 - m[4] * w1 - m[7] * w2, r2 - m[2] * w0 - m[5] * w1 - m[8] * w2
+    return (
+        r0 - m[0] * w0 - m[3] * w1 - m[6] * w2,
+        r1 - m[1] * w0 - m[4] * w1 - m[7] * w2,
+        r2 - m[2] * w0 - m[5] * w1 - m[8] * w2,
+    )
 
 
 @helper
 def euler_rates(sr, cr, tp, cp, r0, r1, r2):
-    """T(Theta) r: changes of roll, pitch and heading by a small rotation r of the body, from sine and cosine of roll, tangent and cosine of pitch."""
+    """T(Theta) r: changes of roll, pitch and heading by a small rotation r of the body, from
+    sine and cosine of roll, tangent and cosine of pitch."""
     across = sr * r1 + cr * r2
     return r0 + tp * across, cr * r1 - sr * r2, across / cp
 
 
 @helper
 def gentle(belief, turn):
-    """Whether the Euler angles stay away from their singularity while the body turns by `turn` (rad)."""
+    """Whether the Euler angles stay away from their singularity while the body turns by `turn`
+    (rad)."""
     return abs(belief.workspace[ANGLES + 1]) + turn < STEEP
 
 
 @helper
 def add_angles(belief, d0, d1, d2):
     """Add to the Euler angles and make the belief's attitude of them."""
-    angles = belief.workspace[ANGLES:ANGLES + 3]
+    angles = belief.workspace[ANGLES : ANGLES + 3]
     angles[0], angles[1], angles[2] = wrap(angles[0] + d0), angles[1] + d1, wrap(angles[2] + d2)
     euler_to_matrix(angles[0], angles[1], angles[2], belief.C)
 
@@ -274,13 +373,14 @@ def add_angles(belief, d0, d1, d2):
 @helper
 def read_angles(belief):
     """The Euler angles are those of the belief's attitude."""
-    angles = belief.workspace[ANGLES:ANGLES + 3]
+    angles = belief.workspace[ANGLES : ANGLES + 3]
     angles[0], angles[1], angles[2] = matrix_to_euler(belief.C)
 
 
 @helper
 def correct_angles(belief, y, sd, observe, parameters, gate, innovation):
-    """Correct P and the belief by one fix: angles by angles, unless they are steep. Returns the NIS."""
+    """Correct P and the belief by one fix: angles by angles, unless they are steep. Returns the
+    NIS."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:
         dx = belief.workspace[DX]
@@ -294,8 +394,9 @@ def correct_angles(belief, y, sd, observe, parameters, gate, innovation):
 
 @helper
 def inject_angles(belief, x, y, z):
-    """Add to the Euler angles what a small rotation (x, y, z) in n (rad) means to first order: the inverse of their Jacobian."""
-    angles = belief.workspace[ANGLES:ANGLES + 3]
+    """Add to the Euler angles what a small rotation (x, y, z) in n (rad) means to first order:
+    the inverse of their Jacobian."""
+    angles = belief.workspace[ANGLES : ANGLES + 3]
     ch, sh = math.cos(angles[2]), math.sin(angles[2])
     forward = (ch * x + sh * y) / math.cos(angles[1])
     add_angles(belief, forward, ch * y - sh * x, z + forward * math.sin(angles[1]))
@@ -305,5 +406,14 @@ def steep(t, lla, columns):
     """[(t, text)] where the pitch first was beyond STEEP, else []."""
     seconds = columns[BEYOND_COLUMN]
     rows = (seconds > 0).nonzero()[0]
-    return [(float(t[rows[0]]), f"pitch beyond 85 deg for {seconds[-1]:.3g} s, first here: Euler angles are near their singularity and "
-             "attitude is kept as a rotation matrix meanwhile")] if len(rows) else []
+    return (
+        [
+            (
+                float(t[rows[0]]),
+                f"pitch beyond 85 deg for {seconds[-1]:.3g} s, first here: Euler angles are near their singularity and "
+                "attitude is kept as a rotation matrix meanwhile",
+            )
+        ]
+        if len(rows)
+        else []
+    )

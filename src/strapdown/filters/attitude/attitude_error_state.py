@@ -1,7 +1,10 @@
-"""What attitude filters share: the specific force carried along by the gyros, and the covariance of six of the fifteen error states.
+"""What attitude filters share: the specific force carried along by the gyros, and the covariance of
+six of the fifteen error states.
 
-The six are attitude (6-8, in n) and gyro bias (12-14); they keep their places in the 15 x 15 covariance, whose other rows stay zero.
+The six are attitude (6-8, in n) and gyro bias (12-14); they keep their places in the 15 x 15
+covariance, whose other rows stay zero.
 """
+
 import math
 
 from ...core.jit import helper, inlined
@@ -11,8 +14,8 @@ from ...core.rotation import orthonormalise, rotate_left, rotate_right, turned
 SIX = (6, 7, 8, 12, 13, 14)
 """Places of attitude and gyro bias among the error states."""
 RECORD, INVERSE = 11, 9
-"""Numbers that a scalar measurement leaves for the smoother: gain (6), h (3), 1/variance of the innovation (INVERSE), innovation; that inverse
-is 0 where nothing was used."""
+"""Numbers that a scalar measurement leaves for the smoother: gain (6), h (3), 1/variance of the
+innovation (INVERSE), innovation; that inverse is 0 where nothing was used."""
 UNAIDED = "no magnetic field and no heading: heading and the gyro bias about the vertical are not observed and drift"
 """What to say where nothing measures the heading."""
 LEAST_FORCE = 0.5
@@ -21,7 +24,8 @@ LEAST_FORCE = 0.5
 
 @helper
 def turn(belief, r0, r1, r2, w0, w2, dt):
-    """Turn the attitude by the rotation vector r (body, rad) and the navigation frame by (w0, 0, w2) (rad); publish the rate."""
+    """Turn the attitude by the rotation vector r (body, rad) and the navigation frame by (w0, 0,
+    w2) (rad); publish the rate."""
     C, omega = belief.C, belief.omega
     rotate_right(C, r0, r1, r2)
     rotate_left(-w0, 0.0, -w2, C)
@@ -31,22 +35,34 @@ def turn(belief, r0, r1, r2, w0, w2, dt):
 
 @helper
 def carry(f, u, r0, r1, r2, dt, share):
-    """Turn the specific force f (m/s^2, body) against the rotation vector r, as a vector at rest in n turns, and mix in `share` of the new sample.
+    """Turn the specific force f (m/s^2, body) against the rotation vector r, as a vector at rest in
+    n turns, and mix in `share` of the new sample.
 
-    That one is a mean over the sample, which r turns by half (and a twelfth of its square); both to second order.
+    That one is a mean over the sample, which r turns by half (and a twelfth of its square); both to
+    second order.
     """
     f0, f1, f2, share = f[0] * (1 - share), f[1] * (1 - share), f[2] * (1 - share), share / dt
     a0, a1, a2 = share * u[3], share * u[4], share * u[5]
     x0, x1, x2 = f0 + a0 / 6, f1 + a1 / 6, f2 + a2 / 6
-    y0, y1, y2 = f0 + 0.5 * (a0 - r1 * x2 + r2 * x1), f1 + 0.5 * (a1 - r2 * x0 + r0 * x2), f2 + 0.5 * (a2 - r0 * x1 + r1 * x0)
-    f[0], f[1], f[2] = f0 + a0 - r1 * y2 + r2 * y1, f1 + a1 - r2 * y0 + r0 * y2, f2 + a2 - r0 * y1 + r1 * y0
+    y0, y1, y2 = (
+        f0 + 0.5 * (a0 - r1 * x2 + r2 * x1),
+        f1 + 0.5 * (a1 - r2 * x0 + r0 * x2),
+        f2 + 0.5 * (a2 - r0 * x1 + r1 * x0),
+    )
+    f[0], f[1], f[2] = (
+        f0 + a0 - r1 * y2 + r2 * y1,
+        f1 + a1 - r2 * y0 + r0 * y2,
+        f2 + a2 - r0 * y1 + r1 * y0,
+    )
 
 
 @helper
 def low_passed(belief, u, r0, r1, r2, dt, time_constant, seconds, made_up):
-    """Carry belief.f along, low-passed over `time_constant` (s), or over the `seconds` since the start where those are fewer. Returns the new seconds.
+    """Carry belief.f along, low-passed over `time_constant` (s), or over the `seconds` since the
+    start where those are fewer. Returns the new seconds.
 
-    Over a gap the loop makes samples up, which know nothing of the vertical: then it is carried only, and counts for less.
+    Over a gap the loop makes samples up, which know nothing of the vertical: then it is carried
+    only, and counts for less.
     """
     if made_up:
         carry(belief.f, u, r0, r1, r2, dt, 0.0)
@@ -58,7 +74,8 @@ def low_passed(belief, u, r0, r1, r2, dt, time_constant, seconds, made_up):
 
 @helper
 def off_vertical(C, f):
-    """Rotation (north, east; rad) that takes the specific force f, turned to n, to straight up; (0, 0) without any force.
+    """Rotation (north, east; rad) that takes the specific force f, turned to n, to straight up; (0,
+    0) without any force.
 
     It is the exact one, so that an attitude that is upside down finds its way too.
     """
@@ -74,23 +91,44 @@ def off_vertical(C, f):
 
 @helper
 def propagate(P, C, w0, w2, q, dt, noise):
-    """P over dt: attitude errors turn with -(w0, 0, w2) (rad) and gather q (rad^2) and - C dt times the gyro bias, which decays and walks."""
+    """P over dt: attitude errors turn with -(w0, 0, w2) (rad) and gather q (rad^2) and - C dt
+    times the gyro bias, which decays and walks."""
     keep = decay(noise.gyro_decay * dt)
     walk = noise.gyro_bias * noise.gyro_bias * dt
-    for j in range(3):      # T B, T = I - [w x], kept below the diagonal for the attitude block
+    for j in range(3):  # T B, T = I - [w x], kept below the diagonal for the attitude block
         b0, b1, b2 = P[6, 12 + j], P[7, 12 + j], P[8, 12 + j]
-        P[12 + j, 6], P[12 + j, 7], P[12 + j, 8] = b0 + w2 * b1, b1 - w2 * b0 + w0 * b2, b2 - w0 * b1
-    for i in range(3):      # T B - C dt D above it
+        P[12 + j, 6], P[12 + j, 7], P[12 + j, 8] = (
+            b0 + w2 * b1,
+            b1 - w2 * b0 + w0 * b2,
+            b2 - w0 * b1,
+        )
+    for i in range(3):  # T B - C dt D above it
         c0, c1, c2 = dt * C[i, 0], dt * C[i, 1], dt * C[i, 2]
         for j in range(3):
-            P[6 + i, 12 + j] = P[12 + j, 6 + i] - (c0 * P[12, 12 + j] + c1 * P[13, 12 + j] + c2 * P[14, 12 + j])
+            P[6 + i, 12 + j] = P[12 + j, 6 + i] - (
+                c0 * P[12, 12 + j] + c1 * P[13, 12 + j] + c2 * P[14, 12 + j]
+            )
     a00, a01, a02, a11, a12, a22 = P[6, 6], P[6, 7], P[6, 8], P[7, 7], P[7, 8], P[8, 8]
-    P[6, 6], P[6, 7], P[6, 8] = a00 + 2 * w2 * a01 + q, a01 + w2 * (a11 - a00) + w0 * a02, a02 + w2 * a12 - w0 * a01
-    P[7, 7], P[7, 8], P[8, 8] = a11 + 2 * (w0 * a12 - w2 * a01) + q, a12 - w2 * a02 + w0 * (a22 - a11), a22 - 2 * w0 * a12 + q
+    P[6, 6], P[6, 7], P[6, 8] = (
+        a00 + 2 * w2 * a01 + q,
+        a01 + w2 * (a11 - a00) + w0 * a02,
+        a02 + w2 * a12 - w0 * a01,
+    )
+    P[7, 7], P[7, 8], P[8, 8] = (
+        a11 + 2 * (w0 * a12 - w2 * a01) + q,
+        a12 - w2 * a02 + w0 * (a22 - a11),
+        a22 - 2 * w0 * a12 + q,
+    )
     for i in range(3):
         for j in range(i, 3):
-            P[6 + i, 6 + j] -= dt * (P[12, 6 + i] * C[j, 0] + P[13, 6 + i] * C[j, 1] + P[14, 6 + i] * C[j, 2]
-                                     + C[i, 0] * P[6 + j, 12] + C[i, 1] * P[6 + j, 13] + C[i, 2] * P[6 + j, 14])
+            P[6 + i, 6 + j] -= dt * (
+                P[12, 6 + i] * C[j, 0]
+                + P[13, 6 + i] * C[j, 1]
+                + P[14, 6 + i] * C[j, 2]
+                + C[i, 0] * P[6 + j, 12]
+                + C[i, 1] * P[6 + j, 13]
+                + C[i, 2] * P[6 + j, 14]
+            )
             P[6 + j, 6 + i] = P[6 + i, 6 + j]
     for i in range(3):
         for j in range(3):
@@ -102,10 +140,12 @@ def propagate(P, C, w0, w2, q, dt, noise):
 
 @inlined
 def measured(P, h0, h1, h2, e, variance, gate, dx, record):
-    """One scalar e = h . attitude error + noise: takes from P what it tells and adds it to the correction dx (6 numbers), unless its NIS is above `gate`.
+    """One scalar e = h . attitude error + noise: takes from P what it tells and adds it to the
+    correction dx (6 numbers), unless its NIS is above `gate`.
 
-    dx holds what was found at the same attitude before, so that several can follow each other and be injected once. `record` (RECORD numbers) gets
-    what the smoother needs, zeros where nothing was used. Returns the NIS.
+    dx holds what was found at the same attitude before, so that several can follow each other and
+    be injected once. `record` (RECORD numbers) gets what the smoother needs, zeros where nothing
+    was used. Returns the NIS.
     """
     k0 = h0 * P[6, 6] + h1 * P[6, 7] + h2 * P[6, 8]
     k1 = h0 * P[6, 7] + h1 * P[7, 7] + h2 * P[7, 8]
@@ -117,7 +157,7 @@ def measured(P, h0, h1, h2, e, variance, gate, dx, record):
     known = h0 * k0 + h1 * k1 + h2 * k2
     total = known + max(variance, LEAST_NOISE * known)
     record[INVERSE] = 0.0
-    if not total > 0:   # nothing is uncertain: no start, noise or measurement
+    if not total > 0:  # nothing is uncertain: no start, noise or measurement
         return math.nan
     scale = 1 / total
     nis = e * e * scale
@@ -137,7 +177,8 @@ def measured(P, h0, h1, h2, e, variance, gate, dx, record):
 
 @helper
 def inject(belief, dx):
-    """Compose the correction dx (attitude in n, rad; gyro bias, rad/s) into the belief, and make it zero."""
+    """Compose the correction dx (attitude in n, rad; gyro bias, rad/s) into the belief, and make
+    it zero."""
     rotate_left(dx[0], dx[1], dx[2], belief.C)
     orthonormalise(belief.C)
     for i in range(3):
@@ -147,7 +188,8 @@ def inject(belief, dx):
 
 @helper
 def unmeasured(record, lam, Lam, work):
-    """The adjoint of `measured`: what the scalar in `record` adds to lam and Lam (of the six states, seen from before it)."""
+    """The adjoint of `measured`: what the scalar in `record` adds to lam and Lam (of the six
+    states, seen from before it)."""
     K, h, scale, q = record[0:6], record[6:9], record[INVERSE], work[0:6]
     if scale == 0:
         return
@@ -170,11 +212,12 @@ def unmeasured(record, lam, Lam, work):
 
 @helper
 def unpropagated(step, lam, Lam, work):
-    """The adjoint of `propagate`, whose transition is in `step`: C dt (9), rotation of n (2, rad), decay of the bias: lam <- Phi' lam, Lam <- Phi' Lam Phi."""
+    """The adjoint of `propagate`, whose transition is in `step`: C dt (9), rotation of n (2,
+    rad), decay of the bias: lam <- Phi' lam, Lam <- Phi' Lam Phi."""
     w0, w2, keep = step[9], step[10], step[11]
     _unpropagate(step, w0, w2, keep, lam)
     for i in range(6):
-        _unpropagate(step, w0, w2, keep, Lam[i])    # by symmetry a row is a column
+        _unpropagate(step, w0, w2, keep, Lam[i])  # by symmetry a row is a column
     for i in range(6):
         for j in range(i):
             Lam[i, j], Lam[j, i] = Lam[j, i], Lam[i, j]

@@ -1,30 +1,66 @@
-"""Attitude and gyro bias from gyros, specific force and magnetic field: a multiplicative extended Kalman filter with six error states.
+"""Attitude and gyro bias from gyros, specific force and magnetic field: a multiplicative extended
+Kalman filter with six error states.
 
-Its vertical is the specific force, carried along by the gyros and low-passed, so that the body's own accelerations, whose mean over seconds is small,
-average out in a frame that does not turn with the body. Of the magnetic field only the horizontal direction is used. How far strength and dip of the
-field are from what they were tells how large a disturbance is there, and the direction is trusted accordingly.
+Its vertical is the specific force, carried along by the gyros and low-passed, so that the body's
+own accelerations, whose mean over seconds is small, average out in a frame that does not turn with
+the body. Of the magnetic field only the horizontal direction is used. How far strength and dip of
+the field are from what they were tells how large a disturbance is there, and the direction is
+trusted accordingly.
 """
+
 import math
 
 import numpy as np
 
-from .attitude_error_state import (INVERSE, LEAST_FORCE, RECORD, SIX, UNAIDED, inject, low_passed, measured, off_vertical, propagate, turn, unmeasured,
-                             unpropagated)
-from ...core.contract import ADJOINT_STEP, CORRECT, SAVE_STEP, MAGNETIC_KIND, PREDICT, Filter, Smoother, helper, kernel, matrix
+from ...core.contract import (
+    ADJOINT_STEP,
+    CORRECT,
+    MAGNETIC_KIND,
+    PREDICT,
+    SAVE_STEP,
+    Filter,
+    Smoother,
+    helper,
+    kernel,
+    matrix,
+)
 from ...core.earth import GRAVITY_EQUATOR, RATE
 from ...core.error_state import BLOCK, DX, OWN, auxiliary, observed
 from ...core.kalman import decay
 from ...core.rotation import turned
+from .attitude_error_state import (
+    INVERSE,
+    LEAST_FORCE,
+    RECORD,
+    SIX,
+    UNAIDED,
+    inject,
+    low_passed,
+    measured,
+    off_vertical,
+    propagate,
+    turn,
+    unmeasured,
+    unpropagated,
+)
 
-EARTH_N, EARTH_D = OWN, OWN + 1     # Earth rate, rad/s
-LOW_PASS, ACCELERATION, RATE_ERROR, HEADING, TIMING, DISTURBANCE = range(OWN + 2, OWN + 8)     # the options, as numbers
-SECONDS, SINCE = OWN + 8, OWN + 9   # s that the specific force is a mean over, and since the last field
+EARTH_N, EARTH_D = OWN, OWN + 1  # Earth rate, rad/s
+LOW_PASS, ACCELERATION, RATE_ERROR, HEADING, TIMING, DISTURBANCE = range(
+    OWN + 2, OWN + 8
+)  # the options, as numbers
+SECONDS, SINCE = (
+    OWN + 8,
+    OWN + 9,
+)  # s that the specific force is a mean over, and since the last field
 STRENGTH, DIP = OWN + 10, OWN + 11  # of the field, running: T, rad
-INTERVAL, TOLD = OWN + 12, OWN + 13     # s between the last two fields; accelerometer noise while there are samples
-EXCESS = 0                          # mean of the size of the specific force less gravity, m/s^2
-LAST_CALL = BLOCK.start                  # what the smoother needs of the last call: PREDICTED or FIX,
-STEP = slice(LAST_CALL + 1, LAST_CALL + 13)   # C dt, Earth rotation (rad), decay of the bias,
-FIRST_RECORD = slice(STEP.stop, STEP.stop + RECORD)     # and the scalar measurements
+INTERVAL, TOLD = (
+    OWN + 12,
+    OWN + 13,
+)  # s between the last two fields; accelerometer noise while there are samples
+EXCESS = 0  # mean of the size of the specific force less gravity, m/s^2
+LAST_CALL = BLOCK.start  # what the smoother needs of the last call: PREDICTED or FIX,
+STEP = slice(LAST_CALL + 1, LAST_CALL + 13)  # C dt, Earth rotation (rad), decay of the bias,
+FIRST_RECORD = slice(STEP.stop, STEP.stop + RECORD)  # and the scalar measurements
 SECOND_RECORD = slice(FIRST_RECORD.stop, FIRST_RECORD.stop + RECORD)
 """Places in workspace."""
 PREDICTED, FIX = 0.0, 1.0
@@ -32,23 +68,43 @@ REFERENCE_TIME = 20.0
 """s: time constant of the running strength and dip while the field agrees with them."""
 AGREES = 0.05
 """Disagreement of strength (relative) and dip (rad) beyond which they are followed more slowly."""
-FORCE_EXCESS = "force_excess [m/s^2]"   # the first number of workspace
+FORCE_EXCESS = "force_excess [m/s^2]"  # the first number of workspace
 LASTING = 1.0
-"""m/s^2: an excess of the mean size of the specific force (a bank of 25 deg has as much) that the user must know of."""
+"""m/s^2: an excess of the mean size of the specific force (a bank of 25 deg has as much) that
+the user must know of."""
 SIZE_TIME = 2.0
 """s: time constant of the mean size of the specific force."""
 SIZE_ERROR = 0.15
-"""m/s^2: what the size of the specific force at rest may differ by from gravity at the equator: an accelerometer's bias, the latitude."""
+"""m/s^2: what the size of the specific force at rest may differ by from gravity at the equator:
+an accelerometer's bias, the latitude."""
 
 
-def start(start, noise, low_pass=2.0, acceleration=0.2, rate_error=0.002, heading=1.7, timing=0.03, disturbance=10.0):
+def start(
+    start,
+    noise,
+    low_pass=2.0,
+    acceleration=0.2,
+    rate_error=0.002,
+    heading=1.7,
+    timing=0.03,
+    disturbance=10.0,
+):
     """Belief at `start`. What the sensors are assumed to do besides their white noise:
 
-    low_pass: time constant of the specific force, s; acceleration: density of what it leaves of the body's own, m/s^2 sqrt(s); rate_error: scale
-    errors of the gyros, per rate, sqrt(s); heading: density of the magnetic direction, deg sqrt(s); timing: the same per angular rate, s sqrt(s), for
-    a field that lags behind the gyros; disturbance: how long one of the field or of the specific force lasts, s. All 0: white noise alone.
+    low_pass: time constant of the specific force, s; acceleration: density of what it leaves of the
+    body's own, m/s^2 sqrt(s); rate_error: scale errors of the gyros, per rate, sqrt(s); heading:
+    density of the magnetic direction, deg sqrt(s); timing: the same per angular rate, s sqrt(s),
+    for a field that lags behind the gyros; disturbance: how long one of the field or of the
+    specific force lasts, s. All 0: white noise alone.
     """
-    options = dict(low_pass=low_pass, acceleration=acceleration, rate_error=rate_error, heading=heading, timing=timing, disturbance=disturbance)
+    options = dict(
+        low_pass=low_pass,
+        acceleration=acceleration,
+        rate_error=rate_error,
+        heading=heading,
+        timing=timing,
+        disturbance=disturbance,
+    )
     for name, value in options.items():
         if not 0 <= value < math.inf:
             raise ValueError(f"{name} is {value}; it must be a finite number, 0 or more")
@@ -57,8 +113,17 @@ def start(start, noise, low_pass=2.0, acceleration=0.2, rate_error=0.002, headin
         belief.P[i, i] *= i in SIX
     workspace, lat = belief.workspace, belief.lla[0]
     workspace[EARTH_N], workspace[EARTH_D] = RATE * math.cos(lat), -RATE * math.sin(lat)
-    workspace[LOW_PASS], workspace[ACCELERATION], workspace[RATE_ERROR] = low_pass, acceleration ** 2 + noise.accel ** 2, rate_error ** 2
-    workspace[HEADING], workspace[TIMING], workspace[DISTURBANCE], workspace[TOLD] = math.radians(heading) ** 2, timing ** 2, disturbance, noise.accel
+    workspace[LOW_PASS], workspace[ACCELERATION], workspace[RATE_ERROR] = (
+        low_pass,
+        acceleration**2 + noise.accel**2,
+        rate_error**2,
+    )
+    workspace[HEADING], workspace[TIMING], workspace[DISTURBANCE], workspace[TOLD] = (
+        math.radians(heading) ** 2,
+        timing**2,
+        disturbance,
+        noise.accel,
+    )
     return belief
 
 
@@ -85,15 +150,18 @@ def predict_attitude(belief, u, dt, noise):
     for i in range(3):
         bg[i] *= keep
     workspace[SINCE] += dt
-    made_up = noise.accel > workspace[TOLD]   # the loop adds noise in a gap
-    workspace[SECONDS] = low_passed(belief, u, r0, r1, r2, dt, workspace[LOW_PASS], workspace[SECONDS], made_up)
+    made_up = noise.accel > workspace[TOLD]  # the loop adds noise in a gap
+    workspace[SECONDS] = low_passed(
+        belief, u, r0, r1, r2, dt, workspace[LOW_PASS], workspace[SECONDS], made_up
+    )
     if not made_up:
         _level(belief, dt)
 
 
 @helper
 def _write_step(workspace, C, w0, w2, keep, dt):
-    """Leave the transition of this step for the smoother, and the records of its two level rows empty."""
+    """Leave the transition of this step for the smoother, and the records of its two level rows
+    empty."""
     step = workspace[STEP]
     for i in range(3):
         for j in range(3):
@@ -112,15 +180,20 @@ def _write_nothing(workspace):
 
 @helper
 def _level(belief, dt):
-    """Correct by the carried specific force, which points up but for the body's own acceleration; its size tells how large a lasting one is."""
+    """Correct by the carried specific force, which points up but for the body's own
+    acceleration; its size tells how large a lasting one is."""
     f, dx, workspace = belief.f, belief.workspace[DX], belief.workspace
     size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
     if size < LEAST_FORCE:
         return
     north, east = off_vertical(belief.C, f)
-    workspace[EXCESS] += min(dt / SIZE_TIME, 1.0) * (size - GRAVITY_EQUATOR - workspace[EXCESS])     # a mean, because what shakes the body goes up and down
+    workspace[EXCESS] += min(dt / SIZE_TIME, 1.0) * (
+        size - GRAVITY_EQUATOR - workspace[EXCESS]
+    )  # a mean, because what shakes the body goes up and down
     excess = max(abs(workspace[EXCESS]) - SIZE_ERROR, 0.0)
-    variance = (workspace[ACCELERATION] + workspace[DISTURBANCE] * excess * excess) / (GRAVITY_EQUATOR * GRAVITY_EQUATOR * dt)
+    variance = (workspace[ACCELERATION] + workspace[DISTURBANCE] * excess * excess) / (
+        GRAVITY_EQUATOR * GRAVITY_EQUATOR * dt
+    )
     for i in range(6):
         dx[i] = 0.0
     measured(belief.P, 1.0, 0.0, 0.0, north, variance, math.inf, dx, belief.workspace[FIRST_RECORD])
@@ -130,7 +203,8 @@ def _level(belief, dt):
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
-    """Correct by the horizontal direction of a magnetic field, whose innovation is an angle (rad), or by a heading."""
+    """Correct by the horizontal direction of a magnetic field, whose innovation is an angle
+    (rad), or by a heading."""
     workspace, n = belief.workspace, belief.P.shape[0]
     if kind == MAGNETIC_KIND:
         return _field(belief, y, sd, parameters, gate, innovation)
@@ -153,7 +227,8 @@ def _used(belief, h0, h1, h2, e, variance, gate):
 
 @helper
 def _field(belief, y, sd, parameters, gate, innovation):
-    """Declination less the azimuth of the field y (T, body), turned to n; its derivative is exact in all three attitude errors."""
+    """Declination less the azimuth of the field y (T, body), turned to n; its derivative is
+    exact in all three attitude errors."""
     C, workspace, omega = belief.C, belief.workspace, belief.omega
     north, east, down = turned(C, y[0], y[1], y[2])
     square = north * north + east * east
@@ -161,26 +236,44 @@ def _field(belief, y, sd, parameters, gate, innovation):
     if not (square > 0 and parameters[0] * parameters[0] + parameters[1] * parameters[1] > 0):
         _write_nothing(workspace)
         return math.nan
-    innovation[0] = math.atan2(parameters[1] * north - parameters[0] * east, parameters[0] * north + parameters[1] * east)
-    seconds = min(workspace[SINCE], 1.0) if workspace[SINCE] > 0 else workspace[INTERVAL]     # of two fields at one time the second is another magnetometer's
+    innovation[0] = math.atan2(
+        parameters[1] * north - parameters[0] * east, parameters[0] * north + parameters[1] * east
+    )
+    seconds = (
+        min(workspace[SINCE], 1.0) if workspace[SINCE] > 0 else workspace[INTERVAL]
+    )  # of two fields at one time the second is another magnetometer's
     if workspace[STRENGTH] == 0:
         horizontal = parameters[0] * parameters[0] + parameters[1] * parameters[1]
-        workspace[STRENGTH], workspace[DIP] = math.sqrt(horizontal + parameters[2] * parameters[2]), math.atan2(parameters[2], math.sqrt(horizontal))
+        workspace[STRENGTH], workspace[DIP] = (
+            math.sqrt(horizontal + parameters[2] * parameters[2]),
+            math.atan2(parameters[2], math.sqrt(horizontal)),
+        )
     off, strength, dip = _departure(workspace[STRENGTH], workspace[DIP], square, down, seconds)
     density = workspace[HEADING] + workspace[DISTURBANCE] * off
     density += workspace[TIMING] * (omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2])
-    variance = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * square) + (density / seconds if seconds > 0 else 0.0)
-    nis = _used(belief, -north * down / square, -east * down / square, 1.0, innovation[0], variance, gate)
+    variance = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * square) + (
+        density / seconds if seconds > 0 else 0.0
+    )
+    nis = _used(
+        belief, -north * down / square, -east * down / square, 1.0, innovation[0], variance, gate
+    )
     if nis <= gate:
-        workspace[SINCE], workspace[INTERVAL], workspace[STRENGTH], workspace[DIP] = 0.0, seconds, strength, dip
+        workspace[SINCE], workspace[INTERVAL], workspace[STRENGTH], workspace[DIP] = (
+            0.0,
+            seconds,
+            strength,
+            dip,
+        )
     return nis
 
 
 @helper
 def _departure(strength, dip, square, down, seconds):
-    """Variance (rad^2) of the azimuth under a disturbance as large as the field is off the running strength (T) and dip (rad); and those, followed.
+    """Variance (rad^2) of the azimuth under a disturbance as large as the field is off the running
+    strength (T) and dip (rad); and those, followed.
 
-    Strength and dip see two of the three components of a disturbance; the third, across, turns the azimuth by it over the horizontal field.
+    Strength and dip see two of the three components of a disturbance; the third, across, turns the
+    azimuth by it over the horizontal field.
     """
     size = math.sqrt(square + down * down)
     a, b = size / strength - 1, math.atan2(down, math.sqrt(square)) - dip
@@ -209,13 +302,33 @@ def adjoint_step(call, lam, Lam, work):
 
 
 def leaning(t, lla, columns):
-    """[(t, text)] where the mean size of the specific force first leaves gravity as it does in a long turn, else []."""
+    """[(t, text)] where the mean size of the specific force first leaves gravity as it does in a
+    long turn, else []."""
     lasting = np.abs(columns[FORCE_EXCESS]) > LASTING
-    return [(float(t[np.argmax(lasting)]), f"the mean specific force is off gravity by more than {LASTING:g} m/s^2, at {np.mean(lasting):.0%} of the times: "
-             "the body turns or accelerates for long, and the vertical errs by more than it says")] if lasting.any() else []
+    return (
+        [
+            (
+                float(t[np.argmax(lasting)]),
+                f"the mean specific force is off gravity by more than {LASTING:g} m/s^2, at {np.mean(lasting):.0%} of the times: "
+                "the body turns or accelerates for long, and the vertical errs by more than it says",
+            )
+        ]
+        if lasting.any()
+        else []
+    )
 
 
-ATTITUDE_MEKF = Filter("attitude-mekf", "Markley (2003), J. Guidance 26(2); Fossen (2021) section 14.4.3; vertical after Laidig & Seel (2023), VQF",
-                       start, predict, correct, states=SIX, estimates=SIX, uses=("magnetic-field", "heading"), unaided_note=UNAIDED,
-                       columns=(FORCE_EXCESS,), diagnose=leaning,
-                       smoother=Smoother(lambda n: SECOND_RECORD.stop - LAST_CALL, save_step, adjoint_step))
+ATTITUDE_MEKF = Filter(
+    "attitude-mekf",
+    "Markley (2003), J. Guidance 26(2); Fossen (2021) section 14.4.3; vertical after Laidig & Seel (2023), VQF",
+    start,
+    predict,
+    correct,
+    states=SIX,
+    estimates=SIX,
+    uses=("magnetic-field", "heading"),
+    unaided_note=UNAIDED,
+    columns=(FORCE_EXCESS,),
+    diagnose=leaning,
+    smoother=Smoother(lambda n: SECOND_RECORD.stop - LAST_CALL, save_step, adjoint_step),
+)

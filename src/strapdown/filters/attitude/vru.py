@@ -1,12 +1,24 @@
-"""Vertical reference unit: roll, pitch and heave of a floating body, or of one with a barometer, from a 6-DOF IMU.
+"""Vertical reference unit: roll, pitch and heave of a floating body, or of one with a barometer,
+from a 6-DOF IMU.
 
-Attitude and gyro bias are those of `attitude_mekf` without a heading reference. Beside them a Kalman filter of height, vertical velocity and
-accelerometer bias is driven by the specific force turned to n: v_D' = (C (f - b_a))_D + g. The two are decoupled, as in the textbook: the vertical
+Attitude and gyro bias are those of `attitude_mekf` without a heading reference. Beside them a
+Kalman filter of height, vertical velocity and accelerometer bias is driven by the specific force
+turned to n: v_D' = (C (f - b_a))_D + g. The two are decoupled, as in the textbook: the vertical
 channel takes the attitude for known, and its measurements correct no attitude.
 """
+
 import math
 
-from ...core.contract import CORRECT, PREDICT, SEA_LEVEL_KIND, STATES, Filter, helper, kernel, matrix
+from ...core.contract import (
+    CORRECT,
+    PREDICT,
+    SEA_LEVEL_KIND,
+    STATES,
+    Filter,
+    helper,
+    kernel,
+    matrix,
+)
 from ...core.earth import gravity
 from ...core.error_state import DX, OWN, WORK, inject_tail, observed
 from ...core.kalman import decay, update
@@ -16,53 +28,75 @@ from .attitude_mekf import TOLD, predict_attitude
 VERTICAL = (2, 5, 9, 10, 11)
 """Places of height, vertical velocity and accelerometer bias among the error states."""
 HEIGHT_SD = 10e3
-"""m: nothing that a barometer or the sea aids is further from height 0; an unknown place says the radius of the Earth."""
+"""m: nothing that a barometer or the sea aids is further from height 0; an unknown place says
+the radius of the Earth."""
 LEAST_ACCEL, SHORTEST = 1e-6, 1e-3
-"""m/s/sqrt(s): accelerometer noise to reckon with at least; s: between two heights of zero-sea-level, which may come at one time."""
+"""m/s/sqrt(s): accelerometer noise to reckon with at least; s: between two heights of
+zero-sea-level, which may come at one time."""
 MANY = 18
 """Independent heights, six waves, after which their average is better than that of so many."""
-LEVEL, VARIANCE, MEASURED = range(OWN + 20, OWN + 23)   # height (m) and its variance (m^2) at the start; 1 once a source has measured the height
-SINCE_LEVEL, HEAVE = OWN + 23, OWN + 24                 # s since the last zero-sea-level; variance of the heave before any source, m^2
-DENSITY, INDEPENDENT = OWN + 25, OWN + 26               # density of waves with 1 m of heave, m^2 s; s from which on heights are independent
-SETTLED = OWN + 30                                      # s since the start or the last gap
-DEVIATION = slice(OWN + 27, OWN + 30)                   # of a fix, with what it does not know, m
+LEVEL, VARIANCE, MEASURED = range(
+    OWN + 20, OWN + 23
+)  # height (m) and its variance (m^2) at the start; 1 once a source has measured the height
+SINCE_LEVEL, HEAVE = (
+    OWN + 23,
+    OWN + 24,
+)  # s since the last zero-sea-level; variance of the heave before any source, m^2
+DENSITY, INDEPENDENT = (
+    OWN + 25,
+    OWN + 26,
+)  # density of waves with 1 m of heave, m^2 s; s from which on heights are independent
+SETTLED = OWN + 30  # s since the start or the last gap
+DEVIATION = slice(OWN + 27, OWN + 30)  # of a fix, with what it does not know, m
 """Places in workspace."""
 
 
-def start(start, noise, heave=1.0, wave_period=10.0, low_pass=2.0, acceleration=0.2, rate_error=0.002):
-    """Belief at `start`. Until a source measures the height, it heaves about that of the start: heave is the standard deviation of that, m.
+def start(
+    start, noise, heave=1.0, wave_period=10.0, low_pass=2.0, acceleration=0.2, rate_error=0.002
+):
+    """Belief at `start`. Until a source measures the height, it heaves about that of the start:
+    heave is the standard deviation of that, m.
 
-    wave_period: of the waves, s, which tells how fast they average to zero; 0: heights of zero-sea-level err independently. low_pass (s),
-    acceleration (m/s^2 sqrt(s)) and rate_error (sqrt(s)) are those of `attitude-mekf`.
+    wave_period: of the waves, s, which tells how fast they average to zero; 0: heights of
+    zero-sea-level err independently. low_pass (s), acceleration (m/s^2 sqrt(s)) and rate_error
+    (sqrt(s)) are those of `attitude-mekf`.
     """
     if not 0 < heave < math.inf:
         raise ValueError(f"heave is {heave} m; it must be a finite number above 0")
     if not 0 <= wave_period < math.inf:
         raise ValueError(f"wave_period is {wave_period} s; it must be a finite number, 0 or more")
-    belief = attitude_mekf.start(start, noise, low_pass=low_pass, acceleration=acceleration, rate_error=rate_error)
+    belief = attitude_mekf.start(
+        start, noise, low_pass=low_pass, acceleration=acceleration, rate_error=rate_error
+    )
     for i in VERTICAL:
         belief.P[i, i] = min(start.sd[i], HEIGHT_SD) ** 2
     workspace = belief.workspace
     workspace[LEVEL], workspace[VARIANCE] = belief.lla[2], belief.P[2, 2]
-    workspace[DENSITY], workspace[INDEPENDENT] = wave_density(noise.accel, wave_period) if wave_period else 1.0, wave_period / 3
-    workspace[HEAVE] = heave ** 2
+    workspace[DENSITY], workspace[INDEPENDENT] = (
+        wave_density(noise.accel, wave_period) if wave_period else 1.0,
+        wave_period / 3,
+    )
+    workspace[HEAVE] = heave**2
     return belief
 
 
 def wave_density(accel, wave_period):
-    """White density (m^2 s) as which waves of 1 m heave are told to the filter; that of s metres is s^1.6 times as large.
+    """White density (m^2 s) as which waves of 1 m heave are told to the filter; that of s metres is
+    s^1.6 times as large.
 
-    Waves have nothing at low frequencies, so that their average vanishes faster than that of independent heights. With accelerometer noise of density
-    q^1/2 a filter of height and velocity takes density S for a corner of w0 = (q/S)^1/4. Of waves at w it lets 2 (w0/w)^2 s^2 through, the noise adds
-    q/(2 sqrt(2) w0^3); their sum is least at w0^5 = 3 q w^2/(8 sqrt(2) s^2).
+    Waves have nothing at low frequencies, so that their average vanishes faster than that of
+    independent heights. With accelerometer noise of density q^1/2 a filter of height and velocity
+    takes density S for a corner of w0 = (q/S)^1/4. Of waves at w it lets 2 (w0/w)^2 s^2 through,
+    the noise adds q/(2 sqrt(2) w0^3); their sum is least at w0^5 = 3 q w^2/(8 sqrt(2) s^2).
     """
     w, q = 2 * math.pi / wave_period, max(accel, LEAST_ACCEL) ** 2
-    return q ** 0.2 * (8 * math.sqrt(2) / (3 * w * w)) ** 0.8
+    return q**0.2 * (8 * math.sqrt(2) / (3 * w * w)) ** 0.8
 
 
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
-    """The vertical channel at the attitude where the sample begins, then the attitude; the mean level as long as nothing else aids the height."""
+    """The vertical channel at the attitude where the sample begins, then the attitude; the mean
+    level as long as nothing else aids the height."""
     if dt > 0:
         _fall(belief, u, dt, noise)
         _spread(belief, dt, noise)
@@ -76,17 +110,27 @@ def predict(belief, u, dt, noise):
 
 @helper
 def _waves(workspace, variance):
-    """Density (m^2 s) of waves of that variance (m^2): of independent heights until the filter has seen enough of them."""
-    return variance * workspace[INDEPENDENT] if workspace[SETTLED] < MANY * workspace[INDEPENDENT] else workspace[DENSITY] * variance ** 0.8
+    """Density (m^2 s) of waves of that variance (m^2): of independent heights until the filter
+    has seen enough of them."""
+    return (
+        variance * workspace[INDEPENDENT]
+        if workspace[SETTLED] < MANY * workspace[INDEPENDENT]
+        else workspace[DENSITY] * variance**0.8
+    )
 
 
 @helper
 def _fall(belief, u, dt, noise):
-    """Height and vertical velocity over a sample, by the bias-free velocity increment at mid-interval and gravity."""
+    """Height and vertical velocity over a sample, by the bias-free velocity increment at
+    mid-interval and gravity."""
     C, ba, bg = belief.C, belief.ba, belief.bg
     r0, r1, r2 = 0.5 * (u[0] - bg[0] * dt), 0.5 * (u[1] - bg[1] * dt), 0.5 * (u[2] - bg[2] * dt)
     a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
-    gained = C[2, 0] * (a0 + r1 * a2 - r2 * a1) + C[2, 1] * (a1 + r2 * a0 - r0 * a2) + C[2, 2] * (a2 + r0 * a1 - r1 * a0)
+    gained = (
+        C[2, 0] * (a0 + r1 * a2 - r2 * a1)
+        + C[2, 1] * (a1 + r2 * a0 - r0 * a2)
+        + C[2, 2] * (a2 + r0 * a1 - r1 * a0)
+    )
     gained += gravity(math.sin(belief.lla[0]), belief.lla[2]) * dt
     belief.lla[2] -= (belief.v[2] + 0.5 * gained) * dt
     belief.v[2] += gained
@@ -97,11 +141,14 @@ def _fall(belief, u, dt, noise):
 
 @helper
 def _spread(belief, dt, noise):
-    """P of the vertical channel over dt: p' = v, v' = - c b with c the down row of C, and with the states that aidings brought along."""
+    """P of the vertical channel over dt: p' = v, v' = - c b with c the down row of C, and with
+    the states that aidings brought along."""
     P, C, half = belief.P, belief.C, 0.5 * dt
     c0, c1, c2 = dt * C[2, 0], dt * C[2, 1], dt * C[2, 2]
     keep, q = decay(noise.accel_decay * dt), noise.accel * noise.accel * dt
-    u_p = c0 * P[2, 9] + c1 * P[2, 10] + c2 * P[2, 11]      # with u = dt c b: the covariances of u with the others
+    u_p = (
+        c0 * P[2, 9] + c1 * P[2, 10] + c2 * P[2, 11]
+    )  # with u = dt c b: the covariances of u with the others
     u_v = c0 * P[5, 9] + c1 * P[5, 10] + c2 * P[5, 11]
     u0 = c0 * P[9, 9] + c1 * P[9, 10] + c2 * P[9, 11]
     u1 = c0 * P[9, 10] + c1 * P[10, 10] + c2 * P[10, 11]
@@ -128,7 +175,8 @@ def _spread(belief, dt, noise):
 
 @helper
 def _tether(belief, variance):
-    """Correct the vertical channel by the height of the start, measured with that variance (m^2): the mean of the heave is zero."""
+    """Correct the vertical channel by the height of the start, measured with that variance
+    (m^2): the mean of the heave is zero."""
     P, e = belief.P, belief.lla[2] - belief.workspace[LEVEL]
     k = (P[2, 2], P[2, 5], P[2, 9], P[2, 10], P[2, 11])
     scale = 1 / (P[2, 2] + variance)
@@ -145,9 +193,15 @@ def _tether(belief, variance):
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
-    """Correct the vertical channel by a height. What the tilt makes of a lever arm is noise; the waves about mean sea level are no white one."""
+    """Correct the vertical channel by a height. What the tilt makes of a lever arm is noise; the
+    waves about mean sea level are no white one."""
     n, workspace, P = belief.P.shape[0], belief.workspace, belief.P
-    H, seconds, limit, nis = matrix(workspace, workspace.size - 3 * n, 3, n), workspace[SINCE_LEVEL], gate, 0.0
+    H, seconds, limit, nis = (
+        matrix(workspace, workspace.size - 3 * n, 3, n),
+        workspace[SINCE_LEVEL],
+        gate,
+        0.0,
+    )
     rows = observed(belief, y, observe, parameters, innovation, H)
     if math.isnan(innovation[0]):
         return math.nan
@@ -160,14 +214,16 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
         for k in range(STATES, n):
             known += H[0, k] * H[0, k] * P[k, k]
     gated = waves or workspace[MEASURED] == 0
-    if gated:   # one height errs by all the heave, and is gated so; many in a row know better
+    if gated:  # one height errs by all the heave, and is gated so; many in a row know better
         nis, limit = innovation[0] * innovation[0] / (known + variance), math.inf
         variance = _waves(workspace, variance) / max(seconds, SHORTEST) if waves else variance
     if nis <= gate and workspace[MEASURED] == 0:
         _untie(P, workspace)
     if nis <= gate:
         workspace[DEVIATION][0] = math.sqrt(variance)
-        found = update(P, H, innovation, workspace[DEVIATION], rows, limit, workspace[WORK:], workspace[DX])
+        found = update(
+            P, H, innovation, workspace[DEVIATION], rows, limit, workspace[WORK:], workspace[DX]
+        )
         nis = nis if gated else found
     if nis <= gate:
         if kind == SEA_LEVEL_KIND:
@@ -187,14 +243,22 @@ def _inject_vertical(belief, dx):
 
 @helper
 def _untie(P, workspace):
-    """The first source of height: from now on the height is as uncertain as it was at the start, and no longer that of the mean level."""
+    """The first source of height: from now on the height is as uncertain as it was at the start,
+    and no longer that of the mean level."""
     workspace[MEASURED] = 1.0
     for j in range(P.shape[0]):
         P[2, j] = P[j, 2] = 0.0
     P[2, 2] = workspace[VARIANCE]
 
 
-VRU = Filter("vru", "Fossen (2021) section 14.2.2 and 14.3.2, heave by a Kalman filter; attitude as attitude-mekf", start, predict, correct,
-             states=(2, 5, 6, 7, 9, 10, 11, 12, 13, 14), estimates=(2, 5, 6, 7, 9, 10, 11, 12, 13, 14),
-             unaided_note="no source of height: heave is that about the height of the start, which is taken for its mean",
-             uses=("pressure", "pressure-altitude", "altitude", "zero-sea-level"))
+VRU = Filter(
+    "vru",
+    "Fossen (2021) section 14.2.2 and 14.3.2, heave by a Kalman filter; attitude as attitude-mekf",
+    start,
+    predict,
+    correct,
+    states=(2, 5, 6, 7, 9, 10, 11, 12, 13, 14),
+    estimates=(2, 5, 6, 7, 9, 10, 11, 12, 13, 14),
+    unaided_note="no source of height: heave is that about the height of the start, which is taken for its mean",
+    uses=("pressure", "pressure-altitude", "altitude", "zero-sea-level"),
+)

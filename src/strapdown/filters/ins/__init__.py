@@ -1,1 +1,2 @@
-"""Error-state and full-state Kalman filters of the strapdown equations: position, velocity, attitude and biases."""
+"""Error-state and full-state Kalman filters of the strapdown equations: position, velocity,
+attitude and biases."""

@@ -1,12 +1,23 @@
-"""Closed loop: errors are injected into the INS at each fix, biases are corrected inside the INS. The default filter."""
+"""Closed loop: errors are injected into the INS at each fix, biases are corrected inside the
+INS. The default filter."""
+
 from ...core.adjoint import SMOOTHER
 from ...core.contract import CORRECT, PREDICT, Filter, kernel
-from ...core.error_state import DX, HEIGHT, auxiliary, bias_free, inject_all, linearised_step, measure
+from ...core.error_state import (
+    DX,
+    HEIGHT,
+    auxiliary,
+    bias_free,
+    inject_all,
+    linearised_step,
+    measure,
+)
 from ...core.mechanization import mechanize
 
 
 def start(start, noise, error_model="corrected"):
-    """Belief at `start`. error_model: "corrected", or a name of core.error_dynamics.MODELS: what Hager & Bryne print, whole or in part."""
+    """Belief at `start`. error_model: "corrected", or a name of core.error_dynamics.MODELS: what
+    Hager & Bryne print, whole or in part."""
     return start.belief(auxiliary(len(start.sd), error_model))
 
 
@@ -15,7 +26,20 @@ def predict(belief, u, dt, noise):
     """Advance P, linearised at the belief, and the INS with bias-corrected increments."""
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
     linearised_step(belief, belief.C, 1.0, u, dt, noise, False)
-    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, belief.workspace[DX], belief.workspace[HEIGHT])
+    mechanize(
+        belief.lla,
+        belief.v,
+        belief.C,
+        r0,
+        r1,
+        r2,
+        a0,
+        a1,
+        a2,
+        dt,
+        belief.workspace[DX],
+        belief.workspace[HEIGHT],
+    )
 
 
 @kernel(CORRECT)
@@ -27,4 +51,11 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     return nis
 
 
-CLOSED_LOOP = Filter("closed-loop", "Groves (2013) section 14.1.1; Hager & Bryne, section IV-B", start, predict, correct, smoother=SMOOTHER)
+CLOSED_LOOP = Filter(
+    "closed-loop",
+    "Groves (2013) section 14.1.1; Hager & Bryne, section IV-B",
+    start,
+    predict,
+    correct,
+    smoother=SMOOTHER,
+)

@@ -1,8 +1,11 @@
-"""Closed loop of Hager & Bryne: kinematic errors are injected and reset, biases stay in the error state and never enter the INS.
+"""Closed loop of Hager & Bryne: kinematic errors are injected and reset, biases stay in the error
+state and never enter the INS.
 
-The INS runs on the uncorrected IMU; after the reset the error state is [0, 0, 0, b], its prediction Phi [0, b] is not zero in position,
-velocity and attitude, and that part is composed into the nominal state at each step.
+The INS runs on the uncorrected IMU; after the reset the error state is [0, 0, 0, b], its prediction
+Phi [0, b] is not zero in position, velocity and attitude, and that part is composed into the
+nominal state at each step.
 """
+
 from ...core.adjoint import SMOOTHER
 from ...core.contract import BA, BG, CORRECT, PREDICT, Filter, kernel
 from ...core.error_state import DX, HEIGHT, X, added, inject_all, linearised_step, measure
@@ -12,7 +15,8 @@ from .closed_loop import start
 
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
-    """Advance P and the error state [0, b]; run the INS on the raw increments and inject what the biases did to it."""
+    """Advance P and the error state [0, b]; run the INS on the raw increments and inject what
+    the biases did to it."""
     x = belief.workspace[X]
     for i in range(9):
         x[i] = 0.0
@@ -20,7 +24,20 @@ def predict(belief, u, dt, noise):
     for i in range(3):
         xa[i], xg[i] = belief.ba[i], belief.bg[i]
     linearised_step(belief, belief.C, 1.0, u, dt, noise, True)
-    mechanize(belief.lla, belief.v, belief.C, u[0], u[1], u[2], u[3], u[4], u[5], dt, belief.workspace[DX], belief.workspace[HEIGHT])
+    mechanize(
+        belief.lla,
+        belief.v,
+        belief.C,
+        u[0],
+        u[1],
+        u[2],
+        u[3],
+        u[4],
+        u[5],
+        dt,
+        belief.workspace[DX],
+        belief.workspace[HEIGHT],
+    )
     added(belief.lla, belief.v, belief.C, x)
 
 
@@ -33,4 +50,11 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     return nis
 
 
-CLOSED_LOOP_ERROR_BIAS = Filter("closed-loop-error-bias", "Hager & Bryne, section IV-B, equations (24)-(26)", start, predict, correct, smoother=SMOOTHER)
+CLOSED_LOOP_ERROR_BIAS = Filter(
+    "closed-loop-error-bias",
+    "Hager & Bryne, section IV-B, equations (24)-(26)",
+    start,
+    predict,
+    correct,
+    smoother=SMOOTHER,
+)

@@ -1,7 +1,10 @@
-"""Extended Kalman filter in its textbook form: dP/dt = F P + P F' + G Q G' integrated by Runge-Kutta, the correction in Joseph form.
+"""Extended Kalman filter in its textbook form: dP/dt = F P + P F' + G Q G' integrated by
+Runge-Kutta, the correction in Joseph form.
 
-States, errors, mean and Jacobians are those of `closed-loop`, which does the same in less time; this is the form to compare with.
+States, errors, mean and Jacobians are those of `closed-loop`, which does the same in less time;
+this is the form to compare with.
 """
+
 import math
 
 import numpy as np
@@ -14,7 +17,8 @@ from ...core.mechanization import mechanize
 
 F_AT = BLOCKS
 WORK = F_AT + STATES * STATES
-"""Places in workspace: blocks of F, F (15, 15), then two tables (n, n) of the prediction, which the correction uses in its own way."""
+"""Places in workspace: blocks of F, F (15, 15), then two tables (n, n) of the prediction, which
+the correction uses in its own way."""
 
 
 def start(start, noise):
@@ -30,7 +34,9 @@ def predict(belief, u, dt, noise):
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
     F = matrix(workspace, F_AT, STATES, STATES)
     _jacobian(belief, r0, r1, r2, a0 / dt, a1 / dt, a2 / dt, noise, F)
-    _integrate(belief.P, F, dt, noise, matrix(workspace, WORK, n, n), matrix(workspace, WORK + n * n, n, n))
+    _integrate(
+        belief.P, F, dt, noise, matrix(workspace, WORK, n, n), matrix(workspace, WORK + n * n, n, n)
+    )
     belief.omega[0], belief.omega[1], belief.omega[2] = r0 / dt, r1 / dt, r2 / dt
     belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
     decay_biases(belief.ba, belief.bg, dt, noise)
@@ -39,14 +45,20 @@ def predict(belief, u, dt, noise):
 
 @helper
 def _jacobian(belief, r0, r1, r2, f0, f1, f2, noise, F):
-    """F (15, 15) in 1/s at the belief, with the attitude half a rotation r (rad) later; f is the specific force, m/s^2, body."""
+    """F (15, 15) in 1/s at the belief, with the attitude half a rotation r (rad) later; f is the
+    specific force, m/s^2, body."""
     blocks, C = belief.workspace, belief.C
     w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, CORRECTED, blocks)
     for i in range(3):
         for j in range(3):
             k = 3 * i + j
-            F[i, j], F[3 + i, j], F[3 + i, 3 + j], F[6 + i, j], F[6 + i, 3 + j] = (blocks[PP + k], blocks[VP + k], blocks[VV + k], blocks[TP + k],
-                                                                                blocks[TV + k])
+            F[i, j], F[3 + i, j], F[3 + i, 3 + j], F[6 + i, j], F[6 + i, 3 + j] = (
+                blocks[PP + k],
+                blocks[VP + k],
+                blocks[VV + k],
+                blocks[TP + k],
+                blocks[TV + k],
+            )
         F[i, 3 + i], F[9 + i, 9 + i], F[12 + i, 12 + i] = 1.0, -noise.accel_decay, -noise.gyro_decay
         m0 = C[i, 0] + 0.5 * (C[i, 1] * r2 - C[i, 2] * r1)
         m1 = C[i, 1] + 0.5 * (C[i, 2] * r0 - C[i, 0] * r2)
@@ -62,7 +74,8 @@ def _jacobian(belief, r0, r1, r2, f0, f1, f2, noise, F):
 
 @helper
 def _integrate(P, F, dt, noise, D, T):
-    """One Runge-Kutta step of fourth order of dP/dt: with F and Q constant over it, the first four terms D of the series in dt."""
+    """One Runge-Kutta step of fourth order of dP/dt: with F and Q constant over it, the first
+    four terms D of the series in dt."""
     n = P.shape[0]
     for i in range(n):
         for j in range(n):
@@ -77,7 +90,7 @@ def _integrate(P, F, dt, noise, D, T):
                 if a != 0:
                     for j in range(n):
                         T[i, j] += a * D[k, j]
-        if order == 1:      # half of G Q G', because T is added to its transpose
+        if order == 1:  # half of G Q G', because T is added to its transpose
             for i in range(3):
                 T[3 + i, 3 + i] += 0.5 * noise.accel * noise.accel
                 T[6 + i, 6 + i] += 0.5 * noise.gyro * noise.gyro
@@ -95,10 +108,18 @@ def _integrate(P, F, dt, noise, D, T):
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Gain K, P <- (I - K H) P (I - K H)' + K R K', the error injected into INS and biases."""
     workspace, P, n = belief.workspace, belief.P, belief.P.shape[0]
-    H, U, K = matrix(workspace, WORK, 3, n), matrix(workspace, WORK + 3 * n, 3, n), matrix(workspace, WORK + 6 * n, 3, n)
-    dx, small = workspace[WORK + 9 * n:WORK + 10 * n], WORK + 10 * n
+    H, U, K = (
+        matrix(workspace, WORK, 3, n),
+        matrix(workspace, WORK + 3 * n, 3, n),
+        matrix(workspace, WORK + 6 * n, 3, n),
+    )
+    dx, small = workspace[WORK + 9 * n : WORK + 10 * n], WORK + 10 * n
     rows = observed(belief, y, observe, parameters, innovation, H)
-    L, e, variance = matrix(workspace, small, 3, 3), workspace[small + 9:small + 12], workspace[small + 12:small + 15]
+    L, e, variance = (
+        matrix(workspace, small, 3, 3),
+        workspace[small + 9 : small + 12],
+        workspace[small + 12 : small + 15],
+    )
     used = 0
     for i in range(rows):
         if not math.isnan(innovation[i]):
@@ -119,8 +140,8 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 @helper
 def _gain(P, H, used, e, variance, U, L, K, dx):
-    """U = H P, K' = (H P H' + R)^-1 U by Cholesky, dx = K e. Returns the NIS, NaN without a row, inf where there is no Cholesky;
-    e becomes L^-1 e."""
+    """U = H P, K' = (H P H' + R)^-1 U by Cholesky, dx = K e. Returns the NIS, NaN without a row,
+    inf where there is no Cholesky; e becomes L^-1 e."""
     n, nis = P.shape[0], 0.0 if used > 0 else math.nan
     for a in range(used):
         for j in range(n):
@@ -135,7 +156,9 @@ def _gain(P, H, used, e, variance, U, L, K, dx):
                 total += U[a, j] * H[b, j]
             for m in range(b):
                 total -= L[a, m] * L[b, m]
-            if a == b and not total > 0:     # P is no covariance any more: rejected, and counted as that
+            if (
+                a == b and not total > 0
+            ):  # P is no covariance any more: rejected, and counted as that
                 return math.inf
             L[a, b] = math.sqrt(total) if a == b else total / L[b, b]
         for b in range(a):
@@ -180,4 +203,10 @@ def _joseph(P, H, used, variance, U, K, M):
             P[i, j] = P[j, i] = 0.5 * total
 
 
-EKF = Filter("ekf", "Gelb (1974) section 6.1; Mollaei, Shafieirad & Moradi (2025) equations (19)-(22), corrected", start, predict, correct)
+EKF = Filter(
+    "ekf",
+    "Gelb (1974) section 6.1; Mollaei, Shafieirad & Moradi (2025) equations (19)-(22), corrected",
+    start,
+    predict,
+    correct,
+)

@@ -1,16 +1,29 @@
-"""Multiplicative EKF for aided INS: its attitude error is twice the Gibbs vector of an error quaternion in body axes, q_true = q_est (x) dq(a).
+"""Multiplicative EKF for aided INS: its attitude error is twice the Gibbs vector of an error
+quaternion in body axes, q_true = q_est (x) dq(a).
 
-dq(a) = [2, a]/sqrt(4 + a'a). The library keeps errors in the navigation frame, theta = C a: P_n = A P_b A' with A = diag(I, I, C, I, I), and rows of
-measurements H_b = H_n A. So prediction, gain and every kind of aiding are those of the closed loop, and two things are the filter's own: a correction
-of the attitude is composed as a 2 x Gibbs vector, not as a rotation vector; and P_b stays as it is when the quaternion takes the correction over, so
-that P_n turns with C.
-The Gibbs vector of half a turn is infinite, but only that of a correction is ever used, as the other way round: every vector makes a rotation of less
-than half a turn.
+dq(a) = [2, a]/sqrt(4 + a'a). The library keeps errors in the navigation frame, theta = C a: P_n = A
+P_b A' with A = diag(I, I, C, I, I), and rows of measurements H_b = H_n A. So prediction, gain and
+every kind of aiding are those of the closed loop, and two things are the filter's own: a correction
+of the attitude is composed as a 2 x Gibbs vector, not as a rotation vector; and P_b stays as it is
+when the quaternion takes the correction over, so that P_n turns with C. The Gibbs vector of half a
+turn is infinite, but only that of a correction is ever used, as the other way round: every vector
+makes a rotation of less than half a turn.
 """
+
 import math
 
 from ...core import adjoint
-from ...core.contract import ATT, ADJOINT_STEP, CORRECT, SAVE_STEP, Filter, Smoother, helper, kernel, matrix
+from ...core.contract import (
+    ADJOINT_STEP,
+    ATT,
+    CORRECT,
+    SAVE_STEP,
+    Filter,
+    Smoother,
+    helper,
+    kernel,
+    matrix,
+)
 from ...core.error_state import DX, OWN, inject_all, measure
 from ...core.rotation import rotate_left, turned
 from .closed_loop import predict, start
@@ -21,20 +34,24 @@ TURN = OWN
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
-    """Correct P; inject the errors into INS and biases, that of the attitude as a 2 x Gibbs vector, and turn P with the attitude."""
+    """Correct P; inject the errors into INS and biases, that of the attitude as a 2 x Gibbs
+    vector, and turn P with the attitude."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:
         dx = belief.workspace[DX]
         rotation_vector(dx[ATT])
         inject_all(belief, dx)
         theta = dx[ATT]
-        turn_covariance(belief.P, theta[0], theta[1], theta[2], matrix(belief.workspace, TURN, 3, 3))
+        turn_covariance(
+            belief.P, theta[0], theta[1], theta[2], matrix(belief.workspace, TURN, 3, 3)
+        )
     return nis
 
 
 @helper
 def rotation_vector(a):
-    """From twice a Gibbs vector, a (3,), to the rotation vector (rad) of the same rotation, in place: tan(angle/2) = |a|/2."""
+    """From twice a Gibbs vector, a (3,), to the rotation vector (rad) of the same rotation, in
+    place: tan(angle/2) = |a|/2."""
     half = 0.5 * math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
     if half > 0:
         scale = math.atan(half) / half
@@ -44,7 +61,8 @@ def rotation_vector(a):
 
 @helper
 def turn_covariance(P, x, y, z, R):
-    """P <- A P A' with A = diag(I, I, R, I, ...) and R (3, 3) that of the rotation vector (x, y, z), rad, symmetric to the last bit."""
+    """P <- A P A' with A = diag(I, I, R, I, ...) and R (3, 3) that of the rotation vector (x, y,
+    z), rad, symmetric to the last bit."""
     n = P.shape[0]
     for i in range(3):
         for j in range(3):
@@ -70,13 +88,20 @@ def save_step(belief, record):
 
 @kernel(ADJOINT_STEP)
 def adjoint_step(call, lam, Lam, work):
-    """The adjoint of the call in a record of `save_step`: of a correction first that of its turn, lam <- A' lam and Lam <- A' Lam A."""
+    """The adjoint of the call in a record of `save_step`: of a correction first that of its
+    turn, lam <- A' lam and Lam <- A' Lam A."""
     if call[0] > 0:
-        theta, R = call[call.size - 3:], matrix(work, 0, 3, 3)
+        theta, R = call[call.size - 3 :], matrix(work, 0, 3, 3)
         turn_covariance(Lam, -theta[0], -theta[1], -theta[2], R)
         lam[6], lam[7], lam[8] = turned(R, lam[6], lam[7], lam[8])
     adjoint.undone(call, lam, Lam, work)
 
 
-MEKF = Filter("mekf", "Markley (2003), J. Guidance 26(2); Fossen (2021) section 14.4.3", start, predict, correct,
-              smoother=Smoother(lambda n: adjoint.width(n) + 3, save_step, adjoint_step))
+MEKF = Filter(
+    "mekf",
+    "Markley (2003), J. Guidance 26(2); Fossen (2021) section 14.4.3",
+    start,
+    predict,
+    correct,
+    smoother=Smoother(lambda n: adjoint.width(n) + 3, save_step, adjoint_step),
+)

@@ -1,8 +1,11 @@
-"""Open loop (feed-forward): the INS runs raw and alone; its error is estimated beside it and never reset. The belief is INS (+) error.
+"""Open loop (feed-forward): the INS runs raw and alone; its error is estimated beside it and never
+reset. The belief is INS (+) error.
 
-The error is propagated by a linear model, which is what separates an open loop from a closed one once the INS has drifted. Of what it neglects,
-the products of position and velocity errors are the largest and depend on the coordinates of the position error; see `KINEMATICS`.
+The error is propagated by a linear model, which is what separates an open loop from a closed one
+once the INS has drifted. Of what it neglects, the products of position and velocity errors are the
+largest and depend on the coordinates of the position error; see `KINEMATICS`.
 """
+
 import math
 
 import numpy as np
@@ -11,30 +14,52 @@ from ...core.adjoint import SMOOTHER
 from ...core.contract import BA, BG, CORRECT, PREDICT, Filter, helper, kernel, matrix
 from ...core.earth import FAR
 from ...core.error_dynamics import TV
-from ...core.error_state import BLOCK, DX, HEIGHT, OWN, X, added, auxiliary, decay_biases, inject_tail, linearised_step, measure
+from ...core.error_state import (
+    BLOCK,
+    DX,
+    HEIGHT,
+    OWN,
+    X,
+    added,
+    auxiliary,
+    decay_biases,
+    inject_tail,
+    linearised_step,
+    measure,
+)
 from ...core.mechanization import mechanize
 
-LLA, V, C = slice(OWN, OWN + 3), slice(OWN + 3, OWN + 6), OWN + 6   # of the raw INS in workspace
-INS_ERROR = ("ins_error_north [m]", "ins_error_east [m]", "ins_error_down [m]")  # the first numbers of workspace: true - raw INS, as estimated
+LLA, V, C = slice(OWN, OWN + 3), slice(OWN + 3, OWN + 6), OWN + 6  # of the raw INS in workspace
+INS_ERROR = (
+    "ins_error_north [m]",
+    "ins_error_east [m]",
+    "ins_error_down [m]",
+)  # the first numbers of workspace: true - raw INS, as estimated
 LEFT_MODEL = "the raw INS left the model"
-BIAS = slice(OWN + 15, OWN + 21)                                     # what the raw INS takes off its IMU: accelerometer, gyro
-MODE = OWN + 32                                                     # which of:
+BIAS = slice(OWN + 15, OWN + 21)  # what the raw INS takes off its IMU: accelerometer, gyro
+MODE = OWN + 32  # which of:
 SECOND_ORDER, METRES, GEODETIC = range(3)
 KINEMATICS = {"second-order": SECOND_ORDER, "metres": METRES, "geodetic": GEODETIC}
-"""Kinematics of the position error: exact to second order; linear in metres NED at the belief; linear in latitude, longitude and height as Hager & Bryne,
-to second order (5 % of its own error at 50 km of drift, 7 % at 160 km; beyond 500 km it is another filter)."""
+"""Kinematics of the position error: exact to second order; linear in metres NED at the belief;
+linear in latitude, longitude and height as Hager & Bryne, to second order (5 % of its own error
+at 50 km of drift, 7 % at 160 km; beyond 500 km it is another filter)."""
 
 
 def start(start, noise, error_model="corrected", kinematics="second-order"):
-    """Belief at `start`: the INS begins there, and only the initial biases of `start` are taken off its IMU (decaying as the model says).
+    """Belief at `start`: the INS begins there, and only the initial biases of `start` are taken off
+    its IMU (decaying as the model says).
 
-    error_model: "corrected", or a name of core.error_dynamics.MODELS: what Hager & Bryne print, whole or in part.
-    kinematics: "second-order", "metres" or "geodetic": see KINEMATICS.
+    error_model: "corrected", or a name of core.error_dynamics.MODELS: what Hager & Bryne print,
+    whole or in part. kinematics: "second-order", "metres" or "geodetic": see KINEMATICS.
     """
     if kinematics not in KINEMATICS:
         raise ValueError(f"kinematics is {kinematics!r}; it must be one of {', '.join(KINEMATICS)}")
     belief = start.belief(auxiliary(len(start.sd), error_model))
-    belief.workspace[LLA], belief.workspace[V], belief.workspace[C:C + 9] = belief.lla, belief.v, belief.C.ravel()
+    belief.workspace[LLA], belief.workspace[V], belief.workspace[C : C + 9] = (
+        belief.lla,
+        belief.v,
+        belief.C.ravel(),
+    )
     belief.workspace[BIAS] = *belief.ba, *belief.bg
     belief.workspace[MODE] = KINEMATICS[kinematics]
     return belief
@@ -48,20 +73,38 @@ def predict_beside(belief, u, dt, noise):
     linearised_step(belief, belief.C, 1.0, u, dt, noise, True)
     if workspace[MODE] != METRES:
         products(workspace[X], workspace[BLOCK], belief.lla[0], workspace[MODE] == GEODETIC, dt)
-    mechanize(workspace[LLA], workspace[V], matrix(workspace, C, 3, 3), u[0] - b[3] * dt, u[1] - b[4] * dt, u[2] - b[5] * dt,
-              u[3] - b[0] * dt, u[4] - b[1] * dt, u[5] - b[2] * dt, dt, workspace[DX], workspace[HEIGHT])
+    mechanize(
+        workspace[LLA],
+        workspace[V],
+        matrix(workspace, C, 3, 3),
+        u[0] - b[3] * dt,
+        u[1] - b[4] * dt,
+        u[2] - b[5] * dt,
+        u[3] - b[0] * dt,
+        u[4] - b[1] * dt,
+        u[5] - b[2] * dt,
+        dt,
+        workspace[DX],
+        workspace[HEIGHT],
+    )
     decay_biases(b[0:3], b[3:6], dt, noise)
     compose(belief)
 
 
 @helper
 def products(x, blocks, lat, geodetic, dt):
-    """Products of position and velocity errors that the linear position kinematics in metres at the belief leave out.
+    """Products of position and velocity errors that the linear position kinematics in metres at the
+    belief leave out.
 
-    x is in metres at the INS, whose scale changes with the velocity of the INS and not with that of the belief. In geodetic coordinates that
-    scale is no matter, but the velocity error is divided by the radius at the wrong height and latitude: these products are put in.
+    x is in metres at the INS, whose scale changes with the velocity of the INS and not with that of
+    the belief. In geodetic coordinates that scale is no matter, but the velocity error is divided
+    by the radius at the wrong height and latitude: these products are put in.
     """
-    m, n, tan = abs(blocks[TV + 3]), abs(blocks[TV + 1]), math.copysign(abs(blocks[TV + 7]), lat)     # 1/M, 1/N, tan/N, whatever their printed signs
+    m, n, tan = (
+        abs(blocks[TV + 3]),
+        abs(blocks[TV + 1]),
+        math.copysign(abs(blocks[TV + 7]), lat),
+    )  # 1/M, 1/N, tan/N, whatever their printed signs
     north = m * x[5] * x[0]
     east = (n * x[5] + tan * x[3]) * x[1]
     if geodetic:
@@ -111,11 +154,24 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 def left_model(t, lla, columns):
-    """[(t, text)] where the raw INS first is at a height at which gravity is no series any more and the mechanization continues in a fashion, else []."""
-    height = lla[:, 2] + columns[INS_ERROR[2]]      # down: true - raw
+    """[(t, text)] where the raw INS first is at a height at which gravity is no series any more
+    and the mechanization continues in a fashion, else []."""
+    height = lla[:, 2] + columns[INS_ERROR[2]]  # down: true - raw
     gone = ~(np.abs(height) <= FAR)
-    return [(float(t[np.argmax(gone)]), f"{LEFT_MODEL}: its height is beyond {FAR / 1e3:.0f} km")] if gone.any() else []
+    return (
+        [(float(t[np.argmax(gone)]), f"{LEFT_MODEL}: its height is beyond {FAR / 1e3:.0f} km")]
+        if gone.any()
+        else []
+    )
 
 
-OPEN_LOOP = Filter("open-loop", "Hager & Bryne, section IV-A, equations (19)-(23)", start, predict, correct,
-                   columns=INS_ERROR, diagnose=left_model, smoother=SMOOTHER)
+OPEN_LOOP = Filter(
+    "open-loop",
+    "Hager & Bryne, section IV-A, equations (19)-(23)",
+    start,
+    predict,
+    correct,
+    columns=INS_ERROR,
+    diagnose=left_model,
+    smoother=SMOOTHER,
+)

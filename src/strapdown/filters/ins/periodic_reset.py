@@ -1,19 +1,22 @@
-"""Between open and closed loop: the error is estimated beside the INS and injected into it at the first fix after every `interval` seconds.
+"""Between open and closed loop: the error is estimated beside the INS and injected into it at the
+first fix after every `interval` seconds.
 
 Interval 0 is the closed loop, an infinite one the open loop.
 """
+
 from ...core.adjoint import SMOOTHER
 from ...core.contract import CORRECT, PREDICT, Filter, kernel, matrix
 from ...core.error_state import OWN, X
 from . import open_loop
-from .open_loop import BIAS, INS_ERROR, C, LLA, V, correct_beside, left_model, predict_beside
+from .open_loop import BIAS, INS_ERROR, LLA, C, V, correct_beside, left_model, predict_beside
 
 INTERVAL, ELAPSED = OWN + 30, OWN + 31  # s; s since the last reset
-ROUNDING = 1e-6                         # s: of a sum of steps
+ROUNDING = 1e-6  # s: of a sum of steps
 
 
 def start(start, noise, interval=60.0, error_model="corrected", kinematics="second-order"):
-    """Belief at `start`. interval: seconds between resets, 0 to inf; error_model and kinematics as for the open loop."""
+    """Belief at `start`. interval: seconds between resets, 0 to inf; error_model and kinematics
+    as for the open loop."""
     if not interval >= 0:
         raise ValueError(f"interval is {interval} s; it must be 0 or more (inf: never reset)")
     belief = open_loop.start(start, noise, error_model, kinematics)
@@ -30,12 +33,19 @@ def predict(belief, u, dt, noise):
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
-    """As the open loop; once the interval has passed the INS takes over the belief and the error is zero again."""
+    """As the open loop; once the interval has passed the INS takes over the belief and the error
+    is zero again."""
     workspace = belief.workspace
     nis = correct_beside(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate and workspace[ELAPSED] >= workspace[INTERVAL] - ROUNDING:
         workspace[ELAPSED] = 0.0
-        lla, v, raw, b, x = workspace[LLA], workspace[V], matrix(workspace, C, 3, 3), workspace[BIAS], workspace[X]
+        lla, v, raw, b, x = (
+            workspace[LLA],
+            workspace[V],
+            matrix(workspace, C, 3, 3),
+            workspace[BIAS],
+            workspace[X],
+        )
         for i in range(3):
             lla[i], v[i], b[i], b[3 + i] = belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i]
             for j in range(3):
@@ -45,5 +55,13 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     return nis
 
 
-PERIODIC_RESET = Filter("periodic-reset", "Hager & Bryne, section VI (occasional resets)", start, predict, correct,
-                        columns=INS_ERROR, diagnose=left_model, smoother=SMOOTHER)
+PERIODIC_RESET = Filter(
+    "periodic-reset",
+    "Hager & Bryne, section VI (occasional resets)",
+    start,
+    predict,
+    correct,
+    columns=INS_ERROR,
+    diagnose=left_model,
+    smoother=SMOOTHER,
+)

@@ -1,86 +1,151 @@
-"""The nonlinear observer of Grip et al. as Alam et al. use it: attitude by two directions, a translational motion observer, bounded biases.
+"""The nonlinear observer of Grip et al. as Alam et al. use it: attitude by two directions, a
+translational motion observer, bounded biases.
 
-Equations (1)-(3) of Alam, Whidborne & Millidere (2023), written in n instead of e, with the corrections of docs/observer.md. With sigma a rate in
-the body, x = C' xi, f the bias-free specific force:
-    C' = C [w - bg + sigma] - ..., bg' = Proj(-ki sigma), sigma = k1 f x (f + x) / (|f| |f + x|) + sigma of a heading or field,
-    v' = C f + xi + g + ..., xi' = - C [sigma] (f - ba) + jumps at the fixes, ba' = Proj(adaptation).
-A turn by sigma therefore leaves C (f - ba) + xi where it was, and here it does so exactly, however large it is.
+Equations (1)-(3) of Alam, Whidborne & Millidere (2023), written in n instead of e, with the
+corrections of docs/observer.md. With sigma a rate in the body, x = C' xi, f the bias-free specific
+force:
+    C' = C [w - bg + sigma] - ..., bg' = Proj(-ki sigma), sigma = k1 f x (f + x) / (|f| |f + x|) +
+    sigma of a heading or field, v' = C f + xi + g + ..., xi' = - C [sigma] (f - ba) + jumps at the
+    fixes, ba' = Proj(adaptation).
+A turn by sigma therefore leaves C (f - ba) + xi where it was, and here it does so exactly, however
+large it is.
 
-Helpers act on a Belief whose `workspace` begins with the observer's own block: that of the filter, or the view that `embedded` gives.
+Helpers act on a Belief whose `workspace` begins with the observer's own block: that of the filter,
+or the view that `embedded` gives.
 """
+
 import math
 
-from ...core.jit import helper, inlined, matrix
-from ...core.contract import ALTITUDE_KIND, HEADING_KIND, MAGNETIC_KIND, POSITION_KIND, VELOCITY_KIND, Belief
+from ...core.contract import (
+    ALTITUDE_KIND,
+    HEADING_KIND,
+    MAGNETIC_KIND,
+    POSITION_KIND,
+    VELOCITY_KIND,
+    Belief,
+)
 from ...core.earth import displace, place
 from ...core.error_state import observed
+from ...core.jit import helper, inlined, matrix
 from ...core.kalman import decay
 from ...core.mechanization import mechanize
 from ...core.rotation import orthonormalise, rotate_right, turned, wrap
 from .translation_gains import AGES, TRANSLATION, VELOCITY_AGE, pulled
 
-EXCITATION, HELD, XI = 0, 1, 2                          # output columns: smallest eigenvalue of MOMENT; s without a course; m/s^2, n
-SQUARE = 5                                              # theta0: squared length of the accelerometer bias, m^2/s^4
-SINCE_FIX, SINCE_COURSE, SINCE_HEADING, SINCE_FIELD = range(6, 10)     # s; SINCE_FIX of position or velocity
-FADE, COURSE = 10, 11                                   # from HOLD down: 1 and above, the gains are those of the start; last course, rad, NaN
-K1, K2, KI, WANDER, START, START_TIME = 12, 13, 14, 15, 16, 20      # gains, 1/s; density of the force, m/s^2/sqrt(s); START: the four at first; s
-GYRO_BOUND, ACCEL_BOUND, ADAPTATION = range(21, 24)     # rad/s, m/s^2, 1/s
-MODE, FIELD, LEAST_SPEED, OUTAGE_AFTER, TOLD = range(24, 29)    # of the course, of the field; m/s; s; accelerometer noise while there are samples
-MOMENT = 29                                             # forgetting mean of phi phi', 10 numbers of its upper triangle
+EXCITATION, HELD, XI = (
+    0,
+    1,
+    2,
+)  # output columns: smallest eigenvalue of MOMENT; s without a course; m/s^2, n
+SQUARE = 5  # theta0: squared length of the accelerometer bias, m^2/s^4
+SINCE_FIX, SINCE_COURSE, SINCE_HEADING, SINCE_FIELD = range(
+    6, 10
+)  # s; SINCE_FIX of position or velocity
+FADE, COURSE = (
+    10,
+    11,
+)  # from HOLD down: 1 and above, the gains are those of the start; last course, rad, NaN
+K1, K2, KI, WANDER, START, START_TIME = (
+    12,
+    13,
+    14,
+    15,
+    16,
+    20,
+)  # gains, 1/s; density of the force, m/s^2/sqrt(s); START: the four at first; s
+GYRO_BOUND, ACCEL_BOUND, ADAPTATION = range(21, 24)  # rad/s, m/s^2, 1/s
+MODE, FIELD, LEAST_SPEED, OUTAGE_AFTER, TOLD = range(
+    24, 29
+)  # of the course, of the field; m/s; s; accelerometer noise while there are samples
+MOMENT = 29  # forgetting mean of phi phi', 10 numbers of its upper triangle
 WORK = slice(39, 55)
-OWN = 55                                                # the translational motion observer's numbers
-H = OWN + TRANSLATION                                   # of the observer of a fix, 3 x 15
+OWN = 55  # the translational motion observer's numbers
+H = OWN + TRANSLATION  # of the observer of a fix, 3 x 15
 BLOCK = H + 45
 """Places in the block, and its size."""
 STATE = 27
 EMBEDDED = STATE + BLOCK
-"""Numbers that an observer inside another filter takes of its workspace: lla, v, C, ba, bg, omega, f, then the block."""
+"""Numbers that an observer inside another filter takes of its workspace: lla, v, C, ba, bg,
+omega, f, then the block."""
 
 NONE, TILT_COMPENSATED, PRINTED, FROZEN = range(4)
 COURSES = {"tilt-compensated": TILT_COMPENSATED, "printed": PRINTED, "frozen": FROZEN, "none": NONE}
 VECTOR, ACROSS = range(2)
 FIELDS = {"across": ACROSS, "vector": VECTOR}
-LONGEST = 1.0           # s: a direction not measured for longer counts as if it were for so long
-TRUSTED = 5.0           # s after a heading or field during which the course is left alone
-FORGETTING = 60.0       # s, of MOMENT
-GRAVITY = 9.81          # m/s^2, scale of MOMENT
-HOLD = math.exp(2.0)    # falls to 1 in twice its time constant
-OUTER = 1.1             # the biases never pass this times their bound
-LEAST_SINE = 0.1        # between specific force and field: below it the field tells no heading
-LEAST_FORCE = 0.5       # m/s^2: a specific force below it has no direction
+LONGEST = 1.0  # s: a direction not measured for longer counts as if it were for so long
+TRUSTED = 5.0  # s after a heading or field during which the course is left alone
+FORGETTING = 60.0  # s, of MOMENT
+GRAVITY = 9.81  # m/s^2, scale of MOMENT
+HOLD = math.exp(2.0)  # falls to 1 in twice its time constant
+OUTER = 1.1  # the biases never pass this times their bound
+LEAST_SINE = 0.1  # between specific force and field: below it the field tells no heading
+LEAST_FORCE = 0.5  # m/s^2: a specific force below it has no direction
 
 
 @inlined
 def embedded(belief, first):
-    """The observer that begins at belief.workspace[first], as a Belief of its own; P and tail are those of `belief` and none of its business."""
+    """The observer that begins at belief.workspace[first], as a Belief of its own; P and tail
+    are those of `belief` and none of its business."""
     workspace = belief.workspace
-    return Belief(workspace[first:first + 3], workspace[first + 3:first + 6], matrix(workspace, first + 6, 3, 3), workspace[first + 15:first + 18],
-                  workspace[first + 18:first + 21], belief.P, workspace[first + 21:first + 24], workspace[first + 24:first + 27], workspace[first + STATE:first + EMBEDDED],
-                  belief.extra_states)
+    return Belief(
+        workspace[first : first + 3],
+        workspace[first + 3 : first + 6],
+        matrix(workspace, first + 6, 3, 3),
+        workspace[first + 15 : first + 18],
+        workspace[first + 18 : first + 21],
+        belief.P,
+        workspace[first + 21 : first + 24],
+        workspace[first + 24 : first + 27],
+        workspace[first + STATE : first + EMBEDDED],
+        belief.extra_states,
+    )
 
 
 @inlined
 def advance(bar, u, dt, noise):
-    """One IMU sample u (rotation, rad, and velocity increment, m/s): INS with xi, turn towards the specific force that the fixes tell, biases.
+    """One IMU sample u (rotation, rad, and velocity increment, m/s): INS with xi, turn towards the
+    specific force that the fixes tell, biases.
 
-    In an outage, and over samples that the loop makes up in a gap, sigma is zero and biases and xi are held; FROZEN goes on turning to the last
-    course.
+    In an outage, and over samples that the loop makes up in a gap, sigma is zero and biases and xi
+    are held; FROZEN goes on turning to the last course.
     """
     if dt <= 0:
         return
     workspace, C, ba, bg, f = bar.workspace, bar.C, bar.ba, bar.bg, bar.f
-    xi = workspace[XI:XI + 3]
-    r0, r1, r2, a0, a1, a2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt, u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
+    xi = workspace[XI : XI + 3]
+    r0, r1, r2, a0, a1, a2 = (
+        u[0] - bg[0] * dt,
+        u[1] - bg[1] * dt,
+        u[2] - bg[2] * dt,
+        u[3] - ba[0] * dt,
+        u[4] - ba[1] * dt,
+        u[5] - ba[2] * dt,
+    )
     x0 = C[0, 0] * xi[0] + C[1, 0] * xi[1] + C[2, 0] * xi[2]
     x1 = C[0, 1] * xi[0] + C[1, 1] * xi[1] + C[2, 1] * xi[2]
     x2 = C[0, 2] * xi[0] + C[1, 2] * xi[1] + C[2, 2] * xi[2]
     _turn_with_n(bar, xi, dt)
-    mechanize(bar.lla, bar.v, C, r0, r1, r2, a0 + dt * (x0 - 0.5 * (r1 * x2 - r2 * x1)), a1 + dt * (x1 - 0.5 * (r2 * x0 - r0 * x2)),
-              a2 + dt * (x2 - 0.5 * (r0 * x1 - r1 * x0)), dt, workspace[WORK])    # half a turn back: xi stands still in n, not in the body
+    mechanize(
+        bar.lla,
+        bar.v,
+        C,
+        r0,
+        r1,
+        r2,
+        a0 + dt * (x0 - 0.5 * (r1 * x2 - r2 * x1)),
+        a1 + dt * (x1 - 0.5 * (r2 * x0 - r0 * x2)),
+        a2 + dt * (x2 - 0.5 * (r0 * x1 - r1 * x0)),
+        dt,
+        workspace[WORK],
+    )  # half a turn back: xi stands still in n, not in the body
     bar.omega[0], bar.omega[1], bar.omega[2] = r0 / dt, r1 / dt, r2 / dt
     f[0], f[1], f[2] = a0 / dt, a1 / dt, a2 / dt
     made_up = noise.accel > workspace[TOLD]
-    _clocks(workspace, dt, noise.accel * noise.accel - workspace[TOLD] * workspace[TOLD] if made_up else 0.0)
+    _clocks(
+        workspace,
+        dt,
+        noise.accel * noise.accel - workspace[TOLD] * workspace[TOLD] if made_up else 0.0,
+    )
     if not made_up and not outage(workspace):
         _towards_force(bar, x0, x1, x2, dt)
         _adapt(bar, x0, x1, x2, dt)
@@ -90,7 +155,8 @@ def advance(bar, u, dt, noise):
 
 @helper
 def outage(workspace):
-    """Whether position and velocity have been away for so long that nothing else is injected either."""
+    """Whether position and velocity have been away for so long that nothing else is injected
+    either."""
     return workspace[SINCE_FIX] > workspace[OUTAGE_AFTER]
 
 
@@ -105,27 +171,37 @@ def _turn_with_n(bar, xi, dt):
 
 @helper
 def _clocks(workspace, dt, spread):
-    """Time goes on; `spread` (m^2/s^3) is the density of velocity that made-up samples add to what the fixes may correct."""
+    """Time goes on; `spread` (m^2/s^3) is the density of velocity that made-up samples add to
+    what the fixes may correct."""
     for i in range(SINCE_FIX, SINCE_FIELD + 1):
         workspace[i] += dt
     for i in range(AGES):
         workspace[OWN + i] += dt
     workspace[OWN + AGES] += spread * dt
-    heading = min(workspace[SINCE_COURSE], min(workspace[SINCE_HEADING], workspace[SINCE_FIELD])) < TRUSTED
-    if workspace[FADE] > 1e-3 and (heading or workspace[MODE] == NONE) and not outage(workspace):     # a start that heading is not part of is none
+    heading = (
+        min(workspace[SINCE_COURSE], min(workspace[SINCE_HEADING], workspace[SINCE_FIELD]))
+        < TRUSTED
+    )
+    if (
+        workspace[FADE] > 1e-3 and (heading or workspace[MODE] == NONE) and not outage(workspace)
+    ):  # a start that heading is not part of is none
         workspace[FADE] *= decay(2 * dt / workspace[START_TIME])
 
 
 @helper
 def gain(workspace, name):
-    """One of K1 ... WANDER now: for START_TIME that of the start, from then on itself more and more, with half of that time for a time constant."""
-    return workspace[name] + (workspace[name + START - K1] - workspace[name]) * min(workspace[FADE], 1.0)
+    """One of K1 ... WANDER now: for START_TIME that of the start, from then on itself more and
+    more, with half of that time for a time constant."""
+    return workspace[name] + (workspace[name + START - K1] - workspace[name]) * min(
+        workspace[FADE], 1.0
+    )
 
 
 @inlined
 def turn(bar, s0, s1, s2):
-    """Turn the attitude by the rotation vector s (rad, body), f_n = C f + xi staying, and outside an outage the gyro bias by - ki s, bounded."""
-    C, f, xi, workspace = bar.C, bar.f, bar.workspace[XI:XI + 3], bar.workspace
+    """Turn the attitude by the rotation vector s (rad, body), f_n = C f + xi staying, and
+    outside an outage the gyro bias by - ki s, bounded."""
+    C, f, xi, workspace = bar.C, bar.f, bar.workspace[XI : XI + 3], bar.workspace
     b0, b1, b2 = turned(C, f[0], f[1], f[2])
     rotate_right(C, s0, s1, s2)
     n0, n1, n2 = turned(C, f[0], f[1], f[2])
@@ -138,8 +214,13 @@ def turn(bar, s0, s1, s2):
 
 @helper
 def bounded(b, d0, d1, d2, bound):
-    """b += Proj(d): what leads out of the ball of radius `bound` fades away up to OUTER times it, smoothly (Grip et al. 2015)."""
-    along, square, limit = b[0] * d0 + b[1] * d1 + b[2] * d2, b[0] * b[0] + b[1] * b[1] + b[2] * b[2], bound * bound
+    """b += Proj(d): what leads out of the ball of radius `bound` fades away up to OUTER times
+    it, smoothly (Grip et al. 2015)."""
+    along, square, limit = (
+        b[0] * d0 + b[1] * d1 + b[2] * d2,
+        b[0] * b[0] + b[1] * b[1] + b[2] * b[2],
+        bound * bound,
+    )
     if along > 0 and square > limit:
         less = min(1.0, (square - limit) / (limit * (OUTER * OUTER - 1))) * along / square
         d0, d1, d2 = d0 - less * b[0], d1 - less * b[1], d2 - less * b[2]
@@ -147,14 +228,15 @@ def bounded(b, d0, d1, d2, bound):
     b[1] += d1
     b[2] += d2
     square = b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
-    if square > OUTER * OUTER * limit:      # a step is no derivative
+    if square > OUTER * OUTER * limit:  # a step is no derivative
         scale = OUTER * bound / math.sqrt(square)
         b[0], b[1], b[2] = b[0] * scale, b[1] * scale, b[2] * scale
 
 
 @inlined
 def _towards_force(bar, x0, x1, x2, dt):
-    """sigma of the first direction: the specific force as measured against that of the translational motion observer."""
+    """sigma of the first direction: the specific force as measured against that of the
+    translational motion observer."""
     f, workspace = bar.f, bar.workspace
     h0, h1, h2 = f[0] + x0, f[1] + x1, f[2] + x2
     size = math.sqrt((f[0] * f[0] + f[1] * f[1] + f[2] * f[2]) * (h0 * h0 + h1 * h1 + h2 * h2))
@@ -166,16 +248,30 @@ def _towards_force(bar, x0, x1, x2, dt):
 
 @inlined
 def _adapt(bar, x0, x1, x2, dt):
-    """theta' = Proj(adaptation G phi (y_f - phi' theta) / (phi' G phi)), G = diag(bound^2, 1, 1, 1): it cannot blow up, however large the force.
+    """theta' = Proj(adaptation G phi (y_f - phi' theta) / (phi' G phi)), G = diag(bound^2, 1, 1,
+    1): it cannot blow up, however large the force.
 
-    With f bias-free and f_n = C f + xi the error y_f - phi' theta = |f_n|^2 - |f_IMU|^2 - theta0 + 2 f_IMU b is 2 f_IMU x + |x - b|^2 - theta0.
+    With f bias-free and f_n = C f + xi the error y_f - phi' theta = |f_n|^2 - |f_IMU|^2 - theta0 +
+    2 f_IMU b is 2 f_IMU x + |x - b|^2 - theta0.
     """
     workspace, ba, f = bar.workspace, bar.ba, bar.f
     b0, b1, b2 = ba[0], ba[1], ba[2]
     m0, m1, m2 = f[0] + b0, f[1] + b1, f[2] + b2
-    e = 2 * (m0 * x0 + m1 * x1 + m2 * x2) + (x0 - b0) * (x0 - b0) + (x1 - b1) * (x1 - b1) + (x2 - b2) * (x2 - b2) - workspace[SQUARE]
+    e = (
+        2 * (m0 * x0 + m1 * x1 + m2 * x2)
+        + (x0 - b0) * (x0 - b0)
+        + (x1 - b1) * (x1 - b1)
+        + (x2 - b2) * (x2 - b2)
+        - workspace[SQUARE]
+    )
     limit = workspace[ACCEL_BOUND] * workspace[ACCEL_BOUND]
-    rate = workspace[ADAPTATION] * (1 - min(workspace[FADE], 1.0)) * dt * e / (limit + 4 * (m0 * m0 + m1 * m1 + m2 * m2))
+    rate = (
+        workspace[ADAPTATION]
+        * (1 - min(workspace[FADE], 1.0))
+        * dt
+        * e
+        / (limit + 4 * (m0 * m0 + m1 * m1 + m2 * m2))
+    )
     workspace[SQUARE] = min(max(workspace[SQUARE] + rate * limit, 0.0), OUTER * OUTER * limit)
     bounded(ba, -2 * rate * m0, -2 * rate * m1, -2 * rate * m2, workspace[ACCEL_BOUND])
     share = dt / FORGETTING
@@ -189,10 +285,11 @@ def _adapt(bar, x0, x1, x2, dt):
 
 @inlined
 def inject(bar, y, sd, kind, observe, parameters, innovation):
-    """What a fix changes: position, velocity and xi by the gains of the translational motion observer, the attitude by a direction.
+    """What a fix changes: position, velocity and xi by the gains of the translational motion
+    observer, the attitude by a direction.
 
-    In an outage only position and velocity, which end it; a heading or field is only remembered as one that is there, so that no course takes its
-    place.
+    In an outage only position and velocity, which end it; a heading or field is only remembered as
+    one that is there, so that no course takes its place.
     """
     workspace = bar.workspace
     observed(bar, y, observe, parameters, innovation, matrix(workspace, H, 3, 15))
@@ -208,7 +305,10 @@ def inject(bar, y, sd, kind, observe, parameters, innovation):
             _towards_heading(bar, y[0], min(workspace[SINCE_HEADING], LONGEST))
             workspace[SINCE_HEADING] = 0.0
     elif kind == MAGNETIC_KIND:
-        if innovation[0] + innovation[1] + innovation[2] == innovation[0] + innovation[1] + innovation[2]:
+        if (
+            innovation[0] + innovation[1] + innovation[2]
+            == innovation[0] + innovation[1] + innovation[2]
+        ):
             _towards_field(bar, y, parameters)
     elif kind == POSITION_KIND or kind == VELOCITY_KIND or kind == ALTITUDE_KIND:
         if kind == VELOCITY_KIND:
@@ -229,8 +329,16 @@ def _translate(bar, kind, innovation, sd):
     for row in range(1 if kind == ALTITUDE_KIND else 3):
         if innovation[row] == innovation[row]:
             axis, used = 2 if kind == ALTITUDE_KIND else row, True
-            pulled(workspace[OWN:OWN + TRANSLATION], axis, kind == VELOCITY_KIND, innovation[row], sd[row], workspace[TOLD], gain(workspace, WANDER),
-                   change[3 * axis:3 * axis + 3])
+            pulled(
+                workspace[OWN : OWN + TRANSLATION],
+                axis,
+                kind == VELOCITY_KIND,
+                innovation[row],
+                sd[row],
+                workspace[TOLD],
+                gain(workspace, WANDER),
+                change[3 * axis : 3 * axis + 3],
+            )
     displace(bar.lla, change[0], change[3], change[6])
     for i in range(3):
         bar.v[i] += change[3 * i + 1]
@@ -241,10 +349,15 @@ def _translate(bar, kind, innovation, sd):
 
 @inlined
 def _course(bar, north, east):
-    """The direction of the velocity (m/s) as a heading, where it is fast enough and nothing better is there."""
+    """The direction of the velocity (m/s) as a heading, where it is fast enough and nothing
+    better is there."""
     workspace = bar.workspace
     speed = math.sqrt(north * north + east * east)
-    if workspace[MODE] == NONE or min(workspace[SINCE_HEADING], workspace[SINCE_FIELD]) <= TRUSTED or not speed == speed:
+    if (
+        workspace[MODE] == NONE
+        or min(workspace[SINCE_HEADING], workspace[SINCE_FIELD]) <= TRUSTED
+        or not speed == speed
+    ):
         return
     if speed < workspace[LEAST_SPEED]:
         workspace[HELD] += min(workspace[OWN + VELOCITY_AGE], LONGEST)
@@ -260,7 +373,8 @@ def _course(bar, north, east):
 
 @inlined
 def _towards_heading(bar, heading, seconds):
-    """sigma of a heading (rad) at the roll and pitch of the belief, over that time: a turn about the vertical, exact for any angle."""
+    """sigma of a heading (rad) at the roll and pitch of the belief, over that time: a turn about
+    the vertical, exact for any angle."""
     C, workspace = bar.C, bar.workspace
     angle = wrap(heading - math.atan2(C[1, 0], C[0, 0]))
     angle -= _left(angle, gain(workspace, K2) * seconds)
@@ -275,33 +389,51 @@ def _left(angle, time):
 
 @inlined
 def _towards_field(bar, y, parameters):
-    """sigma of a magnetic field y (T, body) against the one in `parameters` (T, n), over the time since the last.
+    """sigma of a magnetic field y (T, body) against the one in `parameters` (T, n), over the time
+    since the last.
 
-    Of both what is across the specific force counts, f x m: a field that dips steeply is almost parallel to it and alone holds the heading badly.
+    Of both what is across the specific force counts, f x m: a field that dips steeply is almost
+    parallel to it and alone holds the heading badly.
     """
     C, workspace, f = bar.C, bar.workspace, bar.f
-    xi, m0, m1, m2 = workspace[XI:XI + 3], parameters[0], parameters[1], parameters[2]
-    e0, e1, e2 = C[0, 0] * m0 + C[1, 0] * m1 + C[2, 0] * m2, C[0, 1] * m0 + C[1, 1] * m1 + C[2, 1] * m2, C[0, 2] * m0 + C[1, 2] * m1 + C[2, 2] * m2
+    xi, m0, m1, m2 = workspace[XI : XI + 3], parameters[0], parameters[1], parameters[2]
+    e0, e1, e2 = (
+        C[0, 0] * m0 + C[1, 0] * m1 + C[2, 0] * m2,
+        C[0, 1] * m0 + C[1, 1] * m1 + C[2, 1] * m2,
+        C[0, 2] * m0 + C[1, 2] * m1 + C[2, 2] * m2,
+    )
     b0, b1, b2 = y[0], y[1], y[2]
     if workspace[FIELD] == ACROSS:
         f0, f1, f2 = f[0], f[1], f[2]
         h0 = f0 + C[0, 0] * xi[0] + C[1, 0] * xi[1] + C[2, 0] * xi[2]
         h1 = f1 + C[0, 1] * xi[0] + C[1, 1] * xi[1] + C[2, 1] * xi[2]
         h2 = f2 + C[0, 2] * xi[0] + C[1, 2] * xi[1] + C[2, 2] * xi[2]
-        large = LEAST_SINE * LEAST_SINE * (e0 * e0 + e1 * e1 + e2 * e2) * (h0 * h0 + h1 * h1 + h2 * h2)
+        large = (
+            LEAST_SINE * LEAST_SINE * (e0 * e0 + e1 * e1 + e2 * e2) * (h0 * h0 + h1 * h1 + h2 * h2)
+        )
         e0, e1, e2 = h1 * e2 - h2 * e1, h2 * e0 - h0 * e2, h0 * e1 - h1 * e0
         if e0 * e0 + e1 * e1 + e2 * e2 < large:
             return
         b0, b1, b2 = f1 * b2 - f2 * b1, f2 * b0 - f0 * b2, f0 * b1 - f1 * b0
     size, known = math.sqrt(b0 * b0 + b1 * b1 + b2 * b2), math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
     if size > 0 and known > 0:
-        _towards(bar, b0 / size, b1 / size, b2 / size, e0 / known, e1 / known, e2 / known, min(workspace[SINCE_FIELD], LONGEST))
+        _towards(
+            bar,
+            b0 / size,
+            b1 / size,
+            b2 / size,
+            e0 / known,
+            e1 / known,
+            e2 / known,
+            min(workspace[SINCE_FIELD], LONGEST),
+        )
         workspace[SINCE_FIELD] = 0.0
 
 
 @inlined
 def _towards(bar, b0, b1, b2, e0, e1, e2, seconds):
-    """sigma of a direction measured as b and expected as e, unit vectors in the body, over that time."""
+    """sigma of a direction measured as b and expected as e, unit vectors in the body, over that
+    time."""
     c0, c1, c2 = b1 * e2 - b2 * e1, b2 * e0 - b0 * e2, b0 * e1 - b1 * e0
     sine, cosine = math.sqrt(c0 * c0 + c1 * c1 + c2 * c2), b0 * e0 + b1 * e1 + b2 * e2
     if sine < 1e-12:

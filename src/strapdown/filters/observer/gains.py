@@ -1,22 +1,50 @@
-"""Gains of the nonlinear observer: the options of its filters, their design and checks, and the observer's block at a start. Plain Python.
+"""Gains of the nonlinear observer: the options of its filters, their design and checks, and the
+observer's block at a start. Plain Python.
 
-The design is that of the sampled model: between fixes p' = v, v' = f, f' = w, at a fix I - K C. Its spectral radius over one round of the
-recording's fixes must be below 1, with and without the loops that turn the attitude and adapt the biases closed around it.
+The design is that of the sampled model: between fixes p' = v, v' = f, f' = w, at a fix I - K C. Its
+spectral radius over one round of the recording's fixes must be below 1, with and without the loops
+that turn the attitude and adapt the biases closed around it.
 """
+
 import math
 import re
 from functools import lru_cache
 
 import numpy as np
 
-from . import equations, translation_gains
 from ...core.contract import plain
 from ...core.rotation import euler_to_matrix
+from . import equations, translation_gains
 
-DEFAULTS = dict(course="tilt-compensated", field="across", k1=0.3, k2=0.03, ki=0.01, k1_start=1.0, k2_start=1.0, ki_start=0.15, start_time=30.0,
-                wander=0.02, wander_start=0.3, design="riccati", poles="-0.5 -0.5 -0.5", theta=1.0, kpp=0.0, kvp=0.0, kxp=0.0, kpv=0.0, kvv=0.0,
-                kxv=0.0, adaptation=0.02, accel_bound=1.0, gyro_bound=0.1, least_speed=3.0, outage_after=0.0)
-"""Options of every filter that has the observer, as keywords of `fuse`; docs/observer.md says what they are."""
+DEFAULTS = dict(
+    course="tilt-compensated",
+    field="across",
+    k1=0.3,
+    k2=0.03,
+    ki=0.01,
+    k1_start=1.0,
+    k2_start=1.0,
+    ki_start=0.15,
+    start_time=30.0,
+    wander=0.02,
+    wander_start=0.3,
+    design="riccati",
+    poles="-0.5 -0.5 -0.5",
+    theta=1.0,
+    kpp=0.0,
+    kvp=0.0,
+    kxp=0.0,
+    kpv=0.0,
+    kvv=0.0,
+    kxv=0.0,
+    adaptation=0.02,
+    accel_bound=1.0,
+    gyro_bound=0.1,
+    least_speed=3.0,
+    outage_after=0.0,
+)
+"""Options of every filter that has the observer, as keywords of `fuse`; docs/observer.md says
+what they are."""
 OUTAGE = 3.0
 """Fix intervals without a fix after which `outage_after` = 0 takes it for an outage."""
 USES = ("position", "velocity", "heading", "altitude", "magnetic-field")
@@ -24,47 +52,76 @@ USES = ("position", "velocity", "heading", "altitude", "magnetic-field")
 FORCE_SD = 2 * equations.GRAVITY
 """m/s^2: how wrong f_n can be at the start, whatever the attitude that it begins with."""
 HALVINGS = 8
-"""Times that ki_start, ki and adaptation are halved, where not given, until the loops are stable at slow fixes."""
+"""Times that ki_start, ki and adaptation are halved, where not given, until the loops are stable
+at slow fixes."""
 ROUND = 20
 """Most fixes of the faster kind in one round of both."""
 
 
 def begin(block, start, noise, **options):
-    """Fill an observer's block (BLOCK numbers of an workspace array) for a Start, a Noise and options, all of DEFAULTS where not given.
+    """Fill an observer's block (BLOCK numbers of an workspace array) for a Start, a Noise and
+    options, all of DEFAULTS where not given.
 
     Raises ValueError where an option or the start's biases are out of bounds.
     """
     o = checked(options)
-    for name, values, bound in (("gyro", start.bg, o["gyro_bound"]), ("accel", start.ba, o["accel_bound"])):
+    for name, values, bound in (
+        ("gyro", start.bg, o["gyro_bound"]),
+        ("accel", start.ba, o["accel_bound"]),
+    ):
         if np.linalg.norm(values) > bound:
-            raise ValueError(f"the start's {name} bias is {np.linalg.norm(values):.3g}, beyond {name}_bound = {bound:g}; give a larger bound")
-    block[:equations.BLOCK] = 0.0
+            raise ValueError(
+                f"the start's {name} bias is {np.linalg.norm(values):.3g}, beyond {name}_bound = {bound:g}; give a larger bound"
+            )
+    block[: equations.BLOCK] = 0.0
     at = equations
     block[at.SQUARE] = float(np.dot(start.ba, start.ba))
     block[at.SINCE_COURSE] = block[at.SINCE_HEADING] = block[at.SINCE_FIELD] = 1e9
     block[at.FADE], block[at.COURSE] = at.HOLD, math.nan
-    block[at.K1:at.START_TIME + 1] = [o[name + end] for end in ("", "_start") for name in ("k1", "k2", "ki", "wander")] + [o["start_time"]]
+    block[at.K1 : at.START_TIME + 1] = [
+        o[name + end] for end in ("", "_start") for name in ("k1", "k2", "ki", "wander")
+    ] + [o["start_time"]]
     for density in (at.WANDER, at.WANDER + at.START - at.K1):
         block[density] *= o["theta"] ** 3
     block[at.FIELD] = at.FIELDS[o["field"]]
-    block[at.GYRO_BOUND], block[at.ACCEL_BOUND], block[at.ADAPTATION] = o["gyro_bound"], o["accel_bound"], o["adaptation"]
-    block[at.MODE], block[at.LEAST_SPEED], block[at.TOLD] = at.COURSES[o["course"]], o["least_speed"], noise.accel
+    block[at.GYRO_BOUND], block[at.ACCEL_BOUND], block[at.ADAPTATION] = (
+        o["gyro_bound"],
+        o["accel_bound"],
+        o["adaptation"],
+    )
+    block[at.MODE], block[at.LEAST_SPEED], block[at.TOLD] = (
+        at.COURSES[o["course"]],
+        o["least_speed"],
+        noise.accel,
+    )
     block[at.OUTAGE_AFTER] = o["outage_after"] or OUTAGE
-    own = block[at.OWN:at.OWN + translation_gains.TRANSLATION]
+    own = block[at.OWN : at.OWN + translation_gains.TRANSLATION]
     own[translation_gains.DESIGN] = translation_gains.DESIGNS[_design(o)]
     own[translation_gains.LOST] = block[at.OUTAGE_AFTER]
-    own[translation_gains.POLES:translation_gains.POLES + 4] = _as_numbers(o)
-    own[translation_gains.GAINS:translation_gains.GAINS + 6] = np.ravel(_given(o))
+    own[translation_gains.POLES : translation_gains.POLES + 4] = _as_numbers(o)
+    own[translation_gains.GAINS : translation_gains.GAINS + 6] = np.ravel(_given(o))
     for axis in range(3):
-        own[translation_gains.P + 6 * axis + np.array([0, 3, 5])] = start.sd[axis] ** 2, start.sd[3 + axis] ** 2, FORCE_SD ** 2
+        own[translation_gains.P + 6 * axis + np.array([0, 3, 5])] = (
+            start.sd[axis] ** 2,
+            start.sd[3 + axis] ** 2,
+            FORCE_SD**2,
+        )
 
 
 def implant(workspace, first, start, noise, **options):
-    """An observer of its own at workspace[first:first + EMBEDDED], beginning at `start`: what `observer.embedded` gives a view of. Raises as `begin`."""
+    """An observer of its own at workspace[first:first + EMBEDDED], beginning at `start`: what
+    `observer.embedded` gives a view of. Raises as `begin`."""
     C = np.empty((3, 3))
     plain(euler_to_matrix)(*(float(angle) for angle in start.rph), C)
-    workspace[first:first + equations.STATE] = *start.lla, *start.v, *C.ravel(), *start.ba, *start.bg, *np.zeros(6)
-    begin(workspace[first + equations.STATE:first + equations.EMBEDDED], start, noise, **options)
+    workspace[first : first + equations.STATE] = (
+        *start.lla,
+        *start.v,
+        *C.ravel(),
+        *start.ba,
+        *start.bg,
+        *np.zeros(6),
+    )
+    begin(workspace[first + equations.STATE : first + equations.EMBEDDED], start, noise, **options)
 
 
 def checked(options):
@@ -73,13 +130,28 @@ def checked(options):
     for name, value in o.items():
         if not isinstance(value, str) and not -math.inf < value < math.inf:
             raise ValueError(f"{name} is {value}; it must be a finite number")
-    for name in ("k1", "k2", "k1_start", "k2_start", "start_time", "gyro_bound", "accel_bound", "wander", "wander_start", "theta"):
+    for name in (
+        "k1",
+        "k2",
+        "k1_start",
+        "k2_start",
+        "start_time",
+        "gyro_bound",
+        "accel_bound",
+        "wander",
+        "wander_start",
+        "theta",
+    ):
         if not o[name] > 0:
             raise ValueError(f"{name} is {o[name]:g}; it must be above zero")
     for name in ("ki", "ki_start", "adaptation", "least_speed", "outage_after", *GAINS):
         if not o[name] >= 0:
             raise ValueError(f"{name} is {o[name]:g}; it must be 0 or more")
-    for name, known in (("course", equations.COURSES), ("field", equations.FIELDS), ("design", ("riccati", "poles"))):
+    for name, known in (
+        ("course", equations.COURSES),
+        ("field", equations.FIELDS),
+        ("design", ("riccati", "poles")),
+    ):
         if o[name] not in known:
             raise ValueError(f"{name} is {o[name]!r}; it must be one of {', '.join(known)}")
     _poles(o)
@@ -87,7 +159,8 @@ def checked(options):
 
 
 GAINS = ("kpp", "kvp", "kxp", "kpv", "kvv", "kxv")
-"""Options that are gains of a position and of a velocity on position, velocity and xi; none above zero: designed."""
+"""Options that are gains of a position and of a velocity on position, velocity and xi; none
+above zero: designed."""
 
 
 def _design(o):
@@ -97,19 +170,32 @@ def _design(o):
 def _given(o):
     """The gains as given, (2, 3): of a position and of a velocity on p, v, xi."""
     t = o["theta"]
-    return np.array([[o["kpp"] * t, o["kvp"] * t ** 2, o["kxp"] * t ** 3], [o["kpv"], o["kvv"] * t, o["kxv"] * t ** 2]])
+    return np.array(
+        [
+            [o["kpp"] * t, o["kvp"] * t**2, o["kxp"] * t**3],
+            [o["kpv"], o["kvv"] * t, o["kxv"] * t**2],
+        ]
+    )
 
 
 def _poles(o):
-    """Three poles, 1/s: a real one, then a pair. Raises ValueError where the text is none or they are not stable."""
-    said = (f"poles is {o['poles']!r}; it must be three numbers such as '-0.5 -0.3+0.3j -0.3-0.3j', all with real parts below zero, "
-            "complex ones in pairs")
+    """Three poles, 1/s: a real one, then a pair. Raises ValueError where the text is none or
+    they are not stable."""
+    said = (
+        f"poles is {o['poles']!r}; it must be three numbers such as '-0.5 -0.3+0.3j -0.3-0.3j', all with real parts below zero, "
+        "complex ones in pairs"
+    )
     try:
-        poles = np.array([complex(part) for part in re.split(r"[\s,;/]+", o["poles"].strip())]) * o["theta"]
+        poles = (
+            np.array([complex(part) for part in re.split(r"[\s,;/]+", o["poles"].strip())])
+            * o["theta"]
+        )
     except ValueError:
         raise ValueError(said) from None
     poles = poles[np.argsort(poles.imag != 0, kind="stable")] if len(poles) == 3 else np.zeros(3)
-    paired = not poles[1:].imag.any() or abs(poles[1] - poles[2].conjugate()) <= 1e-9 * abs(poles[1])
+    paired = not poles[1:].imag.any() or abs(poles[1] - poles[2].conjugate()) <= 1e-9 * abs(
+        poles[1]
+    )
     if not ((poles.real < 0).all() and np.isfinite(poles).all() and not poles[0].imag and paired):
         raise ValueError(said)
     return poles
@@ -121,35 +207,56 @@ def _as_numbers(o):
 
 
 def configure(options, aidings):
-    """(options with `outage_after` from the sources, notes: gains at their intervals and spectral radius), for Filter.configure.
+    """(options with `outage_after` from the sources, notes: gains at their intervals and spectral
+    radius), for Filter.configure.
 
-    Raises ValueError where nothing measures position, or heading or course, or the gains are not stable at the intervals of these fixes.
+    Raises ValueError where nothing measures position, or heading or course, or the gains are not
+    stable at the intervals of these fixes.
     """
     o = checked(options)
     kinds = {a.kind for a in aidings}
     if "position" not in kinds:
-        raise ValueError("nothing measures the position, without which velocity and specific force are not observed: add a source of position")
+        raise ValueError(
+            "nothing measures the position, without which velocity and specific force are not observed: add a source of position"
+        )
     if o["course"] != "none" and not kinds & {"velocity", "heading", "magnetic-field"}:
-        raise ValueError("nothing measures heading or course: add a source of velocity, heading or magnetic-field (course='none' runs without)")
+        raise ValueError(
+            "nothing measures heading or course: add a source of velocity, heading or magnetic-field (course='none' runs without)"
+        )
     intervals = [fix_interval(aidings, kind) for kind in ("position", "velocity")]
-    decided = {"outage_after": o["outage_after"] or OUTAGE * min([seconds for seconds in intervals if seconds] or [1.0])}
+    decided = {
+        "outage_after": o["outage_after"]
+        or OUTAGE * min([seconds for seconds in intervals if seconds] or [1.0])
+    }
     axes, unchecked = _axes(aidings)
     if not axes:
-        return {**options, **decided}, ["fewer than two fixes of position: the observer's gains are not checked"]
+        return {**options, **decided}, [
+            "fewer than two fixes of position: the observer's gains are not checked"
+        ]
     free = tuple(name for name in ("ki_start", "ki", "adaptation") if name not in options)
-    plain_numbers = {name: value if isinstance(value, str) else float(value) for name, value in (o | decided).items()}
+    plain_numbers = {
+        name: value if isinstance(value, str) else float(value)
+        for name, value in (o | decided).items()
+    }
     lowered, notes = _designed(tuple(plain_numbers.items()), axes, free)
-    said = [f"{name}: fewer than two fixes of position; the observer's gains are not checked there" for name in unchecked]
+    said = [
+        f"{name}: fewer than two fixes of position; the observer's gains are not checked there"
+        for name in unchecked
+    ]
     return {**options, **decided, **dict(lowered)}, [*notes, *said]
 
 
 def _axes(aidings):
-    """((axis, s between positions, s between velocities, sd m, sd m/s), ...) of north and down, and of east where it has other intervals than north;
-    the names of those that have fewer than two positions.
+    """((axis, s between positions, s between velocities, sd m, sd m/s), ...) of north and down, and
+    of east where it has other intervals than north; the names of those that have fewer than two
+    positions.
     """
     found = []
     for axis, name in enumerate(("north", "east", "down")):
-        both = [(fix_interval(aidings, kind, axis), _deviation(aidings, kind, axis)) for kind in ("position", "velocity")]
+        both = [
+            (fix_interval(aidings, kind, axis), _deviation(aidings, kind, axis))
+            for kind in ("position", "velocity")
+        ]
         found.append((name, both[0][0], both[1][0], both[0][1], both[1][1]))
     if found[1][1:3] == found[0][1:3]:
         del found[1]
@@ -158,20 +265,27 @@ def _axes(aidings):
 
 def _measured(aiding, axis=None):
     """(n,) Whether each fix measures that axis, or any: missing numbers are NaN."""
-    y, sd = (np.asarray(values, float).reshape(len(aiding.t), -1) for values in (aiding.y, aiding.sd))
+    y, sd = (
+        np.asarray(values, float).reshape(len(aiding.t), -1) for values in (aiding.y, aiding.sd)
+    )
     finite = np.isfinite(y) & np.isfinite(sd)
     return finite.any(axis=1) if axis is None else finite[:, axis]
 
 
 def _deviation(aidings, kind, axis):
     """Median standard deviation of the fixes of that kind on an axis, 0 without any."""
-    of_all = [np.asarray(a.sd, float).reshape(len(a.t), -1)[_measured(a, axis), axis] for a in aidings if a.kind == kind and len(a.t)]
+    of_all = [
+        np.asarray(a.sd, float).reshape(len(a.t), -1)[_measured(a, axis), axis]
+        for a in aidings
+        if a.kind == kind and len(a.t)
+    ]
     return float(np.median(np.concatenate(of_all))) if sum(map(len, of_all)) else 0.0
 
 
 @lru_cache(maxsize=256)
 def _designed(options, axes, free):
-    """(options lowered, of those `free` to be, notes) for these options and axes (name, intervals, sds); the same question is answered but once.
+    """(options lowered, of those `free` to be, notes) for these options and axes (name, intervals,
+    sds); the same question is answered but once.
 
     Raises ValueError where the gains are not stable.
     """
@@ -183,18 +297,27 @@ def _designed(options, axes, free):
         o |= lowered
     for axis in axes:
         if said := _unstable(o, *axis[1:]):
-            raise ValueError(f"with these gains {said[0]} is not stable at fixes every {axis[1]:g} s: spectral radius {said[1]:.4g}, "
-                             "which must be below 1; give smaller gains or slower poles")
-    said = [f"{name} lowered to {value:g}, so that the loops are stable at these fixes" for name, value in lowered.items()]
+            raise ValueError(
+                f"with these gains {said[0]} is not stable at fixes every {axis[1]:g} s: spectral radius {said[1]:.4g}, "
+                "which must be below 1; give smaller gains or slower poles"
+            )
+    said = [
+        f"{name} lowered to {value:g}, so that the loops are stable at these fixes"
+        for name, value in lowered.items()
+    ]
     return tuple(lowered.items()), (*(_note(o, *axis) for axis in axes), *said)
 
 
 def _unstable(o, interval, velocity_interval, position_sd, velocity_sd):
-    """(what, spectral radius) of the first loop that is not stable at these intervals and standard deviations, or None."""
+    """(what, spectral radius) of the first loop that is not stable at these intervals and
+    standard deviations, or None."""
     for end in ("_start", ""):
         jumps = schedule(o, interval, velocity_interval, position_sd, velocity_sd, end)
-        for what, radius in (("the translational motion observer", spectral_radius(jumps)), ("the attitude", max(attitude_loop(o, jumps, end))),
-                             ("the adaptation", adaptation_loop(o, jumps))):
+        for what, radius in (
+            ("the translational motion observer", spectral_radius(jumps)),
+            ("the attitude", max(attitude_loop(o, jumps, end))),
+            ("the adaptation", adaptation_loop(o, jumps)),
+        ):
             if not radius < 1:
                 return what, radius
     return None
@@ -203,34 +326,56 @@ def _unstable(o, interval, velocity_interval, position_sd, velocity_sd):
 def _note(o, name, interval, velocity_interval, *sd):
     """The line on an axis: gains, intervals, spectral radii."""
     jumps = schedule(o, interval, velocity_interval, *sd)
-    every = " and ".join(f"{kind} every {seconds:g} s" for kind, seconds in (("position", interval), ("velocity", velocity_interval)) if seconds)
-    corrected = "; ".join(f"a {kind} corrects position, velocity and force by " + ", ".join(f"{value:.4g}" for value in K)
-                          for kind, K in last_gains(jumps))
-    return (f"observer gains, {_design(o)}, {every}; {name}: {corrected}; spectral radius {spectral_radius(jumps):.4f} per round of fixes, "
-            f"{max(attitude_loop(o, jumps, '')):.4f} of the attitude with it")
+    every = " and ".join(
+        f"{kind} every {seconds:g} s"
+        for kind, seconds in (("position", interval), ("velocity", velocity_interval))
+        if seconds
+    )
+    corrected = "; ".join(
+        f"a {kind} corrects position, velocity and force by "
+        + ", ".join(f"{value:.4g}" for value in K)
+        for kind, K in last_gains(jumps)
+    )
+    return (
+        f"observer gains, {_design(o)}, {every}; {name}: {corrected}; spectral radius {spectral_radius(jumps):.4f} per round of fixes, "
+        f"{max(attitude_loop(o, jumps, '')):.4f} of the attitude with it"
+    )
 
 
 def fix_interval(aidings, kind, axis=None):
-    """Median time (s) between the fixes of that kind (and axis, 0 to 2), all sources together; 0 for fewer than two.
+    """Median time (s) between the fixes of that kind (and axis, 0 to 2), all sources together; 0
+    for fewer than two.
 
-    Above 10 ms it is in whole milliseconds: time stamps jitter, and some fixes more or less would make other options of the same receiver.
+    Above 10 ms it is in whole milliseconds: time stamps jitter, and some fixes more or less would
+    make other options of the same receiver.
     """
-    times = [np.asarray(a.t, float)[_measured(a, axis)] for a in aidings if a.kind == kind and len(a.t)]
+    times = [
+        np.asarray(a.t, float)[_measured(a, axis)] for a in aidings if a.kind == kind and len(a.t)
+    ]
     times = np.unique(np.concatenate(times)) if times else np.empty(0)
     median = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     return round(median, 3) if median > 0.01 else median
 
 
 def schedule(o, interval, velocity_interval, position_sd=1.0, velocity_sd=0.1, end=""):
-    """One round of fixes in the steady state: [(s since the fix before, "position" or "velocity", gains K (3,) on p, v, f)].
+    """One round of fixes in the steady state: [(s since the fix before, "position" or "velocity",
+    gains K (3,) on p, v, f)].
 
     With end "_start" at the start.
 
-    Of two intervals the longer is taken for a whole number of the shorter (at most ROUND); both kinds come at its end, positions first.
+    Of two intervals the longer is taken for a whole number of the shorter (at most ROUND); both
+    kinds come at its end, positions first.
     """
-    slow, fast = max(interval, velocity_interval), min(interval or velocity_interval, velocity_interval or interval)
+    slow, fast = (
+        max(interval, velocity_interval),
+        min(interval or velocity_interval, velocity_interval or interval),
+    )
     count = min(max(round(slow / fast), 1), ROUND)
-    many = "velocity" if velocity_interval and velocity_interval <= interval or not interval else "position"
+    many = (
+        "velocity"
+        if velocity_interval and velocity_interval <= interval or not interval
+        else "position"
+    )
     times = [(slow / count, many)] * count
     if interval and velocity_interval:
         other = "position" if many == "velocity" else "velocity"
@@ -240,20 +385,37 @@ def schedule(o, interval, velocity_interval, position_sd=1.0, velocity_sd=0.1, e
     if design == "given":
         return [(T, kind, _given(o)[int(kind == "velocity")]) for T, kind in times]
     if design == "poles":
-        return [(T, kind, by_poles(o, kind, interval if kind == "position" else velocity_interval, bool(velocity_interval))) for T, kind in times]
-    return _riccati(times, o["wander" + end] * o["theta"] ** 3, {"position": position_sd, "velocity": velocity_sd})
+        return [
+            (
+                T,
+                kind,
+                by_poles(
+                    o,
+                    kind,
+                    interval if kind == "position" else velocity_interval,
+                    bool(velocity_interval),
+                ),
+            )
+            for T, kind in times
+        ]
+    return _riccati(
+        times,
+        o["wander" + end] * o["theta"] ** 3,
+        {"position": position_sd, "velocity": velocity_sd},
+    )
 
 
 def by_poles(o, kind, T, velocities):
-    """Gains K (3,) that give the sampled error the factors exp(s T): with velocities the pair is that of velocity and force."""
+    """Gains K (3,) that give the sampled error the factors exp(s T): with velocities the pair is
+    that of velocity and force."""
     one, a, b = np.expm1(_poles(o) * T)
     if kind == "velocity":
         return np.array([0.0, -(a + b + a * b).real, (a * b).real / T])
     if velocities:
         return np.array([-one.real, 0.0, 0.0])
-    l1, l3 = -(one + a + b).real, -(one * a * b).real / T ** 2
+    l1, l3 = -(one + a + b).real, -(one * a * b).real / T**2
     l2 = (one * (a + b) + a * b).real / T - 0.5 * T * l3
-    return np.array([l1 - T * l2 + 0.5 * T ** 2 * l3, l2 - T * l3, l3])
+    return np.array([l1 - T * l2 + 0.5 * T**2 * l3, l2 - T * l3, l3])
 
 
 def transition(T):
@@ -263,17 +425,19 @@ def transition(T):
 
 def driving(T, q):
     """Q (3, 3) over T seconds of a force driven by density q, (m/s^2)^2/s."""
-    return q * np.array([[T ** 5 / 20, T ** 4 / 8, T ** 3 / 6], [T ** 4 / 8, T ** 3 / 3, T ** 2 / 2], [T ** 3 / 6, T ** 2 / 2, T]])
+    return q * np.array(
+        [[T**5 / 20, T**4 / 8, T**3 / 6], [T**4 / 8, T**3 / 3, T**2 / 2], [T**3 / 6, T**2 / 2, T]]
+    )
 
 
 def _riccati(times, wander, sd, rounds=4000):
     """The gains that the Riccati equation settles to on this round of fixes."""
-    P, before = np.diag([1.0, 1.0, FORCE_SD ** 2]), np.zeros(3 * len(times))
+    P, before = np.diag([1.0, 1.0, FORCE_SD**2]), np.zeros(3 * len(times))
     for _ in range(rounds):
         gains = []
         for T, kind in times:
             Phi, row = transition(T), int(kind == "velocity")
-            P = Phi @ P @ Phi.T + driving(T, wander ** 2)
+            P = Phi @ P @ Phi.T + driving(T, wander**2)
             K = P[:, row] / (P[row, row] + max(sd[kind], translation_gains.LEAST_SD) ** 2)
             P = P - np.outer(K, P[row])
             gains.append(K)
@@ -289,8 +453,10 @@ def last_gains(jumps):
 
 
 def round_matrix(jumps, A):
-    """What one round of fixes does to the state whose first three are p, v, xi (of the force) and whose derivative is A x."""
+    """What one round of fixes does to the state whose first three are p, v, xi (of the force)
+    and whose derivative is A x."""
     from scipy.linalg import expm
+
     M = np.eye(len(A))
     for T, kind, K in jumps:
         step = np.eye(len(A))
@@ -300,7 +466,8 @@ def round_matrix(jumps, A):
 
 
 def spectral_radius(jumps):
-    """Largest modulus of the eigenvalues of the product of (I - K C) Phi over one round of fixes."""
+    """Largest modulus of the eigenvalues of the product of (I - K C) Phi over one round of
+    fixes."""
     M = np.eye(3)
     for T, kind, K in jumps:
         step = np.eye(3)
@@ -315,27 +482,38 @@ def radius(M):
 
 
 def attitude_loop(o, jumps, end):
-    """Spectral radii over one round of fixes, of the observer with tilt and gyro bias, and of heading and gyro bias.
+    """Spectral radii over one round of fixes, of the observer with tilt and gyro bias, and of
+    heading and gyro bias.
 
     With end "_start" they are those of the gains of the start.
     """
-    g, seconds, (k1, k2, ki) = equations.GRAVITY, sum(T for T, _, _ in jumps), (o[name + end] for name in ("k1", "k2", "ki"))
-    A = np.zeros((5, 5))    # errors of p, v, f_n, tilt, gyro bias; xi is what tilt and f_n leave
+    g, seconds, (k1, k2, ki) = (
+        equations.GRAVITY,
+        sum(T for T, _, _ in jumps),
+        (o[name + end] for name in ("k1", "k2", "ki")),
+    )
+    A = np.zeros((5, 5))  # errors of p, v, f_n, tilt, gyro bias; xi is what tilt and f_n leave
     A[0, 1], A[1, 2], A[2, 4] = 1.0, 1.0, g
     A[3, 2], A[3, 3], A[3, 4] = k1 / g, -k1, 1.0
     A[4, 2], A[4, 3] = ki * k1 / g, -ki * k1
     keep = 5 if ki else 4
     T = min(seconds, equations.LONGEST)
     left = math.exp(-k2 * T)
-    heading = np.array([[left, left * T], [-ki * (1 - left), 1 - ki * (1 - left) * T]])[:keep - 3, :keep - 3]
+    heading = np.array([[left, left * T], [-ki * (1 - left), 1 - ki * (1 - left) * T]])[
+        : keep - 3, : keep - 3
+    ]
     return radius(round_matrix(jumps, A[:keep, :keep])), radius(heading)
 
 
 def adaptation_loop(o, jumps):
-    """Spectral radius of the observer with the accelerometer bias along the specific force adapted; 0 without adaptation."""
+    """Spectral radius of the observer with the accelerometer bias along the specific force
+    adapted; 0 without adaptation."""
     if not o["adaptation"]:
         return 0.0
-    A, rate = np.zeros((4, 4)), o["adaptation"]     # errors of p, v, f_n, bias along the force; xi is what the other two leave
+    A, rate = (
+        np.zeros((4, 4)),
+        o["adaptation"],
+    )  # errors of p, v, f_n, bias along the force; xi is what the other two leave
     A[0, 1], A[1, 2] = 1.0, 1.0
     A[2, 2], A[2, 3], A[3, 2], A[3, 3] = rate, rate, -rate, -rate
     return radius(round_matrix(jumps, A))

@@ -1,7 +1,10 @@
-"""Nonlinear observer with a translational motion observer, as Alam et al. use it: filters/observer/equations.py on the belief itself. No covariance.
+"""Nonlinear observer with a translational motion observer, as Alam et al. use it:
+filters/observer/equations.py on the belief itself. No covariance.
 
-docs/observer.md has its equations, what is corrected in the printed ones, and what its options mean.
+docs/observer.md has its equations, what is corrected in the printed ones, and what its options
+mean.
 """
+
 import math
 from inspect import Parameter, Signature
 
@@ -11,22 +14,37 @@ from ...core.contract import CORRECT, PREDICT, Filter, kernel
 from .equations import BLOCK, FORGETTING, advance, inject
 from .gains import DEFAULTS, USES, begin, configure
 
-COLUMNS = ("excitation", "course_held [s]", "xi_north [m/s^2]", "xi_east [m/s^2]", "xi_down [m/s^2]")
-LONG_HELD = 10.0        # s without a course that is worth an event
-EXCITED = 1e-3          # of the smallest eigenvalue, in which 1 is a specific force of 1 g
+COLUMNS = (
+    "excitation",
+    "course_held [s]",
+    "xi_north [m/s^2]",
+    "xi_east [m/s^2]",
+    "xi_down [m/s^2]",
+)
+LONG_HELD = 10.0  # s without a course that is worth an event
+EXCITED = 1e-3  # of the smallest eigenvalue, in which 1 is a specific force of 1 g
 
 
 def start(start, noise, **options):
-    """Belief at `start`; docs/observer.md explains the options, DEFAULTS of filters/observer/gains.py has them. Refuses gains that are not stable and a start
-    beyond the bounds.
+    """Belief at `start`; docs/observer.md explains the options, DEFAULTS of
+    filters/observer/gains.py has them. Refuses gains that are not stable and a start beyond the
+    bounds.
     """
     belief = start.belief(np.zeros(BLOCK))
     begin(belief.workspace, start, noise, **options)
     return belief
 
 
-_named = lambda name, default=Parameter.empty: Parameter(name, Parameter.POSITIONAL_OR_KEYWORD, default=default)
-start.__signature__ = Signature([_named("start"), _named("noise"), *(_named(name, default) for name, default in DEFAULTS.items())])
+_named = lambda name, default=Parameter.empty: Parameter(
+    name, Parameter.POSITIONAL_OR_KEYWORD, default=default
+)
+start.__signature__ = Signature(
+    [
+        _named("start"),
+        _named("noise"),
+        *(_named(name, default) for name, default in DEFAULTS.items()),
+    ]
+)
 
 
 @kernel(PREDICT)
@@ -43,17 +61,36 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 def unobserved(t, lla, columns):
-    """[(t, text)] where the course was held for long because it was too slow for one, and where the accelerometer bias was not excited."""
+    """[(t, text)] where the course was held for long because it was too slow for one, and where
+    the accelerometer bias was not excited."""
     held, excitation = columns[COLUMNS[1]], columns[COLUMNS[0]]
     events = []
     if len(t) and held[-1] >= LONG_HELD:
-        events.append((float(t[np.argmax(held > 0)]),
-                       f"course held for {held[-1]:.0f} s in all, from here on: too slow to have one; the gyros alone carried the heading"))
+        events.append(
+            (
+                float(t[np.argmax(held > 0)]),
+                f"course held for {held[-1]:.0f} s in all, from here on: too slow to have one; the gyros alone carried the heading",
+            )
+        )
     if len(t) and t[-1] - t[0] > FORGETTING and not np.max(excitation) >= EXCITED:
-        events.append((float(t[-1]),
-                       f"accelerometer bias not excited: the smallest eigenvalue of the mean of phi phi' never passed {np.max(excitation):.1g}"))
+        events.append(
+            (
+                float(t[-1]),
+                f"accelerometer bias not excited: the smallest eigenvalue of the mean of phi phi' never passed {np.max(excitation):.1g}",
+            )
+        )
     return events
 
 
-NLO = Filter("nlo", "Alam, Whidborne & Millidere (2023) section 2.1; Grip, Fossen, Johansen & Saberi (2015); Hansen et al. (2016)", start,
-             predict, correct, states=(), columns=COLUMNS, uses=USES, configure=configure, diagnose=unobserved)
+NLO = Filter(
+    "nlo",
+    "Alam, Whidborne & Millidere (2023) section 2.1; Grip, Fossen, Johansen & Saberi (2015); Hansen et al. (2016)",
+    start,
+    predict,
+    correct,
+    states=(),
+    columns=COLUMNS,
+    uses=USES,
+    configure=configure,
+    diagnose=unobserved,
+)

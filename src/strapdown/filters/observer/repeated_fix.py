@@ -1,4 +1,6 @@
-"""Whether a fix is handed over a second time: what stands beside a filter and does not gate, as an observer does, must take it once."""
+"""Whether a fix is handed over a second time: what stands beside a filter and does not gate, as
+an observer does, must take it once."""
+
 import math
 
 from ...core.jit import helper
@@ -10,9 +12,11 @@ FORGOTTEN = -1.0
 
 @helper
 def repeated(memory, y, sd, kind, gate, nis):
-    """Whether this call brings the fix of the call before once more; remembers it in `memory` (MEMORY numbers) where its `nis` is above `gate`.
+    """Whether this call brings the fix of the call before once more; remembers it in `memory`
+    (MEMORY numbers) where its `nis` is above `gate`.
 
-    The loop does so only where it lifts a gate: right after a rejection, with `gate` infinite. Other sources may measure the same at the same time.
+    The loop does so only where it lifts a gate: right after a rejection, with `gate` infinite.
+    Other sources may measure the same at the same time.
     """
     same = memory[0] == kind and gate == math.inf
     for i in range(3):

@@ -1,37 +1,59 @@
-"""Gains of the translational motion observer at a fix: position, velocity and auxiliary force of an axis, by a Riccati design, poles, or as given.
+"""Gains of the translational motion observer at a fix: position, velocity and auxiliary force of an
+axis, by a Riccati design, poles, or as given.
 
-The chain p' = v, v' = f, f' = w is sampled between fixes exactly; what its error is multiplied by at a fix is I - K C. The Riccati design is the
-difference equation at the fixes as they come, whose limit at a steady interval is the gain that `observer_gains` prints.
+The chain p' = v, v' = f, f' = w is sampled between fixes exactly; what its error is multiplied by
+at a fix is I - K C. The Riccati design is the difference equation at the fixes as they come, whose
+limit at a steady interval is the gain that `observer_gains` prints.
 """
+
 import math
 
 from ...core.jit import helper
 
-VELOCITY_AGE, AGES = 3, 6       # s since the last fix that changed the axis, north, east, down; since the last velocity fix, likewise
-SPREAD = AGES                   # m^2/s^2: variance of velocity that gaps in the samples brought, since the start; USED of it by each axis
+VELOCITY_AGE, AGES = (
+    3,
+    6,
+    # s since the last fix that changed the axis, north, east, down; since the last velocity fix,
+    # likewise
+)
+# m^2/s^2: variance of velocity that gaps in the samples brought, since the start; USED of it by
+# each axis
+SPREAD = AGES
 USED = 7
-DESIGN, LOST = 10, 11           # which design; s without a velocity after which positions do its work
-POLES = 12                      # 1/s: one of its own, and a pair as (a, b, complex): a and b, or a +- jb
-GAINS = 16                      # of a position (p, v, xi), then of a velocity
-P = 22                          # three axes of 6 numbers: pp, pv, pf, vv, vf, ff
+DESIGN, LOST = 10, 11  # which design; s without a velocity after which positions do its work
+POLES = 12  # 1/s: one of its own, and a pair as (a, b, complex): a and b, or a +- jb
+GAINS = 16  # of a position (p, v, xi), then of a velocity
+P = 22  # three axes of 6 numbers: pp, pv, pf, vv, vf, ff
 TRANSLATION = P + 18
 """Places in the translational motion observer's numbers, and how many there are."""
 RICCATI, BY_POLES, GIVEN = range(3)
 DESIGNS = {"riccati": RICCATI, "poles": BY_POLES, "given": GIVEN}
-SHORTEST = 1e-6                 # s: of two fixes of an axis at one time the second finds it no older
-LEAST_SD = 1e-4                 # m, m/s
+SHORTEST = 1e-6  # s: of two fixes of an axis at one time the second finds it no older
+LEAST_SD = 1e-4  # m, m/s
 
 
 @helper
 def pulled(own, axis, velocity, e, sd, accel, wander, change):
-    """Add to `change` (m, m/s, m/s^2) what the error e of a position or velocity fix with that sd corrects on the axis.
+    """Add to `change` (m, m/s, m/s^2) what the error e of a position or velocity fix with that sd
+    corrects on the axis.
 
-    `accel` is the density of the accelerometer noise, m/s/sqrt(s), `wander` that of the force, m/s^2/sqrt(s).
-    Several fixes at one time follow each other: e must be that of the state before
-    all of them less what `change` holds for the kinds that came before; kinds come one by one, so it is.
+    `accel` is the density of the accelerometer noise, m/s/sqrt(s), `wander` that of the force,
+    m/s^2/sqrt(s). Several fixes at one time follow each other: e must be that of the state before
+    all of them less what `change` holds for the kinds that came before; kinds come one by one, so
+    it is.
     """
     if own[DESIGN] == RICCATI:
-        _by_riccati(own, own[P + 6 * axis:P + 6 * axis + 6], axis, velocity, e, max(sd, LEAST_SD), accel, wander, change)
+        _by_riccati(
+            own,
+            own[P + 6 * axis : P + 6 * axis + 6],
+            axis,
+            velocity,
+            e,
+            max(sd, LEAST_SD),
+            accel,
+            wander,
+            change,
+        )
     elif own[DESIGN] == BY_POLES:
         _by_poles(own, axis, velocity, e, change)
     else:
@@ -43,7 +65,8 @@ def pulled(own, axis, velocity, e, sd, accel, wander, change):
 
 @helper
 def _by_riccati(own, A, axis, velocity, e, sd, accel, wander, change):
-    """One step of the Riccati equation over the time since the last fix, and the correction by it."""
+    """One step of the Riccati equation over the time since the last fix, and the correction by
+    it."""
     spread = own[SPREAD] - own[USED + axis]
     grow(A, own[axis], wander * wander, accel * accel, spread)
     own[axis], own[USED + axis] = 0.0, own[SPREAD]
@@ -68,7 +91,8 @@ def _by_riccati(own, A, axis, velocity, e, sd, accel, wander, change):
 def grow(A, T, q, accel, spread):
     """The six numbers of P over T seconds.
 
-    Force is driven by density q ((m/s^2)^2/s), velocity by `accel` ((m/s)^2/s) and at once by `spread` (m^2/s^2).
+    Force is driven by density q ((m/s^2)^2/s), velocity by `accel` ((m/s)^2/s) and at once by
+    `spread` (m^2/s^2).
     """
     pp, pv, pf, vv, vf, ff = A[0], A[1], A[2], A[3] + spread, A[4], A[5]
     A[0] = pp + T * (2 * pv + T * (vv + pf + T * (vf + T * (0.25 * ff + q * T / 20) + accel / 3)))
@@ -81,25 +105,36 @@ def grow(A, T, q, accel, spread):
 
 @helper
 def _by_poles(own, axis, velocity, e, change):
-    """The gains that multiply the errors by exp(s T) over the time T since the last fix of the kind.
+    """The gains that multiply the errors by exp(s T) over the time T since the last fix of the
+    kind.
 
-    While velocities come, their pair of poles is that of velocity and force and a position corrects the position alone, which keeps the poles
-    whatever the two intervals; without them a position has all three.
+    While velocities come, their pair of poles is that of velocity and force and a position corrects
+    the position alone, which keeps the poles whatever the two intervals; without them a position
+    has all three.
     """
     kind = VELOCITY_AGE + axis if velocity else axis
     T = own[kind]
     own[kind] = 0.0
     if T < SHORTEST:
         return
-    one, (two, product) = math.expm1(own[POLES] * T), factors(own[POLES + 1], own[POLES + 2], own[POLES + 3], T)
+    one, (two, product) = (
+        math.expm1(own[POLES] * T),
+        factors(own[POLES + 1], own[POLES + 2], own[POLES + 3], T),
+    )
     if velocity:
         change[1], change[2] = -(two + product) * e, product / T * e
     elif own[VELOCITY_AGE + axis] <= own[LOST]:
         change[0] = -one * e
     else:
         l1, l3 = -one - two, -one * product / (T * T)
-        l2 = (one * two + product) / T - 0.5 * l3 * T       # of the error before the next prediction; change is that after it
-        change[0], change[1], change[2] = (l1 - T * l2 + 0.5 * T * T * l3) * e, (l2 - T * l3) * e, l3 * e
+        l2 = (
+            one * two + product
+        ) / T - 0.5 * l3 * T  # of the error before the next prediction; change is that after it
+        change[0], change[1], change[2] = (
+            (l1 - T * l2 + 0.5 * T * T * l3) * e,
+            (l2 - T * l3) * e,
+            l3 * e,
+        )
 
 
 @helper

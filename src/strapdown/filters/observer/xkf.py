@@ -1,80 +1,140 @@
-"""Exogenous Kalman filter: a nonlinear observer gives the trajectory to linearise about, an affine Kalman filter around it the estimate.
+"""Exogenous Kalman filter: a nonlinear observer gives the trajectory to linearise about, an affine
+Kalman filter around it the estimate.
 
-The observer runs by itself, as in `nlo`. Beside it the filter keeps P and delta = estimate (-) observer. Between fixes
-estimate = f(observer) (+) Phi delta, with one mechanization f of the observer's state without its injections; at a fix the innovation is
-y - h(observer) - H delta. Where the observer injects, jumps or is bounded the estimate stays where it is and delta becomes what then lies between
-them: the mismatch of a trajectory that is no solution of the model. docs/exogenous.md.
+The observer runs by itself, as in `nlo`. Beside it the filter keeps P and delta = estimate (-)
+observer. Between fixes estimate = f(observer) (+) Phi delta, with one mechanization f of the
+observer's state without its injections; at a fix the innovation is y - h(observer) - H delta. Where
+the observer injects, jumps or is bounded the estimate stays where it is and delta becomes what then
+lies between them: the mismatch of a trajectory that is no solution of the model. docs/exogenous.md.
 """
+
 import inspect
 
 import numpy as np
 
-from ...core.jit import inlined
-from ...core.contract import (ALTITUDE_KIND, ATTITUDE_KIND, BA, BG, CORRECT, HEADING_KIND, MAGNETIC_KIND, POSITION_KIND, PREDICT, STATES,
-                             VELOCITY_KIND, Belief, Filter, kernel, matrix)
+from ...core.contract import (
+    ALTITUDE_KIND,
+    ATTITUDE_KIND,
+    BA,
+    BG,
+    CORRECT,
+    HEADING_KIND,
+    MAGNETIC_KIND,
+    POSITION_KIND,
+    PREDICT,
+    STATES,
+    VELOCITY_KIND,
+    Belief,
+    Filter,
+    kernel,
+    matrix,
+)
 from ...core.earth import place
-from ...core.error_state import DX, OWN, WORK, X, added, auxiliary, bias_free, decay_biases, inject_tail, linearised_step, observed
+from ...core.error_state import (
+    DX,
+    OWN,
+    WORK,
+    X,
+    added,
+    auxiliary,
+    bias_free,
+    decay_biases,
+    inject_tail,
+    linearised_step,
+    observed,
+)
+from ...core.jit import inlined
 from ...core.kalman import update
 from ...core.mechanization import mechanize
+from ...core.rotation import rotation_between, wrap
+from . import nlo
 from .equations import EMBEDDED, advance, embedded, inject
 from .gains import configure as configure_observer
 from .gains import implant
 from .repeated_fix import FORGOTTEN, repeated
 from .repeated_fix import MEMORY as REMEMBERED
-from ...core.rotation import rotation_between, wrap
-from . import nlo
 
-COLUMNS = ("observer_error_north [m]", "observer_error_east [m]", "observer_error_down [m]", *nlo.COLUMNS)
+COLUMNS = (
+    "observer_error_north [m]",
+    "observer_error_east [m]",
+    "observer_error_down [m]",
+    *nlo.COLUMNS,
+)
 """Estimate - observer; what the observer says of itself."""
 SHIFT, SAID = 3, len(nlo.COLUMNS)
-OBSERVER = len(COLUMNS)             # where the observer begins in workspace
-ERROR_STATE = OBSERVER + EMBEDDED   # where the workspace array of core/error_state begins
-CLOSE, NEAR = OWN, OWN + 1          # there: whether the observer is nearer than NEAR, rad
-INNOVATION = OWN + 2                # of the observer
-BIASES, ORIGIN = OWN + 5, OWN + 11  # of the observer at the start of a step; attitude that delta is counted from, 3 x 3
+OBSERVER = len(COLUMNS)  # where the observer begins in workspace
+ERROR_STATE = OBSERVER + EMBEDDED  # where the workspace array of core/error_state begins
+CLOSE, NEAR = OWN, OWN + 1  # there: whether the observer is nearer than NEAR, rad
+INNOVATION = OWN + 2  # of the observer
+BIASES, ORIGIN = (
+    OWN + 5,
+    OWN + 11,
+)  # of the observer at the start of a step; attitude that delta is counted from, 3 x 3
 MEMORY = slice(OWN + 20, OWN + 20 + REMEMBERED)
 
 
 def start(start, noise, near=0.0, **observer):
     """Belief at `start`, where the observer begins too.
 
-    near: rad between attitudes of estimate and observer up to which the mean goes on by the model itself, and only Jacobians are taken at the
-    observer: 0 is the affine filter of Johansen & Fossen, inf what Alam et al. print. The other options are those of `nlo`, docs/observer.md.
+    near: rad between attitudes of estimate and observer up to which the mean goes on by the model
+    itself, and only Jacobians are taken at the observer: 0 is the affine filter of Johansen &
+    Fossen, inf what Alam et al. print. The other options are those of `nlo`, docs/observer.md.
     """
     if not near >= 0:
         raise ValueError(f"near is {near} rad; it must be 0 or more")
     own = auxiliary(len(start.sd))
     own[CLOSE], own[NEAR], own[MEMORY.start] = near > 0, near, FORGOTTEN
     belief = start.belief(np.r_[np.zeros(ERROR_STATE), own])
-    belief.workspace[ERROR_STATE + ORIGIN:][:9] = belief.C.ravel()
+    belief.workspace[ERROR_STATE + ORIGIN :][:9] = belief.C.ravel()
     implant(belief.workspace, OBSERVER, start, noise, **observer)
     return belief
 
 
-# the observer's options as the engine and the listing of filters see them: its own, whatever they are
+# the observer's options as the engine and the listing of filters see them: its own, whatever they
+# are
 _first, _noise, *_of_observer = inspect.signature(nlo.start).parameters.values()
 _near = inspect.Parameter("near", inspect.Parameter.POSITIONAL_OR_KEYWORD, default=0.0)
 start.__signature__ = inspect.Signature([_first, _noise, _near, *_of_observer])
 
 
 def configure(options, aidings):
-    """What these sources decide of the observer and what it says of itself; refuses what it cannot run on."""
+    """What these sources decide of the observer and what it says of itself; refuses what it
+    cannot run on."""
     own = {"near": options["near"]} if "near" in options else {}
-    options, notes = configure_observer({name: value for name, value in options.items() if name not in own}, aidings)
+    options, notes = configure_observer(
+        {name: value for name, value in options.items() if name not in own}, aidings
+    )
     return own | options, notes
 
 
 @inlined
 def at(belief, state, ba, bg):
-    """P, rate, force and workspace of the belief at the state of another, with these biases: what the linear model is taken at."""
-    return Belief(state.lla, state.v, state.C, ba, bg, belief.P, belief.omega, belief.f, belief.workspace[ERROR_STATE:], belief.extra_states)
+    """P, rate, force and workspace of the belief at the state of another, with these biases:
+    what the linear model is taken at."""
+    return Belief(
+        state.lla,
+        state.v,
+        state.C,
+        ba,
+        bg,
+        belief.P,
+        belief.omega,
+        belief.f,
+        belief.workspace[ERROR_STATE:],
+        belief.extra_states,
+    )
 
 
 @inlined
 def put(belief, state):
     """Position, velocity, attitude and biases of the belief become those of another."""
     for i in range(3):
-        belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i] = state.lla[i], state.v[i], state.ba[i], state.bg[i]
+        belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i] = (
+            state.lla[i],
+            state.v[i],
+            state.ba[i],
+            state.bg[i],
+        )
         for j in range(3):
             belief.C[i, j] = state.C[i, j]
 
@@ -93,15 +153,22 @@ def compose(belief, x):
 def relate(belief, bar):
     """delta is what lies between observer and belief, which stays wherever the observer has gone.
 
-    Attitude: with exp(m) from the observer to where its error a was counted from, log(exp(a) exp(m)) = a + m + a x m / 2 + ..., cut where it would
-    not be affine in a any more. The whole logarithm would wrap an error of half a turn, which the linear filter has not wrapped.
+    Attitude: with exp(m) from the observer to where its error a was counted from, log(exp(a)
+    exp(m)) = a + m + a x m / 2 + ..., cut where it would not be affine in a any more. The whole
+    logarithm would wrap an error of half a turn, which the linear filter has not wrapped.
     """
     workspace, lla = belief.workspace[ERROR_STATE:], bar.lla
-    x, o, C = workspace[X], workspace[ORIGIN:ORIGIN + 9], belief.C
+    x, o, C = workspace[X], workspace[ORIGIN : ORIGIN + 9], belief.C
     _, cosine, M, N = place(lla[0], lla[2])
-    x[0], x[1], x[2] = (belief.lla[0] - lla[0]) * M, wrap(belief.lla[1] - lla[1]) * N * cosine, lla[2] - belief.lla[2]
+    x[0], x[1], x[2] = (
+        (belief.lla[0] - lla[0]) * M,
+        wrap(belief.lla[1] - lla[1]) * N * cosine,
+        lla[2] - belief.lla[2],
+    )
     if workspace[CLOSE] > 0:
-        x[6], x[7], x[8] = rotation_between(bar.C, (C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2]))
+        x[6], x[7], x[8] = rotation_between(
+            bar.C, (C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2])
+        )
     else:
         m0, m1, m2 = rotation_between(bar.C, (o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7], o[8]))
         a0, a1, a2 = x[6], x[7], x[8]
@@ -109,7 +176,11 @@ def relate(belief, bar):
         x[7] = a1 + m1 + 0.5 * (a2 * m0 - a0 * m2)
         x[8] = a2 + m2 + 0.5 * (a0 * m1 - a1 * m0)
     for i in range(3):
-        x[3 + i], x[9 + i], x[12 + i] = belief.v[i] - bar.v[i], belief.ba[i] - bar.ba[i], belief.bg[i] - bar.bg[i]
+        x[3 + i], x[9 + i], x[12 + i] = (
+            belief.v[i] - bar.v[i],
+            belief.ba[i] - bar.ba[i],
+            belief.bg[i] - bar.bg[i],
+        )
         belief.workspace[i] = x[i]
         for j in range(3):
             o[3 * i + j] = bar.C[i, j]
@@ -125,9 +196,10 @@ def publish(belief, bar):
 
 @inlined
 def carry(belief, bar, u, dt, noise):
-    """Carry P and the belief over dt, linearised at the observer, which is left where it is: f(observer) (+) Phi delta."""
+    """Carry P and the belief over dt, linearised at the observer, which is left where it is:
+    f(observer) (+) Phi delta."""
     workspace, affine = belief.workspace[ERROR_STATE:], belief.workspace[ERROR_STATE + CLOSE] == 0
-    ba, bg = workspace[BIASES:BIASES + 3], workspace[BIASES + 3:BIASES + 6]
+    ba, bg = workspace[BIASES : BIASES + 3], workspace[BIASES + 3 : BIASES + 6]
     for i in range(3):
         ba[i], bg[i] = bar.ba[i], bar.bg[i]
     linearised_step(at(belief, bar, ba, bg), bar.C, 1.0, u, dt, noise, True)
@@ -148,14 +220,22 @@ def carry(belief, bar, u, dt, noise):
 
 @inlined
 def correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation):
-    """Correct P and the belief by one fix, linearised at the observer, which is left where it is. Returns the NIS."""
+    """Correct P and the belief by one fix, linearised at the observer, which is left where it
+    is. Returns the NIS."""
     workspace, n = belief.workspace[ERROR_STATE:], belief.P.shape[0]
     x, dx, H = workspace[X], workspace[DX], matrix(workspace, workspace.size - 3 * n, 3, n)
-    shift_rates(belief, x, 1.0)     # to those of the observer, for the while
+    shift_rates(belief, x, 1.0)  # to those of the observer, for the while
     rows = observed(at(belief, bar, bar.ba, bar.bg), y, observe, parameters, innovation, H)
     shift_rates(belief, x, -1.0)
     if workspace[CLOSE] > 0:
-        observed(at(belief, belief, belief.ba, belief.bg), y, observe, parameters, innovation, matrix(workspace, WORK, 3, n))
+        observed(
+            at(belief, belief, belief.ba, belief.bg),
+            y,
+            observe,
+            parameters,
+            innovation,
+            matrix(workspace, WORK, 3, n),
+        )
     else:
         for i in range(rows):
             for j in range(STATES):
@@ -195,15 +275,31 @@ def predict(belief, u, dt, noise):
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
-    """Correct P and the belief around the observer, then let that take the fix, whatever the gate."""
+    """Correct P and the belief around the observer, then let that take the fix, whatever the
+    gate."""
     bar, workspace = embedded(belief, OBSERVER), belief.workspace[ERROR_STATE:]
     nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
-    if kind == POSITION_KIND or kind == VELOCITY_KIND or kind == ALTITUDE_KIND or kind == HEADING_KIND or kind == MAGNETIC_KIND:
+    if (
+        kind == POSITION_KIND
+        or kind == VELOCITY_KIND
+        or kind == ALTITUDE_KIND
+        or kind == HEADING_KIND
+        or kind == MAGNETIC_KIND
+    ):
         if not repeated(workspace[MEMORY], y, sd, kind, gate, nis):
-            inject(bar, y, sd, kind, observe, parameters, workspace[INNOVATION:INNOVATION + 3])
+            inject(bar, y, sd, kind, observe, parameters, workspace[INNOVATION : INNOVATION + 3])
     relate(belief, bar)
     publish(belief, bar)
     return nis
 
 
-XKF = Filter("xkf", "Johansen & Fossen (2017), IJC 90(2)", start, predict, correct, columns=COLUMNS, configure=configure, diagnose=nlo.NLO.diagnose)
+XKF = Filter(
+    "xkf",
+    "Johansen & Fossen (2017), IJC 90(2)",
+    start,
+    predict,
+    correct,
+    columns=COLUMNS,
+    configure=configure,
+    diagnose=nlo.NLO.diagnose,
+)

@@ -1,41 +1,50 @@
-"""A mixture of Gaussians on the states of an INS: components in the workspace of a belief, their errors about it, its moments, what they foresee of a fix.
+"""A mixture of Gaussians on the states of an INS: components in the workspace of a belief, their
+errors about it, its moments, what they foresee of a fix.
 
-The belief is the mean on the manifold and the covariance of the mixture. filters/particle/mixture.py has what does not depend on the states.
+The belief is the mean on the manifold and the covariance of the mixture.
+filters/particle/mixture.py has what does not depend on the states.
 """
+
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from ...core.jit import flatten, helper, inlined, matrix
 from ...core.contract import HEADING_KIND, STATES, Belief
-from .threefry import STREAM
 from ...core.earth import place
 from ...core.error_state import DX, WORK, inject_all, observed
+from ...core.jit import flatten, helper, inlined, matrix
 from ...core.kalman import LEAST_NOISE, WORKSPACE, used_rows
-from .mixture import accumulate, clear, moments, moments_size, resample_size
 from ...core.rotation import rotation_between, wrap
+from .mixture import accumulate, clear, moments, moments_size, resample_size
+from .threefry import STREAM
 
 EFFECTIVE, RESAMPLINGS, REPAIRS, DEGENERATE, COUNT, KERNEL, LEAST = range(7)
-"""Of workspace: the output columns; how many components there are, h, and below how many effective ones they are drawn anew."""
+"""Of workspace: the output columns; how many components there are, h, and below how many
+effective ones they are drawn anew."""
 RANDOM = slice(7, 7 + STREAM)
-FORESEEN = slice(10, 25)    # of a fix: covariance of the innovation (3 x 3), its mean, variances without correlations
-SHARED = 25                 # the workspace array of core.error_state that the components take turns with, then what Mixture names
-TAIL = 27                   # of a component's numbers: lla, v, C, ba, bg, omega, f before it, P behind it
+FORESEEN = slice(
+    10, 25
+)  # of a fix: covariance of the innovation (3 x 3), its mean, variances without correlations
+# the workspace array of core.error_state that the components take turns with, then what Mixture
+# names
+SHARED = 25
+TAIL = 27  # of a component's numbers: lla, v, C, ba, bg, omega, f before it, P behind it
 
 
 class Mixture(NamedTuple):
     """What there is beside the belief, as views of its workspace."""
-    shared: np.ndarray      # workspace array of core.error_state
-    left: np.ndarray        # (n, n) covariance as the last call left it
-    sums: np.ndarray        # of core.mixture
-    mean: np.ndarray        # (n,)
-    weights: np.ndarray     # (N,)
-    logs: np.ndarray        # (N,)
+
+    shared: np.ndarray  # workspace array of core.error_state
+    left: np.ndarray  # (n, n) covariance as the last call left it
+    sums: np.ndarray  # of core.mixture
+    mean: np.ndarray  # (n,)
+    weights: np.ndarray  # (N,)
+    logs: np.ndarray  # (N,)
     deviations: np.ndarray  # (N, n) errors of the components about the belief
-    drawn: np.ndarray       # (N, n)
-    Phi: np.ndarray         # (n, n)
-    work: np.ndarray        # of core.mixture
+    drawn: np.ndarray  # (N, n)
+    Phi: np.ndarray  # (n, n)
+    work: np.ndarray  # of core.mixture
     components: np.ndarray  # (N, width)
 
 
@@ -65,17 +74,37 @@ def beside(belief):
     Phi = drawn + N * n
     work = Phi + n * n
     components = work + resample_size(n)
-    return Mixture(workspace[SHARED:left], matrix(workspace, left, n, n), workspace[sums:mean], workspace[mean:weights], workspace[weights:logs], workspace[logs:deviations],
-                   matrix(workspace, deviations, N, n), matrix(workspace, drawn, N, n), matrix(workspace, Phi, n, n), workspace[work:components],
-                   matrix(workspace, components, N, width(n)))
+    return Mixture(
+        workspace[SHARED:left],
+        matrix(workspace, left, n, n),
+        workspace[sums:mean],
+        workspace[mean:weights],
+        workspace[weights:logs],
+        workspace[logs:deviations],
+        matrix(workspace, deviations, N, n),
+        matrix(workspace, drawn, N, n),
+        matrix(workspace, Phi, n, n),
+        workspace[work:components],
+        matrix(workspace, components, N, width(n)),
+    )
 
 
 @inlined
 def component(m, i):
     """Component i as a Belief of its own."""
     x, n = m.components[i], m.mean.size
-    return Belief(x[0:3], x[3:6], matrix(x, 6, 3, 3), x[15:18], x[18:21], matrix(x, TAIL + n - STATES, n, n), x[21:24], x[24:27], m.shared,
-                  x[TAIL:TAIL + n - STATES])
+    return Belief(
+        x[0:3],
+        x[3:6],
+        matrix(x, 6, 3, 3),
+        x[15:18],
+        x[18:21],
+        matrix(x, TAIL + n - STATES, n, n),
+        x[21:24],
+        x[24:27],
+        m.shared,
+        x[TAIL : TAIL + n - STATES],
+    )
 
 
 @helper
@@ -87,13 +116,24 @@ def metres(belief):
 
 @inlined
 def deviate(own, belief, north, east, x):
-    """x = own (-) belief, the error that `inject` would have to add to the belief; metres per radian from `metres`."""
+    """x = own (-) belief, the error that `inject` would have to add to the belief; metres per
+    radian from `metres`."""
     turn = own.lla[1] - belief.lla[1]
-    x[0], x[1], x[2] = (own.lla[0] - belief.lla[0]) * north, (wrap(turn) if abs(turn) > 3 else turn) * east, belief.lla[2] - own.lla[2]
+    x[0], x[1], x[2] = (
+        (own.lla[0] - belief.lla[0]) * north,
+        (wrap(turn) if abs(turn) > 3 else turn) * east,
+        belief.lla[2] - own.lla[2],
+    )
     C = own.C
-    x[6], x[7], x[8] = rotation_between(belief.C, (C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2]))
+    x[6], x[7], x[8] = rotation_between(
+        belief.C, (C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2])
+    )
     for i in range(3):
-        x[3 + i], x[9 + i], x[12 + i] = own.v[i] - belief.v[i], own.ba[i] - belief.ba[i], own.bg[i] - belief.bg[i]
+        x[3 + i], x[9 + i], x[12 + i] = (
+            own.v[i] - belief.v[i],
+            own.ba[i] - belief.ba[i],
+            own.bg[i] - belief.bg[i],
+        )
     for i in range(own.extra_states.size):
         x[STATES + i] = own.extra_states[i] - belief.extra_states[i]
 
@@ -110,7 +150,8 @@ def settle(belief, m):
 
 @inlined
 def recentre(belief, m):
-    """Belief and P from all components, wherever they are: first their mean, then the moments about it. `deviations` are about the belief then."""
+    """Belief and P from all components, wherever they are: first their mean, then the moments
+    about it. `deviations` are about the belief then."""
     n = m.mean.size
     for j in range(n):
         m.sums[j] = 0.0
@@ -136,9 +177,11 @@ def recentre(belief, m):
 
 @inlined
 def carry(belief, m):
-    """Hand on to the components what the loop did to P since the last call: more of everything, or more variance of single states.
+    """Hand on to the components what the loop did to P since the last call: more of everything, or
+    more variance of single states.
 
-    What all variances have grown by draws the components apart and widens each; the rest widens each.
+    What all variances have grown by draws the components apart and widens each; the rest widens
+    each.
     """
     now, left, n = belief.P, m.left, m.mean.size
     changed, factor = False, math.inf
@@ -170,7 +213,12 @@ def carry(belief, m):
 def put(own, belief, x):
     """The component whose error about the belief is x."""
     for i in range(3):
-        own.lla[i], own.v[i], own.ba[i], own.bg[i] = belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i]
+        own.lla[i], own.v[i], own.ba[i], own.bg[i] = (
+            belief.lla[i],
+            belief.v[i],
+            belief.ba[i],
+            belief.bg[i],
+        )
         for j in range(3):
             own.C[i, j] = belief.C[i, j]
     for i in range(own.extra_states.size):
@@ -180,7 +228,8 @@ def put(own, belief, x):
 
 @inlined
 def foresee(belief, m, y, sd, kind, observe, parameters, innovation):
-    """NIS of a fix by the mixture's own moments; its mean innovation goes into `innovation`. NaN where nothing is measured. Nothing else changes.
+    """NIS of a fix by the mixture's own moments; its mean innovation goes into `innovation`. NaN
+    where nothing is measured. Nothing else changes.
 
     Which rows are measured is seen at the belief.
     """
@@ -204,7 +253,8 @@ def foresee(belief, m, y, sd, kind, observe, parameters, innovation):
 
 @helper
 def same_rows(innovation, mine):
-    """Whether a component measures what is measured at the belief; others of its rows become none."""
+    """Whether a component measures what is measured at the belief; others of its rows become
+    none."""
     for i in range(3):
         if math.isnan(innovation[i]):
             mine[i] = math.nan
@@ -215,7 +265,8 @@ def same_rows(innovation, mine):
 
 @helper
 def _foresee_one(P, H, w, innovation, mine, s, x):
-    """Add a component to the moments of the innovation, about that at the belief; x is n numbers of workspace."""
+    """Add a component to the moments of the innovation, about that at the belief; x is n numbers
+    of workspace."""
     n = P.shape[0]
     for i in range(3):
         if math.isnan(innovation[i]):
@@ -240,7 +291,8 @@ def _foresee_one(P, H, w, innovation, mine, s, x):
 
 @helper
 def _surprise(s, total, sd, innovation):
-    """NIS from these moments, whose weights add up to `total`; adds the mean to the innovation. Infinite where they are no covariance."""
+    """NIS from these moments, whose weights add up to `total`; adds the mean to the innovation.
+    Infinite where they are no covariance."""
     nis, any = 0.0, False
     for i in range(3):
         if math.isnan(innovation[i]):

@@ -1,11 +1,16 @@
-"""Mixtures of Gaussians, for particle Kalman filters: weights, moments, and a resampling that keeps mean and covariance.
+"""Mixtures of Gaussians, for particle Kalman filters: weights, moments, and a resampling that keeps
+mean and covariance.
 
-A component is a row of `components` (N, width); its covariance P (n, n) is the n n numbers from column `at` on. What its mean is, the filter knows;
-here it is a row of `deviations` (N, n), the errors about the mean of the mixture or another reference. `stream` is one of filters/particle/threefry.py.
+A component is a row of `components` (N, width); its covariance P (n, n) is the n n numbers from
+column `at` on. What its mean is, the filter knows; here it is a row of `deviations` (N, n), the
+errors about the mean of the mixture or another reference. `stream` is one of
+filters/particle/threefry.py.
 
-Source: Hoteit, Luo & Pham (2012), "Particle Kalman filtering: a nonlinear Bayesian framework for ensemble Kalman filters", MWR 140(2); systematic
-resampling after Kitagawa (1996); the kernel and the shrinkage that goes with it after West (1993).
+Source: Hoteit, Luo & Pham (2012), "Particle Kalman filtering: a nonlinear Bayesian framework for
+ensemble Kalman filters", MWR 140(2); systematic resampling after Kitagawa (1996); the kernel and
+the shrinkage that goes with it after West (1993).
 """
+
 import math
 
 import numpy as np
@@ -15,15 +20,18 @@ from .threefry import new_stream, normal_rows, normals, uniform
 
 MOST = 100000
 """Components of a mixture at most; 500 with 15 states take a megabyte."""
-NOTHING = 1e-13         # of a variance: a pivot below it is none
-SHRINK = 0.8            # in steps of it the deviations of too few components shrink, until they fit into the covariance
+NOTHING = 1e-13  # of a variance: a pivot below it is none
+# in steps of it the deviations of too few components shrink, until they fit into the covariance
+SHRINK = 0.8
 
 
 @helper
 def weigh(logs, weights):
-    """Multiply weights by likelihoods, whose logarithms are `logs` (overwritten), and normalise them. Returns 1 where none is finite, 0 else.
+    """Multiply weights by likelihoods, whose logarithms are `logs` (overwritten), and normalise
+    them. Returns 1 where none is finite, 0 else.
 
-    Then the weights stay as they were; otherwise a component whose likelihood is not finite has none any more. Nothing underflows together.
+    Then the weights stay as they were; otherwise a component whose likelihood is not finite has
+    none any more. Nothing underflows together.
     """
     largest = -math.inf
     for i in range(weights.size):
@@ -52,7 +60,8 @@ def effective(weights):
 
 @helper
 def systematic(weights, at, ancestors):
-    """Ancestors (N,) of a systematic resampling at the one number `at` in (0, 1): component i is drawn N weights[i] times, up or down to a whole."""
+    """Ancestors (N,) of a systematic resampling at the one number `at` in (0, 1): component i is
+    drawn N weights[i] times, up or down to a whole."""
     total, last = 0.0, 0
     for i in range(weights.size):
         total += weights[i]
@@ -68,7 +77,8 @@ def systematic(weights, at, ancestors):
 
 @inlined
 def moments_size(n):
-    """Numbers that `accumulate` sums into: n means, the lower triangle of the second moments in rows of n + 1, a copy of one deviation."""
+    """Numbers that `accumulate` sums into: n means, the lower triangle of the second moments in
+    rows of n + 1, a copy of one deviation."""
     return n + n * (n + 1) + n + 1
 
 
@@ -81,8 +91,9 @@ def clear(sums):
 
 @helper
 def accumulate(weight, x, P, sums):
-    """Add a component to the sums of a mixture: its deviation x (n,) and its covariance P, n n numbers in a row."""
-    if x.size == 15:    # the same code with constant lengths
+    """Add a component to the sums of a mixture: its deviation x (n,) and its covariance P, n n
+    numbers in a row."""
+    if x.size == 15:  # the same code with constant lengths
         _accumulate(15, weight, x, P, sums)
     elif x.size == 6:
         _accumulate(6, weight, x, P, sums)
@@ -92,7 +103,8 @@ def accumulate(weight, x, P, sums):
 
 @inlined
 def _accumulate(n, weight, x, P, sums):
-    """Rows in groups of four, each as long as its last one up to the diagonal: what lies right of it is not used."""
+    """Rows in groups of four, each as long as its last one up to the diagonal: what lies right
+    of it is not used."""
     copy = n + n * (n + 1)
     for j in range(n):
         sums[copy + j] = x[j]
@@ -113,7 +125,8 @@ def _rows(first, after, n, weight, P, sums):
 
 @helper
 def moments(sums, mean, S):
-    """From the sums, whose weights add up to 1: mean (n,) of the deviations and covariance S (n, n) about it, symmetric to the last bit."""
+    """From the sums, whose weights add up to 1: mean (n,) of the deviations and covariance S (n,
+    n) about it, symmetric to the last bit."""
     n = mean.size
     for j in range(n):
         mean[j] = sums[j]
@@ -126,7 +139,8 @@ def moments(sums, mean, S):
 def root(A, share, B, other, L):
     """Lower triangular L with L L' = share A + other B. Returns how many pivots were negative.
 
-    They, and those that are nothing but rounding, count as zero with their columns: a state without variance has no part in anything.
+    They, and those that are nothing but rounding, count as zero with their columns: a state without
+    variance has no part in anything.
     """
     n, negative = A.shape[0], 0
     for j in range(n):
@@ -159,18 +173,30 @@ def resample_size(n):
 
 @helper
 def resample(weights, deviations, components, at, S, kernel, stream, ancestors, drawn, Phi, work):
-    """Draw N components anew, all of weight 1/N, such that the mixture keeps its covariance S (n, n) and its mean, about which `deviations` are.
+    """Draw N components anew, all of weight 1/N, such that the mixture keeps its covariance S (n,
+    n) and its mean, about which `deviations` are.
 
-    Systematic ancestors a, each moved by chol(P_a) times a normal; the sample is recentred and rescaled by an affine map, so that with
-    Phi = kernel^2 S for all it has the moments of the mixture. `drawn` (N, n) are the new deviations, Phi (n, n) the new covariance.
-    N <= n components cannot span S: the ancestors are not moved, only recentred and, where they are spread wider than (1 - kernel^2) S in any
-    direction, drawn together; Phi is S less their covariance. Where S itself has a negative direction, it counts as none there.
-    Returns the repairs: 1 where they were drawn together or S was mended, 0 else.
-    `weights` and `ancestors` (N,) are set, `stream` is advanced, `work` has resample_size(n) numbers.
+    Systematic ancestors a, each moved by chol(P_a) times a normal; the sample is recentred and
+    rescaled by an affine map, so that with Phi = kernel^2 S for all it has the moments of the
+    mixture. `drawn` (N, n) are the new deviations, Phi (n, n) the new covariance. N <= n components
+    cannot span S: the ancestors are not moved, only recentred and, where they are spread wider than
+    (1 - kernel^2) S in any direction, drawn together; Phi is S less their covariance. Where S
+    itself has a negative direction, it counts as none there. Returns the repairs: 1 where they were
+    drawn together or S was mended, 0 else. `weights` and `ancestors` (N,) are set, `stream` is
+    advanced, `work` has resample_size(n) numbers.
     """
     N, n = drawn.shape
-    L, own, T, A = matrix(work, 0, n, n), matrix(work, n * n, n, n), matrix(work, 2 * n * n, n, n), matrix(work, 3 * n * n, n, n)
-    kept, mean, random = matrix(work, 4 * n * n, n, n), work[5 * n * n:5 * n * n + n], work[5 * n * n + n:6 * n * n + n + 1]
+    L, own, T, A = (
+        matrix(work, 0, n, n),
+        matrix(work, n * n, n, n),
+        matrix(work, 2 * n * n, n, n),
+        matrix(work, 3 * n * n, n, n),
+    )
+    kept, mean, random = (
+        matrix(work, 4 * n * n, n, n),
+        work[5 * n * n : 5 * n * n + n],
+        work[5 * n * n + n : 6 * n * n + n + 1],
+    )
     systematic(weights, uniform(stream), ancestors)
     _draw(deviations, components, at, stream, ancestors, drawn, own, random)
     for i in range(N):
@@ -192,7 +218,8 @@ def resample(weights, deviations, components, at, S, kernel, stream, ancestors, 
 
 @helper
 def _mend(S, L, kept):
-    """L the root of S, and `kept` S itself, or L L' where S has negative pivots. Returns 1 where it has, 0 else."""
+    """L the root of S, and `kept` S itself, or L L' where S has negative pivots. Returns 1 where
+    it has, 0 else."""
     n, negative = S.shape[0], root(S, 1.0, S, 0.0, L) > 0
     for i in range(n):
         for j in range(n):
@@ -206,7 +233,8 @@ def _mend(S, L, kept):
 
 @helper
 def _draw(deviations, components, at, stream, ancestors, drawn, L, random):
-    """The deviations of the ancestors, each moved by a draw from its own covariance where there are more components than states."""
+    """The deviations of the ancestors, each moved by a draw from its own covariance where there
+    are more components than states."""
     N, n = drawn.shape
     before = -1
     for i in range(N):
@@ -280,7 +308,8 @@ def _apply(T, scale, drawn):
 
 @helper
 def _fit(S, A, kernel, drawn, Phi, L):
-    """Draw a sample of covariance A together until S less it is at least kernel^2 S; Phi becomes that. Returns 1 where that was needed."""
+    """Draw a sample of covariance A together until S less it is at least kernel^2 S; Phi becomes
+    that. Returns 1 where that was needed."""
     share = 1.0
     while share > 0 and root(S, 1 - kernel * kernel, A, -share, L) > 0:
         share = SHRINK * share if share > NOTHING else 0.0
@@ -294,31 +323,44 @@ def _fit(S, A, kernel, drawn, Phi, L):
 
 
 def silverman(components, n):
-    """The kernel width h of that many components in n states: what smooths a Gaussian best; Silverman (1986) eq. 4.14. 1 for one component."""
+    """The kernel width h of that many components in n states: what smooths a Gaussian best;
+    Silverman (1986) eq. 4.14. 1 for one component."""
     return min(1.0, (4 / (components * (n + 2))) ** (1 / (n + 4))) if components > 1 else 1.0
 
 
 def kernel_width(components, n):
-    """The kernel width h that the filters take where none is given: Silverman's, but for N < 600 h^2 at least 1 - N/1000.
+    """The kernel width h that the filters take where none is given: Silverman's, but for N < 600
+    h^2 at least 1 - N/1000.
 
-    At each resampling the covariance of the mixture falls behind its errors by about 4 (1 - h^2)/N of it (docs/particle.md): 0.4 % at most.
+    At each resampling the covariance of the mixture falls behind its errors by about 4 (1 - h^2)/N
+    of it (docs/particle.md): 0.4 % at most.
     """
-    return max(silverman(components, n), math.sqrt(max(0.0, 1 - components / 1000))) if components > 1 else 1.0
+    return (
+        max(silverman(components, n), math.sqrt(max(0.0, 1 - components / 1000)))
+        if components > 1
+        else 1.0
+    )
 
 
 def begin(P, components, kernel, seed):
-    """(deviations (N, n), covariance Phi (n, n), stream) of a mixture whose mean is 0 and whose covariance is exactly P; drawn from P.
+    """(deviations (N, n), covariance Phi (n, n), stream) of a mixture whose mean is 0 and whose
+    covariance is exactly P; drawn from P.
 
-    One component has P itself; with N <= n, which cannot span P, Phi is at least kernel^2 P. Raises ValueError for bad options.
+    One component has P itself; with N <= n, which cannot span P, Phi is at least kernel^2 P. Raises
+    ValueError for bad options.
     """
     if not (1 <= components <= MOST and components == int(components)):
-        raise ValueError(f"components is {components}; it must be a whole number, at least 1 and at most {MOST}")
+        raise ValueError(
+            f"components is {components}; it must be a whole number, at least 1 and at most {MOST}"
+        )
     if not 0 < kernel <= 1:
         raise ValueError(f"kernel is {kernel}; it must be above 0 and at most 1")
     N, n, stream = int(components), len(P), new_stream(seed)
     if N == 1:
         return np.zeros((1, n)), P.copy(), stream
-    values, vectors = np.linalg.eigh(P / np.outer(*[scale := np.where(np.diag(P) > 0, np.sqrt(np.diag(P)), 1.0)] * 2))
+    values, vectors = np.linalg.eigh(
+        P / np.outer(*[scale := np.where(np.diag(P) > 0, np.sqrt(np.diag(P)), 1.0)] * 2)
+    )
     half = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     white = normal_rows(stream, N, n)
     white -= white.mean(axis=0)

@@ -1,30 +1,78 @@
-"""Particle Kalman filter: a mixture of Gaussians, each the closed loop of its own INS, weighted by how well it predicts the fixes.
+"""Particle Kalman filter: a mixture of Gaussians, each the closed loop of its own INS, weighted by
+how well it predicts the fixes.
 
-docs/particle.md has the equations; filters/particle/ins_mixture.py what belief and components have to do with each other.
+docs/particle.md has the equations; filters/particle/ins_mixture.py what belief and components have
+to do with each other.
 """
+
 import math
 
 import numpy as np
 
-from ...core.jit import flatten, inlined, matrix, plain
-from .ins_mixture import (COUNT, DEGENERATE, EFFECTIVE, KERNEL, LEAST, RANDOM, REPAIRS, RESAMPLINGS, SHARED, TAIL, Mixture, beside, carry,
-                               component, deviate, foresee, metres, put, recentre, same_rows, settle, shared_size, width)
 from ...core.contract import CORRECT, PREDICT, STATES, Filter, kernel
 from ...core.earth import curvature
-from ...core.error_state import DV, DX, HEIGHT, WORK, auxiliary, bias_free, decay_biases, inject_all, linearised_step, observed
+from ...core.error_state import (
+    DV,
+    DX,
+    HEIGHT,
+    WORK,
+    auxiliary,
+    bias_free,
+    decay_biases,
+    inject_all,
+    linearised_step,
+    observed,
+)
+from ...core.jit import flatten, inlined, matrix, plain
 from ...core.kalman import update, used_rows
 from ...core.mechanization import mechanize
-from .mixture import accumulate, begin, clear, effective, kernel_width, moments_size, resample, resample_size, weigh
+from .ins_mixture import (
+    COUNT,
+    DEGENERATE,
+    EFFECTIVE,
+    KERNEL,
+    LEAST,
+    RANDOM,
+    REPAIRS,
+    RESAMPLINGS,
+    SHARED,
+    TAIL,
+    Mixture,
+    beside,
+    carry,
+    component,
+    deviate,
+    foresee,
+    metres,
+    put,
+    recentre,
+    same_rows,
+    settle,
+    shared_size,
+    width,
+)
+from .mixture import (
+    accumulate,
+    begin,
+    clear,
+    effective,
+    kernel_width,
+    moments_size,
+    resample,
+    resample_size,
+    weigh,
+)
 
 COLUMNS = ("effective_components", "resamplings", "repairs", "degenerate")
-LARGEST = 1e300         # of a NIS that is used: beyond it nothing is finite
+LARGEST = 1e300  # of a NIS that is used: beyond it nothing is finite
 
 
 def start(start, noise, components=500, kernel=None, resample=0.5, seed=0):
     """Belief at `start`, its components drawn from it with the random numbers of `seed`.
 
-    kernel: h in (0, 1], the width of a component as a share of the mixture's, none given: core.mixture.kernel_width; resample: draw anew
-    below this share of effective components. Refuses options outside their range.
+    kernel: h in (0, 1], the width of a component as a share of the mixture's, none given:
+    core.mixture.kernel_width; resample: draw anew below this share of effective components. Refuses
+    options outside their range.
     """
     n = len(start.sd)
     kernel = kernel_width(components, n) if kernel is None and components >= 1 else kernel
@@ -33,22 +81,43 @@ def start(start, noise, components=500, kernel=None, resample=0.5, seed=0):
     belief = start.belief(np.zeros(0))
     deviations, Phi, random = begin(belief.P, components, kernel, seed)
     N, size = len(deviations), plain(shared_size)(n)
-    sizes = SHARED, size, n * n, plain(moments_size)(n), n, N, N, N * n, N * n, n * n, plain(resample_size)(n), N * plain(width)(n)
+    sizes = (
+        SHARED,
+        size,
+        n * n,
+        plain(moments_size)(n),
+        n,
+        N,
+        N,
+        N * n,
+        N * n,
+        n * n,
+        plain(resample_size)(n),
+        N * plain(width)(n),
+    )
     workspace = np.zeros(sum(sizes))
-    workspace[EFFECTIVE], workspace[COUNT], workspace[KERNEL], workspace[LEAST], workspace[RANDOM] = N, N, kernel, resample * N, random
-    workspace[SHARED:SHARED + size] = auxiliary(n)
+    (
+        workspace[EFFECTIVE],
+        workspace[COUNT],
+        workspace[KERNEL],
+        workspace[LEAST],
+        workspace[RANDOM],
+    ) = N, N, kernel, resample * N, random
+    workspace[SHARED : SHARED + size] = auxiliary(n)
     belief = belief._replace(workspace=workspace)
     parts = dict(zip(Mixture._fields, np.split(workspace[SHARED:], np.cumsum(sizes[1:-1]))))
     parts["left"][:], parts["weights"][:] = belief.P.ravel(), 1 / N
     own = parts["components"].reshape(N, -1)
-    own[:] = np.concatenate([part.ravel() for part in (*belief[:5], np.zeros(6), belief.extra_states, Phi)])
+    own[:] = np.concatenate(
+        [part.ravel() for part in (*belief[:5], np.zeros(6), belief.extra_states, Phi)]
+    )
     M, E = np.add(plain(curvature)(math.sin(belief.lla[0])), belief.lla[2])
     own[:, 0:3] += deviations[:, 0:3] / [M, E * np.cos(belief.lla[0]), -1]
     own[:, 1] -= 2 * np.pi * np.round(own[:, 1] / (2 * np.pi))
     own[:, 3:6] += deviations[:, 3:6]
     own[:, 6:15] = (exponential(deviations[:, 6:9]) @ belief.C).reshape(N, 9)
     own[:, 15:21] += deviations[:, 9:15]
-    own[:, TAIL:TAIL + n - STATES] += deviations[:, STATES:]
+    own[:, TAIL : TAIL + n - STATES] += deviations[:, STATES:]
     return belief
 
 
@@ -57,16 +126,21 @@ def exponential(r):
     angle, S = np.linalg.norm(r, axis=1)[:, None, None], np.zeros((len(r), 3, 3))
     S[:, 0, 1], S[:, 0, 2], S[:, 1, 2] = -r[:, 2], r[:, 1], -r[:, 0]
     S -= S.transpose(0, 2, 1)
-    return np.eye(3) + np.sinc(angle / np.pi) * S + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (S @ S)
+    return (
+        np.eye(3) + np.sinc(angle / np.pi) * S + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (S @ S)
+    )
 
 
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
-    """Every component by its own closed loop; the belief moves with the mean of its INS and takes up what they make of it."""
+    """Every component by its own closed loop; the belief moves with the mean of its INS and
+    takes up what they make of it."""
     m = beside(belief)
     carry(belief, m)
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
-    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, m.shared[DV], m.shared[HEIGHT])
+    mechanize(
+        belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, m.shared[DV], m.shared[HEIGHT]
+    )
     if dt > 0:
         belief.omega[0], belief.omega[1], belief.omega[2] = r0 / dt, r1 / dt, r2 / dt
         belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
@@ -74,11 +148,13 @@ def predict(belief, u, dt, noise):
     clear(m.sums)
     north, east = metres(belief)
     for i in range(m.weights.size):
-        if m.weights[i] > 0:    # without weight it counts nowhere any more
+        if m.weights[i] > 0:  # without weight it counts nowhere any more
             own = component(m, i)
             r0, r1, r2, a0, a1, a2 = bias_free(u, own.ba, own.bg, dt)
             linearised_step(own, own.C, 1.0, u, dt, noise, False)
-            mechanize(own.lla, own.v, own.C, r0, r1, r2, a0, a1, a2, dt, m.shared[DX], m.shared[HEIGHT])
+            mechanize(
+                own.lla, own.v, own.C, r0, r1, r2, a0, a1, a2, dt, m.shared[DX], m.shared[HEIGHT]
+            )
             deviate(own, belief, north, east, m.deviations[i])
             accumulate(m.weights[i], m.deviations[i], flatten(own.P), m.sums)
     settle(belief, m)
@@ -86,7 +162,8 @@ def predict(belief, u, dt, noise):
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
-    """Gate by what the mixture foresees; correct each component, weigh it by its likelihood; draw anew where few are left that count."""
+    """Gate by what the mixture foresees; correct each component, weigh it by its likelihood;
+    draw anew where few are left that count."""
     m, workspace = beside(belief), belief.workspace
     carry(belief, m)
     nis = foresee(belief, m, y, sd, kind, observe, parameters, innovation)
@@ -104,7 +181,19 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 def _draw_anew(belief, m):
     """Resample; `deviations` are about the belief, and belief and P stay."""
     workspace, first = belief.workspace, TAIL + m.mean.size - STATES
-    workspace[REPAIRS] += resample(m.weights, m.deviations, m.components, first, belief.P, workspace[KERNEL], workspace[RANDOM], m.logs, m.drawn, m.Phi, m.work)
+    workspace[REPAIRS] += resample(
+        m.weights,
+        m.deviations,
+        m.components,
+        first,
+        belief.P,
+        workspace[KERNEL],
+        workspace[RANDOM],
+        m.logs,
+        m.drawn,
+        m.Phi,
+        m.work,
+    )
     workspace[RESAMPLINGS] += 1
     for i in range(m.weights.size):
         own = component(m, i)
@@ -116,9 +205,16 @@ def _draw_anew(belief, m):
 
 @inlined
 def _correct_each(m, y, sd, observe, parameters, innovation):
-    """Correct every component that counts, and weigh. Returns 1 where no likelihood was finite, 0 else."""
+    """Correct every component that counts, and weigh. Returns 1 where no likelihood was finite,
+    0 else."""
     n, shared = m.mean.size, m.shared
-    H, mine, dx, work, used = matrix(shared, shared.size - 3 * n, 3, n), m.mean, shared[DX], shared[WORK:], used_rows(n)
+    H, mine, dx, work, used = (
+        matrix(shared, shared.size - 3 * n, 3, n),
+        m.mean,
+        shared[DX],
+        shared[WORK:],
+        used_rows(n),
+    )
     for k in range(m.weights.size):
         m.logs[k] = -math.inf
         if m.weights[k] > 0:
@@ -135,12 +231,25 @@ def _correct_each(m, y, sd, observe, parameters, innovation):
 
 
 def lost(t, lla, columns):
-    """[(t, text)] where components had to be drawn together or a covariance mended, and where a fix told them nothing."""
-    texts = {"repairs": "resamplings with too few components for their states, which were drawn together, or of no covariance, which was mended",
-             "degenerate": "fixes under which no component has a finite likelihood: the weights were kept"}
-    return [(float(t[np.argmax(columns[name] > 0)]), f"{columns[name][-1]:.0f} {text}; the first here") for name, text in texts.items()
-            if len(t) and columns[name][-1] > 0]
+    """[(t, text)] where components had to be drawn together or a covariance mended, and where a
+    fix told them nothing."""
+    texts = {
+        "repairs": "resamplings with too few components for their states, which were drawn together, or of no covariance, which was mended",
+        "degenerate": "fixes under which no component has a finite likelihood: the weights were kept",
+    }
+    return [
+        (float(t[np.argmax(columns[name] > 0)]), f"{columns[name][-1]:.0f} {text}; the first here")
+        for name, text in texts.items()
+        if len(t) and columns[name][-1] > 0
+    ]
 
 
-PKF = Filter("pkf", "Hoteit, Luo & Pham (2012), MWR 140(2); Mollaei, Shafieirad & Moradi, section 3.3, corrected", start, predict, correct,
-             columns=COLUMNS, diagnose=lost)
+PKF = Filter(
+    "pkf",
+    "Hoteit, Luo & Pham (2012), MWR 140(2); Mollaei, Shafieirad & Moradi, section 3.3, corrected",
+    start,
+    predict,
+    correct,
+    columns=COLUMNS,
+    diagnose=lost,
+)

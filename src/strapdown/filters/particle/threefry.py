@@ -1,9 +1,13 @@
-"""Random numbers without a state but a counter: Threefry-2x32 (20 rounds), uniforms and normals from it.
+"""Random numbers without a state but a counter: Threefry-2x32 (20 rounds), uniforms and normals
+from it.
 
-The n-th number is a function of n and a key, so that a run that keeps its counter in the belief repeats bit for bit, wherever it is stopped and
-taken up again. Source: Salmon, Moraes, Dror & Shaw (2011), "Parallel random numbers: as easy as 1, 2, 3", with the known answers of Random123.
-The 32-bit arithmetic is done in int64, and the helpers also take numpy arrays of int64: plain Python, numpy and compiled code agree.
+The n-th number is a function of n and a key, so that a run that keeps its counter in the belief
+repeats bit for bit, wherever it is stopped and taken up again. Source: Salmon, Moraes, Dror & Shaw
+(2011), "Parallel random numbers: as easy as 1, 2, 3", with the known answers of Random123. The
+32-bit arithmetic is done in int64, and the helpers also take numpy arrays of int64: plain Python,
+numpy and compiled code agree.
 """
+
 import math
 
 import numpy as np
@@ -11,11 +15,12 @@ import numpy as np
 from ...core.jit import helper, plain
 
 KEY, COUNTER, STREAM = 0, 2, 3
-"""Of a stream kept as float64 numbers: its key (two numbers below 2^32), how many blocks were drawn (exact below 2^53), its size."""
-LARGEST_SEED = 2 ** 53 - 1
+"""Of a stream kept as float64 numbers: its key (two numbers below 2^32), how many blocks were
+drawn (exact below 2^53), its size."""
+LARGEST_SEED = 2**53 - 1
 MASK, PARITY = 0xFFFFFFFF, 0x1BD11BDA
-TURNS = (13, 15, 26, 6, 17, 29, 16, 24)     # bits by which the rounds turn the second word
-SCALE = 2.0 ** -32
+TURNS = (13, 15, 26, 6, 17, 29, 16, 24)  # bits by which the rounds turn the second word
+SCALE = 2.0**-32
 
 
 @helper
@@ -35,7 +40,8 @@ def threefry(k0, k1, c0, c1):
 
 @helper
 def box_muller(x, y):
-    """Two independent standard normals from two words; Box & Muller (1958). None is further out than 6.8."""
+    """Two independent standard normals from two words; Box & Muller (1958). None is further out
+    than 6.8."""
     radius, angle = np.sqrt(-2 * np.log((x + 0.5) * SCALE)), (2 * math.pi * SCALE) * (y + 0.5)
     return radius * np.cos(angle), radius * np.sin(angle)
 
@@ -46,12 +52,13 @@ def uniform(stream):
     count = int(stream[COUNTER])
     x, y = threefry(int(stream[KEY]), int(stream[KEY + 1]), count & MASK, count >> 32)
     stream[COUNTER] += 1
-    return (((x << 20) | (y >> 12)) + 0.5) * 2.0 ** -52
+    return (((x << 20) | (y >> 12)) + 0.5) * 2.0**-52
 
 
 @helper
 def normals(stream, out, size):
-    """The next standard normals into out[0:size]; of an odd number the last is half a pair. Advances the stream."""
+    """The next standard normals into out[0:size]; of an odd number the last is half a pair.
+    Advances the stream."""
     k0, k1, count = int(stream[KEY]), int(stream[KEY + 1]), int(stream[COUNTER])
     for pair in range((size + 1) // 2):
         x, y = threefry(k0, k1, (count + pair) & MASK, (count + pair) >> 32)
@@ -63,16 +70,23 @@ def normals(stream, out, size):
 
 
 def new_stream(seed):
-    """A stream (STREAM,) that begins at the first number of a seed. Raises ValueError where it is no whole number from 0 to 2^53 - 1."""
+    """A stream (STREAM,) that begins at the first number of a seed. Raises ValueError where it
+    is no whole number from 0 to 2^53 - 1."""
     if not (0 <= seed <= LARGEST_SEED and seed == int(seed)):
         raise ValueError(f"seed is {seed}; it must be a whole number, at least 0 and below 2^53")
     return np.array([int(seed) & MASK, int(seed) >> 32, 0.0])
 
 
 def normal_rows(stream, rows, size):
-    """What `normals` gives in `rows` calls, as an array (rows, size), in one go; advances the stream."""
+    """What `normals` gives in `rows` calls, as an array (rows, size), in one go; advances the
+    stream."""
     pairs = (size + 1) // 2
     count = np.arange(int(stream[COUNTER]), int(stream[COUNTER]) + rows * pairs, dtype=np.int64)
-    drawn = np.stack(plain(box_muller)(*plain(threefry)(int(stream[KEY]), int(stream[KEY + 1]), count & MASK, count >> 32)), axis=-1)
+    drawn = np.stack(
+        plain(box_muller)(
+            *plain(threefry)(int(stream[KEY]), int(stream[KEY + 1]), count & MASK, count >> 32)
+        ),
+        axis=-1,
+    )
     stream[COUNTER] += rows * pairs
     return drawn.reshape(rows, 2 * pairs)[:, :size]

@@ -1,10 +1,12 @@
-"""Cubature Kalman filter: the UKF with the 2 n points of the third-degree cubature rule and process noise that is added instead of spread out.
+"""Cubature Kalman filter: the UKF with the 2 n points of the third-degree cubature rule and process
+noise that is added instead of spread out.
 
 docs/sigma-points.md says what it shares with `ukf` and what it is good for.
 """
+
 from ...core.contract import Filter
-from .sigma_points import symmetric
 from .ins_sigma_points import COLUMNS, auxiliary, correct, predict, repairs
+from .sigma_points import symmetric
 
 
 def start(start, noise):
@@ -13,4 +15,12 @@ def start(start, noise):
     return start.belief(auxiliary(n, symmetric(n), symmetric(n), augmented=False))
 
 
-CKF = Filter("ckf", "Arasaratnam & Haykin (2009), IEEE Trans. Automatic Control 54(6)", start, predict, correct, columns=COLUMNS, diagnose=repairs)
+CKF = Filter(
+    "ckf",
+    "Arasaratnam & Haykin (2009), IEEE Trans. Automatic Control 54(6)",
+    start,
+    predict,
+    correct,
+    columns=COLUMNS,
+    diagnose=repairs,
+)

@@ -1,35 +1,56 @@
-"""What the sigma-point filters share: the 15 error states, and those that aidings bring along, through filters/sigma_point/sigma_points.py.
+"""What the sigma-point filters share: the 15 error states, and those that aidings bring along,
+through filters/sigma_point/sigma_points.py.
 
-A sigma point is the belief with an error composed into it, as a correction is: metres, a rotation vector from the left, sums. The errors of the
-propagated points are taken back the same way, about the propagated belief. The square root is kept in workspace and factored anew where the loop
-changed P. Points that would turn further than TURN are drawn in.
+A sigma point is the belief with an error composed into it, as a correction is: metres, a rotation
+vector from the left, sums. The errors of the propagated points are taken back the same way, about
+the propagated belief. The square root is kept in workspace and factored anew where the loop changed
+P. Points that would turn further than TURN are drawn in.
 """
+
 import math
 
 import numpy as np
 
-from ...core.jit import flatten, helper, inlined, matrix, plain
 from ...core.contract import ATTITUDE_KIND, CORRECT, HEADING_KIND, PREDICT, STATES, Belief, kernel
 from ...core.earth import place
 from ...core.error_state import added, bias_free, decay_biases, inject_all, observed
+from ...core.jit import flatten, helper, inlined, matrix, plain
 from ...core.kalman import LEAST_NOISE, decay
 from ...core.mechanization import mechanize
 from ...core.rotation import nearest_turn, rotation_between, wrap
 from .sigma_points import corrected, covariance, deviations, downdate, factor, triangle
 
-REPAIRED, STEP_SPREAD, STEP_REST, SPREAD, REST, AUGMENTED = range(6)    # repairs so far, an output column; sets of prediction and correction; 1 or 0
-POINT, CENTRE, ROOT = 8, 36, 56                             # a sigma point; the propagated belief; the square root, n + 1 rows, then what follows
+REPAIRED, STEP_SPREAD, STEP_REST, SPREAD, REST, AUGMENTED = range(
+    6
+)  # repairs so far, an output column; sets of prediction and correction; 1 or 0
+POINT, CENTRE, ROOT = (
+    8,
+    36,
+    56,
+)  # a sigma point; the propagated belief; the square root, n + 1 rows, then what follows
 NOISES = 12
-"""Components of the process noise: white noise of gyros and accelerometers, driving noise of their biases."""
+"""Components of the process noise: white noise of gyros and accelerometers, driving noise of
+their biases."""
 TURN = 0.5 * math.pi
-"""How far a point may turn, rad: beyond a quarter of a turn a larger error has less effect, as that of its sine, and beyond half a turn the opposite."""
+"""How far a point may turn, rad: beyond a quarter of a turn a larger error has less effect, as
+that of its sine, and beyond half a turn the opposite."""
 COLUMNS = ("repairs",)
 
 
 def auxiliary(n, step_set, fix_set, augmented):
-    """The workspace array of a sigma-point filter with n states and these two (spread, rest). `augmented`: white noise of the IMU has points of its own."""
-    workspace = np.zeros(plain(_table)(n, plain(width)(n)) + (2 * (STATES + 6) + 2 + NOISES + n - STATES) * plain(width)(n))
-    workspace[STEP_SPREAD], workspace[STEP_REST], workspace[SPREAD], workspace[REST], workspace[AUGMENTED] = *step_set, *fix_set, augmented
+    """The workspace array of a sigma-point filter with n states and these two (spread, rest).
+    `augmented`: white noise of the IMU has points of its own."""
+    workspace = np.zeros(
+        plain(_table)(n, plain(width)(n))
+        + (2 * (STATES + 6) + 2 + NOISES + n - STATES) * plain(width)(n)
+    )
+    (
+        workspace[STEP_SPREAD],
+        workspace[STEP_REST],
+        workspace[SPREAD],
+        workspace[REST],
+        workspace[AUGMENTED],
+    ) = *step_set, *fix_set, augmented
     return workspace
 
 
@@ -47,7 +68,8 @@ def _known(n, lanes):
 
 @inlined
 def _own(n, lanes):
-    """Where the numbers of a point begin: what aidings brought along, its error, rows of H, innovations at the points, workspace."""
+    """Where the numbers of a point begin: what aidings brought along, its error, rows of H,
+    innovations at the points, workspace."""
     return ROOT + lanes * (n + 1) + n * n
 
 
@@ -61,8 +83,18 @@ def _table(n, lanes):
 def _point(belief, n, lanes):
     """The sigma point, as a Belief of its own; P and workspace are those of `belief`."""
     workspace, own = belief.workspace, _own(n, lanes)
-    return Belief(workspace[POINT:POINT + 3], workspace[POINT + 3:POINT + 6], matrix(workspace, POINT + 6, 3, 3), workspace[POINT + 15:POINT + 18], workspace[POINT + 18:POINT + 21],
-                  belief.P, workspace[POINT + 21:POINT + 24], workspace[POINT + 24:POINT + 27], workspace, workspace[own:own + n - STATES])
+    return Belief(
+        workspace[POINT : POINT + 3],
+        workspace[POINT + 3 : POINT + 6],
+        matrix(workspace, POINT + 6, 3, 3),
+        workspace[POINT + 15 : POINT + 18],
+        workspace[POINT + 18 : POINT + 21],
+        belief.P,
+        workspace[POINT + 21 : POINT + 24],
+        workspace[POINT + 24 : POINT + 27],
+        workspace,
+        workspace[own : own + n - STATES],
+    )
 
 
 @inlined
@@ -84,11 +116,17 @@ def _refreshed(belief, n, lanes):
 
 @helper
 def _drawn_in(workspace, lanes, spread, rest):
-    """(spread, rest) of a set so close that no point turns by more than TURN; `rest` is that of the set with its alpha smaller (exactly so for kappa = 0)."""
+    """(spread, rest) of a set so close that no point turns by more than TURN; `rest` is that of
+    the set with its alpha smaller (exactly so for kappa = 0)."""
     most = 0.0
     for i in range(9):
         row = ROOT + lanes * i
-        most = max(most, workspace[row + 6] * workspace[row + 6] + workspace[row + 7] * workspace[row + 7] + workspace[row + 8] * workspace[row + 8])
+        most = max(
+            most,
+            workspace[row + 6] * workspace[row + 6]
+            + workspace[row + 7] * workspace[row + 7]
+            + workspace[row + 8] * workspace[row + 8],
+        )
     if not spread * spread * most > TURN * TURN:
         return spread, rest
     nearer = TURN / math.sqrt(most)
@@ -99,7 +137,7 @@ def _drawn_in(workspace, lanes, spread, rest):
 def _published(belief, n, lanes):
     """P from its square root, and the copy by which a change is noticed."""
     workspace, numbers, first = belief.workspace, flatten(belief.P), _known(n, lanes)
-    if n == 15:     # here and below the same code with constant lengths
+    if n == 15:  # here and below the same code with constant lengths
         covariance(workspace[ROOT:], 15, 16, belief.P)
     else:
         covariance(workspace[ROOT:], n, lanes, belief.P)
@@ -121,27 +159,53 @@ def _reduced(A, pairs, still, rows, n, lanes, spread, rest, mean):
 
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
-    """One IMU sample through all points. White noise has points of its own, or its rows are added, to first order in dt."""
+    """One IMU sample through all points. White noise has points of its own, or its rows are
+    added, to first order in dt."""
     workspace, ba, bg, n = belief.workspace, belief.ba, belief.bg, belief.P.shape[0]
     lanes, augmented = width(n), workspace[AUGMENTED] > 0
     _refreshed(belief, n, lanes)
-    lla, v, C, dv_n = workspace[CENTRE:CENTRE + 3], workspace[CENTRE + 3:CENTRE + 6], matrix(workspace, CENTRE + 6, 3, 3), workspace[CENTRE + 15:CENTRE + 18]
+    lla, v, C, dv_n = (
+        workspace[CENTRE : CENTRE + 3],
+        workspace[CENTRE + 3 : CENTRE + 6],
+        matrix(workspace, CENTRE + 6, 3, 3),
+        workspace[CENTRE + 15 : CENTRE + 18],
+    )
     r0, r1, r2, a0, a1, a2 = bias_free(u, ba, bg, dt)
     _copied(belief, lla, v, C)
     mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, dv_n)
-    A, own, pairs = workspace[_table(n, lanes):], _own(n, lanes), STATES + (6 if augmented else 0)
+    A, own, pairs = workspace[_table(n, lanes) :], _own(n, lanes), STATES + (6 if augmented else 0)
     spread, rest = _drawn_in(workspace, lanes, workspace[STEP_SPREAD], workspace[STEP_REST])
-    mean, root = workspace[own + n:own + n + lanes], math.sqrt(dt)
-    _spread_out(n, lanes, pairs, spread, belief, r0, r1, r2, a0, a1, a2, dt, spread * root * noise.gyro, spread * root * noise.accel,
-                decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt))
+    mean, root = workspace[own + n : own + n + lanes], math.sqrt(dt)
+    _spread_out(
+        n,
+        lanes,
+        pairs,
+        spread,
+        belief,
+        r0,
+        r1,
+        r2,
+        a0,
+        a1,
+        a2,
+        dt,
+        spread * root * noise.gyro,
+        spread * root * noise.accel,
+        decay(noise.accel_decay * dt),
+        decay(noise.gyro_decay * dt),
+    )
     rows = _noise_rows(n, lanes, 2 * pairs + 1, augmented, belief, dt, root, noise)
-    take = _reduced(A, pairs, n - STATES + (6 if augmented else 0), rows, n, lanes, spread, rest, mean)
+    take = _reduced(
+        A, pairs, n - STATES + (6 if augmented else 0), rows, n, lanes, spread, rest, mean
+    )
     for i in range(n * lanes):
         workspace[ROOT + i] = A[i]
     if take > 0:
         for i in range(n):
             mean[i] *= take
-        workspace[REPAIRED] += downdate(workspace[ROOT:], mean, n, lanes, workspace[own + n + lanes + 3 * n:])
+        workspace[REPAIRED] += downdate(
+            workspace[ROOT:], mean, n, lanes, workspace[own + n + lanes + 3 * n :]
+        )
         for i in range(n):
             mean[i] /= take
     for i in range(3):
@@ -155,10 +219,17 @@ def predict(belief, u, dt, noise):
 
 
 @helper
-def _spread_out(n, lanes, pairs, spread, belief, r0, r1, r2, a0, a1, a2, dt, gyro, accel, keep_a, keep_g):
-    """The errors of the propagated points about the propagated belief, into the table: those with +, then those with -."""
-    workspace, point, error = belief.workspace, _point(belief, n, lanes), belief.workspace[_own(n, lanes) + n:]
-    A, C = workspace[_table(n, lanes):], matrix(workspace, CENTRE + 6, 3, 3)
+def _spread_out(
+    n, lanes, pairs, spread, belief, r0, r1, r2, a0, a1, a2, dt, gyro, accel, keep_a, keep_g
+):
+    """The errors of the propagated points about the propagated belief, into the table: those
+    with +, then those with -."""
+    workspace, point, error = (
+        belief.workspace,
+        _point(belief, n, lanes),
+        belief.workspace[_own(n, lanes) + n :],
+    )
+    A, C = workspace[_table(n, lanes) :], matrix(workspace, CENTRE + 6, 3, 3)
     sine, cosine, M, N = place(workspace[CENTRE], workspace[CENTRE + 2])
     for k in range(2 * pairs):
         j, sign = (k, 1.0) if k < pairs else (k - pairs, -1.0)
@@ -173,9 +244,29 @@ def _spread_out(n, lanes, pairs, spread, belief, r0, r1, r2, a0, a1, a2, dt, gyr
             y0, y1, y2 = a0 - dt * error[9], a1 - dt * error[10], a2 - dt * error[11]
         else:
             i = j - STATES
-            x0, x1, x2 = r0 + sign * gyro * (i == 0), r1 + sign * gyro * (i == 1), r2 + sign * gyro * (i == 2)
-            y0, y1, y2 = a0 + sign * accel * (i == 3), a1 + sign * accel * (i == 4), a2 + sign * accel * (i == 5)
-        mechanize(point.lla, point.v, point.C, x0, x1, x2, y0, y1, y2, dt, workspace[CENTRE + 15:CENTRE + 18])
+            x0, x1, x2 = (
+                r0 + sign * gyro * (i == 0),
+                r1 + sign * gyro * (i == 1),
+                r2 + sign * gyro * (i == 2),
+            )
+            y0, y1, y2 = (
+                a0 + sign * accel * (i == 3),
+                a1 + sign * accel * (i == 4),
+                a2 + sign * accel * (i == 5),
+            )
+        mechanize(
+            point.lla,
+            point.v,
+            point.C,
+            x0,
+            x1,
+            x2,
+            y0,
+            y1,
+            y2,
+            dt,
+            workspace[CENTRE + 15 : CENTRE + 18],
+        )
         for lane in range(9, lanes):
             A[row + lane] = error[lane]
         for i in range(3):
@@ -186,13 +277,16 @@ def _spread_out(n, lanes, pairs, spread, belief, r0, r1, r2, a0, a1, a2, dt, gyr
         A[row + 1] = wrap(point.lla[1] - workspace[CENTRE + 1]) * N * cosine
         A[row + 2] = workspace[CENTRE + 2] - point.lla[2]
         c = point.C
-        A[row + 6], A[row + 7], A[row + 8] = rotation_between(C, (c[0, 0], c[0, 1], c[0, 2], c[1, 0], c[1, 1], c[1, 2], c[2, 0], c[2, 1], c[2, 2]))
+        A[row + 6], A[row + 7], A[row + 8] = rotation_between(
+            C, (c[0, 0], c[0, 1], c[0, 2], c[1, 0], c[1, 1], c[1, 2], c[2, 0], c[2, 1], c[2, 2])
+        )
 
 
 @helper
 def _noise_rows(n, lanes, rows, augmented, belief, dt, root, noise):
-    """Append what has no points: states that aidings brought along, driving noise of the biases and, unless `augmented`, white noise. Returns the rows."""
-    workspace, A = belief.workspace, belief.workspace[_table(n, lanes):]
+    """Append what has no points: states that aidings brought along, driving noise of the biases
+    and, unless `augmented`, white noise. Returns the rows."""
+    workspace, A = belief.workspace, belief.workspace[_table(n, lanes) :]
     for j in range(STATES, n):
         for lane in range(lanes):
             A[lanes * rows + lane] = workspace[ROOT + lanes * j + lane]
@@ -201,13 +295,26 @@ def _noise_rows(n, lanes, rows, augmented, belief, dt, root, noise):
     for i in range(lanes * rows, lanes * last):
         A[i] = 0.0
     for i in range(3):
-        A[lanes * (rows + i) + 9 + i], A[lanes * (rows + 3 + i) + 12 + i] = root * noise.accel_bias, root * noise.gyro_bias
+        A[lanes * (rows + i) + 9 + i], A[lanes * (rows + 3 + i) + 12 + i] = (
+            root * noise.accel_bias,
+            root * noise.gyro_bias,
+        )
     if not augmented:
-        half = 0.5 * root * noise.gyro      # the tilt grows over the sample in which it turns the specific force
-        d0, d1, d2 = half * workspace[CENTRE + 15], half * workspace[CENTRE + 16], half * workspace[CENTRE + 17]
+        half = (
+            0.5 * root * noise.gyro
+        )  # the tilt grows over the sample in which it turns the specific force
+        d0, d1, d2 = (
+            half * workspace[CENTRE + 15],
+            half * workspace[CENTRE + 16],
+            half * workspace[CENTRE + 17],
+        )
         for i in range(3):
             turned, pushed = lanes * (rows + 6 + i), lanes * (rows + 9 + i)
-            A[turned + 6 + i], A[pushed + 3 + i], A[pushed + i] = root * noise.gyro, root * noise.accel, 0.5 * dt * root * noise.accel
+            A[turned + 6 + i], A[pushed + 3 + i], A[pushed + i] = (
+                root * noise.gyro,
+                root * noise.accel,
+                0.5 * dt * root * noise.accel,
+            )
             A[turned + 3 + (i + 1) % 3] = -d2 if i == 0 else (-d0 if i == 1 else -d1)
             A[turned + 3 + (i + 2) % 3] = d1 if i == 0 else (d2 if i == 1 else d0)
     return last
@@ -220,11 +327,18 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     lanes = width(n)
     own = _own(n, lanes)
     _refreshed(belief, n, lanes)
-    point, dx, H = _point(belief, n, lanes), workspace[own + n:own + n + lanes], matrix(workspace, own + n + lanes, 3, n)
+    point, dx, H = (
+        _point(belief, n, lanes),
+        workspace[own + n : own + n + lanes],
+        matrix(workspace, own + n + lanes, 3, n),
+    )
     work = own + n + lanes + 3 * n + 3 * (2 * n + 1)
     rows = observed(belief, y, observe, parameters, innovation, H)
     spread, rest = _drawn_in(workspace, lanes, workspace[SPREAD], workspace[REST])
-    E, variance = matrix(workspace, own + n + lanes + 3 * n, 2 * n + 1, rows), workspace[CENTRE:CENTRE + 3]
+    E, variance = (
+        matrix(workspace, own + n + lanes + 3 * n, 2 * n + 1, rows),
+        workspace[CENTRE : CENTRE + 3],
+    )
     for a in range(rows):
         terms = 0.0
         for j in range(n):
@@ -237,7 +351,20 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
         _moved(belief, point, dx)
         observe(point, y, parameters, innovation, H)
         _unwrapped(kind, rows, E, 1 + k, dx, H, innovation)
-    nis, repaired = corrected(workspace[ROOT:], n, lanes, E, rows, spread, rest, variance, gate, innovation, workspace[work:], dx)
+    nis, repaired = corrected(
+        workspace[ROOT:],
+        n,
+        lanes,
+        E,
+        rows,
+        spread,
+        rest,
+        variance,
+        gate,
+        innovation,
+        workspace[work:],
+        dx,
+    )
     workspace[REPAIRED] += repaired
     if nis <= gate:
         inject_all(belief, dx)
@@ -247,7 +374,8 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 @helper
 def _moved(belief, point, dx):
-    """The point at an error dx from the belief, with the rate and specific force that its biases leave."""
+    """The point at an error dx from the belief, with the rate and specific force that its biases
+    leave."""
     _copied(belief, point.lla, point.v, point.C)
     added(point.lla, point.v, point.C, dx)
     for i in range(3):
@@ -259,13 +387,16 @@ def _moved(belief, point, dx):
 
 @helper
 def _unwrapped(kind, rows, E, row, dx, H, innovation):
-    """Row `row` of E: the innovation at a point dx away, a heading or the rotation vector of an attitude on the branch that the Jacobian expects there."""
+    """Row `row` of E: the innovation at a point dx away, a heading or the rotation vector of an
+    attitude on the branch that the Jacobian expects there."""
     for a in range(rows):
         E[row, a] = E[0, a] - (H[a, 6] * dx[6] + H[a, 7] * dx[7] + H[a, 8] * dx[8])
     if kind == HEADING_KIND:
         innovation[0] = E[row, 0] + wrap(innovation[0] - E[row, 0])
     elif kind == ATTITUDE_KIND and innovation[2] == innovation[2]:
-        innovation[0], innovation[1], innovation[2] = nearest_turn(innovation[0], innovation[1], innovation[2], E[row, 0], E[row, 1], E[row, 2])
+        innovation[0], innovation[1], innovation[2] = nearest_turn(
+            innovation[0], innovation[1], innovation[2], E[row, 0], E[row, 1], E[row, 2]
+        )
     for a in range(rows):
         E[row, a] = innovation[a]
 
@@ -275,5 +406,10 @@ def repairs(t, lla, columns):
     count = columns[COLUMNS[0]]
     if not len(t) or not count[-1] > 0:
         return []
-    return [(float(t[np.argmax(count > 0)]), f"covariance not positive definite, repaired {count[-1]:.0f} times from here on: its standard deviations "
-             "are not to be relied on")]
+    return [
+        (
+            float(t[np.argmax(count > 0)]),
+            f"covariance not positive definite, repaired {count[-1]:.0f} times from here on: its standard deviations "
+            "are not to be relied on",
+        )
+    ]

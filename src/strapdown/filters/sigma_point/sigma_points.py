@@ -1,46 +1,63 @@
-"""Sigma points in square-root form: sets, propagation, correction. For any number of states n, without allocation, shared by all that need them.
+"""Sigma points in square-root form: sets, propagation, correction. For any number of states n,
+without allocation, shared by all that need them.
 
-A covariance P is kept as rows A with A'A = P, n of them and upper triangular: the Cholesky factor transposed, so that sigma points are
-estimate +- spread * row. All tables are flat, rows of `lanes` >= n numbers (a multiple of 8 makes vector code; zeros beyond n).
+A covariance P is kept as rows A with A'A = P, n of them and upper triangular: the Cholesky factor
+transposed, so that sigma points are estimate +- spread * row. All tables are flat, rows of `lanes`
+>= n numbers (a multiple of 8 makes vector code; zeros beyond n).
 
-A set has pairs of points and a centre. With u the errors of the propagated points about the propagated centre, m their weighted mean and z the plain
-mean of the outer points, its covariance is
+A set has pairs of points and a centre. With u the errors of the propagated points about the
+propagated centre, m their weighted mean and z the plain mean of the outer points, its covariance is
     sum (u - z)(u - z)' / (2 spread^2) + rest z z',    rest = s + s^2 (beta - alpha^2),   s = states / spread^2,
-which is the textbook sum about m, put together again: there the centre of `merwe` with alpha = 0.1, kappa = 0 weighs -96, here every term is
-positive as long as beta + alpha^2 kappa / states is. `symmetric` has alpha = 1, kappa = 0, beta = 0 and with them rest = 0.
+which is the textbook sum about m, put together again: there the centre of `merwe` with alpha = 0.1,
+kappa = 0 weighs -96, here every term is positive as long as beta + alpha^2 kappa / states is.
+`symmetric` has alpha = 1, kappa = 0, beta = 0 and with them rest = 0.
 
-Source: Van der Merwe (2004), chapter 3; Julier & Uhlmann (2004); Arasaratnam & Haykin (2009); Golub & Van Loan (2013) sections 5.2, 6.5.
+Source: Van der Merwe (2004), chapter 3; Julier & Uhlmann (2004); Arasaratnam & Haykin (2009); Golub
+& Van Loan (2013) sections 5.2, 6.5.
 """
+
 import math
 
 from ...core.jit import helper, inlined
 
 FLOOR = 1e-13
-"""A variance given all states before it is at least this fraction of the variance itself; what is smaller is rounding, or no covariance at all."""
+"""A variance given all states before it is at least this fraction of the variance itself; what
+is smaller is rounding, or no covariance at all."""
 LEAST = 1e-6
 """Share of a variance that a downdate leaves where it was to take off more than there is."""
 
 
 def merwe(states, alpha=0.1, beta=2.0, kappa=0.0):
-    """(spread, rest) of Van der Merwe's scaled set for so many states, noise included. Raises ValueError where it has no points."""
-    if not (alpha > 0 and states + kappa > 0 and math.isfinite(alpha) and math.isfinite(beta) and math.isfinite(kappa)):
-        raise ValueError(f"sigma points: alpha is {alpha} and kappa {kappa}; alpha must be above 0 and kappa above -{states}, beta finite")
+    """(spread, rest) of Van der Merwe's scaled set for so many states, noise included. Raises
+    ValueError where it has no points."""
+    if not (
+        alpha > 0
+        and states + kappa > 0
+        and math.isfinite(alpha)
+        and math.isfinite(beta)
+        and math.isfinite(kappa)
+    ):
+        raise ValueError(
+            f"sigma points: alpha is {alpha} and kappa {kappa}; alpha must be above 0 and kappa above -{states}, beta finite"
+        )
     square = alpha * alpha * (states + kappa)
     share = states / square
     return math.sqrt(square), share + share * share * (beta - alpha * alpha)
 
 
 def symmetric(states):
-    """(spread, rest) of the 2 n points of equal weight, which are those of the cubature rule of third degree."""
+    """(spread, rest) of the 2 n points of equal weight, which are those of the cubature rule of
+    third degree."""
     return math.sqrt(states), 0.0
 
 
 @helper
 def factor(P, n, lanes, A):
-    """Rows A (n, lanes) of the square root of P (n, n). Returns how many of its numbers had to be repaired, 0 for a covariance.
+    """Rows A (n, lanes) of the square root of P (n, n). Returns how many of its numbers had to be
+    repaired, 0 for a covariance.
 
-    A correlation, given all states before, that is not within (-1, 1) becomes the nearest that is, or 0 where nothing is left to correlate with; variances
-    stay, but for what is less than FLOOR.
+    A correlation, given all states before, that is not within (-1, 1) becomes the nearest that is,
+    or 0 where nothing is left to correlate with; variances stay, but for what is less than FLOOR.
     """
     repaired = 0
     for j in range(n):
@@ -83,12 +100,13 @@ def covariance(A, n, lanes, P):
 
 @inlined
 def triangle(A, rows, n, lanes):
-    """Householder: the first n rows of A become upper triangular with a positive diagonal, A'A of all `rows` >= n stays. The rest is lost, and so is
-    the row after the last, which is workspace. With n and lanes constant the compiler makes vector code.
+    """Householder: the first n rows of A become upper triangular with a positive diagonal, A'A of
+    all `rows` >= n stays. The rest is lost, and so is the row after the last, which is workspace.
+    With n and lanes constant the compiler makes vector code.
     """
     for j in range(min(n, 8)):
         _reflect(A, rows, j, 0, lanes)
-    for j in range(8, n):       # half of the lanes of the usual sixteen are done
+    for j in range(8, n):  # half of the lanes of the usual sixteen are done
         _reflect(A, rows, j, 8, lanes)
 
 
@@ -98,11 +116,15 @@ def _reflect(A, rows, j, first, lanes):
     d, head, i = lanes * rows, lanes * j, j
     for lane in range(first, lanes):
         A[d + lane] = 0.0
-    while i + 4 <= rows:    # products with all columns, four rows at a time, because each sum waits for the one before
+    while (
+        i + 4 <= rows
+    ):  # products with all columns, four rows at a time, because each sum waits for the one before
         r = lanes * i
         a, b, c, e = A[r + j], A[r + lanes + j], A[r + 2 * lanes + j], A[r + 3 * lanes + j]
         for lane in range(first, lanes):
-            A[d + lane] += (a * A[r + lane] + b * A[r + lanes + lane]) + (c * A[r + 2 * lanes + lane] + e * A[r + 3 * lanes + lane])
+            A[d + lane] += (a * A[r + lane] + b * A[r + lanes + lane]) + (
+                c * A[r + 2 * lanes + lane] + e * A[r + 3 * lanes + lane]
+            )
         i += 4
     while i < rows:
         r = lanes * i
@@ -130,8 +152,9 @@ def _reflect(A, rows, j, first, lanes):
 
 @helper
 def downdate(A, x, n, lanes, work):
-    """A'A <- A'A - x x' on n triangular rows. Returns 0; or 1 where that would be no covariance: then x x' is taken off as far as leaves LEAST of the
-    variance along it, which is nearest in the metric of A'A.
+    """A'A <- A'A - x x' on n triangular rows. Returns 0; or 1 where that would be no covariance:
+    then x x' is taken off as far as leaves LEAST of the variance along it, which is nearest in the
+    metric of A'A.
 
     x has n numbers, `work` 2 n. LINPACK's dchdd (Dongarra et al. 1979).
     """
@@ -165,11 +188,14 @@ def downdate(A, x, n, lanes, work):
 
 @inlined
 def deviations(A, pairs, still, lanes, spread, rest, mean):
-    """From errors about the centre to rows of the square root of their covariance. Returns what the last of them is worth where it is to be taken off.
+    """From errors about the centre to rows of the square root of their covariance. Returns what the
+    last of them is worth where it is to be taken off.
 
-    A holds the errors of the points estimate + spread * row and, `pairs` rows further, of the points with -; it becomes 2 pairs + 1 rows. `still` more
-    pairs stay where they are put, such as noise that is only added: their rows are the caller's to append. `mean` (lanes) receives the weighted mean.
-    Where 0 is returned all is well; else the last row, which is then zero, must be subtracted (`downdate`) with that factor times `mean`.
+    A holds the errors of the points estimate + spread * row and, `pairs` rows further, of the
+    points with -; it becomes 2 pairs + 1 rows. `still` more pairs stay where they are put, such as
+    noise that is only added: their rows are the caller's to append. `mean` (lanes) receives the
+    weighted mean. Where 0 is returned all is well; else the last row, which is then zero, must be
+    subtracted (`downdate`) with that factor times `mean`.
     """
     total, half = pairs + still, 0.5 / spread
     for lane in range(lanes):
@@ -177,7 +203,7 @@ def deviations(A, pairs, still, lanes, spread, rest, mean):
     for i in range(2 * pairs):
         for lane in range(lanes):
             mean[lane] += A[lanes * i + lane]
-    twice = 1 / total       # the plain mean of the outer points, and once more
+    twice = 1 / total  # the plain mean of the outer points, and once more
     for i in range(pairs):
         r, s = lanes * i, lanes * (i + pairs)
         for lane in range(lanes):
@@ -194,13 +220,17 @@ def deviations(A, pairs, still, lanes, spread, rest, mean):
 
 @inlined
 def corrected(A, n, lanes, E, rows, spread, rest, variance, gate, innovation, work, dx):
-    """Correct the square root A, n rows (and one of workspace), by the innovations y - h at its sigma points. Returns (NIS, repaired).
+    """Correct the square root A, n rows (and one of workspace), by the innovations y - h at its
+    sigma points. Returns (NIS, repaired).
 
-    E (2 n + 1, rows): at the centre, at the points with + and at those with -. `variance` (rows) of the noise. innovation (rows) receives the weighted
-    mean, NaN where not measured; dx (n) the correction of the mean; `work` needs rows (n + rows + 5) numbers. Unless NIS <= gate A is left as it was.
-    The deviations of h that are linear in the points make rows G in the coordinates xi of A' xi; those of second order count as noise beside `variance`.
-    The correction is then that of a Kalman filter with prior covariance I, row by row I - c phi phi' (Potter), and nothing is taken off that could be
-    too much. Where rest < 0 leaves no covariance of that noise, its second order is left out and 1 returned as `repaired`.
+    E (2 n + 1, rows): at the centre, at the points with + and at those with -. `variance` (rows) of
+    the noise. innovation (rows) receives the weighted mean, NaN where not measured; dx (n) the
+    correction of the mean; `work` needs rows (n + rows + 5) numbers. Unless NIS <= gate A is left
+    as it was. The deviations of h that are linear in the points make rows G in the coordinates xi
+    of A' xi; those of second order count as noise beside `variance`. The correction is then that of
+    a Kalman filter with prior covariance I, row by row I - c phi phi' (Potter), and nothing is
+    taken off that could be too much. Where rest < 0 leaves no covariance of that noise, its second
+    order is left out and 1 returned as `repaired`.
     """
     own, repaired = rows * n + rows * rows, 0
     share, c = own + rows, own + 2 * rows
@@ -232,7 +262,8 @@ def corrected(A, n, lanes, E, rows, spread, rest, variance, gate, innovation, wo
 
 @helper
 def _gains(n, rows, used, work):
-    """Row by row of the whitened G and innovations: e / size and 1 / (size + sqrt(size)), with those before taken into account. Returns the NIS."""
+    """Row by row of the whitened G and innovations: e / size and 1 / (size + sqrt(size)), with
+    those before taken into account. Returns the NIS."""
     e = rows * n + rows * rows
     share, c, nis = e + rows, e + 2 * rows, 0.0 if used > 0 else math.nan
     for a in range(used):
@@ -253,7 +284,8 @@ def _gains(n, rows, used, work):
 
 @helper
 def _measured(n, E, rows, spread, innovation, work):
-    """The weighted mean of the innovations; of the measured ones the rows G, the mean, the mean of the outer points less the centre, and their index."""
+    """The weighted mean of the innovations; of the measured ones the rows G, the mean, the mean
+    of the outer points less the centre, and their index."""
     own, used = rows * n + rows * rows, 0
     for a in range(rows):
         total = 0.0
@@ -263,14 +295,19 @@ def _measured(n, E, rows, spread, innovation, work):
         if not math.isnan(innovation[a]):
             for j in range(n):
                 work[n * used + j] = (E[1 + n + j, a] - E[1 + j, a]) * 0.5 / spread
-            work[own + used], work[own + 3 * rows + used], work[own + 4 * rows + used] = innovation[a], total * 0.5 / n, a
+            work[own + used], work[own + 3 * rows + used], work[own + 4 * rows + used] = (
+                innovation[a],
+                total * 0.5 / n,
+                a,
+            )
             used += 1
     return used
 
 
 @helper
 def _whitened(n, E, rows, used, spread, rest, variance, work):
-    """Divide rows G and innovations by the square root of their noise: `variance` and, unless `rest` is NaN, what is of second order. False: it has none."""
+    """Divide rows G and innovations by the square root of their noise: `variance` and, unless
+    `rest` is NaN, what is of second order. False: it has none."""
     L, own = rows * n, rows * n + rows * rows
     for a in range(used):
         i, z = int(work[own + 4 * rows + a]), work[own + 3 * rows + a]
@@ -279,7 +316,10 @@ def _whitened(n, E, rows, used, spread, rest, variance, work):
             noise = variance[i] if a == b else 0.0
             if not math.isnan(rest):
                 for j in range(n):
-                    one, other = E[1 + j, i] + E[1 + n + j, i] - 2 * (E[0, i] + z), E[1 + j, k] + E[1 + n + j, k] - 2 * (E[0, k] + y)
+                    one, other = (
+                        E[1 + j, i] + E[1 + n + j, i] - 2 * (E[0, i] + z),
+                        E[1 + j, k] + E[1 + n + j, k] - 2 * (E[0, k] + y),
+                    )
                     noise += 0.25 / (spread * spread) * one * other
                 noise += rest * z * y
             for m in range(b):

@@ -1,31 +1,51 @@
-"""Unscented Kalman filter: sigma points through INS and measurements instead of Jacobians, in square-root form. 15 error states on the manifold.
+"""Unscented Kalman filter: sigma points through INS and measurements instead of Jacobians, in
+square-root form. 15 error states on the manifold.
 
 docs/sigma-points.md has its equations and says what it is good for.
 """
+
 from ...core.contract import Filter
-from .sigma_points import merwe, symmetric
 from .ins_sigma_points import COLUMNS, NOISES, auxiliary, correct, predict, repairs
+from .sigma_points import merwe, symmetric
 
 SETS = ("merwe", "symmetric")
 NEAREST, FARTHEST = 1e-6, 100.0
-"""Square of the spread over the number of states, alpha^2 (1 + kappa / n): the mean of nearer points is lost in the rounding of a latitude."""
+"""Square of the spread over the number of states, alpha^2 (1 + kappa / n): the mean of nearer
+points is lost in the rounding of a latitude."""
 
 
 def start(start, noise, sigma="merwe", alpha=0.1, beta=2.0, kappa=0.0):
-    """Belief at `start`. sigma: "merwe", the scaled set with alpha, beta, kappa, or "symmetric", without centre. The prediction has points for the
-    noise too, so that its set is that of n + 12 states. Refuses a set without points or with points too near or far, and parameters of another set.
+    """Belief at `start`. sigma: "merwe", the scaled set with alpha, beta, kappa, or "symmetric",
+    without centre. The prediction has points for the noise too, so that its set is that of n + 12
+    states. Refuses a set without points or with points too near or far, and parameters of another
+    set.
     """
     n = len(start.sd)
     if sigma not in SETS:
         raise ValueError(f"sigma is {sigma!r}; it must be one of {', '.join(SETS)}")
     if sigma == "symmetric" and (alpha, beta, kappa) != (0.1, 2.0, 0.0):
         raise ValueError("alpha, beta and kappa belong to sigma = 'merwe'; leave them out")
-    made = [symmetric(states) if sigma == "symmetric" else merwe(states, alpha, beta, kappa) for states in (n, n + NOISES)]
-    if not all(NEAREST * (1 - 1e-9) <= spread * spread / states <= FARTHEST * (1 + 1e-9) for (spread, _), states in zip(made, (n, n + NOISES))):
-        raise ValueError(f"alpha is {alpha} and kappa {kappa}; alpha^2 (1 + kappa / {n}) must be from {NEAREST}, with nearer points lost in rounding, "
-                         f"to {FARTHEST:.0f}")
+    made = [
+        symmetric(states) if sigma == "symmetric" else merwe(states, alpha, beta, kappa)
+        for states in (n, n + NOISES)
+    ]
+    if not all(
+        NEAREST * (1 - 1e-9) <= spread * spread / states <= FARTHEST * (1 + 1e-9)
+        for (spread, _), states in zip(made, (n, n + NOISES))
+    ):
+        raise ValueError(
+            f"alpha is {alpha} and kappa {kappa}; alpha^2 (1 + kappa / {n}) must be from {NEAREST}, with nearer points lost in rounding, "
+            f"to {FARTHEST:.0f}"
+        )
     return start.belief(auxiliary(n, made[1], made[0], augmented=True))
 
 
-UKF = Filter("ukf", "Julier & Uhlmann (2004); Van der Merwe (2004); Mollaei, Shafieirad & Moradi (2025) section 3.2", start, predict, correct,
-             columns=COLUMNS, diagnose=repairs)
+UKF = Filter(
+    "ukf",
+    "Julier & Uhlmann (2004); Van der Merwe (2004); Mollaei, Shafieirad & Moradi (2025) section 3.2",
+    start,
+    predict,
+    correct,
+    columns=COLUMNS,
+    diagnose=repairs,
+)

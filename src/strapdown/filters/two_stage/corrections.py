@@ -1,29 +1,59 @@
-"""How the two-stage model is corrected: fixes through their observers, each in its stage; gravity and course, which stage 1 makes itself.
+"""How the two-stage model is corrected: fixes through their observers, each in its stage; gravity
+and course, which stage 1 makes itself.
 
-`bar` is where the model is linearised, as in filters/two_stage/model.py: innovation and H are taken there, and the estimate's distance from it counts by H.
+`bar` is where the model is linearised, as in filters/two_stage/model.py: innovation and H are taken
+there, and the estimate's distance from it counts by H.
 """
+
 import math
 
-from ..attitude import attitude_error_state
-from ...core.jit import helper, inlined, matrix
 from ...core.contract import HEADING_KIND, MAGNETIC_KIND, VELOCITY_KIND
 from ...core.earth import RATE, gravity
 from ...core.error_state import DV, DX, WORK, observed
+from ...core.jit import helper, inlined, matrix
 from ...core.kalman import update_fifteen
 from ...core.rotation import wrap
-from .model import (ACCELERATION, CENTRIFUGAL, CORRELATION, COURSE, CRAB, DEVIATION, DOWN, ERROR, FAR, FORCE, HELD, INNOVATION, KNOWN,
-                        LARGEST_BANK, LEAST_COSINE, LEAST_SPEED, PATIENCE, RAW, SECONDS, SINCE_HEADING, SINCE_VELOCITY, TRUSTED, VELOCITY_THEN,
-                        WINDOW, to_body)
+from ..attitude import attitude_error_state
+from .model import (
+    ACCELERATION,
+    CENTRIFUGAL,
+    CORRELATION,
+    COURSE,
+    CRAB,
+    DEVIATION,
+    DOWN,
+    ERROR,
+    FAR,
+    FORCE,
+    HELD,
+    INNOVATION,
+    KNOWN,
+    LARGEST_BANK,
+    LEAST_COSINE,
+    LEAST_SPEED,
+    PATIENCE,
+    RAW,
+    SECONDS,
+    SINCE_HEADING,
+    SINCE_VELOCITY,
+    TRUSTED,
+    VELOCITY_THEN,
+    WINDOW,
+    to_body,
+)
 
 FAR_SCALAR, FAR_VECTOR = 10.828, 16.266
-"""NIS of a course and of a gravity vector beyond which their variance is multiplied by how far they are beyond."""
+"""NIS of a course and of a gravity vector beyond which their variance is multiplied by how far
+they are beyond."""
 MANY, MOST = 5, 9.0
-"""So many beyond in a row let P of stage 1 grow instead, by so much at most: the rule of the loop."""
+"""So many beyond in a row let P of stage 1 grow instead, by so much at most: the rule of the
+loop."""
 
 
 @inlined
 def gather(belief, bar, u, r0, r1, r2, dt, made_up):
-    """Take a sample, whose rotation is r, into the means of specific force and anti-centrifugal acceleration omega x v_b.
+    """Take a sample, whose rotation is r, into the means of specific force and anti-centrifugal
+    acceleration omega x v_b.
 
     The gyros carry both along. Over a gap the loop makes samples up: then the means begin anew.
     """
@@ -37,7 +67,15 @@ def gather(belief, bar, u, r0, r1, r2, dt, made_up):
     share, free = dt / (workspace[SECONDS] + dt), dt * (1 - workspace[RAW])
     force = (0.0, 0.0, 0.0, u[3] - free * b[0], u[4] - free * b[1], u[5] - free * b[2])
     attitude_error_state.carry(workspace[FORCE], force, r0, r1, r2, dt, share)
-    attitude_error_state.carry(workspace[CENTRIFUGAL], (0.0, 0.0, 0.0, r1 * z - r2 * y, r2 * x - r0 * z, r0 * y - r1 * x), r0, r1, r2, dt, share)
+    attitude_error_state.carry(
+        workspace[CENTRIFUGAL],
+        (0.0, 0.0, 0.0, r1 * z - r2 * y, r2 * x - r0 * z, r0 * y - r1 * x),
+        r0,
+        r1,
+        r2,
+        dt,
+        share,
+    )
     workspace[SECONDS] += dt
 
 
@@ -49,27 +87,45 @@ def restart(workspace):
 
 @inlined
 def level_alone(belief, bar, noise):
-    """Where no velocity fix tells the change of v_b, once a window: rows of the specific force less the anti-centrifugal acceleration.
+    """Where no velocity fix tells the change of v_b, once a window: rows of the specific force less
+    the anti-centrifugal acceleration.
 
-    Returns how many. What the velocity is uncertain by times the rate, and what is left that differs from gravity in size, counts as noise.
+    Returns how many. What the velocity is uncertain by times the rate, and what is left that
+    differs from gravity in size, counts as noise.
     """
     workspace, P, w, T = belief.workspace, belief.P, bar.omega, belief.workspace[SECONDS]
     if workspace[SINCE_VELOCITY] < PATIENCE or T < workspace[WINDOW]:
         return 0
     f, a = workspace[FORCE], workspace[CENTRIFUGAL]
     swing = (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) * (P[3, 3] + P[4, 4] + P[5, 5])
-    _level(belief, bar, f[0] - a[0], f[1] - a[1], f[2] - a[2], (workspace[ACCELERATION] + noise.accel * noise.accel) / T + swing)
+    _level(
+        belief,
+        bar,
+        f[0] - a[0],
+        f[1] - a[1],
+        f[2] - a[2],
+        (workspace[ACCELERATION] + noise.accel * noise.accel) / T + swing,
+    )
     restart(workspace)
     return 3
 
 
 @inlined
 def level_by_velocity(belief, bar, v0, v1, v2, variance):
-    """At a velocity fix: rows of the mean specific force since the one that the window began with, less the change of velocity. Returns how many.
+    """At a velocity fix: rows of the mean specific force since the one that the window began with,
+    less the change of velocity. Returns how many.
 
-    v is the velocity at the IMU as the fix has it, m/s NED, `variance` that of one of its components. Begins a new window.
+    v is the velocity at the IMU as the fix has it, m/s NED, `variance` that of one of its
+    components. Begins a new window.
     """
-    workspace, P, C, f, then, T = belief.workspace, belief.P, bar.C, belief.workspace[FORCE], belief.workspace[VELOCITY_THEN], belief.workspace[SECONDS]
+    workspace, P, C, f, then, T = (
+        belief.workspace,
+        belief.P,
+        bar.C,
+        belief.workspace[FORCE],
+        belief.workspace[VELOCITY_THEN],
+        belief.workspace[SECONDS],
+    )
     workspace[SINCE_VELOCITY] = 0.0
     known = workspace[KNOWN] > 0
     if known and T < 0.9 * workspace[WINDOW]:
@@ -77,19 +133,35 @@ def level_by_velocity(belief, bar, v0, v1, v2, variance):
     if known:
         lat = bar.lla[0]
         w0, w2 = 2 * RATE * math.cos(lat), -2 * RATE * math.sin(lat)
-        a0, a1, a2 = (v0 - then[0]) / T - w2 * v1, (v1 - then[1]) / T + w2 * v0 - w0 * v2, (v2 - then[2]) / T + w0 * v1
+        a0, a1, a2 = (
+            (v0 - then[0]) / T - w2 * v1,
+            (v1 - then[1]) / T + w2 * v0 - w0 * v2,
+            (v2 - then[2]) / T + w0 * v1,
+        )
         b0, b1, b2 = to_body(C, a0, a1, a2)
         turned = (a0 * a0 + a1 * a1) * P[8, 8]
-        _level(belief, bar, f[0] - b0, f[1] - b1, f[2] - b2, workspace[ACCELERATION] / T + 2 * variance / (T * T) + turned)
+        _level(
+            belief,
+            bar,
+            f[0] - b0,
+            f[1] - b1,
+            f[2] - b2,
+            workspace[ACCELERATION] / T + 2 * variance / (T * T) + turned,
+        )
     workspace[SECONDS], workspace[KNOWN], then[0], then[1], then[2] = 0.0, 1.0, v0, v1, v2
     return 3 if known else 0
 
 
 @inlined
 def _level(belief, bar, z0, z1, z2, variance):
-    """Rows of the specific force z against gravity (m/s^2, body): f = g [sin theta, -cos theta sin phi, -cos theta cos phi]."""
+    """Rows of the specific force z against gravity (m/s^2, body): f = g [sin theta, -cos theta
+    sin phi, -cos theta cos phi]."""
     workspace, n, C = belief.workspace, belief.P.shape[0], bar.C
-    H, e, deviation = matrix(workspace, workspace.size - 3 * n, 3, n), workspace[INNOVATION], workspace[DEVIATION]
+    H, e, deviation = (
+        matrix(workspace, workspace.size - 3 * n, 3, n),
+        workspace[INNOVATION],
+        workspace[DEVIATION],
+    )
     g = gravity(math.sin(bar.lla[0]), bar.lla[2])
     of_bias = 1 - workspace[RAW]
     excess = math.sqrt(z0 * z0 + z1 * z1 + z2 * z2) - g
@@ -98,16 +170,21 @@ def _level(belief, bar, z0, z1, z2, variance):
         for j in range(n):
             H[i, j] = 0.0
         H[i, 6], H[i, 7] = -g * C[1, i], g * C[0, i]
-        e[i], deviation[i] = z[i] + g * C[2, i], math.sqrt(variance + excess * excess + of_bias * belief.P[9 + i, 9 + i])
+        e[i], deviation[i] = (
+            z[i] + g * C[2, i],
+            math.sqrt(variance + excess * excess + of_bias * belief.P[9 + i, 9 + i]),
+        )
     _less_known(workspace, H, e, 3)
 
 
 @inlined
 def course(belief, bar, v0, v1, sd, since):
-    """A row of the course of a velocity fix (m/s north, east, at the IMU, with sd m/s), `since` s after the one before. Returns how many.
+    """A row of the course of a velocity fix (m/s north, east, at the IMU, with sd m/s), `since` s
+    after the one before. Returns how many.
 
-    Not near standstill nor in a bank; then the heading is held and the time counted. The angle between course and heading lasts: its standard
-    deviation is so much larger that independent errors have the low-frequency power of lasting ones.
+    Not near standstill nor in a bank; then the heading is held and the time counted. The angle
+    between course and heading lasts: its standard deviation is so much larger that independent
+    errors have the low-frequency power of lasting ones.
     """
     workspace, n, C = belief.workspace, belief.P.shape[0], bar.C
     speed, bank = math.hypot(v0, v1), math.atan2(C[2, 1], C[2, 2])
@@ -116,16 +193,26 @@ def course(belief, bar, v0, v1, sd, since):
     if not (speed >= workspace[LEAST_SPEED] and abs(bank) <= workspace[LARGEST_BANK]):
         workspace[HELD] += min(since, PATIENCE)
         return 0
-    H, e, deviation = matrix(workspace, workspace.size - 3 * n, 3, n), workspace[INNOVATION], workspace[DEVIATION]
+    H, e, deviation = (
+        matrix(workspace, workspace.size - 3 * n, 3, n),
+        workspace[INNOVATION],
+        workspace[DEVIATION],
+    )
     horizontal = max(C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0], LEAST_COSINE * LEAST_COSINE)
     for j in range(n):
         H[0, j] = 0.0
-    H[0, 6], H[0, 7], H[0, 8] = -C[2, 0] * C[0, 0] / horizontal, -C[2, 0] * C[1, 0] / horizontal, 1.0
+    H[0, 6], H[0, 7], H[0, 8] = (
+        -C[2, 0] * C[0, 0] / horizontal,
+        -C[2, 0] * C[1, 0] / horizontal,
+        1.0,
+    )
     e[0] = math.atan2(v1, v0) - math.atan2(C[1, 0], C[0, 0])
     _less_known(workspace, H, e, 1)
     e[0] = wrap(e[0])
     lasting = max(2 * workspace[CORRELATION] / max(since, 1e-3), 1.0)
-    deviation[0] = math.sqrt(sd * sd / (speed * speed) + workspace[CRAB] * workspace[CRAB] * lasting)
+    deviation[0] = math.sqrt(
+        sd * sd / (speed * speed) + workspace[CRAB] * workspace[CRAB] * lasting
+    )
     return 1
 
 
@@ -135,13 +222,20 @@ def correct_rows(P, workspace, innovation, sd, rows, gate, bound):
 
     Nothing else may call `update`: compilers copy it each time.
 
-    Rows of stage 1's own, with a finite `bound`: further off than that (NIS) they count for less, never for nothing. Where so many in a row were, P
-    of stage 1 is too small: it grows as the loop lets it grow when it lifts a gate.
+    Rows of stage 1's own, with a finite `bound`: further off than that (NIS) they count for less,
+    never for nothing. Where so many in a row were, P of stage 1 is too small: it grows as the loop
+    lets it grow when it lifts a gate.
     """
     x, dx, n = workspace[ERROR], workspace[DX], P.shape[0]
-    H, own, far = matrix(workspace, workspace.size - 3 * n, 3, n), bound < math.inf, FAR + (rows == 1)
+    H, own, far = (
+        matrix(workspace, workspace.size - 3 * n, 3, n),
+        bound < math.inf,
+        FAR + (rows == 1),
+    )
     while True:
-        nis = update_fifteen(P, H, innovation, sd, rows, -1.0 if own else gate, workspace[WORK:], dx)
+        nis = update_fifteen(
+            P, H, innovation, sd, rows, -1.0 if own else gate, workspace[WORK:], dx
+        )
         if not own:
             break
         own, excess = False, nis / bound
@@ -178,7 +272,8 @@ def _less_known(workspace, H, innovation, rows):
 
 @inlined
 def see(belief, bar, y, sd, kind, observe, parameters, innovation):
-    """Innovation at the estimate and H of a fix, in its own stage alone, and the standard deviations of its rows in workspace[DV]. Returns the rows.
+    """Innovation at the estimate and H of a fix, in its own stage alone, and the standard
+    deviations of its rows in workspace[DV]. Returns the rows.
 
     Attitude and gyro bias are known to stage 2: their columns, lever arms included, are zero there.
     """
@@ -190,9 +285,11 @@ def see(belief, bar, y, sd, kind, observe, parameters, innovation):
         if not oriented(kind):
             for j in range(3):
                 H[i, 6 + j] = H[i, 12 + j] = 0.0
-    if kind == VELOCITY_KIND and workspace[DOWN] > 0:     # the third component of C' (y - v)
+    if kind == VELOCITY_KIND and workspace[DOWN] > 0:  # the third component of C' (y - v)
         innovation[0] = C[0, 2] * innovation[0] + C[1, 2] * innovation[1] + C[2, 2] * innovation[2]
-        used[0] = math.sqrt((C[0, 2] * sd[0]) ** 2 + (C[1, 2] * sd[1]) ** 2 + (C[2, 2] * sd[2]) ** 2)
+        used[0] = math.sqrt(
+            (C[0, 2] * sd[0]) ** 2 + (C[1, 2] * sd[1]) ** 2 + (C[2, 2] * sd[2]) ** 2
+        )
         H[0, 3], H[0, 4], H[0, 5], rows = C[0, 2], C[1, 2], C[2, 2], 1
         innovation[1] = innovation[2] = math.nan
     _less_known(workspace, H, innovation, rows)
@@ -216,12 +313,45 @@ def used(workspace, kind):
 
 @inlined
 def steer(belief, bar, y, sd, observe, parameters, innovation):
-    """What a velocity fix tells stage 1: the direction of gravity by the change of velocity, and the course. Writes the innovation at `bar`."""
+    """What a velocity fix tells stage 1: the direction of gravity by the change of velocity, and
+    the course. Writes the innovation at `bar`."""
     workspace, n = belief.workspace, belief.P.shape[0]
-    observed(bar, y, observe, parameters, innovation, matrix(workspace, workspace.size - 3 * n, 3, n))
-    v0, v1, v2, since = bar.v[0] + innovation[0], bar.v[1] + innovation[1], bar.v[2] + innovation[2], workspace[SINCE_VELOCITY]
+    observed(
+        bar, y, observe, parameters, innovation, matrix(workspace, workspace.size - 3 * n, 3, n)
+    )
+    v0, v1, v2, since = (
+        bar.v[0] + innovation[0],
+        bar.v[1] + innovation[1],
+        bar.v[2] + innovation[2],
+        workspace[SINCE_VELOCITY],
+    )
     seen = v0 + v1 + v2 == v0 + v1 + v2
-    if seen and level_by_velocity(belief, bar, v0, v1, v2, (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / 3) > 0:
-        correct_rows(belief.P, workspace, workspace[INNOVATION], workspace[DEVIATION], 3, math.inf, FAR_VECTOR)
-    if v0 + v1 == v0 + v1 and course(belief, bar, v0, v1, math.hypot(sd[0], sd[1]) * math.sqrt(0.5), since) > 0:
-        correct_rows(belief.P, workspace, workspace[INNOVATION], workspace[DEVIATION], 1, math.inf, FAR_SCALAR)
+    if (
+        seen
+        and level_by_velocity(
+            belief, bar, v0, v1, v2, (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / 3
+        )
+        > 0
+    ):
+        correct_rows(
+            belief.P,
+            workspace,
+            workspace[INNOVATION],
+            workspace[DEVIATION],
+            3,
+            math.inf,
+            FAR_VECTOR,
+        )
+    if (
+        v0 + v1 == v0 + v1
+        and course(belief, bar, v0, v1, math.hypot(sd[0], sd[1]) * math.sqrt(0.5), since) > 0
+    ):
+        correct_rows(
+            belief.P,
+            workspace,
+            workspace[INNOVATION],
+            workspace[DEVIATION],
+            1,
+            math.inf,
+            FAR_SCALAR,
+        )

@@ -1,56 +1,107 @@
-"""The two-stage model: Euler angles and gyro bias first, then position, velocity in the body and accelerometer bias with that attitude as known.
+"""The two-stage model: Euler angles and gyro bias first, then position, velocity in the body and
+accelerometer bias with that attitude as known.
 
-Stage 1 is driven by the gyros and corrected by the direction of gravity, the course of a velocity fix, a heading or a magnetic field. Stage 2 is
-driven by f - b_a - omega x v_b + C_bn [0 0 g] and corrected by what measures position or velocity. Source: Alam, Whidborne & Millidere (2023),
+Stage 1 is driven by the gyros and corrected by the direction of gravity, the course of a velocity
+fix, a heading or a magnetic field. Stage 2 is driven by f - b_a - omega x v_b + C_bn [0 0 g] and
+corrected by what measures position or velocity. Source: Alam, Whidborne & Millidere (2023),
 equations (4)-(10) as corrected in docs/two-stage.md; Rohac et al. (2017).
 
-The model is linearised at `bar`, which holds lla, v, C, ba, bg and omega as a Belief does: the estimate itself, or one that comes from elsewhere. The
-estimate less `bar` is kept in workspace[ERROR]. That and P are in the library's coordinates, which with the Jacobian J of the Euler angles (n x d C = J d
-Theta) and C are those of the model: F of the Euler angles is J^-1 F J, velocity in the body is C' times that in n. So what `bar` moves at other
-than by its own motion must be told to `turn_attitude` and `turn_velocity`. P has no covariance between the stages.
+The model is linearised at `bar`, which holds lla, v, C, ba, bg and omega as a Belief does: the
+estimate itself, or one that comes from elsewhere. The estimate less `bar` is kept in
+workspace[ERROR]. That and P are in the library's coordinates, which with the Jacobian J of the
+Euler angles (n x d C = J d Theta) and C are those of the model: F of the Euler angles is J^-1 F J,
+velocity in the body is C' times that in n. So what `bar` moves at other than by its own motion must
+be told to `turn_attitude` and `turn_velocity`. P has no covariance between the stages.
 """
+
 import math
 
-from ..attitude import attitude_error_state
-from ...core.jit import helper, inlined
 from ...core.error_state import BLOCK, OWN
+from ...core.jit import helper, inlined
 from ...core.kalman import decay
 from ...core.rotation import turned
+from ..attitude import attitude_error_state
 
-ERROR = slice(OWN, OWN + 15)        # the estimate less `bar`; zero between calls where it is injected at once
-FORCE, CENTRIFUGAL, SECONDS = slice(OWN + 15, OWN + 18), slice(OWN + 18, OWN + 21), OWN + 21    # means since the window began, m/s^2; its s
-VELOCITY_THEN, KNOWN = slice(OWN + 22, OWN + 25), OWN + 25      # of the velocity fix (at the IMU, n) that the window began with; 1 where it did
-SINCE_VELOCITY, SINCE_HEADING = OWN + 26, OWN + 37      # s since the last velocity fix, and since the last heading or magnetic field
-DOWN, COURSE, LEAST_SPEED, LARGEST_BANK, CRAB, CORRELATION, WINDOW, ACCELERATION, TOLD, RAW = range(OWN + 27, OWN + 37)
-"""Options as numbers: whether only the downward component of v_b is measured; whether the course is, and if so m/s, rad, sd rad; how long it and
-attitude errors are alike, s; s; variance density of unknown accelerations, m^2/s^3; accelerometer noise while there are samples; whether the
+ERROR = slice(
+    OWN, OWN + 15
+)  # the estimate less `bar`; zero between calls where it is injected at once
+FORCE, CENTRIFUGAL, SECONDS = (
+    slice(OWN + 15, OWN + 18),
+    slice(OWN + 18, OWN + 21),
+    OWN + 21,
+)  # means since the window began, m/s^2; its s
+VELOCITY_THEN, KNOWN = (
+    slice(OWN + 22, OWN + 25),
+    OWN + 25,
+)  # of the velocity fix (at the IMU, n) that the window began with; 1 where it did
+SINCE_VELOCITY, SINCE_HEADING = (
+    OWN + 26,
+    OWN + 37,
+)  # s since the last velocity fix, and since the last heading or magnetic field
+DOWN, COURSE, LEAST_SPEED, LARGEST_BANK, CRAB, CORRELATION, WINDOW, ACCELERATION, TOLD, RAW = range(
+    OWN + 27, OWN + 37
+)
+"""Options as numbers: whether only the downward component of v_b is measured; whether the course
+is, and if so m/s, rad, sd rad; how long it and attitude errors are alike, s; s; variance density
+of unknown accelerations, m^2/s^3; accelerometer noise while there are samples; whether the
 accelerometer bias stays in the specific force that levels."""
-BEFORE = BLOCK.start                # 3 x 3 workspace: an attitude that is left
-INNOVATION, DEVIATION = slice(OWN + 38, OWN + 41), slice(OWN + 41, OWN + 44)     # of the rows that stage 1 makes itself
-MOVED = slice(OWN + 44, OWN + 47)   # change of v, see `doubt`
-FAR = OWN + 47                      # gravity vectors, and courses, in a row that were far off
-HELD = 1                            # s with velocity fixes but without a course: an extra column of the solution
+BEFORE = BLOCK.start  # 3 x 3 workspace: an attitude that is left
+INNOVATION, DEVIATION = (
+    slice(OWN + 38, OWN + 41),
+    slice(OWN + 41, OWN + 44),
+)  # of the rows that stage 1 makes itself
+MOVED = slice(OWN + 44, OWN + 47)  # change of v, see `doubt`
+FAR = OWN + 47  # gravity vectors, and courses, in a row that were far off
+HELD = 1  # s with velocity fixes but without a course: an extra column of the solution
 HELD_COLUMN = "course_held [s]"
 LEAST_COSINE = math.cos(math.radians(85.0))
 """Of the pitch, in Jacobians: beyond 85 deg roll and heading are not separate."""
 TRUSTED = 5.0
 """s after a heading or magnetic field during which the course is left alone."""
 PATIENCE = 3.0
-"""s without a velocity fix after which the specific force is taken for gravity but for the anti-centrifugal acceleration."""
+"""s without a velocity fix after which the specific force is taken for gravity but for the
+anti-centrifugal acceleration."""
 
 
-USES = ("position", "velocity", "altitude", "heading", "magnetic-field", "speed", "zero-lateral-velocity", "zero-vertical-velocity", "zero-velocity")
+USES = (
+    "position",
+    "velocity",
+    "altitude",
+    "heading",
+    "magnetic-field",
+    "speed",
+    "zero-lateral-velocity",
+    "zero-vertical-velocity",
+    "zero-velocity",
+)
 """Kinds of aiding; heading and magnetic field belong to stage 1, the others to stage 2."""
 NO_HEADING = "nothing measures the heading: it drifts with the gyro bias"
 
 
-def set_options(belief, noise, velocity, course, level, least_speed, largest_bank, crab, correlation, window, acceleration):
+def set_options(
+    belief,
+    noise,
+    velocity,
+    course,
+    level,
+    least_speed,
+    largest_bank,
+    crab,
+    correlation,
+    window,
+    acceleration,
+):
     """Put the options into workspace. Raises ValueError naming a bad one."""
-    for name, value, known in (("velocity", velocity, ("full", "down")), ("course", course, ("gnss", "none")),
-                               ("level", level, ("bias-free", "raw"))):
+    for name, value, known in (
+        ("velocity", velocity, ("full", "down")),
+        ("course", course, ("gnss", "none")),
+        ("level", level, ("bias-free", "raw")),
+    ):
         if value not in known:
             raise ValueError(f"{name} is {value!r}; it must be one of {', '.join(known)}")
-    for name, value in dict(least_speed=least_speed, crab=crab, correlation=correlation, acceleration=acceleration).items():
+    for name, value in dict(
+        least_speed=least_speed, crab=crab, correlation=correlation, acceleration=acceleration
+    ).items():
         if not 0 <= value < math.inf:
             raise ValueError(f"{name} is {value}; it must be a finite number, 0 or more")
     if not 0 < window < PATIENCE:
@@ -58,9 +109,24 @@ def set_options(belief, noise, velocity, course, level, least_speed, largest_ban
     if not 0 < largest_bank <= 90:
         raise ValueError(f"largest_bank is {largest_bank} deg; it must be above 0 and at most 90")
     workspace = belief.workspace
-    workspace[DOWN], workspace[COURSE], workspace[LEAST_SPEED], workspace[LARGEST_BANK] = velocity == "down", course == "gnss", least_speed, math.radians(largest_bank)
-    workspace[CRAB], workspace[CORRELATION], workspace[WINDOW], workspace[ACCELERATION] = math.radians(crab), correlation, window, acceleration ** 2
-    workspace[TOLD], workspace[SINCE_VELOCITY], workspace[SINCE_HEADING], workspace[RAW] = noise.accel, PATIENCE, TRUSTED, level == "raw"
+    workspace[DOWN], workspace[COURSE], workspace[LEAST_SPEED], workspace[LARGEST_BANK] = (
+        velocity == "down",
+        course == "gnss",
+        least_speed,
+        math.radians(largest_bank),
+    )
+    workspace[CRAB], workspace[CORRELATION], workspace[WINDOW], workspace[ACCELERATION] = (
+        math.radians(crab),
+        correlation,
+        window,
+        acceleration**2,
+    )
+    workspace[TOLD], workspace[SINCE_VELOCITY], workspace[SINCE_HEADING], workspace[RAW] = (
+        noise.accel,
+        PATIENCE,
+        TRUSTED,
+        level == "raw",
+    )
 
 
 def configure(options, aidings):
@@ -70,20 +136,33 @@ def configure(options, aidings):
     if better or options.get("course") != "none" and "velocity" in kinds:
         return options, []
     if options.get("course") != "none":
-        raise ValueError("nothing gives a heading: add velocity, heading or magnetic-field aiding (course='none' runs without)")
+        raise ValueError(
+            "nothing gives a heading: add velocity, heading or magnetic-field aiding (course='none' runs without)"
+        )
     return options, [NO_HEADING]
 
 
 def held(t, columns):
-    """[(t, text)] where the heading first was held because a velocity fix gave no course, else []."""
+    """[(t, text)] where the heading first was held because a velocity fix gave no course, else
+    []."""
     seconds = columns[HELD_COLUMN]
     rows = (seconds > 0).nonzero()[0]
-    return [(float(t[rows[0]]), f"too slow or banked for a course: heading held for {seconds[-1]:.3g} s in all, first here")] if len(rows) else []
+    return (
+        [
+            (
+                float(t[rows[0]]),
+                f"too slow or banked for a course: heading held for {seconds[-1]:.3g} s in all, first here",
+            )
+        ]
+        if len(rows)
+        else []
+    )
 
 
 @helper
 def to_angles(pitch, heading, x, y, z):
-    """J^-1: changes of roll, pitch and heading (rad) by a small rotation (x, y, z) in n, to first order."""
+    """J^-1: changes of roll, pitch and heading (rad) by a small rotation (x, y, z) in n, to
+    first order."""
     ch, sh = math.cos(heading), math.sin(heading)
     forward = (ch * x + sh * y) / max(math.cos(pitch), LEAST_COSINE)
     return forward, ch * y - sh * x, z + math.sin(pitch) * forward
@@ -92,13 +171,22 @@ def to_angles(pitch, heading, x, y, z):
 @helper
 def from_angles(pitch, heading, roll_change, pitch_change, heading_change):
     """J: the small rotation in n that changes of the Euler angles are (rad)."""
-    ch, sh, forward = math.cos(heading), math.sin(heading), max(math.cos(pitch), LEAST_COSINE) * roll_change
-    return ch * forward - sh * pitch_change, sh * forward + ch * pitch_change, heading_change - math.sin(pitch) * roll_change
+    ch, sh, forward = (
+        math.cos(heading),
+        math.sin(heading),
+        max(math.cos(pitch), LEAST_COSINE) * roll_change,
+    )
+    return (
+        ch * forward - sh * pitch_change,
+        sh * forward + ch * pitch_change,
+        heading_change - math.sin(pitch) * roll_change,
+    )
 
 
 @inlined
 def propagate(belief, C, f0, f1, f2, dt, noise):
-    """P and workspace[ERROR] over dt by the Jacobian of the model; C (3, 3) at mid-interval, f the velocity increment by the specific force in n (m/s)."""
+    """P and workspace[ERROR] over dt by the Jacobian of the model; C (3, 3) at mid-interval, f
+    the velocity increment by the specific force in n (m/s)."""
     P, workspace, keep = belief.P, belief.workspace, decay(noise.accel_decay * dt)
     attitude_error_state.propagate(P, C, 0.0, 0.0, noise.gyro * noise.gyro * dt, dt, noise)
     _drift(P, 0.5 * dt)
@@ -141,8 +229,14 @@ def _accelerate(P, C, dt):
             P[3 + i, j] = P[j, 3 + i]
     for i in range(3):
         for j in range(i, 3):
-            P[3 + i, 3 + j] -= dt * (C[i, 0] * P[9, 3 + j] + C[i, 1] * P[10, 3 + j] + C[i, 2] * P[11, 3 + j]
-                                     + P[3 + i, 9] * C[j, 0] + P[3 + i, 10] * C[j, 1] + P[3 + i, 11] * C[j, 2])
+            P[3 + i, 3 + j] -= dt * (
+                C[i, 0] * P[9, 3 + j]
+                + C[i, 1] * P[10, 3 + j]
+                + C[i, 2] * P[11, 3 + j]
+                + P[3 + i, 9] * C[j, 0]
+                + P[3 + i, 10] * C[j, 1]
+                + P[3 + i, 11] * C[j, 2]
+            )
             P[3 + j, 3 + i] = P[3 + i, 3 + j]
     for i in range(3):
         for j in range(3):
@@ -151,11 +245,17 @@ def _accelerate(P, C, dt):
 
 @helper
 def _tilted(P, f0, f1, f2, scale):
-    """Add to the variance of v what errors theta of the attitude do to the specific force f: `scale` times [f x] P_theta [f x]'."""
+    """Add to the variance of v what errors theta of the attitude do to the specific force f:
+    `scale` times [f x] P_theta [f x]'."""
     for j in range(3):
-        g0, g1, g2 = (0.0, -f2, f1) if j == 0 else ((f2, 0.0, -f0) if j == 1 else (-f1, f0, 0.0))     # column j of [f x]'
-        x, y, z = (P[6, 6] * g0 + P[6, 7] * g1 + P[6, 8] * g2, P[7, 6] * g0 + P[7, 7] * g1 + P[7, 8] * g2,
-                   P[8, 6] * g0 + P[8, 7] * g1 + P[8, 8] * g2)
+        g0, g1, g2 = (
+            (0.0, -f2, f1) if j == 0 else ((f2, 0.0, -f0) if j == 1 else (-f1, f0, 0.0))
+        )  # column j of [f x]'
+        x, y, z = (
+            P[6, 6] * g0 + P[6, 7] * g1 + P[6, 8] * g2,
+            P[7, 6] * g0 + P[7, 7] * g1 + P[7, 8] * g2,
+            P[8, 6] * g0 + P[8, 7] * g1 + P[8, 8] * g2,
+        )
         column = (f1 * z - f2 * y, f2 * x - f0 * z, f0 * y - f1 * x)
         for i in range(j, 3):
             P[3 + i, 3 + j] += scale * column[i]
@@ -188,22 +288,30 @@ def middle(C, r0, r1, r2, mid):
 @helper
 def to_body(C, x, y, z):
     """C' times the vector (x, y, z)."""
-    return C[0, 0] * x + C[1, 0] * y + C[2, 0] * z, C[0, 1] * x + C[1, 1] * y + C[2, 1] * z, C[0, 2] * x + C[1, 2] * y + C[2, 2] * z
+    return (
+        C[0, 0] * x + C[1, 0] * y + C[2, 0] * z,
+        C[0, 1] * x + C[1, 1] * y + C[2, 1] * z,
+        C[0, 2] * x + C[1, 2] * y + C[2, 2] * z,
+    )
 
 
 @helper
 def turn_attitude(P, pitch, heading, new_pitch, new_heading):
-    """Carry P to Euler angles at which the model is linearised from now on: J_new J^-1 on the attitude errors."""
-    N = (from_angles(new_pitch, new_heading, *to_angles(pitch, heading, 1.0, 0.0, 0.0)),
-         from_angles(new_pitch, new_heading, *to_angles(pitch, heading, 0.0, 1.0, 0.0)),
-         from_angles(new_pitch, new_heading, *to_angles(pitch, heading, 0.0, 0.0, 1.0)))
+    """Carry P to Euler angles at which the model is linearised from now on: J_new J^-1 on the
+    attitude errors."""
+    N = (
+        from_angles(new_pitch, new_heading, *to_angles(pitch, heading, 1.0, 0.0, 0.0)),
+        from_angles(new_pitch, new_heading, *to_angles(pitch, heading, 0.0, 1.0, 0.0)),
+        from_angles(new_pitch, new_heading, *to_angles(pitch, heading, 0.0, 0.0, 1.0)),
+    )
     _turn(P, 6, 12, N)
     _turn_block(P, 6, N)
 
 
 @helper
 def doubt(P, moved):
-    """The velocity was turned by `moved` (m/s, n) along with the attitude, since v_b stays; but v_b was found with the attitude as it was.
+    """The velocity was turned by `moved` (m/s, n) along with the attitude, since v_b stays; but v_b
+    was found with the attitude as it was.
 
     So that makes it as uncertain as it was moved. `moved` becomes zero.
     """
@@ -215,7 +323,8 @@ def doubt(P, moved):
 
 @helper
 def turn_velocity(P, before, C):
-    """Carry P to another attitude C of the body, which moves at the same velocity along its axes as with the attitude `before`: C before' on v."""
+    """Carry P to another attitude C of the body, which moves at the same velocity along its axes
+    as with the attitude `before`: C before' on v."""
     N = _relative(before, C)
     _turn(P, 3, 0, N)
     _turn(P, 3, 9, N)
@@ -237,7 +346,8 @@ def _column(C, before, j):
 
 @helper
 def _turn(P, first, other, N):
-    """N, given as three columns, on the covariance of the states from `first` with those from `other`."""
+    """N, given as three columns, on the covariance of the states from `first` with those from
+    `other`."""
     for j in range(other, other + 3):
         x, y, z = _times(N, P[first, j], P[first + 1, j], P[first + 2, j])
         P[first, j] = P[j, first] = x
@@ -248,10 +358,14 @@ def _turn(P, first, other, N):
 @helper
 def _turn_block(P, first, N):
     """N P N' on the block of the states from `first`."""
-    for j in range(first, first + 3):       # N P
-        P[first, j], P[first + 1, j], P[first + 2, j] = _times(N, P[first, j], P[first + 1, j], P[first + 2, j])
-    for i in range(first, first + 3):       # (N P) N', of which the lower triangle counts
-        P[i, first], P[i, first + 1], P[i, first + 2] = _times(N, P[i, first], P[i, first + 1], P[i, first + 2])
+    for j in range(first, first + 3):  # N P
+        P[first, j], P[first + 1, j], P[first + 2, j] = _times(
+            N, P[first, j], P[first + 1, j], P[first + 2, j]
+        )
+    for i in range(first, first + 3):  # (N P) N', of which the lower triangle counts
+        P[i, first], P[i, first + 1], P[i, first + 2] = _times(
+            N, P[i, first], P[i, first + 1], P[i, first + 2]
+        )
     for i in range(first, first + 3):
         for j in range(first, i):
             P[j, i] = P[i, j]
@@ -261,4 +375,8 @@ def _turn_block(P, first, N):
 def _times(N, x, y, z):
     """N, given as three columns, times a vector."""
     a, b, c = N
-    return a[0] * x + b[0] * y + c[0] * z, a[1] * x + b[1] * y + c[1] * z, a[2] * x + b[2] * y + c[2] * z
+    return (
+        a[0] * x + b[0] * y + c[0] * z,
+        a[1] * x + b[1] * y + c[1] * z,
+        a[2] * x + b[2] * y + c[2] * z,
+    )

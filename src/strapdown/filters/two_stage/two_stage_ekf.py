@@ -1,41 +1,94 @@
-"""Two-stage extended Kalman filter: attitude and gyro bias, then position, velocity in the body and accelerometer bias with that attitude as known.
+"""Two-stage extended Kalman filter: attitude and gyro bias, then position, velocity in the body and
+accelerometer bias with that attitude as known.
 
-filters/two_stage/model.py has the model, docs/two-stage.md its equations; here it is linearised at the estimate itself. P of the two stages is published as
-one, without covariance between them.
+filters/two_stage/model.py has the model, docs/two-stage.md its equations; here it is linearised at
+the estimate itself. P of the two stages is published as one, without covariance between them.
 """
+
 import math
 
 from ...core.contract import CORRECT, PREDICT, VELOCITY_KIND, Filter, helper, kernel, matrix
 from ...core.earth import displace
 from ...core.error_state import DV, DX, MID, auxiliary, bias_free, decay_biases
-from ..ahrs_aided.known_attitude import BEYOND, BEYOND_COLUMN, STEEP, steep
 from ...core.mechanization import mechanize
-from ...core.rotation import euler_to_matrix, matrix_to_euler, orthonormalise, rotate_left, turned, wrap
-from .model import (BEFORE, DEVIATION, ERROR, HELD_COLUMN, INNOVATION, MOVED, TOLD, USES, configure, doubt, held, middle, set_options,
-                              propagate, to_angles, to_body, turn_attitude, turn_velocity)
+from ...core.rotation import (
+    euler_to_matrix,
+    matrix_to_euler,
+    orthonormalise,
+    rotate_left,
+    turned,
+    wrap,
+)
+from ..ahrs_aided.known_attitude import BEYOND, BEYOND_COLUMN, STEEP, steep
 from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, see, steer, used
+from .model import (
+    BEFORE,
+    DEVIATION,
+    ERROR,
+    HELD_COLUMN,
+    INNOVATION,
+    MOVED,
+    TOLD,
+    USES,
+    configure,
+    doubt,
+    held,
+    middle,
+    propagate,
+    set_options,
+    to_angles,
+    to_body,
+    turn_attitude,
+    turn_velocity,
+)
 
 SINE_STEEP = math.sin(STEEP)
 
 
-def start(start, noise, velocity="full", course="gnss", level="bias-free", least_speed=3.0, largest_bank=45.0, crab=5.0, correlation=10.0, window=1.0,
-          acceleration=0.2):
-    """Belief at `start`. velocity: "full", or "down", the component along the body's z axis alone. course: "gnss", the heading is that of velocity
-    fixes above least_speed (m/s) and below largest_bank (deg), or "none". level: "bias-free", the specific force that levels stage 1 is without the
-    accelerometer bias of stage 2, or "raw", as measured.
+def start(
+    start,
+    noise,
+    velocity="full",
+    course="gnss",
+    level="bias-free",
+    least_speed=3.0,
+    largest_bank=45.0,
+    crab=5.0,
+    correlation=10.0,
+    window=1.0,
+    acceleration=0.2,
+):
+    """Belief at `start`. velocity: "full", or "down", the component along the body's z axis alone.
+    course: "gnss", the heading is that of velocity fixes above least_speed (m/s) and below
+    largest_bank (deg), or "none". level: "bias-free", the specific force that levels stage 1 is
+    without the accelerometer bias of stage 2, or "raw", as measured.
 
-    crab: standard deviation of the angle between course and heading, deg. correlation: for how long that angle, and errors of the attitude, which
-    stage 2 has as white noise, are alike, s. window: over which the specific force is averaged, s; acceleration: density of what is left in it
+    crab: standard deviation of the angle between course and heading, deg. correlation: for how long
+    that angle, and errors of the attitude, which stage 2 has as white noise, are alike, s. window:
+    over which the specific force is averaged, s; acceleration: density of what is left in it
     besides gravity, m/s^2 sqrt(s).
     """
     belief = start.belief(auxiliary(len(start.sd)))
-    set_options(belief, noise, velocity, course, level, least_speed, largest_bank, crab, correlation, window, acceleration)
+    set_options(
+        belief,
+        noise,
+        velocity,
+        course,
+        level,
+        least_speed,
+        largest_bank,
+        crab,
+        correlation,
+        window,
+        acceleration,
+    )
     return belief
 
 
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
-    """Advance both stages by a sample; where no velocity fix tells the change of v_b, correct stage 1 by the specific force, once a window."""
+    """Advance both stages by a sample; where no velocity fix tells the change of v_b, correct
+    stage 1 by the specific force, once a window."""
     if dt <= 0:
         return
     workspace, omega, f = belief.workspace, belief.omega, belief.f
@@ -51,16 +104,33 @@ def predict(belief, u, dt, noise):
     if abs(belief.C[2, 0]) > SINE_STEEP:
         workspace[BEYOND] += dt
     if level_alone(belief, belief, noise) > 0:
-        correct_rows(belief.P, workspace, workspace[INNOVATION], workspace[DEVIATION], 3, math.inf, FAR_VECTOR)
+        correct_rows(
+            belief.P,
+            workspace,
+            workspace[INNOVATION],
+            workspace[DEVIATION],
+            3,
+            math.inf,
+            FAR_VECTOR,
+        )
         _inject(belief)
 
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
-    """Correct the stage that a fix belongs to. A velocity that passes the gate corrects stage 1 first, by its change and its course."""
+    """Correct the stage that a fix belongs to. A velocity that passes the gate corrects stage 1
+    first, by its change and its course."""
     P, workspace = belief.P, belief.workspace
     rows = see(belief, belief, y, sd, kind, observe, parameters, innovation)
-    nis = correct_rows(P, workspace, innovation, workspace[DV], rows, -1.0 if kind == VELOCITY_KIND else gate, math.inf)
+    nis = correct_rows(
+        P,
+        workspace,
+        innovation,
+        workspace[DV],
+        rows,
+        -1.0 if kind == VELOCITY_KIND else gate,
+        math.inf,
+    )
     if nis <= gate and kind == VELOCITY_KIND:
         e0, e1, e2 = innovation[0], innovation[1], innovation[2]
         steer(belief, belief, y, sd, observe, parameters, innovation)
@@ -76,7 +146,8 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 @helper
 def _inject(belief):
-    """Add workspace[ERROR] to the belief, Euler angles to Euler angles and v_b to v_b, and make it zero."""
+    """Add workspace[ERROR] to the belief, Euler angles to Euler angles and v_b to v_b, and make
+    it zero."""
     x, v = belief.workspace[ERROR], belief.v
     displace(belief.lla, x[0], x[1], x[2])
     for i in range(3):
@@ -91,7 +162,8 @@ def _inject(belief):
 
 @helper
 def _inject_attitude(belief, x, y, z):
-    """Add to the Euler angles what the small rotation (x, y, z) in n (rad) means to first order; near their singularity turn by it instead.
+    """Add to the Euler angles what the small rotation (x, y, z) in n (rad) means to first order;
+    near their singularity turn by it instead.
 
     v_b stays, so that the velocity turns along.
     """
@@ -117,9 +189,19 @@ def _inject_attitude(belief, x, y, z):
 
 
 def diagnose(t, lla, columns):
-    """[(t, text)] where the pitch first was near the singularity of the Euler angles, and where the heading was first held without a course."""
+    """[(t, text)] where the pitch first was near the singularity of the Euler angles, and where
+    the heading was first held without a course."""
     return steep(t, lla, columns) + held(t, columns)
 
 
-TWO_STAGE_EKF = Filter("two-stage-ekf", "Alam, Whidborne & Millidere (2023) section 2.2, corrected; Rohac et al. (2017)", start, predict, correct,
-                       columns=(BEYOND_COLUMN, HELD_COLUMN), uses=USES, configure=configure, diagnose=diagnose)
+TWO_STAGE_EKF = Filter(
+    "two-stage-ekf",
+    "Alam, Whidborne & Millidere (2023) section 2.2, corrected; Rohac et al. (2017)",
+    start,
+    predict,
+    correct,
+    columns=(BEYOND_COLUMN, HELD_COLUMN),
+    uses=USES,
+    configure=configure,
+    diagnose=diagnose,
+)

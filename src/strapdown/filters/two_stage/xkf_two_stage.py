@@ -1,59 +1,124 @@
-"""Exogenous Kalman filter of the two-stage model: the affine Kalman filter around the trajectory of a nonlinear observer.
+"""Exogenous Kalman filter of the two-stage model: the affine Kalman filter around the trajectory of
+a nonlinear observer.
 
-filters/two_stage/model.py has the model, filters/observer/equations.py the observer, docs/two-stage.md what their cascade is. The observer runs by itself, as in `nlo`.
-Between fixes estimate = f(observer) + F (estimate - observer), F and f at the observer; at a fix the innovation is y - h(observer) - H (estimate -
-observer). Wherever the observer moves otherwise, by its injections, jumps and bounds, the estimate stays: Euler angles, velocity in the body and
-biases as they are.
+filters/two_stage/model.py has the model, filters/observer/equations.py the observer,
+docs/two-stage.md what their cascade is. The observer runs by itself, as in `nlo`. Between fixes
+estimate = f(observer) + F (estimate - observer), F and f at the observer; at a fix the innovation
+is y - h(observer) - H (estimate - observer). Wherever the observer moves otherwise, by its
+injections, jumps and bounds, the estimate stays: Euler angles, velocity in the body and biases as
+they are.
 """
+
 import inspect
 import math
 
 import numpy as np
 
-from ...core.jit import inlined
-from ...core.contract import (ALTITUDE_KIND, CORRECT, HEADING_KIND, MAGNETIC_KIND, POSITION_KIND, PREDICT, VELOCITY_KIND, Filter, helper,
-                             kernel, matrix)
+from ...core.contract import (
+    ALTITUDE_KIND,
+    CORRECT,
+    HEADING_KIND,
+    MAGNETIC_KIND,
+    POSITION_KIND,
+    PREDICT,
+    VELOCITY_KIND,
+    Filter,
+    helper,
+    kernel,
+    matrix,
+)
 from ...core.earth import displace, place
 from ...core.error_state import DV, DX, MID, WORK, auxiliary, bias_free, decay_biases
-from ..ahrs_aided.known_attitude import BEYOND, BEYOND_COLUMN, STEEP, steep
+from ...core.jit import inlined
 from ...core.kalman import WORKSPACE
 from ...core.mechanization import mechanize
+from ...core.rotation import euler_to_matrix, matrix_to_euler, rotate_left, turned, wrap
+from ..ahrs_aided.known_attitude import BEYOND, BEYOND_COLUMN, STEEP, steep
+from ..observer import nlo
 from ..observer.equations import EMBEDDED, EXCITATION, XI, advance, embedded, inject
 from ..observer.gains import DEFAULTS, implant
 from ..observer.gains import configure as configure_observer
-from .model import configure as configure_model
 from ..observer.repeated_fix import FORGOTTEN, repeated
 from ..observer.repeated_fix import MEMORY as REMEMBERED
-from ...core.rotation import euler_to_matrix, matrix_to_euler, rotate_left, turned, wrap
-from .model import (DEVIATION, ERROR, HELD_COLUMN, INNOVATION, MOVED, TOLD, USES, doubt, from_angles, held, middle, set_options,
-                              propagate, to_angles, to_body, turn_attitude, turn_velocity)
 from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, see, steer, used
-from ..observer import nlo
+from .model import (
+    DEVIATION,
+    ERROR,
+    HELD_COLUMN,
+    INNOVATION,
+    MOVED,
+    TOLD,
+    USES,
+    doubt,
+    from_angles,
+    held,
+    middle,
+    propagate,
+    set_options,
+    to_angles,
+    to_body,
+    turn_attitude,
+    turn_velocity,
+)
+from .model import configure as configure_model
 
 SHIFT, SAID = 2, 5
-COLUMNS = (BEYOND_COLUMN, HELD_COLUMN, "observer_error_north [m]", "observer_error_east [m]", "observer_error_down [m]", "excitation",
-           "xi_north [m/s^2]", "xi_east [m/s^2]", "xi_down [m/s^2]")
+COLUMNS = (
+    BEYOND_COLUMN,
+    HELD_COLUMN,
+    "observer_error_north [m]",
+    "observer_error_east [m]",
+    "observer_error_down [m]",
+    "excitation",
+    "xi_north [m/s^2]",
+    "xi_east [m/s^2]",
+    "xi_down [m/s^2]",
+)
 """Pitch beyond 85 deg, course held; estimate - observer; what the observer says of itself."""
-OBSERVER = WORK + WORKSPACE                 # where the observer begins in workspace
-LEFT = OBSERVER + EMBEDDED                  # the state that the observer leaves: lla, v, C, ba, bg
-UNUSED, ANGLES = LEFT + 21, LEFT + 24       # innovation of the observer; its Euler angles
+OBSERVER = WORK + WORKSPACE  # where the observer begins in workspace
+LEFT = OBSERVER + EMBEDDED  # the state that the observer leaves: lla, v, C, ba, bg
+UNUSED, ANGLES = LEFT + 21, LEFT + 24  # innovation of the observer; its Euler angles
 MEMORY = slice(LEFT + 27, LEFT + 27 + REMEMBERED)
 OWN_SIZE = MEMORY.stop - LEFT
 SINE_STEEP = math.sin(STEEP)
 
 
-def start(start, noise, velocity="full", level="bias-free", largest_bank=45.0, crab=5.0, correlation=10.0, window=1.0, acceleration=0.2, **observer):
-    """Belief at `start`, where the observer begins too. The options named here are those of `two-stage-ekf`, the others those of `nlo`.
+def start(
+    start,
+    noise,
+    velocity="full",
+    level="bias-free",
+    largest_bank=45.0,
+    crab=5.0,
+    correlation=10.0,
+    window=1.0,
+    acceleration=0.2,
+    **observer,
+):
+    """Belief at `start`, where the observer begins too. The options named here are those of
+    `two-stage-ekf`, the others those of `nlo`.
 
-    `course` and `least_speed` count for both; any `course` but "none" is one for the two-stage model.
+    `course` and `least_speed` count for both; any `course` but "none" is one for the two-stage
+    model.
     """
     own = auxiliary(len(start.sd))
     belief = start.belief(np.r_[own[:OBSERVER], np.zeros(EMBEDDED + OWN_SIZE), own[OBSERVER:]])
-    belief.workspace[MEMORY.start], belief.workspace[ANGLES:ANGLES + 3] = FORGOTTEN, start.rph
+    belief.workspace[MEMORY.start], belief.workspace[ANGLES : ANGLES + 3] = FORGOTTEN, start.rph
     implant(belief.workspace, OBSERVER, start, noise, **observer)
     both = {**DEFAULTS, **observer}
-    set_options(belief, noise, velocity, "none" if both["course"] == "none" else "gnss", level, both["least_speed"], largest_bank, crab,
-              correlation, window, acceleration)
+    set_options(
+        belief,
+        noise,
+        velocity,
+        "none" if both["course"] == "none" else "gnss",
+        level,
+        both["least_speed"],
+        largest_bank,
+        crab,
+        correlation,
+        window,
+        acceleration,
+    )
     return belief
 
 
@@ -62,10 +127,13 @@ start.__signature__ = inspect.Signature([*_own[:-1], *_of_observer[2:]])
 
 
 def configure(options, aidings):
-    """What these sources decide of the observer and what it says of itself; refuses what either cannot run on."""
+    """What these sources decide of the observer and what it says of itself; refuses what either
+    cannot run on."""
     own = {name: value for name, value in options.items() if name not in DEFAULTS}
     _, notes = configure_model(options, aidings)
-    options, said = configure_observer({name: value for name, value in options.items() if name in DEFAULTS}, aidings)
+    options, said = configure_observer(
+        {name: value for name, value in options.items() if name in DEFAULTS}, aidings
+    )
     return own | options, [*notes, *said]
 
 
@@ -82,38 +150,67 @@ def predict(belief, u, dt, noise):
 
 @inlined
 def carry(belief, bar, u, dt, noise):
-    """P and workspace[ERROR] over dt, and the observer's state at LEFT by the model, without injections; the observer is left where it is."""
+    """P and workspace[ERROR] over dt, and the observer's state at LEFT by the model, without
+    injections; the observer is left where it is."""
     workspace = belief.workspace
     r0, r1, r2, a0, a1, a2 = bias_free(u, bar.ba, bar.bg, dt)
     mid, f_n = matrix(workspace, MID, 3, 3), workspace[DX]
     middle(bar.C, r0, r1, r2, mid)
     gather(belief, bar, u, r0, r1, r2, dt, noise.accel > workspace[TOLD])
     leave(workspace, bar)
-    mechanize(workspace[LEFT:LEFT + 3], workspace[LEFT + 3:LEFT + 6], matrix(workspace, LEFT + 6, 3, 3), r0, r1, r2, a0, a1, a2, dt, f_n)
-    decay_biases(workspace[LEFT + 15:LEFT + 18], workspace[LEFT + 18:LEFT + 21], dt, noise)
+    mechanize(
+        workspace[LEFT : LEFT + 3],
+        workspace[LEFT + 3 : LEFT + 6],
+        matrix(workspace, LEFT + 6, 3, 3),
+        r0,
+        r1,
+        r2,
+        a0,
+        a1,
+        a2,
+        dt,
+        f_n,
+    )
+    decay_biases(workspace[LEFT + 15 : LEFT + 18], workspace[LEFT + 18 : LEFT + 21], dt, noise)
     propagate(belief, mid, f_n[0], f_n[1], f_n[2], dt, noise)
 
 
 @inlined
 def arrive(belief, bar, dt, noise):
-    """After the observer has moved: the estimate relative to it; the correction by the specific force alone, where one is due."""
+    """After the observer has moved: the estimate relative to it; the correction by the specific
+    force alone, where one is due."""
     relate(belief, bar)
     if abs(bar.C[2, 0]) > SINE_STEEP:
         belief.workspace[BEYOND] += dt
     if level_alone(belief, bar, noise) > 0:
-        correct_rows(belief.P, belief.workspace, belief.workspace[INNOVATION], belief.workspace[DEVIATION], 3, math.inf, FAR_VECTOR)
+        correct_rows(
+            belief.P,
+            belief.workspace,
+            belief.workspace[INNOVATION],
+            belief.workspace[DEVIATION],
+            3,
+            math.inf,
+            FAR_VECTOR,
+        )
     compose(belief, bar)
 
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
-    """Correct P and the estimate around the observer, then let that take the fix, whatever the gate."""
+    """Correct P and the estimate around the observer, then let that take the fix, whatever the
+    gate."""
     workspace, bar = belief.workspace, embedded(belief, OBSERVER)
     nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
-    if kind == POSITION_KIND or kind == VELOCITY_KIND or kind == ALTITUDE_KIND or kind == HEADING_KIND or kind == MAGNETIC_KIND:
+    if (
+        kind == POSITION_KIND
+        or kind == VELOCITY_KIND
+        or kind == ALTITUDE_KIND
+        or kind == HEADING_KIND
+        or kind == MAGNETIC_KIND
+    ):
         if not repeated(workspace[MEMORY], y, sd, kind, gate, nis):
             leave(workspace, bar)
-            inject(bar, y, sd, kind, observe, parameters, workspace[UNUSED:UNUSED + 3])
+            inject(bar, y, sd, kind, observe, parameters, workspace[UNUSED : UNUSED + 3])
             relate(belief, bar)
     compose(belief, bar)
     return nis
@@ -121,13 +218,22 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 @inlined
 def correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation):
-    """Correct P and workspace[ERROR] by one fix in its stage, linearised at the observer. A velocity corrects stage 1 first. Returns the NIS."""
+    """Correct P and workspace[ERROR] by one fix in its stage, linearised at the observer. A
+    velocity corrects stage 1 first. Returns the NIS."""
     P, workspace = belief.P, belief.workspace
     doubt(P, workspace[MOVED])
     rows = see(belief, bar, y, sd, kind, observe, parameters, innovation)
-    nis = correct_rows(P, workspace, innovation, workspace[DV], rows, -1.0 if kind == VELOCITY_KIND else gate, math.inf)
+    nis = correct_rows(
+        P,
+        workspace,
+        innovation,
+        workspace[DV],
+        rows,
+        -1.0 if kind == VELOCITY_KIND else gate,
+        math.inf,
+    )
     if nis <= gate and kind == VELOCITY_KIND:
-        steer(belief, bar, y, sd, observe, parameters, workspace[UNUSED:UNUSED + 3])
+        steer(belief, bar, y, sd, observe, parameters, workspace[UNUSED : UNUSED + 3])
         rows = see(belief, bar, y, sd, kind, observe, parameters, innovation)
         correct_rows(P, workspace, innovation, workspace[DV], rows, math.inf, math.inf)
     if nis <= gate:
@@ -139,20 +245,35 @@ def correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovati
 def leave(workspace, bar):
     """Keep the observer's state before it moves."""
     for i in range(3):
-        workspace[LEFT + i], workspace[LEFT + 3 + i], workspace[LEFT + 15 + i], workspace[LEFT + 18 + i] = bar.lla[i], bar.v[i], bar.ba[i], bar.bg[i]
+        (
+            workspace[LEFT + i],
+            workspace[LEFT + 3 + i],
+            workspace[LEFT + 15 + i],
+            workspace[LEFT + 18 + i],
+        ) = bar.lla[i], bar.v[i], bar.ba[i], bar.bg[i]
         for j in range(3):
             workspace[LEFT + 6 + 3 * i + j] = bar.C[i, j]
 
 
 @inlined
 def relate(belief, bar):
-    """workspace[ERROR] and P are from now on those at the observer instead of those at LEFT: Euler angles, v_b and biases of the estimate stay."""
+    """workspace[ERROR] and P are from now on those at the observer instead of those at LEFT:
+    Euler angles, v_b and biases of the estimate stay."""
     workspace, x, lla = belief.workspace, belief.workspace[ERROR], bar.lla
     _, cosine, M, N = place(lla[0], lla[2])
     x[0] += (workspace[LEFT] - lla[0]) * M
     x[1] += wrap(workspace[LEFT + 1] - lla[1]) * N * cosine
     x[2] += lla[2] - workspace[LEFT + 2]
-    _relate_turned(belief.P, x, workspace[MOVED], workspace[ANGLES:ANGLES + 3], workspace[LEFT + 3:LEFT + 6], matrix(workspace, LEFT + 6, 3, 3), bar.v, bar.C)
+    _relate_turned(
+        belief.P,
+        x,
+        workspace[MOVED],
+        workspace[ANGLES : ANGLES + 3],
+        workspace[LEFT + 3 : LEFT + 6],
+        matrix(workspace, LEFT + 6, 3, 3),
+        bar.v,
+        bar.C,
+    )
     for i in range(3):
         x[9 + i] += workspace[LEFT + 15 + i] - bar.ba[i]
         x[12 + i] += workspace[LEFT + 18 + i] - bar.bg[i]
@@ -170,16 +291,28 @@ def _relate_turned(P, x, moved, angles, v, before, new_v, C):
     new_roll, new_pitch, new_heading = matrix_to_euler(C)
     angles[0], angles[1], angles[2] = new_roll, new_pitch, new_heading
     d0, d1, d2 = to_angles(pitch, heading, x[6], x[7], x[8])
-    x[6], x[7], x[8] = from_angles(new_pitch, new_heading, d0 + wrap(roll - new_roll), d1 + pitch - new_pitch, d2 + wrap(heading - new_heading))
+    x[6], x[7], x[8] = from_angles(
+        new_pitch,
+        new_heading,
+        d0 + wrap(roll - new_roll),
+        d1 + pitch - new_pitch,
+        d2 + wrap(heading - new_heading),
+    )
     turn_attitude(P, pitch, heading, new_pitch, new_heading)
 
 
 @inlined
 def compose(belief, bar):
-    """The belief is the observer and workspace[ERROR] together; near the singularity of the Euler angles by a rotation."""
+    """The belief is the observer and workspace[ERROR] together; near the singularity of the
+    Euler angles by a rotation."""
     workspace, x, C = belief.workspace, belief.workspace[ERROR], belief.C
     for i in range(3):
-        belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i] = bar.lla[i], bar.v[i] + x[3 + i], bar.ba[i] + x[9 + i], bar.bg[i] + x[12 + i]
+        belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i] = (
+            bar.lla[i],
+            bar.v[i] + x[3 + i],
+            bar.ba[i] + x[9 + i],
+            bar.bg[i] + x[12 + i],
+        )
         belief.omega[i], belief.f[i] = bar.omega[i] - x[12 + i], bar.f[i] - x[9 + i]
         workspace[SHIFT + i], workspace[SAID + 1 + i] = x[i], bar.workspace[XI + i]
     workspace[SAID] = bar.workspace[EXCITATION]
@@ -196,9 +329,19 @@ def compose(belief, bar):
 
 
 def diagnose(t, lla, columns):
-    """[(t, text)] where the pitch first was near the singularity of the Euler angles, and where the heading was first held without a course."""
+    """[(t, text)] where the pitch first was near the singularity of the Euler angles, and where
+    the heading was first held without a course."""
     return steep(t, lla, columns) + held(t, columns)
 
 
-XKF_TWO_STAGE = Filter("xkf-two-stage", "Alam, Whidborne & Millidere (2023) section 2.3; Johansen & Fossen (2017), IJC 90(2)", start,
-                       predict, correct, columns=COLUMNS, uses=USES, configure=configure, diagnose=diagnose)
+XKF_TWO_STAGE = Filter(
+    "xkf-two-stage",
+    "Alam, Whidborne & Millidere (2023) section 2.3; Johansen & Fossen (2017), IJC 90(2)",
+    start,
+    predict,
+    correct,
+    columns=COLUMNS,
+    uses=USES,
+    configure=configure,
+    diagnose=diagnose,
+)

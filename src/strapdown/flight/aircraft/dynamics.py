@@ -1,24 +1,52 @@
-"""How the aircraft moves: six degrees of freedom over a rotating ellipsoidal or a flat Earth, integrated by RK4 with the increments of an ideal IMU.
+"""How the aircraft moves: six degrees of freedom over a rotating ellipsoidal or a flat Earth,
+integrated by RK4 with the increments of an ideal IMU.
 
-Velocity is integrated in the navigation frame, never airspeed and flow angles: it has no singularity at rest or at any attitude.
+Velocity is integrated in the navigation frame, never airspeed and flow angles: it has no
+singularity at rest or at any attitude.
 """
+
 import math
 
 import numpy as np
 
-from ...core.jit import COMPILED, compile_kernel, entry_point, helper, inlined, kernel
 from ...core.contract import Imu
 from ...core.earth import gravity, place, rotation_rates
+from ...core.jit import COMPILED, compile_kernel, entry_point, helper, inlined, kernel
 from ...data import DataError
 from ...sensor_models.datasheet_units import real
 from .forces import air_data, density, forces, propeller
-from .parameters import ACTUATORS, EARTH, GRAVITY, INVERSE, J_X, J_XZ, J_Y, J_Z, LATITUDE_RATE, LONGITUDE_RATE, MASS, checked_array
+from .parameters import (
+    ACTUATORS,
+    EARTH,
+    GRAVITY,
+    INVERSE,
+    J_X,
+    J_XZ,
+    J_Y,
+    J_Z,
+    LATITUDE_RATE,
+    LONGITUDE_RATE,
+    MASS,
+    checked_array,
+)
 from .parameters import aircraft as find
 
 LLA, VELOCITY, QUATERNION, OMEGA, CONTROLS, STATES = 0, 3, 6, 10, 13, 17
-"""State: lat, lon (rad), height (m) | v_n (m/s) | q_nb | omega_ib_b (rad/s) | positions of elevator, aileron, rudder (rad) and throttle."""
-FORCE, MOMENT, AIRSPEED, ALPHA, BETA, PROPELLER, THRUST, TORQUE, OUTPUTS = 0, 3, 6, 7, 8, 9, 10, 11, 12
-"""What `evaluate` tells: force (N), moment (N m), airspeed (m/s), flow angles (rad), propeller speed (rad/s), its thrust (N) and torque (N m)."""
+"""State: lat, lon (rad), height (m) | v_n (m/s) | q_nb | omega_ib_b (rad/s) | positions of
+elevator, aileron, rudder (rad) and throttle."""
+FORCE, MOMENT, AIRSPEED, ALPHA, BETA, PROPELLER, THRUST, TORQUE, OUTPUTS = (
+    0,
+    3,
+    6,
+    7,
+    8,
+    9,
+    10,
+    11,
+    12,
+)
+"""What `evaluate` tells: force (N), moment (N m), airspeed (m/s), flow angles (rad), propeller
+speed (rad/s), its thrust (N) and torque (N m)."""
 LONGEST = 0.01
 """s; a longer step is integrated in pieces."""
 LONGEST_HELD = 1.0
@@ -27,25 +55,45 @@ LONGEST_HELD = 1.0
 
 @helper
 def _against_air(x, wind, ie_n, ie_d):
-    """Velocity (m/s) and rates (rad/s) against the air in body axes, and C_nb row by row, of the 13 numbers of motion x.
+    """Velocity (m/s) and rates (rad/s) against the air in body axes, and C_nb row by row, of the 13
+    numbers of motion x.
 
-    Wind is steady NED velocity, gust velocity and gust rates in body axes; the air turns with the Earth, by (ie_n, 0, ie_d) rad/s.
+    Wind is steady NED velocity, gust velocity and gust rates in body axes; the air turns with the
+    Earth, by (ie_n, 0, ie_d) rad/s.
     """
     a, b, c, d = x[6], x[7], x[8], x[9]
     c00, c01, c02 = a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c)
     c10, c11, c12 = 2 * (b * c + a * d), a * a - b * b + c * c - d * d, 2 * (c * d - a * b)
     c20, c21, c22 = 2 * (b * d - a * c), 2 * (c * d + a * b), a * a - b * b - c * c + d * d
     v0, v1, v2 = x[3] - wind[0], x[4] - wind[1], x[5] - wind[2]
-    velocity = (c00 * v0 + c10 * v1 + c20 * v2 - wind[3], c01 * v0 + c11 * v1 + c21 * v2 - wind[4], c02 * v0 + c12 * v1 + c22 * v2 - wind[5])
-    rates = (x[10] - wind[6] - c00 * ie_n - c20 * ie_d, x[11] - wind[7] - c01 * ie_n - c21 * ie_d, x[12] - wind[8] - c02 * ie_n - c22 * ie_d)
+    velocity = (
+        c00 * v0 + c10 * v1 + c20 * v2 - wind[3],
+        c01 * v0 + c11 * v1 + c21 * v2 - wind[4],
+        c02 * v0 + c12 * v1 + c22 * v2 - wind[5],
+    )
+    rates = (
+        x[10] - wind[6] - c00 * ie_n - c20 * ie_d,
+        x[11] - wind[7] - c01 * ie_n - c21 * ie_d,
+        x[12] - wind[8] - c02 * ie_n - c22 * ie_d,
+    )
     return velocity, rates, (c00, c01, c02, c10, c11, c12, c20, c21, c22)
 
 
 @helper
 def _earth(parameters, x):
-    """Rates of lat, lon, height to the m/s; omega_ie_n (north, down); omega_in_n (north, east, down), rad/s; gravity, m/s^2."""
+    """Rates of lat, lon, height to the m/s; omega_ie_n (north, down); omega_in_n (north, east,
+    down), rad/s; gravity, m/s^2."""
     if parameters[EARTH] == 0:
-        return parameters[LATITUDE_RATE], parameters[LONGITUDE_RATE], 0.0, 0.0, 0.0, 0.0, 0.0, parameters[GRAVITY]
+        return (
+            parameters[LATITUDE_RATE],
+            parameters[LONGITUDE_RATE],
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            parameters[GRAVITY],
+        )
     sine, cosine, M, N = place(x[0], x[2])
     ie_n, ie_d, w0, w1, w2 = rotation_rates(x[3], x[4], sine, cosine, M, N)
     return 1 / M, 1 / (N * cosine), ie_n, ie_d, w0, w1, w2, gravity(sine, x[2])
@@ -53,11 +101,14 @@ def _earth(parameters, x):
 
 @helper
 def _derivative(parameters, x, controls, wind):
-    """Rates of the 13 numbers of motion, then omega_ib_b and f_ib_b: the rates of the increments."""
+    """Rates of the 13 numbers of motion, then omega_ib_b and f_ib_b: the rates of the
+    increments."""
     lat_rate, lon_rate, ie_n, ie_d, w0, w1, w2, g = _earth(parameters, x)
     velocity, rates, C = _against_air(x, wind, ie_n, ie_d)
     c00, c01, c02, c10, c11, c12, c20, c21, c22 = C
-    F_x, F_y, F_z, M_x, M_y, M_z = forces(parameters, density(parameters, x[2]), velocity, rates, controls)
+    F_x, F_y, F_z, M_x, M_y, M_z = forces(
+        parameters, density(parameters, x[2]), velocity, rates, controls
+    )
     p, q, r = x[10], x[11], x[12]
     f0, f1, f2 = F_x / parameters[MASS], F_y / parameters[MASS], F_z / parameters[MASS]
     v0, v1, v2 = x[3], x[4], x[5]
@@ -65,28 +116,77 @@ def _derivative(parameters, x, controls, wind):
     a0 = c00 * f0 + c01 * f1 + c02 * f2 - o1 * v2 + o2 * v1
     a1 = c10 * f0 + c11 * f1 + c12 * f2 - o2 * v0 + o0 * v2
     a2 = c20 * f0 + c21 * f1 + c22 * f2 - o0 * v1 + o1 * v0 + g
-    n0, n1, n2 = p - c00 * w0 - c10 * w1 - c20 * w2, q - c01 * w0 - c11 * w1 - c21 * w2, r - c02 * w0 - c12 * w1 - c22 * w2
+    n0, n1, n2 = (
+        p - c00 * w0 - c10 * w1 - c20 * w2,
+        q - c01 * w0 - c11 * w1 - c21 * w2,
+        r - c02 * w0 - c12 * w1 - c22 * w2,
+    )
     a, b, c, d = 0.5 * x[6], 0.5 * x[7], 0.5 * x[8], 0.5 * x[9]
-    hx, hy, hz = parameters[J_X] * p - parameters[J_XZ] * r, parameters[J_Y] * q, parameters[J_Z] * r - parameters[J_XZ] * p
+    hx, hy, hz = (
+        parameters[J_X] * p - parameters[J_XZ] * r,
+        parameters[J_Y] * q,
+        parameters[J_Z] * r - parameters[J_XZ] * p,
+    )
     t0, t1, t2 = M_x - q * hz + r * hy, M_y - r * hx + p * hz, M_z - p * hy + q * hx
-    return (lat_rate * v0, lon_rate * v1, -v2, a0, a1, a2,
-            -b * n0 - c * n1 - d * n2, a * n0 + c * n2 - d * n1, a * n1 + d * n0 - b * n2, a * n2 + b * n1 - c * n0,
-            parameters[INVERSE + 1] * t0 + parameters[INVERSE + 2] * t2, parameters[INVERSE] * t1,
-            parameters[INVERSE + 2] * t0 + parameters[INVERSE + 3] * t2, p, q, r, f0, f1, f2)
+    return (
+        lat_rate * v0,
+        lon_rate * v1,
+        -v2,
+        a0,
+        a1,
+        a2,
+        -b * n0 - c * n1 - d * n2,
+        a * n0 + c * n2 - d * n1,
+        a * n1 + d * n0 - b * n2,
+        a * n2 + b * n1 - c * n0,
+        parameters[INVERSE + 1] * t0 + parameters[INVERSE + 2] * t2,
+        parameters[INVERSE] * t1,
+        parameters[INVERSE + 2] * t0 + parameters[INVERSE + 3] * t2,
+        p,
+        q,
+        r,
+        f0,
+        f1,
+        f2,
+    )
 
 
 @inlined
 def _ahead(x, k, h):
     """x + h k of 19 numbers."""
-    return (x[0] + h * k[0], x[1] + h * k[1], x[2] + h * k[2], x[3] + h * k[3], x[4] + h * k[4], x[5] + h * k[5], x[6] + h * k[6],
-            x[7] + h * k[7], x[8] + h * k[8], x[9] + h * k[9], x[10] + h * k[10], x[11] + h * k[11], x[12] + h * k[12], x[13] + h * k[13],
-            x[14] + h * k[14], x[15] + h * k[15], x[16] + h * k[16], x[17] + h * k[17], x[18] + h * k[18])
+    return (
+        x[0] + h * k[0],
+        x[1] + h * k[1],
+        x[2] + h * k[2],
+        x[3] + h * k[3],
+        x[4] + h * k[4],
+        x[5] + h * k[5],
+        x[6] + h * k[6],
+        x[7] + h * k[7],
+        x[8] + h * k[8],
+        x[9] + h * k[9],
+        x[10] + h * k[10],
+        x[11] + h * k[11],
+        x[12] + h * k[12],
+        x[13] + h * k[13],
+        x[14] + h * k[14],
+        x[15] + h * k[15],
+        x[16] + h * k[16],
+        x[17] + h * k[17],
+        x[18] + h * k[18],
+    )
 
 
 @helper
 def _actuated(parameters, first, position, command, h):
-    """Where an actuator is after h s: first-order lag towards the command within its end stops, at no more than its rate; exact."""
-    low, high, rate, lag = parameters[first], parameters[first + 1], parameters[first + 2], parameters[first + 3]
+    """Where an actuator is after h s: first-order lag towards the command within its end stops,
+    at no more than its rate; exact."""
+    low, high, rate, lag = (
+        parameters[first],
+        parameters[first + 1],
+        parameters[first + 2],
+        parameters[first + 3],
+    )
     command = min(max(command, low), high)
     error, slow = command - position, rate * lag
     if abs(error) > slow:
@@ -100,30 +200,59 @@ def _actuated(parameters, first, position, command, h):
 
 @helper
 def actuated(parameters, c, commands, h):
-    """Positions of the four controls after h s, from positions `c` (a tuple) towards `commands` (4,)."""
-    return (_actuated(parameters, ACTUATORS, c[0], commands[0], h), _actuated(parameters, ACTUATORS + 4, c[1], commands[1], h),
-            _actuated(parameters, ACTUATORS + 8, c[2], commands[2], h), _actuated(parameters, ACTUATORS + 12, c[3], commands[3], h))
+    """Positions of the four controls after h s, from positions `c` (a tuple) towards `commands`
+    (4,)."""
+    return (
+        _actuated(parameters, ACTUATORS, c[0], commands[0], h),
+        _actuated(parameters, ACTUATORS + 4, c[1], commands[1], h),
+        _actuated(parameters, ACTUATORS + 8, c[2], commands[2], h),
+        _actuated(parameters, ACTUATORS + 12, c[3], commands[3], h),
+    )
 
 
 STEP_SIGNATURE = None
 EVALUATE_SIGNATURE = None
 if COMPILED:
     from numba import float64, void
-    STEP_SIGNATURE = void(float64[::1], float64[::1], float64[::1], float64[::1], float64, float64[::1])
+
+    STEP_SIGNATURE = void(
+        float64[::1], float64[::1], float64[::1], float64[::1], float64, float64[::1]
+    )
     EVALUATE_SIGNATURE = void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1])
 
 
 @kernel(STEP_SIGNATURE)
 def step(parameters, state, commands, wind, dt, increments):
-    """Advance `state` (STATES,) by dt s under held `commands` (4,) and `wind` (9,); `increments` (6,) gets the integrals of omega_ib_b and f_ib_b.
+    """Advance `state` (STATES,) by dt s under held `commands` (4,) and `wind` (9,); `increments`
+    (6,) gets the integrals of omega_ib_b and f_ib_b.
 
-    Wind is steady velocity NED (m/s), gust velocity (m/s) and gust rates (rad/s) in body axes. RK4 in pieces of at most LONGEST; the actuators,
-    which are linear but for their rate limit, are exact. Longitude stays in [-pi, pi], the quaternion's scalar part at 0 or above.
+    Wind is steady velocity NED (m/s), gust velocity (m/s) and gust rates (rad/s) in body axes. RK4
+    in pieces of at most LONGEST; the actuators, which are linear but for their rate limit, are
+    exact. Longitude stays in [-pi, pi], the quaternion's scalar part at 0 or above.
     """
     pieces = max(1, int(math.ceil(dt / LONGEST - 1e-9)))
     h = dt / pieces
-    x = (state[0], state[1], state[2], state[3], state[4], state[5], state[6], state[7], state[8], state[9], state[10], state[11], state[12],
-         0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    x = (
+        state[0],
+        state[1],
+        state[2],
+        state[3],
+        state[4],
+        state[5],
+        state[6],
+        state[7],
+        state[8],
+        state[9],
+        state[10],
+        state[11],
+        state[12],
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+    )
     c0 = (state[13], state[14], state[15], state[16])
     for _ in range(pieces):
         c1 = actuated(parameters, c0, commands, 0.5 * h)
@@ -140,14 +269,41 @@ def step(parameters, state, commands, wind, dt, increments):
     state[6], state[7], state[8], state[9] = norm * x[6], norm * x[7], norm * x[8], norm * x[9]
     state[10], state[11], state[12] = x[10], x[11], x[12]
     state[13], state[14], state[15], state[16] = c0
-    increments[0], increments[1], increments[2], increments[3], increments[4], increments[5] = x[13], x[14], x[15], x[16], x[17], x[18]
+    increments[0], increments[1], increments[2], increments[3], increments[4], increments[5] = (
+        x[13],
+        x[14],
+        x[15],
+        x[16],
+        x[17],
+        x[18],
+    )
 
 
 @kernel(EVALUATE_SIGNATURE)
 def evaluate(parameters, state, wind, rates, outputs):
-    """At one instant: `rates` (19,) of the 13 numbers of motion and of the increments (omega_ib_b, f_ib_b), and `outputs` (OUTPUTS,)."""
-    x = (state[0], state[1], state[2], state[3], state[4], state[5], state[6], state[7], state[8], state[9], state[10], state[11], state[12],
-         0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    """At one instant: `rates` (19,) of the 13 numbers of motion and of the increments
+    (omega_ib_b, f_ib_b), and `outputs` (OUTPUTS,)."""
+    x = (
+        state[0],
+        state[1],
+        state[2],
+        state[3],
+        state[4],
+        state[5],
+        state[6],
+        state[7],
+        state[8],
+        state[9],
+        state[10],
+        state[11],
+        state[12],
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+    )
     controls = (state[13], state[14], state[15], state[16])
     k = _derivative(parameters, x, controls, wind)
     for i in range(19):
@@ -158,41 +314,59 @@ def evaluate(parameters, state, wind, rates, outputs):
     result = forces(parameters, rho, velocity, turning, controls)
     for i in range(6):
         outputs[i] = result[i]
-    outputs[AIRSPEED], outputs[ALPHA], outputs[BETA], _, _ = air_data(velocity[0], velocity[1], velocity[2])
-    outputs[THRUST], outputs[TORQUE], outputs[PROPELLER] = propeller(parameters, rho, outputs[AIRSPEED], state[16])
+    outputs[AIRSPEED], outputs[ALPHA], outputs[BETA], _, _ = air_data(
+        velocity[0], velocity[1], velocity[2]
+    )
+    outputs[THRUST], outputs[TORQUE], outputs[PROPELLER] = propeller(
+        parameters, rho, outputs[AIRSPEED], state[16]
+    )
 
 
 def ready(function):
-    """A kernel as Python calls it: compiled or loaded on first use; arguments must have the declared types."""
+    """A kernel as Python calls it: compiled or loaded on first use; arguments must have the
+    declared types."""
     compile_kernel(function)
     return entry_point(function)
 
 
 def checked_state(state, what):
-    """`state` as a new array (STATES,), finite and with a unit quaternion. Raises DataError naming `what` is given it."""
+    """`state` as a new array (STATES,), finite and with a unit quaternion. Raises DataError
+    naming `what` is given it."""
     state = checked_array(state, (STATES,), f"{what}: state").copy()
     norm = float(np.linalg.norm(state[QUATERNION:OMEGA]))
     if abs(norm - 1) > 1e-6:
-        raise DataError(f"{what}: the quaternion of the state, numbers {QUATERNION} to {OMEGA - 1}, has length {norm:g}; make it a unit one")
+        raise DataError(
+            f"{what}: the quaternion of the state, numbers {QUATERNION} to {OMEGA - 1}, has length {norm:g}; make it a unit one"
+        )
     return state
 
 
 def _winds(wind, n):
     """(n, 9) of no wind, (9,) or (n, 9). Raises DataError."""
     if wind is None or np.ndim(wind) == 1:
-        return np.tile(checked_array(np.zeros(9) if wind is None else wind, (9,), "respond: wind"), (n, 1))
+        return np.tile(
+            checked_array(np.zeros(9) if wind is None else wind, (9,), "respond: wind"), (n, 1)
+        )
     return checked_array(wind, (n, 9), "respond: wind")
 
 
 def respond(aircraft, state, commands, dt, earth="geodetic", wind=None):
-    """Fly `commands` (n, 4), each held for dt s, from `state` (STATES,): states (n + 1, STATES) and the Imu of an ideal IMU.
+    """Fly `commands` (n, 4), each held for dt s, from `state` (STATES,): states (n + 1, STATES) and
+    the Imu of an ideal IMU.
 
-    `aircraft` is an Aircraft or its name; wind: none, (9,) or (n, 9), as for `step`; dt: at most LONGEST_HELD. The flat Earth touches WGS-84 where
-    the flight begins. Raises DataError, also where the motion does not stay finite.
+    `aircraft` is an Aircraft or its name; wind: none, (9,) or (n, 9), as for `step`; dt: at most
+    LONGEST_HELD. The flat Earth touches WGS-84 where the flight begins. Raises DataError, also
+    where the motion does not stay finite.
     """
-    aircraft, commands, state = find(aircraft), checked_array(commands, (None, 4), "respond: commands"), checked_state(state, "respond")
+    aircraft, commands, state = (
+        find(aircraft),
+        checked_array(commands, (None, 4), "respond: commands"),
+        checked_state(state, "respond"),
+    )
     if not real(dt) or not 0 < dt <= LONGEST_HELD:
-        raise DataError(f"respond: dt is {dt!r} s; it must be above 0 and at most {LONGEST_HELD:g} s, for which commands are held")
+        raise DataError(
+            f"respond: dt is {dt!r} s; it must be above 0 and at most {LONGEST_HELD:g} s, for which commands are held"
+        )
     array, go, n = aircraft.array(earth, state[:3]), ready(step), len(commands)
     winds = _winds(wind, n)
     states, increments = np.empty((n + 1, STATES)), np.empty((n, 6))
@@ -200,6 +374,13 @@ def respond(aircraft, state, commands, dt, earth="geodetic", wind=None):
     for k in range(n):
         go(array, state, commands[k], winds[k], float(dt), increments[k])
         if not np.isfinite(state).all():
-            raise DataError(f"respond: {aircraft.name!r} does not stay finite after {k * dt:g} s; take shorter steps or smaller commands")
+            raise DataError(
+                f"respond: {aircraft.name!r} does not stay finite after {k * dt:g} s; take shorter steps or smaller commands"
+            )
         states[k + 1] = state
-    return states, Imu(dt * np.arange(1, n + 1), np.full(n, float(dt)), np.ascontiguousarray(increments[:, :3]), np.ascontiguousarray(increments[:, 3:]))
+    return states, Imu(
+        dt * np.arange(1, n + 1),
+        np.full(n, float(dt)),
+        np.ascontiguousarray(increments[:, :3]),
+        np.ascontiguousarray(increments[:, 3:]),
+    )

@@ -1,4 +1,6 @@
-"""What small deviations from steady flight do: the linear model about a trim, its natural modes, and how long a time step may be."""
+"""What small deviations from steady flight do: the linear model about a trim, its natural modes,
+and how long a time step may be."""
+
 import math
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -14,7 +16,8 @@ from .parameters import aircraft as find
 from .trim import Trim, quaternion
 
 STATE_NAMES = ("u", "v", "w", "p", "q", "r", "roll", "pitch")
-"""Of the linear model: velocity against the air (m/s) and rates (rad/s) in body axes, Euler angles (rad)."""
+"""Of the linear model: velocity against the air (m/s) and rates (rad/s) in body axes, Euler
+angles (rad)."""
 INPUT_NAMES = ("elevator", "aileron", "rudder", "throttle")
 _LONGITUDINAL, _LATERAL = [0, 2, 4, 7], [1, 3, 5, 6]
 _RESOLVED = 0.5
@@ -23,6 +26,7 @@ _RESOLVED = 0.5
 @dataclass(frozen=True)
 class Mode:
     """One natural mode: its name and its eigenvalue or conjugate pair (1/s)."""
+
     name: str
     eigenvalues: tuple
 
@@ -33,7 +37,8 @@ class Mode:
 
     @property
     def damping(self):
-        """Damping ratio, negative where the mode grows; 0 where it stays as it is (eigenvalue 0)."""
+        """Damping ratio, negative where the mode grows; 0 where it stays as it is (eigenvalue
+        0)."""
         return -self.eigenvalues[0].real / self.frequency if self.frequency > 0 else 0.0
 
     @property
@@ -44,7 +49,9 @@ class Mode:
 
 @dataclass(frozen=True)
 class Modes:
-    """The linear model x' = A x + B c of deviations from a trim (STATE_NAMES, INPUT_NAMES) and its natural modes, fastest first."""
+    """The linear model x' = A x + B c of deviations from a trim (STATE_NAMES, INPUT_NAMES) and
+    its natural modes, fastest first."""
+
     A: np.ndarray = field(repr=False)
     B: np.ndarray = field(repr=False)
     modes: tuple
@@ -58,14 +65,23 @@ class Modes:
 
     def table(self):
         """Rows {"mode": ..., "frequency, rad/s": ..., "damping": ..., "time constant, s": ...}."""
-        return [{"mode": mode.name, "frequency, rad/s": mode.frequency, "damping": mode.damping, "time constant, s": mode.time_constant}
-                for mode in self.modes]
+        return [
+            {
+                "mode": mode.name,
+                "frequency, rad/s": mode.frequency,
+                "damping": mode.damping,
+                "time constant, s": mode.time_constant,
+            }
+            for mode in self.modes
+        ]
 
 
 def linearise(aircraft, trim):
-    """The Modes of `aircraft` about a Trim: central differences of the whole model with calm air and a flat Earth; actuators are not in it.
+    """The Modes of `aircraft` about a Trim: central differences of the whole model with calm air
+    and a flat Earth; actuators are not in it.
 
-    In a steep turn, where motions along and across the plane of symmetry mix, each mode has the name of the one it is most like. Raises DataError.
+    In a steep turn, where motions along and across the plane of symmetry mix, each mode has the
+    name of the one it is most like. Raises DataError.
     """
     aircraft, trim = find(aircraft), _checked(trim)
     array = aircraft.array("flat", trim.origin)
@@ -77,20 +93,28 @@ def linearise(aircraft, trim):
 
 
 def deviation_point(trim):
-    """The eight numbers of the linear model (STATE_NAMES) and the controls at a Trim, about which it is taken."""
+    """The eight numbers of the linear model (STATE_NAMES) and the controls at a Trim, about
+    which it is taken."""
     V, alpha, roll, pitch = trim.airspeed, trim.alpha, trim.roll, trim.pitch
-    rates = trim.turn_rate * np.array([-math.sin(pitch), math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch)])
-    return np.array([V * math.cos(alpha), 0.0, V * math.sin(alpha), *rates, roll, pitch]), trim.commands.copy()
+    rates = trim.turn_rate * np.array(
+        [-math.sin(pitch), math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch)]
+    )
+    return np.array(
+        [V * math.cos(alpha), 0.0, V * math.sin(alpha), *rates, roll, pitch]
+    ), trim.commands.copy()
 
 
 def check_step(trim, dt):
-    """Refuse a time step dt (s) too long for the fastest mode about a Trim: controls and gusts are held over it. Raises DataError naming the longest."""
+    """Refuse a time step dt (s) too long for the fastest mode about a Trim: controls and gusts
+    are held over it. Raises DataError naming the longest."""
     if not real(dt) or not 0 < dt < math.inf:
         raise DataError(f"time step of the aircraft is {dt!r} s; it must be above 0")
     fastest = max(abs(np.linalg.eigvals(linearise(_checked(trim).aircraft, trim).A)))
     if dt > _RESOLVED / fastest:
-        raise DataError(f"a time step of {dt:g} s is too long for aircraft {trim.aircraft.name!r} at {trim.airspeed:g} m/s, whose fastest mode has a "
-                        f"time constant of {1 / fastest:.3g} s; take {_RESOLVED / fastest:.3g} s at most")
+        raise DataError(
+            f"a time step of {dt:g} s is too long for aircraft {trim.aircraft.name!r} at {trim.airspeed:g} m/s, whose fastest mode has a "
+            f"time constant of {1 / fastest:.3g} s; take {_RESOLVED / fastest:.3g} s at most"
+        )
 
 
 def _checked(trim):
@@ -110,36 +134,64 @@ def _rates(array, origin, x, controls):
     ready(evaluate)(array, state, np.zeros(9), rates, np.zeros(OUTPUTS))
     p, q, r = omega
     across = q * math.sin(roll) + r * math.cos(roll)
-    return np.r_[C.T @ rates[3:6] - np.cross(omega, velocity), rates[10:13], p + across * math.tan(pitch),
-                 q * math.cos(roll) - r * math.sin(roll)]
+    return np.r_[
+        C.T @ rates[3:6] - np.cross(omega, velocity),
+        rates[10:13],
+        p + across * math.tan(pitch),
+        q * math.cos(roll) - r * math.sin(roll),
+    ]
 
 
 def _named(A):
-    """The modes of an 8 x 8 system: the four eigenvalues that move it most along its plane of symmetry, and the four that move it across.
+    """The modes of an 8 x 8 system: the four eigenvalues that move it most along its plane of
+    symmetry, and the four that move it across.
 
-    Half a conjugate pair is no mode: of all ways to choose four eigenvalues in whole pairs, the one that moves it most along.
+    Half a conjugate pair is no mode: of all ways to choose four eigenvalues in whole pairs, the one
+    that moves it most along.
     """
     values, vectors = np.linalg.eig(A)
-    scale = np.array([25.0, 25.0, 25.0, 1.0, 1.0, 1.0, 1.0, 1.0])      # m/s beside rad: which modes are symmetric does not depend on it
+    scale = np.array(
+        [25.0, 25.0, 25.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+    )  # m/s beside rad: which modes are symmetric does not depend on it
     weight = np.abs(vectors / scale[:, None]) ** 2
     along = weight[_LONGITUDINAL].sum(0) / weight.sum(0)
-    wholes = [(i, i + 1) if values[i].imag > 0 else (i,) for i in range(8) if values[i].imag >= 0]     # LAPACK puts a pair side by side, + first
-    fours = [sum(chosen, ()) for count in (2, 3, 4) for chosen in combinations(wholes, count) if sum(map(len, chosen)) == 4]
+    wholes = [
+        (i, i + 1) if values[i].imag > 0 else (i,) for i in range(8) if values[i].imag >= 0
+    ]  # LAPACK puts a pair side by side, + first
+    fours = [
+        sum(chosen, ())
+        for count in (2, 3, 4)
+        for chosen in combinations(wholes, count)
+        if sum(map(len, chosen)) == 4
+    ]
     chosen = list(max(fours, key=lambda four: along[list(four)].sum()))
     others = [i for i in range(8) if i not in chosen]
-    return tuple(sorted([*_along(values[chosen]), *_across(values[others])], key=lambda mode: -mode.frequency))
+    return tuple(
+        sorted(
+            [*_along(values[chosen]), *_across(values[others])], key=lambda mode: -mode.frequency
+        )
+    )
 
 
 def _parted(values):
-    """Eigenvalues with their conjugates -> (those of pairs, one pair after the other; the real ones); each from fast to slow."""
-    turning = sorted((value for value in values if value.imag != 0), key=lambda value: (-abs(value), abs(value.imag), value.imag))
-    return turning, sorted((value for value in values if value.imag == 0), key=lambda value: -abs(value))
+    """Eigenvalues with their conjugates -> (those of pairs, one pair after the other; the real
+    ones); each from fast to slow."""
+    turning = sorted(
+        (value for value in values if value.imag != 0),
+        key=lambda value: (-abs(value), abs(value.imag), value.imag),
+    )
+    return turning, sorted(
+        (value for value in values if value.imag == 0), key=lambda value: -abs(value)
+    )
 
 
 def _along(values):
     """Short period and phugoid of four eigenvalues."""
     turning, straight = _parted(values)
-    twos = [*(turning[i:i + 2] for i in range(0, len(turning), 2)), *(straight[i:i + 2] for i in range(0, len(straight), 2))]
+    twos = [
+        *(turning[i : i + 2] for i in range(0, len(turning), 2)),
+        *(straight[i : i + 2] for i in range(0, len(straight), 2)),
+    ]
     fast, slow = sorted(twos, key=lambda two: -abs(two[0] * two[1]))
     return [*_modes("short period", fast), *_modes("phugoid", slow)]
 
@@ -148,10 +200,18 @@ def _across(values):
     """Roll, Dutch roll and spiral of four eigenvalues."""
     turning, straight = _parted(values)
     if len(turning) == 2:
-        return [*_modes("Dutch roll", turning), *_modes("roll", straight[:1]), *_modes("spiral", straight[1:])]
+        return [
+            *_modes("Dutch roll", turning),
+            *_modes("roll", straight[:1]),
+            *_modes("spiral", straight[1:]),
+        ]
     if len(turning) == 4:
         return [*_modes("Dutch roll", turning[:2]), *_modes("roll and spiral", turning[2:])]
-    return [*_modes("roll", straight[:1]), *_modes("Dutch roll", straight[1:3]), *_modes("spiral", straight[3:])]
+    return [
+        *_modes("roll", straight[:1]),
+        *_modes("Dutch roll", straight[1:3]),
+        *_modes("spiral", straight[3:]),
+    ]
 
 
 def _modes(name, values):
@@ -159,4 +219,7 @@ def _modes(name, values):
     values = [complex(value) for value in values]
     if len(values) == 1 or values[0].imag != 0:
         return [Mode(name, tuple(sorted(values, key=lambda value: -value.imag)))]
-    return [Mode(f"{name} {number}", (value,)) for number, value in enumerate(sorted(values, key=lambda value: -abs(value)), 1)]
+    return [
+        Mode(f"{name} {number}", (value,))
+        for number, value in enumerate(sorted(values, key=lambda value: -abs(value)), 1)
+    ]

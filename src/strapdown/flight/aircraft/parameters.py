@@ -1,4 +1,6 @@
-"""What an aircraft is: its parameters by name, their place in the flat array that the kernels read, and TOML files of them."""
+"""What an aircraft is: its parameters by name, their place in the flat array that the kernels
+read, and TOML files of them."""
+
 import math
 import tomllib
 from collections.abc import Mapping
@@ -9,45 +11,147 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ...core.earth import A, E2
+from ...core.earth import E2, A
 from ...data import DataError
 from ...files import read_toml
 from ...geodesy import gravity
 from ...sensor_models.datasheet_units import nearest, real, refuse_unknown
 
 SECTIONS = {
-    "body": (("mass", "kg", 1e-3, 1e6), ("J_x", "kgm2", 1e-7, 1e9), ("J_y", "kgm2", 1e-7, 1e9), ("J_z", "kgm2", 1e-7, 1e9),
-             ("J_xz", "kgm2", -1e9, 1e9)),
-    "wing": (("area", "m2", 1e-4, 1e4), ("span", "m", 1e-2, 200.0), ("chord", "m", 1e-3, 50.0), ("oswald", "", 0.1, 1.5),
-             ("density", "kgm3", 0.0, 10.0)),
-    "longitudinal": (("C_L_0", "", -5, 5), ("C_L_alpha", "", 0.1, 20), ("C_L_q", "", -200, 200), ("C_L_elevator", "", -10, 10),
-                     ("stall_alpha", "rad", 0.05, 1.5), ("stall_blend", "", 1, 150), ("C_D_p", "", 0, 2), ("C_D_q", "", -50, 50),
-                     ("C_D_elevator", "", -2, 2), ("C_m_0", "", -2, 2), ("C_m_alpha", "", -50, 50), ("C_m_q", "", -500, 0),
-                     ("C_m_elevator", "", -20, 20)),
-    "lateral": tuple((f"C_{axis}_{term}", "", -limit, limit) for axis, limit in (("Y", 20), ("l", 10), ("n", 10))
-                     for term in ("0", "beta", "p", "r", "aileron", "rudder")),
-    "propulsion": (("diameter", "m", 1e-2, 20), ("C_T_0", "", 0, 2), ("C_T_1", "", -2, 2), ("C_T_2", "", -2, 2), ("C_Q_0", "", 1e-6, 1),
-                   ("C_Q_1", "", -1, 1), ("C_Q_2", "", -1, 1), ("voltage", "V", 0, 1e4), ("motor_constant", "Nm_A", 1e-5, 100),
-                   ("resistance", "Ohm", 1e-5, 100), ("idle_current", "A", 0, 1e3)),
-    "actuators": tuple((f"{control}_{term}", unit if control == "throttle" else {"": "deg", "1_s": "deg_s"}.get(unit, unit), low, high)
-                       for control in ("elevator", "aileron", "rudder", "throttle")
-                       for term, unit, low, high in (("min", "", -1.5, 1.5), ("max", "", -1.5, 1.5), ("rate", "1_s", 1e-3, 1e4), ("lag", "s", 0, 10))),
+    "body": (
+        ("mass", "kg", 1e-3, 1e6),
+        ("J_x", "kgm2", 1e-7, 1e9),
+        ("J_y", "kgm2", 1e-7, 1e9),
+        ("J_z", "kgm2", 1e-7, 1e9),
+        ("J_xz", "kgm2", -1e9, 1e9),
+    ),
+    "wing": (
+        ("area", "m2", 1e-4, 1e4),
+        ("span", "m", 1e-2, 200.0),
+        ("chord", "m", 1e-3, 50.0),
+        ("oswald", "", 0.1, 1.5),
+        ("density", "kgm3", 0.0, 10.0),
+    ),
+    "longitudinal": (
+        ("C_L_0", "", -5, 5),
+        ("C_L_alpha", "", 0.1, 20),
+        ("C_L_q", "", -200, 200),
+        ("C_L_elevator", "", -10, 10),
+        ("stall_alpha", "rad", 0.05, 1.5),
+        ("stall_blend", "", 1, 150),
+        ("C_D_p", "", 0, 2),
+        ("C_D_q", "", -50, 50),
+        ("C_D_elevator", "", -2, 2),
+        ("C_m_0", "", -2, 2),
+        ("C_m_alpha", "", -50, 50),
+        ("C_m_q", "", -500, 0),
+        ("C_m_elevator", "", -20, 20),
+    ),
+    "lateral": tuple(
+        (f"C_{axis}_{term}", "", -limit, limit)
+        for axis, limit in (("Y", 20), ("l", 10), ("n", 10))
+        for term in ("0", "beta", "p", "r", "aileron", "rudder")
+    ),
+    "propulsion": (
+        ("diameter", "m", 1e-2, 20),
+        ("C_T_0", "", 0, 2),
+        ("C_T_1", "", -2, 2),
+        ("C_T_2", "", -2, 2),
+        ("C_Q_0", "", 1e-6, 1),
+        ("C_Q_1", "", -1, 1),
+        ("C_Q_2", "", -1, 1),
+        ("voltage", "V", 0, 1e4),
+        ("motor_constant", "Nm_A", 1e-5, 100),
+        ("resistance", "Ohm", 1e-5, 100),
+        ("idle_current", "A", 0, 1e3),
+    ),
+    "actuators": tuple(
+        (
+            f"{control}_{term}",
+            unit if control == "throttle" else {"": "deg", "1_s": "deg_s"}.get(unit, unit),
+            low,
+            high,
+        )
+        for control in ("elevator", "aileron", "rudder", "throttle")
+        for term, unit, low, high in (
+            ("min", "", -1.5, 1.5),
+            ("max", "", -1.5, 1.5),
+            ("rate", "1_s", 1e-3, 1e4),
+            ("lag", "s", 0, 10),
+        )
+    ),
 }
-"""Of each section of an aircraft file: parameter, unit that its key ends in, least and largest value in SI."""
-TERMS = {name: (section, unit, low, high) for section, terms in SECTIONS.items() for name, unit, low, high in terms}
+"""Of each section of an aircraft file: parameter, unit that its key ends in, least and largest
+value in SI."""
+TERMS = {
+    name: (section, unit, low, high)
+    for section, terms in SECTIONS.items()
+    for name, unit, low, high in terms
+}
 _FACTOR = {"deg": math.pi / 180, "deg_s": math.pi / 180}
 
 NAMES = tuple(TERMS)
 """Parameters in the order of the array."""
-(MASS, J_X, J_Y, J_Z, J_XZ, AREA, SPAN, CHORD, OSWALD, DENSITY,
- C_L_0, C_L_ALPHA, C_L_Q, C_L_ELEVATOR, STALL_ALPHA, STALL_BLEND, C_D_P, C_D_Q, C_D_ELEVATOR, C_M_0, C_M_ALPHA, C_M_Q, C_M_ELEVATOR,
- C_Y_0, C_Y_BETA, C_Y_P, C_Y_R, C_Y_AILERON, C_Y_RUDDER, C_ROLL_0, C_ROLL_BETA, C_ROLL_P, C_ROLL_R, C_ROLL_AILERON, C_ROLL_RUDDER,
- C_N_0, C_N_BETA, C_N_P, C_N_R, C_N_AILERON, C_N_RUDDER,
- DIAMETER, C_T_0, C_T_1, C_T_2, C_Q_0, C_Q_1, C_Q_2, VOLTAGE, MOTOR_CONSTANT, RESISTANCE, IDLE_CURRENT) = range(52)
+(
+    MASS,
+    J_X,
+    J_Y,
+    J_Z,
+    J_XZ,
+    AREA,
+    SPAN,
+    CHORD,
+    OSWALD,
+    DENSITY,
+    C_L_0,
+    C_L_ALPHA,
+    C_L_Q,
+    C_L_ELEVATOR,
+    STALL_ALPHA,
+    STALL_BLEND,
+    C_D_P,
+    C_D_Q,
+    C_D_ELEVATOR,
+    C_M_0,
+    C_M_ALPHA,
+    C_M_Q,
+    C_M_ELEVATOR,
+    C_Y_0,
+    C_Y_BETA,
+    C_Y_P,
+    C_Y_R,
+    C_Y_AILERON,
+    C_Y_RUDDER,
+    C_ROLL_0,
+    C_ROLL_BETA,
+    C_ROLL_P,
+    C_ROLL_R,
+    C_ROLL_AILERON,
+    C_ROLL_RUDDER,
+    C_N_0,
+    C_N_BETA,
+    C_N_P,
+    C_N_R,
+    C_N_AILERON,
+    C_N_RUDDER,
+    DIAMETER,
+    C_T_0,
+    C_T_1,
+    C_T_2,
+    C_Q_0,
+    C_Q_1,
+    C_Q_2,
+    VOLTAGE,
+    MOTOR_CONSTANT,
+    RESISTANCE,
+    IDLE_CURRENT,
+) = range(52)
 ACTUATORS = 52
-"""First of 4 x (least, largest, rate limit, lag) of elevator, aileron, rudder and throttle; rad, rad/s, 1, 1/s, s."""
+"""First of 4 x (least, largest, rate limit, lag) of elevator, aileron, rudder and throttle; rad,
+rad/s, 1, 1/s, s."""
 EARTH, GRAVITY, LATITUDE_RATE, LONGITUDE_RATE = 68, 69, 70, 71
-"""1 on the rotating WGS-84 Earth, 0 on the flat one; and of the flat one: gravity (m/s^2), rad of latitude and of longitude to the metre."""
+"""1 on the rotating WGS-84 Earth, 0 on the flat one; and of the flat one: gravity (m/s^2), rad
+of latitude and of longitude to the metre."""
 INVERSE = 72
 """First of 1/J_y and of xx, xz, zz of the inverse of [[J_x, -J_xz], [-J_xz, J_z]], 1/(kg m^2)."""
 POLAR = 76
@@ -58,7 +162,9 @@ SIZE = 77
 
 @dataclass(frozen=True, repr=False)
 class Aircraft:
-    """A fixed-wing aircraft: `values` gives every parameter by name (NAMES), in SI; read-only. Raises DataError on what no aircraft can have."""
+    """A fixed-wing aircraft: `values` gives every parameter by name (NAMES), in SI; read-only.
+    Raises DataError on what no aircraft can have."""
+
     name: str
     values: Mapping = field(hash=False)
     source: str = ""
@@ -70,17 +176,25 @@ class Aircraft:
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
         refuse_unknown(self.values, NAMES, where)
         if missing := [name for name in NAMES if name not in self.values]:
-            raise DataError(f"{where}: {missing[0]} is missing{f' (and {len(missing) - 1} more)' if missing[1:] else ''}; give it in "
-                            f"[{TERMS[missing[0]][0]}]")
+            raise DataError(
+                f"{where}: {missing[0]} is missing{f' (and {len(missing) - 1} more)' if missing[1:] else ''}; give it in "
+                f"[{TERMS[missing[0]][0]}]"
+            )
         for name, value in self.values.items():
             _, _, low, high = TERMS[name]
             if not real(value) or not low <= value <= high:
-                raise DataError(f"{where}: {name} is {value!r}; it must be a number between {low:g} and {high:g} (SI)")
+                raise DataError(
+                    f"{where}: {name} is {value!r}; it must be a number between {low:g} and {high:g} (SI)"
+                )
         _check_inertia(self.values, where)
         _check_stops(self.values, where)
 
     def __reduce__(self):
-        return Aircraft, (self.name, dict(self.values), self.source)        # a read-only view cannot be pickled
+        return Aircraft, (
+            self.name,
+            dict(self.values),
+            self.source,
+        )  # a read-only view cannot be pickled
 
     def __getitem__(self, name):
         """A parameter by name, SI. Raises DataError for an unknown one."""
@@ -92,34 +206,53 @@ class Aircraft:
         return Aircraft(name or self.name, {**self.values, **changes}, self.source)
 
     def array(self, earth="geodetic", origin=(0.0, 0.0, 0.0)):
-        """The flat array (SIZE,) that the kernels read, for one Earth: "geodetic" (rotating WGS-84) or "flat". Raises DataError.
+        """The flat array (SIZE,) that the kernels read, for one Earth: "geodetic" (rotating WGS-84)
+        or "flat". Raises DataError.
 
-        The flat one touches WGS-84 at `origin` (rad, rad, m): gravity there, everywhere; latitude and longitude by the radii there; no rotation.
+        The flat one touches WGS-84 at `origin` (rad, rad, m): gravity there, everywhere; latitude
+        and longitude by the radii there; no rotation.
         """
         if earth not in ("geodetic", "flat"):
             raise DataError(f"earth is {earth!r}; it must be 'geodetic' or 'flat'")
         lat, _, height = checked_origin(origin)
         north, east = _scales(lat, height)
         array = np.zeros(SIZE)
-        array[:len(NAMES)] = [self.values[name] for name in NAMES]
+        array[: len(NAMES)] = [self.values[name] for name in NAMES]
         array[EARTH], array[GRAVITY] = earth == "geodetic", gravity(lat, height)
         array[LATITUDE_RATE], array[LONGITUDE_RATE] = 1 / north, 1 / east
         determinant = self["J_x"] * self["J_z"] - self["J_xz"] ** 2
-        array[INVERSE:INVERSE + 4] = 1 / self["J_y"], self["J_z"] / determinant, self["J_xz"] / determinant, self["J_x"] / determinant
+        array[INVERSE : INVERSE + 4] = (
+            1 / self["J_y"],
+            self["J_z"] / determinant,
+            self["J_xz"] / determinant,
+            self["J_x"] / determinant,
+        )
         array[POLAR] = self["area"] / (math.pi * self["oswald"] * self["span"] ** 2)
         return array
 
     def table(self):
         """{"mass, kg": 11.0, ...}: every parameter with the unit of the aircraft file."""
-        shown = {"kgm2": "kg m^2", "kgm3": "kg/m^3", "m2": "m^2", "deg_s": "deg/s", "1_s": "1/s", "Nm_A": "N m/A", "": "1"}
-        return {f"{name}, {shown.get(unit, unit)}": self.values[name] / _FACTOR.get(unit, 1.0) for name, (_, unit, _, _) in TERMS.items()}
+        shown = {
+            "kgm2": "kg m^2",
+            "kgm3": "kg/m^3",
+            "m2": "m^2",
+            "deg_s": "deg/s",
+            "1_s": "1/s",
+            "Nm_A": "N m/A",
+            "": "1",
+        }
+        return {
+            f"{name}, {shown.get(unit, unit)}": self.values[name] / _FACTOR.get(unit, 1.0)
+            for name, (_, unit, _, _) in TERMS.items()
+        }
 
     def __repr__(self):
         return f"Aircraft({self.name}: {self['mass']:g} kg, span {self['span']:g} m, wing {self['area']:g} m^2)"
 
 
 def aircraft(name="aerosonde"):
-    """The Aircraft of a built-in set's name or of a file's path (ends in .toml or contains a folder); an Aircraft is returned as it is.
+    """The Aircraft of a built-in set's name or of a file's path (ends in .toml or contains a
+    folder); an Aircraft is returned as it is.
 
     Raises DataError naming the file, the field and the remedy.
     """
@@ -127,12 +260,22 @@ def aircraft(name="aerosonde"):
         return name
     name = str(name)
     folder = files(__package__).joinpath("sets")
-    known = sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
+    known = sorted(
+        entry.name.removesuffix(".toml")
+        for entry in folder.iterdir()
+        if entry.name.endswith(".toml")
+    )
     if name in known:
-        return _from_table(tomllib.loads(folder.joinpath(name + ".toml").read_text(encoding="utf-8")), name)
+        return _from_table(
+            tomllib.loads(folder.joinpath(name + ".toml").read_text(encoding="utf-8")), name
+        )
     if name.endswith(".toml") or len(Path(name).parts) > 1:
-        return _from_table(read_toml(name, "give a built-in aircraft's name or the path of a .toml file"), name)
-    raise DataError(f"unknown aircraft {name!r}{nearest(name, known)}; built in: {', '.join(known)}; or give the path of a .toml file")
+        return _from_table(
+            read_toml(name, "give a built-in aircraft's name or the path of a .toml file"), name
+        )
+    raise DataError(
+        f"unknown aircraft {name!r}{nearest(name, known)}; built in: {', '.join(known)}; or give the path of a .toml file"
+    )
 
 
 def key(name):
@@ -141,31 +284,44 @@ def key(name):
 
 
 def checked_origin(origin):
-    """(lat rad, lon rad, height m) as floats. Raises DataError unless it is a place below 89 deg of latitude."""
+    """(lat rad, lon rad, height m) as floats. Raises DataError unless it is a place below 89 deg
+    of latitude."""
     try:
         lat, lon, height = (float(value) for value in origin)
     except (TypeError, ValueError):
-        raise DataError(f"origin is {origin!r}; give latitude and longitude in rad and height in m") from None
+        raise DataError(
+            f"origin is {origin!r}; give latitude and longitude in rad and height in m"
+        ) from None
     if not (abs(lat) <= math.radians(89) and abs(lon) <= 2 * math.pi and -1e4 <= height <= 1e5):
-        raise DataError(f"origin is ({lat:g} rad, {lon:g} rad, {height:g} m); latitude goes to 89 deg (1.553 rad), height from -10 to 100 km")
+        raise DataError(
+            f"origin is ({lat:g} rad, {lon:g} rad, {height:g} m); latitude goes to 89 deg (1.553 rad), height from -10 to 100 km"
+        )
     return lat, lon, height
 
 
 def checked_array(value, shape, what):
-    """`value` as a contiguous float array of `shape` (None: any length). Raises DataError naming `what` where it is another or not finite."""
+    """`value` as a contiguous float array of `shape` (None: any length). Raises DataError naming
+    `what` where it is another or not finite."""
     try:
         array = np.ascontiguousarray(value, float)
     except (TypeError, ValueError):
         raise DataError(f"{what} is not an array of numbers") from None
-    if array.ndim != len(shape) or any(asked not in (None, length) for asked, length in zip(shape, array.shape)):
-        raise DataError(f"{what} {array.shape} must be ({', '.join('n' if asked is None else str(asked) for asked in shape)}{',' * (len(shape) == 1)})")
+    if array.ndim != len(shape) or any(
+        asked not in (None, length) for asked, length in zip(shape, array.shape)
+    ):
+        raise DataError(
+            f"{what} {array.shape} must be ({', '.join('n' if asked is None else str(asked) for asked in shape)}{',' * (len(shape) == 1)})"
+        )
     if not np.isfinite(array).all():
-        raise DataError(f"{what} is not finite at {[int(i) for i in np.argwhere(~np.isfinite(array))[0]]}")
+        raise DataError(
+            f"{what} is not finite at {[int(i) for i in np.argwhere(~np.isfinite(array))[0]]}"
+        )
     return array
 
 
 def flat_metres(array, origin, lla):
-    """North, east, down (m; (3,) or (n, 3)) of `lla` on the flat Earth of `array` about `origin` (rad, rad, m): an affine map."""
+    """North, east, down (m; (3,) or (n, 3)) of `lla` on the flat Earth of `array` about `origin`
+    (rad, rad, m): an affine map."""
     north, east, up = np.moveaxis(np.asarray(lla, float) - np.asarray(origin, float), -1, 0)
     return np.stack([north / array[LATITUDE_RATE], east / array[LONGITUDE_RATE], -up], axis=-1)
 
@@ -174,31 +330,43 @@ def _scales(lat, height):
     """Metres to the rad of latitude and of longitude on WGS-84."""
     sine = math.sin(lat)
     root = math.sqrt(1 - E2 * sine * sine)
-    return A * (1 - E2) / root ** 3 + height, (A / root + height) * math.cos(lat)
+    return A * (1 - E2) / root**3 + height, (A / root + height) * math.cos(lat)
 
 
 def _check_inertia(values, where):
     J_x, J_y, J_z, J_xz = (values[name] for name in ("J_x", "J_y", "J_z", "J_xz"))
-    if J_x * J_z <= J_xz ** 2:
-        raise DataError(f"{where}: J_xz is {J_xz:g} kg m^2; its square must be below J_x J_z ({J_x * J_z:g}), else the inertia is not positive definite")
+    if J_x * J_z <= J_xz**2:
+        raise DataError(
+            f"{where}: J_xz is {J_xz:g} kg m^2; its square must be below J_x J_z ({J_x * J_z:g}), else the inertia is not positive definite"
+        )
     principal = sorted([*np.linalg.eigvalsh([[J_x, -J_xz], [-J_xz, J_z]]), J_y])
     if principal[2] > 1.0001 * (principal[0] + principal[1]):
-        raise DataError(f"{where}: the largest principal moment of inertia ({principal[2]:g} kg m^2) exceeds the sum of the others "
-                        f"({principal[0] + principal[1]:g}), which no body has; check J_x, J_y, J_z and J_xz")
+        raise DataError(
+            f"{where}: the largest principal moment of inertia ({principal[2]:g} kg m^2) exceeds the sum of the others "
+            f"({principal[0] + principal[1]:g}), which no body has; check J_x, J_y, J_z and J_xz"
+        )
 
 
 def _check_stops(values, where):
     for control in ("elevator", "aileron", "rudder", "throttle"):
         low, high = values[f"{control}_min"], values[f"{control}_max"]
         if not low < high:
-            raise DataError(f"{where}: {control}_min ({low:g}) is not below {control}_max ({high:g})")
+            raise DataError(
+                f"{where}: {control}_min ({low:g}) is not below {control}_max ({high:g})"
+            )
     if values["throttle_min"] < 0 or values["throttle_max"] > 1:
-        raise DataError(f"{where}: throttle goes from {values['throttle_min']:g} to {values['throttle_max']:g}; keep it between 0 and 1")
+        raise DataError(
+            f"{where}: throttle goes from {values['throttle_min']:g} to {values['throttle_max']:g}; keep it between 0 and 1"
+        )
 
 
 def _from_table(table, where):
     refuse_unknown(table, ["name", "source", *SECTIONS], where)
-    text = {"name": Path(where).stem, "source": "", **{entry: table[entry] for entry in ("name", "source") if entry in table}}
+    text = {
+        "name": Path(where).stem,
+        "source": "",
+        **{entry: table[entry] for entry in ("name", "source") if entry in table},
+    }
     for entry, value in text.items():
         if not isinstance(value, str):
             raise DataError(f"{where}: {entry} must be text, not {value!r}")

@@ -1,4 +1,6 @@
-"""Steady flight: the attitude and the controls at which an aircraft climbs and turns without change."""
+"""Steady flight: the attitude and the controls at which an aircraft climbs and turns without
+change."""
+
 import math
 from dataclasses import dataclass, field
 
@@ -7,7 +9,8 @@ import numpy as np
 from ...data import DataError
 from ...sensor_models.datasheet_units import real
 from .dynamics import OUTPUTS, PROPELLER, STATES, THRUST, evaluate, ready
-from .parameters import GRAVITY, Aircraft, aircraft as find, checked_origin
+from .parameters import GRAVITY, Aircraft, checked_origin
+from .parameters import aircraft as find
 
 SURFACES = ("elevator", "aileron", "rudder", "throttle")
 _ROUNDS, _ENOUGH = 60, 1e-9
@@ -17,14 +20,16 @@ _ROUNDS, _ENOUGH = 60, 1e-9
 class Trim:
     """Steady flight of `aircraft` through the air: what was asked, and what it takes; SI and rad.
 
-    state (17,) and commands (4,) start a flight that stays as it is: position is the origin, velocity includes the wind. On the geodetic Earth
-    omega_ib has its rotation and transport rate; the balance itself is that of a flat Earth with the origin's gravity. `residual` is the largest
+    state (17,) and commands (4,) start a flight that stays as it is: position is the origin,
+    velocity includes the wind. On the geodetic Earth omega_ib has its rotation and transport rate;
+    the balance itself is that of a flat Earth with the origin's gravity. `residual` is the largest
     acceleration (m/s^2 or rad/s^2) that is left of it.
     """
+
     aircraft: Aircraft
     airspeed: float
-    climb: float            # flight-path angle against the air
-    radius: float           # of the turn through the air, m; positive to the right, infinite when straight
+    climb: float  # flight-path angle against the air
+    radius: float  # of the turn through the air, m; positive to the right, infinite when straight
     origin: tuple
     earth: str
     alpha: float
@@ -37,22 +42,50 @@ class Trim:
     outputs: np.ndarray = field(compare=False)
 
     def table(self):
-        """{"airspeed, m/s": ...}: the flight and its controls, angles in deg, propeller speed in rpm."""
-        degrees = np.degrees([self.climb, self.alpha, self.roll, self.pitch, self.turn_rate, *self.commands[:3]])
-        names = ("climb, deg", "alpha, deg", "roll, deg", "pitch, deg", "turn rate, deg/s", "elevator, deg", "aileron, deg", "rudder, deg")
-        return {"airspeed, m/s": self.airspeed, **dict(zip(names, degrees.tolist())), "throttle": float(self.commands[3]),
-                "thrust, N": float(self.outputs[THRUST]), "propeller, rpm": float(self.outputs[PROPELLER]) * 30 / math.pi}
+        """{"airspeed, m/s": ...}: the flight and its controls, angles in deg, propeller speed in
+        rpm."""
+        degrees = np.degrees(
+            [self.climb, self.alpha, self.roll, self.pitch, self.turn_rate, *self.commands[:3]]
+        )
+        names = (
+            "climb, deg",
+            "alpha, deg",
+            "roll, deg",
+            "pitch, deg",
+            "turn rate, deg/s",
+            "elevator, deg",
+            "aileron, deg",
+            "rudder, deg",
+        )
+        return {
+            "airspeed, m/s": self.airspeed,
+            **dict(zip(names, degrees.tolist())),
+            "throttle": float(self.commands[3]),
+            "thrust, N": float(self.outputs[THRUST]),
+            "propeller, rpm": float(self.outputs[PROPELLER]) * 30 / math.pi,
+        }
 
     def __repr__(self):
         turn = "" if math.isinf(self.radius) else f", turning at {self.radius:g} m"
         return f"Trim({self.aircraft.name} at {self.airspeed:g} m/s, climb {math.degrees(self.climb):g} deg{turn}: residual {self.residual:.1e})"
 
 
-def trim(aircraft, airspeed, climb=0.0, radius=math.inf, origin=(0.0, 0.0, 0.0), course=0.0, wind=(0.0, 0.0, 0.0), earth="geodetic"):
-    """The Trim at `airspeed` (m/s), flight-path angle `climb` (rad) and turn `radius` (m; > 0 right, < 0 left, inf straight), without sideslip.
+def trim(
+    aircraft,
+    airspeed,
+    climb=0.0,
+    radius=math.inf,
+    origin=(0.0, 0.0, 0.0),
+    course=0.0,
+    wind=(0.0, 0.0, 0.0),
+    earth="geodetic",
+):
+    """The Trim at `airspeed` (m/s), flight-path angle `climb` (rad) and turn `radius` (m; > 0
+    right, < 0 left, inf straight), without sideslip.
 
-    `aircraft` is an Aircraft or its name; `origin` (rad, rad, m) is where it flies, `course` (rad) where to through the air, `wind` steady, NED, m/s.
-    Raises DataError where it cannot be trimmed, with what stands against it.
+    `aircraft` is an Aircraft or its name; `origin` (rad, rad, m) is where it flies, `course` (rad)
+    where to through the air, `wind` steady, NED, m/s. Raises DataError where it cannot be trimmed,
+    with what stands against it.
     """
     aircraft = find(aircraft)
     _check(airspeed, climb, radius, course, wind)
@@ -60,44 +93,91 @@ def trim(aircraft, airspeed, climb=0.0, radius=math.inf, origin=(0.0, 0.0, 0.0),
     turn_rate = 0.0 if math.isinf(radius) else airspeed * math.cos(climb) / radius
     balance = _Balance(aircraft.array("flat", origin), origin, airspeed, climb, turn_rate, course)
     z, residual = _solve(balance, _guess(balance.array, aircraft, airspeed, turn_rate))
-    where = f"aircraft {aircraft.name!r} cannot be trimmed at {airspeed:g} m/s, climb {math.degrees(climb):.3g} deg" + \
-        ("" if math.isinf(radius) else f", radius {radius:g} m")
+    where = (
+        f"aircraft {aircraft.name!r} cannot be trimmed at {airspeed:g} m/s, climb {math.degrees(climb):.3g} deg"
+        + ("" if math.isinf(radius) else f", radius {radius:g} m")
+    )
     _refuse(balance, aircraft, z, residual, where)
     state, (roll, pitch, _) = balance.state(z)
     outputs = balance.outputs.copy()
     state[3:6] += wind
     if earth != "flat":
         state[10:13] += _frame_rate(aircraft.array(earth, origin), state)
-    return Trim(aircraft, float(airspeed), float(climb), float(radius), origin, earth, float(z[0]), roll, pitch, turn_rate, residual, state,
-                z[2:].copy(), outputs)
+    return Trim(
+        aircraft,
+        float(airspeed),
+        float(climb),
+        float(radius),
+        origin,
+        earth,
+        float(z[0]),
+        roll,
+        pitch,
+        turn_rate,
+        residual,
+        state,
+        z[2:].copy(),
+        outputs,
+    )
 
 
 def quaternion(roll, pitch, heading):
     """q_nb, scalar first and not negative, of Euler angles in rad (ZYX)."""
-    (a, b, c), (x, y, z) = np.cos([roll / 2, pitch / 2, heading / 2]), np.sin([roll / 2, pitch / 2, heading / 2])
-    q = np.array([a * b * c + x * y * z, x * b * c - a * y * z, a * y * c + x * b * z, a * b * z - x * y * c])
+    (a, b, c), (x, y, z) = (
+        np.cos([roll / 2, pitch / 2, heading / 2]),
+        np.sin([roll / 2, pitch / 2, heading / 2]),
+    )
+    q = np.array(
+        [a * b * c + x * y * z, x * b * c - a * y * z, a * y * c + x * b * z, a * b * z - x * y * c]
+    )
     return q if q[0] >= 0 else -q
 
 
 class _Balance:
-    """The unbalanced accelerations of steady flight as a function of alpha, roll and the four controls."""
+    """The unbalanced accelerations of steady flight as a function of alpha, roll and the four
+    controls."""
 
     def __init__(self, array, origin, airspeed, climb, turn_rate, course):
-        self.array, self.origin, self.airspeed, self.climb, self.turn_rate, self.course = array, origin, airspeed, climb, turn_rate, course
-        self.rates, self.outputs, self.calm, self.evaluate = np.zeros(19), np.zeros(OUTPUTS), np.zeros(9), ready(evaluate)
+        self.array, self.origin, self.airspeed, self.climb, self.turn_rate, self.course = (
+            array,
+            origin,
+            airspeed,
+            climb,
+            turn_rate,
+            course,
+        )
+        self.rates, self.outputs, self.calm, self.evaluate = (
+            np.zeros(19),
+            np.zeros(OUTPUTS),
+            np.zeros(9),
+            ready(evaluate),
+        )
 
     def state(self, z):
-        """State and Euler angles in which the air comes with angle of attack z[0] and no sideslip, banked by z[1], with controls z[2:]."""
+        """State and Euler angles in which the air comes with angle of attack z[0] and no
+        sideslip, banked by z[1], with controls z[2:]."""
         V, alpha, roll = self.airspeed, z[0], z[1]
-        along, aside, below = V * math.cos(alpha), -V * math.sin(alpha) * math.sin(roll), V * math.sin(alpha) * math.cos(roll)
-        pitch = math.atan2(below, along) + math.asin(max(-1.0, min(1.0, V * math.sin(self.climb) / math.hypot(along, below))))
+        along, aside, below = (
+            V * math.cos(alpha),
+            -V * math.sin(alpha) * math.sin(roll),
+            V * math.sin(alpha) * math.cos(roll),
+        )
+        pitch = math.atan2(below, along) + math.asin(
+            max(-1.0, min(1.0, V * math.sin(self.climb) / math.hypot(along, below)))
+        )
         ahead = along * math.cos(pitch) + below * math.sin(pitch)
         heading = self.course - math.atan2(aside, ahead)
         state = np.zeros(STATES)
         state[0:3] = self.origin
-        state[3:6] = V * math.cos(self.climb) * math.cos(self.course), V * math.cos(self.climb) * math.sin(self.course), -V * math.sin(self.climb)
+        state[3:6] = (
+            V * math.cos(self.climb) * math.cos(self.course),
+            V * math.cos(self.climb) * math.sin(self.course),
+            -V * math.sin(self.climb),
+        )
         state[6:10] = quaternion(roll, pitch, heading)
-        state[10:13] = self.turn_rate * np.array([-math.sin(pitch), math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch)])
+        state[10:13] = self.turn_rate * np.array(
+            [-math.sin(pitch), math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch)]
+        )
         state[13:17] = z[2:]
         return state, (roll, pitch, heading)
 
@@ -114,13 +194,18 @@ class _Balance:
 
 
 def _guess(array, aircraft, airspeed, turn_rate):
-    """Where to begin: lift that carries the weight in the turn, elevator for no pitching moment, half throttle."""
+    """Where to begin: lift that carries the weight in the turn, elevator for no pitching moment,
+    half throttle."""
     gravity = array[GRAVITY]
     roll = math.atan(airspeed * turn_rate / gravity)
-    pressure = 0.5 * (aircraft["density"] or 1.0) * airspeed ** 2 * aircraft["area"]
-    alpha = (aircraft["mass"] * gravity / math.cos(roll) / pressure - aircraft["C_L_0"]) / aircraft["C_L_alpha"]
+    pressure = 0.5 * (aircraft["density"] or 1.0) * airspeed**2 * aircraft["area"]
+    alpha = (aircraft["mass"] * gravity / math.cos(roll) / pressure - aircraft["C_L_0"]) / aircraft[
+        "C_L_alpha"
+    ]
     alpha = min(max(alpha, -0.2), 0.9 * aircraft["stall_alpha"])
-    elevator = -(aircraft["C_m_0"] + aircraft["C_m_alpha"] * alpha) / (aircraft["C_m_elevator"] or 1.0)
+    elevator = -(aircraft["C_m_0"] + aircraft["C_m_alpha"] * alpha) / (
+        aircraft["C_m_elevator"] or 1.0
+    )
     return np.array([alpha, roll, elevator, 0.0, 0.0, 0.5])
 
 
@@ -150,20 +235,36 @@ def _refuse(balance, aircraft, z, residual, where):
     attack, stall = (f"{math.degrees(angle):.1f} deg" for angle in (z[0], aircraft["stall_alpha"]))
     if not residual < _ENOUGH:
         if (thrust := balance.most_thrust(z, aircraft["throttle_max"])) <= 0:
-            raise DataError(f"{where}: at full throttle its propeller gives {thrust:.2g} N, no thrust; check voltage, propeller and motor, "
-                            "fly slower, or descend")
-        raise DataError(f"{where}: at an angle of attack of {attack} (stall at {stall}) {residual:.2g} m/s^2 or rad/s^2 are left over; fly faster, "
-                        "turn wider, or climb or descend less steeply")
+            raise DataError(
+                f"{where}: at full throttle its propeller gives {thrust:.2g} N, no thrust; check voltage, propeller and motor, "
+                "fly slower, or descend"
+            )
+        raise DataError(
+            f"{where}: at an angle of attack of {attack} (stall at {stall}) {residual:.2g} m/s^2 or rad/s^2 are left over; fly faster, "
+            "turn wider, or climb or descend less steeply"
+        )
     if abs(z[0]) > aircraft["stall_alpha"]:
-        raise DataError(f"{where}: it needs an angle of attack of {attack}, beyond the stall at {stall}; fly faster, turn wider, or climb or descend "
-                        "less steeply")
+        raise DataError(
+            f"{where}: it needs an angle of attack of {attack}, beyond the stall at {stall}; fly faster, turn wider, or climb or descend "
+            "less steeply"
+        )
     for name, value in zip(SURFACES, z[2:]):
         low, high = aircraft[f"{name}_min"], aircraft[f"{name}_max"]
         if not low <= value <= high:
-            shown = (lambda x: f"{x:.2f}") if name == "throttle" else (lambda x: f"{math.degrees(x):.1f} deg")
-            remedy = {"throttle": "fly slower, climb less or turn wider" if value > high else "descend less steeply or fly faster",
-                      "elevator": "fly faster or turn wider" if value < low else "fly slower"}.get(name, "fly faster or turn wider")
-            raise DataError(f"{where}: it needs {name} {shown(value)}, beyond its stop at {shown(high if value > high else low)}; {remedy}")
+            shown = (
+                (lambda x: f"{x:.2f}")
+                if name == "throttle"
+                else (lambda x: f"{math.degrees(x):.1f} deg")
+            )
+            remedy = {
+                "throttle": "fly slower, climb less or turn wider"
+                if value > high
+                else "descend less steeply or fly faster",
+                "elevator": "fly faster or turn wider" if value < low else "fly slower",
+            }.get(name, "fly faster or turn wider")
+            raise DataError(
+                f"{where}: it needs {name} {shown(value)}, beyond its stop at {shown(high if value > high else low)}; {remedy}"
+            )
 
 
 def _frame_rate(array, state):
@@ -178,11 +279,22 @@ def _frame_rate(array, state):
 
 def _check(airspeed, climb, radius, course, wind):
     numbers = [airspeed, climb, course, *(wind if np.iterable(wind) else [None])]
-    if len(numbers) != 6 or not all(real(value) and math.isfinite(value) for value in numbers) or not real(radius) or math.isnan(radius):
-        raise DataError("trim: airspeed (m/s), climb (rad), course (rad) and wind (three numbers, NED, m/s) must be finite, radius (m) a number")
+    if (
+        len(numbers) != 6
+        or not all(real(value) and math.isfinite(value) for value in numbers)
+        or not real(radius)
+        or math.isnan(radius)
+    ):
+        raise DataError(
+            "trim: airspeed (m/s), climb (rad), course (rad) and wind (three numbers, NED, m/s) must be finite, radius (m) a number"
+        )
     if not 0 < airspeed < 500:
         raise DataError(f"trim: airspeed is {airspeed:g} m/s; it must be above 0 and below 500")
     if abs(climb) > 1.0:
-        raise DataError(f"trim: climb is {climb:g} rad; a flight-path angle is in rad and lies within 1 rad (57 deg)")
+        raise DataError(
+            f"trim: climb is {climb:g} rad; a flight-path angle is in rad and lies within 1 rad (57 deg)"
+        )
     if radius == 0 or (not math.isinf(radius) and abs(radius) < 1):
-        raise DataError(f"trim: radius is {radius:g} m; give 1 m or more, negative to the left, infinite for straight flight")
+        raise DataError(
+            f"trim: radius is {radius:g} m; give 1 m or more, negative to the left, infinite for straight flight"
+        )

@@ -1,8 +1,11 @@
-"""Turbulence: the Dryden gusts of MIL-F-8785C at low altitude, as discrete filters of white noise. A compiled helper and its parameters.
+"""Turbulence: the Dryden gusts of MIL-F-8785C at low altitude, as discrete filters of white noise.
+A compiled helper and its parameters.
 
-The filters are exact at the sample times for a constant airspeed: the sampled gusts have the continuous model's variance and correlation. The rates
-of pitch and yaw are the smoothed derivatives of the vertical and lateral gust along the path, the air's own rotation (q = -dw/dx, r = dv/dx).
+The filters are exact at the sample times for a constant airspeed: the sampled gusts have the
+continuous model's variance and correlation. The rates of pitch and yaw are the smoothed derivatives
+of the vertical and lateral gust along the path, the air's own rotation (q = -dw/dx, r = dv/dx).
 """
+
 import math
 
 import numpy as np
@@ -14,31 +17,41 @@ from ...sensor_models.datasheet_units import nearest
 LEVELS = {"none": 0.0, "light": 15.0, "moderate": 30.0, "severe": 45.0}
 """Wind at 20 ft, kn, that the standard gives each level."""
 SD_U, SD_V, SD_W, L_U, L_V, L_W, WING, TURBULENCE = 0, 1, 2, 3, 4, 5, 6, 7
-"""Array of a turbulence: standard deviations (m/s) and scale lengths (m) along u, v, w, and the wing span (m)."""
+"""Array of a turbulence: standard deviations (m/s) and scale lengths (m) along u, v, w, and the
+wing span (m)."""
 GUSTS, NORMALS = 8, 6
-"""Numbers of a gust filter's state (u | v, two lags and its mean | w, the same | p), and of standard normals that it takes at each step."""
+"""Numbers of a gust filter's state (u | v, two lags and its mean | w, the same | p), and of
+standard normals that it takes at each step."""
 _FOOT, _KNOT = 0.3048, 1852 / 3600
 
 
 def turbulence(level="light", height=50.0, span=3.0):
-    """The array (TURBULENCE,) of a level (LEVELS) at `height` above ground (m) for a wing `span` (m). Raises DataError.
+    """The array (TURBULENCE,) of a level (LEVELS) at `height` above ground (m) for a wing `span`
+    (m). Raises DataError.
 
     MIL-F-8785C, 3.7.2: from 10 to 1000 ft; below and above, the values at the ends are kept.
     """
     if level not in LEVELS:
-        raise DataError(f"unknown turbulence {level!r}{nearest(level, LEVELS)}; levels: {', '.join(LEVELS)}")
+        raise DataError(
+            f"unknown turbulence {level!r}{nearest(level, LEVELS)}; levels: {', '.join(LEVELS)}"
+        )
     if not (math.isfinite(height) and 0 < span < 200):
-        raise DataError(f"turbulence at {height} m for a span of {span} m: height must be finite, span between 0 and 200 m")
+        raise DataError(
+            f"turbulence at {height} m for a span of {span} m: height must be finite, span between 0 and 200 m"
+        )
     feet = min(max(height / _FOOT, 10.0), 1000.0)
     shape = 0.177 + 0.000823 * feet
     vertical = 0.1 * LEVELS[level] * _KNOT
-    along = feet * _FOOT / shape ** 1.2
-    return np.array([vertical / shape ** 0.4, vertical / shape ** 0.4, vertical, along, along, feet * _FOOT, span])
+    along = feet * _FOOT / shape**1.2
+    return np.array(
+        [vertical / shape**0.4, vertical / shape**0.4, vertical, along, along, feet * _FOOT, span]
+    )
 
 
 @helper
 def _second_order(state, first, x, sd, n0, n1):
-    """One step of sd (1 + sqrt(3) s/l) / (1 + s/l)^2 over x = l dt: two equal lags in series, of variances 1 and 1/2; returns the gust before and after."""
+    """One step of sd (1 + sqrt(3) s/l) / (1 + s/l)^2 over x = l dt: two equal lags in series, of
+    variances 1 and 1/2; returns the gust before and after."""
     a = math.exp(-x)
     z1, z2 = state[first], state[first + 1]
     before = sd * math.sqrt(0.5) * (math.sqrt(3.0) * z1 + (1 - math.sqrt(3.0)) * z2)
@@ -46,13 +59,18 @@ def _second_order(state, first, x, sd, n0, n1):
     cross = 0.5 - a * a * (x + 0.5)
     rest = 0.5 - a * a * (x * x + x + 0.5) - cross * cross / noise
     state[first] = a * z1 + math.sqrt(noise) * n0
-    state[first + 1] = a * (z2 + x * z1) + cross / math.sqrt(noise) * n0 + math.sqrt(max(rest, 0.0)) * n1
-    return before, sd * math.sqrt(0.5) * (math.sqrt(3.0) * state[first] + (1 - math.sqrt(3.0)) * state[first + 1])
+    state[first + 1] = (
+        a * (z2 + x * z1) + cross / math.sqrt(noise) * n0 + math.sqrt(max(rest, 0.0)) * n1
+    )
+    return before, sd * math.sqrt(0.5) * (
+        math.sqrt(3.0) * state[first] + (1 - math.sqrt(3.0)) * state[first + 1]
+    )
 
 
 @helper
 def _slope(state, at, before, after, dt, lag):
-    """Rate of change of a gust smoothed by `lag` s, 1/s; state[at] is its smoothed value. Exact for a gust that changes linearly over dt."""
+    """Rate of change of a gust smoothed by `lag` s, 1/s; state[at] is its smoothed value. Exact
+    for a gust that changes linearly over dt."""
     a = math.exp(-dt / lag)
     state[at] = a * state[at] + (1 - a) * before + (after - before) * (1 - (1 - a) * lag / dt)
     return (after - state[at]) / lag
@@ -62,38 +80,54 @@ def _slope(state, at, before, after, dt, lag):
 def roll_sd(turbulence):
     """Standard deviation of the roll gust, rad/s: the closed form of the standard's spectrum."""
     b, L = turbulence[WING], turbulence[L_W]
-    return turbulence[SD_W] * math.pi * math.sqrt(0.1 / (b * L)) * (math.pi * L / (4 * b)) ** (1 / 6)
+    return (
+        turbulence[SD_W] * math.pi * math.sqrt(0.1 / (b * L)) * (math.pi * L / (4 * b)) ** (1 / 6)
+    )
 
 
 GUST_SIGNATURE = None
 if COMPILED:
     from numba import float64, void
+
     GUST_SIGNATURE = void(float64[::1], float64[::1], float64[::1], float64, float64, float64[::1])
 
 
 @kernel(GUST_SIGNATURE)
 def gust(turbulence, state, normals, airspeed, dt, wind):
-    """Advance the gust filter `state` (GUSTS,) by dt s with standard `normals` (NORMALS,) and write wind[3:9].
+    """Advance the gust filter `state` (GUSTS,) by dt s with standard `normals` (NORMALS,) and write
+    wind[3:9].
 
     Gust velocity (m/s) and rates (rad/s) in body axes; `airspeed` (m/s) is kept at 1 or above.
     """
     V = max(airspeed, 1.0)
     a = math.exp(-V * dt / turbulence[L_U])
     state[0] = a * state[0] + math.sqrt(1 - a * a) * normals[0]
-    v0, v1 = _second_order(state, 1, V * dt / turbulence[L_V], turbulence[SD_V], normals[1], normals[2])
-    w0, w1 = _second_order(state, 4, V * dt / turbulence[L_W], turbulence[SD_W], normals[3], normals[4])
+    v0, v1 = _second_order(
+        state, 1, V * dt / turbulence[L_V], turbulence[SD_V], normals[1], normals[2]
+    )
+    w0, w1 = _second_order(
+        state, 4, V * dt / turbulence[L_W], turbulence[SD_W], normals[3], normals[4]
+    )
     lag = 4 * turbulence[WING] / (math.pi * V)
     a = math.exp(-dt / lag)
     state[7] = a * state[7] + math.sqrt(1 - a * a) * normals[5]
     wind[3], wind[4], wind[5] = turbulence[SD_U] * state[0], v1, w1
     wind[6] = roll_sd(turbulence) * state[7]
-    wind[7], wind[8] = -_slope(state, 6, w0, w1, dt, lag) / V, _slope(state, 3, v0, v1, dt, 0.75 * lag) / V
+    wind[7], wind[8] = (
+        -_slope(state, 6, w0, w1, dt, lag) / V,
+        _slope(state, 3, v0, v1, dt, 0.75 * lag) / V,
+    )
 
 
 def begin(turbulence, normals):
-    """The state (GUSTS,) of gusts that have always blown, from 6 standard normals; the smoothed gusts of pitch and yaw begin at the gusts."""
+    """The state (GUSTS,) of gusts that have always blown, from 6 standard normals; the smoothed
+    gusts of pitch and yaw begin at the gusts."""
     u, v1, v2, w1, w2, p = normals
     state = np.array([u, v1, 0.5 * (v1 + v2), 0.0, w1, 0.5 * (w1 + w2), 0.0, p])
     for first, sd in ((1, turbulence[SD_V]), (4, turbulence[SD_W])):
-        state[first + 2] = sd * math.sqrt(0.5) * (math.sqrt(3) * state[first] + (1 - math.sqrt(3)) * state[first + 1])
+        state[first + 2] = (
+            sd
+            * math.sqrt(0.5)
+            * (math.sqrt(3) * state[first] + (1 - math.sqrt(3)) * state[first + 1])
+        )
     return state

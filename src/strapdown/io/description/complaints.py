@@ -1,4 +1,6 @@
-"""Reading `recording.toml` against its schema. Every complaint is one line: file, [section] key, what is wrong, the remedy."""
+"""Reading `recording.toml` against its schema. Every complaint is one line: file, [section] key,
+what is wrong, the remedy."""
+
 from difflib import get_close_matches
 
 from pydantic import ValidationError
@@ -10,7 +12,8 @@ from .schema_base import Part
 
 
 def load(path):
-    """The Description in a TOML file. Raises DataError with the first complaint and the number of others."""
+    """The Description in a TOML file. Raises DataError with the first complaint and the number
+    of others."""
     lines = complaints(path)
     if isinstance(lines, Description):
         return lines
@@ -18,12 +21,15 @@ def load(path):
 
 
 def complaints(path):
-    """The Description in a TOML file, or the list of what is wrong with it, a line each. Raises DataError where it is no TOML."""
+    """The Description in a TOML file, or the list of what is wrong with it, a line each. Raises
+    DataError where it is no TOML."""
     content = parse(path)
     try:
         return Description.model_validate(content)
     except ValidationError as error:
-        not_unknown = lambda item: item["type"] != "extra_forbidden"   # unknown keys first: a misspelt key is why another is missing
+        not_unknown = lambda item: (
+            item["type"] != "extra_forbidden"
+        )  # unknown keys first: a misspelt key is why another is missing
         items = sorted(error.errors(include_url=False), key=not_unknown)
         return [f"{path}: {_complaint(item, content)}" for item in items]
 
@@ -37,7 +43,11 @@ def parse(path):
 
 
 def _complaint(item, content):
-    location, kind, message = list(item["loc"]), item["type"], item["msg"].removeprefix("Value error, ")
+    location, kind, message = (
+        list(item["loc"]),
+        item["type"],
+        item["msg"].removeprefix("Value error, "),
+    )
     if kind == "extra_forbidden":
         known = _keys(location[:-1])
         near = get_close_matches(str(location[-1]), known, 1, 0.5)
@@ -48,7 +58,11 @@ def _complaint(item, content):
     elif kind != "value_error":
         message = f"{message[0].lower()}{message[1:]}, not {str(item['input'])[:40]!r}"
     place = _place(location, content)
-    return f"{place} {message}" if kind == "value_error" and place.endswith("]") or place.endswith(")") else f"{place}: {message}"
+    return (
+        f"{place} {message}"
+        if kind == "value_error" and place.endswith("]") or place.endswith(")")
+        else f"{place}: {message}"
+    )
 
 
 def _place(location, content):
@@ -61,7 +75,11 @@ def _place(location, content):
     elif isinstance(content.get(location[0]), dict):
         head, rest = f"[{location[0]}]", location[1:]
     else:
-        head, rest = ("", location) if location[0] in ("date", "point") else (f"[{location[0]}]", location[1:])
+        head, rest = (
+            ("", location)
+            if location[0] in ("date", "point")
+            else (f"[{location[0]}]", location[1:])
+        )
     return " ".join(part for part in (head, ".".join(map(str, rest))) if part)
 
 
@@ -70,5 +88,9 @@ def _keys(location):
     for name in location:
         if isinstance(name, str):
             annotation = model.model_fields[name].annotation
-            model = next(part for part in [annotation, *getattr(annotation, "__args__", ())] if isinstance(part, type) and issubclass(part, Part))
+            model = next(
+                part
+                for part in [annotation, *getattr(annotation, "__args__", ())]
+                if isinstance(part, type) and issubclass(part, Part)
+            )
     return list(model.model_fields)

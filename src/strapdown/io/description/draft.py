@@ -1,4 +1,6 @@
-"""A bare CSV: guesses at what its columns are, and a `recording.toml` drafted from them, with a comment wherever the user must decide."""
+"""A bare CSV: guesses at what its columns are, and a `recording.toml` drafted from them, with a
+comment wherever the user must decide."""
+
 import os
 import re
 from pathlib import Path
@@ -9,33 +11,55 @@ import numpy as np
 from ...core.contract import Imu
 from ...data import DataError
 from ...preprocessing.axes import BODY, axes_matrix
-from ..magnetic_record import EARTH
+from ...preprocessing.imu_samples import increments
 from ...preprocessing.origin import Origin
 from ...preprocessing.plausible import G, half_seconds, mistakes
-from ...preprocessing.imu_samples import increments
-from .schema_aiding import HEADING
-from ..tables import is_number, read_table
 from ...preprocessing.units import UNITS
+from ..magnetic_record import EARTH
+from ..tables import is_number, read_table
+from .schema_aiding import HEADING
 
 TIME = r"(t|time|timestamp|time_?stamp|tow|seconds?|elapsed|gps_?time)"
 GYRO = r"(g|gyr|gyro|gyroscope|w|omega|rate|rates|ang(ular)?_?(vel|velocity|rate))"
 MAG = r"(m|mag|magn|magnet|magnetometer|magnetic|magnetic_?field|compass)"
 ACCEL = r"(a|f|acc|accel|acceleration|accelerometer|lin(ear)?_?acc(el|eleration)?|specific_?force)"
-FIXES = {"latitude": r"(lat|latitude)", "longitude": r"(lon|lng|long|longitude)", "height": r"(alt|altitude|h|hgt|height|h_?ell|ellipsoidal_?height)",
-         "north": r"(vn|v_?n|vel_?n|v(el)?_?north|north_?vel(ocity)?)", "east": r"(ve|v_?e|vel_?e|v(el)?_?east|east_?vel(ocity)?)",
-         "down": r"(vd|v_?d|vel_?d|v(el)?_?down|down_?vel(ocity)?)", "up": r"(vu|v_?u|vel_?u|v(el)?_?up|up_?vel(ocity)?)"}
+FIXES = {
+    "latitude": r"(lat|latitude)",
+    "longitude": r"(lon|lng|long|longitude)",
+    "height": r"(alt|altitude|h|hgt|height|h_?ell|ellipsoidal_?height)",
+    "north": r"(vn|v_?n|vel_?n|v(el)?_?north|north_?vel(ocity)?)",
+    "east": r"(ve|v_?e|vel_?e|v(el)?_?east|east_?vel(ocity)?)",
+    "down": r"(vd|v_?d|vel_?d|v(el)?_?down|down_?vel(ocity)?)",
+    "up": r"(vu|v_?u|vel_?u|v(el)?_?up|up_?vel(ocity)?)",
+}
 ANGLES = {"roll": r"(roll|phi)", "pitch": r"(pitch|theta)", "heading": HEADING}
 NO_ANGLE = r"(?!.*(rate|dot|sd|std|sigma|var|cov|err|bias|acc))"
 """No column of roll, pitch or heading has this in its name."""
 UNIT = r"(?P<unit>([_ .,\[(].*)?)"
-SPELLINGS = {"rad/s": r"rad.*s", "deg/s": r"(deg.*s|dps)", "m/s^2": r"(m.?/?s.?\^?2|m_s_?s|mps2)", "mg": r"mg", "g": r"g",
-             "ns": r"ns(ec)?", "us": r"(us|µs|usec)", "ms": r"(ms|msec)", "s": r"s(ec(onds?)?)?", "rad": r"rad", "deg": r"deg",
-             "T": r"(t|tesla)", "uT": r"(ut|µt|μt|microtesla)(_?raw)?", "nT": r"(nt|nanotesla)(_?raw)?", "gauss": r"(gauss|gs)(_?raw)?",
-             "mgauss": r"(mgauss|milligauss|mg)(_?raw)?"}
+SPELLINGS = {
+    "rad/s": r"rad.*s",
+    "deg/s": r"(deg.*s|dps)",
+    "m/s^2": r"(m.?/?s.?\^?2|m_s_?s|mps2)",
+    "mg": r"mg",
+    "g": r"g",
+    "ns": r"ns(ec)?",
+    "us": r"(us|µs|usec)",
+    "ms": r"(ms|msec)",
+    "s": r"s(ec(onds?)?)?",
+    "rad": r"rad",
+    "deg": r"deg",
+    "T": r"(t|tesla)",
+    "uT": r"(ut|µt|μt|microtesla)(_?raw)?",
+    "nT": r"(nt|nanotesla)(_?raw)?",
+    "gauss": r"(gauss|gs)(_?raw)?",
+    "mgauss": r"(mgauss|milligauss|mg)(_?raw)?",
+}
 
 
 class Guess(NamedTuple):
-    """What was made of a CSV: lines on it, mistakes found, the IMU by the guessed units and axes or None, and the text of the draft."""
+    """What was made of a CSV: lines on it, mistakes found, the IMU by the guessed units and axes
+    or None, and the text of the draft."""
+
     facts: list
     problems: list
     imu: Imu | None
@@ -63,15 +87,29 @@ def guess(path, folder=None):
     facts = [f"table: {len(table.lines)} rows, columns {', '.join(names)}"]
     time = _find(names, TIME)
     if time is None:
-        return Guess(facts, ["no column is named like a time: name it in `time` of a recording.toml"], None, "")
-    t, file = table.numbers(time), _text(Path(os.path.relpath(path, folder or path.parent)).as_posix())
-    gyro, accel, fixes = _triple(names, GYRO), _triple(names, ACCEL), {key: _find(names, pattern) for key, pattern in FIXES.items()}
+        return Guess(
+            facts,
+            ["no column is named like a time: name it in `time` of a recording.toml"],
+            None,
+            "",
+        )
+    t, file = (
+        table.numbers(time),
+        _text(Path(os.path.relpath(path, folder or path.parent)).as_posix()),
+    )
+    gyro, accel, fixes = (
+        _triple(names, GYRO),
+        _triple(names, ACCEL),
+        {key: _find(names, pattern) for key, pattern in FIXES.items()},
+    )
     unit = _time_unit(time, t, bool(gyro and accel))
     facts.append(f"time: {time!r} in {unit}")
     parts = [HEAD.format(name=path.name)]
     imu, axes, problems = None, "FRD", []
     if gyro and accel:
-        imu, axes, text = _imu(table, file, t * UNITS["time"][unit], time, unit, gyro, accel, facts, problems)
+        imu, axes, text = _imu(
+            table, file, t * UNITS["time"][unit], time, unit, gyro, accel, facts, problems
+        )
         parts.append(text)
     else:
         problems.append("no gyro and accelerometer columns were recognised: name them in [imu]")
@@ -81,7 +119,9 @@ def guess(path, folder=None):
         parts.append(_magnetometer(file, time, unit, table, magnetic, axes, facts))
     tilt = {key: _find(names, NO_ANGLE + pattern) for key, pattern in ANGLES.items()}
     if tilt["roll"] and tilt["pitch"]:
-        parts.append(_attitude(file, time, unit, table, [name for name in tilt.values() if name], facts))
+        parts.append(
+            _attitude(file, time, unit, table, [name for name in tilt.values() if name], facts)
+        )
     return Guess(facts, problems, imu, "\n".join(parts))
 
 
@@ -98,10 +138,20 @@ accel = { columns = ["ax", "ay", "az"], unit = "m/s^2" }
 
 
 def _without_header(table):
-    ranges = [f"column {name}: {np.nanmin(values):.6g} to {np.nanmax(values):.6g}, median {np.nanmedian(values):.6g}"
-              for name in table.frame.columns for values in [table.numbers(name)] if np.isfinite(values).any()]
-    return Guess([f"table: {len(table.lines)} rows without a header line", *ranges],
-                 ["the table has no header line: name its columns by number in a recording.toml, the first is 1"], None, "")
+    ranges = [
+        f"column {name}: {np.nanmin(values):.6g} to {np.nanmax(values):.6g}, median {np.nanmedian(values):.6g}"
+        for name in table.frame.columns
+        for values in [table.numbers(name)]
+        if np.isfinite(values).any()
+    ]
+    return Guess(
+        [f"table: {len(table.lines)} rows without a header line", *ranges],
+        [
+            "the table has no header line: name its columns by number in a recording.toml, the first is 1"
+        ],
+        None,
+        "",
+    )
 
 
 def _find(names, pattern):
@@ -114,7 +164,17 @@ def _plain(name):
 
 def _triple(names, pattern):
     """Names of the x, y and z column, or None."""
-    found = [next((name for name in names if re.fullmatch(pattern + r"[_ .]?" + axis + UNIT, _plain(name))), None) for axis in "xyz"]
+    found = [
+        next(
+            (
+                name
+                for name in names
+                if re.fullmatch(pattern + r"[_ .]?" + axis + UNIT, _plain(name))
+            ),
+            None,
+        )
+        for axis in "xyz"
+    ]
     return found if all(found) else None
 
 
@@ -122,7 +182,10 @@ def _named_unit(name, units):
     """The unit that the end of a column name spells, or None."""
     ends = [part for part in re.split(r"[\[(]|(?<=[^_ ])[_ ]", _plain(name), maxsplit=4)]
     for unit in units:
-        if any(re.fullmatch(SPELLINGS[unit] + r"[\])]?", "_".join(ends[i:])) for i in range(1, len(ends))):
+        if any(
+            re.fullmatch(SPELLINGS[unit] + r"[\])]?", "_".join(ends[i:]))
+            for i in range(1, len(ends))
+        ):
             return unit
     return None
 
@@ -132,7 +195,11 @@ def _time_unit(name, t, is_imu):
     if unit:
         return unit
     interval = float(np.median(np.diff(t[np.isfinite(t)]))) if np.isfinite(t).sum() > 1 else 0.01
-    for unit, least in (("ns", 1e6), ("us", 1e3 if is_imu else 1e4), ("ms", 1.0 if is_imu else 20.0)):
+    for unit, least in (
+        ("ns", 1e6),
+        ("us", 1e3 if is_imu else 1e4),
+        ("ms", 1.0 if is_imu else 20.0),
+    ):
         if interval >= least:
             return unit
     return "s"
@@ -142,12 +209,21 @@ def _imu(table, file, t, time, unit, gyro, accel, facts, problems):
     """(Imu or None, axes, text of [imu]) with the units and axes that fit gravity best."""
     raw = [np.stack([table.numbers(name) for name in three], axis=1) for three in (gyro, accel)]
     accel_unit, scale, accel_note = _accel_unit(accel[0], raw[1])
-    candidates = [_named_unit(gyro[0], ("rad/s", "deg/s"))] if _named_unit(gyro[0], ("rad/s", "deg/s")) else ["rad/s", "deg/s"]
+    candidates = (
+        [_named_unit(gyro[0], ("rad/s", "deg/s"))]
+        if _named_unit(gyro[0], ("rad/s", "deg/s"))
+        else ["rad/s", "deg/s"]
+    )
     imu = axes = None
     try:
         for gyro_unit in candidates:
-            imu, _ = increments(t, raw[0] * UNITS["angular rate"][gyro_unit], raw[1] * (scale * UNITS["acceleration"][accel_unit]), "rate",
-                                Origin(table.name, table.lines, "line"))
+            imu, _ = increments(
+                t,
+                raw[0] * UNITS["angular rate"][gyro_unit],
+                raw[1] * (scale * UNITS["acceleration"][accel_unit]),
+                "rate",
+                Origin(table.name, table.lines, "line"),
+            )
             axes = axes or _axes(np.median(half_seconds(imu)[1], axis=0))
             turn = axes_matrix(axes[0], BODY).T
             imu = imu._replace(dtheta=imu.dtheta @ turn, dv=imu.dv @ turn)
@@ -156,22 +232,33 @@ def _imu(table, file, t, time, unit, gyro, accel, facts, problems):
     except DataError as error:
         problems.append(str(error))
     axes = axes or ("FRD", "check: forward-right-down")
-    gyro_note = "      # check: the unit is not in the name" if gyro_unit == candidates[0] else "      # check: too large for rad/s"
+    gyro_note = (
+        "      # check: the unit is not in the name"
+        if gyro_unit == candidates[0]
+        else "      # check: too large for rad/s"
+    )
     gyro_note, sure = ("", "") if len(candidates) == 1 else (gyro_note, " (a guess)")
-    facts.append(f"gyro: {', '.join(gyro)} in {gyro_unit}{sure}; accel: {', '.join(accel)} in {accel_unit}"
-                 + (f" times {scale:g}" if scale != 1 else "") + f"; axes {axes[0]} ({axes[1].removeprefix('check: ')})")
+    facts.append(
+        f"gyro: {', '.join(gyro)} in {gyro_unit}{sure}; accel: {', '.join(accel)} in {accel_unit}"
+        + (f" times {scale:g}" if scale != 1 else "")
+        + f"; axes {axes[0]} ({axes[1].removeprefix('check: ')})"
+    )
     factor = f", scale = {scale:.6g}" if scale != 1 else ""
-    return imu, axes[0], f"""[imu]
+    return (
+        imu,
+        axes[0],
+        f"""[imu]
 file = {file}
 time = {{ column = {_text(time)}, unit = "{unit}" }}
 kind = "rate"                    # check: "increment" where the columns are rotation and velocity increments
 axes = "{axes[0]}"                     # {axes[1]}
-gyro  = {{ columns = [{', '.join(map(_text, gyro))}], unit = "{gyro_unit}" }}{gyro_note}
-accel = {{ columns = [{', '.join(map(_text, accel))}], unit = "{accel_unit}"{factor} }}{accel_note}
+gyro  = {{ columns = [{", ".join(map(_text, gyro))}], unit = "{gyro_unit}" }}{gyro_note}
+accel = {{ columns = [{", ".join(map(_text, accel))}], unit = "{accel_unit}"{factor} }}{accel_note}
 # mounting = {{ roll = 0.0, pitch = 0.0, heading = 0.0, unit = "deg" }}    # sensor to body, where the IMU is not aligned with the vehicle
 lever_arm = [0.0, 0.0, 0.0]      # check: m, forward-right-down, from the vehicle's reference point to the IMU
 # grade = "consumer"             # check: a name from `strapdown imus`, or an ImuSpec file
-"""
+""",
+    )
 
 
 def _accel_unit(name, raw):
@@ -180,9 +267,23 @@ def _accel_unit(name, raw):
         magnitude = float(np.nanmedian(np.linalg.norm(raw, axis=1)))
     unit = _named_unit(name, ("m/s^2", "mg", "g"))
     if unit is None:
-        unit = next((u for u, gravity in (("m/s^2", G), ("g", 1.0), ("mg", 1000.0)) if 0.6 < magnitude / gravity < 1.7), None)
-        return (unit, 1.0, f"      # check: median magnitude is {magnitude:.4g}") if unit else (
-            "m/s^2", G / magnitude if magnitude > 0 else 1.0, "      # check: counts? scale was set so that the median magnitude is gravity")
+        unit = next(
+            (
+                u
+                for u, gravity in (("m/s^2", G), ("g", 1.0), ("mg", 1000.0))
+                if 0.6 < magnitude / gravity < 1.7
+            ),
+            None,
+        )
+        return (
+            (unit, 1.0, f"      # check: median magnitude is {magnitude:.4g}")
+            if unit
+            else (
+                "m/s^2",
+                G / magnitude if magnitude > 0 else 1.0,
+                "      # check: counts? scale was set so that the median magnitude is gravity",
+            )
+        )
     return unit, 1.0, ""
 
 
@@ -191,7 +292,11 @@ def _axes(force):
     main = int(np.argmax(np.abs(force)))
     up = force[main] > 0
     if main == 2:
-        return ("FLU", "check: z points up; RFU where x points right and y forward") if up else ("FRD", "z points down; check that x points forward")
+        return (
+            ("FLU", "check: z points up; RFU where x points right and y forward")
+            if up
+            else ("FRD", "z points down; check that x points forward")
+        )
     forward, other = ("z", "y") if main == 0 else ("x", "z")
     down = ("-" if up else "+") + "xyz"[main]
     for sign in "+-":
@@ -205,8 +310,11 @@ def _axes(force):
 
 def _aidings(file, time, unit, table, fixes, facts):
     """Texts of [[aiding]] for a position and a velocity found in the table."""
-    parts, where = [], f"""file = {file}
-time = {{ column = {_text(time)}, unit = "{unit}" }}"""
+    parts, where = (
+        [],
+        f"""file = {file}
+time = {{ column = {_text(time)}, unit = "{unit}" }}""",
+    )
     if all(fixes[key] for key in ("latitude", "longitude", "height")):
         names = [fixes[key] for key in ("latitude", "longitude", "height")]
         angle, scale = _angle_unit(names[0], table.numbers(names[0]))
@@ -214,7 +322,7 @@ time = {{ column = {_text(time)}, unit = "{unit}" }}"""
         parts.append(f"""[[aiding]]
 kind = "position"
 {where}
-columns = [{', '.join(map(_text, names))}]
+columns = [{", ".join(map(_text, names))}]
 unit = ["{angle}", "{angle}", "m"]    # check: height above the ellipsoid{scale}
 sd = [2.0, 2.0, 4.0]             # check: m, or columns of the table
 lever_arm = [0.0, 0.0, 0.0]      # check: m, forward-right-down, from the vehicle's reference point to the antenna
@@ -222,13 +330,17 @@ lever_arm = [0.0, 0.0, 0.0]      # check: m, forward-right-down, from the vehicl
         facts.append(f"position: {', '.join(names)} in {angle}, {angle}, m")
     vertical = fixes["down"] or fixes["up"]
     if fixes["north"] and fixes["east"] and vertical:
-        names = [fixes["north"], fixes["east"], vertical] if fixes["down"] else [fixes["east"], fixes["north"], vertical]
+        names = (
+            [fixes["north"], fixes["east"], vertical]
+            if fixes["down"]
+            else [fixes["east"], fixes["north"], vertical]
+        )
         parts.append(f"""[[aiding]]
 kind = "velocity"
 {where}
-columns = [{', '.join(map(_text, names))}]
+columns = [{", ".join(map(_text, names))}]
 unit = "m/s"                     # check
-axes = "{'NED' if fixes['down'] else 'ENU'}"
+axes = "{"NED" if fixes["down"] else "ENU"}"
 sd = [0.2, 0.2, 0.3]             # check: m/s, or columns of the table
 lever_arm = [0.0, 0.0, 0.0]      # check: the same antenna
 """)
@@ -237,23 +349,35 @@ lever_arm = [0.0, 0.0, 0.0]      # check: the same antenna
 
 
 def _magnetometer(file, time, unit, table, names, axes, facts):
-    """Text of [[aiding]] for a magnetometer, its unit the one of its name or that gives about the Earth's field."""
+    """Text of [[aiding]] for a magnetometer, its unit the one of its name or that gives about
+    the Earth's field."""
     with np.errstate(invalid="ignore"):
-        median = float(np.nanmedian(np.linalg.norm(np.stack([table.numbers(name) for name in names], axis=1), axis=1)))
-    known, named = UNITS["magnetic field"], _named_unit(names[0], ("uT", "nT", "mgauss", "gauss", "T"))
-    tesla = named or next((each for each in known if 0.32 < median * known[each] / EARTH < 3.2), None)
+        median = float(
+            np.nanmedian(
+                np.linalg.norm(np.stack([table.numbers(name) for name in names], axis=1), axis=1)
+            )
+        )
+    known, named = (
+        UNITS["magnetic field"],
+        _named_unit(names[0], ("uT", "nT", "mgauss", "gauss", "T")),
+    )
+    tesla = named or next(
+        (each for each in known if 0.32 < median * known[each] / EARTH < 3.2), None
+    )
     scale = 1.0 if tesla or not median > 0 else EARTH / known["uT"] / median
     tesla, sure = tesla or "uT", "" if named else " (a guess)"
     counts = "" if scale == 1 else "; counts? scale was set to the Earth's field"
     checked = "" if named else f"      # check: median strength is {median:.4g}{counts}"
-    facts.append(f"magnetometer: {', '.join(names)} in {tesla}{sure}{f' times {scale:g}' if scale != 1 else ''}; "
-                 "the draft has it as a magnetic-field: check its axes and calibrate it")
+    facts.append(
+        f"magnetometer: {', '.join(names)} in {tesla}{sure}{f' times {scale:g}' if scale != 1 else ''}; "
+        "the draft has it as a magnetic-field: check its axes and calibrate it"
+    )
     factor = f"scale = {scale:.6g}\n" if scale != 1 else ""
     return f"""[[aiding]]
 kind = "magnetic-field"
 file = {file}
 time = {{ column = {_text(time)}, unit = "{unit}" }}
-columns = [{', '.join(map(_text, names))}]
+columns = [{", ".join(map(_text, names))}]
 unit = "{tesla}"{checked}
 {factor}axes = "{axes}"                     # check: those of the IMU; many magnetometers have others
 sd = {1e-6 / known[tesla]:.3g}                         # check: in the unit above, here 1 uT
@@ -264,11 +388,22 @@ field = "record"                 # check: headings are from magnetic north; for 
 
 
 def _attitude(file, time, unit, table, names, facts):
-    """Text of an [[aiding]] that is commented out: a logged attitude is most often another filter's, made of this same IMU."""
+    """Text of an [[aiding]] that is commented out: a logged attitude is most often another
+    filter's, made of this same IMU."""
     named = _named_unit(names[0], ("rad", "deg"))
-    largest = max((float(np.nanmax(np.abs(values))) for name in names for values in [table.numbers(name)] if np.isfinite(values).any()), default=0.0)
+    largest = max(
+        (
+            float(np.nanmax(np.abs(values)))
+            for name in names
+            for values in [table.numbers(name)]
+            if np.isfinite(values).any()
+        ),
+        default=0.0,
+    )
     angle = named or ("rad" if 0 < largest < 6.3 else "deg")
-    facts.append(f"attitude: {', '.join(names)} in {angle}{'' if named else ' (a guess)'}; the draft has it commented out")
+    facts.append(
+        f"attitude: {', '.join(names)} in {angle}{'' if named else ' (a guess)'}; the draft has it commented out"
+    )
     return f"""# An attitude beside the IMU is most often that of another filter, made of this same IMU: not independent of it.
 # Take the marks off these lines where an AHRS's attitude shall aid a filter that is fed with one; to score against it,
 # name it in [reference] with its positions.
@@ -276,9 +411,9 @@ def _attitude(file, time, unit, table, names, facts):
 # kind = "attitude"
 # file = {file}
 # time = {{ column = {_text(time)}, unit = "{unit}" }}
-# columns = [{', '.join(map(_text, names))}]
-# unit = "{angle}"{'' if named else f"      # check: the largest is {largest:.4g}"}
-# sd = {'1.0' if angle == 'deg' else '0.02'}                       # check: in that unit, of roll, pitch and heading
+# columns = [{", ".join(map(_text, names))}]
+# unit = "{angle}"{"" if named else f"      # check: the largest is {largest:.4g}"}
+# sd = {"1.0" if angle == "deg" else "0.02"}                       # check: in that unit, of roll, pitch and heading
 # axes = "FRD to NED"            # check: or "FLU to ENU"
 """
 

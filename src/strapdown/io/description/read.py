@@ -1,33 +1,36 @@
-"""From a description to a Recording: columns to signals, units to SI, sensor axes to the body, fixes checked against the IMU."""
+"""From a description to a Recording: columns to signals, units to SI, sensor axes to the body,
+fixes checked against the IMU."""
+
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
+from ...alignment.location import place_of
 from ...core.contract import ATTITUDE_KIND, Imu
 from ...data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, DataError
-from ...recording import Recording
-from ...alignment.location import place_of
-from ...preprocessing.attitude_record import angles, quaternions
 from ...preprocessing.attitude_checks import sound_attitude
+from ...preprocessing.attitude_record import angles, quaternions
 from ...preprocessing.axes import NAVIGATION, axes_matrix, sensor_to_body
-from ..calibration_file import corrected, frames
-from .complaints import load
 from ...preprocessing.fixes import clean, clean_reference, overlap, overlap_notes
-from ..locate import locate
-from ..magnetic_record import calibrated, sound, with_field
+from ...preprocessing.imu_samples import increments
 from ...preprocessing.plausible import mistakes
 from ...preprocessing.stationary import at_rest
-from ...preprocessing.imu_samples import increments
+from ...preprocessing.units import DEG, DIMENSIONS, factor
+from ...recording import Recording
+from ..calibration_file import corrected, frames
+from ..locate import locate
+from ..magnetic_record import calibrated, sound, with_field
+from ..tables import read_table
+from .complaints import load
 from .schema import vector_factors
 from .schema_aiding import deviation_dimension
-from ..tables import read_table
-from ...preprocessing.units import DEG, DIMENSIONS, factor
 
 MOST_PER_SAMPLE = 10
 """Fixes of a constraint per sample of the IMU: more tell a filter nothing and fill the memory."""
 FAR_LEVEL = 10
-"""Standard deviations between the level of a sea and the height of the place that are worth a note."""
+"""Standard deviations between the level of a sea and the height of the place that are worth a
+note."""
 
 
 class Files:
@@ -49,8 +52,11 @@ class Files:
             raise DataError(f"{self.path}: {error}") from None
 
     def columns(self, file, time, columns):
-        """(Table, t in s, list of arrays) of one file; columns given by number say that it has no header."""
-        table = self.table(file, not any(isinstance(column, int) for column in (time.column, *columns)))
+        """(Table, t in s, list of arrays) of one file; columns given by number say that it has
+        no header."""
+        table = self.table(
+            file, not any(isinstance(column, int) for column in (time.column, *columns))
+        )
         t = table.numbers(time.column) * (time.scale * factor(time.unit, "time")) + time.offset
         return table, t, [table.numbers(column) for column in columns]
 
@@ -77,16 +83,23 @@ def read_description(path):
         reference, more = read_reference(description.reference, imu, files)
         notes += more
     sensors = frames(description, files, aidings)
-    return Recording(imu, tuple(aidings), reference, meta | ({"sensors": sensors} if sensors else {}) | {"notes": notes})
+    return Recording(
+        imu,
+        tuple(aidings),
+        reference,
+        meta | ({"sensors": sensors} if sensors else {}) | {"notes": notes},
+    )
 
 
 def _renamed(aiding, number):
     from dataclasses import replace
+
     return replace(aiding, name=f"{aiding.name} {number}")
 
 
 def read_meta(description, files):
-    """The meta of a Recording that its description gives: name, date, place, grade, point, lever arm of the IMU. Raises DataError."""
+    """The meta of a Recording that its description gives: name, date, place, grade, point, lever
+    arm of the IMU. Raises DataError."""
     grade = description.imu.grade
     if grade and grade.endswith(".toml"):
         grade = str(files.locate(grade))
@@ -98,46 +111,88 @@ def read_meta(description, files):
 
 def level_notes(aidings, meta):
     """Notes on a mean sea level that is far from the height of the `place` in meta."""
-    found = [(aiding, float(aiding.y[0, 0]), float(aiding.sd[0, 0])) for aiding in aidings if aiding.kind == "zero-sea-level" and len(aiding.t)]
+    found = [
+        (aiding, float(aiding.y[0, 0]), float(aiding.sd[0, 0]))
+        for aiding in aidings
+        if aiding.kind == "zero-sea-level" and len(aiding.t)
+    ]
     height = meta["place"][2] if "place" in meta else None
-    return [f"{aiding.name}: its level is {level:g} m and the height of place {height:g} m, {abs(level - height) / sd:.0f} of its standard "
-            "deviations apart: check both, they are m above the ellipsoid"
-            for aiding, level, sd in found if height is not None and abs(level - height) > FAR_LEVEL * sd]
+    return [
+        f"{aiding.name}: its level is {level:g} m and the height of place {height:g} m, {abs(level - height) / sd:.0f} of its standard "
+        "deviations apart: check both, they are m above the ellipsoid"
+        for aiding, level, sd in found
+        if height is not None and abs(level - height) > FAR_LEVEL * sd
+    ]
 
 
 def read_imu(part, files):
     """(Imu in body FRD, notes) of the section [imu], not yet looked at for mistaken units."""
     table, t, columns = files.columns(part.file, part.time, part.gyro.columns + part.accel.columns)
-    gyro, accel = (np.stack(three, axis=1) * (signal.scale * factor(signal.unit, dimension))
-                   for three, signal, dimension in zip((columns[:3], columns[3:]), (part.gyro, part.accel), part.dimensions))
+    gyro, accel = (
+        np.stack(three, axis=1) * (signal.scale * factor(signal.unit, dimension))
+        for three, signal, dimension in zip(
+            (columns[:3], columns[3:]), (part.gyro, part.accel), part.dimensions
+        )
+    )
     imu, notes = increments(t, gyro, accel, part.kind, table.origin)
     gyro, accel, more = corrected(part, files, imu)
     C = sensor_to_body(part)
-    return Imu(imu.t, imu.dt, *(np.require(values @ C.T, float, ["C", "W"]) for values in (gyro, accel))), notes + more
+    return Imu(
+        imu.t, imu.dt, *(np.require(values @ C.T, float, ["C", "W"]) for values in (gyro, accel))
+    ), notes + more
 
 
 def read_aiding(part, number, imu_lever_arm, imu, files):
     """(Aiding, notes) of one section [[aiding]]. Raises DataError."""
     sensor = part.sensor
-    arm = np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm if sensor.parameters in ("antenna", "reference") else ()
-    make = lambda t, y, sd: Aiding(part.kind, t, y, sd, tuple(map(float, arm)), part.gate, part.name or part.kind)
+    arm = (
+        np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm
+        if sensor.parameters in ("antenna", "reference")
+        else ()
+    )
+    make = lambda t, y, sd: Aiding(
+        part.kind, t, y, sd, tuple(map(float, arm)), part.gate, part.name or part.kind
+    )
     where = f"{files.path}: [[aiding]] {number} ({part.kind})"
     if not sensor.recorded:
         t, notes = _constraint_times(part, imu, where)
         shape = (len(t), len(sensor.quantities))
-        return make(t, np.full(shape, part.level or 0.0), np.broadcast_to(np.array(part.deviations, float), shape).copy()), notes
+        return make(
+            t,
+            np.full(shape, part.level or 0.0),
+            np.broadcast_to(np.array(part.deviations, float), shape).copy(),
+        ), notes
     names = [_deviation_column(sd) for sd in part.deviations]
-    table, t, columns = files.columns(part.file, part.time, part.columns + [name for name in names if name is not None])
-    many, read = len(part.columns), iter(columns[len(part.columns):])
+    table, t, columns = files.columns(
+        part.file, part.time, part.columns + [name for name in names if name is not None]
+    )
+    many, read = len(part.columns), iter(columns[len(part.columns) :])
     y = np.stack([column * size for column, size in zip(columns[:many], part.factors)], axis=1)
-    sd = np.stack([_deviation(entry, quantity, factor(unit, DIMENSIONS[quantity]), next(read) if name is not None else np.ones(len(t)))
-                   for entry, quantity, unit, name in zip(part.deviations, sensor.quantities, part.units, names)], axis=1)
+    sd = np.stack(
+        [
+            _deviation(
+                entry,
+                quantity,
+                factor(unit, DIMENSIONS[quantity]),
+                next(read) if name is not None else np.ones(len(t)),
+            )
+            for entry, quantity, unit, name in zip(
+                part.deviations, sensor.quantities, part.units, names
+            )
+        ],
+        axis=1,
+    )
     origin, more = table.origin, []
     if sensor.kind == ATTITUDE_KIND:
         t, y, sd, origin, more = _attitude(part, t, y, sd, imu, origin, where)
     if sensor.parameters == "field":
         keep, more = sound(t, y, imu, part.name or part.kind, origin, part.matrix)
-        origin, t, y, sd = origin.kept(keep, len(t)), t[keep], calibrated(part, files, y[keep]), sd[keep]
+        origin, t, y, sd = (
+            origin.kept(keep, len(t)),
+            t[keep],
+            calibrated(part, files, y[keep]),
+            sd[keep],
+        )
     if part.matrix is not None:
         y, sd = _turned(y, part.matrix), _turned(sd, np.abs(part.matrix))
     aiding, notes = clean(make(t, y, sd), sensor, origin)
@@ -146,7 +201,8 @@ def read_aiding(part, number, imu_lever_arm, imu, files):
 
 
 def _attitude(part, t, y, sd, imu, origin, where):
-    """(t, y, sd, origin, notes) of an attitude: roll, pitch and heading of the body, rad, of what the columns hold, without stuck fixes."""
+    """(t, y, sd, origin, notes) of an attitude: roll, pitch and heading of the body, rad, of
+    what the columns hold, without stuck fixes."""
     y = angles(y, part.quaternion, part.axes, origin)
     sd = np.c_[sd, np.full((len(sd), 3 - sd.shape[1]), np.nan)]
     keep, notes = sound_attitude(t, y, imu, part.name or part.kind, where)
@@ -154,7 +210,8 @@ def _attitude(part, t, y, sd, imu, origin, where):
 
 
 def read_field(part, number, aiding, aidings, imu, meta, path):
-    """(Aiding, notes): a magnetometer with the Earth's field as parameters, its place that of `place_of`; others as they are."""
+    """(Aiding, notes): a magnetometer with the Earth's field as parameters, its place that of
+    `place_of`; others as they are."""
     if part.sensor.parameters != "field":
         return aiding, []
     place = place_of(meta, aidings)
@@ -165,7 +222,8 @@ def read_field(part, number, aiding, aidings, imu, meta, path):
 
 
 def _turned(vectors, matrix):
-    """Signed permutation of the columns, which keeps a NaN where it is (a matrix product would spread it)."""
+    """Signed permutation of the columns, which keeps a NaN where it is (a matrix product would
+    spread it)."""
     source = np.abs(matrix).argmax(axis=1)
     return vectors[:, source] * matrix[np.arange(3), source]
 
@@ -175,25 +233,33 @@ def _deviation_column(entry):
 
 
 def _deviation(entry, quantity, unit, values):
-    """Standard deviations in SI: numbers and plain columns are in the unit of the component (latitude and longitude: m)."""
+    """Standard deviations in SI: numbers and plain columns are in the unit of the component
+    (latitude and longitude: m)."""
     if isinstance(entry, dict):
-        return values * (factor(entry["unit"], deviation_dimension(quantity)) * entry.get("scale", 1.0))
+        return values * (
+            factor(entry["unit"], deviation_dimension(quantity)) * entry.get("scale", 1.0)
+        )
     own = 1.0 if deviation_dimension(quantity) != DIMENSIONS[quantity] else unit
     return values * own * (entry if _deviation_column(entry) is None else 1.0)
 
 
 def _constraint_times(part, imu, where):
-    """(Times at the rate of a constraint, s, within samples of the IMU and, where its kind says so, at rest; notes). Raises DataError."""
+    """(Times at the rate of a constraint, s, within samples of the IMU and, where its kind says
+    so, at rest; notes). Raises DataError."""
     start, most = float(imu.t[0] - imu.dt[0]), MOST_PER_SAMPLE / float(np.median(imu.dt))
     if part.rate > most * (1 + 1e-6):
-        raise DataError(f"{where} rate: {part.rate:g} Hz is more than {MOST_PER_SAMPLE} times that of the IMU; give {most:.4g} Hz or less")
+        raise DataError(
+            f"{where} rate: {part.rate:g} Hz is more than {MOST_PER_SAMPLE} times that of the IMU; give {most:.4g} Hz or less"
+        )
     t = start + np.arange(1, int((imu.t[-1] - start) * part.rate + 1e-9) + 1) / part.rate
     sample = np.minimum(np.searchsorted(imu.t, t - 1e-9), len(imu.t) - 1)
     use = t > imu.t[sample] - imu.dt[sample] - 1e-9
     if part.sensor.when != "at rest":
         return t[use], []
     t = t[use & at_rest(imu)[sample]]
-    return t, [f"{part.kind}: {f'at rest for {len(t) / part.rate:.1f} s' if len(t) else 'no rest was found, so it never holds'}"]
+    return t, [
+        f"{part.kind}: {f'at rest for {len(t) / part.rate:.1f} s' if len(t) else 'no rest was found, so it never holds'}"
+    ]
 
 
 def read_reference(part, imu, files):
@@ -202,27 +268,57 @@ def read_reference(part, imu, files):
         t, lla, v_n, q_nb, origin = _own_table(files.table(part.file), files)
     else:
         three = lambda vector: vector.columns if vector else []
-        table, t, columns = files.columns(part.file, part.time, three(part.position) + three(part.velocity) + three(part.attitude))
+        table, t, columns = files.columns(
+            part.file, part.time, three(part.position) + three(part.velocity) + three(part.attitude)
+        )
         read = iter(columns)
-        si = lambda vector, dimensions: None if vector is None else np.stack(
-            [next(read) * unit for unit in vector_factors(vector, dimensions)], axis=1)
-        lla, v_n, attitude = si(part.position, ["angle", "angle", "length"]), si(part.velocity, ["speed"] * 3), si(part.attitude, ["angle"] * 3)
-        v_n = None if v_n is None else _turned(v_n, axes_matrix(part.velocity.axes or "NED", NAVIGATION, False))
+        si = lambda vector, dimensions: (
+            None
+            if vector is None
+            else np.stack(
+                [next(read) * unit for unit in vector_factors(vector, dimensions)], axis=1
+            )
+        )
+        lla, v_n, attitude = (
+            si(part.position, ["angle", "angle", "length"]),
+            si(part.velocity, ["speed"] * 3),
+            si(part.attitude, ["angle"] * 3),
+        )
+        v_n = (
+            None
+            if v_n is None
+            else _turned(v_n, axes_matrix(part.velocity.axes or "NED", NAVIGATION, False))
+        )
         origin = table.origin
-        q_nb = None if attitude is None else quaternions(attitude, part.attitude.quaternion, part.attitude.axes, origin)
+        q_nb = (
+            None
+            if attitude is None
+            else quaternions(attitude, part.attitude.quaternion, part.attitude.axes, origin)
+        )
     reference, notes = clean_reference(t, lla, v_n, q_nb, origin)
     overlap(imu, reference.t, f"{files.path}: [reference]")
     return reference, notes
 
 
 def _own_table(table, files):
-    """A table of this library: t in s, then columns of `Trajectory.table`, in degrees, m and m/s; units may follow the names in brackets."""
+    """A table of this library: t in s, then columns of `Trajectory.table`, in degrees, m and
+    m/s; units may follow the names in brackets."""
     known = {str(name).partition(" [")[0]: name for name in table.frame.columns}
     has = lambda names: all(name in known for name in names)
     if not has(["t", *NAV_COLUMNS[:3]]):
-        raise DataError(f"{files.path}: [reference] time: is missing; {table.name} has no columns t, lat, lon, alt, "
-                        "so time and position must be given")
-    three = lambda names: np.stack([table.numbers(known[name]) for name in names], axis=1) if has(names) else None
+        raise DataError(
+            f"{files.path}: [reference] time: is missing; {table.name} has no columns t, lat, lon, alt, "
+            "so time and position must be given"
+        )
+    three = lambda names: (
+        np.stack([table.numbers(known[name]) for name in names], axis=1) if has(names) else None
+    )
     v_n, rph = three(NAV_COLUMNS[3:6]), three(ATTITUDE_COLUMNS)
     q_nb = None if rph is None else quaternions(rph * DEG, None, None, table.origin)
-    return table.numbers(known["t"]), three(NAV_COLUMNS[:3]) * [DEG, DEG, 1.0], v_n, q_nb, table.origin
+    return (
+        table.numbers(known["t"]),
+        three(NAV_COLUMNS[:3]) * [DEG, DEG, 1.0],
+        v_n,
+        q_nb,
+        table.origin,
+    )

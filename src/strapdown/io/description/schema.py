@@ -1,4 +1,6 @@
-"""The schema of `recording.toml`: its sections as types that check themselves before any table is read."""
+"""The schema of `recording.toml`: its sections as types that check themselves before any table
+is read."""
+
 import datetime
 import math
 from typing import Annotated, Any, Literal
@@ -9,9 +11,9 @@ from ...core.earth import LATITUDE_LIMIT
 from ...data import DataError
 from ...preprocessing.attitude_record import ORDERS, axes_of
 from ...preprocessing.axes import BODY, NAVIGATION, axes_matrix
+from ...preprocessing.units import factor
 from .schema_aiding import AidingPart, check_attitude_columns
 from .schema_base import Column, Finite, Part, Signal, Time, Triple, named
-from ...preprocessing.units import factor
 
 
 def _body_axes(text):
@@ -25,12 +27,13 @@ def _date(value):
     try:
         datetime.datetime.fromisoformat(value)
     except (TypeError, ValueError):
-        raise ValueError(f"{value!r} is no date; write it as \"2012-10-10\"") from None
+        raise ValueError(f'{value!r} is no date; write it as "2012-10-10"') from None
     return value
 
 
 class Mounting(Part):
     """Sensor to body: C_bs = Rz(heading) Ry(pitch) Rx(roll)."""
+
     roll: Finite = 0.0
     pitch: Finite = 0.0
     heading: Finite = 0.0
@@ -44,6 +47,7 @@ class Mounting(Part):
 
 class Temperature(Part):
     """temperature: the column of the IMU's own, degC = column * scale + offset."""
+
     column: Column
     unit: Literal["degC"] = "degC"
     scale: Finite = 1.0
@@ -52,6 +56,7 @@ class Temperature(Part):
 
 class ImuPart(Part):
     """[imu]"""
+
     file: str
     time: Time
     kind: Literal["rate", "increment"] = "rate"
@@ -67,17 +72,25 @@ class ImuPart(Part):
     @property
     def dimensions(self):
         """Dimensions of gyro and accel."""
-        return ("angular rate", "acceleration") if self.kind == "rate" else ("angle", "velocity increment")
+        return (
+            ("angular rate", "acceleration")
+            if self.kind == "rate"
+            else ("angle", "velocity increment")
+        )
 
     @model_validator(mode="after")
     def _units(self):
-        for name, signal, dimension in zip(("gyro", "accel"), (self.gyro, self.accel), self.dimensions):
+        for name, signal, dimension in zip(
+            ("gyro", "accel"), (self.gyro, self.accel), self.dimensions
+        ):
             named(f"{name}.unit", factor, signal.unit, dimension)
         return self
 
 
 class Place(Part):
-    """place: where the recording is, for models of the magnetic field and of gravity; latitude and longitude in `unit`, height in m."""
+    """place: where the recording is, for models of the magnetic field and of gravity; latitude
+    and longitude in `unit`, height in m."""
+
     latitude: Finite
     longitude: Finite
     height: Finite = 0.0
@@ -94,16 +107,22 @@ class Place(Part):
         named("unit", factor, self.unit, "angle")
         latitude, longitude, height = self.lla
         if abs(latitude) > math.pi / 2 * (1 + 1e-12) or abs(longitude) > 2 * math.pi:
-            raise ValueError(f"no place is at latitude {self.latitude:g}, longitude {self.longitude:g} {self.unit}; check unit and order")
+            raise ValueError(
+                f"no place is at latitude {self.latitude:g}, longitude {self.longitude:g} {self.unit}; check unit and order"
+            )
         if abs(latitude) > LATITUDE_LIMIT:
-            raise ValueError(f"latitude: {self.latitude:g} {self.unit}; results hold up to {math.degrees(LATITUDE_LIMIT):.0f} deg")
+            raise ValueError(
+                f"latitude: {self.latitude:g} {self.unit}; results hold up to {math.degrees(LATITUDE_LIMIT):.0f} deg"
+            )
         if not -12e3 <= height <= 850e3:
             raise ValueError(f"height: {height:g} m is no height of a vehicle; is it in m?")
         return self
 
 
 class Vector(Part):
-    """Columns of a reference with their unit, or a unit for each; a velocity and an attitude take axes, an attitude may be a quaternion."""
+    """Columns of a reference with their unit, or a unit for each; a velocity and an attitude
+    take axes, an attitude may be a quaternion."""
+
     columns: list[Column]
     unit: Any = None
     axes: str | None = None
@@ -111,7 +130,9 @@ class Vector(Part):
 
 
 class ReferencePart(Part):
-    """[reference]: what is missing is not scored; with a file alone, the columns are those of the library's own tables."""
+    """[reference]: what is missing is not scored; with a file alone, the columns are those of
+    the library's own tables."""
+
     file: str
     time: Time | None = None
     position: Vector | None = None
@@ -120,12 +141,23 @@ class ReferencePart(Part):
 
     @model_validator(mode="after")
     def _complete(self):
-        if self.time is None and self.position is None and self.velocity is None and self.attitude is None:
+        if (
+            self.time is None
+            and self.position is None
+            and self.velocity is None
+            and self.attitude is None
+        ):
             return self
         for key in ("time", "position"):
             if getattr(self, key) is None:
-                raise ValueError(f"{key}: is missing; a reference needs time and position, or, written by this library, the file alone")
-        for key, dimensions in (("position", ["angle", "angle", "length"]), ("velocity", ["speed"] * 3), ("attitude", ["angle"] * 3)):
+                raise ValueError(
+                    f"{key}: is missing; a reference needs time and position, or, written by this library, the file alone"
+                )
+        for key, dimensions in (
+            ("position", ["angle", "angle", "length"]),
+            ("velocity", ["speed"] * 3),
+            ("attitude", ["angle"] * 3),
+        ):
             part = getattr(self, key)
             if part is not None:
                 if key == "attitude":
@@ -133,7 +165,9 @@ class ReferencePart(Part):
                 if len(part.columns) != (4 if part.quaternion else 3):
                     raise ValueError(f"{key}.columns: {len(part.columns)} given, 3 needed")
                 if part.quaternion and (key != "attitude" or part.unit is not None):
-                    raise ValueError(f"{key}.{'unit: a quaternion has none' if key == 'attitude' else 'quaternion: only an attitude takes it'}")
+                    raise ValueError(
+                        f"{key}.{'unit: a quaternion has none' if key == 'attitude' else 'quaternion: only an attitude takes it'}"
+                    )
                 named(f"{key}.unit", lambda: vector_factors(part, dimensions))
                 if part.axes is not None:
                     self._axes(key, part.axes)
@@ -142,11 +176,14 @@ class ReferencePart(Part):
     def _axes(self, key, axes):
         if key == "position":
             raise ValueError("position.axes: only a velocity and an attitude take axes")
-        named(f"{key}.axes", axes_of, axes) if key == "attitude" else named(f"{key}.axes", axes_matrix, axes, NAVIGATION, False)
+        named(f"{key}.axes", axes_of, axes) if key == "attitude" else named(
+            f"{key}.axes", axes_matrix, axes, NAVIGATION, False
+        )
 
 
 class Description(Part):
     """A whole `recording.toml`."""
+
     date: Annotated[Any, AfterValidator(_date)] = None
     point: Literal["imu", "reference"] = "imu"
     place: Place | None = None

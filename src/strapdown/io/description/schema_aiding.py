@@ -1,4 +1,6 @@
-"""The schema of `[[aiding]]` in `recording.toml`: a source of fixes, whose kind decides which keys it takes."""
+"""The schema of `[[aiding]]` in `recording.toml`: a source of fixes, whose kind decides which
+keys it takes."""
+
 import math
 import re
 from typing import Annotated, Any, Literal
@@ -8,31 +10,42 @@ from pydantic import AfterValidator, Field, model_validator
 from ...core.contract import ATTITUDE_KIND
 from ...preprocessing.attitude_record import ORDERS, axes_of
 from ...preprocessing.axes import BODY, NAVIGATION, axes_matrix
-from .schema_base import Column, Finite, Part, Time, Triple, column, is_number, named
 from ...preprocessing.units import DIMENSIONS, factor
+from .schema_base import Column, Finite, Part, Time, Triple, column, is_number, named
 
 HEADING = r"(yaw|heading|hdg|psi|azimuth)"
 """How columns of a heading are named."""
 
 
 def _field(value):
-    """"record", or north, east, down in T."""
+    """ "record", or north, east, down in T."""
     if value == "record":
         return value
     example = '{ north = 17.6, east = 0.1, down = 52.8, unit = "uT" }'
     axes = ("north", "east", "down")
-    if not isinstance(value, dict) or set(value) != {*axes, "unit"} or not all(is_number(value[key]) for key in axes):
-        raise ValueError(f"write {example}, or \"record\" for the strengths in the record, or leave it out for the geomagnetic model")
+    if (
+        not isinstance(value, dict)
+        or set(value) != {*axes, "unit"}
+        or not all(is_number(value[key]) for key in axes)
+    ):
+        raise ValueError(
+            f'write {example}, or "record" for the strengths in the record, or leave it out for the geomagnetic model'
+        )
     vector = tuple(value[key] * factor(value["unit"], "magnetic field") for key in axes)
     if not 1e-6 <= math.hypot(*vector) <= 100e-6:
-        raise ValueError(f"its strength is {math.hypot(*vector) * 1e6:.4g} uT, where the Earth's is 22 to 67; check the unit")
+        raise ValueError(
+            f"its strength is {math.hypot(*vector) * 1e6:.4g} uT, where the Earth's is 22 to 67; check the unit"
+        )
     if math.hypot(*vector[:2]) < 1e-3 * math.hypot(*vector):
-        raise ValueError("it has nothing horizontal and so gives no heading; give north and east, or leave it out for the geomagnetic model")
+        raise ValueError(
+            "it has nothing horizontal and so gives no heading; give north and east, or leave it out for the geomagnetic model"
+        )
     return vector
 
 
 class Declination(Part):
     """declination of a field taken from the record: of magnetic from true north, positive east."""
+
     value: Finite
     unit: str | None = None
 
@@ -49,6 +62,7 @@ class Declination(Part):
 
 class AidingPart(Part):
     """[[aiding]]: what its kind measures decides which keys it takes."""
+
     kind: str
     file: str | None = None
     time: Time | None = None
@@ -71,11 +85,13 @@ class AidingPart(Part):
     def sensor(self):
         """The Measurement of this kind: quantities, frame, what the lever arm means."""
         from ...aiding import find
+
         return find(self.kind)
 
     @property
     def many(self):
-        """Components that are measured: those of the kind, of an attitude without a column of the heading two."""
+        """Components that are measured: those of the kind, of an attitude without a column of
+        the heading two."""
         many = len(self.sensor.quantities)
         return 2 if self.sensor.kind == ATTITUDE_KIND and len(self.columns) == 2 else many
 
@@ -87,12 +103,23 @@ class AidingPart(Part):
     @property
     def scales(self):
         """A scale per column."""
-        return self.scale if isinstance(self.scale, list) else [self.scale] * (4 if self.quaternion else self.many)
+        return (
+            self.scale
+            if isinstance(self.scale, list)
+            else [self.scale] * (4 if self.quaternion else self.many)
+        )
 
     @property
     def factors(self):
         """What makes SI of each column: its scale and, but for a quaternion, its unit."""
-        units = [1.0] * 4 if self.quaternion else [factor(unit, DIMENSIONS[quantity]) for unit, quantity in zip(self.units, self.sensor.quantities)]
+        units = (
+            [1.0] * 4
+            if self.quaternion
+            else [
+                factor(unit, DIMENSIONS[quantity])
+                for unit, quantity in zip(self.units, self.sensor.quantities)
+            ]
+        )
         return [unit * scale for unit, scale in zip(units, self.scales)]
 
     @property
@@ -104,7 +131,15 @@ class AidingPart(Part):
     def matrix(self):
         """What turns the columns into NED or FRD, or None where the kind is no vector."""
         named = {"n": NAVIGATION, "b": BODY}.get(self.sensor.vector)
-        return axes_matrix(self.axes or next(iter(named)), named, right_handed=self.sensor.parameters == "field") if named else None
+        return (
+            axes_matrix(
+                self.axes or next(iter(named)),
+                named,
+                right_handed=self.sensor.parameters == "field",
+            )
+            if named
+            else None
+        )
 
     @model_validator(mode="after")
     def _agrees_with_kind(self):
@@ -112,11 +147,19 @@ class AidingPart(Part):
         allowed = {"file", "time", "columns", "unit", "scale"} if sensor.recorded else {"rate"}
         for key in ("file", "time", "columns", "unit", "scale", "rate"):
             if key in self.model_fields_set and key not in allowed:
-                raise ValueError(f"{key}: {sensor.name} takes none; " + ("its fixes come at the times of the file" if sensor.recorded
-                                                                         else "it is a constraint of the vehicle, given by rate and sd"))
+                raise ValueError(
+                    f"{key}: {sensor.name} takes none; "
+                    + (
+                        "its fixes come at the times of the file"
+                        if sensor.recorded
+                        else "it is a constraint of the vehicle, given by rate and sd"
+                    )
+                )
         for key in sorted(allowed - {"unit", "scale"}) + ["sd"]:
             if getattr(self, key) is None:
-                raise ValueError(f"{key}: is missing; {sensor.name} needs {', '.join(sorted(allowed - {'scale'}))} and sd")
+                raise ValueError(
+                    f"{key}: is missing; {sensor.name} needs {', '.join(sorted(allowed - {'scale'}))} and sd"
+                )
         if self.axes is not None and sensor.kind == ATTITUDE_KIND:
             named("axes", axes_of, self.axes)
         elif self.axes is not None:
@@ -134,11 +177,15 @@ class AidingPart(Part):
             if getattr(self, key) is not None and sensor.parameters != "field":
                 raise ValueError(f"{key}: {sensor.name} takes none; only a magnetometer does")
         if self.level is not None and (sensor.recorded or sensor.quantities != ("length",)):
-            raise ValueError(f"level: {sensor.name} takes none; it is the height of mean sea level, m above the ellipsoid")
+            raise ValueError(
+                f"level: {sensor.name} takes none; it is the height of mean sea level, m above the ellipsoid"
+            )
         if self.quaternion and sensor.kind != ATTITUDE_KIND:
             raise ValueError(f"quaternion: {sensor.name} takes none; only an attitude does")
         if self.declination is not None and self.field != "record":
-            raise ValueError("declination: it belongs to field = \"record\"; the geomagnetic model and a given field have their own")
+            raise ValueError(
+                'declination: it belongs to field = "record"; the geomagnetic model and a given field have their own'
+            )
 
     def _components(self, sensor):
         many = self.many
@@ -148,9 +195,16 @@ class AidingPart(Part):
                 check_attitude_columns(self.columns, self.quaternion)
             elif len(self.columns) != many:
                 raise ValueError(f"columns: {len(self.columns)} given, {wanted}")
-            for key, values, length in (("unit", self.units, many), ("scale", self.scales, len(self.columns))):
+            for key, values, length in (
+                ("unit", self.units, many),
+                ("scale", self.scales, len(self.columns)),
+            ):
                 if len(values) != length:
-                    raise ValueError(f"{key}: {len(values)} given, {wanted}" if length == many else f"{key}: {len(values)} given, {length} needed")
+                    raise ValueError(
+                        f"{key}: {len(values)} given, {wanted}"
+                        if length == many
+                        else f"{key}: {len(values)} given, {length} needed"
+                    )
             for scale in self.scales:
                 if not is_number(scale) or scale == 0:
                     raise ValueError(f"scale: {scale!r} is no number other than zero")
@@ -171,27 +225,44 @@ class AidingPart(Part):
             raise ValueError(f"sd: {sd!r} is no number")
         elif isinstance(sd, dict):
             unknown = set(sd) - {"column", "unit", "scale"}
-            if unknown or "column" not in sd or not is_number(sd.get("scale", 1.0)) or sd.get("scale", 1.0) <= 0:
-                raise ValueError("sd: write { column = \"name\", unit = \"m\", scale = 1.0 }, with column and unit at least and scale above zero")
+            if (
+                unknown
+                or "column" not in sd
+                or not is_number(sd.get("scale", 1.0))
+                or sd.get("scale", 1.0) <= 0
+            ):
+                raise ValueError(
+                    'sd: write { column = "name", unit = "m", scale = 1.0 }, with column and unit at least and scale above zero'
+                )
             named("sd", factor, sd.get("unit"), deviation_dimension(quantity))
         else:
             named("sd", column, sd)
 
 
 def check_attitude_columns(columns, quaternion):
-    """Raise ValueError where the columns are no roll, pitch and heading, no roll and pitch, and no quaternion of the order `quaternion`."""
+    """Raise ValueError where the columns are no roll, pitch and heading, no roll and pitch, and
+    no quaternion of the order `quaternion`."""
     if quaternion is not None and len(columns) != 4:
-        raise ValueError(f"columns: {len(columns)} given, a quaternion ({quaternion}) has 4; "
-                         "without the key quaternion they are roll, pitch, heading")
+        raise ValueError(
+            f"columns: {len(columns)} given, a quaternion ({quaternion}) has 4; "
+            "without the key quaternion they are roll, pitch, heading"
+        )
     if quaternion is None and len(columns) == 4:
-        raise ValueError("columns: 4 given; of a quaternion say the order: quaternion = \"wxyz\", scalar first, or \"xyzw\"")
+        raise ValueError(
+            'columns: 4 given; of a quaternion say the order: quaternion = "wxyz", scalar first, or "xyzw"'
+        )
     if len(columns) not in (2, 3, 4):
-        raise ValueError(f"columns: {len(columns)} given; attitude is roll, pitch, heading, or roll and pitch alone, or the four of a quaternion")
+        raise ValueError(
+            f"columns: {len(columns)} given; attitude is roll, pitch, heading, or roll and pitch alone, or the four of a quaternion"
+        )
     if len(columns) == 2 and re.match(HEADING, str(columns[1]).strip().lower()):
-        raise ValueError(f"columns: {columns[1]!r} is named like a heading; two columns are roll and pitch, "
-                         "which come together (kind heading has one)")
+        raise ValueError(
+            f"columns: {columns[1]!r} is named like a heading; two columns are roll and pitch, "
+            "which come together (kind heading has one)"
+        )
 
 
 def deviation_dimension(quantity):
-    """Dimension of the standard deviation of a quantity: length for latitude, longitude and pressure (a height), else its own."""
+    """Dimension of the standard deviation of a quantity: length for latitude, longitude and
+    pressure (a height), else its own."""
     return "length" if quantity in ("latitude", "longitude", "pressure") else DIMENSIONS[quantity]

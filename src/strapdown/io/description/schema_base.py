@@ -1,4 +1,6 @@
-"""What the sections of `recording.toml` are made of: parts that refuse unknown keys, columns, times and signals."""
+"""What the sections of `recording.toml` are made of: parts that refuse unknown keys, columns,
+times and signals."""
+
 import math
 from typing import Annotated, Any
 
@@ -12,9 +14,17 @@ Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 
 def column(value):
     """The name or number of a column as it is. Raises ValueError where it is none."""
-    if isinstance(value, str) and value or isinstance(value, int) and not isinstance(value, bool) and value >= 1:
+    if (
+        isinstance(value, str)
+        and value
+        or isinstance(value, int)
+        and not isinstance(value, bool)
+        and value >= 1
+    ):
         return value
-    raise ValueError(f"{value!r} is no column: give its name, or in a file without header its number, the first being 1")
+    raise ValueError(
+        f"{value!r} is no column: give its name, or in a file without header its number, the first being 1"
+    )
 
 
 Column = Annotated[Any, AfterValidator(column)]
@@ -23,11 +33,13 @@ Columns = Annotated[list[Column], Field(min_length=3, max_length=3)]
 
 class Part(BaseModel):
     """Base of all parts: unknown keys are refused, numbers are not taken from text."""
+
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
 class Time(Part):
     """t = column * scale * unit + offset, s."""
+
     column: Column
     unit: str | None = None
     scale: Finite = 1.0
@@ -41,6 +53,7 @@ class Time(Part):
 
 class Signal(Part):
     """Three columns with one unit; `scale` is what a count is worth in that unit."""
+
     columns: Columns
     unit: str | None = None
     scale: Finite = 1.0

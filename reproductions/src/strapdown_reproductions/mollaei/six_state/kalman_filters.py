@@ -1,36 +1,43 @@
-"""The extended Kalman filter of the six states, equations (19)-(22) of Mollaei et al., and the mode without a filter."""
+"""The extended Kalman filter of the six states, equations (19)-(22) of Mollaei et al., and the
+mode without a filter."""
+
 import math
 
-from strapdown.core.jit import matrix
 from strapdown.core.contract import CORRECT, PREDICT, kernel
+from strapdown.core.jit import matrix
+
 from .model import SINCE, TRIAL, X, begin, copy, correct_gaussian, linearised, publish, seen, turn
 
 HELD = 1.0
-"""s that the last fix is held without a filter; after that position and velocity are told as zero, as in Figure 5 of the paper."""
+"""s that the last fix is held without a filter; after that position and velocity are told as
+zero, as in Figure 5 of the paper."""
 
 
 def start(start, noise, model=0.1, q=0.0, r=0.0, rate=100.0, aircraft="aerosonde", earth="flat"):
-    """Belief at `start`. model: random walk (m/s/sqrt(s)) of the velocity beyond what the aircraft's model predicts, where it does; q: variance (m^2
-    and m^2/s^2) that each sample of an IMU of `rate` Hz adds to each state instead of that and of the accelerometers' noise; r: variance of each row
-    of a fix instead of its own (0: neither). aircraft: whose model predicts; earth: "flat", no other.
+    """Belief at `start`. model: random walk (m/s/sqrt(s)) of the velocity beyond what the
+    aircraft's model predicts, where it does; q: variance (m^2 and m^2/s^2) that each sample of an
+    IMU of `rate` Hz adds to each state instead of that and of the accelerometers' noise; r:
+    variance of each row of a fix instead of its own (0: neither). aircraft: whose model predicts;
+    earth: "flat", no other.
     """
     return begin(start, 0, model, q, r, rate, aircraft, earth)
 
 
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
-    """Attitude by the gyros; state and covariance by the IMU or the aircraft's model, linearised at the estimate."""
+    """Attitude by the gyros; state and covariance by the IMU or the aircraft's model, linearised
+    at the estimate."""
     turn(belief, u, dt)
-    linearised(belief, belief.workspace[X:X + 6], belief.P, dt, noise)
+    linearised(belief, belief.workspace[X : X + 6], belief.P, dt, noise)
     publish(belief)
 
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """Correct state and covariance by a fix within the gate."""
-    workspace, x, P = belief.workspace, belief.workspace[X:X + 6], belief.P
+    workspace, x, P = belief.workspace, belief.workspace[X : X + 6], belief.P
     first = seen(workspace, y, kind, x, innovation)
-    trial, spread = workspace[TRIAL:TRIAL + 6], matrix(workspace, TRIAL + 6, 6, 6)
+    trial, spread = workspace[TRIAL : TRIAL + 6], matrix(workspace, TRIAL + 6, 6, 6)
     copy(x, P, trial, spread)
     nis, _ = correct_gaussian(workspace, trial, spread, first, innovation, sd)
     if nis <= gate:
@@ -46,7 +53,8 @@ def start_raw(start, noise, earth="flat"):
 
 @kernel(PREDICT)
 def hold(belief, u, dt, noise):
-    """No filter: attitude by the gyros, position and velocity of the last fix, zero once there was none for longer than HELD."""
+    """No filter: attitude by the gyros, position and velocity of the last fix, zero once there
+    was none for longer than HELD."""
     turn(belief, u, dt)
     if belief.workspace[SINCE] > HELD + 1e-6:
         for i in range(6):
@@ -57,7 +65,7 @@ def hold(belief, u, dt, noise):
 @kernel(CORRECT)
 def take(belief, y, sd, kind, observe, parameters, gate, innovation):
     """No filter: the fix is the state, whatever it is."""
-    workspace, x = belief.workspace, belief.workspace[X:X + 6]
+    workspace, x = belief.workspace, belief.workspace[X : X + 6]
     first = seen(workspace, y, kind, x, innovation)
     for i in range(3):
         if innovation[i] == innovation[i]:

@@ -1,57 +1,82 @@
-"""What the six-state filters of Mollaei et al. share: the state, where its numbers lie, how it moves and how a fix is seen.
+"""What the six-state filters of Mollaei et al. share: the state, where its numbers lie, how it
+moves and how a fix is seen.
 
-The state is position (m, north, east, down from the start) and velocity (m/s) on a flat, still Earth of constant gravity:
-    p' = v, v' = C f + g, f the specific force that the IMU measured, or that the aircraft's own model tells.
-The attitude C is none of it: it is the start's, turned by the measured increments and never corrected, so the truth (where the start is true) and the
-integrated error of the gyros. Biases are the start's and stay.
+The state is position (m, north, east, down from the start) and velocity (m/s) on a flat, still
+Earth of constant gravity:
+    p' = v, v' = C f + g, f the specific force that the IMU measured, or that the aircraft's own
+    model tells.
+The attitude C is none of it: it is the start's, turned by the measured increments and never
+corrected, so the truth (where the start is true) and the integrated error of the gyros. Biases are
+the start's and stay.
 """
+
 import math
 
 import numpy as np
 
-from strapdown.core.jit import helper, inlined, matrix
 from strapdown.core.contract import POSITION_KIND
+from strapdown.core.jit import helper, inlined, matrix
 from strapdown.core.rotation import orthonormalise, rotate_right, turned, wrap
 from strapdown.flight.aircraft.forces import density, forces
 from strapdown.flight.aircraft.parameters import GRAVITY, LATITUDE_RATE, LONGITUDE_RATE, MASS, SIZE
 from strapdown.flight.aircraft.parameters import aircraft as find_aircraft
 
 INPUTS = 8
-"""First of the nine numbers of `workspace` that whoever flies the aircraft writes before each sample: 1 where the model shall predict and 0 where the IMU
-shall, elevator, aileron, rudder (rad), throttle, the wind that the filter is told (m/s, NED), seconds of the sample. Before them: output columns."""
+"""First of the nine numbers of `workspace` that whoever flies the aircraft writes before each
+sample: 1 where the model shall predict and 0 where the IMU shall, elevator, aileron, rudder
+(rad), throttle, the wind that the filter is told (m/s, NED), seconds of the sample. Before them:
+output columns."""
 CONTROLS, WIND = INPUTS + 1, INPUTS + 5
-X = INPUTS + 9                          # the state, 6 numbers
-ORIGIN = X + 6                          # lla of the start
-Q, R = ORIGIN + 3, ORIGIN + 4           # variances: of the process noise per second, of a row of a fix; 0: not given
-UNKNOWN = ORIGIN + 5                    # random walk of the velocity that the model does not know, m/s/sqrt(s)
-SINCE, DENSITY = ORIGIN + 6, ORIGIN + 7     # s since the last fix; of the air at the height of the estimate, kg/m^3
-TURNED = DENSITY + 1                    # C_nb at mid-sample, 3 x 3
-DV = TURNED + 9                         # change of velocity over the sample that the IMU tells, gravity included, m/s
-A = DV + 3                              # d velocity after / d velocity before, 3 x 3
-TRIAL = A + 9                           # state and covariance that a fix would leave, 6 and 6 x 6
-CRAFT = TRIAL + 42                      # the aircraft's parameters
-OWN = CRAFT + SIZE                      # what one of the filters alone needs
+X = INPUTS + 9  # the state, 6 numbers
+ORIGIN = X + 6  # lla of the start
+Q, R = (
+    ORIGIN + 3,
+    ORIGIN + 4,
+)  # variances: of the process noise per second, of a row of a fix; 0: not given
+UNKNOWN = ORIGIN + 5  # random walk of the velocity that the model does not know, m/s/sqrt(s)
+SINCE, DENSITY = (
+    ORIGIN + 6,
+    ORIGIN + 7,
+)  # s since the last fix; of the air at the height of the estimate, kg/m^3
+TURNED = DENSITY + 1  # C_nb at mid-sample, 3 x 3
+DV = TURNED + 9  # change of velocity over the sample that the IMU tells, gravity included, m/s
+A = DV + 3  # d velocity after / d velocity before, 3 x 3
+TRIAL = A + 9  # state and covariance that a fix would leave, 6 and 6 x 6
+CRAFT = TRIAL + 42  # the aircraft's parameters
+OWN = CRAFT + SIZE  # what one of the filters alone needs
 STEP = 1e-5
-"""m/s: of the differences that make the Jacobian; their errors, of the bend and of rounding, are below 1e-6 of it."""
+"""m/s: of the differences that make the Jacobian; their errors, of the bend and of rounding, are
+below 1e-6 of it."""
 REPRODUCED = dict(q=0.1, r=0.5)
 """Options that give the Q = 0.1 I and R = 0.5 I of the paper."""
 
 
 def begin(start, own, model, q, r, rate, craft, earth):
-    """Belief at `start` for a filter with `own` numbers of its own from workspace[OWN] on. Refuses bad options."""
+    """Belief at `start` for a filter with `own` numbers of its own from workspace[OWN] on.
+    Refuses bad options."""
     for name, value in (("q", q), ("r", r)):
         if not 0 <= value < math.inf:
-            raise ValueError(f"{name} is {value:g}; it must be a variance above zero, or 0 for that of the sensors")
+            raise ValueError(
+                f"{name} is {value:g}; it must be a variance above zero, or 0 for that of the sensors"
+            )
     if not 0 <= model < math.inf:
         raise ValueError(f"model is {model:g} m/s/sqrt(s); it must be a random walk, 0 or more")
     if not 0 < rate < math.inf:
         raise ValueError(f"rate is {rate:g} Hz; it must be above zero")
     if earth != "flat":
-        raise ValueError(f"earth is {earth!r}; the six-state form knows a flat, still Earth alone: give earth=\"flat\", and fly over it")
+        raise ValueError(
+            f'earth is {earth!r}; the six-state form knows a flat, still Earth alone: give earth="flat", and fly over it'
+        )
     workspace = np.zeros(OWN + own)
     belief = start.belief(workspace)
     belief.P[6:], belief.P[:, 6:] = 0.0, 0.0
-    workspace[X + 3:X + 6], workspace[ORIGIN:ORIGIN + 3], workspace[Q], workspace[R], workspace[UNKNOWN] = start.v, start.lla, q * rate, r, model
+    (
+        workspace[X + 3 : X + 6],
+        workspace[ORIGIN : ORIGIN + 3],
+        workspace[Q],
+        workspace[R],
+        workspace[UNKNOWN],
+    ) = start.v, start.lla, q * rate, r, model
     workspace[CRAFT:OWN] = find_aircraft(craft).array(earth="flat", origin=start.lla)
     return belief
 
@@ -60,20 +85,32 @@ def configure(options, aidings):
     """Refuses an antenna away from the IMU: six states know no lever arm."""
     for aiding in aidings:
         if any(aiding.parameters[:3]):
-            raise ValueError(f"{aiding.name or aiding.kind} has a lever arm of {tuple(aiding.parameters[:3])} m; the six-state form knows none: "
-                             "give the fixes of the IMU's own place")
+            raise ValueError(
+                f"{aiding.name or aiding.kind} has a lever arm of {tuple(aiding.parameters[:3])} m; the six-state form knows none: "
+                "give the fixes of the IMU's own place"
+            )
     return options, []
 
 
 @helper
 def turn(belief, u, dt):
-    """Advance the attitude by the measured increments u, and leave in workspace what they say of the velocity and the attitude at mid-sample."""
+    """Advance the attitude by the measured increments u, and leave in workspace what they say of
+    the velocity and the attitude at mid-sample."""
     workspace, C, half = belief.workspace, belief.C, matrix(belief.workspace, TURNED, 3, 3)
     r0, r1, r2 = u[0] - belief.bg[0] * dt, u[1] - belief.bg[1] * dt, u[2] - belief.bg[2] * dt
     a0, a1, a2 = u[3] - belief.ba[0] * dt, u[4] - belief.ba[1] * dt, u[5] - belief.ba[2] * dt
     x0, x1, x2 = r1 * a2 - r2 * a1, r2 * a0 - r0 * a2, r0 * a1 - r1 * a0
-    d0, d1, d2 = turned(C, a0 + 0.5 * x0 + (r1 * x2 - r2 * x1) / 6, a1 + 0.5 * x1 + (r2 * x0 - r0 * x2) / 6, a2 + 0.5 * x2 + (r0 * x1 - r1 * x0) / 6)
-    workspace[DV], workspace[DV + 1], workspace[DV + 2] = d0, d1, d2 + workspace[CRAFT + GRAVITY] * dt
+    d0, d1, d2 = turned(
+        C,
+        a0 + 0.5 * x0 + (r1 * x2 - r2 * x1) / 6,
+        a1 + 0.5 * x1 + (r2 * x0 - r0 * x2) / 6,
+        a2 + 0.5 * x2 + (r0 * x1 - r1 * x0) / 6,
+    )
+    workspace[DV], workspace[DV + 1], workspace[DV + 2] = (
+        d0,
+        d1,
+        d2 + workspace[CRAFT + GRAVITY] * dt,
+    )
     for i in range(3):
         for j in range(3):
             half[i, j] = C[i, j]
@@ -91,28 +128,44 @@ def turn(belief, u, dt):
 
 @helper
 def acceleration(workspace, omega, v0, v1, v2):
-    """m/s^2 that the aircraft's model gives at that velocity (m/s, NED), with the attitude, rates, controls and wind in force."""
+    """m/s^2 that the aircraft's model gives at that velocity (m/s, NED), with the attitude,
+    rates, controls and wind in force."""
     C = matrix(workspace, TURNED, 3, 3)
-    v0, v1, v2, scale = v0 - workspace[WIND], v1 - workspace[WIND + 1], v2 - workspace[WIND + 2], 1 / workspace[CRAFT + MASS]
-    against_air = (C[0, 0] * v0 + C[1, 0] * v1 + C[2, 0] * v2, C[0, 1] * v0 + C[1, 1] * v1 + C[2, 1] * v2, C[0, 2] * v0 + C[1, 2] * v1 + C[2, 2] * v2)
-    Fx, Fy, Fz, _, _, _ = forces(workspace[CRAFT:], workspace[DENSITY], against_air, omega, workspace[CONTROLS:WIND])
+    v0, v1, v2, scale = (
+        v0 - workspace[WIND],
+        v1 - workspace[WIND + 1],
+        v2 - workspace[WIND + 2],
+        1 / workspace[CRAFT + MASS],
+    )
+    against_air = (
+        C[0, 0] * v0 + C[1, 0] * v1 + C[2, 0] * v2,
+        C[0, 1] * v0 + C[1, 1] * v1 + C[2, 1] * v2,
+        C[0, 2] * v0 + C[1, 2] * v1 + C[2, 2] * v2,
+    )
+    Fx, Fy, Fz, _, _, _ = forces(
+        workspace[CRAFT:], workspace[DENSITY], against_air, omega, workspace[CONTROLS:WIND]
+    )
     a0, a1, a2 = turned(C, scale * Fx, scale * Fy, scale * Fz)
     return a0, a1, a2 + workspace[CRAFT + GRAVITY]
 
 
 @helper
 def moved(workspace, omega, v0, v1, v2, dt):
-    """Velocity (m/s, NED) after dt: with the IMU's increment, or with the model's acceleration by the midpoint rule."""
+    """Velocity (m/s, NED) after dt: with the IMU's increment, or with the model's acceleration
+    by the midpoint rule."""
     if workspace[INPUTS] == 0:
         return v0 + workspace[DV], v1 + workspace[DV + 1], v2 + workspace[DV + 2]
     a0, a1, a2 = acceleration(workspace, omega, v0, v1, v2)
-    b0, b1, b2 = acceleration(workspace, omega, v0 + 0.5 * dt * a0, v1 + 0.5 * dt * a1, v2 + 0.5 * dt * a2)
+    b0, b1, b2 = acceleration(
+        workspace, omega, v0 + 0.5 * dt * a0, v1 + 0.5 * dt * a1, v2 + 0.5 * dt * a2
+    )
     return v0 + dt * b0, v1 + dt * b1, v2 + dt * b2
 
 
 @inlined
 def linearised(belief, x, P, dt, noise):
-    """Advance one Gaussian, x (6,) and P (its first 6 rows and columns), as an extended Kalman filter does."""
+    """Advance one Gaussian, x (6,) and P (its first 6 rows and columns), as an extended Kalman
+    filter does."""
     workspace, omega = belief.workspace, belief.omega
     v0, v1, v2 = x[3], x[4], x[5]
     if workspace[INPUTS] == 0:
@@ -134,10 +187,11 @@ def linearised(belief, x, P, dt, noise):
 
 @inlined
 def drift(P, dt):
-    """P <- Phi P Phi' with Phi = [I, dt I; 0, I]: positions follow velocities, which only gain the same for all."""
+    """P <- Phi P Phi' with Phi = [I, dt I; 0, I]: positions follow velocities, which only gain
+    the same for all."""
     for i in range(3):
         for j in range(3):
-            P[i, 3 + j] += dt * P[3 + i, 3 + j]     # the new covariance of position and velocity
+            P[i, 3 + j] += dt * P[3 + i, 3 + j]  # the new covariance of position and velocity
     for i in range(3):
         for j in range(i, 3):
             P[i, j] += dt * (P[i, 3 + j] + P[j, 3 + i] - dt * P[3 + i, 3 + j])
@@ -148,12 +202,32 @@ def drift(P, dt):
 
 @helper
 def jacobian(workspace, omega, v0, v1, v2, a0, a1, a2, dt):
-    """A = I + J dt + J^2 dt^2 / 2, J the derivative of the model's acceleration a by the velocity v at mid-sample, from differences over STEP."""
+    """A = I + J dt + J^2 dt^2 / 2, J the derivative of the model's acceleration a by the
+    velocity v at mid-sample, from differences over STEP."""
     s = dt / STEP
-    for k in range(3):      # a loop, because three copies of the forces take the compiler three times as long
-        b0, b1, b2 = acceleration(workspace, omega, v0 + (STEP if k == 0 else 0.0), v1 + (STEP if k == 1 else 0.0), v2 + (STEP if k == 2 else 0.0))
-        workspace[A + k], workspace[A + 3 + k], workspace[A + 6 + k] = s * (b0 - a0), s * (b1 - a1), s * (b2 - a2)
-    j00, j01, j02, j10, j11, j12 = workspace[A], workspace[A + 1], workspace[A + 2], workspace[A + 3], workspace[A + 4], workspace[A + 5]
+    for k in range(
+        3
+    ):  # a loop, because three copies of the forces take the compiler three times as long
+        b0, b1, b2 = acceleration(
+            workspace,
+            omega,
+            v0 + (STEP if k == 0 else 0.0),
+            v1 + (STEP if k == 1 else 0.0),
+            v2 + (STEP if k == 2 else 0.0),
+        )
+        workspace[A + k], workspace[A + 3 + k], workspace[A + 6 + k] = (
+            s * (b0 - a0),
+            s * (b1 - a1),
+            s * (b2 - a2),
+        )
+    j00, j01, j02, j10, j11, j12 = (
+        workspace[A],
+        workspace[A + 1],
+        workspace[A + 2],
+        workspace[A + 3],
+        workspace[A + 4],
+        workspace[A + 5],
+    )
     j20, j21, j22 = workspace[A + 6], workspace[A + 7], workspace[A + 8]
     workspace[A] += 1 + 0.5 * (j00 * j00 + j01 * j10 + j02 * j20)
     workspace[A + 1] += 0.5 * (j00 * j01 + j01 * j11 + j02 * j21)
@@ -220,10 +294,13 @@ def copy(x, P, to, To):
 
 @helper
 def seen(workspace, y, kind, x, innovation):
-    """Innovation (m or m/s; NaN where not measured) of a fix of position or velocity at the state x. Returns the first of the states that it sees."""
+    """Innovation (m or m/s; NaN where not measured) of a fix of position or velocity at the
+    state x. Returns the first of the states that it sees."""
     if kind == POSITION_KIND:
         innovation[0] = (y[0] - workspace[ORIGIN]) / workspace[CRAFT + LATITUDE_RATE] - x[0]
-        innovation[1] = wrap(y[1] - workspace[ORIGIN + 1]) / workspace[CRAFT + LONGITUDE_RATE] - x[1]
+        innovation[1] = (
+            wrap(y[1] - workspace[ORIGIN + 1]) / workspace[CRAFT + LONGITUDE_RATE] - x[1]
+        )
         innovation[2] = workspace[ORIGIN + 2] - y[2] - x[2]
         return 0
     for i in range(3):
@@ -239,11 +316,14 @@ def variance(workspace, sd, i):
 
 @helper
 def correct_gaussian(workspace, x, P, first, innovation, sd):
-    """Correct one Gaussian by the measured rows of a fix, one after the other. Returns NIS and log det of their covariance; NaN without any."""
+    """Correct one Gaussian by the measured rows of a fix, one after the other. Returns NIS and
+    log det of their covariance; NaN without any."""
     nis, spread, rows = 0.0, 1.0, 0
     b0, b1, b2 = x[first], x[first + 1], x[first + 2]
     for i in range(3):
-        e = innovation[i] + ((b0 if i == 0 else (b1 if i == 1 else b2)) - x[first + i])     # less what the rows before have corrected
+        e = innovation[i] + (
+            (b0 if i == 0 else (b1 if i == 1 else b2)) - x[first + i]
+        )  # less what the rows before have corrected
         if math.isnan(e):
             continue
         k = first + i
@@ -263,10 +343,13 @@ def correct_gaussian(workspace, x, P, first, innovation, sd):
 
 @helper
 def publish(belief):
-    """Write the state into the belief as its affine image: latitude, longitude, height and velocity."""
+    """Write the state into the belief as its affine image: latitude, longitude, height and
+    velocity."""
     workspace = belief.workspace
     belief.lla[0] = workspace[ORIGIN] + workspace[X] * workspace[CRAFT + LATITUDE_RATE]
-    belief.lla[1] = wrap(workspace[ORIGIN + 1] + workspace[X + 1] * workspace[CRAFT + LONGITUDE_RATE])
+    belief.lla[1] = wrap(
+        workspace[ORIGIN + 1] + workspace[X + 1] * workspace[CRAFT + LONGITUDE_RATE]
+    )
     belief.lla[2] = workspace[ORIGIN + 2] - workspace[X + 2]
     for i in range(3):
         belief.v[i] = workspace[X + 3 + i]

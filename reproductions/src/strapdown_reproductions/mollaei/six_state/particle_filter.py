@@ -1,33 +1,82 @@
-"""The particle Kalman filter of the six states, equations (33)-(36) of Mollaei et al. read as Hoteit, Luo & Pham (2012) wrote them.
+"""The particle Kalman filter of the six states, equations (33)-(36) of Mollaei et al. read as
+Hoteit, Luo & Pham (2012) wrote them.
 
-A mixture of Gaussians: each predicted as an extended Kalman filter does, corrected by its own gain, weighted by the likelihood of its innovation, and
-resampled by filters/particle/mixture.py, which keeps mean and covariance, once few of them carry the weight. Without fixes the weights stay and the components
-go their own ways.
+A mixture of Gaussians: each predicted as an extended Kalman filter does, corrected by its own gain,
+weighted by the likelihood of its innovation, and resampled by filters/particle/mixture.py, which
+keeps mean and covariance, once few of them carry the weight. Without fixes the weights stay and the
+components go their own ways.
 """
+
 import math
 
-from strapdown.core.jit import helper, matrix, plain
 from strapdown.core.contract import CORRECT, PREDICT, kernel
-from strapdown.filters.particle.threefry import STREAM
-from strapdown.filters.particle.mixture import accumulate, clear, effective, kernel_width, moments, moments_size, resample, resample_size, weigh
+from strapdown.core.jit import helper, matrix, plain
+from strapdown.filters.particle.mixture import (
+    accumulate,
+    clear,
+    effective,
+    kernel_width,
+    moments,
+    moments_size,
+    resample,
+    resample_size,
+    weigh,
+)
 from strapdown.filters.particle.mixture import begin as begin_mixture
-from .model import OWN, TRIAL, X, begin, changed, copy, correct_gaussian, keep, linearised, publish, seen, turn
+from strapdown.filters.particle.threefry import STREAM
 
-EFFECTIVE, RESAMPLINGS, REPAIRS, DEGENERATE = range(4)      # output columns, as of filters/particle/pkf.py
-N, KERNEL, THRESHOLD, RANDOM = OWN, OWN + 1, OWN + 2, OWN + 3      # components; kernel width; effective ones below which it resamples; stream
+from .model import (
+    OWN,
+    TRIAL,
+    X,
+    begin,
+    changed,
+    copy,
+    correct_gaussian,
+    keep,
+    linearised,
+    publish,
+    seen,
+    turn,
+)
+
+EFFECTIVE, RESAMPLINGS, REPAIRS, DEGENERATE = range(
+    4
+)  # output columns, as of filters/particle/pkf.py
+N, KERNEL, THRESHOLD, RANDOM = (
+    OWN,
+    OWN + 1,
+    OWN + 2,
+    OWN + 3,
+)  # components; kernel width; effective ones below which it resamples; stream
 MEAN = RANDOM + STREAM
-LEFT = MEAN + 6                         # the covariance as the filter left it
+LEFT = MEAN + 6  # the covariance as the filter left it
 PHI = LEFT + 36
 SUMS = PHI + 36
 WORK = SUMS + plain(moments_size)(6)
-COMPONENTS = WORK + plain(resample_size)(6)     # N x (state, covariance); then N weights, log-likelihoods, ancestors, deviations, new deviations
+COMPONENTS = WORK + plain(resample_size)(
+    6
+)  # N x (state, covariance); then N weights, log-likelihoods, ancestors, deviations, new deviations
 WIDTH, EACH = 42, 42 + 3 + 12
 
 
-def start(start, noise, components=500, kernel=None, resample=0.5, seed=0, model=0.1, q=0.0, r=0.0, rate=100.0, aircraft="aerosonde",
-          earth="flat"):
-    """Belief at `start`. components; kernel: their width as a fraction of the mixture's (None: core.mixture.kernel_width); resample: when fewer than
-    this fraction of them are effective; seed of the draws; the others as of EKF6.
+def start(
+    start,
+    noise,
+    components=500,
+    kernel=None,
+    resample=0.5,
+    seed=0,
+    model=0.1,
+    q=0.0,
+    r=0.0,
+    rate=100.0,
+    aircraft="aerosonde",
+    earth="flat",
+):
+    """Belief at `start`. components; kernel: their width as a fraction of the mixture's (None:
+    core.mixture.kernel_width); resample: when fewer than this fraction of them are effective; seed
+    of the draws; the others as of EKF6.
     """
     if not 0 <= resample <= 1:
         raise ValueError(f"resample is {resample}; it must be a fraction of the components, 0 to 1")
@@ -36,11 +85,17 @@ def start(start, noise, components=500, kernel=None, resample=0.5, seed=0, model
     size = len(deviations)
     belief = begin(start, COMPONENTS - OWN + size * EACH, model, q, r, rate, aircraft, earth)
     workspace = belief.workspace
-    workspace[N], workspace[KERNEL], workspace[THRESHOLD], workspace[RANDOM:RANDOM + STREAM], workspace[EFFECTIVE] = size, width, resample * size, stream, size
-    each = workspace[COMPONENTS:COMPONENTS + size * WIDTH].reshape(size, WIDTH)
-    each[:, :6], each[:, 6:] = workspace[X:X + 6] + deviations, phi.ravel()
-    workspace[COMPONENTS + size * WIDTH:COMPONENTS + size * (WIDTH + 1)] = 1 / size
-    keep(belief.P, workspace[LEFT:LEFT + 36].reshape(6, 6))
+    (
+        workspace[N],
+        workspace[KERNEL],
+        workspace[THRESHOLD],
+        workspace[RANDOM : RANDOM + STREAM],
+        workspace[EFFECTIVE],
+    ) = size, width, resample * size, stream, size
+    each = workspace[COMPONENTS : COMPONENTS + size * WIDTH].reshape(size, WIDTH)
+    each[:, :6], each[:, 6:] = workspace[X : X + 6] + deviations, phi.ravel()
+    workspace[COMPONENTS + size * WIDTH : COMPONENTS + size * (WIDTH + 1)] = 1 / size
+    keep(belief.P, workspace[LEFT : LEFT + 36].reshape(6, 6))
     return belief
 
 
@@ -51,19 +106,23 @@ def predict(belief, u, dt, noise):
     workspace = belief.workspace
     count = int(workspace[N])
     _follow(belief, count)
-    sums, weights = workspace[SUMS:WORK], workspace[COMPONENTS + WIDTH * count:COMPONENTS + (WIDTH + 1) * count]
+    sums, weights = (
+        workspace[SUMS:WORK],
+        workspace[COMPONENTS + WIDTH * count : COMPONENTS + (WIDTH + 1) * count],
+    )
     clear(sums)
     for k in range(count):
         at = COMPONENTS + WIDTH * k
         if weights[k] > 0:
-            linearised(belief, workspace[at:at + 6], matrix(workspace, at + 6, 6, 6), dt, noise)
+            linearised(belief, workspace[at : at + 6], matrix(workspace, at + 6, 6, 6), dt, noise)
             _add(workspace, weights[k], at, sums)
     _leave(belief)
 
 
 @helper
 def _follow(belief, count):
-    """What somebody else added to the covariance of the mixture, as where a gate was lifted, each component gets."""
+    """What somebody else added to the covariance of the mixture, as where a gate was lifted,
+    each component gets."""
     workspace, P, left = belief.workspace, belief.P, matrix(belief.workspace, LEFT, 6, 6)
     if changed(P, left):
         for k in range(count):
@@ -77,17 +136,17 @@ def _follow(belief, count):
 @helper
 def _add(workspace, weight, at, sums):
     """A component to the sums, as its deviation from the last mean."""
-    off = workspace[TRIAL:TRIAL + 6]
+    off = workspace[TRIAL : TRIAL + 6]
     for i in range(6):
         off[i] = workspace[at + i] - workspace[X + i]
-    accumulate(weight, off, workspace[at + 6:at + WIDTH], sums)
+    accumulate(weight, off, workspace[at + 6 : at + WIDTH], sums)
 
 
 @helper
 def _leave(belief):
     """Mean and covariance of the mixture become those of the belief."""
     workspace = belief.workspace
-    mean, left = workspace[MEAN:MEAN + 6], matrix(workspace, LEFT, 6, 6)
+    mean, left = workspace[MEAN : MEAN + 6], matrix(workspace, LEFT, 6, 6)
     moments(workspace[SUMS:WORK], mean, left)
     for i in range(6):
         workspace[X + i] += mean[i]
@@ -97,23 +156,28 @@ def _leave(belief):
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
-    """Weight and correct each component by a fix within the gate, which is that of the mixture's own moments; resample where few carry the weight."""
+    """Weight and correct each component by a fix within the gate, which is that of the mixture's
+    own moments; resample where few carry the weight."""
     workspace = belief.workspace
     count = int(workspace[N])
     _follow(belief, count)
-    trial, spread = workspace[TRIAL:TRIAL + 6], matrix(workspace, TRIAL + 6, 6, 6)
-    copy(workspace[X:X + 6], belief.P, trial, spread)
+    trial, spread = workspace[TRIAL : TRIAL + 6], matrix(workspace, TRIAL + 6, 6, 6)
+    copy(workspace[X : X + 6], belief.P, trial, spread)
     first = seen(workspace, y, kind, trial, innovation)
     nis, _ = correct_gaussian(workspace, trial, spread, first, innovation, sd)
     if not nis <= gate:
         return nis
     e0, e1, e2 = innovation[0], innovation[1], innovation[2]
     after = COMPONENTS + WIDTH * count
-    weights, logs, sums = workspace[after:after + count], workspace[after + count:after + 2 * count], workspace[SUMS:WORK]
+    weights, logs, sums = (
+        workspace[after : after + count],
+        workspace[after + count : after + 2 * count],
+        workspace[SUMS:WORK],
+    )
     for k in range(count):
         at = COMPONENTS + WIDTH * k
         if weights[k] > 0:
-            x, P = workspace[at:at + 6], matrix(workspace, at + 6, 6, 6)
+            x, P = workspace[at : at + 6], matrix(workspace, at + 6, 6, 6)
             copy(x, P, trial, spread)
             seen(workspace, y, kind, x, innovation)
             own, spread_of_own = correct_gaussian(workspace, trial, spread, first, innovation, sd)
@@ -135,16 +199,30 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 @helper
 def _renew(belief, count):
-    """Resample: all components weigh the same afterwards and have the same covariance, and the mixture has the moments it had."""
+    """Resample: all components weigh the same afterwards and have the same covariance, and the
+    mixture has the moments it had."""
     workspace = belief.workspace
     after = COMPONENTS + WIDTH * count
-    old, new = matrix(workspace, after + 3 * count, count, 6), matrix(workspace, after + 9 * count, count, 6)
+    old, new = (
+        matrix(workspace, after + 3 * count, count, 6),
+        matrix(workspace, after + 9 * count, count, 6),
+    )
     for k in range(count):
         for i in range(6):
             old[k, i] = workspace[COMPONENTS + WIDTH * k + i] - workspace[X + i]
-    workspace[REPAIRS] += resample(workspace[after:after + count], old, matrix(workspace, COMPONENTS, count, WIDTH), 6, matrix(workspace, LEFT, 6, 6), workspace[KERNEL],
-                             workspace[RANDOM:RANDOM + STREAM], workspace[after + 2 * count:after + 3 * count], new, matrix(workspace, PHI, 6, 6),
-                             workspace[WORK:COMPONENTS])
+    workspace[REPAIRS] += resample(
+        workspace[after : after + count],
+        old,
+        matrix(workspace, COMPONENTS, count, WIDTH),
+        6,
+        matrix(workspace, LEFT, 6, 6),
+        workspace[KERNEL],
+        workspace[RANDOM : RANDOM + STREAM],
+        workspace[after + 2 * count : after + 3 * count],
+        new,
+        matrix(workspace, PHI, 6, 6),
+        workspace[WORK:COMPONENTS],
+    )
     for k in range(count):
         at = COMPONENTS + WIDTH * k
         for i in range(6):

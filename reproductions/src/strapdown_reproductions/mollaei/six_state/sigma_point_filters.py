@@ -1,59 +1,115 @@
-"""The unscented Kalman filter of the six states, equations (23)-(32) of Mollaei et al., and the cubature filter, in square-root form.
+"""The unscented Kalman filter of the six states, equations (23)-(32) of Mollaei et al., and the
+cubature filter, in square-root form.
 
-Prediction with augmented noise, (25): velocity and position noise are only added, so their sigma points need no flight model; the cubature filter
-adds their covariance instead. Correction with points drawn anew for the six states, (30)-(32). Square roots are those of filters/sigma_point/sigma_points.py.
+Prediction with augmented noise, (25): velocity and position noise are only added, so their sigma
+points need no flight model; the cubature filter adds their covariance instead. Correction with
+points drawn anew for the six states, (30)-(32). Square roots are those of
+filters/sigma_point/sigma_points.py.
 """
+
 import math
 
-from strapdown.core.jit import helper, matrix
 from strapdown.core.contract import CORRECT, PREDICT, kernel
-from strapdown.filters.sigma_point.sigma_points import corrected, covariance, deviations, downdate, factor, merwe, symmetric, triangle
-from .model import OWN, Q, X, begin, changed, keep, moved, publish, random_walk, seen, turn, variance
+from strapdown.core.jit import helper, matrix
+from strapdown.filters.sigma_point.sigma_points import (
+    corrected,
+    covariance,
+    deviations,
+    downdate,
+    factor,
+    merwe,
+    symmetric,
+    triangle,
+)
 
-REPAIRS = 0                             # output column: square roots that had to be repaired so far
-SPREAD, REST, AUGMENTED, SPREAD_6, REST_6 = range(OWN, OWN + 5)     # sets of prediction and correction; pairs of points of the noise, 6 or none
-S = OWN + 5                             # 12 points, their centre, 6 of noise and workspace; the square root is its first 6 rows
+from .model import (
+    OWN,
+    Q,
+    X,
+    begin,
+    changed,
+    keep,
+    moved,
+    publish,
+    random_walk,
+    seen,
+    turn,
+    variance,
+)
+
+REPAIRS = 0  # output column: square roots that had to be repaired so far
+SPREAD, REST, AUGMENTED, SPREAD_6, REST_6 = range(
+    OWN, OWN + 5
+)  # sets of prediction and correction; pairs of points of the noise, 6 or none
+S = (
+    OWN + 5
+)  # 12 points, their centre, 6 of noise and workspace; the square root is its first 6 rows
 LANES, ROWS = 8, 20
 MEAN = S + LANES * ROWS
-E = MEAN + LANES                        # innovations at 13 points
-CHANGE = E + 39                         # of the state by a fix; what is taken off a square root
+E = MEAN + LANES  # innovations at 13 points
+CHANGE = E + 39  # of the state by a fix; what is taken off a square root
 VARIANCES = CHANGE + 6
 WORK = VARIANCES + 3
-LEFT = WORK + 48                        # the covariance as the filter left it
+LEFT = WORK + 48  # the covariance as the filter left it
 SIZE = LEFT + 36 - OWN
 COLUMN = "repaired square roots"
 
 
-def start(start, noise, sigma="merwe", alpha=0.1, beta=2.0, kappa=0.0, model=0.1, q=0.0, r=0.0, rate=100.0, aircraft="aerosonde", earth="flat"):
-    """Belief at `start`. sigma: "merwe", the scaled set of (30) with alpha, beta and kappa, or "symmetric", that of (23); the others as of EKF6."""
+def start(
+    start,
+    noise,
+    sigma="merwe",
+    alpha=0.1,
+    beta=2.0,
+    kappa=0.0,
+    model=0.1,
+    q=0.0,
+    r=0.0,
+    rate=100.0,
+    aircraft="aerosonde",
+    earth="flat",
+):
+    """Belief at `start`. sigma: "merwe", the scaled set of (30) with alpha, beta and kappa, or
+    "symmetric", that of (23); the others as of EKF6."""
     if sigma not in ("merwe", "symmetric"):
         raise ValueError(f"sigma is {sigma!r}; it must be merwe or symmetric")
     make = symmetric if sigma == "symmetric" else lambda states: merwe(states, alpha, beta, kappa)
     return _begin(start, model, q, r, rate, aircraft, earth, (*make(12), 6.0, *make(6)))
 
 
-def start_cubature(start, noise, model=0.1, q=0.0, r=0.0, rate=100.0, aircraft="aerosonde", earth="flat"):
+def start_cubature(
+    start, noise, model=0.1, q=0.0, r=0.0, rate=100.0, aircraft="aerosonde", earth="flat"
+):
     """Belief at `start` for the cubature filter; options as of EKF6."""
     return _begin(start, model, q, r, rate, aircraft, earth, (*symmetric(6), 0.0, *symmetric(6)))
 
 
 def _begin(start, model, q, r, rate, aircraft, earth, sets):
     belief = begin(start, SIZE, model, q, r, rate, aircraft, earth)
-    belief.workspace[SPREAD:SPREAD + 5] = sets
+    belief.workspace[SPREAD : SPREAD + 5] = sets
     return belief
 
 
 def diagnose(t, lla, columns):
     """[(t, text)] where a square root was repaired for the first time."""
     repairs = columns[COLUMN]
-    return [(float(t[k]), f"a square root was repaired, {repairs[-1]:.0f} times in all") for k in (repairs > 0).nonzero()[0][:1]]
+    return [
+        (float(t[k]), f"a square root was repaired, {repairs[-1]:.0f} times in all")
+        for k in (repairs > 0).nonzero()[0][:1]
+    ]
 
 
 @kernel(PREDICT)
 def predict(belief, u, dt, noise):
-    """Attitude by the gyros; state and covariance by sigma points through the IMU's increment or the aircraft's model."""
+    """Attitude by the gyros; state and covariance by sigma points through the IMU's increment or
+    the aircraft's model."""
     turn(belief, u, dt)
-    workspace, x, A, mean = belief.workspace, belief.workspace[X:X + 6], belief.workspace[S:S + LANES * ROWS], belief.workspace[MEAN:MEAN + LANES]
+    workspace, x, A, mean = (
+        belief.workspace,
+        belief.workspace[X : X + 6],
+        belief.workspace[S : S + LANES * ROWS],
+        belief.workspace[MEAN : MEAN + LANES],
+    )
     _rooted(belief)
     v0, v1, v2 = x[3], x[4], x[5]
     c0, c1, c2 = moved(workspace, belief.omega, v0, v1, v2, dt)
@@ -62,15 +118,19 @@ def predict(belief, u, dt, noise):
         for k in range(LANES):
             A[far + k] = -workspace[SPREAD] * A[row + k]
             A[row + k] *= workspace[SPREAD]
-        _propagated(workspace, belief.omega, x, A[row:row + 6], c0, c1, c2, dt)
-        _propagated(workspace, belief.omega, x, A[far:far + 6], c0, c1, c2, dt)
-    take = deviations(A, 6, int(workspace[AUGMENTED]), LANES, workspace[SPREAD], workspace[REST], mean)
-    _noise_rows(workspace, A[13 * LANES:19 * LANES], noise, dt)
+        _propagated(workspace, belief.omega, x, A[row : row + 6], c0, c1, c2, dt)
+        _propagated(workspace, belief.omega, x, A[far : far + 6], c0, c1, c2, dt)
+    take = deviations(
+        A, 6, int(workspace[AUGMENTED]), LANES, workspace[SPREAD], workspace[REST], mean
+    )
+    _noise_rows(workspace, A[13 * LANES : 19 * LANES], noise, dt)
     triangle(A, 19, 6, LANES)
     if take > 0:
         for i in range(6):
             workspace[CHANGE + i] = take * mean[i]
-        workspace[REPAIRS] += downdate(A, workspace[CHANGE:CHANGE + 6], 6, LANES, workspace[WORK:WORK + 48])
+        workspace[REPAIRS] += downdate(
+            A, workspace[CHANGE : CHANGE + 6], 6, LANES, workspace[WORK : WORK + 48]
+        )
     x[0] += 0.5 * dt * (v0 + c0) + mean[0]
     x[1] += 0.5 * dt * (v1 + c1) + mean[1]
     x[2] += 0.5 * dt * (v2 + c2) + mean[2]
@@ -80,22 +140,26 @@ def predict(belief, u, dt, noise):
 
 @helper
 def _rooted(belief):
-    """Make the square root anew where somebody else changed the covariance, as at the start and where a gate was lifted."""
+    """Make the square root anew where somebody else changed the covariance, as at the start and
+    where a gate was lifted."""
     if changed(belief.P, matrix(belief.workspace, LEFT, 6, 6)):
-        belief.workspace[REPAIRS] += factor(belief.P, 6, LANES, belief.workspace[S:S + LANES * ROWS])
+        belief.workspace[REPAIRS] += factor(
+            belief.P, 6, LANES, belief.workspace[S : S + LANES * ROWS]
+        )
 
 
 @helper
 def _leave(belief):
     """Publish the state, and the covariance of the square root."""
-    covariance(belief.workspace[S:S + LANES * ROWS], 6, LANES, belief.P)
+    covariance(belief.workspace[S : S + LANES * ROWS], 6, LANES, belief.P)
     keep(belief.P, matrix(belief.workspace, LEFT, 6, 6))
     publish(belief)
 
 
 @helper
 def _propagated(workspace, omega, x, d, c0, c1, c2, dt):
-    """The deviation d (6,) of a point from x becomes that of the point from the centre after dt, whose velocity is then c (m/s)."""
+    """The deviation d (6,) of a point from x becomes that of the point from the centre after dt,
+    whose velocity is then c (m/s)."""
     d3, d4, d5 = d[3], d[4], d[5]
     w0, w1, w2 = moved(workspace, omega, x[3] + d3, x[4] + d4, x[5] + d5, dt)
     d[3], d[4], d[5] = w0 - c0, w1 - c1, w2 - c2
@@ -106,7 +170,8 @@ def _propagated(workspace, omega, x, d, c0, c1, c2, dt):
 
 @helper
 def _noise_rows(workspace, rows, noise, dt):
-    """Rows of the square root of the process noise: of velocities, which move the positions of the same sample, and of positions."""
+    """Rows of the square root of the process noise: of velocities, which move the positions of
+    the same sample, and of positions."""
     velocity, share = random_walk(workspace, noise) * math.sqrt(dt), 0.5 * dt
     position = velocity * dt * math.sqrt(1 / 12)
     if workspace[Q] > 0:
@@ -121,9 +186,19 @@ def _noise_rows(workspace, rows, noise, dt):
 
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
-    """Correct state and square root by the innovations at the sigma points of the six states, within the gate."""
-    workspace, x, A, e = belief.workspace, belief.workspace[X:X + 6], belief.workspace[S:S + LANES * ROWS], matrix(belief.workspace, E, 13, 3)
-    change, variances, work = workspace[CHANGE:CHANGE + 6], workspace[VARIANCES:VARIANCES + 3], workspace[WORK:WORK + 48]
+    """Correct state and square root by the innovations at the sigma points of the six states,
+    within the gate."""
+    workspace, x, A, e = (
+        belief.workspace,
+        belief.workspace[X : X + 6],
+        belief.workspace[S : S + LANES * ROWS],
+        matrix(belief.workspace, E, 13, 3),
+    )
+    change, variances, work = (
+        workspace[CHANGE : CHANGE + 6],
+        workspace[VARIANCES : VARIANCES + 3],
+        workspace[WORK : WORK + 48],
+    )
     _rooted(belief)
     first = seen(workspace, y, kind, x, innovation)
     for a in range(3):
@@ -132,7 +207,20 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
         for i in range(6):
             off = workspace[SPREAD_6] * A[LANES * i + first + a]
             e[1 + i, a], e[7 + i, a] = innovation[a] - off, innovation[a] + off
-    nis, repaired = corrected(A, 6, LANES, e, 3, workspace[SPREAD_6], workspace[REST_6], variances, gate, innovation, work, change)
+    nis, repaired = corrected(
+        A,
+        6,
+        LANES,
+        e,
+        3,
+        workspace[SPREAD_6],
+        workspace[REST_6],
+        variances,
+        gate,
+        innovation,
+        work,
+        change,
+    )
     workspace[REPAIRS] += repaired
     if nis <= gate:
         for i in range(6):

@@ -1,0 +1,19 @@
+"""Names of types that annotations share. Shapes and units stand in the docstrings, since no type says them."""
+
+from collections.abc import Callable
+from os import PathLike
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Array", "ArrayLike", "File", "Ints", "Mask", "Progress", "Say"]
+
+Array: TypeAlias = NDArray[np.float64]
+Ints: TypeAlias = NDArray[np.int64]
+Mask: TypeAlias = NDArray[np.bool_]
+File: TypeAlias = str | PathLike[str]
+Say: TypeAlias = Callable[[str], None]
+"""Told of what takes long, one line at a time."""
+Progress: TypeAlias = Callable[[float], None]
+"""Called with the fraction done, 0 to 1."""
