@@ -3,18 +3,25 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test bench lint clean
+.PHONY: demo test deep bench lint clean
 
 demo: $(VENV)/installed
 	$(BIN)/strapdown demo --out report.html
 
 test: $(VENV)/installed-test lint
 	$(BIN)/python tests/compile_all.py
-	$(BIN)/python -m pytest -n 2
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 2 -m short
+	$(BIN)/python -m pytest -n 2 -m "not deep"
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 2 -m "short and not deep"
+
+# What is slow and rarely red. Writes its result to tests/deep.txt, which is committed.
+deep: $(VENV)/installed-test
+	$(BIN)/python tests/deep.py
 
 lint: $(VENV)/installed-test
-	$(BIN)/lint-imports
+	$(BIN)/ruff format --check --quiet
+	$(BIN)/ruff check --quiet
+	$(BIN)/lint-imports --no-cache
+	$(BIN)/mypy
 
 bench: $(VENV)/installed-bench
 	$(BIN)/python benchmarks/bench.py

@@ -72,12 +72,12 @@ def timed_run(recording, name):
     compiled loop, every sample stored; without covariance."""
     from strapdown import filters
     from strapdown.alignment.initial import align
-    from strapdown.engine import batch
+    from strapdown.engine.prepare import assumed_noise, positioned
 
     start = align(
         recording,
-        batch.assumed_noise(recording.meta["grade"], None, True)[1],
-        position=batch.positioned(filters.find(name)),
+        assumed_noise(recording.meta["grade"], None, True)[1],
+        position=positioned(filters.find(name)),
     )
     return subject.timed(
         lambda begin: begin(recording, name, None, start, None, 1, False, None, {})

@@ -101,13 +101,19 @@ def timed_run(workload, name, every=1, aidings=(), **options):
     As with the yardstick, compiling, the start and the output arrays are there before the clock
     starts.
     """
+    from strapdown.engine.prepare import Asked
+
     log, at_start, densities = (
         recording(workload, *aidings),
         start(workload),
         noise(workload.parameters),
     )
     return timed(
-        lambda begin: begin(log, name, None, at_start, densities, every, every > 1, None, options)
+        lambda begin: begin(
+            log,
+            name,
+            Asked(options, start=at_start, noise=densities, every=every, covariance=every > 1),
+        )
     )
 
 
@@ -115,6 +121,7 @@ def timed(made):
     """A function that runs the Run that `made(engine.begin)` gives, anew each time, and returns
     the seconds of the compiled loop alone."""
     from strapdown.engine import batch
+    from strapdown.engine.prepare import ROWS_AT_ONCE
 
     out = made(batch.begin).out
     for part in out[:3]:
@@ -123,7 +130,7 @@ def timed(made):
     def seconds():
         run = made(batch.begin)
         begin = time.perf_counter()
-        for rows in run.chunks(batch.CHUNK):
+        for rows in run.chunks(ROWS_AT_ONCE):
             run.advance(rows, out)
         return time.perf_counter() - begin
 

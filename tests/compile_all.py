@@ -13,7 +13,7 @@ import strapdown
 import strapdown_reproductions
 from strapdown.core import jit, kernel_cache
 
-SLOW = ("xkf", "two_stage", "ins_points", "pkf", "six", "ekf")
+SLOW = ("xkf", "two_stage", "ins_sigma_points", "pkf", "six_state", "ekf")
 """Parts of the names of modules whose kernels take longest: they come first, so that none of
 them is left over for one core at the end."""
 

@@ -2,8 +2,8 @@
 somewhere, every public name is mentioned.
 
 Blocks of one page share a namespace and a working folder and run from top to bottom. A block whose
-fence says `needs-data` uses recorded data; on such a page all blocks run once more, in a test of
-its own, which is skipped where there is no data.
+fence says `needs-data` uses recorded data: where there is none, the other blocks of such a page run
+without it.
 """
 
 import io
@@ -18,6 +18,7 @@ import pytest
 
 import strapdown
 from strapdown.cli import app
+from strapdown.io.locate import data_folder as find_data_folder
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [
@@ -95,18 +96,41 @@ def ids(pages):
     return [page.relative_to(ROOT).as_posix() for page in pages]
 
 
-WITH_EXAMPLES = [page for page in PAGES if any(not block.needs_data for block in executable(page))]
+def has_data():
+    try:
+        return find_data_folder(__file__).is_dir()
+    except strapdown.DataError:
+        return False
+
+
+def with_marks(pages):
+    """The pages as parameters of a test; those of LONG are deep."""
+    marks = {True: [pytest.mark.deep], False: []}
+    return [
+        pytest.param(page, marks=marks[page.name in LONG], id=page.relative_to(ROOT).as_posix())
+        for page in pages
+    ]
+
+
+LONG = ("attitude-broad.md", "allan.md", "flight.md", "exogenous.md")
+"""Pages whose examples take more than ten seconds; what they show has tests of its own."""
 WITH_DATA = [page for page in PAGES if any(block.needs_data for block in executable(page))]
+WITH_EXAMPLES = [
+    page
+    for page in PAGES
+    if any(not block.needs_data for block in executable(page))
+    and not (page in WITH_DATA and has_data())
+]
 
 
-@pytest.mark.parametrize("page", WITH_EXAMPLES, ids=ids(WITH_EXAMPLES))
+@pytest.mark.parametrize("page", with_marks(WITH_EXAMPLES))
 def test_examples_run(page, tmp_path, monkeypatch):
     run_page(
         page, [block for block in executable(page) if not block.needs_data], tmp_path, monkeypatch
     )
 
 
-@pytest.mark.parametrize("page", WITH_DATA, ids=ids(WITH_DATA))
+@pytest.mark.parametrize("page", with_marks(WITH_DATA))
 def test_examples_on_recorded_data_run(page, tmp_path, monkeypatch, data_folder):
     monkeypatch.setenv("STRAPDOWN_DATA", str(data_folder))
     run_page(page, executable(page), tmp_path, monkeypatch)

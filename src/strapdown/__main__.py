@@ -4,7 +4,7 @@ imported."""
 import sys
 
 
-def main():
+def main() -> None:
     """Run the command `strapdown`."""
     try:
         from .cli.app import main as commands

@@ -5,12 +5,23 @@ Tables follow the column names of pyins: lat, lon, alt, VN, VE, VD, roll, pitch,
 m/s).
 """
 
-from dataclasses import dataclass, field
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from . import geodesy
 from .core.contract import BRIDGED, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
+from .typing import Array, Ints, Mask, Vector
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from scipy.spatial.transform import Rotation
 
 ATTITUDE_COLUMNS = ["roll", "pitch", "heading"]
 NAV_COLUMNS = ["lat", "lon", "alt", "VN", "VE", "VD", *ATTITUDE_COLUMNS]
@@ -57,35 +68,39 @@ class DataError(ValueError):
     """Input that cannot be used: one line that names file, row or field, and the remedy."""
 
 
+def _known(part: Array | None) -> Array:
+    """A part of a Trajectory that its maker is sure of: for the type checker, nothing else."""
+    return part  # type: ignore[return-value]
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """Position, velocity and attitude over time: truth, reference and solution alike. What is
     not known is None or NaN."""
 
-    t: np.ndarray  # (n,) s
+    t: Array  # (n,) s
     # (n, 3) latitude rad, longitude rad, ellipsoidal height m; NaN where only the attitude is known
-    lla: np.ndarray
-    v_n: np.ndarray | None = None  # (n, 3) m/s NED
-    q_nb: np.ndarray | None = None  # (n, 4) scalar first, body to navigation
-    sd: np.ndarray | None = (
-        None  # (n, k) standard deviations of the first k error states, SI and radians
-    )
+    lla: Array
+    v_n: Array | None = None  # (n, 3) m/s NED
+    q_nb: Array | None = None  # (n, 4) scalar first, body to navigation
+    # (n, k) standard deviations of the first k error states, SI and radians
+    sd: Array | None = None
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.t)
 
     @cached_property
-    def rotation(self):
-        """scipy Rotation from body to navigation frame."""
+    def rotation(self) -> Rotation:
+        """scipy Rotation (n,) from body to navigation frame."""
         from scipy.spatial.transform import Rotation
 
-        return Rotation.from_quat(self.q_nb[:, [1, 2, 3, 0]])
+        return Rotation.from_quat(_known(self.q_nb)[:, [1, 2, 3, 0]])
 
     @cached_property
-    def rph(self):
+    def rph(self) -> Array:
         """(n, 3) roll, pitch, heading in rad, heading in [0, 2 pi); NaN where the quaternion is.
         Groves (2013) eq. 2.37."""
-        w, x, y, z = self.q_nb.T
+        w, x, y, z = _known(self.q_nb).T
         roll = np.arctan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
         pitch = np.arcsin(np.clip(2 * (w * y - x * z), -1, 1))
         return np.c_[
@@ -94,24 +109,20 @@ class Trajectory:
             np.arctan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z) % (2 * np.pi),
         ]
 
-    def displaced(self, lever_arm, omega):
+    def displaced(self, lever_arm: Vector, omega: Array) -> Trajectory:
         """The trajectory of another point of the body: `lever_arm` (3,) m from this one, body;
         `omega` (n, 3) rad/s, bias-free body rate.
 
         Standard deviations stay those of the original point.
         """
-        from dataclasses import replace
-
-        from .geodesy import displaced
-
         turn = self.rotation
         return replace(
             self,
-            lla=displaced(self.lla, turn.apply(lever_arm)),
-            v_n=self.v_n + turn.apply(np.cross(omega, lever_arm)),
+            lla=geodesy.displaced(self.lla, turn.apply(lever_arm)),
+            v_n=_known(self.v_n) + turn.apply(np.cross(omega, lever_arm)),
         )
 
-    def table(self):
+    def table(self) -> pd.DataFrame:
         """pandas DataFrame indexed by time (s), columns in the units of `UNITS`."""
         import pandas as pd
 
@@ -125,7 +136,7 @@ class Trajectory:
             parts |= dict(zip(ATTITUDE_COLUMNS, np.degrees(self.rph).T))
         return pd.DataFrame(parts, index=pd.Index(self.t, name="t"))
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         span = f"{self.t[0]:.3f} to {self.t[-1]:.3f} s" if len(self) else "empty"
         return f"Trajectory({len(self)} rows, {span})"
 
@@ -136,30 +147,28 @@ class Aiding:
     `y` is NaN."""
 
     kind: str  # a name of `strapdown.aiding.names()`
-    t: np.ndarray  # (m,) s
-    y: np.ndarray  # (m, components), SI and radians
-    sd: np.ndarray  # (m, rows) m, m/s or rad
-    parameters: tuple = ()  # e.g. lever arm from the IMU to the antenna, m, body
+    t: Array  # (m,) s
+    y: Array  # (m, components), SI and radians
+    sd: Array  # (m, rows) m, m/s or rad
+    parameters: tuple[float, ...] = ()  # e.g. lever arm from the IMU to the antenna, m, body
     gate: float | None = None  # bound on the NIS; None: 0.1 % false alarms; inf: no gate
     name: str = ""  # shown in tables; the kind by default
 
-    def between(self, start, stop):
-        """The fixes of [start, stop)."""
+    def between(self, start: float, stop: float) -> Aiding:
+        """The fixes of [start, stop), s."""
         return self._where((self.t >= start) & (self.t < stop))
 
-    def without(self, windows):
+    def without(self, windows: Iterable[tuple[float, float]]) -> Aiding:
         """The fixes outside every (start, stop) window of seconds."""
         keep = np.ones(len(self.t), bool)
         for start, stop in windows:
             keep &= (self.t < start) | (self.t >= stop)
         return self._where(keep)
 
-    def _where(self, keep):
-        from dataclasses import replace
-
+    def _where(self, keep: Mask) -> Aiding:
         return replace(self, t=self.t[keep], y=self.y[keep], sd=self.sd[keep])
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"Aiding({self.name or self.kind}, {len(self.t)} fixes)"
 
 
@@ -167,49 +176,50 @@ class Aiding:
 class Innovations:
     """What became of each fix, in time order."""
 
-    t: np.ndarray  # (m,) s
-    source: np.ndarray  # (m,) index into `names`
-    innovation: np.ndarray  # (m, 3) m, m/s, rad, m/s^2 or T; NaN where there was nothing to measure
-    nis: np.ndarray  # (m,) normalised innovation squared; NaN where the filter does not gate
-    accepted: np.ndarray  # (m,) bool
-    names: tuple = ()  # of the sources
-    gates: tuple = ()  # of the sources
+    t: Array  # (m,) s
+    source: Ints  # (m,) index into `names`
+    innovation: Array  # (m, 3) m, m/s, rad, m/s^2 or T; NaN where there was nothing to measure
+    nis: Array  # (m,) normalised innovation squared; NaN where the filter does not gate
+    accepted: Mask  # (m,)
+    names: tuple[str, ...] = ()  # of the sources
+    gates: tuple[float, ...] = ()  # of the sources: bounds on the NIS
 
 
 @dataclass(frozen=True)
 class Solution:
-    """What a filter made of a recording."""
+    """What a filter made of a recording: n rows, SI and radians, in NED."""
 
-    trajectory: (
-        Trajectory  # with sd of the 15 error states; NaN where the filter estimates or claims none
-    )
-    b_a: np.ndarray  # (n, 3) accelerometer bias, m/s^2; NaN where the filter estimates none
-    b_g: np.ndarray  # (n, 3) gyro bias, rad/s; NaN where the filter estimates none
-    status: np.ndarray  # (n,) VALID, BRIDGED or INVALID
+    # with sd of the 15 error states; NaN where the filter estimates or claims none
+    trajectory: Trajectory
+    b_a: Array  # (n, 3) accelerometer bias, m/s^2; NaN where the filter estimates none
+    b_g: Array  # (n, 3) gyro bias, rad/s; NaN where the filter estimates none
+    status: NDArray[np.integer[Any]]  # (n,) VALID, BRIDGED or INVALID
     innovations: Innovations
-    events: tuple = ()  # (t, text): gaps, re-acquisitions, what else the user must know
-    columns: dict = field(default_factory=dict)  # the filter's extra output columns by name
-    covariance: np.ndarray | None = None  # (n, k, k) at the same times, where it was asked for
-    meta: dict = field(default_factory=dict)  # filter, imu, start, recording, counts
+    # (t in s, text): gaps, re-acquisitions, what else the user must know
+    events: tuple[tuple[float, str], ...] = ()
+    # the filter's extra output columns (n,) by name, which says the unit
+    columns: dict[str, Array] = field(default_factory=dict)
+    covariance: Array | None = None  # (n, k, k) at the same times, where it was asked for
+    meta: dict[str, Any] = field(default_factory=dict)  # filter, imu, start, recording, counts
 
     @property
-    def t(self):
-        """Times of the rows, s."""
+    def t(self) -> Array:
+        """Times of the rows (n,), s."""
         return self.trajectory.t
 
     @property
-    def has_position(self):
+    def has_position(self) -> bool:
         """Whether latitude, longitude and height are known in any row; filters of attitude alone
         publish NaN."""
         return bool(np.isfinite(self.trajectory.lla).all(axis=1).any())
 
-    def table(self):
+    def table(self) -> pd.DataFrame:
         """pandas DataFrame of state, biases, standard deviations and status, units as in
         `UNITS`."""
         table = self.trajectory.table()
         for names, values in (
             (BIAS_COLUMNS, np.c_[self.b_a, self.b_g] * SD_SCALE[9:]),
-            (SD_COLUMNS, self.trajectory.sd * SD_SCALE),
+            (SD_COLUMNS, _known(self.trajectory.sd) * SD_SCALE),
         ):
             table[names] = values
         for name, values in self.columns.items():
@@ -217,7 +227,7 @@ class Solution:
         table["status"] = self.status
         return table
 
-    def counts(self):
+    def counts(self) -> dict[str, tuple[int, int]]:
         """{source: (accepted, rejected)} over all fixes that were measured."""
         i = self.innovations
         measured = ~np.isnan(i.innovation).all(axis=1)
@@ -229,10 +239,10 @@ class Solution:
             for s, name in enumerate(i.names)
         }
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         return f"<p>{self!r}</p>" + self.table().iloc[:: max(1, len(self.t) // 8)].to_html()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         fixes = ", ".join(
             f"{name} {good} accepted {bad} rejected" for name, (good, bad) in self.counts().items()
         )

@@ -4,21 +4,26 @@ people, and the TOML files that ship with packages."""
 import os
 import shutil
 import tempfile
+import tomllib
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import entry_points
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 from .data import DataError
+from .typing import File
 
 IN_MEMORY = 1_000_000_000
 """Bytes of arrays up to which a NetCDF file is made in memory: some 10 million IMU samples."""
 
 
 @contextmanager
-def replacing(path):
+def replacing(path: File) -> Iterator[Path]:
     """A temporary path beside `path` to write to; it takes the place of `path` when the block ends
     well, else it is removed.
 
@@ -43,11 +48,9 @@ def replacing(path):
             part.unlink(missing_ok=True)
 
 
-def read_toml(path, hint):
+def read_toml(path: File, hint: str) -> dict[str, Any]:
     """The content of a TOML file as a dict. Raises DataError naming the file; `hint` is the
     remedy where it cannot be read."""
-    import tomllib
-
     try:
         return tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
@@ -59,7 +62,7 @@ def read_toml(path, hint):
 
 
 @contextmanager
-def netcdf(part, size):
+def netcdf(part: Path, size: int) -> Iterator[Any]:
     """A new h5netcdf.File that becomes the file `part` (of `replacing`) when the block ends;
     `size`: bytes of the arrays that go into it.
 
@@ -81,7 +84,7 @@ def netcdf(part, size):
     part.write_bytes(buffer.getbuffer())
 
 
-def _part(target):
+def _part(target: Path) -> Path:
     if target.is_dir():
         raise IsADirectoryError(0, "it is a folder")
     if target.exists() and not os.access(target, os.W_OK):
@@ -97,14 +100,14 @@ def _part(target):
 
 
 @cache
-def shipped(kind, package, others=True):
+def shipped(kind: str, package: str, others: bool = True) -> dict[str, Traversable]:
     """{name: file} of the TOML files in folder `kind` (`grades`, `scenarios`) of `package` and,
     with `others`, of installed packages that bring some.
 
     Such a package names itself under the entry points `strapdown.data`; a name that `package` has
     itself stays its own. Raises DataError.
     """
-    found = {}
+    found: dict[str, Traversable] = {}
     for place in (
         package,
         *(entry.value for entry in entry_points(group="strapdown.data") if others),
@@ -123,3 +126,9 @@ def shipped(kind, package, others=True):
             }
             found |= {name: entry for name, entry in own.items() if name not in found}
     return dict(sorted(found.items()))
+
+
+def find_shipped(kind: str, package: str, name: str) -> Traversable | None:
+    """The TOML file of that name in a folder of `shipped`, or None. What `package` has itself is
+    found whatever else is installed."""
+    return shipped(kind, package, False).get(name) or shipped(kind, package).get(name)

@@ -7,8 +7,11 @@ has.
 
 import sys
 import warnings
+from collections.abc import Sequence
 from importlib import import_module
 from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import Any
 
 MOVED = {
     "bounds": "evaluation.cramer_rao",
@@ -53,7 +56,7 @@ reproductions, in a module called as this one."""
 REPRODUCTIONS = "strapdown_reproductions"
 
 
-def _present_name(old):
+def _present_name(old: str) -> str | None:
     if old in MOVED:
         return f"strapdown.{MOVED[old]}"
     folder, _, module = old.partition(".")
@@ -68,25 +71,28 @@ def _present_name(old):
     return None
 
 
-def find_spec(name, path=None, target=None):
+def find_spec(
+    name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+) -> ModuleSpec | None:
     """As the import system asks: how to make the module `name`, or None where it is none of
     these."""
     old = name.removeprefix("strapdown.")
     if old == name:
         return None
+    loader: Any = sys.modules[__name__]
     if new := _present_name(old):
-        return ModuleSpec(name, sys.modules[__name__], origin=new)
-    return ModuleSpec(name, sys.modules[__name__], is_package=True) if old in PACKAGES else None
+        return ModuleSpec(name, loader, origin=new)
+    return ModuleSpec(name, loader, is_package=True) if old in PACKAGES else None
 
 
-def create_module(spec):
+def create_module(spec: ModuleSpec) -> None:
     """As the import system asks; None is an ordinary module."""
     return None
 
 
-def exec_module(module):
+def exec_module(module: ModuleType) -> None:
     """Fill the module with what the present one has."""
-    if new := module.__spec__.origin:
+    if module.__spec__ and (new := module.__spec__.origin):
         warnings.warn(f"{module.__name__} is {new} now", DeprecationWarning, stacklevel=2)
         module.__dict__.update(
             {

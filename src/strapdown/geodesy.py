@@ -1,15 +1,19 @@
 """Geodesy of arrays at the edge (numpy): displacements in metres NED between geodetic positions.
 The kernels have their own in core/earth."""
 
-import numpy as np
+from typing import Any, overload
 
-from .core.earth import E2, FAR, GRAVITY_EQUATOR, M_RATIO, MU, SOMIGLIANA, A, F
+import numpy as np
+from numpy.typing import NDArray
+
+from .core.earth import E2, FAR_HEIGHT, GRAVITY_EQUATOR, M_RATIO, MU, SOMIGLIANA, A, F
+from .typing import Array, ArrayLike, Vector
 
 STANDARD_GRAVITY = 9.80665
 """m/s^2, of the constant model: by definition, near 45 deg of latitude at sea level."""
 
 
-def radii(lat):
+def radii(lat: ArrayLike) -> tuple[Array, Array]:
     """Meridian and normal radius of curvature R_M, R_N, m, of an array of latitudes in rad;
     Groves (2013) eq. 2.105, 2.106."""
     x = 1 - E2 * np.sin(lat) ** 2
@@ -17,12 +21,16 @@ def radii(lat):
     return R_N * (1 - E2) / x, R_N
 
 
-def wrap(angle):
+@overload
+def wrap(angle: float) -> float: ...
+@overload
+def wrap(angle: Vector | NDArray[Any]) -> Array: ...
+def wrap(angle: ArrayLike) -> Any:
     """The angle in [-pi, pi), rad."""
     return (np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi
 
 
-def displacement(lla, origin):
+def displacement(lla: ArrayLike, origin: ArrayLike) -> Array:
     """(n, 3) metres NED from `origin` to `lla`, radii at the middle of the two as in pyins;
     longitudes may straddle the antimeridian."""
     lla, origin = np.asarray(lla), np.asarray(origin)
@@ -38,7 +46,7 @@ def displacement(lla, origin):
     )
 
 
-def displaced(lla, ned):
+def displaced(lla: ArrayLike, ned: ArrayLike) -> Array:
     """Geodetic positions (n, 3) moved by a few metres north, east, down (n, 3); first order,
     error about d^2/R."""
     lat, lon, alt = np.moveaxis(np.asarray(lla, float), -1, 0)
@@ -50,7 +58,11 @@ def displaced(lla, ned):
     )
 
 
-def gravity(lat, h=0.0, model="wgs84"):
+@overload
+def gravity(lat: float, h: float = 0.0, model: str = "wgs84") -> float: ...
+@overload
+def gravity(lat: Vector | NDArray[Any], h: ArrayLike = 0.0, model: str = "wgs84") -> Array: ...
+def gravity(lat: ArrayLike, h: ArrayLike = 0.0, model: str = "wgs84") -> Any:
     """Gravity (m/s^2, downwards), of latitudes (rad) and ellipsoidal heights (m).
 
     model: "wgs84", normal gravity of the ellipsoid, Somigliana's formula with the second-order term
@@ -65,4 +77,4 @@ def gravity(lat, h=0.0, model="wgs84"):
     square = np.sin(lat) ** 2
     surface = GRAVITY_EQUATOR * (1 + SOMIGLIANA * square) / np.sqrt(1 - E2 * square)
     near = surface * (1 - 2 / A * (1 + F + M_RATIO - 2 * F * square) * h + 3 / (A * A) * h * h)
-    return np.where(np.abs(h) > FAR, MU / np.maximum(A + h, 0.1 * A) ** 2, near)[()]
+    return np.where(np.abs(h) > FAR_HEIGHT, MU / np.maximum(A + h, 0.1 * A) ** 2, near)[()]

@@ -1,12 +1,23 @@
 """What filters run on: IMU samples, sources of fixes and a reference, from arrays that are
 cleaned and checked."""
 
-from dataclasses import dataclass, field
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .aiding import find
 from .core.contract import Imu
-from .data import DataError, Trajectory
+from .data import Aiding, DataError, Trajectory
+from .preprocessing.fixes import checked_aidings
+from .preprocessing.imu_samples import imu_from_arrays
+from .typing import ArrayLike
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -14,23 +25,28 @@ class Recording:
     """IMU samples, sources of fixes and, where there is one, a reference to score against."""
 
     imu: Imu
-    aidings: tuple = ()
+    aidings: tuple[Aiding, ...] = ()
     reference: Trajectory | None = None
-    meta: dict = field(
-        default_factory=dict
-    )  # name, date, grade, notes (list of what was handled while reading)
+    # name, date, grade, notes (list of what was handled while reading)
+    meta: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def from_arrays(cls, t, gyro, accel, aidings=(), reference=None, kind="rate", **meta):
+    def from_arrays(
+        cls,
+        t: ArrayLike,
+        gyro: ArrayLike,
+        accel: ArrayLike,
+        aidings: Iterable[Aiding] = (),
+        reference: Trajectory | None = None,
+        kind: str = "rate",
+        **meta: Any,
+    ) -> Recording:
         """From arrays in body FRD axes: `gyro` and `accel` (n, 3) in rad/s and m/s^2, or, with
         kind="increment", in rad and m/s.
 
         Row k is the integral (or mean) over (t[k-1], t[k]]; the first row's interval is the median
         one. Raises DataError.
         """
-        from .preprocessing.fixes import checked_aidings
-        from .preprocessing.imu_samples import imu_from_arrays
-
         imu, notes = imu_from_arrays(t, gyro, accel, kind)
         aidings, more = checked_aidings(imu, aidings)
         return cls(
@@ -38,7 +54,14 @@ class Recording:
         )
 
     @classmethod
-    def from_frames(cls, imu, aidings=(), reference=None, kind="rate", **meta):
+    def from_frames(
+        cls,
+        imu: pd.DataFrame,
+        aidings: Iterable[Aiding] = (),
+        reference: Trajectory | None = None,
+        kind: str = "rate",
+        **meta: Any,
+    ) -> Recording:
         """From a DataFrame indexed by time (s) with columns gyro_x, gyro_y, gyro_z, accel_x,
         accel_y, accel_z (pyins), SI and radians."""
         axes = [[f"{sensor}_{axis}" for axis in "xyz"] for sensor in ("gyro", "accel")]
@@ -47,9 +70,11 @@ class Recording:
             raise DataError(
                 f"IMU table: column {missing[0]!r} is missing; it has {', '.join(map(str, imu.columns))}"
             )
+        gyro, accel = (imu[names].to_numpy(float) for names in axes)
         return cls.from_arrays(
             imu.index.to_numpy(float),
-            *(imu[names].to_numpy(float) for names in axes),
+            gyro,
+            accel,
             aidings=aidings,
             reference=reference,
             kind=kind,
@@ -57,14 +82,12 @@ class Recording:
         )
 
     @property
-    def span(self):
+    def span(self) -> tuple[float, float]:
         """First and last time covered by IMU samples, s."""
         return float(self.imu.t[0] - self.imu.dt[0]), float(self.imu.t[-1])
 
-    def between(self, start=-np.inf, stop=np.inf):
+    def between(self, start: float = -np.inf, stop: float = np.inf) -> Recording:
         """The part within [start, stop], s."""
-        from dataclasses import replace
-
         first, last = np.searchsorted(self.imu.t, [start, stop], side="right")
         if last - first < 2:
             raise DataError(
@@ -76,17 +99,18 @@ class Recording:
             aidings=tuple(a.between(start, np.nextafter(stop, np.inf)) for a in self.aidings),
         )
 
-    def hidden(self, windows, kinds=None):
+    def hidden(
+        self, windows: Collection[tuple[float, float]], kinds: Collection[str] | None = None
+    ) -> Recording:
         """The same recording with the recorded fixes inside `windows` withheld (constraints
         stay, unless `kinds` names them)."""
-        from dataclasses import replace
 
-        from .aiding import find
+        def hide(a: Aiding) -> bool:
+            return a.kind in kinds if kinds else find(a.kind).recorded
 
-        hide = lambda a: a.kind in kinds if kinds else find(a.kind).recorded
         return replace(
             self, aidings=tuple(a.without(windows) if hide(a) else a for a in self.aidings)
         )
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"Recording({self.meta.get('name', '')}: {len(self.imu.t)} IMU samples, {self.span[0]:.1f} to {self.span[1]:.1f} s, {list(self.aidings)})"

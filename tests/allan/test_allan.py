@@ -6,14 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from strapdown.allan.deviation import LEVEL, allan, cluster_sizes, first_gap, oadev
+from strapdown.allan.deviation import CONFIDENCE, allan, cluster_sizes, first_gap, oadev
 from strapdown.allan.fit import COEFFICIENTS, edf, fit
 from strapdown.allan.suggested_grade import expected, suggest
 from strapdown.core.contract import Imu
 from strapdown.data import DataError
 from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.imu import ImuSpec, grade
-from strapdown.sensor_models.noise import FLOOR, gauss_markov_variance
+from strapdown.sensor_models.noise import FLICKER_FLOOR, gauss_markov_variance
 
 N, DT = 36_000, 0.1
 SIZES = cluster_sizes(N)
@@ -118,7 +118,7 @@ def test_bounds_hold_the_true_deviation_as_often_as_they_say():
             for curve in sensor.axes:
                 true = size / np.sqrt(curve.tau)
                 inside.append((curve.low <= true) & (true <= curve.high))
-    assert np.mean(inside) == pytest.approx(LEVEL, abs=0.1)
+    assert np.mean(inside) == pytest.approx(CONFIDENCE, abs=0.1)
 
 
 CASES = [
@@ -174,7 +174,7 @@ def test_a_gauss_markov_bias_is_fitted_where_it_is_asked_for():
 
 @pytest.mark.short
 def test_hand_made_curves_are_fitted_exactly():
-    variance = 1e-6 / TAU + (FLOOR * 2e-4) ** 2 + 3 * 2e-3**2 / TAU**2
+    variance = 1e-6 / TAU + (FLICKER_FLOOR * 2e-4) ** 2 + 3 * 2e-3**2 / TAU**2
     found = fit(TAU, variance, N, SIZES, DT)
     for name, value in (("white noise", 1e-3), ("bias instability", 2e-4), ("quantisation", 2e-3)):
         assert found.value[name] == pytest.approx(value, rel=1e-6)

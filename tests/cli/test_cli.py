@@ -367,7 +367,7 @@ BAD = [
     (["fuse", "recording.toml", "--out", "/proc/strapdown/result"], TOML, "choose another folder"),
     (["inspect", "nothing.csv"], TOML, "nothing.csv: cannot be read"),
     (["inspect", "imu.csv", "--write", "nowhere/drafted.toml"], TOML, "cannot be written"),
-    (["reproduce", "nonsense", "--out", "result"], TOML, "there is: recordings"),
+    (["reproduce", "nonsense", "--out", "result"], TOML, "there is: alam, broad, fossen"),
     (["reproduce", "recordings", "--recordings", ".", "--out", "result"], TOML, "thor75.toml"),
     (["demo", "--imu", "bogus", "--out", "result/page.html"], TOML, "unknown IMU grade 'bogus'"),
     (["fus"], TOML, "No such command 'fus'"),
@@ -404,8 +404,8 @@ def test_what_cannot_be_written_leaves_the_rest_whole(command, flight):
 @pytest.mark.parametrize(
     "interrupted, left",
     [
-        ("strapdown.engine.batch.fuse", set()),
-        ("strapdown.reports.page.report", RESULTS - {"report.html"}),
+        ("strapdown.fuse", set()),
+        ("strapdown.report", RESULTS - {"report.html"}),
     ],
 )
 def test_ctrl_c_at_an_awkward_moment(command, flight, monkeypatch, interrupted, left):

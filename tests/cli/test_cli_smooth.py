@@ -140,7 +140,7 @@ def test_ctrl_c_leaves_nothing_half_written(command, turning, outage, monkeypatc
             raise KeyboardInterrupt
         whole(*given)
 
-    monkeypatch.setattr(smoothing, "CHUNK", 50)
+    monkeypatch.setattr(smoothing, "RECORDED_ROWS", 50)
     monkeypatch.setattr(smoothing, "_stand" if moment == "forwards" else "_restore", interrupt)
     Path("result/deep").mkdir(parents=True)
     Path("result/deep/solution.csv").write_text("of an earlier run")

@@ -127,7 +127,7 @@ def changed(copy, keys):
 def test_docstrings_comments_and_annotations_recompile_nothing(copy, edit, keys):
     edit("aiding/heading.py", '"""', '"""Another sentence. ')
     edit("core/earth.py", "\n\n\n", "\n\n\n# a comment\n\n")
-    edit("core/rotation.py", "(angle)", "(angle: float) -> float")
+    edit("core/rotation.py", "(angle: float) -> float", "(angle)")
     assert changed(copy, keys) == []
 
 
@@ -319,7 +319,7 @@ def test_the_versions_used_last_are_kept(tmp_path, monkeypatch):
         old.touch()
         os.utime(old, (1e9 - age, 1e9 - age))
     (tmp_path / "strapdown/kernels/strapdown.aiding.velocity.observe-0.kernel").touch()
-    place._sweep()
+    place._sweep(place.path)
     place.path.touch()
     names = {
         file.name.removeprefix("strapdown.aiding.") for file in place.path.parent.iterdir()

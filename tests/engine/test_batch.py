@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown.core import loop
 from strapdown.data import BRIDGED, INVALID, Aiding, DataError
-from strapdown.engine import batch
+from strapdown.engine import prepare as preparation
+from strapdown.engine import result
 from strapdown.sensor_models.imu import grades
 from strapdown.sim.trajectory import DEG
 
@@ -31,7 +32,7 @@ def fused(recording, **more):
 def test_chunks_change_nothing(monkeypatch, chunk):
     recording = without_samples(flight(), (7.0, 7.5), (11.0, 14.0))
     whole = fused(recording)
-    monkeypatch.setattr(batch, "CHUNK", chunk)
+    monkeypatch.setattr(preparation, "ROWS_AT_ONCE", chunk)
     assert same(fused(recording), whole)
     assert [text.split(":")[0] for _, text in whole.events] == [
         "IMU gap of 0.5 s",
@@ -41,14 +42,14 @@ def test_chunks_change_nothing(monkeypatch, chunk):
 
 @short
 def test_progress_rises_to_one(monkeypatch):
-    monkeypatch.setattr(batch, "CHUNK", 64)
+    monkeypatch.setattr(preparation, "ROWS_AT_ONCE", 64)
     told = []
     fused(flight(), progress=told.append)
     assert len(told) == 7 and told == sorted(told) and told[-1] == 1.0
 
 
 def test_ctrl_c_ends_a_run_between_chunks(monkeypatch):
-    monkeypatch.setattr(batch, "CHUNK", 64)
+    monkeypatch.setattr(preparation, "ROWS_AT_ONCE", 64)
 
     def stop(share):
         raise KeyboardInterrupt
@@ -81,7 +82,7 @@ def test_two_threads_may_prepare_at_once():
     import sys
 
     code = (
-        "from concurrent.futures import ThreadPoolExecutor\nfrom strapdown.engine.batch import prepare\n"
+        "from concurrent.futures import ThreadPoolExecutor\nfrom strapdown.engine.prepare import prepare\n"
         "with ThreadPoolExecutor(4) as pool:\n    list(pool.map(lambda _: prepare('closed-loop', ['position', 'velocity']), range(8)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
@@ -377,7 +378,7 @@ def test_a_lifted_gate_is_one_event_until_it_holds_again():
     ]
     used = np.zeros((len(uses), loop.FIX_WIDTH))
     used[:, loop.F_T], used[:, loop.F_USE] = np.arange(len(uses)), uses
-    assert [t for t, _ in batch._events(recording.imu, 200, begin, used, ["a"], "held")] == [
+    assert [t for t, _ in result._events(recording.imu, 200, begin, used, ["a"], "held")] == [
         1.0,
         7.0,
     ]
@@ -410,7 +411,7 @@ L, R, P, U = loop.REACQUIRED, loop.REJECTED_FIX, loop.ACCEPTED, loop.UNMEASURED
 def test_a_source_is_left_out_where_lifting_did_not_help(uses, lifted, in_vain):
     own = np.zeros((len(uses), loop.FIX_WIDTH))
     own[:, loop.F_T], own[:, loop.F_USE] = np.arange(len(uses)), uses
-    events = batch._lifted(own, "a")
+    events = result._lifted(own, "a")
     assert [t for t, text in events if "gate lifted" in text] == lifted and [
         t for t, text in events if "did not help" in text
     ] == in_vain
@@ -424,7 +425,7 @@ def test_many_lifts_of_a_long_record_take_no_time():
         own[lift::400, loop.F_USE] = L
     own[300::400, loop.F_USE] = P
     begin = perf_counter()
-    assert len(batch._lifted(own, "a")) == 3000
+    assert len(result._lifted(own, "a")) == 3000
     assert perf_counter() - begin < 0.5
 
 
@@ -480,6 +481,6 @@ def test_no_fixes_at_all():
 @pytest.mark.short
 def test_compiling_tells_which_filter_it_is_for(monkeypatch):
     said = []
-    monkeypatch.setattr("strapdown.engine.batch.is_cached", lambda kernel: False)
-    batch.prepare("mahony", ["magnetic-field"], said.append)
+    monkeypatch.setattr("strapdown.engine.prepare.is_cached", lambda kernel: False)
+    preparation.prepare("mahony", ["magnetic-field"], said.append)
     assert said == ["compiling mahony for the first time on this machine, about 15 s ..."]

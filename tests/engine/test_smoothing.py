@@ -14,7 +14,8 @@ from smoothed_attitude import least_squares, log_of, rauch_tung_striebel
 import strapdown as sd
 from strapdown.core.contract import PREDICT, kernel
 from strapdown.data import DataError
-from strapdown.engine import batch, smoothing
+from strapdown.engine import prepare as preparation
+from strapdown.engine import smoothing
 from strapdown.filters.attitude.attitude_error_state import SIX
 from strapdown.filters.attitude.attitude_mekf import ATTITUDE_MEKF, predict_attitude
 from strapdown.io.solution import read_solution, write_solution
@@ -185,7 +186,7 @@ def test_smoothed_covariances_are_honest():
 def test_chunks_do_not_matter(short, monkeypatch, chunk):
     recording, given, _ = short.drawn(4, gate=None)
     whole = sd.smooth(recording, "attitude-mekf", covariance=True, **given)
-    monkeypatch.setattr(smoothing, "CHUNK", chunk)
+    monkeypatch.setattr(smoothing, "RECORDED_ROWS", chunk)
     parts = sd.smooth(recording, "attitude-mekf", covariance=True, **given)
     equal(whole, parts)
     scale = whole.trajectory.sd[:, SIX]
@@ -198,7 +199,7 @@ def test_chunks_do_not_matter(short, monkeypatch, chunk):
 @pytest.mark.parametrize("every", (2, 7, 90, 1000))
 @pytest.mark.short
 def test_kept_rows_are_those_of_all(short, monkeypatch, every):
-    monkeypatch.setattr(smoothing, "CHUNK", 40)  # some chunks keep no row
+    monkeypatch.setattr(smoothing, "RECORDED_ROWS", 40)  # some chunks keep no row
     recording, given, _ = short.drawn(5)
     whole, some = (
         sd.smooth(recording, "attitude-mekf", every=kept, **given) for kept in (1, every)
@@ -263,11 +264,11 @@ def both(recording, given, **options):
     )
     ordered(smoothed, filtered)
     assert smoothed.events == filtered.events and smoothed.counts() == filtered.counts()
-    before, smoothing.CHUNK = smoothing.CHUNK, 60
+    before, smoothing.RECORDED_ROWS = smoothing.RECORDED_ROWS, 60
     try:
         equal(smoothed, sd.smooth(recording, "attitude-mekf", **given, **options))
     finally:
-        smoothing.CHUNK = before
+        smoothing.RECORDED_ROWS = before
     return smoothed, filtered
 
 
@@ -387,7 +388,7 @@ def leaving(belief, u, dt, noise):
 @pytest.mark.parametrize("chunk", (40, 1000))
 @pytest.mark.short
 def test_a_filter_that_stops_early(short, monkeypatch, chunk):
-    monkeypatch.setattr(smoothing, "CHUNK", chunk)
+    monkeypatch.setattr(smoothing, "RECORDED_ROWS", chunk)
     recording, given, _ = short.drawn(11)
     stopped = sd.smooth(recording, ATTITUDE_MEKF._replace(predict=leaving), **given)
     assert "stopped at" in stopped.meta["stopped"] and stopped.t[-1] == pytest.approx(3.0, abs=0.03)
@@ -419,7 +420,7 @@ def test_refusals(short):
 
 @pytest.mark.short
 def test_progress_goes_to_one(short, monkeypatch):
-    monkeypatch.setattr(smoothing, "CHUNK", 50)
+    monkeypatch.setattr(smoothing, "RECORDED_ROWS", 50)
     recording, given, _ = short.drawn(13)
     seen = []
     sd.smooth(recording, "attitude-mekf", progress=seen.append, **given)
@@ -448,10 +449,12 @@ def test_memory_is_that_of_a_chunk(longer, monkeypatch):
     """The record's room does not grow with the recording."""
     sizes = []
     monkeypatch.setattr(
-        smoothing, "new_output", lambda *given: sizes.append(batch.new_output(*given)) or sizes[-1]
+        smoothing,
+        "new_output",
+        lambda *given: sizes.append(preparation.new_output(*given)) or sizes[-1],
     )
     for samples in (400, 1000):
-        monkeypatch.setattr(smoothing, "CHUNK", 100)
+        monkeypatch.setattr(smoothing, "RECORDED_ROWS", 100)
         recording, given, _ = longer.drawn(16)
         sd.smooth(recording.between(-np.inf, samples / 50), "attitude-mekf", **given)
     first, second = ([part.shape for part in room if part.size] for room in sizes)

@@ -11,10 +11,11 @@ from scipy.spatial.transform import Rotation
 from smoothed_ins import State, least_squares, log_of, rauch_tung_striebel
 
 import strapdown as sd
-from strapdown.aiding.pressure import BIAS
+from strapdown.aiding.pressure import BAROMETER_BIAS
 from strapdown.core.contract import Imu, Noise
 from strapdown.data import Aiding
-from strapdown.engine import batch, smoothing
+from strapdown.engine import prepare as preparation
+from strapdown.engine import smoothing
 from strapdown.recording import Recording
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad
@@ -172,11 +173,11 @@ def both(recording, given, name="closed-loop", **options):
         smoothed.innovations.innovation, filtered.innovations.innovation, equal_nan=True
     )
     assert smoothed.meta == filtered.meta | {"smoothed": True}
-    before, smoothing.CHUNK = smoothing.CHUNK, 60
+    before, smoothing.RECORDED_ROWS = smoothing.RECORDED_ROWS, 60
     try:
         equal(smoothed, sd.smooth(recording, name, **given, **options))
     finally:
-        smoothing.CHUNK = before
+        smoothing.RECORDED_ROWS = before
     return smoothed, filtered
 
 
@@ -232,7 +233,9 @@ def test_states_of_aidings_are_smoothed_too(flight):
     recording, given, _ = flight.drawn(2, barometer=True)
     smoothed, filtered = both(recording, given)
     log = log_of(recording, **given)._replace(
-        baro=recording.aidings[1], baro_sd=BIAS["state_sd"], baro_walk=BIAS["state_walk"]
+        baro=recording.aidings[1],
+        baro_sd=BAROMETER_BIAS["state_sd"],
+        baro_walk=BAROMETER_BIAS["state_walk"],
     )
     textbook, P = rauch_tung_striebel(log)
     assert smoothed.covariance.shape[1:] == (16, 16)
@@ -258,7 +261,7 @@ def test_states_of_aidings_are_smoothed_too(flight):
 def test_chunks_do_not_matter(flight, monkeypatch, name, chunk):
     recording, given, _ = flight.drawn(4)
     whole = sd.smooth(recording, name, covariance=True, **given)
-    monkeypatch.setattr(smoothing, "CHUNK", chunk)
+    monkeypatch.setattr(smoothing, "RECORDED_ROWS", chunk)
     parts = sd.smooth(recording, name, covariance=True, **given)
     equal(whole, parts)
     scale = sds(whole.covariance)
@@ -274,7 +277,7 @@ def test_chunks_do_not_matter(flight, monkeypatch, name, chunk):
 @pytest.mark.parametrize("covariance", (False, True))
 @pytest.mark.short
 def test_kept_rows_are_those_of_all(flight, monkeypatch, every, covariance):
-    monkeypatch.setattr(smoothing, "CHUNK", 40)  # some chunks keep no row
+    monkeypatch.setattr(smoothing, "RECORDED_ROWS", 40)  # some chunks keep no row
     recording, given, _ = flight.drawn(5)
     whole, some = (
         sd.smooth(recording, every=kept, covariance=covariance, **given) for kept in (1, every)
@@ -419,9 +422,11 @@ def test_memory_is_that_of_a_chunk(flight, monkeypatch):
     """The record's room does not grow with the recording."""
     sizes = []
     monkeypatch.setattr(
-        smoothing, "new_output", lambda *given: sizes.append(batch.new_output(*given)) or sizes[-1]
+        smoothing,
+        "new_output",
+        lambda *given: sizes.append(preparation.new_output(*given)) or sizes[-1],
     )
-    monkeypatch.setattr(smoothing, "CHUNK", 50)
+    monkeypatch.setattr(smoothing, "RECORDED_ROWS", 50)
     recording, given, _ = flight.drawn(13)
     for until in (10.0, 20.0):
         sd.smooth(recording.between(-np.inf, until), **given)

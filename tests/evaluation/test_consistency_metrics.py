@@ -10,7 +10,13 @@ from scipy import stats
 import strapdown as sd
 from strapdown.data import DataError, Innovations
 from strapdown.evaluation import consistency
-from strapdown.evaluation.consistency import INCONSISTENT, LOST, REASONS, SURVIVED, Limits
+from strapdown.evaluation.consistency import (
+    INCONSISTENT,
+    POSITION_LOST,
+    REASONS,
+    SURVIVED,
+    Limits,
+)
 from strapdown.sim.synthesis import draw_start
 from strapdown.sim.trajectory import DEG, Motion
 
@@ -112,8 +118,8 @@ def test_a_run_that_keeps_its_limits_survives():
 def test_a_run_is_lost_at_its_first_far_epoch(far):
     distance = np.zeros(100)
     distance[[40, 60]] = far
-    assert consistency.survival(distance, FINE, T) == (40, LOST)
-    assert REASONS[LOST] == "lost"
+    assert consistency.survival(distance, FINE, T) == (40, POSITION_LOST)
+    assert REASONS[POSITION_LOST] == "lost"
 
 
 @pytest.mark.short
@@ -136,7 +142,7 @@ def test_a_run_is_inconsistent_once_its_nees_was_beyond_for_more_than_ten_second
 def test_whichever_limit_is_broken_first_ends_a_run():
     nees, distance = np.full(100, 1e3), np.zeros(100)
     distance[21:] = 600.0  # NEES: more than 10 s at epoch 21 too
-    assert consistency.survival(distance, nees, T) == (21, LOST)
+    assert consistency.survival(distance, nees, T) == (21, POSITION_LOST)
     assert consistency.survival(np.roll(distance, 1) * (T > 0), nees, T) == (21, INCONSISTENT)
 
 

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 import strapdown as sd
 from strapdown.core.contract import STATES, Imu
 from strapdown.data import Aiding, DataError
-from strapdown.engine import batch
+from strapdown.engine import prepare as preparation
 from strapdown.engine.stream import Fix, Sample, Stream
 from strapdown.recording import Recording
 from strapdown.sensor_models.atmosphere import standard_pressure
@@ -260,7 +260,7 @@ def test_a_stream_with_states_of_its_own_is_the_batch_bit_for_bit(flight, name):
 def test_a_run_in_chunks_is_one_run(flight, name, monkeypatch):
     recording, start = everything(flight)
     whole = sd.fuse(recording, name, start=start, noise=SPEC.noise(), covariance=True)
-    monkeypatch.setattr(batch, "CHUNK", 17)
+    monkeypatch.setattr(preparation, "ROWS_AT_ONCE", 17)
     parts = sd.fuse(recording, name, start=start, noise=SPEC.noise(), covariance=True)
     assert np.array_equal(whole.covariance, parts.covariance) and all(
         np.array_equal(whole.columns[each], parts.columns[each]) for each in whole.columns

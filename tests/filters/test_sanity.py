@@ -45,7 +45,7 @@ FILTERS = [
 
 
 @pytest.mark.parametrize("line", FILTERS, ids=lambda line: line.name)
-def test_errors_stay_small_and_are_about_as_large_as_claimed(flight, line):  # noqa: F811
+def test_errors_stay_small_and_are_about_as_large_as_claimed(flight, line):
     with ThreadPoolExecutor(2) as pool:
         runs = list(
             pool.map(

@@ -14,10 +14,10 @@ none had less than INSIDE, the lowest 0.923 and 0.900."""
 
 
 @pytest.mark.parametrize("line", SMOOTHED, ids=lambda line: f"{line[0]}, {line[2].name}")
-def test_smoothed_errors_are_as_large_as_their_covariance_says(flight, line):  # noqa: F811
+def test_smoothed_errors_are_as_large_as_their_covariance_says(flight, line):
     assert share_inside(runs(flight, line, estimate=sd.smooth)[0]) >= INSIDE
 
 
-def test_the_band_tells_a_wrong_covariance(flight):  # noqa: F811
+def test_the_band_tells_a_wrong_covariance(flight):
     for told in (0.7, 1.4):
         assert share_inside(runs(flight, SMOOTHED[0], told=told, estimate=sd.smooth)[0]) < 0.8

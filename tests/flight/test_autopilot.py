@@ -16,7 +16,15 @@ from strapdown.flight.aircraft.parameters import GRAVITY, aircraft
 from strapdown.flight.aircraft.trim import trim
 from strapdown.flight.autopilot_gains import gains, pilot_array
 from strapdown.flight.fly import fly
-from strapdown.flight.plan import DEG, PLACE, FlightPlan, flight_plan, route, straight, turning
+from strapdown.flight.plan import (
+    DEFAULT_PLACE,
+    FlightPlan,
+    flight_plan,
+    route,
+    straight,
+    turning,
+)
+from strapdown.flight.plan import RAD_PER_DEG as DEG
 
 G = 9.81
 CALM = (0.0, 0.0, 0.0)
@@ -24,7 +32,7 @@ CALM = (0.0, 0.0, 0.0)
 
 def parts(airspeed=25.0):
     craft = aircraft("aerosonde")
-    steady = trim(craft, airspeed, origin=PLACE, earth="flat")
+    steady = trim(craft, airspeed, origin=DEFAULT_PLACE, earth="flat")
     return (
         craft,
         steady,
@@ -36,7 +44,7 @@ def parts(airspeed=25.0):
 def feedback(craft, steady, k):
     """(4, 8): commands = -K (u v w p q r roll pitch) about a trim, by differences of `hold`
     itself; its turn with the roll is left out."""
-    pilot, commands = pilot_array(k, craft, steady, PLACE, (1.0, 1.0), G), np.zeros(4)
+    pilot, commands = pilot_array(k, craft, steady, DEFAULT_PLACE, (1.0, 1.0), G), np.zeros(4)
 
     def answer(rates, pitch, roll, u):
         memory, C = (
@@ -100,10 +108,10 @@ def test_turns_are_fed_forward_to_their_trim(roll):
     those of the full model trimmed in that turn, to 8 %."""
     craft, steady, _, k = parts()
     turned = trim(
-        craft, 25.0, radius=25.0**2 / G / math.tan(roll * DEG), origin=PLACE, earth="flat"
+        craft, 25.0, radius=25.0**2 / G / math.tan(roll * DEG), origin=DEFAULT_PLACE, earth="flat"
     )
     pilot, memory, commands = (
-        pilot_array(k, craft, steady, PLACE, (1.0, 1.0), G),
+        pilot_array(k, craft, steady, DEFAULT_PLACE, (1.0, 1.0), G),
         np.zeros(p.MEMORY_SIZE),
         np.zeros(4),
     )
@@ -165,8 +173,8 @@ def test_roll_follows_a_step(asked):
     """Surfaces alone, in the compiled aircraft: 90 % within two time constants and the
     actuator's lag, at most 5 % over, steady error below 2 deg (there is no integral here)."""
     craft, steady, _, k = parts()
-    array = craft.array("flat", PLACE)
-    pilot = pilot_array(k, craft, steady, PLACE, (1.0, 1.0), array[GRAVITY])
+    array = craft.array("flat", DEFAULT_PLACE)
+    pilot = pilot_array(k, craft, steady, DEFAULT_PLACE, (1.0, 1.0), array[GRAVITY])
     memory, state, commands, u = (
         np.zeros(p.MEMORY_SIZE),
         steady.state.copy(),
@@ -260,7 +268,7 @@ def test_waypoints_are_passed(wind, track, height):
 def places(flight):
     """(n, 2) true metres north and east of the plan's place, by radii of the ellipsoid written
     out here."""
-    lat, lon, h = PLACE
+    lat, lon, h = DEFAULT_PLACE
     x = 1 - 0.0066943799901413165 * math.sin(lat) ** 2
     R_N = 6378137.0 / math.sqrt(x)
     R_M = R_N * (1 - 0.0066943799901413165) / x
@@ -314,7 +322,7 @@ def test_routes_are_continuous(plan):
             [*rows[-1, [p.TO_N, p.TO_E]], height_along(rows[-1], 1e9)],
         ),
     ):
-        assert np.allclose(row, (n, e, up + PLACE[2]))
+        assert np.allclose(row, (n, e, up + DEFAULT_PLACE[2]))
 
 
 @pytest.mark.short

@@ -14,7 +14,8 @@ from strapdown.data import DataError
 from strapdown.filters import find
 from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.fly import LOG, fly
-from strapdown.flight.plan import DEG, PLACE, FlightPlan, straight, turning
+from strapdown.flight.plan import DEFAULT_PLACE, FlightPlan, straight, turning
+from strapdown.flight.plan import RAD_PER_DEG as DEG
 from strapdown.flight.sensor_errors import barometer_errors, outage_windows
 from strapdown.geodesy import displacement
 from strapdown.sensor_models.barometer import Barometer
@@ -512,7 +513,7 @@ def test_a_filter_can_be_told_the_controls():
 @pytest.mark.short
 def test_flights_on_the_flat_earth_and_with_a_start_of_ones_own():
     flight = fly("straight", duration=2.0, earth="flat", feedback="truth", start_sd=(0.0,) * 15)
-    assert flight.start.lla == pytest.approx(PLACE) and flight.start.sd == (0.0,) * 15
+    assert flight.start.lla == pytest.approx(DEFAULT_PLACE) and flight.start.sd == (0.0,) * 15
     rate = (
         np.linalg.norm(
             flight.recording.imu.dtheta - flight.recording.meta["b_g"] * 0.01, axis=1
@@ -544,7 +545,7 @@ BAD = {
     "a wind of 24 m/s is too fast": dict(wind=(0, 24.0, 0), told_wind=(0, 0, 0)),
     "seed is -1": dict(seed=-1),
     "the start is at 3 s; a flight begins at 0 s": dict(
-        start=sd.Start(3.0, PLACE, (0,) * 3, (0,) * 3, (0,) * 3, (0,) * 3, (1,) * 15)
+        start=sd.Start(3.0, DEFAULT_PLACE, (0,) * 3, (0,) * 3, (0,) * 3, (0,) * 3, (1,) * 15)
     ),
     "cannot fly 0.001 s at 100 Hz": dict(duration=0.001),
     "estimates no position, and the autopilot flies by one": dict(filter="attitude-mekf"),

@@ -10,8 +10,8 @@ import strapdown as sd
 from strapdown.data import DataError
 from strapdown.geodesy import displacement
 from strapdown.io.broad import (
-    IMU,
-    PLACE,
+    BROAD_IMU,
+    BROAD_PLACE,
     body_to_ned,
     first_rest,
     read_broad,
@@ -138,9 +138,9 @@ def test_only_known_rows_of_the_reference_are_kept(tmp_path):
 def test_positions_are_metres_from_the_nominal_place(tmp_path):
     recording = sd.read(write(tmp_path))
     np.testing.assert_allclose(
-        displacement(recording.reference.lla[0], np.array(PLACE)), [2.0, 1.0, -3.0], atol=1e-5
+        displacement(recording.reference.lla[0], np.array(BROAD_PLACE)), [2.0, 1.0, -3.0], atol=1e-5
     )
-    assert recording.meta["place"] == list(PLACE)
+    assert recording.meta["place"] == list(BROAD_PLACE)
 
 
 def test_movement_is_kept_as_stretches(tmp_path):
@@ -155,11 +155,11 @@ def test_movement_is_kept_as_stretches(tmp_path):
 
 def test_the_imu_is_described(tmp_path):
     recording = sd.read(write(tmp_path))
-    assert sd.grade(recording.meta["grade"]) == IMU and "02, 21 and 24" in IMU.source
+    assert sd.grade(recording.meta["grade"]) == BROAD_IMU and "02, 21 and 24" in BROAD_IMU.source
     sd.write_recording(recording, tmp_path / "trial.nc")
     again = sd.read(tmp_path / "trial.nc")
     assert (
-        sd.grade(again.meta["grade"]) == IMU
+        sd.grade(again.meta["grade"]) == BROAD_IMU
         and again.meta["movement"] == recording.meta["movement"]
     )
     assert again.aidings[0].parameters == pytest.approx(recording.aidings[0].parameters)
@@ -292,7 +292,7 @@ def test_the_optical_position_moves_as_the_accelerometer_says(data_folder, numbe
         reference.rotation.apply(imu.dv[rows] / imu.dt[rows, None]), width, 3, axis=0
     )
     acceleration = savgol_filter(
-        displacement(reference.lla, np.array(PLACE)),
+        displacement(reference.lla, np.array(BROAD_PLACE)),
         width,
         3,
         deriv=2,
@@ -325,7 +325,7 @@ def test_positions_are_decimated_and_have_the_noise_stated(tmp_path):
         and "54 fixes at 10 Hz" in made.meta["notes"][-1]
         and "5 epochs without the body" in made.meta["notes"][-1]
     )
-    errors = (displacement(fixes.y, np.array(PLACE)) - [2.0, 1.0, -3.0]) / fixes.sd
+    errors = (displacement(fixes.y, np.array(BROAD_PLACE)) - [2.0, 1.0, -3.0]) / fixes.sd
     assert (
         (fixes.sd == [0.05, 0.1, 0.2]).all()
         and np.abs(errors.mean(axis=0)).max() < 4 / np.sqrt(54)

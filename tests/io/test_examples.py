@@ -152,7 +152,7 @@ def test_the_complete_description_means_what_the_page_says(tables):
 def test_the_page_names_every_key_unit_and_kind():
     from strapdown.aiding import names
     from strapdown.io.description.schema import AidingPart, Description, ImuPart, ReferencePart
-    from strapdown.preprocessing.units import UNITS
+    from strapdown.preprocessing.units import UNIT_FACTORS
 
     page = PAGE.read_text(encoding="utf-8")
     words = {
@@ -160,5 +160,5 @@ def test_the_page_names_every_key_unit_and_kind():
         for part in (Description, ImuPart, AidingPart, ReferencePart)
         for key in part.model_fields
     } - {"imu", "aiding", "reference"}
-    words |= {unit for units in UNITS.values() for unit in units} | set(names())
+    words |= {unit for units in UNIT_FACTORS.values() for unit in units} | set(names())
     assert [word for word in sorted(words) if f"`{word}`" not in page] == []

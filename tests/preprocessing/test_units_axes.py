@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown.data import DataError
-from strapdown.preprocessing.axes import BODY, NAVIGATION, axes_matrix, rotation_matrix
-from strapdown.preprocessing.units import ALIASES, UNITS, factor
+from strapdown.preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix, rotation_matrix
+from strapdown.preprocessing.units import ALIASES, UNIT_FACTORS, factor
 
 
 @pytest.mark.parametrize(
@@ -51,9 +51,9 @@ def test_refusals_list_what_is_accepted(unit, dimension, words):
 
 def test_every_alias_suggests_a_unit():
     assert {name for names in ALIASES.values() for name in names.split()} <= {
-        unit for units in UNITS.values() for unit in units
+        unit for units in UNIT_FACTORS.values() for unit in units
     }
-    assert not set(ALIASES) & {unit for units in UNITS.values() for unit in units}
+    assert not set(ALIASES) & {unit for units in UNIT_FACTORS.values() for unit in units}
 
 
 @pytest.mark.parametrize(
@@ -61,11 +61,11 @@ def test_every_alias_suggests_a_unit():
     [("FRD", [1, 2, 3]), ("FLU", [1, -2, -3]), ("RFU", [2, 1, -3]), ("-z +y +x", [-3, 2, 1])],
 )
 def test_body_axes(name, forward_right_down):
-    np.testing.assert_array_equal(axes_matrix(name, BODY) @ [1, 2, 3], forward_right_down)
+    np.testing.assert_array_equal(axes_matrix(name, BODY_AXES) @ [1, 2, 3], forward_right_down)
 
 
 def test_navigation_axes():
-    np.testing.assert_array_equal(axes_matrix("ENU", NAVIGATION) @ [1, 2, 3], [2, 1, -3])
+    np.testing.assert_array_equal(axes_matrix("ENU", NAVIGATION_AXES) @ [1, 2, 3], [2, 1, -3])
 
 
 @pytest.mark.parametrize(
@@ -79,9 +79,9 @@ def test_navigation_axes():
 )
 def test_wrong_axes(text, words):
     with pytest.raises(DataError, match=words):
-        axes_matrix(text, BODY)
+        axes_matrix(text, BODY_AXES)
     if words == "left-handed":
-        axes_matrix(text, BODY, right_handed=False)
+        axes_matrix(text, BODY_AXES, right_handed=False)
 
 
 def test_mounting_is_heading_pitch_roll():

@@ -3,13 +3,12 @@ has no network."""
 
 import json
 import re
-import shutil
-import subprocess
 import zlib
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from browser import CHROMIUM, browse
 from synthetic import flight, solution
 
 from strapdown import report
@@ -21,25 +20,6 @@ pytestmark = pytest.mark.short
 TRUTH = flight(600, rate=2.0)
 SOLUTION = solution(TRUTH)
 OPEN = solution(TRUTH, seed=2, drift=0.02, name="open-loop")
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
-FLAGS = [
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--hide-scrollbars",
-    "--virtual-time-budget=60000",
-    "--window-size=1300,1700",
-    "--host-resolver-rules=MAP * ~NOTFOUND",
-    "--enable-logging=stderr",
-    "--log-level=0",
-]
 
 
 @pytest.fixture(scope="module")
@@ -162,26 +142,6 @@ def test_saving_is_whole_or_not_at_all(page, tmp_path):
     with pytest.raises(DataError, match="cannot be written"):
         page.save(tmp_path / "absent" / "a.html")
     assert [path.name for path in tmp_path.iterdir()] == ["a.html"]
-
-
-def browse(tmp_path, *options):
-    done = subprocess.run(
-        [
-            CHROMIUM,
-            *FLAGS,
-            f"--user-data-dir={tmp_path / 'profile'}",
-            *options,
-            f"file://{tmp_path / 'a.html'}",
-        ],
-        capture_output=True,
-        timeout=180,
-        cwd=tmp_path,
-    )
-    said = [
-        line for line in done.stderr.decode(errors="replace").splitlines() if ":CONSOLE" in line
-    ]
-    assert done.returncode == 0 and not said, said
-    return done.stdout.decode(errors="replace")
 
 
 @pytest.mark.skipif(

@@ -478,7 +478,7 @@ def test_the_command_passes_its_options_on(monkeypatch, tmp_path, capsys):
 
     given = {}
 
-    def reproduce(out, quick, runs, seed, recordings, say, progress):
+    def reproduce(out, quick=False, runs=None, seed=2, recordings=None, say=None, progress=None):
         given.update(quick=quick, runs=runs, seed=seed, recordings=recordings)
         return [{"verdict": "partly", "claim": "a claim"}]
 

@@ -40,7 +40,7 @@ def scores(level, spread=0.02, north=None, places=PLACES, velocity=None):
     rng, rows = np.random.default_rng(3), []
     for case in places:
         for seed in range(SEEDS):
-            for k, name in enumerate(FILTERS | ABLATIONS):
+            for _k, name in enumerate(FILTERS | ABLATIONS):
                 size = level.get(
                     name, level[name.split(",")[0]] if name.split(",")[0] in level else 15.0
                 )

@@ -472,15 +472,16 @@ def test_markdown_goes_between_its_marks(made, tmp_path):
 
 def test_the_command(command, tmp_path, monkeypatch):
     given = []
-    monkeypatch.setattr(
-        main,
-        "reproduce",
-        lambda *a, **k: given.append((a, k)) or [{"verdict": "partly", "claim": "it converges"}],
-    )
+
+    def reproduce(out, quick=False, runs=None, seed=2, progress=None):
+        given.append((out, quick, runs, seed))
+        return [{"verdict": "partly", "claim": "it converges"}]
+
+    monkeypatch.setattr(main, "reproduce", reproduce)
     code, out, err = command("reproduce", "fossen", "--quick", "--seed", 4, "--out", tmp_path / "x")
     assert (
         code == 0
-        and given[0][0] == (tmp_path / "x", True, None, 4)
+        and given[0] == (tmp_path / "x", True, None, 4)
         and "it converges" in out
         and not err
     )

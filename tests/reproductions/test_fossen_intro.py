@@ -18,7 +18,7 @@ def covariance_after(model, dt, every, fixes):
     filter's own steps."""
     Phi, Q = intro.discretised(model, dt)
     P = np.diag(model.start_sd) ** 2
-    for k in range(fixes):
+    for _k in range(fixes):
         for _ in range(every):
             P = Phi @ P @ Phi.T + Q
         before = P

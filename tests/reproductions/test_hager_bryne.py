@@ -14,7 +14,7 @@ import pytest
 from test_hager_bryne_claims import world
 
 from strapdown.engine.batch import fuse
-from strapdown.experiments.monte_carlo.scoring import GROUPS
+from strapdown.experiments.monte_carlo.scoring import ERROR_GROUPS
 from strapdown.experiments.monte_carlo.study import SCALARS, seeds, simulator
 from strapdown.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
@@ -194,7 +194,7 @@ def made_up(scale):
     }
     numbers |= {
         "censored": (distance**2).mean(axis=-1),
-        "mean_square": np.ones((2, 10, len(GROUPS))),
+        "mean_square": np.ones((2, 10, len(ERROR_GROUPS))),
         "nees": np.full((2, 10), 15.0),
     }
     everywhere = np.ones(distance.shape, bool)

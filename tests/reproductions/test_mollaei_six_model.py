@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.core.contract import Noise
 from strapdown.engine import batch
+from strapdown.engine.prepare import Asked
 from strapdown_reproductions.mollaei.six_state import filters
 
 NOISE = Noise(gyro=1e-6, accel=0.08, gyro_bias=0.0, accel_bias=0.0, gyro_decay=0.0, accel_decay=0.0)
@@ -22,13 +23,7 @@ def through(made, filter, start=None, model=slice(None), **options):
     run = batch.begin(
         made.recording,
         filter,
-        None,
-        start or made.start,
-        NOISE,
-        1,
-        False,
-        None,
-        {"model": 0.05, **options},
+        Asked({"model": 0.05, **options}, start=start or made.start, noise=NOISE),
     )
     flags = np.zeros(len(made.inputs))
     flags[model] = 1

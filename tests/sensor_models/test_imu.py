@@ -9,10 +9,10 @@ import pytest
 
 from strapdown.core.contract import Imu
 from strapdown.data import DataError
-from strapdown.sensor_models.datasheet_units import UNITS
+from strapdown.sensor_models.datasheet_units import UNITS_OF_SI
 from strapdown.sensor_models.errors import STREAMS, WarmUp, terms
 from strapdown.sensor_models.imu import ImuSpec, Triad, grade, grades, saturated
-from strapdown.sensor_models.noise import FLOOR, flicker, gauss_markov_variance
+from strapdown.sensor_models.noise import FLICKER_FLOOR, flicker, gauss_markov_variance
 
 FILE = """
 name = "mine"
@@ -87,7 +87,7 @@ def test_a_file_is_read_in_the_units_it_names(tmp_path):
     ],
 )
 def test_units_of_one_quantity_agree(one, factor, other):
-    table = next(units for units in UNITS.values() if one in units)
+    table = next(units for units in UNITS_OF_SI.values() if one in units)
     assert table[one] == pytest.approx(factor * table[other], rel=1e-12)
 
 
@@ -460,9 +460,9 @@ def test_flicker_has_the_flat_allan_deviation_of_its_bias_instability():
         ]
     )
     mean = np.sqrt((found**2).mean(axis=0))
-    np.testing.assert_allclose(mean[:4], FLOOR, rtol=0.05)
+    np.testing.assert_allclose(mean[:4], FLICKER_FLOOR, rtol=0.05)
     np.testing.assert_allclose(
-        mean[4:], FLOOR, rtol=0.15
+        mean[4:], FLICKER_FLOOR, rtol=0.15
     )  # 12 records with some 400 and 130 clusters: 4 sigma
 
 
@@ -478,10 +478,10 @@ def test_flicker_is_flat_within_two_percent_over_five_decades():
 
 def test_a_filter_takes_flicker_for_a_walk_that_meets_the_floor_where_the_white_noise_does():
     q, decay = Triad(noise=1e-3, flicker=1e-4).bias_model()
-    tau = (1e-3 / (FLOOR * 1e-4)) ** 2
-    assert decay == 0 and q * np.sqrt(tau / 3) == pytest.approx(FLOOR * 1e-4) == pytest.approx(
-        1e-3 / np.sqrt(tau)
-    )
+    tau = (1e-3 / (FLICKER_FLOOR * 1e-4)) ** 2
+    assert decay == 0 and q * np.sqrt(tau / 3) == pytest.approx(
+        FLICKER_FLOOR * 1e-4
+    ) == pytest.approx(1e-3 / np.sqrt(tau))
     starts = np.array(
         [
             spec(flicker=0.3).corrupt(still(T[:3]), np.random.default_rng(seed))[1][0]

@@ -371,20 +371,20 @@ def test_the_documentation_names_every_key():
     text = DOCS.read_text(encoding="utf-8")
     parameters = {
         name
-        for build in scenario_file.KINDS.values()
+        for build in scenario_file.MOTION_KINDS.values()
         for name in inspect.signature(build).parameters
     } - {"name", "duration"}
     keys = {scenario_file._key(name) for name in (*parameters, *scenario_file.motions.LEG_KEYS)}
     keys |= {
-        *scenario_file.TOP,
-        *scenario_file.START,
-        *scenario_file.GNSS,
-        *(f'"{kind}"' for kind in scenario_file.KINDS),
+        *scenario_file.TOP_KEYS,
+        *scenario_file.START_KEYS,
+        *scenario_file.GNSS_KEYS,
+        *(f'"{kind}"' for kind in scenario_file.MOTION_KINDS),
     }
     keys |= {
-        *scenario_file.MAGNETOMETER,
-        *scenario_file.DISTURBANCE,
-        *scenario_file.BAROMETER,
-        *scenario_file.TARGET,
+        *scenario_file.MAGNETOMETER_KEYS,
+        *scenario_file.DISTURBANCE_KEYS,
+        *scenario_file.BAROMETER_KEYS,
+        *scenario_file.TARGET_KEYS,
     }
     assert not [key for key in keys if key not in text]

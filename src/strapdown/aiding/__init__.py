@@ -10,7 +10,7 @@ from ..core.contract import Measurement
 
 
 @cache
-def measurements():
+def measurements() -> dict[str, Measurement]:
     """{name: Measurement} of all kinds, in the order of their `kind` numbers, which must be 0,
     1, 2, ..."""
     modules = [
@@ -31,12 +31,12 @@ def measurements():
     return {sensor.name: sensor for sensor in ordered}
 
 
-def names():
+def names() -> list[str]:
     """Names of all kinds of aiding."""
     return list(measurements())
 
 
-def find(name):
+def find(name: str) -> Measurement:
     """The Measurement of that kind. Raises ValueError with the nearest name."""
     if name not in measurements():
         near = get_close_matches(str(name), names(), 1)

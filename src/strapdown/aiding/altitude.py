@@ -1,13 +1,14 @@
 """Ellipsoidal height of a point of the body: y = m."""
 
-from ..core.contract import OBSERVE, Measurement, helper, kernel
+from ..core.contract import OBSERVE, Belief, Measurement, helper, kernel
 from ..core.rotation import turned
+from ..typing import Array
 
 ALTITUDE = 3
 
 
 @helper
-def height(belief, measured, parameters, innovation, H):
+def height(belief: Belief, measured: float, parameters: Array, innovation: Array, H: Array) -> int:
     """One row, down: estimated height of the point at the lever arm parameters[0:3] (m, body) -
     measured, m."""
     north, east, down = turned(belief.C, parameters[0], parameters[1], parameters[2])
@@ -18,7 +19,7 @@ def height(belief, measured, parameters, innovation, H):
 
 
 @kernel(OBSERVE)
-def observe(belief, y, parameters, innovation, H):
+def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """One row from y = height above the ellipsoid, m."""
     return height(belief, y[0], parameters, innovation, H)
 

@@ -8,14 +8,15 @@ pitch and heading of a body that is not steep, and no pitch is singular.
 
 import math
 
-from ..core.contract import ATTITUDE_KIND, OBSERVE, Measurement, kernel
+from ..core.contract import ATTITUDE_KIND, OBSERVE, Belief, Measurement, kernel
 from ..core.rotation import euler_terms, measured_heading, rotation_between
+from ..typing import Array
 
 ATTITUDE = ATTITUDE_KIND
 
 
 @kernel(OBSERVE)
-def observe(belief, y, parameters, innovation, H):
+def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """Three rows: rotation vector forward, right, down, rad."""
     heading = measured_heading(y, belief.C)
     ch, sh = math.cos(heading), math.sin(heading)

@@ -4,13 +4,16 @@ vehicle that neither slips sideways nor hops.
 h = C' v + omega x l; with true C = exp(theta) C the derivative by theta is C' S(v).
 """
 
-from ..core.contract import OBSERVE, Measurement, helper, kernel
+from ..core.contract import OBSERVE, Belief, Measurement, helper, kernel
+from ..typing import Array
 
 SPEED, ZERO_LATERAL_VELOCITY, ZERO_VERTICAL_VELOCITY = 4, 5, 6
 
 
 @helper
-def along(axis, belief, y, parameters, innovation, H):
+def along(
+    axis: int, belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array
+) -> int:
     """One row: y - velocity of the point `parameters[0:3]` (m, body, from the IMU) along body
     axis 0, 1 or 2."""
     C, v, w = belief.C, belief.v, belief.omega
@@ -26,19 +29,23 @@ def along(axis, belief, y, parameters, innovation, H):
 
 
 @kernel(OBSERVE)
-def observe_speed(belief, y, parameters, innovation, H):
+def observe_speed(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """One row: forward speed, m/s."""
     return along(0, belief, y, parameters, innovation, H)
 
 
 @kernel(OBSERVE)
-def observe_lateral(belief, y, parameters, innovation, H):
+def observe_lateral(
+    belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array
+) -> int:
     """One row: speed to the right, m/s."""
     return along(1, belief, y, parameters, innovation, H)
 
 
 @kernel(OBSERVE)
-def observe_vertical(belief, y, parameters, innovation, H):
+def observe_vertical(
+    belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array
+) -> int:
     """One row: speed downwards in the body, m/s."""
     return along(2, belief, y, parameters, innovation, H)
 

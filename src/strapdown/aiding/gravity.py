@@ -8,15 +8,16 @@ body goes into the attitude as its angle against g; its standard deviation is wh
 
 import math
 
-from ..core.contract import GRAVITY_KIND, OBSERVE, Measurement, kernel
+from ..core.contract import GRAVITY_KIND, OBSERVE, Belief, Measurement, kernel
 from ..core.earth import gravity
 from ..core.rotation import turned
+from ..typing import Array
 
 GRAVITY = GRAVITY_KIND
 
 
 @kernel(OBSERVE)
-def observe(belief, y, parameters, innovation, H):
+def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """Three rows: - gravity - specific force, m/s^2 NED, of the last sample."""
     C, f = belief.C, belief.f
     n0, n1, n2 = turned(C, f[0], f[1], f[2])

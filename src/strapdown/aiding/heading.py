@@ -3,14 +3,15 @@ every heading (the published compass row is not)."""
 
 import math
 
-from ..core.contract import OBSERVE, Measurement, kernel
+from ..core.contract import OBSERVE, Belief, Measurement, kernel
 from ..core.rotation import wrap
+from ..typing import Array
 
 HEADING = 2
 
 
 @kernel(OBSERVE)
-def observe(belief, y, parameters, innovation, H):
+def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """One row: y - heading, wrapped, rad."""
     C = belief.C
     horizontal = max(

@@ -6,13 +6,14 @@ right: where only its direction in the horizontal plane is to be trusted, the at
 that.
 """
 
-from ..core.contract import MAGNETIC_KIND, OBSERVE, Measurement, kernel
+from ..core.contract import MAGNETIC_KIND, OBSERVE, Belief, Measurement, kernel
+from ..typing import Array
 
 MAGNETIC_FIELD = MAGNETIC_KIND
 
 
 @kernel(OBSERVE)
-def observe(belief, y, parameters, innovation, H):
+def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """Three rows: y - field in the body, T; parameters[0:3] is the reference, T NED."""
     C, m0, m1, m2 = belief.C, parameters[0], parameters[1], parameters[2]
     for i in range(3):

@@ -2,15 +2,16 @@
 
 import math
 
-from ..core.contract import OBSERVE, POSITION_KIND, Measurement, kernel
+from ..core.contract import OBSERVE, POSITION_KIND, Belief, Measurement, kernel
 from ..core.earth import radii
 from ..core.rotation import wrap
+from ..typing import Array
 
 POSITION = POSITION_KIND
 
 
 @kernel(OBSERVE)
-def observe(belief, y, parameters, innovation, H):
+def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """Three rows: antenna position y - h, m NED."""
     R_M, R_N = radii(belief.lla[0])
     C = belief.C

@@ -6,30 +6,35 @@ metres, and drift. So each source brings a bias along, in m: what the barometer 
 """
 
 import math
+from typing import Any
 
-from ..core.contract import FIRST, OBSERVE, STATES, Measurement, helper, kernel
+from ..core.contract import FIRST, OBSERVE, STATES, Belief, Measurement, helper, kernel
+from ..typing import Array
 from .altitude import height
 
 PRESSURE, PRESSURE_ALTITUDE = 10, 11
 P_0, T_0, LAPSE = 101325.0, 288.15, 6.5e-3  # Pa, K, K/m at mean sea level
 EXPONENT = 287.05287 * LAPSE / 9.80665  # of p / p_0 in the troposphere
-TOP, P_TOP = 11000.0, P_0 * (1 - 11000.0 * LAPSE / T_0) ** (1 / EXPONENT)  # tropopause, m and Pa
-SCALE_TOP = 287.05287 * (T_0 - LAPSE * TOP) / 9.80665  # scale height above it, m
+TROPOPAUSE, P_TOP = (
+    11000.0,
+    P_0 * (1 - 11000.0 * LAPSE / T_0) ** (1 / EXPONENT),
+)  # tropopause, m and Pa
+SCALE_TOP = 287.05287 * (T_0 - LAPSE * TROPOPAUSE) / 9.80665  # scale height above it, m
 
 
 @helper
-def pressure_altitude(p):
+def pressure_altitude(p: float) -> float:
     """Geopotential height in the standard atmosphere, m, up to 20 km; ICAO Doc 7488. NaN where p
     is not above zero."""
     if not p > 0:
         return math.nan
     if p < P_TOP:
-        return TOP - SCALE_TOP * math.log(p / P_TOP)
+        return TROPOPAUSE - SCALE_TOP * math.log(p / P_TOP)
     return T_0 / LAPSE * (1 - (p / P_0) ** EXPONENT)
 
 
 @helper
-def biased(belief, measured, parameters, innovation, H):
+def biased(belief: Belief, measured: float, parameters: Array, innovation: Array, H: Array) -> int:
     """One row, down: estimated height of the point + bias - measured, m."""
     bias = int(parameters[FIRST])
     H[0, bias] = -1.0
@@ -37,20 +42,21 @@ def biased(belief, measured, parameters, innovation, H):
 
 
 @kernel(OBSERVE)
-def observe(belief, y, parameters, innovation, H):
+def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """One row from y = pressure, Pa."""
     return biased(belief, pressure_altitude(y[0]), parameters, innovation, H)
 
 
 @kernel(OBSERVE)
-def observe_altitude(belief, y, parameters, innovation, H):
+def observe_altitude(
+    belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array
+) -> int:
     """One row from y = barometric height, m."""
     return biased(belief, y[0], parameters, innovation, H)
 
 
-BIAS = dict(
-    states=("bias [m]",), state_sd=150.0, state_walk=0.1
-)  # the walk: 6 m an hour, where 1 hPa of weather is 8 m
+# the walk: 6 m an hour, where 1 hPa of weather is 8 m
+BAROMETER_BIAS: dict[str, Any] = dict(states=("bias [m]",), state_sd=150.0, state_walk=0.1)
 MEASUREMENT = Measurement(
     "pressure",
     PRESSURE,
@@ -58,7 +64,7 @@ MEASUREMENT = Measurement(
     ("pressure",),
     parameters="antenna",
     reference="ICAO Doc 7488; Groves (2013) section 6.2.1",
-    **BIAS,
+    **BAROMETER_BIAS,
 )
 ALTITUDE = Measurement(
     "pressure-altitude",
@@ -67,5 +73,5 @@ ALTITUDE = Measurement(
     ("length",),
     parameters="antenna",
     reference="Groves (2013) section 6.2.1",
-    **BIAS,
+    **BAROMETER_BIAS,
 )

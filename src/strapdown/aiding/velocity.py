@@ -1,13 +1,14 @@
 """Velocity of an antenna over ground: y = north, east, down, m/s. The Earth's rate in the
 lever-arm term (7e-5 rad/s) is left out."""
 
-from ..core.contract import OBSERVE, Measurement, kernel
+from ..core.contract import OBSERVE, Belief, Measurement, kernel
+from ..typing import Array
 
 VELOCITY = 1
 
 
 @kernel(OBSERVE)
-def observe(belief, y, parameters, innovation, H):
+def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """Three rows: antenna velocity y - h, m/s NED."""
     C, w = belief.C, belief.omega
     l0, l1, l2 = parameters[0], parameters[1], parameters[2]

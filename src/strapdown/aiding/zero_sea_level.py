@@ -5,14 +5,15 @@ y is the height of mean sea level above the ellipsoid, m: the undulation of the 
 are ellipsoidal, 0 where heave is all that is wanted.
 """
 
-from ..core.contract import OBSERVE, SEA_LEVEL_KIND, Measurement, kernel
+from ..core.contract import OBSERVE, SEA_LEVEL_KIND, Belief, Measurement, kernel
+from ..typing import Array
 from .altitude import height
 
 ZERO_SEA_LEVEL = SEA_LEVEL_KIND
 
 
 @kernel(OBSERVE)
-def observe(belief, y, parameters, innovation, H):
+def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """One row, down: estimated height of the point of the waterline at parameters[0:3] (m, body)
     - y, m."""
     return height(belief, y[0], parameters, innovation, H)

@@ -1,13 +1,14 @@
 """Zero velocity over ground while the vehicle is at rest;
 `strapdown.preprocessing.stationary.at_rest` finds when."""
 
-from ..core.contract import OBSERVE, Measurement, kernel
+from ..core.contract import OBSERVE, Belief, Measurement, kernel
+from ..typing import Array
 
 ZERO_VELOCITY = 7
 
 
 @kernel(OBSERVE)
-def observe(belief, y, parameters, innovation, H):
+def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """Three rows: 0 - velocity, m/s NED."""
     for i in range(3):
         innovation[i] = -belief.v[i]

@@ -7,21 +7,26 @@ found is stated in `Start.note` and can be overridden with `Start._replace`. Sou
 section 5.6.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..core.contract import Start
+from ..core.contract import Imu, Start
 from ..core.earth import GRAVITY_EQUATOR, RATE
-from ..data import DataError
+from ..data import Aiding, DataError
 from ..geodesy import displaced, displacement
 from ..preprocessing.stationary import at_rest, stretches
+from ..recording import Recording
 from ..rotation_products import running_products
+from ..typing import Array, Ints, Mask
 from .initial_heading import (
     LEVEL_SD_MOVING,
     LEVEL_SD_REST,
     UNKNOWN_SD,
     Found,
+    MeanForce,
+    StatesBiases,
     earth_rate_heading,
     magnetic_heading,
     mean_force,
@@ -33,7 +38,7 @@ MOVING = 5.0  # m/s: above it the course of the velocity is taken as heading
 COURSE_SD = np.radians(15.0)  # wind, sideslip
 LEVEL_SD_GUESSED = np.radians(15.0)
 REST_TIME = 2.0  # s: shortest rest that is worth averaging
-SLOW = 1.0  # m/s: fixes surely faster than that are no rest, whatever the IMU feels
+FASTEST_REST = 1.0  # m/s: fixes surely faster than that are no rest, whatever the IMU feels
 UNKNOWN_ACCELERATION = 3.0  # m/s^2: what a velocity may change by between fixes
 REST_SEARCH = 600.0  # s before the start in which rest is looked for
 # s after the start in which a filter of attitude alone may find it, where the record begins with
@@ -41,15 +46,23 @@ REST_SEARCH = 600.0  # s before the start in which rest is looked for
 REST_AHEAD = 10.0
 RECORD_AGE = 1.0  # s that a record of the attitude may be away from the start
 REST_AGE = 30.0  # s for which the gyros carry on the level of a rest
-UNKNOWN_SPEED, EARTH_RADIUS = (
-    10.0,
-    6.4e6,
-)  # m/s, m: standard deviations of what a filter of attitude alone does not need
+# m/s, m: standard deviations of what a filter of attitude alone does not need
+UNKNOWN_SPEED, EARTH_RADIUS = 10.0, 6.4e6
 GYRO_SCALE = 0.01  # of the angle turned: what a MEMS gyro's scale and axes may be off by
 WEIGHTLESS = 0.8  # of gravity: a mean specific force further from it has no level in it
 
+Level: TypeAlias = tuple[float, float, float | Array, str]
+"""Roll and pitch (rad), their standard deviation (rad; one, or about north and east), a note."""
 
-def align(recording, imu, heading=None, heading_sd=np.radians(2.0), at=None, position=True):
+
+def align(
+    recording: Recording,
+    imu: StatesBiases,
+    heading: float | None = None,
+    heading_sd: float = np.radians(2.0),
+    at: float | None = None,
+    position: bool = True,
+) -> Start:
     """A Start for `recording`, whose IMU is the ImuSpec `imu`.
 
     heading, heading_sd: rad, where the caller knows it; at: s, where the caller wants another
@@ -64,8 +77,8 @@ def align(recording, imu, heading=None, heading_sd=np.radians(2.0), at=None, pos
     given = None if heading is None else Found(float(heading), float(heading_sd), "heading given")
     if not position:
         return _attitude_start(recording, imu, given, recording.span[0] if at is None else at)
-    position = _source(recording, "position")
-    if position is None:
+    fixes = _source(recording, "position")
+    if fixes is None:
         raise DataError(
             "no position fix to start from: add a position aiding, or give start= (in Python), "
             "or choose a filter of attitude alone (attitude-mekf, mahony, vru)"
@@ -74,31 +87,31 @@ def align(recording, imu, heading=None, heading_sd=np.radians(2.0), at=None, pos
     b_a_sd, b_g_sd = imu.bias_sd()
     t, v, v_sd, moving = _instant(
         recording,
-        position,
+        fixes,
         velocity,
         at,
-        lambda t: _heading(recording, imu, t, given, np.zeros(3), position.y[0]).known,
+        lambda t: _heading(recording, imu, t, given, np.zeros(3), fixes.y[0]).known,
     )
-    k = int(np.argmin(np.abs(position.t - t)))
-    age = abs(t - position.t[k])
+    k = int(np.argmin(np.abs(fixes.t - t)))
+    age = abs(t - fixes.t[k])
     rest = _rest_before(recording, t)
     bg, bg_sd, bias_note = _gyro_bias(recording, rest, b_g_sd)
     omega, f = _rates(recording, t, bg)
     psi, psi_sd, psi_note, still = _or_course(
-        _heading(recording, imu, t, given, bg, position.y[k]), v, moving
+        _heading(recording, imu, t, given, bg, fixes.y[k]), v, moving
     )
     roll, pitch, level_sd, level_note = (
         _level_at_rest(mean_force(recording, t, bg), b_a_sd)
         if still
-        else _level(recording, t, rest, v, psi, psi_sd, velocity, b_a_sd, bg, omega, f)
+        else _level(recording, rest, velocity, b_a_sd, _Moment(t, v, omega, f, bg, psi, psi_sd))
     )
     if record := _recorded(recording, t, bg):
         roll, pitch, level_sd, level_note = _level_recorded(record, psi)
     C = body_to_navigation(roll, pitch, psi)
     v = v - C @ np.cross(omega, _arm(velocity))
-    lla = displaced(position.y[k], v * (t - position.t[k]) - C @ _arm(position))
+    lla = displaced(fixes.y[k], v * (t - fixes.t[k]) - C @ _arm(fixes))
     sd = [
-        *np.hypot(position.sd[k], age * v_sd),
+        *np.hypot(fixes.sd[k], age * v_sd),
         *v_sd,
         *np.broadcast_to(level_sd, 2),
         psi_sd,
@@ -116,8 +129,19 @@ def align(recording, imu, heading=None, heading_sd=np.radians(2.0), at=None, pos
     )
 
 
-def _start(t, lla, v, rph, bg, sd, note):
-    numbers = lambda values: tuple(float(value) for value in values)
+def _start(
+    t: float,
+    lla: Array,
+    v: Array,
+    rph: tuple[float, float, float],
+    bg: Array,
+    sd: Iterable[float],
+    note: str,
+) -> Start:
+
+    def numbers(values: Iterable[float]) -> tuple[float, ...]:
+        return tuple(float(value) for value in values)
+
     return Start(
         float(t),
         numbers(lla),
@@ -130,7 +154,9 @@ def _start(t, lla, v, rph, bg, sd, note):
     )
 
 
-def _attitude_start(recording, imu, given, t):
+def _attitude_start(
+    recording: Recording, imu: StatesBiases, given: Found | None, t: float
+) -> Start:
     """A Start for a filter of attitude alone: level from rest or else the mean specific force;
     place and velocity as far as they are known."""
     fixes, velocity = _source(recording, "position"), _source(recording, "velocity")
@@ -153,15 +179,17 @@ def _attitude_start(recording, imu, given, t):
             f"cannot level: the mean specific force at {t:.2f} s is {np.linalg.norm(force.f):.3g} m/s^2, far from gravity; "
             "start elsewhere, or give start= (in Python)"
         )
+    levelled: Level
     if record:
-        roll, pitch, level_sd, level_note = _level_recorded(record, psi)
+        levelled = _level_recorded(record, psi)
     elif still or age <= 0:
-        roll, pitch, level_sd, level_note = _level_at_rest(force, b_a_sd)
+        levelled = _level_at_rest(force, b_a_sd)
     else:
-        roll, pitch, level_sd, level_note = min(
+        levelled = min(
             _levels_in_motion(recording, t, rest, age, force, b_a_sd, bg),
             key=lambda found: found[2],
         )
+    roll, pitch, level_sd, level_note = levelled
     lla_sd = np.where(np.isfinite(lla_sd), lla_sd, EARTH_RADIUS)
     sd = [*lla_sd, *v_sd, *np.broadcast_to(level_sd, 2), psi_sd, *[b_a_sd] * 3, *bg_sd]
     when = 0.0 if abs(t) < 0.005 else t
@@ -176,13 +204,21 @@ def _attitude_start(recording, imu, given, t):
     )
 
 
-def _levels_in_motion(recording, t, rest, age, force, b_a_sd, bg):
+def _levels_in_motion(
+    recording: Recording,
+    t: float,
+    rest: list[Ints],
+    age: float,
+    force: MeanForce,
+    b_a_sd: float,
+    bg: Array,
+) -> list[tuple[float, float, float, str]]:
     """[(roll, pitch, sd, note)]: by the MeanForce, and where a rest ended `age` (s) ago by it
     and the gyros, whose scale errs."""
     found = [
         (
             *level(force.f),
-            np.linalg.norm([LEVEL_SD_MOVING, b_a_sd / GRAVITY_EQUATOR, force.off]),
+            float(np.linalg.norm([LEVEL_SD_MOVING, b_a_sd / GRAVITY_EQUATOR, force.off])),
             "level from specific force alone",
         )
     ]
@@ -195,24 +231,36 @@ def _levels_in_motion(recording, t, rest, age, force, b_a_sd, bg):
     return found
 
 
+class _Moment(NamedTuple):
+    """What is known of an instant before its level is."""
+
+    t: float  # s
+    v: Array  # m/s NED
+    omega: Array  # rad/s, body
+    f: Array  # m/s^2, body
+    bg: Array  # rad/s, gyro bias
+    psi: float  # rad, heading
+    psi_sd: float  # rad
+
+
 class Record(NamedTuple):
     """Roll, pitch, heading (rad, NaN where it has none), standard deviations forward, right and
     down (rad), and the source's name."""
 
-    rph: tuple
-    sd: np.ndarray
+    rph: tuple[float, float, float]
+    sd: Array
     name: str
 
 
-def _recorded(recording, t, bg):
+def _recorded(recording: Recording, t: float, bg: Array) -> Record | None:
     """The Record of the attitude nearest to t, carried there by the gyros less their bias bg
     (rad/s); None without one within `RECORD_AGE`."""
     imu = recording.imu
     for a in recording.aidings:
-        near = (
+        near: Ints = (
             np.flatnonzero(np.isfinite(a.y[:, :2]).all(axis=1) & (np.abs(a.t - t) <= RECORD_AGE))
             if a.kind == "attitude"
-            else []
+            else np.empty(0, int)
         )
         if len(near):
             k = near[np.argmin(np.abs(a.t[near] - t))]
@@ -227,7 +275,9 @@ def _recorded(recording, t, bg):
     return None
 
 
-def _turned(rph, dtheta, back):
+def _turned(
+    rph: tuple[float, float, float], dtheta: Array, back: bool
+) -> tuple[float, float, float]:
     """Roll, pitch, heading (rad; a NaN stays) after the rotation increments dtheta (n, 3), rad,
     or before them."""
     from scipy.spatial.transform import Rotation
@@ -242,7 +292,7 @@ def _turned(rph, dtheta, back):
     return float(roll), float(pitch), float(heading) if np.isfinite(rph[2]) else np.nan
 
 
-def _level_recorded(record, psi):
+def _level_recorded(record: Record, psi: float) -> tuple[float, float, Array, str]:
     """Roll, pitch, their sd about north and east, and a note: from a Record, at the heading psi
     (rad)."""
     c, s, (forward, right, _) = np.cos(psi), np.sin(psi), record.sd
@@ -253,7 +303,7 @@ def _level_recorded(record, psi):
     )
 
 
-def _place(recording, fixes, t):
+def _place(recording: Recording, fixes: Aiding | None, t: float) -> tuple[Array, Array, str]:
     """Position (rad, rad, m), its sd (m) and a note: the recording's place, else the fix nearest
     to t, else the equator with an infinite sd."""
     found = place_of(recording.meta, [fixes] if fixes is not None else [], t)
@@ -264,12 +314,12 @@ def _place(recording, fixes, t):
     )
 
 
-def _arm(source):
+def _arm(source: Aiding | None) -> Array:
     """Lever arm from the IMU to the antenna of a source, m, body."""
     return np.array((tuple(source.parameters) if source is not None else ()) + (0.0, 0.0, 0.0))[:3]
 
 
-def _rates(recording, t, bg):
+def _rates(recording: Recording, t: float, bg: Array) -> tuple[Array, Array]:
     """Mean angular rate (rad/s, less the gyro bias) and specific force (m/s^2) over half a
     second before and after t."""
     imu = recording.imu
@@ -282,7 +332,7 @@ def _rates(recording, t, bg):
     return imu.dtheta[rows].sum(axis=0) / seconds - bg, imu.dv[rows].sum(axis=0) / seconds
 
 
-def _source(recording, kind):
+def _source(recording: Recording, kind: str) -> Aiding | None:
     """The first source of that kind with a complete fix within the IMU's time, those fixes only;
     or None."""
     for a in recording.aidings:
@@ -296,7 +346,13 @@ def _source(recording, kind):
     return None
 
 
-def _instant(recording, position, velocity, at=None, heading_known=None):
+def _instant(
+    recording: Recording,
+    position: Aiding,
+    velocity: Aiding | None,
+    at: float | None = None,
+    heading_known: Callable[[float], bool] | None = None,
+) -> tuple[float, Array, Array, bool]:
     """When to start, and velocity (m/s), its sd and whether the course is to be believed then;
     without `at`, once `heading_known(t)` or fast."""
     t, v, sd = _velocities(position, velocity)
@@ -311,11 +367,12 @@ def _instant(recording, position, velocity, at=None, heading_known=None):
         )
     fast = np.hypot(v[:, 0], v[:, 1]) > MOVING
     first = max(t[0], recording.span[0])
-    k = int(np.argmax(fast)) if fast.any() and not heading_known(first) else 0
+    known = heading_known is not None and fast.any() and heading_known(first)
+    k = int(np.argmax(fast)) if fast.any() and not known else 0
     return max(t[k], recording.span[0]), v[k], sd[k], fast[k]
 
 
-def _velocities(position, velocity):
+def _velocities(position: Aiding, velocity: Aiding | None) -> tuple[Array, Array, Array]:
     """Times, velocities and standard deviations: of the velocity source, else of differences of
     positions."""
     if velocity is not None:
@@ -329,7 +386,7 @@ def _velocities(position, velocity):
     return position.t[1:], v, np.hypot(position.sd[1:], position.sd[:-1]) / step + 0.5
 
 
-def _rest_before(recording, t, ahead=0.0):
+def _rest_before(recording: Recording, t: float, ahead: float = 0.0) -> list[Ints]:
     """The rests before t that lasted REST_TIME, as arrays of rows, in order; with `ahead` (s) so
     much after t counts too, of a rest that holds t."""
     imu = recording.imu
@@ -347,19 +404,26 @@ def _rest_before(recording, t, ahead=0.0):
     ]
 
 
-def _moves(recording, t):
+def _moves(recording: Recording, t: Array) -> Mask:
     """Where the fixes around the times t say that the vehicle moves: smooth flight feels like
     rest to an IMU."""
     position, velocity = _source(recording, "position"), _source(recording, "velocity")
     if position is None:
         return np.zeros(len(t), bool)
     t_fix, v, sd = _velocities(position, velocity)
-    fast = np.hypot(v[:, 0], v[:, 1]) > SLOW + 2 * np.hypot(sd[:, 0], sd[:, 1])
+    fast = np.hypot(v[:, 0], v[:, 1]) > FASTEST_REST + 2 * np.hypot(sd[:, 0], sd[:, 1])
     after = np.searchsorted(t_fix, t)
     return fast[np.clip(after - 1, 0, len(fast) - 1)] | fast[np.clip(after, 0, len(fast) - 1)]
 
 
-def _heading(recording, imu, t, given, bg, place):
+def _heading(
+    recording: Recording,
+    imu: StatesBiases,
+    t: float,
+    given: Found | None,
+    bg: Array,
+    place: Sequence[float] | Array | None,
+) -> Found:
     """The Found heading at t without asking the course: given, recorded with the attitude,
     measured, else the surer one of field and Earth's rate."""
     if given is not None:
@@ -388,7 +452,7 @@ def _heading(recording, imu, t, given, bg, place):
     )
 
 
-def _or_course(found, v, moving):
+def _or_course(found: Found, v: Array, moving: bool) -> Found:
     """The Found heading, else the course, else an unknown one; they say what kept the other from
     being found."""
     if found.known:
@@ -403,9 +467,16 @@ def _or_course(found, v, moving):
     return Found(0.0, UNKNOWN_SD, f"heading unknown{why or f' (never faster than {MOVING:g} m/s)'}")
 
 
-def _level(recording, t, rest, v, psi, psi_sd, velocity, b_a_sd, bg, omega, f):
+def _level(
+    recording: Recording,
+    rest: list[Ints],
+    velocity: Aiding | None,
+    b_a_sd: float,
+    moment: _Moment,
+) -> Level:
     """Roll, pitch, their sd and a note: from the last rest, carried to t by the gyros; else from
     specific force less the acceleration."""
+    t, v, omega, f, bg, psi, psi_sd = moment
     if rest and t - recording.imu.t[rest[-1][-1]] < REST_AGE:
         return _level_from_rest(recording, t, rest, bg, b_a_sd)
     if psi_sd == UNKNOWN_SD:
@@ -428,7 +499,9 @@ def _level(recording, t, rest, v, psi, psi_sd, velocity, b_a_sd, bg, omega, f):
     )
 
 
-def _level_from_rest(recording, t, rest, bg, b_a_sd):
+def _level_from_rest(
+    recording: Recording, t: float, rest: list[Ints], bg: Array, b_a_sd: float
+) -> tuple[float, float, float, str]:
     """Roll, pitch, their sd and a note: from the last rest, carried to t by the gyros less their
     bias bg (rad/s)."""
     imu, last = recording.imu, rest[-1]
@@ -444,17 +517,17 @@ def _level_from_rest(recording, t, rest, bg, b_a_sd):
     )
 
 
-def _level_at_rest(force, b_a_sd):
+def _level_at_rest(force: MeanForce, b_a_sd: float) -> tuple[float, float, float, str]:
     """Roll, pitch, their sd and a note from the MeanForce of a body at rest; the sd grows with
     what its size differs by from gravity."""
     return (
         *level(force.f),
-        np.linalg.norm([LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR, force.off]),
+        float(np.linalg.norm([LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR, force.off])),
         "level at rest",
     )
 
 
-def _carried(roll, pitch, dtheta):
+def _carried(roll: float, pitch: float, dtheta: Array) -> tuple[float, float]:
     """Roll and pitch after the rotation increments dtheta (n, 3), rad: they turn the direction
     of specific force in the body."""
     from scipy.spatial.transform import Rotation
@@ -465,7 +538,7 @@ def _carried(roll, pitch, dtheta):
     )
 
 
-def _gyro_bias(recording, rest, b_g_sd):
+def _gyro_bias(recording: Recording, rest: list[Ints], b_g_sd: float) -> tuple[Array, Array, str]:
     """Gyro bias (rad/s) from all rest, where the IMU's own turn-on bias is larger than the
     Earth's rate that rest cannot tell from it."""
     if not rest or b_g_sd <= 2 * RATE:
@@ -484,7 +557,7 @@ def _gyro_bias(recording, rest, b_g_sd):
     )
 
 
-def _unsteadiness(imu, rest):
+def _unsteadiness(imu: Imu, rest: list[Ints]) -> Array:
     """(3,) rad/s: scatter of the mean rates of single seconds of these rests. A hand that turns
     slowly feels like rest, but not as steady."""
     seconds = [

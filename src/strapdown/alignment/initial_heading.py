@@ -1,24 +1,33 @@
 """Where a vehicle heads at one instant of a Recording: by the magnetic field, by the Earth's
 rate; each with an honest standard deviation."""
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from ..core.earth import GRAVITY_EQUATOR, RATE
+from ..data import Aiding
 from ..geodesy import wrap
 from ..preprocessing.stationary import motionless
+from ..recording import Recording
 from ..rotation_products import running_products
+from ..typing import Array, Mask
 from .static_attitude import PARALLEL, gyrocompass, level, levelled
 
 LEVEL_SD_REST, LEVEL_SD_MOVING = np.radians(0.5), np.radians(5.0)
 UNKNOWN_SD = np.radians(104.0)  # uniform over the circle
-MAGNETIC_SD = np.radians(
-    5.0
-)  # of a magnetic heading at best: iron around, what calibration and field model leave
-STEEP = np.radians(60.0)  # deviation from which on a magnetic heading is none
+# of a magnetic heading at best: iron around, what calibration and field model leave
+MAGNETIC_SD = np.radians(5.0)
+MAGNETIC_SD_LIMIT = np.radians(60.0)  # deviation from which on a magnetic heading is none
 GYROCOMPASS_SD = np.radians(5.0)  # deviation from which on the Earth's rate gives no heading
+
+
+class StatesBiases(Protocol):
+    """Of an IMU's description all that an alignment asks for; an ImuSpec has it."""
+
+    def bias_sd(self) -> tuple[float, float]:
+        """Standard deviations of the turn-on biases: accelerometer m/s^2, gyro rad/s."""
 
 
 class Found(NamedTuple):
@@ -30,12 +39,14 @@ class Found(NamedTuple):
     at_rest: bool = False  # whether finding it needed a rest
 
     @property
-    def known(self):
+    def known(self) -> bool:
         """Whether it says anything: its deviation is below that of any heading."""
         return self.sd < UNKNOWN_SD
 
 
-def magnetic_heading(recording, source, t, bg, level_sd):
+def magnetic_heading(
+    recording: Recording, source: Aiding | None, t: float, bg: Array, level_sd: float
+) -> Found | None:
     """The Found heading at t by the field of the Aiding `source`, levelled by the mean specific
     force; None without a source.
 
@@ -75,7 +86,7 @@ def magnetic_heading(recording, source, t, bg, level_sd):
         ]
     )
     words = f"dip {np.degrees(np.arctan2(seen[2], horizontal)):.0f} deg, {size * 1e6:.3g} uT"
-    if sd > STEEP:
+    if sd > MAGNETIC_SD_LIMIT:
         return Found(0.0, UNKNOWN_SD, f"the magnetic field ({words}) leaves it open")
     heading = np.arctan2(-seen[1], seen[0]) + np.arctan2(reference[1], reference[0])
     return Found(float(wrap(heading)), float(sd), f"heading from the magnetic field ({words})")
@@ -84,16 +95,15 @@ def magnetic_heading(recording, source, t, bg, level_sd):
 class MeanForce(NamedTuple):
     """Specific force over a second, and how the body turned in it."""
 
-    f: np.ndarray  # (3,) m/s^2, in the body as it is at the instant
+    f: Array  # (3,) m/s^2, in the body as it is at the instant
     off: float  # by how much of gravity its size differs from gravity
     begin: float  # s
     end: float  # s
-    turns: (
-        Callable  # times within it (m,) -> (m, 3, 3) from the body then to the body at the instant
-    )
+    # times within it (m,) -> (m, 3, 3) from the body then to the body at the instant
+    turns: Callable[[Array], Array]
 
 
-def mean_force(recording, t, bg):
+def mean_force(recording: Recording, t: float, bg: Array) -> MeanForce:
     """The MeanForce at t: over half a second before and after it, or over a second after or before
     it where the record begins or ends there.
 
@@ -112,17 +122,26 @@ def mean_force(recording, t, bg):
     seconds, turned = imu.dt[rows], _turned(imu.dtheta[rows] - bg * imu.dt[rows, None])
     middles, edges = imu.t[rows] - 0.5 * seconds, np.r_[imu.t[rows][0] - seconds[0], imu.t[rows]]
     to_now = turned[2 * int(np.argmin(np.abs(edges - t)))].T
-    turns = lambda times: (
-        to_now
-        @ turned[np.clip(np.searchsorted(middles, times, side="right") * 2 - 1, 0, len(turned) - 1)]
-    )
+
+    def turns(times: Array) -> Array:
+        return (
+            to_now
+            @ turned[
+                np.clip(np.searchsorted(middles, times, side="right") * 2 - 1, 0, len(turned) - 1)
+            ]
+        )
+
     f = np.einsum("nij,nj->i", turns(middles), imu.dv[rows]) / seconds.sum()
     return MeanForce(
-        f, abs(np.linalg.norm(f) / GRAVITY_EQUATOR - 1), float(edges[0]), float(edges[-1]), turns
+        f,
+        float(abs(np.linalg.norm(f) / GRAVITY_EQUATOR - 1)),
+        float(edges[0]),
+        float(edges[-1]),
+        turns,
     )
 
 
-def _turned(dtheta):
+def _turned(dtheta: Array) -> Array:
     """(2 n + 1, 3, 3): from the body at the edges and middles of n samples, in turn, to the body
     at the first edge."""
     from scipy.spatial.transform import Rotation
@@ -132,7 +151,13 @@ def _turned(dtheta):
     ).as_matrix()
 
 
-def earth_rate_heading(recording, imu, t, place, moves):
+def earth_rate_heading(
+    recording: Recording,
+    imu: StatesBiases,
+    t: float,
+    place: Sequence[float] | Array | None,
+    moves: Callable[[Array], Mask],
+) -> Found | None:
     """The Found heading by the Earth's rate over the long rest that holds t; None where there is
     none or its deviation exceeds `GYROCOMPASS_SD`.
 
@@ -154,7 +179,7 @@ def earth_rate_heading(recording, imu, t, place, moves):
     found = gyrocompass(
         still.rate,
         still.force,
-        np.linalg.norm([b_g_sd, still.rate_sd, strange]),
+        float(np.linalg.norm([b_g_sd, still.rate_sd, strange])),
         np.hypot(still.tilt_sd, b_a_sd / GRAVITY_EQUATOR),
     )
     if not found.heading_sd < GYROCOMPASS_SD:

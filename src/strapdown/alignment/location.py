@@ -1,8 +1,12 @@
 """Where a recording was taken: what its meta says, else a fix."""
 
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
+
+from ..data import Aiding
+from ..typing import Array, Ints
 
 GIVEN_SD = 10.0
 """m: standard deviation of a place that was given; it is one for all of the recording."""
@@ -11,19 +15,23 @@ GIVEN_SD = 10.0
 class Place(NamedTuple):
     """A position on the Earth."""
 
-    lla: np.ndarray  # (3,) latitude, longitude (rad), ellipsoidal height (m)
-    sd: np.ndarray  # (3,) m
+    lla: Array  # (3,) latitude, longitude (rad), ellipsoidal height (m)
+    sd: Array  # (3,) m
     note: str  # where it is from
 
 
-def place_of(meta, aidings, t=-np.inf):
+def place_of(
+    meta: Mapping[str, Any], aidings: Iterable[Aiding], t: float = -np.inf
+) -> Place | None:
     """The Place of a recording at t (s): `place` of its meta, else the nearest complete position
     fix (the first by default); None without either."""
     if meta.get("place") is not None:
         return Place(np.array(meta["place"], float), np.full(3, GIVEN_SD), "place given")
     for aiding in aidings:
-        whole = (
-            np.flatnonzero(np.isfinite(aiding.y).all(axis=1)) if aiding.kind == "position" else []
+        whole: Ints = (
+            np.flatnonzero(np.isfinite(aiding.y).all(axis=1))
+            if aiding.kind == "position"
+            else np.empty(0, int)
         )
         if len(whole):
             k = whole[np.argmin(np.abs(aiding.t[whole] - t))]

@@ -6,23 +6,30 @@ them. Source: Fossen (2021) section 14.1, in all quadrants and with the sign of 
 asks for; Groves (2013) section 5.6.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from ..core.earth import GRAVITY_EQUATOR, RATE
+from ..typing import Array, ArrayLike
 
 PARALLEL = 1e-6
 """Sine of the angle to the vertical below which a direction has no azimuth."""
+Angle: TypeAlias = Any
+"""rad: a number where one triple was given, (n,) where n rows of them were; no type tells which."""
 
 
-def static_attitude(f, m=None, declination=0.0):
+def static_attitude(
+    f: ArrayLike, m: ArrayLike | None = None, declination: ArrayLike = 0.0
+) -> Array:
     """Roll, pitch, heading (rad), (3,) or (n, 3), of a body that does not accelerate.
 
     f: specific force, m/s^2; m: magnetic field in any unit; both body FRD, (3,) or (n, 3),
     calibrated. declination: rad, east positive, added to the magnetic heading; one for all or (n,).
 
-        roll = atan2(-f_y, -f_z)    pitch = atan2(f_x, hypot(f_y, f_z))    heading = atan2(-m_y', m_x') + declination, in [0, 2 pi)
+        roll = atan2(-f_y, -f_z)    pitch = atan2(f_x, hypot(f_y, f_z))
+        heading = atan2(-m_y', m_x') + declination, in [0, 2 pi)
 
     with m' the field turned by pitch and roll into the level. At a pitch of +-90 deg roll and
     heading are not separate: roll is 0 there. NaN is what cannot be found: all of it where f is 0
@@ -46,17 +53,19 @@ def static_attitude(f, m=None, declination=0.0):
     return np.where(level_known[..., None], np.stack([roll, pitch, heading], axis=-1), np.nan)
 
 
-def _azimuth(vector, declination=0.0):
+def _azimuth(vector: Array, declination: ArrayLike = 0.0) -> Array:
     """Heading (rad) in [0, 2 pi) of a body whose levelled axes see this vector (..., 3), which
     points north but for the declination."""
     horizontal, size = np.hypot(vector[..., 0], vector[..., 1]), np.linalg.norm(vector, axis=-1)
     with np.errstate(invalid="ignore"):
         known = np.isfinite(size) & (horizontal > PARALLEL * size)
-        heading = (np.arctan2(-vector[..., 1], vector[..., 0]) + declination) % (2 * np.pi)
+        heading = (np.arctan2(-vector[..., 1], vector[..., 0]) + np.asarray(declination, float)) % (
+            2 * np.pi
+        )
     return np.where(known, np.where(heading == 2 * np.pi, 0.0, heading), np.nan)
 
 
-def levelled(vector, roll, pitch):
+def levelled(vector: ArrayLike, roll: ArrayLike, pitch: ArrayLike) -> Array:
     """Ry(pitch) Rx(roll) vector: a body vector (..., 3) in axes that are level and keep the
     body's heading; angles in rad."""
     x, y, z = np.moveaxis(np.asarray(vector, float), -1, 0)
@@ -67,7 +76,9 @@ def levelled(vector, roll, pitch):
     )
 
 
-def level(f_b, a_n=(0.0, 0.0, 0.0), heading=0.0):
+def level(
+    f_b: ArrayLike, a_n: ArrayLike = (0.0, 0.0, 0.0), heading: ArrayLike = 0.0
+) -> tuple[Angle, Angle]:
     """Roll and pitch (rad, upright branch) from specific force f_b (m/s^2) of a body that
     accelerates by a_n (m/s^2, NED) at a known heading.
 
@@ -97,7 +108,7 @@ def level(f_b, a_n=(0.0, 0.0, 0.0), heading=0.0):
     )
 
 
-def body_to_navigation(roll, pitch, heading):
+def body_to_navigation(roll: float, pitch: float, heading: float) -> Array:
     """C_nb (3, 3) of Euler angles, rad."""
     from scipy.spatial.transform import Rotation
 
@@ -107,7 +118,7 @@ def body_to_navigation(roll, pitch, heading):
 class Gyrocompass(NamedTuple):
     """What the Earth's rate tells of a body at rest; rad and rad/s."""
 
-    rph: tuple  # roll, pitch, heading
+    rph: tuple[float, float, float]  # roll, pitch, heading
     heading_sd: float
     horizontal: float  # the Earth's rate as measured, north component
     vertical: float  # and upward component, negative south of the equator
@@ -115,12 +126,17 @@ class Gyrocompass(NamedTuple):
     latitude: float
 
     @property
-    def total(self):
+    def total(self) -> float:
         """Size of the measured rate, rad/s; the Earth's is 7.292115e-5."""
         return float(np.hypot(self.horizontal, self.vertical))
 
 
-def gyrocompass(rate, f, rate_sd=0.0, level_sd=0.0):
+def gyrocompass(
+    rate: Sequence[float] | Array,
+    f: Sequence[float] | Array,
+    rate_sd: float = 0.0,
+    level_sd: float = 0.0,
+) -> Gyrocompass:
     """Heading of a body at rest from the Earth's rate, as a Gyrocompass.
 
     rate: mean angular rate (3,), rad/s; f: mean specific force (3,), m/s^2, body FRD. Levelled by

@@ -3,24 +3,29 @@ noise coefficients behind them, per axis and triad.
 
 Estimates: W. J. Riley, NIST SP 1065 (2008), section 5.2.2. Bounds: chi-square with the equivalent
 degrees of freedom of its section 5.4.1. Coefficients: IEEE Std 952-1997, annex C; the fit is in
-allan_fit.py.
+fit.py.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ..core.contract import Imu
 from ..data import DataError
 from ..sensor_models.datasheet_units import SHEET, in_units
+from ..typing import Array, Ints
 from .fit import COEFFICIENTS, Fit, edf, fit
 
-AXES = ("x", "y", "z")
+if TYPE_CHECKING:
+    import pandas as pd
+
+AXIS_NAMES = ("x", "y", "z")
 PER_DECADE = 12
 """Cluster times per decade."""
-LEVEL = 0.683
+CONFIDENCE = 0.683
 """Probability of the confidence bounds: one standard deviation of a normal estimate."""
-LONGEST = 4
+LEAST_CLUSTERS = 4
 """The longest cluster is a quarter of the record: beyond, an estimate has hardly a degree of
 freedom."""
 FEWEST = 100
@@ -30,7 +35,7 @@ JITTER = 0.01
 medians."""
 
 
-def oadev(increments, dt, sizes):
+def oadev(increments: Array, dt: float, sizes: Ints) -> Array:
     """Overlapping Allan deviations (k,) of the rate behind `increments` (n,) of constant interval
     `dt` s, at clusters of `sizes` (k,) samples.
 
@@ -46,9 +51,9 @@ def oadev(increments, dt, sizes):
     return found
 
 
-def cluster_sizes(n):
-    """Cluster sizes of n samples: log-spaced, each once, from 1 to n / LONGEST."""
-    most = n // LONGEST
+def cluster_sizes(n: int) -> Ints:
+    """Cluster sizes of n samples: log-spaced, each once, from 1 to n / LEAST_CLUSTERS."""
+    most = n // LEAST_CLUSTERS
     return np.unique(
         np.round(10 ** np.linspace(0, np.log10(most), int(PER_DECADE * np.log10(most)) + 1)).astype(
             int
@@ -60,11 +65,11 @@ class Curve(NamedTuple):
     """Allan deviation of one axis, or of a triad (the root of the mean of its three variances),
     in rad/s or m/s^2."""
 
-    tau: np.ndarray  # (k,) cluster times, s
-    deviation: np.ndarray  # (k,)
-    low: np.ndarray  # (k,) bounds that hold the true value with probability LEVEL
-    high: np.ndarray  # (k,)
-    edf: np.ndarray  # (k,) equivalent degrees of freedom
+    tau: Array  # (k,) cluster times, s
+    deviation: Array  # (k,)
+    low: Array  # (k,) bounds that hold the true value with probability CONFIDENCE
+    high: Array  # (k,)
+    edf: Array  # (k,) equivalent degrees of freedom
     fit: Fit
 
 
@@ -72,7 +77,7 @@ class Sensor(NamedTuple):
     """Curves of one triad; `name` is "gyro" or "accel"."""
 
     name: str
-    axes: tuple  # Curve of x, y, z
+    axes: tuple[Curve, ...]  # of x, y, z
     triad: Curve
 
 
@@ -84,9 +89,9 @@ class Allan:
     accel: Sensor
     dt: float  # s
     duration: float  # s
-    notes: tuple = ()
+    notes: tuple[str, ...] = ()
 
-    def table(self):
+    def table(self) -> "pd.DataFrame":
         """pandas DataFrame: a row per sensor, axis and coefficient with value and standard error in
         units of datasheets and in SI.
 
@@ -97,7 +102,7 @@ class Allan:
 
         rows = []
         for sensor in (self.gyro, self.accel):
-            for axis, curve in (*zip(AXES, sensor.axes), ("triad", sensor.triad)):
+            for axis, curve in (*zip(AXIS_NAMES, sensor.axes), ("triad", sensor.triad)):
                 for name in curve.fit.names:
                     si = COEFFICIENTS[name].units[sensor.name]
                     value, sd, limit = (
@@ -135,7 +140,7 @@ class Allan:
         )
         return pd.DataFrame(rows, columns=columns)
 
-    def deviations(self):
+    def deviations(self) -> "pd.DataFrame":
         """pandas DataFrame indexed by tau (s): deviation, bounds and fitted curve of every axis
         and triad, gyros in deg/h, accelerometers in mg."""
         import pandas as pd
@@ -143,7 +148,7 @@ class Allan:
         columns = {}
         for sensor in (self.gyro, self.accel):
             si = "rad/s" if sensor.name == "gyro" else "m/s^2"
-            for axis, curve in (*zip(AXES, sensor.axes), ("triad", sensor.triad)):
+            for axis, curve in (*zip(AXIS_NAMES, sensor.axes), ("triad", sensor.triad)):
                 for name, values in (
                     ("", curve.deviation),
                     ("_low", curve.low),
@@ -153,16 +158,18 @@ class Allan:
                     columns[f"{sensor.name}_{axis}{name} [{SHEET[si]}]"] = in_units(values, si)
         return pd.DataFrame(columns, index=pd.Index(self.gyro.triad.tau, name="tau [s]"))
 
-    def __repr__(self):
-        shown = lambda sensor: ", ".join(
-            f"{name} {in_units(sensor.triad.fit.value[name], si):.3g} {SHEET[si]}"
-            for name in sensor.triad.fit.present
-            for si in [COEFFICIENTS[name].units[sensor.name]]
-        )
+    def __repr__(self) -> str:
+        def shown(sensor: Sensor) -> str:
+            return ", ".join(
+                f"{name} {in_units(sensor.triad.fit.value[name], si):.3g} {SHEET[si]}"
+                for name in sensor.triad.fit.present
+                for si in [COEFFICIENTS[name].units[sensor.name]]
+            )
+
         return f"Allan({self.duration:.0f} s; gyro: {shown(self.gyro) or 'no noise'}; accel: {shown(self.accel) or 'no noise'})"
 
 
-def allan(imu, gauss_markov=False):
+def allan(imu: Imu, gauss_markov: bool = False) -> Allan:
     """The Allan analysis of an `Imu` (core.contract) that does not move, at a constant rate without
     gaps.
 
@@ -185,27 +192,27 @@ def allan(imu, gauss_markov=False):
         )
     dt = float((imu.t[-1] - imu.t[0]) / (n - 1))
     sizes = cluster_sizes(n)
-    sensors = [
+    gyro, accel = (
         _sensor(name, increments, dt, sizes, gauss_markov)
         for name, increments in (("gyro", imu.dtheta), ("accel", imu.dv))
-    ]
-    return Allan(*sensors, dt, n * dt)
+    )
+    return Allan(gyro, accel, dt, n * dt)
 
 
-def first_gap(imu):
+def first_gap(imu: Imu) -> int:
     """Row of the first sample that does not begin where the one before it ends (within half its
     interval), 0 where there is none."""
     missing = np.abs(imu.t[1:] - imu.dt[1:] - imu.t[:-1]) > 0.5 * imu.dt[1:]
     return int(np.argmax(missing)) + 1 if missing.any() else 0
 
 
-def _sensor(name, increments, dt, sizes, gauss_markov):
-    still = [axis for axis, column in zip(AXES, increments.T) if np.ptp(column) == 0]
+def _sensor(name: str, increments: Array, dt: float, sizes: Ints, gauss_markov: bool) -> Sensor:
+    still = [axis for axis, column in zip(AXIS_NAMES, increments.T) if np.ptp(column) == 0]
     if still:
         raise DataError(
             f"the {name} samples of axis {still[0]} never change: there is no noise to analyse"
         )
-    n, tau = len(increments), sizes * dt
+    n, tau = len(increments), np.asarray(sizes * dt, float)
     variances = np.stack([oadev(column, dt, sizes) ** 2 for column in increments.T])
     curves = [_curve(tau, variance, n, sizes, dt, 1, gauss_markov) for variance in (*variances,)]
     return Sensor(
@@ -213,7 +220,9 @@ def _sensor(name, increments, dt, sizes, gauss_markov):
     )
 
 
-def _curve(tau, variance, n, sizes, dt, axes, gauss_markov):
+def _curve(
+    tau: Array, variance: Array, n: int, sizes: Ints, dt: float, axes: int, gauss_markov: bool
+) -> Curve:
     """A Curve of the mean of `axes` equal and independent variances: their degrees of freedom
     add up."""
     from scipy.stats import chi2
@@ -222,6 +231,6 @@ def _curve(tau, variance, n, sizes, dt, axes, gauss_markov):
     degrees = axes * edf(found.dominant(tau), n, sizes)
     low, high = (
         np.sqrt(variance * degrees / chi2.ppf(p, degrees))
-        for p in (0.5 + LEVEL / 2, 0.5 - LEVEL / 2)
+        for p in (0.5 + CONFIDENCE / 2, 0.5 - CONFIDENCE / 2)
     )
     return Curve(tau, np.sqrt(variance), low, high, degrees, found)

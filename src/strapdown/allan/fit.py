@@ -8,12 +8,14 @@ coefficients come from that covariance, scaled to the degrees of freedom of NIST
 the estimates as if each were new evidence.
 """
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..sensor_models.noise import FLOOR, gauss_markov_variance
+from ..sensor_models.noise import FLICKER_FLOOR, gauss_markov_variance
+from ..typing import Array, Ints
 
 THRESHOLD = 2.0
 """A coefficient is present where its square exceeds this many of the standard errors that it has
@@ -29,17 +31,24 @@ class Coefficient(NamedTuple):
     """A term of the Allan variance: value^2 times `basis`(tau); its two-sided rate spectrum is
     value^2 times `spectrum`(f, dt)."""
 
-    units: dict  # SI unit for "gyro" and "accel"
+    units: dict[str, str]  # SI unit for "gyro" and "accel"
     kind: str  # of its degrees of freedom, see `edf`
-    basis: Callable | None
-    spectrum: Callable | None
+    basis: Callable[[Array], Array]
+    spectrum: Callable[[Array, float], Array]
 
 
-def _units(gyro, accel):
+def _units(gyro: str, accel: str) -> dict[str, str]:
     return {"gyro": gyro, "accel": accel}
 
 
-COEFFICIENTS = {
+def _without_time(*_: Array | float) -> Array:
+    """Stands where a term has a shape only for a given time constant: `markov_shape` makes it."""
+    raise TypeError("a Gauss-Markov bias has no shape without its time constant")
+
+
+Shapes: TypeAlias = dict[str, Coefficient]
+"""Terms by name."""
+COEFFICIENTS: Shapes = {
     "quantisation": Coefficient(
         _units("rad", "m/s"),
         "white phase",
@@ -55,7 +64,7 @@ COEFFICIENTS = {
     "bias instability": Coefficient(
         _units("rad/s", "m/s^2"),
         "flicker",
-        lambda tau: np.full_like(tau, FLOOR**2),
+        lambda tau: np.full_like(tau, FLICKER_FLOOR**2),
         lambda f, dt: 1 / (2 * np.pi * f),
     ),
     "rate random walk": Coefficient(
@@ -67,15 +76,15 @@ COEFFICIENTS = {
     "rate ramp": Coefficient(
         _units("rad/s^2", "m/s^3"), "walk", lambda tau: tau**2 / 2, lambda f, dt: np.zeros_like(f)
     ),
-    "gauss-markov": Coefficient(_units("rad/s", "m/s^2"), "flicker", None, None),
-    "time constant": Coefficient(_units("s", "s"), "flicker", None, None),
+    "gauss-markov": Coefficient(_units("rad/s", "m/s^2"), "flicker", _without_time, _without_time),
+    "time constant": Coefficient(_units("s", "s"), "flicker", _without_time, _without_time),
 }
 """Q, N, B, K, R of IEEE Std 952-1997, C.1, and the standard deviation and time constant of a
 Gauss-Markov bias; quantisation is a step / sqrt(12)."""
 ALWAYS = ("quantisation", "white noise", "rate random walk", "rate ramp")
 
 
-def edf(kinds, n, sizes):
+def edf(kinds: NDArray[np.str_], n: int, sizes: Ints) -> Array:
     """Equivalent degrees of freedom (k,) of overlapping estimates from n samples at `sizes`, where
     `kinds` (k,) of noise rule.
 
@@ -100,25 +109,25 @@ class Fit(NamedTuple):
     """Coefficients of one curve in SI by name; NaN where absent, then `limit` is the value above
     which it would have been seen."""
 
-    value: dict
-    sd: dict
-    limit: dict
+    value: dict[str, float]
+    sd: dict[str, float]
+    limit: dict[str, float]
     # rms of the logarithm of fitted over estimated deviation, of that of clusters up to a tenth of
     # the longest
     misfit: float
-    shapes: dict  # {name: Coefficient} of the terms
+    shapes: Shapes  # of the terms
 
     @property
-    def names(self):
+    def names(self) -> tuple[str, ...]:
         """Names of all coefficients looked for."""
         return tuple(self.value)
 
     @property
-    def present(self):
+    def present(self) -> tuple[str, ...]:
         """Names of those that are there."""
         return tuple(name for name, value in self.value.items() if np.isfinite(value))
 
-    def parts(self, tau):
+    def parts(self, tau: Array) -> dict[str, Array]:
         """{name: Allan variance at `tau`} of each present term."""
         return {
             name: self.value[name] ** 2 * shape.basis(tau)
@@ -126,11 +135,11 @@ class Fit(NamedTuple):
             if np.isfinite(self.value[name])
         }
 
-    def deviation(self, tau):
+    def deviation(self, tau: Array) -> Array:
         """Fitted Allan deviation at `tau`."""
         return np.sqrt(sum(self.parts(tau).values(), np.zeros_like(tau)))
 
-    def dominant(self, tau):
+    def dominant(self, tau: Array) -> NDArray[np.str_]:
         """Kind of noise that rules at each `tau`."""
         parts = self.parts(tau)
         if not parts:
@@ -139,7 +148,15 @@ class Fit(NamedTuple):
         return kinds[np.argmax(np.stack(list(parts.values())), axis=0)]
 
 
-def fit(tau, variance, n, sizes, dt, axes=1, gauss_markov=False):
+def fit(
+    tau: Array,
+    variance: Array,
+    n: int,
+    sizes: Ints,
+    dt: float,
+    axes: int = 1,
+    gauss_markov: bool = False,
+) -> Fit:
     """The Fit of Allan variances (k,) at cluster times `tau` (k,) s of n samples of `dt` s;
     `axes` independent records were averaged into it."""
     problem = _Problem(tau, variance, n, sizes, dt, axes)
@@ -151,16 +168,20 @@ def fit(tau, variance, n, sizes, dt, axes=1, gauss_markov=False):
         )
     from scipy.optimize import minimize_scalar
 
-    shapes = lambda log_time: always | {"gauss-markov": markov_shape(np.exp(log_time))}
-    cost = lambda log_time: problem.cost(shapes(log_time))
+    def shapes_at(log_time: float) -> Shapes:
+        return always | {"gauss-markov": markov_shape(np.exp(log_time))}
+
+    def cost(log_time: float) -> float:
+        return problem.cost(shapes_at(log_time))
+
     grid = np.log(np.geomspace(3 * tau[0], 3 * tau[-1], 40))
     best = grid[int(np.argmin([cost(each) for each in grid]))]
     width = grid[1] - grid[0]
     best = minimize_scalar(cost, bounds=(best - width, best + width), method="bounded").x
-    return _ordered(_with_time(problem, problem.solve(shapes(best)), float(np.exp(best))))
+    return _ordered(_with_time(problem, problem.solve(shapes_at(best)), float(np.exp(best))))
 
 
-def markov_shape(time):
+def markov_shape(time: float) -> Coefficient:
     """The Coefficient of a Gauss-Markov bias of time constant `time`, s."""
     return Coefficient(
         COEFFICIENTS["gauss-markov"].units,
@@ -170,13 +191,16 @@ def markov_shape(time):
     )
 
 
-def _ordered(found):
+def _ordered(found: Fit) -> Fit:
     """The Fit with its coefficients in the order of COEFFICIENTS."""
-    sort = lambda table: {name: table[name] for name in COEFFICIENTS if name in table}
+
+    def sort(table: dict[str, float]) -> dict[str, float]:
+        return {name: table[name] for name in COEFFICIENTS if name in table}
+
     return found._replace(value=sort(found.value), sd=sort(found.sd), limit=sort(found.limit))
 
 
-def _with_time(problem, found, time):
+def _with_time(problem: "_Problem", found: Fit, time: float) -> Fit:
     """Add the time constant of the Gauss-Markov term, its standard error from the slope of the
     curve."""
     value, sd = np.nan, np.nan
@@ -201,7 +225,10 @@ def _with_time(problem, found, time):
         found.sd["gauss-markov"] = float(
             np.sqrt(spread[at, at]) / (2 * found.value["gauss-markov"])
         )
-    extra = lambda table, number: {**table, "time constant": number}
+
+    def extra(table: dict[str, float], number: float) -> dict[str, float]:
+        return {**table, "time constant": number}
+
     return found._replace(
         value=extra(found.value, value), sd=extra(found.sd, sd), limit=extra(found.limit, np.nan)
     )
@@ -210,7 +237,9 @@ def _with_time(problem, found, time):
 class _Problem:
     """Allan variances to be explained, and what their errors are under a model."""
 
-    def __init__(self, tau, variance, n, sizes, dt, axes):
+    def __init__(
+        self, tau: Array, variance: Array, n: int, sizes: Ints, dt: float, axes: int
+    ) -> None:
         from scipy.stats import chi2
 
         self.tau, self.variance, self.n, self.sizes, self.dt, self.axes = (
@@ -229,7 +258,7 @@ class _Problem:
         self.cautious = 2 / degrees + MODEL_ERROR**2
         self.highest = variance * degrees / chi2.ppf(0.001, degrees)
 
-    def model(self, shapes, squares):
+    def model(self, shapes: Sequence[Coefficient], squares: Iterable[float]) -> tuple[Array, Array]:
         """(covariance (k, k) of the variances, weights (k,) of the fit) under the model of
         `squares` (values squared) of `shapes`."""
         parts = np.stack([square * shape.basis(self.tau) for shape, square in zip(shapes, squares)])
@@ -245,7 +274,7 @@ class _Problem:
         sd = total * np.sqrt(relative)
         return correlation * np.outer(sd, sd), 1 / (total**2 * (relative + MODEL_ERROR**2))
 
-    def squares(self, shapes):
+    def squares(self, shapes: Sequence[Coefficient]) -> Array:
         """Values squared of `shapes`, weights and fit in turn until they agree; 0 or more, and none
         above what every single cluster time allows.
 
@@ -260,14 +289,14 @@ class _Problem:
             weights = 1 / (np.maximum(matrix @ found, 0.1 * self.variance) ** 2 * self.cautious)
         return found
 
-    def cost(self, shapes):
+    def cost(self, shapes: Shapes) -> float:
         """Weighted sum of squares of what `shapes` leave unexplained."""
-        shapes = list(shapes.values())
-        squares = self.squares(shapes)
-        total = np.column_stack([shape.basis(self.tau) for shape in shapes]) @ squares
+        terms = list(shapes.values())
+        squares = self.squares(terms)
+        total = np.column_stack([shape.basis(self.tau) for shape in terms]) @ squares
         return float(np.sum((self.variance / total - 1) ** 2 / self.cautious))
 
-    def solve(self, shapes):
+    def solve(self, shapes: Shapes) -> Fit:
         """The Fit of those `shapes` that are there: the weakest that could be chance is left
         out, until none could."""
         active = dict(shapes)
@@ -278,13 +307,13 @@ class _Problem:
                 strength = {
                     name: squares[name] / self.chance(shapes, active, name) for name in active
                 }
-                weakest = min(strength, key=strength.get)
+                weakest = min(strength, key=lambda name: strength[name])
                 absent = [weakest] if strength[weakest] < THRESHOLD else []
             if not absent:
                 return self.result(shapes, active, squares)
             active = {name: shape for name, shape in active.items() if name not in absent}
 
-    def chance(self, shapes, active, name):
+    def chance(self, shapes: Shapes, active: Shapes, name: str) -> float:
         """Standard error that the square of `name`, fitted beside the `active` others, has where
         it is absent and any other of `shapes` may be there."""
         others = [shape for other, shape in shapes.items() if other != name]
@@ -293,7 +322,7 @@ class _Problem:
         row = _estimator(np.column_stack([shapes[name].basis(self.tau), *beside]), weights)[0]
         return float(np.sqrt(row @ covariance @ row))
 
-    def result(self, shapes, active, squares):
+    def result(self, shapes: Shapes, active: Shapes, squares: dict[str, float]) -> Fit:
         """The Fit with standard errors of what is there, and limits of what is not."""
         names = list(active)
         covariance, weights = self.model(list(active.values()), [squares[name] for name in names])
@@ -319,7 +348,7 @@ class _Problem:
         )
 
 
-def _bounded(matrix, variance, weights, most):
+def _bounded(matrix: Array, variance: Array, weights: Array, most: Array) -> Array:
     """Least squares of `matrix` x = `variance` with `weights`, 0 <= x <= `most`."""
     from scipy.optimize import lsq_linear, nnls
 
@@ -336,7 +365,7 @@ def _bounded(matrix, variance, weights, most):
     return np.maximum(found, 0.0)
 
 
-def _estimator(matrix, weights):
+def _estimator(matrix: Array, weights: Array) -> Array:
     """(parameters, k) linear estimator of weighted least squares."""
     scaled = matrix * np.sqrt(weights)[:, None]
     norm = np.linalg.norm(scaled, axis=0)

@@ -3,6 +3,7 @@ grade they suggest; also as CSV and TOML."""
 
 from dataclasses import dataclass, replace
 from html import escape
+from pathlib import Path
 
 import numpy as np
 import plotly.graph_objects as go
@@ -14,23 +15,25 @@ from ..files import replacing
 from ..preprocessing.stationary import REST_ACCEL, REST_MEAN, REST_RATE, at_rest, stretches
 from ..recording import Recording
 from ..reports.drawing import COLOURS, GREY, finish, log_ticks, note
-from ..reports.shell import listed, placed, shell
+from ..reports.shell import Page, listed, placed, shell
 from ..sensor_models.datasheet_units import SHEET, in_units
+from ..sensor_models.errors import Triad
 from ..sensor_models.imu import grade
-from .deviation import AXES, Allan, allan, first_gap
-from .fit import COEFFICIENTS
+from ..typing import Array
+from .deviation import AXIS_NAMES, Allan, Sensor, allan, first_gap
+from .fit import COEFFICIENTS, Fit
 from .suggested_grade import MISFIT, Suggestion, expected, suggest
 
-BODY = ("x (forward)", "y (right)", "z (down)")
+AXIS_LABELS = ("x (forward)", "y (right)", "z (down)")
 TITLES = {"gyro": "Gyros", "accel": "Accelerometers"}
-STILL = 0.25
+AVERAGING_TIME = 0.25
 """Rest is judged on samples averaged to about this time, s: the noise of single counts is no
 motion."""
-SLOW = 30.0
+SLOW_STRETCH_TIME = 30.0
 """Smooth driving is as still as a rest over a second: what turns or accelerates slowly is judged
 on stretches of about this time, s."""
 FOOTER = "Overlapping estimates (NIST SP 1065); coefficients as in IEEE Std 952-1997; axes of the body: forward, right, down."
-SYMBOLS = {
+NOISE_SLOPES = {
     "quantisation": "-1",
     "white noise": "-1/2",
     "bias instability": "0",
@@ -47,15 +50,15 @@ class Analysis:
     recording: Recording  # the stretch that was used
     result: Allan
     suggestion: Suggestion
-    notes: tuple  # sentences for the user
+    notes: tuple[str, ...]  # sentences for the user
 
     @property
-    def header(self):
+    def header(self) -> tuple[str, ...]:
         """Header of `rows`."""
-        return "sensor", "coefficient", "slope", "triad", "sd", *AXES, "unit"
+        return "sensor", "coefficient", "slope", "triad", "sd", *AXIS_NAMES, "unit"
 
     @property
-    def rows(self):
+    def rows(self) -> list[tuple[str, ...]]:
         """Coefficients in units of datasheets as text, a row each; "<" and a limit stand where
         one cannot be told from zero."""
         rows = []
@@ -68,7 +71,7 @@ class Analysis:
                     (
                         sensor.name,
                         name,
-                        SYMBOLS.get(name, ""),
+                        NOISE_SLOPES.get(name, ""),
                         cells[0],
                         _number(in_units(sd, si)) if np.isfinite(sd) else "",
                         *cells[1:],
@@ -78,7 +81,7 @@ class Analysis:
         return rows
 
     @property
-    def disturbed(self):
+    def disturbed(self) -> bool:
         """Whether the record holds more than noise: the fitted terms miss the estimates of an
         axis."""
         return any(
@@ -88,7 +91,7 @@ class Analysis:
         )
 
     @property
-    def verdict(self):
+    def verdict(self) -> str:
         """One sentence: the nearest grade and how far its deviations are from those of the
         record; none where the record is disturbed."""
         name = self.suggestion.grade
@@ -97,7 +100,7 @@ class Analysis:
             return f"no grade: the record holds more than noise, and the sensor may be better than it looks; taken as it is, the nearest is {near}"
         return f"nearest grade: {near}"
 
-    def write(self, folder):
+    def write(self, folder: Path) -> None:
         """Write allan.csv, allan-imu.toml and allan.html into `folder`. Raises DataError where
         that cannot be done."""
         with replacing(folder / "allan.csv") as part:
@@ -106,7 +109,12 @@ class Analysis:
         page(self).save(folder / "allan.html")
 
 
-def analyse(recording, start=None, stop=None, gauss_markov=False):
+def analyse(
+    recording: Recording,
+    start: float | None = None,
+    stop: float | None = None,
+    gauss_markov: bool = False,
+) -> Analysis:
     """The Analysis of a Recording at rest, or of its part from `start` to `stop`, s.
 
     Where the part has gaps, its longest stretch without one is used and a note says so. Raises
@@ -127,7 +135,7 @@ def analyse(recording, start=None, stop=None, gauss_markov=False):
     return Analysis(replace(part, imu=imu), result, suggestion, tuple(notes))
 
 
-def longest(imu):
+def longest(imu: Imu) -> tuple[Imu, list[str]]:
     """(the longest stretch of an Imu without gaps, notes)."""
     edges, rest = [0], imu
     while gap := first_gap(rest):
@@ -143,16 +151,16 @@ def longest(imu):
     ]
 
 
-def _motion(imu):
+def _motion(imu: Imu) -> list[str]:
     """A note where the IMU moves for more than a hundredth of the time. Raises DataError where
     it moves for more than half of it."""
-    width = max(1, round(STILL / float(np.median(imu.dt))))
+    width = max(1, round(AVERAGING_TIME / float(np.median(imu.dt))))
     n = len(imu.t) // width
     if n < 8:
         return []
     sums = [column[: n * width].reshape(n, width, -1).sum(axis=1) for column in imu[1:]]
     coarse = Imu(imu.t[width - 1 : n * width : width], sums[0][:, 0], sums[1], sums[2])
-    still, slow = at_rest(coarse, window=4 * STILL), _slow_motion(coarse)
+    still, slow = at_rest(coarse, window=4 * AVERAGING_TIME), _slow_motion(coarse)
     if still.mean() >= 0.5 and slow >= 0.5:
         raise DataError(
             f"the IMU turns or accelerates in {100 * slow:.0f} % of its stretches of {_slow_stretch(n) * width * np.median(imu.dt):.0f} s: "
@@ -176,12 +184,13 @@ def _motion(imu):
     ]
 
 
-def _slow_stretch(n):
-    """Samples of STILL seconds in a stretch: SLOW seconds, or an eighth of n."""
-    return max(4, min(round(SLOW / STILL), n // 8))
+def _slow_stretch(n: int) -> int:
+    """Samples of AVERAGING_TIME seconds in a stretch: SLOW_STRETCH_TIME seconds, or an eighth of
+    n."""
+    return max(4, min(round(SLOW_STRETCH_TIME / AVERAGING_TIME), n // 8))
 
 
-def _slow_motion(coarse):
+def _slow_motion(coarse: Imu) -> float:
     """Share of the stretches in which the samples of a `coarse` Imu vary or turn as at no rest."""
     size = _slow_stretch(len(coarse.t))
     count = len(coarse.t) // size
@@ -189,7 +198,10 @@ def _slow_motion(coarse):
         (column / coarse.dt[:, None])[: count * size].reshape(count, size, 3)
         for column in (coarse.dv, coarse.dtheta)
     )
-    spread = lambda values: values.var(axis=1).sum(axis=1)
+
+    def spread(values: Array) -> Array:
+        return values.var(axis=1).sum(axis=1)
+
     quiet = (
         (spread(force) < REST_ACCEL**2)
         & (spread(rate) < REST_RATE**2)
@@ -198,10 +210,12 @@ def _slow_motion(coarse):
     return 1 - quiet.mean()
 
 
-def _misfit(sensor):
+def _misfit(sensor: Sensor) -> list[str]:
     """A note on the axes whose curve the model does not follow, and what their white noise is at
     most: no cluster time shows less than the sensor has."""
-    poor = [(axis, curve) for axis, curve in zip(AXES, sensor.axes) if curve.fit.misfit > MISFIT]
+    poor = [
+        (axis, curve) for axis, curve in zip(AXIS_NAMES, sensor.axes) if curve.fit.misfit > MISFIT
+    ]
     if not poor:
         return []
     si = COEFFICIENTS["white noise"].units[sensor.name]
@@ -216,24 +230,27 @@ def _misfit(sensor):
     ]
 
 
-def _number(value):
+def _number(value: float) -> str:
     """Three digits without an exponent."""
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
-def _shown(fit, name, si):
+def _shown(fit: Fit, name: str, si: str) -> str:
     if np.isfinite(fit.value[name]):
         return _number(in_units(fit.value[name], si))
     return f"< {_number(in_units(fit.limit[name], si))}" if np.isfinite(fit.limit[name]) else "-"
 
 
-def figure(sensor, suggested=None):
+def figure(sensor: Sensor, suggested: tuple[str, Triad] | None = None) -> go.Figure:
     """Allan deviations of three axes with bands, fitted curves and the slopes of the triad's
     terms, on logarithmic axes."""
     si = "rad/s" if sensor.name == "gyro" else "m/s^2"
     drawn = finish(go.Figure(), 560)
-    shown = lambda values: in_units(values, si)
-    for axis, colour, curve in zip(BODY, COLOURS, sensor.axes):
+
+    def shown(values: Array) -> Array:
+        return in_units(values, si)
+
+    for axis, colour, curve in zip(AXIS_LABELS, COLOURS, sensor.axes):
         colour_of_band = (
             f"rgba({int(colour[1:3], 16)},{int(colour[3:5], 16)},{int(colour[5:], 16)},0.18)"
         )
@@ -301,7 +318,7 @@ def figure(sensor, suggested=None):
     return drawn
 
 
-def _slopes(drawn, sensor, si, low, high):
+def _slopes(drawn: go.Figure, sensor: Sensor, si: str, low: float, high: float) -> None:
     """A dotted line with a label for each term of the triad, where it lies within the frame."""
     tau = np.geomspace(sensor.triad.tau[0], sensor.triad.tau[-1], 60)
     for place, (name, variance) in zip(
@@ -323,7 +340,7 @@ def _slopes(drawn, sensor, si, low, high):
             )
         )
         at = inside[int(place * (len(inside) - 1))]
-        slope = f", slope {SYMBOLS[name].replace('-', '−')}" if name in SYMBOLS else ""
+        slope = f", slope {NOISE_SLOPES[name].replace('-', '−')}" if name in NOISE_SLOPES else ""
         drawn.add_annotation(
             x=np.log10(tau[at]),
             y=np.log10(y[at]),
@@ -336,7 +353,7 @@ def _slopes(drawn, sensor, si, low, high):
         )
 
 
-def page(analysis):
+def page(analysis: Analysis) -> Page:
     """The Page of an Analysis."""
     title = f"Allan deviation of {analysis.recording.meta.get('name', 'recording')}"
     nearest = grade(analysis.suggestion.grade)
@@ -371,7 +388,7 @@ def page(analysis):
     )
 
 
-def _others(analysis):
+def _others(analysis: Analysis) -> str:
     ranked = sorted(analysis.suggestion.factors.items(), key=lambda item: item[1])
     return (
         "Factors of all grades: "
@@ -380,7 +397,7 @@ def _others(analysis):
     )
 
 
-def _table(analysis):
+def _table(analysis: Analysis) -> str:
     head = "".join(f"<th>{escape(name)}</th>" for name in analysis.header)
     rows = "".join(
         "<tr>"

@@ -7,7 +7,9 @@ import numpy as np
 
 from ..sensor_models.errors import Triad
 from ..sensor_models.imu import ImuSpec, grade, grades
-from ..sensor_models.noise import FLOOR, gauss_markov_variance
+from ..sensor_models.noise import FLICKER_FLOOR, gauss_markov_variance
+from ..typing import Array, ArrayLike
+from .deviation import Allan, Sensor
 
 MISFIT = 0.1
 """A fitted curve that misses the estimates by more than this share (rms) has coefficients of
@@ -20,20 +22,20 @@ class Suggestion(NamedTuple):
     grade: str  # the nearest one
     # {grade: factor between its expected and the estimated deviations, geometric mean over sensors
     # and cluster times}
-    factors: dict
+    factors: dict[str, float]
     # from the coefficients of the triads; its turn-on bias is the nearest grade's, since one record
     # cannot show it
     spec: ImuSpec
 
 
-def expected(triad, tau):
+def expected(triad: Triad, tau: ArrayLike) -> Array:
     """Allan deviation (k,) of an IMU whose errors are those of `triad` at cluster times `tau`,
     s; constant errors do not show in it."""
     tau = np.asarray(tau, float)
     variance = (
         triad.noise**2 / tau
         + triad.bias_walk**2 * tau / 3
-        + (FLOOR * triad.flicker) ** 2
+        + (FLICKER_FLOOR * triad.flicker) ** 2
         + triad.quantisation**2 / 4 / tau**2
     )
     if triad.gauss_markov:
@@ -43,10 +45,10 @@ def expected(triad, tau):
     return np.sqrt(variance)
 
 
-def suggest(result):
+def suggest(result: Allan) -> Suggestion:
     """The Suggestion that follows from an `Allan` result."""
     factors = {name: _factor(grade(name), result) for name in grades(others=False)}
-    best = min(factors, key=factors.get)
+    best = min(factors, key=lambda name: factors[name])
     nearest = grade(best)
     text = (
         f"Allan deviation of {result.duration:.0f} s at rest, mean of three axes; turn-on bias of the nearest grade, {best}, "
@@ -58,7 +60,7 @@ def suggest(result):
     return Suggestion(best, factors, spec)
 
 
-def _factor(spec, result):
+def _factor(spec: ImuSpec, result: Allan) -> float:
     ratios = [
         np.log(expected(triad, sensor.triad.tau) / sensor.triad.deviation)
         for triad, sensor in ((spec.gyro, result.gyro), (spec.accel, result.accel))
@@ -66,11 +68,14 @@ def _factor(spec, result):
     return float(np.exp(np.mean(np.abs(ratios))))
 
 
-def _triad(sensor, nearest):
+def _triad(sensor: Sensor, nearest: Triad) -> Triad:
     """The Triad of fitted coefficients; white noise that was not seen is at most what each
     cluster time allows."""
     fit, curve = sensor.triad.fit, sensor.triad
-    found = lambda name: float(np.nan_to_num(fit.value.get(name, 0.0)))
+
+    def found(name: str) -> float:
+        return float(np.nan_to_num(fit.value.get(name, 0.0)))
+
     noise = found("white noise") or float((curve.high * np.sqrt(curve.tau)).min())
     return Triad(
         noise=noise,

@@ -8,12 +8,15 @@ do not determine is held at identity and named. The fit is in units of the stren
 are relative.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
+from ..typing import Array, Mask
+
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-NAMES = (
+ELLIPSOID_PARAMETERS = (
     "scale x",
     "scale y",
     "scale z",
@@ -36,23 +39,25 @@ STEPS, DONE = 200, 1e-13
 class Fit(NamedTuple):
     """What was found: calibrated = matrix @ (y - bias)."""
 
-    bias: np.ndarray  # (3,) unit of y
-    matrix: np.ndarray  # (3, 3)
-    covariance: np.ndarray  # (12, 12) of bias and of the rows of the matrix
-    residuals: np.ndarray  # (n, 3) unit of y; NaN where a sample was not used
-    used: np.ndarray  # (n,) bool
+    bias: Array  # (3,) unit of y
+    matrix: Array  # (3, 3)
+    covariance: Array  # (12, 12) of bias and of the rows of the matrix
+    residuals: Array  # (n, 3) unit of y; NaN where a sample was not used
+    used: Mask  # (n,) bool
     weakest: float  # least singular value, see `WEAKEST`
-    held: tuple = ()  # names of parameters held at identity
-    missing: tuple = ()  # names of parameters that were not determined and could not be held
+    held: tuple[str, ...] = ()  # names of parameters held at identity
+    missing: tuple[
+        str, ...
+    ] = ()  # names of parameters that were not determined and could not be held
 
 
-def ellipsoid(y, strength, sd=0.0):
+def ellipsoid(y: Array, strength: float, sd: float = 0.0) -> Fit:
     """The Fit of y (n, 3) to one strength; rows with NaN are left out.
 
     sd: standard deviation of the strength of a row, where it is known beforehand; the covariance
     assumes no less.
     """
-    known = np.isfinite(y).all(axis=1)
+    known = np.all(np.isfinite(y), axis=1)
     z = np.where(known[:, None], y, 0) / strength
     p, free = start(z[known]), np.ones(9, bool)
     p, free, weakest = _held(p, free, z[known])
@@ -64,7 +69,7 @@ def ellipsoid(y, strength, sd=0.0):
             return _fit(z, used, p, free, weakest, strength, sd)
 
 
-def _held(p, free, z):
+def _held(p: Array, free: Mask, z: Array) -> tuple[Array, Mask, float]:
     """(p, free, weakest): entries of M held at identity until the directions of z determine the
     rest, those with most part in the weakest first.
 
@@ -83,7 +88,7 @@ def _held(p, free, z):
             p[6:] = start(z, sphere=True)[6:]
 
 
-def start(z, sphere=False):
+def start(z: Array, sphere: bool = False) -> Array:
     """(9,) entries of M and b in units of the strength: of the quadric through z (n, 3), else,
     or where `sphere`, identity and its centre."""
     x, y, w = z.T
@@ -108,7 +113,7 @@ def start(z, sphere=False):
     return np.r_[1, 1, 1, 0, 0, 0, middle + (centre if np.linalg.norm(centre) < 3 else 0)]
 
 
-def unpacked(p):
+def unpacked(p: Array) -> tuple[Array, Array]:
     """(M (3, 3), b (3,)) of the nine parameters."""
     M = np.empty((3, 3))
     for value, (i, j) in zip(p, ENTRIES):
@@ -116,7 +121,7 @@ def unpacked(p):
     return M, p[6:]
 
 
-def _misfit(p, z):
+def _misfit(p: Array, z: Array) -> tuple[Array, Array]:
     """(|M (z - b)| - 1 (n,), its Jacobian (n, 9))."""
     M, b = unpacked(p)
     d = z - b
@@ -127,7 +132,7 @@ def _misfit(p, z):
     return size - 1, np.c_[np.stack(J, axis=1), -u @ M]
 
 
-def _robust(z, used, p, free):
+def _robust(z: Array, used: Mask, p: Array, free: Mask) -> tuple[Array, Mask]:
     """(p, used): weighted least squares with weights that fall with the misfit, then plain ones
     without outliers."""
     p = levenberg(lambda p: _misfit(p, z[used]), p, free, robust=True)
@@ -144,7 +149,9 @@ def _robust(z, used, p, free):
     return p, used
 
 
-def levenberg(function, p, free, robust=False):
+def levenberg(
+    function: Callable[[Array], tuple[Array, Array]], p: Array, free: Mask, robust: bool = False
+) -> Array:
     """The parameters p (k,) that minimise the squares of function(p) = (r (n,), J (n, k)),
     moving only the `free` ones; Levenberg-Marquardt."""
     p, damping = p.copy(), 1e-3
@@ -172,19 +179,19 @@ def levenberg(function, p, free, robust=False):
     return p
 
 
-def spread(r):
+def spread(r: Array) -> float:
     """Standard deviation of r about zero from the median of magnitudes, which outliers do not
     move."""
     return 1.4826 * float(np.median(np.abs(r))) if len(r) else 0.0
 
 
-def weakest_direction(H):
+def weakest_direction(H: Array) -> tuple[float, Array]:
     """(square root of the least eigenvalue of H, its eigenvector)."""
     values, vectors = np.linalg.eigh(H)
     return float(np.sqrt(max(values[0], 0))), vectors[:, 0]
 
 
-def inflation(r, block=50):
+def inflation(r: Array, block: int = 50) -> float:
     """How much more the mean of `block` neighbouring residuals (rows of r) varies than of
     independent ones; at least 1."""
     r = r.reshape(len(r), -1)
@@ -196,7 +203,9 @@ def inflation(r, block=50):
     return max(1.0, block * float(np.mean(means**2)) / variance) if variance > 0 else 1.0
 
 
-def _fit(z, used, p, free, weakest, scale, sd):
+def _fit(
+    z: Array, used: Mask, p: Array, free: Mask, weakest: float, scale: float, sd: float
+) -> Fit:
     M, b = unpacked(p)
     r, J = _misfit(p, z[used])
     J = J[:, free]
@@ -210,8 +219,8 @@ def _fit(z, used, p, free, weakest, scale, sd):
         to_full[3 + 3 * i + j, k] = to_full[3 + 3 * j + i, k] = 1.0
     m = (z - b) @ M
     radial = m * (1 - 1 / np.maximum(np.linalg.norm(m, axis=1), 1e-9))[:, None] * scale
-    held = tuple(name for name, is_free in zip(NAMES, free) if not is_free)
-    missing = NAMES[6:] if weakest < WEAKEST else ()
+    held = tuple(name for name, is_free in zip(ELLIPSOID_PARAMETERS, free) if not is_free)
+    missing = ELLIPSOID_PARAMETERS[6:] if weakest < WEAKEST else ()
     return Fit(
         b * scale,
         M,

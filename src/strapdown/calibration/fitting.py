@@ -1,16 +1,30 @@
 """Calibration of accelerometer and magnetometer from a record: `calibrate` and its result, the
 `Calibration`."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..alignment.location import place_of
-from ..data import DataError
+from ..data import Aiding, DataError
 from ..geodesy import STANDARD_GRAVITY, gravity
+from ..io.magnetic_record import sound
+from ..preprocessing.origin import Origin
+from ..recording import Recording
+from ..typing import Array
+from .ellipsoid import Fit
+from .methods import (
+    coverage,
+    hard_and_soft_iron,
+    lacking,
+    rests,
+    six_positions,
+    typical,
+)
+from .result import Result
 
-DETAIL = {"accelerometer": ("m/s^2", 1.0, "m/s^2"), "magnetometer": ("T", 1e6, "uT")}
-"""SI unit, factor to the unit of tables, and that unit."""
 SAMPLES = 5000
 """Of a magnetometer about so many are used, evenly spaced: what is left of a calibration is not
 white, so that more would add little."""
@@ -20,112 +34,11 @@ WRONG_STRENGTH, TURNED = 0.05, np.radians(10)
 
 
 @dataclass(frozen=True, repr=False)
-class Calibration:
+class Calibration(Result):
     """calibrated = matrix @ (measured - bias), body axes, SI (m/s^2 or T); `to_toml` writes it
     in the axes of the recording's columns."""
 
-    sensor: str  # "accelerometer" or "magnetometer"
-    form: str  # "rests", "ellipsoid" or "turning"
-    bias: np.ndarray  # (3,)
-    matrix: np.ndarray  # (3, 3)
-    covariance: np.ndarray  # (12, 12) of the bias and of the rows of the matrix
-    strength: float  # the strength that was fitted: gravity, or the Earth's field
-    before: float  # rms error of the strength before
-    after: float  # rms error of the strength after
-    residual: np.ndarray  # (3,) rms misfit per axis
-    coverage: float  # share of the sphere's cells that were seen
-    lacking: tuple  # half-axes of the body near which no direction was seen, such as "-z"
-    held: tuple  # parameters that the record does not determine, left at identity
-    weakest: float  # least singular value, see strapdown.calibration.ellipsoid.WEAKEST
-    notes: tuple  # sentences for the user
-    t: np.ndarray  # (n,) s, of the samples
-    measured: np.ndarray  # (n, 3) samples that were fitted, body axes
-    residuals: np.ndarray  # (n, 3) misfits; NaN where a sample was not used
-    columns: dict = field(
-        default_factory=dict
-    )  # axes and earlier calibration of the columns, from recording.meta
-    name: str = ""  # of the recording
-
-    @property
-    def sd(self):
-        """(3,) standard deviations of the bias and (3, 3) of the matrix."""
-        deviations = np.sqrt(np.diag(self.covariance))
-        return deviations[:3], deviations[3:].reshape(3, 3)
-
-    @property
-    def calibrated(self):
-        """(n, 3) the samples after calibration."""
-        return (self.measured - self.bias) @ self.matrix.T
-
-    @property
-    def header(self):
-        """Header of `rows`."""
-        return self.sensor, "x", "y", "z", "unit"
-
-    @property
-    def rows(self):
-        """Bias, matrix, their standard deviations and the residuals as text, a row each."""
-        _, factor, unit = DETAIL[self.sensor]
-        shown = lambda values, digits=4: tuple(f"{float(value):.{digits}g}" for value in values)
-        bias_sd, matrix_sd = self.sd
-        rows = [
-            ("bias", *shown(self.bias * factor), unit),
-            ("  sd", *shown(bias_sd * factor, 2), unit),
-        ]
-        for axis, row, deviation in zip("xyz", self.matrix, matrix_sd):
-            rows += [
-                (f"matrix, row {axis}", *(f"{value:.5f}" for value in row), ""),
-                ("  sd", *shown(deviation, 2), ""),
-            ]
-        return [*rows, ("misfit, rms", *shown(self.residual * factor, 3), unit)]
-
-    @property
-    def verdict(self):
-        """Two sentences: strength before and after, and the directions."""
-        _, factor, unit = DETAIL[self.sensor]
-        lack = f"; none near {', '.join(self.lacking)}" if self.lacking else ""
-        error = f"rms error {self.before * factor:.3g} before and {self.after * factor:.3g} {unit} after"
-        return (
-            f"strength: {self.strength * factor:.4g} {unit}, {error}. "
-            f"Directions: {self.coverage:.0%} of the sphere{lack}"
-        )
-
-    @property
-    def hint(self):
-        """Where recording.toml names the file."""
-        return (
-            '[imu] calibration = "{}"'
-            if self.sensor == "accelerometer"
-            else '[[aiding]] kind = "magnetic-field": calibration = "{}"'
-        )
-
-    def sections(self):
-        """{section: Correction} in the axes of the columns; it holds what the recording's own
-        calibration did too."""
-        from ..io.calibration_file import composed
-
-        return composed(
-            "accel" if self.sensor == "accelerometer" else "magnetometer",
-            self.bias,
-            self.matrix,
-            self.columns,
-        )
-
-    def to_toml(self, path):
-        """Write a calibration file that recording.toml can name (docs/calibrate.md). Raises
-        DataError where it cannot be written."""
-        from ..io.calibration_file import write_calibration
-        from ..preprocessing.origin import counted
-
-        count = counted(len(self.t), "rest" if self.form == "rests" else "sample")
-        comments = [
-            f"{self.sensor} of {self.name or 'a recording'}, {self.t[0]:.1f} to {self.t[-1]:.1f} s, {count}, form {self.form!r}",
-            "corrected = matrix @ (raw - bias), axes of the columns",
-            self.verdict,
-        ]
-        write_calibration(path, self.sections(), comments + list(self.notes))
-
-    def write(self, folder):
+    def write(self, folder: Path) -> None:
         """Write calibration.toml and calibration.html into `folder`. Raises DataError where that
         cannot be done."""
         from .page import page
@@ -133,11 +46,13 @@ class Calibration:
         self.to_toml(folder / "calibration.toml")
         page(self).save(folder / "calibration.html")
 
-    def __repr__(self):
-        return f"Calibration({self.sensor}, {self.form}: {self.verdict})"
 
-
-def calibrate(recording, sensor=None, start=None, stop=None):
+def calibrate(
+    recording: Recording,
+    sensor: str | None = None,
+    start: float | None = None,
+    stop: float | None = None,
+) -> Calibration:
     """The Calibration of the accelerometer or magnetometer of a Recording, or of its part from
     `start` to `stop`, s.
 
@@ -170,15 +85,13 @@ def calibrate(recording, sensor=None, start=None, stop=None):
     return _magnetometer(part, named[0], notes)
 
 
-def _accelerometer(part):
-    from .methods import coverage, lacking, rests, six_positions
-
+def _accelerometer(part: Recording) -> Calibration:
     found, local, notes = rests(part.imu), *_gravity(part)
     fit = six_positions(found, local)
     share, _, lack = coverage(found.force)
     if lack:
         notes.append(lacking(lack, "no rest with"))
-    return _made(
+    fitted = _Fitted(
         "accelerometer",
         "rests",
         fit,
@@ -187,12 +100,12 @@ def _accelerometer(part):
         found.force,
         (share, lack),
         notes,
-        part,
         _columns(part, "accel"),
     )
+    return _made(fitted, part.meta.get("name", ""))
 
 
-def _gravity(part):
+def _gravity(part: Recording) -> tuple[float, list[str]]:
     """(local gravity in m/s^2, notes)."""
     place = place_of(part.meta, part.aidings)
     if place is None:
@@ -202,11 +115,7 @@ def _gravity(part):
     return float(gravity(place.lla[0], place.lla[2])), []
 
 
-def _magnetometer(part, source, notes):
-    from ..io.magnetic_record import sound
-    from ..preprocessing.origin import Origin
-    from .methods import coverage, hard_and_soft_iron, lacking, typical
-
+def _magnetometer(part: Recording, source: Aiding, notes: list[str]) -> Calibration:
     columns = _columns(part, source.name or source.kind)
     strength, dip = _reference(source, columns)
     if strength is None:
@@ -225,10 +134,11 @@ def _magnetometer(part, source, notes):
     notes += more + _form_notes(form, fit, gyro, t, typical(y))
     if lack:
         notes.append(lacking(lack, "no field along"))
-    return _made("magnetometer", form, fit, size, t, y, (share, lack), notes, part, columns)
+    fitted = _Fitted("magnetometer", form, fit, size, t, y, (share, lack), notes, columns)
+    return _made(fitted, part.meta.get("name", ""))
 
 
-def _reference(source, columns):
+def _reference(source: Aiding, columns: dict[str, Any]) -> tuple[float, float] | tuple[None, None]:
     """(strength in T, dip in rad) of the Earth's field; (None, None) where they are not known."""
     if (
         len(source.parameters) < 3
@@ -242,8 +152,8 @@ def _reference(source, columns):
     )
 
 
-def _form_notes(form, fit, gyro, t, size):
-    if form == "turning":
+def _form_notes(form: str, fit: Fit, gyro: Array | None, t: Array, size: float) -> list[str]:
+    if form == "turning" and gyro is not None:
         notes = [
             "form: turning, the field turned by the gyros; gyro bias "
             + " ".join(f"{value:.3f}" for value in np.degrees(gyro))
@@ -262,11 +172,28 @@ def _form_notes(form, fit, gyro, t, size):
     return notes
 
 
-def _made(sensor, form, fit, strength, t, measured, directions, notes, part, columns):
+class _Fitted(NamedTuple):
+    """A fit and what it was made of."""
+
+    sensor: str
+    form: str
+    fit: Fit
+    strength: float
+    t: Array  # (n,) s
+    measured: Array  # (n, 3)
+    directions: tuple[float, tuple[str, ...]]  # share of the sphere, half-axes that lack
+    notes: list[str]
+    columns: dict[str, Any]
+
+
+def _made(fitted: _Fitted, name: str) -> Calibration:
+    """The Calibration; `name` is that of the recording."""
+    sensor, form, fit, strength, t, measured, directions, notes, columns = fitted
     used, notes = fit.used, list(notes)
-    error = lambda vectors: float(
-        np.sqrt(np.mean((np.linalg.norm(vectors, axis=1) - strength) ** 2))
-    )
+
+    def error(vectors: Array) -> float:
+        return float(np.sqrt(np.mean((np.linalg.norm(vectors, axis=1) - strength) ** 2)))
+
     after = error((measured[used] - fit.bias) @ fit.matrix.T)
     out = int(np.isfinite(measured).all(axis=1).sum() - used.sum()) if form != "turning" else 0
     if out:
@@ -301,11 +228,11 @@ def _made(sensor, form, fit, strength, t, measured, directions, notes, part, col
         measured,
         fit.residuals,
         columns,
-        part.meta.get("name", ""),
+        name,
     )
 
 
-def _columns(part, name):
+def _columns(part: Recording, name: str) -> dict[str, Any]:
     sensors = part.meta.get("sensors", {})
     return (
         {"gyro": sensors.get("gyro", {}), **sensors[name]}

@@ -1,66 +1,73 @@
 """Calibration of a magnetometer against the gyros: in a window of seconds the true field keeps its
 direction while the body turns under it.
 
-    y = A C(t)' u B + b + noise,   u: unit vector of the field in body axes at the start of its window, C: turned since then by the gyros,
+    y = A C(t)' u B + b + noise
 
-with A (3, 3) soft iron, scale and the turn of the magnetometer against the IMU, b hard iron, B the
-field's strength; the gyro bias is estimated too. It is a fit by maximum likelihood (white noise on
-y) over A, b, the bias and one u per window, and unlike the ellipsoid it needs no attitude upside
-down: dm/dt = -omega x m is linear in the parameters of M = A^-1 whatever the directions (Kok &
-Schoen 2016, IEEE Sensors Journal 16(14), fit the same model with a filter). What the turns do not
-determine is held at identity. Where the dip is known, the mean specific force of a window, which is
-up but for the change of velocity, tells a mirrored sensor, and where to begin. All is in units of
-B.
+with u the unit vector of the field in body axes at the start of its window, C what the gyros have
+turned since then, A (3, 3) soft iron, scale and the turn of the magnetometer against the IMU, b
+hard iron, B the field's strength; the gyro bias is estimated too. It is a fit by maximum likelihood
+(white noise on y) over A, b, the bias and one u per window, and unlike the ellipsoid it needs no
+attitude upside down: dm/dt = -omega x m is linear in the parameters of M = A^-1 whatever the
+directions (Kok & Schoen 2016, IEEE Sensors Journal 16(14), fit the same model with a filter). What
+the turns do not determine is held at identity. Where the dip is known, the mean specific force of a
+window, which is up but for the change of velocity, tells a mirrored sensor, and where to begin. All
+is in units of B.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from ..core.contract import Imu
 from ..rotation_products import running_products
+from ..typing import Array, Ints, Mask
 from .ellipsoid import OUTLIER, STEPS, WEAKEST, Fit, inflation, spread, weakest_direction
 
-WINDOW = 30.0  # s: long against turns, short against the wander of a gyro of 0.1 deg/s
+WINDOW_TIME = 30.0  # s: long against turns, short against the wander of a gyro of 0.1 deg/s
 EPOCH = 0.1  # s between the samples that are used, at least
 LAG = 2.0  # s between the samples of the linear start, in a window of full length
 # weight of a sample's height above the horizon in the start: a change of velocity by 30 m/s in a
 # window tilts it by 0.1 rad
-LEVEL = 0.1
+HEIGHT_WEIGHT = 0.1
 GYRO_SD = 0.1  # rad/s, of the bias before the fit
-GAP = 1.75  # of the median interval
-NAMES = tuple(f"soft iron {i}{j}" if i != j else f"scale {i}" for i in "xyz" for j in "xyz") + (
+GAP_INTERVALS = 1.75  # from sample to sample, beyond which some are missing
+TURNING_PARAMETERS = tuple(
+    f"soft iron {i}{j}" if i != j else f"scale {i}" for i in "xyz" for j in "xyz"
+) + (
     "bias x",
     "bias y",
     "bias z",
 )
 
+Recover: TypeAlias = tuple[Array, Array, Array]
+"""What gives the change of the directions u back from that of all else: see `_normal`."""
+
 
 class Windows(NamedTuple):
     """Samples in windows of equal length; W windows of L samples."""
 
-    rows: np.ndarray  # (W, L) of the magnetometer
-    z: np.ndarray  # (W, L, 3) in units of the strength
+    rows: Ints  # (W, L) of the magnetometer
+    z: Array  # (W, L, 3) in units of the strength
     # (W, L, 3, 3) from body axes at the sample to those at the one before, by gyros without bias;
     # the first is identity
-    turn: np.ndarray
-    slip: (
-        np.ndarray
-    )  # (W, L, 3, 3) s: rotation vector of the same turn per gyro bias, in body axes at the sample
+    turn: Array
+    # (W, L, 3, 3) s: rotation vector of the same turn per gyro bias, in body axes at the sample
+    slip: Array
     # (W, L, 3) mean specific force since the sample before, in body axes at the sample, m/s^2; the
     # first is 0
-    force: np.ndarray
+    force: Array
 
 
 class State(NamedTuple):
     """What is estimated."""
 
-    A: np.ndarray  # (3, 3)
-    b: np.ndarray  # (3,)
-    gyro: np.ndarray  # (3,) bias, rad/s
-    u: np.ndarray  # (W, 3)
+    A: Array  # (3, 3)
+    b: Array  # (3,)
+    gyro: Array  # (3,) bias, rad/s
+    u: Array  # (W, 3)
 
 
-def windows(t, y, imu, strength):
+def windows(t: Array, y: Array, imu: Imu, strength: float) -> Windows | None:
     """The Windows of samples y (n, 3) at t (n,) s; None where there are fewer than 20 samples
     without a gap."""
     after = np.minimum(np.searchsorted(imu.t, t - 1e-6), len(imu.t) - 1)
@@ -70,10 +77,10 @@ def windows(t, y, imu, strength):
         return None
     rows = rows[:: max(1, round(EPOCH / max(float(np.median(np.diff(t[rows]))), 1e-6)))]
     spacing = float(np.median(np.diff(t[rows])))
-    gaps = np.cumsum(np.r_[False, np.diff(imu.t) > imu.dt[1:] * GAP])
+    gaps = np.cumsum(np.r_[False, np.diff(imu.t) > imu.dt[1:] * GAP_INTERVALS])
     part = gaps[after[rows]] + np.cumsum(np.r_[0, np.diff(t[rows]) > 3 * spacing])
     stretches = [rows[part == k] for k in np.unique(part)]
-    length = min(max(20, round(WINDOW / spacing)), max(map(len, stretches)))
+    length = min(max(20, round(WINDOW_TIME / spacing)), max(map(len, stretches)))
     kept = [
         np.array_split(s[: len(s) // length * length], len(s) // length)
         for s in stretches
@@ -98,7 +105,7 @@ def windows(t, y, imu, strength):
     return Windows(rows, y[rows] / strength, turn, slip, force)
 
 
-def _attitude(t, imu):
+def _attitude(t: Array, imu: Imu) -> tuple[Array, Array, Array]:
     """Attitude C (n, 3, 3) by the gyros alone, its integral (n, 3, 3) and that of C f (n, 3), at
     times t."""
     from scipy.spatial.transform import Rotation
@@ -122,7 +129,9 @@ def _attitude(t, imu):
     )
 
 
-def turning(t, y, imu, strength, dip=None):
+def turning(
+    t: Array, y: Array, imu: Imu, strength: float, dip: float | None = None
+) -> tuple[Fit, Array] | None:
     """(Fit, gyro bias (3,) rad/s) of a magnetometer y (n, 3) at times t against the gyros of `imu`,
     or None where there are too few samples.
 
@@ -143,7 +152,7 @@ def turning(t, y, imu, strength, dip=None):
     return _fit(w, state, free, weight, weakest, y, strength), state.gyro
 
 
-def _held(w, state, free, weight):
+def _held(w: Windows, state: State, free: Mask, weight: Array) -> tuple[State, Mask, float]:
     """(State, free, weakest): entries of A held at identity until the turns determine the rest,
     those with most part in the weakest first."""
     free, A = free.copy(), state.A.copy()
@@ -157,10 +166,10 @@ def _held(w, state, free, weight):
         free[k], A[k // 3, k % 3] = False, float(k % 4 == 0)
 
 
-def _start(w, dip):
+def _start(w: Windows, dip: float | None) -> State:
     """The State of the linear fit: M y - c turned by the gyros from sample to sample; with M =
     identity where that does not determine M."""
-    lag = max(1, round(w.z.shape[1] * LAG / WINDOW))
+    lag = max(1, round(w.z.shape[1] * LAG / WINDOW_TIME))
     C, _ = _turned(w, np.zeros(3))
     down = np.einsum("wkji,wj->wki", C, _down(w, C))  # at each sample
     R = (np.swapaxes(C[:, :-lag], -1, -2) @ C[:, lag:]).reshape(-1, 3, 3)
@@ -192,14 +201,16 @@ def _start(w, dip):
             (first - np.einsum("kij,kj->ki", R, second)).ravel(),
         )
         if dip is not None:
-            turned = np.concatenate([turned, LEVEL * down.reshape(-1, 3)])
-            come = np.r_[come, LEVEL * (np.einsum("wki,wki->wk", down, w.z) - np.sin(dip)).ravel()]
+            turned = np.concatenate([turned, HEIGHT_WEIGHT * down.reshape(-1, 3)])
+            come = np.r_[
+                come, HEIGHT_WEIGHT * (np.einsum("wki,wki->wk", down, w.z) - np.sin(dip)).ravel()
+            ]
         b = np.linalg.lstsq(turned, come, rcond=1e-2)[0]
     u = np.einsum("wkij,wkj->wki", C, (w.z - b) @ np.linalg.inv(A).T).mean(axis=1)
     return State(A, b, np.zeros(3), u / np.maximum(np.linalg.norm(u, axis=1), 1e-9)[:, None])
 
 
-def _turned(w, gyro):
+def _turned(w: Windows, gyro: Array) -> tuple[Array, Array]:
     """(C (W, L, 3, 3) from the body at each sample to that at the start of its window, its
     integral per gyro bias (W, L, 3, 3))."""
     from scipy.spatial.transform import Rotation
@@ -207,31 +218,31 @@ def _turned(w, gyro):
     slip = Rotation.from_rotvec((-w.slip @ gyro).reshape(-1, 3)).as_matrix().reshape(w.slip.shape)
     C, S = np.empty(w.turn.shape), np.zeros(w.slip.shape)
     C[:, 0] = np.eye(3)
-    for k in range(1, C.shape[1]):
+    for k in range(1, w.turn.shape[1]):
         C[:, k] = C[:, k - 1] @ w.turn[:, k] @ slip[:, k]
         S[:, k] = S[:, k - 1] + C[:, k] @ w.slip[:, k]
     return C, S
 
 
-def _misfit(w, state):
+def _misfit(w: Windows, state: State) -> tuple[Array, Array, Array, Array]:
     """(z - A C' u - b (W, L, 3), C' u (W, L, 3), C, S)."""
     C, S = _turned(w, state.gyro)
     m = np.einsum("wkji,wj->wki", C, state.u)
     return w.z - m @ state.A.T - state.b, m, C, S
 
 
-def _down(w, C):
+def _down(w: Windows, C: Array) -> Array:
     """(W, 3) unit vectors of the mean specific force, reversed, in body axes at the start of
     each window."""
     force = -np.einsum("wkij,wkj->wi", C, w.force)
     return force / np.maximum(np.linalg.norm(force, axis=1), 1e-9)[:, None]
 
 
-def _normal(w, state, weight):
+def _normal(w: Windows, state: State, weight: Array) -> tuple[Array, tuple[Array, Recover], Array]:
     """(H (15, 15), g (15,), residuals (W, L, 3)) of A, b and the gyro bias, the directions
     eliminated, and what recovers these.
 
-    The bias is in units of rad per `WINDOW`.
+    The bias is in units of rad per `WINDOW_TIME`.
     """
     r, m, C, S = _misfit(w, state)
     W, L, _ = r.shape
@@ -241,14 +252,14 @@ def _normal(w, state, weight):
     for i in range(3):
         J[:, :, i, 3 * i : 3 * i + 3] = m
         J[:, :, i, 9 + i] = 1.0
-    J[..., 12:] = -to_z @ _cross(state.u)[:, None] @ S / WINDOW
+    J[..., 12:] = -to_z @ _cross(state.u)[:, None] @ S / WINDOW_TIME
     K = to_z @ E[:, None]
     sigma = max(spread(r[weight > 0]), 1e-9)
     weighted = weight[..., None, None] * J
     H = np.einsum("wkia,wkib->ab", weighted, J)
-    H[12:, 12:] += np.eye(3) * (sigma / (GYRO_SD * WINDOW)) ** 2
+    H[12:, 12:] += np.eye(3) * (sigma / (GYRO_SD * WINDOW_TIME)) ** 2
     g = np.einsum("wkia,wki->a", weighted, r)
-    g[12:] -= state.gyro * WINDOW * (sigma / (GYRO_SD * WINDOW)) ** 2
+    g[12:] -= state.gyro * WINDOW_TIME * (sigma / (GYRO_SD * WINDOW_TIME)) ** 2
     Hc = np.einsum("wkia,wkib->wab", weighted, K)
     Hu = np.einsum("wkia,wkib->wab", weight[..., None, None] * K, K)
     gu = np.einsum("wkia,wki->wa", weight[..., None, None] * K, r)
@@ -262,7 +273,7 @@ def _normal(w, state, weight):
     )
 
 
-def _estimate(w, state, free, weight):
+def _estimate(w: Windows, state: State, free: Mask, weight: Array) -> tuple[State, Array]:
     """(State, weights) by Levenberg-Marquardt: with weights that fall with the misfit first,
     then without the outliers."""
     all_free = np.r_[free, True, True, True]
@@ -277,7 +288,7 @@ def _estimate(w, state, free, weight):
     return state, weight
 
 
-def _descend(w, state, free, weight, robust):
+def _descend(w: Windows, state: State, free: Mask, weight: Array, robust: bool) -> State:
     damping = 1e-4
     for _ in range(STEPS):
         size = np.linalg.norm(_misfit(w, state)[0], axis=2)
@@ -304,25 +315,27 @@ def _descend(w, state, free, weight, robust):
     return state
 
 
-def _moved(state, step, recover):
+def _moved(state: State, step: Array, recover: Recover) -> State:
     E, gain, own = recover
     u = state.u + np.einsum("wia,wa->wi", E, own - gain @ step)
     return State(
         state.A + step[:9].reshape(3, 3),
         state.b + step[9:12],
-        state.gyro + step[12:] / WINDOW,
+        state.gyro + step[12:] / WINDOW_TIME,
         u / np.linalg.norm(u, axis=1)[:, None],
     )
 
 
-def _marginal(H, free):
+def _marginal(H: Array, free: Mask) -> Array:
     """Information on the free ones of A and b, the gyro bias eliminated."""
     keep = np.flatnonzero(free)
-    cross = H[np.ix_(keep, [12, 13, 14])]
+    cross = H[np.ix_(keep, np.array([12, 13, 14]))]
     return H[np.ix_(keep, keep)] - cross @ np.linalg.solve(H[12:, 12:], cross.T)
 
 
-def _fit(w, state, free, weight, weakest, y, strength):
+def _fit(
+    w: Windows, state: State, free: Mask, weight: Array, weakest: float, y: Array, strength: float
+) -> Fit:
     used, (H, _, r) = weight > 0, _normal(w, state, weight)
     variance = float(np.sum(r[used] ** 2)) / max(
         1, 3 * int(used.sum()) - int(free.sum()) - 3 - 2 * len(state.u)
@@ -332,14 +345,14 @@ def _fit(w, state, free, weight, weakest, y, strength):
         covariance[np.ix_(free, free)] = (
             np.linalg.inv(_marginal(H, free)) * variance * inflation(r[used])
         )
-    M = np.linalg.inv(state.A)
+    M = np.asarray(np.linalg.inv(state.A), float)
     to_full = np.zeros((12, 12))
     to_full[:3, 9:] = np.eye(3) * strength
     to_full[3:, :9] = -np.kron(M, M.T)  # dM = -M dA M
     residuals, mask = np.full(y.shape, np.nan), np.zeros(len(y), bool)
     residuals[w.rows[used]], mask[w.rows[used]] = (r[used] @ M.T) * strength, True
-    held = tuple(name for name, is_free in zip(NAMES, free) if not is_free)
-    missing = NAMES[9:] if weakest < WEAKEST else ()
+    held = tuple(name for name, is_free in zip(TURNING_PARAMETERS, free) if not is_free)
+    missing = TURNING_PARAMETERS[9:] if weakest < WEAKEST else ()
     return Fit(
         state.b * strength,
         M,
@@ -352,7 +365,7 @@ def _fit(w, state, free, weight, weakest, y, strength):
     )
 
 
-def _tangents(u):
+def _tangents(u: Array) -> Array:
     """(W, 3, 2) two unit vectors across each of u (W, 3) and each other."""
     least = np.eye(3)[np.abs(u).argmin(axis=1)]
     first = np.cross(u, least)
@@ -360,7 +373,7 @@ def _tangents(u):
     return np.stack([first, np.cross(u, first)], axis=2)
 
 
-def _cross(u):
+def _cross(u: Array) -> Array:
     """(W, 3, 3) matrices of u x."""
     x, y, z = u.T
     zero = np.zeros(len(u))

@@ -1,23 +1,28 @@
 """What a calibration says of its data: rests of an accelerometer, directions that were seen, and
 the choice between two fits of a magnetometer."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from ..core.contract import Imu
 from ..data import DataError
 from ..preprocessing.stationary import at_rest, stretches
-from .ellipsoid import ellipsoid
+from ..typing import Array, Ints
+from .ellipsoid import Fit, ellipsoid
 from .gyro_aided import turning
 
+DETAIL = {"accelerometer": ("m/s^2", 1.0, "m/s^2"), "magnetometer": ("T", 1e6, "uT")}
+"""SI unit, factor to the unit of tables, and that unit."""
 BANDS, SECTORS = 6, 8
 """Cells of the sphere for `coverage`: bands of equal height, so of equal area, in sectors of
 azimuth."""
-NEAR = np.radians(30.0)
+NEAR_AXIS = np.radians(30.0)
 """An axis counts as seen where a direction lies within this angle of it."""
-STILL, SAME, BLOCKS = 1.0, np.radians(2.0), 2
-"""A rest is BLOCKS blocks of STILL (s) or more whose mean specific force has one direction
-within SAME (rad)."""
+BLOCK_TIME, SAME, BLOCKS_PER_REST = 1.0, np.radians(2.0), 2
+"""A rest is BLOCKS_PER_REST blocks of BLOCK_TIME (s) or more whose mean specific force has one
+direction within SAME (rad)."""
 LEAST_CHANGE = 5e-6
 """T: half the range that a sensor must have seen where the strength is unknown; the Earth's
 field has 22 to 67 uT."""
@@ -27,18 +32,18 @@ HALF_AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 class Rests(NamedTuple):
     """Mean specific force of each rest."""
 
-    t: np.ndarray  # (n,) s, the middle
-    force: np.ndarray  # (n, 3) m/s^2
+    t: Array  # (n,) s, the middle
+    force: Array  # (n, 3) m/s^2
     sd: float  # m/s^2, of a mean, from the scatter of the blocks
 
 
-def rests(imu):
+def rests(imu: Imu) -> Rests:
     """The Rests of an Imu: where it stands still, block by block, split where it was turned."""
-    width = max(2, round(STILL / float(np.median(imu.dt))))
+    width = max(2, round(BLOCK_TIME / float(np.median(imu.dt))))
     found, scatter = [], []
     for first, last in stretches(at_rest(imu)):
         n = (last - first) // width
-        if n < BLOCKS:
+        if n < BLOCKS_PER_REST:
             continue
         rows = slice(first, first + n * width)
         force = (
@@ -47,14 +52,14 @@ def rests(imu):
         )
         t = imu.t[rows].reshape(n, width).mean(axis=1)
         for group in _groups(force):
-            if len(group) >= BLOCKS:
+            if len(group) >= BLOCKS_PER_REST:
                 found.append((t[group].mean(), *force[group].mean(axis=0)))
-                scatter.append((force[group].var(axis=0, ddof=1).mean() / len(group)))
+                scatter.append(force[group].var(axis=0, ddof=1).mean() / len(group))
     table = np.array(found).reshape(-1, 4)
     return Rests(table[:, 0], table[:, 1:], float(np.sqrt(np.mean(scatter))) if scatter else 0.0)
 
 
-def _groups(force):
+def _groups(force: Array) -> list[list[int]]:
     """Row numbers of neighbours whose direction is that of the first."""
     unit = force / np.maximum(np.linalg.norm(force, axis=1), 1e-9)[:, None]
     groups = [[0]]
@@ -66,7 +71,7 @@ def _groups(force):
     return groups
 
 
-def coverage(vectors):
+def coverage(vectors: Array) -> tuple[float, Ints, tuple[str, ...]]:
     """(share of the sphere's `BANDS` x `SECTORS` cells of equal area that hold a direction,
     (BANDS, SECTORS) counts, half-axes with none near)."""
     unit = vectors / np.maximum(np.linalg.norm(vectors, axis=1), 1e-30)[:, None]
@@ -80,16 +85,16 @@ def coverage(vectors):
     return (
         float((counts > 0).mean()),
         counts,
-        tuple(axis for axis, cosine in zip(HALF_AXES, nearest) if cosine < np.cos(NEAR)),
+        tuple(axis for axis, cosine in zip(HALF_AXES, nearest) if cosine < np.cos(NEAR_AXIS)),
     )
 
 
-def six_positions(found, gravity):
+def six_positions(found: Rests, gravity: float) -> Fit:
     """The Fit of an accelerometer to gravity (m/s^2) in its Rests. Raises DataError with the
     directions that lack."""
     if len(found.t) < 3:
         raise DataError(
-            f"accelerometer: {len(found.t)} {'rest' if len(found.t) == 1 else 'rests'} of {BLOCKS * STILL:g} s and longer; a calibration needs six and more, "
+            f"accelerometer: {len(found.t)} {'rest' if len(found.t) == 1 else 'rests'} of {BLOCKS_PER_REST * BLOCK_TIME:g} s and longer; a calibration needs six and more, "
             "with each axis once up and once down"
         )
     fit = ellipsoid(found.force, gravity, found.sd)
@@ -101,7 +106,9 @@ def six_positions(found, gravity):
     return fit
 
 
-def hard_and_soft_iron(t, y, imu, strength, dip=None):
+def hard_and_soft_iron(
+    t: Array, y: Array, imu: Imu, strength: float | None, dip: float | None = None
+) -> tuple[Fit, str, Array | None]:
     """(Fit, form, gyro bias or None) of a magnetometer y (n, 3) T at t (n,) s; form is "ellipsoid"
     or "turning".
 
@@ -141,7 +148,7 @@ def hard_and_soft_iron(t, y, imu, strength, dip=None):
     return (fit if strength is not None else _own_scale(fit)), form, gyro
 
 
-def _refuse_still(y, strength):
+def _refuse_still(y: Array, strength: float | None) -> None:
     """Raises DataError where the samples y (n, 3), T, are too few, or show no turn, so that
     noise would be fitted."""
     if len(y) < 20:
@@ -160,20 +167,20 @@ def _refuse_still(y, strength):
         )
 
 
-def typical(y):
+def typical(y: Array) -> float:
     """Strength to begin with where none is known: half the range of the widest axis."""
     low, high = np.percentile(y, [1, 99], axis=0)
     return float((high - low).max() / 2)
 
 
-def uncertainty(fit, strength):
+def uncertainty(fit: Fit, strength: float) -> float:
     """Standard deviation of the calibrated field, T, of a field of that strength, over all
     directions and axes."""
     variance = np.diag(fit.covariance)
     return float(np.sqrt((variance[:3].sum() + strength**2 * variance[3:].sum() / 3) / 3))
 
 
-def _own_scale(fit):
+def _own_scale(fit: Fit) -> Fit:
     """The Fit whose matrix keeps volumes, and so the typical strength."""
     factor = np.linalg.det(fit.matrix) ** (-1 / 3)
     resize = np.r_[np.ones(3), np.full(9, factor)]
@@ -184,10 +191,10 @@ def _own_scale(fit):
     )
 
 
-def lacking(axes, words):
+def lacking(axes: Sequence[str], words: str) -> str:
     """ "no rest with the z axis up (within 30 deg), ..."; axes are half-axes such as "+z", the
     direction of specific force, or of the field."""
-    within = f"(within {np.degrees(NEAR):.0f} deg)"
+    within = f"(within {np.degrees(NEAR_AXIS):.0f} deg)"
     if "rest" in words:
         axes = [f"the {axis[1]} axis {'up' if axis[0] == '+' else 'down'}" for axis in axes]
     return (

@@ -8,11 +8,11 @@ import plotly.graph_objects as go
 
 from .. import __version__
 from ..reports.drawing import COLOURS, GREY, even, finish, line, note, origin, panels
-from ..reports.shell import listed, placed, shell
-from .fitting import DETAIL
-from .methods import BANDS, SECTORS, coverage
+from ..reports.shell import Page, listed, placed, shell
+from .methods import BANDS, DETAIL, SECTORS, coverage
+from .result import Result
 
-POINTS = 2000
+DIRECTIONS_DRAWN = 2000
 FOOTER = "calibrated = matrix (measured − bias), axes of the body: forward, right, down. The file is in the axes of the recording's columns."
 FORMS = {
     "rests": "strength of specific force in rests is gravity",
@@ -21,7 +21,7 @@ FORMS = {
 }
 
 
-def strength_figure(found):
+def strength_figure(found: Result) -> go.Figure:
     """Strength of the samples before and after calibration over time, and what it should be."""
     _, factor, unit = DETAIL[found.sensor]
     drawn, zero = panels([f"strength [{unit}]"], 300), origin(found.t)
@@ -51,12 +51,12 @@ def strength_figure(found):
     return drawn
 
 
-def directions_figure(found):
+def directions_figure(found: Result) -> go.Figure:
     """The directions of the calibrated samples in body axes, on an equal-area map; cells without
     any are grey."""
     vectors = found.calibrated[np.isfinite(found.calibrated).all(axis=1)]
     share, counts, _ = coverage(vectors)
-    unit = vectors[even(len(vectors), POINTS)]
+    unit = vectors[even(len(vectors), DIRECTIONS_DRAWN)]
     unit = unit / np.linalg.norm(unit, axis=1)[:, None]
     drawn = finish(go.Figure(), 380)
     drawn.add_trace(
@@ -101,7 +101,7 @@ def directions_figure(found):
     return drawn
 
 
-def misfit_figure(found):
+def misfit_figure(found: Result) -> go.Figure:
     """Misfits of the three axes over time."""
     _, factor, unit = DETAIL[found.sensor]
     drawn, zero = panels([f"misfit [{unit}]"], 280), origin(found.t)
@@ -116,7 +116,7 @@ def misfit_figure(found):
     return drawn
 
 
-def page(found):
+def page(found: Result) -> Page:
     """The Page of a Calibration."""
     figures = [
         ("Strength", strength_figure(found)),

@@ -1,7 +1,7 @@
 """The command line, one file for each group of commands."""
 
 
-def main():
+def main() -> None:
     """Entry point of the command `strapdown`."""
     from .app import main as run
 

@@ -1,11 +1,17 @@
 """The command line. Bad input ends in one line on standard error and exit code 2; Ctrl-C in one
 line and 130; nothing is left half-written."""
 
+import signal
 import sys
+import threading
+from inspect import signature
+from math import inf, isfinite, radians
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
+
+import strapdown as sd
 
 from . import calibrate, compare, fly, simulation
 from .console import (
@@ -21,6 +27,9 @@ from .console import (
     wrapped_table,
 )
 
+if TYPE_CHECKING:
+    from ..core.contract import Filter
+
 app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -31,7 +40,7 @@ INTERRUPTED = 130
 """Exit code after Ctrl-C."""
 
 
-def main():
+def main() -> None:
     """Entry point of the command `strapdown`."""
     if len(sys.argv) == 1:
         sys.argv.append("--help")
@@ -44,8 +53,6 @@ def main():
     except (KeyboardInterrupt, typer.Abort):
         _stop("interrupted; files written so far are whole, nothing is half-written", INTERRUPTED)
     except Exception as error:
-        from ..data import DataError
-
         if hasattr(
             error, "format_message"
         ):  # usage errors of typer's own, whichever click it carries
@@ -54,32 +61,27 @@ def main():
                 error.format_message()
                 + (f" See `{context.command_path} --help`." if context else "")
             )
-        if isinstance(error, DataError):
+        if isinstance(error, sd.DataError):
             _stop(str(error))
         raise
 
 
-def _again(raised):
+def _again(raised: "sys.UnraisableHookArgs") -> None:
     """Ctrl-C that fell into the clean-up of an object, where Python only reports exceptions:
     give it once more, a little later."""
     if not issubclass(raised.exc_type, KeyboardInterrupt):
         return sys.__unraisablehook__(raised)
-    import signal
-    import threading
-
     threading.Timer(0.02, signal.raise_signal, (signal.SIGINT,)).start()
 
 
-def _stop(message, code=2):
+def _stop(message: str, code: int = 2) -> NoReturn:
     print("strapdown: " + message.replace("\n", " "), file=sys.stderr)
     raise SystemExit(code)
 
 
-def _version(wanted: bool):
+def _version(wanted: bool) -> None:
     if wanted:
-        from .. import __version__
-
-        print(f"strapdown {__version__}")
+        print(f"strapdown {sd.__version__}")
         raise typer.Exit()
 
 
@@ -91,7 +93,7 @@ def options(
             "--version", callback=_version, is_eager=True, help="Print the version and end."
         ),
     ] = False,
-):
+) -> None:
     """Options of the command itself."""
 
 
@@ -104,14 +106,14 @@ def demo(
     imu: Annotated[
         str, typer.Option(help="IMU grade to simulate, or a file that describes one.")
     ] = "tactical",
-):
+) -> None:
     """Simulate a 10-minute flight, fuse it open and closed loop, print the errors and write a
     page."""
-    import strapdown as sd
-
     from ..sim.trajectory import demo_flight
 
     recording = sd.simulate(demo_flight(), 600.0, imu, seed)
+    truth = recording.reference
+    assert truth is not None  # as of all that is simulated
     print(
         f"simulated flight: 600 s, {imu} IMU at 100 Hz, GNSS position and velocity at 1 Hz, seed {seed}"
     )
@@ -120,10 +122,10 @@ def demo(
             name: sd.fuse(recording, name, imu, say=progress.say, progress=progress.track(name))
             for name in ("closed-loop", "open-loop")
         }
-        print_errors(solutions, recording.reference, (120.0, 600.0))
+        print_errors(solutions, truth, (120.0, 600.0))
         sd.report(
             solutions,
-            recording.reference,
+            truth,
             title="strapdown demo: a simulated 10-minute flight",
             window=(120.0, 600.0),
         ).save(out)
@@ -144,25 +146,25 @@ def fuse(
     ] = "closed-loop",
     imu: IMU = None,
     start: Annotated[
-        Optional[float],
+        float | None,
         typer.Option("--from", metavar="T", help="First second of the recording to use."),
     ] = None,
     stop: Annotated[
-        Optional[float],
+        float | None,
         typer.Option("--to", metavar="T", help="Last second of the recording to use."),
     ] = None,
     hide: Annotated[
-        Optional[str],
+        str | None,
         typer.Option(metavar="T:T,...", help="Withhold recorded fixes in these windows, s."),
     ] = None,
     heading: Annotated[
-        Optional[float],
+        float | None,
         typer.Option(metavar="DEG", help="Initial heading, where you know it (to 2 deg)."),
     ] = None,
     option: OPTION = None,
     every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
     ahrs: Annotated[
-        Optional[str],
+        str | None,
         typer.Option(
             metavar="NAME",
             help="A filter of attitude alone that runs first; its output is the attitude aiding.  [default: attitude-mekf, where the "
@@ -180,19 +182,16 @@ def fuse(
         ),
     ] = False,
     out: Annotated[
-        Optional[Path],
+        Path | None,
         typer.Option(help="Folder for the results.  [default: NAME-FILTER, or NAME-FILTER-smooth]"),
     ] = None,
-):
+) -> None:
     """Fuse a recording: writes solution.nc, solution.csv, report.html and, where there is a
     position, track.kml."""
-    from math import inf
-
-    import strapdown as sd
-
-    windows, options = _windows(hide), option_values(option)
+    windows = _windows(hide)
+    options: dict[str, Any] = option_values(option)
     whole = sd.read(recording)
-    imu = imu or _grade_of(whole)
+    grade = imu or _grade_of(whole)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
     seen = part.hidden(windows)
     if windows:
@@ -205,12 +204,12 @@ def fuse(
     with results_folder(
         out or Path(f"{part.meta.get('name') or recording.stem}-{filter}{ending}")
     ) as folder:
-        begin = _start(seen, imu, heading, filter)
+        begin = _start(seen, grade, heading, filter)
         with Progress() as progress:
             solution = estimate(
                 seen,
                 filter,
-                imu=imu,
+                imu=grade,
                 start=begin,
                 every=every,
                 say=progress.say,
@@ -234,15 +233,16 @@ def fuse(
     )
 
 
-def _start(recording, imu, heading, filter):
+def _start(
+    recording: "sd.Recording",
+    imu: "str | sd.ImuSpec | dict[str, Any]",
+    heading: float | None,
+    filter: str,
+) -> "sd.Start | None":
     """The Start of `filter` at a heading (deg) that the user knows; None leaves it to `fuse`."""
     if heading is None:
         return None
-    from math import isfinite, radians
-
-    import strapdown as sd
-
-    from ..engine.batch import found, positioned
+    from ..engine.prepare import found, positioned
     from ..filters import find
 
     if not isfinite(heading):
@@ -258,12 +258,11 @@ def _start(recording, imu, heading, filter):
     )
 
 
-def _grade_of(recording):
-    from ..data import DataError
+def _grade_of(recording: "sd.Recording") -> "str | sd.ImuSpec | dict[str, Any]":
     from ..sensor_models.imu import grades
 
     if recording.meta.get("grade") is None:
-        raise DataError(
+        raise sd.DataError(
             f"the recording does not name its IMU: give --imu, one of {', '.join(grades())}, or a file that describes it"
         )
     return recording.meta["grade"]
@@ -279,22 +278,21 @@ def inspect(
         ),
     ],
     write: Annotated[
-        Optional[Path],
+        Path | None,
         typer.Option(help="From a bare CSV: draft the recording.toml that describes it."),
     ] = None,
-):
+) -> None:
     """Say what a recording or a CSV holds, and what is probably wrong with it: rates, gaps, time
     base, units, axes."""
-    from ..data import DataError
     from ..io.inspection import inspect
     from ..io.psins import is_psins
 
     if write is not None and (path.suffix.lower() in (".toml", ".nc", ".npz") or is_psins(path)):
-        raise DataError(
+        raise sd.DataError(
             f"--write drafts the description of a bare CSV; {path} is a recording already"
         )
     if write is not None and write.exists():
-        raise DataError(
+        raise sd.DataError(
             f"--write {write}: there is such a file already; name another, or remove it"
         )
     print(inspect(path))
@@ -309,26 +307,27 @@ def inspect(
 
 
 @app.command()
-def filters():
+def filters() -> None:
     """List the filter architectures with what they need, their options, defaults and sources."""
-    from inspect import signature
-
     from .. import filters
-    from ..engine import batch
+    from ..engine.prepare import positioned
 
     found = [filters.find(name) for name in filters.names()]
-    options = lambda each: " ".join(
-        f"{p.name}={p.default}" for p in list(signature(each.start).parameters.values())[2:]
-    )
-    needs = lambda each: ", ".join(
-        dict.fromkeys([*(["position"] if batch.positioned(each) else []), *each.needs])
-    )
+
+    def options(each: "Filter") -> str:
+        parameters = list(signature(each.start).parameters.values())[2:]
+        return " ".join(f"{p.name}={p.default}" for p in parameters)
+
+    def needs(each: "Filter") -> str:
+        own = ["position"] if positioned(each) else []
+        return ", ".join(dict.fromkeys([*own, *each.needs]))
+
     head = "filter", "needs", "options", "reference"
     wrapped_table(head, [(each.name, needs(each), options(each), each.reference) for each in found])
 
 
 @app.command()
-def imus():
+def imus() -> None:
     """List the IMU grades with their error terms."""
     from ..sensor_models.imu import grade, grades
 
@@ -344,20 +343,18 @@ def imus():
     )
 
 
-def _windows(text):
+def _windows(text: str | None) -> list[tuple[float, float]]:
     """[(start, stop)] from "T:T,T:T"."""
-    from ..data import DataError
-
     windows = []
     for item in filter(str.strip, (text or "").split(",")):
         try:
             start, stop = map(float, item.split(":"))
         except ValueError:
-            raise DataError(
+            raise sd.DataError(
                 f"--hide {item!r}: a window is START:STOP in seconds, windows are separated by commas"
             ) from None
         if not start < stop:
-            raise DataError(f"--hide {item!r}: the window ends before it starts")
+            raise sd.DataError(f"--hide {item!r}: the window ends before it starts")
         windows.append((start, stop))
     return windows
 

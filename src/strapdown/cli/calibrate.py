@@ -2,14 +2,16 @@
 magnetometer from a record."""
 
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
+
+import strapdown as sd
 
 from .console import OUT, results_folder, table
 
 SENSOR = Annotated[
-    Optional[str],
+    str | None,
     typer.Option(
         help="accelerometer, magnetometer, or the name of a magnetometer.  "
         "[default: magnetometer, where there is one]"
@@ -27,17 +29,15 @@ def calibrate(
     ],
     sensor: SENSOR = None,
     start: Annotated[
-        Optional[float], typer.Option("--from", metavar="T", help="First second to use.")
+        float | None, typer.Option("--from", metavar="T", help="First second to use.")
     ] = None,
     stop: Annotated[
-        Optional[float], typer.Option("--to", metavar="T", help="Last second to use.")
+        float | None, typer.Option("--to", metavar="T", help="Last second to use.")
     ] = None,
     out: OUT = Path("calibration"),
-):
+) -> None:
     """Calibrate accelerometer or magnetometer from a record: the file that recording.toml names
     as calibration, residuals, coverage."""
-    import strapdown as sd
-
     found = sd.calibrate(sd.read(recording), sensor, start, stop)
     for note in found.notes:
         print(f"note: {note}")

@@ -1,14 +1,21 @@
 """The command compare: filters side by side on the same GNSS outages of one recording."""
 
+from collections.abc import Sequence
+from math import inf
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import strapdown as sd
+
 from .console import IMU, Progress, number, results_folder, table, triple
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 FILTERS = Annotated[
-    Optional[list[str]],
+    list[str] | None,
     typer.Option(
         metavar="A,B,...",
         help="Filters, with options as NAME:option=value; may be repeated.  "
@@ -24,7 +31,7 @@ OUTAGES = Annotated[
     ),
 ]
 KINDS = Annotated[
-    Optional[str],
+    str | None,
     typer.Option(metavar="KIND,...", help="What is withheld.  [default: position,velocity]"),
 ]
 
@@ -41,33 +48,29 @@ def compare(
     imu: IMU = None,
     kinds: KINDS = None,
     start: Annotated[
-        Optional[float],
+        float | None,
         typer.Option("--from", metavar="T", help="First second of the recording to use."),
     ] = None,
     stop: Annotated[
-        Optional[float],
+        float | None,
         typer.Option("--to", metavar="T", help="Last second of the recording to use."),
     ] = None,
     ahrs: Annotated[
-        Optional[str],
+        str | None,
         typer.Option(
             metavar="NAME",
             help="A filter of attitude alone that runs first and feeds the filters that need attitude.",
         ),
     ] = None,
     out: Annotated[
-        Optional[Path], typer.Option(help="Folder for the results.  [default: NAME-compare]")
+        Path | None, typer.Option(help="Folder for the results.  [default: NAME-compare]")
     ] = None,
-):
+) -> None:
     """Compare filters in the same GNSS outages, with the same start and noise: writes index.html
     and CSV tables."""
-    from math import inf
-
-    import strapdown as sd
-
     whole = sd.read(recording)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
-    given = {"kinds": tuple(words(kinds))} if kinds is not None else {}
+    given: dict[str, Any] = {"kinds": tuple(words(kinds))} if kinds is not None else {}
     with (
         results_folder(out or Path(f"{part.meta.get('name') or recording.stem}-compare")) as folder,
         Progress() as progress,
@@ -87,17 +90,15 @@ def compare(
     print(f"wrote {folder}/index.html, scores.csv, summary.csv, paired.csv, growth.csv, table.csv")
 
 
-def labels(items):
+def labels(items: Sequence[str] | None) -> list[str] | None:
     """["NAME:option=value,option=value", ...] from words that are separated by commas too; None
     where none is given.
 
     A piece with "=" but without ":" is a further option of the filter before it. Raises DataError.
     """
-    from ..data import DataError
-
     if not items:
         return None
-    found = []
+    found: list[str] = []
     for item in items:
         begun = len(found)
         for piece in words(item):
@@ -106,22 +107,22 @@ def labels(items):
             elif len(found) > begun and ":" in found[-1]:
                 found[-1] += f",{piece}"
             else:
-                raise DataError(
+                raise sd.DataError(
                     f"--filters {item!r}: {piece!r} belongs to no filter; write NAME:{piece}"
                 )
     if not found:
-        raise DataError(
+        raise sd.DataError(
             f"--filters {items[0]!r}: it names no filter; `strapdown filters` lists them"
         )
     return found
 
 
-def words(text):
+def words(text: str) -> list[str]:
     """The words of a text between commas."""
     return [word.strip() for word in text.split(",") if word.strip()]
 
 
-def show(found):
+def show(found: "sd.Comparison") -> None:
     """Print what a Comparison says: the notes, the protocol, the RMSE of each outage where they
     are few, the summary, the answer, who failed."""
     from ..experiments.outages.figures import are_listed
@@ -138,7 +139,10 @@ def show(found):
     print(f"start of all filters at {start['t']:.2f} s: {start['note']}")
     if are_listed(found):
         made = found.table()
-        three = lambda i, name: triple([made.loc[i, (axis, name)] for axis in AXES])
+
+        def three(i: int, name: str) -> str:
+            return triple([made[axis, name].loc[i] for axis in AXES])
+
         print("RMSE N E D in each outage, m")
         table(
             ("outage", "from-to, s", *found.filters),
@@ -167,7 +171,7 @@ HEAD = (
 """Of the summary."""
 
 
-def _row(row):
+def _row(row: "pd.Series[Any]") -> tuple[str, ...]:
     """The cells of a row of the summary."""
     ends = triple([row[f"horizontal_end_{what}_m"] for what in ("median", "p90", "max")])
     rmse = triple([row[f"{axis.lower()}_rmse_mean_m"] for axis in AXES])

@@ -1,21 +1,31 @@
 """What the commands share: options, the folder for results, tables, summaries, progress. Heavy
 imports inside functions, so that `--help` stays quick."""
 
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import zip_longest
 from pathlib import Path
-from typing import Annotated, Optional
+from shutil import get_terminal_size
+from tempfile import TemporaryFile
+from textwrap import wrap
+from typing import TYPE_CHECKING, Annotated, Self
 
 import typer
 
+import strapdown as sd
+
+if TYPE_CHECKING:
+    from ..typing import Array
+
 OUT = Annotated[Path, typer.Option(help="Folder for the results.")]
 IMU = Annotated[
-    Optional[str],
+    str | None,
     typer.Option(
         help="IMU grade (see `strapdown imus`) or a file that describes one; default: what the recording names."
     ),
 ]
 OPTION = Annotated[
-    Optional[list[str]],
+    list[str] | None,
     typer.Option(
         metavar="NAME=VALUE",
         help="An option of the filter (see `strapdown filters`); may be repeated.",
@@ -29,7 +39,7 @@ WORKERS = Annotated[
     ),
 ]
 SCHEDULER = Annotated[
-    Optional[str],
+    str | None,
     typer.Option(
         metavar="ADDRESS",
         help="A Dask scheduler, tcp://HOST:PORT, whose workers see the folder of the results.",
@@ -40,9 +50,11 @@ NARROWEST = 32
 """Characters that a column that is wrapped may have at least."""
 
 
-def summarise(solution):
+def summarise(solution: "sd.Solution") -> None:
     """What a user must know of a solution beside its errors: notes, start, fixes, events,
     uncertainty at the end."""
+    from ..reports.summary import claimed_sd
+
     for note in solution.meta.get("notes", []):
         print(f"note: {note}")
     print(f"start: {solution.meta['start']['note']}")
@@ -58,15 +70,15 @@ def summarise(solution):
         print(f"{t:10.2f} s  {text}")
     if len(solution.events) > 10:
         print(f"           and {len(solution.events) - 10} more events; the report lists them")
-    print(f"at the end: {uncertainty(solution.trajectory.sd[-1])}")
+    print(f"at the end: {uncertainty(claimed_sd(solution)[-1])}")
 
 
-def counted(count, noun, plural="s"):
+def counted(count: int, noun: str, plural: str = "s") -> str:
     """`1 fix`, `2 fixes`."""
     return f"{count} {noun}{'' if count == 1 else plural}"
 
 
-def uncertainty(sd):
+def uncertainty(sd: "Array") -> str:
     """The standard deviations of one row that a filter claims, as text; those of the gyro bias
     where it claims no position."""
     import numpy as np
@@ -91,17 +103,18 @@ def uncertainty(sd):
     )
 
 
-def print_outages(solution, reference, windows):
+def print_outages(
+    solution: "sd.Solution", reference: "sd.Trajectory", windows: Iterable[tuple[float, float]]
+) -> None:
     """How far the solution went while its fixes were withheld, a row per window; says in one
     line why there is none."""
-    from ..data import DataError
     from ..evaluation.metrics import outages
 
     rows = []
     for window in windows:
         try:
             (outage,) = outages(solution, reference, [window])
-        except DataError as error:
+        except sd.DataError as error:
             print(f"not scored: {error}")
             continue
         rows.append(
@@ -122,13 +135,13 @@ def print_outages(solution, reference, windows):
         )
 
 
-def triple(values):
+def triple(values: "Iterable[float] | None") -> str:
     """Numbers with three digits each, dashes for what is not known, one dash where nothing is."""
     texts = ["-"] if values is None else [number(float(value)) for value in values]
     return "-" if set(texts) == {"-"} else " ".join(texts)
 
 
-def number(value):
+def number(value: float | None) -> str:
     """A number with three digits, or all before the point of one below 10 million; a dash for
     None and NaN."""
     if value is None or value != value:
@@ -138,7 +151,11 @@ def number(value):
     return f"{value:.0f}" if 999.5 <= abs(value) < 1e7 else f"{value:.3g}"
 
 
-def print_errors(solutions, reference, window=None):
+def print_errors(
+    solutions: "Mapping[str, sd.Solution]",
+    reference: "sd.Trajectory",
+    window: tuple[float, float] | None = None,
+) -> None:
     """A table of root mean square errors; says in one line why there is none. The angles of the
     attitude error where a solution has no position.
 
@@ -146,7 +163,6 @@ def print_errors(solutions, reference, window=None):
     """
     import numpy as np
 
-    from ..data import DataError
     from ..evaluation.metrics import AttitudeAngles, errors, rms
     from ..reports.summary import heading_held
 
@@ -154,7 +170,7 @@ def print_errors(solutions, reference, window=None):
     for name, solution in solutions.items():
         try:
             r = rms(errors(solution, reference), window)
-        except DataError as error:
+        except sd.DataError as error:
             print(f"not scored: {error}")
             continue
         angles = [None if part is None else np.degrees(part) for part in (r.rph, r.angles)]
@@ -183,23 +199,22 @@ def print_errors(solutions, reference, window=None):
         )
 
 
-def table(header, rows):
+def table(header: Sequence[object], rows: Sequence[Sequence[object]]) -> None:
     """Print rows of cells in columns as wide as their widest cell."""
     widths = [max(len(str(row[i])) for row in [header, *rows]) for i in range(len(header))]
     for row in [header, ["-" * width for width in widths], *rows]:
         print("  ".join(str(cell).ljust(width) for cell, width in zip(row, widths)).rstrip())
 
 
-def wrapped_table(header, rows):
+def wrapped_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """The same, but the last two columns go on in further rows, below themselves, where the
     terminal (80 columns without one) is too narrow."""
-    from itertools import zip_longest
-    from shutil import get_terminal_size
-    from textwrap import wrap
-
     before = sum(2 + max(len(row[i]) for row in [header, *rows]) for i in range(len(header) - 2))
     width = max((get_terminal_size().columns - before - 2) // 2, NARROWEST)
-    fit = lambda text: wrap(text, width, break_long_words=False, break_on_hyphens=False) or [""]
+
+    def fit(text: str) -> list[str]:
+        return wrap(text, width, break_long_words=False, break_on_hyphens=False) or [""]
+
     lines = []
     for *lead, one, other in rows:
         for i, parts in enumerate(zip_longest(fit(one), fit(other), fillvalue="")):
@@ -211,7 +226,7 @@ class Progress:
     """A progress bar on standard error where that is a terminal; plain lines for what takes long
     otherwise."""
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         from rich.console import Console
         from rich.progress import Progress
 
@@ -222,28 +237,26 @@ class Progress:
         self.bar.start()
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.bar.stop()
 
-    def say(self, text):
+    def say(self, text: str) -> None:
         """A line that is seen at once."""
         self.console.print(text, highlight=False, soft_wrap=True)
 
-    def track(self, name):
+    def track(self, name: str) -> Callable[[float], None]:
         """A function of the fraction done."""
         task = self.bar.add_task(name, total=1.0)
         return lambda done: self.bar.update(task, completed=float(done))
 
 
-def option_values(items):
+def option_values(items: Sequence[str] | None) -> dict[str, float | str]:
     """{name: value} from NAME=VALUE, numbers as float."""
-    from ..data import DataError
-
-    options = {}
+    options: dict[str, float | str] = {}
     for item in items or ():
         name, equals, value = item.partition("=")
         if not equals:
-            raise DataError(f"--option {item!r}: write NAME=VALUE")
+            raise sd.DataError(f"--option {item!r}: write NAME=VALUE")
         try:
             options[name.strip()] = float(value)
         except ValueError:
@@ -252,13 +265,9 @@ def option_values(items):
 
 
 @contextmanager
-def results_folder(path):
+def results_folder(path: Path) -> Iterator[Path]:
     """The folder for results, made and tried before the work begins; what was made is removed
     again where the work fails and left it empty."""
-    from tempfile import TemporaryFile
-
-    from ..data import DataError
-
     made = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
         try:
@@ -266,7 +275,7 @@ def results_folder(path):
             with TemporaryFile(dir=path):
                 pass
         except OSError as error:
-            raise DataError(
+            raise sd.DataError(
                 f"--out {path}: nothing can be written there ({error.strerror}); choose another folder"
             ) from None
         yield path

@@ -1,10 +1,14 @@
 """The command fly: an aircraft flown by an autopilot on a filter's estimates, with the receiver
 cut on the way."""
 
+import inspect
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated, Any
 
 import typer
+
+import strapdown as sd
 
 from .console import (
     OPTION,
@@ -30,7 +34,7 @@ BAROMETER = Annotated[
     bool, typer.Option("--barometer", help="Carry a barometer of 10 samples per second.")
 ]
 WIND = Annotated[
-    Optional[str],
+    str | None,
     typer.Option(metavar="N,E[,D]", help="Steady wind towards north, east and down, m/s."),
 ]
 
@@ -47,10 +51,10 @@ def fly(
         str, typer.Option(help="IMU grade (see `strapdown imus`) or a file that describes one.")
     ] = "industrial",
     duration: Annotated[
-        Optional[float], typer.Option(metavar="S", help="Seconds to fly [default: the plan's].")
+        float | None, typer.Option(metavar="S", help="Seconds to fly [default: the plan's].")
     ] = None,
     outage: Annotated[
-        Optional[str],
+        str | None,
         typer.Option(
             metavar="T:T,...", help="When the receiver is cut, s; 15: is from 15 s to the end."
         ),
@@ -66,24 +70,23 @@ def fly(
     barometer: BAROMETER = False,
     option: OPTION = None,
     out: Annotated[
-        Optional[Path], typer.Option(help="Folder for the results.  [default: fly-PLAN-FILTER]")
+        Path | None, typer.Option(help="Folder for the results.  [default: fly-PLAN-FILTER]")
     ] = None,
-):
+) -> None:
     """Fly an aircraft on a filter's estimates: writes recording.nc, solution.nc, log.csv and
     report.html."""
-    import strapdown as sd
-
     from ..flight.figures import facts, sections
     from ..flight.fly import fly as flown
     from ..sensor_models.barometer import Barometer
 
-    given = {} if duration is None else {"duration": duration}
+    given: dict[str, Any] = {} if duration is None else {"duration": duration}
     if barometer:
         given["barometer"] = Barometer(rate=10.0)
     with (
         results_folder(out or Path(f"fly-{Path(plan).stem}-{filter}")) as folder,
         Progress() as progress,
     ):
+        given |= _options(option, flown)
         flight = flown(
             plan,
             filter,
@@ -98,7 +101,6 @@ def fly(
             say=progress.say,
             progress=progress.track(filter),
             **given,
-            **_options(option, flown),
         )
         windows = withheld(flight)
         if windows:
@@ -118,22 +120,18 @@ def fly(
     print(f"wrote {folder}/recording.nc, solution.nc, log.csv, report.html")
 
 
-def _options(items, flown):
+def _options(items: list[str] | None, flown: Callable[..., object]) -> dict[str, float | str]:
     """{name: value} of the filter's own options, from NAME=VALUE; those that a flight decides
     are refused."""
-    import inspect
-
-    from ..data import DataError
-
     values = option_values(items)
     if taken := [name for name in values if name in inspect.signature(flown).parameters]:
-        raise DataError(
+        raise sd.DataError(
             f"--option {taken[0]}: the flight decides this one for its filter; leave it out (--seed and --aircraft are the flight's)"
         )
     return values
 
 
-def write_log(flight, path):
+def write_log(flight: "sd.Flight", path: Path) -> None:
     """Write the log of a Flight as CSV, atomically; every column's name has its unit."""
     import pandas as pd
 
@@ -143,12 +141,12 @@ def write_log(flight, path):
         pd.DataFrame(flight.log).to_csv(part, index=False, float_format="%.9g")
 
 
-def show(flight, name, windows):
+def show(flight: "sd.Flight", name: str, windows: Sequence[tuple[float, float]]) -> None:
     """Print what became of a Flight: the filter's errors, the outages, and how the aircraft kept
     to its plan."""
     summarise(flight.solution)
-    print_errors({name: flight.solution}, flight.recording.reference)
-    print_outages(flight.solution, flight.recording.reference, windows)
+    print_errors({name: flight.solution}, _truth(flight))
+    print_outages(flight.solution, _truth(flight), windows)
     for start, stop in windows if flight.solution.has_position else []:
         print(drift(flight, start, stop))
     table(("the aircraft", "rms", "largest", "at the end"), kept(flight))
@@ -156,18 +154,27 @@ def show(flight, name, windows):
         print(flight.stopped)
 
 
-def withheld(flight):
+def _truth(flight: "sd.Flight") -> "sd.Trajectory":
+    truth = flight.recording.reference
+    assert truth is not None  # as of all that is simulated
+    return truth
+
+
+def withheld(flight: "sd.Flight") -> list[tuple[float, float]]:
     """[(start, stop)] in s of the outages as they are scored: to the last sample before a fix
     may be used again, or to where the flight stopped."""
     t = flight.recording.imu.t
-    last = lambda stop: float(t[t < stop - 1e-6][-1]) if stop < t[-1] else float(t[-1])
+
+    def last(stop: float) -> float:
+        return float(t[t < stop - 1e-6][-1]) if stop < t[-1] else float(t[-1])
+
     return [
         (start, last(stop) if start < t[-1] else stop)
         for start, stop in flight.recording.meta["outages"]
     ]
 
 
-def kept(flight):
+def kept(flight: "sd.Flight") -> list[tuple[str, ...]]:
     """Rows (what, RMS, the value of largest magnitude, last), as text: how far the aircraft was
     off its plan, and its controls off their trim."""
     import numpy as np
@@ -184,15 +191,14 @@ def kept(flight):
     for control, trimmed in zip(("elevator", "aileron", "rudder"), flight.trim.commands):
         rows.append((f"{control} from trim, deg", (log[f"{control}, rad"] - trimmed) * degrees))
     rows.append(("throttle from trim, %", (log["throttle"] - flight.trim.commands[3]) * 100))
-    texts = lambda values: (
-        np.sqrt(np.mean(values**2)),
-        values[np.abs(values).argmax()],
-        values[-1],
-    )
-    return [(what, *(number(float(value)) for value in texts(values))) for what, values in rows]
+    found = []
+    for what, values in rows:
+        shown = np.sqrt(np.mean(values**2)), values[np.abs(values).argmax()], values[-1]
+        found.append((what, *(number(float(value)) for value in shown)))
+    return found
 
 
-def drift(flight, start, stop):
+def drift(flight: "sd.Flight", start: float, stop: float) -> str:
     """A sentence on the horizontal error that an outage added, m and by the distance flown in
     it."""
     import numpy as np
@@ -200,7 +206,8 @@ def drift(flight, start, stop):
     from ..evaluation.metrics import errors
     from ..geodesy import displacement
 
-    truth, e = flight.recording.reference, errors(flight.solution, flight.recording.reference)
+    truth, e = _truth(flight), errors(flight.solution, _truth(flight))
+    assert e.position is not None  # only of solutions with a position
     scored = np.flatnonzero((e.t >= start) & (e.t <= stop))
     if len(scored) < 2:
         return f"drift in {start:g}-{stop:g} s: none, the flight ended before"
@@ -211,10 +218,8 @@ def drift(flight, start, stop):
     return f"drift in {start:g}-{stop:g} s: {number(grown)} m in {e.t[last] - e.t[first]:.3g} s, {grown / flown:.2%} of {flown:.0f} m flown"
 
 
-def _wind(text):
+def _wind(text: str | None) -> tuple[float, float, float]:
     """(north, east, down) m/s from "N,E" or "N,E,D"."""
-    from ..data import DataError
-
     if text is None:
         return 0.0, 0.0, 0.0
     try:
@@ -222,5 +227,6 @@ def _wind(text):
     except ValueError:
         values = []
     if len(values) not in (2, 3):
-        raise DataError(f"--wind {text!r}: write north,east or north,east,down in m/s, as 4,-3")
-    return (*values, 0.0)[:3]
+        raise sd.DataError(f"--wind {text!r}: write north,east or north,east,down in m/s, as 4,-3")
+    north, east, down = (*values, 0.0)[:3]
+    return north, east, down

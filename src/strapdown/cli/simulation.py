@@ -1,12 +1,19 @@
 """The commands that simulate: simulate, study, advise, reproduce; and allan, which measures what
 a simulation needs."""
 
+import inspect
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import strapdown as sd
+
 from .console import OUT, SCHEDULER, SEED, WORKERS, Progress, results_folder, table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def simulate(
@@ -18,18 +25,16 @@ def simulate(
     ],
     out: Annotated[Path, typer.Option(help="The recording to write, .nc.")],
     imu: Annotated[
-        Optional[str], typer.Option(help="IMU grade or file [default: the scenario's].")
+        str | None, typer.Option(help="IMU grade or file [default: the scenario's].")
     ] = None,
     seed: SEED = 0,
     duration: Annotated[
-        Optional[float],
+        float | None,
         typer.Option(metavar="S", help="Seconds to simulate [default: the scenario's]."),
     ] = None,
-):
+) -> None:
     """Simulate a scenario and write it with its truth, as a recording that `strapdown fuse`
     reads."""
-    import strapdown as sd
-
     if out.suffix.lower() != ".nc":
         raise sd.DataError(
             f"--out {out}: a recording is written as NetCDF; name a file that ends in .nc"
@@ -50,11 +55,11 @@ def study(
         list[str], typer.Argument(metavar="SCENARIO...", help="Built-in scenarios or TOML files.")
     ],
     imu: Annotated[
-        Optional[list[str]],
+        list[str] | None,
         typer.Option(help="IMU grade or file; may be repeated [default: the scenario's]."),
     ] = None,
     filter: Annotated[
-        Optional[list[str]],
+        list[str] | None,
         typer.Option(
             help="A filter, with options as NAME:option=value; may be repeated.  [default: closed-loop, open-loop]"
         ),
@@ -66,11 +71,9 @@ def study(
     out: OUT = Path("study"),
     workers: WORKERS = 0,
     scheduler: SCHEDULER = None,
-):
+) -> None:
     """Run filters many times on the same simulated data and score them; an interrupted study
     goes on where it was."""
-    import strapdown as sd
-
     made = sd.Study(
         tuple(scenario), tuple(filter or ("closed-loop", "open-loop")), tuple(imu or ()), runs, seed
     )
@@ -89,12 +92,8 @@ def study(
     print(f"wrote {out}/summary.csv, runs.csv and the chunk files in chunks")
 
 
-def print_summary(summary):
+def print_summary(summary: "pd.DataFrame") -> None:
     """The columns of a summary that a screen has room for."""
-    number = lambda value: "-" if value != value else f"{value:.3g}"
-    interval = lambda row, name: (
-        f"{number(row[name])} ({number(row[name + '_low'])}-{number(row[name + '_high'])})"
-    )
     header = (
         "scenario",
         "IMU",
@@ -114,15 +113,24 @@ def print_summary(summary):
                 row.imu,
                 row["filter"],
                 f"{row.survived:.0%}",
-                interval(row, "rmse_position_m"),
-                number(row.censored_position_m),
-                number(row.rmse_heading_deg),
-                number(row.anees),
-                number(row.bound_ratio),
+                _interval(row, "rmse_position_m"),
+                _digits(row.censored_position_m),
+                _digits(row.rmse_heading_deg),
+                _digits(row.anees),
+                _digits(row.bound_ratio),
             )
             for _, row in summary.iterrows()
         ],
     )
+
+
+def _digits(value: float) -> str:
+    return "-" if value != value else f"{value:.3g}"
+
+
+def _interval(row: "pd.Series[Any]", name: str) -> str:
+    """A number of a row of the summary, and its interval."""
+    return f"{_digits(row[name])} ({_digits(row[name + '_low'])}-{_digits(row[name + '_high'])})"
 
 
 def advise(
@@ -140,12 +148,12 @@ def advise(
         str, typer.Option(metavar="T", help="Length of the mission: 90min, 2h, or seconds.")
     ],
     runs: Annotated[
-        Optional[int],
+        int | None,
         typer.Option(metavar="N", help="Runs of the study [default: as the page says]."),
     ] = None,
     seed: SEED = 0,
     map: Annotated[
-        Optional[bool],
+        bool | None,
         typer.Option(
             "--map/--no-map",
             help="Also the crossover map of grades, durations and dynamics.  [default: unless --quick]",
@@ -157,7 +165,7 @@ def advise(
     out: OUT = Path("advice"),
     workers: WORKERS = 0,
     scheduler: SCHEDULER = None,
-):
+) -> None:
     """Open loop, closed loop, or reset every t seconds, for your IMU and mission: with
     intervals, and how sure it is."""
     from ..experiments.advice.advise import advise
@@ -181,38 +189,35 @@ def advise(
     print(f"wrote {out}/index.html")
 
 
-def _reproduction(name):
+def _reproduction(name: str) -> Callable[..., list[dict[str, Any]]]:
     """The function of that name that an installed package offers as an entry point
     `strapdown.reproductions`."""
     from importlib.metadata import entry_points
 
-    from .. import __version__
-    from ..data import DataError
-
     offered = {entry.name: entry for entry in entry_points(group="strapdown.reproductions")}
     if not offered:
-        raise DataError(
+        raise sd.DataError(
             f"reproduce {name}: the package strapdown-reproductions is not installed; install it from the folder reproductions of the "
             "repository (pip install ./reproductions)"
         )
     if name not in offered:
-        raise DataError(
+        raise sd.DataError(
             f"nothing to reproduce is called {name!r}; there is: {', '.join(sorted(offered))}"
         )
     package = offered[name].dist
     if (
         package is not None
-        and package.version != __version__
+        and package.version != sd.__version__
         and package.name == "strapdown-reproductions"
     ):
-        raise DataError(
-            f"reproduce {name}: {package.name} {package.version} belongs to another strapdown than {__version__}; "
+        raise sd.DataError(
+            f"reproduce {name}: {package.name} {package.version} belongs to another strapdown than {sd.__version__}; "
             "install both from one checkout (pip install . ./reproductions)"
         )
     try:
         return offered[name].load()
     except (ImportError, AttributeError) as error:
-        raise DataError(
+        raise sd.DataError(
             f"reproduce {name}: {package.name if package else offered[name].value} cannot be loaded ({error}); install it again"
         ) from None
 
@@ -235,24 +240,20 @@ def reproduce(
         bool, typer.Option("--ablations", help="Also what decides the result.")
     ] = False,
     runs: Annotated[
-        Optional[int], typer.Option(metavar="N", help="Runs of each configuration.")
+        int | None, typer.Option(metavar="N", help="Runs of each configuration.")
     ] = None,
-    seed: Annotated[Optional[int], typer.Option(help="Of the random errors [default: 2].")] = None,
+    seed: Annotated[int | None, typer.Option(help="Of the random errors [default: 2].")] = None,
     workers: WORKERS = 0,
     scheduler: SCHEDULER = None,
     recordings: Annotated[
-        Optional[Path],
+        Path | None,
         typer.Option(
             help="Folder of the recordings, or of their descriptions "
             "[default: those of the checkout and the data folder]."
         ),
     ] = None,
-):
+) -> None:
     """Run a published or recorded result again: writes index.html, CSV tables and claims.json."""
-    import inspect
-
-    from ..data import DataError
-
     run = _reproduction(name)
     given = {
         key: value
@@ -269,9 +270,12 @@ def reproduce(
     }
     takes = inspect.signature(run).parameters
     if foreign := [key for key in given if key not in takes]:
-        raise DataError(f"reproduce {name} has no option --{foreign[0]}; leave it out")
+        raise sd.DataError(f"reproduce {name} has no option --{foreign[0]}; leave it out")
     with results_folder(out), Progress() as progress:
-        told = {"say": lambda: progress.say, "progress": lambda: progress.track(name)}
+        told: dict[str, Callable[[], object]] = {
+            "say": lambda: progress.say,
+            "progress": lambda: progress.track(name),
+        }
         claims = run(out, **given, **{key: made() for key, made in told.items() if key in takes})
     if claims and "verdict" in claims[0]:
         table(("verdict", "the paper says"), [(c["verdict"], c["claim"]) for c in claims])
@@ -292,17 +296,15 @@ def allan(
         ),
     ],
     start: Annotated[
-        Optional[float], typer.Option("--from", metavar="T", help="First second of the rest.")
+        float | None, typer.Option("--from", metavar="T", help="First second of the rest.")
     ] = None,
     stop: Annotated[
-        Optional[float], typer.Option("--to", metavar="T", help="Last second of the rest.")
+        float | None, typer.Option("--to", metavar="T", help="Last second of the rest.")
     ] = None,
     out: OUT = Path("allan"),
-):
+) -> None:
     """Allan deviation of an IMU at rest: its noise coefficients, their plot, and the grade they
     suggest."""
-    import strapdown as sd
-
     from ..allan.page import analyse
 
     analysis = analyse(sd.read(recording), start, stop)

@@ -6,7 +6,10 @@ attitude, bias. Like that it is applied to rows of a workspace, with constant of
 trip counts. States beyond the fifteenth stand still.
 """
 
-from .contract import ADJOINT_STEP, SAVE_STEP, Smoother
+from collections.abc import Callable
+
+from ..typing import Array
+from .contract import ADJOINT_STEP, SAVE_STEP, Belief, Smoother
 from .error_dynamics import BLOCKS, PP, TP, TV, VP, VV
 from .error_state import DV, PREDICTED, STEP, WORK
 from .jit import flatten, helper, inlined, kernel, matrix
@@ -24,19 +27,19 @@ INNOVATION, U = (
 ONE, OTHER, COLUMN = 0, 240, 480  # of the workspace: 15 rows of 16 twice, and a column
 
 
-def width(n):
+def width(n: int) -> int:
     """Numbers of a record of one call, with n states."""
     return max(PREDICTION, U + 6 * n)
 
 
 @kernel(SAVE_STEP)
-def save_step(belief, record):
+def save_step(belief: Belief, record: Array) -> None:
     """What `linearised_step` or `measure`, whichever was called last, left in workspace."""
     kept(belief, record)
 
 
 @helper
-def kept(belief, record):
+def kept(belief: Belief, record: Array) -> None:
     """The step of `save_step`, for a filter that keeps something beside."""
     workspace, n = belief.workspace, belief.P.shape[0]
     record[0] = workspace[STEP.start]
@@ -55,13 +58,13 @@ def kept(belief, record):
 
 
 @kernel(ADJOINT_STEP)
-def adjoint_step(call, lam, Lam, work):
+def adjoint_step(call: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The adjoint of the call in a record of `save_step`."""
     undone(call, lam, Lam, work)
 
 
 @helper
-def undone(call, lam, Lam, work):
+def undone(call: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The step of `adjoint_step`, for a filter that keeps something beside."""
     if call[0] == PREDICTED:
         unpropagated(call, lam, Lam, work)
@@ -72,13 +75,15 @@ def undone(call, lam, Lam, work):
             _uncorrected(lam.size, call, lam, Lam, work)
 
 
-def transposed_transition(name, source, target, stride, blocks_of_lanes, lanes):
+def transposed_transition(
+    name: str, source: int, target: int, stride: int, blocks_of_lanes: tuple[int, ...], lanes: int
+) -> Callable[[Array, Array], None]:
     """A helper that applies Phi' to columns of 15 rows in the workspace, from `source` to
     `target`: `lanes` of them from each of `blocks_of_lanes` on."""
     p, v, t, a, g = (tuple(source + (3 * k + i) * stride for i in range(3)) for k in range(5))
     P, V, T, A, G = (tuple(target + (3 * k + i) * stride for i in range(3)) for k in range(5))
 
-    def apply(work, step):
+    def apply(work: Array, step: Array) -> None:
         dt = step[DT]
         keep_a, keep_g = decay(step[DECAY_A] * dt), decay(step[DECAY_G] * dt)
         w0, w1, w2 = step[W], step[W + 1], step[W + 2]
@@ -173,7 +178,7 @@ _one = transposed_transition("_one", COLUMN, COLUMN + 15, 1, (0,), 1)
 
 
 @helper
-def unpropagated(step, lam, Lam, work):
+def unpropagated(step: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The adjoint of `propagate`: lam <- Phi' lam and Lam <- Phi' Lam Phi. lam goes along as the
     sixteenth column of Lam.
 
@@ -219,7 +224,7 @@ def unpropagated(step, lam, Lam, work):
 
 
 @inlined
-def _uncorrected(n, call, lam, Lam, work):
+def _uncorrected(n: int, call: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The adjoint of `update`, with its K H = U' H, both whitened: lam <- lam - H' (U lam + e) and
     Lam <- (I - U' H)' Lam (I - U' H) + H' H.
 

@@ -6,12 +6,13 @@ estimate. `docs/design.md` tells why.
 """
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
-from numba import types
+from numba import types as numba_types
 
+from ..typing import Array, Ints, Vector
 from .jit import (
     COMPILED,
     address,
@@ -24,6 +25,7 @@ from .jit import (
     matrix,
     plain,
 )
+from .rotation import euler_to_matrix
 
 __all__ = [
     "Belief",
@@ -36,6 +38,14 @@ __all__ = [
     "Filter",
     "Smoother",
     "Measurement",
+    "Source",
+    "Observe",
+    "Predict",
+    "Correct",
+    "SaveStep",
+    "AdjointStep",
+    "Configure",
+    "Diagnose",
     "PARAMETERS",
     "WALK",
     "FIRST",
@@ -85,18 +95,17 @@ follow them."""
 class Belief(NamedTuple):
     """What a filter believes at one instant, at the IMU; arrays updated in place."""
 
-    lla: np.ndarray  # latitude rad, longitude rad, ellipsoidal height m
-    v: np.ndarray  # velocity NED, m/s
-    C: np.ndarray  # C_nb, body to navigation frame
-    ba: np.ndarray  # accelerometer bias, m/s^2
-    bg: np.ndarray  # gyro bias, rad/s
-    P: np.ndarray  # error covariance (n, n)
-    omega: np.ndarray  # last bias-free angular rate omega_ib_b, rad/s
-    f: np.ndarray  # last bias-free specific force f_ib_b, m/s^2
-    workspace: (
-        np.ndarray
-    )  # what one architecture alone needs; its first numbers are the filter's extra output columns
-    extra_states: np.ndarray  # the states that aidings bring along, error states 15 ...
+    lla: Array  # latitude rad, longitude rad, ellipsoidal height m
+    v: Array  # velocity NED, m/s
+    C: Array  # C_nb, body to navigation frame
+    ba: Array  # accelerometer bias, m/s^2
+    bg: Array  # gyro bias, rad/s
+    P: Array  # error covariance (n, n)
+    omega: Array  # last bias-free angular rate omega_ib_b, rad/s
+    f: Array  # last bias-free specific force f_ib_b, m/s^2
+    # what one architecture alone needs; its first numbers are the filter's extra output columns
+    workspace: Array
+    extra_states: Array  # the states that aidings bring along, error states 15 ...
 
 
 class Noise(NamedTuple):
@@ -115,17 +124,17 @@ class Start(NamedTuple):
     override a part with `_replace`."""
 
     t: float
-    lla: tuple  # latitude rad, longitude rad, ellipsoidal height m
-    v: tuple  # NED, m/s
-    rph: tuple  # roll, pitch, heading, rad
-    ba: tuple  # accelerometer bias, m/s^2
-    bg: tuple  # gyro bias, rad/s
+    lla: tuple[float, ...]  # latitude rad, longitude rad, ellipsoidal height m
+    v: tuple[float, ...]  # NED, m/s
+    rph: tuple[float, ...]  # roll, pitch, heading, rad
+    ba: tuple[float, ...]  # accelerometer bias, m/s^2
+    bg: tuple[float, ...]  # gyro bias, rad/s
     # 15 standard deviations in the order of the error states, then those of states that aidings
     # bring along
-    sd: tuple
+    sd: tuple[float, ...]
     note: str = ""  # how each part was found
 
-    def towards(self, q_nb):
+    def towards(self, q_nb: Vector) -> "Start":
         """This Start with the attitude of a unit quaternion, scalar first, body to navigation.
         Raises ValueError where it is none."""
         q = np.asarray(q_nb, float)
@@ -143,13 +152,15 @@ class Start(NamedTuple):
             )
         )
 
-    def belief(self, workspace):
+    def belief(self, workspace: Array) -> Belief:
         """A Belief at this start with a diagonal P; `workspace` is the filter's own array."""
-        from .rotation import euler_to_matrix
 
-        column = lambda values: np.array(values, float)
+        def column(values: tuple[float, ...]) -> Array:
+            return np.array(values, float)
+
         C = np.empty((3, 3))
-        plain(euler_to_matrix)(*(float(angle) for angle in self.rph), C)
+        roll, pitch, heading = (float(angle) for angle in self.rph)
+        plain(euler_to_matrix)(roll, pitch, heading, C)
         return Belief(
             column(self.lla),
             column(self.v),
@@ -167,53 +178,51 @@ class Start(NamedTuple):
 class Imu(NamedTuple):
     """IMU samples as columns: row k is the integral over (t[k] - dt[k], t[k]]."""
 
-    t: np.ndarray  # s
-    dt: np.ndarray  # s
-    dtheta: np.ndarray  # (n, 3) integral of the angular rate, body FRD, rad
-    dv: np.ndarray  # (n, 3) integral of the specific force, body FRD, m/s
+    t: Array  # s
+    dt: Array  # s
+    dtheta: Array  # (n, 3) integral of the angular rate, body FRD, rad
+    dv: Array  # (n, 3) integral of the specific force, body FRD, m/s
 
 
 class Fixes(NamedTuple):
     """All aiding of a run, merged and sorted by time, and what each source of it is."""
 
-    t: np.ndarray  # s
-    source: np.ndarray  # int64, row of the three tables below
-    y: np.ndarray  # (m, 3); what a sensor does not measure is NaN
-    sd: np.ndarray  # (m, 3) of the rows of the innovation
-    kind: np.ndarray  # int64 per source
-    parameters: np.ndarray  # (sources, PARAMETERS)
-    gate: np.ndarray  # per source, bound on NIS; inf switches gating off
+    t: Array  # s
+    source: Ints  # int64, row of the three tables below
+    y: Array  # (m, 3); what a sensor does not measure is NaN
+    sd: Array  # (m, 3) of the rows of the innovation
+    kind: Ints  # int64 per source
+    parameters: Array  # (sources, PARAMETERS)
+    gate: Array  # per source, bound on NIS; inf switches gating off
 
 
 class Cursor(NamedTuple):
     """The loop's own state, so that a run can stop and go on at any sample."""
 
-    at: np.ndarray  # int64, see the names in core/loop.py
-    now: np.ndarray  # time of the belief, s
-    previous: np.ndarray  # the last sample: increments (6), seconds
-    work: np.ndarray  # increments in use (6), a part of them (6), innovation (3)
-    accepted: np.ndarray  # int64 per source
-    rejected: np.ndarray  # int64 per source
-    in_a_row: np.ndarray  # int64 per source: rejections since the last accepted fix
-    since: (
-        np.ndarray
-    )  # time of the first of them, or of the last that was used with the gate lifted
-    lifts: (
-        np.ndarray
-    )  # int64 per source: how many of them were used so, positions and velocities apart
-    last: np.ndarray  # per source: time up to which its own states have walked
+    at: Ints  # int64, see the names in core/loop.py
+    now: Array  # time of the belief, s
+    previous: Array  # the last sample: increments (6), seconds
+    work: Array  # increments in use (6), a part of them (6), innovation (3)
+    accepted: Ints  # int64 per source
+    rejected: Ints  # int64 per source
+    in_a_row: Ints  # int64 per source: rejections since the last accepted fix
+    # time of the first of them, or of the last that was used with the gate lifted
+    since: Array
+    # int64 per source: how many of them were used so, positions and velocities apart
+    lifts: Ints
+    last: Array  # per source: time up to which its own states have walked
 
 
 class Output(NamedTuple):
     """What a run writes: a row per kept IMU sample, a row per fix."""
 
-    nav: np.ndarray  # (rows, NAV_COLUMNS + extra columns of the filter)
-    covariance: np.ndarray  # (rows, n, n), or (0, n, n)
-    fix: np.ndarray  # (m, FIX_COLUMNS)
+    nav: Array  # (rows, NAV_COLUMNS + extra columns of the filter)
+    covariance: Array  # (rows, n, n), or (0, n, n)
+    fix: Array  # (m, FIX_COLUMNS)
     # (calls, width) what each call of predict and correct left for the smoother; (0,) without one,
     # which is another type
-    record: np.ndarray
-    mark: np.ndarray  # int64 per row: calls before it; unused without a record
+    record: Array
+    mark: Ints  # int64 per row: calls before it; unused without a record
 
 
 PARAMETERS, WALK, FIRST = 8, 6, 7
@@ -236,7 +245,16 @@ before the next accepted position fix."""
 long gap, attitude filters treat directions their way, a heave filter the waves about mean sea
 level, filters fed with an attitude take it as known, gains belong to what they act on."""
 
+OBSERVE: Any
+PREDICT: Any
+CORRECT: Any
+RUN: Any
+RUN_RECORDED: Any
+SAVE_STEP: Any
+ADJOINT_STEP: Any
+RUN_BACK: Any
 if COMPILED:
+    types: Any = numba_types  # whose own annotations are not complete
     _f8, _i8 = types.float64, types.int64
     _line, _table, _cube = (
         types.Array(_f8, 1, "C"),
@@ -244,7 +262,10 @@ if COMPILED:
         types.Array(_f8, 3, "C"),
     )
     _count = types.Array(_i8, 1, "C")
-    _named = lambda cls, *fields: types.NamedTuple(fields, cls)
+
+    def _named(cls: type, *fields: Any) -> Any:
+        return types.NamedTuple(fields, cls)
+
     BELIEF = _named(Belief, _line, _line, _table, _line, _line, _table, _line, _line, _line, _line)
     NOISE = types.NamedUniTuple(_f8, len(Noise._fields), Noise)
     IMU = _named(Imu, _line, _line, _table, _table)
@@ -279,16 +300,61 @@ else:
     )
 
 
+class Source(Protocol):
+    """What a filter may ask of a source of fixes before a run: an Aiding, which is defined above
+    the kernels. Times in s, y and sd in SI and radians."""
+
+    @property
+    def kind(self) -> str:
+        """Name of what it measures, as in `aiding`."""
+
+    @property
+    def name(self) -> str:
+        """As shown in tables; empty: the kind."""
+
+    @property
+    def t(self) -> Array:
+        """Times (m,), s."""
+
+    @property
+    def y(self) -> Array:
+        """Measured values (m, components); NaN where not measured."""
+
+    @property
+    def sd(self) -> Array:
+        """Standard deviations (m, rows)."""
+
+    @property
+    def parameters(self) -> Sequence[float]:
+        """As its Measurement says, e.g. a lever arm."""
+
+
+Observe: TypeAlias = Callable[[Belief, Array, Array, Array, Array], int]
+"""(belief, y, parameters, innovation, H) -> rows, at most 3 of y - h(belief), SI and radians."""
+Predict: TypeAlias = Callable[[Belief, Array, float, Noise], None]
+"""(belief, u, dt, noise): u[0:6] = rotation (rad) and velocity (m/s) increments over dt (s)."""
+Correct: TypeAlias = Callable[[Belief, Array, Array, int, Observe, Array, float, Array], float]
+"""(belief, y, sd, kind, observe, parameters, gate, innovation) -> NIS."""
+SaveStep: TypeAlias = Callable[[Belief, Array], None]
+"""(belief, record (width,)): what the adjoint of the last call of predict or correct needs, also
+where it did nothing."""
+AdjointStep: TypeAlias = Callable[[Array, Array, Array, Array], None]
+"""(record, lam (k,), Lam (k, k), work: core.smoother.work_size): the adjoint of that call, on the
+states that the filter estimates and the tail."""
+Configure: TypeAlias = Callable[
+    [dict[str, Any], Sequence[Source]], tuple[dict[str, Any], list[str]]
+]
+"""(options, sources that the filter uses) -> (options, notes). Raises ValueError."""
+Diagnose: TypeAlias = Callable[[Array, Array, Mapping[str, Array]], list[tuple[float, str]]]
+"""(t (n,), lla (n, 3), {column: (n,)}) -> [(t, text)] of the kept rows."""
+
+
 class Smoother(NamedTuple):
     """How the calls of a filter are undone, last one first."""
 
-    width: Callable  # n -> numbers of a record of one call, with n states
-    # (belief, record (width,)): what the adjoint of the last call of predict or correct needs, also
-    # where it did nothing
-    save_step: Callable
-    # (record, lam (k,), Lam (k, k), work: core.smoother.workspace): the adjoint of that call, on
-    # the states that the filter estimates and the tail
-    adjoint_step: Callable
+    width: Callable[[int], int]  # n -> numbers of a record of one call, with n states
+    save_step: SaveStep
+    adjoint_step: AdjointStep
 
 
 class Filter(NamedTuple):
@@ -297,31 +363,25 @@ class Filter(NamedTuple):
 
     name: str
     reference: str
-    start: Callable  # (Start, Noise, **options) -> Belief; plain Python, refuses bad options
-    predict: (
-        Callable  # (belief, u, dt, noise): u[0:6] = rotation (rad) and velocity (m/s) increments
-    )
-    correct: Callable  # (belief, y, sd, kind, observe, parameters, gate, innovation) -> NIS
-    states: tuple = tuple(
-        range(STATES)
-    )  # the standard deviations it claims; the others are published as NaN
-    estimates: tuple = tuple(
-        range(STATES)
-        # the states it estimates at all; the others are published as NaN. Without position it starts
-        # without one
-    )
-    columns: tuple = ()  # names, with units, of its extra output columns
+    # (Start, Noise, **options) -> Belief; plain Python, refuses bad options
+    start: Callable[..., Belief]
+    predict: Predict
+    correct: Correct
+    # the standard deviations it claims; the others are published as NaN
+    states: tuple[int, ...] = tuple(range(STATES))
+    # the states it estimates at all; the others are published as NaN. Without position it starts
+    # without one
+    estimates: tuple[int, ...] = tuple(range(STATES))
+    columns: tuple[str, ...] = ()  # names, with units, of its extra output columns
     # kinds of aiding that it can use; None: all. Sources of other kinds are left out and named in
     # the notes
-    uses: tuple = None
-    needs: tuple = ()  # kinds without which it cannot run
-    # (options, sources it uses) -> (options, notes): options that the sources decide where the user
-    # does not; refuses what it cannot run on
-    configure: Callable = None
+    uses: tuple[str, ...] | None = None
+    needs: tuple[str, ...] = ()  # kinds without which it cannot run
+    # options that the sources decide where the user does not; refuses what it cannot run on
+    configure: Configure | None = None
     unaided_note: str = ""  # what to say where a recording has no source that it can use
-    smoother: Smoother = None
-    # (t (n,), lla (n, 3), {column: (n,)}) -> [(t, text)]: what of the kept rows a user must know
-    diagnose: Callable = None
+    smoother: Smoother | None = None
+    diagnose: Diagnose | None = None  # what of the kept rows a user must know
 
 
 class Measurement(NamedTuple):
@@ -329,11 +389,10 @@ class Measurement(NamedTuple):
 
     name: str
     kind: int  # index of the observer, a module constant
-    # (belief, y, parameters, innovation, H) -> rows, at most 3 of y - h(belief), SI and radians
-    observe: Callable
+    observe: Observe
     # what each component of y is: "latitude", "longitude", "length", "speed", "angle",
     # "acceleration", "magnetic field", "pressure"
-    quantities: tuple
+    quantities: tuple[str, ...]
     # what parameters[0:3] is: "" nothing, "antenna" or "reference": lever arm from the IMU to that
     # point, m, body; "field": T, NED
     parameters: str = ""
@@ -342,6 +401,6 @@ class Measurement(NamedTuple):
     when: str = ""  # a constraint that holds only then: "at rest"
     reference: str = ""
     # names, with units, of the states that each source of this kind brings along
-    states: tuple = ()
+    states: tuple[str, ...] = ()
     state_sd: float = 0.0  # their initial standard deviation
     state_walk: float = 0.0  # their random walk, unit/sqrt(s)

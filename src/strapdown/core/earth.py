@@ -7,6 +7,7 @@ height term (Heiskanen & Moritz 1967, 2-123).
 
 import math
 
+from ..typing import Array
 from .jit import helper
 
 A = 6378137.0
@@ -22,7 +23,7 @@ MU = 3.986004418e14
 GRAVITY_EQUATOR, SOMIGLIANA = 9.7803253359, 0.00193185265241
 M_RATIO = RATE**2 * A**3 * (1 - F) / MU
 """Centrifugal over gravitational acceleration at the equator."""
-FAR = 500e3
+FAR_HEIGHT = 500e3
 """Height beyond which gravity is inverse-square instead of a series in height, m."""
 LATITUDE_LIMIT = math.radians(89.0)
 """Results hold up to this latitude: beyond it the azimuth of the north axis turns too fast for a
@@ -30,13 +31,13 @@ metre of position error."""
 
 
 @helper
-def radii(lat):
+def radii(lat: float) -> tuple[float, float]:
     """Meridian and normal radius of curvature R_M, R_N, m."""
     return curvature(math.sin(lat))
 
 
 @helper
-def curvature(sine):
+def curvature(sine: float) -> tuple[float, float]:
     """`radii` at the sine of a latitude."""
     x = 1 - E2 * sine * sine
     R_N = A / math.sqrt(x)
@@ -44,7 +45,7 @@ def curvature(sine):
 
 
 @helper
-def place(lat, h):
+def place(lat: float, h: float) -> tuple[float, float, float, float]:
     """What every equation at a position needs: sine and cosine of latitude, M = R_M + h and N = R_N
     + h in m.
 
@@ -57,7 +58,9 @@ def place(lat, h):
 
 
 @helper
-def rotation_rates(v_n, v_e, sine, cosine, M, N):
+def rotation_rates(
+    v_n: float, v_e: float, sine: float, cosine: float, M: float, N: float
+) -> tuple[float, float, float, float, float]:
     """omega_ie_n (north, down; east is zero) and omega_in_n = omega_ie_n + omega_en_n (north,
     east, down), rad/s."""
     ie_n, ie_d = RATE * cosine, -RATE * sine
@@ -65,11 +68,11 @@ def rotation_rates(v_n, v_e, sine, cosine, M, N):
 
 
 @helper
-def gravity(sine, h):
-    """Normal gravity, m/s^2, down, from the sine of latitude; inverse-square beyond `FAR`, where
-    only a raw INS gets."""
+def gravity(sine: float, h: float) -> float:
+    """Normal gravity, m/s^2, down, from the sine of latitude; inverse-square beyond
+    `FAR_HEIGHT`, where only a raw INS gets."""
     square = sine * sine
-    if abs(h) > FAR:
+    if abs(h) > FAR_HEIGHT:
         r = max(A + h, 0.1 * A)
         return MU / (r * r)
     surface = GRAVITY_EQUATOR * (1 + SOMIGLIANA * square) / math.sqrt(1 - E2 * square)
@@ -77,7 +80,7 @@ def gravity(sine, h):
 
 
 @helper
-def gravity_gradient(sine, cosine, h):
+def gravity_gradient(sine: float, cosine: float, h: float) -> tuple[float, float]:
     """d gravity / d lat (m/s^2/rad) and d gravity / d h (1/s^2), both with the second-order
     term."""
     square = sine * sine
@@ -98,7 +101,7 @@ def gravity_gradient(sine, cosine, h):
 
 
 @helper
-def displace(lla, north, east, down):
+def displace(lla: Array, north: float, east: float, down: float) -> None:
     """Move a geodetic position by metres NED, in place; longitude stays in [-pi, pi], and a pole
     is crossed, not passed."""
     sine = math.sin(lla[0])

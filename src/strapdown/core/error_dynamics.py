@@ -8,6 +8,8 @@ differentiation of the mechanization demands (`docs/conventions.md`); Groves (20
 
 import numpy as np
 
+from ..typing import Array, Vector
+from .contract import Noise
 from .earth import gravity_gradient, place, rotation_rates
 from .jit import helper
 
@@ -30,7 +32,7 @@ and theta, columns p and v."""
 
 
 @helper
-def kinematic_blocks(lla, v, model, F):
+def kinematic_blocks(lla: Array, v: Array, model: int, F: Array) -> tuple[float, float, float]:
     """The blocks F_pp, F_vp, F_vv, F_theta_p, F_theta_v at a position and velocity, into F[0:45];
     entries that are zero in every model are left.
 
@@ -83,12 +85,14 @@ def kinematic_blocks(lla, v, model, F):
     return w0, w1, w2
 
 
-def cross_matrix(a):
+def cross_matrix(a: Vector) -> Array:
     """S(a) with S(a) b = a x b."""
     return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0.0]])
 
 
-def dynamics(lla, v, C, f_n, noise, model=CORRECTED):
+def dynamics(
+    lla: Vector, v: Vector, C: Array, f_n: Vector, noise: Noise, model: int = CORRECTED
+) -> tuple[Array, Array]:
     """F (15, 15) in 1/s and the spectral density G Q_c G' (15, 15): the plain matrices that the
     compiled transition is tested against.
 
@@ -97,7 +101,10 @@ def dynamics(lla, v, C, f_n, noise, model=CORRECTED):
     blocks = np.zeros(BLOCKS)
     lla, v = np.asarray(lla, float), np.asarray(v, float)
     omega_in_n = kinematic_blocks(lla, v, model, blocks)
-    block = lambda first: blocks[first : first + 9].reshape(3, 3)
+
+    def block(first: int) -> Array:
+        return blocks[first : first + 9].reshape(3, 3)
+
     F = np.zeros((15, 15))
     F[0:3, 0:3], F[0:3, 3:6] = block(PP), np.eye(3)
     F[3:6, 0:3], F[3:6, 3:6], F[3:6, 6:9], F[3:6, 9:12] = (

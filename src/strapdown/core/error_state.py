@@ -5,7 +5,8 @@ import math
 
 import numpy as np
 
-from .contract import ATT, BA, BG, POS, STATES, VEL
+from ..typing import Array
+from .contract import ATT, BA, BG, POS, STATES, VEL, Belief, Noise, Observe
 from .earth import displace
 from .error_dynamics import BLOCKS, LATITUDE_GRAVITY, MODELS, kinematic_blocks
 from .jit import helper, inlined, matrix, plain
@@ -17,12 +18,9 @@ X = slice(0, STATES)  # error state kept apart from the belief; zero where it is
 MODEL = X.stop  # which error model; see error_dynamics
 OWN = MODEL + 1  # 52 numbers for the architecture itself
 HEIGHT = OWN + 52  # gravity at this times the height: 1 or 0
-STEP = slice(
-    OWN + 53,
-    OWN + 60,
-    # of the last call: rows used, or PREDICTED; dt, rotation of n over it (rad), decays of the biases
-    # (1/s)
-)
+# of the last call: rows used, or PREDICTED; dt, rotation of n over it (rad), decays of the biases
+# (1/s)
+STEP = slice(OWN + 53, OWN + 60)
 BLOCK = slice(STEP.stop, STEP.stop + BLOCKS)  # blocks of F
 MID = BLOCK.stop  # C_nb at mid-interval, 3 x 3
 DV = slice(MID + 9, MID + 12)  # specific-force velocity increment in n, bias-free, m/s
@@ -30,7 +28,7 @@ DX = slice(DV.stop, DV.stop + 2 * STATES)  # the correction that `measure` found
 WORK = DX.stop  # workspace of core.kalman, to the end; its last 3 n numbers are H (3, n)
 
 
-def auxiliary(n, error_model="corrected"):
+def auxiliary(n: int, error_model: str = "corrected") -> Array:
     """The workspace array of an error-state filter with n states; refuses an unknown error
     model."""
     if error_model not in MODELS:
@@ -42,7 +40,9 @@ def auxiliary(n, error_model="corrected"):
 
 
 @inlined
-def linearised_step(belief, C, coupling, u, dt, noise, beside):
+def linearised_step(
+    belief: Belief, C: Array, coupling: float, u: Array, dt: float, noise: Noise, beside: bool
+) -> None:
     """Propagate P, and the error state where one is kept `beside` the belief, over dt, linearised
     at the belief with bias-corrected increments.
 
@@ -87,7 +87,9 @@ def linearised_step(belief, C, coupling, u, dt, noise, beside):
 
 
 @inlined
-def bias_free(u, ba, bg, dt):
+def bias_free(
+    u: Array, ba: Array, bg: Array, dt: float
+) -> tuple[float, float, float, float, float, float]:
     """Increments u of one sample without the biases: rotation vector (rad) and velocity (m/s),
     as six numbers."""
     return (
@@ -101,7 +103,7 @@ def bias_free(u, ba, bg, dt):
 
 
 @helper
-def decay_biases(ba, bg, dt, noise):
+def decay_biases(ba: Array, bg: Array, dt: float, noise: Noise) -> None:
     """The mean of a Gauss-Markov bias over dt; a random walk (decay 0) keeps it."""
     keep_a, keep_g = decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt)
     for i in range(3):
@@ -110,7 +112,15 @@ def decay_biases(ba, bg, dt, noise):
 
 
 @inlined
-def measure(belief, y, sd, observe, parameters, gate, innovation):
+def measure(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct P by one fix and leave the correction of the states in workspace[DX]. Returns the
     NIS.
 
@@ -129,7 +139,9 @@ def measure(belief, y, sd, observe, parameters, gate, innovation):
 
 
 @inlined
-def observed(belief, y, observe, parameters, innovation, H):
+def observed(
+    belief: Belief, y: Array, observe: Observe, parameters: Array, innovation: Array, H: Array
+) -> int:
     """What `observe` makes of a fix: innovation and H, cleared before. Returns the rows."""
     for i in range(3):
         innovation[i] = math.nan
@@ -139,7 +151,7 @@ def observed(belief, y, observe, parameters, innovation, H):
 
 
 @inlined
-def inject_all(belief, dx):
+def inject_all(belief: Belief, dx: Array) -> None:
     """Compose the whole correction into the belief: position, velocity, attitude, biases and
     what aidings brought along."""
     inject(belief.lla, belief.v, belief.C, dx)
@@ -147,7 +159,7 @@ def inject_all(belief, dx):
 
 
 @inlined
-def inject(lla, v, C, dx):
+def inject(lla: Array, v: Array, C: Array, dx: Array) -> None:
     """Compose position (m, NED), velocity (m/s) and attitude errors (rad, n) into a state that
     is kept: true = estimate (+) error."""
     added(lla, v, C, dx)
@@ -155,7 +167,7 @@ def inject(lla, v, C, dx):
 
 
 @inlined
-def added(lla, v, C, dx):
+def added(lla: Array, v: Array, C: Array, dx: Array) -> None:
     """`inject` into a state that is made anew each time, where rounding cannot add up."""
     p, dv, theta = dx[POS], dx[VEL], dx[ATT]
     displace(lla, p[0], p[1], p[2])
@@ -166,7 +178,7 @@ def added(lla, v, C, dx):
 
 
 @inlined
-def inject_biases(belief, dx):
+def inject_biases(belief: Belief, dx: Array) -> None:
     """Add bias errors to the estimated biases, and the errors of the states that aidings brought
     along to those."""
     a, g = dx[BA], dx[BG]
@@ -177,7 +189,7 @@ def inject_biases(belief, dx):
 
 
 @inlined
-def inject_tail(belief, dx):
+def inject_tail(belief: Belief, dx: Array) -> None:
     """Add their errors to the states that aidings brought along."""
     for i in range(belief.extra_states.size):
         belief.extra_states[i] += dx[STATES + i]

@@ -8,7 +8,10 @@ correction with the Joseph form.
 """
 
 import math
+from collections.abc import Callable
 
+from ..typing import Array
+from .contract import Noise
 from .error_dynamics import PP, TP, TV, VP, VV
 from .jit import flatten, helper, inlined
 
@@ -22,7 +25,15 @@ LEAST_NOISE = 1e-9
 correlations: below it P would lose its positive sign to rounding."""
 
 
-def transition(name, source, source_stride, target, target_stride, blocks_of_lanes, lanes):
+def transition(
+    name: str,
+    source: int,
+    source_stride: int,
+    target: int,
+    target_stride: int,
+    blocks_of_lanes: tuple[int, ...],
+    lanes: int,
+) -> Callable[[Array, Array, Array, Array, float, float, float, float], None]:
     """A helper that applies Phi to columns of the workspace: the 9 rows of position, velocity and
     attitude errors from `source` to `target`.
 
@@ -33,7 +44,16 @@ def transition(name, source, source_stride, target, target_stride, blocks_of_lan
     a, g = (tuple(source + (3 * k + i) * source_stride for i in range(3)) for k in (3, 4))
     P, V, T = (tuple(target + (3 * k + i) * target_stride for i in range(3)) for k in range(3))
 
-    def apply(work, blocks, C, dv_n, w0, w1, w2, dt):
+    def apply(
+        work: Array,
+        blocks: Array,
+        C: Array,
+        dv_n: Array,
+        w0: float,
+        w1: float,
+        w2: float,
+        dt: float,
+    ) -> None:
         half = 0.5 * dt
         pp0, pp2, pp3, pp4, pp5 = (
             dt * blocks[PP],
@@ -143,7 +163,18 @@ _single = transition("_single", COPY, 1, PRODUCT, 1, (0,), 1)
 
 
 @helper
-def propagate(P, blocks, C, dv_n, w0, w1, w2, dt, noise, work):
+def propagate(
+    P: Array,
+    blocks: Array,
+    C: Array,
+    dv_n: Array,
+    w0: float,
+    w1: float,
+    w2: float,
+    dt: float,
+    noise: Noise,
+    work: Array,
+) -> None:
     """P <- Phi P Phi' + Q_d over dt, by symmetry from 9 rows of Phi P.
 
     `blocks` from kinematic_blocks, C and the specific-force increment dv_n (m/s, n) at
@@ -190,7 +221,19 @@ def propagate(P, blocks, C, dv_n, w0, w1, w2, dt, noise, work):
 
 
 @helper
-def _propagate_column(P, column, keep, blocks, C, dv_n, w0, w1, w2, dt, work):
+def _propagate_column(
+    P: Array,
+    column: int,
+    keep: tuple[float, ...],
+    blocks: Array,
+    C: Array,
+    dv_n: Array,
+    w0: float,
+    w1: float,
+    w2: float,
+    dt: float,
+    work: Array,
+) -> None:
     """The covariance with a state beyond the fifteenth, which stands still itself."""
     for i in range(15):
         work[COPY + i] = P[i, column]
@@ -200,7 +243,18 @@ def _propagate_column(P, column, keep, blocks, C, dv_n, w0, w1, w2, dt, work):
 
 
 @helper
-def propagate_error(x, blocks, C, dv_n, w0, w1, w2, dt, noise, work):
+def propagate_error(
+    x: Array,
+    blocks: Array,
+    C: Array,
+    dv_n: Array,
+    w0: float,
+    w1: float,
+    w2: float,
+    dt: float,
+    noise: Noise,
+    work: Array,
+) -> None:
     """x <- Phi x over dt, arguments as for `propagate`."""
     for i in range(15):
         work[COPY + i] = x[i]
@@ -214,21 +268,21 @@ def propagate_error(x, blocks, C, dv_n, w0, w1, w2, dt, noise, work):
 
 
 @helper
-def decay(a):
+def decay(a: float) -> float:
     """exp(-a), by its series where a is as small as between two samples; exactly 1 for a random
     walk."""
     return 1 - a * (1 - a * (0.5 - a * (1 - 0.25 * a) / 6)) if a < 1e-3 else math.exp(-a)
 
 
 @inlined
-def used_rows(n):
+def used_rows(n: int) -> int:
     """Where `update` leaves, in its workspace, how many rows it used and their innovations by
     L^-1; U = L^-1 H P, rows of n + 1, lies from n n + 1 on."""
     return n * n + 3 * n + 4
 
 
 @helper
-def whiten(H, work):
+def whiten(H: Array, work: Array) -> None:
     """After `update`: the first rows of H, as many as were used, become those of L^-1 H, L L' =
     H P H' + R."""
     n = H.shape[1]
@@ -243,7 +297,9 @@ def whiten(H, work):
 
 
 @helper
-def update(P, H, innovation, sd, rows, gate, work, dx):
+def update(
+    P: Array, H: Array, innovation: Array, sd: Array, rows: int, gate: float, work: Array, dx: Array
+) -> float:
     """Correct P by the measured rows (not NaN) of an innovation y - h with Jacobian H (3, n) and
     standard deviations sd.
 
@@ -257,13 +313,25 @@ def update(P, H, innovation, sd, rows, gate, work, dx):
 
 
 @helper
-def update_fifteen(P, H, innovation, sd, rows, gate, work, dx):
+def update_fifteen(
+    P: Array, H: Array, innovation: Array, sd: Array, rows: int, gate: float, work: Array, dx: Array
+) -> float:
     """`update` where no aiding brings states along."""
     return _update(15, P, H, innovation, sd, rows, gate, work, dx)
 
 
 @inlined
-def _update(n, P, H, innovation, sd, rows, gate, work, dx):
+def _update(
+    n: int,
+    P: Array,
+    H: Array,
+    innovation: Array,
+    sd: Array,
+    rows: int,
+    gate: float,
+    work: Array,
+    dx: Array,
+) -> float:
     """Whitening: U = L^-1 H P with L L' = H P H' + R row by row, then P - U' U, which is symmetric
     to the last bit.
 
@@ -330,7 +398,7 @@ def _update(n, P, H, innovation, sd, rows, gate, work, dx):
 
 
 @inlined
-def _subtract_five(n, i, work):
+def _subtract_five(n: int, i: int, work: Array) -> None:
     """P - U' U in rows i to i + 4: five at a time, written out, because then the compiler makes
     vector code of the lanes."""
     U, V, W = n * n + 1, n * n + n + 2, n * n + 2 * n + 3

@@ -15,19 +15,30 @@ import pickle
 import re
 import sys
 import tempfile
+from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import llvmlite
 import numba
-from numba.core import compiler, config, serialize
+from numba.core import compiler, serialize
+from numba.core import config as numba_config
 
 try:
     from fcntl import LOCK_EX, LOCK_NB, flock
 except ImportError:  # where files in use cannot be deleted anyway
-    LOCK_EX = LOCK_NB = 0
-    flock = lambda file, how: None
+    LOCK_EX = LOCK_NB = 0  # type: ignore[misc]
+
+    def flock(file: Any, how: int, /) -> None:  # type: ignore[misc]
+        """Lock nothing."""
+
+
+Import = ast.Import | ast.ImportFrom
+
+config: Any = numba_config  # its own annotations are not complete
 
 KEEP = 6
 """Versions of one kernel that stay: of other branches, settings and processors."""
@@ -39,7 +50,7 @@ brings, makes another key."""
 CHECKSUM = hashlib.sha256().digest_size
 
 
-def folder():
+def folder() -> Path | None:
     """Where kernels are kept, or None for a user without a home. Nothing is looked at or made."""
     try:
         return (
@@ -54,7 +65,7 @@ def folder():
 class _Code(ast.NodeTransformer):
     """Leaves out what makes no machine code: docstrings and annotations of arguments."""
 
-    def visit(self, node):
+    def visit(self, node: Any) -> Any:
         body = getattr(node, "body", None)
         if isinstance(body, list):
             node.body = [
@@ -70,13 +81,13 @@ class _Code(ast.NodeTransformer):
 
 
 @cache
-def _module_code(file):
+def _module_code(file: Path) -> tuple[tuple[Import, ...], bytes]:
     """(import statements that run when the module is loaded, digest of its code)."""
     tree = _Code().visit(ast.parse(file.read_bytes()))
     return tuple(_imports(tree)), hashlib.sha256(ast.dump(tree).encode()).digest()
 
 
-def _imports(node):
+def _imports(node: ast.AST) -> Iterator[Import]:
     for child in ast.iter_child_nodes(node):
         if isinstance(child, (ast.Import, ast.ImportFrom)):
             yield child
@@ -88,7 +99,7 @@ def _imports(node):
             yield from _imports(child)
 
 
-def _imported(module, statement):
+def _imported(module: ModuleType, statement: Import) -> list[ModuleType]:
     """Modules that an import statement of `module` takes code from, as far as they are loaded."""
     if isinstance(statement, ast.Import):
         names = [alias.name for alias in statement.names]
@@ -102,7 +113,7 @@ def _imported(module, statement):
                 ]
             )
             if statement.level
-            else statement.module
+            else statement.module or ""
         )
         inside = {alias.name: f"{base}.{alias.name}" for alias in statement.names}
         names = [name for name in inside.values() if name in sys.modules]
@@ -121,7 +132,7 @@ def _imported(module, statement):
     return [sys.modules[name] for name in names if name in sys.modules]
 
 
-def import_closure(module):
+def import_closure(module: ModuleType) -> tuple[dict[Path, str], dict[str, str]]:
     """({file: name} of the modules whose code can end up in kernels of `module`, {name: version}
     of installed packages among them)."""
     files, packages, seen, todo = {}, {}, set(), [module]
@@ -136,7 +147,7 @@ def import_closure(module):
         ):
             continue
         seen.add(one.__name__)
-        file, version = Path(one.__file__), getattr(sys.modules.get(top), "__version__", None)
+        file, version = Path(str(one.__file__)), getattr(sys.modules.get(top), "__version__", None)
         if top not in own and version and {"site-packages", "dist-packages"} & set(file.parts):
             packages[top] = version
         elif file.suffix == ".py":
@@ -147,7 +158,7 @@ def import_closure(module):
     return files, packages
 
 
-def _settings():
+def _settings() -> str:
     """numba's settings that can change machine code, as text."""
     return repr(
         [
@@ -159,7 +170,7 @@ def _settings():
 
 
 @cache
-def _closure_digest(name):
+def _closure_digest(name: str) -> str:
     files, packages = import_closure(sys.modules[name])
     digest = hashlib.sha256(repr(sorted(packages.items())).encode())
     for module, file in sorted((module, file) for file, module in files.items()):
@@ -167,7 +178,7 @@ def _closure_digest(name):
     return digest.hexdigest()
 
 
-def key(dispatcher):
+def key(dispatcher: Any) -> str:
     """Digest of all that the machine code of a kernel comes from."""
     options = sorted(
         (name, sorted(value) if isinstance(value, set) else value)
@@ -191,74 +202,75 @@ class KernelCache:
     """What numba asks of a cache, for one kernel. Where nothing can be read or written the
     kernel is compiled anew, and that is all."""
 
-    def __init__(self, dispatcher):
+    def __init__(self, dispatcher: Any) -> None:
         function = dispatcher.py_func
         self._stem = f"{function.__module__}.{function.__qualname__}"
         # what is defined in a function or typed into a shell has no code of its own to be known by
         module = sys.modules.get(function.__module__)
-        known = "<" not in self._stem and getattr(module, "__file__", "")
-        self.path = (
-            folder() / f"{self._stem}-{key(dispatcher)}.kernel" if known and folder() else None
+        known = "<" not in self._stem and getattr(module, "__file__", None)
+        place = folder()
+        self.path: Path | None = (
+            place / f"{self._stem}-{key(dispatcher)}.kernel" if known and place else None
         )
 
     @property
-    def cache_path(self):
+    def cache_path(self) -> str:
         """The folder, as numba's statistics show it."""
         return str(folder())
 
-    def load_overload(self, signature, target_context):
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
         """The compiled kernel, or None where there is none that is whole."""
         target_context.refresh()
         with suppress(OSError):
-            content = self.path.read_bytes() if self.path else b""
+            if self.path is None:
+                return None
+            content = self.path.read_bytes()
             if content and hashlib.sha256(content[CHECKSUM:]).digest() == content[:CHECKSUM]:
                 with suppress(OSError):
                     os.utime(self.path)  # the ones used last are kept
-                return compiler.CompileResult._rebuild(
+                return compiler.CompileResult._rebuild(  # type: ignore[no-untyped-call]
                     target_context, *pickle.loads(content[CHECKSUM:])
                 )
         return None
 
-    def save_overload(self, signature, compiled):
+    def save_overload(self, signature: Any, compiled: Any) -> None:
         """Write the compiled kernel, whole or not at all, and sweep what is left of others."""
         if self.path is None or compiled.library.has_dynamic_globals:
             return
-        payload = serialize.dumps(compiled._reduce())
+        payload: bytes = serialize.dumps(compiled._reduce())  # type: ignore[no-untyped-call]
         with suppress(OSError):
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._sweep()
-            self._write(hashlib.sha256(payload).digest() + payload)
+            self._sweep(self.path)
+            self._write(self.path, hashlib.sha256(payload).digest() + payload)
 
-    def _write(self, content):
+    def _write(self, path: Path, content: bytes) -> None:
         """Under another name first, locked, so that a sweep by another process leaves it alone."""
-        number, temporary = tempfile.mkstemp(".part", "", self.path.parent)
+        number, temporary = tempfile.mkstemp(".part", "", path.parent)
         try:
             with open(number, "wb") as file:
                 with suppress(OSError):
                     flock(file, LOCK_EX | LOCK_NB)
                 file.write(content)
-            os.replace(temporary, self.path)
+            os.replace(temporary, path)
         except BaseException:
             with suppress(OSError):
                 os.unlink(temporary)
             raise
 
-    def _sweep(self):
+    def _sweep(self, path: Path) -> None:
         """Delete what killed processes left, and all but the last versions of this kernel."""
-        for part in self.path.parent.glob("*.part"):
+        for part in path.parent.glob("*.part"):
             with suppress(OSError), part.open("rb") as file:
                 flock(file, LOCK_EX | LOCK_NB)  # refused while its writer lives
                 part.unlink()
-        versions = [
-            file for file in self.path.parent.glob(f"{self._stem}-*.kernel") if file != self.path
-        ]
+        versions = [file for file in path.parent.glob(f"{self._stem}-*.kernel") if file != path]
         with suppress(OSError):
             for old in sorted(versions, key=lambda file: file.stat().st_mtime, reverse=True)[
                 KEEP - 1 :
             ]:
                 old.unlink(missing_ok=True)
 
-    def enable(self):
+    def enable(self) -> None:
         """As numba asks; there is nothing to switch."""
 
     disable = flush = enable

@@ -3,19 +3,21 @@ samples, gaps and re-acquisition.
 
 Rules (docs/conventions.md):
 - A sample is split at the time of a fix inside it, in proportion.
-- A gap of at most BRIDGE seconds is bridged with the last sample's rates and added noise, the row after it marked BRIDGED. Over a longer one
-  velocity and attitude are held, the covariance grows at the HOLD densities for HOLD seconds at
-  most, and rows are INVALID until a position fix after it is accepted, or, of a filter that
-  estimates no position, for one row.
-- A source whose fixes were rejected REJECTED times in a row over at least PATIENCE seconds has its gate lifted until a fix passes it again. Before such
-  a fix is used, P is multiplied by NIS/gate, DOUBT at most; where a position is further off than
-  that, its squared innovation is added to the variances of position. Sources of neither position
-  nor velocity are given LIFTS such uses, PATIENCE seconds apart: one that nothing in the states
-  explains, such as a field beside iron, would let P explode.
+- A gap of at most BRIDGE seconds is bridged with the last sample's rates and added noise, the row
+  after it marked BRIDGED. Over a longer one velocity and attitude are held, the covariance grows at
+  the HOLD densities for LONGEST_HOLD seconds at most, and rows are INVALID until a position fix
+  after it is accepted, or, of a filter that estimates no position, for one row.
+- A source whose fixes were rejected REJECTED times in a row over at least LIFT_AFTER seconds has
+  its gate lifted until a fix passes it again. Before such a fix is used, P is multiplied by
+  NIS/gate, DOUBT at most; where a position is further off than that, its squared innovation is
+  added to the variances of position. Sources of neither position nor velocity are given LIFTS such
+  uses, LIFT_AFTER seconds apart: one that nothing in the states explains, such as a field beside
+  iron, would let P explode.
 """
 
 import math
 
+from ..typing import Array, Ints
 from . import contract
 from .contract import (
     BRIDGED,
@@ -30,7 +32,12 @@ from .contract import (
     VALID,
     VELOCITY_KIND,
     WALK,
+    Belief,
+    Cursor,
+    Fixes,
+    Imu,
     Noise,
+    Output,
 )
 from .earth import LATITUDE_LIMIT
 from .jit import caller, flatten, helper, inlined, kernel, plain
@@ -65,11 +72,13 @@ F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, FIX_WIDTH = 0, 1, 2, 5, 6, 7
 UNMEASURED, REJECTED_FIX, ACCEPTED, REACQUIRED = -1.0, 0.0, 1.0, 2.0
 
 BRIDGE = 1.0  # s
-STEP = 0.1  # s: longest prediction inside a gap
+LONGEST_STEP = 0.1  # s: longest prediction inside a gap
 BRIDGE_GYRO, BRIDGE_ACCEL = 0.05, 1.0  # rad/sqrt(s), m/s/sqrt(s): added in a bridged gap
 HOLD_GYRO, HOLD_ACCEL = 0.1, 3.0  # the same in a longer one
-HOLD = 300.0  # s: how long P grows in a gap; beyond, the unstable height alone would let it explode
-REJECTED, PATIENCE = 5, 3.0  # rejections in a row; s
+LONGEST_HOLD = (
+    300.0  # s: how long P grows in a gap; beyond, the unstable height alone would let it explode
+)
+REJECTED, LIFT_AFTER = 5, 3.0  # rejections in a row; s
 DOUBT = 9.0  # largest growth of P at once, when a gate is lifted
 LIFTS = 3  # uses in a row with the gate lifted, of sources of neither position nor velocity
 SAME_TIME = 1e-6  # s: a fix this close to a sample's end is taken there
@@ -83,7 +92,17 @@ predict_at, correct_at, observe_at, save_step_at = (
 
 
 @kernel(RUN)
-def run(predict, correct, observers, belief, imu, fixes, noise, cursor, out):
+def run(
+    predict: int,
+    correct: int,
+    observers: Ints,
+    belief: Belief,
+    imu: Imu,
+    fixes: Fixes,
+    noise: Noise,
+    cursor: Cursor,
+    out: Output,
+) -> None:
     """Process the samples at[ROW] to at[STOP] and the fixes among them; all state is in `belief`
     and `cursor`, all results in `out`."""
     at, now, sample = cursor.at, cursor.now, cursor.work[0:6]
@@ -130,7 +149,18 @@ run_recorded = kernel(RUN_RECORDED)(plain(run))
 
 
 @inlined
-def _advance(predict, correct, observers, belief, fixes, noise, cursor, out, until, left):
+def _advance(
+    predict: int,
+    correct: int,
+    observers: Ints,
+    belief: Belief,
+    fixes: Fixes,
+    noise: Noise,
+    cursor: Cursor,
+    out: Output,
+    until: float,
+    left: float,
+) -> None:
     """Bring the belief to `until` with the increments in cursor.work[0:6], which last `left`
     seconds, stopping at each fix on the way."""
     at, now, whole, part = cursor.at, cursor.now, cursor.work[0:6], cursor.work[6:12]
@@ -155,7 +185,9 @@ def _advance(predict, correct, observers, belief, fixes, noise, cursor, out, unt
 
 
 @inlined
-def _use_fix(correct, observers, belief, fixes, cursor, out):
+def _use_fix(
+    correct: int, observers: Ints, belief: Belief, fixes: Fixes, cursor: Cursor, out: Output
+) -> None:
     """Hand the next fix to the filter and keep the books of its source."""
     at, k = cursor.at, cursor.at[FIX]
     s, innovation, row = fixes.source[k], cursor.work[12:15], out.fix[k]
@@ -181,7 +213,7 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
         if not (
             nis > gate
             and cursor.in_a_row[s] >= REJECTED
-            and fixes.t[k] - cursor.since[s] >= PATIENCE
+            and fixes.t[k] - cursor.since[s] >= LIFT_AFTER
             and cursor.lifts[s] < LIFTS
         ):
             break
@@ -212,20 +244,18 @@ def _use_fix(correct, observers, belief, fixes, cursor, out):
 
 
 @helper
-def _save_step(belief, at, record):
+def _save_step(belief: Belief, at: Ints, record: Array) -> None:
     """Record the last call, where there is a record; count it anyway, so that one can be made
     for the next time."""
-    if (
-        record.ndim == 2
-        # a constant of the type: without a record nothing of this is compiled, which is worth 5 % of a
-        # fix
-    ):
+    # a constant of the type: without a record nothing of this is compiled, which is worth 5 % of
+    # a fix
+    if record.ndim == 2:
         save_step_at(at[SAVE_STEP])(belief, record[at[RECORDED]])
     at[RECORDED] += 1
 
 
 @helper
-def _walk(P, parameters, s, seconds):
+def _walk(P: Array, parameters: Array, s: int, seconds: float) -> None:
     """The random walk of the states of source `s`, which reach up to those of the next one; only
     its fixes see them, so it can wait for one."""
     last = P.shape[0]
@@ -238,7 +268,7 @@ def _walk(P, parameters, s, seconds):
 
 
 @helper
-def _doubt(P, excess, position, innovation):
+def _doubt(P: Array, excess: float, position: bool, innovation: Array) -> None:
     """Make room for a fix whose NIS is `excess` times its gate, after its source was rejected for
     long.
 
@@ -257,8 +287,18 @@ def _doubt(P, excess, position, innovation):
 
 
 @helper
-def _cross_gap(predict, correct, observers, belief, fixes, noise, cursor, out, until):
-    """Bring the belief over missing samples to the time `until`, in steps of at most STEP
+def _cross_gap(
+    predict: int,
+    correct: int,
+    observers: Ints,
+    belief: Belief,
+    fixes: Fixes,
+    noise: Noise,
+    cursor: Cursor,
+    out: Output,
+    until: float,
+) -> None:
+    """Bring the belief over missing samples to the time `until`, in steps of at most LONGEST_STEP
     seconds."""
     at, now, u, last = cursor.at, cursor.now, cursor.work[0:6], cursor.previous
     short = until - now[0] <= BRIDGE
@@ -271,9 +311,9 @@ def _cross_gap(predict, correct, observers, belief, fixes, noise, cursor, out, u
         noise.gyro_decay,
         noise.accel_decay,
     )
-    grown = now[0] + HOLD
+    grown = now[0] + LONGEST_HOLD
     while min(until, grown) - now[0] > SAME_TIME:
-        step = min(STEP, until - now[0])
+        step = min(LONGEST_STEP, until - now[0])
         if short and last[6] > 0:
             for i in range(6):
                 u[i] = last[i] * (step / last[6])
@@ -291,7 +331,7 @@ def _cross_gap(predict, correct, observers, belief, fixes, noise, cursor, out, u
 
 
 @inlined
-def _write_row(belief, t, status, row):
+def _write_row(belief: Belief, t: float, status: int, row: Array) -> None:
     row[T], row[ROW_STATUS] = t, status
     for i in range(3):
         row[LLA + i], row[V + i] = belief.lla[i], belief.v[i]
@@ -309,7 +349,7 @@ def _write_row(belief, t, status, row):
 
 
 @helper
-def _write_covariance(P, out):
+def _write_covariance(P: Array, out: Array) -> None:
     numbers, copy = flatten(P), flatten(out)
     for i in range(numbers.size):
         copy[i] = numbers[i]

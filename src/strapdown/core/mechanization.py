@@ -7,13 +7,14 @@ Groves (2013) section 5.4.
 
 import math
 
+from ..typing import Array
 from .earth import displace, gravity, place, rotation_rates
 from .jit import helper
 from .rotation import rotate_left, rotate_right
 
 
 @helper
-def compensate(dtheta, dv, dt, previous, u):
+def compensate(dtheta: Array, dv: Array, dt: float, previous: Array, u: Array) -> None:
     """Coning and sculling: from plain integrals of rate and specific force over one sample to what
     `mechanize` expects.
 
@@ -41,7 +42,20 @@ def compensate(dtheta, dv, dt, previous, u):
 
 
 @helper
-def mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, dv_n, height=1.0):
+def mechanize(
+    lla: Array,
+    v: Array,
+    C: Array,
+    r0: float,
+    r1: float,
+    r2: float,
+    a0: float,
+    a1: float,
+    a2: float,
+    dt: float,
+    dv_n: Array,
+    height: float = 1.0,
+) -> None:
     """Advance lla, v_n and C_nb by one sample of bias-free increments: rotation vector r (rad) and
     velocity a (m/s), body.
 
@@ -76,11 +90,8 @@ def mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, dv_n, height=1.0):
     v[1] = v1 + f1 - c2 * m0 + c0 * m2
     v[2] = v2 + f2 - c0 * m1 + c1 * m0 + g
     a0, a1, a2 = 0.5 * (v0 + v[0]), 0.5 * (v1 + v[1]), 0.5 * (v2 + v[2])
-    turn, tan = (
-        0.5 * dt * a0 / M,
-        sine / cosine,
-        # the frame turns at the rates of mid-interval: at its start they would be of first order only
-    )
+    # the frame turns at the rates of mid-interval: at its start they would be of first order only
+    turn, tan = 0.5 * dt * a0 / M, sine / cosine
     w0, w1, w2 = (
         ie_n + ie_d * turn + a1 / N,
         -a0 / M,
@@ -93,7 +104,16 @@ def mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, dv_n, height=1.0):
 
 
 @helper
-def _move(lla, sine, cosine, M, N, north, east, down):
+def _move(
+    lla: Array,
+    sine: float,
+    cosine: float,
+    M: float,
+    N: float,
+    north: float,
+    east: float,
+    down: float,
+) -> None:
     """`displace` over a sample: longitude with the cosine of the mid-latitude, so that the
     position is of second order in dt."""
     if (
@@ -109,7 +129,7 @@ def _move(lla, sine, cosine, M, N, north, east, down):
 
 
 @helper
-def stationary_increments(lla, v, C, dt, u):
+def stationary_increments(lla: Array, v: Array, C: Array, dt: float, u: Array) -> None:
     """The increments of a bias-free IMU whose velocity and attitude in n do not change over dt:
     what `mechanize` would need to hold them."""
     sine, cosine, M, N = place(lla[0], lla[2])

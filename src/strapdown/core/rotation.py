@@ -5,20 +5,25 @@ Compiled helpers that write into arrays. Source: Groves (2013) sections 2.2 and 
 """
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 
+from ..typing import Array
 from .jit import helper
+
+NineNumbers: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
+"""A rotation matrix row by row, for compiled code that makes no array of it."""
 
 
 @helper
-def wrap(angle):
+def wrap(angle: float) -> float:
     """`angle` in [-pi, pi), rad; NaN stays NaN."""
     return angle - 2 * math.pi * np.floor((angle + math.pi) / (2 * math.pi))
 
 
 @helper
-def turned(C, x, y, z):
+def turned(C: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """C times the vector (x, y, z)."""
     return (
         C[0, 0] * x + C[0, 1] * y + C[0, 2] * z,
@@ -28,7 +33,7 @@ def turned(C, x, y, z):
 
 
 @helper
-def euler_to_matrix(roll, pitch, heading, C):
+def euler_to_matrix(roll: float, pitch: float, heading: float, C: Array) -> None:
     """C_nb = Rz(heading) Ry(pitch) Rx(roll), rad."""
     C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2] = euler_terms(
         roll, pitch, heading
@@ -36,7 +41,7 @@ def euler_to_matrix(roll, pitch, heading, C):
 
 
 @helper
-def euler_terms(roll, pitch, heading):
+def euler_terms(roll: float, pitch: float, heading: float) -> NineNumbers:
     """The nine numbers of that matrix, row by row."""
     sr, cr, sp, cp, sh, ch = (
         math.sin(roll),
@@ -60,14 +65,14 @@ def euler_terms(roll, pitch, heading):
 
 
 @helper
-def measured_heading(y, C):
+def measured_heading(y: Array, C: Array) -> float:
     """Heading (rad) of a record y = roll, pitch, heading; where that is not measured (NaN), the
     heading of C_nb."""
     return math.atan2(C[1, 0], C[0, 0]) if math.isnan(y[2]) else y[2]
 
 
 @helper
-def matrix_to_euler(C):
+def matrix_to_euler(C: Array) -> tuple[float, float, float]:
     """Roll, pitch, heading of C_nb, rad; at pitch +-90 deg roll and heading are not separate and
     roll is what atan2 makes of zeros."""
     return (
@@ -78,7 +83,7 @@ def matrix_to_euler(C):
 
 
 @helper
-def matrix_to_quaternion(C, q):
+def matrix_to_quaternion(C: Array, q: Array) -> None:
     """Unit quaternion q[0:4] of a rotation matrix, q_w >= 0; the largest component is computed
     first (Shepperd 1978)."""
     trace = C[0, 0] + C[1, 1] + C[2, 2]
@@ -115,7 +120,7 @@ def matrix_to_quaternion(C, q):
 
 
 @helper
-def turn_quaternion(x, y, z, q):
+def turn_quaternion(x: float, y: float, z: float, q: Array) -> None:
     """q <- exp([x y z]/2) q, scalar first and not negative: a rotation vector in the frame on
     the left, rad, by any angle."""
     a, b = _exponential(0.5 * x, 0.5 * y, 0.5 * z)
@@ -128,7 +133,7 @@ def turn_quaternion(x, y, z, q):
 
 
 @helper
-def rotation_between(C, M):
+def rotation_between(C: Array, M: NineNumbers) -> tuple[float, float, float]:
     """Rotation vector x (rad) with M = exp(x) C of two rotation matrices, |x| <= pi; M is nine
     numbers, row by row."""
     m0, m1, m2, m3, m4, m5, m6, m7, m8 = M
@@ -158,7 +163,9 @@ def rotation_between(C, M):
 
 
 @helper
-def nearest_turn(x, y, z, a, b, c):
+def nearest_turn(
+    x: float, y: float, z: float, a: float, b: float, c: float
+) -> tuple[float, float, float]:
     """Of the rotation vectors of the same rotation as (x, y, z), which differ by whole turns
     about it, the one nearest to (a, b, c), rad."""
     size = math.sqrt(x * x + y * y + z * z)
@@ -173,7 +180,7 @@ def nearest_turn(x, y, z, a, b, c):
 
 
 @helper
-def _exponential(x, y, z):
+def _exponential(x: float, y: float, z: float) -> tuple[float, float]:
     """sin(|r|)/|r| and (1 - cos|r|)/|r|^2 of a rotation vector r, with their series near zero."""
     square = x * x + y * y + z * z
     if square < 1e-4:  # the dropped terms are below 1e-16
@@ -183,7 +190,7 @@ def _exponential(x, y, z):
 
 
 @helper
-def rotate_left(x, y, z, C):
+def rotate_left(x: float, y: float, z: float, C: Array) -> None:
     """C <- exp([x y z]) C, a rotation vector in the frame on the left of C, rad."""
     a, b = _exponential(x, y, z)
     xx, yy, zz = 1 - b * (y * y + z * z), 1 - b * (x * x + z * z), 1 - b * (x * x + y * y)
@@ -196,7 +203,7 @@ def rotate_left(x, y, z, C):
 
 
 @helper
-def rotate_right(C, x, y, z):
+def rotate_right(C: Array, x: float, y: float, z: float) -> None:
     """C <- C exp([x y z]), a rotation vector in the frame on the right of C, rad."""
     a, b = _exponential(x, y, z)
     xx, yy, zz = 1 - b * (y * y + z * z), 1 - b * (x * x + z * z), 1 - b * (x * x + y * y)
@@ -209,7 +216,7 @@ def rotate_right(C, x, y, z):
 
 
 @helper
-def orthonormalise(C):
+def orthonormalise(C: Array) -> None:
     """One Newton step towards the nearest rotation, C <- C (3 I - C'C) / 2: undoes the rounding
     of many products."""
     a = C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0] + C[2, 0] * C[2, 0]

@@ -10,6 +10,7 @@ Kalman Filtering, section 6.2.
 
 import math
 
+from ..typing import Array, Ints
 from .contract import ADJOINT_STEP, RUN_BACK
 from .earth import displace
 from .jit import caller, flatten, helper, inlined, kernel
@@ -19,13 +20,24 @@ from .rotation import turn_quaternion
 adjoint_step_at = caller(ADJOINT_STEP)
 
 
-def work_size(k, n):
+def work_size(k: int, n: int) -> int:
     """Numbers of the workspace of `run_back` and of `adjoint_step` with k estimated of n states."""
     return max(512, 2 * k * (k + 2)) + 2 * (k + 2) + 240 + n
 
 
 @kernel(RUN_BACK)
-def run_back(adjoint_step, record, mark, P, estimated, lam, Lam, work, nav, covariance):
+def run_back(
+    adjoint_step: int,
+    record: Array,
+    mark: Ints,
+    P: Array,
+    estimated: Ints,
+    lam: Array,
+    Lam: Array,
+    work: Array,
+    nav: Array,
+    covariance: Array,
+) -> None:
     """From the last call on `record` to the first. Rows of `nav` (as of the loop), the filter's,
     become the smoothed ones, with P (rows, n, n) theirs.
 
@@ -47,7 +59,7 @@ def run_back(adjoint_step, record, mark, P, estimated, lam, Lam, work, nav, cova
 
 
 @helper
-def _smooth_row(P, estimated, lam, Lam, work, row):
+def _smooth_row(P: Array, estimated: Ints, lam: Array, Lam: Array, work: Array, row: Array) -> None:
     """A row of the output from the filter's to the smoothed one."""
     k, n = lam.size, P.shape[0]
     error = work[work.size - n :]
@@ -64,7 +76,9 @@ def _smooth_row(P, estimated, lam, Lam, work, row):
 
 
 @inlined
-def _smoothed(k, P, estimated, lam, Lam, work, error, row):
+def _smoothed(
+    k: int, P: Array, estimated: Ints, lam: Array, Lam: Array, work: Array, error: Array, row: Array
+) -> None:
     """error (n,) = - P lam in the estimated states; the standard deviations of P - P Lam P into the
     row of the output.
 
@@ -109,14 +123,14 @@ def _smoothed(k, P, estimated, lam, Lam, work, error, row):
 
 
 @inlined
-def _lanes(k):
+def _lanes(k: int) -> int:
     """Lanes that a row of k numbers is worked on with: beyond k they reach into the next row,
     which does no harm."""
     return 16 if k == 15 else (8 if k == 6 else k)
 
 
 @inlined
-def _product(k, A, source, stride, target, work):
+def _product(k: int, A: Array, source: int, stride: int, target: int, work: Array) -> None:
     """A times the matrix at `source` with rows of `stride`, row by row; for 15 and 6 states
     written out, because then the compiler makes vector code."""
     lanes, s = _lanes(k), stride
@@ -167,7 +181,7 @@ def _product(k, A, source, stride, target, work):
 
 
 @helper
-def _write_covariance(P, estimated, k, work, out):
+def _write_covariance(P: Array, estimated: Ints, k: int, work: Array, out: Array) -> None:
     """P - P Lam P from what `_smoothed` left, in the estimated states; the others are the
     filter's."""
     n, lanes, product = P.shape[0], _lanes(k), k * _lanes(k)
@@ -189,7 +203,7 @@ def _write_covariance(P, estimated, k, work, out):
 
 
 @helper
-def _compose(error, row):
+def _compose(error: Array, row: Array) -> None:
     """Compose the error (n,) into a row of the output."""
     tail = error.size - 15
     own = row.size - 2 * tail

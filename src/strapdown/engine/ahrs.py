@@ -6,6 +6,7 @@ at a high rate it is believed more than it is worth. `docs/fuse.md` tells what t
 """
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from numbers import Real
@@ -13,16 +14,19 @@ from numbers import Real
 import numpy as np
 
 from .. import filters
-from ..core.contract import ATT, VALID
-from ..data import Aiding, DataError
+from ..alignment.initial import align
+from ..core.contract import ATT, VALID, Filter, Imu, Noise, Start
+from ..data import Aiding, DataError, Solution
 from ..preprocessing.stationary import motionless
-from .batch import assumed_noise, fuse, positioned
+from ..recording import Recording
+from ..sensor_models.imu import ImuSpec
+from ..typing import Array, Say
+from .prepare import AHRS_RATE, Asked, assumed_noise, check_needs, positioned, ready
+from .result import solution as solution_of
 
 AHRS = "attitude-mekf"
 """The one that runs where a filter needs attitude, the recording has none of it, and something
 in it measures the heading."""
-RATE = 10.0
-"""Hz, where no rate is asked for."""
 HEADING_KINDS = ("magnetic-field", "heading")
 ASSUMED = np.radians([1.5, 1.5, 5.0])
 """rad: standard deviations forward, right and down where a filter claims none: the largest rms
@@ -34,7 +38,16 @@ REMEDY = (
 )
 
 
-def fed(recording, filter, ahrs=None, rate=RATE, imu=None, noise=None, start=None, say=None):
+def fed(
+    recording: Recording,
+    filter: Filter,
+    ahrs: str | Filter | None = None,
+    rate: float = AHRS_RATE,
+    imu: ImuSpec | None = None,
+    noise: Noise | None = None,
+    start: Start | None = None,
+    say: Say | None = None,
+) -> tuple[Recording, Aiding | None]:
     """(Recording for `filter`, Aiding of the AHRS that ran first, or None): the attitude that the
     filter needs is among the sources.
 
@@ -43,14 +56,14 @@ def fed(recording, filter, ahrs=None, rate=RATE, imu=None, noise=None, start=Non
     measures the heading. rate (Hz), imu, noise, start: as of `source`. What measures the heading
     goes to the AHRS and not to the filter once more. A note says what ran. Raises DataError where
     there is no attitude and nothing to make it of, where the AHRS that was asked for cannot be
-    used, or where a rate other than `RATE` is asked for and no AHRS runs.
+    used, or where a rate other than `AHRS_RATE` is asked for and no AHRS runs.
     """
     if isinstance(rate, bool) or not isinstance(rate, Real) or not 0 < rate < math.inf:
         raise DataError(f"ahrs_rate is {rate!r} Hz; it must be a number above 0")
     measured = {a.kind for a in recording.aidings if len(a.t)}
     if ahrs is None:
         if "attitude" not in filter.needs or "attitude" in measured:
-            if rate != RATE:
+            if rate != AHRS_RATE:
                 why = (
                     "the recording has its attitude"
                     if "attitude" in filter.needs
@@ -63,13 +76,13 @@ def fed(recording, filter, ahrs=None, rate=RATE, imu=None, noise=None, start=Non
         if not measured.intersection(HEADING_KINDS):
             raise DataError(f"{filter.name} needs attitude aiding, and there is none: {REMEDY}")
         ahrs = AHRS
-    ahrs = _found(ahrs)
-    _check(ahrs, filter)
-    made, notes = source(recording, ahrs, rate, imu, noise, start, say)
+    first = _found(ahrs)
+    _check(first, filter)
+    made, notes = source(recording, first, rate, imu, noise, start, say)
     taken = [
         a
         for a in recording.aidings
-        if a.kind in HEADING_KINDS and a.kind in (ahrs.uses or HEADING_KINDS)
+        if a.kind in HEADING_KINDS and a.kind in (first.uses or HEADING_KINDS)
     ]
     replaced = [a for a in recording.aidings if a.kind == "attitude"]
     if taken:
@@ -81,7 +94,15 @@ def fed(recording, filter, ahrs=None, rate=RATE, imu=None, noise=None, start=Non
     return replace(recording, aidings=(*left, made), meta=meta), made
 
 
-def source(recording, ahrs, rate=RATE, imu=None, noise=None, start=None, say=None):
+def source(
+    recording: Recording,
+    ahrs: Filter,
+    rate: float = AHRS_RATE,
+    imu: ImuSpec | None = None,
+    noise: Noise | None = None,
+    start: Start | None = None,
+    say: Say | None = None,
+) -> tuple[Aiding, list[str]]:
     """(Aiding of kind `attitude`, notes): the solution of the attitude filter `ahrs` (Filter) at
     every n-th IMU sample.
 
@@ -101,7 +122,14 @@ def source(recording, ahrs, rate=RATE, imu=None, noise=None, start=None, say=Non
         meta=recording.meta | {"notes": []},
     )
     begin = _start(seen, imu, noise, start)
-    solution = fuse(seen, ahrs, imu=imu, start=begin, noise=noise, every=every, say=say)
+    assumed, spec = assumed_noise(
+        seen.meta.get("grade") if imu is None else imu, noise, needed=False
+    )
+    check_needs(ahrs, seen.aidings)
+    asked = Asked({}, imu, begin, noise, every, say=say)
+    run = ready(seen, ahrs, begin, assumed, spec, asked)
+    run.complete()
+    solution = solution_of(run)
     keep = solution.status == VALID
     y, sd, t = solution.trajectory.rph[keep], deviations(solution)[keep], solution.t[keep]
     notes = [f"attitude from {ahrs.name} at {own / every:.4g} Hz"]
@@ -121,20 +149,21 @@ def source(recording, ahrs, rate=RATE, imu=None, noise=None, start=None, say=Non
     return Aiding("attitude", t, y, sd, name=ahrs.name), notes
 
 
-def deviations(solution):
+def deviations(solution: Solution) -> Array:
     """(n, 3) rad: the claimed standard deviations of the attitude, turned from north, east, down to
     the horizontal forward and right and to down.
 
     The correlation of the errors about north and east, which is not published, is left out; where
     both are alike it is none.
     """
+    assert solution.trajectory.sd is not None
     north, east, down = solution.trajectory.sd[:, ATT].T
     heading = solution.trajectory.rph[:, 2]
     c, s = np.cos(heading), np.sin(heading)
     return np.c_[np.hypot(c * north, s * east), np.hypot(s * north, c * east), down]
 
 
-def _heading(ahrs, aidings, y, sd):
+def _heading(ahrs: Filter, aidings: Iterable[Aiding], y: Array, sd: Array) -> list[str]:
     """Notes on the heading; one that is not estimated, or drifts without saying so, becomes NaN
     in y and sd."""
     aided = any(a.kind in HEADING_KINDS and a.kind in (ahrs.uses or HEADING_KINDS) for a in aidings)
@@ -146,7 +175,7 @@ def _heading(ahrs, aidings, y, sd):
     return [f"{ahrs.name} gives roll and pitch and no heading"]
 
 
-def _motion(ahrs, start, imu):
+def _motion(ahrs: Filter, start: Start, imu: Imu) -> list[str]:
     """Notes on an AHRS that began where the vehicle did not stand, by its Start: what moves it,
     specific force alone takes for tilt."""
     if "level from specific force alone" not in start.note or motionless(imu, start.t):
@@ -157,11 +186,11 @@ def _motion(ahrs, start, imu):
     ]
 
 
-def _alone():
+def _alone() -> list[str]:
     return [name for name in filters.names() if not positioned(filters.find(name))]
 
 
-def _found(name):
+def _found(name: str | Filter) -> Filter:
     """The Filter of that name; DataError with the AHRSs there are where it is unknown."""
     try:
         return filters.find(name)
@@ -172,7 +201,7 @@ def _found(name):
         ) from None
 
 
-def _check(ahrs, filter):
+def _check(ahrs: Filter, filter: Filter) -> None:
     """Raise DataError where `ahrs` is none, or `filter` has no use for an attitude."""
     if positioned(ahrs):
         raise DataError(
@@ -184,12 +213,13 @@ def _check(ahrs, filter):
         )
 
 
-def _start(recording, imu, noise, given):
+def _start(
+    recording: Recording, imu: ImuSpec | None, noise: Noise | None, given: Start | None
+) -> Start:
     """The Start of the AHRS: where the record begins, or at the `given` Start of the other
     filter where that knows the heading better."""
-    from ..alignment.initial import align
-
     spec = imu or assumed_noise(recording.meta.get("grade"), noise, needed=True)[1]
+    assert spec is not None  # it was needed
     start = align(recording, spec, position=False)
     if (
         given is None
@@ -202,9 +232,9 @@ def _start(recording, imu, noise, given):
     )
 
 
-def _names(aidings):
+def _names(aidings: Iterable[Aiding]) -> str:
     return " and ".join(dict.fromkeys(a.name or a.kind for a in aidings))
 
 
-def _degrees(values):
+def _degrees(values: Sequence[float] | Array) -> str:
     return ", ".join(f"{value:g}" for value in np.degrees(values).round(3))

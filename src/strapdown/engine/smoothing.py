@@ -1,41 +1,56 @@
 """Offline: the best estimate at each time from the whole recording, before and after it. Forwards
 with the filter, then backwards (core/smoother.py).
 
-The filter runs twice: once to its end, keeping its state every `CHUNK` samples, and once more
-through each chunk, the last one first, leaving in a record what the way back needs. So beside the
-solution and these states memory is that of a chunk, however long the recording.
+The filter runs twice: once to its end, keeping its state every `RECORDED_ROWS` samples, and once
+more through each such piece, the last one first, leaving in a record what the way back needs. So
+beside the solution and these states memory is that of a piece, however long the recording.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .. import filters
 from ..core import loop
-from ..core.contract import COMPILED, STATES, address, compile_kernel, is_cached
+from ..core.contract import (
+    COMPILED,
+    STATES,
+    Filter,
+    Noise,
+    Smoother,
+    Start,
+    address,
+    compile_kernel,
+    is_cached,
+)
 from ..core.smoother import run_back, work_size
-from ..data import DataError
-from .batch import begin, found, new_output, solution
+from ..data import DataError, Solution
+from ..recording import Recording
+from ..typing import Array, Ints, Progress, Say
+from .batch import begin
+from .prepare import Asked, GivenImu, Run, found, new_output
+from .result import solution
 
-CHUNK = 512 if COMPILED else 250
+RECORDED_ROWS = 512 if COMPILED else 250
 """IMU samples whose record is kept at once: few enough for the processor's cache, enough to make
 little of what each such piece costs in Python."""
 
 
 def smooth(
-    recording,
-    filter="closed-loop",
-    imu=None,
-    start=None,
-    noise=None,
-    every=1,
-    covariance=False,
-    say=None,
-    progress=None,
-    ahrs=None,
-    ahrs_rate=10.0,
-    **options,
-):
+    recording: Recording,
+    filter: str | Filter = "closed-loop",
+    imu: GivenImu | None = None,
+    start: Start | None = None,
+    noise: Noise | None = None,
+    every: int = 1,
+    covariance: bool = False,
+    say: Say | None = None,
+    progress: Progress | None = None,
+    ahrs: str | Filter | None = None,
+    ahrs_rate: float = 10.0,
+    **options: Any,
+) -> Solution:
     """The smoothed Solution of a recording: arguments and result as of `fuse`, for a filter that
     can be smoothed (`Filter.smoother`).
 
@@ -48,9 +63,16 @@ def smooth(
         able = [name for name in filters.names() if filters.find(name).smoother]
         raise DataError(f"{filter.name} cannot be smoothed; these can: {', '.join(able)}")
     run = begin(
-        recording, filter, imu, start, noise, every, covariance, say, options, ahrs, ahrs_rate
+        recording,
+        filter,
+        Asked(options, imu, start, noise, every, covariance, say, ahrs, ahrs_rate),
     )
-    kernels = run_back, loop.run_recorded, filter.smoother.adjoint_step, filter.smoother.save_step
+    kernels: list[Any] = [
+        run_back,
+        loop.run_recorded,
+        filter.smoother.adjoint_step,
+        filter.smoother.save_step,
+    ]
     if say and not all(map(is_cached, kernels)):
         say("compiling the smoother for the first time on this machine, about 15 s ...")
     for kernel in kernels:
@@ -61,21 +83,27 @@ def smooth(
     return result
 
 
-def both_ways(run, report):
+def both_ways(run: Run, report: Progress) -> None:
     """Fill the output of a Run that has not begun with smoothed rows; `report` is told the
     fraction done. Its kernels must be compiled."""
     at = run.cursor.at
     at[loop.SAVE_STEP], keeping = (
-        address(run.filter.smoother.save_step),
+        address(_smoother(run).save_step),
         at[[loop.EVERY, loop.PHASE]],
     )
     at[loop.PHASE] = -1  # no rows on the way forwards: those of the way back take their place
     kept = [_stand(run)]
-    for rows in run.chunks(CHUNK):
+    for rows in run.chunks(RECORDED_ROWS):
         run.advance(rows)
         kept.append(_stand(run))
         report(run.done / 2)
     _backwards(run, kept, keeping, report)
+
+
+def _smoother(run: Run) -> Smoother:
+    """That of its filter, which has one: `smooth` refused the others."""
+    assert run.filter.smoother is not None
+    return run.filter.smoother
 
 
 class _Stand(NamedTuple):
@@ -83,10 +111,10 @@ class _Stand(NamedTuple):
 
     row: int
     calls: int
-    arrays: list
+    arrays: list[Array | Ints]
 
 
-def _stand(run):
+def _stand(run: Run) -> _Stand:
     at = run.cursor.at
     return _Stand(
         int(at[loop.ROW]),
@@ -95,12 +123,12 @@ def _stand(run):
     )
 
 
-def _restore(run, stand):
+def _restore(run: Run, stand: _Stand) -> None:
     for array, before in zip((*run.belief, *run.cursor), stand.arrays):
         array[...] = before
 
 
-def _backwards(run, kept, keeping, report):
+def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress) -> None:
     """Fill `run.out` with smoothed rows, chunk after chunk from the end; `kept` are the stands
     before each chunk and after the last.
 
@@ -110,7 +138,7 @@ def _backwards(run, kept, keeping, report):
     estimated = np.r_[np.array(run.filter.estimates, np.int64), STATES:n]
     k, adjoint_step, (every, phase) = (
         len(estimated),
-        address(run.filter.smoother.adjoint_step),
+        address(_smoother(run).adjoint_step),
         keeping,
     )
     lam, Lam, work = np.zeros(k), np.zeros((k, k)), np.zeros(work_size(k, n))

@@ -1,18 +1,21 @@
 """The filters live: `Stream` takes samples and fixes as they come and gives what `fuse` gives,
 bit for bit."""
 
+from collections.abc import Sequence
 from heapq import heappop, heappush
 from math import inf, isfinite, nan
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .. import aiding, filters
 from ..core import loop
-from ..core.contract import Imu, entry_point
-from ..data import DataError
-from .batch import (
+from ..core.contract import Belief, Filter, Imu, Noise, Start, entry_point
+from ..data import Aiding, DataError
+from ..typing import Say
+from .prepare import (
     LONGEST_GAP,
+    GivenImu,
     assumed_noise,
     check_needs,
     fitted,
@@ -25,7 +28,7 @@ from .batch import (
     usable,
 )
 
-ROOM = 1024
+MOST_WAITING_FIXES = 1024
 """Fixes that a stream holds while it waits for a sample."""
 
 
@@ -34,8 +37,8 @@ class Sample(NamedTuple):
 
     t: float
     dt: float
-    dtheta: tuple
-    dv: tuple
+    dtheta: tuple[float, float, float]
+    dv: tuple[float, float, float]
 
 
 class Fix(NamedTuple):
@@ -44,8 +47,17 @@ class Fix(NamedTuple):
 
     t: float
     source: int
-    y: tuple
-    sd: tuple
+    y: tuple[float, ...]
+    sd: tuple[float, ...]
+
+
+class _UsableFix(NamedTuple):
+    """A fix of a source that the filter uses: `source` is its place among those."""
+
+    t: float
+    source: int
+    y: list[float]
+    sd: list[float]
 
 
 class Stream:
@@ -61,8 +73,16 @@ class Stream:
     """
 
     def __init__(
-        self, filter, start, imu=None, noise=None, aidings=(), lag=0.0, say=None, **options
-    ):
+        self,
+        filter: str | Filter,
+        start: Start,
+        imu: GivenImu | None = None,
+        noise: Noise | None = None,
+        aidings: Sequence[Aiding] = (),
+        lag: float = 0.0,
+        say: Say | None = None,
+        **options: Any,
+    ) -> None:
         if not lag >= 0:
             raise DataError(f"lag is {lag} s; it must be 0 or more")
         self.noise, _ = assumed_noise(imu, noise, needed=False)
@@ -79,20 +99,19 @@ class Stream:
         self._places = [
             next((i for i, b in enumerate(used) if b is a), None) for a in aidings
         ]  # among those that the filter can use
-        self._samples, self._waiting, self._number = (
-            [],
-            [],
-            0,
-        )  # heaps of samples and of fixes; a number that keeps equal times in order
+        # heaps of samples and of fixes; a number that keeps equal times in order
+        self._samples: list[tuple[float, int, Sample]] = []
+        self._waiting: list[tuple[float, int, int, _UsableFix]] = []
+        self._number = 0
         self._late = self._late_fix = (
             start.t + loop.SAME_TIME
         )  # what is not later than this is too late
         sources = [a._where(np.zeros(len(a.t), bool)) for a in used]
         self._fixes = merge(sources)._replace(
-            t=np.empty(ROOM),
-            source=np.zeros(ROOM, np.int64),
-            y=np.full((ROOM, 3), np.nan),
-            sd=np.full((ROOM, 3), np.nan),
+            t=np.empty(MOST_WAITING_FIXES),
+            source=np.zeros(MOST_WAITING_FIXES, np.int64),
+            y=np.full((MOST_WAITING_FIXES, 3), np.nan),
+            sd=np.full((MOST_WAITING_FIXES, 3), np.nan),
         )
         self._imu = Imu(np.empty(1), np.empty(1), np.empty((1, 3)), np.empty((1, 3)))
         self._cursor = new_cursor(filter, start.t, len(used))
@@ -101,9 +120,11 @@ class Stream:
             1,
             1,
         )  # no output rows
-        self._out = new_output(filter, self.belief, 0, fixes=ROOM)
+        self._out = new_output(filter, self.belief, 0, fixes=MOST_WAITING_FIXES)
         self._arguments = (
-            *self.prepared[1:],
+            self.prepared.predict,
+            self.prepared.correct,
+            self.prepared.observers,
             self.belief,
             self._imu,
             self._fixes,
@@ -114,25 +135,25 @@ class Stream:
         self._run = entry_point(loop.run)
 
     @property
-    def t(self):
+    def t(self) -> float:
         """Time of the belief, s."""
         return float(self._cursor.now[0])
 
     @property
-    def status(self):
+    def status(self) -> int:
         """VALID, BRIDGED or INVALID, as of a row of a Solution."""
         return int(self._cursor.at[loop.STATUS])
 
-    def step(self, event):
+    def step(self, event: Sample | Fix) -> Belief:
         """Take a Sample or a Fix, use what has waited long enough, and return the belief
         (updated in place)."""
         t = event[0]
         self._number += 1
-        if type(event) is Fix:
+        if isinstance(event, Fix):
             if not t > self._late_fix:
                 self.dropped += 1
-            elif (fix := self._usable(event))[1] is not None:
-                heappush(self._waiting, (t, fix[1], self._number, fix))
+            elif (fix := self._usable(event)) is not None:
+                heappush(self._waiting, (t, fix.source, self._number, fix))
             return self.belief
         if not (t > self._late and isfinite(t + sum(event[2]) + sum(event[3])) and event[1] > 0):
             self.dropped += 1
@@ -147,9 +168,9 @@ class Stream:
         self._use(self.newest - self.lag)
         return self.belief
 
-    def _usable(self, fix):
-        """The fix as (t, source, y, sd) with NaN for what is not finite; raises DataError for
-        what no source delivers."""
+    def _usable(self, fix: Fix) -> _UsableFix | None:
+        """The fix with NaN for what is not finite, None where the filter cannot use its source;
+        raises DataError for what no source delivers."""
         if not (isinstance(fix.source, (int, np.integer)) and 0 <= fix.source < len(self._widths)):
             raise DataError(
                 f"fix at {fix.t:.3f} s: source is {fix.source!r}; the stream has {len(self._widths)}, counted from 0"
@@ -171,13 +192,14 @@ class Stream:
             raise DataError(
                 f"fix at {fix.t:.3f} s: standard deviations are {tuple(fix.sd)}; they must be above zero"
             )
-        if len(self._waiting) == ROOM:
+        if len(self._waiting) == MOST_WAITING_FIXES:
             raise DataError(
-                f"{ROOM} fixes wait for an IMU sample, the first at {self._waiting[0][0]:.3f} s; the stream needs samples to go on"
+                f"{MOST_WAITING_FIXES} fixes wait for an IMU sample, the first at {self._waiting[0][0]:.3f} s; the stream needs samples to go on"
             )
-        return fix.t, self._places[fix.source], y, deviations
+        place = self._places[fix.source]
+        return None if place is None else _UsableFix(fix.t, place, y, deviations)
 
-    def _use(self, until):
+    def _use(self, until: float) -> None:
         samples = self._samples
         while samples and samples[0][0] <= until:
             sample = heappop(samples)[2]
@@ -186,7 +208,7 @@ class Stream:
             else:
                 self.dropped += 1
 
-    def _take(self, sample):
+    def _take(self, sample: Sample) -> None:
         """Run over one sample and the fixes up to its end."""
         at, imu, fixes, waiting, end, k = (
             self._cursor.at,
@@ -212,7 +234,7 @@ class Stream:
         self._late, self._late_fix = sample[0], sample[0] - loop.SAME_TIME
 
     @property
-    def now(self):
+    def now(self) -> Belief:
         """The belief at the newest sample: a copy, propagated through what still waits."""
         arrays = [column for part in (self.belief, self._cursor) for column in part]
         saved = [column.copy() for column in arrays]
@@ -225,12 +247,12 @@ class Stream:
                 column[...] = before
             self._samples, self._waiting, self._late, self._late_fix, self.dropped = plain
 
-    def finish(self):
+    def finish(self) -> Belief:
         """Use all that waits and return the belief."""
         self._use(inf)
         return self.belief
 
-    def counts(self):
+    def counts(self) -> list[tuple[int, int]]:
         """(accepted, rejected) per source; (0, 0) of one that the filter cannot use."""
         counts = list(zip(self._cursor.accepted.tolist(), self._cursor.rejected.tolist()))
         return [(0, 0) if place is None else counts[place] for place in self._places]

@@ -5,16 +5,19 @@ Functions of arrays; errors are true - estimate. Sources: Bar-Shalom, Li & Kirub
 section 5.4 (NEES, NIS, whiteness); Wilson (1927) for proportions; Ljung & Box (1978).
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from ..core.contract import ATT, BA, BG, POS, STATES, VEL
-from ..data import DataError
+from ..data import DataError, Solution
+from ..recording import Recording
+from ..typing import Array, ArrayLike
 from . import metrics
 
-SURVIVED, LOST, INCONSISTENT = 0, 1, 2
+SURVIVED, POSITION_LOST, INCONSISTENT = 0, 1, 2
 REASONS = ("survived", "lost", "inconsistent")
 """Names of the three ends of a run, by code."""
 SAME_TIME = 1e-6
@@ -28,6 +31,9 @@ class Limits(NamedTuple):
     distance: float = 500.0  # m, of the three-dimensional position error
     alarm: float = 1e-6  # probability that a right filter exceeds the bound at one epoch
     seconds: float = 10.0  # s
+
+
+DEFAULT_LIMITS = Limits()
 
 
 class Interval(NamedTuple):
@@ -47,19 +53,19 @@ class Paired(NamedTuple):
     low: float
     high: float
     wins: int
-    count: int
+    count: int  # type: ignore[assignment]  # hides the method of tuples, which nobody needs here
 
 
 class Whiteness(NamedTuple):
     """Autocorrelation of normalised innovations, the bound that 95 % of those of a white
     sequence keep, and the Ljung-Box p-values."""
 
-    autocorrelation: np.ndarray  # (lags, k), of lag 1 first
+    autocorrelation: Array  # (lags, k), of lag 1 first
     bound: float  # 1.96 / sqrt(m)
-    p_value: np.ndarray  # (k,)
+    p_value: Array  # (k,)
 
 
-def nees(error, covariance):
+def nees(error: ArrayLike, covariance: ArrayLike) -> Array:
     """Normalised estimation error squared e' P^-1 e: error (..., k), covariance (..., k, k) ->
     (...).
 
@@ -81,7 +87,7 @@ def nees(error, covariance):
         return np.square(rows).sum(axis=-1)
 
 
-def _whitened(error, P, least):
+def _whitened(error: Array, P: Array, least: float) -> Array:
     """L^-1 error with L L' = P (unit diagonal), NaN where a pivot is not above `least`; by
     columns over the whole stack."""
     k = error.shape[-1]
@@ -98,7 +104,7 @@ def _whitened(error, P, least):
 
 
 @lru_cache(maxsize=64)
-def band(dof, count=1, probability=0.95):
+def band(dof: int, count: int = 1, probability: float = 0.95) -> tuple[float, float]:
     """(low, high) that the mean of `count` independent NEES or NIS values of `dof` components
     each keeps with `probability`, two-sided."""
     from scipy.stats import chi2
@@ -108,20 +114,22 @@ def band(dof, count=1, probability=0.95):
 
 
 @lru_cache(maxsize=64)
-def bound(dof, alarm):
+def bound(dof: int, alarm: float) -> float:
     """The bound that one NEES or NIS value of `dof` components exceeds with probability `alarm`."""
     from scipy.stats import chi2
 
     return float(chi2.isf(alarm, dof))
 
 
-def survival(distance, nees, t, limits=Limits()):
+def survival(
+    distance: ArrayLike, nees: ArrayLike, t: ArrayLike, limits: Limits = DEFAULT_LIMITS
+) -> tuple[int, int]:
     """(rows, reason) of one run: how many of its scored epochs come before it is given up, and the
     code of the reason (REASONS).
 
     distance (n,) m, 3-D position error; nees (n,) of the 15 states; t (n,) s, increasing. A
-    distance that is not finite is LOST, a NaN NEES is beyond the bound. INCONSISTENT takes effect
-    at the epoch at which the NEES has been beyond it for more than `limits.seconds`.
+    distance that is not finite is POSITION_LOST, a NaN NEES is beyond the bound. INCONSISTENT takes
+    effect at the epoch at which the NEES has been beyond it for more than `limits.seconds`.
     """
     distance, nees, t = (np.asarray(values, float) for values in (distance, nees, t))
     lost = ~(distance <= limits.distance)
@@ -134,10 +142,10 @@ def survival(distance, nees, t, limits=Limits()):
     ends = [int(np.argmax(end)) if end.any() else len(t) for end in (lost, inconsistent)]
     if min(ends) == len(t):
         return len(t), SURVIVED
-    return min(ends), LOST if ends[0] <= ends[1] else INCONSISTENT
+    return min(ends), POSITION_LOST if ends[0] <= ends[1] else INCONSISTENT
 
 
-def rmse(mean_square, probability=0.95):
+def rmse(mean_square: ArrayLike, probability: float = 0.95) -> Interval:
     """Interval of the RMSE pooled over runs, from their mean squared errors (runs,); every run
     counts alike, NaN ones are left out.
 
@@ -149,20 +157,20 @@ def rmse(mean_square, probability=0.95):
     )
 
 
-def _mean(values, probability):
+def _mean(values: ArrayLike, probability: float) -> tuple[float, float, float]:
     """Mean of the finite values with Student's interval: (mean, low, high)."""
     from scipy.stats import t
 
-    values = np.asarray(values, float).ravel()
-    values = values[np.isfinite(values)]
-    count, mean = len(values), float(values.mean()) if len(values) else np.nan
+    known = np.asarray(values, float).ravel()
+    known = known[np.isfinite(known)]
+    count, mean = len(known), float(known.mean()) if len(known) else np.nan
     if count < 2:
         return mean, np.nan, np.nan
-    half = float(t.isf(0.5 * (1 - probability), count - 1) * values.std(ddof=1) / np.sqrt(count))
+    half = float(t.isf(0.5 * (1 - probability), count - 1) * known.std(ddof=1) / np.sqrt(count))
     return mean, mean - half, mean + half
 
 
-def proportion(successes, count, probability=0.95):
+def proportion(successes: int, count: int, probability: float = 0.95) -> Interval:
     """Interval of a proportion by Wilson's score; without any trial its value is NaN and its
     ends are 0 and 1."""
     from scipy.stats import norm
@@ -183,7 +191,7 @@ def proportion(successes, count, probability=0.95):
     )
 
 
-def paired(a, b, probability=0.95):
+def paired(a: ArrayLike, b: ArrayLike, probability: float = 0.95) -> Paired:
     """Compare two filters on the same runs: a and b (runs,), one figure of each run; Paired of a -
     b, with Student's t over the runs.
 
@@ -195,7 +203,7 @@ def paired(a, b, probability=0.95):
     return Paired(*_mean(a[both] - b[both], probability), int((a < b)[both].sum()), int(both.sum()))
 
 
-def coverage(error, sd, sigmas=(1, 2, 3)):
+def coverage(error: ArrayLike, sd: ArrayLike, sigmas: Sequence[float] = (1, 2, 3)) -> Array:
     """(len(sigmas), k) share of the errors (..., k) within so many of their standard deviations
     (..., k); what is NaN is left out.
 
@@ -213,7 +221,7 @@ def coverage(error, sd, sigmas=(1, 2, 3)):
     )
 
 
-def whiteness(innovation, lags=20):
+def whiteness(innovation: ArrayLike, lags: int = 20) -> Whiteness:
     """Whiteness of the normalised innovations (m, k) of one source in time order.
 
     The mean is not taken off: it belongs to the hypothesis that it is zero, so that a constant
@@ -242,7 +250,7 @@ def whiteness(innovation, lags=20):
     return Whiteness(autocorrelation, 1.96 / np.sqrt(m), chi2.sf(statistic, lags))
 
 
-def normalised(solution, source, window=101):
+def normalised(solution: Solution, source: str | int, window: int = 101) -> Array:
     """Innovations (m, k) of one source (name or index) of a Solution, accepted fixes in time order,
     for `whiteness`.
 
@@ -272,7 +280,7 @@ def normalised(solution, source, window=101):
     return innovation / _rms_around(innovation, window)
 
 
-def _rms_around(values, window):
+def _rms_around(values: Array, window: int) -> Array:
     """Root mean square of the known values in the `window` rows around each, (m, k)."""
     known = np.isfinite(values)
     sums = [
@@ -285,7 +293,7 @@ def _rms_around(values, window):
     return np.sqrt(squares / np.where(count, count, np.nan))
 
 
-def state_errors(solution, recording):
+def state_errors(solution: Solution, recording: Recording) -> Array:
     """(n, 15) true - estimate of all states at the rows of a Solution, against the simulated
     recording's truth: m, m/s, rad, m/s^2, rad/s.
 
@@ -324,7 +332,7 @@ def state_errors(solution, recording):
     return error
 
 
-def nees_of(solution, recording):
+def nees_of(solution: Solution, recording: Recording) -> Array:
     """(n,) NEES of the 15 states at the rows of a Solution with covariance, against a simulated
     recording; NaN outside its reference.
 

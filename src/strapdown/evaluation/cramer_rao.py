@@ -9,15 +9,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.contract import ATT, BA, BG, POS, STATES, VEL
-from ..data import DataError
+from ..core.contract import ATT, BA, BG, POS, STATES, VEL, Noise, Start
+from ..data import DataError, Solution, Trajectory
 from ..engine.batch import fuse
+from ..recording import Recording
+from ..typing import Array
 from .metrics import errors
 
 DEPARTURE = 0.1
 """Largest error of the belief in its standard deviations; a bound is worth nothing where the
 linearisation is not at the truth."""
-ROOM = 1e-2, 1e-4
+NEGLIGIBLE_ERRORS = 1e-2, 1e-4
 """m, rad: errors that cannot change a Jacobian, allowed however small the standard deviation is."""
 
 
@@ -25,40 +27,40 @@ class Bound(NamedTuple):
     """The bound at times `t`: the least covariance of true - estimate, states in their usual
     order and units (SI, radians)."""
 
-    t: np.ndarray  # (n,) s
-    covariance: np.ndarray  # (n, 15, 15)
-    sd: np.ndarray  # (n, 15) roots of its diagonal
+    t: Array  # (n,) s
+    covariance: Array  # (n, 15, 15)
+    sd: Array  # (n, 15) roots of its diagonal
 
     @property
-    def position(self):
+    def position(self) -> Array:
         """(n,) m: least root mean square of the three-dimensional position error."""
         return self._length(POS)
 
     @property
-    def velocity(self):
+    def velocity(self) -> Array:
         """(n,) m/s: as `position`, of the velocity."""
         return self._length(VEL)
 
     @property
-    def attitude(self):
+    def attitude(self) -> Array:
         """(n,) rad: as `position`, of the attitude's rotation vector."""
         return self._length(ATT)
 
     @property
-    def accel_bias(self):
+    def accel_bias(self) -> Array:
         """(n,) m/s^2: as `position`, of the three accelerometer biases."""
         return self._length(BA)
 
     @property
-    def gyro_bias(self):
+    def gyro_bias(self) -> Array:
         """(n,) rad/s: as `position`, of the three gyro biases."""
         return self._length(BG)
 
-    def _length(self, states):
+    def _length(self, states: slice) -> Array:
         return np.sqrt(np.square(self.sd[:, states]).sum(axis=1))
 
 
-def cramer_rao(recording, start, noise, every=1):
+def cramer_rao(recording: Recording, start: Start, noise: Noise, every: int = 1) -> Bound:
     """The posterior Cramer-Rao Bound at every `every`-th IMU sample of an ideal recording.
 
     recording: error-free IMU samples, fixes at the truth that carry the standard deviations of the
@@ -84,20 +86,22 @@ def cramer_rao(recording, start, noise, every=1):
         recording, "closed-loop", start=start, noise=noise, every=every, covariance=True
     )
     _check(solution, recording.reference)
+    assert solution.covariance is not None  # it was asked for
     covariance = solution.covariance[:, :STATES, :STATES]
     return Bound(solution.t, covariance, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)))
 
 
-def _check(solution, truth):
+def _check(solution: Solution, truth: Trajectory) -> None:
     """Raise DataError where the belief is not on the truth, or fixes were rejected."""
     if rejected := [name for name, (_, bad) in solution.counts().items() if bad]:
         raise DataError(
             f"the bound needs ideal data, but fixes of {', '.join(rejected)} were rejected; give fixes without noise"
         )
     e, sd = errors(solution, truth), solution.trajectory.sd
+    assert e.position is not None and e.attitude is not None and sd is not None
     for name, error, states, room, unit in (
-        ("position", e.position, POS, ROOM[0], "m"),
-        ("attitude", e.attitude, ATT, ROOM[1], "rad"),
+        ("position", e.position, POS, NEGLIGIBLE_ERRORS[0], "m"),
+        ("attitude", e.attitude, ATT, NEGLIGIBLE_ERRORS[1], "rad"),
     ):
         beyond = np.abs(error) - DEPARTURE * sd[e.rows, states] - room
         if not np.all(beyond <= 0):

@@ -5,13 +5,20 @@ Errors are true - estimate, as everywhere: position in metres NED, attitude as t
 of `q_true (x) q_est*` in n.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard
 
 import numpy as np
 
-from ..data import DataError, Trajectory
+from ..data import DataError, Solution, Trajectory
 from ..geodesy import displacement, radii, wrap
+from ..typing import Array, Ints, Mask
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 
 @dataclass(frozen=True)
@@ -19,16 +26,16 @@ class Errors:
     """true - estimate at times `t`. What the reference or the estimate nowhere knows is None, or
     where it is a component NaN; so are rows in gaps."""
 
-    t: np.ndarray  # (n,) s
-    position: np.ndarray | None  # (n, 3) m NED
-    velocity: np.ndarray | None  # (n, 3) m/s NED
-    attitude: np.ndarray | None  # (n, 3) rotation vector in n, rad
-    rph: np.ndarray | None  # (n, 3) of roll, pitch and heading, wrapped to [-pi, pi), rad
-    sd: np.ndarray | None  # (n, k) the trajectory's own standard deviations, m, m/s and rad
+    t: Array  # (n,) s
+    position: Array | None  # (n, 3) m NED
+    velocity: Array | None  # (n, 3) m/s NED
+    attitude: Array | None  # (n, 3) rotation vector in n, rad
+    rph: Array | None  # (n, 3) of roll, pitch and heading, wrapped to [-pi, pi), rad
+    sd: Array | None  # (n, k) the trajectory's own standard deviations, m, m/s and rad
     rows: slice  # of the trajectory, which these errors belong to
 
     @property
-    def horizontal(self):
+    def horizontal(self) -> Array | None:
         """(n,) horizontal position error, m; NaN where only the height is known, None where not
         even that is."""
         return None if self.position is None else np.hypot(self.position[:, 0], self.position[:, 1])
@@ -38,16 +45,14 @@ class Rms(NamedTuple):
     """Root mean square of errors per axis; None where the errors are, NaN where they cover no
     time asked for or not that component."""
 
-    position: np.ndarray | None  # (3,) m NED
-    velocity: np.ndarray | None  # (3,) m/s NED
-    attitude: np.ndarray | None  # (3,) rad, rotation vector
-    rph: np.ndarray | None  # (3,) rad, roll, pitch, heading
-    angles: (
-        np.ndarray | None
-    )  # (3,) rad, total, inclination and heading angle as in `attitude_angles`
+    position: Array | None  # (3,) m NED
+    velocity: Array | None  # (3,) m/s NED
+    attitude: Array | None  # (3,) rad, rotation vector
+    rph: Array | None  # (3,) rad, roll, pitch, heading
+    angles: Array | None  # (3,) rad, total, inclination and heading angle as in `attitude_angles`
 
 
-def errors(trajectory, reference):
+def errors(trajectory: Trajectory | Solution, reference: Trajectory) -> Errors:
     """Errors of a Trajectory (or Solution) against a reference at the trajectory's own times inside
     the reference's span.
 
@@ -57,50 +62,50 @@ def errors(trajectory, reference):
     attitude alone, whose positions are NaN, is scored on attitude alone, one that knows its height
     on that too. Raises DataError where the two do not overlap.
     """
-    trajectory = getattr(trajectory, "trajectory", trajectory)
+    whole: Any = trajectory
+    estimate: Trajectory = getattr(whole, "trajectory", whole)
     first, last = (
-        np.searchsorted(trajectory.t, reference.t[[0, -1]]) if len(reference.t) > 1 else (0, 0)
+        np.searchsorted(estimate.t, reference.t[[0, -1]]) if len(reference.t) > 1 else (0, 0)
     )
-    last += (
-        last < len(trajectory) and len(reference.t) > 1 and trajectory.t[last] == reference.t[-1]
-    )
+    last += last < len(estimate) and len(reference.t) > 1 and estimate.t[last] == reference.t[-1]
     if last <= first:
         raise DataError(
-            f"the reference ({reference!r}) covers no time of the solution ({trajectory!r}); check the time base of both"
+            f"the reference ({reference!r}) covers no time of the solution ({estimate!r}); check the time base of both"
         )
     rows = slice(int(first), int(last))
-    t = trajectory.t[rows]
-    both = lambda part: all(any_known(getattr(each, part)) for each in (reference, trajectory))
+    t = estimate.t[rows]
     position = velocity = attitude = rph = None
-    if both("lla"):
-        position = displacement(_position(reference, t), trajectory.lla[rows])
-    if both("v_n"):
-        velocity = _linear(reference.t, reference.v_n, t) - trajectory.v_n[rows]
-    if both("q_nb"):
-        attitude, rph = _attitude(reference, trajectory, rows)
+    if any_known(reference.lla) and any_known(estimate.lla):
+        position = displacement(_position(reference, t), estimate.lla[rows])
+    if any_known(reference.v_n) and any_known(estimate.v_n):
+        velocity = _linear(reference.t, reference.v_n, t) - estimate.v_n[rows]
+    if any_known(reference.q_nb) and any_known(estimate.q_nb):
+        attitude, rph = _attitude(reference.t, reference.q_nb, t, estimate.q_nb[rows])
     return Errors(
         t,
         position,
         velocity,
         attitude,
         rph,
-        None if trajectory.sd is None else trajectory.sd[rows],
+        None if estimate.sd is None else estimate.sd[rows],
         rows,
     )
 
 
-def interpolated(reference, t):
+def interpolated(reference: Trajectory, t: Array) -> Trajectory:
     """The Trajectory of a reference at times t (n,), s, interpolated as for `errors`: NaN
     outside its span and in its gaps, None where nothing is known."""
     v_n = _linear(reference.t, reference.v_n, t) if any_known(reference.v_n) else None
     q_nb = None
     if any_known(reference.q_nb):
-        q_nb, (usable, true) = np.full((len(t), 4), np.nan), _turned(reference, t)
-        q_nb[usable] = true.as_quat()[:, [3, 0, 1, 2]] if usable.any() else np.nan
+        usable, true = _turned(reference.t, reference.q_nb, t)
+        q_nb = np.full((len(t), 4), np.nan)
+        if true is not None:
+            q_nb[usable] = true.as_quat()[:, [3, 0, 1, 2]]
     return Trajectory(t, _position(reference, t), v_n, q_nb)
 
 
-def any_known(values):
+def any_known(values: Array | None) -> TypeGuard[Array]:
     """Whether there is a number in an array that may be None, or NaN where nothing is known."""
     return values is not None and bool(np.isfinite(values).any())
 
@@ -109,13 +114,13 @@ class AttitudeAngles(NamedTuple):
     """How far an attitude is off, as angles without sign, rad, (n,) each; NaN where the errors
     are."""
 
-    total: np.ndarray  # of the whole rotation, [0, pi]
-    inclination: np.ndarray  # between true and estimated vertical, [0, pi]
+    total: Array  # of the whole rotation, [0, pi]
+    inclination: Array  # between true and estimated vertical, [0, pi]
     # of the turn about the vertical that is left once the verticals are brought together, [0, pi]
-    heading: np.ndarray
+    heading: Array
 
 
-def attitude_angles(errors):
+def attitude_angles(errors: Errors) -> AttitudeAngles | None:
     """AttitudeAngles of `errors`, None where they have no attitude.
 
     With q = q_true (x) q_est* in n: inclination 2 acos(sqrt(w^2 + z^2)), heading 2 atan2(|z|, |w|);
@@ -134,7 +139,7 @@ def attitude_angles(errors):
     )
 
 
-def rms(errors, window=None):
+def rms(errors: Errors, window: tuple[float, float] | None = None) -> Rms:
     """Root mean square of `errors` over window = (start, stop) in s, both included, or over all
     of them: an Rms."""
     inside = (
@@ -153,13 +158,19 @@ def rms(errors, window=None):
     return Rms(*(None if part is None else _rms(part[inside]) for part in parts))
 
 
-def _rms(values):
+def _known_rows(values: Array) -> Mask:
+    """(n,) which rows of values (n, k) are finite in all columns."""
+    known: Mask = np.all(np.isfinite(values), axis=1)
+    return known
+
+
+def _rms(values: Array) -> Array:
     known = np.isfinite(values)
     count = known.sum(axis=0)
     return np.sqrt((np.where(known, values, 0.0) ** 2).sum(axis=0) / np.where(count, count, np.nan))
 
 
-def _brackets(t_ref, known, t):
+def _brackets(t_ref: Array, known: Mask, t: Array) -> tuple[Ints, Ints]:
     """The rows of the reference that are known and advance in time, and where each time falls
     among them: left index, or -1 in a gap."""
     rows = np.flatnonzero(known)
@@ -177,11 +188,11 @@ def _brackets(t_ref, known, t):
     return rows, np.where(usable, left, -1)
 
 
-def _linear(t_ref, values, t):
+def _linear(t_ref: Array, values: Array, t: Array) -> Array:
     """The columns of `values` at times t; one that is nowhere known is NaN and does not keep the
     others from being known."""
     columns = np.flatnonzero(np.isfinite(values).any(axis=0))
-    rows, left = _brackets(t_ref, np.isfinite(values[:, columns]).all(axis=1), t)
+    rows, left = _brackets(t_ref, _known_rows(values[:, columns]), t)
     out = np.full((len(t), values.shape[1]), np.nan)
     inside = left >= 0
     for i in columns if inside.any() else ():
@@ -189,17 +200,17 @@ def _linear(t_ref, values, t):
     return out
 
 
-def _position(reference, t):
+def _position(reference: Trajectory, t: Array) -> Array:
     """The reference's latitude, longitude and height at times t; its longitude is unwrapped
     first."""
     lla = reference.lla.copy()
-    known = np.isfinite(lla).all(axis=1)
+    known = _known_rows(lla)
     lla[known, 1] = np.unwrap(lla[known, 1])
     if reference.v_n is None:
         return _linear(reference.t, lla, t)
     from scipy.interpolate import CubicHermiteSpline
 
-    rows, left = _brackets(reference.t, known & np.isfinite(reference.v_n).all(axis=1), t)
+    rows, left = _brackets(reference.t, known & _known_rows(reference.v_n), t)
     out, inside = _linear(reference.t, lla, t), left >= 0
     if inside.any():
         R_M, R_N = radii(lla[rows, 0])
@@ -209,27 +220,30 @@ def _position(reference, t):
     return out
 
 
-def _turned(reference, t):
+def _turned(t_ref: Array, q_ref: Array, t: Array) -> tuple[Mask, Rotation | None]:
     """((n,) bool: where the attitude of the reference is known, Rotation at those of the times
     t, None where there are none)."""
     from scipy.spatial.transform import Rotation, Slerp
 
-    known, left = _brackets(reference.t, np.isfinite(reference.q_nb).all(axis=1), t)
+    known, left = _brackets(t_ref, _known_rows(q_ref), t)
     usable = left >= 0
-    return usable, Slerp(
-        reference.t[known], Rotation.from_quat(reference.q_nb[known][:, [1, 2, 3, 0]])
-    )(t[usable]) if usable.any() else None
+    if not usable.any():
+        return usable, None
+    turns = Slerp(t_ref[known], Rotation.from_quat(q_ref[known][:, [1, 2, 3, 0]]))
+    return usable, turns(t[usable])
 
 
-def _attitude(reference, trajectory, rows):
+def _attitude(t_ref: Array, q_ref: Array, t: Array, q_nb: Array) -> tuple[Array, Array]:
+    """Rotation vector and errors of roll, pitch and heading (n, 3), rad, at times t (n,), of an
+    estimate q_nb (n, 4); NaN where either attitude is not known."""
     from scipy.spatial.transform import Rotation
 
-    usable, true = _turned(reference, trajectory.t[rows])
-    both = usable & np.isfinite(trajectory.q_nb[rows]).all(axis=1)
+    usable, turned = _turned(t_ref, q_ref, t)
+    both = usable & _known_rows(q_nb)
     attitude, rph = np.full((len(both), 3), np.nan), np.full((len(both), 3), np.nan)
-    if both.any():
-        true = true[both[usable]]
-        estimate = Rotation.from_quat(trajectory.q_nb[rows][both][:, [1, 2, 3, 0]])
+    if turned is not None and both.any():
+        true = turned[both[usable]]
+        estimate = Rotation.from_quat(q_nb[both][:, [1, 2, 3, 0]])
         attitude[both] = (true * estimate.inv()).as_rotvec()
         rph[both] = wrap(true.as_euler("ZYX")[:, ::-1] - estimate.as_euler("ZYX")[:, ::-1])
     return attitude, rph
@@ -243,10 +257,12 @@ class Outage(NamedTuple):
     horizontal_max: float  # m, largest horizontal error within
     horizontal_end: float  # m, at the end
     down_max: float  # m, largest vertical error within
-    rms: np.ndarray  # (3,) m NED
+    rms: Array  # (3,) m NED
 
 
-def outages(solution, reference, windows):
+def outages(
+    solution: Trajectory | Solution, reference: Trajectory, windows: Iterable[tuple[float, float]]
+) -> list[Outage]:
     """An Outage for each (start, stop) window in s, both included, of a solution whose fixes were
     withheld there (`Recording.hidden`).
 
@@ -256,7 +272,7 @@ def outages(solution, reference, windows):
     return outages_of(errors(solution, reference), windows)
 
 
-def outages_of(e, windows):
+def outages_of(e: Errors, windows: Iterable[tuple[float, float]]) -> list[Outage]:
     """As `outages`, of the Errors of a solution."""
     if e.position is None or not any_known(e.horizontal):
         raise DataError(
@@ -283,7 +299,9 @@ def outages_of(e, windows):
     return scores
 
 
-def moving_windows(reference, count, length, every, after, speed):
+def moving_windows(
+    reference: Trajectory, count: int, length: float, every: float, after: float, speed: float
+) -> list[tuple[float, float]]:
     """`count` windows of `length` s, one `every` s, the first `after` s past the first time that
     the reference is faster than `speed` m/s."""
     if not any_known(reference.v_n):

@@ -6,14 +6,15 @@ import math
 from numba import types
 
 from ..core.jit import kernel
+from ..typing import Array
 
-ROWS = types.void(
+NORMALISED_ROWS = types.void(
     types.float64[:, ::1], types.float64[:, :, ::1], types.float64[:, ::1], types.float64[::1]
 )
 
 
-@kernel(ROWS)
-def normalised_rows(error, covariance, work, out):
+@kernel(NORMALISED_ROWS)
+def normalised_rows(error: Array, covariance: Array, work: Array, out: Array) -> None:
     """out[k] = e_k' P_k^-1 e_k of errors (n, s) and covariances (n, s, s); NaN where P is not
     positive definite. `work` is (s + 2, s)."""
     n, s = error.shape

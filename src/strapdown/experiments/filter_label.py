@@ -1,19 +1,22 @@
 """Filters by label: a name, or a name with options, as studies, comparisons and their tables
 have them."""
 
-from .. import filters
-from ..core.contract import STATES, Noise, Start
-from ..data import DataError
-from ..engine.batch import check_options, found, new_belief
+from collections.abc import Mapping
+from typing import Any
 
-ANYWHERE, STILL = (
+from .. import filters
+from ..core.contract import STATES, Filter, Noise, Start
+from ..data import DataError
+from ..engine.prepare import check_options, found, new_belief
+
+ANYWHERE, NOISELESS = (
     Start(0.0, (0.0, 0.0, 0.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * STATES),
     Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
 """A start and a noise that any filter takes, to try its options with."""
 
 
-def parsed(label):
+def parsed(label: str) -> tuple[Filter, dict[str, Any]]:
     """(Filter, options) of "name" or "name:option=value,option=value". Raises DataError."""
     name, _, rest = label.partition(":")
     pairs = [item.partition("=") for item in rest.split(",") if item.strip()]
@@ -24,16 +27,16 @@ def parsed(label):
     return tried(name, {key.strip(): _value(value) for key, _, value in pairs})
 
 
-def tried(name, options):
+def tried(name: str, options: dict[str, Any]) -> tuple[Filter, dict[str, Any]]:
     """(Filter, options) where there is a filter of that name and it takes these options. Raises
     DataError."""
     filter = found(filters.find, name)
     check_options(filter, options)
-    new_belief(filter, ANYWHERE, STILL, options, ())  # refuses values
+    new_belief(filter, ANYWHERE, NOISELESS, options, ())  # refuses values
     return filter, options
 
 
-def labelled(name, options):
+def labelled(name: str, options: Mapping[str, Any]) -> str:
     """The label of a filter with options, as `parsed` reads it; the same options always have the
     same label."""
     texts = {
@@ -43,7 +46,7 @@ def labelled(name, options):
     return name + ":" * bool(texts) + ",".join(f"{key}={text}" for key, text in texts.items())
 
 
-def _value(text):
+def _value(text: str) -> float | str:
     try:
         return float(text)
     except ValueError:

@@ -3,6 +3,7 @@ folder; the file ends in one `Filter(...)` value."""
 
 import copyreg
 import importlib
+from collections.abc import Callable
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
@@ -11,7 +12,7 @@ from ..core.contract import Filter
 
 
 @cache
-def _modules():
+def _modules() -> dict[str, str]:
     """{name: module} of every file below this folder; those that hold no filter are what a
     family shares."""
     files = sorted(
@@ -29,31 +30,22 @@ def _modules():
     return found
 
 
-copyreg.pickle(
-    Filter, lambda filter: (find, (filter.name,))
-)  # kernels are no data: another process finds the filter by its name
-
-
-def _filter(name):
+def _filter(name: str) -> Filter | None:
     """The Filter that the file of that name holds, or None."""
     module = _modules().get(name)
-    return module and next(
-        (
-            value
-            for value in vars(importlib.import_module(module)).values()
-            if isinstance(value, Filter) and value.name == name
-        ),
-        None,
-    )
+    if not module:
+        return None
+    held = vars(importlib.import_module(module)).values()
+    return next((one for one in held if isinstance(one, Filter) and one.name == name), None)
 
 
 @cache
-def names():
+def names() -> list[str]:
     """Names of all filters."""
     return [name for name in _modules() if _filter(name)]
 
 
-def find(name):
+def find(name: str | Filter) -> Filter:
     """The Filter of that name; only its own file is imported. Raises ValueError with the nearest
     name."""
     if isinstance(name, Filter):
@@ -66,6 +58,9 @@ def find(name):
     return found
 
 
-copyreg.pickle(
-    Filter, lambda filter: (find, (filter.name,))
-)  # kernels are no data: another process finds the filter by its name
+def _by_name(filter: Filter) -> tuple[Callable[[str], Filter], tuple[str]]:
+    """Kernels are no data: another process finds the filter by its name."""
+    return find, (filter.name,)
+
+
+copyreg.pickle(Filter, _by_name)

@@ -10,6 +10,7 @@ import math
 
 from ..core.jit import helper, inlined
 from ..core.rotation import wrap
+from ..typing import Array
 
 (
     ROLL_P,
@@ -87,7 +88,18 @@ LEAST_SPEED = 1.0  # m/s: below it speeds are taken as this where something is d
 
 
 @helper
-def steer(pilot, memory, route, lla, v, C, omega, wind, dt, commands):
+def steer(
+    pilot: Array,
+    memory: Array,
+    route: Array,
+    lla: Array,
+    v: Array,
+    C: Array,
+    omega: Array,
+    wind: Array,
+    dt: float,
+    commands: Array,
+) -> None:
     """commands[0:4] (elevator, aileron, rudder in rad, throttle) for a position (rad, rad, m),
     velocity (m/s, NED), attitude C_nb and body rates (rad/s), in the steady wind (m/s, NED) that
     the autopilot is told; `memory` goes on by dt (s)."""
@@ -97,7 +109,7 @@ def steer(pilot, memory, route, lla, v, C, omega, wind, dt, commands):
 
 
 @inlined
-def metres(pilot, lla):
+def metres(pilot: Array, lla: Array) -> tuple[float, float]:
     """(north, east) of the route's origin, m: the affine map with the radii there."""
     return (lla[0] - pilot[ORIGIN_LAT]) * pilot[NORTH_SCALE], wrap(
         lla[1] - pilot[ORIGIN_LON]
@@ -105,7 +117,7 @@ def metres(pilot, lla):
 
 
 @helper
-def deviation(segment, north, east):
+def deviation(segment: Array, north: float, east: float) -> tuple[float, float, float]:
     """(metres right of a segment of the route, metres along it, course of the route there in
     rad)."""
     n, e = north - segment[FROM_N], east - segment[FROM_E]
@@ -123,13 +135,13 @@ def deviation(segment, north, east):
 
 
 @helper
-def height_along(segment, along):
+def height_along(segment: Array, along: float) -> float:
     """Height of a segment, m, so many metres along it; level before and beyond."""
     return segment[FROM_H] + segment[RISE] * min(max(along, 0.0), segment[LENGTH])
 
 
 @helper
-def _track(pilot, memory, route, north, east, v):
+def _track(pilot: Array, memory: Array, route: Array, north: float, east: float, v: Array) -> None:
     """Course, height, airspeed and roll of the turn that the route asks for here; goes on to the
     next segment at the end of one."""
     row = int(memory[SEGMENT])
@@ -152,7 +164,17 @@ def _track(pilot, memory, route, north, east, v):
 
 
 @helper
-def hold(pilot, memory, height, v, C, omega, wind, dt, commands):
+def hold(
+    pilot: Array,
+    memory: Array,
+    height: float,
+    v: Array,
+    C: Array,
+    omega: Array,
+    wind: Array,
+    dt: float,
+    commands: Array,
+) -> None:
     """commands[0:4] that bring course, height and airspeed to memory[COURSE], [HEIGHT] and
     [AIRSPEED]."""
     roll, pitch = math.atan2(C[2, 1], C[2, 2]), math.asin(min(1.0, max(-1.0, -C[2, 0])))
@@ -192,7 +214,16 @@ def hold(pilot, memory, height, v, C, omega, wind, dt, commands):
 
 
 @helper
-def _limited(memory, i, asked, error, near, low, high, dt):
+def _limited(
+    memory: Array,
+    i: int,
+    asked: float,
+    error: float,
+    near: bool,
+    low: float,
+    high: float,
+    dt: float,
+) -> float:
     """`asked` within its limits; the integral goes on unless the error is far, or would drive
     `asked` further beyond a limit."""
     if near and not (asked > high and error > 0 or asked < low and error < 0):
@@ -201,7 +232,15 @@ def _limited(memory, i, asked, error, near, low, high, dt):
 
 
 @helper
-def _surfaces(pilot, memory, roll, pitch, omega, airspeed, commands):
+def _surfaces(
+    pilot: Array,
+    memory: Array,
+    roll: float,
+    pitch: float,
+    omega: Array,
+    airspeed: float,
+    commands: Array,
+) -> None:
     """Elevator, aileron and rudder for memory[ROLL] and [PITCH]; rates are damped about those of
     a coordinated turn at this roll."""
     bank = min(max(roll, -pilot[ROLL_MOST]), pilot[ROLL_MOST])

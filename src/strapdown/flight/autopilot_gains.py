@@ -7,16 +7,20 @@ number belongs to one aircraft. Source: Beard & McLain (2012), sections 5.4 and 
 """
 
 import math
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ..data import DataError
+from ..typing import Array
 from . import autopilot as p
-from .aircraft.modes import STATE_NAMES
+from .aircraft.modes import MODEL_STATES, Modes
+from .aircraft.parameters import Aircraft
+from .aircraft.trim import Trim
 
-DEG = math.pi / 180
-ROLL_ERROR, PITCH_ERROR, SPEED_ERROR = 45 * DEG, 15 * DEG, 0.2
+RAD_PER_DEG = math.pi / 180
+ROLL_ERROR, PITCH_ERROR, SPEED_ERROR = 45 * RAD_PER_DEG, 15 * RAD_PER_DEG, 0.2
 """Errors that spend the travel of aileron and elevator from trim to the nearer stop; and half
 the throttle's travel, as a share of the airspeed."""
 DAMPING, DUTCH_ROLL = 0.9, 0.7
@@ -27,8 +31,13 @@ SEPARATION, FOLLOWING = 5.0, 3.0
 course."""
 # squared proportional rate over the integral one: two real poles, 6 % overshoot of a step at most
 INTEGRAL = 8.0
-ROLL_MOST, PITCH_MOST, CLIMB_MOST, COURSE_ZONE = 45 * DEG, 20 * DEG, 8 * DEG, 20 * DEG
-LEAST_TRAVEL = 0.1 * DEG  # of aileron and elevator from their trim
+ROLL_MOST, PITCH_MOST, CLIMB_MOST, COURSE_ZONE = (
+    45 * RAD_PER_DEG,
+    20 * RAD_PER_DEG,
+    8 * RAD_PER_DEG,
+    20 * RAD_PER_DEG,
+)
+LEAST_TRAVEL = 0.1 * RAD_PER_DEG  # of aileron and elevator from their trim
 
 
 class Gains(NamedTuple):
@@ -50,13 +59,19 @@ class Gains(NamedTuple):
     turn_elevator: float  # rad of elevator per (1/cos roll - 1)
 
 
-def gains(aircraft, trim, modes, gravity):
+def gains(aircraft: Aircraft, trim: Trim, modes: Modes, gravity: float) -> Gains:
     """The Gains of an Aircraft from its Trim and Modes (aircraft.trim, aircraft.modes). Raises
     DataError where a control has no effect."""
     A, B, V = modes.A, modes.B, trim.airspeed
-    row = {name: i for i, name in enumerate(STATE_NAMES)}
-    state = lambda to, of: float(A[row[to], row[of]])
-    elevator, aileron, rudder, throttle = (lambda to, i=i: float(B[row[to], i]) for i in range(4))
+    row = {name: i for i, name in enumerate(MODEL_STATES)}
+
+    def state(to: str, of: str) -> float:
+        return float(A[row[to], row[of]])
+
+    def control(i: int) -> Callable[[str], float]:
+        return lambda to: float(B[row[to], i])
+
+    elevator, aileron, rudder, throttle = (control(i) for i in range(4))
     for name, effect in (
         ("elevator", elevator("q")),
         ("aileron", aileron("p")),
@@ -98,7 +113,14 @@ def gains(aircraft, trim, modes, gravity):
     )
 
 
-def pilot_array(gains, aircraft, trim, origin, scales, gravity):
+def pilot_array(
+    gains: Gains,
+    aircraft: Aircraft,
+    trim: Trim,
+    origin: Sequence[float],
+    scales: tuple[float, float],
+    gravity: float,
+) -> Array:
     """What autopilot.steer reads, (PILOT_SIZE,): Gains, limits, origin of the route (rad, rad,
     m), metres per rad north and east, gravity (m/s^2)."""
     pilot = np.zeros(p.PILOT_SIZE)
@@ -132,7 +154,9 @@ def pilot_array(gains, aircraft, trim, origin, scales, gravity):
     return pilot
 
 
-def _inner(damping, stiffness, effect, gain):
+def _inner(
+    damping: float, stiffness: float, effect: float, gain: float
+) -> tuple[float, float, float]:
     """(proportional gain, damping gain, bandwidth in rad/s) of angle'' = -damping angle' -
     stiffness angle + effect control."""
     p_gain = math.copysign(gain, effect)
@@ -144,7 +168,7 @@ def _inner(damping, stiffness, effect, gain):
     return p_gain, d_gain, square / (half + root)  # of two real poles the slower one
 
 
-def _travel(aircraft, trim, i, control):
+def _travel(aircraft: Aircraft, trim: Trim, i: int, control: str) -> float:
     """rad from the trim's position of a control to its nearer stop. Raises DataError where it
     stands there."""
     left = float(
@@ -161,7 +185,7 @@ def _travel(aircraft, trim, i, control):
     return left
 
 
-def _yaw_damper(state, effect, V):
+def _yaw_damper(state: Callable[[str, str], float], effect: float, V: float) -> float:
     """Rudder per rad/s of yaw that gives the Dutch roll its damping; 0 where it has it, or where
     there is no rudder."""
     stiffness = max(state("r", "v") * V + state("v", "v") * state("r", "r"), 0.0)

@@ -1,29 +1,38 @@
 """Figures of a flight in the loop: route, controls, forces and moments, air data, wind, what the
 autopilot asked for and got; and what was flown."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any, TypeAlias
 
 import numpy as np
 import plotly.graph_objects as go
 
+from ..data import Aiding, Trajectory
 from ..evaluation.metrics import any_known
 from ..geodesy import displacement
 from ..reports.drawing import COLOURS, GREY, even, finish, line, note, panels, time_axis
+from ..typing import Array
 from .autopilot import ALONG_E, ALONG_N, ANGLE, FROM_E, FROM_N, KIND, LENGTH, LINE_KIND, RADIUS
+from .fly import Flight
 
+Rows: TypeAlias = Sequence[tuple[str, Sequence[tuple[str, str]], float]]
+"""Of `_rows`: label, [(column of the log, what it is)], scale."""
+Sections: TypeAlias = list[tuple[str, list[tuple[go.Figure, str, str]]]]
+"""[(heading, [(figure, its heading, caption)])]"""
 ARC_STEP = np.radians(5)
 """Of the arcs of a route as they are drawn."""
 RPM = 30 / np.pi
-CUT = "rgba(59,125,216,0.3)"
+CUT_COLOUR = "rgba(59,125,216,0.3)"
 """Of the stretch that was flown without GNSS, on the map: as the windows of withheld fixes, but
 stronger."""
 FRAMED = 3.0
 """An estimate that is as many times the flight's own reach away from it leaves the frame of the
 map."""
-UNITS = {"position": "m", "velocity": "m/s"}
+FIX_UNITS = {"position": "m", "velocity": "m/s"}
 
 
-def sections(flight):
+def sections(flight: Flight) -> Sections:
     """The sections of a page on a sim.flight.Flight, for reports.page.report: [(heading,
     [(figure, its heading, caption)])]."""
     gusty = flight.recording.meta["turbulence"] != "none"
@@ -85,7 +94,7 @@ def sections(flight):
     ]
 
 
-def facts(flight):
+def facts(flight: Flight) -> dict[str, str]:
     """What was flown, {name: text}, for the head of a page."""
     meta, end = flight.recording.meta, float(flight.recording.imu.t[-1])
     cut = ", ".join(
@@ -116,12 +125,12 @@ def facts(flight):
     }
 
 
-def _sd(aiding):
-    values = "{:g} {:g} {:g}".format(*aiding.sd[0]) if aiding.kind in UNITS else ""
-    return f", sd {values} {UNITS[aiding.kind]} NED" if values else ""
+def _sd(aiding: Aiding) -> str:
+    values = "{:g} {:g} {:g}".format(*aiding.sd[0]) if aiding.kind in FIX_UNITS else ""
+    return f", sd {values} {FIX_UNITS[aiding.kind]} NED" if values else ""
 
 
-def controls(flight):
+def controls(flight: Flight) -> go.Figure:
     """Commands and positions of elevator, aileron, rudder (deg) and throttle (%)."""
     shown = [
         (
@@ -142,7 +151,7 @@ def controls(flight):
     return _rows(flight, rows)
 
 
-def loads(flight, letter, unit):
+def loads(flight: Flight, letter: str, unit: str) -> go.Figure:
     """Forces (`letter` "F", N) or moments ("G", N m) along or about the three body axes."""
     return _rows(
         flight,
@@ -153,7 +162,7 @@ def loads(flight, letter, unit):
     )
 
 
-def air(flight):
+def air(flight: Flight) -> go.Figure:
     """Airspeed, flow angles and the propeller's speed."""
     return _rows(
         flight,
@@ -171,7 +180,7 @@ def air(flight):
     )
 
 
-def blown(flight):
+def blown(flight: Flight) -> go.Figure | None:
     """Wind with its gusts towards north, east and down, m/s; None in still air."""
     names = [f"wind {axis}, m/s" for axis in ("north", "east", "down")]
     if not any(np.any(flight.log[name]) for name in names):
@@ -179,11 +188,11 @@ def blown(flight):
     return _rows(flight, [(f"{name[5:-5]} [m/s]", [(name, "aircraft")], 1.0) for name in names])
 
 
-def asked(flight):
+def asked(flight: Flight) -> go.Figure:
     """Roll, pitch, height and airspeed that the autopilot asks for, beside the aircraft's own
     and those that the filter believes in."""
     truth, believed, log, deg = (
-        flight.recording.reference,
+        _truth(flight),
         flight.solution.trajectory,
         flight.log,
         np.degrees(1),
@@ -222,7 +231,7 @@ def asked(flight):
     return _timed(figure, flight)
 
 
-def off_route(flight):
+def off_route(flight: Flight) -> go.Figure:
     """How far the aircraft is right of and above its route, m."""
     return _rows(
         flight,
@@ -233,15 +242,21 @@ def off_route(flight):
     )
 
 
-def route(flight):
+def route(flight: Flight) -> go.Figure:
     """East and north in metres from the start: the route as far as flown, the flight, where GNSS
     was cut, and the estimate."""
-    figure, truth, place = finish(go.Figure(), 560), flight.recording.reference, flight.plan.place
+    figure, truth, place = finish(go.Figure(), 560), _truth(flight), flight.plan.place
     flown, believed = displacement(truth.lla, place)[:, :2], None
     if flight.solution.has_position:
         believed = displacement(flight.solution.trajectory.lla, place)[:, :2]
     for start, stop in flight.recording.meta["outages"]:
-        _path(figure, flown[(truth.t >= start) & (truth.t <= stop)], "flown without GNSS", CUT, 9)
+        _path(
+            figure,
+            flown[(truth.t >= start) & (truth.t <= stop)],
+            "flown without GNSS",
+            CUT_COLOUR,
+            9,
+        )
     _path(
         figure,
         route_points(
@@ -267,7 +282,14 @@ def route(flight):
     )
 
 
-def _path(figure, points, name, colour, width=1.8, dash="solid"):
+def _path(
+    figure: go.Figure,
+    points: Array,
+    name: str,
+    colour: str,
+    width: float = 1.8,
+    dash: str = "solid",
+) -> None:
     points, shown = points[even(len(points))], {trace.name for trace in figure.data}
     if len(points):
         figure.add_trace(
@@ -283,7 +305,7 @@ def _path(figure, points, name, colour, width=1.8, dash="solid"):
         )
 
 
-def _mark(figure, point, name, symbol, colour):
+def _mark(figure: go.Figure, point: Array, name: str, symbol: str, colour: str) -> None:
     marker = {
         "symbol": symbol,
         "size": 11,
@@ -293,7 +315,7 @@ def _mark(figure, point, name, symbol, colour):
     figure.add_trace(go.Scatter(x=point[1:], y=point[:1], name=name, mode="markers", marker=marker))
 
 
-def _frame(figure, flown, believed):
+def _frame(figure: go.Figure, flown: Array, believed: Array | None) -> None:
     """Set the ranges around the flight and the estimate of it; of one that goes far beyond the
     flight, say so."""
     low, high = flown.min(axis=0), flown.max(axis=0)
@@ -313,7 +335,7 @@ def _frame(figure, flown, believed):
     )
 
 
-def flown_route(flight, ends):
+def flown_route(flight: Flight, ends: Array) -> Array:
     """The segments of the route that were flown, the last one up to the furthest of `ends`, (n,
     2) north and east in m."""
     parts = flight.route[: int(flight.log["segment"][-1]) + 1].copy()
@@ -332,7 +354,7 @@ def flown_route(flight, ends):
     return parts
 
 
-def route_points(parts):
+def route_points(parts: Array) -> Array:
     """(n, 2) north and east of segments of a route, m from the plan's place: its lines by their
     ends, its arcs in steps of ARC_STEP."""
     points = [np.zeros((1, 2))]
@@ -353,7 +375,15 @@ def route_points(parts):
     return np.concatenate(points)
 
 
-def _rows(flight, rows, names=("command", "position")):
+def _truth(flight: Flight) -> Trajectory:
+    """Where the aircraft was: every flight has it."""
+    assert flight.recording.reference is not None
+    return flight.recording.reference
+
+
+def _rows(
+    flight: Flight, rows: Rows, names: tuple[str, str] = ("command", "position")
+) -> go.Figure:
     """A panel per row (label, [(column of the log, "command", "position" or "aircraft")],
     scale)."""
     figure, t = (
@@ -362,6 +392,7 @@ def _rows(flight, rows, names=("command", "position")):
     )
     for row, (_, columns, scale) in enumerate(rows, 1):
         for column, kind in columns:
+            style: dict[str, Any] = {"dash": "dash"} if kind == "command" else {}
             name = names[kind != "command"] if kind != "aircraft" else kind
             line(
                 figure,
@@ -371,12 +402,12 @@ def _rows(flight, rows, names=("command", "position")):
                 GREY if kind == "command" else COLOURS[0],
                 row,
                 legend=row == 1 and kind != "aircraft",
-                **({"dash": "dash"} if kind == "command" else {}),
+                **style,
             )
     return _timed(figure, flight)
 
 
-def _timed(figure, flight):
+def _timed(figure: go.Figure, flight: Flight) -> go.Figure:
     """The figure with its time axis, and the outages shaded whether or not the solution has been
     told of them."""
     meta = {"withheld": flight.recording.meta["outages"], **flight.solution.meta}

@@ -6,9 +6,8 @@ every other run, and `fuse` on the flight's recording gives the flight's own sol
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import numpy as np
 from numba import types
 
 from ..aiding.pressure import (
@@ -20,14 +19,15 @@ from ..aiding.pressure import (
     PRESSURE_ALTITUDE,
     SCALE_TOP,
     T_0,
-    TOP,
+    TROPOPAUSE,
     pressure_altitude,
 )
 from ..core import loop
-from ..core.contract import POSITION_KIND, RUN
+from ..core.contract import POSITION_KIND, RUN, Belief, Cursor, Fixes, Imu, Noise, Output
 from ..core.earth import radii
 from ..core.jit import COMPILED, caller, helper, inlined, kernel, matrix
 from ..core.rotation import matrix_to_quaternion, turned, wrap
+from ..typing import Array, Ints
 from .aircraft.dynamics import AIRSPEED as AIR_SPEED
 from .aircraft.dynamics import (
     ALPHA,
@@ -90,60 +90,60 @@ MODEL_U, CONTROLS_BEFORE, TRUE_C, RATE_ROWS, TOLD, LOADS, SLOPES, WORK_SIZE = (
     59 + OUTPUTS,
 )
 STALL_PATIENCE = 1.0  # s
-STEEPEST = math.sin(math.radians(85.0))  # of the pitch, beyond which the attitude counts as lost
+SINE_STEEPEST_PITCH = math.sin(
+    math.radians(85.0)
+)  # of the pitch, beyond which the attitude counts as lost
 
 
 class Vehicle(NamedTuple):
     """The aircraft in its air."""
 
-    parameters: np.ndarray  # of the aircraft
-    state: np.ndarray  # (17,) see aircraft.dynamics
-    commands: np.ndarray  # (4,)
-    wind: np.ndarray  # (9,) steady (NED), gust velocity (body), gust rates
-    model: np.ndarray  # (17,) the aircraft that predicts while the receiver is cut
-    turbulence: np.ndarray  # numbers of the gusts
-    gusts: np.ndarray  # their state
-    normals: np.ndarray  # (n, k) white normals
-    limits: np.ndarray  # height of the ground, m; largest angle of attack, rad
+    parameters: Array  # of the aircraft
+    state: Array  # (17,) see aircraft.dynamics
+    commands: Array  # (4,)
+    wind: Array  # (9,) steady (NED), gust velocity (body), gust rates
+    model: Array  # (17,) the aircraft that predicts while the receiver is cut
+    turbulence: Array  # numbers of the gusts
+    gusts: Array  # their state
+    normals: Array  # (n, k) white normals
+    limits: Array  # height of the ground, m; largest angle of attack, rad
     # increments, the model's increments, controls before the step, C_nb, rates, the wind that is
-    # told,
-    work: np.ndarray
-    # outputs, mean rates of change of velocity and body rates over the sample
+    # told, outputs, mean rates of change of velocity and body rates over the sample
+    work: Array
 
 
 class Steering(NamedTuple):
     """The autopilot, see autopilot.py."""
 
-    pilot: np.ndarray
-    memory: np.ndarray
-    route: np.ndarray
-    wind: np.ndarray  # (3,) m/s NED: the steady wind it is told
+    pilot: Array
+    memory: Array
+    route: Array
+    wind: Array  # (3,) m/s NED: the steady wind it is told
 
 
 class Errors(NamedTuple):
     """What the sensors add."""
 
-    dtheta: np.ndarray  # (n, 3) rad
-    dv: np.ndarray  # (n, 3) m/s
-    numbers: np.ndarray  # (IMU_SIZE,)
+    dtheta: Array  # (n, 3) rad
+    dv: Array  # (n, 3) m/s
+    numbers: Array  # (IMU_SIZE,)
     # (m, 3) in the order of the fixes: m or m/s, NED; of a barometer Pa, and the ellipsoidal height
     # of its zero, m
-    fix: np.ndarray
-    measured: (
-        np.ndarray
-    )  # (m,) s: when each is measured; the receiver's are stamped later by its latency
-    order: np.ndarray  # int64 (m,): the fixes in the order in which they are measured
+    fix: Array
+    # (m,) s: when each is measured; the receiver's are stamped later by its latency
+    measured: Array
+    order: Ints  # int64 (m,): the fixes in the order in which they are measured
 
 
 class Journal(NamedTuple):
     """What happened."""
 
-    lla: np.ndarray  # (n + 1, 3)
-    v: np.ndarray  # (n + 1, 3)
-    q: np.ndarray  # (n + 1, 4)
-    log: np.ndarray  # (n, LOG_WIDTH)
-    cut: np.ndarray  # int64 (n,): 1 where the receiver is cut
-    at: np.ndarray  # int64
+    lla: Array  # (n + 1, 3)
+    v: Array  # (n + 1, 3)
+    q: Array  # (n + 1, 4)
+    log: Array  # (n, LOG_WIDTH)
+    cut: Ints  # int64 (n,): 1 where the receiver is cut
+    at: Ints  # int64
 
 
 if COMPILED:
@@ -155,8 +155,11 @@ if COMPILED:
         types.Array(types.float64, 2, "C"),
         types.Array(_i8, 1, "C"),
     )
-    _named = lambda cls, *fields: types.NamedTuple(fields, cls)
-    FLY = types.void(
+
+    def _named(cls: type, *fields: Any) -> Any:
+        return types.NamedTuple(fields, cls)  # type: ignore[no-untyped-call]  # numba's own
+
+    FLY: Any = types.void(
         _i8,
         _i8,
         _i8,
@@ -188,25 +191,25 @@ run_at, step_at, evaluate_at, gust_at = (
 
 @kernel(FLY)
 def fly(
-    step,
-    evaluate,
-    gust,
-    run,
-    predict,
-    correct,
-    observers,
-    belief,
-    imu,
-    fixes,
-    noise,
-    model_noise,
-    cursor,
-    out,
-    vehicle,
-    steering,
-    errors,
-    journal,
-):
+    step: int,
+    evaluate: int,
+    gust: int,
+    run: int,
+    predict: int,
+    correct: int,
+    observers: Ints,
+    belief: Belief,
+    imu: Imu,
+    fixes: Fixes,
+    noise: Noise,
+    model_noise: Noise,
+    cursor: Cursor,
+    out: Output,
+    vehicle: Vehicle,
+    steering: Steering,
+    errors: Errors,
+    journal: Journal,
+) -> None:
     """Fly the samples at[ROW] to at[LAST]; stops early, with at[CAUSE], where the flight ends.
     Commands must stand for the first sample."""
     at, state, work, told = journal.at, vehicle.state, vehicle.work, vehicle.work[TOLD : TOLD + 9]
@@ -301,7 +304,7 @@ def fly(
 
 
 @inlined
-def _move(step, vehicle, dt, C):
+def _move(step: int, vehicle: Vehicle, dt: float, C: Array) -> None:
     """Move the aircraft by a sample; leaves its controls before, its increments and mean rates
     of change in `work`, its attitude in C."""
     state, work = vehicle.state, vehicle.work
@@ -317,7 +320,7 @@ def _move(step, vehicle, dt, C):
 
 
 @helper
-def _attitude(q, C):
+def _attitude(q: Array, C: Array) -> None:
     """C_nb of a unit quaternion, scalar first."""
     a, b, c, d = q[0], q[1], q[2], q[3]
     C[0, 0], C[0, 1], C[0, 2] = 1 - 2 * (c * c + d * d), 2 * (b * c - a * d), 2 * (b * d + a * c)
@@ -326,7 +329,7 @@ def _attitude(q, C):
 
 
 @helper
-def _set_model(model, belief):
+def _set_model(model: Array, belief: Belief) -> None:
     """Position, velocity and attitude of the model from the belief; its rates and its controls
     go on."""
     for i in range(3):
@@ -335,7 +338,7 @@ def _set_model(model, belief):
 
 
 @helper
-def _learn(model, state, belief):
+def _learn(model: Array, state: Array, belief: Belief) -> None:
     """Rates of the model from the belief, as long as gyros are used; controls from the commands,
     which the model follows as the aircraft does."""
     for i in range(3):
@@ -345,7 +348,9 @@ def _learn(model, state, belief):
 
 
 @helper
-def _measure(true, numbers, add_theta, add_v, dt, dtheta, dv):
+def _measure(
+    true: Array, numbers: Array, add_theta: Array, add_v: Array, dt: float, dtheta: Array, dv: Array
+) -> None:
     """The increments as the IMU measures them: distortion, bias and noise, counting, full scale."""
     for i in range(3):
         g, m, a = DISTORTION + 3 * i, DISTORTION + 9 + 3 * i, DISTORTION + 18 + 3 * i
@@ -371,7 +376,7 @@ def _measure(true, numbers, add_theta, add_v, dt, dtheta, dv):
 
 
 @helper
-def _read(numbers, sensor, axis, increment, dt):
+def _read(numbers: Array, sensor: int, axis: int, increment: float, dt: float) -> float:
     """An increment in whole steps of the counter and within full scale."""
     size, full = numbers[STEP_SIZE + sensor], numbers[FULL_SCALE + sensor] * dt
     if size > 0:
@@ -383,7 +388,9 @@ def _read(numbers, sensor, axis, increment, dt):
 
 
 @helper
-def _tell(workspace, first, cut, work, state, wind, dt):
+def _tell(
+    workspace: Array, first: int, cut: int, work: Array, state: Array, wind: Array, dt: float
+) -> None:
     """The filter's inputs: whether the model is to predict, positions of the controls in the
     middle of the sample, the wind, the sample's seconds."""
     workspace[first] = float(cut)
@@ -395,7 +402,9 @@ def _tell(workspace, first, cut, work, state, wind, dt):
 
 
 @helper
-def _fill(errors, fixes, at, state, C, t, slopes):
+def _fill(
+    errors: Errors, fixes: Fixes, at: Ints, state: Array, C: Array, t: float, slopes: Array
+) -> None:
     """Measure what is due by t: position and velocity of antennas, pressure, with errors, back
     from t at the sample's mean accelerations."""
     a0, a1, a2 = slopes[0], slopes[1], slopes[2]
@@ -435,16 +444,18 @@ def _fill(errors, fixes, at, state, C, t, slopes):
 
 
 @helper
-def _pressure(height):
+def _pressure(height: float) -> float:
     """Pressure of the standard atmosphere, Pa, at a height in it, m: `pressure_altitude`
     backwards."""
-    if height > TOP:
-        return P_TOP * math.exp((TOP - height) / SCALE_TOP)
+    if height > TROPOPAUSE:
+        return P_TOP * math.exp((TROPOPAUSE - height) / SCALE_TOP)
     return P_0 * (1 - LAPSE * height / T_0) ** (1 / EXPONENT)
 
 
 @helper
-def _write(journal, row, vehicle, steering, C, cut):
+def _write(
+    journal: Journal, row: int, vehicle: Vehicle, steering: Steering, C: Array, cut: int
+) -> None:
     """The truth and the log after a sample."""
     state, work, memory, log = vehicle.state, vehicle.work, steering.memory, journal.log[row]
     for i in range(3):
@@ -477,7 +488,7 @@ def _write(journal, row, vehicle, steering, C, cut):
 
 
 @inlined
-def _cause(state, C, limits, alpha, at, dt):
+def _cause(state: Array, C: Array, limits: Array, alpha: float, at: Ints, dt: float) -> int:
     """Why the flight cannot go on, or FLYING."""
     total = 0.0
     for i in range(CONTROLS):
@@ -486,7 +497,7 @@ def _cause(state, C, limits, alpha, at, dt):
         return NUMBER
     if state[2] < limits[0]:
         return GROUND
-    if C[2, 2] < 0 or abs(C[2, 0]) > STEEPEST:
+    if C[2, 2] < 0 or abs(C[2, 0]) > SINE_STEEPEST_PITCH:
         return ATTITUDE
     at[STALLED] = at[STALLED] + 1 if abs(alpha) > limits[1] else 0
     return STALL if at[STALLED] * dt > STALL_PATIENCE else FLYING

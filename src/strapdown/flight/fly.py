@@ -2,38 +2,53 @@
 error moves the aircraft."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..core import loop
-from ..core.contract import STATES, Imu, Noise, Start
+from ..core.contract import STATES, Filter, Fixes, Imu, Noise, Start
 from ..core.jit import address, compile_kernel, entry_point
-from ..data import DataError, Solution, Trajectory
-from ..engine import batch
+from ..data import Aiding, DataError, Solution, Trajectory
+from ..engine.batch import begin as begin_run
+from ..engine.prepare import ROWS_AT_ONCE, Asked, Run, positioned
+from ..engine.result import solution as solution_of
 from ..filters import names as filter_names
 from ..recording import Recording
+from ..sensor_models.barometer import Barometer
 from ..sensor_models.datasheet_units import real
 from ..sensor_models.gnss import Gnss, without_fixes
-from ..sensor_models.imu import grade, saturated
+from ..sensor_models.imu import ImuSpec, grade, saturated
 from ..sim.scenario import START_SD
 from ..sim.synthesis import draw_start
+from ..typing import Array, File, Progress, Say
 from . import flight_loop as kernels
-from .aircraft.dynamics import evaluate, step
+from .aircraft.dynamics import AIRSPEED, evaluate, step
 from .aircraft.modes import check_step, linearise
 from .aircraft.parameters import GRAVITY, LATITUDE_RATE, LONGITUDE_RATE, Aircraft
 from .aircraft.parameters import aircraft as find_aircraft
 from .aircraft.trim import Trim, trim
-from .aircraft.wind import NORMALS, begin, gust
+from .aircraft.wind import NORMALS, SD_U, begin, gust
 from .aircraft.wind import turbulence as gusts
 from .autopilot import KIND, LINE_KIND, MEMORY_SIZE, RISE, SPEED
 from .autopilot_gains import Gains, gains, pilot_array
-from .checks import check, check_sensors, checked_filter, checked_windows, handed, times
+from .checks import Request, check, check_sensors, checked_filter, checked_windows, handed, times
 from .plan import FlightPlan, flight_plan, route
-from .sensor_errors import barometer_errors, fix_errors, generator, imu_errors, in_loop_order
+from .sensor_errors import (
+    FixErrors,
+    ImuErrors,
+    Outage,
+    Windows,
+    barometer_errors,
+    fix_errors,
+    generator,
+    imu_errors,
+    in_loop_order,
+)
 
 LOG = (
     "elevator command, rad",
@@ -82,6 +97,8 @@ MODEL_NOISE = Noise(0.04, 0.4, 1e-5, 1e-4, 0.0, 0.0)
 """What a filter assumes of the increments of the aircraft's model by default: the air that the
 model does not know, as random walks of 2.3 deg/sqrt(s) and 0.4 m/s/sqrt(s), which is what they
 err by over a second of light turbulence (docs/flight.md has the measurement)."""
+RECEIVER = Gnss(interval=0.2)
+"""The receiver by default: five fixes a second."""
 ENDINGS = {
     kernels.GROUND: "the aircraft hit the ground",
     kernels.STALL: f"the aircraft was stalled for {kernels.STALL_PATIENCE:g} s",
@@ -96,9 +113,9 @@ class Stop(NamedTuple):
 
     t: float  # s
     cause: str
-    state: np.ndarray  # (17,) of the aircraft, see aircraft.dynamics
+    state: Array  # (17,) of the aircraft, see aircraft.dynamics
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f"the flight stopped at {self.t:.2f} s: {self.cause}"
 
 
@@ -108,17 +125,16 @@ class Flight:
 
     recording: Recording  # what the sensors measured, the truth as reference
     solution: Solution  # what the filter made of it on the way
-    log: dict  # columns of LOG and "t, s" -> (n,)
+    log: dict[str, Array]  # columns of LOG and "t, s" -> (n,)
     stopped: Stop | None  # None: it was flown to its end
     start: Start  # of the filter
     plan: FlightPlan
     trim: Trim
     gains: Gains
-    route: np.ndarray = field(
-        compare=False
-    )  # segments as the autopilot flies them, see autopilot.py
+    # segments as the autopilot flies them, see autopilot.py
+    route: Array = field(compare=False)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         end = (
             str(self.stopped)
             if self.stopped
@@ -128,46 +144,46 @@ class Flight:
 
 
 def fly(
-    plan="straight",
-    filter="closed-loop",
-    imu="industrial",
-    seed=0,
-    outage=None,
-    feedback="estimate",
-    prediction="imu",
-    aircraft="aerosonde",
-    earth="geodetic",
-    turbulence="none",
-    wind=(0.0, 0.0, 0.0),
-    told_wind=None,
-    gnss=Gnss(interval=0.2),
-    gate=None,
-    rate=100.0,
-    duration=None,
-    start=None,
-    start_sd=START_SD,
-    noise=None,
-    model_noise=MODEL_NOISE,
-    inputs=None,
-    barometer=None,
-    covariance=False,
-    say=None,
-    progress=None,
-    **options,
-):
+    plan: FlightPlan | File = "straight",
+    filter: Filter | str = "closed-loop",
+    imu: ImuSpec | File = "industrial",
+    seed: int = 0,
+    outage: Outage = None,
+    feedback: str = "estimate",
+    prediction: str = "imu",
+    aircraft: Aircraft | File = "aerosonde",
+    earth: str = "geodetic",
+    turbulence: str = "none",
+    wind: Sequence[float] | Array = (0.0, 0.0, 0.0),
+    told_wind: Sequence[float] | Array | None = None,
+    gnss: Gnss = RECEIVER,
+    gate: float | None = None,
+    rate: float = 100.0,
+    duration: float | None = None,
+    start: Start | None = None,
+    start_sd: Sequence[float | None] = START_SD,
+    noise: Noise | None = None,
+    model_noise: Noise = MODEL_NOISE,
+    inputs: int | None = None,
+    barometer: Barometer | None = None,
+    covariance: bool = False,
+    say: Say | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Flight:
     """The Flight of `aircraft` (name, file or Aircraft) along `plan` (a name, see PLANS, a TOML
     file or a FlightPlan) on the estimates of `filter`.
 
     imu: grade, file or ImuSpec; gnss: a Gnss, `gate` that of its fixes; rate: IMU samples per
     second; outage: when the receiver is cut, "15:" (s, to the end), "15:40,60:70" or a list of
     (start, stop); wind: steady, NED, m/s; told_wind: what autopilot and model are told of it (None:
-    all); turbulence: a level of aircraft.wind.LEVELS; earth: "geodetic", or "flat" for filters of a
-    flat Earth; start: a Start at 0 s (None: drawn around the truth with `start_sd`, 15 numbers,
-    None: the IMU's own biases); noise: a Noise in place of the IMU's; barometer: a Barometer, which
-    no outage touches; options: the filter's own. A filter that has options called `seed`,
-    `aircraft`, `rate` or `earth` gets the flight's: a seed drawn from `seed`, the aircraft that is
-    flown, the IMU's rate, the Earth. recording.meta["filter_options"] has all options of the
-    filter, so that fuse(flight.recording, filter, start=flight.start,
+    all); turbulence: a level of aircraft.wind.TURBULENCE_LEVELS; earth: "geodetic", or "flat" for
+    filters of a flat Earth; start: a Start at 0 s (None: drawn around the truth with `start_sd`, 15
+    numbers, None: the IMU's own biases); noise: a Noise in place of the IMU's; barometer: a
+    Barometer, which no outage touches; options: the filter's own. A filter that has options called
+    `seed`, `aircraft`, `rate` or `earth` gets the flight's: a seed drawn from `seed`, the aircraft
+    that is flown, the IMU's rate, the Earth. recording.meta["filter_options"] has all options of
+    the filter, so that fuse(flight.recording, filter, start=flight.start,
     **flight.recording.meta["filter_options"]) repeats the solution (prediction="imu").
 
     feedback: what the autopilot flies by, "estimate" or "truth". prediction: who predicts while the
@@ -179,21 +195,14 @@ def fly(
     alone: two filters with one seed have the same. Raises DataError for what cannot be flown; a
     flight that diverges is no error, see Flight.stopped.
     """
-    check(seed, feedback, prediction, earth, turbulence, wind, told_wind, rate, model_noise)
+    check(
+        Request(seed, feedback, prediction, earth, turbulence, wind, told_wind, rate, model_noise)
+    )
     check_sensors(gnss, gate, barometer, rate)
     filter = checked_filter(filter, feedback, prediction, barometer, inputs)
     plan, spec, craft = flight_plan(plan), grade(imu), find_aircraft(aircraft)
     told = tuple(map(float, wind if told_wind is None else told_wind))
-    known = _known(
-        plan,
-        craft.name,
-        tuple(craft.values.items()),
-        craft.source,
-        earth,
-        tuple(map(float, wind)),
-        told,
-        1 / rate,
-    )
+    known = _known(_Case(plan, craft, earth, tuple(map(float, wind)), told, 1 / rate))
     t, dt = times(plan.duration or known.seconds if duration is None else duration, rate)
     of_imu, of_gnss, of_start, of_air, of_filter, of_barometer = np.random.SeedSequence(seed).spawn(
         6
@@ -210,11 +219,12 @@ def fly(
         else made.with_those(barometer_errors(barometer, t, plan.place[2], of_barometer))
     )
     journal = _journal(known.trim, t, dt, windows, feedback, prediction, inputs)
+    truth = Trajectory(np.zeros(1), journal.lla[:1], journal.v[:1], journal.q[:1])
     blank = _blank(
         t,
         dt,
         made.aidings,
-        journal,
+        truth,
         name=plan.name,
         grade=str(imu) if isinstance(imu, (str, Path)) else spec,
         seed=seed,
@@ -229,29 +239,57 @@ def fly(
         told_wind=list(told),
         filter_options=dict(options),
     )
-    start = _started(start, start_sd, spec, blank.reference, of_start)
-    run = batch.begin(blank, filter, spec, start, noise, 1, covariance, say, options)
+    start = _started(start, start_sd, spec, truth, of_start)
+    asked = Asked(options, spec, start, noise, 1, covariance, say)
+    run = begin_run(blank, filter, asked)
     vehicle = _vehicle(known, plan, wind, told, turbulence, len(t), generator(of_air))
     steering = kernels.Steering(known.pilot, np.zeros(MEMORY_SIZE), known.route, np.array(told))
-    _run(run, model_noise, vehicle, steering, errors, made, journal, progress)
-    return _flight(run, blank, errors, spec, journal, vehicle, known, plan)
+    underway = _Underway(run, blank, plan, known, spec, errors, made, vehicle, steering, journal)
+    _run(underway, model_noise, progress)
+    return _flight(underway)
+
+
+class _Case(NamedTuple):
+    """What decides a flight's route, trim and gains."""
+
+    plan: FlightPlan
+    craft: Aircraft
+    earth: str
+    wind: tuple[float, ...]  # (3,) m/s NED
+    told: tuple[float, ...]  # what the autopilot is told of it
+    dt: float  # s, of a sample
 
 
 class _Known(NamedTuple):
     """What all flights of one plan, aircraft and wind share; nothing in it is written to, and a
     Flight has copies."""
 
-    array: np.ndarray
+    array: Array
     trim: Trim
     gains: Gains
-    route: np.ndarray
-    pilot: np.ndarray
+    route: Array
+    pilot: Array
     seconds: float
 
 
+class _Underway(NamedTuple):
+    """A flight on its way: what it flies with, and what it writes to."""
+
+    run: Run
+    blank: Recording  # of the flight before its first sample
+    plan: FlightPlan
+    known: _Known
+    spec: ImuSpec
+    errors: ImuErrors
+    made: FixErrors
+    vehicle: kernels.Vehicle
+    steering: kernels.Steering
+    journal: kernels.Journal
+
+
 @lru_cache(maxsize=32)
-def _known(plan, name, values, source, earth, wind, told, dt):
-    craft = Aircraft(name, dict(values), source)
+def _known(case: _Case) -> _Known:
+    plan, craft, earth, wind, told, dt = case
     array = craft.array(earth, plan.place)
     gravity, scales = float(array[GRAVITY]), (1 / array[LATITUDE_RATE], 1 / array[LONGITUDE_RATE])
     segments, seconds = route(plan, told, gravity)
@@ -286,9 +324,10 @@ def _known(plan, name, values, source, earth, wind, told, dt):
     )
 
 
-def _blank(t, dt, aidings, journal, **meta):
+def _blank(
+    t: Array, dt: Array, aidings: tuple[Aiding, ...], truth: Trajectory, **meta: Any
+) -> Recording:
     """The Recording of a flight before its first sample."""
-    truth = Trajectory(np.zeros(1), journal.lla[:1], journal.v[:1], journal.q[:1])
     return Recording(
         Imu(t, dt, np.zeros((len(t), 3)), np.zeros((len(t), 3))),
         aidings,
@@ -297,7 +336,15 @@ def _blank(t, dt, aidings, journal, **meta):
     )
 
 
-def _journal(trimmed, t, dt, windows, feedback, prediction, inputs):
+def _journal(
+    trimmed: Trim,
+    t: Array,
+    dt: Array,
+    windows: Windows,
+    feedback: str,
+    prediction: str,
+    inputs: int | None,
+) -> kernels.Journal:
     cut, at = np.zeros(len(t), np.int64), np.zeros(kernels.AT_SIZE, np.int64)
     for first, stop in windows:
         cut[(t - dt >= first - loop.SAME_TIME) & (t - dt < stop - loop.SAME_TIME)] = 1
@@ -323,14 +370,20 @@ def _journal(trimmed, t, dt, windows, feedback, prediction, inputs):
     return journal
 
 
-def _started(start, sd, spec, truth, of_start):
+def _started(
+    start: Start | None,
+    sd: Sequence[float | None],
+    spec: ImuSpec,
+    truth: Trajectory,
+    of_start: np.random.SeedSequence,
+) -> Start:
     """The filter's Start: as given, or drawn around the truth."""
     if start is not None:
         if isinstance(start, Start) and start.t != 0:
             raise DataError(f"the start is at {start.t:g} s; a flight begins at 0 s")
         return start
     if (
-        np.ndim(sd) != 1
+        np.ndim(sd) != 1  # type: ignore[arg-type]  # a None counts as a number does
         or len(sd) != STATES
         or not all(value is None or real(value) for value in sd)
     ):
@@ -346,12 +399,20 @@ def _started(start, sd, spec, truth, of_start):
     )
 
 
-def _vehicle(known, plan, wind, told, level, rows, rng):
+def _vehicle(
+    known: _Known,
+    plan: FlightPlan,
+    wind: Sequence[float] | Array,
+    told: tuple[float, ...],
+    level: str,
+    rows: int,
+    rng: np.random.Generator,
+) -> kernels.Vehicle:
     craft, work = known.trim.aircraft, np.zeros(kernels.WORK_SIZE)
     work[kernels.TOLD : kernels.TOLD + 3] = told
-    work[kernels.LOADS + kernels.AIR_SPEED] = known.trim.airspeed
+    work[kernels.LOADS + AIRSPEED] = known.trim.airspeed
     numbers = gusts(level, plan.clearance, craft["span"])
-    blowing = numbers[kernels.SD_U] > 0
+    blowing = numbers[SD_U] > 0
     state = known.trim.state.copy()
     return kernels.Vehicle(
         known.array,
@@ -367,8 +428,9 @@ def _vehicle(known, plan, wind, told, level, rows, rng):
     )
 
 
-def _run(run, model_noise, vehicle, steering, errors, made, journal, progress):
+def _run(underway: _Underway, model_noise: Noise, progress: Progress | None) -> None:
     """Fly to the end, in chunks that let a keyboard and a progress bar in."""
+    run, journal = underway.run, underway.journal
     model_noise, first, room = (
         Noise(*map(float, model_noise)),
         int(journal.at[kernels.INPUTS]),
@@ -379,17 +441,17 @@ def _run(run, model_noise, vehicle, steering, errors, made, journal, progress):
             f"inputs {first} to {first + 8} do not fit into the {room} numbers of workspace of {run.filter.name}"
         )
     errors = kernels.Errors(
-        errors.dtheta,
-        errors.dv,
-        errors.numbers,
-        *in_loop_order(run.fixes, run.recording.aidings, made),
+        underway.errors.dtheta,
+        underway.errors.dv,
+        underway.errors.numbers,
+        *in_loop_order(run.fixes, run.recording.aidings, underway.made),
     )
     for each in (step, evaluate, gust, kernels.fly):
         compile_kernel(each)
     go, at, rows = entry_point(kernels.fly), journal.at, len(run.samples.t)
     addresses = [address(each) for each in (step, evaluate, gust, loop.run)]
     while at[kernels.ROW] < rows and at[kernels.CAUSE] == kernels.FLYING:
-        at[kernels.LAST] = min(int(at[kernels.ROW]) + batch.CHUNK, rows)
+        at[kernels.LAST] = min(int(at[kernels.ROW]) + ROWS_AT_ONCE, rows)
         go(
             *addresses,
             *run.kernels,
@@ -400,8 +462,8 @@ def _run(run, model_noise, vehicle, steering, errors, made, journal, progress):
             model_noise,
             run.cursor,
             run.out,
-            vehicle,
-            steering,
+            underway.vehicle,
+            underway.steering,
             errors,
             journal,
         )
@@ -409,8 +471,9 @@ def _run(run, model_noise, vehicle, steering, errors, made, journal, progress):
             progress(at[kernels.ROW] / rows)
 
 
-def _flight(run, blank, errors, spec, journal, vehicle, known, plan):
+def _flight(underway: _Underway) -> Flight:
     """The Flight of what was flown."""
+    run, blank, known, journal = underway.run, underway.blank, underway.known, underway.journal
     rows, cause = int(journal.at[kernels.ROW]), int(journal.at[kernels.CAUSE])
     samples = Imu(*(column[:rows] for column in run.samples))
     truth = Trajectory(
@@ -419,18 +482,18 @@ def _flight(run, blank, errors, spec, journal, vehicle, known, plan):
     aidings = tuple(
         _measured(a, s, run.fixes, samples.t[-1]) for s, a in enumerate(run.recording.aidings)
     )
-    notes = saturated(spec, samples)
+    notes = saturated(underway.spec, samples)
     if journal.at[kernels.BY_MODEL] and journal.at[kernels.INPUTS] < 0:
         notes.append(
             f"{int(journal.cut[:rows].sum())} IMU samples are those of the aircraft's model, not measured"
         )
     stopped = None
     if cause != kernels.FLYING:
-        stopped = Stop(float(samples.t[-1]), ENDINGS[cause], vehicle.state.copy())
+        stopped = Stop(float(samples.t[-1]), ENDINGS[cause], underway.vehicle.state.copy())
         notes.append(str(stopped))
     more = {
-        "b_a": errors.b_a[:rows],
-        "b_g": errors.b_g[:rows],
+        "b_a": underway.errors.b_a[:rows],
+        "b_g": underway.errors.b_g[:rows],
         "notes": [*blank.meta["notes"], *notes],
     }
     recording = replace(
@@ -440,13 +503,13 @@ def _flight(run, blank, errors, spec, journal, vehicle, known, plan):
     if (
         blank.meta["earth"] == "flat"
         and run.filter.name in filter_names()
-        and batch.positioned(run.filter)
+        and positioned(run.filter)
     ):
         filters.append(
             f"{run.filter.name} navigates on the rotating Earth, and this flight's is flat and still: it errs by the difference"
         )
     used = replace(recording, meta=recording.meta | {"notes": more["notes"] + filters})
-    solution = batch.solution(run._replace(recording=used, samples=samples))
+    solution = solution_of(run._replace(recording=used, samples=samples))
     solution.meta["filter_options"] = dict(blank.meta["filter_options"])
     if stopped:
         solution.meta.setdefault("stopped", str(stopped))
@@ -459,11 +522,19 @@ def _flight(run, blank, errors, spec, journal, vehicle, known, plan):
         **{name: getattr(known.trim, name).copy() for name in ("state", "commands", "outputs")},
     )
     return Flight(
-        recording, solution, log, stopped, run.start, plan, trimmed, known.gains, known.route.copy()
+        recording,
+        solution,
+        log,
+        stopped,
+        run.start,
+        underway.plan,
+        trimmed,
+        known.gains,
+        known.route.copy(),
     )
 
 
-def _measured(aiding, source, fixes, end):
+def _measured(aiding: Aiding, source: int, fixes: Fixes, end: float) -> Aiding:
     """The Aiding with what was measured until `end` (s)."""
     y = fixes.y[fixes.source == source]
     return replace(aiding, y=y[:, : aiding.y.shape[1]].copy())._where(

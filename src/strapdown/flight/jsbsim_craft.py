@@ -1,15 +1,20 @@
 """An Aircraft flown by JSBSim: an independent engine for the same body, with given positions of
 the controls."""
 
+from collections.abc import Iterable, Mapping, Sequence
+from tempfile import TemporaryDirectory
+from typing import Any
+
 import numpy as np
 
 from ..data import DataError
 from ..sensor_models.datasheet_units import real
-from ..sim.jsbsim import FOOT, SCALE, STATE, begin, quaternions, session
+from ..sim.jsbsim import FOOT, STATE_PROPERTIES, STATE_UNITS, begin, quaternions, session
 from ..sim.trajectory import EARTH_RATE
+from ..typing import Array, ArrayLike, File
 from .aircraft.dynamics import checked_state
+from .aircraft.parameters import Aircraft, checked_array
 from .aircraft.parameters import aircraft as find
-from .aircraft.parameters import checked_array
 from .jsbsim_definition import CONTROLS, jsbsim_definition
 
 INTEGRATORS = {
@@ -20,15 +25,23 @@ INTEGRATORS = {
 }
 """Adams-Bashforth of third order for all; as it comes, JSBSim integrates rotation by the
 first-order rectangle rule."""
-HIGHEST = 100e3
+HIGHEST_FLIGHT = 100e3
 """m: beyond, a flight is lost."""
 SUBSTEPS = 10
 """Steps of JSBSim per interval of the controls."""
-RATES = ("velocities/pi-rad_sec", "velocities/qi-rad_sec", "velocities/ri-rad_sec")
+RATE_PROPERTIES = ("velocities/pi-rad_sec", "velocities/qi-rad_sec", "velocities/ri-rad_sec")
 """Of JSBSim: those against inertial space."""
 
 
-def fly_jsbsim(aircraft, state, controls, dt, wind=(0.0, 0.0), substeps=SUBSTEPS, integrators=None):
+def fly_jsbsim(
+    aircraft: Aircraft | File,
+    state: ArrayLike,
+    controls: ArrayLike,
+    dt: float,
+    wind: ArrayLike = (0.0, 0.0),
+    substeps: int = SUBSTEPS,
+    integrators: Mapping[str, int] | None = None,
+) -> Array:
     """The motion of an Aircraft (or that of a name) in JSBSim, its controls moved as recorded: (n,
     17) states as in sim.aircraft.dynamics, at 0, dt, ... s.
 
@@ -38,8 +51,6 @@ def fly_jsbsim(aircraft, state, controls, dt, wind=(0.0, 0.0), substeps=SUBSTEPS
     its own Earth: rotating WGS-84 with J2 gravity. Raises DataError: JSBSim missing, bad arrays, a
     flight that is lost.
     """
-    from tempfile import TemporaryDirectory
-
     aircraft, state, controls = (
         find(aircraft),
         checked_state(state, "fly_jsbsim"),
@@ -71,7 +82,7 @@ def fly_jsbsim(aircraft, state, controls, dt, wind=(0.0, 0.0), substeps=SUBSTEPS
         _place(
             executive, state, controls[0], wind, INTEGRATORS if integrators is None else integrators
         )
-        told = np.empty((len(controls), len(STATE) + len(RATES)))
+        told = np.empty((len(controls), len(STATE_PROPERTIES) + len(RATE_PROPERTIES)))
         for row in range(len(controls)):
             for i in range(
                 1, substeps + 1 if row else 0
@@ -82,19 +93,21 @@ def fly_jsbsim(aircraft, state, controls, dt, wind=(0.0, 0.0), substeps=SUBSTEPS
                     controls[row - 1] + i / substeps * (controls[row] - controls[row - 1]),
                 )
                 executive.run()
-            told[row] = [executive[key] for key in STATE + RATES]
-            if not np.isfinite(told[row]).all() or abs(told[row, 2]) > HIGHEST / FOOT:
+            told[row] = [executive[key] for key in STATE_PROPERTIES + RATE_PROPERTIES]
+            if not np.isfinite(told[row]).all() or abs(told[row, 2]) > HIGHEST_FLIGHT / FOOT:
                 raise DataError(f"JSBSim lost {aircraft.name} after {row * dt:.2f} s")
-    told[:, :9] *= SCALE
+    told[:, :9] *= STATE_UNITS
     return np.hstack([told[:, :6], quaternions(told[:, 6:9]), told[:, 9:], controls])
 
 
-def _set(executive, keys, values):
+def _set(executive: Any, keys: Sequence[str], values: Iterable[float]) -> None:
     for key, value in zip(keys, values):
         executive[key] = float(value)
 
 
-def _place(executive, state, controls, wind, integrators):
+def _place(
+    executive: Any, state: Array, controls: Array, wind: Array, integrators: Mapping[str, int]
+) -> None:
     """Begin at a state of ours; JSBSim counts the rates that it is given against the rotating
     Earth."""
     from scipy.spatial.transform import Rotation

@@ -3,11 +3,14 @@ JSBSim's functions, written anew from the equations."""
 
 import math
 from pathlib import Path
+from typing import Any, TypeAlias
 from xml.sax.saxutils import escape
 
 from ..data import DataError
 from ..files import replacing
 from ..sim.jsbsim import FOOT
+from ..typing import File
+from .aircraft.parameters import Aircraft
 from .aircraft.parameters import aircraft as find
 
 SLUG, POUND = 14.593902937206364, 4.4482216152605
@@ -22,9 +25,11 @@ CONTROLS = (
 )
 """Properties of the definition: positions of the controls, which act as they are set, without
 lag or stop."""
+Terms: TypeAlias = float | str | tuple[Any, ...]
+"""A number, a property's name, or (operation, terms, ...)."""
 
 
-def jsbsim_definition(aircraft, folder):
+def jsbsim_definition(aircraft: Aircraft | File, folder: File) -> Path:
     """Write an Aircraft (or that of a name) as folder/NAME/NAME.xml, a JSBSim aircraft definition;
     returns that path. Raises DataError where it cannot be written.
 
@@ -48,7 +53,7 @@ def jsbsim_definition(aircraft, folder):
     return path
 
 
-def _document(aircraft):
+def _document(aircraft: Aircraft) -> str:
     """The text of the definition."""
     quantities, axes = _equations(aircraft)
     here = "<x>0</x><y>0</y><z>0</z></location>"
@@ -90,7 +95,7 @@ def _document(aircraft):
     return "\n".join(lines)
 
 
-def _xml(terms):
+def _xml(terms: Terms) -> str:
     """A number, a property's name, or (operation, terms, ...) as JSBSim writes them."""
     if isinstance(terms, str):
         return f"<p>{terms}</p>"
@@ -99,19 +104,22 @@ def _xml(terms):
     return f"<v>{float(terms)!r}</v>"
 
 
-def _equations(a):
+def _equations(a: Aircraft) -> tuple[dict[str, Terms], dict[str, Terms]]:
     """({property: terms} in the order in which they are computed, {axis of JSBSim: terms in lbf
     and lbf ft}) of the aircraft `a`."""
     elevator, aileron, rudder, _ = CONTROLS
     alpha, beta, V, qS = "aero/alpha-rad", "aero/beta-rad", "craft/V", "craft/qS"
     p, q, r = (f"velocities/{axis}-aero-rad_sec" for axis in "pqr")
-    times = lambda name, factor: ("product", a[name], factor)
+
+    def times(name: str, factor: Terms) -> Terms:
+        return ("product", a[name], factor)
+
     half_chord, half_span = (
         ("quotient", a["chord"] / 2, ("max", V, 1e-6)),
         ("quotient", a["span"] / 2, ("max", V, 1e-6)),
     )
 
-    def coefficient(axis):
+    def coefficient(axis: str) -> Terms:
         """The linear derivatives of side force or of a moment about x or z."""
         turning = ("sum", times(f"C_{axis}_p", p), times(f"C_{axis}_r", r))
         return (
@@ -188,7 +196,7 @@ def _equations(a):
     }
 
 
-def _density(a):
+def _density(a: Aircraft) -> Terms:
     """kg/m^3: the aircraft's constant one, not JSBSim's atmosphere; where it is 0 the standard
     atmosphere in the formula that the aircraft has."""
     if a["density"] > 0:
@@ -202,7 +210,7 @@ def _density(a):
     )
 
 
-def _stalled(a, alpha):
+def _stalled(a: Aircraft, alpha: str) -> Terms:
     """Share of the flat plate in the lift: Beard & McLain's sigmoid in its own form, bounded so
     that its exponentials do not overflow."""
     up = (
@@ -213,17 +221,20 @@ def _stalled(a, alpha):
     return ("quotient", ("sum", 1, up, down), ("product", ("sum", 1, up), ("sum", 1, down)))
 
 
-def _propeller(a, V):
+def _propeller(a: Aircraft, V: str) -> dict[str, Terms]:
     """Thrust (N), torque (N m) and turns per second of the propeller in balance with its motor:
     both torques are quadratic in the turns."""
     D, rho, K, R = a["diameter"], "craft/rho", a["motor_constant"], a["resistance"]
     C_T, C_Q = ([a[f"C_{letter}_{i}"] for i in range(3)] for letter in "TQ")
-    moment = lambda coefficients: (
-        "sum",
-        ("product", coefficients[0] * D * D, "craft/turns", "craft/turns"),
-        ("product", coefficients[1] * D, "craft/turns", V),
-        ("product", coefficients[2], V, V),
-    )
+
+    def moment(coefficients: list[float]) -> Terms:
+        return (
+            "sum",
+            ("product", coefficients[0] * D * D, "craft/turns", "craft/turns"),
+            ("product", coefficients[1] * D, "craft/turns", V),
+            ("product", coefficients[2], V, V),
+        )
+
     root = ("difference", ("pow", "craft/b", 2), ("product", 4, "craft/a", "craft/c"))
     turns = (
         "max",

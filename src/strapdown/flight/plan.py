@@ -2,8 +2,10 @@
 that an aircraft can follow through them."""
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,13 +14,14 @@ from ..data import DataError
 from ..files import read_toml
 from ..geodesy import wrap
 from ..sensor_models.datasheet_units import nearest, real, refuse_unknown
+from ..typing import Array, File
 from . import autopilot as p
 
-DEG = math.pi / 180
-PLACE = (47.63 * DEG, 9.35 * DEG, 500.0)
+RAD_PER_DEG = math.pi / 180
+DEFAULT_PLACE = (47.63 * RAD_PER_DEG, 9.35 * RAD_PER_DEG, 500.0)
 """Where the flights begin that name no place: over Lake Constance, 100 m above the water."""
-STRAIGHT_ON = 1 * DEG  # corners below it need no arc
-SHARPEST = 170 * DEG  # corners above it would need arcs of no end
+STRAIGHT_ON = 1 * RAD_PER_DEG  # corners below it need no arc
+SHARPEST = 170 * RAD_PER_DEG  # corners above it would need arcs of no end
 
 
 @dataclass(frozen=True)
@@ -30,17 +33,18 @@ class FlightPlan:
 
     name: str
     # ((north, east, up), ...) m from `place`, two or more; the first is where the first leg begins
-    waypoints: tuple
-    airspeed: float | tuple = 25.0  # m/s, of all legs or one per leg
+    waypoints: tuple[tuple[float, float, float], ...]
+    airspeed: float | tuple[float, ...] = 25.0  # m/s, of all legs or one per leg
     start_airspeed: float | None = None  # m/s; None: that of the first leg
-    place: tuple = PLACE  # latitude rad, longitude rad, ellipsoidal height m, at 0 s
+    # latitude rad, longitude rad, ellipsoidal height m, at 0 s
+    place: tuple[float, float, float] = DEFAULT_PLACE
     clearance: float = 100.0  # m that the start is above ground; a flight that gets there ends
-    bank: float = 30 * DEG  # rad, of the arcs between legs
+    bank: float = 30 * RAD_PER_DEG  # rad, of the arcs between legs
     duration: float | None = (
         None  # s; None: until the last waypoint. Beyond it the last leg goes on
     )
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         points = _numbers(self.waypoints, f"plan {self.name!r}: waypoints")
         if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2:
             raise DataError(
@@ -59,7 +63,7 @@ class FlightPlan:
                 "airspeed",
                 tuple(_numbers(self.airspeed, f"plan {self.name!r}: airspeed").tolist()),
             )
-        if np.ndim(self.airspeed) and len(self.airspeed) != len(points) - 1:
+        if isinstance(self.airspeed, tuple) and len(self.airspeed) != len(points) - 1:
             raise DataError(
                 f"plan {self.name!r}: {len(self.airspeed)} airspeeds for {len(points) - 1} legs; give one, or one per leg"
             )
@@ -76,9 +80,9 @@ class FlightPlan:
                 raise DataError(
                     f"plan {self.name!r}: airspeeds (m/s) and clearance (m) must be above 0, not {value:g}"
                 )
-        if not 5 * DEG <= self.bank <= 60 * DEG:
+        if not 5 * RAD_PER_DEG <= self.bank <= 60 * RAD_PER_DEG:
             raise DataError(
-                f"plan {self.name!r}: bank is {self.bank / DEG:.3g} deg; it must be 5 to 60"
+                f"plan {self.name!r}: bank is {self.bank / RAD_PER_DEG:.3g} deg; it must be 5 to 60"
             )
         place = _numbers(self.place, f"plan {self.name!r}: place")
         if place.shape != (3,) or abs(place[0]) > LATITUDE_LIMIT:
@@ -93,7 +97,7 @@ class FlightPlan:
             )
 
     @property
-    def begin_airspeed(self):
+    def begin_airspeed(self) -> float:
         """Airspeed at 0 s, m/s."""
         return float(
             self.start_airspeed
@@ -102,24 +106,31 @@ class FlightPlan:
         )
 
     @property
-    def course(self):
+    def course(self) -> float:
         """Course of the first leg, rad."""
         (n0, e0, _), (n1, e1, _) = self.waypoints[:2]
         return math.atan2(e1 - e0, n1 - n0)
 
-    def replace(self, **changes):
+    def replace(self, **changes: Any) -> "FlightPlan":
         """The same plan with some fields changed."""
         return replace(self, **changes)
 
 
-def straight(higher=10.0, faster=2.0, airspeed=25.0, course=0.0, length=10_000.0, **fields):
+def straight(
+    higher: float = 10.0,
+    faster: float = 2.0,
+    airspeed: float = 25.0,
+    course: float = 0.0,
+    length: float = 10_000.0,
+    **fields: Any,
+) -> FlightPlan:
     """A level straight flight (course in rad) of an aircraft trimmed at `airspeed` (m/s), asked
     at 0 s to be `higher` (m) and `faster` (m/s)."""
     end = (length * math.cos(course), length * math.sin(course), higher)
     return FlightPlan("straight", ((0.0, 0.0, higher), end), airspeed + faster, airspeed, **fields)
 
 
-def turning(airspeed=25.0, **fields):
+def turning(airspeed: float = 25.0, **fields: Any) -> FlightPlan:
     """Right angles left and right, climbs and descents, for 5 minutes: the first turn after 10
     s."""
     waypoints, up = (
@@ -133,25 +144,25 @@ def turning(airspeed=25.0, **fields):
     return FlightPlan("turning", tuple(waypoints), airspeed, **fields)
 
 
-PLANS = {"straight": straight, "turning": turning}
+PLANS: dict[str, Callable[[], FlightPlan]] = {"straight": straight, "turning": turning}
 """Plans that ship with the package."""
 
 
-KEYS = {
+KEYS: dict[str, tuple[str, float, bool]] = {
     "waypoints_m": ("waypoints", 1.0, True),
     "airspeed_m_s": ("airspeed", 1.0, True),
     "start_airspeed_m_s": ("start_airspeed", 1.0, False),
     "clearance_m": ("clearance", 1.0, False),
-    "bank_deg": ("bank", DEG, False),
+    "bank_deg": ("bank", RAD_PER_DEG, False),
     "duration_s": ("duration", 1.0, False),
 }
 """Keys of a plan's file: the field that each sets, the size of its unit, whether it may be a
 list."""
-PLACE_KEYS = {"latitude_deg": DEG, "longitude_deg": DEG, "height_m": 1.0}
+PLACE_KEYS = {"latitude_deg": RAD_PER_DEG, "longitude_deg": RAD_PER_DEG, "height_m": 1.0}
 """Those of its place."""
 
 
-def flight_plan(plan):
+def flight_plan(plan: FlightPlan | File) -> FlightPlan:
     """The FlightPlan of a name (`PLANS`) or of a file (ends in .toml or contains a folder); a
     FlightPlan is returned as it is. Raises DataError."""
     if isinstance(plan, FlightPlan):
@@ -170,7 +181,7 @@ def flight_plan(plan):
     )
 
 
-def read_plan(path):
+def read_plan(path: File) -> FlightPlan:
     """The FlightPlan of a TOML file. Raises DataError naming file, key and remedy."""
     table = read_toml(path, f"give the path of a plan's .toml file, or one of {', '.join(PLANS)}")
     try:
@@ -179,7 +190,7 @@ def read_plan(path):
         raise DataError(f"{path}: {error}") from None
 
 
-def _from_table(table, name):
+def _from_table(table: dict[str, Any], name: str) -> FlightPlan:
     """The FlightPlan of a parsed file; `name` is that of a plan without one."""
     refuse_unknown(table, ["name", "place", *KEYS], "flight plan")
     if "waypoints_m" not in table:
@@ -203,7 +214,7 @@ def _from_table(table, name):
     return FlightPlan(table.get("name", name), **fields)
 
 
-def _scaled(value, unit, where, listed):
+def _scaled(value: Any, unit: float, where: str, listed: bool) -> Any:
     """A number of a file, or where `listed` a list of them, in SI."""
     if listed and isinstance(value, list):
         return tuple(_scaled(each, unit, where, True) for each in value)
@@ -214,7 +225,7 @@ def _scaled(value, unit, where, listed):
     return value * unit
 
 
-def route(plan, wind, gravity):
+def route(plan: FlightPlan, wind: Sequence[float] | Array, gravity: float) -> tuple[Array, float]:
     """(Segments of the plan as autopilot.steer takes them, (m, 13); seconds from end to end at the
     legs' airspeeds, wind left out).
 
@@ -266,17 +277,19 @@ def route(plan, wind, gravity):
                     points[i + 1, :2] + cuts[i + 1] * along[i + 1],
                 )
             )
-    rows = np.array(rows)
-    return rows, float((rows[:, p.LENGTH] / rows[:, p.SPEED]).sum())
+    table = np.array(rows)
+    return table, float((table[:, p.LENGTH] / table[:, p.SPEED]).sum())
 
 
-def _corner(plan, i, along, speeds, breeze, gravity):
+def _corner(
+    plan: FlightPlan, i: int, along: Array, speeds: Array, breeze: float, gravity: float
+) -> tuple[float, float]:
     """(angle in rad, clockwise above zero; signed radius in m) of the arc at the end of leg i;
     (0, 0) where it needs none."""
     angle = float(wrap(math.atan2(*along[i + 1, ::-1]) - math.atan2(*along[i, ::-1])))
     if abs(angle) > SHARPEST:
         raise DataError(
-            f"plan {plan.name!r}: at waypoint {i + 1} the course turns by {abs(angle) / DEG:.0f} deg; {SHARPEST / DEG:.0f} are the most: "
+            f"plan {plan.name!r}: at waypoint {i + 1} the course turns by {abs(angle) / RAD_PER_DEG:.0f} deg; {SHARPEST / RAD_PER_DEG:.0f} are the most: "
             "set a waypoint beside it"
         )
     if abs(angle) < STRAIGHT_ON:
@@ -286,7 +299,17 @@ def _corner(plan, i, along, speeds, breeze, gravity):
     )
 
 
-def _arc(angle, radius, begin, before, after, low, high, speed, end):
+def _arc(
+    angle: float,
+    radius: float,
+    begin: Array,
+    before: Array,
+    after: Array,
+    low: float,
+    high: float,
+    speed: float,
+    end: Array,
+) -> tuple[float, ...]:
     """The row of an arc from `begin`, where the course is along `before`, to `end`, where it is
     along `after`."""
     centre = begin + radius * np.array([-before[1], before[0]])
@@ -306,7 +329,7 @@ def _arc(angle, radius, begin, before, after, low, high, speed, end):
     )
 
 
-def _numbers(values, what):
+def _numbers(values: Any, what: str) -> Array:
     try:
         values = np.asarray(values, float)
     except (TypeError, ValueError):

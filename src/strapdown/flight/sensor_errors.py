@@ -6,33 +6,45 @@ in advance; what does (scale, misalignment, g-sensitivity, counting, full scale)
 that the loop applies, in the order of `sensors.errors.Triad.measure`.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..core.contract import Imu
-from ..data import DataError, Trajectory
-from ..sensor_models.barometer import QUANTITIES
+from ..core.contract import Fixes, Imu
+from ..data import Aiding, DataError, Trajectory
+from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
 from ..sensor_models.errors import STREAMS, Triad
+from ..sensor_models.gnss import Gnss, PositionPlan
+from ..sensor_models.imu import ImuSpec
+from ..typing import Array, Ints
 from .flight_loop import COUNTER, DISTORTION, FULL_SCALE, IMU_SIZE, STEP_SIZE
+
+Outage: TypeAlias = str | Sequence[Sequence[float]] | None
+"""When the receiver is cut, as a user writes it: see `outage_windows`."""
+Windows: TypeAlias = tuple[tuple[float, float], ...]
+"""(start, stop) of each, s; a stop at infinity is none."""
 
 
 class ImuErrors(NamedTuple):
     """Errors of an IMU over a flight."""
 
-    dtheta: np.ndarray  # (n, 3) rad: what bias and noise add to the increments
-    dv: np.ndarray  # (n, 3) m/s
-    numbers: np.ndarray  # (IMU_SIZE,): see flight_loop
-    b_a: np.ndarray  # (n, 3) m/s^2
-    b_g: np.ndarray  # (n, 3) rad/s
+    dtheta: Array  # (n, 3) rad: what bias and noise add to the increments
+    dv: Array  # (n, 3) m/s
+    numbers: Array  # (IMU_SIZE,): see flight_loop
+    b_a: Array  # (n, 3) m/s^2
+    b_g: Array  # (n, 3) rad/s
 
 
-def imu_errors(spec, t, dt, seed):
+def imu_errors(spec: ImuSpec, t: Array, dt: Array, seed: np.random.SeedSequence) -> ImuErrors:
     """The ImuErrors of `spec` (ImuSpec) at samples t, dt (n,), from a numpy SeedSequence: those
     that `spec.corrupt` makes of the same stream."""
     zeros = np.zeros((len(t), 3))
-    smooth = lambda triad: replace(triad, quantisation=0.0, saturation=0.0)
+
+    def smooth(triad: Triad) -> Triad:
+        return replace(triad, quantisation=0.0, saturation=0.0)
+
     additive, b_a, b_g = replace(spec, gyro=smooth(spec.gyro), accel=smooth(spec.accel)).corrupt(
         Imu(t, dt, zeros, zeros), generator(seed)
     )
@@ -49,7 +61,7 @@ def imu_errors(spec, t, dt, seed):
     return ImuErrors(additive.dtheta, additive.dv, numbers, b_a, b_g)
 
 
-def _distortions(spec, seed):
+def _distortions(spec: ImuSpec, seed: np.random.SeedSequence) -> Iterable[Array]:
     """Three (3, 3): what true rotations and velocity increments add to the measured rotations,
     and velocity increments to themselves."""
     if not any(
@@ -62,11 +74,14 @@ def _distortions(spec, seed):
         )
     ):
         return np.zeros((3, 3, 3))
-    keep = lambda triad: Triad(
-        scale_factor=triad.scale_factor,
-        misalignment=triad.misalignment,
-        g_sensitivity=triad.g_sensitivity,
-    )
+
+    def keep(triad: Triad) -> Triad:
+        return Triad(
+            scale_factor=triad.scale_factor,
+            misalignment=triad.misalignment,
+            g_sensitivity=triad.g_sensitivity,
+        )
+
     units = np.vstack([np.eye(3), np.zeros((3, 3))])
     probe = Imu(np.arange(1.0, 7.0), np.ones(6), units, units[::-1].copy())
     answer = replace(spec, gyro=keep(spec.gyro), accel=keep(spec.accel), warm_up=None).corrupt(
@@ -79,17 +94,21 @@ def _distortions(spec, seed):
 class FixErrors(NamedTuple):
     """Sources of fixes, their values still to be measured, and the errors of each fix."""
 
-    aidings: tuple  # of data.Aiding
+    aidings: tuple[Aiding, ...]
     # (m, 3) per source: metres or m/s, NED; of a barometer as flight_loop.Errors has them
-    errors: tuple
-    delays: tuple  # s per source, from measuring to the stamp
+    errors: tuple[Array, ...]
+    delays: tuple[float, ...]  # s per source, from measuring to the stamp
 
-    def with_those(self, others):
+    def with_those(self, others: "FixErrors") -> "FixErrors":
         """These sources and those of other FixErrors."""
-        return FixErrors(*(mine + theirs for mine, theirs in zip(self, others)))
+        return FixErrors(
+            self.aidings + others.aidings, self.errors + others.errors, self.delays + others.delays
+        )
 
 
-def fix_errors(gnss, t, seed, gate=None):
+def fix_errors(
+    gnss: Gnss, t: Array, seed: np.random.SeedSequence, gate: float | None = None
+) -> FixErrors:
     """The FixErrors of a receiver (Gnss) over samples at t (n,), with its outages, from a numpy
     SeedSequence. Raises DataError."""
     t = np.r_[0.0, t]
@@ -103,7 +122,7 @@ def fix_errors(gnss, t, seed, gate=None):
         error = with_noise.y - without.y
         errors.append(
             error * part.metres[slice(None) if part.keep is None else part.keep]
-            if with_noise.kind == "position"
+            if isinstance(part, PositionPlan)
             else error
         )
     lever_arm = tuple(map(float, gnss.lever_arm))
@@ -111,7 +130,9 @@ def fix_errors(gnss, t, seed, gate=None):
     return FixErrors(aidings, tuple(errors), (gnss.latency,) * len(errors))
 
 
-def barometer_errors(barometer, t, height, seed):
+def barometer_errors(
+    barometer: Barometer, t: Array, height: float, seed: np.random.SeedSequence
+) -> FixErrors:
     """The FixErrors of a Barometer over samples at t (n,), from a numpy SeedSequence; the noise it
     states in m is that at `height` (m).
 
@@ -129,14 +150,16 @@ def barometer_errors(barometer, t, height, seed):
     error[:, 0], error[:, 1] = measured.y[:, 0] - plan.pressure, barometer.zero
     aiding = replace(
         measured,
-        kind=QUANTITIES[barometer.quantity],
+        kind=KIND_OF_QUANTITY[barometer.quantity],
         y=np.zeros_like(measured.y),
         parameters=barometer.lever_arm,
     )
     return FixErrors((aiding,), (error,), (0.0,))
 
 
-def in_loop_order(fixes, used, made):
+def in_loop_order(
+    fixes: Fixes, used: Sequence[Aiding], made: FixErrors
+) -> tuple[Array, Array, Ints]:
     """(errors (m, 3), when each is measured (m,) s, order in which they are (m,)) of the sources
     that a filter uses, of the FixErrors `made`, in the order of the merged `fixes`
     (core.contract.Fixes)."""
@@ -149,7 +172,7 @@ def in_loop_order(fixes, used, made):
     return merged, measured, np.argsort(measured, kind="stable")
 
 
-def outage_windows(outage, end):
+def outage_windows(outage: Outage, end: float) -> Windows:
     """((start, stop), ...) in s of "15:", "100:130,200:230" or a list of pairs; one that reaches
     the end (s) never stops.
 
@@ -178,7 +201,7 @@ def outage_windows(outage, end):
     return tuple((start, stop if stop < end else np.inf) for start, stop in windows)
 
 
-def generator(seed):
+def generator(seed: np.random.SeedSequence) -> np.random.Generator:
     """A numpy Generator of a SeedSequence that gives the same streams however often it was used."""
     return np.random.default_rng(
         np.random.SeedSequence(seed.entropy, spawn_key=seed.spawn_key, pool_size=seed.pool_size)

@@ -1,20 +1,27 @@
 """Files in and out: everything between a file and a `strapdown.recording.Recording`.
 
-locate.py finds files and tables.py reads CSV; units.py and axes.py turn columns into SI and body
-axes; samples.py and fixes.py clean and check them, plausible.py looks for mistaken units and axes,
-origin.py names their lines in messages; schema.py and description.py are the keys of
-`recording.toml` and their complaints, recording.py what it yields; netcdf.py keeps a whole
-recording in one file; psins.py reads logs of the PSINS toolbox, broad.py attitude trials of BROAD;
-magnetometer.py what reading a magnetometer needs besides; inspection.py and draft.py look at a file
-and say what it holds; solution.py and kml.py write and read what a filter made of it.
+locate.py finds files and tables.py reads CSV; the room description holds the keys of
+`recording.toml`, their complaints and what it yields; netcdf.py keeps a whole recording in one
+file; psins.py reads logs of the PSINS toolbox, broad.py attitude trials of BROAD;
+calibration_file.py reads and writes calibrations, magnetic_record.py checks the samples of a
+magnetometer; inspection.py looks at a file and says what it holds; solution.py and kml.py write
+and read what a filter made of it. What cleans and checks the samples is in the room preprocessing.
 """
 
 from pathlib import Path
 
 from ..data import DataError
+from ..recording import Recording
+from ..typing import File
+from .broad import read_broad
+from .netcdf import read_recording, write_recording
+from .psins import is_psins, read_psins
+from .tables import SUFFIXES
+
+__all__ = ["read", "write_recording"]
 
 
-def read(path):
+def read(path: File) -> Recording:
     """A Recording from a `recording.toml`, a NetCDF file written by `write_recording`, a PSINS log
     (.imu) or a BROAD trial (.npz).
 
@@ -23,23 +30,15 @@ def read(path):
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".toml":
-        from .description.read import read_description
+        from .description.read import read_description  # loads pydantic: 0.2 s
 
         return read_description(path)
     if suffix == ".nc":
-        from .netcdf import read_recording
-
         return read_recording(path)
     if suffix == ".npz":
-        from .broad import read_broad
-
         return read_broad(path)
-    from .psins import is_psins, read_psins
-
     if is_psins(path):
         return read_psins(path)
-    from .tables import SUFFIXES
-
     if path.name.lower().endswith(SUFFIXES):
         raise DataError(
             f"{path}: a table alone does not say its units and axes; "
@@ -49,11 +48,3 @@ def read(path):
         f"{path}: files of type {suffix or '(no suffix)'!r} are not read; "
         "supported are recording.toml (naming CSV files), recording.nc, PSINS logs (.imu) and BROAD trials (.npz)"
     )
-
-
-def write_recording(recording, path):
-    """Write a Recording as NetCDF, atomically. Raises DataError where the path cannot be
-    written."""
-    from .netcdf import write_recording
-
-    write_recording(recording, path)

@@ -8,29 +8,33 @@ holds `fs` (Hz), `gyr` (rad/s), `acc` (m/s^2) and `mag` (uT) in the axes of the 
 forward, so the sensor's axes are FLU and the body's are (x, -y, -z).
 
 North of the reference is magnetic north: no declination. The record does not say where it was
-taken; `PLACE` is nominal.
+taken; `BROAD_PLACE` is nominal.
 """
 
 import zipfile
 import zlib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from ..core.contract import Imu
 from ..data import Aiding, DataError, Trajectory
 from ..geodesy import displaced
 from ..preprocessing.attitude_record import quaternions
-from ..preprocessing.axes import BODY, NAVIGATION, axes_matrix
+from ..preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
+from ..preprocessing.fixes import checked_aidings
 from ..preprocessing.origin import Origin, counted
 from ..preprocessing.stationary import at_rest, stretches
 from ..recording import Recording
 from ..sensor_models.errors import Triad
 from ..sensor_models.imu import ImuSpec
+from ..typing import Array, ArrayLike, File, Mask
 
-ROWS = {"gyr": 3, "acc": 3, "mag": 3, "quat_wxyz_enu": 4, "pos_enu": 3, "movement": 0}
+ARRAY_COLUMNS = {"gyr": 3, "acc": 3, "mag": 3, "quat_wxyz_enu": 4, "pos_enu": 3, "movement": 0}
 """Arrays of a file and their columns; 0 is an array without columns."""
-PLACE = (np.radians(52.512), np.radians(13.327), 70.0)
+BROAD_PLACE = (np.radians(52.512), np.radians(13.327), 70.0)
 """Latitude (rad), longitude (rad), ellipsoidal height (m) of the origin of `pos_enu`: Technische
 Universitaet Berlin, nominal, not surveyed."""
 MAG_DENSITY = 0.078e-6
@@ -38,9 +42,9 @@ MAG_DENSITY = 0.078e-6
 uT/sqrt(tau) from 0.1 to 1 s. From one row to the next it has 0.7 uT, less than the 1.3 uT that
 white noise of this density would have, because the magnetometer is slower than the gyro and 29 %
 of its rows repeat."""
-REST = 2.0
+SHORTEST_REST = 2.0
 """s: the shortest rest from which the reference field is taken."""
-IMU = ImuSpec(
+BROAD_IMU = ImuSpec(
     "broad",
     Triad(noise=1.0e-4, turn_on_bias=4.3e-3, bias_walk=6.3e-6),
     Triad(noise=3.1e-3, turn_on_bias=0.023, bias_walk=2.1e-4),
@@ -50,23 +54,23 @@ IMU = ImuSpec(
 """What filters assume of the IMU, from its records at rest alone."""
 
 
-def read_broad(path):
+def read_broad(path: File) -> Recording:
     """The Recording of a BROAD trial: IMU and magnetic field in FRD, the optical attitude as
     reference, in NED of magnetic north.
 
     meta: `movement`, [[start, stop], ...] in s, the first and last sample of each stretch that
-    counts; `place`, nominal; `grade`, the ImuSpec `IMU`. The reference has the rows whose attitude
-    is known. The reference field of the magnetometer is (B_N, 0, B_D) of the first rest, from
-    specific force and magnetic field alone. Raises DataError of one line.
+    counts; `place`, nominal; `grade`, the ImuSpec `BROAD_IMU`. The reference has the rows whose
+    attitude is known. The reference field of the magnetometer is (B_N, 0, B_D) of the first rest,
+    from specific force and magnetic field alone. Raises DataError of one line.
     """
     path = Path(path)
     fs, arrays = parse(path)
-    t, C = np.arange(len(arrays["gyr"])) / fs, axes_matrix("FLU", BODY)
+    t, C = np.arange(len(arrays["gyr"])) / fs, axes_matrix("FLU", BODY_AXES)
     gyro, accel, field = arrays["gyr"] @ C.T, arrays["acc"] @ C.T, arrays["mag"] @ C.T * 1e-6
-    meta = {
+    meta: dict[str, Any] = {
         "name": path.stem,
-        "grade": IMU,
-        "place": list(PLACE),
+        "grade": BROAD_IMU,
+        "place": list(BROAD_PLACE),
         "movement": windows(t, arrays["movement"]),
     }
     try:
@@ -76,17 +80,17 @@ def read_broad(path):
         raise DataError(f"{path}: {error}") from None
 
 
-def parse(path):
+def parse(path: File) -> tuple[float, dict[str, np.ndarray[Any, Any]]]:
     """(fs in Hz, {name: array}) of a BROAD file as it stands there, numbers as float, `movement`
     as bool. Raises DataError."""
     found = _arrays(Path(path))
-    if missing := [name for name in ("fs", *ROWS) if name not in found]:
+    if missing := [name for name in ("fs", *ARRAY_COLUMNS) if name not in found]:
         raise DataError(
-            f"{path}: array {missing[0]!r} is missing; a BROAD trial has fs, {', '.join(ROWS)}, "
+            f"{path}: array {missing[0]!r} is missing; a BROAD trial has fs, {', '.join(ARRAY_COLUMNS)}, "
             f"this file has {', '.join(found) or 'none'}"
         )
     try:
-        found = {name: np.asarray(found[name], float) for name in ("fs", *ROWS)}
+        found = {name: np.asarray(found[name], float) for name in ("fs", *ARRAY_COLUMNS)}
     except (TypeError, ValueError):
         types = ", ".join(f"{name} {array.dtype}" for name, array in found.items())
         raise DataError(
@@ -98,7 +102,7 @@ def parse(path):
             f"{path}: fs must be one sampling rate in Hz, above 0; it is {fs.tolist()!r:.60}"
         )
     n = len(found["gyr"]) if found["gyr"].ndim else 0
-    for name, columns in ROWS.items():
+    for name, columns in ARRAY_COLUMNS.items():
         if found[name].shape != ((n, columns) if columns else (n,)):
             raise DataError(
                 f"{path}: {name} has shape {found[name].shape}; "
@@ -107,7 +111,7 @@ def parse(path):
     return fs.item(), found | {"movement": found["movement"] > 0}
 
 
-def _arrays(path):
+def _arrays(path: Path) -> dict[str, np.ndarray[Any, Any]]:
     """{name: array} of an .npz file."""
     try:
         with open(path, "rb") as stream:  # numpy leaves a file that it cannot read open
@@ -130,13 +134,13 @@ def _arrays(path):
         ) from None
 
 
-def windows(t, inside):
+def windows(t: Array, inside: Mask) -> list[list[float]]:
     """[[start, stop], ...] in s: the first and the last of the times `t` of each stretch where
     `inside` is true."""
     return [[float(t[first]), float(t[stop - 1])] for first, stop in stretches(inside)]
 
 
-def _reference(t, arrays):
+def _reference(t: Array, arrays: dict[str, Any]) -> Trajectory | None:
     """Trajectory of the optical attitude, body to NED, where it is known; None where it never
     is."""
     q, known = (
@@ -146,14 +150,16 @@ def _reference(t, arrays):
     )
     if not known.any():
         return None
-    north_east_down = arrays["pos_enu"][known] @ axes_matrix("ENU", NAVIGATION).T
+    north_east_down = arrays["pos_enu"][known] @ axes_matrix("ENU", NAVIGATION_AXES).T
     q_nb = body_to_ned(np.where(known[:, None], q, np.nan))[known]
     return Trajectory(
-        t[known], displaced(np.tile(PLACE, (known.sum(), 1)), north_east_down), q_nb=q_nb
+        t[known], displaced(np.tile(BROAD_PLACE, (known.sum(), 1)), north_east_down), q_nb=q_nb
     )
 
 
-def with_positions(trial, rate=1.0, sd=0.05, seed=0):
+def with_positions(
+    trial: Recording, rate: float = 1.0, sd: ArrayLike = 0.05, seed: int = 0
+) -> Recording:
     """The trial with position fixes as further aiding: the optical position `rate` times a second
     with white noise of `sd` (m north, east, down).
 
@@ -202,7 +208,7 @@ def with_positions(trial, rate=1.0, sd=0.05, seed=0):
     )
 
 
-def body_to_ned(q):
+def body_to_ned(q: ArrayLike) -> Array:
     """(n, 4) attitude of the body (FRD) in NED from that of the sensor in east, north, up; scalar
     first, rows with NaN stay NaN.
 
@@ -211,11 +217,9 @@ def body_to_ned(q):
     return quaternions(np.asarray(q, float), "wxyz", "FLU to ENU", Origin("quat_wxyz_enu"))
 
 
-def _with_field(recording, t, field, fs):
+def _with_field(recording: Recording, t: Array, field: Array, fs: float) -> Recording:
     """The recording with its magnetometer as aiding; without, and a note, where no rest tells
     the reference field."""
-    from ..preprocessing.fixes import checked_aidings
-
     rest = first_rest(recording.imu)
     inside = (
         (t >= recording.imu.t[rest.start])
@@ -226,7 +230,7 @@ def _with_field(recording, t, field, fs):
     )
     notes = recording.meta["notes"]
     if not inside.any():
-        missing = f"no rest of {REST:g} s with a magnetic field to take its reference from: magnetometer left out"
+        missing = f"no rest of {SHORTEST_REST:g} s with a magnetic field to take its reference from: magnetometer left out"
         return replace(recording, meta=recording.meta | {"notes": [*notes, missing]})
     force = recording.imu.dv[rest].sum(axis=0)
     down = -force / np.linalg.norm(force)
@@ -239,12 +243,12 @@ def _with_field(recording, t, field, fs):
     return replace(recording, aidings=aidings, meta=recording.meta | {"notes": [*notes, *more]})
 
 
-def first_rest(imu):
-    """slice of the first rest of at least `REST` s in an Imu, judged by itself; None where there
-    is none."""
+def first_rest(imu: Imu) -> slice | None:
+    """slice of the first rest of at least `SHORTEST_REST` s in an Imu, judged by itself; None where
+    there is none."""
     long = (
         slice(int(first), int(stop))
         for first, stop in stretches(at_rest(imu))
-        if imu.t[stop - 1] - imu.t[first] >= REST
+        if imu.t[stop - 1] - imu.t[first] >= SHORTEST_REST
     )
     return next(long, None)

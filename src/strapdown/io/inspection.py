@@ -1,46 +1,66 @@
 """What a file holds and what is probably wrong with it, in lines for people; works where reading
 would refuse."""
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from ..aiding import find
+from ..core.contract import Imu
 from ..core.earth import A
-from ..data import DataError
+from ..data import Aiding, DataError
+from ..preprocessing import attitude_checks
 from ..preprocessing.fixes import overlap_notes
-from ..preprocessing.imu_samples import GAP
+from ..preprocessing.imu_samples import GAP_MEDIANS
 from ..preprocessing.origin import counted
 from ..preprocessing.plausible import doubts, mistakes
 from ..preprocessing.stationary import at_rest, stretches
+from ..typing import Array, File, Mask
+from . import magnetic_record, netcdf
+from .broad import read_broad
+from .description.complaints import complaints, parse
+from .description.draft import guess
+from .description.files import Files
+from .description.read import (
+    level_notes,
+    read_aiding,
+    read_field,
+    read_imu,
+    read_meta,
+    read_reference,
+)
+from .description.schema_aiding import AidingPart
 from .locate import locate
+from .psins import is_psins, unchecked
+
+Found = TypeVar("Found")
 
 
 class Inspection(NamedTuple):
     """`facts` and `problems` are lines; a problem names the field and the remedy."""
 
     path: str
-    facts: tuple
-    problems: tuple
+    facts: tuple[str, ...]
+    problems: tuple[str, ...]
 
     @property
-    def lines(self):
+    def lines(self) -> list[str]:
         """All lines, ready to print."""
         verdict = [f"problem: {text}" for text in self.problems] or ["no mistakes found"]
         return [str(self.path), *("  " + text for text in self.facts), *verdict]
 
-    def __str__(self):
+    def __str__(self) -> str:
         return "\n".join(self.lines)
 
 
-def inspect(path):
+def inspect(path: File) -> Inspection:
     """The Inspection of a recording.toml, a recording.nc, a PSINS log, a BROAD trial or a bare CSV.
 
     Raises DataError only where the file itself cannot be read.
     """
     path = Path(path)
-    from .psins import is_psins
-
     look = (
         _psins
         if is_psins(path)
@@ -48,29 +68,22 @@ def inspect(path):
             path.suffix.lower(), _table
         )
     )
-    facts, problems = [], []
+    facts: list[str] = []
+    problems: list[str] = []
     look(path, facts, problems)
     return Inspection(str(path), tuple(facts), tuple(dict.fromkeys(problems)))
 
 
-def _attempt(problems, function, *arguments):
+def _attempt(problems: list[str], function: Callable[..., Found], *arguments: Any) -> Found | None:
+    """What the function returns; None where it raises a DataError, which then is a problem."""
     try:
         return function(*arguments)
     except DataError as error:
         problems.append(str(error))
+        return None
 
 
-def _description(path, facts, problems):
-    from .description.complaints import complaints, parse
-    from .description.read import (
-        Files,
-        level_notes,
-        read_aiding,
-        read_imu,
-        read_meta,
-        read_reference,
-    )
-
+def _description(path: Path, facts: list[str], problems: list[str]) -> None:
     description = complaints(path)
     if isinstance(description, list):
         problems += description
@@ -80,7 +93,10 @@ def _description(path, facts, problems):
         if found is not None:
             _attempt(problems, _table, found, facts, problems)
         return
-    files, aidings, parts, notes = Files(path), [], [], []
+    files = Files(path)
+    aidings: list[Aiding] = []
+    parts: list[tuple[AidingPart, int]] = []
+    notes: list[str] = []
     imu, more = _attempt(problems, read_imu, description.imu, files) or (None, [])
     notes += more
     if imu is not None:
@@ -109,21 +125,26 @@ def _description(path, facts, problems):
     facts += [f"note: {note}" for note in notes if note not in problems]
 
 
-def _magnetometers(path, parts, aidings, imu, meta, facts, problems):
+def _magnetometers(
+    path: Path,
+    parts: list[tuple[AidingPart, int]],
+    aidings: list[Aiding],
+    imu: Imu,
+    meta: dict[str, Any],
+    facts: list[str],
+    problems: list[str],
+) -> list[str]:
     """Notes; each magnetometer among the aidings, made of the (AidingPart, number) in `parts`,
     gets the Earth's field in place."""
-    from .description.read import read_field
-    from .magnetic_record import facts_and_problems
-
-    notes = []
+    notes: list[str] = []
     for k, (part, number) in enumerate(parts):
         found, more = _attempt(
             problems, read_field, part, number, aidings[k], aidings, imu, meta, path
         ) or (None, [])
         if found is not None and part.sensor.parameters == "field":
             aidings[k] = found
-            of_field, wrong = facts_and_problems(
-                found, imu, part.matrix, part.field != "record", part.calibration is not None
+            of_field, wrong = magnetic_record.facts_and_problems(
+                found, imu, part.vector_matrix, part.field != "record", part.calibration is not None
             )
             facts += of_field
             problems += [f"{path}: [[aiding]] {number} {text}" for text in wrong]
@@ -132,19 +153,15 @@ def _magnetometers(path, parts, aidings, imu, meta, facts, problems):
     return notes
 
 
-def _netcdf(path, facts, problems):
-    from ..aiding import find
-    from .magnetic_record import facts_and_problems
-    from .netcdf import parts, read_recording
-
-    meta, imu, aidings, reference = parts(path)
+def _netcdf(path: Path, facts: list[str], problems: list[str]) -> None:
+    meta, imu, aidings, reference = netcdf.parts(path)
     imu_facts(imu, facts)
-    _attempt(problems, read_recording, path)
+    _attempt(problems, netcdf.read_recording, path)
     problems += [f"imu: {text}" for text in doubts(imu)]
     _aiding_facts(imu, aidings, facts, problems)
     for aiding in aidings:
         if find(aiding.kind).parameters == "field":
-            of_field, wrong = facts_and_problems(aiding, imu)
+            of_field, wrong = magnetic_record.facts_and_problems(aiding, imu)
             facts += of_field
             problems += wrong
     facts += [f"reference: {reference!r}"] * (reference is not None) + [
@@ -152,9 +169,7 @@ def _netcdf(path, facts, problems):
     ]
 
 
-def _psins(path, facts, problems):
-    from .psins import unchecked
-
+def _psins(path: Path, facts: list[str], problems: list[str]) -> None:
     recording = unchecked(path)
     imu_facts(recording.imu, facts)
     problems += [
@@ -172,9 +187,7 @@ def _psins(path, facts, problems):
     facts += [f"note: {note}" for note in recording.meta["notes"]]
 
 
-def _broad(path, facts, problems):
-    from .broad import read_broad
-
+def _broad(path: Path, facts: list[str], problems: list[str]) -> None:
     recording = _attempt(problems, read_broad, path)
     if recording is not None:
         imu_facts(recording.imu, facts)
@@ -188,9 +201,7 @@ def _broad(path, facts, problems):
         ]
 
 
-def _table(path, facts, problems):
-    from .description.draft import guess
-
+def _table(path: Path, facts: list[str], problems: list[str]) -> None:
     guessed = guess(path)
     facts += guessed.facts
     problems += guessed.problems
@@ -203,7 +214,7 @@ def _table(path, facts, problems):
         )
 
 
-def imu_facts(imu, facts):
+def imu_facts(imu: Imu, facts: list[str]) -> None:
     """Append lines on rate, gaps, repeated samples and what the sensors read, over all and at
     rest."""
     steps, median = np.diff(imu.t), float(np.median(np.diff(imu.t)))
@@ -217,7 +228,7 @@ def imu_facts(imu, facts):
     facts.append(
         f"gaps: {len(gaps)}, the longest {missing[longest]:.3f} s after {imu.t[longest]:.3f} s"
         if len(gaps)
-        else f"gaps: none (no interval beyond {GAP} medians)"
+        else f"gaps: none (no interval beyond {GAP_MEDIANS} medians)"
     )
     rate, force = imu.dtheta / imu.dt[:, None], imu.dv / imu.dt[:, None]
     held = int(
@@ -257,19 +268,18 @@ def imu_facts(imu, facts):
     )
 
 
-def _longest(mask):
+def _longest(mask: Mask) -> slice:
     """Slice of the longest run of True."""
     return slice(*max(stretches(mask), key=np.ptp))
 
 
-def _triple(values, digits=2):
+def _triple(values: Iterable[float], digits: int = 2) -> str:
     return "[" + " ".join(f"{value:.{digits}f}" for value in values) + "]"
 
 
-def _aiding_facts(imu, aidings, facts, problems):
-    from ..aiding import find
-    from ..preprocessing.attitude_checks import facts_and_problems
-
+def _aiding_facts(
+    imu: Imu, aidings: Iterable[Aiding], facts: list[str], problems: list[str]
+) -> None:
     for aiding in aidings:
         facts.append(_span(imu, aiding))
         problems += overlap_notes(imu, aiding) if find(aiding.kind).recorded else []
@@ -283,7 +293,7 @@ def _aiding_facts(imu, aidings, facts, problems):
                 )
     for aiding in aidings:
         if aiding.kind == "attitude":
-            of_attitude, wrong = facts_and_problems(aiding, imu)
+            of_attitude, wrong = attitude_checks.facts_and_problems(aiding, imu)
             facts += of_attitude
             problems += wrong
         if (
@@ -307,7 +317,7 @@ def _aiding_facts(imu, aidings, facts, problems):
         course_facts(imu, moving, facts, problems)
 
 
-def _span(imu, aiding):
+def _span(imu: Imu, aiding: Aiding) -> str:
     if not len(aiding.t):
         return f"{aiding.name}: no rows"
     start, stop = max(aiding.t[0], imu.t[0]), min(aiding.t[-1], imu.t[-1])
@@ -321,9 +331,9 @@ def _span(imu, aiding):
     )
 
 
-def course_facts(imu, aiding, facts, problems):
-    """Turns of the gyro about body z against turns of the course over ground: unit, sign and
-    clock of one against the other."""
+def course_facts(imu: Imu, aiding: Aiding, facts: list[str], problems: list[str]) -> None:
+    """Append lines on turns of the gyro about body z against turns of the course over ground: unit,
+    sign and clock of one against the other."""
     fit = _course_fit(imu, aiding)
     correlation, ratio, count = fit(0.0)
     if count < 20 or not np.isfinite(correlation):
@@ -361,7 +371,7 @@ def course_facts(imu, aiding, facts, problems):
         )
 
 
-def _course_fit(imu, aiding):
+def _course_fit(imu: Imu, aiding: Aiding) -> Callable[[float], tuple[float, float, int]]:
     """Function of a shift of the IMU time (s): correlation and ratio of turns over about a
     second of motion above 2 m/s, and their count."""
     v = aiding.y if aiding.kind == "velocity" else _velocity(aiding.t, aiding.y)
@@ -373,7 +383,7 @@ def _course_fit(imu, aiding):
     course, heading = np.arctan2(v[:, 1], v[:, 0]), np.cumsum(imu.dtheta[:, 2])
     turn = ((course[last] - course[first] + np.pi) % (2 * np.pi) - np.pi)[use]
 
-    def fit(shift):
+    def fit(shift: float) -> tuple[float, float, int]:
         psi = np.interp(aiding.t - shift, imu.t, heading)
         claimed = (psi[last] - psi[first])[use]
         if len(turn) < 3 or turn.std() < 0.02 or not claimed.std() > 0:
@@ -383,7 +393,7 @@ def _course_fit(imu, aiding):
     return fit
 
 
-def _velocity(t, lla):
+def _velocity(t: Array, lla: Array) -> Array:
     """North and east velocity by differences of positions, m/s."""
     north = np.gradient(lla[:, 0], t) * A
     return np.c_[north, np.gradient(np.unwrap(lla[:, 1]), t) * A * np.cos(lla[:, 0])]

@@ -2,16 +2,21 @@
 with time stamps."""
 
 import re
+from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
-LINE, POINTS = 10000, 500
+from ..data import Solution, Trajectory
+from ..typing import Array, Ints
+
+MOST_VERTICES, MOST_STAMPS = 10000, 500
 """At most this many vertices of the line and points with a time stamp, taken at even steps."""
 
 
-def kml(solution):
+def kml(solution: Solution) -> bytes:
     """The KML document of a Solution, as bytes."""
     root = ElementTree.Element("kml", xmlns="http://www.opengis.net/kml/2.2")
     document = _add(root, "Document")
@@ -28,13 +33,13 @@ def kml(solution):
     _add(line, "color", "ff2060ff")
     _add(line, "width", "3")
     known = np.flatnonzero(np.isfinite(solution.trajectory.lla).all(axis=1))
-    _line(document, name, solution.trajectory.lla[_every(known, LINE)])
-    _points(document, solution.trajectory, _every(known, POINTS), midnight)
+    _line(document, name, solution.trajectory.lla[_every(known, MOST_VERTICES)])
+    _points(document, solution.trajectory, _every(known, MOST_STAMPS), midnight)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
 
 
-def _add(parent, tag, text=None, **attributes):
+def _add(parent: Element, tag: str, text: str | None = None, **attributes: str) -> Element:
     child = ElementTree.SubElement(parent, tag, attributes)
     if text is not None:
         child.text = re.sub(
@@ -43,20 +48,21 @@ def _add(parent, tag, text=None, **attributes):
     return child
 
 
-def _every(rows, most):
+def _every(rows: Ints, most: int) -> Ints:
     """At most `most` of the rows at even steps, the last one included."""
     step = -(-len(rows) // most) if len(rows) else 1
     return rows if step == 1 else np.r_[rows[::step][: most - 1], rows[-1]]
 
 
-def _midnight(date):
+def _midnight(date: str | None) -> tuple[datetime, bool]:
+    """Midnight, UTC, of the day of an ISO text, and whether there is one; else that of 1970."""
     try:
         return datetime.fromisoformat(str(date)[:10]).replace(tzinfo=UTC), True
     except ValueError:
         return datetime(1970, 1, 1, tzinfo=UTC), False
 
 
-def _description(solution, midnight, dated):
+def _description(solution: Solution, midnight: datetime, dated: bool) -> str:
     t = solution.t
     span = f"{t[0]:.3f} to {t[-1]:.3f} s" if len(t) else "no rows"
     remark = "." if dated else ": the recording has no date."
@@ -67,7 +73,7 @@ def _description(solution, midnight, dated):
     )
 
 
-def _line(document, name, lla):
+def _line(document: Element, name: str, lla: Array) -> None:
     """The track, cut where it crosses the antimeridian: a viewer would draw the missing step
     around the Earth."""
     placemark = _add(document, "Placemark")
@@ -80,7 +86,9 @@ def _line(document, name, lla):
         _add(line, "coordinates", " ".join(_coordinates(row) for row in piece))
 
 
-def _points(document, trajectory, rows, midnight):
+def _points(
+    document: Element, trajectory: Trajectory, rows: Iterable[int], midnight: datetime
+) -> None:
     folder = _add(document, "Folder")
     _add(folder, "name", "time")
     for row in rows:
@@ -98,5 +106,5 @@ def _points(document, trajectory, rows, midnight):
         _add(point, "coordinates", _coordinates(trajectory.lla[row]))
 
 
-def _coordinates(lla):
+def _coordinates(lla: Array) -> str:
     return f"{np.degrees(lla[1]):.8f},{np.degrees(lla[0]):.8f},{lla[2]:.3f}"

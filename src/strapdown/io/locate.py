@@ -5,11 +5,12 @@ import re
 from pathlib import Path
 
 from ..data import DataError
+from ..typing import File
 
 VARIABLE = "STRAPDOWN_DATA"
 
 
-def data_folder(start="."):
+def data_folder(start: File = ".") -> Path:
     """The folder of recorded data: `STRAPDOWN_DATA`, else `shared/data` in the nearest folder at
     or above `start` or here. Raises DataError."""
     named = os.environ.get(VARIABLE)
@@ -28,7 +29,7 @@ def data_folder(start="."):
     )
 
 
-def locate(file, folder):
+def locate(file: str, folder: File) -> Path:
     """The path that a description in `folder` means by `file`: `${STRAPDOWN_DATA}` is the data
     folder, relative paths start at `folder`."""
     for name in re.findall(r"\$\{(\w*)\}", file):

@@ -1,5 +1,5 @@
-"""What reading a magnetometer needs beyond other sources: its calibration, stuck and saturated
-samples, the Earth's field to compare with.
+"""What the samples of a magnetometer say of it: stuck and saturated ones, where the vertical is
+known, whether strength and dip are those of the Earth's field.
 
 The field of a sound, calibrated magnetometer has the same strength and the same angle to the
 vertical (its dip) in every attitude: that is what the checks rest on.
@@ -7,18 +7,19 @@ vertical (its dip) in every attitude: that is what the checks rest on.
 
 import numpy as np
 
-from ..data import DataError
+from ..core.contract import Imu
+from ..data import Aiding, DataError
 from ..geodesy import STANDARD_GRAVITY
 from ..preprocessing.axes import named_permutation, signed_permutations
-from ..preprocessing.origin import counted
-from ..preprocessing.stuck import STUCK, TURN, stuck
+from ..preprocessing.origin import Origin, counted
+from ..preprocessing.stuck import STUCK_TIME, STUCK_TURN, stuck
 from ..preprocessing.stuck import turned as turned_by
-from ..preprocessing.units import UNITS
+from ..typing import Array, ArrayLike, Mask
 
-LEVELS, PILE, TIMES = 20, 0.01, 5
-"""A column is saturated where it has more than LEVELS values and its extreme one holds more than
-PILE of the samples and TIMES those of the next (at the turning point of an oscillation the last
-level holds 2.4 times as many as the next, or fewer)."""
+LEAST_LEVELS, PILE, TIMES = 20, 0.01, 5
+"""A column is saturated where it has more than LEAST_LEVELS values and its extreme one holds more
+than PILE of the samples and TIMES those of the next (at the turning point of an oscillation the
+last level holds 2.4 times as many as the next, or fewer)."""
 QUIET_FORCE, QUIET_RATE, QUIET_WINDOW = 0.4, 0.35, 0.5
 """The vertical is known where, over QUIET_WINDOW (s), the specific force is within QUIET_FORCE
 (m/s^2) of gravity and the rate below QUIET_RATE (rad/s)."""
@@ -28,36 +29,18 @@ magnetometer needs calibration."""
 SCATTER, CLEARER = np.radians(5), 2.0
 """Axes are doubted where the dip scatters by more than SCATTER (rad) and with others by less
 than a CLEARER-th of that."""
-TILTED = np.radians(30)
-"""An axis that never changes while the body turns about the others by more than TILTED (rad) is
-broken; from TURN on it is noted."""
-BEYOND, EARTH = 5.0, 48e-6
-"""Factor of the Earth's field, by default EARTH (T), beyond which a median strength is a
-mistaken unit."""
+BROKEN_AXIS_TURN = np.radians(30)
+"""An axis that never changes while the body turns about the others by more than BROKEN_AXIS_TURN
+(rad) is broken; from STUCK_TURN on it is noted."""
+AS_THE_BODY = np.eye(3)
+"""The matrix of a sensor whose axes are those of the body."""
 
 
-def calibrated(part, files, raw):
-    """The field in the axes of the columns, T, from raw samples (m, 3) in T: matrix @ (raw - bias)
-    of the calibration file. Raises DataError.
-
-    A sample with a missing component is missing whole, since its strength and direction are.
-    """
-    raw = np.where(np.isfinite(raw).all(axis=1)[:, None], raw, np.nan)
-    if part.calibration is None:
-        return raw
-    from .calibration_file import read_calibration
-
-    path = files.locate(part.calibration)
-    found = read_calibration(path)
-    if "magnetometer" not in found:
-        raise DataError(f"{path}: has no section [magnetometer]; `strapdown calibrate` writes one")
-    bias, matrix = found["magnetometer"]
-    return (raw - bias) @ np.asarray(matrix).T
-
-
-def sound(t, raw, imu, name, origin, matrix=np.eye(3)):
-    """(mask, notes): the samples that are neither stuck nor saturated, and how many were; t (m,) s,
-    raw (m, 3) as in the file.
+def sound(
+    t: Array, raw: Array, imu: Imu, name: str, origin: Origin, matrix: Array = AS_THE_BODY
+) -> tuple[Mask, list[str]]:
+    """(mask (m,), notes): the samples that are neither stuck nor saturated, and how many were; t
+    (m,) s, raw (m, 3) as in the file.
 
     name: of the source, origin: Origin of the rows, matrix: from its columns to the body. Raises
     DataError where all are stuck or saturated, or one axis is.
@@ -66,7 +49,7 @@ def sound(t, raw, imu, name, origin, matrix=np.eye(3)):
     held = stuck(t, raw, imu)
     if held.any():
         notes.append(
-            f"{name}: {counted(int(held.sum()), 'sample')} dropped, stuck at one value for {STUCK:g} s and more while the gyro turns, "
+            f"{name}: {counted(int(held.sum()), 'sample')} dropped, stuck at one value for {STUCK_TIME:g} s and more while the gyro turns, "
             f"the first at {t[np.argmax(held)]:.3f} s: check the sensor"
         )
     elif len(t) > 10 and (raw == raw[0]).all():
@@ -84,9 +67,11 @@ def sound(t, raw, imu, name, origin, matrix=np.eye(3)):
     return mask, notes
 
 
-def _constant_axis(t, raw, imu, name, origin, matrix):
+def _constant_axis(
+    t: Array, raw: Array, imu: Imu, name: str, origin: Origin, matrix: Array
+) -> list[str]:
     """Notes on one axis that never changes though the others do and the body turns about them.
-    Raises DataError where it turns by TILTED."""
+    Raises DataError where it turns by BROKEN_AXIS_TURN."""
     known = np.isfinite(t) & np.isfinite(raw).all(axis=1)
     constant = np.ptp(raw[known], axis=0) == 0 if known.sum() > 10 else np.zeros(3, bool)
     if not constant.any() or constant.all():
@@ -98,18 +83,18 @@ def _constant_axis(t, raw, imu, name, origin, matrix):
         np.delete(turns, k).max()
     )  # a turn about the axis itself leaves its reading as it is
     text = f"{'xyz'[k]} is constant while the body turns by {np.degrees(turned):.0f} deg about another axis: the sensor is stuck"
-    if turned > TILTED:
+    if turned > BROKEN_AXIS_TURN:
         raise DataError(f"{origin.name}: {name}: {text}; check its column, or leave the source out")
-    return [f"{name}: {text}, nothing was dropped: check its column"] if turned > TURN else []
+    return [f"{name}: {text}, nothing was dropped: check its column"] if turned > STUCK_TURN else []
 
 
-def _saturated(raw):
+def _saturated(raw: Array) -> Mask:
     """(m,) bool: a column stands at its largest or smallest value, and far more samples do than
     at the next one."""
     full = np.zeros(len(raw), bool)
     for column in raw.T:
         values, counts = np.unique(column[np.isfinite(column)], return_counts=True)
-        if len(values) <= LEVELS:
+        if len(values) <= LEAST_LEVELS:
             continue
         for extreme, following in ((0, slice(1, 4)), (-1, slice(-4, -1))):
             if counts[extreme] > max(20, PILE * len(raw), TIMES * counts[following].max()):
@@ -117,114 +102,16 @@ def _saturated(raw):
     return full
 
 
-def with_field(part, aiding, imu, date, place):
-    """(Aiding whose parameters are the Earth's field north, east, down in T, notes of it and of
-    what contradicts it).
-
-    part: its AidingPart; date: ISO text or None; place: latitude, longitude (rad), height (m) or
-    None. Raises DataError.
-    """
-    from dataclasses import replace
-
-    field, notes = _field(part, aiding, imu, date, place)
-    known = part.field != "record"
-    _refuse_strength(part, aiding, float(np.linalg.norm(field)) if known else EARTH)
-    aiding = replace(aiding, parameters=tuple(map(float, field)))
-    return aiding, notes + facts_and_problems(
-        aiding, imu, part.matrix, known, part.calibration is not None
-    )[1]
-
-
-def _refuse_strength(part, aiding, total):
-    """Raises DataError where the median strength is beyond a factor BEYOND of `total` (T), which
-    a mistaken unit makes of it, not hard iron."""
-    if len(aiding.t) < 10:
-        return
-    median, change = (
-        float(np.nanmedian(np.linalg.norm(aiding.y, axis=1))),
-        float(np.nanmax(np.ptp(aiding.y, axis=0)) / 2),
-    )
-    if (
-        1 / BEYOND <= median / total <= BEYOND or 0.5 < change / total < 2
-    ):  # a turn changes the field by its strength, whatever the hard iron
-        return
-    known = UNITS["magnetic field"]
-    likely = [
-        unit for unit in known if 0.4 < median / total * known[unit] / known[part.units[0]] < 2.5
-    ]
-    raise DataError(
-        f"unit: its median strength is {median * 1e6:.3g} uT, that of the Earth's field {total * 1e6:.3g} uT: "
-        + (
-            f"is the unit {' or '.join(likely)}, not {part.units[0]}?"
-            if likely
-            else "check unit, scale, columns and calibration"
-        )
-    )
-
-
-def _field(part, aiding, imu, date, place):
-    if part.field == "record":
-        return _field_of_the_record(part, aiding, imu)
-    if part.field is not None:
-        return part.field, []
-    if date is None or place is None:
-        what, key = (
-            ("date", 'date = "2012-10-10"')
-            if date is None
-            else ("place", 'place = { latitude = 44.7, longitude = -93.1, unit = "deg" }')
-        )
-        raise DataError(
-            f"field: is missing, and the geomagnetic model needs the {what}: write {key} at the top, or give field"
-        )
-    from ..sensor_models.geomagnetism import geomagnetic_field
-
-    try:
-        found = geomagnetic_field(date, *map(float, place))
-    except DataError as error:
-        raise DataError(f"field: {error}") from None
-    latitude, longitude = np.degrees(place[:2])
-    notes = [
-        f"{aiding.name}: the Earth's field is that of {found.model} on {date} at {latitude:.3f}, {longitude:.3f} deg: "
-        f"declination {np.degrees(found.declination):.2f} deg, dip {np.degrees(found.inclination):.2f} deg, {found.total * 1e6:.2f} uT"
-    ]
-    return found.field, notes + ([f"{aiding.name}: {found.note}"] if found.note else [])
-
-
-def _field_of_the_record(part, aiding, imu):
-    """Strengths along and across the vertical, medians over quiet times, with the given
-    declination or none."""
-    down, quiet = vertical(aiding.t, imu)
-    if quiet.sum() < 10:
-        raise DataError(
-            'field: "record" needs times without acceleration, and there are none; give north, east and down, '
-            "or leave it out for the geomagnetic model"
-        )
-    y, down = aiding.y[quiet], down[quiet]
-    along = np.einsum("ij,ij->i", y, down)
-    vertically, horizontally = (
-        np.median(along),
-        np.median(np.linalg.norm(y - along[:, None] * down, axis=1)),
-    )
-    angle = part.declination.angle if part.declination is not None else 0.0
-    heading = (
-        f"declination {np.degrees(angle):.2f} deg as given"
-        if part.declination is not None
-        else "declination 0, so headings are from magnetic north; give declination for true north"
-    )
-    note = (
-        f"{aiding.name}: the field is that of the record, medians over {counted(int(quiet.sum()), 'quiet sample')}: "
-        f"{horizontally * 1e6:.2f} uT horizontal, {vertically * 1e6:.2f} uT down; {heading}"
-    )
-    return (horizontally * np.cos(angle), horizontally * np.sin(angle), vertically), [note]
-
-
-def vertical(t, imu):
+def vertical(t: Array, imu: Imu) -> tuple[Array, Mask]:
     """(Down as unit vectors in body axes (m, 3), bool (m,) where it is known) at times t, from
     the mean specific force around each."""
 
-    def mean(increments):
+    def mean(increments: Array) -> Array:
         total = np.vstack([np.zeros(3), np.cumsum(increments, axis=0)])
-        at = lambda times: np.stack([np.interp(times, ends, column) for column in total.T], axis=1)
+
+        def at(times: Array) -> Array:
+            return np.stack([np.interp(times, ends, column) for column in total.T], axis=1)
+
         return (at(t + QUIET_WINDOW / 2) - at(t - QUIET_WINDOW / 2)) / seconds[:, None]
 
     ends = np.r_[imu.t[0] - imu.dt[0], imu.t]
@@ -244,7 +131,7 @@ def vertical(t, imu):
     return -force / np.maximum(magnitude, 1e-9)[:, None], quiet
 
 
-def strength_notes(aiding, field, is_calibrated):
+def strength_notes(aiding: Aiding, field: ArrayLike | None, is_calibrated: bool) -> list[str]:
     """Notes on a strength (T) that varies, or that is not that of `field` (3,) T; None: unknown."""
     if len(aiding.t) < 10:
         return []
@@ -269,7 +156,13 @@ def strength_notes(aiding, field, is_calibrated):
     return []
 
 
-def facts_and_problems(aiding, imu, matrix=np.eye(3), known=True, is_calibrated=True):
+def facts_and_problems(
+    aiding: Aiding,
+    imu: Imu,
+    matrix: Array = AS_THE_BODY,
+    known: bool = True,
+    is_calibrated: bool = True,
+) -> tuple[list[str], list[str]]:
     """(facts, problems) of a magnetometer that was read: its dip over quiet samples, a strength
     that is wrong, axes that fit clearly better.
 
@@ -282,7 +175,7 @@ def facts_and_problems(aiding, imu, matrix=np.eye(3), known=True, is_calibrated=
     ) or problems  # uncalibrated, the dip says little
 
 
-def _axes(aiding, imu, matrix, known):
+def _axes(aiding: Aiding, imu: Imu, matrix: Array, known: bool) -> tuple[list[str], list[str]]:
     down, quiet = vertical(aiding.t, imu)
     rows = np.flatnonzero(quiet & np.isfinite(aiding.y).all(axis=1))
     if len(rows) < 50:
@@ -293,7 +186,7 @@ def _axes(aiding, imu, matrix, known):
     earth = np.arcsin(reference[2] / np.linalg.norm(reference)) if known else None
     table = np.einsum("ni,nj->nij", down[rows], field @ matrix)  # back in the axes of the columns
 
-    def misfit(signed):
+    def misfit(signed: Array) -> tuple[float, float]:
         dip = np.arcsin(np.clip(np.einsum("nij,ij->n", table, signed), -1, 1))
         return float(
             np.sqrt(np.mean((dip - (dip.mean() if earth is None else earth)) ** 2))

@@ -2,20 +2,29 @@
 variable says its unit. SI and radians."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from ..aiding import find
 from ..core.contract import Imu
 from ..data import Aiding, DataError, Trajectory
 from ..files import netcdf, replacing
 from ..preprocessing.fixes import checked_aidings, overlap
 from ..preprocessing.plausible import mistakes
 from ..recording import Recording
+from ..typing import Array, File
 from .solution import plain
 
+Variables: TypeAlias = dict[str, tuple[list[str], np.ndarray[Any, Any], dict[str, str]]]
+"""{name: (dimensions, values, attributes)} of a group."""
+Layout: TypeAlias = Mapping[str, tuple[str, str, str]]
+"""{name: (dimensions, unit, what it is)} of the columns of a group."""
+
 FORMAT = "strapdown recording 1"
-IMU = {
+IMU_COLUMNS = {
     "t": ("time", "s", "end of the interval"),
     "dt": ("time", "s", "length of the interval"),
     "dtheta": ("time axis", "rad", "integral of the angular rate, body FRD"),
@@ -33,7 +42,7 @@ SI = {
 }
 """Units of what a component of a fix is, and of its standard deviation, which is that of the
 innovation."""
-REFERENCE = {
+REFERENCE_COLUMNS = {
     "t": ("time", "s", "time"),
     "lla": ("time axis", "rad, rad, m", "latitude, longitude, ellipsoidal height"),
     "v_n": ("time axis", "m/s", "velocity north, east, down"),
@@ -42,18 +51,20 @@ REFERENCE = {
 }
 
 
-def write_recording(recording, path):
-    """Write a Recording, atomically. Raises DataError where the path cannot be written."""
-    groups = {"imu": (IMU, recording.imu._asdict(), {})}
+def write_recording(recording: Recording, path: File) -> None:
+    """Write a Recording as NetCDF, atomically. Raises DataError where the path cannot be
+    written."""
+    groups: dict[str, tuple[Layout, dict[str, Any], dict[str, Any]]]
+    groups = {"imu": (IMU_COLUMNS, recording.imu._asdict(), {})}
     for number, aiding in enumerate(recording.aidings, 1):
-        attributes = {"kind": aiding.kind, "name": aiding.name}
+        attributes: dict[str, Any] = {"kind": aiding.kind, "name": aiding.name}
         attributes |= (
             {"parameters": np.array(aiding.parameters, float)} if len(aiding.parameters) else {}
         )
         attributes |= {"gate": float(aiding.gate)} if aiding.gate is not None else {}
         groups[f"aiding_{number}"] = (_aiding_layout(aiding.kind), vars(aiding), attributes)
     if recording.reference is not None:
-        groups["reference"] = (REFERENCE, vars(recording.reference), {})
+        groups["reference"] = (REFERENCE_COLUMNS, vars(recording.reference), {})
     columns = {name: _columns(*group[:2], f"{path}: {name}") for name, group in groups.items()}
     arrays, text = _meta(recording.meta)
     size = sum(
@@ -71,9 +82,7 @@ def write_recording(recording, path):
             _fill(group, variables)
 
 
-def _aiding_layout(kind):
-    from ..aiding import find
-
+def _aiding_layout(kind: str) -> Layout:
     quantities = find(kind).quantities
     units = [
         names[0] if len(set(names)) == 1 else ", ".join(names)
@@ -86,7 +95,7 @@ def _aiding_layout(kind):
     }
 
 
-def _meta(meta):
+def _meta(meta: dict[str, Any]) -> tuple[Variables, str]:
     """({name: variable} of the arrays of meta, the rest as JSON), which stands in a variable
     because an attribute ends at 64 KiB."""
     arrays = {
@@ -101,10 +110,10 @@ def _meta(meta):
     }, text
 
 
-def _columns(layout, values, where):
+def _columns(layout: Layout, values: Mapping[str, Any], where: str) -> Variables:
     """{name: (dimensions, array, attributes)} of the columns that there are. Raises DataError
     where their lengths differ."""
-    found = {
+    found: Variables = {
         name: (dims.split(), np.asarray(values[name], float), {"units": unit, "long_name": text})
         for name, (dims, unit, text) in layout.items()
         if values[name] is not None
@@ -118,7 +127,7 @@ def _columns(layout, values, where):
     return found
 
 
-def _fill(group, variables):
+def _fill(group: Any, variables: Variables) -> None:
     for name, (dims, values, attributes) in variables.items():
         for dim, size in zip(dims, values.shape):
             if dim not in group.dimensions:
@@ -126,7 +135,7 @@ def _fill(group, variables):
         group.create_variable(name, tuple(dims), data=values).attrs.update(attributes)
 
 
-def _text(file, text):
+def _text(file: Any, text: str) -> None:
     import h5py
 
     file.create_variable("meta", (), h5py.string_dtype(), data=np.array(text, object)).attrs[
@@ -134,24 +143,24 @@ def _text(file, text):
     ] = "meta as JSON"
 
 
-def read_recording(path):
+def read_recording(path: File) -> Recording:
     """The Recording in a file of `write_recording`, checked as when it was first read. Raises
     DataError."""
     meta, imu, aidings, reference = parts(path)
     for _, text in mistakes(imu):
         raise DataError(f"{path}: imu: {text}")
-    aidings, notes = checked_aidings(imu, aidings)
+    checked, notes = checked_aidings(imu, aidings)
     if reference is not None:
         overlap(imu, reference.t, f"{path}: reference")
     return Recording(
         imu,
-        aidings,
+        checked,
         reference,
         meta | {"notes": list(dict.fromkeys([*meta.get("notes", []), *notes]))},
     )
 
 
-def parts(path):
+def parts(path: File) -> tuple[dict[str, Any], Imu, list[Aiding], Trajectory | None]:
     """(meta, Imu, aidings, reference) as they stand in the file, the IMU checked for shape only.
     Raises DataError."""
     path = Path(path)
@@ -172,7 +181,7 @@ def parts(path):
     return found
 
 
-def _parts(path):
+def _parts(path: Path) -> tuple[dict[str, Any], Imu, list[Aiding], Trajectory | None]:
     import h5netcdf
 
     with h5netcdf.File(path, "r") as file:
@@ -192,7 +201,11 @@ def _parts(path):
             None
             if truth is None
             else Trajectory(
-                **{name: _column(truth[name]) for name in REFERENCE if name in truth.variables}
+                **{
+                    name: _column(truth[name])
+                    for name in REFERENCE_COLUMNS
+                    if name in truth.variables
+                }
             )
         )
         text = np.asarray(file["meta"][...]).item()
@@ -201,22 +214,24 @@ def _parts(path):
         return meta, imu, aidings, reference
 
 
-def _column(variable):
+def _column(variable: Any) -> Array:
     return np.require(variable[...], float, ["C", "W"])
 
 
-def _aiding(group):
+def _aiding(group: Any) -> Aiding:
     gate, parameters = group.attrs.get("gate"), np.atleast_1d(group.attrs.get("parameters", ()))
     return Aiding(
         group.attrs["kind"],
-        *(_column(group[name]) for name in ("t", "y", "sd")),
+        _column(group["t"]),
+        _column(group["y"]),
+        _column(group["sd"]),
         parameters=tuple(map(float, parameters)),
         gate=None if gate is None else float(gate),
         name=group.attrs["name"],
     )
 
 
-def _check_columns(imu, path):
+def _check_columns(imu: Imu, path: Path) -> None:
     n = len(imu.t)
     whole = imu.t.shape == imu.dt.shape == (n,) and imu.dtheta.shape == imu.dv.shape == (n, 3)
     if (

@@ -17,9 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..data import Aiding, DataError
-from ..preprocessing.axes import BODY, axes_matrix
+from ..preprocessing.axes import BODY_AXES, axes_matrix
 from ..preprocessing.imu_samples import increments
+from ..preprocessing.plausible import mistakes
 from ..recording import Recording
+from ..typing import Array, File
 from .tables import BROKEN, open_text
 
 SUFFIXES = tuple(".imu" + packed for packed in ("", ".gz", ".xz", ".bz2"))
@@ -33,22 +35,22 @@ class Header(NamedTuple):
     """The three lines before the samples, SI, in NED and FRD; its author calls the first of them
     maybe inaccurate."""
 
-    rph: tuple  # roll, pitch, heading, rad
-    v_n: tuple  # m/s, NED
-    lla: tuple  # rad, rad, m
+    rph: tuple[float, ...]  # roll, pitch, heading, rad
+    v_n: tuple[float, ...]  # m/s, NED
+    lla: tuple[float, ...]  # rad, rad, m
     t: float  # s
     dt: float  # s
     gravity: float  # m/s^2
-    gyro_count: tuple  # rad per count, about the file's x (right), y (forward), z (up)
-    accel_count: tuple  # m/s per count
+    gyro_count: tuple[float, ...]  # rad per count, about the file's x (right), y (forward), z (up)
+    accel_count: tuple[float, ...]  # m/s per count
 
 
-def is_psins(path):
+def is_psins(path: File) -> bool:
     """Whether the name is that of a PSINS log: it ends in .imu, or that and .gz, .xz or .bz2."""
     return Path(path).name.lower().endswith(SUFFIXES)
 
 
-def read_psins(path):
+def read_psins(path: File) -> Recording:
     """The Recording of a PSINS log: IMU samples in FRD; the header in meta ("position", "attitude",
     "velocity" and "gravity", SI, NED).
 
@@ -56,21 +58,19 @@ def read_psins(path):
     `VELOCITY_SD`: enough to start a filter from. Such a file has no other fixes and no reference.
     Raises DataError of one line.
     """
-    from ..preprocessing.plausible import mistakes
-
     recording = unchecked(path)
     for _, text in mistakes(recording.imu, "increment"):
         raise DataError(f"{path}: {text}")
     return recording
 
 
-def unchecked(path):
+def unchecked(path: File) -> Recording:
     """As `read_psins`, whatever the samples read. Raises DataError where the file is no PSINS
     log."""
     path = Path(path)
     header, counts = parse(path)
     t = header.t + header.dt * np.arange(1, len(counts) + 1)
-    C = axes_matrix("RFU", BODY)
+    C = axes_matrix("RFU", BODY_AXES)
     gyro, accel = (
         (counts[:, :3] * header.gyro_count) @ C.T,
         (counts[:, 3:] * header.accel_count) @ C.T,
@@ -84,9 +84,11 @@ def unchecked(path):
         "gravity": header.gravity,
         "notes": notes,
     }
-    at_start = lambda kind, values, sd: Aiding(
-        kind, imu.t[:1] - imu.dt[:1], np.array([values]), np.full((1, 3), sd), name=f"header {kind}"
-    )
+
+    def at_start(kind: str, values: tuple[float, ...], sd: float) -> Aiding:
+        t = imu.t[:1] - imu.dt[:1]
+        return Aiding(kind, t, np.array([values]), np.full((1, 3), sd), name=f"header {kind}")
+
     return Recording(
         imu,
         (
@@ -97,7 +99,7 @@ def unchecked(path):
     )
 
 
-def parse(path):
+def parse(path: File) -> tuple[Header, Array]:
     """(Header, (n, 6) counts) of a PSINS log. Raises DataError."""
     lines = _lines(Path(path))
     if len(lines) < 5:
@@ -112,6 +114,7 @@ def parse(path):
     if counts is None or counts.shape[1] != 6:
         for line in lines[3:]:
             _numbers(path, *line)
+    assert counts is not None  # what cannot be read was refused line by line
     if not np.isfinite(counts).all():
         raise DataError(
             f"{path}, line {lines[3 + int(np.argmin(np.isfinite(counts).all(axis=1)))][0]}: a count is no finite number; remove the row"
@@ -119,7 +122,7 @@ def parse(path):
     return _header(path, lines, *rows), counts
 
 
-def _lines(path):
+def _lines(path: Path) -> list[tuple[int, str]]:
     """[(line number, text)] without comments and blank lines."""
     try:
         with open_text(path) as file:
@@ -138,9 +141,10 @@ def _lines(path):
         ) from error
 
 
-def _numbers(path, number, text):
+def _numbers(path: File, number: int, text: str) -> tuple[float, ...]:
     """The six numbers of one line."""
     cells = text.split()
+    values: tuple[float, ...]
     try:
         values = tuple(map(float, cells))
     except ValueError:
@@ -152,7 +156,13 @@ def _numbers(path, number, text):
     return values
 
 
-def _header(path, lines, attitude, place, scale):
+def _header(
+    path: File,
+    lines: list[tuple[int, str]],
+    attitude: tuple[float, ...],
+    place: tuple[float, ...],
+    scale: tuple[float, ...],
+) -> Header:
     rad = np.pi / 180
     pitch, roll, yaw, east, north, up = attitude
     latitude, longitude, height, t, milliseconds, gravity = place

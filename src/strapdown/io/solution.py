@@ -7,25 +7,30 @@ Every column says its unit: as an attribute in NetCDF, in brackets behind the na
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from ..core.contract import BRIDGED, INVALID, VALID
 from ..data import (
     BIAS_COLUMNS,
-    BRIDGED,
-    INVALID,
     NAV_COLUMNS,
     SD_COLUMNS,
     SD_SCALE,
     UNITS,
-    VALID,
     DataError,
     Innovations,
     Solution,
     Trajectory,
 )
 from ..files import netcdf, replacing
+from ..typing import Array, File
+from .kml import kml
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 QUATERNION = ["q_w", "q_x", "q_y", "q_z"]
 FORMAT = "strapdown solution 1"
@@ -34,7 +39,7 @@ CSV_DECIMALS = 10
 sensor."""
 
 
-def write_solution(solution, path):
+def write_solution(solution: Solution, path: File) -> None:
     """Write a Solution as .nc, .csv, .csv.gz, .csv.xz or .kml (which needs a position), by the
     ending of `path`, whole or not at all.
 
@@ -47,7 +52,7 @@ def write_solution(solution, path):
         write(solution, part, Path(path))
 
 
-def read_solution(path):
+def read_solution(path: File) -> Solution:
     """The Solution in a .nc or .csv file of `write_solution`; a CSV brings no innovations,
     events or covariance. Raises DataError."""
     path = Path(path)
@@ -84,7 +89,7 @@ def read_solution(path):
         ) from error
 
 
-def _format(path, known):
+def _format(path: File, known: str) -> str:
     ending = re.search(r"\.(nc|csv|kml)(\.gz|\.xz)?$", Path(path).name.lower())
     if not ending or (ending[2] and ending[1] != "csv") or ending[1] not in known:
         raise DataError(
@@ -96,7 +101,7 @@ def _format(path, known):
 # NetCDF
 
 
-def _write_netcdf(solution, part, _):
+def _write_netcdf(solution: Solution, part: Path, _: Path) -> None:
     variables = {
         name: (dims, np.asarray(values), attributes)
         for name, (dims, values, attributes) in _variables(solution).items()
@@ -119,25 +124,25 @@ def _write_netcdf(solution, part, _):
             variable.attrs.update(attributes)
 
 
-def _text():
+def _text() -> Any:
+    """h5py's type of a text of any length."""
     import h5py
 
     return h5py.string_dtype()
 
 
-def _variables(solution):
+def _variables(solution: Solution) -> dict[str, tuple[tuple[str, ...], Any, dict[str, Any]]]:
     """{name: (dimensions, values, attributes)} of all that the file holds; texts are variables
     because attributes end at 64 KiB."""
-    fixes, table = solution.innovations, solution.table()
+    fixes, table, q_nb = solution.innovations, solution.table(), solution.trajectory.q_nb
+    assert q_nb is not None  # every filter estimates an attitude
+    found: dict[str, tuple[tuple[str, ...], Any, dict[str, Any]]]
     found = {"time": (("time",), solution.t, {"units": "s", "long_name": "time of the recording"})}
     found |= {
         name: (("time",), table[name].to_numpy(), {"units": UNITS[name]})
         for name in NAV_COLUMNS + BIAS_COLUMNS + SD_COLUMNS
     }
-    found |= {
-        name: (("time",), column, {"units": "1"})
-        for name, column in zip(QUATERNION, solution.trajectory.q_nb.T)
-    }
+    found |= {name: (("time",), column, {"units": "1"}) for name, column in zip(QUATERNION, q_nb.T)}
     meanings = {
         "units": "1",
         "flag_values": np.array([VALID, BRIDGED, INVALID]),
@@ -173,7 +178,7 @@ def _variables(solution):
     }
 
 
-def _read_netcdf(path):
+def _read_netcdf(path: Path) -> Solution:
     import h5netcdf
 
     with h5netcdf.File(path, "r") as file:
@@ -181,9 +186,16 @@ def _read_netcdf(path):
             raise DataError(
                 f"{path}: this NetCDF file is no solution (`format` is not {FORMAT!r}); read recordings with strapdown.read"
             )
-        column = lambda name: np.asarray(file[name][...])
-        table = lambda names: np.column_stack([column(name) for name in names])
-        read = lambda name: json.loads(np.asarray(file[name][...]).item())
+
+        def column(name: str) -> np.ndarray[Any, Any]:
+            return np.asarray(file[name][...])
+
+        def table(names: list[str]) -> Array:
+            return np.column_stack([column(name) for name in names])
+
+        def read(name: str) -> Any:
+            return json.loads(np.asarray(file[name][...]).item())
+
         innovations = Innovations(
             column("fix_time"),
             column("fix_source"),
@@ -199,8 +211,11 @@ def _read_netcdf(path):
             if re.fullmatch(r"extra_\d+", name)
         }
         covariance = column("covariance") if "covariance" in file.variables else None
+        trajectory, b_a, b_g = _state(column("time"), table, table(QUATERNION))
         return Solution(
-            *_state(column("time"), table, table(QUATERNION)),
+            trajectory,
+            b_a,
+            b_g,
             column("status"),
             innovations,
             tuple((t, text) for t, text in read("events")),
@@ -210,14 +225,16 @@ def _read_netcdf(path):
         )
 
 
-def _state(t, table, q_nb):
+def _state(
+    t: Array, table: Callable[[list[str]], Array], q_nb: Array
+) -> tuple[Trajectory, Array, Array]:
     """Trajectory, b_a and b_g in SI from `table(names)`, which is in the units of `UNITS`."""
     lla = table(NAV_COLUMNS[:3]) * [np.pi / 180, np.pi / 180, 1]
     b_a, b_g = np.hsplit(table(BIAS_COLUMNS) / SD_SCALE[9:], 2)
     return Trajectory(t, lla, table(NAV_COLUMNS[3:6]), q_nb, table(SD_COLUMNS) / SD_SCALE), b_a, b_g
 
 
-def plain(value):
+def plain(value: Any) -> Any:
     """`value` (as of `Solution.meta`) in the types of JSON: named tuples and data classes become
     objects, the unknown its text."""
     if hasattr(value, "_asdict"):
@@ -238,18 +255,20 @@ def plain(value):
 # CSV
 
 
-def _write_csv(solution, part, path):
+def _write_csv(solution: Solution, part: Path, path: Path) -> None:
     table = solution.table()
     table.columns = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in table.columns]
-    compression = {".gz": "gzip", ".xz": {"method": "xz", "preset": 1}}.get(path.suffix.lower())
+    ways: dict[str, Any] = {".gz": "gzip", ".xz": {"method": "xz", "preset": 1}}
+    compression = ways.get(path.suffix.lower())
     table.index = table.index.to_series().round(CSV_DECIMALS).rename("t [s]")
     table.round(CSV_DECIMALS).to_csv(part, compression=compression, lineterminator="\n")
 
 
-def _read_csv(path):
+def _read_csv(path: Path) -> Solution:
     import pandas as pd
 
-    table = pd.read_csv(path, compression={".gz": "gzip", ".xz": "xz"}.get(path.suffix.lower()))
+    ways: dict[str, Literal["gzip", "xz"]] = {".gz": "gzip", ".xz": "xz"}
+    table = pd.read_csv(path, compression=ways.get(path.suffix.lower()))
     units = {column: re.fullmatch(r"(\S+) \[(.*)\]", column) for column in table.columns}
     known = {match[1]: match[2] for match in units.values() if match and match[1] in UNITS}
     for name, unit in known.items():
@@ -261,7 +280,10 @@ def _read_csv(path):
         columns={column: match[1] for column, match in units.items() if match and match[1] in UNITS}
     )
     _check(path, table)
-    read = lambda names: table[names].to_numpy(float)
+
+    def read(names: list[str]) -> Array:
+        return table[names].to_numpy(float)
+
     none = Innovations(
         np.empty(0), np.empty(0, np.int64), np.empty((0, 3)), np.empty(0), np.empty(0, bool)
     )
@@ -270,8 +292,12 @@ def _read_csv(path):
         for name in table.columns
         if name not in UNITS and name != "status"
     }
+    t = table["t"].to_numpy(float)
+    trajectory, b_a, b_g = _state(t, read, _quaternion(read(NAV_COLUMNS[6:])))
     return Solution(
-        *_state(read("t"), read, _quaternion(read(NAV_COLUMNS[6:]))),
+        trajectory,
+        b_a,
+        b_g,
         table["status"].to_numpy(),
         none,
         columns=extra,
@@ -282,7 +308,7 @@ def _read_csv(path):
     )
 
 
-def _check(path, table):
+def _check(path: Path, table: "pd.DataFrame") -> None:
     needed = [*UNITS, "status"]
     missing = [name for name in needed if name not in table]
     if missing:
@@ -305,16 +331,14 @@ def _check(path, table):
             )
 
 
-def _quaternion(rph):
+def _quaternion(rph: Array) -> Array:
     """From roll, pitch, heading in degrees."""
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_euler("ZYX", rph[:, ::-1], degrees=True).as_quat()[:, [3, 0, 1, 2]]
 
 
-def _write_kml(solution, part, path):
-    from .kml import kml
-
+def _write_kml(solution: Solution, part: Path, path: Path) -> None:
     if not solution.has_position:
         filter = solution.meta.get("filter")
         raise DataError(

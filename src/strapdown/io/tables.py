@@ -3,24 +3,30 @@ names the file, the line and the column."""
 
 import bz2
 import gzip
+import io
 import lzma
 import warnings
 import zipfile
 import zlib
 from difflib import get_close_matches
-from typing import NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
 import numpy as np
 
 from ..data import DataError
 from ..preprocessing.origin import Origin
+from ..typing import Array, Ints
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SUFFIXES = tuple(
     name + packed
     for name in (".csv", ".txt", ".tsv", ".dat")
     for packed in ("", ".gz", ".xz", ".bz2", ".zip")
 )
-OPENERS = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}
+OPENERS: dict[str, Any] = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}
 BROKEN = (EOFError, lzma.LZMAError, zlib.error, zipfile.BadZipFile)
 
 
@@ -29,17 +35,17 @@ class Table(NamedTuple):
     in."""
 
     name: str
-    frame: object
-    lines: np.ndarray
+    frame: "pd.DataFrame"
+    lines: Ints
 
     @property
-    def origin(self):
+    def origin(self) -> Origin:
         """Origin that names lines of this file."""
         return Origin(self.name, self.lines, "line")
 
-    def numbers(self, column):
-        """The column as floats; missing cells are NaN. Raises DataError for a missing column or
-        a cell that is no number."""
+    def numbers(self, column: str | int) -> Array:
+        """The column as floats (n,); missing cells are NaN. Raises DataError for a missing column
+        or a cell that is no number."""
         import pandas as pd
 
         if column not in self.frame.columns:
@@ -55,7 +61,7 @@ class Table(NamedTuple):
             )
         return values
 
-    def _missing(self, column):
+    def _missing(self, column: str | int) -> str:
         names = [str(name) for name in self.frame.columns]
         if isinstance(column, int):
             return f"column {column} is missing; it has {len(names)} columns"
@@ -67,7 +73,7 @@ class Table(NamedTuple):
         return f"column {column!r} is missing; {f'did you mean {near[0]!r}? ' if near else ''}it has {', '.join(names[:20])}"
 
 
-def read_table(path, header=True):
+def read_table(path: Path, header: bool = True) -> Table:
     """The Table of a CSV file; lines before the header that start with # or % are left out. Raises
     DataError.
 
@@ -106,7 +112,7 @@ def read_table(path, header=True):
         raise DataError(
             f"{path}: is not a table of comma-separated values ({_line(error)})"
         ) from error
-    frame.columns = (
+    frame.columns = pd.Index(
         [str(name).strip() for name in frame.columns] if header else range(1, frame.shape[1] + 1)
     )
     lines = np.arange(len(frame)) + skipped + 1 + header
@@ -116,14 +122,12 @@ def read_table(path, header=True):
     return Table(str(path), frame if filled.all() else frame[filled], lines[filled])
 
 
-def open_text(path):
+def open_text(path: Path) -> TextIO:
     """A text file, plain or compressed, open to read. Raises OSError, and those of BROKEN where
     it is read."""
     if path.is_dir():
         raise IsADirectoryError(0, "it is a folder")
     if path.suffix.lower() == ".zip":
-        import io
-
         archive = zipfile.ZipFile(path)
         return io.TextIOWrapper(
             archive.open(archive.namelist()[0]), encoding="utf-8-sig", errors="replace", newline=""
@@ -133,7 +137,7 @@ def open_text(path):
     )
 
 
-def _first_line(path):
+def _first_line(path: Path) -> tuple[int, str]:
     """Number of comment lines at the top, and the line after them."""
     with open_text(path) as file:
         for number, line in enumerate(file):
@@ -142,13 +146,13 @@ def _first_line(path):
     return 0, ""
 
 
-def _separator(line):
+def _separator(line: str) -> str:
     counts = {mark: line.count(mark) for mark in ",;\t"}
-    best = max(counts, key=counts.get)
+    best = max(counts, key=lambda mark: counts[mark])
     return best if counts[best] else r"\s+" if len(line.split()) > 1 else ","
 
 
-def is_number(text):
+def is_number(text: str) -> bool:
     """Whether a header cell reads as a number, so that the line is probably no header."""
     try:
         float(text)
@@ -157,5 +161,5 @@ def is_number(text):
     return True
 
 
-def _line(error):
+def _line(error: BaseException) -> str:
     return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__

@@ -4,25 +4,33 @@ An attitude and a gyro that belong together turn alike: by the same angle about 
 same time. That is what the checks rest on.
 """
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from ..data import DataError
+from ..core.contract import Imu
+from ..data import Aiding, DataError
 from ..rotation_products import running_products
+from ..typing import Array, Ints, Mask
 from .axes import named_permutation, signed_permutations
 from .origin import counted
 from .stationary import at_rest
-from .stuck import STUCK, stuck
+from .stuck import STUCK_TIME, stuck
 
-SECOND, LEAST, PAIRS, ENOUGH = 1.0, np.radians(3), 1000, 20
-"""Turns are compared over about SECOND (s), where the gyro turned by LEAST (rad) and more; at
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation, Slerp
+
+SECOND, LEAST_TURN, PAIRS, ENOUGH = 1.0, np.radians(3), 1000, 20
+"""Turns are compared over about SECOND (s), where the gyro turned by LEAST_TURN (rad) and more; at
 most PAIRS of them and at least ENOUGH."""
-LONGEST = 3.0
+LONGEST_SHIFT = 3.0
 """s: clocks are compared up to this shift."""
 
 
-def sound_attitude(t, y, imu, name, where):
-    """(mask, notes): the fixes that are not stuck, and how many were. Raises DataError where all
-    are, or where rad was read as deg.
+def sound_attitude(t: Array, y: Array, imu: Imu, name: str, where: str) -> tuple[Mask, list[str]]:
+    """(mask (m,), notes): the fixes that are not stuck, and how many were; t (m,) s, y (m, 3) roll,
+    pitch, heading, rad. Raises DataError where all are stuck, or where rad was read as deg.
 
     Rows in which something is missing are none of its business: they are kept, and between rows
     that are whole they do not count as a change.
@@ -55,7 +63,7 @@ def sound_attitude(t, y, imu, name, where):
     return ~held, notes
 
 
-def refuse_unit(t, y, imu, where):
+def refuse_unit(t: Array, y: Array, imu: Imu, where: str) -> None:
     """Raise DataError where these attitudes, in order, turn about a 57th of what the gyro does."""
     recorded, gyro = turns(t, y, imu)()
     if len(gyro) >= ENOUGH and 0.5 < np.degrees(ratio(recorded, gyro)) < 2:
@@ -64,24 +72,24 @@ def refuse_unit(t, y, imu, where):
         )
 
 
-def _pieces(t):
+def _pieces(t: Array) -> Array:
     """(n,) number of the unbroken piece of a record that each time belongs to: a value that is
     there again after a pause was not held."""
     step = np.diff(t)
     return (
-        np.r_[0, np.cumsum(step > max(STUCK, 3 * np.median(step)))]
+        np.r_[0, np.cumsum(step > max(STUCK_TIME, 3 * np.median(step)))]
         if len(step)
         else np.zeros(len(t))
     )
 
 
-def ratio(recorded, gyro):
-    """Size of the attitude's turns over that of the gyro's."""
+def ratio(recorded: Array, gyro: Array) -> float:
+    """Size of the attitude's turns (k, 3) over that of the gyro's (k, 3), rad each."""
     size = float(np.median(np.linalg.norm(gyro, axis=1)))
     return float(np.median(np.linalg.norm(recorded, axis=1))) / size if size else np.nan
 
 
-def turns(t, y, imu):
+def turns(t: Array, y: Array, imu: Imu) -> Callable[..., tuple[Array, Array]]:
     """Function of a shift of the IMU's time (s): turns of the attitude and of the gyro, (k, 3) rad
     each, body, k the same for all shifts.
 
@@ -106,16 +114,18 @@ def turns(t, y, imu):
     first = np.arange(len(t) - step)
     first = first[t[first + step] - t[first] < 2.5 * SECOND]
     if not len(first):
-        return lambda shift=0.0: (np.empty((0, 3)), np.empty((0, 3)))
+        return _no_turns
     attitude, path = Rotation.from_euler("ZYX", np.nan_to_num(y[:, ::-1])), _gyro_path(imu)
-    vertical = lambda turn: turn.inv().apply([0.0, 0.0, 1.0])
 
-    def gyro(rows, shift):
+    def vertical(turn: "Rotation") -> Array:
+        return turn.inv().apply([0.0, 0.0, 1.0])
+
+    def gyro(rows: Ints, shift: float) -> Array:
         turn = path(t[rows] - shift).inv() * path(t[rows + step] - shift)
         before = vertical(attitude[rows])
         return turn.as_rotvec() if heading else np.cross(turn.inv().apply(before), before)
 
-    first = first[np.linalg.norm(gyro(first, 0.0), axis=1) > LEAST]
+    first = first[np.linalg.norm(gyro(first, 0.0), axis=1) > LEAST_TURN]
     first = first[:: max(1, -(-len(first) // PAIRS))]
     before, after = attitude[first], attitude[first + step]
     recorded = (
@@ -123,15 +133,24 @@ def turns(t, y, imu):
         if heading
         else np.cross(vertical(after), vertical(before))
     )
-    return lambda shift=0.0: (recorded, gyro(first, shift))
+
+    def shifted(shift: float = 0.0) -> tuple[Array, Array]:
+        return recorded, gyro(first, shift)
+
+    return shifted
 
 
-def _margin(imu):
+def _no_turns(shift: float = 0.0) -> tuple[Array, Array]:
+    """What `turns` gives where there are too few rows."""
+    return np.empty((0, 3)), np.empty((0, 3))
+
+
+def _margin(imu: Imu) -> float:
     """s at both ends of a record that a shift of time may need."""
-    return LONGEST if np.ptp(imu.t) > 4 * LONGEST else 0.0
+    return LONGEST_SHIFT if np.ptp(imu.t) > 4 * LONGEST_SHIFT else 0.0
 
 
-def _gyro_path(imu):
+def _gyro_path(imu: Imu) -> "Slerp":
     """Slerp of the attitude of the body since the first sample by the gyro alone, without its
     mean at rest."""
     from scipy.spatial.transform import Rotation, Slerp
@@ -141,7 +160,7 @@ def _gyro_path(imu):
     return Slerp(imu.t, running_products(Rotation.from_rotvec(imu.dtheta - bias * imu.dt[:, None])))
 
 
-def facts_and_problems(aiding, imu):
+def facts_and_problems(aiding: Aiding, imu: Imu) -> tuple[list[str], list[str]]:
     """([text], [text]) on an attitude beside an IMU: how well it turns as the gyro does, what is
     probably wrong with unit, axes or clock."""
     facts, problems = _level(aiding, imu)
@@ -164,7 +183,9 @@ def facts_and_problems(aiding, imu):
             f"{aiding.name} unit: it turns {factor:.3g} times as much as the gyro: {likely}?",
             *problems,
         ]
-    shifts = np.arange(-LONGEST, LONGEST + 0.01, 0.05)[1:-1] if _margin(imu) else np.zeros(1)
+    shifts = (
+        np.arange(-LONGEST_SHIFT, LONGEST_SHIFT + 0.01, 0.05)[1:-1] if _margin(imu) else np.zeros(1)
+    )
     others = np.array([_likeness(*fit(shift)) for shift in shifts])
     best = int(np.argmax(others))
     if others[best] > 0.9 and 1 - others[best] < 0.5 * (1 - now) and abs(shifts[best]) > 0.2:
@@ -186,13 +207,13 @@ def facts_and_problems(aiding, imu):
     return facts, problems
 
 
-def _likeness(recorded, gyro):
+def _likeness(recorded: Array, gyro: Array) -> float:
     """Correlation of vectors, 1 where they are alike; nothing is subtracted."""
     size = np.sqrt((recorded**2).sum() * (gyro**2).sum())
     return float((recorded * gyro).sum() / size) if size > 0 else 0.0
 
 
-def _level(aiding, imu):
+def _level(aiding: Aiding, imu: Imu) -> tuple[list[str], list[str]]:
     """Facts and problems from the vertical at rest: that of the attitude against that of the
     accelerometer."""
     rest = at_rest(imu)

@@ -1,35 +1,45 @@
 """Attitudes as files have them: angles or quaternions, in axes of other conventions, brought to
 roll, pitch and heading of FRD in NED."""
 
+from typing import Literal, TypeAlias
+
 import numpy as np
 
 from ..data import DataError, Trajectory
-from .axes import BODY, NAVIGATION, axes_matrix
+from ..typing import Array
+from .axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
+from .origin import Origin
 
-ORDERS = {"wxyz": [0, 1, 2, 3], "xyzw": [3, 0, 1, 2]}
+QuaternionOrder: TypeAlias = Literal["wxyz", "xyzw"]
+ORDERS: dict[QuaternionOrder, list[int]] = {"wxyz": [0, 1, 2, 3], "xyzw": [3, 0, 1, 2]}
 """Where scalar, x, y and z stand among the columns of a quaternion."""
 UNIT_NORM = 0.01
 """A quaternion's norm is off 1 by at most this; what is left is rounding and is normalised away."""
-PITCH, TURN = np.pi / 2 + 1e-6, 2 * np.pi * (1 + 1e-9)
+MOST_PITCH, MOST_TURN = np.pi / 2 + 1e-6, 2 * np.pi * (1 + 1e-9)
 """Largest pitch and largest roll or heading that a record can hold, rad."""
 
 
-def axes_of(text):
-    """(body, navigation) matrices of axes such as "FLU to ENU": from the record's axes to FRD
-    and to NED. Raises DataError."""
+def axes_of(text: str) -> tuple[Array, Array]:
+    """(body, navigation) matrices (3, 3) of axes such as "FLU to ENU": from the record's axes to
+    FRD and to NED. Raises DataError."""
     body, to, navigation = text.partition(" to ")
     if not to:
         raise DataError(
             f'{text!r}: write the axes of the body and those that its attitude is told in, such as "FLU to ENU"; '
             "FRD to NED are the library's"
         )
-    matrices = axes_matrix(body.strip(), BODY), axes_matrix(navigation.strip(), NAVIGATION)
+    matrices = (
+        axes_matrix(body.strip(), BODY_AXES),
+        axes_matrix(navigation.strip(), NAVIGATION_AXES),
+    )
     if not matrices[1][2, 2]:
         raise DataError(f"{text!r}: the third navigation axis must point up or down")
     return matrices
 
 
-def quaternions(values, order, axes, origin):
+def quaternions(
+    values: Array, order: QuaternionOrder | None, axes: str | None, origin: Origin
+) -> Array:
     """(n, 4) attitude of the body (FRD) in NED, scalar first, from what the columns hold; rows with
     a missing number are NaN.
 
@@ -38,7 +48,7 @@ def quaternions(values, order, axes, origin):
     """
     from scipy.spatial.transform import Rotation
 
-    known, found = np.isfinite(values).all(axis=1), np.full((len(values), 4), np.nan)
+    known, found = np.all(np.isfinite(values), axis=1), np.full((len(values), 4), np.nan)
     if not known.any():
         return found
     if order is None:
@@ -54,7 +64,7 @@ def quaternions(values, order, axes, origin):
     return found
 
 
-def _unit(q, origin):
+def _unit(q: Array, origin: Origin) -> Array:
     norm = np.linalg.norm(q, axis=1)
     wrong = np.abs(norm - 1) > UNIT_NORM
     if wrong.any():
@@ -70,7 +80,7 @@ def _unit(q, origin):
     return q / norm[:, None]
 
 
-def angles(values, order, axes, origin):
+def angles(values: Array, order: QuaternionOrder | None, axes: str | None, origin: Origin) -> Array:
     """(n, 3) roll, pitch, heading of the body in NED, rad, arguments as of `quaternions`; without a
     heading (a column less, or NaN) it stays NaN.
 
@@ -85,7 +95,7 @@ def angles(values, order, axes, origin):
         possible_attitude(values, origin)
         if axes is None:
             return values
-    level = order is None and np.isnan(values[:, 2])
+    level = np.isnan(values[:, 2]) if order is None else np.zeros(len(values), bool)
     filled = (
         np.where(level[:, None] & [False, False, True], 0.0, values) if order is None else values
     )
@@ -95,19 +105,21 @@ def angles(values, order, axes, origin):
     return found
 
 
-def together(y):
+def together(y: Array) -> Array:
     """(m, 3) roll, pitch, heading without those rows of which roll or pitch is missing: NaN
     whole."""
-    return np.where(np.isnan(y[:, :2]).any(axis=1)[:, None], np.nan, y)
+    return np.where(np.any(np.isnan(y[:, :2]), axis=1)[:, None], np.nan, y)
 
 
-def possible_attitude(y, origin):
+def possible_attitude(y: Array, origin: Origin) -> None:
     """Raise DataError naming the first row whose roll, pitch or heading (m, 3), rad, is beyond what
     such an angle can be.
 
     Infinite ones count as missing.
     """
-    for name, column, limit in zip(("roll", "pitch", "heading"), y.T, (TURN, PITCH, TURN)):
+    for name, column, limit in zip(
+        ("roll", "pitch", "heading"), y.T, (MOST_TURN, MOST_PITCH, MOST_TURN)
+    ):
         beyond = (np.abs(column) > limit) & np.isfinite(column)
         if beyond.any():
             row = int(np.argmax(beyond))

@@ -1,40 +1,24 @@
 """Axes of sensors and of vectors in files, as matrices that turn them into body FRD or
 navigation NED axes."""
 
+from collections.abc import Iterator, Mapping
 from itertools import permutations, product
 
 import numpy as np
 
 from ..data import DataError
-from .units import factor
+from ..typing import Array
 
-BODY = {"FRD": "+x +y +z", "FLU": "+x -y -z", "RFU": "+y +x -z"}
+BODY_AXES = {"FRD": "+x +y +z", "FLU": "+x -y -z", "RFU": "+y +x -z"}
 """Body axes by name: forward, right and down in terms of the file's x, y and z."""
-NAVIGATION = {"NED": "+x +y +z", "ENU": "+y +x -z"}
+NAVIGATION_AXES = {"NED": "+x +y +z", "ENU": "+y +x -z"}
 """Navigation axes by name: north, east and down in terms of the file's first, second and third
 column."""
 
 
-def sensor_to_body(part):
-    """Matrix from the columns of [imu] to the body: axes, then mounting."""
-    C = axes_matrix(part.axes, BODY)
-    if part.mounting is None:
-        return C
-    unit = factor(part.mounting.unit, "angle")
-    return (
-        rotation_matrix(
-            *(
-                angle * unit
-                for angle in (part.mounting.roll, part.mounting.pitch, part.mounting.heading)
-            )
-        )
-        @ C
-    )
-
-
-def axes_matrix(text, named, right_handed=True):
-    """Matrix that takes columns with the axes `text` (a name of `named`, or signed axes such as
-    "+y +x -z") to FRD or NED. Raises DataError."""
+def axes_matrix(text: str, named: Mapping[str, str], right_handed: bool = True) -> Array:
+    """Matrix (3, 3) that takes columns with the axes `text` (a name of `named`, or signed axes such
+    as "+y +x -z") to FRD or NED. Raises DataError."""
     signed = named.get(text, text).split()
     if len(signed) != 3 or any(
         len(part) != 2 or part[0] not in "+-" or part[1] not in "xyz" for part in signed
@@ -43,8 +27,8 @@ def axes_matrix(text, named, right_handed=True):
             f'unknown axes {text!r}; give {", ".join(named)}, or three signed axes such as "+y +x -z"'
         )
     matrix = np.zeros((3, 3))
-    for row, (sign, axis) in zip(matrix, signed):
-        row["xyz".index(axis)] = 1.0 if sign == "+" else -1.0
+    for row, part in zip(matrix, signed):
+        row["xyz".index(part[1])] = 1.0 if part[0] == "+" else -1.0
     determinant = np.linalg.det(matrix)
     if abs(determinant) < 0.5:
         raise DataError(f"axes {text!r} use an axis twice; each of x, y and z must stand once")
@@ -55,8 +39,9 @@ def axes_matrix(text, named, right_handed=True):
     return matrix
 
 
-def rotation_matrix(roll, pitch, heading):
-    """C = Rz(heading) Ry(pitch) Rx(roll), angles in rad; Groves (2013) eq. 2.22 transposed."""
+def rotation_matrix(roll: float, pitch: float, heading: float) -> Array:
+    """(3, 3) C = Rz(heading) Ry(pitch) Rx(roll), angles in rad; Groves (2013) eq. 2.22
+    transposed."""
     (cr, cp, ch), (sr, sp, sh) = np.cos([roll, pitch, heading]), np.sin([roll, pitch, heading])
     return np.array(
         [
@@ -67,8 +52,8 @@ def rotation_matrix(roll, pitch, heading):
     )
 
 
-def signed_permutations():
-    """The 48 matrices that swap axes and change signs, right-handed and left-handed."""
+def signed_permutations() -> Iterator[Array]:
+    """The 48 matrices (3, 3) that swap axes and change signs, right-handed and left-handed."""
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
             matrix = np.zeros((3, 3))
@@ -76,7 +61,7 @@ def signed_permutations():
             yield matrix
 
 
-def named_permutation(matrix):
+def named_permutation(matrix: Array) -> str:
     """Its text as `axes_matrix` reads it, such as "+y +x -z"."""
     source = np.abs(matrix).argmax(axis=1)
     return " ".join(("+" if matrix[i, j] > 0 else "-") + "xyz"[j] for i, j in enumerate(source))

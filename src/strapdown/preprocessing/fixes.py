@@ -1,13 +1,16 @@
 """Fixes of an aiding and rows of a reference: cleaned, put in order, checked against what is
 possible and against the span of the IMU."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from ..core.contract import ATTITUDE_KIND
+from ..aiding import find
+from ..core.contract import ATTITUDE_KIND, Imu, Measurement
 from ..core.earth import LATITUDE_LIMIT
-from ..data import DataError, Trajectory
+from ..data import Aiding, DataError, Trajectory
+from ..typing import Array
 from .attitude_checks import refuse_unit
 from .attitude_record import possible_attitude, together
 from .imu_samples import order
@@ -28,10 +31,10 @@ LIMITS = {
 PRESSURES = (5e3, 200e3)
 """Lowest and highest pressure that air has for a vehicle, Pa: 20 km above the sea, where the
 standard atmosphere of the library ends, and a pressurised or submerged sensor."""
-LEAST_SHARE, LONG = 0.2, 10.0
-"""An aiding and an IMU record, both longer than LONG (s), that have less than LEAST_SHARE of one
-of them in common, probably differ in clock."""
-SLIPS = {
+LEAST_SHARE, LONG_RECORD = 0.2, 10.0
+"""An aiding and an IMU record, both longer than LONG_RECORD (s), that have less than LEAST_SHARE of
+one of them in common, probably differ in clock."""
+PRESSURE_SLIPS = {
     1e-5: "bar read as Pa",
     1e-3: "kPa read as Pa",
     1e-2: "hPa or mbar read as Pa",
@@ -44,12 +47,11 @@ SLIPS = {
 """What a mistaken unit makes of the pressure near the ground, and what to say then."""
 
 
-def checked_aidings(imu, aidings):
+def checked_aidings(imu: Imu, aidings: Iterable[Aiding]) -> tuple[tuple[Aiding, ...], list[str]]:
     """(aidings, notes): each aiding cleaned and checked by its kind's Measurement. Raises
     DataError."""
-    from ..aiding import find
-
-    done, notes = [], []
+    done: list[Aiding] = []
+    notes: list[str] = []
     for aiding in aidings:
         if (
             find(aiding.kind).parameters == "field"
@@ -72,7 +74,9 @@ def checked_aidings(imu, aidings):
     return tuple(done), notes
 
 
-def clean(aiding, sensor, origin=None):
+def clean(
+    aiding: Aiding, sensor: Measurement, origin: Origin | None = None
+) -> tuple[Aiding, list[str]]:
     """(Aiding, notes): rows without a time or a value are dropped, late ones sorted, repeated ones
     dropped. Raises DataError naming the row.
 
@@ -80,7 +84,8 @@ def clean(aiding, sensor, origin=None):
     A row whose standard deviation is missing is dropped, one where it is zero or negative is
     refused.
     """
-    origin, notes = origin or Origin(aiding.name or aiding.kind), []
+    origin = origin or Origin(aiding.name or aiding.kind)
+    notes: list[str] = []
     t, y, sd = _arrays(aiding, sensor, origin)
     y = np.where(np.isfinite(y), y, np.nan)
     y = together(y) if sensor.kind == ATTITUDE_KIND else y
@@ -119,7 +124,7 @@ def clean(aiding, sensor, origin=None):
     return replace(aiding, t=_column(t), y=_column(y), sd=_column(sd)), notes
 
 
-def _without_heading(t, y, name):
+def _without_heading(t: Array, y: Array, name: str) -> list[str]:
     """Notes on an attitude that has its heading in some rows only: how many lack it, and the
     longest time without one."""
     known = np.isfinite(y[:, 2])
@@ -133,11 +138,11 @@ def _without_heading(t, y, name):
     ]
 
 
-def _column(values):
+def _column(values: Array) -> Array:
     return np.require(values, float, ["C", "W"])
 
 
-def _arrays(aiding, sensor, origin):
+def _arrays(aiding: Aiding, sensor: Measurement, origin: Origin) -> tuple[Array, Array, Array]:
     t, y, sd = (np.asarray(values, float) for values in (aiding.t, aiding.y, aiding.sd))
     y = y[:, None] if y.ndim == 1 and len(sensor.quantities) == 1 else y
     shape = (len(t), len(sensor.quantities))
@@ -155,9 +160,9 @@ def _arrays(aiding, sensor, origin):
     return t, y, sd
 
 
-def possible(y, quantities, origin):
-    """Raise DataError naming the first row whose latitude is impossible or beyond the library's
-    limit, or whose magnitude no vehicle has."""
+def possible(y: Array, quantities: Sequence[str], origin: Origin) -> None:
+    """Raise DataError naming the first row of y (m, k), SI and radians, whose latitude is
+    impossible or beyond the library's limit, or whose magnitude no vehicle has."""
     for quantity, column in zip(quantities, y.T):
         size = np.abs(column)
         row = int(np.argmax(np.where(np.isnan(size), -1, size))) if len(size) else 0
@@ -172,7 +177,7 @@ def possible(y, quantities, origin):
             raise DataError(f"{origin.row(row)}: {quantity} is {column[row]:.6g} {unit}; {remedy}")
 
 
-def _latitude(column, size, origin):
+def _latitude(column: Array, size: Array, origin: Origin) -> None:
     for limit, text in (
         (np.pi / 2 * (1 + 1e-12), "the limit is 90; check columns, unit and scale"),
         (
@@ -188,13 +193,13 @@ def _latitude(column, size, origin):
             )
 
 
-def _pressure(column, origin):
+def _pressure(column: Array, origin: Origin) -> None:
     wrong = (column < PRESSURES[0]) | (column > PRESSURES[1])
     if wrong.any():
         row = int(np.argmax(wrong))
         typical = float(np.nanmedian(column)) / 1e5
         likely = next(
-            (f"{text}?" for ratio, text in SLIPS.items() if 0.29 < typical / ratio < 1.15),
+            (f"{text}?" for ratio, text in PRESSURE_SLIPS.items() if 0.29 < typical / ratio < 1.15),
             "check columns, unit and scale, or leave such rows out",
         )
         raise DataError(
@@ -202,7 +207,7 @@ def _pressure(column, origin):
         )
 
 
-def overlap(imu, t, name):
+def overlap(imu: Imu, t: Array, name: str) -> None:
     """Raise DataError where none of the times `t` (s) is within the IMU record."""
     start, stop = float(imu.t[0] - imu.dt[0]), float(imu.t[-1])
     if len(t) and not ((t >= start) & (t <= stop)).any():
@@ -212,7 +217,7 @@ def overlap(imu, t, name):
         )
 
 
-def overlap_notes(imu, aiding):
+def overlap_notes(imu: Imu, aiding: Aiding) -> list[str]:
     """Notes on an Aiding that has little of its record, or of the IMU's, in common with the
     other."""
     if not len(aiding.t):
@@ -221,7 +226,7 @@ def overlap_notes(imu, aiding):
     inside = int(((aiding.t >= start) & (aiding.t <= stop)).sum())
     common = min(stop, float(aiding.t[-1])) - max(start, float(aiding.t[0]))
     if (
-        min(stop - start, float(np.ptp(aiding.t))) <= LONG
+        min(stop - start, float(np.ptp(aiding.t))) <= LONG_RECORD
         or min(inside / len(aiding.t), common / (stop - start)) >= LEAST_SHARE
     ):
         return []
@@ -231,10 +236,12 @@ def overlap_notes(imu, aiding):
     ]
 
 
-def clean_reference(t, lla, v_n, q_nb, origin):
+def clean_reference(
+    t: Array, lla: Array, v_n: Array | None, q_nb: Array | None, origin: Origin
+) -> tuple[Trajectory, list[str]]:
     """(Trajectory, notes) of a reference: rows without time or position dropped, in order, each
-    time once. Raises DataError."""
-    notes = []
+    time once; arguments as the fields of a Trajectory. Raises DataError."""
+    notes: list[str] = []
     keep = np.isfinite(t) & np.isfinite(lla).all(axis=1)
     if not keep.all():
         notes.append(
@@ -250,7 +257,10 @@ def clean_reference(t, lla, v_n, q_nb, origin):
     rows = rows if index is None else rows[index]
     rows = rows[np.r_[True, np.diff(t[rows]) > 0]]
     possible(lla[rows], ("latitude", "longitude", "length"), origin.kept(rows, len(t)))
-    return Trajectory(
+    found = Trajectory(
         _column(t[rows]),
-        *(None if values is None else _column(values[rows]) for values in (lla, v_n, q_nb)),
-    ), notes
+        _column(lla[rows]),
+        None if v_n is None else _column(v_n[rows]),
+        None if q_nb is None else _column(q_nb[rows]),
+    )
+    return found, notes

@@ -7,9 +7,11 @@ import numpy as np
 
 from ..core.contract import Imu
 from ..data import DataError
+from ..typing import Array, ArrayLike, Ints, Mask
 from .origin import Origin, counted
+from .plausible import mistakes
 
-GAP = 1.75
+GAP_MEDIANS = 1.75
 """An interval longer than this many median ones is a gap: a lost sample makes 2, jitter and
 coarse time stamps rarely reach it."""
 LATE = 10
@@ -17,33 +19,42 @@ LATE = 10
 so many in a row are dropped as stray."""
 LONGEST_PAUSE = 86400.0
 """A jump in time beyond this is no pause of one recording, s."""
-SLOWEST, FASTEST = 1.0, 2e-5
+LONGEST_INTERVAL, SHORTEST_INTERVAL = 1.0, 2e-5
 """Median intervals that an IMU may have, s; others are a mistaken unit of time."""
+ARRAYS = Origin("IMU")
+"""What messages name where samples come from arrays and no file."""
 
 
-def imu_from_arrays(t, gyro, accel, kind="rate"):
-    """(Imu, notes) from arrays in body FRD axes, SI and radians, cleaned by `increments` and
-    checked by `plausible`. Raises DataError."""
-    from .plausible import mistakes
-
+def imu_from_arrays(
+    t: ArrayLike, gyro: ArrayLike, accel: ArrayLike, kind: str = "rate"
+) -> tuple[Imu, list[str]]:
+    """(Imu, notes) from t (n,) s, gyro and accel (n, 3) in body FRD axes, SI and radians, cleaned
+    by `increments` and checked by `plausible`. Raises DataError."""
     imu, notes = increments(t, gyro, accel, kind)
     for _, text in mistakes(imu, kind):
         raise DataError(f"IMU: {text}")
     return imu, notes
 
 
-def increments(t, gyro, accel, kind="rate", origin=Origin("IMU")):
+def increments(
+    t: ArrayLike,
+    gyro: ArrayLike,
+    accel: ArrayLike,
+    kind: str = "rate",
+    origin: Origin = ARRAYS,
+) -> tuple[Imu, list[str]]:
     """(Imu, notes): row k becomes the increment over its own dt = t[k] - t[k-1], s.
 
-    The first dt, and that of a sample after a gap (an interval beyond `GAP` medians), is the median
-    interval: what lies between t[k-1] and t[k] - dt[k] is then seen as missing. Samples with NaN or
-    infinite values are dropped (and so leave a gap), rows that repeat a time too. Raises DataError
-    for shapes, fewer than 2 samples, a clock that is set back, and intervals that no IMU has.
+    The first dt, and that of a sample after a gap (an interval beyond `GAP_MEDIANS` medians), is
+    the median interval: what lies between t[k-1] and t[k] - dt[k] is then seen as missing. Samples
+    with NaN or infinite values are dropped (and so leave a gap), rows that repeat a time too.
+    Raises DataError for shapes, fewer than 2 samples, a clock that is set back, and intervals that
+    no IMU has.
     """
     if kind not in ("rate", "increment"):
         raise DataError(f'{origin.name}: kind {kind!r} is unknown; it is "rate" or "increment"')
     t, gyro, accel = _columns(t, gyro, accel, origin)
-    notes = []
+    notes: list[str] = []
     for rule in (_finite, _ordered, _distinct):
         keep = rule(t, gyro, accel, origin, notes)
         if keep is not None:
@@ -59,7 +70,9 @@ def increments(t, gyro, accel, kind="rate", origin=Origin("IMU")):
     return Imu(*(np.require(column, float, ["C", "W"]) for column in (t, dt, gyro, accel))), notes
 
 
-def _columns(t, gyro, accel, origin):
+def _columns(
+    t: ArrayLike, gyro: ArrayLike, accel: ArrayLike, origin: Origin
+) -> tuple[Array, Array, Array]:
     t, gyro, accel = (np.asarray(values, float) for values in (t, gyro, accel))
     if t.ndim != 1 or gyro.shape != (len(t), 3) or accel.shape != (len(t), 3):
         raise DataError(
@@ -68,7 +81,7 @@ def _columns(t, gyro, accel, origin):
     return t, gyro, accel
 
 
-def _finite(t, gyro, accel, origin, notes):
+def _finite(t: Array, gyro: Array, accel: Array, origin: Origin, notes: list[str]) -> Mask | None:
     keep = np.isfinite(t) & np.isfinite(gyro).all(axis=1) & np.isfinite(accel).all(axis=1)
     if keep.all():
         return None
@@ -79,11 +92,11 @@ def _finite(t, gyro, accel, origin, notes):
     return keep
 
 
-def _ordered(t, gyro, accel, origin, notes):
+def _ordered(t: Array, gyro: Array, accel: Array, origin: Origin, notes: list[str]) -> Ints | None:
     return order(t, origin, notes)
 
 
-def order(t, origin, notes):
+def order(t: Array, origin: Origin, notes: list[str]) -> Ints | None:
     """Row numbers that put `t` in order, or None where it is in order.
 
     Late rows are sorted and stray ones left out, counted in `notes`. Raises DataError for a clock
@@ -114,21 +127,24 @@ def order(t, origin, notes):
     return keep
 
 
-def _longest_rising(t):
+def _longest_rising(t: Array) -> Ints:
     """Row numbers of the longest subsequence that does not fall (patience sorting)."""
-    tops, rows, previous = [], [], []
+    tops: list[float] = []
+    rows: list[int] = []
+    previous: list[int] = []
     for i, value in enumerate(t.tolist()):
         pile = bisect_right(tops, value)
         previous.append(rows[pile - 1] if pile else -1)
         tops[pile : pile + 1], rows[pile : pile + 1] = [value], [i]
-    chain, i = [], rows[-1]
+    chain: list[int] = []
+    i = rows[-1]
     while i >= 0:
         chain.append(i)
         i = previous[i]
     return np.array(chain[::-1])
 
 
-def _distinct(t, gyro, accel, origin, notes):
+def _distinct(t: Array, gyro: Array, accel: Array, origin: Origin, notes: list[str]) -> Mask | None:
     same = np.r_[False, np.diff(t) == 0]
     if not same.any():
         return None
@@ -147,15 +163,15 @@ def _distinct(t, gyro, accel, origin, notes):
     return ~same
 
 
-def _intervals(t, origin, notes):
+def _intervals(t: Array, origin: Origin, notes: list[str]) -> Array:
     steps = np.diff(t)
     median = float(np.median(steps))
-    if not FASTEST <= median <= SLOWEST:
+    if not SHORTEST_INTERVAL <= median <= LONGEST_INTERVAL:
         raise DataError(
             f"{origin.name}: IMU samples are {median:.6g} s apart; is the unit of time right? "
-            f"{FASTEST:g} to {SLOWEST:g} s are accepted"
+            f"{SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s are accepted"
         )
-    gap = steps > GAP * median
+    gap = steps > GAP_MEDIANS * median
     if gap.any():
         longest = int(np.argmax(steps))
         if steps[longest] > LONGEST_PAUSE:

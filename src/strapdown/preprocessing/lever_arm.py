@@ -12,34 +12,39 @@ solution moves with `Trajectory.displaced`.
 """
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..core.contract import Imu
-from ..data import DataError, Trajectory
+from ..data import Aiding, DataError, Trajectory
 from ..geodesy import displaced
+from ..typing import Array, ArrayLike
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 CONTIGUOUS = 0.5
 """Of a sample: what may be missing between two samples for their rates to be compared, as in the
 loop."""
 
 
-def specific_force_at(f, omega, omega_dot, lever_arm):
+def specific_force_at(
+    f: ArrayLike, omega: ArrayLike, omega_dot: ArrayLike, lever_arm: ArrayLike
+) -> Array:
     """Specific force (m/s^2) at the point `lever_arm` (m, body) of a body that feels f at its
     origin.
 
     f, omega (rad/s, against inertial space), omega_dot (rad/s^2): (3,) or (n, 3), body. Exact for a
     rigid body.
     """
-    lever_arm = np.asarray(lever_arm, float)
-    return (
-        np.asarray(f, float)
-        + np.cross(omega_dot, lever_arm)
-        + np.cross(omega, np.cross(omega, lever_arm))
+    f, omega, omega_dot, lever_arm = (
+        np.asarray(values, float) for values in (f, omega, omega_dot, lever_arm)
     )
+    return f + np.cross(omega_dot, lever_arm) + np.cross(omega, np.cross(omega, lever_arm))
 
 
-def imu_at(imu, lever_arm):
+def imu_at(imu: Imu, lever_arm: ArrayLike) -> Imu:
     """The Imu samples as an IMU at `lever_arm` (3,) m, body, from this one would deliver them, its
     axes parallel.
 
@@ -54,7 +59,10 @@ def imu_at(imu, lever_arm):
     rate = imu.dtheta / imu.dt[:, None]
     before, after = _edges(imu, rate)
     change = after - before
-    turned = lambda w: np.cross(w, np.cross(w, lever_arm))
+
+    def turned(w: Array) -> Array:
+        return np.cross(w, np.cross(w, lever_arm))
+
     dv = (
         imu.dv
         + np.cross(change, lever_arm)
@@ -63,7 +71,7 @@ def imu_at(imu, lever_arm):
     return Imu(imu.t, imu.dt, imu.dtheta, dv)
 
 
-def _edges(imu, rate):
+def _edges(imu: Imu, rate: Array) -> tuple[Array, Array]:
     """Angular rates (n, 3) at the beginning and at the end of each sample."""
     n = len(imu.t)
     if n < 2:
@@ -81,7 +89,14 @@ def _edges(imu, rate):
     return np.where(alone, rate, before), np.where(alone, rate, after)
 
 
-def gnss_at(fixes, attitude, imu=None, lever_arm=None, attitude_sd=None, rate_sd=0.0):
+def gnss_at(
+    fixes: Aiding,
+    attitude: Trajectory | tuple[ArrayLike, ArrayLike],
+    imu: Imu | None = None,
+    lever_arm: ArrayLike | None = None,
+    attitude_sd: ArrayLike | None = None,
+    rate_sd: float = 0.0,
+) -> Aiding:
     """An Aiding of "position" or "velocity" moved from the antenna to the IMU: p - C l, v - C (w x
     l); its parameters become zero.
 
@@ -123,7 +138,7 @@ def gnss_at(fixes, attitude, imu=None, lever_arm=None, attitude_sd=None, rate_sd
     return replace(fixes, y=fixes.y - swing, sd=grown, parameters=(0.0, 0.0, 0.0))
 
 
-def _arm(lever_arm):
+def _arm(lever_arm: ArrayLike) -> Array:
     lever_arm = np.asarray(lever_arm, float)
     if lever_arm.shape != (3,) or not np.isfinite(lever_arm).all():
         raise DataError(
@@ -132,7 +147,9 @@ def _arm(lever_arm):
     return lever_arm
 
 
-def _attitude(attitude):
+def _attitude(
+    attitude: Trajectory | tuple[ArrayLike, ArrayLike],
+) -> "tuple[Array, Rotation, Array]":
     """Times (n,), Rotations body to navigation and standard deviations (n, 3) rad of a
     Trajectory or of (t, rph). Raises DataError."""
     from scipy.spatial.transform import Rotation
@@ -149,7 +166,7 @@ def _attitude(attitude):
     else:
         t, rph = (np.asarray(part, float) for part in attitude)
         turns, sd = Rotation.from_euler("ZYX", rph[:, ::-1]), np.zeros((len(t), 3))
-    known = np.isfinite(turns.as_quat()).all(axis=1)
+    known = np.all(np.isfinite(turns.as_quat()), axis=1)
     if known.sum() < 2:
         raise DataError(
             "the attitude has fewer than two rows; fixes between its rows cannot be moved"
@@ -164,7 +181,7 @@ def _attitude(attitude):
     return t, turns[known], np.nan_to_num(sd[known])
 
 
-def _rates(imu, at):
+def _rates(imu: Imu | None, at: Array) -> Array:
     """Mean angular rate (m, 3) of the samples that hold these times. Raises DataError."""
     if imu is None:
         raise DataError("to move velocities, give imu=, the samples that tell the angular rate")
@@ -178,7 +195,7 @@ def _rates(imu, at):
     return imu.dtheta[rows] / imu.dt[rows, None]
 
 
-def _grown(sd, arm, attitude_sd):
+def _grown(sd: Array, arm: Array, attitude_sd: Array) -> Array:
     """Standard deviations (n, 3) grown by what a rotation error of `attitude_sd` (n, 3), about
     north, east, down, does to `arm` (n, 3) in n."""
     north, east, down = arm.T

@@ -7,10 +7,12 @@ aircraft and hand-held data pass with a factor of 4 or more to spare.
 
 import numpy as np
 
+from ..core.contract import Imu
+from ..typing import Array
 from .stationary import at_rest
 
 G = 9.80665
-LEAST_FORCE, MOST_FORCE = 3.0, 60.0
+LEAST_MEDIAN_FORCE, MOST_MEDIAN_FORCE = 3.0, 60.0
 """Median magnitude of the specific force, m/s^2, that a vehicle can have for most of a
 recording."""
 MOST_RATE = 35.0
@@ -19,7 +21,7 @@ STEADY, TILT_RATE = 0.4, 0.5
 """A second is steady when its mean specific force is within STEADY (m/s^2) of gravity and moves
 by less than 0.3 between its halves; a body that tilts at TILT_RATE (rad/s) for that second would
 move it by 2.4. Recorded data stay below 0.12 rad/s."""
-SLIPS = (
+ACCEL_SLIPS = (
     (1 / G, "values in g were read as m/s^2, is the unit g?"),
     (G, "values in m/s^2 were read as g, is the unit m/s^2?"),
     (1000 / G, "values in mg were read as m/s^2, is the unit mg?"),
@@ -30,7 +32,7 @@ SLIPS = (
 """What a mistaken unit makes of gravity, and what to say then."""
 
 
-def mistakes(imu, kind=None):
+def mistakes(imu: Imu, kind: str | None = None) -> list[tuple[str, str]]:
     """[(field, text)] of what cannot be true; the field is the key of [imu] that is probably
     wrong, `kind` what the samples were given as."""
     rate, force = half_seconds(imu)
@@ -40,7 +42,7 @@ def mistakes(imu, kind=None):
     return found
 
 
-def half_seconds(imu):
+def half_seconds(imu: Imu) -> tuple[Array, Array]:
     """Mean rate (rad/s) and mean specific force (m/s^2) over consecutive half seconds of
     samples, (m, 3) each."""
     width = min(len(imu.t), max(1, round(0.5 / float(np.median(imu.dt)))))
@@ -52,11 +54,11 @@ def half_seconds(imu):
     )
 
 
-def _unit_of_accel(force, interval, kind):
+def _unit_of_accel(force: Array, interval: float, kind: str | None) -> list[tuple[str, str]]:
     magnitude = float(np.median(np.linalg.norm(force, axis=1)))
-    if LEAST_FORCE <= magnitude <= MOST_FORCE:
+    if LEAST_MEDIAN_FORCE <= magnitude <= MOST_MEDIAN_FORCE:
         return []
-    slips = [("accel.unit", ratio, text) for ratio, text in SLIPS]
+    slips = [("accel.unit", ratio, text) for ratio, text in ACCEL_SLIPS]
     slips += [("kind", interval, "are these increments, not rates?")] * (kind != "increment")
     slips += [("kind", 1 / interval, "are these rates, not increments?")] * (kind != "rate")
     fitting = [(field, text) for field, ratio, text in slips if 0.6 < magnitude / G / ratio < 1.7]
@@ -70,7 +72,7 @@ def _unit_of_accel(force, interval, kind):
     ]
 
 
-def _unit_of_gyro(imu, rate, force):
+def _unit_of_gyro(imu: Imu, rate: Array, force: Array) -> list[tuple[str, str]]:
     remedy = "check the unit: deg/s read as rad/s?"
     rms = float(
         np.sqrt(np.einsum("ij,ij->", imu.dtheta, imu.dtheta) / len(imu.t)) / np.median(imu.dt)
@@ -93,9 +95,9 @@ def _unit_of_gyro(imu, rate, force):
     return []
 
 
-def steady_tilt_rate(rate, force):
+def steady_tilt_rate(rate: Array, force: Array) -> Array:
     """Mean rate about the horizontal axes, rad/s, in each second whose specific force is
-    gravity's and steady."""
+    gravity's and steady, from the `half_seconds`."""
     first, second = force[:-1:2], force[1::2]
     mean, turn = (first + second) / 2, (rate[:-1:2] + rate[1::2]) / 2
     magnitude = np.linalg.norm(mean, axis=1)
@@ -104,7 +106,7 @@ def steady_tilt_rate(rate, force):
     return np.linalg.norm(np.cross(turn, up), axis=1)
 
 
-def _gravity_sign(force):
+def _gravity_sign(force: Array) -> list[tuple[str, str]]:
     z = float(np.median(force[:, 2]))
     if z < 0.7 * np.median(np.linalg.norm(force, axis=1)):
         return []
@@ -117,7 +119,7 @@ def _gravity_sign(force):
     ]
 
 
-def doubts(imu):
+def doubts(imu: Imu) -> list[str]:
     """[text] of what is unusual and may be a mistake."""
     rate, force = half_seconds(imu)
     found = []

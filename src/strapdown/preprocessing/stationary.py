@@ -4,7 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..core.contract import Imu
 from ..core.earth import RATE
+from ..typing import Array, Ints, Mask
 
 REST_ACCEL, REST_RATE, REST_MEAN = 0.25, 0.1, 0.1
 """At rest: bounds on the standard deviation of specific force (m/s^2) and rate (rad/s), three axes
@@ -16,7 +18,7 @@ deg/s).
 """
 
 
-def at_rest(imu, window=1.0):
+def at_rest(imu: Imu, window: float = 1.0) -> Mask:
     """(n,) bool: the vehicle stands still, judged by the IMU alone over every `window` (s) that
     holds the sample; see `REST_ACCEL`.
 
@@ -36,13 +38,13 @@ def at_rest(imu, window=1.0):
     return moving[np.minimum(i + 1, len(quiet))] == moving[np.maximum(i - width + 1, 0)]
 
 
-def stretches(mask):
+def stretches(mask: Mask) -> Ints:
     """(k, 2) int: the first row and the row after the last of each stretch where the mask (n,)
     is true, in order."""
     return np.flatnonzero(np.diff(np.r_[False, mask, False])).reshape(-1, 2)
 
 
-def _spread(columns, dt, width):
+def _spread(columns: Array, dt: Array, width: int) -> tuple[Array, Array]:
     """Variance and squared mean of columns / dt over every window of `width` samples, summed
     over the axes."""
     variance, square = np.zeros((2, len(dt) - width + 1))
@@ -56,16 +58,16 @@ def _spread(columns, dt, width):
     return variance, square
 
 
-def _moving_sum(values, width):
+def _moving_sum(values: Array, width: int) -> Array:
     total = np.r_[0.0, np.cumsum(values)]
     return total[width:] - total[:-width]
 
 
-STEP, STEPS_BEFORE, STEPS_AFTER, STEPS_LEAST = 10.0, 60, 360, 3
-"""A long rest is judged by the means over steps of `STEP` seconds, so many before and after an
+REST_STEP, STEPS_BEFORE, STEPS_AFTER, STEPS_LEAST = 10.0, 60, 360, 3
+"""A long rest is judged by the means over steps of `REST_STEP` seconds, so many before and after an
 instant, and so many at least."""
-GROUPS = 10
-TURNING, TILTED = 20 * RATE, np.radians(1.0)
+MOST_PARTS = 10
+MOST_TURN_RATE, MOST_TILT = 20 * RATE, np.radians(1.0)
 """In a long rest no step turns faster (rad/s) or is tilted more against the step at the instant
 (rad): people board, springs settle, engines shake."""
 
@@ -73,38 +75,40 @@ TURNING, TILTED = 20 * RATE, np.radians(1.0)
 class Motionless(NamedTuple):
     """Means over a long rest."""
 
-    rate: np.ndarray  # (3,) angular rate, rad/s
-    # of it, rad/s: scatter of up to `GROUPS` parts of the rest, the largest of the axes, and the
-    # mean rate at which it tilts
+    rate: Array  # (3,) angular rate, rad/s
+    # of it, rad/s: scatter of up to `MOST_PARTS` parts of the rest, the largest of the axes, and
+    # the mean rate at which it tilts
     rate_sd: float
-    force: np.ndarray  # (3,) specific force, m/s^2
+    force: Array  # (3,) specific force, m/s^2
     tilt_sd: float  # rad, by which the steps scatter about the mean tilt
     start: float  # s
     stop: float  # s
 
 
-def motionless(imu, t):
-    """The `Motionless` around t: the steps without a break before and after it in which the body
-    neither turns nor tilts. None where too few do.
+def motionless(imu: Imu, t: float) -> Motionless | None:
+    """The `Motionless` around t (s): the steps without a break before and after it in which the
+    body neither turns nor tilts. None where too few do.
 
     Unlike `at_rest` it does not mind vibration, but needs gyros whose bias is below the Earth's
     rate.
     """
     steps = np.arange(-STEPS_BEFORE, STEPS_AFTER + 1)
-    edges = np.searchsorted(imu.t, t + STEP * steps + 1e-6)
+    edges = np.searchsorted(imu.t, t + REST_STEP * steps + 1e-6)
     sums = [
         [column[a:b].sum(axis=0) for column in (imu.dt, imu.dtheta, imu.dv)]
         for a, b in zip(edges[:-1], edges[1:])
     ]
     seconds, dtheta, dv = (np.array(column) for column in zip(*sums))
-    full = np.abs(seconds - STEP) < 0.1 * STEP
+    full = np.abs(seconds - REST_STEP) < 0.1 * REST_STEP
     rate, force = (
         dtheta / np.where(full, seconds, np.inf)[:, None],
         dv / np.where(full, seconds, np.inf)[:, None],
     )
-    turning = ~full | (np.linalg.norm(rate, axis=1) >= TURNING)
+    turning = ~full | (np.linalg.norm(rate, axis=1) >= MOST_TURN_RATE)
     anchors = STEPS_BEFORE - 1, STEPS_BEFORE  # t may end it or begin it
-    runs = [_run(turning | (_angle(force, force[anchor]) >= TILTED), anchor) for anchor in anchors]
+    runs = [
+        _run(turning | (_angle(force, force[anchor]) >= MOST_TILT), anchor) for anchor in anchors
+    ]
     first, last = max(runs, key=lambda run: run[1] - run[0])
     if last - first < STEPS_LEAST:
         return None
@@ -114,24 +118,24 @@ def motionless(imu, t):
         dv[rows].sum(axis=0) / seconds[rows].sum(),
     )
     parts = np.array(
-        [part.mean(axis=0) for part in np.array_split(rate[rows], min(GROUPS, last - first))]
+        [part.mean(axis=0) for part in np.array_split(rate[rows], min(MOST_PARTS, last - first))]
     )  # long ones: rocking averages out
     scatter = parts.std(axis=0, ddof=1).max() / np.sqrt(len(parts))
     tilts = _angle(force[rows], mean_force)
     drift = _angle(force[first : first + 1], force[last - 1])[0] / (
-        STEP * (last - first - 1)
+        REST_STEP * (last - first - 1)
     )  # springs that settle: all parts have that in common
     return Motionless(
         mean_rate,
         float(np.hypot(scatter, drift)),
         mean_force,
         float(np.sqrt(np.mean(tilts**2))),
-        t + STEP * steps[first],
-        t + STEP * steps[last],
+        t + REST_STEP * steps[first],
+        t + REST_STEP * steps[last],
     )
 
 
-def _run(moving, anchor):
+def _run(moving: Mask, anchor: int) -> tuple[int, int]:
     """(first, last + 1) of the steps around `anchor` that do not move; empty where it does."""
     breaks = np.flatnonzero(moving)
     return int(np.r_[-1, breaks[breaks <= anchor]][-1]) + 1, int(
@@ -139,7 +143,7 @@ def _run(moving, anchor):
     )
 
 
-def _angle(vectors, other):
+def _angle(vectors: Array, other: Array) -> Array:
     """(n,) angle between rows and another vector, rad; 180 deg where either is zero."""
     size = np.linalg.norm(vectors, axis=1) * np.linalg.norm(other)
     cosine = np.divide(vectors @ other, size, out=np.full(len(vectors), -1.0), where=size > 0)

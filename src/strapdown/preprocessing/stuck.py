@@ -2,16 +2,18 @@
 
 import numpy as np
 
+from ..core.contract import Imu
+from ..typing import Array, Ints, Mask
 from .stationary import at_rest
 
-STUCK, TURN = 2.0, np.radians(10)
-"""Samples are stuck where they do not change for longer than STUCK (s) while the gyro turns by
-more than TURN (rad)."""
+STUCK_TIME, STUCK_TURN = 2.0, np.radians(10)
+"""Samples are stuck where they do not change for longer than STUCK_TIME (s) while the gyro turns by
+more than STUCK_TURN (rad)."""
 
 
-def stuck(t, raw, imu, axes=slice(0, 3)):
-    """(m,) bool: held for STUCK and longer while the body turned by TURN about one of `axes`;
-    the first sample of each such run counts as sound."""
+def stuck(t: Array, raw: Array, imu: Imu, axes: slice = slice(0, 3)) -> Mask:
+    """(m,) bool: held for STUCK_TIME and longer while the body turned by STUCK_TURN about one of
+    `axes`; the first sample of each such run counts as sound."""
     held = np.zeros(len(t), bool)
     changed = (
         np.flatnonzero(np.r_[True, (raw[1:] != raw[:-1]).any(axis=1), True])
@@ -20,22 +22,22 @@ def stuck(t, raw, imu, axes=slice(0, 3)):
     )
     first, last = changed[:-1], changed[1:] - 1
     with np.errstate(invalid="ignore"):
-        long = (
-            np.flatnonzero((t[last] - t[first] > STUCK) & np.isfinite(raw[first]).all(axis=1))
+        long: Ints = (
+            np.flatnonzero((t[last] - t[first] > STUCK_TIME) & np.isfinite(raw[first]).all(axis=1))
             if len(first)
-            else []
+            else np.zeros(0, int)
         )
     if not len(long):
         return held
     angle = turned(imu)
     for run in long:
         begin, end = np.searchsorted(imu.t, (t[first[run]], t[last[run]]))
-        if np.ptp(angle[begin : end + 1, axes], axis=0).max() > TURN:
+        if np.ptp(angle[begin : end + 1, axes], axis=0).max() > STUCK_TURN:
             held[first[run] + 1 : last[run] + 1] = True
     return held
 
 
-def turned(imu):
+def turned(imu: Imu) -> Array:
     """(n + 1, 3) rad: the gyro summed up about each axis, without its mean at rest."""
     rest = at_rest(imu)
     bias = imu.dtheta[rest].sum(axis=0) / imu.dt[rest].sum() if rest.any() else np.zeros(3)

@@ -7,7 +7,7 @@ from ..data import DataError
 
 DEG, G, KNOT, FOOT = math.pi / 180, 9.80665, 1852 / 3600, 0.3048
 
-UNITS = {
+UNIT_FACTORS = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     "angle": {"rad": 1.0, "deg": DEG, "arcsec": DEG / 3600},
     "angular rate": {"rad/s": 1.0, "deg/s": DEG, "deg/h": DEG / 3600},
@@ -20,7 +20,7 @@ UNITS = {
 }
 """Factor to SI of every unit, by dimension. The standard gravity g is 9.80665 m/s^2."""
 
-DIMENSIONS = {
+QUANTITY_DIMENSIONS = {
     "latitude": "angle",
     "longitude": "angle",
     "angle": "angle",
@@ -96,16 +96,16 @@ ALIASES = {
 readable. Where there are two names, the dimension decides."""
 
 
-def factor(unit, dimension):
+def factor(unit: str | None, dimension: str) -> float:
     """What a value in `unit` is multiplied with to be SI and radians. Raises DataError that
     lists the accepted names."""
-    known = UNITS[dimension]
+    known = UNIT_FACTORS[dimension]
     if unit in known:
         return known[unit]
     accepted = f"accepted for {dimension}: {', '.join(known)}"
     if unit is None:
         raise DataError(f"unit is missing; {accepted}")
-    other = next((name for name, units in UNITS.items() if unit in units), None)
+    other = next((name for name, units in UNIT_FACTORS.items() if unit in units), None)
     if other:
         raise DataError(f"unit {unit!r} is one of {other}; {accepted}")
     spellings = (ALIASES.get(unit) or ALIASES.get(unit.lower().strip()) or "").split()

@@ -1,30 +1,37 @@
 """What all figures share: thinning long runs, the frame of an axis, bands, shading of gaps and
 events, layout."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from html import escape
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
+from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from ..data import BRIDGED, INVALID
+from ..core.contract import BRIDGED, INVALID
+from ..data import Solution
+from ..typing import Array, ArrayLike, Ints
 
-MOST = 2000
-"""Points per line at most. Longer runs keep the smallest and the largest value of each of MOST/2
-stretches, so that no peak is lost."""
+MOST_POINTS = 2000
+"""Points per line at most. Longer runs keep the smallest and the largest value of each of
+MOST_POINTS/2 stretches, so that no peak is lost."""
 COLOURS = ("#3b7dd8", "#e8710a", "#2f9e44", "#9c4dcc", "#c2255c", "#0b8a8f")
 """Of solutions, and of north, east, down."""
 GREY, RED = "#868e96", "#e03131"
 SHADES = {BRIDGED: "rgba(240,180,0,0.22)", INVALID: "rgba(224,49,49,0.16)"}
 WITHHELD = "rgba(59,125,216,0.13)"
 """Of the windows whose fixes were withheld."""
-AXES = ("north", "east", "down")
+NED_AXES = ("north", "east", "down")
 MARKED = 20
 """At most this many events and status stretches of each kind are drawn; the page lists all
 events."""
 
 
-def thin(y, most=MOST):
+def thin(y: ArrayLike, most: int = MOST_POINTS) -> Ints:
     """Indices of about `most` values of y that keep the smallest and largest value of each
     stretch, and a NaN wherever some begin."""
     y = np.asarray(y, float)
@@ -40,24 +47,26 @@ def thin(y, most=MOST):
     return np.unique(np.r_[0, low, high, breaks[even(len(breaks), most // 4)], len(y) - 1])
 
 
-def even(n, most=MOST):
+def even(n: int, most: int = MOST_POINTS) -> Ints:
     """Indices of at most `most` of n rows at even steps, the last one included."""
     return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(int)) if n else np.arange(0)
 
 
-def extent(values):
+def extent(values: Array) -> tuple[float, float]:
     """Smallest and largest known value, (0, 0) where there is none."""
     values = values[np.isfinite(values)]
     return (float(values.min()), float(values.max())) if len(values) else (0.0, 0.0)
 
 
-def peak(values):
+def peak(values: Array | None) -> float:
     """The largest magnitude, 0 where there is none."""
     values = np.abs(values[np.isfinite(values)]) if values is not None else np.empty(0)
     return float(values.max()) if len(values) else 0.0
 
 
-def frame(t, values, band, window=None):
+def frame(
+    t: Array, values: Array, band: Array | None, window: tuple[float, float] | None = None
+) -> tuple[float, float]:
     """(limit, largest): half the height of an axis around zero, and the largest magnitude of all.
 
     The frame holds every value after the first tenth and every band after the first third of the
@@ -81,30 +90,32 @@ def frame(t, values, band, window=None):
     )
 
 
-def cut(degrees):
+def cut(degrees: ArrayLike) -> Array:
     """The angles with NaN where they jump by more than 180 deg, so that no line is drawn across."""
     out = np.array(degrees, float)
     out[np.flatnonzero(np.abs(np.diff(out)) > 180) + 1] = np.nan
     return out
 
 
-def together(degrees, beside=None):
+def together(degrees: Array, beside: Array | None = None) -> tuple[Array, Array | None]:
     """(degrees, beside) less whole turns, so that headings around north are not torn apart; as
     they are where they cover more than half a turn."""
-    near = lambda values, about: (
-        None if values is None else about + (values - about + 180) % 360 - 180
-    )
     low, high = extent(degrees)
     if high - low > 180:
-        moved = near(degrees, np.degrees(np.angle(np.nanmean(np.exp(1j * np.radians(degrees))))))
+        moved = _near(degrees, np.degrees(np.angle(np.nanmean(np.exp(1j * np.radians(degrees))))))
         low, high = extent(moved)
         if high - low > 180:
             return degrees, beside
         degrees = moved
-    return degrees, near(beside, (low + high) / 2)
+    return degrees, None if beside is None else _near(beside, (low + high) / 2)
 
 
-def panels(labels, height=170, log=False):
+def _near(degrees: Array, about: float) -> Array:
+    """The angles less whole turns, within half a turn of `about`."""
+    return about + (degrees - about + 180) % 360 - 180
+
+
+def panels(labels: Sequence[str], height: int = 170, log: bool = False) -> go.Figure:
     """A figure with one panel per label of its y axis, time below all of them."""
     figure = make_subplots(
         rows=len(labels), cols=1, shared_xaxes=True, vertical_spacing=0.11 / len(labels)
@@ -114,13 +125,13 @@ def panels(labels, height=170, log=False):
     return finish(figure, height * len(labels) + 85)
 
 
-def log_range(figure, low, high, row=1):
+def log_range(figure: go.Figure, low: float, high: float, row: int = 1) -> None:
     """Range of a logarithmic axis, with ticks at 1, 2 and 5 where it spans few decades."""
     low, high = np.log10(low) - 0.1, np.log10(high) + 0.15
     figure.update_yaxes(range=[low, high], row=row, col=1, **log_ticks(low, high))
 
 
-def log_ticks(low, high):
+def log_ticks(low: float, high: float) -> dict[str, Any]:
     """Settings of a logarithmic axis from 10^low to 10^high: decades, or where there are few,
     numbers.
 
@@ -138,20 +149,23 @@ def log_ticks(low, high):
     }
 
 
-def ticks_125(low, high):
+def ticks_125(low: float, high: float) -> list[float]:
     """The numbers 1, 2, 5 x 10^k between 10^low and 10^high; where these are fewer than two, all
     digits x 10^k."""
-    every = lambda digits: [
-        float(f"{digit}e{k}")
-        for k in range(int(np.floor(low)), int(np.ceil(high)) + 1)
-        for digit in digits
-        if low <= np.log10(digit) + k <= high
-    ]
+
+    def every(digits: Sequence[float]) -> list[float]:
+        return [
+            float(f"{digit}e{k}")
+            for k in range(int(np.floor(low)), int(np.ceil(high)) + 1)
+            for digit in digits
+            if low <= np.log10(digit) + k <= high
+        ]
+
     found = every((1, 2, 5))
     return found if len(found) > 1 else every((1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9))
 
 
-def finish(figure, height):
+def finish(figure: go.Figure, height: int) -> go.Figure:
     """Layout of every figure; `layout.meta["notes"]` takes sentences that belong below it."""
     figure.update_layout(
         template=go.layout.Template(),
@@ -167,25 +181,35 @@ def finish(figure, height):
     return figure
 
 
-def note(figure, text):
+def note(figure: go.Figure, text: str) -> None:
     """Add a sentence below the figure."""
     figure.layout.meta["notes"].append(text)
 
 
-def origin(t):
+def origin(t: Array) -> float:
     """Where the time axes start counting: 0, or the first full second where times are as large
     as those of a Unix clock."""
     return float(np.floor(t[0])) if len(t) and abs(t[0]) > 1e6 else 0.0
 
 
-def column(values):
+def column(values: ArrayLike) -> Array | NDArray[np.float32]:
     """As it goes into the page: 4 bytes a number are enough for a screen, unless times are
     large."""
     values = np.asarray(values, float)
     return values if peak(values) > 1e5 else values.astype(np.float32)
 
 
-def line(figure, t, y, name, colour, row=1, legend=None, rank=1000, **style):
+def line(
+    figure: go.Figure,
+    t: Array,
+    y: Array,
+    name: str,
+    colour: str,
+    row: int = 1,
+    legend: bool | None = None,
+    rank: int = 1000,
+    **style: str | float,
+) -> None:
     """One thinned line; `rank` is its place in the legend, where it is shown if `legend` says
     so, by default in the first row."""
     keep = thin(y)
@@ -206,14 +230,17 @@ def line(figure, t, y, name, colour, row=1, legend=None, rank=1000, **style):
     )
 
 
-def band(figure, t, centre, half, row=1, name="±3σ"):
+def band(
+    figure: go.Figure, t: Array, centre: Array, half: Array, row: int = 1, name: str = "±3σ"
+) -> None:
     """A shaded band of `half` to both sides of `centre`, a polygon per stretch without NaN;
     nothing where nothing is claimed."""
     half = np.where(np.isfinite(centre), half, np.nan)
     keep = thin(half)
     t, centre, half = t[keep], centre[keep], half[keep]
     x, y = [], []
-    for stretch in np.ma.clump_unmasked(np.ma.masked_invalid(half)):
+    known = np.ma.masked_invalid(half)
+    for stretch in np.ma.clump_unmasked(known):  # type: ignore[no-untyped-call]  # numpy's stub
         x += [t[stretch], t[stretch][::-1], [np.nan]]
         y += [(centre + half)[stretch], (centre - half)[stretch][::-1], [np.nan]]
     if x:
@@ -235,7 +262,7 @@ def band(figure, t, centre, half, row=1, name="±3σ"):
         )
 
 
-def time_axis(figure, solution, zero=0.0):
+def time_axis(figure: go.Figure, solution: Solution, zero: float = 0.0) -> go.Figure:
     """Label the time axis, shade gaps and windows of withheld fixes, and mark the events of a
     solution, numbered as the page lists them."""
     label = "time [s]" if not zero else f"time since {zero:.0f} s [s]"
@@ -307,15 +334,15 @@ def time_axis(figure, solution, zero=0.0):
     return figure
 
 
-def stretches(solution):
+def stretches(solution: Solution) -> list[tuple[float, float, int]]:
     """[(start, stop, status)] of rows that are not VALID, the longest first, at most MARKED of each
     kind.
 
     A row covers the time since the one before it.
     """
     found = []
-    edges = (
-        np.flatnonzero(np.diff(solution.status, prepend=-1, append=-1))
+    edges: Sequence[int] = (
+        np.flatnonzero(np.diff(solution.status, prepend=-1, append=-1)).tolist()
         if len(solution.status)
         else []
     )
@@ -332,7 +359,7 @@ def stretches(solution):
     return [s for status in SHADES for s in [f for f in found if f[2] == status][:MARKED]]
 
 
-def about_mean(t, values, span):
+def about_mean(t: Array, values: Array, span: Array) -> Array:
     """Heights (n, 1) at times t less the mean of those that are known between the first and the
     last time of `span`."""
     known = values[(t >= span[0]) & (t <= span[-1]) & np.isfinite(values[:, 0])]

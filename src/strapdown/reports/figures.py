@@ -6,17 +6,24 @@ nothing of what it shows; axes that are nowhere known are left out. Sentences th
 figure are in `figure.layout.meta["notes"]`.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from typing import Any, NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
 
+from ..data import Solution, Trajectory
 from ..evaluation import metrics
+from ..evaluation.metrics import Errors
 from ..geodesy import displacement
+from ..typing import Array, Mask
 from .drawing import (
-    AXES,
     COLOURS,
     GREY,
+    NED_AXES,
     RED,
     about_mean,
     band,
@@ -36,11 +43,14 @@ from .drawing import (
     together,
 )
 from .fix_figures import kind
+from .summary import claimed_sd
 
 EULER = ("roll", "pitch", "heading")
 
 
-def track(solutions, reference=None):
+def track(
+    solutions: Mapping[str, Solution], reference: Trajectory | None = None
+) -> go.Figure | None:
     """East and north in metres from the start, of {name: Solution}.
 
     The frame is that of the reference, or of the solution that moves least.
@@ -94,7 +104,7 @@ def track(solutions, reference=None):
     )
 
 
-def _fixes(figure, solution, start):
+def _fixes(figure: go.Figure, solution: Solution, start: Array) -> None:
     """Mark the position fixes of a solution, accepted and rejected."""
     looks = {
         True: ("accepted", {"color": GREY, "size": 4, "opacity": 0.5}),
@@ -110,7 +120,7 @@ def _fixes(figure, solution, start):
                 )
 
 
-def _last_first(names, shown):
+def _last_first(names: Iterable[str], shown: Sequence[str]) -> list[tuple[int, str, str]]:
     """(legend rank, colour, name) of those `shown` in the order of drawing: the first solution
     comes to lie on top."""
     return [
@@ -118,12 +128,12 @@ def _last_first(names, shown):
     ][::-1]
 
 
-def _ground(lla, start):
+def _ground(lla: Array, start: Array) -> Array:
     """(n, 2) east and north, m, longitude unwrapped so that a track may cross the antimeridian."""
     return displacement(lla, np.broadcast_to(start, lla.shape))[:, [1, 0]]
 
 
-def _path(figure, path, name, mode="lines", **style):
+def _path(figure: go.Figure, path: Array, name: str, mode: str = "lines", **style: Any) -> None:
     figure.add_trace(
         go.Scatter(
             x=column(path[:, 0]),
@@ -136,7 +146,7 @@ def _path(figure, path, name, mode="lines", **style):
     )
 
 
-def _position_fixes(solution, start):
+def _position_fixes(solution: Solution, start: Array) -> dict[str, tuple[Array, Mask]]:
     """{source: (east and north, accepted)} of position sources: the estimate at each fix plus
     its innovation."""
     fixes, found = solution.innovations, {}
@@ -151,18 +161,17 @@ def _position_fixes(solution, start):
     return found
 
 
-def _frame_track(figure, known, paths):
+def _frame_track(figure: go.Figure, known: Array | None, paths: Mapping[str, Array]) -> None:
     """Set the ranges around the reference or the solution that moves least; one that goes as far
     again beyond that leaves the frame."""
-    corners = lambda path: np.array([extent(path[:, 0]), extent(path[:, 1])]).T
     low, high = (
-        corners(known)
+        _corners(known)
         if known is not None
-        else min(map(corners, paths.values()), key=lambda box: (box[1] - box[0]).max())
+        else min(map(_corners, paths.values()), key=lambda box: (box[1] - box[0]).max())
     )
     room = max((high - low).max(), 10.0)
     for name, path in paths.items():
-        far_low, far_high = corners(path)
+        far_low, far_high = _corners(path)
         beyond = max((low - far_low).max(), (far_high - high).max())
         if beyond <= room:
             low, high = np.minimum(low, far_low), np.maximum(high, far_high)
@@ -178,11 +187,18 @@ def _frame_track(figure, known, paths):
     )
 
 
-def _metres(value):
+def _corners(path: Array) -> Array:
+    """(2, 2) smallest and largest east and north."""
+    return np.array([extent(path[:, 0]), extent(path[:, 1])]).T
+
+
+def _metres(value: float) -> str:
     return f"{value / 1000:.3g} km" if value >= 1000 else f"{value:.3g} m"
 
 
-def height(solutions, reference=None):
+def height(
+    solutions: Mapping[str, Solution], reference: Trajectory | None = None
+) -> go.Figure | None:
     """Height above the ellipsoid over time, of {name: Solution} that have a position."""
     shown = [name for name, solution in solutions.items() if solution.has_position]
     if not shown:
@@ -227,7 +243,9 @@ def height(solutions, reference=None):
     return time_axis(figure, first, zero)
 
 
-def horizontal(solutions, reference):
+def horizontal(
+    solutions: Mapping[str, Solution], reference: Trajectory | dict[str, Errors]
+) -> go.Figure | None:
     """Horizontal position error over time on a logarithmic axis, with the 3-sigma each of {name:
     Solution} claims.
 
@@ -241,12 +259,14 @@ def horizontal(solutions, reference):
     shown = [name for name in solutions if metrics.any_known(found[name].horizontal)]
     if not shown:
         return None
-    figure, first, values = panels(["horizontal error [m]"], 300, log=True), solutions[shown[0]], []
+    figure, first = panels(["horizontal error [m]"], 300, log=True), solutions[shown[0]]
+    drawn: list[Array] = []
     zero = origin(first.t)
     for rank, colour, name in _last_first(solutions, shown):
         e = found[name]
-        claimed = 3 * np.hypot(e.sd[:, 0], e.sd[:, 1])
-        line(figure, e.t - zero, e.horizontal, name, colour, rank=2 * rank)
+        error, claimed = e.horizontal, 3 * np.hypot(claimed_sd(e)[:, 0], claimed_sd(e)[:, 1])
+        assert error is not None  # as of all that are shown
+        line(figure, e.t - zero, error, name, colour, rank=2 * rank)
         if np.isfinite(claimed).any():
             line(
                 figure,
@@ -257,15 +277,20 @@ def horizontal(solutions, reference):
                 rank=2 * rank + 1,
                 dash="dot",
             )
-        values += [e.horizontal, claimed]
-    values = np.concatenate(values)
+        drawn += [error, claimed]
+    values = np.concatenate(drawn)
     values = values[np.isfinite(values) & (values > 0)]
     if len(values):
         log_range(figure, max(np.quantile(values, 0.01), values.max() * 1e-6), values.max())
     return time_axis(figure, first, zero)
 
 
-def position(solution, reference=None, colour=COLOURS[0], window=None):
+def position(
+    solution: Solution,
+    reference: Trajectory | Errors | None = None,
+    colour: str = COLOURS[0],
+    window: tuple[float, float] | None = None,
+) -> go.Figure | None:
     """Position error per axis with its 3-sigma band, m NED; without a reference north, east and
     height from the start.
 
@@ -274,91 +299,88 @@ def position(solution, reference=None, colour=COLOURS[0], window=None):
     """
     e = _known(solution, reference)
     if e is not None and e.position is not None:
-        return _errors(solution, e.t, e.position, 3 * e.sd[:, :3], AXES, "m", colour, window)
+        shown = _Columns(NED_AXES, "m", e.position, 3 * claimed_sd(e)[:, :3])
+        return _errors(solution, e.t, shown, colour, window)
     lla = solution.trajectory.lla
     moved = displacement(lla, np.broadcast_to(lla[0], lla.shape))
     values = np.c_[moved[:, :2], lla[:, 2]]
-    return _estimates(
-        solution,
-        values,
-        3 * solution.trajectory.sd[:, :3],
-        ("north", "east", "height"),
-        "m",
-        colour,
-    )
+    names = ("north", "east", "height")
+    shown = _Columns(names, "m", values, 3 * claimed_sd(solution)[:, :3])
+    return _estimates(solution, shown, colour)
 
 
-def heave(solution, colour=COLOURS[0], compare=None):
+def heave(
+    solution: Solution, colour: str = COLOURS[0], compare: Trajectory | None = None
+) -> go.Figure | None:
     """Height about its mean with its 3-sigma band of a solution that knows no place beside it,
     m, upwards; None of others. Beside it `compare`, about its own."""
     if solution.has_position:
         return None
-    values, beside = (
-        None if each is None else about_mean(each.t, each.lla[:, 2:], solution.t)
-        for each in (solution.trajectory, compare)
-    )
-    return _estimates(
-        solution,
-        values,
-        3 * solution.trajectory.sd[:, 2:3],
-        ("heave about its mean",),
-        "m",
-        colour,
-        compare,
-        beside,
-        260,
-    )
+    beside = None
+    if compare is not None:
+        beside = _Beside(compare.t, about_mean(compare.t, compare.lla[:, 2:], solution.t))
+    values = about_mean(solution.t, solution.trajectory.lla[:, 2:], solution.t)
+    sd = 3 * claimed_sd(solution)[:, 2:3]
+    shown = _Columns(("heave about its mean",), "m", values, sd, beside)
+    return _estimates(solution, shown, colour, 260)
 
 
-def velocity(solution, reference=None, colour=COLOURS[0], window=None, compare=None):
+def velocity(
+    solution: Solution,
+    reference: Trajectory | Errors | None = None,
+    colour: str = COLOURS[0],
+    window: tuple[float, float] | None = None,
+    compare: Trajectory | None = None,
+) -> go.Figure | None:
     """Velocity error per axis with its 3-sigma band, m/s NED; without a reference the estimate
     (with `compare` drawn beside it)."""
     e = _known(solution, reference)
     if e is not None and e.velocity is not None:
-        return _errors(solution, e.t, e.velocity, 3 * e.sd[:, 3:6], AXES, "m/s", colour, window)
-    beside = None if compare is None else compare.v_n
-    return _estimates(
-        solution,
-        solution.trajectory.v_n,
-        3 * solution.trajectory.sd[:, 3:6],
-        AXES,
-        "m/s",
-        colour,
-        compare,
-        beside,
-    )
+        shown = _Columns(NED_AXES, "m/s", e.velocity, 3 * claimed_sd(e)[:, 3:6])
+        return _errors(solution, e.t, shown, colour, window)
+    beside = None
+    if compare is not None and compare.v_n is not None:
+        beside = _Beside(compare.t, compare.v_n)
+    v_n, sd = solution.trajectory.v_n, 3 * claimed_sd(solution)[:, 3:6]
+    assert v_n is not None  # a solution has it, NaN where its filter estimates none
+    return _estimates(solution, _Columns(NED_AXES, "m/s", v_n, sd, beside), colour)
 
 
-def attitude(solution, reference=None, colour=COLOURS[0], window=None, compare=None):
+def attitude(
+    solution: Solution,
+    reference: Trajectory | Errors | None = None,
+    colour: str = COLOURS[0],
+    window: tuple[float, float] | None = None,
+    compare: Trajectory | None = None,
+) -> go.Figure | None:
     """Errors of roll, pitch and heading with 3-sigma bands, deg; without a reference the
     estimate (with `compare` drawn beside it)."""
     e = _known(solution, reference)
-    if e is not None and e.attitude is not None:
-        sd = euler_sd(solution.trajectory.rph[e.rows], e.sd[:, 6:9])
-        return _errors(
-            solution, e.t, np.degrees(e.rph), 3 * np.degrees(sd), EULER, "deg", colour, window
-        )
-    rph, sd = solution.trajectory.rph, solution.trajectory.sd[:, 6:9]
-    beside = None if compare is None or compare.q_nb is None else np.degrees(compare.rph)
-    return _estimates(
-        solution,
-        np.degrees(rph),
-        3 * np.degrees(euler_sd(rph, sd)),
-        EULER,
-        "deg",
-        colour,
-        compare,
-        beside,
-    )
+    if e is not None and e.rph is not None:
+        sd = euler_sd(solution.trajectory.rph[e.rows], claimed_sd(e)[:, 6:9])
+        shown = _Columns(EULER, "deg", np.degrees(e.rph), 3 * np.degrees(sd))
+        return _errors(solution, e.t, shown, colour, window)
+    rph, sd = solution.trajectory.rph, claimed_sd(solution)[:, 6:9]
+    beside = None
+    if compare is not None and compare.q_nb is not None:
+        beside = _Beside(compare.t, np.degrees(compare.rph))
+    shown = _Columns(EULER, "deg", np.degrees(rph), 3 * np.degrees(euler_sd(rph, sd)), beside)
+    return _estimates(solution, shown, colour)
 
 
-def attitude_angles(solution, reference, colour=COLOURS[0], window=None):
+def attitude_angles(
+    solution: Solution,
+    reference: Trajectory | Errors,
+    colour: str = COLOURS[0],
+    window: tuple[float, float] | None = None,
+) -> go.Figure | None:
     """How far the attitude is off, deg: the angle of the whole rotation, of the vertical
     (inclination) and about it (heading)."""
-    e = _known(solution, reference)
-    if not metrics.any_known(e.attitude):
+    e = reference if isinstance(reference, Errors) else metrics.errors(solution, reference)
+    found = metrics.attitude_angles(e)
+    if found is None or not metrics.any_known(e.attitude):
         return None
-    angles, names = np.degrees(metrics.attitude_angles(e)), metrics.AttitudeAngles._fields
+    angles, names = np.degrees(found), metrics.AttitudeAngles._fields
     figure, zero, outside = panels([f"{name} [deg]" for name in names], 140), origin(solution.t), []
     for i, name in enumerate(names):
         line(figure, e.t - zero, angles[i], "angle of the error", colour, row=i + 1)
@@ -369,7 +391,7 @@ def attitude_angles(solution, reference, colour=COLOURS[0], window=None):
     return time_axis(figure, solution, zero)
 
 
-def _known(solution, reference):
+def _known(solution: Solution, reference: Trajectory | Errors | None) -> Errors | None:
     return (
         reference
         if reference is None or isinstance(reference, metrics.Errors)
@@ -377,7 +399,7 @@ def _known(solution, reference):
     )
 
 
-def euler_sd(rph, sd):
+def euler_sd(rph: Array, sd: Array) -> Array:
     """Standard deviations of roll, pitch and heading from those of the rotation vector in n, rad.
 
     Correlations are neglected; NaN beyond 85 deg of pitch, where roll and heading lose their
@@ -397,10 +419,33 @@ def euler_sd(rph, sd):
     )
 
 
-def _errors(solution, t, values, half, names, unit, colour, window):
-    """A panel per column of `values` around zero, with bands of `half`; columns without a number
-    are left out."""
-    names, values, half = _with_numbers(names, values, half)
+class _Beside(NamedTuple):
+    """What is drawn beside the columns of a solution."""
+
+    t: Array  # (m,) s
+    values: Array  # (m, k)
+
+
+class _Columns(NamedTuple):
+    """What the panels of a figure show, a panel for each column."""
+
+    names: Sequence[str]
+    unit: str
+    values: Array  # (n, k)
+    half: Array  # (n, k) half the height of their bands
+    beside: _Beside | None = None
+
+
+def _errors(
+    solution: Solution,
+    t: Array,
+    shown: _Columns,
+    colour: str,
+    window: tuple[float, float] | None,
+) -> go.Figure | None:
+    """A panel per column of `shown`, at times t, around zero, with its band; columns without a
+    number are left out."""
+    names, unit, values, half, _ = _with_numbers(shown)
     if not names:
         return None
     figure, zero, outside = panels([f"{name} [{unit}]" for name in names]), origin(solution.t), []
@@ -415,7 +460,9 @@ def _errors(solution, t, values, half, names, unit, colour, window):
     return time_axis(figure, solution, zero)
 
 
-def _beyond(figure, outside, window=None):
+def _beyond(
+    figure: go.Figure, outside: Sequence[str], window: tuple[float, float] | None = None
+) -> None:
     """Say below the figure what of `outside` its frames do not show."""
     if outside:
         when = "outside the scored window" if window else "while the filter converges"
@@ -425,19 +472,25 @@ def _beyond(figure, outside, window=None):
         )
 
 
-def _with_numbers(names, *tables):
-    """[names, *tables] without the columns in which the first table has no number."""
-    kept = np.flatnonzero(np.isfinite(tables[0]).any(axis=0))
-    return [
-        [names[i] for i in kept],
-        *(None if table is None else table[:, kept] for table in tables),
-    ]
+def _with_numbers(shown: _Columns) -> _Columns:
+    """The same without the columns whose values have no number."""
+    kept = np.flatnonzero(np.isfinite(shown.values).any(axis=0))
+    beside = shown.beside
+    return _Columns(
+        [shown.names[i] for i in kept.tolist()],
+        shown.unit,
+        shown.values[:, kept],
+        shown.half[:, kept],
+        None if beside is None else _Beside(beside.t, beside.values[:, kept]),
+    )
 
 
-def _estimates(solution, values, half, names, unit, colour, other=None, beside=None, height=170):
-    """A panel per column of `values` that has numbers, with bands of `half` around it; angles
-    that wrap are cut there."""
-    names, values, half, beside = _with_numbers(names, values, half, beside)
+def _estimates(
+    solution: Solution, shown: _Columns, colour: str, height: int = 170
+) -> go.Figure | None:
+    """A panel per column of `shown` that has numbers, with its band around it; angles that wrap
+    are cut there."""
+    names, unit, values, half, beside = _with_numbers(shown)
     if not names:
         return None
     figure, zero, t = (
@@ -446,7 +499,7 @@ def _estimates(solution, values, half, names, unit, colour, other=None, beside=N
         solution.t,
     )
     for i, name in enumerate(names):
-        wraps, seen = name in ("roll", "heading"), None if beside is None else beside[:, i]
+        wraps, seen = name in ("roll", "heading"), None if beside is None else beside.values[:, i]
         if name == "heading":
             values[:, i], seen = together(values[:, i], seen)
         centre = cut(values[:, i]) if wraps else values[:, i]
@@ -458,10 +511,10 @@ def _estimates(solution, values, half, names, unit, colour, other=None, beside=N
             row=i + 1,
         )
         line(figure, t - zero, centre, "estimate", colour, row=i + 1)
-        if seen is not None and metrics.any_known(seen):
-            inside = (other.t >= t[0]) & (other.t <= t[-1])
-            shown = cut(seen[inside]) if wraps else seen[inside]
-            line(figure, other.t[inside] - zero, shown, "reference", GREY, row=i + 1, dash="dot")
+        if beside is not None and seen is not None and metrics.any_known(seen):
+            inside = (beside.t >= t[0]) & (beside.t <= t[-1])
+            path = cut(seen[inside]) if wraps else seen[inside]
+            line(figure, beside.t[inside] - zero, path, "reference", GREY, row=i + 1, dash="dot")
         low, high = extent(values[:, i])
         reach = 1.15 * max(
             (high - low) / 2, min(peak(half[len(t) // 3 :, i]), 2 * (high - low)), 1e-9
@@ -475,11 +528,11 @@ def _estimates(solution, values, half, names, unit, colour, other=None, beside=N
     return time_axis(figure, solution, zero)
 
 
-def sigma(solution):
+def sigma(solution: Solution) -> go.Figure | None:
     """3-sigma of position (m), velocity (m/s) and attitude (deg) over time on logarithmic axes;
     None where the filter claims none."""
     sd, zero = (
-        3 * solution.trajectory.sd[:, :9] * np.r_[np.ones(6), np.full(3, np.degrees(1))],
+        3 * claimed_sd(solution)[:, :9] * np.r_[np.ones(6), np.full(3, np.degrees(1))],
         origin(solution.t),
     )
     if not np.isfinite(sd).any():
@@ -501,7 +554,7 @@ def sigma(solution):
                 figure,
                 solution.t - zero,
                 shown[:, i],
-                AXES[i],
+                NED_AXES[i],
                 COLOURS[i],
                 row=row,
                 legend=i not in legend,
@@ -513,15 +566,15 @@ def sigma(solution):
     return time_axis(figure, solution, zero)
 
 
-def accel_bias(solution, colour=COLOURS[0]):
+def accel_bias(solution: Solution, colour: str = COLOURS[0]) -> go.Figure | None:
     """Accelerometer bias per body axis with its 3-sigma band, in mg or, where it is small, ug."""
     scale, unit = (1e6 / 9.80665, "ug") if peak(solution.b_a) < 1e-3 else (1e3 / 9.80665, "mg")
     return _bias(
-        solution, solution.b_a * scale, 3 * solution.trajectory.sd[:, 9:12] * scale, unit, colour
+        solution, solution.b_a * scale, 3 * claimed_sd(solution)[:, 9:12] * scale, unit, colour
     )
 
 
-def gyro_bias(solution, colour=COLOURS[0]):
+def gyro_bias(solution: Solution, colour: str = COLOURS[0]) -> go.Figure | None:
     """Gyro bias per body axis with its 3-sigma band, in deg/h or, where it is large, deg/s."""
     scale, unit = (
         (np.degrees(1), "deg/s")
@@ -529,14 +582,16 @@ def gyro_bias(solution, colour=COLOURS[0]):
         else (np.degrees(3600), "deg/h")
     )
     return _bias(
-        solution, solution.b_g * scale, 3 * solution.trajectory.sd[:, 12:15] * scale, unit, colour
+        solution, solution.b_g * scale, 3 * claimed_sd(solution)[:, 12:15] * scale, unit, colour
     )
 
 
-def _bias(solution, values, half, unit, colour):
+def _bias(
+    solution: Solution, values: Array, half: Array, unit: str, colour: str
+) -> go.Figure | None:
     if not np.isfinite(half).any() and not peak(values):
         return None
-    axes, values, half = _with_numbers("xyz", values, half)
+    axes, _, values, half, _ = _with_numbers(_Columns("xyz", unit, values, half))
     figure, zero, t, outside = (
         panels([f"{axis} [{unit}]" for axis in axes]),
         origin(solution.t),
@@ -558,7 +613,7 @@ def _bias(solution, values, half, unit, colour):
     return time_axis(figure, solution, zero)
 
 
-def extra(solution, colour=COLOURS[0]):
+def extra(solution: Solution, colour: str = COLOURS[0]) -> go.Figure | None:
     """The filter's own output columns, a panel each; None where it has none."""
     numeric = {
         name: np.asarray(values, float)

@@ -1,16 +1,22 @@
 """Figures of what became of the fixes: innovations per source, and their normalised squares
 (NIS) against the gate."""
 
+from __future__ import annotations
+
 from html import escape
+from typing import Any, NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
 
+from ..aiding import find
 from ..core.contract import ATTITUDE_KIND
+from ..data import Solution
+from ..typing import Array, Mask
 from .drawing import (
-    AXES,
     COLOURS,
     GREY,
+    NED_AXES,
     RED,
     column,
     even,
@@ -23,7 +29,7 @@ from .drawing import (
 )
 
 CROSS = {"color": RED, "size": 7, "symbol": "x-thin", "line": {"width": 1.5, "color": RED}}
-SHOWN = {
+SHOWN_UNITS = {
     "latitude": ("m", 1.0),
     "longitude": ("m", 1.0),
     "length": ("m", 1.0),
@@ -36,47 +42,53 @@ SHOWN = {
 """Unit of the innovations of a quantity and its size in it; those of a pressure are heights."""
 
 
-def kind(solution, name):
+def kind(solution: Solution, name: str) -> str:
     """The kind of aiding behind a source: the solution says it in `meta["kinds"]`; by default
     sources are named after it."""
     return solution.meta.get("kinds", {}).get(name, name)
 
 
-def unit(solution, name):
+def unit(solution: Solution, name: str) -> tuple[str, float, tuple[str, ...]]:
     """(unit, factor from SI, names of the rows) of a source's innovations.
 
     Filters that take of a magnetic field its direction alone publish the angle by which it is off,
     in the first row.
     """
-    from ..aiding import find
-
     try:
         sensor = find(kind(solution, name))
     except ValueError:  # a source of the user's own naming
-        return "m, m/s or rad", 1.0, AXES
+        return "m, m/s or rad", 1.0, NED_AXES
     if (
         set(sensor.quantities) == {"magnetic field"}
         and not np.isfinite(_innovations(solution, name)[:, 1:]).any()
     ):
-        return *SHOWN["angle"], AXES
-    units = {SHOWN[quantity] for quantity in sensor.quantities}
+        return *SHOWN_UNITS["angle"], NED_AXES
+    units = {SHOWN_UNITS[quantity] for quantity in sensor.quantities}
     named, factor = units.pop() if len(units) == 1 else ("m, m/s or rad", 1.0)
     rows = (
         ("roll", "pitch", "heading")
         if sensor.kind == ATTITUDE_KIND
         else tuple("xyz")
         if sensor.vector == "b"
-        else AXES
+        else NED_AXES
     )
     return named, factor, rows
 
 
-def _innovations(solution, name):
+def _innovations(solution: Solution, name: str) -> Array:
     fixes = solution.innovations
     return fixes.innovation[fixes.source == fixes.names.index(name)]
 
 
-def innovations(solution):
+class _Panel(NamedTuple):
+    """Where one source is drawn."""
+
+    figure: go.Figure
+    row: int
+    legend: set[str]  # the names that the legend of the figure has already
+
+
+def innovations(solution: Solution) -> go.Figure | None:
     """Innovation (fix - estimate) of every source over time, rejected fixes crossed in red; None
     without fixes."""
     fixes, used = solution.innovations, _used(solution)
@@ -84,7 +96,8 @@ def innovations(solution):
         return None
     units = {source: unit(solution, fixes.names[source]) for source in used}
     figure = panels([f"{escape(fixes.names[source])} [{units[source][0]}]" for source in used], 210)
-    zero, shown = origin(solution.t), set()
+    zero = origin(solution.t)
+    legend: set[str] = set()
     for row, source in enumerate(used, start=1):
         named, factor, rows = units[source]
         chosen = np.flatnonzero(fixes.source == source)
@@ -94,17 +107,16 @@ def innovations(solution):
             fixes.accepted[chosen],
         )
         names = rows if np.isfinite(values[:, 1:]).any() else ("single component",)
+        panel = _Panel(figure, row, legend)
         for i, name in enumerate(names):
-            _points(
-                figure, t, values[:, i], good, name, {"color": COLOURS[i], "size": 4}, row, shown
-            )
+            _points(panel, t, values[:, i], good, name, {"color": COLOURS[i], "size": 4})
         for i in range(len(names)):
-            _points(figure, t, values[:, i], ~good, "rejected", CROSS, row, shown)
+            _points(panel, t, values[:, i], ~good, "rejected", CROSS)
         _range(figure, values, good, row, fixes.names[source], named)
     return time_axis(figure, solution, zero)
 
 
-def nis(solution):
+def nis(solution: Solution) -> go.Figure | None:
     """Normalised innovation squared of every source over time with its gate, on logarithmic
     axes; None where no filter gave any."""
     fixes, zero = solution.innovations, origin(solution.t)
@@ -113,22 +125,24 @@ def nis(solution):
     ]
     if not used:
         return None
-    figure, shown = panels([escape(fixes.names[source]) for source in used], 190, log=True), set()
+    figure = panels([escape(fixes.names[source]) for source in used], 190, log=True)
+    legend: set[str] = set()
     for row, source in enumerate(used, start=1):
         chosen = np.flatnonzero((fixes.source == source) & (fixes.nis > 0))
         t, values, good = fixes.t[chosen] - zero, fixes.nis[chosen], fixes.accepted[chosen]
-        _points(figure, t, values, good, "accepted", {"color": COLOURS[0], "size": 4}, row, shown)
-        _points(figure, t, values, ~good, "rejected", CROSS, row, shown)
+        panel = _Panel(figure, row, legend)
+        _points(panel, t, values, good, "accepted", {"color": COLOURS[0], "size": 4})
+        _points(panel, t, values, ~good, "rejected", CROSS)
         gate = fixes.gates[source] if source < len(fixes.gates) else None
         if gate is not None and np.isfinite(gate):
-            _gate(figure, solution.t[[0, -1]] - zero, gate, row, shown)
+            _gate(panel, solution.t[[0, -1]] - zero, gate)
         top = max(peak(values), peak(np.array([gate or 0.0]))) or 1.0
         low = np.quantile(values, 0.02) if len(values) else 0.01
         log_range(figure, max(low, top * 1e-7), top, row)
     return time_axis(figure, solution, zero)
 
 
-def _used(solution):
+def _used(solution: Solution) -> list[int]:
     """Indices of the sources that had fixes to measure."""
     fixes = solution.innovations
     measured = np.isfinite(fixes.innovation).any(axis=1)
@@ -137,8 +151,8 @@ def _used(solution):
     ]
 
 
-def _gate(figure, ends, gate, row, shown):
-    figure.add_trace(
+def _gate(panel: _Panel, ends: Array, gate: float) -> None:
+    panel.figure.add_trace(
         go.Scatter(
             x=column(ends),
             y=[gate, gate],
@@ -146,21 +160,23 @@ def _gate(figure, ends, gate, row, shown):
             legendgroup="gate",
             mode="lines",
             hovertemplate="%{y:.4g}",
-            showlegend="gate" not in shown,
+            showlegend="gate" not in panel.legend,
             line={"color": GREY, "dash": "dash", "width": 1.5},
         ),
-        row=row,
+        row=panel.row,
         col=1,
     )
-    shown.add("gate")
+    panel.legend.add("gate")
 
 
-def _points(figure, t, values, which, name, style, row, shown):
-    """Markers of the chosen fixes; `shown` are the names that the legend has already."""
+def _points(
+    panel: _Panel, t: Array, values: Array, which: Mask, name: str, style: dict[str, Any]
+) -> None:
+    """Markers of the chosen fixes."""
     chosen = np.flatnonzero(which & np.isfinite(values))
     chosen = chosen[even(len(chosen))]
     if len(chosen):
-        figure.add_trace(
+        panel.figure.add_trace(
             go.Scatter(
                 x=column(t[chosen]),
                 y=column(values[chosen]),
@@ -168,16 +184,16 @@ def _points(figure, t, values, which, name, style, row, shown):
                 legendgroup=name,
                 mode="markers",
                 marker=style,
-                showlegend=name not in shown,
+                showlegend=name not in panel.legend,
                 hovertemplate="%{y:.4g}",
             ),
-            row=row,
+            row=panel.row,
             col=1,
         )
-        shown.add(name)
+        panel.legend.add(name)
 
 
-def _range(figure, values, good, row, name, named):
+def _range(figure: go.Figure, values: Array, good: Mask, row: int, name: str, named: str) -> None:
     """Frame the accepted fixes; rejected ones beyond three times that leave the frame, and the
     note says how far."""
     inner, largest = peak(values[good]), peak(values)

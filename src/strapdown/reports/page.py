@@ -1,16 +1,25 @@
 """One self-contained HTML page of solutions: works offline, asks the network for nothing, and is
 written whole or not at all."""
 
+from __future__ import annotations
+
 import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from html import escape
+from typing import Any, TypeAlias
+
+import plotly.graph_objects as go
 
 from .. import __version__
-from ..data import BRIDGED, INVALID, DataError
+from ..core.contract import BRIDGED, INVALID
+from ..data import DataError, Solution, Trajectory
 from ..evaluation import metrics
+from ..evaluation.metrics import Errors
+from ..io.solution import plain
 from . import figures, fix_figures, summary
 from .drawing import COLOURS, MARKED, SHADES, WITHHELD
-from .shell import listed, placed, shell
+from .shell import Page, listed, placed, shell
 
 FOOTER = (
     "Errors are true − estimate.",
@@ -18,10 +27,27 @@ FOOTER = (
     "WGS-84 ellipsoid.",
     " Lines of more than 2000 points keep the extremes of each stretch.",
 )
-HINT = "Drag to zoom, double-click to go back (again: to see all), click the legend to hide a line."
+ZOOM_HINT = (
+    "Drag to zoom, double-click to go back (again: to see all), click the legend to hide a line."
+)
+
+Section: TypeAlias = "tuple[str, Sequence[tuple[go.Figure, str, str]]]"
+"""Heading of a section of the page, and its figures, each with its heading and its caption."""
+
+Caption: TypeAlias = str | Callable[[Solution], str]
+ErrorFigure: TypeAlias = (
+    "Callable[[Solution, Errors, str, tuple[float, float] | None], go.Figure | None]"
+)
 
 
-def report(solutions, reference=None, title=None, window=None, more=(), facts={}):
+def report(
+    solutions: Solution | list[Solution] | tuple[Solution, ...] | dict[str, Solution],
+    reference: Trajectory | None = None,
+    title: str | None = None,
+    window: tuple[float, float] | None = None,
+    more: Sequence[Section] = (),
+    facts: Mapping[str, str] = {},
+) -> Page:
     """A Page about one Solution, or several of them (a list, or {name: Solution}) side by side.
 
     reference: Trajectory that errors are taken against. window: (start, stop) in s over which
@@ -47,10 +73,9 @@ def report(solutions, reference=None, title=None, window=None, more=(), facts={}
     )
 
 
-def _key(solutions):
+def _key(solutions: Mapping[str, Solution]) -> str:
     """HTML of what the shades and dotted lines of the figures mean; where not all events are
     marked, how many are."""
-    colour = lambda shade: f"background:{shade}"
     many = {
         name: len(solution.events)
         for name, solution in solutions.items()
@@ -61,10 +86,10 @@ def _key(solutions):
         for name, count in many.items()
     )
     rows = [
-        (colour(SHADES[BRIDGED]), "gap bridged"),
-        (colour(SHADES[INVALID]), "not valid"),
+        (f"background:{SHADES[BRIDGED]}", "gap bridged"),
+        (f"background:{SHADES[INVALID]}", "not valid"),
         *(
-            [(colour(WITHHELD), "fixes withheld")]
+            [(f"background:{WITHHELD}", "fixes withheld")]
             if any(solution.meta.get("withheld") for solution in solutions.values())
             else []
         ),
@@ -73,10 +98,12 @@ def _key(solutions):
             f"event, numbered as in the list{f'; the first {MARKED} of {counts} are marked' if many else ''}",
         ),
     ]
-    return f"<p class='caption key'>{''.join(f'<span><b style={style!r}></b>{escape(text)}</span>' for style, text in rows)}<span>{HINT}</span></p>"
+    return f"<p class='caption key'>{''.join(f'<span><b style={style!r}></b>{escape(text)}</span>' for style, text in rows)}<span>{ZOOM_HINT}</span></p>"
 
 
-def _named(solutions):
+def _named(
+    solutions: Solution | list[Solution] | tuple[Solution, ...] | dict[str, Solution],
+) -> dict[str, Solution]:
     """{name: Solution} by filter, and whether it was smoothed; names that occur twice are
     numbered."""
     if isinstance(solutions, dict):
@@ -92,7 +119,9 @@ def _named(solutions):
     return named
 
 
-def _scores(solutions, reference):
+def _scores(
+    solutions: Mapping[str, Solution], reference: Trajectory | None
+) -> tuple[dict[str, Errors], str]:
     """{name: Errors} and "", or {} and a remark where the reference does not cover all solutions
     or knows nothing of what they estimate."""
     if reference is None:
@@ -108,16 +137,15 @@ def _scores(solutions, reference):
         return {}, f"<p class=note>Not scored: {escape(str(error))}</p>"
 
 
-def _facts(solutions, window, more):
+def _facts(
+    solutions: Mapping[str, Solution], window: tuple[float, float] | None, more: Mapping[str, str]
+) -> dict[str, str]:
     """What stands below the title: {name: text}."""
     metas = [solution.meta for solution in solutions.values()]
-    said = lambda key: ", ".join(
-        dict.fromkeys(str(meta[key]) for meta in metas if meta.get(key) not in (None, ""))
-    )
     first = next(iter(solutions.values()))
     return {
-        "recording": said("recording"),
-        "date": said("date"),
+        "recording": _said(metas, "recording"),
+        "date": _said(metas, "date"),
         "time": f"{first.t[0]:.1f} to {first.t[-1]:.1f} s",
         "filter": ", ".join(solutions),
         "IMU": _imu(metas),
@@ -128,13 +156,29 @@ def _facts(solutions, window, more):
     }
 
 
-def _imu(metas):
+def _said(metas: Sequence[Mapping[str, Any]], key: str) -> str:
+    return ", ".join(
+        dict.fromkeys(str(meta[key]) for meta in metas if meta.get(key) not in (None, ""))
+    )
+
+
+def _imu(metas: Sequence[Mapping[str, Any]]) -> str:
     names = (meta.get("imu") for meta in metas)
-    named = lambda imu: imu.get("name", "") if isinstance(imu, dict) else getattr(imu, "name", imu)
-    return ", ".join(dict.fromkeys(str(named(imu)) for imu in names if imu))
+    named = (
+        imu.get("name", "") if isinstance(imu, dict) else getattr(imu, "name", imu)
+        for imu in names
+        if imu
+    )
+    return ", ".join(dict.fromkeys(map(str, named)))
 
 
-def _sections(solutions, reference, scores, window, more):
+def _sections(
+    solutions: Mapping[str, Solution],
+    reference: Trajectory | None,
+    scores: dict[str, Errors],
+    window: tuple[float, float] | None,
+    more: Sequence[Section],
+) -> Iterator[tuple[str, str]]:
     """(heading, HTML) of every section in reading order."""
     draw = _Drawer(solutions)
     yield "Summary", _summary(solutions, scores, window)
@@ -152,13 +196,19 @@ def _sections(solutions, reference, scores, window, more):
             lambda name, s, _: figures.sigma(s),
         ),
     )
-    axes = lambda states: _banded(states, ", with ±3σ", "In body axes, forward, right, down", ".")
+    axes = "In body axes, forward, right, down"
     yield (
         "Biases",
         draw.each(
-            "Accelerometer bias", axes(slice(9, 12)), lambda name, *made: figures.accel_bias(*made)
+            "Accelerometer bias",
+            _banded(slice(9, 12), ", with ±3σ", axes, "."),
+            lambda name, s, colour: figures.accel_bias(s, colour),
         )
-        + draw.each("Gyro bias", axes(slice(12, 15)), lambda name, *made: figures.gyro_bias(*made)),
+        + draw.each(
+            "Gyro bias",
+            _banded(slice(12, 15), ", with ±3σ", axes, "."),
+            lambda name, s, colour: figures.gyro_bias(s, colour),
+        ),
     )
     yield (
         "Fixes",
@@ -178,7 +228,7 @@ def _sections(solutions, reference, scores, window, more):
         draw.each(
             "Columns of the filter",
             "What this filter publishes besides the navigation state.",
-            lambda name, *made: figures.extra(*made),
+            lambda name, s, colour: figures.extra(s, colour),
         ),
     )
     yield (
@@ -190,15 +240,19 @@ def _sections(solutions, reference, scores, window, more):
     )
 
 
-def _banded(states, claimed, before="", after=""):
+def _banded(
+    states: slice, claimed: str, before: str = "", after: str = ""
+) -> Callable[[Solution], str]:
     """A caption as function of the Solution it is for: with the words on the band where the
     filter claims standard deviations of those states."""
     return lambda solution: (
-        before + (claimed if metrics.any_known(solution.trajectory.sd[:, states]) else "") + after
+        before
+        + (claimed if metrics.any_known(summary.claimed_sd(solution)[:, states]) else "")
+        + after
     )
 
 
-def _claimed(solutions):
+def _claimed(solutions: Mapping[str, Solution]) -> str:
     parts = (
         ("position", slice(0, 2)),
         ("height", 2),
@@ -209,13 +263,19 @@ def _claimed(solutions):
         name
         for name, states in parts
         if any(
-            metrics.any_known(solution.trajectory.sd[:, states]) for solution in solutions.values()
+            metrics.any_known(summary.claimed_sd(solution)[:, states])
+            for solution in solutions.values()
         )
     ]
     return ", ".join(name for name in known if name != "height" or "position" not in known)
 
 
-def _overview(draw, solutions, reference, scores):
+def _overview(
+    draw: _Drawer,
+    solutions: Mapping[str, Solution],
+    reference: Trajectory | None,
+    scores: dict[str, Errors],
+) -> str:
     if not any(solution.has_position for solution in solutions.values()):
         return ""
     seen = draw.place(
@@ -227,7 +287,7 @@ def _overview(draw, solutions, reference, scores):
         figures.height(solutions, reference), "Height", "Above the WGS-84 ellipsoid."
     )
     claimed = any(
-        metrics.any_known(solution.trajectory.sd[:, :2]) for solution in solutions.values()
+        metrics.any_known(summary.claimed_sd(solution)[:, :2]) for solution in solutions.values()
     )
     if scores and (horizontal := figures.horizontal(solutions, scores)):
         beside += draw.place(
@@ -238,8 +298,8 @@ def _overview(draw, solutions, reference, scores):
     return f"<div class='grid pair'>{seen}<div>{beside}</div></div>"
 
 
-def _errors(draw, scores, window):
-    shown = [
+def _errors(draw: _Drawer, scores: dict[str, Errors], window: tuple[float, float] | None) -> str:
+    shown: list[tuple[str, Caption, ErrorFigure, str]] = [
         (
             "Position error",
             _banded(slice(0, 3), "With the ±3σ band that the filter claims."),
@@ -273,20 +333,21 @@ def _errors(draw, scores, window):
                 "attitude",
             )
         )
-    known = lambda name, part: getattr(scores[name], part) is not None
     return "".join(
         draw.each(
             heading,
             caption,
             lambda name, s, colour: (
-                figure(s, scores[name], colour, window) if known(name, part) else None
+                figure(s, scores[name], colour, window)
+                if getattr(scores[name], part) is not None
+                else None
             ),
         )
         for heading, caption, figure, part in shown
     )
 
 
-def _motion(draw, reference):
+def _motion(draw: _Drawer, reference: Trajectory | None) -> str:
     position = (
         ""
         if reference is not None
@@ -322,9 +383,7 @@ def _motion(draw, reference):
     )
 
 
-def _details(solution):
-    from ..io.solution import plain
-
+def _details(solution: Solution) -> str:
     return json.dumps(
         plain({key: value for key, value in solution.meta.items() if key != "notes"}),
         indent=2,
@@ -332,7 +391,11 @@ def _details(solution):
     )
 
 
-def _summary(solutions, scores, window):
+def _summary(
+    solutions: Mapping[str, Solution],
+    scores: dict[str, Errors],
+    window: tuple[float, float] | None,
+) -> str:
     free = {name for name, solution in solutions.items() if not summary.heading_held(solution)}
     tables = [summary.error_table(scores, window, free)] if scores else []
     parts = [
@@ -351,7 +414,7 @@ def _summary(solutions, scores, window):
         )
     )
     parts += ["<h3>Notes</h3>", summary.listing(notes)] if notes else []
-    same = {}
+    same: dict[tuple[str, ...], list[str]] = {}
     for name, solution in solutions.items():
         same.setdefault(tuple(f"{t:.2f} s: {text}" for t, text in solution.events), []).append(name)
     for events, names in same.items():
@@ -364,10 +427,15 @@ def _summary(solutions, scores, window):
 class _Drawer:
     """Places figures on the page and numbers them."""
 
-    def __init__(self, solutions):
+    def __init__(self, solutions: Mapping[str, Solution]) -> None:
         self.solutions, self.count = solutions, 0
 
-    def each(self, heading, caption, make):
+    def each(
+        self,
+        heading: str,
+        caption: Caption,
+        make: Callable[[str, Solution, str], go.Figure | None],
+    ) -> str:
         """One figure per solution, side by side, made by make(name, solution, colour); the colour
         of a solution is the same everywhere.
 
@@ -390,7 +458,7 @@ class _Drawer:
                 )
         return f"<div class=grid>{''.join(shown)}</div>" if shown else ""
 
-    def place(self, figure, heading, caption, tag=""):
+    def place(self, figure: go.Figure, heading: str, caption: str, tag: str = "") -> str:
         """HTML of one figure."""
         self.count += 1
         return placed(self.count, figure, heading, caption, tag)

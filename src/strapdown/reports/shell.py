@@ -1,9 +1,19 @@
 """What all pages share: one self-contained HTML file that works offline, asks the network for
 nothing, and is written whole or not at all."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib import resources
+from typing import TYPE_CHECKING
+
+from ..files import replacing
+from ..typing import File
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:"
 """Content security policy: a browser then refuses any request, whatever a script should try."""
@@ -15,25 +25,30 @@ class Page:
 
     html: str
 
-    def save(self, path):
+    def save(self, path: File) -> None:
         """Write the page to `path`, atomically. Raises DataError where it cannot be written."""
-        from ..files import replacing
-
         with replacing(path) as part:
             part.write_text(self.html, encoding="utf-8")
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"Page({len(self.html) / 1e6:.1f} MB of HTML; .save(path) writes it)"
 
 
-def shell(title, facts, sections, footer, introduction="", style="", wide=False):
+def shell(
+    title: str,
+    facts: str,
+    sections: Sequence[tuple[str, str]],
+    footer: str,
+    introduction: str = "",
+    style: str = "",
+    wide: bool = False,
+) -> Page:
     """The Page around sections [(heading, HTML)]; `facts` and `introduction` are HTML, `footer` is
     text, `style` further CSS.
 
     Figures made by `placed` are drawn where there are any; a page without them does without plotly,
     4 MB of script.
     """
-    read = lambda name: resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
     links = "".join(
         f"<a href='#s{i}'>{escape(heading)}</a>" for i, (heading, _) in enumerate(sections)
     )
@@ -45,23 +60,28 @@ def shell(title, facts, sections, footer, introduction="", style="", wide=False)
     if "<div class=plot" in body:
         from plotly.offline import get_plotlyjs
 
-        scripts = f"<script>{get_plotlyjs()}</script><script>{read('page.js')}</script>"
+        scripts = f"<script>{get_plotlyjs()}</script><script>{_shipped('page.js')}</script>"
     return Page(f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <meta http-equiv="Content-Security-Policy" content="{POLICY}"><title>{escape(title)}</title>
-<link rel="icon" href="data:,"><style>{read("page.css")}{style}</style></head><body class="{"wide" if wide else ""}">
+<link rel="icon" href="data:,"><style>{_shipped("page.css")}{style}</style></head><body class="{"wide" if wide else ""}">
 <header><div><h1>{escape(title)}</h1>{facts}</div></header><nav><div>{links}</div></nav><main>{introduction}{body}</main>
 <footer>{escape(footer)}</footer>
 {scripts}</body></html>
 """)
 
 
-def listed(facts):
+def _shipped(name: str) -> str:
+    """The text of a file beside this one."""
+    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def listed(facts: Mapping[str, object]) -> str:
     """HTML of {name: text} for the head of a page; what is empty is left out."""
     return f"<dl>{''.join(f'<div><dt>{escape(name)}</dt><dd>{escape(str(text))}</dd></div>' for name, text in facts.items() if text)}</dl>"
 
 
-def placed(number, figure, heading, caption="", tag=""):
+def placed(number: int, figure: go.Figure, heading: str, caption: str = "", tag: str = "") -> str:
     """HTML of a plotly figure, the page's `number`-th; its data follow as JSON, in which plotly
     writes no `<`. `tag` is HTML."""
     notes = "".join(f"<p class=note>{escape(text)}</p>" for text in figure.layout.meta["notes"])

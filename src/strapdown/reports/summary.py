@@ -1,31 +1,41 @@
 """The tables of the page, as HTML: errors against the reference, the run, the fixes; and the
 lists of notes and events."""
 
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from html import escape
 
 import numpy as np
 
-from ..data import BRIDGED, INVALID, DataError
+from ..core.contract import BRIDGED, INVALID
+from ..data import DataError, Solution
 from ..evaluation import metrics
+from ..evaluation.metrics import Errors
+from ..filters import find
+from ..typing import Array
 
 LISTED = 500
 """At most this many notes or events are listed."""
 
 
-def table(head, rows, split=1):
+def table(head: Iterable[object], rows: Iterable[Iterable[object]], split: int = 1) -> str:
     """An HTML table; cells are escaped. A rule stands left of every `split`-th column after the
     first."""
-    rule = lambda i: " class=split" if i and split > 1 and (i - 1) % split == 0 else ""
-    line = lambda tag, texts: (
-        "<tr>"
-        + "".join(f"<{tag}{rule(i)}>{escape(str(text))}</{tag}>" for i, text in enumerate(texts))
-        + "</tr>"
-    )
-    body = "".join(line("td", row) for row in rows)
-    return f"<div class=scroll><table><thead>{line('th', head)}</thead><tbody>{body}</tbody></table></div>"
+    body = "".join(_line("td", row, split) for row in rows)
+    return f"<div class=scroll><table><thead>{_line('th', head, split)}</thead><tbody>{body}</tbody></table></div>"
 
 
-def number(value):
+def _line(tag: str, texts: Iterable[object], split: int) -> str:
+    """A row of an HTML table, of cells `tag`."""
+    cells = []
+    for i, text in enumerate(texts):
+        rule = " class=split" if i and split > 1 and (i - 1) % split == 0 else ""
+        cells.append(f"<{tag}{rule}>{escape(str(text))}</{tag}>")
+    return f"<tr>{''.join(cells)}</tr>"
+
+
+def number(value: float | None) -> str:
     """Three digits, or as many as stand before the point; a dash where there is none."""
     if value is None or not np.isfinite(value):
         return "–"
@@ -38,18 +48,28 @@ def number(value):
     )
 
 
-def heading_held(solution):
+def claimed_sd(made: Solution | Errors) -> Array:
+    """(n, 15) standard deviations of the error states that a Solution claims, or those at its
+    Errors, SI and radians."""
+    sd = made.sd if isinstance(made, Errors) else made.trajectory.sd
+    assert sd is not None  # a solution has them, NaN where its filter claims none
+    return sd
+
+
+def heading_held(solution: Solution) -> bool:
     """Whether the filter of a Solution estimates its heading; that of others runs free with the
     gyros and is no result. True of unknown filters."""
-    from ..filters import find
-
     try:
-        return 8 in find(solution.meta.get("filter")).estimates
+        return 8 in find(solution.meta.get("filter", "")).estimates
     except ValueError:
         return True
 
 
-def error_table(found, window=None, free=()):
+def error_table(
+    found: Mapping[str, Errors],
+    window: tuple[float, float] | None = None,
+    free: Collection[str] = (),
+) -> str:
     """RMS, largest and last error per axis of {name: metrics.Errors}; dashes where a solution or
     the reference does not know it.
 
@@ -58,7 +78,7 @@ def error_table(found, window=None, free=()):
     angle of the whole rotation are not scored.
     """
     positioned, rows = all(metrics.any_known(e.horizontal) for e in found.values()), []
-    for labels, unit, factor, part in QUANTITIES[:-1] if positioned else QUANTITIES:
+    for labels, unit, factor, part in SCORED_QUANTITIES[:-1] if positioned else SCORED_QUANTITIES:
         known = [part(e) for e in found.values()]
         values = [
             np.full((len(e.t), len(labels)), np.nan) if v is None else v * factor
@@ -84,7 +104,7 @@ def error_table(found, window=None, free=()):
     return table(head, rows, split=3)
 
 
-def _columns(values):
+def _columns(values: Array | Sequence[Array] | None) -> Array | None:
     return (
         None
         if values is None
@@ -92,12 +112,12 @@ def _columns(values):
     )
 
 
-AXES = ("north", "east", "down")
+NED_AXES = ("north", "east", "down")
 HEADINGS = ("heading", "heading angle", "total angle")
-QUANTITIES = (
+SCORED_QUANTITIES = (
     (["horizontal position"], "m", 1.0, lambda e: _columns(e.horizontal)),
-    ([f"{axis} position" for axis in AXES], "m", 1.0, lambda e: e.position),
-    ([f"{axis} velocity" for axis in AXES], "m/s", 1.0, lambda e: e.velocity),
+    ([f"{axis} position" for axis in NED_AXES], "m", 1.0, lambda e: e.position),
+    ([f"{axis} velocity" for axis in NED_AXES], "m/s", 1.0, lambda e: e.velocity),
     (["roll", "pitch", "heading"], "deg", np.degrees(1), lambda e: e.rph),
     (
         [f"{name} angle" for name in metrics.AttitudeAngles._fields],
@@ -109,7 +129,7 @@ QUANTITIES = (
 """What is scored: labels, unit, its size, and the columns of an Errors, None where it has none."""
 
 
-def _scores(values, t, window):
+def _scores(values: Array, t: Array, window: tuple[float, float] | None) -> list[list[str]]:
     """Per column RMS, largest and last known value, as text."""
     inside = np.ones(len(t), bool) if window is None else (t >= window[0]) & (t <= window[1])
     out = []
@@ -123,13 +143,13 @@ def _scores(values, t, window):
     return out
 
 
-GROUPS = (("position", slice(0, 3)), ("velocity", slice(3, 6)), ("attitude", slice(6, 9)))
-BEYOND, SIGMAS = 0.05, 3.0
+ERROR_GROUPS = (("position", slice(0, 3)), ("velocity", slice(3, 6)), ("attitude", slice(6, 9)))
+BEYOND_SHARE, SIGMAS = 0.05, 3.0
 """Share of the times above which it is said that errors leave the band of so many standard
 deviations; it would be 0.8 % for three normal errors."""
 
 
-def beyond(found, window=None):
+def beyond(found: Mapping[str, Errors], window: tuple[float, float] | None = None) -> str:
     """Paragraphs on the errors of {name: metrics.Errors} that any of their components exceeds
     its claim too often by; "" where none does."""
     said = []
@@ -137,21 +157,21 @@ def beyond(found, window=None):
         inside = (
             np.ones(len(e.t), bool) if window is None else (e.t >= window[0]) & (e.t <= window[1])
         )
-        for group, states in GROUPS:
+        for group, states in ERROR_GROUPS:
             errors, sd = getattr(e, group), None if e.sd is None else e.sd[inside, states]
             if errors is None or sd is None:
                 continue
             errors = np.abs(errors[inside])
             known = (np.isfinite(errors) & np.isfinite(sd)).any(axis=1)
             share = (errors > SIGMAS * sd).any(axis=1)[known].mean() if known.any() else 0.0
-            if share > BEYOND:
+            if share > BEYOND_SHARE:
                 said.append(
                     f"{name}: {group} error beyond 3σ of what the filter claims at {100 * share:.0f} % of the times."
                 )
     return "".join(f"<p class=note>{escape(text)}</p>" for text in said)
 
 
-def run_table(solutions):
+def run_table(solutions: Mapping[str, Solution]) -> str:
     """Span, gaps and claimed standard deviations of {name: Solution}; without those that none of
     them claims."""
     rows = list(zip(RUN, *map(_run, solutions.values())))
@@ -172,13 +192,8 @@ RUN = (
 )
 
 
-def _run(solution):
-    t, sd = solution.t, solution.trajectory.sd
-    pair = lambda values: (
-        " / ".join((number(np.nanmax(values)), number(values[-1])))
-        if np.isfinite(values).any()
-        else "–"
-    )
+def _run(solution: Solution) -> list[str]:
+    t, sd = solution.t, claimed_sd(solution)
     span = np.diff(t, prepend=t[:1])
     texts = [f"{t[0]:.2f} to {t[-1]:.2f}" if len(t) else "–", f"{len(t)}"]
     for status in (BRIDGED, INVALID):
@@ -189,21 +204,29 @@ def _run(solution):
         ]
     return [
         *texts,
-        pair(np.hypot(sd[:, 0], sd[:, 1])),
-        pair(sd[:, 2]),
-        pair(np.degrees(np.hypot(sd[:, 6], sd[:, 7]))),
-        pair(np.degrees(sd[:, 8])),
+        _largest_and_last(np.hypot(sd[:, 0], sd[:, 1])),
+        _largest_and_last(sd[:, 2]),
+        _largest_and_last(np.degrees(np.hypot(sd[:, 6], sd[:, 7]))),
+        _largest_and_last(np.degrees(sd[:, 8])),
     ]
 
 
+def _largest_and_last(values: Array) -> str:
+    return (
+        " / ".join((number(np.nanmax(values)), number(values[-1])))
+        if np.isfinite(values).any()
+        else "–"
+    )
+
+
 FAR_BELOW = 0.05
-LASTING = (
+LASTING_FIELD_NOTE = (
     "<p class=caption>The mean NIS of the magnetic field is far below what is expected: its errors are taken as lasting, so single samples count "
     "little; see docs/attitude.md.</p>"
 )
 
 
-def fix_table(solutions):
+def fix_table(solutions: Mapping[str, Solution]) -> str:
     """Accepted and rejected fixes per source, and the mean NIS of the accepted ones beside that
     of a consistent filter; "" without any."""
     rows, lasting = [], False
@@ -239,13 +262,13 @@ def fix_table(solutions):
             )
     return (
         table(["source", "accepted", "rejected", "mean NIS", "expected", "gate"], rows)
-        + (LASTING if lasting else "")
+        + (LASTING_FIELD_NOTE if lasting else "")
         if rows
         else ""
     )
 
 
-def withheld_table(solutions, found):
+def withheld_table(solutions: Mapping[str, Solution], found: Mapping[str, Errors]) -> str:
     """The windows, s, whose fixes were withheld from {name: Solution}, by meta["withheld"], with
     the errors inside where `found`, {name: metrics.Errors}, knows them; "" without any."""
     rows = []
@@ -273,7 +296,7 @@ def withheld_table(solutions, found):
     return table(head, rows) if rows else ""
 
 
-def listing(items, ordered=False):
+def listing(items: Sequence[object], ordered: bool = False) -> str:
     """A scrolling HTML list of texts, at most LISTED of them."""
     tag = "ol" if ordered else "ul"
     more = [f"and {len(items) - LISTED} more"] if len(items) > LISTED else []

@@ -1,7 +1,8 @@
 """Measurement equation of an attitude and heading reference system (AHRS): roll, pitch and heading
 with white errors.
 
-    C_meas = exp([e_n x]) C_nb,   e_n = Rz(heading) (e_roll, e_pitch, e_heading),   e ~ N(0, sd^2), independent from fix to fix
+    C_meas = exp([e_n x]) C_nb,   e_n = Rz(heading) (e_roll, e_pitch, e_heading),
+    e ~ N(0, sd^2), independent from fix to fix
 
 The errors are a small rotation about the horizontal forward and right axes and the vertical, as in
 the innovation of the aiding `attitude`, so that they mean the same in every attitude. Real AHRS err
@@ -10,16 +11,20 @@ in correlated ways; the white errors are those of Fossen (2021), Handbook of Mar
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..data import Aiding, DataError, Trajectory
+from ..typing import Array
 from .datasheet_units import real
 from .gnss import fix_times
 from .magnetometer import rotation_at
 
-LARGEST = np.radians(30)
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+LARGEST_ANGLE_SD = np.radians(30)
 """rad: errors beyond this are no small angles, and probably in deg."""
 
 
@@ -29,30 +34,29 @@ class Ahrs:
     none can be."""
 
     rate: float | None = 10.0  # fixes per second; None: one with every IMU sample
-    sd: tuple = tuple(
-        np.radians([0.5, 0.5, 1.0]).tolist()
-    )  # rad: of roll, pitch and heading, white
+    # rad: of roll, pitch and heading, white
+    sd: tuple[float, ...] | float = tuple(np.radians([0.5, 0.5, 1.0]).tolist())
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.rate is not None and (not real(self.rate) or not 0 < self.rate < np.inf):
             raise DataError(f"attitude: rate is {self.rate!r}; it must be larger than 0, in Hz")
-        listed = (self.sd,) * 3 if real(self.sd) else self.sd
+        listed: Any = (self.sd,) * 3 if real(self.sd) else self.sd
         if np.shape(listed) != (3,) or not all(real(each) and 0 < each < np.inf for each in listed):
             raise DataError(
                 f"attitude: sd is {self.sd!r}; it must be three numbers above 0: of roll, pitch and heading, rad"
             )
-        if max(listed) > LARGEST:
+        if max(listed) > LARGEST_ANGLE_SD:
             raise DataError(
-                f"attitude: sd is {[float(each) for each in listed]} rad; at most {LARGEST:.4g} (30 deg): is it in rad?"
+                f"attitude: sd is {[float(each) for each in listed]} rad; at most {LARGEST_ANGLE_SD:.4g} (30 deg): is it in rad?"
             )
         object.__setattr__(self, "sd", tuple(map(float, listed)))
 
-    def measure(self, truth, rng):
+    def measure(self, truth: Trajectory, rng: np.random.Generator) -> Aiding:
         """Aiding "attitude" of a flight; truth: data.Trajectory with attitude, rng: numpy
         Generator. Raises DataError."""
         return self.plan(truth).fixes(rng)
 
-    def plan(self, truth, gate=None):
+    def plan(self, truth: Trajectory, gate: float | None = None) -> "AhrsPlan":
         """What all runs over one trajectory share, as an AhrsPlan; `gate` is that of its aiding.
         Raises DataError."""
         if truth.q_nb is None:
@@ -70,9 +74,9 @@ class AhrsPlan(NamedTuple):
     """What an AHRS would report without errors; each run adds its own."""
 
     aiding: Aiding  # all but its y
-    attitude: object  # (n,) scipy Rotation, body to navigation
+    attitude: "Rotation"  # (n,), body to navigation
 
-    def fixes(self, rng):
+    def fixes(self, rng: np.random.Generator) -> Aiding:
         """The aiding of one run, with errors from `rng`."""
         from scipy.spatial.transform import Rotation
 
@@ -83,11 +87,11 @@ class AhrsPlan(NamedTuple):
         forward = Rotation.from_rotvec(_heading(self.attitude)[:, None] * [0.0, 0.0, 1.0])
         return self._with(Rotation.from_rotvec(forward.apply(error)) * self.attitude)
 
-    def exact(self):
+    def exact(self) -> Aiding:
         """The aiding of an AHRS without errors, which states those of the one with them."""
         return self._with(self.attitude)
 
-    def notes(self, aiding):
+    def notes(self, aiding: Aiding) -> list[str]:
         """Sentences for the notes of a recording: no fix at all."""
         return (
             []
@@ -95,7 +99,7 @@ class AhrsPlan(NamedTuple):
             else ["AHRS: not one fix falls into the recording; its rate is too low"]
         )
 
-    def _with(self, attitude):
+    def _with(self, attitude: "Rotation") -> Aiding:
         t = self.aiding.t
         y = (
             Trajectory(t, np.empty((0, 3)), q_nb=attitude.as_quat()[:, [3, 0, 1, 2]]).rph
@@ -113,7 +117,7 @@ class AhrsPlan(NamedTuple):
         )
 
 
-def _heading(attitude):
+def _heading(attitude: "Rotation") -> Array:
     """(n,) rad, in (-pi, pi]."""
     forward = attitude.apply([1.0, 0.0, 0.0])
     return np.arctan2(forward[:, 1], forward[:, 0])

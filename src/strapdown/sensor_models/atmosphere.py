@@ -10,10 +10,11 @@ import numpy as np
 
 from ..data import DataError
 from ..geodesy import STANDARD_GRAVITY
+from ..typing import Array, ArrayLike, Mask
 
 SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE = 101325.0, 288.15  # Pa, K
 LAPSE, GAS = 6.5e-3, 287.05287  # K/m, J/(kg K) of dry air
-TROPOPAUSE, LOWEST, HIGHEST = 11_000.0, -5_000.0, 20_000.0  # m
+TROPOPAUSE, LOWEST_AIR, HIGHEST_AIR = 11_000.0, -5_000.0, 20_000.0  # m
 """Constants of ISO 2533:1975; its gravity is the standard one."""
 _POWER = STANDARD_GRAVITY / (GAS * LAPSE)
 _COLD = SEA_LEVEL_TEMPERATURE - LAPSE * TROPOPAUSE  # K
@@ -21,14 +22,14 @@ _THERE = SEA_LEVEL_PRESSURE * (_COLD / SEA_LEVEL_TEMPERATURE) ** _POWER  # Pa at
 _SCALE = GAS * _COLD / STANDARD_GRAVITY  # m in which the pressure above it falls by e
 
 
-def standard_pressure(height):
+def standard_pressure(height: ArrayLike) -> Array:
     """Pressure, Pa, of the standard atmosphere at heights in m (an array or a number). Raises
     DataError outside -5 to 20 km."""
     height = np.asarray(height, float)
     _refuse(
-        ~((height >= LOWEST) & (height <= HIGHEST)),
+        ~((height >= LOWEST_AIR) & (height <= HIGHEST_AIR)),
         height,
-        f"height {{:.6g}} m; the standard atmosphere here goes from {LOWEST:g} to {HIGHEST:g} m",
+        f"height {{:.6g}} m; the standard atmosphere here goes from {LOWEST_AIR:g} to {HIGHEST_AIR:g} m",
     )
     low = (
         SEA_LEVEL_PRESSURE
@@ -37,14 +38,14 @@ def standard_pressure(height):
     return low * np.exp(-np.maximum(height - TROPOPAUSE, 0.0) / _SCALE)
 
 
-def pressure_altitude(pressure):
+def pressure_altitude(pressure: ArrayLike) -> Array:
     """Height, m, at which the standard atmosphere has these pressures, Pa (an array or a
     number). Raises DataError outside -5 to 20 km."""
     pressure = np.asarray(pressure, float)
     _refuse(
         ~((pressure >= _LEAST) & (pressure <= _MOST)),
         pressure,
-        f"pressure {{:.6g}} Pa; between {LOWEST / 1e3:g} and {HIGHEST / 1e3:g} km it is "
+        f"pressure {{:.6g}} Pa; between {LOWEST_AIR / 1e3:g} and {HIGHEST_AIR / 1e3:g} km it is "
         f"{_LEAST:.0f} to {_MOST:.0f} Pa: is the unit right?",
     )
     low = (
@@ -55,16 +56,16 @@ def pressure_altitude(pressure):
     return low + _SCALE * np.log(_THERE / np.minimum(pressure, _THERE))
 
 
-def pressure_gradient(height):
+def pressure_gradient(height: ArrayLike) -> Array:
     """Change of pressure with height, Pa/m (negative), at heights in m: -p g/(R T), the weight
     of the air. Raises DataError as above."""
     temperature = SEA_LEVEL_TEMPERATURE - LAPSE * np.minimum(np.asarray(height, float), TROPOPAUSE)
     return -standard_pressure(height) * STANDARD_GRAVITY / (GAS * temperature)
 
 
-def _refuse(bad, values, text):
+def _refuse(bad: Mask, values: Array, text: str) -> None:
     if np.any(bad):
         raise DataError(text.format(float(values[bad].flat[0])))
 
 
-_MOST, _LEAST = float(standard_pressure(LOWEST)), float(standard_pressure(HIGHEST))
+_MOST, _LEAST = float(standard_pressure(LOWEST_AIR)), float(standard_pressure(HIGHEST_AIR))

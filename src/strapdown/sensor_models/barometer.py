@@ -15,15 +15,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..data import Aiding, DataError
-from .atmosphere import HIGHEST, LOWEST, pressure_altitude, pressure_gradient, standard_pressure
+from ..data import Aiding, DataError, Trajectory
+from ..typing import Array
+from .atmosphere import (
+    HIGHEST_AIR,
+    LOWEST_AIR,
+    pressure_altitude,
+    pressure_gradient,
+    standard_pressure,
+)
 from .datasheet_units import real
 from .gnss import arm_in_navigation, fix_times, interpolated
 from .noise import gauss_markov
 
-QUANTITIES = {"pressure": "pressure", "height": "pressure-altitude"}
+KIND_OF_QUANTITY = {"pressure": "pressure", "height": "pressure-altitude"}
 """What a barometer can give, and the kind of aiding that this is."""
-LARGEST = 10_000.0  # Pa: of weather, offset and noise; the weather of the Earth stays within
+LARGEST_ERROR = 10_000.0  # Pa: of weather, offset and noise; the weather of the Earth stays within
 
 
 @dataclass(frozen=True)
@@ -36,10 +43,10 @@ class Barometer:
     drift: float = 0.0  # Pa: stationary standard deviation of the weather
     drift_time: float = 6 * 3600.0  # s: time constant of the weather
     zero: float = 0.0  # m: ellipsoidal height of the standard atmosphere's sea level
-    lever_arm: tuple = (0.0, 0.0, 0.0)  # from the IMU to the sensor, m, body
+    lever_arm: tuple[float, ...] = (0.0, 0.0, 0.0)  # from the IMU to the sensor, m, body
     quantity: str = "pressure"  # what it gives: "pressure", or "height" by the standard atmosphere
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("sd", "bias", "drift", "drift_time", "zero"):
             if not real(getattr(self, name)) or not np.isfinite(getattr(self, name)):
                 raise DataError(
@@ -50,9 +57,9 @@ class Barometer:
                 raise DataError(
                     f"barometer: {name} is {getattr(self, name)!r}; it must be larger than 0"
                 )
-        if self.drift < 0 or max(self.sd, abs(self.bias), self.drift) > LARGEST:
+        if self.drift < 0 or max(self.sd, abs(self.bias), self.drift) > LARGEST_ERROR:
             raise DataError(
-                f"barometer: sd {self.sd:g}, bias {self.bias:g} and drift {self.drift:g} Pa; they are at most {LARGEST:g} Pa, "
+                f"barometer: sd {self.sd:g}, bias {self.bias:g} and drift {self.drift:g} Pa; they are at most {LARGEST_ERROR:g} Pa, "
                 "and the drift is 0 or more"
             )
         if self.rate is not None and (not real(self.rate) or not 0 < self.rate < np.inf):
@@ -66,17 +73,17 @@ class Barometer:
                 f"barometer: lever_arm is {self.lever_arm!r}; it must be three numbers: forward, right, down, m"
             )
         object.__setattr__(self, "lever_arm", tuple(map(float, self.lever_arm)))
-        if self.quantity not in QUANTITIES:
+        if self.quantity not in KIND_OF_QUANTITY:
             raise DataError(
-                f"barometer: quantity is {self.quantity!r}; it is one of {', '.join(QUANTITIES)}"
+                f"barometer: quantity is {self.quantity!r}; it is one of {', '.join(KIND_OF_QUANTITY)}"
             )
 
-    def measure(self, truth, rng):
+    def measure(self, truth: Trajectory, rng: np.random.Generator) -> Aiding:
         """Aiding "pressure" (y in Pa) or "pressure-altitude" (y in m) of a flight, its sd in m;
         `rng`: numpy Generator. Raises DataError."""
         return self.plan(truth).fixes(rng)
 
-    def plan(self, truth, gate=None):
+    def plan(self, truth: Trajectory, gate: float | None = None) -> "BarometerPlan":
         """What all runs over one trajectory share, as a BarometerPlan; `gate` is that of its
         aiding. Raises DataError."""
         t = truth.t[1:] if self.rate is None else fix_times(truth, 1 / self.rate)
@@ -85,14 +92,14 @@ class Barometer:
             - arm_in_navigation(truth, t, self.lever_arm, "barometer")[:, 2]
         )
         above = height - self.zero
-        if np.any((above < LOWEST) | (above > HIGHEST)):
+        if np.any((above < LOWEST_AIR) | (above > HIGHEST_AIR)):
             raise DataError(
                 f"barometer: it comes to {above[np.argmax(np.abs(above))]:.6g} m above its zero; the standard atmosphere here goes from "
-                f"{LOWEST:g} to {HIGHEST:g} m"
+                f"{LOWEST_AIR:g} to {HIGHEST_AIR:g} m"
             )
         sd = self.sd / -pressure_gradient(above)  # m, as the innovation of both kinds
         aiding = Aiding(
-            QUANTITIES[self.quantity],
+            KIND_OF_QUANTITY[self.quantity],
             t,
             np.empty((0, 1)),
             sd[:, None],
@@ -107,15 +114,15 @@ class BarometerPlan(NamedTuple):
     """What a barometer would read without errors; each run adds its own."""
 
     aiding: Aiding  # all but its y
-    height: np.ndarray  # (n,) m, ellipsoidal, of the sensor
-    pressure: np.ndarray  # (n,) Pa at it
+    height: Array  # (n,) m, ellipsoidal, of the sensor
+    pressure: Array  # (n,) Pa at it
     barometer: Barometer
 
-    def fixes(self, rng):
+    def fixes(self, rng: np.random.Generator) -> Aiding:
         """The aiding of one run."""
         return self.measured(rng)[0]
 
-    def measured(self, rng):
+    def measured(self, rng: np.random.Generator) -> tuple[Aiding, Array]:
         """(aiding of one run, (n,) m by which its barometric heights exceed the ellipsoidal ones
         but for noise); noise and weather a stream each."""
         noise, weather = rng.spawn(2)
@@ -128,11 +135,11 @@ class BarometerPlan(NamedTuple):
             self.pressure + error + self.barometer.sd * noise.standard_normal(len(self.height))
         ), bias
 
-    def exact(self):
+    def exact(self) -> Aiding:
         """The aiding of a barometer without errors, which states the noise of the one with them."""
         return self._with(self.pressure)
 
-    def notes(self, aiding):
+    def notes(self, aiding: Aiding) -> list[str]:
         """Sentences for the notes of a recording: no sample at all."""
         return (
             []
@@ -140,7 +147,7 @@ class BarometerPlan(NamedTuple):
             else ["barometer: not one sample falls into the recording; its rate is too low"]
         )
 
-    def _with(self, pressure):
+    def _with(self, pressure: Array) -> Aiding:
         y = pressure if self.barometer.quantity == "pressure" else pressure_altitude(pressure)
         return Aiding(
             self.aiding.kind,

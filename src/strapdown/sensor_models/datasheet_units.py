@@ -2,15 +2,18 @@
 units in and out of TOML."""
 
 import difflib
+from collections.abc import Callable, Collection, Iterable
 from numbers import Real
+from typing import TypeGuard, TypeVar
 
 import numpy as np
 
 from ..data import DataError
+from ..typing import Array
 
 _DEG, _G = np.pi / 180, 9.80665
 
-UNITS = {
+UNITS_OF_SI = {
     "rad/sqrt(s)": {
         "rad/sqrt(s)": 1.0,
         "rad/s/sqrt(Hz)": 1.0,
@@ -90,36 +93,38 @@ SHEET = {
 }
 """The unit of each SI unit that datasheets use, for tables; a term may name another."""
 
+Values = TypeVar("Values", float, Array)
 
-def in_units(value, si, unit=None):
+
+def in_units(value: Values, si: str, unit: str | None = None) -> Values:
     """An SI value in `unit`, by default the one of datasheets."""
-    return value / UNITS[si][unit or SHEET[si]]
+    return value / UNITS_OF_SI[si][unit or SHEET[si]]
 
 
-def real(value):
+def real(value: object) -> TypeGuard[float]:
     """Whether it is a real number; True and False are none."""
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
-def check(value, name):
+def check(value: object, name: str) -> None:
     """Refuse what is no finite number of 0 or more. Raises DataError."""
     if not real(value) or not 0 <= value < np.inf:
         raise DataError(f"{name} is {value!r}; it must be a finite number, 0 or more")
 
 
-def check_finite(value, name):
+def check_finite(value: object, name: str) -> None:
     """Refuse what is no finite number. Raises DataError."""
     if not real(value) or not np.isfinite(value):
         raise DataError(f"{name} is {value!r}; it must be a finite number")
 
 
-def nearest(word, words):
+def nearest(word: object, words: Iterable[str]) -> str:
     """ " (did you mean 'x'?)" where one of `words` is like `word`, else nothing."""
     match = difflib.get_close_matches(str(word), list(words), n=1, cutoff=0.5)
     return f" (did you mean {match[0]!r}?)" if match else ""
 
 
-def refuse_unknown(table, known, where):
+def refuse_unknown(table: Iterable[str], known: Collection[str], where: str) -> None:
     """Refuse keys of a TOML table that are not known. Raises DataError."""
     for key in table:
         if key not in known:
@@ -128,16 +133,22 @@ def refuse_unknown(table, known, where):
             )
 
 
-def size(unit, si, where):
+def size(unit: object, si: str, where: str) -> float:
     """What one `unit` is in the SI unit `si`. Raises DataError."""
-    if unit not in list(UNITS[si]):
+    if unit not in list(UNITS_OF_SI[si]):
         raise DataError(
-            f"{where}: unknown unit {unit!r}{nearest(unit, UNITS[si])}; known: {', '.join(UNITS[si])}"
+            f"{where}: unknown unit {unit!r}{nearest(unit, UNITS_OF_SI[si])}; known: {', '.join(UNITS_OF_SI[si])}"
         )
-    return UNITS[si][unit]
+    return UNITS_OF_SI[si][unit]
 
 
-def quantity(entry, si, where, example=None, checked=check):
+def quantity(
+    entry: object,
+    si: str,
+    where: str,
+    example: str | None = None,
+    checked: Callable[[object, str], None] = check,
+) -> float:
     """The SI value of the TOML table {value, unit}. Raises DataError."""
     if not isinstance(entry, dict):
         raise DataError(
@@ -145,13 +156,15 @@ def quantity(entry, si, where, example=None, checked=check):
         )
     refuse_unknown(entry, ["value", "unit"], where)
     if missing := [key for key in ("value", "unit") if key not in entry]:
-        raise DataError(f"{where}: {missing[0]} is missing; known units: {', '.join(UNITS[si])}")
+        raise DataError(
+            f"{where}: {missing[0]} is missing; known units: {', '.join(UNITS_OF_SI[si])}"
+        )
     factor = size(entry["unit"], si, where)
     checked(entry["value"], where)
     return float(entry["value"]) * factor
 
 
-def toml_quantity(value, si, unit=None):
+def toml_quantity(value: float, si: str, unit: str | None = None) -> str:
     """The TOML of an SI value with its unit, and beside it as a comment the value in `unit` (by
     default the one of datasheets)."""
     return f'{{ value = {float(value)!r}, unit = "{si}" }}  # {in_units(value, si, unit):.6g} {unit or SHEET[si]}'

@@ -5,13 +5,23 @@ A further error term is a field of `Triad` with its units, a random stream at th
 and a line in `Triad.bias` or `Triad.measure`.
 """
 
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import Field, dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
 from ..data import DataError
+from ..typing import Array
 from .datasheet_units import SHEET, check, check_finite
-from .noise import FLICKER_TIMES, FLICKER_VARIANCE, FLOOR, flicker, gauss_markov, random_walk
+from .noise import (
+    FLICKER_FLOOR,
+    FLICKER_TIMES,
+    FLICKER_VARIANCE,
+    flicker,
+    gauss_markov,
+    random_walk,
+)
 
 STREAMS = (
     "noise",
@@ -28,16 +38,21 @@ STREAMS = (
 streams: a new one goes to the end, or every seed's draws change."""
 
 
-LARGEST = (("scale_factor", 1.0, "1 (100 %)"), ("misalignment", np.pi / 4, "0.785 rad (45 deg)"))
+LARGEST_TERMS = (
+    ("scale_factor", 1.0, "1 (100 %)"),
+    ("misalignment", np.pi / 4, "0.785 rad (45 deg)"),
+)
 """Standard deviations of what a sensor may have at most."""
 
 
-def _term(gyro, accel, gyro_sheet=None, accel_sheet=None):
+def _term(
+    gyro: str, accel: str | None, gyro_sheet: str | None = None, accel_sheet: str | None = None
+) -> Any:
     units = {
         "gyro": gyro,
         "accel": accel,
         "gyro_sheet": gyro_sheet or SHEET[gyro],
-        "accel_sheet": accel_sheet or SHEET.get(accel),
+        "accel_sheet": accel_sheet or (SHEET[accel] if accel else None),
     }
     return field(default=0.0, metadata=units)
 
@@ -51,15 +66,15 @@ class WarmUp:
     end: float
     time_constant: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("start", "end"):
             check_finite(getattr(self, name), f"temperature {name}")
         check(self.time_constant, "temperature time_constant")
         if not self.time_constant:
             raise DataError("temperature time_constant is 0; it must be larger")
 
-    def temperature(self, t):
-        """degC at `t` s since the start."""
+    def temperature(self, t: Array) -> Array:
+        """degC (n,) at `t` (n,) s since the start."""
         return self.end + (self.start - self.end) * np.exp(-t / self.time_constant)
 
 
@@ -70,37 +85,31 @@ class Triad:
 
     noise: float = _term("rad/sqrt(s)", "m/s/sqrt(s)")  # white noise: angle or velocity random walk
     turn_on_bias: float = _term("rad/s", "m/s^2")  # sd of a bias that is constant during a run
-    bias_walk: float = _term(
-        "rad/s/sqrt(s)", "m/s^2/sqrt(s)"
-    )  # random walk of the bias: infinite time constant
-    gauss_markov: float = _term(
-        "rad/s", "m/s^2"
-    )  # stationary sd of a first-order Gauss-Markov bias
+    # random walk of the bias: infinite time constant
+    bias_walk: float = _term("rad/s/sqrt(s)", "m/s^2/sqrt(s)")
+    # stationary sd of a first-order Gauss-Markov bias
+    gauss_markov: float = _term("rad/s", "m/s^2")
     time_constant: float = _term("s", "s")  # of the Gauss-Markov bias
-    flicker: float = _term(
-        "rad/s", "m/s^2"
-    )  # bias instability B: a 1/f bias whose Allan deviation is flat at 0.664 B
-    scale_factor: float = _term(
-        "1", "1"
-    )  # sd of each axis's relative error of scale, constant during a run
-    misalignment: float = _term(
-        "rad", "rad", "mrad", "mrad"
-    )  # sd of the six angles between true and nominal axes, constant during a run
-    g_sensitivity: float = _term(
-        "rad/s/(m/s^2)", None
-    )  # sd of the nine coefficients from specific force to a gyro's rate, as above
-    quantisation: float = _term(
-        "rad", "m/s", "arcsec"
-    )  # step of the counted increments; what is left is carried to the next
-    saturation: float = _term(
-        "rad/s", "m/s^2", "deg/s", "g"
-    )  # full scale: a larger increment reads as full scale
-    temperature: tuple = ()  # rows (temperature degC, bias x, y, z): linear in between
+    # bias instability B: a 1/f bias whose Allan deviation is flat at 0.664 B
+    flicker: float = _term("rad/s", "m/s^2")
+    # sd of each axis's relative error of scale, constant during a run
+    scale_factor: float = _term("1", "1")
+    # sd of the six angles between true and nominal axes, constant during a run
+    misalignment: float = _term("rad", "rad", "mrad", "mrad")
+    # sd of the nine coefficients from specific force to a gyro's rate, as above
+    g_sensitivity: float = _term("rad/s/(m/s^2)", None)
+    # step of the counted increments; what is left is carried to the next
+    quantisation: float = _term("rad", "m/s", "arcsec")
+    # full scale: a larger increment reads as full scale
+    saturation: float = _term("rad/s", "m/s^2", "deg/s", "g")
+    temperature: tuple[
+        tuple[float, ...], ...
+    ] = ()  # rows (temperature degC, bias x, y, z): linear in between
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for term in terms():
             check(getattr(self, term.name), term.name)
-        for name, most, text in LARGEST:
+        for name, most, text in LARGEST_TERMS:
             if getattr(self, name) > most:
                 raise DataError(
                     f"{name} is {getattr(self, name):g}; it must be at most {text}; is its unit right?"
@@ -116,7 +125,7 @@ class Triad:
             )
         object.__setattr__(self, "temperature", _rows(self.temperature))
 
-    def bias_sd(self, warm_up=None):
+    def bias_sd(self, warm_up: WarmUp | None = None) -> float:
         """Standard deviation of the bias at the start of a run, rad/s or m/s^2; of the
         temperature bias the rms over the axes."""
         flickering = self.flicker * np.sqrt(FLICKER_VARIANCE * len(FLICKER_TIMES))
@@ -125,7 +134,7 @@ class Triad:
             np.hypot(np.hypot(self.turn_on_bias, self.gauss_markov), np.hypot(flickering, start))
         )
 
-    def bias_model(self, warm_up=None):
+    def bias_model(self, warm_up: WarmUp | None = None) -> tuple[float, float]:
         """(driving noise, decay) of the one bias state of a filter: db/dt = -decay b + noise.
 
         A Gauss-Markov bias alone is represented exactly. Beside a bias that does not decay, one
@@ -145,18 +154,24 @@ class Triad:
             2 * self.gauss_markov**2 / self.time_constant if self.gauss_markov else 0.0
         )
         if self.flicker:
-            floor = FLOOR * self.flicker
+            floor = FLICKER_FLOOR * self.flicker
             driving += (
                 3
                 * floor**2
                 / np.clip((self.noise / floor) ** 2, FLICKER_TIMES[0], FLICKER_TIMES[-1])
             )
-        driving += change**2 / warm_up.time_constant if change else 0.0
+        driving += change**2 / warm_up.time_constant if warm_up and change else 0.0
         return float(np.sqrt(driving)), 1 / self.time_constant if alone else 0.0
 
-    def bias(self, t, streams, since=0.0, warm_up=None):
-        """The bias (n, 3) at the sample times `t`, held over a sample; it follows its exact
-        discrete law from one to the next."""
+    def bias(
+        self,
+        t: Array,
+        streams: Mapping[str, np.random.Generator],
+        since: float = 0.0,
+        warm_up: WarmUp | None = None,
+    ) -> Array:
+        """The bias (n, 3), rad/s or m/s^2, at the sample times `t` (n,) s, held over a sample; it
+        follows its exact discrete law from one to the next."""
         step, bias = np.diff(t), np.zeros((len(t), 3))
         if self.turn_on_bias:
             bias += self.turn_on_bias * streams["turn_on_bias"].standard_normal(3)
@@ -169,10 +184,19 @@ class Triad:
         if self.flicker:
             bias += self.flicker * flicker(step, streams["flicker"])
         if self.temperature:
+            assert warm_up is not None  # ImuSpec has seen to it
             bias += self.temperature_bias(warm_up.temperature(t - since))
         return bias
 
-    def measure(self, true, t, dt, rng, force=None, warm_up=None):
+    def measure(
+        self,
+        true: Array,
+        t: Array,
+        dt: Array,
+        rng: np.random.Generator,
+        force: Array | None = None,
+        warm_up: WarmUp | None = None,
+    ) -> tuple[Array, Array]:
         """(increments as measured, bias behind them), (n, 3) each, of error-free increments `true`
         at times `t` over the intervals `dt`.
 
@@ -191,6 +215,7 @@ class Triad:
         if self.scale_factor or self.misalignment:
             error += true @ self._distortion(streams).T
         if self.g_sensitivity:
+            assert force is not None  # ImuSpec allows it of gyros alone
             error += (
                 force @ (self.g_sensitivity * streams["g_sensitivity"].standard_normal((3, 3))).T
             )
@@ -202,8 +227,9 @@ class Triad:
             error = np.clip(error, -full, full)
         return error, bias
 
-    def saturated(self, increments, dt):
-        """Number of samples of which an axis stands at full scale."""
+    def saturated(self, increments: Array, dt: Array) -> int:
+        """Number of samples of which an axis stands at full scale, of `increments` (n, 3), rad or
+        m/s, over the intervals `dt` (n,) s."""
         return (
             int(
                 (np.abs(increments) >= self.saturation * (1 - 1e-12) * dt[:, None])
@@ -214,31 +240,34 @@ class Triad:
             else 0
         )
 
-    def temperature_bias(self, temperature):
+    def temperature_bias(self, temperature: Array) -> Array:
         """(n, 3) bias at temperatures (n,) degC within the table."""
         table = np.array(self.temperature)
         return np.stack(
             [np.interp(temperature, table[:, 0], column) for column in table[:, 1:].T], axis=1
         )
 
-    def _distortion(self, streams):
+    def _distortion(self, streams: Mapping[str, np.random.Generator]) -> Array:
         """(3, 3) what scale and misalignment add to the true increments, as a share of them."""
         scale = np.diag(self.scale_factor * streams["scale_factor"].standard_normal(3))
         angles = self.misalignment * streams["misalignment"].standard_normal((3, 3))
         return scale + angles * (1 - np.eye(3))
 
-    def _counted(self, increments, stream):
+    def _counted(self, increments: Array, stream: np.random.Generator) -> Array:
         """Whole steps only: a counter of the integral, read after every sample, that starts at a
         random place within a step."""
         begin = stream.random((1, 3))
         count = np.floor(np.cumsum(np.concatenate([begin, increments / self.quantisation]), axis=0))
         return np.diff(count, axis=0) * self.quantisation
 
-    def _temperature_effect(self, warm_up):
+    def _temperature_effect(self, warm_up: WarmUp | None) -> tuple[float, float]:
         """(rms over the axes of the bias at the start, of its range during the warm-up)."""
         if not self.temperature or warm_up is None:
             return 0.0, 0.0
-        rms = lambda values: float(np.sqrt(np.mean(np.square(values))))
+
+        def rms(values: Array) -> float:
+            return float(np.sqrt(np.mean(np.square(values))))
+
         corners = [
             row[0]
             for row in self.temperature
@@ -248,13 +277,13 @@ class Triad:
         return rms(bias[0]), rms(np.ptp(bias, axis=0))
 
 
-def terms(sensor=None):
+def terms(sensor: str | None = None) -> list[Field[Any]]:
     """The fields of Triad that are numbers with units, of both sensors or of one ("gyro" or
     "accel")."""
     return [f for f in fields(Triad) if f.metadata and (sensor is None or f.metadata[sensor])]
 
 
-def _rows(table):
+def _rows(table: Iterable[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
     """A temperature table as a tuple of tuples of floats, by rising temperature. Raises
     DataError."""
     rows = tuple(tuple(row) for row in table)

@@ -13,7 +13,7 @@ import math
 from functools import cache
 from numbers import Real
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,10 +22,8 @@ from ..data import DataError
 
 YEARS = 5.0  # that each WMM is meant for
 IGRF, IGRF_YEARS = "IGRF-14", (1900.0, 2030.0)
-LOWEST, HIGHEST = (
-    -12e3,
-    850e3,
-)  # m: the deepest sea, and where currents of the ionosphere and beyond end what the models claim
+# m: the deepest sea, and where currents of the ionosphere and beyond end what the models claim
+LOWEST_PLACE, HIGHEST_PLACE = -12e3, 850e3
 COMPASS = 6e-6  # T: horizontal intensity below which the WMM warns of compasses (its caution zone)
 
 
@@ -33,7 +31,7 @@ class GeomagneticField(NamedTuple):
     """The Earth's field at a date and place: SI and radians. `np.asarray(result.field)` is the
     vector that aidings take."""
 
-    field: tuple  # north, east, down, T
+    field: tuple[float, ...]  # north, east, down, T
     declination: float  # rad, of magnetic north from true north, positive east
     inclination: float  # rad, below the horizon
     horizontal: float  # T, horizontal intensity
@@ -42,7 +40,13 @@ class GeomagneticField(NamedTuple):
     note: str  # what must be known where the field is used, or ""
 
 
-def geomagnetic_field(date, lat, lon, height=0.0, model=None):
+def geomagnetic_field(
+    date: datetime.date | str | float,
+    lat: float,
+    lon: float,
+    height: float = 0.0,
+    model: str | None = None,
+) -> GeomagneticField:
     """The GeomagneticField at a date and place.
 
     date: datetime.date or datetime, ISO text ("2012-10-10") or decimal year; lat, lon: rad; height:
@@ -79,19 +83,18 @@ def geomagnetic_field(date, lat, lon, height=0.0, model=None):
 
 
 @cache
-def models():
+def models() -> dict[str, tuple[float, float]]:
     """{name: (first, last) decimal year} of all models: each WMM that the installed coefficients
     hold, and the IGRF."""
     import pygeomag
 
     files = sorted((Path(pygeomag.__file__).parent / "wmm").glob("WMM_20*.COF"))
-    newest = {
-        int(file.stem[4:8]): file.stem.replace("_", "") for file in files
-    }  # a corrected WMM (2015v2) replaces the first
+    # a corrected WMM (2015v2) replaces the first
+    newest = {int(file.stem[4:8]): file.stem.replace("_", "") for file in files}
     return {name: (float(year), year + YEARS) for year, name in newest.items()} | {IGRF: IGRF_YEARS}
 
 
-def decimal_year(date):
+def decimal_year(date: datetime.date | str | float) -> float:
     """Year with its fraction, from a date, a datetime, ISO text or a number. Raises DataError."""
     if isinstance(date, Real) and not isinstance(date, bool) and math.isfinite(date):
         return float(date)
@@ -113,7 +116,7 @@ def decimal_year(date):
     return date.year + (date.timetuple().tm_yday - 1 + clock) / days
 
 
-def _check_place(lat, lon, height):
+def _check_place(lat: float, lon: float, height: float) -> None:
     for name, value in (("latitude", lat), ("longitude", lon), ("height", height)):
         if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
             raise DataError(f"{name} is {value!r}; the geomagnetic model needs a finite number")
@@ -125,13 +128,13 @@ def _check_place(lat, lon, height):
         raise DataError(
             f"latitude is {math.degrees(lat):.6g} deg; results hold up to {math.degrees(LATITUDE_LIMIT):.0f} deg"
         )
-    if not LOWEST <= height <= HIGHEST:
+    if not LOWEST_PLACE <= height <= HIGHEST_PLACE:
         raise DataError(
-            f"height is {height:g} m; geomagnetic models hold from {LOWEST / 1000:.0f} to {HIGHEST / 1000:.0f} km"
+            f"height is {height:g} m; geomagnetic models hold from {LOWEST_PLACE / 1000:.0f} to {HIGHEST_PLACE / 1000:.0f} km"
         )
 
 
-def _model_at(year, date):
+def _model_at(year: float, date: datetime.date | str | float) -> str:
     for name, (first, last) in models().items():  # the IGRF is the last of them
         if first <= year < last:
             return name
@@ -146,7 +149,7 @@ def _model_at(year, date):
     )
 
 
-def _named(model, year, date):
+def _named(model: str, year: float, date: datetime.date | str | float) -> str:
     if model not in models():
         raise DataError(f"there is no geomagnetic model {model!r}; there are {', '.join(models())}")
     first, last = models()[model]
@@ -162,24 +165,28 @@ def _named(model, year, date):
     return model
 
 
-def _years(span):
+def _years(span: tuple[float, float]) -> str:
     return f"{span[0]:.0f} to {span[1]:.0f}"
 
 
 @cache
-def _coefficients(name):
+def _coefficients(name: str) -> Any:
     from pygeomag import GeoMag
 
     return GeoMag(coefficients_file=f"wmm/{name.replace('WMM', 'WMM_')}.COF")
 
 
-def _wmm(name, year, lat, lon, height):
+def _wmm(
+    name: str, year: float, lat: float, lon: float, height: float
+) -> tuple[float, float, float]:
     """North, east, down in nT; degrees and km."""
     found = _coefficients(name).calculate(glat=lat, glon=lon, alt=height, time=year)
     return found.x, found.y, found.z
 
 
-def _igrf(name, year, lat, lon, height):
+def _igrf(
+    name: str, year: float, lat: float, lon: float, height: float
+) -> tuple[float, float, float]:
     """North, east, down in nT; degrees and km."""
     import ppigrf
 

@@ -1,37 +1,51 @@
 """Error model of a GNSS receiver: fixes of position and velocity at the antenna with white
 noise, outages and latency, as Aiding."""
 
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ..data import Aiding, DataError, Trajectory
 from ..geodesy import radii, wrap
+from ..typing import Array, ArrayLike, Ints
 from .datasheet_units import real
+
+
+class Kept(NamedTuple):
+    """Which fixes of a plan are measured, and how they are stamped and gated."""
+
+    rows: Ints | None = None  # None: all
+    latency: float = 0.0  # s, as of Gnss
+    gate: float | None = None  # as of Aiding
+
+
+_ALL = Kept()
 
 
 class Gnss(NamedTuple):
     """A receiver: time between fixes, and standard deviations north, east, down; None means that
     it does not measure this."""
 
-    interval: float = 1.0  # s
-    position_sd: tuple | None = (1.0, 1.0, 1.5)  # m
-    velocity_sd: tuple | None = (0.1, 0.1, 0.1)  # m/s
-    lever_arm: tuple = (0.0, 0.0, 0.0)  # from the IMU to the antenna, m, body
+    interval: float | Array = 1.0  # s, or the times of the fixes themselves
+    position_sd: tuple[float, ...] | float | None = (1.0, 1.0, 1.5)  # m
+    velocity_sd: tuple[float, ...] | float | None = (0.1, 0.1, 0.1)  # m/s
+    lever_arm: tuple[float, ...] = (0.0, 0.0, 0.0)  # from the IMU to the antenna, m, body
     # (start, stop) of windows in which no fix is measured, s; the stop itself is outside
-    outages: tuple = ()
+    outages: tuple[tuple[float, ...], ...] = ()
     latency: float = 0.0  # s: each fix is stamped that much later than the instant it was measured
 
-    def fixes(self, trajectory, rng):
+    def fixes(self, trajectory: Trajectory, rng: np.random.Generator) -> tuple[Aiding, ...]:
         """The aidings of a flight, position and velocity each from a random stream of its own.
         Raises DataError."""
         return self.plan(trajectory).fixes(rng)
 
-    def plan(self, trajectory, gate=None):
+    def plan(self, trajectory: Trajectory, gate: float | None = None) -> "Plan":
         """What all runs over one trajectory share, as a Plan; `gate` is that of its aidings.
         Raises DataError."""
         self.check()
-        keep = self._kept(fix_times(trajectory, self.interval), trajectory.t[-1])
+        rows = self._kept(fix_times(trajectory, self.interval), trajectory.t[-1])
+        kept = Kept(rows, self.latency, gate)
         position = velocity = None
         if self.position_sd is not None:
             position = PositionPlan.of(
@@ -39,9 +53,7 @@ class Gnss(NamedTuple):
                 self.interval,
                 self.position_sd,
                 self.lever_arm,
-                keep=keep,
-                latency=self.latency,
-                gate=gate,
+                kept=kept,
             )
         if self.velocity_sd is not None:
             velocity = VelocityPlan.of(
@@ -49,13 +61,11 @@ class Gnss(NamedTuple):
                 self.interval,
                 self.velocity_sd,
                 self.lever_arm,
-                keep=keep,
-                latency=self.latency,
-                gate=gate,
+                kept=kept,
             )
         return Plan(position, velocity)
 
-    def check(self):
+    def check(self) -> None:
         """Raise DataError, in one line, where no receiver can be like that."""
         if not np.ndim(self.interval):
             _interval(self.interval)
@@ -73,7 +83,7 @@ class Gnss(NamedTuple):
                     f"outage {window!r}: write (start, stop) in s, the start before the stop"
                 )
 
-    def _kept(self, t, end):
+    def _kept(self, t: Array, end: float) -> Ints | None:
         """Rows of the fixes that are measured and, with their latency, come before the end; None
         where that is all of them."""
         keep = t + self.latency <= end + 1e-9 if self.latency else np.ones(len(t), bool)
@@ -88,14 +98,14 @@ class Plan(NamedTuple):
     position: "PositionPlan | None"
     velocity: "VelocityPlan | None"
 
-    def fixes(self, rng):
+    def fixes(self, rng: np.random.Generator) -> tuple[Aiding, ...]:
         """The aidings of one run, with noise from `rng`: position and velocity each from a
         random stream of its own."""
         return tuple(
             part.fixes(stream) for part, stream in zip(self, rng.spawn(2)) if part is not None
         )
 
-    def exact(self):
+    def exact(self) -> tuple[Aiding, ...]:
         """The aidings with the noise left out but its standard deviations stated."""
         return tuple(part.fixes(None) for part in self if part is not None)
 
@@ -104,24 +114,22 @@ class PositionPlan(NamedTuple):
     """Noise-free positions of an antenna and what a displacement in metres does to them."""
 
     aiding: Aiding  # all but its y
-    lla: np.ndarray  # (n, 3) of the IMU, rad, rad, m
-    antenna: np.ndarray  # (n, 3) lever arm, m NED
-    metres: np.ndarray  # (n, 3) per rad north, per rad east, per metre up
-    sd: np.ndarray  # (3,) m
-    keep: np.ndarray | None  # rows that become fixes; None: all
+    lla: Array  # (n, 3) of the IMU, rad, rad, m
+    antenna: Array  # (n, 3) lever arm, m NED
+    metres: Array  # (n, 3) per rad north, per rad east, per metre up
+    sd: Array  # (3,) m
+    keep: Ints | None  # rows that become fixes; None: all
 
     @classmethod
     def of(
         cls,
-        trajectory,
-        times,
-        sd,
-        lever_arm=(0.0, 0.0, 0.0),
-        name="GNSS position",
-        keep=None,
-        latency=0.0,
-        gate=None,
-    ):
+        trajectory: Trajectory,
+        times: float | Array,
+        sd: float | Sequence[float] | Array,
+        lever_arm: Sequence[float] | Array = (0.0, 0.0, 0.0),
+        name: str = "GNSS position",
+        kept: Kept = _ALL,
+    ) -> "PositionPlan":
         """For a trajectory; arguments as in `position_fixes`."""
         t, sd = fix_times(trajectory, times), _deviations(sd, name)
         antenna, lla = (
@@ -133,15 +141,15 @@ class PositionPlan(NamedTuple):
             [R_M + lla[:, 2], (R_N + lla[:, 2]) * np.cos(lla[:, 0]), -np.ones(len(t))], axis=1
         )
         return cls(
-            _without_values("position", t, sd, lever_arm, name, keep, latency, gate),
+            _without_values("position", t, sd, lever_arm, name, kept),
             lla,
             antenna,
             metres,
             sd,
-            keep,
+            kept.rows,
         )
 
-    def fixes(self, rng):
+    def fixes(self, rng: np.random.Generator | None) -> Aiding:
         """Aiding of the antenna's position, white noise added; without `rng` the exact one."""
         offset = self.antenna if rng is None else rng.standard_normal(self.antenna.shape)
         if rng is not None:
@@ -157,27 +165,26 @@ class VelocityPlan(NamedTuple):
     """Noise-free velocities of an antenna."""
 
     aiding: Aiding  # all but its y
-    v_n: np.ndarray  # (n, 3) m/s NED
-    sd: np.ndarray  # (3,) m/s
-    keep: np.ndarray | None  # rows that become fixes; None: all
+    v_n: Array  # (n, 3) m/s NED
+    sd: Array  # (3,) m/s
+    keep: Ints | None  # rows that become fixes; None: all
 
     @classmethod
     def of(
         cls,
-        trajectory,
-        times,
-        sd,
-        lever_arm=(0.0, 0.0, 0.0),
-        name="GNSS velocity",
-        keep=None,
-        latency=0.0,
-        gate=None,
-    ):
+        trajectory: Trajectory,
+        times: float | Array,
+        sd: float | Sequence[float] | Array,
+        lever_arm: Sequence[float] | Array = (0.0, 0.0, 0.0),
+        name: str = "GNSS velocity",
+        kept: Kept = _ALL,
+    ) -> "VelocityPlan":
         """For a trajectory; arguments as in `velocity_fixes`."""
         if trajectory.v_n is None:
             raise DataError(f"{name}: the trajectory has no velocity")
         t, sd = fix_times(trajectory, times), _deviations(sd, name)
         velocity = interpolated(trajectory, t).v_n
+        assert velocity is not None  # as that of the trajectory
         if np.any(lever_arm):
             half = 0.5 * float(np.median(np.diff(trajectory.t)))
             early, late = np.clip([t - half, t + half], trajectory.t[0], trajectory.t[-1])
@@ -186,13 +193,13 @@ class VelocityPlan(NamedTuple):
             )
             velocity = velocity + moved / (late - early)[:, None]
         return cls(
-            _without_values("velocity", t, sd, lever_arm, name, keep, latency, gate),
+            _without_values("velocity", t, sd, lever_arm, name, kept),
             velocity,
             sd,
-            keep,
+            kept.rows,
         )
 
-    def fixes(self, rng):
+    def fixes(self, rng: np.random.Generator | None) -> Aiding:
         """Aiding of the antenna's velocity, white noise added; without `rng` the exact one."""
         if rng is None:
             return _with_values(self.aiding, self.v_n.copy(), self.keep)
@@ -202,7 +209,14 @@ class VelocityPlan(NamedTuple):
         return _with_values(self.aiding, y, self.keep)
 
 
-def position_fixes(trajectory, times, sd, rng, lever_arm=(0.0, 0.0, 0.0), name="GNSS position"):
+def position_fixes(
+    trajectory: Trajectory,
+    times: float | Array,
+    sd: float | Sequence[float] | Array,
+    rng: np.random.Generator,
+    lever_arm: Sequence[float] | Array = (0.0, 0.0, 0.0),
+    name: str = "GNSS position",
+) -> Aiding:
     """Aiding of antenna positions (latitude rad, longitude rad, height m) with white noise of `sd`
     (3,) m north, east, down.
 
@@ -212,7 +226,14 @@ def position_fixes(trajectory, times, sd, rng, lever_arm=(0.0, 0.0, 0.0), name="
     return PositionPlan.of(trajectory, times, sd, lever_arm, name).fixes(rng)
 
 
-def velocity_fixes(trajectory, times, sd, rng, lever_arm=(0.0, 0.0, 0.0), name="GNSS velocity"):
+def velocity_fixes(
+    trajectory: Trajectory,
+    times: float | Array,
+    sd: float | Sequence[float] | Array,
+    rng: np.random.Generator,
+    lever_arm: Sequence[float] | Array = (0.0, 0.0, 0.0),
+    name: str = "GNSS velocity",
+) -> Aiding:
     """Aiding of antenna velocities (m/s, NED) with white noise of `sd` (3,) m/s; arguments as in
     `position_fixes`.
 
@@ -223,9 +244,9 @@ def velocity_fixes(trajectory, times, sd, rng, lever_arm=(0.0, 0.0, 0.0), name="
     return VelocityPlan.of(trajectory, times, sd, lever_arm, name).fixes(rng)
 
 
-def interpolated(trajectory, t):
-    """Position and velocity at times within the trajectory, as data.Trajectory: its rows at
-    their own times, else cubic splines. Raises DataError."""
+def interpolated(trajectory: Trajectory, t: Array) -> Trajectory:
+    """Position and velocity at times t (n,) s within the trajectory, as data.Trajectory: its rows
+    at their own times, else cubic splines. Raises DataError."""
     if len(trajectory.t) < 2 or not np.all((t >= trajectory.t[0]) & (t <= trajectory.t[-1])):
         raise DataError(
             f"fixes are wanted at times outside the trajectory, which covers {trajectory.t[0]:g} to {trajectory.t[-1]:g} s"
@@ -245,21 +266,28 @@ def interpolated(trajectory, t):
     return Trajectory(t, lla, v_n)
 
 
-def _without_values(kind, t, sd, lever_arm, name, keep, latency, gate):
+def _without_values(
+    kind: str,
+    t: Array,
+    sd: Array,
+    lever_arm: Sequence[float] | Array,
+    name: str,
+    kept: Kept,
+) -> Aiding:
     """The Aiding of a plan with everything that no noise touches."""
-    t = (t if keep is None else t[keep]) + latency
+    t = (t if kept.rows is None else t[kept.rows]) + kept.latency
     return Aiding(
         kind,
         t,
         np.empty((0, 3)),
         np.tile(sd, (len(t), 1)),
         tuple(map(float, lever_arm)),
-        gate,
+        kept.gate,
         name,
     )
 
 
-def _with_values(aiding, y, keep):
+def _with_values(aiding: Aiding, y: Array, keep: Ints | None) -> Aiding:
     return Aiding(
         aiding.kind,
         aiding.t,
@@ -271,7 +299,9 @@ def _with_values(aiding, y, keep):
     )
 
 
-def arm_in_navigation(trajectory, t, lever_arm, name):
+def arm_in_navigation(
+    trajectory: Trajectory, t: Array, lever_arm: Sequence[float] | Array, name: str
+) -> Array:
     """C_nb lever_arm, (n, 3) m NED; the attitude turns at a constant rate between samples."""
     _lever_arm(lever_arm, name)
     if not np.any(lever_arm):
@@ -283,8 +313,9 @@ def arm_in_navigation(trajectory, t, lever_arm, name):
     return Slerp(trajectory.t, trajectory.rotation)(t).apply(lever_arm)
 
 
-def fix_times(trajectory, times):
-    """Times of the fixes, at samples of the trajectory where rounding alone parts them."""
+def fix_times(trajectory: Trajectory, times: float | Array) -> Array:
+    """Times (n,) s of the fixes, at samples of the trajectory where rounding alone parts them;
+    `times` as in `position_fixes`. Raises DataError."""
     if np.ndim(times):
         t = np.asarray(times, float)
     else:
@@ -300,7 +331,7 @@ def fix_times(trajectory, times):
     return np.where(np.abs(nearest - t) < 1e-9 * (1 + np.abs(t)), nearest, t)
 
 
-def without_fixes(aidings):
+def without_fixes(aidings: Iterable[Aiding]) -> list[str]:
     """Sentences for the notes of a recording: the receiver's measurements of which not one falls
     into it; none where all are there."""
     return [
@@ -310,19 +341,19 @@ def without_fixes(aidings):
     ]
 
 
-def _numbers(values, what):
+def _numbers(values: ArrayLike, what: str) -> Array:
     try:
         return np.asarray(values, float)
     except (TypeError, ValueError):
         raise DataError(f"{what}: {values!r} is no number") from None
 
 
-def _interval(seconds):
+def _interval(seconds: float | Array) -> None:
     if not real(seconds) or not 0 < seconds < np.inf:
         raise DataError(f"interval between fixes is {seconds!r} s; it must be larger than 0")
 
 
-def _lever_arm(lever_arm, name):
+def _lever_arm(lever_arm: Sequence[float] | Array, name: str) -> None:
     if np.shape(lever_arm) != (3,) or not np.all(
         np.isfinite(_numbers(lever_arm, f"{name}: lever arm"))
     ):
@@ -331,7 +362,7 @@ def _lever_arm(lever_arm, name):
         )
 
 
-def _deviations(sd, name):
+def _deviations(sd: float | Sequence[float] | Array, name: str) -> Array:
     if np.ndim(sd) and np.shape(sd) != (3,):
         raise DataError(
             f"{name}: {np.size(sd)} standard deviations are given; give three, north, east, down, or one for all"

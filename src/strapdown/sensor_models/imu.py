@@ -2,12 +2,17 @@
 TOML file, and the grades that ship with the package."""
 
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
 
 from ..core.contract import Imu, Noise
 from ..data import DataError
-from ..files import read_toml, replacing, shipped
+from ..files import find_shipped, read_toml, replacing, shipped
+from ..typing import Array, File
 from .datasheet_units import (
     SHEET,
     check_finite,
@@ -19,6 +24,8 @@ from .datasheet_units import (
     toml_quantity,
 )
 from .errors import Triad, WarmUp, terms
+
+Made = TypeVar("Made")
 
 WARM_UP = {"start": "degC", "end": "degC", "time_constant": "s"}
 """Keys of the section [warm_up] and their SI units."""
@@ -33,11 +40,10 @@ class ImuSpec:
     gyro: Triad
     accel: Triad
     source: str = ""
-    warm_up: WarmUp | None = (
-        None  # the temperature of a run; goes with the temperature table of a triad
-    )
+    # the temperature of a run; goes with the temperature table of a triad
+    warm_up: WarmUp | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.accel.g_sensitivity:
             raise DataError(
                 "g_sensitivity is an error of gyros; the accelerometer's answer to specific force is its scale_factor"
@@ -54,6 +60,7 @@ class ImuSpec:
                 else f"the temperature table of {min(tables)} needs warm_up: temperatures at start and end, time constant"
             )
         for sensor, table in tables.items():
+            assert self.warm_up is not None  # as just checked
             low, high = sorted((self.warm_up.start, self.warm_up.end))
             if low < table[0][0] or high > table[-1][0]:
                 raise DataError(
@@ -61,7 +68,7 @@ class ImuSpec:
                     f"which covers {table[0][0]:g} to {table[-1][0]:g}"
                 )
 
-    def noise(self):
+    def noise(self) -> Noise:
         """What a filter with one bias state per axis should assume (see `Triad.bias_model`), as
         core.contract.Noise."""
         (gyro_bias, gyro_decay), (accel_bias, accel_decay) = (
@@ -72,11 +79,11 @@ class ImuSpec:
             self.gyro.noise, self.accel.noise, gyro_bias, accel_bias, gyro_decay, accel_decay
         )
 
-    def bias_sd(self):
+    def bias_sd(self) -> tuple[float, float]:
         """Initial standard deviations (accelerometer m/s^2, gyro rad/s)."""
         return self.accel.bias_sd(self.warm_up), self.gyro.bias_sd(self.warm_up)
 
-    def corrupt(self, imu, rng):
+    def corrupt(self, imu: Imu, rng: np.random.Generator) -> tuple[Imu, Array, Array]:
         """(Imu with errors, b_a (n, 3) m/s^2, b_g (n, 3) rad/s) of an error-free `imu`; `rng` is a
         numpy Generator, the source of all chance.
 
@@ -88,7 +95,7 @@ class ImuSpec:
         dtheta, b_g = self.gyro.measure(imu.dtheta, imu.t, imu.dt, gyro, imu.dv, self.warm_up)
         return Imu(imu.t, imu.dt, dtheta, dv), b_a, b_g
 
-    def datasheet(self):
+    def datasheet(self) -> dict[str, float]:
         """{"gyro noise, deg/sqrt(h)": value, ...}: every term of both triads in the units of
         datasheets; of a temperature table the largest bias."""
         sheet = {}
@@ -114,30 +121,32 @@ class ImuSpec:
         return sheet
 
     @classmethod
-    def from_toml(cls, path):
+    def from_toml(cls, path: File) -> "ImuSpec":
         """Read a spec file. Raises DataError naming the file, the field and the remedy."""
         return _from_table(
             read_toml(path, "give a grade's name or the path of a .toml file"), str(path)
         )
 
-    def to_toml(self, path):
+    def to_toml(self, path: File) -> None:
         """Write a spec file that `from_toml` reads back to an equal spec (SI values; datasheet
         units beside them as comments)."""
         with replacing(path) as part:
             part.write_text(_as_toml(self), encoding="utf-8")
 
-    def __repr__(self):
+    def __repr__(self) -> str:
+        def shown(value: float, si: str) -> str:
+            return f"{in_units(value, si):.3g} {SHEET[si]}"
+
         parts = []
         for sensor, bias_sd in (("gyro", self.bias_sd()[1]), ("accel", self.bias_sd()[0])):
             unit = {term.name: term.metadata[sensor] for term in terms(sensor)}
-            shown = lambda value, si: f"{in_units(value, si):.3g} {SHEET[si]}"
             parts.append(
                 f"{sensor} {shown(getattr(self, sensor).noise, unit['noise'])}, bias {shown(bias_sd, unit['turn_on_bias'])}"
             )
         return f"ImuSpec({self.name}: {'; '.join(parts)})"
 
 
-def saturated(spec, imu):
+def saturated(spec: ImuSpec, imu: Imu) -> list[str]:
     """Sentences for the notes of a recording: how many samples of `imu`, corrupted by `spec`,
     stand at full scale; none where none does."""
     notes = []
@@ -153,13 +162,13 @@ def saturated(spec, imu):
     return notes
 
 
-def grades(others=True):
+def grades(others: bool = True) -> list[str]:
     """Names of the grades that ship with this and, with `others`, with other installed packages,
     sorted."""
     return list(shipped("grades", __package__, others))
 
 
-def grade(name):
+def grade(name: ImuSpec | dict[str, Any] | File) -> ImuSpec:
     """The ImuSpec of a grade's name or of a spec file's path (ends in .toml or contains a folder);
     an ImuSpec is returned as it is.
 
@@ -178,7 +187,7 @@ def grade(name):
             }
         )
     name = str(name)
-    if resource := shipped("grades", __package__).get(name):
+    if resource := find_shipped("grades", __package__, name):
         return _from_table(tomllib.loads(resource.read_text(encoding="utf-8")), f"grade {name}")
     if name.endswith(".toml") or len(Path(name).parts) > 1:
         return ImuSpec.from_toml(name)
@@ -187,11 +196,11 @@ def grade(name):
     )
 
 
-def _bias_unit(sensor):
+def _bias_unit(sensor: str) -> str:
     return "rad/s" if sensor == "gyro" else "m/s^2"
 
 
-def _from_table(table, where):
+def _from_table(table: dict[str, Any], where: str) -> ImuSpec:
     refuse_unknown(table, ["name", "source", "gyro", "accel", "warm_up"], where)
     text = {
         "name": Path(where).stem,
@@ -209,7 +218,7 @@ def _from_table(table, where):
     return _made(where, ImuSpec, text["name"], gyro, accel, text["source"], warm_up)
 
 
-def _made(where, kind, *arguments, **named):
+def _made(where: str, kind: Callable[..., Made], *arguments: Any, **named: Any) -> Made:
     """kind(...), its complaint preceded by the place in the file."""
     try:
         return kind(*arguments, **named)
@@ -217,7 +226,7 @@ def _made(where, kind, *arguments, **named):
         raise DataError(f"{where}: {error}") from None
 
 
-def _triad(table, sensor, where):
+def _triad(table: dict[str, Any], sensor: str, where: str) -> Triad:
     entries = table.get(sensor)
     if not isinstance(entries, dict):
         raise DataError(
@@ -229,7 +238,7 @@ def _triad(table, sensor, where):
         raise DataError(
             f'{where}, [{sensor}]: noise is missing; give it as {{ value = ..., unit = "{known["noise"][f"{sensor}_sheet"]}" }}'
         )
-    values = {
+    values: dict[str, Any] = {
         name: quantity(
             entry, known[name][sensor], f"{where}, {sensor}.{name}", known[name][f"{sensor}_sheet"]
         )
@@ -247,7 +256,7 @@ def _triad(table, sensor, where):
     return _made(f"{where}, [{sensor}]", Triad, **values)
 
 
-def temperature_rows(entry, si, where):
+def temperature_rows(entry: Any, si: str, where: str) -> list[tuple[float, ...]]:
     """Rows in degC and SI of the TOML table {unit, rows}, unsorted and unchecked beyond their
     shape. Raises DataError naming `where`."""
     if (
@@ -268,7 +277,7 @@ def temperature_rows(entry, si, where):
     return rows
 
 
-def _warm_up(table, where):
+def _warm_up(table: dict[str, Any], where: str) -> WarmUp | None:
     entries = table.get("warm_up")
     if entries is None:
         return None
@@ -286,10 +295,10 @@ def _warm_up(table, where):
     )
 
 
-def _as_toml(spec):
-    quote = lambda text: (
-        '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
-    )
+def _as_toml(spec: ImuSpec) -> str:
+    def quote(text: str) -> str:
+        return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
+
     lines = [f"name = {quote(spec.name)}", f"source = {quote(spec.source)}"]
     for sensor in ("gyro", "accel"):
         triad = getattr(spec, sensor)

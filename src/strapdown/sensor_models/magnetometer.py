@@ -9,21 +9,26 @@ soft iron; D = diag(1 + scale); b_mag: hard iron and the sensor's own offset; w:
 Sensors 967245.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from numbers import Real
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..data import Aiding, DataError
+from ..data import Aiding, DataError, Trajectory
+from ..typing import Array, ArrayLike
 from .datasheet_units import real
 from .gnss import fix_times
 
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
 UNIFORM = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Soft iron that changes nothing."""
-STRONGEST = 0.1  # T: beside a magnet; a larger number is a mistaken unit
-EARTH = 100e-6  # T: no field of the Earth is as strong
-LEFT = 1e-3  # of its largest value: the least singular value that soft iron may leave
+STRONGEST_MAGNET = 0.1  # T: beside a magnet; a larger number is a mistaken unit
+STRONGEST_EARTH = 100e-6  # T: no field of the Earth is as strong
+LEAST_LEFT = 1e-3  # of its largest value: the least singular value that soft iron may leave
 
 
 class Disturbance(NamedTuple):
@@ -32,7 +37,7 @@ class Disturbance(NamedTuple):
 
     start: float
     stop: float
-    field: tuple
+    field: tuple[float, ...]
     frame: str = "n"
 
 
@@ -42,27 +47,36 @@ class Magnetometer:
     DataError on what none can be."""
 
     rate: float | None = None  # samples per second; None: one with every IMU sample
-    sd: tuple = (0.3e-6, 0.3e-6, 0.3e-6)  # T, white noise of each sample
-    hard_iron: tuple = (0.0, 0.0, 0.0)  # T, body: what it reads too much
-    soft_iron: tuple = UNIFORM  # (3, 3), body
-    scale: tuple = (0.0, 0.0, 0.0)  # relative error of each axis's scale
+    sd: tuple[float, ...] | float = (0.3e-6, 0.3e-6, 0.3e-6)  # T, white noise of each sample
+    hard_iron: tuple[float, ...] = (0.0, 0.0, 0.0)  # T, body: what it reads too much
+    soft_iron: tuple[tuple[float, ...], ...] = UNIFORM  # (3, 3), body
+    scale: tuple[float, ...] | float = (0.0, 0.0, 0.0)  # relative error of each axis's scale
     saturation: float = 0.0  # T, full scale of each axis; 0: none
-    field: tuple | None = (
-        None  # T, NED: the Earth's field; None: the geomagnetic model's, at date and place
-    )
-    disturbances: tuple = ()  # of Disturbance
+    # T, NED: the Earth's field; None: the geomagnetic model's, at date and place
+    field: tuple[float, ...] | None = None
+    disturbances: tuple[Disturbance, ...] = ()
 
-    def __post_init__(self):
-        settle = lambda name, value: object.__setattr__(self, name, value)
+    def __post_init__(self) -> None:
+        def settle(name: str, value: object) -> None:
+            object.__setattr__(self, name, value)
+
+        three: dict[str, tuple[float, ...]] = {}
         if self.rate is not None and not _positive(self.rate):
             raise DataError(f"magnetometer: rate is {self.rate!r}; it must be larger than 0, in Hz")
-        for name, largest in (("sd", STRONGEST), ("hard_iron", STRONGEST), ("scale", 1.0)):
-            settle(name, _three(getattr(self, name), name, largest, spread=name != "hard_iron"))
-        if not min(self.sd) > 0:
-            raise DataError(f"magnetometer: sd is {list(self.sd)}; it must be larger than 0, in T")
-        if min(self.scale) <= -1:
+        for name, largest in (
+            ("sd", STRONGEST_MAGNET),
+            ("hard_iron", STRONGEST_MAGNET),
+            ("scale", 1.0),
+        ):
+            three[name] = _three(getattr(self, name), name, largest, spread=name != "hard_iron")
+            settle(name, three[name])
+        if not min(three["sd"]) > 0:
             raise DataError(
-                f"magnetometer: scale is {list(self.scale)}; an error of -1 would leave nothing of the field"
+                f"magnetometer: sd is {list(three['sd'])}; it must be larger than 0, in T"
+            )
+        if min(three["scale"]) <= -1:
+            raise DataError(
+                f"magnetometer: scale is {list(three['scale'])}; an error of -1 would leave nothing of the field"
             )
         settle("soft_iron", _soft_iron(self.soft_iron))
         if not (_positive(self.saturation) or self.saturation == 0) or isinstance(
@@ -79,7 +93,12 @@ class Magnetometer:
             )
         settle("disturbances", tuple(_disturbance(each) for each in self.disturbances))
 
-    def measure(self, truth, rng, field=None):
+    def measure(
+        self,
+        truth: Trajectory,
+        rng: np.random.Generator,
+        field: Sequence[float] | Array | None = None,
+    ) -> Aiding:
         """Aiding "magnetic-field" of a flight, its parameters the reference field: `field` (3,) T
         NED, by default this sensor's own.
 
@@ -87,7 +106,12 @@ class Magnetometer:
         """
         return self.plan(truth, field).fixes(rng)
 
-    def plan(self, truth, field=None, gate=None):
+    def plan(
+        self,
+        truth: Trajectory,
+        field: Sequence[float] | Array | None = None,
+        gate: float | None = None,
+    ) -> "MagnetometerPlan":
         """What all runs over one trajectory share, as a MagnetometerPlan; arguments as of
         `measure`, `gate` that of its aiding. Raises DataError."""
         if field is None and self.field is None:
@@ -116,7 +140,7 @@ class Magnetometer:
         )
         return MagnetometerPlan(aiding, ideal, distorted, np.array(self.sd), self.saturation)
 
-    def _disturbance(self, t, frame):
+    def _disturbance(self, t: Array, frame: str) -> Array:
         """(n, 3) T: the sum of the disturbances of that frame at times t."""
         total = np.zeros((len(t), 3))
         for each in self.disturbances:
@@ -129,24 +153,24 @@ class MagnetometerPlan(NamedTuple):
     """What a magnetometer would read without noise; each run adds its own."""
 
     aiding: Aiding  # all but its y
-    ideal: np.ndarray  # (n, 3) T: C_nb' m_n
-    distorted: np.ndarray  # (n, 3) T: with everything but noise and full scale
-    sd: np.ndarray  # (3,) T
+    ideal: Array  # (n, 3) T: C_nb' m_n
+    distorted: Array  # (n, 3) T: with everything but noise and full scale
+    sd: Array  # (3,) T
     saturation: float  # T; 0: none
 
-    def fixes(self, rng):
+    def fixes(self, rng: np.random.Generator) -> Aiding:
         """The aiding of one run, with noise from `rng`."""
         y = rng.standard_normal(self.distorted.shape)
         y *= self.sd
         y += self.distorted
         return self._with(np.clip(y, -self.saturation, self.saturation) if self.saturation else y)
 
-    def exact(self):
+    def exact(self) -> Aiding:
         """The aiding of a magnetometer without errors, which states the noise of the one with
         them."""
         return self._with(self.ideal.copy())
 
-    def notes(self, aiding):
+    def notes(self, aiding: Aiding) -> list[str]:
         """Sentences for the notes of a recording: samples at full scale, or no sample at all;
         none where nothing is to be said."""
         if not len(aiding.t):
@@ -162,7 +186,7 @@ class MagnetometerPlan(NamedTuple):
             else []
         )
 
-    def _with(self, y):
+    def _with(self, y: Array) -> Aiding:
         return Aiding(
             self.aiding.kind,
             self.aiding.t,
@@ -174,20 +198,21 @@ class MagnetometerPlan(NamedTuple):
         )
 
 
-def reference_field(field):
+def reference_field(field: Sequence[float] | Array) -> tuple[float, ...]:
     """The Earth's field north, east, down, T, as three floats. Raises DataError where it is no
     field of the Earth."""
-    field = _three(field, "field", EARTH, spread=False)
+    field = _three(field, "field", STRONGEST_EARTH, spread=False)
     if not any(field):
         raise DataError("magnetometer: field is 0; give the Earth's, north, east, down, in T")
     return field
 
 
-def rotation_at(truth, t):
-    """Attitude at times t as scipy Rotation: the trajectory's rows where these are its times,
-    else turned at a constant rate between them."""
+def rotation_at(truth: Trajectory, t: Array) -> "Rotation":
+    """Attitude, body to navigation, at times t (n,) s as scipy Rotation: the trajectory's rows
+    where these are its times, else turned at a constant rate between them."""
     from scipy.spatial.transform import Rotation, Slerp
 
+    assert truth.q_nb is not None  # who asks has seen to it
     row = np.searchsorted(truth.t, t)
     if np.array_equal(truth.t[np.minimum(row, len(truth.t) - 1)], t):
         return (
@@ -196,7 +221,7 @@ def rotation_at(truth, t):
     return Slerp(truth.t, truth.rotation)(t)
 
 
-def _three(values, name, largest, spread):
+def _three(values: Any, name: str, largest: float, spread: bool) -> tuple[float, ...]:
     """Three floats, of one where `spread`. Raises DataError."""
     listed = [values] * 3 if spread and isinstance(values, Real) else values
     if np.shape(listed) != (3,) or not all(real(v) and np.isfinite(v) for v in listed):
@@ -209,7 +234,7 @@ def _three(values, name, largest, spread):
     return tuple(map(float, listed))
 
 
-def _soft_iron(matrix):
+def _soft_iron(matrix: ArrayLike) -> tuple[tuple[float, ...], ...]:
     """The matrix as a tuple of rows. Raises DataError where it is none, mirrors the field or
     leaves too little of it in some direction."""
     try:
@@ -219,14 +244,14 @@ def _soft_iron(matrix):
     if rows.shape != (3, 3) or not np.all(np.isfinite(rows)):
         raise DataError("magnetometer: soft_iron must be three rows of three numbers")
     values = np.linalg.svd(rows, compute_uv=False)
-    if np.linalg.det(rows) <= 0 or values[2] < LEFT * values[0]:
+    if np.linalg.det(rows) <= 0 or values[2] < LEAST_LEFT * values[0]:
         raise DataError(
             "magnetometer: soft_iron mirrors the field or leaves nothing of it in a direction; its determinant must be above 0"
         )
     return tuple(tuple(map(float, row)) for row in rows)
 
 
-def _disturbance(values):
+def _disturbance(values: Iterable[Any]) -> Disturbance:
     """A Disturbance that is possible. Raises DataError."""
     try:
         made = Disturbance(*values)
@@ -243,14 +268,14 @@ def _disturbance(values):
             f'magnetometer: disturbance: frame is {made.frame!r}; it is "n", fixed to the surroundings, or "b", fixed to the body'
         )
     return made._replace(
-        field=_three(made.field, "field of a disturbance", STRONGEST, spread=False)
+        field=_three(made.field, "field of a disturbance", STRONGEST_MAGNET, spread=False)
     )
 
 
-def _shown(value):
+def _shown(value: object) -> str:
     """Its repr in one line."""
     return " ".join(repr(value).split())
 
 
-def _positive(value):
+def _positive(value: object) -> bool:
     return real(value) and 0 < value < np.inf

@@ -5,20 +5,30 @@ The complex step needs a function's slope only: value and slope are computed in 
 many times faster than complex functions.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
+
+from ..typing import Array, ArrayLike
+
+Times: TypeAlias = NDArray[np.inexact[Any]]
+"""Times, s, real or complex, or what a function of them returns."""
+Numbers: TypeAlias = float | Times
 
 _REACH = 20.0  # widths from a kink beyond which its rounding is below 1e-17 of it
 
 
-def lifted(function, slope):
+def lifted(
+    function: Callable[[Array], Numbers], slope: Callable[[Array], Numbers]
+) -> Callable[[Numbers], Numbers]:
     """The function of complex times that has this real `function` and `slope`, its derivative."""
 
-    def of(z):
-        z = np.asarray(z)
+    def of(z: Numbers) -> Numbers:
+        t: NDArray[Any] = np.asarray(z)
         return (
-            function(z.real) + 1j * (z.imag * slope(z.real)) if np.iscomplexobj(z) else function(z)
+            function(t.real) + 1j * (t.imag * slope(t.real)) if np.iscomplexobj(t) else function(t)
         )
 
     return of
@@ -28,7 +38,7 @@ sine, cosine = lifted(np.sin, np.cos), lifted(np.cos, lambda x: -np.sin(x))
 arctangent = lifted(np.arctan, lambda x: 1 / (1 + x * x))
 
 
-def waves(t, terms):
+def waves(t: Numbers, terms: Iterable[tuple[float, float, float]]) -> Numbers:
     """Sum of amplitude * sin(2 pi t / period + phase) over `terms` (amplitude, period s, phase
     rad)."""
     return sum(
@@ -45,12 +55,14 @@ class Profile(NamedTuple):
     """
 
     value: float  # at t = 0 of the first line
-    slopes: np.ndarray  # (k + 1,) of the lines, per s
-    at: np.ndarray  # (k,) times of the kinks, s, increasing
-    widths: np.ndarray  # (k,) s
+    slopes: Array  # (k + 1,) of the lines, per s
+    at: Array  # (k,) times of the kinks, s, increasing
+    widths: Array  # (k,) s
 
     @classmethod
-    def of(cls, value, durations, slopes, smoothing):
+    def of(
+        cls, value: float, durations: ArrayLike, slopes: ArrayLike, smoothing: float
+    ) -> "Profile":
         """Lines of these durations (s) and slopes one after the other, the last one for ever;
         widths at most `smoothing` and a fifth of a line."""
         durations, slopes = np.asarray(durations, float), np.asarray(slopes, float)
@@ -59,15 +71,15 @@ class Profile(NamedTuple):
         bends = np.diff(slopes) != 0
         return cls(float(value), slopes[np.r_[True, bends]], at[bends], widths[bends])
 
-    def __call__(self, t):
+    def __call__(self, t: Numbers) -> Numbers:
         """The value."""
         return self._at(t)[0]
 
-    def rate(self, t):
+    def rate(self, t: Numbers) -> Numbers:
         """The slope, per s."""
         return self._at(t)[1]
 
-    def _at(self, t):
+    def _at(self, t: Numbers) -> tuple[Times, Times]:
         """(value, slope), complex where t is."""
         t = np.asarray(t)
         x = np.ravel(t.real)
@@ -83,7 +95,7 @@ class Profile(NamedTuple):
             else (value, slope)
         )
 
-    def _real(self, x, bent):
+    def _real(self, x: Array, bent: bool) -> list[Array]:
         """Value, slope and, where `bent`, second derivative at increasing times x (n,)."""
         parts = [np.empty(len(x)), np.empty(len(x)), *([np.zeros(len(x))] if bent else [])]
         begin, level = 0.0, self.value

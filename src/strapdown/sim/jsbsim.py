@@ -1,26 +1,28 @@
 """JSBSim (the extra `jsbsim`) as a source of truth: an aircraft of its own, flown by its own
 autopilot, as a Motion for `simulate`."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import RLock
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 
 from ..data import DataError, Trajectory
 from ..sensor_models.datasheet_units import nearest, real
+from ..typing import Array
 from .splined import splined
-from .trajectory import DEG
+from .trajectory import DEG, Motion
 
 FOOT = 0.3048
 """m."""
-RATE = 200.0
+STEP_RATE = 200.0
 """Steps of JSBSim per second, 1/s."""
-ROW = 0.02
+ROW_SPACING = 0.02
 """Time from row to row of what it flew, s: the pieces of the splines."""
-FASTEST, MOST_STEPS = 1e5, 1e9
+MOST_STEP_RATE, MOST_STEPS = 1e5, 1e9
 """Steps of JSBSim per second, 1/s, and in one flight, beyond which nothing is flown: JSBSim
 itself checks neither."""
 HOLDS = {
@@ -29,7 +31,7 @@ HOLDS = {
 }
 """Of a Target: JSBSim's switch, its set point, and the set point's unit."""
 TRIM_FULL = 1
-STATE = (
+STATE_PROPERTIES = (
     "position/lat-geod-rad",
     "position/long-gc-rad",
     "position/geod-alt-ft",
@@ -41,7 +43,7 @@ STATE = (
     "attitude/psi-rad",
 )
 _ONE = RLock()
-SCALE = np.array([1.0, 1.0, FOOT, FOOT, FOOT, FOOT, 1.0, 1.0, 1.0])
+STATE_UNITS = np.array([1.0, 1.0, FOOT, FOOT, FOOT, FOOT, 1.0, 1.0, 1.0])
 
 
 class Target(NamedTuple):
@@ -54,8 +56,15 @@ class Target(NamedTuple):
 
 
 def jsbsim_motion(
-    start, heading, speed, duration, aircraft="c172x", targets=(), properties=None, name=None
-):
+    start: Sequence[float],
+    heading: float,
+    speed: float,
+    duration: float,
+    aircraft: str = "c172x",
+    targets: Iterable[Target] = (),
+    properties: Mapping[str, float] | None = None,
+    name: str | None = None,
+) -> Motion:
     """The Motion of an aircraft that comes with JSBSim, flown by JSBSim and its autopilot,
     splined through the rows of `flown_by_jsbsim`."""
     flown = flown_by_jsbsim(start, heading, speed, duration, aircraft, targets, properties)
@@ -63,16 +72,16 @@ def jsbsim_motion(
 
 
 def flown_by_jsbsim(
-    start,
-    heading,
-    speed,
-    duration,
-    aircraft="c172x",
-    targets=(),
-    properties=None,
-    rate=RATE,
-    row=ROW,
-):
+    start: Sequence[float],
+    heading: float,
+    speed: float,
+    duration: float,
+    aircraft: str = "c172x",
+    targets: Iterable[Target] = (),
+    properties: Mapping[str, float] | None = None,
+    rate: float = STEP_RATE,
+    row: float = ROW_SPACING,
+) -> Trajectory:
     """Position, velocity and attitude that JSBSim flies, every `row` s (whole steps), as
     data.Trajectory.
 
@@ -110,7 +119,7 @@ def flown_by_jsbsim(
 
 
 @contextmanager
-def session(rate=RATE):
+def session(rate: float = STEP_RATE) -> Iterator[tuple[Any, list[str]]]:
     """(FGFDMExec, list of what JSBSim says) with nothing printed; `rate` steps per second. Raises
     DataError where JSBSim is not installed.
 
@@ -118,42 +127,40 @@ def session(rate=RATE):
     another has ended.
     """
     engine = found()
-    if not real(rate) or not 0 < rate <= FASTEST:
+    if not real(rate) or not 0 < rate <= MOST_STEP_RATE:
         raise DataError(
-            f"JSBSim's rate is {rate!r} steps per second; it must be above 0 and at most {FASTEST:g}"
+            f"JSBSim's rate is {rate!r} steps per second; it must be above 0 and at most {MOST_STEP_RATE:g}"
         )
     with _ONE:
         yield from _listened(engine, rate)
 
 
-def _listened(engine, rate):
+def _listened(engine: Any, rate: float) -> Iterator[tuple[Any, list[str]]]:
     """The one (executive, what it says) of a session, and the listener of before when it ends."""
-    from tempfile import TemporaryDirectory
 
-    class Listener(engine.FGLogger):
+    class Listener(engine.FGLogger):  # type: ignore[misc]  # no types
         """Keeps what JSBSim would print."""
 
-        def message(self, text):
+        def message(self, text: str) -> None:
             said.append(text)
 
-    said, before = [], engine.get_logger()
+    said: list[str] = []
+    before = engine.get_logger()
     engine.set_logger(Listener())
     try:
-        executive = engine.FGFDMExec(
-            None, engine.FGPropertyManager()
-        )  # properties of its own: two may be alive at a time
+        # properties of its own: two may be alive at a time
+        executive = engine.FGFDMExec(None, engine.FGPropertyManager())
         executive.set_debug_level(0)
         executive.set_dt(1.0 / rate)
-        with TemporaryDirectory(
-            ignore_cleanup_errors=True
-        ) as folder:  # some aircraft write logs of their own, else into the working folder
+        # some aircraft write logs of their own, else into the working folder
+        with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
             executive.set_output_path(folder)
             yield executive, said
     finally:
         engine.set_logger(before)
 
 
-def found():
+def found() -> Any:
     """The module jsbsim. Raises DataError naming the extra where it is not installed, or too
     old."""
     try:
@@ -167,11 +174,11 @@ def found():
     return jsbsim
 
 
-def _finite(value):
+def _finite(value: object) -> TypeGuard[float]:
     return real(value) and bool(np.isfinite(value))
 
 
-def _checked_start(start):
+def _checked_start(start: object) -> tuple[float, ...]:
     """(latitude rad, longitude rad, height m) as floats. Raises DataError."""
     numbers = list(start) if isinstance(start, Iterable) else []
     if (
@@ -186,7 +193,9 @@ def _checked_start(start):
     return tuple(map(float, numbers))
 
 
-def _checked(heading, speed, duration, rate, row, targets):
+def _checked(
+    heading: object, speed: float, duration: float, rate: float, row: float, targets: object
+) -> list[Target]:
     """The targets in order of time. Raises DataError for a number that no flight can have, or
     what is no target."""
     for name, value, unit in (
@@ -231,7 +240,7 @@ def _checked(heading, speed, duration, rate, row, targets):
     return sorted(targets, key=lambda target: target.at)
 
 
-def _checked_properties(properties):
+def _checked_properties(properties: object) -> dict[str, float]:
     """{name: float}. Raises DataError naming what is no number."""
     if not isinstance(properties, Mapping | None):
         raise DataError(f"properties are {properties!r}; give a number for each name of JSBSim's")
@@ -243,12 +252,11 @@ def _checked_properties(properties):
     return {key: float(value) for key, value in (properties or {}).items()}
 
 
-def _load(executive, aircraft):
+def _load(executive: Any, aircraft: str) -> None:
     """Load an aircraft that comes with JSBSim. Raises DataError."""
     folder = Path(executive.get_aircraft_path())
-    if (
-        not isinstance(aircraft, str) or not (folder / aircraft / f"{aircraft}.xml").is_file()
-    ):  # JSBSim itself would leave half a model behind
+    # JSBSim itself would leave half a model behind
+    if not isinstance(aircraft, str) or not (folder / aircraft / f"{aircraft}.xml").is_file():
         known = sorted(entry.name for entry in folder.iterdir() if entry.is_dir())
         raise DataError(
             f"JSBSim has no aircraft {aircraft!r}{nearest(aircraft, known)}; it has {', '.join(known)}"
@@ -256,7 +264,7 @@ def _load(executive, aircraft):
     executive.load_model(aircraft)
 
 
-def begin(executive, lla, values):
+def begin(executive: Any, lla: Sequence[float] | Array, values: Mapping[str, float]) -> None:
     """Start at `lla` (rad, rad, ellipsoidal height m) with further initial conditions, {name below
     ic/: value in JSBSim's unit}.
 
@@ -272,7 +280,7 @@ def begin(executive, lla, values):
     executive.run_ic()
 
 
-def _has(executive, key):
+def _has(executive: Any, key: str) -> bool:
     try:
         executive[key]
     except KeyError:
@@ -280,11 +288,12 @@ def _has(executive, key):
     return True
 
 
-def _trim(executive, aircraft, start, heading, speed):
+def _trim(
+    executive: Any, aircraft: str, start: Sequence[float], heading: float, speed: float
+) -> None:
     """Level flight in balance. Raises DataError where JSBSim finds none."""
-    _order(
-        executive, Target(0.0, heading, start[2]), hold=False
-    )  # known before they are held, else the autopilot begins with a kick
+    # known before they are held, else the autopilot begins with a kick
+    _order(executive, Target(0.0, heading, start[2]), hold=False)
     begin(executive, start, {"vt-fps": speed / FOOT, "psi-true-rad": heading, "gamma-rad": 0.0})
     for key in ("fcs/mixture-cmd-norm", "propulsion/magneto_cmd"):
         if _has(executive, key):
@@ -299,15 +308,22 @@ def _trim(executive, aircraft, start, heading, speed):
         ) from None
 
 
-def _fly(executive, aircraft, targets, rows, every, watch=None):
+def _fly(
+    executive: Any,
+    aircraft: str,
+    targets: Iterable[Target],
+    rows: int,
+    every: int,
+    watch: Callable[[], object] | None = None,
+) -> Trajectory:
     """The Trajectory of rows + 1 rows of `every` steps; `watch` is called at each of them.
 
     Raises DataError where the flight ends in the ground or in numbers that are none.
     """
-    flown, orders = np.empty((rows + 1, len(STATE))), list(targets)
+    flown, orders = np.empty((rows + 1, len(STATE_PROPERTIES))), list(targets)
     step = executive.get_delta_t()
     for row in range(rows + 1):
-        flown[row] = [executive[key] for key in STATE]
+        flown[row] = [executive[key] for key in STATE_PROPERTIES]
         if not np.isfinite(flown[row]).all() or flown[row, 2] <= 0 or executive["gear/wow"]:
             raise DataError(
                 f"{aircraft} of JSBSim met the ground (the ellipsoid) or was lost after {row * every * step:.2f} s; "
@@ -319,12 +335,12 @@ def _fly(executive, aircraft, targets, rows, every, watch=None):
             while orders and orders[0].at <= (row * every + i) * step + 1e-9:
                 _order(executive, orders.pop(0))
             executive.run()
-    flown *= SCALE
+    flown *= STATE_UNITS
     lla, v_n = (np.ascontiguousarray(flown[:, first : first + 3]) for first in (0, 3))
     return Trajectory(np.arange(rows + 1) * every * step, lla, v_n, quaternions(flown[:, 6:]))
 
 
-def quaternions(angles):
+def quaternions(angles: Array) -> Array:
     """q_nb (n, 4), scalar first and not negative, of roll, pitch and heading (n, 3), rad."""
     from scipy.spatial.transform import Rotation
 
@@ -332,7 +348,7 @@ def quaternions(angles):
     return q * np.where(q[:, :1] < 0, -1.0, 1.0)
 
 
-def _order(executive, target, hold=True):
+def _order(executive: Any, target: Target, hold: bool = True) -> None:
     """Set the set points of a target and, but for those of the trim, switch their holds on."""
     for name, (switch, point, unit) in HOLDS.items():
         value = getattr(target, name)

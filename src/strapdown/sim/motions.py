@@ -9,21 +9,27 @@ turn with that bank does, but at least six times `smoothing`, to roll in and out
 `smoothing` seconds.
 """
 
+from collections.abc import Callable, Sequence
+from typing import Any
+
 import numpy as np
+from numpy.polynomial import Chebyshev
 
 from ..data import DataError
-from .analytic import Profile, arctangent, cosine, lifted, sine, waves
+from ..typing import Array
+from .analytic import Numbers, Profile, Times, arctangent, cosine, lifted, sine, waves
 from .trajectory import DEG, Motion, radii, ramp, ramp_rate
 from .trajectory import static as _static
 
 G = 9.80665
 LEG_KEYS = ("duration", "turn", "bank", "speed", "climb", "gradient", "repeat", "legs")
-VERTICAL = {"flight": "climb", "sortie": "climb", "car": "gradient", "ship": None}
+CLIMB_KEYS = {"flight": "climb", "sortie": "climb", "car": "gradient", "ship": None}
 """What climbs in a leg of each motion by legs."""
-MOST_LEGS, LONGEST = 5000, 10 * 86400.0
+MOST_LEGS, LONGEST_MOTION = 5000, 10 * 86400.0
 """Legs, and s, of a motion at most."""
 _SLACK = 1.0  # s that a geodesic is solved for beyond its end, so that slopes there can be checked
-GUSTS = {  # of a light aircraft in light turbulence: amplitude rad or m/s, period s, phase rad
+# of a light aircraft in light turbulence: amplitude rad or m/s, period s, phase rad
+AIRCRAFT_GUSTS = {
     "roll": ((1.5 * DEG, 5.3, 0.0), (0.5 * DEG, 1.9, 1.0)),
     "pitch": ((1.0 * DEG, 4.1, 0.5), (0.4 * DEG, 1.3, 2.0)),
     "heading": ((0.8 * DEG, 6.7, 1.5),),
@@ -35,13 +41,14 @@ _SHAKES = {
     "pitch": ((0.4 * DEG, 0.9, 2.0), (0.2 * DEG, 0.29, 0.5)),
     "down": ((0.02, 0.71, 0.4),),
 }
+# share of amplitude, of period, phase rad
 _SEA = (
     (0.75, 1.0, 0.0),
     (0.45, 0.83, 2.1),
     (0.35, 1.21, 4.0),
     (0.25, 0.67, 1.2),
     (0.2, 1.47, 5.1),
-)  # share of amplitude, of period, phase rad
+)
 
 # amplitude rad or m/s, period s, phase rad: the periods have no common multiple within an hour
 _HAND = {
@@ -52,21 +59,31 @@ _HAND = {
     "east": ((0.26, 1.13, 2.2), (0.22, 3.3, 0.3), (0.08, 0.83, 1.4)),
     "down": ((0.20, 0.97, 1.3), (0.24, 2.3, 2.6), (0.06, 0.67, 0.9)),
 }
+# as _SEA, around one long swell
 _SWELL = (
     (1.0, 1.0, 0.0),
     (0.3, 0.83, 2.1),
     (0.25, 1.21, 4.0),
     (0.15, 0.67, 1.2),
     (0.1, 1.47, 5.1),
-)  # as _SEA, around one long swell
+)
 
 
-def static(start, roll=0.0, pitch=0.0, heading=0.0):
+def static(
+    start: Sequence[float], roll: float = 0.0, pitch: float = 0.0, heading: float = 0.0
+) -> Motion:
     """At rest at `start` (latitude rad, longitude rad, height m); angles rad."""
     return _static(start, (roll, pitch, heading))
 
 
-def hand_held(start, heading=0.0, turning=1.0, travel=1.0, rest=0.0, name="hand-held"):
+def hand_held(
+    start: Sequence[float],
+    heading: float = 0.0,
+    turning: float = 1.0,
+    travel: float = 1.0,
+    rest: float = 0.0,
+    name: str = "hand-held",
+) -> Motion:
     """Turned about all axes and moved to and fro in a hand at `start`: by 50 deg of roll, 40 of
     pitch, 155 around `heading` (rad).
 
@@ -79,24 +96,37 @@ def hand_held(start, heading=0.0, turning=1.0, travel=1.0, rest=0.0, name="hand-
             f"a motion in a hand has turning from 0 to 1.5 (beyond, it pitches over the vertical), travel and rest from 0, "
             f"not {turning!r}, {travel!r}, {rest!r} s"
         )
-    begun = (
+    begun: Callable[[Numbers], Numbers] = (
         lifted(lambda t: ramp(t, rest + 1.0, 0.25), lambda t: ramp_rate(t, rest + 1.0, 0.25))
         if rest
         else lambda t: 1.0
     )
-    swing = lambda t, what, size: size * begun(t) * waves(t, _HAND[what])
-    velocity = lambda t: tuple(swing(t, axis, travel) for axis in ("north", "east", "down"))
-    attitude = lambda t: (
-        swing(t, "roll", turning),
-        swing(t, "pitch", turning),
-        heading + swing(t, "heading", turning),
-    )
+
+    def swing(t: Times, what: str, size: float) -> Numbers:
+        return size * begun(t) * waves(t, _HAND[what])
+
+    def velocity(t: Times) -> tuple[Numbers, Numbers, Numbers]:
+        return swing(t, "north", travel), swing(t, "east", travel), swing(t, "down", travel)
+
+    def attitude(t: Times) -> tuple[Numbers, Numbers, Numbers]:
+        return (
+            swing(t, "roll", turning),
+            swing(t, "pitch", turning),
+            heading + swing(t, "heading", turning),
+        )
+
     return Motion(name, tuple(start), velocity, attitude)
 
 
 def moored(
-    start, heading=0.0, heave=1.0, wave_period=8.0, roll=6 * DEG, pitch=2 * DEG, name="moored"
-):
+    start: Sequence[float],
+    heading: float = 0.0,
+    heave: float = 1.0,
+    wave_period: float = 8.0,
+    roll: float = 6 * DEG,
+    pitch: float = 2 * DEG,
+    name: str = "moored",
+) -> Motion:
     """A vessel that lies in a swell and heaves about the height of `start`, its mean over time.
 
     `heave` (m), `roll` and `pitch` (rad) are amplitudes of the largest of five waves, that of the
@@ -107,35 +137,44 @@ def moored(
         raise DataError(
             f"a swell has a heave of 0 m or more and a period above 0 s, not {heave!r} m, {wave_period!r} s"
         )
-    swell = lambda t, size, phase: waves(
-        t, [(size * share, wave_period * longer, phase + p) for share, longer, p in _SWELL]
-    )
-    rate = lambda t, size, phase: waves(
-        t,
-        [
-            (
-                size * share * 2 * np.pi / (wave_period * longer),
-                wave_period * longer,
-                phase + p + np.pi / 2,
-            )
-            for share, longer, p in _SWELL
-        ],
-    )
+
+    def swell(t: Numbers, size: float, phase: float) -> Numbers:
+        return waves(
+            t, [(size * share, wave_period * longer, phase + p) for share, longer, p in _SWELL]
+        )
+
+    def rate(t: Numbers, size: float, phase: float) -> Numbers:
+        return waves(
+            t,
+            [
+                (
+                    size * share * 2 * np.pi / (wave_period * longer),
+                    wave_period * longer,
+                    phase + p + np.pi / 2,
+                )
+                for share, longer, p in _SWELL
+            ],
+        )
+
     lat, lon, mean = start
-    velocity = lambda t: (
-        rate(t, 0.3 * heave, 1.4),
-        rate(t, 0.3 * heave, 2.2),
-        -rate(t, heave, 0.0),
-    )
-    attitude = lambda t: (
-        swell(t, roll, 1.7),
-        swell(t, pitch, 0.6),
-        heading + swell(t, 0.2 * roll, 2.9),
-    )
+
+    def velocity(t: Times) -> tuple[Numbers, Numbers, Numbers]:
+        return rate(t, 0.3 * heave, 1.4), rate(t, 0.3 * heave, 2.2), -rate(t, heave, 0.0)
+
+    def attitude(t: Times) -> tuple[Numbers, Numbers, Numbers]:
+        return swell(t, roll, 1.7), swell(t, pitch, 0.6), heading + swell(t, 0.2 * roll, 2.9)
+
     return Motion(name, (lat, lon, mean + float(swell(0.0, heave, 0.0))), velocity, attitude)
 
 
-def straight(start, azimuth, speed, duration, amplitude=5 * DEG, period=100.0):
+def straight(
+    start: Sequence[float],
+    azimuth: float,
+    speed: float,
+    duration: float,
+    amplitude: float = 5 * DEG,
+    period: float = 100.0,
+) -> Motion:
     """Level flight along a geodesic of the ellipsoid for `duration` s: the foot of the height runs
     along it, `speed` is that of the flight.
 
@@ -147,19 +186,23 @@ def straight(start, azimuth, speed, duration, amplitude=5 * DEG, period=100.0):
             f"a straight flight needs speed, duration and period above 0, not {speed!r} m/s, {duration!r} s, {period!r} s"
         )
     course = _geodesic_course(start, azimuth, speed, duration + _SLACK)
-    swing = lambda t, phase: waves(t, ((amplitude, period, phase),))
 
-    def velocity(t):
+    def swing(t: Times, phase: float) -> Numbers:
+        return waves(t, ((amplitude, period, phase),))
+
+    def velocity(t: Times) -> tuple[Numbers, Numbers, Numbers]:
         angle = course(t)
         return speed * cosine(angle), speed * sine(angle), 0.0
 
-    def attitude(t):
+    def attitude(t: Times) -> tuple[Numbers, Numbers, Numbers]:
         return swing(t, 0.0), swing(t, 2 * np.pi / 3), course(t) + swing(t, 4 * np.pi / 3)
 
     return Motion("straight flight", tuple(start), velocity, attitude, float(duration))
 
 
-def _geodesic_course(start, azimuth, speed, duration):
+def _geodesic_course(
+    start: Sequence[float], azimuth: float, speed: float, duration: float
+) -> Callable[[Numbers], Numbers]:
     """Course at the height of `start` over time: a Chebyshev series through a solution of the
     geodesic's differential equation.
 
@@ -167,22 +210,24 @@ def _geodesic_course(start, azimuth, speed, duration):
     Geometric Geodesy I). At the height h, north and east go (M + h)/M and (N + h)/N as far, which
     turns the course from the azimuth by up to 1e-5 rad per 10 km of height.
     """
-    from numpy.polynomial import Chebyshev
     from scipy.integrate import solve_ivp
 
     lat0, _, alt = start
 
-    def parts(lat, angle):
+    def parts(lat: Array, angle: Array) -> tuple[float | Array, float | Array, Array, Array, Array]:
         meridian, normal = radii(lat)
         north, east = np.cos(angle) * (1 + alt / meridian), np.sin(angle) * (1 + alt / normal)
         return meridian, normal, north, east, speed / np.hypot(north, east)
 
-    def slope(_, state):
+    def slope(time: float, state: Array) -> Array:
         lat, angle = state
         meridian, normal, _, _, foot = parts(lat, angle)
-        return foot * np.cos(angle) / meridian, foot * np.sin(angle) * np.tan(lat) / normal
+        return np.array(
+            [foot * np.cos(angle) / meridian, foot * np.sin(angle) * np.tan(lat) / normal]
+        )
 
-    def course(t):
+    def course(t: Array) -> Array:
+        assert solution.sol is not None  # `dense_output` asks for it
         lat, angle = solution.sol(t)
         _, _, north, east, _ = parts(lat, angle)
         return angle + np.arctan2(
@@ -214,7 +259,15 @@ def _geodesic_course(start, azimuth, speed, duration):
     return lifted(series, series.deriv())
 
 
-def flight(start, course, speed, legs, smoothing=2.0, roughness=1.0, name="flight"):
+def flight(
+    start: Sequence[float],
+    course: float,
+    speed: float,
+    legs: Sequence[dict[str, Any]],
+    smoothing: float = 2.0,
+    roughness: float = 1.0,
+    name: str = "flight",
+) -> Motion:
     """A light aircraft by `legs` from `start` (rad, rad, m), first course (rad) and speed (m/s).
 
     Turns are coordinated: bank = atan(speed * turn rate / g).
@@ -227,7 +280,7 @@ def flight(start, course, speed, legs, smoothing=2.0, roughness=1.0, name="fligh
     return flown(start, *profiles(flat, course, speed, smoothing), roughness, name)
 
 
-def _check_flight(legs, speed):
+def _check_flight(legs: list[dict[str, Any]], speed: float) -> None:
     """Raise DataError where an aircraft would stand still in the air or climb faster than it
     flies."""
     now = speed
@@ -246,16 +299,26 @@ def _check_flight(legs, speed):
         now = then
 
 
-def flown(start, path, pace, climb, end, roughness, name):
+def flown(
+    start: Sequence[float],
+    path: Profile,
+    pace: Profile,
+    climb: Profile,
+    end: float,
+    roughness: float,
+    name: str,
+) -> Motion:
     """The Motion of an aircraft from Profiles of course (rad), speed (m/s) and height (m, its
     slope alone is used)."""
-    gust = lambda t, what: roughness * waves(t, GUSTS[what])
 
-    def velocity(t):
+    def gust(t: Times, what: str) -> Numbers:
+        return roughness * waves(t, AIRCRAFT_GUSTS[what])
+
+    def velocity(t: Times) -> tuple[Numbers, Numbers, Numbers]:
         angle, v = path(t), pace(t) + gust(t, "speed")
         return v * cosine(angle), v * sine(angle), gust(t, "down") - climb.rate(t)
 
-    def attitude(t):
+    def attitude(t: Times) -> tuple[Numbers, Numbers, Numbers]:
         v = pace(t)
         bank = arctangent(v * path.rate(t) / G)
         return (
@@ -267,27 +330,46 @@ def flown(start, path, pace, climb, end, roughness, name):
     return Motion(name, tuple(start), velocity, attitude, end)
 
 
-def car(start, course, legs, speed=0.0, smoothing=0.7, roughness=1.0, name="car"):
+def car(
+    start: Sequence[float],
+    course: float,
+    legs: Sequence[dict[str, Any]],
+    speed: float = 0.0,
+    smoothing: float = 0.7,
+    roughness: float = 1.0,
+    name: str = "car",
+) -> Motion:
     """A car by `legs`; on a `gradient` it climbs with its speed and pitches with the road; it leans
     out of turns by 3 deg per g.
 
     `roughness` scales the shaking of the body, which grows with the speed and ends at a stop.
     """
     path, pace, rise, end = profiles(flat_legs(legs, "gradient"), course, speed, smoothing)
-    shake = lambda t, what: roughness * (pace(t) / 15.0) * waves(t, _SHAKES[what])
 
-    def velocity(t):
+    def shake(t: Times, what: str) -> Numbers:
+        return roughness * (pace(t) / 15.0) * waves(t, _SHAKES[what])
+
+    def velocity(t: Times) -> tuple[Numbers, Numbers, Numbers]:
         angle, v = path(t), pace(t)
         return v * cosine(angle), v * sine(angle), shake(t, "down") - v * rise.rate(t)
 
-    def attitude(t):
+    def attitude(t: Times) -> tuple[Numbers, Numbers, Numbers]:
         lean = -3 * DEG * pace(t) * path.rate(t) / G
         return lean + shake(t, "roll"), arctangent(rise.rate(t)) + shake(t, "pitch"), path(t)
 
     return Motion(name, tuple(start), velocity, attitude, end)
 
 
-def ship(start, course, speed, legs, wave_height=2.0, wave_period=9.0, smoothing=15.0, name="ship"):
+def ship(
+    start: Sequence[float],
+    course: float,
+    speed: float,
+    legs: Sequence[dict[str, Any]],
+    wave_height: float = 2.0,
+    wave_period: float = 9.0,
+    smoothing: float = 15.0,
+    name: str = "ship",
+) -> Motion:
     """A ship by `legs` in a sea of significant `wave_height` (m) and peak `wave_period` (s): roll,
     pitch, yaw, heave and sway with it.
 
@@ -299,16 +381,18 @@ def ship(start, course, speed, legs, wave_height=2.0, wave_period=9.0, smoothing
             f"a sea has a wave height of 0 m or more and a period above 0 s, not {wave_height!r} m, {wave_period!r} s"
         )
     path, pace, _, end = profiles(flat_legs(legs, None), course, speed, smoothing)
-    sea = lambda t, size, phase: waves(
-        t,
-        [
-            (size * wave_height * share, wave_period * longer, phase + p)
-            for share, longer, p in _SEA
-        ],
-    )
     surge = 2 * np.pi / wave_period  # from a displacement to its speed
 
-    def velocity(t):
+    def sea(t: Times, size: float, phase: float) -> Numbers:
+        return waves(
+            t,
+            [
+                (size * wave_height * share, wave_period * longer, phase + p)
+                for share, longer, p in _SEA
+            ],
+        )
+
+    def velocity(t: Times) -> tuple[Numbers, Numbers, Numbers]:
         angle, v, sway = path(t), pace(t), sea(t, 0.12 * surge, 1.0)
         return (
             v * cosine(angle) - sway * sine(angle),
@@ -316,16 +400,16 @@ def ship(start, course, speed, legs, wave_height=2.0, wave_period=9.0, smoothing
             sea(t, 0.25 * surge, 0.0),
         )
 
-    def attitude(t):
+    def attitude(t: Times) -> tuple[Numbers, Numbers, Numbers]:
         return sea(t, 2.5 * DEG, 1.7), sea(t, 0.8 * DEG, 0.6), path(t) + sea(t, 0.4 * DEG, 2.9)
 
     return Motion(name, tuple(start), velocity, attitude, end)
 
 
-def flat_legs(legs, vertical):
+def flat_legs(legs: Sequence[dict[str, Any]], vertical: str | None) -> list[dict[str, Any]]:
     """[leg] with repeats written out, each with its climb (m/s or slope) under "climb";
     `vertical` is the key of that, or None. Raises DataError."""
-    found = []
+    found: list[dict[str, Any]] = []
     for number, leg in enumerate(legs, 1):
         if not isinstance(leg, dict):
             raise DataError(f"leg {number} is {leg!r}; write a table of its keys")
@@ -348,7 +432,7 @@ def flat_legs(legs, vertical):
         else:
             found.append(
                 {
-                    "climb": leg.get(vertical, 0.0),
+                    "climb": leg.get(vertical, 0.0) if vertical else 0.0,
                     **{key: value for key, value in leg.items() if key != vertical},
                 }
             )
@@ -356,17 +440,19 @@ def flat_legs(legs, vertical):
     return found
 
 
-def leg_keys(vertical):
+def leg_keys(vertical: str | None) -> list[str]:
     """Keys of a leg; `vertical` is that of its climb, or None."""
     return [key for key in LEG_KEYS if key not in {"climb", "gradient"} - {vertical}]
 
 
-def _bounded(count):
+def _bounded(count: int) -> None:
     if count > MOST_LEGS:
         raise DataError(f"{count} legs, repeats written out; at most {MOST_LEGS} are flown")
 
 
-def profiles(legs, course, speed, smoothing):
+def profiles(
+    legs: list[dict[str, Any]], course: float, speed: float, smoothing: float
+) -> tuple[Profile, Profile, Profile, float]:
     """(course, speed, height or rise, end s): Profiles along `flat_legs`; course rad and speed
     m/s at first, smoothing s. Raises DataError."""
     if not legs or not smoothing > 0 or not 0 <= speed < np.inf:
@@ -393,19 +479,17 @@ def profiles(legs, course, speed, smoothing):
             raise DataError(
                 f"leg {number} (repeats written out): speed is {then!r}; it must be 0 or more"
             )
-        (
-            durations.append(duration),
-            turning.append(turn / duration),
-            changing.append((then - now) / duration),
-            climbing.append(leg["climb"]),
-        )
+        durations.append(duration)
+        turning.append(turn / duration)
+        changing.append((then - now) / duration)
+        climbing.append(leg["climb"])
         now = then
-    if sum(durations) > LONGEST:
+    if sum(durations) > LONGEST_MOTION:
         raise DataError(
-            f"the legs last {sum(durations):g} s; at most {LONGEST:g} s (10 days) are simulated"
+            f"the legs last {sum(durations):g} s; at most {LONGEST_MOTION:g} s (10 days) are simulated"
         )
-    made = [
+    path, pace, climb = (
         Profile.of(value, [*durations, np.inf], [*slopes, 0.0], smoothing)
         for value, slopes in ((course, turning), (speed, changing), (0.0, climbing))
-    ]
-    return *made, float(sum(durations))
+    )
+    return path, pace, climb, float(sum(durations))

@@ -5,7 +5,9 @@ import datetime
 import difflib
 import inspect
 import math
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
+from typing import Any
 
 from ..data import DataError
 from ..files import read_toml
@@ -13,14 +15,15 @@ from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss
 from ..sensor_models.magnetometer import Disturbance, Magnetometer
+from ..typing import File
 from . import motions
 from .jsbsim import Target, jsbsim_motion
-from .scenario import START_SD, Scenario
+from .scenario_model import START_SD, Scenario
 from .sortie import sortie
-from .trajectory import DEG, demo_flight
+from .trajectory import DEG, Motion, demo_flight
 from .waypoints import waypoints
 
-KINDS = {
+MOTION_KINDS: dict[str, Callable[..., Motion]] = {
     "demo": demo_flight,
     "static": motions.static,
     "straight": motions.straight,
@@ -35,7 +38,7 @@ KINDS = {
 }
 """What a [motion] can be, and the function that makes it; the function's parameters are its
 keys."""
-UNITS = {
+UNIT_OF_PARAMETER = {
     "azimuth": "deg",
     "course": "deg",
     "roll": "deg",
@@ -57,7 +60,7 @@ UNITS = {
     "wind_from": "deg",
 }
 """Unit of each parameter that has one: its key ends in it."""
-TOP = (
+TOP_KEYS = (
     "name",
     "about",
     "duration_s",
@@ -75,15 +78,22 @@ TOP = (
     "attitude",
     "start",
 )
-START = {
+START_KEYS = {
     "position_sd_m": (0, 1.0),
     "velocity_sd_m_s": (3, 1.0),
     "attitude_sd_deg": (6, DEG),
     "accel_bias_sd_m_s2": (9, 1.0),
     "gyro_bias_sd_deg_h": (12, DEG / 3600),
 }
-GNSS = ("interval_s", "position_sd_m", "velocity_sd_m_s", "lever_arm_m", "outages_s", "latency_s")
-MAGNETOMETER = {
+GNSS_KEYS = (
+    "interval_s",
+    "position_sd_m",
+    "velocity_sd_m_s",
+    "lever_arm_m",
+    "outages_s",
+    "latency_s",
+)
+MAGNETOMETER_KEYS = {
     "rate_hz": ("rate", 1.0),
     "sd_uT": ("sd", 1e-6),
     "hard_iron_uT": ("hard_iron", 1e-6),
@@ -93,8 +103,8 @@ MAGNETOMETER = {
     "field_uT": ("field", 1e-6),
     "disturbances": ("disturbances", 1.0),
 }
-DISTURBANCE = ("start_s", "stop_s", "field_uT", "frame")
-BAROMETER = {
+DISTURBANCE_KEYS = ("start_s", "stop_s", "field_uT", "frame")
+BAROMETER_KEYS = {
     "rate_hz": "rate",
     "sd_Pa": "sd",
     "bias_Pa": "bias",
@@ -104,8 +114,8 @@ BAROMETER = {
     "lever_arm_m": "lever_arm",
     "quantity": "quantity",
 }
-ATTITUDE = ("rate_hz", "sd_deg")
-TARGET = {
+ATTITUDE_KEYS = ("rate_hz", "sd_deg")
+TARGET_KEYS = {
     "at_s": ("at", 1.0),
     "heading_deg": ("heading", DEG),
     "height_m": ("height", 1.0),
@@ -115,7 +125,7 @@ TARGET = {
 sets, and the size of its unit; those of a target of JSBSim's autopilot likewise."""
 
 
-def read(path):
+def read(path: File) -> Scenario:
     """The Scenario of a TOML file. Raises DataError naming file and key."""
     table = read_toml(path, "check the path")
     try:
@@ -124,22 +134,22 @@ def read(path):
         raise DataError(f"{path}: {error}") from None
 
 
-def nearest(word, words):
+def nearest(word: object, words: Iterable[str]) -> str:
     """' (did you mean ...?)' with the nearest of `words`, or nothing."""
     match = difflib.get_close_matches(str(word), list(words), n=1, cutoff=0.5)
     return f" (did you mean {match[0]!r}?)" if match else ""
 
 
-def from_table(table, path):
+def from_table(table: dict[str, Any], path: Path) -> Scenario:
     """The Scenario of a parsed scenario file; `path` gives a missing name and the folder of an
     IMU file. Raises DataError naming the key."""
-    _refuse_unknown(table, TOP, "")
+    _refuse_unknown(table, TOP_KEYS, "")
     name = _text(table.get("name", path.stem), "name")
     duration = _number(table["duration_s"], "duration_s") if "duration_s" in table else None
     motion = _motion(_table(table, "motion"), duration)._replace(name=name)
     if duration is None and math.isinf(motion.end):
         raise DataError("duration_s is missing; this motion has no end of its own")
-    values = {"name": name, "motion": motion}
+    values: dict[str, Any] = {"name": name, "motion": motion}
     for key, field, read in (
         ("rate_hz", "rate", _number),
         ("gate", "gate", _bound),
@@ -170,18 +180,18 @@ def from_table(table, path):
     return Scenario(**values, **_start(_table(table, "start") if "start" in table else {}))
 
 
-def _motion(table, duration):
-    if table.get("kind") not in list(KINDS):
+def _motion(table: dict[str, Any], duration: float | None) -> Motion:
+    if table.get("kind") not in list(MOTION_KINDS):
         raise DataError(
-            f"[motion] kind is {table.get('kind')!r}{nearest(table.get('kind'), KINDS)}; it is one of {', '.join(KINDS)}"
+            f"[motion] kind is {table.get('kind')!r}{nearest(table.get('kind'), MOTION_KINDS)}; it is one of {', '.join(MOTION_KINDS)}"
         )
-    build = KINDS[table["kind"]]
+    build = MOTION_KINDS[table["kind"]]
     parameters = {
         name: parameter
         for name, parameter in inspect.signature(build).parameters.items()
         if name != "name"
     }
-    given = {}
+    given: dict[str, Any] = {}
     if "duration" in parameters:
         if duration is None:
             raise DataError("duration_s is missing; this motion has no end of its own")
@@ -200,11 +210,11 @@ def _motion(table, duration):
         raise DataError(f"[motion] {error}") from None
 
 
-def _key(name):
-    return f"{name}_{UNITS[name]}" if name in UNITS else name
+def _key(name: str) -> str:
+    return f"{name}_{UNIT_OF_PARAMETER[name]}" if name in UNIT_OF_PARAMETER else name
 
 
-def _value(name, value, where, kind):
+def _value(name: str, value: Any, where: str, kind: str) -> Any:
     """A parameter of a motion of that kind in SI."""
     if name == "start":
         return _place(value, where)
@@ -229,13 +239,13 @@ def _value(name, value, where, kind):
         return {
             key: _number(each, f"{where}, {key}") for key, each in _entries(value, where).items()
         }
-    return _number(value, where) * (DEG if UNITS.get(name) == "deg" else 1.0)
+    return _number(value, where) * (DEG if UNIT_OF_PARAMETER.get(name) == "deg" else 1.0)
 
 
-def _leg(leg, where, kind):
+def _leg(leg: Any, where: str, kind: str) -> dict[str, Any]:
     if not isinstance(leg, dict):
         raise DataError(f"{where} is {leg!r}; write a table of its keys")
-    keys = {_key(name): name for name in motions.leg_keys(motions.VERTICAL[kind])}
+    keys = {_key(name): name for name in motions.leg_keys(motions.CLIMB_KEYS[kind])}
     _refuse_unknown(leg, keys, f"{where}: ")
     return {
         name: leg[key] if name == "repeat" else _value(name, leg[key], f"{where}, {key}", kind)
@@ -244,24 +254,24 @@ def _leg(leg, where, kind):
     }
 
 
-def _target(value, where):
-    _refuse_unknown(_entries(value, where), TARGET, f"{where}: ")
+def _target(value: Any, where: str) -> Target:
+    _refuse_unknown(_entries(value, where), TARGET_KEYS, f"{where}: ")
     return Target(
         **{
             field: _number(value[key], f"{where}, {key}") * unit
-            for key, (field, unit) in TARGET.items()
+            for key, (field, unit) in TARGET_KEYS.items()
             if key in value
         }
     )
 
 
-def _entries(value, where):
+def _entries(value: Any, where: str) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise DataError(f"{where} is {value!r}; write a table of its keys")
     return value
 
 
-def _place(value, where):
+def _place(value: Any, where: str) -> tuple[float, float, float]:
     keys = ("latitude_deg", "longitude_deg", "height_m")
     if not isinstance(value, dict):
         raise DataError(
@@ -278,10 +288,10 @@ def _place(value, where):
     return lat * DEG, lon * DEG, height
 
 
-def _gnss(table):
+def _gnss(table: dict[str, Any]) -> Gnss:
     """The receiver: what [gnss] does not name, it does not measure."""
-    _refuse_unknown(table, GNSS, "[gnss] ")
-    values = {"position_sd": None, "velocity_sd": None}
+    _refuse_unknown(table, GNSS_KEYS, "[gnss] ")
+    values: dict[str, Any] = {"position_sd": None, "velocity_sd": None}
     for key, field, read in (
         ("interval_s", "interval", _number),
         ("position_sd_m", "position_sd", _three),
@@ -299,10 +309,10 @@ def _gnss(table):
     return Gnss(**values)
 
 
-def _magnetometer(table):
-    _refuse_unknown(table, MAGNETOMETER, "[magnetometer] ")
-    values = {}
-    for key, (field, unit) in MAGNETOMETER.items():
+def _magnetometer(table: dict[str, Any]) -> Magnetometer:
+    _refuse_unknown(table, MAGNETOMETER_KEYS, "[magnetometer] ")
+    values: dict[str, Any] = {}
+    for key, (field, unit) in MAGNETOMETER_KEYS.items():
         where = f"[magnetometer] {key}"
         if key not in table:
             continue
@@ -324,46 +334,52 @@ def _magnetometer(table):
     return Magnetometer(**values)
 
 
-def _disturbance(table, where):
+def _disturbance(table: Any, where: str) -> Disturbance:
     if not isinstance(table, dict):
         raise DataError(f"{where} is {table!r}; write a table of its keys")
-    _refuse_unknown(table, DISTURBANCE, f"{where}: ")
-    if missing := [key for key in DISTURBANCE[:3] if key not in table]:
+    _refuse_unknown(table, DISTURBANCE_KEYS, f"{where}: ")
+    if missing := [key for key in DISTURBANCE_KEYS[:3] if key not in table]:
         raise DataError(f"{where}: {missing[0]} is missing")
-    start, stop = (_number(table[key], f"{where}, {key}") for key in DISTURBANCE[:2])
+    start, stop = (_number(table[key], f"{where}, {key}") for key in DISTURBANCE_KEYS[:2])
     field = tuple(value * 1e-6 for value in _exactly_three(table["field_uT"], f"{where}, field_uT"))
     return Disturbance(start, stop, field, _text(table.get("frame", "n"), f"{where}, frame"))
 
 
-def _barometer(table):
-    _refuse_unknown(table, BAROMETER, "[barometer] ")
-    read = {"lever_arm_m": _exactly_three, "quantity": _text}
+def _barometer(table: dict[str, Any]) -> Barometer:
+    _refuse_unknown(table, BAROMETER_KEYS, "[barometer] ")
+    read: dict[str, Callable[[Any, str], Any]] = {
+        **dict.fromkeys(BAROMETER_KEYS, _number),
+        "lever_arm_m": _exactly_three,
+        "quantity": _text,
+    }
     return Barometer(
         **{
-            field: read.get(key, _number)(table[key], f"[barometer] {key}")
-            for key, field in BAROMETER.items()
+            field: read[key](table[key], f"[barometer] {key}")
+            for key, field in BAROMETER_KEYS.items()
             if key in table
         }
     )
 
 
-def _attitude(table):
-    _refuse_unknown(table, ATTITUDE, "[attitude] ")
-    values = {"rate": _number(table["rate_hz"], "[attitude] rate_hz")} if "rate_hz" in table else {}
+def _attitude(table: dict[str, Any]) -> Ahrs:
+    _refuse_unknown(table, ATTITUDE_KEYS, "[attitude] ")
+    values: dict[str, Any] = {}
+    if "rate_hz" in table:
+        values["rate"] = _number(table["rate_hz"], "[attitude] rate_hz")
     if "sd_deg" in table:
         values["sd"] = tuple(value * DEG for value in _three(table["sd_deg"], "[attitude] sd_deg"))
     return Ahrs(**values)
 
 
-def _date(value):
+def _date(value: Any) -> str:
     """A date of TOML, or its text, as ISO text."""
     return value.isoformat() if isinstance(value, datetime.date) else _text(value, "date")
 
 
-def _start(table):
-    _refuse_unknown(table, [*START, "biases_known"], "[start] ")
+def _start(table: dict[str, Any]) -> dict[str, Any]:
+    _refuse_unknown(table, [*START_KEYS, "biases_known"], "[start] ")
     sd = list(START_SD)
-    for key, (first, unit) in START.items():
+    for key, (first, unit) in START_KEYS.items():
         if key in table:
             sd[first : first + 3] = [value * unit for value in _three(table[key], f"[start] {key}")]
     known = table.get("biases_known", False)
@@ -372,7 +388,7 @@ def _start(table):
     return {"start_sd": tuple(sd), "biases_known": known}
 
 
-def _refuse_unknown(table, known, where):
+def _refuse_unknown(table: Iterable[str], known: Collection[str], where: str) -> None:
     for key in table:
         if key not in known:
             raise DataError(
@@ -380,7 +396,7 @@ def _refuse_unknown(table, known, where):
             )
 
 
-def _table(table, key):
+def _table(table: dict[str, Any], key: str) -> dict[str, Any]:
     if not isinstance(table.get(key), dict):
         raise DataError(
             f"section [{key}] is missing"
@@ -390,25 +406,25 @@ def _table(table, key):
     return table[key]
 
 
-def _list(value, where):
+def _list(value: Any, where: str) -> list[Any]:
     if not isinstance(value, list):
         raise DataError(f"{where} is {value!r}; write a list in square brackets")
     return value
 
 
-def _flag(value, where):
+def _flag(value: Any, where: str) -> bool:
     if not isinstance(value, bool):
         raise DataError(f"{where}: {value!r} must be true or false")
     return value
 
 
-def _text(value, where):
+def _text(value: Any, where: str) -> str:
     if not isinstance(value, str):
         raise DataError(f"{where} is {value!r}; it must be text in quotes")
     return value
 
 
-def _number(value, where):
+def _number(value: Any, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise DataError(f"{where} is {value!r}; it must be a number")
     if not abs(value) < 1e300:  # an integer of TOML has no end
@@ -416,17 +432,17 @@ def _number(value, where):
     return float(value)
 
 
-def _bound(value, where):
+def _bound(value: Any, where: str) -> float:
     """A number that may be infinite."""
     return value if value == math.inf else _number(value, where)
 
 
-def _exactly_three(value, where):
+def _exactly_three(value: Any, where: str) -> tuple[float, ...]:
     """Three numbers in a list."""
     return _three(_list(value, where), where)
 
 
-def _three(value, where):
+def _three(value: Any, where: str) -> tuple[float, ...]:
     """Three numbers; a single one stands for three."""
     values = value if isinstance(value, list) else [value] * 3
     if len(values) != 3:

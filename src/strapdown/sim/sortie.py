@@ -6,11 +6,15 @@ the air. A leg lasts as long as it says: short ones make corners sharp, so that 
 followed by a climb is a pull-up of several g, and a turn of a few seconds rolls in quickly.
 """
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from ..data import DataError
-from .analytic import arctangent, cosine, lifted, sine, waves
-from .motions import GUSTS, G, flat_legs, profiles
+from ..typing import Array
+from .analytic import Numbers, Times, arctangent, cosine, lifted, sine, waves
+from .motions import AIRCRAFT_GUSTS, G, flat_legs, profiles
 from .trajectory import DEG, Motion
 
 LIFT_OFF, ROTATION = 27.0, 2.0
@@ -20,16 +24,16 @@ _CRAWL = 1e-3  # m/s, that no slope is divided by zero at rest
 
 
 def sortie(
-    start,
-    course,
-    legs,
-    speed=0.0,
-    wind=0.0,
-    wind_from=0.0,
-    smoothing=2.0,
-    roughness=1.0,
-    name="sortie",
-):
+    start: Sequence[float],
+    course: float,
+    legs: Sequence[dict[str, Any]],
+    speed: float = 0.0,
+    wind: float = 0.0,
+    wind_from: float = 0.0,
+    smoothing: float = 2.0,
+    roughness: float = 1.0,
+    name: str = "sortie",
+) -> Motion:
     """A light aircraft by `legs` from `start` (rad, rad, m), first heading (rad) and speed (m/s, 0:
     parked).
 
@@ -46,9 +50,11 @@ def sortie(
     _check(flat, speed)
     path, pace, climb, end = profiles(flat, course, speed, smoothing)
     drift = (-wind * np.cos(wind_from), -wind * np.sin(wind_from))
-    gust = lambda t, what: roughness * waves(t, GUSTS[what])
 
-    def velocity(t):
+    def gust(t: Times, what: str) -> Numbers:
+        return roughness * waves(t, AIRCRAFT_GUSTS[what])
+
+    def velocity(t: Times) -> tuple[Numbers, Numbers, Numbers]:
         angle, lifted_off = path(t), airborne(pace(t))
         v = pace(t) + lifted_off * gust(t, "speed")
         return (
@@ -57,7 +63,7 @@ def sortie(
             lifted_off * gust(t, "down") - climb.rate(t),
         )
 
-    def attitude(t):
+    def attitude(t: Times) -> tuple[Numbers, Numbers, Numbers]:
         v = pace(t)
         lifted_off = airborne(v)
         bank, slope = arctangent(v * path.rate(t) / G), arctangent(climb.rate(t) / (v + _CRAWL))
@@ -70,7 +76,7 @@ def sortie(
     return Motion(name, tuple(start), velocity, attitude, end)
 
 
-def _share(speed):
+def _share(speed: Array) -> Array:
     return 0.5 + 0.5 * np.tanh((speed - LIFT_OFF) / ROTATION)
 
 
@@ -80,7 +86,7 @@ airborne = lifted(
 """Share of the weight that the wings carry at an airspeed (m/s): 0 on the ground, 1 in the air."""
 
 
-def _check(legs, speed):
+def _check(legs: list[dict[str, Any]], speed: float) -> None:
     """Raise DataError where an aircraft would climb on the ground or faster than it flies."""
     now = speed
     for number, leg in enumerate(legs, 1):

@@ -6,18 +6,21 @@ from functools import partial
 
 import numpy as np
 
-from ..data import DataError
-from .trajectory import Motion
+from ..data import DataError, Trajectory
+from ..geodesy import displacement
+from ..typing import Array
+from .analytic import Times
+from .trajectory import Motion, OfTime, sample
 
 DEGREE = 5
 """Of the splines: angular and linear acceleration have two continuous derivatives, so that
 Gauss-Legendre quadrature keeps its order."""
-STEEPEST, WIDEST = math.radians(85), math.radians(90)
+STEEPEST_ROW, WIDEST_TURN = math.radians(85), math.radians(90)
 """Of pitch, and of the rotation from row to row, rad: beyond, Euler angles do not tell how it
 turned between two rows."""
 
 
-def splined(trajectory, name="splined motion"):
+def splined(trajectory: Trajectory, name: str = "splined motion") -> Motion:
     """The Motion whose velocity and Euler angles are quintic splines through those of a
     data.Trajectory (velocity and attitude in every row).
 
@@ -25,7 +28,8 @@ def splined(trajectory, name="splined motion"):
     the integral of its velocity, not the trajectory's own (`residual` says by how much they
     differ). It is no way to fly a loop: Euler angles have no spline through the vertical. Raises
     DataError for fewer than six rows, a row that is not finite or has no attitude, times that do
-    not increase, pitch beyond STEEPEST or a rotation beyond WIDEST from one row to the next.
+    not increase, pitch beyond STEEPEST_ROW or a rotation beyond WIDEST_TURN from one row to the
+    next.
     """
     if trajectory.v_n is None or trajectory.q_nb is None:
         raise DataError(
@@ -57,35 +61,34 @@ def splined(trajectory, name="splined motion"):
     )
 
 
-def _refuse_turns(trajectory, name):
+def _refuse_turns(trajectory: Trajectory, name: str) -> None:
     """Raise DataError where splines of Euler angles would not follow the attitude."""
-    steep = np.abs(trajectory.rph[:, 1]) > STEEPEST
+    assert trajectory.q_nb is not None  # as `splined` has checked
+    steep = np.abs(trajectory.rph[:, 1]) > STEEPEST_ROW
     if steep.any():
         raise DataError(
             f"{name}: pitch is {np.degrees(trajectory.rph[np.argmax(steep), 1]):.1f} deg at row {int(np.argmax(steep))} of the trajectory; "
-            f"splines of Euler angles hold up to {math.degrees(STEEPEST):g} deg"
+            f"splines of Euler angles hold up to {math.degrees(STEEPEST_ROW):g} deg"
         )
     q = trajectory.q_nb / np.linalg.norm(trajectory.q_nb, axis=1, keepdims=True)
-    wide = np.abs((q[1:] * q[:-1]).sum(axis=1)) < math.cos(0.5 * WIDEST)
+    wide = np.abs((q[1:] * q[:-1]).sum(axis=1)) < math.cos(0.5 * WIDEST_TURN)
     if wide.any():
         raise DataError(
-            f"{name}: it turns by more than {math.degrees(WIDEST):g} deg between rows {int(np.argmax(wide))} and {int(np.argmax(wide)) + 1} "
+            f"{name}: it turns by more than {math.degrees(WIDEST_TURN):g} deg between rows {int(np.argmax(wide))} and {int(np.argmax(wide)) + 1} "
             "of the trajectory; give rows closer together"
         )
 
 
-def residual(motion, trajectory):
+def residual(motion: Motion, trajectory: Trajectory) -> tuple[Array, Array, Array]:
     """(position NED m, velocity m/s, rotation vector in n rad), (n, 3) each: the trajectory less
     the motion at its rows after the first.
 
     At a spline's own rows velocity and attitude agree to rounding; hold rows back to see what it
     makes of the time between them.
     """
-    from ..geodesy import displacement
-    from .trajectory import sample
-
     t = np.asarray(trajectory.t, float) - trajectory.t[0]
     made = sample(motion, t[1:])
+    assert trajectory.v_n is not None and made.v_n is not None
     return (
         displacement(trajectory.lla[1:], made.lla),
         trajectory.v_n[1:] - made.v_n,
@@ -93,11 +96,9 @@ def residual(motion, trajectory):
     )
 
 
-def _spline(t, values):
+def _spline(t: Array, values: Array) -> OfTime:
     """t -> three values, for real and complex times: the piece is chosen by the real part, and
     is a polynomial."""
-    from math import factorial
-
     from scipy.interpolate import make_interp_spline
 
     spline = make_interp_spline(t, values, k=DEGREE)
@@ -105,11 +106,13 @@ def _spline(t, values):
     return partial(
         _evaluate,
         begins,
-        np.stack([spline(begins, power) / factorial(power) for power in range(DEGREE, -1, -1)]),
+        np.stack(
+            [spline(begins, power) / math.factorial(power) for power in range(DEGREE, -1, -1)]
+        ),
     )
 
 
-def _evaluate(begins, coefficients, t):
+def _evaluate(begins: Array, coefficients: Array, t: Times) -> tuple[Times, Times, Times]:
     """Horner's rule on the pieces that begin at `begins`; coefficients (degree + 1, pieces, 3),
     of the highest power first."""
     t = np.asarray(t)

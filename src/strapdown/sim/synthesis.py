@@ -1,19 +1,25 @@
 """From a scenario and an IMU's errors to Recordings with their truth, and to a filter's start
 drawn around that truth."""
 
+from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ..core.contract import ATT, BA, BG, POS, STATES, VEL, Start
-from ..data import DataError
+from ..core.contract import ATT, BA, BG, POS, STATES, VEL, Imu, Start
+from ..data import Aiding, DataError, Trajectory
 from ..geodesy import displaced
 from ..recording import Recording
-from ..sensor_models.gnss import without_fixes
-from ..sensor_models.imu import grade, saturated
-from .scenario import Scenario
+from ..sensor_models.ahrs import Ahrs
+from ..sensor_models.barometer import Barometer
+from ..sensor_models.gnss import Gnss, without_fixes
+from ..sensor_models.imu import ImuSpec, grade, saturated
+from ..sensor_models.magnetometer import Magnetometer
+from ..typing import Array, ArrayLike, File
 from .scenario import scenario as find
+from .scenario_model import Scenario
 from .trajectory import Motion, gravity, records
 
 KEPT = 200_000
@@ -22,7 +28,9 @@ at most."""
 
 
 @lru_cache(maxsize=12)
-def _known_records(motion, count, rate, gravity_of):
+def _known_records(
+    motion: Motion, count: int, rate: float, gravity_of: str
+) -> tuple[Trajectory, Imu]:
     """(truth, ideal IMU) of a motion; scenarios that differ in sensors or start alone share
     them."""
     return records(
@@ -40,7 +48,7 @@ class Simulator:
     the generator or seed it is given.
     """
 
-    def __init__(self, scenario):
+    def __init__(self, scenario: Scenario) -> None:
         """`scenario`: a Scenario. Raises DataError."""
         self.scenario = scenario
         count = round(scenario.duration * scenario.rate)
@@ -64,7 +72,9 @@ class Simulator:
             None if scenario.attitude is None else scenario.attitude.plan(self.truth, scenario.gate)
         )
 
-    def recording(self, imu, rng):
+    def recording(
+        self, imu: ImuSpec | dict[str, Any] | File, rng: np.random.Generator
+    ) -> Recording:
         """A Recording with the errors of `imu` (ImuSpec, grade or file) and fixes, from `rng`
         (numpy Generator), each sensor with its stream.
 
@@ -92,14 +102,18 @@ class Simulator:
             self._meta(imu, spec, b_a, b_g) | more | {"notes": notes},
         )
 
-    def _others(self, of_gnss):
+    def _others(
+        self, of_gnss: np.random.Generator
+    ) -> tuple[list[Aiding], dict[str, Any], list[str]]:
         """(aidings, meta, notes) of magnetometer, barometer and AHRS.
 
         Their streams come after the receiver's two, and all are taken always: no sensor changes
         what another one draws.
         """
         of_magnetometer, of_barometer, of_attitude = of_gnss.spawn(3)
-        aidings, more, notes = [], {}, []
+        aidings: list[Aiding] = []
+        more: dict[str, Any] = {}
+        notes: list[str] = []
         if self.magnetic is not None:
             aidings.append(self.magnetic.fixes(of_magnetometer))
             notes += self.magnetic.notes(aidings[-1])
@@ -112,7 +126,7 @@ class Simulator:
             notes += self.attitude.notes(aidings[-1])
         return aidings, more, notes
 
-    def _offset(self, spec):
+    def _offset(self, spec: ImuSpec) -> Array | None:
         """The scenario's accelerometer offset at the samples, (n, 3) or (3,) m/s^2; None where
         there is none."""
         if not self.offset.any():
@@ -124,7 +138,9 @@ class Simulator:
             * np.exp(-(self.ideal.t - self.ideal.t[0]) / spec.accel.time_constant)[:, None]
         )
 
-    def start(self, rng, imu, recording):
+    def start(
+        self, rng: np.random.Generator, imu: ImuSpec | dict[str, Any] | File, recording: Recording
+    ) -> Start:
         """A Start at 0 s: the truth less an error drawn from the scenario's `start_sd`, biases 0
         or, where they are known, those of `recording`."""
         biases = (
@@ -136,7 +152,9 @@ class Simulator:
             self.truth, self.scenario.start_deviations(grade(imu)), rng, biases=biases
         )
 
-    def run(self, imu, seed_sequence):
+    def run(
+        self, imu: ImuSpec | dict[str, Any] | File, seed_sequence: np.random.SeedSequence
+    ) -> tuple[Recording, Start]:
         """(Recording, Start) of one numpy SeedSequence; the same one gives the same run, however
         often it was used."""
         same = np.random.SeedSequence(
@@ -148,7 +166,7 @@ class Simulator:
         recording = self.recording(imu, rng)
         return recording, self.start(rng.spawn(1)[0], imu, recording)
 
-    def ideal_recording(self):
+    def ideal_recording(self) -> Recording:
         """The Recording of an IMU without errors and of exact fixes, which state the standard
         deviations of the noisy ones."""
         zeros = np.zeros((len(self.ideal.t), 3))
@@ -164,7 +182,7 @@ class Simulator:
             self._meta(None, None, zeros, zeros.copy()),
         )
 
-    def exact_start(self, imu):
+    def exact_start(self, imu: ImuSpec | dict[str, Any] | File) -> Start:
         """The Start at the truth with the standard deviations that `start` has with `imu`."""
         return _start(
             self.truth,
@@ -175,7 +193,13 @@ class Simulator:
             "the truth",
         )
 
-    def _meta(self, imu, spec, b_a, b_g):
+    def _meta(
+        self,
+        imu: ImuSpec | dict[str, Any] | File | None,
+        spec: ImuSpec | None,
+        b_a: Array,
+        b_g: Array,
+    ) -> dict[str, Any]:
         meta = {
             "name": self.scenario.name,
             "grade": str(imu) if isinstance(imu, (str, Path)) else spec,
@@ -188,17 +212,17 @@ class Simulator:
 
 
 def simulate(
-    motion,
-    duration=None,
-    imu=None,
-    seed=0,
-    rate=None,
-    gnss=None,
-    magnetometer=None,
-    barometer=None,
-    date=None,
-    attitude=None,
-):
+    motion: Motion | Scenario | File,
+    duration: float | None = None,
+    imu: ImuSpec | dict[str, Any] | File | None = None,
+    seed: int = 0,
+    rate: float | None = None,
+    gnss: Gnss | None = None,
+    magnetometer: Magnetometer | None = None,
+    barometer: Barometer | None = None,
+    date: str | None = None,
+    attitude: Ahrs | None = None,
+) -> Recording:
     """A simulated Recording: IMU samples with errors, fixes of GNSS, magnetometer, barometer and
     AHRS, and the truth as reference.
 
@@ -213,7 +237,7 @@ def simulate(
     """
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise DataError(f"seed is {seed!r}; it must be a whole number, 0 or more")
-    given = {
+    given: dict[str, Any] = {
         "duration": duration,
         "imu": imu,
         "rate": rate,
@@ -237,7 +261,13 @@ def simulate(
     return recording
 
 
-def draw_start(truth, sd, rng, t=None, biases=None):
+def draw_start(
+    truth: Trajectory,
+    sd: ArrayLike,
+    rng: np.random.Generator,
+    t: float | None = None,
+    biases: tuple[ArrayLike, ArrayLike] | None = None,
+) -> Start:
     """A Start at the truth's row at `t` (its first by default) less an error drawn from the 15
     standard deviations `sd` (SI, radians).
 
@@ -261,9 +291,17 @@ def draw_start(truth, sd, rng, t=None, biases=None):
     )
 
 
-def _start(truth, row, sd, error, biases, note):
+def _start(
+    truth: Trajectory,
+    row: int,
+    sd: Array,
+    error: Array,
+    biases: tuple[ArrayLike, ArrayLike] | None,
+    note: str,
+) -> Start:
     from scipy.spatial.transform import Rotation
 
+    assert truth.v_n is not None and truth.q_nb is not None
     attitude = Rotation.from_quat(truth.q_nb[row, [1, 2, 3, 0]])
     heading, pitch, roll = (Rotation.from_rotvec(-error[ATT]) * attitude).as_euler("ZYX")
     b_a, b_g = (
@@ -271,7 +309,10 @@ def _start(truth, row, sd, error, biases, note):
         if biases is None
         else (np.asarray(biases[0]) - error[BA], np.asarray(biases[1]) - error[BG])
     )
-    numbers = lambda values: tuple(float(value) for value in values)
+
+    def numbers(values: Iterable[float]) -> tuple[float, ...]:
+        return tuple(float(value) for value in values)
+
     return Start(
         float(truth.t[row]),
         numbers(displaced(truth.lla[row], -error[POS])),
@@ -284,6 +325,6 @@ def _start(truth, row, sd, error, biases, note):
     )
 
 
-def _gravity_at_the_ellipsoid(lat, alt):
+def _gravity_at_the_ellipsoid(lat: float | Array, alt: float | Array) -> float | Array:
     """Normal gravity, m/s^2, as it were at every height were there no dependence on it."""
     return gravity(lat, 0 * alt)

@@ -4,13 +4,15 @@ The Earth here (radii, gravity, rate) is the simulator's own and deliberately no
 error in one must not cancel in the other.
 """
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from ..core.contract import Imu
 from ..data import DataError, Trajectory
+from ..typing import Array, ArrayLike, Ints
+from .analytic import Numbers, Times
 
 SEMI_MAJOR, FLATTENING, EARTH_RATE = 6378137.0, 1 / 298.257223563, 7.292115e-5
 ECCENTRICITY2 = FLATTENING * (2 - FLATTENING)
@@ -18,9 +20,8 @@ GRAVITY_EQUATOR, GRAVITY_POLE, GM = 9.7803253359, 9.8321849378, 3.986004418e14
 """WGS-84: m, -, rad/s, -, m/s^2, m/s^2, m^3/s^2."""
 DEG = np.pi / 180
 
-_POLEWARD = (
-    89 * DEG
-)  # as of the models: beyond it, heading and longitude turn too fast to mean anything
+# as of the models: beyond it, heading and longitude turn too fast to mean anything
+_POLEWARD = 89 * DEG
 _LONGEST = 0.02  # s; a longer sample is integrated in pieces
 _STEP = 1e-20  # of the complex-step derivative: no cancellation, so it may vanish against t
 _BLOCK = 400_000  # pieces worked on at a time: a day of samples is too long for temporary arrays
@@ -38,6 +39,12 @@ _INNER = np.array(
 integrals up to each node."""
 
 
+OfTime: TypeAlias = Callable[[Times], Sequence[Numbers]]
+"""Times -> three arrays of their shape, or numbers."""
+Gravity: TypeAlias = Callable[[Array, Array], float | Array]
+"""(latitude rad, height m) -> m/s^2, straight down."""
+
+
 class Motion(NamedTuple):
     """A motion over the Earth: where it begins and two functions of time, from which everything
     else follows.
@@ -49,13 +56,28 @@ class Motion(NamedTuple):
     """
 
     name: str
-    lla: tuple  # at t = 0: latitude rad, longitude rad, ellipsoidal height m
-    velocity: Callable  # t -> north, east, down velocity, m/s
-    attitude: Callable  # t -> roll, pitch, heading, rad (ZYX; heading need not be wrapped)
+    lla: tuple[float, ...]  # at t = 0: latitude rad, longitude rad, ellipsoidal height m
+    velocity: OfTime  # t -> north, east, down velocity, m/s
+    attitude: OfTime  # t -> roll, pitch, heading, rad (ZYX; heading need not be wrapped)
     end: float = np.inf  # s, the last time at which the functions are meant
 
 
-def sample(motion, t, longest=_LONGEST, lla=None):
+class _Positions(NamedTuple):
+    """The integral of a motion's velocity, in pieces between the times asked for."""
+
+    lla: Array  # (n, 3) at these times
+    nodes: Array  # (3, pieces, 3) latitude, longitude, height at the quadrature nodes
+    times: Array  # (pieces, 3) of the nodes, s
+    length: Array  # (pieces,) s
+    first: Ints  # first piece of each interval
+
+
+def sample(
+    motion: Motion,
+    t: ArrayLike,
+    longest: float = _LONGEST,
+    lla: Sequence[float] | Array | None = None,
+) -> Trajectory:
     """Truth at increasing times t (n,), s, at or after 0, as data.Trajectory; position is the exact
     integral of velocity. Raises DataError.
 
@@ -64,17 +86,19 @@ def sample(motion, t, longest=_LONGEST, lla=None):
     position `lla`.
     """
     t = _checked(motion, t)
-    return _truth(motion, t, _positions(motion, t, lla, longest)[0])
+    return _truth(motion, t, _positions(motion, t, lla, longest).lla)
 
 
-def increments(motion, t):
+def increments(motion: Motion, t: ArrayLike) -> Imu:
     """What an ideal IMU delivers at t[1:]: integrals of omega_ib_b (rad) and f_ib_b (m/s) since
     the time before. Raises DataError."""
     t = _checked(motion, t)
     return _increments(motion, t, _positions(motion, t), gravity)
 
 
-def records(motion, t, gravity_model=None):
+def records(
+    motion: Motion, t: ArrayLike, gravity_model: Gravity | None = None
+) -> tuple[Trajectory, Imu]:
     """(`sample`, `increments`) at once, for less time and memory: t[0] must be 0. Raises DataError.
 
     `gravity_model` is a function of latitude (rad) and height (m), m/s^2, in place of this module's
@@ -86,12 +110,14 @@ def records(motion, t, gravity_model=None):
             f"a recording begins at 0 s and has two times or more, not {len(t)} from {t[0]:g} s"
         )
     rows = max(1, _BLOCK // max(1, int(np.ceil(np.diff(t).max() / _LONGEST - 1e-9))))
-    lla, truths, imus = None, [], []
+    lla: Array | None = None
+    truths: list[Trajectory] = []
+    imus: list[Imu] = []
     for begin in range(0, len(t) - 1, rows):
         part = t[begin : begin + rows + 1]
         positions = _positions(motion, part, lla)
-        lla, skip = positions[0][-1], int(begin > 0)
-        truths.append(_truth(motion, part[skip:], positions[0][skip:]))
+        lla, skip = positions.lla[-1], int(begin > 0)
+        truths.append(_truth(motion, part[skip:], positions.lla[skip:]))
         imus.append(_increments(motion, part, positions, gravity_model or gravity))
     if len(imus) == 1:
         return truths[0], imus[0]
@@ -107,7 +133,7 @@ def records(motion, t, gravity_model=None):
     )
 
 
-def _truth(motion, t, lla):
+def _truth(motion: Motion, t: Array, lla: Array) -> Trajectory:
     from scipy.spatial.transform import Rotation
 
     roll, pitch, heading = _values(motion.attitude, t)
@@ -120,7 +146,7 @@ def _truth(motion, t, lla):
     )
 
 
-def _increments(motion, t, positions, gravity_model):
+def _increments(motion: Motion, t: Array, positions: _Positions, gravity_model: Gravity) -> Imu:
     _, nodes, times, length, first = positions
     omega, f = rates(motion, times.ravel(), nodes.reshape(3, -1), gravity_model)
     sums = [
@@ -130,7 +156,7 @@ def _increments(motion, t, positions, gravity_model):
     return Imu(t[1:], np.diff(t), *(np.ascontiguousarray(total.T) for total in sums))
 
 
-def rates(motion, t, lla, gravity_model):
+def rates(motion: Motion, t: Array, lla: Array, gravity_model: Gravity) -> tuple[Array, Array]:
     """(omega_ib_b rad/s, f_ib_b m/s^2), (3, n) each, at times t (n,), positions lla (3, n) and
     in the gravity that belong to them."""
     (north, east, down), acceleration = _with_derivative(motion.velocity, t)
@@ -157,15 +183,16 @@ def rates(motion, t, lla, gravity_model):
     )
 
 
-def radii(lat):
-    """Radii of curvature of the ellipsoid in the meridian and in the prime vertical, m."""
+def radii(lat: float | Array) -> tuple[float | Array, float | Array]:
+    """Radii of curvature of the ellipsoid in the meridian and in the prime vertical, m, at
+    latitudes in rad."""
     w2 = 1 - ECCENTRICITY2 * np.sin(lat) ** 2
     return SEMI_MAJOR * (1 - ECCENTRICITY2) / w2**1.5, SEMI_MAJOR / np.sqrt(w2)
 
 
-def gravity(lat, alt):
-    """Normal gravity, m/s^2, straight down: Somigliana on the ellipsoid, second order in height
-    (Heiskanen & Moritz 1967, eq. 2-123)."""
+def gravity(lat: float | Array, alt: float | Array) -> float | Array:
+    """Normal gravity, m/s^2, straight down, at latitudes in rad and heights in m: Somigliana on the
+    ellipsoid, second order in height (Heiskanen & Moritz 1967, eq. 2-123)."""
     b = SEMI_MAJOR * (1 - FLATTENING)
     k = b * GRAVITY_POLE / (SEMI_MAJOR * GRAVITY_EQUATOR) - 1
     m = EARTH_RATE**2 * SEMI_MAJOR**2 * b / GM
@@ -174,22 +201,22 @@ def gravity(lat, alt):
     return surface * (1 - 2 * (1 + FLATTENING + m - 2 * FLATTENING * s2) * x + 3 * x**2)
 
 
-def ramp(t, at, width):
-    """Smooth step from 0 to 1 around the time `at`: tanh, 12 % at -width and 88 % at +width."""
+def ramp(t: Numbers, at: float, width: float) -> Numbers:
+    """Smooth step from 0 to 1 around the time `at` (s): tanh, 12 % at -width and 88 % at +width."""
     return 0.5 + 0.5 * np.tanh((t - at) / width)
 
 
-def ramp_rate(t, at, width):
+def ramp_rate(t: Numbers, at: float, width: float) -> Numbers:
     """Time derivative of `ramp`, 1/s; its peak is 0.5/width."""
     return 0.5 / width * (1 - np.tanh((t - at) / width) ** 2)
 
 
-def static(lla, rph=(0.0, 0.0, 0.0)):
+def static(lla: Sequence[float] | Array, rph: Sequence[float] = (0.0, 0.0, 0.0)) -> Motion:
     """A body at rest: lla rad, rad, m; rph rad."""
     return Motion("static", tuple(lla), lambda t: (0.0, 0.0, 0.0), lambda t: tuple(rph))
 
 
-def demo_flight():
+def demo_flight() -> Motion:
     """Ten minutes in a light aircraft over Lake Constance: 40 to 50 m/s, climbs and descents of
     3 m/s, coordinated turns, some turbulence."""
     turns = [
@@ -201,20 +228,28 @@ def demo_flight():
         (520, 110, 12),
     ]  # s, deg, s
     climbs = [(40, 120, 3.0), (200, 270, -2.5), (380, 470, 3.0), (500, 570, -2.0)]  # s, s, m/s
-    wave = lambda t, period: np.sin(2 * np.pi * t / period)
-    speed = lambda t: 45 + 4 * wave(t, 97.0) + 1.0 * wave(t, 31.0)
-    course = lambda t: (
-        DEG * 55 + sum(DEG * angle * ramp(t, at, width) for at, angle, width in turns)
-    )
-    turn_rate = lambda t: sum(DEG * angle * ramp_rate(t, at, width) for at, angle, width in turns)
-    climb = lambda t: sum(
-        rate * (ramp(t, start, 4.0) - ramp(t, stop, 4.0)) for start, stop, rate in climbs
-    )
 
-    def velocity(t):
+    def wave(t: Times, period: float) -> Times:
+        return np.sin(2 * np.pi * t / period)
+
+    def speed(t: Times) -> Times:
+        return 45 + 4 * wave(t, 97.0) + 1.0 * wave(t, 31.0)
+
+    def course(t: Times) -> Numbers:
+        return DEG * 55 + sum(DEG * angle * ramp(t, at, width) for at, angle, width in turns)
+
+    def turn_rate(t: Times) -> Numbers:
+        return sum(DEG * angle * ramp_rate(t, at, width) for at, angle, width in turns)
+
+    def climb(t: Times) -> Numbers:
+        return sum(
+            rate * (ramp(t, start, 4.0) - ramp(t, stop, 4.0)) for start, stop, rate in climbs
+        )
+
+    def velocity(t: Times) -> tuple[Numbers, Numbers, Numbers]:
         return speed(t) * np.cos(course(t)), speed(t) * np.sin(course(t)), -climb(t)
 
-    def attitude(t):
+    def attitude(t: Times) -> tuple[Numbers, Numbers, Numbers]:
         bank = np.arctan(speed(t) * turn_rate(t) / 9.81)
         roll = bank + DEG * (1.5 * wave(t, 5.3) + 0.5 * wave(t, 1.9))
         pitch = DEG * 2.5 + climb(t) / speed(t) + DEG * (1.0 * wave(t, 4.1) + 0.4 * wave(t, 1.3))
@@ -223,9 +258,10 @@ def demo_flight():
     return Motion("demo flight", (DEG * 47.63, DEG * 9.35, 900.0), velocity, attitude)
 
 
-def _positions(motion, t, lla=None, longest=_LONGEST):
-    """Positions at t (n, 3) and at the quadrature nodes (3, pieces, 3), the times of these, length
-    of each piece, first piece of each interval.
+def _positions(
+    motion: Motion, t: Array, lla: Sequence[float] | Array | None = None, longest: float = _LONGEST
+) -> _Positions:
+    """The positions at t (n,) and at the quadrature nodes between.
 
     `lla` is the position at t[0]; without it the integral begins with the motion, at 0.
     """
@@ -241,10 +277,8 @@ def _positions(motion, t, lla=None, longest=_LONGEST):
     lat0, lon0, alt0 = motion.lla if lla is None else lla
     alt, alt_nodes = _integral(alt0, -down, length)
     lat_nodes = np.full(times.shape, lat0)
-    for _ in range(
-        20
-        # the rate depends on latitude through the radius alone: each round gains three digits or more
-    ):
+    # the rate depends on latitude through the radius alone: each round gains three digits or more
+    for _ in range(20):
         before = lat_nodes
         lat, lat_nodes = _integral(lat0, north / (radii(lat_nodes)[0] + alt_nodes), length)
         if np.abs(lat_nodes - before).max(initial=0.0) < 1e-15:
@@ -261,11 +295,10 @@ def _positions(motion, t, lla=None, longest=_LONGEST):
             f"motion {motion.name!r} goes beyond {_POLEWARD / DEG:g} deg of latitude, where the models do not hold; keep away from the poles"
         )
     at = np.r_[first, len(length)][len(edges) - len(t) :]
-    lla = np.c_[lat[at], (lon[at] + np.pi) % (2 * np.pi) - np.pi, alt[at]]
     skip = first[len(edges) - len(t)] if len(t) > 1 else 0
     keep = slice(skip, None)
-    return (
-        lla,
+    return _Positions(
+        np.c_[lat[at], (lon[at] + np.pi) % (2 * np.pi) - np.pi, alt[at]],
         np.stack([lat_nodes, lon_nodes, alt_nodes])[:, keep],
         times[keep],
         length[keep],
@@ -273,17 +306,17 @@ def _positions(motion, t, lla=None, longest=_LONGEST):
     )
 
 
-def _integral(start, rate, length):
+def _integral(start: float, rate: Array, length: Array) -> tuple[Array, Array]:
     """Integral of a rate given at the nodes: at the ends of all pieces, and at the nodes."""
     ends = start + np.r_[0.0, np.cumsum(length * (rate @ _WEIGHTS))]
     return ends, ends[:-1, None] + length[:, None] * (rate @ _INNER.T)
 
 
-def _values(function, t):
+def _values(function: OfTime, t: Array) -> Array:
     return np.stack(np.broadcast_arrays(*function(t), t)[:3]).astype(float)
 
 
-def _with_derivative(function, t):
+def _with_derivative(function: OfTime, t: Array) -> tuple[Array, Array]:
     """Values and time derivatives (3, n) of an analytic function, exact to rounding (Squire &
     Trapp 1998)."""
     z = np.stack(np.broadcast_arrays(*function(t + 1j * _STEP), t)[:3])
@@ -299,7 +332,7 @@ def _with_derivative(function, t):
     return value, slope
 
 
-def _to_body(vector, roll, pitch, heading):
+def _to_body(vector: Array, roll: Array, pitch: Array, heading: Array) -> Array:
     """Components (3, n) in the body frame of vectors given in the navigation frame: turned about
     z, then y, then x."""
     v = vector.copy()
@@ -309,7 +342,7 @@ def _to_body(vector, roll, pitch, heading):
     return v
 
 
-def _checked(motion, t):
+def _checked(motion: Motion, t: ArrayLike) -> Array:
     t = np.ascontiguousarray(t, float)
     if (
         t.ndim != 1

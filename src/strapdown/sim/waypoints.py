@@ -1,13 +1,16 @@
 """A flight by waypoints: over each of them it flies on for a few seconds, then turns until the
 straight line leads to the next."""
 
+from collections.abc import Iterable, Sequence
+
 import numpy as np
 
 from ..core.earth import LATITUDE_LIMIT
 from ..data import DataError
 from ..geodesy import displacement
+from ..typing import Array
 from .analytic import Profile
-from .motions import LONGEST, G, flown
+from .motions import LONGEST_MOTION, G, flown
 from .trajectory import DEG, Motion, sample
 
 _ROUNDS = 5  # each brings the aim at a waypoint a hundred times closer
@@ -17,8 +20,13 @@ _MARGIN = 5.0
 
 
 def waypoints(
-    waypoints, speed, bank=25 * DEG, smoothing=2.0, roughness=1.0, name="waypoint flight"
-):
+    waypoints: Iterable[Sequence[float]],
+    speed: float,
+    bank: float = 25 * DEG,
+    smoothing: float = 2.0,
+    roughness: float = 1.0,
+    name: str = "waypoint flight",
+) -> Motion:
     """Over all `waypoints` (latitude rad, longitude rad, height m) in turn at a ground `speed`
     (m/s), with about `bank` (rad) at most in turns.
 
@@ -34,11 +42,15 @@ def waypoints(
             f"{speed!r} m/s, {smoothing!r} s, {bank / DEG:.6g} deg"
         )
     _check(places, speed)
-    here, course, first, turns, climbs = places[0], None, None, [], []
+    here: tuple[float, ...] = places[0]
+    course: float | None = None
+    first: float | None = None
+    turns: list[tuple[float, float]] = []
+    climbs: list[tuple[float, float]] = []
     for number, place in enumerate(places[1:], 2):
         aim = displacement(place, here)[:2]
         for _ in range(_ROUNDS):
-            if first is not None:
+            if course is not None:
                 begin, turn = course, _turn_then_line(aim, course, speed, bank, smoothing, number)
             else:
                 begin, turn = (
@@ -66,11 +78,12 @@ def waypoints(
             )
         first = begin if first is None else first
         here, course, turns, climbs = (
-            reached,
+            tuple(reached),
             begin + sum(duration * rate for duration, rate in turn),
             turns + turn,
             climbs + climb,
         )
+    assert first is not None  # there are two places or more
     pace = Profile(float(speed), np.zeros(1), np.empty(0), np.empty(0))
     end = float(sum(duration for duration, _ in turns))
     return flown(
@@ -84,7 +97,7 @@ def waypoints(
     )
 
 
-def _check(places, speed):
+def _check(places: Sequence[tuple[float, ...]], speed: float) -> None:
     """Raise DataError, before any flying, where places cannot be flown over in turn at that
     speed."""
     if not np.all(np.isfinite(places)):
@@ -103,18 +116,25 @@ def _check(places, speed):
                 f"waypoints {number - 1} and {number} are at the same place; leave one of them out"
             )
         total += length / speed
-    if total > LONGEST:
+    if total > LONGEST_MOTION:
         raise DataError(
-            f"the flight by these waypoints takes {total:.3g} s; at most {LONGEST:g} s (10 days) are simulated; fly faster"
+            f"the flight by these waypoints takes {total:.3g} s; at most {LONGEST_MOTION:g} s (10 days) are simulated; fly faster"
         )
 
 
-def _profile(value, lines, smoothing):
+def _profile(value: float, lines: list[tuple[float, float]], smoothing: float) -> Profile:
     durations, slopes = zip(*lines)
     return Profile.of(value, [*durations, np.inf], [*slopes, 0.0], smoothing)
 
 
-def _reached(here, path, climb, speed, seconds, number):
+def _reached(
+    here: tuple[float, ...],
+    path: Profile,
+    climb: Profile,
+    speed: float,
+    seconds: float,
+    number: int,
+) -> Array:
     leg = Motion(
         "leg",
         here,
@@ -129,17 +149,19 @@ def _reached(here, path, climb, speed, seconds, number):
         ) from None
 
 
-def _turn_then_line(aim, course, speed, bank, smoothing, number):
+def _turn_then_line(
+    aim: Array, course: float, speed: float, bank: float, smoothing: float, number: int
+) -> list[tuple[float, float]]:
     """[(duration, course rate)] from the origin to `aim` (north, east, m) in the plane: straight, a
     turn, straight; the shorter of both senses.
 
     An aim inside the turning circle of one side is reached from the other: it cannot be in both.
     """
     pause, quickest, rate = _MARGIN * smoothing, 6 * smoothing, G * np.tan(bank) / speed
-    begin, turn = aim - speed * pause * np.array([np.cos(course), np.sin(course)]), None
-    for _ in range(
-        30
-    ):  # a small turn takes `quickest` all the same, so its radius depends on its angle
+    begin = aim - speed * pause * np.array([np.cos(course), np.sin(course)])
+    turn: float | None = None
+    # a small turn takes `quickest` all the same, so its radius depends on its angle
+    for _ in range(30):
         radius = (
             speed / rate if turn is None else speed * max(1 / rate, quickest / max(abs(turn), 1e-9))
         )
@@ -151,6 +173,7 @@ def _turn_then_line(aim, course, speed, bank, smoothing, number):
                 f"waypoint {number} follows too soon: it lies within the turn to it; fly slower, bank more, or leave it out"
             )
         turn, line = min(ways, key=lambda way: radius * abs(way[0]) + way[1])
+    assert turn is not None
     if line < speed * pause:
         raise DataError(
             f"waypoint {number} follows too soon: {line:.0f} m of straight line are left after the turn to it, {speed * pause:.0f} m "
@@ -160,7 +183,7 @@ def _turn_then_line(aim, course, speed, bank, smoothing, number):
     return [(pause, 0.0), (turning, turn / turning), (line / speed, 0.0)]
 
 
-def _tangent(aim, course, radius, sense):
+def _tangent(aim: Array, course: float, radius: float, sense: int) -> tuple[float, float] | None:
     """(turn rad, length m of the line after it) of a circle of `radius` to the right (sense 1)
     or left (-1); None where `aim` is inside."""
     to_aim = aim - sense * radius * np.array([-np.sin(course), np.cos(course)])

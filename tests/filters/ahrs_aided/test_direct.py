@@ -13,7 +13,7 @@ from strapdown import filters
 from strapdown.core.contract import Imu, Noise, Start, compile_kernel
 from strapdown.core.jit import plain
 from strapdown.filters.ahrs_aided import direct_ahrs, known_attitude
-from strapdown.filters.ahrs_aided.known_attitude import ANGLES, STEEP
+from strapdown.filters.ahrs_aided.known_attitude import ANGLES, STEEP_PITCH
 from strapdown.geodesy import displaced, displacement
 from strapdown.recording import Recording
 
@@ -214,10 +214,12 @@ def test_pitch_through_90_degrees_is_handled_and_said(name):
     )
     beyond = solution.columns["pitch_beyond_85_deg [s]"]
     pitch = np.abs(np.arcsin(-C.as_matrix()[1:, 2, 0]))
-    assert beyond[-1] == pytest.approx((pitch > STEEP).sum() / 50, abs=0.2) and beyond[-1] > 0.3
+    assert (
+        beyond[-1] == pytest.approx((pitch > STEEP_PITCH).sum() / 50, abs=0.2) and beyond[-1] > 0.3
+    )
     ((t, text),) = [event for event in solution.events if "pitch" in event[1]]
     assert (
-        t == pytest.approx(np.flatnonzero(pitch > STEEP)[0] / 50, abs=0.1)
+        t == pytest.approx(np.flatnonzero(pitch > STEEP_PITCH)[0] / 50, abs=0.1)
         and "beyond 85 deg for" in text
         and "rotation matrix" in text
     )

@@ -202,7 +202,7 @@ def test_errors_are_as_large_as_lyapunovs_equation_says():
     K = -(observer.error[:, 0] - before)
     expected = np.diag(solve_discrete_lyapunov(M, np.outer(K, K)))
     errors = []
-    for k in range(1900):
+    for _k in range(1900):
         observer.wait(1.0)
         observer.fix("position", rng.standard_normal(3))
         errors.append(observer.error)
@@ -233,7 +233,7 @@ def test_a_turned_vehicle_has_turned_errors():
         observer.belief, observer.C = belief, belief.C.copy()
         turn, offset = (level if turned else np.eye(3)), rng.standard_normal((3, 3))
         observer.set(offset @ turn.T)
-        for k in range(20):
+        for _k in range(20):
             observer.wait(0.5)
             observer.fix("position", turn @ rng.standard_normal(3))
             observer.wait(0.5)

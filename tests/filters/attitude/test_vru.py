@@ -12,7 +12,7 @@ import strapdown as sd
 from strapdown import aiding
 from strapdown.core.contract import Noise, Start, compile_kernel
 from strapdown.data import Aiding, DataError
-from strapdown.engine import batch
+from strapdown.engine import prepare as preparation
 from strapdown.engine.stream import Fix, Sample, Stream
 from strapdown.filters.attitude.vru import MEASURED, VERTICAL, VRU, wave_density
 from strapdown.recording import Recording
@@ -113,8 +113,8 @@ def test_a_correction_is_the_textbooks(kind, rows):
     made, vertical = belief()
     arm, deviation = np.array([4.0, -3.0, 1.0]), 0.7
     source = height(kind, 1.0, 46.0, deviation, parameters=tuple(arm))
-    fixes = batch.merge((source,))
-    batch.prepare("vru", [kind])
+    fixes = preparation.merge((source,))
+    preparation.prepare("vru", [kind])
     before = [part.copy() for part in made]
     innovation = np.empty(3)
     nis = VRU.correct(
@@ -218,7 +218,7 @@ def test_the_density_of_waves_is_the_best():
 )
 def test_bad_options_are_refused(options, words):
     with pytest.raises(DataError, match=words) as error:
-        batch.new_belief(VRU, BEGIN, NOISE, options, ())
+        preparation.new_belief(VRU, BEGIN, NOISE, options, ())
     assert "\n" not in str(error.value)
 
 
@@ -520,11 +520,11 @@ def test_a_stream_is_the_batch_bit_for_bit(swell):
     assert last.extra_states[0] == solution.columns["barometer bias [m]"][-1] and np.array_equal(
         last.P, solution.covariance[-1]
     )
-    engine_chunk, batch.CHUNK = batch.CHUNK, 37
+    engine_chunk, preparation.ROWS_AT_ONCE = preparation.ROWS_AT_ONCE, 37
     try:
         again = sd.fuse(recording, "vru", start=begin, covariance=True)
     finally:
-        batch.CHUNK = engine_chunk
+        preparation.ROWS_AT_ONCE = engine_chunk
     assert np.array_equal(again.covariance, solution.covariance) and np.array_equal(
         again.trajectory.lla[:, 2], solution.trajectory.lla[:, 2]
     )

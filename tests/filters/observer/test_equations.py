@@ -331,7 +331,7 @@ def test_in_an_outage_biases_are_held_bit_for_bit_and_xi_stands_still_in_e(predi
     assert (
         np.array_equal(b.ba, at.ba)
         and np.array_equal(b.bg, at.bg)
-        and b.workspace[equations.FADE] == equations.HOLD
+        and b.workspace[equations.FADE] == equations.FADE_AT_START
     )
     xi = b.workspace[equations.XI : equations.XI + 3]
     assert (
@@ -421,7 +421,7 @@ def test_over_samples_made_up_in_a_gap_nothing_is_injected(predict, since):
 
 
 @pytest.mark.parametrize(
-    "fade, share", [(0.0, 1.0), (0.25, 0.75), (1.0, 0.0), (equations.HOLD, 0.0)]
+    "fade, share", [(0.0, 1.0), (0.25, 0.75), (1.0, 0.0), (equations.FADE_AT_START, 0.0)]
 )
 def test_adaptation_comes_in_as_the_start_fades_out(predict, fade, share):
     """Its step in closed form, docs/observer.md, times what the start leaves of it."""

@@ -12,7 +12,7 @@ import strapdown as sd
 from strapdown.cli import app
 from strapdown.core.contract import Noise
 from strapdown.data import Aiding, DataError
-from strapdown.filters.observer.gains import fit
+from strapdown.filters.observer.gains import configure
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
 from strapdown.sim.trajectory import DEG, Motion
@@ -307,7 +307,9 @@ def test_hiding_fixes_changes_no_option_however_the_time_stamps_jitter():
     )
     whole = replace(recording, aidings=jittered)
     hidden = whole.hidden([(20.0, 45.0)])
-    assert fit({}, whole.aidings)[0] == fit({}, hidden.aidings)[0] == {"outage_after": 3.0}
+    assert (
+        configure({}, whole.aidings)[0] == configure({}, hidden.aidings)[0] == {"outage_after": 3.0}
+    )
     told = [
         sd.fuse(r, "nlo", start=start(recording), noise=NOISE).meta["notes"]
         for r in (whole, hidden)

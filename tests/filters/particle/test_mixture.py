@@ -13,7 +13,7 @@ from scipy.stats import chi2, kstest
 
 from strapdown.filters.particle import mixture as compiled_mixture
 from strapdown.filters.particle import threefry as counter_random
-from strapdown.filters.particle.mixture import MOST, begin, kernel_width, silverman
+from strapdown.filters.particle.mixture import MOST_COMPONENTS, begin, kernel_width, silverman
 from strapdown.filters.particle.threefry import COUNTER, new_stream, normal_rows
 
 pytestmark = pytest.mark.short
@@ -316,7 +316,7 @@ def test_the_kernel_that_is_taken_keeps_the_loss_at_each_resampling_small(n):
         ((2.5, 0.5), "components is 2.5"),
         ((-3, 0.5), "at least 1"),
         ((math.nan, 0.5), "components is nan"),
-        ((MOST + 1, 0.5), "at most 100000"),
+        ((MOST_COMPONENTS + 1, 0.5), "at most 100000"),
         ((5, 0.0), "kernel is 0.0"),
         ((5, 1.1), "kernel is 1.1"),
         ((5, math.nan), "kernel is nan"),

@@ -15,7 +15,7 @@ from strapdown.core.contract import OBSERVE, PARAMETERS, Noise, Start, compile_k
 from strapdown.core.error_state import auxiliary
 from strapdown.core.jit import plain
 from strapdown.data import Aiding, DataError
-from strapdown.engine.batch import prepare
+from strapdown.engine.prepare import prepare
 from strapdown.filters.particle import ins_mixture as places
 from strapdown.filters.particle.pkf import PKF
 from strapdown.geodesy import displaced, displacement, radii

@@ -112,7 +112,9 @@ def test_downdate_against_dense_algebra_and_repaired_where_it_fails():
     points.covariance(A, 5, 8, back)
     assert np.linalg.eigvalsh(P - 9 * np.outer(x, x)).min() < 0 < np.linalg.eigvalsh(back).min()
     assert np.allclose(
-        back, P - (1 - points.LEAST) / (x @ np.linalg.solve(P, x)) * np.outer(x, x), atol=1e-12
+        back,
+        P - (1 - points.DOWNDATE_FLOOR) / (x @ np.linalg.solve(P, x)) * np.outer(x, x),
+        atol=1e-12,
     )  # the same direction
     A[:] = 0.0
     assert points.downdate(A, x, 5, 8, work) == 1 and not A.any()

@@ -10,7 +10,7 @@ import strapdown as sd
 from strapdown import filters
 from strapdown.core.contract import Noise, Start
 from strapdown.core.earth import gravity
-from strapdown.engine.batch import prepare
+from strapdown.engine.prepare import prepare
 from strapdown.filters.two_stage.model import (
     doubt,
     from_angles,

@@ -14,6 +14,7 @@ import strapdown as sd
 from strapdown.core.contract import CORRECT, PREDICT, Noise, kernel
 from strapdown.data import DataError
 from strapdown.engine.batch import begin
+from strapdown.engine.prepare import Asked
 from strapdown.filters.observer.equations import embedded
 from strapdown.filters.two_stage import xkf_two_stage
 from strapdown.filters.two_stage.xkf_two_stage import (
@@ -97,7 +98,7 @@ def test_about_a_given_trajectory_it_is_the_linear_kalman_filter(name):
     products; only rounding differs."""
     recording = ungated(flight(8.0, 20.0))
     given, biases = trajectories()[name]
-    run = begin(recording, ALONG, None, start(recording), NOISE, 1, True, None, {})
+    run = begin(recording, ALONG, Asked({}, start=start(recording), noise=NOISE, covariance=True))
     twin, belief = Twin(start(recording), NOISE), run.belief
     twin.bar = twin.at
     rows = np.searchsorted(given.t, recording.imu.t - 1e-6)

@@ -1,5 +1,7 @@
 """What Alam et al. leave unspecified or print wrongly, and what was chosen here instead."""
 
+import pandas as pd
+
 CHOICES = (
     (
         "the flight",
@@ -106,10 +108,8 @@ CHOICES = (
 """(what, in the paper, here); {seeds}: how many the page has."""
 
 
-def table(count):
+def table(count: int) -> pd.DataFrame:
     """The choices as a pandas DataFrame of text, of a study with `count` seeds."""
-    import pandas as pd
-
     seeds = f"{count} seed{'s' if count > 1 else ''}"
     return pd.DataFrame(
         [(*row, here.replace("{seeds}", seeds)) for *row, here in CHOICES],

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from strapdown.evaluation.consistency import paired, proportion
+from strapdown.evaluation.consistency import Interval, Paired, paired, proportion
 
 from ..common.pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED, finding
 from ..common.paired_ratios import against, any_better, difference, ratio, sides, stronger
@@ -23,7 +23,8 @@ from .table1 import OUTAGES, PUBLISHED, listed, published_wins, won
 
 RMSE = tuple(f"{axis}_rmse_m" for axis in AXES)
 TWICE = 2.0
-"""\"Diverges rapidly\", \"varies significantly more\": at least this many times as far, this many times as much."""
+"""\"Diverges rapidly\", \"varies significantly more\": at least this many times as far, this many
+times as much."""
 STEADY = {sensor: 0.2 * size for sensor, size in TURN_ON.items()}
 """m/s^2 and rad/s: a fifth of the turn-on biases of the IMU; a bias estimate that wanders less
 over the last ten minutes is stabilised."""
@@ -51,12 +52,13 @@ ONE_OF_MANY = "where one cell is enough, that it is better is decided at Bonferr
 class Evidence(NamedTuple):
     """All that the claims rest on."""
 
-    tables: dict  # {case: table} of alam_pairs.wide: the simulated outages and the recordings
+    # {case: table} of table1.wide: the simulated outages and the recordings
+    tables: dict[str, pd.DataFrame]
     biases: pd.DataFrame
-    converged: pd.DataFrame  # of alam_convergence.study
+    converged: pd.DataFrame  # of convergence.study
 
 
-def claims(evidence):
+def claims(evidence: Evidence) -> list[dict[str, str]]:
     """All findings, in the order of the paper."""
     return [
         make(evidence)
@@ -79,7 +81,7 @@ def claims(evidence):
     ]
 
 
-def some_cases(e):
+def some_cases(e: Evidence) -> dict[str, str]:
     """Abstract."""
     count = any_better(e.tables, RMSE, XKF, (EKF, NLO))
     verdict = (
@@ -99,7 +101,7 @@ def some_cases(e):
     )
 
 
-def no_clear_benefit(e):
+def no_clear_benefit(e: Evidence) -> dict[str, str]:
     """Abstract, 4."""
     count = against(e.tables, ("horizontal_rmse_m", "down_rmse_m"), XKF, (EKF, NLO))
     low, high = count.supports / max(count.total, 1), 1 - count.contradicts / max(count.total, 1)
@@ -123,7 +125,7 @@ def no_clear_benefit(e):
     )
 
 
-def _diverges(tables, measure):
+def _diverges(tables: dict[str, pd.DataFrame], measure: str) -> Count:
     """Count of the cases in which the EKF's measure is at least TWICE the XKF's; with its whole
     interval below that contradicts."""
     found = [ratio(table, measure, EKF, XKF) for table in tables.values()]
@@ -134,7 +136,7 @@ def _diverges(tables, measure):
     )
 
 
-def diverges_rapidly(e):
+def diverges_rapidly(e: Evidence) -> dict[str, str]:
     """4."""
     position, velocity = (
         _diverges(e.tables, measure) for measure in ("horizontal_end_m", "velocity_end_m_s")
@@ -152,7 +154,7 @@ def diverges_rapidly(e):
     )
 
 
-def _bias(biases, column, first, second):
+def _bias(biases: pd.DataFrame, column: str, first: str, second: str) -> Paired:
     """Mean log ratio over seeds of a column of two filters, as a Paired."""
     table = biases.pivot_table(index="seed", columns="filter", values=column, sort=False)
     if not {first, second} <= set(table.columns):
@@ -160,11 +162,11 @@ def _bias(biases, column, first, second):
     return paired(*(np.log(table[name]) for name in (first, second)))
 
 
-def _middle(biases, name, column):
+def _middle(biases: pd.DataFrame, name: str, column: str) -> float:
     return float(biases.loc[biases["filter"] == name, column].median())
 
 
-def _runs(biases):
+def _runs(biases: pd.DataFrame) -> str:
     """Text: how many runs there are and how many of each filter were lost."""
     own = {
         name: biases.loc[biases["filter"] == name, "said"].ne("") for name in (EKF, NLO, XKF, FULL)
@@ -174,7 +176,7 @@ def _runs(biases):
     )
 
 
-def biases_vary(e):
+def biases_vary(e: Evidence) -> dict[str, str]:
     """4."""
     verdicts, texts = [], []
     for sensor, (title, unit, scale) in SENSORS.items():
@@ -205,7 +207,7 @@ def biases_vary(e):
     )
 
 
-def _wanders(biases, name, sensor, more):
+def _wanders(biases: pd.DataFrame, name: str, sensor: str, more: bool) -> Count:
     """Count over the seeds, as one cell: the late wander of a filter's estimate is above STEADY
     (`more`) or below it in more than half of them."""
     values = biases.loc[biases["filter"] == name, f"{sensor}_wander_late"]
@@ -214,7 +216,7 @@ def _wanders(biases, name, sensor, more):
     return one if more else Count(one.contradicts, one.supports, 1)
 
 
-def biases_stabilised(e):
+def biases_stabilised(e: Evidence) -> dict[str, str]:
     """4, 5."""
     verdicts, texts = [], []
     for sensor, (title, unit, scale) in SENSORS.items():
@@ -240,7 +242,7 @@ def biases_stabilised(e):
     )
 
 
-def _axis(e, axis):
+def _axis(e: Evidence, axis: str) -> tuple[Count, str]:
     """(Count, text) of the XKF against the EKF on an axis."""
     measure = f"{axis}_rmse_m"
     count = sides(e.tables, [measure], XKF, EKF)
@@ -250,7 +252,7 @@ def _axis(e, axis):
     )
 
 
-def east(e):
+def east(e: Evidence) -> dict[str, str]:
     """4."""
     count, text = _axis(e, "east")
     return finding(
@@ -263,7 +265,7 @@ def east(e):
     )
 
 
-def down(e):
+def down(e: Evidence) -> dict[str, str]:
     """4."""
     count, text = _axis(e, "down")
     return finding(
@@ -276,7 +278,7 @@ def down(e):
     )
 
 
-def north(e):
+def north(e: Evidence) -> dict[str, str]:
     """4."""
     count, text = _axis(e, "north")
     other = sides(e.tables, ["north_rmse_m"], EKF, XKF)
@@ -312,7 +314,7 @@ def north(e):
     )
 
 
-def overall(e):
+def overall(e: Evidence) -> dict[str, str]:
     """4."""
     ekf, nlo = (sides(e.tables, RMSE, XKF, name) for name in (EKF, NLO))
     return finding(
@@ -325,7 +327,7 @@ def overall(e):
     )
 
 
-def _explained(table):
+def _explained(table: pd.DataFrame) -> int:
     """Of a case in which the EKF is better in the north: 1 where its course explains that, -1
     where it is so without it, 0 where that is open."""
     side = ratio(table, "north_rmse_m", EKF_NO_COURSE, XKF_NO_COURSE).side
@@ -333,7 +335,7 @@ def _explained(table):
     return -1 if side == 1 else int(side == -1 and lost.low > 0)
 
 
-def heading_correction(e):
+def heading_correction(e: Evidence) -> dict[str, str]:
     """4."""
     wins = [
         case for case, table in e.tables.items() if ratio(table, "north_rmse_m", EKF, XKF).side == 1
@@ -353,7 +355,7 @@ def heading_correction(e):
     )
 
 
-def least(e):
+def least(e: Evidence) -> dict[str, str]:
     """5."""
     count = against(e.tables, ("east_rmse_m", "down_rmse_m"), XKF, (EKF, NLO))
     own = sum(
@@ -371,7 +373,7 @@ def least(e):
     )
 
 
-def like_the_observer(e):
+def like_the_observer(e: Evidence) -> dict[str, str]:
     """Table 1."""
     found, full = (
         [difference(table, measure, name, NLO) for table in e.tables.values() for measure in RMSE]
@@ -396,15 +398,15 @@ def like_the_observer(e):
     )
 
 
-def _converged(e, label):
-    """Interval of the share of starts of a case of alam_convergence that converge, and the Text
+def _converged(e: Evidence, label: str) -> tuple[Interval, str]:
+    """Interval of the share of starts of a case of convergence.py that converge, and the Text
     of its count."""
     own = e.converged[e.converged["case"] == label]
     good = int(np.isfinite(own["since_s"]).sum())
     return proportion(good, len(own)), f"{label} {good} of {len(own)}"
 
 
-def inherits_stability(e):
+def inherits_stability(e: Evidence) -> dict[str, str]:
     """1, abstract."""
     labels = [label for label in dict.fromkeys(e.converged["case"]) if label.startswith("XKF")]
     observer, text = _converged(e, "NLO, tilt-compensated course")
@@ -431,7 +433,7 @@ def inherits_stability(e):
     )
 
 
-def no_guarantee(e):
+def no_guarantee(e: Evidence) -> dict[str, str]:
     """Abstract, 1."""
     share, text = _converged(e, "two-stage EKF")
     verdict = (

@@ -7,16 +7,20 @@ error swings passes through.
 """
 
 import os
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
+from scipy.spatial.transform import Rotation
 
 from strapdown.core.contract import Start
 from strapdown.data import DataError, Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import attitude_angles, errors
+from strapdown.recording import Recording
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import grade
 from strapdown.sensor_models.magnetometer import Magnetometer
@@ -24,6 +28,7 @@ from strapdown.sim.motions import flight
 from strapdown.sim.scenario import Scenario
 from strapdown.sim.synthesis import Simulator
 from strapdown.sim.trajectory import DEG
+from strapdown.typing import Array
 
 OFF, GYRO_BIAS, BELOW, WITHIN = 170 * DEG, 0.05, 10.0, 60.0
 """rad of attitude and rad/s of gyro bias at the start, each about a random direction; deg and s
@@ -51,7 +56,7 @@ class Case(NamedTuple):
     """A filter with its options, and whether the recording has a magnetometer."""
 
     filter: str
-    options: dict = {}
+    options: dict[str, Any] = {}
     magnetometer: bool = False
 
 
@@ -68,7 +73,7 @@ CASES = {
 
 
 @lru_cache(maxsize=4)
-def simulator(magnetometer=False, interval=FIXES):
+def simulator(magnetometer: bool = False, interval: float = FIXES) -> Simulator:
     """The Simulator of the flight: 45 m/s, turns of up to 50 deg of bank to both sides, a climb
     and a descent; fixes of a u-blox-class receiver."""
     motion = flight(_PLACE, 40 * DEG, 45.0, _LEGS, smoothing=1.5)
@@ -77,11 +82,9 @@ def simulator(magnetometer=False, interval=FIXES):
     return Simulator(Scenario("170 deg off", motion, WITHIN, RATE, gnss, IMU, magnetometer=compass))
 
 
-def run(seed, magnetometer=False, interval=FIXES):
+def run(seed: int, magnetometer: bool = False, interval: float = FIXES) -> tuple[Recording, Start]:
     """(Recording, Start) of a seed: position and velocity at the truth, attitude and gyro bias
     off, with standard deviations that say so."""
-    from scipy.spatial.transform import Rotation
-
     recording = simulator(magnetometer, interval).recording(IMU, np.random.default_rng(seed))
     rng, truth = np.random.default_rng([seed, _STREAM]), recording.reference
     axis, direction = (vector / np.linalg.norm(vector) for vector in rng.standard_normal((2, 3)))
@@ -112,7 +115,7 @@ def run(seed, magnetometer=False, interval=FIXES):
     )
 
 
-def outcome(case, seed, interval=FIXES):
+def outcome(case: Case, seed: int, interval: float = FIXES) -> tuple[float, float, float, str]:
     """(s from which the attitude error stayed below the bound, inf where it did not; s at which it
     was first below; its last value in deg; said).
 
@@ -136,7 +139,7 @@ def outcome(case, seed, interval=FIXES):
     return settled(e.t, total), float(e.t[below[0]]) if len(below) else np.inf, float(total[-1]), ""
 
 
-def settled(t, total):
+def settled(t: Array, total: Array) -> float:
     """s from which the angle `total` (deg) stays below the bound to the end; inf where it does
     not."""
     above = np.flatnonzero(~(total < BELOW))
@@ -145,17 +148,18 @@ def settled(t, total):
     return float(t[above[-1] + 1]) if above[-1] + 1 < len(total) else np.inf
 
 
-def study(cases=None, seeds=SEEDS, threads=None, interval=FIXES):
+def study(
+    cases: Mapping[str, Case | tuple[Any, ...]] | None = None,
+    seeds: Sequence[int] = SEEDS,
+    threads: int | None = None,
+    interval: float = FIXES,
+) -> pd.DataFrame:
     """DataFrame with a row per case and seed: case, seed, since_s, first_s, last_deg, and what
     was `said` of a run that has none."""
-    import pandas as pd
-
-    cases, rows = (
-        {label: Case(*case) for label, case in (CASES if cases is None else cases).items()},
-        [],
-    )
+    known = {label: Case(*case) for label, case in (CASES if cases is None else cases).items()}
+    rows: list[tuple[str, int, float, float, float, str]] = []
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        for label, case in cases.items():
+        for label, case in known.items():
             outcome(case, min(seeds), interval)  # compiles before the threads
             rows += [
                 (label, seed, *found)
@@ -166,7 +170,12 @@ def study(cases=None, seeds=SEEDS, threads=None, interval=FIXES):
     return pd.DataFrame(rows, columns=["case", "seed", "since_s", "first_s", "last_deg", "said"])
 
 
-def shares(cases=None, seeds=SEEDS, threads=None, interval=FIXES):
+def shares(
+    cases: Mapping[str, Case | tuple[Any, ...]] | None = None,
+    seeds: Sequence[int] = SEEDS,
+    threads: int | None = None,
+    interval: float = FIXES,
+) -> dict[str, int]:
     """{label: number of `seeds` that converge} of Cases, or tuples (filter, options,
     magnetometer), by label (default: CASES)."""
     found = study(cases, seeds, threads, interval)

@@ -1,15 +1,20 @@
 """Figures of the study of Alam et al.: the flight, growth of the errors in the outages, the
 ratios that decide the claims, Figure 4 redrawn."""
 
+from collections.abc import Callable
+
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from strapdown.geodesy import displacement
+from strapdown.recording import Recording
 from strapdown.reports.drawing import COLOURS, GREY, WITHHELD, finish, line, log_ticks, note, panels
+from strapdown.typing import Array, Ints
 
 from ..common.paired_ratios import ratio
-from .runs import AXES, CLOSED, EKF, FULL, NLO, SINCE, XKF, windows
+from .runs import AXES, CLOSED, EKF, FULL, NLO, SINCE, XKF, Results, Run, windows
 
 COLOUR = dict(zip((EKF, NLO, XKF, FULL, CLOSED), COLOURS))
 DEG = float(np.degrees(1.0))
@@ -21,9 +26,11 @@ FRAMES = 4.0
 them is named below."""
 
 
-def all_figures(results, growth, tables):
+def all_figures(
+    results: Results, growth: dict[str, pd.DataFrame], tables: dict[str, pd.DataFrame]
+) -> list[tuple[str, go.Figure, str]]:
     """[(heading, figure, caption)] of the page; growth: {recording: DataFrame}, tables:
-    alam_pairs.wide of simulation and recordings."""
+    table1.wide of simulation and recordings."""
     path, height = flight(results.recording)
     found = [
         (
@@ -71,7 +78,7 @@ BIASES = {
 }
 
 
-def flight(recording):
+def flight(recording: Recording) -> tuple[go.Figure, go.Figure]:
     """(path, height) of the reference with the outages marked."""
     truth = recording.reference
     t, p = truth.t[::100], displacement(truth.lla[::100], truth.lla[0])
@@ -103,7 +110,7 @@ def flight(recording):
     return path.update_layout(hovermode="closest"), _outages(height, t)
 
 
-def figure4(results):
+def figure4(results: Results) -> list[tuple[str, go.Figure]]:
     """[(title, figure)] of the paper's Figure 4: attitude, gyro bias, position, velocity in body
     axes, accelerometer bias; as errors, or with truth."""
     rec, truth = results.recording, results.recording.reference
@@ -126,11 +133,17 @@ def figure4(results):
     ]
 
 
-def _rows(t, wanted):
+def _rows(t: Array, wanted: Array) -> Ints:
     return np.clip(np.searchsorted(t, wanted - 1e-6), 0, len(t) - 1)
 
 
-def _lines(sample, names, unit, of, true):
+def _lines(
+    sample: dict[str, Run],
+    names: tuple[str, ...],
+    unit: str,
+    of: Callable[[Run], Array],
+    true: tuple[Array, Array] | None,
+) -> go.Figure:
     """A panel per component of what `of` takes from each Run; true: (t, values) or None for an
     error."""
     drawn, outside = panels([f"{name}<br>[{unit}]" for name in names], height=150), []
@@ -158,16 +171,16 @@ def _lines(sample, names, unit, of, true):
     return _outages(drawn, next(iter(sample.values())).t if sample else np.zeros(2), len(names))
 
 
-def _outages(drawn, t, rows=1):
+def _outages(drawn: go.Figure, t: Array, rows: int = 1) -> go.Figure:
     for start, stop in windows():
         drawn.add_vrect(start, stop, fillcolor=WITHHELD, line_width=0, layer="below")
     drawn.update_xaxes(range=[0.0, float(t[-1])])
     return drawn.update_xaxes(title_text="time [s]", row=rows, col=1)
 
 
-def growth_of_runs(growth):
+def growth_of_runs(growth: dict[str, Array]) -> go.Figure:
     """Median and quantiles of horizontal and vertical error over time in the outage, from the
-    curves of alam_runs.Results."""
+    curves of runs.Results."""
     curves = {
         label: [
             np.quantile(part, (0.1, 0.5, 0.9), axis=0, method="inverted_cdf") for part in values
@@ -178,7 +191,7 @@ def growth_of_runs(growth):
     return _growth(curves, SINCE)
 
 
-def growth_of_recording(table):
+def growth_of_recording(table: pd.DataFrame) -> go.Figure:
     """The same from Comparison.growth."""
     curves = {}
     for label, own in table.groupby("filter", sort=False):
@@ -191,7 +204,7 @@ def growth_of_recording(table):
     return _growth(curves, since if curves else SINCE)
 
 
-def _growth(curves, since):
+def _growth(curves: dict[str, list[Array]], since: Array) -> go.Figure:
     drawn = make_subplots(
         rows=1, cols=2, horizontal_spacing=0.09, subplot_titles=["horizontal", "vertical"]
     )
@@ -223,7 +236,7 @@ def _growth(curves, since):
     return finish(drawn, 430).update_layout(margin={"t": 84}, legend={"y": 1.08})
 
 
-def ratios(tables):
+def ratios(tables: dict[str, pd.DataFrame]) -> go.Figure:
     """Ratio of RMSE of both forms of the XKF to EKF and NLO per case and axis, with intervals."""
     pairs = ((XKF, EKF), (XKF, NLO), (FULL, EKF), (FULL, NLO))
     drawn = make_subplots(

@@ -13,17 +13,21 @@ import pandas as pd
 from strapdown import __version__
 from strapdown.data import DataError
 from strapdown.files import replacing
+from strapdown.typing import File, Progress, Say
 
 from ..common import markdown
 from ..common.pages import write_page
+from ..common.paired_ratios import ratio
 from . import choices, convergence, on_recordings, table1
 from . import claims as alam_claims
 from . import runs as alam_runs
-from .runs import ABLATIONS, EKF_NO_COURSE, FILTERS, MEASURES, XKF_NO_COURSE
+from .figures import all_figures
+from .on_recordings import Recorded
+from .runs import ABLATIONS, EKF_NO_COURSE, FILTERS, MEASURES, XKF_NO_COURSE, Results
 
 SEEDS, QUICK_SEEDS = 50, 3
 QUICK_STARTS = 20
-"""Starts of the convergence study with --quick; else those of alam_convergence.SEEDS."""
+"""Starts of the convergence study with --quick; else those of convergence.SEEDS."""
 TITLE = "EKF, nonlinear observer and exogenous Kalman filter in GNSS outages: the study of Alam et al. again"
 INTRODUCTION = (
     "Alam, Whidborne and Millidere compare a two-stage EKF, a nonlinear observer (NLO) and their cascade, the exogenous Kalman filter (XKF), on "
@@ -51,8 +55,15 @@ FEW = 10
 
 
 def reproduce(
-    out, quick=False, runs=None, seed=2, recordings=None, threads=None, say=None, progress=None
-):
+    out: File,
+    quick: bool = False,
+    runs: int | None = None,
+    seed: int = 2,
+    recordings: File | None = None,
+    threads: int | None = None,
+    say: Say | None = None,
+    progress: Progress | None = None,
+) -> list[dict[str, str]]:
     """Run everything, write page, tables and claims.json into the folder `out`, and return the
     claims.
 
@@ -83,11 +94,11 @@ def reproduce(
     return write(out, results, recorded, converged, seed)
 
 
-def write(out, results, recorded, converged, seed):
+def write(
+    out: File, results: Results, recorded: Recorded, converged: pd.DataFrame, seed: int
+) -> list[dict[str, str]]:
     """Write the page of finished Results, Recorded and convergence study into the folder `out`;
     return the claims."""
-    from .figures import all_figures
-
     scores = pd.concat([results.scores, recorded.scores], ignore_index=True)
     wide = table1.wide(scores)
     claims = alam_claims.claims(alam_claims.Evidence(wide, results.biases, converged))
@@ -131,7 +142,9 @@ def write(out, results, recorded, converged, seed):
     return claims
 
 
-def shown(scores, biases, converged):
+def shown(
+    scores: pd.DataFrame, biases: pd.DataFrame, converged: pd.DataFrame
+) -> list[tuple[str, str, pd.DataFrame]]:
     """[(name, heading, DataFrame of text)] of the tables for people."""
     return [
         (
@@ -158,7 +171,7 @@ def shown(scores, biases, converged):
     ]
 
 
-def filters(scores):
+def filters(scores: pd.DataFrame) -> pd.DataFrame:
     """A row per filter: median errors over the simulated outages and in each recording, and how
     many outages it did not get through."""
     rows = []
@@ -179,11 +192,11 @@ def filters(scores):
     return pd.DataFrame(rows).fillna("–")
 
 
-def ablations(tables):
+def ablations(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     """A row per ablation and axis: the ratio of RMSE to the filter that it is a variant of, and of
     EKF to XKF both without course, by case.
 
-    tables: of alam_table1.wide.
+    tables: of table1.wide.
     """
     rows = []
     for name, base in (
@@ -196,7 +209,7 @@ def ablations(tables):
                     "ablation": f"{name} / {base}",
                     "axis": measure.split("_")[0],
                     **{
-                        case: str(table1.ratio(table, measure, name, base))
+                        case: str(ratio(table, measure, name, base))
                         for case, table in tables.items()
                     },
                 }
@@ -204,11 +217,11 @@ def ablations(tables):
     return pd.DataFrame(rows)
 
 
-def bias_table(biases):
+def bias_table(biases: pd.DataFrame) -> pd.DataFrame:
     """A row per filter: standard deviation over time and rms error of its bias estimates, and of
     the true biases, medians over the seeds.
 
-    Lost runs are in the medians, with alam_runs.ASTRAY.
+    Lost runs are in the medians, with runs.ASTRAY.
     """
     rows, scale = [], {"accel": ("m/s²", 1.0), "gyro": ("deg/s", float(np.degrees(1.0)))}
     for name in dict.fromkeys(biases["filter"]):
@@ -227,7 +240,7 @@ def bias_table(biases):
     return pd.DataFrame(rows)
 
 
-def convergence_table(converged):
+def convergence_table(converged: pd.DataFrame) -> pd.DataFrame:
     """A row per case: converged of all, their median time, and what was said of those that
     stopped or cannot run."""
     rows = []

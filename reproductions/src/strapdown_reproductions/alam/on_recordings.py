@@ -10,10 +10,12 @@ import pandas as pd
 from strapdown import io
 from strapdown.data import DataError
 from strapdown.experiments.outages.compare import compare
+from strapdown.experiments.outages.result import Comparison
 from strapdown.experiments.outages.summaries import blocks, widening
+from strapdown.typing import File, Progress, Say
 
 from ..common.example_recordings import DESCRIPTIONS, FLIGHT, windows_of
-from .runs import MEASURES
+from .runs import MEASURES, Variant
 
 SWEEP = f"30@{FLIGHT[0]:g}:{FLIGHT[1]:g}/5"
 """thor75: windows of 30 s inside its scored seconds, one every 5 s, each a run of its own."""
@@ -23,17 +25,23 @@ RECORDINGS = ("thor75", "drive0708")
 class Recorded(NamedTuple):
     """What the recordings gave."""
 
-    scores: (
-        pd.DataFrame
-    )  # a row per recording, filter and outage, with the columns of alam_runs.Results.scores
-    growth: dict  # recording -> DataFrame of Comparison.growth, its filters by their names here
-    notes: list  # (recording, sentence)
+    # a row per recording, filter and outage, with the columns of runs.Results.scores
+    scores: pd.DataFrame
+    # {recording: Comparison.growth}, its filters by their names here
+    growth: dict[str, pd.DataFrame]
+    notes: list[tuple[str, str]]  # (recording, sentence)
 
 
 NONE = Recorded(pd.DataFrame(), {}, [])
 
 
-def run(variants, folder=None, threads=None, say=None, progress=None):
+def run(
+    variants: dict[str, Variant],
+    folder: File | None = None,
+    threads: int | None = None,
+    say: Say | None = None,
+    progress: Progress | None = None,
+) -> Recorded:
     """Recorded of `variants` {name: Variant} on the descriptions in `folder`. Recordings that are
     not there are noted.
 
@@ -68,7 +76,7 @@ def run(variants, folder=None, threads=None, say=None, progress=None):
     return Recorded(pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(), growth, notes)
 
 
-def scores(compared, case, named):
+def scores(compared: Comparison, case: str, named: dict[str, str]) -> pd.DataFrame:
     """The scores of a Comparison as rows of the study: capped where a filter went too far or did
     not get through, its windows in blocks."""
     table = compared.scores.copy()

@@ -6,21 +6,24 @@ samples, fixes, start and noise.
 """
 
 import os
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
 
 from strapdown.alignment.initial import align
-from strapdown.data import DataError
+from strapdown.data import DataError, Solution
 from strapdown.engine.batch import fuse
-from strapdown.evaluation.metrics import errors
+from strapdown.evaluation.metrics import Errors, errors
 from strapdown.experiments.outages.protocols import protocol
+from strapdown.recording import Recording
 from strapdown.sensor_models.imu import grade
 from strapdown.sim.scenario import scenario
 from strapdown.sim.synthesis import Simulator
+from strapdown.typing import Array, Progress, Say
 
 PROTOCOL, LENGTH = "30/300", 30.0
 """An outage of 30 s at the end of every 300 s but the first."""
@@ -55,7 +58,7 @@ class Variant(NamedTuple):
     """A filter with its options."""
 
     filter: str
-    options: dict = {}
+    options: dict[str, Any] = {}
 
 
 EKF, NLO, XKF, FULL, CLOSED = "EKF", "NLO", "XKF", "XKF, 15 states", "closed loop"
@@ -80,18 +83,20 @@ ABLATIONS = {
 """What the heading correction and the estimation of the accelerometer bias do: beside the same
 filter of FILTERS."""
 AXES = ("north", "east", "down")
+Row: TypeAlias = dict[str, float | str]
+"""{column: value} of a row of a table of Results, or the part of it that one function finds."""
 
 
 class Run(NamedTuple):
     """One run at 10 Hz: errors true - estimate, estimates and truth, for the figures."""
 
-    t: np.ndarray  # (n,) s
-    rph: np.ndarray  # (n, 3) rad, estimate
-    v_b: np.ndarray  # (n, 3) m/s, estimate in body axes
-    b_a: np.ndarray  # (n, 3) m/s^2, estimate
-    b_g: np.ndarray  # (n, 3) rad/s, estimate
-    position: np.ndarray  # (n, 3) m NED, error
-    velocity: np.ndarray  # (n, 3) m/s NED, error
+    t: Array  # (n,) s
+    rph: Array  # (n, 3) rad, estimate
+    v_b: Array  # (n, 3) m/s, estimate in body axes
+    b_a: Array  # (n, 3) m/s^2, estimate
+    b_g: Array  # (n, 3) rad/s, estimate
+    position: Array  # (n, 3) m NED, error
+    velocity: Array  # (n, 3) m/s NED, error
 
 
 class Results(NamedTuple):
@@ -103,35 +108,43 @@ class Results(NamedTuple):
     # a row per seed and filter: wander and rms error of the estimates, wander of the true biases,
     # said
     biases: pd.DataFrame
-    # filter -> (horizontal, vertical), (runs, len(SINCE)) m each, of all outages of all seeds
-    growth: dict
-    sample: dict  # filter -> Run of the first seed
-    recording: object  # of the first seed, with what was withheld
+    # {filter: (2, runs, len(SINCE)) m}, horizontal and vertical, of all outages of all seeds
+    growth: dict[str, Array]
+    sample: dict[str, Run]  # {filter: Run of the first seed}
+    recording: Recording  # of the first seed, with what was withheld
 
 
 @lru_cache(maxsize=1)
-def simulator():
+def simulator() -> Simulator:
     """The Simulator of the built-in scenario `alam`: 33 min at 200 Hz."""
     return Simulator(scenario("alam"))
 
 
 @lru_cache(maxsize=1)
-def windows():
+def windows() -> tuple[tuple[float, float], ...]:
     """((start, stop), ...) of the five outages, s."""
     end = scenario("alam").duration
     return protocol(PROTOCOL, (0.0, end), end, None).windows
 
 
-def run_all(seeds, variants=None, progress=None, threads=None, say=None):
+def run_all(
+    seeds: Iterable[int],
+    variants: dict[str, Variant] | None = None,
+    progress: Progress | None = None,
+    threads: int | None = None,
+    say: Say | None = None,
+) -> Results:
     """Results of `variants` (default: FILTERS and ABLATIONS) over `seeds`. progress: called with
     the fraction done; say: of slow compilation."""
     seeds, variants = list(seeds), FILTERS | ABLATIONS if variants is None else variants
-    scores, biases, growth, sample = [], [], {label: [] for label in variants}, {}
+    scores: list[Row] = []
+    biases: list[Row] = []
+    growth: dict[str, list[Array]] = {label: [] for label in variants}
+    sample: dict[str, Run] = {}
     simulator()  # before the threads, which would each compute it
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        for done, (seed, found) in enumerate(
-            zip(seeds, pool.map(lambda seed: _seed(seed, variants, seed == seeds[0], say), seeds)),
-            1,
+        for done, found in enumerate(
+            pool.map(lambda seed: _seed(seed, variants, seed == seeds[0], say), seeds), 1
         ):
             scores += found[0]
             biases += found[1]
@@ -140,14 +153,14 @@ def run_all(seeds, variants=None, progress=None, threads=None, say=None):
             sample |= found[3]
             if progress:
                 progress(done / len(seeds))
-    growth = {
-        label: np.array(curves).reshape(-1, 2, len(SINCE)).swapaxes(0, 1)
-        for label, curves in growth.items()
+    grown = {
+        label: np.array(own).reshape(-1, 2, len(SINCE)).swapaxes(0, 1)
+        for label, own in growth.items()
     }
-    return Results(pd.DataFrame(scores), pd.DataFrame(biases), growth, sample, recording(seeds[0]))
+    return Results(pd.DataFrame(scores), pd.DataFrame(biases), grown, sample, recording(seeds[0]))
 
 
-def recording(seed):
+def recording(seed: int) -> Recording:
     """The Recording of a seed with the fixes of the outages withheld."""
     return (
         simulator()
@@ -156,7 +169,9 @@ def recording(seed):
     )
 
 
-def _seed(seed, variants, kept, say):
+def _seed(
+    seed: int, variants: dict[str, Variant], kept: bool, say: Say | None
+) -> tuple[list[Row], list[Row], dict[str, list[Array]], dict[str, Run]]:
     """(rows of scores, rows of biases, {label: curves}, {label: Run}) of one seed; the Runs
     where they are `kept`."""
     hidden = recording(seed)
@@ -201,7 +216,7 @@ def _seed(seed, variants, kept, say):
     return scores, biases, growth, sample
 
 
-def _lost(seed, label, k, window, said):
+def _lost(seed: int, label: str, k: int, window: tuple[float, float], said: str) -> Row:
     return {
         "case": f"outage {k}",
         "block": seed,
@@ -214,7 +229,7 @@ def _lost(seed, label, k, window, said):
     }
 
 
-def scored(e, window, stopped):
+def scored(e: Errors, window: tuple[float, float], stopped: str) -> Row:
     """{measure: value, "said": text} of an outage from metrics.Errors: FAR and FAST where the
     filter did not get through it, or further away.
 
@@ -243,17 +258,15 @@ def scored(e, window, stopped):
     return {name: float(min(found[name], most)) for name, most in MEASURES.items()} | {"said": said}
 
 
-def wander(solution, hidden):
+def wander(solution: Solution, hidden: Recording) -> Row:
     """{measure: value, "said": text} of the bias estimates: of the three of a sensor together,
     standard deviations over time and rms error.
 
     Over SETTLED, over LATE the names that end in _late; beside them the standard deviations of the
     true biases (_true). m/s^2 and rad/s; ASTRAY where the run ended before, or what is larger.
     """
-    found, rows = (
-        {},
-        np.clip(np.searchsorted(hidden.imu.t, solution.t - 1e-6), 0, len(hidden.imu.t) - 1),
-    )
+    found: dict[str, float] = {}
+    rows = np.clip(np.searchsorted(hidden.imu.t, solution.t - 1e-6), 0, len(hidden.imu.t) - 1)
     for sensor, estimate, true in (
         ("accel", solution.b_a, hidden.meta["b_a"][rows]),
         ("gyro", solution.b_g, hidden.meta["b_g"][rows]),
@@ -276,7 +289,7 @@ def wander(solution, hidden):
     } | {"said": said}
 
 
-def without_biases(said):
+def without_biases(said: str) -> Row:
     """What `wander` gives of a run that did not begin."""
     return {
         f"{sensor}_{what}": most if "true" not in what else np.nan
@@ -285,7 +298,9 @@ def without_biases(said):
     } | {"said": said}
 
 
-def _over(period, t, estimate, true):
+def _over(
+    period: tuple[float, float], t: Array, estimate: Array, true: Array
+) -> tuple[float, float, float]:
     """(standard deviation of the estimate, its rms error, standard deviation of the true bias)
     over a period; inf, inf, NaN of what ended before."""
     inside = (t >= period[0]) & (t <= period[1])
@@ -299,7 +314,7 @@ def _over(period, t, estimate, true):
     )
 
 
-def curve(e, window):
+def curve(e: Errors, window: tuple[float, float]) -> Array:
     """(2, len(SINCE)) horizontal and vertical error at SINCE after the outage began, m; inf
     where there is no estimate."""
     rows = np.searchsorted(e.t, window[0] + SINCE - 1e-6)

@@ -24,7 +24,7 @@ OUTAGES = 5
 THREE = (EKF, NLO, XKF)
 
 
-def wide(scores):
+def wide(scores: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """{case: DataFrame} of the table of scores: a row per outage under its block, columns by
     measure and filter, cases in their order.
 
@@ -41,7 +41,7 @@ def wide(scores):
     return found
 
 
-def redrawn(scores, names=THREE):
+def redrawn(scores: pd.DataFrame, names: tuple[str, ...] = THREE) -> pd.DataFrame:
     """DataFrame shaped as Table 1: a row per case, for each axis and filter the published RMSE
     and ours, its mean over runs and standard deviation."""
     rows = []
@@ -61,19 +61,19 @@ def redrawn(scores, names=THREE):
     return pd.DataFrame(rows)
 
 
-def published_wins(axis, first=XKF, second=EKF):
+def published_wins(axis: str, first: str = XKF, second: str = EKF) -> str:
     """Text: in how many rows of the published Table 1 the first filter's RMSE is smaller."""
     return f"{sum(a < b for a, b in zip(PUBLISHED[axis, first], PUBLISHED[axis, second]))} of {OUTAGES}"
 
 
-def listed(tables, measure, first, second):
+def listed(tables: dict[str, pd.DataFrame], measure: str, first: str, second: str) -> str:
     """Text: what over what, and the ratio of every case; empty without cases."""
     return f"{first} / {second}: " * bool(tables) + "; ".join(
         f"{case} {ratio(table, measure, first, second)}" for case, table in tables.items()
     )
 
 
-def won(tables, measure, first, second):
+def won(tables: dict[str, pd.DataFrame], measure: str, first: str, second: str) -> str:
     """Text: share of the simulated outages in which the first filter's measure is smaller."""
     found = [
         ratio(table, measure, first, second)

@@ -1,6 +1,8 @@
 """Figures of the BROAD comparison: rms errors per trial, and the error of each estimator over
 the time of each trial."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
@@ -15,8 +17,10 @@ from strapdown.reports.drawing import (
     log_ticks,
     panels,
 )
+from strapdown.typing import Array
 
 from .peers import PEERS
+from .trials import Run, Trial
 
 DASHES = ("solid", "dash", "dot", "dashdot")
 SLOW = "#a08060"
@@ -26,7 +30,7 @@ SECOND = 1.0
 """s: a point of a curve is the rms over so much time."""
 
 
-def figures(trials, runs):
+def figures(trials: Sequence[Trial], runs: Sequence[Run]) -> list[tuple[str, go.Figure, str]]:
     """[(heading, figure, caption)] of the page."""
     drawn = [
         (
@@ -48,7 +52,7 @@ def figures(trials, runs):
     return drawn
 
 
-def style(name, names):
+def style(name: str, names: Sequence[str]) -> tuple[str, str]:
     """Colour and dash of an estimator: strapdown's solid, the peers dashed, slow ones all of
     colour `SLOW`."""
     peers = {peer.name: peer for peer in PEERS}
@@ -62,7 +66,7 @@ def style(name, names):
     ]
 
 
-def summary(trials, runs):
+def summary(trials: Sequence[Trial], runs: Sequence[Run]) -> go.Figure:
     """Rms errors: a panel per measure, for each estimator the mean over the trials and a circle
     per trial."""
     names = list(dict.fromkeys(run.estimator for run in runs))
@@ -128,7 +132,7 @@ def summary(trials, runs):
     )
 
 
-def per_second(t, angle):
+def per_second(t: Array, angle: Array) -> tuple[Array, Array]:
     """(times, rms) of an angle (n,) over stretches of `SECOND`; NaN where a stretch has no known
     value."""
     stretch = np.floor((t - t[0]) / SECOND + 1e-9).astype(int)
@@ -142,7 +146,7 @@ def per_second(t, angle):
     )
 
 
-def over_time(trial, runs):
+def over_time(trial: Trial, runs: Sequence[Run]) -> go.Figure:
     """Orientation error of each estimator over time, rms of each second, with shades where there
     is no movement; slow peers only in the legend."""
     names, t = [run.estimator for run in runs], trial.recording.imu.t

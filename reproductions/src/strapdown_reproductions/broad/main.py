@@ -6,26 +6,32 @@ known; rms per trial, then the mean over the trials.
 """
 
 import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
 
 from strapdown import filters, io
 from strapdown.data import DataError, Trajectory
-from strapdown.engine.batch import fuse, positioned
+from strapdown.engine.batch import fuse
+from strapdown.engine.prepare import positioned
 from strapdown.engine.smoothing import smooth
 from strapdown.evaluation.metrics import attitude_angles, errors
 from strapdown.files import replacing
 from strapdown.io.broad import body_to_ned, parse
 from strapdown.io.locate import data_folder
 from strapdown.recording import Recording
+from strapdown.typing import Array, File, Mask, Say
 
 from ..common.pages import claim, write_page
 from . import figures as broad_figures
 from . import write_docs
 from .peers import PEERS, installed
+from .trials import Run, Trial
+
+Result = TypeVar("Result")
 
 CHOSEN_ON, OTHERS = ("02", "21", "24"), ("15", "33")
 """Trials that the default settings were chosen on, and the others."""
@@ -56,38 +62,7 @@ INTRODUCTION = (
 )
 
 
-class Trial(NamedTuple):
-    """One trial as everybody gets it."""
-
-    name: str  # of the file
-    recording: Recording
-    arrays: dict  # of the file, in the sensor's axes
-    fs: float  # Hz
-    scored: np.ndarray  # (n,) bool: IMU samples with movement and a known reference
-
-    @property
-    def number(self):
-        """The number that its name begins with."""
-        return self.name.partition("_")[0]
-
-
-class Run(NamedTuple):
-    """An estimator on a trial."""
-
-    estimator: str
-    trial: str
-    # (n, 3) orientation, inclination and heading error at the IMU samples, rad; NaN where one of
-    # the two is not known
-    angles: np.ndarray
-    us: float  # microseconds per IMU sample
-    over: tuple = (
-        (np.nan,) * 3
-        # rms of the attitude error over its standard deviation, north, east, down, over the scored
-        # samples
-    )
-
-
-def load(path):
+def load(path: File) -> Trial:
     """The Trial in an .npz file. Raises DataError."""
     recording = io.read(path)
     fs, arrays = parse(path)
@@ -101,7 +76,7 @@ def load(path):
     return Trial(Path(path).stem, recording, arrays, fs, scored)
 
 
-def moving(recording):
+def moving(recording: Recording) -> Mask:
     """(n,) bool: the IMU samples inside the stretches of meta["movement"]."""
     t = recording.imu.t
     return np.logical_or.reduce(
@@ -112,7 +87,7 @@ def moving(recording):
     )
 
 
-def angles(trajectory, recording):
+def angles(trajectory: Trajectory, recording: Recording) -> Array:
     """(n, 3) orientation, inclination and heading error (metrics.attitude_angles) at the IMU
     samples of a recording, rad; NaN where an estimate or the reference lacks: what the reference
     has not measured is not interpolated here."""
@@ -125,13 +100,13 @@ def angles(trajectory, recording):
     return found
 
 
-def rms(run, trial):
+def rms(run: Run, trial: Trial) -> Array:
     """(3,) root mean square of a Run's angles over the scored samples, rad; NaN where an
     estimate is missing at one of them."""
     return np.sqrt(np.mean(run.angles[trial.scored].astype(float) ** 2, axis=0))
 
 
-def estimators():
+def estimators() -> list[str]:
     """Names of the filters that estimate roll and pitch, at least, and need no position."""
     return [
         name
@@ -140,7 +115,7 @@ def estimators():
     ]
 
 
-def _timed(function, repeats):
+def _timed(function: Callable[[], Result], repeats: int) -> tuple[Result, float]:
     """(result of the last call, median seconds of `repeats` calls)."""
     took = []
     for _ in range(repeats):
@@ -150,7 +125,7 @@ def _timed(function, repeats):
     return result, float(np.median(took))
 
 
-def _run(name, trial, trajectory, seconds):
+def _run(name: str, trial: Trial, trajectory: Trajectory, seconds: float) -> Run:
     return Run(
         name,
         trial.name,
@@ -159,7 +134,7 @@ def _run(name, trial, trajectory, seconds):
     )
 
 
-def over_sd(trajectory, trial):
+def over_sd(trajectory: Trajectory, trial: Trial) -> tuple[float, ...]:
     """(3,) rms of the attitude error (north, east, down) over the standard deviation that the
     Trajectory claims, over the scored samples; NaN without one."""
     e = errors(trajectory, trial.recording.reference)
@@ -167,7 +142,7 @@ def over_sd(trajectory, trial):
     return tuple(np.sqrt(np.mean((e.attitude[scored] / e.sd[scored, 6:9]) ** 2, axis=0)))
 
 
-def own_runs(trial, names, say=None):
+def own_runs(trial: Trial, names: Sequence[str], say: Say | None = None) -> Iterator[Run]:
     """Runs of the filters `names` on a trial, and smoothed of those that can be.
 
     Timed is what `fuse` takes with alignment and all rows of its solution, compilation apart.
@@ -187,7 +162,7 @@ def own_runs(trial, names, say=None):
             yield run
 
 
-def peer_runs(trial, quick):
+def peer_runs(trial: Trial, quick: bool) -> Iterator[Run]:
     """Runs of the peers that are installed; with `quick` without the slow ones."""
     samples = [np.ascontiguousarray(trial.arrays[name]) for name in ("gyr", "acc", "mag")]
     t = np.arange(len(samples[0])) / trial.fs
@@ -202,7 +177,9 @@ def peer_runs(trial, quick):
             )
 
 
-def reproduce(out, quick=False, recordings=None, say=None):
+def reproduce(
+    out: Path, quick: bool = False, recordings: File | None = None, say: Say | None = None
+) -> list[dict[str, Any]]:
     """Run all estimators on the trials in `recordings` (the data folder's `broad` by default),
     write the page into `out`, return the claims.
 
@@ -234,7 +211,7 @@ def reproduce(out, quick=False, recordings=None, say=None):
     return claims
 
 
-def tables(trials, runs):
+def tables(trials: Sequence[Trial], runs: Sequence[Run]) -> dict[str, tuple[str, pd.DataFrame]]:
     """{name: (caption, DataFrame)}: a table per measure with a row per estimator, in deg; that
     of orientation also with the time per sample."""
     names = list(dict.fromkeys(run.estimator for run in runs))
@@ -281,12 +258,12 @@ def tables(trials, runs):
     return made
 
 
-def column(trial):
+def column(trial: Trial) -> str:
     """Heading of a trial's column: its number, a star where the defaults were chosen on it."""
     return f"{trial.number}{'*' if trial.number in CHOSEN_ON else ''}, deg"
 
 
-def judged(table, trials):
+def judged(table: pd.DataFrame, trials: Sequence[Trial]) -> list[dict[str, Any]]:
     """The claims that the trials and estimators at hand can decide, from the table of
     orientation errors."""
     numbers, found = {trial.number for trial in trials}, []
@@ -301,12 +278,14 @@ def judged(table, trials):
     return found
 
 
-def claim_text(name, which):
+def claim_text(name: str, which: str) -> str:
     """What is claimed of an estimator: `which` is "mean" or the number of a trial."""
     return f"{name}: {'mean over the five trials of the rms' if which == 'mean' else f'trial {which}, rms'} orientation error during movement"
 
 
-def _notes(quick, made):
+def _notes(
+    quick: bool, made: Mapping[str, tuple[str, pd.DataFrame]]
+) -> list[tuple[str, pd.DataFrame]]:
     """[(heading, DataFrame of text)]: what each estimator is, and the known figures of the
     peers, by which the scoring is checked."""
     table = made["orientation"][1].set_index("estimator")

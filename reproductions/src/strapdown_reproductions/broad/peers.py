@@ -5,10 +5,13 @@ All run with the settings that their packages ship. `vqf` and `ahrs` are optiona
 which are there.
 """
 
+from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from typing import NamedTuple
 
 import numpy as np
+
+from strapdown.typing import Array
 
 NWU = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
 """North, west, up in east, north, up."""
@@ -24,14 +27,15 @@ class Peer(NamedTuple):
 
     name: str
     package: str  # on PyPI
-    run: callable  # (gyr rad/s, acc m/s^2, mag uT, fs Hz) -> (n, 4) sensor to ENU, scalar first
+    # (gyr rad/s, acc m/s^2, mag uT, fs Hz) -> (n, 4) sensor to ENU, scalar first
+    run: Callable[[Array, Array, Array, float], Array]
     slow: bool  # a Python loop over the samples
     text: str  # how it is called
     # orientation error of the five trials in deg, or its mean alone, as measured before
-    known: tuple = ()
+    known: tuple[float, ...] = ()
 
 
-def installed(package):
+def installed(package: str) -> str | None:
     """Its version, or None where it is not installed."""
     try:
         return version(package)
@@ -39,7 +43,7 @@ def installed(package):
         return None
 
 
-def product(p, q):
+def product(p: Array, q: Array) -> Array:
     """Quaternion products of (4,) or (n, 4) with (n, 4) or (4,), scalar first."""
     (a, b, c, d), (w, x, y, z) = np.moveaxis(p, -1, 0), np.moveaxis(q, -1, 0)
     return np.stack(
@@ -53,31 +57,31 @@ def product(p, q):
     )
 
 
-def _vqf(gyr, acc, mag, fs):
+def _vqf(gyr: Array, acc: Array, mag: Array, fs: float) -> Array:
     from vqf import VQF
 
     return VQF(1 / fs).updateBatch(gyr, acc, mag)["quat9D"]
 
 
-def _vqf_offline(gyr, acc, mag, fs):
+def _vqf_offline(gyr: Array, acc: Array, mag: Array, fs: float) -> Array:
     from vqf import offlineVQF
 
     return offlineVQF(gyr, acc, mag, 1 / fs)["quat9D"]
 
 
-def _madgwick(gyr, acc, mag, fs):
+def _madgwick(gyr: Array, acc: Array, mag: Array, fs: float) -> Array:
     from ahrs.filters import Madgwick
 
     return product(NWU, Madgwick(gyr=gyr, acc=acc, mag=mag, frequency=fs).Q)
 
 
-def _mahony(gyr, acc, mag, fs):
+def _mahony(gyr: Array, acc: Array, mag: Array, fs: float) -> Array:
     from ahrs.filters import Mahony
 
     return Mahony(gyr=gyr, acc=acc, mag=mag, frequency=fs).Q
 
 
-def _ekf(gyr, acc, mag, fs):
+def _ekf(gyr: Array, acc: Array, mag: Array, fs: float) -> Array:
     from ahrs.filters import EKF
 
     return product(
@@ -88,7 +92,7 @@ def _ekf(gyr, acc, mag, fs):
     )
 
 
-def _ekf_as_is(gyr, acc, mag, fs):
+def _ekf_as_is(gyr: Array, acc: Array, mag: Array, fs: float) -> Array:
     from ahrs.filters import EKF
 
     return product(NWU, EKF(gyr=gyr, acc=acc, mag=mag, frequency=fs).Q)

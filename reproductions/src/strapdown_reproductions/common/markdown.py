@@ -2,18 +2,23 @@
 two marks."""
 
 import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
 
 from strapdown.files import replacing
 
 END = "<!-- end -->"
 
 
-def begin(file, command):
+def begin(file: str, command: str) -> str:
     """The mark above what stands in `file` of a run of `strapdown reproduce command`."""
     return f"<!-- begin: {file} of strapdown reproduce {command} -->"
 
 
-def insert(path, text, mark):
+def insert(path: Path, text: str, mark: str) -> None:
     """Put `text` between `mark` and END in the Markdown file `path`."""
     page = path.read_text(encoding="utf-8")
     found = re.sub(
@@ -27,18 +32,20 @@ def insert(path, text, mark):
         part.write_text(found, encoding="utf-8")
 
 
-def table(frame, cell):
+def table(frame: pd.DataFrame, cell: Callable[[Any], str]) -> str:
     """A DataFrame, each name of a column and value through `cell`."""
     rows = [frame.columns, ["---"] * len(frame.columns), *frame.itertuples(index=False)]
     return "\n".join("| " + " | ".join(map(cell, row)) + " |" for row in rows)
 
 
-def plain(text):
+def plain(text: str) -> str:
     """Text that no table and no browser takes for its own."""
     return text.replace("|", "/").replace("<", "&lt;")
 
 
-def findings(size, claims, tables):
+def findings(
+    size: str, claims: Sequence[Mapping[str, str]], tables: Iterable[tuple[str, pd.DataFrame]]
+) -> str:
     """Text: sentences on the size of the study, the claims with their verdicts, and the tables
     [(heading, DataFrame of text)]."""
     rows = [

@@ -3,9 +3,14 @@ with figures where it has some."""
 
 import json
 import re
+from collections.abc import Mapping, Sequence
 from html import escape
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
+import plotly.graph_objects as go
 
 from strapdown.files import replacing
 from strapdown.reports.shell import placed, shell
@@ -29,7 +34,7 @@ caption{text-align:left;color:var(--soft);padding:.3rem 0;max-width:95ch}.slim{f
 @media(prefers-color-scheme:dark){.yes{color:#7cd992}.no{color:#ff8d85}.half{color:#f0c060}}"""
 
 
-def claim(text, figure, bound, unit):
+def claim(text: str, figure: float, bound: float, unit: str) -> dict[str, Any]:
     """One claim: what was asked for, what was measured, whether it holds (figure <= bound)."""
     return {
         "claim": text,
@@ -41,7 +46,9 @@ def claim(text, figure, bound, unit):
     }
 
 
-def finding(text, source, rule, measured, verdict, decided_by):
+def finding(
+    text: str, source: str, rule: str, measured: str, verdict: str, decided_by: str
+) -> dict[str, str]:
     """One claim of a paper, where it stands in it, the rule that decides, what was measured, the
     verdict, the figure or table that shows it."""
     return {
@@ -54,7 +61,16 @@ def finding(text, source, rule, measured, verdict, decided_by):
     }
 
 
-def write_page(out, title, introduction, claims, tables, links=(), figures=(), notes=()):
+def write_page(
+    out: Path,
+    title: str,
+    introduction: Sequence[str],
+    claims: Sequence[Mapping[str, Any]],
+    tables: Mapping[str, tuple[str | None, pd.DataFrame]],
+    links: Sequence[tuple[str, str]] = (),
+    figures: Sequence[tuple[str, go.Figure, str]] = (),
+    notes: Sequence[tuple[str, pd.DataFrame]] = (),
+) -> None:
     """Write claims.json, one CSV per table {name: (caption, DataFrame)} and index.html into the
     folder `out`, each of them whole.
 
@@ -83,12 +99,18 @@ def write_page(out, title, introduction, claims, tables, links=(), figures=(), n
     ).save(out / "index.html")
 
 
-def _marked(text):
+def _marked(text: str) -> str:
     """The text as HTML; what stands between backticks is code."""
     return re.sub("`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
-def _sections(claims, tables, links, figures, notes):
+def _sections(
+    claims: Sequence[Mapping[str, Any]],
+    tables: Mapping[str, tuple[str | None, pd.DataFrame]],
+    links: Sequence[tuple[str, str]],
+    figures: Sequence[tuple[str, go.Figure, str]],
+    notes: Sequence[tuple[str, pd.DataFrame]],
+) -> list[tuple[str, str]]:
     """[(heading, HTML)] of the page; empty where there is nothing."""
     shown = {
         name: (caption, table) for name, (caption, table) in tables.items() if caption is not None
@@ -126,7 +148,7 @@ def _sections(claims, tables, links, figures, notes):
     ]
 
 
-def _claims(claims):
+def _claims(claims: Sequence[Mapping[str, Any]]) -> str:
     verdict = lambda holds: (
         f"<td class='{'yes' if holds else 'no'}'>{'holds' if holds else 'does not hold'}</td>"
     )
@@ -137,7 +159,7 @@ def _claims(claims):
     return f"<div class='scroll plain'><table><tr><th>claim</th><th>target</th><th>measured</th><th>verdict</th></tr>{rows}</table></div>"
 
 
-def _findings(claims):
+def _findings(claims: Sequence[Mapping[str, Any]]) -> str:
     rows = "".join(
         f"<tr id=claim{i}><td>{i}</td><td>{escape(c['claim'])}<br><span class=slim>{escape(c['source'])}</span></td>"
         f"<td class='verdict {COLOURS[c['verdict']]}'>{escape(c['verdict'])}</td>"
@@ -151,7 +173,7 @@ def _findings(claims):
     return f"<p>{len(claims)} claims: {counts}.</p><div class='scroll claims'><table>{head}{rows}</table></div>"
 
 
-def _rows(table):
+def _rows(table: pd.DataFrame) -> str:
     head = "".join(f"<th>{escape(str(name))}</th>" for name in table.columns)
     rows = (
         "<tr>" + "".join(f"<td>{_cell(value)}</td>" for value in row) + "</tr>"
@@ -160,7 +182,7 @@ def _rows(table):
     return f"<thead><tr>{head}</tr></thead>{''.join(rows)}"
 
 
-def _cell(value):
+def _cell(value: object) -> str:
     if not isinstance(value, (float, np.floating)):
         return escape(str(value)).replace("\n", "<br>")
     return "–" if np.isnan(value) else f"{value:.3g}"

@@ -5,11 +5,15 @@ over blocks Student's t gives the interval: overlapping windows are not independ
 neighbouring blocks overlap too, which widens the interval.
 """
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
+from strapdown.evaluation.consistency import Paired
 from strapdown.experiments.outages.summaries import over_blocks
+from strapdown.typing import Array, Ints
 
 from .verdicts import SIZE, Count
 
@@ -28,14 +32,14 @@ class Ratio(NamedTuple):
     count: int
 
     @property
-    def side(self):
+    def side(self) -> int:
         """+1 where the first filter is better by more than SIZE, -1 where it is worse or surely
         not better, 0 where that is open."""
         if self.high < 1 / (1 + SIZE):
             return 1
         return -1 if self.low >= 1 / (1 + SIZE) else 0
 
-    def __str__(self):
+    def __str__(self) -> str:
         if not np.isfinite(self.value):
             return "–"
         return (
@@ -45,37 +49,43 @@ class Ratio(NamedTuple):
         )
 
 
-def both_of(table, measure, first, second):
+def both_of(
+    table: pd.DataFrame, measure: str, first: str, second: str
+) -> tuple[Ints, Array, Array]:
     """(block (n,), values of the first filter (n,), of the second) of the outages that both
     have; empty where one is not in the table."""
     if not {(measure, first), (measure, second)} <= set(table.columns):
-        return np.empty((3, 0))
+        return np.empty(0, int), np.empty(0), np.empty(0)
     a, b = (np.maximum(table[measure, name].to_numpy(float), LEAST) for name in (first, second))
     known = np.isfinite(a) & np.isfinite(b)
     return table.index.get_level_values("block").to_numpy()[known], a[known], b[known]
 
 
-def ratio(table, measure, first, second, probability=0.95):
+def ratio(
+    table: pd.DataFrame, measure: str, first: str, second: str, probability: float = 0.95
+) -> Ratio:
     """Ratio of `measure` of filter `first` to that of `second` in the table of a case."""
     block, a, b = both_of(table, measure, first, second)
     found = over_blocks(np.log(a / b), block, table.attrs["widening"], probability)
     return Ratio(*map(float, np.exp(found[:3])), int((a < b).sum()), len(a))
 
 
-def difference(table, measure, first, second):
+def difference(table: pd.DataFrame, measure: str, first: str, second: str) -> Paired:
     """Mean over blocks of the difference of a measure of two filters with its interval, as a
     Paired, in the unit of the measure."""
     block, a, b = both_of(table, measure, first, second)
     return over_blocks(a - b, block, table.attrs["widening"])
 
 
-def change(table, measure, first, second, other_first, other_second):
+def change(
+    table: pd.DataFrame, measure: str, first: str, second: str, other_first: str, other_second: str
+) -> tuple[Ints, Array]:
     """(block (n,), log ratio of `measure` of the first two filters less that of the other two
     (n,)) of the outages that all have."""
     if not {(measure, name) for name in (first, second, other_first, other_second)} <= set(
         table.columns
     ):
-        return np.empty((2, 0))
+        return np.empty(0, int), np.empty(0)
     a, b, c, d = (
         np.log(np.maximum(table[measure, name].to_numpy(float), LEAST))
         for name in (first, second, other_first, other_second)
@@ -83,20 +93,32 @@ def change(table, measure, first, second, other_first, other_second):
     return table.index.get_level_values("block").to_numpy(), a - b - (c - d)
 
 
-def stronger(table, one, other, *filters):
+def stronger(table: pd.DataFrame, one: str, other: str, *filters: str) -> Paired:
     """By how much the `change` between four `filters` is larger in measure `one` than in measure
     `other`: Paired of logarithms."""
     (block, a), (_, b) = (change(table, measure, *filters) for measure in (one, other))
     return over_blocks(a - b, block, table.attrs["widening"])
 
 
-def sides(tables, measures, first, second, probability=0.95):
+def sides(
+    tables: Mapping[str, pd.DataFrame],
+    measures: Sequence[str],
+    first: str,
+    second: str,
+    probability: float = 0.95,
+) -> Count:
     """Count of the cells (case and measure) in which filter `first` is better than `second`;
     where it surely is not contradicts."""
     return against(tables, measures, first, [second], probability)
 
 
-def against(tables, measures, first, others, probability=0.95):
+def against(
+    tables: Mapping[str, pd.DataFrame],
+    measures: Sequence[str],
+    first: str,
+    others: Sequence[str],
+    probability: float = 0.95,
+) -> Count:
     """Count of the cells in which filter `first` is better than every one of `others`; where it
     surely is not than one of them contradicts."""
     found = [
@@ -107,7 +129,9 @@ def against(tables, measures, first, others, probability=0.95):
     return Count(found.count(1), found.count(-1), len(found))
 
 
-def any_better(tables, measures, first, others):
+def any_better(
+    tables: Mapping[str, pd.DataFrame], measures: Sequence[str], first: str, others: Sequence[str]
+) -> Count:
     """Count of the same cells for a claim that one of them is enough for: better is decided with
     Bonferroni's level of so many cells.
 

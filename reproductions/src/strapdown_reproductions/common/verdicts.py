@@ -1,9 +1,11 @@
 """How numbers with intervals become a verdict on a claim: a cell supports it, contradicts it, or
 leaves it open, and the shares of cells decide."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from .pages import NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
 
@@ -26,7 +28,7 @@ class Count(NamedTuple):
     total: int
 
     @property
-    def verdict(self):
+    def verdict(self) -> str:
         """Of the share of supporting cells, whose interval goes from none to all of the open
         cells supporting."""
         if not self.total:
@@ -42,7 +44,7 @@ class Count(NamedTuple):
             else UNDECIDED
         )
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f"{self.supports} of {self.total} cells for it, {self.contradicts} against, {self.total - self.supports - self.contradicts} open"
 
 
@@ -54,7 +56,7 @@ RULE = (
 BETTER = f"better: the 95 % interval of the ratio of RMSEs over common runs lies beyond 1 by more than {SIZE:.0%}; no difference: all of it is within {SIZE:.0%}"
 
 
-def better(row, name):
+def better(row: pd.Series, name: str) -> str:
     """Which filter is better in a row by its ratio `name`, of open by closed."""
     low, high = row[f"{name}_low"], row[f"{name}_high"]
     if high < 1 / (1 + SIZE):
@@ -64,7 +66,7 @@ def better(row, name):
     return NONE if low >= 1 / (1 + SIZE) and high <= 1 + SIZE else UNKNOWN
 
 
-def sides(rows, name, side):
+def sides(rows: pd.DataFrame, name: str, side: str) -> Count:
     """Count of the rows in which filter `side` is better; the other one better or no difference
     contradicts."""
     found = [better(row, name) for _, row in rows.iterrows()]
@@ -73,7 +75,7 @@ def sides(rows, name, side):
     )
 
 
-def share(rows, name, more=True, level=0.5):
+def share(rows: pd.DataFrame, name: str, more: bool = True, level: float = 0.5) -> Count:
     """Count of the rows whose interval `name` is above `level` (below for more=False); on the
     other side contradicts."""
     above, below = (
@@ -83,7 +85,7 @@ def share(rows, name, more=True, level=0.5):
     return Count(above, below, len(rows)) if more else Count(below, above, len(rows))
 
 
-def apart(first, second, name):
+def apart(first: pd.Series, second: pd.Series, name: str) -> int:
     """+1 where interval `name` of row `first` is above that of `second`, -1 where it is below, 0
     where they overlap."""
     return int(first[f"{name}_low"] > second[f"{name}_high"]) - int(
@@ -91,12 +93,12 @@ def apart(first, second, name):
     )
 
 
-def total(counts):
+def total(counts: Sequence[Count]) -> Count:
     """The Count of several together."""
     return Count(*(int(sum(values)) for values in zip(*counts))) if counts else Count(0, 0, 0)
 
 
-def both(*verdicts):
+def both(*verdicts: str) -> str:
     """Of a claim with parts that must all hold: mixed where one is supported and another not."""
     found = set(verdicts)
     if len(found) == 1:
@@ -104,7 +106,7 @@ def both(*verdicts):
     return PARTLY if found & {REPRODUCED, PARTLY} else NOT_REPRODUCED
 
 
-def over_readings(*verdicts):
+def over_readings(*verdicts: str) -> str:
     """Of the two ways to abort: opposite ones mean that what the paper leaves open decides; else
     the less favourable one."""
     if {REPRODUCED, NOT_REPRODUCED} <= set(verdicts):
@@ -112,7 +114,7 @@ def over_readings(*verdicts):
     return max(verdicts, key=(REPRODUCED, PARTLY, UNDECIDED, NOT_REPRODUCED).index)
 
 
-def ratios(rows, name):
+def ratios(rows: pd.DataFrame, name: str) -> str:
     """Text: smallest, median and largest ratio of the rows."""
     values = rows[name].to_numpy(float)
     values = values[np.isfinite(values)]
@@ -122,14 +124,14 @@ def ratios(rows, name):
     return f"RMSE of the open loop against the closed one: {least} to {most}, median {middle}"
 
 
-def factors(values):
+def factors(values: Sequence[float]) -> list[str]:
     """Texts of ratios: changes in per cent where all are near 1, else factors."""
     small = all(0.5 < value < 1.5 for value in values)
     change = lambda share: f"{share:+.2f} %" if abs(share) < 1 else f"{share:+.3g} %"
     return [change(100 * (value - 1)) if small else f"x{value:.3g}" for value in values]
 
 
-def interval(row, name):
+def interval(row: pd.Series, name: str) -> str:
     """Text of a ratio of a row with its interval."""
     values = [row[f"{name}{end}"] for end in ("", "_low", "_high")]
     if not values[0] > 0:

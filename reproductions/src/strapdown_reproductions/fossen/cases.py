@@ -8,6 +8,7 @@ measurements are variances of one fix and are kept, though the published code sk
 those that come with a position, and here every fix is used when it comes.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,9 @@ from strapdown.data import DataError, Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
 from strapdown.filters.ins.open_loop import INS_ERROR
+from strapdown.recording import Recording
 from strapdown.sim.synthesis import draw_start
+from strapdown.typing import Array
 
 from . import signals
 
@@ -59,9 +62,9 @@ class Weights(NamedTuple):
     R of field and gravity is that of a unit vector; the others are in m^2, (m/s)^2 and rad^2.
     """
 
-    Q: tuple
-    times: tuple
-    R: dict
+    Q: tuple[float, float, float, float]
+    times: tuple[float, float]
+    R: dict[str, float]
 
 
 MEKF = Weights(
@@ -97,12 +100,12 @@ class Case(NamedTuple):
 
     name: str
     filter: str
-    kinds: tuple
+    kinds: tuple[str, ...]
     weights: Weights
-    white: tuple = ()
+    white: tuple[str, ...] = ()
     interval: float = signals.POSITION_INTERVAL  # s between positions
     rate: float = 100.0  # IMU samples per second
-    tunings: tuple = TUNINGS
+    tunings: tuple[str, ...] = TUNINGS
 
 
 CASES = (
@@ -157,7 +160,7 @@ FAST = tuple(
 """At the IMU rate of the published scripts."""
 
 
-def noise(case, tuning, excitation):
+def noise(case: Case, tuning: str, excitation: str) -> Noise:
     """The Noise that the filter of a case is told.
 
     chapter: the published weights as densities, biases of direct filters without decay. true
@@ -177,7 +180,7 @@ def noise(case, tuning, excitation):
     return Noise(gyro, accel, gyro_bias, accel_bias, gyro_decay, accel_decay)
 
 
-def deviation(case, tuning, kind):
+def deviation(case: Case, tuning: str, kind: str) -> float:
     """Standard deviation that a fix of `kind` is given, in the unit of its aiding. Raises
     DataError where no weight is known."""
     if tuning == CHAPTER and kind not in case.weights.R:
@@ -186,10 +189,8 @@ def deviation(case, tuning, kind):
     return float(unit * SIZE.get(kind, 1.0))
 
 
-def sensed(recording, case, tuning):
+def sensed(recording: Recording, case: Case, tuning: str) -> Recording:
     """The recording with the sources of a case alone, which state the deviations of a tuning."""
-    from dataclasses import replace
-
     chosen = [a for a in recording.aidings if a.kind in case.kinds]
     return replace(
         recording,
@@ -199,7 +200,7 @@ def sensed(recording, case, tuning):
     )
 
 
-def start(recording, tuning, seed):
+def start(recording: Recording, tuning: str, seed: int) -> Start:
     """Where a run begins: as the published scripts do, at the truth with deviations of 1 of
     everything, or at an error drawn from START_SD. Biases 0."""
     truth = recording.reference
@@ -218,19 +219,19 @@ class Run(NamedTuple):
     """One run at ROWS a second: errors true - estimate, SI and radians, NaN where nothing is
     estimated."""
 
-    t: np.ndarray  # (n,) s
-    error: np.ndarray  # (n, 15)
-    sd: np.ndarray  # (n, 15)
-    bias: np.ndarray  # (n, 6) true biases
+    t: Array  # (n,) s
+    error: Array  # (n, 15)
+    sd: Array  # (n, 15)
+    bias: Array  # (n, 6) true biases
     stopped: str  # why it ended early, or ""
-    ins: np.ndarray  # (n,) m: how far the raw INS of a feedforward filter is off; NaN without one
+    ins: Array  # (n,) m: how far the raw INS of a feedforward filter is off; NaN without one
 
-    def size(self, states):
+    def size(self, states: slice) -> Array:
         """(n,) length of the error of three states."""
         return np.linalg.norm(self.error[:, states], axis=1)
 
 
-def run(recording, case, tuning, excitation, seed):
+def run(recording: Recording, case: Case, tuning: str, excitation: str, seed: int) -> Run:
     """Run of a case on a Recording of fossen_signals; a filter that breaks down ends it early."""
     used, every, truth = (
         sensed(recording, case, tuning),
@@ -274,7 +275,7 @@ def run(recording, case, tuning, excitation, seed):
     )
 
 
-def settled(t, size, below):
+def settled(t: Array, size: Array, below: float) -> float:
     """s: since when `size` (n,) stays below a bound to the end; inf where it does not, NaN where
     it is nowhere known."""
     if not len(size) or not size[-1] < below:
@@ -283,7 +284,7 @@ def settled(t, size, below):
     return float(t[above[-1] + 1]) if len(above) else 0.0
 
 
-def numbers(run, duration):
+def numbers(run: Run, duration: float) -> dict[str, float | bool]:
     """{name: number} of a run: times of convergence, rms errors over the last LAST s, shares of the
     biases' deviations that are left.
 

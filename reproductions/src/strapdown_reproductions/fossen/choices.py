@@ -1,6 +1,8 @@
 """What Fossen's chapter 14 and its published code leave unspecified or have otherwise, and what
 was chosen here."""
 
+import pandas as pd
+
 CHOICES = (
     (
         "the Earth",
@@ -126,8 +128,6 @@ CHOICES = (
 """(what, in the chapter and its code, here)."""
 
 
-def table():
+def table() -> pd.DataFrame:
     """The choices as a pandas DataFrame of text."""
-    import pandas as pd
-
     return pd.DataFrame(CHOICES, columns=["what", "in the chapter and its code", "here"])

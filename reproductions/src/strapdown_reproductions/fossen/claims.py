@@ -5,7 +5,8 @@ The rules were written beside trials of seeds that the study does not use, befor
 and none was changed for its verdict.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable, Collection, Sequence
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,8 @@ from .cases import CHAPTER, LAST, RIGHT, START_SD, TUNINGS
 from .runs import DROPOUT, quantiles, seconds
 from .signals import SIGNALS
 
+Cells: TypeAlias = list[tuple[Any, pd.DataFrame]]
+"""What a cell is called, and its rows, one for each run."""
 STILL = ("at rest", "steady")
 MINUTES, GYRO = 120.0, 10.0
 """s that the biases of accelerometers and gyros may take."""
@@ -47,7 +50,7 @@ class Evidence(NamedTuple):
     intro: pd.DataFrame  # of fossen_intro.study: a row per seed, form and biases
 
 
-def claims(evidence):
+def claims(evidence: Evidence) -> list[dict[str, str]]:
     """All findings, in the order of the chapter."""
     return [
         make(evidence)
@@ -70,7 +73,12 @@ def claims(evidence):
     ]
 
 
-def pick(runs, cases, excitations, tunings=TUNINGS):
+def pick(
+    runs: pd.DataFrame,
+    cases: Sequence[str],
+    excitations: Collection[str],
+    tunings: Sequence[str] = TUNINGS,
+) -> Cells:
     """[((case, excitation, tuning), rows)] of the cells asked for that have runs."""
     chosen = runs[
         runs["case"].isin(cases)
@@ -80,7 +88,7 @@ def pick(runs, cases, excitations, tunings=TUNINGS):
     return list(chosen.groupby(["case", "excitation", "tuning"], sort=False))
 
 
-def counted(cells, true):
+def counted(cells: Cells, true: Callable[[pd.DataFrame], pd.Series]) -> Count:
     """Count of cells where `true` (of the rows) holds in more than half of the runs by Wilson's
     interval, contradicted where in fewer than half."""
     intervals = [proportion(int(np.sum(true(rows))), len(rows)) for _, rows in cells]
@@ -89,7 +97,7 @@ def counted(cells, true):
     )
 
 
-def spread(cells, name):
+def spread(cells: Cells, name: str) -> str:
     """Text: quantiles of a time of convergence over all runs of the cells."""
     if not cells:
         return "no runs"
@@ -99,7 +107,13 @@ def spread(cells, name):
     return f"median {middle} s, 80 % of the runs {low} to {high} s".replace("never s", "never")
 
 
-def tuned(runs, cases, excitations, true, name):
+def tuned(
+    runs: pd.DataFrame,
+    cases: Sequence[str],
+    excitations: Collection[str],
+    true: Callable[[pd.DataFrame], pd.Series],
+    name: str,
+) -> tuple[str, str]:
     """(verdict, text) of a claim on both tunings, which must both hold."""
     verdicts, texts = [], []
     for tuning, title in TITLES:
@@ -110,7 +124,7 @@ def tuned(runs, cases, excitations, true, name):
     return both(*verdicts), "; ".join(texts)
 
 
-def left(runs, case, excitation):
+def left(runs: pd.DataFrame, case: str, excitation: str) -> str:
     """Text, true noises: what is left of the accelerometers' deviations along x, y, z (medians
     of shares); what that amounts to, against the error."""
     rows = runs[
@@ -131,7 +145,7 @@ CONVERGED = (
 )
 
 
-def ahrs_all_states(e):
+def ahrs_all_states(e: Evidence) -> dict[str, str]:
     """14.3.2."""
     cells = pick(e.runs, ["direct-ahrs"], (*SIGNALS, *STILL))
     count = counted(cells, lambda rows: np.isfinite(rows["accel_s"]) & np.isfinite(rows["gyro_s"]))
@@ -145,7 +159,7 @@ def ahrs_all_states(e):
     )
 
 
-def euler_is_hard(e):
+def euler_is_hard(e: Evidence) -> dict[str, str]:
     """14.3.3."""
     still = counted(pick(e.runs, [EULER], STILL), lambda rows: ~np.isfinite(rows["accel_s"]))
     moved = counted(pick(e.runs, [EULER], SIGNALS), lambda rows: np.isfinite(rows["accel_s"]))
@@ -163,7 +177,7 @@ def euler_is_hard(e):
     )
 
 
-def euler_blows_up(e):
+def euler_blows_up(e: Evidence) -> dict[str, str]:
     """14.3.3."""
     bad = lambda rows: rows["stopped"].astype(bool) | ~(rows["position_m"] < 10.0)
     euler, mekf = (
@@ -190,7 +204,7 @@ def euler_blows_up(e):
     )
 
 
-def intro_drift(e):
+def intro_drift(e: Evidence) -> dict[str, str]:
     """14.4.1."""
     rows = e.intro[(e.intro["form"] == "feedforward") & (e.intro["outage"] == 0)]
     true = counted(
@@ -211,7 +225,7 @@ def intro_drift(e):
     )
 
 
-def intro_decay(e):
+def intro_decay(e: Evidence) -> dict[str, str]:
     """14.4.1."""
     rows = e.intro[e.intro["outage"] == 1]
     parts = {
@@ -243,7 +257,7 @@ def intro_decay(e):
     )
 
 
-def indirect_converges(e):
+def indirect_converges(e: Evidence) -> dict[str, str]:
     """14.4.2."""
     cells = pick(e.runs, INDIRECT, (*SIGNALS, *STILL))
     count = counted(cells, lambda rows: np.isfinite(rows["accel_s"]) & np.isfinite(rows["gyro_s"]))
@@ -257,7 +271,7 @@ def indirect_converges(e):
     )
 
 
-def decay(e):
+def decay(e: Evidence) -> dict[str, str]:
     """14.4.2."""
     if e.dropouts.empty:
         return _undecided(
@@ -287,11 +301,11 @@ def decay(e):
     )
 
 
-def _undecided(source, text, why):
+def _undecided(source: str, text: str, why: str) -> dict[str, str]:
     return finding(text, source, why, why, UNDECIDED, "")
 
 
-def drift(e):
+def drift(e: Evidence) -> dict[str, str]:
     """14.4.2."""
     cells = pick(e.runs, ["indirect-ahrs-open"], SIGNALS)
     count = counted(cells, lambda rows: (rows["ins_m"] > DRIFTED) & (rows["position_m"] < KEPT))
@@ -310,7 +324,7 @@ def drift(e):
     )
 
 
-def feedback_bounds(e):
+def feedback_bounds(e: Evidence) -> dict[str, str]:
     """14.4.2."""
     cells = pick(e.runs, ["indirect-ahrs-closed"], SIGNALS)
     count = counted(cells, lambda rows: rows["position_m"] < KEPT)
@@ -327,7 +341,7 @@ def feedback_bounds(e):
     )
 
 
-def accel_minutes(e):
+def accel_minutes(e: Evidence) -> dict[str, str]:
     """14.4.3."""
     verdict, text = tuned(e.runs, MEKF, SIGNALS, lambda rows: rows["accel_s"] <= MINUTES, "accel_s")
     values = np.concatenate(
@@ -356,7 +370,7 @@ def accel_minutes(e):
     )
 
 
-def gyro_seconds(e):
+def gyro_seconds(e: Evidence) -> dict[str, str]:
     """14.4.3."""
     verdict, text = tuned(e.runs, MEKF, SIGNALS, lambda rows: rows["gyro_s"] < GYRO, "gyro_s")
     return finding(
@@ -369,7 +383,7 @@ def gyro_seconds(e):
     )
 
 
-def states_converge(e):
+def states_converge(e: Evidence) -> dict[str, str]:
     """14.4.3."""
     near = lambda rows: (
         (rows["position_m"] < POSITION)
@@ -402,7 +416,7 @@ def states_converge(e):
     )
 
 
-def excitation(e):
+def excitation(e: Evidence) -> dict[str, str]:
     """14.4.3 and the chapter's goals."""
     still = counted(pick(e.runs, MEKF, STILL), lambda rows: ~np.isfinite(rows["accel_s"]))
     moved = counted(pick(e.runs, MEKF, SIGNALS), lambda rows: np.isfinite(rows["accel_s"]))
@@ -424,7 +438,7 @@ def excitation(e):
     )
 
 
-def roll_and_pitch(e):
+def roll_and_pitch(e: Evidence) -> dict[str, str]:
     """14.4.3."""
     cells = pick(e.runs, MEKF, ["turning"])
     count = counted(cells, lambda rows: ~np.isfinite(rows["accel_s"]))

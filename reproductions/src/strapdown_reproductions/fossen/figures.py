@@ -1,10 +1,14 @@
 """Figures of the case studies of Fossen's chapter 14: signals, errors, biases, how long they
 take to converge, and the introductory example."""
 
+from collections.abc import Sequence
+
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from strapdown.geodesy import displacement
 from strapdown.reports.drawing import (
     COLOURS,
     GREY,
@@ -17,12 +21,14 @@ from strapdown.reports.drawing import (
     note,
     panels,
 )
+from strapdown.typing import Array
 
 from . import intro as fossen_intro
 from . import signals
-from .cases import ACCEL_BELOW, CHAPTER, GYRO_BELOW, RIGHT
+from .cases import ACCEL_BELOW, CHAPTER, GYRO_BELOW, RIGHT, Run
 from .claims import MEKF
-from .intro import FORMS
+from .intro import FORMS, Kept
+from .runs import Results
 
 NED, BODY, ANGLES = (
     ("north", "east", "down"),
@@ -44,7 +50,7 @@ NEVER = 600.0
 """s at which runs stand that have not converged."""
 
 
-def all_figures(results, intro):
+def all_figures(results: Results, intro: Kept) -> list[tuple[str, go.Figure, str]]:
     """[(heading, figure, caption)] of the page; intro: the second result of fossen_intro.study."""
     found = [
         (
@@ -112,11 +118,9 @@ OVER_SEEDS = (
 )
 
 
-def signal(name):
+def signal(name: str) -> go.Figure:
     """Acceleration, rate, attitude, velocity and position of a signal over time."""
     truth = signals.ideal(name, 100.0, 300.0).truth
-    from strapdown.geodesy import displacement
-
     t = truth.t
     rows = (
         ("acceleration<br>[m/s²]", BODY, signals.acceleration(name, t)),
@@ -141,7 +145,7 @@ def signal(name):
     return _time(drawn, 5, t)
 
 
-def states(run):
+def states(run: Run) -> go.Figure:
     """Errors of position, velocity and attitude of a run with its own 3 sigma."""
     scale = np.r_[np.ones(6), np.full(3, DEG)]
     labels = [
@@ -165,7 +169,7 @@ def states(run):
     return _time(drawn, 9, run.t)
 
 
-def estimates(pair):
+def estimates(pair: Sequence[tuple[str, Run]]) -> go.Figure:
     """True and estimated biases of runs [(tuning, Run)], over the logarithm of time."""
     drawn = panels(
         [
@@ -206,7 +210,7 @@ def estimates(pair):
     return drawn.update_xaxes(title_text="time [s]", row=6, col=1)
 
 
-def times(runs):
+def times(runs: pd.DataFrame) -> go.Figure:
     """Times of convergence of every run: a row per case, a panel per sensor."""
     own = runs[runs["excitation"].isin(signals.SIGNALS)]
     names = list(dict.fromkeys(own["case"]))
@@ -289,7 +293,9 @@ def times(runs):
     )
 
 
-def curves(results, keys, sensor, by="case"):
+def curves(
+    results: Results, keys: Sequence[tuple[str, str]], sensor: int, by: str = "case"
+) -> go.Figure:
     """Error of the biases of a sensor (0 accelerometer, 1 gyro) over time for [(case,
     excitation)], with both tunings side by side."""
     _, unit, below, scale, _ = SENSORS[sensor]
@@ -349,7 +355,7 @@ def curves(results, keys, sensor, by="case"):
     return finish(drawn, 430).update_layout(margin={"t": 104}, legend={"y": 1.09})
 
 
-def introduction(kept):
+def introduction(kept: Kept) -> list[tuple[str, go.Figure, str]]:
     """The figures of the introductory example."""
     drawn = panels(
         [
@@ -421,7 +427,7 @@ def introduction(kept):
     ]
 
 
-def _dead_reckoning(kept):
+def _dead_reckoning(kept: Kept) -> go.Figure:
     drawn = panels(
         [
             f"{biases}: {what}"
@@ -462,6 +468,6 @@ def _dead_reckoning(kept):
     return drawn
 
 
-def _time(drawn, rows, t):
+def _time(drawn: go.Figure, rows: int, t: Array) -> go.Figure:
     drawn.update_xaxes(title_text="time [s]", row=rows, col=1)
     return drawn.update_xaxes(range=[0.0, float(t[-1])])

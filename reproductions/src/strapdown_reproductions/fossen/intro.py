@@ -9,9 +9,14 @@ puts that estimate into the INS at each fix, the direct one estimates the state 
 true - estimate, so that a bias, which is what a sensor reads too much, drives them with a minus.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+import pandas as pd
+from scipy.linalg import expm
+
+from strapdown.typing import Array, ArrayLike, Mask
 
 STATES = (
     "position, m",
@@ -44,39 +49,47 @@ class Model(NamedTuple):
     rate_time: float = 300.0
     position_sd: float = 0.05  # m
     angle_sd: float = 0.01  # rad
-    start_sd: tuple = (1.0, 0.3, 0.1, 0.3, 0.1)
+    start_sd: tuple[float, float, float, float, float] = (1.0, 0.3, 0.1, 0.3, 0.1)
 
     @property
-    def R(self):
+    def R(self) -> Array:
         """(2, 2) covariance of a measurement of position and angle."""
         return np.diag([self.position_sd, self.angle_sd]) ** 2
 
-    def without_decay(self):
+    def without_decay(self) -> "Model":
         """The same with biases that are driven by white noise alone, as the chapter's direct
         filters have them."""
         return self._replace(accel_time=np.inf, rate_time=np.inf)
 
 
+MODEL = Model()
+"""That of the published example."""
+
+
 class Record(NamedTuple):
     """Simulated records of several runs: IMU samples are means over the dt before their time."""
 
-    t: np.ndarray  # (n + 1,) s, from 0
+    t: Array  # (n + 1,) s, from 0
     dt: float  # s
-    imu: np.ndarray  # (n, runs, 2) measured acceleration m/s^2 and rate rad/s
-    true: np.ndarray  # (n + 1, runs, 5) states
-    fixes: np.ndarray  # (n, runs, 2) measured position and angle after each sample
-    fixed: np.ndarray  # (n,) whether there is a fix
+    imu: Array  # (n, runs, 2) measured acceleration m/s^2 and rate rad/s
+    true: Array  # (n + 1, runs, 5) states
+    fixes: Array  # (n, runs, 2) measured position and angle after each sample
+    fixed: Mask  # (n,) whether there is a fix
 
 
 class Estimate(NamedTuple):
     """What a filter made of a record, rows as those of `Record.true`."""
 
-    x: np.ndarray  # (n + 1, runs, 5) states
-    sd: np.ndarray  # (n + 1, 5) standard deviations that it states
-    ins: np.ndarray  # (n + 1, runs, 3) position, velocity and angle of the INS behind it
+    x: Array  # (n + 1, runs, 5) states
+    sd: Array  # (n + 1, 5) standard deviations that it states
+    ins: Array  # (n + 1, runs, 3) position, velocity and angle of the INS behind it
 
 
-def dynamics(model):
+Kept: TypeAlias = dict[tuple[str, int, str], tuple[Record, Estimate]]
+"""By biases, outage (0 or 1) and form."""
+
+
+def dynamics(model: Model) -> tuple[Array, Array]:
     """(F (5, 5), G (5, 4)) of the error states: d dx/dt = F dx + G w, w the noise of
     acceleration, rate and the two biases."""
     F, G = np.zeros((5, 5)), np.zeros((5, 4))
@@ -86,10 +99,8 @@ def dynamics(model):
     return F, G
 
 
-def discretised(model, dt):
+def discretised(model: Model, dt: float) -> tuple[Array, Array]:
     """(Phi (5, 5), Q (5, 5)) over dt s, by Van Loan's matrix exponential."""
-    from scipy.linalg import expm
-
     F, G = dynamics(model)
     W = np.diag([model.accel, model.rate, model.accel_bias, model.rate_bias]) ** 2
     both = expm(np.block([[-F, G @ W @ G.T], [np.zeros((5, 5)), F.T]]) * dt)
@@ -98,7 +109,7 @@ def discretised(model, dt):
     return Phi, 0.5 * (Q + Q.T)
 
 
-def observable(measured, model=Model()):
+def observable(measured: ArrayLike, model: Model = MODEL) -> int:
     """How many of the five states the rows `measured` (k, 5) tell: the rank of the observability
     matrix."""
     F, rows = dynamics(model)[0], [np.atleast_2d(measured)]
@@ -108,8 +119,15 @@ def observable(measured, model=Model()):
 
 
 def simulate(
-    rng, runs=1, biases="constant", outages=(), duration=300.0, rate=10.0, every=1.0, model=Model()
-):
+    rng: np.random.Generator,
+    runs: int = 1,
+    biases: str = "constant",
+    outages: Sequence[tuple[float, float]] = (),
+    duration: float = 300.0,
+    rate: float = 10.0,
+    every: float = 1.0,
+    model: Model = MODEL,
+) -> Record:
     """A Record: acceleration and rate are the first components of the chapter's signal 1, fixes
     come each `every` s but in `outages`.
 
@@ -147,7 +165,7 @@ def simulate(
     return Record(t, dt, imu, true, fixes, fixed)
 
 
-def strapdown(state, u, dt):
+def strapdown(state: Array, u: Array, dt: float) -> Array:
     """Position, velocity and angle (runs, 3) a sample later: acceleration and rate u (runs, 2)
     constant over dt."""
     position, velocity, angle = state.T
@@ -161,7 +179,7 @@ def strapdown(state, u, dt):
     )
 
 
-def estimate(record, form="feedforward", model=Model()):
+def estimate(record: Record, form: str = "feedforward", model: Model = MODEL) -> Estimate:
     """The Estimate of one of FORMS, begun at the true position, velocity and angle and with biases
     of 0.
 
@@ -180,7 +198,7 @@ def estimate(record, form="feedforward", model=Model()):
     )
 
 
-def _indirect(record, model, feedback):
+def _indirect(record: Record, model: Model, feedback: bool) -> Estimate:
     Phi, Q = discretised(model, record.dt)
     runs = record.imu.shape[1]
     ins, bias, dx, P = (
@@ -201,7 +219,7 @@ def _indirect(record, model, feedback):
     return _stacked(rows)
 
 
-def _direct(record, model):
+def _direct(record: Record, model: Model) -> Estimate:
     Phi, Q = discretised(model, record.dt)
     runs = record.imu.shape[1]
     x, P = np.c_[record.true[0, :, :3], np.zeros((runs, 2))], np.diag(model.start_sd) ** 2
@@ -215,12 +233,12 @@ def _direct(record, model):
     return _stacked(rows)
 
 
-def _stacked(rows):
+def _stacked(rows: Sequence[tuple[Array, Array, Array]]) -> Estimate:
     x, variance, ins = (np.array(column) for column in zip(*rows))
     return Estimate(x, np.sqrt(variance), ins)
 
 
-def corrected(x, P, y, R):
+def corrected(x: Array, P: Array, y: Array, R: Array) -> tuple[Array, Array]:
     """States (runs, 5) and covariance after measurements y (runs, 2) of position and angle, or
     of their errors; Joseph's form."""
     gain = np.linalg.solve(H @ P @ H.T + R, H @ P).T
@@ -228,7 +246,7 @@ def corrected(x, P, y, R):
     return x + (y - x @ H.T) @ gain.T, rest @ P @ rest.T + gain @ R @ gain.T
 
 
-def study(runs, seed=2):
+def study(runs: int, seed: int = 2) -> tuple[pd.DataFrame, Kept]:
     """(DataFrame, {(biases, outage, form): (Record, Estimate)}): rows of seed, biases, outage (0 or
     1), form and what became of position and bias.
 
@@ -236,8 +254,6 @@ def study(runs, seed=2):
     bias_before, bias_after: error of the accelerometer bias at the beginning and at the end of the
     OUTAGE, m/s^2.
     """
-    import pandas as pd
-
     rows, kept = [], {}
     for i, biases in enumerate(BIASES):
         for outage in (0, 1):

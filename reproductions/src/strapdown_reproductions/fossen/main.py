@@ -6,17 +6,24 @@ Source: T. I. Fossen, "Handbook of Marine Craft Hydrodynamics and Motion Control
 Marine Systems Simulator.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
+
+import pandas as pd
 
 from strapdown import __version__
 from strapdown.data import DataError
 from strapdown.files import replacing
+from strapdown.typing import File, Progress
 
 from ..common.pages import write_page
 from . import choices, write_docs
 from . import claims as fossen_claims
 from . import intro as fossen_intro
 from . import runs as fossen_runs
+from .cases import CASES, FAST, LAST, Case
+from .figures import all_figures
+from .runs import Results
 
 SEEDS, QUICK_SEEDS = 50, 5
 TITLE = "Filters for aided inertial navigation: the case studies of Fossen's chapter 14 again"
@@ -42,15 +49,15 @@ INTRODUCTION = (
 
 
 def reproduce(
-    out,
-    quick=False,
-    runs=None,
-    seed=2,
-    threads=None,
-    progress=None,
-    studied=None,
-    duration=fossen_runs.DURATION,
-):
+    out: File,
+    quick: bool = False,
+    runs: int | None = None,
+    seed: int = 2,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    studied: Sequence[Case] | None = None,
+    duration: float = fossen_runs.DURATION,
+) -> list[dict[str, str]]:
     """Run everything, write page, tables and claims.json into the folder `out`, and return the
     claims.
 
@@ -58,8 +65,6 @@ def reproduce(
     more; threads: the processors by default; progress: called with the fraction done; studied:
     Cases in place of all; duration: s. Raises DataError.
     """
-    from .cases import CASES, FAST
-
     count = (QUICK_SEEDS if quick else SEEDS) if runs is None else runs
     if count < 1 or seed < 0:
         raise DataError(f"runs is {count} and seed {seed}; give one run or more, and a seed from 0")
@@ -71,10 +76,8 @@ def reproduce(
     return write(out, results, count, seed)
 
 
-def write(out, results, count, seed):
+def write(out: File, results: Results, count: int, seed: int) -> list[dict[str, str]]:
     """Write the page of finished Results into the folder `out`; return the claims."""
-    from .figures import all_figures
-
     intro, kept = fossen_intro.study(count, seed)
     cells = fossen_runs.table(results.runs)
     claims = fossen_claims.claims(fossen_claims.Evidence(results.runs, results.dropouts, intro))
@@ -99,10 +102,12 @@ def write(out, results, count, seed):
     return claims
 
 
-def _tables(results, cells, intro):
+def _tables(
+    results: Results, cells: pd.DataFrame, intro: pd.DataFrame
+) -> dict[str, tuple[str | None, pd.DataFrame]]:
     about = (
         f"Times after which the biases have converged, median and 80 % of the runs; medians of rms errors over the last "
-        f"{fossen_claims.LAST:g} s; and what is left at "
+        f"{LAST:g} s; and what is left at "
         "the end of the initial standard deviations of the biases along x, y, z"
     )
     means = ["position_m", "ins_m", "bias_before", "bias_after"]

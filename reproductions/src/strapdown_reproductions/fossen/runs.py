@@ -2,17 +2,23 @@
 figures, and the dead reckoning of dropouts."""
 
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from strapdown.core.contract import BA, BG
+from strapdown.recording import Recording
+from strapdown.typing import Array, Progress
 
 from . import cases, signals
 
+Key: TypeAlias = tuple[str, str, str]
+"""Case, excitation, tuning."""
 DURATION = 300.0
 FAST_SEEDS = 10
 """Seeds of the runs at 1 kHz, at most."""
@@ -37,17 +43,19 @@ class Results(NamedTuple):
     # a row per run: case, excitation, tuning, seed, accel and gyro error before and after, share of
     # the estimate left
     dropouts: pd.DataFrame
-    t: np.ndarray  # (m,) s, of the curves
+    t: Array  # (m,) s, of the curves
     # (case, excitation, tuning) -> (2, seeds, m) lengths of the errors of accelerometer and gyro
     # bias; NaN where a run ended
-    curves: dict
-    samples: dict  # (case, excitation, tuning) -> Run of the first seed
+    curves: dict[Key, NDArray[np.float32]]
+    samples: dict[Key, cases.Run]  # (case, excitation, tuning) -> Run of the first seed
 
 
-def tasks(seeds, studied=cases.CASES + cases.FAST):
+def tasks(
+    seeds: Sequence[int], studied: Sequence[cases.Case] = cases.CASES + cases.FAST
+) -> list[tuple[int, str, list[cases.Case]]]:
     """[(seed, excitation, [cases])] in order: what shares one truth."""
     found = []
-    for number, (seed, excitation) in enumerate(product(seeds, signals.EXCITATIONS)):
+    for seed, excitation in product(seeds, signals.EXCITATIONS):
         own = [
             case
             for case in studied
@@ -60,8 +68,12 @@ def tasks(seeds, studied=cases.CASES + cases.FAST):
 
 
 def run_all(
-    seeds, studied=cases.CASES + cases.FAST, duration=DURATION, progress=None, threads=None
-):
+    seeds: Sequence[int],
+    studied: Sequence[cases.Case] = cases.CASES + cases.FAST,
+    duration: float = DURATION,
+    progress: Progress | None = None,
+    threads: int | None = None,
+) -> Results:
     """Results over `seeds` (whole numbers). progress: called with the fraction done; threads: as
     many as there are processors by default."""
     wanted, rows, dropped, curves, samples = tasks(list(seeds), studied), [], [], {}, {}
@@ -93,7 +105,9 @@ def run_all(
     )
 
 
-def _seed(seed, excitation, studied, duration):
+def _seed(
+    seed: int, excitation: str, studied: Sequence[cases.Case], duration: float
+) -> tuple[list[tuple[Key, cases.Run]], list[dict[str, Any]]]:
     """([((case, excitation, tuning), Run)], rows of dropouts) of one seed on one excitation."""
     found, dropped, known = [], [], {}
     for case in studied:
@@ -112,7 +126,9 @@ def _seed(seed, excitation, studied, duration):
     return found, dropped
 
 
-def _dropout(recording, case, tuning, excitation, seed):
+def _dropout(
+    recording: Recording, case: cases.Case, tuning: str, excitation: str, seed: int
+) -> dict[str, Any]:
     """Row of a run whose fixes all end where the dropout begins: errors and estimates of the
     biases there and at its end."""
     run = cases.run(
@@ -147,7 +163,7 @@ def _dropout(recording, case, tuning, excitation, seed):
     }
 
 
-def _curve(run, t):
+def _curve(run: cases.Run, t: Array) -> NDArray[np.float32]:
     """(2, m) lengths of the bias errors at times t."""
     curve = np.full((2, len(t)), np.nan, np.float32)
     rows = np.round(run.t * cases.ROWS / CURVE).astype(int)
@@ -158,7 +174,7 @@ def _curve(run, t):
     return curve
 
 
-def table(runs):
+def table(runs: pd.DataFrame) -> pd.DataFrame:
     """A row per case, excitation and tuning: runs, share that stopped, quantiles of the times of
     convergence, medians of errors and shares."""
     rows = []
@@ -186,7 +202,7 @@ def table(runs):
     return pd.DataFrame(rows)
 
 
-def quantiles(values):
+def quantiles(values: pd.Series | Array) -> tuple[float, ...]:
     """10, 50 and 90 % of times of convergence: each is one of them, so that "never" stays what
     it is."""
     return tuple(
@@ -194,7 +210,7 @@ def quantiles(values):
     )
 
 
-def readable(cells):
+def readable(cells: pd.DataFrame) -> pd.DataFrame:
     """The table of cells for people."""
     left = lambda row, name: " ".join(f"{row[f'{name}_left_{axis}']:.2g}" for axis in "xyz")
     found = {name: cells[name] for name in ("case", "excitation", "tuning")}
@@ -217,14 +233,14 @@ def readable(cells):
     return pd.DataFrame(found)
 
 
-def span(row, name):
+def span(row: pd.Series, name: str) -> str:
     """Text of the median of a time of convergence and, where they differ, of the 10 and 90 %
     quantiles."""
     low, middle, high = (seconds(row[f"{name}{end}"]) for end in ("_low", "", "_high"))
     return middle if low == middle == high else f"{middle} ({low} to {high})"
 
 
-def seconds(value):
+def seconds(value: float) -> str:
     """Text of a time of convergence; a dash where nothing is estimated."""
     return (
         "–"

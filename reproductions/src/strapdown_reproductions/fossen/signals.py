@@ -8,23 +8,28 @@ space. So the ideal IMU reads the published signals to the letter, and the traje
 mean on Earth.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from strapdown.core.contract import Imu
 from strapdown.data import Aiding, DataError, Trajectory
 from strapdown.recording import Recording
-from strapdown.sensor_models.ahrs import Ahrs
+from strapdown.sensor_models.ahrs import Ahrs, AhrsPlan
 from strapdown.sensor_models.errors import Triad
-from strapdown.sensor_models.gnss import Gnss, fix_times
+from strapdown.sensor_models.gnss import Gnss, PositionPlan, VelocityPlan, fix_times
 from strapdown.sensor_models.imu import ImuSpec
-from strapdown.sensor_models.magnetometer import Magnetometer
+from strapdown.sensor_models.magnetometer import Magnetometer, MagnetometerPlan
 from strapdown.sensor_models.noise import recursion
 from strapdown.sim.analytic import waves
 from strapdown.sim.trajectory import DEG, EARTH_RATE, Motion, gravity, radii, records
+from strapdown.typing import Array, ArrayLike
 
+Axes: TypeAlias = Sequence[Sequence[tuple[float, float, float]]]
+"""Of each axis the sines: amplitude, rad/s, phase in rad."""
 TRONDHEIM = (float(np.radians(63.4305)), float(np.radians(10.3951)), 0.0)
 """Where all signals begin: rad, rad, m."""
 FIELD = (13559e-9, 921e-9, 50209e-9)
@@ -79,17 +84,17 @@ class Ideal(NamedTuple):
     imu: Imu  # n rows
 
 
-def acceleration(name, t):
+def acceleration(name: str, t: ArrayLike) -> Array:
     """(..., 3) m/s^2, body: what the accelerometers feel of a signal besides gravity."""
     return _sines(SIGNALS[name][0], t)
 
 
-def rate(name, t):
+def rate(name: str, t: ArrayLike) -> Array:
     """(..., 3) rad/s, body: the angular rate of a signal."""
     return _sines(SIGNALS[name][1], t)
 
 
-def _sines(axes, t):
+def _sines(axes: Axes, t: ArrayLike) -> Array:
     return np.stack(
         [
             sum(size * np.sin(pace * np.asarray(t) + phase) for size, pace, phase in terms)
@@ -100,7 +105,7 @@ def _sines(axes, t):
 
 
 @lru_cache(maxsize=8)
-def ideal(name, rate_hz, duration):
+def ideal(name: str, rate_hz: float, duration: float) -> Ideal:
     """The Ideal of one of EXCITATIONS over `duration` s with `rate_hz` samples a second. Raises
     DataError for another name."""
     t = np.arange(round(duration * rate_hz) + 1) / rate_hz
@@ -122,15 +127,13 @@ def ideal(name, rate_hz, duration):
     return Ideal(*records(motion, t))
 
 
-def integrated(name, t):
+def integrated(name: str, t: Array) -> Ideal:
     """The Ideal of a signal at times t (n + 1,) from 0, by a Runge-Kutta solution (order 8) of the
     strapdown equations to 1e-12.
 
     The state: latitude, longitude, height, velocity NED, quaternion, and the integral of the
     specific force, whose differences are the samples.
     """
-    from scipy.integrate import solve_ivp
-
     begin = np.r_[TRONDHEIM, np.zeros(3), 1.0, np.zeros(6)]
     scale = np.r_[1e-7, 1e-7, np.ones(4), np.full(4, 0.1), np.ones(3)]
     found = solve_ivp(
@@ -151,7 +154,7 @@ def integrated(name, t):
     )
 
 
-def _angles(name, t):
+def _angles(name: str, t: Array) -> Array:
     """(n, 3) integrals of the rate from 0, rad."""
     return np.stack(
         [
@@ -165,7 +168,7 @@ def _angles(name, t):
     )
 
 
-def _slope(name, t, y):
+def _slope(name: str, t: float, y: Array) -> Array:
     lat, _, alt, north, east, down = y[:6]
     meridian, normal = radii(lat)
     earth = EARTH_RATE * np.array([np.cos(lat), 0.0, -np.sin(lat)])
@@ -179,7 +182,7 @@ def _slope(name, t, y):
     return np.r_[place, moved, 0.5 * _turning(rate(name, t) - C.T @ frame) @ y[6:10], force]
 
 
-def _matrix(q):
+def _matrix(q: Array) -> Array:
     """C_nb of a quaternion, scalar first, whose length may be off by rounding."""
     w, x, y, z = q / np.linalg.norm(q)
     return np.array(
@@ -191,13 +194,13 @@ def _matrix(q):
     )
 
 
-def _turning(w):
+def _turning(w: Array) -> Array:
     """The matrix W of dq/dt = W q / 2 for a rate w in body axes."""
     x, y, z = w
     return np.array([[0, -x, -y, -z], [x, 0, z, -y], [y, -z, 0, x], [z, y, -x, 0]])
 
 
-def sensor(rate_hz):
+def sensor(rate_hz: float) -> ImuSpec:
     """The ImuSpec behind the samples: white noise of 0.005 each, whatever their rate, and
     nothing else; biases are added by `recording`."""
     noise = SAMPLE_NOISE * rate_hz**-0.5
@@ -209,7 +212,7 @@ def sensor(rate_hz):
     )
 
 
-def described(rate_hz, walking):
+def described(rate_hz: float, walking: bool) -> ImuSpec:
     """The ImuSpec that tells filters what the samples hold: noise, and biases of the published
     size, constant or decaying with BIAS_TIME."""
     size = lambda values: float(np.sqrt(np.mean(np.square(values))))
@@ -227,7 +230,7 @@ def described(rate_hz, walking):
     )
 
 
-def biases(walking, count, dt, rng):
+def biases(walking: bool, count: int, dt: float, rng: np.random.Generator) -> tuple[Array, ...]:
     """(b_a (count, 3) m/s^2, b_g rad/s) at the samples: constant, or where `walking` the
     published Gauss-Markov process begun at the constant values."""
     begun = np.array([ACCEL_BIAS, GYRO_BIAS])
@@ -243,7 +246,14 @@ def biases(walking, count, dt, rng):
     return tuple(recursion(keep, part)[1:] for part in steps)
 
 
-def recording(name, seed, rate_hz=100.0, duration=300.0, interval=POSITION_INTERVAL, walking=None):
+def recording(
+    name: str,
+    seed: int,
+    rate_hz: float = 100.0,
+    duration: float = 300.0,
+    interval: float = POSITION_INTERVAL,
+    walking: bool | None = None,
+) -> Recording:
     """A Recording of an excitation with all that the filters may want: position, velocity, field,
     heading (compass), attitude (AHRS), gravity.
 
@@ -281,7 +291,9 @@ def recording(name, seed, rate_hz=100.0, duration=300.0, interval=POSITION_INTER
 
 
 @lru_cache(maxsize=16)
-def plans(name, rate_hz, duration, interval):
+def plans(
+    name: str, rate_hz: float, duration: float, interval: float
+) -> tuple[PositionPlan, VelocityPlan, MagnetometerPlan, AhrsPlan]:
     """What all seeds share: the noise-free fixes of position, velocity, field and AHRS, as plans
     that add noise."""
     truth, strength = ideal(name, rate_hz, duration).truth, float(np.linalg.norm(FIELD))
@@ -292,7 +304,7 @@ def plans(name, rate_hz, duration, interval):
     return receiver.position, receiver.velocity, field, Ahrs(AHRS_RATE, AHRS_SD).plan(truth, np.inf)
 
 
-def _compass(truth, rng):
+def _compass(truth: Trajectory, rng: np.random.Generator) -> Aiding:
     t = fix_times(truth, 1 / FIELD_RATE)
     rows = np.searchsorted(truth.t, t)
     y = truth.rph[rows, 2] + COMPASS_SD * rng.standard_normal(len(t))
@@ -301,7 +313,7 @@ def _compass(truth, rng):
     )
 
 
-def _gravity(t):
+def _gravity(t: Array) -> Aiding:
     """The constraint that the body does not accelerate, which it does by 0.1 to 0.2 m/s^2 for
     tens of seconds."""
     return Aiding(

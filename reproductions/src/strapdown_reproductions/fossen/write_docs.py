@@ -1,7 +1,11 @@
 """The findings as Markdown, for docs/fossen.md: what stands there between its two marks is this
 file's output."""
 
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 
 from ..common import markdown
 from .runs import span
@@ -19,7 +23,9 @@ COLUMNS = (
 )
 
 
-def findings(size, claims, cells, dropouts):
+def findings(
+    size: str, claims: Sequence[Mapping[str, str]], cells: pd.DataFrame, dropouts: pd.DataFrame
+) -> str:
     """Text: one sentence on the size of the study, the claims with their verdicts, a table per
     excitation, and the dropouts."""
     rows = [
@@ -54,7 +60,7 @@ def findings(size, claims, cells, dropouts):
     return "\n".join(parts) + "\n"
 
 
-def _row(row):
+def _row(row: pd.Series) -> str:
     number = lambda value: "–" if np.isnan(value) else f"{value:.2g}"
     return (
         f"| {row['case']} | {row['tuning']} | {span(row, 'accel_s')} | {span(row, 'gyro_s')} | {number(row['position_m'])} | "
@@ -63,6 +69,6 @@ def _row(row):
     )
 
 
-def insert(path, text):
+def insert(path: Path, text: str) -> None:
     """Put `text` between the marks of the Markdown file `path`."""
     markdown.insert(path, text, BEGIN)

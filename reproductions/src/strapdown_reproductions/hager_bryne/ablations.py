@@ -4,17 +4,19 @@ resets, the reading of Table III, the start.
 Each variant runs on the same draws as what it is compared with. Tactical grade, but for the start.
 """
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 
 from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.study import Study
-from strapdown.sensor_models.imu import grade
-from strapdown.sim.scenario import scenario
+from strapdown.sensor_models.imu import ImuSpec, grade
+from strapdown.sim.scenario import Scenario, scenario
 
 from ..common.verdicts import NONE, UNKNOWN, better, interval
-from .cells import compared, numbers_of, rows_of, stacked
+from .cells import Part, compared, numbers_of, rows_of, stacked
 
 OPEN, CLOSED = "open-loop:kinematics=geodetic", "closed-loop-error-bias"
 """The two filters of the paper: its error state is in latitude, longitude and height."""
@@ -24,7 +26,7 @@ INTERVALS = (1, 10, 60, 300, 1200)
 MODELS = ("printed-signs", "literal", "no-gradient")
 
 
-def variant(loop, **options):
+def variant(loop: str, **options: str | float) -> str:
     """The label of a filter with further options."""
     name, _, rest = loop.partition(":")
     return f"{name}:{','.join(filter(None, [rest, *(f'{key}={value}' for key, value in options.items())]))}"
@@ -83,7 +85,7 @@ WIDE = (
 COLUMNS = {"position_500": "position RMSE", "heading": "heading RMSE"}
 
 
-def density_reading(name="paper1-tactical"):
+def density_reading(name: str | ImuSpec = "paper1-tactical") -> ImuSpec:
     """The ImuSpec of a grade with sigma of Table III read as the density of the driving noise:
     stationary sd = sigma sqrt(tau / 2)."""
     spec = grade(name)
@@ -100,8 +102,13 @@ def density_reading(name="paper1-tactical"):
 
 
 def studies(
-    scenarios, runs, seed, imu="paper1-tactical", best="paper1-navigation", offset=(0.5, 0.5, 0.5)
-):
+    scenarios: Iterable[str | Scenario],
+    runs: int,
+    seed: int,
+    imu: str | ImuSpec = "paper1-tactical",
+    best: str | ImuSpec = "paper1-navigation",
+    offset: tuple[float, float, float] = (0.5, 0.5, 0.5),
+) -> dict[str, Study]:
     """{name: Study} of all ablations on Scenario values or names; `offset` in m/s^2."""
     known = [scenario(name) for name in scenarios]
     labels = tuple(
@@ -136,14 +143,16 @@ def studies(
     }
 
 
-def tables(campaigns: dict[str, Campaign]):
+def tables(
+    campaigns: dict[str, Campaign],
+) -> tuple[dict[str, tuple[str, pd.DataFrame]], pd.DataFrame]:
     """({name: (caption with its sentence, DataFrame)}, resets DataFrame for the claims) of the
     campaigns of `studies`."""
-    import pandas as pd
-
-    found = {name: [] for name in (*PAIRS, "gravity", "density", "start", "wide")}
+    found: dict[str, list[dict[str, float | str]]] = {
+        name: [] for name in (*PAIRS, "gravity", "density", "start", "wide")
+    }
     base = campaigns["filters"]
-    for number, cell in enumerate(base.cells):
+    for number in range(len(base.cells)):
         parts = _parts(base, number)
         for name, (_, pairs) in PAIRS.items():
             found[name] += [
@@ -184,7 +193,7 @@ def tables(campaigns: dict[str, Campaign]):
     return shown, resets
 
 
-def _parts(campaign, number):
+def _parts(campaign: Campaign, number: int) -> dict[str, Part]:
     """{filter: (numbers, Rows, place)} of a cell."""
     cell = campaign.cells[number]
     numbers, ran = numbers_of(campaign, cell)
@@ -192,7 +201,9 @@ def _parts(campaign, number):
     return {name: (numbers, rows, place) for place, name in enumerate(campaign.manifest["filters"])}
 
 
-def _row(campaign, number, variant, other, first, second):
+def _row(
+    campaign: Campaign, number: int, variant: str, other: str, first: Part, second: Part
+) -> dict[str, float | str]:
     """What a variant does against another filter on the runs of a cell."""
     c = compared(*stacked(first, second))
     described = campaign.manifest["cells"][number]["scenario"]
@@ -224,10 +235,8 @@ def _row(campaign, number, variant, other, first, second):
     }
 
 
-def readable(frame):
+def readable(frame: pd.DataFrame) -> pd.DataFrame:
     """The table for people: intervals in brackets."""
-    import pandas as pd
-
     plain = lambda r, name: f"{r[name]:.3g} ({r[f'{name}_low']:.3g} to {r[f'{name}_high']:.3g})"
     return pd.DataFrame(
         [
@@ -248,7 +257,7 @@ def readable(frame):
     )
 
 
-def sentence(frame):
+def sentence(frame: pd.DataFrame) -> str:
     """What the intervals of the table resolve, in words."""
     parts = []
     for name, text in (("position_500", "position"), ("heading", "heading")):
@@ -277,5 +286,5 @@ def sentence(frame):
     )
 
 
-def _percent(text):
+def _percent(text: str) -> float:
     return float(text.rpartition(" ")[2].rstrip("%"))

@@ -1,5 +1,7 @@
 """What Hager & Bryne leave open or print wrongly, and what was chosen here instead."""
 
+import pandas as pd
+
 CHOICES = (
     (
         "Table II, signs of F_θv and F_θp",
@@ -129,8 +131,6 @@ CHOICES = (
 """(what, in the paper, here)."""
 
 
-def table():
+def table() -> pd.DataFrame:
     """The choices as a pandas DataFrame of text."""
-    import pandas as pd
-
     return pd.DataFrame(CHOICES, columns=["what", "in the paper", "here"])

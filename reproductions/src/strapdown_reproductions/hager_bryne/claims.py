@@ -1,9 +1,13 @@
-"""What Hager & Bryne claim, each claim decided by a rule from the tables of hager_bryne_cells;
+"""What Hager & Bryne claim, each claim decided by a rule from the tables of cells.py;
 nothing here runs a filter."""
 
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+import pandas as pd
+
+from strapdown.evaluation.consistency import paired
 
 from ..common.pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED, finding
 from ..common.verdicts import (
@@ -35,16 +39,21 @@ SMALL_DRIFT = 100.0
 class Evidence(NamedTuple):
     """All numbers that the claims rest on."""
 
-    flights: object  # DataFrame of hager_bryne_cells.table
-    offset: object  # the same of the flights with the accelerometer offset, constant
-    drift: object  # DataFrame: flight, grade, run, correlation, small_ratio; see hager_bryne_drift
-    initial: object = None  # the same with the offset as initial value of the bias process
-    # DataFrame of the ablation: flight, interval_s, survived(_low, _high), position(_low, _high)
-    # reset by closed loop
-    resets: object = None
+    flights: pd.DataFrame  # of cells.table
+    offset: pd.DataFrame  # the same of the flights with the accelerometer offset, constant
+    drift: pd.DataFrame  # flight, grade, run, correlation, small_ratio; see drift.py
+    # as `offset`, with the offset as initial value of the bias process; None: not flown
+    initial: pd.DataFrame | None = None
+    # of the ablation: flight, interval_s, survived(_low, _high), position(_low, _high) reset by
+    # closed loop; None: not run
+    resets: pd.DataFrame | None = None
 
 
-def claims(evidence):
+Claim: TypeAlias = Callable[[Evidence], dict[str, str]]
+"""Makes a `finding` from the evidence."""
+
+
+def claims(evidence: Evidence) -> list[dict[str, str]]:
     """All findings, in the order of the paper."""
     return [
         make(evidence)
@@ -72,11 +81,11 @@ def claims(evidence):
     ]
 
 
-def _offset_read_twice(make):
+def _offset_read_twice(make: Claim) -> Claim:
     """A claim about the offset by both readings of what it is; opposite verdicts mean that what
     the paper leaves open decides."""
 
-    def combined(e):
+    def combined(e: Evidence) -> dict[str, str]:
         constant = make(e)
         if e.initial is None:
             return constant
@@ -90,11 +99,11 @@ def _offset_read_twice(make):
     return combined
 
 
-def _pick(rows, grades, flights):
+def _pick(rows: pd.DataFrame, grades: Sequence[str], flights: Sequence[str]) -> pd.DataFrame:
     return rows[rows["grade"].isin(grades) & rows["flight"].isin(flights)]
 
 
-def _position(rows, side):
+def _position(rows: pd.DataFrame, side: str) -> tuple[str, str]:
     """Verdict and text on which filter has the better position, by both readings of the abort
     rule."""
     counts = [sides(rows, f"position{reading}", side) for reading in READINGS]
@@ -107,7 +116,7 @@ def _position(rows, side):
     return over_readings(*(count.verdict for count in counts)), text[0].upper() + text[1:]
 
 
-def smooth_fusion(e):
+def smooth_fusion(e: Evidence) -> dict[str, str]:
     """Abstract and VI."""
     accurate, text = _position(_pick(e.flights, [NAVIGATION], SHORT), OPEN)
     return finding(
@@ -120,7 +129,7 @@ def smooth_fusion(e):
     )
 
 
-def low_drift(e):
+def low_drift(e: Evidence) -> dict[str, str]:
     """V."""
     rows = [_pick(e.flights, [grade], SHORT) for grade in (TACTICAL, NAVIGATION)]
     found = [_position(part, OPEN) for part in rows]
@@ -135,7 +144,7 @@ def low_drift(e):
     )
 
 
-def crossover(e):
+def crossover(e: Evidence) -> dict[str, str]:
     """V."""
     before, first = _position(_pick(e.flights, [TACTICAL], SHORT), OPEN)
     after, second = _position(_pick(e.flights, [TACTICAL], LONG), CLOSED)
@@ -149,7 +158,7 @@ def crossover(e):
     )
 
 
-def consumer_diverges(e):
+def consumer_diverges(e: Evidence) -> dict[str, str]:
     """V."""
     rows = _pick(e.flights, [CONSUMER], SHORT + LONG)
     count = share(rows, "open_early")
@@ -167,7 +176,7 @@ def consumer_diverges(e):
     )
 
 
-def eventually_diverges(e):
+def eventually_diverges(e: Evidence) -> dict[str, str]:
     """V."""
     rows = _pick(e.flights, [CONSUMER, TACTICAL, NAVIGATION], ("10", "11"))
     count = share(rows, "open_diverged")
@@ -182,7 +191,7 @@ def eventually_diverges(e):
     )
 
 
-def navigation_inconsistent(e):
+def navigation_inconsistent(e: Evidence) -> dict[str, str]:
     """V and VI."""
     rows = _pick(e.flights, [NAVIGATION], SHORT)
     sure = share(rows, "closed_anees", level=TOO_SURE)
@@ -203,10 +212,8 @@ def navigation_inconsistent(e):
     )
 
 
-def linearisation(e):
+def linearisation(e: Evidence) -> dict[str, str]:
     """V."""
-    from strapdown.evaluation.consistency import paired
-
     rho = e.drift["correlation"].to_numpy(float)
     small = e.drift["small_ratio"].to_numpy(float)
     p = paired(rho, np.zeros(len(rho)))
@@ -241,7 +248,7 @@ def linearisation(e):
     )
 
 
-def dynamic_flights(e):
+def dynamic_flights(e: Evidence) -> dict[str, str]:
     """V: by the flights that are comparable in length."""
     votes = [
         _amplified(e.flights, grade, straight, shorter, longer)
@@ -267,7 +274,7 @@ def dynamic_flights(e):
     )
 
 
-def _amplified(rows, grade, straight, shorter, longer):
+def _amplified(rows: pd.DataFrame, grade: str, straight: str, shorter: str, longer: str) -> Count:
     own = {
         flight: found.iloc[0]
         for flight in (straight, shorter, longer)
@@ -280,7 +287,7 @@ def _amplified(rows, grade, straight, shorter, longer):
     return Count(int(supports and not contradicts), int(contradicts and not supports), 1)
 
 
-def roll_pitch(e):
+def roll_pitch(e: Evidence) -> dict[str, str]:
     """V, Fig. 4."""
     rows = [_pick(e.flights, [grade], SHORT + LONG) for grade in (CONSUMER, TACTICAL)]
     counts = [sides(part, "tilt", CLOSED) for part in rows]
@@ -297,7 +304,7 @@ def roll_pitch(e):
     )
 
 
-def heading(e):
+def heading(e: Evidence) -> dict[str, str]:
     """V and VI: with good sensors."""
     rows = _pick(e.flights, [NAVIGATION], SHORT + LONG)
     count = sides(rows, "heading", OPEN)
@@ -311,7 +318,7 @@ def heading(e):
     )
 
 
-def heading_degraded(e):
+def heading_degraded(e: Evidence) -> dict[str, str]:
     """VI: feedback degrades heading."""
     rows = _pick(e.flights, [NAVIGATION], SHORT)
     count = sides(rows, "heading", OPEN)
@@ -325,7 +332,7 @@ def heading_degraded(e):
     )
 
 
-def _survival(rows, name, more):
+def _survival(rows: pd.DataFrame, name: str, more: bool) -> tuple[str, str]:
     counts = [share(rows, f"{name}_survived{reading}", more) for reading in READINGS]
     strict = share(rows, f"{name}_survived_500_in_model", more)
     text = f"Both abort rules: {counts[0]}; 500 m alone: {counts[1]}; 500 m, and leaving the model counts as lost: {strict}"
@@ -333,7 +340,7 @@ def _survival(rows, name, more):
 
 
 @_offset_read_twice
-def offset_unstable(e):
+def offset_unstable(e: Evidence) -> dict[str, str]:
     """V, Figs. 5 and 6."""
     verdict, text = _survival(e.offset, "open", False)
     return finding(
@@ -347,7 +354,7 @@ def offset_unstable(e):
 
 
 @_offset_read_twice
-def offset_shortens(e):
+def offset_shortens(e: Evidence) -> dict[str, str]:
     """VI."""
     pairs = [
         (
@@ -374,7 +381,7 @@ def offset_shortens(e):
 
 
 @_offset_read_twice
-def offset_isolated(e):
+def offset_isolated(e: Evidence) -> dict[str, str]:
     """V, Fig. 5."""
     survives, text = _survival(e.offset, "closed", True)
     pairs = [
@@ -400,7 +407,7 @@ def offset_isolated(e):
     )
 
 
-def _converged(row, without):
+def _converged(row: pd.Series, without: pd.Series) -> bool | None:
     name = "closed_end_accel_bias_m_s2"
     if row[f"{name}_high"] <= 2 * without[name]:
         return True
@@ -408,7 +415,7 @@ def _converged(row, without):
 
 
 @_offset_read_twice
-def straight_is_slow(e):
+def straight_is_slow(e: Evidence) -> dict[str, str]:
     """V."""
     count = _against_straight(e.offset, "closed_resolved_s", -1)
     return finding(
@@ -424,7 +431,7 @@ def straight_is_slow(e):
 
 
 @_offset_read_twice
-def symptoms_delayed(e):
+def symptoms_delayed(e: Evidence) -> dict[str, str]:
     """V."""
     count = _against_straight(e.offset, "open_onset_s", 1)
     return finding(
@@ -439,7 +446,7 @@ def symptoms_delayed(e):
     )
 
 
-def _against_straight(rows, name, sign):
+def _against_straight(rows: pd.DataFrame, name: str, sign: int) -> tuple[Count, str]:
     """(Count, text) of the dynamic flights against the straight 07 of their grade, where `sign`
     supports."""
     found, texts = [], []
@@ -458,7 +465,7 @@ def _against_straight(rows, name, sign):
     ) if texts else ""
 
 
-def _times(rows, name):
+def _times(rows: pd.DataFrame, name: str) -> str:
     """Text: smallest and largest time of the rows that have one within the flight, and how many
     have not."""
     within = [row[name] for _, row in rows.iterrows() if not _cut(row, name)]
@@ -482,12 +489,12 @@ def _times(rows, name):
     )
 
 
-def _cut(row, name):
+def _cut(row: pd.Series, name: str) -> bool:
     """Does the flight end before the time is known? Then it is longer than what stands there."""
-    return row[name] >= 0.99 * 60 * row["minutes"]
+    return bool(row[name] >= 0.99 * 60 * row["minutes"])
 
 
-def closed_is_bounded(e):
+def closed_is_bounded(e: Evidence) -> dict[str, str]:
     """Abstract and V."""
     verdict, text = _survival(
         _pick(e.flights, [CONSUMER, TACTICAL, NAVIGATION], LONG), "closed", True
@@ -502,7 +509,7 @@ def closed_is_bounded(e):
     )
 
 
-def mandatory(e):
+def mandatory(e: Evidence) -> dict[str, str]:
     """VI."""
     rows = _pick(e.flights, [CONSUMER], SHORT + LONG)
     diverged, kept = share(rows, "open_diverged"), share(rows, "closed_diverged", False)
@@ -518,7 +525,7 @@ def mandatory(e):
     )
 
 
-def resets(e):
+def resets(e: Evidence) -> dict[str, str]:
     """VI."""
     text, source = "Long-term stability can also be obtained by occasional resets.", "VI"
     rule = (

@@ -5,11 +5,15 @@ from concurrent.futures import ThreadPoolExecutor
 from os import cpu_count
 
 import numpy as np
+import pandas as pd
+from scipy.stats import spearmanr
 
 from strapdown.engine.batch import fuse
-from strapdown.experiments.monte_carlo.study import parsed, seeds, simulator
+from strapdown.experiments.monte_carlo.campaign import Campaign
+from strapdown.experiments.monte_carlo.study import Study, parsed, seeds, simulator
+from strapdown.typing import Array
 
-from .cells import numbers_of, rows_of
+from .cells import Rows, numbers_of, rows_of
 from .claims import SMALL_DRIFT
 
 RUNS = 3
@@ -21,15 +25,15 @@ LEAST = 20
 """Epochs that a rank correlation needs."""
 
 
-def measure(campaign, threads=None, runs=RUNS):
+def measure(
+    campaign: Campaign, threads: int | None = None, runs: int = RUNS
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """(DataFrame, DataFrame): per run the rank correlation of drift and NEES ratio and the ratio at
     small drift; per bin of drift the ratios.
 
     The campaign must know its study. Drift is the length of the INS error as the open loop
     estimates it, which is good to metres.
     """
-    import pandas as pd
-
     known = [numbers_of(campaign, cell.name) for cell in campaign.study.cells]
     jobs = [
         (number, int(run))
@@ -62,7 +66,7 @@ def measure(campaign, threads=None, runs=RUNS):
     return pd.DataFrame(rows), _binned(np.concatenate(points))
 
 
-def drift(study, number, run):
+def drift(study: Study, number: int, run: int) -> tuple[Array, Array]:
     """(t s, drift m) of the raw INS in a run of the cell of that number, at the scored epochs
     that the filter reached."""
     cell = study.cells[number]
@@ -80,7 +84,7 @@ def drift(study, number, run):
     return solution.t, np.sqrt(sum(np.square(solution.columns[name]) for name in INS))
 
 
-def _points(stored, run, t, drifted):
+def _points(stored: Rows, run: int, t: Array, drifted: Array) -> tuple[Array, Array, Array]:
     """Drift, log NEES ratio and log ratio of squared position errors, open by closed, at the
     stored epochs with both filters within 500 m."""
     at = np.searchsorted(t, stored.t - 1e-6)
@@ -93,17 +97,13 @@ def _points(stored, run, t, drifted):
     return x[good], y[good], position[good]
 
 
-def _rank_correlation(x, y):
-    from scipy.stats import spearmanr
-
+def _rank_correlation(x: Array, y: Array) -> float:
     return float(spearmanr(x, y).statistic) if len(x) >= LEAST and np.ptp(y) > 0 else np.nan
 
 
-def _binned(points):
+def _binned(points: Array) -> pd.DataFrame:
     """Quartiles of the NEES ratio and the median position ratio per bin of drift, as a
     DataFrame; bins with fewer than LEAST epochs are left out."""
-    import pandas as pd
-
     found = []
     for k in range(1, len(EDGES)):
         own = points[points[:, 0] == k]

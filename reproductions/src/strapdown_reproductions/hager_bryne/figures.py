@@ -1,11 +1,16 @@
 """The figures of Hager & Bryne, redrawn from a campaign, and three more: errors over time beside
 their bound, and what the drift of the raw INS does."""
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from strapdown.core.contract import POS
+from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.reports.drawing import (
     COLOURS,
     GREY,
@@ -20,8 +25,10 @@ from strapdown.reports.drawing import (
     note,
     panels,
 )
+from strapdown.sim.scenario import Scenario
+from strapdown.typing import Array
 
-from .cells import LIMIT, ONSET, numbers_of, rows_of
+from .cells import LIMIT, ONSET, Numbers, Rows, numbers_of, rows_of
 
 BLUE, ORANGE = COLOURS[:2]
 LOOPS = (("open", "open loop", BLUE), ("closed", "closed loop", ORANGE))
@@ -42,7 +49,7 @@ SCALE = np.r_[np.ones(6), np.full(3, np.degrees(1))]
 BIAS_SCALE = np.r_[np.ones(3), np.full(3, np.degrees(1) * 3600)]
 
 
-def profiles(scenarios):
+def profiles(scenarios: Sequence[Scenario]) -> list[go.Figure]:
     """Figure 1: (plan, height) of Scenario values as small multiples."""
     columns = min(4, len(scenarios))
     count = -(-len(scenarios) // columns)
@@ -109,19 +116,19 @@ def profiles(scenarios):
     ]
 
 
-def _kilometres(lla):
+def _kilometres(lla: Array) -> tuple[Array, Array]:
     """North and east, km, from the first row, on the sphere: for a look."""
     return (lla[:, 0] - lla[0, 0]) * 6371.0, (lla[:, 1] - lla[0, 1]) * 6371.0 * np.cos(lla[0, 0])
 
 
-def _at_least(values, span):
+def _at_least(values: Array, span: float) -> list[float]:
     middle, half = (values.max() + values.min()) / 2, max(span, 1.15 * np.ptp(values)) / 2
     return [float(middle - half), float(middle + half)]
 
 
-def positions(cells):
+def positions(cells: pd.DataFrame) -> go.Figure:
     """Figures 2 and 6: position RMSE per flight with survival, a panel per grade, from
-    hager_bryne_cells.table."""
+    cells.table."""
     grades = [grade for grade in GRADES if (cells["grade"] == grade).any()] or list(
         dict.fromkeys(cells["grade"])
     )
@@ -130,36 +137,12 @@ def positions(cells):
         own = cells[cells["grade"] == grade]
         for k, (loop, name, colour) in enumerate(LOOPS):
             x = np.arange(len(own)) + (k - 0.5) * 0.24
-            _marks(
-                drawn,
-                row,
-                x,
-                own[f"{loop}_rmse_m"],
-                own[f"{loop}_std_m"],
-                f"{name}, surviving runs ± std",
-                colour,
-                "circle",
-            )
-            _marks(
-                drawn,
-                row,
-                x + 0.09,
-                own[f"{loop}_censored_500_m"],
-                None,
-                f"{name}, all runs, 500 m rule alone",
-                colour,
-                "circle-open",
-            )
-            _marks(
-                drawn,
-                row,
-                x - 0.09,
-                own[f"{loop}_censored_m"],
-                None,
-                f"{name}, all runs, both abort rules",
-                colour,
-                "x-thin-open",
-            )
+            survivors = Look(f"{name}, surviving runs ± std", colour, "circle")
+            by_500 = Look(f"{name}, all runs, 500 m rule alone", colour, "circle-open")
+            by_both = Look(f"{name}, all runs, both abort rules", colour, "x-thin-open")
+            _marks(drawn, row, x, own[f"{loop}_rmse_m"], own[f"{loop}_std_m"], survivors)
+            _marks(drawn, row, x + 0.09, own[f"{loop}_censored_500_m"], None, by_500)
+            _marks(drawn, row, x - 0.09, own[f"{loop}_censored_m"], None, by_both)
             drawn.add_trace(
                 go.Scatter(
                     x=x,
@@ -191,7 +174,18 @@ def positions(cells):
     return drawn.update_layout(hovermode="closest", margin={"t": 92})
 
 
-def _marks(drawn, row, x, y, spread, name, colour, symbol):
+class Look(NamedTuple):
+    """How marks look: their name in the legend, a colour, and a symbol of Plotly."""
+
+    name: str
+    colour: str
+    symbol: str
+
+
+def _marks(
+    drawn: go.Figure, row: int, x: Array, y: pd.Series, spread: pd.Series | None, look: Look
+) -> None:
+    """One mark per flight at `x` (n,), with error bars where there is a `spread` (n,), m."""
     error = (
         {"type": "data", "array": np.nan_to_num(spread), "thickness": 1.2, "width": 3}
         if spread is not None
@@ -203,14 +197,14 @@ def _marks(drawn, row, x, y, spread, name, colour, symbol):
             y=np.asarray(y, float),
             error_y=error,
             mode="markers",
-            name=name,
-            legendgroup=name,
+            name=look.name,
+            legendgroup=look.name,
             showlegend=row == 1,
             marker={
-                "color": colour,
-                "symbol": symbol,
-                "size": 7 if symbol != "circle" else 9,
-                "line": {"color": colour, "width": 1.3},
+                "color": look.colour,
+                "symbol": look.symbol,
+                "size": 7 if look.symbol != "circle" else 9,
+                "line": {"color": look.colour, "width": 1.3},
             },
             hovertemplate="%{y:.4g} m",
         ),
@@ -219,7 +213,7 @@ def _marks(drawn, row, x, y, spread, name, colour, symbol):
     )
 
 
-def errors_of_a_run(campaign, cell):
+def errors_of_a_run(campaign: Campaign, cell: str) -> list[go.Figure]:
     """Figure 3: (open, closed) errors of run RUN with what the filter states and what the bound
     allows, 3 sigma each."""
     numbers, ran = numbers_of(campaign, cell)
@@ -236,14 +230,26 @@ def errors_of_a_run(campaign, cell):
                     3 * bound[:, i],
                 )
             )
-            outside.append(_one(drawn, i + 1, rows.t, error, stated, least, name, colour))
+            curves = Curves(rows.t, error, stated, least)
+            outside.append(_one(drawn, i + 1, curves, name, colour))
         if any(outside):
             note(drawn, f"Largest values outside the frame: {', '.join(filter(None, outside))}.")
         found.append(_ended(drawn, rows, numbers, place, 9))
     return found
 
 
-def _one(drawn, row, t, error, stated, least, name, colour):
+class Curves(NamedTuple):
+    """One error state of a run over time, in the unit of its panel; all (n,)."""
+
+    t: Array  # s
+    error: Array  # true - estimate
+    stated: Array  # 3 sigma by the filter
+    least: Array  # 3 sigma of the Cramér-Rao bound, NaN where there is none
+
+
+def _one(drawn: go.Figure, row: int, curves: Curves, name: str, colour: str) -> str:
+    """Draw a panel, and return the text of what lies outside its frame, "" where nothing does."""
+    t, error, stated, least = curves
     band(drawn, t, np.zeros(len(t)), stated, row=row, name="±3σ stated by the filter")
     line(drawn, t, error, f"{name}: true − estimate", colour, row=row)
     if np.isfinite(least).any():
@@ -264,7 +270,7 @@ def _one(drawn, row, t, error, stated, least, name, colour):
     return f"{STATES[row - 1]} {largest:.3g}" if largest > 1.1 * limit else ""
 
 
-def _ended(drawn, rows, numbers, place, last):
+def _ended(drawn: go.Figure, rows: Rows, numbers: Numbers, place: int, last: int) -> go.Figure:
     drawn.update_xaxes(title_text="time [s]", row=last, col=1)
     drawn.update_xaxes(range=[0, float(rows.t[-1])])
     if numbers["reason"][place, RUN]:
@@ -287,7 +293,7 @@ def _ended(drawn, rows, numbers, place, last):
     return drawn
 
 
-def attitudes(cells):
+def attitudes(cells: pd.DataFrame) -> go.Figure:
     """Figure 4: roll, pitch and heading RMSE averaged over flights, over all grades and per
     grade; and tilt and heading over the same time for both filters."""
     names = ("all grades", *GRADES)
@@ -324,7 +330,7 @@ def attitudes(cells):
     )
 
 
-def biases(campaign, cell):
+def biases(campaign: Campaign, cell: str) -> go.Figure:
     """Figure 5: bias estimates of run RUN with 3 sigma and the true biases."""
     numbers, ran = numbers_of(campaign, cell)
     rows = rows_of(campaign, cell, numbers, ran)
@@ -360,7 +366,9 @@ def biases(campaign, cell):
     return drawn.update_xaxes(range=[0, float(rows.t[-1])])
 
 
-def _frame_biases(drawn, row, t, true, seen):
+def _frame_biases(
+    drawn: go.Figure, row: int, t: Array, true: Array, seen: list[tuple[Array, Array]]
+) -> str:
     """The frame follows truth and closed loop, and the open loop as far as four times as wide;
     the first tenth is left out."""
     later = t >= 0.1 * t[-1]
@@ -376,7 +384,7 @@ def _frame_biases(drawn, row, t, true, seen):
     return BIASES[row - 1] if apart > half else ""
 
 
-def over_time(campaign, cells, titles):
+def over_time(campaign: Campaign, cells: list[str], titles: list[str]) -> go.Figure:
     """Figure 7: position RMSE of the runs alive, what the filters state, and the Cramer-Rao
     bound over time."""
     drawn = make_subplots(rows=len(cells), cols=1, vertical_spacing=0.14 / len(cells) + 0.04)
@@ -403,16 +411,16 @@ def over_time(campaign, cells, titles):
                 dash="dash",
             )
             values.append(length(curves["bound"]))
-        values = np.concatenate(values)
-        values = values[np.isfinite(values) & (values > 0)]
-        if len(values):
-            log_range(drawn, values.min(), min(values.max(), LIMIT), row=row)
+        everything = np.concatenate(values)
+        seen = everything[np.isfinite(everything) & (everything > 0)]
+        if len(seen):
+            log_range(drawn, seen.min(), min(seen.max(), LIMIT), row=row)
         drawn.update_yaxes(type="log", title_text=f"{title}: position [m]", row=row, col=1)
     drawn.update_xaxes(title_text="time [s]", row=len(cells), col=1)
     return drawn
 
 
-def drifts(bins, cells):
+def drifts(bins: pd.DataFrame, cells: pd.DataFrame) -> tuple[go.Figure, go.Figure]:
     """Figure 8: NEES and position error of the open by the closed loop against the raw INS's
     drift; and NEES/15 of both filters per flight."""
     drawn = panels(["open by closed loop"], height=330, log=True)
@@ -453,7 +461,7 @@ def drifts(bins, cells):
     return drawn, _consistency(cells)
 
 
-def _consistency(cells):
+def _consistency(cells: pd.DataFrame) -> go.Figure:
     grades = [grade for grade in GRADES if (cells["grade"] == grade).any()] or list(
         dict.fromkeys(cells["grade"])
     )
@@ -502,9 +510,16 @@ def _consistency(cells):
     return drawn.update_layout(hovermode="closest")
 
 
-def all_figures(campaigns, cells, offset, initial, bins, scenarios):
+def all_figures(
+    campaigns: dict[str, Campaign],
+    cells: pd.DataFrame,
+    offset: pd.DataFrame,
+    initial: pd.DataFrame,
+    bins: pd.DataFrame,
+    scenarios: Sequence[Scenario],
+) -> list[tuple[str, go.Figure, str]]:
     """[(heading, figure, caption)] of the page. campaigns: "flights", "offset", "initial";
-    cells, offset, initial: their tables; bins: of hager_bryne_drift."""
+    cells, offset, initial: their tables; bins: of drift.measure."""
     flights, with_offset = campaigns["flights"], campaigns["offset"]
     plan, height = profiles(scenarios)
     found = [
@@ -601,7 +616,7 @@ MARKS = (
 )
 
 
-def _cell(campaign, flight, grade):
+def _cell(campaign: Campaign, flight: str, grade: str) -> str | None:
     """Name of the cell of a flight and grade, or None."""
     for cell in campaign.manifest["cells"]:
         if cell["scenario"]["name"].removesuffix("-offset").removesuffix("-initial").endswith(

@@ -5,18 +5,26 @@ Source: A. Hager and T. H. Bryne, "Closed-loop vs. open-loop Kalman filter archi
 aided inertial navigation".
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
-from strapdown.experiments.monte_carlo.study import Study
+import pandas as pd
+
+from strapdown.experiments.monte_carlo.campaign import Campaign
+from strapdown.experiments.monte_carlo.study import Cell, Study
 from strapdown.files import replacing
-from strapdown.sim.scenario import scenario
+from strapdown.sensor_models.imu import ImuSpec
+from strapdown.sim.scenario import Scenario, scenario
+from strapdown.typing import File, Progress, Say
 
 from ..common.pages import write_page
 from ..common.verdicts import BETTER, RULE, interval
 from . import ablations as ablation
 from . import choices, write_docs
 from . import claims as hager_bryne_claims
+from . import drift as hager_bryne_drift
 from .cells import table
+from .figures import all_figures
 
 FILTERS = (ablation.OPEN, ablation.CLOSED)
 IMUS = ("paper1-consumer", "paper1-tactical", "paper1-navigation")
@@ -45,14 +53,14 @@ INTRODUCTION = (
 
 
 def studies(
-    quick=False,
-    ablations=False,
-    runs=None,
-    seed=2,
-    flights=FLIGHTS,
-    offset_flights=OFFSET_FLIGHTS,
-    imus=IMUS,
-):
+    quick: bool = False,
+    ablations: bool = False,
+    runs: int | None = None,
+    seed: int = 2,
+    flights: Sequence[str | Scenario] = FLIGHTS,
+    offset_flights: Sequence[str | Scenario] = OFFSET_FLIGHTS,
+    imus: tuple[str | ImuSpec, ...] = IMUS,
+) -> dict[str, Study]:
     """{name: Study} of what is run; `flights` and `offset_flights` are Scenario values or names.
     Raises DataError."""
     count = (QUICK_RUNS if quick else RUNS) if runs is None else runs
@@ -75,21 +83,21 @@ def studies(
 
 
 def reproduce(
-    out,
-    quick=False,
-    ablations=False,
-    runs=None,
-    seed=2,
-    threads=None,
-    workers=0,
-    scheduler=None,
-    say=None,
-    progress=None,
-):
+    out: File,
+    quick: bool = False,
+    ablations: bool = False,
+    runs: int | None = None,
+    seed: int = 2,
+    threads: int | None = None,
+    workers: int = 0,
+    scheduler: str | None = None,
+    say: Say | None = None,
+    progress: Progress | None = None,
+) -> list[dict[str, str]]:
     """Run what is missing of the study in DIR/campaign, write the page into the folder `out`, and
     return the claims.
 
-    quick: 5 runs in place of 50; ablations: also the variants of hager_bryne_ablations; threads,
+    quick: 5 runs in place of 50; ablations: also the variants of ablations.py; threads,
     workers, scheduler, say, progress: as in Study.run, progress over all studies. An interrupted
     call goes on where it was. Raises DataError.
     """
@@ -98,7 +106,15 @@ def reproduce(
     )
 
 
-def made(out, wanted, threads=None, workers=0, scheduler=None, say=None, progress=None):
+def made(
+    out: File,
+    wanted: dict[str, Study],
+    threads: int | None = None,
+    workers: int = 0,
+    scheduler: str | None = None,
+    say: Say | None = None,
+    progress: Progress | None = None,
+) -> list[dict[str, str]]:
     """As `reproduce`, of given studies: "flights", "offset" and "initial", and perhaps those of
     the ablations."""
     out = Path(out)
@@ -109,22 +125,22 @@ def made(out, wanted, threads=None, workers=0, scheduler=None, say=None, progres
             f"{', '.join(f'{name} {study.steps() / 1e6:.3g}' for name, study in wanted.items())}"
         )
     for name, study in wanted.items():
+        steps = study.steps()
         part = (
-            (lambda share, done=done, own=study.steps(): progress((done + share * own) / total))
+            (lambda share, done=done, own=steps: progress((done + share * own) / total))
             if progress
             else None
         )
         campaigns[name] = study.run(out / "campaign" / name, threads, workers, scheduler, say, part)
-        done += study.steps()
+        done += steps
     return write(out, campaigns, threads)
 
 
-def write(out, campaigns, threads=None):
+def write(
+    out: File, campaigns: dict[str, Campaign], threads: int | None = None
+) -> list[dict[str, str]]:
     """Write page, tables and claims.json of finished campaigns into the folder `out`; return the
     claims."""
-    from . import drift as hager_bryne_drift
-    from .figures import all_figures
-
     flights = campaigns["flights"]
     cells, moved, initial = (table(campaigns[name]) for name in ("flights", "offset", "initial"))
     drift, bins = hager_bryne_drift.measure(flights, threads)
@@ -163,11 +179,11 @@ def write(out, campaigns, threads=None):
     return claims
 
 
-def _first_imu(study):
+def _first_imu(study: Study) -> tuple[Cell, ...]:
     return study.cells[:: max(1, len(study.cells) // len(study.scenarios))]
 
 
-def _size(campaigns):
+def _size(campaigns: dict[str, Campaign]) -> str:
     first = campaigns["flights"].manifest
     return (
         f"This page: {first['runs']} runs of each flight and grade, seed {first['seed']}, "
@@ -176,7 +192,13 @@ def _size(campaigns):
     )
 
 
-def _tables(cells, moved, initial, drift, bins):
+def _tables(
+    cells: pd.DataFrame,
+    moved: pd.DataFrame,
+    initial: pd.DataFrame,
+    drift: pd.DataFrame,
+    bins: pd.DataFrame,
+) -> dict[str, tuple[str | None, pd.DataFrame]]:
     about = (
         "{}, open and closed loop: share of runs that survive both abort rules, the same where a raw INS that left its model counts as "
         "lost, the 500 m rule alone; position RMSE of "
@@ -207,7 +229,7 @@ def _tables(cells, moved, initial, drift, bins):
     }
 
 
-def _bounds(flights):
+def _bounds(flights: Campaign) -> dict[str, tuple[str, pd.DataFrame]]:
     """The closed loop against the Cramer-Rao bound after 120 s, per flight and grade."""
     rows = flights.summary[flights.summary["filter"] == ablation.CLOSED]
     shown = rows[
@@ -229,12 +251,10 @@ def _bounds(flights):
     }
 
 
-def readable(cells):
+def readable(cells: pd.DataFrame) -> pd.DataFrame:
     """The table of cells for people: shares, RMSE and NEES of both filters side by side, and the
     ratios with their intervals."""
-    import pandas as pd
-
-    shown = {"flight": cells["flight"], "grade": cells["grade"]}
+    shown: dict[str, pd.Series | list[str]] = {"flight": cells["flight"], "grade": cells["grade"]}
     for column, name in (
         ("survived", "survived"),
         ("survived_in_model", "survived in model"),

@@ -1,13 +1,24 @@
 """The findings as Markdown, for docs/open-or-closed-loop.md: what stands there between its two
 marks is this file's output."""
 
+from pathlib import Path
+
+import pandas as pd
+
 from ..common import markdown
 from ..common.verdicts import interval
 
 BEGIN, END = markdown.begin("findings.md", "hager-bryne"), markdown.END
 
 
-def findings(size, claims, cells, offset, initial, ablated):
+def findings(
+    size: str,
+    claims: list[dict[str, str]],
+    cells: pd.DataFrame,
+    offset: pd.DataFrame,
+    initial: pd.DataFrame,
+    ablated: dict[str, tuple[str, pd.DataFrame]],
+) -> str:
     """Text: one sentence on the size of the study, the claims with their verdicts, what the
     ablations {name: (caption, table)} say, and a row per grade and flight without offset and by
     the two readings of it."""
@@ -43,7 +54,7 @@ def findings(size, claims, cells, offset, initial, ablated):
     return "\n".join(parts) + "\n"
 
 
-def _row(row):
+def _row(row: pd.Series) -> str:
     share = lambda name: f"{row[name]:.0%}"
     return (
         f"| {row['grade']} | {row['flight']} | {row['minutes']:.0f} | {share('open_survived')} | {share('closed_survived')} | "
@@ -54,6 +65,6 @@ def _row(row):
     )
 
 
-def insert(path, text):
+def insert(path: Path, text: str) -> None:
     """Put `text` between the marks of the Markdown file `path`."""
     markdown.insert(path, text, BEGIN)

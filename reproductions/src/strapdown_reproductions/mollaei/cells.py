@@ -1,10 +1,14 @@
 """The study of Mollaei et al. in cells: what is flown, the published Tables 2 to 4, and the
 scores of a case as a table."""
 
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+
+from strapdown.evaluation.consistency import band
+from strapdown.typing import Array
 
 from .metrics import MEASURES
 
@@ -37,7 +41,8 @@ class Case(NamedTuple):
     prediction: str = IMU  # what drives the prediction during the outage: IMU or MODEL
     tuning: str = SENSORS  # Q and R from the sensors, or as PRINTED
 
-    def __str__(self):
+    def __str__(self) -> str:
+        """As tables and texts name it; what is as usual is left out."""
         parts = [
             self.experiment,
             self.form * (self.form == FULL),
@@ -107,7 +112,7 @@ PUBLISHED = {
 TABLE_OF = {E0: "Table 2", E1: "Table 3", E2: "Table 4"}
 
 
-def wide(scores):
+def wide(scores: pd.DataFrame) -> dict[Case, pd.DataFrame]:
     """{Case: DataFrame} of the table of scores: a row per seed, columns by measure and mode, cases
     in their order.
 
@@ -132,7 +137,14 @@ def wide(scores):
     return found
 
 
-def of(tables, experiment, *, form=SIX, prediction=None, tuning=None):
+def of(
+    tables: dict[Case, pd.DataFrame],
+    experiment: str,
+    *,
+    form: str = SIX,
+    prediction: str | None = None,
+    tuning: str | None = None,
+) -> dict[Case, pd.DataFrame]:
     """The tables of one experiment in one form, of all readings or of those named."""
     return {
         case: table
@@ -144,7 +156,7 @@ def of(tables, experiment, *, form=SIX, prediction=None, tuning=None):
     }
 
 
-def known(table, measure, mode):
+def known(table: pd.DataFrame, measure: str, mode: str) -> Array:
     """(n,) values of a measure of a mode in the table of a case, empty where it was not flown."""
     if (measure, mode) not in table.columns:
         return np.empty(0)
@@ -152,7 +164,7 @@ def known(table, measure, mode):
     return values[~np.isnan(values)]
 
 
-def middle(values, most=np.inf):
+def middle(values: Array | Sequence[float], most: float = np.inf) -> str:
     """Text: the median and in brackets the 10 and 90 % quantiles over the seeds; "diverged" from
     the most on that counts."""
     if not len(values):
@@ -182,7 +194,7 @@ CRITERIA = {
 """Rows of Tables 2 to 4 redrawn: rms deviations from the final value, and overshoots."""
 
 
-def redrawn(tables, experiment):
+def redrawn(tables: dict[Case, pd.DataFrame], experiment: str) -> pd.DataFrame:
     """DataFrame shaped as the paper's table of an experiment: a row per criterion and reading,
     "published / ours" for each mode."""
     rows = []
@@ -220,7 +232,9 @@ LEFT_OUT = {
 """Columns of what the tables of the paper leave out."""
 
 
-def left_out(tables, cases=None):
+def left_out(
+    tables: dict[Case, pd.DataFrame], cases: Collection[Case] | None = None
+) -> pd.DataFrame:
     """A row per case and mode: medians and quantiles over the seeds, NEES, and flights lost."""
     rows = []
     for case, table in tables.items():
@@ -242,11 +256,9 @@ def left_out(tables, cases=None):
     return pd.DataFrame(rows)
 
 
-def _nees(values):
+def _nees(values: Array) -> str:
     """Text: mean over the flights that were not lost and, in brackets, the band that it keeps in
     95 % of studies if a filter is as good as it says (six states)."""
-    from strapdown.evaluation.consistency import band
-
     if not len(values):
         return "–"
     low, high = band(6, len(values))

@@ -1,5 +1,7 @@
 """What Mollaei et al. leave unspecified or print wrongly, and what was chosen here instead."""
 
+import pandas as pd
+
 CHOICES = (
     (
         "the aircraft",
@@ -111,13 +113,12 @@ CHOICES = (
         "more than 500 m off; less than 100 m; less than twice the error before the outage",
     ),
 )
-"""(what, in the paper, here); {seeds}, {plan}, {gnss}, {final}: what mollaei_runs has."""
+"""(what, in the paper, here); {plan} and {gnss} are filled by runs.texts, {final} by metrics.FINAL,
+{seeds} by main.flights."""
 
 
-def table(**texts):
+def table(**texts: str | float) -> pd.DataFrame:
     """The choices as a pandas DataFrame of text; `texts` fills what stands in braces."""
-    import pandas as pd
-
     return pd.DataFrame(
         [(what, paper, here.format(**texts)) for what, paper, here in CHOICES],
         columns=["what", "in the paper", "here"],

@@ -1,7 +1,7 @@
 """What Mollaei et al. claim of EKF, UKF and PKF in the loop of an aircraft, each claim decided by a
 rule from the tables of flights.
 
-The rule stands beside each claim; how cells are counted is in mollaei_rules.py.
+The rule stands beside each claim; how cells are counted is in rules.py.
 """
 
 import numpy as np
@@ -43,6 +43,8 @@ from .rules import (
     TWO_FINALS,
     TWO_OVERSHOOTS,
     ZERO,
+    Evidence,
+    Question,
     against,
     away,
     by_case,
@@ -58,7 +60,7 @@ from .rules import (
 )
 
 
-def claims(evidence):
+def claims(evidence: Evidence) -> list[dict[str, str]]:
     """All findings, in the order of the paper."""
     return [
         make(evidence)
@@ -89,21 +91,19 @@ def claims(evidence):
     ]
 
 
-def accurate_estimates(e):
+def accurate_estimates(e: Evidence) -> dict[str, str]:
     """Abstract, 5."""
     return compared(
         e,
         "Nonlinear filters, particularly the PKF, outperform the EKF in accurate position and velocity estimates.",
         "Abstract; 5",
-        (E0, E1),
-        ("horizontal_rmse_m", "vertical_rmse_m", "velocity_rmse_m_s"),
-        BOTH,
+        Question((E0, E1), ("horizontal_rmse_m", "vertical_rmse_m", "velocity_rmse_m_s"), BOTH),
         'figure 8; tables "Left out"',
         ". The paper shows no error of an estimate",
     )
 
 
-def prevents_divergence(e):
+def prevents_divergence(e: Evidence) -> dict[str, str]:
     """Abstract, 5."""
     cells = {
         (case, mode): away(table, mode)
@@ -126,40 +126,38 @@ def prevents_divergence(e):
     )
 
 
-def ekf_deviates(e):
+def ekf_deviates(e: Evidence) -> dict[str, str]:
     """4."""
     return compared(
         e,
         "With fixes, UKF and PKF resemble the direct feedback, while the EKF leads to greater deviations of forces and moments.",
         "4; Table 2",
-        (E0,),
-        DEVIATIONS,
-        BOTH,
+        Question((E0,), DEVIATIONS, BOTH, tuple(f"{name}_ref" for name in DEVIATIONS), TWO_FINALS),
         "Table 2 redrawn; figure 2",
         f". Published: {rows_smaller('Table 2', PRINTED_DEVIATIONS, EKF)}",
-        tuple(f"{name}_ref" for name in DEVIATIONS),
-        TWO_FINALS,
     )
 
 
-def better_than_none(e):
+def better_than_none(e: Evidence) -> dict[str, str]:
     """4."""
     pairs = ((UKF, NO_FILTER), (PKF, NO_FILTER))
     return compared(
         e,
         "With fixes, deviations and overshoots are smaller with UKF and PKF than without a filter.",
         "4; its Table 2 contradicts it in most rows",
-        (E0,),
-        (*DEVIATIONS, *OVERSHOOTS),
-        pairs,
+        Question(
+            (E0,),
+            (*DEVIATIONS, *OVERSHOOTS),
+            pairs,
+            (*(f"{name}_ref" for name in DEVIATIONS), "step_x_pct", "step_z_pct"),
+            TWO_FINALS,
+        ),
         "Table 2 redrawn",
         f". Published: {rows_smaller('Table 2', PRINTED_ALL, NO_FILTER)}",
-        (*(f"{name}_ref" for name in DEVIATIONS), "step_x_pct", "step_z_pct"),
-        TWO_FINALS,
     )
 
 
-def overshoots(e):
+def overshoots(e: Evidence) -> dict[str, str]:
     """4, 4.1."""
     texts = [
         f"{table} UKF {printed(table, OVERSHOOTS, UKF, EKF)}, PKF {printed(table, OVERSHOOTS, PKF, EKF)}"
@@ -169,51 +167,43 @@ def overshoots(e):
         e,
         "The overshoot of velocity is smaller with UKF and PKF than with the EKF.",
         "4; 4.1; its Table 2 has 5.07 % in X with the EKF and 56.36 % with the UKF",
-        (E0, E1),
-        OVERSHOOTS,
-        BOTH,
+        Question((E0, E1), OVERSHOOTS, BOTH, ("step_x_pct", "step_z_pct"), TWO_OVERSHOOTS),
         "Tables 2, 3 redrawn; figure 3",
         f". Published rows smaller: {'; '.join(texts)}",
-        ("step_x_pct", "step_z_pct"),
-        TWO_OVERSHOOTS,
     )
 
 
-def elevator_and_rudder(e):
+def elevator_and_rudder(e: Evidence) -> dict[str, str]:
     """4."""
     pairs = ((UKF, EKF), (PKF, EKF), (UKF, NO_FILTER), (PKF, NO_FILTER))
     return compared(
         e,
         "With fixes, the deviations of elevator and rudder are smaller with UKF and PKF than with the EKF or no filter.",
         "4",
-        (E0,),
-        ("elevator_deg", "rudder_deg"),
-        pairs,
+        Question(
+            (E0,),
+            ("elevator_deg", "rudder_deg"),
+            pairs,
+            ("elevator_deg_ref", "rudder_deg_ref"),
+            TWO_FINALS,
+        ),
         "figure 1",
-        "",
-        ("elevator_deg_ref", "rudder_deg_ref"),
-        TWO_FINALS,
     )
 
 
-def engine_and_alpha(e):
+def engine_and_alpha(e: Evidence) -> dict[str, str]:
     """4, 4.1."""
     measures = ("engine_rad_s", "alpha_deg", "elevator_deg")
     return compared(
         e,
         "Engine speed, AOF and elevator deviate less with UKF and PKF than with the EKF.",
         "4; 4.1; AOF taken as the angle of attack",
-        (E0, E1),
-        measures,
-        BOTH,
+        Question((E0, E1), measures, BOTH, tuple(f"{name}_ref" for name in measures), TWO_FINALS),
         "figures 1, 4",
-        "",
-        tuple(f"{name}_ref" for name in measures),
-        TWO_FINALS,
     )
 
 
-def symmetric(e):
+def symmetric(e: Evidence) -> dict[str, str]:
     """Tables 2 to 4."""
     values = {
         mode: np.concatenate(
@@ -252,7 +242,7 @@ def symmetric(e):
     )
 
 
-def no_filter_diverges(e):
+def no_filter_diverges(e: Evidence) -> dict[str, str]:
     """4.1, Table 3."""
     tables = of(e.tables, E1)
     counts = {mode: factor(tables, ("fx_n", "fz_n"), NO_FILTER, mode) for mode in FILTERS}
@@ -271,7 +261,7 @@ def no_filter_diverges(e):
     )
 
 
-def wrong_alpha(e):
+def wrong_alpha(e: Evidence) -> dict[str, str]:
     """4.1."""
     tables = of(e.tables, E1)
     counts = {mode: factor(tables, ("alpha_off_deg",), NO_FILTER, mode) for mode in FILTERS}
@@ -292,55 +282,51 @@ def wrong_alpha(e):
     )
 
 
-def convergence(e):
+def convergence(e: Evidence) -> dict[str, str]:
     """4.1."""
     return compared(
         e,
         "The curves of UKF and PKF converge much faster than those of the EKF.",
         "4.1",
-        (E1,),
-        SETTLING,
-        BOTH,
+        Question((E1,), SETTLING, BOTH),
         "figure 4",
         ". Settled: elevator, engine speed and angle of attack within a tenth of the reference flight's range about the final value",
     )
 
 
-def position_in_outage(e):
+def position_in_outage(e: Evidence) -> dict[str, str]:
     """4.1, figure 5."""
     return compared(
         e,
         "After the cut the position estimates of UKF and PKF are more accurate than those of the EKF.",
         "4.1; figure 5",
-        (E1,),
-        (
-            "outage_horizontal_rmse_m",
-            "outage_vertical_rmse_m",
-            "horizontal_end_m",
-            "vertical_end_m",
+        Question(
+            (E1,),
+            (
+                "outage_horizontal_rmse_m",
+                "outage_vertical_rmse_m",
+                "horizontal_end_m",
+                "vertical_end_m",
+            ),
+            BOTH,
         ),
-        BOTH,
         "figures 5, 8",
     )
 
 
-def deviations_in_outage(e):
+def deviations_in_outage(e: Evidence) -> dict[str, str]:
     """4.1, Table 3."""
     return compared(
         e,
         "With the GPS cut, forces and moments deviate less with UKF and PKF than with the EKF.",
         "4.1; Table 3",
-        (E1,),
-        DEVIATIONS,
-        BOTH,
+        Question((E1,), DEVIATIONS, BOTH, tuple(f"{name}_ref" for name in DEVIATIONS), TWO_FINALS),
         "Table 3 redrawn",
         f". Published: {rows_smaller('Table 3', PRINTED_DEVIATIONS, EKF)}",
-        tuple(f"{name}_ref" for name in DEVIATIONS),
-        TWO_FINALS,
     )
 
 
-def nonlinearity(e):
+def nonlinearity(e: Evidence) -> dict[str, str]:
     """4, 4.1."""
     tables = of(e.tables, E0) | of(e.tables, E1)
     count = factor(tables, DEVIATIONS, EKF, UKF)
@@ -359,24 +345,26 @@ def nonlinearity(e):
     )
 
 
-def pkf_over_ukf(e):
+def pkf_over_ukf(e: Evidence) -> dict[str, str]:
     """4.1, 4.2."""
     texts = [f"{table} {printed(table, PRINTED_ALL, PKF, UKF)}" for table in PUBLISHED]
     return compared(
         e,
         "The PKF usually gives a better response than the UKF: smaller deviations and overshoots.",
         "4.1; 4.2; Tables 3, 4",
-        (E1, E2),
-        (*DEVIATIONS, *OVERSHOOTS),
-        ((PKF, UKF),),
+        Question(
+            (E1, E2),
+            (*DEVIATIONS, *OVERSHOOTS),
+            ((PKF, UKF),),
+            (*(f"{name}_ref" for name in DEVIATIONS), "step_x_pct", "step_z_pct"),
+            TWO_FINALS,
+        ),
         "Tables 3, 4 redrawn; figure 9",
         f". Published rows smaller: {'; '.join(texts)}",
-        (*(f"{name}_ref" for name in DEVIATIONS), "step_x_pct", "step_z_pct"),
-        TWO_FINALS,
     )
 
 
-def long_outage(e):
+def long_outage(e: Evidence) -> dict[str, str]:
     """4.2."""
     tables = of(e.tables, E2)
     cells = {
@@ -406,7 +394,7 @@ def long_outage(e):
     )
 
 
-def much_less(e):
+def much_less(e: Evidence) -> dict[str, str]:
     """4.1, 4.2."""
     cells = {
         (case, mode): near(table, mode)
@@ -434,7 +422,7 @@ def much_less(e):
     )
 
 
-def hour_and_a_half(e):
+def hour_and_a_half(e: Evidence) -> dict[str, str]:
     """4.2."""
     slowest = max(e.seconds.values(), default=np.nan)
     verdict = (
@@ -455,20 +443,18 @@ def hour_and_a_half(e):
     )
 
 
-def fastest(e):
+def fastest(e: Evidence) -> dict[str, str]:
     """5, 4.2."""
     return compared(
         e,
         "The PKF converges the fastest.",
         "5; 4.2",
-        (E0, E1, E2),
-        SETTLING,
-        ((PKF, UKF), (PKF, EKF)),
+        Question((E0, E1, E2), SETTLING, ((PKF, UKF), (PKF, EKF))),
         "figures 1, 4, 7",
     )
 
 
-def negligible(e):
+def negligible(e: Evidence) -> dict[str, str]:
     """5."""
     counts, texts = [], []
     for mode in (UKF, PKF):
@@ -493,7 +479,7 @@ def negligible(e):
     )
 
 
-def laboratory(e):
+def laboratory(e: Evidence) -> dict[str, str]:
     """1."""
     return finding(
         "Tested in a scientific center and on a laboratory plant: the linear filter diverges completely when the GPS is cut, "
@@ -506,7 +492,7 @@ def laboratory(e):
     )
 
 
-def one_filter(e):
+def one_filter(e: Evidence) -> dict[str, str]:
     """Not said; section 4 and (25)."""
     own = {
         mode: e.apart.loc[e.apart["mode"] == mode, "apart_m"].to_numpy(float) for mode in (UKF, PKF)

@@ -5,7 +5,10 @@ In their colours: blue without a filter, EKF grey (theirs is black, which a dark
 red, PKF green.
 """
 
+from typing import Any
+
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
@@ -20,6 +23,7 @@ from strapdown.reports.drawing import (
     note,
     panels,
 )
+from strapdown.typing import Array
 
 from ..common.paired_ratios import ratio
 from .cells import (
@@ -40,10 +44,12 @@ from .cells import (
     UKF,
     Case,
 )
+from .metrics import Record
 from .rules import DEVIATIONS
+from .runs import Results
 
 COLOUR = {NO_FILTER: COLOURS[0], EKF: GREY, UKF: RED, PKF: COLOURS[2], TRUTH: COLOURS[1]}
-STYLE = {
+STYLE: dict[str, dict[str, Any]] = {
     EKF: {"width": 2.6},
     UKF: {"width": 1.8, "dash": "dash"},
     PKF: {"width": 1.4, "dash": "dot"},
@@ -73,9 +79,11 @@ PLACES = (("X, north [m]", 0), ("Y, east [m]", 1), ("Z, down [m]", 2))
 DRIVEN = (("a", IMU), ("b", MODEL))
 
 
-def all_figures(results, tables):
-    """[(heading, figure, caption)] of the page; results: mollaei_runs.Results, tables:
-    mollaei_cells.wide of its scores."""
+def all_figures(
+    results: Results, tables: dict[Case, pd.DataFrame]
+) -> list[tuple[str, go.Figure, str]]:
+    """[(heading, figure, caption)] of the page; results: runs.Results, tables:
+    cells.wide of its scores."""
     found = [
         (
             "Figure 1: control inputs with fixes (E0)",
@@ -142,7 +150,9 @@ RATIOS = (
 )
 
 
-def over_time(results, case, rows):
+def over_time(
+    results: Results, case: Case, rows: tuple[tuple[str, str, int | None], ...]
+) -> go.Figure:
     """A panel per signal (label, field of Record, column) with the reference flight and the
     modes of a case."""
     runs = _runs(results, case)
@@ -155,7 +165,7 @@ def over_time(results, case, rows):
     return _finished(drawn, case, runs, len(rows))
 
 
-def positions(results, case):
+def positions(results: Results, case: Case) -> go.Figure:
     """Estimated position north, east, down of the start; of the reference flight the true one."""
     runs = _runs(results, case)
     drawn = panels([label for label, _ in PLACES], height=170)
@@ -173,7 +183,7 @@ def positions(results, case):
     return _finished(drawn, case, runs, len(PLACES))
 
 
-def _runs(results, case):
+def _runs(results: Results, case: Case) -> dict[str, Record]:
     """{mode: Record} of the first seed, the reference flight first; without a filter there is
     one reading."""
     found = {TRUTH: results.references.get(case.experiment)}
@@ -184,7 +194,13 @@ def _runs(results, case):
     return {mode: record for mode, record in found.items() if record is not None and len(record.t)}
 
 
-def _panel(drawn, row, label, curves, everything=False):
+def _panel(
+    drawn: go.Figure,
+    row: int,
+    label: str,
+    curves: dict[str, tuple[Array, Array]],
+    everything: bool = False,
+) -> None:
     """Lines of one panel; its frame holds all but what no filter does, where that is much more."""
     for mode, (t, values) in curves.items():
         line(drawn, t, values, mode, COLOUR[mode], row=row, **STYLE[mode])
@@ -204,7 +220,7 @@ def _panel(drawn, row, label, curves, everything=False):
         )
 
 
-def _finished(drawn, case, runs, rows):
+def _finished(drawn: go.Figure, case: Case, runs: dict[str, Record], rows: int) -> go.Figure:
     end = max((float(record.t[-1]) for record in runs.values()), default=1.0)
     if case.experiment != E0:
         drawn.add_vrect(CUT, end, fillcolor=WITHHELD, line_width=0, layer="below")
@@ -215,7 +231,7 @@ def _finished(drawn, case, runs, rows):
     return drawn.update_xaxes(title_text="time [s]", row=rows, col=1)
 
 
-def growth(results, experiment):
+def growth(results: Results, experiment: str) -> go.Figure:
     """Medians and quantiles over the seeds of horizontal error (left) and distance of the
     aircraft (right), both predictions."""
     titles = [
@@ -273,7 +289,7 @@ SHORT = {
 }
 
 
-def ratios(tables):
+def ratios(tables: dict[Case, pd.DataFrame]) -> go.Figure:
     """Ratios of DEVIATIONS of the pairs of filters, a panel per case with Q and R from the
     sensors."""
     cases = [
@@ -338,7 +354,7 @@ def ratios(tables):
     )
 
 
-def turning(results):
+def turning(results: Results) -> go.Figure:
     """Path of the turning flight, IMU-driven, beside that of the reference."""
     drawn = panels(["north [m]"], height=440)
     for mode, record in _runs(results, Case(TURN)).items():

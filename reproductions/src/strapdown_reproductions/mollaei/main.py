@@ -12,6 +12,7 @@ import pandas as pd
 from strapdown import __version__
 from strapdown.data import DataError
 from strapdown.files import replacing
+from strapdown.typing import File, Progress
 
 from ..common import markdown
 from ..common.pages import write_page
@@ -19,8 +20,10 @@ from . import cells, rules
 from . import choices as mollaei_choices
 from . import claims as mollaei_claims
 from . import runs as mollaei_runs
-from .cells import E0, E1, E2, FULL, IMU, PKF, SIX, UKF
+from .cells import E0, E1, E2, FULL, IMU, PKF, SIX, UKF, Case
+from .figures import all_figures
 from .metrics import FINAL
+from .runs import Results
 
 SEEDS, QUICK_SEEDS = 200, 2
 COMPONENTS, QUICK_COMPONENTS = 500, 25
@@ -50,7 +53,14 @@ FEW = 10
 """With fewer seeds than that the page says LITTLE."""
 
 
-def reproduce(out, quick=False, runs=None, seed=2, threads=None, progress=None):
+def reproduce(
+    out: File,
+    quick: bool = False,
+    runs: int | None = None,
+    seed: int = 2,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> list[dict[str, str]]:
     """Run everything, write page, tables and claims.json into the folder `out`, and return the
     claims.
 
@@ -68,10 +78,8 @@ def reproduce(out, quick=False, runs=None, seed=2, threads=None, progress=None):
     return write(out, results, components, seed)
 
 
-def write(out, results, components, seed):
+def write(out: File, results: Results, components: int, seed: int) -> list[dict[str, str]]:
     """Write the page of finished Results into the folder `out`; return the claims."""
-    from .figures import all_figures
-
     out, scores = Path(out), results.scores
     tables = cells.wide(scores)
     linear = scores[
@@ -104,14 +112,14 @@ def write(out, results, components, seed):
     return claims
 
 
-def sentence(scores, components, seed):
+def sentence(scores: pd.DataFrame, components: int, seed: int) -> str:
     """How large the study is."""
     counts = scores.groupby(["experiment", "form"], sort=False)["seed"].nunique()
     size = f"This page: {flights(scores)}; a PKF of {components} components, seed {seed}, strapdown {__version__}."
     return size + f" {LITTLE}" * bool(counts.max() < FEW)
 
 
-def flights(scores):
+def flights(scores: pd.DataFrame) -> str:
     """Text: seeds by experiment and form."""
     counts = scores.groupby(["experiment", "form"], sort=False)["seed"].nunique()
     of = lambda form: ", ".join(
@@ -122,7 +130,9 @@ def flights(scores):
     return "; ".join(f"{form}: {of(form)}" for form in dict.fromkeys(scores["form"]))
 
 
-def shown(tables, results):
+def shown(
+    tables: dict[Case, pd.DataFrame], results: Results
+) -> list[tuple[str, str, pd.DataFrame]]:
     """[(name, heading, DataFrame of text)] of the tables for people."""
     six = lambda experiment: [
         case for case in tables if case.form == SIX and case.experiment == experiment

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from strapdown.typing import Array
+
 FINAL = 2.0
 """s: the final value of a signal is its mean over so many seconds at the end."""
 WITHIN = 0.1
@@ -88,42 +90,42 @@ LOST = MEASURES | {"nees_cut": np.nan, "nees_end": np.nan}
 class Record(NamedTuple):
     """What the scores need of a flight, a row per IMU sample."""
 
-    t: np.ndarray  # (n,) s
-    force: np.ndarray  # (n, 3) N, aerodynamic and propulsive, body axes
-    moment: np.ndarray  # (n, 3) N m, body axes
-    gravity: np.ndarray  # (n, 3) N, weight along the body axes
-    velocity: np.ndarray  # (n, 3) m/s, true, body axes
-    surfaces: np.ndarray  # (n, 3) aileron, elevator, rudder, deg
-    engine: np.ndarray  # (n,) rad/s
-    alpha: np.ndarray  # (n,) deg
-    place: np.ndarray  # (n, 3) m NED of the aircraft from the start
-    beside: np.ndarray  # (n,) m, of the aircraft to the right of its route
-    position: np.ndarray  # (n, 3) m NED, error of the estimate
-    v_error: np.ndarray  # (n, 3) m/s NED, error of the estimate
-    attitude: np.ndarray  # (n,) rad, angle between true and estimated attitude
+    t: Array  # (n,) s
+    force: Array  # (n, 3) N, aerodynamic and propulsive, body axes
+    moment: Array  # (n, 3) N m, body axes
+    gravity: Array  # (n, 3) N, weight along the body axes
+    velocity: Array  # (n, 3) m/s, true, body axes
+    surfaces: Array  # (n, 3) aileron, elevator, rudder, deg
+    engine: Array  # (n,) rad/s
+    alpha: Array  # (n,) deg
+    place: Array  # (n, 3) m NED of the aircraft from the start
+    beside: Array  # (n,) m, of the aircraft to the right of its route
+    position: Array  # (n, 3) m NED, error of the estimate
+    v_error: Array  # (n, 3) m/s NED, error of the estimate
+    attitude: Array  # (n,) rad, angle between true and estimated attitude
     # (2,) of position and velocity, where the fixes end or would, and at the end; NaN where no
     # covariance was kept
-    nees: np.ndarray
+    nees: Array
     stopped: str = ""  # why the flight ended early
 
-    def signal(self, name):
+    def signal(self, name: str) -> Array:
         """(n,) of one of SIGNALS."""
         field, column = SIGNALS[name]
         values = getattr(self, field)
         return values if column is None else values[:, column]
 
 
-def final(t, values):
-    """Mean of `values` (n, ...) over the last FINAL seconds."""
+def final(t: Array, values: Array) -> float:
+    """Mean of `values` (n,) at `t` (n,) s over the last FINAL seconds."""
     return values[t > t[-1] - FINAL].mean(axis=0)
 
 
-def deviation(values, last):
+def deviation(values: Array, last: float) -> float:
     """Root mean square of values (n,) - last over all rows."""
     return float(np.sqrt(np.mean((values - last) ** 2)))
 
 
-def overshoot(values, last, begin=0.0):
+def overshoot(values: Array, last: float, begin: float = 0.0) -> float:
     """Per cent by which `values` (n,) go beyond `last`, seen from `begin`, of |last - begin|: 100
     (extreme - last) / (last - begin), 0 or more.
 
@@ -136,14 +138,14 @@ def overshoot(values, last, begin=0.0):
     return max(0.0, 100.0 * float(np.max((values - last) / step)))
 
 
-def settling(t, values, last, width):
+def settling(t: Array, values: Array, last: float, width: float) -> float:
     """s from t[0] to the last time at which values (n,) are not within `width` of `last`; 0
     where they always are."""
     outside = np.flatnonzero(np.abs(values - last) > width)
     return float(t[outside[-1]] - t[0]) if len(outside) else 0.0
 
 
-def score(record, reference, cut=None):
+def score(record: Record, reference: Record, cut: float | None = None) -> dict[str, float | str]:
     """{measure: value, "said": text} of a flight, the names of MEASURES; of a stopped flight the
     most of each.
 
@@ -162,12 +164,12 @@ def score(record, reference, cut=None):
     return {name: _at_most(found[name], most) for name, most in MEASURES.items()} | {"said": said}
 
 
-def _at_most(value, most):
+def _at_most(value: float, most: float) -> float:
     """NaN stays: there is nothing to measure."""
     return float(min(value, most)) if not np.isnan(value) else np.nan
 
 
-def deviations(record, reference):
+def deviations(record: Record, reference: Record) -> dict[str, float]:
     """Rms deviations of SIGNALS from their final value, and from that of the reference flight."""
     found = {}
     for name in SIGNALS:
@@ -177,9 +179,9 @@ def deviations(record, reference):
     return found
 
 
-def transients(record, reference):
+def transients(record: Record, reference: Record) -> dict[str, float]:
     """Overshoots of velocity, settling times, and how far the final angle of attack is off."""
-    found = {}
+    found: dict[str, float] = {}
     for axis, column in (("x", 0), ("z", 2)):
         values = record.velocity[:, column]
         last = float(final(record.t, values))
@@ -203,7 +205,7 @@ def transients(record, reference):
     }
 
 
-def estimates(record, cut):
+def estimates(record: Record, cut: float | None) -> dict[str, float]:
     """Errors of the estimate over the flight and in the outage; NEES of six states at the cut
     and at the end."""
     t, position = record.t, record.position
@@ -237,7 +239,7 @@ def estimates(record, cut):
     }
 
 
-def ways(record, reference):
+def ways(record: Record, reference: Record) -> dict[str, float]:
     """How far the aircraft is from the reference flight at the same time, m: rms, largest, at
     the end; and beside its route at most."""
     apart = np.linalg.norm(record.place - reference.place[: len(record.place)], axis=1)

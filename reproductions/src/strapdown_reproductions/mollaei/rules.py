@@ -1,7 +1,7 @@
 """How flights become verdicts on the claims of Mollaei et al.: the measures, the bounds, and the
 counting of cells."""
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -11,7 +11,7 @@ from strapdown.evaluation.consistency import proportion
 from ..common.pages import finding
 from ..common.paired_ratios import ratio, sides
 from ..common.verdicts import RULE, Count, both, over_readings
-from .cells import EKF, MODES, NO_FILTER, PKF, PUBLISHED, UKF, known, of
+from .cells import EKF, MODES, NO_FILTER, PKF, PUBLISHED, UKF, Case, known, of
 
 DEVIATIONS = ("fx_n", "fz_n", "gx_n", "gz_n", "mx_nm", "my_nm", "mz_nm")
 """Fx and Fz; Gx and Gz as weight; and all three as moments."""
@@ -20,7 +20,8 @@ SETTLING = ("settle_elevator_s", "settle_engine_s", "settle_alpha_s")
 TWICE = 2.0
 """\"Diverges\", \"negligible\", \"not suitable\": a factor of so much."""
 AWAY, NEAR = 500.0, 100.0
-"""m: a flight has diverged when it stopped, or estimate or aircraft were further off; \"much less than 500 m\" is less than a fifth of it."""
+"""m: a flight has diverged when it stopped, or estimate or aircraft were further off; \"much less
+than 500 m\" is less than a fifth of it."""
 NEARLY_ALL = 0.9
 """Share of the flights that must not diverge, or stay near."""
 SAME = 1e-6
@@ -49,14 +50,31 @@ PRINTED_DEVIATIONS, PRINTED_ALL = (
 class Evidence(NamedTuple):
     """All that the claims rest on."""
 
-    tables: dict  # {Case: table} of mollaei_cells.wide
+    tables: dict[Case, pd.DataFrame]  # of cells.wide
     # a row per IMU-driven flight: mode and apart_m, largest distance of estimate or aircraft from
     # the EKF's
     apart: pd.DataFrame
-    seconds: dict  # {(mode, prediction): wall time of one flight of E2 in the six-state form, s}
+    # {(mode, prediction): wall time of one flight of E2 in the six-state form, s}
+    seconds: dict[tuple[str, str], float]
 
 
-def better(e, experiments, measures, pairs):
+Pair: TypeAlias = tuple[str, str]
+"""(first, second): two modes, of which the first is to be better."""
+
+
+class Question(NamedTuple):
+    """Whether the first mode of each pair is better, in all measures in which it is asked."""
+
+    experiments: tuple[str, ...]
+    measures: tuple[str, ...]
+    pairs: tuple[Pair, ...]
+    others: tuple[str, ...] = ()  # measures of a second reading, which is judged too
+    how: str = ""  # text: what the two readings are
+
+
+def better(
+    e: Evidence, experiments: tuple[str, ...], measures: tuple[str, ...], pairs: tuple[Pair, ...]
+) -> dict[Pair, Count]:
     """{(first, second): Count} of the cells of `experiments` in which the first of each pair is
     better."""
     tables = {
@@ -68,10 +86,11 @@ def better(e, experiments, measures, pairs):
 
 
 def compared(
-    e, text, source, experiments, measures, pairs, decided_by, extra="", others=None, how=""
-):
-    """A finding that the first of each pair is better over the cells; with `others`, the
-    measures of a second reading, judged by both."""
+    e: Evidence, text: str, source: str, question: Question, decided_by: str, extra: str = ""
+) -> dict[str, str]:
+    """A finding that the first of each pair is better over the cells of a Question; `extra` is
+    said after what was measured."""
+    experiments, measures, pairs, others, how = question
     counts = better(e, experiments, measures, pairs)
     verdicts, text_of = [both(*(count.verdict for count in counts.values()))], said(counts)
     if others:
@@ -89,19 +108,21 @@ def compared(
     )
 
 
-def said(counts):
+def said(counts: dict[Pair, Count]) -> str:
     """Text: the Count of each pair (first, second)."""
     return ". ".join(
         f"{first} better than {second}: {count}" for (first, second), count in counts.items()
     )
 
 
-def against(counts):
+def against(counts: dict[str, Count]) -> str:
     """Text: the Count against each mode."""
     return ". ".join(f"Against {mode}: {count}" for mode, count in counts.items())
 
 
-def by_case(e, experiments, measures, pairs):
+def by_case(
+    e: Evidence, experiments: tuple[str, ...], measures: tuple[str, ...], pairs: tuple[Pair, ...]
+) -> str:
     """Text: for each reading how many measures go to the first of each pair, and the median
     ratio."""
     parts = []
@@ -120,7 +141,9 @@ def by_case(e, experiments, measures, pairs):
     return "median ratios, " + "; ".join(parts) if parts else "not flown"
 
 
-def factor(tables, measures, first, second):
+def factor(
+    tables: dict[Case, pd.DataFrame], measures: tuple[str, ...], first: str, second: str
+) -> Count:
     """Count of the cells in which the first mode's measure is at least TWICE the second's (whole
     interval); whole below that contradicts."""
     found = [
@@ -133,7 +156,7 @@ def factor(tables, measures, first, second):
     )
 
 
-def printed(table, measures, first, second):
+def printed(table: str, measures: tuple[str, ...], first: str, second: str) -> str:
     """Text: in how many rows of a published table, of those that are not 0, the first mode's
     number is smaller."""
     a, b = (
@@ -144,7 +167,7 @@ def printed(table, measures, first, second):
     return f"{int((a < b)[real].sum())} of {int(real.sum())}"
 
 
-def rows_smaller(table, measures, second):
+def rows_smaller(table: str, measures: tuple[str, ...], second: str) -> str:
     """Text: in how many rows of a published table UKF and PKF have smaller numbers than the mode
     `second`."""
     return (
@@ -153,7 +176,7 @@ def rows_smaller(table, measures, second):
     )
 
 
-def away(table, mode, experiment=""):
+def away(table: pd.DataFrame, mode: str, experiment: str = "") -> tuple[int, int]:
     """(diverged, flights) of a mode: stopped, or estimate or aircraft further than AWAY off;
     without a filter only the aircraft counts."""
     names = ("off_max_m",) if mode == NO_FILTER else ("off_max_m", "worst_m")
@@ -163,7 +186,7 @@ def away(table, mode, experiment=""):
     )
 
 
-def near(table, mode):
+def near(table: pd.DataFrame, mode: str) -> tuple[int, int]:
     """(flights whose estimate and aircraft stay within NEAR, flights)."""
     values = [known(table, name, mode) for name in ("off_max_m", "worst_m")]
     return (
@@ -171,7 +194,7 @@ def near(table, mode):
     )
 
 
-def share(found, level, above=True):
+def share(found: tuple[int, int], level: float, above: bool = True) -> Count:
     """Count of one cell: Wilson's interval of the share found = (successes, flights) is above
     `level`, or below it, which contradicts."""
     interval = proportion(*found)
@@ -179,7 +202,7 @@ def share(found, level, above=True):
     return Count(*(sides_ if above else sides_[::-1]), 1)
 
 
-def enough(flights):
+def enough(flights: int) -> str:
     """Text: of how many `flights` Wilson's interval lies above NEARLY_ALL, and where it begins
     with those and with one fewer."""
     begins = [proportion(count, flights).low for count in range(flights + 1)]
@@ -190,12 +213,12 @@ def enough(flights):
     )
 
 
-def kept(found):
+def kept(found: tuple[int, int]) -> tuple[int, int]:
     """(flights that did not, all) of (flights that did, all)."""
     return found[1] - found[0], found[1]
 
 
-def median(table, measure, mode):
+def median(table: pd.DataFrame, measure: str, mode: str) -> str:
     """Text: the median of a measure, "–" where the mode was not flown."""
     values = known(table, measure, mode)
     return f"{np.median(values):.3g}" if len(values) else "–"

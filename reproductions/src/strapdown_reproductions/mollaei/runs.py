@@ -6,10 +6,11 @@ in threads, since kernels let go of the interpreter.
 """
 
 import os
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,10 +19,11 @@ from strapdown.data import DataError, Trajectory
 from strapdown.evaluation.consistency import nees
 from strapdown.evaluation.metrics import errors
 from strapdown.flight.aircraft.parameters import GRAVITY
-from strapdown.flight.fly import fly
-from strapdown.flight.plan import straight, turning
+from strapdown.flight.fly import Flight, fly
+from strapdown.flight.plan import FlightPlan, straight, turning
 from strapdown.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
+from strapdown.typing import Array, Progress
 
 from . import metrics
 from .cells import (
@@ -77,28 +79,30 @@ TIMES = 50
 class Results(NamedTuple):
     """What all flights gave."""
 
-    # a row per Case (its fields as columns), mode and seed: mollaei_metrics.MEASURES, apart_m, said
+    # a row per Case (its fields as columns), mode and seed: metrics.MEASURES, apart_m, said
     scores: pd.DataFrame
-    samples: dict  # {(Case, mode): Record} of the first seed, six states
-    references: dict  # {experiment: Record} of the flights steered by the true state
+    samples: dict[tuple[Case, str], Record]  # {(Case, mode): ...} of the first seed, six states
+    references: dict[str, Record]  # {experiment: ...} of the flights steered by the true state
     # {(Case, mode): ((k,) s, (runs, 2, k) m horizontal error and distance of the aircraft from the
     # reference flight)}
-    curves: dict
+    curves: dict[tuple[Case, str], tuple[Array, Array]]
     # {(mode, prediction): wall time of one flight of E2 with six states, nothing else running, s}
-    seconds: dict
+    seconds: dict[tuple[str, str], float]
 
 
-def plan(experiment):
+def plan(experiment: str) -> FlightPlan:
     """The FlightPlan of an experiment."""
     return turning() if experiment == TURN else straight(**STEP)
 
 
-def duration(experiment):
+def duration(experiment: str) -> float:
     """s."""
     return SECONDS.get(experiment, 25.0)
 
 
-def flight(case, mode, seed, components=None, **changes):
+def flight(
+    case: Case, mode: str, seed: int, components: int | None = None, **changes: Any
+) -> Flight:
     """The Flight of a mode in a case; components: of the PKF, None for its default; changes: of
     what `fly` is given."""
     six = case.form == SIX
@@ -130,14 +134,14 @@ def flight(case, mode, seed, components=None, **changes):
 
 
 @lru_cache(maxsize=16)
-def reference(experiment, form=SIX):
+def reference(experiment: str, form: str = SIX) -> Record:
     """Record of the flight steered by the true state, over the same Earth."""
     return record(
         flight(Case(experiment, form), NO_FILTER if form == SIX else CLOSED, 0, feedback="truth")
     )
 
 
-def record(flight):
+def record(flight: Flight) -> Record:
     """Record of a Flight: the scores' view of it, a row per sample flown."""
     column = lambda name: flight.log[name]
     stack = lambda names: np.column_stack([column(name) for name in names])
@@ -184,7 +188,9 @@ def record(flight):
     )
 
 
-def scored(case, mode, seed, components):
+def scored(
+    case: Case, mode: str, seed: int, components: int | None
+) -> tuple[dict[str, float | str], Record | None]:
     """(row of the table of scores, Record or None) of one flight; a flight that could not begin
     is lost."""
     try:
@@ -196,7 +202,13 @@ def scored(case, mode, seed, components):
     ), made
 
 
-def run_all(seeds, components=None, cases=None, progress=None, threads=None):
+def run_all(
+    seeds: Iterable[int],
+    components: int | None = None,
+    cases: Sequence[Case] | None = None,
+    progress: Progress | None = None,
+    threads: int | None = None,
+) -> Results:
     """Results over `seeds`, or SHARES of them; cases: by default all. components: of the PKF;
     progress: called with the fraction done."""
     seeds, cases = list(seeds), CASES if cases is None else cases
@@ -211,7 +223,10 @@ def run_all(seeds, components=None, cases=None, progress=None, threads=None):
     tasks.sort(key=lambda task: (-duration(task[0][0]), task[0][1]))
     for group in groups:
         reference(*group)
-    rows, samples, curves, done = [], {}, {}, 0.0
+    rows: list[dict[str, Any]] = []
+    samples: dict[tuple[Case, str], Record] = {}
+    grown: dict[tuple[Case, str], list[Array]] = {}
+    done = 0.0
     of = lambda task: [case for case in cases if (case.experiment, case.form) == task[0]]
     total = sum(duration(task[0][0]) for task in tasks)
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
@@ -222,7 +237,7 @@ def run_all(seeds, components=None, cases=None, progress=None, threads=None):
             rows += found[0]
             samples |= found[1]
             for key, curve in found[2].items():
-                curves.setdefault(key, []).append(curve)
+                grown.setdefault(key, []).append(curve)
             done += duration(task[0][0])
             if progress:
                 progress(done / total)
@@ -232,12 +247,12 @@ def run_all(seeds, components=None, cases=None, progress=None, threads=None):
         experiment: reference(experiment, form) for experiment, form in groups if form == SIX
     }
     curves = {
-        key: (curve_times(key[0].experiment), np.array(values)) for key, values in curves.items()
+        key: (curve_times(key[0].experiment), np.array(values)) for key, values in grown.items()
     }
     return Results(pd.DataFrame(rows), samples, references, curves, seconds)
 
 
-def times(seed, components=None):
+def times(seed: int, components: int | None = None) -> dict[tuple[str, str], float]:
     """{(mode, prediction): wall time of a flight of E2 with six states, s}; each was flown
     before for a moment, so that nothing compiles."""
     found = {}
@@ -252,10 +267,14 @@ def times(seed, components=None):
     return found
 
 
-def _seed(cases, seed, components, kept):
+def _seed(
+    cases: list[Case], seed: int, components: int | None, kept: bool
+) -> tuple[list[dict[str, Any]], dict[tuple[Case, str], Record], dict[tuple[Case, str], Array]]:
     """(rows of scores, {(Case, mode): Record}, {(Case, mode): curve}) of the cases of one
     experiment and form with one seed."""
-    rows, samples, curves = [], {}, {}
+    rows: list[dict[str, Any]] = []
+    samples: dict[tuple[Case, str], Record] = {}
+    curves: dict[tuple[Case, str], Array] = {}
     unfiltered = None  # knows no prediction and no Q, R: one flight for all cases
     for case in cases:
         made = {}
@@ -281,7 +300,7 @@ def _seed(cases, seed, components, kept):
     return rows, samples, curves
 
 
-def apart(one, other):
+def apart(one: Record | None, other: Record | None) -> float:
     """m: largest distance between two flights' aircraft or between their estimates; NaN where
     one was not flown, inf where it was not as long."""
     if one is None or other is None:
@@ -297,12 +316,12 @@ def apart(one, other):
     )
 
 
-def curve_times(experiment):
+def curve_times(experiment: str) -> Array:
     """(TIMES,) s of the growth curves."""
     return np.linspace(0.0, duration(experiment), TIMES + 1)[1:]
 
 
-def curve(record, reference):
+def curve(record: Record | None, reference: Record) -> Array:
     """(2, TIMES) horizontal error of the estimate, and distance of the aircraft from the
     reference flight, m; inf where it had stopped."""
     found = np.full((2, TIMES), np.inf)
@@ -317,7 +336,7 @@ def curve(record, reference):
     return found
 
 
-def texts():
+def texts() -> dict[str, str]:
     """{brace: text} for mollaei_choices: what was flown and with which receiver."""
     p, v = (
         ", ".join(f"{value:g}" for value in sd)

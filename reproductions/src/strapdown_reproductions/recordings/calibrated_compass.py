@@ -5,6 +5,9 @@ And what attitude filters make of that flight: in a turn the specific force poin
 normal, not up, and no gyro tells for long.
 """
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
@@ -13,6 +16,8 @@ from strapdown.alignment.static_attitude import levelled
 from strapdown.calibration.fitting import calibrate
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors, rms
+from strapdown.recording import Recording
+from strapdown.typing import Say
 
 from ..common.pages import claim
 
@@ -27,7 +32,9 @@ INTRODUCTION = (
 )
 
 
-def magnetometer(folder, window, say=None):
+def magnetometer(
+    folder: Path, window: tuple[float, float], say: Say | None = None
+) -> tuple[dict[str, tuple[str, pd.DataFrame]], list[dict[str, Any]]]:
     """(tables by name, claims) of the description thor75-attitude.toml in `folder`, scored over
     window = (start, stop) in s. Raises DataError."""
     recording = io.read(folder / "thor75-attitude.toml")
@@ -73,7 +80,7 @@ def magnetometer(folder, window, say=None):
     }, claims
 
 
-def _filters(recording, window, say):
+def _filters(recording: Recording, window: tuple[float, float], say: Say | None) -> pd.DataFrame:
     rows = []
     for name in FILTERS:
         r = rms(errors(fuse(recording, name, say=say), recording.reference), window)

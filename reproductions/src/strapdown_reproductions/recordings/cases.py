@@ -7,15 +7,20 @@ that stands still.
 """
 
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from strapdown import io
 from strapdown.alignment.static_attitude import body_to_navigation, gyrocompass
+from strapdown.core.contract import Imu
 from strapdown.data import Aiding, Trajectory
+from strapdown.io.broad import with_positions
 from strapdown.io.locate import data_folder
 from strapdown.recording import Recording
+from strapdown.typing import Array, Mask
 
 from ..common.example_recordings import FLIGHT, windows_of
 
@@ -37,18 +42,18 @@ class Case(NamedTuple):
     group: str  # heading of its column, which the cases of one group share
     name: str
     recording: Recording
-    windows: tuple  # ((start, stop), ...) in s, both included
+    windows: tuple[tuple[float, float], ...]  # ((start, stop), ...) in s, both included
     # in a hand: attitude as inclination and heading, which no pitch makes singular, and scored
     # where the reference has a row
     held: bool = False
 
-    def inside(self, t):
+    def inside(self, t: Array) -> Mask:
         """(n,) bool: which of the times `t` are scored."""
         within = np.logical_or.reduce([(t >= start) & (t <= stop) for start, stop in self.windows])
         return within & np.isin(t, self.recording.reference.t) if self.held else within
 
 
-def cases(folder):
+def cases(folder: Path) -> list[Case]:
     """The Cases of the descriptions in `folder` and of the data folder. Raises DataError."""
     flight, drive = io.read(folder / "thor75-full.toml"), io.read(folder / "drive0708.toml")
     found = [
@@ -63,14 +68,12 @@ def cases(folder):
     return found + ([parked(io.read(laser))] if laser.exists() else [])
 
 
-def with_optics(path):
+def with_optics(path: Path) -> Recording:
     """The Recording of a BROAD trial with the optical positions of one row a second, noised."""
-    from strapdown.io.broad import with_positions
-
     return with_positions(io.read(path), rate=1.0, sd=POSITION_SD)
 
 
-def held_by_hand(group, recording):
+def held_by_hand(group: str, recording: Recording) -> Case:
     """The Case of a BROAD trial, scored while it moves."""
     return Case(
         group,
@@ -81,7 +84,7 @@ def held_by_hand(group, recording):
     )
 
 
-def in_motion(recording):
+def in_motion(recording: Recording) -> Recording:
     """The recording of a hand-held IMU with the errors that motion brings, none of which its
     records at rest show.
 
@@ -109,7 +112,7 @@ def in_motion(recording):
     )
 
 
-def parked(recording):
+def parked(recording: Recording) -> Case:
     """The Case of a parked ring-laser IMU: the header's position and zero velocity as fixes, and as
     reference with the attitude that gravity and the Earth's rate have in the mean of the whole
     record.
@@ -140,11 +143,9 @@ def parked(recording):
     )
 
 
-def standing(imu, lla):
+def standing(imu: Imu, lla: Array) -> Trajectory:
     """Trajectory of a body that stands at `lla` (rad, rad, m), with the attitude of the mean
     rate and specific force of an Imu."""
-    from scipy.spatial.transform import Rotation
-
     seconds, ends = imu.dt.sum(), np.arange(imu.t[0] - imu.dt[0], imu.t[-1] + 1.0, 1.0)
     rph = gyrocompass(imu.dtheta.sum(axis=0) / seconds, imu.dv.sum(axis=0) / seconds).rph
     x, y, z, w = Rotation.from_matrix(body_to_navigation(*rph)).as_quat()

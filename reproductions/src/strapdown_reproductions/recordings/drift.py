@@ -6,17 +6,26 @@ from 240 to 570 s, each a run of its own with all fixes before, so that every se
 once. Magnetometer and barometer need no receiver and stay.
 """
 
+from collections.abc import Sequence
+from typing import TypeAlias
+
 import numpy as np
 import pandas as pd
 
 from strapdown import filters
-from strapdown.data import DataError
-from strapdown.engine.batch import fuse, positioned
+from strapdown.data import DataError, Solution
+from strapdown.engine.batch import fuse
+from strapdown.engine.prepare import positioned
 from strapdown.evaluation.metrics import outages
+from strapdown.recording import Recording
+from strapdown.typing import Say
 
 from ..common.example_recordings import FLIGHT, windows_of
 from .table import FEWER, FIXES, number, shortened, wrong
 
+Row: TypeAlias = tuple[float, float, float, float, float, str]
+"""start, stop, s; largest horizontal error, horizontal at the end, largest vertical, m; what was
+said."""
 LENGTH = 30.0
 """s of the windows of thor75."""
 EACH = (
@@ -40,7 +49,7 @@ what is taken of it."""
 HEADING = "Dead reckoning without position and velocity fixes"
 
 
-def consecutive(start, stop, length):
+def consecutive(start: float, stop: float, length: float) -> list[tuple[float, float]]:
     """[(start, stop)] of as many windows of `length` s as fit, s."""
     return [
         (start + k * length, start + (k + 1) * length)
@@ -48,7 +57,9 @@ def consecutive(start, stop, length):
     ]
 
 
-def outage_scores(flight, drive, names=None, say=None):
+def outage_scores(
+    flight: Recording, drive: Recording, names: Sequence[str] | None = None, say: Say | None = None
+) -> pd.DataFrame:
     """DataFrame of EACH with a row per filter that estimates a position, recording and outage;
     NaN and `said` where a filter did not get there."""
     flights, rows = consecutive(*FLIGHT, LENGTH), []
@@ -65,7 +76,9 @@ def outage_scores(flight, drive, names=None, say=None):
     return pd.DataFrame(rows, columns=EACH)
 
 
-def together(recording, name, windows, say=None):
+def together(
+    recording: Recording, name: str, windows: Sequence[tuple[float, float]], say: Say | None = None
+) -> list[Row]:
     """[(start, stop, largest horizontal, horizontal at the end, largest vertical, said)] of
     windows that are withheld in one run; m and s."""
     try:
@@ -77,7 +90,7 @@ def together(recording, name, windows, say=None):
     return [_outage(solution, recording, window) for window in windows]
 
 
-def _outage(solution, recording, window):
+def _outage(solution: Solution, recording: Recording, window: tuple[float, float]) -> Row:
     stopped = solution.meta.get("stopped", "")
     if stopped and solution.t[-1] < window[1]:
         return (*window, np.nan, np.nan, np.nan, shortened(stopped))
@@ -85,7 +98,7 @@ def _outage(solution, recording, window):
     return (*window, score.horizontal_max, score.horizontal_end, score.down_max, "")
 
 
-def summary(table):
+def summary(table: pd.DataFrame) -> pd.DataFrame:
     """DataFrame with a row per filter and MEASURES for each recording. An outage on whose way a
     filter stopped counts as infinitely far."""
     found = []
@@ -105,6 +118,6 @@ def summary(table):
     return pd.DataFrame(found)
 
 
-def shown(summary):
+def shown(summary: pd.DataFrame) -> pd.DataFrame:
     """The DataFrame of `summary` as one of text."""
     return summary.map(lambda value: value if isinstance(value, str) else number(value))

@@ -7,12 +7,14 @@ and a heading from it.
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from strapdown import io
-from strapdown.alignment.static_attitude import gyrocompass
+from strapdown.alignment.static_attitude import Gyrocompass, gyrocompass
+from strapdown.core.contract import Imu
 from strapdown.core.earth import RATE
 from strapdown.data import DataError
 from strapdown.engine.batch import fuse
@@ -20,7 +22,9 @@ from strapdown.evaluation.metrics import errors, outages, rms
 from strapdown.files import replacing
 from strapdown.io.locate import data_folder
 from strapdown.preprocessing.stationary import motionless
+from strapdown.recording import Recording
 from strapdown.reports.page import report
+from strapdown.typing import File, Ints, Say
 
 from ..common.example_recordings import DESCRIPTIONS, FLIGHT, windows_of
 from ..common.pages import claim, write_page
@@ -60,7 +64,9 @@ NO_LASER = (
 )
 
 
-def reproduce(out, recordings=None, say=None):
+def reproduce(
+    out: Path, recordings: File | None = None, say: Say | None = None
+) -> list[dict[str, Any]]:
     """Fuse and score the recordings, write the page into the folder `out`, return the claims.
     Raises DataError."""
     folder = Path(recordings) if recordings else DESCRIPTIONS
@@ -104,7 +110,9 @@ def reproduce(out, recordings=None, say=None):
     return claims
 
 
-def every_filter(folder, say):
+def every_filter(
+    folder: Path, say: Say | None
+) -> tuple[dict[str, tuple[None, pd.DataFrame]], list[tuple[str, pd.DataFrame]]]:
     """Every filter on every recording, and dead reckoning: ({name: (caption, DataFrame)},
     [(heading, DataFrame of text)])."""
     found = cases(folder)
@@ -124,7 +132,9 @@ def every_filter(folder, say):
     }, shown
 
 
-def _flight(folder, out, say):
+def _flight(
+    folder: Path, out: Path, say: Say | None
+) -> tuple[pd.DataFrame, list[dict[str, Any]], list[tuple[str, str]]]:
     recording = io.read(folder / "thor75.toml")
     solutions = {name: fuse(recording, name, say=say) for name in FILTERS}
     rows = []
@@ -166,7 +176,9 @@ def _flight(folder, out, say):
     return table, claims, [("thor75: closed and open loop", "thor75.html")]
 
 
-def _drive(folder, out, say):
+def _drive(
+    folder: Path, out: Path, say: Say | None
+) -> tuple[pd.DataFrame, pd.DataFrame, list[dict[str, Any]], list[tuple[str, str]]]:
     rows, summary, claims, links = [], [], [], []
     for description, (text, bound) in DRIVES.items():
         recording = io.read(folder / f"{description}.toml")
@@ -218,7 +230,7 @@ def _drive(folder, out, say):
     )
 
 
-def _laser(folder):
+def _laser(folder: Path) -> tuple[pd.DataFrame | None, list[dict[str, Any]]]:
     """(table, claims) of the ring-laser record; (None, []) where the data folder lacks it."""
     path = data_folder(folder).joinpath(*LASER)
     if not path.exists():
@@ -226,7 +238,7 @@ def _laser(folder):
     return earth_rate(io.read(path))
 
 
-def earth_rate(recording):
+def earth_rate(recording: Recording) -> tuple[pd.DataFrame, list[dict[str, Any]]]:
     """(table, claims): the Earth's rate in the record of a parked ring-laser IMU whose header
     names its latitude, and the heading from it."""
     imu, latitude = recording.imu, recording.meta["position"][0]
@@ -292,7 +304,7 @@ def earth_rate(recording):
     ]
 
 
-def _compass(imu, rows):
+def _compass(imu: Imu, rows: Ints) -> Gyrocompass:
     """The Gyrocompass of the mean rate and specific force of these samples."""
     seconds = imu.dt[rows].sum()
     return gyrocompass(imu.dtheta[rows].sum(axis=0) / seconds, imu.dv[rows].sum(axis=0) / seconds)

@@ -6,15 +6,22 @@ recording, stops on it or loses it stays in the table.
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from strapdown import filters
-from strapdown.data import DataError
-from strapdown.engine.batch import fuse, positioned
+from strapdown.core.contract import Filter
+from strapdown.data import DataError, Solution
+from strapdown.engine.batch import fuse
+from strapdown.engine.prepare import positioned
 from strapdown.evaluation.metrics import errors, rms
+from strapdown.typing import Say
+
+from .cases import Case
 
 LOST = 100.0
 """Standard deviations of the position fixes: a filter whose horizontal rms is beyond, while they
@@ -60,7 +67,9 @@ INTRODUCTION = (
 )
 
 
-def scores(cases, names=None, say=None):
+def scores(
+    cases: Sequence[Case], names: Sequence[str] | None = None, say: Say | None = None
+) -> pd.DataFrame:
     """DataFrame with a row for each case and filter: group, recording, held, filter, FIGURES,
     COUNTS, and `said`: what went wrong, or empty."""
     rows = []
@@ -76,7 +85,7 @@ def scores(cases, names=None, say=None):
     )
 
 
-def _scores(case, name, say):
+def _scores(case: Case, name: str, say: Say | None) -> dict[str, Any]:
     try:
         solution = fuse(case.recording, name, say=say, **FEWER.get(name, {}))
     except DataError as error:
@@ -96,7 +105,7 @@ def _scores(case, name, say):
     return found
 
 
-def scored(case, solution, filter):
+def scored(case: Case, solution: Solution, filter: Filter) -> dict[str, Any]:
     """{figure: value, "said": text} of a Solution over the case's windows."""
     e = errors(solution, case.recording.reference)
     inside = case.inside(e.t)
@@ -130,7 +139,7 @@ def scored(case, solution, filter):
     return dict(zip(FIGURES, map(float, figures))) | {"said": said}
 
 
-def counted(solution):
+def counted(solution: Solution) -> tuple[int, ...]:
     """(accepted, rejected, accepted, rejected): of the position and velocity fixes, of all
     others."""
     kinds, found = solution.meta["kinds"], np.zeros((2, 2), int)
@@ -139,7 +148,7 @@ def counted(solution):
     return tuple(found.ravel().tolist())
 
 
-def shortened(text, name=""):
+def shortened(text: object, name: str = "") -> str:
     """The first clause of a message, without the filter's name."""
     text = (
         str(text)
@@ -151,7 +160,7 @@ def shortened(text, name=""):
     return first if len(first) <= 160 else first[:159] + "…"
 
 
-def wide(table):
+def wide(table: pd.DataFrame) -> pd.DataFrame:
     """The DataFrame of `scores` as one of text: a row per filter, a column per group, cells of
     several lines."""
     groups, names = list(dict.fromkeys(table["group"])), list(dict.fromkeys(table["filter"]))
@@ -168,7 +177,7 @@ def wide(table):
     return pd.DataFrame(rows, columns=["filter", *groups])
 
 
-def by_trial(table):
+def by_trial(table: pd.DataFrame) -> pd.DataFrame:
     """`wide` of the last group of hand-held recordings, a column per recording."""
     own = table[table["held"]]
     return wide(
@@ -178,7 +187,7 @@ def by_trial(table):
     )
 
 
-def cell(rows):
+def cell(rows: pd.DataFrame) -> str:
     """Text of the rows of one filter and one group, a line per quantity; medians over the rows,
     and what was said."""
     figures, held = rows[list(FIGURES)].astype(float), bool(rows["held"].iloc[0])
@@ -200,7 +209,7 @@ def cell(rows):
     return "\n".join(lines + wrong(rows["said"]))
 
 
-def wrong(said):
+def wrong(said: pd.Series) -> list[str]:
     """Lines of what was said of some runs, each with how many it was said of where those are not
     all; times of stopping together."""
     found = {}
@@ -219,7 +228,7 @@ def wrong(said):
     return lines
 
 
-def number(value):
+def number(value: float) -> str:
     """Two decimals below 10, two digits below a tenth, three above 10 and whole numbers above
     100."""
     if np.isnan(value):

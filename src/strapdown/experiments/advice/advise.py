@@ -6,9 +6,12 @@ crossover map and the folder. The rule itself is in `verdicts`, the words and fi
 `reports.advice`.
 """
 
+from __future__ import annotations
+
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,22 +20,30 @@ from ...evaluation.consistency import Interval
 from ...files import replacing
 from ...sensor_models.imu import ImuSpec, grade
 from ...sim.scenario import Scenario
+from ...typing import Array, File, Progress, Say
 from ..monte_carlo.campaign import Campaign
 from ..monte_carlo.study import Study
-from .mission import CIRCUIT, RATE, mission, seconds
+from .mission import CIRCUIT, MISSION_RATE, mission, seconds
+from .page import page, sentences, summary_table
 from .verdicts import (
     CLOSED,
+    DEFAULT_RULES,
     OPEN,
     RESET,
     Decision,
+    Evidence,
     Rules,
     Runs,
+    Verdict,
     decide,
     evidence,
     guess,
     judge,
     variants,
 )
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 INTERVALS = (10, 60, 300, 1200)
 """s between the resets that are compared, where two or more fit into the mission."""
@@ -42,7 +53,7 @@ RUNS, QUICK_RUNS, MAP_RUNS = 40, 36, 10
 GRADES = ("consumer", "industrial", "tactical", "navigation")
 """Of the map, beside the user's own."""
 MAP_FILTERS = (CLOSED, OPEN, f"{RESET}60")
-ROWS = 400
+STORED_ROWS = 400
 """Stored rows of a run, about."""
 STEP_TIME = 1.2e-6
 """s of one core per filter step, about."""
@@ -56,25 +67,25 @@ class Advice:
     scenario: Scenario
     imu: ImuSpec
     rules: Rules
-    found: dict  # {filter: Evidence}
+    found: dict[str, Evidence]  # {filter: Evidence}
     decision: Decision
-    others: dict  # {changed threshold: Decision}
-    through: list  # [(duration s, Decision)] of this mission cut short, by the estimates
+    others: dict[str, Decision]  # {changed threshold: Decision}
+    through: list[
+        tuple[float, Decision]
+    ]  # [(duration s, Decision)] of this mission cut short, by the estimates
     campaign: Campaign
-    map: list  # dicts: motion, imu, duration_s, answer, filter, sure
+    map: list[dict[str, Any]]  # dicts: motion, imu, duration_s, answer, filter, sure
     map_campaign: Campaign | None
     seed: int
 
     @property
-    def answer(self):
+    def answer(self) -> str:
         """ "open", "reset", "closed", "none" or "undecided"."""
         return self.decision.answer
 
-    def save(self, folder):
+    def save(self, folder: Path) -> None:
         """Write advice.json, summary.csv, map.csv (where there is a map) and index.html into a
         folder. Raises DataError."""
-        from .page import page, summary_table
-
         tables = {"summary": summary_table(self)} | ({"map": self._map_table()} if self.map else {})
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -91,22 +102,25 @@ class Advice:
             )
         page(self).save(folder / "index.html")
 
-    def _map_table(self):
+    def _map_table(self) -> pd.DataFrame:
         import pandas as pd
 
         return pd.DataFrame(self.map)
 
-    def as_dict(self):
+    def as_dict(self) -> dict[str, Any]:
         """JSON values of all but the campaigns; NaN is null."""
-        from .page import sentences
 
-        decision = lambda d: {
-            "answer": d.answer,
-            "filter": d.filter,
-            "doubtful": d.doubtful,
-            "runs_needed": d.runs,
-        }
-        interval = lambda i: [None if not np.isfinite(value) else float(value) for value in i]
+        def decision(d: Decision) -> dict[str, Any]:
+            return {
+                "answer": d.answer,
+                "filter": d.filter,
+                "doubtful": d.doubtful,
+                "runs_needed": d.runs,
+            }
+
+        def interval(i: Interval) -> list[float | None]:
+            return [None if not np.isfinite(value) else float(value) for value in i]
+
         filters = [
             {
                 "filter": e.filter,
@@ -136,29 +150,27 @@ class Advice:
             "map": self.map,
         }
 
-    def __str__(self):
-        from .page import sentences
-
+    def __str__(self) -> str:
         return "\n".join(sentences(self))
 
 
 def advise(
-    imu,
-    flight,
-    duration,
-    runs=None,
-    seed=0,
-    out=None,
-    map=None,
-    quick=False,
-    rules=Rules(),
-    rate=RATE,
-    threads=None,
-    workers=0,
-    scheduler=None,
-    say=None,
-    progress=None,
-):
+    imu: File | ImuSpec,
+    flight: File | Scenario,
+    duration: str | float,
+    runs: int | None = None,
+    seed: int = 0,
+    out: File | None = None,
+    map: bool | None = None,
+    quick: bool = False,
+    rules: Rules = DEFAULT_RULES,
+    rate: float = MISSION_RATE,
+    threads: int | None = None,
+    workers: int = 0,
+    scheduler: str | None = None,
+    say: Say | None = None,
+    progress: Progress | None = None,
+) -> Advice:
     """Advice on open loop, resets or closed loop for an IMU (grade, file or ImuSpec) on a mission.
     Raises DataError.
 
@@ -201,14 +213,21 @@ def advise(
             + (f", and a map of {len(maps.cells)} cells" if maps else "")
             + f": {steps / 1e6:.3g} million filter steps, about {steps * STEP_TIME:.0f} s of one core"
         )
-    run = lambda s, name, first: s.run(
-        folder / "runs" / name if folder else None,
-        threads,
-        workers,
-        scheduler,
-        say,
-        progress and (lambda done: progress((first + done * s.steps()) / steps)),
-    )
+
+    def run(part: Study, name: str, first: int) -> Campaign:
+        def report(done: float) -> None:
+            if progress:
+                progress((first + done * part.steps()) / steps)
+
+        return part.run(
+            folder / "runs" / name if folder else None,
+            threads,
+            workers,
+            scheduler,
+            say,
+            report if progress else None,
+        )
+
     campaign = run(study, "mission", 0)
     map_campaign = run(maps, "map", study.steps()) if maps else None
     made = _advice(scenario, spec, rules, campaign, map_campaign, int(seed))
@@ -217,7 +236,14 @@ def advise(
     return made
 
 
-def _advice(scenario, spec, rules, campaign, map_campaign, seed):
+def _advice(
+    scenario: Scenario,
+    spec: ImuSpec,
+    rules: Rules,
+    campaign: Campaign,
+    map_campaign: Campaign | None,
+    seed: int,
+) -> Advice:
     own = Runs.of(campaign, campaign.cells[0])
     found = evidence(own)
     through = [
@@ -241,7 +267,9 @@ def _advice(scenario, spec, rules, campaign, map_campaign, seed):
     )
 
 
-def crossover(campaign, duration, rules=Rules()):
+def crossover(
+    campaign: Campaign, duration: float, rules: Rules = DEFAULT_RULES
+) -> list[dict[str, Any]]:
     """The map of a campaign of the map's study: a dict per motion, IMU and duration; `sure` is
     False where an interval allows another answer."""
     rows = []
@@ -264,12 +292,12 @@ def crossover(campaign, duration, rules=Rules()):
     return rows
 
 
-def _certain(found, rules):
+def _certain(found: Evidence, rules: Rules) -> Verdict:
     """As `judge`, survival by its estimate: few runs cannot show it."""
     return judge(found._replace(survived=Interval(*[found.survived.value] * 3)), rules)
 
 
-def durations(duration):
+def durations(duration: float) -> Array:
     """Geometric grid of at most nine durations up to `duration`, s, from a hundredth of it or a
     minute on; all but the last have two digits."""
     first = max(60.0, duration / 100)
@@ -281,7 +309,7 @@ def durations(duration):
     return np.r_[[float(f"{t:.2g}") for t in np.geomspace(first, duration, count)[:-1]], duration]
 
 
-def _candidates(duration, quick):
+def _candidates(duration: float, quick: bool) -> tuple[str, ...]:
     """Labels of the filters that are compared."""
     fitting = [
         seconds for seconds in (QUICK_INTERVALS if quick else INTERVALS) if 2 * seconds <= duration
@@ -289,18 +317,24 @@ def _candidates(duration, quick):
     return (CLOSED, *(f"{RESET}{seconds}" for seconds in fitting), OPEN)
 
 
-def _study(scenarios, imus, filters, runs, seed):
+def _study(
+    scenarios: tuple[Scenario, ...],
+    imus: tuple[ImuSpec, ...],
+    filters: tuple[str, ...],
+    runs: int,
+    seed: int,
+) -> Study:
     return Study(
         scenarios,
         filters,
         imus,
         runs,
         seed,
-        keep=max(1, int(np.ceil(scenarios[0].duration / ROWS))),
+        keep=max(1, int(np.ceil(scenarios[0].duration / STORED_ROWS))),
     )
 
 
-def _map_scenarios(scenario):
+def _map_scenarios(scenario: Scenario) -> tuple[Scenario, ...]:
     """A straight and a dynamic flight with the receiver and the start of the mission."""
     own = {
         name: getattr(scenario, name)
@@ -324,7 +358,7 @@ def _map_scenarios(scenario):
     )
 
 
-def _map_imus(spec):
+def _map_imus(spec: ImuSpec) -> tuple[ImuSpec, ...]:
     """The grades and the user's own IMU, which is not shown twice."""
     shipped = tuple(grade(name) for name in GRADES)
     if spec in shipped:

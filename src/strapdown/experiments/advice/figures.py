@@ -1,19 +1,29 @@
 """Figures of the page of an advice: errors with stated uncertainty and bound, NEES with its
 band, survival, the crossover map."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 import plotly.graph_objects as go
+from plotly.subplots import make_subplots
 
 from ...core.contract import POS, STATES
 from ...evaluation.consistency import band
 from ...reports.drawing import COLOURS, GREY, RED, line, log_range, note, panels
+from ...typing import Array
 from .mission import spoken
-from .page import called
-from .verdicts import CLOSED, OPEN, interval_of
+from .verdicts import CLOSED, OPEN, called, interval_of
+
+if TYPE_CHECKING:
+    from ..monte_carlo.chunks import Arrays
+    from .advise import Advice
 
 LINES = {OPEN: COLOURS[1], CLOSED: COLOURS[0]}
 """Colours of the two extremes; resets take the others."""
-OTHERS = COLOURS[2:]
+RESET_COLOURS = COLOURS[2:]
 FILLS = {
     "open": "#8fd19e",
     "reset": "#ffe08a",
@@ -22,30 +32,32 @@ FILLS = {
     "undecided": "#d5d9de",
 }
 """Of the map's answers, pale so that black text can be read on them."""
-WIDEST = 1e4
+WIDEST_AXIS = 1e4
 """Ratio of the ends of a logarithmic axis at most, so that one diverging run does not flatten
 all others."""
 
 
-def _time(advice):
+def _time(advice: Advice) -> tuple[float, str]:
     """(scale, unit) of the time axes."""
     duration = advice.scenario.duration
     return (1.0, "s") if duration < 600 else (60.0, "min") if duration < 5 * 3600 else (3600.0, "h")
 
 
-def _curves(advice):
+def _curves(advice: Advice) -> tuple[Arrays, Array, str]:
     """Curves of the mission's only cell; times in the unit of the axis, and the unit."""
     curves = advice.campaign.curves(advice.campaign.cells[0])
     scale, unit = _time(advice)
     return curves, curves["t"] / scale, unit
 
 
-def _filters(advice):
+def _filters(advice: Advice) -> list[tuple[int, str, str, bool]]:
     """(place, label, colour, shown at once) of each filter; resets that are not the answer wait
     in the legend."""
     labels = list(advice.campaign.manifest["filters"])
     resets = sorted((label for label in labels if label not in LINES), key=interval_of)
-    colours = LINES | {label: OTHERS[i % len(OTHERS)] for i, label in enumerate(resets)}
+    colours = LINES | {
+        label: RESET_COLOURS[i % len(RESET_COLOURS)] for i, label in enumerate(resets)
+    }
     return [
         (
             labels.index(label),
@@ -57,18 +69,20 @@ def _filters(advice):
     ]
 
 
-def _labelled(figure, t, unit):
+def _labelled(figure: go.Figure, t: Array, unit: str) -> go.Figure:
     figure.update_xaxes(title_text=f"time [{unit}]", range=[0, float(t[-1])])
     return figure
 
 
-def _hide(figure, count, shown):
+def _hide(figure: go.Figure, count: int, shown: bool) -> None:
     """The last `count` traces wait in the legend unless they are `shown`."""
     for trace in figure.data[-count:]:
         trace.visible = True if shown else "legendonly"
 
 
-def _errors(advice, label, length, factor=1.0):
+def _errors(
+    advice: Advice, label: str, length: Callable[[Array], Array], factor: float = 1.0
+) -> go.Figure:
     """RMSE, stated standard deviation and bound of one quantity; `length` makes it of (n, 15)
     values."""
     curves, t, unit = _curves(advice)
@@ -92,23 +106,23 @@ def _errors(advice, label, length, factor=1.0):
     values = np.concatenate([*seen, bound])
     values = values[np.isfinite(values) & (values > 0)]
     if len(values):
-        log_range(figure, max(values.min(), 1e-9), min(values.max(), WIDEST * values.min()))
+        log_range(figure, max(values.min(), 1e-9), min(values.max(), WIDEST_AXIS * values.min()))
     return _labelled(figure, t, unit)
 
 
-def rmse(advice):
+def rmse(advice: Advice) -> go.Figure:
     """Three-dimensional position error over time."""
     return _errors(
         advice, "position error [m]", lambda values: np.sqrt(np.square(values[:, POS]).sum(axis=1))
     )
 
 
-def heading(advice):
+def heading(advice: Advice) -> go.Figure:
     """Error of rotation about the vertical over time."""
     return _errors(advice, "heading error [deg]", lambda values: values[:, 8], np.degrees(1))
 
 
-def nees(advice):
+def nees(advice: Advice) -> go.Figure:
     """NEES per state over time, with the band of a mean over all runs and the limits of the
     rule."""
     curves, t, unit = _curves(advice)
@@ -124,11 +138,11 @@ def nees(advice):
     figure.add_hrect(low, high, fillcolor="rgba(134,142,150,0.3)", line_width=0, layer="below")
     for limit in (1 / advice.rules.belief, advice.rules.belief):
         figure.add_hline(limit, line={"color": RED, "width": 1, "dash": "dash"})
-    log_range(figure, 0.6 / advice.rules.belief, min(largest, WIDEST))
+    log_range(figure, 0.6 / advice.rules.belief, min(largest, WIDEST_AXIS))
     return _labelled(figure, t, unit)
 
 
-def survival(advice):
+def survival(advice: Advice) -> go.Figure:
     """Share of the runs that are alive over time, with the least that the rule asks for."""
     curves, t, unit = _curves(advice)
     figure = panels(["runs alive [%]"], height=210)
@@ -146,11 +160,9 @@ def survival(advice):
     return _labelled(figure, t, unit)
 
 
-def crossover(advice):
+def crossover(advice: Advice) -> go.Figure:
     """The map: a panel per motion, a row per IMU, a column per duration; the colour is the
     answer."""
-    from plotly.subplots import make_subplots
-
     rows, kinds = advice.map, list(FILLS)
     motions, imus, times = (
         list(dict.fromkeys(row[name] for row in rows)) for name in ("motion", "imu", "duration_s")
@@ -201,7 +213,7 @@ def crossover(advice):
     return figure
 
 
-def _mark(cell):
+def _mark(cell: dict[str, Any]) -> str:
     if cell["answer"] == "undecided":
         return "?"
     text = f"{interval_of(cell['filter']):g} s" if cell["answer"] == "reset" else cell["answer"]

@@ -5,22 +5,24 @@ import math
 import re
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ...data import DataError
-from ...files import read_toml, shipped
+from ...files import find_shipped, read_toml
 from ...sim.scenario import Scenario, scenario, scenarios
 from ...sim.scenario_file import from_table, nearest
+from ...typing import File
 
-UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
+DURATION_UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 """Units of a duration, in seconds."""
-SHORTEST, LONGEST = 10.0, 24 * 3600.0
+SHORTEST_MISSION, LONGEST_MISSION = 10.0, 24 * 3600.0
 """s: what is advised on."""
-RATE = 20.0
+MISSION_RATE = 20.0
 """IMU samples per second of a mission, at most: vibration is no part of the question, and the
 time that the runs take grows with it."""
-CIRCUIT = {
+CIRCUIT: dict[str, Any] = {
     "name": "dynamic",
     "about": "circuits of a light aircraft: climbs, descents, coordinated turns, changes of speed, light turbulence",
     "motion": {
@@ -45,7 +47,7 @@ CIRCUIT = {
 """A scenario file's content: the kind "dynamic". Climb and descent cancel."""
 
 
-def seconds(text):
+def seconds(text: str | float) -> float:
     """Seconds of a number (s) or a text like "90min", "1.5 h", "1h30min", "600". Raises
     DataError where it is none, or not above 0."""
     if isinstance(text, str):
@@ -58,7 +60,7 @@ def seconds(text):
                 or (len(parts) > 1 and not all(unit for _, unit in parts))
             ):
                 raise ValueError
-            value = sum(float(number) * UNITS[unit or "s"] for number, unit in parts)
+            value = sum(float(number) * DURATION_UNITS[unit or "s"] for number, unit in parts)
         except (ValueError, KeyError):
             raise DataError(
                 f"duration {text!r}: write a number with its unit above 0, as 600s, 90min, 2h or 1h30min"
@@ -67,14 +69,14 @@ def seconds(text):
         raise DataError(f"duration {text!r}: write seconds as a number, or a text as 90min")
     else:
         value = float(text)
-    if not SHORTEST <= value <= LONGEST:
+    if not SHORTEST_MISSION <= value <= LONGEST_MISSION:
         raise DataError(
-            f"duration {text!r} is {value:g} s; advice is on {SHORTEST:g} s to {LONGEST / 3600:g} h"
+            f"duration {text!r} is {value:g} s; advice is on {SHORTEST_MISSION:g} s to {LONGEST_MISSION / 3600:g} h"
         )
     return value
 
 
-def spoken(t):
+def spoken(t: float) -> str:
     """A time for people: "45 s", "12 min", "1 h 30 min"."""
     t = round(t)
     if t < 120 or (t < 600 and t % 60):
@@ -85,13 +87,13 @@ def spoken(t):
     )
 
 
-def kinds():
+def kinds() -> list[str]:
     """What `mission` takes beside scenario files: "dynamic" and the names of the built-in
     scenarios."""
     return sorted({CIRCUIT["name"], *scenarios()})
 
 
-def mission(flight, duration, rate=RATE):
+def mission(flight: File | Scenario, duration: float, rate: float = MISSION_RATE) -> Scenario:
     """The Scenario of a `flight` of `duration` s: one of `kinds()`, a scenario file's path, or a
     Scenario. Raises DataError.
 
@@ -109,12 +111,12 @@ def mission(flight, duration, rate=RATE):
     )
 
 
-def _table(flight):
+def _table(flight: File) -> tuple[dict[str, Any], Path]:
     """(table, path) of the scenario file behind a name or path."""
     flight = str(flight)
     if flight == CIRCUIT["name"]:
         return CIRCUIT, Path(flight)
-    if resource := shipped("scenarios", "strapdown.sim").get(flight):
+    if resource := find_shipped("scenarios", "strapdown.sim", flight):
         return tomllib.loads(resource.read_text(encoding="utf-8")), Path(flight)
     if flight.endswith(".toml") or len(Path(flight).parts) > 1:
         scenario(flight)  # says what is wrong with the file
@@ -125,7 +127,7 @@ def _table(flight):
     )
 
 
-def _again(table, path, duration):
+def _again(table: dict[str, Any], path: Path, duration: float) -> Scenario:
     """The scenario with its legs or waypoints as often as the duration needs."""
     motion = table.get("motion", {})
     key = next((key for key in ("legs", "waypoints") if key in motion), None)
@@ -152,7 +154,7 @@ def _again(table, path, duration):
     )
 
 
-def _times(key, items, times):
+def _times(key: str, items: list[dict[str, Any]], times: int) -> list[dict[str, Any]]:
     if times == 1:
         return items
     if key == "legs":
@@ -161,17 +163,17 @@ def _times(key, items, times):
     return [*loop * times, loop[0]]
 
 
-def _fastest(made):
+def _fastest(made: Scenario) -> float:
     """Fixes per second of the fastest sensor: the IMU's samples may not be fewer."""
     others = [
         sensor.rate or 0.0
         for sensor in (made.magnetometer, made.barometer, made.attitude)
         if sensor is not None
     ]
-    return max([0.0 if np.ndim(made.gnss.interval) else 1 / made.gnss.interval, *others])
+    return max([0.0 if np.ndim(made.gnss.interval) else 1 / float(made.gnss.interval), *others])
 
 
-def _lasting(made, duration):
+def _lasting(made: Scenario, duration: float) -> Scenario:
     if made.motion.end < duration:
         raise DataError(
             f"scenario {made.name!r}: its motion ends at {made.motion.end:g} s; plan {duration:g} s, or give a scenario file, "

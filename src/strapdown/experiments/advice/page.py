@@ -1,18 +1,40 @@
 """What `strapdown advise` says and shows: the sentences, the table of evidence, and the page
 with its figures."""
 
+from __future__ import annotations
+
 import re
 from datetime import UTC, datetime
 from html import escape
 from itertools import count
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ... import __version__
-from ...reports.shell import listed, placed, shell
+from ...evaluation.consistency import Interval
+from ...reports.shell import Page, listed, placed, shell
 from ...reports.summary import number, table
+from ...typing import ArrayLike
 from .mission import spoken
-from .verdicts import CLOSED, MOST_RUNS, NO, STRETCHES, UNDECIDED, YES, interval_of, kind_of
+from .verdicts import (
+    CLOSED,
+    MOST_RUNS,
+    NO,
+    STRETCHES,
+    UNDECIDED,
+    YES,
+    Decision,
+    Evidence,
+    Verdict,
+    called,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import plotly.graph_objects as go
+
+    from .advise import Advice
 
 FOOTER = "Simulated runs with the IMU's error model as it is described; a real IMU, vibration and faulty fixes are no part of them."
 ANSWERS = {
@@ -22,7 +44,7 @@ ANSWERS = {
     "none": "none",
     "undecided": "not decided",
 }
-ERRORS = (
+ERRORS_CAPTION = (
     "Root mean square over the runs that are still alive (solid), what the filter states (dashed), and the Cramer-Rao bound, which no "
     "filter can undercut on average."
 )
@@ -55,32 +77,25 @@ UNESTIMATED = (
 temperature, hold only roughly."""
 
 
-def called(label):
-    """A filter's label for people: "open loop", "closed loop", "reset every 60 s"."""
-    return {"open": "open loop", "closed": "closed loop", "none": "none"}.get(
-        kind_of(label)
-    ) or f"reset every {interval_of(label):g} s"
-
-
-def sentences(advice):
+def sentences(advice: Advice) -> list[str]:
     """The answer, what it is about, the reasons, and how sure it is: a list of lines."""
     head = [_headline(advice), _about(advice), *notes(advice)]
     lines = [f"  {called(e.filter):<20} {_verdict(advice, e)}" for e in advice.found.values()]
     return [*head, *lines, *_not_estimated(advice), _sure(advice), *_shorter(advice)]
 
 
-def flight(advice):
+def flight(advice: Advice) -> str:
     """Name of the mission's flight, without its duration."""
     return advice.scenario.name.rpartition("-")[0]
 
 
-def imu_name(advice):
+def imu_name(advice: Advice) -> str:
     """The IMU for people: "tactical IMU"; a name that says it is one stays as it is."""
     name = advice.imu.name
     return name if re.search(r"(^|[\s_-])imu$", name.lower()) else f"{name} IMU"
 
 
-def _headline(advice):
+def _headline(advice: Advice) -> str:
     decision, length = advice.decision, spoken(advice.scenario.duration)
     kind, name = decision.answer, called(decision.filter)
     if kind == "open":
@@ -99,7 +114,7 @@ def _headline(advice):
     return f"Not decided by {count} runs: to tell whether the answer is {called(decision.doubtful)} takes {runs}. {until}"
 
 
-def _runs(needed):
+def _runs(needed: int) -> str:
     """How many runs would decide, in words; two digits, for it is a guess."""
     if needed >= MOST_RUNS:
         return f"more than {MOST_RUNS} runs: it is on the boundary"
@@ -107,9 +122,12 @@ def _runs(needed):
     return f"about {-(-needed // step) * step} runs in all"
 
 
-def _about(advice):
+def _about(advice: Advice) -> str:
     scenario, gnss = advice.scenario, advice.scenario.gnss
-    axes = lambda sd: f"{sd[0]:g} {sd[1]:g} {sd[2]:g}" if np.ndim(sd) else f"{sd:g}"
+
+    def axes(sd: ArrayLike) -> str:
+        return " ".join(f"{value:g}" for value in np.atleast_1d(np.asarray(sd, float)))
+
     receiver = (("position", gnss.position_sd, "m"), ("velocity", gnss.velocity_sd, "m/s"))
     measured = [
         f"{what} (sd {axes(sd)} {unit} NED)" for what, sd, unit in receiver if sd is not None
@@ -117,12 +135,12 @@ def _about(advice):
     return (
         f"{imu_name(advice)}, {flight(advice)}, {spoken(scenario.duration)}, simulated at {scenario.rate:g} Hz; "
         f"GNSS {' and '.join(measured) or 'nothing'} every {gnss.interval:g} s; "
-        f"attitude at the start to {axes(np.degrees(scenario.start_sd[6:9]).round(3))} deg; "
+        f"attitude at the start to {axes(np.degrees(np.array(scenario.start_sd[6:9], float)).round(3))} deg; "
         f"{advice.found[CLOSED].count} runs, seed {advice.seed}"
     )
 
 
-def notes(advice):
+def notes(advice: Advice) -> list[str]:
     """What a reader must know of this mission: sentences, often none."""
     truth, found = advice.scenario.glance(200), []
     low, high = truth.lla[:, 2].min(), truth.lla[:, 2].max()
@@ -137,7 +155,7 @@ def notes(advice):
     return found
 
 
-def _broken(e, verdict, state):
+def _broken(e: Evidence, verdict: Verdict, state: str) -> list[str]:
     """What speaks against a filter: the criteria that are in `state`, in words."""
     factor = np.sqrt(max(e.nees.value, 1 / e.nees.value)) if e.nees.value > 0 else np.nan
     small = "small" if e.nees.value > 1 else "large"
@@ -149,15 +167,15 @@ def _broken(e, verdict, state):
     return [text for name, text in said.items() if getattr(verdict, name) == state]
 
 
-def _interval(interval):
+def _interval(interval: Interval) -> str:
     return f"{number(interval.value)} ({number(interval.low)} to {number(interval.high)})"
 
 
-def _percent(share):
+def _percent(share: float) -> str:
     return f"{100 * share:.3g} %"
 
 
-def _verdict(advice, e):
+def _verdict(advice: Advice, e: Evidence) -> str:
     verdict = advice.decision.verdicts[e.filter]
     if verdict.admissible == YES:
         other = (
@@ -171,7 +189,7 @@ def _verdict(advice, e):
     return f"not decided: {'; '.join(_broken(e, verdict, UNDECIDED))}; {_runs(verdict.runs)} would tell"
 
 
-def _not_estimated(advice):
+def _not_estimated(advice: Advice) -> list[str]:
     """Where not even the closed loop is admissible: the errors of the IMU that no filter here
     estimates, as a likely cause, and the remedy."""
     if advice.decision.verdicts[CLOSED].admissible != NO:
@@ -196,17 +214,20 @@ def _not_estimated(advice):
     ]
 
 
-def _sure(advice):
+def _sure(advice: Advice) -> str:
     """How much hangs on the thresholds and on the number of runs."""
     own = (advice.decision.answer, advice.decision.filter)
-    text = lambda d: called(d.filter) if d.answer != "undecided" else "not decided"
+
+    def text(d: Decision) -> str:
+        return called(d.filter) if d.answer != "undecided" else "not decided"
+
     changed = [
         f"{text(d)} with {name}"
         for name, d in advice.others.items()
         if (d.answer, d.filter) != own and d.answer != "undecided"
     ]
     untold = [name for name, d in advice.others.items() if d.answer == "undecided"]
-    best = advice.found.get(advice.decision.filter)
+    best = advice.found.get(advice.decision.filter or "")
     within = best and f"{_percent(best.survived.low)} to {_percent(best.survived.high)}"
     counts = (
         f"survival in {best.lived} of {best.count} runs (95 % interval: {within}); " if best else ""
@@ -223,7 +244,7 @@ def _sure(advice):
     return f"How sure: {counts}{said}{few}."
 
 
-def _shorter(advice):
+def _shorter(advice: Advice) -> list[str]:
     """How long the open loop would do on this mission, by the estimates."""
     if advice.answer in ("open", "undecided"):
         return []
@@ -241,15 +262,17 @@ def _shorter(advice):
     ]
 
 
-def summary_table(advice):
+def summary_table(advice: Advice) -> pd.DataFrame:
     """pandas DataFrame with a row per filter: the evidence and the verdicts."""
     import pandas as pd
+
+    def ends(name: str, i: Interval) -> dict[str, float]:
+        return {name: i.value, f"{name}_low": i.low, f"{name}_high": i.high}
 
     rows = []
     own = advice.campaign.summary.set_index("filter")
     for e in advice.found.values():
         verdict = advice.decision.verdicts[e.filter]
-        ends = lambda name, i: {name: i.value, f"{name}_low": i.low, f"{name}_high": i.high}
         rows.append(
             {
                 "filter": e.filter,
@@ -271,13 +294,16 @@ def summary_table(advice):
     return pd.DataFrame(rows)
 
 
-def page(advice):
+def page(advice: Advice) -> Page:
     """The Page of an Advice."""
     from . import figures
 
     numbers = count(1)
-    place = lambda figure, heading, caption: placed(next(numbers), figure, heading, caption)
-    errors = place(figures.rmse(advice), "Position error over time", ERRORS)
+
+    def place(figure: go.Figure, heading: str, caption: str) -> str:
+        return placed(next(numbers), figure, heading, caption)
+
+    errors = place(figures.rmse(advice), "Position error over time", ERRORS_CAPTION)
     errors += place(figures.heading(advice), "Heading error over time", "The same for the heading.")
     belief = place(figures.nees(advice), "NEES per state over time", NEES) + place(
         figures.survival(advice), "Survival", SURVIVAL
@@ -303,7 +329,7 @@ def page(advice):
     return shell(title, _answer(advice), seen, FOOTER)
 
 
-def _answer(advice):
+def _answer(advice: Advice) -> str:
     return listed(
         {
             "IMU": advice.imu.name,
@@ -320,7 +346,7 @@ def _answer(advice):
     )
 
 
-def _why(advice):
+def _why(advice: Advice) -> str:
     first, about, *rest = [line.strip() for line in sentences(advice)]
     said = [
         line for line in rest if not line.startswith(tuple(called(label) for label in advice.found))
@@ -330,13 +356,17 @@ def _why(advice):
     return head + "".join(f"<p>{escape(line)}</p>" for line in said) + _evidence(advice)
 
 
-def _evidence(advice):
+def _evidence(advice: Advice) -> str:
+    def mark(text: str, state: str) -> str:
+        return f"{text}{'' if state == YES else ' ✗' if state == NO else ' ?'}"
+
+    def within(i: Interval) -> str:
+        return f"{number(i.value)} ({number(i.low)}–{number(i.high)})"
+
     rows = []
     own = advice.campaign.summary.set_index("filter")
     for e in advice.found.values():
         v = advice.decision.verdicts[e.filter]
-        mark = lambda text, state: f"{text}{'' if state == YES else ' ✗' if state == NO else ' ?'}"
-        within = lambda i: f"{number(i.value)} ({number(i.low)}–{number(i.high)})"
         lost, inconsistent = own.lost[e.filter], own.inconsistent[e.filter]
         rows.append(
             [
@@ -368,7 +398,7 @@ def _evidence(advice):
     return f"{table(head, rows)}<p class=caption>{EVIDENCE}</p>"
 
 
-def _through(advice):
+def _through(advice: Advice) -> str:
     rows = [[spoken(t), ANSWERS[d.answer], called(d.filter)] for t, d in advice.through]
     return (
         table(["first ... of the mission", "answer", "filter"], rows)
@@ -376,7 +406,7 @@ def _through(advice):
     )
 
 
-def _rule(advice):
+def _rule(advice: Advice) -> str:
     r = advice.rules
     criteria = [
         f"It survives: at least {_percent(r.survival)} of the runs are neither lost (500 m) nor inconsistent "

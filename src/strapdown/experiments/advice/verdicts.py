@@ -6,14 +6,22 @@ Everything is computed from the stored rows of the runs, so that the answer for 
 needs no runs of its own.
 """
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.contract import POS, STATES
 from ...data import DataError
 from ...evaluation.consistency import SURVIVED, Interval, paired, proportion
-from ..monte_carlo.scoring import REASONS
+from ...typing import Array
+from ..monte_carlo.scoring import RUN_REASONS
+
+if TYPE_CHECKING:
+    from ..monte_carlo.campaign import Campaign
 
 OPEN, CLOSED, RESET = "open-loop", "closed-loop", "periodic-reset:interval="
 STRETCHES = 10
@@ -33,11 +41,14 @@ class Rules(NamedTuple):
     worse: float = 0.10  # position RMSE, censored: at most that share above the closed loop's
 
 
+DEFAULT_RULES = Rules()
+
+
 class Evidence(NamedTuple):
     """What the runs say of one filter."""
 
     filter: str
-    count: int  # runs
+    count: int  # type: ignore[assignment]  # runs; hides the method of tuples
     lived: int  # runs that survived
     survived: Interval  # share
     nees: Interval  # NEES per state in the tenth of the mission where it is farthest from 1
@@ -64,7 +75,7 @@ class Decision(NamedTuple):
 
     answer: str
     filter: str | None
-    verdicts: dict  # {filter: Verdict}
+    verdicts: dict[str, Verdict]  # {filter: Verdict}
     doubtful: str | None = None  # the filter that more runs would decide
     runs: int = 0  # that this would take in all, about
 
@@ -73,15 +84,15 @@ class Runs(NamedTuple):
     """Stored rows of a cell's runs: t (n,) s; squares (filter, run, n) m^2, censored; nees
     (filter, run, n) per state, NaN after an abort."""
 
-    filters: tuple
-    t: np.ndarray
-    squares: np.ndarray
-    nees: np.ndarray
-    heading: np.ndarray  # (filter, run, n) rad, error, NaN after an abort
-    lasted: np.ndarray  # (filter, run) s; inf where the run survived
+    filters: tuple[str, ...]
+    t: Array
+    squares: Array
+    nees: Array
+    heading: Array  # (filter, run, n) rad, error, NaN after an abort
+    lasted: Array  # (filter, run) s; inf where the run survived
 
     @classmethod
-    def of(cls, campaign, cell):
+    def of(cls, campaign: Campaign, cell: str) -> Runs:
         """Of a campaign's cell, without the runs that were quarantined. Raises DataError where
         none is left."""
         parts = campaign.read(cell, ("t", "error", "nees_rows", "lasted", "reason"))
@@ -89,7 +100,7 @@ class Runs(NamedTuple):
             name: np.concatenate([part[name] for part in parts], axis=1)
             for name in ("error", "nees_rows", "lasted", "reason")
         }
-        ran = (joined["reason"] != REASONS.index("quarantined")).all(axis=0)
+        ran = (joined["reason"] != RUN_REASONS.index("quarantined")).all(axis=0)
         if not ran.any():
             raise DataError(
                 f"{cell}: not one run came to its end; run again with another seed, or look at its IMU"
@@ -103,7 +114,10 @@ class Runs(NamedTuple):
         with np.errstate(all="ignore"):
             squares = np.square(error[..., POS].astype(float)).sum(axis=-1)
         squares = np.where(alive & (squares < limit), squares, limit)
-        masked = lambda values: np.where(alive, values.astype(float), np.nan)
+
+        def masked(values: NDArray[Any]) -> Array:
+            return np.where(alive, values.astype(float), np.nan)
+
         return cls(
             tuple(campaign.manifest["filters"]),
             t,
@@ -113,7 +127,7 @@ class Runs(NamedTuple):
             lasted,
         )
 
-    def until(self, t):
+    def until(self, t: float) -> Runs:
         """The same up to the time `t`, s."""
         rows = self.t <= t + 1e-6
         return self._replace(
@@ -125,7 +139,7 @@ class Runs(NamedTuple):
         )
 
 
-def evidence(runs):
+def evidence(runs: Runs) -> dict[str, Evidence]:
     """{filter: Evidence} of Runs, in the order of isolation: open loop first, closed loop last."""
     found, reference = {}, np.log(_mean_square(runs, CLOSED))
     for label in sorted(runs.filters, key=interval_of, reverse=True):
@@ -150,11 +164,11 @@ def evidence(runs):
     return found
 
 
-def _mean_square(runs, label):
+def _mean_square(runs: Runs, label: str) -> Array:
     return runs.squares[runs.filters.index(label)].mean(axis=-1)
 
 
-def _worst(nees):
+def _worst(nees: Array) -> Interval:
     """Interval over runs of the mean NEES per state (run, n) in the stretch where it is farthest
     from 1, as a factor."""
     found = []
@@ -174,7 +188,7 @@ def _worst(nees):
     )
 
 
-def interval_of(label):
+def interval_of(label: str) -> float:
     """Seconds between resets of a filter's label: inf for the open loop, 0 for the closed."""
     return (
         np.inf
@@ -185,7 +199,7 @@ def interval_of(label):
     )
 
 
-def kind_of(label):
+def kind_of(label: str | None) -> str:
     """ "open", "reset" or "closed" of a filter's label; "none" of None."""
     return (
         "none"
@@ -198,7 +212,14 @@ def kind_of(label):
     )
 
 
-def judge(found, rules=Rules()):
+def called(label: str | None) -> str:
+    """A filter's label for people: "open loop", "closed loop", "reset every 60 s"."""
+    if label is not None and kind_of(label) == "reset":
+        return f"reset every {interval_of(label):g} s"
+    return {"open": "open loop", "closed": "closed loop", "none": "none"}[kind_of(label)]
+
+
+def judge(found: Evidence, rules: Rules = DEFAULT_RULES) -> Verdict:
     """The Verdict on an Evidence: each criterion is met (YES) or broken (NO) where its whole
     interval says so."""
     survival = (
@@ -219,9 +240,12 @@ def judge(found, rules=Rules()):
     return Verdict(admissible, *criteria, runs if admissible == UNDECIDED else 0)
 
 
-def guess(found, rules=Rules()):
+def guess(found: Evidence, rules: Rules = DEFAULT_RULES) -> Verdict:
     """Verdict by the estimates alone, without intervals: for the map, whose runs are few."""
-    point = lambda interval: Interval(interval.value, interval.value, interval.value)
+
+    def point(interval: Interval) -> Interval:
+        return Interval(interval.value, interval.value, interval.value)
+
     return judge(
         found._replace(
             survived=point(found.survived), nees=point(found.nees), ratio=point(found.ratio)
@@ -230,20 +254,22 @@ def guess(found, rules=Rules()):
     )
 
 
-def _between(interval, least, most):
+def _between(interval: Interval, least: float, most: float) -> str:
     if interval.low > most or interval.high < least:
         return NO
     return YES if least <= interval.low and interval.high <= most else UNDECIDED
 
 
-def _needed(found, rules):
+def _needed(found: Evidence, rules: Rules) -> tuple[int, int, int]:
     """Runs in all that would decide each criterion if the estimates stayed as they are; 0 where
     that cannot be said."""
     count, share = found.count, found.survived.value
     sizes = np.unique(np.geomspace(count + 1, MOST_RUNS, 400).astype(int))
-    decided = lambda n: (lambda p: p.low >= rules.survival or p.high < rules.survival)(
-        proportion(round(share * n), int(n))
-    )
+
+    def decided(n: int) -> bool:
+        p = proportion(round(share * n), int(n))
+        return p.low >= rules.survival or p.high < rules.survival
+
     survival = next((int(n) for n in sizes if decided(n)), int(sizes[-1]))
     return (
         survival,
@@ -252,7 +278,7 @@ def _needed(found, rules):
     )
 
 
-def _shrunk(interval, limits, count):
+def _shrunk(interval: Interval, limits: tuple[float, ...], count: int) -> int:
     """Runs until an interval whose width falls with the root of their number leaves the nearest
     limit outside."""
     if not np.isfinite(interval).all():
@@ -266,7 +292,11 @@ def _shrunk(interval, limits, count):
     )
 
 
-def decide(found, rules=Rules(), judged=judge):
+def decide(
+    found: Mapping[str, Evidence],
+    rules: Rules = DEFAULT_RULES,
+    judged: Callable[[Evidence, Rules], Verdict] = judge,
+) -> Decision:
     """The Decision on {filter: Evidence} in the order of isolation: the first admissible one, open
     loop first, closed loop last.
 
@@ -290,7 +320,7 @@ def decide(found, rules=Rules(), judged=judge):
     return Decision(kind_of(best), best, verdicts)
 
 
-def variants(rules=Rules()):
+def variants(rules: Rules = DEFAULT_RULES) -> dict[str, Rules]:
     """{what is changed: Rules} with each threshold once stricter and once laxer: does the answer
     hang on them?"""
     lax, strict = max(1 - 2 * (1 - rules.survival), 0.0), 1 - 0.5 * (1 - rules.survival)

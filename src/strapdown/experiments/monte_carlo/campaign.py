@@ -6,28 +6,42 @@ whole or not at all; `summary.csv` and `runs.csv` are made from the chunk files 
 order. Arrays stay in the files and open lazily.
 """
 
+from __future__ import annotations
+
 import fcntl
 import hashlib
 import json
+import shutil
 import tempfile
 import weakref
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from functools import cached_property
 from io import BytesIO
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ... import __version__
 from ...data import DataError
 from ...files import replacing
-from .scoring import GROUPS, STATE_NAMES
-from .study import SCALARS, run_chunk
+from ...typing import File
+from .chunks import SCALARS, Arrays, Chunk, run_chunk
+from .scoring import ERROR_GROUPS, ERROR_STATE_NAMES
+from .summaries import run_rows, summary_row
 
-FORMAT = 1
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray
+
+    from .study import Study
+
+CAMPAIGN_FORMAT = 1
 """Of manifest and chunk files."""
-DIMENSIONS = {
+CHUNK_DIMENSIONS = {
     "error": ("filter", "run", "t", "state"),
     "sd": ("filter", "run", "t", "state"),
     "nees_rows": ("filter", "run", "t"),
@@ -62,8 +76,9 @@ SOURCES = (
     "sensor_models",
     "engine",
     "evaluation",
-    "experiments/filter_spec.py",
+    "experiments/filter_label.py",
     "geodesy.py",
+    "experiments/monte_carlo/chunks.py",
     "experiments/monte_carlo/study.py",
     "experiments/monte_carlo/scoring.py",
 )
@@ -73,11 +88,13 @@ SOURCES = (
 class Campaign:
     """A study in its folder. `Study.run` makes one, `Campaign.open` finds a finished one again."""
 
-    def __init__(self, folder, manifest, study=None):
+    _remover: object  # weakref.finalize of a temporary folder: it goes with the campaign
+
+    def __init__(self, folder: File, manifest: dict[str, Any], study: Study | None = None) -> None:
         self.folder, self.manifest, self.study = Path(folder), manifest, study
 
     @classmethod
-    def begin(cls, study, out=None):
+    def begin(cls, study: Study, out: File | None = None) -> Campaign:
         """The campaign of `study` in folder `out`, new or to be resumed. Raises DataError where
         the folder holds another one."""
         manifest = describe(study)
@@ -92,7 +109,7 @@ class Campaign:
             campaign._settle()
         return campaign
 
-    def _settle(self):
+    def _settle(self) -> None:
         """Write the manifest, or compare with the one that is there; one that has no chunks yet
         binds nobody. The folder must be locked."""
         path, chunks = self.folder / "manifest.json", any(self.folder.glob("chunks/*/*.nc"))
@@ -107,12 +124,12 @@ class Campaign:
                 part.write_text(json.dumps(self.manifest, indent=1) + "\n")
 
     @classmethod
-    def open(cls, folder):
+    def open(cls, folder: File) -> Campaign:
         """A campaign that some run has left in `folder`, to read. Raises DataError."""
         return cls(folder, _manifest(Path(folder)))
 
     @contextmanager
-    def locked(self):
+    def locked(self) -> Iterator[None]:
         """Hold the folder: a second process that wants to write there is refused."""
         try:
             lock = open(self.folder / "lock", "w")
@@ -129,11 +146,11 @@ class Campaign:
                 ) from None
             yield
 
-    def check(self):
+    def check(self) -> None:
         """Raise DataError where another study has taken the folder since."""
         _same(_manifest(self.folder), self.manifest, self.folder)
 
-    def path(self, chunk):
+    def path(self, chunk: Chunk) -> Path:
         """The file of a chunk."""
         return (
             self.folder
@@ -143,16 +160,18 @@ class Campaign:
         )
 
     @property
-    def cells(self):
+    def cells(self) -> list[str]:
         """Names of the cells, SCENARIO--IMU."""
         return [cell["name"] for cell in self.manifest["cells"]]
 
-    def missing(self):
+    def missing(self) -> list[Chunk]:
         """Chunks without a file."""
+        assert self.study is not None  # one that was opened to be read asks for none
         return [chunk for chunk in self.study.chunks() if not self.path(chunk).exists()]
 
-    def work(self, chunk, skip=()):
+    def work(self, chunk: Chunk, skip: Collection[int] = ()) -> Chunk:
         """Run a chunk and write its file."""
+        assert self.study is not None  # one that was opened to be read has no work
         arrays = run_chunk(self.study, chunk, skip)
         path = self.path(chunk)
         _make(path.parent)
@@ -167,19 +186,19 @@ class Campaign:
             )
         return chunk
 
-    def _identity(self, path):
+    def _identity(self, path: Path) -> str:
         """What only the file at `path` of this campaign says: a digest of the manifest, the cell
         and the runs."""
         text = json.dumps(self.manifest, sort_keys=True) + f"{path.parent.name}/{path.name}"
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
-    def finish(self):
+    def finish(self) -> None:
         """Write summary.csv and runs.csv."""
         for name, table in (("summary", self.summary), ("runs", self.runs)):
             with replacing(self.folder / f"{name}.csv") as part:
                 table.to_csv(part, index=False, float_format="%.9g")
 
-    def _files(self, cell):
+    def _files(self, cell: str) -> list[Path]:
         files = sorted((self.folder / "chunks" / cell).glob("*.nc"))
         if not files:
             raise DataError(
@@ -187,7 +206,7 @@ class Campaign:
             )
         return files
 
-    def read(self, cell, names):
+    def read(self, cell: str, names: Iterable[str]) -> list[Arrays]:
         """[{name: array}] of the chunk files of a cell, in the order of the runs; names that a
         file has not are left out."""
         import h5py
@@ -207,35 +226,35 @@ class Campaign:
                 ) from None
         return found
 
-    def numbers(self, cell):
+    def numbers(self, cell: str) -> Arrays:
         """{name: array (filter, run, ...)} of every run of a cell: SCALARS, "mean_square"
-        (GROUPS) and "coverage" (1, 2, 3 sigma)."""
+        (ERROR_GROUPS) and "coverage" (1, 2, 3 sigma)."""
         parts = self.read(cell, (*SCALARS, "mean_square", "coverage"))
         return {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]}
 
-    def curves(self, cell):
+    def curves(self, cell: str) -> Arrays:
         """{name: array} over the stored epochs of a cell, from sums over the runs that were
         alive: "t" s, and per filter "rmse" and "sd" (the root of the mean stated variance)
         (filter, epoch, state), "nees" (mean / 15), "alive" (filter, epoch); "bound" (epoch,
         state), the Cramer-Rao standard deviation."""
         parts = self.read(cell, ("t", "squares", "variances", "nees_sum", "alive", "bound"))
-        total = lambda name: (
-            sum(part[name] for part in parts[1:]) + parts[0][name]
-            if len(parts) > 1
-            else parts[0][name]
-        )
+
+        def total(name: str) -> NDArray[Any]:
+            first = parts[0][name]
+            return sum(part[name] for part in parts[1:]) + first if len(parts) > 1 else first
+
         alive = total("alive")
         with np.errstate(all="ignore"):
             return {
                 "t": parts[0]["t"],
                 "rmse": np.sqrt(total("squares") / alive[..., None]),
                 "sd": np.sqrt(total("variances") / alive[..., None]),
-                "nees": total("nees_sum") / alive / len(STATE_NAMES),
+                "nees": total("nees_sum") / alive / len(ERROR_STATE_NAMES),
                 "alive": alive,
                 "bound": np.sqrt(parts[0]["bound"]),
             }
 
-    def arrays(self, cell):
+    def arrays(self, cell: str) -> xarray.Dataset:
         """The stored rows of a cell as a labelled xarray Dataset (filter, run, t, state) that
         stays in the chunk files until it is used."""
         import xarray
@@ -259,12 +278,10 @@ class Campaign:
             ) from None
 
     @cached_property
-    def summary(self):
+    def summary(self) -> pd.DataFrame:
         """pandas DataFrame with a row per cell and filter; see `summaries.summary_row` for its
         columns."""
         import pandas as pd
-
-        from .summaries import summary_row
 
         return pd.DataFrame(
             [
@@ -275,31 +292,29 @@ class Campaign:
         )
 
     @cached_property
-    def runs(self):
+    def runs(self) -> pd.DataFrame:
         """pandas DataFrame with a row per cell, filter and run."""
         import pandas as pd
-
-        from .summaries import run_rows
 
         return pd.concat(
             [run_rows(self, number) for number in range(len(self.cells))], ignore_index=True
         )
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[type[Campaign], tuple[Path, dict[str, Any], Study | None]]:
         return Campaign, (self.folder, self.manifest, self.study)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"Campaign({self.folder}: {len(self.cells)} cells, {len(self.manifest['filters'])} filters, {self.manifest['runs']} runs)"
 
 
-def describe(study):
+def describe(study: Study) -> dict[str, Any]:
     """The manifest of a study: all that its results depend on."""
     cells = [
         {"name": cell.name, "scenario": cell.scenario.describe(), "imu": asdict(cell.imu)}
         for cell in study.cells
     ]
     manifest = {
-        "format": FORMAT,
+        "format": CAMPAIGN_FORMAT,
         "versions": {"strapdown": __version__, "sources": _sources(), "numpy": np.__version__},
         "seed": int(study.seed),
         "runs": int(study.runs),
@@ -313,7 +328,7 @@ def describe(study):
     return json.loads(json.dumps(manifest, default=float))
 
 
-def _sources():
+def _sources() -> str:
     """A short digest of the code that can change a result."""
     package, digest = Path(__file__).parents[2], hashlib.sha256()
     for name in SOURCES:
@@ -326,7 +341,7 @@ def _sources():
     return digest.hexdigest()[:12]
 
 
-def _manifest(folder):
+def _manifest(folder: Path) -> dict[str, Any]:
     path = folder / "manifest.json"
     try:
         manifest = json.loads(path.read_text())
@@ -337,19 +352,22 @@ def _manifest(folder):
         ) from None
     except (ValueError, KeyError, TypeError):
         raise DataError(f"{path}: not the manifest of a study; choose another folder") from None
-    if number != FORMAT:
+    if number != CAMPAIGN_FORMAT:
         raise DataError(
-            f"{path}: format {number!r}, this version reads {FORMAT}; use the version of strapdown that wrote it, or another folder"
+            f"{path}: format {number!r}, this version reads {CAMPAIGN_FORMAT}; use the version of strapdown that wrote it, or another folder"
         )
     return manifest
 
 
-def _same(found, wanted, folder):
+def _same(found: dict[str, Any], wanted: dict[str, Any], folder: Path) -> None:
     """Raise DataError naming the first difference of two manifests."""
     if found == wanted:
         return
     if found["versions"] != wanted["versions"]:
-        text = lambda versions: ", ".join(f"{key} {value}" for key, value in versions.items())
+
+        def text(versions: dict[str, str]) -> str:
+            return ", ".join(f"{key} {value}" for key, value in versions.items())
+
         raise DataError(
             f"{folder}: this campaign was begun with {text(found['versions'])}; this is {text(wanted['versions'])}, whose results must not "
             f"be mixed with it; finish it with that version, or choose another folder"
@@ -371,7 +389,7 @@ def _same(found, wanted, folder):
     )
 
 
-def _make(folder):
+def _make(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -380,35 +398,33 @@ def _make(folder):
         ) from None
 
 
-def _remove(folder):
-    import shutil
-
+def _remove(folder: str) -> None:
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def _file(arrays, filters, runs, identity):
+def _file(arrays: Arrays, filters: Sequence[str], runs: range, identity: str) -> memoryview:
     """The bytes of a chunk file, with checksums. It is made in memory: HDF5 that runs out of
     disk in the middle cannot even close its file."""
     import h5netcdf
     import h5py
 
-    labels = {
+    labels: dict[str, Any] = {
         "filter": list(filters),
         "run": np.array(runs),
-        "state": list(STATE_NAMES),
-        "group": list(GROUPS),
+        "state": list(ERROR_STATE_NAMES),
+        "group": list(ERROR_GROUPS),
         "sigma": np.array([1, 2, 3]),
-        "bias_axis": list(STATE_NAMES[9:]),
+        "bias_axis": list(ERROR_STATE_NAMES[9:]),
         "t": arrays["t"],
     }
     variables = {
-        name: (DIMENSIONS[name], values)
+        name: (CHUNK_DIMENSIONS[name], values)
         for name, values in arrays.items()
         if name not in ("t", "kept")
     }
     buffer = BytesIO()
     with h5netcdf.File(buffer, "w") as file:
-        file.attrs["format"], file.attrs["identity"] = FORMAT, identity
+        file.attrs["format"], file.attrs["identity"] = CAMPAIGN_FORMAT, identity
         file.dimensions = {name: len(values) for name, values in labels.items()}
         for name, (dimensions, values) in (
             {name: ((name,), values) for name, values in labels.items()} | variables

@@ -6,32 +6,52 @@ worker dies is tried again on a fresh one; where it kills that too, its runs are
 those that kill alone are quarantined, and the chunk is run without them.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterator
 from contextlib import contextmanager
 from logging import CRITICAL
 from threading import Event, Thread
+from typing import TYPE_CHECKING, Any
 
 from ...data import DataError
-from .study import Chunk, compile_for, run_chunk
+from ...typing import Say
+from .chunks import Chunk, compile_for, run_chunk
+
+if TYPE_CHECKING:
+    from dask.distributed import Client, Future, LocalCluster
+
+    from .campaign import Campaign
+    from .study import Study
 
 ATTEMPTS = 2
 """Workers that a chunk may kill before its runs are tried one by one."""
-PATIENCE = 10
+CLUSTER_PATIENCE = 10
 """s to wait for a scheduler, and between two looks at the workers."""
 
 
-def run(campaign, missing, workers, scheduler, say=None):
+def run(
+    campaign: Campaign,
+    missing: list[Chunk],
+    workers: int,
+    scheduler: str | None,
+    say: Say | None = None,
+) -> Iterator[Chunk]:
     """Run the missing chunks of a campaign on `workers` processes, or on the cluster of
     `scheduler`; yield each when its file is there."""
     if not missing:
         return
+    study = campaign.study
+    assert study is not None  # it began this campaign
     if not scheduler:
-        compile_for(campaign.study, say)  # once, into the cache that the workers load from
+        compile_for(study, say)  # once, into the cache that the workers load from
     with _client(workers, scheduler) as client:
         from dask.distributed import as_completed
 
         options = {"pure": False, "retries": 0}
         futures = {client.submit(campaign.work, chunk, **options): chunk for chunk in missing}
-        waiting, tried = as_completed(futures), dict.fromkeys(missing, 0)
+        waiting = as_completed(futures)  # type: ignore[no-untyped-call]
+        tried = dict.fromkeys(missing, 0)
         for future in waiting:
             chunk = futures[future]
             if not _killed(future):
@@ -42,21 +62,25 @@ def run(campaign, missing, workers, scheduler, say=None):
             again = client.submit(
                 campaign.work,
                 chunk,
-                _killers(client, campaign.study, chunk, tried[chunk], say),
+                _killers(client, study, chunk, tried[chunk], say),
                 **options,
             )
             futures[again] = chunk
-            waiting.add(again)
+            waiting.add(again)  # type: ignore[no-untyped-call]
 
 
-def _killed(future):
+def _killed(future: Future[Any]) -> bool:
     """Whether the worker died of it; any other failure is raised where the result is asked for."""
     from distributed.scheduler import KilledWorker
 
-    return future.status == "error" and isinstance(future.exception(), KilledWorker)
+    if future.status != "error":
+        return False
+    return isinstance(future.exception(), KilledWorker)  # type: ignore[no-untyped-call]
 
 
-def _killers(client, study, chunk, times, say):
+def _killers(
+    client: Client, study: Study, chunk: Chunk, times: int, say: Say | None
+) -> tuple[int, ...]:
     """Runs of a chunk that kill their worker when they are alone, found one after the other so
     that none dies for another. Raises DataError."""
     from dask.distributed import wait
@@ -64,7 +88,7 @@ def _killers(client, study, chunk, times, say):
     cell, killers = study.cells[chunk.cell], []
     for number in range(chunk.first, chunk.stop):
         alone = client.submit(_probe, study, Chunk(chunk.cell, number, number + 1), pure=False)
-        wait(alone)
+        wait(alone)  # type: ignore[no-untyped-call]
         if not _killed(alone):
             alone.result()
             continue
@@ -81,23 +105,24 @@ def _killers(client, study, chunk, times, say):
     return tuple(killers)
 
 
-def _probe(study, chunk):
+def _probe(study: Study, chunk: Chunk) -> None:
     run_chunk(study, chunk)
 
 
 @contextmanager
-def _kept_alive(cluster, workers):
+def _kept_alive(cluster: LocalCluster, workers: int) -> Iterator[None]:
     """New workers where there are none for two looks in a row: now and then one that died is not
     started again, and everybody would wait forever."""
     over = Event()
 
-    def watch():
+    def watch() -> None:
         empty = 0
-        while not over.wait(PATIENCE):
-            empty = 0 if cluster.scheduler.workers else empty + 1
+        while not over.wait(CLUSTER_PATIENCE):
+            known = cluster.scheduler.workers  # type: ignore[union-attr]  # it has one until closed
+            empty = 0 if known else empty + 1
             if empty == 2:
-                cluster.scale(0)
-                cluster.scale(workers)
+                cluster.scale(0)  # type: ignore[no-untyped-call]
+                cluster.scale(workers)  # type: ignore[no-untyped-call]
                 empty = 0
 
     watcher = Thread(target=watch, daemon=True)
@@ -110,7 +135,7 @@ def _kept_alive(cluster, workers):
 
 
 @contextmanager
-def _client(workers, scheduler):
+def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
     """A Dask client of an own cluster of processes, or of a scheduler's. Raises DataError."""
     try:
         import dask
@@ -126,19 +151,22 @@ def _client(workers, scheduler):
                 "distributed.scheduler.worker-saturation": 1.0,
             }
         )
-        with LocalCluster(
+        with LocalCluster(  # type: ignore[no-untyped-call]
             n_workers=workers,
             threads_per_worker=1,
             processes=True,
             dashboard_address=":0",
             silence_logs=CRITICAL,
         ) as cluster:
-            with Client(cluster) as client, _kept_alive(cluster, workers):
+            with (
+                Client(cluster) as client,  # type: ignore[no-untyped-call]
+                _kept_alive(cluster, workers),
+            ):
                 yield client
         return
     try:
-        client = Client(scheduler, timeout=f"{PATIENCE}s")
-        client.wait_for_workers(1, PATIENCE)
+        client = Client(scheduler, timeout=f"{CLUSTER_PATIENCE}s")  # type: ignore[no-untyped-call]
+        client.wait_for_workers(1, CLUSTER_PATIENCE)
     except (OSError, ValueError, TimeoutError) as error:
         raise DataError(
             f"scheduler {scheduler}: no answer, or it has no workers ({str(error).splitlines()[0]}); check the address"

@@ -6,30 +6,40 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.contract import ATT, BA, BG, POS, STATES, VEL, compile_kernel
-from ...data import SD_COLUMNS, Trajectory
+from ...data import SD_COLUMNS, Innovations, Solution, Trajectory
 from ...evaluation import consistency
 from ...evaluation.nees import normalised_rows
 from ...filters.ins.open_loop import LEFT_MODEL
 from ...geodesy import displacement, wrap
+from ...typing import Array, Ints
 
-STATE_NAMES = tuple(name.removeprefix("sd_") for name in SD_COLUMNS)
+ERROR_STATE_NAMES = tuple(name.removeprefix("sd_") for name in SD_COLUMNS)
 """Names of the 15 error states: position m NED, velocity m/s NED, rotation rad NED, biases m/s^2
 and rad/s body."""
-GROUPS = ("position", "velocity", "attitude", "roll", "pitch", "heading", "accel_bias", "gyro_bias")
+ERROR_GROUPS = (
+    "position",
+    "velocity",
+    "attitude",
+    "roll",
+    "pitch",
+    "heading",
+    "accel_bias",
+    "gyro_bias",
+)
 """What a mean square is kept of: the squared lengths of vectors, and three angles."""
 QUARANTINED = len(consistency.REASONS)
 """Reason code of a run that killed its worker."""
-REASONS = (*consistency.REASONS, "quarantined")
+RUN_REASONS = (*consistency.REASONS, "quarantined")
 
 
 class Scored(NamedTuple):
     """A run at the scored epochs and in numbers; NaN from where the filter stopped."""
 
-    error: np.ndarray  # (n, 15) true - estimate, SI, radians
-    sd: np.ndarray  # (n, 15) as the filter states them
-    nees: np.ndarray  # (n,) of all 15 states
+    error: Array  # (n, 15) true - estimate, SI, radians
+    sd: Array  # (n, 15) as the filter states them
+    nees: Array  # (n,) of all 15 states
     rows: int  # epochs before the abort; n where there was none
-    numbers: dict  # scalars of the run, and "mean_square" (len(GROUPS),)
+    numbers: dict[str, float | Array]  # scalars of the run, and "mean_square" (len(ERROR_GROUPS),)
 
 
 class Epochs(NamedTuple):
@@ -37,21 +47,27 @@ class Epochs(NamedTuple):
 
     truth: Trajectory
     every: int  # IMU samples from one epoch to the next
-    rows: np.ndarray  # of the IMU samples
+    rows: Ints  # of the IMU samples
 
 
-def epochs(truth, every):
+def epochs(truth: Trajectory, every: int) -> Epochs:
     """Epochs at each `every`-th IMU sample, the last sample among them, of a truth that has one
     row before the first sample."""
     samples = len(truth) - 1
     rows = np.arange((samples - 1) % every, samples, every)
-    part = lambda values: np.ascontiguousarray(values[rows + 1])
+
+    def part(values: Array) -> Array:
+        return np.ascontiguousarray(values[rows + 1])
+
+    assert truth.v_n is not None and truth.q_nb is not None  # a simulated truth knows all of it
     return Epochs(
         Trajectory(part(truth.t), part(truth.lla), part(truth.v_n), part(truth.q_nb)), every, rows
     )
 
 
-def score(solution, at, b_a, b_g, limits):
+def score(
+    solution: Solution, at: Epochs, b_a: Array, b_g: Array, limits: consistency.Limits
+) -> Scored:
     """Scored of a Solution kept at the epochs `at` with its covariance; b_a and b_g (n, 3) are
     the true biases there."""
     n, kept = len(at.rows), len(solution.t)
@@ -59,6 +75,7 @@ def score(solution, at, b_a, b_g, limits):
     rph = np.full((n, 3), np.nan)
     with np.errstate(all="ignore"):  # a filter that diverged may have any number
         error[:kept], rph[:kept] = _errors(solution, at, b_a, b_g)
+        assert solution.trajectory.sd is not None and solution.covariance is not None
         sd[:kept] = solution.trajectory.sd
         compile_kernel(normalised_rows)
         normalised_rows(
@@ -66,7 +83,7 @@ def score(solution, at, b_a, b_g, limits):
         )
         distance = np.sqrt((error[:, POS] ** 2).sum(axis=1))
         rows, reason = consistency.survival(distance, nees, at.truth.t, limits)
-        numbers = {
+        numbers: dict[str, float | Array] = {
             "rows": rows,
             "reason": reason,
             "lasted": float(at.truth.t[rows - 1]) if rows else 0.0,
@@ -83,10 +100,12 @@ def score(solution, at, b_a, b_g, limits):
     return Scored(error, sd, nees, rows, numbers)
 
 
-def _errors(solution, at, b_a, b_g):
+def _errors(solution: Solution, at: Epochs, b_a: Array, b_g: Array) -> tuple[Array, Array]:
     """Errors (kept, 15) and those of roll, pitch and heading (kept, 3) at the rows that the
     solution has."""
     trajectory, truth, kept = solution.trajectory, at.truth, len(solution.t)
+    assert truth.v_n is not None and truth.q_nb is not None
+    assert trajectory.v_n is not None and trajectory.q_nb is not None
     error = np.empty((kept, STATES))
     error[:, POS] = displacement(truth.lla[:kept], trajectory.lla)
     error[:, VEL] = truth.v_n[:kept] - trajectory.v_n
@@ -95,7 +114,7 @@ def _errors(solution, at, b_a, b_g):
     return error, wrap(truth.rph[:kept] - trajectory.rph)
 
 
-def rotation_between(estimate, true):
+def rotation_between(estimate: Array, true: Array) -> Array:
     """Rotation vectors (n, 3) in n with q_true = q(theta) (x) q_estimate, of quaternions (n, 4),
     scalar first."""
     w, x, y, z = estimate.T * [[1.0], [-1.0], [-1.0], [-1.0]]
@@ -113,17 +132,17 @@ def rotation_between(estimate, true):
     return (vector * np.where(size > 1e-12, angle / np.where(size > 1e-12, size, 1.0), 2.0)).T
 
 
-def _left_model(solution):
+def _left_model(solution: Solution) -> float:
     """When the raw INS of an open loop left its model, s; NaN where it did not, or there is
     none."""
     return next((t for t, text in solution.events if text.startswith(LEFT_MODEL)), np.nan)
 
 
-def _alive(error, rph, sd, nees):
+def _alive(error: Array, rph: Array, sd: Array, nees: Array) -> dict[str, float | Array]:
     """Means over the epochs before the abort; NaN where there is none."""
     if not len(error):
         return {
-            "mean_square": np.full(len(GROUPS), np.nan),
+            "mean_square": np.full(len(ERROR_GROUPS), np.nan),
             "nees": np.nan,
             "nees_inside": np.nan,
             "coverage": np.full(3, np.nan),
@@ -146,11 +165,11 @@ def _alive(error, rph, sd, nees):
     }
 
 
-def _square(vectors):
+def _square(vectors: Array) -> Array:
     return (vectors**2).sum(axis=1)
 
 
-def _fixes(innovations, end):
+def _fixes(innovations: Innovations, end: float) -> dict[str, float]:
     """Until the abort at `end` s: mean NIS by degree of freedom over the measured rows, lag-1
     correlation of the innovations; and over the whole run how many fixes were used."""
     measured = np.isfinite(innovations.nis) & (innovations.t <= end)

@@ -1,24 +1,35 @@
 """The tables of a campaign: one row per cell and filter, one row per run. Everything comes from
 the numbers in the chunk files."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from ...core.contract import POS, STATES
 from ...data import DataError
-from ...evaluation.consistency import SURVIVED, paired, proportion, rmse
-from .scoring import GROUPS, REASONS
+from ...evaluation.consistency import SURVIVED, Paired, paired, proportion, rmse
+from ...typing import Array
+from .scoring import ERROR_GROUPS, RUN_REASONS
 
-SETTLED = 120.0
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .campaign import Campaign
+    from .chunks import Arrays
+
+SETTLED_AFTER = 120.0
 """s: the Cramer-Rao ratio leaves out what comes before, where the start and not the filter
 decides."""
-SCALE = {
+GROUP_SCALES = {
     "roll": np.degrees(1),
     "pitch": np.degrees(1),
     "heading": np.degrees(1),
     "attitude": np.degrees(1),
     "gyro_bias": np.degrees(1) * 3600,
 }
-UNITS = {
+GROUP_UNITS = {
     "position": "m",
     "velocity": "m/s",
     "attitude": "deg",
@@ -31,18 +42,18 @@ UNITS = {
 """Of the mean squares' roots in tables."""
 
 
-def summary_row(campaign, number, place):
+def summary_row(campaign: Campaign, number: int, place: int) -> dict[str, Any]:
     """A dict for the filter at `place` on cell `number`.
 
     rmse_X: root of the mean over surviving runs of X's mean squared error, with the ends of a 95 %
     interval (_low, _high) for position; until_abort_X: over all runs, each until it was given up;
     censored: position, over all runs, every epoch counted with at most the limit's distance and
     those after an abort with just that; std: of the runs' position RMSE; bound: Cramer-Rao, both
-    over t >= SETTLED.
+    over t >= SETTLED_AFTER.
     """
     cell = campaign.manifest["cells"][number]
     numbers = {name: values[place] for name, values in campaign.numbers(cell["name"]).items()}
-    ran = numbers["reason"] != REASONS.index("quarantined")
+    ran = numbers["reason"] != RUN_REASONS.index("quarantined")
     alive = numbers["reason"] == SURVIVED
     survived = proportion(int(alive.sum()), int(ran.sum()))
     row = {
@@ -55,7 +66,7 @@ def summary_row(campaign, number, place):
         "survived_high": survived.high,
         **{
             reason: int((numbers["reason"] == code).sum())
-            for code, reason in enumerate(REASONS)
+            for code, reason in enumerate(RUN_REASONS)
             if code
         },
         "left_model": int(np.isfinite(numbers["left_model"]).sum()),
@@ -73,9 +84,9 @@ def summary_row(campaign, number, place):
     )
     for which, prefix in ((alive, "rmse"), (ran, "until_abort")):
         row |= {
-            f"{prefix}_{group}_{UNITS[group]}": rmse(squares[which, i]).value
-            * SCALE.get(group, 1.0)
-            for i, group in enumerate(GROUPS)
+            f"{prefix}_{group}_{GROUP_UNITS[group]}": rmse(squares[which, i]).value
+            * GROUP_SCALES.get(group, 1.0)
+            for i, group in enumerate(ERROR_GROUPS)
             if i
         }
     row |= {
@@ -95,18 +106,21 @@ def summary_row(campaign, number, place):
     return row | bound_ratio(campaign.curves(cell["name"]), place)
 
 
-def bound_ratio(curves, place):
+def bound_ratio(curves: Arrays, place: int) -> dict[str, float]:
     """Time-averaged position RMSE of the runs alive and its Cramer-Rao bound, m, and their
-    ratio, over t >= SETTLED."""
-    late = (curves["t"] >= SETTLED) & (curves["alive"][place] > 0)
+    ratio, over t >= SETTLED_AFTER."""
+    late = (curves["t"] >= SETTLED_AFTER) & (curves["alive"][place] > 0)
     if not late.any():
         return {"settled_rmse_m": np.nan, "bound_m": np.nan, "bound_ratio": np.nan}
-    total = lambda values: float(np.sqrt((values[late][:, POS] ** 2).sum(axis=1).mean()))
+
+    def total(values: Array) -> float:
+        return float(np.sqrt((values[late][:, POS] ** 2).sum(axis=1).mean()))
+
     found, bound = total(curves["rmse"][place]), total(curves["bound"])
     return {"settled_rmse_m": found, "bound_m": bound, "bound_ratio": found / bound}
 
 
-def run_rows(campaign, number):
+def run_rows(campaign: Campaign, number: int) -> pd.DataFrame:
     """pandas DataFrame of the runs of a cell: reason, times, mean squares as roots, consistency."""
     import pandas as pd
 
@@ -122,12 +136,13 @@ def run_rows(campaign, number):
                     "imu": cell["imu"]["name"],
                     "filter": name,
                     "run": np.arange(len(own["reason"])),
-                    "end": [REASONS[int(code)] for code in own["reason"]],
+                    "end": [RUN_REASONS[int(code)] for code in own["reason"]],
                     "lasted_s": own["lasted"],
                     "left_model_s": own["left_model"],
                     **{
-                        f"rmse_{group}_{UNITS[group]}": roots[:, i] * SCALE.get(group, 1.0)
-                        for i, group in enumerate(GROUPS)
+                        f"rmse_{group}_{GROUP_UNITS[group]}": roots[:, i]
+                        * GROUP_SCALES.get(group, 1.0)
+                        for i, group in enumerate(ERROR_GROUPS)
                     },
                     "censored_position_m": np.sqrt(own["censored"]),
                     "anees": own["nees"] / STATES,
@@ -141,7 +156,7 @@ def run_rows(campaign, number):
     return pd.concat(frames, ignore_index=True)
 
 
-def compare(campaign, cell, first, second):
+def compare(campaign: Campaign, cell: str, first: str, second: str) -> Paired:
     """Paired of two filters on the runs of a cell: the logarithm of the censored mean squared
     position error of `first` less that of `second`.
 
@@ -156,10 +171,10 @@ def compare(campaign, cell, first, second):
     return paired(censored[filters.index(first)], censored[filters.index(second)])
 
 
-def _mean(values):
+def _mean(values: Array) -> float:
     values = values[np.isfinite(values)]
     return float(values.mean()) if len(values) else np.nan
 
 
-def _median(values):
+def _median(values: Array) -> float:
     return float(np.median(values)) if len(values) else np.nan

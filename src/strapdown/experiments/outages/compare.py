@@ -1,30 +1,36 @@
 """Filters side by side on the same outages of a recording: one start, one noise, the same
 sources and the same fixes withheld for all."""
 
+from __future__ import annotations
+
 import inspect
 import re
 from collections.abc import Iterable
 from functools import cache
 from os import cpu_count
+from typing import Any
 
 import numpy as np
 
 from ... import aiding, filters
-from ...core.contract import Noise, Start
-from ...data import DataError
-from ...engine.batch import assumed_noise, found, positioned, prepare
+from ...alignment.initial import align
+from ...core.contract import Filter, Noise, Start
+from ...data import DataError, Trajectory
+from ...engine.prepare import GivenImu, assumed_noise, found, positioned, prepare
 from ...recording import Recording
+from ...sensor_models.imu import ImuSpec
+from ...typing import Progress, Say
 from ..filter_label import labelled, parsed, tried
-from .protocols import SETTLING, before_start, protocol
+from .protocols import SETTLING, Protocol, Window, before_start, protocol
 from .result import Comparison
-from .runs import Common, Entrant, through
+from .runs import Common, Entrant, Result, Way, through
 from .scores import known_reference, outages_of
 
-FIXES = "position", "velocity"
+WITHHELD_KINDS = "position", "velocity"
 """Kinds of aiding that an outage of GNSS withholds."""
-NUMBER = re.compile(r"(?<![\w.-])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?!\w)")
+NUMBER_IN_TEXT = re.compile(r"(?<![\w.-])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?!\w)")
 """A number in the text of an event."""
-SLOW = ("pkf",)
+SLOW_FILTERS = ("pkf",)
 """Filters of hundreds of components, which take minutes where the others take a second: they run
 only where they are named."""
 HERE = re.compile(r",? (?:first|from) here\b")
@@ -32,25 +38,25 @@ HERE = re.compile(r",? (?:first|from) here\b")
 
 
 def compare(
-    recording,
-    filters=None,
-    outages="30/300",
-    imu=None,
-    start=None,
-    noise=None,
-    kinds=FIXES,
-    ahrs=None,
-    threads=None,
-    say=None,
-    progress=None,
-):
+    recording: Recording,
+    filters: str | Iterable[str | tuple[str, dict[str, Any]]] | None = None,
+    outages: str | Iterable[Window] = "30/300",
+    imu: GivenImu | None = None,
+    start: Start | None = None,
+    noise: Noise | None = None,
+    kinds: str | Iterable[str] = WITHHELD_KINDS,
+    ahrs: str | None = None,
+    threads: int | None = None,
+    say: Say | None = None,
+    progress: Progress | None = None,
+) -> Comparison:
     """Run filters through the same outages of a recording with a reference, and return the
     Comparison of their errors.
 
     filters: labels "NAME" or "NAME:option=value,...", or (name, options); default: all that
-    estimate a position but those of SLOW. outages: text, see `comparison.outages`, or a list of
-    (start, stop) in s; kinds: of the fixes withheld. imu, noise: as of `fuse`, for all filters;
-    start: a Start for all (default: alignment without the fixes of any outage). ahrs: what feeds
+    estimate a position but those of SLOW_FILTERS. outages: text, see `comparison.outages`, or a
+    list of (start, stop) in s; kinds: of the fixes withheld. imu, noise: as of `fuse`, for all
+    filters; start: a Start for all (default: alignment without the fixes of any outage). ahrs: what feeds
     those that need an attitude (default: as `fuse` has it). threads: at a time (default: one per
     core); say: told of slow compilation; progress: called with the fraction done. A filter that
     cannot run, or stops, stays in the result with what it said. Raises DataError for bad input, and
@@ -66,19 +72,24 @@ def compare(
     if noise is not None and not isinstance(noise, Noise):
         raise DataError(f"noise is {noise!r}; it must be a Noise, such as an ImuSpec gives")
     _check_ahrs(ahrs)
-    from ...alignment.initial import align
-
     reference = known_reference(recording)
     spec = assumed_noise(
         recording.meta.get("grade") if imu is None else imu, noise, needed=start is None
     )[1]
     end = min(recording.span[1], float(reference.t[-1]))
-    whole = cache(lambda: start or align(recording, spec))
+
+    @cache
+    def whole() -> Start:
+        if start is not None:
+            return start
+        assert spec is not None  # it was needed above
+        return align(recording, spec)
+
     made = protocol(outages, recording.span, end, lambda: whole().t + SETTLING)
     before_start(
         made,
         whole(),
-        # without the fixes of an early outage an alignment would wait, or begin with less than there is
+        # without the fixes of an early outage an alignment would wait, or begin with less
     )
     hidden = recording.hidden(made.windows, kinds)
     start = start or _aligned(hidden, spec)
@@ -95,11 +106,13 @@ def compare(
     return _comparison(common, made, entrants, ways, results, notes, reference, spec)
 
 
-def _entrants(wanted):
+def _entrants(wanted: str | Iterable[str | tuple[str, dict[str, Any]]] | None) -> list[Entrant]:
     """[Entrant] of what `compare` was given. Raises DataError."""
     if wanted is None:
         wanted = [
-            name for name in filters.names() if name not in SLOW and positioned(filters.find(name))
+            name
+            for name in filters.names()
+            if name not in SLOW_FILTERS and positioned(filters.find(name))
         ]
     if not isinstance(wanted, Iterable):
         raise DataError(
@@ -123,7 +136,7 @@ def _entrants(wanted):
     return made
 
 
-def _pair(each):
+def _pair(each: object) -> tuple[str, dict[str, Any]]:
     """(name, options) where `each` is that. Raises DataError."""
     if not (
         isinstance(each, (tuple, list))
@@ -134,10 +147,10 @@ def _pair(each):
         raise DataError(
             f"compare: {each!r} is no filter; give its name, NAME:option=value, or (name, {{option: value}})"
         )
-    return each
+    return each[0], each[1]
 
 
-def _kinds(kinds):
+def _kinds(kinds: str | Iterable[str]) -> tuple[str, ...]:
     """Kinds of aiding to withhold, as a tuple. Raises DataError."""
     named = (
         [kinds]
@@ -160,48 +173,55 @@ def _kinds(kinds):
     return kinds
 
 
-def _check_ahrs(name):
+def _check_ahrs(name: str | None) -> None:
     """Raise DataError where this is the name of no filter of attitude alone; None is fine."""
     known = [each for each in filters.names() if not positioned(filters.find(each))]
     if name is not None and name not in known:
         raise DataError(f"ahrs is {name!r}, which is no AHRS; there are: {', '.join(known)}")
 
 
-def _aligned(recording, spec):
-    from ...alignment.initial import align
-
+def _aligned(recording: Recording, spec: ImuSpec | None) -> Start:
+    assert spec is not None  # it is, where there is no start
     try:
         return align(recording, spec)
     except DataError as error:
         raise DataError(f"alignment without the fixes of the outages: {error}") from None
 
 
-def _comparison(common, made, entrants, ways, results, notes, reference, spec):
+def _comparison(
+    common: Common,
+    made: Protocol,
+    entrants: list[Entrant],
+    ways: list[Way],
+    results: list[list[Result]],
+    notes: list[str],
+    reference: Trajectory,
+    spec: ImuSpec | None,
+) -> Comparison:
     """The Comparison of what the runs gave. Raises DataError where nothing was scored."""
     import pandas as pd
 
     labels, rows = [entrant.label for entrant in entrants], []
     for label, own in zip(labels, results):
         for number, (each, outage) in enumerate(zip(own, common.outages), 1):
-            head = {
+            head: dict[str, Any] = {
                 "filter": label,
                 "outage": number,
                 "start_s": outage.start,
                 "stop_s": outage.stop,
                 "length_s": round(outage.length, 6),
             }
-            failed = isinstance(each, str)
-            rows.append(
-                head
-                | ({} if failed else each[0])
-                | {"distance_m": outage.distance, "said": each if failed else ""}
-            )
+            had, said = ({}, each) if isinstance(each, str) else (each[0], "")
+            rows.append(head | had | {"distance_m": outage.distance, "said": said})
     if all(isinstance(each, str) for own in results for each in own):
         raise DataError(f"no filter got through any outage; {labels[0]}: {results[0][0]}")
     scores = pd.DataFrame(
         sorted(rows, key=lambda row: -len(row))
     )  # the columns of a row that has them all
-    in_order = lambda column: column.map(labels.index) if column.name == "filter" else column
+
+    def in_order(column: pd.Series[Any]) -> pd.Series[Any]:
+        return column.map(labels.index) if column.name == "filter" else column
+
     scores = scores.sort_values(["filter", "outage"], key=in_order, ignore_index=True)
     tracks = {
         label: [None if isinstance(each, str) else each[1] for each in own]
@@ -231,14 +251,17 @@ def _comparison(common, made, entrants, ways, results, notes, reference, spec):
     )
 
 
-def _settings(common, entrants, ways, spec):
+def _settings(
+    common: Common, entrants: list[Entrant], ways: list[Way], spec: ImuSpec | None
+) -> dict[str, Any]:
     """What all runs had in common, and what each filter had of its own."""
     ran = [(entrant, way.run) for entrant, way in zip(entrants, ways)]
     noise = next(run.noise for _, run in ran if run)
-    defaults = lambda filter: {
-        name: option.default
-        for name, option in list(inspect.signature(filter.start).parameters.items())[2:]
-    }
+
+    def defaults(filter: Filter) -> dict[str, Any]:
+        parameters = list(inspect.signature(filter.start).parameters.items())[2:]
+        return {name: option.default for name, option in parameters}
+
     return {
         "imu": spec.name if spec else "",
         "noise": noise._asdict(),
@@ -263,9 +286,10 @@ def _settings(common, entrants, ways, spec):
     }
 
 
-def _withheld(common):
+def _withheld(common: Common) -> dict[str, int]:
     """{source: fixes withheld in the outages}, each fix once, also where outages overlap."""
-    found, hidden = {}, common.recording.hidden([each[:2] for each in common.outages], common.kinds)
+    found: dict[str, int] = {}
+    hidden = common.recording.hidden([each[:2] for each in common.outages], common.kinds)
     for whole, left in zip(common.recording.aidings, hidden.aidings):
         if whole.kind in common.kinds:
             name = whole.name or whole.kind
@@ -273,9 +297,10 @@ def _withheld(common):
     return found
 
 
-def _said(common, entrants, ways):
+def _said(common: Common, entrants: list[Entrant], ways: list[Way]) -> list[str]:
     """Notes of the filters on what they run on, each once."""
-    known, found = common.recording.meta.get("notes", []), {}
+    known = common.recording.meta.get("notes", [])
+    found: dict[str, list[str]] = {}
     for entrant, way in zip(entrants, ways):
         for note in way.run.recording.meta["notes"] if way.run else ():
             if note not in known:
@@ -286,26 +311,29 @@ def _said(common, entrants, ways):
     ]
 
 
-def _events(labels, results):
+def _events(labels: list[str], results: list[list[Result]]) -> list[str]:
     """A note per kind of event of the outages, with the range of its numbers and in how many
     runs which filters had it."""
-    found = {}
+    found: dict[str, tuple[list[list[str]], dict[str, set[int]]]] = {}
     for label, own in zip(labels, results):
         for run, each in enumerate(own):
             for text in (
                 () if isinstance(each, str) else [HERE.sub("", text) for _, text in each[2]]
             ):
-                numbers, had = found.setdefault(NUMBER.sub("\0", text), ([], {}))
-                numbers.append(NUMBER.findall(text))
+                numbers, had = found.setdefault(NUMBER_IN_TEXT.sub("\0", text), ([], {}))
+                numbers.append(NUMBER_IN_TEXT.findall(text))
                 had.setdefault(label, set()).add(run)
-    runs = lambda had: ", ".join(f"{label} {len(seen)}" for label, seen in had.items())
+
+    def runs(had: dict[str, set[int]]) -> str:
+        return ", ".join(f"{label} {len(seen)}" for label, seen in had.items())
+
     return [
         f"in the runs with outages: {_ranged(text, numbers)} (runs: {runs(had)})"
         for text, (numbers, had) in found.items()
     ]
 
 
-def _ranged(text, numbers):
+def _ranged(text: str, numbers: list[list[str]]) -> str:
     """`text` with each NUL replaced by the smallest and the largest of the texts of numbers,
     [[text per NUL] per event], at its place."""
     ends = [sorted(column, key=float) for column in zip(*numbers)]

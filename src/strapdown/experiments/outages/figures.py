@@ -6,18 +6,22 @@ Figure, or None where there is nothing to draw; a filter has the same colour, sy
 of them. What was not scored is left out of the drawing and named in a sentence below it.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterable
 from html import escape
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
+from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from ...geodesy import displacement
 from ...reports.drawing import (
-    AXES,
     COLOURS,
     GREY,
+    NED_AXES,
     column,
     even,
     extent,
@@ -29,10 +33,15 @@ from ...reports.drawing import (
     origin,
     panels,
 )
-from .words import ranked, ratio
+from ...typing import Array, Ints, Mask
+from .words import Ratio, ranked, ratio
+
+if TYPE_CHECKING:
+    from .protocols import Window
+    from .result import Comparison
 
 PALETTE = (*COLOURS, "#8a6d3b", "#e0559f", "#7c8a00", "#5f7fa8")
-SYMBOLS = (
+MARKER_SYMBOLS = (
     "circle",
     "square",
     "diamond",
@@ -45,14 +54,14 @@ SYMBOLS = (
     "hexagon",
 )
 DASHES = ("solid", "dash", "dot")
-OUTAGE = "rgba(59,125,216,0.35)"
+OUTAGE_COLOUR = "rgba(59,125,216,0.35)"
 """Of the stretches of the track whose fixes were withheld."""
 GAUSS = (68.27, 95.45, 99.73)
 """Percent of a normal error within 1, 2 and 3 standard deviations."""
 REACH = 100.0
 """A logarithmic axis reaches so many times above and below the median at most: a filter that
 diverges leaves it instead of flattening the others."""
-POINTS = 250
+LINE_POINTS = 250
 """Of a line over one outage at most."""
 MIDDLING = 5.0
 """The frame of a single outage holds so many times the largest error of the middle filter, where
@@ -67,23 +76,26 @@ class Style(NamedTuple):
     dash: str
 
 
-def styles(filters):
+def styles(filters: Iterable[str]) -> dict[str, Style]:
     """{filter: Style} in their order; ten colours, then again with other dashes."""
-    chosen = lambda i: Style(
-        PALETTE[i % len(PALETTE)],
-        SYMBOLS[i % len(SYMBOLS)],
-        DASHES[i // len(PALETTE) % len(DASHES)],
-    )
+
+    def chosen(i: int) -> Style:
+        return Style(
+            PALETTE[i % len(PALETTE)],
+            MARKER_SYMBOLS[i % len(MARKER_SYMBOLS)],
+            DASHES[i // len(PALETTE) % len(DASHES)],
+        )
+
     return {name: chosen(i) for i, name in enumerate(filters)}
 
 
-def paired(comparison, base, length):
+def paired(comparison: Comparison, base: str, length: float) -> go.Figure | None:
     """Ratio of RMSE of each filter to that of `base` on the same outages, with 95 % intervals:
     horizontal, north, east, down."""
     others = [name for name in comparison.filters if name != base]
     if not others:
         return None
-    look, measures = styles(comparison.filters), ("horizontal", *AXES)
+    look, measures = styles(comparison.filters), ("horizontal", *NED_AXES)
     ratios = {
         name: [ratio(comparison, name, base, length, measure) for measure in measures]
         for name in others
@@ -123,7 +135,7 @@ def paired(comparison, base, length):
     return figure
 
 
-def _interval(figure, r, name, style, col):
+def _interval(figure: go.Figure, r: Ratio, name: str, style: Style, col: int) -> None:
     """A Ratio as a mark with its interval, filled where that excludes 1."""
     if not np.isfinite(r.value):
         return
@@ -159,7 +171,7 @@ def _interval(figure, r, name, style, col):
     figure.add_trace(drawn, row=1, col=col)
 
 
-def _few(settings):
+def _few(settings: dict[str, Any]) -> dict[str, Any]:
     """Ticks of a narrow logarithmic axis: every second number where there are many."""
     texts = settings.get("ticktext", ())
     step = -(-len(texts) // 6) if texts else 1
@@ -170,14 +182,12 @@ def _few(settings):
     )
 
 
-def growth(comparison, length):
+def growth(comparison: Comparison, length: float) -> go.Figure | None:
     """Horizontal and vertical error over the time since the outage began, of each filter: median
     and 10 to 90 % of its outages."""
-    look, figure, seen = (
-        styles(comparison.filters),
-        panels(["horizontal error [m]", "vertical error [m]"], 300, log=True),
-        [[], []],
-    )
+    look = styles(comparison.filters)
+    figure = panels(["horizontal error [m]", "vertical error [m]"], 300, log=True)
+    seen: list[list[Array]] = [[], []]
     for rank, (name, style) in reversed(list(enumerate(look.items()))):
         rows = comparison.growth[
             (comparison.growth["filter"] == name) & (comparison.growth["length_s"] == length)
@@ -212,16 +222,28 @@ def growth(comparison, length):
     return figure
 
 
-def _ribbon(figure, x, low, high, colour, name, row, opacity):
+def _ribbon(
+    figure: go.Figure,
+    x: Array,
+    low: Array,
+    high: Array,
+    colour: str,
+    name: str,
+    row: int,
+    opacity: float,
+) -> None:
     """The stretch between two lines, shaded, shown and hidden with the line of the same name."""
     known = np.isfinite(low) & np.isfinite(high) & (low > 0)
     if known.sum() > 1:
-        keep = np.flatnonzero(known)[even(int(known.sum()), POINTS)]
-        round_ = lambda there, back: column(np.r_[there[keep], back[keep][::-1]])
+        keep = np.flatnonzero(known)[even(int(known.sum()), LINE_POINTS)]
+
+        def there_and_back(there: Array, back: Array) -> NDArray[Any]:
+            return column(np.r_[there[keep], back[keep][::-1]])
+
         figure.add_trace(
             go.Scatter(
-                x=round_(x, x),
-                y=round_(high, low),
+                x=there_and_back(x, x),
+                y=there_and_back(high, low),
                 mode="lines",
                 fill="toself",
                 fillcolor=_faint(colour, opacity),
@@ -235,12 +257,12 @@ def _ribbon(figure, x, low, high, colour, name, row, opacity):
         )
 
 
-def _faint(colour, opacity):
+def _faint(colour: str, opacity: float) -> str:
     red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
     return f"rgba({red},{green},{blue},{opacity})"
 
 
-def _frame(figure, values, row, least=0.0):
+def _frame(figure: go.Figure, values: Array, row: int, least: float = 0.0) -> None:
     """Range of a logarithmic axis that holds the `values` down to their quantile `least`; what
     is farther than REACH leaves it, which is said."""
     values = values[np.isfinite(values) & (values > 0)]
@@ -256,7 +278,7 @@ def _frame(figure, values, row, least=0.0):
         )
 
 
-def metres(value):
+def metres(value: float) -> str:
     """A length for people: "12.3 m", "4.56 km"."""
     return f"{value / 1000:.3g} km" if value >= 1000 else f"{value:.3g} m"
 
@@ -270,7 +292,7 @@ MEASURES = (
 """Columns of the scores that `outages` draws where they are known, and the labels of their axes."""
 
 
-def outages(comparison, length):
+def outages(comparison: Comparison, length: float) -> go.Figure | None:
     """The errors of each filter in every outage: over its start for a sweep, over its number
     otherwise."""
     own = comparison.of_length(length)
@@ -330,21 +352,21 @@ LIST = 12
 of a sweep, are told by their start."""
 
 
-def are_listed(comparison):
+def are_listed(comparison: Comparison) -> bool:
     """Whether the outages are few and of one run."""
     return not comparison.sweep and len(comparison.windows) <= LIST
 
 
-def course(comparison, outage):
+def course(comparison: Comparison, outage: int) -> go.Figure | None:
     """North, east and down error of every filter over one outage (its index), time from its
     beginning."""
-    figure, found = panels([f"{axis} [m]" for axis in AXES], 150), {}
+    figure, found = panels([f"{axis} [m]" for axis in NED_AXES], 150), {}
     for rank, (name, style) in reversed(list(enumerate(styles(comparison.filters).items()))):
         if (track := comparison.tracks[name][outage]) is None:
             continue
-        keep = even(len(track.since), POINTS)
+        keep = even(len(track.since), LINE_POINTS)
         found[name] = np.abs(track.error).max(axis=0)
-        for i in range(len(AXES)):
+        for i in range(len(NED_AXES)):
             line(
                 figure,
                 track.since[keep],
@@ -357,7 +379,7 @@ def course(comparison, outage):
             )
     if not found:
         return None
-    for i, axis in enumerate(AXES):
+    for i, axis in enumerate(NED_AXES):
         largest = {name: values[i] for name, values in reversed(found.items())}
         most, middle = max(largest.values()), float(np.median(list(largest.values())))
         limit = 1.1 * (most if most <= 2 * MIDDLING * middle else MIDDLING * middle) or 1.0
@@ -371,11 +393,11 @@ def course(comparison, outage):
             )
     if missing := [name for name in comparison.filters if name not in found]:
         note(figure, f"Not scored here: {', '.join(missing)}.")
-    figure.update_xaxes(title_text="time since the outage began [s]", row=len(AXES), col=1)
+    figure.update_xaxes(title_text="time since the outage began [s]", row=len(NED_AXES), col=1)
     return figure
 
 
-def coverage(comparison):
+def coverage(comparison: Comparison) -> go.Figure | None:
     """Share of the errors in the outages within 1, 2 and 3 of the standard deviations that each
     filter claims: north and east together, and down."""
     parts, columns = (
@@ -395,7 +417,7 @@ def coverage(comparison):
     )
     for i, names in enumerate(columns, 1):
         for k, (column_, share, colour, symbol) in enumerate(
-            zip(names, GAUSS, PALETTE, SYMBOLS), 1
+            zip(names, GAUSS, PALETTE, MARKER_SYMBOLS), 1
         ):
             figure.add_trace(
                 go.Scatter(
@@ -431,7 +453,7 @@ def coverage(comparison):
     return figure
 
 
-def track(comparison):
+def track(comparison: Comparison) -> go.Figure | None:
     """The reference from above with the outages on it, numbered where they are a list; then with
     the estimates in them, error and all."""
     reference = comparison.reference
@@ -454,7 +476,7 @@ def track(comparison):
         figure,
         np.where(hidden[:, None], path, np.nan)[_breaks(hidden)],
         "fixes withheld",
-        line={"color": OUTAGE, "width": 10},
+        line={"color": OUTAGE_COLOUR, "width": 10},
     )
     if listed:
         starts = _beginnings(comparison.windows, t, path)
@@ -499,11 +521,11 @@ def track(comparison):
     )
 
 
-def _beginnings(windows, t, path):
+def _beginnings(windows: Iterable[Window], t: Array, path: Array) -> Array:
     return path[np.minimum(np.searchsorted(t, [start for start, _ in windows]), len(t) - 1)]
 
 
-def _hard(figure, comparison, t, path):
+def _hard(figure: go.Figure, comparison: Comparison, t: Array, path: Array) -> None:
     """A mark where each outage of the longest length begins, in the colour of the horizontal
     RMSE of the best filter: where it is hard."""
     if not (order := ranked(comparison, comparison.lengths[-1])):
@@ -545,22 +567,22 @@ def _hard(figure, comparison, t, path):
     )
 
 
-def _breaks(hidden):
-    """At most MOST rows of a line that is drawn where `hidden`, each stretch with a row beside
-    it to break the line."""
+def _breaks(hidden: Mask) -> Ints:
+    """At most MOST_POINTS rows of a line that is drawn where `hidden`, each stretch with a row
+    beside it to break the line."""
     wanted = np.flatnonzero(hidden)
     edges = np.flatnonzero(np.diff(hidden))
     return np.unique(np.r_[wanted[even(len(wanted))], edges, edges + 1])
 
 
-def _estimates(figure, comparison, t, path):
+def _estimates(figure: go.Figure, comparison: Comparison, t: Array, path: Array) -> None:
     """Where each filter thought it was in the outages: the reference less its error. Lines of
     one filter are one entry of the legend."""
     for name, style in styles(comparison.filters).items():
         parts = []
         for (start, _), track in zip(comparison.windows, comparison.tracks[name]):
             if track is not None:
-                keep = even(len(track.since), POINTS)
+                keep = even(len(track.since), LINE_POINTS)
                 true = np.column_stack(
                     [np.interp(start + track.since[keep], t, axis) for axis in path.T]
                 )
@@ -575,8 +597,13 @@ def _estimates(figure, comparison, t, path):
 
 
 def _path(
-    figure, path, name, mode="lines", hovertemplate="%{x:.1f} m east, %{y:.1f} m north", **style
-):
+    figure: go.Figure,
+    path: Array,
+    name: str,
+    mode: str = "lines",
+    hovertemplate: str = "%{x:.1f} m east, %{y:.1f} m north",
+    **style: Any,
+) -> None:
     figure.add_trace(
         go.Scatter(
             x=column(path[:, 0]),

@@ -1,18 +1,29 @@
 """The page that `strapdown compare` writes: the answer in words, tables, figures, how it was
 done."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from datetime import UTC, datetime
 from html import escape
 from itertools import count
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from ... import __version__
-from ...reports.shell import listed, placed, shell
+from ...reports.shell import Page, listed, placed, shell
 from ...reports.summary import listing
 from . import figures, tables
 from .words import answers, counted, failures, ranked, unlike
 
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+    from .result import Comparison
+
+Place: TypeAlias = Callable[..., str]
+"""(figure or None, heading, caption) -> HTML of the figure, "" of None."""
 FOOTER = (
     "Errors are true − estimate against the reference in its own geodetic frame, without any alignment of trajectories, at every row of the "
     "solution in an outage. RMSE: root mean square over an outage."
@@ -41,16 +52,17 @@ COVERAGE = (
 )
 TRACK = "The reference, and the outages on it with what the filters took for the track."
 SWEPT = "The reference, and the outages on it: the colour of a mark is the error in the outage that begins there."
-SHOWN = 6
+DRAWN_IN_FULL = 6
 """Up to so many outages are all drawn in full."""
 
 
-def page(comparison):
+def page(comparison: Comparison) -> Page:
     """The Page of a Comparison."""
     numbers = count(1)
-    place = lambda figure, heading, caption="": (
-        placed(next(numbers), figure, heading, caption) if figure is not None else ""
-    )
+
+    def place(figure: go.Figure | None, heading: str, caption: str = "") -> str:
+        return placed(next(numbers), figure, heading, caption) if figure is not None else ""
+
     sections = [(heading, make(comparison, place)) for heading, make in SECTIONS]
     title = f"{comparison.name or 'A recording'}: {counted(len(comparison.filters), 'filter')} in {counted(len(comparison.windows))}"
     facts = {
@@ -71,7 +83,7 @@ def page(comparison):
     )
 
 
-def _each_length(comparison):
+def _each_length(comparison: Comparison) -> list[tuple[float, str]]:
     """(length, words to add to a heading) of the outages."""
     return [
         (length, f", outages of {length:g} s" if len(comparison.lengths) > 1 else "")
@@ -79,15 +91,15 @@ def _each_length(comparison):
     ]
 
 
-def _grid(*parts):
+def _grid(*parts: str) -> str:
     return f"<div class=grid>{''.join(parts)}</div>" if any(parts) else ""
 
 
-def _narrow(part):
+def _narrow(part: str) -> str:
     return f"<div class=narrow>{part}</div>" if part else ""
 
 
-def _summary(comparison, place):
+def _summary(comparison: Comparison, place: Place) -> str:
     said = "".join(f"<p class=answer>{escape(text)}</p>" for text in answers(comparison))
     said += "".join(
         f"<p class=note>{escape(text)}</p>" for text in [*unlike(comparison), *failures(comparison)]
@@ -95,7 +107,7 @@ def _summary(comparison, place):
     return said + tables.summary(comparison) + f"<p class=caption>{RANKED}</p>"
 
 
-def _outages(comparison, place):
+def _outages(comparison: Comparison, place: Place) -> str:
     drawn = [
         place(
             figures.outages(comparison, length),
@@ -107,7 +119,7 @@ def _outages(comparison, place):
     return tables.of_outages(comparison) + "".join(drawn)
 
 
-def _pairs(comparison, place):
+def _pairs(comparison: Comparison, place: Place) -> str:
     found = ""
     for length, of in _each_length(comparison):
         best = ranked(comparison, length)[:1]
@@ -118,7 +130,7 @@ def _pairs(comparison, place):
     return found
 
 
-def _growth(comparison, place):
+def _growth(comparison: Comparison, place: Place) -> str:
     return _grid(
         *(
             place(
@@ -129,7 +141,7 @@ def _growth(comparison, place):
     )
 
 
-def _single(comparison, place):
+def _single(comparison: Comparison, place: Place) -> str:
     return _grid(
         *(
             place(figures.course(comparison, i), heading, "True − estimate.")
@@ -138,11 +150,14 @@ def _single(comparison, place):
     )
 
 
-def _chosen(comparison):
+def _chosen(comparison: Comparison) -> list[tuple[int, str]]:
     """[(index, heading)] of the outages that are drawn in full: all of a few, else a median and
     the worst one by the filters' mean log error."""
-    label = lambda i: "{:.10g} to {:.10g} s".format(*comparison.windows[i])
-    if len(comparison.windows) <= SHOWN:
+
+    def label(i: int) -> str:
+        return "{:.10g} to {:.10g} s".format(*comparison.windows[i])
+
+    if len(comparison.windows) <= DRAWN_IN_FULL:
         return [(i, f"Outage {i + 1}, {label(i)}") for i in range(len(comparison.windows))]
     own = comparison.of_length(comparison.lengths[-1])
     own = own[own["horizontal_rmse_m"] > 0]
@@ -157,7 +172,7 @@ def _chosen(comparison):
     return [(number - 1, f"{what} outage, {label(number - 1)}") for what, number in picked]
 
 
-def _coverage(comparison, place):
+def _coverage(comparison: Comparison, place: Place) -> str:
     return _narrow(
         place(
             figures.coverage(comparison), "Errors within the claimed standard deviations", COVERAGE
@@ -165,7 +180,7 @@ def _coverage(comparison, place):
     )
 
 
-def _track(comparison, place):
+def _track(comparison: Comparison, place: Place) -> str:
     return _narrow(
         place(
             figures.track(comparison),
@@ -175,11 +190,11 @@ def _track(comparison, place):
     )
 
 
-def _how(comparison, place):
+def _how(comparison: Comparison, place: Place) -> str:
     return tables.how(comparison)
 
 
-def _notes(comparison, place):
+def _notes(comparison: Comparison, place: Place) -> str:
     return listing(comparison.notes) if comparison.notes else ""
 
 

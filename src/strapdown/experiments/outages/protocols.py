@@ -1,26 +1,32 @@
 """When fixes are withheld: protocols of outages, as text or as windows in seconds.
 
-30/300              30 s at the end of every 300 s of the recording but the first (Alam, Whidborne & Millidere)
+30/300              30 s at the end of every 300 s of the recording but the first
+                    (Alam, Whidborne & Millidere)
 15:                 from 15 s to the end
 100:130,200:230     a list of windows
-30@240:575/5        a sweep: windows of 30 s inside 240 to 575 s, one every 5 s; several lengths as 10,30,60@240:575/5
+30@240:575/5        a sweep: windows of 30 s inside 240 to 575 s, one every 5 s;
+                    several lengths as 10,30,60@240:575/5
 """
 
 import math
+from collections.abc import Callable, Iterable
 from itertools import islice
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
+from ...core.contract import Start
 from ...data import DataError
 
-STEP = 5.0
+Window: TypeAlias = tuple[float, float]
+"""Start and stop, s."""
+SWEEP_STEP = 5.0
 """s between the windows of a sweep that does not say it."""
 SETTLING = 60.0
 """s after the start in which a sweep that names no range withholds nothing."""
-MOST = 5000
+MOST_WINDOWS = 5000
 """Windows that a protocol may have."""
 ROUNDING = 1e-6
 """s: times are compared with this much room."""
-HINT = "write 30/300 (30 s at the end of every 300 s), 15: (from 15 s on), 100:130,200:230 (windows) or 30@240:575/5 (a sweep)"
+PROTOCOL_HINT = "write 30/300 (30 s at the end of every 300 s), 15: (from 15 s on), 100:130,200:230 (windows) or 30@240:575/5 (a sweep)"
 
 
 class Protocol(NamedTuple):
@@ -29,12 +35,14 @@ class Protocol(NamedTuple):
 
     text: str  # as it was asked for, or made of the windows
     # ((start, stop), ...) s, in order of length and start where they are of a sweep, else of start
-    windows: tuple
+    windows: tuple[Window, ...]
     sweep: bool  # each window is a run of its own with all fixes before it
     words: str  # what that means, for people
 
 
-def protocol(outages, span, end, settled):
+def protocol(
+    outages: str | Iterable[Window], span: Window, end: float, settled: Callable[[], float]
+) -> Protocol:
     """The Protocol of `outages`: text as above, or a list of (start, stop) in s, which may overlap
     in a sweep only.
 
@@ -54,19 +62,19 @@ def protocol(outages, span, end, settled):
     return made
 
 
-def _listed(windows, text=None):
+def _listed(windows: Iterable[Window], text: str | None = None) -> Protocol:
     """A Protocol of windows that are withheld in one run, in order."""
     try:
-        windows = tuple(islice(windows, MOST + 1))
+        windows = tuple(islice(windows, MOST_WINDOWS + 1))
         found = tuple(sorted((float(start), float(stop)) for start, stop in windows))
     except (TypeError, ValueError):
         raise DataError(
-            f"outages is {windows!r}; it must be text or a list of (start, stop) in s: {HINT}"
+            f"outages is {windows!r}; it must be text or a list of (start, stop) in s: {PROTOCOL_HINT}"
         ) from None
     if not found:
-        raise DataError(f"outages: there are none; {HINT}")
-    if len(found) > MOST:
-        raise DataError(f"outages: more than {MOST} windows in a list; give fewer")
+        raise DataError(f"outages: there are none; {PROTOCOL_HINT}")
+    if len(found) > MOST_WINDOWS:
+        raise DataError(f"outages: more than {MOST_WINDOWS} windows in a list; give fewer")
     count = (
         f"{len(found)} outages of a list, all in one run"
         if len(found) > 1
@@ -77,7 +85,7 @@ def _listed(windows, text=None):
     )
 
 
-def _periodic(text, span):
+def _periodic(text: str, span: Window) -> Protocol:
     """A stated length at the end of every stated period but the first, counted from the
     beginning of the first IMU sample."""
     length, period = _numbers(text, text.split("/"), 2)
@@ -89,8 +97,8 @@ def _periodic(text, span):
     first, last = span
     if length > last - first:
         raise _too_long(length, span)
-    if (last - first) / period > MOST:
-        raise DataError(f"outages {text!r}: more than {MOST} windows; give a longer period")
+    if (last - first) / period > MOST_WINDOWS:
+        raise DataError(f"outages {text!r}: more than {MOST_WINDOWS} windows; give a longer period")
     ends = [first + k * period for k in range(2, int((last - first + ROUNDING) / period) + 1)]
     if not ends:
         raise DataError(
@@ -101,18 +109,18 @@ def _periodic(text, span):
     return Protocol(text, tuple((end - length, end) for end in ends), False, words)
 
 
-def _sweep(text, span, end, settled):
+def _sweep(text: str, span: Window, end: float, settled: Callable[[], float]) -> Protocol:
     """Windows of each length at every offset inside a range."""
-    lengths, _, rest = text.partition("@")
-    within, slash, step = rest.partition("/")
-    step = _numbers(text, [step], 1)[0] if slash else STEP
-    lengths = sorted(set(_numbers(text, lengths.split(","))))
+    stated, _, rest = text.partition("@")
+    within, slash, every = rest.partition("/")
+    step = _numbers(text, [every], 1)[0] if slash else SWEEP_STEP
+    lengths = sorted(set(_numbers(text, stated.split(","))))
     _positive(text, length=lengths[0], step=step)
     if lengths[-1] > span[1] - span[0]:
         raise _too_long(lengths[-1], span)
     first, last = _window(within, end, text) if within.strip() else (settled(), end)
-    if sum((last - first) / step for _ in lengths) > MOST:
-        raise DataError(f"outages {text!r}: more than {MOST} windows; give a longer step")
+    if sum((last - first) / step for _ in lengths) > MOST_WINDOWS:
+        raise DataError(f"outages {text!r}: more than {MOST_WINDOWS} windows; give a longer step")
     windows = [
         (first + k * step, first + k * step + length)
         for length in lengths
@@ -130,11 +138,11 @@ def _sweep(text, span, end, settled):
     return Protocol(text, tuple(windows), True, words)
 
 
-def _window(part, end, text):
+def _window(part: str, end: float, text: str) -> Window:
     """(start, stop) of "A:B", or of "A:", which stops at `end`."""
     start, colon, stop = part.partition(":")
     if not colon:
-        raise DataError(f"outages {text!r}: {part.strip()!r} is no window; {HINT}")
+        raise DataError(f"outages {text!r}: {part.strip()!r} is no window; {PROTOCOL_HINT}")
     first = _numbers(text, [start], 1)[0]
     if not stop.strip() and first >= end:
         raise DataError(
@@ -144,7 +152,7 @@ def _window(part, end, text):
     return first, _numbers(text, [stop], 1)[0] if stop.strip() else end
 
 
-def _numbers(text, parts, count=None):
+def _numbers(text: str, parts: Iterable[str], count: int | None = None) -> list[float]:
     """The finite numbers that `parts` of `text` are, `count` of them where that is given."""
     found = []
     for part in parts:
@@ -153,13 +161,17 @@ def _numbers(text, parts, count=None):
         except ValueError:
             found.append(math.nan)
         if not math.isfinite(found[-1]):
-            raise DataError(f"outages {text!r}: {part.strip()!r} is no number of seconds; {HINT}")
+            raise DataError(
+                f"outages {text!r}: {part.strip()!r} is no number of seconds; {PROTOCOL_HINT}"
+            )
     if count is not None and len(found) != count:
-        raise DataError(f"outages {text!r}: {len(found)} numbers where there are {count}; {HINT}")
+        raise DataError(
+            f"outages {text!r}: {len(found)} numbers where there are {count}; {PROTOCOL_HINT}"
+        )
     return found
 
 
-def _positive(text, **values):
+def _positive(text: str, **values: float) -> None:
     for name, value in values.items():
         if value <= 0:
             raise DataError(
@@ -167,18 +179,18 @@ def _positive(text, **values):
             )
 
 
-def named(window):
+def named(window: Window) -> str:
     """A window as text: "100 to 130 s"."""
     return "{:.10g} to {:.10g} s".format(*window)
 
 
-def _too_long(length, span):
+def _too_long(length: float, span: Window) -> DataError:
     return DataError(
         f"an outage of {length:g} s is longer than the recording, which lasts {span[1] - span[0]:.6g} s; give a shorter one"
     )
 
 
-def _check(made, span):
+def _check(made: Protocol, span: Window) -> None:
     """Raise DataError for the first window that cannot be one, or that overlaps the next in a
     protocol of one run."""
     for window in made.windows:
@@ -201,7 +213,7 @@ def _check(made, span):
             )
 
 
-def before_start(made, start):
+def before_start(made: Protocol, start: Start) -> None:
     """Raise DataError where a window does not begin after the start of the filters, a Start."""
     first = min(window[0] for window in made.windows)
     if first <= start.t + ROUNDING:

@@ -7,18 +7,26 @@ goes on from there without them. That is, bit for bit, the run of `fuse` on
 `recording.hidden([window], kinds)`.
 """
 
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from ...core import loop
-from ...core.contract import Filter, Imu, Noise, Start
-from ...data import DataError
-from ...engine.ahrs import RATE
-from ...engine.batch import Run, begin, new_output, solution
+from ...core.contract import Belief, Cursor, Filter, Imu, Noise, Start
+from ...data import Aiding, DataError
+from ...engine.batch import begin
+from ...engine.prepare import AHRS_RATE, Asked, GivenImu, Run, new_output
+from ...engine.result import solution
 from ...recording import Recording
-from .scores import scored
+from ...typing import Progress, Say
+from .scores import Outage, Track, scored
+
+Stand: TypeAlias = tuple[Belief, Cursor]
+"""A filter on its way, copied before an IMU row."""
+Result: TypeAlias = tuple[dict[str, float], Track, Sequence[tuple[float, str]]] | str
+"""Scores, errors and events of a filter in an outage, or why there are none."""
 
 
 class Common(NamedTuple):
@@ -27,9 +35,9 @@ class Common(NamedTuple):
     recording: Recording  # with all its fixes
     hidden: Recording  # without those of any outage
     sweep: bool
-    outages: list
-    kinds: tuple
-    imu: object  # as it was given
+    outages: list[Outage]
+    kinds: tuple[str, ...]
+    imu: GivenImu | None  # as it was given
     noise: Noise | None  # as it was given
     start: Start
     ahrs: str | None  # of filters that need an attitude
@@ -40,21 +48,23 @@ class Entrant(NamedTuple):
 
     label: str
     filter: Filter
-    options: dict
+    options: dict[str, Any]
 
 
 class Way(NamedTuple):
     """How one filter came to the outages."""
 
     run: Run | None  # that it made; None where it cannot run at all
-    stands: dict  # {IMU row: (Belief, Cursor) before it}
+    stands: dict[int, Stand]  # {IMU row: (Belief, Cursor) before it}
     # each outage needs a run of its own from the start, for what it is fed depends on what is
     # withheld
     alone: bool
     said: str  # why it cannot run, or stopped
 
 
-def through(common, entrants, threads, say, report):
+def through(
+    common: Common, entrants: list[Entrant], threads: int | None, say: Say | None, report: Progress
+) -> tuple[list[Way], list[list[Result]]]:
     """([Way], per filter and outage (row, Track, events) or text): first every filter's way to
     the outages, then all outages of all filters."""
     weights = [each.last - each.branch for each in common.outages]
@@ -69,39 +79,40 @@ def through(common, entrants, threads, say, report):
             report(done / total)
         ways = [future.result() for future in going]
         pairs = [(i, k) for k in range(len(common.outages)) for i in range(len(entrants))]
-        going = {
+        inside = {
             pool.submit(_in_outage, common, entrants[i], ways[i], common.outages[k]): (i, k)
             for i, k in pairs
         }
-        for future in as_completed(going):
-            future.result()
-            done += weights[going[future][1]]
+        for ended in as_completed(inside):
+            ended.result()
+            done += weights[inside[ended][1]]
             report(done / total)
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
-    results = {place: future.result() for future, place in going.items()}
+    results = {place: ended.result() for ended, place in inside.items()}
     return ways, [[results[i, k] for k in range(len(common.outages))] for i in range(len(entrants))]
 
 
-def _begun(common, entrant, recording, say=None):
+def _begun(common: Common, entrant: Entrant, recording: Recording, say: Say | None = None) -> Run:
     """The Run of a filter on `recording`, which keeps no rows on the way."""
     ahrs = common.ahrs if "attitude" in entrant.filter.needs else None
     return begin(
         recording,
         entrant.filter,
-        common.imu,
-        common.start,
-        common.noise,
-        len(recording.imu.t),
-        False,
-        say,
-        entrant.options,
-        ahrs,
-        RATE,
+        Asked(
+            entrant.options,
+            common.imu,
+            common.start,
+            common.noise,
+            every=len(recording.imu.t),
+            say=say,
+            ahrs=ahrs,
+            ahrs_rate=AHRS_RATE,
+        ),
     )
 
 
-def _way(common, entrant, say):
+def _way(common: Common, entrant: Entrant, say: Say | None) -> Way:
     """The Way of a filter."""
     base = common.recording if common.sweep else common.hidden
     try:
@@ -113,7 +124,7 @@ def _way(common, entrant, say):
     return Way(run, _stands(run, {each.branch for each in common.outages}), False, _stopped(run))
 
 
-def _fed_alike(common, entrant, fed):
+def _fed_alike(common: Common, entrant: Entrant, fed: list[Aiding]) -> bool:
     """Whether what a filter is `fed` in a run with all fixes is the same without those of any
     outage."""
     try:
@@ -127,27 +138,33 @@ def _fed_alike(common, entrant, fed):
     )
 
 
-def _fed(run, recording):
+def _fed(run: Run, recording: Recording) -> list[Aiding]:
     """The sources of a Run that are none of the recording's: the attitude of an AHRS that ran
     first."""
     return [a for a in run.recording.aidings if not any(a is own for own in recording.aidings)]
 
 
-def _stands(run, rows):
+def _copied(belief: Belief, cursor: Cursor) -> Stand:
+    """The same with arrays of their own, so that a run that goes on does not change them."""
+    return (
+        Belief._make(part.copy() for part in belief),
+        Cursor._make(part.copy() for part in cursor),
+    )
+
+
+def _stands(run: Run, rows: Iterable[int]) -> dict[int, Stand]:
     """{row: (Belief, Cursor)} copied before these IMU rows on the way of `run`, as far as it
     gets."""
-    stands = {}
+    stands: dict[int, Stand] = {}
     for row in sorted(rows):
         run.advance(row)
         if run.cursor.at[loop.FAULT]:
             break
-        stands[row] = tuple(
-            type(each)(*(part.copy() for part in each)) for each in (run.belief, run.cursor)
-        )
+        stands[row] = _copied(run.belief, run.cursor)
     return stands
 
 
-def _stopped(run):
+def _stopped(run: Run) -> str:
     """Why `run` stopped, "" where it did not."""
     if not run.cursor.at[loop.FAULT]:
         return ""
@@ -157,7 +174,7 @@ def _stopped(run):
         return str(error)
 
 
-def _in_outage(common, entrant, way, outage):
+def _in_outage(common: Common, entrant: Entrant, way: Way, outage: Outage) -> Result:
     """(scores, Track, events) of a filter in an outage, or why there are none."""
     run, stands, said = way.run, way.stands, way.said
     if run is None:
@@ -176,7 +193,7 @@ def _in_outage(common, entrant, way, outage):
         return str(error)
 
 
-def _withheld(common, run):
+def _withheld(common: Common, run: Run) -> list[int]:
     """Numbers of the sources of `run` whose fixes are still to be withheld: the recording's own,
     whole, of such a kind."""
     return [
@@ -186,10 +203,10 @@ def _withheld(common, run):
     ]
 
 
-def _branched(run, stand, outage, sources):
+def _branched(run: Run, stand: Stand, outage: Outage, sources: list[int]) -> Run:
     """The Run of an outage to its end: from where it branches off, without its fixes; only its
     scored rows are kept."""
-    belief, cursor = (type(each)(*(part.copy() for part in each)) for each in stand)
+    belief, cursor = _copied(*stand)
     rows, fixes = slice(outage.branch, outage.last), run.fixes
     samples = Imu(*(column[rows] for column in run.samples))
     near = slice(

@@ -6,18 +6,22 @@ frame, without any alignment of the two. An outage is scored from its first row 
 before a fix of the withheld kinds is used again.
 """
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
 
+from ...core.contract import Start
 from ...core.loop import SAME_TIME
-from ...data import DataError, Trajectory
+from ...data import DataError, Solution, Trajectory
 from ...evaluation.consistency import coverage
 from ...evaluation.metrics import interpolated
 from ...geodesy import displacement, wrap
-from .protocols import named
+from ...recording import Recording
+from ...typing import Array
+from .protocols import Protocol, Window, named
 
-AXES = ("north", "east", "down")
+ERROR_AXES = ("north", "east", "down")
 HARDLY = 10.0
 """m: over a shorter way the drift is no percentage of it."""
 MOSTLY = 0.95
@@ -49,7 +53,7 @@ class Outage(NamedTuple):
     coarse: bool  # whether the reference has few rows in it
 
     @property
-    def length(self):
+    def length(self) -> float:
         """s."""
         return self.stop - self.start
 
@@ -57,14 +61,12 @@ class Outage(NamedTuple):
 class Track(NamedTuple):
     """Errors of one filter in one outage, thinned for drawing."""
 
-    since: np.ndarray  # (k,) s since its start
-    error: np.ndarray  # (k, 3) true - estimate, m NED
-    sd: (
-        np.ndarray | None
-    )  # (k, 3) claimed standard deviations, m; None where the filter claims none
+    since: Array  # (k,) s since its start
+    error: Array  # (k, 3) true - estimate, m NED
+    sd: Array | None  # (k, 3) claimed standard deviations, m; None where the filter claims none
 
 
-def known_reference(recording):
+def known_reference(recording: Recording) -> Trajectory:
     """The rows of the recording's reference whose position is known. Raises DataError where
     there are none."""
     reference = recording.reference
@@ -82,7 +84,10 @@ def known_reference(recording):
         raise DataError(
             f"the reference covers {first:.10g} to {last:.10g} s, the recording {begin:.10g} to {end:.10g} s; check its clock"
         )
-    part = lambda values: None if values is None else values[known]
+
+    def part(values: Array | None) -> Array | None:
+        return None if values is None else values[known]
+
     return Trajectory(
         reference.t[known], reference.lla[known], part(reference.v_n), part(reference.q_nb)
     )
@@ -91,24 +96,32 @@ def known_reference(recording):
 class _Scene(NamedTuple):
     """What outages are found from."""
 
-    t: np.ndarray  # s of the IMU rows
-    used: np.ndarray  # s up to which each row uses fixes
+    t: Array  # s of the IMU rows
+    used: Array  # s up to which each row uses fixes
     least: int  # first row after the start
     truth: Trajectory  # the reference at all rows in any window
-    times: np.ndarray  # s of the fixes of the kinds withheld, in order
+    times: Array  # s of the fixes of the kinds withheld, in order
     kinds: str  # named
     sample: float  # s, the usual step of the IMU
     step: float  # s, of the reference
 
 
-def outages_of(made, recording, reference, kinds, start):
+def outages_of(
+    made: Protocol,
+    recording: Recording,
+    reference: Trajectory,
+    kinds: Collection[str],
+    start: Start,
+) -> tuple[list[Outage], list[str]]:
     """([Outage] of a Protocol, notes). `kinds` are withheld, `start` is the Start of the filters.
 
     A window of a sweep in which nothing is withheld or nothing known of the reference is left out
     and noted. Raises DataError where all are, or in another protocol one is; and where two outages
     of one run have no withheld fix between them.
     """
-    scene, found, left_out = _scene(made, recording, reference, kinds, start), [], {}
+    scene = _scene(made, recording, reference, kinds, start)
+    found: list[Outage] = []
+    left_out: dict[str, list[Window]] = {}
     for window in made.windows:
         try:
             found.append(_outage(window, scene))
@@ -131,7 +144,13 @@ def outages_of(made, recording, reference, kinds, start):
     return found, notes + _poor_references(found, scene.step)
 
 
-def _scene(made, recording, reference, kinds, start):
+def _scene(
+    made: Protocol,
+    recording: Recording,
+    reference: Trajectory,
+    kinds: Collection[str],
+    start: Start,
+) -> _Scene:
     t, inside = recording.imu.t, np.zeros(len(recording.imu.t), bool)
     for begin, stop in made.windows:
         inside[
@@ -155,7 +174,7 @@ def _scene(made, recording, reference, kinds, start):
     )
 
 
-def _outage(window, scene):
+def _outage(window: Window, scene: _Scene) -> Outage:
     begin, stop = window
     missing, again = (
         int(np.searchsorted(scene.times, edge)) for edge in window
@@ -168,24 +187,23 @@ def _outage(window, scene):
         raise DataError(
             f"outage {named(window)}: it is shorter than two IMU samples of {scene.sample:.3g} s; give a longer window"
         )
-    first, last = (
-        np.searchsorted(scene.t, begin - SAME_TIME),
-        np.searchsorted(scene.t, stop + SAME_TIME, side="right"),
-    )
-    branch = min(first, np.searchsorted(scene.used, scene.times[missing]))
+    first = int(np.searchsorted(scene.t, begin - SAME_TIME))
+    last = int(np.searchsorted(scene.t, stop + SAME_TIME, side="right"))
+    branch = min(first, int(np.searchsorted(scene.used, scene.times[missing])))
     if again < len(scene.times):
-        last = min(last, np.searchsorted(scene.used, scene.times[again]))
-    branch, first, last = (int(max(row, scene.least)) for row in (branch, first, last))
+        last = min(last, int(np.searchsorted(scene.used, scene.times[again])))
+    branch, first, last = (max(row, scene.least) for row in (branch, first, last))
     if last - first < 2:
         raise DataError(
             f"outage {named(window)}: there are fewer than two IMU samples in it; give another window"
         )
     at = int(np.searchsorted(scene.truth.t, scene.t[first]))
+    rows, whole = slice(at, at + last - first), scene.truth
     truth = Trajectory(
-        *(
-            None if part is None else part[at : at + last - first]
-            for part in (scene.truth.t, scene.truth.lla, scene.truth.v_n, scene.truth.q_nb)
-        )
+        whole.t[rows],
+        whole.lla[rows],
+        None if whole.v_n is None else whole.v_n[rows],
+        None if whole.q_nb is None else whole.q_nb[rows],
     )
     known = np.isfinite(truth.lla).all(axis=1)
     if not known.any():
@@ -212,7 +230,7 @@ def _outage(window, scene):
     )
 
 
-def _poor_references(found, step):
+def _poor_references(found: list[Outage], step: float) -> list[str]:
     """Notes on the outages that the reference covers in part, not to the end, or at few rows,
     `step` s apart."""
     part, short, coarse = (
@@ -241,14 +259,14 @@ def _poor_references(found, step):
     )
 
 
-def _outages(numbers):
+def _outages(numbers: list[int]) -> str:
     text = ", ".join(map(str, numbers[:NAMED])) + (
         f" and {len(numbers) - NAMED} more" if len(numbers) > NAMED else ""
     )
     return f"outage{'s' * (len(numbers) > 1)} {text}"
 
 
-def scored(solution, outage):
+def scored(solution: Solution, outage: Outage) -> tuple[dict[str, float], Track]:
     """({column: value}, Track) of a Solution of the rows of an Outage. Raises DataError where
     its position is no number."""
     estimate, truth = solution.trajectory, outage.truth
@@ -271,19 +289,19 @@ def scored(solution, outage):
     return row, Track(truth.t[known][at] - outage.start, p[at], None if sd is None else sd[at])
 
 
-def _rms(values):
+def _rms(values: Array) -> float:
     values = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else np.nan
 
 
-def _position_scores(p, outage):
+def _position_scores(p: Array, outage: Outage) -> dict[str, float]:
     horizontal, end = (
         np.hypot(p[:, 0], p[:, 1]),
         p[-1] if outage.reaches_end else np.full(3, np.nan),
     )
     far = float(np.hypot(end[0], end[1]))
-    row = {f"{axis}_rmse_m": _rms(p[:, i]) for i, axis in enumerate(AXES)} | {
-        f"{axis}_end_m": float(end[i]) for i, axis in enumerate(AXES)
+    row = {f"{axis}_rmse_m": _rms(p[:, i]) for i, axis in enumerate(ERROR_AXES)} | {
+        f"{axis}_end_m": float(end[i]) for i, axis in enumerate(ERROR_AXES)
     }
     return row | {
         "horizontal_rmse_m": _rms(horizontal),
@@ -293,7 +311,7 @@ def _position_scores(p, outage):
     }
 
 
-def _velocity_scores(estimate, outage):
+def _velocity_scores(estimate: Trajectory, outage: Outage) -> dict[str, float]:
     v = (
         np.full((1, 3), np.nan)
         if outage.truth.v_n is None or estimate.v_n is None
@@ -302,13 +320,13 @@ def _velocity_scores(estimate, outage):
     size = np.linalg.norm(v, axis=1)
     known = np.flatnonzero(np.isfinite(size))
     end = float(size[known[-1]]) if len(known) and outage.reaches_end else np.nan
-    return {f"velocity_{axis}_rmse_m_s": _rms(v[:, i]) for i, axis in enumerate(AXES)} | {
+    return {f"velocity_{axis}_rmse_m_s": _rms(v[:, i]) for i, axis in enumerate(ERROR_AXES)} | {
         "velocity_rmse_m_s": _rms(size),
         "velocity_end_m_s": end,
     }
 
 
-def _attitude_scores(estimate, truth):
+def _attitude_scores(estimate: Trajectory, truth: Trajectory) -> dict[str, float]:
     rph = (
         np.full((1, 3), np.nan)
         if truth.q_nb is None or estimate.q_nb is None
@@ -320,7 +338,7 @@ def _attitude_scores(estimate, truth):
     }
 
 
-def _coverage(p, sd):
+def _coverage(p: Array, sd: Array) -> dict[str, float]:
     """Share of the errors within 1, 2 and 3 claimed standard deviations: north and east
     together, and down."""
     share = coverage(p, sd)

@@ -1,17 +1,27 @@
 """What the scores of a comparison say together: summaries, paired differences with intervals,
 growth of the error, the table of the paper."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
 from itertools import combinations
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from ...evaluation.consistency import paired
+from ...evaluation.consistency import Paired, paired
+from ...typing import Array, Ints
 from .protocols import ROUNDING
-from .scores import AXES
+from .scores import ERROR_AXES, Track
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .result import Comparison
 
 GRID = 61
 """Points of a growth curve."""
-GAP = 2.5
+CURVE_GAP = 2.5
 """Usual steps of a Track, thinned to every row or every other one: it is not known over more,
 nor over so many beyond its ends."""
 MEANS = tuple(f"coverage_{k}" for k in (1, 2, 3)) + tuple(f"down_coverage_{k}" for k in (1, 2, 3))
@@ -21,7 +31,7 @@ MEDIANS = tuple(f"{part}_rmse_deg" for part in ("roll", "pitch", "heading")) + (
 )
 
 
-def summary(comparison):
+def summary(comparison: Comparison) -> pd.DataFrame:
     """A row per filter and length; see `Comparison.summary`."""
     import pandas as pd
 
@@ -34,10 +44,10 @@ def summary(comparison):
     return pd.DataFrame(rows)
 
 
-def _summary_row(own):
+def _summary_row(own: pd.DataFrame) -> dict[str, Any]:
     got = own[np.isfinite(own["horizontal_rmse_m"])]
     row = {"n": len(got), "failures": len(own) - len(got)}
-    for part in (*AXES, "horizontal"):
+    for part in (*ERROR_AXES, "horizontal"):
         row |= {
             f"{part}_rmse_mean_m": got[f"{part}_rmse_m"].mean(),
             f"{part}_rmse_median_m": got[f"{part}_rmse_m"].median(),
@@ -63,7 +73,7 @@ def _summary_row(own):
     return row | {"said": "; ".join(dict.fromkeys(text for text in own["said"] if text))}
 
 
-def paired_differences(comparison):
+def paired_differences(comparison: Comparison) -> pd.DataFrame:
     """A row per pair of filters, length and axis; see `Comparison.paired`."""
     import pandas as pd
 
@@ -72,7 +82,7 @@ def paired_differences(comparison):
         own = comparison.of_length(length)
         once = own[own["filter"] == comparison.filters[0]]
         starts, each = once["start_s"].to_numpy(), once["length_s"].to_numpy()
-        for axis in ("horizontal", *AXES):
+        for axis in ("horizontal", *ERROR_AXES):
             by = own.pivot(index="outage", columns="filter", values=f"{axis}_rmse_m")
             for a, b in combinations(comparison.filters, 2):
                 rows.append(
@@ -102,7 +112,7 @@ def paired_differences(comparison):
     )
 
 
-def blocks(starts, lengths):
+def blocks(starts: Iterable[float], lengths: Iterable[float]) -> Ints:
     """(n,) number of the block of each window, in order of start: those that begin before the
     first one of the block stops are in it."""
     found, number, until = [], -1, -np.inf
@@ -113,7 +123,7 @@ def blocks(starts, lengths):
     return np.array(found, int)
 
 
-def ratio(a, b, starts, lengths):
+def ratio(a: Array, b: Array, starts: Array, lengths: Array) -> dict[str, float]:
     """Geometric mean of a / b with its 95 % interval, and how often each is the smaller, over
     windows where both are known and larger than 0.
 
@@ -136,7 +146,9 @@ def ratio(a, b, starts, lengths):
     }
 
 
-def over_blocks(values, block, wider=1.0, probability=0.95):
+def over_blocks(
+    values: Array, block: Ints, wider: float = 1.0, probability: float = 0.95
+) -> Paired:
     """Paired of the mean of `values` (n,), averaged within each `block` (n,) first: Student's t
     over the blocks, its half width times `wider`."""
     means = np.array([values[block == number].mean() for number in np.unique(block)])
@@ -147,7 +159,7 @@ def over_blocks(values, block, wider=1.0, probability=0.95):
     return found._replace(low=float(low), high=float(high))
 
 
-def widening(starts, lengths, block):
+def widening(starts: Array, lengths: Array, block: Ints) -> float:
     """Factor by which the interval of Student's t over blocks is too narrow, because windows of one
     block overlap some of the next; 1 where none do.
 
@@ -167,7 +179,7 @@ def widening(starts, lengths, block):
     return float(np.sqrt(total / n / ((own - total / n) / (n - 1))))
 
 
-def _covariance(one, other):
+def _covariance(one: tuple[Array, Array], other: tuple[Array, Array]) -> float:
     """Of the means over two blocks (starts, lengths) of window averages of white noise of
     density 1."""
     (a, la), (b, lb) = one, other
@@ -175,7 +187,7 @@ def _covariance(one, other):
     return float((np.clip(overlap, 0.0, None) / np.multiply.outer(la, lb)).mean())
 
 
-def growth(comparison):
+def growth(comparison: Comparison) -> pd.DataFrame:
     """A row per filter, length and time since the start of the outage; see `Comparison.growth`."""
     import pandas as pd
 
@@ -201,21 +213,21 @@ def growth(comparison):
     return pd.concat(parts, ignore_index=True)
 
 
-def _on(grid, track, values, length):
+def _on(grid: Array, track: Track, values: Array, length: float) -> Array:
     """Values of a Track at the times `grid` since the start of its outage of this length; NaN
     where it has no rows: before, behind and in gaps."""
     since, steps = track.since, np.diff(track.since)
-    wide = GAP * float(np.median(steps)) if len(steps) else ROUNDING
+    wide = CURVE_GAP * float(np.median(steps)) if len(steps) else ROUNDING
     known = (grid >= since[0] - wide) & (grid <= min(since[-1] + wide, length + ROUNDING))
     for row in np.flatnonzero(steps > max(wide, grid[1])):
         known &= (grid <= since[row]) | (grid >= since[row + 1])
     return np.where(known, np.interp(grid, since, values), np.nan)
 
 
-def _quantiles(curves):
-    found = {}
-    for part, values in curves.items():
-        values = np.array(values).reshape(-1, GRID)
+def _quantiles(curves: dict[str, list[Array]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for part, each in curves.items():
+        values = np.array(each).reshape(-1, GRID)
         count = np.isfinite(values).sum(axis=0)
         for name, share in (("median", 0.5), ("p10", 0.1), ("p90", 0.9)):
             found[f"{part}_{name}_m"] = [
@@ -225,15 +237,16 @@ def _quantiles(curves):
     return found
 
 
-def table(comparison):
+def table(comparison: Comparison) -> pd.DataFrame:
     """RMSE (m) by outage, columns by axis and filter; see `Comparison.table`."""
     import pandas as pd
 
-    by = comparison.scores.set_index(["outage", "filter"])[
-        [f"{axis}_rmse_m" for axis in AXES]
-    ].unstack("filter")
-    by = by[[(f"{axis}_rmse_m", name) for axis in AXES for name in comparison.filters]]
+    rmse = comparison.scores.set_index(["outage", "filter"])[
+        [f"{axis}_rmse_m" for axis in ERROR_AXES]
+    ]
+    by = cast("pd.DataFrame", rmse.unstack("filter"))  # of a table with two indices it is a table
+    by = by[[(f"{axis}_rmse_m", name) for axis in ERROR_AXES for name in comparison.filters]]
     by.columns = pd.MultiIndex.from_product(
-        [[axis.capitalize() for axis in AXES], comparison.filters], names=["axis", "filter"]
+        [[axis.capitalize() for axis in ERROR_AXES], comparison.filters], names=["axis", "filter"]
     )
     return by

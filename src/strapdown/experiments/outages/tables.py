@@ -1,14 +1,24 @@
 """The tables of the page of a comparison, as HTML: the summary, the RMSE of every outage, all
 pairs, how it was done."""
 
+from __future__ import annotations
+
 import re
+from collections.abc import Iterable
 from html import escape
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...reports.drawing import AXES
+from ...reports.drawing import NED_AXES
 from ...reports.summary import number, table
+from ...typing import Array
 from .words import ranked, unlike
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .result import Comparison
 
 SUMMARY = (
     ("RMSE north, mean [m]", "north_rmse_mean_m"),
@@ -34,7 +44,7 @@ NOISE = (
 """Terms of a Noise, the units for people, and from SI to them."""
 
 
-def in_order(comparison):
+def in_order(comparison: Comparison) -> pd.DataFrame:
     """The summary, one length after the other, in each the filters as they are ranked and then
     those that are not."""
     order = {
@@ -47,7 +57,7 @@ def in_order(comparison):
     return comparison.summary.iloc[sorted(range(len(place)), key=place.__getitem__)]
 
 
-def summary(comparison):
+def summary(comparison: Comparison) -> str:
     """The summary; of each column and length the smallest value is marked, among the filters
     that were scored in most outages."""
     found, several = in_order(comparison), len(comparison.lengths) > 1
@@ -69,11 +79,11 @@ def summary(comparison):
                 f"<td>{escape(text)}</td>" for text in lead
             )
             body += begin + _cells([row[name] for _, name in shown], mark, False) + "</tr>"
-    head = "".join(f"<th>{escape(text)}</th>" for text in head)
-    return f"<div class='scroll names'><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+    cells = "".join(f"<th>{escape(text)}</th>" for text in head)
+    return f"<div class='scroll names'><table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div>"
 
 
-def _smallest(values):
+def _smallest(values: Array) -> list[bool]:
     """Which of the values is the smallest, or reads like it; none where there is nothing to
     compare."""
     if len(values) < 2 or not np.isfinite(values).any():
@@ -81,7 +91,7 @@ def _smallest(values):
     return [number(value) == number(np.nanmin(values)) for value in values]
 
 
-def _cells(values, marks, rule=True):
+def _cells(values: Iterable[float], marks: Iterable[bool], rule: bool = True) -> str:
     """Cells of numbers, some of them marked, the first with a rule to its left."""
     kinds = [
         " ".join(["split"] * (rule and not i) + ["best"] * bool(mark))
@@ -90,44 +100,46 @@ def _cells(values, marks, rule=True):
     return "".join(f"<td class='{kind}'>{number(value)}</td>" for kind, value in zip(kinds, values))
 
 
-def of_outages(comparison):
+def of_outages(comparison: Comparison) -> str:
     """RMSE of every outage, axis by axis, as Table 1 of Alam, Whidborne & Millidere has it; the
     smallest of each outage and axis is marked."""
     values, n = comparison.table().to_numpy(float), len(comparison.filters)
-    axes = "".join(f"<th colspan={n} class=split>{axis.capitalize()} [m]</th>" for axis in AXES)
+    axes = "".join(f"<th colspan={n} class=split>{axis.capitalize()} [m]</th>" for axis in NED_AXES)
     names = "".join(
         f"<th{'' if i else ' class=split'}>{_breakable(name)}</th>"
-        for _ in AXES
+        for _ in NED_AXES
         for i, name in enumerate(comparison.filters)
     )
     head = f"<tr><th rowspan=2>outage</th><th rowspan=2>time [s]</th>{axes}</tr><tr>{names}</tr>"
-    line = lambda lead, row: (
-        f"<tr>{lead}{''.join(_cells(part, _smallest(part)) for part in np.split(row, len(AXES)))}</tr>"
-    )
+
+    def line(lead: str, row: Array) -> str:
+        parts = np.split(row, len(NED_AXES))
+        return f"<tr>{lead}{''.join(_cells(part, _smallest(part)) for part in parts)}</tr>"
+
     body = "".join(
         line(f"<td>{i}</td><td>{start:.10g}–{stop:.10g}</td>", row)
         for i, ((start, stop), row) in enumerate(zip(comparison.windows, values), 1)
     )
     # NaN stays in these two: over other outages than the others' they would be no mean and median
     # to compare
-    foot = (
+    pooled = (
         [("mean", values.mean(axis=0)), ("median", np.median(values, axis=0))]
         if len(values) > 1 and len(comparison.lengths) == 1
         else []
     )
-    foot = "".join(line(f"<td colspan=2>{what}</td>", row) for what, row in foot)
+    foot = "".join(line(f"<td colspan=2>{what}</td>", row) for what, row in pooled)
     return (
         "<p class=caption>RMSE of the position in each outage; shaded: the smallest of its row and axis (<a href='table.csv'>CSV</a>).</p>"
         f"<div class='scroll tall names'><table><thead>{head}</thead><tbody>{body}</tbody><tfoot>{foot}</tfoot></table></div>"
     )
 
 
-def _breakable(name):
+def _breakable(name: str) -> str:
     """A filter's label as HTML that may be broken behind its punctuation."""
     return re.sub("([:,=])", r"\1<wbr>", escape(name))
 
 
-def pairs(comparison, length):
+def pairs(comparison: Comparison, length: float) -> str:
     """The horizontal ratios of all pairs, of the outages of a length."""
     rows = comparison.paired
     rows = rows[(rows["length_s"] == length) & (rows["axis"] == "horizontal") & (rows["n"] > 0)]
@@ -159,7 +171,7 @@ def pairs(comparison, length):
     )
 
 
-def how(comparison):
+def how(comparison: Comparison) -> str:
     """What all filters had in common, and the options and sources of each."""
     known = comparison.settings
     withheld = ", ".join(f"{count} of {name}" for name, count in known["withheld"].items() if count)
@@ -190,7 +202,7 @@ def how(comparison):
     )
 
 
-def _options(options):
+def _options(options: dict[str, Any]) -> str:
     return (
         ", ".join(
             f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}"
@@ -200,7 +212,7 @@ def _options(options):
     )
 
 
-def _start(start):
+def _start(start: dict[str, Any]) -> str:
     (lat, lon), heading = np.degrees(start["lla"][:2]), np.degrees(start["rph"][2]) % 360
     place, sd = f"{lat:.5f} deg, {lon:.5f} deg, {start['lla'][2]:.1f} m", np.degrees(start["sd"][8])
     return f"at {start['t']:.2f} s, {place}, heading {heading:.1f} deg (sd {sd:.2g} deg)" + (
@@ -208,7 +220,7 @@ def _start(start):
     )
 
 
-def _noise(noise):
+def _noise(noise: dict[str, float]) -> str:
     return ", ".join(
         f"{name.replace('_', ' ')} {noise[name] * factor:.3g} {unit}"
         for name, unit, factor in NOISE

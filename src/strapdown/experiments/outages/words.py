@@ -1,11 +1,17 @@
 """What a comparison over outages says in words: which filter drifts least and how sure that is,
 and which filters were not scored, with why."""
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ...reports.summary import number
+
+if TYPE_CHECKING:
+    from .result import Comparison
 
 HEIGHTS = "altitude", "pressure", "zero-sea-level"
 """Kinds of sources that tell the height alone."""
@@ -18,11 +24,13 @@ class Ratio(NamedTuple):
     low: float  # 95 % interval, NaN with fewer than two blocks
     high: float
     wins: int  # outages in which the first is smaller
-    count: int  # outages scored for both
+    count: int  # type: ignore[assignment]  # outages scored for both; hides the method of tuples
     blocks: int  # of outages that overlap
 
 
-def ratio(comparison, name, base, length, axis="horizontal"):
+def ratio(
+    comparison: Comparison, name: str, base: str, length: float, axis: str = "horizontal"
+) -> Ratio:
     """The Ratio of RMSE of `name` to that of `base` along an axis, over the outages of a length;
     NaN where they have none in common."""
     rows = comparison.paired
@@ -42,7 +50,7 @@ def ratio(comparison, name, base, length, axis="horizontal"):
     return Ratio(np.nan, np.nan, np.nan, 0, 0, 0)
 
 
-def ranked(comparison, length):
+def ranked(comparison: Comparison, length: float) -> list[str]:
     """The filters that were scored in most outages of a length, the one with the smallest mean
     logarithm of the horizontal RMSE first."""
     own = comparison.of_length(length)
@@ -59,7 +67,7 @@ def ranked(comparison, length):
     )
 
 
-def sentences(comparison):
+def sentences(comparison: Comparison) -> list[str]:
     """The answer in words: which filter drifts least in these outages and how sure that is, of each
     length, sources that only some used, then who failed.
 
@@ -68,12 +76,12 @@ def sentences(comparison):
     return [*answers(comparison), *unlike(comparison), *failures(comparison)]
 
 
-def answers(comparison):
+def answers(comparison: Comparison) -> list[str]:
     """A sentence for each length of the outages."""
     return [_answer(comparison, length) for length in comparison.lengths]
 
 
-def _answer(comparison, length):
+def _answer(comparison: Comparison, length: float) -> str:
     order, count = ranked(comparison, length), comparison.of_length(length)["outage"].nunique()
     where = counted(count) + (f" of {length:g} s" if len(comparison.lengths) > 1 else "")
     if len(order) < 2:
@@ -106,17 +114,18 @@ def _answer(comparison, length):
     )
 
 
-def _times(best, found, names):
+def _times(best: str, found: dict[str, Ratio], names: Iterable[str]) -> str:
     """How the RMSE of `best` stands to that of each other: "best's horizontal RMSE is 0.5 times as
     large as worse's (95 %: 0.45 to 0.56)".
 
     found: {name: Ratio to it}.
     """
-    within = lambda r: (
-        f" (95 %: {number(1 / r.high)} to {number(1 / r.low)})"
-        if np.isfinite([r.low, r.high]).all()
-        else ""
-    )
+
+    def within(r: Ratio) -> str:
+        if not np.isfinite([r.low, r.high]).all():
+            return ""
+        return f" (95 %: {number(1 / r.high)} to {number(1 / r.low)})"
+
     ratios = [
         f"{number(1 / found[name].value)} times as large as {name}'s{within(found[name])}"
         for name in names
@@ -124,7 +133,7 @@ def _times(best, found, names):
     return f"{best}'s horizontal RMSE is " + _listed(ratios)
 
 
-def unlike(comparison):
+def unlike(comparison: Comparison) -> list[str]:
     """A sentence for each source that is not withheld and that only some of the filters use, of
     those that could run."""
     used = {name: own for name, own in comparison.settings["sources"].items() if own}
@@ -144,17 +153,17 @@ def unlike(comparison):
     return said
 
 
-def _listed(words):
+def _listed(words: list[str]) -> str:
     """`a, b and c`."""
     return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
-def counted(n, noun="outage"):
+def counted(n: int, noun: str = "outage") -> str:
     """`1 outage`, `2 outages`."""
     return f"{n} {noun}{'' if n == 1 else 's'}"
 
 
-def failures(comparison):
+def failures(comparison: Comparison) -> list[str]:
     """A line for each filter that was not scored in all outages, with what was said."""
     lines = []
     for name in comparison.filters:

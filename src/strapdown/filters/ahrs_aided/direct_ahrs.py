@@ -7,15 +7,16 @@ price is an error of its own while the body turns.
 
 import math
 
-from ...core.contract import CORRECT, PREDICT, Filter, helper, kernel
+from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, helper, kernel
 from ...core.error_state import DV, MID, auxiliary
 from ...core.rotation import rotate_right
+from ...typing import Array
 from .known_attitude import (
     BEYOND,
     BEYOND_COLUMN,
     CORRELATION,
     SINCE,
-    STEEP,
+    STEEP_PITCH,
     add_angles,
     bias_model,
     correct_angles,
@@ -32,17 +33,19 @@ from .known_attitude import (
     with_angles,
 )
 
-LEAST_COSINE = math.cos(STEEP)
+LEAST_COSINE = math.cos(STEEP_PITCH)
 
 
-def start(start, noise, bias="random-walk", correlation=0.0):
+def start(
+    start: Start, noise: Noise, bias: str = "random-walk", correlation: float = 0.0
+) -> Belief:
     """Belief at `start`. bias: "random-walk", or "decaying" with the time constants of the IMU.
     correlation: s for which errors of the AHRS are alike."""
     return with_angles(know(start.belief(auxiliary(len(start.sd))), bias, correlation), start)
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance P, position and velocity with the known attitude, and the Euler angles with its
     transformation of rates."""
     noise = bias_model(belief, noise)
@@ -63,7 +66,9 @@ def predict(belief, u, dt, noise):
 
 
 @helper
-def _doubt_rates(belief, pitch, heading, mid, cosine, dt):
+def _doubt_rates(
+    belief: Belief, pitch: float, heading: float, mid: Array, cosine: float, dt: float
+) -> None:
     """What the rates of the angles err by, because they are those at the known attitude, mid (9,)
     of that cosine of pitch.
 
@@ -103,7 +108,7 @@ def _doubt_rates(belief, pitch, heading, mid, cosine, dt):
 
 
 @helper
-def along(c, s, xx, xy, yy):
+def along(c: float, s: float, xx: float, xy: float, yy: float) -> tuple[float, float, float]:
     """Covariance xx, xy, yy of two components along axes turned by the angle of cosine c and
     sine s."""
     return (
@@ -114,7 +119,16 @@ def along(c, s, xx, xy, yy):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct P and the states. A measured attitude also is the known one from now on."""
     weigh(belief, sd, kind)
     nis = correct_angles(belief, y, belief.workspace[DV], observe, parameters, gate, innovation)

@@ -7,9 +7,10 @@ its prediction is the same to first order.
 
 import math
 
-from ...core.contract import CORRECT, PREDICT, Filter, helper, kernel
+from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, helper, kernel
 from ...core.error_state import DX, HEIGHT, auxiliary, bias_free, linearised_step
 from ...core.mechanization import mechanize
+from ...typing import Array
 from .known_attitude import (
     ANGLES,
     BEYOND,
@@ -27,13 +28,13 @@ from .known_attitude import (
 )
 
 
-def start(start, noise, bias="random-walk"):
+def start(start: Start, noise: Noise, bias: str = "random-walk") -> Belief:
     """Belief at `start`. bias: "random-walk", or "decaying" with the time constants of the IMU."""
     return with_angles(with_biases(start.belief(auxiliary(len(start.sd))), bias), start)
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance P and position, velocity and Euler angles with bias-corrected increments."""
     workspace, noise = belief.workspace, bias_model(belief, noise)
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
@@ -50,7 +51,7 @@ def predict(belief, u, dt, noise):
 
 
 @helper
-def integrate_angles(belief, r0, r1, r2):
+def integrate_angles(belief: Belief, r0: float, r1: float, r2: float) -> None:
     """Advance the Euler angles while the body turns by r (rad) at a constant rate: Runge-Kutta
     of fourth order."""
     angles = belief.workspace[ANGLES : ANGLES + 3]
@@ -67,7 +68,16 @@ def integrate_angles(belief, r0, r1, r2):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct P and the states."""
     return correct_angles(belief, y, sd, observe, parameters, gate, innovation)
 

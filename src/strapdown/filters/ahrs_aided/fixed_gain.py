@@ -9,6 +9,7 @@ a fix the error is multiplied as those poles say for the time since the last fix
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.contract import (
     ALTITUDE_KIND,
@@ -16,7 +17,11 @@ from ...core.contract import (
     CORRECT,
     POSITION_KIND,
     PREDICT,
+    Belief,
     Filter,
+    Noise,
+    Observe,
+    Start,
     helper,
     kernel,
     matrix,
@@ -25,35 +30,32 @@ from ...core.earth import displace
 from ...core.error_state import bias_free, observed
 from ...core.mechanization import mechanize
 from ...core.rotation import euler_to_matrix, measured_heading
+from ...typing import Array
 
 # of the horizontal axes, then the vertical one: a third pole, a pair; of velocities a pair (1/s). A
-# pair is (a, b, complex):
+# pair is (a, b, complex): a and b, or a +- jb
 POLES = 8
-SINCE, FORCE = (
-    16,
-    22,
-    # a and b, or a +- jb; s since the last position and velocity fix, north, east, down; specific-force
-    # increment, m/s
-)
+SINCE = 16  # s since the last position and velocity fix, north, east, down
+FORCE = 22  # specific-force increment, m/s
 CHANGE = 25  # of position, velocity and bias in n, by a fix
 SCRATCH = 34
-SHORTEST = 1e-6  # s: of two fixes at one time the second changes nothing
+SHORTEST_FIX_INTERVAL = 1e-6  # s: of two fixes at one time the second changes nothing
 
 
 def start(
-    start,
-    noise,
-    k1=0.7,
-    k2=0.14,
-    k3=0.008,
-    l1=0.7,
-    l2=0.14,
-    l3=0.008,
-    kv1=0.5,
-    kv2=0.04,
-    lv1=0.5,
-    lv2=0.04,
-):
+    start: Start,
+    noise: Noise,
+    k1: float = 0.7,
+    k2: float = 0.14,
+    k3: float = 0.008,
+    l1: float = 0.7,
+    l2: float = 0.14,
+    l3: float = 0.008,
+    kv1: float = 0.5,
+    kv2: float = 0.04,
+    lv1: float = 0.5,
+    lv2: float = 0.04,
+) -> Belief:
     """Belief at `start`. Gains: k1 (1/s), k2 (1/s^2), k3 (1/s^3) of a position's north and east,
     l1, l2, l3 of its height; kv1 (1/s), kv2 (1/s^2) of a velocity's north and east, lv1, lv2 of
     down. Without k3 (l3) and kv2 (lv2) the bias stays, without all of a kind that kind is not used.
@@ -71,12 +73,14 @@ def start(
     return start.belief(workspace)
 
 
-def _pair(a, b):
+def _pair(a: complex, b: complex) -> tuple[float, float, float]:
     """Two poles as three numbers."""
     return (a.real, abs(a.imag), 1.0) if a.imag else (a.real, b.real, 0.0)
 
 
-def poles(k1, k2, k3, kv1=0.0, kv2=0.0):
+def poles(
+    k1: float, k2: float, k3: float, kv1: float = 0.0, kv2: float = 0.0
+) -> NDArray[np.complex128]:
     """Poles (1/s) of the errors of an axis under these gains: s^3 + (k1 + kv1) s^2 + (k2 + kv2 + k1
     kv1) s + k3 + k1 kv2.
 
@@ -85,13 +89,15 @@ def poles(k1, k2, k3, kv1=0.0, kv2=0.0):
     return np.roots([1.0, k1 + kv1, k2 + kv2 + k1 * kv1, k3 + k1 * kv2]).astype(complex)
 
 
-def fastest_turn(k1, k2, k3):
+def fastest_turn(k1: float, k2: float, k3: float) -> float:
     """Rate (rad/s) of a steady turn up to which those gains of a position estimate the
     horizontal bias; beyond, it swings up: it turns in n meanwhile."""
     return (k1 * k2 - k3) / (k1 * math.sqrt(k2))
 
 
-def _check(axes, of_position, of_velocity):
+def _check(
+    axes: str, of_position: tuple[float, float, float], of_velocity: tuple[float, float]
+) -> None:
     """Raise ValueError where the gains of an axis are no numbers, or do not make position,
     velocity and bias settle."""
     gains = (*of_position, *of_velocity)
@@ -116,7 +122,7 @@ def _check(axes, of_position, of_velocity):
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance the INS; the gyros carry the attitude on until the next record."""
     workspace, omega, f = belief.workspace, belief.omega, belief.f
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
@@ -131,7 +137,16 @@ def predict(belief, u, dt, noise):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Take over an attitude; pull position, velocity and bias to any other fix. It does not
     gate."""
     workspace, C, n = belief.workspace, belief.C, belief.P.shape[0]
@@ -158,11 +173,11 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 @helper
-def _pull(workspace, axis, kind, e, change):
+def _pull(workspace: Array, axis: int, kind: int, e: float, change: Array) -> None:
     """What an error e (m, or m/s where kind is 3) of a fix changes on that axis: the gains that
     give the sampled error the poles' factors exp(s T)."""
     T, poles = workspace[SINCE + kind + axis], workspace[POLES if axis == 2 else 0 :]
-    if math.isnan(e) or T < SHORTEST:
+    if math.isnan(e) or T < SHORTEST_FIX_INTERVAL:
         return
     workspace[SINCE + kind + axis] = 0.0
     if kind == 0:
@@ -179,14 +194,14 @@ def _pull(workspace, axis, kind, e, change):
 
 
 @helper
-def _factor(pole, T):
+def _factor(pole: float, T: float) -> float:
     """exp(s T) - 1 of a real pole; one that is faster than the fixes counts as 1/T, which keeps
     fixes of two kinds from overshooting together."""
     return math.expm1(max(pole * T, -1.0))
 
 
 @helper
-def _factors(pair, T):
+def _factors(pair: Array, T: float) -> tuple[float, float]:
     """Sum and product of exp(s T) - 1 of two poles, likewise."""
     if pair[2] == 0:
         first, second = _factor(pair[0], T), _factor(pair[1], T)

@@ -1,20 +1,21 @@
 """Indirect filter with the attitude of an AHRS, feedback: the estimated error of the INS is
 reset into it at each fix."""
 
-from ...core.contract import CORRECT, PREDICT, Filter, kernel
+from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, kernel
 from ...core.error_state import DV, DX, STEP, auxiliary, inject_all, measure
 from ...core.rotation import rotate_left, rotate_right
+from ...typing import Array
 from .known_attitude import bias_model, corrected, know, predict_fed, weigh
 
 
-def start(start, noise, bias="decaying", correlation=0.0):
+def start(start: Start, noise: Noise, bias: str = "decaying", correlation: float = 0.0) -> Belief:
     """Belief at `start`. bias: "decaying", with the time constants of the IMU, or "random-walk".
     correlation: s for which errors of the AHRS are alike."""
     return know(start.belief(auxiliary(len(start.sd))), bias, correlation)
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance P and the INS: velocity with the known attitude, the attitude by the gyros alone."""
     r0, r1, r2 = predict_fed(belief, u, dt, bias_model(belief, noise))
     w = belief.workspace[STEP]
@@ -23,7 +24,16 @@ def predict(belief, u, dt, noise):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct P; inject the errors into INS and biases. A measured attitude also is the known
     one from now on."""
     weigh(belief, sd, kind)

@@ -6,9 +6,10 @@ beside a small-angle error would be over with the first tens of degrees that unc
 drift.
 """
 
-from ...core.contract import CORRECT, PREDICT, Filter, kernel, matrix
+from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, kernel, matrix
 from ...core.error_state import BLOCK, DV, STEP, X, decay_biases, linearised_step
 from ...core.rotation import orthonormalise, rotate_left, rotate_right
+from ...typing import Array
 from ..ins import open_loop
 from ..ins.open_loop import (
     BIAS,
@@ -24,7 +25,7 @@ from ..ins.open_loop import (
 from .known_attitude import KNOWN, bias_model, corrected, know, move, weigh
 
 
-def start(start, noise, bias="decaying", correlation=0.0):
+def start(start: Start, noise: Noise, bias: str = "decaying", correlation: float = 0.0) -> Belief:
     """Belief at `start`: the INS begins there, only the initial biases of `start` are taken off its
     IMU.
 
@@ -35,7 +36,7 @@ def start(start, noise, bias="decaying", correlation=0.0):
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance P, the raw INS and the error beside it: velocity with the known attitude,
     attitudes with corrected gyros."""
     workspace, bg, noise = belief.workspace, belief.bg, bias_model(belief, noise)
@@ -65,7 +66,16 @@ def predict(belief, u, dt, noise):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct P and the error beside the INS. A measured attitude also is the known one from now
     on."""
     weigh(belief, sd, kind)

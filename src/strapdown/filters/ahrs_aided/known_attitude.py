@@ -11,10 +11,11 @@ rightly. Source: Schmidt (1966); Bierman (1977), Factorization Methods, chapter 
 """
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
-from ...core.contract import ATTITUDE_KIND, Noise
+from ...core.contract import ATTITUDE_KIND, Belief, Noise, Observe, Start
 from ...core.error_state import (
     BLOCK,
     DV,
@@ -33,15 +34,15 @@ from ...core.jit import helper, inlined, matrix
 from ...core.kalman import propagate_error, used_rows, whiten
 from ...core.mechanization import mechanize
 from ...core.rotation import euler_to_matrix, matrix_to_euler, measured_heading, wrap
+from ...typing import Array
 
-# s with the pitch beyond STEEP, in a place that errors injected at once leave free: an extra column
-# of the solution
+# s with the pitch beyond STEEP_PITCH, in a place that errors injected at once leave free: an extra
+# column of the solution
 BEYOND = 0
 ANGLES = OWN  # Euler angles, rad
 KNOWN = OWN + 33  # the known attitude C_nb, 3 x 3; before it lies what an open loop keeps
-ERRORS = (
-    KNOWN + 9
-)  # covariance of its errors in n without those of the gyro biases, rad^2: nn, ne, ee, dd
+# covariance of its errors in n without those of the gyro biases, rad^2: nn, ne, ee, dd
+ERRORS = KNOWN + 9
 SINCE = ERRORS + 4  # s since it was measured: tilt, heading
 DRIFT = SINCE + 2  # standard deviation of what gyro biases have turned it since, rad: tilt, heading
 CORRELATION = DRIFT + 2  # s for which the errors of records are alike
@@ -49,14 +50,14 @@ DECAYING = DRIFT + 3  # which bias model:
 BIAS_MODELS = {"random-walk": 0.0, "decaying": 1.0}
 """Biases driven by white noise alone, or Gauss-Markov with the time constants of the IMU (where
 it has any), so that they fade without fixes."""
-STEEP = math.radians(85.0)
+STEEP_PITCH = math.radians(85.0)
 """Pitch from which on Euler angles are read off the rotation matrix: roll and heading move 11
 times as fast as the body, and ever faster."""
-SHORTEST = 1e-3  # s between two attitude records
+SHORTEST_RECORD_INTERVAL = 1e-3  # s between two attitude records
 BEYOND_COLUMN = "pitch_beyond_85_deg [s]"
 
 
-def with_biases(belief, bias):
+def with_biases(belief: Belief, bias: str) -> Belief:
     """`belief` with one of `BIAS_MODELS`; refuses an unknown one."""
     if bias not in BIAS_MODELS:
         raise ValueError(f"bias is {bias!r}; it must be one of {', '.join(BIAS_MODELS)}")
@@ -64,7 +65,7 @@ def with_biases(belief, bias):
     return belief
 
 
-def know(belief, bias, correlation=0.0):
+def know(belief: Belief, bias: str, correlation: float = 0.0) -> Belief:
     """`belief`, one of `BIAS_MODELS`, with its attitude as the known one, as uncertain as P says,
     and room for `shared`.
 
@@ -82,14 +83,14 @@ def know(belief, bias, correlation=0.0):
     return with_biases(belief._replace(workspace=workspace), bias)
 
 
-def with_angles(belief, start):
+def with_angles(belief: Belief, start: Start) -> Belief:
     """`belief` with the Euler angles of `start`."""
     belief.workspace[ANGLES : ANGLES + 3] = start.rph
     return belief
 
 
 @helper
-def bias_model(belief, noise):
+def bias_model(belief: Belief, noise: Noise) -> Noise:
     """`noise` with the decay of the biases that was asked for."""
     decaying = belief.workspace[DECAYING]
     return Noise(
@@ -103,7 +104,7 @@ def bias_model(belief, noise):
 
 
 @inlined
-def shared(n):
+def shared(n: int) -> int:
     """How far from the end of workspace the covariance (3, n) begins of the errors of the known
     attitude, in n, with those of the n states.
 
@@ -113,7 +114,7 @@ def shared(n):
 
 
 @helper
-def take_attitude(belief, y, sd):
+def take_attitude(belief: Belief, y: Array, sd: Array) -> None:
     """The measured attitude is the known one from now on, its errors new; a heading that it
     lacks is the belief's, whose error goes on."""
     workspace, n, heading = belief.workspace, belief.P.shape[0], measured_heading(y, belief.C)
@@ -137,7 +138,7 @@ def take_attitude(belief, y, sd):
 
 
 @helper
-def _go_on(workspace, variance):
+def _go_on(workspace: Array, variance: float) -> float:
     """The error of the known heading becomes that of the belief, of that variance (rad^2). Returns
     which share of it is the same error still.
 
@@ -152,7 +153,7 @@ def _go_on(workspace, variance):
 
 
 @helper
-def weigh(belief, sd, kind):
+def weigh(belief: Belief, sd: Array, kind: int) -> None:
     """Write the standard deviations to use of a fix into workspace[DV], which is free between
     predictions: those given.
 
@@ -161,13 +162,15 @@ def weigh(belief, sd, kind):
     """
     workspace, used, scale = belief.workspace, belief.workspace[DV], 1.0
     if kind == ATTITUDE_KIND:
-        scale = math.sqrt(max(2 * workspace[CORRELATION] / max(workspace[SINCE], SHORTEST), 1.0))
+        scale = math.sqrt(
+            max(2 * workspace[CORRELATION] / max(workspace[SINCE], SHORTEST_RECORD_INTERVAL), 1.0)
+        )
     for i in range(3):
         used[i] = scale * sd[i]
 
 
 @helper
-def predict_fed(belief, u, dt, noise):
+def predict_fed(belief: Belief, u: Array, dt: float, noise: Noise) -> tuple[float, float, float]:
     """Advance P, position, velocity and the known attitude with bias-corrected increments.
     Returns the rotation vector of the body, rad."""
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
@@ -177,7 +180,19 @@ def predict_fed(belief, u, dt, noise):
 
 
 @helper
-def move(belief, lla, v, r0, r1, r2, a0, a1, a2, dt, noise):
+def move(
+    belief: Belief,
+    lla: Array,
+    v: Array,
+    r0: float,
+    r1: float,
+    r2: float,
+    a0: float,
+    a1: float,
+    a2: float,
+    dt: float,
+    noise: Noise,
+) -> None:
     """Advance lla, v and the known attitude by rotation r and velocity increment a (body), and P by
     what errors of that attitude do to the velocity.
 
@@ -210,7 +225,7 @@ def move(belief, lla, v, r0, r1, r2, a0, a1, a2, dt, noise):
 
 
 @helper
-def _consider(S, workspace, f0, f1, f2, dt):
+def _consider(S: Array, workspace: Array, f0: float, f1: float, f2: float, dt: float) -> None:
     """Add to S half of what the errors of the known attitude do to velocity and position over dt; f
     is the velocity increment, m/s.
 
@@ -238,7 +253,7 @@ def _consider(S, workspace, f0, f1, f2, dt):
 
 
 @helper
-def _spread(belief, S, f0, f1, f2, dt):
+def _spread(belief: Belief, S: Array, f0: float, f1: float, f2: float, dt: float) -> None:
     """Add to P what the errors of the known attitude, of covariance S with the states, do over dt;
     further, as white noise, what they do beyond the record where those of several records are
     alike.
@@ -283,7 +298,7 @@ def _spread(belief, S, f0, f1, f2, dt):
 
 
 @helper
-def _carry(belief, dt, noise):
+def _carry(belief: Belief, dt: float, noise: Noise) -> None:
     """What the gyros add to the errors of the known attitude over dt: their noise, and the turn
     by their biases."""
     workspace, P, walk = belief.workspace, belief.P, noise.gyro * noise.gyro * dt
@@ -297,7 +312,7 @@ def _carry(belief, dt, noise):
 
 
 @helper
-def tilt_variances(belief):
+def tilt_variances(belief: Belief) -> tuple[float, float, float]:
     """Covariance of the tilt of the known attitude, rad^2: nn, ne, ee."""
     workspace = belief.workspace
     drift = workspace[DRIFT] * workspace[DRIFT]
@@ -305,7 +320,7 @@ def tilt_variances(belief):
 
 
 @helper
-def corrected(belief, y, sd, kind):
+def corrected(belief: Belief, y: Array, sd: Array, kind: int) -> None:
     """After a fix that was used: what it tells of the known attitude; a measured attitude is
     that one from now on."""
     learn(belief)
@@ -314,7 +329,7 @@ def corrected(belief, y, sd, kind):
 
 
 @helper
-def learn(belief):
+def learn(belief: Belief) -> None:
     """After a correction of P by `measure`: the covariance of the states with the errors of the
     known attitude, corrected alike."""
     workspace, n = belief.workspace, belief.P.shape[0]
@@ -336,7 +351,7 @@ def learn(belief):
 
 
 @helper
-def rate_of_body(belief, r0, r1, r2):
+def rate_of_body(belief: Belief, r0: float, r1: float, r2: float) -> tuple[float, float, float]:
     """Rotation vector of the body to n, in the body (rad): r less that of n."""
     m, w = belief.workspace[MID:], belief.workspace[STEP]
     w0, w1, w2 = w[2], w[3], w[4]
@@ -348,7 +363,9 @@ def rate_of_body(belief, r0, r1, r2):
 
 
 @helper
-def euler_rates(sr, cr, tp, cp, r0, r1, r2):
+def euler_rates(
+    sr: float, cr: float, tp: float, cp: float, r0: float, r1: float, r2: float
+) -> tuple[float, float, float]:
     """T(Theta) r: changes of roll, pitch and heading by a small rotation r of the body, from
     sine and cosine of roll, tangent and cosine of pitch."""
     across = sr * r1 + cr * r2
@@ -356,14 +373,14 @@ def euler_rates(sr, cr, tp, cp, r0, r1, r2):
 
 
 @helper
-def gentle(belief, turn):
+def gentle(belief: Belief, turn: float) -> bool:
     """Whether the Euler angles stay away from their singularity while the body turns by `turn`
     (rad)."""
-    return abs(belief.workspace[ANGLES + 1]) + turn < STEEP
+    return abs(belief.workspace[ANGLES + 1]) + turn < STEEP_PITCH
 
 
 @helper
-def add_angles(belief, d0, d1, d2):
+def add_angles(belief: Belief, d0: float, d1: float, d2: float) -> None:
     """Add to the Euler angles and make the belief's attitude of them."""
     angles = belief.workspace[ANGLES : ANGLES + 3]
     angles[0], angles[1], angles[2] = wrap(angles[0] + d0), angles[1] + d1, wrap(angles[2] + d2)
@@ -371,14 +388,22 @@ def add_angles(belief, d0, d1, d2):
 
 
 @helper
-def read_angles(belief):
+def read_angles(belief: Belief) -> None:
     """The Euler angles are those of the belief's attitude."""
     angles = belief.workspace[ANGLES : ANGLES + 3]
     angles[0], angles[1], angles[2] = matrix_to_euler(belief.C)
 
 
 @helper
-def correct_angles(belief, y, sd, observe, parameters, gate, innovation):
+def correct_angles(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct P and the belief by one fix: angles by angles, unless they are steep. Returns the
     NIS."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
@@ -393,7 +418,7 @@ def correct_angles(belief, y, sd, observe, parameters, gate, innovation):
 
 
 @helper
-def inject_angles(belief, x, y, z):
+def inject_angles(belief: Belief, x: float, y: float, z: float) -> None:
     """Add to the Euler angles what a small rotation (x, y, z) in n (rad) means to first order:
     the inverse of their Jacobian."""
     angles = belief.workspace[ANGLES : ANGLES + 3]
@@ -402,8 +427,8 @@ def inject_angles(belief, x, y, z):
     add_angles(belief, forward, ch * y - sh * x, z + forward * math.sin(angles[1]))
 
 
-def steep(t, lla, columns):
-    """[(t, text)] where the pitch first was beyond STEEP, else []."""
+def steep(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
+    """[(t, text)] where the pitch first was beyond STEEP_PITCH, else []."""
     seconds = columns[BEYOND_COLUMN]
     rows = (seconds > 0).nonzero()[0]
     return (

@@ -7,9 +7,11 @@ covariance, whose other rows stay zero.
 
 import math
 
+from ...core.contract import Belief, Noise
 from ...core.jit import helper, inlined
 from ...core.kalman import LEAST_NOISE, decay
 from ...core.rotation import orthonormalise, rotate_left, rotate_right, turned
+from ...typing import Array
 
 SIX = (6, 7, 8, 12, 13, 14)
 """Places of attitude and gyro bias among the error states."""
@@ -18,12 +20,12 @@ RECORD, INVERSE = 11, 9
 innovation (INVERSE), innovation; that inverse is 0 where nothing was used."""
 UNAIDED = "no magnetic field and no heading: heading and the gyro bias about the vertical are not observed and drift"
 """What to say where nothing measures the heading."""
-LEAST_FORCE = 0.5
+FREE_FALL_FORCE = 0.5
 """m/s^2: a specific force below it (free fall) has no direction."""
 
 
 @helper
-def turn(belief, r0, r1, r2, w0, w2, dt):
+def turn(belief: Belief, r0: float, r1: float, r2: float, w0: float, w2: float, dt: float) -> None:
     """Turn the attitude by the rotation vector r (body, rad) and the navigation frame by (w0, 0,
     w2) (rad); publish the rate."""
     C, omega = belief.C, belief.omega
@@ -34,7 +36,9 @@ def turn(belief, r0, r1, r2, w0, w2, dt):
 
 
 @helper
-def carry(f, u, r0, r1, r2, dt, share):
+def carry(
+    f: Array, u: Array | tuple[float, ...], r0: float, r1: float, r2: float, dt: float, share: float
+) -> None:
     """Turn the specific force f (m/s^2, body) against the rotation vector r, as a vector at rest in
     n turns, and mix in `share` of the new sample.
 
@@ -57,7 +61,17 @@ def carry(f, u, r0, r1, r2, dt, share):
 
 
 @helper
-def low_passed(belief, u, r0, r1, r2, dt, time_constant, seconds, made_up):
+def low_passed(
+    belief: Belief,
+    u: Array,
+    r0: float,
+    r1: float,
+    r2: float,
+    dt: float,
+    time_constant: float,
+    seconds: float,
+    made_up: bool,
+) -> float:
     """Carry belief.f along, low-passed over `time_constant` (s), or over the `seconds` since the
     start where those are fewer. Returns the new seconds.
 
@@ -73,7 +87,7 @@ def low_passed(belief, u, r0, r1, r2, dt, time_constant, seconds, made_up):
 
 
 @helper
-def off_vertical(C, f):
+def off_vertical(C: Array, f: Array) -> tuple[float, float]:
     """Rotation (north, east; rad) that takes the specific force f, turned to n, to straight up; (0,
     0) without any force.
 
@@ -90,7 +104,7 @@ def off_vertical(C, f):
 
 
 @helper
-def propagate(P, C, w0, w2, q, dt, noise):
+def propagate(P: Array, C: Array, w0: float, w2: float, q: float, dt: float, noise: Noise) -> None:
     """P over dt: attitude errors turn with -(w0, 0, w2) (rad) and gather q (rad^2) and - C dt
     times the gyro bias, which decays and walks."""
     keep = decay(noise.gyro_decay * dt)
@@ -139,7 +153,17 @@ def propagate(P, C, w0, w2, q, dt, noise):
 
 
 @inlined
-def measured(P, h0, h1, h2, e, variance, gate, dx, record):
+def measured(
+    P: Array,
+    h0: float,
+    h1: float,
+    h2: float,
+    e: float,
+    variance: float,
+    gate: float,
+    dx: Array,
+    record: Array,
+) -> float:
     """One scalar e = h . attitude error + noise: takes from P what it tells and adds it to the
     correction dx (6 numbers), unless its NIS is above `gate`.
 
@@ -176,7 +200,7 @@ def measured(P, h0, h1, h2, e, variance, gate, dx, record):
 
 
 @helper
-def inject(belief, dx):
+def inject(belief: Belief, dx: Array) -> None:
     """Compose the correction dx (attitude in n, rad; gyro bias, rad/s) into the belief, and make
     it zero."""
     rotate_left(dx[0], dx[1], dx[2], belief.C)
@@ -187,7 +211,7 @@ def inject(belief, dx):
 
 
 @helper
-def unmeasured(record, lam, Lam, work):
+def unmeasured(record: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The adjoint of `measured`: what the scalar in `record` adds to lam and Lam (of the six
     states, seen from before it)."""
     K, h, scale, q = record[0:6], record[6:9], record[INVERSE], work[0:6]
@@ -211,7 +235,7 @@ def unmeasured(record, lam, Lam, work):
 
 
 @helper
-def unpropagated(step, lam, Lam, work):
+def unpropagated(step: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The adjoint of `propagate`, whose transition is in `step`: C dt (9), rotation of n (2,
     rad), decay of the bias: lam <- Phi' lam, Lam <- Phi' Lam Phi."""
     w0, w2, keep = step[9], step[10], step[11]
@@ -226,7 +250,7 @@ def unpropagated(step, lam, Lam, work):
 
 
 @helper
-def _unpropagate(step, w0, w2, keep, x):
+def _unpropagate(step: Array, w0: float, w2: float, keep: float, x: Array) -> None:
     """x <- Phi' x of six numbers, Phi = [[I - [w x], - C dt], [0, keep]]."""
     x0, x1, x2 = x[0], x[1], x[2]
     x[0], x[1], x[2] = x0 - w2 * x1, x1 + w2 * x0 - w0 * x2, x2 + w0 * x1

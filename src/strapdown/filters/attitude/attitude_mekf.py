@@ -9,6 +9,7 @@ trusted accordingly.
 """
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -18,8 +19,12 @@ from ...core.contract import (
     MAGNETIC_KIND,
     PREDICT,
     SAVE_STEP,
+    Belief,
     Filter,
+    Noise,
+    Observe,
     Smoother,
+    Start,
     helper,
     kernel,
     matrix,
@@ -28,9 +33,10 @@ from ...core.earth import GRAVITY_EQUATOR, RATE
 from ...core.error_state import BLOCK, DX, OWN, auxiliary, observed
 from ...core.kalman import decay
 from ...core.rotation import turned
+from ...typing import Array
 from .attitude_error_state import (
+    FREE_FALL_FORCE,
     INVERSE,
-    LEAST_FORCE,
     RECORD,
     SIX,
     UNAIDED,
@@ -45,18 +51,12 @@ from .attitude_error_state import (
 )
 
 EARTH_N, EARTH_D = OWN, OWN + 1  # Earth rate, rad/s
-LOW_PASS, ACCELERATION, RATE_ERROR, HEADING, TIMING, DISTURBANCE = range(
-    OWN + 2, OWN + 8
-)  # the options, as numbers
-SECONDS, SINCE = (
-    OWN + 8,
-    OWN + 9,
-)  # s that the specific force is a mean over, and since the last field
+# the options, as numbers
+LOW_PASS, ACCELERATION, RATE_ERROR, HEADING, TIMING, DISTURBANCE = range(OWN + 2, OWN + 8)
+SECONDS, SINCE = OWN + 8, OWN + 9  # s: the specific force is a mean over; since the last field
 STRENGTH, DIP = OWN + 10, OWN + 11  # of the field, running: T, rad
-INTERVAL, TOLD = (
-    OWN + 12,
-    OWN + 13,
-)  # s between the last two fields; accelerometer noise while there are samples
+INTERVAL = OWN + 12  # s between the last two fields
+TOLD = OWN + 13  # accelerometer noise while there are samples
 EXCESS = 0  # mean of the size of the specific force less gravity, m/s^2
 LAST_CALL = BLOCK.start  # what the smoother needs of the last call: PREDICTED or FIX,
 STEP = slice(LAST_CALL + 1, LAST_CALL + 13)  # C dt, Earth rotation (rad), decay of the bias,
@@ -80,15 +80,15 @@ an accelerometer's bias, the latitude."""
 
 
 def start(
-    start,
-    noise,
-    low_pass=2.0,
-    acceleration=0.2,
-    rate_error=0.002,
-    heading=1.7,
-    timing=0.03,
-    disturbance=10.0,
-):
+    start: Start,
+    noise: Noise,
+    low_pass: float = 2.0,
+    acceleration: float = 0.2,
+    rate_error: float = 0.002,
+    heading: float = 1.7,
+    timing: float = 0.03,
+    disturbance: float = 10.0,
+) -> Belief:
     """Belief at `start`. What the sensors are assumed to do besides their white noise:
 
     low_pass: time constant of the specific force, s; acceleration: density of what it leaves of the
@@ -128,13 +128,13 @@ def start(
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Turn the attitude with the bias-free gyros, grow P, and correct both by the vertical."""
     predict_attitude(belief, u, dt, noise)
 
 
 @helper
-def predict_attitude(belief, u, dt, noise):
+def predict_attitude(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """The step of `predict`, for every filter with this attitude."""
     workspace, bg = belief.workspace, belief.bg
     if dt <= 0:
@@ -159,7 +159,7 @@ def predict_attitude(belief, u, dt, noise):
 
 
 @helper
-def _write_step(workspace, C, w0, w2, keep, dt):
+def _write_step(workspace: Array, C: Array, w0: float, w2: float, keep: float, dt: float) -> None:
     """Leave the transition of this step for the smoother, and the records of its two level rows
     empty."""
     step = workspace[STEP]
@@ -173,18 +173,18 @@ def _write_step(workspace, C, w0, w2, keep, dt):
 
 
 @helper
-def _write_nothing(workspace):
+def _write_nothing(workspace: Array) -> None:
     """Leave word for the smoother that the call changed nothing."""
     workspace[LAST_CALL], workspace[FIRST_RECORD.start + INVERSE] = FIX, 0.0
 
 
 @helper
-def _level(belief, dt):
+def _level(belief: Belief, dt: float) -> None:
     """Correct by the carried specific force, which points up but for the body's own
     acceleration; its size tells how large a lasting one is."""
     f, dx, workspace = belief.f, belief.workspace[DX], belief.workspace
     size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
-    if size < LEAST_FORCE:
+    if size < FREE_FALL_FORCE:
         return
     north, east = off_vertical(belief.C, f)
     workspace[EXCESS] += min(dt / SIZE_TIME, 1.0) * (
@@ -202,7 +202,16 @@ def _level(belief, dt):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct by the horizontal direction of a magnetic field, whose innovation is an angle
     (rad), or by a heading."""
     workspace, n = belief.workspace, belief.P.shape[0]
@@ -214,7 +223,9 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 @helper
-def _used(belief, h0, h1, h2, e, variance, gate):
+def _used(
+    belief: Belief, h0: float, h1: float, h2: float, e: float, variance: float, gate: float
+) -> float:
     """Correct by one row. Returns its NIS, NaN where it was not measured."""
     dx, record = belief.workspace[DX], belief.workspace[FIRST_RECORD]
     belief.workspace[LAST_CALL] = FIX
@@ -226,7 +237,9 @@ def _used(belief, h0, h1, h2, e, variance, gate):
 
 
 @helper
-def _field(belief, y, sd, parameters, gate, innovation):
+def _field(
+    belief: Belief, y: Array, sd: Array, parameters: Array, gate: float, innovation: Array
+) -> float:
     """Declination less the azimuth of the field y (T, body), turned to n; its derivative is
     exact in all three attitude errors."""
     C, workspace, omega = belief.C, belief.workspace, belief.omega
@@ -268,7 +281,9 @@ def _field(belief, y, sd, parameters, gate, innovation):
 
 
 @helper
-def _departure(strength, dip, square, down, seconds):
+def _departure(
+    strength: float, dip: float, square: float, down: float, seconds: float
+) -> tuple[float, float, float]:
     """Variance (rad^2) of the azimuth under a disturbance as large as the field is off the running
     strength (T) and dip (rad); and those, followed.
 
@@ -283,14 +298,14 @@ def _departure(strength, dip, square, down, seconds):
 
 
 @kernel(SAVE_STEP)
-def save_step(belief, record):
+def save_step(belief: Belief, record: Array) -> None:
     """What the last call left in workspace."""
     for i in range(SECOND_RECORD.stop - LAST_CALL):
         record[i] = belief.workspace[LAST_CALL + i]
 
 
 @kernel(ADJOINT_STEP)
-def adjoint_step(call, lam, Lam, work):
+def adjoint_step(call: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The adjoint of `predict` or `correct`, from what it left in its record."""
     step, first, second = slice(1, 13), slice(13, 13 + RECORD), slice(13 + RECORD, 13 + 2 * RECORD)
     if call[0] == PREDICTED:
@@ -301,7 +316,7 @@ def adjoint_step(call, lam, Lam, work):
         unmeasured(call[first], lam, Lam, work)
 
 
-def leaning(t, lla, columns):
+def leaning(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
     """[(t, text)] where the mean size of the specific force first leaves gravity as it does in a
     long turn, else []."""
     lasting = np.abs(columns[FORCE_EXCESS]) > LASTING

@@ -10,25 +10,48 @@ accelerations out.
 
 import math
 
-from ...core.contract import CORRECT, HEADING_KIND, MAGNETIC_KIND, PREDICT, Filter, helper, kernel
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.contract import (
+    CORRECT,
+    HEADING_KIND,
+    MAGNETIC_KIND,
+    PREDICT,
+    Belief,
+    Filter,
+    Noise,
+    Observe,
+    Start,
+    helper,
+    kernel,
+)
 from ...core.earth import RATE
 from ...core.error_state import OWN, auxiliary
 from ...core.kalman import decay
 from ...core.rotation import orthonormalise, rotate_left, turned, wrap
-from .attitude_error_state import LEAST_FORCE, SIX, UNAIDED, low_passed, turn
+from ...typing import Array
+from .attitude_error_state import FREE_FALL_FORCE, SIX, UNAIDED, low_passed, turn
 
 EARTH_N, EARTH_D = OWN, OWN + 1  # Earth rate, rad/s
 K1, K2, K3, KI, LOW_PASS = range(OWN + 2, OWN + 7)
-SECONDS, SINCE_FIELD, SINCE_COMPASS = range(
-    OWN + 7, OWN + 10
-)  # s that the specific force is a mean over, and since the last field and compass
+# s that the specific force is a mean over, and since the last field and compass
+SECONDS, SINCE_FIELD, SINCE_COMPASS = range(OWN + 7, OWN + 10)
 TOLD = OWN + 10  # accelerometer noise while there are samples
 """Places in workspace."""
-LONGEST = 1.0
+LONGEST_GAP = 1.0
 """s: a direction that was not measured for longer counts as if it were for so long."""
 
 
-def start(start, noise, k1=0.5, k2=0.1, k3=0.1, ki=0.005, low_pass=2.0):
+def start(
+    start: Start,
+    noise: Noise,
+    k1: float = 0.5,
+    k2: float = 0.1,
+    k3: float = 0.1,
+    ki: float = 0.005,
+    low_pass: float = 2.0,
+) -> Belief:
     """Belief at `start`. Gains: k1 of the specific force, k2 of the magnetic field, k3 of a compass
     (1/s; 0 leaves it out), ki of the bias (1/s, times sigma). low_pass: time constant of the
     specific force, s, carried along by the gyros; 0 is the published observer. Refuses unstable
@@ -65,14 +88,12 @@ def start(start, noise, k1=0.5, k2=0.1, k3=0.1, ki=0.005, low_pass=2.0):
     return belief
 
 
-def poles(k, ki, low_pass):
+def poles(k: float, ki: float, low_pass: float) -> NDArray[np.inexact]:
     """Poles (1/s) of a small error about one axis: s^2 + k s + ki k without a low-pass of time
     constant T, else (s + k)(s + 1/T) s + ki k/T.
 
     Without ki the bias stands still, and its pole at 0 is left out.
     """
-    import numpy as np
-
     if low_pass == 0:
         return np.roots([1.0, k, ki * k] if ki else [1.0, k])
     return np.roots(
@@ -83,7 +104,7 @@ def poles(k, ki, low_pass):
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Turn the attitude with the bias-free gyros and pull it to the specific force."""
     workspace, bg, f, C = belief.workspace, belief.bg, belief.f, belief.C
     if dt <= 0:
@@ -100,23 +121,23 @@ def predict(belief, u, dt, noise):
         belief, u, r0, r1, r2, dt, workspace[LOW_PASS], workspace[SECONDS], made_up
     )
     size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
-    if size > LEAST_FORCE and workspace[K1] > 0 and not made_up:
+    if size > FREE_FALL_FORCE and workspace[K1] > 0 and not made_up:
         n0, n1, _ = _upwards(C, f, size)
         _pull(belief, -n1, n0, 0.0, workspace[K1], dt)
     orthonormalise(C)
 
 
 @helper
-def _upwards(C, f, size):
+def _upwards(C: Array, f: Array, size: float) -> tuple[float, float, float]:
     """The unit vector of the specific force f of that size, in n."""
     return turned(C, f[0] / size, f[1] / size, f[2] / size)
 
 
 @helper
-def _pull(belief, x, y, z, k, seconds):
+def _pull(belief: Belief, x: float, y: float, z: float, k: float, seconds: float) -> None:
     """What k times the cross product (x, y, z), in n, does in that time: exact for a small error
     that nothing else corrects."""
-    gain, C = 1 - decay(k * min(seconds, LONGEST)), belief.C
+    gain, C = 1 - decay(k * min(seconds, LONGEST_GAP)), belief.C
     bias = belief.workspace[KI] * gain
     for i in range(3):
         belief.bg[i] -= bias * (C[0, i] * x + C[1, i] * y + C[2, i] * z)
@@ -124,7 +145,16 @@ def _pull(belief, x, y, z, k, seconds):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Pull the attitude to a magnetic field or a compass; the innovation is the angle about the
     vertical, rad. It does not gate."""
     workspace, C = belief.workspace, belief.C
@@ -142,12 +172,12 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 @helper
-def _field(belief, y, parameters, innovation):
+def _field(belief: Belief, y: Array, parameters: Array, innovation: Array) -> None:
     """The field y (T, body) across the specific force, against magnetic north across the
     vertical."""
     C, workspace, f = belief.C, belief.workspace, belief.f
     size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
-    if not size > LEAST_FORCE:
+    if not size > FREE_FALL_FORCE:
         return
     u0, u1, u2 = _upwards(C, f, size)
     m0, m1, m2 = turned(C, y[0], y[1], y[2])

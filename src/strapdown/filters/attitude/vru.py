@@ -14,7 +14,11 @@ from ...core.contract import (
     PREDICT,
     SEA_LEVEL_KIND,
     STATES,
+    Belief,
     Filter,
+    Noise,
+    Observe,
+    Start,
     helper,
     kernel,
     matrix,
@@ -22,6 +26,7 @@ from ...core.contract import (
 from ...core.earth import gravity
 from ...core.error_state import DX, OWN, WORK, inject_tail, observed
 from ...core.kalman import decay, update
+from ...typing import Array
 from . import attitude_mekf
 from .attitude_mekf import TOLD, predict_attitude
 
@@ -30,30 +35,31 @@ VERTICAL = (2, 5, 9, 10, 11)
 HEIGHT_SD = 10e3
 """m: nothing that a barometer or the sea aids is further from height 0; an unknown place says
 the radius of the Earth."""
-LEAST_ACCEL, SHORTEST = 1e-6, 1e-3
+LEAST_ACCEL, SHORTEST_LEVEL_INTERVAL = 1e-6, 1e-3
 """m/s/sqrt(s): accelerometer noise to reckon with at least; s: between two heights of
 zero-sea-level, which may come at one time."""
-MANY = 18
+MANY_HEIGHTS = 18
 """Independent heights, six waves, after which their average is better than that of so many."""
-LEVEL, VARIANCE, MEASURED = range(
-    OWN + 20, OWN + 23
-)  # height (m) and its variance (m^2) at the start; 1 once a source has measured the height
-SINCE_LEVEL, HEAVE = (
-    OWN + 23,
-    OWN + 24,
-)  # s since the last zero-sea-level; variance of the heave before any source, m^2
-DENSITY, INDEPENDENT = (
-    OWN + 25,
-    OWN + 26,
-)  # density of waves with 1 m of heave, m^2 s; s from which on heights are independent
+# height (m) and its variance (m^2) at the start; 1 once a source has measured the height
+LEVEL, VARIANCE, MEASURED = range(OWN + 20, OWN + 23)
+SINCE_LEVEL = OWN + 23  # s since the last zero-sea-level
+HEAVE = OWN + 24  # variance of the heave before any source, m^2
+DENSITY = OWN + 25  # of waves with 1 m of heave, m^2 s
+INDEPENDENT = OWN + 26  # s from which on heights are independent
 SETTLED = OWN + 30  # s since the start or the last gap
 DEVIATION = slice(OWN + 27, OWN + 30)  # of a fix, with what it does not know, m
 """Places in workspace."""
 
 
 def start(
-    start, noise, heave=1.0, wave_period=10.0, low_pass=2.0, acceleration=0.2, rate_error=0.002
-):
+    start: Start,
+    noise: Noise,
+    heave: float = 1.0,
+    wave_period: float = 10.0,
+    low_pass: float = 2.0,
+    acceleration: float = 0.2,
+    rate_error: float = 0.002,
+) -> Belief:
     """Belief at `start`. Until a source measures the height, it heaves about that of the start:
     heave is the standard deviation of that, m.
 
@@ -80,7 +86,7 @@ def start(
     return belief
 
 
-def wave_density(accel, wave_period):
+def wave_density(accel: float, wave_period: float) -> float:
     """White density (m^2 s) as which waves of 1 m heave are told to the filter; that of s metres is
     s^1.6 times as large.
 
@@ -94,7 +100,7 @@ def wave_density(accel, wave_period):
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """The vertical channel at the attitude where the sample begins, then the attitude; the mean
     level as long as nothing else aids the height."""
     if dt > 0:
@@ -109,18 +115,18 @@ def predict(belief, u, dt, noise):
 
 
 @helper
-def _waves(workspace, variance):
+def _waves(workspace: Array, variance: float) -> float:
     """Density (m^2 s) of waves of that variance (m^2): of independent heights until the filter
     has seen enough of them."""
     return (
         variance * workspace[INDEPENDENT]
-        if workspace[SETTLED] < MANY * workspace[INDEPENDENT]
+        if workspace[SETTLED] < MANY_HEIGHTS * workspace[INDEPENDENT]
         else workspace[DENSITY] * variance**0.8
     )
 
 
 @helper
-def _fall(belief, u, dt, noise):
+def _fall(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Height and vertical velocity over a sample, by the bias-free velocity increment at
     mid-interval and gravity."""
     C, ba, bg = belief.C, belief.ba, belief.bg
@@ -140,7 +146,7 @@ def _fall(belief, u, dt, noise):
 
 
 @helper
-def _spread(belief, dt, noise):
+def _spread(belief: Belief, dt: float, noise: Noise) -> None:
     """P of the vertical channel over dt: p' = v, v' = - c b with c the down row of C, and with
     the states that aidings brought along."""
     P, C, half = belief.P, belief.C, 0.5 * dt
@@ -174,7 +180,7 @@ def _spread(belief, dt, noise):
 
 
 @helper
-def _tether(belief, variance):
+def _tether(belief: Belief, variance: float) -> None:
     """Correct the vertical channel by the height of the start, measured with that variance
     (m^2): the mean of the heave is zero."""
     P, e = belief.P, belief.lla[2] - belief.workspace[LEVEL]
@@ -192,7 +198,16 @@ def _tether(belief, variance):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct the vertical channel by a height. What the tilt makes of a lever arm is noise; the
     waves about mean sea level are no white one."""
     n, workspace, P = belief.P.shape[0], belief.workspace, belief.P
@@ -216,7 +231,11 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     gated = waves or workspace[MEASURED] == 0
     if gated:  # one height errs by all the heave, and is gated so; many in a row know better
         nis, limit = innovation[0] * innovation[0] / (known + variance), math.inf
-        variance = _waves(workspace, variance) / max(seconds, SHORTEST) if waves else variance
+        variance = (
+            _waves(workspace, variance) / max(seconds, SHORTEST_LEVEL_INTERVAL)
+            if waves
+            else variance
+        )
     if nis <= gate and workspace[MEASURED] == 0:
         _untie(P, workspace)
     if nis <= gate:
@@ -233,7 +252,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 @helper
-def _inject_vertical(belief, dx):
+def _inject_vertical(belief: Belief, dx: Array) -> None:
     belief.lla[2] -= dx[2]
     belief.v[2] += dx[5]
     for i in range(3):
@@ -242,7 +261,7 @@ def _inject_vertical(belief, dx):
 
 
 @helper
-def _untie(P, workspace):
+def _untie(P: Array, workspace: Array) -> None:
     """The first source of height: from now on the height is as uncertain as it was at the start,
     and no longer that of the mean level."""
     workspace[MEASURED] = 1.0

@@ -2,7 +2,7 @@
 INS. The default filter."""
 
 from ...core.adjoint import SMOOTHER
-from ...core.contract import CORRECT, PREDICT, Filter, kernel
+from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, kernel
 from ...core.error_state import (
     DX,
     HEIGHT,
@@ -13,16 +13,17 @@ from ...core.error_state import (
     measure,
 )
 from ...core.mechanization import mechanize
+from ...typing import Array
 
 
-def start(start, noise, error_model="corrected"):
+def start(start: Start, noise: Noise, error_model: str = "corrected") -> Belief:
     """Belief at `start`. error_model: "corrected", or a name of core.error_dynamics.MODELS: what
     Hager & Bryne print, whole or in part."""
     return start.belief(auxiliary(len(start.sd), error_model))
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance P, linearised at the belief, and the INS with bias-corrected increments."""
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
     linearised_step(belief, belief.C, 1.0, u, dt, noise, False)
@@ -43,7 +44,16 @@ def predict(belief, u, dt, noise):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct P; inject the errors into INS and biases."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:

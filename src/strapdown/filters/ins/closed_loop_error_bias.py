@@ -7,14 +7,15 @@ nominal state at each step.
 """
 
 from ...core.adjoint import SMOOTHER
-from ...core.contract import BA, BG, CORRECT, PREDICT, Filter, kernel
+from ...core.contract import BA, BG, CORRECT, PREDICT, Belief, Filter, Noise, Observe, kernel
 from ...core.error_state import DX, HEIGHT, X, added, inject_all, linearised_step, measure
 from ...core.mechanization import mechanize
+from ...typing import Array
 from .closed_loop import start
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance P and the error state [0, b]; run the INS on the raw increments and inject what
     the biases did to it."""
     x = belief.workspace[X]
@@ -42,7 +43,16 @@ def predict(belief, u, dt, noise):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct P; inject the kinematic errors, add the others to the biases of the error state."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:

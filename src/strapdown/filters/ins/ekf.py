@@ -9,11 +9,24 @@ import math
 
 import numpy as np
 
-from ...core.contract import CORRECT, PREDICT, STATES, Filter, helper, kernel, matrix
+from ...core.contract import (
+    CORRECT,
+    PREDICT,
+    STATES,
+    Belief,
+    Filter,
+    Noise,
+    Observe,
+    Start,
+    helper,
+    kernel,
+    matrix,
+)
 from ...core.error_dynamics import BLOCKS, CORRECTED, PP, TP, TV, VP, VV, kinematic_blocks
 from ...core.error_state import bias_free, decay_biases, inject_all, observed
 from ...core.kalman import LEAST_NOISE
 from ...core.mechanization import mechanize
+from ...typing import Array
 
 F_AT = BLOCKS
 WORK = F_AT + STATES * STATES
@@ -21,14 +34,14 @@ WORK = F_AT + STATES * STATES
 the correction uses in its own way."""
 
 
-def start(start, noise):
+def start(start: Start, noise: Noise) -> Belief:
     """Belief at `start`."""
     n = len(start.sd)
     return start.belief(np.zeros(WORK + 24 + 10 * n + 2 * n * n))
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Integrate P over the sample with F and G Q G' at its middle, and mechanize the mean."""
     workspace, n = belief.workspace, belief.P.shape[0]
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
@@ -44,7 +57,17 @@ def predict(belief, u, dt, noise):
 
 
 @helper
-def _jacobian(belief, r0, r1, r2, f0, f1, f2, noise, F):
+def _jacobian(
+    belief: Belief,
+    r0: float,
+    r1: float,
+    r2: float,
+    f0: float,
+    f1: float,
+    f2: float,
+    noise: Noise,
+    F: Array,
+) -> None:
     """F (15, 15) in 1/s at the belief, with the attitude half a rotation r (rad) later; f is the
     specific force, m/s^2, body."""
     blocks, C = belief.workspace, belief.C
@@ -73,7 +96,7 @@ def _jacobian(belief, r0, r1, r2, f0, f1, f2, noise, F):
 
 
 @helper
-def _integrate(P, F, dt, noise, D, T):
+def _integrate(P: Array, F: Array, dt: float, noise: Noise, D: Array, T: Array) -> None:
     """One Runge-Kutta step of fourth order of dP/dt: with F and Q constant over it, the first
     four terms D of the series in dt."""
     n = P.shape[0]
@@ -105,7 +128,16 @@ def _integrate(P, F, dt, noise, D, T):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Gain K, P <- (I - K H) P (I - K H)' + K R K', the error injected into INS and biases."""
     workspace, P, n = belief.workspace, belief.P, belief.P.shape[0]
     H, U, K = (
@@ -139,7 +171,17 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 @helper
-def _gain(P, H, used, e, variance, U, L, K, dx):
+def _gain(
+    P: Array,
+    H: Array,
+    used: int,
+    e: Array,
+    variance: Array,
+    U: Array,
+    L: Array,
+    K: Array,
+    dx: Array,
+) -> float:
     """U = H P, K' = (H P H' + R)^-1 U by Cholesky, dx = K e. Returns the NIS, NaN without a row,
     inf where there is no Cholesky; e becomes L^-1 e."""
     n, nis = P.shape[0], 0.0 if used > 0 else math.nan
@@ -180,7 +222,7 @@ def _gain(P, H, used, e, variance, U, L, K, dx):
 
 
 @helper
-def _joseph(P, H, used, variance, U, K, M):
+def _joseph(P: Array, H: Array, used: int, variance: Array, U: Array, K: Array, M: Array) -> None:
     """P <- (I - K H) P (I - K H)' + K R K', M (n, n) being (I - K H) P; U becomes (M H' - K R)'."""
     n = P.shape[0]
     for i in range(n):

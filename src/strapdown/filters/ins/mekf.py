@@ -18,7 +18,9 @@ from ...core.contract import (
     ATT,
     CORRECT,
     SAVE_STEP,
+    Belief,
     Filter,
+    Observe,
     Smoother,
     helper,
     kernel,
@@ -26,6 +28,7 @@ from ...core.contract import (
 )
 from ...core.error_state import DX, OWN, inject_all, measure
 from ...core.rotation import rotate_left, turned
+from ...typing import Array
 from .closed_loop import predict, start
 
 TURN = OWN
@@ -33,7 +36,16 @@ TURN = OWN
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct P; inject the errors into INS and biases, that of the attitude as a 2 x Gibbs
     vector, and turn P with the attitude."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
@@ -49,7 +61,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 @helper
-def rotation_vector(a):
+def rotation_vector(a: Array) -> None:
     """From twice a Gibbs vector, a (3,), to the rotation vector (rad) of the same rotation, in
     place: tan(angle/2) = |a|/2."""
     half = 0.5 * math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
@@ -60,7 +72,7 @@ def rotation_vector(a):
 
 
 @helper
-def turn_covariance(P, x, y, z, R):
+def turn_covariance(P: Array, x: float, y: float, z: float, R: Array) -> None:
     """P <- A P A' with A = diag(I, I, R, I, ...) and R (3, 3) that of the rotation vector (x, y,
     z), rad, symmetric to the last bit."""
     n = P.shape[0]
@@ -78,7 +90,7 @@ def turn_covariance(P, x, y, z, R):
 
 
 @kernel(SAVE_STEP)
-def save_step(belief, record):
+def save_step(belief: Belief, record: Array) -> None:
     """What the calls of the closed loop leave, and, last, the rotation vector of a correction."""
     adjoint.kept(belief, record)
     theta = belief.workspace[DX][ATT]
@@ -87,7 +99,7 @@ def save_step(belief, record):
 
 
 @kernel(ADJOINT_STEP)
-def adjoint_step(call, lam, Lam, work):
+def adjoint_step(call: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The adjoint of the call in a record of `save_step`: of a correction first that of its
     turn, lam <- A' lam and Lam <- A' Lam A."""
     if call[0] > 0:

@@ -7,12 +7,26 @@ largest and depend on the coordinates of the position error; see `KINEMATICS`.
 """
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from ...core.adjoint import SMOOTHER
-from ...core.contract import BA, BG, CORRECT, PREDICT, Filter, helper, kernel, matrix
-from ...core.earth import FAR
+from ...core.contract import (
+    BA,
+    BG,
+    CORRECT,
+    PREDICT,
+    Belief,
+    Filter,
+    Noise,
+    Observe,
+    Start,
+    helper,
+    kernel,
+    matrix,
+)
+from ...core.earth import FAR_HEIGHT
 from ...core.error_dynamics import TV
 from ...core.error_state import (
     BLOCK,
@@ -28,13 +42,11 @@ from ...core.error_state import (
     measure,
 )
 from ...core.mechanization import mechanize
+from ...typing import Array
 
 LLA, V, C = slice(OWN, OWN + 3), slice(OWN + 3, OWN + 6), OWN + 6  # of the raw INS in workspace
-INS_ERROR = (
-    "ins_error_north [m]",
-    "ins_error_east [m]",
-    "ins_error_down [m]",
-)  # the first numbers of workspace: true - raw INS, as estimated
+# the first numbers of workspace: true - raw INS, as estimated
+INS_ERROR = ("ins_error_north [m]", "ins_error_east [m]", "ins_error_down [m]")
 LEFT_MODEL = "the raw INS left the model"
 BIAS = slice(OWN + 15, OWN + 21)  # what the raw INS takes off its IMU: accelerometer, gyro
 MODE = OWN + 32  # which of:
@@ -45,7 +57,9 @@ linear in latitude, longitude and height as Hager & Bryne, to second order (5 % 
 at 50 km of drift, 7 % at 160 km; beyond 500 km it is another filter)."""
 
 
-def start(start, noise, error_model="corrected", kinematics="second-order"):
+def start(
+    start: Start, noise: Noise, error_model: str = "corrected", kinematics: str = "second-order"
+) -> Belief:
     """Belief at `start`: the INS begins there, and only the initial biases of `start` are taken off
     its IMU (decaying as the model says).
 
@@ -66,7 +80,7 @@ def start(start, noise, error_model="corrected", kinematics="second-order"):
 
 
 @helper
-def predict_beside(belief, u, dt, noise):
+def predict_beside(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """One step of the raw INS and of the error beside it; the belief is composed of both."""
     workspace = belief.workspace
     b = workspace[BIAS]
@@ -92,7 +106,7 @@ def predict_beside(belief, u, dt, noise):
 
 
 @helper
-def products(x, blocks, lat, geodetic, dt):
+def products(x: Array, blocks: Array, lat: float, geodetic: bool, dt: float) -> None:
     """Products of position and velocity errors that the linear position kinematics in metres at the
     belief leave out.
 
@@ -115,7 +129,7 @@ def products(x, blocks, lat, geodetic, dt):
 
 
 @helper
-def compose(belief):
+def compose(belief: Belief) -> None:
     """belief = INS (+) error: equations (20)-(23) of the paper."""
     workspace = belief.workspace
     x, b, raw = workspace[X], workspace[BIAS], matrix(workspace, C, 3, 3)
@@ -129,7 +143,15 @@ def compose(belief):
 
 
 @helper
-def correct_beside(belief, y, sd, observe, parameters, gate, innovation):
+def correct_beside(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct the error beside the INS: its prior is kept and the correction added to it."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:
@@ -142,24 +164,38 @@ def correct_beside(belief, y, sd, observe, parameters, gate, innovation):
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance P, the raw INS and the error beside it."""
     predict_beside(belief, u, dt, noise)
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct P and the error beside the INS."""
     return correct_beside(belief, y, sd, observe, parameters, gate, innovation)
 
 
-def left_model(t, lla, columns):
+def left_model(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
     """[(t, text)] where the raw INS first is at a height at which gravity is no series any more
     and the mechanization continues in a fashion, else []."""
     height = lla[:, 2] + columns[INS_ERROR[2]]  # down: true - raw
-    gone = ~(np.abs(height) <= FAR)
+    gone = ~(np.abs(height) <= FAR_HEIGHT)
     return (
-        [(float(t[np.argmax(gone)]), f"{LEFT_MODEL}: its height is beyond {FAR / 1e3:.0f} km")]
+        [
+            (
+                float(t[np.argmax(gone)]),
+                f"{LEFT_MODEL}: its height is beyond {FAR_HEIGHT / 1e3:.0f} km",
+            )
+        ]
         if gone.any()
         else []
     )

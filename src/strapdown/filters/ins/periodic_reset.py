@@ -5,8 +5,9 @@ Interval 0 is the closed loop, an infinite one the open loop.
 """
 
 from ...core.adjoint import SMOOTHER
-from ...core.contract import CORRECT, PREDICT, Filter, kernel, matrix
+from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, kernel, matrix
 from ...core.error_state import OWN, X
+from ...typing import Array
 from . import open_loop
 from .open_loop import BIAS, INS_ERROR, LLA, C, V, correct_beside, left_model, predict_beside
 
@@ -14,7 +15,13 @@ INTERVAL, ELAPSED = OWN + 30, OWN + 31  # s; s since the last reset
 ROUNDING = 1e-6  # s: of a sum of steps
 
 
-def start(start, noise, interval=60.0, error_model="corrected", kinematics="second-order"):
+def start(
+    start: Start,
+    noise: Noise,
+    interval: float = 60.0,
+    error_model: str = "corrected",
+    kinematics: str = "second-order",
+) -> Belief:
     """Belief at `start`. interval: seconds between resets, 0 to inf; error_model and kinematics
     as for the open loop."""
     if not interval >= 0:
@@ -25,14 +32,23 @@ def start(start, noise, interval=60.0, error_model="corrected", kinematics="seco
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """As the open loop, counting the seconds since the last reset."""
     belief.workspace[ELAPSED] += dt
     predict_beside(belief, u, dt, noise)
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """As the open loop; once the interval has passed the INS takes over the belief and the error
     is zero again."""
     workspace = belief.workspace

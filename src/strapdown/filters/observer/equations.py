@@ -23,6 +23,8 @@ from ...core.contract import (
     POSITION_KIND,
     VELOCITY_KIND,
     Belief,
+    Noise,
+    Observe,
 )
 from ...core.earth import displace, place
 from ...core.error_state import observed
@@ -30,33 +32,21 @@ from ...core.jit import helper, inlined, matrix
 from ...core.kalman import decay
 from ...core.mechanization import mechanize
 from ...core.rotation import orthonormalise, rotate_right, turned, wrap
+from ...typing import Array
 from .translation_gains import AGES, TRANSLATION, VELOCITY_AGE, pulled
 
-EXCITATION, HELD, XI = (
-    0,
-    1,
-    2,
-)  # output columns: smallest eigenvalue of MOMENT; s without a course; m/s^2, n
+# output columns: smallest eigenvalue of MOMENT; s without a course; m/s^2, n
+EXCITATION, HELD, XI = 0, 1, 2
 SQUARE = 5  # theta0: squared length of the accelerometer bias, m^2/s^4
-SINCE_FIX, SINCE_COURSE, SINCE_HEADING, SINCE_FIELD = range(
-    6, 10
-)  # s; SINCE_FIX of position or velocity
-FADE, COURSE = (
-    10,
-    11,
-)  # from HOLD down: 1 and above, the gains are those of the start; last course, rad, NaN
-K1, K2, KI, WANDER, START, START_TIME = (
-    12,
-    13,
-    14,
-    15,
-    16,
-    20,
-)  # gains, 1/s; density of the force, m/s^2/sqrt(s); START: the four at first; s
+# s; SINCE_FIX of position or velocity
+SINCE_FIX, SINCE_COURSE, SINCE_HEADING, SINCE_FIELD = range(6, 10)
+FADE = 10  # from FADE_AT_START down: 1 and above, the gains are those of the start
+COURSE = 11  # the last one, rad; NaN before
+# gains, 1/s; density of the force, m/s^2/sqrt(s); START: the four at first; s
+K1, K2, KI, WANDER, START, START_TIME = 12, 13, 14, 15, 16, 20
 GYRO_BOUND, ACCEL_BOUND, ADAPTATION = range(21, 24)  # rad/s, m/s^2, 1/s
-MODE, FIELD, LEAST_SPEED, OUTAGE_AFTER, TOLD = range(
-    24, 29
-)  # of the course, of the field; m/s; s; accelerometer noise while there are samples
+# of the course, of the field; m/s; s; accelerometer noise while there are samples
+MODE, FIELD, LEAST_SPEED, OUTAGE_AFTER, TOLD = range(24, 29)
 MOMENT = 29  # forgetting mean of phi phi', 10 numbers of its upper triangle
 WORK = slice(39, 55)
 OWN = 55  # the translational motion observer's numbers
@@ -72,18 +62,18 @@ NONE, TILT_COMPENSATED, PRINTED, FROZEN = range(4)
 COURSES = {"tilt-compensated": TILT_COMPENSATED, "printed": PRINTED, "frozen": FROZEN, "none": NONE}
 VECTOR, ACROSS = range(2)
 FIELDS = {"across": ACROSS, "vector": VECTOR}
-LONGEST = 1.0  # s: a direction not measured for longer counts as if it were for so long
+LONGEST_GAP = 1.0  # s: a direction not measured for longer counts as if it were for so long
 TRUSTED = 5.0  # s after a heading or field during which the course is left alone
 FORGETTING = 60.0  # s, of MOMENT
-GRAVITY = 9.81  # m/s^2, scale of MOMENT
-HOLD = math.exp(2.0)  # falls to 1 in twice its time constant
+NOMINAL_GRAVITY = 9.81  # m/s^2, scale of MOMENT
+FADE_AT_START = math.exp(2.0)  # falls to 1 in twice its time constant
 OUTER = 1.1  # the biases never pass this times their bound
 LEAST_SINE = 0.1  # between specific force and field: below it the field tells no heading
-LEAST_FORCE = 0.5  # m/s^2: a specific force below it has no direction
+FREE_FALL_FORCE = 0.5  # m/s^2: a specific force below it has no direction
 
 
 @inlined
-def embedded(belief, first):
+def embedded(belief: Belief, first: int) -> Belief:
     """The observer that begins at belief.workspace[first], as a Belief of its own; P and tail
     are those of `belief` and none of its business."""
     workspace = belief.workspace
@@ -102,7 +92,7 @@ def embedded(belief, first):
 
 
 @inlined
-def advance(bar, u, dt, noise):
+def advance(bar: Belief, u: Array, dt: float, noise: Noise) -> None:
     """One IMU sample u (rotation, rad, and velocity increment, m/s): INS with xi, turn towards the
     specific force that the fixes tell, biases.
 
@@ -154,14 +144,14 @@ def advance(bar, u, dt, noise):
 
 
 @helper
-def outage(workspace):
+def outage(workspace: Array) -> bool:
     """Whether position and velocity have been away for so long that nothing else is injected
     either."""
     return workspace[SINCE_FIX] > workspace[OUTAGE_AFTER]
 
 
 @inlined
-def _turn_with_n(bar, xi, dt):
+def _turn_with_n(bar: Belief, xi: Array, dt: float) -> None:
     """xi stands still in e: in n it turns against the transport rate."""
     sine, cosine, M, N = place(bar.lla[0], bar.lla[2])
     w0, w1, w2 = dt * bar.v[1] / N, -dt * bar.v[0] / M, -dt * bar.v[1] * sine / (cosine * N)
@@ -170,7 +160,7 @@ def _turn_with_n(bar, xi, dt):
 
 
 @helper
-def _clocks(workspace, dt, spread):
+def _clocks(workspace: Array, dt: float, spread: float) -> None:
     """Time goes on; `spread` (m^2/s^3) is the density of velocity that made-up samples add to
     what the fixes may correct."""
     for i in range(SINCE_FIX, SINCE_FIELD + 1):
@@ -189,7 +179,7 @@ def _clocks(workspace, dt, spread):
 
 
 @helper
-def gain(workspace, name):
+def gain(workspace: Array, name: int) -> float:
     """One of K1 ... WANDER now: for START_TIME that of the start, from then on itself more and
     more, with half of that time for a time constant."""
     return workspace[name] + (workspace[name + START - K1] - workspace[name]) * min(
@@ -198,7 +188,7 @@ def gain(workspace, name):
 
 
 @inlined
-def turn(bar, s0, s1, s2):
+def turn(bar: Belief, s0: float, s1: float, s2: float) -> None:
     """Turn the attitude by the rotation vector s (rad, body), f_n = C f + xi staying, and
     outside an outage the gyro bias by - ki s, bounded."""
     C, f, xi, workspace = bar.C, bar.f, bar.workspace[XI : XI + 3], bar.workspace
@@ -213,7 +203,7 @@ def turn(bar, s0, s1, s2):
 
 
 @helper
-def bounded(b, d0, d1, d2, bound):
+def bounded(b: Array, d0: float, d1: float, d2: float, bound: float) -> None:
     """b += Proj(d): what leads out of the ball of radius `bound` fades away up to OUTER times
     it, smoothly (Grip et al. 2015)."""
     along, square, limit = (
@@ -234,20 +224,20 @@ def bounded(b, d0, d1, d2, bound):
 
 
 @inlined
-def _towards_force(bar, x0, x1, x2, dt):
+def _towards_force(bar: Belief, x0: float, x1: float, x2: float, dt: float) -> None:
     """sigma of the first direction: the specific force as measured against that of the
     translational motion observer."""
     f, workspace = bar.f, bar.workspace
     h0, h1, h2 = f[0] + x0, f[1] + x1, f[2] + x2
     size = math.sqrt((f[0] * f[0] + f[1] * f[1] + f[2] * f[2]) * (h0 * h0 + h1 * h1 + h2 * h2))
-    if size < LEAST_FORCE * LEAST_FORCE:
+    if size < FREE_FALL_FORCE * FREE_FALL_FORCE:
         return
     k = (1 - decay(gain(workspace, K1) * dt)) / size
     turn(bar, k * (f[1] * x2 - f[2] * x1), k * (f[2] * x0 - f[0] * x2), k * (f[0] * x1 - f[1] * x0))
 
 
 @inlined
-def _adapt(bar, x0, x1, x2, dt):
+def _adapt(bar: Belief, x0: float, x1: float, x2: float, dt: float) -> None:
     """theta' = Proj(adaptation G phi (y_f - phi' theta) / (phi' G phi)), G = diag(bound^2, 1, 1,
     1): it cannot blow up, however large the force.
 
@@ -275,7 +265,7 @@ def _adapt(bar, x0, x1, x2, dt):
     workspace[SQUARE] = min(max(workspace[SQUARE] + rate * limit, 0.0), OUTER * OUTER * limit)
     bounded(ba, -2 * rate * m0, -2 * rate * m1, -2 * rate * m2, workspace[ACCEL_BOUND])
     share = dt / FORGETTING
-    phi = (1.0, m0 / GRAVITY, m1 / GRAVITY, m2 / GRAVITY)
+    phi = (1.0, m0 / NOMINAL_GRAVITY, m1 / NOMINAL_GRAVITY, m2 / NOMINAL_GRAVITY)
     k = MOMENT
     for i in range(4):
         for j in range(i, 4):
@@ -284,7 +274,15 @@ def _adapt(bar, x0, x1, x2, dt):
 
 
 @inlined
-def inject(bar, y, sd, kind, observe, parameters, innovation):
+def inject(
+    bar: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    innovation: Array,
+) -> None:
     """What a fix changes: position, velocity and xi by the gains of the translational motion
     observer, the attitude by a direction.
 
@@ -302,7 +300,7 @@ def inject(bar, y, sd, kind, observe, parameters, innovation):
         return
     if kind == HEADING_KIND:
         if innovation[0] == innovation[0]:
-            _towards_heading(bar, y[0], min(workspace[SINCE_HEADING], LONGEST))
+            _towards_heading(bar, y[0], min(workspace[SINCE_HEADING], LONGEST_GAP))
             workspace[SINCE_HEADING] = 0.0
     elif kind == MAGNETIC_KIND:
         if (
@@ -319,7 +317,7 @@ def inject(bar, y, sd, kind, observe, parameters, innovation):
 
 
 @inlined
-def _translate(bar, kind, innovation, sd):
+def _translate(bar: Belief, kind: int, innovation: Array, sd: Array) -> None:
     """Position, velocity and xi by the gains at this fix."""
     workspace = bar.workspace
     change = workspace[WORK]
@@ -348,7 +346,7 @@ def _translate(bar, kind, innovation, sd):
 
 
 @inlined
-def _course(bar, north, east):
+def _course(bar: Belief, north: float, east: float) -> None:
     """The direction of the velocity (m/s) as a heading, where it is fast enough and nothing
     better is there."""
     workspace = bar.workspace
@@ -360,9 +358,9 @@ def _course(bar, north, east):
     ):
         return
     if speed < workspace[LEAST_SPEED]:
-        workspace[HELD] += min(workspace[OWN + VELOCITY_AGE], LONGEST)
+        workspace[HELD] += min(workspace[OWN + VELOCITY_AGE], LONGEST_GAP)
         return
-    seconds = min(workspace[SINCE_COURSE], LONGEST)
+    seconds = min(workspace[SINCE_COURSE], LONGEST_GAP)
     workspace[COURSE], workspace[SINCE_COURSE] = math.atan2(east, north), 0.0
     if workspace[MODE] == PRINTED:
         C = bar.C
@@ -372,7 +370,7 @@ def _course(bar, north, east):
 
 
 @inlined
-def _towards_heading(bar, heading, seconds):
+def _towards_heading(bar: Belief, heading: float, seconds: float) -> None:
     """sigma of a heading (rad) at the roll and pitch of the belief, over that time: a turn about
     the vertical, exact for any angle."""
     C, workspace = bar.C, bar.workspace
@@ -382,13 +380,13 @@ def _towards_heading(bar, heading, seconds):
 
 
 @helper
-def _left(angle, time):
+def _left(angle: float, time: float) -> float:
     """What is left of an angle (rad) whose rate is - sin(angle), after that (scaled) time."""
     return 2 * math.atan(math.tan(0.5 * angle) * decay(time))
 
 
 @inlined
-def _towards_field(bar, y, parameters):
+def _towards_field(bar: Belief, y: Array, parameters: Array) -> None:
     """sigma of a magnetic field y (T, body) against the one in `parameters` (T, n), over the time
     since the last.
 
@@ -425,13 +423,15 @@ def _towards_field(bar, y, parameters):
             e0 / known,
             e1 / known,
             e2 / known,
-            min(workspace[SINCE_FIELD], LONGEST),
+            min(workspace[SINCE_FIELD], LONGEST_GAP),
         )
         workspace[SINCE_FIELD] = 0.0
 
 
 @inlined
-def _towards(bar, b0, b1, b2, e0, e1, e2, seconds):
+def _towards(
+    bar: Belief, b0: float, b1: float, b2: float, e0: float, e1: float, e2: float, seconds: float
+) -> None:
     """sigma of a direction measured as b and expected as e, unit vectors in the body, over that
     time."""
     c0, c1, c2 = b1 * e2 - b2 * e1, b2 * e0 - b0 * e2, b0 * e1 - b1 * e0
@@ -444,7 +444,7 @@ def _towards(bar, b0, b1, b2, e0, e1, e2, seconds):
 
 
 @helper
-def smallest(workspace):
+def smallest(workspace: Array) -> float:
     """Smallest eigenvalue of the 4 x 4 matrix MOMENT, by Jacobi rotations."""
     A = matrix(workspace, WORK.start, 4, 4)
     k = MOMENT
@@ -460,7 +460,7 @@ def smallest(workspace):
 
 
 @helper
-def _annihilate(A, p, q):
+def _annihilate(A: Array, p: int, q: int) -> None:
     """One Jacobi rotation that makes A[p, q] of a symmetric matrix zero."""
     if abs(A[p, q]) < 1e-15:
         return

@@ -8,12 +8,17 @@ that turn the attitude and adapt the biases closed around it.
 
 import math
 import re
+from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...core.contract import plain
+from ...core.contract import Noise, Source, Start
+from ...core.jit import plain
 from ...core.rotation import euler_to_matrix
+from ...typing import Array, Mask
 from . import equations, translation_gains
 
 DEFAULTS = dict(
@@ -45,20 +50,32 @@ DEFAULTS = dict(
 )
 """Options of every filter that has the observer, as keywords of `fuse`; docs/observer.md says
 what they are."""
-OUTAGE = 3.0
+OUTAGE_INTERVALS = 3.0
 """Fix intervals without a fix after which `outage_after` = 0 takes it for an outage."""
 USES = ("position", "velocity", "heading", "altitude", "magnetic-field")
 """Kinds of aiding that the observer can use."""
-FORCE_SD = 2 * equations.GRAVITY
+FORCE_SD = 2 * equations.NOMINAL_GRAVITY
 """m/s^2: how wrong f_n can be at the start, whatever the attitude that it begins with."""
 HALVINGS = 8
 """Times that ki_start, ki and adaptation are halved, where not given, until the loops are stable
 at slow fixes."""
 ROUND = 20
 """Most fixes of the faster kind in one round of both."""
+Jump: TypeAlias = tuple[float, str, Array]
+"""A fix of a round: s since the fix before, "position" or "velocity", gains K (3,) on p, v, f."""
 
 
-def begin(block, start, noise, **options):
+class Axis(NamedTuple):
+    """The fixes of an axis, as far as its gains depend on them; an interval is 0 without two."""
+
+    name: str
+    interval: float  # s between positions
+    velocity_interval: float  # s between velocities
+    position_sd: float  # m
+    velocity_sd: float  # m/s
+
+
+def begin(block: Array, start: Start, noise: Noise, **options: Any) -> None:
     """Fill an observer's block (BLOCK numbers of an workspace array) for a Start, a Noise and
     options, all of DEFAULTS where not given.
 
@@ -77,7 +94,7 @@ def begin(block, start, noise, **options):
     at = equations
     block[at.SQUARE] = float(np.dot(start.ba, start.ba))
     block[at.SINCE_COURSE] = block[at.SINCE_HEADING] = block[at.SINCE_FIELD] = 1e9
-    block[at.FADE], block[at.COURSE] = at.HOLD, math.nan
+    block[at.FADE], block[at.COURSE] = at.FADE_AT_START, math.nan
     block[at.K1 : at.START_TIME + 1] = [
         o[name + end] for end in ("", "_start") for name in ("k1", "k2", "ki", "wander")
     ] + [o["start_time"]]
@@ -94,7 +111,7 @@ def begin(block, start, noise, **options):
         o["least_speed"],
         noise.accel,
     )
-    block[at.OUTAGE_AFTER] = o["outage_after"] or OUTAGE
+    block[at.OUTAGE_AFTER] = o["outage_after"] or OUTAGE_INTERVALS
     own = block[at.OWN : at.OWN + translation_gains.TRANSLATION]
     own[translation_gains.DESIGN] = translation_gains.DESIGNS[_design(o)]
     own[translation_gains.LOST] = block[at.OUTAGE_AFTER]
@@ -108,11 +125,12 @@ def begin(block, start, noise, **options):
         )
 
 
-def implant(workspace, first, start, noise, **options):
+def implant(workspace: Array, first: int, start: Start, noise: Noise, **options: Any) -> None:
     """An observer of its own at workspace[first:first + EMBEDDED], beginning at `start`: what
     `observer.embedded` gives a view of. Raises as `begin`."""
     C = np.empty((3, 3))
-    plain(euler_to_matrix)(*(float(angle) for angle in start.rph), C)
+    roll, pitch, heading = start.rph
+    plain(euler_to_matrix)(float(roll), float(pitch), float(heading), C)
     workspace[first : first + equations.STATE] = (
         *start.lla,
         *start.v,
@@ -124,7 +142,7 @@ def implant(workspace, first, start, noise, **options):
     begin(workspace[first + equations.STATE : first + equations.EMBEDDED], start, noise, **options)
 
 
-def checked(options):
+def checked(options: dict[str, Any]) -> dict[str, Any]:
     """DEFAULTS with these options in. Raises ValueError naming the first that is out of bounds."""
     o = {**DEFAULTS, **options}
     for name, value in o.items():
@@ -163,11 +181,11 @@ GAINS = ("kpp", "kvp", "kxp", "kpv", "kvv", "kxv")
 above zero: designed."""
 
 
-def _design(o):
+def _design(o: dict[str, Any]) -> str:
     return "given" if any(o[name] for name in GAINS) else o["design"]
 
 
-def _given(o):
+def _given(o: dict[str, Any]) -> Array:
     """The gains as given, (2, 3): of a position and of a velocity on p, v, xi."""
     t = o["theta"]
     return np.array(
@@ -178,7 +196,7 @@ def _given(o):
     )
 
 
-def _poles(o):
+def _poles(o: dict[str, Any]) -> NDArray[np.complex128]:
     """Three poles, 1/s: a real one, then a pair. Raises ValueError where the text is none or
     they are not stable."""
     said = (
@@ -192,7 +210,11 @@ def _poles(o):
         )
     except ValueError:
         raise ValueError(said) from None
-    poles = poles[np.argsort(poles.imag != 0, kind="stable")] if len(poles) == 3 else np.zeros(3)
+    poles = (
+        poles[np.argsort(poles.imag != 0, kind="stable")]
+        if len(poles) == 3
+        else np.zeros(3, complex)
+    )
     paired = not poles[1:].imag.any() or abs(poles[1] - poles[2].conjugate()) <= 1e-9 * abs(
         poles[1]
     )
@@ -201,12 +223,14 @@ def _poles(o):
     return poles
 
 
-def _as_numbers(o):
+def _as_numbers(o: dict[str, Any]) -> tuple[float, float, float, float]:
     one, a, b = _poles(o)
     return (one.real, a.real, abs(a.imag), 1.0) if a.imag else (one.real, a.real, b.real, 0.0)
 
 
-def configure(options, aidings):
+def configure(
+    options: dict[str, Any], aidings: Sequence[Source]
+) -> tuple[dict[str, Any], list[str]]:
     """(options with `outage_after` from the sources, notes: gains at their intervals and spectral
     radius), for Filter.configure.
 
@@ -226,7 +250,7 @@ def configure(options, aidings):
     intervals = [fix_interval(aidings, kind) for kind in ("position", "velocity")]
     decided = {
         "outage_after": o["outage_after"]
-        or OUTAGE * min([seconds for seconds in intervals if seconds] or [1.0])
+        or OUTAGE_INTERVALS * min([seconds for seconds in intervals if seconds] or [1.0])
     }
     axes, unchecked = _axes(aidings)
     if not axes:
@@ -246,24 +270,24 @@ def configure(options, aidings):
     return {**options, **decided, **dict(lowered)}, [*notes, *said]
 
 
-def _axes(aidings):
-    """((axis, s between positions, s between velocities, sd m, sd m/s), ...) of north and down, and
-    of east where it has other intervals than north; the names of those that have fewer than two
-    positions.
-    """
+def _axes(aidings: Sequence[Source]) -> tuple[tuple[Axis, ...], list[str]]:
+    """North and down, and east where it has other intervals than north; the names of those that
+    have fewer than two positions."""
     found = []
     for axis, name in enumerate(("north", "east", "down")):
         both = [
             (fix_interval(aidings, kind, axis), _deviation(aidings, kind, axis))
             for kind in ("position", "velocity")
         ]
-        found.append((name, both[0][0], both[1][0], both[0][1], both[1][1]))
+        found.append(Axis(name, both[0][0], both[1][0], both[0][1], both[1][1]))
     if found[1][1:3] == found[0][1:3]:
         del found[1]
-    return tuple(one for one in found if one[1]), [one[0] for one in found if not one[1]]
+    return tuple(one for one in found if one.interval), [
+        one.name for one in found if not one.interval
+    ]
 
 
-def _measured(aiding, axis=None):
+def _measured(aiding: Source, axis: int | None = None) -> Mask:
     """(n,) Whether each fix measures that axis, or any: missing numbers are NaN."""
     y, sd = (
         np.asarray(values, float).reshape(len(aiding.t), -1) for values in (aiding.y, aiding.sd)
@@ -272,7 +296,7 @@ def _measured(aiding, axis=None):
     return finite.any(axis=1) if axis is None else finite[:, axis]
 
 
-def _deviation(aidings, kind, axis):
+def _deviation(aidings: Sequence[Source], kind: str, axis: int) -> float:
     """Median standard deviation of the fixes of that kind on an axis, 0 without any."""
     of_all = [
         np.asarray(a.sd, float).reshape(len(a.t), -1)[_measured(a, axis), axis]
@@ -283,7 +307,9 @@ def _deviation(aidings, kind, axis):
 
 
 @lru_cache(maxsize=256)
-def _designed(options, axes, free):
+def _designed(
+    options: tuple[tuple[str, Any], ...], axes: tuple[Axis, ...], free: tuple[str, ...]
+) -> tuple[tuple[tuple[str, float], ...], tuple[str, ...]]:
     """(options lowered, of those `free` to be, notes) for these options and axes (name, intervals,
     sds); the same question is answered but once.
 
@@ -291,28 +317,28 @@ def _designed(options, axes, free):
     """
     o, lowered = dict(options), {}
     for _ in range(HALVINGS):
-        if not free or all(_unstable(o, *axis[1:]) is None for axis in axes):
+        if not free or all(_unstable(o, axis) is None for axis in axes):
             break
         lowered = {name: 0.5 * o[name] for name in free}
         o |= lowered
     for axis in axes:
-        if said := _unstable(o, *axis[1:]):
+        if unstable := _unstable(o, axis):
             raise ValueError(
-                f"with these gains {said[0]} is not stable at fixes every {axis[1]:g} s: spectral radius {said[1]:.4g}, "
+                f"with these gains {unstable[0]} is not stable at fixes every {axis.interval:g} s: spectral radius {unstable[1]:.4g}, "
                 "which must be below 1; give smaller gains or slower poles"
             )
     said = [
         f"{name} lowered to {value:g}, so that the loops are stable at these fixes"
         for name, value in lowered.items()
     ]
-    return tuple(lowered.items()), (*(_note(o, *axis) for axis in axes), *said)
+    return tuple(lowered.items()), (*(_note(o, axis) for axis in axes), *said)
 
 
-def _unstable(o, interval, velocity_interval, position_sd, velocity_sd):
+def _unstable(o: dict[str, Any], axis: Axis) -> tuple[str, float] | None:
     """(what, spectral radius) of the first loop that is not stable at these intervals and
     standard deviations, or None."""
     for end in ("_start", ""):
-        jumps = schedule(o, interval, velocity_interval, position_sd, velocity_sd, end)
+        jumps = schedule(o, *axis[1:], end)
         for what, radius in (
             ("the translational motion observer", spectral_radius(jumps)),
             ("the attitude", max(attitude_loop(o, jumps, end))),
@@ -323,12 +349,12 @@ def _unstable(o, interval, velocity_interval, position_sd, velocity_sd):
     return None
 
 
-def _note(o, name, interval, velocity_interval, *sd):
+def _note(o: dict[str, Any], axis: Axis) -> str:
     """The line on an axis: gains, intervals, spectral radii."""
-    jumps = schedule(o, interval, velocity_interval, *sd)
+    jumps = schedule(o, *axis[1:])
     every = " and ".join(
         f"{kind} every {seconds:g} s"
-        for kind, seconds in (("position", interval), ("velocity", velocity_interval))
+        for kind, seconds in (("position", axis.interval), ("velocity", axis.velocity_interval))
         if seconds
     )
     corrected = "; ".join(
@@ -337,27 +363,34 @@ def _note(o, name, interval, velocity_interval, *sd):
         for kind, K in last_gains(jumps)
     )
     return (
-        f"observer gains, {_design(o)}, {every}; {name}: {corrected}; spectral radius {spectral_radius(jumps):.4f} per round of fixes, "
+        f"observer gains, {_design(o)}, {every}; {axis.name}: {corrected}; spectral radius {spectral_radius(jumps):.4f} per round of fixes, "
         f"{max(attitude_loop(o, jumps, '')):.4f} of the attitude with it"
     )
 
 
-def fix_interval(aidings, kind, axis=None):
+def fix_interval(aidings: Sequence[Source], kind: str, axis: int | None = None) -> float:
     """Median time (s) between the fixes of that kind (and axis, 0 to 2), all sources together; 0
     for fewer than two.
 
     Above 10 ms it is in whole milliseconds: time stamps jitter, and some fixes more or less would
     make other options of the same receiver.
     """
-    times = [
+    found = [
         np.asarray(a.t, float)[_measured(a, axis)] for a in aidings if a.kind == kind and len(a.t)
     ]
-    times = np.unique(np.concatenate(times)) if times else np.empty(0)
+    times = np.unique(np.concatenate(found)) if found else np.empty(0)
     median = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     return round(median, 3) if median > 0.01 else median
 
 
-def schedule(o, interval, velocity_interval, position_sd=1.0, velocity_sd=0.1, end=""):
+def schedule(
+    o: dict[str, Any],
+    interval: float,
+    velocity_interval: float,
+    position_sd: float = 1.0,
+    velocity_sd: float = 0.1,
+    end: str = "",
+) -> list[Jump]:
     """One round of fixes in the steady state: [(s since the fix before, "position" or "velocity",
     gains K (3,) on p, v, f)].
 
@@ -405,7 +438,7 @@ def schedule(o, interval, velocity_interval, position_sd=1.0, velocity_sd=0.1, e
     )
 
 
-def by_poles(o, kind, T, velocities):
+def by_poles(o: dict[str, Any], kind: str, T: float, velocities: bool) -> Array:
     """Gains K (3,) that give the sampled error the factors exp(s T): with velocities the pair is
     that of velocity and force."""
     one, a, b = np.expm1(_poles(o) * T)
@@ -418,19 +451,21 @@ def by_poles(o, kind, T, velocities):
     return np.array([l1 - T * l2 + 0.5 * T**2 * l3, l2 - T * l3, l3])
 
 
-def transition(T):
+def transition(T: float) -> Array:
     """Phi (3, 3) of position, velocity, force over T seconds."""
     return np.array([[1.0, T, 0.5 * T * T], [0.0, 1.0, T], [0.0, 0.0, 1.0]])
 
 
-def driving(T, q):
+def driving(T: float, q: float) -> Array:
     """Q (3, 3) over T seconds of a force driven by density q, (m/s^2)^2/s."""
     return q * np.array(
         [[T**5 / 20, T**4 / 8, T**3 / 6], [T**4 / 8, T**3 / 3, T**2 / 2], [T**3 / 6, T**2 / 2, T]]
     )
 
 
-def _riccati(times, wander, sd, rounds=4000):
+def _riccati(
+    times: list[tuple[float, str]], wander: float, sd: dict[str, float], rounds: int = 4000
+) -> list[Jump]:
     """The gains that the Riccati equation settles to on this round of fixes."""
     P, before = np.diag([1.0, 1.0, FORCE_SD**2]), np.zeros(3 * len(times))
     for _ in range(rounds):
@@ -447,12 +482,12 @@ def _riccati(times, wander, sd, rounds=4000):
     return [(T, kind, K) for (T, kind), K in zip(times, gains)]
 
 
-def last_gains(jumps):
+def last_gains(jumps: list[Jump]) -> list[tuple[str, Array]]:
     """[(kind, K)] of the last fix of each kind in the round."""
     return list({kind: K for _, kind, K in jumps}.items())
 
 
-def round_matrix(jumps, A):
+def round_matrix(jumps: list[Jump], A: Array) -> Array:
     """What one round of fixes does to the state whose first three are p, v, xi (of the force)
     and whose derivative is A x."""
     from scipy.linalg import expm
@@ -465,7 +500,7 @@ def round_matrix(jumps, A):
     return M
 
 
-def spectral_radius(jumps):
+def spectral_radius(jumps: list[Jump]) -> float:
     """Largest modulus of the eigenvalues of the product of (I - K C) Phi over one round of
     fixes."""
     M = np.eye(3)
@@ -476,19 +511,19 @@ def spectral_radius(jumps):
     return radius(M)
 
 
-def radius(M):
+def radius(M: Array) -> float:
     """Largest modulus of the eigenvalues of M."""
     return float(np.abs(np.linalg.eigvals(M)).max())
 
 
-def attitude_loop(o, jumps, end):
+def attitude_loop(o: dict[str, Any], jumps: list[Jump], end: str) -> tuple[float, float]:
     """Spectral radii over one round of fixes, of the observer with tilt and gyro bias, and of
     heading and gyro bias.
 
     With end "_start" they are those of the gains of the start.
     """
     g, seconds, (k1, k2, ki) = (
-        equations.GRAVITY,
+        equations.NOMINAL_GRAVITY,
         sum(T for T, _, _ in jumps),
         (o[name + end] for name in ("k1", "k2", "ki")),
     )
@@ -497,7 +532,7 @@ def attitude_loop(o, jumps, end):
     A[3, 2], A[3, 3], A[3, 4] = k1 / g, -k1, 1.0
     A[4, 2], A[4, 3] = ki * k1 / g, -ki * k1
     keep = 5 if ki else 4
-    T = min(seconds, equations.LONGEST)
+    T = min(seconds, equations.LONGEST_GAP)
     left = math.exp(-k2 * T)
     heading = np.array([[left, left * T], [-ki * (1 - left), 1 - ki * (1 - left) * T]])[
         : keep - 3, : keep - 3
@@ -505,7 +540,7 @@ def attitude_loop(o, jumps, end):
     return radius(round_matrix(jumps, A[:keep, :keep])), radius(heading)
 
 
-def adaptation_loop(o, jumps):
+def adaptation_loop(o: dict[str, Any], jumps: list[Jump]) -> float:
     """Spectral radius of the observer with the accelerometer bias along the specific force
     adapted; 0 without adaptation."""
     if not o["adaptation"]:

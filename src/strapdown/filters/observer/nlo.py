@@ -6,11 +6,14 @@ mean.
 """
 
 import math
+from collections.abc import Mapping
 from inspect import Parameter, Signature
+from typing import Any
 
 import numpy as np
 
-from ...core.contract import CORRECT, PREDICT, Filter, kernel
+from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, kernel
+from ...typing import Array
 from .equations import BLOCK, FORGETTING, advance, inject
 from .gains import DEFAULTS, USES, begin, configure
 
@@ -25,7 +28,7 @@ LONG_HELD = 10.0  # s without a course that is worth an event
 EXCITED = 1e-3  # of the smallest eigenvalue, in which 1 is a specific force of 1 g
 
 
-def start(start, noise, **options):
+def start(start: Start, noise: Noise, **options: Any) -> Belief:
     """Belief at `start`; docs/observer.md explains the options, DEFAULTS of
     filters/observer/gains.py has them. Refuses gains that are not stable and a start beyond the
     bounds.
@@ -35,10 +38,12 @@ def start(start, noise, **options):
     return belief
 
 
-_named = lambda name, default=Parameter.empty: Parameter(
-    name, Parameter.POSITIONAL_OR_KEYWORD, default=default
-)
-start.__signature__ = Signature(
+def _named(name: str, default: Any = Parameter.empty) -> Parameter:
+    return Parameter(name, Parameter.POSITIONAL_OR_KEYWORD, default=default)
+
+
+# the type of a function knows no __signature__
+start.__signature__ = Signature(  # type: ignore[attr-defined]
     [
         _named("start"),
         _named("noise"),
@@ -48,19 +53,28 @@ start.__signature__ = Signature(
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """One IMU sample."""
     advance(belief, u, dt, noise)
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """One fix. It does not gate."""
     inject(belief, y, sd, kind, observe, parameters, innovation)
     return math.nan
 
 
-def unobserved(t, lla, columns):
+def unobserved(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
     """[(t, text)] where the course was held for long because it was too slow for one, and where
     the accelerometer bias was not excited."""
     held, excitation = columns[COLUMNS[1]], columns[COLUMNS[0]]

@@ -4,6 +4,7 @@ an observer does, must take it once."""
 import math
 
 from ...core.jit import helper
+from ...typing import Array
 
 MEMORY = 7
 """Numbers to remember by: kind of a fix that was rejected last, or FORGOTTEN; its y and sd."""
@@ -11,7 +12,7 @@ FORGOTTEN = -1.0
 
 
 @helper
-def repeated(memory, y, sd, kind, gate, nis):
+def repeated(memory: Array, y: Array, sd: Array, kind: int, gate: float, nis: float) -> bool:
     """Whether this call brings the fix of the call before once more; remembers it in `memory`
     (MEMORY numbers) where its `nis` is above `gate`.
 
@@ -27,5 +28,5 @@ def repeated(memory, y, sd, kind, gate, nis):
 
 
 @helper
-def _alike(a, b):
+def _alike(a: float, b: float) -> bool:
     return a == b or (a != a and b != b)

@@ -9,13 +9,11 @@ limit at a steady interval is the gain that `observer_gains` prints.
 import math
 
 from ...core.jit import helper
+from ...typing import Array
 
-VELOCITY_AGE, AGES = (
-    3,
-    6,
-    # s since the last fix that changed the axis, north, east, down; since the last velocity fix,
-    # likewise
-)
+# s since the last fix that changed the axis, north, east, down; from VELOCITY_AGE on since the
+# last velocity fix, likewise; AGES of them in all
+VELOCITY_AGE, AGES = 3, 6
 # m^2/s^2: variance of velocity that gaps in the samples brought, since the start; USED of it by
 # each axis
 SPREAD = AGES
@@ -28,12 +26,21 @@ TRANSLATION = P + 18
 """Places in the translational motion observer's numbers, and how many there are."""
 RICCATI, BY_POLES, GIVEN = range(3)
 DESIGNS = {"riccati": RICCATI, "poles": BY_POLES, "given": GIVEN}
-SHORTEST = 1e-6  # s: of two fixes of an axis at one time the second finds it no older
+SHORTEST_FIX_INTERVAL = 1e-6  # s: of two fixes of an axis at one time the second finds it no older
 LEAST_SD = 1e-4  # m, m/s
 
 
 @helper
-def pulled(own, axis, velocity, e, sd, accel, wander, change):
+def pulled(
+    own: Array,
+    axis: int,
+    velocity: bool,
+    e: float,
+    sd: float,
+    accel: float,
+    wander: float,
+    change: Array,
+) -> None:
     """Add to `change` (m, m/s, m/s^2) what the error e of a position or velocity fix with that sd
     corrects on the axis.
 
@@ -64,7 +71,17 @@ def pulled(own, axis, velocity, e, sd, accel, wander, change):
 
 
 @helper
-def _by_riccati(own, A, axis, velocity, e, sd, accel, wander, change):
+def _by_riccati(
+    own: Array,
+    A: Array,
+    axis: int,
+    velocity: bool,
+    e: float,
+    sd: float,
+    accel: float,
+    wander: float,
+    change: Array,
+) -> None:
     """One step of the Riccati equation over the time since the last fix, and the correction by
     it."""
     spread = own[SPREAD] - own[USED + axis]
@@ -88,7 +105,7 @@ def _by_riccati(own, A, axis, velocity, e, sd, accel, wander, change):
 
 
 @helper
-def grow(A, T, q, accel, spread):
+def grow(A: Array, T: float, q: float, accel: float, spread: float) -> None:
     """The six numbers of P over T seconds.
 
     Force is driven by density q ((m/s^2)^2/s), velocity by `accel` ((m/s)^2/s) and at once by
@@ -104,7 +121,7 @@ def grow(A, T, q, accel, spread):
 
 
 @helper
-def _by_poles(own, axis, velocity, e, change):
+def _by_poles(own: Array, axis: int, velocity: bool, e: float, change: Array) -> None:
     """The gains that multiply the errors by exp(s T) over the time T since the last fix of the
     kind.
 
@@ -115,7 +132,7 @@ def _by_poles(own, axis, velocity, e, change):
     kind = VELOCITY_AGE + axis if velocity else axis
     T = own[kind]
     own[kind] = 0.0
-    if T < SHORTEST:
+    if T < SHORTEST_FIX_INTERVAL:
         return
     one, (two, product) = (
         math.expm1(own[POLES] * T),
@@ -138,7 +155,7 @@ def _by_poles(own, axis, velocity, e, change):
 
 
 @helper
-def factors(a, b, complex_pair, T):
+def factors(a: float, b: float, complex_pair: float, T: float) -> tuple[float, float]:
     """Sum and product of exp(s T) - 1 of a pair of poles, a and b, or a +- jb."""
     if complex_pair == 0:
         first, second = math.expm1(a * T), math.expm1(b * T)

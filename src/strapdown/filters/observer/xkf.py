@@ -9,6 +9,8 @@ lies between them: the mismatch of a trajectory that is no solution of the model
 """
 
 import inspect
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +28,10 @@ from ...core.contract import (
     VELOCITY_KIND,
     Belief,
     Filter,
+    Noise,
+    Observe,
+    Source,
+    Start,
     kernel,
     matrix,
 )
@@ -47,6 +53,7 @@ from ...core.jit import inlined
 from ...core.kalman import update
 from ...core.mechanization import mechanize
 from ...core.rotation import rotation_between, wrap
+from ...typing import Array
 from . import nlo
 from .equations import EMBEDDED, advance, embedded, inject
 from .gains import configure as configure_observer
@@ -66,14 +73,12 @@ OBSERVER = len(COLUMNS)  # where the observer begins in workspace
 ERROR_STATE = OBSERVER + EMBEDDED  # where the workspace array of core/error_state begins
 CLOSE, NEAR = OWN, OWN + 1  # there: whether the observer is nearer than NEAR, rad
 INNOVATION = OWN + 2  # of the observer
-BIASES, ORIGIN = (
-    OWN + 5,
-    OWN + 11,
-)  # of the observer at the start of a step; attitude that delta is counted from, 3 x 3
+BIASES = OWN + 5  # of the observer at the start of a step
+ORIGIN = OWN + 11  # attitude that delta is counted from, 3 x 3
 MEMORY = slice(OWN + 20, OWN + 20 + REMEMBERED)
 
 
-def start(start, noise, near=0.0, **observer):
+def start(start: Start, noise: Noise, near: float = 0.0, **observer: Any) -> Belief:
     """Belief at `start`, where the observer begins too.
 
     near: rad between attitudes of estimate and observer up to which the mean goes on by the model
@@ -94,10 +99,15 @@ def start(start, noise, near=0.0, **observer):
 # are
 _first, _noise, *_of_observer = inspect.signature(nlo.start).parameters.values()
 _near = inspect.Parameter("near", inspect.Parameter.POSITIONAL_OR_KEYWORD, default=0.0)
-start.__signature__ = inspect.Signature([_first, _noise, _near, *_of_observer])
+# the type of a function knows no __signature__
+start.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+    [_first, _noise, _near, *_of_observer]
+)
 
 
-def configure(options, aidings):
+def configure(
+    options: dict[str, Any], aidings: Sequence[Source]
+) -> tuple[dict[str, Any], list[str]]:
     """What these sources decide of the observer and what it says of itself; refuses what it
     cannot run on."""
     own = {"near": options["near"]} if "near" in options else {}
@@ -108,7 +118,7 @@ def configure(options, aidings):
 
 
 @inlined
-def at(belief, state, ba, bg):
+def at(belief: Belief, state: Belief, ba: Array, bg: Array) -> Belief:
     """P, rate, force and workspace of the belief at the state of another, with these biases:
     what the linear model is taken at."""
     return Belief(
@@ -126,7 +136,7 @@ def at(belief, state, ba, bg):
 
 
 @inlined
-def put(belief, state):
+def put(belief: Belief, state: Belief) -> None:
     """Position, velocity, attitude and biases of the belief become those of another."""
     for i in range(3):
         belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i] = (
@@ -140,7 +150,7 @@ def put(belief, state):
 
 
 @inlined
-def compose(belief, x):
+def compose(belief: Belief, x: Array) -> None:
     """The belief becomes belief (+) x."""
     a, g = x[BA], x[BG]
     added(belief.lla, belief.v, belief.C, x)
@@ -150,7 +160,7 @@ def compose(belief, x):
 
 
 @inlined
-def relate(belief, bar):
+def relate(belief: Belief, bar: Belief) -> None:
     """delta is what lies between observer and belief, which stays wherever the observer has gone.
 
     Attitude: with exp(m) from the observer to where its error a was counted from, log(exp(a)
@@ -188,14 +198,14 @@ def relate(belief, bar):
 
 
 @inlined
-def publish(belief, bar):
+def publish(belief: Belief, bar: Belief) -> None:
     """What the observer says of itself, among the extra columns."""
     for i in range(SAID):
         belief.workspace[SHIFT + i] = bar.workspace[i]
 
 
 @inlined
-def carry(belief, bar, u, dt, noise):
+def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Carry P and the belief over dt, linearised at the observer, which is left where it is:
     f(observer) (+) Phi delta."""
     workspace, affine = belief.workspace[ERROR_STATE:], belief.workspace[ERROR_STATE + CLOSE] == 0
@@ -219,7 +229,17 @@ def carry(belief, bar, u, dt, noise):
 
 
 @inlined
-def correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation):
+def correct_around(
+    belief: Belief,
+    bar: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct P and the belief by one fix, linearised at the observer, which is left where it
     is. Returns the NIS."""
     workspace, n = belief.workspace[ERROR_STATE:], belief.P.shape[0]
@@ -254,7 +274,7 @@ def correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovati
 
 
 @inlined
-def shift_rates(belief, x, sign):
+def shift_rates(belief: Belief, x: Array, sign: float) -> None:
     """Rate and force of the belief less, or more, these errors of the biases."""
     a, g = x[BA], x[BG]
     for i in range(3):
@@ -263,7 +283,7 @@ def shift_rates(belief, x, sign):
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Carry P and the belief on, then the observer; the difference is what is between them."""
     bar = embedded(belief, OBSERVER)
     carry(belief, bar, u, dt, noise)
@@ -274,7 +294,16 @@ def predict(belief, u, dt, noise):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct P and the belief around the observer, then let that take the fix, whatever the
     gate."""
     bar, workspace = embedded(belief, OBSERVER), belief.workspace[ERROR_STATE:]

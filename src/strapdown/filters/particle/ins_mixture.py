@@ -8,14 +8,13 @@ filters/particle/mixture.py has what does not depend on the states.
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from ...core.contract import HEADING_KIND, STATES, Belief
+from ...core.contract import HEADING_KIND, STATES, Belief, Observe
 from ...core.earth import place
 from ...core.error_state import DX, WORK, inject_all, observed
 from ...core.jit import flatten, helper, inlined, matrix
 from ...core.kalman import LEAST_NOISE, WORKSPACE, used_rows
 from ...core.rotation import rotation_between, wrap
+from ...typing import Array
 from .mixture import accumulate, clear, moments, moments_size, resample_size
 from .threefry import STREAM
 
@@ -23,9 +22,8 @@ EFFECTIVE, RESAMPLINGS, REPAIRS, DEGENERATE, COUNT, KERNEL, LEAST = range(7)
 """Of workspace: the output columns; how many components there are, h, and below how many
 effective ones they are drawn anew."""
 RANDOM = slice(7, 7 + STREAM)
-FORESEEN = slice(
-    10, 25
-)  # of a fix: covariance of the innovation (3 x 3), its mean, variances without correlations
+# of a fix: covariance of the innovation (3 x 3), its mean, variances without correlations
+FORESEEN = slice(10, 25)
 # the workspace array of core.error_state that the components take turns with, then what Mixture
 # names
 SHARED = 25
@@ -35,33 +33,33 @@ TAIL = 27  # of a component's numbers: lla, v, C, ba, bg, omega, f before it, P 
 class Mixture(NamedTuple):
     """What there is beside the belief, as views of its workspace."""
 
-    shared: np.ndarray  # workspace array of core.error_state
-    left: np.ndarray  # (n, n) covariance as the last call left it
-    sums: np.ndarray  # of core.mixture
-    mean: np.ndarray  # (n,)
-    weights: np.ndarray  # (N,)
-    logs: np.ndarray  # (N,)
-    deviations: np.ndarray  # (N, n) errors of the components about the belief
-    drawn: np.ndarray  # (N, n)
-    Phi: np.ndarray  # (n, n)
-    work: np.ndarray  # of core.mixture
-    components: np.ndarray  # (N, width)
+    shared: Array  # workspace array of core.error_state
+    left: Array  # (n, n) covariance as the last call left it
+    sums: Array  # see moments_size of filters/particle/mixture.py
+    mean: Array  # (n,)
+    weights: Array  # (N,)
+    logs: Array  # (N,)
+    deviations: Array  # (N, n) errors of the components about the belief
+    drawn: Array  # (N, n)
+    Phi: Array  # (n, n)
+    work: Array  # see resample_size there
+    components: Array  # (N, width)
 
 
 @inlined
-def shared_size(n):
+def shared_size(n: int) -> int:
     """Numbers of the workspace array of an error-state filter with n states."""
     return WORK + max(WORKSPACE, used_rows(n) + 13) + 3 * n
 
 
 @inlined
-def width(n):
+def width(n: int) -> int:
     """Numbers of a component."""
     return TAIL + n - STATES + n * n
 
 
 @inlined
-def beside(belief):
+def beside(belief: Belief) -> Mixture:
     """The Mixture of a belief."""
     workspace, n, N = belief.workspace, belief.P.shape[0], int(belief.workspace[COUNT])
     left = SHARED + shared_size(n)
@@ -90,7 +88,7 @@ def beside(belief):
 
 
 @inlined
-def component(m, i):
+def component(m: Mixture, i: int) -> Belief:
     """Component i as a Belief of its own."""
     x, n = m.components[i], m.mean.size
     return Belief(
@@ -108,14 +106,14 @@ def component(m, i):
 
 
 @helper
-def metres(belief):
+def metres(belief: Belief) -> tuple[float, float]:
     """Metres per radian of latitude and of longitude at a belief, those of `displace`."""
     sine, cosine, M, N = place(belief.lla[0], belief.lla[2])
     return M, N * cosine
 
 
 @inlined
-def deviate(own, belief, north, east, x):
+def deviate(own: Belief, belief: Belief, north: float, east: float, x: Array) -> None:
     """x = own (-) belief, the error that `inject` would have to add to the belief; metres per
     radian from `metres`."""
     turn = own.lla[1] - belief.lla[1]
@@ -139,7 +137,7 @@ def deviate(own, belief, north, east, x):
 
 
 @inlined
-def settle(belief, m):
+def settle(belief: Belief, m: Mixture) -> None:
     """Belief and P from the sums of all deviations; what P is now is remembered."""
     moments(m.sums, m.mean, belief.P)
     inject_all(belief, m.mean)
@@ -149,7 +147,7 @@ def settle(belief, m):
 
 
 @inlined
-def recentre(belief, m):
+def recentre(belief: Belief, m: Mixture) -> None:
     """Belief and P from all components, wherever they are: first their mean, then the moments
     about it. `deviations` are about the belief then."""
     n = m.mean.size
@@ -176,7 +174,7 @@ def recentre(belief, m):
 
 
 @inlined
-def carry(belief, m):
+def carry(belief: Belief, m: Mixture) -> None:
     """Hand on to the components what the loop did to P since the last call: more of everything, or
     more variance of single states.
 
@@ -210,7 +208,7 @@ def carry(belief, m):
 
 
 @inlined
-def put(own, belief, x):
+def put(own: Belief, belief: Belief, x: Array) -> None:
     """The component whose error about the belief is x."""
     for i in range(3):
         own.lla[i], own.v[i], own.ba[i], own.bg[i] = (
@@ -227,7 +225,16 @@ def put(own, belief, x):
 
 
 @inlined
-def foresee(belief, m, y, sd, kind, observe, parameters, innovation):
+def foresee(
+    belief: Belief,
+    m: Mixture,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    innovation: Array,
+) -> float:
     """NIS of a fix by the mixture's own moments; its mean innovation goes into `innovation`. NaN
     where nothing is measured. Nothing else changes.
 
@@ -252,7 +259,7 @@ def foresee(belief, m, y, sd, kind, observe, parameters, innovation):
 
 
 @helper
-def same_rows(innovation, mine):
+def same_rows(innovation: Array, mine: Array) -> bool:
     """Whether a component measures what is measured at the belief; others of its rows become
     none."""
     for i in range(3):
@@ -264,7 +271,9 @@ def same_rows(innovation, mine):
 
 
 @helper
-def _foresee_one(P, H, w, innovation, mine, s, x):
+def _foresee_one(
+    P: Array, H: Array, w: float, innovation: Array, mine: Array, s: Array, x: Array
+) -> None:
     """Add a component to the moments of the innovation, about that at the belief; x is n numbers
     of workspace."""
     n = P.shape[0]
@@ -290,7 +299,7 @@ def _foresee_one(P, H, w, innovation, mine, s, x):
 
 
 @helper
-def _surprise(s, total, sd, innovation):
+def _surprise(s: Array, total: float, sd: Array, innovation: Array) -> float:
     """NIS from these moments, whose weights add up to `total`; adds the mean to the innovation.
     Infinite where they are no covariance."""
     nis, any = 0.0, False

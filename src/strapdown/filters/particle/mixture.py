@@ -16,9 +16,10 @@ import math
 import numpy as np
 
 from ...core.jit import flatten, helper, inlined, matrix
+from ...typing import Array
 from .threefry import new_stream, normal_rows, normals, uniform
 
-MOST = 100000
+MOST_COMPONENTS = 100000
 """Components of a mixture at most; 500 with 15 states take a megabyte."""
 NOTHING = 1e-13  # of a variance: a pivot below it is none
 # in steps of it the deviations of too few components shrink, until they fit into the covariance
@@ -26,7 +27,7 @@ SHRINK = 0.8
 
 
 @helper
-def weigh(logs, weights):
+def weigh(logs: Array, weights: Array) -> int:
     """Multiply weights by likelihoods, whose logarithms are `logs` (overwritten), and normalise
     them. Returns 1 where none is finite, 0 else.
 
@@ -50,7 +51,7 @@ def weigh(logs, weights):
 
 
 @helper
-def effective(weights):
+def effective(weights: Array) -> float:
     """Effective number of components: 1 / sum of the squared weights."""
     squares = 0.0
     for i in range(weights.size):
@@ -59,7 +60,7 @@ def effective(weights):
 
 
 @helper
-def systematic(weights, at, ancestors):
+def systematic(weights: Array, at: float, ancestors: Array) -> None:
     """Ancestors (N,) of a systematic resampling at the one number `at` in (0, 1): component i is
     drawn N weights[i] times, up or down to a whole."""
     total, last = 0.0, 0
@@ -76,21 +77,21 @@ def systematic(weights, at, ancestors):
 
 
 @inlined
-def moments_size(n):
+def moments_size(n: int) -> int:
     """Numbers that `accumulate` sums into: n means, the lower triangle of the second moments in
     rows of n + 1, a copy of one deviation."""
     return n + n * (n + 1) + n + 1
 
 
 @helper
-def clear(sums):
+def clear(sums: Array) -> None:
     """Before the first component."""
     for i in range(sums.size):
         sums[i] = 0.0
 
 
 @helper
-def accumulate(weight, x, P, sums):
+def accumulate(weight: float, x: Array, P: Array, sums: Array) -> None:
     """Add a component to the sums of a mixture: its deviation x (n,) and its covariance P, n n
     numbers in a row."""
     if x.size == 15:  # the same code with constant lengths
@@ -102,7 +103,7 @@ def accumulate(weight, x, P, sums):
 
 
 @inlined
-def _accumulate(n, weight, x, P, sums):
+def _accumulate(n: int, weight: float, x: Array, P: Array, sums: Array) -> None:
     """Rows in groups of four, each as long as its last one up to the diagonal: what lies right
     of it is not used."""
     copy = n + n * (n + 1)
@@ -114,7 +115,7 @@ def _accumulate(n, weight, x, P, sums):
 
 
 @inlined
-def _rows(first, after, n, weight, P, sums):
+def _rows(first: int, after: int, n: int, weight: float, P: Array, sums: Array) -> None:
     """Rows `first` to `after` of the second moments, in which `after` numbers count."""
     copy = n + n * (n + 1)
     for i in range(first, after):
@@ -124,7 +125,7 @@ def _rows(first, after, n, weight, P, sums):
 
 
 @helper
-def moments(sums, mean, S):
+def moments(sums: Array, mean: Array, S: Array) -> None:
     """From the sums, whose weights add up to 1: mean (n,) of the deviations and covariance S (n,
     n) about it, symmetric to the last bit."""
     n = mean.size
@@ -136,7 +137,7 @@ def moments(sums, mean, S):
 
 
 @helper
-def root(A, share, B, other, L):
+def root(A: Array, share: float, B: Array, other: float, L: Array) -> int:
     """Lower triangular L with L L' = share A + other B. Returns how many pivots were negative.
 
     They, and those that are nothing but rounding, count as zero with their columns: a state without
@@ -166,13 +167,25 @@ def root(A, share, B, other, L):
 
 
 @inlined
-def resample_size(n):
+def resample_size(n: int) -> int:
     """Numbers of the workspace of `resample`."""
     return 6 * n * n + n + 1
 
 
 @helper
-def resample(weights, deviations, components, at, S, kernel, stream, ancestors, drawn, Phi, work):
+def resample(
+    weights: Array,
+    deviations: Array,
+    components: Array,
+    at: int,
+    S: Array,
+    kernel: float,
+    stream: Array,
+    ancestors: Array,
+    drawn: Array,
+    Phi: Array,
+    work: Array,
+) -> int:
     """Draw N components anew, all of weight 1/N, such that the mixture keeps its covariance S (n,
     n) and its mean, about which `deviations` are.
 
@@ -217,7 +230,7 @@ def resample(weights, deviations, components, at, S, kernel, stream, ancestors, 
 
 
 @helper
-def _mend(S, L, kept):
+def _mend(S: Array, L: Array, kept: Array) -> int:
     """L the root of S, and `kept` S itself, or L L' where S has negative pivots. Returns 1 where
     it has, 0 else."""
     n, negative = S.shape[0], root(S, 1.0, S, 0.0, L) > 0
@@ -232,7 +245,16 @@ def _mend(S, L, kept):
 
 
 @helper
-def _draw(deviations, components, at, stream, ancestors, drawn, L, random):
+def _draw(
+    deviations: Array,
+    components: Array,
+    at: int,
+    stream: Array,
+    ancestors: Array,
+    drawn: Array,
+    L: Array,
+    random: Array,
+) -> None:
     """The deviations of the ancestors, each moved by a draw from its own covariance where there
     are more components than states."""
     N, n = drawn.shape
@@ -253,7 +275,7 @@ def _draw(deviations, components, at, stream, ancestors, drawn, L, random):
 
 
 @helper
-def _centre(drawn, mean, A):
+def _centre(drawn: Array, mean: Array, A: Array) -> None:
     """Subtract the mean of a sample; A becomes its covariance, over N."""
     N, n = drawn.shape
     for k in range(n):
@@ -276,7 +298,7 @@ def _centre(drawn, mean, A):
 
 
 @helper
-def _onto(L, own, T):
+def _onto(L: Array, own: Array, T: Array) -> bool:
     """T = L own^-1, lower triangular. Returns whether `own` spans what L does."""
     n = L.shape[0]
     for k in range(n):
@@ -295,7 +317,7 @@ def _onto(L, own, T):
 
 
 @helper
-def _apply(T, scale, drawn):
+def _apply(T: Array, scale: float, drawn: Array) -> None:
     """Each row x of a sample becomes scale T x, T lower triangular."""
     N, n = drawn.shape
     for i in range(N):
@@ -307,7 +329,7 @@ def _apply(T, scale, drawn):
 
 
 @helper
-def _fit(S, A, kernel, drawn, Phi, L):
+def _fit(S: Array, A: Array, kernel: float, drawn: Array, Phi: Array, L: Array) -> int:
     """Draw a sample of covariance A together until S less it is at least kernel^2 S; Phi becomes
     that. Returns 1 where that was needed."""
     share = 1.0
@@ -322,13 +344,13 @@ def _fit(S, A, kernel, drawn, Phi, L):
     return 1 if share < 1 else 0
 
 
-def silverman(components, n):
+def silverman(components: float, n: int) -> float:
     """The kernel width h of that many components in n states: what smooths a Gaussian best;
     Silverman (1986) eq. 4.14. 1 for one component."""
     return min(1.0, (4 / (components * (n + 2))) ** (1 / (n + 4))) if components > 1 else 1.0
 
 
-def kernel_width(components, n):
+def kernel_width(components: float, n: int) -> float:
     """The kernel width h that the filters take where none is given: Silverman's, but for N < 600
     h^2 at least 1 - N/1000.
 
@@ -342,16 +364,16 @@ def kernel_width(components, n):
     )
 
 
-def begin(P, components, kernel, seed):
+def begin(P: Array, components: float, kernel: float, seed: float) -> tuple[Array, Array, Array]:
     """(deviations (N, n), covariance Phi (n, n), stream) of a mixture whose mean is 0 and whose
     covariance is exactly P; drawn from P.
 
     One component has P itself; with N <= n, which cannot span P, Phi is at least kernel^2 P. Raises
     ValueError for bad options.
     """
-    if not (1 <= components <= MOST and components == int(components)):
+    if not (1 <= components <= MOST_COMPONENTS and components == int(components)):
         raise ValueError(
-            f"components is {components}; it must be a whole number, at least 1 and at most {MOST}"
+            f"components is {components}; it must be a whole number, at least 1 and at most {MOST_COMPONENTS}"
         )
     if not 0 < kernel <= 1:
         raise ValueError(f"kernel is {kernel}; it must be above 0 and at most 1")

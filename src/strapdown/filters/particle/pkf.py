@@ -6,10 +6,11 @@ to do with each other.
 """
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
-from ...core.contract import CORRECT, PREDICT, STATES, Filter, kernel
+from ...core.contract import CORRECT, PREDICT, STATES, Belief, Filter, Noise, Observe, Start, kernel
 from ...core.earth import curvature
 from ...core.error_state import (
     DV,
@@ -26,6 +27,7 @@ from ...core.error_state import (
 from ...core.jit import flatten, inlined, matrix, plain
 from ...core.kalman import update, used_rows
 from ...core.mechanization import mechanize
+from ...typing import Array
 from .ins_mixture import (
     COUNT,
     DEGENERATE,
@@ -64,18 +66,26 @@ from .mixture import (
 )
 
 COLUMNS = ("effective_components", "resamplings", "repairs", "degenerate")
-LARGEST = 1e300  # of a NIS that is used: beyond it nothing is finite
+LARGEST_NIS = 1e300  # of a NIS that is used: beyond it nothing is finite
 
 
-def start(start, noise, components=500, kernel=None, resample=0.5, seed=0):
+def start(
+    start: Start,
+    noise: Noise,
+    components: int = 500,
+    kernel: float | None = None,
+    resample: float = 0.5,
+    seed: int = 0,
+) -> Belief:
     """Belief at `start`, its components drawn from it with the random numbers of `seed`.
 
     kernel: h in (0, 1], the width of a component as a share of the mixture's, none given:
-    core.mixture.kernel_width; resample: draw anew below this share of effective components. Refuses
-    options outside their range.
+    kernel_width of filters/particle/mixture.py; resample: draw anew below this share of effective
+    components. Refuses options outside their range.
     """
     n = len(start.sd)
-    kernel = kernel_width(components, n) if kernel is None and components >= 1 else kernel
+    if kernel is None:  # of no component at all too, which `begin` refuses
+        kernel = kernel_width(components, n)
     if not 0 <= resample <= 1:
         raise ValueError(f"resample is {resample}; it must be from 0 to 1")
     belief = start.belief(np.zeros(0))
@@ -121,7 +131,7 @@ def start(start, noise, components=500, kernel=None, resample=0.5, seed=0):
     return belief
 
 
-def exponential(r):
+def exponential(r: Array) -> Array:
     """Rotation matrices (N, 3, 3) of rotation vectors (N, 3), rad."""
     angle, S = np.linalg.norm(r, axis=1)[:, None, None], np.zeros((len(r), 3, 3))
     S[:, 0, 1], S[:, 0, 2], S[:, 1, 2] = -r[:, 2], r[:, 1], -r[:, 0]
@@ -132,7 +142,7 @@ def exponential(r):
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Every component by its own closed loop; the belief moves with the mean of its INS and
     takes up what they make of it."""
     m = beside(belief)
@@ -161,7 +171,16 @@ def predict(belief, u, dt, noise):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Gate by what the mixture foresees; correct each component, weigh it by its likelihood;
     draw anew where few are left that count."""
     m, workspace = beside(belief), belief.workspace
@@ -178,7 +197,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 @inlined
-def _draw_anew(belief, m):
+def _draw_anew(belief: Belief, m: Mixture) -> None:
     """Resample; `deviations` are about the belief, and belief and P stay."""
     workspace, first = belief.workspace, TAIL + m.mean.size - STATES
     workspace[REPAIRS] += resample(
@@ -204,7 +223,9 @@ def _draw_anew(belief, m):
 
 
 @inlined
-def _correct_each(m, y, sd, observe, parameters, innovation):
+def _correct_each(
+    m: Mixture, y: Array, sd: Array, observe: Observe, parameters: Array, innovation: Array
+) -> int:
     """Correct every component that counts, and weigh. Returns 1 where no likelihood was finite,
     0 else."""
     n, shared = m.mean.size, m.shared
@@ -221,8 +242,8 @@ def _correct_each(m, y, sd, observe, parameters, innovation):
             own = component(m, k)
             rows = observed(own, y, observe, parameters, mine, H)
             if same_rows(innovation, mine):
-                nis = update(own.P, H, mine, sd, rows, LARGEST, work, dx)
-                if nis <= LARGEST:
+                nis = update(own.P, H, mine, sd, rows, LARGEST_NIS, work, dx)
+                if nis <= LARGEST_NIS:
                     inject_all(own, dx)
                 m.logs[k] = -0.5 * nis
                 for i in range(int(work[used])):
@@ -230,7 +251,7 @@ def _correct_each(m, y, sd, observe, parameters, innovation):
     return weigh(m.logs, m.weights)
 
 
-def lost(t, lla, columns):
+def lost(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
     """[(t, text)] where components had to be drawn together or a covariance mended, and where a
     fix told them nothing."""
     texts = {

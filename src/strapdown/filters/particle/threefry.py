@@ -9,10 +9,12 @@ numpy and compiled code agree.
 """
 
 import math
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ...core.jit import helper, plain
+from ...typing import Array, Ints
 
 KEY, COUNTER, STREAM = 0, 2, 3
 """Of a stream kept as float64 numbers: its key (two numbers below 2^32), how many blocks were
@@ -20,11 +22,13 @@ drawn (exact below 2^53), its size."""
 LARGEST_SEED = 2**53 - 1
 MASK, PARITY = 0xFFFFFFFF, 0x1BD11BDA
 TURNS = (13, 15, 26, 6, 17, 29, 16, 24)  # bits by which the rounds turn the second word
-SCALE = 2.0**-32
+WORD_SCALE = 2.0**-32
+Words = TypeVar("Words", int, Ints)
+"""Words below 2^32: one in compiled code, an array of them in numpy."""
 
 
 @helper
-def threefry(k0, k1, c0, c1):
+def threefry(k0: int, k1: int, c0: Words, c1: Words) -> tuple[Words, Words]:
     """Two words below 2^32 from two words of key and two of counter, int64."""
     k2 = PARITY ^ k0 ^ k1
     x, y, a, b, c = (c0 + k0) & MASK, (c1 + k1) & MASK, k0, k1, k2
@@ -39,15 +43,18 @@ def threefry(k0, k1, c0, c1):
 
 
 @helper
-def box_muller(x, y):
+def box_muller(x: int | Ints, y: int | Ints) -> tuple[Any, Any]:
     """Two independent standard normals from two words; Box & Muller (1958). None is further out
     than 6.8."""
-    radius, angle = np.sqrt(-2 * np.log((x + 0.5) * SCALE)), (2 * math.pi * SCALE) * (y + 0.5)
+    radius, angle = (
+        np.sqrt(-2 * np.log((x + 0.5) * WORD_SCALE)),
+        (2 * math.pi * WORD_SCALE) * (y + 0.5),
+    )
     return radius * np.cos(angle), radius * np.sin(angle)
 
 
 @helper
-def uniform(stream):
+def uniform(stream: Array) -> float:
     """The next number between 0 and 1, neither of them, of 52 bits; advances the stream."""
     count = int(stream[COUNTER])
     x, y = threefry(int(stream[KEY]), int(stream[KEY + 1]), count & MASK, count >> 32)
@@ -56,7 +63,7 @@ def uniform(stream):
 
 
 @helper
-def normals(stream, out, size):
+def normals(stream: Array, out: Array, size: int) -> None:
     """The next standard normals into out[0:size]; of an odd number the last is half a pair.
     Advances the stream."""
     k0, k1, count = int(stream[KEY]), int(stream[KEY + 1]), int(stream[COUNTER])
@@ -69,7 +76,7 @@ def normals(stream, out, size):
     stream[COUNTER] += (size + 1) // 2
 
 
-def new_stream(seed):
+def new_stream(seed: float) -> Array:
     """A stream (STREAM,) that begins at the first number of a seed. Raises ValueError where it
     is no whole number from 0 to 2^53 - 1."""
     if not (0 <= seed <= LARGEST_SEED and seed == int(seed)):
@@ -77,7 +84,7 @@ def new_stream(seed):
     return np.array([int(seed) & MASK, int(seed) >> 32, 0.0])
 
 
-def normal_rows(stream, rows, size):
+def normal_rows(stream: Array, rows: int, size: int) -> Array:
     """What `normals` gives in `rows` calls, as an array (rows, size), in one go; advances the
     stream."""
     pairs = (size + 1) // 2

@@ -4,12 +4,12 @@ noise that is added instead of spread out.
 docs/sigma-points.md says what it shares with `ukf` and what it is good for.
 """
 
-from ...core.contract import Filter
+from ...core.contract import Belief, Filter, Noise, Start
 from .ins_sigma_points import COLUMNS, auxiliary, correct, predict, repairs
 from .sigma_points import symmetric
 
 
-def start(start, noise):
+def start(start: Start, noise: Noise) -> Belief:
     """Belief at `start`."""
     n = len(start.sd)
     return start.belief(auxiliary(n, symmetric(n), symmetric(n), augmented=False))

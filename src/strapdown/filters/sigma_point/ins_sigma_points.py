@@ -4,40 +4,50 @@ through filters/sigma_point/sigma_points.py.
 A sigma point is the belief with an error composed into it, as a correction is: metres, a rotation
 vector from the left, sums. The errors of the propagated points are taken back the same way, about
 the propagated belief. The square root is kept in workspace and factored anew where the loop changed
-P. Points that would turn further than TURN are drawn in.
+P. Points that would turn further than LARGEST_TURN are drawn in.
 """
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
-from ...core.contract import ATTITUDE_KIND, CORRECT, HEADING_KIND, PREDICT, STATES, Belief, kernel
+from ...core.contract import (
+    ATTITUDE_KIND,
+    CORRECT,
+    HEADING_KIND,
+    PREDICT,
+    STATES,
+    Belief,
+    Noise,
+    Observe,
+    kernel,
+)
 from ...core.earth import place
 from ...core.error_state import added, bias_free, decay_biases, inject_all, observed
 from ...core.jit import flatten, helper, inlined, matrix, plain
 from ...core.kalman import LEAST_NOISE, decay
 from ...core.mechanization import mechanize
 from ...core.rotation import nearest_turn, rotation_between, wrap
+from ...typing import Array
 from .sigma_points import corrected, covariance, deviations, downdate, factor, triangle
 
-REPAIRED, STEP_SPREAD, STEP_REST, SPREAD, REST, AUGMENTED = range(
-    6
-)  # repairs so far, an output column; sets of prediction and correction; 1 or 0
-POINT, CENTRE, ROOT = (
-    8,
-    36,
-    56,
-)  # a sigma point; the propagated belief; the square root, n + 1 rows, then what follows
+# repairs so far, an output column; sets of prediction and correction; 1 or 0
+REPAIRED, STEP_SPREAD, STEP_REST, SPREAD, REST, AUGMENTED = range(6)
+POINT, CENTRE = 8, 36  # a sigma point; the propagated belief
+ROOT = 56  # the square root, n + 1 rows, then what follows
 NOISES = 12
 """Components of the process noise: white noise of gyros and accelerometers, driving noise of
 their biases."""
-TURN = 0.5 * math.pi
+LARGEST_TURN = 0.5 * math.pi
 """How far a point may turn, rad: beyond a quarter of a turn a larger error has less effect, as
 that of its sine, and beyond half a turn the opposite."""
 COLUMNS = ("repairs",)
 
 
-def auxiliary(n, step_set, fix_set, augmented):
+def auxiliary(
+    n: int, step_set: tuple[float, float], fix_set: tuple[float, float], augmented: bool
+) -> Array:
     """The workspace array of a sigma-point filter with n states and these two (spread, rest).
     `augmented`: white noise of the IMU has points of its own."""
     workspace = np.zeros(
@@ -55,32 +65,32 @@ def auxiliary(n, step_set, fix_set, augmented):
 
 
 @inlined
-def width(n):
+def width(n: int) -> int:
     """Numbers in a row of a table of n columns."""
     return (n + 8) // 8 * 8
 
 
 @inlined
-def _known(n, lanes):
+def _known(n: int, lanes: int) -> int:
     """Where the copy of P begins, by which a change of it is noticed."""
     return ROOT + lanes * (n + 1)
 
 
 @inlined
-def _own(n, lanes):
+def _own(n: int, lanes: int) -> int:
     """Where the numbers of a point begin: what aidings brought along, its error, rows of H,
     innovations at the points, workspace."""
     return ROOT + lanes * (n + 1) + n * n
 
 
 @inlined
-def _table(n, lanes):
+def _table(n: int, lanes: int) -> int:
     """Where the table of propagated errors begins."""
     return _own(n, lanes) + n + lanes + 3 * n + 3 * (2 * n + 1) + 3 * (n + 8)
 
 
 @inlined
-def _point(belief, n, lanes):
+def _point(belief: Belief, n: int, lanes: int) -> Belief:
     """The sigma point, as a Belief of its own; P and workspace are those of `belief`."""
     workspace, own = belief.workspace, _own(n, lanes)
     return Belief(
@@ -98,14 +108,14 @@ def _point(belief, n, lanes):
 
 
 @inlined
-def _copied(belief, lla, v, C):
+def _copied(belief: Belief, lla: Array, v: Array, C: Array) -> None:
     for i in range(3):
         lla[i], v[i] = belief.lla[i], belief.v[i]
         C[i, 0], C[i, 1], C[i, 2] = belief.C[i, 0], belief.C[i, 1], belief.C[i, 2]
 
 
 @helper
-def _refreshed(belief, n, lanes):
+def _refreshed(belief: Belief, n: int, lanes: int) -> None:
     """The square root of P, anew where P is not what was left."""
     workspace, numbers, first, changed = belief.workspace, flatten(belief.P), _known(n, lanes), 0.0
     for i in range(n * n):
@@ -115,9 +125,9 @@ def _refreshed(belief, n, lanes):
 
 
 @helper
-def _drawn_in(workspace, lanes, spread, rest):
-    """(spread, rest) of a set so close that no point turns by more than TURN; `rest` is that of
-    the set with its alpha smaller (exactly so for kappa = 0)."""
+def _drawn_in(workspace: Array, lanes: int, spread: float, rest: float) -> tuple[float, float]:
+    """(spread, rest) of a set so close that no point turns by more than LARGEST_TURN; `rest` is
+    that of the set with its alpha smaller (exactly so for kappa = 0)."""
     most = 0.0
     for i in range(9):
         row = ROOT + lanes * i
@@ -127,14 +137,14 @@ def _drawn_in(workspace, lanes, spread, rest):
             + workspace[row + 7] * workspace[row + 7]
             + workspace[row + 8] * workspace[row + 8],
         )
-    if not spread * spread * most > TURN * TURN:
+    if not spread * spread * most > LARGEST_TURN * LARGEST_TURN:
         return spread, rest
-    nearer = TURN / math.sqrt(most)
+    nearer = LARGEST_TURN / math.sqrt(most)
     return nearer, rest * (spread / nearer) ** 4
 
 
 @helper
-def _published(belief, n, lanes):
+def _published(belief: Belief, n: int, lanes: int) -> None:
     """P from its square root, and the copy by which a change is noticed."""
     workspace, numbers, first = belief.workspace, flatten(belief.P), _known(n, lanes)
     if n == 15:  # here and below the same code with constant lengths
@@ -146,7 +156,17 @@ def _published(belief, n, lanes):
 
 
 @helper
-def _reduced(A, pairs, still, rows, n, lanes, spread, rest, mean):
+def _reduced(
+    A: Array,
+    pairs: int,
+    still: int,
+    rows: int,
+    n: int,
+    lanes: int,
+    spread: float,
+    rest: float,
+    mean: Array,
+) -> float:
     """`deviations` and `triangle`; the rows after 2 pairs + 1 are there already."""
     if n == 15:
         take = deviations(A, pairs, still, 16, spread, rest, mean)
@@ -158,7 +178,7 @@ def _reduced(A, pairs, still, rows, n, lanes, spread, rest, mean):
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """One IMU sample through all points. White noise has points of its own, or its rows are
     added, to first order in dt."""
     workspace, ba, bg, n = belief.workspace, belief.ba, belief.bg, belief.P.shape[0]
@@ -220,8 +240,23 @@ def predict(belief, u, dt, noise):
 
 @helper
 def _spread_out(
-    n, lanes, pairs, spread, belief, r0, r1, r2, a0, a1, a2, dt, gyro, accel, keep_a, keep_g
-):
+    n: int,
+    lanes: int,
+    pairs: int,
+    spread: float,
+    belief: Belief,
+    r0: float,
+    r1: float,
+    r2: float,
+    a0: float,
+    a1: float,
+    a2: float,
+    dt: float,
+    gyro: float,
+    accel: float,
+    keep_a: float,
+    keep_g: float,
+) -> None:
     """The errors of the propagated points about the propagated belief, into the table: those
     with +, then those with -."""
     workspace, point, error = (
@@ -283,7 +318,16 @@ def _spread_out(
 
 
 @helper
-def _noise_rows(n, lanes, rows, augmented, belief, dt, root, noise):
+def _noise_rows(
+    n: int,
+    lanes: int,
+    rows: int,
+    augmented: bool,
+    belief: Belief,
+    dt: float,
+    root: float,
+    noise: Noise,
+) -> int:
     """Append what has no points: states that aidings brought along, driving noise of the biases
     and, unless `augmented`, white noise. Returns the rows."""
     workspace, A = belief.workspace, belief.workspace[_table(n, lanes) :]
@@ -321,7 +365,16 @@ def _noise_rows(n, lanes, rows, augmented, belief, dt, root, noise):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """One fix: `observe` at every point, the correction, its injection. Returns the NIS."""
     workspace, n = belief.workspace, belief.P.shape[0]
     lanes = width(n)
@@ -373,7 +426,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 @helper
-def _moved(belief, point, dx):
+def _moved(belief: Belief, point: Belief, dx: Array) -> None:
     """The point at an error dx from the belief, with the rate and specific force that its biases
     leave."""
     _copied(belief, point.lla, point.v, point.C)
@@ -386,7 +439,9 @@ def _moved(belief, point, dx):
 
 
 @helper
-def _unwrapped(kind, rows, E, row, dx, H, innovation):
+def _unwrapped(
+    kind: int, rows: int, E: Array, row: int, dx: Array, H: Array, innovation: Array
+) -> None:
     """Row `row` of E: the innovation at a point dx away, a heading or the rotation vector of an
     attitude on the branch that the Jacobian expects there."""
     for a in range(rows):
@@ -401,7 +456,7 @@ def _unwrapped(kind, rows, E, row, dx, H, innovation):
         E[row, a] = innovation[a]
 
 
-def repairs(t, lla, columns):
+def repairs(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
     """[(t, text)] where the covariance was none and had to be made one again."""
     count = columns[COLUMNS[0]]
     if not len(t) or not count[-1] > 0:

@@ -7,7 +7,8 @@ transposed, so that sigma points are estimate +- spread * row. All tables are fl
 
 A set has pairs of points and a centre. With u the errors of the propagated points about the
 propagated centre, m their weighted mean and z the plain mean of the outer points, its covariance is
-    sum (u - z)(u - z)' / (2 spread^2) + rest z z',    rest = s + s^2 (beta - alpha^2),   s = states / spread^2,
+    sum (u - z)(u - z)' / (2 spread^2) + rest z z',
+    rest = s + s^2 (beta - alpha^2),   s = states / spread^2,
 which is the textbook sum about m, put together again: there the centre of `merwe` with alpha = 0.1,
 kappa = 0 weighs -96, here every term is positive as long as beta + alpha^2 kappa / states is.
 `symmetric` has alpha = 1, kappa = 0, beta = 0 and with them rest = 0.
@@ -19,15 +20,18 @@ Source: Van der Merwe (2004), chapter 3; Julier & Uhlmann (2004); Arasaratnam & 
 import math
 
 from ...core.jit import helper, inlined
+from ...typing import Array
 
-FLOOR = 1e-13
+VARIANCE_FLOOR = 1e-13
 """A variance given all states before it is at least this fraction of the variance itself; what
 is smaller is rounding, or no covariance at all."""
-LEAST = 1e-6
+DOWNDATE_FLOOR = 1e-6
 """Share of a variance that a downdate leaves where it was to take off more than there is."""
 
 
-def merwe(states, alpha=0.1, beta=2.0, kappa=0.0):
+def merwe(
+    states: int, alpha: float = 0.1, beta: float = 2.0, kappa: float = 0.0
+) -> tuple[float, float]:
     """(spread, rest) of Van der Merwe's scaled set for so many states, noise included. Raises
     ValueError where it has no points."""
     if not (
@@ -45,19 +49,20 @@ def merwe(states, alpha=0.1, beta=2.0, kappa=0.0):
     return math.sqrt(square), share + share * share * (beta - alpha * alpha)
 
 
-def symmetric(states):
+def symmetric(states: int) -> tuple[float, float]:
     """(spread, rest) of the 2 n points of equal weight, which are those of the cubature rule of
     third degree."""
     return math.sqrt(states), 0.0
 
 
 @helper
-def factor(P, n, lanes, A):
+def factor(P: Array, n: int, lanes: int, A: Array) -> int:
     """Rows A (n, lanes) of the square root of P (n, n). Returns how many of its numbers had to be
     repaired, 0 for a covariance.
 
     A correlation, given all states before, that is not within (-1, 1) becomes the nearest that is,
-    or 0 where nothing is left to correlate with; variances stay, but for what is less than FLOOR.
+    or 0 where nothing is left to correlate with; variances stay, but for what is less than
+    VARIANCE_FLOOR.
     """
     repaired = 0
     for j in range(n):
@@ -65,9 +70,9 @@ def factor(P, n, lanes, A):
         for i in range(j):
             A[row + i] = 0.0
             pivot -= A[lanes * i + j] * A[lanes * i + j]
-        empty = not pivot > FLOOR * P[j, j]
+        empty = not pivot > VARIANCE_FLOOR * P[j, j]
         repaired += empty and P[j, j] != 0
-        root = math.sqrt(FLOOR * max(P[j, j], 0.0)) if empty else math.sqrt(pivot)
+        root = math.sqrt(VARIANCE_FLOOR * max(P[j, j], 0.0)) if empty else math.sqrt(pivot)
         A[row + j] = root
         for k in range(j + 1, lanes):
             A[row + k] = 0.0
@@ -76,16 +81,16 @@ def factor(P, n, lanes, A):
             for i in range(j):
                 left -= A[lanes * i + j] * A[lanes * i + k]
                 rest -= A[lanes * i + k] * A[lanes * i + k]
-            most = math.sqrt(max(rest, 0.0) * (1 - 4 * FLOOR))
+            most = math.sqrt(max(rest, 0.0) * (1 - 4 * VARIANCE_FLOOR))
             A[row + k] = left / root
             if abs(A[row + k]) > most:
-                repaired += abs(A[row + k]) > most + 4 * FLOOR * math.sqrt(abs(P[k, k]))
+                repaired += abs(A[row + k]) > most + 4 * VARIANCE_FLOOR * math.sqrt(abs(P[k, k]))
                 A[row + k] = math.copysign(most, left)
     return repaired
 
 
 @inlined
-def covariance(A, n, lanes, P):
+def covariance(A: Array, n: int, lanes: int, P: Array) -> None:
     """P (n, n) = A'A of n rows, symmetric to the last bit."""
     for i in range(n):
         for j in range(i, n):
@@ -99,7 +104,7 @@ def covariance(A, n, lanes, P):
 
 
 @inlined
-def triangle(A, rows, n, lanes):
+def triangle(A: Array, rows: int, n: int, lanes: int) -> None:
     """Householder: the first n rows of A become upper triangular with a positive diagonal, A'A of
     all `rows` >= n stays. The rest is lost, and so is the row after the last, which is workspace.
     With n and lanes constant the compiler makes vector code.
@@ -111,7 +116,7 @@ def triangle(A, rows, n, lanes):
 
 
 @inlined
-def _reflect(A, rows, j, first, lanes):
+def _reflect(A: Array, rows: int, j: int, first: int, lanes: int) -> None:
     """Column j below the diagonal becomes zero; before lane `first` there is nothing any more."""
     d, head, i = lanes * rows, lanes * j, j
     for lane in range(first, lanes):
@@ -151,10 +156,10 @@ def _reflect(A, rows, j, first, lanes):
 
 
 @helper
-def downdate(A, x, n, lanes, work):
+def downdate(A: Array, x: Array, n: int, lanes: int, work: Array) -> int:
     """A'A <- A'A - x x' on n triangular rows. Returns 0; or 1 where that would be no covariance:
-    then x x' is taken off as far as leaves LEAST of the variance along it, which is nearest in the
-    metric of A'A.
+    then x x' is taken off as far as leaves DOWNDATE_FLOOR of the variance along it, which is
+    nearest in the metric of A'A.
 
     x has n numbers, `work` 2 n. LINPACK's dchdd (Dongarra et al. 1979).
     """
@@ -166,12 +171,12 @@ def downdate(A, x, n, lanes, work):
         outside |= p != 0 and not A[lanes * j + j] > 0
         work[j] = p / A[lanes * j + j] if A[lanes * j + j] > 0 else 0.0
         size += work[j] * work[j]
-    failed = outside or not size < 1 - FLOOR
-    if not size < 1 - FLOOR:
-        scale = math.sqrt((1 - LEAST) / size)
+    failed = outside or not size < 1 - VARIANCE_FLOOR
+    if not size < 1 - VARIANCE_FLOOR:
+        scale = math.sqrt((1 - DOWNDATE_FLOOR) / size)
         for j in range(n):
             work[j] *= scale
-        size = 1 - LEAST
+        size = 1 - DOWNDATE_FLOOR
     rest = math.sqrt(1 - size)
     for k in range(n - 1, -1, -1):
         longer = math.hypot(rest, work[k])
@@ -187,7 +192,9 @@ def downdate(A, x, n, lanes, work):
 
 
 @inlined
-def deviations(A, pairs, still, lanes, spread, rest, mean):
+def deviations(
+    A: Array, pairs: int, still: int, lanes: int, spread: float, rest: float, mean: Array
+) -> float:
     """From errors about the centre to rows of the square root of their covariance. Returns what the
     last of them is worth where it is to be taken off.
 
@@ -219,7 +226,20 @@ def deviations(A, pairs, still, lanes, spread, rest, mean):
 
 
 @inlined
-def corrected(A, n, lanes, E, rows, spread, rest, variance, gate, innovation, work, dx):
+def corrected(
+    A: Array,
+    n: int,
+    lanes: int,
+    E: Array,
+    rows: int,
+    spread: float,
+    rest: float,
+    variance: Array,
+    gate: float,
+    innovation: Array,
+    work: Array,
+    dx: Array,
+) -> tuple[float, int]:
     """Correct the square root A, n rows (and one of workspace), by the innovations y - h at its
     sigma points. Returns (NIS, repaired).
 
@@ -261,7 +281,7 @@ def corrected(A, n, lanes, E, rows, spread, rest, variance, gate, innovation, wo
 
 
 @helper
-def _gains(n, rows, used, work):
+def _gains(n: int, rows: int, used: int, work: Array) -> float:
     """Row by row of the whitened G and innovations: e / size and 1 / (size + sqrt(size)), with
     those before taken into account. Returns the NIS."""
     e = rows * n + rows * rows
@@ -283,7 +303,7 @@ def _gains(n, rows, used, work):
 
 
 @helper
-def _measured(n, E, rows, spread, innovation, work):
+def _measured(n: int, E: Array, rows: int, spread: float, innovation: Array, work: Array) -> int:
     """The weighted mean of the innovations; of the measured ones the rows G, the mean, the mean
     of the outer points less the centre, and their index."""
     own, used = rows * n + rows * rows, 0
@@ -305,7 +325,9 @@ def _measured(n, E, rows, spread, innovation, work):
 
 
 @helper
-def _whitened(n, E, rows, used, spread, rest, variance, work):
+def _whitened(
+    n: int, E: Array, rows: int, used: int, spread: float, rest: float, variance: Array, work: Array
+) -> bool:
     """Divide rows G and innovations by the square root of their noise: `variance` and, unless
     `rest` is NaN, what is of second order. False: it has none."""
     L, own = rows * n, rows * n + rows * rows
@@ -326,7 +348,7 @@ def _whitened(n, E, rows, used, spread, rest, variance, work):
                 noise -= work[L + rows * a + m] * work[L + rows * b + m]
             if a != b:
                 work[L + rows * a + b] = noise / work[L + rows * b + b]
-            elif noise > FLOOR * variance[i] or math.isnan(rest):
+            elif noise > VARIANCE_FLOOR * variance[i] or math.isnan(rest):
                 work[L + rows * a + a] = math.sqrt(noise)
             else:
                 return False

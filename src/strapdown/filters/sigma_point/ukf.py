@@ -4,7 +4,7 @@ square-root form. 15 error states on the manifold.
 docs/sigma-points.md has its equations and says what it is good for.
 """
 
-from ...core.contract import Filter
+from ...core.contract import Belief, Filter, Noise, Start
 from .ins_sigma_points import COLUMNS, NOISES, auxiliary, correct, predict, repairs
 from .sigma_points import merwe, symmetric
 
@@ -14,7 +14,14 @@ NEAREST, FARTHEST = 1e-6, 100.0
 points is lost in the rounding of a latitude."""
 
 
-def start(start, noise, sigma="merwe", alpha=0.1, beta=2.0, kappa=0.0):
+def start(
+    start: Start,
+    noise: Noise,
+    sigma: str = "merwe",
+    alpha: float = 0.1,
+    beta: float = 2.0,
+    kappa: float = 0.0,
+) -> Belief:
     """Belief at `start`. sigma: "merwe", the scaled set with alpha, beta, kappa, or "symmetric",
     without centre. The prediction has points for the noise too, so that its set is that of n + 12
     states. Refuses a set without points or with points too near or far, and parameters of another

@@ -7,12 +7,13 @@ there, and the estimate's distance from it counts by H.
 
 import math
 
-from ...core.contract import HEADING_KIND, MAGNETIC_KIND, VELOCITY_KIND
+from ...core.contract import HEADING_KIND, MAGNETIC_KIND, VELOCITY_KIND, Belief, Noise, Observe
 from ...core.earth import RATE, gravity
 from ...core.error_state import DV, DX, WORK, observed
 from ...core.jit import helper, inlined, matrix
 from ...core.kalman import update_fifteen
 from ...core.rotation import wrap
+from ...typing import Array
 from ..attitude import attitude_error_state
 from .model import (
     ACCELERATION,
@@ -31,7 +32,7 @@ from .model import (
     LARGEST_BANK,
     LEAST_COSINE,
     LEAST_SPEED,
-    PATIENCE,
+    LONGEST_WITHOUT_VELOCITY,
     RAW,
     SECONDS,
     SINCE_HEADING,
@@ -45,13 +46,15 @@ from .model import (
 FAR_SCALAR, FAR_VECTOR = 10.828, 16.266
 """NIS of a course and of a gravity vector beyond which their variance is multiplied by how far
 they are beyond."""
-MANY, MOST = 5, 9.0
+MANY_FAR, MOST_GROWTH = 5, 9.0
 """So many beyond in a row let P of stage 1 grow instead, by so much at most: the rule of the
 loop."""
 
 
 @inlined
-def gather(belief, bar, u, r0, r1, r2, dt, made_up):
+def gather(
+    belief: Belief, bar: Belief, u: Array, r0: float, r1: float, r2: float, dt: float, made_up: bool
+) -> None:
     """Take a sample, whose rotation is r, into the means of specific force and anti-centrifugal
     acceleration omega x v_b.
 
@@ -80,13 +83,13 @@ def gather(belief, bar, u, r0, r1, r2, dt, made_up):
 
 
 @helper
-def restart(workspace):
+def restart(workspace: Array) -> None:
     """A new window, which begins without a velocity fix."""
     workspace[SECONDS] = workspace[KNOWN] = 0.0
 
 
 @inlined
-def level_alone(belief, bar, noise):
+def level_alone(belief: Belief, bar: Belief, noise: Noise) -> int:
     """Where no velocity fix tells the change of v_b, once a window: rows of the specific force less
     the anti-centrifugal acceleration.
 
@@ -94,7 +97,7 @@ def level_alone(belief, bar, noise):
     differs from gravity in size, counts as noise.
     """
     workspace, P, w, T = belief.workspace, belief.P, bar.omega, belief.workspace[SECONDS]
-    if workspace[SINCE_VELOCITY] < PATIENCE or T < workspace[WINDOW]:
+    if workspace[SINCE_VELOCITY] < LONGEST_WITHOUT_VELOCITY or T < workspace[WINDOW]:
         return 0
     f, a = workspace[FORCE], workspace[CENTRIFUGAL]
     swing = (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) * (P[3, 3] + P[4, 4] + P[5, 5])
@@ -111,7 +114,9 @@ def level_alone(belief, bar, noise):
 
 
 @inlined
-def level_by_velocity(belief, bar, v0, v1, v2, variance):
+def level_by_velocity(
+    belief: Belief, bar: Belief, v0: float, v1: float, v2: float, variance: float
+) -> int:
     """At a velocity fix: rows of the mean specific force since the one that the window began with,
     less the change of velocity. Returns how many.
 
@@ -153,7 +158,7 @@ def level_by_velocity(belief, bar, v0, v1, v2, variance):
 
 
 @inlined
-def _level(belief, bar, z0, z1, z2, variance):
+def _level(belief: Belief, bar: Belief, z0: float, z1: float, z2: float, variance: float) -> None:
     """Rows of the specific force z against gravity (m/s^2, body): f = g [sin theta, -cos theta
     sin phi, -cos theta cos phi]."""
     workspace, n, C = belief.workspace, belief.P.shape[0], bar.C
@@ -178,7 +183,7 @@ def _level(belief, bar, z0, z1, z2, variance):
 
 
 @inlined
-def course(belief, bar, v0, v1, sd, since):
+def course(belief: Belief, bar: Belief, v0: float, v1: float, sd: float, since: float) -> int:
     """A row of the course of a velocity fix (m/s north, east, at the IMU, with sd m/s), `since` s
     after the one before. Returns how many.
 
@@ -191,7 +196,7 @@ def course(belief, bar, v0, v1, sd, since):
     if workspace[COURSE] == 0 or workspace[SINCE_HEADING] < TRUSTED:
         return 0
     if not (speed >= workspace[LEAST_SPEED] and abs(bank) <= workspace[LARGEST_BANK]):
-        workspace[HELD] += min(since, PATIENCE)
+        workspace[HELD] += min(since, LONGEST_WITHOUT_VELOCITY)
         return 0
     H, e, deviation = (
         matrix(workspace, workspace.size - 3 * n, 3, n),
@@ -217,7 +222,9 @@ def course(belief, bar, v0, v1, sd, since):
 
 
 @helper
-def correct_rows(P, workspace, innovation, sd, rows, gate, bound):
+def correct_rows(
+    P: Array, workspace: Array, innovation: Array, sd: Array, rows: int, gate: float, bound: float
+) -> float:
     """Correct P and workspace[ERROR] by rows whose H is ready, unless NIS > gate. Returns the NIS.
 
     Nothing else may call `update`: compilers copy it each time.
@@ -240,8 +247,8 @@ def correct_rows(P, workspace, innovation, sd, rows, gate, bound):
             break
         own, excess = False, nis / bound
         workspace[far] = workspace[far] + 1 if excess > 1 else 0.0
-        if workspace[far] >= MANY:
-            _grow(P, min(excess, MOST))
+        if workspace[far] >= MANY_FAR:
+            _grow(P, min(excess, MOST_GROWTH))
         elif excess > 1:
             for i in range(rows):
                 sd[i] *= math.sqrt(excess)
@@ -252,7 +259,7 @@ def correct_rows(P, workspace, innovation, sd, rows, gate, bound):
 
 
 @helper
-def _grow(P, factor):
+def _grow(P: Array, factor: float) -> None:
     """P of stage 1 times `factor`."""
     for first in (6, 12):
         for second in (6, 12):
@@ -262,7 +269,7 @@ def _grow(P, factor):
 
 
 @helper
-def _less_known(workspace, H, innovation, rows):
+def _less_known(workspace: Array, H: Array, innovation: Array, rows: int) -> None:
     """Innovations at the estimate, affine, from those at `bar`."""
     x = workspace[ERROR]
     for i in range(rows):
@@ -271,7 +278,16 @@ def _less_known(workspace, H, innovation, rows):
 
 
 @inlined
-def see(belief, bar, y, sd, kind, observe, parameters, innovation):
+def see(
+    belief: Belief,
+    bar: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    innovation: Array,
+) -> int:
     """Innovation at the estimate and H of a fix, in its own stage alone, and the standard
     deviations of its rows in workspace[DV]. Returns the rows.
 
@@ -299,20 +315,28 @@ def see(belief, bar, y, sd, kind, observe, parameters, innovation):
 
 
 @inlined
-def oriented(kind):
+def oriented(kind: int) -> bool:
     """Whether a kind of fix belongs to stage 1."""
     return kind == HEADING_KIND or kind == MAGNETIC_KIND
 
 
 @helper
-def used(workspace, kind):
+def used(workspace: Array, kind: int) -> None:
     """A fix of that kind was used."""
     if oriented(kind):
         workspace[SINCE_HEADING] = 0.0
 
 
 @inlined
-def steer(belief, bar, y, sd, observe, parameters, innovation):
+def steer(
+    belief: Belief,
+    bar: Belief,
+    y: Array,
+    sd: Array,
+    observe: Observe,
+    parameters: Array,
+    innovation: Array,
+) -> None:
     """What a velocity fix tells stage 1: the direction of gravity by the change of velocity, and
     the course. Writes the innovation at `bar`."""
     workspace, n = belief.workspace, belief.P.shape[0]

@@ -15,29 +15,24 @@ be told to `turn_attitude` and `turn_velocity`. P has no covariance between the 
 """
 
 import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, TypeAlias
 
+from ...core.contract import Belief, Noise, Source
 from ...core.error_state import BLOCK, OWN
 from ...core.jit import helper, inlined
 from ...core.kalman import decay
 from ...core.rotation import turned
+from ...typing import Array
 from ..attitude import attitude_error_state
 
-ERROR = slice(
-    OWN, OWN + 15
-)  # the estimate less `bar`; zero between calls where it is injected at once
-FORCE, CENTRIFUGAL, SECONDS = (
-    slice(OWN + 15, OWN + 18),
-    slice(OWN + 18, OWN + 21),
-    OWN + 21,
-)  # means since the window began, m/s^2; its s
-VELOCITY_THEN, KNOWN = (
-    slice(OWN + 22, OWN + 25),
-    OWN + 25,
-)  # of the velocity fix (at the IMU, n) that the window began with; 1 where it did
-SINCE_VELOCITY, SINCE_HEADING = (
-    OWN + 26,
-    OWN + 37,
-)  # s since the last velocity fix, and since the last heading or magnetic field
+ERROR = slice(OWN, OWN + 15)  # the estimate less `bar`; zero where it is injected at once
+# means since the window began, m/s^2; its s
+FORCE, CENTRIFUGAL, SECONDS = slice(OWN + 15, OWN + 18), slice(OWN + 18, OWN + 21), OWN + 21
+# of the velocity fix (at the IMU, n) that the window began with; 1 where it did
+VELOCITY_THEN, KNOWN = slice(OWN + 22, OWN + 25), OWN + 25
+# s since the last velocity fix, and since the last heading or magnetic field
+SINCE_VELOCITY, SINCE_HEADING = OWN + 26, OWN + 37
 DOWN, COURSE, LEAST_SPEED, LARGEST_BANK, CRAB, CORRELATION, WINDOW, ACCELERATION, TOLD, RAW = range(
     OWN + 27, OWN + 37
 )
@@ -46,10 +41,8 @@ is, and if so m/s, rad, sd rad; how long it and attitude errors are alike, s; s;
 of unknown accelerations, m^2/s^3; accelerometer noise while there are samples; whether the
 accelerometer bias stays in the specific force that levels."""
 BEFORE = BLOCK.start  # 3 x 3 workspace: an attitude that is left
-INNOVATION, DEVIATION = (
-    slice(OWN + 38, OWN + 41),
-    slice(OWN + 41, OWN + 44),
-)  # of the rows that stage 1 makes itself
+# of the rows that stage 1 makes itself
+INNOVATION, DEVIATION = slice(OWN + 38, OWN + 41), slice(OWN + 41, OWN + 44)
 MOVED = slice(OWN + 44, OWN + 47)  # change of v, see `doubt`
 FAR = OWN + 47  # gravity vectors, and courses, in a row that were far off
 HELD = 1  # s with velocity fixes but without a course: an extra column of the solution
@@ -58,7 +51,7 @@ LEAST_COSINE = math.cos(math.radians(85.0))
 """Of the pitch, in Jacobians: beyond 85 deg roll and heading are not separate."""
 TRUSTED = 5.0
 """s after a heading or magnetic field during which the course is left alone."""
-PATIENCE = 3.0
+LONGEST_WITHOUT_VELOCITY = 3.0
 """s without a velocity fix after which the specific force is taken for gravity but for the
 anti-centrifugal acceleration."""
 
@@ -75,61 +68,73 @@ USES = (
     "zero-velocity",
 )
 """Kinds of aiding; heading and magnetic field belong to stage 1, the others to stage 2."""
+Columns: TypeAlias = tuple[
+    tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]
+]
+"""The three columns of a matrix (3, 3)."""
 NO_HEADING = "nothing measures the heading: it drifts with the gyro bias"
 
 
-def set_options(
-    belief,
-    noise,
-    velocity,
-    course,
-    level,
-    least_speed,
-    largest_bank,
-    crab,
-    correlation,
-    window,
-    acceleration,
-):
+class StageOptions(NamedTuple):
+    """What filters of this model let a user choose; `start` of `two-stage-ekf` says what it is."""
+
+    velocity: str  # "full" or "down"
+    course: str  # "gnss" or "none"
+    level: str  # "bias-free" or "raw"
+    least_speed: float  # m/s
+    largest_bank: float  # deg
+    crab: float  # deg
+    correlation: float  # s
+    window: float  # s
+    acceleration: float  # m/s^2 sqrt(s)
+
+
+def set_options(belief: Belief, noise: Noise, options: StageOptions) -> None:
     """Put the options into workspace. Raises ValueError naming a bad one."""
-    for name, value, known in (
-        ("velocity", velocity, ("full", "down")),
-        ("course", course, ("gnss", "none")),
-        ("level", level, ("bias-free", "raw")),
+    for name, known in (
+        ("velocity", ("full", "down")),
+        ("course", ("gnss", "none")),
+        ("level", ("bias-free", "raw")),
     ):
+        value = getattr(options, name)
         if value not in known:
             raise ValueError(f"{name} is {value!r}; it must be one of {', '.join(known)}")
-    for name, value in dict(
-        least_speed=least_speed, crab=crab, correlation=correlation, acceleration=acceleration
-    ).items():
+    for name in ("least_speed", "crab", "correlation", "acceleration"):
+        value = getattr(options, name)
         if not 0 <= value < math.inf:
             raise ValueError(f"{name} is {value}; it must be a finite number, 0 or more")
-    if not 0 < window < PATIENCE:
-        raise ValueError(f"window is {window} s; it must be above 0 and below {PATIENCE:g} s")
-    if not 0 < largest_bank <= 90:
-        raise ValueError(f"largest_bank is {largest_bank} deg; it must be above 0 and at most 90")
+    if not 0 < options.window < LONGEST_WITHOUT_VELOCITY:
+        raise ValueError(
+            f"window is {options.window} s; it must be above 0 and below {LONGEST_WITHOUT_VELOCITY:g} s"
+        )
+    if not 0 < options.largest_bank <= 90:
+        raise ValueError(
+            f"largest_bank is {options.largest_bank} deg; it must be above 0 and at most 90"
+        )
     workspace = belief.workspace
     workspace[DOWN], workspace[COURSE], workspace[LEAST_SPEED], workspace[LARGEST_BANK] = (
-        velocity == "down",
-        course == "gnss",
-        least_speed,
-        math.radians(largest_bank),
+        options.velocity == "down",
+        options.course == "gnss",
+        options.least_speed,
+        math.radians(options.largest_bank),
     )
     workspace[CRAB], workspace[CORRELATION], workspace[WINDOW], workspace[ACCELERATION] = (
-        math.radians(crab),
-        correlation,
-        window,
-        acceleration**2,
+        math.radians(options.crab),
+        options.correlation,
+        options.window,
+        options.acceleration**2,
     )
     workspace[TOLD], workspace[SINCE_VELOCITY], workspace[SINCE_HEADING], workspace[RAW] = (
         noise.accel,
-        PATIENCE,
+        LONGEST_WITHOUT_VELOCITY,
         TRUSTED,
-        level == "raw",
+        options.level == "raw",
     )
 
 
-def configure(options, aidings):
+def configure(
+    options: dict[str, Any], aidings: Sequence[Source]
+) -> tuple[dict[str, Any], list[str]]:
     """(options, notes) for Filter.configure. Raises ValueError where nothing gives a heading."""
     kinds = {a.kind for a in aidings}
     better = kinds & {"heading", "magnetic-field"}
@@ -142,7 +147,7 @@ def configure(options, aidings):
     return options, [NO_HEADING]
 
 
-def held(t, columns):
+def held(t: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
     """[(t, text)] where the heading first was held because a velocity fix gave no course, else
     []."""
     seconds = columns[HELD_COLUMN]
@@ -160,7 +165,9 @@ def held(t, columns):
 
 
 @helper
-def to_angles(pitch, heading, x, y, z):
+def to_angles(
+    pitch: float, heading: float, x: float, y: float, z: float
+) -> tuple[float, float, float]:
     """J^-1: changes of roll, pitch and heading (rad) by a small rotation (x, y, z) in n, to
     first order."""
     ch, sh = math.cos(heading), math.sin(heading)
@@ -169,7 +176,9 @@ def to_angles(pitch, heading, x, y, z):
 
 
 @helper
-def from_angles(pitch, heading, roll_change, pitch_change, heading_change):
+def from_angles(
+    pitch: float, heading: float, roll_change: float, pitch_change: float, heading_change: float
+) -> tuple[float, float, float]:
     """J: the small rotation in n that changes of the Euler angles are (rad)."""
     ch, sh, forward = (
         math.cos(heading),
@@ -184,7 +193,9 @@ def from_angles(pitch, heading, roll_change, pitch_change, heading_change):
 
 
 @inlined
-def propagate(belief, C, f0, f1, f2, dt, noise):
+def propagate(
+    belief: Belief, C: Array, f0: float, f1: float, f2: float, dt: float, noise: Noise
+) -> None:
     """P and workspace[ERROR] over dt by the Jacobian of the model; C (3, 3) at mid-interval, f
     the velocity increment by the specific force in n (m/s)."""
     P, workspace, keep = belief.P, belief.workspace, decay(noise.accel_decay * dt)
@@ -205,7 +216,7 @@ def propagate(belief, C, f0, f1, f2, dt, noise):
 
 
 @helper
-def _drift(P, dt):
+def _drift(P: Array, dt: float) -> None:
     """p <- p + v dt in P."""
     for i in range(3):
         for j in range(i + 1):
@@ -219,7 +230,7 @@ def _drift(P, dt):
 
 
 @helper
-def _accelerate(P, C, dt):
+def _accelerate(P: Array, C: Array, dt: float) -> None:
     """v <- v - C b_a dt in P; the covariance of v with b_a before it waits below the diagonal."""
     for i in range(3):
         u0, u1, u2 = dt * C[i, 0], dt * C[i, 1], dt * C[i, 2]
@@ -244,7 +255,7 @@ def _accelerate(P, C, dt):
 
 
 @helper
-def _tilted(P, f0, f1, f2, scale):
+def _tilted(P: Array, f0: float, f1: float, f2: float, scale: float) -> None:
     """Add to the variance of v what errors theta of the attitude do to the specific force f:
     `scale` times [f x] P_theta [f x]'."""
     for j in range(3):
@@ -263,7 +274,7 @@ def _tilted(P, f0, f1, f2, scale):
 
 
 @helper
-def _propagate_error(x, C, dt, keep_a, keep_g):
+def _propagate_error(x: Array, C: Array, dt: float, keep_a: float, keep_g: float) -> None:
     """workspace[ERROR] over dt, as P."""
     for i in range(3):
         change = -dt * (C[i, 0] * x[9] + C[i, 1] * x[10] + C[i, 2] * x[11])
@@ -276,7 +287,7 @@ def _propagate_error(x, C, dt, keep_a, keep_g):
 
 
 @helper
-def middle(C, r0, r1, r2, mid):
+def middle(C: Array, r0: float, r1: float, r2: float, mid: Array) -> None:
     """The attitude halfway through a rotation r (rad) of the body, into mid (3, 3)."""
     r0, r1, r2 = 0.5 * r0, 0.5 * r1, 0.5 * r2
     for i in range(3):
@@ -286,7 +297,7 @@ def middle(C, r0, r1, r2, mid):
 
 
 @helper
-def to_body(C, x, y, z):
+def to_body(C: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """C' times the vector (x, y, z)."""
     return (
         C[0, 0] * x + C[1, 0] * y + C[2, 0] * z,
@@ -296,7 +307,9 @@ def to_body(C, x, y, z):
 
 
 @helper
-def turn_attitude(P, pitch, heading, new_pitch, new_heading):
+def turn_attitude(
+    P: Array, pitch: float, heading: float, new_pitch: float, new_heading: float
+) -> None:
     """Carry P to Euler angles at which the model is linearised from now on: J_new J^-1 on the
     attitude errors."""
     N = (
@@ -309,7 +322,7 @@ def turn_attitude(P, pitch, heading, new_pitch, new_heading):
 
 
 @helper
-def doubt(P, moved):
+def doubt(P: Array, moved: Array) -> None:
     """The velocity was turned by `moved` (m/s, n) along with the attitude, since v_b stays; but v_b
     was found with the attitude as it was.
 
@@ -322,7 +335,7 @@ def doubt(P, moved):
 
 
 @helper
-def turn_velocity(P, before, C):
+def turn_velocity(P: Array, before: Array, C: Array) -> None:
     """Carry P to another attitude C of the body, which moves at the same velocity along its axes
     as with the attitude `before`: C before' on v."""
     N = _relative(before, C)
@@ -332,20 +345,20 @@ def turn_velocity(P, before, C):
 
 
 @helper
-def _relative(before, C):
+def _relative(before: Array, C: Array) -> Columns:
     """C before' as three columns."""
     return _column(C, before, 0), _column(C, before, 1), _column(C, before, 2)
 
 
 @helper
-def _column(C, before, j):
+def _column(C: Array, before: Array, j: int) -> tuple[float, float, float]:
     """Column j of C before'."""
     x, y, z = before[j, 0], before[j, 1], before[j, 2]
     return turned(C, x, y, z)
 
 
 @helper
-def _turn(P, first, other, N):
+def _turn(P: Array, first: int, other: int, N: Columns) -> None:
     """N, given as three columns, on the covariance of the states from `first` with those from
     `other`."""
     for j in range(other, other + 3):
@@ -356,7 +369,7 @@ def _turn(P, first, other, N):
 
 
 @helper
-def _turn_block(P, first, N):
+def _turn_block(P: Array, first: int, N: Columns) -> None:
     """N P N' on the block of the states from `first`."""
     for j in range(first, first + 3):  # N P
         P[first, j], P[first + 1, j], P[first + 2, j] = _times(
@@ -372,7 +385,7 @@ def _turn_block(P, first, N):
 
 
 @helper
-def _times(N, x, y, z):
+def _times(N: Columns, x: float, y: float, z: float) -> tuple[float, float, float]:
     """N, given as three columns, times a vector."""
     a, b, c = N
     return (

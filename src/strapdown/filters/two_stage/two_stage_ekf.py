@@ -6,8 +6,21 @@ the estimate itself. P of the two stages is published as one, without covariance
 """
 
 import math
+from collections.abc import Mapping
 
-from ...core.contract import CORRECT, PREDICT, VELOCITY_KIND, Filter, helper, kernel, matrix
+from ...core.contract import (
+    CORRECT,
+    PREDICT,
+    VELOCITY_KIND,
+    Belief,
+    Filter,
+    Noise,
+    Observe,
+    Start,
+    helper,
+    kernel,
+    matrix,
+)
 from ...core.earth import displace
 from ...core.error_state import DV, DX, MID, auxiliary, bias_free, decay_biases
 from ...core.mechanization import mechanize
@@ -19,7 +32,8 @@ from ...core.rotation import (
     turned,
     wrap,
 )
-from ..ahrs_aided.known_attitude import BEYOND, BEYOND_COLUMN, STEEP, steep
+from ...typing import Array
+from ..ahrs_aided.known_attitude import BEYOND, BEYOND_COLUMN, STEEP_PITCH, steep
 from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, see, steer, used
 from .model import (
     BEFORE,
@@ -30,6 +44,7 @@ from .model import (
     MOVED,
     TOLD,
     USES,
+    StageOptions,
     configure,
     doubt,
     held,
@@ -42,22 +57,22 @@ from .model import (
     turn_velocity,
 )
 
-SINE_STEEP = math.sin(STEEP)
+SINE_STEEP = math.sin(STEEP_PITCH)
 
 
 def start(
-    start,
-    noise,
-    velocity="full",
-    course="gnss",
-    level="bias-free",
-    least_speed=3.0,
-    largest_bank=45.0,
-    crab=5.0,
-    correlation=10.0,
-    window=1.0,
-    acceleration=0.2,
-):
+    start: Start,
+    noise: Noise,
+    velocity: str = "full",
+    course: str = "gnss",
+    level: str = "bias-free",
+    least_speed: float = 3.0,
+    largest_bank: float = 45.0,
+    crab: float = 5.0,
+    correlation: float = 10.0,
+    window: float = 1.0,
+    acceleration: float = 0.2,
+) -> Belief:
     """Belief at `start`. velocity: "full", or "down", the component along the body's z axis alone.
     course: "gnss", the heading is that of velocity fixes above least_speed (m/s) and below
     largest_bank (deg), or "none". level: "bias-free", the specific force that levels stage 1 is
@@ -69,9 +84,7 @@ def start(
     besides gravity, m/s^2 sqrt(s).
     """
     belief = start.belief(auxiliary(len(start.sd)))
-    set_options(
-        belief,
-        noise,
+    chosen = StageOptions(
         velocity,
         course,
         level,
@@ -82,11 +95,12 @@ def start(
         window,
         acceleration,
     )
+    set_options(belief, noise, chosen)
     return belief
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance both stages by a sample; where no velocity fix tells the change of v_b, correct
     stage 1 by the specific force, once a window."""
     if dt <= 0:
@@ -117,7 +131,16 @@ def predict(belief, u, dt, noise):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct the stage that a fix belongs to. A velocity that passes the gate corrects stage 1
     first, by its change and its course."""
     P, workspace = belief.P, belief.workspace
@@ -145,7 +168,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 @helper
-def _inject(belief):
+def _inject(belief: Belief) -> None:
     """Add workspace[ERROR] to the belief, Euler angles to Euler angles and v_b to v_b, and make
     it zero."""
     x, v = belief.workspace[ERROR], belief.v
@@ -161,7 +184,7 @@ def _inject(belief):
 
 
 @helper
-def _inject_attitude(belief, x, y, z):
+def _inject_attitude(belief: Belief, x: float, y: float, z: float) -> None:
     """Add to the Euler angles what the small rotation (x, y, z) in n (rad) means to first order;
     near their singularity turn by it instead.
 
@@ -174,7 +197,7 @@ def _inject_attitude(belief, x, y, z):
     v0, v1, v2 = to_body(C, v[0], v[1], v[2])
     roll, pitch, heading = matrix_to_euler(C)
     d0, d1, d2 = to_angles(pitch, heading, x, y, z)
-    if max(abs(pitch), abs(pitch + d1)) < STEEP:
+    if max(abs(pitch), abs(pitch + d1)) < STEEP_PITCH:
         euler_to_matrix(wrap(roll + d0), pitch + d1, wrap(heading + d2), C)
         turn_attitude(P, pitch, heading, pitch + d1, heading + d2)
     else:
@@ -188,7 +211,7 @@ def _inject_attitude(belief, x, y, z):
     v[0], v[1], v[2] = v0, v1, v2
 
 
-def diagnose(t, lla, columns):
+def diagnose(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
     """[(t, text)] where the pitch first was near the singularity of the Euler angles, and where
     the heading was first held without a course."""
     return steep(t, lla, columns) + held(t, columns)

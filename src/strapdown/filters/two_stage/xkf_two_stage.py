@@ -11,6 +11,8 @@ they are.
 
 import inspect
 import math
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +24,12 @@ from ...core.contract import (
     POSITION_KIND,
     PREDICT,
     VELOCITY_KIND,
+    Belief,
     Filter,
+    Noise,
+    Observe,
+    Source,
+    Start,
     helper,
     kernel,
     matrix,
@@ -33,7 +40,8 @@ from ...core.jit import inlined
 from ...core.kalman import WORKSPACE
 from ...core.mechanization import mechanize
 from ...core.rotation import euler_to_matrix, matrix_to_euler, rotate_left, turned, wrap
-from ..ahrs_aided.known_attitude import BEYOND, BEYOND_COLUMN, STEEP, steep
+from ...typing import Array
+from ..ahrs_aided.known_attitude import BEYOND, BEYOND_COLUMN, STEEP_PITCH, steep
 from ..observer import nlo
 from ..observer.equations import EMBEDDED, EXCITATION, XI, advance, embedded, inject
 from ..observer.gains import DEFAULTS, implant
@@ -49,6 +57,7 @@ from .model import (
     MOVED,
     TOLD,
     USES,
+    StageOptions,
     doubt,
     from_angles,
     held,
@@ -80,21 +89,21 @@ LEFT = OBSERVER + EMBEDDED  # the state that the observer leaves: lla, v, C, ba,
 UNUSED, ANGLES = LEFT + 21, LEFT + 24  # innovation of the observer; its Euler angles
 MEMORY = slice(LEFT + 27, LEFT + 27 + REMEMBERED)
 OWN_SIZE = MEMORY.stop - LEFT
-SINE_STEEP = math.sin(STEEP)
+SINE_STEEP = math.sin(STEEP_PITCH)
 
 
 def start(
-    start,
-    noise,
-    velocity="full",
-    level="bias-free",
-    largest_bank=45.0,
-    crab=5.0,
-    correlation=10.0,
-    window=1.0,
-    acceleration=0.2,
-    **observer,
-):
+    start: Start,
+    noise: Noise,
+    velocity: str = "full",
+    level: str = "bias-free",
+    largest_bank: float = 45.0,
+    crab: float = 5.0,
+    correlation: float = 10.0,
+    window: float = 1.0,
+    acceleration: float = 0.2,
+    **observer: Any,
+) -> Belief:
     """Belief at `start`, where the observer begins too. The options named here are those of
     `two-stage-ekf`, the others those of `nlo`.
 
@@ -106,9 +115,7 @@ def start(
     belief.workspace[MEMORY.start], belief.workspace[ANGLES : ANGLES + 3] = FORGOTTEN, start.rph
     implant(belief.workspace, OBSERVER, start, noise, **observer)
     both = {**DEFAULTS, **observer}
-    set_options(
-        belief,
-        noise,
+    chosen = StageOptions(
         velocity,
         "none" if both["course"] == "none" else "gnss",
         level,
@@ -119,14 +126,20 @@ def start(
         window,
         acceleration,
     )
+    set_options(belief, noise, chosen)
     return belief
 
 
 _own, _of_observer = ([*inspect.signature(each).parameters.values()] for each in (start, nlo.start))
-start.__signature__ = inspect.Signature([*_own[:-1], *_of_observer[2:]])
+# the type of a function knows no __signature__
+start.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+    [*_own[:-1], *_of_observer[2:]]
+)
 
 
-def configure(options, aidings):
+def configure(
+    options: dict[str, Any], aidings: Sequence[Source]
+) -> tuple[dict[str, Any], list[str]]:
     """What these sources decide of the observer and what it says of itself; refuses what either
     cannot run on."""
     own = {name: value for name, value in options.items() if name not in DEFAULTS}
@@ -138,7 +151,7 @@ def configure(options, aidings):
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Carry P and the estimate on, linearised at the observer, then the observer."""
     if dt > 0:
         bar = embedded(belief, OBSERVER)
@@ -149,7 +162,7 @@ def predict(belief, u, dt, noise):
 
 
 @inlined
-def carry(belief, bar, u, dt, noise):
+def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> None:
     """P and workspace[ERROR] over dt, and the observer's state at LEFT by the model, without
     injections; the observer is left where it is."""
     workspace = belief.workspace
@@ -176,7 +189,7 @@ def carry(belief, bar, u, dt, noise):
 
 
 @inlined
-def arrive(belief, bar, dt, noise):
+def arrive(belief: Belief, bar: Belief, dt: float, noise: Noise) -> None:
     """After the observer has moved: the estimate relative to it; the correction by the specific
     force alone, where one is due."""
     relate(belief, bar)
@@ -196,7 +209,16 @@ def arrive(belief, bar, dt, noise):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct P and the estimate around the observer, then let that take the fix, whatever the
     gate."""
     workspace, bar = belief.workspace, embedded(belief, OBSERVER)
@@ -217,7 +239,17 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 @inlined
-def correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation):
+def correct_around(
+    belief: Belief,
+    bar: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct P and workspace[ERROR] by one fix in its stage, linearised at the observer. A
     velocity corrects stage 1 first. Returns the NIS."""
     P, workspace = belief.P, belief.workspace
@@ -242,7 +274,7 @@ def correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovati
 
 
 @inlined
-def leave(workspace, bar):
+def leave(workspace: Array, bar: Belief) -> None:
     """Keep the observer's state before it moves."""
     for i in range(3):
         (
@@ -256,7 +288,7 @@ def leave(workspace, bar):
 
 
 @inlined
-def relate(belief, bar):
+def relate(belief: Belief, bar: Belief) -> None:
     """workspace[ERROR] and P are from now on those at the observer instead of those at LEFT:
     Euler angles, v_b and biases of the estimate stay."""
     workspace, x, lla = belief.workspace, belief.workspace[ERROR], bar.lla
@@ -280,7 +312,9 @@ def relate(belief, bar):
 
 
 @helper
-def _relate_turned(P, x, moved, angles, v, before, new_v, C):
+def _relate_turned(
+    P: Array, x: Array, moved: Array, angles: Array, v: Array, before: Array, new_v: Array, C: Array
+) -> None:
     """`relate` of velocity and attitude."""
     v0, v1, v2 = v[0] + x[3], v[1] + x[4], v[2] + x[5]
     n0, n1, n2 = turned(C, *to_body(before, v0, v1, v2))
@@ -302,7 +336,7 @@ def _relate_turned(P, x, moved, angles, v, before, new_v, C):
 
 
 @inlined
-def compose(belief, bar):
+def compose(belief: Belief, bar: Belief) -> None:
     """The belief is the observer and workspace[ERROR] together; near the singularity of the
     Euler angles by a rotation."""
     workspace, x, C = belief.workspace, belief.workspace[ERROR], belief.C
@@ -319,7 +353,7 @@ def compose(belief, bar):
     displace(belief.lla, x[0], x[1], x[2])
     roll, pitch, heading = workspace[ANGLES], workspace[ANGLES + 1], workspace[ANGLES + 2]
     d0, d1, d2 = to_angles(pitch, heading, x[6], x[7], x[8])
-    if abs(pitch) < STEEP:
+    if abs(pitch) < STEEP_PITCH:
         euler_to_matrix(roll + d0, pitch + d1, heading + d2, C)
     else:
         for i in range(3):
@@ -328,7 +362,7 @@ def compose(belief, bar):
         rotate_left(x[6], x[7], x[8], C)
 
 
-def diagnose(t, lla, columns):
+def diagnose(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
     """[(t, text)] where the pitch first was near the singularity of the Euler angles, and where
     the heading was first held without a course."""
     return steep(t, lla, columns) + held(t, columns)

@@ -6,6 +6,8 @@ singularity at rest or at any attitude.
 """
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from ...core.earth import gravity, place, rotation_rates
 from ...core.jit import COMPILED, compile_kernel, entry_point, helper, inlined, kernel
 from ...data import DataError
 from ...sensor_models.datasheet_units import real
+from ...typing import Array, ArrayLike, File
 from .forces import air_data, density, forces, propeller
 from .parameters import (
     ACTUATORS,
@@ -27,11 +30,12 @@ from .parameters import (
     LATITUDE_RATE,
     LONGITUDE_RATE,
     MASS,
+    Aircraft,
     checked_array,
 )
 from .parameters import aircraft as find
 
-LLA, VELOCITY, QUATERNION, OMEGA, CONTROLS, STATES = 0, 3, 6, 10, 13, 17
+LLA, VELOCITY, QUATERNION, OMEGA, CONTROLS, STATE_SIZE = 0, 3, 6, 10, 13, 17
 """State: lat, lon (rad), height (m) | v_n (m/s) | q_nb | omega_ib_b (rad/s) | positions of
 elevator, aileron, rudder (rad) and throttle."""
 FORCE, MOMENT, AIRSPEED, ALPHA, BETA, PROPELLER, THRUST, TORQUE, OUTPUTS = (
@@ -47,14 +51,16 @@ FORCE, MOMENT, AIRSPEED, ALPHA, BETA, PROPELLER, THRUST, TORQUE, OUTPUTS = (
 )
 """What `evaluate` tells: force (N), moment (N m), airspeed (m/s), flow angles (rad), propeller
 speed (rad/s), its thrust (N) and torque (N m)."""
-LONGEST = 0.01
+LONGEST_RK4_STEP = 0.01
 """s; a longer step is integrated in pieces."""
 LONGEST_HELD = 1.0
 """s; commands and wind that are held for longer are none of a flight."""
 
 
 @helper
-def _against_air(x, wind, ie_n, ie_d):
+def _against_air(
+    x: tuple[float, ...], wind: Array, ie_n: float, ie_d: float
+) -> tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, ...]]:
     """Velocity (m/s) and rates (rad/s) against the air in body axes, and C_nb row by row, of the 13
     numbers of motion x.
 
@@ -80,7 +86,7 @@ def _against_air(x, wind, ie_n, ie_d):
 
 
 @helper
-def _earth(parameters, x):
+def _earth(parameters: Array, x: tuple[float, ...]) -> tuple[float, ...]:
     """Rates of lat, lon, height to the m/s; omega_ie_n (north, down); omega_in_n (north, east,
     down), rad/s; gravity, m/s^2."""
     if parameters[EARTH] == 0:
@@ -100,7 +106,9 @@ def _earth(parameters, x):
 
 
 @helper
-def _derivative(parameters, x, controls, wind):
+def _derivative(
+    parameters: Array, x: tuple[float, ...], controls: tuple[float, ...], wind: Array
+) -> tuple[float, ...]:
     """Rates of the 13 numbers of motion, then omega_ib_b and f_ib_b: the rates of the
     increments."""
     lat_rate, lon_rate, ie_n, ie_d, w0, w1, w2, g = _earth(parameters, x)
@@ -152,7 +160,7 @@ def _derivative(parameters, x, controls, wind):
 
 
 @inlined
-def _ahead(x, k, h):
+def _ahead(x: tuple[float, ...], k: tuple[float, ...], h: float) -> tuple[float, ...]:
     """x + h k of 19 numbers."""
     return (
         x[0] + h * k[0],
@@ -178,7 +186,7 @@ def _ahead(x, k, h):
 
 
 @helper
-def _actuated(parameters, first, position, command, h):
+def _actuated(parameters: Array, first: int, position: float, command: float, h: float) -> float:
     """Where an actuator is after h s: first-order lag towards the command within its end stops,
     at no more than its rate; exact."""
     low, high, rate, lag = (
@@ -199,7 +207,9 @@ def _actuated(parameters, first, position, command, h):
 
 
 @helper
-def actuated(parameters, c, commands, h):
+def actuated(
+    parameters: Array, c: tuple[float, ...], commands: Array, h: float
+) -> tuple[float, float, float, float]:
     """Positions of the four controls after h s, from positions `c` (a tuple) towards `commands`
     (4,)."""
     return (
@@ -222,17 +232,19 @@ if COMPILED:
 
 
 @kernel(STEP_SIGNATURE)
-def step(parameters, state, commands, wind, dt, increments):
-    """Advance `state` (STATES,) by dt s under held `commands` (4,) and `wind` (9,); `increments`
-    (6,) gets the integrals of omega_ib_b and f_ib_b.
+def step(
+    parameters: Array, state: Array, commands: Array, wind: Array, dt: float, increments: Array
+) -> None:
+    """Advance `state` (STATE_SIZE,) by dt s under held `commands` (4,) and `wind` (9,);
+    `increments` (6,) gets the integrals of omega_ib_b and f_ib_b.
 
     Wind is steady velocity NED (m/s), gust velocity (m/s) and gust rates (rad/s) in body axes. RK4
-    in pieces of at most LONGEST; the actuators, which are linear but for their rate limit, are
-    exact. Longitude stays in [-pi, pi], the quaternion's scalar part at 0 or above.
+    in pieces of at most LONGEST_RK4_STEP; the actuators, which are linear but for their rate limit,
+    are exact. Longitude stays in [-pi, pi], the quaternion's scalar part at 0 or above.
     """
-    pieces = max(1, int(math.ceil(dt / LONGEST - 1e-9)))
+    pieces = max(1, int(math.ceil(dt / LONGEST_RK4_STEP - 1e-9)))
     h = dt / pieces
-    x = (
+    x: tuple[float, ...] = (
         state[0],
         state[1],
         state[2],
@@ -280,7 +292,7 @@ def step(parameters, state, commands, wind, dt, increments):
 
 
 @kernel(EVALUATE_SIGNATURE)
-def evaluate(parameters, state, wind, rates, outputs):
+def evaluate(parameters: Array, state: Array, wind: Array, rates: Array, outputs: Array) -> None:
     """At one instant: `rates` (19,) of the 13 numbers of motion and of the increments
     (omega_ib_b, f_ib_b), and `outputs` (OUTPUTS,)."""
     x = (
@@ -322,17 +334,17 @@ def evaluate(parameters, state, wind, rates, outputs):
     )
 
 
-def ready(function):
+def ready(function: Callable[..., Any]) -> Callable[..., Any]:
     """A kernel as Python calls it: compiled or loaded on first use; arguments must have the
     declared types."""
     compile_kernel(function)
     return entry_point(function)
 
 
-def checked_state(state, what):
-    """`state` as a new array (STATES,), finite and with a unit quaternion. Raises DataError
+def checked_state(state: ArrayLike, what: str) -> Array:
+    """`state` as a new array (STATE_SIZE,), finite and with a unit quaternion. Raises DataError
     naming `what` is given it."""
-    state = checked_array(state, (STATES,), f"{what}: state").copy()
+    state = checked_array(state, (STATE_SIZE,), f"{what}: state").copy()
     norm = float(np.linalg.norm(state[QUATERNION:OMEGA]))
     if abs(norm - 1) > 1e-6:
         raise DataError(
@@ -341,7 +353,7 @@ def checked_state(state, what):
     return state
 
 
-def _winds(wind, n):
+def _winds(wind: ArrayLike | None, n: int) -> Array:
     """(n, 9) of no wind, (9,) or (n, 9). Raises DataError."""
     if wind is None or np.ndim(wind) == 1:
         return np.tile(
@@ -350,9 +362,16 @@ def _winds(wind, n):
     return checked_array(wind, (n, 9), "respond: wind")
 
 
-def respond(aircraft, state, commands, dt, earth="geodetic", wind=None):
-    """Fly `commands` (n, 4), each held for dt s, from `state` (STATES,): states (n + 1, STATES) and
-    the Imu of an ideal IMU.
+def respond(
+    aircraft: Aircraft | File,
+    state: ArrayLike,
+    commands: ArrayLike,
+    dt: float,
+    earth: str = "geodetic",
+    wind: ArrayLike | None = None,
+) -> tuple[Array, Imu]:
+    """Fly `commands` (n, 4), each held for dt s, from `state` (STATE_SIZE,): states (n + 1,
+    STATE_SIZE) and the Imu of an ideal IMU.
 
     `aircraft` is an Aircraft or its name; wind: none, (9,) or (n, 9), as for `step`; dt: at most
     LONGEST_HELD. The flat Earth touches WGS-84 where the flight begins. Raises DataError, also
@@ -369,7 +388,7 @@ def respond(aircraft, state, commands, dt, earth="geodetic", wind=None):
         )
     array, go, n = aircraft.array(earth, state[:3]), ready(step), len(commands)
     winds = _winds(wind, n)
-    states, increments = np.empty((n + 1, STATES)), np.empty((n, 6))
+    states, increments = np.empty((n + 1, STATE_SIZE)), np.empty((n, 6))
     states[0] = state
     for k in range(n):
         go(array, state, commands[k], winds[k], float(dt), increments[k])
@@ -379,7 +398,7 @@ def respond(aircraft, state, commands, dt, earth="geodetic", wind=None):
             )
         states[k + 1] = state
     return states, Imu(
-        dt * np.arange(1, n + 1),
+        np.asarray(dt * np.arange(1, n + 1), float),
         np.full(n, float(dt)),
         np.ascontiguousarray(increments[:, :3]),
         np.ascontiguousarray(increments[:, 3:]),

@@ -9,8 +9,10 @@ speed is algebraic (the rotor has no inertia).
 """
 
 import math
+from typing import TypeAlias
 
 from ...core.jit import helper
+from ...typing import Array
 from .parameters import (
     AREA,
     C_D_ELEVATOR,
@@ -61,11 +63,13 @@ from .parameters import (
     VOLTAGE,
 )
 
-TURN = 2 * math.pi
+Numbers: TypeAlias = tuple[float, ...] | Array
+"""Three or four of them; kernels take either."""
+RAD_PER_TURN = 2 * math.pi
 
 
 @helper
-def density(parameters, height):
+def density(parameters: Array, height: float) -> float:
     """Density of the air, kg/m^3: the aircraft's constant one, or where that is 0 the standard
     atmosphere's at `height` (m, up to 11 km)."""
     if parameters[DENSITY] > 0:
@@ -75,7 +79,7 @@ def density(parameters, height):
 
 
 @helper
-def air_data(u, v, w):
+def air_data(u: float, v: float, w: float) -> tuple[float, float, float, float, float]:
     """Airspeed V (m/s), angle of attack and sideslip (rad), and the cosine and sine of the
     former, from the air-relative velocity in body axes."""
     across = u * u + w * w
@@ -86,7 +90,9 @@ def air_data(u, v, w):
 
 
 @helper
-def propeller(parameters, rho, V, throttle):
+def propeller(
+    parameters: Array, rho: float, V: float, throttle: float
+) -> tuple[float, float, float]:
     """Thrust (N), torque that the air puts on the propeller (N m, its reaction rolls the body to
     the left) and speed (rad/s) in balance with the motor.
 
@@ -94,8 +100,8 @@ def propeller(parameters, rho, V, throttle):
     """
     D, K, R = parameters[DIAMETER], parameters[MOTOR_CONSTANT], parameters[RESISTANCE]
     D3 = D * D * D
-    a = parameters[C_Q_0] * rho * D3 * D * D / (TURN * TURN)
-    b = parameters[C_Q_1] * rho * D3 * D * V / TURN + K * K / R
+    a = parameters[C_Q_0] * rho * D3 * D * D / (RAD_PER_TURN * RAD_PER_TURN)
+    b = parameters[C_Q_1] * rho * D3 * D * V / RAD_PER_TURN + K * K / R
     c = parameters[C_Q_2] * rho * D3 * V * V - K * (
         throttle * parameters[VOLTAGE] / R - parameters[IDLE_CURRENT]
     )
@@ -103,7 +109,7 @@ def propeller(parameters, rho, V, throttle):
     speed = (
         max(-2 * c / (b + math.sqrt(root)), 0.0) if root > 0 else 0.0
     )  # the positive root, without loss in thin air
-    nD, scale = speed * D / TURN, rho * D * D
+    nD, scale = speed * D / RAD_PER_TURN, rho * D * D
     thrust = scale * (
         parameters[C_T_0] * nD * nD + parameters[C_T_1] * nD * V + parameters[C_T_2] * V * V
     )
@@ -116,7 +122,9 @@ def propeller(parameters, rho, V, throttle):
 
 
 @helper
-def lift_and_drag(parameters, alpha, cosine, sine):
+def lift_and_drag(
+    parameters: Array, alpha: float, cosine: float, sine: float
+) -> tuple[float, float]:
     """C_L and C_D of the wing at an angle of attack: linear lift blended into 2 sign(alpha)
     sin^2 cos of a flat plate, and the parabolic polar."""
     linear = parameters[C_L_0] + parameters[C_L_ALPHA] * alpha
@@ -130,7 +138,9 @@ def lift_and_drag(parameters, alpha, cosine, sine):
 
 
 @helper
-def forces(parameters, rho, velocity, rates, controls):
+def forces(
+    parameters: Array, rho: float, velocity: Numbers, rates: Numbers, controls: Numbers
+) -> tuple[float, float, float, float, float, float]:
     """(F_x, F_y, F_z) N and (M_x, M_y, M_z) N m as one tuple, body axes, aerodynamic and
     propulsive, without gravity.
 

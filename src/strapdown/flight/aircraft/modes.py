@@ -2,8 +2,10 @@
 and how long a time step may be."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import combinations
+from typing import TypeAlias
 
 import numpy as np
 
@@ -11,16 +13,19 @@ from ...core.jit import plain
 from ...core.rotation import euler_terms
 from ...data import DataError
 from ...sensor_models.datasheet_units import real
-from .dynamics import OUTPUTS, STATES, evaluate, ready
+from ...typing import Array, File
+from .dynamics import OUTPUTS, STATE_SIZE, evaluate, ready
+from .parameters import Aircraft
 from .parameters import aircraft as find
 from .trim import Trim, quaternion
 
-STATE_NAMES = ("u", "v", "w", "p", "q", "r", "roll", "pitch")
+MODEL_STATES = ("u", "v", "w", "p", "q", "r", "roll", "pitch")
 """Of the linear model: velocity against the air (m/s) and rates (rad/s) in body axes, Euler
 angles (rad)."""
-INPUT_NAMES = ("elevator", "aileron", "rudder", "throttle")
+MODEL_INPUTS = ("elevator", "aileron", "rudder", "throttle")
 _LONGITUDINAL, _LATERAL = [0, 2, 4, 7], [1, 3, 5, 6]
 _RESOLVED = 0.5
+Eigenvalues: TypeAlias = Iterable[complex]
 
 
 @dataclass(frozen=True)
@@ -28,42 +33,42 @@ class Mode:
     """One natural mode: its name and its eigenvalue or conjugate pair (1/s)."""
 
     name: str
-    eigenvalues: tuple
+    eigenvalues: tuple[complex, ...]
 
     @property
-    def frequency(self):
+    def frequency(self) -> float:
         """|eigenvalue|, rad/s."""
         return abs(self.eigenvalues[0])
 
     @property
-    def damping(self):
+    def damping(self) -> float:
         """Damping ratio, negative where the mode grows; 0 where it stays as it is (eigenvalue
         0)."""
         return -self.eigenvalues[0].real / self.frequency if self.frequency > 0 else 0.0
 
     @property
-    def time_constant(self):
+    def time_constant(self) -> float:
         """s to fall to 1/e, negative where the mode grows, infinite where it does neither."""
         return -1 / self.eigenvalues[0].real if self.eigenvalues[0].real != 0 else math.inf
 
 
 @dataclass(frozen=True)
 class Modes:
-    """The linear model x' = A x + B c of deviations from a trim (STATE_NAMES, INPUT_NAMES) and
+    """The linear model x' = A x + B c of deviations from a trim (MODEL_STATES, MODEL_INPUTS) and
     its natural modes, fastest first."""
 
-    A: np.ndarray = field(repr=False)
-    B: np.ndarray = field(repr=False)
-    modes: tuple
+    A: Array = field(repr=False)
+    B: Array = field(repr=False)
+    modes: tuple[Mode, ...]
 
-    def __getitem__(self, name):
+    def __getitem__(self, name: str) -> Mode:
         """A mode by name. Raises DataError for one that this flight has not."""
         for mode in self.modes:
             if mode.name == name:
                 return mode
         raise DataError(f"no mode {name!r}; modes: {', '.join(mode.name for mode in self.modes)}")
 
-    def table(self):
+    def table(self) -> list[dict[str, str | float]]:
         """Rows {"mode": ..., "frequency, rad/s": ..., "damping": ..., "time constant, s": ...}."""
         return [
             {
@@ -76,7 +81,7 @@ class Modes:
         ]
 
 
-def linearise(aircraft, trim):
+def linearise(aircraft: Aircraft | File, trim: Trim) -> Modes:
     """The Modes of `aircraft` about a Trim: central differences of the whole model with calm air
     and a flat Earth; actuators are not in it.
 
@@ -86,14 +91,17 @@ def linearise(aircraft, trim):
     aircraft, trim = find(aircraft), _checked(trim)
     array = aircraft.array("flat", trim.origin)
     x0, c0 = deviation_point(trim)
-    f = lambda x, c: _rates(array, trim.origin, x, c)
+
+    def f(x: Array, c: Array) -> Array:
+        return _rates(array, trim.origin, x, c)
+
     A = np.stack([(f(x0 + h, c0) - f(x0 - h, c0)) / 2e-4 for h in 1e-4 * np.eye(8)], axis=1)
     B = np.stack([(f(x0, c0 + h) - f(x0, c0 - h)) / 2e-4 for h in 1e-4 * np.eye(4)], axis=1)
     return Modes(A, B, _named(A))
 
 
-def deviation_point(trim):
-    """The eight numbers of the linear model (STATE_NAMES) and the controls at a Trim, about
+def deviation_point(trim: Trim) -> tuple[Array, Array]:
+    """The eight numbers of the linear model (MODEL_STATES) and the controls at a Trim, about
     which it is taken."""
     V, alpha, roll, pitch = trim.airspeed, trim.alpha, trim.roll, trim.pitch
     rates = trim.turn_rate * np.array(
@@ -104,7 +112,7 @@ def deviation_point(trim):
     ), trim.commands.copy()
 
 
-def check_step(trim, dt):
+def check_step(trim: Trim, dt: float) -> None:
     """Refuse a time step dt (s) too long for the fastest mode about a Trim: controls and gusts
     are held over it. Raises DataError naming the longest."""
     if not real(dt) or not 0 < dt < math.inf:
@@ -117,17 +125,17 @@ def check_step(trim, dt):
         )
 
 
-def _checked(trim):
+def _checked(trim: Trim) -> Trim:
     """It, if it is a Trim. Raises DataError."""
     if not isinstance(trim, Trim):
         raise DataError(f"{trim!r} is no Trim; the function trim makes one")
     return trim
 
 
-def _rates(array, origin, x, controls):
+def _rates(array: Array, origin: tuple[float, float, float], x: Array, controls: Array) -> Array:
     """x' of the eight numbers, from the compiled model, on the flat Earth and heading north."""
     velocity, omega, (roll, pitch) = x[0:3], x[3:6], x[6:8]
-    state, rates = np.zeros(STATES), np.zeros(19)
+    state, rates = np.zeros(STATE_SIZE), np.zeros(19)
     C = np.reshape(plain(euler_terms)(roll, pitch, 0.0), (3, 3))
     state[0:3], state[3:6], state[6:10] = origin, C @ velocity, quaternion(roll, pitch, 0.0)
     state[10:13], state[13:17] = omega, controls
@@ -142,7 +150,7 @@ def _rates(array, origin, x, controls):
     ]
 
 
-def _named(A):
+def _named(A: Array) -> tuple[Mode, ...]:
     """The modes of an 8 x 8 system: the four eigenvalues that move it most along its plane of
     symmetry, and the four that move it across.
 
@@ -173,7 +181,7 @@ def _named(A):
     )
 
 
-def _parted(values):
+def _parted(values: Eigenvalues) -> tuple[list[complex], list[complex]]:
     """Eigenvalues with their conjugates -> (those of pairs, one pair after the other; the real
     ones); each from fast to slow."""
     turning = sorted(
@@ -185,7 +193,7 @@ def _parted(values):
     )
 
 
-def _along(values):
+def _along(values: Eigenvalues) -> list[Mode]:
     """Short period and phugoid of four eigenvalues."""
     turning, straight = _parted(values)
     twos = [
@@ -196,7 +204,7 @@ def _along(values):
     return [*_modes("short period", fast), *_modes("phugoid", slow)]
 
 
-def _across(values):
+def _across(values: Eigenvalues) -> list[Mode]:
     """Roll, Dutch roll and spiral of four eigenvalues."""
     turning, straight = _parted(values)
     if len(turning) == 2:
@@ -214,7 +222,7 @@ def _across(values):
     ]
 
 
-def _modes(name, values):
+def _modes(name: str, values: Eigenvalues) -> list[Mode]:
     """One Mode of a conjugate pair or of a single eigenvalue; two of two real ones."""
     values = [complex(value) for value in values]
     if len(values) == 1 or values[0].imag != 0:

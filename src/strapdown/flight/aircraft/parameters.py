@@ -3,11 +3,12 @@ read, and TOML files of them."""
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -16,8 +17,9 @@ from ...data import DataError
 from ...files import read_toml
 from ...geodesy import gravity
 from ...sensor_models.datasheet_units import nearest, real, refuse_unknown
+from ...typing import Array, ArrayLike, File
 
-SECTIONS = {
+SECTIONS: dict[str, tuple[tuple[str, str, float, float], ...]] = {
     "body": (
         ("mass", "kg", 1e-3, 1e6),
         ("J_x", "kgm2", 1e-7, 1e9),
@@ -166,10 +168,10 @@ class Aircraft:
     Raises DataError on what no aircraft can have."""
 
     name: str
-    values: Mapping = field(hash=False)
+    values: Mapping[str, float] = field(hash=False)
     source: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         where = f"aircraft {self.name!r}"
         if not isinstance(self.values, Mapping):
             raise DataError(f"{where}: values are {self.values!r}; give a number for each name")
@@ -189,23 +191,23 @@ class Aircraft:
         _check_inertia(self.values, where)
         _check_stops(self.values, where)
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[type["Aircraft"], tuple[str, dict[str, float], str]]:
         return Aircraft, (
             self.name,
             dict(self.values),
             self.source,
         )  # a read-only view cannot be pickled
 
-    def __getitem__(self, name):
+    def __getitem__(self, name: str) -> float:
         """A parameter by name, SI. Raises DataError for an unknown one."""
         refuse_unknown([name], NAMES, f"aircraft {self.name!r}")
         return self.values[name]
 
-    def replace(self, name=None, **changes):
+    def replace(self, name: str | None = None, **changes: float) -> "Aircraft":
         """Another Aircraft with these parameters (SI) changed. Raises DataError."""
         return Aircraft(name or self.name, {**self.values, **changes}, self.source)
 
-    def array(self, earth="geodetic", origin=(0.0, 0.0, 0.0)):
+    def array(self, earth: str = "geodetic", origin: Iterable[float] = (0.0, 0.0, 0.0)) -> Array:
         """The flat array (SIZE,) that the kernels read, for one Earth: "geodetic" (rotating WGS-84)
         or "flat". Raises DataError.
 
@@ -230,7 +232,7 @@ class Aircraft:
         array[POLAR] = self["area"] / (math.pi * self["oswald"] * self["span"] ** 2)
         return array
 
-    def table(self):
+    def table(self) -> dict[str, float]:
         """{"mass, kg": 11.0, ...}: every parameter with the unit of the aircraft file."""
         shown = {
             "kgm2": "kg m^2",
@@ -246,11 +248,11 @@ class Aircraft:
             for name, (_, unit, _, _) in TERMS.items()
         }
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"Aircraft({self.name}: {self['mass']:g} kg, span {self['span']:g} m, wing {self['area']:g} m^2)"
 
 
-def aircraft(name="aerosonde"):
+def aircraft(name: Aircraft | File = "aerosonde") -> Aircraft:
     """The Aircraft of a built-in set's name or of a file's path (ends in .toml or contains a
     folder); an Aircraft is returned as it is.
 
@@ -278,12 +280,12 @@ def aircraft(name="aerosonde"):
     )
 
 
-def key(name):
+def key(name: str) -> str:
     """The key of a parameter in an aircraft file: its name and its unit."""
     return "_".join(filter(None, (name, TERMS[name][1])))
 
 
-def checked_origin(origin):
+def checked_origin(origin: Iterable[float]) -> tuple[float, float, float]:
     """(lat rad, lon rad, height m) as floats. Raises DataError unless it is a place below 89 deg
     of latitude."""
     try:
@@ -299,7 +301,7 @@ def checked_origin(origin):
     return lat, lon, height
 
 
-def checked_array(value, shape, what):
+def checked_array(value: ArrayLike, shape: tuple[int | None, ...], what: str) -> Array:
     """`value` as a contiguous float array of `shape` (None: any length). Raises DataError naming
     `what` where it is another or not finite."""
     try:
@@ -319,21 +321,21 @@ def checked_array(value, shape, what):
     return array
 
 
-def flat_metres(array, origin, lla):
+def flat_metres(array: Array, origin: ArrayLike, lla: ArrayLike) -> Array:
     """North, east, down (m; (3,) or (n, 3)) of `lla` on the flat Earth of `array` about `origin`
     (rad, rad, m): an affine map."""
     north, east, up = np.moveaxis(np.asarray(lla, float) - np.asarray(origin, float), -1, 0)
     return np.stack([north / array[LATITUDE_RATE], east / array[LONGITUDE_RATE], -up], axis=-1)
 
 
-def _scales(lat, height):
+def _scales(lat: float, height: float) -> tuple[float, float]:
     """Metres to the rad of latitude and of longitude on WGS-84."""
     sine = math.sin(lat)
     root = math.sqrt(1 - E2 * sine * sine)
     return A * (1 - E2) / root**3 + height, (A / root + height) * math.cos(lat)
 
 
-def _check_inertia(values, where):
+def _check_inertia(values: Mapping[str, float], where: str) -> None:
     J_x, J_y, J_z, J_xz = (values[name] for name in ("J_x", "J_y", "J_z", "J_xz"))
     if J_x * J_z <= J_xz**2:
         raise DataError(
@@ -347,7 +349,7 @@ def _check_inertia(values, where):
         )
 
 
-def _check_stops(values, where):
+def _check_stops(values: Mapping[str, float], where: str) -> None:
     for control in ("elevator", "aileron", "rudder", "throttle"):
         low, high = values[f"{control}_min"], values[f"{control}_max"]
         if not low < high:
@@ -360,7 +362,7 @@ def _check_stops(values, where):
         )
 
 
-def _from_table(table, where):
+def _from_table(table: dict[str, Any], where: str) -> Aircraft:
     refuse_unknown(table, ["name", "source", *SECTIONS], where)
     text = {
         "name": Path(where).stem,

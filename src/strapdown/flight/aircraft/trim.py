@@ -2,13 +2,15 @@
 change."""
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ...data import DataError
 from ...sensor_models.datasheet_units import real
-from .dynamics import OUTPUTS, PROPELLER, STATES, THRUST, evaluate, ready
+from ...typing import Array, File
+from .dynamics import OUTPUTS, PROPELLER, STATE_SIZE, THRUST, evaluate, ready
 from .parameters import GRAVITY, Aircraft, checked_origin
 from .parameters import aircraft as find
 
@@ -30,18 +32,18 @@ class Trim:
     airspeed: float
     climb: float  # flight-path angle against the air
     radius: float  # of the turn through the air, m; positive to the right, infinite when straight
-    origin: tuple
+    origin: tuple[float, float, float]
     earth: str
     alpha: float
     roll: float
     pitch: float
     turn_rate: float
     residual: float
-    state: np.ndarray = field(compare=False)
-    commands: np.ndarray = field(compare=False)
-    outputs: np.ndarray = field(compare=False)
+    state: Array = field(compare=False)
+    commands: Array = field(compare=False)
+    outputs: Array = field(compare=False)
 
-    def table(self):
+    def table(self) -> dict[str, float]:
         """{"airspeed, m/s": ...}: the flight and its controls, angles in deg, propeller speed in
         rpm."""
         degrees = np.degrees(
@@ -65,21 +67,21 @@ class Trim:
             "propeller, rpm": float(self.outputs[PROPELLER]) * 30 / math.pi,
         }
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         turn = "" if math.isinf(self.radius) else f", turning at {self.radius:g} m"
         return f"Trim({self.aircraft.name} at {self.airspeed:g} m/s, climb {math.degrees(self.climb):g} deg{turn}: residual {self.residual:.1e})"
 
 
 def trim(
-    aircraft,
-    airspeed,
-    climb=0.0,
-    radius=math.inf,
-    origin=(0.0, 0.0, 0.0),
-    course=0.0,
-    wind=(0.0, 0.0, 0.0),
-    earth="geodetic",
-):
+    aircraft: Aircraft | File,
+    airspeed: float,
+    climb: float = 0.0,
+    radius: float = math.inf,
+    origin: Iterable[float] = (0.0, 0.0, 0.0),
+    course: float = 0.0,
+    wind: Sequence[float] | Array = (0.0, 0.0, 0.0),
+    earth: str = "geodetic",
+) -> Trim:
     """The Trim at `airspeed` (m/s), flight-path angle `climb` (rad) and turn `radius` (m; > 0
     right, < 0 left, inf straight), without sideslip.
 
@@ -121,7 +123,7 @@ def trim(
     )
 
 
-def quaternion(roll, pitch, heading):
+def quaternion(roll: float, pitch: float, heading: float) -> Array:
     """q_nb, scalar first and not negative, of Euler angles in rad (ZYX)."""
     (a, b, c), (x, y, z) = (
         np.cos([roll / 2, pitch / 2, heading / 2]),
@@ -137,7 +139,15 @@ class _Balance:
     """The unbalanced accelerations of steady flight as a function of alpha, roll and the four
     controls."""
 
-    def __init__(self, array, origin, airspeed, climb, turn_rate, course):
+    def __init__(
+        self,
+        array: Array,
+        origin: tuple[float, float, float],
+        airspeed: float,
+        climb: float,
+        turn_rate: float,
+        course: float,
+    ) -> None:
         self.array, self.origin, self.airspeed, self.climb, self.turn_rate, self.course = (
             array,
             origin,
@@ -153,7 +163,7 @@ class _Balance:
             ready(evaluate),
         )
 
-    def state(self, z):
+    def state(self, z: Array) -> tuple[Array, tuple[float, float, float]]:
         """State and Euler angles in which the air comes with angle of attack z[0] and no
         sideslip, banked by z[1], with controls z[2:]."""
         V, alpha, roll = self.airspeed, z[0], z[1]
@@ -167,7 +177,7 @@ class _Balance:
         )
         ahead = along * math.cos(pitch) + below * math.sin(pitch)
         heading = self.course - math.atan2(aside, ahead)
-        state = np.zeros(STATES)
+        state = np.zeros(STATE_SIZE)
         state[0:3] = self.origin
         state[3:6] = (
             V * math.cos(self.climb) * math.cos(self.course),
@@ -181,19 +191,19 @@ class _Balance:
         state[13:17] = z[2:]
         return state, (roll, pitch, heading)
 
-    def most_thrust(self, z, throttle):
+    def most_thrust(self, z: Array, throttle: float) -> float:
         """Thrust, N, at the most that `throttle` may be."""
         self(np.r_[z[:5], throttle])
         return float(self.outputs[THRUST])
 
-    def __call__(self, z):
+    def __call__(self, z: Array) -> Array:
         state, _ = self.state(z)
         self.evaluate(self.array, state, self.calm, self.rates, self.outputs)
         turning = self.turn_rate * np.array([-state[4], state[3], 0.0])
         return np.r_[self.rates[3:6] - turning, self.rates[10:13]]
 
 
-def _guess(array, aircraft, airspeed, turn_rate):
+def _guess(array: Array, aircraft: Aircraft, airspeed: float, turn_rate: float) -> Array:
     """Where to begin: lift that carries the weight in the turn, elevator for no pitching moment,
     half throttle."""
     gravity = array[GRAVITY]
@@ -209,7 +219,7 @@ def _guess(array, aircraft, airspeed, turn_rate):
     return np.array([alpha, roll, elevator, 0.0, 0.0, 0.5])
 
 
-def _solve(balance, z):
+def _solve(balance: _Balance, z: Array) -> tuple[Array, float]:
     """Newton's method with halved steps: (z, largest acceleration left)."""
     f = balance(z)
     for _ in range(_ROUNDS):
@@ -230,7 +240,7 @@ def _solve(balance, z):
     return z, float(np.abs(balance(z)).max())
 
 
-def _refuse(balance, aircraft, z, residual, where):
+def _refuse(balance: _Balance, aircraft: Aircraft, z: Array, residual: float, where: str) -> None:
     """Raise DataError unless z is a balance within the stall and the end stops."""
     attack, stall = (f"{math.degrees(angle):.1f} deg" for angle in (z[0], aircraft["stall_alpha"]))
     if not residual < _ENOUGH:
@@ -251,11 +261,10 @@ def _refuse(balance, aircraft, z, residual, where):
     for name, value in zip(SURFACES, z[2:]):
         low, high = aircraft[f"{name}_min"], aircraft[f"{name}_max"]
         if not low <= value <= high:
-            shown = (
-                (lambda x: f"{x:.2f}")
-                if name == "throttle"
-                else (lambda x: f"{math.degrees(x):.1f} deg")
-            )
+
+            def shown(x: float, name: str = name) -> str:
+                return f"{x:.2f}" if name == "throttle" else f"{math.degrees(x):.1f} deg"
+
             remedy = {
                 "throttle": "fly slower, climb less or turn wider"
                 if value > high
@@ -267,7 +276,7 @@ def _refuse(balance, aircraft, z, residual, where):
             )
 
 
-def _frame_rate(array, state):
+def _frame_rate(array: Array, state: Array) -> Array:
     """omega_in in body axes (rad/s) at a state, from the attitude's rate without any body rate."""
     rates, still = np.zeros(19), state.copy()
     still[10:13] = 0.0
@@ -277,7 +286,9 @@ def _frame_rate(array, state):
     return -2 * to_body @ rates[6:10]
 
 
-def _check(airspeed, climb, radius, course, wind):
+def _check(
+    airspeed: float, climb: float, radius: float, course: float, wind: Sequence[float] | Array
+) -> None:
     numbers = [airspeed, climb, course, *(wind if np.iterable(wind) else [None])]
     if (
         len(numbers) != 6

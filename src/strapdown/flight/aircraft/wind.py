@@ -13,27 +13,28 @@ import numpy as np
 from ...core.jit import COMPILED, helper, kernel
 from ...data import DataError
 from ...sensor_models.datasheet_units import nearest
+from ...typing import Array
 
-LEVELS = {"none": 0.0, "light": 15.0, "moderate": 30.0, "severe": 45.0}
+TURBULENCE_LEVELS = {"none": 0.0, "light": 15.0, "moderate": 30.0, "severe": 45.0}
 """Wind at 20 ft, kn, that the standard gives each level."""
 SD_U, SD_V, SD_W, L_U, L_V, L_W, WING, TURBULENCE = 0, 1, 2, 3, 4, 5, 6, 7
 """Array of a turbulence: standard deviations (m/s) and scale lengths (m) along u, v, w, and the
 wing span (m)."""
-GUSTS, NORMALS = 8, 6
+GUST_STATES, NORMALS = 8, 6
 """Numbers of a gust filter's state (u | v, two lags and its mean | w, the same | p), and of
 standard normals that it takes at each step."""
 _FOOT, _KNOT = 0.3048, 1852 / 3600
 
 
-def turbulence(level="light", height=50.0, span=3.0):
-    """The array (TURBULENCE,) of a level (LEVELS) at `height` above ground (m) for a wing `span`
-    (m). Raises DataError.
+def turbulence(level: str = "light", height: float = 50.0, span: float = 3.0) -> Array:
+    """The array (TURBULENCE,) of a level (TURBULENCE_LEVELS) at `height` above ground (m) for a
+    wing `span` (m). Raises DataError.
 
     MIL-F-8785C, 3.7.2: from 10 to 1000 ft; below and above, the values at the ends are kept.
     """
-    if level not in LEVELS:
+    if level not in TURBULENCE_LEVELS:
         raise DataError(
-            f"unknown turbulence {level!r}{nearest(level, LEVELS)}; levels: {', '.join(LEVELS)}"
+            f"unknown turbulence {level!r}{nearest(level, TURBULENCE_LEVELS)}; levels: {', '.join(TURBULENCE_LEVELS)}"
         )
     if not (math.isfinite(height) and 0 < span < 200):
         raise DataError(
@@ -41,7 +42,7 @@ def turbulence(level="light", height=50.0, span=3.0):
         )
     feet = min(max(height / _FOOT, 10.0), 1000.0)
     shape = 0.177 + 0.000823 * feet
-    vertical = 0.1 * LEVELS[level] * _KNOT
+    vertical = 0.1 * TURBULENCE_LEVELS[level] * _KNOT
     along = feet * _FOOT / shape**1.2
     return np.array(
         [vertical / shape**0.4, vertical / shape**0.4, vertical, along, along, feet * _FOOT, span]
@@ -49,7 +50,9 @@ def turbulence(level="light", height=50.0, span=3.0):
 
 
 @helper
-def _second_order(state, first, x, sd, n0, n1):
+def _second_order(
+    state: Array, first: int, x: float, sd: float, n0: float, n1: float
+) -> tuple[float, float]:
     """One step of sd (1 + sqrt(3) s/l) / (1 + s/l)^2 over x = l dt: two equal lags in series, of
     variances 1 and 1/2; returns the gust before and after."""
     a = math.exp(-x)
@@ -68,7 +71,7 @@ def _second_order(state, first, x, sd, n0, n1):
 
 
 @helper
-def _slope(state, at, before, after, dt, lag):
+def _slope(state: Array, at: int, before: float, after: float, dt: float, lag: float) -> float:
     """Rate of change of a gust smoothed by `lag` s, 1/s; state[at] is its smoothed value. Exact
     for a gust that changes linearly over dt."""
     a = math.exp(-dt / lag)
@@ -77,7 +80,7 @@ def _slope(state, at, before, after, dt, lag):
 
 
 @helper
-def roll_sd(turbulence):
+def roll_sd(turbulence: Array) -> float:
     """Standard deviation of the roll gust, rad/s: the closed form of the standard's spectrum."""
     b, L = turbulence[WING], turbulence[L_W]
     return (
@@ -93,9 +96,11 @@ if COMPILED:
 
 
 @kernel(GUST_SIGNATURE)
-def gust(turbulence, state, normals, airspeed, dt, wind):
-    """Advance the gust filter `state` (GUSTS,) by dt s with standard `normals` (NORMALS,) and write
-    wind[3:9].
+def gust(
+    turbulence: Array, state: Array, normals: Array, airspeed: float, dt: float, wind: Array
+) -> None:
+    """Advance the gust filter `state` (GUST_STATES,) by dt s with standard `normals` (NORMALS,) and
+    write wind[3:9].
 
     Gust velocity (m/s) and rates (rad/s) in body axes; `airspeed` (m/s) is kept at 1 or above.
     """
@@ -119,9 +124,9 @@ def gust(turbulence, state, normals, airspeed, dt, wind):
     )
 
 
-def begin(turbulence, normals):
-    """The state (GUSTS,) of gusts that have always blown, from 6 standard normals; the smoothed
-    gusts of pitch and yaw begin at the gusts."""
+def begin(turbulence: Array, normals: Array) -> Array:
+    """The state (GUST_STATES,) of gusts that have always blown, from 6 standard normals; the
+    smoothed gusts of pitch and yaw begin at the gusts."""
     u, v1, v2, w1, w2, p = normals
     state = np.array([u, v1, 0.5 * (v1 + v2), 0.0, w1, 0.5 * (w1 + w2), 0.0, p])
     for first, sd in ((1, turbulence[SD_V]), (4, turbulence[SD_W])):

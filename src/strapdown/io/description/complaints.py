@@ -1,17 +1,21 @@
 """Reading `recording.toml` against its schema. Every complaint is one line: file, [section] key,
 what is wrong, the remedy."""
 
+from collections.abc import Sequence
 from difflib import get_close_matches
+from typing import Any
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from ...data import DataError
 from ...files import read_toml
+from ...typing import File
 from .schema import Description
 from .schema_base import Part
 
 
-def load(path):
+def load(path: File) -> Description:
     """The Description in a TOML file. Raises DataError with the first complaint and the number
     of others."""
     lines = complaints(path)
@@ -20,21 +24,20 @@ def load(path):
     raise DataError(lines[0] + (f" (and {len(lines) - 1} more)" if len(lines) > 1 else ""))
 
 
-def complaints(path):
+def complaints(path: File) -> Description | list[str]:
     """The Description in a TOML file, or the list of what is wrong with it, a line each. Raises
     DataError where it is no TOML."""
     content = parse(path)
     try:
         return Description.model_validate(content)
     except ValidationError as error:
-        not_unknown = lambda item: (
-            item["type"] != "extra_forbidden"
-        )  # unknown keys first: a misspelt key is why another is missing
+        # unknown keys first: a misspelt key is why another is missing
+        not_unknown = lambda item: item["type"] != "extra_forbidden"
         items = sorted(error.errors(include_url=False), key=not_unknown)
         return [f"{path}: {_complaint(item, content)}" for item in items]
 
 
-def parse(path):
+def parse(path: File) -> dict[str, Any]:
     """The content of a TOML file as a dict. Raises DataError."""
     content = read_toml(path, "check the path")
     if not content:
@@ -42,7 +45,7 @@ def parse(path):
     return content
 
 
-def _complaint(item, content):
+def _complaint(item: ErrorDetails, content: dict[str, Any]) -> str:
     location, kind, message = (
         list(item["loc"]),
         item["type"],
@@ -65,14 +68,15 @@ def _complaint(item, content):
     )
 
 
-def _place(location, content):
+def _place(location: Sequence[int | str], content: dict[str, Any]) -> str:
     if not location:
         return "top level"
     if location[0] == "aiding" and len(location) > 1:
-        entry = content["aiding"][location[1]]
+        number = int(location[1])
+        entry = content["aiding"][number]
         kind = entry.get("kind") if isinstance(entry, dict) else None
-        head, rest = f"[[aiding]] {location[1] + 1}{f' ({kind})' if kind else ''}", location[2:]
-    elif isinstance(content.get(location[0]), dict):
+        head, rest = f"[[aiding]] {number + 1}{f' ({kind})' if kind else ''}", location[2:]
+    elif isinstance(content.get(str(location[0])), dict):
         head, rest = f"[{location[0]}]", location[1:]
     else:
         head, rest = (
@@ -83,8 +87,8 @@ def _place(location, content):
     return " ".join(part for part in (head, ".".join(map(str, rest))) if part)
 
 
-def _keys(location):
-    model = Description
+def _keys(location: Sequence[int | str]) -> list[str]:
+    model: type[Part] = Description
     for name in location:
         if isinstance(name, str):
             annotation = model.model_fields[name].annotation

@@ -3,6 +3,7 @@ comment wherever the user must decide."""
 
 import os
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,20 +11,21 @@ import numpy as np
 
 from ...core.contract import Imu
 from ...data import DataError
-from ...preprocessing.axes import BODY, axes_matrix
+from ...preprocessing.axes import BODY_AXES, axes_matrix
 from ...preprocessing.imu_samples import increments
 from ...preprocessing.origin import Origin
 from ...preprocessing.plausible import G, half_seconds, mistakes
-from ...preprocessing.units import UNITS
-from ..magnetic_record import EARTH
-from ..tables import is_number, read_table
+from ...preprocessing.units import UNIT_FACTORS
+from ...typing import Array, File
+from ..tables import Table, is_number, read_table
+from .magnetometer import EARTH_FIELD
 from .schema_aiding import HEADING
 
 TIME = r"(t|time|timestamp|time_?stamp|tow|seconds?|elapsed|gps_?time)"
 GYRO = r"(g|gyr|gyro|gyroscope|w|omega|rate|rates|ang(ular)?_?(vel|velocity|rate))"
 MAG = r"(m|mag|magn|magnet|magnetometer|magnetic|magnetic_?field|compass)"
 ACCEL = r"(a|f|acc|accel|acceleration|accelerometer|lin(ear)?_?acc(el|eleration)?|specific_?force)"
-FIXES = {
+FIX_COLUMNS = {
     "latitude": r"(lat|latitude)",
     "longitude": r"(lon|lng|long|longitude)",
     "height": r"(alt|altitude|h|hgt|height|h_?ell|ellipsoidal_?height)",
@@ -32,7 +34,7 @@ FIXES = {
     "down": r"(vd|v_?d|vel_?d|v(el)?_?down|down_?vel(ocity)?)",
     "up": r"(vu|v_?u|vel_?u|v(el)?_?up|up_?vel(ocity)?)",
 }
-ANGLES = {"roll": r"(roll|phi)", "pitch": r"(pitch|theta)", "heading": HEADING}
+ANGLE_COLUMNS = {"roll": r"(roll|phi)", "pitch": r"(pitch|theta)", "heading": HEADING}
 NO_ANGLE = r"(?!.*(rate|dot|sd|std|sigma|var|cov|err|bias|acc))"
 """No column of roll, pitch or heading has this in its name."""
 UNIT = r"(?P<unit>([_ .,\[(].*)?)"
@@ -60,13 +62,29 @@ class Guess(NamedTuple):
     """What was made of a CSV: lines on it, mistakes found, the IMU by the guessed units and axes
     or None, and the text of the draft."""
 
-    facts: list
-    problems: list
+    facts: list[str]
+    problems: list[str]
     imu: Imu | None
     text: str
 
 
-def draft(path, folder=None):
+class Source(NamedTuple):
+    """The table that all sections of a draft name, as they write it, and where lines on it go."""
+
+    table: Table
+    file: str  # in quotes, as seen from the folder of the draft
+    time: str  # name of its column
+    unit: str  # of the time
+    facts: list[str]
+
+    @property
+    def keys(self) -> str:
+        """The keys `file` and `time` of a section."""
+        return f"""file = {self.file}
+time = {{ column = {_text(self.time)}, unit = "{self.unit}" }}"""
+
+
+def draft(path: File, folder: File | None = None) -> str:
     """Text of a `recording.toml` for a bare CSV, to stand in `folder` (default: beside the table).
 
     Raises DataError where the header line or the time is missing.
@@ -77,7 +95,7 @@ def draft(path, folder=None):
     return guessed.text
 
 
-def guess(path, folder=None):
+def guess(path: File, folder: File | None = None) -> Guess:
     """The Guess of a CSV. Raises DataError where it cannot be read."""
     path = Path(path)
     table = read_table(path)
@@ -93,35 +111,31 @@ def guess(path, folder=None):
             None,
             "",
         )
-    t, file = (
-        table.numbers(time),
-        _text(Path(os.path.relpath(path, folder or path.parent)).as_posix()),
-    )
+    t = table.numbers(time)
     gyro, accel, fixes = (
         _triple(names, GYRO),
         _triple(names, ACCEL),
-        {key: _find(names, pattern) for key, pattern in FIXES.items()},
+        {key: _find(names, pattern) for key, pattern in FIX_COLUMNS.items()},
     )
     unit = _time_unit(time, t, bool(gyro and accel))
     facts.append(f"time: {time!r} in {unit}")
+    file = _text(Path(os.path.relpath(path, folder or path.parent)).as_posix())
+    source = Source(table, file, time, unit, facts)
     parts = [HEAD.format(name=path.name)]
-    imu, axes, problems = None, "FRD", []
+    imu, axes = None, "FRD"
+    problems: list[str] = []
     if gyro and accel:
-        imu, axes, text = _imu(
-            table, file, t * UNITS["time"][unit], time, unit, gyro, accel, facts, problems
-        )
+        imu, axes, text = _imu(source, t * UNIT_FACTORS["time"][unit], gyro, accel, problems)
         parts.append(text)
     else:
         problems.append("no gyro and accelerometer columns were recognised: name them in [imu]")
         parts.append(NO_IMU)
-    parts += _aidings(file, time, unit, table, fixes, facts)
+    parts += _aidings(source, fixes)
     if magnetic := _triple(names, MAG):
-        parts.append(_magnetometer(file, time, unit, table, magnetic, axes, facts))
-    tilt = {key: _find(names, NO_ANGLE + pattern) for key, pattern in ANGLES.items()}
+        parts.append(_magnetometer(source, magnetic, axes))
+    tilt = {key: _find(names, NO_ANGLE + pattern) for key, pattern in ANGLE_COLUMNS.items()}
     if tilt["roll"] and tilt["pitch"]:
-        parts.append(
-            _attitude(file, time, unit, table, [name for name in tilt.values() if name], facts)
-        )
+        parts.append(_attitude(source, [name for name in tilt.values() if name]))
     return Guess(facts, problems, imu, "\n".join(parts))
 
 
@@ -137,7 +151,7 @@ accel = { columns = ["ax", "ay", "az"], unit = "m/s^2" }
 """
 
 
-def _without_header(table):
+def _without_header(table: Table) -> Guess:
     ranges = [
         f"column {name}: {np.nanmin(values):.6g} to {np.nanmax(values):.6g}, median {np.nanmedian(values):.6g}"
         for name in table.frame.columns
@@ -154,15 +168,15 @@ def _without_header(table):
     )
 
 
-def _find(names, pattern):
+def _find(names: Iterable[str], pattern: str) -> str | None:
     return next((name for name in names if re.fullmatch(pattern + UNIT, _plain(name))), None)
 
 
-def _plain(name):
+def _plain(name: str) -> str:
     return re.sub(r"^imu[_ .]", "", name.strip().lower())
 
 
-def _triple(names, pattern):
+def _triple(names: Iterable[str], pattern: str) -> list[str] | None:
     """Names of the x, y and z column, or None."""
     found = [
         next(
@@ -175,10 +189,11 @@ def _triple(names, pattern):
         )
         for axis in "xyz"
     ]
-    return found if all(found) else None
+    known = [name for name in found if name]
+    return known if len(known) == 3 else None
 
 
-def _named_unit(name, units):
+def _named_unit(name: str, units: Iterable[str]) -> str | None:
     """The unit that the end of a column name spells, or None."""
     ends = [part for part in re.split(r"[\[(]|(?<=[^_ ])[_ ]", _plain(name), maxsplit=4)]
     for unit in units:
@@ -190,7 +205,7 @@ def _named_unit(name, units):
     return None
 
 
-def _time_unit(name, t, is_imu):
+def _time_unit(name: str, t: Array, is_imu: bool) -> str:
     unit = _named_unit(name, ("ns", "us", "ms", "s"))
     if unit:
         return unit
@@ -205,27 +220,27 @@ def _time_unit(name, t, is_imu):
     return "s"
 
 
-def _imu(table, file, t, time, unit, gyro, accel, facts, problems):
+def _imu(
+    source: Source, t: Array, gyro: list[str], accel: list[str], problems: list[str]
+) -> tuple[Imu | None, str, str]:
     """(Imu or None, axes, text of [imu]) with the units and axes that fit gravity best."""
+    table = source.table
     raw = [np.stack([table.numbers(name) for name in three], axis=1) for three in (gyro, accel)]
     accel_unit, scale, accel_note = _accel_unit(accel[0], raw[1])
-    candidates = (
-        [_named_unit(gyro[0], ("rad/s", "deg/s"))]
-        if _named_unit(gyro[0], ("rad/s", "deg/s"))
-        else ["rad/s", "deg/s"]
-    )
+    named = _named_unit(gyro[0], ("rad/s", "deg/s"))
+    candidates = [named] if named else ["rad/s", "deg/s"]
     imu = axes = None
     try:
         for gyro_unit in candidates:
             imu, _ = increments(
                 t,
-                raw[0] * UNITS["angular rate"][gyro_unit],
-                raw[1] * (scale * UNITS["acceleration"][accel_unit]),
+                raw[0] * UNIT_FACTORS["angular rate"][gyro_unit],
+                raw[1] * (scale * UNIT_FACTORS["acceleration"][accel_unit]),
                 "rate",
                 Origin(table.name, table.lines, "line"),
             )
             axes = axes or _axes(np.median(half_seconds(imu)[1], axis=0))
-            turn = axes_matrix(axes[0], BODY).T
+            turn = axes_matrix(axes[0], BODY_AXES).T
             imu = imu._replace(dtheta=imu.dtheta @ turn, dv=imu.dv @ turn)
             if not any(field == "gyro.unit" for field, _ in mistakes(imu, "rate")):
                 break
@@ -238,7 +253,7 @@ def _imu(table, file, t, time, unit, gyro, accel, facts, problems):
         else "      # check: too large for rad/s"
     )
     gyro_note, sure = ("", "") if len(candidates) == 1 else (gyro_note, " (a guess)")
-    facts.append(
+    source.facts.append(
         f"gyro: {', '.join(gyro)} in {gyro_unit}{sure}; accel: {', '.join(accel)} in {accel_unit}"
         + (f" times {scale:g}" if scale != 1 else "")
         + f"; axes {axes[0]} ({axes[1].removeprefix('check: ')})"
@@ -248,8 +263,7 @@ def _imu(table, file, t, time, unit, gyro, accel, facts, problems):
         imu,
         axes[0],
         f"""[imu]
-file = {file}
-time = {{ column = {_text(time)}, unit = "{unit}" }}
+{source.keys}
 kind = "rate"                    # check: "increment" where the columns are rotation and velocity increments
 axes = "{axes[0]}"                     # {axes[1]}
 gyro  = {{ columns = [{", ".join(map(_text, gyro))}], unit = "{gyro_unit}" }}{gyro_note}
@@ -261,7 +275,7 @@ lever_arm = [0.0, 0.0, 0.0]      # check: m, forward-right-down, from the vehicl
     )
 
 
-def _accel_unit(name, raw):
+def _accel_unit(name: str, raw: Array) -> tuple[str, float, str]:
     """(unit, scale, comment) of the accelerometer columns."""
     with np.errstate(invalid="ignore"):
         magnitude = float(np.nanmedian(np.linalg.norm(raw, axis=1)))
@@ -287,7 +301,7 @@ def _accel_unit(name, raw):
     return unit, 1.0, ""
 
 
-def _axes(force):
+def _axes(force: Array) -> tuple[str, str]:
     """(axes, comment) that turn the median specific force to -z."""
     main = int(np.argmax(np.abs(force)))
     up = force[main] > 0
@@ -302,81 +316,76 @@ def _axes(force):
     for sign in "+-":
         text = f"+{forward} {sign}{other} {down}"
         try:
-            axes_matrix(text, BODY)
+            axes_matrix(text, BODY_AXES)
             return text, "check: gravity lies on " + "xyz"[main] + "; forward and right are a guess"
         except DataError:
             continue
+    raise AssertionError("one of the two signs makes them right-handed")
 
 
-def _aidings(file, time, unit, table, fixes, facts):
+def _aidings(source: Source, fixes: dict[str, str | None]) -> list[str]:
     """Texts of [[aiding]] for a position and a velocity found in the table."""
-    parts, where = (
-        [],
-        f"""file = {file}
-time = {{ column = {_text(time)}, unit = "{unit}" }}""",
-    )
-    if all(fixes[key] for key in ("latitude", "longitude", "height")):
-        names = [fixes[key] for key in ("latitude", "longitude", "height")]
-        angle, scale = _angle_unit(names[0], table.numbers(names[0]))
-        scale = f"\nscale = [{scale}, {scale}, 1.0]           # check" if scale != 1 else ""
+    parts: list[str] = []
+    names = [name for key in ("latitude", "longitude", "height") if (name := fixes[key])]
+    if len(names) == 3:
+        angle, factor = _angle_unit(names[0], source.table.numbers(names[0]))
+        scale = f"\nscale = [{factor}, {factor}, 1.0]           # check" if factor != 1 else ""
         parts.append(f"""[[aiding]]
 kind = "position"
-{where}
+{source.keys}
 columns = [{", ".join(map(_text, names))}]
 unit = ["{angle}", "{angle}", "m"]    # check: height above the ellipsoid{scale}
 sd = [2.0, 2.0, 4.0]             # check: m, or columns of the table
 lever_arm = [0.0, 0.0, 0.0]      # check: m, forward-right-down, from the vehicle's reference point to the antenna
 """)
-        facts.append(f"position: {', '.join(names)} in {angle}, {angle}, m")
+        source.facts.append(f"position: {', '.join(names)} in {angle}, {angle}, m")
     vertical = fixes["down"] or fixes["up"]
-    if fixes["north"] and fixes["east"] and vertical:
-        names = (
-            [fixes["north"], fixes["east"], vertical]
-            if fixes["down"]
-            else [fixes["east"], fixes["north"], vertical]
-        )
+    north, east = fixes["north"], fixes["east"]
+    if north and east and vertical:
+        names = [north, east, vertical] if fixes["down"] else [east, north, vertical]
         parts.append(f"""[[aiding]]
 kind = "velocity"
-{where}
+{source.keys}
 columns = [{", ".join(map(_text, names))}]
 unit = "m/s"                     # check
 axes = "{"NED" if fixes["down"] else "ENU"}"
 sd = [0.2, 0.2, 0.3]             # check: m/s, or columns of the table
 lever_arm = [0.0, 0.0, 0.0]      # check: the same antenna
 """)
-        facts.append(f"velocity: {', '.join(names)}")
+        source.facts.append(f"velocity: {', '.join(names)}")
     return parts
 
 
-def _magnetometer(file, time, unit, table, names, axes, facts):
+def _magnetometer(source: Source, names: list[str], axes: str) -> str:
     """Text of [[aiding]] for a magnetometer, its unit the one of its name or that gives about
     the Earth's field."""
     with np.errstate(invalid="ignore"):
         median = float(
             np.nanmedian(
-                np.linalg.norm(np.stack([table.numbers(name) for name in names], axis=1), axis=1)
+                np.linalg.norm(
+                    np.stack([source.table.numbers(name) for name in names], axis=1), axis=1
+                )
             )
         )
     known, named = (
-        UNITS["magnetic field"],
+        UNIT_FACTORS["magnetic field"],
         _named_unit(names[0], ("uT", "nT", "mgauss", "gauss", "T")),
     )
     tesla = named or next(
-        (each for each in known if 0.32 < median * known[each] / EARTH < 3.2), None
+        (each for each in known if 0.32 < median * known[each] / EARTH_FIELD < 3.2), None
     )
-    scale = 1.0 if tesla or not median > 0 else EARTH / known["uT"] / median
+    scale = 1.0 if tesla or not median > 0 else EARTH_FIELD / known["uT"] / median
     tesla, sure = tesla or "uT", "" if named else " (a guess)"
     counts = "" if scale == 1 else "; counts? scale was set to the Earth's field"
     checked = "" if named else f"      # check: median strength is {median:.4g}{counts}"
-    facts.append(
+    source.facts.append(
         f"magnetometer: {', '.join(names)} in {tesla}{sure}{f' times {scale:g}' if scale != 1 else ''}; "
         "the draft has it as a magnetic-field: check its axes and calibrate it"
     )
     factor = f"scale = {scale:.6g}\n" if scale != 1 else ""
     return f"""[[aiding]]
 kind = "magnetic-field"
-file = {file}
-time = {{ column = {_text(time)}, unit = "{unit}" }}
+{source.keys}
 columns = [{", ".join(map(_text, names))}]
 unit = "{tesla}"{checked}
 {factor}axes = "{axes}"                     # check: those of the IMU; many magnetometers have others
@@ -387,7 +396,7 @@ field = "record"                 # check: headings are from magnetic north; for 
 """
 
 
-def _attitude(file, time, unit, table, names, facts):
+def _attitude(source: Source, names: list[str]) -> str:
     """Text of an [[aiding]] that is commented out: a logged attitude is most often another
     filter's, made of this same IMU."""
     named = _named_unit(names[0], ("rad", "deg"))
@@ -395,13 +404,13 @@ def _attitude(file, time, unit, table, names, facts):
         (
             float(np.nanmax(np.abs(values)))
             for name in names
-            for values in [table.numbers(name)]
+            for values in [source.table.numbers(name)]
             if np.isfinite(values).any()
         ),
         default=0.0,
     )
     angle = named or ("rad" if 0 < largest < 6.3 else "deg")
-    facts.append(
+    source.facts.append(
         f"attitude: {', '.join(names)} in {angle}{'' if named else ' (a guess)'}; the draft has it commented out"
     )
     return f"""# An attitude beside the IMU is most often that of another filter, made of this same IMU: not independent of it.
@@ -409,8 +418,8 @@ def _attitude(file, time, unit, table, names, facts):
 # name it in [reference] with its positions.
 # [[aiding]]
 # kind = "attitude"
-# file = {file}
-# time = {{ column = {_text(time)}, unit = "{unit}" }}
+# file = {source.file}
+# time = {{ column = {_text(source.time)}, unit = "{source.unit}" }}
 # columns = [{", ".join(map(_text, names))}]
 # unit = "{angle}"{"" if named else f"      # check: the largest is {largest:.4g}"}
 # sd = {"1.0" if angle == "deg" else "0.02"}                       # check: in that unit, of roll, pitch and heading
@@ -418,12 +427,12 @@ def _attitude(file, time, unit, table, names, facts):
 """
 
 
-def _angle_unit(name, values):
+def _angle_unit(name: str, values: Array) -> tuple[str, float]:
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
     if largest > 180:
         return "deg", 1e-7
     return _named_unit(name, ("rad", "deg")) or ("rad" if 0 < largest < np.pi / 2 else "deg"), 1
 
 
-def _text(text):
+def _text(text: str) -> str:
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

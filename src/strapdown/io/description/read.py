@@ -1,30 +1,35 @@
 """From a description to a Recording: columns to signals, units to SI, sensor axes to the body,
 fixes checked against the IMU."""
 
-from functools import cache
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ...alignment.location import place_of
 from ...core.contract import ATTITUDE_KIND, Imu
-from ...data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, DataError
+from ...data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, DataError, Trajectory
 from ...preprocessing.attitude_checks import sound_attitude
 from ...preprocessing.attitude_record import angles, quaternions
-from ...preprocessing.axes import NAVIGATION, axes_matrix, sensor_to_body
+from ...preprocessing.axes import NAVIGATION_AXES, axes_matrix
 from ...preprocessing.fixes import clean, clean_reference, overlap, overlap_notes
 from ...preprocessing.imu_samples import increments
+from ...preprocessing.origin import Origin
 from ...preprocessing.plausible import mistakes
 from ...preprocessing.stationary import at_rest
-from ...preprocessing.units import DEG, DIMENSIONS, factor
+from ...preprocessing.units import DEG, QUANTITY_DIMENSIONS, factor
 from ...recording import Recording
-from ..calibration_file import corrected, frames
-from ..locate import locate
-from ..magnetic_record import calibrated, sound, with_field
-from ..tables import read_table
+from ...typing import Array, File
+from ..magnetic_record import sound
+from ..tables import Table
+from .calibrations import corrected, frames
 from .complaints import load
-from .schema import vector_factors
-from .schema_aiding import deviation_dimension
+from .files import Files
+from .magnetometer import calibrated, with_field
+from .schema import Description, ImuPart, ReferencePart, Vector, vector_factors
+from .schema_aiding import AidingPart, deviation_dimension
 
 MOST_PER_SAMPLE = 10
 """Fixes of a constraint per sample of the IMU: more tell a filter nothing and fill the memory."""
@@ -33,41 +38,13 @@ FAR_LEVEL = 10
 note."""
 
 
-class Files:
-    """The tables that one description names, each read once."""
-
-    def __init__(self, description_path):
-        self.path = Path(description_path)
-        self.folder = self.path.parent
-        self.table = cache(self._table)
-
-    def _table(self, file, header=True):
-        return read_table(self.locate(file), header)
-
-    def locate(self, file):
-        """The path that the description means by `file`."""
-        try:
-            return locate(file, self.folder)
-        except DataError as error:
-            raise DataError(f"{self.path}: {error}") from None
-
-    def columns(self, file, time, columns):
-        """(Table, t in s, list of arrays) of one file; columns given by number say that it has
-        no header."""
-        table = self.table(
-            file, not any(isinstance(column, int) for column in (time.column, *columns))
-        )
-        t = table.numbers(time.column) * (time.scale * factor(time.unit, "time")) + time.offset
-        return table, t, [table.numbers(column) for column in columns]
-
-
-def read_description(path):
+def read_description(path: File) -> Recording:
     """The Recording that a `recording.toml` describes. Raises DataError of one line."""
     description, files = load(Path(path)), Files(path)
     imu, notes = read_imu(description.imu, files)
     for field, text in mistakes(imu, description.imu.kind):
         raise DataError(f"{path}: [imu] {field}: {text}")
-    aidings = []
+    aidings: list[Aiding] = []
     for number, part in enumerate(description.aiding, 1):
         aiding, more = read_aiding(part, number, description.imu.lever_arm, imu, files)
         notes += more
@@ -91,13 +68,11 @@ def read_description(path):
     )
 
 
-def _renamed(aiding, number):
-    from dataclasses import replace
-
+def _renamed(aiding: Aiding, number: int) -> Aiding:
     return replace(aiding, name=f"{aiding.name} {number}")
 
 
-def read_meta(description, files):
+def read_meta(description: Description, files: Files) -> dict[str, Any]:
     """The meta of a Recording that its description gives: name, date, place, grade, point, lever
     arm of the IMU. Raises DataError."""
     grade = description.imu.grade
@@ -109,7 +84,7 @@ def read_meta(description, files):
     return found | {"point": description.point, "imu_lever_arm": list(description.imu.lever_arm)}
 
 
-def level_notes(aidings, meta):
+def level_notes(aidings: Iterable[Aiding], meta: dict[str, Any]) -> list[str]:
     """Notes on a mean sea level that is far from the height of the `place` in meta."""
     found = [
         (aiding, float(aiding.y[0, 0]), float(aiding.sd[0, 0]))
@@ -125,7 +100,7 @@ def level_notes(aidings, meta):
     ]
 
 
-def read_imu(part, files):
+def read_imu(part: ImuPart, files: Files) -> tuple[Imu, list[str]]:
     """(Imu in body FRD, notes) of the section [imu], not yet looked at for mistaken units."""
     table, t, columns = files.columns(part.file, part.time, part.gyro.columns + part.accel.columns)
     gyro, accel = (
@@ -136,23 +111,28 @@ def read_imu(part, files):
     )
     imu, notes = increments(t, gyro, accel, part.kind, table.origin)
     gyro, accel, more = corrected(part, files, imu)
-    C = sensor_to_body(part)
+    C = part.matrix
     return Imu(
         imu.t, imu.dt, *(np.require(values @ C.T, float, ["C", "W"]) for values in (gyro, accel))
     ), notes + more
 
 
-def read_aiding(part, number, imu_lever_arm, imu, files):
+def read_aiding(
+    part: AidingPart, number: int, imu_lever_arm: list[float], imu: Imu, files: Files
+) -> tuple[Aiding, list[str]]:
     """(Aiding, notes) of one section [[aiding]]. Raises DataError."""
     sensor = part.sensor
-    arm = (
+    arm: Iterable[float] = (
         np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm
         if sensor.parameters in ("antenna", "reference")
         else ()
     )
-    make = lambda t, y, sd: Aiding(
-        part.kind, t, y, sd, tuple(map(float, arm)), part.gate, part.name or part.kind
-    )
+
+    def make(t: Array, y: Array, sd: Array) -> Aiding:
+        return Aiding(
+            part.kind, t, y, sd, tuple(map(float, arm)), part.gate, part.name or part.kind
+        )
+
     where = f"{files.path}: [[aiding]] {number} ({part.kind})"
     if not sensor.recorded:
         t, notes = _constraint_times(part, imu, where)
@@ -162,6 +142,8 @@ def read_aiding(part, number, imu_lever_arm, imu, files):
             np.full(shape, part.level or 0.0),
             np.broadcast_to(np.array(part.deviations, float), shape).copy(),
         ), notes
+    # the schema asks every kind that is recorded for these
+    assert part.file is not None and part.time is not None and part.columns is not None
     names = [_deviation_column(sd) for sd in part.deviations]
     table, t, columns = files.columns(
         part.file, part.time, part.columns + [name for name in names if name is not None]
@@ -173,7 +155,7 @@ def read_aiding(part, number, imu_lever_arm, imu, files):
             _deviation(
                 entry,
                 quantity,
-                factor(unit, DIMENSIONS[quantity]),
+                factor(unit, QUANTITY_DIMENSIONS[quantity]),
                 next(read) if name is not None else np.ones(len(t)),
             )
             for entry, quantity, unit, name in zip(
@@ -182,25 +164,29 @@ def read_aiding(part, number, imu_lever_arm, imu, files):
         ],
         axis=1,
     )
-    origin, more = table.origin, []
+    origin = table.origin
+    more: list[str] = []
     if sensor.kind == ATTITUDE_KIND:
         t, y, sd, origin, more = _attitude(part, t, y, sd, imu, origin, where)
     if sensor.parameters == "field":
-        keep, more = sound(t, y, imu, part.name or part.kind, origin, part.matrix)
+        keep, more = sound(t, y, imu, part.name or part.kind, origin, part.vector_matrix)
         origin, t, y, sd = (
             origin.kept(keep, len(t)),
             t[keep],
             calibrated(part, files, y[keep]),
             sd[keep],
         )
-    if part.matrix is not None:
-        y, sd = _turned(y, part.matrix), _turned(sd, np.abs(part.matrix))
+    matrix = part.matrix
+    if matrix is not None:
+        y, sd = _turned(y, matrix), _turned(sd, np.abs(matrix))
     aiding, notes = clean(make(t, y, sd), sensor, origin)
     overlap(imu, aiding.t, where)
     return aiding, more + notes + overlap_notes(imu, aiding)
 
 
-def _attitude(part, t, y, sd, imu, origin, where):
+def _attitude(
+    part: AidingPart, t: Array, y: Array, sd: Array, imu: Imu, origin: Origin, where: str
+) -> tuple[Array, Array, Array, Origin, list[str]]:
     """(t, y, sd, origin, notes) of an attitude: roll, pitch and heading of the body, rad, of
     what the columns hold, without stuck fixes."""
     y = angles(y, part.quaternion, part.axes, origin)
@@ -209,7 +195,15 @@ def _attitude(part, t, y, sd, imu, origin, where):
     return t[keep], y[keep], sd[keep], origin.kept(keep, len(t)), notes
 
 
-def read_field(part, number, aiding, aidings, imu, meta, path):
+def read_field(
+    part: AidingPart,
+    number: int,
+    aiding: Aiding,
+    aidings: Sequence[Aiding],
+    imu: Imu,
+    meta: dict[str, Any],
+    path: File,
+) -> tuple[Aiding, list[str]]:
     """(Aiding, notes): a magnetometer with the Earth's field as parameters, its place that of
     `place_of`; others as they are."""
     if part.sensor.parameters != "field":
@@ -221,31 +215,32 @@ def read_field(part, number, aiding, aidings, imu, meta, path):
         raise DataError(f"{path}: [[aiding]] {number} ({part.kind}) {error}") from None
 
 
-def _turned(vectors, matrix):
+def _turned(vectors: Array, matrix: Array) -> Array:
     """Signed permutation of the columns, which keeps a NaN where it is (a matrix product would
     spread it)."""
     source = np.abs(matrix).argmax(axis=1)
     return vectors[:, source] * matrix[np.arange(3), source]
 
 
-def _deviation_column(entry):
+def _deviation_column(entry: Any) -> str | int | None:
     return entry["column"] if isinstance(entry, dict) else entry if isinstance(entry, str) else None
 
 
-def _deviation(entry, quantity, unit, values):
+def _deviation(entry: Any, quantity: str, unit: float, values: Array) -> Array:
     """Standard deviations in SI: numbers and plain columns are in the unit of the component
     (latitude and longitude: m)."""
     if isinstance(entry, dict):
         return values * (
             factor(entry["unit"], deviation_dimension(quantity)) * entry.get("scale", 1.0)
         )
-    own = 1.0 if deviation_dimension(quantity) != DIMENSIONS[quantity] else unit
+    own = 1.0 if deviation_dimension(quantity) != QUANTITY_DIMENSIONS[quantity] else unit
     return values * own * (entry if _deviation_column(entry) is None else 1.0)
 
 
-def _constraint_times(part, imu, where):
+def _constraint_times(part: AidingPart, imu: Imu, where: str) -> tuple[Array, list[str]]:
     """(Times at the rate of a constraint, s, within samples of the IMU and, where its kind says
     so, at rest; notes). Raises DataError."""
+    assert part.rate is not None  # the schema asks every constraint for one
     start, most = float(imu.t[0] - imu.dt[0]), MOST_PER_SAMPLE / float(np.median(imu.dt))
     if part.rate > most * (1 + 1e-6):
         raise DataError(
@@ -262,58 +257,70 @@ def _constraint_times(part, imu, where):
     ]
 
 
-def read_reference(part, imu, files):
+def read_reference(part: ReferencePart, imu: Imu, files: Files) -> tuple[Trajectory, list[str]]:
     """(Trajectory, notes) of the section [reference]. Raises DataError."""
-    if part.position is None:
-        t, lla, v_n, q_nb, origin = _own_table(files.table(part.file), files)
-    else:
-        three = lambda vector: vector.columns if vector else []
-        table, t, columns = files.columns(
-            part.file, part.time, three(part.position) + three(part.velocity) + three(part.attitude)
-        )
-        read = iter(columns)
-        si = lambda vector, dimensions: (
-            None
-            if vector is None
-            else np.stack(
-                [next(read) * unit for unit in vector_factors(vector, dimensions)], axis=1
-            )
-        )
-        lla, v_n, attitude = (
-            si(part.position, ["angle", "angle", "length"]),
-            si(part.velocity, ["speed"] * 3),
-            si(part.attitude, ["angle"] * 3),
-        )
-        v_n = (
-            None
-            if v_n is None
-            else _turned(v_n, axes_matrix(part.velocity.axes or "NED", NAVIGATION, False))
-        )
-        origin = table.origin
-        q_nb = (
-            None
-            if attitude is None
-            else quaternions(attitude, part.attitude.quaternion, part.attitude.axes, origin)
-        )
+    found = (
+        _own_table(files.table(part.file), files)
+        if part.position is None
+        else _given_columns(part, part.position, files)
+    )
+    t, lla, v_n, q_nb, origin = found
     reference, notes = clean_reference(t, lla, v_n, q_nb, origin)
     overlap(imu, reference.t, f"{files.path}: [reference]")
     return reference, notes
 
 
-def _own_table(table, files):
+def _given_columns(
+    part: ReferencePart, position: Vector, files: Files
+) -> tuple[Array, Array, Array | None, Array | None, Origin]:
+    """(t, lla, v_n, q_nb, origin) of the columns that [reference] names, as a Trajectory has
+    them."""
+    assert part.time is not None  # the schema asks for it beside a position
+    wanted = [vector for vector in (position, part.velocity, part.attitude) if vector is not None]
+    table, t, columns = files.columns(
+        part.file, part.time, [column for vector in wanted for column in vector.columns]
+    )
+    read = iter(columns)
+
+    def si(vector: Vector, dimensions: list[str]) -> Array:
+        return np.stack([next(read) * unit for unit in vector_factors(vector, dimensions)], axis=1)
+
+    lla, v_n, q_nb = si(position, ["angle", "angle", "length"]), None, None
+    if part.velocity is not None:
+        v_n = _turned(
+            si(part.velocity, ["speed"] * 3),
+            axes_matrix(part.velocity.axes or "NED", NAVIGATION_AXES, False),
+        )
+    if part.attitude is not None:
+        q_nb = quaternions(
+            si(part.attitude, ["angle"] * 3),
+            part.attitude.quaternion,
+            part.attitude.axes,
+            table.origin,
+        )
+    return t, lla, v_n, q_nb, table.origin
+
+
+def _own_table(
+    table: Table, files: Files
+) -> tuple[Array, Array, Array | None, Array | None, Origin]:
     """A table of this library: t in s, then columns of `Trajectory.table`, in degrees, m and
     m/s; units may follow the names in brackets."""
     known = {str(name).partition(" [")[0]: name for name in table.frame.columns}
-    has = lambda names: all(name in known for name in names)
+
+    def has(names: list[str]) -> bool:
+        return all(name in known for name in names)
+
+    def three(names: list[str]) -> Array:
+        return np.stack([table.numbers(known[name]) for name in names], axis=1)
+
     if not has(["t", *NAV_COLUMNS[:3]]):
         raise DataError(
             f"{files.path}: [reference] time: is missing; {table.name} has no columns t, lat, lon, alt, "
             "so time and position must be given"
         )
-    three = lambda names: (
-        np.stack([table.numbers(known[name]) for name in names], axis=1) if has(names) else None
-    )
-    v_n, rph = three(NAV_COLUMNS[3:6]), three(ATTITUDE_COLUMNS)
+    v_n = three(NAV_COLUMNS[3:6]) if has(NAV_COLUMNS[3:6]) else None
+    rph = three(ATTITUDE_COLUMNS) if has(ATTITUDE_COLUMNS) else None
     q_nb = None if rph is None else quaternions(rph * DEG, None, None, table.origin)
     return (
         table.numbers(known["t"]),

@@ -3,25 +3,27 @@ is read."""
 
 import datetime
 import math
-from typing import Annotated, Any, Literal
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, model_validator
 
 from ...core.earth import LATITUDE_LIMIT
 from ...data import DataError
-from ...preprocessing.attitude_record import ORDERS, axes_of
-from ...preprocessing.axes import BODY, NAVIGATION, axes_matrix
+from ...preprocessing.attitude_record import QuaternionOrder, axes_of
+from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix, rotation_matrix
 from ...preprocessing.units import factor
+from ...typing import Array
 from .schema_aiding import AidingPart, check_attitude_columns
 from .schema_base import Column, Finite, Part, Signal, Time, Triple, named
 
 
-def _body_axes(text):
-    axes_matrix(text, BODY)
+def _body_axes(text: str) -> str:
+    axes_matrix(text, BODY_AXES)
     return text
 
 
-def _date(value):
+def _date(value: Any) -> str:
     if isinstance(value, (datetime.date, datetime.datetime)):
         return value.isoformat()
     try:
@@ -40,7 +42,7 @@ class Mounting(Part):
     unit: str | None = None
 
     @model_validator(mode="after")
-    def _units(self):
+    def _units(self) -> Self:
         named("unit", factor, self.unit, "angle")
         return self
 
@@ -70,7 +72,7 @@ class ImuPart(Part):
     grade: str | None = None
 
     @property
-    def dimensions(self):
+    def dimensions(self) -> tuple[str, str]:
         """Dimensions of gyro and accel."""
         return (
             ("angular rate", "acceleration")
@@ -78,8 +80,18 @@ class ImuPart(Part):
             else ("angle", "velocity increment")
         )
 
+    @property
+    def matrix(self) -> Array:
+        """(3, 3) from the columns to the body: axes, then mounting."""
+        C = axes_matrix(self.axes, BODY_AXES)
+        if self.mounting is None:
+            return C
+        mounting, unit = self.mounting, factor(self.mounting.unit, "angle")
+        angles = mounting.roll * unit, mounting.pitch * unit, mounting.heading * unit
+        return rotation_matrix(*angles) @ C
+
     @model_validator(mode="after")
-    def _units(self):
+    def _units(self) -> Self:
         for name, signal, dimension in zip(
             ("gyro", "accel"), (self.gyro, self.accel), self.dimensions
         ):
@@ -97,13 +109,13 @@ class Place(Part):
     unit: str | None = None
 
     @property
-    def lla(self):
+    def lla(self) -> list[float]:
         """Latitude and longitude in rad, ellipsoidal height in m."""
         unit = factor(self.unit, "angle")
         return [self.latitude * unit, self.longitude * unit, self.height]
 
     @model_validator(mode="after")
-    def _on_earth(self):
+    def _on_earth(self) -> Self:
         named("unit", factor, self.unit, "angle")
         latitude, longitude, height = self.lla
         if abs(latitude) > math.pi / 2 * (1 + 1e-12) or abs(longitude) > 2 * math.pi:
@@ -126,7 +138,7 @@ class Vector(Part):
     columns: list[Column]
     unit: Any = None
     axes: str | None = None
-    quaternion: Literal[tuple(ORDERS)] | None = None
+    quaternion: QuaternionOrder | None = None
 
 
 class ReferencePart(Part):
@@ -140,7 +152,7 @@ class ReferencePart(Part):
     attitude: Vector | None = None
 
     @model_validator(mode="after")
-    def _complete(self):
+    def _complete(self) -> Self:
         if (
             self.time is None
             and self.position is None
@@ -173,11 +185,11 @@ class ReferencePart(Part):
                     self._axes(key, part.axes)
         return self
 
-    def _axes(self, key, axes):
+    def _axes(self, key: str, axes: str) -> None:
         if key == "position":
             raise ValueError("position.axes: only a velocity and an attitude take axes")
         named(f"{key}.axes", axes_of, axes) if key == "attitude" else named(
-            f"{key}.axes", axes_matrix, axes, NAVIGATION, False
+            f"{key}.axes", axes_matrix, axes, NAVIGATION_AXES, False
         )
 
 
@@ -192,7 +204,7 @@ class Description(Part):
     reference: ReferencePart | None = None
 
 
-def vector_factors(part, dimensions):
+def vector_factors(part: Vector, dimensions: Sequence[str]) -> list[float]:
     """Factor to SI of each of the columns; 1 of a quaternion's."""
     if part.quaternion:
         return [1.0] * 4

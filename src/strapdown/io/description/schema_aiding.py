@@ -3,24 +3,26 @@ keys it takes."""
 
 import math
 import re
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from ...core.contract import ATTITUDE_KIND
-from ...preprocessing.attitude_record import ORDERS, axes_of
-from ...preprocessing.axes import BODY, NAVIGATION, axes_matrix
-from ...preprocessing.units import DIMENSIONS, factor
+from ...aiding import find
+from ...core.contract import ATTITUDE_KIND, Measurement
+from ...preprocessing.attitude_record import QuaternionOrder, axes_of
+from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
+from ...preprocessing.units import QUANTITY_DIMENSIONS, factor
+from ...typing import Array
 from .schema_base import Column, Finite, Part, Time, Triple, column, is_number, named
 
 HEADING = r"(yaw|heading|hdg|psi|azimuth)"
 """How columns of a heading are named."""
 
 
-def _field(value):
+def _field(value: Any) -> str | tuple[float, ...]:
     """ "record", or north, east, down in T."""
     if value == "record":
-        return value
+        return "record"
     example = '{ north = 17.6, east = 0.1, down = 52.8, unit = "uT" }'
     axes = ("north", "east", "down")
     if (
@@ -50,12 +52,12 @@ class Declination(Part):
     unit: str | None = None
 
     @property
-    def angle(self):
+    def angle(self) -> float:
         """rad."""
         return self.value * factor(self.unit, "angle")
 
     @model_validator(mode="after")
-    def _units(self):
+    def _units(self) -> Self:
         named("unit", factor, self.unit, "angle")
         return self
 
@@ -70,7 +72,7 @@ class AidingPart(Part):
     unit: Any = None
     scale: Any = 1.0
     axes: str | None = None
-    quaternion: Literal[tuple(ORDERS)] | None = None
+    quaternion: QuaternionOrder | None = None
     sd: Any = None
     lever_arm: Triple | None = None
     calibration: str | None = None
@@ -82,26 +84,25 @@ class AidingPart(Part):
     name: str | None = None
 
     @property
-    def sensor(self):
+    def sensor(self) -> Measurement:
         """The Measurement of this kind: quantities, frame, what the lever arm means."""
-        from ...aiding import find
-
         return find(self.kind)
 
     @property
-    def many(self):
+    def many(self) -> int:
         """Components that are measured: those of the kind, of an attitude without a column of
         the heading two."""
-        many = len(self.sensor.quantities)
-        return 2 if self.sensor.kind == ATTITUDE_KIND and len(self.columns) == 2 else many
+        sensor = self.sensor
+        tilt = sensor.kind == ATTITUDE_KIND and self.columns is not None and len(self.columns) == 2
+        return 2 if tilt else len(sensor.quantities)
 
     @property
-    def units(self):
+    def units(self) -> list[Any]:
         """A unit per component; of a quaternion that of its standard deviations."""
         return self.unit if isinstance(self.unit, list) else [self.unit] * self.many
 
     @property
-    def scales(self):
+    def scales(self) -> list[Any]:
         """A scale per column."""
         return (
             self.scale
@@ -110,27 +111,27 @@ class AidingPart(Part):
         )
 
     @property
-    def factors(self):
+    def factors(self) -> list[float]:
         """What makes SI of each column: its scale and, but for a quaternion, its unit."""
         units = (
             [1.0] * 4
             if self.quaternion
             else [
-                factor(unit, DIMENSIONS[quantity])
+                factor(unit, QUANTITY_DIMENSIONS[quantity])
                 for unit, quantity in zip(self.units, self.sensor.quantities)
             ]
         )
         return [unit * scale for unit, scale in zip(units, self.scales)]
 
     @property
-    def deviations(self):
+    def deviations(self) -> list[Any]:
         """A number, a column or a table of column, unit and scale per component."""
         return self.sd if isinstance(self.sd, list) else [self.sd] * self.many
 
     @property
-    def matrix(self):
-        """What turns the columns into NED or FRD, or None where the kind is no vector."""
-        named = {"n": NAVIGATION, "b": BODY}.get(self.sensor.vector)
+    def matrix(self) -> Array | None:
+        """(3, 3) that turns the columns into NED or FRD, or None where the kind is no vector."""
+        named = {"n": NAVIGATION_AXES, "b": BODY_AXES}.get(self.sensor.vector)
         return (
             axes_matrix(
                 self.axes or next(iter(named)),
@@ -141,8 +142,15 @@ class AidingPart(Part):
             else None
         )
 
+    @property
+    def vector_matrix(self) -> Array:
+        """`matrix` of a kind that is known to be a vector."""
+        matrix = self.matrix
+        assert matrix is not None
+        return matrix
+
     @model_validator(mode="after")
-    def _agrees_with_kind(self):
+    def _agrees_with_kind(self) -> Self:
         sensor = named("kind", lambda: self.sensor)
         allowed = {"file", "time", "columns", "unit", "scale"} if sensor.recorded else {"rate"}
         for key in ("file", "time", "columns", "unit", "scale", "rate"):
@@ -170,7 +178,7 @@ class AidingPart(Part):
         self._components(sensor)
         return self
 
-    def _parameters(self, sensor):
+    def _parameters(self, sensor: Measurement) -> None:
         if self.lever_arm is not None and sensor.parameters not in ("antenna", "reference"):
             raise ValueError(f"lever_arm: {sensor.name} takes none")
         for key in ("calibration", "field", "declination"):
@@ -187,17 +195,17 @@ class AidingPart(Part):
                 'declination: it belongs to field = "record"; the geomagnetic model and a given field have their own'
             )
 
-    def _components(self, sensor):
-        many = self.many
+    def _components(self, sensor: Measurement) -> None:
+        many, columns = self.many, self.columns or []
         wanted = f"{sensor.name} has {many}: {', '.join(sensor.quantities[:many])}"
         if sensor.recorded:
             if sensor.kind == ATTITUDE_KIND:
-                check_attitude_columns(self.columns, self.quaternion)
-            elif len(self.columns) != many:
-                raise ValueError(f"columns: {len(self.columns)} given, {wanted}")
+                check_attitude_columns(columns, self.quaternion)
+            elif len(columns) != many:
+                raise ValueError(f"columns: {len(columns)} given, {wanted}")
             for key, values, length in (
                 ("unit", self.units, many),
-                ("scale", self.scales, len(self.columns)),
+                ("scale", self.scales, len(columns)),
             ):
                 if len(values) != length:
                     raise ValueError(
@@ -211,13 +219,13 @@ class AidingPart(Part):
             for quantity, unit in zip(sensor.quantities, self.units):
                 if unit is not None and not isinstance(unit, str):
                     raise ValueError(f"unit: {unit!r} is no text")
-                named("unit", factor, unit, DIMENSIONS[quantity])
+                named("unit", factor, unit, QUANTITY_DIMENSIONS[quantity])
         if len(self.deviations) != many:
             raise ValueError(f"sd: {len(self.deviations)} given, {wanted}")
         for quantity, sd in zip(sensor.quantities, self.deviations):
             self._deviation(sd, quantity, sensor.recorded)
 
-    def _deviation(self, sd, quantity, recorded):
+    def _deviation(self, sd: Any, quantity: str, recorded: bool) -> None:
         if is_number(sd):
             if sd <= 0:
                 raise ValueError(f"sd: {sd:g} must be above zero")
@@ -239,7 +247,7 @@ class AidingPart(Part):
             named("sd", column, sd)
 
 
-def check_attitude_columns(columns, quaternion):
+def check_attitude_columns(columns: list[Column], quaternion: QuaternionOrder | None) -> None:
     """Raise ValueError where the columns are no roll, pitch and heading, no roll and pitch, and
     no quaternion of the order `quaternion`."""
     if quaternion is not None and len(columns) != 4:
@@ -262,7 +270,11 @@ def check_attitude_columns(columns, quaternion):
         )
 
 
-def deviation_dimension(quantity):
+def deviation_dimension(quantity: str) -> str:
     """Dimension of the standard deviation of a quantity: length for latitude, longitude and
     pressure (a height), else its own."""
-    return "length" if quantity in ("latitude", "longitude", "pressure") else DIMENSIONS[quantity]
+    return (
+        "length"
+        if quantity in ("latitude", "longitude", "pressure")
+        else QUANTITY_DIMENSIONS[quantity]
+    )

@@ -2,17 +2,19 @@
 times and signals."""
 
 import math
-from typing import Annotated, Any
+from collections.abc import Callable
+from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from ...preprocessing.units import factor
 
+Found = TypeVar("Found")
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 
 
-def column(value):
+def column(value: Any) -> str | int:
     """The name or number of a column as it is. Raises ValueError where it is none."""
     if (
         isinstance(value, str)
@@ -46,7 +48,7 @@ class Time(Part):
     offset: Finite = 0.0
 
     @model_validator(mode="after")
-    def _units(self):
+    def _units(self) -> Self:
         named("unit", factor, self.unit, "time")
         return self
 
@@ -59,12 +61,12 @@ class Signal(Part):
     scale: Finite = 1.0
 
 
-def is_number(value):
+def is_number(value: Any) -> bool:
     """Whether it is a finite number."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def named(key, function, *arguments):
+def named(key: str, function: Callable[..., Found], *arguments: Any) -> Found:
     """What the function returns; the ValueError that it raises begins with `key`."""
     try:
         return function(*arguments)

@@ -6,6 +6,8 @@ the start and antennas without a lever arm: give the value itself, as in `fuse(r
 start=...)` or `fly(plan, filter=UKF6, earth="flat")`. They cannot be pickled.
 """
 
+from typing import Any
+
 from strapdown.core.contract import Filter
 from strapdown.filters.particle import pkf
 
@@ -17,7 +19,7 @@ from .model import INPUTS, REPRODUCED, configure
 __all__ = ["RAW", "EKF6", "UKF6", "CKF6", "PKF6", "INPUTS", "REPRODUCED"]
 
 PAPER = "Mollaei, Shafieirad & Moradi (2025)"
-COMMON = dict(
+COMMON: dict[str, Any] = dict(
     states=tuple(range(6)),
     estimates=tuple(range(9)),
     uses=("position", "velocity"),

@@ -3,28 +3,51 @@ mode without a filter."""
 
 import math
 
-from strapdown.core.contract import CORRECT, PREDICT, kernel
+from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Start, kernel
 from strapdown.core.jit import matrix
+from strapdown.flight.aircraft.parameters import Aircraft
+from strapdown.typing import Array, File
 
-from .model import SINCE, TRIAL, X, begin, copy, correct_gaussian, linearised, publish, seen, turn
+from .model import (
+    SINCE,
+    TRIAL,
+    Options,
+    X,
+    begin,
+    copy,
+    correct_gaussian,
+    linearised,
+    publish,
+    seen,
+    turn,
+)
 
 HELD = 1.0
 """s that the last fix is held without a filter; after that position and velocity are told as
 zero, as in Figure 5 of the paper."""
 
 
-def start(start, noise, model=0.1, q=0.0, r=0.0, rate=100.0, aircraft="aerosonde", earth="flat"):
+def start(
+    start: Start,
+    noise: Noise,
+    model: float = 0.1,
+    q: float = 0.0,
+    r: float = 0.0,
+    rate: float = 100.0,
+    aircraft: File | Aircraft = "aerosonde",
+    earth: str = "flat",
+) -> Belief:
     """Belief at `start`. model: random walk (m/s/sqrt(s)) of the velocity beyond what the
     aircraft's model predicts, where it does; q: variance (m^2 and m^2/s^2) that each sample of an
     IMU of `rate` Hz adds to each state instead of that and of the accelerometers' noise; r:
     variance of each row of a fix instead of its own (0: neither). aircraft: whose model predicts;
     earth: "flat", no other.
     """
-    return begin(start, 0, model, q, r, rate, aircraft, earth)
+    return begin(start, 0, Options(model, q, r, rate, aircraft, earth))
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Attitude by the gyros; state and covariance by the IMU or the aircraft's model, linearised
     at the estimate."""
     turn(belief, u, dt)
@@ -33,7 +56,16 @@ def predict(belief, u, dt, noise):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct state and covariance by a fix within the gate."""
     workspace, x, P = belief.workspace, belief.workspace[X : X + 6], belief.P
     first = seen(workspace, y, kind, x, innovation)
@@ -46,13 +78,13 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     return nis
 
 
-def start_raw(start, noise, earth="flat"):
+def start_raw(start: Start, noise: Noise, earth: str = "flat") -> Belief:
     """Belief at `start` for the mode without a filter."""
-    return begin(start, 0, 0.0, 0.0, 0.0, 1.0, "aerosonde", earth)
+    return begin(start, 0, Options(0.0, 0.0, 0.0, 1.0, "aerosonde", earth))
 
 
 @kernel(PREDICT)
-def hold(belief, u, dt, noise):
+def hold(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """No filter: attitude by the gyros, position and velocity of the last fix, zero once there
     was none for longer than HELD."""
     turn(belief, u, dt)
@@ -63,7 +95,16 @@ def hold(belief, u, dt, noise):
 
 
 @kernel(CORRECT)
-def take(belief, y, sd, kind, observe, parameters, gate, innovation):
+def take(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """No filter: the fix is the state, whatever it is."""
     workspace, x = belief.workspace, belief.workspace[X : X + 6]
     first = seen(workspace, y, kind, x, innovation)

@@ -11,15 +11,25 @@ the start's and stay.
 """
 
 import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from strapdown.core.contract import POSITION_KIND
+from strapdown.core.contract import POSITION_KIND, Belief, Noise, Source, Start
 from strapdown.core.jit import helper, inlined, matrix
 from strapdown.core.rotation import orthonormalise, rotate_right, turned, wrap
 from strapdown.flight.aircraft.forces import density, forces
-from strapdown.flight.aircraft.parameters import GRAVITY, LATITUDE_RATE, LONGITUDE_RATE, MASS, SIZE
+from strapdown.flight.aircraft.parameters import (
+    GRAVITY,
+    LATITUDE_RATE,
+    LONGITUDE_RATE,
+    MASS,
+    SIZE,
+    Aircraft,
+)
 from strapdown.flight.aircraft.parameters import aircraft as find_aircraft
+from strapdown.typing import Array, File
 
 INPUTS = 8
 """First of the nine numbers of `workspace` that whoever flies the aircraft writes before each
@@ -51,9 +61,21 @@ REPRODUCED = dict(q=0.1, r=0.5)
 """Options that give the Q = 0.1 I and R = 0.5 I of the paper."""
 
 
-def begin(start, own, model, q, r, rate, craft, earth):
+class Options(NamedTuple):
+    """What all of these filters take as options; their meaning stands at kalman_filters.start."""
+
+    model: float  # m/s/sqrt(s)
+    q: float  # m^2 and m^2/s^2 of each sample
+    r: float  # m^2 and m^2/s^2
+    rate: float  # Hz
+    aircraft: File | Aircraft
+    earth: str
+
+
+def begin(start: Start, own: int, options: Options) -> Belief:
     """Belief at `start` for a filter with `own` numbers of its own from workspace[OWN] on.
     Refuses bad options."""
+    model, q, r, rate, craft, earth = options
     for name, value in (("q", q), ("r", r)):
         if not 0 <= value < math.inf:
             raise ValueError(
@@ -81,7 +103,9 @@ def begin(start, own, model, q, r, rate, craft, earth):
     return belief
 
 
-def configure(options, aidings):
+def configure(
+    options: dict[str, Any], aidings: Sequence[Source]
+) -> tuple[dict[str, Any], list[str]]:
     """Refuses an antenna away from the IMU: six states know no lever arm."""
     for aiding in aidings:
         if any(aiding.parameters[:3]):
@@ -93,7 +117,7 @@ def configure(options, aidings):
 
 
 @helper
-def turn(belief, u, dt):
+def turn(belief: Belief, u: Array, dt: float) -> None:
     """Advance the attitude by the measured increments u, and leave in workspace what they say of
     the velocity and the attitude at mid-sample."""
     workspace, C, half = belief.workspace, belief.C, matrix(belief.workspace, TURNED, 3, 3)
@@ -127,7 +151,9 @@ def turn(belief, u, dt):
 
 
 @helper
-def acceleration(workspace, omega, v0, v1, v2):
+def acceleration(
+    workspace: Array, omega: Array, v0: float, v1: float, v2: float
+) -> tuple[float, float, float]:
     """m/s^2 that the aircraft's model gives at that velocity (m/s, NED), with the attitude,
     rates, controls and wind in force."""
     C = matrix(workspace, TURNED, 3, 3)
@@ -150,7 +176,9 @@ def acceleration(workspace, omega, v0, v1, v2):
 
 
 @helper
-def moved(workspace, omega, v0, v1, v2, dt):
+def moved(
+    workspace: Array, omega: Array, v0: float, v1: float, v2: float, dt: float
+) -> tuple[float, float, float]:
     """Velocity (m/s, NED) after dt: with the IMU's increment, or with the model's acceleration
     by the midpoint rule."""
     if workspace[INPUTS] == 0:
@@ -163,7 +191,7 @@ def moved(workspace, omega, v0, v1, v2, dt):
 
 
 @inlined
-def linearised(belief, x, P, dt, noise):
+def linearised(belief: Belief, x: Array, P: Array, dt: float, noise: Noise) -> None:
     """Advance one Gaussian, x (6,) and P (its first 6 rows and columns), as an extended Kalman
     filter does."""
     workspace, omega = belief.workspace, belief.omega
@@ -186,7 +214,7 @@ def linearised(belief, x, P, dt, noise):
 
 
 @inlined
-def drift(P, dt):
+def drift(P: Array, dt: float) -> None:
     """P <- Phi P Phi' with Phi = [I, dt I; 0, I]: positions follow velocities, which only gain
     the same for all."""
     for i in range(3):
@@ -201,7 +229,17 @@ def drift(P, dt):
 
 
 @helper
-def jacobian(workspace, omega, v0, v1, v2, a0, a1, a2, dt):
+def jacobian(
+    workspace: Array,
+    omega: Array,
+    v0: float,
+    v1: float,
+    v2: float,
+    a0: float,
+    a1: float,
+    a2: float,
+    dt: float,
+) -> None:
     """A = I + J dt + J^2 dt^2 / 2, J the derivative of the model's acceleration a by the
     velocity v at mid-sample, from differences over STEP."""
     s = dt / STEP
@@ -241,7 +279,7 @@ def jacobian(workspace, omega, v0, v1, v2, a0, a1, a2, dt):
 
 
 @inlined
-def transform(P, workspace, dt):
+def transform(P: Array, workspace: Array, dt: float) -> None:
     """P <- Phi P Phi' with Phi = [I, dt/2 (I + A); 0, A]."""
     F = matrix(workspace, A, 3, 3)
     h = 0.5 * dt
@@ -263,13 +301,13 @@ def transform(P, workspace, dt):
 
 
 @inlined
-def random_walk(workspace, noise):
+def random_walk(workspace: Array, noise: Noise) -> float:
     """Of the velocity, m/s/sqrt(s): of the accelerometers, or of what the model does not know."""
     return noise.accel if workspace[INPUTS] == 0 else workspace[UNKNOWN]
 
 
 @inlined
-def add_noise(P, workspace, noise, dt):
+def add_noise(P: Array, workspace: Array, noise: Noise, dt: float) -> None:
     """Process noise of dt: white acceleration, or q on each of the six, as the paper has it."""
     if workspace[Q] > 0:
         for i in range(6):
@@ -284,7 +322,7 @@ def add_noise(P, workspace, noise, dt):
 
 
 @helper
-def copy(x, P, to, To):
+def copy(x: Array, P: Array, to: Array, To: Array) -> None:
     """A Gaussian of six states into another place."""
     for i in range(6):
         to[i] = x[i]
@@ -293,7 +331,7 @@ def copy(x, P, to, To):
 
 
 @helper
-def seen(workspace, y, kind, x, innovation):
+def seen(workspace: Array, y: Array, kind: int, x: Array, innovation: Array) -> int:
     """Innovation (m or m/s; NaN where not measured) of a fix of position or velocity at the
     state x. Returns the first of the states that it sees."""
     if kind == POSITION_KIND:
@@ -309,13 +347,15 @@ def seen(workspace, y, kind, x, innovation):
 
 
 @inlined
-def variance(workspace, sd, i):
+def variance(workspace: Array, sd: Array, i: int) -> float:
     """Of row i of a fix: r where it is given, else the fix's own."""
     return workspace[R] if workspace[R] > 0 else sd[i] * sd[i]
 
 
 @helper
-def correct_gaussian(workspace, x, P, first, innovation, sd):
+def correct_gaussian(
+    workspace: Array, x: Array, P: Array, first: int, innovation: Array, sd: Array
+) -> tuple[float, float]:
     """Correct one Gaussian by the measured rows of a fix, one after the other. Returns NIS and
     log det of their covariance; NaN without any."""
     nis, spread, rows = 0.0, 1.0, 0
@@ -342,7 +382,7 @@ def correct_gaussian(workspace, x, P, first, innovation, sd):
 
 
 @helper
-def publish(belief):
+def publish(belief: Belief) -> None:
     """Write the state into the belief as its affine image: latitude, longitude, height and
     velocity."""
     workspace = belief.workspace
@@ -356,7 +396,7 @@ def publish(belief):
 
 
 @helper
-def changed(P, left):
+def changed(P: Array, left: Array) -> bool:
     """Whether somebody changed the covariance since the filter left it."""
     for i in range(6):
         for j in range(6):
@@ -366,7 +406,7 @@ def changed(P, left):
 
 
 @helper
-def keep(P, left):
+def keep(P: Array, left: Array) -> None:
     """Remember the covariance as the filter leaves it."""
     for i in range(6):
         for j in range(6):

@@ -9,7 +9,7 @@ components go their own ways.
 
 import math
 
-from strapdown.core.contract import CORRECT, PREDICT, kernel
+from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Start, kernel
 from strapdown.core.jit import helper, matrix, plain
 from strapdown.filters.particle.mixture import (
     accumulate,
@@ -24,10 +24,13 @@ from strapdown.filters.particle.mixture import (
 )
 from strapdown.filters.particle.mixture import begin as begin_mixture
 from strapdown.filters.particle.threefry import STREAM
+from strapdown.flight.aircraft.parameters import Aircraft
+from strapdown.typing import Array, File
 
 from .model import (
     OWN,
     TRIAL,
+    Options,
     X,
     begin,
     changed,
@@ -61,21 +64,21 @@ WIDTH, EACH = 42, 42 + 3 + 12
 
 
 def start(
-    start,
-    noise,
-    components=500,
-    kernel=None,
-    resample=0.5,
-    seed=0,
-    model=0.1,
-    q=0.0,
-    r=0.0,
-    rate=100.0,
-    aircraft="aerosonde",
-    earth="flat",
-):
+    start: Start,
+    noise: Noise,
+    components: int = 500,
+    kernel: float | None = None,
+    resample: float = 0.5,
+    seed: int = 0,
+    model: float = 0.1,
+    q: float = 0.0,
+    r: float = 0.0,
+    rate: float = 100.0,
+    aircraft: File | Aircraft = "aerosonde",
+    earth: str = "flat",
+) -> Belief:
     """Belief at `start`. components; kernel: their width as a fraction of the mixture's (None:
-    core.mixture.kernel_width); resample: when fewer than this fraction of them are effective; seed
+    mixture.kernel_width); resample: when fewer than this fraction of them are effective; seed
     of the draws; the others as of EKF6.
     """
     if not 0 <= resample <= 1:
@@ -83,7 +86,8 @@ def start(
     width = kernel_width(components, 6) if kernel is None else kernel
     deviations, phi, stream = begin_mixture(start.belief(None).P[:6, :6], components, width, seed)
     size = len(deviations)
-    belief = begin(start, COMPONENTS - OWN + size * EACH, model, q, r, rate, aircraft, earth)
+    options = Options(model, q, r, rate, aircraft, earth)
+    belief = begin(start, COMPONENTS - OWN + size * EACH, options)
     workspace = belief.workspace
     (
         workspace[N],
@@ -100,7 +104,7 @@ def start(
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Attitude by the gyros; each component as an extended Kalman filter predicts it."""
     turn(belief, u, dt)
     workspace = belief.workspace
@@ -120,7 +124,7 @@ def predict(belief, u, dt, noise):
 
 
 @helper
-def _follow(belief, count):
+def _follow(belief: Belief, count: int) -> None:
     """What somebody else added to the covariance of the mixture, as where a gate was lifted,
     each component gets."""
     workspace, P, left = belief.workspace, belief.P, matrix(belief.workspace, LEFT, 6, 6)
@@ -134,7 +138,7 @@ def _follow(belief, count):
 
 
 @helper
-def _add(workspace, weight, at, sums):
+def _add(workspace: Array, weight: float, at: int, sums: Array) -> None:
     """A component to the sums, as its deviation from the last mean."""
     off = workspace[TRIAL : TRIAL + 6]
     for i in range(6):
@@ -143,7 +147,7 @@ def _add(workspace, weight, at, sums):
 
 
 @helper
-def _leave(belief):
+def _leave(belief: Belief) -> None:
     """Mean and covariance of the mixture become those of the belief."""
     workspace = belief.workspace
     mean, left = workspace[MEAN : MEAN + 6], matrix(workspace, LEFT, 6, 6)
@@ -155,7 +159,16 @@ def _leave(belief):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Weight and correct each component by a fix within the gate, which is that of the mixture's
     own moments; resample where few carry the weight."""
     workspace = belief.workspace
@@ -198,7 +211,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 
 @helper
-def _renew(belief, count):
+def _renew(belief: Belief, count: int) -> None:
     """Resample: all components weigh the same afterwards and have the same covariance, and the
     mixture has the moments it had."""
     workspace = belief.workspace

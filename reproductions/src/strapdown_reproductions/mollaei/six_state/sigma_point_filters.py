@@ -8,8 +8,9 @@ filters/sigma_point/sigma_points.py.
 """
 
 import math
+from collections.abc import Mapping
 
-from strapdown.core.contract import CORRECT, PREDICT, kernel
+from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Start, kernel
 from strapdown.core.jit import helper, matrix
 from strapdown.filters.sigma_point.sigma_points import (
     corrected,
@@ -21,9 +22,12 @@ from strapdown.filters.sigma_point.sigma_points import (
     symmetric,
     triangle,
 )
+from strapdown.flight.aircraft.parameters import Aircraft
+from strapdown.typing import Array, File
 
 from .model import (
     OWN,
+    Options,
     Q,
     X,
     begin,
@@ -56,41 +60,50 @@ COLUMN = "repaired square roots"
 
 
 def start(
-    start,
-    noise,
-    sigma="merwe",
-    alpha=0.1,
-    beta=2.0,
-    kappa=0.0,
-    model=0.1,
-    q=0.0,
-    r=0.0,
-    rate=100.0,
-    aircraft="aerosonde",
-    earth="flat",
-):
+    start: Start,
+    noise: Noise,
+    sigma: str = "merwe",
+    alpha: float = 0.1,
+    beta: float = 2.0,
+    kappa: float = 0.0,
+    model: float = 0.1,
+    q: float = 0.0,
+    r: float = 0.0,
+    rate: float = 100.0,
+    aircraft: File | Aircraft = "aerosonde",
+    earth: str = "flat",
+) -> Belief:
     """Belief at `start`. sigma: "merwe", the scaled set of (30) with alpha, beta and kappa, or
     "symmetric", that of (23); the others as of EKF6."""
     if sigma not in ("merwe", "symmetric"):
         raise ValueError(f"sigma is {sigma!r}; it must be merwe or symmetric")
     make = symmetric if sigma == "symmetric" else lambda states: merwe(states, alpha, beta, kappa)
-    return _begin(start, model, q, r, rate, aircraft, earth, (*make(12), 6.0, *make(6)))
+    options = Options(model, q, r, rate, aircraft, earth)
+    return _begin(start, options, (*make(12), 6.0, *make(6)))
 
 
 def start_cubature(
-    start, noise, model=0.1, q=0.0, r=0.0, rate=100.0, aircraft="aerosonde", earth="flat"
-):
+    start: Start,
+    noise: Noise,
+    model: float = 0.1,
+    q: float = 0.0,
+    r: float = 0.0,
+    rate: float = 100.0,
+    aircraft: File | Aircraft = "aerosonde",
+    earth: str = "flat",
+) -> Belief:
     """Belief at `start` for the cubature filter; options as of EKF6."""
-    return _begin(start, model, q, r, rate, aircraft, earth, (*symmetric(6), 0.0, *symmetric(6)))
+    options = Options(model, q, r, rate, aircraft, earth)
+    return _begin(start, options, (*symmetric(6), 0.0, *symmetric(6)))
 
 
-def _begin(start, model, q, r, rate, aircraft, earth, sets):
-    belief = begin(start, SIZE, model, q, r, rate, aircraft, earth)
+def _begin(start: Start, options: Options, sets: tuple[float, ...]) -> Belief:
+    belief = begin(start, SIZE, options)
     belief.workspace[SPREAD : SPREAD + 5] = sets
     return belief
 
 
-def diagnose(t, lla, columns):
+def diagnose(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
     """[(t, text)] where a square root was repaired for the first time."""
     repairs = columns[COLUMN]
     return [
@@ -100,7 +113,7 @@ def diagnose(t, lla, columns):
 
 
 @kernel(PREDICT)
-def predict(belief, u, dt, noise):
+def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Attitude by the gyros; state and covariance by sigma points through the IMU's increment or
     the aircraft's model."""
     turn(belief, u, dt)
@@ -139,7 +152,7 @@ def predict(belief, u, dt, noise):
 
 
 @helper
-def _rooted(belief):
+def _rooted(belief: Belief) -> None:
     """Make the square root anew where somebody else changed the covariance, as at the start and
     where a gate was lifted."""
     if changed(belief.P, matrix(belief.workspace, LEFT, 6, 6)):
@@ -149,7 +162,7 @@ def _rooted(belief):
 
 
 @helper
-def _leave(belief):
+def _leave(belief: Belief) -> None:
     """Publish the state, and the covariance of the square root."""
     covariance(belief.workspace[S : S + LANES * ROWS], 6, LANES, belief.P)
     keep(belief.P, matrix(belief.workspace, LEFT, 6, 6))
@@ -157,7 +170,9 @@ def _leave(belief):
 
 
 @helper
-def _propagated(workspace, omega, x, d, c0, c1, c2, dt):
+def _propagated(
+    workspace: Array, omega: Array, x: Array, d: Array, c0: float, c1: float, c2: float, dt: float
+) -> None:
     """The deviation d (6,) of a point from x becomes that of the point from the centre after dt,
     whose velocity is then c (m/s)."""
     d3, d4, d5 = d[3], d[4], d[5]
@@ -169,7 +184,7 @@ def _propagated(workspace, omega, x, d, c0, c1, c2, dt):
 
 
 @helper
-def _noise_rows(workspace, rows, noise, dt):
+def _noise_rows(workspace: Array, rows: Array, noise: Noise, dt: float) -> None:
     """Rows of the square root of the process noise: of velocities, which move the positions of
     the same sample, and of positions."""
     velocity, share = random_walk(workspace, noise) * math.sqrt(dt), 0.5 * dt
@@ -185,7 +200,16 @@ def _noise_rows(workspace, rows, noise, dt):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
     """Correct state and square root by the innovations at the sigma points of the six states,
     within the gate."""
     workspace, x, A, e = (

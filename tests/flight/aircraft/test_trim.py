@@ -13,7 +13,7 @@ from textbook_aircraft import CONTROLS, motion
 import strapdown as sd
 from strapdown.data import DataError
 from strapdown.flight.aircraft.dynamics import OUTPUTS, evaluate, ready, respond
-from strapdown.flight.aircraft.modes import STATE_NAMES, Mode, _named, check_step, deviation_point
+from strapdown.flight.aircraft.modes import MODEL_STATES, Mode, _named, check_step, deviation_point
 from strapdown.flight.aircraft.parameters import GRAVITY, flat_metres
 
 AEROSONDE = sd.aircraft("aerosonde")
@@ -306,7 +306,7 @@ def test_the_linear_model_answers_a_control_as_the_flight_does():
     linear = (expm(0.5 * block) @ np.r_[np.zeros(8), change])[:8]
     assert (
         flown == pytest.approx(linear, rel=0.02, abs=1e-6)
-        and STATE_NAMES[3] == "p"
+        and MODEL_STATES[3] == "p"
         and flown[3] > 1e-4
         and flown[4] > 1e-4
     )
@@ -314,7 +314,7 @@ def test_the_linear_model_answers_a_control_as_the_flight_does():
 
 @pytest.mark.short
 def test_the_tables_of_the_page_are_those_of_the_model():
-    page = (Path(__file__).resolve().parents[2] / "docs" / "aircraft.md").read_text(
+    page = (Path(__file__).resolve().parents[3] / "docs" / "aircraft.md").read_text(
         encoding="utf-8"
     )
     for airspeed in (18, 25, 30):

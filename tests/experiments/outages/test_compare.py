@@ -184,9 +184,11 @@ def test_the_scores_are_those_of_sd_outages():
 def test_all_filters_have_the_same_start_noise_and_fixes_withheld(monkeypatch):
     given = []
 
-    def begin(recording, filter, imu, start, noise, *others, begin=runs.begin):
-        run = begin(recording, filter, imu, start, noise, *others)
-        given.append((start, run.start, run.noise, [tuple(a.t) for a in run.recording.aidings]))
+    def begin(recording, filter, asked, begin=runs.begin):
+        run = begin(recording, filter, asked)
+        given.append(
+            (asked.start, run.start, run.noise, [tuple(a.t) for a in run.recording.aidings])
+        )
         return run
 
     monkeypatch.setattr(runs, "begin", begin)

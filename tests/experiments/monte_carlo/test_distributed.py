@@ -70,7 +70,7 @@ def test_a_run_that_kills_its_worker_is_quarantined_and_the_others_stay(tmp_path
 def test_workers_that_do_not_come_back_are_replaced(monkeypatch):
     from strapdown.experiments.monte_carlo import distributed
 
-    monkeypatch.setattr(distributed, "PATIENCE", 0.5)
+    monkeypatch.setattr(distributed, "CLUSTER_PATIENCE", 0.5)
     with distributed._client(1, None) as client:
         client.cluster.scale(0)
         assert client.submit(abs, -3).result(timeout=60) == 3
@@ -92,7 +92,7 @@ def test_a_scheduler_of_ones_own_and_one_that_is_not_there(tmp_path, monkeypatch
     ) as cluster:
         found = study(runs=6).run(tmp_path / "cluster", scheduler=cluster.scheduler_address)
     assert tables(found.folder) == tables(study(runs=6).run(tmp_path / "whole").folder)
-    monkeypatch.setattr("strapdown.experiments.monte_carlo.distributed.PATIENCE", 1)
+    monkeypatch.setattr("strapdown.experiments.monte_carlo.distributed.CLUSTER_PATIENCE", 1)
     with pytest.raises(sd.DataError, match="scheduler tcp://127.0.0.1:9: no answer"):
         study(runs=6).run(tmp_path / "none", scheduler="tcp://127.0.0.1:9")
     with pytest.raises(sd.DataError, match="beside 2 workers here; give one of the two"):

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from browser import CHROMIUM, browse
 from compared import LIST, SWEEP, TRUTH, made
-from test_page import CHROMIUM, browse
 
 from strapdown.experiments.outages import figures
 from strapdown.experiments.outages.page import page

@@ -22,8 +22,8 @@ from strapdown.evaluation.nees import normalised_rows
 from strapdown.experiments.monte_carlo import summaries
 from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.scoring import (
-    REASONS,
-    STATE_NAMES,
+    ERROR_STATE_NAMES,
+    RUN_REASONS,
     epochs,
     rotation_between,
     score,
@@ -145,7 +145,7 @@ def test_an_abort_ends_a_run_and_is_censored_at_the_limit():
     fallen = FLIGHT.replace(name="fallen", accel_offset=(0.0, 0.0, 9.0), gnss=Gnss(interval=1e3))
     campaign = study(scenarios=fallen, filters="open-loop", runs=2).run()
     numbers = campaign.numbers(campaign.cells[0])
-    assert [REASONS[int(code)] for code in numbers["reason"][0]] == ["lost", "lost"]
+    assert [RUN_REASONS[int(code)] for code in numbers["reason"][0]] == ["lost", "lost"]
     lasted = numbers["lasted"][0]
     assert np.all((lasted > np.sqrt(2 * 400 / 9.0)) & (lasted < 25))
     expected = (
@@ -182,7 +182,7 @@ def test_curves_are_sums_of_what_the_files_hold_and_the_bound_is_below(finished)
         12,
         15,
     )
-    assert arrays.error.chunks is not None and list(arrays.state.values) == list(STATE_NAMES)
+    assert arrays.error.chunks is not None and list(arrays.state.values) == list(ERROR_STATE_NAMES)
     np.testing.assert_allclose(
         np.sqrt((arrays.error.astype(float) ** 2).mean("run")), curves["rmse"], rtol=1e-5
     )
@@ -476,7 +476,7 @@ def test_a_filter_that_needs_attitude_is_refused_before_anything_is_written(
 def test_a_chunk_skips_what_is_quarantined():
     tiny = study(scenarios=FLIGHT.replace(duration=4.0), filters="closed-loop", runs=3)
     arrays = run_chunk(tiny, tiny.chunks()[0], skip=(1,))
-    assert [REASONS[int(code)] for code in arrays["reason"][0]] == [
+    assert [RUN_REASONS[int(code)] for code in arrays["reason"][0]] == [
         "survived",
         "quarantined",
         "survived",

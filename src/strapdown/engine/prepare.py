@@ -1,0 +1,458 @@
+"""What a run needs before its first sample: checked arguments, compiled kernels, and its belief,
+fixes, cursor and output, all held in a `Run`."""
+
+import inspect
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from numbers import Real
+from typing import Any, NamedTuple, TypeAlias, TypeVar
+
+import numpy as np
+
+from .. import aiding, filters
+from ..core import loop
+from ..core.contract import (
+    COMPILED,
+    FIRST,
+    PARAMETERS,
+    POS,
+    STATES,
+    WALK,
+    Belief,
+    Cursor,
+    Filter,
+    Fixes,
+    Imu,
+    Noise,
+    Output,
+    Start,
+    address,
+    compile_kernel,
+    is_cached,
+)
+from ..core.earth import LATITUDE_LIMIT
+from ..data import Aiding, DataError
+from ..recording import Recording
+from ..sensor_models.imu import ImuSpec, grade, grades
+from ..typing import Array, ArrayLike, File, Ints, Progress, Say
+
+ROWS_AT_ONCE = 65536 if COMPILED else 500
+"""IMU rows between two looks at the keyboard and the progress bar."""
+GATES = {1: 10.828, 2: 13.816, 3: 16.266}
+"""Bound on the NIS by number of rows: 0.1 % of right fixes are rejected (chi-square quantiles)."""
+LARGEST_OF_START = {"rph": 4 * np.pi, "bg": 35.0}
+"""rad and rad/s that a start can have; 35 rad/s is the range of the common MEMS gyros."""
+LONGEST_GAP = 86400.0
+"""s without IMU samples; more is a mistaken clock and no pause."""
+AHRS_RATE = 10.0
+"""Hz of the attitude of an AHRS, where no rate is asked for."""
+
+GivenImu: TypeAlias = ImuSpec | dict[str, Any] | File
+"""What names an IMU: a grade, a file, a table of either, or the ImuSpec itself."""
+Name = TypeVar("Name")
+Found = TypeVar("Found")
+
+
+class Asked(NamedTuple):
+    """What a run is asked for beside its recording and its filter; see `engine.batch.fuse`."""
+
+    options: dict[str, Any]  # the filter's own
+    imu: GivenImu | None = None
+    start: Start | None = None
+    noise: Noise | None = None
+    every: int = 1
+    covariance: bool = False
+    say: Say | None = None
+    ahrs: str | Filter | None = None
+    ahrs_rate: float = AHRS_RATE  # Hz
+
+
+class Prepared(NamedTuple):
+    """A filter and the addresses of its compiled kernels."""
+
+    filter: Filter
+    predict: int
+    correct: int
+    observers: Ints  # by kind; 0 where the run has no such source
+
+
+def prepare(filter: str | Filter, kinds: Iterable[str], say: Say | None = None) -> Prepared:
+    """Compile (or load from the cache) the kernels of `filter` and of the aiding `kinds`. `say`
+    is told once where that takes seconds."""
+    filter = found(filters.find, filter)
+    sensors = [found(aiding.find, kind) for kind in dict.fromkeys(kinds)]
+    slow: list[Any] = [filter.predict, filter.correct, loop.run]
+    if say and not all(map(is_cached, slow)):
+        say(f"compiling {filter.name} for the first time on this machine, about 15 s ...")
+    for kernel in slow:
+        compile_kernel(kernel)
+    for sensor in sensors:
+        compile_kernel(sensor.observe)
+    observers = np.zeros(len(aiding.measurements()), np.int64)
+    for sensor in sensors:
+        observers[sensor.kind] = address(sensor.observe)
+    return Prepared(filter, address(filter.predict), address(filter.correct), observers)
+
+
+def found(find: Callable[[Name], Found], name: Name) -> Found:
+    """What `find` has of that name; what it has not is bad input."""
+    try:
+        return find(name)
+    except ValueError as error:
+        raise DataError(str(error)) from None
+
+
+def merge(aidings: Sequence[Aiding], after: float = -np.inf) -> Fixes:
+    """All fixes later than `after` (s) in time order (Fixes), simultaneous ones in the order of
+    `aidings`."""
+    sensors = [aiding.find(a.kind) for a in aidings]
+    count = len(aidings)
+    t = np.concatenate([np.asarray(a.t, float) for a in aidings] or [np.empty(0)])
+    source = np.repeat(np.arange(count), [len(a.t) for a in aidings])
+    order = np.argsort(t, kind="stable")
+    order = order[t[order] > after]
+    y, sd = (
+        np.concatenate([_three_columns(getattr(a, part)) for a in aidings] or [np.empty((0, 3))])[
+            order
+        ]
+        for part in ("y", "sd")
+    )
+    parameters, gate, states = np.zeros((count, PARAMETERS)), np.empty(count), STATES
+    for s, (a, sensor) in enumerate(zip(aidings, sensors)):
+        parameters[s, : len(a.parameters)] = a.parameters
+        if sensor.states:
+            parameters[s, WALK], parameters[s, FIRST] = sensor.state_walk, states
+            states += len(sensor.states)
+        gate[s] = GATES[len(sensor.quantities)] if a.gate is None else a.gate
+    return Fixes(
+        t[order],
+        source[order].astype(np.int64),
+        y,
+        sd,
+        np.array([s.kind for s in sensors], np.int64),
+        parameters,
+        gate,
+    )
+
+
+def brought(aidings: Sequence[Aiding]) -> list[tuple[str, float]]:
+    """[(name with unit, initial standard deviation)] of the states that these sources bring
+    along, in the order of the states. Raises DataError."""
+    states = [
+        (f"{a.name or a.kind} {name}", sensor.state_sd)
+        for a in aidings
+        for sensor in [found(aiding.find, a.kind)]
+        for name in sensor.states
+    ]
+    if len(states) > STATES:
+        raise DataError(
+            f"the sources bring {len(states)} states along, the last is {states[-1][0]!r}; "
+            f"at most {STATES} can be estimated: leave sources out"
+        )
+    return states
+
+
+def usable(filter: Filter, aidings: Sequence[Aiding]) -> tuple[tuple[Aiding, ...], list[str]]:
+    """(the sources that `filter` can use, notes about the others and about having none)."""
+    fits = [filter.uses is None or a.kind in filter.uses for a in aidings]
+    others = dict.fromkeys(a.name or a.kind for a, fit in zip(aidings, fits) if not fit)
+    notes = [f"{filter.name} has no use for {', '.join(others)}"] if others else []
+    return tuple(a for a, fit in zip(aidings, fits) if fit), notes + (
+        [f"{filter.name}: {filter.unaided_note}"] if filter.unaided_note and not any(fits) else []
+    )
+
+
+def check_needs(
+    filter: Filter, aidings: Iterable[Aiding], remedy: str = "add a source of that kind"
+) -> None:
+    """Raise DataError where `filter` needs a kind of aiding that none of these sources is;
+    `remedy` is what to do then."""
+    kinds = {a.kind for a in aidings}
+    if missing := [kind for kind in filter.needs if kind not in kinds]:
+        raise DataError(
+            f"{filter.name} needs {' and '.join(missing)} aiding, and there is none: {remedy}"
+        )
+
+
+def _three_columns(values: ArrayLike) -> Array:
+    columns = np.asarray(values, float)
+    columns = columns[:, None] if columns.ndim == 1 else columns
+    return np.pad(columns, ((0, 0), (0, 3 - columns.shape[1])), constant_values=np.nan)
+
+
+def new_cursor(filter: Filter, t: float, sources: int) -> Cursor:
+    """A Cursor at time `t` before the first sample, for that many sources."""
+
+    def count() -> Ints:
+        return np.zeros(sources, np.int64)
+
+    cursor = Cursor(
+        np.zeros(loop.CURSOR_SIZE, np.int64),
+        np.array([float(t)]),
+        np.zeros(7),
+        np.zeros(15),
+        count(),
+        count(),
+        count(),
+        np.zeros(sources),
+        count(),
+        np.full(sources, float(t)),
+    )
+    cursor.at[loop.EVERY], cursor.at[loop.POSITIONED] = 1, positioned(filter)
+    return cursor
+
+
+def positioned(filter: Filter) -> bool:
+    """Whether `filter` estimates a position, and so must start from one."""
+    return POS.start in filter.estimates
+
+
+class Run(NamedTuple):
+    """A filter on its way through a recording, which holds the sources that it uses and no
+    other."""
+
+    recording: Recording
+    samples: Imu
+    filter: Filter
+    kernels: tuple[int, int, Ints]  # addresses of predict, correct and the observers
+    start: Start
+    noise: Noise
+    spec: ImuSpec | None  # None where a Noise was given
+    belief: Belief
+    fixes: Fixes
+    cursor: Cursor
+    out: Output
+    first: int  # row of the samples that it begins with
+    options: dict[str, Any]  # the filter's own, with those that its sources decided
+
+    def advance(
+        self, rows: int, out: Output | None = None, run: Callable[..., None] = loop.run
+    ) -> None:
+        """Go on to the end of the sample before row `rows`; writes into `out`, or its own; `run`
+        is `loop.run_recorded` where that has a record."""
+        self.cursor.at[loop.STOP] = rows
+        run(
+            *self.kernels,
+            self.belief,
+            self.samples,
+            self.fixes,
+            self.noise,
+            self.cursor,
+            out or self.out,
+        )
+
+    def chunks(self, rows: int) -> Iterator[int]:
+        """Rows to stop at: every `rows` samples and the last. Ends early where the filter does."""
+        at = self.cursor.at
+        while at[loop.ROW] < len(self.samples.t) and not at[loop.FAULT]:
+            yield min(int(at[loop.ROW]) + rows, len(self.samples.t))
+
+    def complete(self, progress: Progress | None = None) -> None:
+        """Go on to the end of the samples; `progress` is called with the fraction done."""
+        for rows in self.chunks(ROWS_AT_ONCE):
+            self.advance(rows)
+            if progress:
+                progress(self.done)
+
+    @property
+    def done(self) -> float:
+        """Fraction of the samples."""
+        return (self.cursor.at[loop.ROW] - self.first) / (len(self.samples.t) - self.first)
+
+
+def ready(
+    recording: Recording,
+    filter: Filter,
+    start: Start,
+    noise: Noise,
+    spec: ImuSpec | None,
+    asked: Asked,
+    made: Aiding | None = None,
+) -> Run:
+    """The Run of `filter` before its first sample; `made` is the one of the recording's aidings
+    that an AHRS made, whose rows up to the start are left out. Raises DataError."""
+    aidings, notes = usable(
+        filter,
+        tuple(
+            a._where(a.t > start.t + loop.SAME_TIME) if a is made else a for a in recording.aidings
+        ),
+    )
+    options, said = fitted(filter, asked.options, aidings)
+    notes += said
+    belief = new_belief(filter, start, noise, options, aidings)
+    prepared = prepare(filter, [a.kind for a in aidings], asked.say)
+    samples = Imu(*(np.require(column, float, ["C", "W"]) for column in recording.imu))
+    first, rows = (
+        int(np.searchsorted(samples.t, start.t + loop.SAME_TIME, side="right")),
+        len(samples.t),
+    )
+    if first == rows:
+        raise DataError(
+            f"the start at {start.t:g} s is not before the last IMU sample at {samples.t[-1]:g} s; give an earlier start"
+        )
+    if samples.t[first] - start.t > LONGEST_GAP:
+        raise DataError(
+            f"the start at {start.t:g} s is {samples.t[first] - start.t:.0f} s before the first IMU sample; "
+            f"the longest gap is {LONGEST_GAP:.0f} s"
+        )
+    fixes = merge(aidings, start.t + loop.SAME_TIME)
+    cursor = new_cursor(filter, start.t, len(fixes.kind))
+    every = asked.every
+    cursor.at[loop.ROW], cursor.at[loop.FIXES], cursor.at[loop.EVERY] = first, len(fixes.t), every
+    cursor.at[loop.PHASE] = (rows - 1) % every
+    kept = -(-(rows - first) // every)
+    used = replace(
+        recording,
+        aidings=aidings,
+        meta=recording.meta | {"notes": [*recording.meta.get("notes", []), *notes]},
+    )
+    out = new_output(filter, belief, kept, asked.covariance, len(fixes.t))
+    return Run(
+        used,
+        samples,
+        filter,
+        (prepared.predict, prepared.correct, prepared.observers),
+        start,
+        noise,
+        spec,
+        belief,
+        fixes,
+        cursor,
+        out,
+        first,
+        options,
+    )
+
+
+def new_output(
+    filter: Filter,
+    belief: Belief,
+    rows: int,
+    covariance: bool = False,
+    fixes: int = 0,
+    record: int = 0,
+) -> Output:
+    """An Output of so many rows, with their covariances or not, and of so many fixes; with a
+    record of so many calls for the smoother."""
+    width = loop.NAV_WIDTH + len(filter.columns) + 2 * belief.extra_states.size
+    return Output(
+        np.empty((rows, width)),
+        np.empty((rows if covariance else 0, *belief.P.shape)),
+        np.empty((fixes, loop.FIX_WIDTH)),
+        np.empty(
+            (record, filter.smoother.width(len(belief.P))) if record and filter.smoother else 0
+        ),
+        np.zeros(rows if record else 0, np.int64),
+    )
+
+
+def assumed_noise(
+    imu: GivenImu | None, noise: Noise | None, needed: bool
+) -> tuple[Noise, ImuSpec | None]:
+    """The Noise to assume and the ImuSpec it comes from; None where the caller gave a noise and
+    the spec is not `needed`."""
+    if imu is None and (noise is None or needed):
+        raise DataError(
+            f"the recording does not name its IMU: give imu=, one of {', '.join(grades())}, or a file that describes it"
+        )
+    spec = None if imu is None else grade(imu)
+    try:
+        if noise is None:
+            assert spec is not None  # refused above
+            return spec.noise(), spec
+        if not isinstance(noise, Noise):
+            raise TypeError
+        return Noise(*map(float, noise)), spec
+    except (TypeError, ValueError):
+        raise DataError(
+            f"noise is {noise!r}; it must be a Noise of numbers, such as an ImuSpec gives"
+        ) from None
+
+
+def check_start(start: Start, noise: Noise) -> None:
+    """Raise DataError naming the first field of a Start or a Noise that no filter can begin
+    with."""
+    if not isinstance(start, Start):
+        raise DataError(f"start is {start!r}; it must be a Start, such as `align` gives")
+    for name, size in (
+        ("t", 1),
+        ("lla", 3),
+        ("v", 3),
+        ("rph", 3),
+        ("ba", 3),
+        ("bg", 3),
+        ("sd", STATES),
+    ):
+        try:
+            values = np.atleast_1d(np.asarray(getattr(start, name), float))
+        except (TypeError, ValueError):
+            values = np.empty(0)
+        if values.shape != (size,) or not np.isfinite(values).all():
+            raise DataError(
+                f"start: {name} is {getattr(start, name)!r}; it must be {size} finite number{'s' * (size > 1)}"
+            )
+        if np.abs(values).max() > LARGEST_OF_START.get(name, np.inf):
+            raise DataError(f"start: {name} is {getattr(start, name)}, in rad; is it in degrees?")
+    if min(start.sd) < 0:
+        raise DataError(f"start: sd has {min(start.sd):g}; standard deviations must be 0 or more")
+    if abs(start.lla[0]) > LATITUDE_LIMIT:
+        raise DataError(
+            f"start: latitude is {np.degrees(start.lla[0]):.6g} deg; results hold up to {np.degrees(LATITUDE_LIMIT):.0f} deg"
+        )
+    for name, value in noise._asdict().items():
+        if not 0 <= value < np.inf:
+            raise DataError(f"noise: {name} is {value:g}; it must be a finite number, 0 or more")
+
+
+def new_belief(
+    filter: Filter,
+    start: Start,
+    noise: Noise,
+    options: dict[str, Any],
+    aidings: Sequence[Aiding],
+) -> Belief:
+    """The belief that `filter` begins with on these sources; raises DataError for a start, a
+    noise or an option that it cannot use."""
+    check_start(start, noise)
+    check_options(filter, options)
+    start = start._replace(sd=(*start.sd, *(sd for _, sd in brought(aidings))))
+    try:
+        return filter.start(start, noise, **options)
+    except (TypeError, ValueError) as error:
+        raise DataError(f"filter {filter.name!r}: {error}") from None
+
+
+def fitted(
+    filter: Filter, options: dict[str, Any], aidings: Sequence[Aiding]
+) -> tuple[dict[str, Any], list[str]]:
+    """(options of `filter` with those that these sources decide, notes on them). Raises
+    DataError where it has no such option or cannot run on them."""
+    check_options(filter, options)
+    try:
+        return filter.configure(options, aidings) if filter.configure else (options, [])
+    except ValueError as error:
+        raise DataError(f"filter {filter.name!r}: {error}") from None
+
+
+def check_options(filter: Filter, options: dict[str, Any]) -> None:
+    """Raise DataError where `filter` has no such option, or a value is not of the type of the
+    default: a number, or text (or what bears a name)."""
+    known = {
+        name: option.default
+        for name, option in list(inspect.signature(filter.start).parameters.items())[2:]
+    }
+    for name, value in options.items():
+        if name not in known:
+            raise DataError(
+                f"filter {filter.name!r} has no option {name!r}; it has {', '.join(known) or 'none'}"
+            )
+        if isinstance(known[name], str) and not isinstance(getattr(value, "name", value), str):
+            raise DataError(
+                f"filter {filter.name!r}: {name} is {value!r}; it must be text, such as {known[name]!r}"
+            )
+        if (
+            not isinstance(known[name], str)
+            and (isinstance(value, bool) or not isinstance(value, Real))
+            and not (value is None and known[name] is None)
+        ):
+            raise DataError(f"filter {filter.name!r}: {name} is {value!r}; it must be a number")

@@ -1,0 +1,222 @@
+"""What a campaign and its workers run: the cells and chunks of a study, and the chunk function.
+
+A chunk is some runs of a cell with all filters on the same records; its results depend on the study
+and the numbers of its runs alone.
+"""
+
+from __future__ import annotations
+
+import threading
+import zlib
+from collections.abc import Collection
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import aiding
+from ...core.contract import STATES
+from ...data import DataError
+from ...engine.batch import fuse
+from ...engine.prepare import prepare
+from ...evaluation.cramer_rao import cramer_rao
+from ...sensor_models.imu import ImuSpec, grade
+from ...sim.scenario import Scenario, scenario
+from ...sim.synthesis import Simulator
+from ...typing import Array, Say
+from ..filter_label import parsed
+from .scoring import ERROR_GROUPS, QUARANTINED, Epochs, Scored, epochs, score
+
+if TYPE_CHECKING:
+    from .study import Study
+
+Arrays: TypeAlias = dict[str, NDArray[Any]]
+"""Results by name: rows as 32-bit numbers, sums and numbers of runs as 64-bit ones, row numbers."""
+SCALARS = (
+    "rows",
+    "reason",
+    "lasted",
+    "left_model",
+    "censored",
+    "nees",
+    "nees_inside",
+    "nis",
+    "correlation",
+    "accepted",
+    "rejected",
+)
+"""Numbers of each run and filter, beside `mean_square` and `coverage`."""
+
+
+class Cell(NamedTuple):
+    """A scenario with an IMU."""
+
+    scenario: Scenario
+    imu: ImuSpec
+
+    @property
+    def name(self) -> str:
+        """Names a folder of chunk files."""
+        return f"{self.scenario.name}--{self.imu.name}".replace("/", "-").replace(" ", "-")
+
+
+class Chunk(NamedTuple):
+    """Runs `first` to `stop` of the cell of that number."""
+
+    cell: int
+    first: int
+    stop: int
+
+
+@lru_cache(maxsize=8)
+def cells(
+    scenarios: tuple[str | Scenario, ...], imus: tuple[str | ImuSpec, ...]
+) -> tuple[Cell, ...]:
+    """All scenarios with all IMUs; no IMU stands for each scenario's own."""
+    known = [s if isinstance(s, Scenario) else scenario(s) for s in scenarios]
+    return tuple(Cell(s, grade(imu)) for s in known for imu in (imus or (s.imu,)))
+
+
+def chunks(study: Study) -> list[Chunk]:
+    """All chunks of a study, in the order of its cells."""
+    return [
+        Chunk(number, first, min(first + size, study.runs))
+        for number, cell in enumerate(study.cells)
+        for size in [_chunk_runs(study, cell)]
+        for first in range(0, study.runs, size)
+    ]
+
+
+def _chunk_runs(study: Study, cell: Cell) -> int:
+    steps = cell.scenario.duration * cell.scenario.rate * len(study.filters)
+    return min(study.runs, max(1, round(study.chunk_steps / steps)))
+
+
+def seeds(study: Study, cell: Cell, run: int) -> np.random.SeedSequence:
+    """The random stream of a run: the same for every IMU and every set of filters, its own for
+    every scenario."""
+    return np.random.SeedSequence(
+        study.seed, spawn_key=(zlib.crc32(cell.scenario.name.encode()), run)
+    )
+
+
+_simulators: dict[str, tuple[threading.Lock, list[Simulator]]] = {}
+_making = threading.Lock()
+
+
+def simulator(cell: Cell) -> Simulator:
+    """The Simulator of a cell's scenario; the last two are kept."""
+    key = cell.scenario.describe()[
+        "fingerprint"
+    ]  # a worker gets a new copy of the scenario with every chunk
+    with _making:
+        if key not in _simulators:
+            while len(_simulators) > 1:
+                _simulators.pop(next(iter(_simulators)))
+            _simulators[key] = threading.Lock(), []
+        one_at_a_time, made = _simulators[key]
+    with one_at_a_time:  # another thread may make another one meanwhile
+        if not made:
+            made.append(Simulator(cell.scenario))
+    return made[0]
+
+
+def run_chunk(study: Study, chunk: Chunk, skip: Collection[int] = ()) -> Arrays:
+    """The chunk function: simulate, fuse and score the runs of a chunk; a dict of arrays by
+    name. Runs in `skip` are marked as quarantined."""
+    cell = study.cells[chunk.cell]
+    made = simulator(cell)
+    at = epochs(made.truth, max(1, round(study.epoch * cell.scenario.rate)))
+    arrays, wanted = _empty(study, chunk, at), [parsed(label) for label in study.filters]
+    for place, run in enumerate(range(chunk.first, chunk.stop)):
+        if run in skip:
+            arrays["reason"][:, place] = QUARANTINED
+            continue
+        recording, start = made.run(cell.imu, seeds(study, cell, run))
+        b_a, b_g = recording.meta["b_a"][at.rows], recording.meta["b_g"][at.rows]
+        arrays["bias"][place] = np.c_[b_a, b_g][arrays["kept"]]
+        for number, (filter, options) in enumerate(wanted):
+            solution = fuse(
+                recording,
+                filter,
+                start=start,
+                noise=cell.imu.noise(),
+                every=at.every,
+                covariance=True,
+                **options,
+            )
+            _keep(arrays, number, place, score(solution, at, b_a, b_g, study.limits))
+    if chunk.first == 0:
+        arrays["bound"] = _bound(made, cell, at)[arrays["kept"]]
+    return arrays
+
+
+def _bound(made: Simulator, cell: Cell, at: Epochs) -> Array:
+    """Posterior Cramer-Rao bound at the scored epochs as variances (n, 15); NaN where the
+    filters' Earth is not the scenario's."""
+    try:
+        return (
+            cramer_rao(
+                made.ideal_recording(), made.exact_start(cell.imu), cell.imu.noise(), every=at.every
+            ).sd
+            ** 2
+        )
+    except DataError:
+        return np.full((len(at.rows), STATES), np.nan)
+
+
+def _empty(study: Study, chunk: Chunk, at: Epochs) -> Arrays:
+    """Arrays for the results of a chunk: runs at the stored epochs, sums over its runs, numbers
+    of each run."""
+    M, N, kept = (
+        len(study.filters),
+        chunk.stop - chunk.first,
+        np.arange(len(at.rows) - 1, -1, -study.keep)[::-1],
+    )
+    n = len(kept)
+
+    def small(*shape: int) -> NDArray[np.float32]:
+        return np.full(shape, np.nan, np.float32)
+
+    numbers = {name: np.full((M, N), np.nan) for name in SCALARS}
+    numbers |= {
+        "mean_square": np.full((M, N, len(ERROR_GROUPS)), np.nan),
+        "coverage": np.full((M, N, 3), np.nan),
+    }
+    sums = {name: np.zeros((M, n, STATES)) for name in ("squares", "variances")} | {
+        name: np.zeros((M, n)) for name in ("nees_sum", "alive")
+    }
+    return {
+        "t": at.truth.t[kept],
+        "kept": kept,
+        "error": small(M, N, n, STATES),
+        "sd": small(M, N, n, STATES),
+        "nees_rows": small(M, N, n),
+        "bias": small(N, n, 6),
+        **sums,
+        **numbers,
+    }
+
+
+def _keep(arrays: Arrays, number: int, place: int, scored: Scored) -> None:
+    kept = arrays["kept"]
+    alive = kept < scored.rows
+    error, sd, nees = scored.error[kept], scored.sd[kept], scored.nees[kept]
+    (
+        arrays["error"][number, place],
+        arrays["sd"][number, place],
+        arrays["nees_rows"][number, place],
+    ) = error, sd, nees
+    arrays["squares"][number, alive] += error[alive] ** 2
+    arrays["variances"][number, alive] += sd[alive] ** 2
+    arrays["nees_sum"][number, alive] += nees[alive]
+    arrays["alive"][number] += alive
+    for name, value in scored.numbers.items():
+        arrays[name][number, place] = value
+
+
+def compile_for(study: Study, say: Say | None = None) -> None:
+    """Compile the kernels that a study needs, before several threads want them."""
+    for label in study.filters:
+        prepare(parsed(label)[0], aiding.names(), say)

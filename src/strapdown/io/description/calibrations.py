@@ -1,0 +1,133 @@
+"""The calibration files that a description names: applied to the IMU, and kept in the meta of the
+Recording."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from ...core.contract import Imu
+from ...data import Aiding, DataError
+from ...preprocessing.origin import counted
+from ...typing import Array
+from ..calibration_file import HEATED, NONE, Correction, read_corrections
+from .files import Files
+from .schema import Description, ImuPart, Temperature
+
+
+def of_the_imu(part: ImuPart, files: Files) -> dict[str, Correction]:
+    """{"gyro": Correction, "accel": Correction} that [imu] names; zero and identity where it
+    names none. Raises DataError."""
+    found = (
+        read_corrections(files.locate(part.calibration))
+        if part.calibration
+        else {"gyro": NONE, "accel": NONE}
+    )
+    tables = [name for name in HEATED if found[name].temperature]
+    if tables and part.temperature is None:
+        raise DataError(
+            f"{files.path}: [imu] temperature: is missing; the table of {tables[0]} in {part.calibration} needs "
+            'temperature = { column = "...", unit = "degC" }'
+        )
+    if part.temperature is not None and not tables:
+        raise DataError(
+            f"{files.path}: [imu] temperature: belongs to a temperature table of gyro or accel in calibration, "
+            "and there is none; leave it out"
+        )
+    return found
+
+
+def corrected(part: ImuPart, files: Files, imu: Imu) -> tuple[Array, Array, list[str]]:
+    """(increments of the gyro, of the accelerometer (n, 3) in the axes of the columns, notes): an
+    Imu with the calibration of [imu].
+
+    Raises DataError.
+    """
+    found = of_the_imu(part, files)
+    notes: list[str] = []
+    temperature = (
+        None if part.temperature is None else _temperatures(part, part.temperature, files, imu)
+    )
+    results = []
+    for name, increments in (("gyro", imu.dtheta), ("accel", imu.dv)):
+        correction, bias = found[name], found[name].bias
+        if correction.temperature and temperature is not None:
+            bias, outside = correction.at(temperature)
+            if outside.any():
+                low, high, beyond = (
+                    correction.temperature[0][0],
+                    correction.temperature[-1][0],
+                    temperature[outside],
+                )
+                notes.append(
+                    f"{name}: {counted(len(beyond), 'sample')} at {beyond.min():.1f} to {beyond.max():.1f} degC, "
+                    f"outside the temperature table ({low:g} to {high:g} degC); the bias of its end is used there"
+                )
+        results.append((increments - bias * imu.dt[:, None]) @ correction.matrix.T)
+    gyro, accel = results
+    return gyro, accel, notes
+
+
+def _temperatures(part: ImuPart, column: Temperature, files: Files, imu: Imu) -> Array:
+    """(n,) degC at the samples of the IMU; linear across cells that are empty."""
+    table, t, (values,) = files.columns(part.file, part.time, [column.column])
+    known = np.isfinite(t) & np.isfinite(values)
+    if not known.any():
+        raise DataError(
+            f"{table.name}: column {column.column!r} holds no temperature; leave [imu] temperature out"
+        )
+    order = np.argsort(t[known], kind="stable")
+    return np.interp(
+        imu.t,
+        t[known][order],
+        values[known][order] * column.scale + column.offset,
+    )
+
+
+def frames(
+    description: Description, files: Files, aidings: Iterable[Aiding]
+) -> dict[str, dict[str, Any]]:
+    """{"gyro", "accel" and names of magnetometers: {"axes", "bias", "matrix", "temperature",
+    "field"}} as lists, for the meta of a Recording.
+
+    It is what a later calibration in body axes needs to come back to the columns; what is left out
+    is identity, zero or none.
+    """
+    imu = description.imu
+    found = (
+        {
+            name: _frame(imu.matrix, correction)
+            for name, correction in of_the_imu(imu, files).items()
+        }
+        if imu.calibration
+        else dict.fromkeys(HEATED, _frame(imu.matrix, NONE))
+    )
+    for part, aiding in zip(description.aiding, aidings):
+        if part.sensor.parameters == "field":
+            correction = (
+                read_corrections(files.locate(part.calibration)).get("magnetometer", NONE)
+                if part.calibration
+                else NONE
+            )
+            found[aiding.name] = _frame(part.vector_matrix, correction) | (
+                {"field": "record"} if part.field == "record" else {}
+            )
+    return {name: frame for name, frame in found.items() if frame}
+
+
+def _frame(axes: Array, correction: Correction) -> dict[str, Any]:
+    values = {
+        "axes": (axes, np.eye(3)),
+        "bias": (correction.bias, np.zeros(3)),
+        "matrix": (correction.matrix, np.eye(3)),
+    }
+    frame = {
+        key: value.tolist()
+        for key, (value, plain) in values.items()
+        if not np.array_equal(value, plain)
+    }
+    return frame | (
+        {"temperature": [list(row) for row in correction.temperature]}
+        if correction.temperature
+        else {}
+    )

@@ -1,0 +1,142 @@
+"""What a description says of a magnetometer beyond other sources: its calibration, and the Earth's
+field that it is compared with."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...core.contract import Imu
+from ...data import Aiding, DataError
+from ...preprocessing.origin import counted
+from ...preprocessing.units import UNIT_FACTORS
+from ...sensor_models.geomagnetism import geomagnetic_field
+from ...typing import Array
+from ..calibration_file import read_calibration
+from ..magnetic_record import facts_and_problems, vertical
+from .files import Files
+from .schema_aiding import AidingPart
+
+MOST_STRENGTH_RATIO, EARTH_FIELD = 5.0, 48e-6
+"""Factor of the Earth's field, by default EARTH_FIELD (T), beyond which a median strength is a
+mistaken unit."""
+
+
+def calibrated(part: AidingPart, files: Files, raw: Array) -> Array:
+    """The field in the axes of the columns, T, from raw samples (m, 3) in T: matrix @ (raw - bias)
+    of the calibration file. Raises DataError.
+
+    A sample with a missing component is missing whole, since its strength and direction are.
+    """
+    raw = np.where(np.all(np.isfinite(raw), axis=1)[:, None], raw, np.nan)
+    if part.calibration is None:
+        return raw
+    path = files.locate(part.calibration)
+    found = read_calibration(path)
+    if "magnetometer" not in found:
+        raise DataError(f"{path}: has no section [magnetometer]; `strapdown calibrate` writes one")
+    bias, matrix = found["magnetometer"]
+    return (raw - bias) @ np.asarray(matrix).T
+
+
+def with_field(
+    part: AidingPart, aiding: Aiding, imu: Imu, date: str | None, place: Array | None
+) -> tuple[Aiding, list[str]]:
+    """(Aiding whose parameters are the Earth's field north, east, down in T, notes of it and of
+    what contradicts it).
+
+    part: its AidingPart; date: ISO text or None; place: latitude, longitude (rad), height (m) or
+    None. Raises DataError.
+    """
+    field, notes = _field(part, aiding, imu, date, place)
+    known = part.field != "record"
+    _refuse_strength(part, aiding, float(np.linalg.norm(field)) if known else EARTH_FIELD)
+    aiding = replace(aiding, parameters=tuple(map(float, field)))
+    return aiding, notes + facts_and_problems(
+        aiding, imu, part.vector_matrix, known, part.calibration is not None
+    )[1]
+
+
+def _refuse_strength(part: AidingPart, aiding: Aiding, total: float) -> None:
+    """Raises DataError where the median strength is beyond a factor MOST_STRENGTH_RATIO of `total`
+    (T), which a mistaken unit makes of it, not hard iron."""
+    if len(aiding.t) < 10:
+        return
+    median, change = (
+        float(np.nanmedian(np.linalg.norm(aiding.y, axis=1))),
+        float(np.nanmax(np.ptp(aiding.y, axis=0)) / 2),
+    )
+    if (
+        1 / MOST_STRENGTH_RATIO <= median / total <= MOST_STRENGTH_RATIO or 0.5 < change / total < 2
+    ):  # a turn changes the field by its strength, whatever the hard iron
+        return
+    known = UNIT_FACTORS["magnetic field"]
+    likely = [
+        unit for unit in known if 0.4 < median / total * known[unit] / known[part.units[0]] < 2.5
+    ]
+    raise DataError(
+        f"unit: its median strength is {median * 1e6:.3g} uT, that of the Earth's field {total * 1e6:.3g} uT: "
+        + (
+            f"is the unit {' or '.join(likely)}, not {part.units[0]}?"
+            if likely
+            else "check unit, scale, columns and calibration"
+        )
+    )
+
+
+def _field(
+    part: AidingPart, aiding: Aiding, imu: Imu, date: str | None, place: Array | None
+) -> tuple[tuple[float, ...], list[str]]:
+    if part.field == "record":
+        return _field_of_the_record(part, aiding, imu)
+    if part.field is not None:
+        return part.field, []
+    if date is None or place is None:
+        what, key = (
+            ("date", 'date = "2012-10-10"')
+            if date is None
+            else ("place", 'place = { latitude = 44.7, longitude = -93.1, unit = "deg" }')
+        )
+        raise DataError(
+            f"field: is missing, and the geomagnetic model needs the {what}: write {key} at the top, or give field"
+        )
+    try:
+        latitude, longitude, height = map(float, place)
+        found = geomagnetic_field(date, latitude, longitude, height)
+    except DataError as error:
+        raise DataError(f"field: {error}") from None
+    latitude, longitude = np.degrees(place[:2])
+    notes = [
+        f"{aiding.name}: the Earth's field is that of {found.model} on {date} at {latitude:.3f}, {longitude:.3f} deg: "
+        f"declination {np.degrees(found.declination):.2f} deg, dip {np.degrees(found.inclination):.2f} deg, {found.total * 1e6:.2f} uT"
+    ]
+    return found.field, notes + ([f"{aiding.name}: {found.note}"] if found.note else [])
+
+
+def _field_of_the_record(
+    part: AidingPart, aiding: Aiding, imu: Imu
+) -> tuple[tuple[float, ...], list[str]]:
+    """Strengths along and across the vertical, medians over quiet times, with the given
+    declination or none."""
+    down, quiet = vertical(aiding.t, imu)
+    if quiet.sum() < 10:
+        raise DataError(
+            'field: "record" needs times without acceleration, and there are none; give north, east and down, '
+            "or leave it out for the geomagnetic model"
+        )
+    y, down = aiding.y[quiet], down[quiet]
+    along = np.einsum("ij,ij->i", y, down)
+    vertically, horizontally = (
+        np.median(along),
+        np.median(np.linalg.norm(y - along[:, None] * down, axis=1)),
+    )
+    angle = part.declination.angle if part.declination is not None else 0.0
+    heading = (
+        f"declination {np.degrees(angle):.2f} deg as given"
+        if part.declination is not None
+        else "declination 0, so headings are from magnetic north; give declination for true north"
+    )
+    note = (
+        f"{aiding.name}: the field is that of the record, medians over {counted(int(quiet.sum()), 'quiet sample')}: "
+        f"{horizontally * 1e6:.2f} uT horizontal, {vertically * 1e6:.2f} uT down; {heading}"
+    )
+    return (horizontally * np.cos(angle), horizontally * np.sin(angle), vertically), [note]

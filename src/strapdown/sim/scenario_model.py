@@ -1,0 +1,284 @@
+"""A scenario: a motion, the sensors that ride on it and where a filter begins; all that a
+simulated run needs but its seed and its IMU."""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, field, replace
+from datetime import datetime
+from numbers import Real
+from typing import Any
+
+import numpy as np
+
+from ..core.contract import STATES
+from ..core.earth import LATITUDE_LIMIT
+from ..data import DataError, Trajectory
+from ..sensor_models.ahrs import Ahrs
+from ..sensor_models.barometer import Barometer
+from ..sensor_models.geomagnetism import geomagnetic_field
+from ..sensor_models.gnss import Gnss
+from ..sensor_models.imu import ImuSpec, grade
+from ..sensor_models.magnetometer import Magnetometer
+from ..typing import Array, File
+from .trajectory import DEG, Motion, sample
+
+START_SD: tuple[float | None, ...] = (1.0, 1.0, 1.5, 0.1, 0.1, 0.1, 2e-3, 2e-3, 10e-3, *[None] * 6)
+"""Default errors of a start: m, m/s, rad, and the biases' as the IMU has them (None)."""
+FASTEST_MOTION, LOWEST_MOTION, HIGHEST_MOTION = 3000.0, -1000.0, 100e3
+"""What the models are made for: m/s, m, m."""
+STEEPEST_PITCH = 89 * DEG
+"""Pitch at most, rad: beyond it roll and heading cannot be told apart."""
+MOST_IMU_SAMPLES, LONGEST_SCENARIO = 50_000_000, 10 * 86400.0
+"""IMU samples, and s, of a scenario at most: a simulation is held in memory."""
+LARGEST_OFFSET = 1000.0  # m/s^2
+GRAVITIES = ("height", "latitude")
+OTHER_SENSORS = {"magnetometer": Magnetometer, "barometer": Barometer, "attitude": Ahrs}
+"""Sensors that a scenario may have beside IMU and GNSS, by its fields, in the order of their
+random streams."""
+_GLANCE = 0.5  # s: pieces of the position integral behind checks and fingerprint
+_ROWS = 50  # samples of the truth in a fingerprint
+# of latitude, longitude (rad), height (m), velocity (m/s), quaternion in a fingerprint
+_DECIMALS = (10, 10, 3, *[6] * 3, *[9] * 4)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What a simulated run is made of, but for seed and IMU. SI and radians. Raises DataError
+    where it is impossible."""
+
+    name: str
+    motion: Motion
+    duration: float  # s
+    rate: float = 100.0  # IMU samples per second
+    gnss: Gnss = field(default_factory=Gnss)
+    imu: ImuSpec | File = "tactical"  # a study may take another
+    # of a start's errors, 15 in the order of the error states; None: a bias as the IMU's own
+    start_sd: tuple[float | None, ...] = START_SD
+    # m/s^2, body: on top of the IMU's errors; the filter is not told
+    accel_offset: tuple[float, ...] = (0.0, 0.0, 0.0)
+    # the offset is an initial value of the IMU's Gauss-Markov bias; else it is constant
+    offset_decays: bool = False
+    # a start's biases err by start_sd from the true ones; else they are 0
+    biases_known: bool = False
+    # of the fixes, bound on the NIS; None: 0.1 % false alarms; inf: no gate
+    gate: float | None = None
+    gravity: str = "height"  # "latitude": the true gravity does not depend on height
+    about: str = ""  # a sentence for people
+    magnetometer: Magnetometer | None = None  # None: there is none
+    barometer: Barometer | None = None  # None: there is none
+    date: str | None = None  # ISO, of the geomagnetic model
+    attitude: Ahrs | None = None  # None: there is none
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.motion, Motion) or not isinstance(self.gnss, Gnss):
+            raise DataError(
+                f"scenario {self.name!r}: motion must be a Motion and gnss a Gnss, "
+                f"not {type(self.motion).__name__}, {type(self.gnss).__name__}"
+            )
+        self._check_others()
+        for name in ("start_sd", "accel_offset"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        for name in ("duration", "rate"):
+            if isinstance(getattr(self, name), bool) or not isinstance(getattr(self, name), Real):
+                raise DataError(
+                    f"scenario {self.name!r}: {name} is {getattr(self, name)!r}; it must be a number"
+                )
+        if not (
+            0 < self.rate < np.inf
+            and 0 < self.duration < np.inf
+            and round(self.duration * self.rate) >= 2
+        ):
+            raise DataError(
+                f"cannot simulate {self.duration!r} s at {self.rate!r} Hz; both must be larger than 0 and give two samples or more"
+            )
+        if self.duration * self.rate > MOST_IMU_SAMPLES or self.duration > LONGEST_SCENARIO:
+            raise DataError(
+                f"scenario {self.name!r}: {self.duration:g} s at {self.rate:g} Hz are {self.duration * self.rate:.3g} IMU samples; "
+                f"at most {MOST_IMU_SAMPLES / 1e6:g} million in {LONGEST_SCENARIO / 86400:g} days are simulated (a day at 100 Hz has 8.6 million)"
+            )
+        if self.gravity not in GRAVITIES:
+            raise DataError(
+                f"scenario {self.name!r}: gravity is {self.gravity!r}; it is one of {', '.join(GRAVITIES)}"
+            )
+        if self.gate is not None and not self.gate > 0:
+            raise DataError(
+                f"scenario {self.name!r}: gate is {self.gate!r}; it must be larger than 0, or inf for none"
+            )
+        if np.shape(self.accel_offset) != (3,) or not np.all(
+            np.abs(self.accel_offset) <= LARGEST_OFFSET
+        ):
+            raise DataError(
+                f"scenario {self.name!r}: accel_offset is {self.accel_offset!r}; "
+                f"it must be three numbers within {LARGEST_OFFSET:g} m/s^2"
+            )
+        _check_start(self.start_sd, self.name)
+        self.gnss.check()
+        if not np.ndim(self.gnss.interval) and self.gnss.interval * self.rate < 1 - 1e-9:
+            raise DataError(
+                f"scenario {self.name!r}: fixes every {self.gnss.interval:g} s come faster than the IMU's samples, "
+                f"{self.rate:g} a second; give fixes less often, or the IMU a higher rate"
+            )
+        for name in OTHER_SENSORS:
+            if (other := getattr(self, name)) is not None and (other.rate or 0.0) > self.rate * (
+                1 + 1e-9
+            ):
+                raise DataError(
+                    f"scenario {self.name!r}: the {name} has {other.rate:g} samples a second, more than the IMU's {self.rate:g}; "
+                    "give it a lower rate, or none to sample with the IMU"
+                )
+        grade(self.imu)
+        self._check_truth()
+
+    def _check_others(self) -> None:
+        """Raise DataError where the sensors beside IMU and GNSS are none, or the date is."""
+        for name, kind in OTHER_SENSORS.items():
+            if not isinstance(getattr(self, name), kind | None):
+                raise DataError(
+                    f"scenario {self.name!r}: {name} must be a {kind.__name__} or None, not {type(getattr(self, name)).__name__}"
+                )
+        if self.date is not None:
+            try:
+                datetime.fromisoformat(self.date)
+            except (TypeError, ValueError):
+                raise DataError(
+                    f"scenario {self.name!r}: date is {self.date!r}; write it as 2025-06-01"
+                ) from None
+        if self.magnetometer is not None and self.magnetometer.field is None and self.date is None:
+            raise DataError(
+                f"scenario {self.name!r}: a magnetometer needs the Earth's field: give it as the magnetometer's field, "
+                "or a date for the geomagnetic model"
+            )
+
+    def magnetic_field(self) -> Array:
+        """The Earth's field of all the scenario, (3,) T NED: the magnetometer's own, or that of the
+        geomagnetic model where the motion begins.
+
+        Raises DataError where the model does not cover the date.
+        """
+        if self.magnetometer is not None and self.magnetometer.field is not None:
+            return np.array(self.magnetometer.field, float)
+        if self.date is None:
+            raise DataError(f"scenario {self.name!r}: the geomagnetic model needs a date")
+        lat, lon, height = map(float, self.motion.lla)
+        return np.array(geomagnetic_field(self.date, lat, lon, height).field, float)
+
+    def _check_truth(self) -> None:
+        """Raise DataError where the motion leaves what the models hold for, at one of some
+        hundreds of times, once a second in a long one."""
+        truth = self.glance(max(200, min(20_000, int(self.duration))))
+        assert truth.v_n is not None and truth.q_nb is not None  # as `sample` makes it
+        columns = {"position": truth.lla, "velocity": truth.v_n, "attitude": truth.q_nb}
+        for name, values in columns.items():
+            if not np.all(np.isfinite(values)):
+                raise DataError(
+                    f"scenario {self.name!r}: the motion's {name} is not finite at {truth.t[~np.isfinite(values).all(axis=1)][0]:g} s"
+                )
+        w, x, y, z = truth.q_nb.T
+        pitch = np.arcsin(np.clip(2 * (w * y - x * z), -1, 1))
+        speed, lat, alt = (
+            np.linalg.norm(truth.v_n, axis=1),
+            np.abs(truth.lla[:, 0]),
+            truth.lla[:, 2],
+        )
+        for bad, text in (
+            (speed > FASTEST_MOTION, f"is faster than {FASTEST_MOTION:g} m/s"),
+            (lat > LATITUDE_LIMIT, f"is beyond {LATITUDE_LIMIT / DEG:g} deg of latitude"),
+            (
+                np.abs(pitch) >= STEEPEST_PITCH,
+                f"has a pitch of {STEEPEST_PITCH / DEG:g} deg or more",
+            ),
+            (alt < LOWEST_MOTION, f"is lower than {LOWEST_MOTION:g} m"),
+            (alt > HIGHEST_MOTION, f"is higher than {HIGHEST_MOTION / 1e3:g} km"),
+        ):
+            if bad.any():
+                raise DataError(
+                    f"scenario {self.name!r}: the motion {text} at {truth.t[bad][0]:g} s; the models do not hold there"
+                )
+
+    def glance(self, rows: int) -> Trajectory:
+        """The truth at `rows` times from start to end, as data.Trajectory: made for a look, its
+        integral is coarse."""
+        return sample(
+            self.motion,
+            np.linspace(0.0, round(self.duration * self.rate) / self.rate, rows),
+            _GLANCE,
+        )
+
+    def start_deviations(self, spec: ImuSpec) -> Array:
+        """The 15 standard deviations of a start with the IMU `spec` (ImuSpec): `start_sd`, its
+        None those of the IMU's biases."""
+        accel, gyro = spec.bias_sd()
+        own = np.r_[np.zeros(9), np.full(3, accel), np.full(3, gyro)]
+        return np.array(
+            [own[i] if value is None else value for i, value in enumerate(self.start_sd)], float
+        )
+
+    def replace(self, **changes: Any) -> "Scenario":
+        """The same scenario with some fields changed."""
+        return replace(self, **changes)
+
+    def describe(self) -> dict[str, Any]:
+        """What identifies the scenario, for a manifest: a dict of JSON values; `fingerprint`
+        changes when anything of it does."""
+        values = {
+            "name": self.name,
+            "motion": self.motion.name,
+            "duration_s": float(self.duration),
+            "rate_hz": float(self.rate),
+            "gnss": self.gnss._asdict(),
+            "imu": asdict(self.imu) if isinstance(self.imu, ImuSpec) else str(self.imu),
+            "start_sd": list(self.start_sd),
+            "accel_offset_m_s2": list(self.accel_offset),
+            "offset_decays": bool(self.offset_decays),
+            "biases_known": bool(self.biases_known),
+            "gate": None if self.gate is None else str(float(self.gate)),
+            "gravity": self.gravity,
+            "about": self.about,
+        }
+        values |= {
+            name: asdict(other)
+            for name in OTHER_SENSORS
+            if (other := getattr(self, name)) is not None
+        }
+        values |= {"date": self.date} if self.date is not None else {}
+        values = json.loads(json.dumps(values, default=lambda value: np.asarray(value).tolist()))
+        identity = {
+            key: value for key, value in values.items() if key not in ("name", "about", "motion")
+        } | {"imu": asdict(grade(self.imu))}
+        digest = hashlib.sha256(json.dumps(identity, sort_keys=True).encode())
+        digest.update(self._truth_bytes())
+        return values | {"fingerprint": digest.hexdigest()}
+
+    def _truth_bytes(self) -> bytes:
+        """The truth at some times, rounded far below what matters and far above what another
+        machine's rounding does."""
+        truth = self.glance(_ROWS)
+        rows = np.c_[truth.lla, truth.v_n, truth.q_nb]
+        return (
+            np.stack(
+                [
+                    np.round(column * 10.0**decimals) + 0.0
+                    for column, decimals in zip(rows.T, _DECIMALS)
+                ]
+            )
+            .astype("<i8")
+            .tobytes()
+        )
+
+
+def _check_start(sd: tuple[float | None, ...], name: str) -> None:
+    right = len(sd) == STATES and all(
+        (value is None and i >= 9)
+        or (isinstance(value, Real) and not isinstance(value, bool) and 0 <= value < np.inf)
+        for i, value in enumerate(sd)
+    )
+    if not right:
+        raise DataError(
+            f"scenario {name!r}: start_sd must be {STATES} numbers, finite and 0 or more; "
+            "of the last six, None is the IMU's own"
+        )
+    largest = max(value for value in sd[6:9] if value is not None)
+    if largest > np.pi:
+        raise DataError(
+            f"scenario {name!r}: the attitude's start_sd is {largest / DEG:g} deg; it must be at most 180"
+        )
