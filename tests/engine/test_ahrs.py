@@ -13,7 +13,7 @@ from synthetic import solution as made_up
 
 import strapdown as sd
 from strapdown.data import DataError
-from strapdown.engine.ahrs import ASSUMED, REMEDY, deviations, source
+from strapdown.engine.attitude_first import ASSUMED, REMEDY, deviations, source
 from strapdown.filters import find, names
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.sensor_models.magnetometer import Magnetometer

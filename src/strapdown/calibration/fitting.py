@@ -15,6 +15,7 @@ from ..preprocessing.origin import Origin
 from ..recording import Recording
 from ..typing import Array
 from .ellipsoid import Fit
+from .findings import Result
 from .methods import (
     coverage,
     hard_and_soft_iron,
@@ -23,7 +24,6 @@ from .methods import (
     six_positions,
     typical,
 )
-from .result import Result
 
 SAMPLES = 5000
 """Of a magnetometer about so many are used, evenly spaced: what is left of a calibration is not

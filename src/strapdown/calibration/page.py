@@ -9,8 +9,8 @@ import plotly.graph_objects as go
 from .. import __version__
 from ..reports.drawing import COLOURS, GREY, even, finish, line, note, origin, panels
 from ..reports.shell import Page, listed, placed, shell
+from .findings import Result
 from .methods import BANDS, DETAIL, SECTORS, coverage
-from .result import Result
 
 DIRECTIONS_DRAWN = 2000
 FOOTER = "calibrated = matrix (measured − bias), axes of the body: forward, right, down. The file is in the axes of the recording's columns."

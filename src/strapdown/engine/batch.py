@@ -10,7 +10,8 @@ from ..core.contract import Filter, Noise, Start
 from ..data import DataError, Solution
 from ..recording import Recording
 from ..typing import Progress, Say
-from .ahrs import fed
+from .attitude_first import fed
+from .finish import solution
 from .prepare import (
     Asked,
     GivenImu,
@@ -22,7 +23,6 @@ from .prepare import (
     positioned,
     ready,
 )
-from .result import solution
 
 
 def fuse(

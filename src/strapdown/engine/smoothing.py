@@ -29,8 +29,8 @@ from ..data import DataError, Solution
 from ..recording import Recording
 from ..typing import Array, Ints, Progress, Say
 from .batch import begin
+from .finish import solution
 from .prepare import Asked, GivenImu, Run, found, new_output
-from .result import solution
 
 RECORDED_ROWS = 512 if COMPILED else 250
 """IMU samples whose record is kept at once: few enough for the processor's cache, enough to make

@@ -15,8 +15,8 @@ from ..core.contract import STATES, Filter, Fixes, Imu, Noise, Start
 from ..core.jit import address, compile_kernel, entry_point
 from ..data import Aiding, DataError, Solution, Trajectory
 from ..engine.batch import begin as begin_run
+from ..engine.finish import solution as solution_of
 from ..engine.prepare import ROWS_AT_ONCE, Asked, Run, positioned
-from ..engine.result import solution as solution_of
 from ..filters import names as filter_names
 from ..recording import Recording
 from ..sensor_models.barometer import Barometer

@@ -16,7 +16,7 @@ from ..typing import File
 from .broad import read_broad
 from .netcdf import read_recording, write_recording
 from .psins import is_psins, read_psins
-from .tables import SUFFIXES
+from .table_file import SUFFIXES
 
 __all__ = ["read", "write_recording"]
 

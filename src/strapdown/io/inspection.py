@@ -22,7 +22,6 @@ from . import magnetic_record, netcdf
 from .broad import read_broad
 from .description.complaints import complaints, parse
 from .description.draft import guess
-from .description.files import Files
 from .description.read import (
     level_notes,
     read_aiding,
@@ -32,6 +31,7 @@ from .description.read import (
     read_reference,
 )
 from .description.schema_aiding import AidingPart
+from .description.source_files import Files
 from .locate import locate
 from .psins import is_psins, unchecked
 

@@ -22,7 +22,7 @@ from ..preprocessing.imu_samples import increments
 from ..preprocessing.plausible import mistakes
 from ..recording import Recording
 from ..typing import Array, File
-from .tables import BROKEN, open_text
+from .table_file import BROKEN, open_text
 
 SUFFIXES = tuple(".imu" + packed for packed in ("", ".gz", ".xz", ".bz2"))
 ARCSEC = np.pi / 180 / 3600

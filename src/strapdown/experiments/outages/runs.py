@@ -17,8 +17,8 @@ from ...core import loop
 from ...core.contract import Belief, Cursor, Filter, Imu, Noise, Start
 from ...data import Aiding, DataError
 from ...engine.batch import begin
+from ...engine.finish import solution
 from ...engine.prepare import AHRS_RATE, Asked, GivenImu, Run, new_output
-from ...engine.result import solution
 from ...recording import Recording
 from ...typing import Progress, Say
 from .scores import Outage, Track, scored

@@ -11,8 +11,8 @@ from ...data import Aiding, DataError
 from ...preprocessing.origin import counted
 from ...typing import Array
 from ..calibration_file import HEATED, NONE, Correction, read_corrections
-from .files import Files
 from .schema import Description, ImuPart, Temperature
+from .source_files import Files
 
 
 def of_the_imu(part: ImuPart, files: Files) -> dict[str, Correction]:

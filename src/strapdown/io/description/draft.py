@@ -17,8 +17,8 @@ from ...preprocessing.origin import Origin
 from ...preprocessing.plausible import G, half_seconds, mistakes
 from ...preprocessing.units import UNIT_FACTORS
 from ...typing import Array, File
-from ..tables import Table, is_number, read_table
-from .magnetometer import EARTH_FIELD
+from ..table_file import Table, is_number, read_table
+from .magnetic_sources import EARTH_FIELD
 from .schema_aiding import HEADING
 
 TIME = r"(t|time|timestamp|time_?stamp|tow|seconds?|elapsed|gps_?time)"

@@ -23,13 +23,13 @@ from ...preprocessing.units import DEG, QUANTITY_DIMENSIONS, factor
 from ...recording import Recording
 from ...typing import Array, File
 from ..magnetic_record import sound
-from ..tables import Table
+from ..table_file import Table
 from .calibrations import corrected, frames
 from .complaints import load
-from .files import Files
-from .magnetometer import calibrated, with_field
+from .magnetic_sources import calibrated, with_field
 from .schema import Description, ImuPart, ReferencePart, Vector, vector_factors
 from .schema_aiding import AidingPart, deviation_dimension
+from .source_files import Files
 
 MOST_PER_SAMPLE = 10
 """Fixes of a constraint per sample of the IMU: more tell a filter nothing and fill the memory."""

@@ -13,8 +13,8 @@ from ...sensor_models.geomagnetism import geomagnetic_field
 from ...typing import Array
 from ..calibration_file import read_calibration
 from ..magnetic_record import facts_and_problems, vertical
-from .files import Files
 from .schema_aiding import AidingPart
+from .source_files import Files
 
 MOST_STRENGTH_RATIO, EARTH_FIELD = 5.0, 48e-6
 """Factor of the Earth's field, by default EARTH_FIELD (T), beyond which a median strength is a

@@ -8,7 +8,7 @@ from ...data import DataError
 from ...preprocessing.units import factor
 from ...typing import Array, File
 from ..locate import locate
-from ..tables import Table, read_table
+from ..table_file import Table, read_table
 from .schema_base import Time
 
 

@@ -21,8 +21,8 @@ from ..preprocessing.stationary import motionless
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Say
+from .finish import solution as solution_of
 from .prepare import AHRS_RATE, Asked, assumed_noise, check_needs, positioned, ready
-from .result import solution as solution_of
 
 AHRS = "attitude-mekf"
 """The one that runs where a filter needs attitude, the recording has none of it, and something
