@@ -3,8 +3,7 @@ rotations, TOML read with complaints."""
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation
 
 from strapdown.alignment.location import GIVEN_SD, place_of

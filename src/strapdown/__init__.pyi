@@ -2,48 +2,34 @@
 
 from .alignment.initial import align as align
 from .alignment.static_attitude import static_attitude as static_attitude
-from .calibration.fitting import Calibration as Calibration
-from .calibration.fitting import calibrate as calibrate
-from .core.contract import Belief as Belief
-from .core.contract import Imu as Imu
-from .core.contract import Noise as Noise
-from .core.contract import Start as Start
-from .data import Aiding as Aiding
-from .data import DataError as DataError
-from .data import Solution as Solution
-from .data import Trajectory as Trajectory
+from .calibration.fitting import Calibration as Calibration, calibrate as calibrate
+from .core.contract import Belief as Belief, Imu as Imu, Noise as Noise, Start as Start
+from .data import (
+    Aiding as Aiding,
+    DataError as DataError,
+    Solution as Solution,
+    Trajectory as Trajectory,
+)
 from .engine.batch import fuse as fuse
 from .engine.smoothing import smooth as smooth
-from .engine.stream import Fix as Fix
-from .engine.stream import Sample as Sample
-from .engine.stream import Stream as Stream
-from .evaluation.metrics import errors as errors
-from .evaluation.metrics import outages as outages
-from .evaluation.metrics import rms as rms
+from .engine.stream import Fix as Fix, Sample as Sample, Stream as Stream
+from .evaluation.metrics import errors as errors, outages as outages, rms as rms
 from .experiments.monte_carlo.campaign import Campaign as Campaign
 from .experiments.monte_carlo.study import Study as Study
 from .experiments.outages.compare import compare as compare
 from .experiments.outages.result import Comparison as Comparison
 from .flight.aircraft.modes import linearise as linearise
-from .flight.aircraft.parameters import Aircraft as Aircraft
-from .flight.aircraft.parameters import aircraft as aircraft
+from .flight.aircraft.parameters import Aircraft as Aircraft, aircraft as aircraft
 from .flight.aircraft.trim import trim as trim
-from .flight.fly import Flight as Flight
-from .flight.fly import fly as fly
+from .flight.fly import Flight as Flight, fly as fly
 from .flight.plan import FlightPlan as FlightPlan
-from .io import read as read
-from .io import write_recording as write_recording
-from .io.solution import read_solution as read_solution
-from .io.solution import write_solution as write_solution
+from .io import read as read, write_recording as write_recording
+from .io.solution import read_solution as read_solution, write_solution as write_solution
 from .recording import Recording as Recording
 from .reports.page import report as report
 from .sensor_models.geomagnetism import geomagnetic_field as geomagnetic_field
-from .sensor_models.imu import ImuSpec as ImuSpec
-from .sensor_models.imu import grade as grade
-from .sensor_models.imu import grades as grades
-from .sim.scenario import Scenario as Scenario
-from .sim.scenario import scenario as scenario
-from .sim.scenario import scenarios as scenarios
+from .sensor_models.imu import ImuSpec as ImuSpec, grade as grade, grades as grades
+from .sim.scenario import Scenario as Scenario, scenario as scenario, scenarios as scenarios
 from .sim.synthesis import simulate as simulate
 
 __version__: str

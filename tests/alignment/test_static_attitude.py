@@ -3,8 +3,7 @@ and gravity against closed forms; the ring-laser record."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.spatial.transform import Rotation
 
 from strapdown import read

@@ -6,8 +6,7 @@ from ins_equations import DEG, cross_matrix, error_dynamics
 from scipy.spatial.transform import Rotation
 
 from strapdown.core.contract import Noise
-from strapdown.core.error_dynamics import cross_matrix as S
-from strapdown.core.error_dynamics import dynamics
+from strapdown.core.error_dynamics import cross_matrix as S, dynamics
 
 pytestmark = pytest.mark.short
 NOISE = Noise(

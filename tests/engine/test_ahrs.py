@@ -8,8 +8,7 @@ import pytest
 from around import beside, only, recorded, recording
 from recordings import rows, same, without_samples
 from scipy.spatial.transform import Rotation
-from synthetic import flight as circling
-from synthetic import solution as made_up
+from synthetic import flight as circling, solution as made_up
 
 import strapdown as sd
 from strapdown.data import DataError

@@ -12,8 +12,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown.core import loop
 from strapdown.data import BRIDGED, INVALID, Aiding, DataError
-from strapdown.engine import prepare as preparation
-from strapdown.engine import result
+from strapdown.engine import prepare as preparation, result
 from strapdown.sensor_models.imu import grades
 from strapdown.sim.trajectory import DEG
 

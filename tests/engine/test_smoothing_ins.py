@@ -14,8 +14,7 @@ import strapdown as sd
 from strapdown.aiding.pressure import BAROMETER_BIAS
 from strapdown.core.contract import Imu, Noise
 from strapdown.data import Aiding
-from strapdown.engine import prepare as preparation
-from strapdown.engine import smoothing
+from strapdown.engine import prepare as preparation, smoothing
 from strapdown.recording import Recording
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad

@@ -18,13 +18,13 @@ from strapdown.flight.autopilot_gains import gains, pilot_array
 from strapdown.flight.fly import fly
 from strapdown.flight.plan import (
     DEFAULT_PLACE,
+    RAD_PER_DEG as DEG,
     FlightPlan,
     flight_plan,
     route,
     straight,
     turning,
 )
-from strapdown.flight.plan import RAD_PER_DEG as DEG
 
 G = 9.81
 CALM = (0.0, 0.0, 0.0)

@@ -3,8 +3,7 @@
 import pytest
 
 from strapdown.data import DataError
-from strapdown.flight.plan import RAD_PER_DEG as DEG
-from strapdown.flight.plan import FlightPlan, flight_plan
+from strapdown.flight.plan import RAD_PER_DEG as DEG, FlightPlan, flight_plan
 
 PLAN = """name = "field"
 place = { latitude_deg = 47.63, longitude_deg = 9.35, height_m = 480 }

@@ -14,8 +14,7 @@ from strapdown.data import DataError
 from strapdown.filters import find
 from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.fly import LOG, fly
-from strapdown.flight.plan import DEFAULT_PLACE, FlightPlan, straight, turning
-from strapdown.flight.plan import RAD_PER_DEG as DEG
+from strapdown.flight.plan import DEFAULT_PLACE, RAD_PER_DEG as DEG, FlightPlan, straight, turning
 from strapdown.flight.sensor_errors import barometer_errors, outage_windows
 from strapdown.geodesy import displacement
 from strapdown.sensor_models.barometer import Barometer

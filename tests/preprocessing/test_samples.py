@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from strapdown.data import DataError
 from strapdown.preprocessing.imu_samples import LATE, imu_from_arrays, increments

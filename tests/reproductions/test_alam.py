@@ -13,9 +13,14 @@ from strapdown.data import DataError, Solution, Trajectory
 from strapdown.evaluation.metrics import Errors
 from strapdown.sim.scenario import scenario
 from strapdown.sim.synthesis import Simulator
-from strapdown_reproductions.alam import convergence, on_recordings, table1, write_docs
-from strapdown_reproductions.alam import main as alam
-from strapdown_reproductions.alam import runs as alam_runs
+from strapdown_reproductions.alam import (
+    convergence,
+    main as alam,
+    on_recordings,
+    runs as alam_runs,
+    table1,
+    write_docs,
+)
 from strapdown_reproductions.alam.convergence import Case
 from strapdown_reproductions.alam.runs import ASTRAY, CLOSED, EKF, MEASURES, NLO, XKF, Variant
 from strapdown_reproductions.common import paired_ratios

@@ -14,9 +14,13 @@ from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
 from strapdown.recording import Recording
 from strapdown_reproductions.common.pages import COLOURS
-from strapdown_reproductions.fossen import cases as fossen_cases
-from strapdown_reproductions.fossen import main, signals, write_docs
-from strapdown_reproductions.fossen import runs as fossen_runs
+from strapdown_reproductions.fossen import (
+    cases as fossen_cases,
+    main,
+    runs as fossen_runs,
+    signals,
+    write_docs,
+)
 from strapdown_reproductions.fossen.cases import (
     AHRS,
     CASES,

@@ -21,9 +21,13 @@ from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.scenario import Scenario
 from strapdown.sim.trajectory import demo_flight
 from strapdown_reproductions.common.pages import COLOURS, claim, finding, write_page
-from strapdown_reproductions.hager_bryne import ablations, main, write_docs
-from strapdown_reproductions.hager_bryne import claims as hager_bryne_claims
-from strapdown_reproductions.hager_bryne import drift as hager_bryne_drift
+from strapdown_reproductions.hager_bryne import (
+    ablations,
+    claims as hager_bryne_claims,
+    drift as hager_bryne_drift,
+    main,
+    write_docs,
+)
 from strapdown_reproductions.hager_bryne.cells import (
     RESOLVED,
     Rows,

@@ -16,8 +16,13 @@ from strapdown.core.earth import RATE
 from strapdown.data import Aiding, DataError
 from strapdown.recording import Recording
 from strapdown_reproductions.common.pages import claim
-from strapdown_reproductions.recordings import cases, drift, main, write_docs
-from strapdown_reproductions.recordings import table as recordings_table
+from strapdown_reproductions.recordings import (
+    cases,
+    drift,
+    main,
+    table as recordings_table,
+    write_docs,
+)
 from strapdown_reproductions.recordings.cases import Case
 from strapdown_reproductions.recordings.table import COUNTS, FIGURES
 

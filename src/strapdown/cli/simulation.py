@@ -266,7 +266,7 @@ def reproduce(
             scheduler=scheduler,
             recordings=recordings,
         ).items()
-        if value not in (None, False) and (key, value) != ("workers", 0)
+        if value is not None and value is not False and (key, value) != ("workers", 0)
     }
     takes = inspect.signature(run).parameters
     if foreign := [key for key in given if key not in takes]:

@@ -24,8 +24,7 @@ from typing import Any
 
 import llvmlite
 import numba
-from numba.core import compiler, serialize
-from numba.core import config as numba_config
+from numba.core import compiler, config as numba_config, serialize
 
 try:
     from fcntl import LOCK_EX, LOCK_NB, flock

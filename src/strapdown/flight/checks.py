@@ -10,8 +10,7 @@ import numpy as np
 from ..core.contract import Filter, Noise
 from ..data import Aiding, DataError
 from ..engine.prepare import check_needs, found, positioned
-from ..filters import find as find_filter
-from ..filters import names as find_names
+from ..filters import find as find_filter, names as find_names
 from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
 from ..sensor_models.datasheet_units import real
 from ..sensor_models.gnss import Gnss

@@ -28,8 +28,8 @@ from ..core.earth import radii
 from ..core.jit import COMPILED, caller, helper, inlined, kernel, matrix
 from ..core.rotation import matrix_to_quaternion, turned, wrap
 from ..typing import Array, Ints
-from .aircraft.dynamics import AIRSPEED as AIR_SPEED
 from .aircraft.dynamics import (
+    AIRSPEED as AIR_SPEED,
     ALPHA,
     CONTROLS,
     EVALUATE_SIGNATURE,

@@ -29,11 +29,15 @@ from ..typing import Array, File, Progress, Say
 from . import flight_loop as kernels
 from .aircraft.dynamics import AIRSPEED, evaluate, step
 from .aircraft.modes import check_step, linearise
-from .aircraft.parameters import GRAVITY, LATITUDE_RATE, LONGITUDE_RATE, Aircraft
-from .aircraft.parameters import aircraft as find_aircraft
+from .aircraft.parameters import (
+    GRAVITY,
+    LATITUDE_RATE,
+    LONGITUDE_RATE,
+    Aircraft,
+    aircraft as find_aircraft,
+)
 from .aircraft.trim import Trim, trim
-from .aircraft.wind import NORMALS, SD_U, begin, gust
-from .aircraft.wind import turbulence as gusts
+from .aircraft.wind import NORMALS, SD_U, begin, gust, turbulence as gusts
 from .autopilot import KIND, LINE_KIND, MEMORY_SIZE, RISE, SPEED
 from .autopilot_gains import Gains, gains, pilot_array
 from .checks import Request, check, check_sensors, checked_filter, checked_windows, handed, times

@@ -13,8 +13,7 @@ from ..sim.jsbsim import FOOT, STATE_PROPERTIES, STATE_UNITS, begin, quaternions
 from ..sim.trajectory import EARTH_RATE
 from ..typing import Array, ArrayLike, File
 from .aircraft.dynamics import checked_state
-from .aircraft.parameters import Aircraft, checked_array
-from .aircraft.parameters import aircraft as find
+from .aircraft.parameters import Aircraft, aircraft as find, checked_array
 from .jsbsim_definition import CONTROLS, jsbsim_definition
 
 INTEGRATORS = {

@@ -10,8 +10,7 @@ from ..data import DataError
 from ..files import replacing
 from ..sim.jsbsim import FOOT
 from ..typing import File
-from .aircraft.parameters import Aircraft
-from .aircraft.parameters import aircraft as find
+from .aircraft.parameters import Aircraft, aircraft as find
 
 SLUG, POUND = 14.593902937206364, 4.4482216152605
 """kg, N."""

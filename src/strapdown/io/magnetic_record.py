@@ -12,8 +12,7 @@ from ..data import Aiding, DataError
 from ..geodesy import STANDARD_GRAVITY
 from ..preprocessing.axes import named_permutation, signed_permutations
 from ..preprocessing.origin import Origin, counted
-from ..preprocessing.stuck import STUCK_TIME, STUCK_TURN, stuck
-from ..preprocessing.stuck import turned as turned_by
+from ..preprocessing.stuck import STUCK_TIME, STUCK_TURN, stuck, turned as turned_by
 from ..typing import Array, ArrayLike, Mask
 
 LEAST_LEVELS, PILE, TIMES = 20, 0.01, 5

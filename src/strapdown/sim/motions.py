@@ -18,8 +18,7 @@ from numpy.polynomial import Chebyshev
 from ..data import DataError
 from ..typing import Array
 from .analytic import Numbers, Profile, Times, arctangent, cosine, lifted, sine, waves
-from .trajectory import DEG, Motion, radii, ramp, ramp_rate
-from .trajectory import static as _static
+from .trajectory import DEG, Motion, radii, ramp, ramp_rate, static as _static
 
 G = 9.80665
 LEG_KEYS = ("duration", "turn", "bank", "speed", "climb", "gradient", "repeat", "legs")

@@ -11,8 +11,7 @@ from plain_sigma_points import uncompiled
 from scipy.special import logsumexp
 from scipy.stats import chi2, kstest
 
-from strapdown.filters.particle import mixture as compiled_mixture
-from strapdown.filters.particle import threefry as counter_random
+from strapdown.filters.particle import mixture as compiled_mixture, threefry as counter_random
 from strapdown.filters.particle.mixture import MOST_COMPONENTS, begin, kernel_width, silverman
 from strapdown.filters.particle.threefry import COUNTER, new_stream, normal_rows
 

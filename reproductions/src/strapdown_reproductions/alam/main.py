@@ -18,9 +18,7 @@ from strapdown.typing import File, Progress, Say
 from ..common import markdown
 from ..common.pages import write_page
 from ..common.paired_ratios import ratio
-from . import choices, convergence, on_recordings, table1
-from . import claims as alam_claims
-from . import runs as alam_runs
+from . import choices, claims as alam_claims, convergence, on_recordings, runs as alam_runs, table1
 from .figures import all_figures
 from .on_recordings import Recorded
 from .runs import ABLATIONS, EKF_NO_COURSE, FILTERS, MEASURES, XKF_NO_COURSE, Results

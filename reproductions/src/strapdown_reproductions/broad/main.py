@@ -26,8 +26,7 @@ from strapdown.recording import Recording
 from strapdown.typing import Array, File, Mask, Say
 
 from ..common.pages import claim, write_page
-from . import figures as broad_figures
-from . import write_docs
+from . import figures as broad_figures, write_docs
 from .peers import PEERS, installed
 from .trials import Run, Trial
 

@@ -23,8 +23,7 @@ from strapdown.reports.drawing import (
 )
 from strapdown.typing import Array
 
-from . import intro as fossen_intro
-from . import signals
+from . import intro as fossen_intro, signals
 from .cases import ACCEL_BELOW, CHAPTER, GYRO_BELOW, RIGHT, Run
 from .claims import MEKF
 from .intro import FORMS, Kept

@@ -17,10 +17,13 @@ from strapdown.files import replacing
 from strapdown.typing import File, Progress
 
 from ..common.pages import write_page
-from . import choices, write_docs
-from . import claims as fossen_claims
-from . import intro as fossen_intro
-from . import runs as fossen_runs
+from . import (
+    choices,
+    claims as fossen_claims,
+    intro as fossen_intro,
+    runs as fossen_runs,
+    write_docs,
+)
 from .cases import CASES, FAST, LAST, Case
 from .figures import all_figures
 from .runs import Results

@@ -19,10 +19,13 @@ from strapdown.typing import File, Progress, Say
 
 from ..common.pages import write_page
 from ..common.verdicts import BETTER, RULE, interval
-from . import ablations as ablation
-from . import choices, write_docs
-from . import claims as hager_bryne_claims
-from . import drift as hager_bryne_drift
+from . import (
+    ablations as ablation,
+    choices,
+    claims as hager_bryne_claims,
+    drift as hager_bryne_drift,
+    write_docs,
+)
 from .cells import table
 from .figures import all_figures
 

@@ -16,10 +16,13 @@ from strapdown.typing import File, Progress
 
 from ..common import markdown
 from ..common.pages import write_page
-from . import cells, rules
-from . import choices as mollaei_choices
-from . import claims as mollaei_claims
-from . import runs as mollaei_runs
+from . import (
+    cells,
+    choices as mollaei_choices,
+    claims as mollaei_claims,
+    rules,
+    runs as mollaei_runs,
+)
 from .cells import E0, E1, E2, FULL, IMU, PKF, SIX, UKF, Case
 from .figures import all_figures
 from .metrics import FINAL

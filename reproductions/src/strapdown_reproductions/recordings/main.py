@@ -28,8 +28,7 @@ from strapdown.typing import File, Ints, Say
 
 from ..common.example_recordings import DESCRIPTIONS, FLIGHT, windows_of
 from ..common.pages import claim, write_page
-from . import calibrated_compass, drift, write_docs
-from . import table as recordings_table
+from . import calibrated_compass, drift, table as recordings_table, write_docs
 from .cases import LASER, cases
 
 FILTERS = ("closed-loop", "open-loop")

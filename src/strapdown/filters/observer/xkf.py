@@ -56,10 +56,8 @@ from ...core.rotation import rotation_between, wrap
 from ...typing import Array
 from . import nlo
 from .equations import EMBEDDED, advance, embedded, inject
-from .gains import configure as configure_observer
-from .gains import implant
-from .repeated_fix import FORGOTTEN, repeated
-from .repeated_fix import MEMORY as REMEMBERED
+from .gains import configure as configure_observer, implant
+from .repeated_fix import FORGOTTEN, MEMORY as REMEMBERED, repeated
 
 COLUMNS = (
     "observer_error_north [m]",

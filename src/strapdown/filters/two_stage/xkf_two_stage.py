@@ -44,10 +44,8 @@ from ...typing import Array
 from ..ahrs_aided.known_attitude import BEYOND, BEYOND_COLUMN, STEEP_PITCH, steep
 from ..observer import nlo
 from ..observer.equations import EMBEDDED, EXCITATION, XI, advance, embedded, inject
-from ..observer.gains import DEFAULTS, implant
-from ..observer.gains import configure as configure_observer
-from ..observer.repeated_fix import FORGOTTEN, repeated
-from ..observer.repeated_fix import MEMORY as REMEMBERED
+from ..observer.gains import DEFAULTS, configure as configure_observer, implant
+from ..observer.repeated_fix import FORGOTTEN, MEMORY as REMEMBERED, repeated
 from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, see, steer, used
 from .model import (
     DEVIATION,
@@ -58,6 +56,7 @@ from .model import (
     TOLD,
     USES,
     StageOptions,
+    configure as configure_model,
     doubt,
     from_angles,
     held,
@@ -69,7 +68,6 @@ from .model import (
     turn_attitude,
     turn_velocity,
 )
-from .model import configure as configure_model
 
 SHIFT, SAID = 2, 5
 COLUMNS = (

@@ -31,9 +31,9 @@ from .parameters import (
     LONGITUDE_RATE,
     MASS,
     Aircraft,
+    aircraft as find,
     checked_array,
 )
-from .parameters import aircraft as find
 
 LLA, VELOCITY, QUATERNION, OMEGA, CONTROLS, STATE_SIZE = 0, 3, 6, 10, 13, 17
 """State: lat, lon (rad), height (m) | v_n (m/s) | q_nb | omega_ib_b (rad/s) | positions of

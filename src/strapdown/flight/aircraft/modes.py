@@ -15,8 +15,7 @@ from ...data import DataError
 from ...sensor_models.datasheet_units import real
 from ...typing import Array, File
 from .dynamics import OUTPUTS, STATE_SIZE, evaluate, ready
-from .parameters import Aircraft
-from .parameters import aircraft as find
+from .parameters import Aircraft, aircraft as find
 from .trim import Trim, quaternion
 
 MODEL_STATES = ("u", "v", "w", "p", "q", "r", "roll", "pitch")

@@ -11,8 +11,7 @@ from ...data import DataError
 from ...sensor_models.datasheet_units import real
 from ...typing import Array, File
 from .dynamics import OUTPUTS, PROPELLER, STATE_SIZE, THRUST, evaluate, ready
-from .parameters import GRAVITY, Aircraft, checked_origin
-from .parameters import aircraft as find
+from .parameters import GRAVITY, Aircraft, aircraft as find, checked_origin
 
 SURFACES = ("elevator", "aileron", "rudder", "throttle")
 _ROUNDS, _ENOUGH = 60, 1e-9

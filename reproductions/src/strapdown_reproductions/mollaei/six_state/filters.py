@@ -11,9 +11,7 @@ from typing import Any
 from strapdown.core.contract import Filter
 from strapdown.filters.particle import pkf
 
-from . import kalman_filters as kalman
-from . import particle_filter as particles
-from . import sigma_point_filters as points
+from . import kalman_filters as kalman, particle_filter as particles, sigma_point_filters as points
 from .model import INPUTS, REPRODUCED, configure
 
 __all__ = ["RAW", "EKF6", "UKF6", "CKF6", "PKF6", "INPUTS", "REPRODUCED"]

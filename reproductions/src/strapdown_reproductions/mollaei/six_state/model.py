@@ -27,8 +27,8 @@ from strapdown.flight.aircraft.parameters import (
     MASS,
     SIZE,
     Aircraft,
+    aircraft as find_aircraft,
 )
-from strapdown.flight.aircraft.parameters import aircraft as find_aircraft
 from strapdown.typing import Array, File
 
 INPUTS = 8

@@ -13,6 +13,7 @@ from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, St
 from strapdown.core.jit import helper, matrix, plain
 from strapdown.filters.particle.mixture import (
     accumulate,
+    begin as begin_mixture,
     clear,
     effective,
     kernel_width,
@@ -22,7 +23,6 @@ from strapdown.filters.particle.mixture import (
     resample_size,
     weigh,
 )
-from strapdown.filters.particle.mixture import begin as begin_mixture
 from strapdown.filters.particle.threefry import STREAM
 from strapdown.flight.aircraft.parameters import Aircraft
 from strapdown.typing import Array, File
