@@ -3,18 +3,25 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test deep bench lint clean
+.PHONY: demo test compile deep bench lint clean
 
 demo: $(VENV)/installed
 	$(BIN)/strapdown demo --out report.html
 
-test: $(VENV)/installed-test lint
+test: $(VENV)/installed-test
+	$(MAKE) --no-print-directory -j2 lint compile
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not deep"
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m "short and not deep" $(KERNEL_TESTS)
+
+# Where code differs without the compiler; `make deep` runs all short tests without it.
+KERNEL_TESTS := tests/core tests/aiding tests/filters tests/evaluation
+
+compile: $(VENV)/installed-test
 	$(BIN)/python tests/compile_all.py
-	$(BIN)/python -m pytest -n 2 -m "not deep"
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 2 -m "short and not deep"
 
 # What is slow and rarely red. Writes its result to tests/deep.txt, which is committed.
 deep: $(VENV)/installed-test
+	$(BIN)/python tests/compile_all.py --deep
 	$(BIN)/python tests/deep.py
 
 lint: $(VENV)/installed-test

@@ -1,5 +1,6 @@
-"""Compile every kernel into the cache, on all cores, before the tests run: each of their
-processes would compile what it needs by itself."""
+"""Compile every kernel of the library into the cache, on all cores, before the tests run: each of
+their processes would compile what it needs by itself. With `--deep` also those of the reproductions.
+"""
 
 import importlib
 import os
@@ -18,9 +19,9 @@ SLOW = ("xkf", "two_stage", "ins_sigma_points", "pkf", "six_state", "ekf")
 them is left over for one core at the end."""
 
 
-def modules():
-    """Names of all modules that declare kernels."""
-    for package in (strapdown, strapdown_reproductions):
+def modules(packages):
+    """Names of all modules of these packages that declare kernels."""
+    for package in packages:
         root = Path(package.__file__).parent
         for file in sorted(root.rglob("*.py")):
             if re.search(r"^@kernel\b", file.read_text(encoding="utf-8"), re.MULTILINE):
@@ -29,11 +30,11 @@ def modules():
                 ).removesuffix(".__init__")
 
 
-def kernels():
+def kernels(packages=(strapdown, strapdown_reproductions)):
     """(module, name) of every kernel, in the order in which to compile them."""
     found = [
         (module, name)
-        for module in modules()
+        for module in modules(packages)
         for name, value in vars(importlib.import_module(module)).items()
         if hasattr(value, "signature")
         and hasattr(value, "py_func")
@@ -48,7 +49,8 @@ def compiled(place):
 
 
 if __name__ == "__main__" and jit.COMPILED and kernel_cache.folder():
-    begin, places = time.perf_counter(), kernels()
+    packages = (strapdown, strapdown_reproductions) if "--deep" in sys.argv else (strapdown,)
+    begin, places = time.perf_counter(), kernels(packages)
     with get_context("spawn").Pool(os.cpu_count()) as pool:
         new = sum(pool.imap_unordered(compiled, places))
     print(

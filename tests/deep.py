@@ -16,14 +16,25 @@ HERE = Path(__file__).resolve().parent
 
 
 def main() -> int:
-    """The deep tests compiled, then those of them that are short without the compiler."""
+    """The deep tests compiled, then all short tests without the compiler."""
     lines, failed = [f"make deep, {date.today().isoformat()}"], 0
     lines += [
         f"Python {platform.python_version()}, numba {numba.__version__}, numpy {numpy.__version__}, {os.cpu_count()} cores"
     ]
-    for marks, off in (("deep", ""), ("deep and short", "1")):
+    for marks, off in (("deep", ""), ("short", "1")):
         begin = time.perf_counter()
-        command = [sys.executable, "-m", "pytest", "-n", "2", "-m", marks, "--durations=10"]
+        command = [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-n",
+            "2",
+            "--dist",
+            "worksteal",
+            "-m",
+            marks,
+            "--durations=10",
+        ]
         environment = os.environ | ({"NUMBA_DISABLE_JIT": off} if off else {})
         done = subprocess.run(
             command, cwd=HERE.parent, env=environment, capture_output=True, text=True

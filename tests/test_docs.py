@@ -112,8 +112,18 @@ def with_marks(pages):
     ]
 
 
-LONG = ("attitude-broad.md", "allan.md", "flight.md", "exogenous.md")
-"""Pages whose examples take more than ten seconds; what they show has tests of its own."""
+LONG = (
+    *("attitude-broad.md", "allan.md", "flight.md", "exogenous.md", "fuse.md", "simulate.md"),
+    *(
+        "advise.md",
+        "fossen.md",
+        "smoothing.md",
+        "outages.md",
+        "compare.md",
+        "open-or-closed-loop.md",
+    ),
+)
+"""Pages whose examples take more than five seconds; what they show has tests of its own."""
 WITH_DATA = [page for page in PAGES if any(block.needs_data for block in executable(page))]
 WITH_EXAMPLES = [
     page

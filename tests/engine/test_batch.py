@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown.core import loop
 from strapdown.data import BRIDGED, INVALID, Aiding, DataError
-from strapdown.engine import prepare as preparation, result
+from strapdown.engine import finish, prepare as preparation
 from strapdown.sensor_models.imu import grades
 from strapdown.sim.trajectory import DEG
 
@@ -377,7 +377,7 @@ def test_a_lifted_gate_is_one_event_until_it_holds_again():
     ]
     used = np.zeros((len(uses), loop.FIX_WIDTH))
     used[:, loop.F_T], used[:, loop.F_USE] = np.arange(len(uses)), uses
-    assert [t for t, _ in result._events(recording.imu, 200, begin, used, ["a"], "held")] == [
+    assert [t for t, _ in finish._events(recording.imu, 200, begin, used, ["a"], "held")] == [
         1.0,
         7.0,
     ]
@@ -410,7 +410,7 @@ L, R, P, U = loop.REACQUIRED, loop.REJECTED_FIX, loop.ACCEPTED, loop.UNMEASURED
 def test_a_source_is_left_out_where_lifting_did_not_help(uses, lifted, in_vain):
     own = np.zeros((len(uses), loop.FIX_WIDTH))
     own[:, loop.F_T], own[:, loop.F_USE] = np.arange(len(uses)), uses
-    events = result._lifted(own, "a")
+    events = finish._lifted(own, "a")
     assert [t for t, text in events if "gate lifted" in text] == lifted and [
         t for t, text in events if "did not help" in text
     ] == in_vain
@@ -424,7 +424,7 @@ def test_many_lifts_of_a_long_record_take_no_time():
         own[lift::400, loop.F_USE] = L
     own[300::400, loop.F_USE] = P
     begin = perf_counter()
-    assert len(result._lifted(own, "a")) == 3000
+    assert len(finish._lifted(own, "a")) == 3000
     assert perf_counter() - begin < 0.5
 
 

@@ -127,7 +127,7 @@ def test_as_rauch_tung_and_striebel(short, seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.slow
+@pytest.mark.deep
 def test_as_least_squares_over_the_whole_log(short, seed):
     """The nonlinear one; it also knows that the gyro bias turns the specific force within a
     sample, which the filter leaves out."""
@@ -169,7 +169,7 @@ def nees(flight, seed):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_smoothed_covariances_are_honest():
     flight = Turning(3000, 50)
     with ThreadPoolExecutor(2) as pool:

@@ -21,8 +21,6 @@ from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.synthesis import draw_start
 from strapdown.sim.trajectory import DEG, Motion, increments, sample
 
-pytestmark = pytest.mark.slow
-
 SEEDS, DURATION, RATE = 100, 600, 50
 BAND = 0.930, 1.073
 """chi-square quantiles 2.5 % and 97.5 % of 1500 degrees of freedom over 1500: of the mean of
@@ -119,6 +117,23 @@ FILTERS = [
 ]
 """Name, options, IMU, sd of the initial attitude (rad) and, where there is an AHRS with white
 errors, its records per second."""
+
+
+def line_name(line):
+    """How a line of FILTERS is called in the name of its test."""
+    return ", ".join([line[0], line[2].name, *(f"AHRS at {rate} Hz" for rate in line[4:])])
+
+
+def with_marks(lines, quick):
+    """The lines as parameters of a test; all but the first of each filter in `quick` are deep."""
+    left = list(quick)
+    found = []
+    for line in lines:
+        deep = line[0] not in left
+        if not deep:
+            left.remove(line[0])
+        found.append(pytest.param(line, marks=[pytest.mark.deep] * deep, id=line_name(line)))
+    return found
 
 
 LESS = {"ukf": (DURATION, 20), "pkf": (180, RATE)}
@@ -219,11 +234,7 @@ def share_inside(nees):
 
 
 @pytest.mark.parametrize(
-    "line",
-    FILTERS,
-    ids=lambda line: ", ".join(
-        [line[0], line[2].name, *(f"AHRS at {rate} Hz" for rate in line[4:])]
-    ),
+    "line", with_marks(FILTERS, ["closed-loop", "mekf", "open-loop", "direct-ahrs"])
 )
 def test_errors_are_as_large_as_the_covariance_says(flight, line):
     duration, rate = LESS.get(line[0], (DURATION, RATE))
@@ -242,6 +253,7 @@ def test_errors_are_as_large_as_the_covariance_says(flight, line):
         assert np.abs(correlation).max() < 4 / np.sqrt(settled[..., 0].size)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("name", ["direct-ahrs", "indirect-ahrs-closed", "indirect-ahrs-open"])
 def test_an_ahrs_whose_errors_last_is_not_believed_too_much_where_the_filter_is_told(flight, name):
     """With `correlation` the covariance is at least as large as the errors; without it the
@@ -256,6 +268,7 @@ def test_an_ahrs_whose_errors_last_is_not_believed_too_much_where_the_filter_is_
     assert 0.5 < told < 1.05 and untold > 3
 
 
+@pytest.mark.deep
 def test_the_band_tells_a_wrong_covariance(flight):
     for told in (0.7, 1.4):
         assert share_inside(runs(flight, FILTERS[0], told=told)[0]) < 0.8

@@ -139,7 +139,7 @@ def test_the_bias_of_a_barometer_is_found(flight, name):
     assert solution.covariance is None and solution.trajectory.sd.shape[1] == STATES
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("name", ["closed-loop", "open-loop"])
 @pytest.mark.parametrize("quantity", ["pressure", "height"])
 def test_the_sixteenth_state_errs_as_its_variance_says(flight, name, quantity):

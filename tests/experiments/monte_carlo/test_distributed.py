@@ -51,6 +51,7 @@ def classes_travel_by_value():
     cloudpickle.unregister_pickle_by_value(sys.modules[__name__])
 
 
+@pytest.mark.deep
 def test_a_run_that_kills_its_worker_is_quarantined_and_the_others_stay(tmp_path):
     said = []
     found = study(imus=spec(Deadly), runs=6).run(tmp_path / "deadly", workers=1, say=said.append)

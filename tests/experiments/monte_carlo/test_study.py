@@ -250,6 +250,7 @@ study(runs={runs}).run({out!r}, threads=1)
 """
 
 
+@pytest.mark.deep
 @pytest.mark.skipif(not COMPILED, reason="a process without the compiler is too slow")
 def test_a_killed_process_loses_chunks_in_work_only_and_the_rest_goes_on_to_the_same_result(
     tmp_path,

@@ -96,7 +96,7 @@ def share_inside(nees):
     return np.mean((mean > BAND[0]) & (mean < BAND[1]))
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("spec", [WALK, MARKOV], ids=lambda spec: spec.name)
 def test_errors_are_as_large_as_the_covariance_says(hand, spec):
     nees, nis = runs(hand, spec)
@@ -105,7 +105,7 @@ def test_errors_are_as_large_as_the_covariance_says(hand, spec):
     assert nis[:, RATE:].mean() == pytest.approx(1, abs=3.5 * np.sqrt(2 / nis[:, RATE:].size))
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_the_band_tells_a_wrong_covariance(hand):
     for told in (0.7, 1.4):
         assert share_inside(runs(hand, WALK, told=told)[0]) < 0.5

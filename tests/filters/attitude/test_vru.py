@@ -263,7 +263,7 @@ def classical_heave(recording, corner):
     return signal.lfilter(*signal.bilinear([1, 0, 0], denominator, 1 / imu.dt[0]), up)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_heave_in_a_swell(swell):
     """20 seeds. The bounds are a third above what was measured: 0.084 m of 0.76 m, by the mean
     level of the start 0.081 m.
@@ -301,7 +301,7 @@ def test_heave_in_a_swell(swell):
     assert rms(position) < rms(np.array(found["classical"]), axis=0).min()
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_heave_by_pressure(swell):
     """20 seeds: between ten seconds better than the barometer, whose weather stays; with the sea
     the bias of the barometer is found too."""
@@ -386,7 +386,7 @@ def share_inside(nees):
     return np.mean((mean > BAND[0]) & (mean < BAND[1]))
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_vertical_errors_are_as_large_as_the_covariance_says():
     nees = vertical_nees(range(SEEDS))
     assert nees.shape == (SEEDS, DURATION) and share_inside(nees) >= INSIDE

@@ -158,6 +158,7 @@ def wandering(size, seed=5):
     return [plus(truth, x) for truth, x in zip(world()[2], slow)]
 
 
+@pytest.mark.deep
 def test_around_the_truth_it_is_the_linear_kalman_filter():
     """No composition, no mismatch: x <- Phi x and x <- x + K (e - H x) alone."""
     for belief, oracle, nis in together(world()[2], mismatch=False):

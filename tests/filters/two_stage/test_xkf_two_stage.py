@@ -92,6 +92,7 @@ def trajectories():
 
 
 @pytest.mark.short
+@pytest.mark.deep
 @pytest.mark.parametrize("name", ["truth", "wild"])
 def test_about_a_given_trajectory_it_is_the_linear_kalman_filter(name):
     """In particular when that is the truth, as Johansen & Fossen say. Of the same model and

@@ -1,0 +1,15 @@
+"""Tests of reproductions that take more than a few thousand filter steps are deep: they run whole
+studies, and go red where a test of the library does."""
+
+import pytest
+
+QUICK = ("test_alam.py", "test_fossen_intro.py", "test_errata_fossen.py")
+"""Files whose every test takes a second or two: `make test` runs one whole reproduction."""
+
+
+def pytest_collection_modifyitems(items):
+    """What is not marked short is deep."""
+    for item in items:
+        if "reproductions" in item.path.parts and item.path.name not in QUICK:
+            if not item.get_closest_marker("short"):
+                item.add_marker(pytest.mark.deep)
