@@ -2,7 +2,14 @@
 filters holds here too, for those that can be smoothed."""
 
 import pytest
-from test_consistency import FILTERS, INSIDE, runs, share_inside, with_marks
+from test_consistency import (
+    FILTERS,
+    INSIDE,
+    flight,  # noqa: F401, a fixture
+    runs,
+    share_inside,
+    with_marks,
+)
 
 import strapdown as sd
 from strapdown import filters

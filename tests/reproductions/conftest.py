@@ -8,8 +8,9 @@ QUICK = ("test_alam.py", "test_fossen_intro.py", "test_errata_fossen.py")
 
 
 def pytest_collection_modifyitems(items):
-    """What is not marked short is deep."""
+    """What is not marked short is deep, and what needs the kernels of a reproduction."""
     for item in items:
         if "reproductions" in item.path.parts and item.path.name not in QUICK:
-            if not item.get_closest_marker("short"):
+            own_kernels = item.path.name.startswith("test_mollaei_six")
+            if own_kernels or not item.get_closest_marker("short"):
                 item.add_marker(pytest.mark.deep)

@@ -165,6 +165,7 @@ def test_around_the_truth_it_is_the_linear_kalman_filter():
         assert_equal(belief, oracle, nis, 1e-9)
 
 
+@pytest.mark.deep
 def test_around_any_trajectory_it_is_the_affine_filter():
     """And the belief is what lies off the trajectory by the errors, its attitude but for what is
     cut of their composition."""
