@@ -116,7 +116,8 @@ def shipped(kind: str, package: str, others: bool = True) -> dict[str, Traversab
             folder = files(place).joinpath(kind)
         except ImportError as error:
             raise DataError(
-                f"the installed package {place} should bring {kind}, and cannot be imported ({error}); install it again"
+                f"the installed package {place} should bring {kind}, and cannot be imported "
+                f"({error}); install it again"
             ) from None
         if folder.is_dir():
             own = {

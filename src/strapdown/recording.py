@@ -68,7 +68,8 @@ class Recording:
         missing = [name for names in axes for name in names if name not in imu.columns]
         if missing:
             raise DataError(
-                f"IMU table: column {missing[0]!r} is missing; it has {', '.join(map(str, imu.columns))}"
+                f"IMU table: column {missing[0]!r} is missing; it has "
+                f"{', '.join(map(str, imu.columns))}"
             )
         gyro, accel = (imu[names].to_numpy(float) for names in axes)
         return cls.from_arrays(
@@ -91,7 +92,8 @@ class Recording:
         first, last = np.searchsorted(self.imu.t, [start, stop], side="right")
         if last - first < 2:
             raise DataError(
-                f"no IMU samples between {start:g} and {stop:g} s; the recording covers {self.span[0]:.3f} to {self.span[1]:.3f} s"
+                f"no IMU samples between {start:g} and {stop:g} s; the recording covers "
+                f"{self.span[0]:.3f} to {self.span[1]:.3f} s"
             )
         return replace(
             self,

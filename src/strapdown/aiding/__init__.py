@@ -41,6 +41,7 @@ def find(name: str) -> Measurement:
     if name not in measurements():
         near = get_close_matches(str(name), names(), 1)
         raise ValueError(
-            f"no aiding is of kind {name!r}; {f'did you mean {near[0]!r}? ' if near else ''}there are: {', '.join(names())}"
+            f"no aiding is of kind {name!r}; {f'did you mean {near[0]!r}? ' if near else ''}there "
+            f"are: {', '.join(names())}"
         )
     return measurements()[name]

@@ -72,7 +72,8 @@ def align(
     """
     if at is not None and not recording.span[0] <= at < recording.span[1]:
         raise DataError(
-            f"cannot start at {at:g} s; the IMU record covers {recording.span[0]:.3f} to {recording.span[1]:.3f} s"
+            f"cannot start at {at:g} s; the IMU record covers {recording.span[0]:.3f} to "
+            f"{recording.span[1]:.3f} s"
         )
     given = None if heading is None else Found(float(heading), float(heading_sd), "heading given")
     if not position:
@@ -176,7 +177,8 @@ def _attitude_start(
     record = _recorded(recording, t, bg)
     if force.off > WEIGHTLESS and not record:
         raise DataError(
-            f"cannot level: the mean specific force at {t:.2f} s is {np.linalg.norm(force.f):.3g} m/s^2, far from gravity; "
+            f"cannot level: the mean specific force at {t:.2f} s is {np.linalg.norm(force.f):.3g} "
+            f"m/s^2, far from gravity; "
             "start elsewhere, or give start= (in Python)"
         )
     levelled: Level

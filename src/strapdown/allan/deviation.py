@@ -180,15 +180,18 @@ def allan(imu: Imu, gauss_markov: bool = False) -> Allan:
     n, dt = len(imu.t), float(np.median(imu.dt)) if len(imu.t) else 0.0
     if n < FEWEST:
         raise DataError(
-            f"{n} IMU samples are too few for an Allan deviation; it needs {FEWEST}, and minutes of them to see more than white noise"
+            f"{n} IMU samples are too few for an Allan deviation; it needs {FEWEST}, and minutes of "
+            f"them to see more than white noise"
         )
     if gap := first_gap(imu):
         raise DataError(
-            f"the IMU samples have a gap after {imu.t[gap - 1]:.3f} s; choose a stretch without one (--from, --to)"
+            f"the IMU samples have a gap after {imu.t[gap - 1]:.3f} s; choose a stretch without one "
+            f"(--from, --to)"
         )
     if np.abs(imu.dt - dt).max() > JITTER * dt:
         raise DataError(
-            f"the IMU intervals vary from {imu.dt.min():.6g} to {imu.dt.max():.6g} s; an Allan deviation needs a constant rate"
+            f"the IMU intervals vary from {imu.dt.min():.6g} to {imu.dt.max():.6g} s; an Allan "
+            f"deviation needs a constant rate"
         )
     dt = float((imu.t[-1] - imu.t[0]) / (n - 1))
     sizes = cluster_sizes(n)

@@ -147,7 +147,8 @@ def longest(imu: Imu) -> tuple[Imu, list[str]]:
     best = int(np.argmax(np.diff(edges)))
     found = Imu(*(column[edges[best] : edges[best + 1]] for column in imu))
     return found, [
-        f"{len(edges) - 2} gaps: the longest stretch without one is used, {found.t[0] - found.dt[0]:.2f} to {found.t[-1]:.2f} s"
+        f"{len(edges) - 2} gaps: the longest stretch without one is used, "
+        f"{found.t[0] - found.dt[0]:.2f} to {found.t[-1]:.2f} s"
     ]
 
 
@@ -163,7 +164,8 @@ def _motion(imu: Imu) -> list[str]:
     still, slow = at_rest(coarse, window=4 * AVERAGING_TIME), _slow_motion(coarse)
     if still.mean() >= 0.5 and slow >= 0.5:
         raise DataError(
-            f"the IMU turns or accelerates in {100 * slow:.0f} % of its stretches of {_slow_stretch(n) * width * np.median(imu.dt):.0f} s: "
+            f"the IMU turns or accelerates in {100 * slow:.0f} % of its stretches of "
+            f"{_slow_stretch(n) * width * np.median(imu.dt):.0f} s: "
             "an Allan deviation needs it at rest; choose a stretch with --from and --to"
         )
     if still.mean() >= 0.99:
@@ -180,7 +182,8 @@ def _motion(imu: Imu) -> list[str]:
             f"{moves}: an Allan deviation needs it at rest; choose a stretch with --from and --to"
         )
     return [
-        f"{moves}, and the Allan deviation shows the motion too; choose a stretch with --from and --to"
+        f"{moves}, and the Allan deviation shows the motion too; choose a stretch with --from and "
+        f"--to"
     ]
 
 
@@ -225,8 +228,10 @@ def _misfit(sensor: Sensor) -> list[str]:
     )
     missed = ", ".join(f"{axis} {100 * curve.fit.misfit:.0f} %" for axis, curve in poor)
     return [
-        f"{sensor.name}: the fitted curves miss the estimates ({missed} rms): the record holds more than the terms of the model, such as vibration or "
-        f"rocking, and its coefficients are not those of the sensor. Its white noise is at most {most} {SHEET[si]}"
+        f"{sensor.name}: the fitted curves miss the estimates ({missed} rms): the record holds more "
+        f"than the terms of the model, such as vibration or "
+        f"rocking, and its coefficients are not those of the sensor. Its white noise is at most "
+        f"{most} {SHEET[si]}"
     ]
 
 
@@ -313,7 +318,8 @@ def figure(sensor: Sensor, suggested: tuple[str, Triad] | None = None) -> go.Fig
     )
     note(
         drawn,
-        "Shaded: bounds that hold the true deviation with 68 % probability. Dotted: the terms found in the mean of the three axes.",
+        "Shaded: bounds that hold the true deviation with 68 % probability. Dotted: the terms found "
+        "in the mean of the three axes.",
     )
     return drawn
 
@@ -344,7 +350,8 @@ def _slopes(drawn: go.Figure, sensor: Sensor, si: str, low: float, high: float) 
         drawn.add_annotation(
             x=np.log10(tau[at]),
             y=np.log10(y[at]),
-            text=f"{name} {_number(in_units(sensor.triad.fit.value[name], unit))} {SHEET[unit]}{slope}",
+            text=f"{name} {_number(in_units(sensor.triad.fit.value[name], unit))} "
+            f"{SHEET[unit]}{slope}",
             showarrow=False,
             yshift=2,
             xanchor="left" if place < 0.5 else "right",
@@ -409,7 +416,8 @@ def _table(analysis: Analysis) -> str:
         for row in analysis.rows
     )
     caption = (
-        "Units of datasheets; “triad” is fitted to the mean variance of the three axes and “sd” its standard error. "
+        "Units of datasheets; “triad” is fitted to the mean variance of the three axes and “sd” its "
+        "standard error. "
         "“<” precedes what a coefficient would have to exceed to be told from zero."
     )
     return f"<div class=scroll><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div><p class=caption>{caption}</p>"

@@ -51,7 +51,8 @@ def suggest(result: Allan) -> Suggestion:
     best = min(factors, key=lambda name: factors[name])
     nearest = grade(best)
     text = (
-        f"Allan deviation of {result.duration:.0f} s at rest, mean of three axes; turn-on bias of the nearest grade, {best}, "
+        f"Allan deviation of {result.duration:.0f} s at rest, mean of three axes; turn-on bias of "
+        f"the nearest grade, {best}, "
         "since one record cannot show it"
     )
     spec = ImuSpec(

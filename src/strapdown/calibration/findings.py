@@ -108,7 +108,8 @@ class Result:
         DataError where it cannot be written."""
         count = counted(len(self.t), "rest" if self.form == "rests" else "sample")
         comments = [
-            f"{self.sensor} of {self.name or 'a recording'}, {self.t[0]:.1f} to {self.t[-1]:.1f} s, {count}, form {self.form!r}",
+            f"{self.sensor} of {self.name or 'a recording'}, {self.t[0]:.1f} to {self.t[-1]:.1f} s, "
+            f"{count}, form {self.form!r}",
             "corrected = matrix @ (raw - bias), axes of the columns",
             self.verdict,
         ]

@@ -67,7 +67,8 @@ def calibrate(
         return _accelerometer(part)
     if not sources:
         raise DataError(
-            f"{chosen}: the recording has no source of kind magnetic-field; name one in recording.toml, or calibrate the accelerometer"
+            f"{chosen}: the recording has no source of kind magnetic-field; name one in "
+            f"recording.toml, or calibrate the accelerometer"
         )
     named = sources if chosen == "magnetometer" else [a for a in sources if a.name == chosen]
     if not named:
@@ -77,7 +78,8 @@ def calibrate(
         raise DataError(f"sensor {chosen!r} is unknown; there is {', '.join(there)}")
     notes = (
         [
-            f"{len(named)} magnetometers: {named[0].name or named[0].kind!r} is calibrated; name another as sensor"
+            f"{len(named)} magnetometers: {named[0].name or named[0].kind!r} is calibrated; name "
+            f"another as sensor"
         ]
         if len(named) > 1
         else []
@@ -110,7 +112,8 @@ def _gravity(part: Recording) -> tuple[float, list[str]]:
     place = place_of(part.meta, part.aidings)
     if place is None:
         return STANDARD_GRAVITY, [
-            f"the place is not known: gravity is taken as {STANDARD_GRAVITY} m/s^2, which may be wrong by 0.3 %; give place"
+            f"the place is not known: gravity is taken as {STANDARD_GRAVITY} m/s^2, which may be "
+            f"wrong by 0.3 %; give place"
         ]
     return float(gravity(place.lla[0], place.lla[2])), []
 
@@ -120,7 +123,8 @@ def _magnetometer(part: Recording, source: Aiding, notes: list[str]) -> Calibrat
     strength, dip = _reference(source, columns)
     if strength is None:
         notes.append(
-            "the Earth's field is not known: the matrix keeps the typical strength of the sensor; give date and place, or field"
+            "the Earth's field is not known: the matrix keeps the typical strength of the sensor; "
+            "give date and place, or field"
         )
     keep, more = sound(
         source.t, source.y, part.imu, source.name or source.kind, Origin(source.name or source.kind)
@@ -163,11 +167,13 @@ def _form_notes(form: str, fit: Fit, gyro: Array | None, t: Array, size: float) 
         angle = np.arccos(np.clip((np.trace(U @ Vt) - 1) / 2, -1, 1))
         if angle > TURNED:
             notes.append(
-                f"the magnetometer is turned by {np.degrees(angle):.0f} deg against the IMU; the matrix turns it back, but check axes"
+                f"the magnetometer is turned by {np.degrees(angle):.0f} deg against the IMU; the "
+                f"matrix turns it back, but check axes"
             )
     else:
         notes = [
-            "form: ellipsoid, strength alone; how the magnetometer is turned against the IMU is not part of it"
+            "form: ellipsoid, strength alone; how the magnetometer is turned against the IMU is not "
+            "part of it"
         ]
     return notes
 
@@ -200,15 +206,18 @@ def _made(fitted: _Fitted, name: str) -> Calibration:
         notes.append(f"{out} of {len(t)} left out as outliers")
     if fit.held:
         notes.append(
-            f"no excitation: {', '.join(fit.held)} cannot be told from the bias and the others; left at identity"
+            f"no excitation: {', '.join(fit.held)} cannot be told from the bias and the others; "
+            f"left at identity"
         )
     if form == "rests" and len(t) <= 9 - len(fit.held):
         notes.append(
-            f"{len(t)} rests for {9 - len(fit.held)} parameters: the misfit is zero by construction; more orientations would tell"
+            f"{len(t)} rests for {9 - len(fit.held)} parameters: the misfit is zero by "
+            f"construction; more orientations would tell"
         )
     if after > WRONG_STRENGTH * strength:
         notes.append(
-            f"the strength still varies by {100 * after / strength:.0f} % rms: iron or currents that are not fixed to the sensor"
+            f"the strength still varies by {100 * after / strength:.0f} % rms: iron or currents "
+            f"that are not fixed to the sensor"
         )
     return Calibration(
         sensor,

@@ -94,13 +94,15 @@ def six_positions(found: Rests, gravity: float) -> Fit:
     directions that lack."""
     if len(found.t) < 3:
         raise DataError(
-            f"accelerometer: {len(found.t)} {'rest' if len(found.t) == 1 else 'rests'} of {BLOCKS_PER_REST * BLOCK_TIME:g} s and longer; a calibration needs six and more, "
+            f"accelerometer: {len(found.t)} {'rest' if len(found.t) == 1 else 'rests'} of "
+            f"{BLOCKS_PER_REST * BLOCK_TIME:g} s and longer; a calibration needs six and more, "
             "with each axis once up and once down"
         )
     fit = ellipsoid(found.force, gravity, found.sd)
     if fit.missing:
         raise DataError(
-            f"accelerometer: too few directions in {len(found.t)} rests: {lacking(coverage(found.force)[2], 'no rest with')}; "
+            f"accelerometer: too few directions in {len(found.t)} rests: "
+            f"{lacking(coverage(found.force)[2], 'no rest with')}; "
             "rest with each axis once up and once down"
         )
     return fit
@@ -122,7 +124,8 @@ def hard_and_soft_iron(
     static, turned = ellipsoid(y, size), turning(t, y, imu, size, dip)
     if turned is not None and not turned[0].held and np.linalg.det(turned[0].matrix) < 0:
         raise DataError(
-            "magnetometer: its axes are left-handed against those of the gyros: one column has the wrong sign; "
+            "magnetometer: its axes are left-handed against those of the gyros: one column has the "
+            "wrong sign; "
             "put it right in the table, or by scale"
         )
     fits = [(static, "ellipsoid", None)] + (
@@ -135,7 +138,8 @@ def hard_and_soft_iron(
     ]
     if not fits:
         raise DataError(
-            f"magnetometer: too few directions: {lacking(coverage(y[known] - static.bias)[2], 'no field along')}; "
+            f"magnetometer: too few directions: "
+            f"{lacking(coverage(y[known] - static.bias)[2], 'no field along')}; "
             "turn the sensor through all directions, upside down too"
         )
     determined = {"ellipsoid": 9, "turning": 12}
@@ -158,11 +162,13 @@ def _refuse_still(y: Array, strength: float | None) -> None:
     if (np.ptp(y, axis=0) == 0).any():
         axis = "xyz"[int(np.argmin(np.ptp(y, axis=0)))]
         raise DataError(
-            f"magnetometer: {axis} is constant: the sensor is stuck or was not turned; nothing can be calibrated"
+            f"magnetometer: {axis} is constant: the sensor is stuck or was not turned; nothing can "
+            f"be calibrated"
         )
     if strength is None and (change := typical(y)) < LEAST_CHANGE:
         raise DataError(
-            f"magnetometer: it changes by +-{change * 1e6:.2g} uT in its widest axis, and the Earth's field has 22 to 67 uT: "
+            f"magnetometer: it changes by +-{change * 1e6:.2g} uT in its widest axis, and the "
+            f"Earth's field has 22 to 67 uT: "
             "too few directions; turn the sensor through all directions, upside down too"
         )
 

@@ -96,7 +96,8 @@ def directions_figure(found: Result) -> go.Figure:
     drawn.update_yaxes(title_text="sine of elevation (−z)", range=[-1.02, 1.02])
     note(
         drawn,
-        f"Shaded: cells without a direction. {share:.0%} of {BANDS * SECTORS} cells of equal area hold one.",
+        f"Shaded: cells without a direction. {share:.0%} of {BANDS * SECTORS} cells of equal area "
+        f"hold one.",
     )
     return drawn
 
@@ -111,7 +112,8 @@ def misfit_figure(found: Result) -> go.Figure:
     drawn.update_xaxes(title_text="time [s]" if not zero else f"time since {zero:.0f} s [s]")
     note(
         drawn,
-        "Noise without a pattern is what is left of a good calibration; steps are iron or currents that came and went.",
+        "Noise without a pattern is what is left of a good calibration; steps are iron or currents "
+        "that came and went.",
     )
     return drawn
 

@@ -34,7 +34,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
-    help="Aided inertial navigation: from IMU, GNSS and other records to position, velocity, attitude and biases with uncertainties.",
+    help="Aided inertial navigation: from IMU, GNSS and other records to position, velocity, "
+    "attitude and biases with uncertainties.",
 )
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
@@ -115,7 +116,8 @@ def demo(
     truth = recording.reference
     assert truth is not None  # as of all that is simulated
     print(
-        f"simulated flight: 600 s, {imu} IMU at 100 Hz, GNSS position and velocity at 1 Hz, seed {seed}"
+        f"simulated flight: 600 s, {imu} IMU at 100 Hz, GNSS position and velocity at 1 Hz, seed "
+        f"{seed}"
     )
     with results_folder(out.parent), Progress() as progress:
         solutions = {
@@ -167,7 +169,8 @@ def fuse(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="A filter of attitude alone that runs first; its output is the attitude aiding.  [default: attitude-mekf, where the "
+            help="A filter of attitude alone that runs first; its output is the attitude aiding.  "
+            "[default: attitude-mekf, where the "
             "filter needs attitude and the recording has a magnetometer or heading instead]",
         ),
     ] = None,
@@ -196,7 +199,8 @@ def fuse(
     seen = part.hidden(windows)
     if windows:
         print(
-            f"{sum(len(a.t) for a in part.aidings) - sum(len(a.t) for a in seen.aidings)} fixes withheld"
+            f"{sum(len(a.t) for a in part.aidings) - sum(len(a.t) for a in seen.aidings)} fixes "
+            f"withheld"
         )
     estimate, label, ending = (
         (sd.smooth, f"{filter}, smoothed", "-smooth") if smooth else (sd.fuse, filter, "")
@@ -229,7 +233,8 @@ def fuse(
             sd.write_solution(solution, folder / name)
         sd.report(solution, whole.reference).save(folder / "report.html")
     print(
-        f"wrote {folder}/{', '.join(names)}, report.html{'' if solution.has_position else '; no track.kml, because there is no position'}"
+        f"wrote {folder}/{', '.join(names)}, "
+        f"report.html{'' if solution.has_position else '; no track.kml, because there is no position'}"
     )
 
 
@@ -263,7 +268,8 @@ def _grade_of(recording: "sd.Recording") -> "str | sd.ImuSpec | dict[str, Any]":
 
     if recording.meta.get("grade") is None:
         raise sd.DataError(
-            f"the recording does not name its IMU: give --imu, one of {', '.join(grades())}, or a file that describes it"
+            f"the recording does not name its IMU: give --imu, one of {', '.join(grades())}, or a "
+            f"file that describes it"
         )
     return recording.meta["grade"]
 
@@ -351,7 +357,8 @@ def _windows(text: str | None) -> list[tuple[float, float]]:
             start, stop = map(float, item.split(":"))
         except ValueError:
             raise sd.DataError(
-                f"--hide {item!r}: a window is START:STOP in seconds, windows are separated by commas"
+                f"--hide {item!r}: a window is START:STOP in seconds, windows are separated by "
+                f"commas"
             ) from None
         if not start < stop:
             raise sd.DataError(f"--hide {item!r}: the window ends before it starts")

@@ -24,7 +24,8 @@ def calibrate(
         Path,
         typer.Argument(
             metavar="RECORDING",
-            help="recording.toml, .nc, a PSINS log, .imu, or a BROAD trial, .npz; docs/calibrate.md tells how to record it.",
+            help="recording.toml, .nc, a PSINS log, .imu, or a BROAD trial, .npz; docs/calibrate.md "
+            "tells how to record it.",
         ),
     ],
     sensor: SENSOR = None,
@@ -44,7 +45,8 @@ def calibrate(
     table(found.header, found.rows)
     if {"bias", "matrix", "temperature"} & set(found.columns):
         print(
-            "these numbers are on top of the calibration that the recording names; the file holds both"
+            "these numbers are on top of the calibration that the recording names; the file holds "
+            "both"
         )
     print(found.verdict)
     with results_folder(out):

@@ -26,7 +26,8 @@ OUTAGES = Annotated[
     str,
     typer.Option(
         metavar="PROTOCOL",
-        help="30/300 (30 s at the end of every 300 s but the first), 15: (from 15 s on), 100:130,200:230 (windows) or "
+        help="30/300 (30 s at the end of every 300 s but the first), 15: (from 15 s on), "
+        "100:130,200:230 (windows) or "
         "10,30@240:575/5 (a sweep: windows of 10 and of 30 s inside 240 to 575 s, one every 5 s).",
     ),
 ]
@@ -59,7 +60,8 @@ def compare(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="A filter of attitude alone that runs first and feeds the filters that need attitude.",
+            help="A filter of attitude alone that runs first and feeds the filters that need "
+            "attitude.",
         ),
     ] = None,
     out: Annotated[

@@ -21,7 +21,8 @@ OUT = Annotated[Path, typer.Option(help="Folder for the results.")]
 IMU = Annotated[
     str | None,
     typer.Option(
-        help="IMU grade (see `strapdown imus`) or a file that describes one; default: what the recording names."
+        help="IMU grade (see `strapdown imus`) or a file that describes one; default: what the "
+        "recording names."
     ),
 ]
 OPTION = Annotated[
@@ -64,7 +65,8 @@ def summarise(solution: "sd.Solution") -> None:
         outside = solution.meta["fixes_outside"]
         verbs = ("lies", "was") if outside == 1 else ("lie", "were")
         print(
-            f"{counted(outside, 'fix', 'es')} {verbs[0]} before the start or after the last sample and {verbs[1]} not used"
+            f"{counted(outside, 'fix', 'es')} {verbs[0]} before the start or after the last sample "
+            f"and {verbs[1]} not used"
         )
     for t, text in solution.events[:10]:
         print(f"{t:10.2f} s  {text}")
@@ -276,7 +278,8 @@ def results_folder(path: Path) -> Iterator[Path]:
                 pass
         except OSError as error:
             raise sd.DataError(
-                f"--out {path}: nothing can be written there ({error.strerror}); choose another folder"
+                f"--out {path}: nothing can be written there ({error.strerror}); choose another "
+                f"folder"
             ) from None
         yield path
     except BaseException:

@@ -126,7 +126,8 @@ def _options(items: list[str] | None, flown: Callable[..., object]) -> dict[str,
     values = option_values(items)
     if taken := [name for name in values if name in inspect.signature(flown).parameters]:
         raise sd.DataError(
-            f"--option {taken[0]}: the flight decides this one for its filter; leave it out (--seed and --aircraft are the flight's)"
+            f"--option {taken[0]}: the flight decides this one for its filter; leave it out (--seed "
+            f"and --aircraft are the flight's)"
         )
     return values
 

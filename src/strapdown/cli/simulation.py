@@ -46,7 +46,8 @@ def simulate(
         print(f"note: {note}")
     fixes = ", ".join(f"{len(a.t)} {a.name or a.kind}" for a in recording.aidings)
     print(
-        f"wrote {out}: {recording.span[1] - recording.span[0]:g} s, {len(recording.imu.t)} IMU samples, {fixes or 'no fixes'}, the truth as reference"
+        f"wrote {out}: {recording.span[1] - recording.span[0]:g} s, {len(recording.imu.t)} IMU "
+        f"samples, {fixes or 'no fixes'}, the truth as reference"
     )
 
 
@@ -61,7 +62,8 @@ def study(
     filter: Annotated[
         list[str] | None,
         typer.Option(
-            help="A filter, with options as NAME:option=value; may be repeated.  [default: closed-loop, open-loop]"
+            help="A filter, with options as NAME:option=value; may be repeated.  [default: "
+            "closed-loop, open-loop]"
         ),
     ] = None,
     runs: Annotated[
@@ -78,7 +80,8 @@ def study(
         tuple(scenario), tuple(filter or ("closed-loop", "open-loop")), tuple(imu or ()), runs, seed
     )
     print(
-        f"{len(made.cells)} cells, {len(made.filters)} filters, {runs} runs: {made.steps() / 1e6:.3g} million filter steps"
+        f"{len(made.cells)} cells, {len(made.filters)} filters, {runs} runs: "
+        f"{made.steps() / 1e6:.3g} million filter steps"
     )
     with results_folder(out), Progress() as progress:
         campaign = made.run(
@@ -141,7 +144,8 @@ def advise(
         str,
         typer.Option(
             metavar="KIND",
-            help="dynamic (circuits of a light aircraft), a built-in scenario (straight, demo, car, ship, ...) or a TOML file.",
+            help="dynamic (circuits of a light aircraft), a built-in scenario (straight, demo, car, "
+            "ship, ...) or a TOML file.",
         ),
     ],
     duration: Annotated[
@@ -156,7 +160,8 @@ def advise(
         bool | None,
         typer.Option(
             "--map/--no-map",
-            help="Also the crossover map of grades, durations and dynamics.  [default: unless --quick]",
+            help="Also the crossover map of grades, durations and dynamics.  [default: unless "
+            "--quick]",
         ),
     ] = None,
     quick: Annotated[
@@ -197,7 +202,8 @@ def _reproduction(name: str) -> Callable[..., list[dict[str, Any]]]:
     offered = {entry.name: entry for entry in entry_points(group="strapdown.reproductions")}
     if not offered:
         raise sd.DataError(
-            f"reproduce {name}: the package strapdown-reproductions is not installed; install it from the folder reproductions of the "
+            f"reproduce {name}: the package strapdown-reproductions is not installed; install it "
+            f"from the folder reproductions of the "
             "repository (pip install ./reproductions)"
         )
     if name not in offered:
@@ -211,14 +217,16 @@ def _reproduction(name: str) -> Callable[..., list[dict[str, Any]]]:
         and package.name == "strapdown-reproductions"
     ):
         raise sd.DataError(
-            f"reproduce {name}: {package.name} {package.version} belongs to another strapdown than {sd.__version__}; "
+            f"reproduce {name}: {package.name} {package.version} belongs to another strapdown than "
+            f"{sd.__version__}; "
             "install both from one checkout (pip install . ./reproductions)"
         )
     try:
         return offered[name].load()
     except (ImportError, AttributeError) as error:
         raise sd.DataError(
-            f"reproduce {name}: {package.name if package else offered[name].value} cannot be loaded ({error}); install it again"
+            f"reproduce {name}: {package.name if package else offered[name].value} cannot be loaded "
+            f"({error}); install it again"
         ) from None
 
 

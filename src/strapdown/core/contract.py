@@ -141,7 +141,8 @@ class Start(NamedTuple):
         size = np.linalg.norm(q)
         if q.shape != (4,) or not abs(size - 1) < 1e-3:
             raise ValueError(
-                f"start: q_nb is {q_nb}; it must be four numbers, scalar first, whose squares add up to 1 (here to {size * size:.4g})"
+                f"start: q_nb is {q_nb}; it must be four numbers, scalar first, whose squares add "
+                f"up to 1 (here to {size * size:.4g})"
             )
         w, x, y, z = q / size
         return self._replace(

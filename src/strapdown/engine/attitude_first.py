@@ -33,7 +33,8 @@ ASSUMED = np.radians([1.5, 1.5, 5.0])
 inclination and heading error of `mahony` in the five BROAD trials (docs/attitude-broad.md),
 rounded up."""
 REMEDY = (
-    f"add an attitude record or a magnetometer to the recording, or run an AHRS without one, whose heading drifts: --ahrs {AHRS}, "
+    f"add an attitude record or a magnetometer to the recording, or run an AHRS without one, whose "
+    f"heading drifts: --ahrs {AHRS}, "
     f'in Python ahrs="{AHRS}"'
 )
 
@@ -70,7 +71,8 @@ def fed(
                     else f"{filter.name} runs without one"
                 )
                 raise DataError(
-                    f"ahrs_rate is {rate:g} Hz, but no AHRS runs: {why}; leave it out, or name an AHRS (--ahrs {AHRS})"
+                    f"ahrs_rate is {rate:g} Hz, but no AHRS runs: {why}; leave it out, or name an "
+                    f"AHRS (--ahrs {AHRS})"
                 )
             return recording, None
         if not measured.intersection(HEADING_KINDS):
@@ -136,7 +138,8 @@ def source(
     if not ahrs.states:
         sd = np.tile(ASSUMED, (len(t), 1))
         notes.append(
-            f"{ahrs.name} claims no standard deviations: {_degrees(ASSUMED)} deg of roll, pitch and heading are assumed"
+            f"{ahrs.name} claims no standard deviations: {_degrees(ASSUMED)} deg of roll, pitch and "
+            f"heading are assumed"
         )
     notes += _heading(ahrs, [a for a in seen.aidings if len(a.t)], y, sd)
     if ahrs.diagnose:
@@ -181,7 +184,8 @@ def _motion(ahrs: Filter, start: Start, imu: Imu) -> list[str]:
     if "level from specific force alone" not in start.note or motionless(imu, start.t):
         return []
     return [
-        f"{ahrs.name} began in motion, at {start.t:.1f} s: its attitude may be off by tens of degrees for minutes, and more than its "
+        f"{ahrs.name} began in motion, at {start.t:.1f} s: its attitude may be off by tens of "
+        f"degrees for minutes, and more than its "
         "standard deviations say; begin where the vehicle stands"
     ]
 
@@ -197,7 +201,8 @@ def _found(name: str | Filter) -> Filter:
     except ValueError:
         near = get_close_matches(str(name), _alone(), 1)
         raise DataError(
-            f"no AHRS is called {name!r}; {f'did you mean {near[0]!r}? ' if near else ''}there are: {', '.join(_alone())}"
+            f"no AHRS is called {name!r}; {f'did you mean {near[0]!r}? ' if near else ''}there are: "
+            f"{', '.join(_alone())}"
         ) from None
 
 
@@ -209,7 +214,8 @@ def _check(ahrs: Filter, filter: Filter) -> None:
         )
     if filter.uses is not None and "attitude" not in filter.uses:
         raise DataError(
-            f"{filter.name} has no use for the attitude of an AHRS: leave out ahrs (--ahrs), or choose another filter"
+            f"{filter.name} has no use for the attitude of an AHRS: leave out ahrs (--ahrs), or "
+            f"choose another filter"
         )
 
 

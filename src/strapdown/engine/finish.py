@@ -43,7 +43,8 @@ def solution(run: Run) -> Solution:
     if cursor.at[loop.FAULT]:
         t = samples.t[cursor.at[loop.ROW]]
         meta["stopped"] = (
-            f"stopped at {t:.2f} s: the latitude left the +-89 deg where results hold, or the filter diverged"
+            f"stopped at {t:.2f} s: the latitude left the +-89 deg where results hold, or the "
+            f"filter diverged"
         )
         events.append((float(t), meta["stopped"]))
         if not len(nav):

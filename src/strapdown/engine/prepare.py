@@ -288,11 +288,13 @@ def ready(
     )
     if first == rows:
         raise DataError(
-            f"the start at {start.t:g} s is not before the last IMU sample at {samples.t[-1]:g} s; give an earlier start"
+            f"the start at {start.t:g} s is not before the last IMU sample at {samples.t[-1]:g} s; "
+            f"give an earlier start"
         )
     if samples.t[first] - start.t > LONGEST_GAP:
         raise DataError(
-            f"the start at {start.t:g} s is {samples.t[first] - start.t:.0f} s before the first IMU sample; "
+            f"the start at {start.t:g} s is {samples.t[first] - start.t:.0f} s before the first IMU "
+            f"sample; "
             f"the longest gap is {LONGEST_GAP:.0f} s"
         )
     fixes = merge(aidings, start.t + loop.SAME_TIME)
@@ -353,7 +355,8 @@ def assumed_noise(
     the spec is not `needed`."""
     if imu is None and (noise is None or needed):
         raise DataError(
-            f"the recording does not name its IMU: give imu=, one of {', '.join(grades())}, or a file that describes it"
+            f"the recording does not name its IMU: give imu=, one of {', '.join(grades())}, or a "
+            f"file that describes it"
         )
     spec = None if imu is None else grade(imu)
     try:
@@ -389,7 +392,8 @@ def check_start(start: Start, noise: Noise) -> None:
             values = np.empty(0)
         if values.shape != (size,) or not np.isfinite(values).all():
             raise DataError(
-                f"start: {name} is {getattr(start, name)!r}; it must be {size} finite number{'s' * (size > 1)}"
+                f"start: {name} is {getattr(start, name)!r}; it must be {size} finite "
+                f"number{'s' * (size > 1)}"
             )
         if np.abs(values).max() > LARGEST_OF_START.get(name, np.inf):
             raise DataError(f"start: {name} is {getattr(start, name)}, in rad; is it in degrees?")
@@ -397,7 +401,8 @@ def check_start(start: Start, noise: Noise) -> None:
         raise DataError(f"start: sd has {min(start.sd):g}; standard deviations must be 0 or more")
     if abs(start.lla[0]) > LATITUDE_LIMIT:
         raise DataError(
-            f"start: latitude is {np.degrees(start.lla[0]):.6g} deg; results hold up to {np.degrees(LATITUDE_LIMIT):.0f} deg"
+            f"start: latitude is {np.degrees(start.lla[0]):.6g} deg; results hold up to "
+            f"{np.degrees(LATITUDE_LIMIT):.0f} deg"
         )
     for name, value in noise._asdict().items():
         if not 0 <= value < np.inf:
@@ -444,11 +449,13 @@ def check_options(filter: Filter, options: dict[str, Any]) -> None:
     for name, value in options.items():
         if name not in known:
             raise DataError(
-                f"filter {filter.name!r} has no option {name!r}; it has {', '.join(known) or 'none'}"
+                f"filter {filter.name!r} has no option {name!r}; it has "
+                f"{', '.join(known) or 'none'}"
             )
         if isinstance(known[name], str) and not isinstance(getattr(value, "name", value), str):
             raise DataError(
-                f"filter {filter.name!r}: {name} is {value!r}; it must be text, such as {known[name]!r}"
+                f"filter {filter.name!r}: {name} is {value!r}; it must be text, such as "
+                f"{known[name]!r}"
             )
         if (
             not isinstance(known[name], str)

@@ -161,7 +161,8 @@ class Stream:
         if t > self.newest:
             if t - self.newest > LONGEST_GAP:
                 raise DataError(
-                    f"IMU sample at {t:.3f} s: time jumps by {t - self.newest:.0f} s; begin a new stream there"
+                    f"IMU sample at {t:.3f} s: time jumps by {t - self.newest:.0f} s; begin a new "
+                    f"stream there"
                 )
             self.newest = t
         heappush(self._samples, (t, self._number, event))
@@ -173,28 +174,33 @@ class Stream:
         raises DataError for what no source delivers."""
         if not (isinstance(fix.source, (int, np.integer)) and 0 <= fix.source < len(self._widths)):
             raise DataError(
-                f"fix at {fix.t:.3f} s: source is {fix.source!r}; the stream has {len(self._widths)}, counted from 0"
+                f"fix at {fix.t:.3f} s: source is {fix.source!r}; the stream has "
+                f"{len(self._widths)}, counted from 0"
             )
         width = self._widths[fix.source]
         try:
             y, deviations = [float(value) for value in fix.y], [float(value) for value in fix.sd]
         except (TypeError, ValueError):
             raise DataError(
-                f"fix at {fix.t:.3f} s: y is {fix.y!r} and sd {fix.sd!r}; each must be a tuple, source {fix.source} needs {width} "
+                f"fix at {fix.t:.3f} s: y is {fix.y!r} and sd {fix.sd!r}; each must be a tuple, "
+                f"source {fix.source} needs {width} "
                 f"number{'s' * (width > 1)}"
             ) from None
         if not len(y) == len(deviations) == width:
             raise DataError(
-                f"fix at {fix.t:.3f} s: y has {len(y)} and sd {len(deviations)} numbers; source {fix.source} needs {width}"
+                f"fix at {fix.t:.3f} s: y has {len(y)} and sd {len(deviations)} numbers; source "
+                f"{fix.source} needs {width}"
             )
         y = [value if isfinite(value) else nan for value in y]
         if not all(value != value or 0 < sd < inf for value, sd in zip(y, deviations)):
             raise DataError(
-                f"fix at {fix.t:.3f} s: standard deviations are {tuple(fix.sd)}; they must be above zero"
+                f"fix at {fix.t:.3f} s: standard deviations are {tuple(fix.sd)}; they must be above "
+                f"zero"
             )
         if len(self._waiting) == MOST_WAITING_FIXES:
             raise DataError(
-                f"{MOST_WAITING_FIXES} fixes wait for an IMU sample, the first at {self._waiting[0][0]:.3f} s; the stream needs samples to go on"
+                f"{MOST_WAITING_FIXES} fixes wait for an IMU sample, the first at "
+                f"{self._waiting[0][0]:.3f} s; the stream needs samples to go on"
             )
         place = self._places[fix.source]
         return None if place is None else _UsableFix(fix.t, place, y, deviations)
@@ -227,7 +233,8 @@ class Stream:
         self._run(*self._arguments)
         if at[loop.FAULT]:
             raise DataError(
-                f"stream stopped at {sample[0]:.2f} s: the latitude left the +-89 deg where results hold, or the filter diverged"
+                f"stream stopped at {sample[0]:.2f} s: the latitude left the +-89 deg where results "
+                f"hold, or the filter diverged"
             )
         if k:
             at[loop.FIX] = at[loop.FIXES] = 0

@@ -310,7 +310,8 @@ def state_errors(solution: Solution, recording: Recording) -> Array:
         or len(b_g) != len(t_imu)
     ):
         raise DataError(
-            "the recording's true states are not known at each IMU sample; use a whole simulated recording"
+            "the recording's true states are not known at each IMU sample; use a whole simulated "
+            "recording"
         )
     e = metrics.errors(solution, recording.reference)
     if e.velocity is None or e.attitude is None:
@@ -320,7 +321,8 @@ def state_errors(solution: Solution, recording: Recording) -> Array:
     rows = np.clip(np.searchsorted(t_imu, t - SAME_TIME), 0, len(t_imu) - 1)
     if np.abs(t_imu[rows] - t).max(initial=0.0) > SAME_TIME:
         raise DataError(
-            "rows of the solution are not at the recording's IMU samples; give the recording that was fused"
+            "rows of the solution are not at the recording's IMU samples; give the recording that "
+            "was fused"
         )
     error = np.full((len(t), STATES), np.nan)
     for states, values in ((POS, e.position), (VEL, e.velocity), (ATT, e.attitude)):

@@ -95,7 +95,8 @@ def _check(solution: Solution, truth: Trajectory) -> None:
     """Raise DataError where the belief is not on the truth, or fixes were rejected."""
     if rejected := [name for name, (_, bad) in solution.counts().items() if bad]:
         raise DataError(
-            f"the bound needs ideal data, but fixes of {', '.join(rejected)} were rejected; give fixes without noise"
+            f"the bound needs ideal data, but fixes of {', '.join(rejected)} were rejected; give "
+            f"fixes without noise"
         )
     e, sd = errors(solution, truth), solution.trajectory.sd
     assert e.position is not None and e.attitude is not None and sd is not None
@@ -109,6 +110,8 @@ def _check(solution: Solution, truth: Trajectory) -> None:
                 np.argmax(np.where(np.isnan(beyond), np.inf, beyond)), beyond.shape
             )
             raise DataError(
-                f"the belief of the bound is {error[row, axis]:.3g} {unit} from the true {name} at {e.t[row]:.2f} s "
-                f"({sd[e.rows, states][row, axis]:.3g} {unit} standard deviation); give an ideal recording and its exact start"
+                f"the belief of the bound is {error[row, axis]:.3g} {unit} from the true {name} at "
+                f"{e.t[row]:.2f} s "
+                f"({sd[e.rows, states][row, axis]:.3g} {unit} standard deviation); give an ideal "
+                f"recording and its exact start"
             )

@@ -70,7 +70,8 @@ def errors(trajectory: Trajectory | Solution, reference: Trajectory) -> Errors:
     last += last < len(estimate) and len(reference.t) > 1 and estimate.t[last] == reference.t[-1]
     if last <= first:
         raise DataError(
-            f"the reference ({reference!r}) covers no time of the solution ({estimate!r}); check the time base of both"
+            f"the reference ({reference!r}) covers no time of the solution ({estimate!r}); check "
+            f"the time base of both"
         )
     rows = slice(int(first), int(last))
     t = estimate.t[rows]
@@ -276,14 +277,16 @@ def outages_of(e: Errors, windows: Iterable[tuple[float, float]]) -> list[Outage
     """As `outages`, of the Errors of a solution."""
     if e.position is None or not any_known(e.horizontal):
         raise DataError(
-            "outages are scored by position, which solution and reference have not both; choose another filter"
+            "outages are scored by position, which solution and reference have not both; choose "
+            "another filter"
         )
     scores = []
     for start, stop in windows:
         inside = (e.t >= start) & (e.t <= stop) & np.isfinite(e.position).all(axis=1)
         if not inside.any():
             raise DataError(
-                f"outage {start:g}-{stop:g} s: solution and reference have no time in common there; choose another window"
+                f"outage {start:g}-{stop:g} s: solution and reference have no time in common there; "
+                f"choose another window"
             )
         horizontal, p = e.horizontal[inside], e.position[inside]
         scores.append(

@@ -22,7 +22,8 @@ def parsed(label: str) -> tuple[Filter, dict[str, Any]]:
     pairs = [item.partition("=") for item in rest.split(",") if item.strip()]
     if wrong := [key for key, equals, _ in pairs if not equals]:
         raise DataError(
-            f"filter {label!r}: {wrong[0]!r} is no option with a value; write {name}:option=value,option=value"
+            f"filter {label!r}: {wrong[0]!r} is no option with a value; write "
+            f"{name}:option=value,option=value"
         )
     return tried(name, {key.strip(): _value(value) for key, _, value in pairs})
 

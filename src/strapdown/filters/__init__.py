@@ -53,7 +53,8 @@ def find(name: str | Filter) -> Filter:
     if not (found := _filter(name)):
         near = get_close_matches(str(name), names(), 1)
         raise ValueError(
-            f"no filter is called {name!r}; {f'did you mean {near[0]!r}? ' if near else ''}there are: {', '.join(names())}"
+            f"no filter is called {name!r}; {f'did you mean {near[0]!r}? ' if near else ''}there "
+            f"are: {', '.join(names())}"
         )
     return found
 

@@ -79,7 +79,8 @@ def gains(aircraft: Aircraft, trim: Trim, modes: Modes, gravity: float) -> Gains
     ):
         if not abs(effect) > 1e-6:
             raise DataError(
-                f"aircraft {aircraft.name!r}: the {name} has no effect in trim at {V:g} m/s; an autopilot cannot fly it"
+                f"aircraft {aircraft.name!r}: the {name} has no effect in trim at {V:g} m/s; an "
+                f"autopilot cannot fly it"
             )
     roll_p, roll_d, roll_rate = _inner(
         -state("p", "p"), 0.0, aileron("p"), _travel(aircraft, trim, 1, "aileron") / ROLL_ERROR
@@ -179,7 +180,8 @@ def _travel(aircraft: Aircraft, trim: Trim, i: int, control: str) -> float:
     )
     if not left > LEAST_TRAVEL:
         raise DataError(
-            f"aircraft {aircraft.name!r}: in trim at {trim.airspeed:g} m/s the {control} stands at its stop, and no autopilot can "
+            f"aircraft {aircraft.name!r}: in trim at {trim.airspeed:g} m/s the {control} stands at "
+            f"its stop, and no autopilot can "
             "move it both ways; fly at another airspeed"
         )
     return left

@@ -99,7 +99,8 @@ def check_sensors(gnss: Gnss, gate: float | None, barometer: Barometer | None, r
     gnss.check()
     if not np.ndim(gnss.interval) and gnss.interval * rate < 1 - 1e-9:
         raise DataError(
-            f"fixes every {gnss.interval:g} s come faster than the IMU's samples, {rate:g} a second; give fixes less often"
+            f"fixes every {gnss.interval:g} s come faster than the IMU's samples, {rate:g} a "
+            f"second; give fixes less often"
         )
     if gate is not None and (not real(gate) or not gate > 0):
         raise DataError(f"gate is {gate!r}; it must be a NIS above 0, or None for the filter's own")
@@ -107,7 +108,8 @@ def check_sensors(gnss: Gnss, gate: float | None, barometer: Barometer | None, r
         raise DataError(f"barometer is {barometer!r}; it must be a Barometer")
     if barometer is not None and (barometer.rate or 0.0) > rate * (1 + 1e-9):
         raise DataError(
-            f"the barometer's {barometer.rate:g} samples a second come faster than the IMU's, {rate:g}; give it a lower rate"
+            f"the barometer's {barometer.rate:g} samples a second come faster than the IMU's, "
+            f"{rate:g}; give it a lower rate"
         )
 
 
@@ -117,7 +119,8 @@ def checked_windows(outage: Outage, prediction: str, end: float) -> Windows:
     windows = outage_windows(outage, end)
     if prediction == "model" and not windows:
         raise DataError(
-            "prediction='model' takes over while the receiver is cut, and it never is; give an outage, such as \"15:\""
+            "prediction='model' takes over while the receiver is cut, and it never is; give an "
+            'outage, such as "15:"'
         )
     return windows
 
@@ -126,7 +129,8 @@ def _check_inputs(inputs: int, filter: Filter) -> None:
     """Raise DataError where a filter cannot be told the controls there."""
     if isinstance(inputs, bool) or not isinstance(inputs, (int, np.integer)) or inputs < 0:
         raise DataError(
-            f"inputs is {inputs!r}; it must be the index of the filter's first input in its workspace"
+            f"inputs is {inputs!r}; it must be the index of the filter's first input in its "
+            f"workspace"
         )
     if filter.name in find_names() and filter is find_filter(filter.name):
         raise DataError(f"{filter.name} does not compute with controls; leave inputs out")
@@ -143,7 +147,8 @@ def checked_filter(
     chosen = found(find_filter, filter)
     if not positioned(chosen) and (feedback == "estimate" or prediction == "model"):
         raise DataError(
-            f"{chosen.name} estimates no position, and the autopilot flies by one; take feedback='truth', prediction='imu'"
+            f"{chosen.name} estimates no position, and the autopilot flies by one; take "
+            f"feedback='truth', prediction='imu'"
         )
     kinds = ("position", "velocity", *([KIND_OF_QUANTITY[barometer.quantity]] if barometer else []))
     check_needs(
@@ -164,7 +169,8 @@ def times(duration: float, rate: float) -> tuple[Array, Array]:
         or round(duration * rate) < 2
     ):
         raise DataError(
-            f"cannot fly {duration!r} s at {rate:g} Hz; give two samples or more, and at most {MOST_FLIGHT_SAMPLES / 1e6:g} million"
+            f"cannot fly {duration!r} s at {rate:g} Hz; give two samples or more, and at most "
+            f"{MOST_FLIGHT_SAMPLES / 1e6:g} million"
         )
     grid = np.arange(round(duration * rate) + 1) / rate
     return grid[1:].copy(), np.diff(grid)

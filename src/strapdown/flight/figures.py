@@ -45,7 +45,8 @@ def sections(flight: Flight) -> Sections:
         (
             blown(flight),
             "Wind",
-            f"Of the air over ground, towards north, east and down{', gusts included' if gusty else ''}.{at_once}",
+            f"Of the air over ground, towards north, east and "
+            f"down{', gusts included' if gusty else ''}.{at_once}",
         )
     ]
     return [
@@ -55,16 +56,21 @@ def sections(flight: Flight) -> Sections:
                 (
                     route(flight),
                     "Route, flight and estimate",
-                    "The aircraft flies where its filter believes the route to be. The route is drawn as far as it was flown, or is believed to be.",
+                    "The aircraft flies where its filter believes the route to be. The route is "
+                    "drawn as far as it was flown, or is believed to be.",
                 ),
                 (off_route(flight), "Off the route", "Of the aircraft, not of its estimate."),
                 (
                     asked(flight),
                     "Asked, flown and estimated",
-                    f"The autopilot holds {'the aircraft itself' if flight.recording.meta['feedback'] == 'truth' else 'the estimate'} to what it "
-                    "asks for. Pitch is held without an integral, so that it stays off what is asked in steady flight; the integral of height makes "
+                    f"The autopilot holds "
+                    f"{'the aircraft itself' if flight.recording.meta['feedback'] == 'truth' else 'the estimate'} "
+                    f"to what it "
+                    "asks for. Pitch is held without an integral, so that it stays off what is "
+                    "asked in steady flight; the integral of height makes "
                     "up for it. "
-                    "The estimated airspeed is without gusts, that of the velocity less the steady wind.",
+                    "The estimated airspeed is without gusts, that of the velocity less the steady "
+                    "wind.",
                 ),
             ],
         ),

@@ -300,7 +300,8 @@ def _known(case: _Case) -> _Known:
     across = wind[1] * math.cos(plan.course) - wind[0] * math.sin(plan.course)
     if math.hypot(*wind) >= 0.9 * plan.begin_airspeed:
         raise DataError(
-            f"a wind of {math.hypot(*wind):.3g} m/s is too fast for an airspeed of {plan.begin_airspeed:g} m/s; "
+            f"a wind of {math.hypot(*wind):.3g} m/s is too fast for an airspeed of "
+            f"{plan.begin_airspeed:g} m/s; "
             "give less wind or fly faster"
         )
     heading = plan.course - math.asin(across / plan.begin_airspeed)
@@ -315,7 +316,8 @@ def _known(case: _Case) -> _Known:
             trim(craft, speed, climb=math.atan(slope), origin=plan.place)
         except DataError as error:
             raise DataError(
-                f"plan {plan.name!r}: a leg that rises by {slope:.3g} m per m at {speed:g} m/s cannot be flown: {error}"
+                f"plan {plan.name!r}: a leg that rises by {slope:.3g} m per m at {speed:g} m/s "
+                f"cannot be flown: {error}"
             ) from None
     found = gains(craft, begun, linearise(craft, begun), gravity)
     return _Known(
@@ -442,7 +444,8 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress | None) -> 
     )
     if first >= 0 and first + 9 > room:
         raise DataError(
-            f"inputs {first} to {first + 8} do not fit into the {room} numbers of workspace of {run.filter.name}"
+            f"inputs {first} to {first + 8} do not fit into the {room} numbers of workspace of "
+            f"{run.filter.name}"
         )
     errors = kernels.Errors(
         underway.errors.dtheta,
@@ -489,7 +492,8 @@ def _flight(underway: _Underway) -> Flight:
     notes = saturated(underway.spec, samples)
     if journal.at[kernels.BY_MODEL] and journal.at[kernels.INPUTS] < 0:
         notes.append(
-            f"{int(journal.cut[:rows].sum())} IMU samples are those of the aircraft's model, not measured"
+            f"{int(journal.cut[:rows].sum())} IMU samples are those of the aircraft's model, not "
+            f"measured"
         )
     stopped = None
     if cause != kernels.FLYING:
@@ -510,7 +514,8 @@ def _flight(underway: _Underway) -> Flight:
         and positioned(run.filter)
     ):
         filters.append(
-            f"{run.filter.name} navigates on the rotating Earth, and this flight's is flat and still: it errs by the difference"
+            f"{run.filter.name} navigates on the rotating Earth, and this flight's is flat and "
+            f"still: it errs by the difference"
         )
     used = replace(recording, meta=recording.meta | {"notes": more["notes"] + filters})
     solution = solution_of(run._replace(recording=used, samples=samples))

@@ -64,7 +64,8 @@ def fly_jsbsim(
         or substeps < 1
     ):
         raise DataError(
-            f"fly_jsbsim takes controls at two or more times, dt above 0 and whole substeps of 1 or more, "
+            f"fly_jsbsim takes controls at two or more times, dt above 0 and whole substeps of 1 or "
+            f"more, "
             f"not {len(controls)} times, {dt!r}, {substeps!r}"
         )
     if set(integrators or {}) - set(INTEGRATORS):
@@ -76,7 +77,8 @@ def fly_jsbsim(
         executive.set_aircraft_path(str(folder))
         if not executive.load_model(path.stem):
             raise DataError(
-                f"JSBSim does not take the definition of {aircraft.name}: {''.join(said).strip()[-200:]}"
+                f"JSBSim does not take the definition of {aircraft.name}: "
+                f"{''.join(said).strip()[-200:]}"
             )
         _place(
             executive, state, controls[0], wind, INTEGRATORS if integrators is None else integrators

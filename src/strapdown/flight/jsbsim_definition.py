@@ -62,9 +62,11 @@ def _document(aircraft: Aircraft) -> str:
     )
     lines = [
         '<?xml version="1.0"?>',
-        f'<fdm_config name="{escape(aircraft.name, {chr(34): "&quot;"})}" version="2.0" release="ALPHA">',
+        f'<fdm_config name="{escape(aircraft.name, {chr(34): "&quot;"})}" version="2.0" '
+        f'release="ALPHA">',
         "<metrics>",
-        f'<wingarea unit="M2">{aircraft["area"]!r}</wingarea><wingspan unit="M">{aircraft["span"]!r}</wingspan>'
+        f'<wingarea unit="M2">{aircraft["area"]!r}</wingarea><wingspan '
+        f'unit="M">{aircraft["span"]!r}</wingspan>'
         f'<chord unit="M">{aircraft["chord"]!r}</chord>',
         f'<location name="AERORP" unit="M">{here}',
         f'<location name="VRP" unit="M">{here}',

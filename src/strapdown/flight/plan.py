@@ -65,7 +65,8 @@ class FlightPlan:
             )
         if isinstance(self.airspeed, tuple) and len(self.airspeed) != len(points) - 1:
             raise DataError(
-                f"plan {self.name!r}: {len(self.airspeed)} airspeeds for {len(points) - 1} legs; give one, or one per leg"
+                f"plan {self.name!r}: {len(self.airspeed)} airspeeds for {len(points) - 1} legs; "
+                f"give one, or one per leg"
             )
         for name in ("start_airspeed", "clearance", "bank", "duration"):
             value = getattr(self, name)
@@ -78,7 +79,8 @@ class FlightPlan:
         ):
             if not (real(float(value)) and 0 < value < 1000):
                 raise DataError(
-                    f"plan {self.name!r}: airspeeds (m/s) and clearance (m) must be above 0, not {value:g}"
+                    f"plan {self.name!r}: airspeeds (m/s) and clearance (m) must be above 0, not "
+                    f"{value:g}"
                 )
         if not 5 * RAD_PER_DEG <= self.bank <= 60 * RAD_PER_DEG:
             raise DataError(
@@ -87,7 +89,8 @@ class FlightPlan:
         place = _numbers(self.place, f"plan {self.name!r}: place")
         if place.shape != (3,) or abs(place[0]) > LATITUDE_LIMIT:
             raise DataError(
-                f"plan {self.name!r}: place is {self.place!r}; it must be latitude and longitude (rad) and height (m), "
+                f"plan {self.name!r}: place is {self.place!r}; it must be latitude and longitude "
+                f"(rad) and height (m), "
                 "up to 89 deg north or south"
             )
         object.__setattr__(self, "place", tuple(place.tolist()))
@@ -176,7 +179,8 @@ def flight_plan(plan: FlightPlan | File) -> FlightPlan:
     ):
         return read_plan(plan)
     raise DataError(
-        f"unknown plan {plan!r}{nearest(str(plan), PLANS)}; there are: {', '.join(PLANS)}; or give a FlightPlan or "
+        f"unknown plan {plan!r}{nearest(str(plan), PLANS)}; there are: {', '.join(PLANS)}; or give "
+        f"a FlightPlan or "
         "the path of a .toml file"
     )
 
@@ -206,7 +210,8 @@ def _from_table(table: dict[str, Any], name: str) -> FlightPlan:
         place = table["place"]
         if not isinstance(place, dict) or set(place) != set(PLACE_KEYS):
             raise DataError(
-                f"place is {place!r}; write {{ latitude_deg = ..., longitude_deg = ..., height_m = ... }}"
+                f"place is {place!r}; write {{ latitude_deg = ..., longitude_deg = ..., height_m = "
+                f"... }}"
             )
         fields["place"] = tuple(
             _scaled(place[key], unit, f"place, {key}", False) for key, unit in PLACE_KEYS.items()
@@ -220,7 +225,8 @@ def _scaled(value: Any, unit: float, where: str, listed: bool) -> Any:
         return tuple(_scaled(each, unit, where, True) for each in value)
     if not real(value) or not abs(value) < 1e300:
         raise DataError(
-            f"{where} is {str(value)[:40]}; it must be a finite number{' or a list of them' if listed else ''}"
+            f"{where} is {str(value)[:40]}; it must be a finite "
+            f"number{' or a list of them' if listed else ''}"
         )
     return value * unit
 
@@ -243,7 +249,8 @@ def route(plan: FlightPlan, wind: Sequence[float] | Array, gravity: float) -> tu
     breeze = math.hypot(*wind[:2])
     if breeze >= 0.9 * min(*speeds, plan.begin_airspeed):
         raise DataError(
-            f"plan {plan.name!r}: a wind of {breeze:.3g} m/s leaves an airspeed of {min(speeds):.3g} m/s no way against it; "
+            f"plan {plan.name!r}: a wind of {breeze:.3g} m/s leaves an airspeed of "
+            f"{min(speeds):.3g} m/s no way against it; "
             "give a faster airspeed or less wind"
         )
     corners = [_corner(plan, i, along, speeds, breeze, gravity) for i in range(len(legs) - 1)]
@@ -254,8 +261,10 @@ def route(plan: FlightPlan, wind: Sequence[float] | Array, gravity: float) -> tu
     if np.any(short < 0):
         i = int(np.argmin(short))
         raise DataError(
-            f"plan {plan.name!r}: the leg from waypoint {i} to {i + 1} is {lengths[i]:.0f} m long, and its turns need "
-            f"{cuts[i] + cuts[i + 1]:.0f} m; set the waypoints further apart, or give less airspeed or more bank"
+            f"plan {plan.name!r}: the leg from waypoint {i} to {i + 1} is {lengths[i]:.0f} m long, "
+            f"and its turns need "
+            f"{cuts[i] + cuts[i + 1]:.0f} m; set the waypoints further apart, or give less airspeed "
+            f"or more bank"
         )
     rise, heights, rows = legs[:, 2] / lengths, points[:, 2] + plan.place[2], []
     for i in range(len(legs)):
@@ -289,7 +298,8 @@ def _corner(
     angle = float(wrap(math.atan2(*along[i + 1, ::-1]) - math.atan2(*along[i, ::-1])))
     if abs(angle) > SHARPEST:
         raise DataError(
-            f"plan {plan.name!r}: at waypoint {i + 1} the course turns by {abs(angle) / RAD_PER_DEG:.0f} deg; {SHARPEST / RAD_PER_DEG:.0f} are the most: "
+            f"plan {plan.name!r}: at waypoint {i + 1} the course turns by "
+            f"{abs(angle) / RAD_PER_DEG:.0f} deg; {SHARPEST / RAD_PER_DEG:.0f} are the most: "
             "set a waypoint beside it"
         )
     if abs(angle) < STRAIGHT_ON:

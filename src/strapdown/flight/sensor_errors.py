@@ -194,7 +194,8 @@ def outage_windows(outage: Outage, end: float) -> Windows:
     for start, stop in windows:
         if not 0 <= start < stop or not start < end:
             raise DataError(
-                f"outage {start:g}:{stop:g} s is not a window of the flight, which lasts {end:g} s; {remedy}"
+                f"outage {start:g}:{stop:g} s is not a window of the flight, which lasts {end:g} s; "
+                f"{remedy}"
             )
     if any(later[0] < earlier[1] for earlier, later in zip(windows, windows[1:])):
         raise DataError(f"outage {outage!r}: windows overlap; {remedy}")

@@ -42,9 +42,11 @@ def read(path: File) -> Recording:
     if path.name.lower().endswith(SUFFIXES):
         raise DataError(
             f"{path}: a table alone does not say its units and axes; "
-            f"`strapdown inspect {path} --write recording.toml` drafts the description to read instead"
+            f"`strapdown inspect {path} --write recording.toml` drafts the description to read "
+            f"instead"
         )
     raise DataError(
         f"{path}: files of type {suffix or '(no suffix)'!r} are not read; "
-        "supported are recording.toml (naming CSV files), recording.nc, PSINS logs (.imu) and BROAD trials (.npz)"
+        "supported are recording.toml (naming CSV files), recording.nc, PSINS logs (.imu) and BROAD "
+        "trials (.npz)"
     )

@@ -48,8 +48,10 @@ BROAD_IMU = ImuSpec(
     "broad",
     Triad(noise=1.0e-4, turn_on_bias=4.3e-3, bias_walk=6.3e-6),
     Triad(noise=3.1e-3, turn_on_bias=0.023, bias_walk=2.1e-4),
-    "Rests of the BROAD trials 02, 21 and 24: noise from the Allan deviation at 0.1 to 1 s; turn-on bias as rms of the mean rate of the first rest "
-    "and of the excess of |f| over gravity (9.813 m/s^2); bias walk from the change between first and last rest, 150 to 160 s apart.",
+    "Rests of the BROAD trials 02, 21 and 24: noise from the Allan deviation at 0.1 to 1 s; turn-on "
+    "bias as rms of the mean rate of the first rest "
+    "and of the excess of |f| over gravity (9.813 m/s^2); bias walk from the change between first "
+    "and last rest, 150 to 160 s apart.",
 )
 """What filters assume of the IMU, from its records at rest alone."""
 
@@ -86,7 +88,8 @@ def parse(path: File) -> tuple[float, dict[str, np.ndarray[Any, Any]]]:
     found = _arrays(Path(path))
     if missing := [name for name in ("fs", *ARRAY_COLUMNS) if name not in found]:
         raise DataError(
-            f"{path}: array {missing[0]!r} is missing; a BROAD trial has fs, {', '.join(ARRAY_COLUMNS)}, "
+            f"{path}: array {missing[0]!r} is missing; a BROAD trial has fs, "
+            f"{', '.join(ARRAY_COLUMNS)}, "
             f"this file has {', '.join(found) or 'none'}"
         )
     try:
@@ -130,7 +133,8 @@ def _arrays(path: Path) -> dict[str, np.ndarray[Any, Any]]:
         ) from None
     except (ValueError, NotImplementedError) as error:
         raise DataError(
-            f"{path}: not an .npz file of plain arrays ({str(error).splitlines()[0][:80]}); a BROAD trial is expected"
+            f"{path}: not an .npz file of plain arrays ({str(error).splitlines()[0][:80]}); a BROAD "
+            f"trial is expected"
         ) from None
 
 
@@ -174,7 +178,8 @@ def with_positions(
         )
     if not 0 < rate * step <= 1 + 1e-6:
         raise DataError(
-            f"{name}: positions at {rate!r} Hz; the rate must be above 0 and at most that of the IMU, {1 / step:.4g} Hz"
+            f"{name}: positions at {rate!r} Hz; the rate must be above 0 and at most that of the "
+            f"IMU, {1 / step:.4g} Hz"
         )
     if trial.reference is None:
         raise DataError(f"{name}: the trial has no optical position")

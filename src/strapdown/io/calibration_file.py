@@ -63,7 +63,8 @@ def read_corrections(path: File) -> dict[str, Correction]:
     table = read_toml(path, "check calibration")
     if unknown := set(table) - set(SECTIONS):
         raise DataError(
-            f"{path}: unknown section {min(unknown)!r}; a calibration has [gyro], [accel] and [magnetometer]"
+            f"{path}: unknown section {min(unknown)!r}; a calibration has [gyro], [accel] and "
+            f"[magnetometer]"
         )
     return {
         name: _correction(path, name, table.get(name, {}))
@@ -93,15 +94,18 @@ def _correction(path: File, name: str, section: Any) -> Correction:
         right = False
     if not right:
         raise DataError(
-            f"{path}: [{name}] bias must be 3 numbers and matrix 3 rows of 3 numbers that can be inverted"
+            f"{path}: [{name}] bias must be 3 numbers and matrix 3 rows of 3 numbers that can be "
+            f"inverted"
         )
     if name == "magnetometer" and np.linalg.det(matrix) < 0:
         raise DataError(
-            f"{path}: [{name}] matrix mirrors the field (its determinant is below 0): check the sign of each row and column"
+            f"{path}: [{name}] matrix mirrors the field (its determinant is below 0): check the "
+            f"sign of each row and column"
         )
     if name == "magnetometer" and np.abs(bias).max() > MOST_BIAS:
         raise DataError(
-            f"{path}: [{name}] bias is {bias.tolist()} T, beyond {MOST_BIAS * 1e3:g} mT, where the Earth's field has 22 to 67 uT: "
+            f"{path}: [{name}] bias is {bias.tolist()} T, beyond {MOST_BIAS * 1e3:g} mT, where the "
+            f"Earth's field has 22 to 67 uT: "
             "it must be in T; is it in uT?"
         )
     return Correction(bias, matrix, _temperature(path, name, section))
@@ -123,8 +127,8 @@ def composed(
     """{section: Correction} in the axes of the columns of what is matrix @ (x - bias) in body axes,
     x = axes @ (own calibration of the columns).
 
-    columns: frames of `description.calibrations.frames`, that of the sensor itself; its key "gyro" keeps a calibration of
-    the gyro beside that of the accelerometer.
+    columns: frames of `description.calibrations.frames`, that of the sensor itself; its key "gyro"
+    keeps a calibration of the gyro beside that of the accelerometer.
     """
     axes, own = np.array(columns.get("axes", np.eye(3))), _own(columns)
     to_body = axes @ own.matrix

@@ -182,7 +182,8 @@ def _psins(path: Path, facts: list[str], problems: list[str]) -> None:
     ]
     heading = np.degrees(recording.meta["attitude"][2])
     facts.append(
-        f"header: {latitude:.6f} deg north, {longitude:.6f} deg east, {height:.1f} m, heading {heading:.1f} deg"
+        f"header: {latitude:.6f} deg north, {longitude:.6f} deg east, {height:.1f} m, heading "
+        f"{heading:.1f} deg"
     )
     facts += [f"note: {note}" for note in recording.meta["notes"]]
 
@@ -210,7 +211,8 @@ def _table(path: Path, facts: list[str], problems: list[str]) -> None:
         problems += [text for _, text in mistakes(guessed.imu, "rate")] + doubts(guessed.imu)
     if guessed.text:
         facts.append(
-            f"a table does not say its units and axes: `strapdown inspect {path} --write recording.toml` drafts a description"
+            f"a table does not say its units and axes: `strapdown inspect {path} --write "
+            f"recording.toml` drafts a description"
         )
 
 
@@ -219,8 +221,10 @@ def imu_facts(imu: Imu, facts: list[str]) -> None:
     rest."""
     steps, median = np.diff(imu.t), float(np.median(np.diff(imu.t)))
     facts.append(
-        f"imu: {len(imu.t)} samples, {imu.t[0]:.3f} to {imu.t[-1]:.3f} s ({imu.t[-1] - imu.t[0]:.1f} s), {1 / median:.6g} Hz, "
-        f"intervals {steps.min() * 1e3:.3f} to {steps.max() * 1e3:.3f} ms, median {median * 1e3:.3f}"
+        f"imu: {len(imu.t)} samples, {imu.t[0]:.3f} to {imu.t[-1]:.3f} s "
+        f"({imu.t[-1] - imu.t[0]:.1f} s), {1 / median:.6g} Hz, "
+        f"intervals {steps.min() * 1e3:.3f} to {steps.max() * 1e3:.3f} ms, median "
+        f"{median * 1e3:.3f}"
     )
     missing = imu.t[1:] - imu.dt[1:] - imu.t[:-1]
     gaps = np.flatnonzero(missing > 1e-6 * median + 1e-9 * np.abs(imu.t[1:]))
@@ -239,7 +243,8 @@ def imu_facts(imu: Imu, facts: list[str]) -> None:
     )
     if held:
         facts.append(
-            f"repeated values: {counted(held, 'sample')} ({100 * held / len(steps):.1f} %) read the same as the one before"
+            f"repeated values: {counted(held, 'sample')} ({100 * held / len(steps):.1f} %) read the "
+            f"same as the one before"
         )
     magnitude = float(np.median(np.linalg.norm(force, axis=1)))
     rms = np.degrees(np.sqrt((rate**2).sum(axis=1).mean()))
@@ -258,13 +263,16 @@ def imu_facts(imu: Imu, facts: list[str]) -> None:
         else "z must read near -9.8 when level: forward-right-down"
     )
     facts.append(
-        f"at rest for {imu.dt[rest].sum():.1f} s, the longest from {imu.t[part.start]:.1f} to {imu.t[part.stop - 1]:.1f} s:"
+        f"at rest for {imu.dt[rest].sum():.1f} s, the longest from {imu.t[part.start]:.1f} to "
+        f"{imu.t[part.stop - 1]:.1f} s:"
     )
     facts.append(
-        f"  specific force {_triple(f)} m/s^2 ({sign}), scatter {_triple(force[part].std(axis=0), 3)}"
+        f"  specific force {_triple(f)} m/s^2 ({sign}), scatter "
+        f"{_triple(force[part].std(axis=0), 3)}"
     )
     facts.append(
-        f"  angular rate {_triple(w, 3)} deg/s, scatter {_triple(np.degrees(rate[part].std(axis=0)), 3)}"
+        f"  angular rate {_triple(w, 3)} deg/s, scatter "
+        f"{_triple(np.degrees(rate[part].std(axis=0)), 3)}"
     )
 
 
@@ -288,7 +296,8 @@ def _aiding_facts(
             same = (y[1:] == y[:-1]).all(axis=1)
             if same.mean() > 0.5 and np.ptp(y, axis=0).max() > 0:
                 problems.append(
-                    f"{aiding.name}: {100 * same.mean():.0f} % of the fixes repeat the one before: held values counted as new ones "
+                    f"{aiding.name}: {100 * same.mean():.0f} % of the fixes repeat the one before: "
+                    f"held values counted as new ones "
                     "make a filter too sure; keep only the rows where a fix arrived"
                 )
     for aiding in aidings:
@@ -302,7 +311,8 @@ def _aiding_facts(
             and np.nanmax(np.abs(aiding.y[:, :2])) < 0.03
         ):
             problems.append(
-                f"{aiding.name}: latitude and longitude within 1.8 deg of zero: are they in rad, or is a scale wrong?"
+                f"{aiding.name}: latitude and longitude within 1.8 deg of zero: are they in rad, or "
+                f"is a scale wrong?"
             )
     moving = next(
         (
@@ -360,7 +370,8 @@ def course_facts(imu: Imu, aiding: Aiding, facts: list[str], problems: list[str]
     ratio = fit(shifts[best])[1]
     if sure < 0:
         problems.append(
-            "[imu] axes: the gyro turns left where the course turns right: check the sign of gyro z, or axes"
+            "[imu] axes: the gyro turns left where the course turns right: check the sign of gyro "
+            "z, or axes"
         )
     if not 0.4 < ratio < 2.5:
         likely = "a wrong unit or scale"

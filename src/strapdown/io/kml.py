@@ -67,9 +67,12 @@ def _description(solution: Solution, midnight: datetime, dated: bool) -> str:
     span = f"{t[0]:.3f} to {t[-1]:.3f} s" if len(t) else "no rows"
     remark = "." if dated else ": the recording has no date."
     return (
-        f"Solution of strapdown, {span} of the recording. Altitudes are heights above the WGS-84 ellipsoid; map viewers take them as "
-        "heights above mean sea level, so that the track may appear too high or too low by the geoid undulation (-107 to +86 m). "
-        f"Time stamps are {midnight:%Y-%m-%d} 00:00:00 UTC plus the seconds since the first row{remark}"
+        f"Solution of strapdown, {span} of the recording. Altitudes are heights above the WGS-84 "
+        f"ellipsoid; map viewers take them as "
+        "heights above mean sea level, so that the track may appear too high or too low by the "
+        "geoid undulation (-107 to +86 m). "
+        f"Time stamps are {midnight:%Y-%m-%d} 00:00:00 UTC plus the seconds since the first "
+        f"row{remark}"
     )
 
 

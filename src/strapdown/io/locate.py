@@ -17,7 +17,8 @@ def data_folder(start: File = ".") -> Path:
     if named:
         if not Path(named).is_dir():
             raise DataError(
-                f"{VARIABLE}: {named} is not a folder; set it to the folder that holds the recorded data"
+                f"{VARIABLE}: {named} is not a folder; set it to the folder that holds the recorded "
+                f"data"
             )
         return Path(named)
     for folder in (Path(start).resolve(), Path.cwd()):
@@ -25,7 +26,8 @@ def data_folder(start: File = ".") -> Path:
             if (parent / "shared" / "data").is_dir():
                 return parent / "shared" / "data"
     raise DataError(
-        f"{VARIABLE} is not set and no data folder was found above {Path(start).resolve()}; set it to the folder of the recorded data"
+        f"{VARIABLE} is not set and no data folder was found above {Path(start).resolve()}; set it "
+        f"to the folder of the recorded data"
     )
 
 
@@ -35,7 +37,8 @@ def locate(file: str, folder: File) -> Path:
     for name in re.findall(r"\$\{(\w*)\}", file):
         if name != VARIABLE:
             raise DataError(
-                f"{file}: only ${{{VARIABLE}}} is replaced in file names, not ${{{name}}}; write the path out"
+                f"{file}: only ${{{VARIABLE}}} is replaced in file names, not ${{{name}}}; write "
+                f"the path out"
             )
     if "${" in file:
         file = file.replace(f"${{{VARIABLE}}}", str(data_folder(folder)))

@@ -48,7 +48,8 @@ def sound(
     held = stuck(t, raw, imu)
     if held.any():
         notes.append(
-            f"{name}: {counted(int(held.sum()), 'sample')} dropped, stuck at one value for {STUCK_TIME:g} s and more while the gyro turns, "
+            f"{name}: {counted(int(held.sum()), 'sample')} dropped, stuck at one value for "
+            f"{STUCK_TIME:g} s and more while the gyro turns, "
             f"the first at {t[np.argmax(held)]:.3f} s: check the sensor"
         )
     elif len(t) > 10 and (raw == raw[0]).all():
@@ -58,8 +59,10 @@ def sound(
     if full.any():
         mask[np.flatnonzero(~held)[full]] = False
         notes.append(
-            f"{name}: {counted(int(full.sum()), 'sample')} dropped, at the limit of the sensor's range (saturated), "
-            f"the first at {t[~held][np.argmax(full)]:.3f} s: keep magnets and currents away, or use a wider range"
+            f"{name}: {counted(int(full.sum()), 'sample')} dropped, at the limit of the sensor's "
+            f"range (saturated), "
+            f"the first at {t[~held][np.argmax(full)]:.3f} s: keep magnets and currents away, or "
+            f"use a wider range"
         )
     if len(mask) and not mask.any():
         raise DataError(f"{origin.name}: no usable sample; {notes[-1]}")
@@ -144,12 +147,14 @@ def strength_notes(aiding: Aiding, field: ArrayLike | None, is_calibrated: bool)
     )
     if not median > 0 or (high - low) / median > VARIATION:
         return [
-            f"{aiding.name}: its strength varies from {low * 1e6:.3g} to {high * 1e6:.3g} uT, where the Earth's field does not: {remedy}"
+            f"{aiding.name}: its strength varies from {low * 1e6:.3g} to {high * 1e6:.3g} uT, where "
+            f"the Earth's field does not: {remedy}"
         ]
     total = float(np.linalg.norm(field)) if field is not None else median
     if abs(median / total - 1) > VARIATION:
         return [
-            f"{aiding.name}: its median strength is {median * 1e6:.3g} uT, that of the Earth's field {total * 1e6:.3g} uT: "
+            f"{aiding.name}: its median strength is {median * 1e6:.3g} uT, that of the Earth's "
+            f"field {total * 1e6:.3g} uT: "
             f"check the unit, or {remedy}"
         ]
     return []
@@ -198,7 +203,8 @@ def _axes(aiding: Aiding, imu: Imu, matrix: Array, known: bool) -> tuple[list[st
         else f"the Earth's field {np.degrees(earth):.1f} deg, rms difference"
     )
     facts = [
-        f"{aiding.name}: dip {np.degrees(dip):.1f} deg in the mean of {counted(len(rows), 'quiet sample')}, "
+        f"{aiding.name}: dip {np.degrees(dip):.1f} deg in the mean of "
+        f"{counted(len(rows), 'quiet sample')}, "
         f"{compared} {np.degrees(now):.1f} deg"
     ]
     if now < SCATTER:

@@ -121,7 +121,8 @@ def _columns(layout: Layout, values: Mapping[str, Any], where: str) -> Variables
     for name, (dims, array, _) in found.items():
         if array.ndim != len(dims) or len(array) != len(found["t"][1]):
             raise DataError(
-                f"{where}: not written, the columns of the recording have different lengths ({name} has the shape {array.shape}, "
+                f"{where}: not written, the columns of the recording have different lengths ({name} "
+                f"has the shape {array.shape}, "
                 f"t {found['t'][1].shape})"
             )
     return found
@@ -166,7 +167,8 @@ def parts(path: File) -> tuple[dict[str, Any], Imu, list[Aiding], Trajectory | N
     path = Path(path)
     if not path.is_file():
         raise DataError(
-            f"{path}: cannot be read ({'it is a folder' if path.is_dir() else 'no such file'}); check the path"
+            f"{path}: cannot be read ({'it is a folder' if path.is_dir() else 'no such file'}); "
+            f"check the path"
         )
     try:
         found = _parts(path)
@@ -187,7 +189,8 @@ def _parts(path: Path) -> tuple[dict[str, Any], Imu, list[Aiding], Trajectory | 
     with h5netcdf.File(path, "r") as file:
         if file.attrs.get("format") != FORMAT:
             raise DataError(
-                f"{path}: is no recording (its format attribute is {file.attrs.get('format')!r}, not {FORMAT!r}); "
+                f"{path}: is no recording (its format attribute is {file.attrs.get('format')!r}, "
+                f"not {FORMAT!r}); "
                 "solutions are read with read_solution"
             )
         imu = Imu(**{name: _column(file["imu"][name]) for name in Imu._fields})
@@ -242,5 +245,6 @@ def _check_columns(imu: Imu, path: Path) -> None:
         or not (imu.dt > 0).all()
     ):
         raise DataError(
-            f"{path}: group imu must hold at least 2 finite samples in rising time with positive dt; read the original files again"
+            f"{path}: group imu must hold at least 2 finite samples in rising time with positive "
+            f"dt; read the original files again"
         )

@@ -104,7 +104,8 @@ def parse(path: File) -> tuple[Header, Array]:
     lines = _lines(Path(path))
     if len(lines) < 5:
         raise DataError(
-            f"{path}: {len(lines)} lines of numbers; a PSINS log has three of header and then samples, two at least"
+            f"{path}: {len(lines)} lines of numbers; a PSINS log has three of header and then "
+            f"samples, two at least"
         )
     rows = [_numbers(path, *line) for line in lines[:3]]
     try:
@@ -117,7 +118,8 @@ def parse(path: File) -> tuple[Header, Array]:
     assert counts is not None  # what cannot be read was refused line by line
     if not np.isfinite(counts).all():
         raise DataError(
-            f"{path}, line {lines[3 + int(np.argmin(np.isfinite(counts).all(axis=1)))][0]}: a count is no finite number; remove the row"
+            f"{path}, line {lines[3 + int(np.argmin(np.isfinite(counts).all(axis=1)))][0]}: a count "
+            f"is no finite number; remove the row"
         )
     return _header(path, lines, *rows), counts
 
@@ -151,7 +153,8 @@ def _numbers(path: File, number: int, text: str) -> tuple[float, ...]:
         values = ()
     if len(values) != 6:
         raise DataError(
-            f"{path}, line {number}: {text.strip()[:40]!r} is not six numbers, as every line of a PSINS log is; correct or remove it"
+            f"{path}, line {number}: {text.strip()[:40]!r} is not six numbers, as every line of a "
+            f"PSINS log is; correct or remove it"
         )
     return values
 
@@ -173,12 +176,14 @@ def _header(
         and 9 < gravity < 11
     ):
         raise DataError(
-            f"{path}, line {lines[1][0]}: latitude, longitude, height, time, interval in ms and gravity are expected, "
+            f"{path}, line {lines[1][0]}: latitude, longitude, height, time, interval in ms and "
+            f"gravity are expected, "
             f"not {lines[1][1].strip()!r}"
         )
     if not all(0 < value < np.inf for value in scale):
         raise DataError(
-            f"{path}, line {lines[2][0]}: what a count is worth must be larger than 0 for all six, not {lines[2][1].strip()!r}"
+            f"{path}, line {lines[2][0]}: what a count is worth must be larger than 0 for all six, "
+            f"not {lines[2][1].strip()!r}"
         )
     return Header(
         (roll * rad, pitch * rad, -yaw * rad % (2 * np.pi)),

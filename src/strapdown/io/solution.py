@@ -85,7 +85,8 @@ def read_solution(path: File) -> Solution:
         ):  # lzma.LZMAError and zlib.error are no OSErrors
             raise
         raise DataError(
-            f"{path}: the compressed file is damaged or cut short; write it again with strapdown fuse"
+            f"{path}: the compressed file is damaged or cut short; write it again with strapdown "
+            f"fuse"
         ) from error
 
 
@@ -93,7 +94,8 @@ def _format(path: File, known: str) -> str:
     ending = re.search(r"\.(nc|csv|kml)(\.gz|\.xz)?$", Path(path).name.lower())
     if not ending or (ending[2] and ending[1] != "csv") or ending[1] not in known:
         raise DataError(
-            f"{path}: this ending is not one of a solution; use .{known.replace(', ', ', .')}, .csv.gz or .csv.xz"
+            f"{path}: this ending is not one of a solution; use .{known.replace(', ', ', .')}, "
+            f".csv.gz or .csv.xz"
         )
     return ending[1]
 
@@ -184,7 +186,8 @@ def _read_netcdf(path: Path) -> Solution:
     with h5netcdf.File(path, "r") as file:
         if file.attrs.get("format") != FORMAT:
             raise DataError(
-                f"{path}: this NetCDF file is no solution (`format` is not {FORMAT!r}); read recordings with strapdown.read"
+                f"{path}: this NetCDF file is no solution (`format` is not {FORMAT!r}); read "
+                f"recordings with strapdown.read"
             )
 
         def column(name: str) -> np.ndarray[Any, Any]:
@@ -314,7 +317,8 @@ def _check(path: Path, table: "pd.DataFrame") -> None:
     if missing:
         wanted = f"{missing[0]} [{UNITS[missing[0]]}]" if missing[0] in UNITS else missing[0]
         raise DataError(
-            f"{path}: column {wanted!r} is missing; write the solution again, or use read for a recording"
+            f"{path}: column {wanted!r} is missing; write the solution again, or use read for a "
+            f"recording"
         )
     if not len(table):
         raise DataError(f"{path}: the table has no rows")
@@ -327,7 +331,8 @@ def _check(path: Path, table: "pd.DataFrame") -> None:
             )
             cell = table[name][row]
             raise DataError(
-                f"{path}: row {row + 2}, column {name!r}: {cell!r} is not a number; correct it or write the solution again"
+                f"{path}: row {row + 2}, column {name!r}: {cell!r} is not a number; correct it or "
+                f"write the solution again"
             )
 
 
@@ -342,6 +347,7 @@ def _write_kml(solution: Solution, part: Path, path: Path) -> None:
     if not solution.has_position:
         filter = solution.meta.get("filter")
         raise DataError(
-            f"{path}: the solution{f' of {filter}' if filter else ''} has no position, so there is no track to write; use .nc or .csv"
+            f"{path}: the solution{f' of {filter}' if filter else ''} has no position, so there is "
+            f"no track to write; use .nc or .csv"
         )
     part.write_bytes(kml(solution))

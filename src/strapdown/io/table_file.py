@@ -56,7 +56,8 @@ class Table(NamedTuple):
         if wrong.any():
             row = int(np.argmax(wrong))
             raise DataError(
-                f"{self.origin.row(row)}, column {column!r}: {str(cells.iloc[row])[:40]!r} is not a number; "
+                f"{self.origin.row(row)}, column {column!r}: {str(cells.iloc[row])[:40]!r} is not a "
+                f"number; "
                 "correct the cell or leave it empty"
             )
         return values

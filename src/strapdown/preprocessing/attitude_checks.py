@@ -51,7 +51,8 @@ def sound_attitude(t: Array, y: Array, imu: Imu, name: str, where: str) -> tuple
         )
     notes = (
         [
-            f"{name}: {counted(int(held.sum()), 'row')} dropped, stuck at one value while the gyro turns, "
+            f"{name}: {counted(int(held.sum()), 'row')} dropped, stuck at one value while the gyro "
+            f"turns, "
             f"the first at {t[np.argmax(held)]:.3f} s: check the sensor"
         ]
         if held.any()
@@ -68,7 +69,8 @@ def refuse_unit(t: Array, y: Array, imu: Imu, where: str) -> None:
     recorded, gyro = turns(t, y, imu)()
     if len(gyro) >= ENOUGH and 0.5 < np.degrees(ratio(recorded, gyro)) < 2:
         raise DataError(
-            f"{where} unit: the attitude turns {ratio(recorded, gyro):.3g} times as much as the gyro: rad read as deg?"
+            f"{where} unit: the attitude turns {ratio(recorded, gyro):.3g} times as much as the "
+            f"gyro: rad read as deg?"
         )
 
 
@@ -170,7 +172,8 @@ def facts_and_problems(aiding: Aiding, imu: Imu) -> tuple[list[str], list[str]]:
         return facts, problems
     now, factor = _likeness(recorded, gyro), ratio(recorded, gyro)
     facts = [
-        f"turns of {aiding.name} against those of the gyro: correlation {now:.3f}, attitude / gyro {factor:.3g} ({len(gyro)} intervals)",
+        f"turns of {aiding.name} against those of the gyro: correlation {now:.3f}, attitude / gyro "
+        f"{factor:.3g} ({len(gyro)} intervals)",
         *facts,
     ]
     if not 0.4 < factor < 2.5:
@@ -201,7 +204,8 @@ def facts_and_problems(aiding: Aiding, imu: Imu) -> tuple[list[str], list[str]]:
         likeness, _, other = max(fits, key=lambda each: (round(each[0], 2), each[1]))
         if likeness > 0.9:
             problems.append(
-                f"{aiding.name} axes: it turns as a gyro with the axes {named_permutation(other)!r} would: "
+                f"{aiding.name} axes: it turns as a gyro with the axes {named_permutation(other)!r} "
+                f"would: "
                 "check axes, order and signs of its columns against those of the IMU"
             )
     return facts, problems

@@ -25,7 +25,8 @@ def axes_of(text: str) -> tuple[Array, Array]:
     body, to, navigation = text.partition(" to ")
     if not to:
         raise DataError(
-            f'{text!r}: write the axes of the body and those that its attitude is told in, such as "FLU to ENU"; '
+            f"{text!r}: write the axes of the body and those that its attitude is told in, such as "
+            f'"FLU to ENU"; '
             "FRD to NED are the library's"
         )
     matrices = (
@@ -70,7 +71,8 @@ def _unit(q: Array, origin: Origin) -> Array:
     if wrong.any():
         row = int(np.argmax(wrong))
         raise DataError(
-            f"{origin.row(row)}: quaternion [{' '.join(f'{each:.6g}' for each in q[row])}] has norm {norm[row]:.4g}, not 1; "
+            f"{origin.row(row)}: quaternion [{' '.join(f'{each:.6g}' for each in q[row])}] has norm "
+            f"{norm[row]:.4g}, not 1; "
             + (
                 "empty its cells or leave the row out where the attitude is not known"
                 if not norm[row]
@@ -124,6 +126,8 @@ def possible_attitude(y: Array, origin: Origin) -> None:
         if beyond.any():
             row = int(np.argmax(beyond))
             raise DataError(
-                f"{origin.row(row)}: {name} is {np.degrees(column[row]):.6g} deg, at most {np.degrees(limit):.0f} is expected; "
-                "check the unit (deg read as rad?) and the order of the columns, and wrap angles that count turns"
+                f"{origin.row(row)}: {name} is {np.degrees(column[row]):.6g} deg, at most "
+                f"{np.degrees(limit):.0f} is expected; "
+                "check the unit (deg read as rad?) and the order of the columns, and wrap angles "
+                "that count turns"
             )

@@ -24,7 +24,8 @@ def axes_matrix(text: str, named: Mapping[str, str], right_handed: bool = True) 
         len(part) != 2 or part[0] not in "+-" or part[1] not in "xyz" for part in signed
     ):
         raise DataError(
-            f'unknown axes {text!r}; give {", ".join(named)}, or three signed axes such as "+y +x -z"'
+            f'unknown axes {text!r}; give {", ".join(named)}, or three signed axes such as "+y +x '
+            f'-z"'
         )
     matrix = np.zeros((3, 3))
     for row, part in zip(matrix, signed):
@@ -34,7 +35,8 @@ def axes_matrix(text: str, named: Mapping[str, str], right_handed: bool = True) 
         raise DataError(f"axes {text!r} use an axis twice; each of x, y and z must stand once")
     if right_handed and determinant < 0:
         raise DataError(
-            f"axes {text!r} are left-handed, so no turned sensor has them; change one sign or swap two axes"
+            f"axes {text!r} are left-handed, so no turned sensor has them; change one sign or swap "
+            f"two axes"
         )
     return matrix
 

@@ -58,7 +58,8 @@ def checked_aidings(imu: Imu, aidings: Iterable[Aiding]) -> tuple[tuple[Aiding, 
             and not 1e-6 <= np.linalg.norm(aiding.parameters) <= 100e-6
         ):
             raise DataError(
-                f"{aiding.name or aiding.kind}: parameters are {tuple(aiding.parameters)}, where the Earth's field north, east, down "
+                f"{aiding.name or aiding.kind}: parameters are {tuple(aiding.parameters)}, where "
+                f"the Earth's field north, east, down "
                 "in T is needed; geomagnetic_field gives it"
             )
         if find(aiding.kind).kind == ATTITUDE_KIND:
@@ -92,7 +93,8 @@ def clean(
     keep = np.isfinite(t) & np.isfinite(y).any(axis=1) & (np.isnan(y) | np.isfinite(sd)).all(axis=1)
     if not keep.all():
         notes.append(
-            f"{origin.name}: {counted((~keep).sum(), 'row')} without time, value or standard deviation dropped, "
+            f"{origin.name}: {counted((~keep).sum(), 'row')} without time, value or standard "
+            f"deviation dropped, "
             f"the first in {origin.line(np.argmin(keep))}"
         )
         origin, t, y, sd = origin.kept(keep, len(t)), t[keep], y[keep], sd[keep]
@@ -106,7 +108,8 @@ def clean(
     ]
     if repeated.any():
         notes.append(
-            f"{origin.name}: {counted(repeated.sum(), 'repeated row')} dropped, the first in {origin.line(np.argmax(repeated))}"
+            f"{origin.name}: {counted(repeated.sum(), 'repeated row')} dropped, the first in "
+            f"{origin.line(np.argmax(repeated))}"
         )
         origin, t, y, sd = origin.kept(~repeated, len(t)), t[~repeated], y[~repeated], sd[~repeated]
     if (
@@ -117,7 +120,8 @@ def clean(
     if wrong.any():
         row = int(np.argmax(wrong))
         raise DataError(
-            f"{origin.row(row)}: standard deviation {np.nanmin(sd[row]):g} of kind {sensor.name}; it must be above zero"
+            f"{origin.row(row)}: standard deviation {np.nanmin(sd[row]):g} of kind {sensor.name}; "
+            f"it must be above zero"
         )
     if sensor.kind == ATTITUDE_KIND:
         notes += _without_heading(t, y, aiding.name or aiding.kind)
@@ -154,7 +158,8 @@ def _arrays(aiding: Aiding, sensor: Measurement, origin: Origin) -> tuple[Array,
         pass
     if t.ndim != 1 or y.shape != shape or sd.shape != shape:
         raise DataError(
-            f"{origin.name}: kind {sensor.name} needs y and sd of shape {shape} for t of shape {t.shape}; "
+            f"{origin.name}: kind {sensor.name} needs y and sd of shape {shape} for t of shape "
+            f"{t.shape}; "
             f"y has {y.shape}, sd {sd.shape}"
         )
     return t, y, sd
@@ -203,7 +208,8 @@ def _pressure(column: Array, origin: Origin) -> None:
             "check columns, unit and scale, or leave such rows out",
         )
         raise DataError(
-            f"{origin.row(row)}: pressure is {column[row]:.6g} Pa, where air has {PRESSURES[0]:g} to {PRESSURES[1]:g}: {likely}"
+            f"{origin.row(row)}: pressure is {column[row]:.6g} Pa, where air has {PRESSURES[0]:g} "
+            f"to {PRESSURES[1]:g}: {likely}"
         )
 
 
@@ -212,7 +218,8 @@ def overlap(imu: Imu, t: Array, name: str) -> None:
     start, stop = float(imu.t[0] - imu.dt[0]), float(imu.t[-1])
     if len(t) and not ((t >= start) & (t <= stop)).any():
         raise DataError(
-            f"{name}: nothing falls within the IMU record: IMU {start:.3f} to {stop:.3f} s, here {t[0]:.3f} to {t[-1]:.3f} s; "
+            f"{name}: nothing falls within the IMU record: IMU {start:.3f} to {stop:.3f} s, here "
+            f"{t[0]:.3f} to {t[-1]:.3f} s; "
             "add `offset` to one `time`, or check the units of time"
         )
 
@@ -231,7 +238,8 @@ def overlap_notes(imu: Imu, aiding: Aiding) -> list[str]:
     ):
         return []
     return [
-        f"{aiding.name or aiding.kind}: only {inside} of {len(aiding.t)} fixes fall within the IMU record, {max(common, 0.0):.1f} of its "
+        f"{aiding.name or aiding.kind}: only {inside} of {len(aiding.t)} fixes fall within the IMU "
+        f"record, {max(common, 0.0):.1f} of its "
         f"{stop - start:.1f} s: check unit and offset of time"
     ]
 
@@ -245,7 +253,8 @@ def clean_reference(
     keep = np.isfinite(t) & np.isfinite(lla).all(axis=1)
     if not keep.all():
         notes.append(
-            f"{origin.name}: {counted((~keep).sum(), 'row')} of the reference without time or position dropped, "
+            f"{origin.name}: {counted((~keep).sum(), 'row')} of the reference without time or "
+            f"position dropped, "
             f"the first in {origin.line(np.argmin(keep))}"
         )
     rows = np.flatnonzero(keep)

@@ -76,7 +76,8 @@ def _columns(
     t, gyro, accel = (np.asarray(values, float) for values in (t, gyro, accel))
     if t.ndim != 1 or gyro.shape != (len(t), 3) or accel.shape != (len(t), 3):
         raise DataError(
-            f"{origin.name}: t has shape {t.shape}, gyro {gyro.shape} and accel {accel.shape}; they must be (n,), (n, 3) and (n, 3)"
+            f"{origin.name}: t has shape {t.shape}, gyro {gyro.shape} and accel {accel.shape}; they "
+            f"must be (n,), (n, 3) and (n, 3)"
         )
     return t, gyro, accel
 
@@ -109,7 +110,8 @@ def order(t: Array, origin: Origin, notes: list[str]) -> Ints | None:
     if np.abs(index - np.arange(len(t))).max() <= LATE:
         late = np.flatnonzero(steps < 0) + 1
         notes.append(
-            f"{origin.name}: {counted(len(late), 'late row')} sorted by time, the first in {origin.line(late[0])}"
+            f"{origin.name}: {counted(len(late), 'late row')} sorted by time, the first in "
+            f"{origin.line(late[0])}"
         )
         return index
     keep = _longest_rising(t)
@@ -118,11 +120,13 @@ def order(t: Array, origin: Origin, notes: list[str]) -> Ints | None:
     if run > LATE or len(stray) > max(LATE, len(t) // 100):
         back = int(np.argmin(steps)) + 1
         raise DataError(
-            f"{origin.row(back)}: time goes back from {t[back - 1]:.3f} to {t[back]:.3f} s and does not recover; "
+            f"{origin.row(back)}: time goes back from {t[back - 1]:.3f} to {t[back]:.3f} s and does "
+            f"not recover; "
             "cut the file there or correct its time column"
         )
     notes.append(
-        f"{origin.name}: {counted(len(stray), 'row')} with a stray time dropped, the first in {origin.line(stray[0])}"
+        f"{origin.name}: {counted(len(stray), 'row')} with a stray time dropped, the first in "
+        f"{origin.line(stray[0])}"
     )
     return keep
 
@@ -154,11 +158,13 @@ def _distinct(t: Array, gyro: Array, accel: Array, origin: Origin, notes: list[s
     ).sum()
     if different > max(1, len(t) // 10):
         raise DataError(
-            f"{origin.row(rows[0])}: {different} of {len(t)} samples have the time of the row before but other values; "
+            f"{origin.row(rows[0])}: {different} of {len(t)} samples have the time of the row "
+            f"before but other values; "
             "the time stamps are too coarse: use a time column with more digits"
         )
     notes.append(
-        f"{origin.name}: {counted(len(rows), 'repeated time')} dropped, the first in {origin.line(rows[0])}"
+        f"{origin.name}: {counted(len(rows), 'repeated time')} dropped, the first in "
+        f"{origin.line(rows[0])}"
     )
     return ~same
 
@@ -176,7 +182,8 @@ def _intervals(t: Array, origin: Origin, notes: list[str]) -> Array:
         longest = int(np.argmax(steps))
         if steps[longest] > LONGEST_PAUSE:
             raise DataError(
-                f"{origin.row(longest + 1)}: time jumps from {t[longest]:.3f} to {t[longest + 1]:.3f} s; "
+                f"{origin.row(longest + 1)}: time jumps from {t[longest]:.3f} to "
+                f"{t[longest + 1]:.3f} s; "
                 "cut the file there or correct its time column"
             )
         notes.append(

@@ -120,7 +120,8 @@ def gnss_at(
     outside = int(((fixes.t < t[0]) | (fixes.t > t[-1])).sum())
     if outside:
         raise DataError(
-            f"{outside} of {len(fixes.t)} fixes are outside the attitude's {t[0]:.3f} to {t[-1]:.3f} s; take fixes.between(...) first"
+            f"{outside} of {len(fixes.t)} fixes are outside the attitude's {t[0]:.3f} to "
+            f"{t[-1]:.3f} s; take fixes.between(...) first"
         )
     turn = Slerp(t, turns)(fixes.t)
     between = np.stack([np.interp(fixes.t, t, column) for column in deviations.T], axis=1)
@@ -175,7 +176,8 @@ def _attitude(
     if not (np.diff(t) > 0).all():
         row = int(np.argmin(np.diff(t) > 0))
         raise DataError(
-            f"the times of the attitude do not increase: {t[row]:.6g} s is followed by {t[row + 1]:.6g} s; "
+            f"the times of the attitude do not increase: {t[row]:.6g} s is followed by "
+            f"{t[row + 1]:.6g} s; "
             "sort its rows and leave out the doubles"
         )
     return t, turns[known], np.nan_to_num(sd[known])
@@ -189,7 +191,8 @@ def _rates(imu: Imu | None, at: Array) -> Array:
     outside = int(((rows == len(imu.t)) | (at < imu.t[0] - imu.dt[0])).sum())
     if outside:
         raise DataError(
-            f"{outside} of {len(at)} fixes are outside the IMU's {imu.t[0] - imu.dt[0]:.3f} to {imu.t[-1]:.3f} s; "
+            f"{outside} of {len(at)} fixes are outside the IMU's {imu.t[0] - imu.dt[0]:.3f} to "
+            f"{imu.t[-1]:.3f} s; "
             "take fixes.between(...) first"
         )
     return imu.dtheta[rows] / imu.dt[rows, None]

@@ -66,7 +66,8 @@ def _unit_of_accel(force: Array, interval: float, kind: str | None) -> list[tupl
     return [
         (
             field,
-            f"specific force has median magnitude {magnitude:.3g} m/s^2, where gravity alone gives 9.8: "
+            f"specific force has median magnitude {magnitude:.3g} m/s^2, where gravity alone gives "
+            f"9.8: "
             + (" Or ".join(text for _, text in fitting) or "check unit, scale and columns"),
         )
     ]
@@ -89,7 +90,8 @@ def _unit_of_gyro(imu: Imu, rate: Array, force: Array) -> list[tuple[str, str]]:
         return [
             (
                 "gyro.unit",
-                f"the gyro claims tilting at up to {tilt.max():.3g} rad/s while the specific force stays steady: {remedy}",
+                f"the gyro claims tilting at up to {tilt.max():.3g} rad/s while the specific force "
+                f"stays steady: {remedy}",
             )
         ]
     return []
@@ -113,7 +115,8 @@ def _gravity_sign(force: Array) -> list[tuple[str, str]]:
     return [
         (
             "axes",
-            f"specific force on z has median {z:+.2f} m/s^2; a level body at rest must read -9.8 on z (forward-right-down): "
+            f"specific force on z has median {z:+.2f} m/s^2; a level body at rest must read -9.8 on "
+            f"z (forward-right-down): "
             "check axes (FLU or RFU instead of FRD?), mounting, or the sign of accel",
         )
     ]
@@ -127,14 +130,16 @@ def doubts(imu: Imu) -> list[str]:
     largest = int(np.argmax(np.abs(median)))
     if largest != 2 and abs(median[largest]) > 0.7 * np.linalg.norm(median):
         found.append(
-            f"specific force lies mostly on {'xyz'[largest]} ({median[largest]:+.2f} m/s^2), not on z: check axes or mounting"
+            f"specific force lies mostly on {'xyz'[largest]} ({median[largest]:+.2f} m/s^2), not on "
+            f"z: check axes or mounting"
         )
     rest = at_rest(imu)
     if rest.any():
         bias = np.degrees(imu.dtheta[rest].sum(axis=0) / imu.dt[rest].sum())
         if np.abs(bias).max() > 2.5:
             found.append(
-                f"the gyro reads [{' '.join(f'{b:.2f}' for b in bias)}] deg/s at rest: a large turn-on bias, or a wrong unit or scale"
+                f"the gyro reads [{' '.join(f'{b:.2f}' for b in bias)}] deg/s at rest: a large "
+                f"turn-on bias, or a wrong unit or scale"
             )
     for name, columns in (("gyro", imu.dtheta), ("accel", imu.dv)):
         still = [

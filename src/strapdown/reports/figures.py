@@ -178,7 +178,8 @@ def _frame_track(figure: go.Figure, known: Array | None, paths: Mapping[str, Arr
         else:
             note(
                 figure,
-                f"{name} leaves the frame by up to {_metres(beyond)}; double-click the plot to see all of it.",
+                f"{name} leaves the frame by up to {_metres(beyond)}; double-click the plot to see "
+                f"all of it.",
             )
     margin = 0.06 * max((high - low).max(), 10.0)
     figure.update_layout(
@@ -235,7 +236,8 @@ def height(
         if beyond > 2 * room:
             note(
                 figure,
-                f"{name} leaves the frame by up to {_metres(beyond)}; double-click the plot to see all of it.",
+                f"{name} leaves the frame by up to {_metres(beyond)}; double-click the plot to see "
+                f"all of it.",
             )
         else:
             low, high = min(low, lowest), max(high, highest)

@@ -209,5 +209,6 @@ def _range(figure: go.Figure, values: Array, good: Mask, row: int, name: str, na
         fixes = "fix" if count == 1 else "fixes"
         note(
             figure,
-            f"{name}: {count} rejected {fixes} beyond the frame, up to {largest:.3g} {named}. Double-click the panel to see all.",
+            f"{name}: {count} rejected {fixes} beyond the frame, up to {largest:.3g} {named}. "
+            f"Double-click the panel to see all.",
         )

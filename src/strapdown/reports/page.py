@@ -23,7 +23,8 @@ from .shell import Page, listed, placed, shell
 
 FOOTER = (
     "Errors are true − estimate.",
-    " Position, velocity and their errors are in metres and m/s along north, east, down; heights are above the "
+    " Position, velocity and their errors are in metres and m/s along north, east, down; heights "
+    "are above the "
     "WGS-84 ellipsoid.",
     " Lines of more than 2000 points keep the extremes of each stretch.",
 )
@@ -95,7 +96,8 @@ def _key(solutions: Mapping[str, Solution]) -> str:
         ),
         (
             "border-left:1px dotted; width:4px; margin-left:6px",
-            f"event, numbered as in the list{f'; the first {MARKED} of {counts} are marked' if many else ''}",
+            f"event, numbered as in the "
+            f"list{f'; the first {MARKED} of {counts} are marked' if many else ''}",
         ),
     ]
     return f"<p class='caption key'>{''.join(f'<span><b style={style!r}></b>{escape(text)}</span>' for style, text in rows)}<span>{ZOOM_HINT}</span></p>"
@@ -234,7 +236,8 @@ def _sections(
     yield (
         "Details",
         "".join(
-            f"<details><summary>{escape(name)}: how it was made</summary><pre>{escape(_details(solution))}</pre></details>"
+            f"<details><summary>{escape(name)}: how it was "
+            f"made</summary><pre>{escape(_details(solution))}</pre></details>"
             for name, solution in solutions.items()
         ),
     )
@@ -328,7 +331,8 @@ def _errors(draw: _Drawer, scores: dict[str, Errors], window: tuple[float, float
         shown.append(
             (
                 "Angle of the attitude error",
-                "Of the whole rotation, of the vertical, and about it: without signs, and alike in every attitude.",
+                "Of the whole rotation, of the vertical, and about it: without signs, and alike in "
+                "every attitude.",
                 figures.attitude_angles,
                 "attitude",
             )

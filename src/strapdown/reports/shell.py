@@ -87,6 +87,7 @@ def placed(number: int, figure: go.Figure, heading: str, caption: str = "", tag:
     notes = "".join(f"<p class=note>{escape(text)}</p>" for text in figure.layout.meta["notes"])
     below = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
     return (
-        f"<figure><h3>{escape(heading)}{tag}</h3><div class=plot id=p{number} style='height:{figure.layout.height}px'></div>{below}{notes}"
+        f"<figure><h3>{escape(heading)}{tag}</h3><div class=plot id=p{number} "
+        f"style='height:{figure.layout.height}px'></div>{below}{notes}"
         f"<script type='application/json' id=data-p{number}>{figure.to_json()}</script></figure>"
     )

@@ -166,7 +166,8 @@ def beyond(found: Mapping[str, Errors], window: tuple[float, float] | None = Non
             share = (errors > SIGMAS * sd).any(axis=1)[known].mean() if known.any() else 0.0
             if share > BEYOND_SHARE:
                 said.append(
-                    f"{name}: {group} error beyond 3σ of what the filter claims at {100 * share:.0f} % of the times."
+                    f"{name}: {group} error beyond 3σ of what the filter claims at "
+                    f"{100 * share:.0f} % of the times."
                 )
     return "".join(f"<p class=note>{escape(text)}</p>" for text in said)
 
@@ -221,7 +222,8 @@ def _largest_and_last(values: Array) -> str:
 
 FAR_BELOW = 0.05
 LASTING_FIELD_NOTE = (
-    "<p class=caption>The mean NIS of the magnetic field is far below what is expected: its errors are taken as lasting, so single samples count "
+    "<p class=caption>The mean NIS of the magnetic field is far below what is expected: its errors "
+    "are taken as lasting, so single samples count "
     "little; see docs/attitude.md.</p>"
 )
 

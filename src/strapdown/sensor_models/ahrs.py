@@ -43,11 +43,13 @@ class Ahrs:
         listed: Any = (self.sd,) * 3 if real(self.sd) else self.sd
         if np.shape(listed) != (3,) or not all(real(each) and 0 < each < np.inf for each in listed):
             raise DataError(
-                f"attitude: sd is {self.sd!r}; it must be three numbers above 0: of roll, pitch and heading, rad"
+                f"attitude: sd is {self.sd!r}; it must be three numbers above 0: of roll, pitch and "
+                f"heading, rad"
             )
         if max(listed) > LARGEST_ANGLE_SD:
             raise DataError(
-                f"attitude: sd is {[float(each) for each in listed]} rad; at most {LARGEST_ANGLE_SD:.4g} (30 deg): is it in rad?"
+                f"attitude: sd is {[float(each) for each in listed]} rad; at most "
+                f"{LARGEST_ANGLE_SD:.4g} (30 deg): is it in rad?"
             )
         object.__setattr__(self, "sd", tuple(map(float, listed)))
 

@@ -29,7 +29,8 @@ def standard_pressure(height: ArrayLike) -> Array:
     _refuse(
         ~((height >= LOWEST_AIR) & (height <= HIGHEST_AIR)),
         height,
-        f"height {{:.6g}} m; the standard atmosphere here goes from {LOWEST_AIR:g} to {HIGHEST_AIR:g} m",
+        f"height {{:.6g}} m; the standard atmosphere here goes from {LOWEST_AIR:g} to "
+        f"{HIGHEST_AIR:g} m",
     )
     low = (
         SEA_LEVEL_PRESSURE

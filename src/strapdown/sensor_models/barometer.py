@@ -59,7 +59,8 @@ class Barometer:
                 )
         if self.drift < 0 or max(self.sd, abs(self.bias), self.drift) > LARGEST_ERROR:
             raise DataError(
-                f"barometer: sd {self.sd:g}, bias {self.bias:g} and drift {self.drift:g} Pa; they are at most {LARGEST_ERROR:g} Pa, "
+                f"barometer: sd {self.sd:g}, bias {self.bias:g} and drift {self.drift:g} Pa; they "
+                f"are at most {LARGEST_ERROR:g} Pa, "
                 "and the drift is 0 or more"
             )
         if self.rate is not None and (not real(self.rate) or not 0 < self.rate < np.inf):
@@ -70,12 +71,14 @@ class Barometer:
             or not np.all(np.isfinite(self.lever_arm))
         ):
             raise DataError(
-                f"barometer: lever_arm is {self.lever_arm!r}; it must be three numbers: forward, right, down, m"
+                f"barometer: lever_arm is {self.lever_arm!r}; it must be three numbers: forward, "
+                f"right, down, m"
             )
         object.__setattr__(self, "lever_arm", tuple(map(float, self.lever_arm)))
         if self.quantity not in KIND_OF_QUANTITY:
             raise DataError(
-                f"barometer: quantity is {self.quantity!r}; it is one of {', '.join(KIND_OF_QUANTITY)}"
+                f"barometer: quantity is {self.quantity!r}; it is one of "
+                f"{', '.join(KIND_OF_QUANTITY)}"
             )
 
     def measure(self, truth: Trajectory, rng: np.random.Generator) -> Aiding:
@@ -94,7 +97,8 @@ class Barometer:
         above = height - self.zero
         if np.any((above < LOWEST_AIR) | (above > HIGHEST_AIR)):
             raise DataError(
-                f"barometer: it comes to {above[np.argmax(np.abs(above))]:.6g} m above its zero; the standard atmosphere here goes from "
+                f"barometer: it comes to {above[np.argmax(np.abs(above))]:.6g} m above its zero; "
+                f"the standard atmosphere here goes from "
                 f"{LOWEST_AIR:g} to {HIGHEST_AIR:g} m"
             )
         sd = self.sd / -pressure_gradient(above)  # m, as the innovation of both kinds

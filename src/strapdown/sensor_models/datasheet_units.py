@@ -137,7 +137,8 @@ def size(unit: object, si: str, where: str) -> float:
     """What one `unit` is in the SI unit `si`. Raises DataError."""
     if unit not in list(UNITS_OF_SI[si]):
         raise DataError(
-            f"{where}: unknown unit {unit!r}{nearest(unit, UNITS_OF_SI[si])}; known: {', '.join(UNITS_OF_SI[si])}"
+            f"{where}: unknown unit {unit!r}{nearest(unit, UNITS_OF_SI[si])}; known: "
+            f"{', '.join(UNITS_OF_SI[si])}"
         )
     return UNITS_OF_SI[si][unit]
 
@@ -152,7 +153,8 @@ def quantity(
     """The SI value of the TOML table {value, unit}. Raises DataError."""
     if not isinstance(entry, dict):
         raise DataError(
-            f'{where}: {entry!r} has no unit; write {{ value = {entry}, unit = "{example or SHEET[si]}" }}'
+            f"{where}: {entry!r} has no unit; write {{ value = {entry}, unit = "
+            f'"{example or SHEET[si]}" }}'
         )
     refuse_unknown(entry, ["value", "unit"], where)
     if missing := [key for key in ("value", "unit") if key not in entry]:

@@ -112,7 +112,8 @@ class Triad:
         for name, most, text in LARGEST_TERMS:
             if getattr(self, name) > most:
                 raise DataError(
-                    f"{name} is {getattr(self, name):g}; it must be at most {text}; is its unit right?"
+                    f"{name} is {getattr(self, name):g}; it must be at most {text}; is its unit "
+                    f"right?"
                 )
         if (self.gauss_markov > 0) != (self.time_constant > 0):
             present, absent = (
@@ -121,7 +122,8 @@ class Triad:
                 else ("time_constant", "gauss_markov")
             )
             raise DataError(
-                f"{present} is given without {absent}; a Gauss-Markov bias needs both, larger than 0"
+                f"{present} is given without {absent}; a Gauss-Markov bias needs both, larger than "
+                f"0"
             )
         object.__setattr__(self, "temperature", _rows(self.temperature))
 
@@ -290,7 +292,8 @@ def _rows(table: Iterable[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
     for row in rows:
         if len(row) != 4:
             raise DataError(
-                f"temperature row {row!r} needs four numbers: temperature in degC and the bias of x, y and z"
+                f"temperature row {row!r} needs four numbers: temperature in degC and the bias of "
+                f"x, y and z"
             )
         for value in row:
             check_finite(value, "a number of the temperature table")
@@ -300,6 +303,7 @@ def _rows(table: Iterable[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
         )
     if any(later[0] <= earlier[0] for earlier, later in zip(rows, rows[1:])):
         raise DataError(
-            "the temperatures of the temperature table do not rise from row to row; sort them, each once"
+            "the temperatures of the temperature table do not rise from row to row; sort them, each "
+            "once"
         )
     return tuple(tuple(float(value) for value in row) for row in rows)

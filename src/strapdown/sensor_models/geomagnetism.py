@@ -67,7 +67,8 @@ def geomagnetic_field(
         ""
         if horizontal > COMPASS
         else (
-            f"the horizontal field is only {horizontal * 1e6:.1f} uT ({name}), so near the magnetic pole that "
+            f"the horizontal field is only {horizontal * 1e6:.1f} uT ({name}), so near the magnetic "
+            f"pole that "
             "a magnetic heading is poor; trust it less or leave it out"
         )
     )
@@ -126,11 +127,13 @@ def _check_place(lat: float, lon: float, height: float) -> None:
         )
     if abs(lat) > LATITUDE_LIMIT + 1e-9:
         raise DataError(
-            f"latitude is {math.degrees(lat):.6g} deg; results hold up to {math.degrees(LATITUDE_LIMIT):.0f} deg"
+            f"latitude is {math.degrees(lat):.6g} deg; results hold up to "
+            f"{math.degrees(LATITUDE_LIMIT):.0f} deg"
         )
     if not LOWEST_PLACE <= height <= HIGHEST_PLACE:
         raise DataError(
-            f"height is {height:g} m; geomagnetic models hold from {LOWEST_PLACE / 1000:.0f} to {HIGHEST_PLACE / 1000:.0f} km"
+            f"height is {height:g} m; geomagnetic models hold from {LOWEST_PLACE / 1000:.0f} to "
+            f"{HIGHEST_PLACE / 1000:.0f} km"
         )
 
 
@@ -141,11 +144,13 @@ def _model_at(year: float, date: datetime.date | str | float) -> str:
     newest = max(models().items(), key=lambda item: item[1])
     if year >= newest[1][1]:
         raise DataError(
-            f"date {date} is past the newest geomagnetic model ({newest[0]}, {_years(newest[1])}): it has expired; "
+            f"date {date} is past the newest geomagnetic model ({newest[0]}, {_years(newest[1])}): "
+            f"it has expired; "
             "install a newer `pygeomag`, or give the field itself"
         )
     raise DataError(
-        f"date {date} is before the oldest geomagnetic model ({IGRF}, {_years(IGRF_YEARS)}): check the date, or give the field itself"
+        f"date {date} is before the oldest geomagnetic model ({IGRF}, {_years(IGRF_YEARS)}): check "
+        f"the date, or give the field itself"
     )
 
 

@@ -249,7 +249,8 @@ def interpolated(trajectory: Trajectory, t: Array) -> Trajectory:
     at their own times, else cubic splines. Raises DataError."""
     if len(trajectory.t) < 2 or not np.all((t >= trajectory.t[0]) & (t <= trajectory.t[-1])):
         raise DataError(
-            f"fixes are wanted at times outside the trajectory, which covers {trajectory.t[0]:g} to {trajectory.t[-1]:g} s"
+            f"fixes are wanted at times outside the trajectory, which covers {trajectory.t[0]:g} to "
+            f"{trajectory.t[-1]:g} s"
         )
     row = np.searchsorted(trajectory.t, t)
     if np.array_equal(trajectory.t[row], t):
@@ -335,7 +336,8 @@ def without_fixes(aidings: Iterable[Aiding]) -> list[str]:
     """Sentences for the notes of a recording: the receiver's measurements of which not one falls
     into it; none where all are there."""
     return [
-        f"{aiding.name or aiding.kind}: not one fix falls into the recording; outages, interval and latency leave none"
+        f"{aiding.name or aiding.kind}: not one fix falls into the recording; outages, interval and "
+        f"latency leave none"
         for aiding in aidings
         if not len(aiding.t)
     ]
@@ -365,7 +367,8 @@ def _lever_arm(lever_arm: Sequence[float] | Array, name: str) -> None:
 def _deviations(sd: float | Sequence[float] | Array, name: str) -> Array:
     if np.ndim(sd) and np.shape(sd) != (3,):
         raise DataError(
-            f"{name}: {np.size(sd)} standard deviations are given; give three, north, east, down, or one for all"
+            f"{name}: {np.size(sd)} standard deviations are given; give three, north, east, down, "
+            f"or one for all"
         )
     sd = np.broadcast_to(_numbers(sd, f"{name}: standard deviations"), (3,))
     if not np.all((sd > 0) & np.isfinite(sd)):

@@ -46,7 +46,8 @@ class ImuSpec:
     def __post_init__(self) -> None:
         if self.accel.g_sensitivity:
             raise DataError(
-                "g_sensitivity is an error of gyros; the accelerometer's answer to specific force is its scale_factor"
+                "g_sensitivity is an error of gyros; the accelerometer's answer to specific force "
+                "is its scale_factor"
             )
         tables = {
             sensor: triad.temperature
@@ -57,14 +58,18 @@ class ImuSpec:
             raise DataError(
                 "warm_up is given without a temperature table of gyro or accel; leave it out"
                 if self.warm_up
-                else f"the temperature table of {min(tables)} needs warm_up: temperatures at start and end, time constant"
+                else (
+                    f"the temperature table of {min(tables)} needs warm_up: temperatures at start "
+                    f"and end, time constant"
+                )
             )
         for sensor, table in tables.items():
             assert self.warm_up is not None  # as just checked
             low, high = sorted((self.warm_up.start, self.warm_up.end))
             if low < table[0][0] or high > table[-1][0]:
                 raise DataError(
-                    f"warm_up goes from {self.warm_up.start:g} to {self.warm_up.end:g} degC, beyond the temperature table of {sensor}, "
+                    f"warm_up goes from {self.warm_up.start:g} to {self.warm_up.end:g} degC, beyond "
+                    f"the temperature table of {sensor}, "
                     f"which covers {table[0][0]:g} to {table[-1][0]:g}"
                 )
 
@@ -141,7 +146,8 @@ class ImuSpec:
         for sensor, bias_sd in (("gyro", self.bias_sd()[1]), ("accel", self.bias_sd()[0])):
             unit = {term.name: term.metadata[sensor] for term in terms(sensor)}
             parts.append(
-                f"{sensor} {shown(getattr(self, sensor).noise, unit['noise'])}, bias {shown(bias_sd, unit['turn_on_bias'])}"
+                f"{sensor} {shown(getattr(self, sensor).noise, unit['noise'])}, bias "
+                f"{shown(bias_sd, unit['turn_on_bias'])}"
             )
         return f"ImuSpec({self.name}: {'; '.join(parts)})"
 
@@ -157,7 +163,8 @@ def saturated(spec: ImuSpec, imu: Imu) -> list[str]:
         triad = spec.gyro if sensor == "gyro" else spec.accel
         if count := triad.saturated(increments, imu.dt):
             notes.append(
-                f"{sensor}: {count} of {len(imu.t)} samples saturated at {in_units(triad.saturation, si, unit):.4g} {unit}"
+                f"{sensor}: {count} of {len(imu.t)} samples saturated at "
+                f"{in_units(triad.saturation, si, unit):.4g} {unit}"
             )
     return notes
 
@@ -192,7 +199,8 @@ def grade(name: ImuSpec | dict[str, Any] | File) -> ImuSpec:
     if name.endswith(".toml") or len(Path(name).parts) > 1:
         return ImuSpec.from_toml(name)
     raise DataError(
-        f"unknown IMU grade {name!r}{nearest(name, grades())}; grades: {', '.join(grades())}; or give the path of a .toml file"
+        f"unknown IMU grade {name!r}{nearest(name, grades())}; grades: {', '.join(grades())}; or "
+        f"give the path of a .toml file"
     )
 
 
@@ -230,13 +238,15 @@ def _triad(table: dict[str, Any], sensor: str, where: str) -> Triad:
     entries = table.get(sensor)
     if not isinstance(entries, dict):
         raise DataError(
-            f"{where}: section [{sensor}] is missing; it needs at least noise = {{ value = ..., unit = ... }}"
+            f"{where}: section [{sensor}] is missing; it needs at least noise = {{ value = ..., "
+            f"unit = ... }}"
         )
     known = {term.name: term.metadata for term in terms(sensor)}
     refuse_unknown(entries, [*known, "temperature"], f"{where}, [{sensor}]")
     if "noise" not in entries:
         raise DataError(
-            f'{where}, [{sensor}]: noise is missing; give it as {{ value = ..., unit = "{known["noise"][f"{sensor}_sheet"]}" }}'
+            f"{where}, [{sensor}]: noise is missing; give it as {{ value = ..., unit = "
+            f'"{known["noise"][f"{sensor}_sheet"]}" }}'
         )
     values: dict[str, Any] = {
         name: quantity(
@@ -247,7 +257,8 @@ def _triad(table: dict[str, Any], sensor: str, where: str) -> Triad:
     }
     if values.get("saturation") == 0:
         raise DataError(
-            f"{where}, {sensor}.saturation: the full scale is 0, so nothing would be measured; give it above 0, or leave it out for none"
+            f"{where}, {sensor}.saturation: the full scale is 0, so nothing would be measured; give "
+            f"it above 0, or leave it out for none"
         )
     if "temperature" in entries:
         values["temperature"] = temperature_rows(
@@ -265,7 +276,8 @@ def temperature_rows(entry: Any, si: str, where: str) -> list[tuple[float, ...]]
         or not isinstance(entry["rows"], list)
     ):
         raise DataError(
-            f'{where}: write {{ unit = "{SHEET[si]}", rows = [[temperature in degC, bias x, y, z], ...] }}'
+            f'{where}: write {{ unit = "{SHEET[si]}", rows = [[temperature in degC, bias x, y, z], '
+            f"...] }}"
         )
     factor, rows = size(entry["unit"], si, where), []
     for row in entry["rows"]:
@@ -283,7 +295,8 @@ def _warm_up(table: dict[str, Any], where: str) -> WarmUp | None:
         return None
     if not isinstance(entries, dict) or set(entries) != set(WARM_UP):
         raise DataError(
-            f"{where}: [warm_up] needs start, end and time_constant, each as {{ value = ..., unit = ... }}, and nothing else"
+            f"{where}: [warm_up] needs start, end and time_constant, each as {{ value = ..., unit = "
+            f"... }}, and nothing else"
         )
     return _made(
         where,
@@ -306,7 +319,8 @@ def _as_toml(spec: ImuSpec) -> str:
         for term in terms(sensor):
             if (value := getattr(triad, term.name)) or term.name == "noise":
                 lines.append(
-                    f"{term.name} = {toml_quantity(value, term.metadata[sensor], term.metadata[f'{sensor}_sheet'])}"
+                    f"{term.name} = "
+                    f"{toml_quantity(value, term.metadata[sensor], term.metadata[f'{sensor}_sheet'])}"
                 )
         if triad.temperature:
             rows = ", ".join(str(list(row)) for row in triad.temperature)

@@ -76,20 +76,23 @@ class Magnetometer:
             )
         if min(three["scale"]) <= -1:
             raise DataError(
-                f"magnetometer: scale is {list(three['scale'])}; an error of -1 would leave nothing of the field"
+                f"magnetometer: scale is {list(three['scale'])}; an error of -1 would leave nothing "
+                f"of the field"
             )
         settle("soft_iron", _soft_iron(self.soft_iron))
         if not (_positive(self.saturation) or self.saturation == 0) or isinstance(
             self.saturation, bool
         ):
             raise DataError(
-                f"magnetometer: saturation is {self.saturation!r}; it must be larger than 0, in T, or 0 for none"
+                f"magnetometer: saturation is {self.saturation!r}; it must be larger than 0, in T, "
+                f"or 0 for none"
             )
         if self.field is not None:
             settle("field", reference_field(self.field))
         if not isinstance(self.disturbances, (tuple, list)):
             raise DataError(
-                f"magnetometer: disturbances is {_shown(self.disturbances)}; it must be a list of them"
+                f"magnetometer: disturbances is {_shown(self.disturbances)}; it must be a list of "
+                f"them"
             )
         settle("disturbances", tuple(_disturbance(each) for each in self.disturbances))
 
@@ -116,7 +119,8 @@ class Magnetometer:
         `measure`, `gate` that of its aiding. Raises DataError."""
         if field is None and self.field is None:
             raise DataError(
-                "magnetometer: it has no field of its own; give the reference field north, east, down, T"
+                "magnetometer: it has no field of its own; give the reference field north, east, "
+                "down, T"
             )
         field = np.array(self.field if field is None else reference_field(field))
         if truth.q_nb is None:
@@ -180,7 +184,8 @@ class MagnetometerPlan(NamedTuple):
         )
         return (
             [
-                f"magnetometer: {full} of {len(aiding.t)} samples saturated at {self.saturation * 1e6:.4g} uT"
+                f"magnetometer: {full} of {len(aiding.t)} samples saturated at "
+                f"{self.saturation * 1e6:.4g} uT"
             ]
             if full
             else []
@@ -246,7 +251,8 @@ def _soft_iron(matrix: ArrayLike) -> tuple[tuple[float, ...], ...]:
     values = np.linalg.svd(rows, compute_uv=False)
     if np.linalg.det(rows) <= 0 or values[2] < LEAST_LEFT * values[0]:
         raise DataError(
-            "magnetometer: soft_iron mirrors the field or leaves nothing of it in a direction; its determinant must be above 0"
+            "magnetometer: soft_iron mirrors the field or leaves nothing of it in a direction; its "
+            "determinant must be above 0"
         )
     return tuple(tuple(map(float, row)) for row in rows)
 
@@ -257,15 +263,18 @@ def _disturbance(values: Iterable[Any]) -> Disturbance:
         made = Disturbance(*values)
     except TypeError:
         raise DataError(
-            f"magnetometer: disturbance {_shown(values)}: give start and stop in s, field in T, and frame"
+            f"magnetometer: disturbance {_shown(values)}: give start and stop in s, field in T, and "
+            f"frame"
         ) from None
     if not all(map(real, made[:2])) or not made.start < made.stop:
         raise DataError(
-            f"magnetometer: disturbance from {made.start!r} to {made.stop!r} s; its start must come before its stop"
+            f"magnetometer: disturbance from {made.start!r} to {made.stop!r} s; its start must come "
+            f"before its stop"
         )
     if made.frame not in ("n", "b"):
         raise DataError(
-            f'magnetometer: disturbance: frame is {made.frame!r}; it is "n", fixed to the surroundings, or "b", fixed to the body'
+            f'magnetometer: disturbance: frame is {made.frame!r}; it is "n", fixed to the '
+            f'surroundings, or "b", fixed to the body'
         )
     return made._replace(
         field=_three(made.field, "field of a disturbance", STRONGEST_MAGNET, spread=False)

@@ -99,13 +99,15 @@ def flown_by_jsbsim(
         missing = [switch for switch, _, _ in HOLDS.values() if not _has(executive, switch)]
         if missing:
             raise DataError(
-                f"JSBSim's {aircraft} has no autopilot for heading and height ({missing[0]}); c172x and global5000 have one"
+                f"JSBSim's {aircraft} has no autopilot for heading and height ({missing[0]}); c172x "
+                f"and global5000 have one"
             )
         _trim(executive, aircraft, start, heading, speed)
         for key, value in properties.items():
             if not _has(executive, key):
                 raise DataError(
-                    f"JSBSim's {aircraft} has no property {key!r}; names end in their unit, as in atmosphere/wind-north-fps"
+                    f"JSBSim's {aircraft} has no property {key!r}; names end in their unit, as in "
+                    f"atmosphere/wind-north-fps"
                 )
             executive[key] = value
         every = max(1, round(row * rate))
@@ -129,7 +131,8 @@ def session(rate: float = STEP_RATE) -> Iterator[tuple[Any, list[str]]]:
     engine = found()
     if not real(rate) or not 0 < rate <= MOST_STEP_RATE:
         raise DataError(
-            f"JSBSim's rate is {rate!r} steps per second; it must be above 0 and at most {MOST_STEP_RATE:g}"
+            f"JSBSim's rate is {rate!r} steps per second; it must be above 0 and at most "
+            f"{MOST_STEP_RATE:g}"
         )
     with _ONE:
         yield from _listened(engine, rate)
@@ -169,7 +172,8 @@ def found() -> Any:
         raise DataError("JSBSim is not installed; pip install 'strapdown[jsbsim]'") from None
     if not hasattr(jsbsim, "set_logger"):
         raise DataError(
-            f"JSBSim {jsbsim.__version__} is too old (1.3 is needed); pip install 'strapdown[jsbsim]'"
+            f"JSBSim {jsbsim.__version__} is too old (1.3 is needed); pip install "
+            f"'strapdown[jsbsim]'"
         )
     return jsbsim
 
@@ -188,7 +192,8 @@ def _checked_start(start: object) -> tuple[float, ...]:
         or abs(numbers[1]) > 360 * DEG
     ):
         raise DataError(
-            f"start is {start!r}; give latitude (rad, within 89 deg = 1.553), longitude (rad) and ellipsoidal height (m)"
+            f"start is {start!r}; give latitude (rad, within 89 deg = 1.553), longitude (rad) and "
+            f"ellipsoidal height (m)"
         )
     return tuple(map(float, numbers))
 
@@ -214,7 +219,8 @@ def _checked(
         )
     if row > duration or duration * rate > MOST_STEPS:
         raise DataError(
-            f"a flight of {duration:g} s cannot have rows of {row:g} s at {rate:g} steps per second; rows are no longer than the flight, "
+            f"a flight of {duration:g} s cannot have rows of {row:g} s at {rate:g} steps per "
+            f"second; rows are no longer than the flight, "
             f"and {MOST_STEPS:g} steps are the most"
         )
     targets = (
@@ -233,7 +239,8 @@ def _checked(
             or not 0 <= target.at <= duration
         ):
             raise DataError(
-                f"{target}: its time is within the flight's 0 to {duration:g} s and its values are finite numbers"
+                f"{target}: its time is within the flight's 0 to {duration:g} s and its values are "
+                f"finite numbers"
             )
         if target.throttle is not None and not 0 <= target.throttle <= 1:
             raise DataError(f"{target}: throttle is between 0 and 1")
@@ -247,7 +254,8 @@ def _checked_properties(properties: object) -> dict[str, float]:
     for key, value in (properties or {}).items():
         if not isinstance(key, str) or not _finite(value):
             raise DataError(
-                f"property {key!r} of JSBSim is {value!r}; it must be a finite number, in the unit that its name ends in"
+                f"property {key!r} of JSBSim is {value!r}; it must be a finite number, in the unit "
+                f"that its name ends in"
             )
     return {key: float(value) for key, value in (properties or {}).items()}
 
@@ -259,7 +267,8 @@ def _load(executive: Any, aircraft: str) -> None:
     if not isinstance(aircraft, str) or not (folder / aircraft / f"{aircraft}.xml").is_file():
         known = sorted(entry.name for entry in folder.iterdir() if entry.is_dir())
         raise DataError(
-            f"JSBSim has no aircraft {aircraft!r}{nearest(aircraft, known)}; it has {', '.join(known)}"
+            f"JSBSim has no aircraft {aircraft!r}{nearest(aircraft, known)}; it has "
+            f"{', '.join(known)}"
         )
     executive.load_model(aircraft)
 
@@ -326,7 +335,8 @@ def _fly(
         flown[row] = [executive[key] for key in STATE_PROPERTIES]
         if not np.isfinite(flown[row]).all() or flown[row, 2] <= 0 or executive["gear/wow"]:
             raise DataError(
-                f"{aircraft} of JSBSim met the ground (the ellipsoid) or was lost after {row * every * step:.2f} s; "
+                f"{aircraft} of JSBSim met the ground (the ellipsoid) or was lost after "
+                f"{row * every * step:.2f} s; "
                 "begin higher, or ask less of it"
             )
         if watch is not None:

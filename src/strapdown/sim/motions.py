@@ -92,7 +92,8 @@ def hand_held(
     """
     if not (0 <= turning <= 1.5 and 0 <= travel < np.inf and 0 <= rest < np.inf):
         raise DataError(
-            f"a motion in a hand has turning from 0 to 1.5 (beyond, it pitches over the vertical), travel and rest from 0, "
+            f"a motion in a hand has turning from 0 to 1.5 (beyond, it pitches over the vertical), "
+            f"travel and rest from 0, "
             f"not {turning!r}, {travel!r}, {rest!r} s"
         )
     begun: Callable[[Numbers], Numbers] = (
@@ -134,7 +135,8 @@ def moored(
     """
     if not (0 <= heave < np.inf and 0 < wave_period < np.inf):
         raise DataError(
-            f"a swell has a heave of 0 m or more and a period above 0 s, not {heave!r} m, {wave_period!r} s"
+            f"a swell has a heave of 0 m or more and a period above 0 s, not {heave!r} m, "
+            f"{wave_period!r} s"
         )
 
     def swell(t: Numbers, size: float, phase: float) -> Numbers:
@@ -182,7 +184,8 @@ def straight(
     """
     if not (speed > 0 and duration > 0 and period > 0 and np.isfinite(duration + speed)):
         raise DataError(
-            f"a straight flight needs speed, duration and period above 0, not {speed!r} m/s, {duration!r} s, {period!r} s"
+            f"a straight flight needs speed, duration and period above 0, not {speed!r} m/s, "
+            f"{duration!r} s, {period!r} s"
         )
     course = _geodesic_course(start, azimuth, speed, duration + _SLACK)
 
@@ -249,7 +252,8 @@ def _geodesic_course(
     )
     if np.abs(solution.y[0]).max() >= 89 * DEG:
         raise DataError(
-            "the geodesic of a straight flight comes within 1 deg of a pole, where courses turn too fast; "
+            "the geodesic of a straight flight comes within 1 deg of a pole, where courses turn too "
+            "fast; "
             "choose another azimuth or duration"
         )
     series = Chebyshev.interpolate(course, 40, domain=[0.0, duration])
@@ -288,11 +292,13 @@ def _check_flight(legs: list[dict[str, Any]], speed: float) -> None:
         slowest = min(now, then)
         if not slowest > 0:
             raise DataError(
-                f"leg {number} (repeats written out): speed is {slowest!r}; an aircraft's must be above 0"
+                f"leg {number} (repeats written out): speed is {slowest!r}; an aircraft's must be "
+                f"above 0"
             )
         if not abs(leg["climb"]) <= slowest:
             raise DataError(
-                f"leg {number} (repeats written out): a climb of {leg['climb']:g} m/s at a speed of {slowest:g} m/s; "
+                f"leg {number} (repeats written out): a climb of {leg['climb']:g} m/s at a speed of "
+                f"{slowest:g} m/s; "
                 "it must not be larger than the speed"
             )
         now = then
@@ -377,7 +383,8 @@ def ship(
     """
     if not (wave_height >= 0 and wave_period > 0):
         raise DataError(
-            f"a sea has a wave height of 0 m or more and a period above 0 s, not {wave_height!r} m, {wave_period!r} s"
+            f"a sea has a wave height of 0 m or more and a period above 0 s, not {wave_height!r} m, "
+            f"{wave_period!r} s"
         )
     path, pace, _, end = profiles(flat_legs(legs, None), course, speed, smoothing)
     surge = 2 * np.pi / wave_period  # from a displacement to its speed
@@ -423,7 +430,8 @@ def flat_legs(legs: Sequence[dict[str, Any]], vertical: str | None) -> list[dict
                 or leg["repeat"] < 1
             ):
                 raise DataError(
-                    f"leg {number}: a repeat has a whole number from 1 as repeat, a list of legs, and nothing else"
+                    f"leg {number}: a repeat has a whole number from 1 as repeat, a list of legs, "
+                    f"and nothing else"
                 )
             inner = flat_legs(leg["legs"], vertical)
             _bounded(len(found) + len(inner) * leg["repeat"])
@@ -456,7 +464,8 @@ def profiles(
     m/s at first, smoothing s. Raises DataError."""
     if not legs or not smoothing > 0 or not 0 <= speed < np.inf:
         raise DataError(
-            f"a motion by legs needs a leg or more, smoothing above 0 s and a speed from 0, not {len(legs)}, {smoothing!r}, {speed!r}"
+            f"a motion by legs needs a leg or more, smoothing above 0 s and a speed from 0, not "
+            f"{len(legs)}, {smoothing!r}, {speed!r}"
         )
     durations, turning, changing, climbing, now = [], [], [], [], float(speed)
     for number, leg in enumerate(legs, 1):
@@ -464,7 +473,8 @@ def profiles(
         duration = leg.get("duration")
         if "bank" in leg and not 0 < leg["bank"] < 80 * DEG:
             raise DataError(
-                f"leg {number} (repeats written out): a turn needs a bank between 0 and 80 deg, not {leg['bank'] / DEG:g}"
+                f"leg {number} (repeats written out): a turn needs a bank between 0 and 80 deg, not "
+                f"{leg['bank'] / DEG:g}"
             )
         if duration is None and "bank" in leg and turn:
             duration = max(
@@ -472,7 +482,8 @@ def profiles(
             )
         if duration is None or not 0 < duration < np.inf or ("bank" in leg and "duration" in leg):
             raise DataError(
-                f"leg {number} (repeats written out): it needs a duration above 0 s or, with a turn, a bank between 0 and 80 deg"
+                f"leg {number} (repeats written out): it needs a duration above 0 s or, with a "
+                f"turn, a bank between 0 and 80 deg"
             )
         if not 0 <= then < np.inf:
             raise DataError(
@@ -485,7 +496,8 @@ def profiles(
         now = then
     if sum(durations) > LONGEST_MOTION:
         raise DataError(
-            f"the legs last {sum(durations):g} s; at most {LONGEST_MOTION:g} s (10 days) are simulated"
+            f"the legs last {sum(durations):g} s; at most {LONGEST_MOTION:g} s (10 days) are "
+            f"simulated"
         )
     path, pace, climb = (
         Profile.of(value, [*durations, np.inf], [*slopes, 0.0], smoothing)

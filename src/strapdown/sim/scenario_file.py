@@ -183,7 +183,8 @@ def from_table(table: dict[str, Any], path: Path) -> Scenario:
 def _motion(table: dict[str, Any], duration: float | None) -> Motion:
     if table.get("kind") not in list(MOTION_KINDS):
         raise DataError(
-            f"[motion] kind is {table.get('kind')!r}{nearest(table.get('kind'), MOTION_KINDS)}; it is one of {', '.join(MOTION_KINDS)}"
+            f"[motion] kind is {table.get('kind')!r}{nearest(table.get('kind'), MOTION_KINDS)}; it "
+            f"is one of {', '.join(MOTION_KINDS)}"
         )
     build = MOTION_KINDS[table["kind"]]
     parameters = {
@@ -275,7 +276,8 @@ def _place(value: Any, where: str) -> tuple[float, float, float]:
     keys = ("latitude_deg", "longitude_deg", "height_m")
     if not isinstance(value, dict):
         raise DataError(
-            f"{where} is {value!r}; write {{ latitude_deg = ..., longitude_deg = ..., height_m = ... }}"
+            f"{where} is {value!r}; write {{ latitude_deg = ..., longitude_deg = ..., height_m = "
+            f"... }}"
         )
     _refuse_unknown(value, keys, f"{where}: ")
     if missing := [key for key in keys if key not in value]:
@@ -283,7 +285,8 @@ def _place(value: Any, where: str) -> tuple[float, float, float]:
     lat, lon, height = (_number(value[key], f"{where}, {key}") for key in keys)
     if abs(lat) > 90 or abs(lon) > 360:
         raise DataError(
-            f"{where}: {lat:g}, {lon:g} is no position; latitude is within 90 deg, longitude within 360"
+            f"{where}: {lat:g}, {lon:g} is no position; latitude is within 90 deg, longitude within "
+            f"360"
         )
     return lat * DEG, lon * DEG, height
 

@@ -81,7 +81,8 @@ class Scenario:
         for name in ("duration", "rate"):
             if isinstance(getattr(self, name), bool) or not isinstance(getattr(self, name), Real):
                 raise DataError(
-                    f"scenario {self.name!r}: {name} is {getattr(self, name)!r}; it must be a number"
+                    f"scenario {self.name!r}: {name} is {getattr(self, name)!r}; it must be a "
+                    f"number"
                 )
         if not (
             0 < self.rate < np.inf
@@ -89,20 +90,25 @@ class Scenario:
             and round(self.duration * self.rate) >= 2
         ):
             raise DataError(
-                f"cannot simulate {self.duration!r} s at {self.rate!r} Hz; both must be larger than 0 and give two samples or more"
+                f"cannot simulate {self.duration!r} s at {self.rate!r} Hz; both must be larger than "
+                f"0 and give two samples or more"
             )
         if self.duration * self.rate > MOST_IMU_SAMPLES or self.duration > LONGEST_SCENARIO:
             raise DataError(
-                f"scenario {self.name!r}: {self.duration:g} s at {self.rate:g} Hz are {self.duration * self.rate:.3g} IMU samples; "
-                f"at most {MOST_IMU_SAMPLES / 1e6:g} million in {LONGEST_SCENARIO / 86400:g} days are simulated (a day at 100 Hz has 8.6 million)"
+                f"scenario {self.name!r}: {self.duration:g} s at {self.rate:g} Hz are "
+                f"{self.duration * self.rate:.3g} IMU samples; "
+                f"at most {MOST_IMU_SAMPLES / 1e6:g} million in {LONGEST_SCENARIO / 86400:g} days "
+                f"are simulated (a day at 100 Hz has 8.6 million)"
             )
         if self.gravity not in GRAVITIES:
             raise DataError(
-                f"scenario {self.name!r}: gravity is {self.gravity!r}; it is one of {', '.join(GRAVITIES)}"
+                f"scenario {self.name!r}: gravity is {self.gravity!r}; it is one of "
+                f"{', '.join(GRAVITIES)}"
             )
         if self.gate is not None and not self.gate > 0:
             raise DataError(
-                f"scenario {self.name!r}: gate is {self.gate!r}; it must be larger than 0, or inf for none"
+                f"scenario {self.name!r}: gate is {self.gate!r}; it must be larger than 0, or inf "
+                f"for none"
             )
         if np.shape(self.accel_offset) != (3,) or not np.all(
             np.abs(self.accel_offset) <= LARGEST_OFFSET
@@ -115,7 +121,8 @@ class Scenario:
         self.gnss.check()
         if not np.ndim(self.gnss.interval) and self.gnss.interval * self.rate < 1 - 1e-9:
             raise DataError(
-                f"scenario {self.name!r}: fixes every {self.gnss.interval:g} s come faster than the IMU's samples, "
+                f"scenario {self.name!r}: fixes every {self.gnss.interval:g} s come faster than the "
+                f"IMU's samples, "
                 f"{self.rate:g} a second; give fixes less often, or the IMU a higher rate"
             )
         for name in OTHER_SENSORS:
@@ -123,7 +130,8 @@ class Scenario:
                 1 + 1e-9
             ):
                 raise DataError(
-                    f"scenario {self.name!r}: the {name} has {other.rate:g} samples a second, more than the IMU's {self.rate:g}; "
+                    f"scenario {self.name!r}: the {name} has {other.rate:g} samples a second, more "
+                    f"than the IMU's {self.rate:g}; "
                     "give it a lower rate, or none to sample with the IMU"
                 )
         grade(self.imu)
@@ -134,7 +142,8 @@ class Scenario:
         for name, kind in OTHER_SENSORS.items():
             if not isinstance(getattr(self, name), kind | None):
                 raise DataError(
-                    f"scenario {self.name!r}: {name} must be a {kind.__name__} or None, not {type(getattr(self, name)).__name__}"
+                    f"scenario {self.name!r}: {name} must be a {kind.__name__} or None, not "
+                    f"{type(getattr(self, name)).__name__}"
                 )
         if self.date is not None:
             try:
@@ -145,7 +154,8 @@ class Scenario:
                 ) from None
         if self.magnetometer is not None and self.magnetometer.field is None and self.date is None:
             raise DataError(
-                f"scenario {self.name!r}: a magnetometer needs the Earth's field: give it as the magnetometer's field, "
+                f"scenario {self.name!r}: a magnetometer needs the Earth's field: give it as the "
+                f"magnetometer's field, "
                 "or a date for the geomagnetic model"
             )
 
@@ -171,7 +181,8 @@ class Scenario:
         for name, values in columns.items():
             if not np.all(np.isfinite(values)):
                 raise DataError(
-                    f"scenario {self.name!r}: the motion's {name} is not finite at {truth.t[~np.isfinite(values).all(axis=1)][0]:g} s"
+                    f"scenario {self.name!r}: the motion's {name} is not finite at "
+                    f"{truth.t[~np.isfinite(values).all(axis=1)][0]:g} s"
                 )
         w, x, y, z = truth.q_nb.T
         pitch = np.arcsin(np.clip(2 * (w * y - x * z), -1, 1))
@@ -192,7 +203,8 @@ class Scenario:
         ):
             if bad.any():
                 raise DataError(
-                    f"scenario {self.name!r}: the motion {text} at {truth.t[bad][0]:g} s; the models do not hold there"
+                    f"scenario {self.name!r}: the motion {text} at {truth.t[bad][0]:g} s; the "
+                    f"models do not hold there"
                 )
 
     def glance(self, rows: int) -> Trajectory:
@@ -280,5 +292,6 @@ def _check_start(sd: tuple[float | None, ...], name: str) -> None:
     largest = max(value for value in sd[6:9] if value is not None)
     if largest > np.pi:
         raise DataError(
-            f"scenario {name!r}: the attitude's start_sd is {largest / DEG:g} deg; it must be at most 180"
+            f"scenario {name!r}: the attitude's start_sd is {largest / DEG:g} deg; it must be at "
+            f"most 180"
         )

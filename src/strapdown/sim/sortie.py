@@ -44,7 +44,8 @@ def sortie(
     """
     if not (0 <= wind < np.inf and np.isfinite(wind_from)):
         raise DataError(
-            f"a wind blows with 0 m/s or more out of some direction, not with {wind!r} m/s out of {wind_from!r} rad"
+            f"a wind blows with 0 m/s or more out of some direction, not with {wind!r} m/s out of "
+            f"{wind_from!r} rad"
         )
     flat = flat_legs(legs, "climb")
     _check(flat, speed)
@@ -94,7 +95,8 @@ def _check(legs: list[dict[str, Any]], speed: float) -> None:
         slowest = min(now, then)
         if leg["climb"] and not max(abs(leg["climb"]), LIFT_OFF) <= slowest:
             raise DataError(
-                f"leg {number} (repeats written out): a climb of {leg['climb']:g} m/s at a speed of {slowest:g} m/s; "
+                f"leg {number} (repeats written out): a climb of {leg['climb']:g} m/s at a speed of "
+                f"{slowest:g} m/s; "
                 f"it must fly at {LIFT_OFF:g} m/s at least, and not slower than it climbs"
             )
         now = then

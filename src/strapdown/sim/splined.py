@@ -33,23 +33,27 @@ def splined(trajectory: Trajectory, name: str = "splined motion") -> Motion:
     """
     if trajectory.v_n is None or trajectory.q_nb is None:
         raise DataError(
-            f"{name}: the trajectory has no {'velocity' if trajectory.v_n is None else 'attitude'}; a motion is made of both"
+            f"{name}: the trajectory has no {'velocity' if trajectory.v_n is None else 'attitude'}; "
+            f"a motion is made of both"
         )
     t = np.asarray(trajectory.t, float) - trajectory.t[0] if len(trajectory) else np.empty(0)
     if len(t) <= DEGREE:
         raise DataError(
-            f"{name}: the trajectory has {len(t)} rows; a spline of degree {DEGREE} needs {DEGREE + 1} or more"
+            f"{name}: the trajectory has {len(t)} rows; a spline of degree {DEGREE} needs "
+            f"{DEGREE + 1} or more"
         )
     bad = ~np.isfinite(np.c_[t, trajectory.lla, trajectory.v_n, trajectory.q_nb]).all(
         axis=1
     ) | ~np.any(trajectory.q_nb, axis=1)
     if bad.any():
         raise DataError(
-            f"{name}: row {int(np.argmax(bad))} of the trajectory is not finite or has no attitude; leave out what is not known"
+            f"{name}: row {int(np.argmax(bad))} of the trajectory is not finite or has no attitude; "
+            f"leave out what is not known"
         )
     if np.any(np.diff(t) <= 0):
         raise DataError(
-            f"{name}: the time does not increase at row {int(np.argmax(np.diff(t) <= 0)) + 1} of the trajectory"
+            f"{name}: the time does not increase at row {int(np.argmax(np.diff(t) <= 0)) + 1} of "
+            f"the trajectory"
         )
     _refuse_turns(trajectory, name)
     return Motion(
@@ -67,14 +71,16 @@ def _refuse_turns(trajectory: Trajectory, name: str) -> None:
     steep = np.abs(trajectory.rph[:, 1]) > STEEPEST_ROW
     if steep.any():
         raise DataError(
-            f"{name}: pitch is {np.degrees(trajectory.rph[np.argmax(steep), 1]):.1f} deg at row {int(np.argmax(steep))} of the trajectory; "
+            f"{name}: pitch is {np.degrees(trajectory.rph[np.argmax(steep), 1]):.1f} deg at row "
+            f"{int(np.argmax(steep))} of the trajectory; "
             f"splines of Euler angles hold up to {math.degrees(STEEPEST_ROW):g} deg"
         )
     q = trajectory.q_nb / np.linalg.norm(trajectory.q_nb, axis=1, keepdims=True)
     wide = np.abs((q[1:] * q[:-1]).sum(axis=1)) < math.cos(0.5 * WIDEST_TURN)
     if wide.any():
         raise DataError(
-            f"{name}: it turns by more than {math.degrees(WIDEST_TURN):g} deg between rows {int(np.argmax(wide))} and {int(np.argmax(wide)) + 1} "
+            f"{name}: it turns by more than {math.degrees(WIDEST_TURN):g} deg between rows "
+            f"{int(np.argmax(wide))} and {int(np.argmax(wide)) + 1} "
             "of the trajectory; give rows closer together"
         )
 

@@ -251,7 +251,8 @@ def simulate(
     if isinstance(motion, Motion):
         if duration is None or imu is None:
             raise DataError(
-                "to simulate a Motion, give its duration in s and an imu; a scenario has them of its own"
+                "to simulate a Motion, give its duration in s and an imu; a scenario has them of "
+                "its own"
             )
         scenario = Scenario(motion.name, motion, **given)
     else:

@@ -292,7 +292,8 @@ def _positions(
         )
     if np.abs(lat).max() > _POLEWARD:
         raise DataError(
-            f"motion {motion.name!r} goes beyond {_POLEWARD / DEG:g} deg of latitude, where the models do not hold; keep away from the poles"
+            f"motion {motion.name!r} goes beyond {_POLEWARD / DEG:g} deg of latitude, where the "
+            f"models do not hold; keep away from the poles"
         )
     at = np.r_[first, len(length)][len(edges) - len(t) :]
     skip = first[len(edges) - len(t)] if len(t) > 1 else 0
@@ -327,7 +328,8 @@ def _with_derivative(function: OfTime, t: Array) -> tuple[Array, Array]:
     )
     if not np.allclose(slope[:, some], difference, rtol=1e-3, atol=1e-3):
         raise DataError(
-            "a motion's function is not analytic: its complex-step derivative is not its slope (abs, arctan2, comparison or jump?)"
+            "a motion's function is not analytic: its complex-step derivative is not its slope "
+            "(abs, arctan2, comparison or jump?)"
         )
     return value, slope
 
@@ -356,6 +358,7 @@ def _checked(motion: Motion, t: ArrayLike) -> Array:
         )
     if t[-1] > motion.end + 1e-9:
         raise DataError(
-            f"motion {motion.name!r} ends at {motion.end:g} s, but is wanted to {t[-1]:g} s; simulate less of it, or plan more"
+            f"motion {motion.name!r} ends at {motion.end:g} s, but is wanted to {t[-1]:g} s; "
+            f"simulate less of it, or plan more"
         )
     return t

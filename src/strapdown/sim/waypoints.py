@@ -38,7 +38,8 @@ def waypoints(
     places = [tuple(map(float, place)) for place in waypoints]
     if len(places) < 2 or not 0 < speed < np.inf or not 0 < bank < 80 * DEG or not smoothing > 0:
         raise DataError(
-            f"a flight by waypoints needs two or more, speed and smoothing above 0 and a bank between 0 and 80 deg, not {len(places)}, "
+            f"a flight by waypoints needs two or more, speed and smoothing above 0 and a bank "
+            f"between 0 and 80 deg, not {len(places)}, "
             f"{speed!r} m/s, {smoothing!r} s, {bank / DEG:.6g} deg"
         )
     _check(places, speed)
@@ -74,7 +75,8 @@ def waypoints(
             aim = aim + displacement(place, reached)[:2]
         if abs(climb[1][1]) > speed:
             raise DataError(
-                f"waypoint {number} needs a climb of {climb[1][1]:.3g} m/s at a speed of {speed:g} m/s; it must not be larger than the speed"
+                f"waypoint {number} needs a climb of {climb[1][1]:.3g} m/s at a speed of {speed:g} "
+                f"m/s; it must not be larger than the speed"
             )
         first = begin if first is None else first
         here, course, turns, climbs = (
@@ -105,7 +107,8 @@ def _check(places: Sequence[tuple[float, ...]], speed: float) -> None:
     for number, (lat, _, _) in enumerate(places, 1):
         if abs(lat) > LATITUDE_LIMIT:
             raise DataError(
-                f"waypoint {number} is at {lat / DEG:.6g} deg of latitude; the models hold up to {LATITUDE_LIMIT / DEG:g}"
+                f"waypoint {number} is at {lat / DEG:.6g} deg of latitude; the models hold up to "
+                f"{LATITUDE_LIMIT / DEG:g}"
             )
     total = 0.0
     for number, (here, place) in enumerate(zip(places, places[1:]), 2):
@@ -118,7 +121,8 @@ def _check(places: Sequence[tuple[float, ...]], speed: float) -> None:
         total += length / speed
     if total > LONGEST_MOTION:
         raise DataError(
-            f"the flight by these waypoints takes {total:.3g} s; at most {LONGEST_MOTION:g} s (10 days) are simulated; fly faster"
+            f"the flight by these waypoints takes {total:.3g} s; at most {LONGEST_MOTION:g} s (10 "
+            f"days) are simulated; fly faster"
         )
 
 
@@ -145,7 +149,8 @@ def _reached(
         return sample(leg, [0.0, seconds], 0.5).lla[-1]
     except DataError:
         raise DataError(
-            f"the line to waypoint {number} comes within 1 deg of a pole, where courses turn too fast; go round it"
+            f"the line to waypoint {number} comes within 1 deg of a pole, where courses turn too "
+            f"fast; go round it"
         ) from None
 
 
@@ -170,13 +175,15 @@ def _turn_then_line(
         ]
         if not ways:
             raise DataError(
-                f"waypoint {number} follows too soon: it lies within the turn to it; fly slower, bank more, or leave it out"
+                f"waypoint {number} follows too soon: it lies within the turn to it; fly slower, "
+                f"bank more, or leave it out"
             )
         turn, line = min(ways, key=lambda way: radius * abs(way[0]) + way[1])
     assert turn is not None
     if line < speed * pause:
         raise DataError(
-            f"waypoint {number} follows too soon: {line:.0f} m of straight line are left after the turn to it, {speed * pause:.0f} m "
+            f"waypoint {number} follows too soon: {line:.0f} m of straight line are left after the "
+            f"turn to it, {speed * pause:.0f} m "
             "are needed; fly slower, bank more, or leave it out"
         )
     turning = max(abs(turn) / rate, quickest)

@@ -6,26 +6,31 @@ CHOICES = (
     (
         "the flight",
         "33 minutes in a Slingsby T67C; its data are not public",
-        "simulated, the built-in scenario alam: the stated duration, phases, heights, rates and accelerations; path, speeds, 5 m/s of "
-        "wind and light gusts are ours; and two public recordings, thor75 (fixed-wing UAV) and drive0708 (car)",
+        "simulated, the built-in scenario alam: the stated duration, phases, heights, rates and "
+        "accelerations; path, speeds, 5 m/s of "
+        "wind and light gusts are ours; and two public recordings, thor75 (fixed-wing UAV) and "
+        "drive0708 (car)",
     ),
     (
         'accelerations "−5.2 g and +2.3 g"',
         "no axis, no sign convention",
-        "specific force along the body's z axis, downwards: −1 g in level flight; reached in pull-ups and push-overs with level wings, "
+        "specific force along the body's z axis, downwards: −1 g in level flight; reached in "
+        "pull-ups and push-overs with level wings, "
         "while turns are coordinated",
     ),
     ("rates to ±50 deg/s", "no axis", "roll rate in reversals of steep turns"),
     (
         "DMU-10",
         '"commercial grade", no figures',
-        "the grade dmu10: noise and bias instability of its class, turn-on biases, scale factors and misalignments assumed; no "
+        "the grade dmu10: noise and bias instability of its class, turn-on biases, scale factors "
+        "and misalignments assumed; no "
         "vibration of the engine, no temperature",
     ),
     (
         "MAX8W receiver",
         "5 Hz, no figures",
-        "5 Hz, white errors: 2.1 m horizontally (2.5 m CEP), 3.5 m vertically, 0.1 and 0.15 m/s; no wander of the position, no latency; "
+        "5 Hz, white errors: 2.1 m horizontally (2.5 m CEP), 3.5 m vertically, 0.1 and 0.15 m/s; no "
+        "wander of the position, no latency; "
         "lever arm (0.4, 0, −0.5) m, known to the filters",
     ),
     (
@@ -36,19 +41,22 @@ CHOICES = (
     (
         "start",
         '"left for initialisation"',
-        "alignment on the same recording, the same for all filters: level and gyro bias from the rest, heading from the course while "
+        "alignment on the same recording, the same for all filters: level and gyro bias from the "
+        "rest, heading from the course while "
         "taxiing",
     ),
     (
         "tuning of all filters",
         '"in Rohac et al. (2017)"',
-        "the defaults of the library: noise of the IMU's grade and the fixes' deviations; the observer's gains by its design at the fix "
+        "the defaults of the library: noise of the IMU's grade and the fixes' deviations; the "
+        "observer's gains by its design at the fix "
         "interval; none changed for this study",
     ),
     (
         "(2), (3): biases without hats; the course vector",
         "[cos χ, −sin χ, 0], right only for level wings and a course that is the heading",
-        "corrected; course by default tilt-compensated; printed, frozen and none as ablations (none also of EKF and XKF)",
+        "corrected; course by default tilt-compensated; printed, frozen and none as ablations (none "
+        "also of EKF and XKF)",
     ),
     (
         "accelerometer bias of the observer",
@@ -57,7 +65,8 @@ CHOICES = (
     ),
     (
         "(5), (6), (9), (10) of the two-stage EKF",
-        "no rows of the bias, −cos θ sin θ, gravity turned the wrong way, vectors of different length",
+        "no rows of the bias, −cos θ sin θ, gravity turned the wrong way, vectors of different "
+        "length",
         "corrected; see the page on the two-stage filters",
     ),
     (
@@ -68,7 +77,8 @@ CHOICES = (
     (
         "XKF",
         '"the Jacobian is evaluated at the NLO\'s estimate"',
-        "the affine filter of Johansen & Fossen (2017), for the two-stage model (XKF; its stage 2 is driven by the observer's attitude, so that it "
+        "the affine filter of Johansen & Fossen (2017), for the two-stage model (XKF; its stage 2 "
+        "is driven by the observer's attitude, so that it "
         "drifts much as the observer) and for the library's 15-state error model (XKF, 15 states)",
     ),
     (
@@ -90,7 +100,8 @@ CHOICES = (
     (
         "a filter that diverges",
         "not mentioned",
-        "stays in the table and counts with 10 km and 1 km/s, the wander of its bias estimates with 100 times the turn-on biases",
+        "stays in the table and counts with 10 km and 1 km/s, the wander of its bias estimates with "
+        "100 times the turn-on biases",
     ),
     (
         '"rapidly", "significantly", "stabilised"',
@@ -100,7 +111,8 @@ CHOICES = (
     (
         "thor75",
         "",
-        "all 30 s windows inside 240 to 575 s that begin every 5 s, each a run of its own; windows that overlap the first of a block are in that block; "
+        "all 30 s windows inside 240 to 575 s that begin every 5 s, each a run of its own; windows "
+        "that overlap the first of a block are in that block; "
         "neighbouring blocks overlap too, and the interval over blocks is widened for it",
     ),
     ("drive0708", "", "nine windows of 15 s, all in one run"),

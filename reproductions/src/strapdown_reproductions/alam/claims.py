@@ -35,15 +35,18 @@ may be chance."""
 NEAR = 2.0
 """m: by how much XKF and NLO differ at most in the published Table 1."""
 BY_CHOICE = (
-    "Largely a consequence of a choice made here: stage 2 of xkf-two-stage is driven by the observer's attitude, so that in an outage its "
-    "position drifts with the observer's; it is no independent evidence on what a Kalman filter adds"
+    "Largely a consequence of a choice made here: stage 2 of xkf-two-stage is driven by the "
+    "observer's attitude, so that in an outage its "
+    "position drifts with the observer's; it is no independent evidence on what a Kalman filter "
+    "adds"
 )
 SENSORS = {
     "accel": ("accelerometers", "m/s²", 1.0),
     "gyro": ("gyros", "deg/s", float(np.degrees(1.0))),
 }
 CELLS = (
-    "A cell is an axis in one of the five simulated outages over all seeds, in thor75 or in drive0708; a filter is better where the 95 % "
+    "A cell is an axis in one of the five simulated outages over all seeds, in thor75 or in "
+    "drive0708; a filter is better where the 95 % "
     "interval of the ratio of RMSEs lies below 1 by more than 1 %"
 )
 ONE_OF_MANY = "where one cell is enough, that it is better is decided at Bonferroni's level of all these cells, 1 - 0.05 / cells"
@@ -92,7 +95,8 @@ def some_cases(e: Evidence) -> dict[str, str]:
         else UNDECIDED
     )
     return finding(
-        "During the outage of GNSS, in some cases the divergence of position estimates using XKF is lower than with EKF and NLO.",
+        "During the outage of GNSS, in some cases the divergence of position estimates using XKF is "
+        "lower than with EKF and NLO.",
         "Abstract",
         f"in one cell or more the XKF is better than both; {CELLS}; {ONE_OF_MANY}",
         f"{count}. With 15 states: {any_better(e.tables, RMSE, FULL, (EKF, NLO))}",
@@ -115,9 +119,11 @@ def no_clear_benefit(e: Evidence) -> dict[str, str]:
         else UNDECIDED
     )
     return finding(
-        "No clear benefit is achieved: there is no clear evidence that XKF globally improves the estimates.",
+        "No clear benefit is achieved: there is no clear evidence that XKF globally improves the "
+        "estimates.",
         "Abstract; 4",
-        f"a clear benefit would be an XKF better than both EKF and NLO, horizontally and down, in {MOST:.0%} of the cells or more; "
+        f"a clear benefit would be an XKF better than both EKF and NLO, horizontally and down, in "
+        f"{MOST:.0%} of the cells or more; "
         f"reproduced where it cannot be that many, not reproduced where it is",
         f"Better than both: {count}",
         verdict,
@@ -143,12 +149,16 @@ def diverges_rapidly(e: Evidence) -> dict[str, str]:
     )
     ekf, xkf = (np.hypot(PUBLISHED["north", name], PUBLISHED["east", name]) for name in (EKF, XKF))
     return finding(
-        "Without GNSS the position and velocity estimates of the EKF diverge rapidly, those of the XKF slowly.",
+        "Without GNSS the position and velocity estimates of the EKF diverge rapidly, those of the "
+        "XKF slowly.",
         "4",
-        f"at the end of the outage the EKF is at least {TWICE:g} times as far off as the XKF (whole 95 % interval), horizontally and "
+        f"at the end of the outage the EKF is at least {TWICE:g} times as far off as the XKF (whole "
+        f"95 % interval), horizontally and "
         f"in velocity; {RULE}; both parts must hold",
-        f"Position: {position}; {listed(e.tables, 'horizontal_end_m', EKF, XKF)}. Velocity: {velocity}. In the published table the "
-        f"horizontal RMSE is {TWICE:g} times as large in {int((ekf >= TWICE * xkf).sum())} of {OUTAGES} outages",
+        f"Position: {position}; {listed(e.tables, 'horizontal_end_m', EKF, XKF)}. Velocity: "
+        f"{velocity}. In the published table the "
+        f"horizontal RMSE is {TWICE:g} times as large in {int((ekf >= TWICE * xkf).sum())} of "
+        f"{OUTAGES} outages",
         both(position.verdict, velocity.verdict),
         "figures 2, 4",
     )
@@ -193,13 +203,16 @@ def biases_vary(e: Evidence) -> dict[str, str]:
             for name in (EKF, NLO, XKF, FULL)
         )
         texts.append(
-            f"{title}: {EKF} / {XKF} {np.exp(found.difference):.3g} ({np.exp(found.low):.3g} to {np.exp(found.high):.3g}); {values} {unit}, "
+            f"{title}: {EKF} / {XKF} {np.exp(found.difference):.3g} ({np.exp(found.low):.3g} to "
+            f"{np.exp(found.high):.3g}); {values} {unit}, "
             f"the true biases {float(e.biases[f'{sensor}_true'].median()) * scale:.2g}"
         )
     return finding(
-        "The bias estimates of accelerometers and gyros vary significantly more with the EKF than with the XKF.",
+        "The bias estimates of accelerometers and gyros vary significantly more with the EKF than "
+        "with the XKF.",
         "4",
-        f"the standard deviation over time of the estimates, from 600 s to the touchdown, is more than {TWICE:g} times the XKF's "
+        f"the standard deviation over time of the estimates, from 600 s to the touchdown, is more "
+        f"than {TWICE:g} times the XKF's "
         f"(geometric mean over the seeds, whole 95 % interval); {LOST}; both sensors must hold",
         "; ".join((*texts, _runs(e.biases))),
         both(*verdicts),
@@ -232,10 +245,13 @@ def biases_stabilised(e: Evidence) -> dict[str, str]:
             )
         )
     return finding(
-        "Biases do not vary as fast as the EKF estimates them: its bias estimation is not stabilised, the XKF's is.",
+        "Biases do not vary as fast as the EKF estimates them: its bias estimation is not "
+        "stabilised, the XKF's is.",
         "4; 5",
-        "the estimates' standard deviation over the last ten minutes of the flight is above a fifth of the turn-on biases with the "
-        f"EKF and below it with the XKF, in more than half of the seeds (Wilson), for both sensors; {LOST}; all four parts must hold",
+        "the estimates' standard deviation over the last ten minutes of the flight is above a fifth "
+        "of the turn-on biases with the "
+        f"EKF and below it with the XKF, in more than half of the seeds (Wilson), for both sensors; "
+        f"{LOST}; all four parts must hold",
         "; ".join((*texts, _runs(e.biases))),
         both(*verdicts),
         'figures 4b, 4e; table "Wander of the bias estimates"',
@@ -247,7 +263,8 @@ def _axis(e: Evidence, axis: str) -> tuple[Count, str]:
     measure = f"{axis}_rmse_m"
     count = sides(e.tables, [measure], XKF, EKF)
     return count, (
-        f"{count}; {listed(e.tables, measure, XKF, EKF)}; {won(e.tables, measure, XKF, EKF)}. With 15 states: "
+        f"{count}; {listed(e.tables, measure, XKF, EKF)}; {won(e.tables, measure, XKF, EKF)}. With "
+        f"15 states: "
         f"{sides(e.tables, [measure], FULL, EKF)}"
     )
 
@@ -306,9 +323,11 @@ def north(e: Evidence) -> dict[str, str]:
     return finding(
         "In the north direction sometimes the EKF and sometimes the XKF is better.",
         "4; 5",
-        f"one cell or more in which the XKF is better and one in which the EKF is; not reproduced where one of them never is, or "
+        f"one cell or more in which the XKF is better and one in which the EKF is; not reproduced "
+        f"where one of them never is, or "
         f"three quarters of the cells go to one and none to the other; {CELLS}; {ONE_OF_MANY}",
-        f"{text}. EKF better: {other.supports} of {other.total}. Published: XKF {published_wins('north')} outages",
+        f"{text}. EKF better: {other.supports} of {other.total}. Published: XKF "
+        f"{published_wins('north')} outages",
         verdict,
         "figure 3",
     )
@@ -343,12 +362,17 @@ def heading_correction(e: Evidence) -> dict[str, str]:
     found = [_explained(e.tables[case]) for case in wins]
     count = Count(found.count(1), found.count(-1), len(found))
     return finding(
-        "The north results might be due to the heading correction of the EKF from the GNSS velocity.",
+        "The north results might be due to the heading correction of the EKF from the GNSS "
+        "velocity.",
         "4 (a guess of the authors)",
-        f"where the EKF is better than the XKF in the north, it surely no longer is when neither has a course measurement, and "
-        f"it loses more against the XKF in the north than in the east (whole 95 % interval of the difference of log ratios): supports; "
-        f"still better without: contradicts; else open; not decidable where it is better in fewer than {ENOUGH} cells; {RULE}",
-        f"EKF better in the north in {len(wins)} of {len(e.tables)} cases ({', '.join(wins) or 'none'}); its course explains "
+        f"where the EKF is better than the XKF in the north, it surely no longer is when neither "
+        f"has a course measurement, and "
+        f"it loses more against the XKF in the north than in the east (whole 95 % interval of the "
+        f"difference of log ratios): supports; "
+        f"still better without: contradicts; else open; not decidable where it is better in fewer "
+        f"than {ENOUGH} cells; {RULE}",
+        f"EKF better in the north in {len(wins)} of {len(e.tables)} cases "
+        f"({', '.join(wins) or 'none'}); its course explains "
         f"that: {count}. The ratios of both without course are in the table",
         count.verdict if len(found) >= ENOUGH else UNDECIDED,
         'table "Ablations"',
@@ -388,11 +412,13 @@ def like_the_observer(e: Evidence) -> dict[str, str]:
         f"{np.median([abs(each.difference) for each in values] or [np.nan]):.2g} m"
     )
     return finding(
-        "(Read off Table 1, not said:) the XKF is within 2 m of the NLO in all 15 cells; its Kalman filter adds little to the observer.",
+        "(Read off Table 1, not said:) the XKF is within 2 m of the NLO in all 15 cells; its Kalman "
+        "filter adds little to the observer.",
         "Table 1",
         f"the mean difference of RMSE is within {NEAR:g} m (whole 95 % interval); {RULE}",
         f"{count}. Median of the mean differences {size(found)}; RMSE in the north, "
-        f"{listed(e.tables, RMSE[0], XKF, NLO)}. With 15 states the differences are {size(full)}. {BY_CHOICE}",
+        f"{listed(e.tables, RMSE[0], XKF, NLO)}. With 15 states the differences are {size(full)}. "
+        f"{BY_CHOICE}",
         count.verdict,
         "Table 1 redrawn",
     )
@@ -424,8 +450,10 @@ def inherits_stability(e: Evidence) -> dict[str, str]:
     return finding(
         "The XKF inherits the global stability of the observer.",
         "1, after Johansen & Fossen (2017)",
-        f"from 170 deg of attitude error about a random axis and 0.05 rad/s of gyro bias, below {BELOW:g} deg within {WITHIN:g} s "
-        f"and to their end: reproduced where NLO and XKF converge from 97 % of the starts or more, not reproduced where the XKF does "
+        f"from 170 deg of attitude error about a random axis and 0.05 rad/s of gyro bias, below "
+        f"{BELOW:g} deg within {WITHIN:g} s "
+        f"and to their end: reproduced where NLO and XKF converge from 97 % of the starts or more, "
+        f"not reproduced where the XKF does "
         f"from fewer than the NLO (Wilson's intervals apart); both forms of the XKF must hold",
         "; ".join(texts),
         both(*verdicts) if verdicts else UNDECIDED,
@@ -442,7 +470,8 @@ def no_guarantee(e: Evidence) -> dict[str, str]:
     return finding(
         "The EKF has no guarantee of stability.",
         "Abstract; 1",
-        "the same starts: reproduced where the two-stage EKF converges from fewer than 97 % (Wilson's interval below); not reproduced "
+        "the same starts: reproduced where the two-stage EKF converges from fewer than 97 % "
+        "(Wilson's interval below); not reproduced "
         "where it does from that many, which is no proof of the contrary",
         text,
         verdict,

@@ -42,7 +42,8 @@ def all_figures(
         (
             "Figure 2a: growth of the errors in the simulated outages",
             growth_of_runs(results.growth),
-            "Horizontal and vertical error by time in the outage: median over all outages and seeds, dotted the 10 and 90 % quantiles. "
+            "Horizontal and vertical error by time in the outage: median over all outages and "
+            "seeds, dotted the 10 and 90 % quantiles. "
             "Outages that a filter did not get through count as infinitely far off.",
         ),
     ]
@@ -50,7 +51,8 @@ def all_figures(
         (
             f"Figure 2{letter}: growth of the errors in {name}",
             growth_of_recording(table),
-            "As figure 2a, over the windows; here windows that a filter did not get through are left out.",
+            "As figure 2a, over the windows; here windows that a filter did not get through are "
+            "left out.",
         )
         for letter, (name, table) in zip("bc", growth.items())
     ]
@@ -69,12 +71,15 @@ def all_figures(
 
 
 FIRST = (
-    "First seed, whatever it looks like. Shaded: outages. Frames are chosen for the time after 300 s and hold all but "
+    "First seed, whatever it looks like. Shaded: outages. Frames are chosen for the time after 300 "
+    "s and hold all but "
     "extreme values of it; what leaves them then is named, what leaves them before is not."
 )
 BIASES = {
-    "gyro biases": "Estimates also hold what errors of scale and axes make of steady turns: 0.2 % and 2 mrad are each 0.02 deg/s at 10 deg/s.",
-    "accelerometer biases": "Estimates also hold what errors of scale and axes make of 1 g: 0.2 % and 2 mrad are each 0.02 m/s².",
+    "gyro biases": "Estimates also hold what errors of scale and axes make of steady turns: 0.2 % "
+    "and 2 mrad are each 0.02 deg/s at 10 deg/s.",
+    "accelerometer biases": "Estimates also hold what errors of scale and axes make of 1 g: 0.2 % "
+    "and 2 mrad are each 0.02 m/s².",
 }
 
 

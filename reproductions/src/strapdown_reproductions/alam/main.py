@@ -28,24 +28,40 @@ QUICK_STARTS = 20
 """Starts of the convergence study with --quick; else those of convergence.SEEDS."""
 TITLE = "EKF, nonlinear observer and exogenous Kalman filter in GNSS outages: the study of Alam et al. again"
 INTRODUCTION = (
-    "Alam, Whidborne and Millidere compare a two-stage EKF, a nonlinear observer (NLO) and their cascade, the exogenous Kalman filter (XKF), on "
-    "one flight of 33 minutes with the GNSS cut for 30 s in every five minutes. The flight is not public. Here the same protocol runs on a "
-    "simulated flight of the stated envelope over many seeds, and on two public recordings. All filters have the same start, noise, fixes and "
-    "outages; the closed loop of this library is the anchor, and a second XKF stands around the library's 15-state error model.",
-    'Each claim of the paper has a verdict that code has taken from the numbers, by a rule that stands beside it. "Not reproduced" means: not '
-    "under the assumptions stated here. Of two filters in a cell (an axis in one of the five outages over all seeds, or in a recording) one is "
-    "better where the 95 % interval of the ratio of their RMSEs lies beyond 1 by more than 1 %. Over the cells of a claim: reproduced where 75 "
-    "% or more support it, not reproduced where not even with all open ones more than 25 % would, partly where more than 25 % do, else not "
-    "decidable. Of a claim with parts that must all hold: reproduced where all are, not reproduced where none is, partly where one is. The "
-    "rules were written before any of the filters had run on the flight; after a review, and before the full study, two were corrected: where "
-    "one cell is enough it is decided at Bonferroni's level of all cells, and the heading correction is judged with EKF and XKF both without "
-    "course and by its effect in the north against that in the east. A third was tightened after the "
-    "verdicts of runs with few seeds had been seen: the heading correction is not judged from one cell. None was changed for its verdict. Runs "
-    "that diverge or stop are counted: with 10 km and 1 km/s, and the wander of their bias estimates with a hundred times the turn-on biases.",
+    "Alam, Whidborne and Millidere compare a two-stage EKF, a nonlinear observer (NLO) and their "
+    "cascade, the exogenous Kalman filter (XKF), on "
+    "one flight of 33 minutes with the GNSS cut for 30 s in every five minutes. The flight is not "
+    "public. Here the same protocol runs on a "
+    "simulated flight of the stated envelope over many seeds, and on two public recordings. All "
+    "filters have the same start, noise, fixes and "
+    "outages; the closed loop of this library is the anchor, and a second XKF stands around the "
+    "library's 15-state error model.",
+    "Each claim of the paper has a verdict that code has taken from the numbers, by a rule that "
+    'stands beside it. "Not reproduced" means: not '
+    "under the assumptions stated here. Of two filters in a cell (an axis in one of the five "
+    "outages over all seeds, or in a recording) one is "
+    "better where the 95 % interval of the ratio of their RMSEs lies beyond 1 by more than 1 %. "
+    "Over the cells of a claim: reproduced where 75 "
+    "% or more support it, not reproduced where not even with all open ones more than 25 % would, "
+    "partly where more than 25 % do, else not "
+    "decidable. Of a claim with parts that must all hold: reproduced where all are, not reproduced "
+    "where none is, partly where one is. The "
+    "rules were written before any of the filters had run on the flight; after a review, and before "
+    "the full study, two were corrected: where "
+    "one cell is enough it is decided at Bonferroni's level of all cells, and the heading "
+    "correction is judged with EKF and XKF both without "
+    "course and by its effect in the north against that in the east. A third was tightened after "
+    "the "
+    "verdicts of runs with few seeds had been seen: the heading correction is not judged from one "
+    "cell. None was changed for its verdict. Runs "
+    "that diverge or stop are counted: with 10 km and 1 km/s, and the wander of their bias "
+    "estimates with a hundred times the turn-on biases.",
 )
 LITTLE = (
-    f"So few seeds decide little, and their verdicts are no findings: a run with --quick ({QUICK_SEEDS} seeds, {QUICK_STARTS} starts) shows that "
-    f"everything runs (even three of three seeds leave the share of seeds open: Wilson's interval begins at 44 %); those that count are of the "
+    f"So few seeds decide little, and their verdicts are no findings: a run with --quick "
+    f"({QUICK_SEEDS} seeds, {QUICK_STARTS} starts) shows that "
+    f"everything runs (even three of three seeds leave the share of seeds open: Wilson's interval "
+    f"begins at 44 %); those that count are of the "
     f"full study of {SEEDS} seeds."
 )
 FEW = 10
@@ -102,8 +118,11 @@ def write(
     claims = alam_claims.claims(alam_claims.Evidence(wide, results.biases, converged))
     count, out = results.scores["block"].nunique(), Path(out)
     size = (
-        f"This page: {count} seeds of the simulated flight with {len(alam_runs.windows())} outages each, {converged['seed'].nunique()} "
-        f"starts 170 deg off, recordings {', '.join(dict.fromkeys(recorded.scores['case'])) if len(recorded.scores) else 'none'}, seed "
+        f"This page: {count} seeds of the simulated flight with {len(alam_runs.windows())} outages "
+        f"each, {converged['seed'].nunique()} "
+        f"starts 170 deg off, recordings "
+        f"{', '.join(dict.fromkeys(recorded.scores['case'])) if len(recorded.scores) else 'none'}, "
+        f"seed "
         f"{seed}, strapdown {__version__}."
     )
     size += f" {LITTLE}" * (count < FEW)
@@ -147,13 +166,15 @@ def shown(
     return [
         (
             "redrawn",
-            "Table 1 redrawn: RMSE in m, published / ours as mean ± standard deviation over the runs",
+            "Table 1 redrawn: RMSE in m, published / ours as mean ± standard deviation over the "
+            "runs",
             table1.redrawn(scores),
         ),
         ("filters", "All filters and ablations: medians over the outages", filters(scores)),
         (
             "ablations",
-            "Ablations: ratio of RMSE to the same filter with its defaults, and of EKF to XKF both without course",
+            "Ablations: ratio of RMSE to the same filter with its defaults, and of EKF to XKF both "
+            "without course",
             ablations(table1.wide(scores)),
         ),
         (
@@ -248,7 +269,8 @@ def convergence_table(converged: pd.DataFrame) -> pd.DataFrame:
             {
                 "filter": name,
                 "below 10 deg from some time to 60 s": f"{len(good)} of {len(own)}",
-                "below 10 deg at some time": f"{int(np.isfinite(own['first_s']).sum())} of {len(own)}",
+                "below 10 deg at some time": f"{int(np.isfinite(own['first_s']).sum())} of "
+                f"{len(own)}",
                 "median time, s": f"{good['since_s'].median():.1f}" if len(good) else "–",
                 "said": "; ".join(dict.fromkeys(text for text in own["said"] if text)),
             }

@@ -82,7 +82,8 @@ def won(tables: dict[str, pd.DataFrame], measure: str, first: str, second: str) 
     ]
     count = sum(each.count for each in found)
     return (
-        f"{first} smaller in {sum(each.wins for each in found) / count:.0%} of {count} simulated outages"
+        f"{first} smaller in {sum(each.wins for each in found) / count:.0%} of {count} simulated "
+        f"outages"
         if count
         else "no simulated outage"
     )

@@ -36,7 +36,8 @@ def figures(trials: Sequence[Trial], runs: Sequence[Run]) -> list[tuple[str, go.
         (
             "Orientation, inclination and heading error",
             summary(trials, runs),
-            "Rms during movement: each trial (its number when pointed at) and the mean over the trials. Logarithmic axes.",
+            "Rms during movement: each trial (its number when pointed at) and the mean over the "
+            "trials. Logarithmic axes.",
         )
     ]
     for trial in trials:
@@ -45,7 +46,8 @@ def figures(trials: Sequence[Trial], runs: Sequence[Run]) -> list[tuple[str, go.
             (
                 f"{trial.name}: orientation error",
                 over_time(trial, own),
-                "Each point is the rms of one second, whatever of it has a reference. Shaded: no movement, not scored. "
+                "Each point is the rms of one second, whatever of it has a reference. Shaded: no "
+                "movement, not scored. "
                 "A click in the legend hides or shows a line.",
             )
         )

@@ -50,13 +50,19 @@ CLAIMS = (
 )
 """Estimator, trial or mean over the five, and the bound on its rms orientation error, deg."""
 INTRODUCTION = (
-    "BROAD holds trials of a hand-held IMU with gyro, accelerometer and magnetometer at 286 Hz, whose attitude cameras measured (Laidig et al. 2021, "
-    "doi 10.3390/data6070072, CC BY 4.0). Every estimator runs over the whole trial with one default setting for all trials, on the same samples.",
-    "The orientation error is the angle of the rotation between estimate and reference, without heading alignment. Only samples count where the "
-    "trial says that there is movement and where the reference is known: rms per trial, then the mean over the trials. Inclination is the angle "
-    "between the vertical axes of estimate and reference, heading what is left: the error rotation in the navigation frame as a rotation about "
+    "BROAD holds trials of a hand-held IMU with gyro, accelerometer and magnetometer at 286 Hz, "
+    "whose attitude cameras measured (Laidig et al. 2021, "
+    "doi 10.3390/data6070072, CC BY 4.0). Every estimator runs over the whole trial with one "
+    "default setting for all trials, on the same samples.",
+    "The orientation error is the angle of the rotation between estimate and reference, without "
+    "heading alignment. Only samples count where the "
+    "trial says that there is movement and where the reference is known: rms per trial, then the "
+    "mean over the trials. Inclination is the angle "
+    "between the vertical axes of estimate and reference, heading what is left: the error rotation "
+    "in the navigation frame as a rotation about "
     "the vertical and one about a horizontal axis. North is magnetic north, as in the reference.",
-    "The defaults of strapdown were chosen by reasoning on the sensors and on the trials 02, 21 and 24, marked with a star. The others gave no "
+    "The defaults of strapdown were chosen by reasoning on the sensors and on the trials 02, 21 and "
+    "24, marked with a star. The others gave no "
     "constant, but what failed on them was changed (docs/attitude-broad.md).",
 )
 
@@ -251,7 +257,8 @@ def tables(trials: Sequence[Trial], runs: Sequence[Run]) -> dict[str, tuple[str,
             for name in claimed
         ]
         made["over-sd"] = (
-            "rms of the attitude error over its own standard deviation, about north, east and down, during movement",
+            "rms of the attitude error over its own standard deviation, about north, east and down, "
+            "during movement",
             pd.DataFrame(rows, columns=["estimator", *(trial.number for trial in trials)]),
         )
     return made

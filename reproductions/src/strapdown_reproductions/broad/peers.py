@@ -129,8 +129,10 @@ PEERS = (
         "ahrs",
         _ekf,
         True,
-        "samples in forward, right, down and gravity for specific force, as its frame NED wants them; its default "
-        "field is that of Munich, with a declination of some 4 deg that this reference does not have",
+        "samples in forward, right, down and gravity for specific force, as its frame NED wants "
+        "them; its default "
+        "field is that of Munich, with a declination of some 4 deg that this reference does not "
+        "have",
     ),
     Peer(
         "ahrs EKF, sensor axes",

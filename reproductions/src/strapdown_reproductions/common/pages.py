@@ -127,7 +127,8 @@ def _sections(
         (
             "Tables",
             "".join(
-                f"<div class=scroll><table><caption>{escape(caption)} (<a href='{name}.csv'>CSV</a>)</caption>{_rows(table)}</table></div>"
+                f"<div class=scroll><table><caption>{escape(caption)} (<a "
+                f"href='{name}.csv'>CSV</a>)</caption>{_rows(table)}</table></div>"
                 for name, (caption, table) in shown.items()
             ),
         ),
@@ -161,9 +162,11 @@ def _claims(claims: Sequence[Mapping[str, Any]]) -> str:
 
 def _findings(claims: Sequence[Mapping[str, Any]]) -> str:
     rows = "".join(
-        f"<tr id=claim{i}><td>{i}</td><td>{escape(c['claim'])}<br><span class=slim>{escape(c['source'])}</span></td>"
+        f"<tr id=claim{i}><td>{i}</td><td>{escape(c['claim'])}<br><span "
+        f"class=slim>{escape(c['source'])}</span></td>"
         f"<td class='verdict {COLOURS[c['verdict']]}'>{escape(c['verdict'])}</td>"
-        f"<td>{escape(c['measured'])}<br><span class=slim>Rule: {escape(c['rule'])}</span></td><td>{escape(c['decided_by'])}</td></tr>"
+        f"<td>{escape(c['measured'])}<br><span class=slim>Rule: "
+        f"{escape(c['rule'])}</span></td><td>{escape(c['decided_by'])}</td></tr>"
         for i, c in enumerate(claims, 1)
     )
     counts = ", ".join(

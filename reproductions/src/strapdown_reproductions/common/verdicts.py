@@ -49,7 +49,8 @@ class Count(NamedTuple):
 
 
 RULE = (
-    f"reproduced where {MOST:.0%} of the cells or more support it, not reproduced where not even with all open cells more than "
+    f"reproduced where {MOST:.0%} of the cells or more support it, not reproduced where not even "
+    f"with all open cells more than "
     f"{FEW:.0%} would, "
     f"partly where more than {FEW:.0%} support it, else not decidable"
 )

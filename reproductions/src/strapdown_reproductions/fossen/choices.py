@@ -46,7 +46,8 @@ CHOICES = (
     ),
     (
         "weights R",
-        "of fixes that are used only together with a position: the code computes the others and drops them",
+        "of fixes that are used only together with a position: the code computes the others and "
+        "drops them",
         "of every fix, used when it comes; so 100 fields a second weigh more than in the scripts",
     ),
     (
@@ -71,7 +72,8 @@ CHOICES = (
         "at the true position, velocity and attitude, biases 0, P the identity in m, m/s, rad",
         "so with the chapter's weights; with "
         "the true noises errors drawn from 1 m, "
-        "0.1 m/s, 2 deg of roll and pitch, 5 deg of heading; deviations of the biases 0.3 m/s² and 0.1 rad/s",
+        "0.1 m/s, 2 deg of roll and pitch, 5 deg of heading; deviations of the biases 0.3 m/s² and "
+        "0.1 rad/s",
     ),
     (
         "time constants",

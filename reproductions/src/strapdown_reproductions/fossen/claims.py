@@ -133,14 +133,16 @@ def left(runs: pd.DataFrame, case: str, excitation: str) -> str:
     shares = np.array([rows[f"accel_left_{axis}"].median() for axis in "xyz"])
     stated = float(np.linalg.norm(shares * START_SD[9:12]))
     return (
-        f"{case}, {excitation}: {' '.join(f'{share:.2g}' for share in shares)}, that is {stated:.2g} m/s² stated for an error of "
+        f"{case}, {excitation}: {' '.join(f'{share:.2g}' for share in shares)}, that is "
+        f"{stated:.2g} m/s² stated for an error of "
         f"{rows['accel_m_s2'].median():.2g} m/s²"
     )
 
 
 CELL = "A cell is one filter with its sensors, excitation and tuning; it supports the claim where more than half of its runs do (95 % Wilson)"
 CONVERGED = (
-    "Converged: the length of the error of the three biases goes below 0.02 m/s² (accelerometers) or 0.35 deg/s (gyros), 6 and 5 % of "
+    "Converged: the length of the error of the three biases goes below 0.02 m/s² (accelerometers) "
+    "or 0.35 deg/s (gyros), 6 and 5 % of "
     "the biases, and stays there"
 )
 
@@ -150,9 +152,11 @@ def ahrs_all_states(e: Evidence) -> dict[str, str]:
     cells = pick(e.runs, ["direct-ahrs"], (*SIGNALS, *STILL))
     count = counted(cells, lambda rows: np.isfinite(rows["accel_s"]) & np.isfinite(rows["gyro_s"]))
     return finding(
-        "With an AHRS the 15-state linear time-varying Kalman filter estimates all 15 states, thanks to observability.",
+        "With an AHRS the 15-state linear time-varying Kalman filter estimates all 15 states, "
+        "thanks to observability.",
         "14.3.2",
-        f"direct-ahrs, both signals, at rest and steady: biases of accelerometers and gyros converge within the run; {RULE}",
+        f"direct-ahrs, both signals, at rest and steady: biases of accelerometers and gyros "
+        f"converge within the run; {RULE}",
         f"{count}. Accelerometers: {spread(cells, 'accel_s')}; gyros: {spread(cells, 'gyro_s')}",
         count.verdict,
         "table cells",
@@ -164,10 +168,12 @@ def euler_is_hard(e: Evidence) -> dict[str, str]:
     still = counted(pick(e.runs, [EULER], STILL), lambda rows: ~np.isfinite(rows["accel_s"]))
     moved = counted(pick(e.runs, [EULER], SIGNALS), lambda rows: np.isfinite(rows["accel_s"]))
     return finding(
-        "In the direct EKF with Euler angles the acceleration bias is hard to estimate and usually requires sufficient "
+        "In the direct EKF with Euler angles the acceleration bias is hard to estimate and usually "
+        "requires sufficient "
         "excitation.",
         "14.3.3",
-        "direct-euler with position and compass: accelerometer biases do not converge within the run at rest and steady, and do "
+        "direct-euler with position and compass: accelerometer biases do not converge within the "
+        "run at rest and steady, and do "
         "under the "
         "two signals; both parts must hold",
         f"At rest and steady they do not: {still}. Under the signals they do: {moved} "
@@ -186,16 +192,20 @@ def euler_blows_up(e: Evidence) -> dict[str, str]:
     )
     errors = {case: pick(e.runs, [case], ["steep"]) for case in (EULER, MEKF[4])}
     text = "; ".join(
-        f"{case.split(',')[0]}: position {np.nanmedian(pd.concat([rows for _, rows in cells])['position_m']):.3g} m (median)"
+        f"{case.split(',')[0]}: position "
+        f"{np.nanmedian(pd.concat([rows for _, rows in cells])['position_m']):.3g} m (median)"
         for case, cells in errors.items()
         if cells
     )
     return finding(
-        "Covariance blow-up due to the Euler angles is possible in the direct EKF; consider the MEKF instead.",
+        "Covariance blow-up due to the Euler angles is possible in the direct EKF; consider the "
+        "MEKF instead.",
         "14.3.3",
-        "a motion that pitches through the vertical, position and compass: more than half of the runs of direct-euler stop or "
+        "a motion that pitches through the vertical, position and compass: more than half of the "
+        "runs of direct-euler stop or "
         "have more than "
-        "10 m of position error. The filter here keeps P in rotations and reads its angles off the rotation matrix beyond 85 "
+        "10 m of position error. The filter here keeps P in rotations and reads its angles off the "
+        "rotation matrix beyond 85 "
         "deg of pitch, so that the "
         "verdict is on that remedy",
         f"direct-euler fails: {euler}. The MEKF does not: {mekf}. {text}",
@@ -212,10 +222,12 @@ def intro_drift(e: Evidence) -> dict[str, str]:
         lambda part: (part["ins_m"] > DRIFTED) & (part["position_m"] < KEPT),
     )
     return finding(
-        "The two IMU biases are important to estimate in order to avoid drift: the INS drifts, INS and estimated error together "
+        "The two IMU biases are important to estimate in order to avoid drift: the INS drifts, INS "
+        "and estimated error together "
         "do not.",
         "14.4.1",
-        f"introductory example, feedforward, constant and decaying biases: after the run the INS is off by more than "
+        f"introductory example, feedforward, constant and decaying biases: after the run the INS is "
+        f"off by more than "
         f"{DRIFTED:g} m and the "
         f"estimate by less than {KEPT:g} m",
         f"{true}. INS {rows['ins_m'].median():.3g} m, estimate "
@@ -241,17 +253,21 @@ def intro_decay(e: Evidence) -> dict[str, str]:
         for name in ("constant", "decaying")
     }
     text = "; ".join(
-        f"{biases}, {form}: {part['bias_before'].median():.2g} to {part['bias_after'].median():.2g} m/s², position "
+        f"{biases}, {form}: {part['bias_before'].median():.2g} to {part['bias_after'].median():.2g} "
+        f"m/s², position "
         f"{part['position_m'].median():.3g} m"
         for (biases, form), part in rows.groupby(["biases", "form"], sort=False)
     )
     return finding(
-        "The time constants ensure that the bias errors go exponentially to zero during dead reckoning.",
+        "The time constants ensure that the bias errors go exponentially to zero during dead "
+        "reckoning.",
         "14.4.1",
-        "introductory example, dropout of 60 s, feedforward and feedback: the error of the accelerometer bias is smaller after "
+        "introductory example, dropout of 60 s, feedforward and feedback: the error of the "
+        "accelerometer bias is smaller after "
         "the dropout than "
         "before, for constant biases and for biases that decay as modelled; both parts must hold",
-        f"Constant: {parts['constant']}; decaying: {parts['decaying']}. Error before to after, and position error after: {text}",
+        f"Constant: {parts['constant']}; decaying: {parts['decaying']}. Error before to after, and "
+        f"position error after: {text}",
         both(*(part.verdict for part in parts.values())),
         "figure 8",
     )
@@ -262,7 +278,8 @@ def indirect_converges(e: Evidence) -> dict[str, str]:
     cells = pick(e.runs, INDIRECT, (*SIGNALS, *STILL))
     count = counted(cells, lambda rows: np.isfinite(rows["accel_s"]) & np.isfinite(rows["gyro_s"]))
     return finding(
-        "In the indirect filter with AHRS, feedforward or feedback, the estimated biases converge to their true value.",
+        "In the indirect filter with AHRS, feedforward or feedback, the estimated biases converge "
+        "to their true value.",
         "14.4.2",
         "as claim 1, indirect-ahrs-open and indirect-ahrs-closed",
         f"{count}. Accelerometers: {spread(cells, 'accel_s')}; gyros: {spread(cells, 'gyro_s')}",
@@ -284,16 +301,20 @@ def decay(e: Evidence) -> dict[str, str]:
     model = counted(cells, lambda part: np.abs(part["accel_left"] / part["accel_model"] - 1) < 0.05)
     smaller = counted(cells, lambda part: part["accel_after"] < part["accel_before"])
     text = "; ".join(
-        f"{case} on {signal}: {part['accel_before'].median():.2g} to {part['accel_after'].median():.2g} "
+        f"{case} on {signal}: {part['accel_before'].median():.2g} to "
+        f"{part['accel_after'].median():.2g} "
         f"m/s²"
         for (case, signal), part in cells
     )
     return finding(
-        "The time constants ensure that the bias errors go exponentially to zero during dead reckoning (15 states).",
+        "The time constants ensure that the bias errors go exponentially to zero during dead "
+        "reckoning (15 states).",
         "14.4.2",
-        f"dropout of all fixes from {DROPOUT[0]:g} to {DROPOUT[1]:g} s, chapter's weights, indirect filters and MEKF: the "
+        f"dropout of all fixes from {DROPOUT[0]:g} to {DROPOUT[1]:g} s, chapter's weights, indirect "
+        f"filters and MEKF: the "
         f"estimated accelerometer bias decays with "
-        "its time constant (within 5 %), and its error, true less estimate, is smaller after the dropout than before; both "
+        "its time constant (within 5 %), and its error, true less estimate, is smaller after the "
+        "dropout than before; both "
         "parts must hold",
         f"Decays: {model}. Error smaller: {smaller}. {text}",
         both(model.verdict, smaller.verdict),
@@ -316,7 +337,8 @@ def drift(e: Evidence) -> dict[str, str]:
     return finding(
         "In the feedforward filter the INS drifts, the estimate compensates drift and biases.",
         "14.4.2",
-        f"indirect-ahrs-open under the two signals: the raw INS is off by more than {DRIFTED:g} m at the end and the estimate "
+        f"indirect-ahrs-open under the two signals: the raw INS is off by more than {DRIFTED:g} m "
+        f"at the end and the estimate "
         f"by less than {KEPT:g} m (rms, last {LAST:g} s)",
         f"{count}. INS {middle[0]:.4g} m, estimate {middle[1]:.2g} m (medians)",
         count.verdict,
@@ -358,13 +380,17 @@ def accel_minutes(e: Evidence) -> dict[str, str]:
     return finding(
         "MEKF: the acceleration biases converge to their true values in 1-2 minutes.",
         "14.4.3, concluding remarks",
-        f"MEKF with six sets of sensors, two signals: converged after {MINUTES:g} s at the latest, sooner counts for the claim; "
+        f"MEKF with six sets of sensors, two signals: converged after {MINUTES:g} s at the latest, "
+        f"sooner counts for the claim; "
         f"both tunings must "
         f"hold. {CONVERGED}. {CELL}",
-        f"{text}. Of all runs {np.mean(values < 60):.0%} before 1 min, {np.mean((values >= 60) & (values <= 120)):.0%} in 1-2 min, "
-        f"{np.mean((values > 120) & np.isfinite(values)):.0%} later, {np.mean(np.isinf(values)):.0%} not within 5 min. With the "
+        f"{text}. Of all runs {np.mean(values < 60):.0%} before 1 min, "
+        f"{np.mean((values >= 60) & (values <= 120)):.0%} in 1-2 min, "
+        f"{np.mean((values > 120) & np.isfinite(values)):.0%} later, "
+        f"{np.mean(np.isinf(values)):.0%} not within 5 min. With the "
         f"chapter's weights the error was below the bound "
-        f"at some time within 2 min in {np.mean(first <= MINUTES):.0%} of the runs, whether it stayed there or not",
+        f"at some time within 2 min in {np.mean(first <= MINUTES):.0%} of the runs, whether it "
+        f"stayed there or not",
         verdict,
         "figures 3 to 5",
     )
@@ -399,7 +425,8 @@ def states_converge(e: Evidence) -> dict[str, str]:
         texts.append(
             f"{title}: {count}"
             + (
-                f" (medians {rows['position_m'].median():.2g} m, {rows['velocity_m_s'].median():.2g} m/s, "
+                f" (medians {rows['position_m'].median():.2g} m, "
+                f"{rows['velocity_m_s'].median():.2g} m/s, "
                 f"{np.degrees(rows['attitude_rad'].median()):.2g} deg)"
                 if cells
                 else ""
@@ -408,7 +435,8 @@ def states_converge(e: Evidence) -> dict[str, str]:
     return finding(
         "MEKF: position, velocity and attitude converge to their true values.",
         "14.4.3, concluding remarks",
-        f"as before: rms over the last {LAST:g} s below {POSITION:g} m (the error of one fix), {VELOCITY:g} m/s and 1 deg, all "
+        f"as before: rms over the last {LAST:g} s below {POSITION:g} m (the error of one fix), "
+        f"{VELOCITY:g} m/s and 1 deg, all "
         f"three; both tunings must hold",
         "; ".join(texts),
         both(*verdicts),
@@ -426,12 +454,14 @@ def excitation(e: Evidence) -> dict[str, str]:
         for where in ("signal 1", "at rest")
     )
     return finding(
-        "The acceleration bias does not converge unless the vehicle is sufficiently excited: observability is related to manoeuvres.",
+        "The acceleration bias does not converge unless the vehicle is sufficiently excited: "
+        "observability is related to manoeuvres.",
         "14.4.3; chapter goals",
         "MEKF: accelerometer biases do not converge within the run at rest and steady, and do under "
         "the two signals; "
         "both parts must hold",
-        f"At rest and steady they do not: {still}. Under the signals they do: {moved}. What is left of the initial deviations "
+        f"At rest and steady they do not: {still}. Under the signals they do: {moved}. What is left "
+        f"of the initial deviations "
         f"along x, y, z: {shares}",
         both(still.verdict, moved.verdict),
         "figure 6, table cells",
@@ -445,7 +475,8 @@ def roll_and_pitch(e: Evidence) -> dict[str, str]:
     return finding(
         "It takes excitation in roll and pitch.",
         "14.4.3, concluding remarks",
-        "MEKF on a level body whose heading swings by 40 deg within a minute and that does nothing else: the accelerometer "
+        "MEKF on a level body whose heading swings by 40 deg within a minute and that does nothing "
+        "else: the accelerometer "
         "biases do not converge within the run",
         f"They do not: {count} ({spread(cells, 'accel_s')})",
         count.verdict,

@@ -66,7 +66,8 @@ def all_figures(results: Results, intro: Kept) -> list[tuple[str, go.Figure, str
                 (
                     f"Figure 2{letter}: errors of position, velocity and attitude, {name}",
                     states(run),
-                    f"{SHOWN}, true noises, first seed, whatever it looks like. True − estimate along and about north, east, down.",
+                    f"{SHOWN}, true noises, first seed, whatever it looks like. True − estimate "
+                    f"along and about north, east, down.",
                 )
             )
     for letter, name in zip("ab", signals.SIGNALS):
@@ -83,7 +84,8 @@ def all_figures(results: Results, intro: Kept) -> list[tuple[str, go.Figure, str
         (
             f"Figure 4: when biases have converged, {' and '.join(signals.SIGNALS)}",
             times(results.runs),
-            "A mark per run. Right edge: not within the run. Shaded: what the chapter says of the MEKF, 1 to 2 minutes and less than 10 s.",
+            "A mark per run. Right edge: not within the run. Shaded: what the chapter says of the "
+            "MEKF, 1 to 2 minutes and less than 10 s.",
         )
     ]
     found += [
@@ -112,7 +114,8 @@ def all_figures(results: Results, intro: Kept) -> list[tuple[str, go.Figure, str
 
 
 OVER_SEEDS = (
-    "Length of the error of the three biases: median over the seeds, and between dotted lines 80 % of them. Dashed: the bound below which "
+    "Length of the error of the three biases: median over the seeds, and between dotted lines 80 % "
+    "of them. Dashed: the bound below which "
     "it has converged. Logarithmic axes."
 )
 
@@ -405,22 +408,26 @@ def introduction(kept: Kept) -> list[tuple[str, go.Figure, str]]:
     drawn.update_yaxes(range=[-0.6, 0.6], row=2, col=1)
     note(
         drawn,
-        "Frames of the biases hold all estimates after the first 20 s, that of the position half a metre.",
+        "Frames of the biases hold all estimates after the first 20 s, that of the position half a "
+        "metre.",
     )
     return [
         (
             "Figure 7: the introductory example, constant biases, first run",
             _time(drawn, 4, record.t),
-            "Five states: position, velocity, angle and two biases; fixes of position and angle each second. The INS of the feedforward "
+            "Five states: position, velocity, angle and two biases; fixes of position and angle "
+            "each second. The INS of the feedforward "
             "filter drifts by "
-            "kilometres, its estimate does not. Its biases decay between fixes and so stand off constant ones; feedback, which holds them "
+            "kilometres, its estimate does not. Its biases decay between fixes and so stand off "
+            "constant ones; feedback, which holds them "
             "as published, and "
             "direct nearly coincide.",
         ),
         (
             "Figure 8: dead reckoning in the introductory example, first run",
             _dead_reckoning(kept),
-            f"No fixes from {fossen_intro.OUTAGE[0]:g} to {fossen_intro.OUTAGE[1]:g} s. Feedforward: the estimated bias decays with its "
+            f"No fixes from {fossen_intro.OUTAGE[0]:g} to {fossen_intro.OUTAGE[1]:g} s. "
+            f"Feedforward: the estimated bias decays with its "
             f"time constant. Feedback, as published, and direct: it is held.",
         ),
     ]

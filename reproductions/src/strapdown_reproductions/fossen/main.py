@@ -31,22 +31,31 @@ from .runs import Results
 SEEDS, QUICK_SEEDS = 50, 5
 TITLE = "Filters for aided inertial navigation: the case studies of Fossen's chapter 14 again"
 INTRODUCTION = (
-    "Chapter 14 of Fossen's Handbook of Marine Craft Hydrodynamics and Motion Control derives direct and indirect filters for aided "
+    "Chapter 14 of Fossen's Handbook of Marine Craft Hydrodynamics and Motion Control derives "
+    "direct and indirect filters for aided "
     "inertial navigation, with "
-    "an AHRS or with attitude among the states, and shows the multiplicative EKF on simulated signals. Its two published test signals are "
+    "an AHRS or with attitude among the states, and shows the multiplicative EKF on simulated "
+    "signals. Its two published test signals are "
     "run here through "
-    "all of these filters, with the published biases of 0.1, 0.3, -0.1 m/s² and 2.9, 5.7, -2.9 deg/s, over many seeds, besides a body at "
+    "all of these filters, with the published biases of 0.1, 0.3, -0.1 m/s² and 2.9, 5.7, -2.9 "
+    "deg/s, over many seeds, besides a body at "
     "rest, in steady "
-    "motion, one that swings its heading alone, and one that pitches through the vertical. The last section lists what the chapter leaves open.",
-    'Each claim has a verdict that code has taken from the numbers, by a rule that stands beside it. "Not reproduced" means: not under '
+    "motion, one that swings its heading alone, and one that pitches through the vertical. The last "
+    "section lists what the chapter leaves open.",
+    "Each claim has a verdict that code has taken from the numbers, by a rule that stands beside "
+    'it. "Not reproduced" means: not under '
     "the assumptions stated "
-    "here. A cell is a filter with its sensors, an excitation and a tuning; it supports a claim where more than half of its runs do, and "
+    "here. A cell is a filter with its sensors, an excitation and a tuning; it supports a claim "
+    "where more than half of its runs do, and "
     "contradicts it where fewer do "
-    "(95 % intervals of Wilson's score). Over the cells of a claim: reproduced where 75 % or more support it, not reproduced where not "
+    "(95 % intervals of Wilson's score). Over the cells of a claim: reproduced where 75 % or more "
+    "support it, not reproduced where not "
     "even with all "
-    "undecided ones more than 25 % would, partly where more than 25 % do, else not decidable. Of a claim with parts that must all hold: "
+    "undecided ones more than 25 % would, partly where more than 25 % do, else not decidable. Of a "
+    "claim with parts that must all hold: "
     "reproduced where all are, not "
-    "reproduced where none is, partly where one is. The rules were written beside trials of seeds that are not in the study; none was "
+    "reproduced where none is, partly where one is. The rules were written beside trials of seeds "
+    "that are not in the study; none was "
     "changed for its verdict.",
 )
 
@@ -85,7 +94,8 @@ def write(out: File, results: Results, count: int, seed: int) -> list[dict[str, 
     cells = fossen_runs.table(results.runs)
     claims = fossen_claims.claims(fossen_claims.Evidence(results.runs, results.dropouts, intro))
     size = (
-        f"This page: {count} seeds of each case, {len(results.runs) + len(results.dropouts)} runs of {results.t[-1]:.0f} s at 100 Hz and more, "
+        f"This page: {count} seeds of each case, {len(results.runs) + len(results.dropouts)} runs "
+        f"of {results.t[-1]:.0f} s at 100 Hz and more, "
         f"seed {seed}, strapdown {__version__}."
     )
     out = Path(out)
@@ -109,7 +119,8 @@ def _tables(
     results: Results, cells: pd.DataFrame, intro: pd.DataFrame
 ) -> dict[str, tuple[str | None, pd.DataFrame]]:
     about = (
-        f"Times after which the biases have converged, median and 80 % of the runs; medians of rms errors over the last "
+        f"Times after which the biases have converged, median and 80 % of the runs; medians of rms "
+        f"errors over the last "
         f"{LAST:g} s; and what is left at "
         "the end of the initial standard deviations of the biases along x, y, z"
     )
@@ -155,7 +166,8 @@ def _tables(
         )
         found |= {
             "dropouts": (
-                f"Dropout of all fixes from {fossen_runs.DROPOUT[0]:g} s to the end, medians: errors of the biases (m/s², "
+                f"Dropout of all fixes from {fossen_runs.DROPOUT[0]:g} s to the end, medians: "
+                f"errors of the biases (m/s², "
                 f"rad/s) before and after, what is left of "
                 "the estimate of the accelerometers and what the model says, position errors",
                 shown,

@@ -29,7 +29,8 @@ def findings(
     """Text: one sentence on the size of the study, the claims with their verdicts, a table per
     excitation, and the dropouts."""
     rows = [
-        f"| {i} | {markdown.plain(c['claim'])} | **{c['verdict']}** | {markdown.plain(c['measured'])} |"
+        f"| {i} | {markdown.plain(c['claim'])} | **{c['verdict']}** | "
+        f"{markdown.plain(c['measured'])} |"
         for i, c in enumerate(claims, 1)
     ]
     parts = [size, "", "| | the chapter says | verdict | measured |", "|---|---|---|---|", *rows]
@@ -45,13 +46,17 @@ def findings(
     if len(dropouts):
         parts += [
             "",
-            "Dropouts of all fixes, medians; errors of the accelerometer biases and of the position before and after:",
+            "Dropouts of all fixes, medians; errors of the accelerometer biases and of the position "
+            "before and after:",
             "",
-            "| filter | signal | tuning | biases before, m/s² | after, m/s² | position before, m | after, m |",
+            "| filter | signal | tuning | biases before, m/s² | after, m/s² | position before, m | "
+            "after, m |",
             "|---|---|---|---|---|---|---|",
             *(
-                f"| {case} | {signal} | {tuning} | {part['accel_before'].median():.2g} | {part['accel_after'].median():.2g} | "
-                f"{part['position_before_m'].median():.2g} | {part['position_after_m'].median():.3g} |"
+                f"| {case} | {signal} | {tuning} | {part['accel_before'].median():.2g} | "
+                f"{part['accel_after'].median():.2g} | "
+                f"{part['position_before_m'].median():.2g} | "
+                f"{part['position_after_m'].median():.3g} |"
                 for (case, signal, tuning), part in dropouts.groupby(
                     ["case", "excitation", "tuning"], sort=False
                 )
@@ -63,7 +68,8 @@ def findings(
 def _row(row: pd.Series) -> str:
     number = lambda value: "–" if np.isnan(value) else f"{value:.2g}"
     return (
-        f"| {row['case']} | {row['tuning']} | {span(row, 'accel_s')} | {span(row, 'gyro_s')} | {number(row['position_m'])} | "
+        f"| {row['case']} | {row['tuning']} | {span(row, 'accel_s')} | {span(row, 'gyro_s')} | "
+        f"{number(row['position_m'])} | "
         f"{number(row['velocity_m_s'])} | "
         f"{number(np.degrees(row['attitude_rad']))} | {row['stopped']:.0%} |"
     )

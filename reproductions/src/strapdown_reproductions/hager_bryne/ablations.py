@@ -34,7 +34,8 @@ def variant(loop: str, **options: str | float) -> str:
 
 PAIRS = {
     "bias": (
-        "The bias inside the INS (closed-loop) against the bias in the error state (closed-loop-error-bias).",
+        "The bias inside the INS (closed-loop) against the bias in the error state "
+        "(closed-loop-error-bias).",
         [("closed-loop", CLOSED)],
     ),
     "printed": (
@@ -46,16 +47,19 @@ PAIRS = {
         ],
     ),
     "gradient": (
-        "The error model without the gravity gradient, as printed, against the corrected one; gravity itself depends on height.",
+        "The error model without the gravity gradient, as printed, against the corrected one; "
+        "gravity itself depends on height.",
         [(variant(loop, error_model="no-gradient"), loop) for loop in (OPEN, CLOSED)],
     ),
     "kinematics": (
-        "The position error of the open loop propagated linearly in metres, and exactly to second order, against linearly in "
+        "The position error of the open loop propagated linearly in metres, and exactly to second "
+        "order, against linearly in "
         "latitude, longitude and height as in the paper.",
         [("open-loop:kinematics=metres", OPEN), ("open-loop", OPEN)],
     ),
     "resets": (
-        "Periodic resets, from nearly a closed loop to nearly an open one, against the closed loop; the last row is the open loop.",
+        "Periodic resets, from nearly a closed loop to nearly an open one, against the closed loop; "
+        "the last row is the open loop.",
         [
             *(
                 (f"periodic-reset:kinematics=geodetic,interval={interval}", CLOSED)
@@ -68,18 +72,22 @@ PAIRS = {
 """Ablations within one campaign: what, and pairs of a variant with what it is compared with."""
 GRAVITY = "Gravity that depends on latitude alone, in truth, INS and error model, against gravity that falls with height."
 DENSITY = (
-    "Sigma of Table III read as density q of the driving noise (stationary sd sigma sqrt(tau/2), the start's accelerometer sd "
+    "Sigma of Table III read as density q of the driving noise (stationary sd sigma sqrt(tau/2), "
+    "the start's accelerometer sd "
     "likewise), against sigma as "
     "stationary sd."
 )
 START = (
-    "Navigation grade with a start ten times as good in attitude, 0.01 deg roll and pitch and 0.02 deg heading: the open loop against "
+    "Navigation grade with a start ten times as good in attitude, 0.01 deg roll and pitch and 0.02 "
+    "deg heading: the open loop against "
     "the closed loop. The raw INS keeps "
-    "the start's attitude error for good, so that this error too must be small for a linear error model; compare with the rows of "
+    "the start's attitude error for good, so that this error too must be small for a linear error "
+    "model; compare with the rows of "
     "navigation grade in the table of flights."
 )
 WIDE = (
-    "Offset of 0.5 m/s^2 with a start that allows for it, 0.5 m/s^2 instead of 0.1: the open loop against the closed loop; compare with "
+    "Offset of 0.5 m/s^2 with a start that allows for it, 0.5 m/s^2 instead of 0.1: the open loop "
+    "against the closed loop; compare with "
     "the rows of tactical grade in the table of flights with offset."
 )
 COLUMNS = {"position_500": "position RMSE", "heading": "heading RMSE"}
@@ -268,12 +276,14 @@ def sentence(frame: pd.DataFrame) -> str:
             if side not in (NONE, UNKNOWN)
         ]
         most = (
-            f" ({'; '.join(sorted(changed, key=lambda item: -abs(_percent(item)))[:3])}{', ...' if len(changed) > 3 else ''})"
+            f" "
+            f"({'; '.join(sorted(changed, key=lambda item: -abs(_percent(item)))[:3])}{', ...' if len(changed) > 3 else ''})"
             if changed
             else ""
         )
         parts.append(
-            f"{text} RMSE changes beyond 1 % in {len(changed)} of {len(found)} rows{most}, does not in {found.count(NONE)}, and "
+            f"{text} RMSE changes beyond 1 % in {len(changed)} of {len(found)} rows{most}, does not "
+            f"in {found.count(NONE)}, and "
             f"{found.count(UNKNOWN)} are not resolved"
         )
     apart = (

@@ -6,7 +6,8 @@ CHOICES = (
     (
         "Table II, signs of F_θv and F_θp",
         "printed with the sign opposite to what the paper's own corrections demand",
-        "corrected, as numeric differentiation of the mechanization demands; printed in the ablation",
+        "corrected, as numeric differentiation of the mechanization demands; printed in the "
+        "ablation",
     ),
     (
         "sign of the accelerometer bias",
@@ -38,7 +39,8 @@ CHOICES = (
     (
         "σ and ρ of Table III",
         "σ in the unit of the bias, used as entry of Q_c; ρ in s",
-        "σ stationary standard deviation, ρ time constant; σ as density of the driving noise in the ablation",
+        "σ stationary standard deviation, ρ time constant; σ as density of the driving noise in the "
+        "ablation",
     ),
     ("unit of ARW", "rad/s^(3/2)", "rad/√s"),
     ("VRW of navigation grade, 1e-12", "a placeholder", "kept; the filter is told the same value"),
@@ -62,7 +64,8 @@ CHOICES = (
     (
         "closed loop and biases",
         '"(19) evaluating to zero", yet the biases stay in the error state',
-        "Φ b is composed into the state at each step (closed-loop-error-bias); bias in the INS in the ablation",
+        "Φ b is composed into the state at each step (closed-loop-error-bias); bias in the INS in "
+        "the ablation",
     ),
     ("time of R_nb in equation (7)", "not stated", "the middle of the step"),
     (
@@ -73,8 +76,10 @@ CHOICES = (
     (
         "initial errors and P0",
         "not stated, but for an accelerometer bias that is alike for all grades",
-        "1 m, 0.1 m/s, 0.1 deg roll and pitch, 0.2 deg heading, 0.1 m/s² accelerometer bias for all grades; gyro bias as the grade's σ; errors "
-        "of position, velocity and attitude drawn from it, true biases from the grade, estimated as 0; a tenth of the attitude error, and 0.5 m/s² for the offset, in the ablation",
+        "1 m, 0.1 m/s, 0.1 deg roll and pitch, 0.2 deg heading, 0.1 m/s² accelerometer bias for all "
+        "grades; gyro bias as the grade's σ; errors "
+        "of position, velocity and attitude drawn from it, true biases from the grade, estimated as "
+        "0; a tenth of the attitude error, and 0.5 m/s² for the offset, in the ablation",
     ),
     (
         "the flights",
@@ -108,7 +113,8 @@ CHOICES = (
         "what the offset is",
         '"a constant initial acceleration bias offset"',
         "run twice: constant during the flight, which the filter's model of a decaying "
-        "bias contradicts; and initial value of the bias process, decaying with it. Opposite verdicts mean: not decidable here",
+        "bias contradicts; and initial value of the bias process, decaying with it. Opposite "
+        "verdicts mean: not decidable here",
     ),
     ("flights with offset", "08-11 left out", "01-07"),
     ("gating of fixes", "not mentioned", "none"),

@@ -92,8 +92,10 @@ def _offset_read_twice(make: Claim) -> Claim:
         initial = make(e._replace(offset=e.initial))
         return constant | {
             "verdict": over_readings(constant["verdict"], initial["verdict"]),
-            "rule": f"{constant['rule']}; with the offset read as constant, and as initial value of the bias process",
-            "measured": f"Constant ({constant['verdict']}): {constant['measured']}. Initial value ({initial['verdict']}): {initial['measured']}",
+            "rule": f"{constant['rule']}; with the offset read as constant, and as initial value of "
+            f"the bias process",
+            "measured": f"Constant ({constant['verdict']}): {constant['measured']}. Initial value "
+            f"({initial['verdict']}): {initial['measured']}",
         }
 
     return combined
@@ -120,7 +122,8 @@ def smooth_fusion(e: Evidence) -> dict[str, str]:
     """Abstract and VI."""
     accurate, text = _position(_pick(e.flights, [NAVIGATION], SHORT), OPEN)
     return finding(
-        "Open loops give smooth fusion and the best short- to middle-term accuracy with high-end IMUs.",
+        "Open loops give smooth fusion and the best short- to middle-term accuracy with high-end "
+        "IMUs.",
         "Abstract; VI",
         f"navigation grade, flights 01-06: open loop better in position, {ABORTS}",
         text,
@@ -134,7 +137,8 @@ def low_drift(e: Evidence) -> dict[str, str]:
     rows = [_pick(e.flights, [grade], SHORT) for grade in (TACTICAL, NAVIGATION)]
     found = [_position(part, OPEN) for part in rows]
     return finding(
-        "When INS drift is low - higher-grade IMUs and shorter horizons - the open-loop filter systematically outperforms the "
+        "When INS drift is low - higher-grade IMUs and shorter horizons - the open-loop filter "
+        "systematically outperforms the "
         "closed loop.",
         "V",
         "as claim 1, for tactical and navigation grade on flights 01-06; both grades must hold",
@@ -149,7 +153,8 @@ def crossover(e: Evidence) -> dict[str, str]:
     before, first = _position(_pick(e.flights, [TACTICAL], SHORT), OPEN)
     after, second = _position(_pick(e.flights, [TACTICAL], LONG), CLOSED)
     return finding(
-        "With tactical IMUs the boundary beyond which open loop is worse than closed loop lies between flights 01-06 and 07-11.",
+        "With tactical IMUs the boundary beyond which open loop is worse than closed loop lies "
+        "between flights 01-06 and 07-11.",
         "V",
         "as claim 1: open loop better on 01-06 and closed loop better on 07-11",
         f"01-06, open better: {first}. 07-11, closed better: {second}",
@@ -163,12 +168,15 @@ def consumer_diverges(e: Evidence) -> dict[str, str]:
     rows = _pick(e.flights, [CONSUMER], SHORT + LONG)
     count = share(rows, "open_early")
     return finding(
-        "For lower-grade IMUs the open loop begins to diverge within a few minutes across most profiles.",
+        "For lower-grade IMUs the open loop begins to diverge within a few minutes across most "
+        "profiles.",
         "V",
-        f"consumer grade: on a flight more than half of the runs have a position error beyond {ONSET:g} m before {EARLY:g} s "
+        f"consumer grade: on a flight more than half of the runs have a position error beyond "
+        f"{ONSET:g} m before {EARLY:g} s "
         f"(Wilson interval above "
         f"one half)",
-        f"{count}; typical time {rows['open_onset_s'].min():.0f} to {rows['open_onset_s'].max():.0f} s; given up "
+        f"{count}; typical time {rows['open_onset_s'].min():.0f} to "
+        f"{rows['open_onset_s'].max():.0f} s; given up "
         f"by both rules at "
         f"{rows['open_lasted_median_s'].median():.0f} s (median)",
         count.verdict,
@@ -182,9 +190,11 @@ def eventually_diverges(e: Evidence) -> dict[str, str]:
     count = share(rows, "open_diverged")
     shares = ", ".join(f"{r.grade} {r.flight}: {r.open_diverged:.0%}" for r in rows.itertuples())
     return finding(
-        "Eventually the open loop diverges for all grades, with growing position errors towards the end.",
+        "Eventually the open loop diverges for all grades, with growing position errors towards the "
+        "end.",
         "V",
-        f"flights 10 and 11 (90 and 95 min), all grades: more than half of the runs exceed {ONSET:g} m at some time (Wilson)",
+        f"flights 10 and 11 (90 and 95 min), all grades: more than half of the runs exceed "
+        f"{ONSET:g} m at some time (Wilson)",
         f"{count}. Share of runs: {shares}",
         count.verdict,
         "figures 2 and 3",
@@ -198,13 +208,16 @@ def navigation_inconsistent(e: Evidence) -> dict[str, str]:
     biases = [sides(rows, name, OPEN) for name in ("accel_bias", "gyro_bias")]
     wanders = total(biases)
     return finding(
-        "With navigation-grade sensors over short horizons the closed loop is statistically inconsistent and its biases wander a "
+        "With navigation-grade sensors over short horizons the closed loop is statistically "
+        "inconsistent and its biases wander a "
         "little.",
         "V; VI",
-        f"navigation grade, 01-06: the interval of the closed loop's typical NEES/15 (until the abort) above {TOO_SURE:g}; and "
+        f"navigation grade, 01-06: the interval of the closed loop's typical NEES/15 (until the "
+        f"abort) above {TOO_SURE:g}; and "
         f"its accelerometer and gyro "
         f"biases worse than the open loop's after 120 s; both parts must hold",
-        f"Too sure: {sure} (closed {rows['closed_anees'].min():.3g} to {rows['closed_anees'].max():.3g}, open "
+        f"Too sure: {sure} (closed {rows['closed_anees'].min():.3g} to "
+        f"{rows['closed_anees'].max():.3g}, open "
         f"{rows['open_anees'].min():.3g} to "
         f"{rows['open_anees'].max():.3g}). Biases better in the open loop: {wanders}",
         both(sure.verdict, wanders.verdict),
@@ -220,7 +233,8 @@ def linearisation(e: Evidence) -> dict[str, str]:
     same = paired(np.log(small), np.zeros(len(small)))
     low, value, high = np.exp([same.low, same.difference, same.high])
     grades = "; ".join(
-        f"{grade} {part['correlation'].mean():.2f} and {np.exp(np.log(part['small_ratio']).mean()):.3g}"
+        f"{grade} {part['correlation'].mean():.2f} and "
+        f"{np.exp(np.log(part['small_ratio']).mean()):.3g}"
         for grade, part in e.drift.groupby("grade", sort=False)
     )
     related = REPRODUCED if p.low > 0.5 else NOT_REPRODUCED if p.high < 0.5 else UNDECIDED
@@ -232,16 +246,20 @@ def linearisation(e: Evidence) -> dict[str, str]:
         else UNDECIDED
     )
     return finding(
-        "The difference is not a linearisation discrepancy as such: the open loop degrades because the accumulated drift "
+        "The difference is not a linearisation discrepancy as such: the open loop degrades because "
+        "the accumulated drift "
         "violates the small-error "
         "assumption behind its linear error model.",
         "V",
-        f"runs of all cells: the rank correlation of the raw INS's drift with the ratio of the NEES, open by closed, is above "
+        f"runs of all cells: the rank correlation of the raw INS's drift with the ratio of the "
+        f"NEES, open by closed, is above "
         f"0.5 on average (95 % interval); "
-        f"and while the drift is below {SMALL_DRIFT:g} m the NEES differ by less than {TOO_SURE - 1:.0%}; both parts must hold. "
+        f"and while the drift is below {SMALL_DRIFT:g} m the NEES differ by less than "
+        f"{TOO_SURE - 1:.0%}; both parts must hold. "
         f"Both grow with time, so that "
         "the correlation alone proves no cause; the resets of the ablation take the cause away",
-        f"Correlation {p.difference:.2f} ({p.low:.2f} to {p.high:.2f}) over {p.count} runs; ratio of NEES at small drift "
+        f"Correlation {p.difference:.2f} ({p.low:.2f} to {p.high:.2f}) over {p.count} runs; ratio "
+        f"of NEES at small drift "
         f"{value:.3g} ({low:.3g} to {high:.3g}). By grade: {grades}",
         both(related, equal),
         "figure 8",
@@ -261,13 +279,17 @@ def dynamic_flights(e: Evidence) -> dict[str, str]:
         for r in _pick(e.flights, [CONSUMER, TACTICAL], ("03", "05")).itertuples()
     )
     return finding(
-        "Dynamic flights amplify integration errors, in particular of the open loop (03 and 05 at consumer and tactical grade).",
+        "Dynamic flights amplify integration errors, in particular of the open loop (03 and 05 at "
+        "consumer and tactical grade).",
         "V",
-        "the paths of the paper's 03 and 05 are not published, so their numbers cannot be checked. Instead, consumer and "
+        "the paths of the paper's 03 and 05 are not published, so their numbers cannot be checked. "
+        "Instead, consumer and "
         "tactical: a dynamic flight that is "
-        "shorter than a straight one and yet has the larger open-loop RMSE supports it (06 against 07, 09 against 10); one that "
+        "shorter than a straight one and yet has the larger open-loop RMSE supports it (06 against "
+        "07, 09 against 10); one that "
         "is longer and has the "
-        "smaller RMSE contradicts it (08, 11); RMSE censored at 500 m by the 500 m rule alone, intervals apart",
+        "smaller RMSE contradicts it (08, 11); RMSE censored at 500 m by the 500 m rule alone, "
+        "intervals apart",
         f"{count}. Our own 03 and 05: {own}",
         count.verdict,
         "figure 2",
@@ -294,7 +316,8 @@ def roll_pitch(e: Evidence) -> dict[str, str]:
     return finding(
         "The closed loop gives better roll and pitch with consumer and tactical IMUs.",
         "V, Fig. 4",
-        "tilt (roll and pitch together) after 120 s and while both filters are within 500 m; both grades must hold",
+        "tilt (roll and pitch together) after 120 s and while both filters are within 500 m; both "
+        "grades must hold",
         "; ".join(
             f"{grade}: {count} ({ratios(part, 'tilt')})"
             for grade, count, part in zip((CONSUMER, TACTICAL), counts, rows)
@@ -344,10 +367,13 @@ def offset_unstable(e: Evidence) -> dict[str, str]:
     """V, Figs. 5 and 6."""
     verdict, text = _survival(e.offset, "open", False)
     return finding(
-        "An unknown constant accelerometer offset of 0.5 m/s^2 makes the open loop unstable, early; long flights fail.",
+        "An unknown constant accelerometer offset of 0.5 m/s^2 makes the open loop unstable, early; "
+        "long flights fail.",
         "V, Figs. 5, 6",
-        f"flights 01-07 with offset, all grades: fewer than half of the open-loop runs survive (Wilson), {ABORTS}",
-        f"{text}. Given up after {e.offset['open_lasted_median_s'].median():.0f} s (median over cells)",
+        f"flights 01-07 with offset, all grades: fewer than half of the open-loop runs survive "
+        f"(Wilson), {ABORTS}",
+        f"{text}. Given up after {e.offset['open_lasted_median_s'].median():.0f} s (median over "
+        f"cells)",
         verdict,
         "figures 5 and 6",
     )
@@ -372,7 +398,8 @@ def offset_shortens(e: Evidence) -> dict[str, str]:
     return finding(
         "An unknown initial bias reduces the stable runtime of the open loop.",
         "VI",
-        f"time until the position error exceeds {ONSET:g} m, at most the flight's, with offset shorter than without (intervals "
+        f"time until the position error exceeds {ONSET:g} m, at most the flight's, with offset "
+        f"shorter than without (intervals "
         f"apart)",
         str(count),
         count.verdict,
@@ -396,9 +423,11 @@ def offset_isolated(e: Evidence) -> dict[str, str]:
     found = [_converged(row, without.iloc[0]) for row, without in pairs if len(without)]
     count = Count(found.count(True), found.count(False), len(found))
     return finding(
-        "The closed loop directly isolates the offset, its estimates converge smoothly and stay bounded.",
+        "The closed loop directly isolates the offset, its estimates converge smoothly and stay "
+        "bounded.",
         "V, Fig. 5",
-        f"flights 01-07 with offset, all grades: more than half of the closed-loop runs survive (Wilson), {ABORTS}; and the "
+        f"flights 01-07 with offset, all grades: more than half of the closed-loop runs survive "
+        f"(Wilson), {ABORTS}; and the "
         f"accelerometer bias error at the end "
         f"is at most twice that without offset (intervals); both parts must hold",
         f"{text}. Converged: {count}",
@@ -419,9 +448,11 @@ def straight_is_slow(e: Evidence) -> dict[str, str]:
     """V."""
     count = _against_straight(e.offset, "closed_resolved_s", -1)
     return finding(
-        "On straight flights even the closed loop takes longer to resolve the accelerometer bias; manoeuvres accelerate it.",
+        "On straight flights even the closed loop takes longer to resolve the accelerometer bias; "
+        "manoeuvres accelerate it.",
         "V",
-        f"with offset, each grade: the time until the closed loop's accelerometer bias error stays below {RESOLVED:g} m/s^2 is "
+        f"with offset, each grade: the time until the closed loop's accelerometer bias error stays "
+        f"below {RESOLVED:g} m/s^2 is "
         f"shorter on a dynamic flight than on "
         f"the straight 07 (intervals apart; a flight that ends before says nothing)",
         str(count[0]) + count[1],
@@ -437,9 +468,11 @@ def symptoms_delayed(e: Evidence) -> dict[str, str]:
     return finding(
         "Short dynamic flights delay the visible symptoms of the offset in the open loop.",
         "V",
-        f"with offset, each grade: the time until the open loop's position error exceeds {ONSET:g} m is longer on a dynamic "
+        f"with offset, each grade: the time until the open loop's position error exceeds {ONSET:g} "
+        f"m is longer on a dynamic "
         f"flight than on the straight 07 "
-        f"(intervals apart; a flight that ends before its symptoms supports it where 07 has failed by then)",
+        f"(intervals apart; a flight that ends before its symptoms supports it where 07 has failed "
+        f"by then)",
         str(count[0]) + count[1],
         count[0].verdict,
         "table offset",
@@ -502,7 +535,8 @@ def closed_is_bounded(e: Evidence) -> dict[str, str]:
     return finding(
         "The closed loop is stable and bounded over long horizons.",
         "Abstract; V",
-        f"flights 07-11, all grades: more than half of the closed-loop runs survive (Wilson), {ABORTS}",
+        f"flights 07-11, all grades: more than half of the closed-loop runs survive (Wilson), "
+        f"{ABORTS}",
         text,
         verdict,
         "figure 2",
@@ -516,7 +550,8 @@ def mandatory(e: Evidence) -> dict[str, str]:
     return finding(
         "Closed loops are mandatory to prevent divergence with lower-grade sensors.",
         "VI",
-        f"consumer grade, all flights: more than half of the open-loop runs exceed {ONSET:g} m, and fewer than half of the "
+        f"consumer grade, all flights: more than half of the open-loop runs exceed {ONSET:g} m, and "
+        f"fewer than half of the "
         f"closed-loop runs (Wilson); both parts must "
         f"hold",
         f"Open loop diverges: {diverged}. Closed loop does not: {kept}",
@@ -529,9 +564,11 @@ def resets(e: Evidence) -> dict[str, str]:
     """VI."""
     text, source = "Long-term stability can also be obtained by occasional resets.", "VI"
     rule = (
-        "tactical grade, the longest flight of the ablation, resets every 60 s or more rarely: more than half of the runs survive "
+        "tactical grade, the longest flight of the ablation, resets every 60 s or more rarely: more "
+        "than half of the runs survive "
         "(Wilson) and the position RMSE is "
-        f"not worse than the closed loop's (ratio below {1 + SIZE:g} with its interval); one such interval reproduces it"
+        f"not worse than the closed loop's (ratio below {1 + SIZE:g} with its interval); one such "
+        f"interval reproduces it"
     )
     if e.resets is None or not len(e.resets):
         return finding(text, source, rule, "needs the ablations", UNDECIDED, "ablation resets")
@@ -542,7 +579,8 @@ def resets(e: Evidence) -> dict[str, str]:
     bad = rows[(rows["survived_high"] < 0.5) | (rows["position_low"] > 1 + SIZE)]
     verdict = REPRODUCED if len(good) else NOT_REPRODUCED if len(bad) == len(rows) else UNDECIDED
     listed = "; ".join(
-        f"every {r.interval_s:.0f} s: {r.survived:.0%} survive, position RMSE {r.position:.4g} times the closed loop's "
+        f"every {r.interval_s:.0f} s: {r.survived:.0%} survive, position RMSE {r.position:.4g} "
+        f"times the closed loop's "
         f"({r.position_low:.4g} to {r.position_high:.4g})"
         for r in rows.itertuples()
     )

@@ -288,7 +288,8 @@ def _ended(drawn: go.Figure, rows: Rows, numbers: Numbers, place: int, last: int
         )
         note(
             drawn,
-            f"Dashed vertical line, {end:.0f} s: the run was given up ({reason}); the filter goes on.",
+            f"Dashed vertical line, {end:.0f} s: the run was given up ({reason}); the filter goes "
+            f"on.",
         )
     return drawn
 
@@ -537,7 +538,8 @@ def all_figures(
             (
                 f"Figure 3{letter}: errors of the {loop} loop, flight 10, tactical grade, run {RUN}",
                 drawn,
-                "Run 0 is shown whatever it looks like. True − estimate: position and velocity along N, E, D, rotation about them.",
+                "Run 0 is shown whatever it looks like. True − estimate: position and velocity "
+                "along N, E, D, rotation about them.",
             )
             for letter, loop, drawn in zip("ab", ("open", "closed"), errors_of_a_run(flights, cell))
         ]
@@ -545,17 +547,21 @@ def all_figures(
         (
             "Figure 4: attitude RMSE averaged over all flights",
             attitudes(cells),
-            "Above, as in the paper: mean over flights and grades of the RMSE over all runs, each until it was given up, so that a "
+            "Above, as in the paper: mean over flights and grades of the RMSE over all runs, each "
+            "until it was given up, so that a "
             "filter given up early is scored over less "
-            "time. The mean over all grades is that of the consumer grade. Below: the same time for both filters, after 120 s; tilt "
+            "time. The mean over all grades is that of the consumer grade. Below: the same time for "
+            "both filters, after 120 s; tilt "
             "is roll and pitch together.",
         )
     )
     found += [
         (
-            f"Figure 5{letter}: estimated biases of accelerometers and gyros, flight 07, tactical grade, {what}, run {RUN}",
+            f"Figure 5{letter}: estimated biases of accelerometers and gyros, flight 07, tactical "
+            f"grade, {what}, run {RUN}",
             biases(campaign, cell),
-            "Grey band: ±3σ of the closed loop around its estimate. Body axes x forward, y right, z down.",
+            "Grey band: ±3σ of the closed loop around its estimate. Body axes x forward, y right, z "
+            "down.",
         )
         for letter, campaign, what in (
             ("a", flights, "without offset"),
@@ -588,7 +594,8 @@ def all_figures(
             (
                 "Figure 7: position RMSE over time and the Cramér-Rao bound, tactical grade",
                 over_time(flights, [cell for _, cell in shown], [flight for flight, _ in shown]),
-                "Three-dimensional; until they are given up, runs count. No filter can undercut the bound on average; an RMSE of few runs scatters around it.",
+                "Three-dimensional; until they are given up, runs count. No filter can undercut the "
+                "bound on average; an RMSE of few runs scatters around it.",
             )
         )
     drift, consistency = drifts(bins, cells)
@@ -596,7 +603,8 @@ def all_figures(
         (
             "Figure 8a: what the drift of the raw INS does to the open loop",
             drift,
-            "Every stored epoch of the first runs of all cells with both filters within 500 m. 1: both filters alike.",
+            "Every stored epoch of the first runs of all cells with both filters within 500 m. 1: "
+            "both filters alike.",
         ),
         (
             "Figure 8b: NEES/15 per flight",
@@ -608,9 +616,11 @@ def all_figures(
 
 
 MARKS = (
-    f"Discs: RMSE of the runs that survived both abort rules ± their standard deviation. Rings and crosses: RMSE of all runs, every "
+    f"Discs: RMSE of the runs that survived both abort rules ± their standard deviation. Rings and "
+    f"crosses: RMSE of all runs, every "
     f"epoch counted with at most {LIMIT:g} m and those "
-    f"after an abort with just that, by the 500 m rule alone and by both rules. Percentages: runs that survived both, open loop above "
+    f"after an abort with just that, by the 500 m rule alone and by both rules. Percentages: runs "
+    f"that survived both, open loop above "
     f"closed loop. The noise of a fix is 1 m per axis; {ONSET:g} m "
     "counts as diverged."
 )

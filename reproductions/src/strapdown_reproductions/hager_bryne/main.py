@@ -37,20 +37,27 @@ OFFSET_FLIGHTS, OFFSET = FLIGHTS[:7], (0.5, 0.5, 0.5)
 RUNS, QUICK_RUNS = 50, 5
 TITLE = "Open or closed loop: the study of Hager & Bryne again"
 INTRODUCTION = (
-    "Hager & Bryne compare an open-loop (feed-forward) and a closed-loop (feedback) error-state Kalman filter in simulation: eleven flights "
+    "Hager & Bryne compare an open-loop (feed-forward) and a closed-loop (feedback) error-state "
+    "Kalman filter in simulation: eleven flights "
     "of 5 to 95 minutes, three IMU grades, "
-    "IMU and 1 m position fixes at 20 Hz. Their paths, initial uncertainties and one of their two abort rules are not published; the last "
+    "IMU and 1 m position fixes at 20 Hz. Their paths, initial uncertainties and one of their two "
+    "abort rules are not published; the last "
     "section lists what was chosen instead.",
-    'Below, each claim of the paper with a verdict that code has taken from the numbers, by a rule that stands beside it. "Not '
+    "Below, each claim of the paper with a verdict that code has taken from the numbers, by a rule "
+    'that stands beside it. "Not '
     'reproduced" means: not under the assumptions stated here. '
     "All comparisons are between runs on the same data; intervals are of 95 %.",
-    f"How verdicts come about. Of two filters on a cell (a flight with a grade) {BETTER}. Over the cells that a claim is about: {RULE}. Of a claim with parts that must "
+    f"How verdicts come about. Of two filters on a cell (a flight with a grade) {BETTER}. Over the "
+    f"cells that a claim is about: {RULE}. Of a claim with parts that must "
     f"all hold: reproduced where all are, not reproduced where none is, partly where one is. "
     f"Where the two readings of the abort rule "
-    "give opposite verdicts, what the paper leaves open decides, and the claim is not decidable here; otherwise the less favourable reading "
+    "give opposite verdicts, what the paper leaves open decides, and the claim is not decidable "
+    "here; otherwise the less favourable reading "
     "counts. The rules were written beside "
-    "a trial of five runs with another seed, before the full study was run, and none was changed for its verdict. "
-    "The second reading of the accelerometer offset, as initial value of the bias process, was added after the first full study, when a check had shown that a "
+    "a trial of five runs with another seed, before the full study was run, and none was changed "
+    "for its verdict. "
+    "The second reading of the accelerometer offset, as initial value of the bias process, was "
+    "added after the first full study, when a check had shown that a "
     "constant offset contradicts the filters' model of a bias that decays.",
 )
 
@@ -203,9 +210,11 @@ def _tables(
     bins: pd.DataFrame,
 ) -> dict[str, tuple[str | None, pd.DataFrame]]:
     about = (
-        "{}, open and closed loop: share of runs that survive both abort rules, the same where a raw INS that left its model counts as "
+        "{}, open and closed loop: share of runs that survive both abort rules, the same where a "
+        "raw INS that left its model counts as "
         "lost, the 500 m rule alone; position RMSE of "
-        "survivors and, with each epoch after an abort counted as 500 m, of all runs; typical NEES/15; and by how much RMSEs of the "
+        "survivors and, with each epoch after an abort counted as 500 m, of all runs; typical "
+        "NEES/15; and by how much RMSEs of the "
         "open loop differ from those of the closed one, by "
         "the 500 m rule"
     )
@@ -217,7 +226,8 @@ def _tables(
         ),
         "initial": (
             about.format(
-                "With 0.5 m/s^2 on each axis as initial value of the accelerometers' bias process, which decays"
+                "With 0.5 m/s^2 on each axis as initial value of the accelerometers' bias process, "
+                "which decays"
             ),
             readable(initial),
         ),
@@ -225,7 +235,8 @@ def _tables(
         "offset-all": (None, moved),
         "initial-all": (None, initial),
         "drift": (
-            "Open by closed loop against the drift of the raw INS, medians and quartiles over stored epochs",
+            "Open by closed loop against the drift of the raw INS, medians and quartiles over "
+            "stored epochs",
             bins,
         ),
         "drift-runs": (None, drift),
@@ -248,7 +259,8 @@ def _bounds(flights: Campaign) -> dict[str, tuple[str, pd.DataFrame]]:
     )
     return {
         "bound": (
-            "Closed loop against the Cramér-Rao bound of a filter told this P0: time-averaged position RMSE after 120 s",
+            "Closed loop against the Cramér-Rao bound of a filter told this P0: time-averaged "
+            "position RMSE after 120 s",
             shown,
         )
     }

@@ -23,7 +23,8 @@ def findings(
     ablations {name: (caption, table)} say, and a row per grade and flight without offset and by
     the two readings of it."""
     rows = [
-        f"| {i} | {markdown.plain(c['claim'])} | **{c['verdict']}** | {markdown.plain(c['measured'])} |"
+        f"| {i} | {markdown.plain(c['claim'])} | **{c['verdict']}** | "
+        f"{markdown.plain(c['measured'])} |"
         for i, c in enumerate(claims, 1)
     ]
     parts = [size, "", "| | the paper says | verdict | measured |", "|---|---|---|---|", *rows]
@@ -46,7 +47,8 @@ def findings(
             "",
             f"{heading}:",
             "",
-            "| grade | flight | min | survived, open | closed | by the 500 m rule, open | closed | RMSE open, "
+            "| grade | flight | min | survived, open | closed | by the 500 m rule, open | closed | "
+            "RMSE open, "
             "m | closed, m | open against closed | NEES/15 open | closed |",
             "|---|---|---|---|---|---|---|---|---|---|---|---|",
             *(_row(row) for _, row in table.sort_values(["grade", "flight"]).iterrows()),
@@ -57,9 +59,11 @@ def findings(
 def _row(row: pd.Series) -> str:
     share = lambda name: f"{row[name]:.0%}"
     return (
-        f"| {row['grade']} | {row['flight']} | {row['minutes']:.0f} | {share('open_survived')} | {share('closed_survived')} | "
+        f"| {row['grade']} | {row['flight']} | {row['minutes']:.0f} | {share('open_survived')} | "
+        f"{share('closed_survived')} | "
         f"{share('open_survived_500')} | "
-        f"{share('closed_survived_500')} | {row['open_censored_500_m']:.3g} | {row['closed_censored_500_m']:.3g} | "
+        f"{share('closed_survived_500')} | {row['open_censored_500_m']:.3g} | "
+        f"{row['closed_censored_500_m']:.3g} | "
         f"{interval(row, 'position_500')} | "
         f"{row['open_anees']:.3g} | {row['closed_anees']:.3g} |"
     )

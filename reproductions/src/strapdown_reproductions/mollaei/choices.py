@@ -11,25 +11,30 @@ CHOICES = (
     (
         "the autopilot",
         "not described; control inputs Ua, Ue, Ur, engine speed, AOF",
-        "successive loop closure, gains from aircraft and trim (flight.md), fed by the estimate: its position, velocity, attitude and rate; "
+        "successive loop closure, gains from aircraft and trim (flight.md), fed by the estimate: "
+        "its position, velocity, attitude and rate; "
         "the airspeed is that of the estimated velocity. AOF is taken as the angle of attack",
     ),
     (
         "the flight",
         "curves that converge to a final value; Fy = Gy = 0",
-        "{plan}; no wind, no turbulence; beside it a turning flight, and wind that nobody is told of",
+        "{plan}; no wind, no turbulence; beside it a turning flight, and wind that nobody is told "
+        "of",
     ),
     (
         '"no filter and real feedback"',
         "direct feedback of position and velocities, zero once the GPS is cut",
-        "no filter: the last fix is held, zero once none came for a second; attitude by integrated gyros. "
+        "no filter: the last fix is held, zero once none came for a second; attitude by integrated "
+        "gyros. "
         "The reference flight is steered by the true state",
     ),
     ("sample time, GPS rate and noise", "missing", "100 Hz, 5 Hz; {gnss}"),
     (
         "the IMU",
-        "ranges; random walk and noise density are one quantity and have different ranges (0.01 to 0.1 deg/√h against 0.06 to 1.2)",
-        "the grade mollaei: geometric means, of the white noise in the range that satisfies both rows: 0.0775 deg/√h, 158 µg/√Hz; "
+        "ranges; random walk and noise density are one quantity and have different ranges (0.01 to "
+        "0.1 deg/√h against 0.06 to 1.2)",
+        "the grade mollaei: geometric means, of the white noise in the range that satisfies both "
+        "rows: 0.0775 deg/√h, 158 µg/√Hz; "
         "bias instability 3.16 deg/h and 70.7 µg as flicker",
     ),
     (
@@ -40,32 +45,37 @@ CHOICES = (
     (
         "states of the filters",
         "three positions, three velocities; nothing on attitude",
-        "the same six; the attitude is the true one at the start and from then on the integrated gyros, never corrected. "
+        "the same six; the attitude is the true one at the start and from then on the integrated "
+        "gyros, never corrected. "
         "The 15-state filters of the library estimate it",
     ),
     (
         "who predicts",
         "not said; during the outage it is the whole difference",
-        "two readings, side by side: accelerometers with that attitude (IMU-driven: linear, so that the filters are one), "
+        "two readings, side by side: accelerometers with that attitude (IMU-driven: linear, so that "
+        "the filters are one), "
         "and the aircraft's own model from its controls (model-driven; assumed noise 0.1 m/s/√s). "
         "The model has the true parameters, which no real flight has",
     ),
     (
         "Q = 0.1 I, R = 0.5 I",
         "no units, no rate; one number for metres and metres per second",
-        "printed: as they stand, Q added at every step of the prediction (0.1 m² and 0.1 m²/s² each 10 ms), R of every fix (m², m²/s²). "
+        "printed: as they stand, Q added at every step of the prediction (0.1 m² and 0.1 m²/s² each "
+        "10 ms), R of every fix (m², m²/s²). "
         "Beside it Q from the IMU's noise and R from the receiver's",
     ),
     ("gates", "none", "none with six states; the library's own (0.1 % false alarms) with 15"),
     (
         "sigma points",
         "two sets, (23) and (30), α = 0.1, β = 2, κ = 0",
-        "(30), the printed parameters; a downdate that fails would be repaired and counted; with these parameters none does",
+        "(30), the printed parameters; a downdate that fails would be repaired and counted; with "
+        "these parameters none does",
     ),
     (
         "PKF",
         "(33) to (36): Φ, θ undefined",
-        "after Hoteit, Luo & Pham (2012): 500 components, each with its own Kalman correction, weights by likelihood, "
+        "after Hoteit, Luo & Pham (2012): 500 components, each with its own Kalman correction, "
+        "weights by likelihood, "
         "systematic resampling that keeps mean and covariance; prediction of each as EKF",
     ),
     (
@@ -80,19 +90,22 @@ CHOICES = (
     ),
     (
         "Gx, Gy, Gz",
-        "not defined. As moments Gx = Gz = 0 in symmetric flight, not Gy; the printed ones are the other way round, as the weight along the body axes "
+        "not defined. As moments Gx = Gz = 0 in symmetric flight, not Gy; the printed ones are the "
+        "other way round, as the weight along the body axes "
         "would be: Gy = 0, and Gz / Gx is the tangent of a pitch of 3 to 14 deg in Tables 2 and 3",
         "both readings: weight (N) and moment (N m)",
     ),
     (
         '"deviation from the final value"',
         "root mean square; neither span nor final value defined",
-        "over the whole flight from the mean of its last {final:g} s; beside it from that of the reference flight",
+        "over the whole flight from the mean of its last {final:g} s; beside it from that of the "
+        "reference flight",
     ),
     (
         '"percentage of mutation", overshoot',
         "not defined; 1635 % in Z",
-        "of the final value, as MATLAB's stepinfo does without an initial one; beside it of the step. "
+        "of the final value, as MATLAB's stepinfo does without an initial one; beside it of the "
+        "step. "
         "Near a final value of zero per cents mean nothing: velocity Y is left out",
     ),
     ("number of flights", "one", "{seeds}; all modes of a seed have the same sensor errors"),

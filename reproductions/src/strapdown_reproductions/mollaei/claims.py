@@ -95,7 +95,8 @@ def accurate_estimates(e: Evidence) -> dict[str, str]:
     """Abstract, 5."""
     return compared(
         e,
-        "Nonlinear filters, particularly the PKF, outperform the EKF in accurate position and velocity estimates.",
+        "Nonlinear filters, particularly the PKF, outperform the EKF in accurate position and "
+        "velocity estimates.",
         "Abstract; 5",
         Question((E0, E1), ("horizontal_rmse_m", "vertical_rmse_m", "velocity_rmse_m_s"), BOTH),
         'figure 8; tables "Left out"',
@@ -113,10 +114,13 @@ def prevents_divergence(e: Evidence) -> dict[str, str]:
     }
     count = total([share(kept(found), NEARLY_ALL) for found in cells.values()])
     return finding(
-        "Nonlinear filters prevent divergence of the system in GPS outages; Kalman filtering effectively prevents divergence of the autopilot.",
+        "Nonlinear filters prevent divergence of the system in GPS outages; Kalman filtering "
+        "effectively prevents divergence of the autopilot.",
         "Abstract; 5",
-        f"of the flights of E1 and E2 with UKF or PKF, in each reading, more than {NEARLY_ALL:.0%} (Wilson) do not diverge: "
-        f"neither stop nor have estimate or aircraft more than {AWAY:g} m off; {enough(200)}, {enough(50)}; {RULE}",
+        f"of the flights of E1 and E2 with UKF or PKF, in each reading, more than {NEARLY_ALL:.0%} "
+        f"(Wilson) do not diverge: "
+        f"neither stop nor have estimate or aircraft more than {AWAY:g} m off; {enough(200)}, "
+        f"{enough(50)}; {RULE}",
         f"{count}. Diverged: "
         + "; ".join(
             f"{mode}, {case} {found[0]} of {found[1]}" for (case, mode), found in cells.items()
@@ -130,7 +134,8 @@ def ekf_deviates(e: Evidence) -> dict[str, str]:
     """4."""
     return compared(
         e,
-        "With fixes, UKF and PKF resemble the direct feedback, while the EKF leads to greater deviations of forces and moments.",
+        "With fixes, UKF and PKF resemble the direct feedback, while the EKF leads to greater "
+        "deviations of forces and moments.",
         "4; Table 2",
         Question((E0,), DEVIATIONS, BOTH, tuple(f"{name}_ref" for name in DEVIATIONS), TWO_FINALS),
         "Table 2 redrawn; figure 2",
@@ -160,7 +165,8 @@ def better_than_none(e: Evidence) -> dict[str, str]:
 def overshoots(e: Evidence) -> dict[str, str]:
     """4, 4.1."""
     texts = [
-        f"{table} UKF {printed(table, OVERSHOOTS, UKF, EKF)}, PKF {printed(table, OVERSHOOTS, PKF, EKF)}"
+        f"{table} UKF {printed(table, OVERSHOOTS, UKF, EKF)}, PKF "
+        f"{printed(table, OVERSHOOTS, PKF, EKF)}"
         for table in ("Table 2", "Table 3")
     ]
     return compared(
@@ -178,7 +184,8 @@ def elevator_and_rudder(e: Evidence) -> dict[str, str]:
     pairs = ((UKF, EKF), (PKF, EKF), (UKF, NO_FILTER), (PKF, NO_FILTER))
     return compared(
         e,
-        "With fixes, the deviations of elevator and rudder are smaller with UKF and PKF than with the EKF or no filter.",
+        "With fixes, the deviations of elevator and rudder are smaller with UKF and PKF than with "
+        "the EKF or no filter.",
         "4",
         Question(
             (E0,),
@@ -234,9 +241,11 @@ def symmetric(e: Evidence) -> dict[str, str]:
     return finding(
         "Fy and Gy do not deviate at all from their final values (0 in all rows).",
         "Tables 2 to 4",
-        f"in E0 the rms deviations of Fy and of the lateral weight are below {ZERO:g} N, printed as 0.0000, in all flights; "
+        f"in E0 the rms deviations of Fy and of the lateral weight are below {ZERO:g} N, printed as "
+        f"0.0000, in all flights; "
         "not reproduced where in none",
-        f"{zero} of {count} flights; medians of the larger: {medians}. Exact zeros mean that nothing lateral is estimated or flown",
+        f"{zero} of {count} flights; medians of the larger: {medians}. Exact zeros mean that "
+        f"nothing lateral is estimated or flown",
         verdict,
         "Table 2 redrawn",
     )
@@ -250,10 +259,13 @@ def no_filter_diverges(e: Evidence) -> dict[str, str]:
         :1
     ]  # the flight is the same in all readings
     return finding(
-        "Without a filter the parameters diverge when the GPS is cut, and the position goes to zero.",
+        "Without a filter the parameters diverge when the GPS is cut, and the position goes to "
+        "zero.",
         "4.1; Table 3; figures 4, 5",
-        f"Fx and Fz deviate at least {TWICE:g} times as much (whole 95 % interval) as with EKF, UKF and PKF; {RULE}; "
-        "all three must hold. That the position goes to zero is how no filter is made here, and not judged",
+        f"Fx and Fz deviate at least {TWICE:g} times as much (whole 95 % interval) as with EKF, UKF "
+        f"and PKF; {RULE}; "
+        "all three must hold. That the position goes to zero is how no filter is made here, and not "
+        "judged",
         f"{against(counts)}. Stopped or more than {AWAY:g} m off: "
         + ", ".join(f"{found[0]} of {found[1]}" for found in lost),
         both(*(count.verdict for count in counts.values())),
@@ -271,9 +283,11 @@ def wrong_alpha(e: Evidence) -> dict[str, str]:
         if len(known(table, "alpha_off_deg", mode))
     )
     return finding(
-        "Without a filter AOF converges to an incorrect value after the cut; with a filter it does not.",
+        "Without a filter AOF converges to an incorrect value after the cut; with a filter it does "
+        "not.",
         "4.1; AOF taken as the angle of attack",
-        f"its final value is at least {TWICE:g} times as far (whole 95 % interval) from that of the reference flight as with EKF, UKF and PKF; "
+        f"its final value is at least {TWICE:g} times as far (whole 95 % interval) from that of the "
+        f"reference flight as with EKF, UKF and PKF; "
         f"{RULE}; all three must hold",
         f"{against(counts)}; "
         + "; ".join(f"{case}: {medians(table)}" for case, table in tables.items()),
@@ -290,7 +304,8 @@ def convergence(e: Evidence) -> dict[str, str]:
         "4.1",
         Question((E1,), SETTLING, BOTH),
         "figure 4",
-        ". Settled: elevator, engine speed and angle of attack within a tenth of the reference flight's range about the final value",
+        ". Settled: elevator, engine speed and angle of attack within a tenth of the reference "
+        "flight's range about the final value",
     )
 
 
@@ -298,7 +313,8 @@ def position_in_outage(e: Evidence) -> dict[str, str]:
     """4.1, figure 5."""
     return compared(
         e,
-        "After the cut the position estimates of UKF and PKF are more accurate than those of the EKF.",
+        "After the cut the position estimates of UKF and PKF are more accurate than those of the "
+        "EKF.",
         "4.1; figure 5",
         Question(
             (E1,),
@@ -334,9 +350,11 @@ def nonlinearity(e: Evidence) -> dict[str, str]:
         factor(of(e.tables, E1, prediction=each), DEVIATIONS, EKF, UKF) for each in (IMU, MODEL)
     )
     return finding(
-        "The EKF is not suitable, because it needs a linearised model and the system has many nonlinear factors.",
+        "The EKF is not suitable, because it needs a linearised model and the system has many "
+        "nonlinear factors.",
         "4; 4.1",
-        f"forces and moments deviate at least {TWICE:g} times as much (whole 95 % interval) with the EKF as with the UKF, in E0 and E1 "
+        f"forces and moments deviate at least {TWICE:g} times as much (whole 95 % interval) with "
+        f"the EKF as with the UKF, in E0 and E1 "
         f"(published: 2.9 to 19 times); {RULE}",
         f"{count}. Of E1, IMU-driven, where the system is linear: {linear}. Model-driven: {driven}; "
         f"{by_case(e, (E0, E1), DEVIATIONS, ((EKF, UKF),))}",
@@ -384,7 +402,8 @@ def long_outage(e: Evidence) -> dict[str, str]:
     return finding(
         "Without a filter or with the EKF, prolonged outages cause divergence.",
         "4.2, said of results that are not shown",
-        "in E2 more than half of the flights (Wilson) stop, or have the aircraft or, with a filter, the estimate "
+        "in E2 more than half of the flights (Wilson) stop, or have the aircraft or, with a filter, "
+        "the estimate "
         f"more than {AWAY:g} m off; {RULE}; both must hold",
         ". ".join(f"{mode}: {counts[mode]}, {listed(own)}" for mode, own in cells.items())
         + ". Beside them "
@@ -410,7 +429,8 @@ def much_less(e: Evidence) -> dict[str, str]:
     return finding(
         "In five minutes without GPS the path is tracked with an error much less than 500 m.",
         "4.1; 4.2",
-        f"estimate and aircraft stay within {NEAR:g} m in more than {NEARLY_ALL:.0%} (Wilson) of the flights of E2 with UKF or PKF, "
+        f"estimate and aircraft stay within {NEAR:g} m in more than {NEARLY_ALL:.0%} (Wilson) of "
+        f"the flights of E2 with UKF or PKF, "
         f"in each reading; {enough(50)}: one that does not leaves its reading open; {RULE}",
         f"{count}. Within: "
         + "; ".join(
@@ -471,7 +491,8 @@ def negligible(e: Evidence) -> dict[str, str]:
     return finding(
         "In outages the positional error is reduced to negligible levels.",
         "5",
-        f"the horizontal RMSE of the estimate in the outage is less than {TWICE:g} times that before it (geometric mean over the flights, "
+        f"the horizontal RMSE of the estimate in the outage is less than {TWICE:g} times that "
+        f"before it (geometric mean over the flights, "
         f"whole 95 % interval), with UKF and PKF, in E1 and E2, in each reading; {RULE}",
         f"{count}. {'; '.join(texts)}",
         count.verdict,
@@ -482,7 +503,8 @@ def negligible(e: Evidence) -> dict[str, str]:
 def laboratory(e: Evidence) -> dict[str, str]:
     """1."""
     return finding(
-        "Tested in a scientific center and on a laboratory plant: the linear filter diverges completely when the GPS is cut, "
+        "Tested in a scientific center and on a laboratory plant: the linear filter diverges "
+        "completely when the GPS is cut, "
         "with theirs the error almost reaches its bound.",
         "1",
         "no data, no figure and no description of the plant are given: not decidable",
@@ -500,11 +522,15 @@ def one_filter(e: Evidence) -> dict[str, str]:
     most = float(own[UKF].max(initial=0.0)) if len(own[UKF]) else np.nan
     verdict = UNDECIDED if np.isnan(most) else REPRODUCED if most <= SAME else NOT_REPRODUCED
     return finding(
-        "(Not said:) With positions and velocities as its states and driven by the IMU, the model is linear, and EKF and UKF are one filter; "
+        "(Not said:) With positions and velocities as its states and driven by the IMU, the model "
+        "is linear, and EKF and UKF are one filter; "
         "the PKF is it too, but for its random draws.",
-        '4: "the previous position values (X, Y, Z) and velocities along the three axes were used as state variables"',
-        f"in all IMU-driven flights estimate and aircraft are within {SAME:g} m of those with the EKF, at every sample, with the UKF",
-        f"UKF: at most {most:.2g} m in {len(own[UKF])} flights; PKF: at most {own[PKF][np.isfinite(own[PKF])].max(initial=0.0):.2g} m"
+        '4: "the previous position values (X, Y, Z) and velocities along the three axes were used '
+        'as state variables"',
+        f"in all IMU-driven flights estimate and aircraft are within {SAME:g} m of those with the "
+        f"EKF, at every sample, with the UKF",
+        f"UKF: at most {most:.2g} m in {len(own[UKF])} flights; PKF: at most "
+        f"{own[PKF][np.isfinite(own[PKF])].max(initial=0.0):.2g} m"
         + (
             f", and {ended} flights stopped at another time"
             if (ended := int(np.isinf(own[PKF]).sum()))

@@ -120,7 +120,8 @@ def all_figures(
     for number, title, rows in ((6, "forces", FORCES), (7, "control inputs", CONTROLS)):
         found += [
             (
-                f"Figure {number}{letter} redrawn: {title}, no GPS for five minutes, {each}-driven (E2)",
+                f"Figure {number}{letter} redrawn: {title}, no GPS for five minutes, {each}-driven "
+                f"(E2)",
                 over_time(results, Case(E2, prediction=each), rows),
                 SHADED,
             )
@@ -141,11 +142,14 @@ def all_figures(
 
 ALIKE = "EKF and UKF are one filter here, and their curves coincide."
 OVER_SEEDS = (
-    "Horizontal error of the estimate, and distance of the aircraft from the reference flight at the same time: "
-    "median over the seeds, dotted the 10 and 90 % quantiles; flights that stopped count as infinitely far off. Logarithmic."
+    "Horizontal error of the estimate, and distance of the aircraft from the reference flight at "
+    "the same time: "
+    "median over the seeds, dotted the 10 and 90 % quantiles; flights that stopped count as "
+    "infinitely far off. Logarithmic."
 )
 RATIOS = (
-    "Rms deviations from the final value: geometric means over the seeds with 95 % intervals; left of 1: the first one is smaller. "
+    "Rms deviations from the final value: geometric means over the seeds with 95 % intervals; left "
+    "of 1: the first one is smaller. "
     "Gx, Gy, Gz as weight (N) and as moment (N m)."
 )
 
@@ -216,7 +220,8 @@ def _panel(
         drawn.update_yaxes(range=[middle - half, middle + half], row=row, col=1)
         note(
             drawn,
-            f"Outside the frame without a filter: {label.replace('<br>', ' ')} from {np.nanmin(outside):.3g} to {np.nanmax(outside):.3g}.",
+            f"Outside the frame without a filter: {label.replace('<br>', ' ')} from "
+            f"{np.nanmin(outside):.3g} to {np.nanmax(outside):.3g}.",
         )
 
 

@@ -33,24 +33,36 @@ COMPONENTS, QUICK_COMPONENTS = 500, 25
 """Of the particle Kalman filter."""
 TITLE = "EKF, UKF and particle Kalman filter when GPS is lost: the study of Mollaei et al. again"
 INTRODUCTION = (
-    "Mollaei, Shafieirad and Moradi fly a model of a fixed-wing aircraft on the estimates of an EKF, a UKF and a particle Kalman filter (PKF), with "
-    "GPS, with GPS lost at 15 s of 25 s, and lost for five minutes; one flight each, without a number of the aircraft, its autopilot, its GPS or its "
-    "path. Here an Aerosonde flies the same experiments over many seeds, and others beside them. All modes of a seed have the same sensor errors.",
-    "Who predicts while there is no GPS is not said, and decides everything. Two readings stand side by side. IMU-driven: the accelerometers, turned "
-    "by an attitude that is true at the start and then integrated from the gyros; with position and velocity as its states the filter is then "
-    "linear, and EKF and UKF are one and the same. Model-driven: the forces of the aircraft's own model from the controls, with that same attitude; "
-    "with 15 states its moments too, and no gyros. The model has the very parameters of the aircraft that is flown, which no real flight has.",
+    "Mollaei, Shafieirad and Moradi fly a model of a fixed-wing aircraft on the estimates of an "
+    "EKF, a UKF and a particle Kalman filter (PKF), with "
+    "GPS, with GPS lost at 15 s of 25 s, and lost for five minutes; one flight each, without a "
+    "number of the aircraft, its autopilot, its GPS or its "
+    "path. Here an Aerosonde flies the same experiments over many seeds, and others beside them. "
+    "All modes of a seed have the same sensor errors.",
+    "Who predicts while there is no GPS is not said, and decides everything. Two readings stand "
+    "side by side. IMU-driven: the accelerometers, turned "
+    "by an attitude that is true at the start and then integrated from the gyros; with position and "
+    "velocity as its states the filter is then "
+    "linear, and EKF and UKF are one and the same. Model-driven: the forces of the aircraft's own "
+    "model from the controls, with that same attitude; "
+    "with 15 states its moments too, and no gyros. The model has the very parameters of the "
+    "aircraft that is flown, which no real flight has.",
     "; ".join(f"{name}: {text}" for name, text in cells.EXPERIMENTS.items())
     + '. In tables "published / ours" ours is the median over the '
-    "seeds, in brackets their 10 and 90 % quantiles; NEES is the mean over the flights that were not lost, with the band that it keeps in 95 % of "
+    "seeds, in brackets their 10 and 90 % quantiles; NEES is the mean over the flights that were "
+    "not lost, with the band that it keeps in 95 % of "
     "studies where a filter is as good as it says.",
-    "Each claim of the paper has a verdict that code has taken from the numbers, by a rule that stands beside it. "
-    '"Not reproduced" means: not under the assumptions stated here. A flight that stops counts with the most of each measure.',
+    "Each claim of the paper has a verdict that code has taken from the numbers, by a rule that "
+    "stands beside it. "
+    '"Not reproduced" means: not under the assumptions stated here. A flight that stops counts with '
+    "the most of each measure.",
 )
 LITTLE = (
     "So few seeds decide little, and so few components are no PKF of the paper: "
-    f"a run with --quick ({QUICK_SEEDS} seeds, {QUICK_COMPONENTS} components) shows that everything runs; "
-    f"the verdicts that count are those of the full study of {SEEDS} seeds and {COMPONENTS} components."
+    f"a run with --quick ({QUICK_SEEDS} seeds, {QUICK_COMPONENTS} components) shows that everything "
+    f"runs; "
+    f"the verdicts that count are those of the full study of {SEEDS} seeds and {COMPONENTS} "
+    f"components."
 )
 FEW = 10
 """With fewer seeds than that the page says LITTLE."""

@@ -31,8 +31,10 @@ ZERO = 5e-5
 REAL_TIME = 315.0
 """s: the duration of E2."""
 CELLS = (
-    "a cell is a measure in one reading (IMU- or model-driven prediction, Q and R from the sensors or as printed); "
-    "a filter is better where the 95 % interval of the ratio over the seeds lies below 1 by more than 1 %"
+    "a cell is a measure in one reading (IMU- or model-driven prediction, Q and R from the sensors "
+    "or as printed); "
+    "a filter is better where the 95 % interval of the ratio over the seeds lies below 1 by more "
+    "than 1 %"
 )
 TWO_FINALS = (
     "judged with the final value of the flight itself and with that of the reference flight: "
@@ -208,7 +210,8 @@ def enough(flights: int) -> str:
     begins = [proportion(count, flights).low for count in range(flights + 1)]
     least = int(np.searchsorted(begins, NEARLY_ALL, side="right"))
     return (
-        f"of {flights} flights {least} are enough (the interval begins at {begins[least]:.3f}), {least - 1} are not "
+        f"of {flights} flights {least} are enough (the interval begins at {begins[least]:.3f}), "
+        f"{least - 1} are not "
         f"({begins[least - 1]:.3f})"
     )
 

@@ -343,7 +343,9 @@ def texts() -> dict[str, str]:
         for sd in (RECEIVER.position_sd, RECEIVER.velocity_sd)
     )
     return {
-        "plan": f"level and straight, trimmed at {STEP['airspeed']:g} m/s; asked at 0 s to be {STEP['higher']:g} m higher and "
+        "plan": f"level and straight, trimmed at {STEP['airspeed']:g} m/s; asked at 0 s to be "
+        f"{STEP['higher']:g} m higher and "
         f"{STEP['faster']:g} m/s faster, which the values converge to",
-        "gnss": f"white errors of {p} m and {v} m/s (north, east, down), as good as the filters are told",
+        "gnss": f"white errors of {p} m and {v} m/s (north, east, down), as good as the filters are "
+        f"told",
     }

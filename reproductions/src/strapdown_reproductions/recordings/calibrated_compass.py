@@ -25,10 +25,14 @@ GAUSS = 1e4
 """Gauss in a tesla."""
 FILTERS = ("attitude-mekf", "mahony")
 INTRODUCTION = (
-    "The magnetometer of thor75 is calibrated by `strapdown calibrate` from the flight itself, 240 to 575 s: field, gyros, and the strength of the "
-    "geomagnetic model at date and place. The residual is what it differs by from that model's field turned by the attitude on board; the heading "
-    "is tilt-compensated with the roll and pitch on board and compared with the heading on board. Attitude filters on the same flight: an aircraft "
-    "in a turn feels no gravity across its wings, so a filter without velocity leans into the turn; the 15-state filters above do not.",
+    "The magnetometer of thor75 is calibrated by `strapdown calibrate` from the flight itself, 240 "
+    "to 575 s: field, gyros, and the strength of the "
+    "geomagnetic model at date and place. The residual is what it differs by from that model's "
+    "field turned by the attitude on board; the heading "
+    "is tilt-compensated with the roll and pitch on board and compared with the heading on board. "
+    "Attitude filters on the same flight: an aircraft "
+    "in a turn feels no gravity across its wings, so a filter without velocity leans into the turn; "
+    "the 15-state filters above do not.",
 )
 
 

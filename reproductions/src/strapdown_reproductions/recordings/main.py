@@ -46,20 +46,30 @@ vehicle: it tilts by up to 0.15 deg during the record, a mean rate of 0.3 deg/h 
 horizontal axis, which is 1.3 deg of heading; twice that and a little is allowed, and of the
 vertical axis, about which springs do not turn it, a fifth."""
 INTRODUCTION = (
-    "Real recordings, fused from raw IMU and GNSS as examples/recordings describes them, with the closed loop, and with the open loop beside it.",
-    "thor75 is a fixed-wing UAV with a MEMS IMU at 50 Hz and GPS at 1 Hz. Its reference is the solution of the autopilot on board: another filter "
-    "on the same sensors, no independent truth. Its own accelerometer bias y still moves from -0.33 m/s^2 at 227 s to -0.44 at 527 s, "
-    "worth 0.6 deg of roll, and most of the difference lies in its first half minute; the table shows the same errors over later windows too.",
-    "drive0708 is a car in hills with a MEMS IMU at 100 Hz and RTK GNSS at 4 Hz. Fixes are withheld for 15 s every 50 s, nine times, from 60 s after "
-    "the car first reaches 4 m/s; the error is the largest horizontal distance from the RTK solution within each outage.",
+    "Real recordings, fused from raw IMU and GNSS as examples/recordings describes them, with the "
+    "closed loop, and with the open loop beside it.",
+    "thor75 is a fixed-wing UAV with a MEMS IMU at 50 Hz and GPS at 1 Hz. Its reference is the "
+    "solution of the autopilot on board: another filter "
+    "on the same sensors, no independent truth. Its own accelerometer bias y still moves from -0.33 "
+    "m/s^2 at 227 s to -0.44 at 527 s, "
+    "worth 0.6 deg of roll, and most of the difference lies in its first half minute; the table "
+    "shows the same errors over later windows too.",
+    "drive0708 is a car in hills with a MEMS IMU at 100 Hz and RTK GNSS at 4 Hz. Fixes are withheld "
+    "for 15 s every 50 s, nine times, from 60 s after "
+    "the car first reaches 4 m/s; the error is the largest horizontal distance from the RTK "
+    "solution within each outage.",
 )
 LASER_INTRODUCTION = (
-    "lasergyro is a ring-laser IMU in a parked vehicle, 1847 s at 100 Hz. Its mean rate, levelled by its mean specific force, is the Earth's: the "
-    "vertical part tells the latitude, the direction of the horizontal part the heading. The vehicle vibrates and rocks; the table shows ten "
-    "parts of the record beside the whole. The stated deviation of heading is that of the scatter of such parts.",
+    "lasergyro is a ring-laser IMU in a parked vehicle, 1847 s at 100 Hz. Its mean rate, levelled "
+    "by its mean specific force, is the Earth's: the "
+    "vertical part tells the latitude, the direction of the horizontal part the heading. The "
+    "vehicle vibrates and rocks; the table shows ten "
+    "parts of the record beside the whole. The stated deviation of heading is that of the scatter "
+    "of such parts.",
 )
 NO_LASER = (
-    "The ring-laser record is not in the data folder, so that there is no word on the Earth's rate here.",
+    "The ring-laser record is not in the data folder, so that there is no word on the Earth's rate "
+    "here.",
 )
 
 
@@ -71,7 +81,8 @@ def reproduce(
     folder = Path(recordings) if recordings else DESCRIPTIONS
     if not (folder / "thor75.toml").exists():
         raise DataError(
-            f"{folder}: no thor75.toml there; give the folder of the descriptions (examples/recordings of the source tree)"
+            f"{folder}: no thor75.toml there; give the folder of the descriptions "
+            f"(examples/recordings of the source tree)"
         )
     flight, flight_claims, flight_links = _flight(folder, out, say)
     drive, summary, drive_claims, drive_links = _drive(folder, out, say)
@@ -292,8 +303,10 @@ def earth_rate(recording: Recording) -> tuple[pd.DataFrame, list[dict[str, Any]]
         claim(f"lasergyro: {name}", abs(figure), bound, unit)
         for name, figure, bound, unit in zip(
             (
-                f"measured vertical Earth rate {vertical:.2f} deg/h, distance from {rows[-1][1]:.2f}",
-                f"measured horizontal Earth rate {horizontal:.2f} deg/h, distance from {rows[-1][2]:.2f}",
+                f"measured vertical Earth rate {vertical:.2f} deg/h, distance from "
+                f"{rows[-1][1]:.2f}",
+                f"measured horizontal Earth rate {horizontal:.2f} deg/h, distance from "
+                f"{rows[-1][2]:.2f}",
                 f"gyrocompass heading {heading:.1f} deg, distance from {LASER_HEADING:g}",
             ),
             (vertical - rows[-1][1], horizontal - rows[-1][2], off),

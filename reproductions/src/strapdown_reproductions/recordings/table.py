@@ -47,22 +47,34 @@ EVERY, TRIALS = (
     "The BROAD trials one by one, with the errors of motion",
 )
 LEGEND = (
-    "The lines of a cell: horizontal / vertical position; velocity, length of its error; roll / pitch / heading, of BROAD inclination / heading; "
-    "position and velocity fixes used + rejected; samples of other sources used + rejected; what went wrong. Errors are rms; of BROAD the median "
-    "over its trials, where one on which the filter stopped counts as ∞, and fixes are summed. – is not estimated, or has no reference. Lost is a "
+    "The lines of a cell: horizontal / vertical position; velocity, length of its error; roll / "
+    "pitch / heading, of BROAD inclination / heading; "
+    "position and velocity fixes used + rejected; samples of other sources used + rejected; what "
+    "went wrong. Errors are rms; of BROAD the median "
+    "over its trials, where one on which the filter stopped counts as ∞, and fixes are summed. – is "
+    "not estimated, or has no reference. Lost is a "
     "horizontal rms of more than 100 standard deviations of the position fixes."
 )
 INTRODUCTION = (
-    "Every filter that `strapdown filters` lists runs on every recording, with its default options; only pkf, which would take "
-    "an hour, has 20 components instead of 500: so few are nearly as wide as their mixture and see little more than the closed loop does. "
-    "thor75 has GPS, its calibrated magnetometer and its barometer here, and is scored from 240 to 575 s. drive0708 has GNSS alone and is scored by "
-    "the same RTK positions that aid it, so that its figures show little but that a filter follows them; dead reckoning tells more. BROAD is a "
-    "hand-held IMU, aided with its magnetometer and with optical positions of 0.1 m, one a second, and scored by the cameras while it moves: once "
-    "with the noise that the IMU shows at rest, once with what motion adds, 1 % of scale. The ring-laser IMU stands in a parked vehicle: the "
-    "header's position and zero velocity are fixes, and its attitude is compared with that of gravity and the Earth's rate in the mean of the "
+    "Every filter that `strapdown filters` lists runs on every recording, with its default options; "
+    "only pkf, which would take "
+    "an hour, has 20 components instead of 500: so few are nearly as wide as their mixture and see "
+    "little more than the closed loop does. "
+    "thor75 has GPS, its calibrated magnetometer and its barometer here, and is scored from 240 to "
+    "575 s. drive0708 has GNSS alone and is scored by "
+    "the same RTK positions that aid it, so that its figures show little but that a filter follows "
+    "them; dead reckoning tells more. BROAD is a "
+    "hand-held IMU, aided with its magnetometer and with optical positions of 0.1 m, one a second, "
+    "and scored by the cameras while it moves: once "
+    "with the noise that the IMU shows at rest, once with what motion adds, 1 % of scale. The "
+    "ring-laser IMU stands in a parked vehicle: the "
+    "header's position and zero velocity are fixes, and its attitude is compared with that of "
+    "gravity and the Earth's rate in the mean of the "
     "record.",
-    "Dead reckoning: drive0708 in its nine windows of 15 s, all in one run. thor75 in consecutive windows of 30 s from 240 to 570 s, each a run of "
-    "its own with all fixes before. Positions and velocities are withheld, magnetometer and barometer stay.",
+    "Dead reckoning: drive0708 in its nine windows of 15 s, all in one run. thor75 in consecutive "
+    "windows of 30 s from 240 to 570 s, each a run of "
+    "its own with all fixes before. Positions and velocities are withheld, magnetometer and "
+    "barometer stay.",
     LEGEND,
 )
 

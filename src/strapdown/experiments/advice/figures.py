@@ -100,8 +100,10 @@ def _errors(
     else:
         note(
             figure,
-            "The Cramer-Rao bound is left out: it is computed along an ideal run (no errors of the IMU, exact fixes), and on this mission "
-            "the ideal run leaves the truth, so that its linearisation does not hold, or rejects a fix.",
+            "The Cramer-Rao bound is left out: it is computed along an ideal run (no errors of the "
+            "IMU, exact fixes), and on this mission "
+            "the ideal run leaves the truth, so that its linearisation does not hold, or rejects a "
+            "fix.",
         )
     values = np.concatenate([*seen, bound])
     values = values[np.isfinite(values) & (values > 0)]

@@ -24,7 +24,8 @@ MISSION_RATE = 20.0
 time that the runs take grows with it."""
 CIRCUIT: dict[str, Any] = {
     "name": "dynamic",
-    "about": "circuits of a light aircraft: climbs, descents, coordinated turns, changes of speed, light turbulence",
+    "about": "circuits of a light aircraft: climbs, descents, coordinated turns, changes of speed, "
+    "light turbulence",
     "motion": {
         "kind": "flight",
         "start": {"latitude_deg": 47.6, "longitude_deg": 9.3, "height_m": 900},
@@ -63,7 +64,8 @@ def seconds(text: str | float) -> float:
             value = sum(float(number) * DURATION_UNITS[unit or "s"] for number, unit in parts)
         except (ValueError, KeyError):
             raise DataError(
-                f"duration {text!r}: write a number with its unit above 0, as 600s, 90min, 2h or 1h30min"
+                f"duration {text!r}: write a number with its unit above 0, as 600s, 90min, 2h or "
+                f"1h30min"
             ) from None
     elif isinstance(text, bool) or not isinstance(text, (int, float)):
         raise DataError(f"duration {text!r}: write seconds as a number, or a text as 90min")
@@ -71,7 +73,8 @@ def seconds(text: str | float) -> float:
         value = float(text)
     if not SHORTEST_MISSION <= value <= LONGEST_MISSION:
         raise DataError(
-            f"duration {text!r} is {value:g} s; advice is on {SHORTEST_MISSION:g} s to {LONGEST_MISSION / 3600:g} h"
+            f"duration {text!r} is {value:g} s; advice is on {SHORTEST_MISSION:g} s to "
+            f"{LONGEST_MISSION / 3600:g} h"
         )
     return value
 
@@ -150,7 +153,8 @@ def _again(table: dict[str, Any], path: Path, duration: float) -> Scenario:
             return made
         times += 1
     raise DataError(
-        f"{path}: its motion of {once:g} s would be flown {times} times in {spoken(duration)}; choose a longer one"
+        f"{path}: its motion of {once:g} s would be flown {times} times in {spoken(duration)}; "
+        f"choose a longer one"
     )
 
 
@@ -176,7 +180,8 @@ def _fastest(made: Scenario) -> float:
 def _lasting(made: Scenario, duration: float) -> Scenario:
     if made.motion.end < duration:
         raise DataError(
-            f"scenario {made.name!r}: its motion ends at {made.motion.end:g} s; plan {duration:g} s, or give a scenario file, "
+            f"scenario {made.name!r}: its motion ends at {made.motion.end:g} s; plan {duration:g} "
+            f"s, or give a scenario file, "
             "whose legs are flown again"
         )
     try:

@@ -45,23 +45,30 @@ ANSWERS = {
     "undecided": "not decided",
 }
 ERRORS_CAPTION = (
-    "Root mean square over the runs that are still alive (solid), what the filter states (dashed), and the Cramer-Rao bound, which no "
+    "Root mean square over the runs that are still alive (solid), what the filter states (dashed), "
+    "and the Cramer-Rao bound, which no "
     "filter can undercut on average."
 )
 NEES = (
-    "Mean over the runs that are still alive. A filter that is as good as it says is around 1: in the grey band at 95 % of the times. "
+    "Mean over the runs that are still alive. A filter that is as good as it says is around 1: in "
+    "the grey band at 95 % of the times. "
     "Red: where the rule ends belief."
 )
 SURVIVAL = "Share of runs that are neither lost nor inconsistent yet. Red: what the rule asks for."
 EVIDENCE = (
-    "In brackets 95 % intervals. ✗: the criterion is broken; ?: its interval holds the threshold. Lost / incons.: runs lost, "
-    "inconsistent. Worst NEES: per state, in the tenth of the mission where it is farthest from 1. RMSE: of the position, every error counted "
-    "with at most 500 m, and an aborted run with 500 m from there on; RMSE ratio: by the closed loop's on the same runs; ahead: runs in which it is smaller. "
+    "In brackets 95 % intervals. ✗: the criterion is broken; ?: its interval holds the threshold. "
+    "Lost / incons.: runs lost, "
+    "inconsistent. Worst NEES: per state, in the tenth of the mission where it is farthest from 1. "
+    "RMSE: of the position, every error counted "
+    "with at most 500 m, and an aborted run with 500 m from there on; RMSE ratio: by the closed "
+    "loop's on the same runs; ahead: runs in which it is smaller. "
     "summary.csv has more columns."
 )
 LEGEND = (
-    "The crossover map: which architecture is admissible for a mission that long, by the estimates of its runs; a number is the longest "
-    "admissible time between resets of those compared (60 s stands for all), a question mark says that an interval allows another answer."
+    "The crossover map: which architecture is admissible for a mission that long, by the estimates "
+    "of its runs; a number is the longest "
+    "admissible time between resets of those compared (60 s stands for all), a question mark says "
+    "that an interval allows another answer."
 )
 
 
@@ -133,9 +140,11 @@ def _about(advice: Advice) -> str:
         f"{what} (sd {axes(sd)} {unit} NED)" for what, sd, unit in receiver if sd is not None
     ]
     return (
-        f"{imu_name(advice)}, {flight(advice)}, {spoken(scenario.duration)}, simulated at {scenario.rate:g} Hz; "
+        f"{imu_name(advice)}, {flight(advice)}, {spoken(scenario.duration)}, simulated at "
+        f"{scenario.rate:g} Hz; "
         f"GNSS {' and '.join(measured) or 'nothing'} every {gnss.interval:g} s; "
-        f"attitude at the start to {axes(np.degrees(np.array(scenario.start_sd[6:9], float)).round(3))} deg; "
+        f"attitude at the start to "
+        f"{axes(np.degrees(np.array(scenario.start_sd[6:9], float)).round(3))} deg; "
         f"{advice.found[CLOSED].count} runs, seed {advice.seed}"
     )
 
@@ -146,7 +155,8 @@ def notes(advice: Advice) -> list[str]:
     low, high = truth.lla[:, 2].min(), truth.lla[:, 2].max()
     if high - low > 3000:
         found.append(
-            f"note: flown again and again the motion goes from {low:.0f} to {high:.0f} m of height; is that the mission you mean?"
+            f"note: flown again and again the motion goes from {low:.0f} to {high:.0f} m of height; "
+            f"is that the mission you mean?"
         )
     if flight(advice) == "demo" and advice.scenario.duration > 600:
         found.append(
@@ -161,7 +171,8 @@ def _broken(e: Evidence, verdict: Verdict, state: str) -> list[str]:
     small = "small" if e.nees.value > 1 else "large"
     said = {
         "survival": f"lost or inconsistent in {e.count - e.lived} of {e.count} runs",
-        "belief": f"NEES per state of {_interval(e.nees)} at worst, so its stated uncertainty is too {small} by a factor of {number(factor)}",
+        "belief": f"NEES per state of {_interval(e.nees)} at worst, so its stated uncertainty is "
+        f"too {small} by a factor of {number(factor)}",
         "worse": f"position RMSE {_interval(e.ratio)} times the closed loop's",
     }
     return [text for name, text in said.items() if getattr(verdict, name) == state]
@@ -209,7 +220,8 @@ def _not_estimated(advice: Advice) -> list[str]:
     if not found:
         return []
     return [
-        f"Likely cause: the IMU has errors that the filters do not estimate ({'; '.join(found)}), and that their noise does not cover. State more "
+        f"Likely cause: the IMU has errors that the filters do not estimate ({'; '.join(found)}), "
+        f"and that their noise does not cover. State more "
         "noise in the IMU's file, or leave these terms out to judge the architecture alone."
     ]
 
@@ -373,7 +385,8 @@ def _evidence(advice: Advice) -> str:
                 called(e.filter),
                 {YES: "yes", NO: "no", UNDECIDED: "open"}[v.admissible],
                 mark(
-                    f"{e.lived} of {e.count} ({100 * e.survived.low:.0f}–{100 * e.survived.high:.0f} %)",
+                    f"{e.lived} of {e.count} "
+                    f"({100 * e.survived.low:.0f}–{100 * e.survived.high:.0f} %)",
                     v.survival,
                 ),
                 f"{lost} / {inconsistent}",
@@ -409,17 +422,24 @@ def _through(advice: Advice) -> str:
 def _rule(advice: Advice) -> str:
     r = advice.rules
     criteria = [
-        f"It survives: at least {_percent(r.survival)} of the runs are neither lost (500 m) nor inconsistent "
+        f"It survives: at least {_percent(r.survival)} of the runs are neither lost (500 m) nor "
+        f"inconsistent "
         "(NEES beyond its 1 − 1e-6 bound for more than 10 s).",
-        f"It can be believed: NEES per state, mean over the runs alive, is between {1 / r.belief:g} and {r.belief:g} in each "
-        f"of {STRETCHES} equal stretches; its stated standard deviations are then right within a factor of {np.sqrt(r.belief):.3g}.",
-        f"It is not worse: its censored position RMSE is at most {_percent(r.worse)} above the closed loop's on the same runs.",
+        f"It can be believed: NEES per state, mean over the runs alive, is between {1 / r.belief:g} "
+        f"and {r.belief:g} in each "
+        f"of {STRETCHES} equal stretches; its stated standard deviations are then right within a "
+        f"factor of {np.sqrt(r.belief):.3g}.",
+        f"It is not worse: its censored position RMSE is at most {_percent(r.worse)} above the "
+        f"closed loop's on the same runs.",
     ]
     others = [[name, ANSWERS[d.answer], called(d.filter)] for name, d in advice.others.items()]
     listed = "".join(f"<li>{escape(c)}</li>" for c in criteria)
     return (
-        f"<p>An architecture is admissible if the 95 % interval of each of these says so:</p><ol>{listed}</ol>"
-        "<p>The answer is the open loop where it is admissible, for it keeps the INS isolated; else the longest admissible time between resets; "
-        "else the closed loop. Where an interval leaves open which of these it is, the answer is “not decided”.</p>"
+        f"<p>An architecture is admissible if the 95 % interval of each of these says "
+        f"so:</p><ol>{listed}</ol>"
+        "<p>The answer is the open loop where it is admissible, for it keeps the INS isolated; else "
+        "the longest admissible time between resets; "
+        "else the closed loop. Where an interval leaves open which of these it is, the answer is "
+        "“not decided”.</p>"
         "<h3>With one threshold changed</h3>" + table(["threshold", "answer", "filter"], others)
     )

@@ -103,7 +103,8 @@ class Runs(NamedTuple):
         ran = (joined["reason"] != RUN_REASONS.index("quarantined")).all(axis=0)
         if not ran.any():
             raise DataError(
-                f"{cell}: not one run came to its end; run again with another seed, or look at its IMU"
+                f"{cell}: not one run came to its end; run again with another seed, or look at its "
+                f"IMU"
             )
         error, nees, lasted, reason = (
             joined[name][:, ran] for name in ("error", "nees_rows", "lasted", "reason")

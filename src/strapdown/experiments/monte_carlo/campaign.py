@@ -115,7 +115,8 @@ class Campaign:
         path, chunks = self.folder / "manifest.json", any(self.folder.glob("chunks/*/*.nc"))
         if chunks and not path.exists():
             raise DataError(
-                f"{self.folder}: it holds chunks of a study but no manifest.json; choose another folder"
+                f"{self.folder}: it holds chunks of a study but no manifest.json; choose another "
+                f"folder"
             )
         if chunks:
             _same(_manifest(self.folder), self.manifest, self.folder)
@@ -135,14 +136,16 @@ class Campaign:
             lock = open(self.folder / "lock", "w")
         except OSError as error:
             raise DataError(
-                f"{self.folder}: nothing can be written there ({error.strerror}); choose another folder"
+                f"{self.folder}: nothing can be written there ({error.strerror}); choose another "
+                f"folder"
             ) from None
         with lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
                 raise DataError(
-                    f"{self.folder}: another process works on this campaign; wait for it, or choose another folder"
+                    f"{self.folder}: another process works on this campaign; wait for it, or choose "
+                    f"another folder"
                 ) from None
             yield
 
@@ -222,7 +225,8 @@ class Campaign:
                     found.append({name: file[name][...] for name in names if name in file})
             except (OSError, KeyError, RuntimeError) as error:
                 raise DataError(
-                    f"{path}: cannot be read ({str(error).splitlines()[0]}); remove it and run the study again"
+                    f"{path}: cannot be read ({str(error).splitlines()[0]}); remove it and run the "
+                    f"study again"
                 ) from None
         return found
 
@@ -354,7 +358,8 @@ def _manifest(folder: Path) -> dict[str, Any]:
         raise DataError(f"{path}: not the manifest of a study; choose another folder") from None
     if number != CAMPAIGN_FORMAT:
         raise DataError(
-            f"{path}: format {number!r}, this version reads {CAMPAIGN_FORMAT}; use the version of strapdown that wrote it, or another folder"
+            f"{path}: format {number!r}, this version reads {CAMPAIGN_FORMAT}; use the version of "
+            f"strapdown that wrote it, or another folder"
         )
     return manifest
 
@@ -369,7 +374,8 @@ def _same(found: dict[str, Any], wanted: dict[str, Any], folder: Path) -> None:
             return ", ".join(f"{key} {value}" for key, value in versions.items())
 
         raise DataError(
-            f"{folder}: this campaign was begun with {text(found['versions'])}; this is {text(wanted['versions'])}, whose results must not "
+            f"{folder}: this campaign was begun with {text(found['versions'])}; this is "
+            f"{text(wanted['versions'])}, whose results must not "
             f"be mixed with it; finish it with that version, or choose another folder"
         )
     key = next(key for key in wanted if found.get(key) != wanted[key])
@@ -385,7 +391,8 @@ def _same(found: dict[str, Any], wanted: dict[str, Any], folder: Path) -> None:
             f"{folder}: it holds another study: cell {changed[0]!r} differs; choose another folder"
         )
     raise DataError(
-        f"{folder}: it holds another study: {key} is {found.get(key)!r} there and {wanted[key]!r} here; choose another folder"
+        f"{folder}: it holds another study: {key} is {found.get(key)!r} there and {wanted[key]!r} "
+        f"here; choose another folder"
     )
 
 

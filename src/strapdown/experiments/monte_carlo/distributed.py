@@ -95,11 +95,13 @@ def _killers(
         killers.append(number)
         if say:
             say(
-                f"{cell.name}: run {number} kills its worker; it is quarantined (seed {study.seed}, run {number})"
+                f"{cell.name}: run {number} kills its worker; it is quarantined (seed {study.seed}, "
+                f"run {number})"
             )
     if not killers and times == ATTEMPTS:
         raise DataError(
-            f"{cell.name}, runs {chunk.first} to {chunk.stop - 1}: together they kill their worker, alone none does; "
+            f"{cell.name}, runs {chunk.first} to {chunk.stop - 1}: together they kill their worker, "
+            f"alone none does; "
             "perhaps memory: use fewer workers and run again, finished chunks are kept"
         )
     return tuple(killers)
@@ -142,7 +144,8 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
         from dask.distributed import Client, LocalCluster
     except ImportError:
         raise DataError(
-            "worker processes need Dask: pip install 'strapdown[study]', or leave out workers and scheduler"
+            "worker processes need Dask: pip install 'strapdown[study]', or leave out workers and "
+            "scheduler"
         ) from None
     if not scheduler:
         dask.config.set(
@@ -169,7 +172,8 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
         client.wait_for_workers(1, CLUSTER_PATIENCE)
     except (OSError, ValueError, TimeoutError) as error:
         raise DataError(
-            f"scheduler {scheduler}: no answer, or it has no workers ({str(error).splitlines()[0]}); check the address"
+            f"scheduler {scheduler}: no answer, or it has no workers "
+            f"({str(error).splitlines()[0]}); check the address"
         ) from None
     with client:
         yield client

@@ -63,7 +63,8 @@ class Study:
                 or getattr(self, name) < least
             ):
                 raise DataError(
-                    f"study: {name} is {getattr(self, name)!r}; it must be a whole number, {least} or more"
+                    f"study: {name} is {getattr(self, name)!r}; it must be a whole number, {least} "
+                    f"or more"
                 )
         if not self.epoch > 0:
             raise DataError(f"study: epoch is {self.epoch!r} s; it must be larger than 0")
@@ -91,8 +92,10 @@ class Study:
         ]
         if "attitude" in filter.needs and bare:
             raise DataError(
-                f"study: {filter.name} needs attitude aiding, and the scenario {bare[0]!r} has none: give it an AHRS, "
-                "section [attitude] of its file, or a [magnetometer], from which attitude-mekf makes an attitude"
+                f"study: {filter.name} needs attitude aiding, and the scenario {bare[0]!r} has "
+                f"none: give it an AHRS, "
+                "section [attitude] of its file, or a [magnetometer], from which attitude-mekf "
+                "makes an attitude"
             )
 
     @property

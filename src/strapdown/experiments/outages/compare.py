@@ -56,9 +56,9 @@ def compare(
     filters: labels "NAME" or "NAME:option=value,...", or (name, options); default: all that
     estimate a position but those of SLOW_FILTERS. outages: text, see `comparison.outages`, or a
     list of (start, stop) in s; kinds: of the fixes withheld. imu, noise: as of `fuse`, for all
-    filters; start: a Start for all (default: alignment without the fixes of any outage). ahrs: what feeds
-    those that need an attitude (default: as `fuse` has it). threads: at a time (default: one per
-    core); say: told of slow compilation; progress: called with the fraction done. A filter that
+    filters; start: a Start for all (default: alignment without the fixes of any outage). ahrs: what
+    feeds those that need an attitude (default: as `fuse` has it). threads: at a time (default: one
+    per core); say: told of slow compilation; progress: called with the fraction done. A filter that
     cannot run, or stops, stays in the result with what it said. Raises DataError for bad input, and
     where no filter can run.
     """
@@ -116,7 +116,8 @@ def _entrants(wanted: str | Iterable[str | tuple[str, dict[str, Any]]] | None) -
         ]
     if not isinstance(wanted, Iterable):
         raise DataError(
-            f"filters is {wanted!r}; it must be a list of names, of NAME:option=value, or of (name, {{option: value}})"
+            f"filters is {wanted!r}; it must be a list of names, of NAME:option=value, or of (name, "
+            f"{{option: value}})"
         )
     made = []
     for each in [wanted] if isinstance(wanted, str) else wanted:
@@ -131,7 +132,8 @@ def _entrants(wanted: str | Iterable[str | tuple[str, dict[str, Any]]] | None) -
         raise DataError("compare: there is no filter; name one at least")
     if len(set(labels)) < len(labels):
         raise DataError(
-            f"compare: the filter {next(label for label in labels if labels.count(label) > 1)!r} is there twice; leave one out"
+            f"compare: the filter {next(label for label in labels if labels.count(label) > 1)!r} is "
+            f"there twice; leave one out"
         )
     return made
 
@@ -145,7 +147,8 @@ def _pair(each: object) -> tuple[str, dict[str, Any]]:
         and isinstance(each[1], dict)
     ):
         raise DataError(
-            f"compare: {each!r} is no filter; give its name, NAME:option=value, or (name, {{option: value}})"
+            f"compare: {each!r} is no filter; give its name, NAME:option=value, or (name, {{option: "
+            f"value}})"
         )
     return each[0], each[1]
 
@@ -161,7 +164,8 @@ def _kinds(kinds: str | Iterable[str]) -> tuple[str, ...]:
     )
     if not all(isinstance(kind, str) for kind in named):
         raise DataError(
-            f"kinds is {kinds!r}; it must be a list of kinds of fixes, such as position and velocity"
+            f"kinds is {kinds!r}; it must be a list of kinds of fixes, such as position and "
+            f"velocity"
         )
     kinds = tuple(dict.fromkeys(named))
     if not kinds:

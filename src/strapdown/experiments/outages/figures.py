@@ -274,7 +274,8 @@ def _frame(figure: go.Figure, values: Array, row: int, least: float = 0.0) -> No
     if values.min() < middle / REACH / 1.2 and not least or most > 1.4 * high:
         note(
             figure,
-            f"Panel {row}: values from {values.min():.3g} to {most:.3g} are there, more than the frame holds; double-click it to see all.",
+            f"Panel {row}: values from {values.min():.3g} to {most:.3g} are there, more than the "
+            f"frame holds; double-click it to see all.",
         )
 
 
@@ -389,7 +390,8 @@ def course(comparison: Comparison, outage: int) -> go.Figure | None:
         ]:
             note(
                 figure,
-                f"Beyond the frame {axis}: {', '.join(outside)}. Double-click the panel to see all of it.",
+                f"Beyond the frame {axis}: {', '.join(outside)}. Double-click the panel to see all "
+                f"of it.",
             )
     if missing := [name for name in comparison.filters if name not in found]:
         note(figure, f"Not scored here: {', '.join(missing)}.")

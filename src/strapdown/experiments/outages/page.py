@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 Place: TypeAlias = Callable[..., str]
 """(figure or None, heading, caption) -> HTML of the figure, "" of None."""
 FOOTER = (
-    "Errors are true − estimate against the reference in its own geodetic frame, without any alignment of trajectories, at every row of the "
+    "Errors are true − estimate against the reference in its own geodetic frame, without any "
+    "alignment of trajectories, at every row of the "
     "solution in an outage. RMSE: root mean square over an outage."
 )
 STYLE = """td.best{font-weight:700;background:color-mix(in srgb,var(--accent) 20%,var(--paper))!important}
@@ -36,18 +37,24 @@ STYLE = """td.best{font-weight:700;background:color-mix(in srgb,var(--accent) 20
 .text td:first-child{white-space:nowrap}.text td:nth-child(3){min-width:11rem}
 .narrow{max-width:1000px}.answer{font-size:16.5px;max-width:95ch}main a{color:var(--accent)}details{margin:8px 0}"""
 RANKED = (
-    "The filters are in the order of the mean logarithm of their horizontal RMSE. Which one is first was found on these same outages, so its "
-    "lead flatters it a little; a comparison of two filters that were named beforehand does not suffer from this. Shaded: the smallest of a "
+    "The filters are in the order of the mean logarithm of their horizontal RMSE. Which one is "
+    "first was found on these same outages, so its "
+    "lead flatters it a little; a comparison of two filters that were named beforehand does not "
+    "suffer from this. Shaded: the smallest of a "
     "column, of filters that were scored in equally many outages."
 )
 RATIOS = (
-    "Geometric mean over the outages of the ratio of two RMSE on the same outage, left of 1 where the filter drifts less; with its 95 % "
-    "interval (Student's t over blocks of outages that begin before the first of them stops, widened for what neighbouring blocks share). "
-    "Where outages overlap the mean is that of the blocks. Filled: the interval excludes 1. Logarithmic axes."
+    "Geometric mean over the outages of the ratio of two RMSE on the same outage, left of 1 where "
+    "the filter drifts less; with its 95 % "
+    "interval (Student's t over blocks of outages that begin before the first of them stops, "
+    "widened for what neighbouring blocks share). "
+    "Where outages overlap the mean is that of the blocks. Filled: the interval excludes 1. "
+    "Logarithmic axes."
 )
 GROWTH = "Median (line) and 10 to 90 % of the outages (shade). Logarithmic error axes."
 COVERAGE = (
-    "Of the errors of position in the outages. Dashed: a normal error with the claimed standard deviation, 68.3, 95.4 and 99.7 %. "
+    "Of the errors of position in the outages. Dashed: a normal error with the claimed standard "
+    "deviation, 68.3, 95.4 and 99.7 %. "
     "Left of them the filter trusts itself too much, right of them too little."
 )
 TRACK = "The reference, and the outages on it with what the filters took for the track."

@@ -69,7 +69,8 @@ def _listed(windows: Iterable[Window], text: str | None = None) -> Protocol:
         found = tuple(sorted((float(start), float(stop)) for start, stop in windows))
     except (TypeError, ValueError):
         raise DataError(
-            f"outages is {windows!r}; it must be text or a list of (start, stop) in s: {PROTOCOL_HINT}"
+            f"outages is {windows!r}; it must be text or a list of (start, stop) in s: "
+            f"{PROTOCOL_HINT}"
         ) from None
     if not found:
         raise DataError(f"outages: there are none; {PROTOCOL_HINT}")
@@ -92,7 +93,8 @@ def _periodic(text: str, span: Window) -> Protocol:
     _positive(text, length=length, period=period)
     if length >= period:
         raise DataError(
-            f"outages {text!r}: {length:g} s of every {period:g} s leave no fixes between the outages; give a shorter length"
+            f"outages {text!r}: {length:g} s of every {period:g} s leave no fixes between the "
+            f"outages; give a shorter length"
         )
     first, last = span
     if length > last - first:
@@ -102,7 +104,8 @@ def _periodic(text: str, span: Window) -> Protocol:
     ends = [first + k * period for k in range(2, int((last - first + ROUNDING) / period) + 1)]
     if not ends:
         raise DataError(
-            f"outages {text!r}: the recording lasts {last - first:.6g} s, and the first period is left out: "
+            f"outages {text!r}: the recording lasts {last - first:.6g} s, and the first period is "
+            f"left out: "
             f"there is no outage in less than two periods of {period:g} s; give a shorter period"
         )
     words = f"{length:g} s at the end of every {period:g} s but the first, all in one run"
@@ -128,11 +131,13 @@ def _sweep(text: str, span: Window, end: float, settled: Callable[[], float]) ->
     ]
     if not windows:
         raise DataError(
-            f"outages {text!r}: no window of {lengths[0]:g} s fits into {first:.10g} to {last:.10g} s; "
+            f"outages {text!r}: no window of {lengths[0]:g} s fits into {first:.10g} to {last:.10g} "
+            f"s; "
             "give a shorter length or a wider range"
         )
     words = (
-        f"windows of {', '.join(f'{length:g}' for length in lengths)} s inside {first:.10g} to {last:.10g} s, one every {step:g} s, "
+        f"windows of {', '.join(f'{length:g}' for length in lengths)} s inside {first:.10g} to "
+        f"{last:.10g} s, one every {step:g} s, "
         "each a run of its own with all fixes before it"
     )
     return Protocol(text, tuple(windows), True, words)
@@ -146,7 +151,8 @@ def _window(part: str, end: float, text: str) -> Window:
     first = _numbers(text, [start], 1)[0]
     if not stop.strip() and first >= end:
         raise DataError(
-            f"outages {text!r}: {first:.10g} s is outside the recording and its reference, which end at {end:.10g} s; "
+            f"outages {text!r}: {first:.10g} s is outside the recording and its reference, which "
+            f"end at {end:.10g} s; "
             "give an earlier time"
         )
     return first, _numbers(text, [stop], 1)[0] if stop.strip() else end
@@ -186,7 +192,8 @@ def named(window: Window) -> str:
 
 def _too_long(length: float, span: Window) -> DataError:
     return DataError(
-        f"an outage of {length:g} s is longer than the recording, which lasts {span[1] - span[0]:.6g} s; give a shorter one"
+        f"an outage of {length:g} s is longer than the recording, which lasts "
+        f"{span[1] - span[0]:.6g} s; give a shorter one"
     )
 
 
@@ -201,14 +208,16 @@ def _check(made: Protocol, span: Window) -> None:
             raise _too_long(stop - start, span)
         if start < span[0] - ROUNDING or max(start, stop) > span[1] + ROUNDING:
             raise DataError(
-                f"outage {named(window)} is outside the recording, which covers {span[0]:.10g} to {span[1]:.10g} s; give another window"
+                f"outage {named(window)} is outside the recording, which covers {span[0]:.10g} to "
+                f"{span[1]:.10g} s; give another window"
             )
         if stop <= start:
             raise DataError(f"outage {named(window)}: it ends before it begins; give start:stop")
     for window, after in zip(made.windows, made.windows[1:] if not made.sweep else ()):
         if after[0] < window[1] - ROUNDING:
             raise DataError(
-                f"outages {named(window)} and {named(after)} overlap, which in one run they must not; "
+                f"outages {named(window)} and {named(after)} overlap, which in one run they must "
+                f"not; "
                 "give others, or a sweep (30@240:575/5), in which each is a run of its own"
             )
 

@@ -72,7 +72,8 @@ def known_reference(recording: Recording) -> Trajectory:
     reference = recording.reference
     if reference is None:
         raise DataError(
-            "the recording has no reference to score against: add one to it (section [reference] of its description)"
+            "the recording has no reference to score against: add one to it (section [reference] of "
+            "its description)"
         )
     known = np.isfinite(reference.lla).all(axis=1)
     if known.sum() < 2:
@@ -82,7 +83,8 @@ def known_reference(recording: Recording) -> Trajectory:
     (first, last), (begin, end) = reference.t[known][[0, -1]], recording.span
     if last < begin or first > end:
         raise DataError(
-            f"the reference covers {first:.10g} to {last:.10g} s, the recording {begin:.10g} to {end:.10g} s; check its clock"
+            f"the reference covers {first:.10g} to {last:.10g} s, the recording {begin:.10g} to "
+            f"{end:.10g} s; check its clock"
         )
 
     def part(values: Array | None) -> Array | None:
@@ -135,10 +137,12 @@ def outages_of(
     for one, other in zip(found, found[1:] if not made.sweep else ()):
         if not ((scene.times >= one.stop) & (scene.times < other.start)).any():
             raise DataError(
-                f"outages {named(one[:2])} and {named(other[:2])} have no fix of {scene.kinds} between them: give one window"
+                f"outages {named(one[:2])} and {named(other[:2])} have no fix of {scene.kinds} "
+                f"between them: give one window"
             )
     notes = [
-        f"{len(windows)} of {len(made.windows)} windows left out, such as {named(windows[0])}: {why}"
+        f"{len(windows)} of {len(made.windows)} windows left out, such as {named(windows[0])}: "
+        f"{why}"
         for why, windows in left_out.items()
     ]
     return found, notes + _poor_references(found, scene.step)
@@ -181,11 +185,13 @@ def _outage(window: Window, scene: _Scene) -> Outage:
     )  # the first fix that is, and the first that is not any more
     if missing >= again:
         raise DataError(
-            f"outage {named(window)}: there is no fix of {scene.kinds} in it to withhold; give another window or other kinds"
+            f"outage {named(window)}: there is no fix of {scene.kinds} in it to withhold; give "
+            f"another window or other kinds"
         )
     if stop - begin < 2 * scene.sample - SAME_TIME:
         raise DataError(
-            f"outage {named(window)}: it is shorter than two IMU samples of {scene.sample:.3g} s; give a longer window"
+            f"outage {named(window)}: it is shorter than two IMU samples of {scene.sample:.3g} s; "
+            f"give a longer window"
         )
     first = int(np.searchsorted(scene.t, begin - SAME_TIME))
     last = int(np.searchsorted(scene.t, stop + SAME_TIME, side="right"))
@@ -195,7 +201,8 @@ def _outage(window: Window, scene: _Scene) -> Outage:
     branch, first, last = (max(row, scene.least) for row in (branch, first, last))
     if last - first < 2:
         raise DataError(
-            f"outage {named(window)}: there are fewer than two IMU samples in it; give another window"
+            f"outage {named(window)}: there are fewer than two IMU samples in it; give another "
+            f"window"
         )
     at = int(np.searchsorted(scene.truth.t, scene.t[first]))
     rows, whole = slice(at, at + last - first), scene.truth
@@ -239,7 +246,8 @@ def _poor_references(found: list[Outage], step: float) -> list[str]:
     )
     notes = (
         [
-            f"the reference is known at less than {100 * MOSTLY:g} % of the rows of {_outages(part)}, which are scored where it is"
+            f"the reference is known at less than {100 * MOSTLY:g} % of the rows of "
+            f"{_outages(part)}, which are scored where it is"
         ]
         if part
         else []

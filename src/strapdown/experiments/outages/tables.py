@@ -129,8 +129,10 @@ def of_outages(comparison: Comparison) -> str:
     )
     foot = "".join(line(f"<td colspan=2>{what}</td>", row) for what, row in pooled)
     return (
-        "<p class=caption>RMSE of the position in each outage; shaded: the smallest of its row and axis (<a href='table.csv'>CSV</a>).</p>"
-        f"<div class='scroll tall names'><table><thead>{head}</thead><tbody>{body}</tbody><tfoot>{foot}</tfoot></table></div>"
+        "<p class=caption>RMSE of the position in each outage; shaded: the smallest of its row and "
+        "axis (<a href='table.csv'>CSV</a>).</p>"
+        f"<div class='scroll tall "
+        f"names'><table><thead>{head}</thead><tbody>{body}</tbody><tfoot>{foot}</tfoot></table></div>"
     )
 
 
@@ -193,7 +195,8 @@ def how(comparison: Comparison) -> str:
     ]
     some = "".join(f" {escape(text)}" for text in unlike(comparison))
     return (
-        "<p>All filters had the same start and the same noise, and were offered the same fixes, of which the same were withheld; "
+        "<p>All filters had the same start and the same noise, and were offered the same fixes, of "
+        "which the same were withheld; "
         f"the table says which sources each used.{some}</p>"
         "<div class=text>"
         + table(["of all filters", ""], [row for row in common if row[1]])

@@ -97,20 +97,24 @@ def _answer(comparison: Comparison, length: float) -> str:
     if blocks < 2:
         why = "they overlap" if n > 1 else "it is only one"
         return (
-            f"{best} has the smallest horizontal RMSE in {where}; {_times(best, found, order[1:2])}, the next; but {why}, "
+            f"{best} has the smallest horizontal RMSE in {where}; "
+            f"{_times(best, found, order[1:2])}, the next; but {why}, "
             "so that it may be chance."
         )
     if not alike:
         return f"{best} drifts least {within}: {_times(best, found, order[1:2])}, the next."
     if len(alike) == len(found):
         return (
-            f"The data do not tell the filters apart: {best} has the smallest horizontal RMSE {within}, but there may be no difference to "
+            f"The data do not tell the filters apart: {best} has the smallest horizontal RMSE "
+            f"{within}, but there may be no difference to "
             f"{_listed(alike)}: {_times(best, found, alike)}."
         )
     rest = [name for name in found if name not in alike]
     return (
-        f"{best} has the smallest horizontal RMSE {within}, but the data do not tell it apart from {_listed(alike)}: "
-        f"{_times(best, found, alike)}; {_listed(rest)} {'drift' if len(rest) > 1 else 'drifts'} more."
+        f"{best} has the smallest horizontal RMSE {within}, but the data do not tell it apart from "
+        f"{_listed(alike)}: "
+        f"{_times(best, found, alike)}; {_listed(rest)} {'drift' if len(rest) > 1 else 'drifts'} "
+        f"more."
     )
 
 
@@ -147,7 +151,8 @@ def unlike(comparison: Comparison) -> list[str]:
                 else "mind this where errors are compared"
             )
             said.append(
-                f"In the outages {_listed(having)} also used {source}, which {_listed([name for name in used if name not in having])} "
+                f"In the outages {_listed(having)} also used {source}, which "
+                f"{_listed([name for name in used if name not in having])} "
                 f"did not, so {so}."
             )
     return said

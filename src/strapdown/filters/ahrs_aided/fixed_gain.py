@@ -116,7 +116,8 @@ def _check(
         )  # a bias without gain stands still
         if not (settling.real < 0).all():
             raise ValueError(
-                f"{said} are not stable: poles with {name} {', '.join(f'{pole:.3g}' for pole in roots)} 1/s; "
+                f"{said} are not stable: poles with {name} "
+                f"{', '.join(f'{pole:.3g}' for pole in roots)} 1/s; "
                 "all must be above zero, and the product of the first two above the third"
             )
 

@@ -435,7 +435,8 @@ def steep(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[floa
         [
             (
                 float(t[rows[0]]),
-                f"pitch beyond 85 deg for {seconds[-1]:.3g} s, first here: Euler angles are near their singularity and "
+                f"pitch beyond 85 deg for {seconds[-1]:.3g} s, first here: Euler angles are near "
+                f"their singularity and "
                 "attitude is kept as a rotation matrix meanwhile",
             )
         ]

@@ -324,7 +324,8 @@ def leaning(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[fl
         [
             (
                 float(t[np.argmax(lasting)]),
-                f"the mean specific force is off gravity by more than {LASTING:g} m/s^2, at {np.mean(lasting):.0%} of the times: "
+                f"the mean specific force is off gravity by more than {LASTING:g} m/s^2, at "
+                f"{np.mean(lasting):.0%} of the times: "
                 "the body turns or accelerates for long, and the vertical errs by more than it says",
             )
         ]
@@ -335,7 +336,8 @@ def leaning(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[fl
 
 ATTITUDE_MEKF = Filter(
     "attitude-mekf",
-    "Markley (2003), J. Guidance 26(2); Fossen (2021) section 14.4.3; vertical after Laidig & Seel (2023), VQF",
+    "Markley (2003), J. Guidance 26(2); Fossen (2021) section 14.4.3; vertical after Laidig & Seel "
+    "(2023), VQF",
     start,
     predict,
     correct,

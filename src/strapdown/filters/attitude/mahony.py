@@ -65,13 +65,15 @@ def start(
         raise ValueError(f"low_pass is {low_pass} s; it must be 0 or more")
     if not any(gains.values()):
         raise ValueError(
-            "k1, k2 and k3 are all zero, so nothing corrects the attitude; give one of them above zero"
+            "k1, k2 and k3 are all zero, so nothing corrects the attitude; give one of them above "
+            "zero"
         )
     for name, k in gains.items():
         found = poles(k, ki, 0.0 if name == "k3" else low_pass)
         if k and not (found.real < 0).all():
             raise ValueError(
-                f"{name} = {k:g}, ki = {ki:g}, low_pass = {low_pass:g} are not stable: poles {', '.join(f'{pole:.3g}' for pole in found)} 1/s; "
+                f"{name} = {k:g}, ki = {ki:g}, low_pass = {low_pass:g} are not stable: poles "
+                f"{', '.join(f'{pole:.3g}' for pole in found)} 1/s; "
                 "give gains above zero, and ki well below them"
             )
     belief = start.belief(auxiliary(len(start.sd)))
@@ -204,7 +206,8 @@ def _field(belief: Belief, y: Array, parameters: Array, innovation: Array) -> No
 
 MAHONY = Filter(
     "mahony",
-    "Mahony, Hamel & Pflimlin (2008), IEEE TAC 53(5); Grip et al. (2013); Fossen (2021) section 14.2",
+    "Mahony, Hamel & Pflimlin (2008), IEEE TAC 53(5); Grip et al. (2013); Fossen (2021) section "
+    "14.2",
     start,
     predict,
     correct,

@@ -278,6 +278,7 @@ VRU = Filter(
     correct,
     states=(2, 5, 6, 7, 9, 10, 11, 12, 13, 14),
     estimates=(2, 5, 6, 7, 9, 10, 11, 12, 13, 14),
-    unaided_note="no source of height: heave is that about the height of the start, which is taken for its mean",
+    unaided_note="no source of height: heave is that about the height of the start, which is taken "
+    "for its mean",
     uses=("pressure", "pressure-altitude", "altitude", "zero-sea-level"),
 )

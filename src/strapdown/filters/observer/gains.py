@@ -88,7 +88,8 @@ def begin(block: Array, start: Start, noise: Noise, **options: Any) -> None:
     ):
         if np.linalg.norm(values) > bound:
             raise ValueError(
-                f"the start's {name} bias is {np.linalg.norm(values):.3g}, beyond {name}_bound = {bound:g}; give a larger bound"
+                f"the start's {name} bias is {np.linalg.norm(values):.3g}, beyond {name}_bound = "
+                f"{bound:g}; give a larger bound"
             )
     block[: equations.BLOCK] = 0.0
     at = equations
@@ -200,7 +201,8 @@ def _poles(o: dict[str, Any]) -> NDArray[np.complex128]:
     """Three poles, 1/s: a real one, then a pair. Raises ValueError where the text is none or
     they are not stable."""
     said = (
-        f"poles is {o['poles']!r}; it must be three numbers such as '-0.5 -0.3+0.3j -0.3-0.3j', all with real parts below zero, "
+        f"poles is {o['poles']!r}; it must be three numbers such as '-0.5 -0.3+0.3j -0.3-0.3j', all "
+        f"with real parts below zero, "
         "complex ones in pairs"
     )
     try:
@@ -241,11 +243,13 @@ def configure(
     kinds = {a.kind for a in aidings}
     if "position" not in kinds:
         raise ValueError(
-            "nothing measures the position, without which velocity and specific force are not observed: add a source of position"
+            "nothing measures the position, without which velocity and specific force are not "
+            "observed: add a source of position"
         )
     if o["course"] != "none" and not kinds & {"velocity", "heading", "magnetic-field"}:
         raise ValueError(
-            "nothing measures heading or course: add a source of velocity, heading or magnetic-field (course='none' runs without)"
+            "nothing measures heading or course: add a source of velocity, heading or "
+            "magnetic-field (course='none' runs without)"
         )
     intervals = [fix_interval(aidings, kind) for kind in ("position", "velocity")]
     decided = {
@@ -324,7 +328,8 @@ def _designed(
     for axis in axes:
         if unstable := _unstable(o, axis):
             raise ValueError(
-                f"with these gains {unstable[0]} is not stable at fixes every {axis.interval:g} s: spectral radius {unstable[1]:.4g}, "
+                f"with these gains {unstable[0]} is not stable at fixes every {axis.interval:g} s: "
+                f"spectral radius {unstable[1]:.4g}, "
                 "which must be below 1; give smaller gains or slower poles"
             )
     said = [
@@ -363,7 +368,8 @@ def _note(o: dict[str, Any], axis: Axis) -> str:
         for kind, K in last_gains(jumps)
     )
     return (
-        f"observer gains, {_design(o)}, {every}; {axis.name}: {corrected}; spectral radius {spectral_radius(jumps):.4f} per round of fixes, "
+        f"observer gains, {_design(o)}, {every}; {axis.name}: {corrected}; spectral radius "
+        f"{spectral_radius(jumps):.4f} per round of fixes, "
         f"{max(attitude_loop(o, jumps, '')):.4f} of the attitude with it"
     )
 

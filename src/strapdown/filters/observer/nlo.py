@@ -83,14 +83,16 @@ def unobserved(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple
         events.append(
             (
                 float(t[np.argmax(held > 0)]),
-                f"course held for {held[-1]:.0f} s in all, from here on: too slow to have one; the gyros alone carried the heading",
+                f"course held for {held[-1]:.0f} s in all, from here on: too slow to have one; the "
+                f"gyros alone carried the heading",
             )
         )
     if len(t) and t[-1] - t[0] > FORGETTING and not np.max(excitation) >= EXCITED:
         events.append(
             (
                 float(t[-1]),
-                f"accelerometer bias not excited: the smallest eigenvalue of the mean of phi phi' never passed {np.max(excitation):.1g}",
+                f"accelerometer bias not excited: the smallest eigenvalue of the mean of phi phi' "
+                f"never passed {np.max(excitation):.1g}",
             )
         )
     return events
@@ -98,7 +100,8 @@ def unobserved(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple
 
 NLO = Filter(
     "nlo",
-    "Alam, Whidborne & Millidere (2023) section 2.1; Grip, Fossen, Johansen & Saberi (2015); Hansen et al. (2016)",
+    "Alam, Whidborne & Millidere (2023) section 2.1; Grip, Fossen, Johansen & Saberi (2015); Hansen "
+    "et al. (2016)",
     start,
     predict,
     correct,

@@ -373,7 +373,8 @@ def begin(P: Array, components: float, kernel: float, seed: float) -> tuple[Arra
     """
     if not (1 <= components <= MOST_COMPONENTS and components == int(components)):
         raise ValueError(
-            f"components is {components}; it must be a whole number, at least 1 and at most {MOST_COMPONENTS}"
+            f"components is {components}; it must be a whole number, at least 1 and at most "
+            f"{MOST_COMPONENTS}"
         )
     if not 0 < kernel <= 1:
         raise ValueError(f"kernel is {kernel}; it must be above 0 and at most 1")

@@ -255,8 +255,10 @@ def lost(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float
     """[(t, text)] where components had to be drawn together or a covariance mended, and where a
     fix told them nothing."""
     texts = {
-        "repairs": "resamplings with too few components for their states, which were drawn together, or of no covariance, which was mended",
-        "degenerate": "fixes under which no component has a finite likelihood: the weights were kept",
+        "repairs": "resamplings with too few components for their states, which were drawn "
+        "together, or of no covariance, which was mended",
+        "degenerate": "fixes under which no component has a finite likelihood: the weights were "
+        "kept",
     }
     return [
         (float(t[np.argmax(columns[name] > 0)]), f"{columns[name][-1]:.0f} {text}; the first here")

@@ -464,7 +464,8 @@ def repairs(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[fl
     return [
         (
             float(t[np.argmax(count > 0)]),
-            f"covariance not positive definite, repaired {count[-1]:.0f} times from here on: its standard deviations "
+            f"covariance not positive definite, repaired {count[-1]:.0f} times from here on: its "
+            f"standard deviations "
             "are not to be relied on",
         )
     ]

@@ -42,7 +42,8 @@ def merwe(
         and math.isfinite(kappa)
     ):
         raise ValueError(
-            f"sigma points: alpha is {alpha} and kappa {kappa}; alpha must be above 0 and kappa above -{states}, beta finite"
+            f"sigma points: alpha is {alpha} and kappa {kappa}; alpha must be above 0 and kappa "
+            f"above -{states}, beta finite"
         )
     square = alpha * alpha * (states + kappa)
     share = states / square

@@ -41,7 +41,8 @@ def start(
         for (spread, _), states in zip(made, (n, n + NOISES))
     ):
         raise ValueError(
-            f"alpha is {alpha} and kappa {kappa}; alpha^2 (1 + kappa / {n}) must be from {NEAREST}, with nearer points lost in rounding, "
+            f"alpha is {alpha} and kappa {kappa}; alpha^2 (1 + kappa / {n}) must be from {NEAREST}, "
+            f"with nearer points lost in rounding, "
             f"to {FARTHEST:.0f}"
         )
     return start.belief(auxiliary(n, made[1], made[0], augmented=True))

@@ -105,7 +105,8 @@ def set_options(belief: Belief, noise: Noise, options: StageOptions) -> None:
             raise ValueError(f"{name} is {value}; it must be a finite number, 0 or more")
     if not 0 < options.window < LONGEST_WITHOUT_VELOCITY:
         raise ValueError(
-            f"window is {options.window} s; it must be above 0 and below {LONGEST_WITHOUT_VELOCITY:g} s"
+            f"window is {options.window} s; it must be above 0 and below "
+            f"{LONGEST_WITHOUT_VELOCITY:g} s"
         )
     if not 0 < options.largest_bank <= 90:
         raise ValueError(
@@ -142,7 +143,8 @@ def configure(
         return options, []
     if options.get("course") != "none":
         raise ValueError(
-            "nothing gives a heading: add velocity, heading or magnetic-field aiding (course='none' runs without)"
+            "nothing gives a heading: add velocity, heading or magnetic-field aiding (course='none' "
+            "runs without)"
         )
     return options, [NO_HEADING]
 
@@ -156,7 +158,8 @@ def held(t: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
         [
             (
                 float(t[rows[0]]),
-                f"too slow or banked for a course: heading held for {seconds[-1]:.3g} s in all, first here",
+                f"too slow or banked for a course: heading held for {seconds[-1]:.3g} s in all, "
+                f"first here",
             )
         ]
         if len(rows)

@@ -348,7 +348,8 @@ def checked_state(state: ArrayLike, what: str) -> Array:
     norm = float(np.linalg.norm(state[QUATERNION:OMEGA]))
     if abs(norm - 1) > 1e-6:
         raise DataError(
-            f"{what}: the quaternion of the state, numbers {QUATERNION} to {OMEGA - 1}, has length {norm:g}; make it a unit one"
+            f"{what}: the quaternion of the state, numbers {QUATERNION} to {OMEGA - 1}, has length "
+            f"{norm:g}; make it a unit one"
         )
     return state
 
@@ -384,7 +385,8 @@ def respond(
     )
     if not real(dt) or not 0 < dt <= LONGEST_HELD:
         raise DataError(
-            f"respond: dt is {dt!r} s; it must be above 0 and at most {LONGEST_HELD:g} s, for which commands are held"
+            f"respond: dt is {dt!r} s; it must be above 0 and at most {LONGEST_HELD:g} s, for which "
+            f"commands are held"
         )
     array, go, n = aircraft.array(earth, state[:3]), ready(step), len(commands)
     winds = _winds(wind, n)
@@ -394,7 +396,8 @@ def respond(
         go(array, state, commands[k], winds[k], float(dt), increments[k])
         if not np.isfinite(state).all():
             raise DataError(
-                f"respond: {aircraft.name!r} does not stay finite after {k * dt:g} s; take shorter steps or smaller commands"
+                f"respond: {aircraft.name!r} does not stay finite after {k * dt:g} s; take shorter "
+                f"steps or smaller commands"
             )
         states[k + 1] = state
     return states, Imu(

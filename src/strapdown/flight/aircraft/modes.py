@@ -119,7 +119,8 @@ def check_step(trim: Trim, dt: float) -> None:
     fastest = max(abs(np.linalg.eigvals(linearise(_checked(trim).aircraft, trim).A)))
     if dt > _RESOLVED / fastest:
         raise DataError(
-            f"a time step of {dt:g} s is too long for aircraft {trim.aircraft.name!r} at {trim.airspeed:g} m/s, whose fastest mode has a "
+            f"a time step of {dt:g} s is too long for aircraft {trim.aircraft.name!r} at "
+            f"{trim.airspeed:g} m/s, whose fastest mode has a "
             f"time constant of {1 / fastest:.3g} s; take {_RESOLVED / fastest:.3g} s at most"
         )
 

@@ -179,14 +179,16 @@ class Aircraft:
         refuse_unknown(self.values, NAMES, where)
         if missing := [name for name in NAMES if name not in self.values]:
             raise DataError(
-                f"{where}: {missing[0]} is missing{f' (and {len(missing) - 1} more)' if missing[1:] else ''}; give it in "
+                f"{where}: {missing[0]} is "
+                f"missing{f' (and {len(missing) - 1} more)' if missing[1:] else ''}; give it in "
                 f"[{TERMS[missing[0]][0]}]"
             )
         for name, value in self.values.items():
             _, _, low, high = TERMS[name]
             if not real(value) or not low <= value <= high:
                 raise DataError(
-                    f"{where}: {name} is {value!r}; it must be a number between {low:g} and {high:g} (SI)"
+                    f"{where}: {name} is {value!r}; it must be a number between {low:g} and "
+                    f"{high:g} (SI)"
                 )
         _check_inertia(self.values, where)
         _check_stops(self.values, where)
@@ -276,7 +278,8 @@ def aircraft(name: Aircraft | File = "aerosonde") -> Aircraft:
             read_toml(name, "give a built-in aircraft's name or the path of a .toml file"), name
         )
     raise DataError(
-        f"unknown aircraft {name!r}{nearest(name, known)}; built in: {', '.join(known)}; or give the path of a .toml file"
+        f"unknown aircraft {name!r}{nearest(name, known)}; built in: {', '.join(known)}; or give "
+        f"the path of a .toml file"
     )
 
 
@@ -296,7 +299,8 @@ def checked_origin(origin: Iterable[float]) -> tuple[float, float, float]:
         ) from None
     if not (abs(lat) <= math.radians(89) and abs(lon) <= 2 * math.pi and -1e4 <= height <= 1e5):
         raise DataError(
-            f"origin is ({lat:g} rad, {lon:g} rad, {height:g} m); latitude goes to 89 deg (1.553 rad), height from -10 to 100 km"
+            f"origin is ({lat:g} rad, {lon:g} rad, {height:g} m); latitude goes to 89 deg (1.553 "
+            f"rad), height from -10 to 100 km"
         )
     return lat, lon, height
 
@@ -312,7 +316,8 @@ def checked_array(value: ArrayLike, shape: tuple[int | None, ...], what: str) ->
         asked not in (None, length) for asked, length in zip(shape, array.shape)
     ):
         raise DataError(
-            f"{what} {array.shape} must be ({', '.join('n' if asked is None else str(asked) for asked in shape)}{',' * (len(shape) == 1)})"
+            f"{what} {array.shape} must be "
+            f"({', '.join('n' if asked is None else str(asked) for asked in shape)}{',' * (len(shape) == 1)})"
         )
     if not np.isfinite(array).all():
         raise DataError(
@@ -339,12 +344,14 @@ def _check_inertia(values: Mapping[str, float], where: str) -> None:
     J_x, J_y, J_z, J_xz = (values[name] for name in ("J_x", "J_y", "J_z", "J_xz"))
     if J_x * J_z <= J_xz**2:
         raise DataError(
-            f"{where}: J_xz is {J_xz:g} kg m^2; its square must be below J_x J_z ({J_x * J_z:g}), else the inertia is not positive definite"
+            f"{where}: J_xz is {J_xz:g} kg m^2; its square must be below J_x J_z ({J_x * J_z:g}), "
+            f"else the inertia is not positive definite"
         )
     principal = sorted([*np.linalg.eigvalsh([[J_x, -J_xz], [-J_xz, J_z]]), J_y])
     if principal[2] > 1.0001 * (principal[0] + principal[1]):
         raise DataError(
-            f"{where}: the largest principal moment of inertia ({principal[2]:g} kg m^2) exceeds the sum of the others "
+            f"{where}: the largest principal moment of inertia ({principal[2]:g} kg m^2) exceeds "
+            f"the sum of the others "
             f"({principal[0] + principal[1]:g}), which no body has; check J_x, J_y, J_z and J_xz"
         )
 
@@ -358,7 +365,8 @@ def _check_stops(values: Mapping[str, float], where: str) -> None:
             )
     if values["throttle_min"] < 0 or values["throttle_max"] > 1:
         raise DataError(
-            f"{where}: throttle goes from {values['throttle_min']:g} to {values['throttle_max']:g}; keep it between 0 and 1"
+            f"{where}: throttle goes from {values['throttle_min']:g} to {values['throttle_max']:g}; "
+            f"keep it between 0 and 1"
         )
 
 

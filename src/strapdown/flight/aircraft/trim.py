@@ -95,8 +95,8 @@ def trim(
     balance = _Balance(aircraft.array("flat", origin), origin, airspeed, climb, turn_rate, course)
     z, residual = _solve(balance, _guess(balance.array, aircraft, airspeed, turn_rate))
     where = (
-        f"aircraft {aircraft.name!r} cannot be trimmed at {airspeed:g} m/s, climb {math.degrees(climb):.3g} deg"
-        + ("" if math.isinf(radius) else f", radius {radius:g} m")
+        f"aircraft {aircraft.name!r} cannot be trimmed at {airspeed:g} m/s, climb "
+        f"{math.degrees(climb):.3g} deg" + ("" if math.isinf(radius) else f", radius {radius:g} m")
     )
     _refuse(balance, aircraft, z, residual, where)
     state, (roll, pitch, _) = balance.state(z)
@@ -245,16 +245,19 @@ def _refuse(balance: _Balance, aircraft: Aircraft, z: Array, residual: float, wh
     if not residual < _ENOUGH:
         if (thrust := balance.most_thrust(z, aircraft["throttle_max"])) <= 0:
             raise DataError(
-                f"{where}: at full throttle its propeller gives {thrust:.2g} N, no thrust; check voltage, propeller and motor, "
+                f"{where}: at full throttle its propeller gives {thrust:.2g} N, no thrust; check "
+                f"voltage, propeller and motor, "
                 "fly slower, or descend"
             )
         raise DataError(
-            f"{where}: at an angle of attack of {attack} (stall at {stall}) {residual:.2g} m/s^2 or rad/s^2 are left over; fly faster, "
+            f"{where}: at an angle of attack of {attack} (stall at {stall}) {residual:.2g} m/s^2 or "
+            f"rad/s^2 are left over; fly faster, "
             "turn wider, or climb or descend less steeply"
         )
     if abs(z[0]) > aircraft["stall_alpha"]:
         raise DataError(
-            f"{where}: it needs an angle of attack of {attack}, beyond the stall at {stall}; fly faster, turn wider, or climb or descend "
+            f"{where}: it needs an angle of attack of {attack}, beyond the stall at {stall}; fly "
+            f"faster, turn wider, or climb or descend "
             "less steeply"
         )
     for name, value in zip(SURFACES, z[2:]):
@@ -271,7 +274,8 @@ def _refuse(balance: _Balance, aircraft: Aircraft, z: Array, residual: float, wh
                 "elevator": "fly faster or turn wider" if value < low else "fly slower",
             }.get(name, "fly faster or turn wider")
             raise DataError(
-                f"{where}: it needs {name} {shown(value)}, beyond its stop at {shown(high if value > high else low)}; {remedy}"
+                f"{where}: it needs {name} {shown(value)}, beyond its stop at "
+                f"{shown(high if value > high else low)}; {remedy}"
             )
 
 
@@ -296,15 +300,18 @@ def _check(
         or math.isnan(radius)
     ):
         raise DataError(
-            "trim: airspeed (m/s), climb (rad), course (rad) and wind (three numbers, NED, m/s) must be finite, radius (m) a number"
+            "trim: airspeed (m/s), climb (rad), course (rad) and wind (three numbers, NED, m/s) "
+            "must be finite, radius (m) a number"
         )
     if not 0 < airspeed < 500:
         raise DataError(f"trim: airspeed is {airspeed:g} m/s; it must be above 0 and below 500")
     if abs(climb) > 1.0:
         raise DataError(
-            f"trim: climb is {climb:g} rad; a flight-path angle is in rad and lies within 1 rad (57 deg)"
+            f"trim: climb is {climb:g} rad; a flight-path angle is in rad and lies within 1 rad (57 "
+            f"deg)"
         )
     if radius == 0 or (not math.isinf(radius) and abs(radius) < 1):
         raise DataError(
-            f"trim: radius is {radius:g} m; give 1 m or more, negative to the left, infinite for straight flight"
+            f"trim: radius is {radius:g} m; give 1 m or more, negative to the left, infinite for "
+            f"straight flight"
         )

@@ -34,11 +34,13 @@ def turbulence(level: str = "light", height: float = 50.0, span: float = 3.0) ->
     """
     if level not in TURBULENCE_LEVELS:
         raise DataError(
-            f"unknown turbulence {level!r}{nearest(level, TURBULENCE_LEVELS)}; levels: {', '.join(TURBULENCE_LEVELS)}"
+            f"unknown turbulence {level!r}{nearest(level, TURBULENCE_LEVELS)}; levels: "
+            f"{', '.join(TURBULENCE_LEVELS)}"
         )
     if not (math.isfinite(height) and 0 < span < 200):
         raise DataError(
-            f"turbulence at {height} m for a span of {span} m: height must be finite, span between 0 and 200 m"
+            f"turbulence at {height} m for a span of {span} m: height must be finite, span between "
+            f"0 and 200 m"
         )
     feet = min(max(height / _FOOT, 10.0), 1000.0)
     shape = 0.177 + 0.000823 * feet

@@ -26,12 +26,14 @@ def of_the_imu(part: ImuPart, files: Files) -> dict[str, Correction]:
     tables = [name for name in HEATED if found[name].temperature]
     if tables and part.temperature is None:
         raise DataError(
-            f"{files.path}: [imu] temperature: is missing; the table of {tables[0]} in {part.calibration} needs "
+            f"{files.path}: [imu] temperature: is missing; the table of {tables[0]} in "
+            f"{part.calibration} needs "
             'temperature = { column = "...", unit = "degC" }'
         )
     if part.temperature is not None and not tables:
         raise DataError(
-            f"{files.path}: [imu] temperature: belongs to a temperature table of gyro or accel in calibration, "
+            f"{files.path}: [imu] temperature: belongs to a temperature table of gyro or accel in "
+            f"calibration, "
             "and there is none; leave it out"
         )
     return found
@@ -60,8 +62,10 @@ def corrected(part: ImuPart, files: Files, imu: Imu) -> tuple[Array, Array, list
                     temperature[outside],
                 )
                 notes.append(
-                    f"{name}: {counted(len(beyond), 'sample')} at {beyond.min():.1f} to {beyond.max():.1f} degC, "
-                    f"outside the temperature table ({low:g} to {high:g} degC); the bias of its end is used there"
+                    f"{name}: {counted(len(beyond), 'sample')} at {beyond.min():.1f} to "
+                    f"{beyond.max():.1f} degC, "
+                    f"outside the temperature table ({low:g} to {high:g} degC); the bias of its end "
+                    f"is used there"
                 )
         results.append((increments - bias * imu.dt[:, None]) @ correction.matrix.T)
     gyro, accel = results
@@ -74,7 +78,8 @@ def _temperatures(part: ImuPart, column: Temperature, files: Files, imu: Imu) ->
     known = np.isfinite(t) & np.isfinite(values)
     if not known.any():
         raise DataError(
-            f"{table.name}: column {column.column!r} holds no temperature; leave [imu] temperature out"
+            f"{table.name}: column {column.column!r} holds no temperature; leave [imu] temperature "
+            f"out"
         )
     order = np.argsort(t[known], kind="stable")
     return np.interp(

@@ -153,7 +153,8 @@ accel = { columns = ["ax", "ay", "az"], unit = "m/s^2" }
 
 def _without_header(table: Table) -> Guess:
     ranges = [
-        f"column {name}: {np.nanmin(values):.6g} to {np.nanmax(values):.6g}, median {np.nanmedian(values):.6g}"
+        f"column {name}: {np.nanmin(values):.6g} to {np.nanmax(values):.6g}, median "
+        f"{np.nanmedian(values):.6g}"
         for name in table.frame.columns
         for values in [table.numbers(name)]
         if np.isfinite(values).any()
@@ -161,7 +162,8 @@ def _without_header(table: Table) -> Guess:
     return Guess(
         [f"table: {len(table.lines)} rows without a header line", *ranges],
         [
-            "the table has no header line: name its columns by number in a recording.toml, the first is 1"
+            "the table has no header line: name its columns by number in a recording.toml, the "
+            "first is 1"
         ],
         None,
         "",
@@ -379,7 +381,8 @@ def _magnetometer(source: Source, names: list[str], axes: str) -> str:
     counts = "" if scale == 1 else "; counts? scale was set to the Earth's field"
     checked = "" if named else f"      # check: median strength is {median:.4g}{counts}"
     source.facts.append(
-        f"magnetometer: {', '.join(names)} in {tesla}{sure}{f' times {scale:g}' if scale != 1 else ''}; "
+        f"magnetometer: {', '.join(names)} in "
+        f"{tesla}{sure}{f' times {scale:g}' if scale != 1 else ''}; "
         "the draft has it as a magnetic-field: check its axes and calibrate it"
     )
     factor = f"scale = {scale:.6g}\n" if scale != 1 else ""
@@ -411,7 +414,8 @@ def _attitude(source: Source, names: list[str]) -> str:
     )
     angle = named or ("rad" if 0 < largest < 6.3 else "deg")
     source.facts.append(
-        f"attitude: {', '.join(names)} in {angle}{'' if named else ' (a guess)'}; the draft has it commented out"
+        f"attitude: {', '.join(names)} in {angle}{'' if named else ' (a guess)'}; the draft has it "
+        f"commented out"
     )
     return f"""# An attitude beside the IMU is most often that of another filter, made of this same IMU: not independent of it.
 # Take the marks off these lines where an AHRS's attitude shall aid a filter that is fed with one; to score against it,

@@ -74,7 +74,8 @@ def _refuse_strength(part: AidingPart, aiding: Aiding, total: float) -> None:
         unit for unit in known if 0.4 < median / total * known[unit] / known[part.units[0]] < 2.5
     ]
     raise DataError(
-        f"unit: its median strength is {median * 1e6:.3g} uT, that of the Earth's field {total * 1e6:.3g} uT: "
+        f"unit: its median strength is {median * 1e6:.3g} uT, that of the Earth's field "
+        f"{total * 1e6:.3g} uT: "
         + (
             f"is the unit {' or '.join(likely)}, not {part.units[0]}?"
             if likely
@@ -97,7 +98,8 @@ def _field(
             else ("place", 'place = { latitude = 44.7, longitude = -93.1, unit = "deg" }')
         )
         raise DataError(
-            f"field: is missing, and the geomagnetic model needs the {what}: write {key} at the top, or give field"
+            f"field: is missing, and the geomagnetic model needs the {what}: write {key} at the "
+            f"top, or give field"
         )
     try:
         latitude, longitude, height = map(float, place)
@@ -106,8 +108,10 @@ def _field(
         raise DataError(f"field: {error}") from None
     latitude, longitude = np.degrees(place[:2])
     notes = [
-        f"{aiding.name}: the Earth's field is that of {found.model} on {date} at {latitude:.3f}, {longitude:.3f} deg: "
-        f"declination {np.degrees(found.declination):.2f} deg, dip {np.degrees(found.inclination):.2f} deg, {found.total * 1e6:.2f} uT"
+        f"{aiding.name}: the Earth's field is that of {found.model} on {date} at {latitude:.3f}, "
+        f"{longitude:.3f} deg: "
+        f"declination {np.degrees(found.declination):.2f} deg, dip "
+        f"{np.degrees(found.inclination):.2f} deg, {found.total * 1e6:.2f} uT"
     ]
     return found.field, notes + ([f"{aiding.name}: {found.note}"] if found.note else [])
 
@@ -120,7 +124,8 @@ def _field_of_the_record(
     down, quiet = vertical(aiding.t, imu)
     if quiet.sum() < 10:
         raise DataError(
-            'field: "record" needs times without acceleration, and there are none; give north, east and down, '
+            'field: "record" needs times without acceleration, and there are none; give north, east '
+            "and down, "
             "or leave it out for the geomagnetic model"
         )
     y, down = aiding.y[quiet], down[quiet]
@@ -136,7 +141,8 @@ def _field_of_the_record(
         else "declination 0, so headings are from magnetic north; give declination for true north"
     )
     note = (
-        f"{aiding.name}: the field is that of the record, medians over {counted(int(quiet.sum()), 'quiet sample')}: "
+        f"{aiding.name}: the field is that of the record, medians over "
+        f"{counted(int(quiet.sum()), 'quiet sample')}: "
         f"{horizontally * 1e6:.2f} uT horizontal, {vertically * 1e6:.2f} uT down; {heading}"
     )
     return (horizontally * np.cos(angle), horizontally * np.sin(angle), vertically), [note]

@@ -93,7 +93,8 @@ def level_notes(aidings: Iterable[Aiding], meta: dict[str, Any]) -> list[str]:
     ]
     height = meta["place"][2] if "place" in meta else None
     return [
-        f"{aiding.name}: its level is {level:g} m and the height of place {height:g} m, {abs(level - height) / sd:.0f} of its standard "
+        f"{aiding.name}: its level is {level:g} m and the height of place {height:g} m, "
+        f"{abs(level - height) / sd:.0f} of its standard "
         "deviations apart: check both, they are m above the ellipsoid"
         for aiding, level, sd in found
         if height is not None and abs(level - height) > FAR_LEVEL * sd
@@ -244,7 +245,8 @@ def _constraint_times(part: AidingPart, imu: Imu, where: str) -> tuple[Array, li
     start, most = float(imu.t[0] - imu.dt[0]), MOST_PER_SAMPLE / float(np.median(imu.dt))
     if part.rate > most * (1 + 1e-6):
         raise DataError(
-            f"{where} rate: {part.rate:g} Hz is more than {MOST_PER_SAMPLE} times that of the IMU; give {most:.4g} Hz or less"
+            f"{where} rate: {part.rate:g} Hz is more than {MOST_PER_SAMPLE} times that of the IMU; "
+            f"give {most:.4g} Hz or less"
         )
     t = start + np.arange(1, int((imu.t[-1] - start) * part.rate + 1e-9) + 1) / part.rate
     sample = np.minimum(np.searchsorted(imu.t, t - 1e-9), len(imu.t) - 1)
@@ -253,7 +255,8 @@ def _constraint_times(part: AidingPart, imu: Imu, where: str) -> tuple[Array, li
         return t[use], []
     t = t[use & at_rest(imu)[sample]]
     return t, [
-        f"{part.kind}: {f'at rest for {len(t) / part.rate:.1f} s' if len(t) else 'no rest was found, so it never holds'}"
+        f"{part.kind}: "
+        f"{f'at rest for {len(t) / part.rate:.1f} s' if len(t) else 'no rest was found, so it never holds'}"
     ]
 
 
@@ -316,7 +319,8 @@ def _own_table(
 
     if not has(["t", *NAV_COLUMNS[:3]]):
         raise DataError(
-            f"{files.path}: [reference] time: is missing; {table.name} has no columns t, lat, lon, alt, "
+            f"{files.path}: [reference] time: is missing; {table.name} has no columns t, lat, lon, "
+            f"alt, "
             "so time and position must be given"
         )
     v_n = three(NAV_COLUMNS[3:6]) if has(NAV_COLUMNS[3:6]) else None

@@ -120,11 +120,13 @@ class Place(Part):
         latitude, longitude, height = self.lla
         if abs(latitude) > math.pi / 2 * (1 + 1e-12) or abs(longitude) > 2 * math.pi:
             raise ValueError(
-                f"no place is at latitude {self.latitude:g}, longitude {self.longitude:g} {self.unit}; check unit and order"
+                f"no place is at latitude {self.latitude:g}, longitude {self.longitude:g} "
+                f"{self.unit}; check unit and order"
             )
         if abs(latitude) > LATITUDE_LIMIT:
             raise ValueError(
-                f"latitude: {self.latitude:g} {self.unit}; results hold up to {math.degrees(LATITUDE_LIMIT):.0f} deg"
+                f"latitude: {self.latitude:g} {self.unit}; results hold up to "
+                f"{math.degrees(LATITUDE_LIMIT):.0f} deg"
             )
         if not -12e3 <= height <= 850e3:
             raise ValueError(f"height: {height:g} m is no height of a vehicle; is it in m?")
@@ -163,7 +165,8 @@ class ReferencePart(Part):
         for key in ("time", "position"):
             if getattr(self, key) is None:
                 raise ValueError(
-                    f"{key}: is missing; a reference needs time and position, or, written by this library, the file alone"
+                    f"{key}: is missing; a reference needs time and position, or, written by this "
+                    f"library, the file alone"
                 )
         for key, dimensions in (
             ("position", ["angle", "angle", "length"]),

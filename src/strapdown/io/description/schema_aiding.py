@@ -31,16 +31,19 @@ def _field(value: Any) -> str | tuple[float, ...]:
         or not all(is_number(value[key]) for key in axes)
     ):
         raise ValueError(
-            f'write {example}, or "record" for the strengths in the record, or leave it out for the geomagnetic model'
+            f'write {example}, or "record" for the strengths in the record, or leave it out for the '
+            f"geomagnetic model"
         )
     vector = tuple(value[key] * factor(value["unit"], "magnetic field") for key in axes)
     if not 1e-6 <= math.hypot(*vector) <= 100e-6:
         raise ValueError(
-            f"its strength is {math.hypot(*vector) * 1e6:.4g} uT, where the Earth's is 22 to 67; check the unit"
+            f"its strength is {math.hypot(*vector) * 1e6:.4g} uT, where the Earth's is 22 to 67; "
+            f"check the unit"
         )
     if math.hypot(*vector[:2]) < 1e-3 * math.hypot(*vector):
         raise ValueError(
-            "it has nothing horizontal and so gives no heading; give north and east, or leave it out for the geomagnetic model"
+            "it has nothing horizontal and so gives no heading; give north and east, or leave it "
+            "out for the geomagnetic model"
         )
     return vector
 
@@ -166,7 +169,8 @@ class AidingPart(Part):
         for key in sorted(allowed - {"unit", "scale"}) + ["sd"]:
             if getattr(self, key) is None:
                 raise ValueError(
-                    f"{key}: is missing; {sensor.name} needs {', '.join(sorted(allowed - {'scale'}))} and sd"
+                    f"{key}: is missing; {sensor.name} needs "
+                    f"{', '.join(sorted(allowed - {'scale'}))} and sd"
                 )
         if self.axes is not None and sensor.kind == ATTITUDE_KIND:
             named("axes", axes_of, self.axes)
@@ -186,13 +190,15 @@ class AidingPart(Part):
                 raise ValueError(f"{key}: {sensor.name} takes none; only a magnetometer does")
         if self.level is not None and (sensor.recorded or sensor.quantities != ("length",)):
             raise ValueError(
-                f"level: {sensor.name} takes none; it is the height of mean sea level, m above the ellipsoid"
+                f"level: {sensor.name} takes none; it is the height of mean sea level, m above the "
+                f"ellipsoid"
             )
         if self.quaternion and sensor.kind != ATTITUDE_KIND:
             raise ValueError(f"quaternion: {sensor.name} takes none; only an attitude does")
         if self.declination is not None and self.field != "record":
             raise ValueError(
-                'declination: it belongs to field = "record"; the geomagnetic model and a given field have their own'
+                'declination: it belongs to field = "record"; the geomagnetic model and a given '
+                "field have their own"
             )
 
     def _components(self, sensor: Measurement) -> None:
@@ -240,7 +246,8 @@ class AidingPart(Part):
                 or sd.get("scale", 1.0) <= 0
             ):
                 raise ValueError(
-                    'sd: write { column = "name", unit = "m", scale = 1.0 }, with column and unit at least and scale above zero'
+                    'sd: write { column = "name", unit = "m", scale = 1.0 }, with column and unit '
+                    "at least and scale above zero"
                 )
             named("sd", factor, sd.get("unit"), deviation_dimension(quantity))
         else:
@@ -257,11 +264,13 @@ def check_attitude_columns(columns: list[Column], quaternion: QuaternionOrder | 
         )
     if quaternion is None and len(columns) == 4:
         raise ValueError(
-            'columns: 4 given; of a quaternion say the order: quaternion = "wxyz", scalar first, or "xyzw"'
+            'columns: 4 given; of a quaternion say the order: quaternion = "wxyz", scalar first, or '
+            '"xyzw"'
         )
     if len(columns) not in (2, 3, 4):
         raise ValueError(
-            f"columns: {len(columns)} given; attitude is roll, pitch, heading, or roll and pitch alone, or the four of a quaternion"
+            f"columns: {len(columns)} given; attitude is roll, pitch, heading, or roll and pitch "
+            f"alone, or the four of a quaternion"
         )
     if len(columns) == 2 and re.match(HEADING, str(columns[1]).strip().lower()):
         raise ValueError(

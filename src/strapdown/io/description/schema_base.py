@@ -25,7 +25,8 @@ def column(value: Any) -> str | int:
     ):
         return value
     raise ValueError(
-        f"{value!r} is no column: give its name, or in a file without header its number, the first being 1"
+        f"{value!r} is no column: give its name, or in a file without header its number, the first "
+        f"being 1"
     )
 
 

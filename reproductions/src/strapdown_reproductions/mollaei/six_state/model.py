@@ -79,7 +79,8 @@ def begin(start: Start, own: int, options: Options) -> Belief:
     for name, value in (("q", q), ("r", r)):
         if not 0 <= value < math.inf:
             raise ValueError(
-                f"{name} is {value:g}; it must be a variance above zero, or 0 for that of the sensors"
+                f"{name} is {value:g}; it must be a variance above zero, or 0 for that of the "
+                f"sensors"
             )
     if not 0 <= model < math.inf:
         raise ValueError(f"model is {model:g} m/s/sqrt(s); it must be a random walk, 0 or more")
@@ -87,7 +88,8 @@ def begin(start: Start, own: int, options: Options) -> Belief:
         raise ValueError(f"rate is {rate:g} Hz; it must be above zero")
     if earth != "flat":
         raise ValueError(
-            f'earth is {earth!r}; the six-state form knows a flat, still Earth alone: give earth="flat", and fly over it'
+            f"earth is {earth!r}; the six-state form knows a flat, still Earth alone: give "
+            f'earth="flat", and fly over it'
         )
     workspace = np.zeros(OWN + own)
     belief = start.belief(workspace)
@@ -110,7 +112,8 @@ def configure(
     for aiding in aidings:
         if any(aiding.parameters[:3]):
             raise ValueError(
-                f"{aiding.name or aiding.kind} has a lever arm of {tuple(aiding.parameters[:3])} m; the six-state form knows none: "
+                f"{aiding.name or aiding.kind} has a lever arm of {tuple(aiding.parameters[:3])} m; "
+                f"the six-state form knows none: "
                 "give the fixes of the IMU's own place"
             )
     return options, []
