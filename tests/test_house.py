@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import re
 import typing
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import strapdown_reproductions
 
 PACKAGE = Path(strapdown.__file__).parent
 REPRODUCTIONS = Path(strapdown_reproductions.__file__).parent
+ROOT = Path(__file__).resolve().parents[1]
 ROOMS = sorted({file.parent for file in PACKAGE.rglob("*.py")} - {PACKAGE})
 
 
@@ -89,3 +91,26 @@ def test_nothing_in_the_library_names_a_file_of_a_reproduction():
         text = file.read_text(encoding="utf-8")
         assert not [paper for paper in papers if f"strapdown_reproductions.{paper}" in text], file
     assert len(papers) == 6
+
+
+PAGES = [
+    *ROOT.glob("*.md"),
+    *ROOT.glob("docs/*.md"),
+    *ROOT.glob("src/strapdown/**/README.md"),
+    ROOT / "reproductions" / "README.md",
+]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_files_that_a_page_names_exist(page):
+    """Paths from a room on, such as `core/loop.py`; an example of a file to come says so."""
+    text = page.read_text(encoding="utf-8")
+    named = re.findall(r"(?<![\w/.])((?:[a-z_]+/)+[a-z_0-9]+\.(?:py|toml|txt))\b", text)
+    places = (ROOT, PACKAGE, ROOT / "tests", page.parent, REPRODUCTIONS.parent)
+    to_come = {"vertical_speed.py", "my_filter.py"}
+    missing = [
+        name
+        for name in named
+        if Path(name).name not in to_come and not any((at / name).exists() for at in places)
+    ]
+    assert not missing
