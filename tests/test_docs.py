@@ -123,7 +123,7 @@ LONG = (
         "open-or-closed-loop.md",
     ),
 )
-"""Pages whose examples take more than five seconds; what they show has tests of its own."""
+"""Pages whose examples take more than three seconds; what they show has tests of its own."""
 WITH_DATA = [page for page in PAGES if any(block.needs_data for block in executable(page))]
 WITH_EXAMPLES = [
     page

@@ -107,6 +107,7 @@ def test_gauss_markov_variance_against_its_spectrum():
         assert gauss_markov_variance(tau, 3.0) == pytest.approx(integral, rel=0.01)
 
 
+@pytest.mark.deep
 def test_bounds_hold_the_true_deviation_as_often_as_they_say():
     """60 axes with some 9 independent cluster times each: binomial sd about 2.5 %, bound 4 of
     them."""
@@ -130,6 +131,7 @@ CASES = [
 ]
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("name, true, terms", CASES, ids=[case[0] for case in CASES])
 def test_a_coefficient_that_went_in_comes_out_within_its_standard_error(name, true, terms):
     """24 axes; 5 sigma, since the estimates at long clusters are not normal: measured over 90

@@ -135,6 +135,7 @@ def test_outliers_do_not_move_the_ellipsoid():
     assert least_squares > 1e-6  # the outliers are real
 
 
+@pytest.mark.deep
 def test_standard_deviations_of_the_ellipsoid_are_honest():
     """Normalised squared errors over 200 sets: chi-square with 9 degrees of freedom each, 99.9 %
     band of the sum."""
@@ -160,6 +161,7 @@ def test_turning_recovers_a_general_distortion_and_the_gyro_bias():
     assert not fit.held and not fit.missing
 
 
+@pytest.mark.deep
 def test_standard_deviations_of_turning_are_honest():
     """Normalised squared errors over 40 sets, 12 degrees of freedom each, 99.9 % band of the
     sum; the magnetometer is turned against the IMU."""

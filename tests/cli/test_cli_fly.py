@@ -74,6 +74,7 @@ def test_the_drift_is_what_the_outage_added(flight):
     assert "ended before" in cli_fly.drift(flight, 9.0, 10.0)
 
 
+@pytest.mark.deep
 def test_options_reach_the_flight(flight, command, tmp_path, monkeypatch):
     monkeypatch.setattr(
         "strapdown.reports.page.report", lambda *_, **__: Page("")

@@ -178,11 +178,13 @@ def markov(rng, rows, deviation, decay, drive):
     return steps
 
 
+@pytest.mark.deep
 def test_the_closed_loop_attains_the_bound_where_the_problem_is_nearly_linear():
     ratio, spread = ratios()
     assert np.all(np.abs(ratio - 1) < 4 * spread), (ratio, spread)
 
 
+@pytest.mark.deep
 def test_a_wrong_bound_is_seen():
     ratio, spread = ratios(told=3.0)
     assert np.any(np.abs(ratio - 1) > 5 * spread)

@@ -391,6 +391,7 @@ def drawn(field, triads, seeds=300):
     return made
 
 
+@pytest.mark.deep
 def test_scale_factor_misalignment_and_g_sensitivity_are_fresh_matrices_of_their_size():
     within, off = (
         lambda values, sd: values.std() == pytest.approx(sd, rel=4 / np.sqrt(2 * values.size)),

@@ -411,6 +411,7 @@ def test_a_consumer_grade_may_not():
     assert advice.decision.verdicts[OPEN].admissible == "no" and advice.answer != "open"
 
 
+@pytest.mark.deep
 def test_an_advice_is_written_and_the_same_again(tmp_path):
     said, fractions = [], []
     first = advise(

@@ -68,6 +68,7 @@ def test_a_run_that_kills_its_worker_is_quarantined_and_the_others_stay(tmp_path
     assert found.summary.quarantined.tolist() == [1, 1]
 
 
+@pytest.mark.deep
 def test_workers_that_do_not_come_back_are_replaced(monkeypatch):
     from strapdown.experiments.monte_carlo import distributed
 
@@ -77,6 +78,7 @@ def test_workers_that_do_not_come_back_are_replaced(monkeypatch):
         assert client.submit(abs, -3).result(timeout=60) == 3
 
 
+@pytest.mark.deep
 def test_a_worker_killed_from_outside_costs_nothing(tmp_path):
     mark = tmp_path / "mark"
     found = study(imus=spec(Clumsy, str(mark)), runs=6).run(tmp_path / "clumsy", workers=1)

@@ -214,7 +214,14 @@ def test_fixes_and_start_of_a_run_are_the_same_for_every_imu_and_differ_from_run
 # Nothing but the study decides a result
 
 
-@pytest.mark.parametrize("how", [{"threads": 2}, {"workers": 1}, {"workers": 2}])
+@pytest.mark.parametrize(
+    "how",
+    [
+        {"threads": 2},
+        pytest.param({"workers": 1}, marks=pytest.mark.deep),
+        pytest.param({"workers": 2}, marks=pytest.mark.deep),
+    ],
+)
 def test_tables_are_identical_to_the_byte_however_it_is_run(finished, tmp_path, how):
     assert tables(study().run(tmp_path, **how).folder) == tables(finished.folder)
 
@@ -414,6 +421,7 @@ except sd.DataError as error:
 """
 
 
+@pytest.mark.deep
 @pytest.mark.skipif(not COMPILED, reason="a process without the compiler is too slow")
 def test_a_full_disk_is_one_line_and_leaves_no_half_chunk(tmp_path):
     code = FULL.format(tests=str(Path(__file__).parent), out=str(tmp_path / "full"))

@@ -174,6 +174,7 @@ def distance(rate):
     ), ours
 
 
+@pytest.mark.deep
 def test_it_is_the_observer_in_ecef_coordinates_to_first_order_in_the_sample():
     coarse, _ = distance(50.0)
     fine, ours = distance(100.0)
