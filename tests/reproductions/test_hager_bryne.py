@@ -3,7 +3,6 @@ and the page in a browser."""
 
 import json
 import re
-import shutil
 import subprocess
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from browser import CHROMIUM
 from test_hager_bryne_claims import world
 
 from strapdown.engine.batch import fuse
@@ -39,9 +39,6 @@ from strapdown_reproductions.hager_bryne.cells import (
 )
 from strapdown_reproductions.hager_bryne.figures import _frame_biases
 
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
 GNSS = Gnss(interval=0.05, position_sd=(1.0, 1.0, 1.0), velocity_sd=None)
 FLIGHTS = tuple(
     Scenario(f"paper1-{number}", demo_flight(), seconds, rate=20.0, gnss=GNSS, gate=np.inf)
