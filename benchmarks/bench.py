@@ -16,9 +16,8 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "src")]
-os.environ.setdefault(
-    "OPENBLAS_NUM_THREADS", "1"
-)  # threads over 15 x 15 matrices only slow the peers down
+# threads over 15 x 15 matrices only slow the peers down
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import airborne  # noqa: E402
 import attitude  # noqa: E402

@@ -148,9 +148,8 @@ def smsfusion_aided(workload, seconds=1800.0):
     fix_of = dict(zip(np.rint((w.fix_t - w.t[0]) / w.dt).astype(int), fixes))
     states = np.empty((len(w.t) - 1, 16))
     begin = time.perf_counter()
-    for k in range(
-        len(states)
-    ):  # sample k + 1 leads from t[k] to t[k+1]; the fix of t[k] comes first
+    # sample k + 1 leads from t[k] to t[k+1]; the fix of t[k] comes first
+    for k in range(len(states)):
         fix = fix_of.get(k)
         ins.update(f[k + 1], omega[k + 1], pos=fix, pos_var=None if fix is None else variance)
         states[k] = ins.x

@@ -20,9 +20,8 @@ import lazy_loader
 from . import former_names
 
 __version__ = "0.1.0"
-__getattr__, _dir, __all__ = lazy_loader.attach_stub(
-    __name__, __file__
-)  # the names in __init__.pyi: `import strapdown` costs nothing
+# the names in __init__.pyi: `import strapdown` costs nothing
+__getattr__, _dir, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __all__ = [*__all__, "__version__"]
 sys.meta_path.append(former_names)
 

@@ -90,9 +90,8 @@ def _part(target: Path) -> Path:
     if target.exists() and not os.access(target, os.W_OK):
         raise PermissionError(0, "it is read-only")
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
-    umask = os.umask(
-        0
-    )  # mkstemp makes private files; the result gets the permissions of any other new file
+    # mkstemp makes private files; the result gets the permissions of any other new file
+    umask = os.umask(0)
     os.umask(umask)
     os.fchmod(handle, 0o666 & ~umask)
     os.close(handle)

@@ -106,10 +106,11 @@ BELIEFS = {
     "antimeridian": ((52.0, -180.0, 10.0), (0.0, 8.0, 0.0), (5.0, 0.0, 45.0), (0.0, 0.0, 0.5)),
 }
 STEPS = np.r_[np.repeat([1.0, 0.1, 1e-4, 0.1, 1e-2], 3), 1.0, 1.0]  # m, m/s, rad, m/s^2, rad/s, m
+# constraints that say so of the belief itself, and look at no y
 VANISHING = (
     "zero-velocity",
     "gravity",
-)  # constraints that say so of the belief itself, and look at no y
+)
 STATES = 17  # two more than the library's: a sensor leaves those of others alone
 
 

@@ -41,9 +41,8 @@ def test_level_of_an_accelerating_body_needs_its_heading(heading):
     C = Rotation.from_euler("ZYX", rph[::-1])
     found = level(C.inv().apply(a_n - [0, 0, 9.7803]), a_n, rph[2])
     assert found == pytest.approx(rph[:2], abs=1e-3)
-    assert (
-        abs(level(C.inv().apply(a_n - [0, 0, 9.7803]))[0] - rph[0]) > 0.02
-    )  # taken for rest it is wrong
+    # taken for rest it is wrong
+    assert abs(level(C.inv().apply(a_n - [0, 0, 9.7803]))[0] - rph[0]) > 0.02
 
 
 def parked_then_driving(start=20.0, speed=15.0, seed=4, seconds=60.0):

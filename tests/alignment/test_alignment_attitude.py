@@ -253,9 +253,8 @@ def test_declination_is_that_of_the_reference_field():
     magnetic = align(
         replace(recording, aidings=(replace(compass, parameters=()),)), MEMS, position=False
     )
-    assert magnetic.rph[2] == pytest.approx(
-        1.0 - np.pi / 2, abs=0.02
-    )  # without a reference north is where the field points
+    # without a reference north is where the field points
+    assert magnetic.rph[2] == pytest.approx(1.0 - np.pi / 2, abs=0.02)
 
 
 def test_a_disturbed_field_shows_in_the_deviation():
@@ -375,9 +374,8 @@ def test_gyrocompass_ends_where_the_vehicle_drives_off():
     recording = parked(200.0, end=125.0)
     still = motionless(recording.imu, 0.0)
     assert still.start == pytest.approx(0, abs=1e-6) and 100 <= still.stop <= 130
-    assert motionless(recording.imu, 118.0).start == pytest.approx(
-        8
-    )  # from the moment before it leaves, in steps of 10 s
+    # from the moment before it leaves, in steps of 10 s
+    assert motionless(recording.imu, 118.0).start == pytest.approx(8)
     assert "Earth's rate" in align(recording, NAVIGATION).note
 
 

@@ -255,13 +255,14 @@ def test_two_samples_and_one_fix_are_enough():
 # ---- runs that begin there
 
 BOTH, POSITION, ARM = Gnss(), Gnss(velocity_sd=None), Gnss(lever_arm=(1.0, 0.5, -1.5))
+# at 20 s the heading is unknown, which positions alone take long to find
 STARTS = [
     {},
     {"heading": 40 * DEG},
     {"at": 20.0},
     {"at": 58.0},
     {"at": 73.3},
-]  # at 20 s the heading is unknown, which positions alone take long to find
+]
 
 
 @pytest.mark.parametrize(

@@ -59,9 +59,8 @@ def test_rows_are_treated_like_single_triples():
         whole, [static_attitude(a, b, 0.1) for a, b in zip(f, m)], atol=1e-12
     )
     np.testing.assert_allclose(static_attitude(f, m, np.full(40, 0.1)), whole)
-    np.testing.assert_allclose(
-        static_attitude(f, FIELD)[:, :2], whole[:, :2]
-    )  # one field for all rows
+    # one field for all rows
+    np.testing.assert_allclose(static_attitude(f, FIELD)[:, :2], whole[:, :2])
     np.testing.assert_allclose(np.array(level(f)).T, whole[:, :2], atol=1e-12)
 
 
@@ -196,9 +195,8 @@ def test_gravity_is_the_published_formula():
         / np.sqrt(1 - 0.00669438 * np.sin(lat) ** 2)
     )
     np.testing.assert_allclose(gravity(lat), printed, rtol=3e-9)
-    assert gravity(np.pi / 2) == pytest.approx(
-        9.8321849378, abs=1e-9
-    )  # WGS-84's gravity at the pole
+    # WGS-84's gravity at the pole
+    assert gravity(np.pi / 2) == pytest.approx(9.8321849378, abs=1e-9)
 
 
 def test_constant_gravity_and_an_unknown_model():

@@ -54,9 +54,8 @@ def test_overlapping_deviations_are_those_of_allantools():
         increments / DT, rate=1 / DT, data_type="freq", taus=sizes * DT
     )
     np.testing.assert_allclose(taus, sizes * DT, rtol=1e-12)
-    np.testing.assert_allclose(
-        oadev(increments, DT, sizes), peer, rtol=1e-9
-    )  # the peer keeps the constant rate, and so some digits less
+    # the peer keeps the constant rate, and so some digits less
+    np.testing.assert_allclose(oadev(increments, DT, sizes), peer, rtol=1e-9)
     np.testing.assert_allclose(
         oadev(increments - increments.mean(), DT, sizes),
         allantools.oadev(
@@ -153,9 +152,8 @@ def test_what_is_absent_is_said_to_be_absent(name, terms):
     others = {"quantisation", "bias instability", "rate random walk", "rate ramp"} - {name}
     found = fits(8, **terms)
     rate = {other: np.mean([np.isfinite(f.value[other]) for f in found]) for other in others}
-    assert max(rate.values()) <= (0.4 if name == "rate random walk" else 0.21), (
-        rate
-    )  # 4 sigma of 24 draws at 15 and 3 %
+    # 4 sigma of 24 draws at 15 and 3 %
+    assert max(rate.values()) <= (0.4 if name == "rate random walk" else 0.21), rate
     absent = [f for f in found for other in others if other not in f.present]
     assert all(f.limit[other] > 0 for f in absent for other in others - set(f.present))
 

@@ -264,9 +264,8 @@ def test_nearly_constant_samples_end_in_a_sentence(strength, noise):
 def test_a_saturated_magnetometer_is_refused():
     imu, C = tumble(30.0)
     with pytest.raises(sd.DataError, match="saturated"):
-        sd.calibrate(
-            recording(imu, np.clip(10 * felt(C), -1e-4, 1e-4))
-        )  # an axis is always beyond the limit
+        # an axis is always beyond the limit
+        sd.calibrate(recording(imu, np.clip(10 * felt(C), -1e-4, 1e-4)))
 
 
 def test_left_handed_axes_are_refused_and_turned_ones_said():

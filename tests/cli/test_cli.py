@@ -141,9 +141,8 @@ def test_lists(good):
         name in out
         for name in ("closed-loop-error-bias", "open-loop", "interval=60.0", "Groves (2013)")
     )
-    assert (
-        "position, position" not in out and max(map(len, out.splitlines())) <= 120
-    )  # on the 80 columns of no terminal, for long options
+    # on the 80 columns of no terminal, for long options
+    assert "position, position" not in out and max(map(len, out.splitlines())) <= 120
     assert any(line.startswith(" " * 40) for line in out.splitlines())
     out = good("imus")
     header, _, *rows = out.splitlines()

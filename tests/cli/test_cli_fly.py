@@ -58,9 +58,8 @@ def test_a_flight_is_flown_printed_and_written(flight, command, tmp_path, monkey
 @pytest.mark.short
 def test_the_drift_is_what_the_outage_added(flight):
     (window,) = cli_fly.withheld(flight)
-    assert window == pytest.approx(
-        (3.0, 3.99)
-    )  # a fix at 4 s ends it, and the sample at 4 s has it
+    # a fix at 4 s ends it, and the sample at 4 s has it
+    assert window == pytest.approx((3.0, 3.99))
     said = re.fullmatch(
         r"drift in 3-3.99 s: (\S+) m in 0.99 s, (\S+)% of (\d+) m flown",
         cli_fly.drift(flight, *window),
@@ -76,9 +75,8 @@ def test_the_drift_is_what_the_outage_added(flight):
 
 @pytest.mark.deep
 def test_options_reach_the_flight(flight, command, tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        "strapdown.reports.page.report", lambda *_, **__: Page("")
-    )  # a page takes longer than its flight
+    # a page takes longer than its flight
+    monkeypatch.setattr("strapdown.reports.page.report", lambda *_, **__: Page(""))
     said = {}
     for name, words in (
         ("model", ("--prediction", "model")),
@@ -136,9 +134,8 @@ def test_the_route_is_drawn_along_its_lines_and_arcs():
     turning = fly("turning", duration=1.0)
     points = figures.route_points(turning.route)
     gaps = np.hypot(*np.diff(points, axis=0).T)
-    assert gaps.sum() == pytest.approx(
-        turning.route[:, 6].sum(), rel=2e-3
-    )  # no jump between the parts, no part missing
+    # no jump between the parts, no part missing
+    assert gaps.sum() == pytest.approx(turning.route[:, 6].sum(), rel=2e-3)
     corner = np.array(turning.plan.waypoints[1][:2])
     assert 20 < np.hypot(*(points - corner).T).min() < 100  # an arc cuts it
 
@@ -160,10 +157,11 @@ def test_the_map_ends_with_the_flight_and_shows_where_the_receiver_was_cut():
     assert np.allclose(drawn["end"], drawn["flown"][-1]) and np.allclose(
         drawn["end of the estimate"], drawn["estimate"][-1]
     )
+    # in the first arc, not at its end
     assert (
         np.hypot(*(drawn["route"][-1] - drawn["end"][0])) < 10
         and int(turning.log["segment"][-1]) == 1
-    )  # in the first arc, not at its end
+    )
     cut = displacement(turning.recording.reference.lla[[300, 900]], turning.plan.place)[:, :2]
     assert np.allclose(drawn["flown without GNSS"][[0, -1]], cut, atol=0.3)
     last = figures.flown_route(turning, np.array([[-50.0, 0.0], [np.nan, 0.0]]))[-1]
@@ -246,9 +244,8 @@ def test_headings_around_north_are_drawn_together():
     assert heading == pytest.approx(
         [-2.0, -0.5, 1.0, np.nan, 3.0], nan_ok=True
     ) and beside == pytest.approx([-3.0, 2.0])
-    assert together(np.array([268.0, 272.0]), np.array([269.0]))[1] == pytest.approx(
-        [269.0]
-    )  # not torn: as it is
+    # not torn: as it is
+    assert together(np.array([268.0, 272.0]), np.array([269.0]))[1] == pytest.approx([269.0])
     assert together(np.array([1.0, 2.0]), np.array([359.0]))[1] == pytest.approx([-1.0])
     everywhere = np.arange(0.0, 360.0, 10)
     assert together(everywhere)[0] is everywhere

@@ -67,9 +67,8 @@ def record(made):
 def undone(row, lam, Lam):
     compile_kernel(adjoint_step)
     found, Found = lam.copy(), Lam.copy()
-    adjoint_step(
-        row, found, Found, np.full(work_size(len(lam), len(lam)), np.nan)
-    )  # stale numbers in the workspace must not matter
+    # stale numbers in the workspace must not matter
+    adjoint_step(row, found, Found, np.full(work_size(len(lam), len(lam)), np.nan))
     return found, Found
 
 

@@ -67,9 +67,8 @@ def table_ii(lla, v):
     }
 
 
-SCALE = np.array(
-    [radii(LLA[0])[0] + LLA[2], (radii(LLA[0])[1] + LLA[2]) * np.cos(LLA[0]), -1.0]
-)  # metres NED per (rad, rad, m)
+# metres NED per (rad, rad, m)
+SCALE = np.array([radii(LLA[0])[0] + LLA[2], (radii(LLA[0])[1] + LLA[2]) * np.cos(LLA[0]), -1.0])
 ROWS = {"p": slice(0, 3), "v": slice(3, 6), "t": slice(6, 9)}
 PRINTED = table_ii(LLA, V)
 TRUE, _ = error_dynamics(
@@ -177,9 +176,10 @@ def test_blocks_that_both_models_share(model):
     )
     np.testing.assert_allclose(F[6:9, 6:15], np.c_[PRINTED["tt"], np.zeros((3, 3)), -C], atol=1e-15)
     np.testing.assert_allclose(F[0:3, 3:6], np.eye(3))
+    # radii vary in F_pp: exact there
     np.testing.assert_allclose(
         F[0:3, 0:3], TRUE[0:3, 0:3], atol=6e-3 * np.abs(TRUE[0:3, 0:3]).max()
-    )  # radii vary in F_pp: exact there
+    )
 
 
 @pytest.mark.parametrize("name", ["vp", "tp", "vv", "tv"])

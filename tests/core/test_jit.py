@@ -47,9 +47,8 @@ def test_reference_counts_can_be_left_out_in_this_numba(monkeypatch):
     """A private option: without it everything works, 0.14 us a sample slower. Where it holds an
     allocation is a compile error."""
     assert OPTIONS.get("_nrt") is False
-    assert (
-        numba.njit(_nrt=False)(lambda x: x + 1)(1) == 2
-    )  # numba refuses an option it does not know only when it compiles
+    # numba refuses an option it does not know only when it compiles
+    assert numba.njit(_nrt=False)(lambda x: x + 1)(1) == 2
     with pytest.raises(numba.TypingError):
         helper(lambda: np.zeros(3))()
     monkeypatch.setattr(jit.cpu, "CPUTargetOptions", object)

@@ -55,10 +55,11 @@ def van_loan(F, Q, dt):
 
 def step(P, dt, noise=NOISE, C=C, model=CORRECTED, vector=None):
     """One prediction in place of P, or of an error vector."""
+    # stale numbers in the workspace must not matter
     blocks, work = (
         np.zeros(BLOCKS),
         np.full(WORKSPACE, np.nan),
-    )  # stale numbers in the workspace must not matter
+    )
     w = np.array(kinematic_blocks(LLA, V, model, blocks)) * dt
     if vector is None:
         propagate(P, blocks, C, C @ FORCE * dt, *w, dt, noise, work)

@@ -94,12 +94,10 @@ def test_simultaneous_fixes_in_the_order_of_their_sources():
     )
     for solution in (first, second):
         assert solution.innovations.source.tolist() == [0, 1, 0, 1]
-    np.testing.assert_allclose(
-        rows(first)[20], rows(second)[20], rtol=1e-5, atol=1e-7
-    )  # the order does not matter to the estimate
-    assert (
-        first.innovations.innovation[1, 2] > second.innovations.innovation[0, 2] + 0.5
-    )  # but the second one sees what the first has done
+    # the order does not matter to the estimate
+    np.testing.assert_allclose(rows(first)[20], rows(second)[20], rtol=1e-5, atol=1e-7)
+    # but the second one sees what the first has done
+    assert first.innovations.innovation[1, 2] > second.innovations.innovation[0, 2] + 0.5
 
 
 # ---- gaps
@@ -118,9 +116,8 @@ def test_a_short_gap_is_bridged():
     }
     [(t, text)] = solution.events
     assert t == pytest.approx(5.0) and text == "IMU gap of 0.5 s: bridged"
-    same_time = np.searchsorted(
-        whole.t, 5.55 - 1e-9
-    )  # the last sample's rates are those that are missing
+    # the last sample's rates are those that are missing
+    same_time = np.searchsorted(whole.t, 5.55 - 1e-9)
     np.testing.assert_allclose(
         solution.trajectory.v_n[k], whole.trajectory.v_n[same_time], atol=2e-3
     )
@@ -168,9 +165,8 @@ def test_a_long_gap_ends_with_the_next_accepted_position_fix():
     invalid = solution.t[solution.status == INVALID]
     assert invalid[0] == pytest.approx(10.25) and invalid[-1] == pytest.approx(10.95)
     inside = (solution.innovations.t > 5.2) & (solution.innovations.t < 10.2)
-    assert (
-        inside.sum() == 10 and solution.innovations.accepted[inside].all()
-    )  # fixes inside are used at their time
+    # fixes inside are used at their time
+    assert inside.sum() == 10 and solution.innovations.accepted[inside].all()
     again = fused(without_samples(flight(), (5.2, 10.2), (10.4, 10.8)))
     assert (
         again.t[again.status != VALID].tolist()
@@ -180,9 +176,8 @@ def test_a_long_gap_ends_with_the_next_accepted_position_fix():
     away = fused(
         without_samples(with_position(flight(), lambda a: a.without([(5.2, 15.5)])), (5.2, 10.2))
     )
-    assert away.t[away.status == INVALID][-1] == pytest.approx(
-        15.95
-    )  # velocity fixes do not end it
+    # velocity fixes do not end it
+    assert away.t[away.status == INVALID][-1] == pytest.approx(15.95)
     far = fused(
         without_samples(
             with_position(
@@ -192,9 +187,8 @@ def test_a_long_gap_ends_with_the_next_accepted_position_fix():
             (5.2, 10.2),
         )
     )
-    assert (
-        far.counts()["GNSS position"] == (5, 2) and far.status[-1] == INVALID
-    )  # nor do rejected ones
+    # nor do rejected ones
+    assert far.counts()["GNSS position"] == (5, 2) and far.status[-1] == INVALID
 
 
 def test_a_fix_inside_a_short_gap_does_not_hide_it():
@@ -272,9 +266,8 @@ def test_a_jump_of_the_position_moves_the_position_alone():
         "GNSS velocity": (20, 0),
     }
     e, k = sd.errors(jump, flight().reference), int(np.searchsorted(jump.t, 13.0 - 1e-6))
-    assert abs(e.position[k - 1]).max() < 3 and e.position[k, 1] == pytest.approx(
-        -60, abs=5
-    )  # at once
+    # at once
+    assert abs(e.position[k - 1]).max() < 3 and e.position[k, 1] == pytest.approx(-60, abs=5)
     assert np.abs(e.velocity[k:]).max() < 0.5 and np.degrees(np.abs(e.attitude[k:, :2])).max() < 1.0
 
 

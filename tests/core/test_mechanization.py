@@ -148,9 +148,8 @@ def test_coning_drifts_as_known_without_compensation_and_hardly_with(compensated
     dtheta, truth = coning(half_angle, frequency, dt, steps)
     x = 2 * math.pi * frequency * dt
     lost = 0.5 * math.sin(half_angle) ** 2 * (x - math.sin(x))  # coning of one sample, seen as none
-    found = (
-        math.sin(half_angle) ** 2 * (1 - math.cos(x)) * math.sin(x) / 6
-    )  # what the last sample's 1/12 gives back
+    # what the last sample's 1/12 gives back
+    found = math.sin(half_angle) ** 2 * (1 - math.cos(x)) * math.sin(x) / 6
     C, u, previous = truth[0].copy(), np.zeros(6), np.zeros(7)
     for sample in dtheta:
         u[0:3] = sample

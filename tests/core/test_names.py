@@ -26,6 +26,5 @@ def test_every_compiled_function_has_a_name_of_its_own():
     found = {id(function): function for function in compiled_functions()}.values()
     names = [(function.__module__, function.__qualname__) for function in found]
     assert len(names) > 200 and len(set(names)) == len(names)
-    assert not [
-        name for name in names if "<" in name[1]
-    ]  # a closure or lambda shares its name with others made in the same place
+    # a closure or lambda shares its name with others made in the same place
+    assert not [name for name in names if "<" in name[1]]

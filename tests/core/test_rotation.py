@@ -48,9 +48,10 @@ def test_steep_pitch_keeps_heading_and_roll(pitch):
 def test_at_vertical_pitch_the_angles_are_finite_and_the_pitch_is_right(pitch):
     angles = rotation.matrix_to_euler(matrix_of(0.3, pitch * DEG, 1.0))
     assert np.all(np.isfinite(angles)) and angles[1] == pytest.approx(pitch * DEG, abs=1e-7)
+    # rounded beyond asin's domain
     assert math.isfinite(
         rotation.matrix_to_euler(1.0000000001 * matrix_of(0.3, pitch * DEG, 1.0))[1]
-    )  # rounded beyond asin's domain
+    )
 
 
 @repeatable

@@ -74,9 +74,8 @@ def test_adjoint_of_the_prediction_is_the_transposed_transition(seed):
     P = whole(before)
     propagate(P, C, w0, w2, 0.2, dt, NOISE)
     added = np.diag([0.2] * 3 + [NOISE.gyro_bias**2 * dt] * 3)
-    np.testing.assert_allclose(
-        P[BLOCK], Phi @ before @ Phi.T + added, rtol=0, atol=1e-6
-    )  # Phi is what the filter does, but for squares of 1e-4
+    # Phi is what the filter does, but for squares of 1e-4
+    np.testing.assert_allclose(P[BLOCK], Phi @ before @ Phi.T + added, rtol=0, atol=1e-6)
     found, Found = lam.copy(), Lam.copy()
     unpropagated(predicted(C, w0, w2, dt)[1:13], found, Found, np.zeros(72))
     np.testing.assert_allclose(found, Phi.T @ lam, rtol=1e-12, atol=1e-12)
@@ -255,9 +254,8 @@ def test_a_pass_is_the_least_squares_of_all_measurements(seed):
     np.testing.assert_allclose(error[:, 3:], expected[:, 3:], atol=1e-9)
     np.testing.assert_allclose(error[:, :3], [rotation(v) for v in expected[:, :3]], atol=1e-9)
     np.testing.assert_allclose(P[(slice(None), *BLOCK)], covariance, atol=1e-9)
-    np.testing.assert_allclose(
-        nav[:, SD : SD + 15] ** 2, np.einsum("ijj->ij", P), atol=1e-9
-    )  # the others stand at 0
+    # the others stand at 0
+    np.testing.assert_allclose(nav[:, SD : SD + 15] ** 2, np.einsum("ijj->ij", P), atol=1e-9)
     np.testing.assert_allclose(error[-1], 0.0, atol=1e-12)  # nothing comes after the last row
 
 
@@ -282,11 +280,12 @@ def test_all_states_and_those_of_aidings_are_composed(tail):
     lla, attitude = np.array([0.8, 3.1, 400.0]), Rotation.random(random_state=2)
     x, y, z, w = attitude.as_quat()
     nav[0, LLA:BIASES] = [*lla, 1.0, 2.0, 3.0, w, x, y, z]
+    # a column of the filter, two states of aidings, their standard deviations
     nav[0, NAV_WIDTH:] = [
         7.0,
         *[10.0, 20.0][:tail],
         *[0.0] * tail,
-    ]  # a column of the filter, two states of aidings, their standard deviations
+    ]
     run_back(
         address(adjoint_step),
         np.zeros((0, WIDTH)),

@@ -53,9 +53,8 @@ def test_deviations_are_those_of_the_turned_covariance():
             q_nb=np.tile([np.sqrt(0.5), 0, 0, np.sqrt(0.5)], (len(solution.t), 1)),
         ),
     )
-    assert deviations(ahead) == pytest.approx(
-        np.c_[east, north, down]
-    )  # heading east: forward is east
+    # heading east: forward is east
+    assert deviations(ahead) == pytest.approx(np.c_[east, north, down])
 
 
 @pytest.mark.short
@@ -133,9 +132,8 @@ def test_one_that_begins_in_motion_says_so():
         "static", 40.0, "tactical", 1, 20.0, magnetometer=Magnetometer(rate=2.0), date="2024-05-01"
     )
     assert "began in motion" not in notes(sd.fuse(still.between(0.0, 20.0), FED, every=100))
-    shaken = 0.05 * np.random.default_rng(1).normal(
-        size=still.imu.dv.shape
-    )  # 1 m/s^2: an engine that runs, and no motion
+    # 1 m/s^2: an engine that runs, and no motion
+    shaken = 0.05 * np.random.default_rng(1).normal(size=still.imu.dv.shape)
     shaken = replace(still, imu=still.imu._replace(dv=still.imu.dv + shaken))
     assert source(shaken, find("attitude-mekf"))[1] == ["attitude from attitude-mekf at 10 Hz"]
 
@@ -184,9 +182,8 @@ def test_one_that_is_named_takes_the_place_of_recorded_attitude():
         "in place of the recorded box" in notes(solution)
         and "box" not in solution.innovations.names
     )
-    assert same(
-        solution, sd.fuse(recording(), FED)
-    )  # neither the AHRS nor the start has seen the box
+    # neither the AHRS nor the start has seen the box
+    assert same(solution, sd.fuse(recording(), FED))
 
 
 @pytest.mark.short
@@ -224,9 +221,8 @@ def test_the_ahrs_begins_with_a_heading_that_is_known():
         find("attitude-mekf"),
         start=known._replace(sd=known.sd[:8] + (2.0,) + known.sd[9:]),
     )
-    assert np.array_equal(
-        rough.y, source(recording(), find("attitude-mekf"))[0].y
-    )  # the field knows better
+    # the field knows better
+    assert np.array_equal(rough.y, source(recording(), find("attitude-mekf"))[0].y)
 
 
 @pytest.mark.short
@@ -234,9 +230,8 @@ def test_hidden_fixes_are_hidden_from_the_ahrs_too():
     hidden = recording().hidden([(8.0, 14.0)])
     solution = sd.fuse(hidden, FED)
     t = solution.innovations.t[solution.innovations.source == 2]
-    assert ((t > 8) & (t < 14)).sum() == pytest.approx(
-        60, abs=1
-    )  # it goes on by gyros and specific force,
+    # it goes on by gyros and specific force,
+    assert ((t > 8) & (t < 14)).sum() == pytest.approx(60, abs=1)
     made, whole = (
         source(hidden, find("attitude-mekf"))[0],
         source(recording(), find("attitude-mekf"))[0],
@@ -467,9 +462,8 @@ def test_a_flight_with_a_magnetometer(data_folder, monkeypatch):
     assert "attitude from attitude-mekf at 10 Hz, which alone uses magnetic-field" in notes(
         solution
     ) and "attitude-mekf: the mean specific" in notes(solution)
-    assert solution.meta["start"]["t"] == pytest.approx(
-        22.04, abs=0.01
-    )  # the first position fix, standing
+    # the first position fix, standing
+    assert solution.meta["start"]["t"] == pytest.approx(22.04, abs=0.01)
     good, bad = solution.counts()["attitude-mekf"]
     assert good + bad == pytest.approx(6743, abs=5) and bad < 0.2 * good
     assert np.degrees(sd.rms(sd.errors(solution, flight.reference), (240.0, 575.0)).rph).max() < 8

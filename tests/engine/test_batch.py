@@ -120,9 +120,8 @@ def test_a_start_in_the_middle_uses_what_comes_after():
     recording = flight()
     solution = fused(recording, start=start(recording, 10.0))
     assert solution.t[0] == pytest.approx(10.05) and len(solution.t) == 200
-    assert solution.innovations.t.min() == pytest.approx(
-        11.0
-    )  # the fix at the start's own time is the start's
+    # the fix at the start's own time is the start's
+    assert solution.innovations.t.min() == pytest.approx(11.0)
     assert solution.meta["fixes_outside"] == 20
     assert sd.rms(sd.errors(solution, recording.reference)).position.max() < 2
 
@@ -177,9 +176,8 @@ def test_a_run_that_diverges_ends_with_its_reason():
     dv[100] = 1e300
     solution = sd.fuse(replace(recording, imu=recording.imu._replace(dv=dv)), start=begin)
     assert len(solution.t) in (100, 101) and "diverged" in solution.meta["stopped"]
-    with pytest.raises(
-        DataError, match="diverged"
-    ):  # the state stays finite here, the covariance does not
+    # the state stays finite here, the covariance does not
+    with pytest.raises(DataError, match="diverged"):
         sd.fuse(recording, start=begin, noise=sd.Noise(1e200, 1e200, 0.0, 0.0, 0.0, 0.0))
     dv[0] = 1e300
     with pytest.raises(DataError, match="closed-loop stopped at 0.05 s: .*diverged"):
@@ -390,17 +388,19 @@ L, R, P, U = loop.REACQUIRED, loop.REJECTED_FIX, loop.ACCEPTED, loop.UNMEASURED
 @pytest.mark.parametrize(
     "uses, lifted, in_vain",
     [
+        # one lift helped; what is rejected later is another matter
         (
             [R] * 6 + [L, P] + [R] * 9,
             [6],
             [],
-        ),  # one lift helped; what is rejected later is another matter
+        ),
         ([R] * 6 + [L] + [R] * 9 + [L] + [R] * 9 + [P], [6], []),  # still to be lifted once more
+        # the end of the record, not yet in vain
         (
             [R] * 6 + [L, R, R, L, R, R, L] + [R] * 4,
             [6],
             [],
-        ),  # the end of the record, not yet in vain
+        ),
         ([R] * 6 + [L, R, R, L, R, U, R, L] + [R] * 5, [6], [13]),
         ([R] * 6 + [L, R, L, R, L] + [R] * 4 + [P] + [R] * 20, [6], []),  # passes after four
         ([L, L, L] + [R] * 5 + [P, R, L, P] + [L, L, L] + [R] * 5 + [P], [0, 10, 12], [2, 14]),

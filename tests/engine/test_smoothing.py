@@ -352,9 +352,8 @@ def test_rejected_and_missing_fixes_say_nothing(longer):
     smoothed, filtered = both(marred, given, **WHITE)
     assert (smoothed.innovations.nis > 50).sum() == 3 and smoothed.counts()["magnetometer"][1] == 3
     assert np.isnan(smoothed.innovations.nis).sum() == 2
-    equal(
-        smoothed, sd.smooth(without, "attitude-mekf", **given, **WHITE), tolerance=1e-6
-    )  # a split of samples at fixes apart
+    # a split of samples at fixes apart
+    equal(smoothed, sd.smooth(without, "attitude-mekf", **given, **WHITE), tolerance=1e-6)
 
 
 def test_a_lifted_gate(longer):

@@ -32,12 +32,13 @@ NAVIGATION = ImuSpec(
     Triad(noise=5e-5, turn_on_bias=2.5e-4, bias_walk=1e-5),
 )
 COARSE, FINE = np.radians([0.5, 0.5, 2.0]), np.radians([0.01, 0.01, 0.05])
+# with a worse IMU, or a coarse start, its INS leaves the linear model
 FILTERS = [
     ("closed-loop", {}, MEMS, COARSE),
     ("closed-loop-error-bias", {}, MEMS, COARSE),
     ("periodic-reset", {"interval": 4.0}, MEMS, COARSE),
     ("open-loop", {}, NAVIGATION, FINE),
-]  # with a worse IMU, or a coarse start, its INS leaves the linear model
+]
 """Name, options, IMU, attitude at the start (rad). To test another filter, add a line."""
 NAMES = [line[0] for line in FILTERS]
 RATE = 20
@@ -336,9 +337,10 @@ def test_an_outage_of_fixes_at_the_end(flight, name):
     )
     smoothed, filtered = both(recording, given, name)
     assert (smoothed.trajectory.sd[:100, 8] < 0.5 * filtered.trajectory.sd[:100, 8]).any()
+    # nothing comes after
     np.testing.assert_allclose(
         smoothed.trajectory.sd[250:], filtered.trajectory.sd[250:], rtol=1e-9
-    )  # nothing comes after
+    )
     assert smoothed.trajectory.sd[-1, 0] > 3 * smoothed.trajectory.sd[200, 0]
 
 

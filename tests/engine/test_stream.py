@@ -159,9 +159,8 @@ def test_a_start_in_the_middle():
     begin = start(recording, 10.0)
     solution, stream = sd.fuse(recording, start=begin, covariance=True), stream_of(recording, begin)
     play(stream, events_of(recording))
-    assert (
-        equal(stream.finish(), solution) and stream.dropped == 200 + 20
-    )  # samples and fixes up to the start, which the batch leaves out too
+    # samples and fixes up to the start, which the batch leaves out too
+    assert equal(stream.finish(), solution) and stream.dropped == 200 + 20
 
 
 def test_a_start_inside_a_sample():
@@ -225,15 +224,13 @@ def test_fixes_about_the_end_of_a_sample_are_used_as_in_the_batch(off):
         sd.fuse(recording, start=begin, covariance=True),
         stream_of(recording, begin, lag=0.1),
     )
-    for event in sorted(
-        events_of(recording), key=lambda event: (event.t, type(event) is Fix)
-    ):  # a fix after the sample that ends with it
+    # a fix after the sample that ends with it
+    for event in sorted(events_of(recording), key=lambda event: (event.t, type(event) is Fix)):
         stream.step(event)
     assert equal(stream.finish(), solution)
     one_by_one = stream_of(recording, begin)
-    for event in sorted(
-        events_of(recording), key=lambda event: type(event) is Sample
-    ):  # the fixes first
+    # the fixes first
+    for event in sorted(events_of(recording), key=lambda event: type(event) is Sample):
         belief = one_by_one.step(event)
         row = int(np.argmin(abs(solution.t - event.t)))
         assert type(event) is Fix or np.array_equal(belief.lla, solution.trajectory.lla[row])
@@ -470,9 +467,10 @@ def test_the_latitude_limit_ends_a_stream_with_its_reason():
     before = snapshot(stream.belief)
     with pytest.raises(DataError, match="stream stopped at .* s: the latitude left"):
         stream.now
+    # looking ahead has done no harm
     assert stream.t == 0 and all(
         np.array_equal(a, b) for a, b in zip(before, snapshot(stream.belief))
-    )  # looking ahead has done no harm
+    )
     with pytest.raises(DataError, match="stream stopped at"):
         stream.finish()
 

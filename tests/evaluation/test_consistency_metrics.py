@@ -74,9 +74,8 @@ def test_nees_is_nan_without_warning_where_P_is_no_covariance():
     value = consistency.nees(np.ones((7, 2)), P)
     assert value[0] == 2 and np.isnan(value[1:]).all()
     assert np.isnan(consistency.nees([1.0, np.nan], np.eye(2)))
-    thin = np.random.default_rng(12).standard_normal(
-        (20, 15, 14)
-    )  # rank 14; what is left of the last pivot is rounding, of either sign
+    # rank 14; what is left of the last pivot is rounding, of either sign
+    thin = np.random.default_rng(12).standard_normal((20, 15, 14))
     assert np.isnan(consistency.nees(np.ones(15), thin @ thin.transpose(0, 2, 1))).mean() > 0.8
 
 
@@ -128,10 +127,11 @@ def test_a_run_is_inconsistent_once_its_nees_was_beyond_for_more_than_ten_second
     nees = FINE.copy()
     nees[10:] = value  # from 5 s: 15 s is exactly ten seconds on, 15.5 s is more
     assert consistency.survival(np.zeros(100), nees, T) == (31, INCONSISTENT)
+    # 3.0000000000000004 - 1.0
     assert consistency.survival(np.zeros(100), nees, 0.1 * np.arange(100), Limits(seconds=2.0)) == (
         31,
         INCONSISTENT,
-    )  # 3.0000000000000004 - 1.0
+    )
     nees[20] = 15.0
     assert consistency.survival(np.zeros(100), nees, T) == (42, INCONSISTENT)
     assert consistency.survival(np.zeros(100), nees, T, Limits(seconds=60.0)) == (100, SURVIVED)
@@ -240,9 +240,10 @@ def test_whiteness_tells_white_from_coloured_and_from_biased():
     assert np.mean(np.abs(found.autocorrelation) > found.bound) == pytest.approx(0.05, abs=0.015)
     coloured = white[1:] + 0.5 * white[:-1]
     assert np.median(consistency.whiteness(coloured).p_value) < 1e-6
+    # 0.5 / (1 + 0.25)
     assert np.median(consistency.whiteness(coloured).autocorrelation[0]) == pytest.approx(
         0.4, abs=0.02
-    )  # 0.5 / (1 + 0.25)
+    )
     assert np.median(consistency.whiteness(white + 0.5).p_value) < 1e-6
 
 
@@ -283,9 +284,10 @@ def test_normalised_innovations_have_unit_size_and_keep_their_correlation():
         > 0.98
     )
     assert consistency.whiteness(scaled).p_value.min() > 1e-3
+    # exactly e / sqrt(S), not e / rms
     np.testing.assert_allclose(
         consistency.normalised(solution, 1)[:, 0], z[(source == 1) & accepted, 0]
-    )  # exactly e / sqrt(S), not e / rms
+    )
     with pytest.raises(DataError, match="no source 'radar'; it has gnss, baro"):
         consistency.normalised(solution, "radar")
 

@@ -161,10 +161,11 @@ def ratios(told=1.0, runs=200, duration=60):
         e = sd.errors(solution, truth)
         squares.append([np.square(part[-1]).sum() for part in (e.position, e.velocity, e.attitude)])
     least = np.array([bound.position[-1], bound.velocity[-1], bound.attitude[-1]]) ** 2
+    # of a mean of Gaussian quadratic forms
     spread = [
         np.sqrt(2 * np.square(bound.covariance[-1, k : k + 3, k : k + 3]).sum() / runs)
         for k in (0, 3, 6)
-    ]  # of a mean of Gaussian quadratic forms
+    ]
     return np.mean(squares, axis=0) / least, spread / least
 
 

@@ -204,11 +204,12 @@ def test_the_table_of_errors_has_dashes_and_the_angles(capsys):
     assert [float(text) for text in row("attitude-mekf")[-1].split()] == pytest.approx(
         angles, rel=0.01
     )
+    # its heading runs free
     assert row("vru")[3].endswith(" -") and [text == "-" for text in row("vru")[-1].split()] == [
         True,
         False,
         True,
-    ]  # its heading runs free
+    ]
     console.print_errors({"closed-loop": FULL}, TRUTH)
     console.print_outages(ATTITUDE, TRUTH, [(100, 120)])
     out = capsys.readouterr().out

@@ -30,9 +30,8 @@ def test_displacement_agrees_with_pyins_and_with_a_tangent_plane():
     degrees = lambda lla: np.c_[np.degrees(lla[:, :2]), lla[:, 2]]
     assert np.allclose(found, compute_lla_difference(degrees(a), degrees(b)), atol=1e-6)
     n, e, d = pymap3d.geodetic2ned(*degrees(a).T, *degrees(b).T)
-    assert np.allclose(
-        found, np.c_[n, e, d], atol=0.02
-    )  # 60 m apart: the curvature of parallels at 85 deg is below 1 mm/m
+    # 60 m apart: the curvature of parallels at 85 deg is below 1 mm/m
+    assert np.allclose(found, np.c_[n, e, d], atol=0.02)
 
 
 def test_error_is_true_minus_estimate_in_every_quantity():
@@ -78,9 +77,8 @@ def test_a_sparse_reference_is_interpolated_to_millimetres_also_across_the_antim
     coarse = Trajectory(fine.t[::50], fine.lla[::50], fine.v_n[::50], fine.q_nb[::50])
     e = metrics.errors(fine, coarse)
     assert len(e.t) == 59 * 50 + 1
-    assert (
-        np.abs(e.position[:, :2]).max() < 0.05 and np.abs(e.position[:, 2]).max() < 1e-6
-    )  # 40 m/s round 800 m: v^4/r^3/384 = 13 mm, and the sphere of `flight`
+    # 40 m/s round 800 m: v^4/r^3/384 = 13 mm, and the sphere of `flight`
+    assert np.abs(e.position[:, :2]).max() < 0.05 and np.abs(e.position[:, 2]).max() < 1e-6
     assert np.abs(e.attitude).max() < 1e-6
     linear = metrics.errors(fine, replace(coarse, v_n=None))
     assert 0.2 < linear.horizontal.max() < 0.3  # a dt^2 / 8 = 0.25 m

@@ -101,12 +101,13 @@ FILTERS = [
     ("ukf", {}, WALK, COARSE),
     ("closed-loop-error-bias", {}, MEMS, COARSE),
     ("periodic-reset", {"interval": 10.0}, WALK, COARSE),
+    # with a worse IMU, or a coarse start, its INS leaves the linear model
     (
         "open-loop",
         {},
         NAVIGATION,
         FINE,
-    ),  # with a worse IMU, or a coarse start, its INS leaves the linear model
+    ),
     ("pkf", {"components": 20}, WALK, COARSE),
     ("pkf", {"components": 3, "kernel": 0.9, "resample": 1.0}, WALK, COARSE),
     ("direct-ahrs", {}, WALK, COARSE, 1),

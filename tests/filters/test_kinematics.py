@@ -14,9 +14,8 @@ from strapdown.geodesy import displacement
 
 pytestmark = pytest.mark.short
 DEG, SECONDS, DT = np.pi / 180, 10.0, 0.05
-ERROR = np.array(
-    [1e3, 2e3, 50e3, 20.0, -15.0, 100.0, *[0.0] * 9]
-)  # true - INS: 50 km too high, falling behind at 100 m/s
+# true - INS: 50 km too high, falling behind at 100 m/s
+ERROR = np.array([1e3, 2e3, 50e3, 20.0, -15.0, 100.0, *[0.0] * 9])
 NOISE = Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 INCREMENT = np.array([0, 0, 0, 0.1, 0.2, -9.7]) * DT
 
@@ -65,9 +64,8 @@ def left_out(kinematics):
 def test_second_order_leaves_out_what_gravity_and_velocity_do_and_nothing_of_position():
     position, velocity, _ = left_out("second-order")
     assert np.all(np.abs(velocity) < 0.02)  # half the second derivative of gravity: 1.8e-3 m/s^2
-    np.testing.assert_allclose(
-        position, velocity * SECONDS / 2, atol=0.006
-    )  # position errs as the velocity makes it
+    # position errs as the velocity makes it
+    np.testing.assert_allclose(position, velocity * SECONDS / 2, atol=0.006)
 
 
 @pytest.mark.parametrize(

@@ -96,9 +96,8 @@ def test_inner_loops_damp_every_mode(airspeed):
     assert poles.real.max() < -1e-3
     damping = -poles.real / np.abs(poles)
     assert damping[np.abs(poles) > 1.0].min() > 0.35
-    assert (
-        np.sort(np.linalg.eigvals(modes.A).real)[-1] > poles.real.max()
-    )  # open, something is slower or grows
+    # open, something is slower or grows
+    assert np.sort(np.linalg.eigvals(modes.A).real)[-1] > poles.real.max()
 
 
 @pytest.mark.short
@@ -214,9 +213,8 @@ def test_integral_does_not_wind_up_over_a_long_climb():
     assert flight.log["above route, m"].max() < 2.5
     assert settled(flight, "above route, m", 0.0, 1.0) < 32.0
     climb = np.diff(flight.log["above route, m"][300:1500]).mean() * 100
-    assert climb == pytest.approx(
-        25.0 * math.sin(8 * DEG), rel=0.2
-    )  # the climb that the saturated zone allows
+    # the climb that the saturated zone allows
+    assert climb == pytest.approx(25.0 * math.sin(8 * DEG), rel=0.2)
 
 
 @pytest.mark.parametrize("faster", [2.0, -3.0])
@@ -331,13 +329,14 @@ def test_deviation_has_the_signs_of_right_and_along():
     line[[p.ALONG_N, p.LENGTH]] = 1.0, 100.0
     assert plain(p.deviation)(line, 30.0, 5.0) == pytest.approx((5.0, 30.0, 0.0))
     arc = np.zeros(p.ROUTE_WIDTH)
+    # clockwise from the origin, northwards
     arc[[p.KIND, p.FROM_E, p.RADIUS, p.ANGLE, p.LENGTH]] = (
         p.ARC_KIND,
         50.0,
         50.0,
         -math.pi / 2,
         100.0,
-    )  # clockwise from the origin, northwards
+    )
     assert plain(p.deviation)(arc, 0.0, 2.0) == pytest.approx((2.0, 0.0, 0.0))
     right, along, course = plain(p.deviation)(arc, 53.0, 50.0)
     assert (right, along, course) == pytest.approx((-3.0, 25 * math.pi, math.pi / 2))

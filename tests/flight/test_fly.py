@@ -341,9 +341,8 @@ def test_log_is_consistent_with_the_truth():
     force = truth.rotation[1:].apply(column("Fx, N", "Fy, N", "Fz, N")) / craft["mass"]
     acceleration = (truth.v_n[2:] - truth.v_n[:-2]) / 0.02
     apart = acceleration - force[:-1] - [0, 0, 9.807]
-    assert (
-        np.abs(apart[:, :2]).max() < 1.0 and np.abs(np.mean(apart, axis=0)).max() < 0.02
-    )  # gusts step from sample to sample
+    # gusts step from sample to sample
+    assert np.abs(apart[:, :2]).max() < 1.0 and np.abs(np.mean(apart, axis=0)).max() < 0.02
     air = (
         truth.rotation[1:]
         .inv()
@@ -429,10 +428,11 @@ def test_the_model_predicts_while_the_receiver_is_cut():
         and model.log["t, s"][cut][0] == pytest.approx(11.01)
     )
     assert "500 IMU samples are those of the aircraft's model" in model.recording.meta["notes"][0]
+    # in a turn
     assert (
         np.array_equal(imu.recording.imu.dv[~cut], model.recording.imu.dv[~cut])
         and abs(model.log["r, rad/s"][1100]) > 0.15
-    )  # in a turn
+    )
     assert np.abs(imu.recording.imu.dtheta[cut] - model.recording.imu.dtheta[cut]).max() < 1e-4
     assert (
         np.abs(imu.recording.imu.dv[cut] - model.recording.imu.dv[cut]).max() < 2e-3
@@ -485,10 +485,11 @@ def test_a_filter_can_be_told_the_controls():
         held.append(belief)
         return belief
 
+    # before H, which stands at the end
     first = (
         closed.start(fly("straight", duration=0.1).start, Noise(*[0.0] * 6)).workspace.size
         - 3 * STATES
-    )  # before H, which stands at the end
+    )
     cut = dict(duration=3.0, outage="2:", wind=(1.0, 2.0, 0.0))
     flight = fly(
         "straight",

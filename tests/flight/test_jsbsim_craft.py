@@ -97,10 +97,11 @@ def test_the_same_controls_fly_the_same_trajectory(ours):
     made = fly_jsbsim(AEROSONDE, ours[0], ours[:, 13:], DT, substeps=4)
     assert made.shape == ours.shape and np.array_equal(made[:, 13:], ours[:, 13:])
     assert np.linalg.norm(displacement(ours[-1, :3], ours[0, :3])) > 300  # it went somewhere,
+    # and turned
     assert (
         np.ptp(np.unwrap(Rotation.from_quat(ours[:, [7, 8, 9, 6]]).as_euler("ZYX")[:, 0]))
         > 30 * DEG
-    )  # and turned
+    )
     assert np.all(apart(made, ours) < TOLERANCE)
 
 

@@ -93,9 +93,8 @@ def test_angles_in_either_unit(build):
 def test_quaternions_in_both_orders(build, names, order):
     (fixes,) = read(build(quaternion(), columns(names, quaternion=order))).aidings
     assert difference(fixes.y) < 1e-9 and fixes.sd[0, 2] == pytest.approx(np.radians(2.0))
-    counts = quaternion().assign(
-        **{name: (quaternion()[name] * 32768).round() for name in names}
-    )  # as 16-bit counts
+    # as 16-bit counts
+    counts = quaternion().assign(**{name: (quaternion()[name] * 32768).round() for name in names})
     (scaled,) = read(
         build(counts, lambda s: columns(names, quaternion=order)(s) + f"scale = {1 / 32768}\n")
     ).aidings
@@ -347,9 +346,8 @@ def test_stuck_fixes_are_dropped_and_counted(build):
     assert len(recording.aidings[0].t) == 900 and any(
         "attitude: 100 rows dropped, stuck at one value" in note for note in recording.meta["notes"]
     )
-    flat = pd.DataFrame(
-        np.c_[T, 0 * T, 0 * T], columns=["t", "roll", "pitch"]
-    )  # a table that turns about the vertical
+    # a table that turns about the vertical
+    flat = pd.DataFrame(np.c_[T, 0 * T, 0 * T], columns=["t", "roll", "pitch"])
     path = build(flat, lambda s: columns(["roll", "pitch"])(s).replace("[0.5, 0.5, 2.0]", "0.5"))
     imu = tables()[0].assign(gx=0.0, gy=0.0, gz=0.3, ax=0.0, ay=0.0, az=-9.81)
     imu.to_csv(path.parent / "imu.csv", index=False)
@@ -377,9 +375,8 @@ def test_missing_cells_of_a_merged_table_are_not_stuck_ones(build, empty):
     held.loc[200:300, ["roll", "pitch", "heading"]] = held.loc[
         200, ["roll", "pitch", "heading"]
     ].to_numpy()
-    notes = read(build(merged(held))).meta[
-        "notes"
-    ]  # empty cells between them do not hide those that are
+    # empty cells between them do not hide those that are
+    notes = read(build(merged(held))).meta["notes"]
     assert (
         "attitude: 100 rows dropped, stuck at one value" in notes[0]
         and "8991 rows without time, value" in notes[1]
@@ -399,9 +396,8 @@ def test_rows_without_heading_are_counted_with_their_longest_pause(build):
     expected = "attitude: 152 rows of 1000 without heading, the longest time without one 10 s from 90.000 s"
     assert read(build(frame)).meta["notes"] == [expected]
     assert f"note: {expected}" in inspect(build(frame)).facts
-    assert (
-        read(build(angles().assign(heading=np.nan))).meta["notes"] == []
-    )  # none at all: it gives roll and pitch alone
+    # none at all: it gives roll and pitch alone
+    assert read(build(angles().assign(heading=np.nan))).meta["notes"] == []
 
 
 def test_rad_read_as_deg_in_a_merged_table(build):

@@ -122,9 +122,8 @@ def test_a_box_lying_flat_has_no_roll_and_pitch():
     turned = sd.Trajectory(
         np.zeros(2), np.zeros((2, 3)), q_nb=body_to_ned(np.array([[1.0, 0, 0, 0], [np.nan] * 4]))
     )
-    np.testing.assert_allclose(
-        np.degrees(turned.rph[0]), [0, 0, 90], atol=1e-9
-    )  # its x axis points east
+    # its x axis points east
+    np.testing.assert_allclose(np.degrees(turned.rph[0]), [0, 0, 90], atol=1e-9)
     assert np.isnan(turned.q_nb[1]).all()
 
 
@@ -339,9 +338,10 @@ def test_positions_are_decimated_and_have_the_noise_stated(tmp_path):
     )
     whole = sd.read(write(tmp_path, quat_wxyz_enu=np.tile([1.0, 0, 0, 0], (N, 1))))
     there = np.isin(with_positions(whole, 10.0, (0.05, 0.1, 0.2), 3).aidings[-1].t, fixes.t)
+    # a gap changes no draw
     np.testing.assert_array_equal(
         with_positions(whole, 10.0, (0.05, 0.1, 0.2), 3).aidings[-1].y[there], fixes.y
-    )  # a gap changes no draw
+    )
 
 
 def test_positions_that_cannot_be_made_are_refused(tmp_path):

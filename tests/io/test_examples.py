@@ -54,9 +54,8 @@ def test_drive0708_lever_arms_and_axes(data_folder):
     np.testing.assert_allclose(arms["position"], [0, -0.05, 0], atol=1e-12)
     np.testing.assert_allclose(arms["zero-lateral-velocity"], [0, 0, 0.65])
     position, velocity = recording.aidings[:2]
-    down = -np.gradient(
-        position.y[:, 2], position.t
-    )  # the vertical velocity has the sign that the height says
+    # the vertical velocity has the sign that the height says
+    down = -np.gradient(position.y[:, 2], position.t)
     assert np.corrcoef(down, velocity.y[:, 2])[0, 1] > 0.9
     assert recording.aidings[4].t[0] < 4 and recording.imu.t[0] == pytest.approx(3.854 - 0.20)
 

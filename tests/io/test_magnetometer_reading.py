@@ -287,9 +287,8 @@ def test_one_constant_axis(build):
     ):
         read(path)
     assert any("x is constant" in problem for problem in inspect(path).problems)
-    level = lambda f: f.assign(
-        gx=0.0, gy=0.0, ax=0.0, ay=0.0, az=-9.8
-    )  # turns about z alone leave z as it is
+    # turns about z alone leave z as it is
+    level = lambda f: f.assign(gx=0.0, gy=0.0, ax=0.0, ay=0.0, az=-9.8)
     assert "is constant" not in notes(build(mag=lambda f: f.assign(mz=43.0), imu=level))
     tilted = lambda f: f.assign(
         gx=np.where(f.t < 2, np.radians(10.0), 0.0), gy=0.0, gz=0.0, ax=0.0, ay=0.0, az=-9.8
@@ -371,9 +370,8 @@ def test_a_sample_without_a_component_is_dropped(build):
 
 
 def test_a_held_value_at_rest_is_not_called_stuck(build):
-    still = lambda f: f.assign(
-        gx=0.02, gy=0.0, gz=0.0, ax=0.0, ay=0.0, az=-9.8
-    )  # with a gyro bias of 1 deg/s
+    # with a gyro bias of 1 deg/s
+    still = lambda f: f.assign(gx=0.02, gy=0.0, gz=0.0, ax=0.0, ay=0.0, az=-9.8)
     path = build(mag=lambda f: f.assign(mx=20.0, my=1.0, mz=43.5), imu=still)
     assert len(
         read(path).aidings[0].t
@@ -388,9 +386,8 @@ def test_saturated_samples_are_dropped_and_counted(build):
         and f"{count} samples dropped, at the limit of the sensor's range (saturated)"
         in notes(build(mag=clipped))
     )
-    assert "saturated" not in notes(
-        build(mag=lambda f: f.round({name: 0 for name in COLUMNS}))
-    )  # coarse steps are no saturation
+    # coarse steps are no saturation
+    assert "saturated" not in notes(build(mag=lambda f: f.round({name: 0 for name in COLUMNS})))
 
 
 def test_inspect_names_the_axes_that_fit(build):

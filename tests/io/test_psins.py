@@ -37,18 +37,18 @@ def test_counts_become_increments_in_body_axes(tmp_path, name):
     recording = sd.read(write(tmp_path, name=name))
     imu, arcsec = recording.imu, np.radians(1 / 3600)
     np.testing.assert_allclose(imu.t, [100.01, 100.02, 100.03, 100.04])
+    # forward, right, down
     np.testing.assert_allclose(
         imu.dtheta[0], [20 * 0.2 * arcsec, 1 * 0.1 * arcsec, 300 * 0.3 * arcsec]
-    )  # forward, right, down
+    )
     np.testing.assert_allclose(imu.dv[0], [5 * 100e-6 * G, 4 * 125e-6 * G, -200 * 50e-6 * G])
     assert recording.meta["name"] == "log" and recording.reference is None
 
 
 def test_the_header_is_kept_in_the_frames_of_the_package(tmp_path):
     meta = read_psins(write(tmp_path)).meta
-    np.testing.assert_allclose(
-        np.degrees(meta["attitude"]), [-0.25, 0.5, 90.6]
-    )  # roll, pitch, heading clockwise
+    # roll, pitch, heading clockwise
+    np.testing.assert_allclose(np.degrees(meta["attitude"]), [-0.25, 0.5, 90.6])
     np.testing.assert_allclose(meta["velocity"], [2.0, 1.0, -3.0])
     np.testing.assert_allclose(np.degrees(meta["position"][:2]), [34.246048, 108.909664])
     assert meta["position"][2] == 380.0 and meta["gravity"] == G
@@ -119,19 +119,18 @@ def test_the_ring_laser_record_feels_gravity_and_the_turning_earth(data_folder):
     assert len(imu.t) == 184718 and imu.dt.sum() == pytest.approx(1847.18)
     rate, force = imu.dtheta.sum(axis=0) / imu.dt.sum(), imu.dv.sum(axis=0) / imu.dt.sum()
     sine = np.sin(latitude) ** 2
+    # Somigliana, WGS-84
     gravity = (
         9.7803253359 * (1 + 0.00193185265241 * sine) / np.sqrt(1 - 0.00669437999013 * sine)
         - 3.0877e-6 * height
-    )  # Somigliana, WGS-84
+    )
     assert np.linalg.norm(force) == pytest.approx(gravity, abs=1e-3)  # 0.1 mg
     assert np.degrees(np.linalg.norm(rate)) * 3600 == pytest.approx(15.041, rel=0.02)
     up = force / np.linalg.norm(force)
     vertical = np.degrees(rate @ up) * 3600
-    assert vertical == pytest.approx(
-        15.041 * np.sin(latitude), abs=0.3
-    )  # deg/h; 0.1 deg/h of misalignment and drift was measured
+    # deg/h; 0.1 deg/h of misalignment and drift was measured
+    assert vertical == pytest.approx(15.041 * np.sin(latitude), abs=0.3)
     horizontal = rate - (rate @ up) * up
     heading = np.degrees(np.arctan2(-horizontal[1], horizontal[0])) % 360
-    assert heading == pytest.approx(
-        np.degrees(recording.meta["attitude"][2]), abs=5
-    )  # the header's 90.6; the README's 88
+    # the header's 90.6; the README's 88
+    assert heading == pytest.approx(np.degrees(recording.meta["attitude"][2]), abs=5)

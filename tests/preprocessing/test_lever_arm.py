@@ -109,9 +109,8 @@ def test_gaps_and_single_samples():
     moved = imu_at(Imu(*(column[keep] for column in centre)), ARM)
     assert np.isfinite(moved.dv).all()
     off = np.abs(moved.dv - point.dv[keep]).max(axis=1) / 0.01
-    assert (
-        off[[99, 101]].max() < 0.3 and off[1:98].max() < 0.05
-    )  # beside the gap the rate goes on evenly
+    # beside the gap the rate goes on evenly
+    assert off[[99, 101]].max() < 0.3 and off[1:98].max() < 0.05
     one = imu_at(Imu(*(column[:1] for column in centre)), ARM)
     assert one.dv.shape == (1, 3) and np.isfinite(one.dv).all()
 
@@ -144,9 +143,8 @@ def test_the_moved_imu_navigates_the_moved_point():
     off = displacement(run.trajectory.lla, point.lla[1:])
     assert np.abs(off).max() < 0.02 and np.abs(run.trajectory.v_n - point.v_n[1:])[:-1].max() < 0.01
     still = sd.fuse(sd.Recording(imu), "open-loop", "navigation", start)
-    assert (
-        np.abs(displacement(still.trajectory.lla, point.lla[1:])).max() > 1
-    )  # what leaving the lever arm out would cost
+    # what leaving the lever arm out would cost
+    assert np.abs(displacement(still.trajectory.lla, point.lla[1:])).max() > 1
 
 
 # ---- GNSS

@@ -106,9 +106,8 @@ def test_no_trace_of_a_long_run_is_long():
     truth = flight(3600, rate=20.0)
     made = solution(truth)
     for figure in everything(made, truth):
-        assert (
-            max(len(t.x) for t in figure.data) <= 2 * drawing.MOST_POINTS + 10
-        )  # a band is a polygon, there and back
+        # a band is a polygon, there and back
+        assert max(len(t.x) for t in figure.data) <= 2 * drawing.MOST_POINTS + 10
 
 
 def test_the_initial_convergence_does_not_flatten_the_rest_but_is_told():

@@ -137,9 +137,8 @@ def verdicts(evidence):
 
 def test_a_world_in_which_the_paper_is_right():
     found = verdicts(GOOD)
-    assert (
-        found.pop("no_clear_benefit") == NOT_REPRODUCED
-    )  # for the XKF is better than both everywhere
+    # for the XKF is better than both everywhere
+    assert found.pop("no_clear_benefit") == NOT_REPRODUCED
     assert set(found.values()) == {REPRODUCED}, found
 
 
@@ -148,18 +147,18 @@ def test_a_world_in_which_it_is_wrong():
     assert (
         found.pop("no_clear_benefit") == REPRODUCED and found.pop("no_guarantee") == NOT_REPRODUCED
     )
-    assert (
-        found.pop("heading_correction") == NOT_REPRODUCED
-    )  # better in the north everywhere, and it stays so without course
+    # better in the north everywhere, and it stays so without course
+    assert found.pop("heading_correction") == NOT_REPRODUCED
     assert set(found.values()) == {NOT_REPRODUCED}, found
 
 
 def test_a_world_in_which_nothing_can_be_told():
     found = verdicts(LOUD)
+    # three of three
     assert (
         found.pop("no_guarantee") == NOT_REPRODUCED
         and found.pop("inherits_stability") == REPRODUCED
-    )  # three of three
+    )
     assert found.pop("heading_correction") == UNDECIDED
     stabilised = found.pop("biases_stabilised")
     assert set(found.values()) == {UNDECIDED}, found
@@ -270,9 +269,8 @@ def test_one_cell_of_many_is_decided_at_the_level_of_them_all():
     draw = np.random.default_rng(6).standard_normal(SEEDS)
     draw = size * (draw - draw.mean()) / draw.std(ddof=1)
     own = (table["case"] == "outage 3") & (table["filter"] == XKF)
-    table.loc[own, "east_rmse_m"] = 11.5 * np.exp(
-        draw - 3.0 * size / np.sqrt(SEEDS)
-    )  # 3 standard errors: beyond t(11) at 95 %, not at 99.76 %
+    # 3 standard errors: beyond t(11) at 95 %, not at 99.76 %
+    table.loc[own, "east_rmse_m"] = 11.5 * np.exp(draw - 3.0 * size / np.sqrt(SEEDS))
     tables, measures = wide(table), claims.RMSE
     assert (
         against(tables, measures, XKF, (EKF, NLO)).supports == 1

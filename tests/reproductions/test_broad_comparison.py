@@ -183,9 +183,8 @@ def test_tables_and_claims():
     ).all(axis=None)
     claims = main.judged(orientation, trials)
     assert [(c["holds"], c["bound"]) for c in claims] == [(True, 2.6), (False, 2.5), (True, 5.0)]
-    assert [c["bound"] for c in main.judged(orientation, trials[3:4])] == [
-        2.5
-    ]  # one trial decides nothing of the mean
+    # one trial decides nothing of the mean
+    assert [c["bound"] for c in main.judged(orientation, trials[3:4])] == [2.5]
 
 
 @pytest.mark.short
@@ -242,9 +241,10 @@ def test_figures_say_what_they_show():
         ]
         assert caption and all("[" in axis["title"]["text"] for axis in axes)
     last = drawn[-1][1]
+    # before and after the movement
     assert [shape["x1"] for shape in last.to_dict()["layout"]["shapes"]] == pytest.approx(
         [1.0, 3.99]
-    )  # before and after the movement
+    )
     assert [trace.visible for trace in last.data] == [True, True, "legendonly"]
     assert len({(trace.line.color, trace.line.dash) for trace in last.data}) == 3
 
@@ -258,9 +258,10 @@ def test_products_of_quaternions_against_scipy():
     )
     np.testing.assert_allclose(made, quaternion(a * b), atol=1e-12)
     for frame, north in ((peers.NWU, [1.0, 0, 0]), (peers.NED, [1.0, 0, 0])):
+        # north is the second axis of ENU
         np.testing.assert_allclose(
             Rotation.from_quat(np.roll(frame, -1)).apply(north), [0, 1, 0], atol=1e-12
-        )  # north is the second axis of ENU
+        )
 
 
 @pytest.mark.short

@@ -109,9 +109,8 @@ def test_b_ours_is_the_derivative_of_heading_at_every_heading(roll, pitch, headi
         for e in np.eye(3)
     ]
     assert row == pytest.approx(slope, abs=1e-4)
-    body = (
-        C.T @ row
-    )  # of an error in body axes, as the book has it: [0, sin(roll), cos(roll)] / cos(pitch)
+    # of an error in body axes, as the book has it: [0, sin(roll), cos(roll)] / cos(pitch)
+    body = C.T @ row
     assert body == pytest.approx(
         [0, np.sin(roll * DEG) / np.cos(pitch * DEG), np.cos(roll * DEG) / np.cos(pitch * DEG)],
         abs=1e-9,
@@ -145,13 +144,11 @@ def test_b_southward_the_printed_row_does_not_converge_and_ours_does(off):
         compass_errors(heading + off, heading, gibbs_row) for heading in (0.0, 180.0)
     )
     assert northward[0][-1] < 0.01
-    assert (
-        southward[0][0] > 100 and southward[0][-1] > 4 * southward[1] > 5
-    )  # thrown half around, and then sure of what is wrong
+    # thrown half around, and then sure of what is wrong
+    assert southward[0][0] > 100 and southward[0][-1] > 4 * southward[1] > 5
     stuck, claimed = compass_errors(180.0, 180.0 + off, gibbs_row)
-    assert stuck[-1] == pytest.approx(20) and claimed == pytest.approx(
-        30
-    )  # estimated south: no compass is heard
+    # estimated south: no compass is heard
+    assert stuck[-1] == pytest.approx(20) and claimed == pytest.approx(30)
 
 
 # ---- c: measurements between the position fixes
@@ -225,14 +222,12 @@ def our_covariance(h, noise):
 
 
 def test_d_printed_weights_tie_the_tuning_to_the_step_and_densities_do_not():
-    noise = Noise(
-        2e-3, 3e-2, 1e-4, 1e-3, 0.0, 0.0
-    )  # roots of the densities: rad/sqrt(s), m/s/sqrt(s), rad/s/sqrt(s), m/s^2/sqrt(s)
+    # roots of the densities: rad/sqrt(s), m/s/sqrt(s), rad/s/sqrt(s), m/s^2/sqrt(s)
+    noise = Noise(2e-3, 3e-2, 1e-4, 1e-3, 0.0, 0.0)
     q = np.repeat([noise.accel, noise.gyro, noise.accel_bias, noise.gyro_bias], 3) ** 2
     whole, half = printed_covariance(0.01, q / 0.01), printed_covariance(0.005, q / 0.01)
-    assert np.diag(half) == pytest.approx(
-        0.5 * np.diag(whole), rel=0.02
-    )  # halve the step: half the covariance
+    # halve the step: half the covariance
+    assert np.diag(half) == pytest.approx(0.5 * np.diag(whole), rel=0.02)
     ours = our_covariance(0.01, noise)
     np.testing.assert_allclose(np.diag(our_covariance(0.005, noise)), np.diag(ours), rtol=0.02)
     for h in (0.01, 0.005):  # weights of a density q: Qd = q/h
@@ -256,9 +251,8 @@ def test_f_a_rotation_error_added_to_euler_angles_is_wrong_at_tilt(roll, pitch, 
     assert np.abs(slope - np.eye(3)).max() >= wrong and (
         wrong > 0 or np.allclose(slope, np.eye(3), atol=1e-8)
     )
-    assert (observed("heading", C, 70 * DEG)[1][0, 6:9] @ C) == pytest.approx(
-        slope[2], abs=1e-7
-    )  # our row, its error in n, in body axes
+    # our row, its error in n, in body axes
+    assert (observed("heading", C, 70 * DEG)[1][0, 6:9] @ C) == pytest.approx(slope[2], abs=1e-7)
     error = np.array([0.02, 0.03, -0.02])
     true = C @ Rotation.from_rotvec(error).as_matrix()
     printed = Rotation.from_euler("ZYX", (angles(np.zeros(3)) + error)[::-1]).as_matrix()
@@ -368,6 +362,5 @@ def test_i_in_a_coordinated_turn_the_bank_is_not_seen():
     bank = np.arctan(speed * rate / G)
     f = matrix(np.degrees(bank), 0, 0).T @ [0, speed * rate, -G]
     assert abs(static_attitude(f)[0]) < 1e-12 and bank > 0.5
-    assert level(f, (0.0, speed * rate, 0.0))[0] == pytest.approx(
-        bank, rel=5e-3
-    )  # who knows the acceleration finds it
+    # who knows the acceleration finds it
+    assert level(f, (0.0, speed * rate, 0.0))[0] == pytest.approx(bank, rel=5e-3)

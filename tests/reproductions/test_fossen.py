@@ -173,12 +173,12 @@ def test_samples_have_the_published_noise_at_any_rate(rate):
 @pytest.mark.short
 def test_varying_biases_begin_at_the_constant_ones_and_follow_their_law():
     b_a, b_g = signals.biases(True, 60_000, 30.0, np.random.default_rng(1))
+    # after 300 s
     np.testing.assert_allclose(
         b_a[9], np.exp(-1.0) * np.array(signals.ACCEL_BIAS), atol=5 * signals.BIAS_SD[0]
-    )  # after 300 s
-    assert [part[100:].std() for part in (b_a, b_g)] == pytest.approx(
-        signals.BIAS_SD, rel=0.05
-    )  # 4 sigma: 9000 independent values
+    )
+    # 4 sigma: 9000 independent values
+    assert [part[100:].std() for part in (b_a, b_g)] == pytest.approx(signals.BIAS_SD, rel=0.05)
     begun = signals.biases(True, 10, 1e-3, np.random.default_rng(1))
     np.testing.assert_allclose(
         [part[0] for part in begun], [signals.ACCEL_BIAS, signals.GYRO_BIAS], atol=1e-5
@@ -278,9 +278,8 @@ def test_published_weights_belong_to_their_step_and_densities_do_not(rate):
     """h^2 Q in each step: at 1 ms the sums are what the densities q = h Q give at any rate; the
     same Q at 10 ms would be ten times that."""
     code, library = grown(MEKF, 1e-3, rate)
-    kept = library[
-        [3, 8, 9, 12]
-    ]  # velocity, heading, biases; gravity tilts and bias drives add to the first two
+    # velocity, heading, biases; gravity tilts and bias drives add to the first two
+    kept = library[[3, 8, 9, 12]]
     np.testing.assert_allclose(kept[2:], code[2:], rtol=0.01)
     assert code[1] == pytest.approx(1e-4) and kept[1] == pytest.approx(code[1] + 1e-6 / 3, rel=0.01)
     assert kept[0] == pytest.approx(code[0] + 1e-5 / 3 + 9.82**2 * (1e-4 / 3 + 1e-6 / 20), rel=0.01)
@@ -432,11 +431,12 @@ def test_the_study_writes_page_tables_and_claims(made):
         and not runs["stopped"].any()
     )
     fixed = runs[runs["case"] == "fixed-gain"]
+    # of a start that is off by a metre
     assert (
         fixed["gyro_s"].isna().all()
         and fixed["accel_left_x"].isna().all()
         and fixed["position_m"].max() < 3.0
-    )  # of a start that is off by a metre
+    )
     assert (
         runs[runs["case"] == "indirect-ahrs-open"]["ins_m"].min() > 10
         and runs[runs["case"] != "indirect-ahrs-open"]["ins_m"].isna().all()

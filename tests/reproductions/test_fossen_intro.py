@@ -49,9 +49,8 @@ def test_position_and_angle_tell_all_five_states_and_neither_alone_does():
     position, velocity, angle = np.eye(5)[[0, 1, 2]]
     assert intro.observable(np.array([position, angle])) == 5
     assert intro.observable(position) == 3 and intro.observable(angle) == 2
-    assert (
-        intro.observable(np.array([velocity, angle])) == 4
-    )  # where it is, is not told by how fast it goes
+    # where it is, is not told by how fast it goes
+    assert intro.observable(np.array([velocity, angle])) == 4
     assert intro.observable(np.array([position, angle]), MODEL.without_decay()) == 5
 
 
@@ -98,9 +97,8 @@ def test_the_raw_ins_drifts_as_a_constant_bias_says():
     ins = intro.estimate(record).ins[:, 0]
     b, r, t = *intro.BEGIN, record.t
     np.testing.assert_allclose(ins[:, 1] - record.true[:, 0, 1], b * t, atol=1e-6)
-    np.testing.assert_allclose(
-        ins[:, 0] - record.true[:, 0, 0], 0.5 * b * t * t, atol=0.02
-    )  # the acceleration within a sample
+    # the acceleration within a sample
+    np.testing.assert_allclose(ins[:, 0] - record.true[:, 0, 0], 0.5 * b * t * t, atol=0.02)
     np.testing.assert_allclose(ins[:, 2] - record.true[:, 0, 2], r * t, atol=1e-6)
 
 

@@ -186,9 +186,10 @@ def test_the_published_tables_say_what_was_counted_in_them():
         for table in ("Table 2", "Table 3")
         for name in PRINTED_DEVIATIONS
     ]
+    # as the claim on nonlinearity says
     assert min(ratios) == pytest.approx(2.93, abs=0.01) and max(ratios) == pytest.approx(
         19.4, abs=0.1
-    )  # as the claim on nonlinearity says
+    )
 
 
 @pytest.mark.short
@@ -386,10 +387,11 @@ def test_a_small_study_writes_its_page(monkeypatch, tmp_path):
         and done[-1] == pytest.approx(1.0)
         and {claim["verdict"] for claim in claims} <= set(COLOURS)
     )
+    # one filter
     assert (
         json.loads((tmp_path / "claims.json").read_text()) == claims
         and claims[-1]["verdict"] == "reproduced"
-    )  # one filter
+    )
     page = (tmp_path / "index.html").read_text()
     assert (
         "Figure 7b redrawn" in page
@@ -406,9 +408,8 @@ def test_a_small_study_writes_its_page(monkeypatch, tmp_path):
     }
     assert {path.stem for path in tmp_path.glob("*.csv")} == names
     flights = pd.read_csv(tmp_path / "flights.csv")
-    assert (
-        len(flights) == 4 * (2 * 4 + 1 * 2) + 1 and not flights["fx_n"].isna().any()
-    )  # two seeds of the short ones, one of the long ones
+    # two seeds of the short ones, one of the long ones
+    assert len(flights) == 4 * (2 * 4 + 1 * 2) + 1 and not flights["fx_n"].isna().any()
     assert flights.loc[flights["mode"] == UKF, "apart_m"][flights["prediction"] == IMU].max() < 1e-6
     text = (tmp_path / "findings.md").read_text()
     docs = tmp_path / "mollaei.md"

@@ -120,11 +120,12 @@ def test_a_world_in_which_it_is_wrong():
 def test_a_world_in_which_nothing_can_be_told():
     found = verdicts(LOUD)
     sure = {text[:11] for text, each in found.items() if each != UNDECIDED}
+    # no zero in any flight; none of three near, Wilson's interval up to 56 %
     assert sure <= {
         "Fy and Gy d",
         "Nonlinear f",
         "In five min",
-    }  # no zero in any flight; none of three near, Wilson's interval up to 56 %
+    }
     assert set(verdicts(Evidence({}, apart(1.0)[:0], {})).values()) == {UNDECIDED}
 
 
@@ -208,9 +209,8 @@ def test_one_seed_decides_nothing_that_rests_on_an_interval(short):
         decided = {
             text[:11]: each for text, each in verdicts(evidence).items() if each != UNDECIDED
         }
-        assert decided == dict.fromkeys(
-            ("Fy and Gy d", "The 315 s w", "(Not said:)"), REPRODUCED
-        )  # these rest on no interval
+        # these rest on no interval
+        assert decided == dict.fromkeys(("Fy and Gy d", "The 315 s w", "(Not said:)"), REPRODUCED)
     assert verdict(claims.long_outage, evidence) == verdict(claims.much_less, evidence) == UNDECIDED
 
 

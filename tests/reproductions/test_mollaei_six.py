@@ -110,9 +110,8 @@ def test_the_ekf_is_the_dense_kalman_filter():
             fused(made, filters.EKF6, **options),
             dense(made, **matrices),
         )
-        assert (
-            np.abs(state(solution, made[1]) - states).max() < 1e-7
-        )  # metres from radians: 1e-9 of them are rounding of latitude
+        # metres from radians: 1e-9 of them are rounding of latitude
+        assert np.abs(state(solution, made[1]) - states).max() < 1e-7
         assert (
             np.abs(
                 solution.covariance[:, :6, :6] / covariances[-1].max()

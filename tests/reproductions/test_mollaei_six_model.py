@@ -94,9 +94,8 @@ def test_the_covariance_follows_the_derivative_of_the_model():
         Phi = np.column_stack([(advance(x + d) - advance(x - d)) / 2e-4 for d in 1e-4 * np.eye(6)])
         P = Phi @ P @ Phi.T + G @ noise @ G.T
         assert np.abs(covariances[row] - P).max() < 1e-7
-    assert (
-        np.abs(Phi[3:, 3:] - np.eye(3)).max() > 0.03
-    )  # the air holds the velocity: without it the test would show nothing
+    # the air holds the velocity: without it the test would show nothing
+    assert np.abs(Phi[3:, 3:] - np.eye(3)).max() > 0.03
 
 
 @pytest.mark.parametrize("options", [{}, dict(sigma="symmetric")])

@@ -111,9 +111,8 @@ def test_a_barometer_at_rest_reads_the_pressure_above_its_zero():
     assert read(truth, bias=100.0).y - read(truth).y == pytest.approx(
         np.full((2, 1), 100.0), abs=1e-6
     )
-    shift = (
-        read(truth, bias=100.0, quantity="height").y[0, 0] - 500.0
-    )  # more pressure is less height
+    # more pressure is less height
+    shift = read(truth, bias=100.0, quantity="height").y[0, 0] - 500.0
     assert shift == pytest.approx(100 / pressure_gradient(496.0), rel=1e-3) and shift < 0
 
 
@@ -160,9 +159,8 @@ def test_the_weather_is_a_gauss_markov_process():
     )
     low, high = chi2.ppf([0.0005, 0.9995], 2000) / 2000
     assert low < (runs[:, 0] ** 2).mean() / 300**2 < high
-    kept = (
-        np.mean(runs[:, 0] * runs[:, 9]) / 300**2
-    )  # 90 s apart: exp(-1), with variance (1 + exp(-2))/n
+    # 90 s apart: exp(-1), with variance (1 + exp(-2))/n
+    kept = np.mean(runs[:, 0] * runs[:, 9]) / 300**2
     assert abs(kept - np.exp(-1)) < norm.ppf(0.9995) * np.sqrt((1 + np.exp(-2)) / 2000)
 
 

@@ -27,9 +27,8 @@ def test_displaced_moves_by_metres(lat, lon):
 
 def test_fixes_come_at_the_interval_and_carry_their_noise():
     fixes = position_fixes(TRUTH, 1.0, (1.0, 2.0, 3.0), np.random.default_rng(4))
-    np.testing.assert_array_equal(
-        fixes.t, TRUTH.t[ROWS]
-    )  # exactly the samples' times: no sliver of an increment to split off
+    # exactly the samples' times: no sliver of an increment to split off
+    np.testing.assert_array_equal(fixes.t, TRUTH.t[ROWS])
     assert (
         fixes.kind == "position"
         and fixes.parameters == (0.0, 0.0, 0.0)
@@ -123,15 +122,13 @@ def test_late_fixes_are_stamped_late():
         TRUTH, np.random.default_rng(9)
     )
     for one, other in zip(prompt, late, strict=True):
-        keep = ((one.t < 69.9999) | (one.t >= 74.9999)) & (
-            one.t <= 179.801
-        )  # an outage is one of measuring; the last stamp would be after the end
+        # an outage is one of measuring; the last stamp would be after the end
+        keep = ((one.t < 69.9999) | (one.t >= 74.9999)) & (one.t <= 179.801)
         np.testing.assert_allclose(other.t, one.t[keep] + 0.2, rtol=0, atol=1e-12)
         np.testing.assert_array_equal(other.y, one.y[keep])
     error = north_east_down(late[0].y, displaced(sample(demo_flight(), late[0].t).lla, np.zeros(3)))
-    assert (
-        np.linalg.norm(error, axis=1).mean() > 7
-    )  # 45 m/s for 0.2 s, which a filter without knowledge of it takes for error
+    # 45 m/s for 0.2 s, which a filter without knowledge of it takes for error
+    assert np.linalg.norm(error, axis=1).mean() > 7
 
 
 def test_a_plan_serves_any_number_of_runs():

@@ -119,9 +119,8 @@ def test_a_written_file_reads_back_equal(tmp_path):
     for made in specs:
         made.to_toml(tmp_path / "copy.toml")
         assert ImuSpec.from_toml(tmp_path / "copy.toml") == made
-        assert (
-            grade(json.loads(json.dumps(asdict(made)))) == made
-        )  # as it is stored with a recording
+        # as it is stored with a recording
+        assert grade(json.loads(json.dumps(asdict(made)))) == made
     assert [entry.name for entry in tmp_path.iterdir()] == ["copy.toml"]
 
 
@@ -255,10 +254,11 @@ def test_one_bias_state_stands_for_several_terms():
     assert noise(bias_walk=0.3) == (0.3, 0.0)
     assert noise(gauss_markov=0.2, time_constant=50.0) == (pytest.approx(0.04), 0.02)
     assert noise(gauss_markov=0.2, time_constant=50.0, bias_walk=0.03) == (pytest.approx(0.05), 0.0)
+    # a constant must not be forgotten
     assert noise(gauss_markov=0.2, time_constant=50.0, turn_on_bias=1.0) == (
         pytest.approx(0.04),
         0.0,
-    )  # a constant must not be forgotten
+    )
     assert spec(gauss_markov=0.3, time_constant=50.0, turn_on_bias=0.4).bias_sd() == (
         pytest.approx(0.5),
         0.0,
@@ -330,9 +330,8 @@ def test_gauss_markov_is_stationary_and_forgets_exponentially(uneven):
             for seed in range(700)
         ]
     )
-    assert draws.std(axis=0) == pytest.approx(
-        0.7, rel=0.09
-    )  # every epoch, the first as the last: 4 sigma of 2100 draws is 6 %
+    # every epoch, the first as the last: 4 sigma of 2100 draws is 6 %
+    assert draws.std(axis=0) == pytest.approx(0.7, rel=0.09)
     for first, second in ((0, 1), (0, 5), (100, 110), (390, 398)):
         lag = t[1:][second] - t[1:][first]
         covariance = (draws[:, first] * draws[:, second]).mean()
@@ -462,9 +461,8 @@ def test_flicker_has_the_flat_allan_deviation_of_its_bias_instability():
     )
     mean = np.sqrt((found**2).mean(axis=0))
     np.testing.assert_allclose(mean[:4], FLICKER_FLOOR, rtol=0.05)
-    np.testing.assert_allclose(
-        mean[4:], FLICKER_FLOOR, rtol=0.15
-    )  # 12 records with some 400 and 130 clusters: 4 sigma
+    # 12 records with some 400 and 130 clusters: 4 sigma
+    np.testing.assert_allclose(mean[4:], FLICKER_FLOOR, rtol=0.15)
 
 
 def test_flicker_is_flat_within_two_percent_over_five_decades():
@@ -499,9 +497,8 @@ def test_new_terms_leave_the_draws_of_the_old_ones_alone():
         still(T[:100]), np.random.default_rng(5)
     )
     (plain, bias, _), (flickering, both, _) = run(old), run(new)
-    rng = (
-        np.random.default_rng(5).spawn(2)[0].spawn(4)
-    )  # the streams of the four terms that came first, by hand
+    # the streams of the four terms that came first, by hand
+    rng = np.random.default_rng(5).spawn(2)[0].spawn(4)
     expected = rng[1].standard_normal(3) + rng[3].standard_normal((99, 3))[0]
     np.testing.assert_allclose(bias[0], expected, rtol=1e-14)
     np.testing.assert_allclose(

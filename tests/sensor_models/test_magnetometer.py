@@ -108,9 +108,8 @@ def test_samples_come_at_their_rate_and_belong_to_their_times(rate):
     np.testing.assert_allclose(aiding.t, np.arange(1, 20 * rate + 1) / rate, rtol=1e-12)
     exact = sample(hand_held(PLACE), aiding.t)
     expected = [to_body(*angles) @ FIELD for angles in exact.rph]
-    between = (
-        20 * 0.01**2 / 8 * 50e-6
-    )  # T: a constant rate over 10 ms misses angular accelerations, here below 20 rad/s^2
+    # T: a constant rate over 10 ms misses angular accelerations, here below 20 rad/s^2
+    between = 20 * 0.01**2 / 8 * 50e-6
     np.testing.assert_allclose(aiding.y, expected, rtol=0, atol=between if rate == 40 else 1e-13)
 
 

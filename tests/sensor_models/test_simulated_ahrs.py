@@ -83,9 +83,8 @@ def test_at_the_truth_the_innovation_is_the_error_that_was_drawn():
     drawn, level = errors(fixes, path), np.abs(path.rph[1:, 1]) < 1.0
     np.testing.assert_allclose(np.hypot(*innovations.T[:2]), np.hypot(*drawn.T[:2]), atol=1e-9)
     np.testing.assert_allclose(innovations[:, 2], drawn[:, 2], atol=1e-9)
-    np.testing.assert_allclose(
-        innovations[level], drawn[level], atol=0.02
-    )  # the error of the heading times that of the tilt
+    # the error of the heading times that of the tilt
+    np.testing.assert_allclose(innovations[level], drawn[level], atol=0.02)
     low, high = chi2.ppf([0.0005, 0.9995], innovations.size)
     assert low < np.sum((innovations / sd) ** 2) < high
 

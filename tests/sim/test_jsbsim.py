@@ -65,9 +65,8 @@ def test_it_repeats_bit_for_bit_prints_nothing_and_leaves_no_file(
     monkeypatch.chdir(tmp_path)
     again = flown_by_jsbsim(START, EAST, 52.0, 60.0, targets=TARGETS)
     assert np.array_equal(again.lla, flown.lla) and np.array_equal(again.q_nb, flown.q_nb)
-    assert capfd.readouterr() == ("", "") and not list(
-        tmp_path.iterdir()
-    )  # the Cessna's own definition asks for a log
+    # the Cessna's own definition asks for a log
+    assert capfd.readouterr() == ("", "") and not list(tmp_path.iterdir())
 
 
 def test_the_motion_keeps_to_the_positions_of_jsbsim_and_to_rows_held_back():
@@ -108,9 +107,10 @@ def test_its_specific_force_and_rate_are_those_of_jsbsim():
         )
     omega, f = rates(splined(flown), flown.t[5:-5], flown.lla[5:-5].T, gravity)
     said = np.array(said)[5:-5]
+    # m/s^2: a kink when the target comes
     assert (
         np.sqrt(np.mean((f.T - said[:, :3]) ** 2)) < 3e-4 and np.abs(f.T - said[:, :3]).max() < 0.02
-    )  # m/s^2: a kink when the target comes
+    )
     assert (
         np.sqrt(np.mean((omega.T - said[:, 3:]) ** 2)) < 1e-3
         and np.abs(omega.T - said[:, 3:]).max() < 0.02
@@ -125,9 +125,8 @@ def test_it_is_a_motion_for_simulate_and_a_kind_of_scenario_file(flown, tmp_path
         jsbsim_motion(START, EAST, 52.0, 20.0, targets=TARGETS), 20.0, "tactical", seed=2, rate=50.0
     )
     assert np.array_equal(recording.imu.dv, direct.imu.dv) and recording.meta["name"] == "cessna"
-    assert (
-        np.abs((recording.reference.lla - flown.lla[:1001]) * [6.4e6, 4.3e6, 1]).max() < 1e-3
-    )  # m: rows every 0.02 s in both
+    # m: rows every 0.02 s in both
+    assert np.abs((recording.reference.lla - flown.lla[:1001]) * [6.4e6, 4.3e6, 1]).max() < 1e-3
 
 
 def test_nothing_is_flown_after_the_last_row():

@@ -70,9 +70,8 @@ def test_increments_agree_with_pyins(name):
     truth, ours = sample(motion, t), increments(motion, t)
     lla = np.c_[np.degrees(truth.lla[:, :2]), truth.lla[:, 2]]
     _, theirs = sim.generate_imu(t, lla, np.degrees(truth.rph), truth.v_n, "increment")
-    lacking = gravity(truth.lla[:, 0], truth.lla[:, 2]) - earth.gravity(
-        lla[:, 0], lla[:, 2]
-    )  # pyins is of first order in height
+    # pyins is of first order in height
+    lacking = gravity(truth.lla[:, 0], truth.lla[:, 2]) - earth.gravity(lla[:, 0], lla[:, 2])
     correction = truth.rotation.inv().apply(np.c_[0 * t, 0 * t, lacking])[1:] * ours.dt[:, None]
     inner = slice(10, -10)  # its splines are worst at the ends
     for mine, other, tolerance in (
@@ -107,9 +106,8 @@ def test_a_straight_flight_follows_the_geodesic(start, azimuth, speed, seconds):
     assert np.all(truth.lla[:, 2] == height) and np.linalg.norm(truth.v_n, axis=1) == pytest.approx(
         speed, rel=1e-12
     )
-    assert (
-        0.998 < distance[-1] / (speed * seconds) < 1.0
-    )  # the foot is slower, by the height over the radius
+    # the foot is slower, by the height over the radius
+    assert 0.998 < distance[-1] / (speed * seconds) < 1.0
     assert np.diff(distance, prepend=0.0) == pytest.approx(
         np.diff(truth.t, prepend=0.0) * distance[-1] / seconds, rel=1e-5
     )
@@ -215,9 +213,8 @@ def test_a_flight_does_what_its_legs_say():
     assert roll.max() == pytest.approx(25 * DEG, abs=0.1 * DEG) and roll.min() == pytest.approx(
         -30 * DEG, abs=0.1 * DEG
     )
-    assert (
-        np.abs(f[:, 1]).max() < 0.05 * G
-    )  # coordinated, but for the moments in which the climb changes
+    # coordinated, but for the moments in which the climb changes
+    assert np.abs(f[:, 1]).max() < 0.05 * G
     turning = (
         motion.end - 20 - 15 - 30 - np.pi / (G * np.tan(25 * DEG) / 28)
     ) / 3  # s, each of the three long turns

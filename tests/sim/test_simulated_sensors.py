@@ -367,9 +367,10 @@ def test_the_hand_held_recording_has_what_an_ahrs_has():
     start = draw_start(made.reference, np.full(15, 0.01), np.random.default_rng(1))
     assert start.t == 0 and start.rph[2] == pytest.approx(70 * DEG, abs=0.1)
     hand = scenario("hand-held")
+    # rounded in the file
     assert hand.magnetic_field() == pytest.approx(
         geomagnetic_field(hand.date, *hand.motion.lla).field, abs=0.06e-6
-    )  # rounded in the file
+    )
 
 
 def test_the_vessel_heaves_about_its_mean_level():

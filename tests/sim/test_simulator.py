@@ -103,9 +103,8 @@ def test_starts_scatter_by_their_standard_deviations():
     errors = np.array(
         [np.r_[SHARED.truth.v_n[0] - start.v, start.ba, start.bg] for start in starts]
     )
-    assert (
-        errors[:, :3].std(axis=0) == pytest.approx(sd[3:6], rel=0.15) and not errors[:, 3:].any()
-    )  # 4 sigma of 400 draws
+    # 4 sigma of 400 draws
+    assert errors[:, :3].std(axis=0) == pytest.approx(sd[3:6], rel=0.15) and not errors[:, 3:].any()
     assert all(start.sd == tuple(sd) for start in starts)
     exact = SHARED.exact_start(spec)
     assert (

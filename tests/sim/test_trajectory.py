@@ -100,9 +100,8 @@ def test_increments_agree_with_pyins(motion, tolerances):
     lla[:, 1] = np.degrees(np.unwrap(truth.lla[:, 1]))
     _, theirs = sim.generate_imu(t, lla, rph, truth.v_n, "increment")
     ours = increments(motion, t)
-    lacking = gravity(truth.lla[:, 0], truth.lla[:, 2]) - earth.gravity(
-        lla[:, 0], lla[:, 2]
-    )  # pyins is of first order in height
+    # pyins is of first order in height
+    lacking = gravity(truth.lla[:, 0], truth.lla[:, 2]) - earth.gravity(lla[:, 0], lla[:, 2])
     correction = truth.rotation.inv().apply(np.c_[0 * t, 0 * t, lacking])[1:] * ours.dt[:, None]
     inner = slice(10, -10)  # its splines are worst at the ends
     for mine, other, tolerance in zip(
@@ -110,9 +109,8 @@ def test_increments_agree_with_pyins(motion, tolerances):
     ):
         difference = (mine - other.to_numpy())[inner]
         assert np.abs(difference).max() < tolerance
-        assert (
-            np.abs(difference.sum(axis=0)).max() < 100 * tolerance
-        )  # rounding, not drift: 12 000 samples
+        # rounding, not drift: 12 000 samples
+        assert np.abs(difference.sum(axis=0)).max() < 100 * tolerance
 
 
 @pytest.mark.parametrize("motion", [DEMO, HIGH], ids=["demo", "high"])
@@ -185,9 +183,8 @@ def test_the_demo_flight_stays_in_its_envelope():
     assert 25 * DEG < np.abs(roll).max() < 35 * DEG and np.abs(pitch).max() < 10 * DEG
     assert 800 < truth.lla[:, 2].min() and truth.lla[:, 2].max() < 1400
     f = increments(DEMO, np.arange(0, 600.1, 0.1)).dv / 0.1
-    assert (
-        np.abs(f[:, 1]).max() < 0.6 and 8.5 < -f[:, 2].min() < 13
-    )  # coordinated: no side force but for the turbulence
+    # coordinated: no side force but for the turbulence
+    assert np.abs(f[:, 1]).max() < 0.6 and 8.5 < -f[:, 2].min() < 13
 
 
 def test_ramp_rate_is_the_slope_of_the_ramp():

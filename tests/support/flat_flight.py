@@ -14,9 +14,8 @@ from strapdown.recording import Recording
 
 ORIGIN = np.array([np.radians(47.0), np.radians(8.0), 500.0])
 NOISE = Noise(gyro=1e-5, accel=2e-3, gyro_bias=0.0, accel_bias=0.0, gyro_decay=0.0, accel_decay=0.0)
-RADII = np.array(
-    pyins.earth.principal_radii(np.degrees(ORIGIN[0]), ORIGIN[2])[0::2]
-)  # m per rad of latitude and of longitude
+# m per rad of latitude and of longitude
+RADII = np.array(pyins.earth.principal_radii(np.degrees(ORIGIN[0]), ORIGIN[2])[0::2])
 GRAVITY = float(plain(gravity)(np.sin(ORIGIN[0]), ORIGIN[2]))
 
 

@@ -78,9 +78,8 @@ def error_rate(error, noise, lla, v, C, omega, f, decay, fixed_radii):
     ahead = lla + 1j * STEP * lla_rate  # how the metres per radian change on the way
     M, N = (R + ahead[2] for R in radii(lla[0] if fixed_radii else ahead[0]))
     scale_rate = np.array([M, N * np.cos(ahead[0]), -1.0]).imag / STEP
-    turn = (
-        true_C_rate @ C.T + (np.eye(3) + cross_matrix(theta)) @ C @ C_rate.T
-    )  # d/dt of (true C) C'
+    # d/dt of (true C) C'
+    turn = true_C_rate @ C.T + (np.eye(3) + cross_matrix(theta)) @ C @ C_rate.T
     return np.concatenate(
         [
             scale * (true_lla_rate - lla_rate) + scale_rate * p / scale,

@@ -83,9 +83,8 @@ def log_of(recording, start, noise):
 def tilt(C, f, turned):
     """(..., 2): the rotation about north and east that takes to straight up the force at the end
     of a sample, whose mean over it is f."""
-    n = C.apply(
-        f - np.cross(turned, f) / 2 + np.cross(turned, np.cross(turned, f)) / 12
-    )  # a vector at rest in n
+    # a vector at rest in n
+    n = C.apply(f - np.cross(turned, f) / 2 + np.cross(turned, np.cross(turned, f)) / 12)
     angle = np.arctan2(np.hypot(n[..., 0], n[..., 1]), -n[..., 2]) / np.hypot(n[..., 0], n[..., 1])
     return np.stack([-n[..., 1] * angle, n[..., 0] * angle], axis=-1)
 
@@ -164,9 +163,10 @@ def least_squares(log, C, b, iterations=3):
     attitudes C and biases b; and how far the last step went."""
     n, step = len(log.r), 1e-6
     strength = azimuth(C[log.at + 1], log.field, log.declination)[1]
+    # a residual's, with the states
     sample = np.concatenate(
         [np.zeros(6, int), np.repeat(np.arange(n), 6), np.repeat(np.arange(n), 2), log.at]
-    )  # a residual's, with the states
+    )
     for _ in range(iterations):  # before and after it
         J = np.zeros((len(sample), n + 1, 6))
         for parity in (

@@ -253,10 +253,11 @@ def least_squares(log, state, rows, iterations=4):
     n, scale = len(log.u), np.array(log.start.sd)
     for _ in range(iterations):
         there = propagated(log, state.rows(slice(0, n)), log.u)
+        # of the prediction by the state before; by the one after it is I, nearly
         ahead, J = (
             state.rows(slice(1, n + 1)),
             np.zeros((n, N, N)),
-        )  # of the prediction by the state before; by the one after it is I, nearly
+        )
         E = np.zeros((n, N, N))
         for i in range(N):
             x = np.zeros((n, N))
@@ -269,10 +270,11 @@ def least_squares(log, state, rows, iterations=4):
             E[:, :, i] = (ahead.moved(x).less(there) - ahead.moved(-x).less(there)) / (2 * STEP[i])
         inverse = np.linalg.inv(noise_of(log, -J))
         r = ahead.less(there)
+        # diagonal blocks, blocks below
         normal, right = (
             np.zeros((n + 1, 2, N, N)),
             np.zeros((n + 1, N)),
-        )  # diagonal blocks, blocks below
+        )
         normal[0, 0] += np.diag(1 / scale**2)
         right[0] -= state.rows([0]).less(log.first())[0] / scale**2
         JT, ET = np.swapaxes(J, 1, 2), np.swapaxes(E, 1, 2)

@@ -14,9 +14,8 @@ HEADING = 2
 def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """One row: y - heading, wrapped, rad."""
     C = belief.C
-    horizontal = max(
-        C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0], 1e-12
-    )  # zero where the x axis points up or down
+    # zero where the x axis points up or down
+    horizontal = max(C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0], 1e-12)
     innovation[0] = wrap(y[0] - math.atan2(C[1, 0], C[0, 0]))
     H[0, 6] = -C[2, 0] * C[0, 0] / horizontal
     H[0, 7] = -C[2, 0] * C[1, 0] / horizontal

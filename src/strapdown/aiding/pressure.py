@@ -15,10 +15,11 @@ from .altitude import height
 PRESSURE, PRESSURE_ALTITUDE = 10, 11
 P_0, T_0, LAPSE = 101325.0, 288.15, 6.5e-3  # Pa, K, K/m at mean sea level
 EXPONENT = 287.05287 * LAPSE / 9.80665  # of p / p_0 in the troposphere
+# tropopause, m and Pa
 TROPOPAUSE, P_TOP = (
     11000.0,
     P_0 * (1 - 11000.0 * LAPSE / T_0) ** (1 / EXPONENT),
-)  # tropopause, m and Pa
+)
 SCALE_TOP = 287.05287 * (T_0 - LAPSE * TROPOPAUSE) / 9.80665  # scale height above it, m
 
 

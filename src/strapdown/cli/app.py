@@ -54,9 +54,8 @@ def main() -> None:
     except (KeyboardInterrupt, typer.Abort):
         _stop("interrupted; files written so far are whole, nothing is half-written", INTERRUPTED)
     except Exception as error:
-        if hasattr(
-            error, "format_message"
-        ):  # usage errors of typer's own, whichever click it carries
+        # usage errors of typer's own, whichever click it carries
+        if hasattr(error, "format_message"):
             context = getattr(error, "ctx", None)
             _stop(
                 error.format_message()

@@ -133,9 +133,8 @@ def show(found: "sd.Comparison") -> None:
 
     for note in found.notes:
         print(f"note: {note}")
-    count = (
-        "" if "outage" in found.words else f": {counted(len(found.windows))}"
-    )  # that of a list counts them itself
+    # that of a list counts them itself
+    count = "" if "outage" in found.words else f": {counted(len(found.windows))}"
     print(f"{found.words}{count}, without {' and '.join(found.kinds)}")
     start = found.settings["start"]
     print(f"start of all filters at {start['t']:.2f} s: {start['note']}")

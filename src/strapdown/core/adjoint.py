@@ -15,15 +15,15 @@ from .error_state import DV, PREDICTED, STEP, WORK
 from .jit import flatten, helper, inlined, kernel, matrix
 from .kalman import decay, used_rows, whiten
 
-PREDICTION = (
-    DV.stop - STEP.start
-)  # numbers of a record of a prediction: STEP, BLOCK, MID and DV of workspace
+# numbers of a record of a prediction: STEP, BLOCK, MID and DV of workspace
+PREDICTION = DV.stop - STEP.start
 DT, W, DECAY_A, DECAY_G, F, C, HALF_FORCE = 1, 2, 5, 6, 7, 7 + BLOCKS, 7 + BLOCKS + 9
 """Places in it: the first number is PREDICTED."""
+# of a correction: rows used, whitened innovations (3), U and H, each (3, n), rows not used zero
 INNOVATION, U = (
     1,
     4,
-)  # of a correction: rows used, whitened innovations (3), U and H, each (3, n), rows not used zero
+)
 ONE, OTHER, COLUMN = 0, 240, 480  # of the workspace: 15 rows of 16 twice, and a column
 
 
@@ -126,21 +126,24 @@ def transposed_transition(
                 j = block + lane
                 p0, p1, p2 = work[p[0] + j], work[p[1] + j], work[p[2] + j]
                 v0, v1, v2 = half * p0, half * p1, half * p2  # what the old velocity alone gets
+                # the new velocity
                 u0, u1, u2 = (
                     work[v[0] + j] + v0,
                     work[v[1] + j] + v1,
                     work[v[2] + j] + v2,
-                )  # the new velocity
+                )
+                # the sum of old and new attitude
                 s0, s1, s2 = (
                     f1 * u2 - f2 * u1,
                     f2 * u0 - f0 * u2,
                     f0 * u1 - f1 * u0,
-                )  # the sum of old and new attitude
+                )
+                # the new attitude
                 n0, n1, n2 = (
                     work[t[0] + j] + s0,
                     work[t[1] + j] + s1,
                     work[t[2] + j] + s2,
-                )  # the new attitude
+                )
                 work[P[0] + j] = (
                     (p0 + pp0 * p0 + pp3 * p1)
                     + (vp0 * u0 + vp3 * u1 + vp6 * u2)
@@ -185,9 +188,8 @@ def unpropagated(step: Array, lam: Array, Lam: Array, work: Array) -> None:
     Lam is left as symmetric as rounding leaves it; the next correction makes it so to the last bit.
     """
     n, numbers = lam.size, flatten(Lam)
-    if (
-        n == 15
-    ):  # rows of 16, of which the last number belongs to the next row: such copies are fast
+    # rows of 16, of which the last number belongs to the next row: such copies are fast
+    if n == 15:
         for i in range(14):
             for j in range(16):
                 work[ONE + 16 * i + j] = numbers[15 * i + j]

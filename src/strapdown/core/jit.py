@@ -81,14 +81,12 @@ def compile_kernel(dispatcher: Any) -> bool:
     on. True when it was compiled."""
     if not COMPILED:
         return False
-    with (
-        _ONE_AT_A_TIME
-    ):  # a second thread would find compilation disabled before it looks for the result
+    # a second thread would find compilation disabled before it looks for the result
+    with _ONE_AT_A_TIME:
         if dispatcher.signature.args in dispatcher.overloads:
             return False
-        dispatcher._cache = KernelCache(
-            dispatcher
-        )  # here and not where it is declared: importing a module looks at no file
+        # here and not where it is declared: importing a module looks at no file
+        dispatcher._cache = KernelCache(dispatcher)
         dispatcher.compile(dispatcher.signature.args)
         dispatcher.disable_compile()
         return not sum(dispatcher.stats.cache_hits.values())

@@ -92,11 +92,12 @@ def transition(
         c00, c01, c02 = dt * C[0, 0], dt * C[0, 1], dt * C[0, 2]
         c10, c11, c12 = dt * C[1, 0], dt * C[1, 1], dt * C[1, 2]
         c20, c21, c22 = dt * C[2, 0], dt * C[2, 1], dt * C[2, 2]
+        # halves: they meet the sum of old and new attitude
         f0, f1, f2 = (
             0.5 * dv_n[0],
             0.5 * dv_n[1],
             0.5 * dv_n[2],
-        )  # halves: they meet the sum of old and new attitude
+        )
         for block in blocks_of_lanes:
             for lane in range(lanes):
                 j = block + lane
@@ -152,12 +153,10 @@ def transition(
     return helper(apply)
 
 
-_rows = transition(
-    "_rows", COPY, 15, PRODUCT, 16, (0, 7), 8
-)  # all 15 columns; the eighth is done twice, alike
-_columns = transition(
-    "_columns", TRANSPOSED, 8, TRANSPOSED, 8, (0,), 8
-)  # columns 0-7 of Phi P: symmetry gives the rest
+# all 15 columns; the eighth is done twice, alike
+_rows = transition("_rows", COPY, 15, PRODUCT, 16, (0, 7), 8)
+# columns 0-7 of Phi P: symmetry gives the rest
+_columns = transition("_columns", TRANSPOSED, 8, TRANSPOSED, 8, (0,), 8)
 _last = transition("_last", PRODUCT + 8 * 16, 1, COPY, 1, (0,), 1)  # its row 8
 _single = transition("_single", COPY, 1, PRODUCT, 1, (0,), 1)
 

@@ -117,9 +117,8 @@ def _imported(module: ModuleType, statement: Import) -> list[ModuleType]:
         inside = {alias.name: f"{base}.{alias.name}" for alias in statement.names}
         names = [name for name in inside.values() if name in sys.modules]
         if len(names) < len(inside):
-            names.append(
-                base
-            )  # also where a package only hands a name on: then whoever defined it counts as well
+            # also where a package only hands a name on: then whoever defined it counts as well
+            names.append(base)
             values = (
                 getattr(module, alias.asname or alias.name, None) for alias in statement.names
             )

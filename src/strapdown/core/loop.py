@@ -113,9 +113,8 @@ def run(
             _cross_gap(predict, correct, observers, belief, fixes, noise, cursor, out, begin)
         elif at[STATUS] == BRIDGED or at[POSITIONED] == 0:
             at[STATUS] = VALID
-        inside = (
-            0.5 * dt if cursor.previous[6] > 0 else SAME_TIME
-        )  # a run may begin anywhere inside its first sample
+        # a run may begin anywhere inside its first sample
+        inside = 0.5 * dt if cursor.previous[6] > 0 else SAME_TIME
         compensate(imu.dtheta[row], imu.dv[row], dt, cursor.previous, sample)
         for i in range(3):
             cursor.previous[i], cursor.previous[3 + i] = imu.dtheta[row, i], imu.dv[row, i]
@@ -324,9 +323,8 @@ def _cross_gap(
                 u[3 + i] += belief.ba[i] * step
         _advance(predict, correct, observers, belief, fixes, wide, cursor, out, now[0] + step, step)
     now[0] = until
-    at[STATUS] = max(
-        at[STATUS], BRIDGED if short else INVALID
-    )  # last: fixes inside the gap do not end it
+    # last: fixes inside the gap do not end it
+    at[STATUS] = max(at[STATUS], BRIDGED if short else INVALID)
     last[6] = 0.0
 
 

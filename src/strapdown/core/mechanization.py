@@ -67,9 +67,8 @@ def mechanize(
     ie_n, ie_d, w0, w1, w2 = rotation_rates(v[0], v[1], sine, cosine, M, N)
     w0, w1, w2 = w0 * dt, w1 * dt, w2 * dt
     x0, x1, x2 = r1 * a2 - r2 * a1, r2 * a0 - r0 * a2, r0 * a1 - r1 * a0
-    s0 = (
-        a0 + 0.5 * x0 + (r1 * x2 - r2 * x1) / 6
-    )  # without the second order, turns at 20 Hz feel 5e-4 m/s^2 too little lift
+    # without the second order, turns at 20 Hz feel 5e-4 m/s^2 too little lift
+    s0 = a0 + 0.5 * x0 + (r1 * x2 - r2 * x1) / 6
     s1 = a1 + 0.5 * x1 + (r2 * x0 - r0 * x2) / 6
     s2 = a2 + 0.5 * x2 + (r0 * x1 - r1 * x0) / 6
     f0 = C[0, 0] * s0 + C[0, 1] * s1 + C[0, 2] * s2
@@ -116,9 +115,8 @@ def _move(
 ) -> None:
     """`displace` over a sample: longitude with the cosine of the mid-latitude, so that the
     position is of second order in dt."""
-    if (
-        abs(lla[0]) > 1.55
-    ):  # within 1.2 deg of a pole: only a raw INS gets here, and it must stay finite
+    # within 1.2 deg of a pole: only a raw INS gets here, and it must stay finite
+    if abs(lla[0]) > 1.55:
         displace(lla, north, east, down)
         return
     lla[0] += north / M

@@ -49,12 +49,13 @@ def solution(run: Run) -> Solution:
         events.append((float(t), meta["stopped"]))
         if not len(nav):
             raise DataError(f"{filter.name} {meta['stopped']}")
+    # what is not estimated is no number
     for columns_of, states in (
         (loop.LLA, POS),
         (loop.V, VEL),
         (loop.BIASES, BA),
         (loop.BIASES + 3, BG),
-    ):  # what is not estimated is no number
+    ):
         nav[:, [columns_of + i for i in range(3) if states.start + i not in filter.estimates]] = (
             np.nan
         )
@@ -110,9 +111,8 @@ def _events(
     """Gaps in the first `rows` samples and re-acquisitions of a source, as (t, text); `long_gap`
     is what happens in one beyond a second."""
     events = []
-    for first in range(
-        0, rows, ROWS_AT_ONCE
-    ):  # in pieces: a day of samples is too long for temporary columns
+    # in pieces: a day of samples is too long for temporary columns
+    for first in range(0, rows, ROWS_AT_ONCE):
         t, dt = (column[first : min(first + ROWS_AT_ONCE, rows)] for column in samples[:2])
         before = np.r_[samples.t[first - 1] if first else start.t, t[:-1]]
         gap = t - dt - np.maximum(before, start.t)

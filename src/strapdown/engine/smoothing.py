@@ -142,9 +142,8 @@ def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress
         keeping,
     )
     lam, Lam, work = np.zeros(k), np.zeros((k, k)), np.zeros(work_size(k, n))
-    out = [
-        (stand.row - 1 - phase) // every - (run.first - 1 - phase) // every for stand in kept
-    ]  # rows before each
+    # rows before each
+    out = [(stand.row - 1 - phase) // every - (run.first - 1 - phase) // every for stand in kept]
     rows, calls = max(np.diff(out)), max(after.calls - before.calls for before, after in pairs)
     room = new_output(run.filter, run.belief, rows, True, 0, max(calls, 1))._replace(
         fix=run.out.fix

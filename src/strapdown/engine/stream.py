@@ -96,16 +96,14 @@ class Stream:
         self.prepared = prepare(filter, [a.kind for a in used], say)
         self.lag, self.newest, self.dropped = lag, start.t, 0
         self._widths = [len(aiding.find(a.kind).quantities) for a in aidings]
-        self._places = [
-            next((i for i, b in enumerate(used) if b is a), None) for a in aidings
-        ]  # among those that the filter can use
+        # among those that the filter can use
+        self._places = [next((i for i, b in enumerate(used) if b is a), None) for a in aidings]
         # heaps of samples and of fixes; a number that keeps equal times in order
         self._samples: list[tuple[float, int, Sample]] = []
         self._waiting: list[tuple[float, int, int, _UsableFix]] = []
         self._number = 0
-        self._late = self._late_fix = (
-            start.t + loop.SAME_TIME
-        )  # what is not later than this is too late
+        # what is not later than this is too late
+        self._late = self._late_fix = start.t + loop.SAME_TIME
         sources = [a._where(np.zeros(len(a.t), bool)) for a in used]
         self._fixes = merge(sources)._replace(
             t=np.empty(MOST_WAITING_FIXES),
@@ -115,11 +113,12 @@ class Stream:
         )
         self._imu = Imu(np.empty(1), np.empty(1), np.empty((1, 3)), np.empty((1, 3)))
         self._cursor = new_cursor(filter, start.t, len(used))
+        # no output rows
         self._cursor.at[loop.EVERY], self._cursor.at[loop.PHASE], self._cursor.at[loop.STOP] = (
             2,
             1,
             1,
-        )  # no output rows
+        )
         self._out = new_output(filter, self.belief, 0, fixes=MOST_WAITING_FIXES)
         self._arguments = (
             self.prepared.predict,

@@ -134,9 +134,8 @@ def survival(
     distance, nees, t = (np.asarray(values, float) for values in (distance, nees, t))
     lost = ~(distance <= limits.distance)
     beyond = ~(nees <= bound(STATES, limits.alarm))
-    inside_before = np.maximum.accumulate(
-        np.where(beyond, -1, np.arange(len(t)))
-    )  # last epoch within the bound, -1 for none
+    # last epoch within the bound, -1 for none
+    inside_before = np.maximum.accumulate(np.where(beyond, -1, np.arange(len(t))))
     began = t[np.minimum(inside_before + 1, len(t) - 1)]
     inconsistent = beyond & (t - began > limits.seconds + SAME_TIME)
     ends = [int(np.argmax(end)) if end.any() else len(t) for end in (lost, inconsistent)]

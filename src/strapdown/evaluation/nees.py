@@ -34,9 +34,8 @@ def normalised_rows(error: Array, covariance: Array, work: Array, out: Array) ->
                     work[i, j] = value * work[j, j]
                     y[i] -= work[i, j] * y[j]
                 else:
-                    work[i, i] = (
-                        1 / math.sqrt(value) if value > 0 else math.nan
-                    )  # the inverse of the diagonal
+                    # the inverse of the diagonal
+                    work[i, i] = 1 / math.sqrt(value) if value > 0 else math.nan
             y[i] *= work[i, i]
             total += y[i] * y[i]
         out[k] = total

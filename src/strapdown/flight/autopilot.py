@@ -181,9 +181,8 @@ def hold(
     n, e, d = v[0] - wind[0], v[1] - wind[1], v[2] - wind[2]
     airspeed, ground = math.sqrt(n * n + e * e + d * d), math.sqrt(v[0] * v[0] + v[1] * v[1])
     error = wrap(memory[COURSE] - math.atan2(v[1], v[0]))
-    scale = (
-        max(ground, LEAST_SPEED) / pilot[GRAVITY]
-    )  # the course turns by g/V rad/s per rad of roll
+    # the course turns by g/V rad/s per rad of roll
+    scale = max(ground, LEAST_SPEED) / pilot[GRAVITY]
     asked = memory[TURN] + scale * (pilot[COURSE_P] * error + pilot[COURSE_I] * memory[COURSE_SUM])
     memory[ROLL] = _limited(
         memory,

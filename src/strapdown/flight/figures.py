@@ -353,9 +353,10 @@ def flown_route(flight: Flight, ends: Array) -> Array:
         turned = (
             np.sign(last[RADIUS]) * (np.arctan2(away[:, 1], away[:, 0]) - last[ANGLE]) % (2 * np.pi)
         )
+        # short of its begin
         along = abs(last[RADIUS]) * np.where(
             turned > np.pi + last[LENGTH] / abs(last[RADIUS]) / 2, 0.0, turned
-        )  # short of its begin
+        )
     last[LENGTH] = np.clip(along, 0.0, last[LENGTH]).max(initial=0.0)
     return parts
 

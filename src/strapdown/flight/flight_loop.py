@@ -90,9 +90,8 @@ MODEL_U, CONTROLS_BEFORE, TRUE_C, RATE_ROWS, TOLD, LOADS, SLOPES, WORK_SIZE = (
     59 + OUTPUTS,
 )
 STALL_PATIENCE = 1.0  # s
-SINE_STEEPEST_PITCH = math.sin(
-    math.radians(85.0)
-)  # of the pitch, beyond which the attitude counts as lost
+# of the pitch, beyond which the attitude counts as lost
+SINE_STEEPEST_PITCH = math.sin(math.radians(85.0))
 
 
 class Vehicle(NamedTuple):

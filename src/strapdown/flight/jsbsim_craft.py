@@ -85,9 +85,8 @@ def fly_jsbsim(
         )
         told = np.empty((len(controls), len(STATE_PROPERTIES) + len(RATE_PROPERTIES)))
         for row in range(len(controls)):
-            for i in range(
-                1, substeps + 1 if row else 0
-            ):  # a run moves on, then computes accelerations there: it takes the controls there
+            # a run moves on, then computes accelerations there: it takes the controls there
+            for i in range(1, substeps + 1 if row else 0):
                 _set(
                     executive,
                     CONTROLS,

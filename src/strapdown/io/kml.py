@@ -42,9 +42,10 @@ def kml(solution: Solution) -> bytes:
 def _add(parent: Element, tag: str, text: str | None = None, **attributes: str) -> Element:
     child = ElementTree.SubElement(parent, tag, attributes)
     if text is not None:
+        # what XML 1.0 cannot hold
         child.text = re.sub(
             r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "?", str(text)
-        )  # what XML 1.0 cannot hold
+        )
     return child
 
 

@@ -81,9 +81,8 @@ def _constant_axis(
     begin, end = np.searchsorted(imu.t, (t[known].min(), t[known].max()))
     turns = np.abs(matrix.T) @ np.ptp(turned_by(imu)[begin : end + 1], axis=0)  # about each column
     k = int(np.argmax(constant))
-    turned = float(
-        np.delete(turns, k).max()
-    )  # a turn about the axis itself leaves its reading as it is
+    # a turn about the axis itself leaves its reading as it is
+    turned = float(np.delete(turns, k).max())
     text = f"{'xyz'[k]} is constant while the body turns by {np.degrees(turned):.0f} deg about another axis: the sensor is stuck"
     if turned > BROKEN_AXIS_TURN:
         raise DataError(f"{origin.name}: {name}: {text}; check its column, or leave the source out")

@@ -78,11 +78,12 @@ def read_solution(path: File) -> Solution:
             f"{path}: not a solution, or damaged ({reason}); write it again with strapdown fuse"
         ) from error
     except Exception as error:
+        # lzma.LZMAError and zlib.error are no OSErrors
         if type(error).__name__ not in (
             "LZMAError",
             "error",
             "BadGzipFile",
-        ):  # lzma.LZMAError and zlib.error are no OSErrors
+        ):
             raise
         raise DataError(
             f"{path}: the compressed file is damaged or cut short; write it again with strapdown "

@@ -86,9 +86,8 @@ def read_table(path: Path, header: bool = True) -> Table:
     try:
         skipped, first = _first_line(path)
         with open_text(path) as file, warnings.catch_warnings():
-            warnings.simplefilter(
-                "error", pd.errors.ParserWarning
-            )  # rows with more cells than the header has names
+            # rows with more cells than the header has names
+            warnings.simplefilter("error", pd.errors.ParserWarning)
             frame = pd.read_csv(
                 file,
                 sep=_separator(first),

@@ -41,9 +41,10 @@ def sound_attitude(t: Array, y: Array, imu: Imu, name: str, where: str) -> tuple
         (np.flatnonzero(level & heading), 3),
         (np.flatnonzero(level & ~heading), 2),
     ):
+        # two do not see turns about the vertical
         held[rows] = stuck(
             t[rows], np.c_[y[rows, :columns], _pieces(t[rows])], imu, slice(0, columns)
-        )  # two do not see turns about the vertical
+        )
     sound = level & ~held
     if held.any() and sound.sum() < 2:
         raise DataError(

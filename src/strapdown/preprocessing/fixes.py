@@ -112,9 +112,8 @@ def clean(
             f"{origin.line(np.argmax(repeated))}"
         )
         origin, t, y, sd = origin.kept(~repeated, len(t)), t[~repeated], y[~repeated], sd[~repeated]
-    if (
-        sensor.kind != ATTITUDE_KIND
-    ):  # its angles are judged as they were recorded, before anything turned them
+    # its angles are judged as they were recorded, before anything turned them
+    if sensor.kind != ATTITUDE_KIND:
         possible(y, sensor.quantities, origin)
     wrong = (~np.isnan(y) & ~(sd > 0)).any(axis=1)
     if wrong.any():

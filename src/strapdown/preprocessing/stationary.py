@@ -31,9 +31,8 @@ def at_rest(imu: Imu, window: float = 1.0) -> Mask:
     force, _ = _spread(imu.dv, imu.dt, width)
     rate, mean = _spread(imu.dtheta, imu.dt, width)
     quiet = (force < REST_ACCEL**2) & (rate < REST_RATE**2) & (mean < REST_MEAN**2)
-    moving = np.r_[
-        0, np.cumsum(~quiet)
-    ]  # window k covers samples k ... k + width - 1, so sample i is in windows i - width + 1 ... i
+    # window k covers samples k ... k + width - 1, so sample i is in windows i - width + 1 ... i
+    moving = np.r_[0, np.cumsum(~quiet)]
     i = np.arange(n)
     return moving[np.minimum(i + 1, len(quiet))] == moving[np.maximum(i - width + 1, 0)]
 
@@ -117,14 +116,14 @@ def motionless(imu: Imu, t: float) -> Motionless | None:
         dtheta[rows].sum(axis=0) / seconds[rows].sum(),
         dv[rows].sum(axis=0) / seconds[rows].sum(),
     )
+    # long ones: rocking averages out
     parts = np.array(
         [part.mean(axis=0) for part in np.array_split(rate[rows], min(MOST_PARTS, last - first))]
-    )  # long ones: rocking averages out
+    )
     scatter = parts.std(axis=0, ddof=1).max() / np.sqrt(len(parts))
     tilts = _angle(force[rows], mean_force)
-    drift = _angle(force[first : first + 1], force[last - 1])[0] / (
-        REST_STEP * (last - first - 1)
-    )  # springs that settle: all parts have that in common
+    # springs that settle: all parts have that in common
+    drift = _angle(force[first : first + 1], force[last - 1])[0] / (REST_STEP * (last - first - 1))
     return Motionless(
         mean_rate,
         float(np.hypot(scatter, drift)),

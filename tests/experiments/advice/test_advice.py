@@ -242,14 +242,14 @@ def test_an_open_question_is_said_where_it_could_change_the_kind_of_answer():
 @pytest.mark.short
 def test_needed_runs_follow_from_the_width_of_the_intervals():
     verdict = judge(seen(OPEN, nees=Interval(1.8, 1.4, 2.2)))
+    # half a width of 0.4, room of 0.2: four times the runs
     assert (verdict.belief, verdict.runs) == (
         UNDECIDED,
         160,
-    )  # half a width of 0.4, room of 0.2: four times the runs
+    )
     few = judge(seen(OPEN, lived=10, count=10))
-    assert (
-        few.survival == UNDECIDED and 35 <= few.runs <= 36
-    )  # Wilson: n / (n + 1.96^2) >= 0.9 from n = 35 on
+    # Wilson: n / (n + 1.96^2) >= 0.9 from n = 35 on
+    assert few.survival == UNDECIDED and 35 <= few.runs <= 36
     assert (
         judge(seen(OPEN, lived=40)).survival == "yes"
         and judge(seen(OPEN, lived=39)).survival == UNDECIDED
@@ -299,9 +299,8 @@ def test_evidence_follows_its_definitions():
         interval_of(label) for label in found
     ] == [np.inf, 60.0, 0.0]
     assert found[OPEN].lived == 24 and found[CLOSED].lived == 30
-    assert (
-        np.allclose(found[OPEN].ratio, 1.2) and found[OPEN].ahead == 0
-    )  # every run alike: an interval without width
+    # every run alike: an interval without width
+    assert np.allclose(found[OPEN].ratio, 1.2) and found[OPEN].ahead == 0
     assert 3.5 < found[OPEN].nees.value < 4.5 and 0.85 < found[CLOSED].nees.value < 1.15
     assert np.isclose(found[CLOSED].heading, np.degrees(0.01))
 

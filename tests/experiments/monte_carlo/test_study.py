@@ -193,9 +193,8 @@ def test_curves_are_sums_of_what_the_files_hold_and_the_bound_is_below(finished)
 
 def test_paired_comparison_uses_the_same_runs(finished):
     found = summaries.compare(finished, finished.cells[0], *LOOPS)
-    assert (
-        found.count == 20 and abs(found.difference) < 0.01
-    )  # a minute is too short for the two to differ
+    # a minute is too short for the two to differ
+    assert found.count == 20 and abs(found.difference) < 0.01
     with pytest.raises(sd.DataError, match="no filter 'mekf'; it has open-loop, closed-loop"):
         summaries.compare(finished, finished.cells[0], "mekf", "open-loop")
 

@@ -171,9 +171,8 @@ def test_what_the_data_do_not_tell_is_said():
         [(200, 210), (220, 310), (320, 490), (500, 510)],
         failed=[(name, 4) for name in "abc"],
     )
-    assert (
-        "blocks" not in answers(mixed)[0] and "95 %" in answers(mixed)[0]
-    )  # in one run nothing overlaps
+    # in one run nothing overlaps
+    assert "blocks" not in answers(mixed)[0] and "95 %" in answers(mixed)[0]
 
 
 def test_sources_that_only_some_use_are_named():
@@ -240,9 +239,8 @@ def test_the_table_marks_the_smallest(pages):
     assert [text for text, _ in mean][1::3] == ["–"] * 3 and float(mean[0][0]) == pytest.approx(
         values[:, 0].mean(), rel=0.01
     )
-    assert (
-        "<td colspan=2>mean</td>" not in pages["lengths"]
-    )  # of lengths mixed they would say nothing
+    # of lengths mixed they would say nothing
+    assert "<td colspan=2>mean</td>" not in pages["lengths"]
     even = replace(CLEAR, scores=CLEAR.scores.assign(north_rmse_m=1.0))
     assert [mark for _, mark in cells(own(page(even)), 1)[:3]] == [True] * 3
 

@@ -64,9 +64,8 @@ def test_scores_are_those_of_plain_formulas():
     row, track = scored(SimpleNamespace(trajectory=estimate), window)
 
     degrees = lambda lla: (np.degrees(lla[:, 0]), np.degrees(lla[:, 1]), lla[:, 2])
-    e = np.column_stack(
-        pymap3d.geodetic2ned(*degrees(true.lla), *degrees(estimate.lla))
-    )  # a peer's, in the frame of the estimate
+    # a peer's, in the frame of the estimate
+    e = np.column_stack(pymap3d.geodetic2ned(*degrees(true.lla), *degrees(estimate.lla)))
     rms = lambda x: np.sqrt(np.mean(x**2))
     expected = {f"{axis}_rmse_m": rms(e[:, i]) for i, axis in enumerate(("north", "east", "down"))}
     expected |= {
@@ -105,18 +104,16 @@ def test_scores_are_those_of_plain_formulas():
 
 def test_an_outage_ends_before_the_next_fix_is_used():
     assert T[outage("20:50")[0].last - 1] == pytest.approx(50.0)  # fixes at .5
-    assert T[outage("20:50", fixes=np.arange(0.0, 100.0))[0].last - 1] == pytest.approx(
-        49.9
-    )  # the fix at 50.0 is used by the row at 50.0
+    # the fix at 50.0 is used by the row at 50.0
+    assert T[outage("20:50", fixes=np.arange(0.0, 100.0))[0].last - 1] == pytest.approx(49.9)
     assert T[outage("20:50", fixes=np.arange(0.05, 100.0))[0].last - 1] == pytest.approx(50.0)
 
 
 def test_an_outage_branches_off_before_its_first_withheld_fix():
     found = outage("20:50", fixes=np.arange(0.25, 100.0))[0]
     assert T[found.first] == pytest.approx(20.0) and found.branch == found.first
-    found = outage("20.05:50", fixes=np.arange(0.08, 100.0))[
-        0
-    ]  # fix at 20.08 inside the sample to 20.1, the first row in the window
+    # fix at 20.08 inside the sample to 20.1, the first row in the window
+    found = outage("20.05:50", fixes=np.arange(0.08, 100.0))[0]
     assert T[found.first] == pytest.approx(20.1) and found.branch == found.first
 
 
@@ -266,22 +263,24 @@ def test_blocks_begin_where_the_last_one_is_left():
     assert list(blocks([0, 5, 10, 25, 30, 35, 60, 89, 90], [30] * 9)) == [0, 0, 0, 0, 1, 1, 2, 2, 3]
     assert list(blocks([0, 30, 60], [10, 10, 10])) == [0, 1, 2]
     assert list(blocks([0.1, 0.3, 0.5], [0.2, 0.2, 0.2])) == [0, 1, 2]  # to rounding
+    # of one run, where none overlap: the length of the first counts
     assert list(blocks([0, 20, 120, 300], [10, 90, 150, 20])) == [
         0,
         1,
         2,
         3,
-    ]  # of one run, where none overlap: the length of the first counts
+    ]
     assert list(blocks([0, 20, 50], [100, 10, 10])) == [0, 0, 0]
 
 
 def test_the_ratio_is_the_t_interval_of_the_blocks():
     rng = np.random.default_rng(2)
     a, b = np.exp(rng.normal(0.2, 0.5, 12)), np.exp(rng.normal(0, 0.5, 12))
+    # blocks that share nothing
     windows = (
         np.repeat([0.0, 100.0, 200.0, 300.0], [4, 3, 4, 1]) + np.r_[0:4, 0:3, 0:4, 0] * 5,
         np.full(12, 30.0),
-    )  # blocks that share nothing
+    )
     logs = np.log(a / b)
     means = [logs[:4].mean(), logs[4:7].mean(), logs[7:11].mean(), logs[11]]
     interval = stats.ttest_1samp(means, 0.0).confidence_interval(0.95)
@@ -435,9 +434,10 @@ def test_growth_leaves_out_what_a_track_does_not_know(known, left_out):
     one = comparison(known=known).growth.query("filter == 'one'")
     grid = one["since_s"].to_numpy()
     assert list(one["n"]) == list(np.where(left_out(grid), 2, 3)) and left_out(grid).any()
+    # of 2 t and 3 t
     assert one["horizontal_median_m"][left_out(grid)].to_numpy() == pytest.approx(
         2.5 * grid[left_out(grid)]
-    )  # of 2 t and 3 t
+    )
 
 
 def test_lengths_are_pooled_in_one_run_and_apart_in_a_sweep():

@@ -18,11 +18,12 @@ def windows(outages, span=SPAN, end=None, settled=100.0):
 
 def test_at_the_end_of_every_period_but_the_first():
     assert windows("30/300") == ((570.0, 600.0), (870.0, 900.0))
+    # the last period ends with the recording
     assert windows(" 30 / 250 ") == (
         (470.0, 500.0),
         (720.0, 750.0),
         (970.0, 1000.0),
-    )  # the last period ends with the recording
+    )
     assert windows("30/300", (7.5, 608.0)) == ((577.5, 607.5),)  # counted from the first sample
     made = protocol("30/300", (0.0, 1980.0), 1980.0, None)  # the flight of the paper: 33 min
     assert [stop for _, stop in made.windows] == [600, 900, 1200, 1500, 1800] and not made.sweep

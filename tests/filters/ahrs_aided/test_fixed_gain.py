@@ -157,9 +157,10 @@ def test_without_the_last_gain_the_bias_stands_still():
 def test_at_fixes_slower_than_the_poles_it_settles_within_a_few(T):
     """A pole faster than 1/T counts as 1/T."""
     found = np.poly(sampled(Standing(), [(T, "position")], 0))
+    # gravity's gradient
     np.testing.assert_allclose(
         found, np.poly(np.exp(np.maximum([-0.1, -0.2, -0.4], -1 / T) * T)), atol=1e-3 + 1e-6 * T**2
-    )  # gravity's gradient
+    )
 
 
 def test_both_kinds_of_fixes_together_settle_at_any_rates():
@@ -184,9 +185,8 @@ def test_both_kinds_of_fixes_together_settle_at_any_rates():
                 np.abs(np.linalg.eigvals(sampled(Standing(), steps, axis))).max()
             ) / (times * often)
     assert min(slowest.values()) > 0.004, min(slowest, key=slowest.get)
-    assert (
-        min(rate for (often, *_), rate in slowest.items() if often <= 1) > 0.07
-    )  # the continuous observer: 0.082 1/s
+    # the continuous observer: 0.082 1/s
+    assert min(rate for (often, *_), rate in slowest.items() if often <= 1) > 0.07
     np.testing.assert_allclose(np.max(poles(*DEFAULT, 0.5, 0.04).real), -0.0822, atol=1e-4)
 
 
@@ -258,9 +258,8 @@ def test_and_the_observer_on_a_turning_body_does_so(beyond, stable, T=0.1):
     goes as the slowest eigenvalue of the sampled observer."""
     rate, observer = beyond * fastest_turn(*DEFAULT), Standing()
     carried = lambda turn: expm(np.array([[0, 1, 0], [0, 0, -1], [0, 0, 1j * turn]]) * T)
-    fixed = sampled(observer, [(T, "position")], 0) @ np.linalg.inv(
-        carried(0.0)
-    )  # what a fix multiplies the error by
+    # what a fix multiplies the error by
+    fixed = sampled(observer, [(T, "position")], 0) @ np.linalg.inv(carried(0.0))
     expected = np.log(np.abs(np.linalg.eigvals(fixed @ carried(rate))).max()) / T
     observer = Standing()
     observer.belief.C[:] = np.eye(3)
@@ -272,9 +271,8 @@ def test_and_the_observer_on_a_turning_body_does_so(beyond, stable, T=0.1):
         observer.filter.predict(observer.belief, observer.u, T, NOISE)
         observer.fix("position")
         sizes.append(np.linalg.norm(observer.belief.ba[:2]))
-    found = np.polyfit(T * np.arange(500), np.log(sizes[400:]), 1)[
-        0
-    ]  # 1/s, after what is faster has settled
+    # 1/s, after what is faster has settled
+    found = np.polyfit(T * np.arange(500), np.log(sizes[400:]), 1)[0]
     assert (found < 0) == (expected < 0) == stable and found == pytest.approx(expected, rel=0.03)
 
 

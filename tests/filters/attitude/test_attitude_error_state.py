@@ -74,9 +74,8 @@ def test_the_specific_force_stays_where_it_points_while_the_body_turns(share):
     errors = []
     for angle in (0.2, 0.1):
         f, r, dt = old.copy(), axis * angle, 0.01
-        body = lambda s: Rotation.from_rotvec(-r * s).apply(
-            new
-        )  # a vector at rest in n, from the body
+        # a vector at rest in n, from the body
+        body = lambda s: Rotation.from_rotvec(-r * s).apply(new)
         u = np.r_[r, quad_vec(body, 0, 1)[0] * dt]
         carry(f, u, *r, dt, share)
         errors.append(

@@ -24,13 +24,14 @@ WHITE = dict(
 )
 EARTH = np.array([RATE * math.cos(LAT), 0.0, -RATE * math.sin(LAT)])
 UP, DOWN = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
+# roll, pitch, heading, deg
 ATTITUDES = {
     "level": (0, 0, 20),
     "south": (3, -5, 180),
     "banked": (-60, 20, 250),
     "steep": (10, 88, -90),
     "upside down": (179.9, 1, 135),
-}  # roll, pitch, heading, deg
+}
 
 
 def rotvec(v):
@@ -102,9 +103,8 @@ class Twin:
         )
         self.C = rotvec(-EARTH * dt) @ self.C @ rotvec(r)
         self.b = self.b * math.exp(-NOISE.gyro_decay * dt)
-        mean = expm(np.block([[-skew(r), np.eye(3)], [np.zeros((3, 6))]]))[
-            :3, 3:
-        ]  # of what a vector at rest in n looks like over the sample
+        # of what a vector at rest in n looks like over the sample
+        mean = expm(np.block([[-skew(r), np.eye(3)], [np.zeros((3, 6))]]))[:3, 3:]
         f = self.C @ rotvec(-r) @ np.linalg.solve(mean, f)
         if np.linalg.norm(f) < 0.5:
             return
@@ -230,11 +230,12 @@ def test_a_field_without_a_direction_is_not_measured(filter, y):
     nis, innovation = correct(filter, belief, "magnetic-field", y, np.full(3, 1e-6))
     assert math.isnan(nis) and np.isnan(innovation).all()
     assert all(np.array_equal(part, was) for part, was in zip(belief, before))
+    # at a magnetic pole
     assert math.isnan(
         correct(filter, belief, "magnetic-field", FIELD, np.full(3, 1e-6), field=(0.0, 0.0, 5e-5))[
             1
         ][0]
-    )  # at a magnetic pole
+    )
     assert math.isfinite(correct(filter, belief, "magnetic-field", FIELD, np.full(3, 1e-6))[1][0])
 
 
@@ -253,11 +254,12 @@ def test_free_fall_has_no_vertical_and_no_time_changes_nothing(filter):
     belief = begun(filter, (30, 40, 50), bg=(0.0, 0.0, 0.0))
     before = [part.copy() for part in belief]
     filter.predict(belief, np.full(6, 0.3), 0.0, NOISE)
+    # where the smoother is told so
     assert all(
         np.array_equal(part, was)
         for name, part, was in zip(belief._fields, belief, before)
         if name != "workspace"
-    )  # where the smoother is told so
+    )
     C, r = belief.C.copy(), np.array([0.02, -0.01, 0.03])
     filter.predict(belief, np.r_[r, 1e-3, -1e-3, 2e-3], 0.01, NOISE)
     np.testing.assert_allclose(belief.C, rotvec(-EARTH * 0.01) @ C @ rotvec(r), atol=1e-12)
@@ -447,9 +449,8 @@ def test_each_combination_of_directions_corrects_what_it_sees(name):
         bg=(0.0,) * 3,
         **{"k1": 0.0, "k2": 0.0, "k3": 0.0, "ki": 0.0, "low_pass": 0.0} | gains,
     )
-    C = (
-        rotvec([0.0, 0.17, 0]) @ rotvec([0, 0, 0.17]) @ belief.C
-    )  # of the truth: the field, which points north and down, sees this tilt
+    # of the truth: the field, which points north and down, sees this tilt
+    C = rotvec([0.0, 0.17, 0]) @ rotvec([0, 0, 0.17]) @ belief.C
     both = "k2" in gains and "k3" in gains
     psi = math.atan2(C[1, 0], C[0, 0])
     for _ in range(2000):

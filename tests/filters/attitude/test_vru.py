@@ -137,9 +137,8 @@ def test_a_correction_is_the_textbooks(kind, rows):
     e = 45.0 + 3.0 * rows - reach[2] - 46.0
     single = H @ P @ H + deviation**2 + tilt
     R = deviation**2 + tilt
-    if (
-        kind == "zero-sea-level"
-    ):  # at once after the start: heights a third of a wave apart are independent
+    # at once after the start: heights a third of a wave apart are independent
+    if kind == "zero-sea-level":
         R = R * (10 / 3) / 1e-3
     K = P @ H / (H @ P @ H + R)
     np.testing.assert_allclose(
@@ -435,9 +434,8 @@ def test_any_mounting_will_do():
     e = sd.errors(solution, made.reference)
     late = e.t > 150
     assert rms(e.position[late, 2] - e.position[late, 2].mean()) < 0.2
-    assert (
-        solution.trajectory.sd[-1, 10] < 0.3 * solution.trajectory.sd[-1, 11]
-    )  # y is down; z and x are hardly seen
+    # y is down; z and x are hardly seen
+    assert solution.trajectory.sd[-1, 10] < 0.3 * solution.trajectory.sd[-1, 11]
 
 
 def test_what_is_not_known_is_no_number(swell):

@@ -204,9 +204,8 @@ def test_covariances_stay_symmetric_and_positive(name):
         name,
         **OPTIONS.get(name, {}),
     ).covariance
-    own = np.flatnonzero(
-        np.diagonal(P[0])
-    )  # a filter of attitude alone leaves the rows of the other states at zero
+    # a filter of attitude alone leaves the rows of the other states at zero
+    own = np.flatnonzero(np.diagonal(P[0]))
     assert np.array_equal(P, P.transpose(0, 2, 1)) and not np.delete(P, own, axis=1).any()
     P = P[:, own][:, :, own]
     assert (

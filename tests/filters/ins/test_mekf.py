@@ -515,12 +515,10 @@ def test_whatever_arrives_between_position_fixes_is_used(hovering):
     off = np.c_[e.position, e.velocity, e.attitude] / e.sd[:, :9]
     assert np.abs(off[100:]).max() < 4.5 and np.sqrt(np.mean(off[100:] ** 2)) < 1.5
     horizontal = e.sd[:, :2].max(axis=1)
-    assert horizontal[2090] > 2 * max(
-        horizontal[1000], horizontal[2900]
-    )  # dead reckoning from 10 to 21 s
-    assert (
-        e.sd[2090, 2] < 1.5 * e.sd[1000, 2] and e.sd[2090, 8] < 1.2 * e.sd[1000, 8]
-    )  # but for height and heading
+    # dead reckoning from 10 to 21 s
+    assert horizontal[2090] > 2 * max(horizontal[1000], horizontal[2900])
+    # but for height and heading
+    assert e.sd[2090, 2] < 1.5 * e.sd[1000, 2] and e.sd[2090, 8] < 1.2 * e.sd[1000, 8]
 
 
 def test_a_field_between_position_fixes_improves_the_heading(hovering):

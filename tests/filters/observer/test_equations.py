@@ -290,9 +290,8 @@ def test_adaptation_finds_a_bias_that_is_excited_and_survives_an_impact(predict)
     assert equations.smallest(b.workspace) > 0.05
     before = b.ba.copy()
     predict(b, np.r_[0.0, 0, 0, 157.0 * dt, 0, 0], dt, NOISE)
-    assert (
-        np.linalg.norm(b.ba - before) < 1e-4
-    )  # along an impact the step is that of any other sample
+    # along an impact the step is that of any other sample
+    assert np.linalg.norm(b.ba - before) < 1e-4
 
 
 def test_the_monitor_is_the_smallest_eigenvalue(predict):
@@ -305,9 +304,8 @@ def test_the_monitor_is_the_smallest_eigenvalue(predict):
     still = belief()
     for _ in range(500):
         predict(still, np.r_[0.0, 0, 0, 0, 0, -0.98], 0.1, NOISE)
-    assert (
-        equations.smallest(still.workspace) < 1e-9
-    )  # nothing but gravity along one axis: never excited
+    # nothing but gravity along one axis: never excited
+    assert equations.smallest(still.workspace) < 1e-9
 
 
 def test_in_an_outage_biases_are_held_bit_for_bit_and_xi_stands_still_in_e(predict):
@@ -415,9 +413,10 @@ def test_over_samples_made_up_in_a_gap_nothing_is_injected(predict, since):
         and np.array_equal(gap.ba, begun[1])
         and np.array_equal(gap.workspace[equations.XI : equations.XI + 3], begun[2])
     )
+    # but for the Earth's turn
     assert (
         np.abs(gap.C - Rotation.from_rotvec(SAMPLE[:3] - 0.1 * begun[0]).as_matrix()).max() < 1e-4
-    )  # but for the Earth's turn
+    )
     assert np.abs(ends["measured"].C - gap.C).max() > 1e-3
 
 

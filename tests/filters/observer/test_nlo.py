@@ -138,9 +138,8 @@ def test_in_an_outage_heading_and_field_change_nothing_and_go_on_after_it(kind):
     xi = np.stack(
         [solution.columns[f"xi_{axis} [m/s^2]"] for axis in ("north", "east", "down")], axis=1
     )
-    assert (
-        np.abs(xi[held] - xi[held][0]).max() < 1e-4
-    )  # m/s^2: the axes of n turn over the 1 km flown
+    # m/s^2: the axes of n turn over the 1 km flown
+    assert np.abs(xi[held] - xi[held][0]).max() < 1e-4
     without = recording.hidden([window], kinds=("position", "velocity")).hidden(
         [(window[0] + 2.3, window[1] - 0.2)], kinds=(kind,)
     )
@@ -174,9 +173,8 @@ def test_after_an_outage_the_course_does_not_take_the_place_of_a_heading_that_wa
         np.interp(solution.trajectory.t, truth.t, np.unwrap(truth.rph[:, 2]))
     )
     first = np.searchsorted(solution.trajectory.t, 38.0 + 1e-6)
-    assert (
-        abs(turned[first] - turned[first - 4]) < 0.05
-    )  # rad; the course, 0.5 off from it, would pull by more than half of that
+    # rad; the course, 0.5 off from it, would pull by more than half of that
+    assert abs(turned[first] - turned[first - 4]) < 0.05
 
 
 @pytest.mark.short
@@ -237,9 +235,8 @@ def test_a_heading_takes_the_place_of_the_course():
         noise=NOISE,
     )
     difference = np.degrees(solution.trajectory.rph[-1, 2] - truth.rph[-1, 2])
-    assert (
-        20 < (difference + 180) % 360 - 180 < 35
-    )  # it follows the heading that is 29 deg off, not the course
+    # it follows the heading that is 29 deg off, not the course
+    assert 20 < (difference + 180) % 360 - 180 < 35
 
 
 @pytest.mark.short

@@ -241,9 +241,8 @@ def test_the_observer_inside_is_nlo():
         for r in (recording, strict)
     ):
         for name in nlo.COLUMNS:
-            np.testing.assert_allclose(
-                solution.columns[name], alone.columns[name], atol=1e-11
-            )  # two kernels, compiled apart
+            # two kernels, compiled apart
+            np.testing.assert_allclose(solution.columns[name], alone.columns[name], atol=1e-11)
         shift = np.stack([solution.columns[name] for name in xkf.COLUMNS[:3]], axis=1)
         assert (
             np.abs(displacement(solution.trajectory.lla, alone.trajectory.lla) - shift).max() < 1e-3

@@ -256,9 +256,8 @@ def test_weights_are_likelihoods():
         np.array([10.3, 4.8, 0.2]),
         np.array([0.2, 0.3, 0.4]),
     )
-    parts(belief).P[:] *= np.linspace(0.5, 2.0, 20)[
-        :, None, None
-    ]  # so that the determinants differ
+    # so that the determinants differ
+    parts(belief).P[:] *= np.linspace(0.5, 2.0, 20)[:, None, None]
     for _ in range(2):
         own = [part.copy() for part in parts(belief)]
         e, S = y - own[1], own[5][:, 3:6, 3:6] + np.diag(deviation**2)
@@ -340,9 +339,8 @@ def test_a_fix_of_which_no_component_knows_anything_is_counted():
     assert belief.workspace[places.DEGENERATE] == 1 and all(
         np.array_equal(a, b) for a, b in zip(kept, parts(belief))
     )
-    fix(
-        belief, "velocity", [1e7, 0.0, 0.0], [0.2] * 3
-    )  # every likelihood underflows, but not their ratios
+    # every likelihood underflows, but not their ratios
+    fix(belief, "velocity", [1e7, 0.0, 0.0], [0.2] * 3)
     assert (
         belief.workspace[places.DEGENERATE] == 1
         and parts(belief).weights.sum() == pytest.approx(1)

@@ -111,11 +111,12 @@ def test_downdate_against_dense_algebra_and_repaired_where_it_fails():
     assert points.downdate(A, 3 * x, 5, 8, work) == 1
     points.covariance(A, 5, 8, back)
     assert np.linalg.eigvalsh(P - 9 * np.outer(x, x)).min() < 0 < np.linalg.eigvalsh(back).min()
+    # the same direction
     assert np.allclose(
         back,
         P - (1 - points.DOWNDATE_FLOOR) / (x @ np.linalg.solve(P, x)) * np.outer(x, x),
         atol=1e-12,
-    )  # the same direction
+    )
     A[:] = 0.0
     assert points.downdate(A, x, 5, 8, work) == 1 and not A.any()
 
@@ -379,9 +380,8 @@ def test_on_nonlinear_benchmarks_it_is_filterpy_step_by_step(model, name):
         own.predict(k)
         peer.predict(fx=peer.fx) if name == "ukf" else peer.predict()
         if name == "ckf":
-            peer.sigmas_f = spherical_radial_sigmas(
-                peer.x, peer.P
-            )  # points of the prediction with its noise, as the rule has them
+            # points of the prediction with its noise, as the rule has them
+            peer.sigmas_f = spherical_radial_sigmas(peer.x, peer.P)
         y = h(truth) + rng.standard_normal(len(R)) * np.sqrt(R)
         own.update(y)
         peer.update(y if name == "ukf" else y[:, None])
@@ -390,9 +390,10 @@ def test_on_nonlinear_benchmarks_it_is_filterpy_step_by_step(model, name):
             np.abs((own.x - peer.x.ravel()) / sd).max() < 1e-8
             and np.abs((own.P - peer.P) / np.outer(sd, sd)).max() < 1e-8
         )
+        # each step from the same belief: on the growth model differences multiply
         own.x, own.A[:] = (
             peer.x.ravel().copy(),
             0.0,
-        )  # each step from the same belief: on the growth model differences multiply
+        )
         points.factor(peer.P, n, own.lanes, own.A)
     assert own.repairs == 0

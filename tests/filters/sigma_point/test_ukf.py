@@ -124,9 +124,8 @@ class Twin:
         self.state = ends[0]
         self.state = self.moved(mean_weights @ [self.error(end, ends[0]) for end in ends])
         away = np.array([self.error(end, self.state) for end in ends])
-        if (
-            cov_weights[0] < 0
-        ):  # the Cholesky downdate by the centre, and what it leaves in its direction
+        # the Cholesky downdate by the centre, and what it leaves in its direction
+        if cov_weights[0] < 0:
             outer = np.linalg.cholesky((cov_weights[1:, None] * away[1:]).T @ away[1:])
             self.left.append(
                 1 + cov_weights[0] * np.sum(np.square(np.linalg.solve(outer, away[0])))
@@ -192,9 +191,8 @@ def test_it_is_the_textbook_filter_where_errors_are_large(name, options, paramet
     own = sd.fuse(recording, name, start=begin, noise=NOISE, covariance=True, **options)
     twin = Twin(begin, *parameters, name == "ukf")
     lla, v, C, b, P = zip(*twin.fly(recording))
-    assert all(
-        1 / 49 < left < 1 for left in twin.left
-    )  # with the default, 63 % at least: no downdate of the textbook fails on this flight
+    # with the default, 63 % at least: no downdate of the textbook fails on this flight
+    assert all(1 / 49 < left < 1 for left in twin.left)
     scale = np.sqrt(np.einsum("kii->ki", P))
     off = (
         np.c_[
@@ -210,9 +208,8 @@ def test_it_is_the_textbook_filter_where_errors_are_large(name, options, paramet
         np.abs((own.covariance - np.array(P)) / (scale[:, :, None] * scale[:, None, :])).max()
         < 1e-4
     )
-    plain = sd.fuse(
-        recording, "closed-loop", start=begin, noise=NOISE, covariance=True
-    )  # which errors this large lead elsewhere
+    # which errors this large lead elsewhere
+    plain = sd.fuse(recording, "closed-loop", start=begin, noise=NOISE, covariance=True)
     assert (
         np.abs((plain.covariance - np.array(P)) / (scale[:, :, None] * scale[:, None, :])).max()
         > 0.02
@@ -398,9 +395,8 @@ def test_the_noise_of_one_sample_is_that_of_the_error_dynamics(filter):
     off = np.abs(belief.P[3:, 3:] - expected) / np.outer(size, size)
     across = np.abs(expected[:3, 3:6] / np.outer(size[:3], size[3:6])).max()
     assert across > 0.3 and off[:3, 3:6].max() < 1e-4 and off[3:, 3:].max() < 0.002
-    tilted = expected[:3, :3] - dt * noise.accel**2 * np.eye(
-        3
-    )  # dt^3/3; as the noise of a sample is one number, dt^3/4 of it is there
+    # dt^3/3; as the noise of a sample is one number, dt^3/4 of it is there
+    tilted = expected[:3, :3] - dt * noise.accel**2 * np.eye(3)
     assert (
         np.abs(belief.P[3:6, 3:6] - expected[:3, :3] + 0.25 * tilted).max()
         < 1e-3 * np.abs(tilted).max()
@@ -473,9 +469,8 @@ def test_the_ekf_is_the_textbook_filter():
     own = fused(recording, "ekf")
     lla, v, C, P = (np.array(part) for part in zip(*textbook(recording, start(recording))))
     scale = np.sqrt(np.einsum("kii->ki", P))
-    assert (
-        np.abs((own.covariance - P) / (scale[:, :, None] * scale[:, None, :])).max() < 1e-5
-    )  # as far as dt^3 goes, that of Van Loan
+    # as far as dt^3 goes, that of Van Loan
+    assert np.abs((own.covariance - P) / (scale[:, :, None] * scale[:, None, :])).max() < 1e-5
     assert (
         np.abs(displacement(own.trajectory.lla, lla)).max() < 2e-5
         and np.abs(own.trajectory.v_n - v).max() < 2e-5

@@ -139,9 +139,8 @@ def test_about_a_given_trajectory_it_is_the_linear_kalman_filter(name):
                 np.abs((belief.P - twin.covariance()) / np.outer(scale, scale)).max(),
             ],
         )
-    assert (
-        worst[0] < 5e-6 and worst[1] < 3e-8 and worst[2] < 1e-12 and worst[3] < 1e-8
-    )  # positions: metres by radii here, by the ellipsoid there
+    # positions: metres by radii here, by the ellipsoid there
+    assert worst[0] < 5e-6 and worst[1] < 3e-8 and worst[2] < 1e-12 and worst[3] < 1e-8
 
 
 def test_the_observer_beside_it_is_the_observer_alone():
@@ -152,9 +151,10 @@ def test_the_observer_beside_it_is_the_observer_alone():
         [both.columns[f"observer_error_{axis} [m]"] for axis in ("north", "east", "down")]
     )
     assert np.abs(displacement(both.trajectory.lla, alone.trajectory.lla) - shift).max() < 1e-6
+    # two kernels, compiled apart
     np.testing.assert_allclose(
         both.columns["xi_east [m/s^2]"], alone.columns["xi_east [m/s^2]"], rtol=0, atol=1e-12
-    )  # two kernels, compiled apart
+    )
     assert np.abs(shift).max() > 0.01
 
 

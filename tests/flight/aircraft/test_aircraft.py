@@ -138,9 +138,8 @@ def test_forces_are_those_of_the_textbook_anywhere():
 @pytest.mark.short
 def test_air_and_propeller_at_rest_and_in_thin_air():
     _, out = told(AEROSONDE, at((0, 0, 0)))
-    np.testing.assert_array_equal(
-        out, np.zeros(OUTPUTS)
-    )  # without voltage the propeller stands still
+    # without voltage the propeller stands still
+    np.testing.assert_array_equal(out, np.zeros(OUTPUTS))
     _, out = told(AEROSONDE, at((0, 0, 0), controls=(0, 0, 0, 1)))
     assert out[10] > 30 and out[3] == -out[11] < 0  # static thrust; its reaction rolls to the left
     for height, density in ((0.0, 1.225), (1000.0, 1.1117), (10000.0, 0.4135)):  # ISO 2533
@@ -392,9 +391,8 @@ def test_a_long_step_is_made_of_short_ones():
     short, parts = respond(
         "aerosonde", start, np.tile(start[13:] + [0.05, 0.1, 0, 0], (20, 1)), 0.01
     )
-    np.testing.assert_allclose(
-        long, short[::4], rtol=0, atol=2e-9
-    )  # the quaternion is made a unit one at the end only
+    # the quaternion is made a unit one at the end only
+    np.testing.assert_allclose(long, short[::4], rtol=0, atol=2e-9)
     np.testing.assert_allclose(imu.dv, parts.dv.reshape(5, 4, 3).sum(1), rtol=0, atol=2e-9)
 
 

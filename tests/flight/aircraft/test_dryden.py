@@ -70,9 +70,10 @@ def test_variances_and_correlations_are_those_of_the_closed_forms(record):
             lag = round(share * L / V / DT)
             got = (gusts[lag:] * gusts[:-lag]).mean() / sd**2
             assert abs(got - form(lag * DT * V / L)) < 4 * np.sqrt(2 * (L / V) / seconds)
+    # integral of the standard's spectrum
     roll = (
         sw**2 * 0.8 * (np.pi * Lw / (4 * b)) ** (1 / 3) / (V * Lw) * np.pi / 2 * np.pi * V / (4 * b)
-    )  # integral of the standard's spectrum
+    )
     assert winds[:, 6].var() == pytest.approx(
         roll, rel=4 * np.sqrt(2 * (4 * b / (np.pi * V)) / seconds)
     )

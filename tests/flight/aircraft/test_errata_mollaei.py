@@ -45,11 +45,12 @@ class Flown:
         ]
         rates, out, array = np.zeros(19), np.zeros(OUTPUTS), A.array("flat", ORIGIN)
         ready(evaluate)(array, state, np.zeros(9), rates, out)
+        # without the propeller's reaction
         self.g, self.m, self.rolling = (
             array[GRAVITY],
             A["mass"],
             out[MOMENT] + out[TORQUE],
-        )  # without the propeller's reaction
+        )
         self.ground = rates[:3] / [array[LATITUDE_RATE], array[LONGITUDE_RATE], -1]
         self.du, self.dv, self.dw = self.C.T @ rates[3:6] - np.cross(
             [self.p, self.q, self.r], velocity
@@ -62,9 +63,10 @@ class Flown:
         self.dV = (self.u * self.du + self.v * self.dv + self.w * self.dw) / self.V
         self.dalpha = (self.u * self.dw - self.w * self.du) / (self.u**2 + self.w**2)
         self.dbeta = (self.dv - sin(self.beta) * self.dV) / (self.V * cos(self.beta))
+        # C' = C [omega x]
         self.dC = self.C @ np.array(
             [[0, -self.r, self.q], [self.r, 0, -self.p], [-self.q, self.p, 0]]
-        )  # C' = C [omega x]
+        )
         self.q_rates = rates[6:10]
 
 
@@ -109,9 +111,8 @@ def test_a_the_roll_acceleration_4_lacks_p_q():
     rest = lambda f: (z * f.L + xz * f.N) / G + (z * (y - z) - xz**2) * f.q * f.r / G
     assert not holds(lambda f: rest(f) + xz * (x - y + z) / G, lambda f: f.dp)
     assert holds(lambda f: rest(f) + xz * (x - y + z) / G * f.p * f.q, lambda f: f.dp)
-    assert (
-        xz * (x - y + z) / G == pytest.approx(gammas(A)[1]) == pytest.approx(0.1215, abs=1e-4)
-    )  # print adds it, rad/s^2, even at rest
+    # print adds it, rad/s^2, even at rest
+    assert xz * (x - y + z) / G == pytest.approx(gammas(A)[1]) == pytest.approx(0.1215, abs=1e-4)
 
 
 def test_pitch_and_yaw_accelerations_5_and_6_are_right():
@@ -178,9 +179,8 @@ def test_d_the_sideslip_11_lacks_drag():
     )
     assert not holds(printed, lambda f: f.dbeta)
     assert holds(lambda f: printed(f) + f.drag * sin(f.beta) / (f.m * f.V), lambda f: f.dbeta)
-    across = lambda f: (
-        f.side * cos(f.beta) + f.drag * sin(f.beta)
-    )  # the side force in wind axes: then without its cosine
+    # the side force in wind axes: then without its cosine
+    across = lambda f: f.side * cos(f.beta) + f.drag * sin(f.beta)
     assert holds(
         lambda f: printed(f) + (across(f) - f.side * cos(f.beta)) / (f.m * f.V), lambda f: f.dbeta
     )
@@ -233,9 +233,8 @@ def test_b_the_heading_rate_15_has_a_minus_for_a_plus():
         for f in FLIGHTS
         for w, x, y, z in [quaternion(f.phi, f.theta, f.psi)]
     ]
-    assert [f.q_rates[0] for f in FLIGHTS] == pytest.approx(
-        state, abs=1e-12
-    )  # the model's quaternion turns by the same rates
+    # the model's quaternion turns by the same rates
+    assert [f.q_rates[0] for f in FLIGHTS] == pytest.approx(state, abs=1e-12)
 
 
 def test_c_the_east_velocity_17_has_two_signs_wrong():
@@ -256,9 +255,9 @@ def test_c_the_east_velocity_17_has_two_signs_wrong():
         assert right @ body == pytest.approx(f.ground, rel=1e-9)
         assert right @ right.T == pytest.approx(np.eye(3), abs=1e-12)
         assert (printed @ body)[[0, 2]] == pytest.approx((right @ body)[[0, 2]], rel=1e-12)
-    assert (
-        max(np.abs(rows(f, -1) @ rows(f, -1).T - np.eye(3)).max() for f in FLIGHTS) > 0.5
-    )  # not a rotation
+    # not a rotation
+    assert max(np.abs(rows(f, -1) @ rows(f, -1).T - np.eye(3)).max() for f in FLIGHTS) > 0.5
+    # m/s to the east
     assert (
         np.median([abs(((rows(f, -1) - rows(f, 1)) @ [f.u, f.v, f.w])[1]) for f in FLIGHTS]) > 1.0
-    )  # m/s to the east
+    )

@@ -54,9 +54,8 @@ def test_a_trim_is_an_equilibrium_of_the_textbook_s_equations(asked):
     )
     assert (roll, pitch) == pytest.approx((trim.roll, trim.pitch), abs=1e-12)
     body = Rotation.from_quat(np.roll(trim.state[6:10], -1)).inv().apply(trim.state[3:6])
-    assert body == pytest.approx(x[:3], abs=1e-12) and body[1] == pytest.approx(
-        0, abs=1e-12
-    )  # no sideslip
+    # no sideslip
+    assert body == pytest.approx(x[:3], abs=1e-12) and body[1] == pytest.approx(0, abs=1e-12)
     climb = asked.get("climb", 0.0)
     assert trim.state[3:6] == pytest.approx(
         asked["airspeed"] * np.array([math.cos(climb), 0, -math.sin(climb)]), abs=1e-12
@@ -86,9 +85,8 @@ def test_level_flight_carries_its_weight_and_a_turn_banks_for_its_radius():
     assert -level.outputs[2] * math.cos(level.pitch) - level.outputs[0] * math.sin(
         -level.pitch
     ) == pytest.approx(AEROSONDE["mass"] * G, rel=2e-3)
-    assert math.tan(turn.roll) == pytest.approx(
-        25**2 / (G * 150), rel=0.05
-    )  # coordinated, but for the side force of the surfaces
+    # coordinated, but for the side force of the surfaces
+    assert math.tan(turn.roll) == pytest.approx(25**2 / (G * 150), rel=0.05)
     assert turn.turn_rate == pytest.approx(25 / 150) and sd.trim(
         "aerosonde", 25, radius=-150.0, origin=ORIGIN
     ).roll == pytest.approx(-turn.roll, abs=0.01)
@@ -193,9 +191,8 @@ def test_modes_are_those_of_a_small_aircraft():
         modes["phugoid"].frequency == pytest.approx(math.sqrt(2) * G / 25, rel=0.25)
         and 0 < modes["phugoid"].damping < 0.5
     )
-    assert (
-        modes["spiral"].time_constant < -5 and modes["Dutch roll"].eigenvalues[0].imag > 0
-    )  # a slowly growing spiral
+    # a slowly growing spiral
+    assert modes["spiral"].time_constant < -5 and modes["Dutch roll"].eigenvalues[0].imag > 0
     assert modes.table()[0]["time constant, s"] == modes["roll"].time_constant
     with pytest.raises(DataError, match="no mode 'spin'; modes: roll, short period"):
         modes["spin"]
@@ -323,10 +320,11 @@ def test_the_tables_of_the_page_are_those_of_the_model():
             f"| {airspeed} | {told['alpha, deg']:.2f} | {told['elevator, deg']:.2f} | {told['throttle']:.3f} | {told['thrust, N']:.2f} "
             f"| {told['propeller, rpm']:.0f} |"
         ) in page
+    # the ends that the page names
     for flies, beyond, control in (
         (17, 16.5, "elevator"),
         (32, 32.5, "throttle"),
-    ):  # the ends that the page names
+    ):
         sd.trim(AEROSONDE, flies, origin=(0.8, 0.1, 0.0))
         with pytest.raises(DataError, match=f"needs {control} .* beyond its stop"):
             sd.trim(AEROSONDE, beyond, origin=(0.8, 0.1, 0.0))

@@ -255,9 +255,8 @@ def no_filter_diverges(e: Evidence) -> dict[str, str]:
     """4.1, Table 3."""
     tables = of(e.tables, E1)
     counts = {mode: factor(tables, ("fx_n", "fz_n"), NO_FILTER, mode) for mode in FILTERS}
-    lost = [away(table, NO_FILTER) for table in tables.values()][
-        :1
-    ]  # the flight is the same in all readings
+    # the flight is the same in all readings
+    lost = [away(table, NO_FILTER) for table in tables.values()][:1]
     return finding(
         "Without a filter the parameters diverge when the GPS is cut, and the position goes to "
         "zero.",

@@ -70,9 +70,8 @@ class Advice:
     found: dict[str, Evidence]  # {filter: Evidence}
     decision: Decision
     others: dict[str, Decision]  # {changed threshold: Decision}
-    through: list[
-        tuple[float, Decision]
-    ]  # [(duration s, Decision)] of this mission cut short, by the estimates
+    # [(duration s, Decision)] of this mission cut short, by the estimates
+    through: list[tuple[float, Decision]]
     campaign: Campaign
     map: list[dict[str, Any]]  # dicts: motion, imu, duration_s, answer, filter, sure
     map_campaign: Campaign | None

@@ -107,9 +107,8 @@ _making = threading.Lock()
 
 def simulator(cell: Cell) -> Simulator:
     """The Simulator of a cell's scenario; the last two are kept."""
-    key = cell.scenario.describe()[
-        "fingerprint"
-    ]  # a worker gets a new copy of the scenario with every chunk
+    # a worker gets a new copy of the scenario with every chunk
+    key = cell.scenario.describe()["fingerprint"]
     with _making:
         if key not in _simulators:
             while len(_simulators) > 1:

@@ -219,9 +219,8 @@ def _comparison(
             rows.append(head | had | {"distance_m": outage.distance, "said": said})
     if all(isinstance(each, str) for own in results for each in own):
         raise DataError(f"no filter got through any outage; {labels[0]}: {results[0][0]}")
-    scores = pd.DataFrame(
-        sorted(rows, key=lambda row: -len(row))
-    )  # the columns of a row that has them all
+    # the columns of a row that has them all
+    scores = pd.DataFrame(sorted(rows, key=lambda row: -len(row)))
 
     def in_order(column: pd.Series[Any]) -> pd.Series[Any]:
         return column.map(labels.index) if column.name == "filter" else column

@@ -41,9 +41,8 @@ class Comparison:
     tracks: dict[str, list[Track | None]]  # {label: [scores.Track or None per outage]}
     reference: Trajectory  # rows whose position is known
     span: Window  # (start of the filters, end of the recording), s
-    settings: dict[str, Any] = field(
-        default_factory=dict
-    )  # imu, noise, start, kinds, withheld, kept, and per filter options, sources
+    # imu, noise, start, kinds, withheld, kept, and per filter options, sources
+    settings: dict[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @cached_property

@@ -180,9 +180,8 @@ def _scene(
 
 def _outage(window: Window, scene: _Scene) -> Outage:
     begin, stop = window
-    missing, again = (
-        int(np.searchsorted(scene.times, edge)) for edge in window
-    )  # the first fix that is, and the first that is not any more
+    # the first fix that is, and the first that is not any more
+    missing, again = (int(np.searchsorted(scene.times, edge)) for edge in window)
     if missing >= again:
         raise DataError(
             f"outage {named(window)}: there is no fix of {scene.kinds} in it to withhold; give "

@@ -111,9 +111,8 @@ def _check(
     if len(found) == 2:
         found.append(("both", poles(*gains), of_position[2] or of_velocity[1]))
     for name, roots, last in found:
-        settling = (
-            np.delete(roots, np.argmin(np.abs(roots))) if not last else roots
-        )  # a bias without gain stands still
+        # a bias without gain stands still
+        settling = np.delete(roots, np.argmin(np.abs(roots))) if not last else roots
         if not (settling.real < 0).all():
             raise ValueError(
                 f"{said} are not stable: poles with {name} "

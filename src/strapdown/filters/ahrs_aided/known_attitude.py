@@ -259,9 +259,8 @@ def _spread(belief: Belief, S: Array, f0: float, f1: float, f2: float, dt: float
     alike.
     """
     workspace, P, n, half = belief.workspace, belief.P, S.shape[1], 0.5 * dt
-    G = matrix(
-        workspace, workspace.size - 3 * n, 3, n
-    )  # covariance of the velocity that is gained with the states
+    # covariance of the velocity that is gained with the states
+    G = matrix(workspace, workspace.size - 3 * n, 3, n)
     for j in range(n):
         s0, s1, s2 = S[0, j], S[1, j], S[2, j]
         G[0, j], G[1, j], G[2, j] = s1 * f2 - s2 * f1, s2 * f0 - s0 * f2, s0 * f1 - s1 * f0

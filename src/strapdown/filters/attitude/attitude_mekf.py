@@ -187,9 +187,8 @@ def _level(belief: Belief, dt: float) -> None:
     if size < FREE_FALL_FORCE:
         return
     north, east = off_vertical(belief.C, f)
-    workspace[EXCESS] += min(dt / SIZE_TIME, 1.0) * (
-        size - GRAVITY_EQUATOR - workspace[EXCESS]
-    )  # a mean, because what shakes the body goes up and down
+    # a mean, because what shakes the body goes up and down
+    workspace[EXCESS] += min(dt / SIZE_TIME, 1.0) * (size - GRAVITY_EQUATOR - workspace[EXCESS])
     excess = max(abs(workspace[EXCESS]) - SIZE_ERROR, 0.0)
     variance = (workspace[ACCELERATION] + workspace[DISTURBANCE] * excess * excess) / (
         GRAVITY_EQUATOR * GRAVITY_EQUATOR * dt
@@ -252,9 +251,8 @@ def _field(
     innovation[0] = math.atan2(
         parameters[1] * north - parameters[0] * east, parameters[0] * north + parameters[1] * east
     )
-    seconds = (
-        min(workspace[SINCE], 1.0) if workspace[SINCE] > 0 else workspace[INTERVAL]
-    )  # of two fields at one time the second is another magnetometer's
+    # of two fields at one time the second is another magnetometer's
+    seconds = min(workspace[SINCE], 1.0) if workspace[SINCE] > 0 else workspace[INTERVAL]
     if workspace[STRENGTH] == 0:
         horizontal = parameters[0] * parameters[0] + parameters[1] * parameters[1]
         workspace[STRENGTH], workspace[DIP] = (

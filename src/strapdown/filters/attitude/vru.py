@@ -152,9 +152,8 @@ def _spread(belief: Belief, dt: float, noise: Noise) -> None:
     P, C, half = belief.P, belief.C, 0.5 * dt
     c0, c1, c2 = dt * C[2, 0], dt * C[2, 1], dt * C[2, 2]
     keep, q = decay(noise.accel_decay * dt), noise.accel * noise.accel * dt
-    u_p = (
-        c0 * P[2, 9] + c1 * P[2, 10] + c2 * P[2, 11]
-    )  # with u = dt c b: the covariances of u with the others
+    # with u = dt c b: the covariances of u with the others
+    u_p = c0 * P[2, 9] + c1 * P[2, 10] + c2 * P[2, 11]
     u_v = c0 * P[5, 9] + c1 * P[5, 10] + c2 * P[5, 11]
     u0 = c0 * P[9, 9] + c1 * P[9, 10] + c2 * P[9, 11]
     u1 = c0 * P[9, 10] + c1 * P[10, 10] + c2 * P[10, 11]

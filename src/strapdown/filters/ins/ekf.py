@@ -198,9 +198,8 @@ def _gain(
                 total += U[a, j] * H[b, j]
             for m in range(b):
                 total -= L[a, m] * L[b, m]
-            if (
-                a == b and not total > 0
-            ):  # P is no covariance any more: rejected, and counted as that
+            # P is no covariance any more: rejected, and counted as that
+            if a == b and not total > 0:
                 return math.inf
             L[a, b] = math.sqrt(total) if a == b else total / L[b, b]
         for b in range(a):

@@ -114,11 +114,12 @@ def products(x: Array, blocks: Array, lat: float, geodetic: bool, dt: float) -> 
     the belief. In geodetic coordinates that scale is no matter, but the velocity error is divided
     by the radius at the wrong height and latitude: these products are put in.
     """
+    # 1/M, 1/N, tan/N, whatever their printed signs
     m, n, tan = (
         abs(blocks[TV + 3]),
         abs(blocks[TV + 1]),
         math.copysign(abs(blocks[TV + 7]), lat),
-    )  # 1/M, 1/N, tan/N, whatever their printed signs
+    )
     north = m * x[5] * x[0]
     east = (n * x[5] + tan * x[3]) * x[1]
     if geodetic:

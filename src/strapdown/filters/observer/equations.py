@@ -172,9 +172,8 @@ def _clocks(workspace: Array, dt: float, spread: float) -> None:
         min(workspace[SINCE_COURSE], min(workspace[SINCE_HEADING], workspace[SINCE_FIELD]))
         < TRUSTED
     )
-    if (
-        workspace[FADE] > 1e-3 and (heading or workspace[MODE] == NONE) and not outage(workspace)
-    ):  # a start that heading is not part of is none
+    # a start that heading is not part of is none
+    if workspace[FADE] > 1e-3 and (heading or workspace[MODE] == NONE) and not outage(workspace):
         workspace[FADE] *= decay(2 * dt / workspace[START_TIME])
 
 

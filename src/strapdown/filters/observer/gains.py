@@ -551,10 +551,11 @@ def adaptation_loop(o: dict[str, Any], jumps: list[Jump]) -> float:
     adapted; 0 without adaptation."""
     if not o["adaptation"]:
         return 0.0
+    # errors of p, v, f_n, bias along the force; xi is what the other two leave
     A, rate = (
         np.zeros((4, 4)),
         o["adaptation"],
-    )  # errors of p, v, f_n, bias along the force; xi is what the other two leave
+    )
     A[0, 1], A[1, 2] = 1.0, 1.0
     A[2, 2], A[2, 3], A[3, 2], A[3, 3] = rate, rate, -rate, -rate
     return radius(round_matrix(jumps, A))

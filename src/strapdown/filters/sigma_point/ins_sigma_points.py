@@ -344,9 +344,8 @@ def _noise_rows(
             root * noise.gyro_bias,
         )
     if not augmented:
-        half = (
-            0.5 * root * noise.gyro
-        )  # the tilt grows over the sample in which it turns the specific force
+        # the tilt grows over the sample in which it turns the specific force
+        half = 0.5 * root * noise.gyro
         d0, d1, d2 = (
             half * workspace[CENTRE + 15],
             half * workspace[CENTRE + 16],

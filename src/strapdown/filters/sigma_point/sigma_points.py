@@ -122,9 +122,8 @@ def _reflect(A: Array, rows: int, j: int, first: int, lanes: int) -> None:
     d, head, i = lanes * rows, lanes * j, j
     for lane in range(first, lanes):
         A[d + lane] = 0.0
-    while (
-        i + 4 <= rows
-    ):  # products with all columns, four rows at a time, because each sum waits for the one before
+    # products with all columns, four rows at a time, because each sum waits for the one before
+    while i + 4 <= rows:
         r = lanes * i
         a, b, c, e = A[r + j], A[r + lanes + j], A[r + 2 * lanes + j], A[r + 3 * lanes + j]
         for lane in range(first, lanes):

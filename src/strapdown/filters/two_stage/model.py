@@ -262,9 +262,8 @@ def _tilted(P: Array, f0: float, f1: float, f2: float, scale: float) -> None:
     """Add to the variance of v what errors theta of the attitude do to the specific force f:
     `scale` times [f x] P_theta [f x]'."""
     for j in range(3):
-        g0, g1, g2 = (
-            (0.0, -f2, f1) if j == 0 else ((f2, 0.0, -f0) if j == 1 else (-f1, f0, 0.0))
-        )  # column j of [f x]'
+        # column j of [f x]'
+        g0, g1, g2 = (0.0, -f2, f1) if j == 0 else ((f2, 0.0, -f0) if j == 1 else (-f1, f0, 0.0))
         x, y, z = (
             P[6, 6] * g0 + P[6, 7] * g1 + P[6, 8] * g2,
             P[7, 6] * g0 + P[7, 7] * g1 + P[7, 8] * g2,

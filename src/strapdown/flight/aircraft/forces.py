@@ -106,9 +106,8 @@ def propeller(
         throttle * parameters[VOLTAGE] / R - parameters[IDLE_CURRENT]
     )
     root = b * b - 4 * a * c
-    speed = (
-        max(-2 * c / (b + math.sqrt(root)), 0.0) if root > 0 else 0.0
-    )  # the positive root, without loss in thin air
+    # the positive root, without loss in thin air
+    speed = max(-2 * c / (b + math.sqrt(root)), 0.0) if root > 0 else 0.0
     nD, scale = speed * D / RAD_PER_TURN, rho * D * D
     thrust = scale * (
         parameters[C_T_0] * nD * nD + parameters[C_T_1] * nD * V + parameters[C_T_2] * V * V
@@ -154,10 +153,11 @@ def forces(
     V, alpha, beta, cosine, sine = air_data(u, v, w)
     half = 0.5 * rho * V * parameters[AREA]
     qS, b, c = half * V, parameters[SPAN], parameters[CHORD]
+    # qS times the rates in c/2V and b/2V: no division by a small V
     longitudinal, lateral = (
         0.5 * half * c * q,
         0.5 * half * b,
-    )  # qS times the rates in c/2V and b/2V: no division by a small V
+    )
     C_L, C_D = lift_and_drag(parameters, alpha, cosine, sine)
     lift = qS * (C_L + parameters[C_L_ELEVATOR] * elevator) + longitudinal * parameters[C_L_Q]
     drag = qS * (C_D + parameters[C_D_ELEVATOR] * elevator) + longitudinal * parameters[C_D_Q]

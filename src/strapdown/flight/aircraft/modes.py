@@ -158,14 +158,12 @@ def _named(A: Array) -> tuple[Mode, ...]:
     that moves it most along.
     """
     values, vectors = np.linalg.eig(A)
-    scale = np.array(
-        [25.0, 25.0, 25.0, 1.0, 1.0, 1.0, 1.0, 1.0]
-    )  # m/s beside rad: which modes are symmetric does not depend on it
+    # m/s beside rad: which modes are symmetric does not depend on it
+    scale = np.array([25.0, 25.0, 25.0, 1.0, 1.0, 1.0, 1.0, 1.0])
     weight = np.abs(vectors / scale[:, None]) ** 2
     along = weight[_LONGITUDINAL].sum(0) / weight.sum(0)
-    wholes = [
-        (i, i + 1) if values[i].imag > 0 else (i,) for i in range(8) if values[i].imag >= 0
-    ]  # LAPACK puts a pair side by side, + first
+    # LAPACK puts a pair side by side, + first
+    wholes = [(i, i + 1) if values[i].imag > 0 else (i,) for i in range(8) if values[i].imag >= 0]
     fours = [
         sum(chosen, ())
         for count in (2, 3, 4)

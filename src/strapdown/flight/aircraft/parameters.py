@@ -194,11 +194,12 @@ class Aircraft:
         _check_stops(self.values, where)
 
     def __reduce__(self) -> tuple[type["Aircraft"], tuple[str, dict[str, float], str]]:
+        # a read-only view cannot be pickled
         return Aircraft, (
             self.name,
             dict(self.values),
             self.source,
-        )  # a read-only view cannot be pickled
+        )
 
     def __getitem__(self, name: str) -> float:
         """A parameter by name, SI. Raises DataError for an unknown one."""

@@ -65,9 +65,8 @@ def _refuse_strength(part: AidingPart, aiding: Aiding, total: float) -> None:
         float(np.nanmedian(np.linalg.norm(aiding.y, axis=1))),
         float(np.nanmax(np.ptp(aiding.y, axis=0)) / 2),
     )
-    if (
-        1 / MOST_STRENGTH_RATIO <= median / total <= MOST_STRENGTH_RATIO or 0.5 < change / total < 2
-    ):  # a turn changes the field by its strength, whatever the hard iron
+    # a turn changes the field by its strength, whatever the hard iron
+    if 1 / MOST_STRENGTH_RATIO <= median / total <= MOST_STRENGTH_RATIO or 0.5 < change / total < 2:
         return
     known = UNIT_FACTORS["magnetic field"]
     likely = [

@@ -39,15 +39,17 @@ output columns."""
 CONTROLS, WIND = INPUTS + 1, INPUTS + 5
 X = INPUTS + 9  # the state, 6 numbers
 ORIGIN = X + 6  # lla of the start
+# variances: of the process noise per second, of a row of a fix; 0: not given
 Q, R = (
     ORIGIN + 3,
     ORIGIN + 4,
-)  # variances: of the process noise per second, of a row of a fix; 0: not given
+)
 UNKNOWN = ORIGIN + 5  # random walk of the velocity that the model does not know, m/s/sqrt(s)
+# s since the last fix; of the air at the height of the estimate, kg/m^3
 SINCE, DENSITY = (
     ORIGIN + 6,
     ORIGIN + 7,
-)  # s since the last fix; of the air at the height of the estimate, kg/m^3
+)
 TURNED = DENSITY + 1  # C_nb at mid-sample, 3 x 3
 DV = TURNED + 9  # change of velocity over the sample that the IMU tells, gravity included, m/s
 A = DV + 3  # d velocity after / d velocity before, 3 x 3
@@ -246,9 +248,8 @@ def jacobian(
     """A = I + J dt + J^2 dt^2 / 2, J the derivative of the model's acceleration a by the
     velocity v at mid-sample, from differences over STEP."""
     s = dt / STEP
-    for k in range(
-        3
-    ):  # a loop, because three copies of the forces take the compiler three times as long
+    # a loop, because three copies of the forces take the compiler three times as long
+    for k in range(3):
         b0, b1, b2 = acceleration(
             workspace,
             omega,
@@ -364,9 +365,8 @@ def correct_gaussian(
     nis, spread, rows = 0.0, 1.0, 0
     b0, b1, b2 = x[first], x[first + 1], x[first + 2]
     for i in range(3):
-        e = innovation[i] + (
-            (b0 if i == 0 else (b1 if i == 1 else b2)) - x[first + i]
-        )  # less what the rows before have corrected
+        # less what the rows before have corrected
+        e = innovation[i] + ((b0 if i == 0 else (b1 if i == 1 else b2)) - x[first + i])
         if math.isnan(e):
             continue
         k = first + i

@@ -43,23 +43,22 @@ from .model import (
     turn,
 )
 
-EFFECTIVE, RESAMPLINGS, REPAIRS, DEGENERATE = range(
-    4
-)  # output columns, as of filters/particle/pkf.py
+# output columns, as of filters/particle/pkf.py
+EFFECTIVE, RESAMPLINGS, REPAIRS, DEGENERATE = range(4)
+# components; kernel width; effective ones below which it resamples; stream
 N, KERNEL, THRESHOLD, RANDOM = (
     OWN,
     OWN + 1,
     OWN + 2,
     OWN + 3,
-)  # components; kernel width; effective ones below which it resamples; stream
+)
 MEAN = RANDOM + STREAM
 LEFT = MEAN + 6  # the covariance as the filter left it
 PHI = LEFT + 36
 SUMS = PHI + 36
 WORK = SUMS + plain(moments_size)(6)
-COMPONENTS = WORK + plain(resample_size)(
-    6
-)  # N x (state, covariance); then N weights, log-likelihoods, ancestors, deviations, new deviations
+# N x (state, covariance); then N weights, log-likelihoods, ancestors, deviations, new deviations
+COMPONENTS = WORK + plain(resample_size)(6)
 WIDTH, EACH = 42, 42 + 3 + 12
 
 

@@ -42,12 +42,10 @@ from .model import (
 )
 
 REPAIRS = 0  # output column: square roots that had to be repaired so far
-SPREAD, REST, AUGMENTED, SPREAD_6, REST_6 = range(
-    OWN, OWN + 5
-)  # sets of prediction and correction; pairs of points of the noise, 6 or none
-S = (
-    OWN + 5
-)  # 12 points, their centre, 6 of noise and workspace; the square root is its first 6 rows
+# sets of prediction and correction; pairs of points of the noise, 6 or none
+SPREAD, REST, AUGMENTED, SPREAD_6, REST_6 = range(OWN, OWN + 5)
+# 12 points, their centre, 6 of noise and workspace; the square root is its first 6 rows
+S = OWN + 5
 LANES, ROWS = 8, 20
 MEAN = S + LANES * ROWS
 E = MEAN + LANES  # innovations at 13 points
