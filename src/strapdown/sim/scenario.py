@@ -4,8 +4,9 @@ from pathlib import Path
 
 from ..data import DataError
 from ..files import find_shipped, shipped
+from ..sensor_models.datasheet_units import nearest
 from ..typing import File
-from .scenario_file import nearest, read
+from .scenario_file import read
 from .scenario_model import START_SD, Scenario
 
 __all__ = ["START_SD", "Scenario", "scenario", "scenarios"]

@@ -2,7 +2,6 @@
 docs/simulate.md lists the keys."""
 
 import datetime
-import difflib
 import inspect
 import math
 from collections.abc import Callable, Collection, Iterable
@@ -13,6 +12,7 @@ from ..data import DataError
 from ..files import read_toml
 from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.barometer import Barometer
+from ..sensor_models.datasheet_units import nearest
 from ..sensor_models.gnss import Gnss
 from ..sensor_models.magnetometer import Disturbance, Magnetometer
 from ..typing import File
@@ -132,12 +132,6 @@ def read(path: File) -> Scenario:
         return from_table(table, Path(path))
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
-
-
-def nearest(word: object, words: Iterable[str]) -> str:
-    """' (did you mean ...?)' with the nearest of `words`, or nothing."""
-    match = difflib.get_close_matches(str(word), list(words), n=1, cutoff=0.5)
-    return f" (did you mean {match[0]!r}?)" if match else ""
 
 
 def from_table(table: dict[str, Any], path: Path) -> Scenario:

@@ -11,8 +11,9 @@ import numpy as np
 
 from ...data import DataError
 from ...files import find_shipped, read_toml
+from ...sensor_models.datasheet_units import nearest
 from ...sim.scenario import Scenario, scenario, scenarios
-from ...sim.scenario_file import from_table, nearest
+from ...sim.scenario_file import from_table
 from ...typing import File
 
 DURATION_UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
