@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
+from strapdown.checks import DataError
 from strapdown.cli import app
-from strapdown.data import DataError
 from strapdown.io.locate import data_folder as find_data_folder
 
 NO_DATA = "recorded data not found (STRAPDOWN_DATA)"

@@ -8,7 +8,8 @@ import pymap3d
 import pytest
 
 import strapdown as sd
-from strapdown.data import BIAS_COLUMNS, NAV_COLUMNS, SD_COLUMNS, UNITS, DataError
+from strapdown.checks import DataError
+from strapdown.data import BIAS_COLUMNS, NAV_COLUMNS, SD_COLUMNS, UNITS
 from strapdown.sim.trajectory import demo_flight, sample
 
 pytestmark = pytest.mark.short

@@ -7,7 +7,8 @@ from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation
 
 from strapdown.alignment.location import GIVEN_SD, place_of
-from strapdown.data import Aiding, DataError
+from strapdown.checks import DataError
+from strapdown.data import Aiding
 from strapdown.files import read_toml
 from strapdown.preprocessing.stationary import stretches
 from strapdown.rotation_products import running_products

@@ -3,13 +3,9 @@
 from .alignment.initial import align as align
 from .alignment.static_attitude import static_attitude as static_attitude
 from .calibration.fitting import Calibration as Calibration, calibrate as calibrate
+from .checks import DataError as DataError
 from .core.contract import Belief as Belief, Imu as Imu, Noise as Noise, Start as Start
-from .data import (
-    Aiding as Aiding,
-    DataError as DataError,
-    Solution as Solution,
-    Trajectory as Trajectory,
-)
+from .data import Aiding as Aiding, Solution as Solution, Trajectory as Trajectory
 from .engine.batch import fuse as fuse
 from .engine.smoothing import smooth as smooth
 from .engine.stream import Fix as Fix, Sample as Sample, Stream as Stream

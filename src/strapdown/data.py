@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import geodesy
+from .checks import DataError as DataError
 from .core.contract import BRIDGED, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
 from .typing import Array, Ints, Mask, Vector
 
@@ -62,10 +63,6 @@ UNITS = {
 """Unit of every column of `Trajectory.table` and `Solution.table`."""
 SD_SCALE = np.r_[np.ones(6), np.full(3, np.degrees(1)), np.ones(3), np.full(3, np.degrees(3600))]
 """From SI to the units of the `sd_` columns; its last six also to those of the biases."""
-
-
-class DataError(ValueError):
-    """Input that cannot be used: one line that names file, row or field, and the remedy."""
 
 
 def _known(part: Array | None) -> Array:

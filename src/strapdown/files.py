@@ -15,7 +15,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from .data import DataError
+from .checks import DataError
 from .typing import File
 
 IN_MEMORY = 1_000_000_000

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .aiding import find
+from .checks import DataError
 from .core.contract import Imu
-from .data import Aiding, DataError, Trajectory
+from .data import Aiding, Trajectory
 from .preprocessing.fixes import checked_aidings
 from .preprocessing.imu_samples import imu_from_arrays
 from .typing import ArrayLike

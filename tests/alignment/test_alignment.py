@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.alignment.initial import UNKNOWN_SD, level
+from strapdown.checks import DataError
 from strapdown.core.contract import Imu
-from strapdown.data import Aiding, DataError
+from strapdown.data import Aiding
 from strapdown.geodesy import displacement
 from strapdown.recording import Recording
 from strapdown.sensor_models.gnss import Gnss

@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown.alignment.initial import COURSE_SD, EARTH_RADIUS, align
 from strapdown.alignment.initial_heading import GYROCOMPASS_SD, MAGNETIC_SD, UNKNOWN_SD, mean_force
+from strapdown.checks import DataError
 from strapdown.core.contract import Imu
-from strapdown.data import Aiding, DataError
+from strapdown.data import Aiding
 from strapdown.preprocessing.stationary import motionless
 from strapdown.recording import Recording
 from strapdown.sensor_models.imu import ImuSpec, Triad

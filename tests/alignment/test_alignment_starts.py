@@ -9,9 +9,10 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.alignment.initial import COURSE_SD, UNKNOWN_SD, align, body_to_navigation
+from strapdown.checks import DataError
 from strapdown.core.contract import Imu
 from strapdown.core.earth import RATE
-from strapdown.data import Aiding, DataError
+from strapdown.data import Aiding
 from strapdown.geodesy import displacement
 from strapdown.recording import Recording
 from strapdown.sensor_models.gnss import Gnss

@@ -9,8 +9,8 @@ import pytest
 from strapdown.allan.deviation import CONFIDENCE, allan, cluster_sizes, first_gap, oadev
 from strapdown.allan.fit import COEFFICIENTS, edf, fit
 from strapdown.allan.suggested_grade import expected, suggest
+from strapdown.checks import DataError
 from strapdown.core.contract import Imu
-from strapdown.data import DataError
 from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.imu import ImuSpec, grade
 from strapdown.sensor_models.noise import FLICKER_FLOOR, gauss_markov_variance

@@ -10,8 +10,8 @@ import pytest
 
 import strapdown as sd
 from strapdown.allan.page import analyse, figure, longest
+from strapdown.checks import DataError
 from strapdown.core.contract import Imu
-from strapdown.data import DataError
 from strapdown.recording import Recording
 from strapdown.sensor_models.imu import grade
 

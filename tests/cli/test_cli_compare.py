@@ -9,8 +9,8 @@ import pytest
 import recordings
 
 import strapdown as sd
+from strapdown.checks import DataError
 from strapdown.cli.compare import labels
-from strapdown.data import DataError
 
 pytestmark = pytest.mark.short
 FILES = ["growth.csv", "index.html", "paired.csv", "scores.csv", "summary.csv", "table.csv"]

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from synthetic import flight as circling, solution as made_up
 
 import strapdown as sd
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.engine.attitude_first import ASSUMED, REMEDY, deviations, source
 from strapdown.filters import find, names
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP

@@ -10,8 +10,9 @@ from recordings import ahrs, alike, flight, rows, same, split, start, without_sa
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
+from strapdown.checks import DataError
 from strapdown.core import loop
-from strapdown.data import BRIDGED, INVALID, Aiding, DataError
+from strapdown.data import BRIDGED, INVALID, Aiding
 from strapdown.engine import finish, prepare as preparation
 from strapdown.sensor_models.imu import grades
 from strapdown.sim.trajectory import DEG

@@ -9,8 +9,9 @@ from recordings import OPTIONS, SWIFT, ahrs, alike, flight, position, start, wit
 
 import strapdown as sd
 from strapdown import filters
+from strapdown.checks import DataError
 from strapdown.core.loop import SAME_TIME
-from strapdown.data import BRIDGED, INVALID, VALID, DataError
+from strapdown.data import BRIDGED, INVALID, VALID
 from strapdown.engine import stream as live
 from strapdown.engine.prepare import positioned
 from strapdown.engine.stream import Fix, Sample, Stream

@@ -8,7 +8,8 @@ import pytest
 from scipy import stats
 
 import strapdown as sd
-from strapdown.data import DataError, Innovations
+from strapdown.checks import DataError
+from strapdown.data import Innovations
 from strapdown.evaluation import consistency
 from strapdown.evaluation.consistency import (
     INCONSISTENT,

@@ -8,9 +8,10 @@ import pytest
 from scipy.linalg import expm
 
 import strapdown as sd
+from strapdown.checks import DataError
 from strapdown.core.contract import Noise, Start
 from strapdown.core.error_dynamics import dynamics
-from strapdown.data import Aiding, DataError
+from strapdown.data import Aiding
 from strapdown.evaluation.cramer_rao import cramer_rao
 from strapdown.geodesy import displaced
 from strapdown.recording import Recording

@@ -8,8 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 from synthetic import attitude_only, flight, solution
 
+from strapdown.checks import DataError
 from strapdown.cli import console
-from strapdown.data import DataError, Trajectory
+from strapdown.data import Trajectory
 from strapdown.evaluation import metrics
 
 pytestmark = pytest.mark.short

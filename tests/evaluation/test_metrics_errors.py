@@ -9,7 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from synthetic import flight
 
-from strapdown.data import DataError, Trajectory
+from strapdown.checks import DataError
+from strapdown.data import Trajectory
 from strapdown.evaluation import metrics
 from strapdown.geodesy import displacement
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from strapdown.data import DataError, Trajectory
+from strapdown.checks import DataError
+from strapdown.data import Trajectory
 from strapdown.evaluation.metrics import moving_windows, outages
 from strapdown.geodesy import displaced
 

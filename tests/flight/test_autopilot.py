@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from strapdown.checks import DataError
 from strapdown.core.jit import plain
-from strapdown.data import DataError
 from strapdown.flight import autopilot as p
 from strapdown.flight.aircraft.dynamics import ready, step
 from strapdown.flight.aircraft.modes import linearise

@@ -2,7 +2,7 @@
 
 import pytest
 
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.flight.plan import RAD_PER_DEG as DEG, FlightPlan, flight_plan
 
 PLAN = """name = "field"

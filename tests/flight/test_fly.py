@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
+from strapdown.checks import DataError
 from strapdown.core.contract import STATES, Noise
-from strapdown.data import DataError
 from strapdown.filters import find
 from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.fly import LOG, fly

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from strapdown.checks import DataError
 from strapdown.core.jit import plain
-from strapdown.data import DataError
 from strapdown.flight.aircraft.dynamics import evaluate, ready, step
 from strapdown.flight.aircraft.forces import density
 from strapdown.flight.aircraft.parameters import aircraft

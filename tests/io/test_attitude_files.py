@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from synthetic import attitude_only, flight, solution
 
-from strapdown.data import Aiding, DataError, Trajectory
+from strapdown.checks import DataError
+from strapdown.data import Aiding, Trajectory
 from strapdown.io.netcdf import read_recording, write_recording
 from strapdown.io.solution import read_solution, write_solution
 from strapdown.recording import Recording

@@ -9,7 +9,8 @@ import pytest
 from nine_axis import TOML, attitude, tables
 from scipy.spatial.transform import Rotation
 
-from strapdown.data import Aiding, DataError
+from strapdown.checks import DataError
+from strapdown.data import Aiding
 from strapdown.io import read, write_recording
 from strapdown.io.description.draft import draft
 from strapdown.io.inspection import inspect

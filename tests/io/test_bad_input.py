@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from strapdown.checks import DataError
 from strapdown.core.contract import Imu
-from strapdown.data import Aiding, DataError
+from strapdown.data import Aiding
 from strapdown.io import read
 from strapdown.preprocessing.fixes import checked_aidings
 

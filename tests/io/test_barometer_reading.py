@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from nine_axis import TOML, build, tables  # noqa: F401 (a fixture)
 
-from strapdown.data import Aiding, DataError
+from strapdown.checks import DataError
+from strapdown.data import Aiding
 from strapdown.io import read
 from strapdown.recording import Recording
 

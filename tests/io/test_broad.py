@@ -7,7 +7,7 @@ from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.geodesy import displacement
 from strapdown.io.broad import (
     BROAD_IMU,

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.io import read
 from strapdown.io.calibration_file import (
     Correction,

@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.io import read, write_recording
 from strapdown.io.description.draft import draft
 from strapdown.io.inspection import inspect

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from nine_axis import COLUMNS, EARTH, PLACE, added, build, tables, turned, without  # noqa: F401 (a fixture)
 
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.io import read, write_recording
 from strapdown.io.inspection import inspect
 

@@ -12,7 +12,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from strapdown import files
-from strapdown.data import Aiding, DataError
+from strapdown.checks import DataError
+from strapdown.data import Aiding
 from strapdown.io import read, write_recording
 from strapdown.recording import Recording
 

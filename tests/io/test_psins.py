@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import strapdown as sd
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.io.inspection import inspect
 from strapdown.io.psins import read_psins
 

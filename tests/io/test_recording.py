@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
+from strapdown.checks import DataError
 from strapdown.core.contract import Measurement
-from strapdown.data import DataError
 from strapdown.io import read
 from strapdown.io.locate import data_folder, locate
 

@@ -4,7 +4,7 @@ kind."""
 import numpy as np
 import pytest
 
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.io import read
 from strapdown.io.netcdf import write_recording
 

@@ -13,7 +13,8 @@ import pandas as pd
 import pytest
 from synthetic import flight, solution
 
-from strapdown.data import UNITS, DataError
+from strapdown.checks import DataError
+from strapdown.data import UNITS
 from strapdown.io.solution import read_solution, write_solution
 
 pytestmark = pytest.mark.short
@@ -257,7 +258,7 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path, ending):
         import resource, signal, sys
         sys.path.insert(0, {str(Path(__file__).parents[1] / "support")!r})
         from synthetic import flight, solution
-        from strapdown.data import DataError
+        from strapdown.checks import DataError
         from strapdown.io.solution import write_solution
         made = solution(flight(60, rate=20.0))
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

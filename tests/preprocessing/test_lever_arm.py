@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import strapdown as sd
+from strapdown.checks import DataError
 from strapdown.core.contract import Imu
-from strapdown.data import Aiding, DataError, Trajectory
+from strapdown.data import Aiding, Trajectory
 from strapdown.geodesy import displaced, displacement
 from strapdown.preprocessing.lever_arm import gnss_at, imu_at, specific_force_at
 from strapdown.sim.trajectory import DEG, Motion, records

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.preprocessing.imu_samples import LATE, imu_from_arrays, increments
 from strapdown.preprocessing.stationary import at_rest
 from strapdown.recording import Recording

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix, rotation_matrix
 from strapdown.preprocessing.units import ALIASES, UNIT_FACTORS, factor
 

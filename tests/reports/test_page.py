@@ -12,7 +12,7 @@ from browser import CHROMIUM, browse
 from synthetic import flight, solution
 
 from strapdown import report
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.evaluation import metrics
 from strapdown.reports.drawing import WITHHELD
 

@@ -8,8 +8,9 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from strapdown.checks import DataError
 from strapdown.core.contract import STATES
-from strapdown.data import DataError, Solution, Trajectory
+from strapdown.data import Solution, Trajectory
 from strapdown.evaluation.metrics import Errors
 from strapdown.sim.scenario import scenario
 from strapdown.sim.synthesis import Simulator

@@ -8,8 +8,9 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
+from strapdown.checks import DataError
 from strapdown.core.contract import Imu
-from strapdown.data import DataError, Trajectory
+from strapdown.data import Trajectory
 from strapdown.recording import Recording
 from strapdown_reproductions.broad import figures, main, peers, write_docs
 

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 from ins_equations import derivatives
 
+from strapdown.checks import DataError
 from strapdown.core.contract import BA, BG, Noise
-from strapdown.data import DataError
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
 from strapdown.recording import Recording

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from strapdown import geodesy
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.sensor_models.imu import grade
 from strapdown_reproductions.common.pages import COLOURS
 from strapdown_reproductions.mollaei import choices, main, metrics, runs, write_docs

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 import strapdown as sd
+from strapdown.checks import DataError
 from strapdown.core.earth import gravity
 from strapdown.core.jit import plain
-from strapdown.data import DataError
 from strapdown.engine import stream as live
 from strapdown_reproductions.mollaei.six_state import filters
 

@@ -11,9 +11,10 @@ from recordings import flight, position
 
 import strapdown as sd
 from strapdown import filters
+from strapdown.checks import DataError
 from strapdown.core.contract import Imu
 from strapdown.core.earth import RATE
-from strapdown.data import Aiding, DataError
+from strapdown.data import Aiding
 from strapdown.recording import Recording
 from strapdown_reproductions.common.pages import claim
 from strapdown_reproductions.recordings import (

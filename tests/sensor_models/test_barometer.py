@@ -6,8 +6,8 @@ import pytest
 from scipy.stats import chi2, norm
 
 from strapdown.aiding import pressure as aiding_kernel
+from strapdown.checks import DataError
 from strapdown.core.contract import plain
-from strapdown.data import DataError
 from strapdown.sensor_models.atmosphere import (
     HIGHEST_AIR,
     LOWEST_AIR,

@@ -6,7 +6,7 @@ import datetime
 import numpy as np
 import pytest
 
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.sensor_models.geomagnetism import decimal_year, geomagnetic_field, models
 
 pytestmark = pytest.mark.short

@@ -4,7 +4,8 @@ import numpy as np
 import pymap3d
 import pytest
 
-from strapdown.data import DataError, Trajectory
+from strapdown.checks import DataError
+from strapdown.data import Trajectory
 from strapdown.geodesy import displaced
 from strapdown.sensor_models.gnss import Gnss, position_fixes, velocity_fixes
 from strapdown.sim.trajectory import DEG, demo_flight, sample

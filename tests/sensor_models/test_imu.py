@@ -7,8 +7,8 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
+from strapdown.checks import DataError
 from strapdown.core.contract import Imu
-from strapdown.data import DataError
 from strapdown.sensor_models.datasheet_units import UNITS_OF_SI
 from strapdown.sensor_models.errors import STREAMS, WarmUp, terms
 from strapdown.sensor_models.imu import ImuSpec, Triad, grade, grades, saturated

@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, norm
 
 from strapdown import aiding
+from strapdown.checks import DataError
 from strapdown.core.contract import PARAMETERS, Start, plain
-from strapdown.data import DataError, Trajectory
+from strapdown.data import Trajectory
 from strapdown.io import read
 from strapdown.io.netcdf import write_recording
 from strapdown.sensor_models.ahrs import Ahrs

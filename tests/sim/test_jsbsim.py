@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import strapdown as sd
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.sim.jsbsim import (
     FOOT,
     Target,

@@ -5,7 +5,7 @@ import pyproj
 import pytest
 from pyins import earth, sim
 
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.geodesy import displacement
 from strapdown.sim.motions import G, car, flight, ship, static, straight
 from strapdown.sim.sortie import sortie

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import grade
 from strapdown.sim.motions import G
@@ -207,7 +207,7 @@ def test_an_imu_file_is_found_beside_the_scenario(tmp_path):
         ("rate_hz", "rate_Hz", "unknown key 'rate_Hz' .did you mean 'rate_hz'"),
         ('kind = "flight"', 'kind = "fligth"', "kind is 'fligth' .did you mean 'flight'"),
         ("course_deg = 30", "", "course_deg is missing"),
-        ("course_deg", "course", r"\[motion\] unknown key 'course' .did you mean 'course_deg'"),
+        ("course_deg", "course", r"\[motion\]: unknown key 'course' .did you mean 'course_deg'"),
         (
             "turn_deg = 90",
             "turn = 90",
@@ -218,7 +218,7 @@ def test_an_imu_file_is_found_beside_the_scenario(tmp_path):
         ("interval_s = 0.5", "interval_s = 0", "interval between fixes"),
         ("outages_s = [[10, 20]]", "outages_s = [10, 20]", "square brackets"),
         ("outages_s = [[10, 20]]", "outages_s = [[20, 10]]", "start before the stop"),
-        ("latency_s", "delay_s", r"\[gnss\] unknown key 'delay_s'"),
+        ("latency_s", "delay_s", r"\[gnss\]: unknown key 'delay_s'"),
         ("position_sd_m = [1, 1, 2]", "position_sd_m = [1, 2]", "one or three"),
         ("[start]", "[begin]", "unknown key 'begin'"),
         ("accel_bias_sd_m_s2 = 0.05", "accel_bias_sd_m_s2 = -1", "0 or more"),

@@ -9,8 +9,8 @@ import pytest
 from scipy.stats import chi2
 
 from strapdown import aiding
+from strapdown.checks import DataError
 from strapdown.core.contract import PARAMETERS, plain
-from strapdown.data import DataError
 from strapdown.io import read
 from strapdown.io.netcdf import write_recording
 from strapdown.sensor_models.barometer import Barometer
@@ -270,8 +270,8 @@ def test_a_file_is_read_as_it_is_written(tmp_path):
 @pytest.mark.parametrize(
     "old, new, words",
     [
-        ("sd_uT", "sd_ut", r"\[magnetometer\] unknown key 'sd_ut' .did you mean 'sd_uT'"),
-        ("sd_Pa", "sd_m", r"\[barometer\] unknown key 'sd_m'"),
+        ("sd_uT", "sd_ut", r"\[magnetometer\]: unknown key 'sd_ut' .did you mean 'sd_uT'"),
+        ("sd_Pa", "sd_m", r"\[barometer\]: unknown key 'sd_m'"),
         ("rate_hz = 25", "rate_hz = 0", "rate is 0.0; it must be larger"),
         (
             "rate_hz = 25",

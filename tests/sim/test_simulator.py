@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import strapdown as sd
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import grade
 from strapdown.sim.scenario import Scenario, scenario

@@ -4,7 +4,7 @@ simulated flight of Alam et al."""
 import numpy as np
 import pytest
 
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import grade
 from strapdown.sim.motions import G

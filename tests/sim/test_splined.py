@@ -6,7 +6,8 @@ import pickle
 import numpy as np
 import pytest
 
-from strapdown.data import DataError, Trajectory
+from strapdown.checks import DataError
+from strapdown.data import Trajectory
 from strapdown.sim.splined import residual, splined
 from strapdown.sim.trajectory import demo_flight, increments, records, sample
 

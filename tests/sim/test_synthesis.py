@@ -5,8 +5,8 @@ import pymap3d
 import pytest
 from scipy.spatial.transform import Rotation
 
+from strapdown.checks import DataError
 from strapdown.core.contract import ATT, BA, BG, POS, VEL
-from strapdown.data import DataError
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import grade
 from strapdown.sim.synthesis import draw_start, simulate

@@ -6,7 +6,7 @@ import pymap3d
 import pytest
 from scipy.spatial.transform import Rotation
 
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.sim.trajectory import (
     DEG,
     Motion,

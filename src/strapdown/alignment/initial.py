@@ -12,9 +12,10 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from ..checks import DataError
 from ..core.contract import Imu, Start
 from ..core.earth import GRAVITY_EQUATOR, RATE
-from ..data import Aiding, DataError
+from ..data import Aiding
 from ..geodesy import displaced, displacement
 from ..preprocessing.stationary import at_rest, stretches
 from ..recording import Recording

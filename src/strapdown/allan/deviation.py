@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ..checks import DataError
 from ..core.contract import Imu
-from ..data import DataError
 from ..sensor_models.datasheet_units import SHEET, in_units
 from ..typing import Array, Ints
 from .fit import COEFFICIENTS, Fit, edf, fit

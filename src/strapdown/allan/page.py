@@ -9,8 +9,8 @@ import numpy as np
 import plotly.graph_objects as go
 
 from .. import __version__
+from ..checks import DataError
 from ..core.contract import Imu
-from ..data import DataError
 from ..files import replacing
 from ..preprocessing.stationary import REST_ACCEL, REST_MEAN, REST_RATE, at_rest, stretches
 from ..recording import Recording

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..alignment.location import place_of
-from ..data import Aiding, DataError
+from ..checks import DataError
+from ..data import Aiding
 from ..geodesy import STANDARD_GRAVITY, gravity
 from ..io.magnetic_record import sound
 from ..preprocessing.origin import Origin

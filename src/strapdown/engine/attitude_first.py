@@ -15,8 +15,9 @@ import numpy as np
 
 from .. import filters
 from ..alignment.initial import align
+from ..checks import DataError
 from ..core.contract import ATT, VALID, Filter, Imu, Noise, Start
-from ..data import Aiding, DataError, Solution
+from ..data import Aiding, Solution
 from ..preprocessing.stationary import motionless
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec

@@ -6,8 +6,9 @@ import numpy as np
 
 from .. import filters
 from ..alignment.initial import align
+from ..checks import DataError
 from ..core.contract import Filter, Noise, Start
-from ..data import DataError, Solution
+from ..data import Solution
 from ..recording import Recording
 from ..typing import Progress, Say
 from .attitude_first import fed

@@ -5,9 +5,10 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from ..checks import DataError
 from ..core import loop
 from ..core.contract import BA, BG, POS, STATES, VEL, Imu, Start
-from ..data import Aiding, DataError, Innovations, Solution, Trajectory
+from ..data import Aiding, Innovations, Solution, Trajectory
 from ..typing import Array
 from .prepare import ROWS_AT_ONCE, Run, brought, positioned
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar
 import numpy as np
 
 from .. import aiding, filters
+from ..checks import DataError
 from ..core import loop
 from ..core.contract import (
     COMPILED,
@@ -31,7 +32,7 @@ from ..core.contract import (
     is_cached,
 )
 from ..core.earth import LATITUDE_LIMIT
-from ..data import Aiding, DataError
+from ..data import Aiding
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec, grade, grades
 from ..typing import Array, ArrayLike, File, Ints, Progress, Say

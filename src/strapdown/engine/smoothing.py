@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import filters
+from ..checks import DataError
 from ..core import loop
 from ..core.contract import (
     COMPILED,
@@ -25,7 +26,7 @@ from ..core.contract import (
     is_cached,
 )
 from ..core.smoother import run_back, work_size
-from ..data import DataError, Solution
+from ..data import Solution
 from ..recording import Recording
 from ..typing import Array, Ints, Progress, Say
 from .batch import begin

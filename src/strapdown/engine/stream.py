@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import aiding, filters
+from ..checks import DataError
 from ..core import loop
 from ..core.contract import Belief, Filter, Imu, Noise, Start, entry_point
-from ..data import Aiding, DataError
+from ..data import Aiding
 from ..typing import Say
 from .prepare import (
     LONGEST_GAP,

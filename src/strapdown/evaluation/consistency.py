@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..checks import DataError
 from ..core.contract import ATT, BA, BG, POS, STATES, VEL
-from ..data import DataError, Solution
+from ..data import Solution
 from ..recording import Recording
 from ..typing import Array, ArrayLike
 from . import metrics

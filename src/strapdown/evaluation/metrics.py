@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard
 
 import numpy as np
 
-from ..data import DataError, Solution, Trajectory
+from ..checks import DataError
+from ..data import Solution, Trajectory
 from ..geodesy import displacement, radii, wrap
 from ..typing import Array, Ints, Mask
 

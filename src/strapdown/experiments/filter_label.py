@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from .. import filters
+from ..checks import DataError
 from ..core.contract import STATES, Filter, Noise, Start
-from ..data import DataError
 from ..engine.prepare import check_options, found, new_belief
 
 ANYWHERE, NOISELESS = (

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..data import DataError
+from ..checks import DataError
 from ..typing import Array
 from . import autopilot as p
 from .aircraft.modes import MODEL_STATES, Modes

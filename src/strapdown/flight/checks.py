@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..checks import DataError, is_number
 from ..core.contract import Filter, Noise
-from ..data import Aiding, DataError
+from ..data import Aiding
 from ..engine.prepare import check_needs, found, positioned
 from ..filters import find as find_filter, names as find_names
 from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
-from ..sensor_models.datasheet_units import real
 from ..sensor_models.gnss import Gnss
 from ..typing import Array, File
 from .aircraft.parameters import Aircraft
@@ -76,15 +76,15 @@ def check(asked: Request) -> None:
         ("told_wind", (0.0, 0.0, 0.0) if asked.told_wind is None else asked.told_wind),
     ):
         if np.shape(vector) != (3,) or not all(
-            real(part) and math.isfinite(part) for part in vector
+            is_number(part) and math.isfinite(part) for part in vector
         ):
             raise DataError(
                 f"{name} is {vector!r}; it must be three numbers: north, east, down, m/s"
             )
-    if not real(asked.rate) or not 0 < asked.rate < np.inf:
+    if not is_number(asked.rate) or not 0 < asked.rate < np.inf:
         raise DataError(f"rate is {asked.rate!r} Hz; it must be above 0")
     if not isinstance(asked.model_noise, Noise) or not all(
-        real(value) and 0 <= value < np.inf for value in asked.model_noise
+        is_number(value) and 0 <= value < np.inf for value in asked.model_noise
     ):
         raise DataError(
             f"model_noise is {asked.model_noise!r}; it must be a Noise of numbers, 0 or more"
@@ -102,7 +102,7 @@ def check_sensors(gnss: Gnss, gate: float | None, barometer: Barometer | None, r
             f"fixes every {gnss.interval:g} s come faster than the IMU's samples, {rate:g} a "
             f"second; give fixes less often"
         )
-    if gate is not None and (not real(gate) or not gate > 0):
+    if gate is not None and (not is_number(gate) or not gate > 0):
         raise DataError(f"gate is {gate!r}; it must be a NIS above 0, or None for the filter's own")
     if barometer is not None and not isinstance(barometer, Barometer):
         raise DataError(f"barometer is {barometer!r}; it must be a Barometer")
@@ -164,7 +164,7 @@ def checked_filter(
 def times(duration: float, rate: float) -> tuple[Array, Array]:
     """(ends of the samples, their lengths), s."""
     if (
-        not real(duration)
+        not is_number(duration)
         or not 0 < duration * rate <= MOST_FLIGHT_SAMPLES
         or round(duration * rate) < 2
     ):

@@ -10,17 +10,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..checks import DataError, is_number
 from ..core import loop
 from ..core.contract import STATES, Filter, Fixes, Imu, Noise, Start
 from ..core.jit import address, compile_kernel, entry_point
-from ..data import Aiding, DataError, Solution, Trajectory
+from ..data import Aiding, Solution, Trajectory
 from ..engine.batch import begin as begin_run
 from ..engine.finish import solution as solution_of
 from ..engine.prepare import ROWS_AT_ONCE, Asked, Run, positioned
 from ..filters import names as filter_names
 from ..recording import Recording
 from ..sensor_models.barometer import Barometer
-from ..sensor_models.datasheet_units import real
 from ..sensor_models.gnss import Gnss, without_fixes
 from ..sensor_models.imu import ImuSpec, grade, saturated
 from ..sim.scenario import START_SD
@@ -391,7 +391,7 @@ def _started(
     if (
         np.ndim(sd) != 1  # type: ignore[arg-type]  # a None counts as a number does
         or len(sd) != STATES
-        or not all(value is None or real(value) for value in sd)
+        or not all(value is None or is_number(value) for value in sd)
     ):
         raise DataError(
             f"start_sd must be {STATES} standard deviations; of the last six, None is the IMU's own"

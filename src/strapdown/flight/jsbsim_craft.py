@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..data import DataError
-from ..sensor_models.datasheet_units import real
+from ..checks import DataError, is_number
 from ..sim.jsbsim import FOOT, STATE_PROPERTIES, STATE_UNITS, begin, quaternions, session
 from ..sim.trajectory import EARTH_RATE
 from ..typing import Array, ArrayLike, File
@@ -58,7 +57,7 @@ def fly_jsbsim(
     wind = checked_array(wind, (2,), "fly_jsbsim: wind to north and east")
     if (
         len(controls) < 2
-        or not real(dt)
+        or not is_number(dt)
         or not 0 < dt < np.inf
         or not isinstance(substeps, (int, np.integer))
         or substeps < 1

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 from xml.sax.saxutils import escape
 
-from ..data import DataError
+from ..checks import DataError
 from ..files import replacing
 from ..sim.jsbsim import FOOT
 from ..typing import File

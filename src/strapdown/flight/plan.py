@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ..checks import DataError, check_keys, did_you_mean, is_number
 from ..core.earth import LATITUDE_LIMIT
-from ..data import DataError
 from ..files import read_toml
 from ..geodesy import wrap
-from ..sensor_models.datasheet_units import nearest, real, refuse_unknown
 from ..typing import Array, File
 from . import autopilot as p
 
@@ -70,14 +69,14 @@ class FlightPlan:
             )
         for name in ("start_airspeed", "clearance", "bank", "duration"):
             value = getattr(self, name)
-            if not real(value) and (value is not None or name in ("clearance", "bank")):
+            if not is_number(value) and (value is not None or name in ("clearance", "bank")):
                 raise DataError(f"plan {self.name!r}: {name} is {value!r}; it must be a number")
         for value in (
             *np.atleast_1d(_numbers(self.airspeed, f"plan {self.name!r}: airspeed")),
             self.begin_airspeed,
             self.clearance,
         ):
-            if not (real(float(value)) and 0 < value < 1000):
+            if not (is_number(float(value)) and 0 < value < 1000):
                 raise DataError(
                     f"plan {self.name!r}: airspeeds (m/s) and clearance (m) must be above 0, not "
                     f"{value:g}"
@@ -94,7 +93,9 @@ class FlightPlan:
                 "up to 89 deg north or south"
             )
         object.__setattr__(self, "place", tuple(place.tolist()))
-        if self.duration is not None and not (real(self.duration) and 0 < self.duration < np.inf):
+        if self.duration is not None and not (
+            is_number(self.duration) and 0 < self.duration < np.inf
+        ):
             raise DataError(
                 f"plan {self.name!r}: duration is {self.duration!r} s; it must be above 0"
             )
@@ -179,7 +180,7 @@ def flight_plan(plan: FlightPlan | File) -> FlightPlan:
     ):
         return read_plan(plan)
     raise DataError(
-        f"unknown plan {plan!r}{nearest(str(plan), PLANS)}; there are: {', '.join(PLANS)}; or give "
+        f"unknown plan {plan!r}{did_you_mean(str(plan), PLANS)}; there are: {', '.join(PLANS)}; or give "
         f"a FlightPlan or "
         "the path of a .toml file"
     )
@@ -196,7 +197,7 @@ def read_plan(path: File) -> FlightPlan:
 
 def _from_table(table: dict[str, Any], name: str) -> FlightPlan:
     """The FlightPlan of a parsed file; `name` is that of a plan without one."""
-    refuse_unknown(table, ["name", "place", *KEYS], "flight plan")
+    check_keys(table, ["name", "place", *KEYS], "flight plan")
     if "waypoints_m" not in table:
         raise DataError("waypoints_m is missing; write [[north, east, up], ...], m from the place")
     if not isinstance(table.get("name", name), str):
@@ -223,7 +224,7 @@ def _scaled(value: Any, unit: float, where: str, listed: bool) -> Any:
     """A number of a file, or where `listed` a list of them, in SI."""
     if listed and isinstance(value, list):
         return tuple(_scaled(each, unit, where, True) for each in value)
-    if not real(value) or not abs(value) < 1e300:
+    if not is_number(value) or not abs(value) < 1e300:
         raise DataError(
             f"{where} is {str(value)[:40]}; it must be a finite "
             f"number{' or a list of them' if listed else ''}"

@@ -12,8 +12,9 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from ..checks import DataError
 from ..core.contract import Fixes, Imu
-from ..data import Aiding, DataError, Trajectory
+from ..data import Aiding, Trajectory
 from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
 from ..sensor_models.errors import STREAMS, Triad
 from ..sensor_models.gnss import Gnss, PositionPlan

@@ -10,7 +10,7 @@ and read what a filter made of it. What cleans and checks the samples is in the 
 
 from pathlib import Path
 
-from ..data import DataError
+from ..checks import DataError
 from ..recording import Recording
 from ..typing import File
 from .broad import read_broad

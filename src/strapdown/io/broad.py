@@ -19,8 +19,9 @@ from typing import Any
 
 import numpy as np
 
+from ..checks import DataError
 from ..core.contract import Imu
-from ..data import Aiding, DataError, Trajectory
+from ..data import Aiding, Trajectory
 from ..geodesy import displaced
 from ..preprocessing.attitude_record import quaternions
 from ..preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..data import DataError
+from ..checks import DataError
 from ..files import read_toml, replacing
 from ..sensor_models.errors import Triad
 from ..sensor_models.imu import temperature_rows

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from ..aiding import find
+from ..checks import DataError
 from ..core.contract import Imu
 from ..core.earth import A
-from ..data import Aiding, DataError
+from ..data import Aiding
 from ..preprocessing import attitude_checks
 from ..preprocessing.fixes import overlap_notes
 from ..preprocessing.imu_samples import GAP_MEDIANS

@@ -4,7 +4,7 @@ import os
 import re
 from pathlib import Path
 
-from ..data import DataError
+from ..checks import DataError
 from ..typing import File
 
 VARIABLE = "STRAPDOWN_DATA"

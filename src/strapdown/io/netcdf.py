@@ -9,8 +9,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from ..aiding import find
+from ..checks import DataError
 from ..core.contract import Imu
-from ..data import Aiding, DataError, Trajectory
+from ..data import Aiding, Trajectory
 from ..files import netcdf, replacing
 from ..preprocessing.fixes import checked_aidings, overlap
 from ..preprocessing.plausible import mistakes

@@ -16,7 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..data import Aiding, DataError
+from ..checks import DataError
+from ..data import Aiding
 from ..preprocessing.axes import BODY_AXES, axes_matrix
 from ..preprocessing.imu_samples import increments
 from ..preprocessing.plausible import mistakes

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from ..checks import DataError
 from ..core.contract import BRIDGED, INVALID, VALID
 from ..data import (
     BIAS_COLUMNS,
@@ -20,7 +21,6 @@ from ..data import (
     SD_COLUMNS,
     SD_SCALE,
     UNITS,
-    DataError,
     Innovations,
     Solution,
     Trajectory,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
 import numpy as np
 
-from ..data import DataError
+from ..checks import DataError
 from ..preprocessing.origin import Origin
 from ..typing import Array, Ints
 

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..checks import DataError
 from ..core.contract import Imu
-from ..data import Aiding, DataError
+from ..data import Aiding
 from ..rotation_products import running_products
 from ..typing import Array, Ints, Mask
 from .axes import named_permutation, signed_permutations

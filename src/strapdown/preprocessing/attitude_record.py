@@ -5,7 +5,8 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from ..data import DataError, Trajectory
+from ..checks import DataError
+from ..data import Trajectory
 from ..typing import Array
 from .axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
 from .origin import Origin

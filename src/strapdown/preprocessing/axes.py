@@ -6,7 +6,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from ..data import DataError
+from ..checks import DataError
 from ..typing import Array
 
 BODY_AXES = {"FRD": "+x +y +z", "FLU": "+x -y -z", "RFU": "+y +x -z"}

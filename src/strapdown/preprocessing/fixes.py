@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..aiding import find
+from ..checks import DataError
 from ..core.contract import ATTITUDE_KIND, Imu, Measurement
 from ..core.earth import LATITUDE_LIMIT
-from ..data import Aiding, DataError, Trajectory
+from ..data import Aiding, Trajectory
 from ..typing import Array
 from .attitude_checks import refuse_unit
 from .attitude_record import possible_attitude, together

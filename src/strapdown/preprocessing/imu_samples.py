@@ -5,8 +5,8 @@ from bisect import bisect_right
 
 import numpy as np
 
+from ..checks import DataError
 from ..core.contract import Imu
-from ..data import DataError
 from ..typing import Array, ArrayLike, Ints, Mask
 from .origin import Origin, counted
 from .plausible import mistakes

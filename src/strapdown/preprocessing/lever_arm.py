@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..checks import DataError
 from ..core.contract import Imu
-from ..data import Aiding, DataError, Trajectory
+from ..data import Aiding, Trajectory
 from ..geodesy import displaced
 from ..typing import Array, ArrayLike
 

@@ -3,7 +3,7 @@
 import math
 from difflib import get_close_matches
 
-from ..data import DataError
+from ..checks import DataError
 
 DEG, G, KNOT, FOOT = math.pi / 180, 9.80665, 1852 / 3600, 0.3048
 

@@ -12,8 +12,9 @@ from typing import Any, TypeAlias
 import plotly.graph_objects as go
 
 from .. import __version__
+from ..checks import DataError
 from ..core.contract import BRIDGED, INVALID
-from ..data import DataError, Solution, Trajectory
+from ..data import Solution, Trajectory
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
 from ..io.solution import plain

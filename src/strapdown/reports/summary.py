@@ -8,8 +8,9 @@ from html import escape
 
 import numpy as np
 
+from ..checks import DataError
 from ..core.contract import BRIDGED, INVALID
-from ..data import DataError, Solution
+from ..data import Solution
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
 from ..filters import find

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..data import Aiding, DataError, Trajectory
+from ..checks import DataError, is_number
+from ..data import Aiding, Trajectory
 from ..typing import Array
-from .datasheet_units import real
 from .gnss import fix_times
 from .magnetometer import rotation_at
 
@@ -38,10 +38,12 @@ class Ahrs:
     sd: tuple[float, ...] | float = tuple(np.radians([0.5, 0.5, 1.0]).tolist())
 
     def __post_init__(self) -> None:
-        if self.rate is not None and (not real(self.rate) or not 0 < self.rate < np.inf):
+        if self.rate is not None and (not is_number(self.rate) or not 0 < self.rate < np.inf):
             raise DataError(f"attitude: rate is {self.rate!r}; it must be larger than 0, in Hz")
-        listed: Any = (self.sd,) * 3 if real(self.sd) else self.sd
-        if np.shape(listed) != (3,) or not all(real(each) and 0 < each < np.inf for each in listed):
+        listed: Any = (self.sd,) * 3 if is_number(self.sd) else self.sd
+        if np.shape(listed) != (3,) or not all(
+            is_number(each) and 0 < each < np.inf for each in listed
+        ):
             raise DataError(
                 f"attitude: sd is {self.sd!r}; it must be three numbers above 0: of roll, pitch and "
                 f"heading, rad"

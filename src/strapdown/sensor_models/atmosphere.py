@@ -8,7 +8,7 @@ less than the geometric height.
 
 import numpy as np
 
-from ..data import DataError
+from ..checks import DataError
 from ..geodesy import STANDARD_GRAVITY
 from ..typing import Array, ArrayLike, Mask
 

@@ -15,7 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..data import Aiding, DataError, Trajectory
+from ..checks import DataError, is_number
+from ..data import Aiding, Trajectory
 from ..typing import Array
 from .atmosphere import (
     HIGHEST_AIR,
@@ -24,7 +25,6 @@ from .atmosphere import (
     pressure_gradient,
     standard_pressure,
 )
-from .datasheet_units import real
 from .gnss import arm_in_navigation, fix_times, interpolated
 from .noise import gauss_markov
 
@@ -48,7 +48,7 @@ class Barometer:
 
     def __post_init__(self) -> None:
         for name in ("sd", "bias", "drift", "drift_time", "zero"):
-            if not real(getattr(self, name)) or not np.isfinite(getattr(self, name)):
+            if not is_number(getattr(self, name)) or not np.isfinite(getattr(self, name)):
                 raise DataError(
                     f"barometer: {name} is {getattr(self, name)!r}; it must be a finite number"
                 )
@@ -63,11 +63,11 @@ class Barometer:
                 f"are at most {LARGEST_ERROR:g} Pa, "
                 "and the drift is 0 or more"
             )
-        if self.rate is not None and (not real(self.rate) or not 0 < self.rate < np.inf):
+        if self.rate is not None and (not is_number(self.rate) or not 0 < self.rate < np.inf):
             raise DataError(f"barometer: rate is {self.rate!r}; it must be larger than 0, in Hz")
         if (
             np.shape(self.lever_arm) != (3,)
-            or not all(map(real, self.lever_arm))
+            or not all(map(is_number, self.lever_arm))
             or not np.all(np.isfinite(self.lever_arm))
         ):
             raise DataError(

@@ -1,14 +1,12 @@
 """Units of IMU errors: what a specification file may write, what tables show, and numbers with
 units in and out of TOML."""
 
-import difflib
-from collections.abc import Callable, Collection, Iterable
-from numbers import Real
-from typing import TypeGuard, TypeVar
+from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 
-from ..data import DataError
+from ..checks import DataError, check_keys, did_you_mean, is_number
 from ..typing import Array
 
 _DEG, _G = np.pi / 180, 9.80665
@@ -101,43 +99,23 @@ def in_units(value: Values, si: str, unit: str | None = None) -> Values:
     return value / UNITS_OF_SI[si][unit or SHEET[si]]
 
 
-def real(value: object) -> TypeGuard[float]:
-    """Whether it is a real number; True and False are none."""
-    return isinstance(value, Real) and not isinstance(value, bool)
-
-
 def check(value: object, name: str) -> None:
     """Refuse what is no finite number of 0 or more. Raises DataError."""
-    if not real(value) or not 0 <= value < np.inf:
+    if not is_number(value) or not 0 <= value < np.inf:
         raise DataError(f"{name} is {value!r}; it must be a finite number, 0 or more")
 
 
 def check_finite(value: object, name: str) -> None:
     """Refuse what is no finite number. Raises DataError."""
-    if not real(value) or not np.isfinite(value):
+    if not is_number(value) or not np.isfinite(value):
         raise DataError(f"{name} is {value!r}; it must be a finite number")
-
-
-def nearest(word: object, words: Iterable[str]) -> str:
-    """ " (did you mean 'x'?)" where one of `words` is like `word`, else nothing."""
-    match = difflib.get_close_matches(str(word), list(words), n=1, cutoff=0.5)
-    return f" (did you mean {match[0]!r}?)" if match else ""
-
-
-def refuse_unknown(table: Iterable[str], known: Collection[str], where: str) -> None:
-    """Refuse keys of a TOML table that are not known. Raises DataError."""
-    for key in table:
-        if key not in known:
-            raise DataError(
-                f"{where}: unknown key {key!r}{nearest(key, known)}; known: {', '.join(known)}"
-            )
 
 
 def size(unit: object, si: str, where: str) -> float:
     """What one `unit` is in the SI unit `si`. Raises DataError."""
     if unit not in list(UNITS_OF_SI[si]):
         raise DataError(
-            f"{where}: unknown unit {unit!r}{nearest(unit, UNITS_OF_SI[si])}; known: "
+            f"{where}: unknown unit {unit!r}{did_you_mean(unit, UNITS_OF_SI[si])}; known: "
             f"{', '.join(UNITS_OF_SI[si])}"
         )
     return UNITS_OF_SI[si][unit]
@@ -156,7 +134,7 @@ def quantity(
             f"{where}: {entry!r} has no unit; write {{ value = {entry}, unit = "
             f'"{example or SHEET[si]}" }}'
         )
-    refuse_unknown(entry, ["value", "unit"], where)
+    check_keys(entry, ["value", "unit"], where)
     if missing := [key for key in ("value", "unit") if key not in entry]:
         raise DataError(
             f"{where}: {missing[0]} is missing; known units: {', '.join(UNITS_OF_SI[si])}"

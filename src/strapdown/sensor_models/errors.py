@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..data import DataError
+from ..checks import DataError
 from ..typing import Array
 from .datasheet_units import SHEET, check, check_finite
 from .noise import (

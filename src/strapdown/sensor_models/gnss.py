@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..data import Aiding, DataError, Trajectory
+from ..checks import DataError, is_number
+from ..data import Aiding, Trajectory
 from ..geodesy import radii, wrap
 from ..typing import Array, ArrayLike, Ints
-from .datasheet_units import real
 
 
 class Kept(NamedTuple):
@@ -75,10 +75,14 @@ class Gnss(NamedTuple):
             if sd is not None:
                 _deviations(sd, name)
         _lever_arm(self.lever_arm, "GNSS")
-        if not real(self.latency) or not 0 <= self.latency < np.inf:
+        if not is_number(self.latency) or not 0 <= self.latency < np.inf:
             raise DataError(f"latency of the fixes is {self.latency!r} s; it must be 0 or more")
         for window in self.outages:
-            if np.shape(window) != (2,) or not all(map(real, window)) or not window[0] < window[1]:
+            if (
+                np.shape(window) != (2,)
+                or not all(map(is_number, window))
+                or not window[0] < window[1]
+            ):
                 raise DataError(
                     f"outage {window!r}: write (start, stop) in s, the start before the stop"
                 )
@@ -351,7 +355,7 @@ def _numbers(values: ArrayLike, what: str) -> Array:
 
 
 def _interval(seconds: float | Array) -> None:
-    if not real(seconds) or not 0 < seconds < np.inf:
+    if not is_number(seconds) or not 0 < seconds < np.inf:
         raise DataError(f"interval between fixes is {seconds!r} s; it must be larger than 0")
 
 

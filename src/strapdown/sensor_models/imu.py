@@ -9,20 +9,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ..checks import DataError, check_keys, did_you_mean
 from ..core.contract import Imu, Noise
-from ..data import DataError
 from ..files import find_shipped, read_toml, replacing, shipped
 from ..typing import Array, File
-from .datasheet_units import (
-    SHEET,
-    check_finite,
-    in_units,
-    nearest,
-    quantity,
-    refuse_unknown,
-    size,
-    toml_quantity,
-)
+from .datasheet_units import SHEET, check_finite, in_units, quantity, size, toml_quantity
 from .errors import Triad, WarmUp, terms
 
 Made = TypeVar("Made")
@@ -199,7 +190,7 @@ def grade(name: ImuSpec | dict[str, Any] | File) -> ImuSpec:
     if name.endswith(".toml") or len(Path(name).parts) > 1:
         return ImuSpec.from_toml(name)
     raise DataError(
-        f"unknown IMU grade {name!r}{nearest(name, grades())}; grades: {', '.join(grades())}; or "
+        f"unknown IMU grade {name!r}{did_you_mean(name, grades())}; grades: {', '.join(grades())}; or "
         f"give the path of a .toml file"
     )
 
@@ -209,7 +200,7 @@ def _bias_unit(sensor: str) -> str:
 
 
 def _from_table(table: dict[str, Any], where: str) -> ImuSpec:
-    refuse_unknown(table, ["name", "source", "gyro", "accel", "warm_up"], where)
+    check_keys(table, ["name", "source", "gyro", "accel", "warm_up"], where)
     text = {
         "name": Path(where).stem,
         "source": "",
@@ -242,7 +233,7 @@ def _triad(table: dict[str, Any], sensor: str, where: str) -> Triad:
             f"unit = ... }}"
         )
     known = {term.name: term.metadata for term in terms(sensor)}
-    refuse_unknown(entries, [*known, "temperature"], f"{where}, [{sensor}]")
+    check_keys(entries, [*known, "temperature"], f"{where}, [{sensor}]")
     if "noise" not in entries:
         raise DataError(
             f"{where}, [{sensor}]: noise is missing; give it as {{ value = ..., unit = "

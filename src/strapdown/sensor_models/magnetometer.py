@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..data import Aiding, DataError, Trajectory
+from ..checks import DataError, is_number
+from ..data import Aiding, Trajectory
 from ..typing import Array, ArrayLike
-from .datasheet_units import real
 from .gnss import fix_times
 
 if TYPE_CHECKING:
@@ -229,7 +229,7 @@ def rotation_at(truth: Trajectory, t: Array) -> "Rotation":
 def _three(values: Any, name: str, largest: float, spread: bool) -> tuple[float, ...]:
     """Three floats, of one where `spread`. Raises DataError."""
     listed = [values] * 3 if spread and isinstance(values, Real) else values
-    if np.shape(listed) != (3,) or not all(real(v) and np.isfinite(v) for v in listed):
+    if np.shape(listed) != (3,) or not all(is_number(v) and np.isfinite(v) for v in listed):
         raise DataError(f"magnetometer: {name} is {_shown(values)}; it must be three numbers")
     if max(map(abs, listed)) > largest:
         raise DataError(
@@ -266,7 +266,7 @@ def _disturbance(values: Iterable[Any]) -> Disturbance:
             f"magnetometer: disturbance {_shown(values)}: give start and stop in s, field in T, and "
             f"frame"
         ) from None
-    if not all(map(real, made[:2])) or not made.start < made.stop:
+    if not all(map(is_number, made[:2])) or not made.start < made.stop:
         raise DataError(
             f"magnetometer: disturbance from {made.start!r} to {made.stop!r} s; its start must come "
             f"before its stop"
@@ -287,4 +287,4 @@ def _shown(value: object) -> str:
 
 
 def _positive(value: object) -> bool:
-    return real(value) and 0 < value < np.inf
+    return is_number(value) and 0 < value < np.inf

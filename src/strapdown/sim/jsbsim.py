@@ -10,8 +10,8 @@ from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 
-from ..data import DataError, Trajectory
-from ..sensor_models.datasheet_units import nearest, real
+from ..checks import DataError, did_you_mean, is_number
+from ..data import Trajectory
 from ..typing import Array
 from .splined import splined
 from .trajectory import DEG, Motion
@@ -129,7 +129,7 @@ def session(rate: float = STEP_RATE) -> Iterator[tuple[Any, list[str]]]:
     another has ended.
     """
     engine = found()
-    if not real(rate) or not 0 < rate <= MOST_STEP_RATE:
+    if not is_number(rate) or not 0 < rate <= MOST_STEP_RATE:
         raise DataError(
             f"JSBSim's rate is {rate!r} steps per second; it must be above 0 and at most "
             f"{MOST_STEP_RATE:g}"
@@ -179,7 +179,7 @@ def found() -> Any:
 
 
 def _finite(value: object) -> TypeGuard[float]:
-    return real(value) and bool(np.isfinite(value))
+    return is_number(value) and bool(np.isfinite(value))
 
 
 def _checked_start(start: object) -> tuple[float, ...]:
@@ -267,7 +267,7 @@ def _load(executive: Any, aircraft: str) -> None:
     if not isinstance(aircraft, str) or not (folder / aircraft / f"{aircraft}.xml").is_file():
         known = sorted(entry.name for entry in folder.iterdir() if entry.is_dir())
         raise DataError(
-            f"JSBSim has no aircraft {aircraft!r}{nearest(aircraft, known)}; it has "
+            f"JSBSim has no aircraft {aircraft!r}{did_you_mean(aircraft, known)}; it has "
             f"{', '.join(known)}"
         )
     executive.load_model(aircraft)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Chebyshev
 
-from ..data import DataError
+from ..checks import DataError
 from ..typing import Array
 from .analytic import Numbers, Profile, Times, arctangent, cosine, lifted, sine, waves
 from .trajectory import DEG, Motion, radii, ramp, ramp_rate, static as _static

@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from ..data import DataError
+from ..checks import DataError, did_you_mean
 from ..files import find_shipped, shipped
-from ..sensor_models.datasheet_units import nearest
 from ..typing import File
 from .scenario_file import read
 from .scenario_model import START_SD, Scenario
@@ -30,6 +29,6 @@ def scenario(name: Scenario | File) -> Scenario:
     if str(name).endswith(".toml") or len(Path(name).parts) > 1:
         return read(name)
     raise DataError(
-        f"unknown scenario {str(name)!r}{nearest(name, scenarios())}; "
+        f"unknown scenario {str(name)!r}{did_you_mean(name, scenarios())}; "
         f"scenarios: {', '.join(scenarios())}; or give the path of a .toml file"
     )

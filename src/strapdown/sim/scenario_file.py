@@ -4,15 +4,14 @@ docs/simulate.md lists the keys."""
 import datetime
 import inspect
 import math
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..data import DataError
+from ..checks import DataError, check_keys, did_you_mean
 from ..files import read_toml
 from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.barometer import Barometer
-from ..sensor_models.datasheet_units import nearest
 from ..sensor_models.gnss import Gnss
 from ..sensor_models.magnetometer import Disturbance, Magnetometer
 from ..typing import File
@@ -137,7 +136,7 @@ def read(path: File) -> Scenario:
 def from_table(table: dict[str, Any], path: Path) -> Scenario:
     """The Scenario of a parsed scenario file; `path` gives a missing name and the folder of an
     IMU file. Raises DataError naming the key."""
-    _refuse_unknown(table, TOP_KEYS, "")
+    check_keys(table, TOP_KEYS)
     name = _text(table.get("name", path.stem), "name")
     duration = _number(table["duration_s"], "duration_s") if "duration_s" in table else None
     motion = _motion(_table(table, "motion"), duration)._replace(name=name)
@@ -177,7 +176,7 @@ def from_table(table: dict[str, Any], path: Path) -> Scenario:
 def _motion(table: dict[str, Any], duration: float | None) -> Motion:
     if table.get("kind") not in list(MOTION_KINDS):
         raise DataError(
-            f"[motion] kind is {table.get('kind')!r}{nearest(table.get('kind'), MOTION_KINDS)}; it "
+            f"[motion] kind is {table.get('kind')!r}{did_you_mean(table.get('kind'), MOTION_KINDS)}; it "
             f"is one of {', '.join(MOTION_KINDS)}"
         )
     build = MOTION_KINDS[table["kind"]]
@@ -193,7 +192,7 @@ def _motion(table: dict[str, Any], duration: float | None) -> Motion:
         given["duration"] = duration
         del parameters["duration"]
     keys = {_key(name): name for name in parameters}
-    _refuse_unknown(table, ["kind", *keys], "[motion] ")
+    check_keys(table, ["kind", *keys], "[motion]")
     for key, name in keys.items():
         if key in table:
             given[name] = _value(name, table[key], f"[motion] {key}", table["kind"])
@@ -241,7 +240,7 @@ def _leg(leg: Any, where: str, kind: str) -> dict[str, Any]:
     if not isinstance(leg, dict):
         raise DataError(f"{where} is {leg!r}; write a table of its keys")
     keys = {_key(name): name for name in motions.leg_keys(motions.CLIMB_KEYS[kind])}
-    _refuse_unknown(leg, keys, f"{where}: ")
+    check_keys(leg, keys, where)
     return {
         name: leg[key] if name == "repeat" else _value(name, leg[key], f"{where}, {key}", kind)
         for key, name in keys.items()
@@ -250,7 +249,7 @@ def _leg(leg: Any, where: str, kind: str) -> dict[str, Any]:
 
 
 def _target(value: Any, where: str) -> Target:
-    _refuse_unknown(_entries(value, where), TARGET_KEYS, f"{where}: ")
+    check_keys(_entries(value, where), TARGET_KEYS, where)
     return Target(
         **{
             field: _number(value[key], f"{where}, {key}") * unit
@@ -273,7 +272,7 @@ def _place(value: Any, where: str) -> tuple[float, float, float]:
             f"{where} is {value!r}; write {{ latitude_deg = ..., longitude_deg = ..., height_m = "
             f"... }}"
         )
-    _refuse_unknown(value, keys, f"{where}: ")
+    check_keys(value, keys, where)
     if missing := [key for key in keys if key not in value]:
         raise DataError(f"{where}: {missing[0]} is missing")
     lat, lon, height = (_number(value[key], f"{where}, {key}") for key in keys)
@@ -287,7 +286,7 @@ def _place(value: Any, where: str) -> tuple[float, float, float]:
 
 def _gnss(table: dict[str, Any]) -> Gnss:
     """The receiver: what [gnss] does not name, it does not measure."""
-    _refuse_unknown(table, GNSS_KEYS, "[gnss] ")
+    check_keys(table, GNSS_KEYS, "[gnss]")
     values: dict[str, Any] = {"position_sd": None, "velocity_sd": None}
     for key, field, read in (
         ("interval_s", "interval", _number),
@@ -307,7 +306,7 @@ def _gnss(table: dict[str, Any]) -> Gnss:
 
 
 def _magnetometer(table: dict[str, Any]) -> Magnetometer:
-    _refuse_unknown(table, MAGNETOMETER_KEYS, "[magnetometer] ")
+    check_keys(table, MAGNETOMETER_KEYS, "[magnetometer]")
     values: dict[str, Any] = {}
     for key, (field, unit) in MAGNETOMETER_KEYS.items():
         where = f"[magnetometer] {key}"
@@ -334,7 +333,7 @@ def _magnetometer(table: dict[str, Any]) -> Magnetometer:
 def _disturbance(table: Any, where: str) -> Disturbance:
     if not isinstance(table, dict):
         raise DataError(f"{where} is {table!r}; write a table of its keys")
-    _refuse_unknown(table, DISTURBANCE_KEYS, f"{where}: ")
+    check_keys(table, DISTURBANCE_KEYS, where)
     if missing := [key for key in DISTURBANCE_KEYS[:3] if key not in table]:
         raise DataError(f"{where}: {missing[0]} is missing")
     start, stop = (_number(table[key], f"{where}, {key}") for key in DISTURBANCE_KEYS[:2])
@@ -343,7 +342,7 @@ def _disturbance(table: Any, where: str) -> Disturbance:
 
 
 def _barometer(table: dict[str, Any]) -> Barometer:
-    _refuse_unknown(table, BAROMETER_KEYS, "[barometer] ")
+    check_keys(table, BAROMETER_KEYS, "[barometer]")
     read: dict[str, Callable[[Any, str], Any]] = {
         **dict.fromkeys(BAROMETER_KEYS, _number),
         "lever_arm_m": _exactly_three,
@@ -359,7 +358,7 @@ def _barometer(table: dict[str, Any]) -> Barometer:
 
 
 def _attitude(table: dict[str, Any]) -> Ahrs:
-    _refuse_unknown(table, ATTITUDE_KEYS, "[attitude] ")
+    check_keys(table, ATTITUDE_KEYS, "[attitude]")
     values: dict[str, Any] = {}
     if "rate_hz" in table:
         values["rate"] = _number(table["rate_hz"], "[attitude] rate_hz")
@@ -374,7 +373,7 @@ def _date(value: Any) -> str:
 
 
 def _start(table: dict[str, Any]) -> dict[str, Any]:
-    _refuse_unknown(table, [*START_KEYS, "biases_known"], "[start] ")
+    check_keys(table, [*START_KEYS, "biases_known"], "[start]")
     sd = list(START_SD)
     for key, (first, unit) in START_KEYS.items():
         if key in table:
@@ -383,14 +382,6 @@ def _start(table: dict[str, Any]) -> dict[str, Any]:
     if not isinstance(known, bool):
         raise DataError(f"[start] biases_known is {known!r}; it is true or false")
     return {"start_sd": tuple(sd), "biases_known": known}
-
-
-def _refuse_unknown(table: Iterable[str], known: Collection[str], where: str) -> None:
-    for key in table:
-        if key not in known:
-            raise DataError(
-                f"{where}unknown key {key!r}{nearest(key, known)}; known: {', '.join(known)}"
-            )
 
 
 def _table(table: dict[str, Any], key: str) -> dict[str, Any]:

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from ..checks import DataError
 from ..core.contract import STATES
 from ..core.earth import LATITUDE_LIMIT
-from ..data import DataError, Trajectory
+from ..data import Trajectory
 from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.geomagnetism import geomagnetic_field

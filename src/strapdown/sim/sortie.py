@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..data import DataError
+from ..checks import DataError
 from ..typing import Array
 from .analytic import Numbers, Times, arctangent, cosine, lifted, sine, waves
 from .motions import AIRCRAFT_GUSTS, G, flat_legs, profiles

@@ -6,7 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from ..data import DataError, Trajectory
+from ..checks import DataError
+from ..data import Trajectory
 from ..geodesy import displacement
 from ..typing import Array
 from .analytic import Times

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ..checks import DataError
 from ..core.contract import ATT, BA, BG, POS, STATES, VEL, Imu, Start
-from ..data import Aiding, DataError, Trajectory
+from ..data import Aiding, Trajectory
 from ..geodesy import displaced
 from ..recording import Recording
 from ..sensor_models.ahrs import Ahrs

@@ -9,8 +9,9 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from ..checks import DataError
 from ..core.contract import Imu
-from ..data import DataError, Trajectory
+from ..data import Trajectory
 from ..typing import Array, ArrayLike, Ints
 from .analytic import Numbers, Times
 

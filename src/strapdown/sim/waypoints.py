@@ -5,8 +5,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from ..checks import DataError
 from ..core.earth import LATITUDE_LIMIT
-from ..data import DataError
 from ..geodesy import displacement
 from ..typing import Array
 from .analytic import Profile

@@ -11,8 +11,9 @@ import pytest
 from recordings import flight, rows, turning
 
 import strapdown as sd
+from strapdown.checks import DataError
 from strapdown.core.contract import Imu
-from strapdown.data import DataError, Trajectory
+from strapdown.data import Trajectory
 from strapdown.evaluation.metrics import moving_windows
 from strapdown.experiments.outages import runs
 from strapdown.experiments.outages.compare import _events

@@ -10,8 +10,9 @@ import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
+from strapdown.checks import DataError
 from strapdown.core.contract import Imu
-from strapdown.data import Aiding, DataError, Trajectory
+from strapdown.data import Aiding, Trajectory
 from strapdown.experiments.outages.protocols import protocol
 from strapdown.experiments.outages.result import Comparison
 from strapdown.experiments.outages.scores import Track, outages_of, scored

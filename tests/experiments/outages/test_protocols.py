@@ -5,7 +5,7 @@ from itertools import count
 import numpy as np
 import pytest
 
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.experiments.outages.protocols import MOST_WINDOWS, protocol
 
 pytestmark = pytest.mark.short

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import aiding, filters
+from strapdown.checks import DataError
 from strapdown.core.contract import (
     ALTITUDE_KIND,
     ATTITUDE_KIND,
@@ -23,7 +24,6 @@ from strapdown.core.contract import (
     compile_kernel,
 )
 from strapdown.core.mechanization import stationary_increments
-from strapdown.data import DataError
 from strapdown.filters.ahrs_aided.fixed_gain import fastest_turn, poles
 from strapdown.geodesy import displaced, displacement
 

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import filters
+from strapdown.checks import DataError
 from strapdown.core.contract import Noise, compile_kernel
 from strapdown.core.earth import gravity, place, rotation_rates
-from strapdown.data import DataError
 from strapdown.geodesy import displaced, displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import Motion

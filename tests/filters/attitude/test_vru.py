@@ -10,8 +10,9 @@ from scipy.stats import chi2
 
 import strapdown as sd
 from strapdown import aiding
+from strapdown.checks import DataError
 from strapdown.core.contract import Noise, Start, compile_kernel
-from strapdown.data import Aiding, DataError
+from strapdown.data import Aiding
 from strapdown.engine import prepare as preparation
 from strapdown.engine.stream import Fix, Sample, Stream
 from strapdown.filters.attitude.vru import MEASURED, VERTICAL, VRU, wave_density

@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import filters
+from strapdown.checks import DataError
 from strapdown.core.contract import Noise
 from strapdown.core.error_dynamics import dynamics
 from strapdown.core.mechanization import mechanize
-from strapdown.data import DataError
 from strapdown.geodesy import displaced, displacement
 
 pytestmark = pytest.mark.short

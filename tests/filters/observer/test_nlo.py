@@ -9,9 +9,10 @@ from recordings import flight, start, turning, without_samples
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
+from strapdown.checks import DataError
 from strapdown.cli import app
 from strapdown.core.contract import Noise
-from strapdown.data import Aiding, DataError
+from strapdown.data import Aiding
 from strapdown.filters.observer.gains import configure
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer

@@ -11,10 +11,11 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import aiding
+from strapdown.checks import DataError
 from strapdown.core.contract import OBSERVE, PARAMETERS, Noise, Start, compile_kernel, kernel
 from strapdown.core.error_state import auxiliary
 from strapdown.core.jit import plain
-from strapdown.data import Aiding, DataError
+from strapdown.data import Aiding
 from strapdown.engine.prepare import prepare
 from strapdown.filters.particle import ins_mixture as places
 from strapdown.filters.particle.pkf import PKF

@@ -11,8 +11,8 @@ from test_two_stage_ekf import compensated, ungated
 from two_stage_twin import WRAP, State, Twin
 
 import strapdown as sd
+from strapdown.checks import DataError
 from strapdown.core.contract import CORRECT, PREDICT, Noise, kernel
-from strapdown.data import DataError
 from strapdown.engine.batch import begin
 from strapdown.engine.prepare import Asked
 from strapdown.filters.observer.equations import embedded

@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 from textbook_aircraft import actuators, forces, motion
 
 import strapdown as sd
+from strapdown.checks import DataError
 from strapdown.core.contract import Noise, Start
-from strapdown.data import DataError, Trajectory
+from strapdown.data import Trajectory
 from strapdown.flight.aircraft.dynamics import OUTPUTS, evaluate, ready, respond
 from strapdown.flight.aircraft.parameters import GRAVITY, NAMES, SECTIONS, flat_metres
 from strapdown.recording import Recording

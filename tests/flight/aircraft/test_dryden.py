@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.flight.aircraft.dynamics import ready
 from strapdown.flight.aircraft.wind import NORMALS, begin, gust, turbulence
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from textbook_aircraft import CONTROLS, motion
 
 import strapdown as sd
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.flight.aircraft.dynamics import OUTPUTS, evaluate, ready, respond
 from strapdown.flight.aircraft.modes import MODEL_STATES, Mode, _named, check_step, deviation_point
 from strapdown.flight.aircraft.parameters import GRAVITY, flat_metres

@@ -16,8 +16,9 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
+from strapdown.checks import DataError
 from strapdown.core.contract import Start
-from strapdown.data import DataError, Trajectory
+from strapdown.data import Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import attitude_angles, errors
 from strapdown.recording import Recording

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from strapdown import __version__
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.files import replacing
 from strapdown.typing import File, Progress, Say
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from strapdown import io
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.experiments.outages.compare import compare
 from strapdown.experiments.outages.result import Comparison
 from strapdown.experiments.outages.summaries import blocks, widening

@@ -15,7 +15,8 @@ import numpy as np
 import pandas as pd
 
 from strapdown.alignment.initial import align
-from strapdown.data import DataError, Solution
+from strapdown.checks import DataError
+from strapdown.data import Solution
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import Errors, errors
 from strapdown.experiments.outages.protocols import protocol

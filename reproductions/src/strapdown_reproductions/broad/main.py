@@ -14,7 +14,8 @@ import numpy as np
 import pandas as pd
 
 from strapdown import filters, io
-from strapdown.data import DataError, Trajectory
+from strapdown.checks import DataError
+from strapdown.data import Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.engine.prepare import positioned
 from strapdown.engine.smoothing import smooth

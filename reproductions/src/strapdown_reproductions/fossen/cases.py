@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from strapdown.checks import DataError
 from strapdown.core.contract import BA, BG, Noise, Start
-from strapdown.data import DataError, Trajectory
+from strapdown.data import Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
 from strapdown.filters.ins.open_loop import INS_ERROR

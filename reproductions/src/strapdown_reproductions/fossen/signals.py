@@ -15,8 +15,9 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from strapdown.checks import DataError
 from strapdown.core.contract import Imu
-from strapdown.data import Aiding, DataError, Trajectory
+from strapdown.data import Aiding, Trajectory
 from strapdown.recording import Recording
 from strapdown.sensor_models.ahrs import Ahrs, AhrsPlan
 from strapdown.sensor_models.errors import Triad

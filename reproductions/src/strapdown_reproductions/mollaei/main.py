@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from strapdown import __version__
-from strapdown.data import DataError
+from strapdown.checks import DataError
 from strapdown.files import replacing
 from strapdown.typing import File, Progress
 

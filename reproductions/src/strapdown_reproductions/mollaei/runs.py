@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from strapdown.data import DataError, Trajectory
+from strapdown.checks import DataError
+from strapdown.data import Trajectory
 from strapdown.evaluation.consistency import nees
 from strapdown.evaluation.metrics import errors
 from strapdown.flight.aircraft.parameters import GRAVITY

@@ -13,7 +13,8 @@ import numpy as np
 import pandas as pd
 
 from strapdown import filters
-from strapdown.data import DataError, Solution
+from strapdown.checks import DataError
+from strapdown.data import Solution
 from strapdown.engine.batch import fuse
 from strapdown.engine.prepare import positioned
 from strapdown.evaluation.metrics import outages

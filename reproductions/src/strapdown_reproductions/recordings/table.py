@@ -14,8 +14,9 @@ import numpy as np
 import pandas as pd
 
 from strapdown import filters
+from strapdown.checks import DataError
 from strapdown.core.contract import Filter
-from strapdown.data import DataError, Solution
+from strapdown.data import Solution
 from strapdown.engine.batch import fuse
 from strapdown.engine.prepare import positioned
 from strapdown.evaluation.metrics import errors, rms

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...data import DataError
+from ...checks import DataError
 from ...evaluation.consistency import Interval
 from ...files import replacing
 from ...sensor_models.imu import ImuSpec, grade

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...data import DataError
+from ...checks import DataError, did_you_mean
 from ...files import find_shipped, read_toml
-from ...sensor_models.datasheet_units import nearest
 from ...sim.scenario import Scenario, scenario, scenarios
 from ...sim.scenario_file import from_table
 from ...typing import File
@@ -126,7 +125,7 @@ def _table(flight: File) -> tuple[dict[str, Any], Path]:
         scenario(flight)  # says what is wrong with the file
         return read_toml(flight, "check the path"), Path(flight)
     raise DataError(
-        f"unknown flight {flight!r}{nearest(flight, kinds())}; flights: {', '.join(kinds())}; "
+        f"unknown flight {flight!r}{did_you_mean(flight, kinds())}; flights: {', '.join(kinds())}; "
         "or give the path of a scenario file (.toml)"
     )
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...checks import DataError
 from ...core.contract import POS, STATES
-from ...data import DataError
 from ...evaluation.consistency import SURVIVED, Interval, paired, proportion
 from ...typing import Array
 from ..monte_carlo.scoring import RUN_REASONS

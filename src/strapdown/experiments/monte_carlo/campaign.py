@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import __version__
-from ...data import DataError
+from ...checks import DataError
 from ...files import replacing
 from ...typing import File
 from .chunks import SCALARS, Arrays, Chunk, run_chunk

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import aiding
+from ...checks import DataError
 from ...core.contract import STATES
-from ...data import DataError
 from ...engine.batch import fuse
 from ...engine.prepare import prepare
 from ...evaluation.cramer_rao import cramer_rao

@@ -14,7 +14,7 @@ from logging import CRITICAL
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
 
-from ...data import DataError
+from ...checks import DataError
 from ...typing import Say
 from .chunks import Chunk, compile_for, run_chunk
 

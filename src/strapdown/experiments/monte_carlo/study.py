@@ -15,8 +15,8 @@ from os import cpu_count
 
 import numpy as np
 
+from ...checks import DataError
 from ...core.contract import Filter
-from ...data import DataError
 from ...evaluation.consistency import Limits
 from ...sensor_models.imu import ImuSpec
 from ...sim.scenario import Scenario

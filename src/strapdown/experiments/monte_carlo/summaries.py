@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...checks import DataError
 from ...core.contract import POS, STATES
-from ...data import DataError
 from ...evaluation.consistency import SURVIVED, Paired, paired, proportion, rmse
 from ...typing import Array
 from .scoring import ERROR_GROUPS, RUN_REASONS

@@ -14,8 +14,9 @@ import numpy as np
 
 from ... import aiding, filters
 from ...alignment.initial import align
+from ...checks import DataError
 from ...core.contract import Filter, Noise, Start
-from ...data import DataError, Trajectory
+from ...data import Trajectory
 from ...engine.prepare import GivenImu, assumed_noise, found, positioned, prepare
 from ...recording import Recording
 from ...sensor_models.imu import ImuSpec

@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterable
 from itertools import islice
 from typing import NamedTuple, TypeAlias
 
+from ...checks import DataError
 from ...core.contract import Start
-from ...data import DataError
 
 Window: TypeAlias = tuple[float, float]
 """Start and stop, s."""

@@ -13,9 +13,10 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from ...checks import DataError
 from ...core import loop
 from ...core.contract import Belief, Cursor, Filter, Imu, Noise, Start
-from ...data import Aiding, DataError
+from ...data import Aiding
 from ...engine.batch import begin
 from ...engine.finish import solution
 from ...engine.prepare import AHRS_RATE, Asked, GivenImu, Run, new_output

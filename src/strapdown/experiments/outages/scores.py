@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...checks import DataError
 from ...core.contract import Start
 from ...core.loop import SAME_TIME
-from ...data import DataError, Solution, Trajectory
+from ...data import Solution, Trajectory
 from ...evaluation.consistency import coverage
 from ...evaluation.metrics import interpolated
 from ...geodesy import displacement, wrap

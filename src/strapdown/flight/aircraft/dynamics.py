@@ -11,11 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from ...checks import DataError, is_number
 from ...core.contract import Imu
 from ...core.earth import gravity, place, rotation_rates
 from ...core.jit import COMPILED, compile_kernel, entry_point, helper, inlined, kernel
-from ...data import DataError
-from ...sensor_models.datasheet_units import real
 from ...typing import Array, ArrayLike, File
 from .forces import air_data, density, forces, propeller
 from .parameters import (
@@ -383,7 +382,7 @@ def respond(
         checked_array(commands, (None, 4), "respond: commands"),
         checked_state(state, "respond"),
     )
-    if not real(dt) or not 0 < dt <= LONGEST_HELD:
+    if not is_number(dt) or not 0 < dt <= LONGEST_HELD:
         raise DataError(
             f"respond: dt is {dt!r} s; it must be above 0 and at most {LONGEST_HELD:g} s, for which "
             f"commands are held"

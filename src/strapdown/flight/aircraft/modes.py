@@ -9,10 +9,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from ...checks import DataError, is_number
 from ...core.jit import plain
 from ...core.rotation import euler_terms
-from ...data import DataError
-from ...sensor_models.datasheet_units import real
 from ...typing import Array, File
 from .dynamics import OUTPUTS, STATE_SIZE, evaluate, ready
 from .parameters import Aircraft, aircraft as find
@@ -114,7 +113,7 @@ def deviation_point(trim: Trim) -> tuple[Array, Array]:
 def check_step(trim: Trim, dt: float) -> None:
     """Refuse a time step dt (s) too long for the fastest mode about a Trim: controls and gusts
     are held over it. Raises DataError naming the longest."""
-    if not real(dt) or not 0 < dt < math.inf:
+    if not is_number(dt) or not 0 < dt < math.inf:
         raise DataError(f"time step of the aircraft is {dt!r} s; it must be above 0")
     fastest = max(abs(np.linalg.eigvals(linearise(_checked(trim).aircraft, trim).A)))
     if dt > _RESOLVED / fastest:

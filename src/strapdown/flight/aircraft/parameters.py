@@ -12,11 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from ...checks import DataError, check_keys, did_you_mean, is_number
 from ...core.earth import E2, A
-from ...data import DataError
 from ...files import read_toml
 from ...geodesy import gravity
-from ...sensor_models.datasheet_units import nearest, real, refuse_unknown
 from ...typing import Array, ArrayLike, File
 
 SECTIONS: dict[str, tuple[tuple[str, str, float, float], ...]] = {
@@ -176,7 +175,7 @@ class Aircraft:
         if not isinstance(self.values, Mapping):
             raise DataError(f"{where}: values are {self.values!r}; give a number for each name")
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
-        refuse_unknown(self.values, NAMES, where)
+        check_keys(self.values, NAMES, where)
         if missing := [name for name in NAMES if name not in self.values]:
             raise DataError(
                 f"{where}: {missing[0]} is "
@@ -185,7 +184,7 @@ class Aircraft:
             )
         for name, value in self.values.items():
             _, _, low, high = TERMS[name]
-            if not real(value) or not low <= value <= high:
+            if not is_number(value) or not low <= value <= high:
                 raise DataError(
                     f"{where}: {name} is {value!r}; it must be a number between {low:g} and "
                     f"{high:g} (SI)"
@@ -203,7 +202,7 @@ class Aircraft:
 
     def __getitem__(self, name: str) -> float:
         """A parameter by name, SI. Raises DataError for an unknown one."""
-        refuse_unknown([name], NAMES, f"aircraft {self.name!r}")
+        check_keys([name], NAMES, f"aircraft {self.name!r}")
         return self.values[name]
 
     def replace(self, name: str | None = None, **changes: float) -> "Aircraft":
@@ -279,7 +278,7 @@ def aircraft(name: Aircraft | File = "aerosonde") -> Aircraft:
             read_toml(name, "give a built-in aircraft's name or the path of a .toml file"), name
         )
     raise DataError(
-        f"unknown aircraft {name!r}{nearest(name, known)}; built in: {', '.join(known)}; or give "
+        f"unknown aircraft {name!r}{did_you_mean(name, known)}; built in: {', '.join(known)}; or give "
         f"the path of a .toml file"
     )
 
@@ -372,7 +371,7 @@ def _check_stops(values: Mapping[str, float], where: str) -> None:
 
 
 def _from_table(table: dict[str, Any], where: str) -> Aircraft:
-    refuse_unknown(table, ["name", "source", *SECTIONS], where)
+    check_keys(table, ["name", "source", *SECTIONS], where)
     text = {
         "name": Path(where).stem,
         "source": "",
@@ -387,9 +386,9 @@ def _from_table(table: dict[str, Any], where: str) -> Aircraft:
         if not isinstance(entries, dict):
             raise DataError(f"{where}: {section} must be a section [{section}], not {entries!r}")
         known = {key(name): name for name, *_ in terms}
-        refuse_unknown(entries, known, f"{where}, [{section}]")
+        check_keys(entries, known, f"{where}, [{section}]")
         for entry, value in entries.items():
-            if not real(value):
+            if not is_number(value):
                 raise DataError(f"{where}, [{section}]: {entry} is {value!r}; it must be a number")
             values[known[entry]] = float(value) * _FACTOR.get(TERMS[known[entry]][1], 1.0)
     return Aircraft(text["name"], values, text["source"])

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...data import DataError
-from ...sensor_models.datasheet_units import real
+from ...checks import DataError, is_number
 from ...typing import Array, File
 from .dynamics import OUTPUTS, PROPELLER, STATE_SIZE, THRUST, evaluate, ready
 from .parameters import GRAVITY, Aircraft, aircraft as find, checked_origin
@@ -295,8 +294,8 @@ def _check(
     numbers = [airspeed, climb, course, *(wind if np.iterable(wind) else [None])]
     if (
         len(numbers) != 6
-        or not all(real(value) and math.isfinite(value) for value in numbers)
-        or not real(radius)
+        or not all(is_number(value) and math.isfinite(value) for value in numbers)
+        or not is_number(radius)
         or math.isnan(radius)
     ):
         raise DataError(

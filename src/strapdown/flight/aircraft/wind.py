@@ -10,9 +10,8 @@ import math
 
 import numpy as np
 
+from ...checks import DataError, did_you_mean
 from ...core.jit import COMPILED, helper, kernel
-from ...data import DataError
-from ...sensor_models.datasheet_units import nearest
 from ...typing import Array
 
 TURBULENCE_LEVELS = {"none": 0.0, "light": 15.0, "moderate": 30.0, "severe": 45.0}
@@ -34,7 +33,7 @@ def turbulence(level: str = "light", height: float = 50.0, span: float = 3.0) ->
     """
     if level not in TURBULENCE_LEVELS:
         raise DataError(
-            f"unknown turbulence {level!r}{nearest(level, TURBULENCE_LEVELS)}; levels: "
+            f"unknown turbulence {level!r}{did_you_mean(level, TURBULENCE_LEVELS)}; levels: "
             f"{', '.join(TURBULENCE_LEVELS)}"
         )
     if not (math.isfinite(height) and 0 < span < 200):

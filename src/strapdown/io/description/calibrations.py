@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from ...checks import DataError
 from ...core.contract import Imu
-from ...data import Aiding, DataError
+from ...data import Aiding
 from ...preprocessing.origin import counted
 from ...typing import Array
 from ..calibration_file import HEATED, NONE, Correction, read_corrections

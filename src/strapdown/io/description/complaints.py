@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from ...data import DataError
+from ...checks import DataError
 from ...files import read_toml
 from ...typing import File
 from .schema import Description

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...checks import DataError
 from ...core.contract import Imu
-from ...data import DataError
 from ...preprocessing.axes import BODY_AXES, axes_matrix
 from ...preprocessing.imu_samples import increments
 from ...preprocessing.origin import Origin

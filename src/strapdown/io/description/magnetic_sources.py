@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...checks import DataError
 from ...core.contract import Imu
-from ...data import Aiding, DataError
+from ...data import Aiding
 from ...preprocessing.origin import counted
 from ...preprocessing.units import UNIT_FACTORS
 from ...sensor_models.geomagnetism import geomagnetic_field

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from ...alignment.location import place_of
+from ...checks import DataError
 from ...core.contract import ATTITUDE_KIND, Imu
-from ...data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, DataError, Trajectory
+from ...data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, Trajectory
 from ...preprocessing.attitude_checks import sound_attitude
 from ...preprocessing.attitude_record import angles, quaternions
 from ...preprocessing.axes import NAVIGATION_AXES, axes_matrix

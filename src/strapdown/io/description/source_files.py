@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-from ...data import DataError
+from ...checks import DataError
 from ...preprocessing.units import factor
 from ...typing import Array, File
 from ..locate import locate

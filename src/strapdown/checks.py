@@ -1,0 +1,130 @@
+"""What is refused at the edge, said one way: numbers out of range, arrays of another shape, words
+that are not known.
+
+Every refusal is a DataError of one line: what it is, what it must be. Nothing here knows files.
+"""
+
+import math
+from collections.abc import Collection, Iterable, Sequence
+from difflib import get_close_matches
+from numbers import Integral, Real
+from typing import TYPE_CHECKING, Any, TypeGuard
+
+if TYPE_CHECKING:
+    from .typing import Array
+
+
+class DataError(ValueError):
+    """Input that cannot be used: one line that names file, row or field, and the remedy."""
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """Whether it is a real number; True and False are none."""
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def nearest(word: object, words: Iterable[str]) -> str | None:
+    """The one of `words` that is most like `word`, in upper or lower case, if one is like it."""
+    by_lower = {each.lower(): each for each in words}
+    match = get_close_matches(str(word).lower(), by_lower, 1, 0.5)
+    return by_lower[match[0]] if match else None
+
+
+def did_you_mean(word: object, words: Iterable[str]) -> str:
+    """ " (did you mean 'x'?)" where one of `words` is like `word`, else nothing."""
+    near = nearest(word, words)
+    return f" (did you mean {near!r}?)" if near else ""
+
+
+def check_choice(value: object, name: str, choices: Collection[str]) -> str:
+    """The value, which must be one of the words. Raises DataError with the nearest."""
+    if not isinstance(value, str) or value not in choices:
+        raise DataError(
+            f"{name} is {value!r}{did_you_mean(value, choices)}; it must be one of "
+            f"{', '.join(choices)}"
+        )
+    return value
+
+
+def check_keys(keys: Iterable[str], known: Collection[str], where: str = "") -> None:
+    """Refuse the first key that is not known. Raises DataError with the nearest."""
+    for key in keys:
+        if key not in known:
+            raise DataError(
+                f"{where and where + ': '}unknown key {key!r}{did_you_mean(key, known)}; known: {', '.join(known)}"
+            )
+
+
+def check_number(
+    value: object,
+    name: str,
+    unit: str = "",
+    *,
+    least: float = -math.inf,
+    above: float = -math.inf,
+    most: float = math.inf,
+    below: float = math.inf,
+    whole: bool = False,
+    infinite: bool = False,
+) -> float:
+    """The value, which must be a real number in these bounds, finite unless `infinite` allows inf
+    itself. Raises DataError, e.g. "rate is -1 Hz; it must be a finite number above 0"."""
+    fits = (
+        is_number(value)
+        and least <= value <= most
+        and (above < value or above == -math.inf)
+        and (value < below or below == math.inf)
+        and (math.isfinite(value) or infinite)
+        and (not whole or isinstance(value, Integral))
+    )
+    if not fits:
+        kind = "a whole number" if whole else "a number" if infinite else "a finite number"
+        bounds = [
+            text
+            for text, bound in (
+                (f"above {above:g}", above),
+                (f"{least:g} or more", least),
+                (f"below {below:g}", below),
+                (f"at most {most:g}", most),
+            )
+            if math.isfinite(bound)
+        ]
+        raise DataError(
+            f"{name} is {value!r}{unit and ' ' + unit}; it must be {kind}"
+            f"{', ' if bounds and bounds[0][0].isdigit() else ' ' if bounds else ''}"
+            f"{' and '.join(bounds)}"
+        )
+    return value  # type: ignore[return-value]
+
+
+def check_array(
+    value: object,
+    name: str,
+    shape: Sequence[int | None],
+    *,
+    finite: bool = True,
+    what: str = "numbers",
+) -> "Array":
+    """The value as an array of floats of this shape, where None is any length, without NaN and
+    inf unless `finite` is False. Raises DataError."""
+    import numpy as np
+
+    try:
+        array = np.asarray(value, float)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    fits = array.ndim == len(shape) and all(
+        size in (None, own) for size, own in zip(shape, array.shape)
+    )
+    if not fits or (finite and not np.isfinite(array).all()):
+        wanted: Any = " x ".join("n" if size is None else str(size) for size in shape)
+        raise DataError(
+            f"{name} is {_brief(value)}; it must be {wanted} {'finite ' if finite else ''}{what}"
+        )
+    return array
+
+
+def _brief(value: object) -> str:
+    """The value, or the beginning of what is long, on one line."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 80 else text[:77] + "..."
