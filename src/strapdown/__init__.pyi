@@ -22,6 +22,7 @@ from .flight.plan import FlightPlan as FlightPlan
 from .io import read as read, write_recording as write_recording
 from .io.solution import read_solution as read_solution, write_solution as write_solution
 from .recording import Recording as Recording
+from .registration import register as register
 from .reports.page import report as report
 from .sensor_models.geomagnetism import geomagnetic_field as geomagnetic_field
 from .sensor_models.imu import ImuSpec as ImuSpec, grade as grade, grades as grades

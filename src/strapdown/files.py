@@ -5,6 +5,7 @@ import os
 import shutil
 import tempfile
 import tomllib
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from .checks import DataError
+from .plugins import PluginWarning
 from .typing import File
 
 IN_MEMORY = 1_000_000_000
@@ -104,7 +106,7 @@ def shipped(kind: str, package: str, others: bool = True) -> dict[str, Traversab
     with `others`, of installed packages that bring some.
 
     Such a package names itself under the entry points `strapdown.data`; a name that `package` has
-    itself stays its own. Raises DataError.
+    itself stays its own. One that cannot be imported is told of and left out.
     """
     found: dict[str, Traversable] = {}
     for place in (
@@ -114,10 +116,13 @@ def shipped(kind: str, package: str, others: bool = True) -> dict[str, Traversab
         try:
             folder = files(place).joinpath(kind)
         except ImportError as error:
-            raise DataError(
-                f"the installed package {place} should bring {kind}, and cannot be imported "
-                f"({error}); install it again"
-            ) from None
+            warnings.warn(
+                f"plugin {place}: it should bring {kind}, and cannot be imported ({error}); install "
+                f"it again",
+                PluginWarning,
+                stacklevel=2,
+            )
+            continue
         if folder.is_dir():
             own = {
                 entry.name.removesuffix(".toml"): entry

@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding
-from strapdown.core.contract import PARAMETERS, Belief, compile_kernel
+from strapdown.core.contract import NUMBERED, PARAMETERS, Belief, compile_kernel
 
 pytestmark = pytest.mark.short
 DEG = np.pi / 180
@@ -254,6 +254,7 @@ def test_at_vertical_pitch_heading_is_finite():
 
 
 def test_kinds_are_numbered_from_zero_and_found_by_name():
-    assert [sensor.kind for sensor in aiding.measurements().values()] == list(range(len(SENSORS)))
+    assert [aiding.number(name) for name in aiding.measurements()] == list(range(len(SENSORS)))
+    assert tuple(aiding.own_names()[: len(NUMBERED)]) == NUMBERED
     with pytest.raises(ValueError, match="did you mean 'velocity'"):
         aiding.find("velocty")

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 import strapdown
+from strapdown.plugins import PluginWarning
 
 
 def offered(monkeypatch, *entries):
@@ -87,9 +88,12 @@ def test_a_package_that_should_bring_grades_and_cannot_be_imported(monkeypatch):
     )
     files.shipped.cache_clear()
     try:
-        with pytest.raises(
-            strapdown.DataError,
-            match="the installed package no_such_package should bring grades, and cannot be imported",
+        with (
+            pytest.warns(
+                PluginWarning,
+                match="no_such_package: it should bring grades, and cannot be imported",
+            ),
+            pytest.raises(strapdown.DataError, match="unknown IMU grade 'nonsense'"),
         ):
             strapdown.grade("nonsense")
         assert strapdown.grade("tactical").name == "tactical"

@@ -319,7 +319,7 @@ def test_a_new_kind_of_aiding_needs_nothing_here(build, monkeypatch):
     import strapdown.aiding
 
     known = strapdown.aiding.measurements()
-    sensor = Measurement("airflow", 99, None, ("speed", "angle"), parameters="antenna")
+    sensor = Measurement("airflow", None, ("speed", "angle"), parameters="antenna")
     monkeypatch.setattr(strapdown.aiding, "measurements", lambda: known | {"airflow": sensor})
     extra = '[[aiding]]\nkind = "airflow"\nfile = "gnss.csv"\ntime = { column = "t", unit = "s" }\ncolumns = ["vn", "ve"]\nunit = ["knot", "deg"]\nsd = [1.0, 2.0]\n'
     airflow = read(build(toml=lambda s: s + extra)).aidings[2]

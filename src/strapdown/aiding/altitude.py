@@ -4,8 +4,6 @@ from ..core.contract import OBSERVE, Belief, Measurement, helper, kernel
 from ..core.rotation import turned
 from ..typing import Array
 
-ALTITUDE = 3
-
 
 @helper
 def height(belief: Belief, measured: float, parameters: Array, innovation: Array, H: Array) -> int:
@@ -26,7 +24,6 @@ def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: A
 
 MEASUREMENT = Measurement(
     "altitude",
-    ALTITUDE,
     observe,
     ("length",),
     parameters="antenna",

@@ -8,11 +8,9 @@ pitch and heading of a body that is not steep, and no pitch is singular.
 
 import math
 
-from ..core.contract import ATTITUDE_KIND, OBSERVE, Belief, Measurement, kernel
+from ..core.contract import OBSERVE, Belief, Measurement, kernel
 from ..core.rotation import euler_terms, measured_heading, rotation_between
 from ..typing import Array
-
-ATTITUDE = ATTITUDE_KIND
 
 
 @kernel(OBSERVE)
@@ -34,7 +32,6 @@ def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: A
 
 MEASUREMENT = Measurement(
     "attitude",
-    ATTITUDE,
     observe,
     ("angle", "angle", "angle"),
     reference="AHRS measurement of Fossen (2021) section 14.3.2",

@@ -7,8 +7,6 @@ h = C' v + omega x l; with true C = exp(theta) C the derivative by theta is C' S
 from ..core.contract import OBSERVE, Belief, Measurement, helper, kernel
 from ..typing import Array
 
-SPEED, ZERO_LATERAL_VELOCITY, ZERO_VERTICAL_VELOCITY = 4, 5, 6
-
 
 @helper
 def along(
@@ -52,7 +50,6 @@ def observe_vertical(
 
 FORWARD = Measurement(
     "speed",
-    SPEED,
     observe_speed,
     ("speed",),
     parameters="reference",
@@ -60,7 +57,6 @@ FORWARD = Measurement(
 )
 LATERAL = Measurement(
     "zero-lateral-velocity",
-    ZERO_LATERAL_VELOCITY,
     observe_lateral,
     ("speed",),
     parameters="reference",
@@ -69,7 +65,6 @@ LATERAL = Measurement(
 )
 VERTICAL = Measurement(
     "zero-vertical-velocity",
-    ZERO_VERTICAL_VELOCITY,
     observe_vertical,
     ("speed",),
     parameters="reference",

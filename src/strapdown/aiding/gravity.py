@@ -8,12 +8,10 @@ body goes into the attitude as its angle against g; its standard deviation is wh
 
 import math
 
-from ..core.contract import GRAVITY_KIND, OBSERVE, Belief, Measurement, kernel
+from ..core.contract import OBSERVE, Belief, Measurement, kernel
 from ..core.earth import gravity
 from ..core.rotation import turned
 from ..typing import Array
-
-GRAVITY = GRAVITY_KIND
 
 
 @kernel(OBSERVE)
@@ -37,7 +35,6 @@ def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: A
 
 MEASUREMENT = Measurement(
     "gravity",
-    GRAVITY,
     observe,
     ("acceleration", "acceleration", "acceleration"),
     recorded=False,

@@ -7,8 +7,6 @@ from ..core.contract import OBSERVE, Belief, Measurement, kernel
 from ..core.rotation import wrap
 from ..typing import Array
 
-HEADING = 2
-
 
 @kernel(OBSERVE)
 def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
@@ -25,7 +23,6 @@ def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: A
 
 MEASUREMENT = Measurement(
     "heading",
-    HEADING,
     observe,
     ("angle",),
     reference="derivative of atan2(C21, C11); Fossen (2021) eq. 14.254 corrected",

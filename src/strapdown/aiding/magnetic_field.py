@@ -6,10 +6,8 @@ right: where only its direction in the horizontal plane is to be trusted, the at
 that.
 """
 
-from ..core.contract import MAGNETIC_KIND, OBSERVE, Belief, Measurement, kernel
+from ..core.contract import OBSERVE, Belief, Measurement, kernel
 from ..typing import Array
-
-MAGNETIC_FIELD = MAGNETIC_KIND
 
 
 @kernel(OBSERVE)
@@ -26,7 +24,6 @@ def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: A
 
 MEASUREMENT = Measurement(
     "magnetic-field",
-    MAGNETIC_FIELD,
     observe,
     ("magnetic field", "magnetic field", "magnetic field"),
     parameters="field",

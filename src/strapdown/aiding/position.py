@@ -2,12 +2,10 @@
 
 import math
 
-from ..core.contract import OBSERVE, POSITION_KIND, Belief, Measurement, kernel
+from ..core.contract import OBSERVE, Belief, Measurement, kernel
 from ..core.earth import radii
 from ..core.rotation import wrap
 from ..typing import Array
-
-POSITION = POSITION_KIND
 
 
 @kernel(OBSERVE)
@@ -32,7 +30,6 @@ def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: A
 
 MEASUREMENT = Measurement(
     "position",
-    POSITION,
     observe,
     ("latitude", "longitude", "length"),
     parameters="antenna",

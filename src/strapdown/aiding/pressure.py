@@ -12,7 +12,6 @@ from ..core.contract import FIRST, OBSERVE, STATES, Belief, Measurement, helper,
 from ..typing import Array
 from .altitude import height
 
-PRESSURE, PRESSURE_ALTITUDE = 10, 11
 P_0, T_0, LAPSE = 101325.0, 288.15, 6.5e-3  # Pa, K, K/m at mean sea level
 EXPONENT = 287.05287 * LAPSE / 9.80665  # of p / p_0 in the troposphere
 # tropopause, m and Pa
@@ -60,7 +59,6 @@ def observe_altitude(
 BAROMETER_BIAS: dict[str, Any] = dict(states=("bias [m]",), state_sd=150.0, state_walk=0.1)
 MEASUREMENT = Measurement(
     "pressure",
-    PRESSURE,
     observe,
     ("pressure",),
     parameters="antenna",
@@ -69,7 +67,6 @@ MEASUREMENT = Measurement(
 )
 ALTITUDE = Measurement(
     "pressure-altitude",
-    PRESSURE_ALTITUDE,
     observe_altitude,
     ("length",),
     parameters="antenna",

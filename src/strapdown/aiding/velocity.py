@@ -4,8 +4,6 @@ lever-arm term (7e-5 rad/s) is left out."""
 from ..core.contract import OBSERVE, Belief, Measurement, kernel
 from ..typing import Array
 
-VELOCITY = 1
-
 
 @kernel(OBSERVE)
 def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
@@ -32,7 +30,6 @@ def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: A
 
 MEASUREMENT = Measurement(
     "velocity",
-    VELOCITY,
     observe,
     ("speed", "speed", "speed"),
     parameters="antenna",

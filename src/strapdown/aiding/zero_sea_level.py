@@ -5,11 +5,9 @@ y is the height of mean sea level above the ellipsoid, m: the undulation of the 
 are ellipsoidal, 0 where heave is all that is wanted.
 """
 
-from ..core.contract import OBSERVE, SEA_LEVEL_KIND, Belief, Measurement, kernel
+from ..core.contract import OBSERVE, Belief, Measurement, kernel
 from ..typing import Array
 from .altitude import height
-
-ZERO_SEA_LEVEL = SEA_LEVEL_KIND
 
 
 @kernel(OBSERVE)
@@ -21,7 +19,6 @@ def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: A
 
 MEASUREMENT = Measurement(
     "zero-sea-level",
-    ZERO_SEA_LEVEL,
     observe,
     ("length",),
     parameters="reference",

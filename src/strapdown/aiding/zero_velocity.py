@@ -4,8 +4,6 @@
 from ..core.contract import OBSERVE, Belief, Measurement, kernel
 from ..typing import Array
 
-ZERO_VELOCITY = 7
-
 
 @kernel(OBSERVE)
 def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
@@ -18,7 +16,6 @@ def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: A
 
 MEASUREMENT = Measurement(
     "zero-velocity",
-    ZERO_VELOCITY,
     observe,
     ("speed", "speed", "speed"),
     recorded=False,

@@ -4,6 +4,7 @@ line and 130; nothing is left half-written."""
 import signal
 import sys
 import threading
+import warnings
 from inspect import signature
 from math import inf, isfinite, radians
 from pathlib import Path
@@ -46,6 +47,7 @@ def main() -> None:
     if len(sys.argv) == 1:
         sys.argv.append("--help")
     sys.unraisablehook = _again
+    warnings.showwarning = _warn
     try:
         if (
             app(standalone_mode=False, prog_name="strapdown") == INTERRUPTED
@@ -74,6 +76,17 @@ def _again(raised: "sys.UnraisableHookArgs") -> None:
     threading.Timer(0.02, signal.raise_signal, (signal.SIGINT,)).start()
 
 
+def _warn(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+    """A warning that is meant for the user as a line; others as Python shows them."""
+    if category.__name__ == "PluginWarning":
+        print(f"strapdown: {message}", file=sys.stderr)
+    else:
+        _python_warns(message, category, *place, **more)
+
+
+_python_warns = warnings.showwarning
+
+
 def _stop(message: str, code: int = 2) -> NoReturn:
     print("strapdown: " + message.replace("\n", " "), file=sys.stderr)
     raise SystemExit(code)
@@ -93,8 +106,20 @@ def options(
             "--version", callback=_version, is_eager=True, help="Print the version and end."
         ),
     ] = False,
+    plugin: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FILE",
+            help="A Python file or module with sensors, filters, readers or figures of your own; may "
+            "be repeated. See `strapdown plugins`.",
+        ),
+    ] = None,
 ) -> None:
     """Options of the command itself."""
+    if plugin:
+        from ..plugins import name_plugins
+
+        name_plugins(plugin)
 
 
 @app.command()
@@ -346,6 +371,18 @@ def imus() -> None:
             if any(row)
         ],
     )
+
+
+@app.command()
+def plugins() -> None:
+    """List what comes from outside the library: installed packages, STRAPDOWN_PLUGINS, --plugin."""
+    from ..registration import brought
+
+    rows = brought()
+    if rows:
+        wrapped_table(("plugin", "from", "brings", "cannot be used"), rows)
+    else:
+        print("no plugins: nothing is installed, in STRAPDOWN_PLUGINS or given by --plugin")
 
 
 def _windows(text: str | None) -> list[tuple[float, float]]:

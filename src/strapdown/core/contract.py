@@ -57,6 +57,9 @@ __all__ = [
     "MAGNETIC_KIND",
     "SEA_LEVEL_KIND",
     "ATTITUDE_KIND",
+    "PRESSURE_KIND",
+    "PRESSURE_ALTITUDE_KIND",
+    "NUMBERED",
     "VALID",
     "BRIDGED",
     "INVALID",
@@ -232,6 +235,23 @@ two are their random walk (unit/sqrt(s)) and the index of the first of them."""
 VALID, BRIDGED, INVALID = 0, 1, 2
 """Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and
 before the next accepted position fix."""
+NUMBERED = (
+    "position",
+    "velocity",
+    "heading",
+    "altitude",
+    "gravity",
+    "magnetic-field",
+    "zero-sea-level",
+    "attitude",
+    "pressure",
+    "pressure-altitude",
+)
+"""Kinds that are more than rows of H to someone: a position makes a solution valid again after a
+long gap, attitude filters treat directions their way, a heave filter the waves about mean sea
+level, filters fed with an attitude take it as known, gains belong to what they act on, the loop of
+an aircraft makes pressures itself. Kernels know them by their number, which is their place here;
+`aiding.number` gives out those of all others."""
 (
     POSITION_KIND,
     VELOCITY_KIND,
@@ -241,10 +261,9 @@ before the next accepted position fix."""
     MAGNETIC_KIND,
     SEA_LEVEL_KIND,
     ATTITUDE_KIND,
-) = 0, 1, 2, 3, 8, 9, 12, 13
-"""Kinds that are more than rows of H to someone: a position makes a solution valid again after a
-long gap, attitude filters treat directions their way, a heave filter the waves about mean sea
-level, filters fed with an attitude take it as known, gains belong to what they act on."""
+    PRESSURE_KIND,
+    PRESSURE_ALTITUDE_KIND,
+) = range(len(NUMBERED))
 
 OBSERVE: Any
 PREDICT: Any
@@ -389,7 +408,6 @@ class Measurement(NamedTuple):
     """One kind of aiding: how it is observed, and what the edge must know to read it."""
 
     name: str
-    kind: int  # index of the observer, a module constant
     observe: Observe
     # what each component of y is: "latitude", "longitude", "length", "speed", "angle",
     # "acceleration", "magnetic field", "pressure"

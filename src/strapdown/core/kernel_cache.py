@@ -168,7 +168,8 @@ def _settings() -> str:
 
 
 @cache
-def _closure_digest(name: str) -> str:
+def closure_digest(name: str) -> str:
+    """Digest of the code of a loaded module and of all that it imports."""
     files, packages = import_closure(sys.modules[name])
     digest = hashlib.sha256(repr(sorted(packages.items())).encode())
     for module, file in sorted((module, file) for file, module in files.items()):
@@ -184,7 +185,7 @@ def key(dispatcher: Any) -> str:
     )
     processor = dispatcher.targetctx.codegen().magic_tuple()
     parts = (
-        _closure_digest(dispatcher.py_func.__module__),
+        closure_digest(dispatcher.py_func.__module__),
         numba.__version__,
         llvmlite.__version__,
         sys.implementation.cache_tag,

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
-from .. import aiding, filters
+from .. import aiding, filters, plugins
 from ..checks import DataError
 from ..core import loop
 from ..core.contract import (
@@ -24,6 +24,7 @@ from ..core.contract import (
     Filter,
     Fixes,
     Imu,
+    Measurement,
     Noise,
     Output,
     Start,
@@ -86,13 +87,27 @@ def prepare(filter: str | Filter, kinds: Iterable[str], say: Say | None = None) 
     if say and not all(map(is_cached, slow)):
         say(f"compiling {filter.name} for the first time on this machine, about 15 s ...")
     for kernel in slow:
-        compile_kernel(kernel)
+        compiled(kernel, filter)
     for sensor in sensors:
-        compile_kernel(sensor.observe)
-    observers = np.zeros(len(aiding.measurements()), np.int64)
-    for sensor in sensors:
-        observers[sensor.kind] = address(sensor.observe)
+        compiled(sensor.observe, sensor)
+    numbers = [aiding.number(sensor.name) for sensor in sensors]
+    observers = np.zeros(max(numbers, default=0) + 1, np.int64)
+    observers[numbers] = [address(sensor.observe) for sensor in sensors]
     return Prepared(filter, address(filter.predict), address(filter.correct), observers)
+
+
+def compiled(kernel: Any, of: Filter | Measurement) -> None:
+    """Compile a kernel of a filter or a sensor. Raises DataError of one line, which names the
+    plugin, where somebody else's code does not compile."""
+    try:
+        compile_kernel(kernel)
+    except Exception as error:  # numba's own, and what its passes let through
+        home = filters if isinstance(of, Filter) else aiding
+        plugin = home.brought_by(of.name)
+        raise DataError(
+            f"{f'plugin {plugin.name}: ' if plugin else ''}{type(of).__name__} {of.name!r}: "
+            f"{plugins.not_compiled(kernel.py_func, error)}"
+        ) from error
 
 
 def found(find: Callable[[Name], Found], name: Name) -> Found:
@@ -130,7 +145,7 @@ def merge(aidings: Sequence[Aiding], after: float = -np.inf) -> Fixes:
         source[order].astype(np.int64),
         y,
         sd,
-        np.array([s.kind for s in sensors], np.int64),
+        np.array([aiding.number(a.kind) for a in aidings], np.int64),
         parameters,
         gate,
     )

@@ -3,12 +3,14 @@ folder; the file ends in one `Filter(...)` value."""
 
 import copyreg
 import importlib
+import inspect
 from collections.abc import Callable
-from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 
-from ..core.contract import Filter
+from .. import plugins
+from ..checks import DataError, did_you_mean
+from ..core.contract import ADJOINT_STEP, CORRECT, PREDICT, SAVE_STEP, STATES, Filter
 
 
 @cache
@@ -32,7 +34,7 @@ def _modules() -> dict[str, str]:
 
 def _filter(name: str) -> Filter | None:
     """The Filter that the file of that name holds, or None."""
-    module = _modules().get(name)
+    module = _modules().get(name) if isinstance(name, str) else None
     if not module:
         return None
     held = vars(importlib.import_module(module)).values()
@@ -40,23 +42,58 @@ def _filter(name: str) -> Filter | None:
 
 
 @cache
-def names() -> list[str]:
-    """Names of all filters."""
+def own_names() -> list[str]:
+    """Names of the library's own filters; no plugin is imported."""
     return [name for name in _modules() if _filter(name)]
 
 
+def _brought() -> dict[str, tuple[Filter, plugins.Plugin]]:
+    return plugins.collect(Filter, _filter, check)
+
+
+def names() -> list[str]:
+    """Names of all filters: the library's, then those of plugins."""
+    return [*own_names(), *_brought()]
+
+
 def find(name: str | Filter) -> Filter:
-    """The Filter of that name; only its own file is imported. Raises ValueError with the nearest
-    name."""
+    """The Filter of that name; of the library's own, only its file is imported. Raises DataError
+    with the nearest name."""
     if isinstance(name, Filter):
         return name
-    if not (found := _filter(name)):
-        near = get_close_matches(str(name), names(), 1)
-        raise ValueError(
-            f"no filter is called {name!r}; {f'did you mean {near[0]!r}? ' if near else ''}there "
-            f"are: {', '.join(names())}"
+    if own := _filter(name):
+        return own
+    if name not in (brought := _brought()):
+        raise DataError(
+            f"no filter is called {name!r}{did_you_mean(name, names())}; there are: "
+            f"{', '.join(names())}"
         )
-    return found
+    return brought[name][0]
+
+
+def brought_by(name: str) -> plugins.Plugin | None:
+    """The plugin that brings a filter; None for the library's own."""
+    return None if _filter(name) or name not in (brought := _brought()) else brought[name][1]
+
+
+def check(filter: Filter) -> None:
+    """Refuse a Filter that cannot be used. Raises DataError."""
+    what = f"Filter {filter.name!r}: "
+    plugins.check_kernel(filter.predict, PREDICT, 4, what + "predict")
+    plugins.check_kernel(filter.correct, CORRECT, 8, what + "correct")
+    if smoother := filter.smoother:
+        plugins.check_kernel(smoother.save_step, SAVE_STEP, 2, what + "save_step")
+        plugins.check_kernel(smoother.adjoint_step, ADJOINT_STEP, 4, what + "adjoint_step")
+    if not callable(filter.start) or len(inspect.signature(filter.start).parameters) < 2:
+        raise DataError(f"{what}start must be a function of a Start, a Noise and options")
+    for field in ("states", "estimates"):
+        if not set(getattr(filter, field)) <= set(range(STATES)):
+            raise DataError(f"{what}{field} must be indices of states, 0 to {STATES - 1}")
+
+
+def add(filter: Filter, module: str, file: str | None) -> None:
+    """Add a filter that a module registers. Raises DataError."""
+    plugins.admit(filter, _filter, _brought(), check, module, file)
 
 
 def _by_name(filter: Filter) -> tuple[Callable[[str], Filter], tuple[str]]:

@@ -15,15 +15,24 @@ from ..aiding.pressure import (
     LAPSE,
     P_0,
     P_TOP,
-    PRESSURE,
-    PRESSURE_ALTITUDE,
     SCALE_TOP,
     T_0,
     TROPOPAUSE,
     pressure_altitude,
 )
 from ..core import loop
-from ..core.contract import POSITION_KIND, RUN, Belief, Cursor, Fixes, Imu, Noise, Output
+from ..core.contract import (
+    POSITION_KIND,
+    PRESSURE_ALTITUDE_KIND,
+    PRESSURE_KIND,
+    RUN,
+    Belief,
+    Cursor,
+    Fixes,
+    Imu,
+    Noise,
+    Output,
+)
 from ..core.earth import radii
 from ..core.jit import COMPILED, caller, helper, inlined, kernel, matrix
 from ..core.rotation import matrix_to_quaternion, turned, wrap
@@ -429,11 +438,11 @@ def _fill(
             y[0] = state[0] + north / (R_M + state[2])
             y[1] = wrap(state[1] + east / ((R_N + state[2]) * math.cos(state[0])))
             y[2] = state[2] - down
-        elif fixes.kind[s] == PRESSURE or fixes.kind[s] == PRESSURE_ALTITUDE:
+        elif fixes.kind[s] == PRESSURE_KIND or fixes.kind[s] == PRESSURE_ALTITUDE_KIND:
             _, _, down = turned(C, l0, l1, l2)
             height = state[2] - down + back * (state[VELOCITY + 2] + m2 - 0.5 * back * a2)
             y[0] = _pressure(height - error[1]) + error[0]
-            if fixes.kind[s] == PRESSURE_ALTITUDE:
+            if fixes.kind[s] == PRESSURE_ALTITUDE_KIND:
                 y[0] = pressure_altitude(y[0])
         else:
             y[0] = state[VELOCITY] + m0 - back * a0 + error[0]

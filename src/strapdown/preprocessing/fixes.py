@@ -8,7 +8,7 @@ import numpy as np
 
 from ..aiding import find
 from ..checks import DataError
-from ..core.contract import ATTITUDE_KIND, Imu, Measurement
+from ..core.contract import Imu, Measurement
 from ..core.earth import LATITUDE_LIMIT
 from ..data import Aiding, Trajectory
 from ..typing import Array
@@ -63,13 +63,13 @@ def checked_aidings(imu: Imu, aidings: Iterable[Aiding]) -> tuple[tuple[Aiding, 
                 f"the Earth's field north, east, down "
                 "in T is needed; geomagnetic_field gives it"
             )
-        if find(aiding.kind).kind == ATTITUDE_KIND:
+        if aiding.kind == "attitude":
             possible_attitude(np.asarray(aiding.y, float), Origin(aiding.name or aiding.kind))
         aiding, more = clean(aiding, find(aiding.kind))
         if find(aiding.kind).recorded:
             overlap(imu, aiding.t, aiding.name or aiding.kind)
             more = more + overlap_notes(imu, aiding)
-        if find(aiding.kind).kind == ATTITUDE_KIND:
+        if aiding.kind == "attitude":
             refuse_unit(aiding.t, aiding.y, imu, aiding.name or aiding.kind)
         done.append(aiding)
         notes += more
@@ -90,7 +90,7 @@ def clean(
     notes: list[str] = []
     t, y, sd = _arrays(aiding, sensor, origin)
     y = np.where(np.isfinite(y), y, np.nan)
-    y = together(y) if sensor.kind == ATTITUDE_KIND else y
+    y = together(y) if sensor.name == "attitude" else y
     keep = np.isfinite(t) & np.isfinite(y).any(axis=1) & (np.isnan(y) | np.isfinite(sd)).all(axis=1)
     if not keep.all():
         notes.append(
@@ -114,7 +114,7 @@ def clean(
         )
         origin, t, y, sd = origin.kept(~repeated, len(t)), t[~repeated], y[~repeated], sd[~repeated]
     # its angles are judged as they were recorded, before anything turned them
-    if sensor.kind != ATTITUDE_KIND:
+    if sensor.name != "attitude":
         possible(y, sensor.quantities, origin)
     wrong = (~np.isnan(y) & ~(sd > 0)).any(axis=1)
     if wrong.any():
@@ -123,7 +123,7 @@ def clean(
             f"{origin.row(row)}: standard deviation {np.nanmin(sd[row]):g} of kind {sensor.name}; "
             f"it must be above zero"
         )
-    if sensor.kind == ATTITUDE_KIND:
+    if sensor.name == "attitude":
         notes += _without_heading(t, y, aiding.name or aiding.kind)
     return replace(aiding, t=_column(t), y=_column(y), sd=_column(sd)), notes
 

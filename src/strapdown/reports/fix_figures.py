@@ -10,7 +10,6 @@ import numpy as np
 import plotly.graph_objects as go
 
 from ..aiding import find
-from ..core.contract import ATTITUDE_KIND
 from ..data import Solution
 from ..typing import Array, Mask
 from .drawing import (
@@ -67,7 +66,7 @@ def unit(solution: Solution, name: str) -> tuple[str, float, tuple[str, ...]]:
     named, factor = units.pop() if len(units) == 1 else ("m, m/s or rad", 1.0)
     rows = (
         ("roll", "pitch", "heading")
-        if sensor.kind == ATTITUDE_KIND
+        if sensor.name == "attitude"
         else tuple("xyz")
         if sensor.vector == "b"
         else NED_AXES

@@ -176,7 +176,7 @@ def test_a_compass_makes_such_a_heading_partly_new(name):
         belief,
         np.array([0.0, np.nan, np.nan]),
         np.array([0.1, np.nan, np.nan]),
-        compass.kind,
+        aiding.number(compass.name),
         compass.observe,
         np.zeros(PARAMETERS),
         np.inf,

@@ -69,7 +69,7 @@ def correct(filter, belief, kind, y, sd, gate=math.inf, field=FIELD):
     parameters[:3] = field
     y, sd = (np.r_[value, np.full(3 - np.size(value), np.nan)].astype(float) for value in (y, sd))
     return filter.correct(
-        belief, y, sd, sensor.kind, sensor.observe, parameters, gate, innovation
+        belief, y, sd, aiding.number(sensor.name), sensor.observe, parameters, gate, innovation
     ), innovation
 
 

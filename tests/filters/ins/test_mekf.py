@@ -260,7 +260,7 @@ def corrected(a, C):
             belief,
             e,
             np.array([1e-3, np.nan, np.nan]),
-            sensor.kind,
+            aiding.number(sensor.name),
             sensor.observe,
             np.zeros(PARAMETERS),
             np.inf,

@@ -44,7 +44,7 @@ def recorded(filter, n, y, gate=np.inf):
         belief,
         np.array(y),
         np.array([0.5, 0.7, 0.9]),
-        sensor.kind,
+        aiding.number(sensor.name),
         sensor.observe,
         np.zeros(PARAMETERS),
         gate,

@@ -118,7 +118,7 @@ def fix(belief, kind, y, deviation, gate=np.inf, parameters=()):
         belief,
         three(y),
         three(deviation),
-        sensor.kind,
+        aiding.number(sensor.name),
         sensor.observe,
         parameters,
         gate,

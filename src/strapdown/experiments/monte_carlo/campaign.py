@@ -27,9 +27,10 @@ from numpy.typing import NDArray
 
 from ... import __version__
 from ...checks import DataError
+from ...core.kernel_cache import closure_digest
 from ...files import replacing
 from ...typing import File
-from .chunks import SCALARS, Arrays, Chunk, run_chunk
+from .chunks import SCALARS, Arrays, Chunk, plugins_of, run_chunk
 from .scoring import ERROR_GROUPS, ERROR_STATE_NAMES
 from .summaries import run_rows, summary_row
 
@@ -329,6 +330,11 @@ def describe(study: Study) -> dict[str, Any]:
         "chunk_steps": int(study.chunk_steps),
         "cells": cells,
     }
+    if brought := plugins_of(study):
+        manifest["plugins"] = {
+            plugin.name: closure_digest(plugin.module)[:12] if plugin.where else plugin.module
+            for plugin in brought
+        }
     return json.loads(json.dumps(manifest, default=float))
 
 

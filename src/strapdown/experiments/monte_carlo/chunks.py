@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import aiding
+from ... import aiding, filters
 from ...checks import DataError
 from ...core.contract import STATES
 from ...engine.batch import fuse
 from ...engine.prepare import prepare
 from ...evaluation.cramer_rao import cramer_rao
+from ...plugins import Plugin
 from ...sensor_models.imu import ImuSpec, grade
 from ...sim.scenario import Scenario, scenario
 from ...sim.synthesis import Simulator
@@ -215,7 +216,20 @@ def _keep(arrays: Arrays, number: int, place: int, scored: Scored) -> None:
         arrays[name][number, place] = value
 
 
+def plugins_of(study: Study) -> list[Plugin]:
+    """The plugins that bring its filters and the kinds of its sensors, sorted."""
+    found = [filters.brought_by(parsed(label)[0].name) for label in study.filters]
+    found += [aiding.brought_by(kind) for kind in _kinds(study)]
+    return list({plugin.where: plugin for plugin in found if plugin}.values())
+
+
+def _kinds(study: Study) -> list[str]:
+    """Kinds of aiding that its recordings can have."""
+    sensors = [sensor for cell in study.cells for sensor in getattr(cell.scenario, "sensors", ())]
+    return list(dict.fromkeys([*aiding.own_names(), *(sensor.kind for sensor in sensors)]))
+
+
 def compile_for(study: Study, say: Say | None = None) -> None:
     """Compile the kernels that a study needs, before several threads want them."""
     for label in study.filters:
-        prepare(parsed(label)[0], aiding.names(), say)
+        prepare(parsed(label)[0], _kinds(study), say)

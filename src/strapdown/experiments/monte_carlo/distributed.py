@@ -15,8 +15,9 @@ from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
 
 from ...checks import DataError
+from ...plugins import SESSION, require
 from ...typing import Say
-from .chunks import Chunk, compile_for, run_chunk
+from .chunks import Chunk, compile_for, plugins_of, run_chunk
 
 if TYPE_CHECKING:
     from dask.distributed import Client, Future, LocalCluster
@@ -49,7 +50,10 @@ def run(
         from dask.distributed import as_completed
 
         options = {"pure": False, "retries": 0}
-        futures = {client.submit(campaign.work, chunk, **options): chunk for chunk in missing}
+        needed = _needed(study)
+        futures = {
+            client.submit(_work, needed, campaign, chunk, **options): chunk for chunk in missing
+        }
         waiting = as_completed(futures)  # type: ignore[no-untyped-call]
         tried = dict.fromkeys(missing, 0)
         for future in waiting:
@@ -60,13 +64,33 @@ def run(
                 continue
             tried[chunk] += 1
             again = client.submit(
-                campaign.work,
+                _work,
+                needed,
+                campaign,
                 chunk,
                 _killers(client, study, chunk, tried[chunk], say),
                 **options,
             )
             futures[again] = chunk
             waiting.add(again)  # type: ignore[no-untyped-call]
+
+
+def _needed(study: Study) -> list[tuple[str, str]]:
+    """[(name, where)] of the plugins that a worker must have. Raises DataError."""
+    needed = [(plugin.name, plugin.where) for plugin in plugins_of(study)]
+    if (SESSION, "") in needed:
+        raise DataError(
+            "worker processes cannot see what was registered in a session: write it into a file, "
+            "register it there and import that"
+        )
+    return needed
+
+
+def _work(
+    needed: list[tuple[str, str]], campaign: Campaign, chunk: Chunk, skip: tuple[int, ...] = ()
+) -> Chunk:
+    require(needed)
+    return campaign.work(chunk, skip)
 
 
 def _killed(future: Future[Any]) -> bool:
@@ -87,7 +111,9 @@ def _killers(
 
     cell, killers = study.cells[chunk.cell], []
     for number in range(chunk.first, chunk.stop):
-        alone = client.submit(_probe, study, Chunk(chunk.cell, number, number + 1), pure=False)
+        alone = client.submit(
+            _probe, _needed(study), study, Chunk(chunk.cell, number, number + 1), pure=False
+        )
         wait(alone)  # type: ignore[no-untyped-call]
         if not _killed(alone):
             alone.result()
@@ -107,7 +133,8 @@ def _killers(
     return tuple(killers)
 
 
-def _probe(study: Study, chunk: Chunk) -> None:
+def _probe(needed: list[tuple[str, str]], study: Study, chunk: Chunk) -> None:
+    require(needed)
     run_chunk(study, chunk)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...alignment.location import place_of
 from ...checks import DataError
-from ...core.contract import ATTITUDE_KIND, Imu
+from ...core.contract import Imu
 from ...data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, Trajectory
 from ...preprocessing.attitude_checks import sound_attitude
 from ...preprocessing.attitude_record import angles, quaternions
@@ -168,7 +168,7 @@ def read_aiding(
     )
     origin = table.origin
     more: list[str] = []
-    if sensor.kind == ATTITUDE_KIND:
+    if sensor.name == "attitude":
         t, y, sd, origin, more = _attitude(part, t, y, sd, imu, origin, where)
     if sensor.parameters == "field":
         keep, more = sound(t, y, imu, part.name or part.kind, origin, part.vector_matrix)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from ...aiding import find
-from ...core.contract import ATTITUDE_KIND, Measurement
+from ...core.contract import Measurement
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
 from ...preprocessing.units import QUANTITY_DIMENSIONS, factor
@@ -96,7 +96,7 @@ class AidingPart(Part):
         """Components that are measured: those of the kind, of an attitude without a column of
         the heading two."""
         sensor = self.sensor
-        tilt = sensor.kind == ATTITUDE_KIND and self.columns is not None and len(self.columns) == 2
+        tilt = sensor.name == "attitude" and self.columns is not None and len(self.columns) == 2
         return 2 if tilt else len(sensor.quantities)
 
     @property
@@ -172,7 +172,7 @@ class AidingPart(Part):
                     f"{key}: is missing; {sensor.name} needs "
                     f"{', '.join(sorted(allowed - {'scale'}))} and sd"
                 )
-        if self.axes is not None and sensor.kind == ATTITUDE_KIND:
+        if self.axes is not None and sensor.name == "attitude":
             named("axes", axes_of, self.axes)
         elif self.axes is not None:
             if not sensor.vector:
@@ -193,7 +193,7 @@ class AidingPart(Part):
                 f"level: {sensor.name} takes none; it is the height of mean sea level, m above the "
                 f"ellipsoid"
             )
-        if self.quaternion and sensor.kind != ATTITUDE_KIND:
+        if self.quaternion and sensor.name != "attitude":
             raise ValueError(f"quaternion: {sensor.name} takes none; only an attitude does")
         if self.declination is not None and self.field != "record":
             raise ValueError(
@@ -205,7 +205,7 @@ class AidingPart(Part):
         many, columns = self.many, self.columns or []
         wanted = f"{sensor.name} has {many}: {', '.join(sensor.quantities[:many])}"
         if sensor.recorded:
-            if sensor.kind == ATTITUDE_KIND:
+            if sensor.name == "attitude":
                 check_attitude_columns(columns, self.quaternion)
             elif len(columns) != many:
                 raise ValueError(f"columns: {len(columns)} given, {wanted}")

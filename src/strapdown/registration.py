@@ -1,0 +1,56 @@
+"""One call that adds sensors, filters, readers and figures from a user's own file."""
+
+import inspect
+from typing import Any
+
+from .checks import DataError
+from .plugins import plugins
+
+
+def register(*values: Any) -> None:
+    """Add a `Measurement`, a `Filter`, a `Reader`, a `Figure` or a `Quantity` of your own to the
+    library, for this process and for worker processes that a study starts from it.
+
+    They then work wherever one of the library's does. A value that this file has registered under
+    the same name before is replaced. Raises DataError where something else has the name, or where
+    the value cannot be used.
+    """
+    homes = _homes()
+    caller = inspect.currentframe()
+    assert caller and caller.f_back  # there is somebody who calls
+    module = caller.f_back.f_globals
+    for value in values:
+        if type(value) not in homes:
+            raise DataError(
+                f"register: {value!r} is a {type(value).__name__}; it must be one of "
+                f"{', '.join(kind.__name__ for kind in homes)}"
+            )
+        homes[type(value)].add(value, module["__name__"], module.get("__file__"))
+
+
+def brought() -> list[tuple[str, str, str, str]]:
+    """[(plugin, where it is from, what it brings, what cannot be used)], a row per plugin."""
+    for home in _homes().values():
+        home.names()  # which looks at what plugins bring of its type
+    kinds = tuple(_homes())
+    return [
+        (
+            plugin.name,
+            plugin.where if plugin.where != plugin.name else "installed",
+            ", ".join(
+                f"{type(value).__name__} {getattr(value, 'name', '')}"
+                for value in plugin.values
+                if isinstance(value, kinds)
+            ),
+            "; ".join(plugin.complaints),
+        )
+        for plugin in plugins()
+    ]
+
+
+def _homes() -> dict[type, Any]:
+    """{type: module that keeps values of it}."""
+    from . import aiding, filters
+    from .core.contract import Filter, Measurement
+
+    return {Measurement: aiding, Filter: filters}

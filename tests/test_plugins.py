@@ -1,0 +1,288 @@
+"""Sensors and filters from outside the library: from a file, a call of `register`, an installed
+package. Everything runs in a folder of its own and in processes of its own, as a user's would."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SENSOR = '''
+from strapdown.core.contract import OBSERVE, Measurement, kernel
+
+
+@kernel(OBSERVE)
+def observe(belief, y, parameters, innovation, H):
+    innovation[0] = y[0] - belief.v[2]
+    H[0, 5] = 1.0
+    return 1
+
+
+VERTICAL_SPEED = Measurement("vertical-speed", observe, ("speed",))
+'''
+FILTER = '''
+from strapdown.filters.ins.closed_loop import CLOSED_LOOP
+
+CAREFUL = CLOSED_LOOP._replace(name="careful")
+'''
+FUSED = '''
+from dataclasses import replace
+
+import numpy as np
+import strapdown as sd
+
+
+def recording():
+    """Ten seconds with a vertical speed that nothing else would tell."""
+    made = sd.simulate("demo", 10.0, seed=1)
+    t, v = made.reference.t[::25], made.reference.v_n[::25, 2:]
+    vario = sd.Aiding("vertical-speed", t, v, np.full(v.shape, 0.01), name="vario")
+    return replace(made, aidings=(*made.aidings, vario))
+'''
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Function of the words of a Python command line -> (exit code, standard output, standard
+    error), run in a folder outside the checkout; `files` of {name: text} are written there."""
+
+    def run(*words, **variables):
+        result = subprocess.run(
+            [sys.executable, "-W", "error::DeprecationWarning", *map(str, words)],
+            cwd=tmp_path,
+            env=os.environ | variables,
+            capture_output=True,
+            text=True,
+        )
+        return result.returncode, result.stdout, result.stderr
+
+    def write(**files):
+        for name, text in files.items():
+            (tmp_path / f"{name}.py").write_text(text)
+
+    run.write, run.folder = write, tmp_path
+    return run
+
+
+def installed(folder: Path, name: str, **modules: str) -> str:
+    """A package as pip leaves it in `folder`, whose modules are plugins; the path to import from."""
+    about = folder / "site" / f"{name}-1.0.dist-info"
+    about.mkdir(parents=True)
+    (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    lines = "".join(f"{module} = {module}\n" for module in modules)
+    (about / "entry_points.txt").write_text(f"[strapdown.plugins]\n{lines}")
+    for module, text in modules.items():
+        (folder / "site" / f"{module}.py").write_text(text)
+    return os.pathsep.join([str(folder / "site"), os.environ.get("PYTHONPATH", "")])
+
+
+def test_a_registered_sensor_and_filter_work_in_batch_stream_smoother_and_comparison(run):
+    run.write(
+        sensor=SENSOR,
+        mine=FILTER,
+        fused=FUSED,
+        main='''
+import numpy as np
+import strapdown as sd
+from fused import recording
+from mine import CAREFUL
+from sensor import VERTICAL_SPEED
+
+sd.register(VERTICAL_SPEED, CAREFUL)
+sd.register(VERTICAL_SPEED)  # as when a cell of a notebook runs again
+r = recording()
+s = sd.fuse(r, "careful")
+assert s.counts()["vario"] == (36, 0), s.counts()
+assert s.trajectory.sd[-1, 5] < 0.006 < sd.fuse(sd.simulate("demo", 10.0, seed=1)).trajectory.sd[-1, 5]
+assert sd.smooth(r, "careful").counts()["vario"] == (36, 0)
+stream = sd.Stream("careful", r.aidings, start=sd.align(r, sd.grade("tactical")), imu="tactical")
+events = [sd.Sample(*row) for row in zip(*map(np.ndarray.tolist, r.imu))]
+events += [
+    sd.Fix(float(t), i, tuple(map(float, y)), tuple(map(float, sd_)))
+    for i, a in enumerate(r.aidings)
+    for t, y, sd_ in zip(a.t, a.y, a.sd)
+]
+for event in sorted(events, key=lambda event: event[0]):
+    stream.step(event)
+assert np.allclose(stream.finish().v, s.trajectory.v_n[-1], rtol=0, atol=1e-12)
+sd.write_recording(r, "r.nc")
+assert sd.read("r.nc").aidings[-1].kind == "vertical-speed"
+sd.report(s, r.reference).save("report.html")
+''',
+    )
+    assert run("main.py") == (0, "", "")
+    assert "vario" in (run.folder / "report.html").read_text()
+    code, out, err = run("-m", "strapdown", "fuse", "r.nc", "--filter", "careful")
+    assert code == 2 and "kind 'vertical-speed'" in err and "Traceback" not in err
+    words = ("-m", "strapdown", "--plugin", "sensor.py", "--plugin", "mine.py")
+    code, out, err = run(*words, "fuse", "r.nc", "--filter", "careful", "--imu", "tactical")
+    assert code == 0 and "vario: 36 fixes accepted" in out, err
+    variables = {"STRAPDOWN_PLUGINS": os.pathsep.join(["sensor.py", "mine"])}
+    code, out, err = run("-m", "strapdown", "plugins", PYTHONPATH=_path(run.folder), **variables)
+    assert code == 0 and "Measurement vertical-speed" in out and "Filter careful" in out, err
+
+
+def _path(folder):
+    return os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
+
+
+def test_an_installed_package_is_found_by_its_entry_point(run):
+    path = installed(run.folder, "variometers", sensor_of_package=SENSOR, filter_of_package=FILTER)
+    run.write(
+        fused=FUSED,
+        main='''
+import sys
+import strapdown as sd
+from strapdown import aiding, filters
+from fused import recording
+
+r = sd.simulate("demo", 2.0)
+sd.fuse(r)
+assert "sensor_of_package" not in sys.modules  # nobody has asked for it
+assert sd.fuse(recording(), "careful").counts()["vario"] == (36, 0)
+assert aiding.names()[-1] == "vertical-speed" and "careful" in filters.names()
+''',
+    )
+    assert run("main.py", PYTHONPATH=path) == (0, "", "")
+
+
+def test_a_recording_toml_names_a_kind_from_outside(run):
+    run.write(
+        sensor=SENSOR,
+        fused=FUSED,
+        main='''
+import numpy as np
+import strapdown as sd
+r = sd.simulate("demo", 10.0, seed=1)
+imu = np.c_[r.imu.t, r.imu.dtheta / r.imu.dt[:, None], r.imu.dv / r.imu.dt[:, None]]
+np.savetxt("imu.csv", imu, delimiter=",", header="t,wx,wy,wz,fx,fy,fz", comments="", fmt="%.12g")
+truth = r.reference
+fix = np.c_[truth.t, np.degrees(truth.lla[:, :2]), truth.lla[:, 2]][::100]
+np.savetxt("fix.csv", fix, delimiter=",", header="t,lat,lon,h", comments="", fmt="%.12g")
+vario = np.c_[truth.t, truth.v_n[:, 2] * 100][::25]
+np.savetxt("vario.csv", vario, delimiter=",", header="t,w", comments="", fmt="%.12g")
+''',
+    )
+    (run.folder / "recording.toml").write_text("""
+name = "flight"
+[imu]
+file = "imu.csv"
+time = { column = "t", unit = "s" }
+gyro = { columns = ["wx", "wy", "wz"], unit = "rad/s" }
+accel = { columns = ["fx", "fy", "fz"], unit = "m/s^2" }
+axes = ["x", "y", "z"]
+grade = "tactical"
+[[aiding]]
+kind = "position"
+file = "fix.csv"
+time = { column = "t", unit = "s" }
+columns = ["lat", "lon", "h"]
+units = ["deg", "deg", "m"]
+sd = { value = [1.0, 1.0, 1.0], unit = "m" }
+[[aiding]]
+kind = "vertical-speed"
+file = "vario.csv"
+time = { column = "t", unit = "s" }
+columns = ["w"]
+units = ["cm/s"]
+sd = { value = 0.1, unit = "m/s" }
+""")
+    assert run("main.py")[0] == 0
+    code, out, err = run("-m", "strapdown", "--plugin", "sensor.py", "fuse", "recording.toml")
+    assert code == 0 and "vertical-speed: 41 fixes accepted" in out, err
+    code, out, err = run("-m", "strapdown", "--plugin", "sensor.py", "inspect", "recording.toml")
+    assert code == 0 and "vertical-speed" in out, err
+
+
+BAD = {
+    "cannot be imported": ("import no_such_module", "cannot be imported .ModuleNotFoundError"),
+    "ends the process": ("raise SystemExit(3)", "cannot be imported .SystemExit: 3"),
+    "has no kernel": (
+        SENSOR.replace("@kernel(OBSERVE)", ""),
+        "Measurement 'vertical-speed': observe is no kernel",
+    ),
+    "has another signature": (
+        SENSOR.replace("(OBSERVE)", "(PREDICT)").replace("import OBSERVE", "import OBSERVE, PREDICT"),
+        "Measurement 'vertical-speed': observe is a kernel of another signature",
+    ),
+    "has other arguments": (
+        SENSOR.replace("belief, y, parameters", "belief, y"),
+        "observe has the arguments belief, y, innovation, H; it must have 5",
+    ),
+    "has four quantities": (
+        SENSOR.replace('("speed",)', '("speed",) * 4'),
+        "it has 4 quantities; it must have 1 to 3",
+    ),
+    "has a quantity that nobody knows": (
+        SENSOR.replace('("speed",)', '("sped",)'),
+        "'sped' .did you mean 'speed'",
+    ),
+    "has a name that is taken": (
+        SENSOR.replace('"vertical-speed"', '"velocity"'),
+        "the library has a Measurement of the name 'velocity' already; choose another",
+    ),
+    "has no name": (SENSOR.replace('"vertical-speed"', '""'), "a Measurement has the name ''"),
+    "has a filter whose name is taken": (
+        FILTER.replace('"careful"', '"mekf"'),
+        "the library has a Filter of the name 'mekf' already",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_what_cannot_be_used_is_told_in_one_line_and_all_else_works(run, case):
+    import re
+
+    text, said = BAD[case]
+    run.write(bad=text, sensor=SENSOR.replace("vertical-speed", "vertical-speed-2"))
+    variables = {"STRAPDOWN_PLUGINS": os.pathsep.join(["bad.py", "sensor.py"])}
+    code, out, err = run("-m", "strapdown", "plugins", **variables)
+    assert code == 0 and "Measurement vertical-speed-2" in out
+    assert re.fullmatch(f"strapdown: plugin bad.py: .*{said}.*\n", err), err
+    register = f"{text}\nimport strapdown as sd\n" + (
+        "sd.register(CAREFUL)" if "CAREFUL" in text else "sd.register(VERTICAL_SPEED)"
+    )
+    if "imported" not in said:
+        run.write(main=register)
+        code, _, err = run("main.py")
+        assert code == 1 and re.search(f"DataError: .*{said}", err.splitlines()[-1]), err
+
+
+def test_a_kernel_that_does_not_compile_is_named_in_one_line(run):
+    run.write(
+        sensor=SENSOR.replace("belief.v[2]", "belief.speed_downwards"),
+        fused=FUSED,
+        main='import strapdown as sd\nfrom fused import recording\nsd.write_recording(recording(), "r.nc")',
+    )
+    variables = {"STRAPDOWN_PLUGINS": "sensor.py", "NUMBA_DISABLE_JIT": "0"}
+    assert run("main.py", **variables)[0] == 0
+    code, out, err = run("-m", "strapdown", "fuse", "r.nc", "--imu", "tactical", **variables)
+    lines = err.splitlines()
+    assert code == 2 and len([line for line in lines if "compiling" not in line]) == 1, err
+    for part in ("plugin sensor.py", "vertical-speed", "observe", "sensor.py, line", "speed_downw"):
+        assert part in lines[-1]
+
+
+def test_two_packages_with_sensors_do_not_collide_and_one_name_has_one_owner(run):
+    path = installed(
+        run.folder,
+        "both",
+        first=SENSOR,
+        second=SENSOR.replace("vertical-speed", "vertical-speed-2"),
+        third=SENSOR,
+    )
+    run.write(
+        main='''
+import warnings
+warnings.simplefilter("ignore")
+from strapdown import aiding
+from strapdown.plugins import plugins
+own = len(aiding.own_names())
+assert [aiding.number(n) for n in ("vertical-speed", "vertical-speed-2")] == [own, own + 1]
+assert aiding.brought_by("vertical-speed").name == "first"
+(third,) = [p for p in plugins() if p.name == "third"]
+assert "plugin first has a Measurement of the name 'vertical-speed'" in third.complaints[0]
+''',
+    )
+    assert run("main.py", PYTHONPATH=path) == (0, "", "")
