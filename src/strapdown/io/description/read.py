@@ -20,9 +20,9 @@ from ...preprocessing.imu_samples import increments
 from ...preprocessing.origin import Origin
 from ...preprocessing.plausible import mistakes
 from ...preprocessing.stationary import at_rest
-from ...preprocessing.units import DEG, QUANTITY_DIMENSIONS, factor
 from ...recording import Recording
 from ...typing import Array, File
+from ...units import DEG, QUANTITY_DIMENSIONS, factor
 from ..magnetic_record import sound
 from ..table_file import Table
 from .calibrations import corrected, frames

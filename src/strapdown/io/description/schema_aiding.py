@@ -11,8 +11,8 @@ from ...aiding import find
 from ...core.contract import ATTITUDE_KIND, Measurement
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
-from ...preprocessing.units import QUANTITY_DIMENSIONS, factor
 from ...typing import Array
+from ...units import QUANTITY_DIMENSIONS, factor
 from .schema_base import Column, Finite, Part, Time, Triple, column, is_number, named
 
 HEADING = r"(yaw|heading|hdg|psi|azimuth)"
