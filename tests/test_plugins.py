@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-SENSOR = '''
+SENSOR = """
 from strapdown.core.contract import OBSERVE, Measurement, kernel
 
 
@@ -20,12 +20,12 @@ def observe(belief, y, parameters, innovation, H):
 
 
 VERTICAL_SPEED = Measurement("vertical-speed", observe, ("speed",))
-'''
-FILTER = '''
+"""
+FILTER = """
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 
 CAREFUL = CLOSED_LOOP._replace(name="careful")
-'''
+"""
 FUSED = '''
 from dataclasses import replace
 
@@ -82,7 +82,7 @@ def test_a_registered_sensor_and_filter_work_in_batch_stream_smoother_and_compar
         sensor=SENSOR,
         mine=FILTER,
         fused=FUSED,
-        main='''
+        main="""
 import numpy as np
 import strapdown as sd
 from fused import recording
@@ -109,7 +109,7 @@ assert np.allclose(stream.finish().v, s.trajectory.v_n[-1], rtol=0, atol=1e-12)
 sd.write_recording(r, "r.nc")
 assert sd.read("r.nc").aidings[-1].kind == "vertical-speed"
 sd.report(s, r.reference).save("report.html")
-''',
+""",
     )
     assert run("main.py") == (0, "", "")
     assert "vario" in (run.folder / "report.html").read_text()
@@ -131,7 +131,7 @@ def test_an_installed_package_is_found_by_its_entry_point(run):
     path = installed(run.folder, "variometers", sensor_of_package=SENSOR, filter_of_package=FILTER)
     run.write(
         fused=FUSED,
-        main='''
+        main="""
 import sys
 import strapdown as sd
 from strapdown import aiding, filters
@@ -142,7 +142,7 @@ sd.fuse(r)
 assert "sensor_of_package" not in sys.modules  # nobody has asked for it
 assert sd.fuse(recording(), "careful").counts()["vario"] == (36, 0)
 assert aiding.names()[-1] == "vertical-speed" and "careful" in filters.names()
-''',
+""",
     )
     assert run("main.py", PYTHONPATH=path) == (0, "", "")
 
@@ -151,7 +151,7 @@ def test_a_recording_toml_names_a_kind_from_outside(run):
     run.write(
         sensor=SENSOR,
         fused=FUSED,
-        main='''
+        main="""
 import numpy as np
 import strapdown as sd
 r = sd.simulate("demo", 10.0, seed=1)
@@ -162,7 +162,7 @@ fix = np.c_[truth.t, np.degrees(truth.lla[:, :2]), truth.lla[:, 2]][::100]
 np.savetxt("fix.csv", fix, delimiter=",", header="t,lat,lon,h", comments="", fmt="%.12g")
 vario = np.c_[truth.t, truth.v_n[:, 2] * 100][::25]
 np.savetxt("vario.csv", vario, delimiter=",", header="t,w", comments="", fmt="%.12g")
-''',
+""",
     )
     (run.folder / "recording.toml").write_text("""
 name = "flight"
@@ -203,7 +203,9 @@ BAD = {
         "Measurement 'vertical-speed': observe is no kernel",
     ),
     "has another signature": (
-        SENSOR.replace("(OBSERVE)", "(PREDICT)").replace("import OBSERVE", "import OBSERVE, PREDICT"),
+        SENSOR.replace("(OBSERVE)", "(PREDICT)").replace(
+            "import OBSERVE", "import OBSERVE, PREDICT"
+        ),
         "Measurement 'vertical-speed': observe is a kernel of another signature",
     ),
     "has other arguments": (
@@ -273,7 +275,7 @@ def test_two_packages_with_sensors_do_not_collide_and_one_name_has_one_owner(run
         third=SENSOR,
     )
     run.write(
-        main='''
+        main="""
 import warnings
 warnings.simplefilter("ignore")
 from strapdown import aiding
@@ -283,6 +285,6 @@ assert [aiding.number(n) for n in ("vertical-speed", "vertical-speed-2")] == [ow
 assert aiding.brought_by("vertical-speed").name == "first"
 (third,) = [p for p in plugins() if p.name == "third"]
 assert "plugin first has a Measurement of the name 'vertical-speed'" in third.complaints[0]
-''',
+""",
     )
     assert run("main.py", PYTHONPATH=path) == (0, "", "")

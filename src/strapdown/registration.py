@@ -50,7 +50,7 @@ def brought() -> list[tuple[str, str, str, str]]:
 
 def _homes() -> dict[type, Any]:
     """{type: module that keeps values of it}."""
-    from . import aiding, filters
+    from . import aiding, filters, quantities
     from .core.contract import Filter, Measurement
 
-    return {Measurement: aiding, Filter: filters}
+    return {quantities.Quantity: quantities, Measurement: aiding, Filter: filters}

@@ -148,7 +148,7 @@ TOMLS = {
     ),
     "unknown unit": (
         line("deg/s", "degrees/s"),
-        "[imu] gyro.unit: unknown unit 'degrees/s', did you mean 'deg/s'?",
+        "[imu] gyro.unit: unknown unit 'degrees/s' (did you mean 'deg/s'?)",
     ),
     "unit of another kind": (
         line('unit = "m/s"', 'unit = "m"'),

@@ -14,6 +14,18 @@ from strapdown.io.inspection import inspect
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples" / "recordings"
 PAGE = ROOT / "docs" / "recording-format.md"
+DESCRIBED = (
+    "time",
+    "angle",
+    "angular rate",
+    "acceleration",
+    "velocity increment",
+    "length",
+    "speed",
+    "magnetic field",
+    "pressure",
+)
+"""Dimensions of what a description names; the others are those of IMU errors."""
 
 
 @pytest.mark.parametrize(
@@ -151,7 +163,7 @@ def test_the_complete_description_means_what_the_page_says(tables):
 def test_the_page_names_every_key_unit_and_kind():
     from strapdown.aiding import names
     from strapdown.io.description.schema import AidingPart, Description, ImuPart, ReferencePart
-    from strapdown.preprocessing.units import UNIT_FACTORS
+    from strapdown.units import UNITS
 
     page = PAGE.read_text(encoding="utf-8")
     words = {
@@ -159,5 +171,5 @@ def test_the_page_names_every_key_unit_and_kind():
         for part in (Description, ImuPart, AidingPart, ReferencePart)
         for key in part.model_fields
     } - {"imu", "aiding", "reference"}
-    words |= {unit for units in UNIT_FACTORS.values() for unit in units} | set(names())
+    words |= {unit for name in DESCRIBED for unit in UNITS[name]} | set(names())
     assert [word for word in sorted(words) if f"`{word}`" not in page] == []

@@ -176,7 +176,7 @@ REFUSED = {
     ),
     "unit spelt G": (
         lambda s: s.replace('"uT"', '"G"'),
-        "unknown unit 'G', did you mean 'gauss'? accepted for magnetic field: T, uT, nT, gauss, mgauss",
+        "unknown unit 'G' (did you mean 'gauss'?); accepted for magnetic field: T, uT, nT, gauss, mgauss",
     ),
     "unit spelt mG": (lambda s: s.replace('"uT"', '"mG"'), "did you mean 'mgauss'?"),
     "unit in capitals": (lambda s: s.replace('"uT"', '"UT"'), "did you mean 'uT'?"),

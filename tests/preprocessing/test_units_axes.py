@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
 from strapdown.preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix, rotation_matrix
-from strapdown.preprocessing.units import ALIASES, UNIT_FACTORS, factor
+from strapdown.units import ALIASES, UNITS, factor
 
 
 @pytest.mark.parametrize(
@@ -35,7 +35,7 @@ def test_factors(unit, dimension, si):
     "unit, dimension, words",
     [
         (None, "acceleration", "unit is missing; accepted for acceleration: m/s^2, g, mg"),
-        ("degrees", "angle", "did you mean 'deg'? accepted for angle: rad, deg, arcsec"),
+        ("degrees", "angle", "(did you mean 'deg'?); accepted for angle: rad, deg, arcsec"),
         ("dps", "angular rate", "did you mean 'deg/s'?"),
         ("mG", "acceleration", "did you mean 'mg'?"),
         ("mG", "magnetic field", "did you mean 'mgauss'?"),
@@ -51,9 +51,9 @@ def test_refusals_list_what_is_accepted(unit, dimension, words):
 
 def test_every_alias_suggests_a_unit():
     assert {name for names in ALIASES.values() for name in names.split()} <= {
-        unit for units in UNIT_FACTORS.values() for unit in units
+        unit for units in UNITS.values() for unit in units
     }
-    assert not set(ALIASES) & {unit for units in UNIT_FACTORS.values() for unit in units}
+    assert not set(ALIASES) & {unit for units in UNITS.values() for unit in units}
 
 
 @pytest.mark.parametrize(

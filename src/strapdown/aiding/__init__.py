@@ -5,7 +5,7 @@ import importlib
 import pkgutil
 from functools import cache
 
-from .. import plugins
+from .. import plugins, quantities
 from ..checks import DataError, check_choice, check_number, did_you_mean
 from ..core.contract import NUMBERED, OBSERVE, Measurement
 
@@ -78,6 +78,8 @@ def check(sensor: Measurement) -> None:
     plugins.check_kernel(sensor.observe, OBSERVE, 5, what + "observe")
     if not 1 <= len(sensor.quantities) <= 3:
         raise DataError(f"{what}it has {len(sensor.quantities)} quantities; it must have 1 to 3")
+    for quantity in sensor.quantities:
+        quantities.find(quantity)
     check_choice(sensor.parameters, what + "parameters", PARAMETER_MEANINGS)
     check_choice(sensor.vector, what + "vector", ("", "n", "b"))
     check_choice(sensor.when, what + "when", ("", "at rest"))

@@ -13,8 +13,8 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.contract import Imu
-from ..sensor_models.datasheet_units import SHEET, in_units
 from ..typing import Array, Ints
+from ..units import SHEET, in_units
 from .fit import COEFFICIENTS, Fit, edf, fit
 
 if TYPE_CHECKING:

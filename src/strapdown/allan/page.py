@@ -16,10 +16,10 @@ from ..preprocessing.stationary import REST_ACCEL, REST_MEAN, REST_RATE, at_rest
 from ..recording import Recording
 from ..reports.drawing import COLOURS, GREY, finish, log_ticks, note
 from ..reports.shell import Page, listed, placed, shell
-from ..sensor_models.datasheet_units import SHEET, in_units
 from ..sensor_models.errors import Triad
 from ..sensor_models.imu import grade
 from ..typing import Array
+from ..units import SHEET, in_units
 from .deviation import AXIS_NAMES, Allan, Sensor, allan, first_gap
 from .fit import COEFFICIENTS, Fit
 from .suggested_grade import MISFIT, Suggestion, expected, suggest

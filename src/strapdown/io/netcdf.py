@@ -15,6 +15,7 @@ from ..data import Aiding, Trajectory
 from ..files import netcdf, replacing
 from ..preprocessing.fixes import checked_aidings, overlap
 from ..preprocessing.plausible import mistakes
+from ..quantities import dimension, innovation_dimension, si
 from ..recording import Recording
 from ..typing import Array, File
 from .solution import plain
@@ -31,18 +32,6 @@ IMU_COLUMNS = {
     "dtheta": ("time axis", "rad", "integral of the angular rate, body FRD"),
     "dv": ("time axis", "m/s", "integral of the specific force, body FRD"),
 }
-SI = {
-    "latitude": ("rad", "m"),
-    "longitude": ("rad", "m"),
-    "length": ("m", "m"),
-    "speed": ("m/s", "m/s"),
-    "angle": ("rad", "rad"),
-    "acceleration": ("m/s^2", "m/s^2"),
-    "magnetic field": ("T", "T"),
-    "pressure": ("Pa", "m"),
-}
-"""Units of what a component of a fix is, and of its standard deviation, which is that of the
-innovation."""
 REFERENCE_COLUMNS = {
     "t": ("time", "s", "time"),
     "lla": ("time axis", "rad, rad, m", "latitude, longitude, ellipsoidal height"),
@@ -87,7 +76,10 @@ def _aiding_layout(kind: str) -> Layout:
     quantities = find(kind).quantities
     units = [
         names[0] if len(set(names)) == 1 else ", ".join(names)
-        for names in zip(*(SI[quantity] for quantity in quantities))
+        for names in (
+            [si(of(quantity)) for quantity in quantities]
+            for of in (dimension, innovation_dimension)
+        )
     ]
     return {
         "t": ("time", "s", "time of the fix"),

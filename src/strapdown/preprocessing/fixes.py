@@ -11,24 +11,13 @@ from ..checks import DataError
 from ..core.contract import Imu, Measurement
 from ..core.earth import LATITUDE_LIMIT
 from ..data import Aiding, Trajectory
+from ..quantities import dimension, find as find_quantity, si
 from ..typing import Array
 from .attitude_checks import refuse_unit
 from .attitude_record import possible_attitude, together
 from .imu_samples import order
 from .origin import Origin, counted
 
-LIMITS = {
-    "length": (500e3, "m", "is the unit mm or ft?"),
-    "speed": (1e4, "m/s", "is the unit mm/s or cm/s?"),
-    "angle": (4 * np.pi, "rad", "is the unit deg?"),
-    "longitude": (2 * np.pi, "rad", "is the unit deg, or is a scale missing?"),
-    "magnetic field": (
-        1e-3,
-        "T",
-        "the Earth's is 22 to 67 uT: is the unit gauss, uT, nT or mgauss, or is a scale missing?",
-    ),
-}
-"""Largest magnitude of a quantity, its unit, and the likely mistake beyond it."""
 PRESSURES = (5e3, 200e3)
 """Lowest and highest pressure that air has for a vehicle, Pa: 20 km above the sea, where the
 standard atmosphere of the library ends, and a pressurised or submerged sensor."""
@@ -177,9 +166,11 @@ def possible(y: Array, quantities: Sequence[str], origin: Origin) -> None:
             _latitude(column, size, origin)
         elif quantity == "pressure":
             _pressure(column, origin)
-        elif quantity in LIMITS and size[row] > LIMITS[quantity][0]:
-            _, unit, remedy = LIMITS[quantity]
-            raise DataError(f"{origin.row(row)}: {quantity} is {column[row]:.6g} {unit}; {remedy}")
+        elif size[row] > find_quantity(quantity).most:
+            raise DataError(
+                f"{origin.row(row)}: {quantity} is {column[row]:.6g} {si(dimension(quantity))}; "
+                f"{find_quantity(quantity).hint or 'that is more than it can be'}"
+            )
 
 
 def _latitude(column: Array, size: Array, origin: Origin) -> None:

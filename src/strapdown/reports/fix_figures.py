@@ -11,6 +11,7 @@ import plotly.graph_objects as go
 
 from ..aiding import find
 from ..data import Solution
+from ..quantities import shown_unit
 from ..typing import Array, Mask
 from .drawing import (
     COLOURS,
@@ -28,17 +29,6 @@ from .drawing import (
 )
 
 CROSS = {"color": RED, "size": 7, "symbol": "x-thin", "line": {"width": 1.5, "color": RED}}
-SHOWN_UNITS = {
-    "latitude": ("m", 1.0),
-    "longitude": ("m", 1.0),
-    "length": ("m", 1.0),
-    "speed": ("m/s", 1.0),
-    "angle": ("deg", np.degrees(1)),
-    "acceleration": ("m/s^2", 1.0),
-    "magnetic field": ("uT", 1e6),
-    "pressure": ("m", 1.0),
-}
-"""Unit of the innovations of a quantity and its size in it; those of a pressure are heights."""
 
 
 def kind(solution: Solution, name: str) -> str:
@@ -61,8 +51,8 @@ def unit(solution: Solution, name: str) -> tuple[str, float, tuple[str, ...]]:
         set(sensor.quantities) == {"magnetic field"}
         and not np.isfinite(_innovations(solution, name)[:, 1:]).any()
     ):
-        return *SHOWN_UNITS["angle"], NED_AXES
-    units = {SHOWN_UNITS[quantity] for quantity in sensor.quantities}
+        return *shown_unit("angle"), NED_AXES
+    units = {shown_unit(quantity) for quantity in sensor.quantities}
     named, factor = units.pop() if len(units) == 1 else ("m, m/s or rad", 1.0)
     rows = (
         ("roll", "pitch", "heading")

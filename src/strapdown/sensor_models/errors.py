@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import DataError
+from ..checks import DataError, check_number
 from ..typing import Array
-from .datasheet_units import SHEET, check, check_finite
+from ..units import SHEET
 from .noise import (
     FLICKER_FLOOR,
     FLICKER_TIMES,
@@ -68,8 +68,8 @@ class WarmUp:
 
     def __post_init__(self) -> None:
         for name in ("start", "end"):
-            check_finite(getattr(self, name), f"temperature {name}")
-        check(self.time_constant, "temperature time_constant")
+            check_number(getattr(self, name), f"temperature {name}")
+        check_number(self.time_constant, "temperature time_constant", least=0)
         if not self.time_constant:
             raise DataError("temperature time_constant is 0; it must be larger")
 
@@ -108,7 +108,7 @@ class Triad:
 
     def __post_init__(self) -> None:
         for term in terms():
-            check(getattr(self, term.name), term.name)
+            check_number(getattr(self, term.name), term.name, least=0)
         for name, most, text in LARGEST_TERMS:
             if getattr(self, name) > most:
                 raise DataError(
@@ -296,7 +296,7 @@ def _rows(table: Iterable[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
                 f"x, y and z"
             )
         for value in row:
-            check_finite(value, "a number of the temperature table")
+            check_number(value, "a number of the temperature table")
     if len(rows) == 1:
         raise DataError(
             "the temperature table has one row; it needs two or more to interpolate between"

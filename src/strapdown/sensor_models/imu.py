@@ -1,6 +1,7 @@
 """What is wrong with an inertial measurement unit: the errors of its two triads (errors.py), its
 TOML file, and the grades that ship with the package."""
 
+import math
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,11 +10,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..checks import DataError, check_keys, did_you_mean
+from ..checks import DataError, check_keys, check_number, did_you_mean
 from ..core.contract import Imu, Noise
 from ..files import find_shipped, read_toml, replacing, shipped
 from ..typing import Array, File
-from .datasheet_units import SHEET, check_finite, in_units, quantity, size, toml_quantity
+from ..units import SHEET, factor, in_units, quantity, toml_quantity
 from .errors import Triad, WarmUp, terms
 
 Made = TypeVar("Made")
@@ -270,13 +271,13 @@ def temperature_rows(entry: Any, si: str, where: str) -> list[tuple[float, ...]]
             f'{where}: write {{ unit = "{SHEET[si]}", rows = [[temperature in degC, bias x, y, z], '
             f"...] }}"
         )
-    factor, rows = size(entry["unit"], si, where), []
+    unit, rows = factor(entry["unit"], si, where), []
     for row in entry["rows"]:
         if not isinstance(row, list) or len(row) != 4:
             raise DataError(f"{where}: row {row!r} is not [temperature in degC, bias x, y, z]")
         for value in row:
-            check_finite(value, f"{where}: a number of row {row}")
-        rows.append((row[0], *(value * factor for value in row[1:])))
+            check_number(value, f"{where}: a number of row {row}")
+        rows.append((row[0], *(value * unit for value in row[1:])))
     return rows
 
 
@@ -293,7 +294,7 @@ def _warm_up(table: dict[str, Any], where: str) -> WarmUp | None:
         where,
         WarmUp,
         **{
-            key: quantity(entries[key], si, f"{where}, warm_up.{key}", checked=check_finite)
+            key: quantity(entries[key], si, f"{where}, warm_up.{key}", least=-math.inf)
             for key, si in WARM_UP.items()
         },
     )

@@ -15,8 +15,8 @@ from ...preprocessing.axes import BODY_AXES, axes_matrix
 from ...preprocessing.imu_samples import increments
 from ...preprocessing.origin import Origin
 from ...preprocessing.plausible import G, half_seconds, mistakes
-from ...preprocessing.units import UNIT_FACTORS
 from ...typing import Array, File
+from ...units import UNITS
 from ..table_file import Table, is_number, read_table
 from .magnetic_sources import EARTH_FIELD
 from .schema_aiding import HEADING
@@ -125,7 +125,7 @@ def guess(path: File, folder: File | None = None) -> Guess:
     imu, axes = None, "FRD"
     problems: list[str] = []
     if gyro and accel:
-        imu, axes, text = _imu(source, t * UNIT_FACTORS["time"][unit], gyro, accel, problems)
+        imu, axes, text = _imu(source, t * UNITS["time"][unit], gyro, accel, problems)
         parts.append(text)
     else:
         problems.append("no gyro and accelerometer columns were recognised: name them in [imu]")
@@ -236,8 +236,8 @@ def _imu(
         for gyro_unit in candidates:
             imu, _ = increments(
                 t,
-                raw[0] * UNIT_FACTORS["angular rate"][gyro_unit],
-                raw[1] * (scale * UNIT_FACTORS["acceleration"][accel_unit]),
+                raw[0] * UNITS["angular rate"][gyro_unit],
+                raw[1] * (scale * UNITS["acceleration"][accel_unit]),
                 "rate",
                 Origin(table.name, table.lines, "line"),
             )
@@ -370,7 +370,7 @@ def _magnetometer(source: Source, names: list[str], axes: str) -> str:
             )
         )
     known, named = (
-        UNIT_FACTORS["magnetic field"],
+        UNITS["magnetic field"],
         _named_unit(names[0], ("uT", "nT", "mgauss", "gauss", "T")),
     )
     tesla = named or next(

@@ -9,9 +9,9 @@ from ...checks import DataError
 from ...core.contract import Imu
 from ...data import Aiding
 from ...preprocessing.origin import counted
-from ...preprocessing.units import UNIT_FACTORS
 from ...sensor_models.geomagnetism import geomagnetic_field
 from ...typing import Array
+from ...units import UNITS
 from ..calibration_file import read_calibration
 from ..magnetic_record import facts_and_problems, vertical
 from .schema_aiding import AidingPart
@@ -69,7 +69,7 @@ def _refuse_strength(part: AidingPart, aiding: Aiding, total: float) -> None:
     # a turn changes the field by its strength, whatever the hard iron
     if 1 / MOST_STRENGTH_RATIO <= median / total <= MOST_STRENGTH_RATIO or 0.5 < change / total < 2:
         return
-    known = UNIT_FACTORS["magnetic field"]
+    known = UNITS["magnetic field"]
     likely = [
         unit for unit in known if 0.4 < median / total * known[unit] / known[part.units[0]] < 2.5
     ]

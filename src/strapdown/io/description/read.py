@@ -20,16 +20,17 @@ from ...preprocessing.imu_samples import increments
 from ...preprocessing.origin import Origin
 from ...preprocessing.plausible import mistakes
 from ...preprocessing.stationary import at_rest
-from ...preprocessing.units import DEG, QUANTITY_DIMENSIONS, factor
+from ...quantities import dimension, innovation_dimension
 from ...recording import Recording
 from ...typing import Array, File
+from ...units import DEG, factor
 from ..magnetic_record import sound
 from ..table_file import Table
 from .calibrations import corrected, frames
 from .complaints import load
 from .magnetic_sources import calibrated, with_field
 from .schema import Description, ImuPart, ReferencePart, Vector, vector_factors
-from .schema_aiding import AidingPart, deviation_dimension
+from .schema_aiding import AidingPart
 from .source_files import Files
 
 MOST_PER_SAMPLE = 10
@@ -157,7 +158,7 @@ def read_aiding(
             _deviation(
                 entry,
                 quantity,
-                factor(unit, QUANTITY_DIMENSIONS[quantity]),
+                factor(unit, dimension(quantity)),
                 next(read) if name is not None else np.ones(len(t)),
             )
             for entry, quantity, unit, name in zip(
@@ -233,9 +234,9 @@ def _deviation(entry: Any, quantity: str, unit: float, values: Array) -> Array:
     (latitude and longitude: m)."""
     if isinstance(entry, dict):
         return values * (
-            factor(entry["unit"], deviation_dimension(quantity)) * entry.get("scale", 1.0)
+            factor(entry["unit"], innovation_dimension(quantity)) * entry.get("scale", 1.0)
         )
-    own = 1.0 if deviation_dimension(quantity) != QUANTITY_DIMENSIONS[quantity] else unit
+    own = 1.0 if innovation_dimension(quantity) != dimension(quantity) else unit
     return values * own * (entry if _deviation_column(entry) is None else 1.0)
 
 

@@ -12,8 +12,8 @@ from ...checks import DataError
 from ...core.earth import LATITUDE_LIMIT
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix, rotation_matrix
-from ...preprocessing.units import factor
 from ...typing import Array
+from ...units import factor
 from .schema_aiding import AidingPart, check_attitude_columns
 from .schema_base import Column, Finite, Part, Signal, Time, Triple, named
 

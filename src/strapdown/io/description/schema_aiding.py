@@ -11,8 +11,9 @@ from ...aiding import find
 from ...core.contract import Measurement
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
-from ...preprocessing.units import QUANTITY_DIMENSIONS, factor
+from ...quantities import dimension, innovation_dimension
 from ...typing import Array
+from ...units import factor
 from .schema_base import Column, Finite, Part, Time, Triple, column, is_number, named
 
 HEADING = r"(yaw|heading|hdg|psi|azimuth)"
@@ -120,7 +121,7 @@ class AidingPart(Part):
             [1.0] * 4
             if self.quaternion
             else [
-                factor(unit, QUANTITY_DIMENSIONS[quantity])
+                factor(unit, dimension(quantity))
                 for unit, quantity in zip(self.units, self.sensor.quantities)
             ]
         )
@@ -225,7 +226,7 @@ class AidingPart(Part):
             for quantity, unit in zip(sensor.quantities, self.units):
                 if unit is not None and not isinstance(unit, str):
                     raise ValueError(f"unit: {unit!r} is no text")
-                named("unit", factor, unit, QUANTITY_DIMENSIONS[quantity])
+                named("unit", factor, unit, dimension(quantity))
         if len(self.deviations) != many:
             raise ValueError(f"sd: {len(self.deviations)} given, {wanted}")
         for quantity, sd in zip(sensor.quantities, self.deviations):
@@ -249,7 +250,7 @@ class AidingPart(Part):
                     'sd: write { column = "name", unit = "m", scale = 1.0 }, with column and unit '
                     "at least and scale above zero"
                 )
-            named("sd", factor, sd.get("unit"), deviation_dimension(quantity))
+            named("sd", factor, sd.get("unit"), innovation_dimension(quantity))
         else:
             named("sd", column, sd)
 
@@ -277,13 +278,3 @@ def check_attitude_columns(columns: list[Column], quaternion: QuaternionOrder | 
             f"columns: {columns[1]!r} is named like a heading; two columns are roll and pitch, "
             "which come together (kind heading has one)"
         )
-
-
-def deviation_dimension(quantity: str) -> str:
-    """Dimension of the standard deviation of a quantity: length for latitude, longitude and
-    pressure (a height), else its own."""
-    return (
-        "length"
-        if quantity in ("latitude", "longitude", "pressure")
-        else QUANTITY_DIMENSIONS[quantity]
-    )

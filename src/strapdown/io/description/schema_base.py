@@ -7,7 +7,7 @@ from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from ...preprocessing.units import factor
+from ...units import factor
 
 Found = TypeVar("Found")
 Finite = Annotated[float, Field(allow_inf_nan=False)]

@@ -5,8 +5,8 @@ from functools import cache
 from pathlib import Path
 
 from ...checks import DataError
-from ...preprocessing.units import factor
 from ...typing import Array, File
+from ...units import factor
 from ..locate import locate
 from ..table_file import Table, read_table
 from .schema_base import Time

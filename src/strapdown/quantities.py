@@ -1,0 +1,156 @@
+"""What a component of a fix can be: its units, what its innovation is, and what no sensor reads."""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from . import plugins
+from .checks import DataError, check_number, did_you_mean
+from .units import UNITS
+
+SHOWN = {"rad": "deg", "T": "uT"}
+"""Units that people read in place of SI."""
+
+
+class Quantity(NamedTuple):
+    """A quantity that a `Measurement` can have. Values in files have one of its units; inside, and
+    in an innovation, they are SI."""
+
+    name: str
+    dimension: str = ""  # of units.UNITS; empty: its own, with `units`
+    units: Mapping[str, float] = {}  # factor to SI of its own; the first is the SI unit itself
+    innovation: str = ""  # dimension of its innovation and standard deviation; empty: its own
+    most: float = math.inf  # largest magnitude that a sensor reads, SI
+    hint: str = ""  # what is probably wrong beyond it
+
+
+OWN = {"rad": "deg", "T": "uT"}
+"""Units that people read in place of SI."""
+
+
+class Quantity(NamedTuple):
+    """A quantity that a `Measurement` can have. Values in files have one of its units; inside, and
+    in an innovation, they are SI."""
+
+    name: str
+    dimension: str = ""  # of units.UNITS; empty: its own, with `units`
+    units: Mapping[str, float] = {}  # factor to SI of its own; the first is the SI unit itself
+    innovation: str = ""  # dimension of its innovation and standard deviation; empty: its own
+    most: float = math.inf  # largest magnitude that a sensor reads, SI
+    hint: str = ""  # what is probably wrong beyond it
+
+    @property
+    def si(self) -> str:
+        """Its SI unit."""
+        return next(iter(self.units or UNITS[self.dimension]))
+
+    @property
+    def si_of_innovation(self) -> str:
+        """SI unit of its innovation and of its standard deviation."""
+        return self.innovation or self.si
+
+    @property
+    def shown(self) -> tuple[str, float]:
+        """(the unit in which people read its innovation, its size in SI)."""
+        unit = SHOWN.get(self.si_of_innovation, self.si_of_innovation)
+        sizes = {unit: size for units in UNITS.values() for unit, size in units.items()}
+        return unit, 1 / sizes.get(unit, 1.0)
+
+
+OWN = {
+    quantity.name: quantity
+    for quantity in (
+        Quantity("latitude", "angle", innovation="length"),
+        Quantity(
+            "longitude",
+            "angle",
+            innovation="length",
+            most=2 * math.pi,
+            hint="is the unit deg, or is a scale missing?",
+        ),
+        Quantity("angle", "angle", most=4 * math.pi, hint="is the unit deg?"),
+        Quantity("length", "length", most=500e3, hint="is the unit mm or ft?"),
+        Quantity("speed", "speed", most=1e4, hint="is the unit mm/s or cm/s?"),
+        Quantity("acceleration", "acceleration"),
+        Quantity(
+            "magnetic field",
+            "magnetic field",
+            most=1e-3,
+            hint="the Earth's is 22 to 67 uT: is the unit gauss, uT, nT or mgauss, or is a scale "
+            "missing?",
+        ),
+        Quantity("pressure", "pressure", innovation="length"),
+    )
+}
+
+
+def _brought() -> dict[str, tuple[Quantity, plugins.Plugin]]:
+    return plugins.collect(Quantity, OWN.get, check)
+
+
+def names() -> list[str]:
+    """Names of all quantities."""
+    return [*OWN, *_brought()]
+
+
+def find(name: str) -> Quantity:
+    """The Quantity of that name. Raises DataError with the nearest."""
+    if name in OWN:
+        return OWN[name]
+    if name not in (brought := _brought()):
+        raise DataError(
+            f"no quantity is called {name!r}{did_you_mean(name, names())}; there are: "
+            f"{', '.join(names())}"
+        )
+    return brought[name][0]
+
+
+def dimension(name: str) -> str:
+    """The dimension in `units` of a quantity."""
+    return find(name).dimension or name
+
+
+def innovation_dimension(name: str) -> str:
+    """The dimension of the innovation of a quantity and of its standard deviation."""
+    return find(name).innovation or dimension(name)
+
+
+def si(dimension: str) -> str:
+    """The SI unit of a dimension."""
+    return next(iter(UNITS[dimension]))
+
+
+def shown_unit(name: str) -> tuple[str, float]:
+    """(the unit in which people read the innovation of a quantity, what 1 in SI is in it)."""
+    units = UNITS[innovation_dimension(name)]
+    unit = SHOWN.get(next(iter(units)), next(iter(units)))
+    return unit, 1 / units[unit]
+
+
+def check(quantity: Quantity) -> None:
+    """Refuse a Quantity that cannot be used; take up its units. Raises DataError."""
+    what = f"Quantity {quantity.name!r}: "
+    check_number(quantity.most, what + "most", above=0, infinite=True)
+    if quantity.dimension:
+        if quantity.dimension not in UNITS:
+            raise DataError(
+                f"{what}there is no dimension {quantity.dimension!r}"
+                f"{did_you_mean(quantity.dimension, UNITS)}"
+            )
+        return
+    if not quantity.units or next(iter(quantity.units.values())) != 1:
+        raise DataError(f"{what}its units must begin with the SI unit, of factor 1")
+    for unit, size in quantity.units.items():
+        check_number(size, f"{what}the size of {unit!r}", above=0)
+        for dimension, units in UNITS.items():
+            if unit in units and dimension != quantity.name:
+                raise DataError(
+                    f"{what}the unit {unit!r} exists already, as one of {dimension}; choose another "
+                    f"name, or give dimension={dimension!r}"
+                )
+    UNITS[quantity.name] = dict(quantity.units)
+
+
+def add(quantity: Quantity, module: str, file: str | None) -> None:
+    """Add a quantity that a module registers. Raises DataError."""
+    plugins.admit(quantity, OWN.get, _brought(), check, module, file)
