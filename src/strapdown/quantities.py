@@ -24,39 +24,6 @@ class Quantity(NamedTuple):
     hint: str = ""  # what is probably wrong beyond it
 
 
-OWN = {"rad": "deg", "T": "uT"}
-"""Units that people read in place of SI."""
-
-
-class Quantity(NamedTuple):
-    """A quantity that a `Measurement` can have. Values in files have one of its units; inside, and
-    in an innovation, they are SI."""
-
-    name: str
-    dimension: str = ""  # of units.UNITS; empty: its own, with `units`
-    units: Mapping[str, float] = {}  # factor to SI of its own; the first is the SI unit itself
-    innovation: str = ""  # dimension of its innovation and standard deviation; empty: its own
-    most: float = math.inf  # largest magnitude that a sensor reads, SI
-    hint: str = ""  # what is probably wrong beyond it
-
-    @property
-    def si(self) -> str:
-        """Its SI unit."""
-        return next(iter(self.units or UNITS[self.dimension]))
-
-    @property
-    def si_of_innovation(self) -> str:
-        """SI unit of its innovation and of its standard deviation."""
-        return self.innovation or self.si
-
-    @property
-    def shown(self) -> tuple[str, float]:
-        """(the unit in which people read its innovation, its size in SI)."""
-        unit = SHOWN.get(self.si_of_innovation, self.si_of_innovation)
-        sizes = {unit: size for units in UNITS.values() for unit, size in units.items()}
-        return unit, 1 / sizes.get(unit, 1.0)
-
-
 OWN = {
     quantity.name: quantity
     for quantity in (

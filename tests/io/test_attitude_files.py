@@ -163,11 +163,10 @@ def test_netcdf_names_the_units_of_the_new_kinds(tmp_path):
 
 def test_every_quantity_of_an_aiding_has_its_units():
     from strapdown import aiding
-    from strapdown.io.netcdf import SI
+    from strapdown.quantities import OWN
 
-    assert {
-        quantity for sensor in aiding.measurements().values() for quantity in sensor.quantities
-    } <= set(SI)
+    used = {q for sensor in aiding.measurements().values() for q in sensor.quantities}
+    assert used == set(OWN)
 
 
 def test_parts_of_a_recording_without_fixes(tmp_path):

@@ -156,7 +156,7 @@ TOMLS = {
     ),
     "unknown kind": (
         line('"velocity"', '"velocities"'),
-        "[[aiding]] 2 (velocities) kind: no aiding is of kind 'velocities'; did you mean 'velocity'?",
+        "[[aiding]] 2 (velocities) kind: no aiding is of kind 'velocities' (did you mean 'velocity'?);",
     ),
     "unknown kind of samples": (
         line('kind = "rate"', 'kind = "rates"'),
