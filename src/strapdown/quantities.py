@@ -51,25 +51,26 @@ OWN = {
 }
 
 
-def _brought() -> dict[str, tuple[Quantity, plugins.Plugin]]:
+def brought() -> dict[str, tuple[Quantity, plugins.Plugin]]:
+    """{name: (value, plugin)} of what plugins bring."""
     return plugins.collect(Quantity, OWN.get, check)
 
 
 def names() -> list[str]:
     """Names of all quantities."""
-    return [*OWN, *_brought()]
+    return [*OWN, *brought()]
 
 
 def find(name: str) -> Quantity:
     """The Quantity of that name. Raises DataError with the nearest."""
     if name in OWN:
         return OWN[name]
-    if name not in (brought := _brought()):
+    if name not in (others := brought()):
         raise DataError(
             f"no quantity is called {name!r}{did_you_mean(name, names())}; there are: "
             f"{', '.join(names())}"
         )
-    return brought[name][0]
+    return others[name][0]
 
 
 def dimension(name: str) -> str:
@@ -120,4 +121,4 @@ def check(quantity: Quantity) -> None:
 
 def add(quantity: Quantity, module: str, file: str | None) -> None:
     """Add a quantity that a module registers. Raises DataError."""
-    plugins.admit(quantity, OWN.get, _brought(), check, module, file)
+    plugins.admit(quantity, OWN.get, brought(), check, module, file)

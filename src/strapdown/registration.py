@@ -30,18 +30,16 @@ def register(*values: Any) -> None:
 
 def brought() -> list[tuple[str, str, str, str]]:
     """[(plugin, where it is from, what it brings, what cannot be used)], a row per plugin."""
-    for home in _homes().values():
-        home.names()  # which looks at what plugins bring of its type
-    kinds = tuple(_homes())
+    found = [
+        (plugin.where, f"{kind.__name__} {name}")
+        for kind, home in _homes().items()
+        for name, (_, plugin) in home.brought().items()
+    ]
     return [
         (
             plugin.name,
             plugin.where if plugin.where != plugin.name else "installed",
-            ", ".join(
-                f"{type(value).__name__} {getattr(value, 'name', '')}"
-                for value in plugin.values
-                if isinstance(value, kinds)
-            ),
+            ", ".join(text for where, text in found if where == plugin.where),
             "; ".join(plugin.complaints),
         )
         for plugin in plugins()

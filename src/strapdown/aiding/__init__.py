@@ -29,14 +29,15 @@ def _own() -> dict[str, Measurement]:
     return {name: found.pop(name) for name in NUMBERED} | found
 
 
-def _brought() -> dict[str, tuple[Measurement, plugins.Plugin]]:
+def brought() -> dict[str, tuple[Measurement, plugins.Plugin]]:
+    """{name: (value, plugin)} of what plugins bring."""
     return plugins.collect(Measurement, _own().get, check)
 
 
 def measurements() -> dict[str, Measurement]:
     """{name: Measurement} of all kinds: the library's, then those of plugins in the order of
     their coming."""
-    return _own() | {name: value for name, (value, _) in _brought().items()}
+    return _own() | {name: value for name, (value, _) in brought().items()}
 
 
 def names() -> list[str]:
@@ -64,12 +65,12 @@ def find(name: str) -> Measurement:
 def number(name: str) -> int:
     """The number by which kernels of this process know a kind: its place among all."""
     own = list(_own())
-    return own.index(name) if name in own else len(own) + list(_brought()).index(name)
+    return own.index(name) if name in own else len(own) + list(brought()).index(name)
 
 
 def brought_by(name: str) -> plugins.Plugin | None:
     """The plugin that brings a kind; None for the library's own."""
-    return None if name in _own() or name not in (brought := _brought()) else brought[name][1]
+    return None if name in _own() or name not in (others := brought()) else others[name][1]
 
 
 def check(sensor: Measurement) -> None:
@@ -89,4 +90,4 @@ def check(sensor: Measurement) -> None:
 
 def add(sensor: Measurement, module: str, file: str | None) -> None:
     """Add a kind that a module registers. Raises DataError."""
-    plugins.admit(sensor, _own().get, _brought(), check, module, file)
+    plugins.admit(sensor, _own().get, brought(), check, module, file)

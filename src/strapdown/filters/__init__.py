@@ -47,13 +47,14 @@ def own_names() -> list[str]:
     return [name for name in _modules() if _filter(name)]
 
 
-def _brought() -> dict[str, tuple[Filter, plugins.Plugin]]:
+def brought() -> dict[str, tuple[Filter, plugins.Plugin]]:
+    """{name: (value, plugin)} of what plugins bring."""
     return plugins.collect(Filter, _filter, check)
 
 
 def names() -> list[str]:
     """Names of all filters: the library's, then those of plugins."""
-    return [*own_names(), *_brought()]
+    return [*own_names(), *brought()]
 
 
 def find(name: str | Filter) -> Filter:
@@ -63,17 +64,17 @@ def find(name: str | Filter) -> Filter:
         return name
     if own := _filter(name):
         return own
-    if name not in (brought := _brought()):
+    if name not in (others := brought()):
         raise DataError(
             f"no filter is called {name!r}{did_you_mean(name, names())}; there are: "
             f"{', '.join(names())}"
         )
-    return brought[name][0]
+    return others[name][0]
 
 
 def brought_by(name: str) -> plugins.Plugin | None:
     """The plugin that brings a filter; None for the library's own."""
-    return None if _filter(name) or name not in (brought := _brought()) else brought[name][1]
+    return None if _filter(name) or name not in (others := brought()) else others[name][1]
 
 
 def check(filter: Filter) -> None:
@@ -93,7 +94,7 @@ def check(filter: Filter) -> None:
 
 def add(filter: Filter, module: str, file: str | None) -> None:
     """Add a filter that a module registers. Raises DataError."""
-    plugins.admit(filter, _filter, _brought(), check, module, file)
+    plugins.admit(filter, _filter, brought(), check, module, file)
 
 
 def _by_name(filter: Filter) -> tuple[Callable[[str], Filter], tuple[str]]:
