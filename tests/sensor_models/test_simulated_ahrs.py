@@ -183,7 +183,7 @@ def test_a_scenario_file_with_it(tmp_path):
 @pytest.mark.parametrize(
     "old, new, words",
     [
-        ("sd_deg", "sd_rad", r"\[attitude\] unknown key 'sd_rad' .did you mean 'sd_deg'"),
+        ("sd_deg", "sd_rad", r"\[attitude\]: unknown key 'sd_rad' .did you mean 'sd_deg'"),
         ("rate_hz = 5", "rate_hz = 0", "attitude: rate is 0.0; it must be larger"),
         (
             "rate_hz = 5",

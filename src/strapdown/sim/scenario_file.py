@@ -14,6 +14,7 @@ from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss
 from ..sensor_models.magnetometer import Disturbance, Magnetometer
+from ..sensor_models.simulated import Simulated
 from ..typing import File
 from . import motions
 from .jsbsim import Target, jsbsim_motion
@@ -75,6 +76,7 @@ TOP_KEYS = (
     "magnetometer",
     "barometer",
     "attitude",
+    "sensors",
     "start",
 )
 START_KEYS = {
@@ -114,6 +116,13 @@ BAROMETER_KEYS = {
     "quantity": "quantity",
 }
 ATTITUDE_KEYS = ("rate_hz", "sd_deg")
+SENSOR_KEYS = {
+    "kind": "kind",
+    "sd": "sd",
+    "rate_hz": "rate",
+    "parameters": "parameters",
+    "name": "name",
+}
 TARGET_KEYS = {
     "at_s": ("at", 1.0),
     "heading_deg": ("heading", DEG),
@@ -170,6 +179,10 @@ def from_table(table: dict[str, Any], path: Path) -> Scenario:
         values["barometer"] = _barometer(_table(table, "barometer"))
     if "attitude" in table:
         values["attitude"] = _attitude(_table(table, "attitude"))
+    values["sensors"] = tuple(
+        _sensor(each, f"[[sensors]] {number}")
+        for number, each in enumerate(_list(table.get("sensors", []), "sensors"), 1)
+    )
     return Scenario(**values, **_start(_table(table, "start") if "start" in table else {}))
 
 
@@ -365,6 +378,15 @@ def _attitude(table: dict[str, Any]) -> Ahrs:
     if "sd_deg" in table:
         values["sd"] = tuple(value * DEG for value in _three(table["sd_deg"], "[attitude] sd_deg"))
     return Ahrs(**values)
+
+
+def _sensor(table: Any, where: str) -> Simulated:
+    check_keys(_entries(table, where), SENSOR_KEYS, where)
+    if missing := [key for key in ("kind", "sd") if key not in table]:
+        raise DataError(f"{where}: {missing[0]} is missing")
+    for key in ("kind", "name"):
+        _text(table.get(key, ""), f"{where}, {key}")
+    return Simulated(**{field: table[key] for key, field in SENSOR_KEYS.items() if key in table})
 
 
 def _date(value: Any) -> str:

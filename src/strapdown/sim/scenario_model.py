@@ -20,6 +20,7 @@ from ..sensor_models.geomagnetism import geomagnetic_field
 from ..sensor_models.gnss import Gnss
 from ..sensor_models.imu import ImuSpec, grade
 from ..sensor_models.magnetometer import Magnetometer
+from ..sensor_models.simulated import Simulated
 from ..typing import Array, File
 from .trajectory import DEG, Motion, sample
 
@@ -69,6 +70,7 @@ class Scenario:
     barometer: Barometer | None = None  # None: there is none
     date: str | None = None  # ISO, of the geomagnetic model
     attitude: Ahrs | None = None  # None: there is none
+    sensors: tuple[Simulated, ...] = ()  # of any kind of aiding, each with a name of its own
 
     def __post_init__(self) -> None:
         if not isinstance(self.motion, Motion) or not isinstance(self.gnss, Gnss):
@@ -126,10 +128,9 @@ class Scenario:
                 f"IMU's samples, "
                 f"{self.rate:g} a second; give fixes less often, or the IMU a higher rate"
             )
-        for name in OTHER_SENSORS:
-            if (other := getattr(self, name)) is not None and (other.rate or 0.0) > self.rate * (
-                1 + 1e-9
-            ):
+        others = [(name, getattr(self, name)) for name in OTHER_SENSORS]
+        for name, other in others + [(sensor.name, sensor) for sensor in self.sensors]:
+            if other is not None and (other.rate or 0.0) > self.rate * (1 + 1e-9):
                 raise DataError(
                     f"scenario {self.name!r}: the {name} has {other.rate:g} samples a second, more "
                     f"than the IMU's {self.rate:g}; "
@@ -146,6 +147,13 @@ class Scenario:
                     f"scenario {self.name!r}: {name} must be a {kind.__name__} or None, not "
                     f"{type(getattr(self, name)).__name__}"
                 )
+        object.__setattr__(self, "sensors", tuple(self.sensors))
+        names = [sensor.name for sensor in self.sensors if isinstance(sensor, Simulated)]
+        if len(set(names)) < len(self.sensors):
+            raise DataError(
+                f"scenario {self.name!r}: sensors are {self.sensors!r}; each must be a Simulated with "
+                f"a name of its own"
+            )
         if self.date is not None:
             try:
                 datetime.fromisoformat(self.date)
@@ -253,6 +261,7 @@ class Scenario:
             for name in OTHER_SENSORS
             if (other := getattr(self, name)) is not None
         }
+        values |= {"sensors": [asdict(sensor) for sensor in self.sensors]} if self.sensors else {}
         values |= {"date": self.date} if self.date is not None else {}
         values = json.loads(json.dumps(values, default=lambda value: np.asarray(value).tolist()))
         identity = {

@@ -1,10 +1,11 @@
 """From a scenario and an IMU's errors to Recordings with their truth, and to a filter's start
 drawn around that truth."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss, without_fixes
 from ..sensor_models.imu import ImuSpec, grade, saturated
 from ..sensor_models.magnetometer import Magnetometer
+from ..sensor_models.simulated import Simulated
 from ..typing import Array, ArrayLike, File
 from .scenario import scenario as find
 from .scenario_model import Scenario
@@ -72,6 +74,9 @@ class Simulator:
         self.attitude = (
             None if scenario.attitude is None else scenario.attitude.plan(self.truth, scenario.gate)
         )
+        self.sensors = tuple(
+            sensor.plan(self.truth, self.ideal, scenario.gate) for sensor in scenario.sensors
+        )
 
     def recording(
         self, imu: ImuSpec | dict[str, Any] | File, rng: np.random.Generator
@@ -106,12 +111,12 @@ class Simulator:
     def _others(
         self, of_gnss: np.random.Generator
     ) -> tuple[list[Aiding], dict[str, Any], list[str]]:
-        """(aidings, meta, notes) of magnetometer, barometer and AHRS.
+        """(aidings, meta, notes) of magnetometer, barometer, AHRS and simulated sensors.
 
         Their streams come after the receiver's two, and all are taken always: no sensor changes
-        what another one draws.
+        what another one draws. Of the simulated sensors each has the stream of its name.
         """
-        of_magnetometer, of_barometer, of_attitude = of_gnss.spawn(3)
+        of_magnetometer, of_barometer, of_attitude, of_sensors = of_gnss.spawn(4)
         aidings: list[Aiding] = []
         more: dict[str, Any] = {}
         notes: list[str] = []
@@ -125,6 +130,9 @@ class Simulator:
         if self.attitude is not None:
             aidings.append(self.attitude.fixes(of_attitude))
             notes += self.attitude.notes(aidings[-1])
+        for plan in self.sensors:
+            aidings.append(plan.fixes(_stream(of_sensors, plan.aiding.name)))
+            notes += plan.notes(aidings[-1])
         return aidings, more, notes
 
     def _offset(self, spec: ImuSpec) -> Array | None:
@@ -173,7 +181,7 @@ class Simulator:
         zeros = np.zeros((len(self.ideal.t), 3))
         others = tuple(
             plan.exact()
-            for plan in (self.magnetic, self.barometric, self.attitude)
+            for plan in (self.magnetic, self.barometric, self.attitude, *self.sensors)
             if plan is not None
         )
         return Recording(
@@ -223,15 +231,16 @@ def simulate(
     barometer: Barometer | None = None,
     date: str | None = None,
     attitude: Ahrs | None = None,
+    sensors: Sequence[Simulated] | None = None,
 ) -> Recording:
-    """A simulated Recording: IMU samples with errors, fixes of GNSS, magnetometer, barometer and
-    AHRS, and the truth as reference.
+    """A simulated Recording: IMU samples with errors, fixes of GNSS, magnetometer, barometer,
+    AHRS and other sensors, and the truth as reference.
 
     motion: a Motion, then `duration` (s) and `imu` must be given; or a Scenario, its name, or the
     path of its TOML file, whose values hold where no other is given. imu: grade, file or ImuSpec;
     rate: IMU samples per second, else 100; gnss: a Gnss; magnetometer: a Magnetometer, which needs
     a field of its own or a `date` (ISO) for the geomagnetic model; barometer: a Barometer;
-    attitude: an Ahrs. meta holds the grade, the seed, the place where it begins ([rad, rad, m]),
+    attitude: an Ahrs; sensors: Simulated, sensors of any kind of aiding. meta holds the grade, the seed, the place where it begins ([rad, rad, m]),
     the date, and the true biases "b_a" (m/s^2) and "b_g" (rad/s), (n, 3) at the IMU samples. Each
     sensor has its own random stream: the fixes of a seed are the same for every grade. Raises
     DataError.
@@ -247,6 +256,7 @@ def simulate(
         "barometer": barometer,
         "date": date,
         "attitude": attitude,
+        "sensors": sensors,
     }
     given = {key: value for key, value in given.items() if value is not None}
     if isinstance(motion, Motion):
@@ -261,6 +271,15 @@ def simulate(
     recording = Simulator(scenario).recording(scenario.imu, np.random.default_rng(seed))
     recording.meta["seed"] = seed
     return recording
+
+
+def _stream(rng: np.random.Generator, name: str) -> np.random.Generator:
+    """The random stream of that name: the same whatever other names there are."""
+    seed = rng.bit_generator.seed_seq
+    assert isinstance(seed, np.random.SeedSequence)
+    return np.random.default_rng(
+        np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, crc32(name.encode())))
+    )
 
 
 def draw_start(

@@ -1,0 +1,186 @@
+"""A sensor of any kind of aiding, also of one from outside the package, simulated by the
+observation that the filters themselves use.
+
+    y such that  innovation(truth, y) = w,   w ~ N(0, sd^2), independent from fix to fix
+
+For nearly every kind the innovation is y - h(truth), so that this is y = h(truth) + w. A mistake in
+the kind's observation is in the fixes too, and so does not show: sensors with an equation of their
+own in this package (GNSS, magnetometer, barometer, AHRS) have none of this.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..aiding import find
+from ..checks import DataError, check_array, check_number
+from ..core.contract import (
+    FIRST,
+    PARAMETERS,
+    STATES,
+    WALK,
+    Belief,
+    Imu,
+    Measurement,
+    compile_kernel,
+    entry_point,
+)
+from ..core.jit import COMPILED
+from ..data import Aiding, Trajectory
+from ..typing import Array
+from .gnss import fix_times, interpolated
+from .magnetometer import rotation_at
+
+STEP = {"latitude": 1e-6, "longitude": 1e-6, "angle": 1e-6}
+"""By which y is changed to see what it does to the innovation; 1 of any other quantity."""
+MOST_ATTEMPTS = 50
+CLOSE = 1e-6  # of its standard deviation: an innovation as good as 0
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A sensor of a kind of aiding, with white noise. SI and radians. Raises DataError on what
+    none can be."""
+
+    kind: str  # a name of `strapdown.aiding.names()`, not a constraint
+    # of the innovation, for each component of the kind or one for all; pressure's is in m
+    sd: tuple[float, ...] | float
+    rate: float | None = 1.0  # fixes per second; None: one with every IMU sample
+    # as the kind has them: mostly the lever arm from the IMU, m, body; () are zeros
+    parameters: tuple[float, ...] = ()
+    name: str = ""  # of the source and of its random stream; the kind by default
+
+    def __post_init__(self) -> None:
+        measurement = self.measurement
+        own = self.name or self.kind
+        if not measurement.recorded:
+            raise DataError(
+                f"{own}: {self.kind} is a constraint of the vehicle, which no sensor measures; name "
+                f"it where the recording is fused"
+            )
+        size = len(measurement.quantities)
+        deviations = check_array(
+            self.sd if np.ndim(self.sd) else [self.sd] * size, f"{own}: sd", (size,)
+        )
+        for deviation in deviations:
+            check_number(float(deviation), f"{own}: sd", above=0)
+        if self.rate is not None:
+            check_number(self.rate, f"{own}: rate", "Hz", above=0)
+        most = WALK if measurement.states else PARAMETERS
+        parameters = check_array(self.parameters, f"{own}: parameters", (None,))
+        wanted = {"": range(most + 1), "field": (3,)}.get(measurement.parameters, (0, 3))
+        if len(parameters) not in wanted:
+            raise DataError(
+                f"{own}: {len(parameters)} parameters; kind {self.kind} takes "
+                f"{f'three: {measurement.parameters}' if measurement.parameters else f'at most {most}'}"
+            )
+        for field, value in (
+            ("sd", tuple(deviations.tolist())),
+            ("parameters", tuple(parameters.tolist())),
+            ("name", own),
+        ):
+            object.__setattr__(self, field, value)
+
+    @property
+    def measurement(self) -> Measurement:
+        """What the kind is. Raises DataError with the nearest name."""
+        try:
+            return find(self.kind)
+        except ValueError as error:
+            raise DataError(str(error)) from None
+
+    def plan(self, truth: Trajectory, ideal: Imu, gate: float | None = None) -> "SimulatedPlan":
+        """What all runs over one trajectory share, as a SimulatedPlan. `ideal`: the samples of an
+        IMU without errors on it; `gate`: that of the aiding. Raises DataError."""
+        t = truth.t[1:] if self.rate is None else fix_times(truth, 1 / self.rate)
+        y, gain = _solved(self, _beliefs(truth, ideal, t, len(self.measurement.states)))
+        sd = np.tile(self.sd, (len(t), 1))
+        return SimulatedPlan(Aiding(self.kind, t, y, sd, self.parameters, gate, self.name), gain)
+
+
+class SimulatedPlan(NamedTuple):
+    """What such a sensor would measure without noise; each run adds its own."""
+
+    aiding: Aiding  # its y without noise
+    gain: Array  # (n, components, components) what of y a unit of the innovation is
+
+    def fixes(self, rng: np.random.Generator) -> Aiding:
+        """The aiding of one run, with noise from `rng`."""
+        noise = rng.standard_normal(self.aiding.sd.shape) * self.aiding.sd
+        return self._with(self.aiding.y + np.einsum("nij,nj->ni", self.gain, noise))
+
+    def exact(self) -> Aiding:
+        """The aiding without noise, which states that of the one with it."""
+        return self._with(self.aiding.y.copy())
+
+    def notes(self, aiding: Aiding) -> list[str]:
+        """Sentences for the notes of a recording: no fix at all."""
+        return (
+            []
+            if len(aiding.t)
+            else [f"{aiding.name}: not one fix falls into the recording; its rate is too low"]
+        )
+
+    def _with(self, y: Array) -> Aiding:
+        return replace(self.aiding, y=y)
+
+
+def _beliefs(truth: Trajectory, ideal: Imu, t: Array, states: int) -> list[Belief]:
+    """What a filter without any error would believe at times t (n,) s; rate and specific force are
+    those between the middles of two samples."""
+    from scipy.interpolate import make_interp_spline
+
+    at = interpolated(truth, t)
+    assert at.v_n is not None
+    samples = np.c_[ideal.dtheta, ideal.dv] / ideal.dt[:, None]
+    felt = make_interp_spline(ideal.t - ideal.dt / 2, samples, k=1)(t)  # on beyond the last middle
+    attitude = np.ascontiguousarray(rotation_at(truth, t).as_matrix())
+    none, P, own = np.zeros(3), np.zeros((STATES + states,) * 2), np.zeros(states)
+    return [
+        Belief(lla, v, C, none, none, P, now[:3], now[3:], np.zeros(1), own)
+        for lla, v, C, now in zip(at.lla, at.v_n, attitude, felt)
+    ]
+
+
+def _solved(sensor: Simulated, beliefs: Sequence[Belief]) -> tuple[Array, Array]:
+    """((n, k) y without innovation, (n, k, k) its derivative by the innovation) by Newton's
+    method. Raises DataError."""
+    kind = sensor.measurement
+    if COMPILED:
+        compile_kernel(kind.observe)
+    observe, size = entry_point(kind.observe), len(kind.quantities)
+    parameters, innovation = np.zeros(PARAMETERS), np.zeros(3)
+    parameters[: len(sensor.parameters)] = sensor.parameters
+    parameters[FIRST] = STATES if kind.states else parameters[FIRST]
+    H = np.zeros((3, STATES + len(kind.states)))
+
+    def innovations(y: Array) -> Array:
+        rows = np.empty((len(beliefs), size))
+        for row, belief, measured in zip(rows, beliefs, y):
+            observe(belief, measured, parameters, innovation, H)
+            row[:] = innovation[:size]
+        return rows
+
+    steps = np.diag([STEP.get(quantity, 1.0) for quantity in kind.quantities])
+    # no sensor reads a pressure of 0
+    y = np.tile(steps.sum(axis=0), (len(beliefs), 1))
+    for _ in range(MOST_ATTEMPTS):
+        error = innovations(y)
+        if not np.isfinite(error).all():
+            break
+        derivative = np.stack(
+            [(innovations(y + step) - error) / step.sum() for step in steps], axis=2
+        )
+        try:
+            gain = np.linalg.inv(derivative)
+        except np.linalg.LinAlgError:
+            break
+        y = y - np.einsum("nij,nj->ni", gain, error)
+        if np.all(np.abs(error) <= CLOSE * np.array(sensor.sd)):
+            return y, gain
+    raise DataError(
+        f"{sensor.name}: no reading of kind {sensor.kind} was found that belongs to the true motion; "
+        f"its observation must tell one reading from another in each of its {size} innovations"
+    )
