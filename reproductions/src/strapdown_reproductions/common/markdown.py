@@ -44,6 +44,11 @@ def plain(text: str) -> str:
     return text.replace("|", "/").replace("<", "&lt;")
 
 
+def number(value: float, digits: int = 2) -> str:
+    """Text of a number, a dash where it is not known."""
+    return "–" if np.isnan(value) else f"{value:.{digits}g}"
+
+
 def cell(value: object) -> str:
     """A value of a table as text that Markdown leaves as it is: two decimals, lines stay lines."""
     if isinstance(value, (float, np.floating)):
