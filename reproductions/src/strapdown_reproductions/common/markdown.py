@@ -56,6 +56,11 @@ def cell(value: object) -> str:
     return str(value).replace("|", "/").replace("*", r"\*").replace("\n", "<br>")
 
 
+def tables(headed: Iterable[tuple[str, pd.DataFrame]]) -> str:
+    """Markdown of [(line, DataFrame)], each under its line."""
+    return "\n".join(f"{line}\n\n{table(frame, cell)}\n" for line, frame in headed)
+
+
 def findings(
     size: str,
     claims: Sequence[Mapping[str, str]],
