@@ -19,7 +19,7 @@ from ..common.claims import Claim, findings, over
 from ..common.verdicts import RULE, Count, share_of_runs
 from .cases import CHAPTER, LAST, RIGHT, START_SD, TUNINGS
 from .intro import BIASES, FORMS
-from .runs import DROPOUT, quantiles, seconds
+from .runs import DROPOUT, KEYS, quantiles, seconds
 from .signals import SIGNALS
 
 Cells: TypeAlias = list[tuple[Any, pd.DataFrame]]
@@ -80,8 +80,7 @@ def pick(
     tunings: Sequence[str] = TUNINGS,
 ) -> Cells:
     """[((case, excitation, tuning), rows)] of the cells asked for that have runs."""
-    keys = ("case", "excitation", "tuning")
-    return chosen(runs, keys, case=cases, excitation=excitations, tuning=tunings)
+    return chosen(runs, KEYS, case=cases, excitation=excitations, tuning=tunings)
 
 
 def of_runs(

@@ -18,7 +18,7 @@ from ..common.study import seeds, write_study
 from . import choices, claims as fossen_claims, intro as fossen_intro, runs as fossen_runs
 from .cases import CASES, FAST, LAST, Case
 from .figures import all_figures
-from .runs import Results
+from .runs import KEYS, Results
 
 SEEDS, QUICK_SEEDS = 50, 5
 TITLE = "Filters for aided inertial navigation: the case studies of Fossen's chapter 14 again"
@@ -50,7 +50,6 @@ INTRODUCTION = (
     "that are not in the study; none was "
     "changed for its verdict.",
 )
-KEYS = ("case", "excitation", "tuning")
 INTRO_COLUMNS = {
     "position_m": "position error, m",
     "ins_m": "of the INS, m",
