@@ -71,7 +71,7 @@ CLOSE, NEAR = SLOTS.numbers("CLOSE", "NEAR")
 INNOVATION = SLOTS.array("INNOVATION", 3)  # of the observer
 # of the observer at the start of a step: accelerometer, gyro
 BIAS_A, BIAS_G = SLOTS.array("BIAS_A", 3), SLOTS.array("BIAS_G", 3)
-ORIGIN = SLOTS.matrix("ORIGIN", 3, 3)  # attitude that delta is counted from
+ORIGIN = SLOTS.array("ORIGIN", 9)  # attitude that delta is counted from, row by row
 RECENT = SLOTS.part("RECENT", MEMORY)
 INSIDE = SLOTS.part("INSIDE", EMBEDDED)  # the observer
 
@@ -87,7 +87,7 @@ def start(start: Start, noise: Noise, near: float = 0.0, **observer: Any) -> Bel
     belief = start.belief(allocate(SLOTS))
     slots = SLOTS.named(belief.workspace)
     slots["CLOSE"][...], slots["NEAR"][...] = near > 0, near
-    slots["RECENT"]["KIND"][...], slots["ORIGIN"][:] = FORGOTTEN, belief.C
+    slots["RECENT"]["KIND"][...], slots["ORIGIN"][:] = FORGOTTEN, belief.C.ravel()
     implant(belief.workspace[INSIDE], start, noise, **observer)
     return belief
 
@@ -165,7 +165,7 @@ def relate(belief: Belief, bar: Belief) -> None:
     logarithm would wrap an error of half a turn, which the linear filter has not wrapped.
     """
     workspace, lla, shift = belief.workspace, bar.lla, belief.workspace[SHIFT]
-    x, o, C = workspace[X], matrix(workspace, ORIGIN, 3, 3), belief.C
+    x, o, C = workspace[X], workspace[ORIGIN], belief.C
     _, cosine, M, N = place(lla[0], lla[2])
     x[0], x[1], x[2] = (
         (belief.lla[0] - lla[0]) * M,
@@ -178,7 +178,7 @@ def relate(belief: Belief, bar: Belief) -> None:
         )
     else:
         m0, m1, m2 = rotation_between(
-            bar.C, (o[0, 0], o[0, 1], o[0, 2], o[1, 0], o[1, 1], o[1, 2], o[2, 0], o[2, 1], o[2, 2])
+            bar.C, (o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7], o[8])
         )
         a0, a1, a2 = x[6], x[7], x[8]
         x[6] = a0 + m0 + 0.5 * (a1 * m2 - a2 * m1)
@@ -192,7 +192,7 @@ def relate(belief: Belief, bar: Belief) -> None:
         )
         shift[i] = x[i]
         for j in range(3):
-            o[i, j] = bar.C[i, j]
+            o[3 * i + j] = bar.C[i, j]
     workspace[CLOSE] = x[6] * x[6] + x[7] * x[7] + x[8] * x[8] < workspace[NEAR] * workspace[NEAR]
 
 
@@ -209,7 +209,7 @@ def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> Non
     """Carry P and the belief over dt, linearised at the observer, which is left where it is:
     f(observer) (+) Phi delta."""
     workspace, affine = belief.workspace, belief.workspace[CLOSE] == 0
-    ba, bg, o = workspace[BIAS_A], workspace[BIAS_G], matrix(workspace, ORIGIN, 3, 3)
+    ba, bg, o = workspace[BIAS_A], workspace[BIAS_G], workspace[ORIGIN]
     for i in range(3):
         ba[i], bg[i] = bar.ba[i], bar.bg[i]
     linearised_step(at(belief, bar, ba, bg), bar.C, 1.0, u, dt, noise, True)
@@ -221,7 +221,7 @@ def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> Non
     if affine:
         for i in range(3):
             for j in range(3):
-                o[i, j] = belief.C[i, j]
+                o[3 * i + j] = belief.C[i, j]
         compose(belief, workspace[X])
     if dt > 0:
         for i in range(3):
