@@ -313,7 +313,11 @@ BAD = [
         TOML,
         "interval is 'soon'; it must be a number",
     ),
-    ([*FUSE, "--filter", "periodic-reset", "--option", "interval=-1"], TOML, "must be 0 or more"),
+    (
+        [*FUSE, "--filter", "periodic-reset", "--option", "interval=-1"],
+        TOML,
+        "interval is -1.0 s; it must be a number, 0 or more",
+    ),
     ([*FUSE, "--option", "error_model=printed"], TOML, "one of corrected, literal, printed-signs"),
     ([*FUSE, "--hide", "3-4"], TOML, "a window is START:STOP"),
     ([*FUSE, "--hide", "4:3"], TOML, "ends before it starts"),

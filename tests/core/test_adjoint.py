@@ -13,7 +13,7 @@ from test_kalman import covariance
 
 from strapdown.core.adjoint import adjoint_step, save_step, width
 from strapdown.core.contract import CORRECT, OBSERVE, PREDICT, Noise, Start, compile_kernel, kernel
-from strapdown.core.error_state import PREDICTED, X, auxiliary, linearised_step, measure
+from strapdown.core.error_state import ERROR_STATE, PREDICTED, X, allocate, linearised_step, measure
 from strapdown.core.smoother import work_size
 
 pytestmark = pytest.mark.short
@@ -50,7 +50,7 @@ def belief(n, error_model="corrected"):
         (0.01, 0.02, -0.03),
         (*SD, *[2.0] * (n - 15)),
     )
-    made = start.belief(auxiliary(n, error_model))
+    made = start.belief(allocate(ERROR_STATE, error_model))
     made.P[...] = covariance(np.random.default_rng(n), np.array(start.sd))
     made.extra_states[:] = 1.0
     return made

@@ -18,13 +18,21 @@ from strapdown.filters.attitude.attitude_error_state import (
     unmeasured,
     unpropagated,
 )
-from strapdown.filters.attitude.attitude_mekf import FIX, PREDICTED, adjoint_step
+from strapdown.filters.attitude.attitude_mekf import (
+    CALL,
+    FIRST_RECORD,
+    FIX,
+    PREDICTED,
+    SECOND_RECORD,
+    STEP,
+    adjoint_step,
+)
 from strapdown.geodesy import displacement
 
 pytestmark = pytest.mark.short
 NOISE = Noise(0.0, 0.0, 0.3, 0.0, 0.5, 0.0)
 BLOCK = np.ix_(SIX, SIX)
-WIDTH = 13 + 2 * RECORD
+WIDTH = CALL.size
 
 
 def positive(rng, n):
@@ -77,7 +85,7 @@ def test_adjoint_of_the_prediction_is_the_transposed_transition(seed):
     # Phi is what the filter does, but for squares of 1e-4
     np.testing.assert_allclose(P[BLOCK], Phi @ before @ Phi.T + added, rtol=0, atol=1e-6)
     found, Found = lam.copy(), Lam.copy()
-    unpropagated(predicted(C, w0, w2, dt)[1:13], found, Found, np.zeros(72))
+    unpropagated(predicted(C, w0, w2, dt)[STEP], found, Found, np.zeros(72))
     np.testing.assert_allclose(found, Phi.T @ lam, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(Found, Phi.T @ Lam @ Phi, rtol=1e-12, atol=1e-12)
 
@@ -92,7 +100,7 @@ def test_adjoint_of_the_correction(seed):
         rng.standard_normal(3),
         0.3,
     )
-    P, dx, record = whole(before), np.zeros(6), np.zeros(RECORD)
+    P, dx, record = whole(before), np.zeros(6), np.zeros(RECORD.size)
     nis = measured(P, *h, 0.7, variance, np.inf, dx, record)
     H = np.r_[h, 0, 0, 0]
     S = H @ before @ H + variance
@@ -123,11 +131,14 @@ def test_calls_are_undone_last_step_first():
         np.zeros((6, 6)),
         [],
     )
-    for h, e, place in (((1.0, 0.0, 0.0), 0.5, 13), ((0.0, 1.0, 0.0), -0.8, 13 + RECORD)):
+    for h, e, place in (
+        ((1.0, 0.0, 0.0), 0.5, FIRST_RECORD),
+        ((0.0, 1.0, 0.0), -0.8, SECOND_RECORD),
+    ):
         H, held = np.r_[h, 0, 0, 0], P[BLOCK].copy()
         S = H @ held @ H + 0.3
         steps.append((H, e - H @ dx, S, np.eye(6) - np.outer(held @ H / S, H)))
-        measured(P, *h, e, 0.3, np.inf, dx, call[place : place + RECORD])
+        measured(P, *h, e, 0.3, np.inf, dx, call[place])
     for H, e, S, M in steps[::-1]:
         lam, Lam = M.T @ lam - H * e / S, M.T @ Lam @ M + np.outer(H, H) / S
     Phi, found, Found = transition(C, 0.02, -0.03, 0.2), np.zeros(6), np.zeros((6, 6))
@@ -140,7 +151,7 @@ def test_what_was_not_used_says_nothing():
     rng = np.random.default_rng(3)
     P, record, lam, Lam = (
         whole(positive(rng, 6)),
-        np.full(RECORD, np.nan),
+        np.full(RECORD.size, np.nan),
         rng.standard_normal(6),
         positive(rng, 6),
     )
@@ -176,7 +187,7 @@ class Linear:
                 h, y, call = rng.standard_normal(3), rng.standard_normal(), np.zeros(WIDTH)
                 gate = 0.0 if number % 7 == 0 else np.inf
                 call[0] = FIX
-                measured(P, *h, y - h @ x[:3], 0.4, gate, dx, call[13 : 13 + RECORD])
+                measured(P, *h, y - h @ x[:3], 0.4, gate, dx, call[FIRST_RECORD])
                 x, dx[:] = x + dx, 0.0
                 self.record.append(call)
                 self.steps.append((h, y) if gate else None)

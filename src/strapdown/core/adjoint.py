@@ -9,15 +9,27 @@ trip counts. States beyond the fifteenth stand still.
 from collections.abc import Callable
 
 from ..typing import Array
+from . import error_state
 from .contract import ADJOINT_STEP, SAVE_STEP, Belief, Smoother
-from .error_dynamics import BLOCKS, PP, TP, TV, VP, VV
-from .error_state import DV, PREDICTED, STEP, WORK
+from .error_dynamics import PP, TP, TV, VP, VV
+from .error_state import CALL, DV, JACOBIAN, PREDICTED, WORK
 from .jit import flatten, helper, inlined, kernel, matrix
 from .kalman import decay, used_rows, whiten
 
-# numbers of a record of a prediction: STEP, BLOCK, MID and DV of workspace
-PREDICTION = DV.stop - STEP.start
-DT, W, DECAY_A, DECAY_G, F, C, HALF_FORCE = 1, 2, 5, 6, 7, 7 + BLOCKS, 7 + BLOCKS + 9
+PREDICTION = DV.stop - CALL
+"""Numbers of a record of a prediction: those of workspace from CALL to DV."""
+DT, W, DECAY_A, DECAY_G, F, C, HALF_FORCE = (
+    slot - CALL
+    for slot in (
+        error_state.DT,
+        error_state.TRANSPORT.start,
+        error_state.DECAY_A,
+        error_state.DECAY_G,
+        error_state.BLOCK.start,
+        error_state.MID,
+        DV.start,
+    )
+)
 """Places in it: the first number is PREDICTED."""
 # of a correction: rows used, whitened innovations (3), U and H, each (3, n), rows not used zero
 INNOVATION, U = (
@@ -42,19 +54,19 @@ def save_step(belief: Belief, record: Array) -> None:
 def kept(belief: Belief, record: Array) -> None:
     """The step of `save_step`, for a filter that keeps something beside."""
     workspace, n = belief.workspace, belief.P.shape[0]
-    record[0] = workspace[STEP.start]
+    record[0] = workspace[CALL]
     if record[0] == PREDICTED:
         for i in range(PREDICTION):
-            record[i] = workspace[STEP.start + i]
+            record[i] = workspace[CALL + i]
     elif record[0] > 0:
-        used, first, H = WORK + used_rows(n), WORK + n * n + 1, workspace.size - 3 * n
+        used, first = WORK.start + used_rows(n), WORK.start + n * n + 1
         rows = int(record[0])
-        whiten(matrix(workspace, H, 3, n), workspace[WORK:])
+        whiten(matrix(workspace, JACOBIAN, 3, n), workspace[WORK])
         for k in range(3):
             record[INNOVATION + k] = workspace[used + 1 + k]
             for j in range(n):
                 record[U + k * n + j] = workspace[first + k * (n + 1) + j]
-                record[U + (3 + k) * n + j] = workspace[H + k * n + j] if k < rows else 0.0
+                record[U + (3 + k) * n + j] = workspace[JACOBIAN + k * n + j] if k < rows else 0.0
 
 
 @kernel(ADJOINT_STEP)

@@ -26,6 +26,7 @@ from .jit import (
     plain,
 )
 from .rotation import euler_to_matrix
+from .workspace import MOST_STATES, Slots
 
 __all__ = [
     "Belief",
@@ -37,6 +38,7 @@ __all__ = [
     "Output",
     "Filter",
     "Smoother",
+    "Slots",
     "Measurement",
     "Source",
     "Observe",
@@ -77,6 +79,7 @@ __all__ = [
     "BA",
     "BG",
     "STATES",
+    "MOST_STATES",
     "COMPILED",
     "kernel",
     "helper",
@@ -106,7 +109,7 @@ class Belief(NamedTuple):
     P: Array  # error covariance (n, n)
     omega: Array  # last bias-free angular rate omega_ib_b, rad/s
     f: Array  # last bias-free specific force f_ib_b, m/s^2
-    # what one architecture alone needs; its first numbers are the filter's extra output columns
+    # what one architecture alone needs: its `slots`, of which the output columns are the first
     workspace: Array
     extra_states: Array  # the states that aidings bring along, error states 15 ...
 
@@ -392,7 +395,7 @@ class Filter(NamedTuple):
     # the states it estimates at all; the others are published as NaN. Without position it starts
     # without one
     estimates: tuple[int, ...] = tuple(range(STATES))
-    columns: tuple[str, ...] = ()  # names, with units, of its extra output columns
+    slots: Slots = Slots()  # what its workspace holds, output columns first
     # kinds of aiding that it can use; None: all. Sources of other kinds are left out and named in
     # the notes
     uses: tuple[str, ...] | None = None
@@ -402,6 +405,22 @@ class Filter(NamedTuple):
     unaided_note: str = ""  # what to say where a recording has no source that it can use
     smoother: Smoother | None = None
     diagnose: Diagnose | None = None  # what of the kept rows a user must know
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names, with units, of its extra output columns."""
+        return self.slots.columns
+
+    def begin(self, start: Start, noise: Noise, **options: Any) -> Belief:
+        """The belief of `start`. Raises RuntimeError where its workspace is smaller than `slots`
+        says, so that kernels would write beyond it."""
+        belief = self.start(start, noise, **options)
+        if belief.workspace.size < self.slots.size:
+            raise RuntimeError(
+                f"filter {self.name!r}: its start made a workspace of {belief.workspace.size} "
+                f"numbers; its slots take {self.slots.size}"
+            )
+        return belief
 
 
 class Measurement(NamedTuple):

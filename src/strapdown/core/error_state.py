@@ -3,37 +3,50 @@ measurement, the injection of an error into the belief."""
 
 import math
 
-import numpy as np
-
+from ..checks import check_choice
 from ..typing import Array
-from .contract import ATT, BA, BG, POS, STATES, VEL, Belief, Noise, Observe
+from .contract import (
+    ATT,
+    BA,
+    BG,
+    MOST_STATES,
+    POS,
+    STATES,
+    VEL,
+    Belief,
+    Noise,
+    Observe,
+    Slots,
+)
 from .earth import displace
 from .error_dynamics import BLOCKS, LATITUDE_GRAVITY, MODELS, kinematic_blocks
-from .jit import helper, inlined, matrix, plain
+from .jit import helper, inlined, matrix
 from .kalman import WORKSPACE, decay, propagate, propagate_error, update, used_rows
 from .rotation import orthonormalise, rotate_left
 
 PREDICTED = -1.0  # the last call was a prediction
-X = slice(0, STATES)  # error state kept apart from the belief; zero where it is injected at once
-MODEL = X.stop  # which error model; see error_dynamics
-OWN = MODEL + 1  # 52 numbers for the architecture itself
-HEIGHT = OWN + 52  # gravity at this times the height: 1 or 0
-# of the last call: rows used, or PREDICTED; dt, rotation of n over it (rad), decays of the biases
-# (1/s)
-STEP = slice(OWN + 53, OWN + 60)
-BLOCK = slice(STEP.stop, STEP.stop + BLOCKS)  # blocks of F
-MID = BLOCK.stop  # C_nb at mid-interval, 3 x 3
-DV = slice(MID + 9, MID + 12)  # specific-force velocity increment in n, bias-free, m/s
-DX = slice(DV.stop, DV.stop + 2 * STATES)  # the correction that `measure` found, n numbers
-WORK = DX.stop  # workspace of core.kalman, to the end; its last 3 n numbers are H (3, n)
+ERROR_STATE = Slots(room=16)
+# error state kept apart from the belief; zero where it is injected at once
+X = ERROR_STATE.array("X", STATES)
+MODEL = ERROR_STATE.number("MODEL")  # which error model; see error_dynamics
+HEIGHT = ERROR_STATE.number("HEIGHT")  # gravity at this times the height: 1 or 0
+CALL = ERROR_STATE.number("CALL")  # of the last call: rows used, or PREDICTED; a smoother keeps
+DT = ERROR_STATE.number("DT")  # s; all from CALL to DV
+TRANSPORT = ERROR_STATE.array("TRANSPORT", 3)  # rotation of n over it, rad
+DECAY_A, DECAY_G = ERROR_STATE.numbers("DECAY_A", "DECAY_G")  # of the biases, 1/s
+BLOCK = ERROR_STATE.array("BLOCK", BLOCKS)  # blocks of F
+MID = ERROR_STATE.matrix("MID", 3, 3)  # C_nb at mid-interval
+DV = ERROR_STATE.array("DV", 3)  # specific-force velocity increment in n, bias-free, m/s
+DX = ERROR_STATE.array("DX", MOST_STATES)  # the correction that `measure` found, n numbers
+WORK = ERROR_STATE.array("WORK", WORKSPACE)  # of core.kalman
+JACOBIAN = ERROR_STATE.matrix("JACOBIAN", 3, MOST_STATES)  # H (3, n) of a fix
 
 
-def auxiliary(n: int, error_model: str = "corrected") -> Array:
-    """The workspace array of an error-state filter with n states; refuses an unknown error
-    model."""
-    if error_model not in MODELS:
-        raise ValueError(f"error_model is {error_model!r}; it must be one of {', '.join(MODELS)}")
-    workspace = np.zeros(WORK + max(WORKSPACE, plain(used_rows)(n) + 13) + 3 * n)
+def allocate(slots: Slots, error_model: str = "corrected", rest: int = 0) -> Array:
+    """A workspace with the slots of an error-state filter, which continue ERROR_STATE, and so
+    many numbers in their part at the end; refuses an unknown error model."""
+    check_choice(error_model, "error_model", MODELS)
+    workspace = slots.zeros(rest)
     workspace[MODEL] = MODELS[error_model]
     workspace[HEIGHT] = MODELS[error_model] != LATITUDE_GRAVITY
     return workspace
@@ -65,21 +78,15 @@ def linearised_step(
         mid[i, 1] = C[i, 1] + C[i, 2] * r0 - C[i, 0] * r2
         mid[i, 2] = C[i, 2] + C[i, 0] * r1 - C[i, 1] * r0
         dv_n[i] = coupling * (mid[i, 0] * a0 + mid[i, 1] * a1 + mid[i, 2] * a2)
-    blocks, step = workspace[BLOCK], workspace[STEP]
+    blocks, transport = workspace[BLOCK], workspace[TRANSPORT]
     w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, int(workspace[MODEL]), blocks)
     w0, w1, w2 = w0 * dt, w1 * dt, w2 * dt
-    step[0], step[1], step[2], step[3], step[4], step[5], step[6] = (
-        PREDICTED,
-        dt,
-        w0,
-        w1,
-        w2,
-        noise.accel_decay,
-        noise.gyro_decay,
-    )
-    propagate(belief.P, blocks, mid, dv_n, w0, w1, w2, dt, noise, workspace[WORK:])
+    workspace[CALL], workspace[DT] = PREDICTED, dt
+    transport[0], transport[1], transport[2] = w0, w1, w2
+    workspace[DECAY_A], workspace[DECAY_G] = noise.accel_decay, noise.gyro_decay
+    propagate(belief.P, blocks, mid, dv_n, w0, w1, w2, dt, noise, workspace[WORK])
     if beside:
-        propagate_error(workspace[X], blocks, mid, dv_n, w0, w1, w2, dt, noise, workspace[WORK:])
+        propagate_error(workspace[X], blocks, mid, dv_n, w0, w1, w2, dt, noise, workspace[WORK])
     if dt > 0:
         belief.omega[0], belief.omega[1], belief.omega[2] = 2 * r0 / dt, 2 * r1 / dt, 2 * r2 / dt
         belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
@@ -127,14 +134,14 @@ def measure(
     Unless NIS <= gate, P is left as it was and the correction must not be used.
     """
     n = belief.P.shape[0]
-    H = matrix(belief.workspace, belief.workspace.size - 3 * n, 3, n)
+    H = matrix(belief.workspace, JACOBIAN, 3, n)
     rows = observed(belief, y, observe, parameters, innovation, H)
-    belief.workspace[STEP.start] = 0.0
+    belief.workspace[CALL] = 0.0
     nis = update(
-        belief.P, H, innovation, sd, rows, gate, belief.workspace[WORK:], belief.workspace[DX]
+        belief.P, H, innovation, sd, rows, gate, belief.workspace[WORK], belief.workspace[DX]
     )
     if nis <= gate:
-        belief.workspace[STEP.start] = belief.workspace[WORK + used_rows(n)]
+        belief.workspace[CALL] = belief.workspace[WORK.start + used_rows(n)]
     return nis
 
 

@@ -13,10 +13,10 @@ from collections.abc import Callable
 from ..typing import Array
 from .contract import Noise
 from .error_dynamics import PP, TP, TV, VP, VV
-from .jit import flatten, helper, inlined
+from .jit import flatten, helper, inlined, plain
+from .workspace import MOST_STATES
 
 COPY, PRODUCT, TRANSPOSED = 0, 225, 480
-WORKSPACE = 600  # and used_rows(n) + 13 numbers for the correction, which uses it in its own way
 """Parts of the flat workspace: P (rows of 15), Phi P (rows of 16), the first 8 rows of Phi P
 transposed (rows of 8). One array with constant offsets, strides and trip counts, because then
 the compiler sees that nothing overlaps and makes vector code."""
@@ -278,6 +278,10 @@ def used_rows(n: int) -> int:
     """Where `update` leaves, in its workspace, how many rows it used and their innovations by
     L^-1; U = L^-1 H P, rows of n + 1, lies from n n + 1 on."""
     return n * n + 3 * n + 4
+
+
+WORKSPACE = max(600, plain(used_rows)(MOST_STATES) + 13)
+"""Numbers of the flat workspace of `propagate`, and of `update`, which uses it in its own way."""
 
 
 @helper

@@ -438,7 +438,7 @@ def new_belief(
     check_options(filter, options)
     start = start._replace(sd=(*start.sd, *(sd for _, sd in brought(aidings))))
     try:
-        return filter.start(start, noise, **options)
+        return filter.begin(start, noise, **options)
     except (TypeError, ValueError) as error:
         raise DataError(f"filter {filter.name!r}: {error}") from None
 

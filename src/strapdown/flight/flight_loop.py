@@ -37,6 +37,7 @@ from ..core.earth import radii
 from ..core.jit import COMPILED, caller, helper, inlined, kernel, matrix
 from ..core.rotation import matrix_to_quaternion, turned, wrap
 from ..typing import Array, Ints
+from . import inputs
 from .aircraft.dynamics import (
     AIRSPEED as AIR_SPEED,
     ALPHA,
@@ -399,14 +400,14 @@ def _read(numbers: Array, sensor: int, axis: int, increment: float, dt: float) -
 def _tell(
     workspace: Array, first: int, cut: int, work: Array, state: Array, wind: Array, dt: float
 ) -> None:
-    """The filter's inputs: whether the model is to predict, positions of the controls in the
-    middle of the sample, the wind, the sample's seconds."""
-    workspace[first] = float(cut)
+    """The filter's inputs, see inputs.py."""
+    own = workspace[first : first + inputs.TOLD_SIZE]
+    controls, told = own[inputs.CONTROLS], own[inputs.WIND]
+    own[inputs.BY_MODEL], own[inputs.SECONDS] = float(cut), dt
     for i in range(4):
-        workspace[first + 1 + i] = 0.5 * (work[CONTROLS_BEFORE + i] + state[CONTROLS + i])
+        controls[i] = 0.5 * (work[CONTROLS_BEFORE + i] + state[CONTROLS + i])
     for i in range(3):
-        workspace[first + 5 + i] = wind[i]
-    workspace[first + 8] = dt
+        told[i] = wind[i]
 
 
 @helper

@@ -41,6 +41,7 @@ from .aircraft.wind import NORMALS, SD_U, begin, gust, turbulence as gusts
 from .autopilot import KIND, LINE_KIND, MEMORY_SIZE, RISE, SPEED
 from .autopilot_gains import Gains, gains, pilot_array
 from .checks import Request, check, check_sensors, checked_filter, checked_windows, handed, times
+from .inputs import TOLD_SIZE
 from .plan import FlightPlan, flight_plan, route
 from .sensor_errors import (
     FixErrors,
@@ -442,9 +443,9 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress | None) -> 
         int(journal.at[kernels.INPUTS]),
         run.belief.workspace.size,
     )
-    if first >= 0 and first + 9 > room:
+    if first >= 0 and first + TOLD_SIZE > room:
         raise DataError(
-            f"inputs {first} to {first + 8} do not fit into the {room} numbers of workspace of "
+            f"inputs {first} to {first + TOLD_SIZE - 1} do not fit into the {room} numbers of workspace of "
             f"{run.filter.name}"
         )
     errors = kernels.Errors(

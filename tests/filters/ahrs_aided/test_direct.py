@@ -60,7 +60,7 @@ def predicted(x, dt, P=np.eye(15)):
     return np.r_[
         displacement(belief.lla, at),
         belief.v,
-        belief.workspace[ANGLES : ANGLES + 3],
+        belief.workspace[ANGLES],
         belief.ba,
         belief.bg,
     ], belief.P
@@ -154,7 +154,7 @@ def test_the_angles_stay_within_a_turn(name):
     heading = []
     for t, dt, dtheta, dv in zip(*recording.imu):
         stream.step(sd.Sample(float(t), float(dt), tuple(dtheta), tuple(dv)))
-        heading.append(stream.belief.workspace[ANGLES + 2])
+        heading.append(stream.belief.workspace[ANGLES][2])
     assert max(np.abs(heading)) <= np.pi and max(heading) > 3.1 and min(heading) < -3.1
 
 
@@ -240,7 +240,7 @@ def test_a_fast_tumble_stays_finite(name):
         assert (
             np.abs(belief.C.T @ belief.C - np.eye(3)).max() < 1e-9
             and np.isfinite(belief.P).all()
-            and abs(belief.workspace[ANGLES + 1]) < np.pi / 2 + 1e-9
+            and abs(belief.workspace[ANGLES][1]) < np.pi / 2 + 1e-9
         )
 
 
@@ -273,13 +273,11 @@ def test_what_angles_err_by_at_the_known_attitude(rph, correlation):
     belief = direct_ahrs.start(begin, NOISE, correlation=correlation)
     belief.P[...] = 0.0
     belief.P[6:8, 6:8] = estimate
-    belief.workspace[known_attitude.ERRORS : known_attitude.ERRORS + 4] = (
-        record[0, 0],
-        record[0, 1],
-        record[1, 1],
-        0.0,
-    )
-    belief.workspace[known_attitude.SINCE] = since = 0.3
+    belief.workspace[known_attitude.ERROR_NN] = record[0, 0]
+    belief.workspace[known_attitude.ERROR_NE] = record[0, 1]
+    belief.workspace[known_attitude.ERROR_EE] = record[1, 1]
+    belief.workspace[known_attitude.ERROR_DD] = 0.0
+    belief.workspace[known_attitude.SINCE_TILT] = since = 0.3
     _, pitch, heading = T(rph) @ rate
     plain(direct_ahrs._doubt_rates)(
         belief, pitch, heading, belief.C.ravel().copy(), np.cos(rph[1]), dt

@@ -7,10 +7,9 @@ from scipy.spatial.transform import Rotation
 
 from strapdown import aiding, filters
 from strapdown.core.contract import ATTITUDE_KIND, PARAMETERS, Noise, Start, compile_kernel
-from strapdown.core.error_state import HEIGHT
 from strapdown.core.mechanization import stationary_increments
-from strapdown.filters.ahrs_aided.known_attitude import DECAYING, ERRORS, KNOWN, SINCE
-from strapdown.filters.ins import open_loop, periodic_reset
+from strapdown.filters.ahrs_aided.known_attitude import KNOWN, KNOWN_ATTITUDE, SINCE_TILT
+from strapdown.filters.ins import open_loop
 
 pytestmark = pytest.mark.short
 FED = ("direct-ahrs", "indirect-ahrs-closed", "indirect-ahrs-open")
@@ -188,31 +187,11 @@ def test_a_compass_makes_such_a_heading_partly_new(name):
     assert belief.P[4, 4] == pytest.approx(4 * 100 * 0.01 * 2.5, rel=0.01)
 
 
-def test_the_places_in_aux_do_not_overlap():
-    """Of the open loop, of the direct filters and of what is known; and the open loop keeps its
-    kinematics."""
+def test_the_open_loop_keeps_its_kinematics_beside_what_is_known():
     _, belief, _ = standing("indirect-ahrs-open")
-    own = [
-        set(range(part.start, part.stop))
-        for part in (
-            open_loop.LLA,
-            open_loop.V,
-            slice(open_loop.C, open_loop.C + 9),
-            open_loop.BIAS,
-        )
-    ]
-    places = [
-        *own,
-        {open_loop.MODE},
-        {periodic_reset.INTERVAL},
-        {periodic_reset.ELAPSED},
-        set(range(KNOWN, DECAYING + 1)),
-    ]
-    assert len(set.union(*places)) == sum(map(len, places)) and max(set.union(*places)) < HEIGHT
-    assert (
-        belief.workspace[open_loop.MODE] == open_loop.SECOND_ORDER
-        and belief.workspace[ERRORS + 2] == belief.P[7, 7]
-    )
+    own = KNOWN_ATTITUDE.named(belief.workspace)
+    assert own["MODE"] == open_loop.SECOND_ORDER and own["ERROR_EE"] == belief.P[7, 7]
+    assert np.array_equal(own["KNOWN"], belief.C) and np.array_equal(own["C"], belief.C)
 
 
 @pytest.mark.parametrize("name", FED)
@@ -230,7 +209,7 @@ def test_velocity_follows_the_known_attitude_and_no_other(name):
     assert (
         belief.v[1] == pytest.approx(9.81 * np.sin(np.radians(1)), rel=2e-3)
         and abs(belief.v[0]) < 1e-4
-        and belief.workspace[SINCE] == pytest.approx(1.0)
+        and belief.workspace[SINCE_TILT] == pytest.approx(1.0)
     )
 
 
@@ -250,7 +229,9 @@ def test_a_rejected_record_changes_nothing_and_one_without_heading_takes_the_est
         [0.7, 0.02, 0.01],
         atol=3e-4,
     )
-    assert np.isfinite(belief.P).all() and np.isfinite(belief.workspace[KNOWN : SINCE + 1]).all()
+    assert (
+        np.isfinite(belief.P).all() and np.isfinite(belief.workspace[KNOWN : SINCE_TILT + 1]).all()
+    )
 
 
 @pytest.mark.parametrize("name", FED)

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from strapdown.core.contract import Noise, Start
-from strapdown.core.error_state import auxiliary
+from strapdown.core.error_state import ERROR_STATE, allocate
 from strapdown.filters.attitude.attitude_error_state import (
     INVERSE,
     RECORD,
@@ -61,7 +61,7 @@ def belief(rng):
         (0.01, -0.02, 0.03),
         (1.0,) * 15,
     )
-    return start.belief(auxiliary(15))
+    return start.belief(allocate(ERROR_STATE))
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
@@ -159,7 +159,7 @@ def test_the_covariance_step_is_the_matrix_exponential_to_second_order():
 
 def take(P, h, e, variance, gate=math.inf, dx=None):
     """(NIS, dx, record) of `measured`, in place of P."""
-    dx, record = np.zeros(6) if dx is None else dx, np.full(RECORD, np.nan)
+    dx, record = np.zeros(6) if dx is None else dx, np.full(RECORD.size, np.nan)
     return measured(P, *h, e, variance, gate, dx, record), dx, record
 
 

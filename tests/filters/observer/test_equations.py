@@ -14,7 +14,7 @@ from strapdown import filters
 from strapdown.core.contract import Noise, Start, compile_kernel
 from strapdown.filters.observer import equations
 from strapdown.filters.observer.gains import begin, implant
-from strapdown.filters.observer.translation_gains import SPREAD, TRANSLATION
+from strapdown.filters.observer.translation_gains import SPREAD
 from strapdown.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
 
@@ -199,20 +199,20 @@ def belief(at=None, **options):
     at = at or Start(
         0.0, (0.8, 0.1, 300.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15
     )
-    made = at.belief(np.zeros(equations.BLOCK))
+    made = at.belief(equations.OBSERVER.zeros())
     begin(made.workspace, at, NOISE, **{"start_time": 1e-3, "outage_after": 10.0, **options})
     return made
 
 
 def force_of_observer(b):
-    return b.C @ b.f + b.workspace[equations.XI : equations.XI + 3]
+    return b.C @ b.f + b.workspace[equations.XI]
 
 
 def test_a_turn_by_sigma_leaves_the_force_where_it_was_with_the_bias_taken_off_and_not_without():
     """Row g: xi' = - R S(sigma) (f - b). Both terms of f_n must hold the same f; with f_IMU in
     one of them f_n moves by sigma x R b."""
     b, s = belief(), np.array([0.2, -0.3, 0.5])
-    b.f[:], b.workspace[equations.XI : equations.XI + 3] = (1.0, -2.0, -9.0), (0.3, 0.1, -0.2)
+    b.f[:], b.workspace[equations.XI] = (1.0, -2.0, -9.0), (0.3, 0.1, -0.2)
     before, C = force_of_observer(b), b.C.copy()
     equations.turn(b, *s)
     assert np.abs(force_of_observer(b) - before).max() < 1e-14 and np.abs(b.C - C).max() > 0.1
@@ -282,7 +282,7 @@ def test_adaptation_finds_a_bias_that_is_excited_and_survives_an_impact(predict)
         C = Rotation.random(random_state=rng).as_matrix()
         f = C.T @ [0, 0, -9.8]
         b.C[:], b.v[:], b.lla[:], b.workspace[equations.SINCE_FIX] = C, 0.0, (0.8, 0.1, 300.0), 0.0
-        b.workspace[equations.XI : equations.XI + 3] = C @ (f - (f + true - b.ba))
+        b.workspace[equations.XI] = C @ (f - (f + true - b.ba))
         predict(b, np.r_[0.0, 0, 0, (f + true) * dt], dt, NOISE)
     assert (
         np.abs(b.ba - true).max() < 2e-3 and abs(b.workspace[equations.SQUARE] - true @ true) < 2e-2
@@ -299,7 +299,7 @@ def test_the_monitor_is_the_smallest_eigenvalue(predict):
     for _ in range(5):
         A = rng.normal(size=(4, 4))
         A = A @ A.T
-        b.workspace[equations.MOMENT : equations.MOMENT + 10] = A[np.triu_indices(4)]
+        b.workspace[equations.MOMENT] = A[np.triu_indices(4)]
         assert abs(equations.smallest(b.workspace) - np.linalg.eigvalsh(A)[0]) < 1e-8 * np.trace(A)
     still = belief()
     for _ in range(500):
@@ -319,11 +319,11 @@ def test_in_an_outage_biases_are_held_bit_for_bit_and_xi_stands_still_in_e(predi
         (1.0,) * 15,
     )
     b = belief(at, outage_after=1.0)
-    b.workspace[equations.XI : equations.XI + 3], b.workspace[equations.SINCE_FIX] = (
+    b.workspace[equations.XI], b.workspace[equations.SINCE_FIX] = (
         (0.3, -0.4, 0.2),
         5.0,
     )
-    in_e = ned_axes(b.lla).T @ b.workspace[equations.XI : equations.XI + 3]
+    in_e = ned_axes(b.lla).T @ b.workspace[equations.XI]
     for _ in range(600):
         b.workspace[equations.SINCE_HEADING] = 0.0  # a heading is there, and not injected
         predict(b, np.r_[0.0, 0, 0, 0.1, 0, -0.98], 0.1, NOISE)
@@ -332,7 +332,7 @@ def test_in_an_outage_biases_are_held_bit_for_bit_and_xi_stands_still_in_e(predi
         and np.array_equal(b.bg, at.bg)
         and b.workspace[equations.FADE] == equations.FADE_AT_START
     )
-    xi = b.workspace[equations.XI : equations.XI + 3]
+    xi = b.workspace[equations.XI]
     assert (
         np.abs(ned_axes(b.lla).T @ xi - in_e).max()
         < 1e-7
@@ -363,9 +363,9 @@ def test_printed_course_turns_a_right_attitude_and_the_tilt_compensated_does_not
 
 def test_a_block_inside_another_filter_is_the_same_observer():
     at = off(noiseless())
-    workspace = np.zeros(40 + equations.EMBEDDED)
-    implant(workspace, 40, at, NOISE)
-    own = at.belief(np.zeros(equations.BLOCK))
+    workspace = np.zeros(40 + equations.EMBEDDED.size)
+    implant(workspace[40:], at, NOISE)
+    own = at.belief(equations.OBSERVER.zeros())
     begin(own.workspace, at, NOISE)
     state = np.r_[own.lla, own.v, own.C.ravel(), own.ba, own.bg, own.omega, own.f, own.workspace]
     assert np.array_equal(workspace[40:], state, equal_nan=True) and not workspace[:40].any()
@@ -374,7 +374,7 @@ def test_a_block_inside_another_filter_is_the_same_observer():
 def with_xi(**options):
     """A belief at rest with fixes just now, an xi across the specific force and biases."""
     b = belief(**options)
-    b.workspace[equations.XI : equations.XI + 3], b.ba[:], b.bg[:] = (
+    b.workspace[equations.XI], b.ba[:], b.bg[:] = (
         (0.6, -0.4, 0.2),
         (0.05, -0.03, 0.02),
         (1e-3, 2e-3, -1e-3),
@@ -390,8 +390,8 @@ def test_xi_accelerates_in_n_however_the_body_turns_within_a_sample(predict):
     """The velocity that xi brings is xi dt to second order in the 0.06 rad turned; kept still in
     the body it would be half a turn off, 3 %."""
     b, without, dt = with_xi(), with_xi(), 0.1
-    xi = b.workspace[equations.XI : equations.XI + 3].copy()
-    without.workspace[equations.XI : equations.XI + 3] = 0.0
+    xi = b.workspace[equations.XI].copy()
+    without.workspace[equations.XI] = 0.0
     for one in (b, without):
         one.workspace[equations.SINCE_FIX] = 1e3  # in an outage nothing else acts
         predict(one, SAMPLE, dt, NOISE)
@@ -405,13 +405,13 @@ def test_over_samples_made_up_in_a_gap_nothing_is_injected(predict, since):
     for name, noise in (("made up", NOISE._replace(accel=1.0)), ("measured", NOISE)):
         b = ends[name] = with_xi(course="frozen")
         b.workspace[equations.COURSE], b.workspace[equations.SINCE_FIX] = 1.0, since
-        begun = b.bg.copy(), b.ba.copy(), b.workspace[equations.XI : equations.XI + 3].copy()
+        begun = b.bg.copy(), b.ba.copy(), b.workspace[equations.XI].copy()
         predict(b, SAMPLE, 0.1, noise)
     gap = ends["made up"]
     assert (
         np.array_equal(gap.bg, begun[0])
         and np.array_equal(gap.ba, begun[1])
-        and np.array_equal(gap.workspace[equations.XI : equations.XI + 3], begun[2])
+        and np.array_equal(gap.workspace[equations.XI], begun[2])
     )
     # but for the Earth's turn
     assert (
@@ -430,7 +430,7 @@ def test_adaptation_comes_in_as_the_start_fades_out(predict, fade, share):
         fade,
         0.01,
         b.ba.copy(),
-        b.workspace[equations.XI : equations.XI + 3].copy(),
+        b.workspace[equations.XI].copy(),
     )
     m = SAMPLE[3:] / dt
     e = (m - ba + xi) @ (m - ba + xi) - m @ m - 0.01 + 2 * m @ ba
@@ -442,7 +442,7 @@ def test_adaptation_comes_in_as_the_start_fades_out(predict, fade, share):
 def test_gaps_add_the_velocity_they_spread_to_what_a_fix_may_correct(predict):
     """(a^2 - a0^2) seconds, of the noise a made-up sample has and the IMU's a0; the samples that
     are there add nothing."""
-    b, own = belief(), slice(equations.OWN, equations.OWN + TRANSLATION)
+    b, own = belief(), equations.MOTION
     for noise in (NOISE, NOISE._replace(accel=1.0), NOISE._replace(accel=1.0), NOISE):
         predict(b, np.r_[0.0, 0, 0, 0, 0, -0.98], 0.1, noise)
     assert b.workspace[own][SPREAD] == pytest.approx(0.2 * (1.0 - NOISE.accel**2), rel=1e-12)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from strapdown.filters.observer.repeated_fix import FORGOTTEN, MEMORY, repeated
+from strapdown.filters.observer.repeated_fix import FORGOTTEN, KIND, MEMORY, repeated
 
 pytestmark = pytest.mark.short
 POSITION, VELOCITY = 0.0, 1.0
@@ -12,8 +12,8 @@ FIX = dict(y=np.array([1.0, np.nan, 3.0]), sd=np.array([0.5, np.nan, 2.0]), kind
 
 def after(gate, nis):
     """A memory after a fix with that gate and NIS."""
-    memory = np.zeros(MEMORY)
-    memory[0] = FORGOTTEN
+    memory = MEMORY.zeros()
+    memory[KIND] = FORGOTTEN
     assert not repeated(memory, gate=gate, nis=nis, **FIX)
     return memory
 

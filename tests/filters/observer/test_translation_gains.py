@@ -6,10 +6,12 @@ import pytest
 
 from strapdown.filters.observer.gains import transition
 from strapdown.filters.observer.translation_gains import (
+    AGE,
     BY_POLES,
     DESIGN,
     LOST,
-    POLES,
+    PAIR,
+    POLE,
     RICCATI,
     SPREAD,
     TRANSLATION,
@@ -29,9 +31,9 @@ def correction(own, velocity, axis=0):
 
 
 def test_what_a_gap_spread_counts_once_for_each_axis():
-    own = np.zeros(TRANSLATION)
+    own = TRANSLATION.zeros()
     own[DESIGN], own[SPREAD] = RICCATI, 2.0
-    own[P + 3], own[P + 9] = 0.1, 0.1  # variance of velocity, north and east
+    own[P][3] = own[P][9] = 0.1  # variance of velocity, north and east
     assert np.allclose(correction(own, True), [0, 2.1 / 2.35, 0], atol=1e-12)
     left = 2.1 * 0.25 / 2.35
     assert np.allclose(correction(own, True), [0, left / (left + 0.25), 0], atol=1e-12)
@@ -44,11 +46,11 @@ def test_what_a_gap_spread_counts_once_for_each_axis():
 def test_positions_do_the_work_of_velocities_that_are_lost(since, alone):
     """Until LOST seconds without one a position corrects the position alone; then its gains have
     all three poles."""
-    own, T, poles = np.zeros(TRANSLATION), 0.8, np.array([-0.5, -0.4 + 0.3j, -0.4 - 0.3j])
-    own[DESIGN], own[LOST], own[POLES : POLES + 4] = BY_POLES, 3.0, (-0.5, -0.4, 0.3, 1.0)
-    own[0], own[VELOCITY_AGE] = T, since
+    own, T, poles = TRANSLATION.zeros(), 0.8, np.array([-0.5, -0.4 + 0.3j, -0.4 - 0.3j])
+    own[DESIGN], own[LOST], own[POLE], own[PAIR] = BY_POLES, 3.0, -0.5, (-0.4, 0.3, 1.0)
+    own[AGE][0], own[VELOCITY_AGE][0] = T, since
     K = correction(own, False)
-    assert own[0] == 0 and own[VELOCITY_AGE] == since
+    assert own[AGE][0] == 0 and own[VELOCITY_AGE][0] == since
     if not alone:
         assert np.allclose(K, [1 - np.exp(-0.5 * T), 0, 0], rtol=1e-12, atol=0)
     else:

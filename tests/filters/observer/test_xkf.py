@@ -30,21 +30,29 @@ ROUNDED = np.r_[[3e-8] * 3, np.zeros(12)]
 
 def observer(belief):
     """The state of the observer inside, as views."""
-    a = belief.workspace[xkf.OBSERVER :]
+    a = belief.workspace[xkf.INSIDE]
     return State(a[0:3], a[3:6], a[6:15].reshape(3, 3), a[15:18], a[18:21])
 
 
 @kernel(PREDICT)
 def carried(belief, u, dt, noise):
     """A prediction by the filter without that of the observer, which someone else moves."""
-    xkf.carry(belief, embedded(belief, xkf.OBSERVER), u, dt, noise)
+    xkf.carry(belief, embedded(belief, xkf.INSIDE.start), u, dt, noise)
 
 
 @kernel(CORRECT)
 def corrected(belief, y, sd, kind, observe, parameters, gate, innovation):
     """A fix by the filter without the observer taking it."""
     return xkf.correct_around(
-        belief, embedded(belief, xkf.OBSERVER), y, sd, kind, observe, parameters, gate, innovation
+        belief,
+        embedded(belief, xkf.INSIDE.start),
+        y,
+        sd,
+        kind,
+        observe,
+        parameters,
+        gate,
+        innovation,
     )
 
 
@@ -144,7 +152,7 @@ def together(path=None, **dense):
 def assert_equal(belief, oracle, nis, relative):
     """Estimate within `relative` of its standard deviations, covariance and NIS likewise."""
     scale = np.sqrt(np.diag(oracle.P))
-    off = np.abs(belief.workspace[xkf.ERROR_STATE :][:15] - oracle.x)
+    off = np.abs(belief.workspace[xkf.X] - oracle.x)
     assert (off <= relative * scale + ROUNDED).all(), off / scale
     assert np.abs((belief.P - oracle.P) / np.outer(scale, scale)).max() < relative
     assert nis[0] == pytest.approx(nis[1], rel=10 * relative, abs=1e-12)
@@ -198,9 +206,7 @@ def test_without_the_mismatch_it_would_be_another_filter():
     for belief, oracle, _ in together(mismatch=False):
         off = max(
             off,
-            np.abs(
-                (belief.workspace[xkf.ERROR_STATE :][:15] - oracle.x) / np.sqrt(np.diag(oracle.P))
-            ).max(),
+            np.abs((belief.workspace[xkf.X] - oracle.x) / np.sqrt(np.diag(oracle.P))).max(),
         )
     assert off > 3
 
@@ -241,10 +247,10 @@ def test_the_observer_inside_is_nlo():
         sd.fuse(r, "xkf", start=start(recording), noise=NOISE, covariance=True)
         for r in (recording, strict)
     ):
-        for name in nlo.COLUMNS:
+        for name in nlo.NLO.columns:
             # two kernels, compiled apart
             np.testing.assert_allclose(solution.columns[name], alone.columns[name], atol=1e-11)
-        shift = np.stack([solution.columns[name] for name in xkf.COLUMNS[:3]], axis=1)
+        shift = np.stack([solution.columns[name] for name in xkf.SLOTS.columns[xkf.SHIFT]], axis=1)
         assert (
             np.abs(displacement(solution.trajectory.lla, alone.trajectory.lla) - shift).max() < 1e-3
             and np.abs(shift).max() > 0.1
@@ -357,7 +363,7 @@ def test_states_that_sources_bring_along_are_estimated():
 def test_options_are_those_of_the_observer_and_one_more():
     names = lambda filter: list(inspect.signature(filter.start).parameters)
     assert names(XKF) == [*names(nlo.NLO)[:2], "near", *names(nlo.NLO)[2:]]
-    with pytest.raises(DataError, match="near is -1.0 rad; it must be 0 or more"):
+    with pytest.raises(DataError, match="near is -1.0 rad; it must be a number, 0 or more"):
         sd.fuse(flight(), "xkf", start=start(flight()), noise=NOISE, near=-1.0)
     with pytest.raises(DataError, match="k1 is -1"):
         sd.fuse(flight(), "xkf", start=start(flight()), noise=NOISE, k1=-1.0)

@@ -18,7 +18,7 @@ from strapdown.engine.prepare import Asked
 from strapdown.filters.observer.equations import embedded
 from strapdown.filters.two_stage import xkf_two_stage
 from strapdown.filters.two_stage.xkf_two_stage import (
-    OBSERVER,
+    INSIDE,
     XKF_TWO_STAGE,
     arrive,
     carry,
@@ -30,15 +30,15 @@ from strapdown.geodesy import displacement
 NOISE = Noise(
     gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100
 )
-GIVEN = 21  # numbers of workspace before H: the next state to linearise at
+GIVEN = 21  # numbers at the end of workspace: the next state to linearise at
 
 
 @kernel(PREDICT)
 def along(belief, u, dt, noise):
     """`predict` with a trajectory from outside in place of the observer."""
-    workspace, bar = belief.workspace, embedded(belief, OBSERVER)
+    workspace, bar = belief.workspace, embedded(belief, INSIDE.start)
     carry(belief, bar, u, dt, noise)
-    first = workspace.size - 3 * belief.P.shape[0] - GIVEN
+    first = workspace.size - GIVEN
     for i in range(3):
         bar.lla[i], bar.v[i], bar.ba[i], bar.bg[i] = (
             workspace[first + i],
@@ -55,7 +55,7 @@ def along(belief, u, dt, noise):
 @kernel(CORRECT)
 def correct_along(belief, y, sd, kind, observe, parameters, gate, innovation):
     """`correct` without an observer."""
-    bar = embedded(belief, OBSERVER)
+    bar = embedded(belief, INSIDE.start)
     nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
     compose(belief, bar)
     return nis
@@ -63,9 +63,7 @@ def correct_along(belief, y, sd, kind, observe, parameters, gate, innovation):
 
 def roomy(start, noise):
     belief = xkf_two_stage.start(start, noise)
-    return belief._replace(
-        workspace=np.r_[belief.workspace[:-45], np.zeros(GIVEN), belief.workspace[-45:]]
-    )
+    return belief._replace(workspace=np.r_[belief.workspace, np.zeros(GIVEN)])
 
 
 ALONG = XKF_TWO_STAGE._replace(
@@ -103,7 +101,7 @@ def test_about_a_given_trajectory_it_is_the_linear_kalman_filter(name):
     twin, belief = Twin(start(recording), NOISE), run.belief
     twin.bar = twin.at
     rows = np.searchsorted(given.t, recording.imu.t - 1e-6)
-    first, worst = belief.workspace.size - 45 - GIVEN, np.zeros(4)
+    first, worst = belief.workspace.size - GIVEN, np.zeros(4)
     for k, (t, dt, u) in enumerate(compensated(recording)):
         lla, v, C, bias = (
             given.lla[rows[k]],

@@ -18,7 +18,7 @@ from strapdown.core.contract import BA, BG, Noise, Start
 from strapdown.data import Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
-from strapdown.filters.ins.open_loop import INS_ERROR
+from strapdown.filters.ins.open_loop import OPEN_LOOP
 from strapdown.recording import Recording
 from strapdown.sim.synthesis import draw_start
 from strapdown.typing import Array
@@ -269,7 +269,7 @@ def run(recording: Recording, case: Case, tuning: str, excitation: str, seed: in
     rows = np.searchsorted(recording.imu.t, solution.t - 1e-6)
     bias = np.c_[recording.meta["b_a"][rows], recording.meta["b_g"][rows]]
     error = np.c_[e.position, e.velocity, e.attitude, bias - np.c_[solution.b_a, solution.b_g]]
-    beside = [solution.columns.get(name, np.full(len(e.t), np.nan)) for name in INS_ERROR]
+    beside = [solution.columns.get(name, np.full(len(e.t), np.nan)) for name in OPEN_LOOP.columns]
     ins = np.linalg.norm(e.position + np.stack(beside, axis=1), axis=1)
     return Run(
         solution.t, error, solution.trajectory.sd, bias, solution.meta.get("stopped", ""), ins

@@ -8,15 +8,16 @@ price is an error of its own while the body turns.
 import math
 
 from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, helper, kernel
-from ...core.error_state import DV, MID, auxiliary
+from ...core.error_state import DV, MID, allocate
+from ...core.jit import flatten, matrix
 from ...core.rotation import rotate_right
 from ...typing import Array
 from .known_attitude import (
     BEYOND,
-    BEYOND_COLUMN,
     CORRELATION,
-    SINCE,
+    SINCE_TILT,
     STEEP_PITCH,
+    WITH_ANGLES,
     add_angles,
     bias_model,
     correct_angles,
@@ -41,7 +42,7 @@ def start(
 ) -> Belief:
     """Belief at `start`. bias: "random-walk", or "decaying" with the time constants of the IMU.
     correlation: s for which errors of the AHRS are alike."""
-    return with_angles(know(start.belief(auxiliary(len(start.sd))), bias, correlation), start)
+    return with_angles(know(start.belief(allocate(WITH_ANGLES)), bias, correlation), start)
 
 
 @kernel(PREDICT)
@@ -51,7 +52,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     noise = bias_model(belief, noise)
     r0, r1, r2 = predict_fed(belief, u, dt, noise)
     r0, r1, r2 = rate_of_body(belief, r0, r1, r2)
-    mid = belief.workspace[MID : MID + 9]
+    mid = flatten(matrix(belief.workspace, MID, 3, 3))
     cosine = math.sqrt(mid[7] * mid[7] + mid[8] * mid[8])
     if cosine > LEAST_COSINE and gentle(belief, math.sqrt(r0 * r0 + r1 * r1 + r2 * r2)):
         roll, pitch, heading = euler_rates(
@@ -85,7 +86,7 @@ def _doubt_rates(
     a0, b0, c0 = along(ch, sh, P[6, 6], P[6, 7], P[7, 7])
     a, c = max(a - share * a0, 0.0), max(c - share * c0, 0.0)
     b = max(-math.sqrt(a * c), min(b - share * b0, math.sqrt(a * c)))
-    growth = (2 * max(workspace[SINCE] - dt, workspace[CORRELATION]) + dt) / dt
+    growth = (2 * max(workspace[SINCE_TILT] - dt, workspace[CORRELATION]) + dt) / dt
     forward, right, down = climb * a + heading * b, -heading * a, pitch * a  # covariances with x
     ff, fr, rr = (
         climb * forward + heading * (climb * b + heading * c),
@@ -144,6 +145,6 @@ DIRECT_AHRS = Filter(
     predict,
     correct,
     needs=("attitude",),
-    columns=(BEYOND_COLUMN,),
+    slots=WITH_ANGLES,
     diagnose=steep,
 )

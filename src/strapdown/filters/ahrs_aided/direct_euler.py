@@ -8,13 +8,13 @@ its prediction is the same to first order.
 import math
 
 from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, helper, kernel
-from ...core.error_state import DX, HEIGHT, auxiliary, bias_free, linearised_step
+from ...core.error_state import DX, HEIGHT, allocate, bias_free, linearised_step
 from ...core.mechanization import mechanize
 from ...typing import Array
 from .known_attitude import (
     ANGLES,
     BEYOND,
-    BEYOND_COLUMN,
+    WITH_ANGLES,
     add_angles,
     bias_model,
     correct_angles,
@@ -30,7 +30,7 @@ from .known_attitude import (
 
 def start(start: Start, noise: Noise, bias: str = "random-walk") -> Belief:
     """Belief at `start`. bias: "random-walk", or "decaying" with the time constants of the IMU."""
-    return with_angles(with_biases(start.belief(auxiliary(len(start.sd))), bias), start)
+    return with_angles(with_biases(start.belief(allocate(WITH_ANGLES)), bias), start)
 
 
 @kernel(PREDICT)
@@ -54,7 +54,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 def integrate_angles(belief: Belief, r0: float, r1: float, r2: float) -> None:
     """Advance the Euler angles while the body turns by r (rad) at a constant rate: Runge-Kutta
     of fourth order."""
-    angles = belief.workspace[ANGLES : ANGLES + 3]
+    angles = belief.workspace[ANGLES]
     d0 = d1 = d2 = x = y = 0.0
     for weight, share in ((1 / 6, 0.5), (1 / 3, 0.5), (1 / 3, 1.0), (1 / 6, 0.0)):
         roll, pitch = angles[0] + x, angles[1] + y
@@ -88,6 +88,6 @@ DIRECT_EULER = Filter(
     start,
     predict,
     correct,
-    columns=(BEYOND_COLUMN,),
+    slots=WITH_ANGLES,
     diagnose=steep,
 )

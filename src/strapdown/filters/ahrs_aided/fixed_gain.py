@@ -15,12 +15,14 @@ from ...core.contract import (
     ALTITUDE_KIND,
     ATTITUDE_KIND,
     CORRECT,
+    MOST_STATES,
     POSITION_KIND,
     PREDICT,
     Belief,
     Filter,
     Noise,
     Observe,
+    Slots,
     Start,
     helper,
     kernel,
@@ -32,13 +34,18 @@ from ...core.mechanization import mechanize
 from ...core.rotation import euler_to_matrix, measured_heading
 from ...typing import Array
 
-# of the horizontal axes, then the vertical one: a third pole, a pair; of velocities a pair (1/s). A
-# pair is (a, b, complex): a and b, or a +- jb
-POLES = 8
-SINCE = 16  # s since the last position and velocity fix, north, east, down
-FORCE = 22  # specific-force increment, m/s
-CHANGE = 25  # of position, velocity and bias in n, by a fix
-SCRATCH = 34
+POLES = Slots()
+"""Of an axis, 1/s. A pair is (a, b, complex): a and b, or a +- jb."""
+THIRD = POLES.number("THIRD")  # of positions, a pole and a pair
+PAIR = POLES.array("PAIR", 3)
+VELOCITY_PAIR = POLES.array("VELOCITY_PAIR", 3)
+SLOTS = Slots()
+HORIZONTAL = SLOTS.part("HORIZONTAL", POLES)
+VERTICAL = SLOTS.part("VERTICAL", POLES)
+SINCE = SLOTS.array("SINCE", 6)  # s since the last position and velocity fix, north, east, down
+FORCE = SLOTS.array("FORCE", 3)  # specific-force increment, m/s
+CHANGE = SLOTS.array("CHANGE", 9)  # of position, velocity and bias in n, by a fix
+JACOBIAN = SLOTS.matrix("JACOBIAN", 3, MOST_STATES)  # H, which is not used
 SHORTEST_FIX_INTERVAL = 1e-6  # s: of two fixes at one time the second changes nothing
 
 
@@ -61,15 +68,16 @@ def start(
     down. Without k3 (l3) and kv2 (lv2) the bias stays, without all of a kind that kind is not used.
     Refuses gains that are not stable.
     """
-    workspace = np.zeros(SCRATCH + 3 * len(start.sd))
-    for first, axes, of_position, of_velocity in (
-        (0, "horizontal", (k1, k2, k3), (kv1, kv2)),
-        (POLES, "vertical", (l1, l2, l3), (lv1, lv2)),
+    workspace = SLOTS.zeros()
+    for place, axes, of_position, of_velocity in (
+        (HORIZONTAL, "horizontal", (k1, k2, k3), (kv1, kv2)),
+        (VERTICAL, "vertical", (l1, l2, l3), (lv1, lv2)),
     ):
         _check(axes, of_position, of_velocity)
         third, *pair = sorted(poles(*of_position), key=lambda pole: (pole.imag != 0, pole.real))
-        workspace[first : first + 4] = third.real, *_pair(*pair)
-        workspace[first + 4 : first + 7] = _pair(*np.roots([1.0, *of_velocity]))
+        axis = workspace[place]
+        axis[THIRD], axis[PAIR] = third.real, _pair(*pair)
+        axis[VELOCITY_PAIR] = _pair(*np.roots([1.0, *of_velocity]))
     return start.belief(workspace)
 
 
@@ -124,13 +132,16 @@ def _check(
 @kernel(PREDICT)
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance the INS; the gyros carry the attitude on until the next record."""
-    workspace, omega, f = belief.workspace, belief.omega, belief.f
-    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
-    mechanize(
-        belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[FORCE : FORCE + 3]
+    workspace, omega, f, since = (
+        belief.workspace,
+        belief.omega,
+        belief.f,
+        belief.workspace[SINCE],
     )
+    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
+    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[FORCE])
     for i in range(6):
-        workspace[SINCE + i] += dt
+        since[i] += dt
     if dt > 0:
         omega[0], omega[1], omega[2] = r0 / dt, r1 / dt, r2 / dt
         f[0], f[1], f[2] = a0 / dt, a1 / dt, a2 / dt
@@ -150,10 +161,8 @@ def correct(
     """Take over an attitude; pull position, velocity and bias to any other fix. It does not
     gate."""
     workspace, C, n = belief.workspace, belief.C, belief.P.shape[0]
-    observed(
-        belief, y, observe, parameters, innovation, matrix(workspace, workspace.size - 3 * n, 3, n)
-    )
-    change = workspace[CHANGE : CHANGE + 9]
+    observed(belief, y, observe, parameters, innovation, matrix(workspace, JACOBIAN, 3, n))
+    change = workspace[CHANGE]
     for i in range(9):
         change[i] = 0.0
     if kind == ATTITUDE_KIND:
@@ -176,12 +185,16 @@ def correct(
 def _pull(workspace: Array, axis: int, kind: int, e: float, change: Array) -> None:
     """What an error e (m, or m/s where kind is 3) of a fix changes on that axis: the gains that
     give the sampled error the poles' factors exp(s T)."""
-    T, poles = workspace[SINCE + kind + axis], workspace[POLES if axis == 2 else 0 :]
+    since, poles = (
+        workspace[SINCE],
+        workspace[VERTICAL.start if axis == 2 else HORIZONTAL.start :],
+    )
+    T = since[kind + axis]
     if math.isnan(e) or T < SHORTEST_FIX_INTERVAL:
         return
-    workspace[SINCE + kind + axis] = 0.0
+    since[kind + axis] = 0.0
     if kind == 0:
-        third, (two, product) = _factor(poles[0], T), _factors(poles[1:4], T)
+        third, (two, product) = _factor(poles[THIRD], T), _factors(poles[PAIR], T)
         g1, g3 = -third - two, -third * product / (T * T)
         g2 = (
             third * two + product
@@ -189,7 +202,7 @@ def _pull(workspace: Array, axis: int, kind: int, e: float, change: Array) -> No
         change[axis] = (g1 - T * g2 + 0.5 * T * T * g3) * e
         change[3 + axis], change[6 + axis] = (g2 - T * g3) * e, g3 * e
     else:
-        two, product = _factors(poles[4:7], T)
+        two, product = _factors(poles[VELOCITY_PAIR], T)
         change[3 + axis], change[6 + axis] = -(two + product) * e, product / T * e
 
 
@@ -218,6 +231,7 @@ FIXED_GAIN = Filter(
     start,
     predict,
     correct,
+    slots=SLOTS,
     states=(),
     estimates=tuple(range(12)),
     uses=("position", "velocity", "altitude", "attitude"),

@@ -2,25 +2,25 @@
 reset into it at each fix."""
 
 from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, kernel
-from ...core.error_state import DV, DX, STEP, auxiliary, inject_all, measure
+from ...core.error_state import DV, DX, TRANSPORT, allocate, inject_all, measure
 from ...core.rotation import rotate_left, rotate_right
 from ...typing import Array
-from .known_attitude import bias_model, corrected, know, predict_fed, weigh
+from .known_attitude import KNOWN_ATTITUDE, bias_model, corrected, know, predict_fed, weigh
 
 
 def start(start: Start, noise: Noise, bias: str = "decaying", correlation: float = 0.0) -> Belief:
     """Belief at `start`. bias: "decaying", with the time constants of the IMU, or "random-walk".
     correlation: s for which errors of the AHRS are alike."""
-    return know(start.belief(auxiliary(len(start.sd))), bias, correlation)
+    return know(start.belief(allocate(KNOWN_ATTITUDE)), bias, correlation)
 
 
 @kernel(PREDICT)
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance P and the INS: velocity with the known attitude, the attitude by the gyros alone."""
     r0, r1, r2 = predict_fed(belief, u, dt, bias_model(belief, noise))
-    w = belief.workspace[STEP]
+    w = belief.workspace[TRANSPORT]
     rotate_right(belief.C, r0, r1, r2)
-    rotate_left(-w[2], -w[3], -w[4], belief.C)
+    rotate_left(-w[0], -w[1], -w[2], belief.C)
 
 
 @kernel(CORRECT)
@@ -50,5 +50,6 @@ INDIRECT_AHRS_CLOSED = Filter(
     start,
     predict,
     correct,
+    slots=KNOWN_ATTITUDE,
     needs=("attitude",),
 )

@@ -6,23 +6,37 @@ beside a small-angle error would be over with the first tens of degrees that unc
 drift.
 """
 
-from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, kernel, matrix
-from ...core.error_state import BLOCK, DV, STEP, X, decay_biases, linearised_step
+from ...core.contract import (
+    CORRECT,
+    PREDICT,
+    Belief,
+    Filter,
+    Noise,
+    Observe,
+    Slots,
+    Start,
+    kernel,
+    matrix,
+)
+from ...core.error_state import BLOCK, DV, TRANSPORT, X, decay_biases, linearised_step
 from ...core.rotation import orthonormalise, rotate_left, rotate_right
 from ...typing import Array
 from ..ins import open_loop
 from ..ins.open_loop import (
     BIAS,
-    INS_ERROR,
     LLA,
     C,
     V,
+    beside,
     compose,
     correct_beside,
     left_model,
     products,
 )
-from .known_attitude import KNOWN, bias_model, corrected, know, move, weigh
+from .known_attitude import KNOWN, KNOWN_ATTITUDE, bias_model, corrected, know, move, weigh
+
+SLOTS = Slots(after=KNOWN_ATTITUDE)
+SLOTS.outputs(*open_loop.SLOTS.columns)  # which `compose` writes
 
 
 def start(start: Start, noise: Noise, bias: str = "decaying", correlation: float = 0.0) -> Belief:
@@ -32,7 +46,7 @@ def start(start: Start, noise: Noise, bias: str = "decaying", correlation: float
     bias: "decaying", with the time constants of the IMU, or "random-walk". correlation: s for which
     errors of the AHRS are alike.
     """
-    return know(open_loop.start(start, noise), bias, correlation)
+    return know(beside(start, SLOTS), bias, correlation)
 
 
 @kernel(PREDICT)
@@ -57,10 +71,10 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
         dt,
         noise,
     )
-    w = workspace[STEP]
+    w = workspace[TRANSPORT]
     x[6] = x[7] = x[8] = 0.0
     rotate_right(attitude, r0, r1, r2)
-    rotate_left(-w[2], -w[3], -w[4], attitude)
+    rotate_left(-w[0], -w[1], -w[2], attitude)
     decay_biases(b[0:3], b[3:6], dt, noise)
     compose(belief)
 
@@ -96,6 +110,6 @@ INDIRECT_AHRS_OPEN = Filter(
     predict,
     correct,
     needs=("attitude",),
-    columns=INS_ERROR,
+    slots=SLOTS,
     diagnose=left_model,
 )

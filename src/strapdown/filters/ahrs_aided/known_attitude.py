@@ -13,40 +13,54 @@ rightly. Source: Schmidt (1966); Bierman (1977), Factorization Methods, chapter 
 import math
 from collections.abc import Mapping
 
-import numpy as np
-
-from ...core.contract import ATTITUDE_KIND, Belief, Noise, Observe, Start
+from ...checks import check_choice, check_number
+from ...core.contract import (
+    ATTITUDE_KIND,
+    MOST_STATES,
+    Belief,
+    Noise,
+    Observe,
+    Slots,
+    Start,
+)
 from ...core.error_state import (
     BLOCK,
     DV,
     DX,
     HEIGHT,
+    JACOBIAN,
     MID,
-    OWN,
-    STEP,
+    TRANSPORT,
     WORK,
     bias_free,
     inject_all,
     linearised_step,
     measure,
 )
-from ...core.jit import helper, inlined, matrix
+from ...core.jit import helper, matrix
 from ...core.kalman import propagate_error, used_rows, whiten
 from ...core.mechanization import mechanize
 from ...core.rotation import euler_to_matrix, matrix_to_euler, measured_heading, wrap
 from ...typing import Array
+from ..ins.open_loop import BESIDE
 
-# s with the pitch beyond STEEP_PITCH, in a place that errors injected at once leave free: an extra
-# column of the solution
-BEYOND = 0
-ANGLES = OWN  # Euler angles, rad
-KNOWN = OWN + 33  # the known attitude C_nb, 3 x 3; before it lies what an open loop keeps
-# covariance of its errors in n without those of the gyro biases, rad^2: nn, ne, ee, dd
-ERRORS = KNOWN + 9
-SINCE = ERRORS + 4  # s since it was measured: tilt, heading
-DRIFT = SINCE + 2  # standard deviation of what gyro biases have turned it since, rad: tilt, heading
-CORRELATION = DRIFT + 2  # s for which the errors of records are alike
-DECAYING = DRIFT + 3  # which bias model:
+KNOWN_ATTITUDE = Slots(after=BESIDE)
+"""Of every filter here, with what an open loop keeps."""
+ANGLES = KNOWN_ATTITUDE.array("ANGLES", 3)  # Euler angles, rad
+KNOWN = KNOWN_ATTITUDE.matrix("KNOWN", 3, 3)  # the known attitude C_nb
+# covariance of its errors in n without those of the gyro biases, rad^2
+ERROR_NN, ERROR_NE, ERROR_EE, ERROR_DD = KNOWN_ATTITUDE.numbers(
+    "ERROR_NN", "ERROR_NE", "ERROR_EE", "ERROR_DD"
+)
+SINCE_TILT, SINCE_HEADING = KNOWN_ATTITUDE.numbers("SINCE_TILT", "SINCE_HEADING")
+"""s since each was measured."""
+DRIFT_TILT, DRIFT_HEADING = KNOWN_ATTITUDE.numbers("DRIFT_TILT", "DRIFT_HEADING")
+"""Standard deviation of what gyro biases have turned each since, rad."""
+CORRELATION = KNOWN_ATTITUDE.number("CORRELATION")  # s for which the errors of records are alike
+# covariance (3, n) of the errors of the known attitude, in n, with those of the n states; that with
+# attitude and gyro biases is left out
+SHARED = KNOWN_ATTITUDE.matrix("SHARED", 3, MOST_STATES)
+DECAYING = KNOWN_ATTITUDE.number("DECAYING")  # which bias model:
 BIAS_MODELS = {"random-walk": 0.0, "decaying": 1.0}
 """Biases driven by white noise alone, or Gauss-Markov with the time constants of the IMU (where
 it has any), so that they fade without fixes."""
@@ -54,38 +68,36 @@ STEEP_PITCH = math.radians(85.0)
 """Pitch from which on Euler angles are read off the rotation matrix: roll and heading move 11
 times as fast as the body, and ever faster."""
 SHORTEST_RECORD_INTERVAL = 1e-3  # s between two attitude records
+WITH_ANGLES = Slots(after=KNOWN_ATTITUDE)
+"""Of those that integrate Euler angles."""
 BEYOND_COLUMN = "pitch_beyond_85_deg [s]"
+BEYOND = WITH_ANGLES.output(BEYOND_COLUMN)  # with the pitch beyond STEEP_PITCH
 
 
 def with_biases(belief: Belief, bias: str) -> Belief:
     """`belief` with one of `BIAS_MODELS`; refuses an unknown one."""
-    if bias not in BIAS_MODELS:
-        raise ValueError(f"bias is {bias!r}; it must be one of {', '.join(BIAS_MODELS)}")
+    check_choice(bias, "bias", BIAS_MODELS)
     belief.workspace[DECAYING] = BIAS_MODELS[bias]
     return belief
 
 
 def know(belief: Belief, bias: str, correlation: float = 0.0) -> Belief:
-    """`belief`, one of `BIAS_MODELS`, with its attitude as the known one, as uncertain as P says,
-    and room for `shared`.
+    """`belief`, one of `BIAS_MODELS`, with its attitude as the known one, as uncertain as P says.
 
     correlation: time constant (s) of the errors of attitude records; 0 for errors that are new with
     each record.
     """
-    if not 0 <= correlation < math.inf:
-        raise ValueError(f"correlation is {correlation} s; it must be a finite number, 0 or more")
-    P, workspace = belief.P, np.concatenate([belief.workspace, np.zeros(3 * len(belief.P))])
-    workspace[KNOWN : KNOWN + 9], workspace[ERRORS : ERRORS + 4] = (
-        belief.C.ravel(),
-        (P[6, 6], P[6, 7], P[7, 7], P[8, 8]),
-    )
-    workspace[CORRELATION] = correlation
-    return with_biases(belief._replace(workspace=workspace), bias)
+    check_number(correlation, "correlation", "s", least=0)
+    P, slots = belief.P, KNOWN_ATTITUDE.named(belief.workspace)
+    slots["KNOWN"][:], belief.workspace[CORRELATION] = belief.C, correlation
+    for k, i, j in ((ERROR_NN, 6, 6), (ERROR_NE, 6, 7), (ERROR_EE, 7, 7), (ERROR_DD, 8, 8)):
+        belief.workspace[k] = P[i, j]
+    return with_biases(belief, bias)
 
 
 def with_angles(belief: Belief, start: Start) -> Belief:
     """`belief` with the Euler angles of `start`."""
-    belief.workspace[ANGLES : ANGLES + 3] = start.rph
+    belief.workspace[ANGLES] = start.rph
     return belief
 
 
@@ -103,35 +115,25 @@ def bias_model(belief: Belief, noise: Noise) -> Noise:
     )
 
 
-@inlined
-def shared(n: int) -> int:
-    """How far from the end of workspace the covariance (3, n) begins of the errors of the known
-    attitude, in n, with those of the n states.
-
-    That with attitude and gyro biases is left out.
-    """
-    return 6 * n
-
-
 @helper
 def take_attitude(belief: Belief, y: Array, sd: Array) -> None:
     """The measured attitude is the known one from now on, its errors new; a heading that it
     lacks is the belief's, whose error goes on."""
     workspace, n, heading = belief.workspace, belief.P.shape[0], measured_heading(y, belief.C)
-    S = matrix(workspace, workspace.size - shared(n), 3, n)
+    S = matrix(workspace, SHARED, 3, n)
     euler_to_matrix(y[0], y[1], heading, matrix(workspace, KNOWN, 3, 3))
     ch, sh, forward, right = math.cos(heading), math.sin(heading), sd[0] * sd[0], sd[1] * sd[1]
-    workspace[ERRORS], workspace[ERRORS + 1] = (
+    workspace[ERROR_NN], workspace[ERROR_NE] = (
         ch * ch * forward + sh * sh * right,
         ch * sh * (forward - right),
     )
-    workspace[ERRORS + 2] = sh * sh * forward + ch * ch * right
-    workspace[SINCE] = workspace[DRIFT] = keep = 0.0
+    workspace[ERROR_EE] = sh * sh * forward + ch * ch * right
+    workspace[SINCE_TILT] = workspace[DRIFT_TILT] = keep = 0.0
     if math.isnan(y[2]):
         keep = _go_on(workspace, belief.P[8, 8])
     else:
-        workspace[ERRORS + 3] = sd[2] * sd[2]
-        workspace[SINCE + 1] = workspace[DRIFT + 1] = 0.0
+        workspace[ERROR_DD] = sd[2] * sd[2]
+        workspace[SINCE_HEADING] = workspace[DRIFT_HEADING] = 0.0
     for j in range(n):
         S[0, j] = S[1, j] = 0.0
         S[2, j] *= keep
@@ -145,10 +147,10 @@ def _go_on(workspace: Array, variance: float) -> float:
     Where fixes have made the belief more certain, an optimal estimate has that share, the ratio of
     the variances, in common with the former one.
     """
-    before = workspace[ERRORS + 3] + workspace[DRIFT + 1] * workspace[DRIFT + 1]
+    before = workspace[ERROR_DD] + workspace[DRIFT_HEADING] * workspace[DRIFT_HEADING]
     keep = min(variance / before, 1.0) if before > 0 else 0.0
-    workspace[ERRORS + 3] = keep * workspace[ERRORS + 3] + max(variance - before, 0.0)
-    workspace[DRIFT + 1] *= math.sqrt(keep)
+    workspace[ERROR_DD] = keep * workspace[ERROR_DD] + max(variance - before, 0.0)
+    workspace[DRIFT_HEADING] *= math.sqrt(keep)
     return keep
 
 
@@ -163,7 +165,10 @@ def weigh(belief: Belief, sd: Array, kind: int) -> None:
     workspace, used, scale = belief.workspace, belief.workspace[DV], 1.0
     if kind == ATTITUDE_KIND:
         scale = math.sqrt(
-            max(2 * workspace[CORRELATION] / max(workspace[SINCE], SHORTEST_RECORD_INTERVAL), 1.0)
+            max(
+                2 * workspace[CORRELATION] / max(workspace[SINCE_TILT], SHORTEST_RECORD_INTERVAL),
+                1.0,
+            )
         )
     for i in range(3):
         used[i] = scale * sd[i]
@@ -199,8 +204,13 @@ def move(
     After `linearised_step`. An error n held for the time s since the record moves the velocity by n
     x f s and the position by n x f s^2/2.
     """
-    workspace, f, n = belief.workspace, belief.workspace[DX], belief.P.shape[0]
-    S = matrix(workspace, workspace.size - shared(n), 3, n)
+    workspace, f, w, n = (
+        belief.workspace,
+        belief.workspace[DX],
+        belief.workspace[TRANSPORT],
+        belief.P.shape[0],
+    )
+    S = matrix(workspace, SHARED, 3, n)
     mechanize(
         lla, v, matrix(workspace, KNOWN, 3, 3), r0, r1, r2, a0, a1, a2, dt, f, workspace[HEIGHT]
     )
@@ -211,12 +221,12 @@ def move(
             workspace[BLOCK],
             matrix(workspace, MID, 3, 3),
             workspace[DV],
-            workspace[STEP][2],
-            workspace[STEP][3],
-            workspace[STEP][4],
+            w[0],
+            w[1],
+            w[2],
             dt,
             noise,
-            workspace[WORK:],
+            workspace[WORK],
         )
     _consider(S, workspace, f0, f1, f2, dt)
     _spread(belief, S, f0, f1, f2, dt)
@@ -233,14 +243,14 @@ def _consider(S: Array, workspace: Array, f0: float, f1: float, f2: float, dt: f
     velocity, which is not kept, as far as velocity goes.
     """
     tilt, heading = (
-        0.75 * workspace[DRIFT] * workspace[DRIFT],
-        0.75 * workspace[DRIFT + 1] * workspace[DRIFT + 1],
+        0.75 * workspace[DRIFT_TILT] * workspace[DRIFT_TILT],
+        0.75 * workspace[DRIFT_HEADING] * workspace[DRIFT_HEADING],
     )
     nn, ne, ee, dd = (
-        0.5 * workspace[ERRORS] + tilt,
-        0.5 * workspace[ERRORS + 1],
-        0.5 * workspace[ERRORS + 2] + tilt,
-        0.5 * workspace[ERRORS + 3] + heading,
+        0.5 * workspace[ERROR_NN] + tilt,
+        0.5 * workspace[ERROR_NE],
+        0.5 * workspace[ERROR_EE] + tilt,
+        0.5 * workspace[ERROR_DD] + heading,
     )
     for k, x, y, z in ((0, nn, ne, 0.0), (1, ne, ee, 0.0), (2, 0.0, 0.0, dd)):
         v0, v1, v2 = y * f2 - z * f1, z * f0 - x * f2, x * f1 - y * f0
@@ -260,7 +270,7 @@ def _spread(belief: Belief, S: Array, f0: float, f1: float, f2: float, dt: float
     """
     workspace, P, n, half = belief.workspace, belief.P, S.shape[1], 0.5 * dt
     # covariance of the velocity that is gained with the states
-    G = matrix(workspace, workspace.size - 3 * n, 3, n)
+    G = matrix(workspace, JACOBIAN, 3, n)
     for j in range(n):
         s0, s1, s2 = S[0, j], S[1, j], S[2, j]
         G[0, j], G[1, j], G[2, j] = s1 * f2 - s2 * f1, s2 * f0 - s0 * f2, s0 * f1 - s1 * f0
@@ -275,14 +285,14 @@ def _spread(belief: Belief, S: Array, f0: float, f1: float, f2: float, dt: float
             P[i, j] = P[j, i] = P[i, j] + half * (G[i, j] + G[j, i])
             P[3 + i, 3 + j] = P[3 + j, 3 + i] = P[3 + i, 3 + j] + G[i, 3 + j] + G[j, 3 + i]
     tilt, heading = (
-        2 * max(workspace[CORRELATION] - workspace[SINCE], 0.0) / dt,
-        2 * max(workspace[CORRELATION] - workspace[SINCE + 1], 0.0) / dt,
+        2 * max(workspace[CORRELATION] - workspace[SINCE_TILT], 0.0) / dt,
+        2 * max(workspace[CORRELATION] - workspace[SINCE_HEADING], 0.0) / dt,
     )
     nn, ne, ee, dd = (
-        tilt * workspace[ERRORS],
-        tilt * workspace[ERRORS + 1],
-        tilt * workspace[ERRORS + 2],
-        heading * workspace[ERRORS + 3],
+        tilt * workspace[ERROR_NN],
+        tilt * workspace[ERROR_NE],
+        tilt * workspace[ERROR_EE],
+        heading * workspace[ERROR_DD],
     )
     P[3, 3] += f2 * f2 * ee + f1 * f1 * dd
     P[4, 4] += f2 * f2 * nn + f0 * f0 * dd
@@ -302,20 +312,21 @@ def _carry(belief: Belief, dt: float, noise: Noise) -> None:
     by their biases."""
     workspace, P, walk = belief.workspace, belief.P, noise.gyro * noise.gyro * dt
     drift = math.sqrt((P[12, 12] + P[13, 13] + P[14, 14]) / 3) * dt
-    workspace[ERRORS] += walk
-    workspace[ERRORS + 2] += walk
-    workspace[ERRORS + 3] += walk
-    for i in range(2):
-        workspace[SINCE + i] += dt
-        workspace[DRIFT + i] += drift
+    workspace[ERROR_NN] += walk
+    workspace[ERROR_EE] += walk
+    workspace[ERROR_DD] += walk
+    workspace[SINCE_TILT] += dt
+    workspace[SINCE_HEADING] += dt
+    workspace[DRIFT_TILT] += drift
+    workspace[DRIFT_HEADING] += drift
 
 
 @helper
 def tilt_variances(belief: Belief) -> tuple[float, float, float]:
     """Covariance of the tilt of the known attitude, rad^2: nn, ne, ee."""
     workspace = belief.workspace
-    drift = workspace[DRIFT] * workspace[DRIFT]
-    return workspace[ERRORS] + drift, workspace[ERRORS + 1], workspace[ERRORS + 2] + drift
+    drift = workspace[DRIFT_TILT] * workspace[DRIFT_TILT]
+    return workspace[ERROR_NN] + drift, workspace[ERROR_NE], workspace[ERROR_EE] + drift
 
 
 @helper
@@ -333,9 +344,9 @@ def learn(belief: Belief) -> None:
     known attitude, corrected alike."""
     workspace, n = belief.workspace, belief.P.shape[0]
     S, H, work, U = (
-        matrix(workspace, workspace.size - shared(n), 3, n),
-        matrix(workspace, workspace.size - 3 * n, 3, n),
-        workspace[WORK:],
+        matrix(workspace, SHARED, 3, n),
+        matrix(workspace, JACOBIAN, 3, n),
+        workspace[WORK],
         n * n + 1,
     )
     whiten(H, work)
@@ -352,12 +363,12 @@ def learn(belief: Belief) -> None:
 @helper
 def rate_of_body(belief: Belief, r0: float, r1: float, r2: float) -> tuple[float, float, float]:
     """Rotation vector of the body to n, in the body (rad): r less that of n."""
-    m, w = belief.workspace[MID:], belief.workspace[STEP]
-    w0, w1, w2 = w[2], w[3], w[4]
+    m, w = matrix(belief.workspace, MID, 3, 3), belief.workspace[TRANSPORT]
+    w0, w1, w2 = w[0], w[1], w[2]
     return (
-        r0 - m[0] * w0 - m[3] * w1 - m[6] * w2,
-        r1 - m[1] * w0 - m[4] * w1 - m[7] * w2,
-        r2 - m[2] * w0 - m[5] * w1 - m[8] * w2,
+        r0 - m[0, 0] * w0 - m[1, 0] * w1 - m[2, 0] * w2,
+        r1 - m[0, 1] * w0 - m[1, 1] * w1 - m[2, 1] * w2,
+        r2 - m[0, 2] * w0 - m[1, 2] * w1 - m[2, 2] * w2,
     )
 
 
@@ -375,13 +386,13 @@ def euler_rates(
 def gentle(belief: Belief, turn: float) -> bool:
     """Whether the Euler angles stay away from their singularity while the body turns by `turn`
     (rad)."""
-    return abs(belief.workspace[ANGLES + 1]) + turn < STEEP_PITCH
+    return abs(belief.workspace[ANGLES][1]) + turn < STEEP_PITCH
 
 
 @helper
 def add_angles(belief: Belief, d0: float, d1: float, d2: float) -> None:
     """Add to the Euler angles and make the belief's attitude of them."""
-    angles = belief.workspace[ANGLES : ANGLES + 3]
+    angles = belief.workspace[ANGLES]
     angles[0], angles[1], angles[2] = wrap(angles[0] + d0), angles[1] + d1, wrap(angles[2] + d2)
     euler_to_matrix(angles[0], angles[1], angles[2], belief.C)
 
@@ -389,7 +400,7 @@ def add_angles(belief: Belief, d0: float, d1: float, d2: float) -> None:
 @helper
 def read_angles(belief: Belief) -> None:
     """The Euler angles are those of the belief's attitude."""
-    angles = belief.workspace[ANGLES : ANGLES + 3]
+    angles = belief.workspace[ANGLES]
     angles[0], angles[1], angles[2] = matrix_to_euler(belief.C)
 
 
@@ -420,7 +431,7 @@ def correct_angles(
 def inject_angles(belief: Belief, x: float, y: float, z: float) -> None:
     """Add to the Euler angles what a small rotation (x, y, z) in n (rad) means to first order:
     the inverse of their Jacobian."""
-    angles = belief.workspace[ANGLES : ANGLES + 3]
+    angles = belief.workspace[ANGLES]
     ch, sh = math.cos(angles[2]), math.sin(angles[2])
     forward = (ch * x + sh * y) / math.cos(angles[1])
     add_angles(belief, forward, ch * y - sh * x, z + forward * math.sin(angles[1]))

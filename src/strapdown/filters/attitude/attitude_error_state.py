@@ -7,7 +7,7 @@ covariance, whose other rows stay zero.
 
 import math
 
-from ...core.contract import Belief, Noise
+from ...core.contract import Belief, Noise, Slots
 from ...core.jit import helper, inlined
 from ...core.kalman import LEAST_NOISE, decay
 from ...core.rotation import orthonormalise, rotate_left, rotate_right, turned
@@ -15,9 +15,17 @@ from ...typing import Array
 
 SIX = (6, 7, 8, 12, 13, 14)
 """Places of attitude and gyro bias among the error states."""
-RECORD, INVERSE = 11, 9
-"""Numbers that a scalar measurement leaves for the smoother: gain (6), h (3), 1/variance of the
-innovation (INVERSE), innovation; that inverse is 0 where nothing was used."""
+RECORD = Slots()
+"""What a scalar measurement leaves for the smoother."""
+GAIN = RECORD.array("GAIN", 6)
+ROW = RECORD.array("ROW", 3)  # of H, on the attitude
+INVERSE = RECORD.number("INVERSE")  # 1/variance of the innovation; 0 where nothing was used
+SEEN = RECORD.number("SEEN")  # the innovation
+TRANSITION = Slots()
+"""What a prediction leaves for it."""
+TURNED = TRANSITION.matrix("TURNED", 3, 3)  # C dt, s
+NORTH, DOWN = TRANSITION.numbers("NORTH", "DOWN")  # rotation of n, rad
+KEEP = TRANSITION.number("KEEP")  # what the decay leaves of the bias
 UNAIDED = "no magnetic field and no heading: heading and the gyro bias about the vertical are not observed and drift"
 """What to say where nothing measures the heading."""
 FREE_FALL_FORCE = 0.5
@@ -168,7 +176,7 @@ def measured(
     correction dx (6 numbers), unless its NIS is above `gate`.
 
     dx holds what was found at the same attitude before, so that several can follow each other and
-    be injected once. `record` (RECORD numbers) gets what the smoother needs, zeros where nothing
+    be injected once. `record` (of RECORD) gets what the smoother needs, zeros where nothing
     was used. Returns the NIS.
     """
     k0 = h0 * P[6, 6] + h1 * P[6, 7] + h2 * P[6, 8]
@@ -189,13 +197,14 @@ def measured(
         return nis
     gain = (k0, k1, k2, k3, k4, k5)
     for i in range(6):
-        g, row = gain[i] * scale, SIX[i]
-        record[i] = g
+        g, k = gain[i] * scale, SIX[i]
+        record[GAIN.start + i] = g
         dx[i] += g * e
         for j in range(i, 6):
-            P[row, SIX[j]] -= g * gain[j]
-            P[SIX[j], row] = P[row, SIX[j]]
-    record[6], record[7], record[8], record[INVERSE], record[10] = h0, h1, h2, scale, e
+            P[k, SIX[j]] -= g * gain[j]
+            P[SIX[j], k] = P[k, SIX[j]]
+    row = record[ROW]
+    row[0], row[1], row[2], record[INVERSE], record[SEEN] = h0, h1, h2, scale, e
     return nis
 
 
@@ -214,10 +223,10 @@ def inject(belief: Belief, dx: Array) -> None:
 def unmeasured(record: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The adjoint of `measured`: what the scalar in `record` adds to lam and Lam (of the six
     states, seen from before it)."""
-    K, h, scale, q = record[0:6], record[6:9], record[INVERSE], work[0:6]
+    K, h, scale, q = record[GAIN], record[ROW], record[INVERSE], work[0:6]
     if scale == 0:
         return
-    along, known = record[10] * scale, scale
+    along, known = record[SEEN] * scale, scale
     for i in range(6):
         along += K[i] * lam[i]
         q[i] = 0.0
@@ -236,9 +245,9 @@ def unmeasured(record: Array, lam: Array, Lam: Array, work: Array) -> None:
 
 @helper
 def unpropagated(step: Array, lam: Array, Lam: Array, work: Array) -> None:
-    """The adjoint of `propagate`, whose transition is in `step`: C dt (9), rotation of n (2,
-    rad), decay of the bias: lam <- Phi' lam, Lam <- Phi' Lam Phi."""
-    w0, w2, keep = step[9], step[10], step[11]
+    """The adjoint of `propagate`, whose transition is in `step` (of TRANSITION):
+    lam <- Phi' lam, Lam <- Phi' Lam Phi."""
+    w0, w2, keep = step[NORTH], step[DOWN], step[KEEP]
     _unpropagate(step, w0, w2, keep, lam)
     for i in range(6):
         _unpropagate(step, w0, w2, keep, Lam[i])  # by symmetry a row is a column

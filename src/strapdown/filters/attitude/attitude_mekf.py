@@ -13,6 +13,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...checks import check_number
 from ...core.contract import (
     ADJOINT_STEP,
     CORRECT,
@@ -23,6 +24,7 @@ from ...core.contract import (
     Filter,
     Noise,
     Observe,
+    Slots,
     Smoother,
     Start,
     helper,
@@ -30,15 +32,20 @@ from ...core.contract import (
     matrix,
 )
 from ...core.earth import GRAVITY_EQUATOR, RATE
-from ...core.error_state import BLOCK, DX, OWN, auxiliary, observed
+from ...core.error_state import DX, ERROR_STATE, JACOBIAN, allocate, observed
 from ...core.kalman import decay
 from ...core.rotation import turned
 from ...typing import Array
 from .attitude_error_state import (
+    DOWN,
     FREE_FALL_FORCE,
     INVERSE,
+    KEEP,
+    NORTH,
     RECORD,
     SIX,
+    TRANSITION,
+    TURNED,
     UNAIDED,
     inject,
     low_passed,
@@ -50,25 +57,38 @@ from .attitude_error_state import (
     unpropagated,
 )
 
-EARTH_N, EARTH_D = OWN, OWN + 1  # Earth rate, rad/s
+CALL = Slots()
+"""What the smoother needs of the last call."""
+LAST_CALL = CALL.number("LAST_CALL")  # PREDICTED or FIX
+STEP = CALL.part("STEP", TRANSITION)
+# the scalar measurements
+FIRST_RECORD = CALL.part("FIRST_RECORD", RECORD)
+SECOND_RECORD = CALL.part("SECOND_RECORD", RECORD)
+ATTITUDE = Slots(after=ERROR_STATE)
+"""Of every filter with this attitude."""
+LAST = ATTITUDE.part("LAST", CALL)
+EARTH_N, EARTH_D = ATTITUDE.numbers("EARTH_N", "EARTH_D")  # Earth rate, rad/s
 # the options, as numbers
-LOW_PASS, ACCELERATION, RATE_ERROR, HEADING, TIMING, DISTURBANCE = range(OWN + 2, OWN + 8)
-SECONDS, SINCE = OWN + 8, OWN + 9  # s: the specific force is a mean over; since the last field
-STRENGTH, DIP = OWN + 10, OWN + 11  # of the field, running: T, rad
-INTERVAL = OWN + 12  # s between the last two fields
-TOLD = OWN + 13  # accelerometer noise while there are samples
-EXCESS = 0  # mean of the size of the specific force less gravity, m/s^2
-LAST_CALL = BLOCK.start  # what the smoother needs of the last call: PREDICTED or FIX,
-STEP = slice(LAST_CALL + 1, LAST_CALL + 13)  # C dt, Earth rotation (rad), decay of the bias,
-FIRST_RECORD = slice(STEP.stop, STEP.stop + RECORD)  # and the scalar measurements
-SECOND_RECORD = slice(FIRST_RECORD.stop, FIRST_RECORD.stop + RECORD)
-"""Places in workspace."""
+LOW_PASS = ATTITUDE.number("LOW_PASS")  # s
+ACCELERATION = ATTITUDE.number("ACCELERATION")  # m^2/s^3
+RATE_ERROR = ATTITUDE.number("RATE_ERROR")  # s
+HEADING = ATTITUDE.number("HEADING")  # rad^2 s
+TIMING = ATTITUDE.number("TIMING")  # s^3
+DISTURBANCE = ATTITUDE.number("DISTURBANCE")  # s
+# s: the specific force is a mean over; since the last field; between the last two
+SECONDS, SINCE, INTERVAL = ATTITUDE.numbers("SECONDS", "SINCE", "INTERVAL")
+# of the field, running: T, rad
+STRENGTH, DIP = ATTITUDE.numbers("STRENGTH", "DIP")
+TOLD = ATTITUDE.number("TOLD")  # accelerometer noise while there are samples
+# mean of the size of the specific force less gravity, m/s^2
+EXCESS = ATTITUDE.number("EXCESS")
+SLOTS = Slots(after=ATTITUDE)
+FORCE_EXCESS = SLOTS.output("force_excess [m/s^2]")
 PREDICTED, FIX = 0.0, 1.0
 REFERENCE_TIME = 20.0
 """s: time constant of the running strength and dip while the field agrees with them."""
 AGREES = 0.05
 """Disagreement of strength (relative) and dip (rad) beyond which they are followed more slowly."""
-FORCE_EXCESS = "force_excess [m/s^2]"  # the first number of workspace
 LASTING = 1.0
 """m/s^2: an excess of the mean size of the specific force (a bank of 25 deg has as much) that
 the user must know of."""
@@ -97,18 +117,34 @@ def start(
     for a field that lags behind the gyros; disturbance: how long one of the field or of the
     specific force lasts, s. All 0: white noise alone.
     """
-    options = dict(
-        low_pass=low_pass,
-        acceleration=acceleration,
-        rate_error=rate_error,
-        heading=heading,
-        timing=timing,
-        disturbance=disturbance,
+    return begin(
+        SLOTS, start, noise, low_pass, acceleration, rate_error, heading, timing, disturbance
     )
-    for name, value in options.items():
-        if not 0 <= value < math.inf:
-            raise ValueError(f"{name} is {value}; it must be a finite number, 0 or more")
-    belief = start.belief(auxiliary(len(start.sd)))
+
+
+def begin(
+    slots: Slots,
+    start: Start,
+    noise: Noise,
+    low_pass: float,
+    acceleration: float,
+    rate_error: float,
+    heading: float = 1.7,
+    timing: float = 0.03,
+    disturbance: float = 10.0,
+) -> Belief:
+    """Belief at `start` of a filter with this attitude, whose slots continue ATTITUDE; the
+    options are those of `attitude-mekf`."""
+    for name, value, unit in (
+        ("low_pass", low_pass, "s"),
+        ("acceleration", acceleration, "m/s^2 sqrt(s)"),
+        ("rate_error", rate_error, "sqrt(s)"),
+        ("heading", heading, "deg sqrt(s)"),
+        ("timing", timing, "s sqrt(s)"),
+        ("disturbance", disturbance, "s"),
+    ):
+        check_number(value, name, unit, least=0)
+    belief = start.belief(allocate(slots))
     for i in range(15):
         belief.P[i, i] *= i in SIX
     workspace, lat = belief.workspace, belief.lla[0]
@@ -131,6 +167,7 @@ def start(
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Turn the attitude with the bias-free gyros, grow P, and correct both by the vertical."""
     predict_attitude(belief, u, dt, noise)
+    belief.workspace[FORCE_EXCESS] = belief.workspace[EXCESS]
 
 
 @helper
@@ -162,27 +199,34 @@ def predict_attitude(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 def _write_step(workspace: Array, C: Array, w0: float, w2: float, keep: float, dt: float) -> None:
     """Leave the transition of this step for the smoother, and the records of its two level rows
     empty."""
-    step = workspace[STEP]
+    last = workspace[LAST]
+    step, first, second = last[STEP], last[FIRST_RECORD], last[SECOND_RECORD]
     for i in range(3):
         for j in range(3):
-            step[3 * i + j] = dt * C[i, j]
-    step[9], step[10], step[11] = w0, w2, keep
-    workspace[LAST_CALL] = PREDICTED
-    for i in range(2 * RECORD):
-        workspace[FIRST_RECORD.start + i] = 0.0
+            step[TURNED + 3 * i + j] = dt * C[i, j]
+    step[NORTH], step[DOWN], step[KEEP] = w0, w2, keep
+    last[LAST_CALL] = PREDICTED
+    for i in range(first.size):
+        first[i] = second[i] = 0.0
 
 
 @helper
 def _write_nothing(workspace: Array) -> None:
     """Leave word for the smoother that the call changed nothing."""
-    workspace[LAST_CALL], workspace[FIRST_RECORD.start + INVERSE] = FIX, 0.0
+    last = workspace[LAST]
+    last[LAST_CALL], last[FIRST_RECORD][INVERSE] = FIX, 0.0
 
 
 @helper
 def _level(belief: Belief, dt: float) -> None:
     """Correct by the carried specific force, which points up but for the body's own
     acceleration; its size tells how large a lasting one is."""
-    f, dx, workspace = belief.f, belief.workspace[DX], belief.workspace
+    f, dx, workspace, last = (
+        belief.f,
+        belief.workspace[DX],
+        belief.workspace,
+        belief.workspace[LAST],
+    )
     size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
     if size < FREE_FALL_FORCE:
         return
@@ -195,8 +239,8 @@ def _level(belief: Belief, dt: float) -> None:
     )
     for i in range(6):
         dx[i] = 0.0
-    measured(belief.P, 1.0, 0.0, 0.0, north, variance, math.inf, dx, belief.workspace[FIRST_RECORD])
-    measured(belief.P, 0.0, 1.0, 0.0, east, variance, math.inf, dx, belief.workspace[SECOND_RECORD])
+    measured(belief.P, 1.0, 0.0, 0.0, north, variance, math.inf, dx, last[FIRST_RECORD])
+    measured(belief.P, 0.0, 1.0, 0.0, east, variance, math.inf, dx, last[SECOND_RECORD])
     inject(belief, dx)
 
 
@@ -216,7 +260,7 @@ def correct(
     workspace, n = belief.workspace, belief.P.shape[0]
     if kind == MAGNETIC_KIND:
         return _field(belief, y, sd, parameters, gate, innovation)
-    H = matrix(workspace, workspace.size - 3 * n, 3, n)
+    H = matrix(workspace, JACOBIAN, 3, n)
     observed(belief, y, observe, parameters, innovation, H)
     return _used(belief, H[0, 6], H[0, 7], H[0, 8], innovation[0], sd[0] * sd[0], gate)
 
@@ -226,11 +270,11 @@ def _used(
     belief: Belief, h0: float, h1: float, h2: float, e: float, variance: float, gate: float
 ) -> float:
     """Correct by one row. Returns its NIS, NaN where it was not measured."""
-    dx, record = belief.workspace[DX], belief.workspace[FIRST_RECORD]
-    belief.workspace[LAST_CALL] = FIX
+    dx, last = belief.workspace[DX], belief.workspace[LAST]
+    last[LAST_CALL] = FIX
     for i in range(6):
         dx[i] = 0.0
-    nis = measured(belief.P, h0, h1, h2, e, variance, gate, dx, record)
+    nis = measured(belief.P, h0, h1, h2, e, variance, gate, dx, last[FIRST_RECORD])
     inject(belief, dx)
     return nis
 
@@ -298,26 +342,26 @@ def _departure(
 @kernel(SAVE_STEP)
 def save_step(belief: Belief, record: Array) -> None:
     """What the last call left in workspace."""
-    for i in range(SECOND_RECORD.stop - LAST_CALL):
-        record[i] = belief.workspace[LAST_CALL + i]
+    last = belief.workspace[LAST]
+    for i in range(last.size):
+        record[i] = last[i]
 
 
 @kernel(ADJOINT_STEP)
 def adjoint_step(call: Array, lam: Array, Lam: Array, work: Array) -> None:
     """The adjoint of `predict` or `correct`, from what it left in its record."""
-    step, first, second = slice(1, 13), slice(13, 13 + RECORD), slice(13 + RECORD, 13 + 2 * RECORD)
-    if call[0] == PREDICTED:
-        unmeasured(call[second], lam, Lam, work)
-        unmeasured(call[first], lam, Lam, work)
-        unpropagated(call[step], lam, Lam, work)
+    if call[LAST_CALL] == PREDICTED:
+        unmeasured(call[SECOND_RECORD], lam, Lam, work)
+        unmeasured(call[FIRST_RECORD], lam, Lam, work)
+        unpropagated(call[STEP], lam, Lam, work)
     else:
-        unmeasured(call[first], lam, Lam, work)
+        unmeasured(call[FIRST_RECORD], lam, Lam, work)
 
 
 def leaning(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
     """[(t, text)] where the mean size of the specific force first leaves gravity as it does in a
     long turn, else []."""
-    lasting = np.abs(columns[FORCE_EXCESS]) > LASTING
+    lasting = np.abs(columns[SLOTS.columns[FORCE_EXCESS]]) > LASTING
     return (
         [
             (
@@ -343,7 +387,7 @@ ATTITUDE_MEKF = Filter(
     estimates=SIX,
     uses=("magnetic-field", "heading"),
     unaided_note=UNAIDED,
-    columns=(FORCE_EXCESS,),
+    slots=SLOTS,
     diagnose=leaning,
-    smoother=Smoother(lambda n: SECOND_RECORD.stop - LAST_CALL, save_step, adjoint_step),
+    smoother=Smoother(lambda n: CALL.size, save_step, adjoint_step),
 )

@@ -13,6 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ...checks import check_number
 from ...core.contract import (
     CORRECT,
     HEADING_KIND,
@@ -22,23 +23,24 @@ from ...core.contract import (
     Filter,
     Noise,
     Observe,
+    Slots,
     Start,
     helper,
     kernel,
 )
 from ...core.earth import RATE
-from ...core.error_state import OWN, auxiliary
 from ...core.kalman import decay
 from ...core.rotation import orthonormalise, rotate_left, turned, wrap
 from ...typing import Array
 from .attitude_error_state import FREE_FALL_FORCE, SIX, UNAIDED, low_passed, turn
 
-EARTH_N, EARTH_D = OWN, OWN + 1  # Earth rate, rad/s
-K1, K2, K3, KI, LOW_PASS = range(OWN + 2, OWN + 7)
+SLOTS = Slots()
+EARTH_N, EARTH_D = SLOTS.numbers("EARTH_N", "EARTH_D")  # Earth rate, rad/s
+K1, K2, K3, KI = SLOTS.numbers("K1", "K2", "K3", "KI")  # gains, 1/s
+LOW_PASS = SLOTS.number("LOW_PASS")  # s
 # s that the specific force is a mean over, and since the last field and compass
-SECONDS, SINCE_FIELD, SINCE_COMPASS = range(OWN + 7, OWN + 10)
-TOLD = OWN + 10  # accelerometer noise while there are samples
-"""Places in workspace."""
+SECONDS, SINCE_FIELD, SINCE_COMPASS = SLOTS.numbers("SECONDS", "SINCE_FIELD", "SINCE_COMPASS")
+TOLD = SLOTS.number("TOLD")  # accelerometer noise while there are samples
 LONGEST_GAP = 1.0
 """s: a direction that was not measured for longer counts as if it were for so long."""
 
@@ -58,11 +60,9 @@ def start(
     gains.
     """
     gains = dict(k1=k1, k2=k2, k3=k3)
-    for name, value in {**gains, "ki": ki, "low_pass": low_pass}.items():
-        if not -math.inf < value < math.inf:
-            raise ValueError(f"{name} is {value}; it must be a finite number")
-    if low_pass < 0:
-        raise ValueError(f"low_pass is {low_pass} s; it must be 0 or more")
+    for name, value in {**gains, "ki": ki}.items():
+        check_number(value, name)
+    check_number(low_pass, "low_pass", "s", least=0)
     if not any(gains.values()):
         raise ValueError(
             "k1, k2 and k3 are all zero, so nothing corrects the attitude; give one of them above "
@@ -76,7 +76,7 @@ def start(
                 f"{', '.join(f'{pole:.3g}' for pole in found)} 1/s; "
                 "give gains above zero, and ki well below them"
             )
-    belief = start.belief(auxiliary(len(start.sd)))
+    belief = start.belief(SLOTS.zeros())
     workspace, lat = belief.workspace, belief.lla[0]
     workspace[EARTH_N], workspace[EARTH_D] = RATE * math.cos(lat), -RATE * math.sin(lat)
     (
@@ -213,6 +213,7 @@ MAHONY = Filter(
     correct,
     states=(),
     estimates=SIX,
+    slots=SLOTS,
     uses=("magnetic-field", "heading"),
     unaided_note=UNAIDED,
 )

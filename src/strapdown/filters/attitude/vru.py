@@ -9,6 +9,7 @@ channel takes the attitude for known, and its measurements correct no attitude.
 
 import math
 
+from ...checks import check_number
 from ...core.contract import (
     CORRECT,
     PREDICT,
@@ -18,13 +19,14 @@ from ...core.contract import (
     Filter,
     Noise,
     Observe,
+    Slots,
     Start,
     helper,
     kernel,
     matrix,
 )
 from ...core.earth import gravity
-from ...core.error_state import DX, OWN, WORK, inject_tail, observed
+from ...core.error_state import DX, JACOBIAN, WORK, inject_tail, observed
 from ...core.kalman import decay, update
 from ...typing import Array
 from . import attitude_mekf
@@ -40,15 +42,16 @@ LEAST_ACCEL, SHORTEST_LEVEL_INTERVAL = 1e-6, 1e-3
 zero-sea-level, which may come at one time."""
 MANY_HEIGHTS = 18
 """Independent heights, six waves, after which their average is better than that of so many."""
-# height (m) and its variance (m^2) at the start; 1 once a source has measured the height
-LEVEL, VARIANCE, MEASURED = range(OWN + 20, OWN + 23)
-SINCE_LEVEL = OWN + 23  # s since the last zero-sea-level
-HEAVE = OWN + 24  # variance of the heave before any source, m^2
-DENSITY = OWN + 25  # of waves with 1 m of heave, m^2 s
-INDEPENDENT = OWN + 26  # s from which on heights are independent
-SETTLED = OWN + 30  # s since the start or the last gap
-DEVIATION = slice(OWN + 27, OWN + 30)  # of a fix, with what it does not know, m
-"""Places in workspace."""
+SLOTS = Slots(after=attitude_mekf.ATTITUDE)
+LEVEL = SLOTS.number("LEVEL")  # height at the start, m
+VARIANCE = SLOTS.number("VARIANCE")  # of it, m^2
+MEASURED = SLOTS.number("MEASURED")  # 1 once a source has measured the height
+SINCE_LEVEL = SLOTS.number("SINCE_LEVEL")  # s since the last zero-sea-level
+HEAVE = SLOTS.number("HEAVE")  # variance of the heave before any source, m^2
+DENSITY = SLOTS.number("DENSITY")  # of waves with 1 m of heave, m^2 s
+INDEPENDENT = SLOTS.number("INDEPENDENT")  # s from which on heights are independent
+SETTLED = SLOTS.number("SETTLED")  # s since the start or the last gap
+DEVIATION = SLOTS.array("DEVIATION", 3)  # of a fix, with what it does not know, m
 
 
 def start(
@@ -67,13 +70,9 @@ def start(
     zero-sea-level err independently. low_pass (s), acceleration (m/s^2 sqrt(s)) and rate_error
     (sqrt(s)) are those of `attitude-mekf`.
     """
-    if not 0 < heave < math.inf:
-        raise ValueError(f"heave is {heave} m; it must be a finite number above 0")
-    if not 0 <= wave_period < math.inf:
-        raise ValueError(f"wave_period is {wave_period} s; it must be a finite number, 0 or more")
-    belief = attitude_mekf.start(
-        start, noise, low_pass=low_pass, acceleration=acceleration, rate_error=rate_error
-    )
+    check_number(heave, "heave", "m", above=0)
+    check_number(wave_period, "wave_period", "s", least=0)
+    belief = attitude_mekf.begin(SLOTS, start, noise, low_pass, acceleration, rate_error)
     for i in VERTICAL:
         belief.P[i, i] = min(start.sd[i], HEIGHT_SD) ** 2
     workspace = belief.workspace
@@ -211,7 +210,7 @@ def correct(
     waves about mean sea level are no white one."""
     n, workspace, P = belief.P.shape[0], belief.workspace, belief.P
     H, seconds, limit, nis = (
-        matrix(workspace, workspace.size - 3 * n, 3, n),
+        matrix(workspace, JACOBIAN, 3, n),
         workspace[SINCE_LEVEL],
         gate,
         0.0,
@@ -240,7 +239,7 @@ def correct(
     if nis <= gate:
         workspace[DEVIATION][0] = math.sqrt(variance)
         found = update(
-            P, H, innovation, workspace[DEVIATION], rows, limit, workspace[WORK:], workspace[DX]
+            P, H, innovation, workspace[DEVIATION], rows, limit, workspace[WORK], workspace[DX]
         )
         nis = nis if gated else found
     if nis <= gate:
@@ -275,6 +274,7 @@ VRU = Filter(
     start,
     predict,
     correct,
+    slots=SLOTS,
     states=(2, 5, 6, 7, 9, 10, 11, 12, 13, 14),
     estimates=(2, 5, 6, 7, 9, 10, 11, 12, 13, 14),
     unaided_note="no source of height: heave is that about the height of the start, which is taken "

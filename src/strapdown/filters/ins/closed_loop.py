@@ -5,8 +5,9 @@ from ...core.adjoint import SMOOTHER
 from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, kernel
 from ...core.error_state import (
     DX,
+    ERROR_STATE,
     HEIGHT,
-    auxiliary,
+    allocate,
     bias_free,
     inject_all,
     linearised_step,
@@ -19,7 +20,7 @@ from ...typing import Array
 def start(start: Start, noise: Noise, error_model: str = "corrected") -> Belief:
     """Belief at `start`. error_model: "corrected", or a name of core.error_dynamics.MODELS: what
     Hager & Bryne print, whole or in part."""
-    return start.belief(auxiliary(len(start.sd), error_model))
+    return start.belief(allocate(ERROR_STATE, error_model))
 
 
 @kernel(PREDICT)
@@ -67,5 +68,6 @@ CLOSED_LOOP = Filter(
     start,
     predict,
     correct,
+    slots=ERROR_STATE,
     smoother=SMOOTHER,
 )

@@ -8,7 +8,16 @@ nominal state at each step.
 
 from ...core.adjoint import SMOOTHER
 from ...core.contract import BA, BG, CORRECT, PREDICT, Belief, Filter, Noise, Observe, kernel
-from ...core.error_state import DX, HEIGHT, X, added, inject_all, linearised_step, measure
+from ...core.error_state import (
+    DX,
+    ERROR_STATE,
+    HEIGHT,
+    X,
+    added,
+    inject_all,
+    linearised_step,
+    measure,
+)
 from ...core.mechanization import mechanize
 from ...typing import Array
 from .closed_loop import start
@@ -66,5 +75,6 @@ CLOSED_LOOP_ERROR_BIAS = Filter(
     start,
     predict,
     correct,
+    slots=ERROR_STATE,
     smoother=SMOOTHER,
 )

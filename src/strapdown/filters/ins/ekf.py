@@ -7,16 +7,16 @@ this is the form to compare with.
 
 import math
 
-import numpy as np
-
 from ...core.contract import (
     CORRECT,
+    MOST_STATES,
     PREDICT,
     STATES,
     Belief,
     Filter,
     Noise,
     Observe,
+    Slots,
     Start,
     helper,
     kernel,
@@ -28,16 +28,27 @@ from ...core.kalman import LEAST_NOISE
 from ...core.mechanization import mechanize
 from ...typing import Array
 
-F_AT = BLOCKS
-WORK = F_AT + STATES * STATES
-"""Places in workspace: blocks of F, F (15, 15), then two tables (n, n) of the prediction, which
-the correction uses in its own way."""
+SLOTS = Slots()
+BLOCK = SLOTS.array("BLOCK", BLOCKS)  # blocks of F
+JACOBIAN_F = SLOTS.matrix("JACOBIAN_F", STATES, STATES)  # 1/s
+# of the prediction, each (n, n): a term of the series in dt, and half of the next
+TERM = SLOTS.matrix("TERM", MOST_STATES, MOST_STATES)
+HALF = SLOTS.matrix("HALF", MOST_STATES, MOST_STATES)
+# of the correction, each (3, n): H, then (n, n): (I - K H) P
+JACOBIAN_H = SLOTS.matrix("JACOBIAN_H", 3, MOST_STATES)
+PRODUCT = SLOTS.matrix("PRODUCT", 3, MOST_STATES)  # H P
+GAIN = SLOTS.matrix("GAIN", 3, MOST_STATES)  # K'
+LEFT = SLOTS.matrix("LEFT", MOST_STATES, MOST_STATES)
+ROOT = SLOTS.matrix("ROOT", 3, 3)  # Cholesky factor of the covariance of the innovation
+USED = SLOTS.array("USED", 3)  # innovations of the measured rows
+VARIANCE = SLOTS.array("VARIANCE", 3)  # of their noise
+DX = SLOTS.array("DX", MOST_STATES)  # the correction, n numbers
+FORCE = SLOTS.array("FORCE", 3)  # specific-force velocity increment in n, m/s
 
 
 def start(start: Start, noise: Noise) -> Belief:
     """Belief at `start`."""
-    n = len(start.sd)
-    return start.belief(np.zeros(WORK + 24 + 10 * n + 2 * n * n))
+    return start.belief(SLOTS.zeros())
 
 
 @kernel(PREDICT)
@@ -45,15 +56,13 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Integrate P over the sample with F and G Q G' at its middle, and mechanize the mean."""
     workspace, n = belief.workspace, belief.P.shape[0]
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
-    F = matrix(workspace, F_AT, STATES, STATES)
+    F = matrix(workspace, JACOBIAN_F, STATES, STATES)
     _jacobian(belief, r0, r1, r2, a0 / dt, a1 / dt, a2 / dt, noise, F)
-    _integrate(
-        belief.P, F, dt, noise, matrix(workspace, WORK, n, n), matrix(workspace, WORK + n * n, n, n)
-    )
+    _integrate(belief.P, F, dt, noise, matrix(workspace, TERM, n, n), matrix(workspace, HALF, n, n))
     belief.omega[0], belief.omega[1], belief.omega[2] = r0 / dt, r1 / dt, r2 / dt
     belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
     decay_biases(belief.ba, belief.bg, dt, noise)
-    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[WORK:])
+    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[FORCE])
 
 
 @helper
@@ -70,7 +79,7 @@ def _jacobian(
 ) -> None:
     """F (15, 15) in 1/s at the belief, with the attitude half a rotation r (rad) later; f is the
     specific force, m/s^2, body."""
-    blocks, C = belief.workspace, belief.C
+    blocks, C = belief.workspace[BLOCK], belief.C
     w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, CORRECTED, blocks)
     for i in range(3):
         for j in range(3):
@@ -141,17 +150,17 @@ def correct(
     """Gain K, P <- (I - K H) P (I - K H)' + K R K', the error injected into INS and biases."""
     workspace, P, n = belief.workspace, belief.P, belief.P.shape[0]
     H, U, K = (
-        matrix(workspace, WORK, 3, n),
-        matrix(workspace, WORK + 3 * n, 3, n),
-        matrix(workspace, WORK + 6 * n, 3, n),
+        matrix(workspace, JACOBIAN_H, 3, n),
+        matrix(workspace, PRODUCT, 3, n),
+        matrix(workspace, GAIN, 3, n),
     )
-    dx, small = workspace[WORK + 9 * n : WORK + 10 * n], WORK + 10 * n
+    dx, L, e, variance = (
+        workspace[DX][:n],
+        matrix(workspace, ROOT, 3, 3),
+        workspace[USED],
+        workspace[VARIANCE],
+    )
     rows = observed(belief, y, observe, parameters, innovation, H)
-    L, e, variance = (
-        matrix(workspace, small, 3, 3),
-        workspace[small + 9 : small + 12],
-        workspace[small + 12 : small + 15],
-    )
     used = 0
     for i in range(rows):
         if not math.isnan(innovation[i]):
@@ -165,7 +174,7 @@ def correct(
         dx[j] = 0.0
     nis = _gain(P, H, used, e, variance, U, L, K, dx)
     if nis <= gate:
-        _joseph(P, H, used, variance, U, K, matrix(workspace, small + 24, n, n))
+        _joseph(P, H, used, variance, U, K, matrix(workspace, LEFT, n, n))
         inject_all(belief, dx)
     return nis
 
@@ -250,4 +259,5 @@ EKF = Filter(
     start,
     predict,
     correct,
+    slots=SLOTS,
 )

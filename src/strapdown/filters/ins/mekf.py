@@ -20,19 +20,27 @@ from ...core.contract import (
     SAVE_STEP,
     Belief,
     Filter,
+    Noise,
     Observe,
+    Slots,
     Smoother,
+    Start,
     helper,
     kernel,
     matrix,
 )
-from ...core.error_state import DX, OWN, inject_all, measure
+from ...core.error_state import DX, ERROR_STATE, allocate, inject_all, measure
 from ...core.rotation import rotate_left, turned
 from ...typing import Array
-from .closed_loop import predict, start
+from .closed_loop import predict
 
-TURN = OWN
-"""Place in workspace of the rotation of the last correction, 3 x 3."""
+SLOTS = Slots(after=ERROR_STATE)
+TURN = SLOTS.matrix("TURN", 3, 3)  # the rotation of the last correction
+
+
+def start(start: Start, noise: Noise, error_model: str = "corrected") -> Belief:
+    """Belief at `start`. error_model: as for the closed loop."""
+    return start.belief(allocate(SLOTS, error_model))
 
 
 @kernel(CORRECT)
@@ -115,5 +123,6 @@ MEKF = Filter(
     start,
     predict,
     correct,
+    slots=SLOTS,
     smoother=Smoother(lambda n: adjoint.width(n) + 3, save_step, adjoint_step),
 )

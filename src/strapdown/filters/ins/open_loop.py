@@ -11,6 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...checks import check_choice
 from ...core.adjoint import SMOOTHER
 from ...core.contract import (
     BA,
@@ -21,6 +22,7 @@ from ...core.contract import (
     Filter,
     Noise,
     Observe,
+    Slots,
     Start,
     helper,
     kernel,
@@ -31,11 +33,11 @@ from ...core.error_dynamics import TV
 from ...core.error_state import (
     BLOCK,
     DX,
+    ERROR_STATE,
     HEIGHT,
-    OWN,
     X,
     added,
-    auxiliary,
+    allocate,
     decay_biases,
     inject_tail,
     linearised_step,
@@ -44,17 +46,22 @@ from ...core.error_state import (
 from ...core.mechanization import mechanize
 from ...typing import Array
 
-LLA, V, C = slice(OWN, OWN + 3), slice(OWN + 3, OWN + 6), OWN + 6  # of the raw INS in workspace
-# the first numbers of workspace: true - raw INS, as estimated
-INS_ERROR = ("ins_error_north [m]", "ins_error_east [m]", "ins_error_down [m]")
-LEFT_MODEL = "the raw INS left the model"
-BIAS = slice(OWN + 15, OWN + 21)  # what the raw INS takes off its IMU: accelerometer, gyro
-MODE = OWN + 32  # which of:
+BESIDE = Slots(after=ERROR_STATE)
+# of the raw INS
+LLA = BESIDE.array("LLA", 3)
+V = BESIDE.array("V", 3)
+C = BESIDE.matrix("C", 3, 3)
+BIAS = BESIDE.array("BIAS", 6)  # what it takes off its IMU: accelerometer, gyro
+MODE = BESIDE.number("MODE")  # which of:
 SECOND_ORDER, METRES, GEODETIC = range(3)
 KINEMATICS = {"second-order": SECOND_ORDER, "metres": METRES, "geodetic": GEODETIC}
 """Kinematics of the position error: exact to second order; linear in metres NED at the belief;
 linear in latitude, longitude and height as Hager & Bryne, to second order (5 % of its own error
 at 50 km of drift, 7 % at 160 km; beyond 500 km it is another filter)."""
+SLOTS = Slots(after=BESIDE)
+# true - raw INS, as estimated
+INS_ERROR = SLOTS.outputs("ins_error_north [m]", "ins_error_east [m]", "ins_error_down [m]")
+LEFT_MODEL = "the raw INS left the model"
 
 
 def start(
@@ -66,14 +73,18 @@ def start(
     error_model: "corrected", or a name of core.error_dynamics.MODELS: what Hager & Bryne print,
     whole or in part. kinematics: "second-order", "metres" or "geodetic": see KINEMATICS.
     """
-    if kinematics not in KINEMATICS:
-        raise ValueError(f"kinematics is {kinematics!r}; it must be one of {', '.join(KINEMATICS)}")
-    belief = start.belief(auxiliary(len(start.sd), error_model))
-    belief.workspace[LLA], belief.workspace[V], belief.workspace[C : C + 9] = (
-        belief.lla,
-        belief.v,
-        belief.C.ravel(),
-    )
+    return beside(start, SLOTS, error_model, kinematics)
+
+
+def beside(
+    start: Start, slots: Slots, error_model: str = "corrected", kinematics: str = "second-order"
+) -> Belief:
+    """Belief at `start` of a filter with an INS and an error beside it; its slots continue
+    BESIDE."""
+    check_choice(kinematics, "kinematics", KINEMATICS)
+    belief = start.belief(allocate(slots, error_model))
+    raw = BESIDE.named(belief.workspace)
+    raw["LLA"][:], raw["V"][:], raw["C"][:] = belief.lla, belief.v, belief.C
     belief.workspace[BIAS] = *belief.ba, *belief.bg
     belief.workspace[MODE] = KINEMATICS[kinematics]
     return belief
@@ -133,10 +144,15 @@ def products(x: Array, blocks: Array, lat: float, geodetic: bool, dt: float) -> 
 def compose(belief: Belief) -> None:
     """belief = INS (+) error: equations (20)-(23) of the paper."""
     workspace = belief.workspace
-    x, b, raw = workspace[X], workspace[BIAS], matrix(workspace, C, 3, 3)
+    x, b, raw, out = (
+        workspace[X],
+        workspace[BIAS],
+        matrix(workspace, C, 3, 3),
+        workspace[INS_ERROR],
+    )
     lla, v, xa, xg = workspace[LLA], workspace[V], x[BA], x[BG]
     for i in range(3):
-        belief.lla[i], belief.v[i] = lla[i], v[i]
+        belief.lla[i], belief.v[i], out[i] = lla[i], v[i], x[i]
         belief.ba[i], belief.bg[i] = b[i] + xa[i], b[3 + i] + xg[i]
         for j in range(3):
             belief.C[i, j] = raw[i, j]
@@ -188,7 +204,7 @@ def correct(
 def left_model(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
     """[(t, text)] where the raw INS first is at a height at which gravity is no series any more
     and the mechanization continues in a fashion, else []."""
-    height = lla[:, 2] + columns[INS_ERROR[2]]  # down: true - raw
+    height = lla[:, 2] + columns[SLOTS.columns[2]]  # down: true - raw
     gone = ~(np.abs(height) <= FAR_HEIGHT)
     return (
         [
@@ -208,7 +224,7 @@ OPEN_LOOP = Filter(
     start,
     predict,
     correct,
-    columns=INS_ERROR,
+    slots=SLOTS,
     diagnose=left_model,
     smoother=SMOOTHER,
 )

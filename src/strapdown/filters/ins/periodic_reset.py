@@ -4,14 +4,38 @@ first fix after every `interval` seconds.
 Interval 0 is the closed loop, an infinite one the open loop.
 """
 
+from ...checks import check_number
 from ...core.adjoint import SMOOTHER
-from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, kernel, matrix
-from ...core.error_state import OWN, X
+from ...core.contract import (
+    CORRECT,
+    PREDICT,
+    Belief,
+    Filter,
+    Noise,
+    Observe,
+    Slots,
+    Start,
+    kernel,
+    matrix,
+)
+from ...core.error_state import X
 from ...typing import Array
 from . import open_loop
-from .open_loop import BIAS, INS_ERROR, LLA, C, V, correct_beside, left_model, predict_beside
+from .open_loop import (
+    BIAS,
+    INS_ERROR,
+    LLA,
+    C,
+    V,
+    beside,
+    correct_beside,
+    left_model,
+    predict_beside,
+)
 
-INTERVAL, ELAPSED = OWN + 30, OWN + 31  # s; s since the last reset
+SLOTS = Slots(after=open_loop.SLOTS)
+INTERVAL = SLOTS.number("INTERVAL")  # s between resets
+ELAPSED = SLOTS.number("ELAPSED")  # s since the last
 ROUNDING = 1e-6  # s: of a sum of steps
 
 
@@ -24,9 +48,8 @@ def start(
 ) -> Belief:
     """Belief at `start`. interval: seconds between resets, 0 to inf; error_model and kinematics
     as for the open loop."""
-    if not interval >= 0:
-        raise ValueError(f"interval is {interval} s; it must be 0 or more (inf: never reset)")
-    belief = open_loop.start(start, noise, error_model, kinematics)
+    check_number(interval, "interval", "s", least=0, infinite=True)
+    belief = beside(start, SLOTS, error_model, kinematics)
     belief.workspace[INTERVAL] = interval
     return belief
 
@@ -55,14 +78,16 @@ def correct(
     nis = correct_beside(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate and workspace[ELAPSED] >= workspace[INTERVAL] - ROUNDING:
         workspace[ELAPSED] = 0.0
-        lla, v, raw, b, x = (
+        lla, v, raw, b, x, out = (
             workspace[LLA],
             workspace[V],
             matrix(workspace, C, 3, 3),
             workspace[BIAS],
             workspace[X],
+            workspace[INS_ERROR],
         )
         for i in range(3):
+            out[i] = 0.0
             lla[i], v[i], b[i], b[3 + i] = belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i]
             for j in range(3):
                 raw[i, j] = belief.C[i, j]
@@ -77,7 +102,7 @@ PERIODIC_RESET = Filter(
     start,
     predict,
     correct,
-    columns=INS_ERROR,
+    slots=SLOTS,
     diagnose=left_model,
     smoother=SMOOTHER,
 )

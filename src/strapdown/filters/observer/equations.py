@@ -10,8 +10,8 @@ force:
 A turn by sigma therefore leaves C (f - ba) + xi where it was, and here it does so exactly, however
 large it is.
 
-Helpers act on a Belief whose `workspace` begins with the observer's own block: that of the filter,
-or the view that `embedded` gives.
+Helpers act on a Belief whose `workspace` is the observer's own, of OBSERVER: that of the filter, or
+the view that `embedded` gives.
 """
 
 import math
@@ -20,44 +20,60 @@ from ...core.contract import (
     ALTITUDE_KIND,
     HEADING_KIND,
     MAGNETIC_KIND,
+    MOST_STATES,
     POSITION_KIND,
     VELOCITY_KIND,
     Belief,
     Noise,
     Observe,
+    Slots,
 )
 from ...core.earth import displace, place
+from ...core.embedded import NAVIGATION, navigation
 from ...core.error_state import observed
 from ...core.jit import helper, inlined, matrix
 from ...core.kalman import decay
 from ...core.mechanization import mechanize
 from ...core.rotation import orthonormalise, rotate_right, turned, wrap
 from ...typing import Array
-from .translation_gains import AGES, TRANSLATION, VELOCITY_AGE, pulled
+from .translation_gains import AGE, SPREAD, TRANSLATION, VELOCITY_AGE, pulled
 
-# output columns: smallest eigenvalue of MOMENT; s without a course; m/s^2, n
-EXCITATION, HELD, XI = 0, 1, 2
-SQUARE = 5  # theta0: squared length of the accelerometer bias, m^2/s^4
+OBSERVER = Slots()
+EXCITATION = OBSERVER.output("excitation")  # smallest eigenvalue of MOMENT
+HELD = OBSERVER.output("course_held [s]")  # s without a course
+XI = OBSERVER.outputs("xi_north [m/s^2]", "xi_east [m/s^2]", "xi_down [m/s^2]")
+SQUARE = OBSERVER.number("SQUARE")  # theta0: squared length of the accelerometer bias, m^2/s^4
 # s; SINCE_FIX of position or velocity
-SINCE_FIX, SINCE_COURSE, SINCE_HEADING, SINCE_FIELD = range(6, 10)
-FADE = 10  # from FADE_AT_START down: 1 and above, the gains are those of the start
-COURSE = 11  # the last one, rad; NaN before
-# gains, 1/s; density of the force, m/s^2/sqrt(s); START: the four at first; s
-K1, K2, KI, WANDER, START, START_TIME = 12, 13, 14, 15, 16, 20
-GYRO_BOUND, ACCEL_BOUND, ADAPTATION = range(21, 24)  # rad/s, m/s^2, 1/s
-# of the course, of the field; m/s; s; accelerometer noise while there are samples
-MODE, FIELD, LEAST_SPEED, OUTAGE_AFTER, TOLD = range(24, 29)
-MOMENT = 29  # forgetting mean of phi phi', 10 numbers of its upper triangle
-WORK = slice(39, 55)
-OWN = 55  # the translational motion observer's numbers
-H = OWN + TRANSLATION  # of the observer of a fix, 3 x 15
-BLOCK = H + 45
-"""Places in the block, and its size."""
-STATE = 27
-EMBEDDED = STATE + BLOCK
-"""Numbers that an observer inside another filter takes of its workspace: lla, v, C, ba, bg,
-omega, f, then the block."""
-
+SINCE_FIX, SINCE_COURSE, SINCE_HEADING, SINCE_FIELD = OBSERVER.numbers(
+    "SINCE_FIX", "SINCE_COURSE", "SINCE_HEADING", "SINCE_FIELD"
+)
+FADE = OBSERVER.number(
+    "FADE"
+)  # from FADE_AT_START down: 1 and above, the gains are those of the start
+COURSE = OBSERVER.number("COURSE")  # the last one, rad; NaN before
+# gains, 1/s, and density of the force, m/s^2/sqrt(s); of the start
+K1, K2, KI, WANDER = OBSERVER.numbers("K1", "K2", "KI", "WANDER")
+K1_START, K2_START, KI_START, WANDER_START = OBSERVER.numbers(
+    "K1_START", "K2_START", "KI_START", "WANDER_START"
+)
+START_TIME = OBSERVER.number("START_TIME")  # s
+GYRO_BOUND = OBSERVER.number("GYRO_BOUND")  # rad/s
+ACCEL_BOUND = OBSERVER.number("ACCEL_BOUND")  # m/s^2
+ADAPTATION = OBSERVER.number("ADAPTATION")  # 1/s
+MODE, FIELD = OBSERVER.numbers("MODE", "FIELD")  # of the course, of the field
+LEAST_SPEED = OBSERVER.number("LEAST_SPEED")  # m/s
+OUTAGE_AFTER = OBSERVER.number("OUTAGE_AFTER")  # s
+TOLD = OBSERVER.number("TOLD")  # accelerometer noise while there are samples
+MOMENT = OBSERVER.array("MOMENT", 10)  # forgetting mean of phi phi', its upper triangle
+WORK = OBSERVER.array("WORK", 9)
+EIGEN = OBSERVER.matrix("EIGEN", 4, 4)  # MOMENT as it is made diagonal
+MOTION = OBSERVER.part("MOTION", TRANSLATION)  # the translational motion observer
+JACOBIAN = OBSERVER.matrix("JACOBIAN", 3, MOST_STATES)  # H of a fix, which is not used
+EMBEDDED = Slots()
+"""What an observer inside another filter takes of its workspace."""
+STATE = EMBEDDED.part("STATE", NAVIGATION)
+BLOCK = EMBEDDED.part("BLOCK", OBSERVER)
+EMBEDDED_SIZE = EMBEDDED.size
 NONE, TILT_COMPENSATED, PRINTED, FROZEN = range(4)
 COURSES = {"tilt-compensated": TILT_COMPENSATED, "printed": PRINTED, "frozen": FROZEN, "none": NONE}
 VECTOR, ACROSS = range(2)
@@ -74,21 +90,10 @@ FREE_FALL_FORCE = 0.5  # m/s^2: a specific force below it has no direction
 
 @inlined
 def embedded(belief: Belief, first: int) -> Belief:
-    """The observer that begins at belief.workspace[first], as a Belief of its own; P and tail
-    are those of `belief` and none of its business."""
-    workspace = belief.workspace
-    return Belief(
-        workspace[first : first + 3],
-        workspace[first + 3 : first + 6],
-        matrix(workspace, first + 6, 3, 3),
-        workspace[first + 15 : first + 18],
-        workspace[first + 18 : first + 21],
-        belief.P,
-        workspace[first + 21 : first + 24],
-        workspace[first + 24 : first + 27],
-        workspace[first + STATE : first + EMBEDDED],
-        belief.extra_states,
-    )
+    """The observer whose numbers (EMBEDDED) begin at belief.workspace[first], as a Belief of its
+    own; P and tail are those of `belief` and none of its business."""
+    own = belief.workspace[first : first + EMBEDDED_SIZE]
+    return navigation(own[STATE], belief.P, own[BLOCK], belief.extra_states)
 
 
 @inlined
@@ -102,7 +107,7 @@ def advance(bar: Belief, u: Array, dt: float, noise: Noise) -> None:
     if dt <= 0:
         return
     workspace, C, ba, bg, f = bar.workspace, bar.C, bar.ba, bar.bg, bar.f
-    xi = workspace[XI : XI + 3]
+    xi = workspace[XI]
     r0, r1, r2, a0, a1, a2 = (
         u[0] - bg[0] * dt,
         u[1] - bg[1] * dt,
@@ -165,9 +170,11 @@ def _clocks(workspace: Array, dt: float, spread: float) -> None:
     what the fixes may correct."""
     for i in range(SINCE_FIX, SINCE_FIELD + 1):
         workspace[i] += dt
-    for i in range(AGES):
-        workspace[OWN + i] += dt
-    workspace[OWN + AGES] += spread * dt
+    own = workspace[MOTION]
+    for i in range(3):
+        own[AGE][i] += dt
+        own[VELOCITY_AGE][i] += dt
+    own[SPREAD] += spread * dt
     heading = (
         min(workspace[SINCE_COURSE], min(workspace[SINCE_HEADING], workspace[SINCE_FIELD]))
         < TRUSTED
@@ -181,7 +188,7 @@ def _clocks(workspace: Array, dt: float, spread: float) -> None:
 def gain(workspace: Array, name: int) -> float:
     """One of K1 ... WANDER now: for START_TIME that of the start, from then on itself more and
     more, with half of that time for a time constant."""
-    return workspace[name] + (workspace[name + START - K1] - workspace[name]) * min(
+    return workspace[name] + (workspace[name + K1_START - K1] - workspace[name]) * min(
         workspace[FADE], 1.0
     )
 
@@ -190,7 +197,7 @@ def gain(workspace: Array, name: int) -> float:
 def turn(bar: Belief, s0: float, s1: float, s2: float) -> None:
     """Turn the attitude by the rotation vector s (rad, body), f_n = C f + xi staying, and
     outside an outage the gyro bias by - ki s, bounded."""
-    C, f, xi, workspace = bar.C, bar.f, bar.workspace[XI : XI + 3], bar.workspace
+    C, f, xi, workspace = bar.C, bar.f, bar.workspace[XI], bar.workspace
     b0, b1, b2 = turned(C, f[0], f[1], f[2])
     rotate_right(C, s0, s1, s2)
     n0, n1, n2 = turned(C, f[0], f[1], f[2])
@@ -265,10 +272,10 @@ def _adapt(bar: Belief, x0: float, x1: float, x2: float, dt: float) -> None:
     bounded(ba, -2 * rate * m0, -2 * rate * m1, -2 * rate * m2, workspace[ACCEL_BOUND])
     share = dt / FORGETTING
     phi = (1.0, m0 / NOMINAL_GRAVITY, m1 / NOMINAL_GRAVITY, m2 / NOMINAL_GRAVITY)
-    k = MOMENT
+    moment, k = workspace[MOMENT], 0
     for i in range(4):
         for j in range(i, 4):
-            workspace[k] += share * (phi[i] * phi[j] - workspace[k])
+            moment[k] += share * (phi[i] * phi[j] - moment[k])
             k += 1
 
 
@@ -289,7 +296,8 @@ def inject(
     one that is there, so that no course takes its place.
     """
     workspace = bar.workspace
-    observed(bar, y, observe, parameters, innovation, matrix(workspace, H, 3, 15))
+    H = matrix(workspace, JACOBIAN, 3, bar.P.shape[0])
+    observed(bar, y, observe, parameters, innovation, H)
     if outage(workspace) and kind != POSITION_KIND and kind != VELOCITY_KIND:
         if innovation[0] == innovation[0]:
             if kind == HEADING_KIND:
@@ -319,7 +327,7 @@ def inject(
 def _translate(bar: Belief, kind: int, innovation: Array, sd: Array) -> None:
     """Position, velocity and xi by the gains at this fix."""
     workspace = bar.workspace
-    change = workspace[WORK]
+    change, xi = workspace[WORK], workspace[XI]
     for i in range(9):
         change[i] = 0.0
     used = False
@@ -327,7 +335,7 @@ def _translate(bar: Belief, kind: int, innovation: Array, sd: Array) -> None:
         if innovation[row] == innovation[row]:
             axis, used = 2 if kind == ALTITUDE_KIND else row, True
             pulled(
-                workspace[OWN : OWN + TRANSLATION],
+                workspace[MOTION],
                 axis,
                 kind == VELOCITY_KIND,
                 innovation[row],
@@ -339,7 +347,7 @@ def _translate(bar: Belief, kind: int, innovation: Array, sd: Array) -> None:
     displace(bar.lla, change[0], change[3], change[6])
     for i in range(3):
         bar.v[i] += change[3 * i + 1]
-        workspace[XI + i] += change[3 * i + 2]
+        xi[i] += change[3 * i + 2]
     if used and kind != ALTITUDE_KIND:
         workspace[SINCE_FIX] = 0.0
 
@@ -357,7 +365,7 @@ def _course(bar: Belief, north: float, east: float) -> None:
     ):
         return
     if speed < workspace[LEAST_SPEED]:
-        workspace[HELD] += min(workspace[OWN + VELOCITY_AGE], LONGEST_GAP)
+        workspace[HELD] += min(workspace[MOTION][VELOCITY_AGE][0], LONGEST_GAP)
         return
     seconds = min(workspace[SINCE_COURSE], LONGEST_GAP)
     workspace[COURSE], workspace[SINCE_COURSE] = math.atan2(east, north), 0.0
@@ -393,7 +401,7 @@ def _towards_field(bar: Belief, y: Array, parameters: Array) -> None:
     parallel to it and alone holds the heading badly.
     """
     C, workspace, f = bar.C, bar.workspace, bar.f
-    xi, m0, m1, m2 = workspace[XI : XI + 3], parameters[0], parameters[1], parameters[2]
+    xi, m0, m1, m2 = workspace[XI], parameters[0], parameters[1], parameters[2]
     e0, e1, e2 = (
         C[0, 0] * m0 + C[1, 0] * m1 + C[2, 0] * m2,
         C[0, 1] * m0 + C[1, 1] * m1 + C[2, 1] * m2,
@@ -445,11 +453,11 @@ def _towards(
 @helper
 def smallest(workspace: Array) -> float:
     """Smallest eigenvalue of the 4 x 4 matrix MOMENT, by Jacobi rotations."""
-    A = matrix(workspace, WORK.start, 4, 4)
-    k = MOMENT
+    A = matrix(workspace, EIGEN, 4, 4)
+    moment, k = workspace[MOMENT], 0
     for i in range(4):
         for j in range(i, 4):
-            A[i, j] = A[j, i] = workspace[k]
+            A[i, j] = A[j, i] = moment[k]
             k += 1
     for _ in range(4):
         for p in range(3):

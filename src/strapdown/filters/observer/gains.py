@@ -15,9 +15,9 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ...checks import check_choice, check_number
 from ...core.contract import Noise, Source, Start
-from ...core.jit import plain
-from ...core.rotation import euler_to_matrix
+from ...core.embedded import as_numbers
 from ...typing import Array, Mask
 from . import equations, translation_gains
 
@@ -76,7 +76,7 @@ class Axis(NamedTuple):
 
 
 def begin(block: Array, start: Start, noise: Noise, **options: Any) -> None:
-    """Fill an observer's block (BLOCK numbers of an workspace array) for a Start, a Noise and
+    """Fill an observer's block (numbers of OBSERVER) for a Start, a Noise and
     options, all of DEFAULTS where not given.
 
     Raises ValueError where an option or the start's biases are out of bounds.
@@ -91,56 +91,35 @@ def begin(block: Array, start: Start, noise: Noise, **options: Any) -> None:
                 f"the start's {name} bias is {np.linalg.norm(values):.3g}, beyond {name}_bound = "
                 f"{bound:g}; give a larger bound"
             )
-    block[: equations.BLOCK] = 0.0
     at = equations
+    block[:] = 0.0
     block[at.SQUARE] = float(np.dot(start.ba, start.ba))
     block[at.SINCE_COURSE] = block[at.SINCE_HEADING] = block[at.SINCE_FIELD] = 1e9
     block[at.FADE], block[at.COURSE] = at.FADE_AT_START, math.nan
-    block[at.K1 : at.START_TIME + 1] = [
-        o[name + end] for end in ("", "_start") for name in ("k1", "k2", "ki", "wander")
-    ] + [o["start_time"]]
-    for density in (at.WANDER, at.WANDER + at.START - at.K1):
-        block[density] *= o["theta"] ** 3
+    for name in ("k1", "k2", "ki", "k1_start", "k2_start", "ki_start", "start_time"):
+        block[getattr(at, name.upper())] = o[name]
+    block[at.WANDER] = o["wander"] * o["theta"] ** 3
+    block[at.WANDER_START] = o["wander_start"] * o["theta"] ** 3
+    for name in ("gyro_bound", "accel_bound", "adaptation", "least_speed"):
+        block[getattr(at, name.upper())] = o[name]
     block[at.FIELD] = at.FIELDS[o["field"]]
-    block[at.GYRO_BOUND], block[at.ACCEL_BOUND], block[at.ADAPTATION] = (
-        o["gyro_bound"],
-        o["accel_bound"],
-        o["adaptation"],
-    )
-    block[at.MODE], block[at.LEAST_SPEED], block[at.TOLD] = (
-        at.COURSES[o["course"]],
-        o["least_speed"],
-        noise.accel,
-    )
+    block[at.MODE], block[at.TOLD] = at.COURSES[o["course"]], noise.accel
     block[at.OUTAGE_AFTER] = o["outage_after"] or OUTAGE_INTERVALS
-    own = block[at.OWN : at.OWN + translation_gains.TRANSLATION]
-    own[translation_gains.DESIGN] = translation_gains.DESIGNS[_design(o)]
-    own[translation_gains.LOST] = block[at.OUTAGE_AFTER]
-    own[translation_gains.POLES : translation_gains.POLES + 4] = _as_numbers(o)
-    own[translation_gains.GAINS : translation_gains.GAINS + 6] = np.ravel(_given(o))
-    for axis in range(3):
-        own[translation_gains.P + 6 * axis + np.array([0, 3, 5])] = (
-            start.sd[axis] ** 2,
-            start.sd[3 + axis] ** 2,
-            FORCE_SD**2,
-        )
+    own = translation_gains.TRANSLATION.named(block[at.MOTION])
+    own["DESIGN"][...] = translation_gains.DESIGNS[_design(o)]
+    own["LOST"][...] = block[at.OUTAGE_AFTER]
+    own["POLE"][...], own["PAIR"][:] = np.split(np.array(_as_numbers(o)), [1])
+    own["GAINS"][:], own["VELOCITY_GAINS"][:] = _given(o)
+    own["P"].reshape(3, 6)[:, [0, 3, 5]] = [
+        (start.sd[axis] ** 2, start.sd[3 + axis] ** 2, FORCE_SD**2) for axis in range(3)
+    ]
 
 
-def implant(workspace: Array, first: int, start: Start, noise: Noise, **options: Any) -> None:
-    """An observer of its own at workspace[first:first + EMBEDDED], beginning at `start`: what
-    `observer.embedded` gives a view of. Raises as `begin`."""
-    C = np.empty((3, 3))
-    roll, pitch, heading = start.rph
-    plain(euler_to_matrix)(float(roll), float(pitch), float(heading), C)
-    workspace[first : first + equations.STATE] = (
-        *start.lla,
-        *start.v,
-        *C.ravel(),
-        *start.ba,
-        *start.bg,
-        *np.zeros(6),
-    )
-    begin(workspace[first + equations.STATE : first + equations.EMBEDDED], start, noise, **options)
+def implant(workspace: Array, start: Start, noise: Noise, **options: Any) -> None:
+    """An observer of its own in `workspace`, numbers of EMBEDDED, beginning at `start`: what
+    `embedded` gives a view of. Raises as `begin`."""
+    workspace[equations.STATE] = as_numbers(start.belief(np.empty(0)))
+    begin(workspace[equations.BLOCK], start, noise, **options)
 
 
 def checked(options: dict[str, Any]) -> dict[str, Any]:
@@ -161,18 +140,15 @@ def checked(options: dict[str, Any]) -> dict[str, Any]:
         "wander_start",
         "theta",
     ):
-        if not o[name] > 0:
-            raise ValueError(f"{name} is {o[name]:g}; it must be above zero")
+        check_number(o[name], name, above=0, infinite=True)
     for name in ("ki", "ki_start", "adaptation", "least_speed", "outage_after", *GAINS):
-        if not o[name] >= 0:
-            raise ValueError(f"{name} is {o[name]:g}; it must be 0 or more")
+        check_number(o[name], name, least=0, infinite=True)
     for name, known in (
         ("course", equations.COURSES),
         ("field", equations.FIELDS),
         ("design", ("riccati", "poles")),
     ):
-        if o[name] not in known:
-            raise ValueError(f"{name} is {o[name]!r}; it must be one of {', '.join(known)}")
+        check_choice(o[name], name, known)
     _poles(o)
     return o
 

@@ -14,16 +14,9 @@ import numpy as np
 
 from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, kernel
 from ...typing import Array
-from .equations import BLOCK, FORGETTING, advance, inject
+from .equations import EXCITATION, FORGETTING, HELD, OBSERVER, advance, inject
 from .gains import DEFAULTS, USES, begin, configure
 
-COLUMNS = (
-    "excitation",
-    "course_held [s]",
-    "xi_north [m/s^2]",
-    "xi_east [m/s^2]",
-    "xi_down [m/s^2]",
-)
 LONG_HELD = 10.0  # s without a course that is worth an event
 EXCITED = 1e-3  # of the smallest eigenvalue, in which 1 is a specific force of 1 g
 
@@ -33,7 +26,7 @@ def start(start: Start, noise: Noise, **options: Any) -> Belief:
     filters/observer/gains.py has them. Refuses gains that are not stable and a start beyond the
     bounds.
     """
-    belief = start.belief(np.zeros(BLOCK))
+    belief = start.belief(OBSERVER.zeros())
     begin(belief.workspace, start, noise, **options)
     return belief
 
@@ -77,7 +70,7 @@ def correct(
 def unobserved(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
     """[(t, text)] where the course was held for long because it was too slow for one, and where
     the accelerometer bias was not excited."""
-    held, excitation = columns[COLUMNS[1]], columns[COLUMNS[0]]
+    held, excitation = (columns[OBSERVER.columns[which]] for which in (HELD, EXCITATION))
     events = []
     if len(t) and held[-1] >= LONG_HELD:
         events.append(
@@ -106,7 +99,7 @@ NLO = Filter(
     predict,
     correct,
     states=(),
-    columns=COLUMNS,
+    slots=OBSERVER,
     uses=USES,
     configure=configure,
     diagnose=unobserved,

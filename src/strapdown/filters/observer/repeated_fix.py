@@ -4,26 +4,30 @@ an observer does, must take it once."""
 import math
 
 from ...core.jit import helper
+from ...core.workspace import Slots
 from ...typing import Array
 
-MEMORY = 7
-"""Numbers to remember by: kind of a fix that was rejected last, or FORGOTTEN; its y and sd."""
+MEMORY = Slots()
+"""What to remember a fix by."""
+KIND = MEMORY.number("KIND")  # of the one that was rejected last, or FORGOTTEN
+Y = MEMORY.array("Y", 3)  # what it measured
+SD = MEMORY.array("SD", 3)
 FORGOTTEN = -1.0
 
 
 @helper
 def repeated(memory: Array, y: Array, sd: Array, kind: int, gate: float, nis: float) -> bool:
     """Whether this call brings the fix of the call before once more; remembers it in `memory`
-    (MEMORY numbers) where its `nis` is above `gate`.
+    (of MEMORY) where its `nis` is above `gate`.
 
     The loop does so only where it lifts a gate: right after a rejection, with `gate` infinite.
     Other sources may measure the same at the same time.
     """
-    same = memory[0] == kind and gate == math.inf
+    same, its_y, its_sd = memory[KIND] == kind and gate == math.inf, memory[Y], memory[SD]
     for i in range(3):
-        same = same and _alike(memory[1 + i], y[i]) and _alike(memory[4 + i], sd[i])
-        memory[1 + i], memory[4 + i] = y[i], sd[i]
-    memory[0] = kind if nis > gate else FORGOTTEN
+        same = same and _alike(its_y[i], y[i]) and _alike(its_sd[i], sd[i])
+        its_y[i], its_sd[i] = y[i], sd[i]
+    memory[KIND] = kind if nis > gate else FORGOTTEN
     return same
 
 

@@ -9,21 +9,24 @@ limit at a steady interval is the gain that `observer_gains` prints.
 import math
 
 from ...core.jit import helper
+from ...core.workspace import Slots
 from ...typing import Array
 
-# s since the last fix that changed the axis, north, east, down; from VELOCITY_AGE on since the
-# last velocity fix, likewise; AGES of them in all
-VELOCITY_AGE, AGES = 3, 6
-# m^2/s^2: variance of velocity that gaps in the samples brought, since the start; USED of it by
-# each axis
-SPREAD = AGES
-USED = 7
-DESIGN, LOST = 10, 11  # which design; s without a velocity after which positions do its work
-POLES = 12  # 1/s: one of its own, and a pair as (a, b, complex): a and b, or a +- jb
-GAINS = 16  # of a position (p, v, xi), then of a velocity
-P = 22  # three axes of 6 numbers: pp, pv, pf, vv, vf, ff
-TRANSLATION = P + 18
-"""Places in the translational motion observer's numbers, and how many there are."""
+TRANSLATION = Slots()
+"""The translational motion observer's numbers; of three axes those that are no option."""
+# s since the last fix that changed the axis, and since its last velocity fix
+AGE = TRANSLATION.array("AGE", 3)
+VELOCITY_AGE = TRANSLATION.array("VELOCITY_AGE", 3)
+# m^2/s^2: variance of velocity that gaps in the samples brought, since the start; of it used
+SPREAD = TRANSLATION.number("SPREAD")
+USED = TRANSLATION.array("USED", 3)
+DESIGN = TRANSLATION.number("DESIGN")  # which one
+LOST = TRANSLATION.number("LOST")  # s without a velocity after which positions do its work
+POLE = TRANSLATION.number("POLE")  # 1/s: one of its own
+PAIR = TRANSLATION.array("PAIR", 3)  # 1/s: a pair as (a, b, complex): a and b, or a +- jb
+GAINS = TRANSLATION.array("GAINS", 3)  # of a position (p, v, xi)
+VELOCITY_GAINS = TRANSLATION.array("VELOCITY_GAINS", 3)
+P = TRANSLATION.array("P", 18)  # three axes of 6 numbers: pp, pv, pf, vv, vf, ff
 RICCATI, BY_POLES, GIVEN = range(3)
 DESIGNS = {"riccati": RICCATI, "poles": BY_POLES, "given": GIVEN}
 SHORTEST_FIX_INTERVAL = 1e-6  # s: of two fixes of an axis at one time the second finds it no older
@@ -52,7 +55,7 @@ def pulled(
     if own[DESIGN] == RICCATI:
         _by_riccati(
             own,
-            own[P + 6 * axis : P + 6 * axis + 6],
+            own[P][6 * axis : 6 * axis + 6],
             axis,
             velocity,
             e,
@@ -64,10 +67,10 @@ def pulled(
     elif own[DESIGN] == BY_POLES:
         _by_poles(own, axis, velocity, e, change)
     else:
-        first = GAINS + 3 * velocity
-        change[0], change[1], change[2] = own[first] * e, own[first + 1] * e, own[first + 2] * e
+        k = own[VELOCITY_GAINS.start if velocity else GAINS.start :]
+        change[0], change[1], change[2] = k[0] * e, k[1] * e, k[2] * e
     if velocity:
-        own[VELOCITY_AGE + axis] = 0.0
+        own[VELOCITY_AGE][axis] = 0.0
 
 
 @helper
@@ -84,9 +87,9 @@ def _by_riccati(
 ) -> None:
     """One step of the Riccati equation over the time since the last fix, and the correction by
     it."""
-    spread = own[SPREAD] - own[USED + axis]
-    grow(A, own[axis], wander * wander, accel * accel, spread)
-    own[axis], own[USED + axis] = 0.0, own[SPREAD]
+    spread = own[SPREAD] - own[USED][axis]
+    grow(A, own[AGE][axis], wander * wander, accel * accel, spread)
+    own[AGE][axis], own[USED][axis] = 0.0, own[SPREAD]
     if velocity:
         scale = 1 / (A[3] + sd * sd)
         k0, k1, k2 = scale * A[1], scale * A[3], scale * A[4]
@@ -129,18 +132,18 @@ def _by_poles(own: Array, axis: int, velocity: bool, e: float, change: Array) ->
     the position alone, which keeps the poles whatever the two intervals; without them a position
     has all three.
     """
-    kind = VELOCITY_AGE + axis if velocity else axis
-    T = own[kind]
-    own[kind] = 0.0
+    ages, pair = own[VELOCITY_AGE.start if velocity else AGE.start :], own[PAIR]
+    T = ages[axis]
+    ages[axis] = 0.0
     if T < SHORTEST_FIX_INTERVAL:
         return
     one, (two, product) = (
-        math.expm1(own[POLES] * T),
-        factors(own[POLES + 1], own[POLES + 2], own[POLES + 3], T),
+        math.expm1(own[POLE] * T),
+        factors(pair[0], pair[1], pair[2], T),
     )
     if velocity:
         change[1], change[2] = -(two + product) * e, product / T * e
-    elif own[VELOCITY_AGE + axis] <= own[LOST]:
+    elif own[VELOCITY_AGE][axis] <= own[LOST]:
         change[0] = -one * e
     else:
         l1, l3 = -one - two, -one * product / (T * T)

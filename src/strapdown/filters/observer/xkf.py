@@ -12,8 +12,7 @@ import inspect
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
+from ...checks import check_number
 from ...core.contract import (
     ALTITUDE_KIND,
     ATTITUDE_KIND,
@@ -30,6 +29,7 @@ from ...core.contract import (
     Filter,
     Noise,
     Observe,
+    Slots,
     Source,
     Start,
     kernel,
@@ -38,11 +38,12 @@ from ...core.contract import (
 from ...core.earth import place
 from ...core.error_state import (
     DX,
-    OWN,
+    ERROR_STATE,
+    JACOBIAN,
     WORK,
     X,
     added,
-    auxiliary,
+    allocate,
     bias_free,
     decay_biases,
     inject_tail,
@@ -55,25 +56,24 @@ from ...core.mechanization import mechanize
 from ...core.rotation import rotation_between, wrap
 from ...typing import Array
 from . import nlo
-from .equations import EMBEDDED, advance, embedded, inject
+from .equations import EMBEDDED, OBSERVER, advance, embedded, inject
 from .gains import configure as configure_observer, implant
-from .repeated_fix import FORGOTTEN, MEMORY as REMEMBERED, repeated
+from .repeated_fix import FORGOTTEN, KIND, MEMORY, repeated
 
-COLUMNS = (
-    "observer_error_north [m]",
-    "observer_error_east [m]",
-    "observer_error_down [m]",
-    *nlo.COLUMNS,
+SLOTS = Slots(after=ERROR_STATE)
+# estimate - observer
+SHIFT = SLOTS.outputs(
+    "observer_error_north [m]", "observer_error_east [m]", "observer_error_down [m]"
 )
-"""Estimate - observer; what the observer says of itself."""
-SHIFT, SAID = 3, len(nlo.COLUMNS)
-OBSERVER = len(COLUMNS)  # where the observer begins in workspace
-ERROR_STATE = OBSERVER + EMBEDDED  # where the workspace array of core/error_state begins
-CLOSE, NEAR = OWN, OWN + 1  # there: whether the observer is nearer than NEAR, rad
-INNOVATION = OWN + 2  # of the observer
-BIASES = OWN + 5  # of the observer at the start of a step
-ORIGIN = OWN + 11  # attitude that delta is counted from, 3 x 3
-MEMORY = slice(OWN + 20, OWN + 20 + REMEMBERED)
+SAID = SLOTS.outputs(*OBSERVER.columns)  # what the observer says of itself
+# whether the observer is nearer than NEAR, rad
+CLOSE, NEAR = SLOTS.numbers("CLOSE", "NEAR")
+INNOVATION = SLOTS.array("INNOVATION", 3)  # of the observer
+# of the observer at the start of a step: accelerometer, gyro
+BIAS_A, BIAS_G = SLOTS.array("BIAS_A", 3), SLOTS.array("BIAS_G", 3)
+ORIGIN = SLOTS.array("ORIGIN", 9)  # attitude that delta is counted from, row by row
+RECENT = SLOTS.part("RECENT", MEMORY)
+INSIDE = SLOTS.part("INSIDE", EMBEDDED)  # the observer
 
 
 def start(start: Start, noise: Noise, near: float = 0.0, **observer: Any) -> Belief:
@@ -83,13 +83,12 @@ def start(start: Start, noise: Noise, near: float = 0.0, **observer: Any) -> Bel
     itself, and only Jacobians are taken at the observer: 0 is the affine filter of Johansen &
     Fossen, inf what Alam et al. print. The other options are those of `nlo`, docs/observer.md.
     """
-    if not near >= 0:
-        raise ValueError(f"near is {near} rad; it must be 0 or more")
-    own = auxiliary(len(start.sd))
-    own[CLOSE], own[NEAR], own[MEMORY.start] = near > 0, near, FORGOTTEN
-    belief = start.belief(np.r_[np.zeros(ERROR_STATE), own])
-    belief.workspace[ERROR_STATE + ORIGIN :][:9] = belief.C.ravel()
-    implant(belief.workspace, OBSERVER, start, noise, **observer)
+    check_number(near, "near", "rad", least=0, infinite=True)
+    belief = start.belief(allocate(SLOTS))
+    slots = SLOTS.named(belief.workspace)
+    slots["CLOSE"][...], slots["NEAR"][...] = near > 0, near
+    slots["RECENT"]["KIND"][...], slots["ORIGIN"][:] = FORGOTTEN, belief.C.ravel()
+    implant(belief.workspace[INSIDE], start, noise, **observer)
     return belief
 
 
@@ -128,7 +127,7 @@ def at(belief: Belief, state: Belief, ba: Array, bg: Array) -> Belief:
         belief.P,
         belief.omega,
         belief.f,
-        belief.workspace[ERROR_STATE:],
+        belief.workspace,
         belief.extra_states,
     )
 
@@ -165,8 +164,8 @@ def relate(belief: Belief, bar: Belief) -> None:
     exp(m)) = a + m + a x m / 2 + ..., cut where it would not be affine in a any more. The whole
     logarithm would wrap an error of half a turn, which the linear filter has not wrapped.
     """
-    workspace, lla = belief.workspace[ERROR_STATE:], bar.lla
-    x, o, C = workspace[X], workspace[ORIGIN : ORIGIN + 9], belief.C
+    workspace, lla, shift = belief.workspace, bar.lla, belief.workspace[SHIFT]
+    x, o, C = workspace[X], workspace[ORIGIN], belief.C
     _, cosine, M, N = place(lla[0], lla[2])
     x[0], x[1], x[2] = (
         (belief.lla[0] - lla[0]) * M,
@@ -178,7 +177,9 @@ def relate(belief: Belief, bar: Belief) -> None:
             bar.C, (C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2])
         )
     else:
-        m0, m1, m2 = rotation_between(bar.C, (o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7], o[8]))
+        m0, m1, m2 = rotation_between(
+            bar.C, (o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7], o[8])
+        )
         a0, a1, a2 = x[6], x[7], x[8]
         x[6] = a0 + m0 + 0.5 * (a1 * m2 - a2 * m1)
         x[7] = a1 + m1 + 0.5 * (a2 * m0 - a0 * m2)
@@ -189,7 +190,7 @@ def relate(belief: Belief, bar: Belief) -> None:
             belief.ba[i] - bar.ba[i],
             belief.bg[i] - bar.bg[i],
         )
-        belief.workspace[i] = x[i]
+        shift[i] = x[i]
         for j in range(3):
             o[3 * i + j] = bar.C[i, j]
     workspace[CLOSE] = x[6] * x[6] + x[7] * x[7] + x[8] * x[8] < workspace[NEAR] * workspace[NEAR]
@@ -198,16 +199,17 @@ def relate(belief: Belief, bar: Belief) -> None:
 @inlined
 def publish(belief: Belief, bar: Belief) -> None:
     """What the observer says of itself, among the extra columns."""
-    for i in range(SAID):
-        belief.workspace[SHIFT + i] = bar.workspace[i]
+    said = belief.workspace[SAID]
+    for i in range(said.size):
+        said[i] = bar.workspace[i]
 
 
 @inlined
 def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Carry P and the belief over dt, linearised at the observer, which is left where it is:
     f(observer) (+) Phi delta."""
-    workspace, affine = belief.workspace[ERROR_STATE:], belief.workspace[ERROR_STATE + CLOSE] == 0
-    ba, bg = workspace[BIASES : BIASES + 3], workspace[BIASES + 3 : BIASES + 6]
+    workspace, affine = belief.workspace, belief.workspace[CLOSE] == 0
+    ba, bg, o = workspace[BIAS_A], workspace[BIAS_G], workspace[ORIGIN]
     for i in range(3):
         ba[i], bg[i] = bar.ba[i], bar.bg[i]
     linearised_step(at(belief, bar, ba, bg), bar.C, 1.0, u, dt, noise, True)
@@ -219,7 +221,7 @@ def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> Non
     if affine:
         for i in range(3):
             for j in range(3):
-                workspace[ORIGIN + 3 * i + j] = belief.C[i, j]
+                o[3 * i + j] = belief.C[i, j]
         compose(belief, workspace[X])
     if dt > 0:
         for i in range(3):
@@ -240,8 +242,8 @@ def correct_around(
 ) -> float:
     """Correct P and the belief by one fix, linearised at the observer, which is left where it
     is. Returns the NIS."""
-    workspace, n = belief.workspace[ERROR_STATE:], belief.P.shape[0]
-    x, dx, H = workspace[X], workspace[DX], matrix(workspace, workspace.size - 3 * n, 3, n)
+    workspace, n = belief.workspace, belief.P.shape[0]
+    x, dx, H = workspace[X], workspace[DX], matrix(workspace, JACOBIAN, 3, n)
     shift_rates(belief, x, 1.0)  # to those of the observer, for the while
     rows = observed(at(belief, bar, bar.ba, bar.bg), y, observe, parameters, innovation, H)
     shift_rates(belief, x, -1.0)
@@ -252,7 +254,7 @@ def correct_around(
             observe,
             parameters,
             innovation,
-            matrix(workspace, WORK, 3, n),
+            matrix(workspace, WORK.start, 3, n),
         )
     else:
         for i in range(rows):
@@ -260,7 +262,7 @@ def correct_around(
                 innovation[i] -= H[i, j] * x[j]
             if kind == HEADING_KIND or kind == ATTITUDE_KIND:
                 innovation[i] = wrap(innovation[i])
-    nis = update(belief.P, H, innovation, sd, rows, gate, workspace[WORK:], dx)
+    nis = update(belief.P, H, innovation, sd, rows, gate, workspace[WORK], dx)
     if nis <= gate:
         for i in range(STATES):
             x[i] += dx[i]
@@ -283,12 +285,12 @@ def shift_rates(belief: Belief, x: Array, sign: float) -> None:
 @kernel(PREDICT)
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Carry P and the belief on, then the observer; the difference is what is between them."""
-    bar = embedded(belief, OBSERVER)
+    bar = embedded(belief, INSIDE.start)
     carry(belief, bar, u, dt, noise)
     advance(bar, u, dt, noise)
     relate(belief, bar)
     publish(belief, bar)
-    belief.workspace[ERROR_STATE + MEMORY.start] = FORGOTTEN
+    belief.workspace[RECENT][KIND] = FORGOTTEN
 
 
 @kernel(CORRECT)
@@ -304,7 +306,7 @@ def correct(
 ) -> float:
     """Correct P and the belief around the observer, then let that take the fix, whatever the
     gate."""
-    bar, workspace = embedded(belief, OBSERVER), belief.workspace[ERROR_STATE:]
+    bar, workspace = embedded(belief, INSIDE.start), belief.workspace
     nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
     if (
         kind == POSITION_KIND
@@ -313,8 +315,8 @@ def correct(
         or kind == HEADING_KIND
         or kind == MAGNETIC_KIND
     ):
-        if not repeated(workspace[MEMORY], y, sd, kind, gate, nis):
-            inject(bar, y, sd, kind, observe, parameters, workspace[INNOVATION : INNOVATION + 3])
+        if not repeated(workspace[RECENT], y, sd, kind, gate, nis):
+            inject(bar, y, sd, kind, observe, parameters, workspace[INNOVATION])
     relate(belief, bar)
     publish(belief, bar)
     return nis
@@ -326,7 +328,7 @@ XKF = Filter(
     start,
     predict,
     correct,
-    columns=COLUMNS,
+    slots=SLOTS,
     configure=configure,
     diagnose=nlo.NLO.diagnose,
 )

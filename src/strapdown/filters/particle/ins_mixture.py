@@ -8,32 +8,41 @@ filters/particle/mixture.py has what does not depend on the states.
 import math
 from typing import NamedTuple
 
-from ...core.contract import HEADING_KIND, STATES, Belief, Observe
+from ...core.contract import HEADING_KIND, MOST_STATES, STATES, Belief, Observe, Slots
 from ...core.earth import place
-from ...core.error_state import DX, WORK, inject_all, observed
-from ...core.jit import flatten, helper, inlined, matrix
-from ...core.kalman import LEAST_NOISE, WORKSPACE, used_rows
+from ...core.embedded import NAVIGATION, navigation
+from ...core.error_state import DX, ERROR_STATE, JACOBIAN, inject_all, observed
+from ...core.jit import flatten, helper, inlined, matrix, plain
+from ...core.kalman import LEAST_NOISE
 from ...core.rotation import rotation_between, wrap
 from ...typing import Array
 from .mixture import accumulate, clear, moments, moments_size, resample_size
 from .threefry import STREAM
 
-EFFECTIVE, RESAMPLINGS, REPAIRS, DEGENERATE, COUNT, KERNEL, LEAST = range(7)
-"""Of workspace: the output columns; how many components there are, h, and below how many
-effective ones they are drawn anew."""
-RANDOM = slice(7, 7 + STREAM)
+TAIL = NAVIGATION.size  # where a component's states that aidings brought along begin
+SLOTS = Slots(after=ERROR_STATE)
+"""The components take turns with the slots of the error state."""
+EFFECTIVE = SLOTS.output("effective_components")
+RESAMPLINGS = SLOTS.output("resamplings")
+REPAIRS = SLOTS.output("repairs")
+DEGENERATE = SLOTS.output("degenerate")
+# how many components there are, h, and below how many effective ones they are drawn anew
+COUNT, KERNEL, LEAST = SLOTS.numbers("COUNT", "KERNEL", "LEAST")
+RANDOM = SLOTS.array("RANDOM", STREAM)  # see threefry.py
 # of a fix: covariance of the innovation (3 x 3), its mean, variances without correlations
-FORESEEN = slice(10, 25)
-# the workspace array of core.error_state that the components take turns with, then what Mixture
-# names
-SHARED = 25
-TAIL = 27  # of a component's numbers: lla, v, C, ba, bg, omega, f before it, P behind it
+FORESEEN = SLOTS.array("FORESEEN", 15)
+LEFT = SLOTS.matrix("LEFT", MOST_STATES, MOST_STATES)  # (n, n) covariance as the last call left it
+SUMS = SLOTS.array("SUMS", plain(moments_size)(MOST_STATES))  # see there
+MEAN = SLOTS.array("MEAN", MOST_STATES)  # n numbers
+PHI = SLOTS.matrix("PHI", MOST_STATES, MOST_STATES)  # (n, n)
+DRAWING = SLOTS.array("DRAWING", plain(resample_size)(MOST_STATES))  # see there
+COMPONENTS = SLOTS.rest("COMPONENTS")  # what `places` says
 
 
 class Mixture(NamedTuple):
     """What there is beside the belief, as views of its workspace."""
 
-    shared: Array  # workspace array of core.error_state
+    shared: Array  # workspace, of which the components use the slots of the error state
     left: Array  # (n, n) covariance as the last call left it
     sums: Array  # see moments_size of filters/particle/mixture.py
     mean: Array  # (n,)
@@ -43,47 +52,34 @@ class Mixture(NamedTuple):
     drawn: Array  # (N, n)
     Phi: Array  # (n, n)
     work: Array  # see resample_size there
-    components: Array  # (N, width)
+    components: Array  # (N, width): state, extra states, P
 
 
 @inlined
-def shared_size(n: int) -> int:
-    """Numbers of the workspace array of an error-state filter with n states."""
-    return WORK + max(WORKSPACE, used_rows(n) + 13) + 3 * n
-
-
-@inlined
-def width(n: int) -> int:
-    """Numbers of a component."""
-    return TAIL + n - STATES + n * n
+def places(n: int, N: int) -> tuple[int, int, int, int, int]:
+    """Where the logs of N components with n states begin in their part of workspace, after the
+    weights; deviations, new deviations, the components themselves; numbers of one of these."""
+    return N, 2 * N, 2 * N + N * n, 2 * N + 2 * N * n, TAIL + n - STATES + n * n
 
 
 @inlined
 def beside(belief: Belief) -> Mixture:
     """The Mixture of a belief."""
     workspace, n, N = belief.workspace, belief.P.shape[0], int(belief.workspace[COUNT])
-    left = SHARED + shared_size(n)
-    sums = left + n * n
-    mean = sums + moments_size(n)
-    weights = mean + n
-    logs = weights + N
-    deviations = logs + N
-    drawn = deviations + N * n
-    Phi = drawn + N * n
-    work = Phi + n * n
-    components = work + resample_size(n)
+    own = workspace[COMPONENTS:]
+    logs, deviations, drawn, components, width = places(n, N)
     return Mixture(
-        workspace[SHARED:left],
-        matrix(workspace, left, n, n),
-        workspace[sums:mean],
-        workspace[mean:weights],
-        workspace[weights:logs],
-        workspace[logs:deviations],
-        matrix(workspace, deviations, N, n),
-        matrix(workspace, drawn, N, n),
-        matrix(workspace, Phi, n, n),
-        workspace[work:components],
-        matrix(workspace, components, N, width(n)),
+        workspace,
+        matrix(workspace, LEFT, n, n),
+        workspace[SUMS][: moments_size(n)],
+        workspace[MEAN][:n],
+        own[:logs],
+        own[logs:deviations],
+        matrix(own, deviations, N, n),
+        matrix(own, drawn, N, n),
+        matrix(workspace, PHI, n, n),
+        workspace[DRAWING],
+        matrix(own, components, N, width),
     )
 
 
@@ -91,18 +87,7 @@ def beside(belief: Belief) -> Mixture:
 def component(m: Mixture, i: int) -> Belief:
     """Component i as a Belief of its own."""
     x, n = m.components[i], m.mean.size
-    return Belief(
-        x[0:3],
-        x[3:6],
-        matrix(x, 6, 3, 3),
-        x[15:18],
-        x[18:21],
-        matrix(x, TAIL + n - STATES, n, n),
-        x[21:24],
-        x[24:27],
-        m.shared,
-        x[TAIL : TAIL + n - STATES],
-    )
+    return navigation(x, matrix(x, TAIL + n - STATES, n, n), m.shared, x[TAIL : TAIL + n - STATES])
 
 
 @helper
@@ -241,7 +226,7 @@ def foresee(
     Which rows are measured is seen at the belief.
     """
     n, s, shared = m.mean.size, belief.workspace[FORESEEN], m.shared
-    H, mine, x = matrix(shared, shared.size - 3 * n, 3, n), shared[DX], shared[WORK:]
+    H, mine, x = matrix(shared, JACOBIAN, 3, n), shared[DX], m.work
     observed(belief, y, observe, parameters, innovation, H)
     total = 0.0
     for i in range(s.size):

@@ -10,14 +10,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...checks import check_number
 from ...core.contract import CORRECT, PREDICT, STATES, Belief, Filter, Noise, Observe, Start, kernel
 from ...core.earth import curvature
+from ...core.embedded import as_numbers
 from ...core.error_state import (
     DV,
     DX,
     HEIGHT,
+    JACOBIAN,
     WORK,
-    auxiliary,
+    allocate,
     bias_free,
     decay_biases,
     inject_all,
@@ -29,15 +32,17 @@ from ...core.kalman import update, used_rows
 from ...core.mechanization import mechanize
 from ...typing import Array
 from .ins_mixture import (
+    COMPONENTS,
     COUNT,
     DEGENERATE,
     EFFECTIVE,
     KERNEL,
     LEAST,
+    LEFT,
     RANDOM,
     REPAIRS,
     RESAMPLINGS,
-    SHARED,
+    SLOTS,
     TAIL,
     Mixture,
     beside,
@@ -46,12 +51,11 @@ from .ins_mixture import (
     deviate,
     foresee,
     metres,
+    places,
     put,
     recentre,
     same_rows,
     settle,
-    shared_size,
-    width,
 )
 from .mixture import (
     accumulate,
@@ -59,13 +63,10 @@ from .mixture import (
     clear,
     effective,
     kernel_width,
-    moments_size,
     resample,
-    resample_size,
     weigh,
 )
 
-COLUMNS = ("effective_components", "resamplings", "repairs", "degenerate")
 LARGEST_NIS = 1e300  # of a NIS that is used: beyond it nothing is finite
 
 
@@ -86,41 +87,19 @@ def start(
     n = len(start.sd)
     if kernel is None:  # of no component at all too, which `begin` refuses
         kernel = kernel_width(components, n)
-    if not 0 <= resample <= 1:
-        raise ValueError(f"resample is {resample}; it must be from 0 to 1")
-    belief = start.belief(np.zeros(0))
+    check_number(resample, "resample", least=0, most=1)
+    belief = start.belief(np.empty(0))
     deviations, Phi, random = begin(belief.P, components, kernel, seed)
-    N, size = len(deviations), plain(shared_size)(n)
-    sizes = (
-        SHARED,
-        size,
-        n * n,
-        plain(moments_size)(n),
-        n,
-        N,
-        N,
-        N * n,
-        N * n,
-        n * n,
-        plain(resample_size)(n),
-        N * plain(width)(n),
-    )
-    workspace = np.zeros(sum(sizes))
-    (
-        workspace[EFFECTIVE],
-        workspace[COUNT],
-        workspace[KERNEL],
-        workspace[LEAST],
-        workspace[RANDOM],
-    ) = N, N, kernel, resample * N, random
-    workspace[SHARED : SHARED + size] = auxiliary(n)
+    N = len(deviations)
+    logs, _, _, first, width = plain(places)(n, N)
+    workspace = allocate(SLOTS, rest=first + N * width)
+    workspace[EFFECTIVE] = workspace[COUNT] = N
+    workspace[KERNEL], workspace[LEAST], workspace[RANDOM] = kernel, resample * N, random
+    workspace[LEFT : LEFT + n * n] = belief.P.ravel()
+    rest = workspace[COMPONENTS:]
+    rest[:logs], own = 1 / N, rest[first:].reshape(N, width)
     belief = belief._replace(workspace=workspace)
-    parts = dict(zip(Mixture._fields, np.split(workspace[SHARED:], np.cumsum(sizes[1:-1]))))
-    parts["left"][:], parts["weights"][:] = belief.P.ravel(), 1 / N
-    own = parts["components"].reshape(N, -1)
-    own[:] = np.concatenate(
-        [part.ravel() for part in (*belief[:5], np.zeros(6), belief.extra_states, Phi)]
-    )
+    own[:] = np.concatenate([as_numbers(belief), belief.extra_states, Phi.ravel()])
     M, E = np.add(plain(curvature)(math.sin(belief.lla[0])), belief.lla[2])
     own[:, 0:3] += deviations[:, 0:3] / [M, E * np.cos(belief.lla[0]), -1]
     own[:, 1] -= 2 * np.pi * np.round(own[:, 1] / (2 * np.pi))
@@ -230,10 +209,10 @@ def _correct_each(
     0 else."""
     n, shared = m.mean.size, m.shared
     H, mine, dx, work, used = (
-        matrix(shared, shared.size - 3 * n, 3, n),
+        matrix(shared, JACOBIAN, 3, n),
         m.mean,
         shared[DX],
-        shared[WORK:],
+        shared[WORK],
         used_rows(n),
     )
     for k in range(m.weights.size):
@@ -273,6 +252,6 @@ PKF = Filter(
     start,
     predict,
     correct,
-    columns=COLUMNS,
+    slots=SLOTS,
     diagnose=lost,
 )

@@ -5,14 +5,14 @@ docs/sigma-points.md says what it shares with `ukf` and what it is good for.
 """
 
 from ...core.contract import Belief, Filter, Noise, Start
-from .ins_sigma_points import COLUMNS, auxiliary, correct, predict, repairs
+from .ins_sigma_points import SLOTS, begin, correct, predict, repairs
 from .sigma_points import symmetric
 
 
 def start(start: Start, noise: Noise) -> Belief:
     """Belief at `start`."""
     n = len(start.sd)
-    return start.belief(auxiliary(n, symmetric(n), symmetric(n), augmented=False))
+    return begin(start, symmetric(n), symmetric(n), augmented=False)
 
 
 CKF = Filter(
@@ -21,6 +21,6 @@ CKF = Filter(
     start,
     predict,
     correct,
-    columns=COLUMNS,
+    slots=SLOTS,
     diagnose=repairs,
 )

@@ -16,14 +16,18 @@ from ...core.contract import (
     ATTITUDE_KIND,
     CORRECT,
     HEADING_KIND,
+    MOST_STATES,
     PREDICT,
     STATES,
     Belief,
     Noise,
     Observe,
+    Slots,
+    Start,
     kernel,
 )
 from ...core.earth import place
+from ...core.embedded import NAVIGATION, navigation
 from ...core.error_state import added, bias_free, decay_biases, inject_all, observed
 from ...core.jit import flatten, helper, inlined, matrix, plain
 from ...core.kalman import LEAST_NOISE, decay
@@ -32,37 +36,6 @@ from ...core.rotation import nearest_turn, rotation_between, wrap
 from ...typing import Array
 from .sigma_points import corrected, covariance, deviations, downdate, factor, triangle
 
-# repairs so far, an output column; sets of prediction and correction; 1 or 0
-REPAIRED, STEP_SPREAD, STEP_REST, SPREAD, REST, AUGMENTED = range(6)
-POINT, CENTRE = 8, 36  # a sigma point; the propagated belief
-ROOT = 56  # the square root, n + 1 rows, then what follows
-NOISES = 12
-"""Components of the process noise: white noise of gyros and accelerometers, driving noise of
-their biases."""
-LARGEST_TURN = 0.5 * math.pi
-"""How far a point may turn, rad: beyond a quarter of a turn a larger error has less effect, as
-that of its sine, and beyond half a turn the opposite."""
-COLUMNS = ("repairs",)
-
-
-def auxiliary(
-    n: int, step_set: tuple[float, float], fix_set: tuple[float, float], augmented: bool
-) -> Array:
-    """The workspace array of a sigma-point filter with n states and these two (spread, rest).
-    `augmented`: white noise of the IMU has points of its own."""
-    workspace = np.zeros(
-        plain(_table)(n, plain(width)(n))
-        + (2 * (STATES + 6) + 2 + NOISES + n - STATES) * plain(width)(n)
-    )
-    (
-        workspace[STEP_SPREAD],
-        workspace[STEP_REST],
-        workspace[SPREAD],
-        workspace[REST],
-        workspace[AUGMENTED],
-    ) = *step_set, *fix_set, augmented
-    return workspace
-
 
 @inlined
 def width(n: int) -> int:
@@ -70,41 +43,53 @@ def width(n: int) -> int:
     return (n + 8) // 8 * 8
 
 
-@inlined
-def _known(n: int, lanes: int) -> int:
-    """Where the copy of P begins, by which a change of it is noticed."""
-    return ROOT + lanes * (n + 1)
+NOISES = 12
+"""Components of the process noise: white noise of gyros and accelerometers, driving noise of
+their biases."""
+MOST_LANES = plain(width)(MOST_STATES)
+MOST_ROWS = 2 * (STATES + 6) + 2 + NOISES + MOST_STATES - STATES
+"""Of the table of propagated errors: pairs of points, their centre, noise and other states, and
+one of workspace."""
+SLOTS = Slots()
+REPAIRED = SLOTS.output("repairs")  # so far
+# sets of prediction and correction
+STEP_SPREAD, STEP_REST, SPREAD, REST = SLOTS.numbers("STEP_SPREAD", "STEP_REST", "SPREAD", "REST")
+AUGMENTED = SLOTS.number("AUGMENTED")  # 1 or 0: white noise has points of its own
+POINT = SLOTS.part("POINT", NAVIGATION)  # a sigma point, and what aidings brought along
+POINT_EXTRA = SLOTS.array("POINT_EXTRA", MOST_STATES - STATES)
+CENTRE = SLOTS.part("CENTRE", NAVIGATION)  # the propagated belief
+FORCE = SLOTS.array("FORCE", 3)  # specific-force velocity increment in n, m/s
+VARIANCE = SLOTS.array("VARIANCE", 3)  # of the noise of a fix
+# the square root, n + 1 rows
+ROOT = SLOTS.array("ROOT", MOST_LANES * (MOST_STATES + 1))
+LEFT = SLOTS.array("LEFT", MOST_STATES * MOST_STATES)  # P as it was left: a change is noticed by it
+ERROR = SLOTS.array("ERROR", MOST_LANES)  # of a point; of the mean
+JACOBIAN = SLOTS.matrix("JACOBIAN", 3, MOST_STATES)  # H of a fix
+SEEN = SLOTS.matrix("SEEN", 2 * MOST_STATES + 1, 3)  # innovations at the points
+WORK = SLOTS.array("WORK", 3 * (MOST_STATES + 8))  # of `corrected` and `downdate`
+TABLE = SLOTS.array("TABLE", MOST_ROWS * MOST_LANES)  # of propagated errors
+LARGEST_TURN = 0.5 * math.pi
+"""How far a point may turn, rad: beyond a quarter of a turn a larger error has less effect, as
+that of its sine, and beyond half a turn the opposite."""
+
+
+def begin(
+    start: Start, step_set: tuple[float, float], fix_set: tuple[float, float], augmented: bool
+) -> Belief:
+    """Belief at `start` of a sigma-point filter with these two (spread, rest). `augmented`: white
+    noise of the IMU has points of its own."""
+    workspace = SLOTS.zeros()
+    workspace[STEP_SPREAD], workspace[STEP_REST] = step_set
+    workspace[SPREAD], workspace[REST] = fix_set
+    workspace[AUGMENTED] = augmented
+    return start.belief(workspace)
 
 
 @inlined
-def _own(n: int, lanes: int) -> int:
-    """Where the numbers of a point begin: what aidings brought along, its error, rows of H,
-    innovations at the points, workspace."""
-    return ROOT + lanes * (n + 1) + n * n
-
-
-@inlined
-def _table(n: int, lanes: int) -> int:
-    """Where the table of propagated errors begins."""
-    return _own(n, lanes) + n + lanes + 3 * n + 3 * (2 * n + 1) + 3 * (n + 8)
-
-
-@inlined
-def _point(belief: Belief, n: int, lanes: int) -> Belief:
+def _point(belief: Belief) -> Belief:
     """The sigma point, as a Belief of its own; P and workspace are those of `belief`."""
-    workspace, own = belief.workspace, _own(n, lanes)
-    return Belief(
-        workspace[POINT : POINT + 3],
-        workspace[POINT + 3 : POINT + 6],
-        matrix(workspace, POINT + 6, 3, 3),
-        workspace[POINT + 15 : POINT + 18],
-        workspace[POINT + 18 : POINT + 21],
-        belief.P,
-        workspace[POINT + 21 : POINT + 24],
-        workspace[POINT + 24 : POINT + 27],
-        workspace,
-        workspace[own : own + n - STATES],
-    )
+    workspace, more = belief.workspace, belief.extra_states.size
+    return navigation(workspace[POINT], belief.P, workspace, workspace[POINT_EXTRA][:more])
 
 
 @inlined
@@ -117,25 +102,30 @@ def _copied(belief: Belief, lla: Array, v: Array, C: Array) -> None:
 @helper
 def _refreshed(belief: Belief, n: int, lanes: int) -> None:
     """The square root of P, anew where P is not what was left."""
-    workspace, numbers, first, changed = belief.workspace, flatten(belief.P), _known(n, lanes), 0.0
+    workspace, numbers, left, changed = (
+        belief.workspace,
+        flatten(belief.P),
+        belief.workspace[LEFT],
+        0.0,
+    )
     for i in range(n * n):
-        changed += abs(numbers[i] - workspace[first + i])
+        changed += abs(numbers[i] - left[i])
     if not changed == 0:
-        workspace[REPAIRED] += factor(belief.P, n, lanes, workspace[ROOT:])
+        workspace[REPAIRED] += factor(belief.P, n, lanes, workspace[ROOT])
 
 
 @helper
 def _drawn_in(workspace: Array, lanes: int, spread: float, rest: float) -> tuple[float, float]:
     """(spread, rest) of a set so close that no point turns by more than LARGEST_TURN; `rest` is
     that of the set with its alpha smaller (exactly so for kappa = 0)."""
-    most = 0.0
+    most, root = 0.0, workspace[ROOT]
     for i in range(9):
-        row = ROOT + lanes * i
+        row = lanes * i
         most = max(
             most,
-            workspace[row + 6] * workspace[row + 6]
-            + workspace[row + 7] * workspace[row + 7]
-            + workspace[row + 8] * workspace[row + 8],
+            root[row + 6] * root[row + 6]
+            + root[row + 7] * root[row + 7]
+            + root[row + 8] * root[row + 8],
         )
     if not spread * spread * most > LARGEST_TURN * LARGEST_TURN:
         return spread, rest
@@ -146,13 +136,13 @@ def _drawn_in(workspace: Array, lanes: int, spread: float, rest: float) -> tuple
 @helper
 def _published(belief: Belief, n: int, lanes: int) -> None:
     """P from its square root, and the copy by which a change is noticed."""
-    workspace, numbers, first = belief.workspace, flatten(belief.P), _known(n, lanes)
+    workspace, numbers, left = belief.workspace, flatten(belief.P), belief.workspace[LEFT]
     if n == 15:  # here and below the same code with constant lengths
-        covariance(workspace[ROOT:], 15, 16, belief.P)
+        covariance(workspace[ROOT], 15, 16, belief.P)
     else:
-        covariance(workspace[ROOT:], n, lanes, belief.P)
+        covariance(workspace[ROOT], n, lanes, belief.P)
     for i in range(n * n):
-        workspace[first + i] = numbers[i]
+        left[i] = numbers[i]
 
 
 @helper
@@ -184,24 +174,21 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     workspace, ba, bg, n = belief.workspace, belief.ba, belief.bg, belief.P.shape[0]
     lanes, augmented = width(n), workspace[AUGMENTED] > 0
     _refreshed(belief, n, lanes)
-    lla, v, C, dv_n = (
-        workspace[CENTRE : CENTRE + 3],
-        workspace[CENTRE + 3 : CENTRE + 6],
-        matrix(workspace, CENTRE + 6, 3, 3),
-        workspace[CENTRE + 15 : CENTRE + 18],
-    )
+    centre = navigation(workspace[CENTRE], belief.P, workspace, belief.extra_states)
+    lla, v, C = centre.lla, centre.v, centre.C
     r0, r1, r2, a0, a1, a2 = bias_free(u, ba, bg, dt)
     _copied(belief, lla, v, C)
-    mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, dv_n)
-    A, own, pairs = workspace[_table(n, lanes) :], _own(n, lanes), STATES + (6 if augmented else 0)
+    mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, workspace[FORCE])
+    A, factored, pairs = workspace[TABLE], workspace[ROOT], STATES + (6 if augmented else 0)
     spread, rest = _drawn_in(workspace, lanes, workspace[STEP_SPREAD], workspace[STEP_REST])
-    mean, root = workspace[own + n : own + n + lanes], math.sqrt(dt)
+    mean, root = workspace[ERROR], math.sqrt(dt)
     _spread_out(
         n,
         lanes,
         pairs,
         spread,
         belief,
+        centre,
         r0,
         r1,
         r2,
@@ -219,13 +206,11 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
         A, pairs, n - STATES + (6 if augmented else 0), rows, n, lanes, spread, rest, mean
     )
     for i in range(n * lanes):
-        workspace[ROOT + i] = A[i]
+        factored[i] = A[i]
     if take > 0:
         for i in range(n):
             mean[i] *= take
-        workspace[REPAIRED] += downdate(
-            workspace[ROOT:], mean, n, lanes, workspace[own + n + lanes + 3 * n :]
-        )
+        workspace[REPAIRED] += downdate(workspace[ROOT], mean, n, lanes, workspace[WORK])
         for i in range(n):
             mean[i] /= take
     for i in range(3):
@@ -245,6 +230,7 @@ def _spread_out(
     pairs: int,
     spread: float,
     belief: Belief,
+    centre: Belief,
     r0: float,
     r1: float,
     r2: float,
@@ -261,17 +247,17 @@ def _spread_out(
     with +, then those with -."""
     workspace, point, error = (
         belief.workspace,
-        _point(belief, n, lanes),
-        belief.workspace[_own(n, lanes) + n :],
+        _point(belief),
+        belief.workspace[ERROR],
     )
-    A, C = workspace[_table(n, lanes) :], matrix(workspace, CENTRE + 6, 3, 3)
-    sine, cosine, M, N = place(workspace[CENTRE], workspace[CENTRE + 2])
+    A, root = workspace[TABLE], workspace[ROOT]
+    sine, cosine, M, N = place(centre.lla[0], centre.lla[2])
     for k in range(2 * pairs):
         j, sign = (k, 1.0) if k < pairs else (k - pairs, -1.0)
         row, x0, x1, x2, y0, y1, y2 = lanes * k, r0, r1, r2, a0, a1, a2
         _copied(belief, point.lla, point.v, point.C)
         for lane in range(lanes):
-            error[lane] = sign * spread * workspace[ROOT + lanes * j + lane] if j < STATES else 0.0
+            error[lane] = sign * spread * root[lanes * j + lane] if j < STATES else 0.0
         if j < 9:
             added(point.lla, point.v, point.C, error)
         if j < STATES:
@@ -300,20 +286,21 @@ def _spread_out(
             y1,
             y2,
             dt,
-            workspace[CENTRE + 15 : CENTRE + 18],
+            workspace[FORCE],
         )
         for lane in range(9, lanes):
             A[row + lane] = error[lane]
         for i in range(3):
             A[row + 9 + i] *= keep_a
             A[row + 12 + i] *= keep_g
-            A[row + 3 + i] = point.v[i] - workspace[CENTRE + 3 + i]
-        A[row] = (point.lla[0] - workspace[CENTRE]) * M
-        A[row + 1] = wrap(point.lla[1] - workspace[CENTRE + 1]) * N * cosine
-        A[row + 2] = workspace[CENTRE + 2] - point.lla[2]
+            A[row + 3 + i] = point.v[i] - centre.v[i]
+        A[row] = (point.lla[0] - centre.lla[0]) * M
+        A[row + 1] = wrap(point.lla[1] - centre.lla[1]) * N * cosine
+        A[row + 2] = centre.lla[2] - point.lla[2]
         c = point.C
         A[row + 6], A[row + 7], A[row + 8] = rotation_between(
-            C, (c[0, 0], c[0, 1], c[0, 2], c[1, 0], c[1, 1], c[1, 2], c[2, 0], c[2, 1], c[2, 2])
+            centre.C,
+            (c[0, 0], c[0, 1], c[0, 2], c[1, 0], c[1, 1], c[1, 2], c[2, 0], c[2, 1], c[2, 2]),
         )
 
 
@@ -330,10 +317,14 @@ def _noise_rows(
 ) -> int:
     """Append what has no points: states that aidings brought along, driving noise of the biases
     and, unless `augmented`, white noise. Returns the rows."""
-    workspace, A = belief.workspace, belief.workspace[_table(n, lanes) :]
+    A, factored, force = (
+        belief.workspace[TABLE],
+        belief.workspace[ROOT],
+        belief.workspace[FORCE],
+    )
     for j in range(STATES, n):
         for lane in range(lanes):
-            A[lanes * rows + lane] = workspace[ROOT + lanes * j + lane]
+            A[lanes * rows + lane] = factored[lanes * j + lane]
         rows += 1
     last = rows + (6 if augmented else NOISES)
     for i in range(lanes * rows, lanes * last):
@@ -346,11 +337,7 @@ def _noise_rows(
     if not augmented:
         # the tilt grows over the sample in which it turns the specific force
         half = 0.5 * root * noise.gyro
-        d0, d1, d2 = (
-            half * workspace[CENTRE + 15],
-            half * workspace[CENTRE + 16],
-            half * workspace[CENTRE + 17],
-        )
+        d0, d1, d2 = half * force[0], half * force[1], half * force[2]
         for i in range(3):
             turned, pushed = lanes * (rows + 6 + i), lanes * (rows + 9 + i)
             A[turned + 6 + i], A[pushed + 3 + i], A[pushed + i] = (
@@ -377,19 +364,18 @@ def correct(
     """One fix: `observe` at every point, the correction, its injection. Returns the NIS."""
     workspace, n = belief.workspace, belief.P.shape[0]
     lanes = width(n)
-    own = _own(n, lanes)
     _refreshed(belief, n, lanes)
-    point, dx, H = (
-        _point(belief, n, lanes),
-        workspace[own + n : own + n + lanes],
-        matrix(workspace, own + n + lanes, 3, n),
+    factored, point, dx, H = (
+        workspace[ROOT],
+        _point(belief),
+        workspace[ERROR],
+        matrix(workspace, JACOBIAN, 3, n),
     )
-    work = own + n + lanes + 3 * n + 3 * (2 * n + 1)
     rows = observed(belief, y, observe, parameters, innovation, H)
     spread, rest = _drawn_in(workspace, lanes, workspace[SPREAD], workspace[REST])
     E, variance = (
-        matrix(workspace, own + n + lanes + 3 * n, 2 * n + 1, rows),
-        workspace[CENTRE : CENTRE + 3],
+        matrix(workspace, SEEN, 2 * n + 1, rows),
+        workspace[VARIANCE],
     )
     for a in range(rows):
         terms = 0.0
@@ -399,12 +385,12 @@ def correct(
     for k in range(2 * n):
         j, scale = (k, spread) if k < n else (k - n, -spread)
         for lane in range(lanes):
-            dx[lane] = scale * workspace[ROOT + lanes * j + lane]
+            dx[lane] = scale * factored[lanes * j + lane]
         _moved(belief, point, dx)
         observe(point, y, parameters, innovation, H)
         _unwrapped(kind, rows, E, 1 + k, dx, H, innovation)
     nis, repaired = corrected(
-        workspace[ROOT:],
+        workspace[ROOT],
         n,
         lanes,
         E,
@@ -414,7 +400,7 @@ def correct(
         variance,
         gate,
         innovation,
-        workspace[work:],
+        workspace[WORK],
         dx,
     )
     workspace[REPAIRED] += repaired
@@ -457,7 +443,7 @@ def _unwrapped(
 
 def repairs(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
     """[(t, text)] where the covariance was none and had to be made one again."""
-    count = columns[COLUMNS[0]]
+    count = columns[SLOTS.columns[REPAIRED]]
     if not len(t) or not count[-1] > 0:
         return []
     return [

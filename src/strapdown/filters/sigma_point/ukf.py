@@ -4,8 +4,9 @@ square-root form. 15 error states on the manifold.
 docs/sigma-points.md has its equations and says what it is good for.
 """
 
+from ...checks import check_choice
 from ...core.contract import Belief, Filter, Noise, Start
-from .ins_sigma_points import COLUMNS, NOISES, auxiliary, correct, predict, repairs
+from .ins_sigma_points import NOISES, SLOTS, begin, correct, predict, repairs
 from .sigma_points import merwe, symmetric
 
 SETS = ("merwe", "symmetric")
@@ -28,8 +29,7 @@ def start(
     set.
     """
     n = len(start.sd)
-    if sigma not in SETS:
-        raise ValueError(f"sigma is {sigma!r}; it must be one of {', '.join(SETS)}")
+    check_choice(sigma, "sigma", SETS)
     if sigma == "symmetric" and (alpha, beta, kappa) != (0.1, 2.0, 0.0):
         raise ValueError("alpha, beta and kappa belong to sigma = 'merwe'; leave them out")
     made = [
@@ -45,7 +45,7 @@ def start(
             f"with nearer points lost in rounding, "
             f"to {FARTHEST:.0f}"
         )
-    return start.belief(auxiliary(n, made[1], made[0], augmented=True))
+    return begin(start, made[1], made[0], augmented=True)
 
 
 UKF = Filter(
@@ -54,6 +54,6 @@ UKF = Filter(
     start,
     predict,
     correct,
-    columns=COLUMNS,
+    slots=SLOTS,
     diagnose=repairs,
 )

@@ -9,7 +9,7 @@ import math
 
 from ...core.contract import HEADING_KIND, MAGNETIC_KIND, VELOCITY_KIND, Belief, Noise, Observe
 from ...core.earth import RATE, gravity
-from ...core.error_state import DV, DX, WORK, observed
+from ...core.error_state import DV, DX, JACOBIAN, WORK, observed
 from ...core.jit import helper, inlined, matrix
 from ...core.kalman import update_fifteen
 from ...core.rotation import wrap
@@ -24,7 +24,8 @@ from .model import (
     DEVIATION,
     DOWN,
     ERROR,
-    FAR,
+    FAR_COURSES,
+    FAR_VECTORS,
     FORCE,
     HELD,
     INNOVATION,
@@ -163,7 +164,7 @@ def _level(belief: Belief, bar: Belief, z0: float, z1: float, z2: float, varianc
     sin phi, -cos theta cos phi]."""
     workspace, n, C = belief.workspace, belief.P.shape[0], bar.C
     H, e, deviation = (
-        matrix(workspace, workspace.size - 3 * n, 3, n),
+        matrix(workspace, JACOBIAN, 3, n),
         workspace[INNOVATION],
         workspace[DEVIATION],
     )
@@ -199,7 +200,7 @@ def course(belief: Belief, bar: Belief, v0: float, v1: float, sd: float, since: 
         workspace[HELD] += min(since, LONGEST_WITHOUT_VELOCITY)
         return 0
     H, e, deviation = (
-        matrix(workspace, workspace.size - 3 * n, 3, n),
+        matrix(workspace, JACOBIAN, 3, n),
         workspace[INNOVATION],
         workspace[DEVIATION],
     )
@@ -235,14 +236,12 @@ def correct_rows(
     """
     x, dx, n = workspace[ERROR], workspace[DX], P.shape[0]
     H, own, far = (
-        matrix(workspace, workspace.size - 3 * n, 3, n),
+        matrix(workspace, JACOBIAN, 3, n),
         bound < math.inf,
-        FAR + (rows == 1),
+        FAR_COURSES if rows == 1 else FAR_VECTORS,
     )
     while True:
-        nis = update_fifteen(
-            P, H, innovation, sd, rows, -1.0 if own else gate, workspace[WORK:], dx
-        )
+        nis = update_fifteen(P, H, innovation, sd, rows, -1.0 if own else gate, workspace[WORK], dx)
         if not own:
             break
         own, excess = False, nis / bound
@@ -294,7 +293,7 @@ def see(
     Attitude and gyro bias are known to stage 2: their columns, lever arms included, are zero there.
     """
     workspace, n, C, used = belief.workspace, belief.P.shape[0], bar.C, belief.workspace[DV]
-    H = matrix(workspace, workspace.size - 3 * n, 3, n)
+    H = matrix(workspace, JACOBIAN, 3, n)
     rows = observed(bar, y, observe, parameters, innovation, H)
     for i in range(rows):
         used[i] = sd[i]
@@ -340,9 +339,7 @@ def steer(
     """What a velocity fix tells stage 1: the direction of gravity by the change of velocity, and
     the course. Writes the innovation at `bar`."""
     workspace, n = belief.workspace, belief.P.shape[0]
-    observed(
-        bar, y, observe, parameters, innovation, matrix(workspace, workspace.size - 3 * n, 3, n)
-    )
+    observed(bar, y, observe, parameters, innovation, matrix(workspace, JACOBIAN, 3, n))
     v0, v1, v2, since = (
         bar.v[0] + innovation[0],
         bar.v[1] + innovation[1],

@@ -18,35 +18,50 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
-from ...core.contract import Belief, Noise, Source
-from ...core.error_state import BLOCK, OWN
+from ...checks import check_choice, check_number
+from ...core.contract import STATES, Belief, Noise, Slots, Source
+from ...core.error_state import ERROR_STATE
 from ...core.jit import helper, inlined
 from ...core.kalman import decay
 from ...core.rotation import turned
 from ...typing import Array
+from ..ahrs_aided.known_attitude import BEYOND_COLUMN
 from ..attitude import attitude_error_state
 
-ERROR = slice(OWN, OWN + 15)  # the estimate less `bar`; zero where it is injected at once
-# means since the window began, m/s^2; its s
-FORCE, CENTRIFUGAL, SECONDS = slice(OWN + 15, OWN + 18), slice(OWN + 18, OWN + 21), OWN + 21
-# of the velocity fix (at the IMU, n) that the window began with; 1 where it did
-VELOCITY_THEN, KNOWN = slice(OWN + 22, OWN + 25), OWN + 25
-# s since the last velocity fix, and since the last heading or magnetic field
-SINCE_VELOCITY, SINCE_HEADING = OWN + 26, OWN + 37
-DOWN, COURSE, LEAST_SPEED, LARGEST_BANK, CRAB, CORRELATION, WINDOW, ACCELERATION, TOLD, RAW = range(
-    OWN + 27, OWN + 37
-)
-"""Options as numbers: whether only the downward component of v_b is measured; whether the course
-is, and if so m/s, rad, sd rad; how long it and attitude errors are alike, s; s; variance density
-of unknown accelerations, m^2/s^3; accelerometer noise while there are samples; whether the
-accelerometer bias stays in the specific force that levels."""
-BEFORE = BLOCK.start  # 3 x 3 workspace: an attitude that is left
-# of the rows that stage 1 makes itself
-INNOVATION, DEVIATION = slice(OWN + 38, OWN + 41), slice(OWN + 41, OWN + 44)
-MOVED = slice(OWN + 44, OWN + 47)  # change of v, see `doubt`
-FAR = OWN + 47  # gravity vectors, and courses, in a row that were far off
-HELD = 1  # s with velocity fixes but without a course: an extra column of the solution
 HELD_COLUMN = "course_held [s]"
+TWO_STAGE = Slots(after=ERROR_STATE)
+"""Of every filter of this model."""
+ERROR = TWO_STAGE.array(
+    "ERROR", STATES
+)  # the estimate less `bar`; zero where it is injected at once
+# means since the window began, m/s^2; its s
+FORCE = TWO_STAGE.array("FORCE", 3)
+CENTRIFUGAL = TWO_STAGE.array("CENTRIFUGAL", 3)
+SECONDS = TWO_STAGE.number("SECONDS")
+# of the velocity fix (at the IMU, n) that the window began with; 1 where it did
+VELOCITY_THEN = TWO_STAGE.array("VELOCITY_THEN", 3)
+KNOWN = TWO_STAGE.number("KNOWN")
+# s since the last velocity fix, and since the last heading or magnetic field
+SINCE_VELOCITY, SINCE_HEADING = TWO_STAGE.numbers("SINCE_VELOCITY", "SINCE_HEADING")
+# options as numbers: whether only the downward component of v_b is measured, whether the course is
+DOWN, COURSE = TWO_STAGE.numbers("DOWN", "COURSE")
+LEAST_SPEED = TWO_STAGE.number("LEAST_SPEED")  # of a course, m/s
+LARGEST_BANK = TWO_STAGE.number("LARGEST_BANK")  # rad
+CRAB = TWO_STAGE.number("CRAB")  # its sd, rad
+CORRELATION = TWO_STAGE.number("CORRELATION")  # s for which it and attitude errors are alike
+WINDOW = TWO_STAGE.number("WINDOW")  # s
+ACCELERATION = TWO_STAGE.number("ACCELERATION")  # density of unknown accelerations, m^2/s^3
+TOLD = TWO_STAGE.number("TOLD")  # accelerometer noise while there are samples
+RAW = TWO_STAGE.number("RAW")  # whether the accelerometer bias stays in the force that levels
+BEFORE = TWO_STAGE.matrix("BEFORE", 3, 3)  # an attitude that is left
+# of the rows that stage 1 makes itself
+INNOVATION = TWO_STAGE.array("INNOVATION", 3)
+DEVIATION = TWO_STAGE.array("DEVIATION", 3)
+MOVED = TWO_STAGE.array("MOVED", 3)  # change of v, see `doubt`
+# gravity vectors, and courses, in a row that were far off
+FAR_VECTORS, FAR_COURSES = TWO_STAGE.numbers("FAR_VECTORS", "FAR_COURSES")
+BEYOND = TWO_STAGE.output(BEYOND_COLUMN)  # with the pitch there
+HELD = TWO_STAGE.output(HELD_COLUMN)  # with velocity fixes but without a course
 LEAST_COSINE = math.cos(math.radians(85.0))
 """Of the pitch, in Jacobians: beyond 85 deg roll and heading are not separate."""
 TRUSTED = 5.0
@@ -96,22 +111,16 @@ def set_options(belief: Belief, noise: Noise, options: StageOptions) -> None:
         ("course", ("gnss", "none")),
         ("level", ("bias-free", "raw")),
     ):
-        value = getattr(options, name)
-        if value not in known:
-            raise ValueError(f"{name} is {value!r}; it must be one of {', '.join(known)}")
-    for name in ("least_speed", "crab", "correlation", "acceleration"):
-        value = getattr(options, name)
-        if not 0 <= value < math.inf:
-            raise ValueError(f"{name} is {value}; it must be a finite number, 0 or more")
-    if not 0 < options.window < LONGEST_WITHOUT_VELOCITY:
-        raise ValueError(
-            f"window is {options.window} s; it must be above 0 and below "
-            f"{LONGEST_WITHOUT_VELOCITY:g} s"
-        )
-    if not 0 < options.largest_bank <= 90:
-        raise ValueError(
-            f"largest_bank is {options.largest_bank} deg; it must be above 0 and at most 90"
-        )
+        check_choice(getattr(options, name), name, known)
+    for name, unit in (
+        ("least_speed", "m/s"),
+        ("crab", "deg"),
+        ("correlation", "s"),
+        ("acceleration", "m/s^2 sqrt(s)"),
+    ):
+        check_number(getattr(options, name), name, unit, least=0)
+    check_number(options.window, "window", "s", above=0, below=LONGEST_WITHOUT_VELOCITY)
+    check_number(options.largest_bank, "largest_bank", "deg", above=0, most=90)
     workspace = belief.workspace
     workspace[DOWN], workspace[COURSE], workspace[LEAST_SPEED], workspace[LARGEST_BANK] = (
         options.velocity == "down",

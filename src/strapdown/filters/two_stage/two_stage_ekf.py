@@ -22,7 +22,7 @@ from ...core.contract import (
     matrix,
 )
 from ...core.earth import displace
-from ...core.error_state import DV, DX, MID, auxiliary, bias_free, decay_biases
+from ...core.error_state import DV, DX, MID, allocate, bias_free, decay_biases
 from ...core.mechanization import mechanize
 from ...core.rotation import (
     euler_to_matrix,
@@ -33,16 +33,17 @@ from ...core.rotation import (
     wrap,
 )
 from ...typing import Array
-from ..ahrs_aided.known_attitude import BEYOND, BEYOND_COLUMN, STEEP_PITCH, steep
+from ..ahrs_aided.known_attitude import STEEP_PITCH, steep
 from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, see, steer, used
 from .model import (
     BEFORE,
+    BEYOND,
     DEVIATION,
     ERROR,
-    HELD_COLUMN,
     INNOVATION,
     MOVED,
     TOLD,
+    TWO_STAGE,
     USES,
     StageOptions,
     configure,
@@ -83,7 +84,7 @@ def start(
     over which the specific force is averaged, s; acceleration: density of what is left in it
     besides gravity, m/s^2 sqrt(s).
     """
-    belief = start.belief(auxiliary(len(start.sd)))
+    belief = start.belief(allocate(TWO_STAGE))
     chosen = StageOptions(
         velocity,
         course,
@@ -223,7 +224,7 @@ TWO_STAGE_EKF = Filter(
     start,
     predict,
     correct,
-    columns=(BEYOND_COLUMN, HELD_COLUMN),
+    slots=TWO_STAGE,
     uses=USES,
     configure=configure,
     diagnose=diagnose,

@@ -14,8 +14,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from ...core.contract import (
     ALTITUDE_KIND,
     CORRECT,
@@ -28,6 +26,7 @@ from ...core.contract import (
     Filter,
     Noise,
     Observe,
+    Slots,
     Source,
     Start,
     helper,
@@ -35,25 +34,26 @@ from ...core.contract import (
     matrix,
 )
 from ...core.earth import displace, place
-from ...core.error_state import DV, DX, MID, WORK, auxiliary, bias_free, decay_biases
+from ...core.embedded import NAVIGATION, navigation
+from ...core.error_state import DV, DX, MID, allocate, bias_free, decay_biases
 from ...core.jit import inlined
-from ...core.kalman import WORKSPACE
 from ...core.mechanization import mechanize
 from ...core.rotation import euler_to_matrix, matrix_to_euler, rotate_left, turned, wrap
 from ...typing import Array
-from ..ahrs_aided.known_attitude import BEYOND, BEYOND_COLUMN, STEEP_PITCH, steep
+from ..ahrs_aided.known_attitude import STEEP_PITCH, steep
 from ..observer import nlo
-from ..observer.equations import EMBEDDED, EXCITATION, XI, advance, embedded, inject
+from ..observer.equations import EMBEDDED, EXCITATION, OBSERVER, XI, advance, embedded, inject
 from ..observer.gains import DEFAULTS, configure as configure_observer, implant
-from ..observer.repeated_fix import FORGOTTEN, MEMORY as REMEMBERED, repeated
+from ..observer.repeated_fix import FORGOTTEN, KIND, MEMORY, repeated
 from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, see, steer, used
 from .model import (
+    BEYOND,
     DEVIATION,
     ERROR,
-    HELD_COLUMN,
     INNOVATION,
     MOVED,
     TOLD,
+    TWO_STAGE,
     USES,
     StageOptions,
     configure as configure_model,
@@ -69,24 +69,19 @@ from .model import (
     turn_velocity,
 )
 
-SHIFT, SAID = 2, 5
-COLUMNS = (
-    BEYOND_COLUMN,
-    HELD_COLUMN,
-    "observer_error_north [m]",
-    "observer_error_east [m]",
-    "observer_error_down [m]",
-    "excitation",
-    "xi_north [m/s^2]",
-    "xi_east [m/s^2]",
-    "xi_down [m/s^2]",
+SLOTS = Slots(after=TWO_STAGE)
+# estimate - observer
+SHIFT = SLOTS.outputs(
+    "observer_error_north [m]", "observer_error_east [m]", "observer_error_down [m]"
 )
-"""Pitch beyond 85 deg, course held; estimate - observer; what the observer says of itself."""
-OBSERVER = WORK + WORKSPACE  # where the observer begins in workspace
-LEFT = OBSERVER + EMBEDDED  # the state that the observer leaves: lla, v, C, ba, bg
-UNUSED, ANGLES = LEFT + 21, LEFT + 24  # innovation of the observer; its Euler angles
-MEMORY = slice(LEFT + 27, LEFT + 27 + REMEMBERED)
-OWN_SIZE = MEMORY.stop - LEFT
+# what the observer says of itself
+SAID = SLOTS.output(OBSERVER.columns[EXCITATION])
+SAID_XI = SLOTS.outputs(*OBSERVER.columns[XI])
+LEFT = SLOTS.part("LEFT", NAVIGATION)  # the state that the observer leaves
+UNUSED = SLOTS.array("UNUSED", 3)  # innovation of the observer
+ANGLES = SLOTS.array("ANGLES", 3)  # its Euler angles, rad
+RECENT = SLOTS.part("RECENT", MEMORY)
+INSIDE = SLOTS.part("INSIDE", EMBEDDED)  # the observer
 SINE_STEEP = math.sin(STEEP_PITCH)
 
 
@@ -108,10 +103,9 @@ def start(
     `course` and `least_speed` count for both; any `course` but "none" is one for the two-stage
     model.
     """
-    own = auxiliary(len(start.sd))
-    belief = start.belief(np.r_[own[:OBSERVER], np.zeros(EMBEDDED + OWN_SIZE), own[OBSERVER:]])
-    belief.workspace[MEMORY.start], belief.workspace[ANGLES : ANGLES + 3] = FORGOTTEN, start.rph
-    implant(belief.workspace, OBSERVER, start, noise, **observer)
+    belief = start.belief(allocate(SLOTS))
+    belief.workspace[RECENT][KIND], belief.workspace[ANGLES] = FORGOTTEN, start.rph
+    implant(belief.workspace[INSIDE], start, noise, **observer)
     both = {**DEFAULTS, **observer}
     chosen = StageOptions(
         velocity,
@@ -152,11 +146,11 @@ def configure(
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Carry P and the estimate on, linearised at the observer, then the observer."""
     if dt > 0:
-        bar = embedded(belief, OBSERVER)
+        bar = embedded(belief, INSIDE.start)
         carry(belief, bar, u, dt, noise)
         advance(bar, u, dt, noise)
         arrive(belief, bar, dt, noise)
-        belief.workspace[MEMORY.start] = FORGOTTEN
+        belief.workspace[RECENT][KIND] = FORGOTTEN
 
 
 @inlined
@@ -168,11 +162,12 @@ def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> Non
     mid, f_n = matrix(workspace, MID, 3, 3), workspace[DX]
     middle(bar.C, r0, r1, r2, mid)
     gather(belief, bar, u, r0, r1, r2, dt, noise.accel > workspace[TOLD])
-    leave(workspace, bar)
+    leave(belief, bar)
+    left = navigation(workspace[LEFT], belief.P, workspace, belief.extra_states)
     mechanize(
-        workspace[LEFT : LEFT + 3],
-        workspace[LEFT + 3 : LEFT + 6],
-        matrix(workspace, LEFT + 6, 3, 3),
+        left.lla,
+        left.v,
+        left.C,
         r0,
         r1,
         r2,
@@ -182,7 +177,7 @@ def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> Non
         dt,
         f_n,
     )
-    decay_biases(workspace[LEFT + 15 : LEFT + 18], workspace[LEFT + 18 : LEFT + 21], dt, noise)
+    decay_biases(left.ba, left.bg, dt, noise)
     propagate(belief, mid, f_n[0], f_n[1], f_n[2], dt, noise)
 
 
@@ -219,7 +214,7 @@ def correct(
 ) -> float:
     """Correct P and the estimate around the observer, then let that take the fix, whatever the
     gate."""
-    workspace, bar = belief.workspace, embedded(belief, OBSERVER)
+    workspace, bar = belief.workspace, embedded(belief, INSIDE.start)
     nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
     if (
         kind == POSITION_KIND
@@ -228,9 +223,9 @@ def correct(
         or kind == HEADING_KIND
         or kind == MAGNETIC_KIND
     ):
-        if not repeated(workspace[MEMORY], y, sd, kind, gate, nis):
-            leave(workspace, bar)
-            inject(bar, y, sd, kind, observe, parameters, workspace[UNUSED : UNUSED + 3])
+        if not repeated(workspace[RECENT], y, sd, kind, gate, nis):
+            leave(belief, bar)
+            inject(bar, y, sd, kind, observe, parameters, workspace[UNUSED])
             relate(belief, bar)
     compose(belief, bar)
     return nis
@@ -263,7 +258,7 @@ def correct_around(
         math.inf,
     )
     if nis <= gate and kind == VELOCITY_KIND:
-        steer(belief, bar, y, sd, observe, parameters, workspace[UNUSED : UNUSED + 3])
+        steer(belief, bar, y, sd, observe, parameters, workspace[UNUSED])
         rows = see(belief, bar, y, sd, kind, observe, parameters, innovation)
         correct_rows(P, workspace, innovation, workspace[DV], rows, math.inf, math.inf)
     if nis <= gate:
@@ -272,17 +267,13 @@ def correct_around(
 
 
 @inlined
-def leave(workspace: Array, bar: Belief) -> None:
+def leave(belief: Belief, bar: Belief) -> None:
     """Keep the observer's state before it moves."""
+    left = navigation(belief.workspace[LEFT], belief.P, belief.workspace, belief.extra_states)
     for i in range(3):
-        (
-            workspace[LEFT + i],
-            workspace[LEFT + 3 + i],
-            workspace[LEFT + 15 + i],
-            workspace[LEFT + 18 + i],
-        ) = bar.lla[i], bar.v[i], bar.ba[i], bar.bg[i]
+        left.lla[i], left.v[i], left.ba[i], left.bg[i] = bar.lla[i], bar.v[i], bar.ba[i], bar.bg[i]
         for j in range(3):
-            workspace[LEFT + 6 + 3 * i + j] = bar.C[i, j]
+            left.C[i, j] = bar.C[i, j]
 
 
 @inlined
@@ -290,23 +281,24 @@ def relate(belief: Belief, bar: Belief) -> None:
     """workspace[ERROR] and P are from now on those at the observer instead of those at LEFT:
     Euler angles, v_b and biases of the estimate stay."""
     workspace, x, lla = belief.workspace, belief.workspace[ERROR], bar.lla
+    left = navigation(workspace[LEFT], belief.P, workspace, belief.extra_states)
     _, cosine, M, N = place(lla[0], lla[2])
-    x[0] += (workspace[LEFT] - lla[0]) * M
-    x[1] += wrap(workspace[LEFT + 1] - lla[1]) * N * cosine
-    x[2] += lla[2] - workspace[LEFT + 2]
+    x[0] += (left.lla[0] - lla[0]) * M
+    x[1] += wrap(left.lla[1] - lla[1]) * N * cosine
+    x[2] += lla[2] - left.lla[2]
     _relate_turned(
         belief.P,
         x,
         workspace[MOVED],
-        workspace[ANGLES : ANGLES + 3],
-        workspace[LEFT + 3 : LEFT + 6],
-        matrix(workspace, LEFT + 6, 3, 3),
+        workspace[ANGLES],
+        left.v,
+        left.C,
         bar.v,
         bar.C,
     )
     for i in range(3):
-        x[9 + i] += workspace[LEFT + 15 + i] - bar.ba[i]
-        x[12 + i] += workspace[LEFT + 18 + i] - bar.bg[i]
+        x[9 + i] += left.ba[i] - bar.ba[i]
+        x[12 + i] += left.bg[i] - bar.bg[i]
 
 
 @helper
@@ -338,6 +330,12 @@ def compose(belief: Belief, bar: Belief) -> None:
     """The belief is the observer and workspace[ERROR] together; near the singularity of the
     Euler angles by a rotation."""
     workspace, x, C = belief.workspace, belief.workspace[ERROR], belief.C
+    shift, angles, xi, said = (
+        workspace[SHIFT],
+        workspace[ANGLES],
+        bar.workspace[XI],
+        workspace[SAID_XI],
+    )
     for i in range(3):
         belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i] = (
             bar.lla[i],
@@ -346,10 +344,10 @@ def compose(belief: Belief, bar: Belief) -> None:
             bar.bg[i] + x[12 + i],
         )
         belief.omega[i], belief.f[i] = bar.omega[i] - x[12 + i], bar.f[i] - x[9 + i]
-        workspace[SHIFT + i], workspace[SAID + 1 + i] = x[i], bar.workspace[XI + i]
+        shift[i], said[i] = x[i], xi[i]
     workspace[SAID] = bar.workspace[EXCITATION]
     displace(belief.lla, x[0], x[1], x[2])
-    roll, pitch, heading = workspace[ANGLES], workspace[ANGLES + 1], workspace[ANGLES + 2]
+    roll, pitch, heading = angles[0], angles[1], angles[2]
     d0, d1, d2 = to_angles(pitch, heading, x[6], x[7], x[8])
     if abs(pitch) < STEEP_PITCH:
         euler_to_matrix(roll + d0, pitch + d1, heading + d2, C)
@@ -372,7 +370,7 @@ XKF_TWO_STAGE = Filter(
     start,
     predict,
     correct,
-    columns=COLUMNS,
+    slots=SLOTS,
     uses=USES,
     configure=configure,
     diagnose=diagnose,

@@ -12,7 +12,7 @@ from strapdown.core.contract import Filter
 from strapdown.filters.particle import pkf
 
 from . import kalman_filters as kalman, particle_filter as particles, sigma_point_filters as points
-from .model import INPUTS, REPRODUCED, configure
+from .model import INPUTS, REPRODUCED, SIX, configure
 
 __all__ = ["RAW", "EKF6", "UKF6", "CKF6", "PKF6", "INPUTS", "REPRODUCED"]
 
@@ -30,6 +30,7 @@ RAW = Filter(
     kalman.start_raw,
     kalman.hold,
     kalman.take,
+    slots=SIX,
     **{**COMMON, "states": ()},
 )
 EKF6 = Filter(
@@ -38,6 +39,7 @@ EKF6 = Filter(
     kalman.start,
     kalman.predict,
     kalman.correct,
+    slots=SIX,
     **COMMON,
 )
 UKF6 = Filter(
@@ -46,7 +48,7 @@ UKF6 = Filter(
     points.start,
     points.predict,
     points.correct,
-    columns=(points.COLUMN,),
+    slots=points.SLOTS,
     diagnose=points.diagnose,
     **COMMON,
 )
@@ -56,7 +58,7 @@ CKF6 = Filter(
     points.start_cubature,
     points.predict,
     points.correct,
-    columns=(points.COLUMN,),
+    slots=points.SLOTS,
     diagnose=points.diagnose,
     **COMMON,
 )
@@ -66,7 +68,7 @@ PKF6 = Filter(
     particles.start,
     particles.predict,
     particles.correct,
-    columns=pkf.COLUMNS,
+    slots=particles.SLOTS,
     diagnose=pkf.lost,
     **COMMON,
 )

@@ -10,7 +10,9 @@ from strapdown.typing import Array, File
 
 from .model import (
     SINCE,
+    SIX,
     TRIAL,
+    TRIAL_P,
     Options,
     X,
     begin,
@@ -43,7 +45,7 @@ def start(
     variance of each row of a fix instead of its own (0: neither). aircraft: whose model predicts;
     earth: "flat", no other.
     """
-    return begin(start, 0, Options(model, q, r, rate, aircraft, earth))
+    return begin(start, SIX, Options(model, q, r, rate, aircraft, earth))
 
 
 @kernel(PREDICT)
@@ -51,7 +53,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Attitude by the gyros; state and covariance by the IMU or the aircraft's model, linearised
     at the estimate."""
     turn(belief, u, dt)
-    linearised(belief, belief.workspace[X : X + 6], belief.P, dt, noise)
+    linearised(belief, belief.workspace[X], belief.P, dt, noise)
     publish(belief)
 
 
@@ -67,9 +69,9 @@ def correct(
     innovation: Array,
 ) -> float:
     """Correct state and covariance by a fix within the gate."""
-    workspace, x, P = belief.workspace, belief.workspace[X : X + 6], belief.P
+    workspace, x, P = belief.workspace, belief.workspace[X], belief.P
     first = seen(workspace, y, kind, x, innovation)
-    trial, spread = workspace[TRIAL : TRIAL + 6], matrix(workspace, TRIAL + 6, 6, 6)
+    trial, spread = workspace[TRIAL], matrix(workspace, TRIAL_P, 6, 6)
     copy(x, P, trial, spread)
     nis, _ = correct_gaussian(workspace, trial, spread, first, innovation, sd)
     if nis <= gate:
@@ -80,7 +82,7 @@ def correct(
 
 def start_raw(start: Start, noise: Noise, earth: str = "flat") -> Belief:
     """Belief at `start` for the mode without a filter."""
-    return begin(start, 0, Options(0.0, 0.0, 0.0, 1.0, "aerosonde", earth))
+    return begin(start, SIX, Options(0.0, 0.0, 0.0, 1.0, "aerosonde", earth))
 
 
 @kernel(PREDICT)
@@ -89,8 +91,9 @@ def hold(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     was none for longer than HELD."""
     turn(belief, u, dt)
     if belief.workspace[SINCE] > HELD + 1e-6:
+        x = belief.workspace[X]
         for i in range(6):
-            belief.workspace[X + i] = 0.0
+            x[i] = 0.0
     publish(belief)
 
 
@@ -106,7 +109,7 @@ def take(
     innovation: Array,
 ) -> float:
     """No filter: the fix is the state, whatever it is."""
-    workspace, x = belief.workspace, belief.workspace[X : X + 6]
+    workspace, x = belief.workspace, belief.workspace[X]
     first = seen(workspace, y, kind, x, innovation)
     for i in range(3):
         if innovation[i] == innovation[i]:

@@ -14,11 +14,10 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from strapdown.core.contract import POSITION_KIND, Belief, Noise, Source, Start
+from strapdown.core.contract import POSITION_KIND, Belief, Noise, Slots, Source, Start
 from strapdown.core.jit import helper, inlined, matrix
 from strapdown.core.rotation import orthonormalise, rotate_right, turned, wrap
+from strapdown.flight import inputs
 from strapdown.flight.aircraft.forces import density, forces
 from strapdown.flight.aircraft.parameters import (
     GRAVITY,
@@ -31,31 +30,28 @@ from strapdown.flight.aircraft.parameters import (
 )
 from strapdown.typing import Array, File
 
-INPUTS = 8
-"""First of the nine numbers of `workspace` that whoever flies the aircraft writes before each
-sample: 1 where the model shall predict and 0 where the IMU shall, elevator, aileron, rudder
-(rad), throttle, the wind that the filter is told (m/s, NED), seconds of the sample. Before them:
-output columns."""
-CONTROLS, WIND = INPUTS + 1, INPUTS + 5
-X = INPUTS + 9  # the state, 6 numbers
-ORIGIN = X + 6  # lla of the start
+SIX = Slots(room=8)
+"""Of every filter here."""
+INPUTS = SIX.part("INPUTS", inputs.TOLD).start
+"""First of the numbers of `workspace` that whoever flies the aircraft writes before each sample,
+see strapdown.flight.inputs. Before them: output columns."""
+X = SIX.array("X", 6)  # the state
+ORIGIN = SIX.array("ORIGIN", 3)  # lla of the start
 # variances: of the process noise per second, of a row of a fix; 0: not given
-Q, R = (
-    ORIGIN + 3,
-    ORIGIN + 4,
-)
-UNKNOWN = ORIGIN + 5  # random walk of the velocity that the model does not know, m/s/sqrt(s)
-# s since the last fix; of the air at the height of the estimate, kg/m^3
-SINCE, DENSITY = (
-    ORIGIN + 6,
-    ORIGIN + 7,
-)
-TURNED = DENSITY + 1  # C_nb at mid-sample, 3 x 3
-DV = TURNED + 9  # change of velocity over the sample that the IMU tells, gravity included, m/s
-A = DV + 3  # d velocity after / d velocity before, 3 x 3
-TRIAL = A + 9  # state and covariance that a fix would leave, 6 and 6 x 6
-CRAFT = TRIAL + 42  # the aircraft's parameters
-OWN = CRAFT + SIZE  # what one of the filters alone needs
+Q, R = SIX.numbers("Q", "R")
+UNKNOWN = SIX.number(
+    "UNKNOWN"
+)  # random walk of the velocity that the model does not know, m/s/sqrt(s)
+SINCE = SIX.number("SINCE")  # s since the last fix
+DENSITY = SIX.number("DENSITY")  # of the air at the height of the estimate, kg/m^3
+TURNED = SIX.matrix("TURNED", 3, 3)  # C_nb at mid-sample
+# change of velocity over the sample that the IMU tells, gravity included, m/s
+DV = SIX.array("DV", 3)
+A = SIX.matrix("A", 3, 3)  # d velocity after / d velocity before
+# state and covariance that a fix would leave
+TRIAL = SIX.array("TRIAL", 6)
+TRIAL_P = SIX.matrix("TRIAL_P", 6, 6)
+CRAFT = SIX.array("CRAFT", SIZE)  # the aircraft's parameters
 STEP = 1e-5
 """m/s: of the differences that make the Jacobian; their errors, of the bend and of rounding, are
 below 1e-6 of it."""
@@ -74,9 +70,9 @@ class Options(NamedTuple):
     earth: str
 
 
-def begin(start: Start, own: int, options: Options) -> Belief:
-    """Belief at `start` for a filter with `own` numbers of its own from workspace[OWN] on.
-    Refuses bad options."""
+def begin(start: Start, slots: Slots, options: Options, rest: int = 0) -> Belief:
+    """Belief at `start` for a filter whose slots are SIX or continue it, with so many numbers in
+    their part at the end. Refuses bad options."""
     model, q, r, rate, craft, earth = options
     for name, value in (("q", q), ("r", r)):
         if not 0 <= value < math.inf:
@@ -93,17 +89,12 @@ def begin(start: Start, own: int, options: Options) -> Belief:
             f"earth is {earth!r}; the six-state form knows a flat, still Earth alone: give "
             f'earth="flat", and fly over it'
         )
-    workspace = np.zeros(OWN + own)
+    workspace = slots.zeros(rest)
     belief = start.belief(workspace)
     belief.P[6:], belief.P[:, 6:] = 0.0, 0.0
-    (
-        workspace[X + 3 : X + 6],
-        workspace[ORIGIN : ORIGIN + 3],
-        workspace[Q],
-        workspace[R],
-        workspace[UNKNOWN],
-    ) = start.v, start.lla, q * rate, r, model
-    workspace[CRAFT:OWN] = find_aircraft(craft).array(earth="flat", origin=start.lla)
+    workspace[X][3:], workspace[ORIGIN] = start.v, start.lla
+    workspace[Q], workspace[R], workspace[UNKNOWN] = q * rate, r, model
+    workspace[CRAFT] = find_aircraft(craft).array(earth="flat", origin=start.lla)
     return belief
 
 
@@ -126,6 +117,7 @@ def turn(belief: Belief, u: Array, dt: float) -> None:
     """Advance the attitude by the measured increments u, and leave in workspace what they say of
     the velocity and the attitude at mid-sample."""
     workspace, C, half = belief.workspace, belief.C, matrix(belief.workspace, TURNED, 3, 3)
+    dv, craft = workspace[DV], workspace[CRAFT]
     r0, r1, r2 = u[0] - belief.bg[0] * dt, u[1] - belief.bg[1] * dt, u[2] - belief.bg[2] * dt
     a0, a1, a2 = u[3] - belief.ba[0] * dt, u[4] - belief.ba[1] * dt, u[5] - belief.ba[2] * dt
     x0, x1, x2 = r1 * a2 - r2 * a1, r2 * a0 - r0 * a2, r0 * a1 - r1 * a0
@@ -135,11 +127,7 @@ def turn(belief: Belief, u: Array, dt: float) -> None:
         a1 + 0.5 * x1 + (r2 * x0 - r0 * x2) / 6,
         a2 + 0.5 * x2 + (r0 * x1 - r1 * x0) / 6,
     )
-    workspace[DV], workspace[DV + 1], workspace[DV + 2] = (
-        d0,
-        d1,
-        d2 + workspace[CRAFT + GRAVITY] * dt,
-    )
+    dv[0], dv[1], dv[2] = d0, d1, d2 + craft[GRAVITY] * dt
     for i in range(3):
         for j in range(3):
             half[i, j] = C[i, j]
@@ -151,8 +139,14 @@ def turn(belief: Belief, u: Array, dt: float) -> None:
             belief.omega[i] = (u[i] - belief.bg[i] * dt) / dt
             belief.f[i] = (u[3 + i] - belief.ba[i] * dt) / dt
     workspace[SINCE] += dt
-    if workspace[INPUTS] != 0:
-        workspace[DENSITY] = density(workspace[CRAFT:], workspace[ORIGIN + 2] - workspace[X + 2])
+    if by_model(workspace):
+        workspace[DENSITY] = density(craft, workspace[ORIGIN][2] - workspace[X][2])
+
+
+@inlined
+def by_model(workspace: Array) -> bool:
+    """Whether the aircraft's model predicts, not the IMU."""
+    return workspace[INPUTS:][inputs.BY_MODEL] != 0
 
 
 @helper
@@ -161,23 +155,19 @@ def acceleration(
 ) -> tuple[float, float, float]:
     """m/s^2 that the aircraft's model gives at that velocity (m/s, NED), with the attitude,
     rates, controls and wind in force."""
-    C = matrix(workspace, TURNED, 3, 3)
-    v0, v1, v2, scale = (
-        v0 - workspace[WIND],
-        v1 - workspace[WIND + 1],
-        v2 - workspace[WIND + 2],
-        1 / workspace[CRAFT + MASS],
-    )
+    C, told, craft = matrix(workspace, TURNED, 3, 3), workspace[INPUTS:], workspace[CRAFT]
+    wind = told[inputs.WIND]
+    v0, v1, v2, scale = v0 - wind[0], v1 - wind[1], v2 - wind[2], 1 / craft[MASS]
     against_air = (
         C[0, 0] * v0 + C[1, 0] * v1 + C[2, 0] * v2,
         C[0, 1] * v0 + C[1, 1] * v1 + C[2, 1] * v2,
         C[0, 2] * v0 + C[1, 2] * v1 + C[2, 2] * v2,
     )
     Fx, Fy, Fz, _, _, _ = forces(
-        workspace[CRAFT:], workspace[DENSITY], against_air, omega, workspace[CONTROLS:WIND]
+        craft, workspace[DENSITY], against_air, omega, told[inputs.CONTROLS]
     )
     a0, a1, a2 = turned(C, scale * Fx, scale * Fy, scale * Fz)
-    return a0, a1, a2 + workspace[CRAFT + GRAVITY]
+    return a0, a1, a2 + craft[GRAVITY]
 
 
 @helper
@@ -186,8 +176,9 @@ def moved(
 ) -> tuple[float, float, float]:
     """Velocity (m/s, NED) after dt: with the IMU's increment, or with the model's acceleration
     by the midpoint rule."""
-    if workspace[INPUTS] == 0:
-        return v0 + workspace[DV], v1 + workspace[DV + 1], v2 + workspace[DV + 2]
+    dv = workspace[DV]
+    if not by_model(workspace):
+        return v0 + dv[0], v1 + dv[1], v2 + dv[2]
     a0, a1, a2 = acceleration(workspace, omega, v0, v1, v2)
     b0, b1, b2 = acceleration(
         workspace, omega, v0 + 0.5 * dt * a0, v1 + 0.5 * dt * a1, v2 + 0.5 * dt * a2
@@ -199,11 +190,11 @@ def moved(
 def linearised(belief: Belief, x: Array, P: Array, dt: float, noise: Noise) -> None:
     """Advance one Gaussian, x (6,) and P (its first 6 rows and columns), as an extended Kalman
     filter does."""
-    workspace, omega = belief.workspace, belief.omega
+    workspace, omega, dv = belief.workspace, belief.omega, belief.workspace[DV]
     v0, v1, v2 = x[3], x[4], x[5]
-    if workspace[INPUTS] == 0:
+    if not by_model(workspace):
         drift(P, dt)
-        w0, w1, w2 = v0 + workspace[DV], v1 + workspace[DV + 1], v2 + workspace[DV + 2]
+        w0, w1, w2 = v0 + dv[0], v1 + dv[1], v2 + dv[2]
     else:
         a0, a1, a2 = acceleration(workspace, omega, v0, v1, v2)
         m0, m1, m2 = v0 + 0.5 * dt * a0, v1 + 0.5 * dt * a1, v2 + 0.5 * dt * a2
@@ -247,7 +238,7 @@ def jacobian(
 ) -> None:
     """A = I + J dt + J^2 dt^2 / 2, J the derivative of the model's acceleration a by the
     velocity v at mid-sample, from differences over STEP."""
-    s = dt / STEP
+    s, F = dt / STEP, matrix(workspace, A, 3, 3)
     # a loop, because three copies of the forces take the compiler three times as long
     for k in range(3):
         b0, b1, b2 = acceleration(
@@ -257,29 +248,19 @@ def jacobian(
             v1 + (STEP if k == 1 else 0.0),
             v2 + (STEP if k == 2 else 0.0),
         )
-        workspace[A + k], workspace[A + 3 + k], workspace[A + 6 + k] = (
-            s * (b0 - a0),
-            s * (b1 - a1),
-            s * (b2 - a2),
-        )
-    j00, j01, j02, j10, j11, j12 = (
-        workspace[A],
-        workspace[A + 1],
-        workspace[A + 2],
-        workspace[A + 3],
-        workspace[A + 4],
-        workspace[A + 5],
-    )
-    j20, j21, j22 = workspace[A + 6], workspace[A + 7], workspace[A + 8]
-    workspace[A] += 1 + 0.5 * (j00 * j00 + j01 * j10 + j02 * j20)
-    workspace[A + 1] += 0.5 * (j00 * j01 + j01 * j11 + j02 * j21)
-    workspace[A + 2] += 0.5 * (j00 * j02 + j01 * j12 + j02 * j22)
-    workspace[A + 3] += 0.5 * (j10 * j00 + j11 * j10 + j12 * j20)
-    workspace[A + 4] += 1 + 0.5 * (j10 * j01 + j11 * j11 + j12 * j21)
-    workspace[A + 5] += 0.5 * (j10 * j02 + j11 * j12 + j12 * j22)
-    workspace[A + 6] += 0.5 * (j20 * j00 + j21 * j10 + j22 * j20)
-    workspace[A + 7] += 0.5 * (j20 * j01 + j21 * j11 + j22 * j21)
-    workspace[A + 8] += 1 + 0.5 * (j20 * j02 + j21 * j12 + j22 * j22)
+        F[0, k], F[1, k], F[2, k] = s * (b0 - a0), s * (b1 - a1), s * (b2 - a2)
+    j00, j01, j02 = F[0, 0], F[0, 1], F[0, 2]
+    j10, j11, j12 = F[1, 0], F[1, 1], F[1, 2]
+    j20, j21, j22 = F[2, 0], F[2, 1], F[2, 2]
+    F[0, 0] += 1 + 0.5 * (j00 * j00 + j01 * j10 + j02 * j20)
+    F[0, 1] += 0.5 * (j00 * j01 + j01 * j11 + j02 * j21)
+    F[0, 2] += 0.5 * (j00 * j02 + j01 * j12 + j02 * j22)
+    F[1, 0] += 0.5 * (j10 * j00 + j11 * j10 + j12 * j20)
+    F[1, 1] += 1 + 0.5 * (j10 * j01 + j11 * j11 + j12 * j21)
+    F[1, 2] += 0.5 * (j10 * j02 + j11 * j12 + j12 * j22)
+    F[2, 0] += 0.5 * (j20 * j00 + j21 * j10 + j22 * j20)
+    F[2, 1] += 0.5 * (j20 * j01 + j21 * j11 + j22 * j21)
+    F[2, 2] += 1 + 0.5 * (j20 * j02 + j21 * j12 + j22 * j22)
 
 
 @inlined
@@ -307,7 +288,7 @@ def transform(P: Array, workspace: Array, dt: float) -> None:
 @inlined
 def random_walk(workspace: Array, noise: Noise) -> float:
     """Of the velocity, m/s/sqrt(s): of the accelerometers, or of what the model does not know."""
-    return noise.accel if workspace[INPUTS] == 0 else workspace[UNKNOWN]
+    return workspace[UNKNOWN] if by_model(workspace) else noise.accel
 
 
 @inlined
@@ -338,12 +319,11 @@ def copy(x: Array, P: Array, to: Array, To: Array) -> None:
 def seen(workspace: Array, y: Array, kind: int, x: Array, innovation: Array) -> int:
     """Innovation (m or m/s; NaN where not measured) of a fix of position or velocity at the
     state x. Returns the first of the states that it sees."""
+    origin, craft = workspace[ORIGIN], workspace[CRAFT]
     if kind == POSITION_KIND:
-        innovation[0] = (y[0] - workspace[ORIGIN]) / workspace[CRAFT + LATITUDE_RATE] - x[0]
-        innovation[1] = (
-            wrap(y[1] - workspace[ORIGIN + 1]) / workspace[CRAFT + LONGITUDE_RATE] - x[1]
-        )
-        innovation[2] = workspace[ORIGIN + 2] - y[2] - x[2]
+        innovation[0] = (y[0] - origin[0]) / craft[LATITUDE_RATE] - x[0]
+        innovation[1] = wrap(y[1] - origin[1]) / craft[LONGITUDE_RATE] - x[1]
+        innovation[2] = origin[2] - y[2] - x[2]
         return 0
     for i in range(3):
         innovation[i] = y[i] - x[3 + i]
@@ -389,13 +369,12 @@ def publish(belief: Belief) -> None:
     """Write the state into the belief as its affine image: latitude, longitude, height and
     velocity."""
     workspace = belief.workspace
-    belief.lla[0] = workspace[ORIGIN] + workspace[X] * workspace[CRAFT + LATITUDE_RATE]
-    belief.lla[1] = wrap(
-        workspace[ORIGIN + 1] + workspace[X + 1] * workspace[CRAFT + LONGITUDE_RATE]
-    )
-    belief.lla[2] = workspace[ORIGIN + 2] - workspace[X + 2]
+    x, origin, craft = workspace[X], workspace[ORIGIN], workspace[CRAFT]
+    belief.lla[0] = origin[0] + x[0] * craft[LATITUDE_RATE]
+    belief.lla[1] = wrap(origin[1] + x[1] * craft[LONGITUDE_RATE])
+    belief.lla[2] = origin[2] - x[2]
     for i in range(3):
-        belief.v[i] = workspace[X + 3 + i]
+        belief.v[i] = x[3 + i]
 
 
 @helper

@@ -8,9 +8,11 @@ components go their own ways.
 """
 
 import math
+from typing import NamedTuple
 
-from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Start, kernel
-from strapdown.core.jit import helper, matrix, plain
+from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Slots, Start, kernel
+from strapdown.core.jit import helper, inlined, matrix, plain
+from strapdown.filters.particle import pkf
 from strapdown.filters.particle.mixture import (
     accumulate,
     begin as begin_mixture,
@@ -28,8 +30,9 @@ from strapdown.flight.aircraft.parameters import Aircraft
 from strapdown.typing import Array, File
 
 from .model import (
-    OWN,
+    SIX,
     TRIAL,
+    TRIAL_P,
     Options,
     X,
     begin,
@@ -43,23 +46,45 @@ from .model import (
     turn,
 )
 
-# output columns, as of filters/particle/pkf.py
-EFFECTIVE, RESAMPLINGS, REPAIRS, DEGENERATE = range(4)
-# components; kernel width; effective ones below which it resamples; stream
-N, KERNEL, THRESHOLD, RANDOM = (
-    OWN,
-    OWN + 1,
-    OWN + 2,
-    OWN + 3,
-)
-MEAN = RANDOM + STREAM
-LEFT = MEAN + 6  # the covariance as the filter left it
-PHI = LEFT + 36
-SUMS = PHI + 36
-WORK = SUMS + plain(moments_size)(6)
-# N x (state, covariance); then N weights, log-likelihoods, ancestors, deviations, new deviations
-COMPONENTS = WORK + plain(resample_size)(6)
-WIDTH, EACH = 42, 42 + 3 + 12
+SLOTS = Slots(after=SIX)
+EFFECTIVE, RESAMPLINGS, REPAIRS, DEGENERATE = map(SLOTS.output, pkf.SLOTS.columns)
+# components; kernel width; effective ones below which it resamples
+N, KERNEL, THRESHOLD = SLOTS.numbers("N", "KERNEL", "THRESHOLD")
+RANDOM = SLOTS.array("RANDOM", STREAM)  # stream
+MEAN = SLOTS.array("MEAN", 6)
+LEFT = SLOTS.matrix("LEFT", 6, 6)  # the covariance as the filter left it
+PHI = SLOTS.matrix("PHI", 6, 6)
+SUMS = SLOTS.array("SUMS", plain(moments_size)(6))
+WORK = SLOTS.array("WORK", plain(resample_size)(6))
+COMPONENTS = SLOTS.rest("COMPONENTS")  # see `views`
+WIDTH = 42  # of a component: state, covariance
+EACH = WIDTH + 3 + 12
+
+
+class Views(NamedTuple):
+    """N components, as views of workspace."""
+
+    components: Array  # (N, WIDTH)
+    weights: Array  # (N,)
+    logs: Array  # (N,) log-likelihoods
+    ancestors: Array  # (N,)
+    deviations: Array  # (N, 6)
+    drawn: Array  # (N, 6): new deviations
+
+
+@inlined
+def views(workspace: Array) -> Views:
+    """The components and what belongs to each."""
+    n, own = int(workspace[N]), workspace[COMPONENTS:]
+    after = WIDTH * n
+    return Views(
+        matrix(own, 0, n, WIDTH),
+        own[after : after + n],
+        own[after + n : after + 2 * n],
+        own[after + 2 * n : after + 3 * n],
+        matrix(own, after + 3 * n, n, 6),
+        matrix(own, after + 9 * n, n, 6),
+    )
 
 
 def start(
@@ -86,19 +111,15 @@ def start(
     deviations, phi, stream = begin_mixture(start.belief(None).P[:6, :6], components, width, seed)
     size = len(deviations)
     options = Options(model, q, r, rate, aircraft, earth)
-    belief = begin(start, COMPONENTS - OWN + size * EACH, options)
+    belief = begin(start, SLOTS, options, rest=size * EACH)
     workspace = belief.workspace
-    (
-        workspace[N],
-        workspace[KERNEL],
-        workspace[THRESHOLD],
-        workspace[RANDOM : RANDOM + STREAM],
-        workspace[EFFECTIVE],
-    ) = size, width, resample * size, stream, size
-    each = workspace[COMPONENTS : COMPONENTS + size * WIDTH].reshape(size, WIDTH)
-    each[:, :6], each[:, 6:] = workspace[X : X + 6] + deviations, phi.ravel()
-    workspace[COMPONENTS + size * WIDTH : COMPONENTS + size * (WIDTH + 1)] = 1 / size
-    keep(belief.P, workspace[LEFT : LEFT + 36].reshape(6, 6))
+    workspace[N], workspace[KERNEL], workspace[THRESHOLD] = size, width, resample * size
+    workspace[RANDOM], workspace[EFFECTIVE] = stream, size
+    own = workspace[COMPONENTS:]
+    each = own[: size * WIDTH].reshape(size, WIDTH)
+    each[:, :6], each[:, 6:] = workspace[X] + deviations, phi.ravel()
+    own[size * WIDTH : size * (WIDTH + 1)] = 1 / size
+    SLOTS.named(workspace)["LEFT"][:] = belief.P[:6, :6]
     return belief
 
 
@@ -106,30 +127,29 @@ def start(
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Attitude by the gyros; each component as an extended Kalman filter predicts it."""
     turn(belief, u, dt)
-    workspace = belief.workspace
-    count = int(workspace[N])
-    _follow(belief, count)
-    sums, weights = (
-        workspace[SUMS:WORK],
-        workspace[COMPONENTS + WIDTH * count : COMPONENTS + (WIDTH + 1) * count],
-    )
+    m, sums = views(belief.workspace), belief.workspace[SUMS]
+    _follow(belief)
     clear(sums)
-    for k in range(count):
-        at = COMPONENTS + WIDTH * k
-        if weights[k] > 0:
-            linearised(belief, workspace[at : at + 6], matrix(workspace, at + 6, 6, 6), dt, noise)
-            _add(workspace, weights[k], at, sums)
+    for k in range(m.weights.size):
+        if m.weights[k] > 0:
+            own = m.components[k]
+            linearised(belief, own[:6], matrix(own, 6, 6, 6), dt, noise)
+            _add(belief.workspace, m.weights[k], own, sums)
     _leave(belief)
 
 
 @helper
-def _follow(belief: Belief, count: int) -> None:
+def _follow(belief: Belief) -> None:
     """What somebody else added to the covariance of the mixture, as where a gate was lifted,
     each component gets."""
-    workspace, P, left = belief.workspace, belief.P, matrix(belief.workspace, LEFT, 6, 6)
+    components, P, left = (
+        views(belief.workspace).components,
+        belief.P,
+        matrix(belief.workspace, LEFT, 6, 6),
+    )
     if changed(P, left):
-        for k in range(count):
-            own = matrix(workspace, COMPONENTS + WIDTH * k + 6, 6, 6)
+        for k in range(components.shape[0]):
+            own = matrix(components[k], 6, 6, 6)
             for i in range(6):
                 for j in range(6):
                     own[i, j] += P[i, j] - left[i, j]
@@ -137,22 +157,22 @@ def _follow(belief: Belief, count: int) -> None:
 
 
 @helper
-def _add(workspace: Array, weight: float, at: int, sums: Array) -> None:
+def _add(workspace: Array, weight: float, component: Array, sums: Array) -> None:
     """A component to the sums, as its deviation from the last mean."""
-    off = workspace[TRIAL : TRIAL + 6]
+    off, x = workspace[TRIAL], workspace[X]
     for i in range(6):
-        off[i] = workspace[at + i] - workspace[X + i]
-    accumulate(weight, off, workspace[at + 6 : at + WIDTH], sums)
+        off[i] = component[i] - x[i]
+    accumulate(weight, off, component[6:], sums)
 
 
 @helper
 def _leave(belief: Belief) -> None:
     """Mean and covariance of the mixture become those of the belief."""
     workspace = belief.workspace
-    mean, left = workspace[MEAN : MEAN + 6], matrix(workspace, LEFT, 6, 6)
-    moments(workspace[SUMS:WORK], mean, left)
+    mean, left, x = workspace[MEAN], matrix(workspace, LEFT, 6, 6), workspace[X]
+    moments(workspace[SUMS], mean, left)
     for i in range(6):
-        workspace[X + i] += mean[i]
+        x[i] += mean[i]
     keep(left, belief.P)
     publish(belief)
 
@@ -170,75 +190,62 @@ def correct(
 ) -> float:
     """Weight and correct each component by a fix within the gate, which is that of the mixture's
     own moments; resample where few carry the weight."""
-    workspace = belief.workspace
-    count = int(workspace[N])
-    _follow(belief, count)
-    trial, spread = workspace[TRIAL : TRIAL + 6], matrix(workspace, TRIAL + 6, 6, 6)
-    copy(workspace[X : X + 6], belief.P, trial, spread)
+    workspace, m, sums = belief.workspace, views(belief.workspace), belief.workspace[SUMS]
+    _follow(belief)
+    trial, spread = workspace[TRIAL], matrix(workspace, TRIAL_P, 6, 6)
+    copy(workspace[X], belief.P, trial, spread)
     first = seen(workspace, y, kind, trial, innovation)
     nis, _ = correct_gaussian(workspace, trial, spread, first, innovation, sd)
     if not nis <= gate:
         return nis
     e0, e1, e2 = innovation[0], innovation[1], innovation[2]
-    after = COMPONENTS + WIDTH * count
-    weights, logs, sums = (
-        workspace[after : after + count],
-        workspace[after + count : after + 2 * count],
-        workspace[SUMS:WORK],
-    )
-    for k in range(count):
-        at = COMPONENTS + WIDTH * k
-        if weights[k] > 0:
-            x, P = workspace[at : at + 6], matrix(workspace, at + 6, 6, 6)
+    for k in range(m.weights.size):
+        if m.weights[k] > 0:
+            x, P = m.components[k][:6], matrix(m.components[k], 6, 6, 6)
             copy(x, P, trial, spread)
             seen(workspace, y, kind, x, innovation)
             own, spread_of_own = correct_gaussian(workspace, trial, spread, first, innovation, sd)
-            logs[k] = -0.5 * (own + spread_of_own)
-            if math.isfinite(logs[k]):
+            m.logs[k] = -0.5 * (own + spread_of_own)
+            if math.isfinite(m.logs[k]):
                 copy(trial, spread, x, P)
     innovation[0], innovation[1], innovation[2] = e0, e1, e2
-    workspace[DEGENERATE] += weigh(logs, weights)
+    workspace[DEGENERATE] += weigh(m.logs, m.weights)
     clear(sums)
-    for k in range(count):
-        if weights[k] > 0:
-            _add(workspace, weights[k], COMPONENTS + WIDTH * k, sums)
+    for k in range(m.weights.size):
+        if m.weights[k] > 0:
+            _add(workspace, m.weights[k], m.components[k], sums)
     _leave(belief)
-    workspace[EFFECTIVE] = effective(weights)
+    workspace[EFFECTIVE] = effective(m.weights)
     if workspace[EFFECTIVE] < workspace[THRESHOLD]:
-        _renew(belief, count)
+        _renew(belief)
     return nis
 
 
 @helper
-def _renew(belief: Belief, count: int) -> None:
+def _renew(belief: Belief) -> None:
     """Resample: all components weigh the same afterwards and have the same covariance, and the
     mixture has the moments it had."""
-    workspace = belief.workspace
-    after = COMPONENTS + WIDTH * count
-    old, new = (
-        matrix(workspace, after + 3 * count, count, 6),
-        matrix(workspace, after + 9 * count, count, 6),
-    )
-    for k in range(count):
+    workspace, m, x = belief.workspace, views(belief.workspace), belief.workspace[X]
+    phi = matrix(workspace, PHI, 6, 6)
+    for k in range(m.weights.size):
         for i in range(6):
-            old[k, i] = workspace[COMPONENTS + WIDTH * k + i] - workspace[X + i]
+            m.deviations[k, i] = m.components[k, i] - x[i]
     workspace[REPAIRS] += resample(
-        workspace[after : after + count],
-        old,
-        matrix(workspace, COMPONENTS, count, WIDTH),
+        m.weights,
+        m.deviations,
+        m.components,
         6,
         matrix(workspace, LEFT, 6, 6),
         workspace[KERNEL],
-        workspace[RANDOM : RANDOM + STREAM],
-        workspace[after + 2 * count : after + 3 * count],
-        new,
-        matrix(workspace, PHI, 6, 6),
-        workspace[WORK:COMPONENTS],
+        workspace[RANDOM],
+        m.ancestors,
+        m.drawn,
+        phi,
+        workspace[WORK],
     )
-    for k in range(count):
-        at = COMPONENTS + WIDTH * k
+    for k in range(m.weights.size):
         for i in range(6):
-            workspace[at + i] = workspace[X + i] + new[k, i]
-        for i in range(36):
-            workspace[at + 6 + i] = workspace[PHI + i]
+            m.components[k, i] = x[i] + m.drawn[k, i]
+            for j in range(6):
+                m.components[k, 6 + 6 * i + j] = phi[i, j]
     workspace[RESAMPLINGS] += 1

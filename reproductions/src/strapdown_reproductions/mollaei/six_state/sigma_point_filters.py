@@ -10,7 +10,7 @@ filters/sigma_point/sigma_points.py.
 import math
 from collections.abc import Mapping
 
-from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Start, kernel
+from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Slots, Start, kernel
 from strapdown.core.jit import helper, matrix
 from strapdown.filters.sigma_point.sigma_points import (
     corrected,
@@ -26,7 +26,7 @@ from strapdown.flight.aircraft.parameters import Aircraft
 from strapdown.typing import Array, File
 
 from .model import (
-    OWN,
+    SIX,
     Options,
     Q,
     X,
@@ -41,20 +41,21 @@ from .model import (
     variance,
 )
 
-REPAIRS = 0  # output column: square roots that had to be repaired so far
-# sets of prediction and correction; pairs of points of the noise, 6 or none
-SPREAD, REST, AUGMENTED, SPREAD_6, REST_6 = range(OWN, OWN + 5)
-# 12 points, their centre, 6 of noise and workspace; the square root is its first 6 rows
-S = OWN + 5
 LANES, ROWS = 8, 20
-MEAN = S + LANES * ROWS
-E = MEAN + LANES  # innovations at 13 points
-CHANGE = E + 39  # of the state by a fix; what is taken off a square root
-VARIANCES = CHANGE + 6
-WORK = VARIANCES + 3
-LEFT = WORK + 48  # the covariance as the filter left it
-SIZE = LEFT + 36 - OWN
-COLUMN = "repaired square roots"
+SLOTS = Slots(after=SIX)
+REPAIRS = SLOTS.output("repaired square roots")  # so far
+# sets of prediction and correction; pairs of points of the noise, 6 or none
+SPREAD, REST, AUGMENTED, SPREAD_6, REST_6 = SLOTS.numbers(
+    "SPREAD", "REST", "AUGMENTED", "SPREAD_6", "REST_6"
+)
+# 12 points, their centre, 6 of noise and workspace; the square root is its first 6 rows
+S = SLOTS.array("S", LANES * ROWS)
+MEAN = SLOTS.array("MEAN", LANES)
+E = SLOTS.matrix("E", 13, 3)  # innovations at 13 points
+CHANGE = SLOTS.array("CHANGE", 6)  # of the state by a fix; what is taken off a square root
+VARIANCES = SLOTS.array("VARIANCES", 3)
+WORK = SLOTS.array("WORK", 48)
+LEFT = SLOTS.matrix("LEFT", 6, 6)  # the covariance as the filter left it
 
 
 def start(
@@ -96,14 +97,15 @@ def start_cubature(
 
 
 def _begin(start: Start, options: Options, sets: tuple[float, ...]) -> Belief:
-    belief = begin(start, SIZE, options)
-    belief.workspace[SPREAD : SPREAD + 5] = sets
+    belief = begin(start, SLOTS, options)
+    for slot, value in zip((SPREAD, REST, AUGMENTED, SPREAD_6, REST_6), sets):
+        belief.workspace[slot] = value
     return belief
 
 
 def diagnose(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
     """[(t, text)] where a square root was repaired for the first time."""
-    repairs = columns[COLUMN]
+    repairs = columns[SLOTS.columns[REPAIRS]]
     return [
         (float(t[k]), f"a square root was repaired, {repairs[-1]:.0f} times in all")
         for k in (repairs > 0).nonzero()[0][:1]
@@ -117,9 +119,9 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     turn(belief, u, dt)
     workspace, x, A, mean = (
         belief.workspace,
-        belief.workspace[X : X + 6],
-        belief.workspace[S : S + LANES * ROWS],
-        belief.workspace[MEAN : MEAN + LANES],
+        belief.workspace[X],
+        belief.workspace[S],
+        belief.workspace[MEAN],
     )
     _rooted(belief)
     v0, v1, v2 = x[3], x[4], x[5]
@@ -137,11 +139,10 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     _noise_rows(workspace, A[13 * LANES : 19 * LANES], noise, dt)
     triangle(A, 19, 6, LANES)
     if take > 0:
+        change = workspace[CHANGE]
         for i in range(6):
-            workspace[CHANGE + i] = take * mean[i]
-        workspace[REPAIRS] += downdate(
-            A, workspace[CHANGE : CHANGE + 6], 6, LANES, workspace[WORK : WORK + 48]
-        )
+            change[i] = take * mean[i]
+        workspace[REPAIRS] += downdate(A, workspace[CHANGE], 6, LANES, workspace[WORK])
     x[0] += 0.5 * dt * (v0 + c0) + mean[0]
     x[1] += 0.5 * dt * (v1 + c1) + mean[1]
     x[2] += 0.5 * dt * (v2 + c2) + mean[2]
@@ -154,15 +155,13 @@ def _rooted(belief: Belief) -> None:
     """Make the square root anew where somebody else changed the covariance, as at the start and
     where a gate was lifted."""
     if changed(belief.P, matrix(belief.workspace, LEFT, 6, 6)):
-        belief.workspace[REPAIRS] += factor(
-            belief.P, 6, LANES, belief.workspace[S : S + LANES * ROWS]
-        )
+        belief.workspace[REPAIRS] += factor(belief.P, 6, LANES, belief.workspace[S])
 
 
 @helper
 def _leave(belief: Belief) -> None:
     """Publish the state, and the covariance of the square root."""
-    covariance(belief.workspace[S : S + LANES * ROWS], 6, LANES, belief.P)
+    covariance(belief.workspace[S], 6, LANES, belief.P)
     keep(belief.P, matrix(belief.workspace, LEFT, 6, 6))
     publish(belief)
 
@@ -212,14 +211,14 @@ def correct(
     within the gate."""
     workspace, x, A, e = (
         belief.workspace,
-        belief.workspace[X : X + 6],
-        belief.workspace[S : S + LANES * ROWS],
+        belief.workspace[X],
+        belief.workspace[S],
         matrix(belief.workspace, E, 13, 3),
     )
     change, variances, work = (
-        workspace[CHANGE : CHANGE + 6],
-        workspace[VARIANCES : VARIANCES + 3],
-        workspace[WORK : WORK + 48],
+        workspace[CHANGE],
+        workspace[VARIANCES],
+        workspace[WORK],
     )
     _rooted(belief)
     first = seen(workspace, y, kind, x, innovation)
