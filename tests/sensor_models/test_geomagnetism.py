@@ -2,6 +2,7 @@
 two models against each other."""
 
 import datetime
+import sys
 
 import numpy as np
 import pytest
@@ -136,6 +137,13 @@ def test_before_the_world_magnetic_models_it_is_the_igrf():
     )
     assert (found.model, next_day.model) == ("IGRF-14", "WMM2010")
     np.testing.assert_allclose(found.field, next_day.field, atol=0.15e-6)
+
+
+def test_without_its_extra_the_igrf_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ppigrf", None)
+    with pytest.raises(DataError, match=r"IGRF-14, .* pip install 'strapdown\[igrf\]'"):
+        geomagnetic_field("2001-05-01", 0.8, 0.2)
+    assert geomagnetic_field("2012-05-01", 0.8, 0.2).model == "WMM2010"
 
 
 def test_the_vector_agrees_with_its_angles():

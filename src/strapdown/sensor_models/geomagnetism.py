@@ -193,8 +193,13 @@ def _igrf(
     name: str, year: float, lat: float, lon: float, height: float
 ) -> tuple[float, float, float]:
     """North, east, down in nT; degrees and km."""
-    import ppigrf
-
+    try:
+        import ppigrf
+    except ImportError:
+        raise DataError(
+            f"{name}, the geomagnetic model of dates before 2010, is an extra: pip install "
+            f"'strapdown[igrf]', or give the field itself"
+        ) from None
     whole = int(year)
     begin = datetime.datetime(whole, 1, 1)
     east, north, up = ppigrf.igrf(

@@ -11,6 +11,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
+import re
 import shutil
 import tempfile
 import weakref
@@ -262,9 +263,9 @@ class Campaign:
     def arrays(self, cell: str) -> xarray.Dataset:
         """The stored rows of a cell as a labelled xarray Dataset (filter, run, t, state) that
         stays in the chunk files until it is used."""
-        import xarray
-
         try:
+            import xarray
+
             return xarray.open_mfdataset(
                 self._files(cell),
                 combine="nested",
@@ -276,10 +277,10 @@ class Campaign:
                 drop_variables=("squares", "variances", "nees_sum", "alive"),
             )
         except (ImportError, ValueError) as error:
-            if "dask" not in str(error):
+            if not re.search("xarray|dask", str(error)):
                 raise
             raise DataError(
-                "arrays over several chunk files need dask: pip install 'strapdown[study]'"
+                "labelled arrays need xarray and dask: pip install 'strapdown[study]'"
             ) from None
 
     @cached_property
