@@ -9,7 +9,7 @@ from synthetic import attitude_only, flight, solution
 
 from strapdown.checks import DataError
 from strapdown.data import Aiding, Trajectory
-from strapdown.io.netcdf import read_recording, write_recording
+from strapdown.io.readers.netcdf import read_recording, write_recording
 from strapdown.io.solution import read_solution, write_solution
 from strapdown.recording import Recording
 
@@ -163,7 +163,7 @@ def test_netcdf_names_the_units_of_the_new_kinds(tmp_path):
 
 def test_every_quantity_of_an_aiding_has_its_units():
     from strapdown import aiding
-    from strapdown.io.netcdf import SI
+    from strapdown.io.readers.netcdf import SI
 
     assert {
         quantity for sensor in aiding.measurements().values() for quantity in sensor.quantities

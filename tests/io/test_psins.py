@@ -9,7 +9,7 @@ import pytest
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.io.inspection import inspect
-from strapdown.io.psins import read_psins
+from strapdown.io.readers.psins import read_psins
 
 LOG = """% PSINS-format SIMU log file.
 % comment

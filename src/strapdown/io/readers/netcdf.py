@@ -8,16 +8,18 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..aiding import find
-from ..checks import DataError
-from ..core.contract import Imu
-from ..data import Aiding, Trajectory
-from ..files import netcdf, replacing
-from ..preprocessing.fixes import checked_aidings, overlap
-from ..preprocessing.plausible import mistakes
-from ..recording import Recording
-from ..typing import Array, File
-from .solution import plain
+from ...aiding import find
+from ...checks import DataError
+from ...core.contract import Imu
+from ...data import Aiding, Trajectory
+from ...files import netcdf, replacing
+from ...preprocessing.fixes import checked_aidings, overlap
+from ...preprocessing.plausible import mistakes
+from ...recording import Recording
+from ...typing import Array, File
+from ..contract import Findings, Reader
+from ..facts import recording_facts
+from ..solution import plain
 
 Variables: TypeAlias = dict[str, tuple[list[str], np.ndarray[Any, Any], dict[str, str]]]
 """{name: (dimensions, values, attributes)} of a group."""
@@ -249,3 +251,16 @@ def _check_columns(imu: Imu, path: Path) -> None:
             f"{path}: group imu must hold at least 2 finite samples in rising time with positive "
             f"dt; read the original files again"
         )
+
+
+def inspect(path: Path) -> Findings:
+    """Findings on a recording, also where its samples cannot be true. Raises DataError where the
+    file is no whole recording."""
+    meta, imu, aidings, reference = parts(path)
+    found = Findings([], [])
+    found.attempt(read_recording, path)
+    found.add(*recording_facts(Recording(imu, tuple(aidings), reference, meta)))
+    return found
+
+
+READER = Reader("netcdf", (".nc",), "recording that strapdown wrote", read_recording, inspect)

@@ -1,0 +1,124 @@
+"""Readers of recordings, one file per format: each ends in `READER = Reader(...)`, and nothing else
+lists them. `add` takes one from outside this folder.
+
+A file goes to the reader whose suffix its name has, to the one of the longest where several have
+one. Where a format's suffix is also another's, its `sniff` is asked first; a file with a suffix that
+nobody has goes to the first whose `sniff` says yes.
+"""
+
+import importlib
+import pkgutil
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from ...checks import DataError
+from ..contract import Reader
+from ..table_file import PACKED
+
+_added: dict[str, Reader] = {}
+
+
+@cache
+def _own() -> dict[str, Reader]:
+    modules = [
+        importlib.import_module(f"{__name__}.{module.name}")
+        for module in pkgutil.iter_modules(__path__)
+    ]
+    return {module.READER.name: module.READER for module in modules}
+
+
+def readers() -> dict[str, Reader]:
+    """{name: Reader} of all formats, those from outside last."""
+    return _own() | _added
+
+
+def add(reader: Reader) -> None:
+    """Let `read`, `inspect`, the help and the complaints know one more format. Adding the same
+    Reader again does nothing.
+
+    Raises DataError where a field is not what `Reader` says, or where name or suffix are another
+    reader's and no `sniff` tells the two apart.
+    """
+    if not isinstance(reader, Reader):
+        raise DataError(f"{reader!r:.60} is no Reader; make one with strapdown.io.contract.Reader")
+    _check_fields(reader)
+    for other in readers().values():
+        if other == reader:
+            return
+        if other.name == reader.name:
+            raise DataError(f"reader {reader.name!r}: another one has this name; choose a new one")
+        if (
+            shared := []
+            if reader.sniff or other.sniff
+            else set(reader.suffixes) & set(other.suffixes)
+        ):
+            raise DataError(
+                f"reader {reader.name!r}: files that end in {min(shared)} are read by "
+                f"{other.name!r}; give it a sniff that tells them apart, or another suffix"
+            )
+    _added[reader.name] = reader
+
+
+def _check_fields(reader: Reader) -> None:
+    def is_text(value: object) -> bool:
+        return isinstance(value, str) and value.strip() != "" and len(value.splitlines()) == 1
+
+    suffixes, has_sniff = reader.suffixes, reader.sniff is not None
+    fits = {
+        "name": (is_text(reader.name), "text"),
+        "suffixes": (
+            isinstance(suffixes, tuple)
+            and all(is_text(each) and each[0] == "." and each.islower() for each in suffixes)
+            and (len(suffixes) > 0 or has_sniff),
+            'a tuple of endings in small letters as (".log", ".log.xz"), empty only beside a sniff',
+        ),
+        "summary": (is_text(reader.summary), "one line of text"),
+        "read": (callable(reader.read), "a function of a path"),
+    }
+    for name in ("inspect", "sniff", "draft"):
+        value = getattr(reader, name)
+        fits[name] = value is None or callable(value), "a function of a path, or None"
+    for name, (fitting, wanted) in fits.items():
+        if not fitting:
+            raise DataError(
+                f"reader {reader.name!r}: {name} is {getattr(reader, name)!r:.60}; it must be {wanted}"
+            )
+
+
+def find(path: Path) -> Reader | None:
+    """The Reader of a file, or None. Raises DataError where a `sniff` fails."""
+    lower = path.name.lower()
+    claims = {
+        reader: max((len(end) for end in reader.suffixes if lower.endswith(end)), default=0)
+        for reader in readers().values()
+    }
+    for reader in sorted(claims, key=lambda each: (-claims[each], each.sniff is None)):
+        if ask(reader, "sniff", path) if reader.sniff else claims[reader]:
+            return reader
+    return None
+
+
+def ask(reader: Reader, function: str, path: Path, *arguments: Any) -> Any:
+    """What a function of the reader returns. Whatever it raises is a DataError of one line."""
+    try:
+        return getattr(reader, function)(path, *arguments)
+    except DataError:
+        raise
+    except Exception as error:
+        reason = (str(error).splitlines() or [""])[0]
+        raise DataError(
+            f"{path}: the reader {reader.name!r} fails at it in `{function}` "
+            f"({type(error).__name__}: {reason}); its author should know"
+        ) from error
+
+
+def formats(drafted: bool = False) -> str:
+    """What is read, a few words and the suffixes of each format; with `drafted` also what is only
+    inspected, to draft a description."""
+    return "; ".join(
+        f"{reader.summary} ({', '.join(plain)})" if plain else reader.summary
+        for reader in readers().values()
+        if drafted or reader.draft is None
+        for plain in [[each for each in reader.suffixes if not each.endswith(PACKED)]]
+    )
