@@ -3,6 +3,7 @@ with a note of what was handled."""
 
 import gzip
 import lzma
+import zipfile
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from strapdown.checks import DataError
 from strapdown.core.contract import Imu
 from strapdown.data import Aiding
 from strapdown.io import read
+from strapdown.io.inspection import inspect
 from strapdown.preprocessing.fixes import checked_aidings
 
 pytestmark = pytest.mark.short
@@ -374,9 +376,20 @@ def test_the_antimeridian_is_read_as_it_is(build):
     [
         ("flight.csv", "strapdown inspect"),
         ("flight.csv.gz", "strapdown inspect"),
-        ("flight.ulg", "supported are recording.toml"),
+        ("flight.ulg", "recording.toml that names tables"),
         ("flight", "not read"),
     ],
 )
 def test_other_files(tmp_path, name, words):
     assert words in refused(tmp_path / name)
+
+
+def test_an_archive_without_a_file_is_refused(tmp_path):
+    path = tmp_path / "imu.csv.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.mkdir("empty")
+    with pytest.raises(DataError, match="imu.csv.zip: .*it holds no file"):
+        inspect(path)
+    zipfile.ZipFile(path, "w").close()
+    with pytest.raises(DataError, match="imu.csv.zip: .*it holds no file"):
+        inspect(path)

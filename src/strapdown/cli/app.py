@@ -272,7 +272,7 @@ def _grade_of(recording: "sd.Recording") -> "str | sd.ImuSpec | dict[str, Any]":
 
 @app.command(cls=Reads)
 def inspect(
-    path: Annotated[Path, recording_argument(place=FORMATS_AND_TABLES)],
+    path: Annotated[Path, typer.Argument(metavar="PATH", help=FORMATS_AND_TABLES)],
     write: Annotated[
         Path | None,
         typer.Option(help="From a bare table: draft the recording.toml that describes it."),

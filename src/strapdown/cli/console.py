@@ -70,9 +70,9 @@ class Reads(TyperCommand):
         super().format_help(ctx, formatter)
 
 
-def recording_argument(note: str = "", place: str = FORMATS) -> Any:
+def recording_argument(note: str = "") -> Any:
     """The argument of a command of the class `Reads`: a file in one of the formats, and a note."""
-    return typer.Argument(metavar="RECORDING", help=f"{place}{note}")
+    return typer.Argument(metavar="RECORDING", help=FORMATS + note)
 
 
 def summarise(solution: "sd.Solution") -> None:

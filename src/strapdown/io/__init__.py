@@ -8,31 +8,7 @@ and says what it holds, facts.py what can be said of samples and fixes; solution
 and read what a filter made of it. What cleans and checks the samples is in the room preprocessing.
 """
 
-from pathlib import Path
-
-from ..checks import DataError
-from ..recording import Recording
-from ..typing import File
-from .readers import ask, find, formats
+from .readers import read
 from .readers.netcdf import write_recording
 
 __all__ = ["read", "write_recording"]
-
-
-def read(path: File) -> Recording:
-    """A Recording from a file of any format that `strapdown.io.readers` has: a `recording.toml`, a
-    NetCDF file written by `write_recording`, and others that docs/recording-format.md lists.
-
-    Raises DataError of one line.
-    """
-    path = Path(path)
-    reader = find(path)
-    if reader is None:
-        raise DataError(
-            f"{path}: files of type {path.suffix.lower() or '(no suffix)'!r} are not read; supported "
-            f"are: {formats()}"
-        )
-    found = ask(reader, "read", path)
-    if not isinstance(found, Recording):
-        raise DataError(f"{path}: the reader {reader.name!r} gives no Recording but {found!r:.60}")
-    return found

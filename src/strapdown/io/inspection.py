@@ -4,10 +4,11 @@ would refuse."""
 from pathlib import Path
 from typing import NamedTuple
 
+from ..checks import DataError
 from ..typing import File
 from .contract import Reader
 from .facts import recording_facts
-from .readers import ask, find, readers
+from .readers import ask, find, read, readers
 
 
 class Inspection(NamedTuple):
@@ -40,8 +41,11 @@ def inspect(path: File) -> Inspection:
     """
     path = Path(path)
     reader = taker(path)
-    if reader.inspect is None:
-        facts, problems = recording_facts(ask(reader, "read", path))
-    else:
-        facts, problems = ask(reader, "inspect", path)
-    return Inspection(str(path), tuple(facts), tuple(dict.fromkeys(problems)))
+    found = recording_facts(read(path)) if reader.inspect is None else ask(reader, "inspect", path)
+    try:
+        facts, problems = map(tuple, found)
+    except (TypeError, ValueError):
+        raise DataError(
+            f"{path}: the reader {reader.name!r} gives no facts and problems but {found!r:.60}"
+        ) from None
+    return Inspection(str(path), facts, tuple(dict.fromkeys(problems)))

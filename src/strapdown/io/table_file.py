@@ -106,8 +106,8 @@ def read_table(path: Path, header: bool = True) -> Table:
     """
     import pandas as pd
 
-    try:
-        with reading(path):
+    with reading(path):
+        try:
             skipped, first = _first_line(path)
             with open_text(path) as file, warnings.catch_warnings():
                 # rows with more cells than the header has names
@@ -122,12 +122,14 @@ def read_table(path: Path, header: bool = True) -> Table:
                     low_memory=False,
                     index_col=False,
                 )
-    except pd.errors.EmptyDataError as error:
-        raise DataError(f"{path}: is empty; it must hold a header and rows of numbers") from error
-    except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
-        raise DataError(
-            f"{path}: is not a table of comma-separated values ({_line(error)})"
-        ) from error
+        except pd.errors.EmptyDataError as error:
+            raise DataError(
+                f"{path}: is empty; it must hold a header and rows of numbers"
+            ) from error
+        except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
+            raise DataError(
+                f"{path}: is not a table of comma-separated values ({_line(error)})"
+            ) from error
     frame.columns = pd.Index(
         [str(name).strip() for name in frame.columns] if header else range(1, frame.shape[1] + 1)
     )

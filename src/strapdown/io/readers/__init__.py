@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from ...checks import DataError
+from ...recording import Recording
+from ...typing import File
 from ..contract import Reader
 from ..table_file import PACKED
 
@@ -111,6 +113,25 @@ def ask(reader: Reader, function: str, path: Path, *arguments: Any) -> Any:
             f"{path}: the reader {reader.name!r} fails at it in `{function}` "
             f"({type(error).__name__}: {reason}); its author should know"
         ) from error
+
+
+def read(path: File) -> Recording:
+    """A Recording from a file of any format that `readers` lists: a `recording.toml`, a NetCDF file
+    written by `write_recording`, and others; docs/recording-format.md tells of them.
+
+    Raises DataError of one line.
+    """
+    path = Path(path)
+    reader = find(path)
+    if reader is None:
+        raise DataError(
+            f"{path}: files of type {path.suffix.lower() or '(no suffix)'!r} are not read; supported "
+            f"are: {formats()}"
+        )
+    found = ask(reader, "read", path)
+    if not isinstance(found, Recording):
+        raise DataError(f"{path}: the reader {reader.name!r} gives no Recording but {found!r:.60}")
+    return found
 
 
 def formats(drafted: bool = False) -> str:

@@ -19,10 +19,8 @@ from ...recording import Recording
 from ...typing import Array, File
 from ..contract import Findings, Reader
 from ..facts import recording_facts
-from ..solution import plain
+from ..solution import Variables, fill, plain
 
-Variables: TypeAlias = dict[str, tuple[list[str], np.ndarray[Any, Any], dict[str, str]]]
-"""{name: (dimensions, values, attributes)} of a group."""
 Layout: TypeAlias = Mapping[str, tuple[str, str, str]]
 """{name: (dimensions, unit, what it is)} of the columns of a group."""
 
@@ -69,20 +67,19 @@ def write_recording(recording: Recording, path: File) -> None:
     if recording.reference is not None:
         groups["reference"] = (REFERENCE_COLUMNS, vars(recording.reference), {})
     columns = {name: _columns(*group[:2], f"{path}: {name}") for name, group in groups.items()}
-    arrays, text = _meta(recording.meta)
+    meta = _meta(recording.meta)
     size = sum(
-        values.nbytes
-        for variables in (*columns.values(), arrays)
+        np.asarray(values).nbytes
+        for variables in (*columns.values(), meta)
         for _, values, _ in variables.values()
     )
     with replacing(path) as part, netcdf(part, size) as file:
         file.attrs["format"] = FORMAT
-        _fill(file, arrays)
-        _text(file, text)
+        fill(file, meta)
         for name, variables in columns.items():
             group = file.create_group(name)
             group.attrs.update(groups[name][2])
-            _fill(group, variables)
+            fill(group, variables)
 
 
 def _aiding_layout(kind: str) -> Layout:
@@ -98,9 +95,9 @@ def _aiding_layout(kind: str) -> Layout:
     }
 
 
-def _meta(meta: dict[str, Any]) -> tuple[Variables, str]:
-    """({name: variable} of the arrays of meta, the rest as JSON), which stands in a variable
-    because an attribute ends at 64 KiB."""
+def _meta(meta: dict[str, Any]) -> Variables:
+    """The arrays of meta as variables, the rest as JSON, which stands in a variable because an
+    attribute ends at 64 KiB."""
     arrays = {
         key: value
         for key, value in meta.items()
@@ -110,7 +107,7 @@ def _meta(meta: dict[str, Any]) -> tuple[Variables, str]:
     return {
         f"meta_{key}": ([f"{key}_{axis}" for axis in range(value.ndim)], value, {})
         for key, value in arrays.items()
-    }, text
+    } | {"meta": ([], text, {"long_name": "meta as JSON"})}
 
 
 def _columns(layout: Layout, values: Mapping[str, Any], where: str) -> Variables:
@@ -129,22 +126,6 @@ def _columns(layout: Layout, values: Mapping[str, Any], where: str) -> Variables
                 f"t {found['t'][1].shape})"
             )
     return found
-
-
-def _fill(group: Any, variables: Variables) -> None:
-    for name, (dims, values, attributes) in variables.items():
-        for dim, size in zip(dims, values.shape):
-            if dim not in group.dimensions:
-                group.dimensions[dim] = size
-        group.create_variable(name, tuple(dims), data=values).attrs.update(attributes)
-
-
-def _text(file: Any, text: str) -> None:
-    import h5py
-
-    file.create_variable("meta", (), h5py.string_dtype(), data=np.array(text, object)).attrs[
-        "long_name"
-    ] = "meta as JSON"
 
 
 def read_recording(path: File) -> Recording:

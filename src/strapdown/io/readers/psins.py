@@ -134,10 +134,9 @@ def _lines(path: Path) -> list[tuple[int, str]]:
 
 def _numbers(path: File, number: int, text: str) -> tuple[float, ...]:
     """The six numbers of one line."""
-    cells = text.split()
     values: tuple[float, ...]
     try:
-        values = tuple(map(float, cells))
+        values = tuple(map(float, text.replace("_", "no number").split()))  # Python takes 1_0
     except ValueError:
         values = ()
     if len(values) != 6:
