@@ -65,7 +65,7 @@ REFUSED = {
     ),
     "zero sd": (
         dict(gnss=set_cell(3, "sd", 0.0)),
-        ["gnss.csv, line 5", "standard deviation 0", "above zero"],
+        ["gnss.csv, line 5", "standard deviation 0", "above 0"],
     ),
     "negative sd": (
         dict(gnss=set_cell(4, "sd", -2.0)),
@@ -129,19 +129,19 @@ def line(old, new):
 TOMLS = {
     "unknown key": (
         line('kind = "rate"', 'kimd = "rate"'),
-        "[imu]: unknown key 'kimd'; did you mean 'kind'?",
+        "[imu] unknown key 'kimd' (did you mean 'kind'?)",
     ),
     "unknown key of a signal": (
         line('unit = "m/s^2"', 'units = "m/s^2"'),
-        "[imu] accel: unknown key 'units'; did you mean 'unit'?",
+        "[imu] accel: unknown key 'units' (did you mean 'unit'?)",
     ),
     "unknown section": (
         line("[imu]", "[imus]"),
-        "top level: unknown key 'imus'; did you mean 'imu'?",
+        "top level: unknown key 'imus' (did you mean 'imu'?)",
     ),
     "unknown key of an aiding": (
         line("sd = 0.1", "sdd = 0.1"),
-        "[[aiding]] 2 (velocity): unknown key 'sdd'; did you mean 'sd'?",
+        "[[aiding]] 2 (velocity) unknown key 'sdd' (did you mean 'sd'?)",
     ),
     "missing key": (line("gyro = ", "#"), "[imu] gyro: is missing"),
     "missing unit": (
@@ -169,7 +169,10 @@ TOMLS = {
         "[imu] axes: axes '+x +y -z' are left-handed",
     ),
     "sd missing": (line("sd = 0.1", ""), "[[aiding]] 2 (velocity) sd: is missing"),
-    "sd zero": (line("sd = 0.1", "sd = 0"), "[[aiding]] 2 (velocity) sd: 0 must be above zero"),
+    "sd zero": (
+        line("sd = 0.1", "sd = 0"),
+        "[[aiding]] 2 (velocity) sd is 0; it must be a finite number above 0",
+    ),
     "sd of wrong length": (
         line("sd = 0.1", "sd = [0.1, 0.2]"),
         "sd: 2 given, velocity has 3: speed, speed, speed",
