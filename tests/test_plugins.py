@@ -224,6 +224,10 @@ BAD = {
         "the library has a Measurement of the name 'velocity' already; choose another",
     ),
     "has no name": (SENSOR.replace('"vertical-speed"', '""'), "a Measurement has the name ''"),
+    "has a name that no label takes": (
+        SENSOR.replace('"vertical-speed"', '"vertical speed"'),
+        "the name 'vertical speed'; it must be text without spaces",
+    ),
     "has a filter whose name is taken": (
         FILTER.replace('"careful"', '"mekf"'),
         "the library has a Filter of the name 'mekf' already",

@@ -209,12 +209,18 @@ def _where(file: str | None) -> str:
 
 def _name(value: Any) -> str:
     name = value.name
-    if not isinstance(name, str) or not name or set(name) & set(" :=,/\\\n"):
-        raise DataError(
-            f"a {type(value).__name__} has the name {name!r}; it must be text without spaces and "
-            f"punctuation, such as 'sun-sensor'"
-        )
+    if not isinstance(name, str) or not name.strip() or "\n" in name:
+        raise DataError(f"a {type(value).__name__} has the name {name!r}; it must be text")
     return name
+
+
+def check_word(value: Any) -> None:
+    """Refuse a name that cannot stand in a label or a file. Raises DataError."""
+    if set(value.name) & set(" :=,/\\"):
+        raise DataError(
+            f"a {type(value).__name__} has the name {value.name!r}; it must be text without spaces "
+            f"and punctuation, such as 'sun-sensor'"
+        )
 
 
 def complain(plugin: Plugin, text: str) -> None:

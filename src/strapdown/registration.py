@@ -50,5 +50,12 @@ def _homes() -> dict[type, Any]:
     """{type: module that keeps values of it}."""
     from . import aiding, filters, quantities
     from .core.contract import Filter, Measurement
+    from .io import readers
+    from .io.contract import Reader
 
-    return {quantities.Quantity: quantities, Measurement: aiding, Filter: filters}
+    return {
+        quantities.Quantity: quantities,
+        Measurement: aiding,
+        Filter: filters,
+        Reader: readers,
+    }

@@ -9,7 +9,7 @@ from synthetic import attitude_only, flight, solution
 
 from strapdown.checks import DataError
 from strapdown.data import Aiding, Trajectory
-from strapdown.io.netcdf import read_recording, write_recording
+from strapdown.io.readers.netcdf import read_recording, write_recording
 from strapdown.io.solution import read_solution, write_solution
 from strapdown.recording import Recording
 

@@ -249,7 +249,10 @@ def test_the_same_words_in_a_reference(build):
         (lambda s: s.replace('"deg"', '"m"'), "unit 'm' is one of length; accepted for angle"),
         (lambda s: s.replace('unit = "deg"\n', ""), "unit is missing; accepted for angle"),
         (lambda s: s.replace("[0.5, 0.5, 2.0]", "[0.5, 0.5]"), "sd: 2 given, attitude has 3"),
-        (lambda s: s.replace("[0.5, 0.5, 2.0]", "0"), "sd: 0 must be above zero"),
+        (
+            lambda s: s.replace("[0.5, 0.5, 2.0]", "0"),
+            "sd is 0; it must be a finite number above 0",
+        ),
         (lambda s: s + 'axes = "ENU"\n', 'such as "FLU to ENU"'),
         (lambda s: s + 'axes = "FLU to NUE"\n', "unknown axes 'NUE'"),
         (lambda s: s + 'axes = "FLU to +z +x +y"\n', "must point up or down"),

@@ -3,6 +3,7 @@ with a note of what was handled."""
 
 import gzip
 import lzma
+import zipfile
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from strapdown.checks import DataError
 from strapdown.core.contract import Imu
 from strapdown.data import Aiding
 from strapdown.io import read
+from strapdown.io.inspection import inspect
 from strapdown.preprocessing.fixes import checked_aidings
 
 pytestmark = pytest.mark.short
@@ -63,7 +65,7 @@ REFUSED = {
     ),
     "zero sd": (
         dict(gnss=set_cell(3, "sd", 0.0)),
-        ["gnss.csv, line 5", "standard deviation 0", "above zero"],
+        ["gnss.csv, line 5", "standard deviation 0", "above 0"],
     ),
     "negative sd": (
         dict(gnss=set_cell(4, "sd", -2.0)),
@@ -127,19 +129,19 @@ def line(old, new):
 TOMLS = {
     "unknown key": (
         line('kind = "rate"', 'kimd = "rate"'),
-        "[imu]: unknown key 'kimd'; did you mean 'kind'?",
+        "[imu] unknown key 'kimd' (did you mean 'kind'?)",
     ),
     "unknown key of a signal": (
         line('unit = "m/s^2"', 'units = "m/s^2"'),
-        "[imu] accel: unknown key 'units'; did you mean 'unit'?",
+        "[imu] accel: unknown key 'units' (did you mean 'unit'?)",
     ),
     "unknown section": (
         line("[imu]", "[imus]"),
-        "top level: unknown key 'imus'; did you mean 'imu'?",
+        "top level: unknown key 'imus' (did you mean 'imu'?)",
     ),
     "unknown key of an aiding": (
         line("sd = 0.1", "sdd = 0.1"),
-        "[[aiding]] 2 (velocity): unknown key 'sdd'; did you mean 'sd'?",
+        "[[aiding]] 2 (velocity) unknown key 'sdd' (did you mean 'sd'?)",
     ),
     "missing key": (line("gyro = ", "#"), "[imu] gyro: is missing"),
     "missing unit": (
@@ -167,7 +169,10 @@ TOMLS = {
         "[imu] axes: axes '+x +y -z' are left-handed",
     ),
     "sd missing": (line("sd = 0.1", ""), "[[aiding]] 2 (velocity) sd: is missing"),
-    "sd zero": (line("sd = 0.1", "sd = 0"), "[[aiding]] 2 (velocity) sd: 0 must be above zero"),
+    "sd zero": (
+        line("sd = 0.1", "sd = 0"),
+        "[[aiding]] 2 (velocity) sd is 0; it must be a finite number above 0",
+    ),
     "sd of wrong length": (
         line("sd = 0.1", "sd = [0.1, 0.2]"),
         "sd: 2 given, velocity has 3: speed, speed, speed",
@@ -374,9 +379,20 @@ def test_the_antimeridian_is_read_as_it_is(build):
     [
         ("flight.csv", "strapdown inspect"),
         ("flight.csv.gz", "strapdown inspect"),
-        ("flight.ulg", "supported are recording.toml"),
+        ("flight.ulg", "recording.toml that names tables"),
         ("flight", "not read"),
     ],
 )
 def test_other_files(tmp_path, name, words):
     assert words in refused(tmp_path / name)
+
+
+def test_an_archive_without_a_file_is_refused(tmp_path):
+    path = tmp_path / "imu.csv.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.mkdir("empty")
+    with pytest.raises(DataError, match="imu.csv.zip: .*it holds no file"):
+        inspect(path)
+    zipfile.ZipFile(path, "w").close()
+    with pytest.raises(DataError, match="imu.csv.zip: .*it holds no file"):
+        inspect(path)

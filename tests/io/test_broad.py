@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.geodesy import displacement
-from strapdown.io.broad import (
+from strapdown.io.readers.broad import (
     BROAD_IMU,
     BROAD_PLACE,
     body_to_ned,

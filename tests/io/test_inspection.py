@@ -133,7 +133,7 @@ def test_an_invalid_description_still_shows_the_table(drive):
     assert (
         len(found.problems) >= 2
         and "accepted for angular rate" in found.problems[0]
-        and "above zero" in found.problems[1]
+        and "above 0" in found.problems[1]
     )
     assert any("imu: 12000 samples" in line for line in found.facts)
 

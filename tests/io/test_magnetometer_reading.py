@@ -168,7 +168,7 @@ REFUSED = {
     ),
     "declination without unit": (
         added('field = "record"\ndeclination = { value = 3.0 }'),
-        "declination: unit: unit is missing; accepted for angle",
+        "declination.unit: unit is missing; accepted for angle",
     ),
     "field without a horizontal part": (
         added('field = { north = 0.0, east = 0.0, down = 48.0, unit = "uT" }'),
@@ -195,7 +195,7 @@ REFUSED = {
     ),
     "place with a misspelt key": (
         lambda s: s.replace("longitude", "longtitude"),
-        "[place]: unknown key 'longtitude'; did you mean 'longitude'?",
+        "[place] unknown key 'longtitude' (did you mean 'longitude'?)",
     ),
     "values in nT said to be uT": (
         lambda s: s.replace("sd = 0.5", "sd = 0.5\nscale = 1000"),

@@ -9,7 +9,7 @@ import pytest
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.io.inspection import inspect
-from strapdown.io.psins import read_psins
+from strapdown.io.readers.psins import read_psins
 
 LOG = """% PSINS-format SIMU log file.
 % comment
@@ -71,6 +71,8 @@ def test_a_filter_can_start_from_the_header(tmp_path):
     "old, new, words",
     [
         ("1 20 -300 4 5 200", "1 20 -300 4 5", "line 7: '1 20 -300 4 5' is not six numbers"),
+        ("-2 0 3", "-2 1_0 3", "line 8: '-2 1_0 3 4 5 220' is not six numbers"),
+        ("34.246048 108", "34.2_46048 108", "line 5: .* is not six numbers"),
         ("-2 0 3", "-2 x 3", "line 8: '-2 x 3 4 5 220' is not six numbers"),
         ("-2 0 3", "-2 nan 3", "line 8: a count is no finite number"),
         ("34.246048 108", "134.246048 108", "line 5: latitude, longitude"),

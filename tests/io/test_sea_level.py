@@ -6,7 +6,7 @@ import pytest
 
 from strapdown.checks import DataError
 from strapdown.io import read
-from strapdown.io.netcdf import write_recording
+from strapdown.io.readers.netcdf import write_recording
 
 pytestmark = pytest.mark.short
 SEA = '\n[[aiding]]\nkind = "zero-sea-level"\nrate = 2.0\nsd = 0.8\nlever_arm = [-3.0, 0.5, 1.2]\n'

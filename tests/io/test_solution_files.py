@@ -181,7 +181,7 @@ def test_kml_of_a_long_run_is_thinned_and_cut_at_the_antimeridian(tmp_path):
 
 REFUSED = {
     "missing": (None, "no such file"),
-    "empty.csv": (b"", "not a solution"),
+    "empty.csv": (b"", "is empty"),
     "text.nc": (b"not netcdf", "not a solution"),
     "no_column.csv": (b"t [s],lat [deg]\n0,1\n", "column 'lon [deg]' is missing"),
     "wrong_unit.csv": (b"t [s],lat [rad]\n0,1\n", "is in 'rad'"),
@@ -222,7 +222,7 @@ def test_a_cell_that_is_no_number_is_named_by_row_and_column(made, tmp_path):
     lines = path.read_text().splitlines()
     lines[7] = lines[7].replace(lines[7].split(",")[1], "x7", 1)
     path.write_text("\n".join(lines))
-    with pytest.raises(DataError, match="row 8, column 'lat': 'x7' is not a number"):
+    with pytest.raises(DataError, match=r"line 8, column 'lat \[deg\]': 'x7' is not a number"):
         read_solution(path)
 
 
@@ -280,3 +280,13 @@ def test_new_files_have_ordinary_permissions(made, tmp_path):
     umask = os.umask(0)
     os.umask(umask)
     assert (tmp_path / "a.kml").stat().st_mode & 0o777 == 0o666 & ~umask
+
+
+@pytest.mark.parametrize("name", ["a.nc", "a.csv"])
+@pytest.mark.parametrize("unknown", [["q_nb"], ["q_nb", "v_n"]])
+def test_what_a_solution_does_not_know_is_left_out(made, tmp_path, name, unknown):
+    bare = replace(made, trajectory=replace(made.trajectory, **dict.fromkeys(unknown)))
+    write_solution(bare, tmp_path / name)
+    back = read_solution(tmp_path / name).trajectory
+    assert back.q_nb is None and np.allclose(back.lla, made.trajectory.lla, rtol=0, atol=1e-9)
+    assert np.isnan(back.v_n).all() == ("v_n" in unknown)

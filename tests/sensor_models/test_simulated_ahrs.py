@@ -13,7 +13,7 @@ from strapdown.checks import DataError
 from strapdown.core.contract import PARAMETERS, Start, plain
 from strapdown.data import Trajectory
 from strapdown.io import read
-from strapdown.io.netcdf import write_recording
+from strapdown.io.readers.netcdf import write_recording
 from strapdown.sensor_models.ahrs import Ahrs
 from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.magnetometer import Magnetometer

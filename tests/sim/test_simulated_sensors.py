@@ -12,7 +12,7 @@ from strapdown import aiding
 from strapdown.checks import DataError
 from strapdown.core.contract import PARAMETERS, plain
 from strapdown.io import read
-from strapdown.io.netcdf import write_recording
+from strapdown.io.readers.netcdf import write_recording
 from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.geomagnetism import geomagnetic_field
 from strapdown.sensor_models.gnss import Gnss

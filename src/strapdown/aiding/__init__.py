@@ -76,6 +76,7 @@ def brought_by(name: str) -> plugins.Plugin | None:
 def check(sensor: Measurement) -> None:
     """Refuse a Measurement that cannot be used. Raises DataError."""
     what = f"Measurement {sensor.name!r}: "
+    plugins.check_word(sensor)
     plugins.check_kernel(sensor.observe, OBSERVE, 5, what + "observe")
     if not 1 <= len(sensor.quantities) <= 3:
         raise DataError(f"{what}it has {len(sensor.quantities)} quantities; it must have 1 to 3")

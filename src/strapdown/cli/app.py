@@ -16,12 +16,15 @@ import strapdown as sd
 
 from . import calibrate, compare, fly, simulation
 from .console import (
+    FORMATS_AND_TABLES,
     IMU,
     OPTION,
     Progress,
+    Reads,
     option_values,
     print_errors,
     print_outages,
+    recording_argument,
     results_folder,
     summarise,
     table,
@@ -158,15 +161,9 @@ def demo(
     print(f"wrote {out}")
 
 
-@app.command()
+@app.command(cls=Reads)
 def fuse(
-    recording: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RECORDING",
-            help="recording.toml, .nc, a PSINS log, .imu, or a BROAD trial, .npz",
-        ),
-    ],
+    recording: Annotated[Path, recording_argument()],
     filter: Annotated[
         str, typer.Option(help="Architecture; see `strapdown filters`.")
     ] = "closed-loop",
@@ -298,28 +295,23 @@ def _grade_of(recording: "sd.Recording") -> "str | sd.ImuSpec | dict[str, Any]":
     return recording.meta["grade"]
 
 
-@app.command()
+@app.command(cls=Reads)
 def inspect(
-    path: Annotated[
-        Path,
-        typer.Argument(
-            metavar="PATH",
-            help="recording.toml, .nc, a PSINS log (.imu), a BROAD trial (.npz), or a bare CSV",
-        ),
-    ],
+    path: Annotated[Path, typer.Argument(metavar="PATH", help=FORMATS_AND_TABLES)],
     write: Annotated[
         Path | None,
-        typer.Option(help="From a bare CSV: draft the recording.toml that describes it."),
+        typer.Option(help="From a bare table: draft the recording.toml that describes it."),
     ] = None,
 ) -> None:
-    """Say what a recording or a CSV holds, and what is probably wrong with it: rates, gaps, time
+    """Say what a recording or a table holds, and what is probably wrong with it: rates, gaps, time
     base, units, axes."""
-    from ..io.inspection import inspect
-    from ..io.psins import is_psins
+    from ..io.inspection import inspect, taker
+    from ..io.readers import ask
 
-    if write is not None and (path.suffix.lower() in (".toml", ".nc", ".npz") or is_psins(path)):
+    reader = taker(path)
+    if write is not None and reader.draft is None:
         raise sd.DataError(
-            f"--write drafts the description of a bare CSV; {path} is a recording already"
+            f"--write drafts the description of a bare table; {path} is a recording already"
         )
     if write is not None and write.exists():
         raise sd.DataError(
@@ -328,9 +320,8 @@ def inspect(
     print(inspect(path))
     if write is not None:
         from ..files import replacing
-        from ..io.description.draft import draft
 
-        text = draft(path, write.resolve().parent)
+        text = ask(reader, "draft", path, write.resolve().parent)
         with replacing(write) as part:
             part.write_text(text)
         print(f"wrote {write}: read it through, then `strapdown inspect {write}`")
@@ -403,7 +394,7 @@ def _windows(text: str | None) -> list[tuple[float, float]]:
 
 
 for command in (*simulation.COMMANDS, calibrate.calibrate, compare.compare, fly.fly):
-    app.command()(command)
+    app.command(cls=Reads)(command)
 
 if __name__ == "__main__":
     main()

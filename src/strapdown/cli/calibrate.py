@@ -8,7 +8,7 @@ import typer
 
 import strapdown as sd
 
-from .console import OUT, results_folder, table
+from .console import OUT, recording_argument, results_folder, table
 
 SENSOR = Annotated[
     str | None,
@@ -20,14 +20,7 @@ SENSOR = Annotated[
 
 
 def calibrate(
-    recording: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RECORDING",
-            help="recording.toml, .nc, a PSINS log, .imu, or a BROAD trial, .npz; docs/calibrate.md "
-            "tells how to record it.",
-        ),
-    ],
+    recording: Annotated[Path, recording_argument("; docs/calibrate.md tells how to record it.")],
     sensor: SENSOR = None,
     start: Annotated[
         float | None, typer.Option("--from", metavar="T", help="First second to use.")

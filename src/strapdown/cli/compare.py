@@ -9,7 +9,7 @@ import typer
 
 import strapdown as sd
 
-from .console import IMU, Progress, number, results_folder, table, triple
+from .console import IMU, Progress, number, recording_argument, results_folder, table, triple
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,12 +38,7 @@ KINDS = Annotated[
 
 
 def compare(
-    recording: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RECORDING", help="recording.toml, .nc or a PSINS log, .imu, with a reference."
-        ),
-    ],
+    recording: Annotated[Path, recording_argument("; with a reference.")],
     filters: FILTERS = None,
     outages: OUTAGES = "30/300",
     imu: IMU = None,

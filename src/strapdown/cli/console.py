@@ -8,9 +8,10 @@ from pathlib import Path
 from shutil import get_terminal_size
 from tempfile import TemporaryFile
 from textwrap import wrap
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import typer
+from typer.core import TyperCommand
 
 import strapdown as sd
 
@@ -47,8 +48,31 @@ SCHEDULER = Annotated[
     ),
 ]
 
+FORMATS, FORMATS_AND_TABLES = "<formats>", "<formats and tables>"
+"""What `Reads` puts the formats in place of; with tables, those that are only inspected too."""
 NARROWEST = 32
 """Characters that a column that is wrapped may have at least."""
+
+
+class Reads(TyperCommand):
+    """A command whose help lists the formats of recordings. They are found when its own help is
+    asked for: the readers are too heavy for every start."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """As click asks."""
+        from ..io.readers import formats
+
+        for parameter in self.params:
+            text = getattr(parameter, "help", None) or ""
+            for place, drafted in ((FORMATS, False), (FORMATS_AND_TABLES, True)):
+                if place in text:
+                    parameter.help = text.replace(place, formats(drafted))  # type: ignore[attr-defined]
+        super().format_help(ctx, formatter)
+
+
+def recording_argument(note: str = "") -> Any:
+    """The argument of a command of the class `Reads`: a file in one of the formats, and a note."""
+    return typer.Argument(metavar="RECORDING", help=FORMATS + note)
 
 
 def summarise(solution: "sd.Solution") -> None:

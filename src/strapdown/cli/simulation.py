@@ -10,7 +10,16 @@ import typer
 
 import strapdown as sd
 
-from .console import OUT, SCHEDULER, SEED, WORKERS, Progress, results_folder, table
+from .console import (
+    OUT,
+    SCHEDULER,
+    SEED,
+    WORKERS,
+    Progress,
+    recording_argument,
+    results_folder,
+    table,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -296,13 +305,7 @@ def reproduce(
 
 
 def allan(
-    recording: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RECORDING",
-            help="recording.toml, .nc, a PSINS log, .imu, or a BROAD trial, .npz; at rest.",
-        ),
-    ],
+    recording: Annotated[Path, recording_argument("; at rest.")],
     start: Annotated[
         float | None, typer.Option("--from", metavar="T", help="First second of the rest.")
     ] = None,

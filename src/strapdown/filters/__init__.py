@@ -80,6 +80,7 @@ def brought_by(name: str) -> plugins.Plugin | None:
 def check(filter: Filter) -> None:
     """Refuse a Filter that cannot be used. Raises DataError."""
     what = f"Filter {filter.name!r}: "
+    plugins.check_word(filter)
     plugins.check_kernel(filter.predict, PREDICT, 4, what + "predict")
     plugins.check_kernel(filter.correct, CORRECT, 8, what + "correct")
     if smoother := filter.smoother:

@@ -7,9 +7,9 @@ Every column says its unit: as an attribute in NetCDF, in brackets behind the na
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -28,11 +28,14 @@ from ..data import (
 from ..files import netcdf, replacing
 from ..typing import Array, File
 from .kml import kml
+from .table_file import read_table
 
 if TYPE_CHECKING:
     import pandas as pd
 
 QUATERNION = ["q_w", "q_x", "q_y", "q_z"]
+Variables: TypeAlias = dict[str, tuple[Sequence[str], Any, dict[str, Any]]]
+"""{name: (dimensions, values, attributes)} of a group of a NetCDF file."""
 FORMAT = "strapdown solution 1"
 CSV_DECIMALS = 10
 """Digits after the point in CSV: 0.01 mm of latitude, and nine orders below the biases of any
@@ -66,28 +69,10 @@ def read_solution(path: File) -> Solution:
         return read(path)
     except DataError:
         raise
-    except (
-        OSError,
-        EOFError,
-        ValueError,
-        KeyError,
-        RuntimeError,
-    ) as error:  # of pandas, h5netcdf and the decompressors
+    except (OSError, ValueError, KeyError, RuntimeError) as error:  # of h5netcdf
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise DataError(
             f"{path}: not a solution, or damaged ({reason}); write it again with strapdown fuse"
-        ) from error
-    except Exception as error:
-        # lzma.LZMAError and zlib.error are no OSErrors
-        if type(error).__name__ not in (
-            "LZMAError",
-            "error",
-            "BadGzipFile",
-        ):
-            raise
-        raise DataError(
-            f"{path}: the compressed file is damaged or cut short; write it again with strapdown "
-            f"fuse"
         ) from error
 
 
@@ -105,47 +90,53 @@ def _format(path: File, known: str) -> str:
 
 
 def _write_netcdf(solution: Solution, part: Path, _: Path) -> None:
-    variables = {
-        name: (dims, np.asarray(values), attributes)
-        for name, (dims, values, attributes) in _variables(solution).items()
-    }
-    with netcdf(part, sum(values.nbytes for _, values, _ in variables.values())) as file:
+    variables = _variables(solution)
+    with netcdf(
+        part, sum(np.asarray(values).nbytes for _, values, _ in variables.values())
+    ) as file:
         file.attrs["format"] = FORMAT
-        for name, (dims, values, attributes) in variables.items():
-            for dim, size in zip(dims, values.shape):
-                if dim not in file.dimensions:
-                    file.dimensions[dim] = size
-            packed = (
-                {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-                if dims and values.size
-                else {}
-            )
-            text = {"dtype": _text()} if values.dtype.kind == "U" else {}
-            variable = file.create_variable(
-                name, dims, data=values.astype(object) if text else values, **packed, **text
-            )
-            variable.attrs.update(attributes)
+        fill(file, variables, compression="gzip", compression_opts=1, shuffle=True)
 
 
-def _text() -> Any:
-    """h5py's type of a text of any length."""
+def fill(group: Any, variables: Variables, **packing: Any) -> None:
+    """Write variables to a group of an h5netcdf file; `packing` is for those that are arrays."""
     import h5py
 
-    return h5py.string_dtype()
+    for name, (dims, values, attributes) in variables.items():
+        values = np.asarray(values)
+        text = values.dtype.kind == "U"
+        for dim, size in zip(dims, values.shape):
+            if dim not in group.dimensions:
+                group.dimensions[dim] = size
+        group.create_variable(
+            name,
+            tuple(dims),
+            dtype=h5py.string_dtype() if text else None,
+            data=values.astype(object) if text else values,
+            **(packing if values.ndim and values.size else {}),
+        ).attrs.update(attributes)
 
 
-def _variables(solution: Solution) -> dict[str, tuple[tuple[str, ...], Any, dict[str, Any]]]:
-    """{name: (dimensions, values, attributes)} of all that the file holds; texts are variables
-    because attributes end at 64 KiB."""
-    fixes, table, q_nb = solution.innovations, solution.table(), solution.trajectory.q_nb
-    assert q_nb is not None  # every filter estimates an attitude
-    found: dict[str, tuple[tuple[str, ...], Any, dict[str, Any]]]
-    found = {"time": (("time",), solution.t, {"units": "s", "long_name": "time of the recording"})}
+def _table(solution: Solution) -> "pd.DataFrame":
+    """The table of a solution, with NaN in the columns of what its trajectory does not have."""
+    names = [*NAV_COLUMNS, *BIAS_COLUMNS, *SD_COLUMNS, *solution.columns, "status"]
+    return solution.table().reindex(columns=names)
+
+
+def _variables(solution: Solution) -> Variables:
+    """All that the file holds; texts are variables because attributes end at 64 KiB."""
+    fixes, table, q_nb = solution.innovations, _table(solution), solution.trajectory.q_nb
+    found: Variables = {
+        "time": (("time",), solution.t, {"units": "s", "long_name": "time of the recording"})
+    }
     found |= {
         name: (("time",), table[name].to_numpy(), {"units": UNITS[name]})
         for name in NAV_COLUMNS + BIAS_COLUMNS + SD_COLUMNS
     }
-    found |= {name: (("time",), column, {"units": "1"}) for name, column in zip(QUATERNION, q_nb.T)}
+    if q_nb is not None:
+        found |= {
+            name: (("time",), q_nb[:, i], {"units": "1"}) for i, name in enumerate(QUATERNION)
+        }
     meanings = {
         "units": "1",
         "flag_values": np.array([VALID, BRIDGED, INVALID]),
@@ -215,7 +206,8 @@ def _read_netcdf(path: Path) -> Solution:
             if re.fullmatch(r"extra_\d+", name)
         }
         covariance = column("covariance") if "covariance" in file.variables else None
-        trajectory, b_a, b_g = _state(column("time"), table, table(QUATERNION))
+        q_nb = table(QUATERNION) if QUATERNION[0] in file.variables else None
+        trajectory, b_a, b_g = _state(column("time"), table, q_nb)
         return Solution(
             trajectory,
             b_a,
@@ -230,7 +222,7 @@ def _read_netcdf(path: Path) -> Solution:
 
 
 def _state(
-    t: Array, table: Callable[[list[str]], Array], q_nb: Array
+    t: Array, table: Callable[[list[str]], Array], q_nb: Array | None
 ) -> tuple[Trajectory, Array, Array]:
     """Trajectory, b_a and b_g in SI from `table(names)`, which is in the units of `UNITS`."""
     lla = table(NAV_COLUMNS[:3]) * [np.pi / 180, np.pi / 180, 1]
@@ -260,7 +252,7 @@ def plain(value: Any) -> Any:
 
 
 def _write_csv(solution: Solution, part: Path, path: Path) -> None:
-    table = solution.table()
+    table = _table(solution)
     table.columns = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in table.columns]
     ways: dict[str, Any] = {".gz": "gzip", ".xz": {"method": "xz", "preset": 1}}
     compression = ways.get(path.suffix.lower())
@@ -269,40 +261,41 @@ def _write_csv(solution: Solution, part: Path, path: Path) -> None:
 
 
 def _read_csv(path: Path) -> Solution:
-    import pandas as pd
-
-    ways: dict[str, Literal["gzip", "xz"]] = {".gz": "gzip", ".xz": "xz"}
-    table = pd.read_csv(path, compression=ways.get(path.suffix.lower()))
-    units = {column: re.fullmatch(r"(\S+) \[(.*)\]", column) for column in table.columns}
-    known = {match[1]: match[2] for match in units.values() if match and match[1] in UNITS}
-    for name, unit in known.items():
-        if unit != UNITS[name]:
+    table = read_table(path)
+    columns = {}
+    for column in map(str, table.frame.columns):
+        name, unit = column.removesuffix("]").split(" [", 1) if " [" in column else (column, None)
+        if name in UNITS and unit not in (None, UNITS[name]):
             raise DataError(
                 f"{path}: column {name!r} is in {unit!r}; a solution has it in {UNITS[name]!r}"
             )
-    table = table.rename(
-        columns={column: match[1] for column, match in units.items() if match and match[1] in UNITS}
-    )
-    _check(path, table)
+        columns[name if name in UNITS else column] = column
+    if missing := [name for name in (*UNITS, "status") if name not in columns]:
+        wanted = f"{missing[0]} [{UNITS[missing[0]]}]" if missing[0] in UNITS else missing[0]
+        raise DataError(
+            f"{path}: column {wanted!r} is missing; write the solution again, or use read for a "
+            f"recording"
+        )
 
     def read(names: list[str]) -> Array:
-        return table[names].to_numpy(float)
+        return np.column_stack([table.numbers(columns[name]) for name in names])
 
     none = Innovations(
         np.empty(0), np.empty(0, np.int64), np.empty((0, 3)), np.empty(0), np.empty(0, bool)
     )
     extra = {
-        name: table[name].to_numpy()
-        for name in table.columns
+        name: table.frame[column].to_numpy()
+        for name, column in columns.items()
         if name not in UNITS and name != "status"
     }
-    t = table["t"].to_numpy(float)
-    trajectory, b_a, b_g = _state(t, read, _quaternion(read(NAV_COLUMNS[6:])))
+    trajectory, b_a, b_g = _state(
+        table.numbers(columns["t"]), read, _quaternion(read(NAV_COLUMNS[6:]))
+    )
     return Solution(
         trajectory,
         b_a,
         b_g,
-        table["status"].to_numpy(),
+        table.numbers("status").astype(np.int64),
         none,
         columns=extra,
         meta={
@@ -312,35 +305,12 @@ def _read_csv(path: Path) -> Solution:
     )
 
 
-def _check(path: Path, table: "pd.DataFrame") -> None:
-    needed = [*UNITS, "status"]
-    missing = [name for name in needed if name not in table]
-    if missing:
-        wanted = f"{missing[0]} [{UNITS[missing[0]]}]" if missing[0] in UNITS else missing[0]
-        raise DataError(
-            f"{path}: column {wanted!r} is missing; write the solution again, or use read for a "
-            f"recording"
-        )
-    if not len(table):
-        raise DataError(f"{path}: the table has no rows")
-    import pandas as pd
-
-    for name in needed:
-        if not pd.api.types.is_numeric_dtype(table[name]):
-            row = int(
-                (pd.to_numeric(table[name], errors="coerce").isna() & table[name].notna()).argmax()
-            )
-            cell = table[name][row]
-            raise DataError(
-                f"{path}: row {row + 2}, column {name!r}: {cell!r} is not a number; correct it or "
-                f"write the solution again"
-            )
-
-
-def _quaternion(rph: Array) -> Array:
-    """From roll, pitch, heading in degrees."""
+def _quaternion(rph: Array) -> Array | None:
+    """From roll, pitch, heading in degrees; None where none is known."""
     from scipy.spatial.transform import Rotation
 
+    if not np.isfinite(rph).any():
+        return None
     return Rotation.from_euler("ZYX", rph[:, ::-1], degrees=True).as_quat()[:, [3, 0, 1, 2]]
 
 

@@ -8,6 +8,8 @@ import lzma
 import warnings
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
@@ -16,18 +18,39 @@ import numpy as np
 
 from ..checks import DataError
 from ..preprocessing.origin import Origin
-from ..typing import Array, Ints
+from ..typing import Array, File, Ints
 
 if TYPE_CHECKING:
     import pandas as pd
 
-SUFFIXES = tuple(
-    name + packed
-    for name in (".csv", ".txt", ".tsv", ".dat")
-    for packed in ("", ".gz", ".xz", ".bz2", ".zip")
-)
+PACKED = (".gz", ".xz", ".bz2", ".zip")
+"""What `open_text` unpacks."""
 OPENERS: dict[str, Any] = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}
 BROKEN = (EOFError, lzma.LZMAError, zlib.error, zipfile.BadZipFile)
+
+
+def packed(*suffixes: str) -> tuple[str, ...]:
+    """These suffixes, plain and packed: ".csv", ".csv.gz", ..."""
+    return tuple(suffix + way for suffix in suffixes for way in ("", *PACKED))
+
+
+SUFFIXES = packed(".csv", ".txt", ".tsv", ".dat")
+
+
+@contextmanager
+def reading(path: File) -> Iterator[None]:
+    """Around what reads a file: a file that is not there, cut short or damaged is refused with a
+    DataError that says the remedy."""
+    try:
+        yield
+    except BROKEN as error:
+        raise DataError(
+            f"{path}: the compressed file is truncated or damaged ({_line(error)}); copy it again"
+        ) from error
+    except OSError as error:
+        raise DataError(
+            f"{path}: cannot be read ({error.strerror or _line(error)}); check the path"
+        ) from error
 
 
 class Table(NamedTuple):
@@ -83,35 +106,30 @@ def read_table(path: Path, header: bool = True) -> Table:
     """
     import pandas as pd
 
-    try:
-        skipped, first = _first_line(path)
-        with open_text(path) as file, warnings.catch_warnings():
-            # rows with more cells than the header has names
-            warnings.simplefilter("error", pd.errors.ParserWarning)
-            frame = pd.read_csv(
-                file,
-                sep=_separator(first),
-                header=0 if header else None,
-                skiprows=skipped,
-                skip_blank_lines=False,
-                skipinitialspace=True,
-                low_memory=False,
-                index_col=False,
-            )
-    except BROKEN as error:
-        raise DataError(
-            f"{path}: the compressed file is truncated or damaged ({_line(error)}); copy it again"
-        ) from error
-    except OSError as error:
-        raise DataError(
-            f"{path}: cannot be read ({error.strerror or _line(error)}); check the path"
-        ) from error
-    except pd.errors.EmptyDataError as error:
-        raise DataError(f"{path}: is empty; it must hold a header and rows of numbers") from error
-    except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
-        raise DataError(
-            f"{path}: is not a table of comma-separated values ({_line(error)})"
-        ) from error
+    with reading(path):
+        try:
+            skipped, first = _first_line(path)
+            with open_text(path) as file, warnings.catch_warnings():
+                # rows with more cells than the header has names
+                warnings.simplefilter("error", pd.errors.ParserWarning)
+                frame = pd.read_csv(
+                    file,
+                    sep=_separator(first),
+                    header=0 if header else None,
+                    skiprows=skipped,
+                    skip_blank_lines=False,
+                    skipinitialspace=True,
+                    low_memory=False,
+                    index_col=False,
+                )
+        except pd.errors.EmptyDataError as error:
+            raise DataError(
+                f"{path}: is empty; it must hold a header and rows of numbers"
+            ) from error
+        except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
+            raise DataError(
+                f"{path}: is not a table of comma-separated values ({_line(error)})"
+            ) from error
     frame.columns = pd.Index(
         [str(name).strip() for name in frame.columns] if header else range(1, frame.shape[1] + 1)
     )
@@ -129,8 +147,11 @@ def open_text(path: Path) -> TextIO:
         raise IsADirectoryError(0, "it is a folder")
     if path.suffix.lower() == ".zip":
         archive = zipfile.ZipFile(path)
+        files = [name for name in archive.namelist() if not name.endswith("/")]
+        if not files:
+            raise zipfile.BadZipFile("it holds no file")
         return io.TextIOWrapper(
-            archive.open(archive.namelist()[0]), encoding="utf-8-sig", errors="replace", newline=""
+            archive.open(files[0]), encoding="utf-8-sig", errors="replace", newline=""
         )
     return OPENERS.get(path.suffix.lower(), open)(
         path, "rt", encoding="utf-8-sig", errors="replace", newline=""

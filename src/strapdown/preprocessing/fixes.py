@@ -110,7 +110,7 @@ def clean(
         row = int(np.argmax(wrong))
         raise DataError(
             f"{origin.row(row)}: standard deviation {np.nanmin(sd[row]):g} of kind {sensor.name}; "
-            f"it must be above zero"
+            f"it must be above 0"
         )
     if sensor.name == "attitude":
         notes += _without_heading(t, y, aiding.name or aiding.kind)

@@ -20,8 +20,8 @@ from strapdown.engine.batch import fuse
 from strapdown.engine.prepare import positioned
 from strapdown.engine.smoothing import smooth
 from strapdown.evaluation.metrics import attitude_angles, errors
-from strapdown.io.broad import body_to_ned, parse
 from strapdown.io.locate import data_folder
+from strapdown.io.readers.broad import body_to_ned, parse
 from strapdown.recording import Recording
 from strapdown.typing import Array, File, Mask, Say
 

@@ -17,8 +17,8 @@ from strapdown import io
 from strapdown.alignment.static_attitude import body_to_navigation, gyrocompass
 from strapdown.core.contract import Imu
 from strapdown.data import Aiding, Trajectory
-from strapdown.io.broad import with_positions
 from strapdown.io.locate import data_folder
+from strapdown.io.readers.broad import with_positions
 from strapdown.recording import Recording
 from strapdown.typing import Array, Mask
 

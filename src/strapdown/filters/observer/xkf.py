@@ -177,9 +177,7 @@ def relate(belief: Belief, bar: Belief) -> None:
             bar.C, (C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2])
         )
     else:
-        m0, m1, m2 = rotation_between(
-            bar.C, (o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7], o[8])
-        )
+        m0, m1, m2 = rotation_between(bar.C, (o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7], o[8]))
         a0, a1, a2 = x[6], x[7], x[8]
         x[6] = a0 + m0 + 0.5 * (a1 * m2 - a2 * m1)
         x[7] = a1 + m1 + 0.5 * (a2 * m0 - a0 * m2)

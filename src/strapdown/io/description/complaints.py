@@ -2,7 +2,6 @@
 what is wrong, the remedy."""
 
 from collections.abc import Sequence
-from difflib import get_close_matches
 from typing import Any
 
 from pydantic import ValidationError
@@ -12,7 +11,6 @@ from ...checks import DataError
 from ...files import read_toml
 from ...typing import File
 from .schema import Description
-from .schema_base import Part
 
 
 def load(path: File) -> Description:
@@ -31,10 +29,7 @@ def complaints(path: File) -> Description | list[str]:
     try:
         return Description.model_validate(content)
     except ValidationError as error:
-        # unknown keys first: a misspelt key is why another is missing
-        not_unknown = lambda item: item["type"] != "extra_forbidden"
-        items = sorted(error.errors(include_url=False), key=not_unknown)
-        return [f"{path}: {_complaint(item, content)}" for item in items]
+        return [f"{path}: {_complaint(item, content)}" for item in error.errors(include_url=False)]
 
 
 def parse(path: File) -> dict[str, Any]:
@@ -51,11 +46,6 @@ def _complaint(item: ErrorDetails, content: dict[str, Any]) -> str:
         item["type"],
         item["msg"].removeprefix("Value error, "),
     )
-    if kind == "extra_forbidden":
-        known = _keys(location[:-1])
-        near = get_close_matches(str(location[-1]), known, 1, 0.5)
-        remedy = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-        return f"{_place(location[:-1], content)}: unknown key {location[-1]!r}; {remedy}"
     if kind == "missing":
         message = "is missing"
     elif kind != "value_error":
@@ -85,16 +75,3 @@ def _place(location: Sequence[int | str], content: dict[str, Any]) -> str:
             else (f"[{location[0]}]", location[1:])
         )
     return " ".join(part for part in (head, ".".join(map(str, rest))) if part)
-
-
-def _keys(location: Sequence[int | str]) -> list[str]:
-    model: type[Part] = Description
-    for name in location:
-        if isinstance(name, str):
-            annotation = model.model_fields[name].annotation
-            model = next(
-                part
-                for part in [annotation, *getattr(annotation, "__args__", ())]
-                if isinstance(part, type) and issubclass(part, Part)
-            )
-    return list(model.model_fields)

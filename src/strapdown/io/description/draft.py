@@ -14,9 +14,11 @@ from ...core.contract import Imu
 from ...preprocessing.axes import BODY_AXES, axes_matrix
 from ...preprocessing.imu_samples import increments
 from ...preprocessing.origin import Origin
-from ...preprocessing.plausible import G, half_seconds, mistakes
+from ...preprocessing.plausible import G, doubts, half_seconds, mistakes
 from ...typing import Array, File
 from ...units import UNITS
+from ..contract import Findings
+from ..facts import imu_facts
 from ..table_file import Table, is_number, read_table
 from .magnetic_sources import EARTH_FIELD
 from .schema_aiding import HEADING
@@ -93,6 +95,22 @@ def draft(path: File, folder: File | None = None) -> str:
     if not guessed.text:
         raise DataError(f"{path}: {'; '.join(guessed.problems)}")
     return guessed.text
+
+
+def inspect_table(path: Path) -> Findings:
+    """Findings on a bare table by what was guessed of it. Raises DataError where it cannot be
+    read."""
+    guessed = guess(path)
+    found = Findings(guessed.facts, guessed.problems)
+    if guessed.imu is not None:
+        wrong = [text for _, text in mistakes(guessed.imu, "rate")]
+        found.add(imu_facts(guessed.imu), wrong + doubts(guessed.imu))
+    if guessed.text:
+        found.facts.append(
+            f"a table does not say its units and axes: `strapdown inspect {path} --write "
+            f"recording.toml` drafts a description"
+        )
+    return found
 
 
 def guess(path: File, folder: File | None = None) -> Guess:

@@ -15,7 +15,18 @@ from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix, rotat
 from ...typing import Array
 from ...units import factor
 from .schema_aiding import AidingPart, check_attitude_columns
-from .schema_base import Column, Finite, Part, Signal, Time, Triple, named
+from .schema_base import (
+    MISSING,
+    AngleUnit,
+    Column,
+    Finite,
+    Part,
+    Signal,
+    Time,
+    Triple,
+    named,
+    refuse,
+)
 
 
 def _body_axes(text: str) -> str:
@@ -39,12 +50,14 @@ class Mounting(Part):
     roll: Finite = 0.0
     pitch: Finite = 0.0
     heading: Finite = 0.0
-    unit: str | None = None
+    unit: AngleUnit = MISSING
 
-    @model_validator(mode="after")
-    def _units(self) -> Self:
-        named("unit", factor, self.unit, "angle")
-        return self
+    @property
+    def matrix(self) -> Array:
+        """(3, 3) C_bs."""
+        return rotation_matrix(
+            *(self.unit * each for each in (self.roll, self.pitch, self.heading))
+        )
 
 
 class Temperature(Part):
@@ -84,11 +97,7 @@ class ImuPart(Part):
     def matrix(self) -> Array:
         """(3, 3) from the columns to the body: axes, then mounting."""
         C = axes_matrix(self.axes, BODY_AXES)
-        if self.mounting is None:
-            return C
-        mounting, unit = self.mounting, factor(self.mounting.unit, "angle")
-        angles = mounting.roll * unit, mounting.pitch * unit, mounting.heading * unit
-        return rotation_matrix(*angles) @ C
+        return C if self.mounting is None else self.mounting.matrix @ C
 
     @model_validator(mode="after")
     def _units(self) -> Self:
@@ -106,30 +115,32 @@ class Place(Part):
     latitude: Finite
     longitude: Finite
     height: Finite = 0.0
-    unit: str | None = None
+    unit: AngleUnit = MISSING
 
     @property
     def lla(self) -> list[float]:
         """Latitude and longitude in rad, ellipsoidal height in m."""
-        unit = factor(self.unit, "angle")
-        return [self.latitude * unit, self.longitude * unit, self.height]
+        return [self.latitude * self.unit, self.longitude * self.unit, self.height]
 
     @model_validator(mode="after")
     def _on_earth(self) -> Self:
-        named("unit", factor, self.unit, "angle")
         latitude, longitude, height = self.lla
-        if abs(latitude) > math.pi / 2 * (1 + 1e-12) or abs(longitude) > 2 * math.pi:
-            raise ValueError(
-                f"no place is at latitude {self.latitude:g}, longitude {self.longitude:g} "
-                f"{self.unit}; check unit and order"
-            )
-        if abs(latitude) > LATITUDE_LIMIT:
-            raise ValueError(
-                f"latitude: {self.latitude:g} {self.unit}; results hold up to "
-                f"{math.degrees(LATITUDE_LIMIT):.0f} deg"
-            )
-        if not -12e3 <= height <= 850e3:
-            raise ValueError(f"height: {height:g} m is no height of a vehicle; is it in m?")
+        degrees = f"{math.degrees(latitude):g}"
+        refuse(
+            (
+                abs(latitude) > math.pi / 2 * (1 + 1e-12) or abs(longitude) > 2 * math.pi,
+                f"no place is at latitude {degrees}, longitude {math.degrees(longitude):g} deg; check "
+                f"unit and order",
+            ),
+            (
+                abs(latitude) > LATITUDE_LIMIT,
+                f"latitude: {degrees} deg; results hold up to {math.degrees(LATITUDE_LIMIT):.0f} deg",
+            ),
+            (
+                not -12e3 <= height <= 850e3,
+                f"height: {height:g} m is no height of a vehicle; is it in m?",
+            ),
+        )
         return self
 
 
@@ -155,45 +166,22 @@ class ReferencePart(Part):
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        if (
-            self.time is None
-            and self.position is None
-            and self.velocity is None
-            and self.attitude is None
-        ):
-            return self
-        for key in ("time", "position"):
-            if getattr(self, key) is None:
-                raise ValueError(
-                    f"{key}: is missing; a reference needs time and position, or, written by this "
-                    f"library, the file alone"
-                )
-        for key, dimensions in (
-            ("position", ["angle", "angle", "length"]),
-            ("velocity", ["speed"] * 3),
-            ("attitude", ["angle"] * 3),
-        ):
-            part = getattr(self, key)
-            if part is not None:
-                if key == "attitude":
-                    named(key, check_attitude_columns, part.columns, part.quaternion)
-                if len(part.columns) != (4 if part.quaternion else 3):
-                    raise ValueError(f"{key}.columns: {len(part.columns)} given, 3 needed")
-                if part.quaternion and (key != "attitude" or part.unit is not None):
-                    raise ValueError(
-                        f"{key}.{'unit: a quaternion has none' if key == 'attitude' else 'quaternion: only an attitude takes it'}"
-                    )
-                named(f"{key}.unit", lambda: vector_factors(part, dimensions))
-                if part.axes is not None:
-                    self._axes(key, part.axes)
+        parts = {
+            "time": self.time,
+            "position": self.position,
+            "velocity": self.velocity,
+            "attitude": self.attitude,
+        }
+        missing = [key for key in ("time", "position") if parts[key] is None]
+        if missing and any(part is not None for part in parts.values()):
+            raise ValueError(
+                f"{missing[0]}: is missing; a reference needs time and position, or, written by this "
+                f"library, the file alone"
+            )
+        for key, part in parts.items():
+            if isinstance(part, Vector):
+                _check_vector(key, part)
         return self
-
-    def _axes(self, key: str, axes: str) -> None:
-        if key == "position":
-            raise ValueError("position.axes: only a velocity and an attitude take axes")
-        named(f"{key}.axes", axes_of, axes) if key == "attitude" else named(
-            f"{key}.axes", axes_matrix, axes, NAVIGATION_AXES, False
-        )
 
 
 class Description(Part):
@@ -205,6 +193,40 @@ class Description(Part):
     imu: ImuPart
     aiding: list[AidingPart] = []
     reference: ReferencePart | None = None
+
+
+VECTORS = {
+    "position": ["angle", "angle", "length"],
+    "velocity": ["speed"] * 3,
+    "attitude": ["angle"] * 3,
+}
+"""Dimensions of the parts of a reference."""
+
+
+def _check_vector(key: str, part: Vector) -> None:
+    is_attitude, axes = key == "attitude", part.axes
+    if is_attitude:
+        named(key, check_attitude_columns, part.columns, part.quaternion)
+    refuse(
+        (
+            len(part.columns) != (4 if part.quaternion else 3),
+            f"{key}.columns: {len(part.columns)} given, 3 needed",
+        ),
+        (
+            part.quaternion and not is_attitude,
+            f"{key}.quaternion: only an attitude takes it",
+        ),
+        (part.quaternion and part.unit is not None, f"{key}.unit: a quaternion has none"),
+        (
+            axes is not None and key == "position",
+            "position.axes: only a velocity and an attitude take axes",
+        ),
+    )
+    named(f"{key}.unit", vector_factors, part, VECTORS[key])
+    if axes is not None and is_attitude:
+        named(f"{key}.axes", axes_of, axes)
+    elif axes is not None:
+        named(f"{key}.axes", axes_matrix, axes, NAVIGATION_AXES, False)
 
 
 def vector_factors(part: Vector, dimensions: Sequence[str]) -> list[float]:

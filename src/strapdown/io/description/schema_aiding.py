@@ -8,13 +8,25 @@ from typing import Annotated, Any, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from ...aiding import find
+from ...checks import check_number, is_number
 from ...core.contract import Measurement
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
 from ...quantities import dimension, innovation_dimension
 from ...typing import Array
 from ...units import factor
-from .schema_base import Column, Finite, Part, Time, Triple, column, is_number, named
+from .schema_base import (
+    MISSING,
+    AngleUnit,
+    Column,
+    Finite,
+    Part,
+    Time,
+    Triple,
+    column,
+    named,
+    refuse,
+)
 
 HEADING = r"(yaw|heading|hdg|psi|azimuth)"
 """How columns of a heading are named."""
@@ -35,35 +47,32 @@ def _field(value: Any) -> str | tuple[float, ...]:
             f'write {example}, or "record" for the strengths in the record, or leave it out for the '
             f"geomagnetic model"
         )
-    vector = tuple(value[key] * factor(value["unit"], "magnetic field") for key in axes)
-    if not 1e-6 <= math.hypot(*vector) <= 100e-6:
-        raise ValueError(
-            f"its strength is {math.hypot(*vector) * 1e6:.4g} uT, where the Earth's is 22 to 67; "
-            f"check the unit"
-        )
-    if math.hypot(*vector[:2]) < 1e-3 * math.hypot(*vector):
-        raise ValueError(
+    north, east, down = (value[key] * factor(value["unit"], "magnetic field") for key in axes)
+    strength = math.hypot(north, east, down)
+    refuse(
+        (
+            not 1e-6 <= strength <= 100e-6,
+            f"its strength is {strength * 1e6:.4g} uT, where the Earth's is 22 to 67; check the unit",
+        ),
+        (
+            math.hypot(north, east) < 1e-3 * strength,
             "it has nothing horizontal and so gives no heading; give north and east, or leave it "
-            "out for the geomagnetic model"
-        )
-    return vector
+            "out for the geomagnetic model",
+        ),
+    )
+    return north, east, down
 
 
 class Declination(Part):
     """declination of a field taken from the record: of magnetic from true north, positive east."""
 
     value: Finite
-    unit: str | None = None
+    unit: AngleUnit = MISSING
 
     @property
     def angle(self) -> float:
         """rad."""
-        return self.value * factor(self.unit, "angle")
-
-    @model_validator(mode="after")
-    def _units(self) -> Self:
-        named("unit", factor, self.unit, "angle")
-        return self
+        return self.value * self.unit
 
 
 class AidingPart(Part):
@@ -156,51 +165,68 @@ class AidingPart(Part):
     @model_validator(mode="after")
     def _agrees_with_kind(self) -> Self:
         sensor = named("kind", lambda: self.sensor)
-        allowed = {"file", "time", "columns", "unit", "scale"} if sensor.recorded else {"rate"}
-        for key in ("file", "time", "columns", "unit", "scale", "rate"):
-            if key in self.model_fields_set and key not in allowed:
-                raise ValueError(
+        of_file = ("file", "time", "columns", "unit", "scale")
+        refuse(
+            *(
+                (
+                    key in self.model_fields_set,
                     f"{key}: {sensor.name} takes none; "
                     + (
                         "its fixes come at the times of the file"
                         if sensor.recorded
                         else "it is a constraint of the vehicle, given by rate and sd"
-                    )
+                    ),
                 )
-        for key in sorted(allowed - {"unit", "scale"}) + ["sd"]:
-            if getattr(self, key) is None:
-                raise ValueError(
+                for key in (("rate",) if sensor.recorded else of_file)
+            ),
+            *(
+                (
+                    getattr(self, key) is None,
                     f"{key}: is missing; {sensor.name} needs "
-                    f"{', '.join(sorted(allowed - {'scale'}))} and sd"
+                    f"{'columns, file, time, unit' if sensor.recorded else 'rate'} and sd",
                 )
-        if self.axes is not None and sensor.name == "attitude":
-            named("axes", axes_of, self.axes)
-        elif self.axes is not None:
-            if not sensor.vector:
-                raise ValueError(f"axes: {sensor.name} is no vector and takes no axes")
-            named("axes", lambda: self.matrix)
+                for key in (("columns", "file", "time") if sensor.recorded else ("rate",)) + ("sd",)
+            ),
+        )
         self._parameters(sensor)
         self._components(sensor)
         return self
 
     def _parameters(self, sensor: Measurement) -> None:
-        if self.lever_arm is not None and sensor.parameters not in ("antenna", "reference"):
-            raise ValueError(f"lever_arm: {sensor.name} takes none")
-        for key in ("calibration", "field", "declination"):
-            if getattr(self, key) is not None and sensor.parameters != "field":
-                raise ValueError(f"{key}: {sensor.name} takes none; only a magnetometer does")
-        if self.level is not None and (sensor.recorded or sensor.quantities != ("length",)):
-            raise ValueError(
+        is_attitude, is_field = sensor.name == "attitude", sensor.parameters == "field"
+        refuse(
+            (
+                self.axes is not None and not sensor.vector and not is_attitude,
+                f"axes: {sensor.name} is no vector and takes no axes",
+            ),
+            (
+                self.lever_arm is not None and sensor.parameters not in ("antenna", "reference"),
+                f"lever_arm: {sensor.name} takes none",
+            ),
+            *(
+                (
+                    getattr(self, key) is not None and not is_field,
+                    f"{key}: {sensor.name} takes none; only a magnetometer does",
+                )
+                for key in ("calibration", "field", "declination")
+            ),
+            (
+                self.level is not None and (sensor.recorded or sensor.quantities != ("length",)),
                 f"level: {sensor.name} takes none; it is the height of mean sea level, m above the "
-                f"ellipsoid"
-            )
-        if self.quaternion and sensor.name != "attitude":
-            raise ValueError(f"quaternion: {sensor.name} takes none; only an attitude does")
-        if self.declination is not None and self.field != "record":
-            raise ValueError(
+                f"ellipsoid",
+            ),
+            (
+                self.quaternion and not is_attitude,
+                f"quaternion: {sensor.name} takes none; only an attitude does",
+            ),
+            (
+                self.declination is not None and self.field != "record",
                 'declination: it belongs to field = "record"; the geomagnetic model and a given '
-                "field have their own"
-            )
+                "field have their own",
+            ),
+        )
+        if self.axes is not None:
+            named("axes", axes_of if is_attitude else lambda axes: self.matrix, self.axes)
 
     def _components(self, sensor: Measurement) -> None:
         many, columns = self.many, self.columns or []
@@ -208,48 +234,44 @@ class AidingPart(Part):
         if sensor.recorded:
             if sensor.name == "attitude":
                 check_attitude_columns(columns, self.quaternion)
-            elif len(columns) != many:
-                raise ValueError(f"columns: {len(columns)} given, {wanted}")
-            for key, values, length in (
-                ("unit", self.units, many),
-                ("scale", self.scales, len(columns)),
-            ):
-                if len(values) != length:
-                    raise ValueError(
-                        f"{key}: {len(values)} given, {wanted}"
-                        if length == many
-                        else f"{key}: {len(values)} given, {length} needed"
+            given, needed = len(columns), len(self.scales)
+            refuse(
+                (
+                    sensor.name != "attitude" and given != many,
+                    f"columns: {given} given, {wanted}",
+                ),
+                (len(self.units) != many, f"unit: {len(self.units)} given, {wanted}"),
+                (
+                    needed != given,
+                    f"scale: {needed} given, {wanted if given == many else f'{given} needed'}",
+                ),
+                *(
+                    (
+                        not is_number(scale) or scale == 0,
+                        f"scale: {scale!r} is no number other than zero",
                     )
-            for scale in self.scales:
-                if not is_number(scale) or scale == 0:
-                    raise ValueError(f"scale: {scale!r} is no number other than zero")
+                    for scale in self.scales
+                ),
+            )
             for quantity, unit in zip(sensor.quantities, self.units):
-                if unit is not None and not isinstance(unit, str):
-                    raise ValueError(f"unit: {unit!r} is no text")
                 named("unit", factor, unit, dimension(quantity))
-        if len(self.deviations) != many:
-            raise ValueError(f"sd: {len(self.deviations)} given, {wanted}")
+        refuse((len(self.deviations) != many, f"sd: {len(self.deviations)} given, {wanted}"))
         for quantity, sd in zip(sensor.quantities, self.deviations):
             self._deviation(sd, quantity, sensor.recorded)
 
     def _deviation(self, sd: Any, quantity: str, recorded: bool) -> None:
-        if is_number(sd):
-            if sd <= 0:
-                raise ValueError(f"sd: {sd:g} must be above zero")
-        elif not recorded:
-            raise ValueError(f"sd: {sd!r} is no number")
+        if is_number(sd) or not recorded:
+            check_number(sd, "sd", above=0)
         elif isinstance(sd, dict):
-            unknown = set(sd) - {"column", "unit", "scale"}
-            if (
-                unknown
-                or "column" not in sd
-                or not is_number(sd.get("scale", 1.0))
-                or sd.get("scale", 1.0) <= 0
-            ):
-                raise ValueError(
+            scale = sd.get("scale", 1.0)
+            refuse(
+                (
+                    not {"column"} <= set(sd) <= {"column", "unit", "scale"}
+                    or not (is_number(scale) and scale > 0),
                     'sd: write { column = "name", unit = "m", scale = 1.0 }, with column and unit '
-                    "at least and scale above zero"
+                    "at least and scale above zero",
                 )
+            )
             named("sd", factor, sd.get("unit"), innovation_dimension(quantity))
         else:
             named("sd", column, sd)
@@ -258,23 +280,26 @@ class AidingPart(Part):
 def check_attitude_columns(columns: list[Column], quaternion: QuaternionOrder | None) -> None:
     """Raise ValueError where the columns are no roll, pitch and heading, no roll and pitch, and
     no quaternion of the order `quaternion`."""
-    if quaternion is not None and len(columns) != 4:
-        raise ValueError(
-            f"columns: {len(columns)} given, a quaternion ({quaternion}) has 4; "
-            "without the key quaternion they are roll, pitch, heading"
-        )
-    if quaternion is None and len(columns) == 4:
-        raise ValueError(
+    given, second = len(columns), [*columns, None, None][1]
+    refuse(
+        (
+            quaternion is not None and given != 4,
+            f"columns: {given} given, a quaternion ({quaternion}) has 4; "
+            "without the key quaternion they are roll, pitch, heading",
+        ),
+        (
+            quaternion is None and given == 4,
             'columns: 4 given; of a quaternion say the order: quaternion = "wxyz", scalar first, or '
-            '"xyzw"'
-        )
-    if len(columns) not in (2, 3, 4):
-        raise ValueError(
-            f"columns: {len(columns)} given; attitude is roll, pitch, heading, or roll and pitch "
-            f"alone, or the four of a quaternion"
-        )
-    if len(columns) == 2 and re.match(HEADING, str(columns[1]).strip().lower()):
-        raise ValueError(
-            f"columns: {columns[1]!r} is named like a heading; two columns are roll and pitch, "
-            "which come together (kind heading has one)"
-        )
+            '"xyzw"',
+        ),
+        (
+            given not in (2, 3, 4),
+            f"columns: {given} given; attitude is roll, pitch, heading, or roll and pitch "
+            f"alone, or the four of a quaternion",
+        ),
+        (
+            given == 2 and re.match(HEADING, str(second).strip().lower()),
+            f"columns: {second!r} is named like a heading; two columns are roll and pitch, "
+            "which come together (kind heading has one)",
+        ),
+    )

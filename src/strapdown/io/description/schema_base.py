@@ -1,12 +1,13 @@
-"""What the sections of `recording.toml` are made of: parts that refuse unknown keys, columns,
+"""What the sections of `recording.toml` are made of: parts that refuse unknown keys, columns, units,
 times and signals."""
 
-import math
 from collections.abc import Callable
-from typing import Annotated, Any, Self, TypeVar
+from functools import partial
+from typing import Annotated, Any, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
+from ...checks import check_keys
 from ...units import factor
 
 Found = TypeVar("Found")
@@ -16,22 +17,25 @@ Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 
 def column(value: Any) -> str | int:
     """The name or number of a column as it is. Raises ValueError where it is none."""
-    if (
-        isinstance(value, str)
-        and value
-        or isinstance(value, int)
-        and not isinstance(value, bool)
-        and value >= 1
-    ):
-        return value
-    raise ValueError(
-        f"{value!r} is no column: give its name, or in a file without header its number, the first "
-        f"being 1"
-    )
+    is_number = isinstance(value, int) and not isinstance(value, bool) and value >= 1
+    if not is_number and not (isinstance(value, str) and value):
+        raise ValueError(
+            f"{value!r} is no column: give its name, or in a file without header its number, the "
+            f"first being 1"
+        )
+    return value
 
 
 Column = Annotated[Any, AfterValidator(column)]
 Columns = Annotated[list[Column], Field(min_length=3, max_length=3)]
+
+
+MISSING: Any = None
+"""The unit of a description that gives none."""
+Unit = Field(validate_default=True)  # a missing unit is refused too
+TimeUnit = Annotated[float, Unit, BeforeValidator(partial(factor, of="time"))]
+AngleUnit = Annotated[float, Unit, BeforeValidator(partial(factor, of="angle"))]
+"""Fields whose value is the factor of the unit that the description names."""
 
 
 class Part(BaseModel):
@@ -39,19 +43,22 @@ class Part(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _known(cls, content: Any) -> Any:
+        # before anything else: a misspelt key is why another is missing
+        if isinstance(content, dict):
+            check_keys(content, list(cls.model_fields))
+        return content
+
 
 class Time(Part):
     """t = column * scale * unit + offset, s."""
 
     column: Column
-    unit: str | None = None
+    unit: TimeUnit = MISSING
     scale: Finite = 1.0
     offset: Finite = 0.0
-
-    @model_validator(mode="after")
-    def _units(self) -> Self:
-        named("unit", factor, self.unit, "time")
-        return self
 
 
 class Signal(Part):
@@ -62,14 +69,16 @@ class Signal(Part):
     scale: Finite = 1.0
 
 
-def is_number(value: Any) -> bool:
-    """Whether it is a finite number."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-
-
 def named(key: str, function: Callable[..., Found], *arguments: Any) -> Found:
     """What the function returns; the ValueError that it raises begins with `key`."""
     try:
         return function(*arguments)
     except ValueError as error:
         raise ValueError(f"{key}: {error}") from None
+
+
+def refuse(*rules: tuple[object, str]) -> None:
+    """Raise ValueError with the text of the first rule (is it wrong?, text) that is broken."""
+    for wrong, text in rules:
+        if wrong:
+            raise ValueError(text)

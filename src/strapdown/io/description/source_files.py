@@ -6,7 +6,6 @@ from pathlib import Path
 
 from ...checks import DataError
 from ...typing import Array, File
-from ...units import factor
 from ..locate import locate
 from ..table_file import Table, read_table
 from .schema_base import Time
@@ -38,5 +37,5 @@ class Files:
         table = self.table(
             file, not any(isinstance(column, int) for column in (time.column, *columns))
         )
-        t = table.numbers(time.column) * (time.scale * factor(time.unit, "time")) + time.offset
+        t = table.numbers(time.column) * (time.scale * time.unit) + time.offset
         return table, t, [table.numbers(column) for column in columns]

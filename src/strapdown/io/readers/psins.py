@@ -11,21 +11,23 @@ large). Each row after them is one sample: counts of the rotation and of the vel
 the interval that ends with it. Axes are right, forward, up; here they become forward, right, down.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from ..checks import DataError
-from ..data import Aiding
-from ..preprocessing.axes import BODY_AXES, axes_matrix
-from ..preprocessing.imu_samples import increments
-from ..preprocessing.plausible import mistakes
-from ..recording import Recording
-from ..typing import Array, File
-from .table_file import BROKEN, open_text
+from ...checks import DataError
+from ...data import Aiding
+from ...preprocessing.axes import BODY_AXES, axes_matrix
+from ...preprocessing.imu_samples import increments
+from ...preprocessing.plausible import mistakes
+from ...recording import Recording
+from ...typing import Array, File
+from ..contract import Findings, Reader
+from ..facts import recording_facts
+from ..table_file import open_text, packed, reading
 
-SUFFIXES = tuple(".imu" + packed for packed in ("", ".gz", ".xz", ".bz2"))
 ARCSEC = np.pi / 180 / 3600
 """rad"""
 POSITION_SD, VELOCITY_SD = 10.0, 1.0
@@ -44,11 +46,6 @@ class Header(NamedTuple):
     gravity: float  # m/s^2
     gyro_count: tuple[float, ...]  # rad per count, about the file's x (right), y (forward), z (up)
     accel_count: tuple[float, ...]  # m/s per count
-
-
-def is_psins(path: File) -> bool:
-    """Whether the name is that of a PSINS log: it ends in .imu, or that and .gz, .xz or .bz2."""
-    return Path(path).name.lower().endswith(SUFFIXES)
 
 
 def read_psins(path: File) -> Recording:
@@ -127,29 +124,19 @@ def parse(path: File) -> tuple[Header, Array]:
 
 def _lines(path: Path) -> list[tuple[int, str]]:
     """[(line number, text)] without comments and blank lines."""
-    try:
-        with open_text(path) as file:
-            return [
-                (number, line)
-                for number, line in enumerate(file, 1)
-                if line.strip() and not line.startswith("%")
-            ]
-    except BROKEN as error:
-        raise DataError(
-            f"{path}: the compressed file is truncated or damaged ({error}); copy it again"
-        ) from error
-    except OSError as error:
-        raise DataError(
-            f"{path}: cannot be read ({error.strerror or error}); check the path"
-        ) from error
+    with reading(path), open_text(path) as file:
+        return [
+            (number, line)
+            for number, line in enumerate(file, 1)
+            if line.strip() and not line.startswith("%")
+        ]
 
 
 def _numbers(path: File, number: int, text: str) -> tuple[float, ...]:
     """The six numbers of one line."""
-    cells = text.split()
     values: tuple[float, ...]
     try:
-        values = tuple(map(float, cells))
+        values = tuple(map(float, text.replace("_", "no number").split()))  # Python takes 1_0
     except ValueError:
         values = ()
     if len(values) != 6:
@@ -196,3 +183,20 @@ def _header(
         tuple(value * ARCSEC for value in scale[:3]),
         tuple(value * 1e-6 * gravity for value in scale[3:]),
     )
+
+
+def inspect(path: Path) -> Findings:
+    """Findings on the samples and the header, also where the samples cannot be true. Raises
+    DataError where the file is no PSINS log."""
+    recording = unchecked(path)
+    latitude, longitude, height = recording.meta["position"]
+    found = recording_facts(
+        replace(recording, aidings=()),
+        f"header: {np.degrees(latitude):.6f} deg north, {np.degrees(longitude):.6f} deg east, "
+        f"{height:.1f} m, heading {np.degrees(recording.meta['attitude'][2]):.1f} deg",
+    )
+    wrong = [f"imu: {text}" for _, text in mistakes(recording.imu, "increment")]
+    return Findings(found.facts, wrong + found.problems)
+
+
+READER = Reader("psins", packed(".imu"), "log of the PSINS toolbox", read_psins, inspect)

@@ -19,19 +19,21 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import DataError
-from ..core.contract import Imu
-from ..data import Aiding, Trajectory
-from ..geodesy import displaced
-from ..preprocessing.attitude_record import quaternions
-from ..preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
-from ..preprocessing.fixes import checked_aidings
-from ..preprocessing.origin import Origin, counted
-from ..preprocessing.stationary import at_rest, stretches
-from ..recording import Recording
-from ..sensor_models.errors import Triad
-from ..sensor_models.imu import ImuSpec
-from ..typing import Array, ArrayLike, File, Mask
+from ...checks import DataError
+from ...core.contract import Imu
+from ...data import Aiding, Trajectory
+from ...geodesy import displaced
+from ...preprocessing.attitude_record import quaternions
+from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
+from ...preprocessing.fixes import checked_aidings
+from ...preprocessing.origin import Origin, counted
+from ...preprocessing.stationary import at_rest, stretches
+from ...recording import Recording
+from ...sensor_models.errors import Triad
+from ...sensor_models.imu import ImuSpec
+from ...typing import Array, ArrayLike, File, Mask
+from ..contract import Findings, Reader
+from ..facts import recording_facts
 
 ARRAY_COLUMNS = {"gyr": 3, "acc": 3, "mag": 3, "quat_wxyz_enu": 4, "pos_enu": 3, "movement": 0}
 """Arrays of a file and their columns; 0 is an array without columns."""
@@ -258,3 +260,18 @@ def first_rest(imu: Imu) -> slice | None:
         if imu.t[stop - 1] - imu.t[first] >= SHORTEST_REST
     )
     return next(long, None)
+
+
+def inspect(path: Path) -> Findings:
+    """Findings on a trial; that it cannot be read is one."""
+    found = Findings([], [])
+    trial = found.attempt(read_broad, path)
+    if trial is not None:
+        movement = [
+            f"movement: {start:.2f} to {stop:.2f} s" for start, stop in trial.meta["movement"]
+        ]
+        found.add(*recording_facts(trial, *movement))
+    return found
+
+
+READER = Reader("broad", (".npz",), "trial of the BROAD data set", read_broad, inspect)

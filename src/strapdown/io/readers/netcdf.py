@@ -8,20 +8,20 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..aiding import find
-from ..checks import DataError
-from ..core.contract import Imu
-from ..data import Aiding, Trajectory
-from ..files import netcdf, replacing
-from ..preprocessing.fixes import checked_aidings, overlap
-from ..preprocessing.plausible import mistakes
-from ..quantities import dimension, innovation_dimension, si
-from ..recording import Recording
-from ..typing import Array, File
-from .solution import plain
+from ...aiding import find
+from ...checks import DataError
+from ...core.contract import Imu
+from ...data import Aiding, Trajectory
+from ...files import netcdf, replacing
+from ...preprocessing.fixes import checked_aidings, overlap
+from ...preprocessing.plausible import mistakes
+from ...quantities import dimension, innovation_dimension, si
+from ...recording import Recording
+from ...typing import Array, File
+from ..contract import Findings, Reader
+from ..facts import recording_facts
+from ..solution import Variables, fill, plain
 
-Variables: TypeAlias = dict[str, tuple[list[str], np.ndarray[Any, Any], dict[str, str]]]
-"""{name: (dimensions, values, attributes)} of a group."""
 Layout: TypeAlias = Mapping[str, tuple[str, str, str]]
 """{name: (dimensions, unit, what it is)} of the columns of a group."""
 
@@ -56,20 +56,19 @@ def write_recording(recording: Recording, path: File) -> None:
     if recording.reference is not None:
         groups["reference"] = (REFERENCE_COLUMNS, vars(recording.reference), {})
     columns = {name: _columns(*group[:2], f"{path}: {name}") for name, group in groups.items()}
-    arrays, text = _meta(recording.meta)
+    meta = _meta(recording.meta)
     size = sum(
-        values.nbytes
-        for variables in (*columns.values(), arrays)
+        np.asarray(values).nbytes
+        for variables in (*columns.values(), meta)
         for _, values, _ in variables.values()
     )
     with replacing(path) as part, netcdf(part, size) as file:
         file.attrs["format"] = FORMAT
-        _fill(file, arrays)
-        _text(file, text)
+        fill(file, meta)
         for name, variables in columns.items():
             group = file.create_group(name)
             group.attrs.update(groups[name][2])
-            _fill(group, variables)
+            fill(group, variables)
 
 
 def _aiding_layout(kind: str) -> Layout:
@@ -88,9 +87,9 @@ def _aiding_layout(kind: str) -> Layout:
     }
 
 
-def _meta(meta: dict[str, Any]) -> tuple[Variables, str]:
-    """({name: variable} of the arrays of meta, the rest as JSON), which stands in a variable
-    because an attribute ends at 64 KiB."""
+def _meta(meta: dict[str, Any]) -> Variables:
+    """The arrays of meta as variables, the rest as JSON, which stands in a variable because an
+    attribute ends at 64 KiB."""
     arrays = {
         key: value
         for key, value in meta.items()
@@ -100,7 +99,7 @@ def _meta(meta: dict[str, Any]) -> tuple[Variables, str]:
     return {
         f"meta_{key}": ([f"{key}_{axis}" for axis in range(value.ndim)], value, {})
         for key, value in arrays.items()
-    }, text
+    } | {"meta": ([], text, {"long_name": "meta as JSON"})}
 
 
 def _columns(layout: Layout, values: Mapping[str, Any], where: str) -> Variables:
@@ -119,22 +118,6 @@ def _columns(layout: Layout, values: Mapping[str, Any], where: str) -> Variables
                 f"t {found['t'][1].shape})"
             )
     return found
-
-
-def _fill(group: Any, variables: Variables) -> None:
-    for name, (dims, values, attributes) in variables.items():
-        for dim, size in zip(dims, values.shape):
-            if dim not in group.dimensions:
-                group.dimensions[dim] = size
-        group.create_variable(name, tuple(dims), data=values).attrs.update(attributes)
-
-
-def _text(file: Any, text: str) -> None:
-    import h5py
-
-    file.create_variable("meta", (), h5py.string_dtype(), data=np.array(text, object)).attrs[
-        "long_name"
-    ] = "meta as JSON"
 
 
 def read_recording(path: File) -> Recording:
@@ -241,3 +224,16 @@ def _check_columns(imu: Imu, path: Path) -> None:
             f"{path}: group imu must hold at least 2 finite samples in rising time with positive "
             f"dt; read the original files again"
         )
+
+
+def inspect(path: Path) -> Findings:
+    """Findings on a recording, also where its samples cannot be true. Raises DataError where the
+    file is no whole recording."""
+    meta, imu, aidings, reference = parts(path)
+    found = Findings([], [])
+    found.attempt(read_recording, path)
+    found.add(*recording_facts(Recording(imu, tuple(aidings), reference, meta)))
+    return found
+
+
+READER = Reader("netcdf", (".nc",), "recording that strapdown wrote", read_recording, inspect)

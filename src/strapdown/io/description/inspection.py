@@ -1,0 +1,96 @@
+"""What a `recording.toml` describes, part by part, in lines for people: where one part cannot be
+read, the others still are."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from ...core.contract import Imu
+from ...data import Aiding
+from ...preprocessing.plausible import doubts, mistakes
+from ..contract import Findings
+from ..facts import aiding_facts, imu_facts
+from ..locate import locate
+from ..magnetic_record import facts_and_problems
+from .complaints import complaints, parse
+from .draft import inspect_table
+from .read import level_notes, read_aiding, read_field, read_imu, read_meta, read_reference
+from .schema import Description
+from .schema_aiding import AidingPart
+from .source_files import Files
+
+
+def inspect_description(path: Path) -> Findings:
+    """Findings on a description and all that it names. Raises DataError where it is no TOML."""
+    found, description = Findings([], []), complaints(path)
+    if isinstance(description, Description):
+        notes = _parts(path, description, found)
+        found.add(f"note: {note}" for note in notes if note not in found.problems)
+        return found
+    found.add(problems=description)
+    part = parse(path).get("imu")
+    file = part.get("file") if isinstance(part, dict) else None
+    table = found.attempt(locate, file, path.parent) if isinstance(file, str) else None
+    if table is not None:
+        found.add(*(found.attempt(inspect_table, table) or ()))
+    return found
+
+
+def _parts(path: Path, description: Description, found: Findings) -> list[str]:
+    """The notes; all else goes into `found`."""
+    files = Files(path)
+    imu, notes = found.attempt(read_imu, description.imu, files) or (None, [])
+    if imu is None:
+        return notes
+    wrong = [f"{field}: {text}" for field, text in mistakes(imu, description.imu.kind)]
+    found.add(imu_facts(imu), (f"{path}: [imu] {text}" for text in wrong + doubts(imu)))
+    aidings: list[Aiding] = []
+    parts: list[tuple[AidingPart, int]] = []
+    for number, part in enumerate(description.aiding, 1):
+        read = found.attempt(read_aiding, part, number, description.imu.lever_arm, imu, files)
+        if read is not None:
+            aidings.append(read[0])
+            parts.append((part, number))
+            notes += read[1]
+    meta = found.attempt(read_meta, description, files) or {}
+    notes += level_notes(aidings, meta)
+    notes += _magnetometers(path, parts, aidings, imu, meta, found)
+    if description.reference is not None:
+        reference, more = found.attempt(read_reference, description.reference, imu, files) or (
+            None,
+            [],
+        )
+        found.add([f"reference: {reference!r}"] if reference is not None else [])
+        notes += more
+    found.add(*aiding_facts(imu, aidings))
+    return notes
+
+
+def _magnetometers(
+    path: Path,
+    parts: Iterable[tuple[AidingPart, int]],
+    aidings: list[Aiding],
+    imu: Imu,
+    meta: dict[str, Any],
+    found: Findings,
+) -> list[str]:
+    """Notes; each magnetometer among the aidings, made of the (AidingPart, number) in `parts`,
+    gets the Earth's field in place."""
+    notes: list[str] = []
+    for k, (part, number) in enumerate(parts):
+        with_field, more = found.attempt(
+            read_field, part, number, aidings[k], aidings, imu, meta, path
+        ) or (None, [])
+        if with_field is not None and part.sensor.parameters == "field":
+            aidings[k] = with_field
+            facts, wrong = facts_and_problems(
+                with_field,
+                imu,
+                part.vector_matrix,
+                part.field != "record",
+                part.calibration is not None,
+            )
+            found.add(facts, (f"{path}: [[aiding]] {number} {text}" for text in wrong))
+            more = [note for note in more if note not in wrong]
+        notes += more
+    return notes

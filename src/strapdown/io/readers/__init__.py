@@ -1,0 +1,157 @@
+"""Readers of recordings, one file per format: each ends in `READER = Reader(...)`, and nothing else
+lists them. Plugins bring more.
+
+A file goes to the reader whose suffix its name has, to the one of the longest where several have
+one. Where a format's suffix is also another's, its `sniff` is asked first; a file with a suffix that
+nobody has goes to the first whose `sniff` says yes.
+"""
+
+import importlib
+import pkgutil
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from ... import plugins
+from ...checks import DataError
+from ...recording import Recording
+from ...typing import File
+from ..contract import Reader
+from ..table_file import PACKED
+
+
+@cache
+def _own() -> dict[str, Reader]:
+    modules = [
+        importlib.import_module(f"{__name__}.{module.name}")
+        for module in pkgutil.iter_modules(__path__)
+    ]
+    return {module.READER.name: module.READER for module in modules}
+
+
+def brought() -> dict[str, tuple[Reader, plugins.Plugin]]:
+    """{name: (value, plugin)} of what plugins bring."""
+    return plugins.collect(Reader, _own().get, check)
+
+
+def readers() -> dict[str, Reader]:
+    """{name: Reader} of all formats, those of plugins last."""
+    return _own() | {name: reader for name, (reader, _) in brought().items()}
+
+
+def check(reader: Reader) -> None:
+    """Refuse a Reader that cannot be used, or whose suffix is that of one of the library's without
+    a `sniff` that tells the two apart. Raises DataError."""
+    _check_fields(reader)
+    for other in _own().values():
+        shared = set(reader.suffixes) & set(other.suffixes)
+        if shared and not (reader.sniff or other.sniff):
+            raise DataError(
+                f"reader {reader.name!r}: files that end in {min(shared)} are read by "
+                f"{other.name!r}; give it a sniff that tells them apart, or another suffix"
+            )
+
+
+def add(reader: Reader, module: str, file: str | None) -> None:
+    """Add a format that a module registers: `read`, `inspect`, the help and the complaints know it.
+    Raises DataError."""
+    plugins.admit(reader, _own().get, brought(), check, module, file)
+
+
+def _check_fields(reader: Reader) -> None:
+    def is_text(value: object) -> bool:
+        return isinstance(value, str) and value.strip() != "" and len(value.splitlines()) == 1
+
+    suffixes, has_sniff = reader.suffixes, reader.sniff is not None
+    fits = {
+        "name": (is_text(reader.name), "text"),
+        "suffixes": (
+            isinstance(suffixes, tuple)
+            and all(is_text(each) and each[0] == "." and each.islower() for each in suffixes)
+            and (len(suffixes) > 0 or has_sniff),
+            'a tuple of endings in small letters as (".log", ".log.xz"), empty only beside a sniff',
+        ),
+        "summary": (is_text(reader.summary), "one line of text"),
+        "read": (callable(reader.read), "a function of a path"),
+    }
+    for name in ("inspect", "sniff", "draft"):
+        value = getattr(reader, name)
+        fits[name] = value is None or callable(value), "a function of a path, or None"
+    for name, (fitting, wanted) in fits.items():
+        if not fitting:
+            raise DataError(
+                f"reader {reader.name!r}: {name} is {getattr(reader, name)!r:.60}; it must be {wanted}"
+            )
+
+
+def find(path: Path) -> Reader | None:
+    """The Reader of a file, or None. Raises DataError where a `sniff` fails."""
+    lower = path.name.lower()
+    claims = {
+        reader: max((len(end) for end in reader.suffixes if lower.endswith(end)), default=0)
+        for reader in readers().values()
+    }
+    for reader in sorted(claims, key=lambda each: (-claims[each], each.sniff is None)):
+        if ask(reader, "sniff", path) if reader.sniff else claims[reader]:
+            return _only(reader, claims, path)
+    return None
+
+
+def _only(reader: Reader, claims: dict[Reader, int], path: Path) -> Reader:
+    """The reader, where no other claims the file as much. Raises DataError."""
+    for other in claims:
+        if (
+            other is not reader
+            and claims[other] == claims[reader]
+            and (other.sniff is None) == (reader.sniff is None)
+            and (other.sniff is None or ask(other, "sniff", path))
+        ):
+            raise DataError(
+                f"{path}: the readers {reader.name!r} and {other.name!r} both take it for theirs; "
+                f"leave one of them out"
+            )
+    return reader
+
+
+def ask(reader: Reader, function: str, path: Path, *arguments: Any) -> Any:
+    """What a function of the reader returns. Whatever it raises is a DataError of one line."""
+    try:
+        return getattr(reader, function)(path, *arguments)
+    except DataError:
+        raise
+    except Exception as error:
+        reason = (str(error).splitlines() or [""])[0]
+        raise DataError(
+            f"{path}: the reader {reader.name!r} fails at it in `{function}` "
+            f"({type(error).__name__}: {reason}); its author should know"
+        ) from error
+
+
+def read(path: File) -> Recording:
+    """A Recording from a file of any format that `readers` lists: a `recording.toml`, a NetCDF file
+    written by `write_recording`, and others; docs/recording-format.md tells of them.
+
+    Raises DataError of one line.
+    """
+    path = Path(path)
+    reader = find(path)
+    if reader is None:
+        raise DataError(
+            f"{path}: files of type {path.suffix.lower() or '(no suffix)'!r} are not read; supported "
+            f"are: {formats()}"
+        )
+    found = ask(reader, "read", path)
+    if not isinstance(found, Recording):
+        raise DataError(f"{path}: the reader {reader.name!r} gives no Recording but {found!r:.60}")
+    return found
+
+
+def formats(drafted: bool = False) -> str:
+    """What is read, a few words and the suffixes of each format; with `drafted` also what is only
+    inspected, to draft a description."""
+    return "; ".join(
+        f"{reader.summary} ({', '.join(plain)})" if plain else reader.summary
+        for reader in readers().values()
+        if drafted or reader.draft is None
+        for plain in [[each for each in reader.suffixes if not each.endswith(PACKED)]]
+    )

@@ -1,0 +1,210 @@
+"""The registry of readers: what it lists, how a file finds its reader, readers from outside and
+what is wrong with them."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import strapdown as sd
+from strapdown import plugins
+from strapdown.checks import DataError
+from strapdown.io import readers
+from strapdown.io.contract import Reader
+from strapdown.io.inspection import inspect
+
+ROOT = Path(__file__).parents[2]
+pytestmark = pytest.mark.short
+
+
+def still(path):
+    """A recording of 100 samples at rest, whatever the file holds."""
+    t, n = 0.01 * np.arange(1, 101), 100
+    return sd.Recording.from_arrays(
+        t, np.zeros((n, 3)), np.tile([0.0, 0.0, -9.8], (n, 1)), name=path.stem
+    )
+
+
+MINE = Reader("mine", (".mine", ".mine.xz"), "log of my logger", still)
+
+
+def add(reader):
+    readers.add(reader, __name__, __file__)
+
+
+@pytest.fixture(autouse=True)
+def alone(monkeypatch):
+    """What a test adds is gone after it."""
+    monkeypatch.setattr(plugins, "_plugins", {})
+
+
+@pytest.fixture
+def log(tmp_path):
+    path = tmp_path / "walk.mine"
+    path.write_bytes(b"MINE")
+    return path
+
+
+def test_a_file_is_a_reader():
+    folder = Path(readers.__file__).parent
+    assert len(readers.readers()) == len(list(folder.glob("*.py"))) - 1
+    for name, reader in readers.readers().items():
+        assert isinstance(reader, Reader) and reader.name == name
+        readers._check_fields(reader)
+
+
+def test_no_two_formats_share_a_suffix():
+    every = [suffix for reader in readers.readers().values() for suffix in reader.suffixes]
+    assert len(every) == len(set(every))
+
+
+def test_the_page_names_every_suffix():
+    page = (ROOT / "docs" / "recording-format.md").read_text(encoding="utf-8")
+    for reader in readers.readers().values():
+        assert any(suffix in page for suffix in reader.suffixes), reader.name
+
+
+@pytest.mark.parametrize(
+    "name, expected",
+    [
+        ("recording.toml", "recording.toml"),
+        ("a.NC", "netcdf"),
+        ("a.imu.XZ", "psins"),
+        ("a.npz", "broad"),
+        ("a.csv.gz", "table"),
+        ("a.gz", None),
+        ("csv", None),
+    ],
+)
+def test_a_file_finds_its_reader(name, expected):
+    reader = readers.find(Path(name))
+    assert (reader and reader.name) == expected
+
+
+def test_a_reader_from_outside_is_known_everywhere(log, command):
+    with pytest.raises(DataError, match=r"type '\.mine' are not read; supported are: .*\(\.imu\)"):
+        sd.read(log)
+    add(MINE)
+    add(MINE)
+    assert sd.read(log).meta["name"] == "walk"
+    assert any("100 samples" in fact for fact in inspect(log).facts)
+    with pytest.raises(
+        DataError, match=r"log of my logger \(\.mine, \.mine\.xz\)|log of my logger"
+    ):
+        sd.read(log.with_suffix(".other"))
+    code, out, err = command("inspect", str(log))
+    assert code == 0 and "100 samples" in out and err == []
+    for name in ("fuse", "inspect", "compare", "calibrate", "allan"):
+        code, out, _ = command(name, "--help")
+        words = " ".join(out.split())
+        assert code == 0 and "log of my logger (.mine)" in words and "PSINS toolbox (.imu)" in words
+        assert "<formats" not in words
+        assert ("bare table (.csv, .txt, .tsv, .dat)" in words) == (name == "inspect")
+    code, _, err = command("inspect", str(log), "--write", "x.toml")
+    assert code == 2 and "is a recording already" in err[0]
+
+
+@pytest.mark.parametrize(
+    "changes, words",
+    [
+        ({"name": "psins"}, "the library has a Reader of the name 'psins' already"),
+        ({"name": ""}, "a Reader has the name ''; it must be text"),
+        ({"name": 3}, "the name 3; it must be text"),
+        ({"suffixes": (".mine", ".imu")}, r"end in \.imu are read by 'psins'; give it a sniff"),
+        ({"suffixes": ".mine"}, "suffixes is '.mine'; it must be a tuple"),
+        ({"suffixes": ("mine",)}, "it must be a tuple of endings"),
+        ({"suffixes": (".Mine",)}, "it must be a tuple of endings in small letters"),
+        ({"suffixes": ()}, "empty only beside a sniff"),
+        ({"summary": "two\nlines"}, "it must be one line of text"),
+        ({"read": None}, "read is None; it must be a function"),
+        ({"read": "read"}, "read is 'read'; it must be a function"),
+        ({"inspect": 1}, "inspect is 1; it must be a function of a path, or None"),
+        ({"sniff": True}, "sniff is True; it must be a function"),
+        ({"draft": {}}, "draft is {}; it must be a function"),
+    ],
+)
+def test_what_is_wrong_with_a_reader_is_named(changes, words):
+    before = readers.readers()
+    with pytest.raises(DataError, match=words) as error:
+        add(MINE._replace(**changes))
+    assert "\n" not in str(error.value) and readers.readers() == before
+
+
+def test_what_is_no_reader_is_refused():
+    with pytest.raises(DataError, match="is a function; it must be one of .*Reader"):
+        sd.register(still)
+
+
+def test_two_readers_that_claim_a_file_alike_are_refused(log):
+    add(MINE)
+    add(MINE._replace(name="other", suffixes=(".mine",)))
+    with pytest.raises(DataError, match="the readers 'mine' and 'other' both take it for theirs"):
+        sd.read(log)
+
+
+def test_sniffing_tells_apart_what_shares_a_suffix(tmp_path):
+    for mark in (b"A", b"B"):
+        add(
+            Reader(
+                f"raw {mark.decode()}",
+                (".raw",),
+                "raw bytes",
+                still,
+                sniff=lambda path, mark=mark: path.read_bytes()[:1] == mark,
+            )
+        )
+    table = Reader("log", (".csv",), "log", still, sniff=lambda path: path.read_bytes()[:1] == b"A")
+    add(table)
+    path = tmp_path / "x.raw"
+    for content, expected in ((b"A", "raw A"), (b"B", "raw B"), (b"C", None)):
+        path.write_bytes(content)
+        reader = readers.find(path)
+        assert (reader and reader.name) == expected
+    # a suffix that nobody has, and one that another format has without a sniff
+    for name, content, expected in (
+        ("plain", b"B", "raw B"),
+        ("a.csv", b"A", "log"),
+        ("a.csv", b"B", "table"),
+    ):
+        (tmp_path / name).write_bytes(content)
+        assert readers.find(tmp_path / name).name == expected
+
+
+def test_the_longest_suffix_wins(tmp_path):
+    add(Reader("long", (".imu.csv",), "log", still))
+    assert readers.find(Path("a.imu.csv")).name == "long"
+    assert readers.find(Path("a.csv")).name == "table"
+
+
+def fails(path):
+    raise KeyError("no such key\nat all")
+
+
+@pytest.mark.parametrize(
+    "changes, words",
+    [
+        ({"read": fails}, "the reader 'mine' fails at it in `read` (KeyError: "),
+        ({"inspect": fails}, "the reader 'mine' fails at it in `inspect` (KeyError: "),
+        ({"sniff": fails}, "the reader 'mine' fails at it in `sniff` (KeyError: "),
+        ({"read": lambda path: path.read_text() + 1}, "in `read` (TypeError: "),
+        ({"read": lambda path: {}}, "the reader 'mine' gives no Recording but {}"),
+        ({"inspect": lambda path: ["fact"]}, "the reader 'mine' gives no facts and problems"),
+    ],
+)
+def test_a_reader_that_fails_ends_in_one_line(log, command, changes, words):
+    add(MINE._replace(**changes))
+    for name in ["inspect"] if "inspect" in changes else ["fuse", "inspect"]:
+        code, _, err = command(name, str(log))
+        assert code == 2 and len(err) == 1 and words in err[0] and "walk.mine" in err[0]
+
+
+def test_other_formats_do_without_what_descriptions_need():
+    code = (
+        "import sys, strapdown as sd\nfrom strapdown.io import readers\nreaders.readers()\n"
+        "print({'pydantic', 'xarray', 'plotly', 'h5netcdf', 'pandas'} & set(sys.modules))"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert re.fullmatch(r"set\(\)\n", shown.stdout), shown
