@@ -21,6 +21,9 @@ from ..typing import Array, Ints, Mask
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
+NED_AXES, EULER = ("north", "east", "down"), ("roll", "pitch", "heading")
+"""Names of the columns of errors."""
+
 
 @dataclass(frozen=True)
 class Errors:

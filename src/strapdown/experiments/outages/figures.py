@@ -17,11 +17,11 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
+from ...evaluation.metrics import NED_AXES
 from ...geodesy import displacement
 from ...reports.drawing import (
     COLOURS,
     GREY,
-    NED_AXES,
     column,
     even,
     extent,

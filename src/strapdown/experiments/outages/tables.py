@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...reports.drawing import NED_AXES
+from ...evaluation.metrics import NED_AXES
 from ...reports.summary import number, table
 from ...typing import Array
 from .words import ranked, unlike
