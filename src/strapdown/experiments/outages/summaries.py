@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from ...evaluation.consistency import Paired, paired
+from ...evaluation.metrics import EULER, NED_AXES
 from ...typing import Array, Ints
 from .protocols import ROUNDING
-from .scores import ERROR_AXES, Track
+from .scores import Track
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,37 +26,49 @@ CURVE_GAP = 2.5
 """Usual steps of a Track, thinned to every row or every other one: it is not known over more,
 nor over so many beyond its ends."""
 MEANS = tuple(f"coverage_{k}" for k in (1, 2, 3)) + tuple(f"down_coverage_{k}" for k in (1, 2, 3))
-MEDIANS = tuple(f"{part}_rmse_deg" for part in ("roll", "pitch", "heading")) + (
+MEDIANS = tuple(f"{part}_rmse_deg" for part in EULER) + (
     "velocity_rmse_m_s",
     "velocity_end_m_s",
 )
+PAIR_COLUMNS = [
+    "a",
+    "b",
+    "length_s",
+    "axis",
+    "ratio",
+    "low",
+    "high",
+    "wins_a",
+    "wins_b",
+    "n",
+    "blocks",
+]
 
 
 def summary(comparison: Comparison) -> pd.DataFrame:
     """A row per filter and length; see `Comparison.summary`."""
     import pandas as pd
 
-    rows = []
-    for name in comparison.filters:
-        for length in comparison.lengths:
-            own = comparison.of_length(length)
-            own = own[own["filter"] == name]
-            rows.append({"filter": name, "length_s": length, **_summary_row(own)})
-    return pd.DataFrame(rows)
+    return pd.DataFrame(
+        [
+            {"filter": name, "length_s": length, **_summary_row(own[own["filter"] == name])}
+            for name in comparison.filters
+            for length in comparison.lengths
+            for own in [comparison.of_length(length)]
+        ]
+    )
 
 
 def _summary_row(own: pd.DataFrame) -> dict[str, Any]:
     got = own[np.isfinite(own["horizontal_rmse_m"])]
     row = {"n": len(got), "failures": len(own) - len(got)}
-    for part in (*ERROR_AXES, "horizontal"):
-        row |= {
-            f"{part}_rmse_mean_m": got[f"{part}_rmse_m"].mean(),
-            f"{part}_rmse_median_m": got[f"{part}_rmse_m"].median(),
-        }
-    for part, values in (
-        ("horizontal", got["horizontal_end_m"]),
-        ("down", got["down_end_m"].abs()),
-    ):
+    row |= {
+        f"{part}_rmse_{what}_m": getattr(got[f"{part}_rmse_m"], what)()
+        for part in (*NED_AXES, "horizontal")
+        for what in ("mean", "median")
+    }
+    ends = {"horizontal": got["horizontal_end_m"], "down": got["down_end_m"].abs()}
+    for part, values in ends.items():
         row |= {
             f"{part}_end_median_m": values.median(),
             f"{part}_end_p90_m": values.quantile(0.9),
@@ -64,12 +77,14 @@ def _summary_row(own: pd.DataFrame) -> dict[str, Any]:
     row |= {
         "horizontal_max_m": got["horizontal_max_m"].max(),
         "drift_median_percent": got["drift_percent"].median(),
+        **{
+            name.replace("_rmse_", "_rmse_median_").replace("_end_", "_end_median_"): got[
+                name
+            ].median()
+            for name in MEDIANS
+        },
+        **{name: got[name].mean() for name in MEANS},
     }
-    row |= {
-        name.replace("_rmse_", "_rmse_median_").replace("_end_", "_end_median_"): got[name].median()
-        for name in MEDIANS
-    }
-    row |= {name: got[name].mean() for name in MEANS}
     return row | {"said": "; ".join(dict.fromkeys(text for text in own["said"] if text))}
 
 
@@ -82,7 +97,7 @@ def paired_differences(comparison: Comparison) -> pd.DataFrame:
         own = comparison.of_length(length)
         once = own[own["filter"] == comparison.filters[0]]
         starts, each = once["start_s"].to_numpy(), once["length_s"].to_numpy()
-        for axis in ("horizontal", *ERROR_AXES):
+        for axis in ("horizontal", *NED_AXES):
             by = own.pivot(index="outage", columns="filter", values=f"{axis}_rmse_m")
             for a, b in combinations(comparison.filters, 2):
                 rows.append(
@@ -94,22 +109,7 @@ def paired_differences(comparison: Comparison) -> pd.DataFrame:
                         **ratio(by[a].to_numpy(), by[b].to_numpy(), starts, each),
                     }
                 )
-    return pd.DataFrame(
-        rows,
-        columns=[
-            "a",
-            "b",
-            "length_s",
-            "axis",
-            "ratio",
-            "low",
-            "high",
-            "wins_a",
-            "wins_b",
-            "n",
-            "blocks",
-        ],
-    )
+    return pd.DataFrame(rows, columns=PAIR_COLUMNS)
 
 
 def blocks(starts: Iterable[float], lengths: Iterable[float]) -> Ints:
@@ -228,12 +228,11 @@ def _quantiles(curves: dict[str, list[Array]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for part, each in curves.items():
         values = np.array(each).reshape(-1, GRID)
-        count = np.isfinite(values).sum(axis=0)
+        known = np.isfinite(values).any(axis=0)
         for name, share in (("median", 0.5), ("p10", 0.1), ("p90", 0.9)):
-            found[f"{part}_{name}_m"] = [
-                np.nanquantile(column, share) if n else np.nan for column, n in zip(values.T, count)
-            ]
-        found["n"] = count
+            found[f"{part}_{name}_m"] = np.full(GRID, np.nan)
+            found[f"{part}_{name}_m"][known] = np.nanquantile(values[:, known], share, axis=0)
+        found["n"] = np.isfinite(values).sum(axis=0)
     return found
 
 
@@ -242,11 +241,11 @@ def table(comparison: Comparison) -> pd.DataFrame:
     import pandas as pd
 
     rmse = comparison.scores.set_index(["outage", "filter"])[
-        [f"{axis}_rmse_m" for axis in ERROR_AXES]
+        [f"{axis}_rmse_m" for axis in NED_AXES]
     ]
     by = cast("pd.DataFrame", rmse.unstack("filter"))  # of a table with two indices it is a table
-    by = by[[(f"{axis}_rmse_m", name) for axis in ERROR_AXES for name in comparison.filters]]
+    by = by[[(f"{axis}_rmse_m", name) for axis in NED_AXES for name in comparison.filters]]
     by.columns = pd.MultiIndex.from_product(
-        [[axis.capitalize() for axis in ERROR_AXES], comparison.filters], names=["axis", "filter"]
+        [[axis.capitalize() for axis in NED_AXES], comparison.filters], names=["axis", "filter"]
     )
     return by
