@@ -49,6 +49,11 @@ def number(value: float | None) -> str:
     )
 
 
+def enumerated(words: Sequence[str]) -> str:
+    """`a, b and c`."""
+    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
+
+
 def claimed_sd(made: Solution | Errors) -> Array:
     """(n, 15) standard deviations of the error states that a Solution claims, or those at its
     Errors, SI and radians."""

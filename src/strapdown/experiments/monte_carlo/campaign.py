@@ -104,7 +104,7 @@ class Campaign:
             campaign._remover = weakref.finalize(campaign, _remove, folder)
         else:
             campaign = cls(out, manifest, study)
-        _make(campaign.folder)
+        make_folder(campaign.folder)
         with campaign.locked():
             campaign._settle()
         return campaign
@@ -177,7 +177,7 @@ class Campaign:
         assert self.study is not None  # one that was opened to be read has no work
         arrays = run_chunk(self.study, chunk, skip)
         path = self.path(chunk)
-        _make(path.parent)
+        make_folder(path.parent)
         with replacing(path) as part:
             part.write_bytes(
                 _file(
@@ -396,7 +396,8 @@ def _same(found: dict[str, Any], wanted: dict[str, Any], folder: Path) -> None:
     )
 
 
-def _make(folder: Path) -> None:
+def make_folder(folder: Path) -> None:
+    """Make a folder with those above it. Raises DataError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

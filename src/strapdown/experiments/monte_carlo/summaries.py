@@ -9,7 +9,7 @@ import numpy as np
 
 from ...checks import DataError
 from ...core.contract import POS, STATES
-from ...evaluation.consistency import SURVIVED, Paired, paired, proportion, rmse
+from ...evaluation.consistency import SURVIVED, Paired, mean_of_known, paired, proportion, rmse
 from ...typing import Array
 from .scoring import ERROR_GROUPS, RUN_REASONS
 
@@ -90,13 +90,13 @@ def summary_row(campaign: Campaign, number: int, place: int) -> dict[str, Any]:
             if i
         }
     row |= {
-        "anees": _mean(numbers["nees"][ran]) / STATES,
-        "nees_inside": _mean(numbers["nees_inside"][ran]),
-        "nis": _mean(numbers["nis"][ran]),
-        "innovation_correlation": _mean(numbers["correlation"][ran]),
+        "anees": mean_of_known(numbers["nees"][ran]) / STATES,
+        "nees_inside": mean_of_known(numbers["nees_inside"][ran]),
+        "nis": mean_of_known(numbers["nis"][ran]),
+        "innovation_correlation": mean_of_known(numbers["correlation"][ran]),
     }
     row |= {
-        f"within_{sigma}_sigma": _mean(numbers["coverage"][ran, i])
+        f"within_{sigma}_sigma": mean_of_known(numbers["coverage"][ran, i])
         for i, sigma in enumerate((1, 2, 3))
     }
     row |= {
@@ -169,11 +169,6 @@ def compare(campaign: Campaign, cell: str, first: str, second: str) -> Paired:
             raise DataError(f"the campaign has no filter {name!r}; it has {', '.join(filters)}")
     censored = np.log(campaign.numbers(cell)["censored"])
     return paired(censored[filters.index(first)], censored[filters.index(second)])
-
-
-def _mean(values: Array) -> float:
-    values = values[np.isfinite(values)]
-    return float(values.mean()) if len(values) else np.nan
 
 
 def _median(values: Array) -> float:
