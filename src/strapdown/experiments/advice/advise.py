@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from ...checks import DataError
+from ...checks import DataError, check_number
 from ...evaluation.consistency import Interval
 from ...files import replacing
 from ...sensor_models.imu import ImuSpec, grade
@@ -82,8 +83,6 @@ class Advice:
     def save(self, folder: Path) -> None:
         """Write advice.json, summary.csv, map.csv (where there is a map) and index.html into a
         folder. Raises DataError."""
-        import pandas as pd
-
         make_folder(folder)
         tables = {"summary": summary_table(self)} | (
             {"map": pd.DataFrame(self.map)} if self.map else {}
@@ -183,8 +182,7 @@ def advise(
         maps = _study(scenarios, imus, MAP_FILTERS, min(study.runs, MAP_RUNS), seed)
     steps = study.steps() + (maps.steps() if maps else 0)
     folder = Path(out) if out is not None else None
-    if workers < 0:
-        raise DataError(f"workers is {workers}; it must be 1 or more")
+    check_number(workers, "workers", least=0, whole=True)
     if folder:  # what is refused is refused before anything is said
         for each, name in ((study, "mission"), (maps, "map")):
             if each:

@@ -10,6 +10,7 @@ from itertools import count, takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ... import __version__
 from ...evaluation.consistency import Interval
@@ -31,7 +32,6 @@ from .verdicts import (
 )
 
 if TYPE_CHECKING:
-    import pandas as pd
     import plotly.graph_objects as go
 
     from .advise import Advice
@@ -268,7 +268,6 @@ def _shorter(advice: Advice) -> list[str]:
 
 def summary_table(advice: Advice) -> pd.DataFrame:
     """pandas DataFrame with a row per filter: the evidence and the verdicts."""
-    import pandas as pd
 
     def ends(name: str, i: Interval) -> dict[str, float]:
         return {name: i.value, f"{name}_low": i.low, f"{name}_high": i.high}

@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from ...checks import DataError
 from ...core.contract import POS, STATES
@@ -14,8 +15,6 @@ from ...typing import Array
 from .scoring import ERROR_GROUPS, RUN_REASONS
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from .campaign import Campaign
     from .chunks import Arrays
 
@@ -122,8 +121,6 @@ def bound_ratio(curves: Arrays, place: int) -> dict[str, float]:
 
 def run_rows(campaign: Campaign, number: int) -> pd.DataFrame:
     """pandas DataFrame of the runs of a cell: reason, times, mean squares as roots, consistency."""
-    import pandas as pd
-
     cell = campaign.manifest["cells"][number]
     numbers, frames = campaign.numbers(cell["name"]), []
     for place, name in enumerate(campaign.manifest["filters"]):

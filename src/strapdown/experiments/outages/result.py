@@ -6,7 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from ...data import Trajectory
 from ...files import replacing
@@ -14,9 +16,6 @@ from ...typing import File
 from . import summaries
 from .protocols import Window
 from .scores import Track
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 TABLES = ("scores", "summary", "paired", "growth", "table")
 """Files of `Comparison.write`, beside the page: NAME.csv each."""

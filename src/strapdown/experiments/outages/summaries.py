@@ -8,6 +8,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+import pandas as pd
 
 from ...evaluation.consistency import Paired, paired
 from ...evaluation.metrics import EULER, NED_AXES
@@ -16,8 +17,6 @@ from .protocols import ROUNDING
 from .scores import Track
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from .result import Comparison
 
 GRID = 61
@@ -47,8 +46,6 @@ PAIR_COLUMNS = [
 
 def summary(comparison: Comparison) -> pd.DataFrame:
     """A row per filter and length; see `Comparison.summary`."""
-    import pandas as pd
-
     return pd.DataFrame(
         [
             {"filter": name, "length_s": length, **_summary_row(own[own["filter"] == name])}
@@ -90,8 +87,6 @@ def _summary_row(own: pd.DataFrame) -> dict[str, Any]:
 
 def paired_differences(comparison: Comparison) -> pd.DataFrame:
     """A row per pair of filters, length and axis; see `Comparison.paired`."""
-    import pandas as pd
-
     rows = []
     for length in comparison.lengths:
         own = comparison.of_length(length)
@@ -189,8 +184,6 @@ def _covariance(one: tuple[Array, Array], other: tuple[Array, Array]) -> float:
 
 def growth(comparison: Comparison) -> pd.DataFrame:
     """A row per filter, length and time since the start of the outage; see `Comparison.growth`."""
-    import pandas as pd
-
     parts = []
     lengths = np.array([round(stop - start, 6) for start, stop in comparison.windows])
     for name in comparison.filters:
@@ -238,8 +231,6 @@ def _quantiles(curves: dict[str, list[Array]]) -> dict[str, Any]:
 
 def table(comparison: Comparison) -> pd.DataFrame:
     """RMSE (m) by outage, columns by axis and filter; see `Comparison.table`."""
-    import pandas as pd
-
     rmse = comparison.scores.set_index(["outage", "filter"])[
         [f"{axis}_rmse_m" for axis in NED_AXES]
     ]

@@ -9,6 +9,7 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from ...evaluation.metrics import NED_AXES
 from ...reports.summary import number, table
@@ -16,8 +17,6 @@ from ...typing import Array
 from .words import ranked, unlike
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from .result import Comparison
 
 SUMMARY = (
