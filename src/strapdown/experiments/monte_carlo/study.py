@@ -22,7 +22,7 @@ from ...typing import File, Progress, Say
 from ..filter_label import parsed
 from . import distributed
 from .campaign import Campaign
-from .chunks import SCALARS, Cell, Chunk, cells, chunks, compile_for, run_chunk, seeds, simulator
+from .chunks import SCALARS, Cell, Chunk, cells, compile_for, run_chunk, seeds, simulator
 
 __all__ = ["SCALARS", "Cell", "Chunk", "Study", "parsed", "run_chunk", "seeds", "simulator"]
 
@@ -95,7 +95,15 @@ class Study:
 
     def chunks(self) -> list[Chunk]:
         """All chunks, in the order of the cells."""
-        return chunks(self)
+        found = []
+        for number, cell in enumerate(self.cells):
+            steps = cell.scenario.duration * cell.scenario.rate * len(self.filters)
+            size = min(self.runs, max(1, round(self.chunk_steps / steps)))
+            found += [
+                Chunk(number, first, min(first + size, self.runs))
+                for first in range(0, self.runs, size)
+            ]
+        return found
 
     def steps(self, chunk: Chunk | None = None) -> int:
         """Filter steps (IMU samples through a filter) of a chunk, or of the whole study."""
