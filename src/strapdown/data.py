@@ -86,6 +86,11 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.t)
 
+    def taking(self, rows: slice | Mask | Ints) -> Trajectory:
+        """These rows of it."""
+        parts = (self.t, self.lla, self.v_n, self.q_nb, self.sd)
+        return Trajectory(*(None if part is None else part[rows] for part in parts))  # type: ignore[arg-type]  # t and lla are there
+
     @cached_property
     def rotation(self) -> Rotation:
         """scipy Rotation (n,) from body to navigation frame."""

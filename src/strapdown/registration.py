@@ -52,10 +52,12 @@ def _homes() -> dict[type, Any]:
     from .core.contract import Filter, Measurement
     from .io import readers
     from .io.contract import Reader
+    from .reports import figure_list
 
     return {
         quantities.Quantity: quantities,
         Measurement: aiding,
         Filter: filters,
         Reader: readers,
+        figure_list.Figure: figure_list,
     }

@@ -86,6 +86,16 @@ def test_error_figures_show_true_minus_estimate_and_three_sigma():
     )
 
 
+def test_a_track_counts_from_the_first_position_that_is_known():
+    lla = SOLUTION.trajectory.lla.copy()
+    lla[:3] = np.nan
+    late = replace(SOLUTION, trajectory=replace(SOLUTION.trajectory, lla=lla))
+    north = np.asarray(trace(figures.position(late), "estimate").y)
+    whole = np.asarray(trace(figures.position(SOLUTION), "estimate").y)
+    assert len(north) == len(whole) and north[3] == 0.0 and np.isfinite(north[3:]).all()
+    assert np.allclose(north[3:], whole[3:] - whole[3], atol=0.01)
+
+
 def test_thinning_keeps_the_extremes_and_the_breaks():
     y = np.sin(np.linspace(0, 60, 100_000))
     y[[41_234, 77_777]] = 9.0, -8.0

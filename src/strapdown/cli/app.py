@@ -26,6 +26,7 @@ from .console import (
     print_outages,
     recording_argument,
     results_folder,
+    save_page,
     summarise,
     table,
     wrapped_table,
@@ -152,12 +153,8 @@ def demo(
             for name in ("closed-loop", "open-loop")
         }
         print_errors(solutions, truth, (120.0, 600.0))
-        sd.report(
-            solutions,
-            truth,
-            title="strapdown demo: a simulated 10-minute flight",
-            window=(120.0, 600.0),
-        ).save(out)
+        title = "strapdown demo: a simulated 10-minute flight"
+        save_page(sd.report(solutions, truth, title, window=(120.0, 600.0)), out)
     print(f"wrote {out}")
 
 
@@ -252,7 +249,7 @@ def fuse(
         names = ["solution.nc", "solution.csv", *(["track.kml"] if solution.has_position else [])]
         for name in names:
             sd.write_solution(solution, folder / name)
-        sd.report(solution, whole.reference).save(folder / "report.html")
+        save_page(sd.report(solution, whole.reference), folder / "report.html")
     print(
         f"wrote {folder}/{', '.join(names)}, "
         f"report.html{'' if solution.has_position else '; no track.kml, because there is no position'}"

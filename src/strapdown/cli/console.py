@@ -16,6 +16,7 @@ from typer.core import TyperCommand
 import strapdown as sd
 
 if TYPE_CHECKING:
+    from ..reports.shell import Page
     from ..typing import Array
 
 OUT = Annotated[Path, typer.Option(help="Folder for the results.")]
@@ -97,6 +98,13 @@ def summarise(solution: "sd.Solution") -> None:
     if len(solution.events) > 10:
         print(f"           and {len(solution.events) - 10} more events; the report lists them")
     print(f"at the end: {uncertainty(claimed_sd(solution)[-1])}")
+
+
+def save_page(page: "Page", path: Path) -> None:
+    """Write a report, and print what it notes, such as a figure that could not be drawn."""
+    for note in page.notes:
+        print(f"note: {note}")
+    page.save(path)
 
 
 def counted(count: int, noun: str, plural: str = "s") -> str:

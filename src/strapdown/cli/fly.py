@@ -19,6 +19,7 @@ from .console import (
     print_errors,
     print_outages,
     results_folder,
+    save_page,
     summarise,
     table,
 )
@@ -115,7 +116,7 @@ def fly(
             more=sections(flight),
             facts=facts(flight),
         )
-        page.save(folder / "report.html")
+        save_page(page, folder / "report.html")
     show(flight, filter, windows)
     print(f"wrote {folder}/recording.nc, solution.nc, log.csv, report.html")
 

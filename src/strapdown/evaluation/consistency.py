@@ -45,6 +45,11 @@ class Interval(NamedTuple):
     low: float
     high: float
 
+    @property
+    def alone(self) -> "Interval":
+        """The estimate as if it were sure."""
+        return Interval(self.value, self.value, self.value)
+
 
 class Paired(NamedTuple):
     """Mean of a - b over `count` common runs with its confidence interval, and in how many of
@@ -168,6 +173,12 @@ def _mean(values: ArrayLike, probability: float) -> tuple[float, float, float]:
         return mean, np.nan, np.nan
     half = float(t.isf(0.5 * (1 - probability), count - 1) * known.std(ddof=1) / np.sqrt(count))
     return mean, mean - half, mean + half
+
+
+def mean_of_known(values: Array) -> float:
+    """Mean of what is finite, NaN where nothing is."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else np.nan
 
 
 def proportion(successes: int, count: int, probability: float = 0.95) -> Interval:

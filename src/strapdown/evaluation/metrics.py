@@ -21,6 +21,9 @@ from ..typing import Array, Ints, Mask
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
+NED_AXES, EULER = ("north", "east", "down"), ("roll", "pitch", "heading")
+"""Names of the columns of errors."""
+
 
 @dataclass(frozen=True)
 class Errors:
@@ -40,6 +43,11 @@ class Errors:
         """(n,) horizontal position error, m; NaN where only the height is known, None where not
         even that is."""
         return None if self.position is None else np.hypot(self.position[:, 0], self.position[:, 1])
+
+    def inside(self, window: tuple[float, float] | None) -> Mask:
+        """(n,) which rows are in the window (start, stop) s, both included; all without one."""
+        start, stop = (-np.inf, np.inf) if window is None else window
+        return (self.t >= start) & (self.t <= stop)
 
 
 class Rms(NamedTuple):
@@ -100,8 +108,8 @@ def interpolated(reference: Trajectory, t: Array) -> Trajectory:
     v_n = _linear(reference.t, reference.v_n, t) if any_known(reference.v_n) else None
     q_nb = None
     if any_known(reference.q_nb):
-        usable, true = _turned(reference.t, reference.q_nb, t)
         q_nb = np.full((len(t), 4), np.nan)
+        usable, true = _turned(reference.t, reference.q_nb, t)
         if true is not None:
             q_nb[usable] = true.as_quat()[:, [3, 0, 1, 2]]
     return Trajectory(t, _position(reference, t), v_n, q_nb)
@@ -144,19 +152,9 @@ def attitude_angles(errors: Errors) -> AttitudeAngles | None:
 def rms(errors: Errors, window: tuple[float, float] | None = None) -> Rms:
     """Root mean square of `errors` over window = (start, stop) in s, both included, or over all
     of them: an Rms."""
-    inside = (
-        np.ones(len(errors.t), bool)
-        if window is None
-        else (errors.t >= window[0]) & (errors.t <= window[1])
-    )
-    angles = attitude_angles(errors)
-    parts = (
-        errors.position,
-        errors.velocity,
-        errors.attitude,
-        errors.rph,
-        None if angles is None else np.column_stack(angles),
-    )
+    inside, angles = errors.inside(window), attitude_angles(errors)
+    columns = None if angles is None else np.column_stack(angles)
+    parts = (errors.position, errors.velocity, errors.attitude, errors.rph, columns)
     return Rms(*(None if part is None else _rms(part[inside]) for part in parts))
 
 

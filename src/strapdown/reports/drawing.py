@@ -14,6 +14,7 @@ from plotly.subplots import make_subplots
 
 from ..core.contract import BRIDGED, INVALID
 from ..data import Solution
+from ..geodesy import displacement
 from ..typing import Array, ArrayLike, Ints
 
 MOST_POINTS = 2000
@@ -25,7 +26,6 @@ GREY, RED = "#868e96", "#e03131"
 SHADES = {BRIDGED: "rgba(240,180,0,0.22)", INVALID: "rgba(224,49,49,0.16)"}
 WITHHELD = "rgba(59,125,216,0.13)"
 """Of the windows whose fixes were withheld."""
-NED_AXES = ("north", "east", "down")
 MARKED = 20
 """At most this many events and status stretches of each kind are drawn; the page lists all
 events."""
@@ -262,6 +262,58 @@ def band(
         )
 
 
+def path(
+    figure: go.Figure,
+    places: Array,
+    name: str,
+    mode: str = "lines",
+    hovertemplate: str = "%{x:.1f} m east, %{y:.1f} m north",
+    **style: Any,
+) -> None:
+    """Places (n, 2), east and north in metres, as a line or as marks."""
+    figure.add_trace(
+        go.Scatter(
+            x=column(places[:, 0]),
+            y=column(places[:, 1]),
+            name=escape(name),
+            mode=mode,
+            hovertemplate=hovertemplate,
+            **style,
+        )
+    )
+
+
+def ground(lla: Array, start: Array) -> Array:
+    """(n, 2) east and north of `start`, m, longitude unwrapped so that a track may cross the
+    antimeridian."""
+    return displacement(lla, np.broadcast_to(start, lla.shape))[:, [1, 0]]
+
+
+def corners(places: Array) -> Array:
+    """(2, 2) smallest and largest east and north of places (n, 2)."""
+    return np.array([extent(places[:, 0]), extent(places[:, 1])]).T
+
+
+def seen_from_above(figure: go.Figure, box: Array, share: float) -> go.Figure:
+    """Axes of a track in metres east and north, as long as one another, around the `corners`
+    `box` with a margin of that share."""
+    margin = share * max((box[1] - box[0]).max(), 10.0)
+    return figure.update_layout(
+        xaxis_range=[box[0, 0] - margin, box[1, 0] + margin],
+        yaxis_range=[box[0, 1] - margin, box[1, 1] + margin],
+        xaxis_title="east [m]",
+        yaxis_title="north [m]",
+        hovermode="closest",
+        yaxis_scaleanchor="x",
+        margin_t=72,
+    )
+
+
+def metres(value: float) -> str:
+    """A length for people: "12.3 m", "4.56 km"."""
+    return f"{value / 1000:.3g} km" if value >= 1000 else f"{value:.3g} m"
+
+
 def time_axis(figure: go.Figure, solution: Solution, zero: float = 0.0) -> go.Figure:
     """Label the time axis, shade gaps and windows of withheld fixes, and mark the events of a
     solution, numbered as the page lists them."""
@@ -270,68 +322,45 @@ def time_axis(figure: go.Figure, solution: Solution, zero: float = 0.0) -> go.Fi
         (int(name[5:] or 1) for name in figure.layout if name.startswith("yaxis")), default=1
     )
     figure.update_xaxes(title_text=label, row=rows, col=1)
-    figure.update_xaxes(range=[float(solution.t[0]) - zero, float(solution.t[-1]) - zero])
+    begin, end = float(solution.t[0]), float(solution.t[-1])
+    figure.update_xaxes(range=[begin - zero, end - zero])
     panel = {"xref": "x", "yref": "paper"}
-    shapes = [
-        {
-            "type": "rect",
+
+    def upright(kind: str, start: float, stop: float, **style: Any) -> dict[str, Any]:
+        return {
+            "type": kind,
             "x0": start - zero,
             "x1": stop - zero,
             "y0": 0,
             "y1": 1,
             **panel,
-            "fillcolor": SHADES[status],
-            "line": {"width": 0},
-            "layer": "below",
+            **style,
         }
-        for start, stop, status in stretches(solution)
-    ]
-    hidden = [
-        (max(start, float(solution.t[0])), min(stop, float(solution.t[-1])))
+
+    shades = [(start, stop, SHADES[status]) for start, stop, status in stretches(solution)] + [
+        (max(start, begin), min(stop, end), WITHHELD)
         for start, stop in solution.meta.get("withheld", ())
+        if max(start, begin) < min(stop, end)
     ]
-    shapes += [
+    marked = [t for t, _ in solution.events[:MARKED]]
+    shapes = [
+        upright("rect", start, stop, fillcolor=colour, line={"width": 0}, layer="below")
+        for start, stop, colour in shades
+    ] + [upright("line", t, t, line={"width": 1, "dash": "dot", "color": GREY}) for t in marked]
+    texts = [
         {
-            "type": "rect",
-            "x0": start - zero,
-            "x1": stop - zero,
-            "y0": 0,
-            "y1": 1,
+            "x": t - zero,
+            "y": 0,
             **panel,
-            "fillcolor": WITHHELD,
-            "line": {"width": 0},
-            "layer": "below",
+            "text": str(number),
+            "showarrow": False,
+            "yanchor": "bottom",
+            "xanchor": "left",
+            "font": {"size": 10, "color": GREY},
         }
-        for start, stop in hidden
-        if start < stop
+        for number, t in enumerate(marked, start=1)
     ]
-    texts = []
-    for number, (t, _) in enumerate(solution.events[:MARKED], start=1):
-        shapes.append(
-            {
-                "type": "line",
-                "x0": t - zero,
-                "x1": t - zero,
-                "y0": 0,
-                "y1": 1,
-                **panel,
-                "line": {"width": 1, "dash": "dot", "color": GREY},
-            }
-        )
-        texts.append(
-            {
-                "x": t - zero,
-                "y": 0,
-                **panel,
-                "text": str(number),
-                "showarrow": False,
-                "yanchor": "bottom",
-                "xanchor": "left",
-                "font": {"size": 10, "color": GREY},
-            }
-        )
-    figure.update_layout(shapes=shapes, annotations=texts)
-    return figure
+    return figure.update_layout(shapes=shapes, annotations=texts)
 
 
 def stretches(solution: Solution) -> list[tuple[float, float, int]]:
@@ -340,21 +369,13 @@ def stretches(solution: Solution) -> list[tuple[float, float, int]]:
 
     A row covers the time since the one before it.
     """
-    found = []
-    edges: Sequence[int] = (
-        np.flatnonzero(np.diff(solution.status, prepend=-1, append=-1)).tolist()
-        if len(solution.status)
-        else []
-    )
-    for first, stop in zip(edges[:-1], edges[1:]):
-        if solution.status[first] in SHADES:
-            found.append(
-                (
-                    float(solution.t[max(first - 1, 0)]),
-                    float(solution.t[stop - 1]),
-                    int(solution.status[first]),
-                )
-            )
+    status, t = solution.status, solution.t
+    edges = np.flatnonzero(np.diff(status, prepend=-1, append=-1)).tolist() if len(status) else []
+    found = [
+        (float(t[max(first - 1, 0)]), float(t[stop - 1]), int(status[first]))
+        for first, stop in zip(edges[:-1], edges[1:])
+        if status[first] in SHADES
+    ]
     found.sort(key=lambda s: s[0] - s[1])
     return [s for status in SHADES for s in [f for f in found if f[2] == status][:MARKED]]
 

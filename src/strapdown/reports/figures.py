@@ -8,44 +8,53 @@ figure are in `figure.layout.meta["notes"]`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
 
+from ..core.contract import ATT, BA, BG, POS, VEL
 from ..data import Solution, Trajectory
 from ..evaluation import metrics
-from ..evaluation.metrics import Errors
-from ..geodesy import displacement
-from ..typing import Array, Mask
+from ..evaluation.metrics import EULER, NED_AXES, Errors
+from ..geodesy import STANDARD_GRAVITY, displacement
+from ..typing import Array
 from .drawing import (
     COLOURS,
     GREY,
-    NED_AXES,
     RED,
     about_mean,
     band,
-    column,
+    corners,
     cut,
     even,
     extent,
     finish,
     frame,
+    ground,
     line,
     log_range,
+    metres,
     note,
     origin,
     panels,
+    path,
     peak,
+    seen_from_above,
     time_axis,
     together,
 )
 from .fix_figures import kind
 from .summary import claimed_sd
 
-EULER = ("roll", "pitch", "heading")
+FIX_MARKS = (
+    (True, "accepted", {"color": GREY, "size": 4, "opacity": 0.5}),
+    (False, "rejected", {"color": RED, "size": 8, "symbol": "x"}),
+)
+ENDS = ((0, "start", "circle", "#2f9e44"), (-1, "end", "square", "#343a40"))
+"""Of a track: row, name, symbol and colour."""
 
 
 def track(
@@ -55,69 +64,60 @@ def track(
 
     The frame is that of the reference, or of the solution that moves least.
     """
-    shown = [name for name, solution in solutions.items() if solution.has_position]
+    shown = _placed(solutions)
     if not shown:
         return None
     first = solutions[shown[0]]
     known = None if reference is None else reference.lla[np.isfinite(reference.lla).all(axis=1)]
     known = known if known is not None and len(known) else None
-    start = (
-        first.trajectory.lla[np.isfinite(first.trajectory.lla).all(axis=1)]
-        if known is None
-        else known
-    )[0]
-    known = None if known is None else _ground(known, start)
-    paths = {name: _ground(solutions[name].trajectory.lla, start) for name in shown}
+    start = _first_known(first.trajectory.lla if known is None else known)
+    known = None if known is None else ground(known, start)
+    paths = {name: ground(solutions[name].trajectory.lla, start) for name in shown}
     figure = finish(go.Figure(), 480 if known is None else 690)
-    _fixes(figure, first, start)
+    _fixes(figure, first, paths[shown[0]])
     for rank, colour, name in _last_first(solutions, shown):
-        path = paths[name]
-        _path(
-            figure, path[even(len(path))], name, line={"color": colour, "width": 2}, legendrank=rank
-        )
+        places = paths[name][even(len(paths[name]))]
+        path(figure, places, name, line={"color": colour, "width": 2}, legendrank=rank)
     if known is not None:
-        _path(
-            figure,
-            known[even(len(known))],
-            "reference",
-            line={"color": GREY, "width": 1.5, "dash": "dash"},
-        )
-    path = known if known is not None else next(iter(paths.values()))
-    for row, label, symbol, colour in (
-        (0, "start", "circle", "#2f9e44"),
-        (-1, "end", "square", "#343a40"),
-    ):
+        style = {"color": GREY, "width": 1.5, "dash": "dash"}
+        path(figure, known[even(len(known))], "reference", line=style)
+    for row, label, symbol, colour in ENDS:
         marker = {
             "symbol": symbol,
             "size": 11,
             "color": colour,
             "line": {"color": "#fff", "width": 1.5},
         }
-        _path(figure, path[[row]], label, mode="markers", marker=marker)
-    _frame_track(figure, known, paths)
-    return figure.update_layout(
-        xaxis_title="east [m]",
-        yaxis_title="north [m]",
-        hovermode="closest",
-        yaxis_scaleanchor="x",
-        margin_t=72,
-    )
+        places = known if known is not None else paths[shown[0]]
+        path(figure, places[[row]], label, mode="markers", marker=marker)
+    return seen_from_above(figure, _frame_track(figure, known, paths), 0.06)
 
 
-def _fixes(figure: go.Figure, solution: Solution, start: Array) -> None:
-    """Mark the position fixes of a solution, accepted and rejected."""
-    looks = {
-        True: ("accepted", {"color": GREY, "size": 4, "opacity": 0.5}),
-        False: ("rejected", {"color": RED, "size": 8, "symbol": "x"}),
-    }
-    for name, (places, accepted) in _position_fixes(solution, start).items():
-        for good, (label, marker) in looks.items():
-            chosen = np.flatnonzero(accepted == good)
+def _placed(solutions: Mapping[str, Solution]) -> list[str]:
+    """Names of those that have a position."""
+    return [name for name, solution in solutions.items() if solution.has_position]
+
+
+def _first_known(lla: Array) -> Array:
+    """The first position that is known whole; the first of all where none is."""
+    return lla[np.argmax(np.isfinite(lla).all(axis=1))]
+
+
+def _fixes(figure: go.Figure, solution: Solution, places: Array) -> None:
+    """Mark the position fixes of a solution that is at these `places`, accepted and rejected:
+    the estimate at each fix plus its innovation."""
+    fixes = solution.innovations
+    for index, name in enumerate(fixes.names):
+        if kind(solution, name) != "position":
+            continue
+        own = (fixes.source == index) & np.isfinite(fixes.innovation[:, :2]).all(axis=1)
+        for good, label, marker in FIX_MARKS:
+            chosen = np.flatnonzero(own & (fixes.accepted == good))
             chosen = chosen[even(len(chosen))]
             if len(chosen):
-                _path(
-                    figure, places[chosen], f"{name} fixes, {label}", mode="markers", marker=marker
-                )
+                there = [np.interp(fixes.t[chosen], solution.t, axis) for axis in places.T]
+                seen = np.column_stack(there) + fixes.innovation[chosen][:, [1, 0]]
+                path(figure, seen, f"{name} fixes, {label}", mode="markers", marker=marker)
 
 
 def _last_first(names: Iterable[str], shown: Sequence[str]) -> list[tuple[int, str, str]]:
@@ -128,117 +128,58 @@ def _last_first(names: Iterable[str], shown: Sequence[str]) -> list[tuple[int, s
     ][::-1]
 
 
-def _ground(lla: Array, start: Array) -> Array:
-    """(n, 2) east and north, m, longitude unwrapped so that a track may cross the antimeridian."""
-    return displacement(lla, np.broadcast_to(start, lla.shape))[:, [1, 0]]
-
-
-def _path(figure: go.Figure, path: Array, name: str, mode: str = "lines", **style: Any) -> None:
-    figure.add_trace(
-        go.Scatter(
-            x=column(path[:, 0]),
-            y=column(path[:, 1]),
-            name=escape(name),
-            mode=mode,
-            hovertemplate="%{x:.1f} m east, %{y:.1f} m north",
-            **style,
-        )
-    )
-
-
-def _position_fixes(solution: Solution, start: Array) -> dict[str, tuple[Array, Mask]]:
-    """{source: (east and north, accepted)} of position sources: the estimate at each fix plus
-    its innovation."""
-    fixes, found = solution.innovations, {}
-    for index, name in enumerate(fixes.names):
-        if kind(solution, name) == "position":
-            chosen = (fixes.source == index) & np.isfinite(fixes.innovation[:, :2]).all(axis=1)
-            path = _ground(solution.trajectory.lla, start)
-            there = np.column_stack(
-                [np.interp(fixes.t[chosen], solution.t, axis) for axis in path.T]
-            )
-            found[name] = there + fixes.innovation[chosen][:, [1, 0]], fixes.accepted[chosen]
-    return found
-
-
-def _frame_track(figure: go.Figure, known: Array | None, paths: Mapping[str, Array]) -> None:
-    """Set the ranges around the reference or the solution that moves least; one that goes as far
+def _frame_track(figure: go.Figure, known: Array | None, paths: Mapping[str, Array]) -> Array:
+    """The corners around the reference or the solution that moves least; one that goes as far
     again beyond that leaves the frame."""
     low, high = (
-        _corners(known)
+        corners(known)
         if known is not None
-        else min(map(_corners, paths.values()), key=lambda box: (box[1] - box[0]).max())
+        else min(map(corners, paths.values()), key=lambda box: (box[1] - box[0]).max())
     )
     room = max((high - low).max(), 10.0)
-    for name, path in paths.items():
-        far_low, far_high = _corners(path)
+    for name, places in paths.items():
+        far_low, far_high = corners(places)
         beyond = max((low - far_low).max(), (far_high - high).max())
         if beyond <= room:
             low, high = np.minimum(low, far_low), np.maximum(high, far_high)
         else:
-            note(
-                figure,
-                f"{name} leaves the frame by up to {_metres(beyond)}; double-click the plot to see "
-                f"all of it.",
-            )
-    margin = 0.06 * max((high - low).max(), 10.0)
-    figure.update_layout(
-        xaxis_range=[low[0] - margin, high[0] + margin],
-        yaxis_range=[low[1] - margin, high[1] + margin],
+            _leaves(figure, name, beyond)
+    return np.array([low, high])
+
+
+def _leaves(figure: go.Figure, name: str, beyond: float) -> None:
+    note(
+        figure,
+        f"{name} leaves the frame by up to {metres(beyond)}; double-click the plot to see all of "
+        f"it.",
     )
-
-
-def _corners(path: Array) -> Array:
-    """(2, 2) smallest and largest east and north."""
-    return np.array([extent(path[:, 0]), extent(path[:, 1])]).T
-
-
-def _metres(value: float) -> str:
-    return f"{value / 1000:.3g} km" if value >= 1000 else f"{value:.3g} m"
 
 
 def height(
     solutions: Mapping[str, Solution], reference: Trajectory | None = None
 ) -> go.Figure | None:
     """Height above the ellipsoid over time, of {name: Solution} that have a position."""
-    shown = [name for name, solution in solutions.items() if solution.has_position]
+    shown = _placed(solutions)
     if not shown:
         return None
     figure, first = panels(["height [m]"], 260), solutions[shown[0]]
     zero = origin(first.t)
+    heights = {name: solutions[name].trajectory.lla[:, 2] for name in shown}
     for rank, colour, name in _last_first(solutions, shown):
-        line(
-            figure,
-            solutions[name].t - zero,
-            solutions[name].trajectory.lla[:, 2],
-            name,
-            colour,
-            rank=rank,
-        )
-    spans = [extent(solutions[name].trajectory.lla[:, 2]) for name in shown]
-    low, high = min(spans, key=lambda span: span[1] - span[0])
-    inside = (
-        None if reference is None else (reference.t >= first.t[0]) & (reference.t <= first.t[-1])
-    )
-    if reference is not None and metrics.any_known(reference.lla[inside, 2]):
-        line(
-            figure,
-            reference.t[inside] - zero,
-            reference.lla[inside, 2],
-            "reference",
-            GREY,
-            dash="dash",
-        )
-        low, high = extent(reference.lla[inside, 2])
+        line(figure, solutions[name].t - zero, heights[name], name, colour, rank=rank)
+    spans = {name: extent(values) for name, values in heights.items()}
+    low, high = min(spans.values(), key=lambda span: span[1] - span[0])
+    if reference is not None:
+        inside = (reference.t >= first.t[0]) & (reference.t <= first.t[-1])
+        true = reference.lla[inside, 2]
+        if metrics.any_known(true):
+            line(figure, reference.t[inside] - zero, true, "reference", GREY, dash="dash")
+            low, high = extent(true)
     room = max(high - low, 20.0)
-    for name, (lowest, highest) in zip(shown, spans):
+    for name, (lowest, highest) in spans.items():
         beyond = max(low - lowest, highest - high)
         if beyond > 2 * room:
-            note(
-                figure,
-                f"{name} leaves the frame by up to {_metres(beyond)}; double-click the plot to see "
-                f"all of it.",
-            )
+            _leaves(figure, name, beyond)
         else:
             low, high = min(low, lowest), max(high, highest)
     figure.update_yaxes(range=[low - 0.06 * room, high + 0.06 * room])
@@ -266,19 +207,12 @@ def horizontal(
     zero = origin(first.t)
     for rank, colour, name in _last_first(solutions, shown):
         e = found[name]
-        error, claimed = e.horizontal, 3 * np.hypot(claimed_sd(e)[:, 0], claimed_sd(e)[:, 1])
+        error, claimed = e.horizontal, 3 * np.hypot(*claimed_sd(e)[:, :2].T)
         assert error is not None  # as of all that are shown
         line(figure, e.t - zero, error, name, colour, rank=2 * rank)
         if np.isfinite(claimed).any():
-            line(
-                figure,
-                e.t - zero,
-                claimed,
-                f"{name}, 3σ claimed",
-                colour,
-                rank=2 * rank + 1,
-                dash="dot",
-            )
+            label = f"{name}, 3σ claimed"
+            line(figure, e.t - zero, claimed, label, colour, rank=2 * rank + 1, dash="dot")
         drawn += [error, claimed]
     values = np.concatenate(drawn)
     values = values[np.isfinite(values) & (values > 0)]
@@ -299,16 +233,11 @@ def position(
     reference: Trajectory, or the Errors against it where they are known already; so for the figures
     below too.
     """
-    e = _known(solution, reference)
-    if e is not None and e.position is not None:
-        shown = _Columns(NED_AXES, "m", e.position, 3 * claimed_sd(e)[:, :3])
-        return _errors(solution, e.t, shown, colour, window)
-    lla = solution.trajectory.lla
-    moved = displacement(lla, np.broadcast_to(lla[0], lla.shape))
+    lla, half = solution.trajectory.lla, 3 * claimed_sd(solution)[:, POS]
+    moved = displacement(lla, np.broadcast_to(_first_known(lla), lla.shape))
     values = np.c_[moved[:, :2], lla[:, 2]]
-    names = ("north", "east", "height")
-    shown = _Columns(names, "m", values, 3 * claimed_sd(solution)[:, :3])
-    return _estimates(solution, shown, colour)
+    shown = _Panels(("north", "east", "height"), "m", solution.t, values, half)
+    return _errors_or_estimates(solution, shown, reference, "position", colour, window)
 
 
 def heave(
@@ -318,13 +247,14 @@ def heave(
     m, upwards; None of others. Beside it `compare`, about its own."""
     if solution.has_position:
         return None
-    beside = None
-    if compare is not None:
-        beside = _Beside(compare.t, about_mean(compare.t, compare.lla[:, 2:], solution.t))
-    values = about_mean(solution.t, solution.trajectory.lla[:, 2:], solution.t)
-    sd = 3 * claimed_sd(solution)[:, 2:3]
-    shown = _Columns(("heave about its mean",), "m", values, sd, beside)
-    return _estimates(solution, shown, colour, 260)
+
+    def about(made: Trajectory) -> tuple[Array, Array]:
+        return made.t, about_mean(made.t, made.lla[:, 2:], solution.t)
+
+    half, beside = 3 * claimed_sd(solution)[:, 2:3], None if compare is None else about(compare)
+    t, values = about(solution.trajectory)
+    shown = _Panels(("heave about its mean",), "m", t, values, half, beside=beside, height=260)
+    return _drawn(solution, shown, colour)
 
 
 def velocity(
@@ -336,16 +266,11 @@ def velocity(
 ) -> go.Figure | None:
     """Velocity error per axis with its 3-sigma band, m/s NED; without a reference the estimate
     (with `compare` drawn beside it)."""
-    e = _known(solution, reference)
-    if e is not None and e.velocity is not None:
-        shown = _Columns(NED_AXES, "m/s", e.velocity, 3 * claimed_sd(e)[:, 3:6])
-        return _errors(solution, e.t, shown, colour, window)
-    beside = None
-    if compare is not None and compare.v_n is not None:
-        beside = _Beside(compare.t, compare.v_n)
-    v_n, sd = solution.trajectory.v_n, 3 * claimed_sd(solution)[:, 3:6]
+    v_n, half = solution.trajectory.v_n, 3 * claimed_sd(solution)[:, VEL]
     assert v_n is not None  # a solution has it, NaN where its filter estimates none
-    return _estimates(solution, _Columns(NED_AXES, "m/s", v_n, sd, beside), colour)
+    beside = None if compare is None or compare.v_n is None else (compare.t, compare.v_n)
+    shown = _Panels(NED_AXES, "m/s", solution.t, v_n, half, beside=beside)
+    return _errors_or_estimates(solution, shown, reference, "velocity", colour, window)
 
 
 def attitude(
@@ -357,17 +282,13 @@ def attitude(
 ) -> go.Figure | None:
     """Errors of roll, pitch and heading with 3-sigma bands, deg; without a reference the
     estimate (with `compare` drawn beside it)."""
-    e = _known(solution, reference)
-    if e is not None and e.rph is not None:
-        sd = euler_sd(solution.trajectory.rph[e.rows], claimed_sd(e)[:, 6:9])
-        shown = _Columns(EULER, "deg", np.degrees(e.rph), 3 * np.degrees(sd))
-        return _errors(solution, e.t, shown, colour, window)
-    rph, sd = solution.trajectory.rph, claimed_sd(solution)[:, 6:9]
+    rph = solution.trajectory.rph
+    half = 3 * np.degrees(euler_sd(rph, claimed_sd(solution)[:, ATT]))
     beside = None
     if compare is not None and compare.q_nb is not None:
-        beside = _Beside(compare.t, np.degrees(compare.rph))
-    shown = _Columns(EULER, "deg", np.degrees(rph), 3 * np.degrees(euler_sd(rph, sd)), beside)
-    return _estimates(solution, shown, colour)
+        beside = compare.t, np.degrees(compare.rph)
+    shown = _Panels(EULER, "deg", solution.t, np.degrees(rph), half, beside=beside)
+    return _errors_or_estimates(solution, shown, reference, "rph", colour, window)
 
 
 def attitude_angles(
@@ -382,23 +303,11 @@ def attitude_angles(
     found = metrics.attitude_angles(e)
     if found is None or not metrics.any_known(e.attitude):
         return None
-    angles, names = np.degrees(found), metrics.AttitudeAngles._fields
-    figure, zero, outside = panels([f"{name} [deg]" for name in names], 140), origin(solution.t), []
-    for i, name in enumerate(names):
-        line(figure, e.t - zero, angles[i], "angle of the error", colour, row=i + 1)
-        limit, largest = frame(e.t, angles[i], np.zeros(len(e.t)), window)
-        figure.update_yaxes(range=[0, limit], row=i + 1, col=1)
-        outside += [f"{name} up to {largest:.3g} deg"] if largest > limit else []
-    _beyond(figure, outside, window)
-    return time_axis(figure, solution, zero)
-
-
-def _known(solution: Solution, reference: Trajectory | Errors | None) -> Errors | None:
-    return (
-        reference
-        if reference is None or isinstance(reference, metrics.Errors)
-        else metrics.errors(solution, reference)
-    )
+    angles, names = np.degrees(found).T, metrics.AttitudeAngles._fields
+    none_claimed = np.full_like(angles, np.nan)
+    label = "angle of the error"
+    shown = _Panels(names, "deg", e.t, angles, none_claimed, _above_zero, label, height=140)
+    return _drawn(solution, shown, colour, window)
 
 
 def euler_sd(rph: Array, sd: Array) -> Array:
@@ -421,111 +330,121 @@ def euler_sd(rph: Array, sd: Array) -> Array:
     )
 
 
-class _Beside(NamedTuple):
-    """What is drawn beside the columns of a solution."""
-
-    t: Array  # (m,) s
-    values: Array  # (m, k)
-
-
-class _Columns(NamedTuple):
-    """What the panels of a figure show, a panel for each column."""
-
-    names: Sequence[str]
-    unit: str
-    values: Array  # (n, k)
-    half: Array  # (n, k) half the height of their bands
-    beside: _Beside | None = None
-
-
-def _errors(
+def _errors_or_estimates(
     solution: Solution,
-    t: Array,
-    shown: _Columns,
+    estimates: _Panels,
+    reference: Trajectory | Errors | None,
+    part: str,
     colour: str,
     window: tuple[float, float] | None,
 ) -> go.Figure | None:
-    """A panel per column of `shown`, at times t, around zero, with its band; columns without a
-    number are left out."""
-    names, unit, values, half, _ = _with_numbers(shown)
-    if not names:
+    """The `part` of the Errors where the reference knows it, else the estimates of the same."""
+    e = metrics.errors(solution, reference) if isinstance(reference, Trajectory) else reference
+    errors = None if e is None else getattr(e, part)
+    shown = estimates
+    if e is not None and errors is not None:
+        names, values = (EULER, np.degrees(errors)) if part == "rph" else (NED_AXES, errors)
+        half = estimates.half[e.rows]
+        label = "error (true - estimate)"
+        shown = _Panels(names, estimates.unit, e.t, values, half, _around_zero, label)
+    return _drawn(solution, shown, colour, window)
+
+
+def _around_zero(
+    t: Array, values: Array, half: Array, window: tuple[float, float] | None
+) -> tuple[float, float, float]:
+    """Ends of an axis around zero, and the largest magnitude where that is beyond them, else 0."""
+    limit, largest = frame(t, values, half, window)
+    return -limit, limit, largest if largest > limit else 0.0
+
+
+def _above_zero(
+    t: Array, values: Array, half: Array, window: tuple[float, float] | None
+) -> tuple[float, float, float]:
+    """As `_around_zero`, of values that have no sign."""
+    _, limit, beyond = _around_zero(t, values, half, window)
+    return 0, limit, beyond
+
+
+def _around_settled(
+    t: Array, values: Array, half: Array, window: tuple[float, float] | None
+) -> tuple[float, float, float]:
+    """As `_around_zero`, around the value that a bias settles at."""
+    late = values[len(t) // 3 :]
+    settled = float(np.nanmedian(late)) if np.isfinite(late).any() else 0.0
+    away = values - settled
+    low, high, beyond = _around_zero(t, away, half + np.abs(away), window)
+    return settled + low, settled + high, beyond
+
+
+def _around_all(
+    t: Array, values: Array, half: Array, window: tuple[float, float] | None
+) -> tuple[float, float, float]:
+    """As `_around_zero`, around all values and their later bands; nothing is beyond."""
+    low, high = extent(values)
+    reach = 1.15 * max((high - low) / 2, min(peak(half[len(t) // 3 :]), 2 * (high - low)), 1e-9)
+    return (low + high) / 2 - reach, (low + high) / 2 + reach, 0.0
+
+
+class _Panels(NamedTuple):
+    """What a figure shows, a panel for each column."""
+
+    names: Sequence[str]
+    unit: str
+    t: Array  # (n,) s
+    values: Array  # (n, k)
+    half: Array  # (n, k) half the height of their bands
+    framed: Callable[
+        [Array, Array, Array, tuple[float, float] | None], tuple[float, float, float]
+    ] = _around_all
+    label: str = "estimate"
+    beside: tuple[Array, Array] | None = None  # (m,) s and (m, k): what is drawn beside them
+    height: int = 170  # of a panel
+
+
+def _drawn(
+    solution: Solution,
+    shown: _Panels,
+    colour: str,
+    window: tuple[float, float] | None = None,
+) -> go.Figure | None:
+    """A panel per column of `shown` that has numbers, with its band: that of errors around zero,
+    that of estimates around them. Angles that wrap are cut there."""
+    kept = np.flatnonzero(np.isfinite(shown.values).any(axis=0)).tolist()
+    if not kept:
         return None
-    figure, zero, outside = panels([f"{name} [{unit}]" for name in names]), origin(solution.t), []
-    for i, name in enumerate(names):
-        band(figure, t - zero, np.zeros(len(t)), half[:, i], row=i + 1)
-        line(figure, t - zero, values[:, i], "error (true - estimate)", colour, row=i + 1)
-        limit, largest = frame(t, values[:, i], half[:, i], window)
-        figure.update_yaxes(range=[-limit, limit], row=i + 1, col=1)
-        if largest > limit:
-            outside.append(f"{name} up to {largest:.3g} {unit}")
-    _beyond(figure, outside, window)
-    return time_axis(figure, solution, zero)
-
-
-def _beyond(
-    figure: go.Figure, outside: Sequence[str], window: tuple[float, float] | None = None
-) -> None:
-    """Say below the figure what of `outside` its frames do not show."""
+    names, unit, t = shown.names, shown.unit, shown.t
+    figure = panels([f"{names[i]} [{unit}]" for i in kept], shown.height)
+    zero, outside = origin(solution.t), []
+    for row, i in enumerate(kept, start=1):
+        name, values, half = names[i], shown.values[:, i], shown.half[:, i]
+        seen = None if shown.beside is None else shown.beside[1][:, i]
+        turns = shown.framed is _around_all and name in ("roll", "heading")
+        if turns and name == "heading":
+            values, seen = together(values, seen)
+        low, high, beyond = shown.framed(t, values, half, window)
+        if turns:
+            least, most = extent(values)
+            low, high = (0, 360) if name == "heading" and most - least > 180 else (low, high)
+            values, half = cut(values), np.where(half < 180, half, np.nan)
+        centre = values if shown.label == "estimate" else np.zeros(len(t))
+        band(figure, t - zero, centre, half, row=row)
+        line(figure, t - zero, values, shown.label, colour, row=row)
+        if shown.beside is not None and seen is not None and metrics.any_known(seen):
+            inside = (shown.beside[0] >= t[0]) & (shown.beside[0] <= t[-1])
+            true = cut(seen[inside]) if turns else seen[inside]
+            since = shown.beside[0][inside] - zero
+            line(figure, since, true, "reference", GREY, row=row, dash="dot")
+        figure.update_yaxes(range=[low, high], row=row, col=1)
+        if beyond:
+            outside.append(
+                name if shown.framed is _around_settled else f"{name} up to {beyond:.3g} {unit}"
+            )
     if outside:
         when = "outside the scored window" if window else "while the filter converges"
         note(
             figure,
             f"Beyond the frame {when}: {', '.join(outside)}. Double-click a panel to see all of it.",
-        )
-
-
-def _with_numbers(shown: _Columns) -> _Columns:
-    """The same without the columns whose values have no number."""
-    kept = np.flatnonzero(np.isfinite(shown.values).any(axis=0))
-    beside = shown.beside
-    return _Columns(
-        [shown.names[i] for i in kept.tolist()],
-        shown.unit,
-        shown.values[:, kept],
-        shown.half[:, kept],
-        None if beside is None else _Beside(beside.t, beside.values[:, kept]),
-    )
-
-
-def _estimates(
-    solution: Solution, shown: _Columns, colour: str, height: int = 170
-) -> go.Figure | None:
-    """A panel per column of `shown` that has numbers, with its band around it; angles that wrap
-    are cut there."""
-    names, unit, values, half, beside = _with_numbers(shown)
-    if not names:
-        return None
-    figure, zero, t = (
-        panels([f"{name} [{unit}]" for name in names], height),
-        origin(solution.t),
-        solution.t,
-    )
-    for i, name in enumerate(names):
-        wraps, seen = name in ("roll", "heading"), None if beside is None else beside.values[:, i]
-        if name == "heading":
-            values[:, i], seen = together(values[:, i], seen)
-        centre = cut(values[:, i]) if wraps else values[:, i]
-        band(
-            figure,
-            t - zero,
-            centre,
-            np.where(half[:, i] < 180, half[:, i], np.nan) if wraps else half[:, i],
-            row=i + 1,
-        )
-        line(figure, t - zero, centre, "estimate", colour, row=i + 1)
-        if beside is not None and seen is not None and metrics.any_known(seen):
-            inside = (beside.t >= t[0]) & (beside.t <= t[-1])
-            path = cut(seen[inside]) if wraps else seen[inside]
-            line(figure, beside.t[inside] - zero, path, "reference", GREY, row=i + 1, dash="dot")
-        low, high = extent(values[:, i])
-        reach = 1.15 * max(
-            (high - low) / 2, min(peak(half[len(t) // 3 :, i]), 2 * (high - low)), 1e-9
-        )
-        whole_turn = name == "heading" and high - low > 180
-        figure.update_yaxes(
-            range=[0, 360] if whole_turn else [(low + high) / 2 - reach, (low + high) / 2 + reach],
-            row=i + 1,
-            col=1,
         )
     return time_axis(figure, solution, zero)
 
@@ -533,35 +452,26 @@ def _estimates(
 def sigma(solution: Solution) -> go.Figure | None:
     """3-sigma of position (m), velocity (m/s) and attitude (deg) over time on logarithmic axes;
     None where the filter claims none."""
-    sd, zero = (
-        3 * claimed_sd(solution)[:, :9] * np.r_[np.ones(6), np.full(3, np.degrees(1))],
-        origin(solution.t),
-    )
-    if not np.isfinite(sd).any():
-        return None
-    groups = [k for k in range(3) if np.isfinite(sd[:, 3 * k : 3 * k + 3]).any()]
-    figure, legend = (
-        panels(
-            [("3σ position [m]", "3σ velocity [m/s]", "3σ attitude [deg]")[k] for k in groups],
-            log=True,
-        ),
-        set(),
-    )
-    for row, group in enumerate(groups, start=1):
-        shown = np.where(
-            sd[:, 3 * group : 3 * group + 3] > 0, sd[:, 3 * group : 3 * group + 3], np.nan
+    scale, zero = np.r_[np.ones(6), np.full(3, np.degrees(1))], origin(solution.t)
+    sd = 3 * claimed_sd(solution)[:, :9] * scale
+    groups = [
+        (f"3σ {name} [{unit}]", sd[:, states])
+        for name, unit, states in (
+            ("position", "m", POS),
+            ("velocity", "m/s", VEL),
+            ("attitude", "deg", ATT),
         )
-        for i in np.flatnonzero(np.isfinite(shown).any(axis=0)):
-            line(
-                figure,
-                solution.t - zero,
-                shown[:, i],
-                NED_AXES[i],
-                COLOURS[i],
-                row=row,
-                legend=i not in legend,
-            )
-            legend.add(i)
+        if np.isfinite(sd[:, states]).any()
+    ]
+    if not groups:
+        return None
+    figure, listed = panels([label for label, _ in groups], log=True), set()
+    for row, (_, values) in enumerate(groups, start=1):
+        shown = np.where(values > 0, values, np.nan)
+        for i in np.flatnonzero(np.isfinite(shown).any(axis=0)).tolist():
+            new = i not in listed
+            line(figure, solution.t - zero, shown[:, i], NED_AXES[i], COLOURS[i], row, new)
+            listed.add(i)
         shown = shown[np.isfinite(shown)]
         if len(shown):
             log_range(figure, shown.min(), shown.max(), row=row)
@@ -570,49 +480,24 @@ def sigma(solution: Solution) -> go.Figure | None:
 
 def accel_bias(solution: Solution, colour: str = COLOURS[0]) -> go.Figure | None:
     """Accelerometer bias per body axis with its 3-sigma band, in mg or, where it is small, ug."""
-    scale, unit = (1e6 / 9.80665, "ug") if peak(solution.b_a) < 1e-3 else (1e3 / 9.80665, "mg")
-    return _bias(
-        solution, solution.b_a * scale, 3 * claimed_sd(solution)[:, 9:12] * scale, unit, colour
-    )
+    scale, unit = (1e6, "ug") if peak(solution.b_a) < 1e-3 else (1e3, "mg")
+    return _bias(solution, solution.b_a, BA, scale / STANDARD_GRAVITY, unit, colour)
 
 
 def gyro_bias(solution: Solution, colour: str = COLOURS[0]) -> go.Figure | None:
     """Gyro bias per body axis with its 3-sigma band, in deg/h or, where it is large, deg/s."""
-    scale, unit = (
-        (np.degrees(1), "deg/s")
-        if peak(solution.b_g) > np.radians(0.5)
-        else (np.degrees(3600), "deg/h")
-    )
-    return _bias(
-        solution, solution.b_g * scale, 3 * claimed_sd(solution)[:, 12:15] * scale, unit, colour
-    )
+    large = peak(solution.b_g) > np.radians(0.5)
+    scale, unit = (np.degrees(1), "deg/s") if large else (np.degrees(3600), "deg/h")
+    return _bias(solution, solution.b_g, BG, scale, unit, colour)
 
 
 def _bias(
-    solution: Solution, values: Array, half: Array, unit: str, colour: str
+    solution: Solution, bias: Array, states: slice, scale: float, unit: str, colour: str
 ) -> go.Figure | None:
+    values, half = bias * scale, 3 * claimed_sd(solution)[:, states] * scale
     if not np.isfinite(half).any() and not peak(values):
         return None
-    axes, _, values, half, _ = _with_numbers(_Columns("xyz", unit, values, half))
-    figure, zero, t, outside = (
-        panels([f"{axis} [{unit}]" for axis in axes]),
-        origin(solution.t),
-        solution.t,
-        [],
-    )
-    for i, axis in enumerate(axes):
-        band(figure, t - zero, values[:, i], half[:, i], row=i + 1)
-        line(figure, t - zero, values[:, i], "estimate", colour, row=i + 1)
-        late = values[len(t) // 3 :, i]
-        settled = float(np.nanmedian(late)) if np.isfinite(late).any() else 0.0
-        limit, largest = frame(
-            t, values[:, i] - settled, half[:, i] + np.abs(values[:, i] - settled)
-        )
-        figure.update_yaxes(range=[settled - limit, settled + limit], row=i + 1, col=1)
-        if largest > limit:
-            outside.append(axis)
-    _beyond(figure, outside)
-    return time_axis(figure, solution, zero)
+    return _drawn(solution, _Panels("xyz", unit, solution.t, values, half, _around_settled), colour)
 
 
 def extra(solution: Solution, colour: str = COLOURS[0]) -> go.Figure | None:

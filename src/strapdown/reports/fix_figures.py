@@ -4,19 +4,19 @@
 from __future__ import annotations
 
 from html import escape
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 
 from ..aiding import find
 from ..data import Solution
+from ..evaluation.metrics import EULER, NED_AXES
 from ..quantities import shown_unit
 from ..typing import Array, Mask
 from .drawing import (
     COLOURS,
     GREY,
-    NED_AXES,
     RED,
     column,
     even,
@@ -55,11 +55,7 @@ def unit(solution: Solution, name: str) -> tuple[str, float, tuple[str, ...]]:
     units = {shown_unit(quantity) for quantity in sensor.quantities}
     named, factor = units.pop() if len(units) == 1 else ("m, m/s or rad", 1.0)
     rows = (
-        ("roll", "pitch", "heading")
-        if sensor.name == "attitude"
-        else tuple("xyz")
-        if sensor.vector == "b"
-        else NED_AXES
+        EULER if sensor.name == "attitude" else tuple("xyz") if sensor.vector == "b" else NED_AXES
     )
     return named, factor, rows
 
@@ -67,14 +63,6 @@ def unit(solution: Solution, name: str) -> tuple[str, float, tuple[str, ...]]:
 def _innovations(solution: Solution, name: str) -> Array:
     fixes = solution.innovations
     return fixes.innovation[fixes.source == fixes.names.index(name)]
-
-
-class _Panel(NamedTuple):
-    """Where one source is drawn."""
-
-    figure: go.Figure
-    row: int
-    legend: set[str]  # the names that the legend of the figure has already
 
 
 def innovations(solution: Solution) -> go.Figure | None:
@@ -86,21 +74,16 @@ def innovations(solution: Solution) -> go.Figure | None:
     units = {source: unit(solution, fixes.names[source]) for source in used}
     figure = panels([f"{escape(fixes.names[source])} [{units[source][0]}]" for source in used], 210)
     zero = origin(solution.t)
-    legend: set[str] = set()
     for row, source in enumerate(used, start=1):
         named, factor, rows = units[source]
-        chosen = np.flatnonzero(fixes.source == source)
-        t, values, good = (
-            fixes.t[chosen] - zero,
-            fixes.innovation[chosen] * factor,
-            fixes.accepted[chosen],
-        )
+        own = fixes.source == source
+        t, values, good = fixes.t[own] - zero, fixes.innovation[own] * factor, fixes.accepted[own]
         names = rows if np.isfinite(values[:, 1:]).any() else ("single component",)
-        panel = _Panel(figure, row, legend)
         for i, name in enumerate(names):
-            _points(panel, t, values[:, i], good, name, {"color": COLOURS[i], "size": 4})
+            mark = {"color": COLOURS[i], "size": 4}
+            _points(figure, row, t, np.where(good, values[:, i], np.nan), name, mark)
         for i in range(len(names)):
-            _points(panel, t, values[:, i], ~good, "rejected", CROSS)
+            _points(figure, row, t, np.where(good, np.nan, values[:, i]), "rejected", CROSS)
         _range(figure, values, good, row, fixes.names[source], named)
     return time_axis(figure, solution, zero)
 
@@ -115,16 +98,17 @@ def nis(solution: Solution) -> go.Figure | None:
     if not used:
         return None
     figure = panels([escape(fixes.names[source]) for source in used], 190, log=True)
-    legend: set[str] = set()
     for row, source in enumerate(used, start=1):
-        chosen = np.flatnonzero((fixes.source == source) & (fixes.nis > 0))
-        t, values, good = fixes.t[chosen] - zero, fixes.nis[chosen], fixes.accepted[chosen]
-        panel = _Panel(figure, row, legend)
-        _points(panel, t, values, good, "accepted", {"color": COLOURS[0], "size": 4})
-        _points(panel, t, values, ~good, "rejected", CROSS)
+        own = (fixes.source == source) & (fixes.nis > 0)
+        t, values, good = fixes.t[own] - zero, fixes.nis[own], fixes.accepted[own]
+        accepted = {"color": COLOURS[0], "size": 4}
+        _points(figure, row, t, np.where(good, values, np.nan), "accepted", accepted)
+        _points(figure, row, t, np.where(good, np.nan, values), "rejected", CROSS)
         gate = fixes.gates[source] if source < len(fixes.gates) else None
         if gate is not None and np.isfinite(gate):
-            _gate(panel, solution.t[[0, -1]] - zero, gate)
+            dashed = {"color": GREY, "dash": "dash", "width": 1.5}
+            ends = column(solution.t[[0, -1]] - zero)
+            _scatter(figure, row, "gate", x=ends, y=[gate, gate], mode="lines", line=dashed)
         top = max(peak(values), peak(np.array([gate or 0.0]))) or 1.0
         low = np.quantile(values, 0.02) if len(values) else 0.01
         log_range(figure, max(low, top * 1e-7), top, row)
@@ -140,46 +124,25 @@ def _used(solution: Solution) -> list[int]:
     ]
 
 
-def _gate(panel: _Panel, ends: Array, gate: float) -> None:
-    panel.figure.add_trace(
-        go.Scatter(
-            x=column(ends),
-            y=[gate, gate],
-            name="gate",
-            legendgroup="gate",
-            mode="lines",
-            hovertemplate="%{y:.4g}",
-            showlegend="gate" not in panel.legend,
-            line={"color": GREY, "dash": "dash", "width": 1.5},
-        ),
-        row=panel.row,
-        col=1,
-    )
-    panel.legend.add("gate")
-
-
 def _points(
-    panel: _Panel, t: Array, values: Array, which: Mask, name: str, style: dict[str, Any]
+    figure: go.Figure, row: int, t: Array, values: Array, name: str, style: dict[str, Any]
 ) -> None:
-    """Markers of the chosen fixes."""
-    chosen = np.flatnonzero(which & np.isfinite(values))
+    """Markers of the known values, thinned at even steps."""
+    chosen = np.flatnonzero(np.isfinite(values))
     chosen = chosen[even(len(chosen))]
     if len(chosen):
-        panel.figure.add_trace(
-            go.Scatter(
-                x=column(t[chosen]),
-                y=column(values[chosen]),
-                name=name,
-                legendgroup=name,
-                mode="markers",
-                marker=style,
-                showlegend=name not in panel.legend,
-                hovertemplate="%{y:.4g}",
-            ),
-            row=panel.row,
-            col=1,
-        )
-        panel.legend.add(name)
+        x, y = column(t[chosen]), column(values[chosen])
+        _scatter(figure, row, name, x=x, y=y, mode="markers", marker=style)
+
+
+def _scatter(figure: go.Figure, row: int, name: str, **data: Any) -> None:
+    """A trace that is in the legend where its name is not there yet."""
+    new = name not in {trace.name for trace in figure.data}
+    figure.add_trace(
+        go.Scatter(name=name, legendgroup=name, showlegend=new, hovertemplate="%{y:.4g}", **data),
+        row=row,
+        col=1,
+    )
 
 
 def _range(figure: go.Figure, values: Array, good: Mask, row: int, name: str, named: str) -> None:
@@ -189,12 +152,8 @@ def _range(figure: go.Figure, values: Array, good: Mask, row: int, name: str, na
     limit = largest if largest <= 3 * inner or not inner else inner
     figure.update_yaxes(range=[-1.12 * (limit or 1.0), 1.12 * (limit or 1.0)], row=row, col=1)
     if largest > limit:
-        count = int(
-            (
-                np.nanmax(np.abs(values), axis=1, initial=0.0, where=np.isfinite(values))
-                > 1.12 * limit
-            ).sum()
-        )
+        sizes = np.nanmax(np.abs(values), axis=1, initial=0.0, where=np.isfinite(values))
+        count = int((sizes > 1.12 * limit).sum())
         fixes = "fix" if count == 1 else "fixes"
         note(
             figure,

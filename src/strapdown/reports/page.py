@@ -4,7 +4,7 @@ written whole or not at all."""
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from html import escape
 from typing import Any, TypeAlias
@@ -18,8 +18,9 @@ from ..data import Solution, Trajectory
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
 from ..io.solution import plain
-from . import figures, fix_figures, summary
+from . import summary
 from .drawing import COLOURS, MARKED, SHADES, WITHHELD
+from .figure_list import Figure, figures_of_page
 from .shell import Page, listed, placed, shell
 
 FOOTER = (
@@ -35,11 +36,6 @@ ZOOM_HINT = (
 
 Section: TypeAlias = "tuple[str, Sequence[tuple[go.Figure, str, str]]]"
 """Heading of a section of the page, and its figures, each with its heading and its caption."""
-
-Caption: TypeAlias = str | Callable[[Solution], str]
-ErrorFigure: TypeAlias = (
-    "Callable[[Solution, Errors, str, tuple[float, float] | None], go.Figure | None]"
-)
 
 
 def report(
@@ -60,19 +56,15 @@ def report(
     scores, unscored = _scores(solutions, reference)
     first = next(iter(solutions.values()))
     title = title or f"{first.meta.get('recording', 'Solution')}: {', '.join(solutions)}"
-    sections = [
-        (name, text)
-        for name, text in _sections(solutions, reference if scores else None, scores, window, more)
-        if text
-    ]
+    draw = _Drawer(solutions, reference if scores else None, scores, window)
+    sections = [(name, text) for name, text in _sections(draw, more) if text]
     sections[0] = "Summary", unscored + sections[0][1]
     sections[1] = sections[1][0], _key(solutions) + sections[1][1]
     footer = "".join(
         FOOTER if any(solution.has_position for solution in solutions.values()) else FOOTER[::2]
     )
-    return shell(
-        title, listed(_facts(solutions, window, facts)), sections, footer, wide=len(solutions) > 1
-    )
+    below = listed(_facts(solutions, window, facts))
+    return shell(title, below, sections, footer, wide=len(solutions) > 1, notes=tuple(draw.notes))
 
 
 def _key(solutions: Mapping[str, Solution]) -> str:
@@ -175,65 +167,19 @@ def _imu(metas: Sequence[Mapping[str, Any]]) -> str:
     return ", ".join(dict.fromkeys(map(str, named)))
 
 
-def _sections(
-    solutions: Mapping[str, Solution],
-    reference: Trajectory | None,
-    scores: dict[str, Errors],
-    window: tuple[float, float] | None,
-    more: Sequence[Section],
-) -> Iterator[tuple[str, str]]:
+def _sections(draw: _Drawer, more: Sequence[Section]) -> Iterator[tuple[str, str]]:
     """(heading, HTML) of every section in reading order."""
-    draw = _Drawer(solutions)
-    yield "Summary", _summary(solutions, scores, window)
-    yield "Track", _overview(draw, solutions, reference, scores)
-    for heading, shown in more:
-        yield heading, f"<div class=grid>{''.join(draw.place(*each) for each in shown)}</div>"
-    if scores:
-        yield "Errors", _errors(draw, scores, window)
-    yield ("Motion" if scores else "Estimates"), _motion(draw, reference)
-    yield (
-        "Claimed uncertainty",
-        draw.each(
-            f"3σ of {_claimed(solutions)}",
-            "Logarithmic axes: it falls with aiding and grows without.",
-            lambda name, s, _: figures.sigma(s),
-        ),
-    )
-    axes = "In body axes, forward, right, down"
-    yield (
-        "Biases",
-        draw.each(
-            "Accelerometer bias",
-            _banded(slice(9, 12), ", with ±3σ", axes, "."),
-            lambda name, s, colour: figures.accel_bias(s, colour),
-        )
-        + draw.each(
-            "Gyro bias",
-            _banded(slice(12, 15), ", with ±3σ", axes, "."),
-            lambda name, s, colour: figures.gyro_bias(s, colour),
-        ),
-    )
-    yield (
-        "Fixes",
-        draw.each(
-            "Innovations",
-            "Fix − estimate: around zero and without pattern when all is well.",
-            lambda name, s, _: fix_figures.innovations(s),
-        )
-        + draw.each(
-            "Normalised innovation squared",
-            "A fix above the gate is rejected.",
-            lambda name, s, _: fix_figures.nis(s),
-        ),
-    )
-    yield (
-        "Filter columns",
-        draw.each(
-            "Columns of the filter",
-            "What this filter publishes besides the navigation state.",
-            lambda name, s, colour: figures.extra(s, colour),
-        ),
-    )
+    solutions, scores = draw.solutions, draw.scores
+    yield "Summary", _summary(solutions, scores, draw.window)
+    figures = figures_of_page()
+    for section in dict.fromkeys(figure.section for figure in figures):
+        shown = [text for figure in figures if figure.section == section and (text := draw(figure))]
+        if section == "Track" and shown:
+            pair = f"{shown[0]}<div>{''.join(shown[1:])}</div>"
+            shown = [f"<div class='grid pair'>{pair}</div>"]
+        yield "Estimates" if section == "Motion" and not scores else section, "".join(shown)
+        for heading, given in more if section == "Track" else ():
+            yield heading, f"<div class=grid>{''.join(draw.place(*each) for each in given)}</div>"
     yield (
         "Details",
         "".join(
@@ -241,150 +187,6 @@ def _sections(
             f"made</summary><pre>{escape(_details(solution))}</pre></details>"
             for name, solution in solutions.items()
         ),
-    )
-
-
-def _banded(
-    states: slice, claimed: str, before: str = "", after: str = ""
-) -> Callable[[Solution], str]:
-    """A caption as function of the Solution it is for: with the words on the band where the
-    filter claims standard deviations of those states."""
-    return lambda solution: (
-        before
-        + (claimed if metrics.any_known(summary.claimed_sd(solution)[:, states]) else "")
-        + after
-    )
-
-
-def _claimed(solutions: Mapping[str, Solution]) -> str:
-    parts = (
-        ("position", slice(0, 2)),
-        ("height", 2),
-        ("velocity", slice(3, 6)),
-        ("attitude", slice(6, 9)),
-    )
-    known = [
-        name
-        for name, states in parts
-        if any(
-            metrics.any_known(summary.claimed_sd(solution)[:, states])
-            for solution in solutions.values()
-        )
-    ]
-    return ", ".join(name for name in known if name != "height" or "position" not in known)
-
-
-def _overview(
-    draw: _Drawer,
-    solutions: Mapping[str, Solution],
-    reference: Trajectory | None,
-    scores: dict[str, Errors],
-) -> str:
-    if not any(solution.has_position for solution in solutions.values()):
-        return ""
-    seen = draw.place(
-        figures.track(solutions, reference),
-        "Seen from above",
-        "Dots are position fixes: the estimate plus its innovation.",
-    )
-    beside = draw.place(
-        figures.height(solutions, reference), "Height", "Above the WGS-84 ellipsoid."
-    )
-    claimed = any(
-        metrics.any_known(summary.claimed_sd(solution)[:, :2]) for solution in solutions.values()
-    )
-    if scores and (horizontal := figures.horizontal(solutions, scores)):
-        beside += draw.place(
-            horizontal,
-            "Horizontal error",
-            "It should stay below what the filter claims." if claimed else "",
-        )
-    return f"<div class='grid pair'>{seen}<div>{beside}</div></div>"
-
-
-def _errors(draw: _Drawer, scores: dict[str, Errors], window: tuple[float, float] | None) -> str:
-    shown: list[tuple[str, Caption, ErrorFigure, str]] = [
-        (
-            "Position error",
-            _banded(slice(0, 3), "With the ±3σ band that the filter claims."),
-            figures.position,
-            "position",
-        ),
-        (
-            "Velocity error",
-            _banded(slice(3, 6), "With its ±3σ band."),
-            figures.velocity,
-            "velocity",
-        ),
-        (
-            "Attitude error",
-            _banded(
-                slice(6, 9),
-                "; ±3σ bands from the rotation vector, correlations neglected",
-                "Heading wrapped to ±180 deg",
-                ".",
-            ),
-            figures.attitude,
-            "attitude",
-        ),
-    ]
-    if not all(metrics.any_known(e.horizontal) for e in scores.values()):
-        shown.append(
-            (
-                "Angle of the attitude error",
-                "Of the whole rotation, of the vertical, and about it: without signs, and alike in "
-                "every attitude.",
-                figures.attitude_angles,
-                "attitude",
-            )
-        )
-    return "".join(
-        draw.each(
-            heading,
-            caption,
-            lambda name, s, colour: (
-                figure(s, scores[name], colour, window)
-                if getattr(scores[name], part) is not None
-                else None
-            ),
-        )
-        for heading, caption, figure, part in shown
-    )
-
-
-def _motion(draw: _Drawer, reference: Trajectory | None) -> str:
-    position = (
-        ""
-        if reference is not None
-        else draw.each(
-            "Position",
-            _banded(slice(0, 3), ", with ±3σ", "North and east from the start, and height", "."),
-            lambda name, s, colour: figures.position(s, None, colour) if s.has_position else None,
-        )
-    )
-    heave = draw.each(
-        "Heave",
-        _banded(
-            slice(2, 3),
-            ", with ±3σ",
-            "Height, upwards, about its mean",
-            "; a reference about its own.",
-        ),
-        lambda name, s, colour: figures.heave(s, colour, reference),
-    )
-    return (
-        position
-        + heave
-        + draw.each(
-            "Velocity",
-            _banded(slice(3, 6), "With ±3σ."),
-            lambda name, s, colour: figures.velocity(s, None, colour, compare=reference),
-        )
-        + draw.each(
-            "Attitude",
-            _banded(slice(6, 9), "; with ±3σ", "Heading is clockwise from north", "."),
-            lambda name, s, colour: figures.attitude(s, None, colour, compare=reference),
-        )
     )
 
 
@@ -432,36 +234,61 @@ def _summary(
 class _Drawer:
     """Places figures on the page and numbers them."""
 
-    def __init__(self, solutions: Mapping[str, Solution]) -> None:
-        self.solutions, self.count = solutions, 0
-
-    def each(
+    def __init__(
         self,
-        heading: str,
-        caption: Caption,
-        make: Callable[[str, Solution, str], go.Figure | None],
-    ) -> str:
-        """One figure per solution, side by side, made by make(name, solution, colour); the colour
-        of a solution is the same everywhere.
+        solutions: dict[str, Solution],
+        reference: Trajectory | None,
+        scores: dict[str, Errors],
+        window: tuple[float, float] | None,
+    ) -> None:
+        self.solutions, self.reference = solutions, reference
+        self.scores, self.window = scores, window
+        self.count = 0
+        self.notes: list[str] = []  # on figures that could not be drawn
 
-        caption: text, or a function of the Solution that gives it.
-        """
+    def __call__(self, figure: Figure) -> str:
+        """HTML of a Figure: one of all solutions, or one for each, side by side; the colour of a
+        solution is the same everywhere."""
+        if figure.together:
+            return self._drawn(figure, self.solutions, list(self.solutions.values()))
         shown = []
         for i, (name, solution) in enumerate(self.solutions.items()):
             colour = COLOURS[i % len(COLOURS)]
-            figure = make(name, solution, colour)
-            if figure is not None:
-                tag = (
-                    f"<span class=tag><i style='background:{colour}'></i>{escape(name)}</span>"
-                    if len(self.solutions) > 1
-                    else ""
+            mark = f"<span class=tag><i style='background:{colour}'></i>{escape(name)}</span>"
+            tag = mark if len(self.solutions) > 1 else ""
+            given = {"errors": self.scores.get(name), "colour": colour}
+            shown.append(self._drawn(figure, solution, [solution], given, tag))
+        return f"<div class=grid>{''.join(shown)}</div>" if any(shown) else ""
+
+    def _drawn(
+        self,
+        figure: Figure,
+        subject: Solution | dict[str, Solution],
+        shown: list[Solution],
+        given: Mapping[str, Any] = {},
+        tag: str = "",
+    ) -> str:
+        """HTML of what a Figure draws of `subject`; where it raises, a line that says so."""
+        known = {**given, "scores": self.scores, "window": self.window}
+        try:
+            taken = {name: known[name] for name in figure.takes}
+            made = figure.draw(subject, self.reference, **taken)
+            if made is None:
+                return ""
+            if not isinstance(made, go.Figure):
+                raise TypeError(f"it drew {made!r}, which is no plotly Figure")
+            title, caption = (
+                text if isinstance(text, str) else text(about)
+                for text, about in (
+                    (figure.title, list(self.solutions.values())),
+                    (figure.caption, shown),
                 )
-                shown.append(
-                    self.place(
-                        figure, heading, caption(solution) if callable(caption) else caption, tag
-                    )
-                )
-        return f"<div class=grid>{''.join(shown)}</div>" if shown else ""
+            )
+            return self.place(made, title, caption, tag)
+        except Exception as error:  # whatever a user's own figure does, the page is not lost
+            why = " ".join(str(error).split())
+            self.notes.append(f"figure {figure.name!r}: {type(error).__name__}: {why}")
+            return f"<p class=note>{escape(self.notes[-1])}</p>"
 
     def place(self, figure: go.Figure, heading: str, caption: str, tag: str = "") -> str:
         """HTML of one figure."""

@@ -17,13 +17,16 @@ if TYPE_CHECKING:
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:"
 """Content security policy: a browser then refuses any request, whatever a script should try."""
+USUAL_HEIGHT = 450
+"""px of a figure that does not say its own, which is plotly's."""
 
 
 @dataclass(frozen=True)
 class Page:
-    """A finished page; `html` is its text."""
+    """A finished page; `html` is its text, `notes` what its reader should also be told."""
 
     html: str
+    notes: tuple[str, ...] = ()  # one line each
 
     def save(self, path: File) -> None:
         """Write the page to `path`, atomically. Raises DataError where it cannot be written."""
@@ -42,9 +45,10 @@ def shell(
     introduction: str = "",
     style: str = "",
     wide: bool = False,
+    notes: tuple[str, ...] = (),
 ) -> Page:
     """The Page around sections [(heading, HTML)]; `facts` and `introduction` are HTML, `footer` is
-    text, `style` further CSS.
+    text, `style` further CSS, `notes` are those of the Page.
 
     Figures made by `placed` are drawn where there are any; a page without them does without plotly,
     4 MB of script.
@@ -61,14 +65,15 @@ def shell(
         from plotly.offline import get_plotlyjs
 
         scripts = f"<script>{get_plotlyjs()}</script><script>{_shipped('page.js')}</script>"
-    return Page(f"""<!DOCTYPE html>
+    text = f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <meta http-equiv="Content-Security-Policy" content="{POLICY}"><title>{escape(title)}</title>
 <link rel="icon" href="data:,"><style>{_shipped("page.css")}{style}</style></head><body class="{"wide" if wide else ""}">
 <header><div><h1>{escape(title)}</h1>{facts}</div></header><nav><div>{links}</div></nav><main>{introduction}{body}</main>
 <footer>{escape(footer)}</footer>
 {scripts}</body></html>
-""")
+"""
+    return Page(text, notes)
 
 
 def _shipped(name: str) -> str:
@@ -84,10 +89,11 @@ def listed(facts: Mapping[str, object]) -> str:
 def placed(number: int, figure: go.Figure, heading: str, caption: str = "", tag: str = "") -> str:
     """HTML of a plotly figure, the page's `number`-th; its data follow as JSON, in which plotly
     writes no `<`. `tag` is HTML."""
-    notes = "".join(f"<p class=note>{escape(text)}</p>" for text in figure.layout.meta["notes"])
+    said = (figure.layout.meta or {}).get("notes", ())
+    notes = "".join(f"<p class=note>{escape(text)}</p>" for text in said)
     below = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
     return (
         f"<figure><h3>{escape(heading)}{tag}</h3><div class=plot id=p{number} "
-        f"style='height:{figure.layout.height}px'></div>{below}{notes}"
+        f"style='height:{figure.layout.height or USUAL_HEIGHT}px'></div>{below}{notes}"
         f"<script type='application/json' id=data-p{number}>{figure.to_json()}</script></figure>"
     )

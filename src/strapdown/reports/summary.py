@@ -9,10 +9,10 @@ from html import escape
 import numpy as np
 
 from ..checks import DataError
-from ..core.contract import BRIDGED, INVALID
+from ..core.contract import ATT, BRIDGED, INVALID, POS, VEL
 from ..data import Solution
 from ..evaluation import metrics
-from ..evaluation.metrics import Errors
+from ..evaluation.metrics import EULER, NED_AXES, Errors
 from ..filters import find
 from ..typing import Array
 
@@ -29,10 +29,11 @@ def table(head: Iterable[object], rows: Iterable[Iterable[object]], split: int =
 
 def _line(tag: str, texts: Iterable[object], split: int) -> str:
     """A row of an HTML table, of cells `tag`."""
-    cells = []
-    for i, text in enumerate(texts):
-        rule = " class=split" if i and split > 1 and (i - 1) % split == 0 else ""
-        cells.append(f"<{tag}{rule}>{escape(str(text))}</{tag}>")
+
+    def rule(i: int) -> str:
+        return " class=split" if i and split > 1 and (i - 1) % split == 0 else ""
+
+    cells = (f"<{tag}{rule(i)}>{escape(str(text))}</{tag}>" for i, text in enumerate(texts))
     return f"<tr>{''.join(cells)}</tr>"
 
 
@@ -47,6 +48,11 @@ def number(value: float | None) -> str:
         if abs(value) >= 1e-4 or value == 0
         else f"{value:.2e}"
     )
+
+
+def enumerated(words: Sequence[str]) -> str:
+    """`a, b and c`."""
+    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
 def claimed_sd(made: Solution | Errors) -> Array:
@@ -80,15 +86,14 @@ def error_table(
     """
     positioned, rows = all(metrics.any_known(e.horizontal) for e in found.values()), []
     for labels, unit, factor, part in SCORED_QUANTITIES[:-1] if positioned else SCORED_QUANTITIES:
-        known = [part(e) for e in found.values()]
         values = [
-            np.full((len(e.t), len(labels)), np.nan) if v is None else v * factor
-            for v, e in zip(known, found.values())
+            np.full((len(e.t), len(labels)), np.nan) if (v := part(e)) is None else v * factor
+            for e in found.values()
         ]
-        for column in (i for i, label in enumerate(labels) if label in HEADINGS):
-            for v in (v for v, name in zip(values, found) if name in free):
-                v[:, column] = np.nan
-        scores = [_scores(v, e.t, window) for v, e in zip(values, found.values())]
+        running = [i for i, label in enumerate(labels) if label in HEADINGS]
+        for v in (v for v, name in zip(values, found) if name in free):
+            v[:, running] = np.nan
+        scores = [_scores(v[e.inside(window)]) for v, e in zip(values, found.values())]
         rows += [
             [f"{label} [{unit}]", *(text for score in scores for text in score[i])]
             for i, label in enumerate(labels)
@@ -113,13 +118,13 @@ def _columns(values: Array | Sequence[Array] | None) -> Array | None:
     )
 
 
-NED_AXES = ("north", "east", "down")
+NOTHING = ["–"] * 3
 HEADINGS = ("heading", "heading angle", "total angle")
 SCORED_QUANTITIES = (
     (["horizontal position"], "m", 1.0, lambda e: _columns(e.horizontal)),
     ([f"{axis} position" for axis in NED_AXES], "m", 1.0, lambda e: e.position),
     ([f"{axis} velocity" for axis in NED_AXES], "m/s", 1.0, lambda e: e.velocity),
-    (["roll", "pitch", "heading"], "deg", np.degrees(1), lambda e: e.rph),
+    (EULER, "deg", np.degrees(1), lambda e: e.rph),
     (
         [f"{name} angle" for name in metrics.AttitudeAngles._fields],
         "deg",
@@ -130,21 +135,18 @@ SCORED_QUANTITIES = (
 """What is scored: labels, unit, its size, and the columns of an Errors, None where it has none."""
 
 
-def _scores(values: Array, t: Array, window: tuple[float, float] | None) -> list[list[str]]:
+def _scores(values: Array) -> list[list[str]]:
     """Per column RMS, largest and last known value, as text."""
-    inside = np.ones(len(t), bool) if window is None else (t >= window[0]) & (t <= window[1])
-    out = []
-    for column in values[inside].T:
-        known = column[np.isfinite(column)]
-        out.append(
-            [number(np.sqrt(np.mean(known**2))), number(np.abs(known).max()), number(known[-1])]
-            if len(known)
-            else ["–"] * 3
-        )
-    return out
+    columns = [column[np.isfinite(column)] for column in values.T]
+    return [
+        [number(np.sqrt(np.mean(known**2))), number(np.abs(known).max()), number(known[-1])]
+        if len(known)
+        else NOTHING
+        for known in columns
+    ]
 
 
-ERROR_GROUPS = (("position", slice(0, 3)), ("velocity", slice(3, 6)), ("attitude", slice(6, 9)))
+ERROR_GROUPS = (("position", POS), ("velocity", VEL), ("attitude", ATT))
 BEYOND_SHARE, SIGMAS = 0.05, 3.0
 """Share of the times above which it is said that errors leave the band of so many standard
 deviations; it would be 0.8 % for three normal errors."""
@@ -155,9 +157,7 @@ def beyond(found: Mapping[str, Errors], window: tuple[float, float] | None = Non
     its claim too often by; "" where none does."""
     said = []
     for name, e in found.items():
-        inside = (
-            np.ones(len(e.t), bool) if window is None else (e.t >= window[0]) & (e.t <= window[1])
-        )
+        inside = e.inside(window)
         for group, states in ERROR_GROUPS:
             errors, sd = getattr(e, group), None if e.sd is None else e.sd[inside, states]
             if errors is None or sd is None:
@@ -238,31 +238,17 @@ def fix_table(solutions: Mapping[str, Solution]) -> str:
         for source, label in enumerate(fixes.names):
             good, bad = counts[label]
             used = (fixes.source == source) & fixes.accepted & np.isfinite(fixes.nis)
-            mean = ("–", "–")
+            found = expected = np.nan
             if used.any():
-                found, expected = (
-                    fixes.nis[used].mean(),
-                    np.isfinite(fixes.innovation[used]).sum(axis=1).mean(),
-                )
-                mean = number(found), number(expected)
-                field = (
-                    solution.meta.get("filter") == "attitude-mekf"
-                    and solution.meta.get("kinds", {}).get(label, label) == "magnetic-field"
-                )
-                lasting |= field and found < FAR_BELOW * expected
-            gates = (
-                source < len(fixes.gates) and np.isfinite(fixes.nis[fixes.source == source]).any()
-            )
-            gate = fixes.gates[source] if gates else None
-            rows.append(
-                [
-                    f"{name}: {label}" if len(solutions) > 1 else label,
-                    good,
-                    bad,
-                    *mean,
-                    number(gate),
-                ]
-            )
+                found = fixes.nis[used].mean()
+                expected = np.isfinite(fixes.innovation[used]).sum(axis=1).mean()
+            kind = solution.meta.get("kinds", {}).get(label, label)
+            field = solution.meta.get("filter") == "attitude-mekf" and kind == "magnetic-field"
+            lasting |= field and bool(found < FAR_BELOW * expected)
+            gated = np.isfinite(fixes.nis[fixes.source == source]).any()
+            gate = fixes.gates[source] if gated and source < len(fixes.gates) else None
+            who = f"{name}: {label}" if len(solutions) > 1 else label
+            rows.append([who, good, bad, *map(number, (found, expected, gate))])
     return (
         table(["source", "accepted", "rejected", "mean NIS", "expected", "gate"], rows)
         + (LASTING_FIELD_NOTE if lasting else "")
@@ -282,7 +268,7 @@ def withheld_table(solutions: Mapping[str, Solution], found: Mapping[str, Errors
             except DataError:
                 outage = None
             scores = (
-                ["–"] * 3
+                NOTHING
                 if outage is None
                 else map(number, (outage.horizontal_max, outage.horizontal_end, outage.down_max))
             )
@@ -294,7 +280,7 @@ def withheld_table(solutions: Mapping[str, Solution], found: Mapping[str, Errors
         "at the end [m]",
         "largest vertical [m]",
     ]
-    if all(row[1:] == ["–"] * 3 for row in rows):
+    if all(row[1:] == NOTHING for row in rows):
         head, rows = head[:1], [row[:1] for row in rows]
     return table(head, rows) if rows else ""
 

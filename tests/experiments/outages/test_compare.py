@@ -326,7 +326,7 @@ REFUSED = [
     (dict(outages="0:5"), "before the alignment is done"),
     (dict(outages="1:5"), "before the alignment is done"),
     (dict(outages="8.1:8.4"), "no fix of position or velocity"),
-    (dict(outages="5@8:18/0"), "step is 0 s"),
+    (dict(outages="5@8:18/0"), "step is 0.0 s"),
     (dict(outages="ten"), "'ten' is no window"),
     (dict(filters=["kalman"]), "no filter is called 'kalman'"),
     (dict(filters=["closed-loop:gain=2"]), "no option 'gain'"),

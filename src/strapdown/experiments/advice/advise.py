@@ -11,17 +11,18 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from ...checks import DataError
+from ...checks import DataError, check_number
 from ...evaluation.consistency import Interval
 from ...files import replacing
 from ...sensor_models.imu import ImuSpec, grade
 from ...sim.scenario import Scenario
 from ...typing import Array, File, Progress, Say
-from ..monte_carlo.campaign import Campaign
+from ..monte_carlo.campaign import Campaign, make_folder
 from ..monte_carlo.study import Study
 from .mission import CIRCUIT, MISSION_RATE, mission, seconds
 from .page import page, sentences, summary_table
@@ -41,9 +42,6 @@ from .verdicts import (
     judge,
     variants,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 INTERVALS = (10, 60, 300, 1200)
 """s between the resets that are compared, where two or more fit into the mission."""
@@ -85,13 +83,10 @@ class Advice:
     def save(self, folder: Path) -> None:
         """Write advice.json, summary.csv, map.csv (where there is a map) and index.html into a
         folder. Raises DataError."""
-        tables = {"summary": summary_table(self)} | ({"map": self._map_table()} if self.map else {})
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise DataError(
-                f"{folder}: cannot be made ({error.strerror}); choose another folder"
-            ) from None
+        make_folder(folder)
+        tables = {"summary": summary_table(self)} | (
+            {"map": pd.DataFrame(self.map)} if self.map else {}
+        )
         for name, table in tables.items():
             with replacing(folder / f"{name}.csv") as part:
                 table.to_csv(part, index=False, float_format="%.6g")
@@ -100,11 +95,6 @@ class Advice:
                 json.dumps(self.as_dict(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
             )
         page(self).save(folder / "index.html")
-
-    def _map_table(self) -> pd.DataFrame:
-        import pandas as pd
-
-        return pd.DataFrame(self.map)
 
     def as_dict(self) -> dict[str, Any]:
         """JSON values of all but the campaigns; NaN is null."""
@@ -184,24 +174,15 @@ def advise(
     map = not quick if map is None else map
     spec, length = grade(imu), seconds(duration)
     scenario = mission(flight, length, rate)
-    study = _study(
-        (scenario,),
-        (spec,),
-        _candidates(length, quick),
-        (QUICK_RUNS if quick else RUNS) if runs is None else runs,
-        seed,
-    )
-    maps = (
-        _study(
-            _map_scenarios(scenario), _map_imus(spec), MAP_FILTERS, min(study.runs, MAP_RUNS), seed
-        )
-        if map
-        else None
-    )
+    runs = runs if runs is not None else QUICK_RUNS if quick else RUNS
+    study = _study((scenario,), (spec,), _candidates(length, quick), runs, seed)
+    maps = None
+    if map:
+        scenarios, imus = _map_scenarios(scenario), _map_imus(spec)
+        maps = _study(scenarios, imus, MAP_FILTERS, min(study.runs, MAP_RUNS), seed)
     steps = study.steps() + (maps.steps() if maps else 0)
     folder = Path(out) if out is not None else None
-    if workers < 0:
-        raise DataError(f"workers is {workers}; it must be 1 or more")
+    check_number(workers, "workers", least=0, whole=True)
     if folder:  # what is refused is refused before anything is said
         for each, name in ((study, "mission"), (maps, "map")):
             if each:
@@ -293,7 +274,7 @@ def crossover(
 
 def _certain(found: Evidence, rules: Rules) -> Verdict:
     """As `judge`, survival by its estimate: few runs cannot show it."""
-    return judge(found._replace(survived=Interval(*[found.survived.value] * 3)), rules)
+    return judge(found._replace(survived=found.survived.alone), rules)
 
 
 def durations(duration: float) -> Array:

@@ -6,15 +6,16 @@ from __future__ import annotations
 import re
 from datetime import UTC, datetime
 from html import escape
-from itertools import count
+from itertools import count, takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ... import __version__
 from ...evaluation.consistency import Interval
 from ...reports.shell import Page, listed, placed, shell
-from ...reports.summary import number, table
+from ...reports.summary import enumerated, number, table
 from ...typing import ArrayLike
 from .mission import spoken
 from .verdicts import (
@@ -31,7 +32,6 @@ from .verdicts import (
 )
 
 if TYPE_CHECKING:
-    import pandas as pd
     import plotly.graph_objects as go
 
     from .advise import Advice
@@ -72,6 +72,7 @@ LEGEND = (
 )
 
 
+NO_MAP = "<p class=caption>Not made; leave out --quick and --no-map for it.</p>"
 UNESTIMATED = (
     "scale_factor",
     "misalignment",
@@ -104,21 +105,25 @@ def imu_name(advice: Advice) -> str:
 
 def _headline(advice: Advice) -> str:
     decision, length = advice.decision, spoken(advice.scenario.duration)
-    kind, name = decision.answer, called(decision.filter)
-    if kind == "open":
-        return f"Open loop: for this mission of {length} it serves as well as the closed loop, and the INS stays isolated from the fixes."
-    if kind == "reset":
-        return f"{name.capitalize()}: the open loop cannot be left alone for {length}, but between resets the INS may stay isolated."
-    if kind == "closed":
-        return f"Closed loop: neither the open loop nor resets that were tried are admissible for {length}."
-    if kind == "none":
-        closed = advice.found[CLOSED]
-        return f"None is trustworthy here, not even the closed loop: {'; '.join(_broken(closed, advice.decision.verdicts[CLOSED], NO))}."
-    runs, count = _runs(decision.runs), advice.found[CLOSED].count
-    if decision.doubtful == CLOSED:
-        return f"Not decided by {count} runs: closed loop, if any; to tell whether even that can be trusted takes {runs}."
-    until = f"Until then: {name}." if decision.filter else "Until then none can be recommended."
-    return f"Not decided by {count} runs: to tell whether the answer is {called(decision.doubtful)} takes {runs}. {until}"
+    closed, name = advice.found[CLOSED], called(decision.filter)
+    decided = {
+        "open": f"Open loop: for this mission of {length} it serves as well as the closed loop, "
+        f"and the INS stays isolated from the fixes.",
+        "reset": f"{name.capitalize()}: the open loop cannot be left alone for {length}, but "
+        f"between resets the INS may stay isolated.",
+        "closed": f"Closed loop: neither the open loop nor resets that were tried are admissible "
+        f"for {length}.",
+        "none": f"None is trustworthy here, not even the closed loop: "
+        f"{'; '.join(_broken(closed, decision.verdicts[CLOSED], NO))}.",
+    }
+    if decision.answer in decided:
+        return decided[decision.answer]
+    which = "closed loop, if any; to tell whether even that can be trusted takes"
+    until = ""
+    if decision.doubtful != CLOSED:
+        which = f"to tell whether the answer is {called(decision.doubtful)} takes"
+        until = f" Until then{f': {name}' if decision.filter else ' none can be recommended'}."
+    return f"Not decided by {closed.count} runs: {which} {_runs(decision.runs)}.{until}"
 
 
 def _runs(needed: int) -> str:
@@ -189,11 +194,8 @@ def _percent(share: float) -> str:
 def _verdict(advice: Advice, e: Evidence) -> str:
     verdict = advice.decision.verdicts[e.filter]
     if verdict.admissible == YES:
-        other = (
-            ""
-            if e.filter == CLOSED
-            else f", position RMSE {_interval(e.ratio)} times the closed loop's"
-        )
+        ratio = f", position RMSE {_interval(e.ratio)} times the closed loop's"
+        other = "" if e.filter == CLOSED else ratio
         return f"admissible: survived in {e.lived} of {e.count} runs, NEES per state {_interval(e.nees)} at worst{other}"
     if verdict.admissible == NO:
         return f"not admissible: {'; '.join(_broken(e, verdict, NO))}"
@@ -205,18 +207,16 @@ def _not_estimated(advice: Advice) -> list[str]:
     estimates, as a likely cause, and the remedy."""
     if advice.decision.verdicts[CLOSED].admissible != NO:
         return []
-    found = []
-    for sensor, triad in (("gyro", advice.imu.gyro), ("accelerometer", advice.imu.accel)):
-        terms = [
+    triads = {"gyro": advice.imu.gyro, "accelerometer": advice.imu.accel}
+    terms = {
+        sensor: [
             name.replace("_", " ").replace("g s", "g-s")
             for name in UNESTIMATED
             if getattr(triad, name)
         ]
-        found += (
-            [f"{' and '.join(filter(None, [', '.join(terms[:-1]), terms[-1]]))} of the {sensor}"]
-            if terms
-            else []
-        )
+        for sensor, triad in triads.items()
+    }
+    found = [f"{enumerated(own)} of the {sensor}" for sensor, own in terms.items() if own]
     if not found:
         return []
     return [
@@ -239,19 +239,17 @@ def _sure(advice: Advice) -> str:
         if (d.answer, d.filter) != own and d.answer != "undecided"
     ]
     untold = [name for name, d in advice.others.items() if d.answer == "undecided"]
-    best = advice.found.get(advice.decision.filter or "")
-    within = best and f"{_percent(best.survived.low)} to {_percent(best.survived.high)}"
-    counts = (
-        f"survival in {best.lived} of {best.count} runs (95 % interval: {within}); " if best else ""
-    )
-    same = "no other threshold that was tried " + (
-        "decides it either" if advice.answer == "undecided" else "gives another answer"
-    )
-    said = f"the answer would be {', '.join(changed)}" if changed else same
-    few = (
-        f"; too few runs to tell for {', '.join(untold)}"
-        if untold and advice.answer != "undecided"
-        else ""
+    counts = few = ""
+    if best := advice.found.get(advice.decision.filter or ""):
+        within = f"{_percent(best.survived.low)} to {_percent(best.survived.high)}"
+        counts = f"survival in {best.lived} of {best.count} runs (95 % interval: {within}); "
+    if untold and advice.answer != "undecided":
+        few = f"; too few runs to tell for {', '.join(untold)}"
+    same = "decides it either" if advice.answer == "undecided" else "gives another answer"
+    said = (
+        f"the answer would be {', '.join(changed)}"
+        if changed
+        else f"no other threshold that was tried {same}"
     )
     return f"How sure: {counts}{said}{few}."
 
@@ -260,50 +258,40 @@ def _shorter(advice: Advice) -> list[str]:
     """How long the open loop would do on this mission, by the estimates."""
     if advice.answer in ("open", "undecided"):
         return []
-    long = 0.0
-    for t, decision in advice.through:
-        if decision.answer != "open":
-            break
-        long = t
-    if not long:
-        return [
-            f"The open loop is not admissible even for the first {spoken(advice.through[0][0])}."
-        ]
-    return [
-        f"By the estimates the open loop would do for the first {spoken(long)} of this mission."
-    ]
+    served = [t for t, d in takewhile(lambda each: each[1].answer == "open", advice.through)]
+    if not served:
+        first = spoken(advice.through[0][0])
+        return [f"The open loop is not admissible even for the first {first}."]
+    long = spoken(served[-1])
+    return [f"By the estimates the open loop would do for the first {long} of this mission."]
 
 
 def summary_table(advice: Advice) -> pd.DataFrame:
     """pandas DataFrame with a row per filter: the evidence and the verdicts."""
-    import pandas as pd
 
     def ends(name: str, i: Interval) -> dict[str, float]:
         return {name: i.value, f"{name}_low": i.low, f"{name}_high": i.high}
 
-    rows = []
-    own = advice.campaign.summary.set_index("filter")
-    for e in advice.found.values():
-        verdict = advice.decision.verdicts[e.filter]
-        rows.append(
-            {
-                "filter": e.filter,
-                "admissible": verdict.admissible,
-                "runs": e.count,
-                "survived_runs": e.lived,
-                "lost": own.lost[e.filter],
-                "inconsistent": own.inconsistent[e.filter],
-                **ends("survived", e.survived),
-                **ends("worst_nees_per_state", e.nees),
-                **ends("rmse_ratio", e.ratio),
-                "ahead_of_closed_loop_runs": e.ahead,
-                "censored_rmse_m": e.rmse,
-                "heading_rmse_deg": e.heading,
-                "bound_ratio": own.bound_ratio[e.filter],
-                "runs_needed": verdict.runs,
-            }
-        )
-    return pd.DataFrame(rows)
+    own, verdicts = advice.campaign.summary.set_index("filter"), advice.decision.verdicts
+    return pd.DataFrame(
+        {
+            "filter": e.filter,
+            "admissible": verdicts[e.filter].admissible,
+            "runs": e.count,
+            "survived_runs": e.lived,
+            "lost": own.lost[e.filter],
+            "inconsistent": own.inconsistent[e.filter],
+            **ends("survived", e.survived),
+            **ends("worst_nees_per_state", e.nees),
+            **ends("rmse_ratio", e.ratio),
+            "ahead_of_closed_loop_runs": e.ahead,
+            "censored_rmse_m": e.rmse,
+            "heading_rmse_deg": e.heading,
+            "bound_ratio": own.bound_ratio[e.filter],
+            "runs_needed": verdicts[e.filter].runs,
+        }
+        for e in advice.found.values()
+    )
 
 
 def page(advice: Advice) -> Page:
@@ -315,25 +303,25 @@ def page(advice: Advice) -> Page:
     def place(figure: go.Figure, heading: str, caption: str) -> str:
         return placed(next(numbers), figure, heading, caption)
 
-    errors = place(figures.rmse(advice), "Position error over time", ERRORS_CAPTION)
-    errors += place(figures.heading(advice), "Heading error over time", "The same for the heading.")
-    belief = place(figures.nees(advice), "NEES per state over time", NEES) + place(
-        figures.survival(advice), "Survival", SURVIVAL
-    )
+    loops = "Which loop, for which IMU, duration and dynamics"
     seen = [
         ("Why", _why(advice)),
-        ("Error and stated uncertainty", errors),
-        ("Can it be believed", belief),
+        (
+            "Error and stated uncertainty",
+            place(figures.rmse(advice), "Position error over time", ERRORS_CAPTION)
+            + place(
+                figures.heading(advice), "Heading error over time", "The same for the heading."
+            ),
+        ),
+        (
+            "Can it be believed",
+            place(figures.nees(advice), "NEES per state over time", NEES)
+            + place(figures.survival(advice), "Survival", SURVIVAL),
+        ),
         ("Shorter missions", _through(advice)),
         (
             "Crossover map",
-            place(
-                figures.crossover(advice),
-                "Which loop, for which IMU, duration and dynamics",
-                LEGEND,
-            )
-            if advice.map
-            else "<p class=caption>Not made; leave out --quick and --no-map for it.</p>",
+            place(figures.crossover(advice), loops, LEGEND) if advice.map else NO_MAP,
         ),
         ("The rule", _rule(advice)),
     ]
@@ -375,24 +363,19 @@ def _evidence(advice: Advice) -> str:
     def within(i: Interval) -> str:
         return f"{number(i.value)} ({number(i.low)}–{number(i.high)})"
 
-    rows = []
-    own = advice.campaign.summary.set_index("filter")
+    rows, own = [], advice.campaign.summary.set_index("filter")
     for e in advice.found.values():
-        v = advice.decision.verdicts[e.filter]
-        lost, inconsistent = own.lost[e.filter], own.inconsistent[e.filter]
+        v, closed = advice.decision.verdicts[e.filter], e.filter == CLOSED
+        share = f"{100 * e.survived.low:.0f}–{100 * e.survived.high:.0f} %"
         rows.append(
             [
                 called(e.filter),
                 {YES: "yes", NO: "no", UNDECIDED: "open"}[v.admissible],
-                mark(
-                    f"{e.lived} of {e.count} "
-                    f"({100 * e.survived.low:.0f}–{100 * e.survived.high:.0f} %)",
-                    v.survival,
-                ),
-                f"{lost} / {inconsistent}",
+                mark(f"{e.lived} of {e.count} ({share})", v.survival),
+                f"{own.lost[e.filter]} / {own.inconsistent[e.filter]}",
                 mark(within(e.nees), v.belief),
-                "1" if e.filter == CLOSED else mark(within(e.ratio), v.worse),
-                "–" if e.filter == CLOSED else f"{e.ahead} of {e.count}",
+                "1" if closed else mark(within(e.ratio), v.worse),
+                "–" if closed else f"{e.ahead} of {e.count}",
                 number(e.rmse),
                 number(e.heading),
             ]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...checks import DataError
 from ...core.contract import POS, STATES
-from ...evaluation.consistency import SURVIVED, Interval, paired, proportion
+from ...evaluation.consistency import SURVIVED, Interval, mean_of_known, paired, proportion
 from ...typing import Array
 from ..monte_carlo.scoring import RUN_REASONS
 
@@ -149,8 +149,7 @@ def evidence(runs: Runs) -> dict[str, Evidence]:
         lived = int(np.isinf(runs.lasted[place]).sum())
         apart = paired(own, reference)
         ratio = Interval(*np.exp(0.5 * np.array([apart.difference, apart.low, apart.high])))
-        heading = runs.heading[place][np.isfinite(runs.heading[place])]
-        heading = float(np.degrees(np.sqrt(np.mean(heading**2)))) if len(heading) else np.nan
+        heading = float(np.degrees(np.sqrt(mean_of_known(runs.heading[place] ** 2))))
         found[label] = Evidence(
             label,
             count,
@@ -173,12 +172,9 @@ def _worst(nees: Array) -> Interval:
     """Interval over runs of the mean NEES per state (run, n) in the stretch where it is farthest
     from 1, as a factor."""
     found = []
-    for part in np.array_split(nees, min(STRETCHES, nees.shape[1]), axis=1):
-        known = np.isfinite(part)
-        means = (
-            np.where(known, part, 0.0).sum(axis=1)[known.any(axis=1)]
-            / known.sum(axis=1)[known.any(axis=1)]
-        )
+    known = np.where(np.isfinite(nees), nees, np.nan)
+    for part in np.array_split(known, min(STRETCHES, nees.shape[1]), axis=1):
+        means = np.nanmean(part[np.isfinite(part).any(axis=1)], axis=1)
         if len(means):
             value, low, high, *_ = paired(means, np.zeros(len(means)))
             found.append(Interval(value, low if np.isnan(low) else max(low, 0.0), high))
@@ -223,13 +219,7 @@ def called(label: str | None) -> str:
 def judge(found: Evidence, rules: Rules = DEFAULT_RULES) -> Verdict:
     """The Verdict on an Evidence: each criterion is met (YES) or broken (NO) where its whole
     interval says so."""
-    survival = (
-        YES
-        if found.survived.low >= rules.survival
-        else NO
-        if found.survived.high < rules.survival
-        else UNDECIDED
-    )
+    survival = _between(found.survived, rules.survival, np.inf)
     belief = _between(found.nees, 1 / rules.belief, rules.belief)
     worse = YES if found.filter == CLOSED else _between(found.ratio, 0.0, 1 + rules.worse)
     criteria = (survival, belief, worse)
@@ -244,15 +234,8 @@ def judge(found: Evidence, rules: Rules = DEFAULT_RULES) -> Verdict:
 def guess(found: Evidence, rules: Rules = DEFAULT_RULES) -> Verdict:
     """Verdict by the estimates alone, without intervals: for the map, whose runs are few."""
 
-    def point(interval: Interval) -> Interval:
-        return Interval(interval.value, interval.value, interval.value)
-
-    return judge(
-        found._replace(
-            survived=point(found.survived), nees=point(found.nees), ratio=point(found.ratio)
-        ),
-        rules,
-    )
+    survived, nees, ratio = found.survived.alone, found.nees.alone, found.ratio.alone
+    return judge(found._replace(survived=survived, nees=nees, ratio=ratio), rules)
 
 
 def _between(interval: Interval, least: float, most: float) -> str:
@@ -284,13 +267,10 @@ def _shrunk(interval: Interval, limits: tuple[float, ...], count: int) -> int:
     limit outside."""
     if not np.isfinite(interval).all():
         return 0
-    half, room = (
-        0.5 * (interval.high - interval.low),
-        min(abs(interval.value - limit) for limit in limits),
-    )
-    return (
-        int(min(np.ceil(count * (half / room) ** 2 - 1e-6), MOST_RUNS)) if room > 0 else MOST_RUNS
-    )
+    half = 0.5 * (interval.high - interval.low)
+    room = min(abs(interval.value - limit) for limit in limits)
+    needed = np.ceil(count * (half / room) ** 2 - 1e-6) if room > 0 else MOST_RUNS
+    return int(min(needed, MOST_RUNS))
 
 
 def decide(
@@ -325,15 +305,15 @@ def variants(rules: Rules = DEFAULT_RULES) -> dict[str, Rules]:
     """{what is changed: Rules} with each threshold once stricter and once laxer: does the answer
     hang on them?"""
     lax, strict = max(1 - 2 * (1 - rules.survival), 0.0), 1 - 0.5 * (1 - rules.survival)
-    found = {
-        f"survival of {100 * share:.3g} %": rules._replace(survival=share)
-        for share in (lax, strict)
-    }
-    found |= {
-        f"NEES within a factor {factor:.3g}": rules._replace(belief=factor)
-        for factor in (rules.belief**2, rules.belief**0.5)
-    }
-    return found | {
-        f"RMSE up to {100 * share:.3g} % worse": rules._replace(worse=share)
-        for share in (rules.worse * 2.5, rules.worse / 2)
-    }
+    changes = [
+        *((f"survival of {100 * share:.3g} %", {"survival": share}) for share in (lax, strict)),
+        *(
+            (f"NEES within a factor {factor:.3g}", {"belief": factor})
+            for factor in (rules.belief**2, rules.belief**0.5)
+        ),
+        *(
+            (f"RMSE up to {100 * share:.3g} % worse", {"worse": share})
+            for share in (rules.worse * 2.5, rules.worse / 2)
+        ),
+    ]
+    return {name: rules._replace(**changed) for name, changed in changes}

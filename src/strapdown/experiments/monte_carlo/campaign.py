@@ -19,24 +19,23 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from functools import cached_property
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ... import __version__
 from ...checks import DataError
 from ...core.kernel_cache import closure_digest
-from ...files import replacing
+from ...files import netcdf, replacing
 from ...typing import File
 from .chunks import SCALARS, Arrays, Chunk, plugins_of, run_chunk
 from .scoring import ERROR_GROUPS, ERROR_STATE_NAMES
 from .summaries import run_rows, summary_row
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray
 
     from .study import Study
@@ -106,7 +105,7 @@ class Campaign:
             campaign._remover = weakref.finalize(campaign, _remove, folder)
         else:
             campaign = cls(out, manifest, study)
-        _make(campaign.folder)
+        make_folder(campaign.folder)
         with campaign.locked():
             campaign._settle()
         return campaign
@@ -179,16 +178,11 @@ class Campaign:
         assert self.study is not None  # one that was opened to be read has no work
         arrays = run_chunk(self.study, chunk, skip)
         path = self.path(chunk)
-        _make(path.parent)
-        with replacing(path) as part:
-            part.write_bytes(
-                _file(
-                    arrays,
-                    self.manifest["filters"],
-                    range(chunk.first, chunk.stop),
-                    self._identity(path),
-                )
-            )
+        make_folder(path.parent)
+        runs, size = range(chunk.first, chunk.stop), sum(each.nbytes for each in arrays.values())
+        with replacing(path) as part, netcdf(part, size) as file:
+            _fill(file, arrays, self.manifest["filters"], runs)
+            file.attrs["format"], file.attrs["identity"] = CAMPAIGN_FORMAT, self._identity(path)
         return chunk
 
     def _identity(self, path: Path) -> str:
@@ -287,8 +281,6 @@ class Campaign:
     def summary(self) -> pd.DataFrame:
         """pandas DataFrame with a row per cell and filter; see `summaries.summary_row` for its
         columns."""
-        import pandas as pd
-
         return pd.DataFrame(
             [
                 summary_row(self, number, place)
@@ -300,8 +292,6 @@ class Campaign:
     @cached_property
     def runs(self) -> pd.DataFrame:
         """pandas DataFrame with a row per cell, filter and run."""
-        import pandas as pd
-
         return pd.concat(
             [run_rows(self, number) for number in range(len(self.cells))], ignore_index=True
         )
@@ -403,7 +393,8 @@ def _same(found: dict[str, Any], wanted: dict[str, Any], folder: Path) -> None:
     )
 
 
-def _make(folder: Path) -> None:
+def make_folder(folder: Path) -> None:
+    """Make a folder with those above it. Raises DataError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -416,10 +407,8 @@ def _remove(folder: str) -> None:
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def _file(arrays: Arrays, filters: Sequence[str], runs: range, identity: str) -> memoryview:
-    """The bytes of a chunk file, with checksums. It is made in memory: HDF5 that runs out of
-    disk in the middle cannot even close its file."""
-    import h5netcdf
+def _fill(file: Any, arrays: Arrays, filters: Sequence[str], runs: range) -> None:
+    """Write a chunk into an h5netcdf file, with checksums."""
     import h5py
 
     labels: dict[str, Any] = {
@@ -431,26 +420,18 @@ def _file(arrays: Arrays, filters: Sequence[str], runs: range, identity: str) ->
         "bias_axis": list(ERROR_STATE_NAMES[9:]),
         "t": arrays["t"],
     }
-    variables = {
-        name: (CHUNK_DIMENSIONS[name], values)
-        for name, values in arrays.items()
-        if name not in ("t", "kept")
-    }
-    buffer = BytesIO()
-    with h5netcdf.File(buffer, "w") as file:
-        file.attrs["format"], file.attrs["identity"] = CAMPAIGN_FORMAT, identity
-        file.dimensions = {name: len(values) for name, values in labels.items()}
-        for name, (dimensions, values) in (
-            {name: ((name,), values) for name, values in labels.items()} | variables
-        ).items():
-            text = isinstance(values, list)
-            made = file.create_variable(
-                name,
-                dimensions,
-                h5py.string_dtype() if text else values.dtype,
-                data=np.array(values, object) if text else values,
-                **({} if text else {"chunks": values.shape, "fletcher32": True}),
-            )
-            if name in ABOUT:
-                made.attrs["long_name"] = ABOUT[name]
-    return buffer.getbuffer()
+    file.dimensions = {name: len(values) for name, values in labels.items()}
+    dimensions = {name: (name,) for name in labels} | CHUNK_DIMENSIONS
+    for name, values in (labels | arrays).items():
+        if name == "kept":
+            continue
+        text = isinstance(values, list)
+        made = file.create_variable(
+            name,
+            dimensions[name],
+            h5py.string_dtype() if text else values.dtype,
+            data=np.array(values, object) if text else values,
+            **({} if text else {"chunks": values.shape, "fletcher32": True}),
+        )
+        if name in ABOUT:
+            made.attrs["long_name"] = ABOUT[name]

@@ -79,21 +79,6 @@ def cells(
     return tuple(Cell(s, grade(imu)) for s in known for imu in (imus or (s.imu,)))
 
 
-def chunks(study: Study) -> list[Chunk]:
-    """All chunks of a study, in the order of its cells."""
-    return [
-        Chunk(number, first, min(first + size, study.runs))
-        for number, cell in enumerate(study.cells)
-        for size in [_chunk_runs(study, cell)]
-        for first in range(0, study.runs, size)
-    ]
-
-
-def _chunk_runs(study: Study, cell: Cell) -> int:
-    steps = cell.scenario.duration * cell.scenario.rate * len(study.filters)
-    return min(study.runs, max(1, round(study.chunk_steps / steps)))
-
-
 def seeds(study: Study, cell: Cell, run: int) -> np.random.SeedSequence:
     """The random stream of a run: the same for every IMU and every set of filters, its own for
     every scenario."""

@@ -13,9 +13,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from os import cpu_count
 
-import numpy as np
-
-from ...checks import DataError
+from ...checks import DataError, check_number
 from ...core.contract import Filter
 from ...evaluation.consistency import Limits
 from ...sensor_models.imu import ImuSpec
@@ -24,7 +22,7 @@ from ...typing import File, Progress, Say
 from ..filter_label import parsed
 from . import distributed
 from .campaign import Campaign
-from .chunks import SCALARS, Cell, Chunk, cells, chunks, compile_for, run_chunk, seeds, simulator
+from .chunks import SCALARS, Cell, Chunk, cells, compile_for, run_chunk, seeds, simulator
 
 __all__ = ["SCALARS", "Cell", "Chunk", "Study", "parsed", "run_chunk", "seeds", "simulator"]
 
@@ -58,16 +56,8 @@ class Study:
                 (value,) if isinstance(value, (str, Scenario, ImuSpec)) else tuple(value),
             )
         for name, least in (("runs", 1), ("keep", 1), ("seed", 0), ("chunk_steps", 1)):
-            if (
-                not isinstance(getattr(self, name), (int, np.integer))
-                or getattr(self, name) < least
-            ):
-                raise DataError(
-                    f"study: {name} is {getattr(self, name)!r}; it must be a whole number, {least} "
-                    f"or more"
-                )
-        if not self.epoch > 0:
-            raise DataError(f"study: epoch is {self.epoch!r} s; it must be larger than 0")
+            check_number(getattr(self, name), f"study: {name}", least=least, whole=True)
+        check_number(self.epoch, "study: epoch", "s", above=0)
         if not self.scenarios or not self.filters:
             raise DataError("study: it needs a scenario and a filter at least")
         for label in self.filters:
@@ -105,7 +95,15 @@ class Study:
 
     def chunks(self) -> list[Chunk]:
         """All chunks, in the order of the cells."""
-        return chunks(self)
+        found = []
+        for number, cell in enumerate(self.cells):
+            steps = cell.scenario.duration * cell.scenario.rate * len(self.filters)
+            size = min(self.runs, max(1, round(self.chunk_steps / steps)))
+            found += [
+                Chunk(number, first, min(first + size, self.runs))
+                for first in range(0, self.runs, size)
+            ]
+        return found
 
     def steps(self, chunk: Chunk | None = None) -> int:
         """Filter steps (IMU samples through a filter) of a chunk, or of the whole study."""
@@ -135,9 +133,8 @@ class Study:
         this machine instead; scheduler: the address of a Dask scheduler whose workers see the same
         folder. Ctrl-C or a kill loses the chunks in work only. Raises DataError.
         """
-        for name, count in (("threads", threads or 0), ("workers", workers)):
-            if count < 0:
-                raise DataError(f"{name} is {count}; it must be 1 or more")
+        check_number(threads or 0, "threads", least=0, whole=True)
+        check_number(workers, "workers", least=0, whole=True)
         if scheduler is not None and (workers or not scheduler.strip()):
             remedy = (
                 f" beside {workers} workers here; give one of the two"

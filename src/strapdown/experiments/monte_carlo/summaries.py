@@ -6,16 +6,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from ...checks import DataError
 from ...core.contract import POS, STATES
-from ...evaluation.consistency import SURVIVED, Paired, paired, proportion, rmse
+from ...evaluation.consistency import SURVIVED, Paired, mean_of_known, paired, proportion, rmse
 from ...typing import Array
 from .scoring import ERROR_GROUPS, RUN_REASONS
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from .campaign import Campaign
     from .chunks import Arrays
 
@@ -90,13 +89,13 @@ def summary_row(campaign: Campaign, number: int, place: int) -> dict[str, Any]:
             if i
         }
     row |= {
-        "anees": _mean(numbers["nees"][ran]) / STATES,
-        "nees_inside": _mean(numbers["nees_inside"][ran]),
-        "nis": _mean(numbers["nis"][ran]),
-        "innovation_correlation": _mean(numbers["correlation"][ran]),
+        "anees": mean_of_known(numbers["nees"][ran]) / STATES,
+        "nees_inside": mean_of_known(numbers["nees_inside"][ran]),
+        "nis": mean_of_known(numbers["nis"][ran]),
+        "innovation_correlation": mean_of_known(numbers["correlation"][ran]),
     }
     row |= {
-        f"within_{sigma}_sigma": _mean(numbers["coverage"][ran, i])
+        f"within_{sigma}_sigma": mean_of_known(numbers["coverage"][ran, i])
         for i, sigma in enumerate((1, 2, 3))
     }
     row |= {
@@ -122,8 +121,6 @@ def bound_ratio(curves: Arrays, place: int) -> dict[str, float]:
 
 def run_rows(campaign: Campaign, number: int) -> pd.DataFrame:
     """pandas DataFrame of the runs of a cell: reason, times, mean squares as roots, consistency."""
-    import pandas as pd
-
     cell = campaign.manifest["cells"][number]
     numbers, frames = campaign.numbers(cell["name"]), []
     for place, name in enumerate(campaign.manifest["filters"]):
@@ -169,11 +166,6 @@ def compare(campaign: Campaign, cell: str, first: str, second: str) -> Paired:
             raise DataError(f"the campaign has no filter {name!r}; it has {', '.join(filters)}")
     censored = np.log(campaign.numbers(cell)["censored"])
     return paired(censored[filters.index(first)], censored[filters.index(second)])
-
-
-def _mean(values: Array) -> float:
-    values = values[np.isfinite(values)]
-    return float(values.mean()) if len(values) else np.nan
 
 
 def _median(values: Array) -> float:

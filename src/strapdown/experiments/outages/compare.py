@@ -10,11 +10,11 @@ from functools import cache
 from os import cpu_count
 from typing import Any
 
-import numpy as np
+import pandas as pd
 
 from ... import aiding, filters
 from ...alignment.initial import align
-from ...checks import DataError
+from ...checks import DataError, check_number
 from ...core.contract import Filter, Noise, Start
 from ...data import Trajectory
 from ...engine.prepare import GivenImu, assumed_noise, found, positioned, prepare
@@ -66,8 +66,8 @@ def compare(
     if not isinstance(recording, Recording):
         raise DataError(f"recording is {recording!r}; it must be a Recording, such as `read` gives")
     entrants, kinds = _entrants(filters), _kinds(kinds)
-    if threads is not None and (not isinstance(threads, (int, np.integer)) or threads < 1):
-        raise DataError(f"threads is {threads!r}; it must be a whole number, 1 or more")
+    if threads is not None:
+        check_number(threads, "threads", least=1, whole=True)
     if start is not None and not isinstance(start, Start):
         raise DataError(f"start is {start!r}; it must be a Start, such as `align` gives")
     if noise is not None and not isinstance(noise, Noise):
@@ -204,8 +204,6 @@ def _comparison(
     spec: ImuSpec | None,
 ) -> Comparison:
     """The Comparison of what the runs gave. Raises DataError where nothing was scored."""
-    import pandas as pd
-
     labels, rows = [entrant.label for entrant in entrants], []
     for label, own in zip(labels, results):
         for number, (each, outage) in enumerate(zip(own, common.outages), 1):

@@ -8,30 +8,32 @@ of them. What was not scored is left out of the drawing and named in a sentence 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from ...geodesy import displacement
+from ...evaluation.metrics import NED_AXES
 from ...reports.drawing import (
     COLOURS,
     GREY,
-    NED_AXES,
     column,
+    corners,
     even,
-    extent,
     finish,
+    ground,
     line,
     log_range,
     log_ticks,
+    metres,
     note,
     origin,
     panels,
+    path as draw_path,
+    seen_from_above,
 )
 from ...typing import Array, Ints, Mask
 from .words import Ratio, ranked, ratio
@@ -61,6 +63,13 @@ GAUSS = (68.27, 95.45, 99.73)
 REACH = 100.0
 """A logarithmic axis reaches so many times above and below the median at most: a filter that
 diverges leaves it instead of flattening the others."""
+SHARES = {
+    f"{part}coverage_{k + 1}": (col, k)
+    for col, part in enumerate(("", "down_"), 1)
+    for k in range(len(GAUSS))
+}
+"""{column of the scores: (panel, place in GAUSS)} of the errors within standard deviations."""
+SINCE = "time since the outage began [s]"
 LINE_POINTS = 250
 """Of a line over one outage at most."""
 MIDDLING = 5.0
@@ -103,36 +112,40 @@ def paired(comparison: Comparison, base: str, length: float) -> go.Figure | None
     known = [name for name in others if np.isfinite([r.value for r in ratios[name]]).any()]
     if not known:
         return None
-    figure = make_subplots(
-        rows=1,
-        cols=len(measures),
-        shared_yaxes=True,
-        horizontal_spacing=0.02,
-        subplot_titles=measures,
-    )
-    for i in range(len(measures)):
+    figure = _by_filter(measures, known, 0.02, 130).update_layout(margin={"t": 42})
+    dashed = {"color": GREY, "width": 1.2, "dash": "dash"}
+    for col in range(len(measures)):
         for name in known:
-            _interval(figure, ratios[name][i], name, look[name], i + 1)
-    finish(figure, 130 + 30 * len(known)).update_layout(hovermode="closest", margin={"t": 42})
+            _interval(figure, ratios[name][col], name, look[name], col + 1)
+        figure.add_vline(1.0, line=dashed, row=1, col=col + 1)
     ends = np.array([r[:3] for name in known for r in ratios[name]])
-    low, high = (float(take(np.log10(ends[np.isfinite(ends)]))) for take in (np.min, np.max))
-    low, high = min(low, 0.0) - 0.08, max(high, 0.0) + 0.08
+    ends = np.log10(ends[np.isfinite(ends)])
+    low, high = min(float(ends.min()), 0.0) - 0.08, max(float(ends.max()), 0.0) + 0.08
     figure.update_xaxes(
         type="log", range=[low, high], title_text="ratio of RMSE", **_few(log_ticks(low, high))
     )
-    figure.update_yaxes(
+    _left_out(figure, "Without a ratio, because no outage was scored for both", others, known)
+    return figure
+
+
+def _by_filter(titles: Sequence[str], names: Sequence[str], space: float, extra: int) -> go.Figure:
+    """A panel beside the other for each title, and in all of them a row per filter."""
+    figure = make_subplots(
+        rows=1, cols=len(titles), shared_yaxes=True, horizontal_spacing=space, subplot_titles=titles
+    )
+    finish(figure, extra + 30 * len(names)).update_layout(hovermode="closest")
+    return figure.update_yaxes(
         type="category",
         categoryorder="array",
-        categoryarray=known[::-1],
-        range=[-0.6, len(known) - 0.4],
+        categoryarray=names[::-1],
+        range=[-0.6, len(names) - 0.4],
     )
-    for i in range(len(measures)):
-        figure.add_vline(1.0, line={"color": GREY, "width": 1.2, "dash": "dash"}, row=1, col=i + 1)
-    if unknown := [name for name in others if name not in known]:
-        note(
-            figure, f"Without a ratio, because no outage was scored for both: {', '.join(unknown)}."
-        )
-    return figure
+
+
+def _left_out(figure: go.Figure, why: str, names: Iterable[str], shown: Collection[str]) -> None:
+    """Name below the figure those that it does not show."""
+    if missing := [name for name in names if name not in shown]:
+        note(figure, f"{why}: {', '.join(missing)}.")
 
 
 def _interval(figure: go.Figure, r: Ratio, name: str, style: Style, col: int) -> None:
@@ -185,41 +198,29 @@ def _few(settings: dict[str, Any]) -> dict[str, Any]:
 def growth(comparison: Comparison, length: float) -> go.Figure | None:
     """Horizontal and vertical error over the time since the outage began, of each filter: median
     and 10 to 90 % of its outages."""
-    look = styles(comparison.filters)
-    figure = panels(["horizontal error [m]", "vertical error [m]"], 300, log=True)
+    look, parts = styles(comparison.filters), ("horizontal", "vertical")
+    figure = panels([f"{part} error [m]" for part in parts], 300, log=True)
     seen: list[list[Array]] = [[], []]
+    pooled = comparison.growth[comparison.growth["length_s"] == length]
+    opacity = 0.14 if len(look) <= 4 else 0.07
     for rank, (name, style) in reversed(list(enumerate(look.items()))):
-        rows = comparison.growth[
-            (comparison.growth["filter"] == name) & (comparison.growth["length_s"] == length)
-        ]
-        for row, part in enumerate(("horizontal", "vertical"), 1):
-            since = rows["since_s"].to_numpy(float)
+        rows = pooled[pooled["filter"] == name]
+        since = rows["since_s"].to_numpy(float)
+        for row, part in enumerate(parts, 1):
             middle, low, high = (
                 rows[f"{part}_{what}_m"].to_numpy(float) for what in ("median", "p10", "p90")
             )
             if not np.isfinite(middle).any():
                 continue
-            _ribbon(
-                figure, since, low, high, style.colour, name, row, 0.14 if len(look) <= 4 else 0.07
-            )
-            line(
-                figure,
-                since,
-                np.where(middle > 0, middle, np.nan),
-                name,
-                style.colour,
-                row=row,
-                rank=rank,
-                dash=style.dash,
-                width=2,
-            )
+            _ribbon(figure, since, low, high, style.colour, name, row, opacity)
+            shown = np.where(middle > 0, middle, np.nan)
+            line(figure, since, shown, name, style.colour, row, rank=rank, dash=style.dash, width=2)
             seen[row - 1] += [middle, high, low]
     if not seen[0]:
         return None
     for row, values in enumerate(seen, 1):
         _frame(figure, np.concatenate(values), row, least=0.05)
-    figure.update_xaxes(title_text="time since the outage began [s]", row=2, col=1)
-    return figure
+    return figure.update_xaxes(title_text=SINCE, row=2, col=1)
 
 
 def _ribbon(
@@ -234,32 +235,25 @@ def _ribbon(
 ) -> None:
     """The stretch between two lines, shaded, shown and hidden with the line of the same name."""
     known = np.isfinite(low) & np.isfinite(high) & (low > 0)
-    if known.sum() > 1:
-        keep = np.flatnonzero(known)[even(int(known.sum()), LINE_POINTS)]
-
-        def there_and_back(there: Array, back: Array) -> NDArray[Any]:
-            return column(np.r_[there[keep], back[keep][::-1]])
-
-        figure.add_trace(
-            go.Scatter(
-                x=there_and_back(x, x),
-                y=there_and_back(high, low),
-                mode="lines",
-                fill="toself",
-                fillcolor=_faint(colour, opacity),
-                line={"width": 0},
-                legendgroup=name,
-                showlegend=False,
-                hoverinfo="skip",
-            ),
-            row=row,
-            col=1,
-        )
-
-
-def _faint(colour: str, opacity: float) -> str:
+    if known.sum() < 2:
+        return
+    keep = np.flatnonzero(known)[even(int(known.sum()), LINE_POINTS)]
     red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
-    return f"rgba({red},{green},{blue},{opacity})"
+    figure.add_trace(
+        go.Scatter(
+            x=column(np.r_[x[keep], x[keep][::-1]]),
+            y=column(np.r_[high[keep], low[keep][::-1]]),
+            mode="lines",
+            fill="toself",
+            fillcolor=f"rgba({red},{green},{blue},{opacity})",
+            line={"width": 0},
+            legendgroup=name,
+            showlegend=False,
+            hoverinfo="skip",
+        ),
+        row=row,
+        col=1,
+    )
 
 
 def _frame(figure: go.Figure, values: Array, row: int, least: float = 0.0) -> None:
@@ -279,11 +273,6 @@ def _frame(figure: go.Figure, values: Array, row: int, least: float = 0.0) -> No
         )
 
 
-def metres(value: float) -> str:
-    """A length for people: "12.3 m", "4.56 km"."""
-    return f"{value / 1000:.3g} km" if value >= 1000 else f"{value:.3g} m"
-
-
 MEASURES = (
     ("horizontal_rmse_m", "horizontal RMSE [m]"),
     ("down_rmse_m", "vertical RMSE [m]"),
@@ -300,37 +289,27 @@ def outages(comparison: Comparison, length: float) -> go.Figure | None:
     shown = [(name, label) for name, label in MEASURES if np.isfinite(own[name]).any()]
     if not shown:
         return None
-    many, figure = not are_listed(comparison), panels([label for _, label in shown], 190, log=True)
-    look = {
-        name: style
-        for name, style in styles(comparison.filters).items()
-        if np.isfinite(own[own["filter"] == name]["horizontal_rmse_m"]).any()
-    }
-    zero = origin(own["start_s"].to_numpy(float))
+    figure = panels([label for _, label in shown], 190, log=True)
+    scored = set(own["filter"][np.isfinite(own["horizontal_rmse_m"])])
+    look = {name: style for name, style in styles(comparison.filters).items() if name in scored}
+    zero, many = origin(own["start_s"].to_numpy(float)), not are_listed(comparison)
+    mode, size = ("lines+markers", 6) if many else ("markers", 9)
     for place, (name, style) in enumerate(look.items()):
         rows = own[own["filter"] == name].sort_values("start_s")
         beside = 0.5 * (place - (len(look) - 1) / 2) / len(look)
-        x = (
-            rows["start_s"].to_numpy(float) - zero
-            if many
-            else rows["outage"].to_numpy(float) + beside
-        )
+        x = rows["start_s"] - zero if many else rows["outage"] + beside
         for row, (measure, _) in enumerate(shown, 1):
             figure.add_trace(
                 go.Scatter(
-                    x=x,
+                    x=x.to_numpy(float),
                     y=rows[measure],
-                    mode="lines+markers" if many else "markers",
+                    mode=mode,
                     name=escape(name),
                     legendgroup=name,
                     showlegend=row == 1,
                     line={"color": style.colour, "width": 1, "dash": style.dash},
                     hovertemplate="%{y:.3g}",
-                    marker={
-                        "color": style.colour,
-                        "symbol": style.symbol,
-                        "size": 6 if many else 9,
-                    },
+                    marker={"color": style.colour, "symbol": style.symbol, "size": size},
                 ),
                 row=row,
                 col=1,
@@ -339,13 +318,10 @@ def outages(comparison: Comparison, length: float) -> go.Figure | None:
         _frame(figure, own[measure].to_numpy(float), row)
     start = f"start of the outage{f', since {zero:.0f} s' if zero else ''} [s]"
     figure.update_xaxes(title_text=start if many else "outage", row=len(shown), col=1)
-    return (
-        figure
-        if many
-        else figure.update_xaxes(dtick=1, range=[0.5, len(comparison.windows) + 0.5]).update_layout(
-            hovermode="closest"
-        )
-    )
+    if not many:
+        figure.update_xaxes(dtick=1, range=[0.5, len(comparison.windows) + 0.5])
+        figure.update_layout(hovermode="closest")
+    return figure
 
 
 LIST = 12
@@ -361,97 +337,66 @@ def are_listed(comparison: Comparison) -> bool:
 def course(comparison: Comparison, outage: int) -> go.Figure | None:
     """North, east and down error of every filter over one outage (its index), time from its
     beginning."""
-    figure, found = panels([f"{axis} [m]" for axis in NED_AXES], 150), {}
+    figure, largest = panels([f"{axis} [m]" for axis in NED_AXES], 150), {}
     for rank, (name, style) in reversed(list(enumerate(styles(comparison.filters).items()))):
         if (track := comparison.tracks[name][outage]) is None:
             continue
         keep = even(len(track.since), LINE_POINTS)
-        found[name] = np.abs(track.error).max(axis=0)
-        for i in range(len(NED_AXES)):
-            line(
-                figure,
-                track.since[keep],
-                track.error[keep, i],
-                name,
-                style.colour,
-                row=i + 1,
-                rank=rank,
-                dash=style.dash,
-            )
-    if not found:
+        largest[name] = np.abs(track.error).max(axis=0)
+        since, dash = track.since[keep], style.dash
+        for row, error in enumerate(track.error[keep].T, 1):
+            line(figure, since, error, name, style.colour, row, rank=rank, dash=dash)
+    if not largest:
         return None
-    for i, axis in enumerate(NED_AXES):
-        largest = {name: values[i] for name, values in reversed(found.items())}
-        most, middle = max(largest.values()), float(np.median(list(largest.values())))
+    for row, axis in enumerate(NED_AXES, 1):
+        found = {name: values[row - 1] for name, values in reversed(largest.items())}
+        most, middle = max(found.values()), float(np.median(list(found.values())))
         limit = 1.1 * (most if most <= 2 * MIDDLING * middle else MIDDLING * middle) or 1.0
-        figure.update_yaxes(range=[-limit, limit], row=i + 1, col=1)
-        if outside := [
-            f"{name} up to {metres(value)}" for name, value in largest.items() if value > limit
-        ]:
+        figure.update_yaxes(range=[-limit, limit], row=row, col=1)
+        outside = [
+            f"{name} up to {metres(value)}" for name, value in found.items() if value > limit
+        ]
+        if outside:
             note(
                 figure,
                 f"Beyond the frame {axis}: {', '.join(outside)}. Double-click the panel to see all "
                 f"of it.",
             )
-    if missing := [name for name in comparison.filters if name not in found]:
-        note(figure, f"Not scored here: {', '.join(missing)}.")
-    figure.update_xaxes(title_text="time since the outage began [s]", row=len(NED_AXES), col=1)
-    return figure
+    _left_out(figure, "Not scored here", comparison.filters, largest)
+    return figure.update_xaxes(title_text=SINCE, row=len(NED_AXES), col=1)
 
 
 def coverage(comparison: Comparison) -> go.Figure | None:
     """Share of the errors in the outages within 1, 2 and 3 of the standard deviations that each
     filter claims: north and east together, and down."""
-    parts, columns = (
-        ("north and east", "down"),
-        [[f"{part}coverage_{k}" for k in (1, 2, 3)] for part in ("", "down_")],
-    )
-    found = {
-        name: comparison.scores[comparison.scores["filter"] == name] for name in comparison.filters
-    }
-    known = [
-        name for name, own in found.items() if np.isfinite(own[sum(columns, [])]).any(axis=None)
-    ]
+    means = comparison.scores.groupby("filter", sort=False)[list(SHARES)].mean()
+    known = [name for name in comparison.filters if means.loc[name].notna().any()]
     if not known:
         return None
-    figure = make_subplots(
-        rows=1, cols=2, shared_yaxes=True, horizontal_spacing=0.03, subplot_titles=parts
+    figure = _by_filter(("north and east", "down"), known, 0.03, 150).update_layout(
+        margin={"t": 74}, legend={"y": 1 + 26 / (40 + 30 * len(known))}
     )
-    for i, names in enumerate(columns, 1):
-        for k, (column_, share, colour, symbol) in enumerate(
-            zip(names, GAUSS, PALETTE, MARKER_SYMBOLS), 1
-        ):
-            figure.add_trace(
-                go.Scatter(
-                    x=[100 * found[name][column_].mean() for name in known],
-                    y=known,
-                    mode="markers",
-                    name=f"within {k}σ",
-                    legendgroup=k,
-                    showlegend=i == 1,
-                    hovertemplate="%{y}: %{x:.1f} %",
-                    marker={"color": colour, "symbol": symbol, "size": 11},
-                ),
-                row=1,
-                col=i,
-            )
-            figure.add_vline(
-                share, line={"color": colour, "width": 1.2, "dash": "dash"}, row=1, col=i
-            )
-    finish(figure, 150 + 30 * len(known)).update_layout(
-        hovermode="closest", margin={"t": 74}, legend={"y": 1 + 26 / (40 + 30 * len(known))}
-    )
-    figure.update_yaxes(
-        type="category",
-        categoryorder="array",
-        categoryarray=known[::-1],
-        range=[-0.6, len(known) - 0.4],
-    )
-    figure.update_xaxes(title_text="share of the errors [%]", range=[-3, 103])
-    if silent := [name for name in comparison.filters if name not in known]:
-        note(
-            figure, f"No standard deviation is claimed, or nothing was scored: {', '.join(silent)}."
+    for name, (col, k) in SHARES.items():
+        colour, symbol = PALETTE[k], MARKER_SYMBOLS[k]
+        figure.add_trace(
+            go.Scatter(
+                x=(100 * means.loc[known, name]).to_list(),
+                y=known,
+                mode="markers",
+                name=f"within {k + 1}σ",
+                legendgroup=k + 1,
+                showlegend=col == 1,
+                hovertemplate="%{y}: %{x:.1f} %",
+                marker={"color": colour, "symbol": symbol, "size": 11},
+            ),
+            row=1,
+            col=col,
         )
+        dashed = {"color": colour, "width": 1.2, "dash": "dash"}
+        figure.add_vline(GAUSS[k], line=dashed, row=1, col=col)
+    figure.update_xaxes(title_text="share of the errors [%]", range=[-3, 103])
+    why = "No standard deviation is claimed, or nothing was scored"
+    _left_out(figure, why, comparison.filters, known)
     return figure
 
 
@@ -467,26 +412,25 @@ def track(comparison: Comparison) -> go.Figure | None:
     if not known.any():
         return None
     t, lla = reference.t[known], reference.lla[known]
-    path = displacement(lla, np.broadcast_to(lla[0], lla.shape))[:, [1, 0]]
-    figure, keep = finish(go.Figure(), 640), even(len(path))
-    _path(figure, path[keep], "reference", line={"color": GREY, "width": 1.5})
-    listed = are_listed(comparison)
+    path = ground(lla, lla[0])
+    figure = finish(go.Figure(), 640)
+    draw_path(figure, path[even(len(path))], "reference", line={"color": GREY, "width": 1.5})
     hidden = np.zeros(len(t), bool)
     for start, stop in comparison.windows:
         hidden |= (t >= start) & (t <= stop)
-    _path(
+    draw_path(
         figure,
         np.where(hidden[:, None], path, np.nan)[_breaks(hidden)],
         "fixes withheld",
         line={"color": OUTAGE_COLOUR, "width": 10},
     )
-    if listed:
+    if are_listed(comparison):
         starts = _beginnings(comparison.windows, t, path)
         texts = [
             f"outage {i}, {start:.10g} to {stop:.10g} s"
             for i, (start, stop) in enumerate(comparison.windows, 1)
         ]
-        _path(
+        draw_path(
             figure,
             starts,
             "an outage begins",
@@ -508,19 +452,7 @@ def track(comparison: Comparison) -> go.Figure | None:
         _estimates(figure, comparison, t, path)
     else:
         _hard(figure, comparison, t, path)
-    low, high = np.array([extent(path[:, 0]), extent(path[:, 1])]).T
-    margin = 0.08 * max((high - low).max(), 10.0)
-    figure.update_layout(
-        xaxis_range=[low[0] - margin, high[0] + margin],
-        yaxis_range=[low[1] - margin, high[1] + margin],
-    )
-    return figure.update_layout(
-        xaxis_title="east [m]",
-        yaxis_title="north [m]",
-        hovermode="closest",
-        yaxis_scaleanchor="x",
-        margin_t=72,
-    )
+    return seen_from_above(figure, corners(path), 0.08)
 
 
 def _beginnings(windows: Iterable[Window], t: Array, path: Array) -> Array:
@@ -534,10 +466,8 @@ def _hard(figure: go.Figure, comparison: Comparison, t: Array, path: Array) -> N
         return
     own = comparison.of_length(comparison.lengths[-1])
     own = own[(own["filter"] == order[0]) & (own["horizontal_rmse_m"] > 0)]
-    windows, rmse = (
-        list(zip(own["start_s"], own["stop_s"])),
-        own["horizontal_rmse_m"].to_numpy(float),
-    )
+    windows = list(zip(own["start_s"], own["stop_s"]))
+    rmse = own["horizontal_rmse_m"].to_numpy(float)
     ticks = log_ticks(np.log10(rmse.min()) - 0.01, np.log10(rmse.max()) + 0.01)
     bar = {
         "title": {"text": f"horizontal RMSE<br>of {escape(order[0])} [m]", "side": "right"},
@@ -552,7 +482,7 @@ def _hard(figure: go.Figure, comparison: Comparison, t: Array, path: Array) -> N
         f"outage {i}, {start:.10g} to {stop:.10g} s: {metres(value)}"
         for i, (start, stop), value in zip(own["outage"], windows, rmse)
     ]
-    _path(
+    draw_path(
         figure,
         _beginnings(windows, t, path),
         "an outage begins",
@@ -590,29 +520,9 @@ def _estimates(figure: go.Figure, comparison: Comparison, t: Array, path: Array)
                 )
                 parts += [true - track.error[keep][:, [1, 0]], np.full((1, 2), np.nan)]
         if parts:
-            _path(
+            draw_path(
                 figure,
                 np.concatenate(parts),
                 name,
                 line={"color": style.colour, "width": 1.6, "dash": style.dash},
             )
-
-
-def _path(
-    figure: go.Figure,
-    path: Array,
-    name: str,
-    mode: str = "lines",
-    hovertemplate: str = "%{x:.1f} m east, %{y:.1f} m north",
-    **style: Any,
-) -> None:
-    figure.add_trace(
-        go.Scatter(
-            x=column(path[:, 0]),
-            y=column(path[:, 1]),
-            name=escape(name),
-            mode=mode,
-            hovertemplate=hovertemplate,
-            **style,
-        )
-    )

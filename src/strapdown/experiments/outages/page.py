@@ -51,6 +51,7 @@ RATIOS = (
     "Where outages overlap the mean is that of the blocks. Filled: the interval excludes 1. "
     "Logarithmic axes."
 )
+LOGARITHMIC = "Logarithmic error axes."
 GROWTH = "Median (line) and 10 to 90 % of the outages (shade). Logarithmic error axes."
 COVERAGE = (
     "Of the errors of position in the outages. Dashed: a normal error with the claimed standard "
@@ -70,7 +71,38 @@ def page(comparison: Comparison) -> Page:
     def place(figure: go.Figure | None, heading: str, caption: str = "") -> str:
         return placed(next(numbers), figure, heading, caption) if figure is not None else ""
 
-    sections = [(heading, make(comparison, place)) for heading, make in SECTIONS]
+    each = [
+        (length, f", outages of {length:g} s" if len(comparison.lengths) > 1 else "")
+        for length in comparison.lengths
+    ]
+    every = [
+        place(figures.outages(comparison, length), f"RMSE of each outage{of}", LOGARITHMIC)
+        for length, of in each
+    ]
+    pairs = [_pairs(comparison, place, length, of) for length, of in each]
+    growth = [
+        place(figures.growth(comparison, length), f"Error over the time in the outage{of}", GROWTH)
+        for length, of in each
+    ]
+    single = [
+        place(figures.course(comparison, i), heading, "True − estimate.")
+        for i, heading in _chosen(comparison)
+    ]
+    covered = place(
+        figures.coverage(comparison), "Errors within the claimed standard deviations", COVERAGE
+    )
+    seen = TRACK if figures.are_listed(comparison) else SWEPT
+    sections = (
+        ("Summary", _summary(comparison)),
+        ("Every outage", tables.of_outages(comparison) + "".join(every)),
+        ("Paired differences", "".join(pairs)),
+        ("Growth", _around("grid", *growth)),
+        ("Single outages", _around("grid", *single)),
+        ("Coverage", _around("narrow", covered)),
+        ("Track", _around("narrow", place(figures.track(comparison), "Seen from above", seen))),
+        ("How it was done", tables.how(comparison)),
+        ("Notes", listing(comparison.notes) if comparison.notes else ""),
+    )
     title = f"{comparison.name or 'A recording'}: {counted(len(comparison.filters), 'filter')} in {counted(len(comparison.windows))}"
     facts = {
         "recording": comparison.name,
@@ -90,71 +122,25 @@ def page(comparison: Comparison) -> Page:
     )
 
 
-def _each_length(comparison: Comparison) -> list[tuple[float, str]]:
-    """(length, words to add to a heading) of the outages."""
-    return [
-        (length, f", outages of {length:g} s" if len(comparison.lengths) > 1 else "")
-        for length in comparison.lengths
-    ]
+def _around(kind: str, *parts: str) -> str:
+    """A block of that class around parts; "" around nothing."""
+    return f"<div class={kind}>{''.join(parts)}</div>" if any(parts) else ""
 
 
-def _grid(*parts: str) -> str:
-    return f"<div class=grid>{''.join(parts)}</div>" if any(parts) else ""
+def _summary(comparison: Comparison) -> str:
+    said = [("answer", answers(comparison)), ("note", unlike(comparison) + failures(comparison))]
+    lines = "".join(f"<p class={kind}>{escape(text)}</p>" for kind, texts in said for text in texts)
+    return f"{lines}{tables.summary(comparison)}<p class=caption>{RANKED}</p>"
 
 
-def _narrow(part: str) -> str:
-    return f"<div class=narrow>{part}</div>" if part else ""
-
-
-def _summary(comparison: Comparison, place: Place) -> str:
-    said = "".join(f"<p class=answer>{escape(text)}</p>" for text in answers(comparison))
-    said += "".join(
-        f"<p class=note>{escape(text)}</p>" for text in [*unlike(comparison), *failures(comparison)]
-    )
-    return said + tables.summary(comparison) + f"<p class=caption>{RANKED}</p>"
-
-
-def _outages(comparison: Comparison, place: Place) -> str:
-    drawn = [
-        place(
-            figures.outages(comparison, length),
-            f"RMSE of each outage{of}",
-            "Logarithmic error axes.",
-        )
-        for length, of in _each_length(comparison)
-    ]
-    return tables.of_outages(comparison) + "".join(drawn)
-
-
-def _pairs(comparison: Comparison, place: Place) -> str:
-    found = ""
-    for length, of in _each_length(comparison):
-        best = ranked(comparison, length)[:1]
-        drawn = figures.paired(comparison, best[0], length) if best else None
-        if drawn is not None:
-            found += place(drawn, f"Ratio to {best[0]}{of}", RATIOS)
-            found += f"<details><summary>All pairs{of}</summary>{tables.pairs(comparison, length)}</details>"
-    return found
-
-
-def _growth(comparison: Comparison, place: Place) -> str:
-    return _grid(
-        *(
-            place(
-                figures.growth(comparison, length), f"Error over the time in the outage{of}", GROWTH
-            )
-            for length, of in _each_length(comparison)
-        )
-    )
-
-
-def _single(comparison: Comparison, place: Place) -> str:
-    return _grid(
-        *(
-            place(figures.course(comparison, i), heading, "True − estimate.")
-            for i, heading in _chosen(comparison)
-        )
-    )
+def _pairs(comparison: Comparison, place: Place, length: float, of: str) -> str:
+    """The ratios to the best filter, and of all pairs."""
+    best = ranked(comparison, length)[:1]
+    drawn = figures.paired(comparison, best[0], length) if best else None
+    if drawn is None:
+        return ""
+    every = f"<details><summary>All pairs{of}</summary>{tables.pairs(comparison, length)}</details>"
+    return place(drawn, f"Ratio to {best[0]}{of}", RATIOS) + every
 
 
 def _chosen(comparison: Comparison) -> list[tuple[int, str]]:
@@ -177,44 +163,3 @@ def _chosen(comparison: Comparison) -> list[tuple[int, str]]:
     )
     picked = [("A median", order[len(order) // 2]), ("The worst", order[-1])] if len(order) else []
     return [(number - 1, f"{what} outage, {label(number - 1)}") for what, number in picked]
-
-
-def _coverage(comparison: Comparison, place: Place) -> str:
-    return _narrow(
-        place(
-            figures.coverage(comparison), "Errors within the claimed standard deviations", COVERAGE
-        )
-    )
-
-
-def _track(comparison: Comparison, place: Place) -> str:
-    return _narrow(
-        place(
-            figures.track(comparison),
-            "Seen from above",
-            TRACK if figures.are_listed(comparison) else SWEPT,
-        )
-    )
-
-
-def _how(comparison: Comparison, place: Place) -> str:
-    return tables.how(comparison)
-
-
-def _notes(comparison: Comparison, place: Place) -> str:
-    return listing(comparison.notes) if comparison.notes else ""
-
-
-SECTIONS = (
-    ("Summary", _summary),
-    ("Every outage", _outages),
-    ("Paired differences", _pairs),
-    ("Growth", _growth),
-    ("Single outages", _single),
-    ("Coverage", _coverage),
-    ("Track", _track),
-    ("How it was done", _how),
-    ("Notes", _notes),
-)
-"""In reading order: heading, and function of the Comparison and of what places a figure, that
-gives HTML; "" leaves it out."""

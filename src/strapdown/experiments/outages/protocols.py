@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from itertools import islice
 from typing import NamedTuple, TypeAlias
 
-from ...checks import DataError
+from ...checks import DataError, check_number
 from ...core.contract import Start
 
 Window: TypeAlias = tuple[float, float]
@@ -89,8 +89,12 @@ def _listed(windows: Iterable[Window], text: str | None = None) -> Protocol:
 def _periodic(text: str, span: Window) -> Protocol:
     """A stated length at the end of every stated period but the first, counted from the
     beginning of the first IMU sample."""
-    length, period = _numbers(text, text.split("/"), 2)
-    _positive(text, length=length, period=period)
+    parts = text.split("/")
+    if len(parts) != 2:
+        raise DataError(
+            f"outages {text!r}: {len(parts)} numbers where there are 2; {PROTOCOL_HINT}"
+        )
+    length, period = _positive(text, "length", parts[0]), _positive(text, "period", parts[1])
     if length >= period:
         raise DataError(
             f"outages {text!r}: {length:g} s of every {period:g} s leave no fixes between the "
@@ -116,9 +120,8 @@ def _sweep(text: str, span: Window, end: float, settled: Callable[[], float]) ->
     """Windows of each length at every offset inside a range."""
     stated, _, rest = text.partition("@")
     within, slash, every = rest.partition("/")
-    step = _numbers(text, [every], 1)[0] if slash else SWEEP_STEP
-    lengths = sorted(set(_numbers(text, stated.split(","))))
-    _positive(text, length=lengths[0], step=step)
+    step = _positive(text, "step", every) if slash else SWEEP_STEP
+    lengths = sorted({_positive(text, "length", part) for part in stated.split(",")})
     if lengths[-1] > span[1] - span[0]:
         raise _too_long(lengths[-1], span)
     first, last = _window(within, end, text) if within.strip() else (settled(), end)
@@ -148,41 +151,31 @@ def _window(part: str, end: float, text: str) -> Window:
     start, colon, stop = part.partition(":")
     if not colon:
         raise DataError(f"outages {text!r}: {part.strip()!r} is no window; {PROTOCOL_HINT}")
-    first = _numbers(text, [start], 1)[0]
+    first = _number(text, start)
     if not stop.strip() and first >= end:
         raise DataError(
             f"outages {text!r}: {first:.10g} s is outside the recording and its reference, which "
             f"end at {end:.10g} s; "
             "give an earlier time"
         )
-    return first, _numbers(text, [stop], 1)[0] if stop.strip() else end
+    return first, _number(text, stop) if stop.strip() else end
 
 
-def _numbers(text: str, parts: Iterable[str], count: int | None = None) -> list[float]:
-    """The finite numbers that `parts` of `text` are, `count` of them where that is given."""
-    found = []
-    for part in parts:
-        try:
-            found.append(float(part))
-        except ValueError:
-            found.append(math.nan)
-        if not math.isfinite(found[-1]):
-            raise DataError(
-                f"outages {text!r}: {part.strip()!r} is no number of seconds; {PROTOCOL_HINT}"
-            )
-    if count is not None and len(found) != count:
+def _number(text: str, part: str) -> float:
+    """The finite number that `part` of `text` is."""
+    try:
+        value = float(part)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
         raise DataError(
-            f"outages {text!r}: {len(found)} numbers where there are {count}; {PROTOCOL_HINT}"
+            f"outages {text!r}: {part.strip()!r} is no number of seconds; {PROTOCOL_HINT}"
         )
-    return found
+    return value
 
 
-def _positive(text: str, **values: float) -> None:
-    for name, value in values.items():
-        if value <= 0:
-            raise DataError(
-                f"outages {text!r}: the {name} is {value:g} s; it must be larger than 0"
-            )
+def _positive(text: str, name: str, part: str) -> float:
+    return check_number(_number(text, part), f"outages {text!r}: the {name}", "s", above=0)
 
 
 def named(window: Window) -> str:
@@ -200,23 +193,23 @@ def _too_long(length: float, span: Window) -> DataError:
 def _check(made: Protocol, span: Window) -> None:
     """Raise DataError for the first window that cannot be one, or that overlaps the next in a
     protocol of one run."""
-    for window in made.windows:
-        start, stop = window
+    for start, stop in made.windows:
+        window = named((start, stop))
         if not (math.isfinite(start) and math.isfinite(stop)):
-            raise DataError(f"outage {named(window)}: start and stop must be finite numbers, s")
+            raise DataError(f"outage {window}: start and stop must be finite numbers, s")
         if stop - start > span[1] - span[0] + ROUNDING:
             raise _too_long(stop - start, span)
         if start < span[0] - ROUNDING or max(start, stop) > span[1] + ROUNDING:
             raise DataError(
-                f"outage {named(window)} is outside the recording, which covers {span[0]:.10g} to "
+                f"outage {window} is outside the recording, which covers {span[0]:.10g} to "
                 f"{span[1]:.10g} s; give another window"
             )
         if stop <= start:
-            raise DataError(f"outage {named(window)}: it ends before it begins; give start:stop")
-    for window, after in zip(made.windows, made.windows[1:] if not made.sweep else ()):
-        if after[0] < window[1] - ROUNDING:
+            raise DataError(f"outage {window}: it ends before it begins; give start:stop")
+    for one, after in zip(made.windows, made.windows[1:] if not made.sweep else ()):
+        if after[0] < one[1] - ROUNDING:
             raise DataError(
-                f"outages {named(window)} and {named(after)} overlap, which in one run they must "
+                f"outages {named(one)} and {named(after)} overlap, which in one run they must "
                 f"not; "
                 "give others, or a sweep (30@240:575/5), in which each is a run of its own"
             )
@@ -224,9 +217,8 @@ def _check(made: Protocol, span: Window) -> None:
 
 def before_start(made: Protocol, start: Start) -> None:
     """Raise DataError where a window does not begin after the start of the filters, a Start."""
-    first = min(window[0] for window in made.windows)
-    if first <= start.t + ROUNDING:
-        window = next(window for window in made.windows if window[0] == first)
+    window = min(made.windows, key=lambda window: window[0])
+    if window[0] <= start.t + ROUNDING:
         raise DataError(
             f"outage {named(window)} begins before the alignment is done, at {start.t:.10g} s; "
             "give later outages (or, in Python, a start= before them)"

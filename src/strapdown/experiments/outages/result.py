@@ -5,18 +5,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, cast
+
+import pandas as pd
 
 from ...data import Trajectory
+from ...evaluation.metrics import NED_AXES
 from ...files import replacing
 from ...typing import File
-from . import summaries
 from .protocols import Window
 from .scores import Track
-
-if TYPE_CHECKING:
-    import pandas as pd
+from .summaries import PAIR_COLUMNS, curves, pooled, ratio
 
 TABLES = ("scores", "summary", "paired", "growth", "table")
 """Files of `Comparison.write`, beside the page: NAME.csv each."""
@@ -56,24 +57,74 @@ class Comparison:
     def summary(self) -> pd.DataFrame:
         """pandas DataFrame, a row per filter and length: means, medians, 90 % and largest of the
         scores, coverage, failures."""
-        return summaries.summary(self)
+        return pd.DataFrame(
+            {"filter": name, "length_s": length, **pooled(own[own["filter"] == name])}
+            for name in self.filters
+            for length in self.lengths
+            for own in [self.of_length(length)]
+        )
 
     @cached_property
     def paired(self) -> pd.DataFrame:
         """pandas DataFrame, a row per pair of filters, length and axis: ratio of their RMSE on
         the same outages with its 95 % interval, and wins."""
-        return summaries.paired_differences(self)
+        rows = []
+        for length in self.lengths:
+            own = self.of_length(length)
+            once = own[own["filter"] == self.filters[0]]
+            windows = once["start_s"].to_numpy(), once["length_s"].to_numpy()
+            for axis in ("horizontal", *NED_AXES):
+                by = own.pivot(index="outage", columns="filter", values=f"{axis}_rmse_m")
+                rows += [
+                    {
+                        "a": a,
+                        "b": b,
+                        "length_s": length,
+                        "axis": axis,
+                        **ratio(by[a].to_numpy(), by[b].to_numpy(), *windows),
+                    }
+                    for a, b in combinations(self.filters, 2)
+                ]
+        return pd.DataFrame(rows, columns=PAIR_COLUMNS)
 
     @cached_property
     def growth(self) -> pd.DataFrame:
         """pandas DataFrame, a row per filter, length and time since the start of the outage:
         median and 10-90 % of the errors over the outages."""
-        return summaries.growth(self)
+        return pd.concat(
+            [
+                pd.DataFrame(
+                    {
+                        "filter": name,
+                        "length_s": length,
+                        **curves(self._outages(name, length), length),
+                    }
+                )
+                for name in self.filters
+                for length in self.lengths
+            ],
+            ignore_index=True,
+        )
+
+    def _outages(self, name: str, length: float) -> list[tuple[Track, float]]:
+        """[(Track, its length s)] of a filter in the outages that are pooled under a length."""
+        found = zip(self.tracks[name], (round(stop - start, 6) for start, stop in self.windows))
+        return [
+            (track, own)
+            for track, own in found
+            if track is not None and (own == length or not self.sweep)
+        ]
 
     def table(self) -> pd.DataFrame:
         """pandas DataFrame like Table 1 of Alam et al.: RMSE (m), a row per outage, a column per
         axis and filter."""
-        return summaries.table(self)
+        names = [f"{axis}_rmse_m" for axis in NED_AXES]
+        rmse = self.scores.set_index(["outage", "filter"])[names]
+        by = cast("pd.DataFrame", rmse.unstack("filter"))  # with two indices it is a table
+        by = by[[(name, label) for name in names for label in self.filters]]
+        axes = [axis.capitalize() for axis in NED_AXES]
+        by.columns = pd.MultiIndex.from_product([axes, self.filters], names=["axis", "filter"])
+        return by
 
     def of_length(self, length: float) -> pd.DataFrame:
         """The rows of `scores` of the outages that are pooled under this length, s."""
@@ -86,14 +137,12 @@ class Comparison:
 
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
+        names = [f"{axis.capitalize()} {name}, m" for axis in NED_AXES for name in self.filters]
+        flat = self.table().set_axis(names, axis=1).reset_index()
         for name in TABLES:
-            made = self.table() if name == "table" else getattr(self, name)
-            if name == "table":
-                pairs: list[tuple[str, str]] = made.columns.to_list()  # type: ignore[assignment]
-                names = [f"{axis} {label}, m" for axis, label in pairs]
-                made = made.set_axis(names, axis=1)
             with replacing(folder / f"{name}.csv") as part:
-                made.to_csv(part, index=name == "table", float_format="%.9g")
+                made = flat if name == "table" else getattr(self, name)
+                made.to_csv(part, index=False, float_format="%.9g")
         page(self).save(folder / "index.html")
 
     def __repr__(self) -> str:

@@ -7,6 +7,7 @@ before a fix of the withheld kinds is used again.
 """
 
 from collections.abc import Collection
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,13 +17,12 @@ from ...core.contract import Start
 from ...core.loop import SAME_TIME
 from ...data import Solution, Trajectory
 from ...evaluation.consistency import coverage
-from ...evaluation.metrics import interpolated
+from ...evaluation.metrics import EULER, NED_AXES, interpolated
 from ...geodesy import displacement, wrap
 from ...recording import Recording
-from ...typing import Array
+from ...typing import Array, Mask
 from .protocols import Protocol, Window, named
 
-ERROR_AXES = ("north", "east", "down")
 HARDLY = 10.0
 """m: over a shorter way the drift is no percentage of it."""
 MOSTLY = 0.95
@@ -76,7 +76,7 @@ def known_reference(recording: Recording) -> Trajectory:
             "the recording has no reference to score against: add one to it (section [reference] of "
             "its description)"
         )
-    known = np.isfinite(reference.lla).all(axis=1)
+    known: Mask = np.all(np.isfinite(reference.lla), axis=1)
     if known.sum() < 2:
         raise DataError(
             "the reference has no position, and outages are scored by position: add one to it"
@@ -87,13 +87,7 @@ def known_reference(recording: Recording) -> Trajectory:
             f"the reference covers {first:.10g} to {last:.10g} s, the recording {begin:.10g} to "
             f"{end:.10g} s; check its clock"
         )
-
-    def part(values: Array | None) -> Array | None:
-        return None if values is None else values[known]
-
-    return Trajectory(
-        reference.t[known], reference.lla[known], part(reference.v_n), part(reference.q_nb)
-    )
+    return replace(reference.taking(known), sd=None)
 
 
 class _Scene(NamedTuple):
@@ -205,13 +199,7 @@ def _outage(window: Window, scene: _Scene) -> Outage:
             f"window"
         )
     at = int(np.searchsorted(scene.truth.t, scene.t[first]))
-    rows, whole = slice(at, at + last - first), scene.truth
-    truth = Trajectory(
-        whole.t[rows],
-        whole.lla[rows],
-        None if whole.v_n is None else whole.v_n[rows],
-        None if whole.q_nb is None else whole.q_nb[rows],
-    )
+    truth = scene.truth.taking(slice(at, at + last - first))
     known = np.isfinite(truth.lla).all(axis=1)
     if not known.any():
         raise DataError(
@@ -240,31 +228,24 @@ def _outage(window: Window, scene: _Scene) -> Outage:
 def _poor_references(found: list[Outage], step: float) -> list[str]:
     """Notes on the outages that the reference covers in part, not to the end, or at few rows,
     `step` s apart."""
-    part, short, coarse = (
-        [i for i, each in enumerate(found, 1) if poor(each)]
-        for poor in (lambda o: o.known < MOSTLY, lambda o: not o.reaches_end, lambda o: o.coarse)
+    poor = (
+        (
+            lambda o: o.known < MOSTLY,
+            f"the reference is known at less than {100 * MOSTLY:g} % of the rows of {{}}, which "
+            f"are scored where it is",
+        ),
+        (
+            lambda o: not o.reaches_end,
+            "the reference is not known to the end of {}: no errors at the end",
+        ),
+        (
+            lambda o: o.coarse,
+            f"the reference has a row every {step:.3g} s, which is coarse for {{}}: what it does "
+            f"not show between its rows counts as error",
+        ),
     )
-    notes = (
-        [
-            f"the reference is known at less than {100 * MOSTLY:g} % of the rows of "
-            f"{_outages(part)}, which are scored where it is"
-        ]
-        if part
-        else []
-    )
-    notes += (
-        [f"the reference is not known to the end of {_outages(short)}: no errors at the end"]
-        if short
-        else []
-    )
-    return notes + (
-        [
-            f"the reference has a row every {step:.3g} s, which is coarse for {_outages(coarse)}: "
-            "what it does not show between its rows counts as error"
-        ]
-        if coarse
-        else []
-    )
+    numbers = [([i for i, o in enumerate(found, 1) if has(o)], text) for has, text in poor]
+    return [text.format(_outages(own)) for own, text in numbers if own]
 
 
 def _outages(numbers: list[int]) -> str:
@@ -282,19 +263,16 @@ def scored(solution: Solution, outage: Outage) -> tuple[dict[str, float], Track]
         raise DataError("diverged: its position is no number")
     known = np.isfinite(truth.lla).all(axis=1)
     p = displacement(truth.lla[known], estimate.lla[known])
-    sd = (
-        None
-        if estimate.sd is None or not np.isfinite(estimate.sd[:, :3]).any()
-        else estimate.sd[known, :3]
-    )
+    sd = np.full_like(p, np.nan) if estimate.sd is None else estimate.sd[known, :3]
     row = (
         _position_scores(p, outage)
         | _velocity_scores(estimate, outage)
         | _attitude_scores(estimate, truth)
+        | _coverage(p, sd)
     )
-    row |= _coverage(p, np.full_like(p, np.nan) if sd is None else sd)
     at = np.unique(np.linspace(0, len(p) - 1, min(len(p), DRAWN)).round().astype(int))
-    return row, Track(truth.t[known][at] - outage.start, p[at], None if sd is None else sd[at])
+    claimed = estimate.sd is not None and np.isfinite(estimate.sd[:, :3]).any()
+    return row, Track(truth.t[known][at] - outage.start, p[at], sd[at] if claimed else None)
 
 
 def _rms(values: Array) -> float:
@@ -308,8 +286,8 @@ def _position_scores(p: Array, outage: Outage) -> dict[str, float]:
         p[-1] if outage.reaches_end else np.full(3, np.nan),
     )
     far = float(np.hypot(end[0], end[1]))
-    row = {f"{axis}_rmse_m": _rms(p[:, i]) for i, axis in enumerate(ERROR_AXES)} | {
-        f"{axis}_end_m": float(end[i]) for i, axis in enumerate(ERROR_AXES)
+    row = {f"{axis}_rmse_m": _rms(p[:, i]) for i, axis in enumerate(NED_AXES)} | {
+        f"{axis}_end_m": float(end[i]) for i, axis in enumerate(NED_AXES)
     }
     return row | {
         "horizontal_rmse_m": _rms(horizontal),
@@ -328,7 +306,7 @@ def _velocity_scores(estimate: Trajectory, outage: Outage) -> dict[str, float]:
     size = np.linalg.norm(v, axis=1)
     known = np.flatnonzero(np.isfinite(size))
     end = float(size[known[-1]]) if len(known) and outage.reaches_end else np.nan
-    return {f"velocity_{axis}_rmse_m_s": _rms(v[:, i]) for i, axis in enumerate(ERROR_AXES)} | {
+    return {f"velocity_{axis}_rmse_m_s": _rms(v[:, i]) for i, axis in enumerate(NED_AXES)} | {
         "velocity_rmse_m_s": _rms(size),
         "velocity_end_m_s": end,
     }
@@ -340,10 +318,7 @@ def _attitude_scores(estimate: Trajectory, truth: Trajectory) -> dict[str, float
         if truth.q_nb is None or estimate.q_nb is None
         else wrap(truth.rph - estimate.rph)
     )
-    return {
-        f"{name}_rmse_deg": float(np.degrees(_rms(rph[:, i])))
-        for i, name in enumerate(("roll", "pitch", "heading"))
-    }
+    return {f"{name}_rmse_deg": float(np.degrees(_rms(rph[:, i]))) for i, name in enumerate(EULER)}
 
 
 def _coverage(p: Array, sd: Array) -> dict[str, float]:

@@ -4,20 +4,19 @@ growth of the error, the table of the paper."""
 from __future__ import annotations
 
 from collections.abc import Iterable
-from itertools import combinations
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from ...evaluation.consistency import Paired, paired
+from ...evaluation.metrics import EULER, NED_AXES
 from ...typing import Array, Ints
 from .protocols import ROUNDING
-from .scores import ERROR_AXES, Track
+from .scores import Track
 
 if TYPE_CHECKING:
-    import pandas as pd
-
-    from .result import Comparison
+    pass
 
 GRID = 61
 """Points of a growth curve."""
@@ -25,37 +24,36 @@ CURVE_GAP = 2.5
 """Usual steps of a Track, thinned to every row or every other one: it is not known over more,
 nor over so many beyond its ends."""
 MEANS = tuple(f"coverage_{k}" for k in (1, 2, 3)) + tuple(f"down_coverage_{k}" for k in (1, 2, 3))
-MEDIANS = tuple(f"{part}_rmse_deg" for part in ("roll", "pitch", "heading")) + (
+MEDIANS = tuple(f"{part}_rmse_deg" for part in EULER) + (
     "velocity_rmse_m_s",
     "velocity_end_m_s",
 )
+PAIR_COLUMNS = [
+    "a",
+    "b",
+    "length_s",
+    "axis",
+    "ratio",
+    "low",
+    "high",
+    "wins_a",
+    "wins_b",
+    "n",
+    "blocks",
+]
 
 
-def summary(comparison: Comparison) -> pd.DataFrame:
-    """A row per filter and length; see `Comparison.summary`."""
-    import pandas as pd
-
-    rows = []
-    for name in comparison.filters:
-        for length in comparison.lengths:
-            own = comparison.of_length(length)
-            own = own[own["filter"] == name]
-            rows.append({"filter": name, "length_s": length, **_summary_row(own)})
-    return pd.DataFrame(rows)
-
-
-def _summary_row(own: pd.DataFrame) -> dict[str, Any]:
+def pooled(own: pd.DataFrame) -> dict[str, Any]:
+    """A row of the summary, of the scores of one filter; see `Comparison.summary`."""
     got = own[np.isfinite(own["horizontal_rmse_m"])]
     row = {"n": len(got), "failures": len(own) - len(got)}
-    for part in (*ERROR_AXES, "horizontal"):
-        row |= {
-            f"{part}_rmse_mean_m": got[f"{part}_rmse_m"].mean(),
-            f"{part}_rmse_median_m": got[f"{part}_rmse_m"].median(),
-        }
-    for part, values in (
-        ("horizontal", got["horizontal_end_m"]),
-        ("down", got["down_end_m"].abs()),
-    ):
+    row |= {
+        f"{part}_rmse_{what}_m": getattr(got[f"{part}_rmse_m"], what)()
+        for part in (*NED_AXES, "horizontal")
+        for what in ("mean", "median")
+    }
+    ends = {"horizontal": got["horizontal_end_m"], "down": got["down_end_m"].abs()}
+    for part, values in ends.items():
         row |= {
             f"{part}_end_median_m": values.median(),
             f"{part}_end_p90_m": values.quantile(0.9),
@@ -64,52 +62,15 @@ def _summary_row(own: pd.DataFrame) -> dict[str, Any]:
     row |= {
         "horizontal_max_m": got["horizontal_max_m"].max(),
         "drift_median_percent": got["drift_percent"].median(),
+        **{
+            name.replace("_rmse_", "_rmse_median_").replace("_end_", "_end_median_"): got[
+                name
+            ].median()
+            for name in MEDIANS
+        },
+        **{name: got[name].mean() for name in MEANS},
     }
-    row |= {
-        name.replace("_rmse_", "_rmse_median_").replace("_end_", "_end_median_"): got[name].median()
-        for name in MEDIANS
-    }
-    row |= {name: got[name].mean() for name in MEANS}
     return row | {"said": "; ".join(dict.fromkeys(text for text in own["said"] if text))}
-
-
-def paired_differences(comparison: Comparison) -> pd.DataFrame:
-    """A row per pair of filters, length and axis; see `Comparison.paired`."""
-    import pandas as pd
-
-    rows = []
-    for length in comparison.lengths:
-        own = comparison.of_length(length)
-        once = own[own["filter"] == comparison.filters[0]]
-        starts, each = once["start_s"].to_numpy(), once["length_s"].to_numpy()
-        for axis in ("horizontal", *ERROR_AXES):
-            by = own.pivot(index="outage", columns="filter", values=f"{axis}_rmse_m")
-            for a, b in combinations(comparison.filters, 2):
-                rows.append(
-                    {
-                        "a": a,
-                        "b": b,
-                        "length_s": length,
-                        "axis": axis,
-                        **ratio(by[a].to_numpy(), by[b].to_numpy(), starts, each),
-                    }
-                )
-    return pd.DataFrame(
-        rows,
-        columns=[
-            "a",
-            "b",
-            "length_s",
-            "axis",
-            "ratio",
-            "low",
-            "high",
-            "wins_a",
-            "wins_b",
-            "n",
-            "blocks",
-        ],
-    )
 
 
 def blocks(starts: Iterable[float], lengths: Iterable[float]) -> Ints:
@@ -187,30 +148,23 @@ def _covariance(one: tuple[Array, Array], other: tuple[Array, Array]) -> float:
     return float((np.clip(overlap, 0.0, None) / np.multiply.outer(la, lb)).mean())
 
 
-def growth(comparison: Comparison) -> pd.DataFrame:
-    """A row per filter, length and time since the start of the outage; see `Comparison.growth`."""
-    import pandas as pd
-
-    parts = []
-    lengths = np.array([round(stop - start, 6) for start, stop in comparison.windows])
-    for name in comparison.filters:
-        for length in comparison.lengths:
-            grid = np.linspace(0.0, length, GRID)
-            own = [
-                (track, each)
-                for track, each in zip(comparison.tracks[name], lengths)
-                if track is not None and (each == length or not comparison.sweep)
-            ]
-            curves = {
-                "horizontal": [_on(grid, t, np.hypot(*t.error[:, :2].T), each) for t, each in own],
-                "vertical": [_on(grid, t, np.abs(t.error[:, 2]), each) for t, each in own],
-            }
-            parts.append(
-                pd.DataFrame(
-                    {"filter": name, "length_s": length, "since_s": grid, **_quantiles(curves)}
-                )
-            )
-    return pd.concat(parts, ignore_index=True)
+def curves(own: Iterable[tuple[Track, float]], length: float) -> dict[str, Any]:
+    """Columns of the growth of the error over outages, [(Track, its length s)], on one grid of
+    times; see `Comparison.growth`."""
+    grid = np.linspace(0.0, length, GRID)
+    found: dict[str, Any] = {"since_s": grid}
+    sizes = {
+        "horizontal": [_on(grid, t, np.hypot(*t.error[:, :2].T), each) for t, each in own],
+        "vertical": [_on(grid, t, np.abs(t.error[:, 2]), each) for t, each in own],
+    }
+    for part, rows in sizes.items():
+        values = np.array(rows).reshape(-1, GRID)
+        known = np.isfinite(values).any(axis=0)
+        for name, share in (("median", 0.5), ("p10", 0.1), ("p90", 0.9)):
+            found[f"{part}_{name}_m"] = np.full(GRID, np.nan)
+            found[f"{part}_{name}_m"][known] = np.nanquantile(values[:, known], share, axis=0)
+        found["n"] = np.isfinite(values).sum(axis=0)
+    return found
 
 
 def _on(grid: Array, track: Track, values: Array, length: float) -> Array:
@@ -222,31 +176,3 @@ def _on(grid: Array, track: Track, values: Array, length: float) -> Array:
     for row in np.flatnonzero(steps > max(wide, grid[1])):
         known &= (grid <= since[row]) | (grid >= since[row + 1])
     return np.where(known, np.interp(grid, since, values), np.nan)
-
-
-def _quantiles(curves: dict[str, list[Array]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for part, each in curves.items():
-        values = np.array(each).reshape(-1, GRID)
-        count = np.isfinite(values).sum(axis=0)
-        for name, share in (("median", 0.5), ("p10", 0.1), ("p90", 0.9)):
-            found[f"{part}_{name}_m"] = [
-                np.nanquantile(column, share) if n else np.nan for column, n in zip(values.T, count)
-            ]
-        found["n"] = count
-    return found
-
-
-def table(comparison: Comparison) -> pd.DataFrame:
-    """RMSE (m) by outage, columns by axis and filter; see `Comparison.table`."""
-    import pandas as pd
-
-    rmse = comparison.scores.set_index(["outage", "filter"])[
-        [f"{axis}_rmse_m" for axis in ERROR_AXES]
-    ]
-    by = cast("pd.DataFrame", rmse.unstack("filter"))  # of a table with two indices it is a table
-    by = by[[(f"{axis}_rmse_m", name) for axis in ERROR_AXES for name in comparison.filters]]
-    by.columns = pd.MultiIndex.from_product(
-        [[axis.capitalize() for axis in ERROR_AXES], comparison.filters], names=["axis", "filter"]
-    )
-    return by

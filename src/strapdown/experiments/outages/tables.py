@@ -9,15 +9,14 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
-from ...reports.drawing import NED_AXES
+from ...evaluation.metrics import NED_AXES
 from ...reports.summary import number, table
 from ...typing import Array
 from .words import ranked, unlike
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from .result import Comparison
 
 SUMMARY = (

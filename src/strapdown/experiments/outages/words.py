@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ...reports.summary import number
+from ...reports.summary import enumerated, number
 
 if TYPE_CHECKING:
     from .result import Comparison
@@ -107,13 +107,13 @@ def _answer(comparison: Comparison, length: float) -> str:
         return (
             f"The data do not tell the filters apart: {best} has the smallest horizontal RMSE "
             f"{within}, but there may be no difference to "
-            f"{_listed(alike)}: {_times(best, found, alike)}."
+            f"{enumerated(alike)}: {_times(best, found, alike)}."
         )
     rest = [name for name in found if name not in alike]
     return (
         f"{best} has the smallest horizontal RMSE {within}, but the data do not tell it apart from "
-        f"{_listed(alike)}: "
-        f"{_times(best, found, alike)}; {_listed(rest)} {'drift' if len(rest) > 1 else 'drifts'} "
+        f"{enumerated(alike)}: "
+        f"{_times(best, found, alike)}; {enumerated(rest)} {'drift' if len(rest) > 1 else 'drifts'} "
         f"more."
     )
 
@@ -134,7 +134,7 @@ def _times(best: str, found: dict[str, Ratio], names: Iterable[str]) -> str:
         f"{number(1 / found[name].value)} times as large as {name}'s{within(found[name])}"
         for name in names
     ]
-    return f"{best}'s horizontal RMSE is " + _listed(ratios)
+    return f"{best}'s horizontal RMSE is " + enumerated(ratios)
 
 
 def unlike(comparison: Comparison) -> list[str]:
@@ -151,16 +151,11 @@ def unlike(comparison: Comparison) -> list[str]:
                 else "mind this where errors are compared"
             )
             said.append(
-                f"In the outages {_listed(having)} also used {source}, which "
-                f"{_listed([name for name in used if name not in having])} "
+                f"In the outages {enumerated(having)} also used {source}, which "
+                f"{enumerated([name for name in used if name not in having])} "
                 f"did not, so {so}."
             )
     return said
-
-
-def _listed(words: list[str]) -> str:
-    """`a, b and c`."""
-    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
 def counted(n: int, noun: str = "outage") -> str:

@@ -1,0 +1,284 @@
+"""The figures of the report page, in its order: one list, to which plugins add."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, TypeAlias
+
+import plotly.graph_objects as go
+
+from .. import plugins
+from ..checks import DataError, check_keys
+from ..core.contract import ATT, BA, BG, POS, VEL
+from ..data import Solution, Trajectory
+from ..evaluation import metrics
+from ..evaluation.metrics import Errors
+from . import figures, fix_figures
+from .summary import claimed_sd
+
+Text: TypeAlias = str | Callable[[Sequence[Solution]], str]
+"""A text, or what makes it of the solutions that it is about."""
+Draw: TypeAlias = Callable[..., go.Figure | None]
+TAKES = ("errors", "scores", "colour", "window")
+"""What `Figure.takes` may name."""
+
+
+class Figure(NamedTuple):
+    """A figure of the report page.
+
+    `draw(solution, reference)` returns a plotly Figure, or None where the figure does not apply to
+    that solution. It is called once for each Solution of the page. `reference` is a Trajectory, or
+    None where there is none that the solutions are scored by. Sentences in a list
+    `figure.layout.meta["notes"]` are shown below it; `figure.layout.height` is in pixels.
+
+    A draw that raises does not lose the page: one line says which figure and why in its place, and
+    so does `Page.notes`.
+    """
+
+    name: str  # in the list, and where something is said of it
+    title: str | Text  # above it
+    draw: Draw
+    caption: Text = ""  # below it
+    section: str = "More figures"  # heading on the page under which it stands
+    # what `draw` also takes, by name: "errors", the metrics.Errors of the solution or None;
+    # "scores", {name: Errors} of all; "colour", of the solution on this page; "window", (start,
+    # stop) s that is scored or None
+    takes: tuple[str, ...] = ()
+    # one figure of all solutions: `draw` gets {name: Solution} instead of a Solution
+    together: bool = False
+
+
+def figures_of_page() -> list[Figure]:
+    """Those of the library, then those of plugins."""
+    return [*FIGURES, *(figure for figure, _ in brought().values())]
+
+
+def brought() -> dict[str, tuple[Figure, plugins.Plugin]]:
+    """{name: (value, plugin)} of what plugins bring."""
+    return plugins.collect(Figure, _own, check)
+
+
+def _own(name: str) -> Figure | None:
+    return next((figure for figure in FIGURES if figure.name == name), None)
+
+
+def check(figure: Figure) -> None:
+    """Refuse a Figure that cannot be used. Raises DataError."""
+    if not figure.title:
+        raise DataError(f"figure {figure.name!r}: its title must be text")
+    if not callable(figure.draw):
+        raise DataError(
+            f"figure {figure.name!r}: draw is {figure.draw!r}; it must be a function of a Solution "
+            f"and a reference"
+        )
+    check_keys(figure.takes, TAKES, f"figure {figure.name!r}, takes")
+
+
+def add(figure: Figure, module: str, file: str | None) -> None:
+    """Add a figure that a module registers to every report page that is made from now on. Raises
+    DataError."""
+    plugins.admit(figure, _own, brought(), check, module, file)
+
+
+def _banded(states: slice, claimed: str, before: str = "", after: str = "") -> Text:
+    """A caption with the words on the band where the filter claims standard deviations of those
+    states."""
+    return lambda shown: before + (claimed if _any_claimed(shown, states) else "") + after
+
+
+def _any_claimed(shown: Sequence[Solution], states: slice) -> bool:
+    return any(metrics.any_known(claimed_sd(solution)[:, states]) for solution in shown)
+
+
+def _claimed(shown: Sequence[Solution]) -> str:
+    """Title of the figure of claimed uncertainty: which there is."""
+    parts = (
+        ("position", slice(0, 2)),
+        ("height", slice(2, 3)),
+        ("velocity", VEL),
+        ("attitude", ATT),
+    )
+    known = [name for name, states in parts if _any_claimed(shown, states)]
+    if "position" in known:
+        known = [name for name in known if name != "height"]
+    return f"3σ of {', '.join(known)}"
+
+
+def _of_errors(part: str, draw: Draw) -> Draw:
+    """`draw` of the errors where their `part` is known."""
+
+    def drawn(
+        solution: Solution,
+        reference: Trajectory | None,
+        errors: Errors | None,
+        colour: str,
+        window: tuple[float, float] | None,
+    ) -> go.Figure | None:
+        known = errors is not None and getattr(errors, part) is not None
+        return draw(solution, errors, colour, window) if known else None
+
+    return drawn
+
+
+def _angles(
+    solution: Solution,
+    reference: Trajectory | None,
+    errors: Errors | None,
+    scores: dict[str, Errors],
+    colour: str,
+    window: tuple[float, float] | None,
+) -> go.Figure | None:
+    """The angles of the attitude error, where one solution of the page has no position."""
+    if all(metrics.any_known(e.horizontal) for e in scores.values()):
+        return None
+    return _of_errors("attitude", figures.attitude_angles)(
+        solution, reference, errors, colour, window
+    )
+
+
+AS_ERRORS = ("errors", "colour", "window")
+FIGURES: list[Figure] = [
+    Figure(
+        "track",
+        "Seen from above",
+        figures.track,
+        "Dots are position fixes: the estimate plus its innovation.",
+        "Track",
+        together=True,
+    ),
+    Figure(
+        "height", "Height", figures.height, "Above the WGS-84 ellipsoid.", "Track", together=True
+    ),
+    Figure(
+        "horizontal-error",
+        "Horizontal error",
+        lambda all, reference, scores: figures.horizontal(all, scores) if scores else None,
+        _banded(slice(0, 2), "It should stay below what the filter claims."),
+        "Track",
+        ("scores",),
+        together=True,
+    ),
+    Figure(
+        "position-error",
+        "Position error",
+        _of_errors("position", figures.position),
+        _banded(POS, "With the ±3σ band that the filter claims."),
+        "Errors",
+        AS_ERRORS,
+    ),
+    Figure(
+        "velocity-error",
+        "Velocity error",
+        _of_errors("velocity", figures.velocity),
+        _banded(VEL, "With its ±3σ band."),
+        "Errors",
+        AS_ERRORS,
+    ),
+    Figure(
+        "attitude-error",
+        "Attitude error",
+        _of_errors("attitude", figures.attitude),
+        _banded(
+            ATT,
+            "; ±3σ bands from the rotation vector, correlations neglected",
+            "Heading wrapped to ±180 deg",
+            ".",
+        ),
+        "Errors",
+        AS_ERRORS,
+    ),
+    Figure(
+        "attitude-angles",
+        "Angle of the attitude error",
+        _angles,
+        "Of the whole rotation, of the vertical, and about it: without signs, and alike in every "
+        "attitude.",
+        "Errors",
+        ("scores", *AS_ERRORS),
+    ),
+    Figure(
+        "position",
+        "Position",
+        lambda s, reference, colour: (
+            figures.position(s, None, colour) if reference is None and s.has_position else None
+        ),
+        _banded(POS, ", with ±3σ", "North and east from the start, and height", "."),
+        "Motion",
+        ("colour",),
+    ),
+    Figure(
+        "heave",
+        "Heave",
+        lambda s, reference, colour: figures.heave(s, colour, reference),
+        _banded(
+            slice(2, 3),
+            ", with ±3σ",
+            "Height, upwards, about its mean",
+            "; a reference about its own.",
+        ),
+        "Motion",
+        ("colour",),
+    ),
+    Figure(
+        "velocity",
+        "Velocity",
+        lambda s, reference, colour: figures.velocity(s, None, colour, compare=reference),
+        _banded(VEL, "With ±3σ."),
+        "Motion",
+        ("colour",),
+    ),
+    Figure(
+        "attitude",
+        "Attitude",
+        lambda s, reference, colour: figures.attitude(s, None, colour, compare=reference),
+        _banded(ATT, "; with ±3σ", "Heading is clockwise from north", "."),
+        "Motion",
+        ("colour",),
+    ),
+    Figure(
+        "sigma",
+        _claimed,
+        lambda s, reference: figures.sigma(s),
+        "Logarithmic axes: it falls with aiding and grows without.",
+        "Claimed uncertainty",
+    ),
+    Figure(
+        "accel-bias",
+        "Accelerometer bias",
+        lambda s, reference, colour: figures.accel_bias(s, colour),
+        _banded(BA, ", with ±3σ", "In body axes, forward, right, down", "."),
+        "Biases",
+        ("colour",),
+    ),
+    Figure(
+        "gyro-bias",
+        "Gyro bias",
+        lambda s, reference, colour: figures.gyro_bias(s, colour),
+        _banded(BG, ", with ±3σ", "In body axes, forward, right, down", "."),
+        "Biases",
+        ("colour",),
+    ),
+    Figure(
+        "innovations",
+        "Innovations",
+        lambda s, reference: fix_figures.innovations(s),
+        "Fix − estimate: around zero and without pattern when all is well.",
+        "Fixes",
+    ),
+    Figure(
+        "nis",
+        "Normalised innovation squared",
+        lambda s, reference: fix_figures.nis(s),
+        "A fix above the gate is rejected.",
+        "Fixes",
+    ),
+    Figure(
+        "extra",
+        "Columns of the filter",
+        lambda s, reference, colour: figures.extra(s, colour),
+        "What this filter publishes besides the navigation state.",
+        "Filter columns",
+        ("colour",),
+    ),
+]
+"""The figures of a report page, in its order; `Motion` is headed `Estimates` without a reference."""
