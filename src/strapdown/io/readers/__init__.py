@@ -107,6 +107,11 @@ def ask(reader: Reader, function: str, path: Path, *arguments: Any) -> Any:
         return getattr(reader, function)(path, *arguments)
     except DataError:
         raise
+    except ImportError as error:
+        raise DataError(
+            f"{path}: the reader {reader.name!r} needs a package that is not installed ({error}); "
+            f"install it"
+        ) from error
     except Exception as error:
         reason = (str(error).splitlines() or [""])[0]
         raise DataError(
@@ -124,9 +129,10 @@ def read(path: File) -> Recording:
     path = Path(path)
     reader = find(path)
     if reader is None:
+        ending = "".join(path.suffixes[-2 if path.suffix.lower() in PACKED else -1 :]).lower()
         raise DataError(
-            f"{path}: files of type {path.suffix.lower() or '(no suffix)'!r} are not read; supported "
-            f"are: {formats()}"
+            f"{path}: files of type {ending or '(no suffix)'!r} are not read; supported are: "
+            f"{formats()}"
         )
     found = ask(reader, "read", path)
     if not isinstance(found, Recording):
