@@ -183,8 +183,11 @@ def needs_more(path):
         ({"inspect": fails}, "the reader 'mine' fails at it in `inspect` (KeyError: "),
         ({"sniff": fails}, "the reader 'mine' fails at it in `sniff` (KeyError: "),
         ({"read": lambda path: path.read_text() + 1}, "in `read` (TypeError: "),
-        ({"read": lambda path: {}}, "the reader 'mine' gives no Recording but {}"),
-        ({"inspect": lambda path: ["fact"]}, "the reader 'mine' gives no facts and problems"),
+        ({"read": lambda path: {}}, "the reader 'mine' gives no Recording but a dict"),
+        (
+            {"inspect": lambda path: ["fact"]},
+            "the reader 'mine' gives no facts and problems but a list",
+        ),
     ],
 )
 def test_a_reader_that_fails_ends_in_one_line(log, command, changes, words):

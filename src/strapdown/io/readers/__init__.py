@@ -43,18 +43,17 @@ def add(reader: Reader) -> None:
     reader's and no `sniff` tells the two apart.
     """
     if not isinstance(reader, Reader):
-        raise DataError(f"{reader!r:.60} is no Reader; make one with strapdown.io.contract.Reader")
+        raise DataError(
+            f"a {type(reader).__name__} is no Reader; make one with strapdown.io.contract.Reader"
+        )
     _check_fields(reader)
     for other in readers().values():
         if other == reader:
             return
         if other.name == reader.name:
             raise DataError(f"reader {reader.name!r}: another one has this name; choose a new one")
-        if (
-            shared := []
-            if reader.sniff or other.sniff
-            else set(reader.suffixes) & set(other.suffixes)
-        ):
+        shared = set(reader.suffixes) & set(other.suffixes)
+        if shared and reader.sniff is None and other.sniff is None:
             raise DataError(
                 f"reader {reader.name!r}: files that end in {min(shared)} are read by "
                 f"{other.name!r}; give it a sniff that tells them apart, or another suffix"
@@ -71,7 +70,7 @@ def _check_fields(reader: Reader) -> None:
         "name": (is_text(reader.name), "text"),
         "suffixes": (
             isinstance(suffixes, tuple)
-            and all(is_text(each) and each[0] == "." and each.islower() for each in suffixes)
+            and all(is_text(each) and each[0] == "." and each == each.lower() for each in suffixes)
             and (len(suffixes) > 0 or has_sniff),
             'a tuple of endings in small letters as (".log", ".log.xz"), empty only beside a sniff',
         ),
@@ -92,11 +91,12 @@ def find(path: Path) -> Reader | None:
     """The Reader of a file, or None. Raises DataError where a `sniff` fails."""
     lower = path.name.lower()
     claims = {
-        reader: max((len(end) for end in reader.suffixes if lower.endswith(end)), default=0)
-        for reader in readers().values()
+        name: max((len(end) for end in reader.suffixes if lower.endswith(end)), default=0)
+        for name, reader in readers().items()
     }
-    for reader in sorted(claims, key=lambda each: (-claims[each], each.sniff is None)):
-        if ask(reader, "sniff", path) if reader.sniff else claims[reader]:
+    longest_first = lambda each: (-claims[each.name], each.sniff is None)
+    for reader in sorted(readers().values(), key=longest_first):
+        if ask(reader, "sniff", path) if reader.sniff else claims[reader.name]:
             return reader
     return None
 
@@ -107,17 +107,15 @@ def ask(reader: Reader, function: str, path: Path, *arguments: Any) -> Any:
         return getattr(reader, function)(path, *arguments)
     except DataError:
         raise
-    except ImportError as error:
-        raise DataError(
-            f"{path}: the reader {reader.name!r} needs a package that is not installed ({error}); "
-            f"install it"
-        ) from error
     except Exception as error:
         reason = (str(error).splitlines() or [""])[0]
-        raise DataError(
-            f"{path}: the reader {reader.name!r} fails at it in `{function}` "
-            f"({type(error).__name__}: {reason}); its author should know"
-        ) from error
+        said = (
+            f"needs a package that is not installed ({reason}); install it"
+            if isinstance(error, ImportError)
+            else f"fails at it in `{function}` ({type(error).__name__}: {reason}); its author should "
+            f"know"
+        )
+        raise DataError(f"{path}: the reader {reader.name!r} {said}") from error
 
 
 def read(path: File) -> Recording:
@@ -136,7 +134,9 @@ def read(path: File) -> Recording:
         )
     found = ask(reader, "read", path)
     if not isinstance(found, Recording):
-        raise DataError(f"{path}: the reader {reader.name!r} gives no Recording but {found!r:.60}")
+        raise DataError(
+            f"{path}: the reader {reader.name!r} gives no Recording but a {type(found).__name__}"
+        )
     return found
 
 
