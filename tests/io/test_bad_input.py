@@ -39,7 +39,7 @@ def refused(path):
 REFUSED = {
     "missing column": (
         dict(imu=lambda f: f.rename(columns={"gx": "gyx"})),
-        ["imu.csv", "column 'gx' is missing; did you mean 'gyx'?"],
+        ["imu.csv", "column 'gx' is missing (did you mean 'gyx'?)"],
     ),
     "no rows": (dict(imu=lambda f: f[:0]), ["imu.csv", "no rows"]),
     "one sample": (dict(imu=lambda f: f[:1]), ["imu.csv", "1 usable IMU sample; at least 2"]),

@@ -63,8 +63,8 @@ def test_sections_that_are_missing_change_nothing(tmp_path):
             '[magnetometer]\ntemperature = { unit = "uT", rows = [] }',
             r"\[magnetometer\] has bias and matrix and no other key",
         ),
-        ("[accel]\nbias = [1, 2, nan]", "must be 3 numbers"),
-        ("[accel]\nmatrix = [[1, 0, 0], [0, 1, 0], [1, 1, 0]]", "that can be inverted"),
+        ("[accel]\nbias = [1, 2, nan]", "must be 3 finite numbers"),
+        ("[accel]\nmatrix = [[1, 0, 0], [0, 1, 0], [1, 1, 0]]", "cannot be inverted"),
         (
             '[gyro]\ntemperature = { unit = "degrees", rows = [[0, 1, 2, 3], [1, 1, 2, 3]] }',
             "gyro.temperature: unknown unit 'degrees'",

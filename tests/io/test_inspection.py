@@ -111,7 +111,7 @@ def test_facts_of_a_good_recording(build, tmp_path):
         (dict(offset=1e4), "nothing falls within the IMU record"),
         (
             dict(toml=lambda s: s.replace('columns = ["vn"', 'columns = ["vnn"')),
-            "column 'vnn' is missing; did you mean 'vn'?",
+            "column 'vnn' is missing (did you mean 'vn'?)",
         ),
     ],
 )

@@ -183,15 +183,23 @@ def fails(path):
     raise KeyError("no such key\nat all")
 
 
+def needs_more(path):
+    import no_such_package  # noqa: F401
+
+
 @pytest.mark.parametrize(
     "changes, words",
     [
+        ({"read": needs_more}, "'mine' needs a package that is not installed (No module named"),
         ({"read": fails}, "the reader 'mine' fails at it in `read` (KeyError: "),
         ({"inspect": fails}, "the reader 'mine' fails at it in `inspect` (KeyError: "),
         ({"sniff": fails}, "the reader 'mine' fails at it in `sniff` (KeyError: "),
         ({"read": lambda path: path.read_text() + 1}, "in `read` (TypeError: "),
-        ({"read": lambda path: {}}, "the reader 'mine' gives no Recording but {}"),
-        ({"inspect": lambda path: ["fact"]}, "the reader 'mine' gives no facts and problems"),
+        ({"read": lambda path: {}}, "the reader 'mine' gives no Recording but a dict"),
+        (
+            {"inspect": lambda path: ["fact"]},
+            "the reader 'mine' gives no facts and problems but a list",
+        ),
     ],
 )
 def test_a_reader_that_fails_ends_in_one_line(log, command, changes, words):
@@ -199,6 +207,11 @@ def test_a_reader_that_fails_ends_in_one_line(log, command, changes, words):
     for name in ["inspect"] if "inspect" in changes else ["fuse", "inspect"]:
         code, _, err = command(name, str(log))
         assert code == 2 and len(err) == 1 and words in err[0] and "walk.mine" in err[0]
+
+
+def test_the_kind_of_a_packed_file_is_named(tmp_path):
+    with pytest.raises(DataError, match=r"files of type '\.ulg\.xz' are not read"):
+        sd.read(tmp_path / "a.b.ulg.xz")
 
 
 def test_other_formats_do_without_what_descriptions_need():

@@ -113,7 +113,7 @@ def test_mounting_and_calibration(build, tmp_path):
         imu.dtheta / imu.dt[:, None], np.radians(true[["gx", "gy", "gz"]]), atol=1e-9
     )
     for text, words in (
-        ("[accel]\nbias = 3", "must be 3 numbers"),
+        ("[accel]\nbias = 3", "must be 3 finite numbers"),
         ("[mag]\nbias = [1.0, 2.0, 3.0]", "unknown section 'mag'"),
         ("[accel]\noffset = 1", "no other key"),
     ):

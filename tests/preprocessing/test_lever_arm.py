@@ -263,8 +263,8 @@ def test_what_cannot_be_moved_is_refused():
             lambda: gnss_at(velocity, truth, Imu(*(column[:99] for column in imu))),
             "fixes are outside the IMU's",
         ),
-        (lambda: gnss_at(fixes, truth, lever_arm=(1.0, np.nan, 0.0)), "three numbers"),
-        (lambda: imu_at(imu, (1.0, 2.0)), "three numbers"),
+        (lambda: gnss_at(fixes, truth, lever_arm=(1.0, np.nan, 0.0)), "3 finite numbers"),
+        (lambda: imu_at(imu, (1.0, 2.0)), "3 finite numbers"),
         (lambda: gnss_at(fixes, Trajectory(truth.t, truth.lla)), "has no attitude"),
         (
             lambda: gnss_at(

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import DataError
+from ..checks import DataError, check_array
 from ..files import read_toml, replacing
 from ..sensor_models.errors import Triad
 from ..sensor_models.imu import temperature_rows
@@ -79,24 +79,12 @@ def _correction(path: File, name: str, section: Any) -> Correction:
         raise DataError(
             f"{path}: [{name}] has {', '.join(keys[:-1])} and {keys[-1]} and no other key"
         )
-    try:
-        bias, matrix = (
-            np.array(section.get(key, default), float)
-            for key, default in (("bias", np.zeros(3)), ("matrix", np.eye(3)))
-        )
-        right = (
-            bias.shape == (3,)
-            and matrix.shape == (3, 3)
-            and np.isfinite(bias).all()
-            and abs(np.linalg.det(matrix)) > 1e-6
-        )
-    except (TypeError, ValueError):
-        right = False
-    if not right:
-        raise DataError(
-            f"{path}: [{name}] bias must be 3 numbers and matrix 3 rows of 3 numbers that can be "
-            f"inverted"
-        )
+    bias, matrix = (
+        check_array(section.get(key, default), f"{path}: [{name}] {key}", np.shape(default))
+        for key, default in (("bias", np.zeros(3)), ("matrix", np.eye(3)))
+    )
+    if abs(np.linalg.det(matrix)) <= 1e-6:
+        raise DataError(f"{path}: [{name}] matrix cannot be inverted; check its rows")
     if name == "magnetometer" and np.linalg.det(matrix) < 0:
         raise DataError(
             f"{path}: [{name}] matrix mirrors the field (its determinant is below 0): check the "

@@ -46,6 +46,6 @@ def inspect(path: File) -> Inspection:
         facts, problems = map(tuple, found)
     except (TypeError, ValueError):
         raise DataError(
-            f"{path}: the reader {reader.name!r} gives no facts and problems but {found!r:.60}"
+            f"{path}: the reader {reader.name!r} gives no facts and problems but a {type(found).__name__}"
         ) from None
     return Inspection(str(path), facts, tuple(dict.fromkeys(problems)))

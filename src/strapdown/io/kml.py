@@ -2,51 +2,87 @@
 with time stamps."""
 
 import re
-from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
+from xml.sax.saxutils import escape
 
 import numpy as np
 
-from ..data import Solution, Trajectory
+from ..data import Solution
 from ..typing import Array, Ints
 
 MOST_VERTICES, MOST_STAMPS = 10000, 500
 """At most this many vertices of the line and points with a time stamp, taken at even steps."""
+DOCUMENT = """<?xml version='1.0' encoding='UTF-8'?>
+<kml xmlns="http://www.opengis.net/kml/2.2">
+  <Document>
+    <name>{name}</name>
+    <description>{description}</description>
+    <Style id="track">
+      <LineStyle>
+        <color>ff2060ff</color>
+        <width>3</width>
+      </LineStyle>
+    </Style>
+    <Placemark>
+      <name>{name}</name>
+      <styleUrl>#track</styleUrl>
+      <MultiGeometry>
+{lines}
+      </MultiGeometry>
+    </Placemark>
+    <Folder>
+      <name>time</name>
+{points}
+    </Folder>
+  </Document>
+</kml>"""
+LINE = """        <LineString>
+          <altitudeMode>absolute</altitudeMode>
+          <coordinates>{}</coordinates>
+        </LineString>"""
+POINT = """      <Placemark>
+        <name>{:.1f} s</name>
+        <TimeStamp>
+          <when>{}Z</when>
+        </TimeStamp>
+        <Point>
+          <altitudeMode>absolute</altitudeMode>
+          <coordinates>{}</coordinates>
+        </Point>
+      </Placemark>"""
 
 
 def kml(solution: Solution) -> bytes:
     """The KML document of a Solution, as bytes."""
-    root = ElementTree.Element("kml", xmlns="http://www.opengis.net/kml/2.2")
-    document = _add(root, "Document")
-    name = (
-        " ".join(
-            str(solution.meta[key]) for key in ("recording", "filter") if solution.meta.get(key)
-        )
-        or "strapdown solution"
-    )
+    t, lla = solution.t, solution.trajectory.lla
+    words = [str(solution.meta[key]) for key in ("recording", "filter") if solution.meta.get(key)]
     midnight, dated = _midnight(solution.meta.get("date"))
-    _add(document, "name", name)
-    _add(document, "description", _description(solution, midnight, dated))
-    line = _add(_add(document, "Style", id="track"), "LineStyle")
-    _add(line, "color", "ff2060ff")
-    _add(line, "width", "3")
-    known = np.flatnonzero(np.isfinite(solution.trajectory.lla).all(axis=1))
-    _line(document, name, solution.trajectory.lla[_every(known, MOST_VERTICES)])
-    _points(document, solution.trajectory, _every(known, MOST_STAMPS), midnight)
-    ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
+    known = np.flatnonzero(np.isfinite(lla).all(axis=1))
+    track = lla[_every(known, MOST_VERTICES)]
+    # cut at the antimeridian: a viewer would draw the missing step around the Earth
+    pieces = np.split(track, np.flatnonzero(np.abs(np.diff(track[:, 1])) > np.pi) + 1)
+    stamps = [
+        (row, midnight + timedelta(seconds=float(t[row] - t[0])))
+        for row in _every(known, MOST_STAMPS)
+    ]
+    return DOCUMENT.format(
+        name=_text(" ".join(words) or "strapdown solution"),
+        description=_text(_description(solution, midnight, dated)),
+        lines="\n".join(LINE.format(" ".join(map(_coordinates, piece))) for piece in pieces),
+        points="\n".join(
+            POINT.format(
+                t[row],
+                when.replace(tzinfo=None).isoformat(timespec="milliseconds"),
+                _coordinates(lla[row]),
+            )
+            for row, when in stamps
+        ),
+    ).encode()
 
 
-def _add(parent: Element, tag: str, text: str | None = None, **attributes: str) -> Element:
-    child = ElementTree.SubElement(parent, tag, attributes)
-    if text is not None:
-        # what XML 1.0 cannot hold
-        child.text = re.sub(
-            r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "?", str(text)
-        )
-    return child
+def _text(text: str) -> str:
+    """Fit for XML 1.0, with ? for what it cannot hold."""
+    return escape(re.sub(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "?", text))
 
 
 def _every(rows: Ints, most: int) -> Ints:
@@ -75,39 +111,6 @@ def _description(solution: Solution, midnight: datetime, dated: bool) -> str:
         f"Time stamps are {midnight:%Y-%m-%d} 00:00:00 UTC plus the seconds since the first "
         f"row{remark}"
     )
-
-
-def _line(document: Element, name: str, lla: Array) -> None:
-    """The track, cut where it crosses the antimeridian: a viewer would draw the missing step
-    around the Earth."""
-    placemark = _add(document, "Placemark")
-    _add(placemark, "name", name)
-    _add(placemark, "styleUrl", "#track")
-    pieces = _add(placemark, "MultiGeometry")
-    for piece in np.split(lla, np.flatnonzero(np.abs(np.diff(lla[:, 1])) > np.pi) + 1):
-        line = _add(pieces, "LineString")
-        _add(line, "altitudeMode", "absolute")
-        _add(line, "coordinates", " ".join(_coordinates(row) for row in piece))
-
-
-def _points(
-    document: Element, trajectory: Trajectory, rows: Iterable[int], midnight: datetime
-) -> None:
-    folder = _add(document, "Folder")
-    _add(folder, "name", "time")
-    for row in rows:
-        t = trajectory.t[row]
-        placemark = _add(folder, "Placemark")
-        _add(placemark, "name", f"{t:.1f} s")
-        stamp = midnight + timedelta(seconds=float(t - trajectory.t[0]))
-        _add(
-            _add(placemark, "TimeStamp"),
-            "when",
-            stamp.isoformat(timespec="milliseconds").replace("+00:00", "Z"),
-        )
-        point = _add(placemark, "Point")
-        _add(point, "altitudeMode", "absolute")
-        _add(point, "coordinates", _coordinates(trajectory.lla[row]))
 
 
 def _coordinates(lla: Array) -> str:

@@ -10,13 +10,12 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
 import numpy as np
 
-from ..checks import DataError
+from ..checks import DataError, did_you_mean
 from ..preprocessing.origin import Origin
 from ..typing import Array, File, Ints
 
@@ -91,10 +90,8 @@ class Table(NamedTuple):
             return f"column {column} is missing; it has {len(names)} columns"
         if sum(map(is_number, names)) > len(names) / 2:
             return f"column {column!r} is missing; the file has no header line: give columns by number, the first is 1"
-        near = get_close_matches(column, names, 1, 0.5) or [
-            name for name in names if name.lower() == column.lower()
-        ]
-        return f"column {column!r} is missing; {f'did you mean {near[0]!r}? ' if near else ''}it has {', '.join(names[:20])}"
+        hint = did_you_mean(column, names)
+        return f"column {column!r} is missing{hint}; it has {', '.join(names[:20])}"
 
 
 def read_table(path: Path, header: bool = True) -> Table:

@@ -16,7 +16,7 @@ from ..rotation_products import running_products
 from ..typing import Array, Ints, Mask
 from .axes import named_permutation, signed_permutations
 from .origin import counted
-from .stationary import at_rest
+from .stationary import at_rest, without_bias
 from .stuck import STUCK_TIME, stuck
 
 if TYPE_CHECKING:
@@ -159,9 +159,7 @@ def _gyro_path(imu: Imu) -> "Slerp":
     mean at rest."""
     from scipy.spatial.transform import Rotation, Slerp
 
-    rest = at_rest(imu)
-    bias = imu.dtheta[rest].sum(axis=0) / imu.dt[rest].sum() if rest.any() else np.zeros(3)
-    return Slerp(imu.t, running_products(Rotation.from_rotvec(imu.dtheta - bias * imu.dt[:, None])))
+    return Slerp(imu.t, running_products(Rotation.from_rotvec(without_bias(imu))))
 
 
 def facts_and_problems(aiding: Aiding, imu: Imu) -> tuple[list[str], list[str]]:

@@ -68,18 +68,18 @@ def quaternions(
 
 def _unit(q: Array, origin: Origin) -> Array:
     norm = np.linalg.norm(q, axis=1)
-    wrong = np.abs(norm - 1) > UNIT_NORM
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise DataError(
-            f"{origin.row(row)}: quaternion [{' '.join(f'{each:.6g}' for each in q[row])}] has norm "
-            f"{norm[row]:.4g}, not 1; "
+    origin.refuse(
+        np.abs(norm - 1) > UNIT_NORM,
+        lambda row: (
+            f"quaternion [{' '.join(f'{each:.6g}' for each in q[row])}] has norm {norm[row]:.4g}, not "
+            f"1; "
             + (
                 "empty its cells or leave the row out where the attitude is not known"
                 if not norm[row]
                 else "check columns and scale"
             )
-        )
+        ),
+    )
     return q / norm[:, None]
 
 
@@ -123,12 +123,12 @@ def possible_attitude(y: Array, origin: Origin) -> None:
     for name, column, limit in zip(
         ("roll", "pitch", "heading"), y.T, (MOST_TURN, MOST_PITCH, MOST_TURN)
     ):
-        beyond = (np.abs(column) > limit) & np.isfinite(column)
-        if beyond.any():
-            row = int(np.argmax(beyond))
-            raise DataError(
-                f"{origin.row(row)}: {name} is {np.degrees(column[row]):.6g} deg, at most "
-                f"{np.degrees(limit):.0f} is expected; "
+        origin.refuse(
+            (np.abs(column) > limit) & np.isfinite(column),
+            lambda row: (
+                f"{name} is {np.degrees(column[row]):.6g} deg, at most {np.degrees(limit):.0f} is "
+                f"expected; "
                 "check the unit (deg read as rad?) and the order of the columns, and wrap angles "
                 "that count turns"
-            )
+            ),
+        )

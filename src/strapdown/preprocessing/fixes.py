@@ -15,8 +15,8 @@ from ..quantities import dimension, find as find_quantity, si
 from ..typing import Array
 from .attitude_checks import refuse_unit
 from .attitude_record import possible_attitude, together
-from .imu_samples import order
-from .origin import Origin, counted
+from .imu_samples import ordered
+from .origin import Origin, Rows, counted
 
 PRESSURES = (5e3, 200e3)
 """Lowest and highest pressure that air has for a vehicle, Pa: 20 km above the sea, where the
@@ -76,45 +76,33 @@ def clean(
     refused.
     """
     origin = origin or Origin(aiding.name or aiding.kind)
-    notes: list[str] = []
     t, y, sd = _arrays(aiding, sensor, origin)
     y = np.where(np.isfinite(y), y, np.nan)
     y = together(y) if sensor.name == "attitude" else y
     keep = np.isfinite(t) & np.isfinite(y).any(axis=1) & (np.isnan(y) | np.isfinite(sd)).all(axis=1)
-    if not keep.all():
-        notes.append(
-            f"{origin.name}: {counted((~keep).sum(), 'row')} without time, value or standard "
-            f"deviation dropped, "
-            f"the first in {origin.line(np.argmin(keep))}"
-        )
-        origin, t, y, sd = origin.kept(keep, len(t)), t[keep], y[keep], sd[keep]
-    if not len(t) and len(keep):
-        raise DataError(f"{origin.name}: no usable fix of kind {sensor.name}; {notes[-1]}")
-    index = order(t, origin, notes)
-    if index is not None:
-        origin, t, y, sd = origin.kept(index, len(t)), t[index], y[index], sd[index]
-    repeated = np.r_[False, (np.diff(t) == 0) & ((y[1:] == y[:-1]) | np.isnan(y[1:])).all(axis=1)][
-        : len(t)
-    ]
-    if repeated.any():
-        notes.append(
-            f"{origin.name}: {counted(repeated.sum(), 'repeated row')} dropped, the first in "
-            f"{origin.line(np.argmax(repeated))}"
-        )
-        origin, t, y, sd = origin.kept(~repeated, len(t)), t[~repeated], y[~repeated], sd[~repeated]
+    rows = Rows(origin, (t, y, sd), []).without(
+        ~keep, "row", "without time, value or standard deviation dropped"
+    )
+    if len(keep) and not keep.any():
+        raise DataError(f"{origin.name}: no usable fix of kind {sensor.name}; {rows.notes[-1]}")
+    rows = ordered(rows)
+    t, y, _ = rows.columns
+    repeated = (np.diff(t) == 0) & ((y[1:] == y[:-1]) | np.isnan(y[1:])).all(axis=1)
+    rows = rows.without(np.r_[False, repeated][: len(t)], "repeated row")
+    t, y, sd = rows.columns
     # its angles are judged as they were recorded, before anything turned them
     if sensor.name != "attitude":
-        possible(y, sensor.quantities, origin)
-    wrong = (~np.isnan(y) & ~(sd > 0)).any(axis=1)
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise DataError(
-            f"{origin.row(row)}: standard deviation {np.nanmin(sd[row]):g} of kind {sensor.name}; "
-            f"it must be above 0"
-        )
+        possible(y, sensor.quantities, rows.origin)
+    wrong = np.any(~np.isnan(y) & ~(sd > 0), axis=1)
+    rows.origin.refuse(
+        wrong,
+        lambda row: (
+            f"standard deviation {np.nanmin(sd[row]):g} of kind {sensor.name}; it must be above 0"
+        ),
+    )
     if sensor.name == "attitude":
-        notes += _without_heading(t, y, aiding.name or aiding.kind)
-    return replace(aiding, t=_column(t), y=_column(y), sd=_column(sd)), notes
+        rows.notes.extend(_without_heading(t, y, aiding.name or aiding.kind))
+    return replace(aiding, t=_column(t), y=_column(y), sd=_column(sd)), rows.notes
 
 
 def _without_heading(t: Array, y: Array, name: str) -> list[str]:
@@ -159,17 +147,15 @@ def possible(y: Array, quantities: Sequence[str], origin: Origin) -> None:
     impossible or beyond the library's limit, or whose magnitude no vehicle has."""
     for quantity, column in zip(quantities, y.T):
         size = np.abs(column)
-        row = int(np.argmax(np.where(np.isnan(size), -1, size))) if len(size) else 0
-        if not len(size):
-            continue
         if quantity == "latitude":
             _latitude(column, size, origin)
         elif quantity == "pressure":
             _pressure(column, origin)
-        elif size[row] > find_quantity(quantity).most:
+        elif (size > (known := find_quantity(quantity)).most).any():
+            row = int(np.nanargmax(size))
             raise DataError(
                 f"{origin.row(row)}: {quantity} is {column[row]:.6g} {si(dimension(quantity))}; "
-                f"{find_quantity(quantity).hint or 'that is more than it can be'}"
+                f"{known.hint or 'that is more than it can be'}"
             )
 
 
@@ -181,27 +167,24 @@ def _latitude(column: Array, size: Array, origin: Origin) -> None:
             f"results hold up to {np.degrees(LATITUDE_LIMIT):.0f} deg latitude; leave such rows out",
         ),
     ):
-        beyond = size > limit
-        if beyond.any():
-            row = int(np.argmax(beyond))
-            raise DataError(
-                f"{origin.row(row)}: latitude is {np.degrees(column[row]):.6g} deg; {text}"
-            )
+        origin.refuse(
+            size > limit, lambda row: f"latitude is {np.degrees(column[row]):.6g} deg; {text}"
+        )
 
 
 def _pressure(column: Array, origin: Origin) -> None:
-    wrong = (column < PRESSURES[0]) | (column > PRESSURES[1])
-    if wrong.any():
-        row = int(np.argmax(wrong))
+    def text(row: int) -> str:
         typical = float(np.nanmedian(column)) / 1e5
         likely = next(
-            (f"{text}?" for ratio, text in PRESSURE_SLIPS.items() if 0.29 < typical / ratio < 1.15),
+            (f"{slip}?" for ratio, slip in PRESSURE_SLIPS.items() if 0.29 < typical / ratio < 1.15),
             "check columns, unit and scale, or leave such rows out",
         )
-        raise DataError(
-            f"{origin.row(row)}: pressure is {column[row]:.6g} Pa, where air has {PRESSURES[0]:g} "
-            f"to {PRESSURES[1]:g}: {likely}"
+        return (
+            f"pressure is {column[row]:.6g} Pa, where air has {PRESSURES[0]:g} to {PRESSURES[1]:g}: "
+            f"{likely}"
         )
+
+    origin.refuse((column < PRESSURES[0]) | (column > PRESSURES[1]), text)
 
 
 def overlap(imu: Imu, t: Array, name: str) -> None:
@@ -240,27 +223,17 @@ def clean_reference(
 ) -> tuple[Trajectory, list[str]]:
     """(Trajectory, notes) of a reference: rows without time or position dropped, in order, each
     time once; arguments as the fields of a Trajectory. Raises DataError."""
-    notes: list[str] = []
     keep = np.isfinite(t) & np.isfinite(lla).all(axis=1)
-    if not keep.all():
-        notes.append(
-            f"{origin.name}: {counted((~keep).sum(), 'row')} of the reference without time or "
-            f"position dropped, "
-            f"the first in {origin.line(np.argmin(keep))}"
-        )
-    rows = np.flatnonzero(keep)
-    if len(rows) < 2:
-        raise DataError(
-            f"{origin.name}: the reference has {len(rows)} usable rows; at least 2 are needed"
-        )
-    index = order(t[rows], origin.kept(rows, len(t)), notes)
-    rows = rows if index is None else rows[index]
-    rows = rows[np.r_[True, np.diff(t[rows]) > 0]]
-    possible(lla[rows], ("latitude", "longitude", "length"), origin.kept(rows, len(t)))
-    found = Trajectory(
-        _column(t[rows]),
-        _column(lla[rows]),
-        None if v_n is None else _column(v_n[rows]),
-        None if q_nb is None else _column(q_nb[rows]),
+    rows = Rows(origin, (t, np.arange(len(t))), []).without(
+        ~keep, "row", "of the reference without time or position dropped"
     )
-    return found, notes
+    if keep.sum() < 2:
+        raise DataError(
+            f"{origin.name}: the reference has {keep.sum()} usable rows; at least 2 are needed"
+        )
+    rows = ordered(rows)
+    rows = rows.kept(np.r_[True, np.diff(rows.columns[0]) > 0])
+    index = rows.columns[1]
+    possible(lla[index], ("latitude", "longitude", "length"), rows.origin)
+    v_n, q_nb = (None if each is None else _column(each[index]) for each in (v_n, q_nb))
+    return Trajectory(_column(t[index]), _column(lla[index]), v_n, q_nb), rows.notes

@@ -7,8 +7,8 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.contract import Imu
-from ..typing import Array, ArrayLike, Ints, Mask
-from .origin import Origin, counted
+from ..typing import Array, ArrayLike, Ints
+from .origin import Origin, Rows, counted
 from .plausible import mistakes
 
 GAP_MEDIANS = 1.75
@@ -53,21 +53,20 @@ def increments(
     """
     if kind not in ("rate", "increment"):
         raise DataError(f'{origin.name}: kind {kind!r} is unknown; it is "rate" or "increment"')
-    t, gyro, accel = _columns(t, gyro, accel, origin)
-    notes: list[str] = []
-    for rule in (_finite, _ordered, _distinct):
-        keep = rule(t, gyro, accel, origin, notes)
-        if keep is not None:
-            origin, t, gyro, accel = origin.kept(keep, len(t)), t[keep], gyro[keep], accel[keep]
-        if len(t) < 2:
+    rows = Rows(origin, _columns(t, gyro, accel, origin), [])
+    for rule in (_finite, ordered, _distinct):
+        rows = rule(rows)
+        if len(rows.columns[0]) < 2:
             raise DataError(
-                f"{origin.name}: {counted(len(t), 'usable IMU sample')}; at least 2 are needed"
-                + "".join("; " + note for note in notes)
+                f"{origin.name}: {counted(len(rows.columns[0]), 'usable IMU sample')}; at least 2 are "
+                f"needed" + "".join("; " + note for note in rows.notes)
             )
-    dt = _intervals(t, origin, notes)
+    t, gyro, accel = rows.columns
+    dt = _intervals(t, rows.origin, rows.notes)
     if kind == "rate":
         gyro, accel = gyro * dt[:, None], accel * dt[:, None]
-    return Imu(*(np.require(column, float, ["C", "W"]) for column in (t, dt, gyro, accel))), notes
+    columns = (np.require(column, float, ["C", "W"]) for column in (t, dt, gyro, accel))
+    return Imu(*columns), rows.notes
 
 
 def _columns(
@@ -82,53 +81,37 @@ def _columns(
     return t, gyro, accel
 
 
-def _finite(t: Array, gyro: Array, accel: Array, origin: Origin, notes: list[str]) -> Mask | None:
+def _finite(rows: Rows) -> Rows:
+    t, gyro, accel = rows.columns
     keep = np.isfinite(t) & np.isfinite(gyro).all(axis=1) & np.isfinite(accel).all(axis=1)
-    if keep.all():
-        return None
-    notes.append(
-        f"{origin.name}: {counted((~keep).sum(), 'sample')} with NaN or infinite values dropped, "
-        f"the first in {origin.line(np.argmin(keep))}"
-    )
-    return keep
+    return rows.without(~keep, "sample", "with NaN or infinite values dropped")
 
 
-def _ordered(t: Array, gyro: Array, accel: Array, origin: Origin, notes: list[str]) -> Ints | None:
-    return order(t, origin, notes)
+def ordered(rows: Rows) -> Rows:
+    """The rows in order of time: late ones sorted, stray ones left out, both counted in the notes.
 
-
-def order(t: Array, origin: Origin, notes: list[str]) -> Ints | None:
-    """Row numbers that put `t` in order, or None where it is in order.
-
-    Late rows are sorted and stray ones left out, counted in `notes`. Raises DataError for a clock
-    that is set back.
+    Raises DataError for a clock that is set back.
     """
+    t = rows.columns[0]
     steps = np.diff(t)
     if (steps >= 0).all():
-        return None
+        return rows
     index = np.argsort(t, kind="stable")
     if np.abs(index - np.arange(len(t))).max() <= LATE:
-        late = np.flatnonzero(steps < 0) + 1
-        notes.append(
-            f"{origin.name}: {counted(len(late), 'late row')} sorted by time, the first in "
-            f"{origin.line(late[0])}"
-        )
-        return index
+        rows.note(np.flatnonzero(steps < 0) + 1, "late row", "sorted by time")
+        return rows.kept(index)
     keep = _longest_rising(t)
     stray = np.flatnonzero(~np.isin(np.arange(len(t)), keep))
     run = max(len(part) for part in np.split(stray, np.flatnonzero(np.diff(stray) > 1) + 1))
     if run > LATE or len(stray) > max(LATE, len(t) // 100):
         back = int(np.argmin(steps)) + 1
         raise DataError(
-            f"{origin.row(back)}: time goes back from {t[back - 1]:.3f} to {t[back]:.3f} s and does "
-            f"not recover; "
+            f"{rows.origin.row(back)}: time goes back from {t[back - 1]:.3f} to {t[back]:.3f} s and "
+            f"does not recover; "
             "cut the file there or correct its time column"
         )
-    notes.append(
-        f"{origin.name}: {counted(len(stray), 'row')} with a stray time dropped, the first in "
-        f"{origin.line(stray[0])}"
-    )
-    return keep
+    rows.note(stray, "row", "with a stray time dropped")
+    return rows.kept(keep)
 
 
 def _longest_rising(t: Array) -> Ints:
@@ -148,25 +131,20 @@ def _longest_rising(t: Array) -> Ints:
     return np.array(chain[::-1])
 
 
-def _distinct(t: Array, gyro: Array, accel: Array, origin: Origin, notes: list[str]) -> Mask | None:
+def _distinct(rows: Rows) -> Rows:
+    t, gyro, accel = rows.columns
     same = np.r_[False, np.diff(t) == 0]
-    if not same.any():
-        return None
-    rows = np.flatnonzero(same)
-    different = (
-        (gyro[rows] != gyro[rows - 1]).any(axis=1) | (accel[rows] != accel[rows - 1]).any(axis=1)
-    ).sum()
-    if different > max(1, len(t) // 10):
-        raise DataError(
-            f"{origin.row(rows[0])}: {different} of {len(t)} samples have the time of the row "
-            f"before but other values; "
-            "the time stamps are too coarse: use a time column with more digits"
-        )
-    notes.append(
-        f"{origin.name}: {counted(len(rows), 'repeated time')} dropped, the first in "
-        f"{origin.line(rows[0])}"
+    before = np.flatnonzero(same) - 1
+    other = (gyro[same] != gyro[before]) | (accel[same] != accel[before])
+    different = other.any(axis=1).sum()
+    rows.origin.refuse(
+        same & (different > max(1, len(t) // 10)),
+        lambda row: (
+            f"{different} of {len(t)} samples have the time of the row before but other values; the "
+            f"time stamps are too coarse: use a time column with more digits"
+        ),
     )
-    return ~same
+    return rows.without(same, "repeated time")
 
 
 def _intervals(t: Array, origin: Origin, notes: list[str]) -> Array:

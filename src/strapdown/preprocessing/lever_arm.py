@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..checks import DataError
+from ..checks import DataError, check_array
 from ..core.contract import Imu
 from ..data import Aiding, Trajectory
 from ..geodesy import displaced
@@ -25,6 +25,7 @@ from ..typing import Array, ArrayLike
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
+ARM, METRES = "lever arm", "numbers, m forward, right, down"
 CONTIGUOUS = 0.5
 """Of a sample: what may be missing between two samples for their rates to be compared, as in the
 loop."""
@@ -56,7 +57,7 @@ def imu_at(imu: Imu, lever_arm: ArrayLike) -> Imu:
     rad/sqrt(s) adds to the velocity some N |l| / sqrt(dt), which does not grow with time. At gaps
     and at the ends the rate is taken as going on evenly. Raises DataError.
     """
-    lever_arm = _arm(lever_arm)
+    lever_arm = check_array(lever_arm, ARM, (3,), what=METRES)
     rate = imu.dtheta / imu.dt[:, None]
     before, after = _edges(imu, rate)
     change = after - before
@@ -112,7 +113,8 @@ def gnss_at(
     """
     from scipy.spatial.transform import Slerp
 
-    lever_arm = _arm((*fixes.parameters, 0.0, 0.0, 0.0)[:3] if lever_arm is None else lever_arm)
+    own = (*fixes.parameters, 0.0, 0.0, 0.0)[:3]
+    lever_arm = check_array(own if lever_arm is None else lever_arm, ARM, (3,), what=METRES)
     if fixes.kind not in ("position", "velocity"):
         raise DataError(
             f"fixes of kind {fixes.kind!r} stay where they are; position and velocity can be moved"
@@ -138,15 +140,6 @@ def gnss_at(
     swing = turn.apply(np.cross(_rates(imu, fixes.t), lever_arm))
     grown = np.hypot(_grown(fixes.sd, swing, sd), rate_sd * np.linalg.norm(lever_arm))
     return replace(fixes, y=fixes.y - swing, sd=grown, parameters=(0.0, 0.0, 0.0))
-
-
-def _arm(lever_arm: ArrayLike) -> Array:
-    lever_arm = np.asarray(lever_arm, float)
-    if lever_arm.shape != (3,) or not np.isfinite(lever_arm).all():
-        raise DataError(
-            f"lever arm is {lever_arm.tolist()}; it must be three numbers, m forward, right, down"
-        )
-    return lever_arm
 
 
 def _attitude(

@@ -1,9 +1,12 @@
 """Where rows came from, so that a message can name the line."""
 
-from typing import NamedTuple, SupportsIndex
+from collections.abc import Callable
+from typing import Any, NamedTuple, Self, SupportsIndex
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..checks import DataError
 from ..typing import Ints, Mask
 
 
@@ -31,3 +34,38 @@ class Origin(NamedTuple):
         """The same source after only the rows of `index` (numbers or mask) of its `count` rows
         were kept."""
         return self._replace(lines=(np.arange(count) if self.lines is None else self.lines)[index])
+
+    def refuse(self, wrong: Mask, text: Callable[[int], str]) -> None:
+        """Raise DataError that names the first row where `wrong` (n,) is true; `text` says of the
+        number of that row what is wrong with it."""
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise DataError(f"{self.row(row)}: {text(row)}")
+
+
+class Rows(NamedTuple):
+    """Columns of one source, the first of them the time, where their rows came from, and notes on
+    what became of the others."""
+
+    origin: Origin
+    columns: tuple[NDArray[Any], ...]  # (n,) or (n, k) each
+    notes: list[str]
+
+    def kept(self, index: Ints | Mask) -> Self:
+        """Only these rows, numbers or mask."""
+        origin = self.origin.kept(index, len(self.columns[0]))
+        return self._replace(origin=origin, columns=tuple(each[index] for each in self.columns))
+
+    def note(self, rows: Ints, what: str, done: str) -> None:
+        """Count rows in the notes: `what` they are, what was `done` with them."""
+        self.notes.append(
+            f"{self.origin.name}: {counted(len(rows), what)} {done}, the first in "
+            f"{self.origin.line(rows[0])}"
+        )
+
+    def without(self, wrong: Mask, what: str, done: str = "dropped") -> Self:
+        """All but the rows where `wrong` (n,) is true, which are counted in the notes."""
+        if not wrong.any():
+            return self
+        self.note(np.flatnonzero(wrong), what, done)
+        return self.kept(~wrong)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.contract import Imu
 from ..typing import Array
-from .stationary import at_rest
+from .stationary import rate_at_rest
 
 G = 9.80665
 LEAST_MEDIAN_FORCE, MOST_MEDIAN_FORCE = 3.0, 60.0
@@ -133,14 +133,12 @@ def doubts(imu: Imu) -> list[str]:
             f"specific force lies mostly on {'xyz'[largest]} ({median[largest]:+.2f} m/s^2), not on "
             f"z: check axes or mounting"
         )
-    rest = at_rest(imu)
-    if rest.any():
-        bias = np.degrees(imu.dtheta[rest].sum(axis=0) / imu.dt[rest].sum())
-        if np.abs(bias).max() > 2.5:
-            found.append(
-                f"the gyro reads [{' '.join(f'{b:.2f}' for b in bias)}] deg/s at rest: a large "
-                f"turn-on bias, or a wrong unit or scale"
-            )
+    bias = rate_at_rest(imu)
+    if bias is not None and np.abs(np.degrees(bias)).max() > 2.5:
+        found.append(
+            f"the gyro reads [{' '.join(f'{b:.2f}' for b in np.degrees(bias))}] deg/s at rest: a "
+            f"large turn-on bias, or a wrong unit or scale"
+        )
     for name, columns in (("gyro", imu.dtheta), ("accel", imu.dv)):
         still = [
             axis

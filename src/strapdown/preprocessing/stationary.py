@@ -37,6 +37,18 @@ def at_rest(imu: Imu, window: float = 1.0) -> Mask:
     return moving[np.minimum(i + 1, len(quiet))] == moving[np.maximum(i - width + 1, 0)]
 
 
+def rate_at_rest(imu: Imu) -> Array | None:
+    """(3,) rad/s: the mean of what the gyro reads at rest, None where there is no rest."""
+    rest = at_rest(imu)
+    return imu.dtheta[rest].sum(axis=0) / imu.dt[rest].sum() if rest.any() else None
+
+
+def without_bias(imu: Imu) -> Array:
+    """(n, 3) rad: rotation increments without their mean at rest."""
+    bias = rate_at_rest(imu)
+    return imu.dtheta if bias is None else imu.dtheta - bias * imu.dt[:, None]
+
+
 def stretches(mask: Mask) -> Ints:
     """(k, 2) int: the first row and the row after the last of each stretch where the mask (n,)
     is true, in order."""

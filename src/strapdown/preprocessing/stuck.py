@@ -4,7 +4,7 @@ import numpy as np
 
 from ..core.contract import Imu
 from ..typing import Array, Ints, Mask
-from .stationary import at_rest
+from .stationary import without_bias
 
 STUCK_TIME, STUCK_TURN = 2.0, np.radians(10)
 """Samples are stuck where they do not change for longer than STUCK_TIME (s) while the gyro turns by
@@ -39,6 +39,4 @@ def stuck(t: Array, raw: Array, imu: Imu, axes: slice = slice(0, 3)) -> Mask:
 
 def turned(imu: Imu) -> Array:
     """(n + 1, 3) rad: the gyro summed up about each axis, without its mean at rest."""
-    rest = at_rest(imu)
-    bias = imu.dtheta[rest].sum(axis=0) / imu.dt[rest].sum() if rest.any() else np.zeros(3)
-    return np.vstack([np.zeros(3), np.cumsum(imu.dtheta - bias * imu.dt[:, None], axis=0)])
+    return np.vstack([np.zeros(3), np.cumsum(without_bias(imu), axis=0)])

@@ -7,10 +7,11 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from ...checks import DataError
+from ...checks import DataError, did_you_mean
 from ...files import read_toml
 from ...typing import File
 from .schema import Description
+from .schema_base import Part
 
 
 def load(path: File) -> Description:
@@ -29,7 +30,10 @@ def complaints(path: File) -> Description | list[str]:
     try:
         return Description.model_validate(content)
     except ValidationError as error:
-        return [f"{path}: {_complaint(item, content)}" for item in error.errors(include_url=False)]
+        # unknown keys first: a misspelt key is why another is missing
+        not_unknown = lambda item: item["type"] != "extra_forbidden"
+        items = sorted(error.errors(include_url=False), key=not_unknown)
+        return [f"{path}: {_complaint(item, content)}" for item in items]
 
 
 def parse(path: File) -> dict[str, Any]:
@@ -46,7 +50,11 @@ def _complaint(item: ErrorDetails, content: dict[str, Any]) -> str:
         item["type"],
         item["msg"].removeprefix("Value error, "),
     )
-    if kind == "missing":
+    if kind == "extra_forbidden":
+        *location, key = location
+        kind, known = "value_error", _keys(location)
+        message = f"unknown key {key!r}{did_you_mean(key, known)}; known: {', '.join(known)}"
+    elif kind == "missing":
         message = "is missing"
     elif kind != "value_error":
         message = f"{message[0].lower()}{message[1:]}, not {str(item['input'])[:40]!r}"
@@ -75,3 +83,16 @@ def _place(location: Sequence[int | str], content: dict[str, Any]) -> str:
             else (f"[{location[0]}]", location[1:])
         )
     return " ".join(part for part in (head, ".".join(map(str, rest))) if part)
+
+
+def _keys(location: Sequence[int | str]) -> list[str]:
+    model: type[Part] = Description
+    for name in location:
+        if isinstance(name, str):
+            annotation = model.model_fields[name].annotation
+            model = next(
+                part
+                for part in [annotation, *getattr(annotation, "__args__", ())]
+                if isinstance(part, type) and issubclass(part, Part)
+            )
+    return list(model.model_fields)

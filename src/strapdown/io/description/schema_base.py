@@ -5,9 +5,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Annotated, Any, TypeVar
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
-from ...checks import check_keys
 from ...units import factor
 
 Found = TypeVar("Found")
@@ -42,14 +41,6 @@ class Part(BaseModel):
     """Base of all parts: unknown keys are refused, numbers are not taken from text."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _known(cls, content: Any) -> Any:
-        # before anything else: a misspelt key is why another is missing
-        if isinstance(content, dict):
-            check_keys(content, list(cls.model_fields))
-        return content
 
 
 class Time(Part):

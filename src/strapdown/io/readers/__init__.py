@@ -45,7 +45,7 @@ def check(reader: Reader) -> None:
     _check_fields(reader)
     for other in _own().values():
         shared = set(reader.suffixes) & set(other.suffixes)
-        if shared and not (reader.sniff or other.sniff):
+        if shared and reader.sniff is None and other.sniff is None:
             raise DataError(
                 f"reader {reader.name!r}: files that end in {min(shared)} are read by "
                 f"{other.name!r}; give it a sniff that tells them apart, or another suffix"
@@ -67,7 +67,7 @@ def _check_fields(reader: Reader) -> None:
         "name": (is_text(reader.name), "text"),
         "suffixes": (
             isinstance(suffixes, tuple)
-            and all(is_text(each) and each[0] == "." and each.islower() for each in suffixes)
+            and all(is_text(each) and each[0] == "." and each == each.lower() for each in suffixes)
             and (len(suffixes) > 0 or has_sniff),
             'a tuple of endings in small letters as (".log", ".log.xz"), empty only beside a sniff',
         ),
@@ -88,21 +88,22 @@ def find(path: Path) -> Reader | None:
     """The Reader of a file, or None. Raises DataError where a `sniff` fails."""
     lower = path.name.lower()
     claims = {
-        reader: max((len(end) for end in reader.suffixes if lower.endswith(end)), default=0)
-        for reader in readers().values()
+        name: max((len(end) for end in reader.suffixes if lower.endswith(end)), default=0)
+        for name, reader in readers().items()
     }
-    for reader in sorted(claims, key=lambda each: (-claims[each], each.sniff is None)):
-        if ask(reader, "sniff", path) if reader.sniff else claims[reader]:
+    longest_first = lambda each: (-claims[each.name], each.sniff is None)
+    for reader in sorted(readers().values(), key=longest_first):
+        if ask(reader, "sniff", path) if reader.sniff else claims[reader.name]:
             return _only(reader, claims, path)
     return None
 
 
-def _only(reader: Reader, claims: dict[Reader, int], path: Path) -> Reader:
+def _only(reader: Reader, claims: dict[str, int], path: Path) -> Reader:
     """The reader, where no other claims the file as much. Raises DataError."""
-    for other in claims:
+    for other in readers().values():
         if (
-            other is not reader
-            and claims[other] == claims[reader]
+            other.name != reader.name
+            and claims[other.name] == claims[reader.name]
             and (other.sniff is None) == (reader.sniff is None)
             and (other.sniff is None or ask(other, "sniff", path))
         ):
@@ -121,10 +122,13 @@ def ask(reader: Reader, function: str, path: Path, *arguments: Any) -> Any:
         raise
     except Exception as error:
         reason = (str(error).splitlines() or [""])[0]
-        raise DataError(
-            f"{path}: the reader {reader.name!r} fails at it in `{function}` "
-            f"({type(error).__name__}: {reason}); its author should know"
-        ) from error
+        said = (
+            f"needs a package that is not installed ({reason}); install it"
+            if isinstance(error, ImportError)
+            else f"fails at it in `{function}` ({type(error).__name__}: {reason}); its author should "
+            f"know"
+        )
+        raise DataError(f"{path}: the reader {reader.name!r} {said}") from error
 
 
 def read(path: File) -> Recording:
@@ -136,13 +140,16 @@ def read(path: File) -> Recording:
     path = Path(path)
     reader = find(path)
     if reader is None:
+        ending = "".join(path.suffixes[-2 if path.suffix.lower() in PACKED else -1 :]).lower()
         raise DataError(
-            f"{path}: files of type {path.suffix.lower() or '(no suffix)'!r} are not read; supported "
-            f"are: {formats()}"
+            f"{path}: files of type {ending or '(no suffix)'!r} are not read; supported are: "
+            f"{formats()}"
         )
     found = ask(reader, "read", path)
     if not isinstance(found, Recording):
-        raise DataError(f"{path}: the reader {reader.name!r} gives no Recording but {found!r:.60}")
+        raise DataError(
+            f"{path}: the reader {reader.name!r} gives no Recording but a {type(found).__name__}"
+        )
     return found
 
 

@@ -11,8 +11,6 @@ North of the reference is magnetic north: no declination. The record does not sa
 taken; `BROAD_PLACE` is nominal.
 """
 
-import zipfile
-import zlib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -34,6 +32,7 @@ from ...sensor_models.imu import ImuSpec
 from ...typing import Array, ArrayLike, File, Mask
 from ..contract import Findings, Reader
 from ..facts import recording_facts
+from ..table_file import reading
 
 ARRAY_COLUMNS = {"gyr": 3, "acc": 3, "mag": 3, "quat_wxyz_enu": 4, "pos_enu": 3, "movement": 0}
 """Arrays of a file and their columns; 0 is an array without columns."""
@@ -109,10 +108,11 @@ def parse(path: File) -> tuple[float, dict[str, np.ndarray[Any, Any]]]:
         )
     n = len(found["gyr"]) if found["gyr"].ndim else 0
     for name, columns in ARRAY_COLUMNS.items():
-        if found[name].shape != ((n, columns) if columns else (n,)):
+        wanted = (n, columns) if columns else (n,)
+        if found[name].shape != wanted:
             raise DataError(
                 f"{path}: {name} has shape {found[name].shape}; "
-                f"with {n} rows of gyr it must be {(n, columns) if columns else (n,)}"
+                f"with {n} rows of gyr it must be {wanted}"
             )
     return fs.item(), found | {"movement": found["movement"] > 0}
 
@@ -120,20 +120,15 @@ def parse(path: File) -> tuple[float, dict[str, np.ndarray[Any, Any]]]:
 def _arrays(path: Path) -> dict[str, np.ndarray[Any, Any]]:
     """{name: array} of an .npz file."""
     try:
-        with open(path, "rb") as stream:  # numpy leaves a file that it cannot read open
+        # numpy leaves a file that it cannot read open
+        with reading(path), open(path, "rb") as stream:
             file = np.load(stream, allow_pickle=False)
             if not isinstance(file, np.lib.npyio.NpzFile):
                 raise ValueError("it holds one bare array")
             with file:
                 return dict(file)
-    except (zipfile.BadZipFile, zlib.error, EOFError) as error:
-        raise DataError(
-            f"{path}: the file is truncated or damaged ({str(error) or 'empty'}); copy it again"
-        ) from None
-    except OSError as error:
-        raise DataError(
-            f"{path}: cannot be read ({error.strerror or error}); check the path"
-        ) from None
+    except DataError:
+        raise
     except (ValueError, NotImplementedError) as error:
         raise DataError(
             f"{path}: not an .npz file of plain arrays ({str(error).splitlines()[0][:80]}); a BROAD "
