@@ -20,11 +20,10 @@ from strapdown_reproductions.alam import (
     on_recordings,
     runs as alam_runs,
     table1,
-    write_docs,
 )
 from strapdown_reproductions.alam.convergence import Case
 from strapdown_reproductions.alam.runs import ASTRAY, CLOSED, EKF, MEASURES, NLO, XKF, Variant
-from strapdown_reproductions.common import paired_ratios
+from strapdown_reproductions.common import markdown, paired_ratios, write_docs
 from strapdown_reproductions.common.pages import COLOURS
 
 STAND_INS = {EKF: Variant("closed-loop-error-bias"), CLOSED: Variant("closed-loop")}
@@ -369,10 +368,10 @@ def test_a_small_study_writes_its_page(short_flight, monkeypatch, tmp_path):
     }
     text = (tmp_path / "findings.md").read_text()
     docs = tmp_path / "alam.md"
-    docs.write_text(f"before\n{write_docs.BEGIN}\nold\n{write_docs.END}\nafter\n")
-    write_docs.insert(docs, text)
+    docs.write_text(f"before\n{write_docs.mark('alam')}\nold\n{markdown.END}\nafter\n")
+    write_docs.insert(docs, "alam", text)
     assert (
-        docs.read_text() == f"before\n{write_docs.BEGIN}\n{text}{write_docs.END}\nafter\n"
+        docs.read_text() == f"before\n{write_docs.mark('alam')}\n{text}{markdown.END}\nafter\n"
         and "| 1 | During the outage" in text
     )
 
@@ -380,7 +379,7 @@ def test_a_small_study_writes_its_page(short_flight, monkeypatch, tmp_path):
 @pytest.mark.short
 def test_bad_input_is_refused(tmp_path):
     for change in ({"runs": 0}, {"seed": -1}):
-        with pytest.raises(DataError, match="one run or more, and a seed from 0"):
+        with pytest.raises(DataError, match="it must be a whole number, [01] or more"):
             alam.reproduce(tmp_path, **change)
     with pytest.raises(DataError, match="thor75.toml"):
         alam.reproduce(tmp_path, recordings=tmp_path)

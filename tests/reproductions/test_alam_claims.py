@@ -23,6 +23,7 @@ from strapdown_reproductions.alam.runs import (
     XKF_NO_COURSE,
 )
 from strapdown_reproductions.alam.table1 import wide
+from strapdown_reproductions.common.claims import judge
 from strapdown_reproductions.common.pages import NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
 from strapdown_reproductions.common.paired_ratios import against, any_better
 
@@ -114,25 +115,7 @@ LOUD = Evidence(
 
 
 def verdicts(evidence):
-    return {
-        make.__name__: make(evidence)["verdict"]
-        for make in (
-            claims.some_cases,
-            claims.no_clear_benefit,
-            claims.diverges_rapidly,
-            claims.biases_vary,
-            claims.biases_stabilised,
-            claims.east,
-            claims.down,
-            claims.north,
-            claims.overall,
-            claims.heading_correction,
-            claims.least,
-            claims.like_the_observer,
-            claims.inherits_stability,
-            claims.no_guarantee,
-        )
-    }
+    return {name: judge(claim, evidence)["verdict"] for name, claim in claims.CLAIMS.items()}
 
 
 def test_a_world_in_which_the_paper_is_right():
@@ -186,7 +169,10 @@ def test_a_benefit_on_one_axis_alone_is_no_clear_one():
     table.loc[table["filter"] == NLO, [f"{axis}_rmse_m" for axis in AXES]] *= np.array(
         [1.0, 1.0, 0.5]
     )
-    assert claims.no_clear_benefit(GOOD._replace(tables=wide(table)))["verdict"] == REPRODUCED
+    assert (
+        judge(claims.CLAIMS["no_clear_benefit"], GOOD._replace(tables=wide(table)))["verdict"]
+        == REPRODUCED
+    )
 
 
 def test_a_heading_correction_that_explains_nothing():
@@ -194,9 +180,9 @@ def test_a_heading_correction_that_explains_nothing():
     same = scores(
         RIGHT, north={case: {EKF: 5.0, EKF_NO_COURSE: 5.0} for case in ("outage 1", "outage 2")}
     )
-    found = claims.heading_correction(GOOD._replace(tables=wide(same)))
+    found = judge(claims.CLAIMS["heading_correction"], GOOD._replace(tables=wide(same)))
     assert found["verdict"] == NOT_REPRODUCED and "2 of 7 cases" in found["measured"]
-    never = claims.heading_correction(GOOD._replace(tables=wide(scores(RIGHT))))
+    never = judge(claims.CLAIMS["heading_correction"], GOOD._replace(tables=wide(scores(RIGHT))))
     assert never["verdict"] == UNDECIDED
 
 
@@ -204,9 +190,12 @@ def test_a_course_that_does_as_much_in_the_east_explains_nothing_of_the_north():
     """Both lose it: the EKF is better in the north of two outages, no longer without course, by
     as much in the east, which leaves that open."""
     table = scores(RIGHT, north=MIXED, places=PLACES[:2])
-    assert claims.heading_correction(GOOD._replace(tables=wide(table)))["verdict"] == REPRODUCED
+    assert (
+        judge(claims.CLAIMS["heading_correction"], GOOD._replace(tables=wide(table)))["verdict"]
+        == REPRODUCED
+    )
     table.loc[table["filter"] == EKF_NO_COURSE, "east_rmse_m"] *= 6.3  # 30 / 5, and some more
-    found = claims.heading_correction(GOOD._replace(tables=wide(table)))
+    found = judge(claims.CLAIMS["heading_correction"], GOOD._replace(tables=wide(table)))
     assert (
         found["verdict"] == UNDECIDED
         and "0 of 2 cells for it, 0 against, 2 open" in found["measured"]
@@ -217,7 +206,7 @@ def test_one_cell_is_too_little_to_judge_the_heading_correction():
     """Its course explains the only north cell in which the EKF is better, or does not."""
     for without, says in ((30.0, "1 of 1 cells for it"), (5.0, "0 of 1 cells for it, 1 against")):
         table = scores(RIGHT, north={"outage 1": {EKF: 5.0, EKF_NO_COURSE: without}})
-        found = claims.heading_correction(GOOD._replace(tables=wide(table)))
+        found = judge(claims.CLAIMS["heading_correction"], GOOD._replace(tables=wide(table)))
         assert found["verdict"] == UNDECIDED and says in found["measured"]
 
 
@@ -259,7 +248,10 @@ def test_the_heading_correction_is_judged_with_both_filters_without_course():
             for case in ("outage 1", "outage 2")
         },
     )
-    assert claims.heading_correction(GOOD._replace(tables=wide(table)))["verdict"] == NOT_REPRODUCED
+    assert (
+        judge(claims.CLAIMS["heading_correction"], GOOD._replace(tables=wide(table)))["verdict"]
+        == NOT_REPRODUCED
+    )
 
 
 def test_one_cell_of_many_is_decided_at_the_level_of_them_all():
@@ -276,9 +268,12 @@ def test_one_cell_of_many_is_decided_at_the_level_of_them_all():
         against(tables, measures, XKF, (EKF, NLO)).supports == 1
         and any_better(tables, measures, XKF, (EKF, NLO)).supports == 0
     )
-    assert claims.some_cases(GOOD._replace(tables=tables))["verdict"] == UNDECIDED
+    assert judge(claims.CLAIMS["some_cases"], GOOD._replace(tables=tables))["verdict"] == UNDECIDED
     table.loc[own, "east_rmse_m"] *= 0.5
-    assert claims.some_cases(GOOD._replace(tables=wide(table)))["verdict"] == REPRODUCED
+    assert (
+        judge(claims.CLAIMS["some_cases"], GOOD._replace(tables=wide(table)))["verdict"]
+        == REPRODUCED
+    )
 
 
 def test_sometimes_is_decided_at_the_level_of_all_cells_too():
@@ -288,14 +283,17 @@ def test_sometimes_is_decided_at_the_level_of_all_cells_too():
     draw = 0.5 * np.resize([1.0, -1.0], SEEDS) * np.sqrt((SEEDS - 1) / SEEDS)
     own = (table["case"] == "outage 3") & (table["filter"] == XKF)
     table.loc[own, "north_rmse_m"] = 40.0 * np.exp(draw - 3.0 * 0.5 / np.sqrt(SEEDS))
-    assert claims.north(GOOD._replace(tables=wide(table)))["verdict"] == UNDECIDED
+    assert judge(claims.CLAIMS["north"], GOOD._replace(tables=wide(table)))["verdict"] == UNDECIDED
     table.loc[own, "north_rmse_m"] *= 0.5
-    assert claims.north(GOOD._replace(tables=wide(table)))["verdict"] == REPRODUCED
+    assert judge(claims.CLAIMS["north"], GOOD._replace(tables=wide(table)))["verdict"] == REPRODUCED
 
 
 @pytest.mark.parametrize("velocity", [{EKF: 1.0, XKF: 1.0}, {EKF: 2.9, XKF: 1.0}])
 def test_diverging_in_position_alone_is_half_of_the_claim(velocity):
-    count = claims.diverges_rapidly(GOOD._replace(tables=wide(scores(RIGHT, velocity=velocity))))
+    count = judge(
+        claims.CLAIMS["diverges_rapidly"],
+        GOOD._replace(tables=wide(scores(RIGHT, velocity=velocity))),
+    )
     assert count["verdict"] == (REPRODUCED if velocity[EKF] > 2 else PARTLY)
 
 
@@ -306,12 +304,12 @@ def test_lost_runs_count_among_the_biases():
     for sensor, most in ASTRAY.items():
         table.loc[lost, [f"{sensor}_wander", f"{sensor}_wander_late", f"{sensor}_rms"]] = most
     table.loc[lost, "said"] = "stopped at 700 s"
-    found = claims.biases_vary(GOOD._replace(biases=table))
+    found = judge(claims.CLAIMS["biases_vary"], GOOD._replace(biases=table))
     assert (
         found["verdict"] == NOT_REPRODUCED
         and "12 seeds, lost EKF 0, NLO 0, XKF 10" in found["measured"]
     )
-    steady = claims.biases_stabilised(GOOD._replace(biases=table))
+    steady = judge(claims.CLAIMS["biases_stabilised"], GOOD._replace(biases=table))
     assert steady["verdict"] == PARTLY and "XKF 10" in steady["measured"]  # the EKF's half holds
     by = main.bias_table(table).set_index("filter")["lost"]
     assert by[XKF] == "10 of 12" and by[EKF] == "0 of 12"
@@ -323,30 +321,38 @@ def test_three_times_as_much_on_average_may_still_be_open():
     ekf = table["filter"] == EKF
     for sensor in ("accel", "gyro"):
         table.loc[ekf, f"{sensor}_wander"] *= np.where(table.loc[ekf, "seed"] % 2, 3.0, 1 / 3.0)
-    assert claims.biases_vary(GOOD._replace(biases=table))["verdict"] == UNDECIDED
+    assert judge(claims.CLAIMS["biases_vary"], GOOD._replace(biases=table))["verdict"] == UNDECIDED
 
 
 @pytest.mark.parametrize(("late", "verdict"), [(0.8, NOT_REPRODUCED), (1e-3, PARTLY)])
 def test_what_is_stabilised_is_so_in_the_last_ten_minutes(late, verdict):
     """Estimates that still move before: at 0.8 of it the XKF's are above the bound and the EKF's
     are below, at a thousandth all are below."""
-    found = claims.biases_stabilised(
-        GOOD._replace(biases=biases((1e-3, 1e-4), (0.1, 0.05), late=late))
+    found = judge(
+        claims.CLAIMS["biases_stabilised"],
+        GOOD._replace(biases=biases((1e-3, 1e-4), (0.1, 0.05), late=late)),
     )
     assert found["verdict"] == verdict
 
 
 def test_half_as_much_again_is_not_significantly_more():
-    found = claims.biases_vary(GOOD._replace(biases=biases((0.015, 1.5e-3), (0.01, 1e-3))))
+    found = judge(
+        claims.CLAIMS["biases_vary"], GOOD._replace(biases=biases((0.015, 1.5e-3), (0.01, 1e-3)))
+    )
     shown = float(found["measured"].removeprefix("accelerometers: EKF / XKF ").split(" ")[0])
     assert found["verdict"] == NOT_REPRODUCED and shown == pytest.approx(1.5, rel=0.02)
-    one = claims.biases_vary(GOOD._replace(biases=biases((0.03, 1.5e-3), (0.01, 1e-3))))
+    one = judge(
+        claims.CLAIMS["biases_vary"], GOOD._replace(biases=biases((0.03, 1.5e-3), (0.01, 1e-3)))
+    )
     assert one["verdict"] == PARTLY
 
 
 def test_stability_of_one_form_alone_is_partly_inherited():
     one = converged({"XKF, 15 states": 10})
-    assert claims.inherits_stability(GOOD._replace(converged=one))["verdict"] == PARTLY
+    assert (
+        judge(claims.CLAIMS["inherits_stability"], GOOD._replace(converged=one))["verdict"]
+        == PARTLY
+    )
 
 
 def test_tables_for_people():

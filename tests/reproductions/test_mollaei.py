@@ -424,5 +424,5 @@ def test_a_small_study_writes_its_page(monkeypatch, tmp_path):
 @pytest.mark.short
 def test_bad_input_is_refused(tmp_path):
     for change in ({"runs": 0}, {"seed": -1}):
-        with pytest.raises(DataError, match="one run or more, and a seed from 0"):
+        with pytest.raises(DataError, match="it must be a whole number, [01] or more"):
             main.reproduce(tmp_path, **change)

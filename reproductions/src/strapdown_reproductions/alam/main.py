@@ -5,19 +5,14 @@ Source: M. Alam, J. Whidborne and M. Millidere, "Performance Analysis of eXogeno
 INS/GNSS Navigation Solutions", IFAC-PapersOnLine 56(2), 2023.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 
 from strapdown import __version__
-from strapdown.checks import DataError
-from strapdown.files import replacing
 from strapdown.typing import File, Progress, Say
 
-from ..common import markdown
-from ..common.pages import write_page
 from ..common.paired_ratios import ratio
+from ..common.study import part_of, seeds, write_study
 from . import choices, claims as alam_claims, convergence, on_recordings, runs as alam_runs, table1
 from .figures import all_figures
 from .on_recordings import Recorded
@@ -86,25 +81,12 @@ def reproduce(
     the source tree, left out where they are not); threads: the processors by default; say: told of
     slow compilation; progress: called with the fraction done. Raises DataError.
     """
-    count = (QUICK_SEEDS if quick else SEEDS) if runs is None else runs
-    if count < 1 or seed < 0:
-        raise DataError(f"runs is {count} and seed {seed}; give one run or more, and a seed from 0")
+    of_flight = seeds(quick, runs, seed, SEEDS, QUICK_SEEDS)
     starts = range(QUICK_STARTS) if quick else convergence.SEEDS
-    parts = (0.15, 0.2, 1.0)  # of the progress
-    of = lambda k: (
-        (
-            lambda share: progress(
-                parts[k - 1] * (k > 0) + share * (parts[k] - parts[k - 1] * (k > 0))
-            )
-        )
-        if progress
-        else None
-    )
-    recorded = on_recordings.run(FILTERS | ABLATIONS, recordings, threads, say, of(0))
+    variants = FILTERS | ABLATIONS
+    recorded = on_recordings.run(variants, recordings, threads, say, part_of(progress, 0.0, 0.15))
     converged = convergence.study(seeds=starts, threads=threads)
-    results = alam_runs.run_all(
-        [1000 * seed + k for k in range(count)], FILTERS | ABLATIONS, of(2), threads, say
-    )
+    results = alam_runs.run_all(of_flight, variants, part_of(progress, 0.2, 1.0), threads, say)
     return write(out, results, recorded, converged, seed)
 
 
@@ -116,7 +98,7 @@ def write(
     scores = pd.concat([results.scores, recorded.scores], ignore_index=True)
     wide = table1.wide(scores)
     claims = alam_claims.claims(alam_claims.Evidence(wide, results.biases, converged))
-    count, out = results.scores["block"].nunique(), Path(out)
+    count = results.scores["block"].nunique()
     size = (
         f"This page: {count} seeds of the simulated flight with {len(alam_runs.windows())} outages "
         f"each, {converged['seed'].nunique()} "
@@ -126,36 +108,23 @@ def write(
         f"{seed}, strapdown {__version__}."
     )
     size += f" {LITTLE}" * (count < FEW)
-    tables = shown(scores, results.biases, converged)
-    files = {name: (None, table) for name, _, table in tables} | {
-        "outages": (None, scores),
-        "biases-runs": (None, results.biases),
-        "convergence-runs": (None, converged),
-    }
-    notes = [(heading, table) for _, heading, table in tables] + [
-        ("What the paper leaves open, and what was chosen", choices.table(count))
-    ]
-    if recorded.notes:
-        notes.append(
-            (
-                "Notes on the recordings",
-                pd.DataFrame(list(dict.fromkeys(recorded.notes)), columns=["recording", "note"]),
-            )
-        )
-    write_page(
+    said = pd.DataFrame(list(dict.fromkeys(recorded.notes)), columns=["recording", "note"])
+    write_study(
         out,
         TITLE,
-        (*INTRODUCTION, size),
+        INTRODUCTION,
+        size,
         claims,
-        files,
-        figures=all_figures(results, recorded.growth, wide),
-        notes=notes,
+        choices.table(count),
+        {
+            "outages": (None, scores),
+            "biases-runs": (None, results.biases),
+            "convergence-runs": (None, converged),
+        },
+        all_figures(results, recorded.growth, wide),
+        shown(scores, results.biases, converged),
+        [("Notes on the recordings", said)] if recorded.notes else (),
     )
-    with replacing(out / "findings.md") as part:
-        part.write_text(
-            markdown.findings(size, claims, [(heading, table) for _, heading, table in tables]),
-            encoding="utf-8",
-        )
     return claims
 
 

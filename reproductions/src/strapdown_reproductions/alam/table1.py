@@ -3,6 +3,7 @@
 A case is one outage of the simulated flight over all seeds, or all windows of a recording.
 """
 
+import numpy as np
 import pandas as pd
 
 from ..common.paired_ratios import ratio
@@ -64,6 +65,22 @@ def redrawn(scores: pd.DataFrame, names: tuple[str, ...] = THREE) -> pd.DataFram
 def published_wins(axis: str, first: str = XKF, second: str = EKF) -> str:
     """Text: in how many rows of the published Table 1 the first filter's RMSE is smaller."""
     return f"{sum(a < b for a, b in zip(PUBLISHED[axis, first], PUBLISHED[axis, second]))} of {OUTAGES}"
+
+
+def published_times(first: str, second: str, factor: float) -> int:
+    """In how many outages of the published Table 1 the first filter's horizontal RMSE is at least
+    `factor` times the second's."""
+    a, b = (np.hypot(PUBLISHED["north", name], PUBLISHED["east", name]) for name in (first, second))
+    return int((a >= factor * b).sum())
+
+
+def published_least(*axes: str) -> int:
+    """In how many cells of these axes in the published Table 1 the XKF's RMSE is the smallest."""
+    return sum(
+        xkf < min(ekf, nlo)
+        for axis in axes
+        for ekf, nlo, xkf in zip(*(PUBLISHED[axis, name] for name in THREE))
+    )
 
 
 def listed(tables: dict[str, pd.DataFrame], measure: str, first: str, second: str) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from strapdown.files import replacing
@@ -43,16 +44,28 @@ def plain(text: str) -> str:
     return text.replace("|", "/").replace("<", "&lt;")
 
 
+def cell(value: object) -> str:
+    """A value of a table as text that Markdown leaves as it is: two decimals, lines stay lines."""
+    if isinstance(value, (float, np.floating)):
+        return "–" if np.isnan(value) else f"{value:.2f}"
+    return str(value).replace("|", "/").replace("*", r"\*").replace("\n", "<br>")
+
+
 def findings(
-    size: str, claims: Sequence[Mapping[str, str]], tables: Iterable[tuple[str, pd.DataFrame]]
+    size: str,
+    claims: Sequence[Mapping[str, str]],
+    tables: Iterable[tuple[str, pd.DataFrame]],
+    between: Sequence[str] = (),
+    work: str = "paper",
 ) -> str:
-    """Text: sentences on the size of the study, the claims with their verdicts, and the tables
-    [(heading, DataFrame of text)]."""
+    """Text: sentences on the size of the study, the claims of the `work` with their verdicts, the
+    lines `between`, and the tables [(heading, DataFrame of text)]."""
     rows = [
         f"| {i} | {plain(c['claim'])} | **{c['verdict']}** | {plain(c['measured'])} |"
         for i, c in enumerate(claims, 1)
     ]
-    parts = [size, "", "| | the paper says | verdict | measured |", "|---|---|---|---|", *rows]
+    head = f"| | the {work} says | verdict | measured |"
+    parts = [size, "", head, "|---|---|---|---|", *rows, *between]
     for heading, frame in tables:
         parts += ["", f"{heading}:", "", table(frame, lambda value: plain(str(value)))]
     return "\n".join(parts) + "\n"

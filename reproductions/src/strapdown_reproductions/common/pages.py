@@ -14,6 +14,7 @@ import plotly.graph_objects as go
 
 from strapdown.files import replacing
 from strapdown.reports.shell import placed, shell
+from strapdown.typing import File
 
 REPRODUCED, PARTLY, NOT_REPRODUCED, UNDECIDED = (
     "reproduced",
@@ -62,7 +63,7 @@ def finding(
 
 
 def write_page(
-    out: Path,
+    out: File,
     title: str,
     introduction: Sequence[str],
     claims: Sequence[Mapping[str, Any]],
@@ -70,17 +71,21 @@ def write_page(
     links: Sequence[tuple[str, str]] = (),
     figures: Sequence[tuple[str, go.Figure, str]] = (),
     notes: Sequence[tuple[str, pd.DataFrame]] = (),
+    texts: Mapping[str, str] = {},
 ) -> None:
     """Write claims.json, one CSV per table {name: (caption, DataFrame)} and index.html into the
     folder `out`, each of them whole.
 
     claims: of `claim` or of `finding`; figures: (heading, plotly figure of reports.drawing,
-    caption); notes: (heading, DataFrame of text). A caption of None keeps a table off the page; its
-    CSV is written all the same.
+    caption); notes: (heading, DataFrame of text); texts: {name: text} of more files. A caption of
+    None keeps a table off the page; its CSV is written all the same.
     """
+    out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
-    with replacing(out / "claims.json") as part:
-        part.write_text(json.dumps(claims, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    as_json = json.dumps(claims, indent=1, ensure_ascii=False) + "\n"
+    for name, text in {"claims.json": as_json, **texts}.items():
+        with replacing(out / name) as part:
+            part.write_text(text, encoding="utf-8")
     for name, (_, table) in tables.items():
         with replacing(out / f"{name}.csv") as part:
             table.to_csv(part, index=False, float_format="%.6g")

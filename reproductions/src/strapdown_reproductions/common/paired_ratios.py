@@ -15,7 +15,7 @@ from strapdown.evaluation.consistency import Paired
 from strapdown.experiments.outages.summaries import over_blocks
 from strapdown.typing import Array, Ints
 
-from .verdicts import SIZE, Count
+from .verdicts import SIZE, Count, counted
 
 LEAST = 1e-6
 """m and m/s: smaller errors count as this, so that they have a logarithm."""
@@ -121,12 +121,26 @@ def against(
 ) -> Count:
     """Count of the cells in which filter `first` is better than every one of `others`; where it
     surely is not than one of them contradicts."""
-    found = [
+    return counted(
         min(ratio(table, measure, first, other, probability).side for other in others)
         for table in tables.values()
         for measure in measures
+    )
+
+
+def many_times(
+    tables: Mapping[str, pd.DataFrame],
+    measures: Sequence[str],
+    first: str,
+    second: str,
+    factor: float,
+) -> Count:
+    """Count of the cells in which the measure of filter `first` is at least `factor` times that of
+    `second` (whole interval); whole below that contradicts."""
+    found = [
+        ratio(table, measure, first, second) for table in tables.values() for measure in measures
     ]
-    return Count(found.count(1), found.count(-1), len(found))
+    return counted(int(each.low >= factor) - int(each.high < factor) for each in found)
 
 
 def any_better(

@@ -1,11 +1,13 @@
 """How numbers with intervals become a verdict on a claim: a cell supports it, contradicts it, or
 leaves it open, and the shares of cells decide."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+
+from strapdown.evaluation.consistency import proportion
 
 from .pages import NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
 
@@ -33,7 +35,7 @@ class Count(NamedTuple):
         cells supporting."""
         if not self.total:
             return UNDECIDED
-        low, high = self.supports / self.total, 1 - self.contradicts / self.total
+        low, high = self.shares
         return (
             REPRODUCED
             if low >= MOST
@@ -43,6 +45,17 @@ class Count(NamedTuple):
             if low > FEW
             else UNDECIDED
         )
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Share of the cells that support the claim: of those that do, and with all open ones."""
+        cells = max(self.total, 1)
+        return self.supports / cells, 1 - self.contradicts / cells
+
+    @property
+    def opposite(self) -> "Count":
+        """Of the claim that says the contrary."""
+        return Count(self.contradicts, self.supports, self.total)
 
     def __str__(self) -> str:
         return f"{self.supports} of {self.total} cells for it, {self.contradicts} against, {self.total - self.supports - self.contradicts} open"
@@ -55,6 +68,28 @@ RULE = (
     f"partly where more than {FEW:.0%} support it, else not decidable"
 )
 BETTER = f"better: the 95 % interval of the ratio of RMSEs over common runs lies beyond 1 by more than {SIZE:.0%}; no difference: all of it is within {SIZE:.0%}"
+
+
+def decided(yes: bool, no: bool) -> str:
+    """The verdict of a rule without shares: reproduced, not reproduced, or neither."""
+    return REPRODUCED if yes else NOT_REPRODUCED if no else UNDECIDED
+
+
+def vote(low: float, high: float, level: float) -> int:
+    """Of an interval: +1 where it is above `level`, -1 where it is below, 0 where it holds it."""
+    return int(low > level) - int(high < level)
+
+
+def counted(votes: Iterable[int]) -> Count:
+    """Count of cells of which each votes for a claim (+1), against it (-1), or not (0)."""
+    found = list(votes)
+    return Count(found.count(1), found.count(-1), len(found))
+
+
+def share_of_runs(cells: Iterable[tuple[int, int]], level: float = 0.5) -> Count:
+    """Count of cells (runs in which something holds, runs): Wilson's interval of that share above
+    `level` supports, below it contradicts."""
+    return counted(vote(*proportion(*cell)[1:], level) for cell in cells)
 
 
 def better(row: pd.Series, name: str) -> str:
@@ -79,11 +114,9 @@ def sides(rows: pd.DataFrame, name: str, side: str) -> Count:
 def share(rows: pd.DataFrame, name: str, more: bool = True, level: float = 0.5) -> Count:
     """Count of the rows whose interval `name` is above `level` (below for more=False); on the
     other side contradicts."""
-    above, below = (
-        int((rows[f"{name}_low"] > level).sum()),
-        int((rows[f"{name}_high"] < level).sum()),
-    )
-    return Count(above, below, len(rows)) if more else Count(below, above, len(rows))
+    ends = zip(rows[f"{name}_low"], rows[f"{name}_high"])
+    count = counted(vote(low, high, level) for low, high in ends)
+    return count if more else count.opposite
 
 
 def apart(first: pd.Series, second: pd.Series, name: str) -> int:
@@ -94,16 +127,16 @@ def apart(first: pd.Series, second: pd.Series, name: str) -> int:
     )
 
 
-def total(counts: Sequence[Count]) -> Count:
+def total(counts: Iterable[Count]) -> Count:
     """The Count of several together."""
-    return Count(*(int(sum(values)) for values in zip(*counts))) if counts else Count(0, 0, 0)
+    return Count(*np.sum([(0, 0, 0), *counts], axis=0).tolist())
 
 
 def both(*verdicts: str) -> str:
     """Of a claim with parts that must all hold: mixed where one is supported and another not."""
     found = set(verdicts)
-    if len(found) == 1:
-        return verdicts[0]
+    if len(found) <= 1:
+        return verdicts[0] if verdicts else UNDECIDED
     return PARTLY if found & {REPRODUCED, PARTLY} else NOT_REPRODUCED
 
 

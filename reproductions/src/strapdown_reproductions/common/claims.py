@@ -1,0 +1,69 @@
+"""The claims of a paper as rows of a table, and the runner that makes a finding of each.
+
+A row names what the paper says and where, the rule in words, and the parts of the claim: each says
+over which cells of the evidence, the tables of finished runs, which kind of rule decides, such as
+`over(TABLES, against, ["east_rmse_m"], "XKF", ["EKF"])`.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NamedTuple, TypeVar
+
+from .pages import UNDECIDED, finding
+from .verdicts import Count, both
+
+Found = TypeVar("Found")
+
+
+class Judged(NamedTuple):
+    """What became of a part of a claim whose verdict is no share of cells."""
+
+    verdict: str
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+class Claim(NamedTuple):
+    """A row of a paper's table of claims."""
+
+    text: str  # what the paper says
+    source: str  # where
+    rule: str  # in words, which decides
+    # {name: what becomes of the evidence}: all must hold
+    parts: Mapping[str, Callable[[Any], Count | Judged]]
+    # format string of what was measured: `parts` and `shown` by their names in braces
+    measured: str
+    decided_by: str  # the figure or table that shows it
+    # {name: function of the evidence}: what is told beside the parts and decides nothing
+    shown: Mapping[str, Callable[[Any], object]] = {}
+    # text: what the evidence lacks, so that the claim cannot be judged; else ""
+    lacks: Callable[[Any], str] | None = None
+
+
+def over(
+    cells: Callable[[Any], Any], rule: Callable[..., Found], *args: object, **options: object
+) -> Callable[[Any], Found]:
+    """A function of the evidence: `rule(cells(evidence), *args, **options)`.
+
+    cells: chooses the tables or rows that the rule looks at; rule: counts or judges them, or tells
+    something of them.
+    """
+    return lambda evidence: rule(cells(evidence), *args, **options)
+
+
+def judge(claim: Claim, evidence: object) -> dict[str, str]:
+    """The `finding` on one claim: reproduced where all its parts are, not reproduced where none
+    is, partly where one is."""
+    about = (claim.text, claim.source, claim.rule)
+    if claim.lacks and (lacks := claim.lacks(evidence)):
+        return finding(*about, lacks, UNDECIDED, claim.decided_by)
+    parts = {name: part(evidence) for name, part in claim.parts.items()}
+    shown = {name: show(evidence) for name, show in claim.shown.items()}
+    verdict = both(*(part.verdict for part in parts.values()))
+    return finding(*about, claim.measured.format(**parts, **shown), verdict, claim.decided_by)
+
+
+def findings(claims: Iterable[Claim], evidence: object) -> list[dict[str, str]]:
+    """The findings on all claims, in their order."""
+    return [judge(claim, evidence) for claim in claims]

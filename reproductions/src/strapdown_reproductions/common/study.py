@@ -1,0 +1,64 @@
+"""What the studies of the papers share: their seeds, how far they are, and the page of a finished
+one."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+import plotly.graph_objects as go
+
+from strapdown.checks import check_number
+from strapdown.typing import File, Progress
+
+from . import markdown
+from .pages import write_page
+
+
+def seeds(quick: bool, runs: int | None, seed: int, full: int, few: int) -> list[int]:
+    """The seeds of the runs: `runs` of them where that is given, else `full`, with `quick` only
+    `few`. Raises DataError."""
+    count = (few if quick else full) if runs is None else runs
+    check_number(count, "runs", least=1, whole=True)
+    check_number(seed, "seed", least=0, whole=True)
+    return [1000 * seed + k for k in range(count)]
+
+
+def part_of(progress: Progress | None, begin: float, end: float) -> Progress | None:
+    """The Progress of a part, which is the whole from the fraction `begin` to `end`; None where
+    nobody is told."""
+    return (lambda done: progress(begin + done * (end - begin))) if progress else None
+
+
+def write_study(
+    out: File,
+    title: str,
+    introduction: Sequence[str],
+    size: str,
+    claims: Sequence[Mapping[str, Any]],
+    choices: pd.DataFrame,
+    tables: Mapping[str, tuple[str | None, pd.DataFrame]],
+    figures: Sequence[tuple[str, go.Figure, str]],
+    shown: Sequence[tuple[str, str, pd.DataFrame]] = (),
+    notes: Sequence[tuple[str, pd.DataFrame]] = (),
+    listed: Sequence[tuple[str, pd.DataFrame]] = (),
+    between: Sequence[str] = (),
+    work: str = "paper",
+) -> None:
+    """Write the page of a study, as `write_page`, and beside it findings.md for docs/.
+
+    size: sentences on how large it was; choices: what the `work` leaves open; shown: [(name,
+    heading, DataFrame of text)] for the page, a CSV each, and findings.md; notes, after them, are
+    for the page alone; listed [(heading, DataFrame of text)] and lines `between` the claims and
+    them are for findings.md alone.
+    """
+    headed = [(heading, table) for _, heading, table in shown]
+    write_page(
+        out,
+        title,
+        (*introduction, size),
+        claims,
+        {name: (None, table) for name, _, table in shown} | dict(tables),
+        figures=figures,
+        notes=[*headed, (f"What the {work} leaves open, and what was chosen", choices), *notes],
+        texts={"findings.md": markdown.findings(size, claims, [*headed, *listed], between, work)},
+    )

@@ -1,0 +1,43 @@
+"""Put what a run has written into the page of docs/ that shows it:
+
+    python -m strapdown_reproductions.common.write_docs NAME OUT
+
+NAME is that of `strapdown reproduce`, OUT the folder of its results.
+"""
+
+import sys
+from pathlib import Path
+
+from . import markdown
+
+DOCS = Path(__file__).resolve().parents[4] / "docs"
+"""In the source tree."""
+PAGES = {
+    "alam": ("findings.md", "alam.md"),
+    "broad": ("table.md", "attitude-broad.md"),
+    "fossen": ("findings.md", "fossen.md"),
+    "hager-bryne": ("findings.md", "open-or-closed-loop.md"),
+    "mollaei": ("findings.md", "mollaei.md"),
+    "recordings": ("table.md", "every-filter.md"),
+}
+"""{name: (file of the results, page of docs/)}."""
+
+
+def mark(name: str) -> str:
+    """The mark in the page above what stands there of reproduction `name`."""
+    return markdown.begin(PAGES[name][0], name)
+
+
+def insert(page: Path, name: str, text: str) -> None:
+    """Put `text` of reproduction `name` between the marks of the Markdown file `page`."""
+    markdown.insert(page, text, mark(name))
+
+
+def main(name: str, out: str) -> None:
+    """Put what the run in the folder `out` has written into its page."""
+    file, page = PAGES[name]
+    insert(DOCS / page, name, (Path(out) / file).read_text(encoding="utf-8"))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
