@@ -20,13 +20,13 @@ from strapdown.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.scenario import Scenario
 from strapdown.sim.trajectory import demo_flight
+from strapdown_reproductions.common import markdown, write_docs
 from strapdown_reproductions.common.pages import COLOURS, claim, finding, write_page
 from strapdown_reproductions.hager_bryne import (
     ablations,
     claims as hager_bryne_claims,
     drift as hager_bryne_drift,
     main,
-    write_docs,
 )
 from strapdown_reproductions.hager_bryne.cells import (
     RESOLVED,
@@ -296,7 +296,7 @@ def test_the_documentation_lists_the_claims_as_the_code_has_them():
     )
     listed = re.findall(
         r"^\| (\d+) \| (.*?) \| \*\*(.*?)\*\* \|",
-        page.partition(write_docs.BEGIN)[2].partition(write_docs.END)[0],
+        page.partition(write_docs.mark("hager-bryne"))[2].partition(markdown.END)[0],
         re.MULTILINE,
     )
     assert [text for _, text, _ in listed] == [
@@ -312,9 +312,12 @@ def test_findings_as_markdown_go_between_the_marks(out, claims, tmp_path):
         and text.count("| tactical | 07 |") == 3
     )
     page = tmp_path / "page.md"
-    page.write_text(f"before\n{write_docs.BEGIN}\nold\n{write_docs.END}\nafter\n")
-    write_docs.insert(page, text)
-    assert page.read_text() == f"before\n{write_docs.BEGIN}\n{text}{write_docs.END}\nafter\n"
+    page.write_text(f"before\n{write_docs.mark('hager-bryne')}\nold\n{markdown.END}\nafter\n")
+    write_docs.insert(page, "hager-bryne", text)
+    assert (
+        page.read_text()
+        == f"before\n{write_docs.mark('hager-bryne')}\n{text}{markdown.END}\nafter\n"
+    )
 
 
 @pytest.mark.short
