@@ -89,7 +89,7 @@ def better(
     )
 
 
-def middle(values: Array | Sequence[float]) -> str:
+def median_of(values: Array | Sequence[float]) -> str:
     """Text: the median, "–" of nothing."""
     return f"{np.median(values):.3g}" if len(values) else "–"
 
@@ -100,7 +100,7 @@ def median_ratios(tables: Tables, measures: Sequence[str], pairs: Sequence[Pair]
     known_of = lambda table, pair: [v for v in values(table, pair) if np.isfinite(v)]
     parts = [
         f"{case}: "
-        + ", ".join(f"{' / '.join(pair)} {middle(known_of(table, pair))}" for pair in pairs)
+        + ", ".join(f"{' / '.join(pair)} {median_of(known_of(table, pair))}" for pair in pairs)
         for case, table in tables.items()
     ]
     return "median ratios, " + "; ".join(parts) if parts else "not flown"
@@ -190,7 +190,7 @@ def lost_once(tables: Tables, mode: str) -> str:
 def ends(tables: Tables, measure: str, modes: Sequence[str]) -> str:
     """Text: the median of a measure, m, by case and mode."""
     return "; ".join(
-        f"{mode}, {case} {middle(known(table, measure, mode))} m"
+        f"{mode}, {case} {median_of(known(table, measure, mode))} m"
         for case, table in tables.items()
         for mode in modes
     )

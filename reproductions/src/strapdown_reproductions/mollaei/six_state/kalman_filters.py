@@ -11,7 +11,6 @@ from strapdown.typing import Array, File
 from .model import (
     SINCE,
     TRIAL,
-    Options,
     X,
     begin,
     copy,
@@ -43,7 +42,7 @@ def start(
     variance of each row of a fix instead of its own (0: neither). aircraft: whose model predicts;
     earth: "flat", no other.
     """
-    return begin(start, 0, Options(model, q, r, rate, aircraft, earth))
+    return begin(start, 0, model, q, r, rate, aircraft, earth)
 
 
 @kernel(PREDICT)
@@ -80,7 +79,7 @@ def correct(
 
 def start_raw(start: Start, noise: Noise, earth: str = "flat") -> Belief:
     """Belief at `start` for the mode without a filter."""
-    return begin(start, 0, Options(0.0, 0.0, 0.0, 1.0, "aerosonde", earth))
+    return begin(start, 0, 0.0, 0.0, 0.0, 1.0, "aerosonde", earth)
 
 
 @kernel(PREDICT)

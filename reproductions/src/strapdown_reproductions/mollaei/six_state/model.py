@@ -12,10 +12,11 @@ the start's and stay.
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from strapdown.checks import check_number
 from strapdown.core.contract import POSITION_KIND, Belief, Noise, Source, Start
 from strapdown.core.jit import helper, inlined, matrix
 from strapdown.core.rotation import orthonormalise, rotate_right, turned, wrap
@@ -63,31 +64,27 @@ REPRODUCED = dict(q=0.1, r=0.5)
 """Options that give the Q = 0.1 I and R = 0.5 I of the paper."""
 
 
-class Options(NamedTuple):
-    """What all of these filters take as options; their meaning stands at kalman_filters.start."""
-
-    model: float  # m/s/sqrt(s)
-    q: float  # m^2 and m^2/s^2 of each sample
-    r: float  # m^2 and m^2/s^2
-    rate: float  # Hz
-    aircraft: File | Aircraft
-    earth: str
-
-
-def begin(start: Start, own: int, options: Options) -> Belief:
-    """Belief at `start` for a filter with `own` numbers of its own from workspace[OWN] on.
-    Refuses bad options."""
-    model, q, r, rate, craft, earth = options
-    for name, value in (("q", q), ("r", r)):
-        if not 0 <= value < math.inf:
-            raise ValueError(
-                f"{name} is {value:g}; it must be a variance above zero, or 0 for that of the "
-                f"sensors"
-            )
-    if not 0 <= model < math.inf:
-        raise ValueError(f"model is {model:g} m/s/sqrt(s); it must be a random walk, 0 or more")
-    if not 0 < rate < math.inf:
-        raise ValueError(f"rate is {rate:g} Hz; it must be above zero")
+def begin(
+    start: Start,
+    own: int,
+    model: float,
+    q: float,
+    r: float,
+    rate: float,
+    aircraft: File | Aircraft,
+    earth: str,
+) -> Belief:
+    """Belief at `start` for a filter with `own` numbers of its own from workspace[OWN] on, and the
+    options that all of these filters take; their meaning stands at kalman_filters.start. Refuses
+    bad ones."""
+    variance = "m^2 and m^2/s^2"
+    for value, name, unit in (
+        (model, "model", "m/s/sqrt(s)"),
+        (q, "q", variance),
+        (r, "r", variance),
+    ):
+        check_number(value, name, unit, least=0)
+    check_number(rate, "rate", "Hz", above=0)
     if earth != "flat":
         raise ValueError(
             f"earth is {earth!r}; the six-state form knows a flat, still Earth alone: give "
@@ -103,7 +100,7 @@ def begin(start: Start, own: int, options: Options) -> Belief:
         workspace[R],
         workspace[UNKNOWN],
     ) = start.v, start.lla, q * rate, r, model
-    workspace[CRAFT:OWN] = find_aircraft(craft).array(earth="flat", origin=start.lla)
+    workspace[CRAFT:OWN] = find_aircraft(aircraft).array(earth="flat", origin=start.lla)
     return belief
 
 

@@ -9,6 +9,7 @@ components go their own ways.
 
 import math
 
+from strapdown.checks import check_number
 from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Start, kernel
 from strapdown.core.jit import helper, matrix, plain
 from strapdown.filters.particle.mixture import (
@@ -30,7 +31,6 @@ from strapdown.typing import Array, File
 from .model import (
     OWN,
     TRIAL,
-    Options,
     X,
     begin,
     changed,
@@ -80,13 +80,12 @@ def start(
     mixture.kernel_width); resample: when fewer than this fraction of them are effective; seed
     of the draws; the others as of EKF6.
     """
-    if not 0 <= resample <= 1:
-        raise ValueError(f"resample is {resample}; it must be a fraction of the components, 0 to 1")
+    check_number(resample, "resample", least=0, most=1)
     width = kernel_width(components, 6) if kernel is None else kernel
     deviations, phi, stream = begin_mixture(start.belief(None).P[:6, :6], components, width, seed)
     size = len(deviations)
-    options = Options(model, q, r, rate, aircraft, earth)
-    belief = begin(start, COMPONENTS - OWN + size * EACH, options)
+    numbers = COMPONENTS - OWN + size * EACH
+    belief = begin(start, numbers, model, q, r, rate, aircraft, earth)
     workspace = belief.workspace
     (
         workspace[N],

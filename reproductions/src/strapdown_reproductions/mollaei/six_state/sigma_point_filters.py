@@ -10,6 +10,7 @@ filters/sigma_point/sigma_points.py.
 import math
 from collections.abc import Mapping
 
+from strapdown.checks import check_choice
 from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Start, kernel
 from strapdown.core.jit import helper, matrix
 from strapdown.filters.sigma_point.sigma_points import (
@@ -27,7 +28,6 @@ from strapdown.typing import Array, File
 
 from .model import (
     OWN,
-    Options,
     Q,
     X,
     begin,
@@ -73,11 +73,11 @@ def start(
 ) -> Belief:
     """Belief at `start`. sigma: "merwe", the scaled set of (30) with alpha, beta and kappa, or
     "symmetric", that of (23); the others as of EKF6."""
-    if sigma not in ("merwe", "symmetric"):
-        raise ValueError(f"sigma is {sigma!r}; it must be merwe or symmetric")
+    check_choice(sigma, "sigma", ("merwe", "symmetric"))
     make = symmetric if sigma == "symmetric" else lambda states: merwe(states, alpha, beta, kappa)
-    options = Options(model, q, r, rate, aircraft, earth)
-    return _begin(start, options, (*make(12), 6.0, *make(6)))
+    belief = begin(start, SIZE, model, q, r, rate, aircraft, earth)
+    belief.workspace[SPREAD : SPREAD + 5] = (*make(12), 6.0, *make(6))
+    return belief
 
 
 def start_cubature(
@@ -91,13 +91,8 @@ def start_cubature(
     earth: str = "flat",
 ) -> Belief:
     """Belief at `start` for the cubature filter; options as of EKF6."""
-    options = Options(model, q, r, rate, aircraft, earth)
-    return _begin(start, options, (*symmetric(6), 0.0, *symmetric(6)))
-
-
-def _begin(start: Start, options: Options, sets: tuple[float, ...]) -> Belief:
-    belief = begin(start, SIZE, options)
-    belief.workspace[SPREAD : SPREAD + 5] = sets
+    belief = begin(start, SIZE, model, q, r, rate, aircraft, earth)
+    belief.workspace[SPREAD : SPREAD + 5] = (*symmetric(6), 0.0, *symmetric(6))
     return belief
 
 
