@@ -12,7 +12,8 @@ from strapdown.checks import DataError
 from strapdown.core.contract import Imu
 from strapdown.data import Trajectory
 from strapdown.recording import Recording
-from strapdown_reproductions.broad import figures, main, peers, write_docs
+from strapdown_reproductions.broad import figures, main, peers
+from strapdown_reproductions.common import markdown, write_docs
 
 N = 400
 T = np.arange(N) * 0.01
@@ -205,12 +206,12 @@ def test_every_claim_is_about_an_estimator_there_is():
 @pytest.mark.short
 def test_markdown_of_the_tables(tmp_path):
     trials, runs = five({"attitude-mekf": (1, 2, 3, 2.6, 4)})
-    text = write_docs.text(main.tables(trials, runs))
+    text = main.in_docs(main.tables(trials, runs))
     assert text.count("| attitude-mekf |") == 3 and r"02\*, deg" in text and "| 2.52 |" in text
     page = tmp_path / "page.md"
-    page.write_text(f"before\n{write_docs.BEGIN}\nold\n{write_docs.END}\nafter\n")
-    write_docs.insert(page, text)
-    assert page.read_text() == f"before\n{write_docs.BEGIN}\n{text}{write_docs.END}\nafter\n"
+    page.write_text(f"before\n{write_docs.mark('broad')}\nold\n{markdown.END}\nafter\n")
+    write_docs.insert(page, "broad", text)
+    assert page.read_text() == f"before\n{write_docs.mark('broad')}\n{text}{markdown.END}\nafter\n"
 
 
 @pytest.mark.short

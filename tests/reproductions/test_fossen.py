@@ -13,13 +13,13 @@ from strapdown.core.contract import BA, BG, Noise
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
 from strapdown.recording import Recording
+from strapdown_reproductions.common import markdown, write_docs
 from strapdown_reproductions.common.pages import COLOURS
 from strapdown_reproductions.fossen import (
     cases as fossen_cases,
     main,
     runs as fossen_runs,
     signals,
-    write_docs,
 )
 from strapdown_reproductions.fossen.cases import (
     AHRS,
@@ -463,8 +463,8 @@ def test_markdown_goes_between_its_marks(made, tmp_path):
         and "At rest:" in text
         and "| fixed-gain | true noises |" in text
     )
-    page.write_text(f"before\n{write_docs.BEGIN}\nold\n{write_docs.END}\nafter\n")
-    write_docs.insert(page, text)
+    page.write_text(f"before\n{write_docs.mark('fossen')}\nold\n{markdown.END}\nafter\n")
+    write_docs.insert(page, "fossen", text)
     found = page.read_text()
     assert (
         "old" not in found

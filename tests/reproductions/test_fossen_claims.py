@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from strapdown_reproductions.common.claims import judge
 from strapdown_reproductions.common.pages import NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
 from strapdown_reproductions.fossen import claims, runs
 from strapdown_reproductions.fossen.cases import CASES, CHAPTER, RIGHT
@@ -112,23 +113,29 @@ def test_every_verdict_is_reached_by_every_claim(evidence, verdict):
 def test_a_claim_that_one_tuning_supports_is_partly_reproduced():
     right, wrong = world(True), world(False)
     mixed = right._replace(runs=right.runs.where(right.runs["tuning"] == RIGHT, wrong.runs))
-    assert claims.accel_minutes(mixed)["verdict"] == claims.gyro_seconds(mixed)["verdict"] == PARTLY
+    assert (
+        judge(claims.CLAIMS["accel_minutes"], mixed)["verdict"]
+        == judge(claims.CLAIMS["gyro_seconds"], mixed)["verdict"]
+        == PARTLY
+    )
 
 
 def test_sooner_counts_for_one_to_two_minutes_and_later_does_not():
     evidence = world(True)
     for seconds, verdict in ((20.0, REPRODUCED), (119.0, REPRODUCED), (121.0, NOT_REPRODUCED)):
         assert (
-            claims.accel_minutes(evidence._replace(runs=evidence.runs.assign(accel_s=seconds)))[
-                "verdict"
-            ]
+            judge(
+                claims.CLAIMS["accel_minutes"],
+                evidence._replace(runs=evidence.runs.assign(accel_s=seconds)),
+            )["verdict"]
             == verdict
         )
     for seconds, verdict in ((9.9, REPRODUCED), (10.0, NOT_REPRODUCED)):
         assert (
-            claims.gyro_seconds(evidence._replace(runs=evidence.runs.assign(gyro_s=seconds)))[
-                "verdict"
-            ]
+            judge(
+                claims.CLAIMS["gyro_seconds"],
+                evidence._replace(runs=evidence.runs.assign(gyro_s=seconds)),
+            )["verdict"]
             == verdict
         )
 
@@ -136,16 +143,20 @@ def test_sooner_counts_for_one_to_two_minutes_and_later_does_not():
 def test_decaying_estimates_alone_make_no_error_smaller():
     evidence = world(True)
     held = evidence._replace(dropouts=evidence.dropouts.assign(accel_after=0.2))
-    assert claims.decay(held)["verdict"] == PARTLY
-    assert claims.decay(evidence._replace(dropouts=pd.DataFrame()))["verdict"] == UNDECIDED
+    assert judge(claims.CLAIMS["decay"], held)["verdict"] == PARTLY
+    assert (
+        judge(claims.CLAIMS["decay"], evidence._replace(dropouts=pd.DataFrame()))["verdict"]
+        == UNDECIDED
+    )
 
 
 def test_few_runs_decide_nothing():
     few = world(True)
     few = few._replace(runs=few.runs[few.runs["seed"] < 3])
     assert (
-        claims.gyro_seconds(few)["verdict"] == UNDECIDED
-        and "0 of 12 cells for it, 0 against, 12 open" in claims.gyro_seconds(few)["measured"]
+        judge(claims.CLAIMS["gyro_seconds"], few)["verdict"] == UNDECIDED
+        and "0 of 12 cells for it, 0 against, 12 open"
+        in judge(claims.CLAIMS["gyro_seconds"], few)["measured"]
     )
 
 

@@ -16,13 +16,13 @@ from strapdown.core.contract import Imu
 from strapdown.core.earth import RATE
 from strapdown.data import Aiding
 from strapdown.recording import Recording
+from strapdown_reproductions.common import markdown, write_docs
 from strapdown_reproductions.common.pages import claim
 from strapdown_reproductions.recordings import (
     cases,
     drift,
     main,
     table as recordings_table,
-    write_docs,
 )
 from strapdown_reproductions.recordings.cases import Case
 from strapdown_reproductions.recordings.table import COUNTS, FIGURES
@@ -340,16 +340,18 @@ def test_errors_of_motion():
 @pytest.mark.short
 def test_markdown(tmp_path):
     page = tmp_path / "page.md"
-    page.write_text(f"before\n{write_docs.BEGIN}\nold\n{write_docs.END}\nafter\n", encoding="utf-8")
-    text = write_docs.text(
+    page.write_text(
+        f"before\n{write_docs.mark('recordings')}\nold\n{markdown.END}\nafter\n", encoding="utf-8"
+    )
+    text = main.in_docs(
         [("Heading", pd.DataFrame([("a|b*", "1.0\n2.0")], columns=["filter", "x"]))]
     )
-    write_docs.insert(page, text)
-    write_docs.insert(page, text)
+    write_docs.insert(page, "recordings", text)
+    write_docs.insert(page, "recordings", text)
     found = page.read_text(encoding="utf-8")
     assert (
         found
-        == f"before\n{write_docs.BEGIN}\n### Heading\n\n| filter | x |\n| --- | --- |\n| a/b\\* | 1.0<br>2.0 |\n{write_docs.END}\nafter\n"
+        == f"before\n{write_docs.mark('recordings')}\n### Heading\n\n| filter | x |\n| --- | --- |\n| a/b\\* | 1.0<br>2.0 |\n{markdown.END}\nafter\n"
     )
 
 

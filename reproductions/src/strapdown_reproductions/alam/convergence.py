@@ -6,9 +6,7 @@ there to their end. How many starts were below at some time is reported beside i
 error swings passes through.
 """
 
-import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -30,6 +28,8 @@ from strapdown.sim.scenario import Scenario
 from strapdown.sim.synthesis import Simulator
 from strapdown.sim.trajectory import DEG
 from strapdown.typing import Array
+
+from ..common.study import on_threads
 
 OFF, GYRO_BIAS, BELOW, WITHIN = 170 * DEG, 0.05, 10.0, 60.0
 """rad of attitude and rad/s of gyro bias at the start, each about a random direction; deg and s
@@ -159,15 +159,11 @@ def study(
     was `said` of a run that has none."""
     known = {label: Case(*case) for label, case in (CASES if cases is None else cases).items()}
     rows: list[tuple[str, int, float, float, float, str]] = []
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        for label, case in known.items():
-            outcome(case, min(seeds), interval)  # compiles before the threads
-            rows += [
-                (label, seed, *found)
-                for seed, found in zip(
-                    seeds, pool.map(lambda seed: outcome(case, seed, interval), seeds)
-                )
-            ]
+    for label, case in known.items():
+        of_seed = lambda seed, case=case: outcome(case, seed, interval)
+        of_seed(min(seeds))  # compiles before the threads
+        found = zip(seeds, on_threads(of_seed, seeds, threads))
+        rows += [(label, seed, *each) for seed, each in found]
     return pd.DataFrame(rows, columns=["case", "seed", "since_s", "first_s", "last_deg", "said"])
 
 

@@ -13,6 +13,7 @@ from strapdown.recording import Recording
 from strapdown.reports.drawing import COLOURS, GREY, WITHHELD, finish, line, log_ticks, note, panels
 from strapdown.typing import Array, Ints
 
+from ..common.figures import names_down, quantile_lines, side_by_side
 from ..common.paired_ratios import ratio
 from .runs import AXES, CLOSED, EKF, FULL, NLO, SINCE, XKF, Results, Run, windows
 
@@ -32,7 +33,7 @@ def all_figures(
     """[(heading, figure, caption)] of the page; growth: {recording: DataFrame}, tables:
     table1.wide of simulation and recordings."""
     path, height = flight(results.recording)
-    found = [
+    return [
         (
             "Figure 1a: the simulated flight seen from above",
             path,
@@ -46,27 +47,25 @@ def all_figures(
             "seeds, dotted the 10 and 90 % quantiles. "
             "Outages that a filter did not get through count as infinitely far off.",
         ),
-    ]
-    found += [
-        (
-            f"Figure 2{letter}: growth of the errors in {name}",
-            growth_of_recording(table),
-            "As figure 2a, over the windows; here windows that a filter did not get through are "
-            "left out.",
-        )
-        for letter, (name, table) in zip("bc", growth.items())
-    ]
-    found.append(
+        *(
+            (
+                f"Figure 2{letter}: growth of the errors in {name}",
+                growth_of_recording(table),
+                "As figure 2a, over the windows; here windows that a filter did not get through "
+                "are left out.",
+            )
+            for letter, (name, table) in zip("bc", growth.items())
+        ),
         (
             "Figure 3: ratios of RMSE",
             ratios(tables),
             "Geometric means over the seeds, or over the blocks of windows of a recording, "
             "with 95 % intervals. Left of 1: the XKF is better.",
-        )
-    )
-    return found + [
-        (f"Figure 4{letter}: {title}", drawn, f"{FIRST} {BIASES.get(title, '')}".strip())
-        for letter, (title, drawn) in zip("abcde", figure4(results))
+        ),
+        *(
+            (f"Figure 4{letter}: {title}", drawn, f"{FIRST} {BIASES.get(title, '')}".strip())
+            for letter, (title, drawn) in zip("abcde", figure4(results))
+        ),
     ]
 
 
@@ -121,8 +120,7 @@ def figure4(results: Results) -> list[tuple[str, go.Figure]]:
     rec, truth = results.recording, results.recording.reference
     b_a, b_g = rec.meta["b_a"], rec.meta["b_g"]
     some = next(iter(results.sample.values())).t if results.sample else truth.t[::20]
-    rows = np.clip(np.searchsorted(truth.t, some - 1e-6), 0, len(truth.t) - 1)
-    samples = np.clip(np.searchsorted(rec.imu.t, some - 1e-6), 0, len(rec.imu.t) - 1)
+    rows, samples = _rows(truth.t, some), _rows(rec.imu.t, some)
     true_v_b = truth.rotation[rows].inv().apply(truth.v_n[rows])
     turned = lambda run: (truth.rph[_rows(truth.t, run.t)] - run.rph + np.pi) % (2 * np.pi) - np.pi
     parts = (
@@ -214,27 +212,18 @@ def _growth(curves: dict[str, list[Array]], since: Array) -> go.Figure:
         rows=1, cols=2, horizontal_spacing=0.09, subplot_titles=["horizontal", "vertical"]
     )
     for label, parts in curves.items():
-        for col, (low, middle, high) in enumerate(parts, 1):
-            thin = {"width": 0.8, "dash": "dot"}
-            for y, style, shown in (
-                (middle, {"width": 2.0}, col == 1),
-                (low, thin, False),
-                (high, thin, False),
-            ):
-                drawn.add_trace(
-                    go.Scatter(
-                        x=since,
-                        y=np.where(np.isfinite(y), y, np.nan),
-                        mode="lines",
-                        name=label,
-                        legendgroup=label,
-                        showlegend=shown,
-                        line={"color": COLOUR[label], **style},
-                        hovertemplate="%{y:.3g} m",
-                    ),
-                    row=1,
-                    col=col,
-                )
+        for col, part in enumerate(parts, 1):
+            quantile_lines(
+                drawn,
+                since,
+                [np.where(np.isfinite(y), y, np.nan) for y in part],
+                col,
+                (2.0, 0.8),
+                name=label,
+                legendgroup=label,
+                color=COLOUR[label],
+                hovertemplate="%{y:.3g} m",
+            )
     drawn.update_xaxes(title_text="time in the outage [s]")
     drawn.update_yaxes(title_text="error [m]", rangemode="tozero", row=1, col=1)
     drawn.update_yaxes(rangemode="tozero", row=1, col=2)
@@ -244,9 +233,7 @@ def _growth(curves: dict[str, list[Array]], since: Array) -> go.Figure:
 def ratios(tables: dict[str, pd.DataFrame]) -> go.Figure:
     """Ratio of RMSE of both forms of the XKF to EKF and NLO per case and axis, with intervals."""
     pairs = ((XKF, EKF), (XKF, NLO), (FULL, EKF), (FULL, NLO))
-    drawn = make_subplots(
-        rows=1, cols=3, shared_yaxes=True, horizontal_spacing=0.03, subplot_titles=AXES
-    )
+    drawn = side_by_side(AXES)
     names, ends = list(tables), []
     for col, axis in enumerate(AXES, 1):
         for k, (first, second) in enumerate(pairs):
@@ -281,12 +268,7 @@ def ratios(tables: dict[str, pd.DataFrame]) -> go.Figure:
     drawn.update_xaxes(
         type="log", range=[low, high], title_text="ratio of RMSE", **log_ticks(low, high)
     )
-    drawn.update_yaxes(
-        tickmode="array",
-        tickvals=list(range(len(names))),
-        ticktext=names,
-        range=[len(names) - 0.5, -0.5],
-    )
+    drawn.update_yaxes(**names_down(names))
     return finish(drawn, 190 + 52 * len(names)).update_layout(
         hovermode="closest", margin={"t": 84}, legend={"y": 1.12}
     )

@@ -5,9 +5,7 @@ All five windows are withheld in one run, as in the paper. All filters of a seed
 samples, fixes, start and noise.
 """
 
-import os
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any, NamedTuple, TypeAlias
 
@@ -25,6 +23,8 @@ from strapdown.sensor_models.imu import grade
 from strapdown.sim.scenario import scenario
 from strapdown.sim.synthesis import Simulator
 from strapdown.typing import Array, Progress, Say
+
+from ..common.study import on_threads
 
 PROTOCOL, LENGTH = "30/300", 30.0
 """An outage of 30 s at the end of every 300 s but the first."""
@@ -49,6 +49,8 @@ TURN_ON = {"accel": 0.049, "gyro": float(np.radians(0.2))}
 """m/s^2 and rad/s: standard deviation of the turn-on biases of the grade `dmu10`."""
 ASTRAY = {sensor: 100 * size for sensor, size in TURN_ON.items()}
 """The wander and rms error of the bias estimates of a filter that stopped, or whose are larger."""
+WANDERS = ("wander", "rms", "true", "wander_late", "true_late")
+"""What is told of the bias estimates of a sensor."""
 LAST = 0.1
 """s before the end of an outage: its last scored row; at the end itself a fix is used again."""
 SINCE = np.r_[np.arange(0.0, LENGTH), LENGTH - LAST]
@@ -143,17 +145,13 @@ def run_all(
     growth: dict[str, list[Array]] = {label: [] for label in variants}
     sample: dict[str, Run] = {}
     simulator()  # before the threads, which would each compute it
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        for done, found in enumerate(
-            pool.map(lambda seed: _seed(seed, variants, seed == seeds[0], say), seeds), 1
-        ):
-            scores += found[0]
-            biases += found[1]
-            for label, curves in found[2].items():
-                growth[label] += curves
-            sample |= found[3]
-            if progress:
-                progress(done / len(seeds))
+    of_seed = lambda seed: _seed(seed, variants, seed == seeds[0], say)
+    for found in on_threads(of_seed, seeds, threads, progress):
+        scores += found[0]
+        biases += found[1]
+        for label, curves in found[2].items():
+            growth[label] += curves
+        sample |= found[3]
     grown = {
         label: np.array(own).reshape(-1, 2, len(SINCE)).swapaxes(0, 1)
         for label, own in growth.items()
@@ -184,50 +182,38 @@ def _seed(
                 hidden, variant.filter, start=start, every=ROWS, say=say, **variant.options
             )
         except DataError as error:
-            scores += [
-                _lost(seed, label, k, window, str(error)) for k, window in enumerate(windows(), 1)
-            ]
-            biases.append({"filter": label, "seed": seed, **without_biases(str(error))})
-            growth[label] = [np.full((2, len(SINCE)), np.inf) for _ in windows()]
-            continue
-        e = errors(solution, hidden.reference)
-        found = [scored(e, window, solution.meta.get("stopped", "")) for window in windows()]
+            outages = [{**MEASURES, "said": str(error)}] * len(windows())
+            wandered = without_biases(str(error))
+            growth[label] = [np.full((2, len(SINCE)), np.inf)] * len(windows())
+        else:
+            e = errors(solution, hidden.reference)
+            stopped = solution.meta.get("stopped", "")
+            outages = [scored(e, window, stopped) for window in windows()]
+            wandered = wander(solution, hidden)
+            growth[label] = [curve(e, window) for window in windows()]
+            if kept:
+                sample[label] = _sample(solution, e)
+        biases.append({"filter": label, "seed": seed, **wandered})
         scores += [
             {
                 "case": f"outage {k}",
                 "block": seed,
                 "filter": label,
                 "outage": k,
-                "start_s": window[0],
-                "stop_s": window[1],
+                "start_s": start_s,
+                "stop_s": stop_s,
                 **score,
             }
-            for k, (window, score) in enumerate(zip(windows(), found), 1)
+            for k, ((start_s, stop_s), score) in enumerate(zip(windows(), outages), 1)
         ]
-        biases.append({"filter": label, "seed": seed, **wander(solution, hidden)})
-        growth[label] = [curve(e, window) for window in windows()]
-        if kept:
-            own = solution.trajectory
-            v_b = own.rotation.inv().apply(own.v_n)
-            sample[label] = Run(
-                *(column[e.rows] for column in (own.t, own.rph, v_b, solution.b_a, solution.b_g)),
-                e.position,
-                e.velocity,
-            )
     return scores, biases, growth, sample
 
 
-def _lost(seed: int, label: str, k: int, window: tuple[float, float], said: str) -> Row:
-    return {
-        "case": f"outage {k}",
-        "block": seed,
-        "filter": label,
-        "outage": k,
-        "start_s": window[0],
-        "stop_s": window[1],
-        **MEASURES,
-        "said": said,
-    }
+def _sample(solution: Solution, e: Errors) -> Run:
+    own = solution.trajectory
+    v_b = own.rotation.inv().apply(own.v_n)
+    columns = (own.t, own.rph, v_b, solution.b_a, solution.b_g)
+    return Run(*(column[e.rows] for column in columns), e.position, e.velocity)
 
 
 def scored(e: Errors, window: tuple[float, float], stopped: str) -> Row:
@@ -266,28 +252,19 @@ def wander(solution: Solution, hidden: Recording) -> Row:
     Over SETTLED, over LATE the names that end in _late; beside them the standard deviations of the
     true biases (_true). m/s^2 and rad/s; ASTRAY where the run ended before, or what is larger.
     """
-    found: dict[str, float] = {}
     rows = np.clip(np.searchsorted(hidden.imu.t, solution.t - 1e-6), 0, len(hidden.imu.t) - 1)
+    found: dict[str, float] = {}
     for sensor, estimate, true in (
         ("accel", solution.b_a, hidden.meta["b_a"][rows]),
         ("gyro", solution.b_g, hidden.meta["b_g"][rows]),
     ):
         whole, late = (_over(period, solution.t, estimate, true) for period in (SETTLED, LATE))
-        found |= dict(
-            zip(
-                (
-                    f"{sensor}_{what}"
-                    for what in ("wander", "rms", "true", "wander_late", "true_late")
-                ),
-                (*whole, late[0], late[2]),
-            )
-        )
-    beyond = {name for name, value in found.items() if value >= ASTRAY[name.split("_")[0]]}
+        values = dict(zip(WANDERS, (*whole, late[0], late[2])))
+        found |= {f"{sensor}_{what}": value for what, value in values.items()}
+    most = {name: ASTRAY[name.split("_")[0]] for name in found}
+    beyond = any(value >= most[name] for name, value in found.items())
     said = (solution.meta.get("stopped") or "diverged") if beyond else ""
-    return {
-        name: ASTRAY[name.split("_")[0]] if name in beyond else value
-        for name, value in found.items()
-    } | {"said": said}
+    return {name: min(value, most[name]) for name, value in found.items()} | {"said": said}
 
 
 def without_biases(said: str) -> Row:
@@ -295,7 +272,7 @@ def without_biases(said: str) -> Row:
     return {
         f"{sensor}_{what}": most if "true" not in what else np.nan
         for sensor, most in ASTRAY.items()
-        for what in ("wander", "rms", "true", "wander_late", "true_late")
+        for what in WANDERS
     } | {"said": said}
 
 

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from strapdown.reports.drawing import (
     COLOURS,
@@ -19,6 +18,7 @@ from strapdown.reports.drawing import (
 )
 from strapdown.typing import Array
 
+from ..common.figures import side_by_side
 from .peers import PEERS
 from .trials import Run, Trial
 
@@ -77,13 +77,7 @@ def summary(trials: Sequence[Trial], runs: Sequence[Run]) -> go.Figure:
         np.sqrt((run.angles[scored[run.trial]].astype(float) ** 2).mean(axis=0))
     )
     values = {name: np.array([rms(run) for run in runs if run.estimator == name]) for name in names}
-    drawn = make_subplots(
-        rows=1,
-        cols=3,
-        shared_yaxes=True,
-        horizontal_spacing=0.03,
-        subplot_titles=["orientation", "inclination", "heading"],
-    )
+    drawn = side_by_side(("orientation", "inclination", "heading"))
     for i in range(3):
         place, known = (
             {"row": 1, "col": i + 1},

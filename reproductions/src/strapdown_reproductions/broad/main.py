@@ -20,15 +20,15 @@ from strapdown.engine.batch import fuse
 from strapdown.engine.prepare import positioned
 from strapdown.engine.smoothing import smooth
 from strapdown.evaluation.metrics import attitude_angles, errors
-from strapdown.files import replacing
 from strapdown.io.broad import body_to_ned, parse
 from strapdown.io.locate import data_folder
 from strapdown.recording import Recording
 from strapdown.typing import Array, File, Mask, Say
 
+from ..common import markdown
 from ..common.pages import claim, write_page
-from . import figures as broad_figures, write_docs
-from .peers import PEERS, installed
+from . import figures as broad_figures
+from .peers import PEERS, Peer, installed
 from .trials import Run, Trial
 
 Result = TypeVar("Result")
@@ -202,19 +202,23 @@ def reproduce(
         runs += [*own_runs(trial, names, say), *peer_runs(trial, quick)]
     made = tables(trials, runs)
     claims = judged(made["orientation"][1], trials)
-    figures = broad_figures.figures(trials, runs)
     write_page(
         out,
         "strapdown on the BROAD trials",
         INTRODUCTION,
         claims,
         made,
-        figures=figures,
+        figures=broad_figures.figures(trials, runs),
         notes=_notes(quick, made),
+        texts={"table.md": in_docs(made)},
     )
-    with replacing(out / "table.md") as part:
-        part.write_text(write_docs.text(made), encoding="utf-8")
     return claims
+
+
+def in_docs(made: Mapping[str, tuple[str, pd.DataFrame]]) -> str:
+    """Markdown of the tables {name: (caption, DataFrame)}, a caption above each."""
+    caption = lambda text: f"{text[0].upper()}{text[1:]}:".replace("*", r"\*")
+    return markdown.tables((caption(text), table) for text, table in made.values())
 
 
 def tables(trials: Sequence[Trial], runs: Sequence[Run]) -> dict[str, tuple[str, pd.DataFrame]]:
@@ -222,45 +226,33 @@ def tables(trials: Sequence[Trial], runs: Sequence[Run]) -> dict[str, tuple[str,
     of orientation also with the time per sample."""
     names = list(dict.fromkeys(run.estimator for run in runs))
     of = {(run.estimator, run.trial): run for run in runs}
-    values = {
-        name: np.degrees([rms(of[name, trial.name], trial) for trial in trials]) for name in names
-    }
+    values = np.degrees([[rms(of[name, trial.name], trial) for trial in trials] for name in names])
+    others = [trial.number not in CHOSEN_ON for trial in trials]
     made = {}
     for i, (measure, text) in enumerate(MEASURES.items()):
-        rows = {
-            name: dict(zip(map(column, trials), values[name][:, i]))
-            | {"mean, deg": values[name][:, i].mean()}
-            for name in names
-        }
-        rest = [k for k, trial in enumerate(trials) if trial.number not in CHOSEN_ON]
-        for name in names if 0 < len(rest) < len(trials) else ():
-            rows[name]["mean of the others, deg"] = values[name][rest, i].mean()
+        own = values[..., i]
+        table = pd.DataFrame(own, names, list(map(column, trials)))
+        table["mean, deg"] = own.mean(axis=1)
+        if 0 < sum(others) < len(trials):
+            table["mean of the others, deg"] = own[:, others].mean(axis=1)
         if measure == "orientation":
-            for name in names:
-                rows[name]["time, us per sample"] = float(
-                    np.median([of[name, trial.name].us for trial in trials])
-                )
-        table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("estimator").reset_index()
+            table["time, us per sample"] = [
+                float(np.median([of[name, trial.name].us for trial in trials])) for name in names
+            ]
         made[measure] = (
             f"rms {text} during movement; * marks trials that strapdown's defaults were chosen on",
-            table,
+            table.rename_axis("estimator").reset_index(),
         )
     claimed = [name for name in names if np.isfinite(of[name, trials[0].name].over).any()]
     if claimed:
-        rows = [
-            (
-                name,
-                *(
-                    " ".join("–" if np.isnan(x) else f"{x:.2f}" for x in of[name, trial.name].over)
-                    for trial in trials
-                ),
-            )
-            for name in claimed
-        ]
+        over = lambda run: " ".join("–" if np.isnan(x) else f"{x:.2f}" for x in run.over)
         made["over-sd"] = (
             "rms of the attitude error over its own standard deviation, about north, east and down, "
             "during movement",
-            pd.DataFrame(rows, columns=["estimator", *(trial.number for trial in trials)]),
+            pd.DataFrame(
+                [(name, *(over(of[name, trial.name]) for trial in trials)) for name in claimed],
+                columns=["estimator", *(trial.number for trial in trials)],
+            ),
         )
     return made
 
@@ -273,15 +265,14 @@ def column(trial: Trial) -> str:
 def judged(table: pd.DataFrame, trials: Sequence[Trial]) -> list[dict[str, Any]]:
     """The claims that the trials and estimators at hand can decide, from the table of
     orientation errors."""
-    numbers, found = {trial.number for trial in trials}, []
     of = table.set_index("estimator")
     heads = {trial.number: column(trial) for trial in trials}
+    found = []
     for name, which, bound in CLAIMS:
-        asked = {*CHOSEN_ON, *OTHERS} if which == "mean" else {which}
-        if name not in of.index or not asked <= numbers:
-            continue
-        value = float(of.loc[name, [heads[number] for number in sorted(asked)]].mean(skipna=False))
-        found.append(claim(claim_text(name, which), value, bound, "deg"))
+        asked = sorted((*CHOSEN_ON, *OTHERS)) if which == "mean" else [which]
+        if name in of.index and set(asked) <= set(heads):
+            value = float(of.loc[name, [heads[number] for number in asked]].mean(skipna=False))
+            found.append(claim(claim_text(name, which), value, bound, "deg"))
     return found
 
 
@@ -296,50 +287,38 @@ def _notes(
     """[(heading, DataFrame of text)]: what each estimator is, and the known figures of the
     peers, by which the scoring is checked."""
     table = made["orientation"][1].set_index("estimator")
-    about, known = [(name, "strapdown", filters.find(name).reference) for name in estimators()], []
-    for peer in PEERS:
-        release = installed(peer.package)
-        state = f"{peer.package} {release}" if release else f"{peer.package}: not installed"
-        about.append(
-            (
-                peer.name,
-                state + (", left out by --quick" if release and quick and peer.slow else ""),
-                peer.text,
-            )
-        )
-        if peer.known and peer.name in table.index:
-            own = {
-                number: name
-                for name in table.columns
-                for number in (*CHOSEN_ON, *OTHERS)
-                if name.rstrip("*, deg") == number
-            }
-            if len(own) == 5:
-                row = [table.loc[peer.name, own[number]] for number in sorted(own)]
-                measured = row if len(peer.known) > 1 else [np.mean(row)]
-                known.append(
-                    (
-                        peer.name,
-                        ", ".join(f"{value:g}" for value in peer.known),
-                        ", ".join(f"{value:.3g}" for value in measured),
-                    )
-                )
-    found = [
-        (
-            "Estimators",
-            pd.DataFrame(
-                about, columns=["estimator", "package", "what it is, or how it is called"]
-            ),
-        )
+    about = [
+        *((name, "strapdown", filters.find(name).reference) for name in estimators()),
+        *((peer.name, _state(peer, quick), peer.text) for peer in PEERS),
     ]
-    if known:
-        found.append(
-            (
-                "The scoring, checked",
-                pd.DataFrame(
-                    known,
-                    columns=["peer", "known, deg: per trial, or the mean", "measured here, deg"],
-                ),
-            )
-        )
-    return found
+    numbers = lambda values, form: ", ".join(map(form.format, values))
+    known = [
+        (peer.name, numbers(peer.known, "{:g}"), numbers(_measured(peer, table), "{:.3g}"))
+        for peer in PEERS
+        if len(_measured(peer, table))
+    ]
+    columns = ["estimator", "package", "what it is, or how it is called"]
+    checked = ["peer", "known, deg: per trial, or the mean", "measured here, deg"]
+    return [
+        ("Estimators", pd.DataFrame(about, columns=columns)),
+        *[("The scoring, checked", pd.DataFrame(known, columns=checked)) for _ in known[:1]],
+    ]
+
+
+def _state(peer: Peer, quick: bool) -> str:
+    """Text: which release of a peer runs here."""
+    release = installed(peer.package)
+    if not release:
+        return f"{peer.package}: not installed"
+    return f"{peer.package} {release}" + ", left out by --quick" * (quick and peer.slow)
+
+
+def _measured(peer: Peer, table: pd.DataFrame) -> list[float]:
+    """What stands beside the `known` figures of a peer, deg: its errors on all five trials, or
+    their mean; nothing where one is missing."""
+    five = (*CHOSEN_ON, *OTHERS)
+    own = sorted(name for name in table.columns if name.rstrip("*, deg") in five)
+    if not peer.known or peer.name not in table.index or len(own) < len(five):
+        return []
+    row = table.loc[peer.name, own].to_list()
+    return row if len(peer.known) > 1 else [np.mean(row)]

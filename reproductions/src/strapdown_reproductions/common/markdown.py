@@ -44,11 +44,21 @@ def plain(text: str) -> str:
     return text.replace("|", "/").replace("<", "&lt;")
 
 
+def number(value: float, digits: int = 2) -> str:
+    """Text of a number, a dash where it is not known."""
+    return "–" if np.isnan(value) else f"{value:.{digits}g}"
+
+
 def cell(value: object) -> str:
     """A value of a table as text that Markdown leaves as it is: two decimals, lines stay lines."""
     if isinstance(value, (float, np.floating)):
         return "–" if np.isnan(value) else f"{value:.2f}"
     return str(value).replace("|", "/").replace("*", r"\*").replace("\n", "<br>")
+
+
+def tables(headed: Iterable[tuple[str, pd.DataFrame]]) -> str:
+    """Markdown of [(line, DataFrame)], each under its line."""
+    return "\n".join(f"{line}\n\n{table(frame, cell)}\n" for line, frame in headed)
 
 
 def findings(

@@ -1,8 +1,10 @@
 """What the studies of the papers share: their seeds, how far they are, and the page of a finished
 one."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -12,6 +14,8 @@ from strapdown.typing import File, Progress
 
 from . import markdown
 from .pages import write_page
+
+Task, Result = TypeVar("Task"), TypeVar("Result")
 
 
 def seeds(quick: bool, runs: int | None, seed: int, full: int, few: int) -> list[int]:
@@ -27,6 +31,21 @@ def part_of(progress: Progress | None, begin: float, end: float) -> Progress | N
     """The Progress of a part, which is the whole from the fraction `begin` to `end`; None where
     nobody is told."""
     return (lambda done: progress(begin + done * (end - begin))) if progress else None
+
+
+def on_threads(
+    work: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Iterator[Result]:
+    """What `work` makes of each task, in their order; threads: the processors by default; progress:
+    called with the fraction done."""
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        for done, result in enumerate(pool.map(work, tasks), 1):
+            yield result
+            if progress:
+                progress(done / len(tasks))
 
 
 def write_study(

@@ -6,17 +6,20 @@ and none was changed for its verdict.
 """
 
 from collections.abc import Callable, Collection, Sequence
+from itertools import product
+from operator import attrgetter
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
 
-from strapdown.evaluation.consistency import proportion
+from strapdown.typing import Mask
 
-from ..common.pages import UNDECIDED, finding
-from ..common.verdicts import RULE, Count, both
+from ..common.claims import Claim, findings, over
+from ..common.verdicts import RULE, Count, share_of_runs
 from .cases import CHAPTER, LAST, RIGHT, START_SD, TUNINGS
-from .runs import DROPOUT, quantiles, seconds
+from .intro import BIASES, FORMS
+from .runs import DROPOUT, KEYS, quantiles, seconds
 from .signals import SIGNALS
 
 Cells: TypeAlias = list[tuple[Any, pd.DataFrame]]
@@ -38,8 +41,18 @@ MEKF = (
     "mekf, position + velocity + compass",
 )
 EULER = "direct-euler, position + compass"
-TITLES = ((CHAPTER, "With the chapter's weights"), (RIGHT, "with the true noises"))
 INDIRECT = ("indirect-ahrs-closed", "indirect-ahrs-open")
+COLUMNS = (
+    "position_m",
+    "velocity_m_s",
+    "attitude_rad",
+    "ins_m",
+    "accel_m_s2",
+    "accel_s",
+    "accel_first_s",
+    *(f"accel_left_{axis}" for axis in "xyz"),
+)
+NO_RUN = pd.DataFrame([dict.fromkeys(COLUMNS, np.nan)])
 
 
 class Evidence(NamedTuple):
@@ -50,27 +63,14 @@ class Evidence(NamedTuple):
     intro: pd.DataFrame  # of fossen_intro.study: a row per seed, form and biases
 
 
-def claims(evidence: Evidence) -> list[dict[str, str]]:
-    """All findings, in the order of the chapter."""
-    return [
-        make(evidence)
-        for make in (
-            ahrs_all_states,
-            euler_is_hard,
-            euler_blows_up,
-            intro_drift,
-            intro_decay,
-            indirect_converges,
-            decay,
-            drift,
-            feedback_bounds,
-            accel_minutes,
-            gyro_seconds,
-            states_converge,
-            excitation,
-            roll_and_pitch,
-        )
-    ]
+RUNS, DROPOUTS, INTRO = map(attrgetter, Evidence._fields)
+
+
+def chosen(rows: pd.DataFrame, keys: Sequence[str], **wanted: Collection[Any]) -> Cells:
+    """[(values of `keys`, rows)] of the cells of the rows whose columns have one of the `wanted`
+    values each."""
+    own = rows[np.logical_and.reduce([rows[name].isin(values) for name, values in wanted.items()])]
+    return list(own.groupby(list(keys), sort=False))
 
 
 def pick(
@@ -80,21 +80,37 @@ def pick(
     tunings: Sequence[str] = TUNINGS,
 ) -> Cells:
     """[((case, excitation, tuning), rows)] of the cells asked for that have runs."""
-    chosen = runs[
-        runs["case"].isin(cases)
-        & runs["excitation"].isin(excitations)
-        & runs["tuning"].isin(tunings)
-    ]
-    return list(chosen.groupby(["case", "excitation", "tuning"], sort=False))
+    return chosen(runs, KEYS, case=cases, excitation=excitations, tuning=tunings)
 
 
-def counted(cells: Cells, true: Callable[[pd.DataFrame], pd.Series]) -> Count:
-    """Count of cells where `true` (of the rows) holds in more than half of the runs by Wilson's
-    interval, contradicted where in fewer than half."""
-    intervals = [proportion(int(np.sum(true(rows))), len(rows)) for _, rows in cells]
-    return Count(
-        sum(i.low > 0.5 for i in intervals), sum(i.high < 0.5 for i in intervals), len(intervals)
-    )
+def of_runs(
+    cases: Sequence[str], excitations: Collection[str], *tunings: str
+) -> Callable[[Evidence], Cells]:
+    """The cells of the runs with these excitations, of all tunings where none is named."""
+    return over(RUNS, pick, cases, excitations, tunings or TUNINGS)
+
+
+def of_intro(outage: int, forms: Sequence[str], biases: Sequence[str]) -> Callable[[Evidence], Any]:
+    """The cells of the introductory example, one per form and kind of biases."""
+
+    return lambda e: chosen(e.intro, ["biases", "form"], outage=[outage], form=forms, biases=biases)
+
+
+def of_dropouts(e: Evidence) -> Cells:
+    """The cells of the dropouts: indirect filters and MEKF with the chapter's weights."""
+    cases = (*INDIRECT, MEKF[1])
+    return chosen(e.dropouts, ["case", "excitation"], case=cases, tuning=[CHAPTER])
+
+
+def holds(rows: pd.DataFrame, what: str) -> Mask:
+    """In which of the rows a condition on their columns holds, such as "accel_s < never"."""
+    return rows.eval(what, resolvers=[{"never": np.inf}]).to_numpy(bool)
+
+
+def counted(cells: Cells, what: str) -> Count:
+    """Count of cells where a condition holds in more than half of the runs by Wilson's interval,
+    contradicted where in fewer than half."""
+    return share_of_runs((int(holds(rows, what).sum()), len(rows)) for _, rows in cells)
 
 
 def spread(cells: Cells, name: str) -> str:
@@ -107,67 +123,101 @@ def spread(cells: Cells, name: str) -> str:
     return f"median {middle} s, 80 % of the runs {low} to {high} s".replace("never s", "never")
 
 
-def tuned(
-    runs: pd.DataFrame,
-    cases: Sequence[str],
-    excitations: Collection[str],
-    true: Callable[[pd.DataFrame], pd.Series],
-    name: str,
-) -> tuple[str, str]:
-    """(verdict, text) of a claim on both tunings, which must both hold."""
-    verdicts, texts = [], []
-    for tuning, title in TITLES:
-        cells = pick(runs, cases, excitations, [tuning])
-        count = counted(cells, true)
-        verdicts.append(count.verdict)
-        texts.append(f"{title}: {count} ({spread(cells, name)})")
-    return both(*verdicts), "; ".join(texts)
+def together(cells: Cells) -> pd.DataFrame:
+    """The runs of all cells, a row of NaN where there is none."""
+    return pd.concat([rows for _, rows in cells]) if cells else NO_RUN
 
 
-def left(runs: pd.DataFrame, case: str, excitation: str) -> str:
-    """Text, true noises: what is left of the accelerometers' deviations along x, y, z (medians
-    of shares); what that amounts to, against the error."""
-    rows = runs[
-        (runs["case"] == case) & (runs["excitation"] == excitation) & (runs["tuning"] == RIGHT)
-    ]
-    shares = np.array([rows[f"accel_left_{axis}"].median() for axis in "xyz"])
-    stated = float(np.linalg.norm(shares * START_SD[9:12]))
+def median(cells: Cells, name: str) -> float:
+    """Median of a column over all runs of the cells."""
+    return float(together(cells)[name].median())
+
+
+def share(cells: Cells, what: str) -> float:
+    """Share of all runs of the cells in which a condition holds."""
+    return float(holds(together(cells), what).mean())
+
+
+def errors(cells: Cells) -> str:
+    """Text: medians of the errors over all runs of the cells, nothing where there is none."""
+    rows = together(cells)
     return (
-        f"{case}, {excitation}: {' '.join(f'{share:.2g}' for share in shares)}, that is "
-        f"{stated:.2g} m/s² stated for an error of "
-        f"{rows['accel_m_s2'].median():.2g} m/s²"
+        f" (medians {rows['position_m'].median():.2g} m, {rows['velocity_m_s'].median():.2g} m/s, "
+        f"{np.degrees(rows['attitude_rad'].median()):.2g} deg)"
+    ) * bool(cells)
+
+
+def lines(cells: Cells, line: str, joint: str = " on ") -> str:
+    """Text: the format string `line` of the medians of each cell, under its name."""
+    return "; ".join(
+        f"{joint.join(key)}: {line.format(**rows.median(numeric_only=True))}" for key, rows in cells
     )
 
 
+def positions(runs: pd.DataFrame, cases: Sequence[str]) -> str:
+    """Text: the position errors of cases that pitch through the vertical."""
+    cells = {case: pick(runs, [case], ["steep"]) for case in cases}
+    return "; ".join(
+        f"{case.split(',')[0]}: position {median(own, 'position_m'):.3g} m (median)"
+        for case, own in cells.items()
+        if own
+    )
+
+
+def left(runs: pd.DataFrame, cases: Sequence[str], excitations: Sequence[str]) -> str:
+    """Text, true noises: what is left of the accelerometers' deviations along x, y, z (medians
+    of shares); what that amounts to, against the error."""
+    texts = []
+    for case, excitation in product(cases, excitations):
+        rows = together(pick(runs, [case], [excitation], [RIGHT]))
+        shares = np.array([rows[f"accel_left_{axis}"].median() for axis in "xyz"])
+        texts.append(
+            f"{case}, {excitation}: {' '.join(f'{each:.2g}' for each in shares)}, that is "
+            f"{np.linalg.norm(shares * START_SD[9:12]):.2g} m/s² stated for an error of "
+            f"{rows['accel_m_s2'].median():.2g} m/s²"
+        )
+    return "; ".join(texts)
+
+
+def no_dropouts(e: Evidence) -> str:
+    """What a claim on dropouts lacks where runs are too short for one."""
+    return "needs runs of 300 s" * e.dropouts.empty
+
+
+NEAR_THE_TRUTH = (
+    f"position_m < {POSITION} and velocity_m_s < {VELOCITY} and attitude_rad < {ATTITUDE}"
+)
 CELL = "A cell is one filter with its sensors, excitation and tuning; it supports the claim where more than half of its runs do (95 % Wilson)"
 CONVERGED = (
     "Converged: the length of the error of the three biases goes below 0.02 m/s² (accelerometers) "
     "or 0.35 deg/s (gyros), 6 and 5 % of "
     "the biases, and stays there"
 )
-
-
-def ahrs_all_states(e: Evidence) -> dict[str, str]:
-    """14.3.2."""
-    cells = pick(e.runs, ["direct-ahrs"], (*SIGNALS, *STILL))
-    count = counted(cells, lambda rows: np.isfinite(rows["accel_s"]) & np.isfinite(rows["gyro_s"]))
-    return finding(
+AHRS = of_runs(["direct-ahrs"], (*SIGNALS, *STILL))
+INDIRECT_RUNS = of_runs(INDIRECT, (*SIGNALS, *STILL))
+EULER_STILL, EULER_MOVED = of_runs([EULER], STILL), of_runs([EULER], SIGNALS)
+OPEN, CLOSED = (of_runs([f"indirect-ahrs-{loop}"], SIGNALS) for loop in ("open", "closed"))
+MEKF_STILL, MEKF_MOVED = of_runs(MEKF, STILL), of_runs(MEKF, SIGNALS)
+MEKF_CHAPTER, MEKF_RIGHT = of_runs(MEKF, SIGNALS, CHAPTER), of_runs(MEKF, SIGNALS, RIGHT)
+MEKF_TURNING = of_runs(MEKF, ["turning"])
+FORWARD = of_intro(0, ["feedforward"], BIASES)
+TUNED = (
+    "With the chapter's weights: {chapter} ({in_chapter}); with the true noises: {right} "
+    "({in_right})"
+)
+CLAIMS = {
+    "ahrs_all_states": Claim(
         "With an AHRS the 15-state linear time-varying Kalman filter estimates all 15 states, "
         "thanks to observability.",
         "14.3.2",
         f"direct-ahrs, both signals, at rest and steady: biases of accelerometers and gyros "
         f"converge within the run; {RULE}",
-        f"{count}. Accelerometers: {spread(cells, 'accel_s')}; gyros: {spread(cells, 'gyro_s')}",
-        count.verdict,
+        {"cells": over(AHRS, counted, "accel_s < never and gyro_s < never")},
+        "{cells}. Accelerometers: {accel}; gyros: {gyro}",
         "table cells",
-    )
-
-
-def euler_is_hard(e: Evidence) -> dict[str, str]:
-    """14.3.3."""
-    still = counted(pick(e.runs, [EULER], STILL), lambda rows: ~np.isfinite(rows["accel_s"]))
-    moved = counted(pick(e.runs, [EULER], SIGNALS), lambda rows: np.isfinite(rows["accel_s"]))
-    return finding(
+        {"accel": over(AHRS, spread, "accel_s"), "gyro": over(AHRS, spread, "gyro_s")},
+    ),
+    "euler_is_hard": Claim(
         "In the direct EKF with Euler angles the acceleration bias is hard to estimate and usually "
         "requires sufficient "
         "excitation.",
@@ -176,28 +226,15 @@ def euler_is_hard(e: Evidence) -> dict[str, str]:
         "run at rest and steady, and do "
         "under the "
         "two signals; both parts must hold",
-        f"At rest and steady they do not: {still}. Under the signals they do: {moved} "
-        f"({spread(pick(e.runs, [EULER], SIGNALS), 'accel_s')})",
-        both(still.verdict, moved.verdict),
+        {
+            "still": over(EULER_STILL, counted, "~(accel_s < never)"),
+            "moved": over(EULER_MOVED, counted, "accel_s < never"),
+        },
+        "At rest and steady they do not: {still}. Under the signals they do: {moved} ({times})",
         "figure 4, table cells",
-    )
-
-
-def euler_blows_up(e: Evidence) -> dict[str, str]:
-    """14.3.3."""
-    bad = lambda rows: rows["stopped"].astype(bool) | ~(rows["position_m"] < 10.0)
-    euler, mekf = (
-        counted(pick(e.runs, [case], ["steep"]), true)
-        for case, true in ((EULER, bad), (MEKF[4], lambda rows: ~bad(rows)))
-    )
-    errors = {case: pick(e.runs, [case], ["steep"]) for case in (EULER, MEKF[4])}
-    text = "; ".join(
-        f"{case.split(',')[0]}: position "
-        f"{np.nanmedian(pd.concat([rows for _, rows in cells])['position_m']):.3g} m (median)"
-        for case, cells in errors.items()
-        if cells
-    )
-    return finding(
+        {"times": over(EULER_MOVED, spread, "accel_s")},
+    ),
+    "euler_blows_up": Claim(
         "Covariance blow-up due to the Euler angles is possible in the direct EKF; consider the "
         "MEKF instead.",
         "14.3.3",
@@ -208,20 +245,15 @@ def euler_blows_up(e: Evidence) -> dict[str, str]:
         "rotation matrix beyond 85 "
         "deg of pitch, so that the "
         "verdict is on that remedy",
-        f"direct-euler fails: {euler}. The MEKF does not: {mekf}. {text}",
-        euler.verdict,
+        {"euler": over(of_runs([EULER], ["steep"]), counted, "stopped or ~(position_m < 10)")},
+        "direct-euler fails: {euler}. The MEKF does not: {mekf}. {positions}",
         "table cells",
-    )
-
-
-def intro_drift(e: Evidence) -> dict[str, str]:
-    """14.4.1."""
-    rows = e.intro[(e.intro["form"] == "feedforward") & (e.intro["outage"] == 0)]
-    true = counted(
-        [(None, part) for _, part in rows.groupby("biases")],
-        lambda part: (part["ins_m"] > DRIFTED) & (part["position_m"] < KEPT),
-    )
-    return finding(
+        {
+            "mekf": over(of_runs([MEKF[4]], ["steep"]), counted, "~stopped and position_m < 10"),
+            "positions": over(RUNS, positions, (EULER, MEKF[4])),
+        },
+    ),
+    "intro_drift": Claim(
         "The two IMU biases are important to estimate in order to avoid drift: the INS drifts, INS "
         "and estimated error together "
         "do not.",
@@ -230,35 +262,12 @@ def intro_drift(e: Evidence) -> dict[str, str]:
         f"off by more than "
         f"{DRIFTED:g} m and the "
         f"estimate by less than {KEPT:g} m",
-        f"{true}. INS {rows['ins_m'].median():.3g} m, estimate "
-        f"{rows['position_m'].median():.2g} m (medians)",
-        true.verdict,
+        {"cells": over(FORWARD, counted, f"ins_m > {DRIFTED} and position_m < {KEPT}")},
+        "{cells}. INS {ins:.3g} m, estimate {estimate:.2g} m (medians)",
         "figure 7",
-    )
-
-
-def intro_decay(e: Evidence) -> dict[str, str]:
-    """14.4.1."""
-    rows = e.intro[e.intro["outage"] == 1]
-    parts = {
-        name: counted(
-            [
-                (None, part)
-                for _, part in rows[
-                    rows["form"].isin(["feedforward", "feedback"]) & (rows["biases"] == name)
-                ].groupby("form")
-            ],
-            lambda part: part["bias_after"] < part["bias_before"],
-        )
-        for name in ("constant", "decaying")
-    }
-    text = "; ".join(
-        f"{biases}, {form}: {part['bias_before'].median():.2g} to {part['bias_after'].median():.2g} "
-        f"m/s², position "
-        f"{part['position_m'].median():.3g} m"
-        for (biases, form), part in rows.groupby(["biases", "form"], sort=False)
-    )
-    return finding(
+        {"ins": over(FORWARD, median, "ins_m"), "estimate": over(FORWARD, median, "position_m")},
+    ),
+    "intro_decay": Claim(
         "The time constants ensure that the bias errors go exponentially to zero during dead "
         "reckoning.",
         "14.4.1",
@@ -266,47 +275,40 @@ def intro_decay(e: Evidence) -> dict[str, str]:
         "accelerometer bias is smaller after "
         "the dropout than "
         "before, for constant biases and for biases that decay as modelled; both parts must hold",
-        f"Constant: {parts['constant']}; decaying: {parts['decaying']}. Error before to after, and "
-        f"position error after: {text}",
-        both(*(part.verdict for part in parts.values())),
+        {
+            "constant": over(
+                of_intro(1, FORMS[:2], ["constant"]), counted, "bias_after < bias_before"
+            ),
+            "decaying": over(
+                of_intro(1, FORMS[:2], ["decaying"]), counted, "bias_after < bias_before"
+            ),
+        },
+        "Constant: {constant}; decaying: {decaying}. Error before to after, and "
+        "position error after: {medians}",
         "figure 8",
-    )
-
-
-def indirect_converges(e: Evidence) -> dict[str, str]:
-    """14.4.2."""
-    cells = pick(e.runs, INDIRECT, (*SIGNALS, *STILL))
-    count = counted(cells, lambda rows: np.isfinite(rows["accel_s"]) & np.isfinite(rows["gyro_s"]))
-    return finding(
+        {
+            "medians": over(
+                of_intro(1, FORMS, BIASES),
+                lines,
+                "{bias_before:.2g} to {bias_after:.2g} m/s², position {position_m:.3g} m",
+                ", ",
+            )
+        },
+    ),
+    "indirect_converges": Claim(
         "In the indirect filter with AHRS, feedforward or feedback, the estimated biases converge "
         "to their true value.",
         "14.4.2",
         "as claim 1, indirect-ahrs-open and indirect-ahrs-closed",
-        f"{count}. Accelerometers: {spread(cells, 'accel_s')}; gyros: {spread(cells, 'gyro_s')}",
-        count.verdict,
+        {"cells": over(INDIRECT_RUNS, counted, "accel_s < never and gyro_s < never")},
+        "{cells}. Accelerometers: {accel}; gyros: {gyro}",
         "table cells",
-    )
-
-
-def decay(e: Evidence) -> dict[str, str]:
-    """14.4.2."""
-    if e.dropouts.empty:
-        return _undecided(
-            "14.4.2", "The same of the 15-state indirect filters.", "needs runs of 300 s"
-        )
-    rows = e.dropouts[
-        e.dropouts["case"].isin([*INDIRECT, MEKF[1]]) & (e.dropouts["tuning"] == CHAPTER)
-    ]
-    cells = list(rows.groupby(["case", "excitation"], sort=False))
-    model = counted(cells, lambda part: np.abs(part["accel_left"] / part["accel_model"] - 1) < 0.05)
-    smaller = counted(cells, lambda part: part["accel_after"] < part["accel_before"])
-    text = "; ".join(
-        f"{case} on {signal}: {part['accel_before'].median():.2g} to "
-        f"{part['accel_after'].median():.2g} "
-        f"m/s²"
-        for (case, signal), part in cells
-    )
-    return finding(
+        {
+            "accel": over(INDIRECT_RUNS, spread, "accel_s"),
+            "gyro": over(INDIRECT_RUNS, spread, "gyro_s"),
+        },
+    ),
+    "decay": Claim(
         "The time constants ensure that the bias errors go exponentially to zero during dead "
         "reckoning (15 states).",
         "14.4.2",
@@ -316,169 +318,123 @@ def decay(e: Evidence) -> dict[str, str]:
         "its time constant (within 5 %), and its error, true less estimate, is smaller after the "
         "dropout than before; both "
         "parts must hold",
-        f"Decays: {model}. Error smaller: {smaller}. {text}",
-        both(model.verdict, smaller.verdict),
+        {
+            "model": over(of_dropouts, counted, "abs(accel_left / accel_model - 1) < 0.05"),
+            "smaller": over(of_dropouts, counted, "accel_after < accel_before"),
+        },
+        "Decays: {model}. Error smaller: {smaller}. {medians}",
         "table dropouts",
-    )
-
-
-def _undecided(source: str, text: str, why: str) -> dict[str, str]:
-    return finding(text, source, why, why, UNDECIDED, "")
-
-
-def drift(e: Evidence) -> dict[str, str]:
-    """14.4.2."""
-    cells = pick(e.runs, ["indirect-ahrs-open"], SIGNALS)
-    count = counted(cells, lambda rows: (rows["ins_m"] > DRIFTED) & (rows["position_m"] < KEPT))
-    middle = [
-        pd.concat([rows for _, rows in cells])[name].median() if cells else np.nan
-        for name in ("ins_m", "position_m")
-    ]
-    return finding(
+        {"medians": over(of_dropouts, lines, "{accel_before:.2g} to {accel_after:.2g} m/s²")},
+        no_dropouts,
+    ),
+    "drift": Claim(
         "In the feedforward filter the INS drifts, the estimate compensates drift and biases.",
         "14.4.2",
         f"indirect-ahrs-open under the two signals: the raw INS is off by more than {DRIFTED:g} m "
         f"at the end and the estimate "
         f"by less than {KEPT:g} m (rms, last {LAST:g} s)",
-        f"{count}. INS {middle[0]:.4g} m, estimate {middle[1]:.2g} m (medians)",
-        count.verdict,
+        {"cells": over(OPEN, counted, f"ins_m > {DRIFTED} and position_m < {KEPT}")},
+        "{cells}. INS {ins:.4g} m, estimate {estimate:.2g} m (medians)",
         "table cells",
-    )
-
-
-def feedback_bounds(e: Evidence) -> dict[str, str]:
-    """14.4.2."""
-    cells = pick(e.runs, ["indirect-ahrs-closed"], SIGNALS)
-    count = counted(cells, lambda rows: rows["position_m"] < KEPT)
-    middle = pd.concat([rows for _, rows in cells])["position_m"].median() if cells else np.nan
-    return finding(
+        {"ins": over(OPEN, median, "ins_m"), "estimate": over(OPEN, median, "position_m")},
+    ),
+    "feedback_bounds": Claim(
         "Feedback prevents the INS errors from growing.",
         "14.4.2",
         f"indirect-ahrs-closed under the two signals: position "
         f"error below {KEPT:g} m "
         f"(rms, last {LAST:g} s)",
-        f"{count}. Median {middle:.2g} m",
-        count.verdict,
+        {"cells": over(CLOSED, counted, f"position_m < {KEPT}")},
+        "{cells}. Median {estimate:.2g} m",
         "table cells",
-    )
-
-
-def accel_minutes(e: Evidence) -> dict[str, str]:
-    """14.4.3."""
-    verdict, text = tuned(e.runs, MEKF, SIGNALS, lambda rows: rows["accel_s"] <= MINUTES, "accel_s")
-    values = np.concatenate(
-        [rows["accel_s"].to_numpy(float) for _, rows in pick(e.runs, MEKF, SIGNALS)]
-        or [np.array([np.nan])]
-    )
-    first = np.concatenate(
-        [
-            rows["accel_first_s"].to_numpy(float)
-            for _, rows in pick(e.runs, MEKF, SIGNALS, [CHAPTER])
-        ]
-        or [np.array([np.nan])]
-    )
-    return finding(
+        {"estimate": over(CLOSED, median, "position_m")},
+    ),
+    "accel_minutes": Claim(
         "MEKF: the acceleration biases converge to their true values in 1-2 minutes.",
         "14.4.3, concluding remarks",
         f"MEKF with six sets of sensors, two signals: converged after {MINUTES:g} s at the latest, "
         f"sooner counts for the claim; "
         f"both tunings must "
         f"hold. {CONVERGED}. {CELL}",
-        f"{text}. Of all runs {np.mean(values < 60):.0%} before 1 min, "
-        f"{np.mean((values >= 60) & (values <= 120)):.0%} in 1-2 min, "
-        f"{np.mean((values > 120) & np.isfinite(values)):.0%} later, "
-        f"{np.mean(np.isinf(values)):.0%} not within 5 min. With the "
-        f"chapter's weights the error was below the bound "
-        f"at some time within 2 min in {np.mean(first <= MINUTES):.0%} of the runs, whether it "
-        f"stayed there or not",
-        verdict,
+        {
+            "chapter": over(MEKF_CHAPTER, counted, f"accel_s <= {MINUTES}"),
+            "right": over(MEKF_RIGHT, counted, f"accel_s <= {MINUTES}"),
+        },
+        f"{TUNED}. Of all runs {{before:.0%}} before 1 min, {{within:.0%}} in 1-2 min, "
+        "{later:.0%} later, {never:.0%} not within 5 min. With the "
+        "chapter's weights the error was below the bound "
+        "at some time within 2 min in {first:.0%} of the runs, whether it stayed there or not",
         "figures 3 to 5",
-    )
-
-
-def gyro_seconds(e: Evidence) -> dict[str, str]:
-    """14.4.3."""
-    verdict, text = tuned(e.runs, MEKF, SIGNALS, lambda rows: rows["gyro_s"] < GYRO, "gyro_s")
-    return finding(
+        {
+            "in_chapter": over(MEKF_CHAPTER, spread, "accel_s"),
+            "in_right": over(MEKF_RIGHT, spread, "accel_s"),
+            "before": over(MEKF_MOVED, share, "accel_s < 60"),
+            "within": over(MEKF_MOVED, share, "accel_s >= 60 and accel_s <= 120"),
+            "later": over(MEKF_MOVED, share, "accel_s > 120 and accel_s < never"),
+            "never": over(MEKF_MOVED, share, "accel_s == never"),
+            "first": over(MEKF_CHAPTER, share, f"accel_first_s <= {MINUTES}"),
+        },
+    ),
+    "gyro_seconds": Claim(
         "MEKF: the angular rate sensor biases need less than 10 seconds to converge.",
         "14.4.3, concluding remarks",
         f"as the claim before, converged before {GYRO:g} s",
-        text,
-        verdict,
+        {
+            "chapter": over(MEKF_CHAPTER, counted, f"gyro_s < {GYRO}"),
+            "right": over(MEKF_RIGHT, counted, f"gyro_s < {GYRO}"),
+        },
+        TUNED,
         "figures 3 to 5",
-    )
-
-
-def states_converge(e: Evidence) -> dict[str, str]:
-    """14.4.3."""
-    near = lambda rows: (
-        (rows["position_m"] < POSITION)
-        & (rows["velocity_m_s"] < VELOCITY)
-        & (rows["attitude_rad"] < ATTITUDE)
-    )
-    verdicts, texts = [], []
-    for tuning, title in TITLES:
-        cells = pick(e.runs, MEKF, SIGNALS, [tuning])
-        count = counted(cells, near)
-        rows = pd.concat([rows for _, rows in cells]) if cells else None
-        verdicts.append(count.verdict)
-        texts.append(
-            f"{title}: {count}"
-            + (
-                f" (medians {rows['position_m'].median():.2g} m, "
-                f"{rows['velocity_m_s'].median():.2g} m/s, "
-                f"{np.degrees(rows['attitude_rad'].median()):.2g} deg)"
-                if cells
-                else ""
-            )
-        )
-    return finding(
+        {
+            "in_chapter": over(MEKF_CHAPTER, spread, "gyro_s"),
+            "in_right": over(MEKF_RIGHT, spread, "gyro_s"),
+        },
+    ),
+    "states_converge": Claim(
         "MEKF: position, velocity and attitude converge to their true values.",
         "14.4.3, concluding remarks",
         f"as before: rms over the last {LAST:g} s below {POSITION:g} m (the error of one fix), "
         f"{VELOCITY:g} m/s and 1 deg, all "
         f"three; both tunings must hold",
-        "; ".join(texts),
-        both(*verdicts),
+        {
+            "chapter": over(MEKF_CHAPTER, counted, NEAR_THE_TRUTH),
+            "right": over(MEKF_RIGHT, counted, NEAR_THE_TRUTH),
+        },
+        "With the chapter's weights: {chapter}{in_chapter}; with the true noises: {right}{in_right}",
         "figure 2, table cells",
-    )
-
-
-def excitation(e: Evidence) -> dict[str, str]:
-    """14.4.3 and the chapter's goals."""
-    still = counted(pick(e.runs, MEKF, STILL), lambda rows: ~np.isfinite(rows["accel_s"]))
-    moved = counted(pick(e.runs, MEKF, SIGNALS), lambda rows: np.isfinite(rows["accel_s"]))
-    shares = "; ".join(
-        left(e.runs, case, where)
-        for case in (MEKF[1], MEKF[4])
-        for where in ("signal 1", "at rest")
-    )
-    return finding(
+        {"in_chapter": over(MEKF_CHAPTER, errors), "in_right": over(MEKF_RIGHT, errors)},
+    ),
+    "excitation": Claim(
         "The acceleration bias does not converge unless the vehicle is sufficiently excited: "
         "observability is related to manoeuvres.",
         "14.4.3; chapter goals",
         "MEKF: accelerometer biases do not converge within the run at rest and steady, and do under "
         "the two signals; "
         "both parts must hold",
-        f"At rest and steady they do not: {still}. Under the signals they do: {moved}. What is left "
-        f"of the initial deviations "
-        f"along x, y, z: {shares}",
-        both(still.verdict, moved.verdict),
+        {
+            "still": over(MEKF_STILL, counted, "~(accel_s < never)"),
+            "moved": over(MEKF_MOVED, counted, "accel_s < never"),
+        },
+        "At rest and steady they do not: {still}. Under the signals they do: {moved}. What is left "
+        "of the initial deviations along x, y, z: {left}",
         "figure 6, table cells",
-    )
-
-
-def roll_and_pitch(e: Evidence) -> dict[str, str]:
-    """14.4.3."""
-    cells = pick(e.runs, MEKF, ["turning"])
-    count = counted(cells, lambda rows: ~np.isfinite(rows["accel_s"]))
-    return finding(
+        {"left": over(RUNS, left, (MEKF[1], MEKF[4]), ("signal 1", "at rest"))},
+    ),
+    "roll_and_pitch": Claim(
         "It takes excitation in roll and pitch.",
         "14.4.3, concluding remarks",
         "MEKF on a level body whose heading swings by 40 deg within a minute and that does nothing "
         "else: the accelerometer "
         "biases do not converge within the run",
-        f"They do not: {count} ({spread(cells, 'accel_s')})",
-        count.verdict,
+        {"cells": over(MEKF_TURNING, counted, "~(accel_s < never)")},
+        "They do not: {cells} ({times})",
         "figure 6, table cells",
-    )
+        {"times": over(MEKF_TURNING, spread, "accel_s")},
+    ),
+}
+"""In the order of the chapter."""
+
+
+def claims(evidence: Evidence) -> list[dict[str, str]]:
+    """All findings, in the order of the chapter."""
+    return findings(CLAIMS.values(), evidence)

@@ -1,12 +1,12 @@
 """Figures of the case studies of Fossen's chapter 14: signals, errors, biases, how long they
 take to converge, and the introductory example."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
+from itertools import product
 
 import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from strapdown.geodesy import displacement
 from strapdown.reports.drawing import (
@@ -23,6 +23,7 @@ from strapdown.reports.drawing import (
 )
 from strapdown.typing import Array
 
+from ..common.figures import names_down, quantile_lines, side_by_side, ticks
 from . import intro as fossen_intro, signals
 from .cases import ACCEL_BELOW, CHAPTER, GYRO_BELOW, RIGHT, Run
 from .claims import MEKF
@@ -51,66 +52,64 @@ NEVER = 600.0
 
 def all_figures(results: Results, intro: Kept) -> list[tuple[str, go.Figure, str]]:
     """[(heading, figure, caption)] of the page; intro: the second result of fossen_intro.study."""
-    found = [
-        (
-            f"Figure 1{letter}: {name}",
-            signal(name),
-            "What the accelerometers feel besides gravity, the rate, and the motion that "
-            "follows from both.",
-        )
-        for letter, name in zip("ab", signals.SIGNALS)
-    ]
-    for letter, name in zip("ab", signals.SIGNALS):
-        if (run := results.samples.get((SHOWN, name, RIGHT))) is not None:
-            found.append(
-                (
-                    f"Figure 2{letter}: errors of position, velocity and attitude, {name}",
-                    states(run),
-                    f"{SHOWN}, true noises, first seed, whatever it looks like. True − estimate "
-                    f"along and about north, east, down.",
-                )
+    lettered = tuple(zip("ab", signals.SIGNALS))
+    samples = {
+        name: {tuning: results.samples.get((SHOWN, name, tuning)) for tuning in LABELS}
+        for name in signals.SIGNALS
+    }
+    return [
+        *(
+            (
+                f"Figure 1{letter}: {name}",
+                signal(name),
+                "What the accelerometers feel besides gravity, the rate, and the motion that "
+                "follows from both.",
             )
-    for letter, name in zip("ab", signals.SIGNALS):
-        pair = [(tuning, results.samples.get((SHOWN, name, tuning))) for tuning in (CHAPTER, RIGHT)]
-        if all(run is not None for _, run in pair):
-            found.append(
-                (
-                    f"Figure 3{letter}: biases and their estimates, {name}",
-                    estimates(pair),
-                    f"{SHOWN}, first seed, with both tunings. Logarithmic time.",
-                )
+            for letter, name in lettered
+        ),
+        *(
+            (
+                f"Figure 2{letter}: errors of position, velocity and attitude, {name}",
+                states(samples[name][RIGHT]),
+                f"{SHOWN}, true noises, first seed, whatever it looks like. True − estimate "
+                f"along and about north, east, down.",
             )
-    found += [
+            for letter, name in lettered
+            if samples[name][RIGHT] is not None
+        ),
+        *(
+            (
+                f"Figure 3{letter}: biases and their estimates, {name}",
+                estimates(samples[name]),
+                f"{SHOWN}, first seed, with both tunings. Logarithmic time.",
+            )
+            for letter, name in lettered
+            if None not in samples[name].values()
+        ),
         (
             f"Figure 4: when biases have converged, {' and '.join(signals.SIGNALS)}",
             times(results.runs),
             "A mark per run. Right edge: not within the run. Shaded: what the chapter says of the "
             "MEKF, 1 to 2 minutes and less than 10 s.",
-        )
-    ]
-    found += [
-        (
-            f"Figure 5{letter}: error of the {what} over time, {name}",
-            curves(results, [(case, name) for case in MEKF], i),
-            OVER_SEEDS,
-        )
-        for letter, (i, name) in zip(
-            "abcd", ((i, name) for i in (0, 1) for name in signals.SIGNALS)
-        )
-        for what in [SENSORS[i][0]]
-    ]
-    for letter, case in zip("ab", (MEKF[1], MEKF[4])):
-        drawn = curves(
-            results, [(case, name) for name in signals.EXCITATIONS[:5]], 0, by="excitation"
-        )
-        found.append(
+        ),
+        *(
             (
-                f"Figure 6{letter}: error of the accelerometer biases by excitation, {case}",
-                drawn,
+                f"Figure 5{letter}: error of the {SENSORS[i][0]} over time, {name}",
+                curves(results, {case: (case, name) for case in MEKF}, i),
                 OVER_SEEDS,
             )
-        )
-    return found + introduction(intro)
+            for letter, (i, name) in zip("abcd", product((0, 1), signals.SIGNALS))
+        ),
+        *(
+            (
+                f"Figure 6{letter}: error of the accelerometer biases by excitation, {case}",
+                curves(results, {name: (case, name) for name in signals.EXCITATIONS[:5]}, 0),
+                OVER_SEEDS,
+            )
+            for letter, case in zip("ab", (MEKF[1], MEKF[4]))
+        ),
+        *introduction(intro),
+    ]
 
 
 OVER_SEEDS = (
@@ -171,8 +170,8 @@ def states(run: Run) -> go.Figure:
     return _time(drawn, 9, run.t)
 
 
-def estimates(pair: Sequence[tuple[str, Run]]) -> go.Figure:
-    """True and estimated biases of runs [(tuning, Run)], over the logarithm of time."""
+def estimates(runs: Mapping[str, Run]) -> go.Figure:
+    """True and estimated biases of runs {tuning: Run}, over the logarithm of time."""
     drawn = panels(
         [
             f"{what} {axis}<br>[{unit}]"
@@ -181,32 +180,21 @@ def estimates(pair: Sequence[tuple[str, Run]]) -> go.Figure:
         ],
         height=125,
     )
-    for i in range(6):
-        scale = DEG if i > 2 else 1.0
-        for (tuning, run), colour in zip(pair, COLOURS):
-            line(
-                drawn,
-                run.t,
-                (run.bias[:, i] - run.error[:, 9 + i]) * scale,
-                f"estimate, {LABELS[tuning]}",
-                colour,
-                row=i + 1,
-            )
-        run = pair[-1][1]
-        line(drawn, run.t, run.bias[:, i] * scale, "true", GREY, row=i + 1, dash="dash", width=1.8)
-        late = np.concatenate(
-            [((run.bias - run.error[:, 9:])[run.t > 2.0, i]) * scale for _, run in pair]
-            + [run.bias[:, i] * scale, [0.0]]
-        )
-        middle, half = 0.5 * (late.min() + late.max()), 0.58 * np.ptp(late)
+    for i, scale in enumerate((1.0, 1.0, 1.0, DEG, DEG, DEG)):
+        late = [np.zeros(1)]
+        for (tuning, run), colour in zip(runs.items(), COLOURS):
+            estimate = (run.bias[:, i] - run.error[:, 9 + i]) * scale
+            line(drawn, run.t, estimate, f"estimate, {LABELS[tuning]}", colour, row=i + 1)
+            late.append(estimate[run.t > 2.0])
+        true = run.bias[:, i] * scale
+        line(drawn, run.t, true, "true", GREY, row=i + 1, dash="dash", width=1.8)
+        framed = np.concatenate([*late, true])
+        middle, half = 0.5 * (framed.min() + framed.max()), 0.58 * np.ptp(framed)
         drawn.update_yaxes(range=[middle - half, middle + half], row=i + 1, col=1)
-    ticks = [0.1, 0.3, 1, 3, 10, 30, 100, 300]
     drawn.update_xaxes(
         type="log",
         range=[-1, np.log10(run.t[-1])],
-        tickmode="array",
-        tickvals=ticks,
-        ticktext=[f"{value:g}" for value in ticks],
+        **ticks((0.1, 0.3, 1, 3, 10, 30, 100, 300)),
     )
     note(drawn, "Frames hold all estimates after the first 2 s.")
     return drawn.update_xaxes(title_text="time [s]", row=6, col=1)
@@ -216,13 +204,7 @@ def times(runs: pd.DataFrame) -> go.Figure:
     """Times of convergence of every run: a row per case, a panel per sensor."""
     own = runs[runs["excitation"].isin(signals.SIGNALS)]
     names = list(dict.fromkeys(own["case"]))
-    drawn = make_subplots(
-        rows=1,
-        cols=2,
-        shared_yaxes=True,
-        horizontal_spacing=0.03,
-        subplot_titles=[sensor[0] for sensor in SENSORS],
-    )
+    drawn = side_by_side([sensor[0] for sensor in SENSORS])
     for col, ((_, _, _, _, ends), column, good) in enumerate(
         zip(SENSORS, ("accel_s", "gyro_s"), ((60.0, 120.0), (1e-3, 10.0))), 1
     ):
@@ -239,9 +221,7 @@ def times(runs: pd.DataFrame) -> go.Figure:
             row=1,
             col=col,
         )
-        for k, (tuning, signal) in enumerate(
-            (tuning, signal) for tuning in (CHAPTER, RIGHT) for signal in signals.SIGNALS
-        ):
+        for k, (tuning, signal) in enumerate(product(LABELS, signals.SIGNALS)):
             part = own[
                 (own["tuning"] == tuning) & (own["excitation"] == signal) & own[column].notna()
             ]
@@ -266,28 +246,17 @@ def times(runs: pd.DataFrame) -> go.Figure:
                 col=col,
             )
         low, high = np.log10(ends[0]) - 0.05, np.log10(NEVER) + 0.1
-        ticks = [
-            value for value in (0.1, 1, 10, 60, 120, 300, NEVER) if low <= np.log10(value) <= high
-        ]
+        marked = (0.1, 1, 10, 60, 120, 300, NEVER)
         drawn.update_xaxes(
             type="log",
             range=[low, high],
-            tickmode="array",
-            tickvals=ticks,
             tickangle=0,
             row=1,
             col=col,
             title_text="time of convergence [s]",
-            ticktext=["never" if value == NEVER else f"{value:g}" for value in ticks],
+            **ticks([each for each in marked if low <= np.log10(each) <= high], {NEVER: "never"}),
         )
-    drawn.update_yaxes(
-        tickmode="array",
-        tickvals=list(range(len(names))),
-        ticktext=names,
-        range=[len(names) - 0.4, -0.6],
-        row=1,
-        col=1,
-    )
+    drawn.update_yaxes(**names_down(names, 0.6), row=1, col=1)
     drawn.update_yaxes(range=[len(names) - 0.4, -0.6], row=1, col=2)
     height = 170 + 34 * len(names)
     return finish(drawn, height).update_layout(
@@ -295,64 +264,41 @@ def times(runs: pd.DataFrame) -> go.Figure:
     )
 
 
-def curves(
-    results: Results, keys: Sequence[tuple[str, str]], sensor: int, by: str = "case"
-) -> go.Figure:
-    """Error of the biases of a sensor (0 accelerometer, 1 gyro) over time for [(case,
-    excitation)], with both tunings side by side."""
+def curves(results: Results, shown: Mapping[str, tuple[str, str]], sensor: int) -> go.Figure:
+    """Error of the biases of a sensor (0 accelerometer, 1 gyro) over time for {name: (case,
+    excitation)}, with both tunings side by side."""
     _, unit, below, scale, _ = SENSORS[sensor]
-    drawn = make_subplots(
-        rows=1,
-        cols=2,
-        shared_yaxes=True,
-        horizontal_spacing=0.03,
-        subplot_titles=list(LABELS.values()),
-    )
+    drawn = side_by_side(list(LABELS.values()))
     lows, highs = [below * scale], [below * scale]
-    for col, tuning in enumerate((CHAPTER, RIGHT), 1):
-        for k, (case, excitation) in enumerate(keys):
-            if (found := results.curves.get((case, excitation, tuning))) is None:
+    for col, tuning in enumerate(LABELS, 1):
+        for k, (name, key) in enumerate(shown.items()):
+            if (found := results.curves.get((*key, tuning))) is None:
                 continue
-            text, colour = case if by == "case" else excitation, COLOURS[k % len(COLOURS)]
-            low, middle, high = np.nanquantile(
-                found[sensor].astype(float) * scale, (0.1, 0.5, 0.9), axis=0
+            own = np.nanquantile(found[sensor].astype(float) * scale, (0.1, 0.5, 0.9), axis=0)
+            quantile_lines(
+                drawn,
+                results.t.astype(np.float32),
+                own.astype(np.float32),
+                col,
+                (1.8, 0.7),
+                name=name,
+                legendgroup=name,
+                color=COLOURS[k % len(COLOURS)],
+                hovertemplate="%{y:.3g}",
             )
-            thin = {"width": 0.7, "dash": "dot"}
-            for y, style, legend in (
-                (middle, {"width": 1.8}, col == 1),
-                (low, thin, False),
-                (high, thin, False),
-            ):
-                drawn.add_trace(
-                    go.Scatter(
-                        x=results.t.astype(np.float32),
-                        y=y.astype(np.float32),
-                        name=text,
-                        legendgroup=text,
-                        showlegend=legend,
-                        mode="lines",
-                        line={"color": colour, **style},
-                        hovertemplate="%{y:.3g}",
-                    ),
-                    row=1,
-                    col=col,
-                )
-            lows.append(np.nanquantile(middle, 0.02))
-            highs.append(np.nanmax(middle))
+            lows.append(np.nanquantile(own[1], 0.02))
+            highs.append(np.nanmax(own[1]))
         drawn.add_hline(
             y=below * scale, line={"color": RED, "width": 1.2, "dash": "dash"}, row=1, col=col
         )
     low, high = np.log10(min(lows)) - 0.1, np.log10(max(highs)) + 0.1
     drawn.update_yaxes(type="log", range=[low, high], **log_ticks(low, high))
     drawn.update_yaxes(title_text=f"error [{unit}]", row=1, col=1)
-    ticks = [1, 3, 10, 30, 60, 120, 300]
     drawn.update_xaxes(
         type="log",
         range=[np.log10(0.5), np.log10(results.t[-1])],
-        tickmode="array",
-        tickvals=ticks,
-        ticktext=list(map(str, ticks)),
         title_text="time [s]",
+        **ticks((1, 3, 10, 30, 60, 120, 300)),
     )
     return finish(drawn, 430).update_layout(margin={"t": 104}, legend={"y": 1.09})
 

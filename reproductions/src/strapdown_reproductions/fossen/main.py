@@ -6,27 +6,19 @@ Source: T. I. Fossen, "Handbook of Marine Craft Hydrodynamics and Motion Control
 Marine Systems Simulator.
 """
 
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Collection, Sequence
 
 import pandas as pd
 
 from strapdown import __version__
-from strapdown.checks import DataError
-from strapdown.files import replacing
 from strapdown.typing import File, Progress
 
-from ..common.pages import write_page
-from . import (
-    choices,
-    claims as fossen_claims,
-    intro as fossen_intro,
-    runs as fossen_runs,
-    write_docs,
-)
+from ..common.markdown import number
+from ..common.study import seeds, write_study
+from . import choices, claims as fossen_claims, intro as fossen_intro, runs as fossen_runs
 from .cases import CASES, FAST, LAST, Case
 from .figures import all_figures
-from .runs import Results
+from .runs import KEYS, Results
 
 SEEDS, QUICK_SEEDS = 50, 5
 TITLE = "Filters for aided inertial navigation: the case studies of Fossen's chapter 14 again"
@@ -58,6 +50,33 @@ INTRODUCTION = (
     "that are not in the study; none was "
     "changed for its verdict.",
 )
+INTRO_COLUMNS = {
+    "position_m": "position error, m",
+    "ins_m": "of the INS, m",
+    "bias_before": "accelerometer bias error before, m/s²",
+    "bias_after": "after, m/s²",
+}
+"""Measures of the introductory example as they are called on the page."""
+DROPOUT_COLUMNS = (
+    "accel_before",
+    "accel_after",
+    "accel_left",
+    "accel_model",
+    "gyro_before",
+    "gyro_after",
+    "position_before_m",
+    "position_after_m",
+)
+DROPOUT_LISTED = {
+    "case": "filter",
+    "excitation": "signal",
+    "tuning": "tuning",
+    "accel_before": "biases before, m/s²",
+    "accel_after": "after, m/s²",
+    "position_before_m": "position before, m",
+    "position_after_m": "after, m",
+}
+"""Columns of the dropouts as they are called in findings.md."""
 
 
 def reproduce(
@@ -77,15 +96,10 @@ def reproduce(
     more; threads: the processors by default; progress: called with the fraction done; studied:
     Cases in place of all; duration: s. Raises DataError.
     """
-    count = (QUICK_SEEDS if quick else SEEDS) if runs is None else runs
-    if count < 1 or seed < 0:
-        raise DataError(f"runs is {count} and seed {seed}; give one run or more, and a seed from 0")
-    fast = () if quick else FAST
-    seeds = [1000 * seed + k for k in range(count)]
-    results = fossen_runs.run_all(
-        seeds, CASES + fast if studied is None else studied, duration, progress, threads
-    )
-    return write(out, results, count, seed)
+    of_runs = seeds(quick, runs, seed, SEEDS, QUICK_SEEDS)
+    cases = CASES + (() if quick else FAST) if studied is None else studied
+    results = fossen_runs.run_all(of_runs, cases, duration, progress, threads)
+    return write(out, results, len(of_runs), seed)
 
 
 def write(out: File, results: Results, count: int, seed: int) -> list[dict[str, str]]:
@@ -98,20 +112,18 @@ def write(out: File, results: Results, count: int, seed: int) -> list[dict[str, 
         f"of {results.t[-1]:.0f} s at 100 Hz and more, "
         f"seed {seed}, strapdown {__version__}."
     )
-    out = Path(out)
-    write_page(
+    write_study(
         out,
         TITLE,
-        (*INTRODUCTION, size),
+        INTRODUCTION,
+        size,
         claims,
+        choices.table(),
         _tables(results, cells, intro),
-        figures=all_figures(results, kept),
-        notes=[("What the chapter leaves open, and what was chosen", choices.table())],
+        all_figures(results, kept),
+        listed=listed(cells, results.dropouts),
+        work="chapter",
     )
-    with replacing(out / "findings.md") as part:
-        part.write_text(
-            write_docs.findings(size, claims, cells, results.dropouts), encoding="utf-8"
-        )
     return claims
 
 
@@ -124,54 +136,58 @@ def _tables(
         f"{LAST:g} s; and what is left at "
         "the end of the initial standard deviations of the biases along x, y, z"
     )
-    means = ["position_m", "ins_m", "bias_before", "bias_after"]
-    short = (
-        intro.groupby(["biases", "outage", "form"], sort=False)[means]
-        .median()
-        .reset_index()
-        .rename(
-            columns={
-                "outage": "dropout of 60 s",
-                "position_m": "position error, m",
-                "ins_m": "of the INS, m",
-                "bias_before": "accelerometer bias error before, m/s²",
-                "bias_after": "after, m/s²",
-            }
-        )
-    )
     found = {
         "cells": (about, fossen_runs.readable(cells)),
         "cells-all": (None, cells),
         "runs": (None, results.runs),
-        "introduction": ("The introductory example: medians over the seeds", short),
+        "introduction": (
+            "The introductory example: medians over the seeds",
+            medians(intro, ["biases", "outage", "form"], INTRO_COLUMNS).rename(
+                columns=INTRO_COLUMNS | {"outage": "dropout of 60 s"}
+            ),
+        ),
         "introduction-runs": (None, intro),
     }
     if len(results.dropouts):
-        keys = ["case", "excitation", "tuning"]
-        shown = (
-            results.dropouts.groupby(keys, sort=False)[
-                [
-                    "accel_before",
-                    "accel_after",
-                    "accel_left",
-                    "accel_model",
-                    "gyro_before",
-                    "gyro_after",
-                    "position_before_m",
-                    "position_after_m",
-                ]
-            ]
-            .median()
-            .reset_index()
+        text = (
+            f"Dropout of all fixes from {fossen_runs.DROPOUT[0]:g} s to the end, medians: "
+            f"errors of the biases (m/s², "
+            f"rad/s) before and after, what is left of "
+            "the estimate of the accelerometers and what the model says, position errors"
         )
         found |= {
-            "dropouts": (
-                f"Dropout of all fixes from {fossen_runs.DROPOUT[0]:g} s to the end, medians: "
-                f"errors of the biases (m/s², "
-                f"rad/s) before and after, what is left of "
-                "the estimate of the accelerometers and what the model says, position errors",
-                shown,
-            ),
+            "dropouts": (text, medians(results.dropouts, KEYS, DROPOUT_COLUMNS)),
             "dropouts-runs": (None, results.dropouts),
         }
+    return found
+
+
+def medians(rows: pd.DataFrame, keys: Sequence[str], columns: Collection[str]) -> pd.DataFrame:
+    """A row for each value of `keys`: medians of the `columns`."""
+    return rows.groupby(list(keys), sort=False)[list(columns)].median().reset_index()
+
+
+def listed(cells: pd.DataFrame, dropouts: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    """[(heading, DataFrame of text)] for findings.md: a table per excitation, and the dropouts."""
+    shown = fossen_runs.readable(cells)
+    numbers = ["position, m", "velocity, m/s", "attitude, deg"]
+    text = shown[
+        ["case", "tuning", "accelerometer biases, s", "gyro biases, s", *numbers, "stopped"]
+    ].rename(columns={"case": "filter and sensors", "stopped": "runs that stop"})
+    text[numbers] = text[numbers].map(number)
+    found = [
+        (f"{excitation[0].upper()}{excitation[1:]}", part)
+        for excitation, part in text.groupby(shown["excitation"], sort=False)
+    ]
+    if len(dropouts):
+        own = medians(dropouts, KEYS, list(DROPOUT_LISTED)[len(KEYS) :])
+        after = own["position_after_m"].map(lambda metres: number(metres, 3))
+        text = own.set_index(list(KEYS)).map(number).reset_index().assign(position_after_m=after)
+        found.append(
+            (
+                "Dropouts of all fixes, medians; errors of the accelerometer biases and of the "
+                "position before and after",
+                text.rename(columns=DROPOUT_LISTED),
+            )
+        )
     return found

@@ -1,9 +1,7 @@
 """All runs of the case studies: seeds on threads, a table with a row per run, curves for the
 figures, and the dead reckoning of dropouts."""
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from typing import Any, NamedTuple, TypeAlias
 
@@ -15,10 +13,13 @@ from strapdown.core.contract import BA, BG
 from strapdown.recording import Recording
 from strapdown.typing import Array, Progress
 
+from ..common.study import on_threads
 from . import cases, signals
 
 Key: TypeAlias = tuple[str, str, str]
 """Case, excitation, tuning."""
+KEYS = ("case", "excitation", "tuning")
+"""Columns of a Key in the tables."""
 DURATION = 300.0
 FAST_SEEDS = 10
 """Seeds of the runs at 1 kHz, at most."""
@@ -34,6 +35,10 @@ CURVE = 5
 """Every so many rows of a run are kept for the curves: 2 Hz."""
 STEEP = ("mekf, position + compass", "direct-euler, position + compass")
 """Cases that also run through the vertical."""
+
+
+MEDIANS = (*cases.RMS, "ins_m")
+"""Columns of a run, besides the times, of which a cell has the median."""
 
 
 class Results(NamedTuple):
@@ -80,22 +85,15 @@ def run_all(
     t = np.arange(round(duration * cases.ROWS / CURVE)) * CURVE / cases.ROWS + CURVE / cases.ROWS
     for excitation in signals.EXCITATIONS:  # before the threads, which would each compute it
         signals.ideal(excitation, 100.0, float(duration))
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        for done, (task, result) in enumerate(
-            zip(wanted, pool.map(lambda task: _seed(*task, duration), wanted)), 1
-        ):
-            for key, run in result[0]:
-                rows.append(
-                    dict(zip(("case", "excitation", "tuning"), key))
-                    | {"seed": task[0]}
-                    | cases.numbers(run, duration)
-                )
-                curves.setdefault(key, []).append(_curve(run, t))
-                if task[0] == seeds[0]:
-                    samples[key] = run
-            dropped += result[1]
-            if progress:
-                progress(done / len(wanted))
+    of_task = lambda task: _seed(*task, duration)
+    for task, (found, lost) in zip(wanted, on_threads(of_task, wanted, threads, progress)):
+        for key, run in found:
+            about = {**dict(zip(KEYS, key)), "seed": task[0]}
+            rows.append(about | cases.numbers(run, duration))
+            curves.setdefault(key, []).append(_curve(run, t))
+            if task[0] == seeds[0]:
+                samples[key] = run
+        dropped += lost
     return Results(
         pd.DataFrame(rows),
         pd.DataFrame(dropped),
@@ -134,13 +132,8 @@ def _dropout(
     run = cases.run(
         recording.hidden([(DROPOUT[0], np.inf)], case.kinds), case, tuning, excitation, seed
     )
-    row = {
-        "case": case.name,
-        "excitation": excitation,
-        "tuning": tuning,
-        "seed": seed,
-        "stopped": bool(run.stopped),
-    }
+    about = dict(zip(KEYS, (case.name, excitation, tuning)))
+    row = about | {"seed": seed, "stopped": bool(run.stopped)}
     if run.stopped or not len(run.t):
         return row
     before, after = (int(np.argmin(np.abs(run.t - at))) for at in DROPOUT)
@@ -177,28 +170,16 @@ def _curve(run: cases.Run, t: Array) -> NDArray[np.float32]:
 def table(runs: pd.DataFrame) -> pd.DataFrame:
     """A row per case, excitation and tuning: runs, share that stopped, quantiles of the times of
     convergence, medians of errors and shares."""
+    middle = [*MEDIANS, *(name for name in runs if "_left_" in name)]
     rows = []
-    for key, part in runs.groupby(["case", "excitation", "tuning"], sort=False):
-        row = dict(zip(("case", "excitation", "tuning"), key)) | {
-            "runs": len(part),
-            "stopped": float(part["stopped"].mean()),
+    for key, part in runs.groupby(list(KEYS), sort=False):
+        times = {
+            f"{name}{end}": value
+            for name in ("accel_s", "gyro_s")
+            for end, value in zip(("_low", "", "_high"), quantiles(part[name]))
         }
-        for name in ("accel_s", "gyro_s"):
-            low, middle, high = quantiles(part[name])
-            row |= {f"{name}_low": low, name: middle, f"{name}_high": high}
-        row |= {
-            name: float(part[name].median())
-            for name in (
-                "position_m",
-                "velocity_m_s",
-                "attitude_rad",
-                "accel_m_s2",
-                "gyro_rad_s",
-                "ins_m",
-            )
-        }
-        row |= {name: float(part[name].median()) for name in part if "_left_" in name}
-        rows.append(row)
+        stopped = {"runs": len(part), "stopped": float(part["stopped"].mean())}
+        rows.append(dict(zip(KEYS, key)) | stopped | times | dict(part[middle].median()))
     return pd.DataFrame(rows)
 
 
@@ -213,24 +194,21 @@ def quantiles(values: pd.Series | Array) -> tuple[float, ...]:
 def readable(cells: pd.DataFrame) -> pd.DataFrame:
     """The table of cells for people."""
     left = lambda row, name: " ".join(f"{row[f'{name}_left_{axis}']:.2g}" for axis in "xyz")
-    found = {name: cells[name] for name in ("case", "excitation", "tuning")}
-    found |= {"stopped": [f"{value:.0%}" for value in cells["stopped"]]}
-    times = {"accelerometer biases, s": "accel_s", "gyro biases, s": "gyro_s"}
-    found |= {
-        text: [span(row, name) for _, row in cells.iterrows()] for text, name in times.items()
-    }
-    found |= {
-        "position, m": cells["position_m"],
-        "velocity, m/s": cells["velocity_m_s"],
-        "attitude, deg": np.degrees(cells["attitude_rad"]),
-        "accelerometer bias, m/s²": cells["accel_m_s2"],
-        "gyro bias, deg/s": np.degrees(cells["gyro_rad_s"]),
-        "left of the accelerometers' deviations, x y z": [
-            left(row, "accel") for _, row in cells.iterrows()
-        ],
-        "left of the gyros', x y z": [left(row, "gyro") for _, row in cells.iterrows()],
-    }
-    return pd.DataFrame(found)
+    each = lambda text, name: [text(row, name) for _, row in cells.iterrows()]
+    return cells[list(KEYS)].assign(
+        **{
+            "stopped": cells["stopped"].map("{:.0%}".format),
+            "accelerometer biases, s": each(span, "accel_s"),
+            "gyro biases, s": each(span, "gyro_s"),
+            "position, m": cells["position_m"],
+            "velocity, m/s": cells["velocity_m_s"],
+            "attitude, deg": np.degrees(cells["attitude_rad"]),
+            "accelerometer bias, m/s²": cells["accel_m_s2"],
+            "gyro bias, deg/s": np.degrees(cells["gyro_rad_s"]),
+            "left of the accelerometers' deviations, x y z": each(left, "accel"),
+            "left of the gyros', x y z": each(left, "gyro"),
+        }
+    )
 
 
 def span(row: pd.Series, name: str) -> str:

@@ -6,6 +6,8 @@ converged; drive0708 is scored in nine outages of 15 s; the ring-laser record gi
 and a heading from it.
 """
 
+from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +21,16 @@ from strapdown.core.contract import Imu
 from strapdown.core.earth import RATE
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors, outages, rms
-from strapdown.files import replacing
 from strapdown.io.locate import data_folder
 from strapdown.preprocessing.stationary import motionless
 from strapdown.recording import Recording
 from strapdown.reports.page import report
 from strapdown.typing import File, Ints, Say
 
+from ..common import markdown
 from ..common.example_recordings import DESCRIPTIONS, FLIGHT, windows_of
 from ..common.pages import claim, write_page
-from . import calibrated_compass, drift, table as recordings_table, write_docs
+from . import calibrated_compass, drift, table as recordings_table
 from .cases import LASER, cases
 
 FILTERS = ("closed-loop", "open-loop")
@@ -37,6 +39,15 @@ DRIVES = {
     "drive0708-vehicle": ("with the vehicle's constraints", 1.8),
 }
 """Description, what it adds, and the bound on the median of the largest horizontal errors, m."""
+FLIGHT_CLAIMS = (
+    ("roll", 0.4, "deg"),
+    ("pitch", 0.4, "deg"),
+    ("heading", 2.0, "deg"),
+    ("position N", 0.5, "m"),
+    ("position E", 0.5, "m"),
+    ("position D", 0.5, "m"),
+)
+"""Rms difference of the closed loop on thor75, and the bound on it."""
 DEG_H = np.degrees(3600.0)
 """deg/h in a rad/s."""
 LASER_HEADING, LASER_BOUNDS = 88.0, (0.1, 0.5, 3.0)
@@ -93,15 +104,11 @@ def reproduce(
         "thor75": ("thor75: rms difference from the solution on board", flight),
         "drive0708-summary": ("drive0708: largest horizontal error in the nine outages", summary),
         "drive0708": ("drive0708: every outage", drive),
-    } | magnetic
-    tables |= (
-        {"lasergyro": ("lasergyro: the Earth's rate and the heading from it", laser)}
-        if laser is not None
-        else {}
-    )
+        **magnetic,
+    }
+    if laser is not None:
+        tables["lasergyro"] = ("lasergyro: the Earth's rate and the heading from it", laser)
     every, shown = every_filter(folder, say)
-    with replacing(out / "table.md") as part:
-        part.write_text(write_docs.text(shown), encoding="utf-8")
     introduction = (
         INTRODUCTION
         + calibrated_compass.INTRODUCTION
@@ -116,8 +123,14 @@ def reproduce(
         tables | every,
         flight_links + drive_links,
         notes=shown,
+        texts={"table.md": in_docs(shown)},
     )
     return claims
+
+
+def in_docs(shown: Sequence[tuple[str, pd.DataFrame]]) -> str:
+    """Markdown of [(heading, DataFrame of text)]."""
+    return markdown.tables((f"### {heading}", table) for heading, table in shown)
 
 
 def every_filter(
@@ -148,18 +161,10 @@ def _flight(
     recording = io.read(folder / "thor75.toml")
     solutions = {name: fuse(recording, name, say=say) for name in FILTERS}
     rows = []
-    for name, solution in solutions.items():
-        for window in (FLIGHT, (270.0, FLIGHT[1]), (300.0, FLIGHT[1])):
-            r = rms(errors(solution, recording.reference), window)
-            rows.append(
-                (
-                    name,
-                    f"{window[0]:.0f}-{window[1]:.0f}",
-                    *r.position,
-                    *r.velocity,
-                    *np.degrees(r.rph),
-                )
-            )
+    for (name, solution), start in product(solutions.items(), (FLIGHT[0], 270.0, 300.0)):
+        r = rms(errors(solution, recording.reference), (start, FLIGHT[1]))
+        about = (name, f"{start:.0f}-{FLIGHT[1]:.0f}")
+        rows.append((*about, *r.position, *r.velocity, *np.degrees(r.rph)))
     vectors = [
         f"{quantity} {axis}, {unit}"
         for quantity, unit in (("position", "m"), ("velocity", "m/s"))
@@ -171,17 +176,9 @@ def _flight(
     report(
         solutions, recording.reference, title="thor75: closed and open loop", window=FLIGHT
     ).save(out / "thor75.html")
-    first = table.iloc[0]
     claims = [
-        claim(f"thor75 closed loop, {name.split(',')[0]} rms", first[name], bound, unit)
-        for name, bound, unit in (
-            ("roll, deg", 0.4, "deg"),
-            ("pitch, deg", 0.4, "deg"),
-            ("heading, deg", 2.0, "deg"),
-            ("position N, m", 0.5, "m"),
-            ("position E, m", 0.5, "m"),
-            ("position D, m", 0.5, "m"),
-        )
+        claim(f"thor75 closed loop, {name} rms", table.iloc[0][f"{name}, {unit}"], bound, unit)
+        for name, bound, unit in FLIGHT_CLAIMS
     ]
     return table, claims, [("thor75: closed and open loop", "thor75.html")]
 
@@ -189,55 +186,40 @@ def _flight(
 def _drive(
     folder: Path, out: Path, say: Say | None
 ) -> tuple[pd.DataFrame, pd.DataFrame, list[dict[str, Any]], list[tuple[str, str]]]:
-    rows, summary, claims, links = [], [], [], []
-    for description, (text, bound) in DRIVES.items():
+    rows, links = [], []
+    for description, (text, _) in DRIVES.items():
         recording = io.read(folder / f"{description}.toml")
         windows = windows_of(recording)
         solutions = {name: fuse(recording.hidden(windows), name, say=say) for name in FILTERS}
-        for name, solution in solutions.items():
-            scores = outages(solution, recording.reference, windows)
-            largest = np.array([score.horizontal_max for score in scores])
-            rows += [
-                (description, name, s.start, s.stop, s.horizontal_max, s.horizontal_end, s.down_max)
-                for s in scores
-            ]
-            summary.append(
-                (
-                    description,
-                    name,
-                    float(np.median(largest)),
-                    float(largest.max()),
-                    float(np.median([s.horizontal_end for s in scores])),
-                )
-            )
-            if name == "closed-loop":
-                what = f"drive0708 closed loop, {text}: median of the largest horizontal error in nine 15 s outages"
-                claims.append(claim(what, np.median(largest), bound, "m"))
-        report(solutions, recording.reference, title=f"{description}: nine outages of 15 s").save(
-            out / f"{description}.html"
+        rows += [
+            (description, name, s.start, s.stop, s.horizontal_max, s.horizontal_end, s.down_max)
+            for name, solution in solutions.items()
+            for s in outages(solution, recording.reference, windows)
+        ]
+        title = f"{description}: nine outages of 15 s"
+        report(solutions, recording.reference, title=title).save(out / f"{description}.html")
+        links.append((f"{title}, {text}", f"{description}.html"))
+    table = pd.DataFrame(rows, columns=drift.EACH[:-1])
+    by_filter = table.groupby(["recording", "filter"], sort=False)
+    largest, end = by_filter["largest horizontal, m"], by_filter["horizontal at the end, m"]
+    summary = pd.DataFrame(
+        {
+            "median, m": largest.median(),
+            "largest, m": largest.max(),
+            "median at the end, m": end.median(),
+        }
+    )
+    claims = [
+        claim(
+            f"drive0708 closed loop, {text}: median of the largest horizontal error in nine 15 s "
+            "outages",
+            summary.loc[(description, "closed-loop"), "median, m"],
+            bound,
+            "m",
         )
-        links.append((f"{description}: nine outages of 15 s, {text}", f"{description}.html"))
-    table = pd.DataFrame(
-        rows,
-        columns=[
-            "recording",
-            "filter",
-            "from, s",
-            "to, s",
-            "largest horizontal, m",
-            "horizontal at the end, m",
-            "largest vertical, m",
-        ],
-    )
-    return (
-        table,
-        pd.DataFrame(
-            summary,
-            columns=["recording", "filter", "median, m", "largest, m", "median at the end, m"],
-        ),
-        claims,
-        links,
-    )
+        for description, (text, bound) in DRIVES.items()
+    ]
+    return table, summary.reset_index(), claims, links
 
 
 def _laser(folder: Path) -> tuple[pd.DataFrame | None, list[dict[str, Any]]]:
