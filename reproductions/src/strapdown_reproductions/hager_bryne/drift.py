@@ -1,9 +1,6 @@
 """How far the raw INS of the open loop has drifted, beside what the filters lose by it: some
 runs of a campaign once more, with the INS kept."""
 
-from concurrent.futures import ThreadPoolExecutor
-from os import cpu_count
-
 import numpy as np
 import pandas as pd
 from scipy.stats import spearmanr
@@ -13,6 +10,7 @@ from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.study import Study, parsed, seeds, simulator
 from strapdown.typing import Array
 
+from ..common.study import on_threads
 from .cells import Rows, numbers_of, rows_of
 from .claims import SMALL_DRIFT
 
@@ -40,8 +38,7 @@ def measure(
         for number, (_, ran) in enumerate(known)
         for run in np.flatnonzero(ran)[:runs]
     ]
-    with ThreadPoolExecutor(threads or cpu_count()) as pool:
-        drifts = dict(zip(jobs, pool.map(lambda job: drift(campaign.study, *job), jobs)))
+    drifts = dict(zip(jobs, on_threads(lambda job: drift(campaign.study, *job), jobs, threads)))
     rows, points = [], []
     for number, cell in enumerate(campaign.study.cells):
         stored = rows_of(campaign, cell.name, *known[number])

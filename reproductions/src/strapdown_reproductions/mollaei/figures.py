@@ -26,6 +26,7 @@ from strapdown.reports.drawing import (
 )
 from strapdown.typing import Array
 
+from ..common.figures import names_down
 from ..common.marks import marks
 from ..common.paired_ratios import ratio
 from .cells import (
@@ -324,12 +325,7 @@ def ratios(tables: dict[Case, pd.DataFrame]) -> go.Figure:
         drawn.add_vline(x=1, line={"color": GREY, "width": 1, "dash": "dot"}, row=1, col=col)
     low, high = np.log10(min(known)) - 0.05, np.log10(max(known)) + 0.05
     drawn.update_xaxes(type="log", range=[low, high], title_text="ratio", **log_ticks(low, high))
-    drawn.update_yaxes(
-        tickmode="array",
-        tickvals=list(range(len(DEVIATIONS))),
-        ticktext=[SHORT[name] for name in DEVIATIONS],
-        range=[len(DEVIATIONS) - 0.5, -0.5],
-    )
+    drawn.update_yaxes(**names_down([SHORT[name] for name in DEVIATIONS]))
     return finish(drawn, 460).update_layout(
         hovermode="closest", margin={"t": 84}, legend={"y": 1.1}
     )

@@ -5,9 +5,7 @@ All modes of a seed have the same sensor errors. Trim, gains and plan are comput
 in threads, since kernels let go of the interpreter.
 """
 
-import os
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from time import perf_counter
 from typing import Any, NamedTuple, TypeAlias
@@ -26,6 +24,7 @@ from strapdown.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.typing import Array, Progress
 
+from ..common.study import on_threads
 from . import metrics
 from .cells import (
     CASES,
@@ -222,19 +221,18 @@ def run_all(
     tasks.sort(key=lambda task: (-duration(task[0][0]), task[1]))
     lengths = np.cumsum([duration(experiment) for (experiment, _), _ in tasks])
     flights: dict[tuple[Case, str, int], Flown] = {}
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        flown = lambda task: _flown(groups[task[0]], task[1], components, task[1] == seeds[0])
-        for done, found in zip(lengths, pool.map(flown, tasks)):
-            flights |= found
-            if progress:
-                progress(float(done / lengths[-1]))
+    flown = lambda task: _flown(groups[task[0]], task[1], components, task[1] == seeds[0])
+    for found, done in zip(on_threads(flown, tasks, threads), lengths):
+        flights |= found
+        if progress:
+            progress(float(done / lengths[-1]))
     rows, samples, grown = [], {}, {}
     for case, mode, seed in sorted(flights, key=lambda key: (cases.index(key[0]), key[2])):
-        scores, growth, record = flights[case, mode, seed]
+        scores, growth, own = flights[case, mode, seed]
         rows.append({**case._asdict(), "mode": mode, "seed": seed, **scores})
         grown.setdefault((case, mode), []).append(growth)
-        if record is not None:
-            samples[case, mode] = record
+        if own is not None:
+            samples[case, mode] = own
     return Results(
         pd.DataFrame(rows),
         samples,
