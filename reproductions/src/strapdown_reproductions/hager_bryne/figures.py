@@ -28,7 +28,7 @@ from strapdown.reports.drawing import (
 from strapdown.sim.scenario import Scenario
 from strapdown.typing import Array
 
-from ..common.marks import marks
+from ..common.figures import marks
 from .cells import LIMIT, ONSET, Numbers, Rows, flight_of, numbers_of, rows_of
 
 BLUE, ORANGE = COLOURS[:2]

@@ -26,8 +26,7 @@ from strapdown.reports.drawing import (
 )
 from strapdown.typing import Array
 
-from ..common.figures import names_down
-from ..common.marks import marks
+from ..common.figures import marks, names_down
 from ..common.paired_ratios import ratio
 from .cells import (
     CUT,
