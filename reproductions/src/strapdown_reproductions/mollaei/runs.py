@@ -153,12 +153,8 @@ def record(flight: Flight) -> Record:
     )
     weight = craft["mass"] * gravity * truth.rotation.inv().apply([0.0, 0.0, 1.0])
     at = [min(int(np.searchsorted(truth.t, CUT - 1e-6)), rows - 1), rows - 1]
-    claimed = bool(np.isfinite(solution.trajectory.sd[at, :6]).all())  # without a filter nothing is
-    normalised = (
-        nees(np.c_[off.position, off.velocity][at], solution.covariance[at][:, :6, :6])
-        if claimed
-        else np.full(2, np.nan)
-    )
+    claimed = np.isfinite(solution.trajectory.sd[at, :6]).all(axis=1)  # without a filter nothing is
+    six_off, six_P = np.c_[off.position, off.velocity][at], solution.covariance[at][:, :6, :6]
     return Record(
         *(
             values[:rows]
@@ -178,7 +174,7 @@ def record(flight: Flight) -> Record:
         off.position,
         off.velocity,
         np.linalg.norm(off.attitude, axis=1),
-        normalised,
+        np.where(claimed, nees(six_off, six_P), np.nan),
         str(flight.stopped or ""),
     )
 
@@ -307,9 +303,10 @@ def curve(record: Record | None, reference: Record) -> Array:
         t = np.linspace(0.0, reference.t[-1], TIMES + 1)[1:]
         rows = np.searchsorted(record.t, t - 1e-6)
         rows = rows[rows < len(record.t)]
-        found[0, : len(rows)] = np.hypot(*record.position[rows, :2].T)
-        apart = record.place[rows] - reference.place[rows]
-        found[1, : len(rows)] = np.linalg.norm(apart, axis=1)
+        found[:, : len(rows)] = (
+            np.hypot(*record.position[rows, :2].T),
+            np.linalg.norm(record.place[rows] - reference.place[rows], axis=1),
+        )
     return found
 
 
