@@ -87,28 +87,15 @@ def flight(recording: Recording) -> tuple[go.Figure, go.Figure]:
     truth = recording.reference
     t, p = truth.t[::100], displacement(truth.lla[::100], truth.lla[0])
     path, height = panels(["north [km]"], height=420), panels(["height [m]"], height=220)
-    path.add_trace(
-        go.Scatter(
-            x=p[:, 1] / 1e3,
-            y=p[:, 0] / 1e3,
-            mode="lines",
-            name="flight",
-            line={"color": GREY, "width": 1.2},
-            hoverinfo="skip",
-        )
+    over_ground = lambda rows, **style: path.add_trace(
+        go.Scatter(x=p[rows, 1] / 1e3, y=p[rows, 0] / 1e3, mode="lines", **style)
     )
+    thin = {"color": GREY, "width": 1.2}
+    over_ground(slice(None), name="flight", line=thin, hoverinfo="skip")
     line(height, t, truth.lla[::100, 2], "flight", GREY)
     for k, (start, stop) in enumerate(windows(), 1):
-        own = (t >= start) & (t <= stop)
-        path.add_trace(
-            go.Scatter(
-                x=p[own, 1] / 1e3,
-                y=p[own, 0] / 1e3,
-                mode="lines",
-                name=f"outage {k}",
-                line={"color": COLOURS[k - 1], "width": 4},
-            )
-        )
+        thick = {"color": COLOURS[k - 1], "width": 4}
+        over_ground((t >= start) & (t <= stop), name=f"outage {k}", line=thick)
     path.update_xaxes(title_text="east [km]")
     path.update_yaxes(scaleanchor="x", scaleratio=1)
     return path.update_layout(hovermode="closest"), _outages(height, t)

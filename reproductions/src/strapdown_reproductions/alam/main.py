@@ -11,12 +11,13 @@ import pandas as pd
 from strapdown import __version__
 from strapdown.typing import File, Progress, Say
 
+from ..common.markdown import number
 from ..common.paired_ratios import ratio
 from ..common.study import part_of, seeds, write_study
 from . import choices, claims as alam_claims, convergence, on_recordings, runs as alam_runs, table1
 from .figures import all_figures
 from .on_recordings import Recorded
-from .runs import ABLATIONS, EKF_NO_COURSE, FILTERS, MEASURES, XKF_NO_COURSE, Results
+from .runs import ABLATIONS, AXES, EKF_NO_COURSE, FILTERS, XKF_NO_COURSE, Results
 
 SEEDS, QUICK_SEEDS = 50, 3
 QUICK_STARTS = 20
@@ -52,6 +53,21 @@ INTRODUCTION = (
     "that diverge or stop are counted: with 10 km and 1 km/s, and the wander of their bias "
     "estimates with a hundred times the turn-on biases.",
 )
+SHOWN = {
+    "horizontal_rmse_m": ("horizontal RMSE, m", 3),
+    "down_rmse_m": ("down RMSE, m", 3),
+    "horizontal_end_m": ("horizontal at the end, m", 3),
+    "velocity_end_m_s": ("velocity at the end, m/s", 2),
+}
+"""Measures of an outage: heading, digits."""
+WANDERS = {
+    "wander": "wander",
+    "wander_late": "wander, last 10 min",
+    "rms": "rms error",
+    "true": "wander of the true one",
+}
+"""Columns of the bias estimates of a sensor, and what they are called."""
+DEGREES = float(np.degrees(1.0))
 LITTLE = (
     f"So few seeds decide little, and their verdicts are no findings: a run with --quick "
     f"({QUICK_SEEDS} seeds, {QUICK_STARTS} starts) shows that "
@@ -159,25 +175,36 @@ def shown(
     ]
 
 
+def of_all(held: pd.Series) -> str:
+    """Text: in how many of the runs something held."""
+    return f"{int(held.sum())} of {len(held)}"
+
+
+def lost(rows: pd.DataFrame) -> pd.Series:
+    """Texts by filter: how many of its rows were lost."""
+    return rows["said"].ne("").groupby(rows["filter"], sort=False).agg(of_all)
+
+
 def filters(scores: pd.DataFrame) -> pd.DataFrame:
     """A row per filter: median errors over the simulated outages and in each recording, and how
     many outages it did not get through."""
-    rows = []
-    for name in dict.fromkeys(scores["filter"]):
-        own, row = scores[scores["filter"] == name], {"filter": name}
-        parts = {"simulated": own[own["case"].str.startswith("outage ")]} | {
-            case: own[own["case"] == case] for case in on_recordings.RECORDINGS
-        }
-        for title, part in parts.items():
-            if len(part):
-                row |= {
-                    f"{title}: horizontal RMSE, m": f"{part['horizontal_rmse_m'].median():.3g}",
-                    f"{title}: down RMSE, m": f"{part['down_rmse_m'].median():.3g}",
-                    f"{title}: horizontal at the end, m": f"{part['horizontal_end_m'].median():.3g}",
-                    f"{title}: velocity at the end, m/s": f"{part['velocity_end_m_s'].median():.2g}",
-                }
-        rows.append(row | {"lost": f"{int((own['said'] != '').sum())} of {len(own)}"})
-    return pd.DataFrame(rows).fillna("–")
+    place = scores["case"].str.replace(r"outage \d+", "simulated", regex=True).rename("place")
+    middle = scores.groupby(["filter", place])[list(SHOWN)].median().unstack("place")
+    columns = {
+        f"{each}: {title}": middle[measure, each].map(
+            lambda value, digits=digits: number(value, digits)
+        )
+        for each in ("simulated", *on_recordings.RECORDINGS)
+        if (place == each).any()
+        for measure, (title, digits) in SHOWN.items()
+    }
+    return by_filter(columns, scores)
+
+
+def by_filter(columns: dict[str, pd.Series], rows: pd.DataFrame) -> pd.DataFrame:
+    """The columns {heading: texts by filter} and `lost`, in the order of the filters in `rows`."""
+    names = dict.fromkeys(rows["filter"])
+    return pd.DataFrame(columns | {"lost": lost(rows)}).loc[list(names)].reset_index(names="filter")
 
 
 def ablations(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
@@ -186,23 +213,21 @@ def ablations(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
 
     tables: of table1.wide.
     """
-    rows = []
-    for name, base in (
-        *((name, name.split(",")[0]) for name in ABLATIONS),
-        (EKF_NO_COURSE, XKF_NO_COURSE),
-    ):
-        for measure in list(MEASURES)[:3]:
-            rows.append(
-                {
-                    "ablation": f"{name} / {base}",
-                    "axis": measure.split("_")[0],
-                    **{
-                        case: str(ratio(table, measure, name, base))
-                        for case, table in tables.items()
-                    },
-                }
-            )
-    return pd.DataFrame(rows)
+    pairs = [*((name, name.split(",")[0]) for name in ABLATIONS), (EKF_NO_COURSE, XKF_NO_COURSE)]
+    return pd.DataFrame(
+        [
+            {
+                "ablation": f"{name} / {base}",
+                "axis": axis,
+                **{
+                    case: str(ratio(table, f"{axis}_rmse_m", name, base))
+                    for case, table in tables.items()
+                },
+            }
+            for name, base in pairs
+            for axis in AXES
+        ]
+    )
 
 
 def bias_table(biases: pd.DataFrame) -> pd.DataFrame:
@@ -211,37 +236,29 @@ def bias_table(biases: pd.DataFrame) -> pd.DataFrame:
 
     Lost runs are in the medians, with runs.ASTRAY.
     """
-    rows, scale = [], {"accel": ("m/s²", 1.0), "gyro": ("deg/s", float(np.degrees(1.0)))}
-    for name in dict.fromkeys(biases["filter"]):
-        own, row = biases[biases["filter"] == name], {"filter": name}
-        for sensor, (unit, factor) in scale.items():
-            for column, title in (
-                ("wander", "wander"),
-                ("wander_late", "wander, last 10 min"),
-                ("rms", "rms error"),
-                ("true", "wander of the true one"),
-            ):
-                row[f"{sensor}: {title}, {unit}"] = (
-                    f"{own[f'{sensor}_{column}'].median() * factor:.2g}"
-                )
-        rows.append(row | {"lost": f"{int((own['said'] != '').sum())} of {len(own)}"})
-    return pd.DataFrame(rows)
+    middle = biases.groupby("filter").median(numeric_only=True)
+    columns = {
+        f"{sensor}: {title}, {unit}": (middle[f"{sensor}_{column}"] * factor).map("{:.2g}".format)
+        for sensor, unit, factor in (("accel", "m/s²", 1.0), ("gyro", "deg/s", DEGREES))
+        for column, title in WANDERS.items()
+    }
+    return by_filter(columns, biases)
 
 
 def convergence_table(converged: pd.DataFrame) -> pd.DataFrame:
     """A row per case: converged of all, their median time, and what was said of those that
     stopped or cannot run."""
-    rows = []
-    for name, own in converged.groupby("case", sort=False):
-        good = own[np.isfinite(own["since_s"])]
-        rows.append(
-            {
-                "filter": name,
-                "below 10 deg from some time to 60 s": f"{len(good)} of {len(own)}",
-                "below 10 deg at some time": f"{int(np.isfinite(own['first_s']).sum())} of "
-                f"{len(own)}",
-                "median time, s": f"{good['since_s'].median():.1f}" if len(good) else "–",
-                "said": "; ".join(dict.fromkeys(text for text in own["said"] if text)),
-            }
-        )
-    return pd.DataFrame(rows)
+    finite = np.isfinite(converged[["since_s", "first_s"]])
+    cases = converged.assign(since=finite["since_s"], first=finite["first_s"]).groupby(
+        "case", sort=False
+    )
+    said = lambda texts: "; ".join(dict.fromkeys(text for text in texts if text))
+    time = lambda since: f"{since[np.isfinite(since)].median():.1f}".replace("nan", "–")
+    return cases.agg(
+        **{
+            "below 10 deg from some time to 60 s": ("since", of_all),
+            "below 10 deg at some time": ("first", of_all),
+            "median time, s": ("since_s", time),
+            "said": ("said", said),
+        }
+    ).reset_index(names="filter")

@@ -15,6 +15,7 @@ from strapdown.experiments.outages.summaries import blocks, widening
 from strapdown.typing import File, Progress, Say
 
 from ..common.example_recordings import DESCRIPTIONS, FLIGHT, windows_of
+from ..common.study import part_of
 from .runs import MEASURES, Variant
 
 SWEEP = f"30@{FLIGHT[0]:g}:{FLIGHT[1]:g}/5"
@@ -49,11 +50,7 @@ def run(
     """
     folder, parts, growth, notes = Path(folder or DESCRIPTIONS), [], {}, []
     for number, name in enumerate(RECORDINGS):
-        part = (
-            (lambda done, number=number: progress((number + done) / len(RECORDINGS)))
-            if progress
-            else None
-        )
+        part = part_of(progress, number / len(RECORDINGS), (number + 1) / len(RECORDINGS))
         try:
             recording = io.read(folder / f"{name}.toml")
         except DataError as error:

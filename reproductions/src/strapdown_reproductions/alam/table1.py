@@ -45,21 +45,27 @@ def wide(scores: pd.DataFrame) -> dict[str, pd.DataFrame]:
 def redrawn(scores: pd.DataFrame, names: tuple[str, ...] = THREE) -> pd.DataFrame:
     """DataFrame shaped as Table 1: a row per case, for each axis and filter the published RMSE
     and ours, its mean over runs and standard deviation."""
-    rows = []
-    for case, own in scores.groupby("case", sort=False):
-        row = {"outage": case.removeprefix("outage ")}
-        for axis in AXES:
-            for name in names:
-                values = own.loc[own["filter"] == name, f"{axis}_rmse_m"]
-                text = f"{values.mean():.3g} ± {values.std():.2g}" if len(values) else "–"
-                published = case.startswith("outage ") and name in THREE
-                row[f"{axis}, {name}, m"] = (
-                    f"{PUBLISHED[axis, name][int(case.split()[1]) - 1]:g} / {text}"
-                    if published
-                    else text
-                )
-        rows.append(row)
-    return pd.DataFrame(rows)
+    return pd.DataFrame(
+        [
+            {
+                "outage": case.removeprefix("outage "),
+                **{
+                    f"{axis}, {name}, m": _redrawn(own, case, axis, name)
+                    for axis in AXES
+                    for name in names
+                },
+            }
+            for case, own in scores.groupby("case", sort=False)
+        ]
+    )
+
+
+def _redrawn(own: pd.DataFrame, case: str, axis: str, name: str) -> str:
+    values = own.loc[own["filter"] == name, f"{axis}_rmse_m"]
+    text = f"{values.mean():.3g} ± {values.std():.2g}" if len(values) else "–"
+    if name not in THREE or not case.startswith("outage "):
+        return text
+    return f"{PUBLISHED[axis, name][int(case.split()[1]) - 1]:g} / {text}"
 
 
 def published_wins(axis: str, first: str = XKF, second: str = EKF) -> str:

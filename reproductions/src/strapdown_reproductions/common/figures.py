@@ -66,7 +66,7 @@ def names_down(names: Sequence[str], margin: float = 0.5) -> dict[str, Any]:
     """Settings of a y axis with a row for each name, the first one on top."""
     return {
         **ticks(range(len(names)), dict(enumerate(names))),
-        "range": [len(names) - 1 + margin, margin - 1],
+        "range": [len(names) - 1 + margin, -margin],
     }
 
 

@@ -295,16 +295,18 @@ def numbers(run: Run, duration: float) -> dict[str, float | bool]:
     ended = bool(run.stopped) or not len(run.t) or run.t[-1] < duration - 1.0
     late = run.t >= duration - LAST
     rms = lambda states: np.nan if ended else float(np.sqrt(np.mean(run.size(states)[late] ** 2)))
-    found = {
+    below = np.flatnonzero(run.size(BA) < ACCEL_BELOW)
+    left = {
+        f"{name}_left_{axis}": np.nan if ended else float(run.sd[-1, state] / run.sd[0, state])
+        for name, states in (("accel", BA), ("gyro", BG))
+        for axis, state in zip("xyz", range(15)[states])
+    }
+    return {
         "stopped": ended,
         "accel_s": np.inf if ended else settled(run.t, run.size(BA), ACCEL_BELOW),
         "gyro_s": np.inf if ended else settled(run.t, run.size(BG), GYRO_BELOW),
         "ins_m": np.nan if ended else float(run.ins[-1]),
+        "accel_first_s": float(run.t[below[0]]) if len(below) else np.inf,
+        **{name: rms(slice(i, i + 3)) for name, i in RMS.items()},
+        **left,
     }
-    below = np.flatnonzero(run.size(BA) < ACCEL_BELOW)
-    found |= {"accel_first_s": float(run.t[below[0]]) if len(below) else np.inf}
-    found |= {name: rms(slice(i, i + 3)) for name, i in RMS.items()}
-    for name, states in (("accel", BA), ("gyro", BG)):
-        left = np.full(3, np.nan) if ended else run.sd[-1, states] / run.sd[0, states]
-        found |= {f"{name}_left_{axis}": float(value) for axis, value in zip("xyz", left)}
-    return found

@@ -408,15 +408,9 @@ def _dead_reckoning(kept: Kept) -> go.Figure:
         drawn.update_yaxes(range=[near.min() - 0.09, near.max() + 0.04], row=first, col=1)
     _time(drawn, 4, record.t)
     drawn.update_xaxes(range=list(shown))
-    for row in range(1, 5):
-        drawn.add_vrect(
-            *fossen_intro.OUTAGE,
-            fillcolor="rgba(134,142,150,0.16)",
-            line_width=0,
-            layer="below",
-            row=row,
-            col=1,
-        )
+    drawn.add_vrect(
+        *fossen_intro.OUTAGE, fillcolor="rgba(134,142,150,0.16)", line_width=0, layer="below"
+    )
     return drawn
 
 

@@ -170,17 +170,16 @@ def _curve(run: cases.Run, t: Array) -> NDArray[np.float32]:
 def table(runs: pd.DataFrame) -> pd.DataFrame:
     """A row per case, excitation and tuning: runs, share that stopped, quantiles of the times of
     convergence, medians of errors and shares."""
+    cells = runs.groupby(list(KEYS), sort=False)
+    times = {
+        f"{name}{end}": cells[name].agg(lambda own, k=k: quantiles(own)[k])
+        for name in ("accel_s", "gyro_s")
+        for k, end in enumerate(("_low", "", "_high"))
+    }
     middle = [*MEDIANS, *(name for name in runs if "_left_" in name)]
-    rows = []
-    for key, part in runs.groupby(list(KEYS), sort=False):
-        times = {
-            f"{name}{end}": value
-            for name in ("accel_s", "gyro_s")
-            for end, value in zip(("_low", "", "_high"), quantiles(part[name]))
-        }
-        stopped = {"runs": len(part), "stopped": float(part["stopped"].mean())}
-        rows.append(dict(zip(KEYS, key)) | stopped | times | dict(part[middle].median()))
-    return pd.DataFrame(rows)
+    medians = {name: cells[name].median() for name in middle}
+    shares = {"runs": cells.size(), "stopped": cells["stopped"].mean()}
+    return pd.DataFrame(shares | times | medians).reset_index()
 
 
 def quantiles(values: pd.Series | Array) -> tuple[float, ...]:

@@ -1,0 +1,101 @@
+"""What the reproductions share: rows of claims and their runner, seeds, threads, and the pages of
+docs/."""
+
+from operator import itemgetter
+
+import pytest
+
+from strapdown.checks import DataError
+from strapdown_reproductions.common import markdown, study, write_docs
+from strapdown_reproductions.common.claims import Claim, Judged, findings, judge, over
+from strapdown_reproductions.common.pages import NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
+from strapdown_reproductions.common.verdicts import Count, counted, decided, share_of_runs, total
+
+pytestmark = pytest.mark.short
+
+
+def exceeds(values, level):
+    """Cells are numbers: above the level supports."""
+    return counted(int(value > level) - int(value < level) for value in values)
+
+
+CLAIM = Claim(
+    "Both are large.",
+    "4",
+    "more than 1",
+    {"a": over(itemgetter("a"), exceeds, 1), "b": over(itemgetter("b"), exceeds, level=1)},
+    "a: {a}. b: {b.supports} of {b.total}. Largest {most:.1f}",
+    "table 1",
+    {"most": over(itemgetter("a"), max)},
+    lambda evidence: "needs a" if "a" not in evidence else "",
+)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "verdict"),
+    [
+        ([2, 3], [2], REPRODUCED),
+        ([2, 3], [0], PARTLY),
+        ([0, 0.5], [0], NOT_REPRODUCED),
+        ([1, 1], [1], UNDECIDED),
+    ],
+)
+def test_all_parts_of_a_claim_must_hold(a, b, verdict):
+    found = judge(CLAIM, {"a": a, "b": b})
+    assert found["verdict"] == verdict and found["claim"] == "Both are large."
+    assert found["measured"].endswith(f"of 1. Largest {max(a):.1f}") and "a: " in found["measured"]
+
+
+def test_a_claim_that_the_evidence_cannot_decide_says_what_is_missing():
+    found = findings([CLAIM, CLAIM._replace(parts={}, measured="nothing")], {"b": [2], "c": 0})
+    assert [each["verdict"] for each in found] == [UNDECIDED] * 2
+    assert found[0]["measured"] == "needs a" and found[0]["rule"] == "more than 1"
+    free = CLAIM._replace(parts={}, shown={}, measured="nothing", lacks=None)
+    assert judge(free, {})["verdict"] == UNDECIDED
+
+
+def test_a_verdict_that_is_no_share_of_cells():
+    judged = CLAIM._replace(parts={"x": lambda e: Judged(decided(True, False), "by eye")})
+    found = judge(judged._replace(measured="{x}"), {"a": [0]})
+    assert (found["verdict"], found["measured"]) == (REPRODUCED, "by eye")
+
+
+def test_counts():
+    assert counted([1, -1, 0, 1]) == Count(2, 1, 4) and Count(2, 1, 4).opposite == Count(1, 2, 4)
+    assert Count(2, 1, 4).shares == (0.5, 0.75) and Count(0, 0, 0).verdict == UNDECIDED
+    # 10 of 10 are above one half by Wilson, 3 of 3 are not
+    assert share_of_runs([(10, 10), (3, 3), (0, 10)]) == Count(1, 1, 3)
+    assert total([Count(1, 0, 1), Count(0, 2, 3)]) == Count(1, 2, 4) and total([]) == Count(0, 0, 0)
+    assert decided(False, True) == NOT_REPRODUCED and decided(False, False) == UNDECIDED
+
+
+def test_seeds():
+    assert study.seeds(False, None, 2, 3, 1) == [2000, 2001, 2002]
+    assert study.seeds(True, None, 0, 3, 1) == [0] and study.seeds(True, 2, 1, 3, 1) == [1000, 1001]
+    for runs, seed in ((0, 2), (1, -1), (1.5, 2)):
+        with pytest.raises(DataError, match="must be a whole number"):
+            study.seeds(False, runs, seed, 3, 1)
+
+
+def test_threads_keep_the_order_and_tell_how_far_they_are():
+    told = []
+    part = study.part_of(told.append, 0.2, 1.0)
+    assert list(study.on_threads(lambda x: x * x, [3, 1, 2], 2, part)) == [9, 1, 4]
+    assert told == pytest.approx([0.2 + 0.8 / 3, 0.2 + 1.6 / 3, 1.0])
+    assert study.part_of(None, 0.0, 1.0) is None
+
+
+def test_what_a_run_has_written_goes_into_its_page(tmp_path, monkeypatch):
+    monkeypatch.setattr(write_docs, "DOCS", tmp_path)
+    page, out = tmp_path / "alam.md", tmp_path / "out"
+    page.write_text(f"before\n{write_docs.mark('alam')}\nold\n{markdown.END}\nafter\n")
+    out.mkdir()
+    (out / "findings.md").write_text("new\n")
+    write_docs.main("alam", str(out))
+    assert page.read_text() == f"before\n{write_docs.mark('alam')}\nnew\n{markdown.END}\nafter\n"
+
+
+@pytest.mark.parametrize("name", write_docs.PAGES)
+def test_every_page_has_its_marks(name):
+    page = write_docs.DOCS / write_docs.PAGES[name][1]
+    assert page.read_text(encoding="utf-8").count(write_docs.mark(name)) == 1
