@@ -20,13 +20,13 @@ from strapdown.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.scenario import Scenario
 from strapdown.sim.trajectory import demo_flight
+from strapdown_reproductions.common import markdown, write_docs
 from strapdown_reproductions.common.pages import COLOURS, claim, finding, write_page
 from strapdown_reproductions.hager_bryne import (
     ablations,
     claims as hager_bryne_claims,
     drift as hager_bryne_drift,
     main,
-    write_docs,
 )
 from strapdown_reproductions.hager_bryne.cells import (
     RESOLVED,
@@ -37,7 +37,7 @@ from strapdown_reproductions.hager_bryne.cells import (
     resolved,
     stacked,
 )
-from strapdown_reproductions.hager_bryne.figures import _frame_biases
+from strapdown_reproductions.hager_bryne.figures import frame_of_biases
 
 GNSS = Gnss(interval=0.05, position_sd=(1.0, 1.0, 1.0), velocity_sd=None)
 FLIGHTS = tuple(
@@ -205,7 +205,6 @@ def made_up(scale):
         np.ones_like(error),
         np.full(distance.shape, 15.0),
         np.zeros((10, len(T), 6)),
-        everywhere,
         distance,
         everywhere,
     )
@@ -297,7 +296,7 @@ def test_the_documentation_lists_the_claims_as_the_code_has_them():
     )
     listed = re.findall(
         r"^\| (\d+) \| (.*?) \| \*\*(.*?)\*\* \|",
-        page.partition(write_docs.BEGIN)[2].partition(write_docs.END)[0],
+        page.partition(write_docs.mark("hager-bryne"))[2].partition(markdown.END)[0],
         re.MULTILINE,
     )
     assert [text for _, text, _ in listed] == [
@@ -313,9 +312,12 @@ def test_findings_as_markdown_go_between_the_marks(out, claims, tmp_path):
         and text.count("| tactical | 07 |") == 3
     )
     page = tmp_path / "page.md"
-    page.write_text(f"before\n{write_docs.BEGIN}\nold\n{write_docs.END}\nafter\n")
-    write_docs.insert(page, text)
-    assert page.read_text() == f"before\n{write_docs.BEGIN}\n{text}{write_docs.END}\nafter\n"
+    page.write_text(f"before\n{write_docs.mark('hager-bryne')}\nold\n{markdown.END}\nafter\n")
+    write_docs.insert(page, "hager-bryne", text)
+    assert (
+        page.read_text()
+        == f"before\n{write_docs.mark('hager-bryne')}\n{text}{markdown.END}\nafter\n"
+    )
 
 
 @pytest.mark.short
@@ -340,11 +342,9 @@ def test_a_page_of_bounds_links_its_reports(tmp_path):
 
 @pytest.mark.short
 def test_a_wild_open_loop_does_not_flatten_the_biases():
-    ranges = {}
-    drawn = SimpleNamespace(update_yaxes=lambda range, row, col: ranges.update({row: range}))
     quiet = np.zeros(len(T))
-    assert _frame_biases(drawn, 1, T, quiet, [(1e6 * T, quiet), (quiet, quiet + 1)])
-    assert -10 < ranges[1][0] < -1 and 1 < ranges[1][1] < 10
+    (low, high), left = frame_of_biases(T, quiet, 1e6 * T, quiet, quiet + 1)
+    assert left and -10 < low < -1 and 1 < high < 10
 
 
 @pytest.mark.skipif(

@@ -5,6 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from strapdown_reproductions.common.claims import judge
 from strapdown_reproductions.common.pages import NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
 from strapdown_reproductions.common.verdicts import (
     CLOSED,
@@ -117,6 +118,10 @@ def world(right, wide=False):
     )
 
 
+def found_on(name, evidence):
+    return judge(claims.CLAIMS[name], evidence)
+
+
 @pytest.mark.parametrize(
     ("evidence", "verdict"),
     [
@@ -136,14 +141,14 @@ def test_every_verdict_is_reached_by_every_claim(evidence, verdict):
 def test_a_claim_with_two_halves_of_which_one_holds_is_partly_reproduced():
     right, wrong = world(True), world(False)
     mixed = right.flights.where(right.flights["flight"] >= "07", wrong.flights)
-    assert claims.crossover(right._replace(flights=mixed))["verdict"] == PARTLY
+    assert found_on("crossover", right._replace(flights=mixed))["verdict"] == PARTLY
 
 
 def test_opposite_readings_of_the_abort_rule_decide_nothing():
     flights = world(True).flights
     for end in ("", "_low", "_high"):
         flights[f"position_500{end}"] = 1.5
-    found = claims.smooth_fusion(world(True)._replace(flights=flights))
+    found = found_on("smooth_fusion", world(True)._replace(flights=flights))
     assert (
         found["verdict"] == UNDECIDED
         and "6 of 6 cells for it" in found["measured"]
@@ -152,12 +157,12 @@ def test_opposite_readings_of_the_abort_rule_decide_nothing():
 
 
 def test_resets_need_the_ablations():
-    assert claims.resets(world(True)._replace(resets=None))["verdict"] == UNDECIDED
+    assert found_on("resets", world(True)._replace(resets=None))["verdict"] == UNDECIDED
 
 
 def test_resets_that_make_the_position_worse_do_not_count():
     resets = world(True).resets.assign(position=1.2, position_low=1.1, position_high=1.3)
-    assert claims.resets(world(True)._replace(resets=resets))["verdict"] == NOT_REPRODUCED
+    assert found_on("resets", world(True)._replace(resets=resets))["verdict"] == NOT_REPRODUCED
 
 
 def test_a_flight_that_ends_before_its_bias_is_resolved_says_nothing():
@@ -166,7 +171,7 @@ def test_a_flight_that_ends_before_its_bias_is_resolved_says_nothing():
     for end in ("", "_low", "_high"):
         offset.loc[cut, f"closed_resolved_s{end}"] = 300.0
         offset.loc[offset["flight"] == "07", f"closed_resolved_s{end}"] = 1000.0
-    assert claims.straight_is_slow(world(True)._replace(offset=offset))["measured"].startswith(
+    assert found_on("straight_is_slow", world(True)._replace(offset=offset))["measured"].startswith(
         "15 of 18 cells for it, 0 against, 3 open"
     )
 

@@ -10,8 +10,9 @@ import pytest
 from strapdown import geodesy
 from strapdown.checks import DataError
 from strapdown.sensor_models.imu import grade
+from strapdown_reproductions.common import markdown, write_docs
 from strapdown_reproductions.common.pages import COLOURS
-from strapdown_reproductions.mollaei import choices, main, metrics, runs, write_docs
+from strapdown_reproductions.mollaei import choices, main, metrics, runs
 from strapdown_reproductions.mollaei.cells import (
     CASES,
     CLOSED,
@@ -413,10 +414,10 @@ def test_a_small_study_writes_its_page(monkeypatch, tmp_path):
     assert flights.loc[flights["mode"] == UKF, "apart_m"][flights["prediction"] == IMU].max() < 1e-6
     text = (tmp_path / "findings.md").read_text()
     docs = tmp_path / "mollaei.md"
-    docs.write_text(f"before\n{write_docs.BEGIN}\nold\n{write_docs.END}\nafter\n")
-    write_docs.insert(docs, text)
+    docs.write_text(f"before\n{write_docs.mark('mollaei')}\nold\n{markdown.END}\nafter\n")
+    write_docs.insert(docs, "mollaei", text)
     assert (
-        docs.read_text() == f"before\n{write_docs.BEGIN}\n{text}{write_docs.END}\nafter\n"
+        docs.read_text() == f"before\n{write_docs.mark('mollaei')}\n{text}{markdown.END}\nafter\n"
         and "| 22 | (Not said:)" in text
     )
 
@@ -424,5 +425,5 @@ def test_a_small_study_writes_its_page(monkeypatch, tmp_path):
 @pytest.mark.short
 def test_bad_input_is_refused(tmp_path):
     for change in ({"runs": 0}, {"seed": -1}):
-        with pytest.raises(DataError, match="one run or more, and a seed from 0"):
+        with pytest.raises(DataError, match="it must be a whole number, [01] or more"):
             main.reproduce(tmp_path, **change)

@@ -5,6 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from strapdown_reproductions.common.claims import judge
 from strapdown_reproductions.common.pages import (
     COLOURS,
     NOT_REPRODUCED,
@@ -12,6 +13,7 @@ from strapdown_reproductions.common.pages import (
     REPRODUCED,
     UNDECIDED,
 )
+from strapdown_reproductions.common.verdicts import share_of_runs
 from strapdown_reproductions.mollaei import claims
 from strapdown_reproductions.mollaei.cells import (
     CASES,
@@ -28,7 +30,7 @@ from strapdown_reproductions.mollaei.cells import (
     wide,
 )
 from strapdown_reproductions.mollaei.metrics import MEASURES
-from strapdown_reproductions.mollaei.rules import DEVIATIONS, NEARLY_ALL, Evidence, enough, share
+from strapdown_reproductions.mollaei.rules import DEVIATIONS, NEARLY_ALL, Evidence, enough
 
 pytestmark = pytest.mark.short
 SEEDS = 40
@@ -96,8 +98,12 @@ def verdicts(evidence):
     return {claim["claim"]: claim["verdict"] for claim in claims.claims(evidence)}
 
 
-def verdict(make, evidence):
-    return make(evidence)["verdict"]
+def found_on(name, evidence):
+    return judge(claims.CLAIMS[name], evidence)
+
+
+def verdict(name, evidence):
+    return found_on(name, evidence)["verdict"]
 
 
 def test_a_world_in_which_the_paper_is_right():
@@ -151,8 +157,8 @@ def test_one_filter_where_the_imu_drives_is_half_of_a_claim():
             linear & (table["mode"] == EKF), names
         ].to_numpy()
     e = GOOD._replace(tables=wide(table))
-    assert verdict(claims.position_in_outage, e) == PARTLY
-    found = claims.nonlinearity(e)
+    assert verdict("position_in_outage", e) == PARTLY
+    found = found_on("nonlinearity", e)
     assert (
         found["verdict"] == PARTLY
         or "where the system is linear: 0 of 14 cells for it, 14 against" in found["measured"]
@@ -163,10 +169,10 @@ def test_readings_that_disagree_leave_a_claim_open():
     """Smaller about the own final value, larger about that of the reference flight."""
     level = {f"{name}_ref": WRONG for name in DEVIATIONS}
     e = GOOD._replace(tables=wide(scores(RIGHT, **level)))
-    assert verdict(claims.deviations_in_outage, e) == UNDECIDED
+    assert verdict("deviations_in_outage", e) == UNDECIDED
     assert (
         verdict(
-            claims.overshoots,
+            "overshoots",
             GOOD._replace(tables=wide(scores(RIGHT, step_x_pct=WRONG, step_z_pct=WRONG))),
         )
         == UNDECIDED
@@ -179,14 +185,15 @@ def test_readings_that_disagree_leave_a_claim_open():
 def test_a_few_flights_that_diverge_leave_it_open(away, expected):
     table = scores(RIGHT, **far(2000.0, 30.0))
     table.loc[table["mode"].isin((UKF, PKF)) & (table["seed"] < away), "off_max_m"] = 501.0
-    assert verdict(claims.prevents_divergence, GOOD._replace(tables=wide(table))) == expected
+    assert verdict("prevents_divergence", GOOD._replace(tables=wide(table))) == expected
 
 
 def test_one_flight_of_fifty_leaves_a_reading_open_and_its_rule_says_so():
     """Wilson's lower end with all of n successes is n / (n + z^2)."""
     table = scores(RIGHT, seeds=50, **far(2000.0, 30.0))
-    assert share((50, 50), NEARLY_ALL).supports == 1 and share((49, 50), NEARLY_ALL) == (0, 0, 1)
-    rule = claims.much_less(GOOD)["rule"]
+    assert share_of_runs([(50, 50)], NEARLY_ALL).supports == 1
+    assert share_of_runs([(49, 50)], NEARLY_ALL) == (0, 0, 1)
+    rule = found_on("much_less", GOOD)["rule"]
     assert (
         f"of 50 flights 50 are enough (the interval begins at {50 / (50 + 1.959964**2):.3f}), 49 are not (0.895)"
         in rule
@@ -194,7 +201,7 @@ def test_one_flight_of_fifty_leaves_a_reading_open_and_its_rule_says_so():
     assert enough(200).startswith("of 200 flights 189 are enough")
     for lost, expected in ((0, REPRODUCED), (1, UNDECIDED)):
         table.loc[table["mode"].isin((UKF, PKF)) & (table["seed"] < lost), "off_max_m"] = 101.0
-        assert verdict(claims.much_less, GOOD._replace(tables=wide(table))) == expected
+        assert verdict("much_less", GOOD._replace(tables=wide(table))) == expected
 
 
 @pytest.mark.parametrize("short", [1, 2])
@@ -211,14 +218,14 @@ def test_one_seed_decides_nothing_that_rests_on_an_interval(short):
         }
         # these rest on no interval
         assert decided == dict.fromkeys(("Fy and Gy d", "The 315 s w", "(Not said:)"), REPRODUCED)
-    assert verdict(claims.long_outage, evidence) == verdict(claims.much_less, evidence) == UNDECIDED
+    assert verdict("long_outage", evidence) == verdict("much_less", evidence) == UNDECIDED
 
 
 def test_without_a_filter_the_estimate_does_not_count():
     """Its position is zero by construction: only the aircraft can diverge."""
     table = scores(RIGHT, **far(2000.0, 30.0))
     table.loc[table["mode"] == NO_FILTER, "off_max_m"] = 20.0
-    found = claims.long_outage(GOOD._replace(tables=wide(table)))
+    found = found_on("long_outage", GOOD._replace(tables=wide(table)))
     assert (
         found["verdict"] == PARTLY
         and "no filter: 0 of 2 cells for it, 2 against" in found["measured"]
@@ -229,13 +236,13 @@ def test_stays_near_needs_estimate_and_aircraft():
     for name in ("worst_m", "off_max_m"):
         table = scores(RIGHT, **far(2000.0, 30.0))
         table.loc[table["experiment"] == E2, name] = 101.0
-        assert verdict(claims.much_less, GOOD._replace(tables=wide(table))) == NOT_REPRODUCED
+        assert verdict("much_less", GOOD._replace(tables=wide(table))) == NOT_REPRODUCED
 
 
 def test_some_flights_with_lateral_forces_are_partly_symmetric():
     table = scores(RIGHT, **STILL)
     table.loc[(table["mode"] == EKF), "gy_n"] = 0.01
-    found = claims.symmetric(GOOD._replace(tables=wide(table)))
+    found = found_on("symmetric", GOOD._replace(tables=wide(table)))
     assert found["verdict"] == PARTLY and found["measured"].startswith(
         f"{2 * 3 * SEEDS} of {2 * 4 * SEEDS} flights"
     )
@@ -243,11 +250,11 @@ def test_some_flights_with_lateral_forces_are_partly_symmetric():
 
 @pytest.mark.parametrize(("size", "expected"), [(1e-9, REPRODUCED), (1e-3, NOT_REPRODUCED)])
 def test_one_filter_is_one_to_a_micrometre(size, expected):
-    assert verdict(claims.one_filter, GOOD._replace(apart=apart(size))) == expected
+    assert verdict("one_filter", GOOD._replace(apart=apart(size))) == expected
 
 
 def test_negligible_is_less_than_twice_the_error_with_fixes():
     for factor, expected in ((1.5, REPRODUCED), (3.0, NOT_REPRODUCED)):
         table = scores(RIGHT)
         table["outage_horizontal_rmse_m"] = factor * table["fixed_horizontal_rmse_m"]
-        assert verdict(claims.negligible, GOOD._replace(tables=wide(table))) == expected
+        assert verdict("negligible", GOOD._replace(tables=wide(table))) == expected

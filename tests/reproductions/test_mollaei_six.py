@@ -312,11 +312,19 @@ def test_a_stream_is_the_batch_bit_for_bit_and_a_seed_repeats(filter, options):
         (
             filters.EKF6,
             dict(q=-0.1),
-            "q is -0.1; it must be a variance above zero, or 0 for that of the sensors",
+            "q is -0.1 m^2 and m^2/s^2; it must be a finite number, 0 or more",
         ),
-        (filters.EKF6, dict(r=np.nan), "r is nan; it must be a variance"),
-        (filters.EKF6, dict(model=-1.0), "model is -1 m/s/sqrt(s); it must be a random walk"),
-        (filters.EKF6, dict(rate=0.0), "rate is 0 Hz; it must be above zero"),
+        (
+            filters.EKF6,
+            dict(r=np.nan),
+            "r is nan m^2 and m^2/s^2; it must be a finite number, 0 or more",
+        ),
+        (
+            filters.EKF6,
+            dict(model=-1.0),
+            "model is -1.0 m/s/sqrt(s); it must be a finite number, 0 or more",
+        ),
+        (filters.EKF6, dict(rate=0.0), "rate is 0.0 Hz; it must be a finite number above 0"),
         *(
             (
                 filter,
@@ -327,12 +335,16 @@ def test_a_stream_is_the_batch_bit_for_bit_and_a_seed_repeats(filter, options):
         ),
         (filters.EKF6, dict(aircraft="kite"), "unknown aircraft 'kite'"),
         (filters.EKF6, dict(sigma="merwe"), "has no option 'sigma'"),
-        (filters.UKF6, dict(sigma="cubic"), "sigma is 'cubic'; it must be merwe or symmetric"),
+        (filters.UKF6, dict(sigma="cubic"), "sigma is 'cubic'; it must be one of merwe, symmetric"),
         (filters.UKF6, dict(alpha=0.0), "alpha must be above 0"),
         (filters.PKF6, dict(components=0), "components is 0; it must be a whole number"),
         (filters.PKF6, dict(components=2.5), "components is 2.5"),
         (filters.PKF6, dict(kernel=0.0), "kernel is 0.0; it must be above 0"),
-        (filters.PKF6, dict(resample=1.5), "resample is 1.5; it must be a fraction"),
+        (
+            filters.PKF6,
+            dict(resample=1.5),
+            "resample is 1.5; it must be a finite number, 0 or more and at most 1",
+        ),
         (filters.PKF6, dict(seed=-1), "seed is -1"),
         (filters.RAW, dict(q=0.1), "'six-raw' has no option 'q'; it has earth"),
     ],

@@ -6,6 +6,7 @@ Each variant runs on the same draws as what it is compared with. Tactical grade,
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -70,26 +71,34 @@ PAIRS = {
     ),
 }
 """Ablations within one campaign: what, and pairs of a variant with what it is compared with."""
-GRAVITY = "Gravity that depends on latitude alone, in truth, INS and error model, against gravity that falls with height."
-DENSITY = (
-    "Sigma of Table III read as density q of the driving noise (stationary sd sigma sqrt(tau/2), "
-    "the start's accelerometer sd "
-    "likewise), against sigma as "
-    "stationary sd."
+CAPTIONS = {name: text for name, (text, _) in PAIRS.items()} | {
+    "gravity": "Gravity that depends on latitude alone, in truth, INS and error model, against "
+    "gravity that falls with height.",
+    "density": "Sigma of Table III read as density q of the driving noise (stationary sd sigma "
+    "sqrt(tau/2), the start's accelerometer sd likewise), against sigma as stationary sd.",
+    "start": "Navigation grade with a start ten times as good in attitude, 0.01 deg roll and pitch "
+    "and 0.02 deg heading: the open loop against the closed loop. The raw INS keeps the start's "
+    "attitude error for good, so that this error too must be small for a linear error model; "
+    "compare with the rows of navigation grade in the table of flights.",
+    "wide": "Offset of 0.5 m/s^2 with a start that allows for it, 0.5 m/s^2 instead of 0.1: the "
+    "open loop against the closed loop; compare with the rows of tactical grade in the table of "
+    "flights with offset.",
+}
+"""{table: what is compared with what}."""
+COMPARISONS = (
+    *(
+        (name, ("filters", one), ("filters", other))
+        for name, (_, pairs) in PAIRS.items()
+        for one, other in pairs
+    ),
+    *(
+        ("gravity", ("gravity", variant(loop, error_model="latitude-gravity")), ("filters", loop))
+        for loop in (OPEN, CLOSED)
+    ),
+    *(("density", ("density", loop), ("filters", loop)) for loop in (OPEN, CLOSED)),
+    *((name, (name, OPEN), (name, CLOSED)) for name in ("start", "wide")),
 )
-START = (
-    "Navigation grade with a start ten times as good in attitude, 0.01 deg roll and pitch and 0.02 "
-    "deg heading: the open loop against "
-    "the closed loop. The raw INS keeps "
-    "the start's attitude error for good, so that this error too must be small for a linear error "
-    "model; compare with the rows of "
-    "navigation grade in the table of flights."
-)
-WIDE = (
-    "Offset of 0.5 m/s^2 with a start that allows for it, 0.5 m/s^2 instead of 0.1: the open loop "
-    "against the closed loop; compare with "
-    "the rows of tactical grade in the table of flights with offset."
-)
+"""(table, (campaign, filter), (campaign, filter) that it is compared with)."""
 COLUMNS = {"position_500": "position RMSE", "heading": "heading RMSE"}
 
 
@@ -156,49 +165,26 @@ def tables(
 ) -> tuple[dict[str, tuple[str, pd.DataFrame]], pd.DataFrame]:
     """({name: (caption with its sentence, DataFrame)}, resets DataFrame for the claims) of the
     campaigns of `studies`."""
-    found: dict[str, list[dict[str, float | str]]] = {
-        name: [] for name in (*PAIRS, "gravity", "density", "start", "wide")
-    }
-    base = campaigns["filters"]
-    for number in range(len(base.cells)):
-        parts = _parts(base, number)
-        for name, (_, pairs) in PAIRS.items():
-            found[name] += [
-                _row(base, number, variant, other, parts[variant], parts[other])
-                for variant, other in pairs
-            ]
-        for name in ("gravity", "density"):
-            own = _parts(campaigns[name], number)
-            found[name] += [
-                _row(
-                    base,
-                    number,
-                    f"{label} ({name})" if label == loop else label,
-                    loop,
-                    own[label],
-                    parts[loop],
-                )
-                for label, loop in zip(own, (OPEN, CLOSED))
-            ]
-        for name in ("start", "wide"):
-            own = _parts(campaigns[name], number)
-            found[name].append(_row(campaigns[name], number, OPEN, CLOSED, own[OPEN], own[CLOSED]))
-    captions = {name: text for name, (text, _) in PAIRS.items()} | {
-        "gravity": GRAVITY,
-        "density": DENSITY,
-        "start": START,
-        "wide": WIDE,
-    }
+    found: dict[str, list[dict[str, float | str]]] = {name: [] for name in CAPTIONS}
+    for number in range(len(campaigns["filters"].cells)):
+        parts = {
+            (name, label): part
+            for name, campaign in campaigns.items()
+            for label, part in _parts(campaign, number).items()
+        }
+        for name, first, second in COMPARISONS:
+            described = campaigns[second[0]].manifest["cells"][number]["scenario"]
+            label = first[1] if first[1] != second[1] else f"{first[1]} ({name})"
+            found[name].append(_row(described, label, second[1], parts[first], parts[second]))
     frames = {name: pd.DataFrame(rows) for name, rows in found.items()}
     resets = frames["resets"][frames["resets"]["variant"].str.startswith("periodic-reset")]
     resets = resets.assign(
         interval_s=[float(label.rpartition("=")[2]) for label in resets["variant"]]
     )
-    shown = {
-        f"ablation-{name}": (f"{captions[name]} {sentence(frame)}", readable(frame))
+    return {
+        f"ablation-{name}": (f"{CAPTIONS[name]} {sentence(frame)}", readable(frame))
         for name, frame in frames.items()
-    }
-    return shown, resets
+    }, resets
 
 
 def _parts(campaign: Campaign, number: int) -> dict[str, Part]:
@@ -210,31 +196,20 @@ def _parts(campaign: Campaign, number: int) -> dict[str, Part]:
 
 
 def _row(
-    campaign: Campaign, number: int, variant: str, other: str, first: Part, second: Part
+    described: dict[str, Any], label: str, other: str, first: Part, second: Part
 ) -> dict[str, float | str]:
-    """What a variant does against another filter on the runs of a cell."""
+    """What a variant does against another filter on the runs of a cell, whose scenario is
+    described."""
     c = compared(*stacked(first, second))
-    described = campaign.manifest["cells"][number]["scenario"]
-    keys = (
-        "survived",
-        "survived_low",
-        "survived_high",
-        "survived_500",
-        "censored_500_m",
-        "anees",
-        "anees_low",
-        "anees_high",
-    )
+    keys = ("survived", "censored_500_m", "anees", "anees_low", "anees_high")
     return {
         "flight": described["name"].removeprefix("paper1-"),
         "minutes": described["duration_s"] / 60,
-        "variant": variant,
+        "variant": label,
         "against": other,
+        **{f"survived{end}": c[f"open_survived{end}"] for end in ("_low", "_high", "_500")},
         **{key: c[f"open_{key}"] for key in keys},
-        **{
-            f"other_{key}": c[f"closed_{key}"]
-            for key in ("survived", "censored_500_m", "anees", "anees_low", "anees_high")
-        },
+        **{f"other_{key}": c[f"closed_{key}"] for key in keys},
         **{
             f"{name}{end}": c[f"{name}{end}"]
             for name in ("position", "position_500", "heading")
@@ -268,22 +243,20 @@ def readable(frame: pd.DataFrame) -> pd.DataFrame:
 def sentence(frame: pd.DataFrame) -> str:
     """What the intervals of the table resolve, in words."""
     parts = []
-    for name, text in (("position_500", "position"), ("heading", "heading")):
+    for name, text in COLUMNS.items():
         found = [better(row, name) for _, row in frame.iterrows()]
-        changed = [
-            f"{row['variant']} on {row['flight']} by {row[name] - 1:+.0%}"
-            for side, (_, row) in zip(found, frame.iterrows())
-            if side not in (NONE, UNKNOWN)
-        ]
-        most = (
-            f" "
-            f"({'; '.join(sorted(changed, key=lambda item: -abs(_percent(item)))[:3])}{', ...' if len(changed) > 3 else ''})"
-            if changed
-            else ""
+        rows = frame[[side not in (NONE, UNKNOWN) for side in found]]
+        changed = sorted(
+            (
+                (row[name] - 1, f"{row['variant']} on {row['flight']} by {row[name] - 1:+.0%}")
+                for _, row in rows.iterrows()
+            ),
+            key=lambda change: -abs(round(change[0], 2)),
         )
+        most = "; ".join(said for _, said in changed[:3]) + ", ..." * (len(changed) > 3)
         parts.append(
-            f"{text} RMSE changes beyond 1 % in {len(changed)} of {len(found)} rows{most}, does not "
-            f"in {found.count(NONE)}, and "
+            f"{text} changes beyond 1 % in {len(changed)} of {len(found)} rows"
+            f"{most and f' ({most})'}, does not in {found.count(NONE)}, and "
             f"{found.count(UNKNOWN)} are not resolved"
         )
     apart = (
@@ -291,10 +264,5 @@ def sentence(frame: pd.DataFrame) -> str:
         | (frame["anees_high"] < frame["other_anees_low"])
     ).sum()
     survival = (frame["survived"] != frame["other_survived"]).sum()
-    return f"{'; '.join(parts)}; the intervals of NEES/15 are apart in {apart}; survival differs in {survival}.".replace(
-        "position RMSE", "Position RMSE", 1
-    )
-
-
-def _percent(text: str) -> float:
-    return float(text.rpartition(" ")[2].rstrip("%"))
+    said = f"{'; '.join(parts)}; the intervals of NEES/15 are apart in {apart}; survival differs in {survival}."
+    return said[0].upper() + said[1:]

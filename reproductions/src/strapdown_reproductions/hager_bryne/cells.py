@@ -8,7 +8,6 @@ both rules and with the 500 m rule alone (names that end in _500): the filters g
 only the score stops.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -58,15 +57,14 @@ Numbers: TypeAlias = dict[str, Array]
 
 
 class Rows(NamedTuple):
-    """Stored rows of the runs of a cell: error, sd (filter, run, epoch, 15), nees and the two
-    masks (filter, run, epoch), t (epoch,) s."""
+    """Stored rows of the runs of a cell: error, sd (filter, run, epoch, 15), nees, distance
+    and within (filter, run, epoch), t (epoch,) s."""
 
     t: Array
     error: Stored  # m, m/s, rad, m/s^2 and rad/s, in the order of the error states
     sd: Stored  # the same
     nees: Stored
     bias: Stored  # (run, epoch, 6) true biases, m/s^2 and rad/s
-    alive: Mask  # not given up yet by either rule
     distance: Array  # (filter, run, epoch) m, inf where the filter has no estimate
     within: Mask  # not beyond LIMIT yet
 
@@ -85,31 +83,23 @@ def numbers_of(campaign: Campaign, cell: str) -> tuple[Numbers, Mask]:
 def rows_of(campaign: Campaign, cell: str, numbers: Numbers, ran: Mask) -> Rows:
     """Rows of the same runs; some MB, for one cell at a time."""
     parts = campaign.read(cell, ("t", "error", "sd", "nees_rows", "bias"))
-    joined = {
-        name: np.concatenate([part[name] for part in parts], axis=axis)
+    error, sd, nees, bias = (
+        np.concatenate([part[name] for part in parts], axis=axis).compress(ran, axis=axis)
         for name, axis in (("error", 1), ("sd", 1), ("nees_rows", 1), ("bias", 0))
-    }
-    joined = {
-        name: values[ran] if name == "bias" else values[:, ran] for name, values in joined.items()
-    }
-    t, error = parts[0]["t"], joined["error"]
+    )
+    t = parts[0]["t"]
     with np.errstate(over="ignore"):
         distance = np.sqrt(np.square(error[..., POS], dtype=float).sum(axis=-1))
     distance = np.where(np.isfinite(distance), distance, np.inf)
-    lost = (numbers["reason"] == POSITION_LOST)[..., None] & (
-        t > numbers["lasted"][..., None] + SAME_TIME
-    )
+    ended = t > numbers["lasted"][..., None] + SAME_TIME
+    lost = (numbers["reason"] == POSITION_LOST)[..., None] & ended
     within = ~np.logical_or.accumulate((distance > LIMIT) | lost, axis=-1)
-    return Rows(
-        t,
-        error,
-        joined["sd"],
-        joined["nees_rows"],
-        joined["bias"],
-        t <= numbers["lasted"][..., None] + SAME_TIME,
-        distance,
-        within,
-    )
+    return Rows(t, error, sd, nees, bias, distance, within)
+
+
+def flight_of(name: str) -> str:
+    """Name of the flight of a scenario, with an offset or without."""
+    return name.removeprefix("paper1-").removesuffix("-offset").removesuffix("-initial")
 
 
 def table(campaign: Campaign) -> pd.DataFrame:
@@ -118,10 +108,9 @@ def table(campaign: Campaign) -> pd.DataFrame:
     found = []
     for cell in campaign.manifest["cells"]:
         numbers, ran = numbers_of(campaign, cell["name"])
-        flight = cell["scenario"]["name"].removesuffix("-offset").removesuffix("-initial")
         found.append(
             {
-                "flight": flight.removeprefix("paper1-"),
+                "flight": flight_of(cell["scenario"]["name"]),
                 "grade": cell["imu"]["name"].removeprefix("paper1-"),
                 "minutes": cell["scenario"]["duration_s"] / 60,
                 "runs": numbers["reason"].shape[1],
@@ -137,34 +126,35 @@ def stacked(*parts: Part) -> tuple[Numbers, Rows]:
     numbers = {
         name: np.stack([own[name][place] for own, _, place in parts]) for name in parts[0][0]
     }
-    joined = [
-        np.stack([getattr(rows, name)[place] for _, rows, place in parts])
-        for name in ("error", "sd", "nees", "alive", "distance", "within")
-    ]
-    error, sd, nees, alive, distance, within = joined
-    return numbers, Rows(parts[0][1].t, error, sd, nees, parts[0][1].bias, alive, distance, within)
+    by_filter = {
+        name: np.stack([getattr(rows, name)[place] for _, rows, place in parts])
+        for name in ("error", "sd", "nees", "distance", "within")
+    }
+    return numbers, parts[0][1]._replace(**by_filter)
 
 
 def compared(numbers: Numbers, rows: Rows, first: int = 0, second: int = 1) -> dict[str, float]:
     """A dict of what two filters of a cell did, at those places in the campaign: ratios of the
     two, and figures of each (open_, closed_)."""
-    found = ratio("position", *np.log(numbers["censored"][[first, second]]))
-    found |= ratio("position_500", *np.log(censored(rows)[[first, second]]))
+    pair = [first, second]
     both = rows.within[first] & rows.within[second] & (rows.t >= SETTLED_AFTER)
-    for name, states in VECTORS.items():
-        squares = mean_squares(rows.error[[first, second]][..., states], both)
-        found |= ratio(name, *np.log(squares))
-        if name in ("tilt", "heading"):
-            found |= {
-                f"{who}_{name}_500_deg": float(np.degrees(rmse(own).value))
-                for who, own in zip((FIRST, SECOND), squares)
-            }
-    for name, place in ((FIRST, first), (SECOND, second)):
+    squares = {
+        "position": numbers["censored"][pair],
+        "position_500": censored(rows)[pair],
+        **{
+            name: mean_squares(rows.error[pair][..., states], both)
+            for name, states in VECTORS.items()
+        },
+    }
+    found: dict[str, float] = {}
+    for name, own in squares.items():
+        found |= ratio(name, *np.log(own))
+    for name, place, side in ((FIRST, first, 0), (SECOND, second, 1)):
         own = {key: values[place] for key, values in numbers.items()}
-        found |= {
-            f"{name}_{key}": value
-            for key, value in (*_ends(own, rows.within[place]), *_errors(own), *_times(rows, place))
-        }
+        found |= {f"{name}_{key}": value for key, value in _figures(own, rows, place).items()}
+        for angle in ("tilt", "heading"):
+            rms = rmse(squares[angle][side]).value
+            found[f"{name}_{angle}_500_deg"] = float(np.degrees(rms))
     return found
 
 
@@ -194,45 +184,56 @@ def censored(rows: Rows) -> Array:
     return np.where(rows.within, np.minimum(rows.distance, LIMIT) ** 2, LIMIT**2).mean(axis=-1)
 
 
-def _ends(own: Numbers, within: Mask) -> Iterator[tuple[str, float]]:
-    """How the runs of a filter ended: survival with its interval, by both rules and by one; also
-    where a raw INS that left its model counts as lost."""
-    left = np.isfinite(own["left_model"])
-    for name, alive in (("survived", own["reason"] == SURVIVED), ("survived_500", within[:, -1])):
-        yield from _interval(name, proportion(int(alive.sum()), len(alive)))
-        yield from _interval(f"{name}_in_model", proportion(int((alive & ~left).sum()), len(alive)))
-    yield from (
-        (reason, int((own["reason"] == code).sum()))
-        for code, reason in enumerate(RUN_REASONS)
-        if code
-    )
-    yield "left_model", int(left.sum())
-    yield "lasted_median_s", float(np.median(own["lasted"])) if len(left) else np.nan
-
-
-def _errors(own: Numbers) -> Iterator[tuple[str, float]]:
-    alive, squares = own["reason"] == SURVIVED, own["mean_square"]
-    yield from _interval("rmse_m", rmse(squares[alive, 0]))
-    yield "std_m", float(np.sqrt(squares[alive, 0]).std(ddof=1)) if alive.sum() > 1 else np.nan
-    yield from _interval("censored_m", rmse(own["censored"]))
-    for angle in ("roll", "pitch", "heading"):
-        yield f"{angle}_deg", float(np.degrees(rmse(squares[:, ERROR_GROUPS.index(angle)]).value))
-    yield from _geometric("anees", own["nees"] / STATES)
-
-
-def _times(rows: Rows, place: int) -> Iterator[tuple[str, float]]:
-    """When runs diverge (restricted to the flight), how the accelerometer bias is found, and the
-    error with the 500 m rule alone."""
-    yield from _interval("censored_500_m", rmse(censored(rows)[place]))
-    onset, end = onsets(rows, place), float(rows.t[-1])
-    for name, limit in (("early", EARLY), ("diverged", np.inf)):
-        yield from _interval(name, proportion(int((onset < limit).sum()), len(onset)))
-    yield from _geometric("onset_s", np.clip(onset, 1.0, end))
+def _figures(own: Numbers, rows: Rows, place: int) -> dict[str, float]:
+    """What one filter of a cell did: {name: value}, with the ends of its interval (name_low,
+    name_high) where it has one."""
+    within, left, squares = rows.within[place], np.isfinite(own["left_model"]), own["mean_square"]
+    survived, onset = own["reason"] == SURVIVED, onsets(rows, place)
     bias = np.sqrt(np.square(rows.error[place][..., BA], dtype=float).sum(axis=-1))
-    yield from _geometric("resolved_s", resolved(bias, rows.t))
-    yield from _interval(
-        "end_accel_bias_m_s2", rmse(np.where(rows.within[place][:, -1], bias[:, -1], np.nan) ** 2)
-    )
+    # how runs ended, also where a raw INS that left its model counts as lost; when they diverged
+    shares = {
+        "survived": survived,
+        "survived_in_model": survived & ~left,
+        "survived_500": within[:, -1],
+        "survived_500_in_model": within[:, -1] & ~left,
+        "early": onset < EARLY,
+        "diverged": onset < np.inf,
+    }
+    mean_squared = {
+        "rmse_m": squares[survived, 0],
+        "censored_m": own["censored"],
+        "censored_500_m": censored(rows)[place],
+        "end_accel_bias_m_s2": np.where(within[:, -1], bias[:, -1], np.nan) ** 2,
+    }
+    typical = {
+        "anees": own["nees"] / STATES,
+        "onset_s": np.clip(onset, 1.0, float(rows.t[-1])),
+        "resolved_s": resolved(bias, rows.t),
+    }
+    intervals = {
+        **{name: proportion(int(each.sum()), len(each)) for name, each in shares.items()},
+        **{name: rmse(each) for name, each in mean_squared.items()},
+        **{name: geometric(each) for name, each in typical.items()},
+    }
+    return {
+        **{
+            f"{name}{end}": float(value)
+            for name, each in intervals.items()
+            for end, value in zip(("", "_low", "_high"), each)
+        },
+        **{
+            reason: int((own["reason"] == code).sum())
+            for code, reason in enumerate(RUN_REASONS)
+            if code
+        },
+        "left_model": int(left.sum()),
+        "lasted_median_s": float(np.median(own["lasted"])) if len(left) else np.nan,
+        "std_m": float(np.sqrt(squares[survived, 0]).std(ddof=1)) if survived.sum() > 1 else np.nan,
+        **{
+            f"{angle}_deg": float(np.degrees(rmse(squares[:, ERROR_GROUPS.index(angle)]).value))
+            for angle in ("roll", "pitch", "heading")
+        },
+    }
 
 
 def onsets(rows: Rows, place: int) -> Array:
@@ -249,14 +250,8 @@ def resolved(bias: Array, t: Array) -> Array:
     return np.where(above.any(axis=-1), t[np.minimum(last + 1, len(t) - 1)], t[0])
 
 
-def _interval(name: str, interval: Interval) -> Iterator[tuple[str, float]]:
-    return zip((name, f"{name}_low", f"{name}_high"), interval)
-
-
-def _geometric(name: str, values: Array) -> Iterator[tuple[str, float]]:
-    """Geometric mean over runs with its interval."""
+def geometric(values: Array) -> Interval:
+    """Geometric mean over runs (n,) with its interval."""
     with np.errstate(all="ignore"):
         p = paired(np.log(values), np.zeros(len(values)))
-    return zip(
-        (name, f"{name}_low", f"{name}_high"), np.exp([p.difference, p.low, p.high]).tolist()
-    )
+    return Interval(*np.exp([p.difference, p.low, p.high]))

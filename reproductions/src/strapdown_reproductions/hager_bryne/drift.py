@@ -1,9 +1,6 @@
 """How far the raw INS of the open loop has drifted, beside what the filters lose by it: some
 runs of a campaign once more, with the INS kept."""
 
-from concurrent.futures import ThreadPoolExecutor
-from os import cpu_count
-
 import numpy as np
 import pandas as pd
 from scipy.stats import spearmanr
@@ -13,6 +10,7 @@ from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.study import Study, parsed, seeds, simulator
 from strapdown.typing import Array
 
+from ..common.study import on_threads
 from .cells import Rows, numbers_of, rows_of
 from .claims import SMALL_DRIFT
 
@@ -40,30 +38,26 @@ def measure(
         for number, (_, ran) in enumerate(known)
         for run in np.flatnonzero(ran)[:runs]
     ]
-    with ThreadPoolExecutor(threads or cpu_count()) as pool:
-        drifts = dict(zip(jobs, pool.map(lambda job: drift(campaign.study, *job), jobs)))
+    drifts = dict(zip(jobs, on_threads(lambda job: drift(campaign.study, *job), jobs, threads)))
     rows, points = [], []
     for number, cell in enumerate(campaign.study.cells):
         stored = rows_of(campaign, cell.name, *known[number])
         for row, run in enumerate(np.flatnonzero(known[number][1])[:runs]):
-            x, y, position = _points(stored, row, *drifts[number, int(run)])
-            place = {
-                "flight": cell.scenario.name.removeprefix("paper1-"),
-                "grade": cell.imu.name.removeprefix("paper1-"),
-                "run": run,
-            }
-            small = y[x < SMALL_DRIFT]
+            own = _points(stored, row, *drifts[number, int(run)])
+            small = own["nees"][own["drift"] < SMALL_DRIFT]
             rows.append(
-                place
-                | {
-                    "correlation": _rank_correlation(x, y),
-                    "small_ratio": float(np.exp(small.mean())) if len(small) else np.nan,
-                    "largest_drift_m": float(x.max(initial=0.0)),
-                    "epochs": len(x),
+                {
+                    "flight": cell.scenario.name.removeprefix("paper1-"),
+                    "grade": cell.imu.name.removeprefix("paper1-"),
+                    "run": run,
+                    "correlation": _rank_correlation(own["drift"], own["nees"]),
+                    "small_ratio": float(np.exp(small.mean())),
+                    "largest_drift_m": float(own["drift"].max()) if len(own) else 0.0,
+                    "epochs": len(own),
                 }
             )
-            points.append(np.c_[np.digitize(x, EDGES), y, position])
-    return pd.DataFrame(rows), _binned(np.concatenate(points))
+            points.append(own)
+    return pd.DataFrame(rows), _binned(pd.concat(points))
 
 
 def drift(study: Study, number: int, run: int) -> tuple[Array, Array]:
@@ -84,41 +78,36 @@ def drift(study: Study, number: int, run: int) -> tuple[Array, Array]:
     return solution.t, np.sqrt(sum(np.square(solution.columns[name]) for name in INS))
 
 
-def _points(stored: Rows, run: int, t: Array, drifted: Array) -> tuple[Array, Array, Array]:
-    """Drift, log NEES ratio and log ratio of squared position errors, open by closed, at the
-    stored epochs with both filters within 500 m."""
+def _points(stored: Rows, run: int, t: Array, drifted: Array) -> pd.DataFrame:
+    """A row per stored epoch with both filters within 500 m: drift, log NEES ratio and log ratio
+    of squared position errors, open by closed."""
     at = np.searchsorted(t, stored.t - 1e-6)
     known = (at < len(t)) & stored.within[0, run] & stored.within[1, run]
-    x = np.where(known, drifted[np.minimum(at, len(t) - 1)], np.nan)
     with np.errstate(all="ignore"):
-        y = np.log(stored.nees[0, run].astype(float) / stored.nees[1, run])
-        position = 2 * np.log(stored.distance[0, run] / stored.distance[1, run])
-    good = np.isfinite(x) & np.isfinite(y) & np.isfinite(position)
-    return x[good], y[good], position[good]
+        found = pd.DataFrame(
+            {
+                "drift": np.where(known, drifted[np.minimum(at, len(t) - 1)], np.nan),
+                "nees": np.log(stored.nees[0, run].astype(float) / stored.nees[1, run]),
+                "position": 2 * np.log(stored.distance[0, run] / stored.distance[1, run]),
+            }
+        )
+    return found[np.isfinite(found).all(axis=1)]
 
 
-def _rank_correlation(x: Array, y: Array) -> float:
+def _rank_correlation(x: pd.Series, y: pd.Series) -> float:
     return float(spearmanr(x, y).statistic) if len(x) >= LEAST and np.ptp(y) > 0 else np.nan
 
 
-def _binned(points: Array) -> pd.DataFrame:
+def _binned(points: pd.DataFrame) -> pd.DataFrame:
     """Quartiles of the NEES ratio and the median position ratio per bin of drift, as a
     DataFrame; bins with fewer than LEAST epochs are left out."""
     found = []
-    for k in range(1, len(EDGES)):
-        own = points[points[:, 0] == k]
-        if len(own) >= LEAST:
-            low, middle, high = np.exp(np.quantile(own[:, 1], (0.25, 0.5, 0.75)))
-            found.append(
-                (
-                    float(np.sqrt(EDGES[k - 1] * EDGES[k])),
-                    middle,
-                    low,
-                    high,
-                    float(np.exp(np.median(own[:, 2]) / 2)),
-                    len(own),
-                )
-            )
+    for k, own in points.groupby(np.digitize(points["drift"], EDGES)):
+        if 0 < k < len(EDGES) and len(own) >= LEAST:
+            low, middle, high = np.exp(np.quantile(own["nees"], (0.25, 0.5, 0.75)))
+            position = float(np.exp(np.median(own["position"]) / 2))
+            at = float(np.sqrt(EDGES[k - 1] * EDGES[k]))
+            found.append((at, middle, low, high, position, len(own)))
     return pd.DataFrame(
         found,
         columns=[

@@ -11,20 +11,19 @@ from pathlib import Path
 import pandas as pd
 
 from strapdown.experiments.monte_carlo.campaign import Campaign
-from strapdown.experiments.monte_carlo.study import Cell, Study
-from strapdown.files import replacing
+from strapdown.experiments.monte_carlo.study import Study
 from strapdown.sensor_models.imu import ImuSpec
 from strapdown.sim.scenario import Scenario, scenario
 from strapdown.typing import File, Progress, Say
 
-from ..common.pages import write_page
+from ..common import markdown
+from ..common.study import part_of, write_study
 from ..common.verdicts import BETTER, RULE, interval
 from . import (
     ablations as ablation,
     choices,
     claims as hager_bryne_claims,
     drift as hager_bryne_drift,
-    write_docs,
 )
 from .cells import table
 from .figures import all_figures
@@ -135,14 +134,10 @@ def made(
             f"{', '.join(f'{name} {study.steps() / 1e6:.3g}' for name, study in wanted.items())}"
         )
     for name, study in wanted.items():
-        steps = study.steps()
-        part = (
-            (lambda share, done=done, own=steps: progress((done + share * own) / total))
-            if progress
-            else None
-        )
+        end = done + study.steps()
+        part = part_of(progress, done / total, end / total)
         campaigns[name] = study.run(out / "campaign" / name, threads, workers, scheduler, say, part)
-        done += steps
+        done = end
     return write(out, campaigns, threads)
 
 
@@ -163,34 +158,27 @@ def write(
     claims = hager_bryne_claims.claims(
         hager_bryne_claims.Evidence(cells, moved, drift, initial, resets)
     )
-    figures = all_figures(
-        campaigns,
-        cells,
-        moved,
-        initial,
-        bins,
-        [cell.scenario for cell in _first_imu(flights.study)],
-    )
-    out = Path(out)
-    write_page(
+    said = [
+        f"- {name.removeprefix('ablation-')}: {markdown.plain(caption)}"
+        for name, (caption, _) in ablated.items()
+    ]
+    write_study(
         out,
         TITLE,
-        (*INTRODUCTION, _size(campaigns)),
+        INTRODUCTION,
+        _size(campaigns),
         claims,
-        _tables(cells, moved, initial, drift, bins) | _bounds(flights) | ablated,
-        figures=figures,
-        notes=[("What the paper leaves open, and what was chosen", choices.table())],
+        choices.table(),
+        _tables(cells, moved, initial, drift, bins) | {"bound": _bound(flights)} | ablated,
+        all_figures(campaigns, cells, moved, initial, bins, flights.study.scenarios),
+        listed=[
+            ("Without offset", by_flight(cells)),
+            ("With a constant accelerometer offset of 0.5 m/s² on each axis", by_flight(moved)),
+            ("With 0.5 m/s² as initial value of the bias process", by_flight(initial)),
+        ],
+        between=["", "Ablations, on flights 01, 07 and 10:", "", *said] if said else (),
     )
-    with replacing(out / "findings.md") as part:
-        part.write_text(
-            write_docs.findings(_size(campaigns), claims, cells, moved, initial, ablated),
-            encoding="utf-8",
-        )
     return claims
-
-
-def _first_imu(study: Study) -> tuple[Cell, ...]:
-    return study.cells[:: max(1, len(study.cells) // len(study.scenarios))]
 
 
 def _size(campaigns: dict[str, Campaign]) -> str:
@@ -243,45 +231,80 @@ def _tables(
     }
 
 
-def _bounds(flights: Campaign) -> dict[str, tuple[str, pd.DataFrame]]:
+def _bound(flights: Campaign) -> tuple[str, pd.DataFrame]:
     """The closed loop against the Cramer-Rao bound after 120 s, per flight and grade."""
-    rows = flights.summary[flights.summary["filter"] == ablation.CLOSED]
-    shown = rows[
-        ["scenario", "imu", "survived", "settled_rmse_m", "bound_m", "bound_ratio"]
-    ].rename(
-        columns={
-            "scenario": "flight",
-            "imu": "IMU",
-            "settled_rmse_m": "position RMSE, m",
-            "bound_m": "bound, m",
-            "bound_ratio": "ratio",
-        }
-    )
-    return {
-        "bound": (
-            "Closed loop against the Cramér-Rao bound of a filter told this P0: time-averaged "
-            "position RMSE after 120 s",
-            shown,
-        )
+    columns = {
+        "scenario": "flight",
+        "imu": "IMU",
+        "survived": "survived",
+        "settled_rmse_m": "position RMSE, m",
+        "bound_m": "bound, m",
+        "bound_ratio": "ratio",
     }
+    rows = flights.summary[flights.summary["filter"] == ablation.CLOSED]
+    return (
+        "Closed loop against the Cramér-Rao bound of a filter told this P0: time-averaged "
+        "position RMSE after 120 s",
+        rows[list(columns)].rename(columns=columns),
+    )
 
 
 def readable(cells: pd.DataFrame) -> pd.DataFrame:
     """The table of cells for people: shares, RMSE and NEES of both filters side by side, and the
     ratios with their intervals."""
-    shown: dict[str, pd.Series | list[str]] = {"flight": cells["flight"], "grade": cells["grade"]}
-    for column, name in (
-        ("survived", "survived"),
-        ("survived_in_model", "survived in model"),
-        ("survived_500", "survived 500 m rule"),
-        ("rmse_m", "RMSE of survivors, m"),
-        ("censored_m", "RMSE of all, m"),
-        ("censored_500_m", "RMSE of all by the 500 m rule, m"),
-        ("anees", "NEES/15"),
-    ):
-        shown |= {f"{name}, {loop}": cells[f"{loop}_{column}"] for loop in ("open", "closed")}
-    for name in ("position_500", "tilt", "heading"):
-        shown[f"{name.removesuffix('_500')}, open against closed"] = [
-            interval(row, name) for _, row in cells.iterrows()
-        ]
-    return pd.DataFrame(shown)
+    columns = {
+        "survived": "survived",
+        "survived_in_model": "survived in model",
+        "survived_500": "survived 500 m rule",
+        "rmse_m": "RMSE of survivors, m",
+        "censored_m": "RMSE of all, m",
+        "censored_500_m": "RMSE of all by the 500 m rule, m",
+        "anees": "NEES/15",
+    }
+    return pd.DataFrame(
+        {
+            "flight": cells["flight"],
+            "grade": cells["grade"],
+            **{
+                f"{name}, {loop}": cells[f"{loop}_{column}"]
+                for column, name in columns.items()
+                for loop in ("open", "closed")
+            },
+            **{
+                f"{name}, open against closed": _intervals(cells, column)
+                for name, column in (
+                    ("position", "position_500"),
+                    ("tilt", "tilt"),
+                    ("heading", "heading"),
+                )
+            },
+        }
+    )
+
+
+def _intervals(cells: pd.DataFrame, name: str) -> list[str]:
+    return [interval(row, name) for _, row in cells.iterrows()]
+
+
+def by_flight(cells: pd.DataFrame) -> pd.DataFrame:
+    """The table of cells for docs/open-or-closed-loop.md, as text: a row per grade and flight."""
+    rows = cells.sort_values(["grade", "flight"])
+    columns = (
+        ("grade", "grade", "{}"),
+        ("flight", "flight", "{}"),
+        ("min", "minutes", "{:.0f}"),
+        ("survived, open", "open_survived", "{:.0%}"),
+        ("closed", "closed_survived", "{:.0%}"),
+        ("by the 500 m rule, open", "open_survived_500", "{:.0%}"),
+        ("closed", "closed_survived_500", "{:.0%}"),
+        ("RMSE open, m", "open_censored_500_m", "{:.3g}"),
+        ("closed, m", "closed_censored_500_m", "{:.3g}"),
+        ("open against closed", "ratio", "{}"),
+        ("NEES/15 open", "open_anees", "{:.3g}"),
+        ("closed", "closed_anees", "{:.3g}"),
+    )
+    rows = rows.assign(ratio=_intervals(rows, "position_500"))
+    return pd.DataFrame(
+        [[form.format(row[column]) for _, column, form in columns] for _, row in rows.iterrows()],
+        columns=[name for name, _, _ in columns],
+    )

@@ -197,23 +197,31 @@ CRITERIA = {
 def redrawn(tables: dict[Case, pd.DataFrame], experiment: str) -> pd.DataFrame:
     """DataFrame shaped as the paper's table of an experiment: a row per criterion and reading,
     "published / ours" for each mode."""
-    rows = []
-    published = PUBLISHED[TABLE_OF[experiment]]
-    for case, table in of(tables, experiment, tuning=SENSORS).items():
-        for measure, title in CRITERIA.items():
-            row = {
+    return pd.DataFrame(
+        [
+            {
                 "rms deviation from the final value, or overshoot": title,
                 "prediction": case.prediction if experiment != E0 else "–",
+                **{
+                    mode: f"{_printed(value)} / "
+                    f"{middle(known(table, measure, mode), MEASURES[measure])}"
+                    for mode, value in zip(MODES, _published(TABLE_OF[experiment], measure))
+                },
             }
-            printed = published.get(
-                measure,
-                published.get(f"g{measure[1]}" if measure[0] in "gm" else "", (np.nan,) * 4),
-            )
-            for mode, value in zip(MODES, printed):
-                text = "divergence" if np.isinf(value) else "–" if np.isnan(value) else f"{value:g}"
-                row[mode] = f"{text} / {middle(known(table, measure, mode), MEASURES[measure])}"
-            rows.append(row)
-    return pd.DataFrame(rows)
+            for case, table in of(tables, experiment, tuning=SENSORS).items()
+            for measure, title in CRITERIA.items()
+        ]
+    )
+
+
+def _published(table: str, measure: str) -> tuple[float, ...]:
+    """Values of MODES of a published table; its Gx, Gy and Gz stand beside weight and moment."""
+    by_axis = f"g{measure[1]}" if measure[0] in "gm" else ""
+    return PUBLISHED[table].get(measure, PUBLISHED[table].get(by_axis, (np.nan,) * len(MODES)))
+
+
+def _printed(value: float) -> str:
+    return "divergence" if np.isinf(value) else "–" if np.isnan(value) else f"{value:g}"
 
 
 LEFT_OUT = {
@@ -236,24 +244,25 @@ def left_out(
     tables: dict[Case, pd.DataFrame], cases: Collection[Case] | None = None
 ) -> pd.DataFrame:
     """A row per case and mode: medians and quantiles over the seeds, NEES, and flights lost."""
-    rows = []
-    for case, table in tables.items():
-        if cases is not None and case not in cases:
-            continue
-        for mode, lost in table.attrs["lost"].items():
-            row = {"case": str(case), "mode": mode, "flights": len(table), "lost": lost}
-            row |= {
-                title: middle(known(table, measure, mode), MEASURES[measure])
-                for measure, title in LEFT_OUT.items()
+    return pd.DataFrame(
+        [
+            {
+                "case": str(case),
+                "mode": mode,
+                "flights": len(table),
+                "lost": lost,
+                **{
+                    title: middle(known(table, measure, mode), MEASURES[measure])
+                    for measure, title in LEFT_OUT.items()
+                },
+                "NEES at 15 s": _nees(known(table, "nees_cut", mode)),
+                "NEES at the end": _nees(known(table, "nees_end", mode)),
             }
-            rows.append(
-                row
-                | {
-                    "NEES at 15 s": _nees(known(table, "nees_cut", mode)),
-                    "NEES at the end": _nees(known(table, "nees_end", mode)),
-                }
-            )
-    return pd.DataFrame(rows)
+            for case, table in tables.items()
+            if cases is None or case in cases
+            for mode, lost in table.attrs["lost"].items()
+        ]
+    )
 
 
 def _nees(values: Array) -> str:

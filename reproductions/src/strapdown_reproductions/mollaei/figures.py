@@ -5,7 +5,8 @@ In their colours: blue without a filter, EKF grey (theirs is black, which a dark
 red, PKF green.
 """
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -25,6 +26,7 @@ from strapdown.reports.drawing import (
 )
 from strapdown.typing import Array
 
+from ..common.figures import marks, names_down
 from ..common.paired_ratios import ratio
 from .cells import (
     CUT,
@@ -62,20 +64,41 @@ SHARE = 4.0
 them; what leaves it is named."""
 FIRST = "First seed, whatever it looks like. "
 SHADED = FIRST + "Shaded: no fixes. "
-FORCES = (("Fx [N]", "force", 0), ("Fy [N]", "force", 1), ("Fz [N]", "force", 2))
+Signal: TypeAlias = tuple[str, Callable[[str, Record], Array]]
+"""(label of its panel, values (n,) of the flight of a mode)."""
+
+
+def _column(field: str, column: int | None = None) -> Callable[[str, Record], Array]:
+    """A field of Record, or one column of it."""
+    at = ... if column is None else (slice(None), column)
+    return lambda mode, record: getattr(record, field)[at]
+
+
+def _estimate(axis: int) -> Callable[[str, Record], Array]:
+    """The estimated place of the aircraft; of the reference flight the true one."""
+    return lambda mode, record: (
+        record.place[:, axis] - (record.position[:, axis] if mode != TRUTH else 0.0)
+    )
+
+
+FORCES = tuple((f"F{axis} [N]", _column("force", k)) for k, axis in enumerate("xyz"))
 SPEEDS = (
-    ("u, X [m/s]", "velocity", 0),
-    ("v, Y [m/s]", "velocity", 1),
-    ("w, Z [m/s]", "velocity", 2),
+    ("u, X [m/s]", _column("velocity", 0)),
+    ("v, Y [m/s]", _column("velocity", 1)),
+    ("w, Z [m/s]", _column("velocity", 2)),
 )
 CONTROLS = (
-    ("Ua, aileron<br>[deg]", "surfaces", 0),
-    ("Ue, elevator<br>[deg]", "surfaces", 1),
-    ("Ur, rudder<br>[deg]", "surfaces", 2),
-    ("engine speed<br>[rad/s]", "engine", None),
-    ("AOF, angle of<br>attack [deg]", "alpha", None),
+    ("Ua, aileron<br>[deg]", _column("surfaces", 0)),
+    ("Ue, elevator<br>[deg]", _column("surfaces", 1)),
+    ("Ur, rudder<br>[deg]", _column("surfaces", 2)),
+    ("engine speed<br>[rad/s]", _column("engine")),
+    ("AOF, angle of<br>attack [deg]", _column("alpha")),
 )
-PLACES = (("X, north [m]", 0), ("Y, east [m]", 1), ("Z, down [m]", 2))
+PLACES = (
+    ("X, north [m]", _estimate(0)),
+    ("Y, east [m]", _estimate(1)),
+    ("Z, down [m]", _estimate(2)),
+)
 DRIVEN = (("a", IMU), ("b", MODEL))
 
 
@@ -84,7 +107,7 @@ def all_figures(
 ) -> list[tuple[str, go.Figure, str]]:
     """[(heading, figure, caption)] of the page; results: runs.Results, tables:
     cells.wide of its scores."""
-    found = [
+    return [
         (
             "Figure 1: control inputs with fixes (E0)",
             over_time(results, Case(E0), CONTROLS),
@@ -100,34 +123,32 @@ def all_figures(
             over_time(results, Case(E0), SPEEDS),
             FIRST + "True velocity of the aircraft along its axes.",
         ),
-    ]
-    found += [
-        (
-            f"Figure 4{letter} redrawn: control inputs, GPS cut at 15 s, {each}-driven (E1)",
-            over_time(results, Case(E1, prediction=each), CONTROLS),
-            SHADED + ALIKE * (each == IMU),
-        )
-        for letter, each in DRIVEN
-    ]
-    found += [
-        (
-            f"Figure 5{letter} redrawn: position, GPS cut at 15 s, {each}-driven (E1)",
-            positions(results, Case(E1, prediction=each)),
-            SHADED + "Estimates; the curve of the true state is where that flight was.",
-        )
-        for letter, each in DRIVEN
-    ]
-    for number, title, rows in ((6, "forces", FORCES), (7, "control inputs", CONTROLS)):
-        found += [
+        *(
+            (
+                f"Figure 4{letter} redrawn: control inputs, GPS cut at 15 s, {each}-driven (E1)",
+                over_time(results, Case(E1, prediction=each), CONTROLS),
+                SHADED + ALIKE * (each == IMU),
+            )
+            for letter, each in DRIVEN
+        ),
+        *(
+            (
+                f"Figure 5{letter} redrawn: position, GPS cut at 15 s, {each}-driven (E1)",
+                over_time(results, Case(E1, prediction=each), PLACES, 170, everything=True),
+                SHADED + "Estimates; the curve of the true state is where that flight was.",
+            )
+            for letter, each in DRIVEN
+        ),
+        *(
             (
                 f"Figure {number}{letter} redrawn: {title}, no GPS for five minutes, {each}-driven "
                 f"(E2)",
-                over_time(results, Case(E2, prediction=each), rows),
+                over_time(results, Case(E2, prediction=each), signals),
                 SHADED,
             )
+            for number, title, signals in ((6, "forces", FORCES), (7, "control inputs", CONTROLS))
             for letter, each in DRIVEN
-        ]
-    found += [
+        ),
         ("Figure 8: growth of the errors in 10 s (E1)", growth(results, E1), OVER_SEEDS),
         ("Figure 9: ratios of the deviations", ratios(tables), RATIOS),
         ("Figure 10: growth of the errors in five minutes (E2)", growth(results, E2), OVER_SEEDS),
@@ -137,7 +158,6 @@ def all_figures(
             FIRST + "True path of the aircraft; a mark where the fixes end.",
         ),
     ]
-    return found
 
 
 ALIKE = "EKF and UKF are one filter here, and their curves coincide."
@@ -155,36 +175,30 @@ RATIOS = (
 
 
 def over_time(
-    results: Results, case: Case, rows: tuple[tuple[str, str, int | None], ...]
+    results: Results,
+    case: Case,
+    signals: tuple[Signal, ...],
+    height: int = 140,
+    everything: bool = False,
 ) -> go.Figure:
-    """A panel per signal (label, field of Record, column) with the reference flight and the
-    modes of a case."""
+    """A panel per signal with the reference flight and the modes of a case; everything: frames
+    hold also what no filter does."""
     runs = _runs(results, case)
-    drawn = panels([label for label, _, _ in rows], height=140)
-    for row, (label, field, column) in enumerate(rows, 1):
-        of = lambda record: (
-            getattr(record, field) if column is None else getattr(record, field)[:, column]
-        )
-        _panel(drawn, row, label, {mode: (record.t, of(record)) for mode, record in runs.items()})
-    return _finished(drawn, case, runs, len(rows))
-
-
-def positions(results: Results, case: Case) -> go.Figure:
-    """Estimated position north, east, down of the start; of the reference flight the true one."""
-    runs = _runs(results, case)
-    drawn = panels([label for label, _ in PLACES], height=170)
-    for row, (label, axis) in enumerate(PLACES, 1):
-        estimate = lambda mode, record: (
-            record.place[:, axis] - (0.0 if mode == TRUTH else record.position[:, axis])
-        )
-        _panel(
-            drawn,
-            row,
-            label,
-            {mode: (record.t, estimate(mode, record)) for mode, record in runs.items()},
-            everything=True,
-        )
-    return _finished(drawn, case, runs, len(PLACES))
+    drawn = panels([label for label, _ in signals], height=height)
+    for row, (label, of) in enumerate(signals, 1):
+        values = {mode: of(mode, record) for mode, record in runs.items()}
+        for mode, y in values.items():
+            line(drawn, runs[mode].t, y, mode, COLOUR[mode], row=row, **STYLE[mode])
+        if not everything:
+            _framed(drawn, row, label.replace("<br>", " "), values)
+    end = max((float(record.t[-1]) for record in runs.values()), default=1.0)
+    if case.experiment != E0:
+        drawn.add_vrect(CUT, end, fillcolor=WITHHELD, line_width=0, layer="below")
+    for mode, record in runs.items():
+        if record.stopped:
+            note(drawn, f"{mode}: {record.stopped}.")
+    drawn.update_xaxes(range=[0.0, end])
+    return drawn.update_xaxes(title_text="time [s]", row=len(signals), col=1)
 
 
 def _runs(results: Results, case: Case) -> dict[str, Record]:
@@ -192,48 +206,26 @@ def _runs(results: Results, case: Case) -> dict[str, Record]:
     one reading."""
     found = {TRUTH: results.references.get(case.experiment)}
     for mode in MODES:
-        found[mode] = results.samples.get(
-            (case._replace(prediction=IMU) if mode == NO_FILTER else case, mode)
-        )
+        flown = case._replace(prediction=IMU) if mode == NO_FILTER else case
+        found[mode] = results.samples.get((flown, mode))
     return {mode: record for mode, record in found.items() if record is not None and len(record.t)}
 
 
-def _panel(
-    drawn: go.Figure,
-    row: int,
-    label: str,
-    curves: dict[str, tuple[Array, Array]],
-    everything: bool = False,
-) -> None:
-    """Lines of one panel; its frame holds all but what no filter does, where that is much more."""
-    for mode, (t, values) in curves.items():
-        line(drawn, t, values, mode, COLOUR[mode], row=row, **STYLE[mode])
-    shown = [
-        values[np.isfinite(values)] for mode, (_, values) in curves.items() if mode != NO_FILTER
-    ]
-    if NO_FILTER not in curves or everything or not shown:
+def _framed(drawn: go.Figure, row: int, label: str, values: dict[str, Array]) -> None:
+    """The frame of a panel holds all but what no filter does, where that is much more."""
+    outside = values.get(NO_FILTER)
+    shown = [own[np.isfinite(own)] for mode, own in values.items() if mode != NO_FILTER]
+    if outside is None or not shown:
         return
     low, high = min(map(np.min, shown)), max(map(np.max, shown))
     middle, half = (low + high) / 2, max((high - low) / 2, 1e-6) * SHARE
-    outside = curves[NO_FILTER][1]
-    if np.nanmin(outside) < middle - half or np.nanmax(outside) > middle + half:
+    least, most = np.nanmin(outside), np.nanmax(outside)
+    if least < middle - half or most > middle + half:
         drawn.update_yaxes(range=[middle - half, middle + half], row=row, col=1)
         note(
             drawn,
-            f"Outside the frame without a filter: {label.replace('<br>', ' ')} from "
-            f"{np.nanmin(outside):.3g} to {np.nanmax(outside):.3g}.",
+            f"Outside the frame without a filter: {label} from {least:.3g} to {most:.3g}.",
         )
-
-
-def _finished(drawn: go.Figure, case: Case, runs: dict[str, Record], rows: int) -> go.Figure:
-    end = max((float(record.t[-1]) for record in runs.values()), default=1.0)
-    if case.experiment != E0:
-        drawn.add_vrect(CUT, end, fillcolor=WITHHELD, line_width=0, layer="below")
-    drawn.update_xaxes(range=[0.0, end])
-    for mode, record in runs.items():
-        if record.stopped:
-            note(drawn, f"{mode}: {record.stopped}.")
-    return drawn.update_xaxes(title_text="time [s]", row=rows, col=1)
 
 
 def growth(results: Results, experiment: str) -> go.Figure:
@@ -247,20 +239,16 @@ def growth(results: Results, experiment: str) -> go.Figure:
     drawn = make_subplots(
         rows=2, cols=2, horizontal_spacing=0.09, vertical_spacing=0.16, subplot_titles=titles
     )
+    thin = {"width": 0.8, "dash": "dot"}
     for row, each in enumerate((IMU, MODEL), 1):
         for mode in MODES:
-            found = results.curves.get(
-                (Case(experiment, prediction=IMU if mode == NO_FILTER else each), mode)
-            )
-            if found is None:
+            case = Case(experiment, prediction=IMU if mode == NO_FILTER else each)
+            if (case, mode) not in results.curves:
                 continue
-            t, values = found
-            for col in (1, 2):
-                quantiles = np.quantile(
-                    values[:, col - 1], (0.1, 0.5, 0.9), axis=0, method="inverted_cdf"
-                )
-                for k, y in enumerate(quantiles):
-                    style = STYLE[mode] if k == 1 else {"width": 0.8, "dash": "dot"}
+            t, values = results.curves[case, mode]
+            ends = np.quantile(values, (0.1, 0.5, 0.9), axis=0, method="inverted_cdf")
+            for quantile, style in zip(ends, (thin, STYLE[mode], thin)):
+                for col, y in enumerate(quantile, 1):
                     drawn.add_trace(
                         go.Scatter(
                             x=t,
@@ -269,7 +257,7 @@ def growth(results: Results, experiment: str) -> go.Figure:
                             name=mode,
                             legendgroup=mode,
                             line={"color": COLOUR[mode], **style},
-                            showlegend=k == 1 and row == col == 1,
+                            showlegend=style is not thin and row == col == 1,
                             hovertemplate="%{y:.3g} m",
                         ),
                         row=row,
@@ -312,48 +300,31 @@ def ratios(tables: dict[Case, pd.DataFrame]) -> go.Figure:
         horizontal_spacing=0.015,
         subplot_titles=titles,
     )
-    ends = [0.9, 1.1]
+    known = [0.9, 1.1]
     for col, case in enumerate(cases, 1):
-        for k, (first, second) in enumerate(PAIRS):
-            found = [ratio(tables[case], measure, first, second) for measure in DEVIATIONS]
-            values, low, high = (
-                np.array([getattr(each, name) for each in found], float)
-                for name in ("value", "low", "high")
-            )
-            ends += [*low[low > 0], *high[np.isfinite(high)], *values[values > 0]]
-            drawn.add_trace(
-                go.Scatter(
-                    x=values,
-                    y=np.arange(len(DEVIATIONS)) + 0.2 * (k - 1),
-                    mode="markers",
-                    name=f"{first} / {second}",
-                    legendgroup=str(k),
-                    showlegend=col == 1,
-                    marker={
-                        "color": COLOURS[k + 1],
-                        "size": 6,
-                        "symbol": ("circle", "diamond", "square")[k],
-                    },
-                    hovertemplate="%{x:.3g}",
-                    error_x={
-                        "type": "data",
-                        "array": np.nan_to_num(high - values),
-                        "arrayminus": np.nan_to_num(values - low),
-                        "width": 2,
-                    },
-                ),
+        for k, (pair, symbol) in enumerate(zip(PAIRS, ("circle", "diamond", "square"))):
+            found = [ratio(tables[case], measure, *pair) for measure in DEVIATIONS]
+            values, *ends = np.array(found, float)[:, :3].T
+            known += [each for each in np.ravel([values, *ends]) if 0 < each < np.inf]
+            marks(
+                drawn,
+                values,
+                np.arange(len(DEVIATIONS)) + 0.2 * (k - 1),
+                " / ".join(pair),
+                COLOURS[k + 1],
+                tuple(ends),
+                along="x",
                 row=1,
                 col=col,
+                legend=col == 1,
+                hover="%{x:.3g}",
+                size=6,
+                symbol=symbol,
             )
         drawn.add_vline(x=1, line={"color": GREY, "width": 1, "dash": "dot"}, row=1, col=col)
-    low, high = np.log10(min(ends)) - 0.05, np.log10(max(ends)) + 0.05
+    low, high = np.log10(min(known)) - 0.05, np.log10(max(known)) + 0.05
     drawn.update_xaxes(type="log", range=[low, high], title_text="ratio", **log_ticks(low, high))
-    drawn.update_yaxes(
-        tickmode="array",
-        tickvals=list(range(len(DEVIATIONS))),
-        ticktext=[SHORT[name] for name in DEVIATIONS],
-        range=[len(DEVIATIONS) - 0.5, -0.5],
-    )
+    drawn.update_yaxes(**names_down([SHORT[name] for name in DEVIATIONS]))
     return finish(drawn, 460).update_layout(
         hovermode="closest", margin={"t": 84}, legend={"y": 1.1}
     )
@@ -374,17 +345,10 @@ def turning(results: Results) -> go.Figure:
                 hoverinfo="skip",
             )
         )
-        cut = int(np.searchsorted(record.t, CUT))
-        if mode == TRUTH and cut < len(record.t):
-            drawn.add_trace(
-                go.Scatter(
-                    x=record.place[cut : cut + 1, 1],
-                    y=record.place[cut : cut + 1, 0],
-                    mode="markers",
-                    name="fixes end",
-                    marker={"color": GREY, "size": 9, "symbol": "x"},
-                )
-            )
+        if mode == TRUTH:
+            at = np.flatnonzero(record.t >= CUT)[:1]
+            x, y = record.place[at, 1], record.place[at, 0]
+            marks(drawn, x, y, "fixes end", GREY, size=9, symbol="x")
     drawn.update_xaxes(title_text="east [m]")
     drawn.update_yaxes(scaleanchor="x", scaleratio=1)
     return drawn.update_layout(hovermode="closest")

@@ -5,17 +5,12 @@ Source: M. Mollaei, M. Shafieirad and E. Moradi, "Enhanced Navigation Accuracy U
 Kalman Filters in INS/GPS Integration", Majlesi Journal of Electrical Engineering, 2025.
 """
 
-from pathlib import Path
-
 import pandas as pd
 
 from strapdown import __version__
-from strapdown.checks import DataError
-from strapdown.files import replacing
 from strapdown.typing import File, Progress
 
-from ..common import markdown
-from ..common.pages import write_page
+from ..common.study import seeds, write_study
 from . import (
     cells,
     choices as mollaei_choices,
@@ -83,19 +78,15 @@ def reproduce(
     seeds; seed: from which they are made, 0 or more; threads: the processors by default; progress:
     called with the fraction done. Raises DataError.
     """
-    count = (QUICK_SEEDS if quick else SEEDS) if runs is None else runs
-    if count < 1 or seed < 0:
-        raise DataError(f"runs is {count} and seed {seed}; give one run or more, and a seed from 0")
+    of_flights = seeds(quick, runs, seed, SEEDS, QUICK_SEEDS)
     components = QUICK_COMPONENTS if quick else COMPONENTS
-    results = mollaei_runs.run_all(
-        [1000 * seed + k for k in range(count)], components, threads=threads, progress=progress
-    )
+    results = mollaei_runs.run_all(of_flights, components, threads=threads, progress=progress)
     return write(out, results, components, seed)
 
 
 def write(out: File, results: Results, components: int, seed: int) -> list[dict[str, str]]:
     """Write the page of finished Results into the folder `out`; return the claims."""
-    out, scores = Path(out), results.scores
+    scores = results.scores
     tables = cells.wide(scores)
     linear = scores[
         (scores["form"] == SIX) & (scores["prediction"] == IMU) & scores["mode"].isin((UKF, PKF))
@@ -103,27 +94,17 @@ def write(out: File, results: Results, components: int, seed: int) -> list[dict[
     claims = mollaei_claims.claims(
         rules.Evidence(tables, linear[["seed", "mode", "apart_m"]], results.seconds)
     )
-    size = sentence(scores, components, seed)
-    made = shown(tables, results)
-    files = {name: (None, table) for name, _, table in made} | {"flights": (None, scores)}
-    choices = mollaei_choices.table(seeds=flights(scores), final=FINAL, **mollaei_runs.texts())
-    write_page(
+    write_study(
         out,
         TITLE,
-        (*INTRODUCTION, size),
+        INTRODUCTION,
+        sentence(scores, components, seed),
         claims,
-        files,
-        figures=all_figures(results, tables),
-        notes=[
-            *((heading, table) for _, heading, table in made),
-            ("What the paper leaves open, and what was chosen", choices),
-        ],
+        mollaei_choices.table(seeds=flights(scores), final=FINAL, **mollaei_runs.texts()),
+        {"flights": (None, scores)},
+        all_figures(results, tables),
+        shown(tables, results),
     )
-    with replacing(out / "findings.md") as part:
-        part.write_text(
-            markdown.findings(size, claims, [(heading, table) for _, heading, table in made]),
-            encoding="utf-8",
-        )
     return claims
 
 
@@ -149,40 +130,28 @@ def shown(
     tables: dict[Case, pd.DataFrame], results: Results
 ) -> list[tuple[str, str, pd.DataFrame]]:
     """[(name, heading, DataFrame of text)] of the tables for people."""
-    six = lambda experiment: [
-        case for case in tables if case.form == SIX and case.experiment == experiment
-    ]
-    found = [
-        (
-            f"redrawn-{experiment.lower()}",
-            f"{cells.TABLE_OF[experiment]} redrawn ({experiment})",
-            cells.redrawn(tables, experiment),
-        )
-        for experiment in (E0, E1, E2)
-    ]
-    found += [
-        (
-            f"left-out-{experiment.lower()}",
-            f"Left out: {experiment}",
-            cells.left_out(tables, six(experiment)),
-        )
+    left_out = {
+        (f"left-out-{experiment.lower()}", f"Left out: {experiment}"): [
+            case for case in tables if case.form == SIX and case.experiment == experiment
+        ]
         for experiment in cells.EXPERIMENTS
-        if six(experiment)
-    ]
-    full = [case for case in tables if case.form == FULL]
-    if full:
-        found.append(("full", "Filters with 15 states", cells.left_out(tables, full)))
+    } | {("full", "Filters with 15 states"): [case for case in tables if case.form == FULL]}
+    time = pd.DataFrame(
+        [
+            (mode, driven, f"{seconds:.2g}", "5400" if mode in (UKF, PKF) else "–")
+            for (mode, driven), seconds in results.seconds.items()
+        ],
+        columns=["six states", "prediction", "s", "the paper, s"],
+    )
     return [
-        *found,
-        (
-            "time",
-            "Time of one flight (E2)",
-            pd.DataFrame(
-                [
-                    (mode, driven, f"{seconds:.2g}", "5400" if mode in (UKF, PKF) else "–")
-                    for (mode, driven), seconds in results.seconds.items()
-                ],
-                columns=["six states", "prediction", "s", "the paper, s"],
-            ),
+        *(
+            (
+                f"redrawn-{experiment.lower()}",
+                f"{cells.TABLE_OF[experiment]} redrawn ({experiment})",
+                cells.redrawn(tables, experiment),
+            )
+            for experiment in (E0, E1, E2)
         ),
+        *((*named, cells.left_out(tables, own)) for named, own in left_out.items() if own),
+        ("time", "Time of one flight (E2)", time),
     ]

@@ -161,81 +161,71 @@ def score(record: Record, reference: Record, cut: float | None = None) -> dict[s
         **ways(record, reference),
     }
     said = "diverged" if max(found["worst_m"], found["off_max_m"]) >= FAR else ""
-    return {name: _at_most(found[name], most) for name, most in MEASURES.items()} | {"said": said}
-
-
-def _at_most(value: float, most: float) -> float:
-    """NaN stays: there is nothing to measure."""
-    return float(min(value, most)) if not np.isnan(value) else np.nan
+    # np.minimum keeps a NaN: there is nothing to measure
+    return {name: float(np.minimum(found[name], most)) for name, most in MEASURES.items()} | {
+        "said": said
+    }
 
 
 def deviations(record: Record, reference: Record) -> dict[str, float]:
     """Rms deviations of SIGNALS from their final value, and from that of the reference flight."""
-    found = {}
-    for name in SIGNALS:
-        values = record.signal(name)
-        found[name] = deviation(values, final(record.t, values))
-        found[f"{name}_ref"] = deviation(values, final(reference.t, reference.signal(name)))
-    return found
+    return {
+        f"{name}{ending}": deviation(record.signal(name), final(judge.t, judge.signal(name)))
+        for name in SIGNALS
+        for ending, judge in (("", record), ("_ref", reference))
+    }
 
 
 def transients(record: Record, reference: Record) -> dict[str, float]:
     """Overshoots of velocity, settling times, and how far the final angle of attack is off."""
-    found: dict[str, float] = {}
-    for axis, column in (("x", 0), ("z", 2)):
-        values = record.velocity[:, column]
-        last = float(final(record.t, values))
-        found |= {
-            f"over_{axis}_pct": overshoot(values, last),
-            f"step_{axis}_pct": overshoot(values, last, float(reference.velocity[0, column])),
-        }
-    for name, label in (
-        ("elevator_deg", "elevator"),
-        ("engine_rad_s", "engine"),
-        ("alpha_deg", "alpha"),
-    ):
-        values = record.signal(name)
-        found[f"settle_{label}_s"] = settling(
-            record.t, values, final(record.t, values), WITHIN * np.ptp(reference.signal(name))
+    overshoots = {
+        f"{of}_{axis}_pct": overshoot(
+            record.velocity[:, k], final(record.t, record.velocity[:, k]), begin
         )
-    return found | {
-        "alpha_off_deg": abs(
-            float(final(record.t, record.alpha) - final(reference.t, reference.alpha))
-        )
+        for axis, k in (("x", 0), ("z", 2))
+        for of, begin in (("over", 0.0), ("step", reference.velocity[0, k]))
     }
+    settled = {
+        f"settle_{name.partition('_')[0]}_s": settling(
+            record.t,
+            record.signal(name),
+            final(record.t, record.signal(name)),
+            WITHIN * np.ptp(reference.signal(name)),
+        )
+        for name in ("elevator_deg", "engine_rad_s", "alpha_deg")
+    }
+    off = abs(float(final(record.t, record.alpha) - final(reference.t, reference.alpha)))
+    return overshoots | settled | {"alpha_off_deg": off}
 
 
 def estimates(record: Record, cut: float | None) -> dict[str, float]:
     """Errors of the estimate over the flight and in the outage; NEES of six states at the cut
     and at the end."""
-    t, position = record.t, record.position
+    t, length = record.t, np.linalg.norm
+    level, down = length(record.position[:, :2], axis=1), np.abs(record.position[:, 2])
+    distance, speed = length(record.position, axis=1), length(record.v_error, axis=1)
     after = np.zeros(len(t), bool) if cut is None else t > cut + 1e-6
     before = ~after & (t > t[0] + FINAL)  # the first seconds are of the start's own error
     rms = lambda values: float(np.sqrt(np.mean(values**2))) if values.size else np.nan
-    length = lambda rows, axes, values: rms(np.linalg.norm(values[rows][:, axes], axis=1))
-    level, all_rows = [0, 1], np.ones(len(t), bool)
-    end = position[-1] if cut is not None else np.full(3, np.nan)
-    horizontal = float(np.hypot(end[0], end[1]))
+    at_end = {
+        "horizontal_end_m": level[-1],
+        "vertical_end_m": down[-1],
+        "velocity_end_m_s": speed[-1],
+        "drift_m_s": level[-1] / (t[-1] - (cut or 0.0)),
+    }
     return {
-        "horizontal_rmse_m": length(all_rows, level, position),
-        "vertical_rmse_m": rms(position[:, 2]),
-        "velocity_rmse_m_s": length(all_rows, [0, 1, 2], record.v_error),
+        "horizontal_rmse_m": rms(level),
+        "vertical_rmse_m": rms(down),
+        "velocity_rmse_m_s": rms(speed),
         "attitude_rmse_deg": float(np.degrees(rms(record.attitude))),
-        "fixed_horizontal_rmse_m": length(before, level, position),
-        "outage_horizontal_rmse_m": length(after, level, position),
-        "outage_vertical_rmse_m": rms(position[after, 2]),
-        "outage_velocity_rmse_m_s": length(after, [0, 1, 2], record.v_error),
-        "horizontal_end_m": horizontal,
-        "vertical_end_m": abs(float(end[2])),
-        "velocity_end_m_s": float(np.linalg.norm(record.v_error[-1]))
-        if cut is not None
-        else np.nan,
-        "drift_m_s": horizontal / (t[-1] - cut) if cut is not None else np.nan,
-        "worst_m": float(
-            np.linalg.norm(position[after] if cut is not None else position, axis=1).max()
-        ),
-        "nees_cut": float(record.nees[0]),
-        "nees_end": float(record.nees[1]),
+        "fixed_horizontal_rmse_m": rms(level[before]),
+        "outage_horizontal_rmse_m": rms(level[after]),
+        "outage_vertical_rmse_m": rms(down[after]),
+        "outage_velocity_rmse_m_s": rms(speed[after]),
+        **(dict.fromkeys(at_end, np.nan) if cut is None else at_end),
+        "worst_m": distance[after].max() if cut is not None else distance.max(),
+        "nees_cut": record.nees[0],
+        "nees_end": record.nees[1],
     }
 
 
@@ -244,8 +234,8 @@ def ways(record: Record, reference: Record) -> dict[str, float]:
     the end; and beside its route at most."""
     apart = np.linalg.norm(record.place - reference.place[: len(record.place)], axis=1)
     return {
-        "off_rms_m": float(np.sqrt(np.mean(apart**2))),
-        "off_max_m": float(apart.max()),
-        "off_end_m": float(apart[-1]),
-        "off_route_m": float(np.abs(record.beside).max()),
+        "off_rms_m": np.sqrt(np.mean(apart**2)),
+        "off_max_m": apart.max(),
+        "off_end_m": apart[-1],
+        "off_route_m": np.abs(record.beside).max(),
     }

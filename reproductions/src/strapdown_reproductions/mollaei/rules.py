@@ -1,17 +1,23 @@
-"""How flights become verdicts on the claims of Mollaei et al.: the measures, the bounds, and the
-counting of cells."""
+"""How flights become verdicts on the claims of Mollaei et al.: the bounds, the measures, and the
+kinds of rules of the table in claims.py.
 
+Tables are those of cells.wide, {Case: table}.
+"""
+
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
 
-from strapdown.evaluation.consistency import proportion
+from strapdown.evaluation.consistency import paired, proportion
+from strapdown.typing import Array
 
-from ..common.pages import finding
-from ..common.paired_ratios import ratio, sides
-from ..common.verdicts import RULE, Count, both, over_readings
-from .cells import EKF, MODES, NO_FILTER, PKF, PUBLISHED, UKF, Case, known, of
+from ..common.claims import Judged
+from ..common.pages import PARTLY
+from ..common.paired_ratios import LEAST, ratio, sides
+from ..common.verdicts import Count, both, counted, decided, over_readings, share_of_runs, vote
+from .cells import MODES, NO_FILTER, PKF, PUBLISHED, SIX, UKF, Case, known
 
 DEVIATIONS = ("fx_n", "fz_n", "gx_n", "gz_n", "mx_nm", "my_nm", "mz_nm")
 """Fx and Fz; Gx and Gz as weight; and all three as moments."""
@@ -30,29 +36,24 @@ ZERO = 5e-5
 """N: what the tables print as 0.0000."""
 REAL_TIME = 315.0
 """s: the duration of E2."""
-CELLS = (
-    "a cell is a measure in one reading (IMU- or model-driven prediction, Q and R from the sensors "
-    "or as printed); "
-    "a filter is better where the 95 % interval of the ratio over the seeds lies below 1 by more "
-    "than 1 %"
-)
-TWO_FINALS = (
-    "judged with the final value of the flight itself and with that of the reference flight: "
-    "opposite verdicts leave it undecided, else the less favourable"
-)
-TWO_OVERSHOOTS = "judged as share of the final value and as share of the step: opposite verdicts leave it undecided, else the less favourable"
-BOTH = ((UKF, EKF), (PKF, EKF))
+CLAIMED = 5400.0
+"""s that it takes in the paper."""
 PRINTED_DEVIATIONS, PRINTED_ALL = (
     ("fx_n", "fz_n", "gx", "gz"),
     ("fx_n", "fz_n", "gx", "gz", *OVERSHOOTS),
 )
 """Rows of the published tables."""
+Tables: TypeAlias = dict[Case, pd.DataFrame]
+Pair: TypeAlias = tuple[str, str]
+"""(first, second): two modes, of which the first is to be better."""
+Counting: TypeAlias = Callable[[pd.DataFrame, str], tuple[int, int]]
+"""(flights of a mode of which something is so, its flights) of the table of a case."""
 
 
 class Evidence(NamedTuple):
     """All that the claims rest on."""
 
-    tables: dict[Case, pd.DataFrame]  # of cells.wide
+    tables: Tables
     # a row per IMU-driven flight: mode and apart_m, largest distance of estimate or aircraft from
     # the EKF's
     apart: pd.DataFrame
@@ -60,105 +61,67 @@ class Evidence(NamedTuple):
     seconds: dict[tuple[str, str], float]
 
 
-Pair: TypeAlias = tuple[str, str]
-"""(first, second): two modes, of which the first is to be better."""
-
-
-class Question(NamedTuple):
-    """Whether the first mode of each pair is better, in all measures in which it is asked."""
-
-    experiments: tuple[str, ...]
-    measures: tuple[str, ...]
-    pairs: tuple[Pair, ...]
-    others: tuple[str, ...] = ()  # measures of a second reading, which is judged too
-    how: str = ""  # text: what the two readings are
+def flown(*experiments: str, prediction: str | None = None) -> Callable[[Evidence], Tables]:
+    """Chooses the six-state tables of experiments, of all readings or of one prediction."""
+    return lambda evidence: {
+        case: table
+        for experiment in experiments
+        for case, table in evidence.tables.items()
+        if (case.experiment, case.form) == (experiment, SIX)
+        and prediction in (None, case.prediction)
+    }
 
 
 def better(
-    e: Evidence, experiments: tuple[str, ...], measures: tuple[str, ...], pairs: tuple[Pair, ...]
-) -> dict[Pair, Count]:
-    """{(first, second): Count} of the cells of `experiments` in which the first of each pair is
-    better."""
-    tables = {
-        case: table
-        for experiment in experiments
-        for case, table in of(e.tables, experiment).items()
-    }
-    return {pair: sides(tables, measures, *pair) for pair in pairs}
-
-
-def compared(
-    e: Evidence, text: str, source: str, question: Question, decided_by: str, extra: str = ""
-) -> dict[str, str]:
-    """A finding that the first of each pair is better over the cells of a Question; `extra` is
-    said after what was measured."""
-    experiments, measures, pairs, others, how = question
-    counts = better(e, experiments, measures, pairs)
-    verdicts, text_of = [both(*(count.verdict for count in counts.values()))], said(counts)
-    if others:
-        second = better(e, experiments, others, pairs)
-        verdicts.append(both(*(count.verdict for count in second.values())))
-        text_of += f". By the other reading: {said(second)}"
-    rule = f"{CELLS}; {RULE}; all pairs must hold" + f"; {how}" * bool(how)
-    return finding(
-        text,
-        source,
-        rule,
-        f"{text_of}; {by_case(e, experiments, measures, pairs)}{extra}",
-        over_readings(*verdicts),
-        decided_by,
+    tables: Tables, measures: Sequence[str], pairs: Sequence[Pair], others: Sequence[str] = ()
+) -> Judged:
+    """The first of each pair is better, over the cells of all tables and `measures`; and by a
+    second reading, the measures `others`, if there is one."""
+    readings = [
+        {pair: sides(tables, each, *pair) for pair in pairs} for each in (measures, others) if each
+    ]
+    return Judged(
+        over_readings(*(both(*(count.verdict for count in each.values())) for each in readings)),
+        ". By the other reading: ".join(
+            ". ".join(f"{first} better than {second}: {count}" for (first, second), count in each)
+            for each in (counts.items() for counts in readings)
+        ),
     )
 
 
-def said(counts: dict[Pair, Count]) -> str:
-    """Text: the Count of each pair (first, second)."""
-    return ". ".join(
-        f"{first} better than {second}: {count}" for (first, second), count in counts.items()
-    )
+def median_of(values: Array | Sequence[float]) -> str:
+    """Text: the median, "–" of nothing."""
+    return f"{np.median(values):.3g}" if len(values) else "–"
 
 
-def against(counts: dict[str, Count]) -> str:
-    """Text: the Count against each mode."""
-    return ". ".join(f"Against {mode}: {count}" for mode, count in counts.items())
-
-
-def by_case(
-    e: Evidence, experiments: tuple[str, ...], measures: tuple[str, ...], pairs: tuple[Pair, ...]
-) -> str:
-    """Text: for each reading how many measures go to the first of each pair, and the median
-    ratio."""
-    parts = []
-    for experiment in experiments:
-        for case, table in of(e.tables, experiment).items():
-            texts = []
-            for first, second in pairs:
-                found = [ratio(table, measure, first, second) for measure in measures]
-                values = [each.value for each in found if np.isfinite(each.value)]
-                texts.append(
-                    f"{first} / {second} {np.median(values):.3g}"
-                    if values
-                    else f"{first} / {second} –"
-                )
-            parts.append(f"{case}: {', '.join(texts)}")
+def median_ratios(tables: Tables, measures: Sequence[str], pairs: Sequence[Pair]) -> str:
+    """Text: for each reading the median over the measures of the ratio of each pair."""
+    values = lambda table, pair: np.array([ratio(table, each, *pair).value for each in measures])
+    known_of = lambda table, pair: [v for v in values(table, pair) if np.isfinite(v)]
+    parts = [
+        f"{case}: "
+        + ", ".join(f"{' / '.join(pair)} {median_of(known_of(table, pair))}" for pair in pairs)
+        for case, table in tables.items()
+    ]
     return "median ratios, " + "; ".join(parts) if parts else "not flown"
 
 
-def factor(
-    tables: dict[Case, pd.DataFrame], measures: tuple[str, ...], first: str, second: str
-) -> Count:
-    """Count of the cells in which the first mode's measure is at least TWICE the second's (whole
-    interval); whole below that contradicts."""
-    found = [
-        ratio(table, measure, first, second) for table in tables.values() for measure in measures
-    ]
-    return Count(
-        sum(each.low >= TWICE for each in found),
-        sum(each.high < TWICE for each in found),
-        len(found),
+def listed(values: dict[str, Array], unit: str) -> str:
+    """Text: the median of each mode that was flown."""
+    return ", ".join(
+        f"{mode} {np.median(own):.2g} {unit}" for mode, own in values.items() if len(own)
     )
 
 
-def printed(table: str, measures: tuple[str, ...], first: str, second: str) -> str:
+def medians(tables: Tables, measure: str, unit: str) -> str:
+    """Text: the medians of a measure of all modes, by case."""
+    return "; ".join(
+        f"{case}: {listed({mode: known(table, measure, mode) for mode in MODES}, unit)}"
+        for case, table in tables.items()
+    )
+
+
+def printed(table: str, measures: Sequence[str], first: str, second: str) -> str:
     """Text: in how many rows of a published table, of those that are not 0, the first mode's
     number is smaller."""
     a, b = (
@@ -169,39 +132,68 @@ def printed(table: str, measures: tuple[str, ...], first: str, second: str) -> s
     return f"{int((a < b)[real].sum())} of {int(real.sum())}"
 
 
-def rows_smaller(table: str, measures: tuple[str, ...], second: str) -> str:
+def rows_smaller(table: str, measures: Sequence[str], second: str) -> str:
     """Text: in how many rows of a published table UKF and PKF have smaller numbers than the mode
     `second`."""
-    return (
-        ", ".join(f"{first} {printed(table, measures, first, second)}" for first in (UKF, PKF))
-        + " rows smaller"
-    )
+    texts = (f"{first} {printed(table, measures, first, second)}" for first in (UKF, PKF))
+    return f". Published: {', '.join(texts)} rows smaller"
 
 
-def away(table: pd.DataFrame, mode: str, experiment: str = "") -> tuple[int, int]:
-    """(diverged, flights) of a mode: stopped, or estimate or aircraft further than AWAY off;
-    without a filter only the aircraft counts."""
+def furthest(table: pd.DataFrame, mode: str) -> Array:
+    """(flights,) m: how far aircraft or estimate were off at most; without a filter only the
+    aircraft counts."""
     names = ("off_max_m",) if mode == NO_FILTER else ("off_max_m", "worst_m")
-    values = [known(table, name, mode) for name in names]
-    return (
-        (int((np.max(values, axis=0) > AWAY).sum()), len(values[0])) if len(values[0]) else (0, 0)
-    )
+    return np.max([known(table, name, mode) for name in names], axis=0)
+
+
+def away(table: pd.DataFrame, mode: str) -> tuple[int, int]:
+    """Counting of the flights that diverged: stopped, or were further than AWAY off."""
+    off = furthest(table, mode)
+    return int((off > AWAY).sum()), len(off)
+
+
+def kept(table: pd.DataFrame, mode: str) -> tuple[int, int]:
+    """Counting of those that did not."""
+    diverged, flights = away(table, mode)
+    return flights - diverged, flights
 
 
 def near(table: pd.DataFrame, mode: str) -> tuple[int, int]:
-    """(flights whose estimate and aircraft stay within NEAR, flights)."""
-    values = [known(table, name, mode) for name in ("off_max_m", "worst_m")]
-    return (
-        (int((np.max(values, axis=0) < NEAR).sum()), len(values[0])) if len(values[0]) else (0, 0)
+    """Counting of the flights whose estimate and aircraft stay within NEAR."""
+    off = furthest(table, mode)
+    return int((off < NEAR).sum()), len(off)
+
+
+def most_flights(
+    tables: Tables, counting: Counting, modes: Sequence[str], level: float = 0.5
+) -> Count:
+    """Count of the cases and modes in which something is so in more than a share `level` of the
+    flights (Wilson); surely fewer contradicts."""
+    cells = [counting(table, mode) for table in tables.values() for mode in modes]
+    return share_of_runs(cells, level)
+
+
+def by_case(tables: Tables, counting: Counting, modes: Sequence[str]) -> str:
+    """Text: in how many flights it is so, by mode, where there are several, and case."""
+    return "; ".join(
+        f"{mode}, " * (len(modes) > 1) + f"{case} " + "{} of {}".format(*counting(table, mode))
+        for case, table in tables.items()
+        for mode in modes
     )
 
 
-def share(found: tuple[int, int], level: float, above: bool = True) -> Count:
-    """Count of one cell: Wilson's interval of the share found = (successes, flights) is above
-    `level`, or below it, which contradicts."""
-    interval = proportion(*found)
-    sides_ = int(interval.low > level), int(interval.high < level)
-    return Count(*(sides_ if above else sides_[::-1]), 1)
+def lost_once(tables: Tables, mode: str) -> str:
+    """Text: flights that diverged, of a mode that is the same in all readings."""
+    return "".join("{} of {}".format(*away(table, mode)) for table in list(tables.values())[:1])
+
+
+def ends(tables: Tables, measure: str, modes: Sequence[str]) -> str:
+    """Text: the median of a measure, m, by case and mode."""
+    return "; ".join(
+        f"{mode}, {case} {median_of(known(table, measure, mode))} m"
+        for case, table in tables.items()
+        for mode in modes
+    )
 
 
 def enough(flights: int) -> str:
@@ -216,12 +208,66 @@ def enough(flights: int) -> str:
     )
 
 
-def kept(found: tuple[int, int]) -> tuple[int, int]:
-    """(flights that did not, all) of (flights that did, all)."""
-    return found[1] - found[0], found[1]
+def symmetric(tables: Tables) -> Judged:
+    """Fy and the lateral weight are ZERO in all flights; not reproduced where in none."""
+    larger = {
+        mode: np.concatenate(
+            [
+                np.empty(0),
+                *(
+                    np.maximum(known(table, "fy_n", mode), known(table, "gy_n", mode))
+                    for table in tables.values()
+                ),
+            ]
+        )
+        for mode in MODES
+    }
+    values = np.concatenate(list(larger.values()))
+    zero, count = int((values < ZERO).sum()), len(values)
+    verdict = PARTLY if 0 < zero < count else decided(zero > 0, count > 0)
+    return Judged(
+        verdict, f"{zero} of {count} flights; medians of the larger: {listed(larger, 'N')}"
+    )
 
 
-def median(table: pd.DataFrame, measure: str, mode: str) -> str:
-    """Text: the median of a measure, "–" where the mode was not flown."""
-    values = known(table, measure, mode)
-    return f"{np.median(values):.3g}" if len(values) else "–"
+def no_larger(tables: Tables, measure: str, other: str, modes: Sequence[str]) -> Judged:
+    """Over the flights of a case `measure` is less than TWICE the measure `other` (geometric mean,
+    whole interval)."""
+    votes, texts = [], []
+    for mode in modes:
+        for case, table in tables.items():
+            a, b = (
+                np.log(np.maximum(known(table, each, mode), LEAST)) for each in (measure, other)
+            )
+            found = paired(a, b) if len(a) == len(b) else paired([], [])
+            votes.append(-vote(found.low, found.high, np.log(TWICE)))
+            texts.append(f"{mode}, {case} x{np.exp(found.difference):.3g}")
+    count = counted(votes)
+    return Judged(count.verdict, f"{count}. {'; '.join(texts)}")
+
+
+def slower_than_real_time(seconds: dict[tuple[str, str], float], modes: Sequence[str]) -> Judged:
+    """A flight takes longer than it lasts."""
+    slowest = max(seconds.values(), default=np.nan)
+    taken = "; ".join(
+        f"{mode}, {driven}-driven {each:.2g} s"
+        for (mode, driven), each in seconds.items()
+        if mode in modes
+    )
+    return Judged(
+        decided(slowest > REAL_TIME, slowest <= REAL_TIME),
+        f"{taken}; the paper: {CLAIMED:.0f} s, {CLAIMED / max(slowest, 1e-9):.0f} times as long as "
+        f"the slowest",
+    )
+
+
+def one_filter(apart: pd.DataFrame) -> Judged:
+    """Estimate and aircraft of the UKF are within SAME of those of the EKF."""
+    ukf, pkf = (apart.loc[apart["mode"] == mode, "apart_m"].to_numpy(float) for mode in (UKF, PKF))
+    most, ended = float(np.max(ukf, initial=0.0)), int(np.isinf(pkf).sum())
+    text = (
+        f"UKF: at most {most if len(ukf) else np.nan:.2g} m in {len(ukf)} flights; PKF: at most "
+        f"{pkf[np.isfinite(pkf)].max(initial=0.0):.2g} m"
+    )
+    text += f", and {ended} flights stopped at another time" * bool(ended)
+    return Judged(decided(0 < len(ukf) and most <= SAME, most > SAME), text)

@@ -5,12 +5,10 @@ All modes of a seed have the same sensor errors. Trim, gains and plan are comput
 in threads, since kernels let go of the interpreter.
 """
 
-import os
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -26,6 +24,7 @@ from strapdown.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.typing import Array, Progress
 
+from ..common.study import on_threads
 from . import metrics
 from .cells import (
     CASES,
@@ -69,6 +68,8 @@ FILTERS_FULL = {CLOSED: "closed-loop", EKF: "ekf", UKF: "ukf", CKF: "ckf", PKF: 
 START_SD = (1.0, 1.0, 1.5, 0.1, 0.1, 0.1, *[0.0] * 3, *[None] * 6)
 """Of the start of the six-state filters: m, m/s; their attitude is the true one, since nothing
 would ever correct it."""
+FLAT = {"earth": "flat", "start_sd": START_SD, "gate": np.inf, "inputs": mollaei_six.INPUTS}
+"""What `fly` is given with the six-state filters."""
 BREEZE = (3.0, 0.0, 0.0)
 """m/s, NED: the wind of WIND, from behind."""
 SHARES = {(E2, SIX): 4, (WIND, SIX): 10, (E1, FULL): 4, (TURN, FULL): 4, (E2, FULL): 10}
@@ -106,7 +107,6 @@ def flight(
 ) -> Flight:
     """The Flight of a mode in a case; components: of the PKF, None for its default; changes: of
     what `fly` is given."""
-    six = case.form == SIX
     given = {
         "imu": GRADE,
         "seed": seed,
@@ -118,20 +118,14 @@ def flight(
     }
     if case.experiment == WIND:
         given |= {"wind": BREEZE, "told_wind": (0.0, 0.0, 0.0)}
-    if six:
-        given |= {
-            "earth": "flat",
-            "start_sd": START_SD,
-            "gate": np.inf,
-            "inputs": mollaei_six.INPUTS,
-        }
+    if case.form == SIX:
+        given |= FLAT
     if case.tuning == PRINTED and mode != NO_FILTER:
         given |= mollaei_six.REPRODUCED
     if mode == PKF and components:
         given["components"] = components
-    return fly(
-        plan(case.experiment), (FILTERS_SIX if six else FILTERS_FULL)[mode], **{**given, **changes}
-    )
+    filters = FILTERS_SIX if case.form == SIX else FILTERS_FULL
+    return fly(plan(case.experiment), filters[mode], **{**given, **changes})
 
 
 @lru_cache(maxsize=16)
@@ -159,12 +153,8 @@ def record(flight: Flight) -> Record:
     )
     weight = craft["mass"] * gravity * truth.rotation.inv().apply([0.0, 0.0, 1.0])
     at = [min(int(np.searchsorted(truth.t, CUT - 1e-6)), rows - 1), rows - 1]
-    claimed = bool(np.isfinite(solution.trajectory.sd[at, :6]).all())  # without a filter nothing is
-    normalised = (
-        nees(np.c_[off.position, off.velocity][at], solution.covariance[at][:, :6, :6])
-        if claimed
-        else np.full(2, np.nan)
-    )
+    claimed = np.isfinite(solution.trajectory.sd[at, :6]).all(axis=1)  # without a filter nothing is
+    six_off, six_P = np.c_[off.position, off.velocity][at], solution.covariance[at][:, :6, :6]
     return Record(
         *(
             values[:rows]
@@ -184,7 +174,7 @@ def record(flight: Flight) -> Record:
         off.position,
         off.velocity,
         np.linalg.norm(off.attitude, axis=1),
-        normalised,
+        np.where(claimed, nees(six_off, six_P), np.nan),
         str(flight.stopped or ""),
     )
 
@@ -203,6 +193,10 @@ def scored(
     ), made
 
 
+Flown: TypeAlias = tuple[dict[str, float | str], Array, Record | None]
+"""(scores and apart_m, curve, Record where it is kept) of a flight."""
+
+
 def run_all(
     seeds: Iterable[int],
     components: int | None = None,
@@ -213,44 +207,35 @@ def run_all(
     """Results over `seeds`, or SHARES of them; cases: by default all. components: of the PKF;
     progress: called with the fraction done."""
     seeds, cases = list(seeds), CASES if cases is None else cases
+    groups: dict[tuple[str, str], list[Case]] = {}
+    for case in cases:
+        groups.setdefault((case.experiment, case.form), []).append(case)
     # alone, and before the threads, which would each compile
-    seconds = (
-        times(seeds[0], components)
-        if any(case.experiment == E2 and case.form == SIX for case in cases)
-        else {}
-    )
-    groups = dict.fromkeys((case.experiment, case.form) for case in cases)
+    seconds = times(seeds[0], components) if (E2, SIX) in groups else {}
+    references = {group: reference(*group) for group in groups}
     tasks = [(group, seed) for group in groups for seed in seeds[:: SHARES.get(group, 1)]]
-    tasks.sort(key=lambda task: (-duration(task[0][0]), task[0][1]))
-    for group in groups:
-        reference(*group)
-    rows: list[dict[str, Any]] = []
-    samples: dict[tuple[Case, str], Record] = {}
-    grown: dict[tuple[Case, str], list[Array]] = {}
-    done = 0.0
-    of = lambda task: [case for case in cases if (case.experiment, case.form) == task[0]]
-    total = sum(duration(task[0][0]) for task in tasks)
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        for task, found in zip(
-            tasks,
-            pool.map(lambda task: _seed(of(task), task[1], components, task[1] == seeds[0]), tasks),
-        ):
-            rows += found[0]
-            samples |= found[1]
-            for key, curve in found[2].items():
-                grown.setdefault(key, []).append(curve)
-            done += duration(task[0][0])
-            if progress:
-                progress(done / total)
-    order = {case: k for k, case in enumerate(cases)}
-    rows.sort(key=lambda row: (order[Case(*(row[name] for name in Case._fields))], row["seed"]))
-    references = {
-        experiment: reference(experiment, form) for experiment, form in groups if form == SIX
-    }
-    curves = {
-        key: (curve_times(key[0].experiment), np.array(values)) for key, values in grown.items()
-    }
-    return Results(pd.DataFrame(rows), samples, references, curves, seconds)
+    tasks.sort(key=lambda task: (-duration(task[0][0]), task[1]))
+    lengths = np.cumsum([duration(experiment) for (experiment, _), _ in tasks])
+    flights: dict[tuple[Case, str, int], Flown] = {}
+    flown = lambda task: _flown(groups[task[0]], task[1], components, task[1] == seeds[0])
+    for found, done in zip(on_threads(flown, tasks, threads), lengths):
+        flights |= found
+        if progress:
+            progress(float(done / lengths[-1]))
+    rows, samples, grown = [], {}, {}
+    for case, mode, seed in sorted(flights, key=lambda key: (cases.index(key[0]), key[2])):
+        scores, growth, own = flights[case, mode, seed]
+        rows.append({**case._asdict(), "mode": mode, "seed": seed, **scores})
+        grown.setdefault((case, mode), []).append(growth)
+        if own is not None:
+            samples[case, mode] = own
+    return Results(
+        pd.DataFrame(rows),
+        samples,
+        {experiment: own for (experiment, form), own in references.items() if form == SIX},
+        {key: (curve_times(key[0].experiment), np.array(own)) for key, own in grown.items()},
+        seconds,
+    )
 
 
 def times(seed: int, components: int | None = None) -> dict[tuple[str, str], float]:
@@ -268,37 +253,25 @@ def times(seed: int, components: int | None = None) -> dict[tuple[str, str], flo
     return found
 
 
-def _seed(
+def _flown(
     cases: list[Case], seed: int, components: int | None, kept: bool
-) -> tuple[list[dict[str, Any]], dict[tuple[Case, str], Record], dict[tuple[Case, str], Array]]:
-    """(rows of scores, {(Case, mode): Record}, {(Case, mode): curve}) of the cases of one
-    experiment and form with one seed."""
-    rows: list[dict[str, Any]] = []
-    samples: dict[tuple[Case, str], Record] = {}
-    curves: dict[tuple[Case, str], Array] = {}
-    unfiltered = None  # knows no prediction and no Q, R: one flight for all cases
+) -> dict[tuple[Case, str, int], Flown]:
+    """{(case, mode, seed): Flown} of all modes of the cases of one experiment and form with one
+    seed; `kept`: with Records, of six states."""
+    six, found = cases[0].form == SIX, {}
+    # knows no prediction and no Q, R: one flight for all cases
+    unfiltered = scored(cases[0], NO_FILTER, seed, components) if six else None
     for case in cases:
-        made = {}
-        for mode in FILTERS_SIX if case.form == SIX else FILTERS_FULL:
-            if mode == NO_FILTER:
-                unfiltered = unfiltered or scored(case, mode, seed, components)
-                score, own = unfiltered
-            else:
-                score, own = scored(case, mode, seed, components)
-            made[mode] = own
-            rows.append(
-                {
-                    **case._asdict(),
-                    "mode": mode,
-                    "seed": seed,
-                    **score,
-                    "apart_m": apart(own, made.get(EKF)),
-                }
+        ekf = None
+        for mode in FILTERS_SIX if six else FILTERS_FULL:
+            scores, own = unfiltered if mode == NO_FILTER else scored(case, mode, seed, components)
+            ekf = own if mode == EKF else ekf
+            found[case, mode, seed] = (
+                {**scores, "apart_m": apart(own, ekf)},
+                curve(own, reference(case.experiment, case.form)),
+                own if kept and six else None,
             )
-            curves[case, mode] = curve(own, reference(case.experiment, case.form))
-            if kept and case.form == SIX and own is not None:
-                samples[case, mode] = own
-    return rows, samples, curves
+    return found
 
 
 def apart(one: Record | None, other: Record | None) -> float:
@@ -326,14 +299,14 @@ def curve(record: Record | None, reference: Record) -> Array:
     """(2, TIMES) horizontal error of the estimate, and distance of the aircraft from the
     reference flight, m; inf where it had stopped."""
     found = np.full((2, TIMES), np.inf)
-    if record is None:
-        return found
-    t = np.linspace(0.0, reference.t[-1], TIMES + 1)[1:]
-    rows = np.searchsorted(record.t, t - 1e-6)
-    flown = rows < len(record.t)
-    rows = rows[flown]
-    found[0, flown] = np.hypot(record.position[rows, 0], record.position[rows, 1])
-    found[1, flown] = np.linalg.norm(record.place[rows] - reference.place[rows], axis=1)
+    if record is not None:
+        t = np.linspace(0.0, reference.t[-1], TIMES + 1)[1:]
+        rows = np.searchsorted(record.t, t - 1e-6)
+        rows = rows[rows < len(record.t)]
+        found[:, : len(rows)] = (
+            np.hypot(*record.position[rows, :2].T),
+            np.linalg.norm(record.place[rows] - reference.place[rows], axis=1),
+        )
     return found
 
 

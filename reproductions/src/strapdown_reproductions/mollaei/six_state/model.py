@@ -14,6 +14,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from strapdown.checks import check_number
 from strapdown.core.contract import POSITION_KIND, Belief, Noise, Slots, Source, Start
 from strapdown.core.jit import helper, inlined, matrix
 from strapdown.core.rotation import orthonormalise, rotate_right, turned, wrap
@@ -74,16 +75,14 @@ def begin(start: Start, slots: Slots, options: Options, rest: int = 0) -> Belief
     """Belief at `start` for a filter whose slots are SIX or continue it, with so many numbers in
     their part at the end. Refuses bad options."""
     model, q, r, rate, craft, earth = options
-    for name, value in (("q", q), ("r", r)):
-        if not 0 <= value < math.inf:
-            raise ValueError(
-                f"{name} is {value:g}; it must be a variance above zero, or 0 for that of the "
-                f"sensors"
-            )
-    if not 0 <= model < math.inf:
-        raise ValueError(f"model is {model:g} m/s/sqrt(s); it must be a random walk, 0 or more")
-    if not 0 < rate < math.inf:
-        raise ValueError(f"rate is {rate:g} Hz; it must be above zero")
+    variance = "m^2 and m^2/s^2"
+    for value, name, unit in (
+        (model, "model", "m/s/sqrt(s)"),
+        (q, "q", variance),
+        (r, "r", variance),
+    ):
+        check_number(value, name, unit, least=0)
+    check_number(rate, "rate", "Hz", above=0)
     if earth != "flat":
         raise ValueError(
             f"earth is {earth!r}; the six-state form knows a flat, still Earth alone: give "

@@ -10,6 +10,7 @@ components go their own ways.
 import math
 from typing import NamedTuple
 
+from strapdown.checks import check_number
 from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Slots, Start, kernel
 from strapdown.core.jit import helper, inlined, matrix, plain
 from strapdown.filters.particle import pkf
@@ -105,8 +106,7 @@ def start(
     mixture.kernel_width); resample: when fewer than this fraction of them are effective; seed
     of the draws; the others as of EKF6.
     """
-    if not 0 <= resample <= 1:
-        raise ValueError(f"resample is {resample}; it must be a fraction of the components, 0 to 1")
+    check_number(resample, "resample", least=0, most=1)
     width = kernel_width(components, 6) if kernel is None else kernel
     deviations, phi, stream = begin_mixture(start.belief(None).P[:6, :6], components, width, seed)
     size = len(deviations)

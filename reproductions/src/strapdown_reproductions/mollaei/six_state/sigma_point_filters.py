@@ -10,6 +10,7 @@ filters/sigma_point/sigma_points.py.
 import math
 from collections.abc import Mapping
 
+from strapdown.checks import check_choice
 from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Slots, Start, kernel
 from strapdown.core.jit import helper, matrix
 from strapdown.filters.sigma_point.sigma_points import (
@@ -74,8 +75,7 @@ def start(
 ) -> Belief:
     """Belief at `start`. sigma: "merwe", the scaled set of (30) with alpha, beta and kappa, or
     "symmetric", that of (23); the others as of EKF6."""
-    if sigma not in ("merwe", "symmetric"):
-        raise ValueError(f"sigma is {sigma!r}; it must be merwe or symmetric")
+    check_choice(sigma, "sigma", ("merwe", "symmetric"))
     make = symmetric if sigma == "symmetric" else lambda states: merwe(states, alpha, beta, kappa)
     options = Options(model, q, r, rate, aircraft, earth)
     return _begin(start, options, (*make(12), 6.0, *make(6)))
