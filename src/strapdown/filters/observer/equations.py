@@ -47,9 +47,8 @@ SQUARE = OBSERVER.number("SQUARE")  # theta0: squared length of the acceleromete
 SINCE_FIX, SINCE_COURSE, SINCE_HEADING, SINCE_FIELD = OBSERVER.numbers(
     "SINCE_FIX", "SINCE_COURSE", "SINCE_HEADING", "SINCE_FIELD"
 )
-FADE = OBSERVER.number(
-    "FADE"
-)  # from FADE_AT_START down: 1 and above, the gains are those of the start
+# from FADE_AT_START down: 1 and above, the gains are those of the start
+FADE = OBSERVER.number("FADE")
 COURSE = OBSERVER.number("COURSE")  # the last one, rad; NaN before
 # gains, 1/s, and density of the force, m/s^2/sqrt(s); of the start
 K1, K2, KI, WANDER = OBSERVER.numbers("K1", "K2", "KI", "WANDER")

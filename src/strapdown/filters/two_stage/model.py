@@ -31,9 +31,8 @@ from ..attitude import attitude_error_state
 HELD_COLUMN = "course_held [s]"
 TWO_STAGE = Slots(after=ERROR_STATE)
 """Of every filter of this model."""
-ERROR = TWO_STAGE.array(
-    "ERROR", STATES
-)  # the estimate less `bar`; zero where it is injected at once
+# the estimate less `bar`; zero where it is injected at once
+ERROR = TWO_STAGE.array("ERROR", STATES)
 # means since the window began, m/s^2; its s
 FORCE = TWO_STAGE.array("FORCE", 3)
 CENTRIFUGAL = TWO_STAGE.array("CENTRIFUGAL", 3)
