@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 import numpy as np
 from numba import types as numba_types
 
-from ..typing import Array, Ints, Vector
+from ..typing import Array, Ints, Mask, Vector
 from .jit import (
     COMPILED,
     address,
@@ -48,6 +48,7 @@ __all__ = [
     "AdjointStep",
     "Configure",
     "Diagnose",
+    "first_event",
     "PARAMETERS",
     "WALK",
     "FIRST",
@@ -370,6 +371,12 @@ Configure: TypeAlias = Callable[
 """(options, sources that the filter uses) -> (options, notes). Raises ValueError."""
 Diagnose: TypeAlias = Callable[[Array, Array, Mapping[str, Array]], list[tuple[float, str]]]
 """(t (n,), lla (n, 3), {column: (n,)}) -> [(t, text)] of the kept rows."""
+
+
+def first_event(t: Array, where: Mask, text: str) -> list[tuple[float, str]]:
+    """[(t, text)] at the first of the kept rows `where` it is so, [] without any: for
+    Filter.diagnose."""
+    return [(float(t[np.argmax(where)]), text)] if np.any(where) else []
 
 
 class Smoother(NamedTuple):

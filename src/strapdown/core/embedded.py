@@ -39,6 +39,20 @@ def navigation(numbers: Array, P: Array, workspace: Array, extra_states: Array) 
     )
 
 
+@inlined
+def take_over(belief: Belief, other: Belief) -> None:
+    """Position, velocity, attitude and biases of the belief become those of another."""
+    for i in range(3):
+        belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i] = (
+            other.lla[i],
+            other.v[i],
+            other.ba[i],
+            other.bg[i],
+        )
+        for j in range(3):
+            belief.C[i, j] = other.C[i, j]
+
+
 def as_numbers(belief: Belief) -> Array:
     """The state of a Belief as numbers of NAVIGATION."""
     return np.concatenate([part.ravel() for part in (*belief[:5], belief.omega, belief.f)])

@@ -87,9 +87,7 @@ def linearised_step(
     propagate(belief.P, blocks, mid, dv_n, w0, w1, w2, dt, noise, workspace[WORK])
     if beside:
         propagate_error(workspace[X], blocks, mid, dv_n, w0, w1, w2, dt, noise, workspace[WORK])
-    if dt > 0:
-        belief.omega[0], belief.omega[1], belief.omega[2] = 2 * r0 / dt, 2 * r1 / dt, 2 * r2 / dt
-        belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
+    publish_rates(belief, 2 * r0, 2 * r1, 2 * r2, a0, a1, a2, dt)
     decay_biases(ba, bg, dt, noise)
 
 
@@ -107,6 +105,16 @@ def bias_free(
         u[4] - ba[1] * dt,
         u[5] - ba[2] * dt,
     )
+
+
+@inlined
+def publish_rates(
+    belief: Belief, r0: float, r1: float, r2: float, a0: float, a1: float, a2: float, dt: float
+) -> None:
+    """The bias-free rate and specific force of a sample, from its increments."""
+    if dt > 0:
+        belief.omega[0], belief.omega[1], belief.omega[2] = r0 / dt, r1 / dt, r2 / dt
+        belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
 
 
 @helper

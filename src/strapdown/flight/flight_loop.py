@@ -32,6 +32,7 @@ from ..core.contract import (
     Imu,
     Noise,
     Output,
+    Slots,
 )
 from ..core.earth import radii
 from ..core.jit import COMPILED, caller, helper, inlined, kernel, matrix
@@ -63,10 +64,15 @@ from .autopilot import (
     steer,
 )
 
-DISTORTION, STEP_SIZE, FULL_SCALE, COUNTER, COUNTED, IMU_SIZE = 0, 27, 29, 31, 37, 43
-"""Numbers of the IMU's errors: three (3, 3) (rotation to measured rotation, velocity increment
-to it, velocity increment to itself), steps of counted increments and full scales (gyro,
-accelerometer; 0: none), the six counters before they are cut to whole steps, and after."""
+IMU_ERRORS = Slots()
+"""What the IMU adds to its increments."""
+# rotation to measured rotation, velocity increment to it, velocity increment to itself
+DISTORTION = IMU_ERRORS.array("DISTORTION", 27)
+# gyro, accelerometer; 0: none
+STEP_SIZE = IMU_ERRORS.array("STEP_SIZE", 2)  # of counted increments
+FULL_SCALE = IMU_ERRORS.array("FULL_SCALE", 2)
+COUNTER = IMU_ERRORS.array("COUNTER", 6)  # before they are cut to whole steps
+COUNTED = IMU_ERRORS.array("COUNTED", 6)  # and after
 ROW, LAST, CAUSE, FILLED, BY_TRUTH, BY_MODEL, INPUTS, STALLED, AT_SIZE = range(9)
 """Journal.at: next row, where to stop, why the flight ended, fixes measured so far, 1: the
 autopilot flies by the truth, 1: the aircraft's model predicts while the receiver is cut, first
@@ -89,16 +95,17 @@ COMMANDED, ACTUAL, OUTPUT_COLUMNS, BODY_VELOCITY, RATES, WIND, ASKED, OFF, LEG, 
 propeller's speed, velocity over ground and rates in body axes, wind, what the autopilot asks
 for, how far the aircraft is off its route, row of the route, whether the model predicts.
 flight.LOG names them."""
-MODEL_U, CONTROLS_BEFORE, TRUE_C, RATE_ROWS, TOLD, LOADS, SLOPES, WORK_SIZE = (
-    6,
-    12,
-    16,
-    25,
-    44,
-    53,
-    53 + OUTPUTS,
-    59 + OUTPUTS,
-)
+WORK = Slots()
+"""Vehicle.work."""
+INCREMENTS = WORK.array("INCREMENTS", 6)
+MODEL_INCREMENTS = WORK.array("MODEL_INCREMENTS", 6)
+CONTROLS_BEFORE = WORK.array("CONTROLS_BEFORE", 4)  # the step
+TRUE_C = WORK.matrix("TRUE_C", 3, 3)  # C_nb
+RATE_ROWS = WORK.array("RATE_ROWS", 19)  # rates
+TOLD = WORK.array("TOLD", 9)  # the wind that is told
+LOADS = WORK.array("LOADS", OUTPUTS)  # what `evaluate` tells
+# mean rates of change of velocity and body rates over the sample
+SLOPES = WORK.array("SLOPES", 6)
 STALL_PATIENCE = 1.0  # s
 # of the pitch, beyond which the attitude counts as lost
 SINE_STEEPEST_PITCH = math.sin(math.radians(85.0))
@@ -116,9 +123,7 @@ class Vehicle(NamedTuple):
     gusts: Array  # their state
     normals: Array  # (n, k) white normals
     limits: Array  # height of the ground, m; largest angle of attack, rad
-    # increments, the model's increments, controls before the step, C_nb, rates, the wind that is
-    # told, outputs, mean rates of change of velocity and body rates over the sample
-    work: Array
+    work: Array  # see WORK
 
 
 class Steering(NamedTuple):
@@ -135,7 +140,7 @@ class Errors(NamedTuple):
 
     dtheta: Array  # (n, 3) rad
     dv: Array  # (n, 3) m/s
-    numbers: Array  # (IMU_SIZE,)
+    numbers: Array  # see IMU_ERRORS
     # (m, 3) in the order of the fixes: m or m/s, NED; of a barometer Pa, and the ellipsoidal height
     # of its zero, m
     fix: Array
@@ -221,8 +226,8 @@ def fly(
 ) -> None:
     """Fly the samples at[ROW] to at[LAST]; stops early, with at[CAUSE], where the flight ends.
     Commands must stand for the first sample."""
-    at, state, work, told = journal.at, vehicle.state, vehicle.work, vehicle.work[TOLD : TOLD + 9]
-    C = matrix(work, TRUE_C, 3, 3)
+    at, state, work, told = journal.at, vehicle.state, vehicle.work, vehicle.work[TOLD]
+    C, loads, imaginary = matrix(work, TRUE_C, 3, 3), work[LOADS], work[MODEL_INCREMENTS]
     for row in range(at[ROW], at[LAST]):
         t, dt, cut = imu.t[row], imu.dt[row], journal.cut[row] * at[BY_MODEL]
         imagined = cut == 1 and at[INPUTS] < 0
@@ -231,7 +236,7 @@ def fly(
                 vehicle.turbulence,
                 vehicle.gusts,
                 vehicle.normals[row],
-                work[LOADS + AIR_SPEED],
+                loads[AIR_SPEED],
                 dt,
                 vehicle.wind,
             )
@@ -244,14 +249,14 @@ def fly(
                 vehicle.commands,
                 told,
                 dt,
-                work[MODEL_U : MODEL_U + 6],
+                imaginary,
             )
             for i in range(3):
-                imu.dtheta[row, i] = work[MODEL_U + i] + belief.bg[i] * dt
-                imu.dv[row, i] = work[MODEL_U + 3 + i] + belief.ba[i] * dt
+                imu.dtheta[row, i] = imaginary[i] + belief.bg[i] * dt
+                imu.dv[row, i] = imaginary[3 + i] + belief.ba[i] * dt
         else:
             _measure(
-                work,
+                work[INCREMENTS],
                 errors.numbers,
                 errors.dtheta[row],
                 errors.dv[row],
@@ -261,7 +266,7 @@ def fly(
             )
         if at[INPUTS] >= 0:
             _tell(belief.workspace, at[INPUTS], cut, work, state, steering.wind, dt)
-        _fill(errors, fixes, at, state, C, t, work[SLOPES:WORK_SIZE])
+        _fill(errors, fixes, at, state, C, t, work[SLOPES])
         cursor.at[loop.STOP] = row + 1
         if imagined:
             run_at(run)(predict, correct, observers, belief, imu, fixes, model_noise, cursor, out)
@@ -298,14 +303,14 @@ def fly(
             vehicle.parameters,
             state,
             vehicle.wind,
-            work[RATE_ROWS:TOLD],
-            work[LOADS : LOADS + OUTPUTS],
+            work[RATE_ROWS],
+            loads,
         )
         _write(journal, row, vehicle, steering, C, cut)
         at[CAUSE] = (
             FILTER
             if cursor.at[loop.FAULT]
-            else _cause(state, C, vehicle.limits, work[LOADS + ALPHA], at, dt)
+            else _cause(state, C, vehicle.limits, loads[ALPHA], at, dt)
         )
         at[ROW] = row + 1
         if at[CAUSE] != FLYING:
@@ -316,15 +321,20 @@ def fly(
 def _move(step: int, vehicle: Vehicle, dt: float, C: Array) -> None:
     """Move the aircraft by a sample; leaves its controls before, its increments and mean rates
     of change in `work`, its attitude in C."""
-    state, work = vehicle.state, vehicle.work
+    state, work, slopes, before = (
+        vehicle.state,
+        vehicle.work,
+        vehicle.work[SLOPES],
+        vehicle.work[CONTROLS_BEFORE],
+    )
     for i in range(3):
-        work[SLOPES + i], work[SLOPES + 3 + i] = -state[VELOCITY + i] / dt, -state[OMEGA + i] / dt
+        slopes[i], slopes[3 + i] = -state[VELOCITY + i] / dt, -state[OMEGA + i] / dt
     for i in range(4):
-        work[CONTROLS_BEFORE + i] = state[CONTROLS + i]
-    step_at(step)(vehicle.parameters, state, vehicle.commands, vehicle.wind, dt, work[0:6])
+        before[i] = state[CONTROLS + i]
+    step_at(step)(vehicle.parameters, state, vehicle.commands, vehicle.wind, dt, work[INCREMENTS])
     for i in range(3):
-        work[SLOPES + i] += state[VELOCITY + i] / dt
-        work[SLOPES + 3 + i] += state[OMEGA + i] / dt
+        slopes[i] += state[VELOCITY + i] / dt
+        slopes[3 + i] += state[OMEGA + i] / dt
     _attitude(state[QUATERNION:CONTROLS], C)
 
 
@@ -361,23 +371,24 @@ def _measure(
     true: Array, numbers: Array, add_theta: Array, add_v: Array, dt: float, dtheta: Array, dv: Array
 ) -> None:
     """The increments as the IMU measures them: distortion, bias and noise, counting, full scale."""
+    distortion = numbers[DISTORTION]
     for i in range(3):
-        g, m, a = DISTORTION + 3 * i, DISTORTION + 9 + 3 * i, DISTORTION + 18 + 3 * i
+        g, m, a = 3 * i, 9 + 3 * i, 18 + 3 * i
         dtheta[i] = (
             add_theta[i]
-            + numbers[g] * true[0]
-            + numbers[g + 1] * true[1]
-            + numbers[g + 2] * true[2]
-            + numbers[m] * true[3]
-            + numbers[m + 1] * true[4]
-            + numbers[m + 2] * true[5]
+            + distortion[g] * true[0]
+            + distortion[g + 1] * true[1]
+            + distortion[g + 2] * true[2]
+            + distortion[m] * true[3]
+            + distortion[m + 1] * true[4]
+            + distortion[m + 2] * true[5]
             + true[i]
         )
         dv[i] = (
             add_v[i]
-            + numbers[a] * true[3]
-            + numbers[a + 1] * true[4]
-            + numbers[a + 2] * true[5]
+            + distortion[a] * true[3]
+            + distortion[a + 1] * true[4]
+            + distortion[a + 2] * true[5]
             + true[3 + i]
         )
         dtheta[i] = _read(numbers, 0, i, dtheta[i], dt)
@@ -387,12 +398,12 @@ def _measure(
 @helper
 def _read(numbers: Array, sensor: int, axis: int, increment: float, dt: float) -> float:
     """An increment in whole steps of the counter and within full scale."""
-    size, full = numbers[STEP_SIZE + sensor], numbers[FULL_SCALE + sensor] * dt
+    size, full = numbers[STEP_SIZE][sensor], numbers[FULL_SCALE][sensor] * dt
     if size > 0:
-        numbers[COUNTER + axis] += increment / size
-        count = math.floor(numbers[COUNTER + axis])
-        increment = (count - numbers[COUNTED + axis]) * size
-        numbers[COUNTED + axis] = count
+        numbers[COUNTER][axis] += increment / size
+        count = math.floor(numbers[COUNTER][axis])
+        increment = (count - numbers[COUNTED][axis]) * size
+        numbers[COUNTED][axis] = count
     return min(max(increment, -full), full) if full > 0 else increment
 
 
@@ -402,10 +413,10 @@ def _tell(
 ) -> None:
     """The filter's inputs, see inputs.py."""
     own = workspace[first : first + inputs.TOLD_SIZE]
-    controls, told = own[inputs.CONTROLS], own[inputs.WIND]
+    controls, told, before = own[inputs.CONTROLS], own[inputs.WIND], work[CONTROLS_BEFORE]
     own[inputs.BY_MODEL], own[inputs.SECONDS] = float(cut), dt
     for i in range(4):
-        controls[i] = 0.5 * (work[CONTROLS_BEFORE + i] + state[CONTROLS + i])
+        controls[i] = 0.5 * (before[i] + state[CONTROLS + i])
     for i in range(3):
         told[i] = wind[i]
 
@@ -479,7 +490,7 @@ def _write(
         journal.q[row + 1, i] = state[QUATERNION + i]
         log[COMMANDED + i], log[ACTUAL + i] = vehicle.commands[i], state[CONTROLS + i]
     for i in range(PROPELLER + 1):
-        log[OUTPUT_COLUMNS + i] = work[LOADS + i]
+        log[OUTPUT_COLUMNS + i] = work[LOADS][i]
     g0, g1, g2 = turned(C, vehicle.wind[3], vehicle.wind[4], vehicle.wind[5])
     log[WIND], log[WIND + 1], log[WIND + 2] = (
         vehicle.wind[0] + g0,

@@ -415,9 +415,9 @@ def _vehicle(
     rows: int,
     rng: np.random.Generator,
 ) -> kernels.Vehicle:
-    craft, work = known.trim.aircraft, np.zeros(kernels.WORK_SIZE)
-    work[kernels.TOLD : kernels.TOLD + 3] = told
-    work[kernels.LOADS + AIRSPEED] = known.trim.airspeed
+    craft, work = known.trim.aircraft, kernels.WORK.zeros()
+    work[kernels.TOLD][:3] = told
+    work[kernels.LOADS][AIRSPEED] = known.trim.airspeed
     numbers = gusts(level, plan.clearance, craft["span"])
     blowing = numbers[SD_U] > 0
     state = known.trim.state.copy()

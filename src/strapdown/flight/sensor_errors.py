@@ -20,7 +20,7 @@ from ..sensor_models.errors import STREAMS, Triad
 from ..sensor_models.gnss import Gnss, PositionPlan
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Ints
-from .flight_loop import COUNTER, DISTORTION, FULL_SCALE, IMU_SIZE, STEP_SIZE
+from .flight_loop import COUNTER, DISTORTION, FULL_SCALE, IMU_ERRORS, STEP_SIZE
 
 Outage: TypeAlias = str | Sequence[Sequence[float]] | None
 """When the receiver is cut, as a user writes it: see `outage_windows`."""
@@ -33,7 +33,7 @@ class ImuErrors(NamedTuple):
 
     dtheta: Array  # (n, 3) rad: what bias and noise add to the increments
     dv: Array  # (n, 3) m/s
-    numbers: Array  # (IMU_SIZE,): see flight_loop
+    numbers: Array  # see flight_loop.IMU_ERRORS
     b_a: Array  # (n, 3) m/s^2
     b_g: Array  # (n, 3) rad/s
 
@@ -49,16 +49,16 @@ def imu_errors(spec: ImuSpec, t: Array, dt: Array, seed: np.random.SeedSequence)
     additive, b_a, b_g = replace(spec, gyro=smooth(spec.gyro), accel=smooth(spec.accel)).corrupt(
         Imu(t, dt, zeros, zeros), generator(seed)
     )
-    numbers = np.zeros(IMU_SIZE)
+    numbers = IMU_ERRORS.zeros()
     for i, matrix in enumerate(_distortions(spec, seed)):
-        numbers[DISTORTION + 9 * i : DISTORTION + 9 * i + 9] = matrix.ravel()
-    numbers[STEP_SIZE : STEP_SIZE + 2] = spec.gyro.quantisation, spec.accel.quantisation
-    numbers[FULL_SCALE : FULL_SCALE + 2] = spec.gyro.saturation, spec.accel.saturation
+        numbers[DISTORTION][9 * i : 9 * i + 9] = matrix.ravel()
+    numbers[STEP_SIZE] = spec.gyro.quantisation, spec.accel.quantisation
+    numbers[FULL_SCALE] = spec.gyro.saturation, spec.accel.saturation
     accel, gyro = generator(seed).spawn(2)
     for i, stream in enumerate((gyro, accel)):
-        numbers[COUNTER + 3 * i : COUNTER + 3 * i + 3] = dict(
-            zip(STREAMS, stream.spawn(len(STREAMS)))
-        )["quantisation"].random(3)
+        numbers[COUNTER][3 * i : 3 * i + 3] = dict(zip(STREAMS, stream.spawn(len(STREAMS))))[
+            "quantisation"
+        ].random(3)
     return ImuErrors(additive.dtheta, additive.dv, numbers, b_a, b_g)
 
 

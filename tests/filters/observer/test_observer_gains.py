@@ -231,9 +231,9 @@ def test_what_the_printed_gains_leave_out_is_small(interval, accel, most):
 @pytest.mark.parametrize(
     "options, said",
     [
-        (dict(k1=0.0), "k1 is 0.0; it must be a number above 0"),
+        (dict(k1=0.0), "k1 is 0.0; it must be a finite number above 0"),
         (dict(k2=-1.0), "k2 is -1"),
-        (dict(ki=-0.1), "ki is -0.1; it must be a number, 0 or more"),
+        (dict(ki=-0.1), "ki is -0.1; it must be a finite number, 0 or more"),
         (dict(wander=float("nan")), "wander is nan; it must be a finite number"),
         (dict(gyro_bound=0.0), "gyro_bound is 0"),
         (dict(course="north"), "course is 'north'; it must be one of tilt-compensated"),

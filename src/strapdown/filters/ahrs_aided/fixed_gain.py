@@ -29,7 +29,7 @@ from ...core.contract import (
     matrix,
 )
 from ...core.earth import displace
-from ...core.error_state import bias_free, observed
+from ...core.error_state import bias_free, observed, publish_rates
 from ...core.mechanization import mechanize
 from ...core.rotation import euler_to_matrix, measured_heading
 from ...typing import Array
@@ -132,19 +132,12 @@ def _check(
 @kernel(PREDICT)
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance the INS; the gyros carry the attitude on until the next record."""
-    workspace, omega, f, since = (
-        belief.workspace,
-        belief.omega,
-        belief.f,
-        belief.workspace[SINCE],
-    )
+    workspace, since = belief.workspace, belief.workspace[SINCE]
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
     mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[FORCE])
     for i in range(6):
         since[i] += dt
-    if dt > 0:
-        omega[0], omega[1], omega[2] = r0 / dt, r1 / dt, r2 / dt
-        f[0], f[1], f[2] = a0 / dt, a1 / dt, a2 / dt
+    publish_rates(belief, r0, r1, r2, a0, a1, a2, dt)
 
 
 @kernel(CORRECT)

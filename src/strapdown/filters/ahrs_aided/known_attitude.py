@@ -22,6 +22,7 @@ from ...core.contract import (
     Observe,
     Slots,
     Start,
+    first_event,
 )
 from ...core.error_state import (
     BLOCK,
@@ -440,16 +441,9 @@ def inject_angles(belief: Belief, x: float, y: float, z: float) -> None:
 def steep(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
     """[(t, text)] where the pitch first was beyond STEEP_PITCH, else []."""
     seconds = columns[BEYOND_COLUMN]
-    rows = (seconds > 0).nonzero()[0]
-    return (
-        [
-            (
-                float(t[rows[0]]),
-                f"pitch beyond 85 deg for {seconds[-1]:.3g} s, first here: Euler angles are near "
-                f"their singularity and "
-                "attitude is kept as a rotation matrix meanwhile",
-            )
-        ]
-        if len(rows)
-        else []
+    return first_event(
+        t,
+        seconds > 0,
+        f"pitch beyond 85 deg for {seconds[-1:].sum():.3g} s, first here: Euler angles are near "
+        f"their singularity and attitude is kept as a rotation matrix meanwhile",
     )

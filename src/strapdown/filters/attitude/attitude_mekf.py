@@ -27,6 +27,7 @@ from ...core.contract import (
     Slots,
     Smoother,
     Start,
+    first_event,
     helper,
     kernel,
     matrix,
@@ -362,17 +363,12 @@ def leaning(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[fl
     """[(t, text)] where the mean size of the specific force first leaves gravity as it does in a
     long turn, else []."""
     lasting = np.abs(columns[SLOTS.columns[FORCE_EXCESS]]) > LASTING
-    return (
-        [
-            (
-                float(t[np.argmax(lasting)]),
-                f"the mean specific force is off gravity by more than {LASTING:g} m/s^2, at "
-                f"{np.mean(lasting):.0%} of the times: "
-                "the body turns or accelerates for long, and the vertical errs by more than it says",
-            )
-        ]
-        if lasting.any()
-        else []
+    return first_event(
+        t,
+        lasting,
+        f"the mean specific force is off gravity by more than {LASTING:g} m/s^2, at "
+        f"{np.mean(lasting) if len(t) else 0:.0%} of the times: the body turns or accelerates for "
+        f"long, and the vertical errs by more than it says",
     )
 
 

@@ -7,20 +7,18 @@ nominal state at each step.
 """
 
 from ...core.adjoint import SMOOTHER
-from ...core.contract import BA, BG, CORRECT, PREDICT, Belief, Filter, Noise, Observe, kernel
+from ...core.contract import BA, BG, PREDICT, Belief, Filter, Noise, kernel
 from ...core.error_state import (
     DX,
     ERROR_STATE,
     HEIGHT,
     X,
     added,
-    inject_all,
     linearised_step,
-    measure,
 )
 from ...core.mechanization import mechanize
 from ...typing import Array
-from .closed_loop import start
+from .closed_loop import correct, start
 
 
 @kernel(PREDICT)
@@ -49,24 +47,6 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
         belief.workspace[HEIGHT],
     )
     added(belief.lla, belief.v, belief.C, x)
-
-
-@kernel(CORRECT)
-def correct(
-    belief: Belief,
-    y: Array,
-    sd: Array,
-    kind: int,
-    observe: Observe,
-    parameters: Array,
-    gate: float,
-    innovation: Array,
-) -> float:
-    """Correct P; inject the kinematic errors, add the others to the biases of the error state."""
-    nis = measure(belief, y, sd, observe, parameters, gate, innovation)
-    if nis <= gate:
-        inject_all(belief, belief.workspace[DX])
-    return nis
 
 
 CLOSED_LOOP_ERROR_BIAS = Filter(

@@ -23,7 +23,7 @@ from ...core.contract import (
     matrix,
 )
 from ...core.error_dynamics import BLOCKS, CORRECTED, PP, TP, TV, VP, VV, kinematic_blocks
-from ...core.error_state import bias_free, decay_biases, inject_all, observed
+from ...core.error_state import bias_free, decay_biases, inject_all, observed, publish_rates
 from ...core.kalman import LEAST_NOISE
 from ...core.mechanization import mechanize
 from ...typing import Array
@@ -59,8 +59,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     F = matrix(workspace, JACOBIAN_F, STATES, STATES)
     _jacobian(belief, r0, r1, r2, a0 / dt, a1 / dt, a2 / dt, noise, F)
     _integrate(belief.P, F, dt, noise, matrix(workspace, TERM, n, n), matrix(workspace, HALF, n, n))
-    belief.omega[0], belief.omega[1], belief.omega[2] = r0 / dt, r1 / dt, r2 / dt
-    belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
+    publish_rates(belief, r0, r1, r2, a0, a1, a2, dt)
     decay_biases(belief.ba, belief.bg, dt, noise)
     mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[FORCE])
 

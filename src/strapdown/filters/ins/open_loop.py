@@ -24,6 +24,7 @@ from ...core.contract import (
     Observe,
     Slots,
     Start,
+    first_event,
     helper,
     kernel,
     matrix,
@@ -205,16 +206,10 @@ def left_model(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple
     """[(t, text)] where the raw INS first is at a height at which gravity is no series any more
     and the mechanization continues in a fashion, else []."""
     height = lla[:, 2] + columns[SLOTS.columns[2]]  # down: true - raw
-    gone = ~(np.abs(height) <= FAR_HEIGHT)
-    return (
-        [
-            (
-                float(t[np.argmax(gone)]),
-                f"{LEFT_MODEL}: its height is beyond {FAR_HEIGHT / 1e3:.0f} km",
-            )
-        ]
-        if gone.any()
-        else []
+    return first_event(
+        t,
+        ~(np.abs(height) <= FAR_HEIGHT),
+        f"{LEFT_MODEL}: its height is beyond {FAR_HEIGHT / 1e3:.0f} km",
     )
 
 

@@ -30,7 +30,7 @@ from ...core.contract import (
 )
 from ...core.earth import displace, place
 from ...core.embedded import NAVIGATION, navigation
-from ...core.error_state import observed
+from ...core.error_state import bias_free, observed, publish_rates
 from ...core.jit import helper, inlined, matrix
 from ...core.kalman import decay
 from ...core.mechanization import mechanize
@@ -47,9 +47,8 @@ SQUARE = OBSERVER.number("SQUARE")  # theta0: squared length of the acceleromete
 SINCE_FIX, SINCE_COURSE, SINCE_HEADING, SINCE_FIELD = OBSERVER.numbers(
     "SINCE_FIX", "SINCE_COURSE", "SINCE_HEADING", "SINCE_FIELD"
 )
-FADE = OBSERVER.number(
-    "FADE"
-)  # from FADE_AT_START down: 1 and above, the gains are those of the start
+# from FADE_AT_START down: 1 and above, the gains are those of the start
+FADE = OBSERVER.number("FADE")
 COURSE = OBSERVER.number("COURSE")  # the last one, rad; NaN before
 # gains, 1/s, and density of the force, m/s^2/sqrt(s); of the start
 K1, K2, KI, WANDER = OBSERVER.numbers("K1", "K2", "KI", "WANDER")
@@ -106,16 +105,8 @@ def advance(bar: Belief, u: Array, dt: float, noise: Noise) -> None:
     """
     if dt <= 0:
         return
-    workspace, C, ba, bg, f = bar.workspace, bar.C, bar.ba, bar.bg, bar.f
-    xi = workspace[XI]
-    r0, r1, r2, a0, a1, a2 = (
-        u[0] - bg[0] * dt,
-        u[1] - bg[1] * dt,
-        u[2] - bg[2] * dt,
-        u[3] - ba[0] * dt,
-        u[4] - ba[1] * dt,
-        u[5] - ba[2] * dt,
-    )
+    workspace, C, xi = bar.workspace, bar.C, bar.workspace[XI]
+    r0, r1, r2, a0, a1, a2 = bias_free(u, bar.ba, bar.bg, dt)
     x0 = C[0, 0] * xi[0] + C[1, 0] * xi[1] + C[2, 0] * xi[2]
     x1 = C[0, 1] * xi[0] + C[1, 1] * xi[1] + C[2, 1] * xi[2]
     x2 = C[0, 2] * xi[0] + C[1, 2] * xi[1] + C[2, 2] * xi[2]
@@ -133,8 +124,7 @@ def advance(bar: Belief, u: Array, dt: float, noise: Noise) -> None:
         dt,
         workspace[WORK],
     )  # half a turn back: xi stands still in n, not in the body
-    bar.omega[0], bar.omega[1], bar.omega[2] = r0 / dt, r1 / dt, r2 / dt
-    f[0], f[1], f[2] = a0 / dt, a1 / dt, a2 / dt
+    publish_rates(bar, r0, r1, r2, a0, a1, a2, dt)
     made_up = noise.accel > workspace[TOLD]
     _clocks(
         workspace,

@@ -8,15 +8,16 @@ that turn the attitude and adapt the biases closed around it.
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple, TypeAlias
+from inspect import Parameter, Signature, signature
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...checks import check_choice, check_number
-from ...core.contract import Noise, Source, Start
+from ...core.contract import Belief, Noise, Source, Start
 from ...core.embedded import as_numbers
 from ...typing import Array, Mask
 from . import equations, translation_gains
@@ -61,6 +62,7 @@ HALVINGS = 8
 at slow fixes."""
 ROUND = 20
 """Most fixes of the faster kind in one round of both."""
+StartFunction = TypeVar("StartFunction", bound=Callable[..., Belief])
 Jump: TypeAlias = tuple[float, str, Array]
 """A fix of a round: s since the fix before, "position" or "velocity", gains K (3,) on p, v, f."""
 
@@ -73,6 +75,19 @@ class Axis(NamedTuple):
     velocity_interval: float  # s between velocities
     position_sd: float  # m
     velocity_sd: float  # m/s
+
+
+def takes_options(start: StartFunction) -> StartFunction:
+    """A `start` whose **options are those of the observer, for the engine and the listing of
+    filters, which go by its signature."""
+    own = [p for p in signature(start).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+    options = [
+        Parameter(name, Parameter.POSITIONAL_OR_KEYWORD, default=default)
+        for name, default in DEFAULTS.items()
+    ]
+    # the type of a function knows no __signature__
+    start.__signature__ = Signature([*own, *options])  # type: ignore[attr-defined]
+    return start
 
 
 def begin(block: Array, start: Start, noise: Noise, **options: Any) -> None:
@@ -125,9 +140,6 @@ def implant(workspace: Array, start: Start, noise: Noise, **options: Any) -> Non
 def checked(options: dict[str, Any]) -> dict[str, Any]:
     """DEFAULTS with these options in. Raises ValueError naming the first that is out of bounds."""
     o = {**DEFAULTS, **options}
-    for name, value in o.items():
-        if not isinstance(value, str) and not -math.inf < value < math.inf:
-            raise ValueError(f"{name} is {value}; it must be a finite number")
     for name in (
         "k1",
         "k2",
@@ -140,9 +152,9 @@ def checked(options: dict[str, Any]) -> dict[str, Any]:
         "wander_start",
         "theta",
     ):
-        check_number(o[name], name, above=0, infinite=True)
+        check_number(o[name], name, above=0)
     for name in ("ki", "ki_start", "adaptation", "least_speed", "outage_after", *GAINS):
-        check_number(o[name], name, least=0, infinite=True)
+        check_number(o[name], name, least=0)
     for name, known in (
         ("course", equations.COURSES),
         ("field", equations.FIELDS),
@@ -210,12 +222,12 @@ def configure(
     options: dict[str, Any], aidings: Sequence[Source]
 ) -> tuple[dict[str, Any], list[str]]:
     """(options with `outage_after` from the sources, notes: gains at their intervals and spectral
-    radius), for Filter.configure.
+    radius), for Filter.configure. Options that are not the observer's stay as they are.
 
     Raises ValueError where nothing measures position, or heading or course, or the gains are not
     stable at the intervals of these fixes.
     """
-    o = checked(options)
+    o = checked({name: value for name, value in options.items() if name in DEFAULTS})
     kinds = {a.kind for a in aidings}
     if "position" not in kinds:
         raise ValueError(

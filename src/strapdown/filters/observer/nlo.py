@@ -7,7 +7,6 @@ mean.
 
 import math
 from collections.abc import Mapping
-from inspect import Parameter, Signature
 from typing import Any
 
 import numpy as np
@@ -15,12 +14,13 @@ import numpy as np
 from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, kernel
 from ...typing import Array
 from .equations import EXCITATION, FORGETTING, HELD, OBSERVER, advance, inject
-from .gains import DEFAULTS, USES, begin, configure
+from .gains import USES, begin, configure, takes_options
 
 LONG_HELD = 10.0  # s without a course that is worth an event
 EXCITED = 1e-3  # of the smallest eigenvalue, in which 1 is a specific force of 1 g
 
 
+@takes_options
 def start(start: Start, noise: Noise, **options: Any) -> Belief:
     """Belief at `start`; docs/observer.md explains the options, DEFAULTS of
     filters/observer/gains.py has them. Refuses gains that are not stable and a start beyond the
@@ -29,20 +29,6 @@ def start(start: Start, noise: Noise, **options: Any) -> Belief:
     belief = start.belief(OBSERVER.zeros())
     begin(belief.workspace, start, noise, **options)
     return belief
-
-
-def _named(name: str, default: Any = Parameter.empty) -> Parameter:
-    return Parameter(name, Parameter.POSITIONAL_OR_KEYWORD, default=default)
-
-
-# the type of a function knows no __signature__
-start.__signature__ = Signature(  # type: ignore[attr-defined]
-    [
-        _named("start"),
-        _named("noise"),
-        *(_named(name, default) for name, default in DEFAULTS.items()),
-    ]
-)
 
 
 @kernel(PREDICT)

@@ -8,8 +8,6 @@ the observer injects, jumps or is bounded the estimate stays where it is and del
 lies between them: the mismatch of a trajectory that is no solution of the model. docs/exogenous.md.
 """
 
-import inspect
-from collections.abc import Sequence
 from typing import Any
 
 from ...checks import check_number
@@ -30,12 +28,12 @@ from ...core.contract import (
     Noise,
     Observe,
     Slots,
-    Source,
     Start,
     kernel,
     matrix,
 )
 from ...core.earth import place
+from ...core.embedded import take_over
 from ...core.error_state import (
     DX,
     ERROR_STATE,
@@ -57,7 +55,7 @@ from ...core.rotation import rotation_between, wrap
 from ...typing import Array
 from . import nlo
 from .equations import EMBEDDED, OBSERVER, advance, embedded, inject
-from .gains import configure as configure_observer, implant
+from .gains import configure, implant, takes_options
 from .repeated_fix import FORGOTTEN, KIND, MEMORY, repeated
 
 SLOTS = Slots(after=ERROR_STATE)
@@ -76,6 +74,7 @@ RECENT = SLOTS.part("RECENT", MEMORY)
 INSIDE = SLOTS.part("INSIDE", EMBEDDED)  # the observer
 
 
+@takes_options
 def start(start: Start, noise: Noise, near: float = 0.0, **observer: Any) -> Belief:
     """Belief at `start`, where the observer begins too.
 
@@ -90,28 +89,6 @@ def start(start: Start, noise: Noise, near: float = 0.0, **observer: Any) -> Bel
     slots["RECENT"]["KIND"][...], slots["ORIGIN"][:] = FORGOTTEN, belief.C.ravel()
     implant(belief.workspace[INSIDE], start, noise, **observer)
     return belief
-
-
-# the observer's options as the engine and the listing of filters see them: its own, whatever they
-# are
-_first, _noise, *_of_observer = inspect.signature(nlo.start).parameters.values()
-_near = inspect.Parameter("near", inspect.Parameter.POSITIONAL_OR_KEYWORD, default=0.0)
-# the type of a function knows no __signature__
-start.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-    [_first, _noise, _near, *_of_observer]
-)
-
-
-def configure(
-    options: dict[str, Any], aidings: Sequence[Source]
-) -> tuple[dict[str, Any], list[str]]:
-    """What these sources decide of the observer and what it says of itself; refuses what it
-    cannot run on."""
-    own = {"near": options["near"]} if "near" in options else {}
-    options, notes = configure_observer(
-        {name: value for name, value in options.items() if name not in own}, aidings
-    )
-    return own | options, notes
 
 
 @inlined
@@ -130,20 +107,6 @@ def at(belief: Belief, state: Belief, ba: Array, bg: Array) -> Belief:
         belief.workspace,
         belief.extra_states,
     )
-
-
-@inlined
-def put(belief: Belief, state: Belief) -> None:
-    """Position, velocity, attitude and biases of the belief become those of another."""
-    for i in range(3):
-        belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i] = (
-            state.lla[i],
-            state.v[i],
-            state.ba[i],
-            state.bg[i],
-        )
-        for j in range(3):
-            belief.C[i, j] = state.C[i, j]
 
 
 @inlined
@@ -212,7 +175,7 @@ def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> Non
         ba[i], bg[i] = bar.ba[i], bar.bg[i]
     linearised_step(at(belief, bar, ba, bg), bar.C, 1.0, u, dt, noise, True)
     if affine:
-        put(belief, bar)
+        take_over(belief, bar)
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
     mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[DX], 1.0)
     decay_biases(belief.ba, belief.bg, dt, noise)
@@ -264,7 +227,7 @@ def correct_around(
     if nis <= gate:
         for i in range(STATES):
             x[i] += dx[i]
-        put(belief, bar)
+        take_over(belief, bar)
         compose(belief, x)
         inject_tail(belief, dx)
         shift_rates(belief, dx, -1.0)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from ...core.contract import HEADING_KIND, MOST_STATES, STATES, Belief, Observe, Slots
 from ...core.earth import place
-from ...core.embedded import NAVIGATION, navigation
+from ...core.embedded import NAVIGATION, navigation, take_over
 from ...core.error_state import DX, ERROR_STATE, JACOBIAN, inject_all, observed
 from ...core.jit import flatten, helper, inlined, matrix, plain
 from ...core.kalman import LEAST_NOISE
@@ -195,15 +195,7 @@ def carry(belief: Belief, m: Mixture) -> None:
 @inlined
 def put(own: Belief, belief: Belief, x: Array) -> None:
     """The component whose error about the belief is x."""
-    for i in range(3):
-        own.lla[i], own.v[i], own.ba[i], own.bg[i] = (
-            belief.lla[i],
-            belief.v[i],
-            belief.ba[i],
-            belief.bg[i],
-        )
-        for j in range(3):
-            own.C[i, j] = belief.C[i, j]
+    take_over(own, belief)
     for i in range(own.extra_states.size):
         own.extra_states[i] = belief.extra_states[i]
     inject_all(own, x)

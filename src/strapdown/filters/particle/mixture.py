@@ -15,6 +15,7 @@ import math
 
 import numpy as np
 
+from ...checks import check_number
 from ...core.jit import flatten, helper, inlined, matrix
 from ...typing import Array
 from .threefry import new_stream, normal_rows, normals, uniform
@@ -376,8 +377,7 @@ def begin(P: Array, components: float, kernel: float, seed: float) -> tuple[Arra
             f"components is {components}; it must be a whole number, at least 1 and at most "
             f"{MOST_COMPONENTS}"
         )
-    if not 0 < kernel <= 1:
-        raise ValueError(f"kernel is {kernel}; it must be above 0 and at most 1")
+    check_number(kernel, "kernel", above=0, most=1)
     N, n, stream = int(components), len(P), new_stream(seed)
     if N == 1:
         return np.zeros((1, n)), P.copy(), stream

@@ -11,7 +11,18 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...checks import check_number
-from ...core.contract import CORRECT, PREDICT, STATES, Belief, Filter, Noise, Observe, Start, kernel
+from ...core.contract import (
+    CORRECT,
+    PREDICT,
+    STATES,
+    Belief,
+    Filter,
+    Noise,
+    Observe,
+    Start,
+    first_event,
+    kernel,
+)
 from ...core.earth import curvature
 from ...core.embedded import as_numbers
 from ...core.error_state import (
@@ -26,6 +37,7 @@ from ...core.error_state import (
     inject_all,
     linearised_step,
     observed,
+    publish_rates,
 )
 from ...core.jit import flatten, inlined, matrix, plain
 from ...core.kalman import update, used_rows
@@ -130,9 +142,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     mechanize(
         belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, m.shared[DV], m.shared[HEIGHT]
     )
-    if dt > 0:
-        belief.omega[0], belief.omega[1], belief.omega[2] = r0 / dt, r1 / dt, r2 / dt
-        belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
+    publish_rates(belief, r0, r1, r2, a0, a1, a2, dt)
     decay_biases(belief.ba, belief.bg, dt, noise)
     clear(m.sums)
     north, east = metres(belief)
@@ -240,9 +250,11 @@ def lost(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float
         "kept",
     }
     return [
-        (float(t[np.argmax(columns[name] > 0)]), f"{columns[name][-1]:.0f} {text}; the first here")
+        event
         for name, text in texts.items()
-        if len(t) and columns[name][-1] > 0
+        for event in first_event(
+            t, columns[name] > 0, f"{columns[name][-1:].sum():.0f} {text}; the first here"
+        )
     ]
 
 

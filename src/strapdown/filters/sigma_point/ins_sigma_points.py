@@ -10,8 +10,6 @@ P. Points that would turn further than LARGEST_TURN are drawn in.
 import math
 from collections.abc import Mapping
 
-import numpy as np
-
 from ...core.contract import (
     ATTITUDE_KIND,
     CORRECT,
@@ -24,11 +22,12 @@ from ...core.contract import (
     Observe,
     Slots,
     Start,
+    first_event,
     kernel,
 )
 from ...core.earth import place
 from ...core.embedded import NAVIGATION, navigation
-from ...core.error_state import added, bias_free, decay_biases, inject_all, observed
+from ...core.error_state import added, bias_free, decay_biases, inject_all, observed, publish_rates
 from ...core.jit import flatten, helper, inlined, matrix, plain
 from ...core.kalman import LEAST_NOISE, decay
 from ...core.mechanization import mechanize
@@ -216,8 +215,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     for i in range(3):
         belief.lla[i], belief.v[i] = lla[i], v[i]
         belief.C[i, 0], belief.C[i, 1], belief.C[i, 2] = C[i, 0], C[i, 1], C[i, 2]
-    belief.omega[0], belief.omega[1], belief.omega[2] = r0 / dt, r1 / dt, r2 / dt
-    belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
+    publish_rates(belief, r0, r1, r2, a0, a1, a2, dt)
     decay_biases(ba, bg, dt, noise)
     added(belief.lla, belief.v, belief.C, mean)
     _published(belief, n, lanes)
@@ -444,13 +442,9 @@ def _unwrapped(
 def repairs(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
     """[(t, text)] where the covariance was none and had to be made one again."""
     count = columns[SLOTS.columns[REPAIRED]]
-    if not len(t) or not count[-1] > 0:
-        return []
-    return [
-        (
-            float(t[np.argmax(count > 0)]),
-            f"covariance not positive definite, repaired {count[-1]:.0f} times from here on: its "
-            f"standard deviations "
-            "are not to be relied on",
-        )
-    ]
+    return first_event(
+        t,
+        count > 0,
+        f"covariance not positive definite, repaired {count[-1:].sum():.0f} times from here on: "
+        f"its standard deviations are not to be relied on",
+    )

@@ -19,21 +19,20 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 from ...checks import check_choice, check_number
-from ...core.contract import STATES, Belief, Noise, Slots, Source
+from ...core.contract import STATES, Belief, Noise, Slots, Source, first_event
 from ...core.error_state import ERROR_STATE
 from ...core.jit import helper, inlined
 from ...core.kalman import decay
 from ...core.rotation import turned
 from ...typing import Array
-from ..ahrs_aided.known_attitude import BEYOND_COLUMN
+from ..ahrs_aided.known_attitude import BEYOND_COLUMN, steep
 from ..attitude import attitude_error_state
 
 HELD_COLUMN = "course_held [s]"
 TWO_STAGE = Slots(after=ERROR_STATE)
 """Of every filter of this model."""
-ERROR = TWO_STAGE.array(
-    "ERROR", STATES
-)  # the estimate less `bar`; zero where it is injected at once
+# the estimate less `bar`; zero where it is injected at once
+ERROR = TWO_STAGE.array("ERROR", STATES)
 # means since the window began, m/s^2; its s
 FORCE = TWO_STAGE.array("FORCE", 3)
 CENTRIFUGAL = TWO_STAGE.array("CENTRIFUGAL", 3)
@@ -158,21 +157,15 @@ def configure(
     return options, [NO_HEADING]
 
 
-def held(t: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
-    """[(t, text)] where the heading first was held because a velocity fix gave no course, else
-    []."""
+def diagnose(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
+    """[(t, text)] where the pitch first was near the singularity of the Euler angles, and where
+    the heading was first held because a velocity fix gave no course."""
     seconds = columns[HELD_COLUMN]
-    rows = (seconds > 0).nonzero()[0]
-    return (
-        [
-            (
-                float(t[rows[0]]),
-                f"too slow or banked for a course: heading held for {seconds[-1]:.3g} s in all, "
-                f"first here",
-            )
-        ]
-        if len(rows)
-        else []
+    return steep(t, lla, columns) + first_event(
+        t,
+        seconds > 0,
+        f"too slow or banked for a course: heading held for {seconds[-1:].sum():.3g} s in all, "
+        f"first here",
     )
 
 

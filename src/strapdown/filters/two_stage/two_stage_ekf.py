@@ -6,7 +6,6 @@ the estimate itself. P of the two stages is published as one, without covariance
 """
 
 import math
-from collections.abc import Mapping
 
 from ...core.contract import (
     CORRECT,
@@ -22,7 +21,7 @@ from ...core.contract import (
     matrix,
 )
 from ...core.earth import displace
-from ...core.error_state import DV, DX, MID, allocate, bias_free, decay_biases
+from ...core.error_state import DV, DX, MID, allocate, bias_free, decay_biases, publish_rates
 from ...core.mechanization import mechanize
 from ...core.rotation import (
     euler_to_matrix,
@@ -33,7 +32,7 @@ from ...core.rotation import (
     wrap,
 )
 from ...typing import Array
-from ..ahrs_aided.known_attitude import STEEP_PITCH, steep
+from ..ahrs_aided.known_attitude import STEEP_PITCH
 from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, see, steer, used
 from .model import (
     BEFORE,
@@ -47,8 +46,8 @@ from .model import (
     USES,
     StageOptions,
     configure,
+    diagnose,
     doubt,
-    held,
     middle,
     propagate,
     set_options,
@@ -106,15 +105,14 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     stage 1 by the specific force, once a window."""
     if dt <= 0:
         return
-    workspace, omega, f = belief.workspace, belief.omega, belief.f
+    workspace = belief.workspace
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
     mid, f_n = matrix(workspace, MID, 3, 3), workspace[DX]
     middle(belief.C, r0, r1, r2, mid)
     gather(belief, belief, u, r0, r1, r2, dt, noise.accel > workspace[TOLD])
     mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, f_n)
     propagate(belief, mid, f_n[0], f_n[1], f_n[2], dt, noise)
-    omega[0], omega[1], omega[2] = r0 / dt, r1 / dt, r2 / dt
-    f[0], f[1], f[2] = a0 / dt, a1 / dt, a2 / dt
+    publish_rates(belief, r0, r1, r2, a0, a1, a2, dt)
     decay_biases(belief.ba, belief.bg, dt, noise)
     if abs(belief.C[2, 0]) > SINE_STEEP:
         workspace[BEYOND] += dt
@@ -210,12 +208,6 @@ def _inject_attitude(belief: Belief, x: float, y: float, z: float) -> None:
     moved[0], moved[1], moved[2] = v0 - v[0], v1 - v[1], v2 - v[2]
     doubt(P, moved)
     v[0], v[1], v[2] = v0, v1, v2
-
-
-def diagnose(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
-    """[(t, text)] where the pitch first was near the singularity of the Euler angles, and where
-    the heading was first held without a course."""
-    return steep(t, lla, columns) + held(t, columns)
 
 
 TWO_STAGE_EKF = Filter(

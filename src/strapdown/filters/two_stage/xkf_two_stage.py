@@ -9,9 +9,8 @@ injections, jumps and bounds, the estimate stays: Euler angles, velocity in the 
 they are.
 """
 
-import inspect
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from ...core.contract import (
@@ -34,16 +33,15 @@ from ...core.contract import (
     matrix,
 )
 from ...core.earth import displace, place
-from ...core.embedded import NAVIGATION, navigation
+from ...core.embedded import NAVIGATION, navigation, take_over
 from ...core.error_state import DV, DX, MID, allocate, bias_free, decay_biases
 from ...core.jit import inlined
 from ...core.mechanization import mechanize
 from ...core.rotation import euler_to_matrix, matrix_to_euler, rotate_left, turned, wrap
 from ...typing import Array
-from ..ahrs_aided.known_attitude import STEEP_PITCH, steep
-from ..observer import nlo
+from ..ahrs_aided.known_attitude import STEEP_PITCH
 from ..observer.equations import EMBEDDED, EXCITATION, OBSERVER, XI, advance, embedded, inject
-from ..observer.gains import DEFAULTS, configure as configure_observer, implant
+from ..observer.gains import DEFAULTS, configure as configure_observer, implant, takes_options
 from ..observer.repeated_fix import FORGOTTEN, KIND, MEMORY, repeated
 from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, see, steer, used
 from .model import (
@@ -57,9 +55,9 @@ from .model import (
     USES,
     StageOptions,
     configure as configure_model,
+    diagnose,
     doubt,
     from_angles,
-    held,
     middle,
     propagate,
     set_options,
@@ -85,6 +83,7 @@ INSIDE = SLOTS.part("INSIDE", EMBEDDED)  # the observer
 SINE_STEEP = math.sin(STEEP_PITCH)
 
 
+@takes_options
 def start(
     start: Start,
     noise: Noise,
@@ -122,24 +121,14 @@ def start(
     return belief
 
 
-_own, _of_observer = ([*inspect.signature(each).parameters.values()] for each in (start, nlo.start))
-# the type of a function knows no __signature__
-start.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-    [*_own[:-1], *_of_observer[2:]]
-)
-
-
 def configure(
     options: dict[str, Any], aidings: Sequence[Source]
 ) -> tuple[dict[str, Any], list[str]]:
     """What these sources decide of the observer and what it says of itself; refuses what either
     cannot run on."""
-    own = {name: value for name, value in options.items() if name not in DEFAULTS}
     _, notes = configure_model(options, aidings)
-    options, said = configure_observer(
-        {name: value for name, value in options.items() if name in DEFAULTS}, aidings
-    )
-    return own | options, [*notes, *said]
+    options, said = configure_observer(options, aidings)
+    return options, [*notes, *said]
 
 
 @kernel(PREDICT)
@@ -270,10 +259,7 @@ def correct_around(
 def leave(belief: Belief, bar: Belief) -> None:
     """Keep the observer's state before it moves."""
     left = navigation(belief.workspace[LEFT], belief.P, belief.workspace, belief.extra_states)
-    for i in range(3):
-        left.lla[i], left.v[i], left.ba[i], left.bg[i] = bar.lla[i], bar.v[i], bar.ba[i], bar.bg[i]
-        for j in range(3):
-            left.C[i, j] = bar.C[i, j]
+    take_over(left, bar)
 
 
 @inlined
@@ -356,12 +342,6 @@ def compose(belief: Belief, bar: Belief) -> None:
             for j in range(3):
                 C[i, j] = bar.C[i, j]
         rotate_left(x[6], x[7], x[8], C)
-
-
-def diagnose(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
-    """[(t, text)] where the pitch first was near the singularity of the Euler angles, and where
-    the heading was first held without a course."""
-    return steep(t, lla, columns) + held(t, columns)
 
 
 XKF_TWO_STAGE = Filter(

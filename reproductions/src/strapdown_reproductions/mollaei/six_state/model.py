@@ -40,9 +40,8 @@ X = SIX.array("X", 6)  # the state
 ORIGIN = SIX.array("ORIGIN", 3)  # lla of the start
 # variances: of the process noise per second, of a row of a fix; 0: not given
 Q, R = SIX.numbers("Q", "R")
-UNKNOWN = SIX.number(
-    "UNKNOWN"
-)  # random walk of the velocity that the model does not know, m/s/sqrt(s)
+# random walk of the velocity that the model does not know, m/s/sqrt(s)
+UNKNOWN = SIX.number("UNKNOWN")
 SINCE = SIX.number("SINCE")  # s since the last fix
 DENSITY = SIX.number("DENSITY")  # of the air at the height of the estimate, kg/m^3
 TURNED = SIX.matrix("TURNED", 3, 3)  # C_nb at mid-sample
