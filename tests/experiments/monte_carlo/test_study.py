@@ -195,7 +195,7 @@ def test_paired_comparison_uses_the_same_runs(finished):
     found = summaries.compare(finished, finished.cells[0], *LOOPS)
     # a minute is too short for the two to differ
     assert found.count == 20 and abs(found.difference) < 0.01
-    with pytest.raises(sd.DataError, match="no filter 'mekf'; it has open-loop, closed-loop"):
+    with pytest.raises(sd.DataError, match="'mekf'; it must be one of open-loop, closed-loop"):
         summaries.compare(finished, finished.cells[0], "mekf", "open-loop")
 
 

@@ -3,7 +3,7 @@ stated rule, and the answer with its reasons.
 
 The framework that Hager & Bryne's conclusion promises, for any IMU and motion: the studies, the
 crossover map and the folder. The rule itself is in `verdicts`, the words and figures in
-`reports.advice`.
+`page` and `figures`.
 """
 
 from __future__ import annotations

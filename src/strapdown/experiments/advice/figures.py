@@ -3,7 +3,8 @@ band, survival, the crossover map."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,52 +33,42 @@ FILLS = {
     "undecided": "#d5d9de",
 }
 """Of the map's answers, pale so that black text can be read on them."""
+LIMIT = {"color": RED, "width": 1, "dash": "dash"}
+"""The line of what the rule asks for."""
 WIDEST_AXIS = 1e4
 """Ratio of the ends of a logarithmic axis at most, so that one diverging run does not flatten
 all others."""
 
 
-def _time(advice: Advice) -> tuple[float, str]:
-    """(scale, unit) of the time axes."""
-    duration = advice.scenario.duration
-    return (1.0, "s") if duration < 600 else (60.0, "min") if duration < 5 * 3600 else (3600.0, "h")
+def _over_time(
+    advice: Advice,
+    label: str,
+    height: int,
+    log: bool,
+    lines: Callable[[Arrays, int], Sequence[Array]],
+) -> tuple[go.Figure, Array, list[Array]]:
+    """(figure, its times in the unit of the axis, values shown at once) over time.
 
-
-def _curves(advice: Advice) -> tuple[Arrays, Array, str]:
-    """Curves of the mission's only cell; times in the unit of the axis, and the unit."""
-    curves = advice.campaign.curves(advice.campaign.cells[0])
-    scale, unit = _time(advice)
-    return curves, curves["t"] / scale, unit
-
-
-def _filters(advice: Advice) -> list[tuple[int, str, str, bool]]:
-    """(place, label, colour, shown at once) of each filter; resets that are not the answer wait
-    in the legend."""
-    labels = list(advice.campaign.manifest["filters"])
-    resets = sorted((label for label in labels if label not in LINES), key=interval_of)
-    colours = LINES | {
-        label: RESET_COLOURS[i % len(RESET_COLOURS)] for i, label in enumerate(resets)
-    }
-    return [
-        (
-            labels.index(label),
-            label,
-            colours[label],
-            label in LINES or label == advice.decision.filter,
-        )
-        for label in advice.found
-    ]
-
-
-def _labelled(figure: go.Figure, t: Array, unit: str) -> go.Figure:
+    lines: of a filter, of the curves of the mission's only cell and its place in them; the first is
+    solid, others dashed. Resets that are not the answer wait in the legend.
+    """
+    curves, duration = advice.campaign.curves(advice.campaign.cells[0]), advice.scenario.duration
+    scale, unit = (
+        (1.0, "s") if duration < 600 else (60.0, "min") if duration < 5 * 3600 else (3600.0, "h")
+    )
+    labels, t = list(advice.campaign.manifest["filters"]), curves["t"] / scale
+    resets = sorted((name for name in labels if name not in LINES), key=interval_of)
+    colours = LINES | dict(zip(resets, cycle(RESET_COLOURS)))
+    figure, seen = panels([label], height, log), []
+    for name in advice.found:
+        shown = name in LINES or name == advice.decision.filter
+        for i, values in enumerate(lines(curves, labels.index(name))):
+            style: dict[str, Any] = {"dash": "dash"} if i else {}
+            line(figure, t, values, called(name), colours[name], legend=not i, **style)
+            figure.data[-1].visible = True if shown else "legendonly"
+            seen += [values] if shown else []
     figure.update_xaxes(title_text=f"time [{unit}]", range=[0, float(t[-1])])
-    return figure
-
-
-def _hide(figure: go.Figure, count: int, shown: bool) -> None:
-    """The last `count` traces wait in the legend unless they are `shown`."""
-    for trace in figure.data[-count:]:
-        trace.visible = True if shown else "legendonly"
+    return figure, t, seen
 
 
 def _errors(
@@ -85,16 +76,12 @@ def _errors(
 ) -> go.Figure:
     """RMSE, stated standard deviation and bound of one quantity; `length` makes it of (n, 15)
     values."""
-    curves, t, unit = _curves(advice)
-    figure, seen = panels([label], height=290, log=True), []
-    for place, name, colour, shown in _filters(advice):
-        rmse, sd = factor * length(curves["rmse"][place]), factor * length(curves["sd"][place])
-        line(figure, t, rmse, called(name), colour)
-        line(figure, t, sd, called(name), colour, legend=False, dash="dash")
-        figure.data[-1].legendgroup = figure.data[-2].legendgroup
-        _hide(figure, 2, shown)
-        seen += [rmse, sd] if shown else []
-    bound = factor * length(curves["bound"])
+
+    def lines(curves: Arrays, place: int) -> list[Array]:
+        return [factor * length(curves[name][place]) for name in ("rmse", "sd")]
+
+    figure, t, seen = _over_time(advice, label, 290, True, lines)
+    bound = factor * length(advice.campaign.curves(advice.campaign.cells[0])["bound"])
     if np.isfinite(bound).any():
         line(figure, t, bound, "Cramer-Rao bound", GREY, dash="dot")
     else:
@@ -109,7 +96,7 @@ def _errors(
     values = values[np.isfinite(values) & (values > 0)]
     if len(values):
         log_range(figure, max(values.min(), 1e-9), min(values.max(), WIDEST_AXIS * values.min()))
-    return _labelled(figure, t, unit)
+    return figure
 
 
 def rmse(advice: Advice) -> go.Figure:
@@ -127,39 +114,32 @@ def heading(advice: Advice) -> go.Figure:
 def nees(advice: Advice) -> go.Figure:
     """NEES per state over time, with the band of a mean over all runs and the limits of the
     rule."""
-    curves, t, unit = _curves(advice)
-    figure = panels(["NEES per state"], height=290, log=True)
+
+    def lines(curves: Arrays, place: int) -> list[Array]:
+        return [np.where(curves["alive"][place] > 0, curves["nees"][place], np.nan)]
+
+    figure, _, seen = _over_time(advice, "NEES per state", 290, True, lines)
     low, high = (value / STATES for value in band(STATES, advice.campaign.manifest["runs"]))
-    largest = advice.rules.belief
-    for place, name, colour, shown in _filters(advice):
-        values = np.where(curves["alive"][place] > 0, curves["nees"][place], np.nan)
-        line(figure, t, values, called(name), colour)
-        _hide(figure, 1, shown)
-        largest = max(largest, np.nanmax(values, initial=0.0)) if shown else largest
     # after the lines: plotly draws no shapes in an empty panel
     figure.add_hrect(low, high, fillcolor="rgba(134,142,150,0.3)", line_width=0, layer="below")
-    for limit in (1 / advice.rules.belief, advice.rules.belief):
-        figure.add_hline(limit, line={"color": RED, "width": 1, "dash": "dash"})
-    log_range(figure, 0.6 / advice.rules.belief, min(largest, WIDEST_AXIS))
-    return _labelled(figure, t, unit)
+    belief = advice.rules.belief
+    for limit in (1 / belief, belief):
+        figure.add_hline(limit, line=LIMIT)
+    largest = np.nanmax(np.concatenate(seen), initial=belief)
+    log_range(figure, 0.6 / belief, min(largest, WIDEST_AXIS))
+    return figure
 
 
 def survival(advice: Advice) -> go.Figure:
     """Share of the runs that are alive over time, with the least that the rule asks for."""
-    curves, t, unit = _curves(advice)
-    figure = panels(["runs alive [%]"], height=210)
-    for place, name, colour, shown in _filters(advice):
-        line(
-            figure,
-            t,
-            100 * curves["alive"][place] / advice.campaign.manifest["runs"],
-            called(name),
-            colour,
-        )
-        _hide(figure, 1, shown)
-    figure.add_hline(100 * advice.rules.survival, line={"color": RED, "width": 1, "dash": "dash"})
-    figure.update_yaxes(range=[-4, 104])
-    return _labelled(figure, t, unit)
+    runs = advice.campaign.manifest["runs"]
+
+    def lines(curves: Arrays, place: int) -> list[Array]:
+        return [100 * curves["alive"][place] / runs]
+
+    figure, _, _ = _over_time(advice, "runs alive [%]", 210, False, lines)
+    figure.add_hline(100 * advice.rules.survival, line=LIMIT)
+    return figure.update_yaxes(range=[-4, 104])
 
 
 def crossover(advice: Advice) -> go.Figure:
@@ -169,9 +149,12 @@ def crossover(advice: Advice) -> go.Figure:
     motions, imus, times = (
         list(dict.fromkeys(row[name] for row in rows)) for name in ("motion", "imu", "duration_s")
     )
-    titles = [f"{motion} flight" for motion in motions]
     figure = make_subplots(
-        rows=len(motions), cols=1, shared_xaxes=True, vertical_spacing=0.13, subplot_titles=titles
+        rows=len(motions),
+        cols=1,
+        shared_xaxes=True,
+        vertical_spacing=0.13,
+        subplot_titles=[f"{motion} flight" for motion in motions],
     )
     found = {(row["motion"], row["imu"], row["duration_s"]): row for row in rows}
     steps = [

@@ -56,13 +56,7 @@ def epochs(truth: Trajectory, every: int) -> Epochs:
     samples = len(truth) - 1
     rows = np.arange((samples - 1) % every, samples, every)
 
-    def part(values: Array) -> Array:
-        return np.ascontiguousarray(values[rows + 1])
-
-    assert truth.v_n is not None and truth.q_nb is not None  # a simulated truth knows all of it
-    return Epochs(
-        Trajectory(part(truth.t), part(truth.lla), part(truth.v_n), part(truth.q_nb)), every, rows
-    )
+    return Epochs(truth.taking(rows + 1), every, rows)
 
 
 def score(

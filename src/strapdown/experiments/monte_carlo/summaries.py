@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from ...checks import DataError
+from ...checks import check_choice
 from ...core.contract import POS, STATES
 from ...evaluation.consistency import SURVIVED, Paired, mean_of_known, paired, proportion, rmse
 from ...typing import Array
@@ -69,7 +69,7 @@ def summary_row(campaign: Campaign, number: int, place: int) -> dict[str, Any]:
             if code
         },
         "left_model": int(np.isfinite(numbers["left_model"]).sum()),
-        "lasted_median_s": _median(numbers["lasted"][ran]),
+        "lasted_median_s": float(np.median(numbers["lasted"][ran])) if ran.any() else np.nan,
     }
     squares = numbers["mean_square"]
     for name, values in (
@@ -78,9 +78,8 @@ def summary_row(campaign: Campaign, number: int, place: int) -> dict[str, Any]:
         ("until_abort_position_m", squares[ran, 0]),
     ):
         row |= dict(zip((name, name + "_low", name + "_high"), rmse(values)))
-    row["std_position_m"] = (
-        float(np.sqrt(squares[alive, 0]).std(ddof=1)) if alive.sum() > 1 else np.nan
-    )
+    roots = np.sqrt(squares[alive, 0])
+    row["std_position_m"] = float(roots.std(ddof=1)) if len(roots) > 1 else np.nan
     for which, prefix in ((alive, "rmse"), (ran, "until_abort")):
         row |= {
             f"{prefix}_{group}_{GROUP_UNITS[group]}": rmse(squares[which, i]).value
@@ -88,21 +87,19 @@ def summary_row(campaign: Campaign, number: int, place: int) -> dict[str, Any]:
             for i, group in enumerate(ERROR_GROUPS)
             if i
         }
-    row |= {
+    return row | {
         "anees": mean_of_known(numbers["nees"][ran]) / STATES,
         "nees_inside": mean_of_known(numbers["nees_inside"][ran]),
         "nis": mean_of_known(numbers["nis"][ran]),
         "innovation_correlation": mean_of_known(numbers["correlation"][ran]),
-    }
-    row |= {
-        f"within_{sigma}_sigma": mean_of_known(numbers["coverage"][ran, i])
-        for i, sigma in enumerate((1, 2, 3))
-    }
-    row |= {
+        **{
+            f"within_{sigma}_sigma": mean_of_known(numbers["coverage"][ran, i])
+            for i, sigma in enumerate((1, 2, 3))
+        },
         "accepted": int(np.nansum(numbers["accepted"])),
         "rejected": int(np.nansum(numbers["rejected"])),
+        **bound_ratio(campaign.curves(cell["name"]), place),
     }
-    return row | bound_ratio(campaign.curves(cell["name"]), place)
 
 
 def bound_ratio(curves: Arrays, place: int) -> dict[str, float]:
@@ -162,11 +159,6 @@ def compare(campaign: Campaign, cell: str, first: str, second: str) -> Paired:
     """
     filters = campaign.manifest["filters"]
     for name in (first, second):
-        if name not in filters:
-            raise DataError(f"the campaign has no filter {name!r}; it has {', '.join(filters)}")
+        check_choice(name, "filter of the campaign", filters)
     censored = np.log(campaign.numbers(cell)["censored"])
     return paired(censored[filters.index(first)], censored[filters.index(second)])
-
-
-def _median(values: Array) -> float:
-    return float(np.median(values)) if len(values) else np.nan

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import inspect
 import re
+from collections import Counter
 from collections.abc import Iterable
 from functools import cache
 from os import cpu_count
@@ -87,11 +88,8 @@ def compare(
         return align(recording, spec)
 
     made = protocol(outages, recording.span, end, lambda: whole().t + SETTLING)
-    before_start(
-        made,
-        whole(),
-        # without the fixes of an early outage an alignment would wait, or begin with less
-    )
+    # without the fixes of an early outage an alignment would wait, or begin with less
+    before_start(made, whole())
     hidden = recording.hidden(made.windows, kinds)
     start = start or _aligned(hidden, spec)
     before_start(made, start)
@@ -124,18 +122,15 @@ def _entrants(wanted: str | Iterable[str | tuple[str, dict[str, Any]]] | None) -
     for each in [wanted] if isinstance(wanted, str) else wanted:
         filter, options = parsed(each) if isinstance(each, str) else tried(*_pair(each))
         made.append(Entrant(labelled(filter.name, options), filter, options))
-        if not positioned(made[-1].filter):
+        if not positioned(filter):
             raise DataError(
                 f"{made[-1].label} estimates no position, by which outages are scored; leave it out"
             )
     labels = [entrant.label for entrant in made]
     if not labels:
         raise DataError("compare: there is no filter; name one at least")
-    if len(set(labels)) < len(labels):
-        raise DataError(
-            f"compare: the filter {next(label for label in labels if labels.count(label) > 1)!r} is "
-            f"there twice; leave one out"
-        )
+    if twice := [label for label in labels if labels.count(label) > 1]:
+        raise DataError(f"compare: the filter {twice[0]!r} is there twice; leave one out")
     return made
 
 
@@ -156,26 +151,19 @@ def _pair(each: object) -> tuple[str, dict[str, Any]]:
 
 def _kinds(kinds: str | Iterable[str]) -> tuple[str, ...]:
     """Kinds of aiding to withhold, as a tuple. Raises DataError."""
-    named = (
-        [kinds]
-        if isinstance(kinds, str)
-        else list(kinds)
-        if isinstance(kinds, Iterable)
-        else [None]
-    )
-    if not all(isinstance(kind, str) for kind in named):
-        raise DataError(
-            f"kinds is {kinds!r}; it must be a list of kinds of fixes, such as position and "
-            f"velocity"
-        )
-    kinds = tuple(dict.fromkeys(named))
-    if not kinds:
+    named = (kinds,) if isinstance(kinds, str) or not isinstance(kinds, Iterable) else tuple(kinds)
+    if not named:
         raise DataError(
             "kinds is empty: name the kinds of fixes to withhold, such as position and velocity"
         )
-    for kind in kinds:
+    if not all(isinstance(kind, str) for kind in named):
+        raise DataError(
+            f"kinds is {kinds!r}; it must name kinds of fixes to withhold, such as position and "
+            f"velocity"
+        )
+    for kind in named:
         found(aiding.find, kind)
-    return kinds
+    return tuple(dict.fromkeys(named))
 
 
 def _check_ahrs(name: str | None) -> None:
@@ -204,27 +192,25 @@ def _comparison(
     spec: ImuSpec | None,
 ) -> Comparison:
     """The Comparison of what the runs gave. Raises DataError where nothing was scored."""
-    labels, rows = [entrant.label for entrant in entrants], []
-    for label, own in zip(labels, results):
-        for number, (each, outage) in enumerate(zip(own, common.outages), 1):
-            head: dict[str, Any] = {
-                "filter": label,
-                "outage": number,
-                "start_s": outage.start,
-                "stop_s": outage.stop,
-                "length_s": round(outage.length, 6),
-            }
-            had, said = ({}, each) if isinstance(each, str) else (each[0], "")
-            rows.append(head | had | {"distance_m": outage.distance, "said": said})
+    labels = [entrant.label for entrant in entrants]
+    rows: list[dict[str, Any]] = [
+        {
+            "filter": label,
+            "outage": number,
+            "start_s": outage.start,
+            "stop_s": outage.stop,
+            "length_s": round(outage.length, 6),
+            **({} if isinstance(each, str) else each[0]),
+            "distance_m": outage.distance,
+            "said": each if isinstance(each, str) else "",
+        }
+        for label, own in zip(labels, results)
+        for number, (each, outage) in enumerate(zip(own, common.outages), 1)
+    ]
     if all(isinstance(each, str) for own in results for each in own):
         raise DataError(f"no filter got through any outage; {labels[0]}: {results[0][0]}")
-    # the columns of a row that has them all
-    scores = pd.DataFrame(sorted(rows, key=lambda row: -len(row)))
-
-    def in_order(column: pd.Series[Any]) -> pd.Series[Any]:
-        return column.map(labels.index) if column.name == "filter" else column
-
-    scores = scores.sort_values(["filter", "outage"], key=in_order, ignore_index=True)
+    widest = max(rows, key=len)
+    scores = pd.DataFrame(rows, columns=list(widest))
     tracks = {
         label: [None if isinstance(each, str) else each[1] for each in own]
         for label, own in zip(labels, results)
@@ -290,23 +276,20 @@ def _settings(
 
 def _withheld(common: Common) -> dict[str, int]:
     """{source: fixes withheld in the outages}, each fix once, also where outages overlap."""
-    found: dict[str, int] = {}
+    found: Counter[str] = Counter()
     hidden = common.recording.hidden([each[:2] for each in common.outages], common.kinds)
     for whole, left in zip(common.recording.aidings, hidden.aidings):
         if whole.kind in common.kinds:
-            name = whole.name or whole.kind
-            found[name] = found.get(name, 0) + len(whole.t) - len(left.t)
-    return found
+            found[whole.name or whole.kind] += len(whole.t) - len(left.t)
+    return dict(found)
 
 
 def _said(common: Common, entrants: list[Entrant], ways: list[Way]) -> list[str]:
     """Notes of the filters on what they run on, each once."""
     known = common.recording.meta.get("notes", [])
-    found: dict[str, list[str]] = {}
-    for entrant, way in zip(entrants, ways):
-        for note in way.run.recording.meta["notes"] if way.run else ():
-            if note not in known:
-                found.setdefault(note, []).append(entrant.label)
+    said = {e.label: way.run.recording.meta["notes"] for e, way in zip(entrants, ways) if way.run}
+    new = dict.fromkeys(note for notes in said.values() for note in notes if note not in known)
+    found = {note: [label for label, notes in said.items() if note in notes] for note in new}
     return [
         note if note.startswith(had[0]) else f"{', '.join(had)}: {note}"
         for note, had in found.items()

@@ -369,8 +369,10 @@ def course(comparison: Comparison, outage: int) -> go.Figure | None:
 def coverage(comparison: Comparison) -> go.Figure | None:
     """Share of the errors in the outages within 1, 2 and 3 of the standard deviations that each
     filter claims: north and east together, and down."""
-    means = comparison.scores.groupby("filter", sort=False)[list(SHARES)].mean()
-    known = [name for name in comparison.filters if means.loc[name].notna().any()]
+    found = dict(list(comparison.scores.groupby("filter")))
+    known = [
+        name for name in comparison.filters if found[name][list(SHARES)].notna().any(axis=None)
+    ]
     if not known:
         return None
     figure = _by_filter(("north and east", "down"), known, 0.03, 150).update_layout(
@@ -380,7 +382,7 @@ def coverage(comparison: Comparison) -> go.Figure | None:
         colour, symbol = PALETTE[k], MARKER_SYMBOLS[k]
         figure.add_trace(
             go.Scatter(
-                x=(100 * means.loc[known, name]).to_list(),
+                x=[100 * found[label][name].mean() for label in known],
                 y=known,
                 mode="markers",
                 name=f"within {k + 1}σ",

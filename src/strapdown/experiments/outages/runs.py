@@ -219,23 +219,15 @@ def _branched(run: Run, stand: Stand, outage: Outage, sources: list[int]) -> Run
     fixes = fixes._replace(
         t=t[keep], source=source[keep], y=fixes.y[near][keep], sd=fixes.sd[near][keep]
     )
-    at = cursor.at
-    at[loop.ROW], at[loop.FIX], at[loop.FIXES], at[loop.OUT], at[loop.EVERY], at[loop.PHASE] = (
-        0,
-        0,
-        keep.sum(),
-        0,
-        1,
-        -1,
-    )
-    out = new_output(
-        run.filter, belief, len(samples.t) - (outage.first - outage.branch), False, len(fixes.t)
-    )
+    at, unscored = cursor.at, outage.first - outage.branch
+    at[[loop.ROW, loop.FIX, loop.OUT]], at[loop.FIXES] = 0, keep.sum()
+    at[loop.EVERY], at[loop.PHASE] = 1, -1
+    out = new_output(run.filter, belief, len(samples.t) - unscored, False, len(fixes.t))
     start = run.start._replace(t=float(cursor.now[0]))
     branched = run._replace(
         samples=samples, start=start, belief=belief, fixes=fixes, cursor=cursor, out=out, first=0
     )
-    branched.advance(outage.first - outage.branch)
+    branched.advance(unscored)
     if not at[loop.FAULT]:
         at[loop.PHASE] = 0
         branched.advance(len(samples.t))

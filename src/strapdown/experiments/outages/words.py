@@ -36,17 +36,10 @@ def ratio(
     rows = comparison.paired
     rows = rows[(rows["axis"] == axis) & (rows["length_s"] == length)]
     for a, b, sign in (name, base, 1), (base, name, -1):
-        for _, row in rows[(rows["a"] == a) & (rows["b"] == b)].iterrows():
+        for row in rows[(rows["a"] == a) & (rows["b"] == b)].to_dict("records"):
             low, high = (row["low"], row["high"])[::sign]
             wins = row["wins_a" if sign > 0 else "wins_b"]
-            return Ratio(
-                row["ratio"] ** sign,
-                low**sign,
-                high**sign,
-                int(wins),
-                int(row["n"]),
-                int(row["blocks"]),
-            )
+            return Ratio(row["ratio"] ** sign, low**sign, high**sign, wins, row["n"], row["blocks"])
     return Ratio(np.nan, np.nan, np.nan, 0, 0, 0)
 
 
@@ -84,12 +77,10 @@ def answers(comparison: Comparison) -> list[str]:
 def _answer(comparison: Comparison, length: float) -> str:
     order, count = ranked(comparison, length), comparison.of_length(length)["outage"].nunique()
     where = counted(count) + (f" of {length:g} s" if len(comparison.lengths) > 1 else "")
+    if not order:
+        return f"Nothing was scored in {where}."
     if len(order) < 2:
-        return (
-            f"Nothing was scored in {where}."
-            if not order
-            else f"Only {order[0]} was scored in {where}: there is nothing to compare it with."
-        )
+        return f"Only {order[0]} was scored in {where}: there is nothing to compare it with."
     best, found = order[0], {name: ratio(comparison, name, order[0], length) for name in order[1:]}
     blocks, n = (max(getattr(r, part) for r in found.values()) for part in ("blocks", "count"))
     alike = [name for name, r in found.items() if not r.low > 1]
@@ -170,14 +161,10 @@ def failures(comparison: Comparison) -> list[str]:
         own = comparison.scores[comparison.scores["filter"] == name]
         missing = own[~np.isfinite(own["horizontal_rmse_m"])]
         if len(missing):
-            said = list(dict.fromkeys(text for text in missing["said"] if text)) or [
-                "no reason given"
-            ]
-            more = f"; and {len(said) - 2} more" if len(said) > 2 else ""
-            where = (
-                f"{len(missing)} of {counted(len(own))}"
-                if len(missing) < len(own)
-                else f"any of {counted(len(own))}"
+            said = list(dict.fromkeys(filter(None, missing["said"]))) or ["no reason given"]
+            said[2:] = [f"and {len(said) - 2} more"] if len(said) > 2 else []
+            where = len(missing) if len(missing) < len(own) else "any"
+            lines.append(
+                f"{name} was not scored in {where} of {counted(len(own))}: {'; '.join(said)}"
             )
-            lines.append(f"{name} was not scored in {where}: {'; '.join(said[:2])}{more}")
     return lines
