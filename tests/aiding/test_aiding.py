@@ -51,6 +51,11 @@ def normal_gravity(b):
     )
 
 
+def leaning(b):
+    """North component of gravity above the ellipsoid, m/s^2: Groves (2013) 2.140, to 1 %."""
+    return -8.08e-9 * b.lla[2] * math.sin(2 * b.lla[0])
+
+
 # name: parameters, and what the sensor would measure without error where the body is in the state
 # b; of a constraint, what must vanish
 SENSORS = {
@@ -62,7 +67,7 @@ SENSORS = {
     "zero-lateral-velocity": (ARM, lambda b: (b.C.T @ velocity(b, ARM))[1]),
     "zero-vertical-velocity": (ARM, lambda b: (b.C.T @ velocity(b, ARM))[2]),
     "zero-velocity": ((), lambda b: b.v),
-    "gravity": ((), lambda b: b.C @ b.f + [0, 0, normal_gravity(b)]),
+    "gravity": ((), lambda b: b.C @ b.f + [leaning(b), 0, normal_gravity(b)]),
     "magnetic-field": (FIELD, lambda b: b.C.T @ FIELD),
     "pressure": (
         (*ARM, 0, 0, 0, 0, 15),
