@@ -6,7 +6,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.earth import E2, FAR_HEIGHT, GRAVITY_EQUATOR, M_RATIO, MU, SOMIGLIANA, A, F
+from .core.earth import E2, FAR_HEIGHT, GRAVITY_EQUATOR, M_RATIO, MU, PLUMB_LINE, SOMIGLIANA, A, F
 from .typing import Array, ArrayLike, Vector
 
 STANDARD_GRAVITY = 9.80665
@@ -67,7 +67,8 @@ def gravity(lat: ArrayLike, h: ArrayLike = 0.0, model: str = "wgs84") -> Any:
 
     model: "wgs84", normal gravity of the ellipsoid, Somigliana's formula with the second-order term
     in height (Heiskanen & Moritz 1967, 2-123), which every filter here uses; "constant", 9.80665
-    everywhere, up to 0.3 % off at sea level. Raises ValueError for another model.
+    everywhere, up to 0.3 % off at sea level. Raises ValueError for another model. `gravity_ned`
+    has the north component too.
     """
     lat, h = np.broadcast_arrays(np.asarray(lat, float), np.asarray(h, float))
     if model == "constant":
@@ -78,3 +79,15 @@ def gravity(lat: ArrayLike, h: ArrayLike = 0.0, model: str = "wgs84") -> Any:
     surface = GRAVITY_EQUATOR * (1 + SOMIGLIANA * square) / np.sqrt(1 - E2 * square)
     near = surface * (1 - 2 / A * (1 + F + M_RATIO - 2 * F * square) * h + 3 / (A * A) * h * h)
     return np.where(np.abs(h) > FAR_HEIGHT, MU / np.maximum(A + h, 0.1 * A) ** 2, near)[()]
+
+
+def gravity_ned(lat: ArrayLike, h: ArrayLike = 0.0) -> Array:
+    """Gravity (..., 3) in m/s^2, north, east, down, of latitudes (rad) and ellipsoidal heights
+    (m), as every filter here computes it.
+
+    Down is `gravity`. North is -1.63e-8 h sin L cos L: above the ellipsoid gravity leans towards
+    the equator, by 8.3e-6 rad at 45 deg and 10 km (`core.earth.gravity_north`).
+    """
+    lat, h = np.broadcast_arrays(np.asarray(lat, float), np.asarray(h, float))
+    north = np.where(np.abs(h) > FAR_HEIGHT, 0.0, -PLUMB_LINE * np.sin(lat) * np.cos(lat) * h)
+    return np.stack([north, np.zeros(lat.shape), gravity(lat, h)], axis=-1)

@@ -10,7 +10,7 @@ from strapdown import read
 from strapdown.alignment.static_attitude import gyrocompass, level, levelled, static_attitude
 from strapdown.core import earth
 from strapdown.core.jit import plain
-from strapdown.geodesy import gravity
+from strapdown.geodesy import gravity, gravity_ned
 from strapdown.preprocessing.stationary import motionless
 from strapdown_reproductions.recordings.main import earth_rate
 
@@ -183,6 +183,17 @@ def test_gravity_of_arrays_is_that_of_the_filters(h):
         [plain(earth.gravity)(np.sin(lat), h) for lat in latitudes],
         rtol=1e-15,
     )
+
+
+@pytest.mark.parametrize("h", [-100.0, 0.0, 9e3, 450e3, 600e3])
+def test_the_vector_of_gravity_is_that_of_the_filters(h):
+    latitudes = np.linspace(-89, 89, 13) * DEG
+    found = gravity_ned(latitudes, h)
+    north = [plain(earth.gravity_north)(np.sin(lat), np.cos(lat), h) for lat in latitudes]
+    np.testing.assert_allclose(found[:, 0], north, rtol=1e-14)
+    assert np.all(found[:, 1] == 0) and np.array_equal(found[:, 2], gravity(latitudes, h))
+    assert np.array_equal(gravity_ned(latitudes[3], h), found[3])
+    assert np.array_equal(gravity_ned(latitudes[:2], [h, 0.0])[0], found[0])
 
 
 def test_gravity_is_the_published_formula():

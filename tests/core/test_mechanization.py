@@ -11,7 +11,7 @@ import numpy as np
 import pymap3d
 import pyproj
 import pytest
-from ins_equations import DEG, RATE, derivatives, gravity, radii
+from ins_equations import DEG, RATE, derivatives, gravity, gravity_north, radii
 from pymap3d.latitude import geodetic2isometric
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
@@ -60,7 +60,8 @@ def at_rest(lat, h, C, dt):
     """Increments of a perfect IMU at rest: Earth rate and the reaction to gravity."""
     return (
         np.r_[
-            C.T @ [RATE * math.cos(lat), 0, -RATE * math.sin(lat)], C.T @ [0, 0, -gravity(lat, h)]
+            C.T @ [RATE * math.cos(lat), 0, -RATE * math.sin(lat)],
+            C.T @ [-gravity_north(lat, h), 0, -gravity(lat, h)],
         ]
         * dt
     )

@@ -20,7 +20,7 @@ from strapdown.sim.jsbsim import (
     session,
 )
 from strapdown.sim.splined import residual, splined
-from strapdown.sim.trajectory import DEG, gravity, rates
+from strapdown.sim.trajectory import DEG, normal_gravity, rates
 
 START, EAST = (47.6 * DEG, 9.3 * DEG, 1200.0), 90 * DEG
 TARGETS = (Target(5.0, heading=150 * DEG, height=1230.0),)
@@ -105,7 +105,7 @@ def test_its_specific_force_and_rate_are_those_of_jsbsim():
                 + [executive[key] for key in rate]
             ),
         )
-    omega, f = rates(splined(flown), flown.t[5:-5], flown.lla[5:-5].T, gravity)
+    omega, f = rates(splined(flown), flown.t[5:-5], flown.lla[5:-5].T, normal_gravity)
     said = np.array(said)[5:-5]
     # m/s^2: a kink when the target comes
     assert (

@@ -14,7 +14,7 @@ from strapdown.sensor_models.imu import grade
 from strapdown.sim.motions import G
 from strapdown.sim.scenario import Scenario, scenario, scenarios
 from strapdown.sim.synthesis import Simulator
-from strapdown.sim.trajectory import DEG, Motion, demo_flight, gravity, rates, static
+from strapdown.sim.trajectory import DEG, Motion, demo_flight, normal_gravity, rates, static
 
 PAPER = [f"paper1-{number:02d}" for number in range(1, 12)]
 STRAIGHT = ("paper1-07", "paper1-10")
@@ -105,7 +105,7 @@ def test_the_flights_of_paper_1_are_what_they_should_be(name):
     truth = flown.glance(int(flown.duration) + 1)
     speed, height = 3.6 * np.hypot(*truth.v_n[:, :2].T), truth.lla[:, 2]
     assert 0 < height.min() and height.max() <= 3000
-    omega, f = rates(flown.motion, truth.t, truth.lla.T, gravity)
+    omega, f = rates(flown.motion, truth.t, truth.lla.T, normal_gravity)
     if name in STRAIGHT:
         assert (
             speed == pytest.approx(350, abs=1e-6)

@@ -21,7 +21,7 @@ from strapdown.sensor_models.magnetometer import Magnetometer
 from strapdown.sim.motions import hand_held, moored
 from strapdown.sim.scenario import Scenario, scenario
 from strapdown.sim.synthesis import Simulator, draw_start, simulate
-from strapdown.sim.trajectory import DEG, demo_flight, gravity, rates, sample
+from strapdown.sim.trajectory import DEG, demo_flight, gravity, normal_gravity, rates, sample
 
 PLACE = (48 * DEG, 11 * DEG, 500.0)
 FIELD = (21e-6, 1.5e-6, 43e-6)
@@ -332,7 +332,7 @@ def test_impossible_scenarios_are_refused():
 def test_the_hand_turns_and_shakes_as_it_should():
     hand = scenario("hand-held")
     truth = sample(hand.motion, np.arange(6001) / 100)
-    omega, force = rates(hand.motion, truth.t, truth.lla.T, gravity)
+    omega, force = rates(hand.motion, truth.t, truth.lla.T, normal_gravity)
     acceleration = np.linalg.norm(np.gradient(truth.v_n, 0.01, axis=0), axis=1)
     still, moving = truth.t < 4, truth.t > 6
     assert (
@@ -353,7 +353,7 @@ def test_the_hand_turns_and_shakes_as_it_should():
         and np.ptp(np.unwrap(truth.rph[:, 2])) > 5
     )
     still_hand = hand_held(PLACE, travel=0.0)
-    _, felt = rates(still_hand, truth.t, np.tile(np.array(PLACE)[:, None], 6001), gravity)
+    _, felt = rates(still_hand, truth.t, np.tile(np.array(PLACE)[:, None], 6001), normal_gravity)
     assert np.linalg.norm(felt, axis=0) == pytest.approx(gravity(PLACE[0], PLACE[2]), rel=1e-12)
 
 

@@ -10,7 +10,7 @@ from strapdown.sensor_models.imu import grade
 from strapdown.sim.motions import G
 from strapdown.sim.scenario import scenario
 from strapdown.sim.sortie import LIFT_OFF, airborne, sortie
-from strapdown.sim.trajectory import DEG, gravity, rates, sample
+from strapdown.sim.trajectory import DEG, normal_gravity, rates, sample
 
 PLACE = (50 * DEG, 14 * DEG, 450.0)
 ROLL_AND_FLY = [
@@ -38,7 +38,7 @@ def test_the_flight_of_alam_has_the_stated_envelope():
     assert (height.min(), height.max()) == pytest.approx((450, 1040), abs=1.0) and height[
         [0, -1]
     ] == pytest.approx([450, 450], abs=1.0)
-    omega, f = rates(flown.motion, t, truth.lla.T, gravity)
+    omega, f = rates(flown.motion, t, truth.lla.T, normal_gravity)
     assert (omega.min() / DEG, omega.max() / DEG) == pytest.approx((-50, 50), abs=3.0)
     assert (f[2].min() / G, f[2].max() / G) == pytest.approx((-5.2, 2.3), abs=0.05)
     assert np.abs(f[1]).max() < 0.2 * G  # turns are coordinated

@@ -31,6 +31,14 @@ def gravity(lat, h):
     )
 
 
+def gravity_north(lat, h):
+    """-h/R_M dg/dlat of the ellipsoid, both with the values of the equator but for sin 2 lat,
+    m/s^2: the form of Groves (2013) eq. 2.140."""
+    b, g_e, g_p = A * (1 - FLATTENING), 9.7803253359, 9.8321849378
+    slope = b * g_p / A - g_e + g_e * E2 / 2  # of gravity, over sin 2 lat
+    return -h * slope / radii(0.0)[0] * np.sin(2 * lat)
+
+
 def cross_matrix(a):
     """S(a) with S(a) b = a x b."""
     return np.array([[0 * a[0], -a[2], a[1]], [a[2], 0 * a[0], -a[0]], [-a[1], a[0], 0 * a[0]]])
@@ -50,7 +58,9 @@ def derivatives(lla, v, C, omega, f, radii_at=None):
     M, N = (R + h for R in radii(lat if radii_at is None else radii_at))
     ie, en = rates_of_frame(lat, v, M, N)
     lla_rate = np.array([v[0] / M, v[1] / (N * np.cos(lat)), -v[2]])
-    v_rate = C @ f + np.array([0, 0, gravity(lat, h)]) - np.cross(2 * ie + en, v)
+    v_rate = (
+        C @ f + np.array([gravity_north(lat, h), 0, gravity(lat, h)]) - np.cross(2 * ie + en, v)
+    )
     return lla_rate, v_rate, C @ cross_matrix(omega) - cross_matrix(ie + en) @ C
 
 

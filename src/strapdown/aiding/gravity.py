@@ -6,10 +6,8 @@ the estimated C and f, m/s^2 in n: three rows, the third for the bias alone. An 
 body goes into the attitude as its angle against g; its standard deviation is what `sd` must say.
 """
 
-import math
-
 from ..core.contract import OBSERVE, Belief, Measurement, kernel
-from ..core.earth import gravity
+from ..core.earth import gravity, gravity_north, place
 from ..core.rotation import turned
 from ..typing import Array
 
@@ -19,10 +17,12 @@ def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: A
     """Three rows: - gravity - specific force, m/s^2 NED, of the last sample."""
     C, f = belief.C, belief.f
     n0, n1, n2 = turned(C, f[0], f[1], f[2])
+    h = belief.lla[2]
+    sine, cosine, _, _ = place(belief.lla[0], h)
     innovation[0], innovation[1], innovation[2] = (
-        -n0,
+        -n0 - gravity_north(sine, cosine, h),
         -n1,
-        -n2 - gravity(math.sin(belief.lla[0]), belief.lla[2]),
+        -n2 - gravity(sine, h),
     )
     H[0, 7], H[0, 8] = n2, -n1
     H[1, 6], H[1, 8] = -n2, n0

@@ -1,8 +1,9 @@
 """WGS-84: radii of curvature, Earth rate, transport rate, normal gravity with height. NED, SI and
 radians.
 
-Source: Groves (2013) sections 2.4 and 5.4; gravity is Somigliana's formula with the second-order
-height term (Heiskanen & Moritz 1967, 2-123).
+Source: Groves (2013) sections 2.4 and 5.4; gravity down is Somigliana's formula with the
+second-order height term (Heiskanen & Moritz 1967, 2-123), gravity north what follows from it
+because gravity has no curl.
 """
 
 import math
@@ -23,6 +24,9 @@ MU = 3.986004418e14
 GRAVITY_EQUATOR, SOMIGLIANA = 9.7803253359, 0.00193185265241
 M_RATIO = RATE**2 * A**3 * (1 - F) / MU
 """Centrifugal over gravitational acceleration at the equator."""
+PLUMB_LINE = 2 * GRAVITY_EQUATOR * (SOMIGLIANA + E2 / 2) / (A * (1 - E2))
+"""By how much gravity's north component falls with height, over sin L cos L, 1/s^2: see
+`gravity_north`."""
 FAR_HEIGHT = 500e3
 """Height beyond which gravity is inverse-square instead of a series in height, m."""
 LATITUDE_LIMIT = math.radians(89.0)
@@ -69,7 +73,7 @@ def rotation_rates(
 
 @helper
 def gravity(sine: float, h: float) -> float:
-    """Normal gravity, m/s^2, down, from the sine of latitude; inverse-square beyond
+    """Down component of normal gravity, m/s^2, from the sine of latitude; inverse-square beyond
     `FAR_HEIGHT`, where only a raw INS gets."""
     square = sine * sine
     if abs(h) > FAR_HEIGHT:
@@ -80,9 +84,25 @@ def gravity(sine: float, h: float) -> float:
 
 
 @helper
+def gravity_north(sine: float, cosine: float, h: float) -> float:
+    """North component of normal gravity, m/s^2, from sine and cosine of latitude: towards the
+    equator above the ellipsoid, 0 on it and, as of a point mass, beyond `FAR_HEIGHT`.
+
+    In a meridian plane gravity g (down) and n (north) has no curl: d(n (R_M + h))/dh = -dg/dL. As n
+    is 0 on the ellipsoid, n = -h/(R_M + h) times the mean of dg/dL over the heights below. To first
+    order that is -h/R_M times the slope of Somigliana's formula, and of this 2 sin L cos L times
+    its constant at the equator: what both grow by towards the poles is 0.9 % and cancels to 0.1 %.
+    Groves (2013) 2.140 has the same form, with a constant 0.9 % smaller. Against the exact
+    potential, 8.14e-5 m/s^2 at 45 deg and 10 km, it is off by 0.3 % of the largest at a height, or
+    less, up to 20 km.
+    """
+    return -PLUMB_LINE * sine * cosine * h if abs(h) <= FAR_HEIGHT else 0.0
+
+
+@helper
 def gravity_gradient(sine: float, cosine: float, h: float) -> tuple[float, float]:
-    """d gravity / d lat (m/s^2/rad) and d gravity / d h (1/s^2), both with the second-order
-    term."""
+    """d gravity / d lat (m/s^2/rad) and d gravity / d h (1/s^2) of the down component, both with
+    the second-order term."""
     square = sine * sine
     root = math.sqrt(1 - E2 * square)
     surface = GRAVITY_EQUATOR * (1 + SOMIGLIANA * square) / root

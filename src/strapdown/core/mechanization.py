@@ -8,7 +8,7 @@ Groves (2013) section 5.4.
 import math
 
 from ..typing import Array
-from .earth import displace, gravity, place, rotation_rates
+from .earth import displace, gravity, gravity_north, place, rotation_rates
 from .jit import helper
 from .rotation import rotate_left, rotate_right
 
@@ -61,7 +61,7 @@ def mechanize(
 
     dv_n[0:3] receives the specific-force velocity increment in n. Gravity and Coriolis act at
     mid-interval. Gravity is that of `height` times the height: 1, or 0 for an Earth whose gravity
-    depends on latitude alone.
+    depends on latitude alone and points along the normal of the ellipsoid.
     """
     sine, cosine, M, N = place(lla[0], lla[2])
     ie_n, ie_d, w0, w1, w2 = rotation_rates(v[0], v[1], sine, cosine, M, N)
@@ -81,11 +81,12 @@ def mechanize(
     )
     c0, c1, c2 = w0 + ie_n * dt, w1, w2 + ie_d * dt
     v0, v1, v2 = v[0], v[1], v[2]
-    g = gravity(sine, height * (lla[2] - 0.5 * v2 * dt)) * dt
-    m0 = v0 + 0.5 * (f0 - c1 * v2 + c2 * v1)
+    h = height * (lla[2] - 0.5 * v2 * dt)
+    g, north = gravity(sine, h) * dt, gravity_north(sine, cosine, h) * dt
+    m0 = v0 + 0.5 * (f0 - c1 * v2 + c2 * v1 + north)
     m1 = v1 + 0.5 * (f1 - c2 * v0 + c0 * v2)
     m2 = v2 + 0.5 * (f2 - c0 * v1 + c1 * v0 + g)
-    v[0] = v0 + f0 - c1 * m2 + c2 * m1
+    v[0] = v0 + f0 - c1 * m2 + c2 * m1 + north
     v[1] = v1 + f1 - c2 * m0 + c0 * m2
     v[2] = v2 + f2 - c0 * m1 + c1 * m0 + g
     a0, a1, a2 = 0.5 * (v0 + v[0]), 0.5 * (v1 + v[1]), 0.5 * (v2 + v[2])
@@ -134,7 +135,7 @@ def stationary_increments(lla: Array, v: Array, C: Array, dt: float, u: Array) -
     ie_n, ie_d, w0, w1, w2 = rotation_rates(v[0], v[1], sine, cosine, M, N)
     c0, c1, c2 = w0 + ie_n, w1, w2 + ie_d
     f0, f1, f2 = (
-        c1 * v[2] - c2 * v[1],
+        c1 * v[2] - c2 * v[1] - gravity_north(sine, cosine, lla[2]),
         c2 * v[0] - c0 * v[2],
         c0 * v[1] - c1 * v[0] - gravity(sine, lla[2]),
     )

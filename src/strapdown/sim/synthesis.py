@@ -23,7 +23,7 @@ from ..sensor_models.simulated import Simulated
 from ..typing import Array, ArrayLike, File
 from .scenario import scenario as find
 from .scenario_model import Scenario
-from .trajectory import Motion, gravity, records
+from .trajectory import Motion, normal_gravity, records
 
 KEPT = 200_000
 """Samples of a flight whose truth is kept for the next scenario with the same motion: 30 MB each
@@ -39,7 +39,7 @@ def _known_records(
     return records(
         motion,
         np.arange(count + 1) / rate,
-        _gravity_at_the_ellipsoid if gravity_of == "latitude" else gravity,
+        _gravity_at_the_ellipsoid if gravity_of == "latitude" else normal_gravity,
     )
 
 
@@ -346,6 +346,7 @@ def _start(
     )
 
 
-def _gravity_at_the_ellipsoid(lat: float | Array, alt: float | Array) -> float | Array:
-    """Normal gravity, m/s^2, as it were at every height were there no dependence on it."""
-    return gravity(lat, 0 * alt)
+def _gravity_at_the_ellipsoid(lat: Array, alt: Array) -> tuple[float | Array, float | Array]:
+    """Normal gravity (north, down), m/s^2, as it were at every height were there no dependence on
+    it."""
+    return normal_gravity(lat, 0 * alt)

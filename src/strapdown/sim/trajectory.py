@@ -19,6 +19,8 @@ SEMI_MAJOR, FLATTENING, EARTH_RATE = 6378137.0, 1 / 298.257223563, 7.292115e-5
 ECCENTRICITY2 = FLATTENING * (2 - FLATTENING)
 GRAVITY_EQUATOR, GRAVITY_POLE, GM = 9.7803253359, 9.8321849378, 3.986004418e14
 """WGS-84: m, -, rad/s, -, m/s^2, m/s^2, m^3/s^2."""
+ZONAL = 1.082629821313e-3, -2.37091120053e-6, 6.083464988811e-9
+"""J_2, J_4, J_6 of the field of the same ellipsoid."""
 DEG = np.pi / 180
 
 # as of the models: beyond it, heading and longitude turn too fast to mean anything
@@ -42,8 +44,8 @@ integrals up to each node."""
 
 OfTime: TypeAlias = Callable[[Times], Sequence[Numbers]]
 """Times -> three arrays of their shape, or numbers."""
-Gravity: TypeAlias = Callable[[Array, Array], float | Array]
-"""(latitude rad, height m) -> m/s^2, straight down."""
+Gravity: TypeAlias = Callable[[Array, Array], tuple[float | Array, float | Array]]
+"""(latitude rad, height m) -> north and down, m/s^2."""
 
 
 class Motion(NamedTuple):
@@ -94,7 +96,7 @@ def increments(motion: Motion, t: ArrayLike) -> Imu:
     """What an ideal IMU delivers at t[1:]: integrals of omega_ib_b (rad) and f_ib_b (m/s) since
     the time before. Raises DataError."""
     t = _checked(motion, t)
-    return _increments(motion, t, _positions(motion, t), gravity)
+    return _increments(motion, t, _positions(motion, t), normal_gravity)
 
 
 def records(
@@ -102,8 +104,8 @@ def records(
 ) -> tuple[Trajectory, Imu]:
     """(`sample`, `increments`) at once, for less time and memory: t[0] must be 0. Raises DataError.
 
-    `gravity_model` is a function of latitude (rad) and height (m), m/s^2, in place of this module's
-    normal gravity.
+    `gravity_model` is a function of latitude (rad) and height (m), which returns the north and
+    down components in m/s^2, in place of this module's `normal_gravity`.
     """
     t = _checked(motion, t)
     if t[0] != 0 or len(t) < 2:
@@ -119,7 +121,7 @@ def records(
         positions = _positions(motion, part, lla)
         lla, skip = positions.lla[-1], int(begin > 0)
         truths.append(_truth(motion, part[skip:], positions.lla[skip:]))
-        imus.append(_increments(motion, part, positions, gravity_model or gravity))
+        imus.append(_increments(motion, part, positions, gravity_model or normal_gravity))
     if len(imus) == 1:
         return truths[0], imus[0]
     return (
@@ -171,7 +173,9 @@ def rates(motion: Motion, t: Array, lla: Array, gravity_model: Gravity) -> tuple
         [east / (normal + alt), -north / (meridian + alt), -east * np.tan(lat) / (normal + alt)]
     )
     force = acceleration + np.cross(2 * earth + transport, np.stack([north, east, down]), axis=0)
-    force[2] -= gravity_model(lat, alt)
+    north_gravity, down_gravity = gravity_model(lat, alt)
+    force[0] -= north_gravity
+    force[2] -= down_gravity
     omega_nb = np.stack(
         [
             roll_rate - heading_rate * np.sin(pitch),
@@ -191,9 +195,44 @@ def radii(lat: float | Array) -> tuple[float | Array, float | Array]:
     return SEMI_MAJOR * (1 - ECCENTRICITY2) / w2**1.5, SEMI_MAJOR / np.sqrt(w2)
 
 
+def normal_gravity(lat: float | Array, alt: float | Array) -> tuple[float | Array, float | Array]:
+    """North and down component of normal gravity, m/s^2, at latitudes in rad and heights in m."""
+    return gravity_north(lat, alt), gravity(lat, alt)
+
+
+def gravity_north(lat: float | Array, alt: float | Array) -> float | Array:
+    """North component of normal gravity, m/s^2, at latitudes in rad and heights in m: the slope
+    to the north of the potential, by complex step.
+
+    On the ellipsoid it should be 0; the harmonics left out there, from degree 8 on, are 1e-9
+    m/s^2, above it less.
+    """
+    s, c = np.sin(lat), np.cos(lat)
+    normal = radii(lat)[1]
+    axial, polar = (normal + alt) * c, (normal * (1 - ECCENTRICITY2) + alt) * s
+    return _potential(axial - 1j * _STEP * s, polar + 1j * _STEP * c).imag / _STEP
+
+
+def _potential(axial: Numbers, polar: Numbers) -> Numbers:
+    """Of gravity, m^2/s^2, at distances (m) from the axis and from the plane of the equator:
+    zonal harmonics to degree 6 (Heiskanen & Moritz 1967, 2-39) and the centrifugal force's."""
+    square = axial**2 + polar**2
+    x, s2 = SEMI_MAJOR**2 / square, polar**2 / square
+    j2, j4, j6 = ZONAL
+    zonal = x * (
+        j2 * (3 * s2 - 1) / 2
+        + x
+        * (
+            j4 * (35 * s2**2 - 30 * s2 + 3) / 8
+            + x * j6 * (231 * s2**3 - 315 * s2**2 + 105 * s2 - 5) / 16
+        )
+    )
+    return GM / np.sqrt(square) * (1 - zonal) + (EARTH_RATE * axial) ** 2 / 2
+
+
 def gravity(lat: float | Array, alt: float | Array) -> float | Array:
-    """Normal gravity, m/s^2, straight down, at latitudes in rad and heights in m: Somigliana on the
-    ellipsoid, second order in height (Heiskanen & Moritz 1967, eq. 2-123)."""
+    """Down component of normal gravity, m/s^2, at latitudes in rad and heights in m: Somigliana
+    on the ellipsoid, second order in height (Heiskanen & Moritz 1967, eq. 2-123)."""
     b = SEMI_MAJOR * (1 - FLATTENING)
     k = b * GRAVITY_POLE / (SEMI_MAJOR * GRAVITY_EQUATOR) - 1
     m = EARTH_RATE**2 * SEMI_MAJOR**2 * b / GM

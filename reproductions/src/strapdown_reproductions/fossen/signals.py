@@ -26,7 +26,7 @@ from strapdown.sensor_models.imu import ImuSpec
 from strapdown.sensor_models.magnetometer import Magnetometer, MagnetometerPlan
 from strapdown.sensor_models.noise import recursion
 from strapdown.sim.analytic import waves
-from strapdown.sim.trajectory import DEG, EARTH_RATE, Motion, gravity, radii, records
+from strapdown.sim.trajectory import DEG, EARTH_RATE, Motion, normal_gravity, radii, records
 from strapdown.typing import Array, ArrayLike
 
 Axes: TypeAlias = Sequence[Sequence[tuple[float, float, float]]]
@@ -176,7 +176,8 @@ def _slope(name: str, t: float, y: Array) -> Array:
     frame = earth + np.array(
         [east / (normal + alt), -north / (meridian + alt), -east * np.tan(lat) / (normal + alt)]
     )
-    C, g = _matrix(y[6:10]), np.array([0.0, 0.0, gravity(lat, alt)])
+    gravity_north, gravity_down = normal_gravity(lat, alt)
+    C, g = _matrix(y[6:10]), np.array([gravity_north, 0.0, gravity_down])
     force = acceleration(name, t) - C.T @ g
     moved = C @ force + g - np.cross(earth + frame, y[3:6])
     place = north / (meridian + alt), east / ((normal + alt) * np.cos(lat)), -down

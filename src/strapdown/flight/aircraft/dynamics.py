@@ -13,7 +13,7 @@ import numpy as np
 
 from ...checks import DataError, is_number
 from ...core.contract import Imu
-from ...core.earth import gravity, place, rotation_rates
+from ...core.earth import gravity, gravity_north, place, rotation_rates
 from ...core.jit import COMPILED, compile_kernel, entry_point, helper, inlined, kernel
 from ...typing import Array, ArrayLike, File
 from .forces import air_data, density, forces, propeller
@@ -87,7 +87,7 @@ def _against_air(
 @helper
 def _earth(parameters: Array, x: tuple[float, ...]) -> tuple[float, ...]:
     """Rates of lat, lon, height to the m/s; omega_ie_n (north, down); omega_in_n (north, east,
-    down), rad/s; gravity, m/s^2."""
+    down), rad/s; gravity (north, down), m/s^2."""
     if parameters[EARTH] == 0:
         return (
             parameters[LATITUDE_RATE],
@@ -97,11 +97,22 @@ def _earth(parameters: Array, x: tuple[float, ...]) -> tuple[float, ...]:
             0.0,
             0.0,
             0.0,
+            0.0,
             parameters[GRAVITY],
         )
     sine, cosine, M, N = place(x[0], x[2])
     ie_n, ie_d, w0, w1, w2 = rotation_rates(x[3], x[4], sine, cosine, M, N)
-    return 1 / M, 1 / (N * cosine), ie_n, ie_d, w0, w1, w2, gravity(sine, x[2])
+    return (
+        1 / M,
+        1 / (N * cosine),
+        ie_n,
+        ie_d,
+        w0,
+        w1,
+        w2,
+        gravity_north(sine, cosine, x[2]),
+        gravity(sine, x[2]),
+    )
 
 
 @helper
@@ -110,7 +121,7 @@ def _derivative(
 ) -> tuple[float, ...]:
     """Rates of the 13 numbers of motion, then omega_ib_b and f_ib_b: the rates of the
     increments."""
-    lat_rate, lon_rate, ie_n, ie_d, w0, w1, w2, g = _earth(parameters, x)
+    lat_rate, lon_rate, ie_n, ie_d, w0, w1, w2, north, g = _earth(parameters, x)
     velocity, rates, C = _against_air(x, wind, ie_n, ie_d)
     c00, c01, c02, c10, c11, c12, c20, c21, c22 = C
     F_x, F_y, F_z, M_x, M_y, M_z = forces(
@@ -120,7 +131,7 @@ def _derivative(
     f0, f1, f2 = F_x / parameters[MASS], F_y / parameters[MASS], F_z / parameters[MASS]
     v0, v1, v2 = x[3], x[4], x[5]
     o0, o1, o2 = w0 + ie_n, w1, w2 + ie_d
-    a0 = c00 * f0 + c01 * f1 + c02 * f2 - o1 * v2 + o2 * v1
+    a0 = c00 * f0 + c01 * f1 + c02 * f2 - o1 * v2 + o2 * v1 + north
     a1 = c10 * f0 + c11 * f1 + c12 * f2 - o2 * v0 + o0 * v2
     a2 = c20 * f0 + c21 * f1 + c22 * f2 - o0 * v1 + o1 * v0 + g
     n0, n1, n2 = (
@@ -319,7 +330,7 @@ def evaluate(parameters: Array, state: Array, wind: Array, rates: Array, outputs
     k = _derivative(parameters, x, controls, wind)
     for i in range(19):
         rates[i] = k[i]
-    _, _, ie_n, ie_d, _, _, _, _ = _earth(parameters, x)
+    _, _, ie_n, ie_d, _, _, _, _, _ = _earth(parameters, x)
     velocity, turning, _ = _against_air(x, wind, ie_n, ie_d)
     rho = density(parameters, state[2])
     result = forces(parameters, rho, velocity, turning, controls)
