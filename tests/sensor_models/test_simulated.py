@@ -171,10 +171,10 @@ def test_a_scenario_file_has_them(tmp_path):
 @pytest.mark.parametrize(
     "old, new, text",
     [
-        ("sd = 2", "", r"\[\[sensors\]\] 1: sd is missing"),
-        ("rate_hz", "rate", r"\[\[sensors\]\] 1: unknown key 'rate' \(did you mean 'rate_hz'\?\)"),
+        ("sd = 2", "", "sensors 1, sd is missing"),
+        ("rate_hz", "rate", r"sensors 1: unknown key 'rate' \(did you mean 'rate_hz'\?\)"),
         ('"speed"', '"sped"', "did you mean 'speed'"),
-        ('"speed"', "4", r"\[\[sensors\]\] 2, kind is 4; it must be text"),
+        ('"speed"', "4", r"sensors 2, kind is 4; it must be text"),
     ],
 )
 def test_mistakes_in_a_file_are_refused(tmp_path, old, new, text):
