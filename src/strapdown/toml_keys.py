@@ -3,7 +3,7 @@ keys must be there. Every refusal is a DataError that names the place in the fil
 """
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 
@@ -19,23 +19,23 @@ class Key(NamedTuple):
 
     field: str  # that it sets
     read: Read
+    needed: str | None = None  # what to write where it is missing; None: it may be
 
 
-def read_table(
-    table: Any, keys: Mapping[str, Key], where: str = "", needed: Collection[str] = ()
-) -> dict[str, Any]:
+def read_table(table: Any, keys: Mapping[str, Key], where: str = "") -> dict[str, Any]:
     """{field: value} of the keys that a TOML table has. Raises DataError for one that is unknown,
     that is needed and missing, or whose value is none."""
     entries(table, where)
     check_keys(table, keys, where)
-    for key in needed:
-        if key not in table:
-            raise DataError(f"{within(where, key)} is missing")
-    return {
+    values = {
         field: read(table[key], within(where, key))
-        for key, (field, read) in keys.items()
+        for key, (field, read, _) in keys.items()
         if key in table
     }
+    for key, (_, _, needed) in keys.items():
+        if needed is not None and key not in table:
+            raise DataError(f"{within(where, key)} is missing{needed and '; ' + needed}")
+    return values
 
 
 def within(where: str, key: str) -> str:
@@ -127,10 +127,10 @@ def scaled(unit: float, read: Read = number) -> Read:
 
 
 def made(
-    kind: Callable[..., Made], keys: Mapping[str, Key], needed: Collection[str] = (), **others: Any
+    kind: Callable[..., Made], keys: Mapping[str, Key], **others: Any
 ) -> Callable[[Any, str], Made]:
     """What `kind` makes of the fields of a table; `others` are fields where the table has none."""
-    return lambda value, where: kind(**others | read_table(value, keys, where, needed))
+    return lambda value, where: kind(**others | read_table(value, keys, where))
 
 
 def section(read: Read) -> Read:

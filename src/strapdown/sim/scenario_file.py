@@ -108,7 +108,7 @@ START_KEYS = {
 def _start(value: Any, where: str) -> dict[str, Any]:
     """The fields of a scenario that say how its filter starts."""
     given, sd = read_table(value, START_KEYS, where), list(START_SD)
-    for row, (field, _) in enumerate(list(START_KEYS.values())[:-1]):
+    for row, (field, _, _) in enumerate(list(START_KEYS.values())[:-1]):
         sd[3 * row : 3 * row + 3] = given.get(field, sd[3 * row : 3 * row + 3])
     return {"start_sd": tuple(sd), "biases_known": given.get("biases_known", False)}
 
@@ -122,9 +122,9 @@ GNSS_KEYS = {
     "latency_s": Key("latency", number),
 }
 DISTURBANCE_KEYS = {
-    "start_s": Key("start", number),
-    "stop_s": Key("stop", number),
-    "field_uT": Key("field", scaled(MICRO, exactly_three)),
+    "start_s": Key("start", number, ""),
+    "stop_s": Key("stop", number, ""),
+    "field_uT": Key("field", scaled(MICRO, exactly_three), ""),
     "frame": Key("frame", text),
 }
 MAGNETOMETER_KEYS = {
@@ -137,7 +137,7 @@ MAGNETOMETER_KEYS = {
     "field_uT": Key("field", scaled(MICRO, exactly_three)),
     "disturbances": Key(
         "disturbances",
-        listed(made(Disturbance, DISTURBANCE_KEYS, ("start_s", "stop_s", "field_uT"))),
+        listed(made(Disturbance, DISTURBANCE_KEYS)),
     ),
 }
 BAROMETER_KEYS = {
@@ -152,8 +152,8 @@ BAROMETER_KEYS = {
 }
 ATTITUDE_KEYS = {"rate_hz": Key("rate", number), "sd_deg": Key("sd", scaled(DEG, three))}
 SENSOR_KEYS = {
-    "kind": Key("kind", text),
-    "sd": Key("sd", _raw),
+    "kind": Key("kind", text, ""),
+    "sd": Key("sd", _raw, ""),
     "rate_hz": Key("rate", number),
     "parameters": Key("parameters", listed(number)),
     "name": Key("name", text),
@@ -165,9 +165,9 @@ TARGET_KEYS = {
     "throttle": Key("throttle", number),
 }
 PLACE_KEYS = {
-    "latitude_deg": Key("latitude", number),
-    "longitude_deg": Key("longitude", number),
-    "height_m": Key("height", number),
+    "latitude_deg": Key("latitude", number, ""),
+    "longitude_deg": Key("longitude", number, ""),
+    "height_m": Key("height", number, ""),
 }
 TOP_KEYS = {
     "name": Key("name", text),
@@ -180,13 +180,13 @@ TOP_KEYS = {
     "gate": Key("gate", bound),
     "gravity": Key("gravity", text),
     "date": Key("date", _date),
-    "motion": Key("motion", section(entries)),
+    "motion": Key("motion", section(entries), "write a section [motion] with its kind"),
     # what [gnss] does not name, the receiver does not measure
     "gnss": Key("gnss", section(made(Gnss, GNSS_KEYS, position_sd=None, velocity_sd=None))),
     "magnetometer": Key("magnetometer", section(made(Magnetometer, MAGNETOMETER_KEYS))),
     "barometer": Key("barometer", section(made(Barometer, BAROMETER_KEYS))),
     "attitude": Key("attitude", section(made(Ahrs, ATTITUDE_KEYS))),
-    "sensors": Key("sensors", listed(made(Simulated, SENSOR_KEYS, ("kind", "sd")))),
+    "sensors": Key("sensors", listed(made(Simulated, SENSOR_KEYS))),
     "start": Key("start", section(_start)),
 }
 """Keys of a scenario and of its tables, each with the field that it sets and how it is read."""
@@ -202,7 +202,7 @@ def read(path: File) -> Scenario:
 def from_table(table: dict[str, Any], path: Path) -> Scenario:
     """The Scenario of a parsed scenario file; `path` gives a missing name and the folder of an
     IMU file. Raises DataError naming the key."""
-    values = {"name": path.stem} | read_table(table, TOP_KEYS, needed=("motion",))
+    values = {"name": path.stem} | read_table(table, TOP_KEYS)
     motion = _motion(values["motion"], values.get("duration"))
     values["motion"] = motion = motion._replace(name=values["name"])
     if not (rate := values.get("rate", 100.0)) > 0:
@@ -225,15 +225,15 @@ def _motion(table: dict[str, Any], duration: float | None) -> Motion:
         if duration is None:
             raise DataError(NO_END)
         given["duration"] = duration
-    keys = {"kind": Key("kind", text)} | {
-        _key(name): Key(name, _parameter(name, table["kind"])) for name in parameters
-    }
-    needed = [
-        _key(name)
+    keys = {
+        _key(name): Key(
+            name,
+            _parameter(name, table["kind"]),
+            "" if parameter.default is inspect.Parameter.empty else None,
+        )
         for name, parameter in parameters.items()
-        if parameter.default is inspect.Parameter.empty
-    ]
-    given |= read_table(table, keys, "[motion]", needed)
+    }
+    given |= read_table(table, {"kind": Key("kind", text)} | keys, "[motion]")
     del given["kind"]
     try:
         return build(**given)
@@ -271,7 +271,7 @@ def _place(value: Any, where: str) -> tuple[float, float, float]:
             f"{where} is {value!r}; write {{ latitude_deg = ..., longitude_deg = ..., height_m = "
             f"... }}"
         )
-    lat, lon, height = read_table(value, PLACE_KEYS, where, PLACE_KEYS).values()
+    lat, lon, height = read_table(value, PLACE_KEYS, where).values()
     if abs(lat) > 90 or abs(lon) > 360:
         raise DataError(
             f"{where}: {lat:g}, {lon:g} is no position; latitude is within 90 deg, longitude within "

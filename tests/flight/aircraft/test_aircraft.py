@@ -480,9 +480,9 @@ def test_aircraft_files(tmp_path):
             "\n".join(lines).replace("mass_kg = 11.0", "mass_kg = '11'"),
             "mass_kg is '11'; it must be a number",
         ),
-        ("body = 1", "must be a section"),
+        ("body = 1", "write a section"),
         ("[wings]", "unknown key 'wings' .did you mean 'wing'"),
-        ("name = 1", "name must be text"),
+        ("name = 1", "name is 1; it must be text"),
         ("[body", "is not TOML"),
     ):
         file.write_text(text)

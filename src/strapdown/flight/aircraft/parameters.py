@@ -3,6 +3,7 @@ read, and TOML files of them."""
 
 import math
 import tomllib
+from collections import ChainMap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
@@ -16,6 +17,7 @@ from ...checks import DataError, check_keys, did_you_mean, is_number
 from ...core.earth import E2, A
 from ...files import read_toml
 from ...geodesy import gravity
+from ...toml_keys import Key, made, placed, read_table, scaled, section, text
 from ...typing import Array, ArrayLike, File
 
 SECTIONS: dict[str, tuple[tuple[str, str, float, float], ...]] = {
@@ -370,25 +372,30 @@ def _check_stops(values: Mapping[str, float], where: str) -> None:
         )
 
 
+KEYS: dict[str, Key] = {
+    "name": Key("name", text),
+    "source": Key("source", text),
+    **{
+        section_name: Key(
+            section_name,
+            section(
+                made(
+                    dict,
+                    {
+                        key(name): Key(name, scaled(_FACTOR.get(unit, 1.0)))
+                        for name, unit, *_ in each
+                    },
+                )
+            ),
+        )
+        for section_name, each in SECTIONS.items()
+    },
+}
+"""Keys of an aircraft file."""
+
+
 def _from_table(table: dict[str, Any], where: str) -> Aircraft:
-    check_keys(table, ["name", "source", *SECTIONS], where)
-    text = {
-        "name": Path(where).stem,
-        "source": "",
-        **{entry: table[entry] for entry in ("name", "source") if entry in table},
-    }
-    for entry, value in text.items():
-        if not isinstance(value, str):
-            raise DataError(f"{where}: {entry} must be text, not {value!r}")
-    values = {}
-    for section, terms in SECTIONS.items():
-        entries = table.get(section, {})
-        if not isinstance(entries, dict):
-            raise DataError(f"{where}: {section} must be a section [{section}], not {entries!r}")
-        known = {key(name): name for name, *_ in terms}
-        check_keys(entries, known, f"{where}, [{section}]")
-        for entry, value in entries.items():
-            if not is_number(value):
-                raise DataError(f"{where}, [{section}]: {entry} is {value!r}; it must be a number")
-            values[known[entry]] = float(value) * _FACTOR.get(TERMS[known[entry]][1], 1.0)
-    return Aircraft(text["name"], values, text["source"])
+    with placed(where):
+        sections = {"name": Path(where).stem, "source": ""} | read_table(table, KEYS)
+        name, source = sections.pop("name"), sections.pop("source")
+        return Aircraft(name, dict(ChainMap(*sections.values())), source)
