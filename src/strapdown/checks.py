@@ -8,7 +8,7 @@ import math
 from collections.abc import Collection, Iterable, Sequence
 from difflib import get_close_matches
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, TypeGuard
 
 if TYPE_CHECKING:
     from .typing import Array
@@ -79,20 +79,9 @@ def check_number(
     )
     if not fits:
         kind = "a whole number" if whole else "a number" if infinite else "a finite number"
-        bounds = [
-            text
-            for text, bound in (
-                (f"above {above:g}", above),
-                (f"{least:g} or more", least),
-                (f"below {below:g}", below),
-                (f"at most {most:g}", most),
-            )
-            if math.isfinite(bound)
-        ]
         raise DataError(
             f"{name} is {value!r}{unit and ' ' + unit}; it must be {kind}"
-            f"{', ' if bounds and bounds[0][0].isdigit() else ' ' if bounds else ''}"
-            f"{' and '.join(bounds)}"
+            f"{_bounds(least, above, most, below)}"
         )
     return value  # type: ignore[return-value]
 
@@ -104,9 +93,12 @@ def check_array(
     *,
     finite: bool = True,
     what: str = "numbers",
+    least: float = -math.inf,
+    above: float = -math.inf,
+    most: float = math.inf,
 ) -> "Array":
-    """The value as an array of floats of this shape, where None is any length, without NaN and
-    inf unless `finite` is False. Raises DataError."""
+    """The value as an array of floats of this shape, where None is any length, in these bounds,
+    without NaN and inf unless `finite` is False. Raises DataError."""
     import numpy as np
 
     try:
@@ -116,12 +108,31 @@ def check_array(
     fits = array.ndim == len(shape) and all(
         size in (None, own) for size, own in zip(shape, array.shape)
     )
-    if not fits or (finite and not np.isfinite(array).all()):
-        wanted: Any = " x ".join("n" if size is None else str(size) for size in shape)
+    outside = (array < least) | (array > most) | ((array <= above) & (above > -math.inf))
+    if not fits or outside.any() or (finite and not np.isfinite(array).all()):
+        wanted = " x ".join("n" if size is None else str(size) for size in shape)
+        bounds = _bounds(least, above, most).strip(", ")
         raise DataError(
             f"{name} is {_brief(value)}; it must be {wanted} {'finite ' if finite else ''}{what}"
+            f"{bounds and ', each ' + bounds}"
         )
     return array
+
+
+def _bounds(least: float, above: float, most: float, below: float = math.inf) -> str:
+    """Those that are finite, as they follow upon "a number"."""
+    bounds = [
+        text
+        for text, bound in (
+            (f"above {above:g}", above),
+            (f"{least:g} or more", least),
+            (f"below {below:g}", below),
+            (f"at most {most:g}", most),
+        )
+        if math.isfinite(bound)
+    ]
+    separator = ", " if math.isfinite(least) and above == -math.inf else " "
+    return separator + " and ".join(bounds) if bounds else ""
 
 
 def _brief(value: object) -> str:
