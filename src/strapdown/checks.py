@@ -5,7 +5,8 @@ Every refusal is a DataError of one line: what it is, what it must be. Nothing h
 """
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, TypeGuard
@@ -16,6 +17,15 @@ if TYPE_CHECKING:
 
 class DataError(ValueError):
     """Input that cannot be used: one line that names file, row or field, and the remedy."""
+
+
+@contextmanager
+def located(where: object) -> Iterator[None]:
+    """Every DataError of the block begins with the place: "plan 'mine': ..."."""
+    try:
+        yield
+    except DataError as error:
+        raise DataError(f"{where}: {error}") from None
 
 
 def is_number(value: object) -> TypeGuard[float]:
@@ -113,7 +123,7 @@ def check_array(
         wanted = " x ".join("n" if size is None else str(size) for size in shape)
         bounds = _bounds(least, above, most).strip(", ")
         raise DataError(
-            f"{name} is {_brief(value)}; it must be {wanted} {'finite ' if finite else ''}{what}"
+            f"{name} is {_brief(value, array)}; it must be {wanted} {'finite ' if finite else ''}{what}"
             f"{bounds and ', each ' + bounds}"
         )
     return array
@@ -135,7 +145,12 @@ def _bounds(least: float, above: float, most: float, below: float = math.inf) ->
     return separator + " and ".join(bounds) if bounds else ""
 
 
-def _brief(value: object) -> str:
-    """The value, or the beginning of what is long, on one line."""
+def _brief(value: object, array: "Array") -> str:
+    """The value on one line, or where it is long what of it, read as `array`, is wrong."""
+    import numpy as np
+
     text = " ".join(repr(value).split())
-    return text if len(text) <= 80 else text[:77] + "..."
+    if len(text) <= 80 or not array.size:
+        return text if len(text) <= 80 else text[:77] + "..."
+    bad = np.argwhere(~np.isfinite(array))
+    return f"of shape {array.shape}{f', not finite at {bad[0].tolist()}' if len(bad) else ''}"

@@ -3,8 +3,7 @@ keys must be there. Every refusal is a DataError that names the place in the fil
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 from .checks import DataError, check_keys, is_number
@@ -41,15 +40,6 @@ def read_table(table: Any, keys: Mapping[str, Key], where: str = "") -> dict[str
 def within(where: str, key: str) -> str:
     """The place of a key in a table: "[gnss] rate_hz", "[motion] legs 3, turn_deg"."""
     return f"{where}{', ' if where[-1:] not in ('', ']') else ' ' if where else ''}{key}"
-
-
-@contextmanager
-def placed(where: object) -> Iterator[None]:
-    """A DataError inside says where."""
-    try:
-        yield
-    except DataError as error:
-        raise DataError(f"{where}: {error}") from None
 
 
 def number(value: Any, where: str) -> float:

@@ -561,7 +561,7 @@ BAD = {
     "earth is .'flat'. .*; it must be": dict(earth=["flat"]),
     "gate is -1.0; it must be": dict(gate=-1.0),
     "gate is 'x'": dict(gate="x"),
-    "start_sd must be 15 standard": dict(start_sd=["a"] * 15),
+    "start_sd is .*; it must be 15 finite numbers": dict(start_sd=["a"] * 15),
     "barometer is True; it must be a Barometer": dict(barometer=True),
     "barometer: 500 a second come faster": dict(barometer=Barometer(rate=500.0)),
     "gnss is None; it must be a Gnss": dict(gnss=None),

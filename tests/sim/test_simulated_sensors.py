@@ -298,7 +298,11 @@ def test_a_file_is_read_as_it_is_written(tmp_path):
         ("date = 2025-06-01", "date = 2025", "date is 2025; it must be text"),
         ("[barometer]", "[[barometer]]", r"write a section \[barometer\]"),
         ("[gnss]", "[gps]", "unknown key 'gps'"),
-        ("heave_m = 0.5", "heave_m = -1", "heave of 0 m or more"),
+        (
+            "heave_m = 0.5",
+            "heave_m = -1",
+            "heave of a swell is -1.0 m; it must be a finite number, 0 or more",
+        ),
         ('"moored"', '"hand-held"', "unknown key 'heave_m'"),
     ],
 )
@@ -322,8 +326,12 @@ def test_impossible_scenarios_are_refused():
             FLIGHT.replace(**change)
     for build, change, words in (
         (hand_held, {"turning": 2.0}, "pitches over the vertical"),
-        (hand_held, {"rest": -1.0}, "rest from 0"),
-        (moored, {"wave_period": 0.0}, "period above 0"),
+        (hand_held, {"rest": -1.0}, "rest is -1.0 s; it must be a finite number, 0 or more"),
+        (
+            moored,
+            {"wave_period": 0.0},
+            "period of a swell is 0.0 s; it must be a finite number above 0",
+        ),
     ):
         with pytest.raises(DataError, match=words):
             build(PLACE, **change)

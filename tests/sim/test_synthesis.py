@@ -122,8 +122,8 @@ def test_without_biases_the_estimates_are_zero():
 def test_impossible_starts_are_refused():
     truth = simulate(FLIGHT, 2, "tactical", seed=3).reference
     for sd, t, words in (
-        (SD[:9], None, "15 standard deviations"),
-        (-SD, None, "15 standard deviations"),
+        (SD[:9], None, "15 finite standard deviations"),
+        (-SD, None, "15 finite standard deviations"),
         (SD, 50.0, "no row at 50 s"),
     ):
         with pytest.raises(DataError, match=words):

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import DataError, check_array, check_number, did_you_mean
+from ..checks import DataError, check_array, check_number, did_you_mean, located
 from ..core.earth import LATITUDE_LIMIT
 from ..files import read_toml
 from ..geodesy import wrap
-from ..toml_keys import Key, listed, made, number, placed, read_table, scaled, text
+from ..toml_keys import Key, listed, made, number, read_table, scaled, text
 from ..typing import Array, File
 from . import autopilot as p
 
@@ -45,7 +45,7 @@ class FlightPlan:
     )
 
     def __post_init__(self) -> None:
-        with placed(f"plan {self.name!r}"):
+        with located(f"plan {self.name!r}"):
             self._check()
 
     def _check(self) -> None:
@@ -189,7 +189,7 @@ def flight_plan(plan: FlightPlan | File) -> FlightPlan:
 def read_plan(path: File) -> FlightPlan:
     """The FlightPlan of a TOML file. Raises DataError naming file, key and remedy."""
     table = read_toml(path, f"give the path of a plan's .toml file, or one of {', '.join(PLANS)}")
-    with placed(path):
+    with located(path):
         return FlightPlan(**{"name": Path(path).stem} | read_table(table, KEYS))
 
 

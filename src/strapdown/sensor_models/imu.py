@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import DataError, did_you_mean
+from ..checks import DataError, did_you_mean, located
 from ..core.contract import Imu, Noise
 from ..files import find_shipped, read_toml, replacing, shipped
-from ..toml_keys import Key, Read, made, placed, read_table, section, text
+from ..toml_keys import Key, Read, made, read_table, section, text
 from ..typing import Array, File
 from .datasheet_units import SHEET, check, check_finite, in_units, quantity, size, toml_quantity
 from .errors import Triad, WarmUp, terms
@@ -201,7 +201,7 @@ def _bias_unit(sensor: str) -> str:
 
 
 def _from_table(table: dict[str, Any], where: str) -> ImuSpec:
-    with placed(where):
+    with located(where):
         values = {"name": Path(where).stem, "warm_up": None} | read_table(table, IMU_KEYS)
         return ImuSpec(**values)
 
@@ -235,7 +235,7 @@ def _triad(sensor: str) -> Read:
                 f"{where} saturation: the full scale is 0, so nothing would be measured; give it "
                 f"above 0, or leave it out for none"
             )
-        with placed(where):
+        with located(where):
             return Triad(**values)
 
     return section(read)

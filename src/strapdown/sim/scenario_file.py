@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..checks import DataError, check_choice
+from ..checks import DataError, check_choice, located
 from ..files import read_toml
 from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.barometer import Barometer
@@ -25,7 +25,6 @@ from ..toml_keys import (
     listed,
     made,
     number,
-    placed,
     read_table,
     scaled,
     section,
@@ -195,7 +194,7 @@ TOP_KEYS = {
 def read(path: File) -> Scenario:
     """The Scenario of a TOML file. Raises DataError naming file and key."""
     table = read_toml(path, "check the path")
-    with placed(path):
+    with located(path):
         return from_table(table, Path(path))
 
 

@@ -3,13 +3,14 @@ simulated run needs but its seed and its IMU."""
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime
 from typing import Any
 
 import numpy as np
 
-from ..checks import DataError, check_array, check_choice, check_number
+from ..checks import DataError, check_array, check_choice, check_number, located
 from ..core.contract import STATES
 from ..core.earth import LATITUDE_LIMIT
 from ..data import Trajectory
@@ -20,7 +21,6 @@ from ..sensor_models.gnss import Gnss, check_rate
 from ..sensor_models.imu import ImuSpec, grade
 from ..sensor_models.magnetometer import Magnetometer
 from ..sensor_models.simulated import Simulated
-from ..toml_keys import placed
 from ..typing import Array, File
 from .trajectory import DEG, Motion, sample
 
@@ -81,7 +81,7 @@ class Scenario:
     def __post_init__(self) -> None:
         for name in ("start_sd", "accel_offset", "sensors"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
-        with placed(f"scenario {self.name!r}"):
+        with located(f"scenario {self.name!r}"):
             self._check()
 
     def _check(self) -> None:
@@ -204,11 +204,7 @@ class Scenario:
     def start_deviations(self, spec: ImuSpec) -> Array:
         """The 15 standard deviations of a start with the IMU `spec` (ImuSpec): `start_sd`, its
         None those of the IMU's biases."""
-        accel, gyro = spec.bias_sd()
-        own = np.r_[np.zeros(9), np.full(3, accel), np.full(3, gyro)]
-        return np.array(
-            [own[i] if value is None else value for i, value in enumerate(self.start_sd)], float
-        )
+        return start_deviations(self.start_sd, spec)
 
     def replace(self, **changes: Any) -> "Scenario":
         """The same scenario with some fields changed."""
@@ -264,7 +260,15 @@ class Scenario:
         )
 
 
-def _check_start(sd: tuple[float | None, ...]) -> None:
+def start_deviations(sd: Sequence[float | None], spec: ImuSpec) -> Array:
+    """`sd`, the 15 standard deviations of a start, with those of the biases of the IMU `spec` where
+    one of its last six is None. Raises DataError."""
+    _check_start(sd)
+    own = [None] * 9 + np.repeat(spec.bias_sd(), 3).tolist()
+    return np.array([own[i] if value is None else value for i, value in enumerate(sd)], float)
+
+
+def _check_start(sd: Sequence[float | None]) -> None:
     own = [0.0 if value is None and row >= 9 else value for row, value in enumerate(sd)]
     what = "numbers; of the last six, None is the IMU's own"
     attitude = check_array(own, "start_sd", (STATES,), what=what, least=0)[6:9].max()
