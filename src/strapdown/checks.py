@@ -5,10 +5,11 @@ Every refusal is a DataError of one line: what it is, what it must be. Nothing h
 """
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, TypeGuard
 
 if TYPE_CHECKING:
     from .typing import Array
@@ -16,6 +17,15 @@ if TYPE_CHECKING:
 
 class DataError(ValueError):
     """Input that cannot be used: one line that names file, row or field, and the remedy."""
+
+
+@contextmanager
+def located(where: object) -> Iterator[None]:
+    """Every DataError of the block begins with the place: "plan 'mine': ..."."""
+    try:
+        yield
+    except DataError as error:
+        raise DataError(f"{where}: {error}") from None
 
 
 def is_number(value: object) -> TypeGuard[float]:
@@ -79,20 +89,9 @@ def check_number(
     )
     if not fits:
         kind = "a whole number" if whole else "a number" if infinite else "a finite number"
-        bounds = [
-            text
-            for text, bound in (
-                (f"above {above:g}", above),
-                (f"{least:g} or more", least),
-                (f"below {below:g}", below),
-                (f"at most {most:g}", most),
-            )
-            if math.isfinite(bound)
-        ]
         raise DataError(
             f"{name} is {value!r}{unit and ' ' + unit}; it must be {kind}"
-            f"{', ' if bounds and bounds[0][0].isdigit() else ' ' if bounds else ''}"
-            f"{' and '.join(bounds)}"
+            f"{_bounds(least, above, most, below)}"
         )
     return value  # type: ignore[return-value]
 
@@ -104,9 +103,12 @@ def check_array(
     *,
     finite: bool = True,
     what: str = "numbers",
+    least: float = -math.inf,
+    above: float = -math.inf,
+    most: float = math.inf,
 ) -> "Array":
-    """The value as an array of floats of this shape, where None is any length, without NaN and
-    inf unless `finite` is False. Raises DataError."""
+    """The value as an array of floats of this shape, where None is any length, in these bounds,
+    without NaN and inf unless `finite` is False. Raises DataError."""
     import numpy as np
 
     try:
@@ -116,15 +118,39 @@ def check_array(
     fits = array.ndim == len(shape) and all(
         size in (None, own) for size, own in zip(shape, array.shape)
     )
-    if not fits or (finite and not np.isfinite(array).all()):
-        wanted: Any = " x ".join("n" if size is None else str(size) for size in shape)
+    outside = (array < least) | (array > most) | ((array <= above) & (above > -math.inf))
+    if not fits or outside.any() or (finite and not np.isfinite(array).all()):
+        wanted = " x ".join("n" if size is None else str(size) for size in shape)
+        bounds = _bounds(least, above, most).strip(", ")
         raise DataError(
-            f"{name} is {_brief(value)}; it must be {wanted} {'finite ' if finite else ''}{what}"
+            f"{name} is {_brief(value, array)}; it must be {wanted} {'finite ' if finite else ''}{what}"
+            f"{bounds and ', each ' + bounds}"
         )
     return array
 
 
-def _brief(value: object) -> str:
-    """The value, or the beginning of what is long, on one line."""
+def _bounds(least: float, above: float, most: float, below: float = math.inf) -> str:
+    """Those that are finite, as they follow upon "a number"."""
+    bounds = [
+        text
+        for text, bound in (
+            (f"above {above:g}", above),
+            (f"{least:g} or more", least),
+            (f"below {below:g}", below),
+            (f"at most {most:g}", most),
+        )
+        if math.isfinite(bound)
+    ]
+    separator = ", " if math.isfinite(least) and above == -math.inf else " "
+    return separator + " and ".join(bounds) if bounds else ""
+
+
+def _brief(value: object, array: "Array") -> str:
+    """The value on one line, or where it is long what of it, read as `array`, is wrong."""
+    import numpy as np
+
     text = " ".join(repr(value).split())
-    return text if len(text) <= 80 else text[:77] + "..."
+    if len(text) <= 80 or not array.size:
+        return text if len(text) <= 80 else text[:77] + "..."
+    bad = np.argwhere(~np.isfinite(array))
+    return f"of shape {array.shape}{f', not finite at {bad[0].tolist()}' if len(bad) else ''}"

@@ -344,11 +344,11 @@ def test_deviation_has_the_signs_of_right_and_along():
 
 BAD_PLANS = {
     "waypoints must be two or more": dict(waypoints=((0, 0, 0),)),
-    "is no number or list of numbers": dict(waypoints=((0, 0, 0), (1, "x", 0))),
+    "must be n x 3 finite numbers": dict(waypoints=((0, 0, 0), (1, "x", 0))),
     "waypoints 1 and 2 are at one place": dict(waypoints=((0, 0, 0), (500, 0, 0), (500, 0, 10))),
     "3 airspeeds for 1 legs": dict(airspeed=(20, 21, 22)),
-    "must be above 0, not -1": dict(airspeed=-1.0),
-    "bank is 80 deg": dict(bank=80 * DEG),
+    "airspeed is -1.0 m/s": dict(airspeed=-1.0),
+    "bank, 5 to 60 deg, is 1.39": dict(bank=80 * DEG),
     "up to 89 deg north or south": dict(place=(1.57, 0.0, 0.0)),
     "duration is -3 s": dict(duration=-3),
 }

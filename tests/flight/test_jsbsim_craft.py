@@ -300,16 +300,16 @@ def j2_less_normal(state):
 def test_what_cannot_be_flown_is_refused_in_one_line(ours, tmp_path, capfd):
     controls = ours[:50, 13:]
     for arguments, words in (
-        ((ours[0, :16], controls, DT), r"state \(16,\) must be \(17,\)"),
-        ((ours[0], controls[:1], DT), "two or more times"),
+        ((ours[0, :16], controls, DT), r"state is of shape .16,.; it must be 17"),
+        ((ours[0], controls[:1], DT), "times of the controls is 1; .* 2 or more"),
         ((ours[0], np.where(controls < 0, np.nan, controls), DT), "finite"),
         ((ours[0], controls, DT, (1.0, 2.0, 3.0)), "to north and east"),
         ((np.zeros(17), controls, DT), "quaternion .* length 0"),
-        ((ours[0], controls, DT, (0.0, 0.0), 1.5), "whole substeps .* 1.5"),
-        ((ours[0], controls, "a"), "dt above 0"),
+        ((ours[0], controls, DT, (0.0, 0.0), 1.5), "substeps is 1.5; it must be a whole number"),
+        ((ours[0], controls, "a"), "dt is .a. s; it must be a finite number above 0"),
         ((ours[0], controls, 1e-9), "at most 100000"),
-        ((ours[0], [["a"] * 4] * 2, DT), "controls is not an array"),
-        ((ours[0], controls, DT, (0.0, 0.0), 2, {"rates": 1}), "of integrators"),
+        ((ours[0], [["a"] * 4] * 2, DT), "controls is .*; it must be n x 4 finite"),
+        ((ours[0], controls, DT, (0.0, 0.0), 2, {"rates": 1}), "integrators: unknown key .rates."),
     ):
         with pytest.raises(DataError, match=words):
             fly_jsbsim("aerosonde", *arguments)

@@ -191,16 +191,16 @@ def test_a_rate_that_leaves_no_sample_is_noted():
 @pytest.mark.parametrize(
     "change, words",
     [
-        ({"rate": -1}, "rate is -1; it must be larger than 0, in Hz"),
-        ({"sd": 0}, "sd is 0; it must be larger than 0"),
-        ({"sd": "5"}, "sd is '5'; it must be a finite number"),
-        ({"drift": -1.0}, "the drift is 0 or more"),
-        ({"bias": 101325.0}, "at most 10000 Pa"),
+        ({"rate": -1}, "rate is -1 Hz; it must be a finite number above 0"),
+        ({"sd": 0}, "sd is 0 Pa; it must be a finite number above 0"),
+        ({"sd": "5"}, "sd is '5' Pa; it must be a finite number"),
+        ({"drift": -1.0}, "drift is -1.0 Pa; it must be a finite number, 0 or more"),
+        ({"bias": 101325.0}, "bias is 101325.0 Pa; .* at most 10000"),
         ({"drift_time": 0.0}, "drift_time is 0.0"),
         ({"zero": np.inf}, "zero is inf"),
-        ({"lever_arm": (1, 2)}, "three numbers: forward, right, down"),
-        ({"lever_arm": ("a", 0, 0)}, "three numbers"),
-        ({"quantity": "altitude"}, "it is one of pressure, height"),
+        ({"lever_arm": (1, 2)}, "3 finite numbers: forward, right, down"),
+        ({"lever_arm": ("a", 0, 0)}, "3 finite numbers"),
+        ({"quantity": "altitude"}, "it must be one of pressure, height"),
     ],
 )
 def test_what_no_barometer_is_is_refused_in_one_line(change, words):

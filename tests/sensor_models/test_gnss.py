@@ -88,8 +88,8 @@ def test_a_receiver_gives_what_it_measures_from_separate_streams():
     "change, words",
     [
         ({"interval": 0.0}, "interval between fixes"),
-        ({"position_sd": (1, 1, 0)}, "larger than 0"),
-        ({"velocity_sd": (1, np.nan, 1)}, "larger than 0"),
+        ({"position_sd": (1, 1, 0)}, "each above 0"),
+        ({"velocity_sd": (1, np.nan, 1)}, "3 finite numbers"),
         ({"lever_arm": (1.0, 2.0)}, "lever arm"),
         ({"interval": np.array([10.0])}, "outside the trajectory"),
     ],
@@ -154,11 +154,11 @@ def test_a_plan_serves_any_number_of_runs():
         ({"latency": -0.1}, "latency"),
         ({"latency": np.nan}, "latency"),
         ({"outages": ((5.0, 5.0),)}, "start before the stop"),
-        ({"outages": ((5.0,),)}, "write .start, stop."),
-        ({"position_sd": (1.0, 2.0)}, "2 standard deviations are given"),
-        ({"outages": (("a", "b"),)}, "start before the stop"),
+        ({"outages": ((5.0,),)}, "it must be 2 times .start, stop."),
+        ({"position_sd": (1.0, 2.0)}, "it must be 3 finite numbers: north, east, down"),
+        ({"outages": (("a", "b"),)}, "it must be 2 times .start, stop."),
         ({"latency": "x"}, "latency"),
-        ({"interval": np.array([1.0, np.nan])}, "must be finite"),
+        ({"interval": np.array([1.0, np.nan])}, "n finite numbers"),
     ],
 )
 def test_impossible_outages_and_delays_are_refused(change, words):

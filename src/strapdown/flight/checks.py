@@ -1,19 +1,18 @@
 """What a flight is checked for before it begins, and what it hands to its filter."""
 
 import inspect
-import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import DataError, is_number
+from ..checks import DataError, check_array, check_choice, check_number
 from ..core.contract import Filter, Noise
 from ..data import Aiding
 from ..engine.prepare import check_needs, found, positioned
 from ..filters import find as find_filter, names as find_names
 from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
-from ..sensor_models.gnss import Gnss
+from ..sensor_models.gnss import Gnss, check_rate
 from ..typing import Array, File
 from .aircraft.parameters import Aircraft
 from .aircraft.wind import TURBULENCE_LEVELS
@@ -54,41 +53,20 @@ class Request(NamedTuple):
 
 def check(asked: Request) -> None:
     """Raise DataError, in one line, for arguments that no flight can have."""
-    if (
-        isinstance(asked.seed, bool)
-        or not isinstance(asked.seed, (int, np.integer))
-        or asked.seed < 0
-    ):
-        raise DataError(f"seed is {asked.seed!r}; it must be a whole number, 0 or more")
-    for name, value, known in (
-        ("feedback", asked.feedback, ("estimate", "truth")),
-        ("prediction", asked.prediction, ("imu", "model")),
-        ("earth", asked.earth, ("geodetic", "flat")),
-    ):
-        if not isinstance(value, str) or value not in known:
-            raise DataError(f"{name} is {value!r}; it must be {known[0]!r} or {known[1]!r}")
-    if not isinstance(asked.turbulence, str):
-        raise DataError(
-            f"turbulence is {asked.turbulence!r}; it must be one of {', '.join(TURBULENCE_LEVELS)}"
-        )
-    for name, vector in (
-        ("wind", asked.wind),
-        ("told_wind", (0.0, 0.0, 0.0) if asked.told_wind is None else asked.told_wind),
-    ):
-        if np.shape(vector) != (3,) or not all(
-            is_number(part) and math.isfinite(part) for part in vector
-        ):
-            raise DataError(
-                f"{name} is {vector!r}; it must be three numbers: north, east, down, m/s"
-            )
-    if not is_number(asked.rate) or not 0 < asked.rate < np.inf:
-        raise DataError(f"rate is {asked.rate!r} Hz; it must be above 0")
-    if not isinstance(asked.model_noise, Noise) or not all(
-        is_number(value) and 0 <= value < np.inf for value in asked.model_noise
-    ):
-        raise DataError(
-            f"model_noise is {asked.model_noise!r}; it must be a Noise of numbers, 0 or more"
-        )
+    check_number(asked.seed, "seed", least=0, whole=True)
+    check_choice(asked.feedback, "feedback", ("estimate", "truth"))
+    check_choice(asked.prediction, "prediction", ("imu", "model"))
+    check_choice(asked.earth, "earth", ("geodetic", "flat"))
+    check_choice(asked.turbulence, "turbulence", TURBULENCE_LEVELS)
+    axes = "numbers: north, east, down, m/s"
+    check_array(asked.wind, "wind", (3,), what=axes)
+    check_array(
+        (0.0,) * 3 if asked.told_wind is None else asked.told_wind, "told_wind", (3,), what=axes
+    )
+    check_number(asked.rate, "rate", "Hz", above=0)
+    if not isinstance(asked.model_noise, Noise):
+        raise DataError(f"model_noise is {asked.model_noise!r}; it must be a Noise")
+    check_array(asked.model_noise, "model_noise", (len(Noise._fields),), least=0)
 
 
 def check_sensors(gnss: Gnss, gate: float | None, barometer: Barometer | None, rate: float) -> None:
@@ -96,21 +74,13 @@ def check_sensors(gnss: Gnss, gate: float | None, barometer: Barometer | None, r
     with an IMU of `rate` (Hz)."""
     if not isinstance(gnss, Gnss):
         raise DataError(f"gnss is {gnss!r}; it must be a Gnss")
-    gnss.check()
-    if not np.ndim(gnss.interval) and gnss.interval * rate < 1 - 1e-9:
-        raise DataError(
-            f"fixes every {gnss.interval:g} s come faster than the IMU's samples, {rate:g} a "
-            f"second; give fixes less often"
-        )
-    if gate is not None and (not is_number(gate) or not gate > 0):
-        raise DataError(f"gate is {gate!r}; it must be a NIS above 0, or None for the filter's own")
-    if barometer is not None and not isinstance(barometer, Barometer):
-        raise DataError(f"barometer is {barometer!r}; it must be a Barometer")
-    if barometer is not None and (barometer.rate or 0.0) > rate * (1 + 1e-9):
-        raise DataError(
-            f"the barometer's {barometer.rate:g} samples a second come faster than the IMU's, "
-            f"{rate:g}; give it a lower rate"
-        )
+    gnss.check(rate)
+    if gate is not None:
+        check_number(gate, "gate", above=0, infinite=True)
+    if barometer is not None:
+        if not isinstance(barometer, Barometer):
+            raise DataError(f"barometer is {barometer!r}; it must be a Barometer")
+        check_rate(barometer.rate, rate, "barometer")
 
 
 def checked_windows(outage: Outage, prediction: str, end: float) -> Windows:
@@ -127,11 +97,7 @@ def checked_windows(outage: Outage, prediction: str, end: float) -> Windows:
 
 def _check_inputs(inputs: int, filter: Filter) -> None:
     """Raise DataError where a filter cannot be told the controls there."""
-    if isinstance(inputs, bool) or not isinstance(inputs, (int, np.integer)) or inputs < 0:
-        raise DataError(
-            f"inputs is {inputs!r}; it must be the index of the filter's first input in its "
-            f"workspace"
-        )
+    check_number(inputs, "inputs (index in the filter's workspace)", least=0, whole=True)
     if filter.name in find_names() and filter is find_filter(filter.name):
         raise DataError(f"{filter.name} does not compute with controls; leave inputs out")
 
@@ -163,11 +129,8 @@ def checked_filter(
 
 def times(duration: float, rate: float) -> tuple[Array, Array]:
     """(ends of the samples, their lengths), s."""
-    if (
-        not is_number(duration)
-        or not 0 < duration * rate <= MOST_FLIGHT_SAMPLES
-        or round(duration * rate) < 2
-    ):
+    count = check_number(duration, "duration", "s", above=0) * rate
+    if round(count) < 2 or count > MOST_FLIGHT_SAMPLES:
         raise DataError(
             f"cannot fly {duration!r} s at {rate:g} Hz; give two samples or more, and at most "
             f"{MOST_FLIGHT_SAMPLES / 1e6:g} million"

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import DataError, is_number
+from ..checks import DataError
 from ..core import loop
-from ..core.contract import STATES, Filter, Fixes, Imu, Noise, Start
+from ..core.contract import Filter, Fixes, Imu, Noise, Start
 from ..core.jit import address, compile_kernel, entry_point
 from ..data import Aiding, Solution, Trajectory
 from ..engine.batch import begin as begin_run
@@ -23,7 +23,7 @@ from ..recording import Recording
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss, without_fixes
 from ..sensor_models.imu import ImuSpec, grade, saturated
-from ..sim.scenario import START_SD
+from ..sim.scenario_model import START_SD, start_deviations
 from ..sim.synthesis import draw_start
 from ..typing import Array, File, Progress, Say
 from . import flight_loop as kernels
@@ -389,21 +389,7 @@ def _started(
         if isinstance(start, Start) and start.t != 0:
             raise DataError(f"the start is at {start.t:g} s; a flight begins at 0 s")
         return start
-    if (
-        np.ndim(sd) != 1  # type: ignore[arg-type]  # a None counts as a number does
-        or len(sd) != STATES
-        or not all(value is None or is_number(value) for value in sd)
-    ):
-        raise DataError(
-            f"start_sd must be {STATES} standard deviations; of the last six, None is the IMU's own"
-        )
-    accel, gyro = spec.bias_sd()
-    own = [0.0] * 9 + [accel] * 3 + [gyro] * 3
-    return draw_start(
-        truth,
-        [own[i] if value is None else value for i, value in enumerate(sd)],
-        generator(of_start),
-    )
+    return draw_start(truth, start_deviations(sd, spec), generator(of_start))
 
 
 def _vehicle(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import DataError, is_number
+from ..checks import DataError, check_keys, check_number
 from ..sim.jsbsim import FOOT, STATE_PROPERTIES, STATE_UNITS, begin, quaternions, session
 from ..sim.trajectory import EARTH_RATE
 from ..typing import Array, ArrayLike, File
@@ -55,22 +55,10 @@ def fly_jsbsim(
         checked_array(controls, (None, 4), "fly_jsbsim: controls"),
     )
     wind = checked_array(wind, (2,), "fly_jsbsim: wind to north and east")
-    if (
-        len(controls) < 2
-        or not is_number(dt)
-        or not 0 < dt < np.inf
-        or not isinstance(substeps, (int, np.integer))
-        or substeps < 1
-    ):
-        raise DataError(
-            f"fly_jsbsim takes controls at two or more times, dt above 0 and whole substeps of 1 or "
-            f"more, "
-            f"not {len(controls)} times, {dt!r}, {substeps!r}"
-        )
-    if set(integrators or {}) - set(INTEGRATORS):
-        raise DataError(
-            f"fly_jsbsim takes of integrators {', '.join(INTEGRATORS)}, not {integrators!r}"
-        )
+    check_number(len(controls), "fly_jsbsim: number of times of the controls", least=2)
+    check_number(dt, "fly_jsbsim: dt", "s", above=0)
+    check_number(substeps, "fly_jsbsim: substeps", least=1, whole=True)
+    check_keys(integrators or {}, INTEGRATORS, "fly_jsbsim: integrators")
     with session(substeps / dt) as (executive, said), TemporaryDirectory() as folder:
         path = jsbsim_definition(aircraft, folder)
         executive.set_aircraft_path(str(folder))

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import DataError, check_keys, did_you_mean, is_number
+from ..checks import DataError, check_array, check_number, did_you_mean, located
 from ..core.earth import LATITUDE_LIMIT
 from ..files import read_toml
 from ..geodesy import wrap
+from ..toml_keys import Key, listed, made, number, read_table, scaled, text
 from ..typing import Array, File
 from . import autopilot as p
 
@@ -44,61 +45,51 @@ class FlightPlan:
     )
 
     def __post_init__(self) -> None:
-        points = _numbers(self.waypoints, f"plan {self.name!r}: waypoints")
-        if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2:
-            raise DataError(
-                f"plan {self.name!r}: waypoints must be two or more of (north, east, up) in m"
-            )
-        object.__setattr__(self, "waypoints", tuple(map(tuple, points.tolist())))
+        with located(f"plan {self.name!r}"):
+            self._check()
+
+    def _check(self) -> None:
+        """Raise DataError for what cannot be flown; settle the types of what can."""
+        points = check_array(
+            self.waypoints, "waypoints", (None, 3), what="numbers: north, east, up in m"
+        )
+        if len(points) < 2:
+            raise DataError(f"waypoints must be two or more, not {len(points)}")
         lengths = np.hypot(*np.diff(points[:, :2], axis=0).T)
         if not np.all(lengths > 1.0):
             at = int(np.argmin(lengths))
-            raise DataError(
-                f"plan {self.name!r}: waypoints {at} and {at + 1} are at one place; leave one out"
-            )
+            raise DataError(f"waypoints {at} and {at + 1} are at one place; leave one out")
         if np.ndim(self.airspeed):
-            object.__setattr__(
-                self,
-                "airspeed",
-                tuple(_numbers(self.airspeed, f"plan {self.name!r}: airspeed").tolist()),
-            )
-        if isinstance(self.airspeed, tuple) and len(self.airspeed) != len(points) - 1:
-            raise DataError(
-                f"plan {self.name!r}: {len(self.airspeed)} airspeeds for {len(points) - 1} legs; "
-                f"give one, or one per leg"
-            )
-        for name in ("start_airspeed", "clearance", "bank", "duration"):
-            value = getattr(self, name)
-            if not is_number(value) and (value is not None or name in ("clearance", "bank")):
-                raise DataError(f"plan {self.name!r}: {name} is {value!r}; it must be a number")
-        for value in (
-            *np.atleast_1d(_numbers(self.airspeed, f"plan {self.name!r}: airspeed")),
-            self.begin_airspeed,
-            self.clearance,
-        ):
-            if not (is_number(float(value)) and 0 < value < 1000):
+            speeds = check_array(self.airspeed, "airspeed", (None,))
+            if len(speeds) != len(points) - 1:
                 raise DataError(
-                    f"plan {self.name!r}: airspeeds (m/s) and clearance (m) must be above 0, not "
-                    f"{value:g}"
+                    f"{len(speeds)} airspeeds for {len(points) - 1} legs; give one, or one per leg"
                 )
-        if not 5 * RAD_PER_DEG <= self.bank <= 60 * RAD_PER_DEG:
-            raise DataError(
-                f"plan {self.name!r}: bank is {self.bank / RAD_PER_DEG:.3g} deg; it must be 5 to 60"
-            )
-        place = _numbers(self.place, f"plan {self.name!r}: place")
-        if place.shape != (3,) or abs(place[0]) > LATITUDE_LIMIT:
-            raise DataError(
-                f"plan {self.name!r}: place is {self.place!r}; it must be latitude and longitude "
-                f"(rad) and height (m), "
-                "up to 89 deg north or south"
-            )
-        object.__setattr__(self, "place", tuple(place.tolist()))
-        if self.duration is not None and not (
-            is_number(self.duration) and 0 < self.duration < np.inf
+            object.__setattr__(self, "airspeed", tuple(speeds.tolist()))
+        for value in np.atleast_1d(self.airspeed).tolist():
+            check_number(value, "airspeed", "m/s", above=0, below=1000)
+        for name, unit, most in (
+            ("start_airspeed", "m/s", 1000.0),
+            ("clearance", "m", 1000.0),
+            ("duration", "s", math.inf),
         ):
-            raise DataError(
-                f"plan {self.name!r}: duration is {self.duration!r} s; it must be above 0"
-            )
+            if getattr(self, name) is not None or name == "clearance":
+                check_number(getattr(self, name), name, unit, above=0, below=most)
+        check_number(
+            self.bank, "bank, 5 to 60 deg,", "rad", least=5 * RAD_PER_DEG, most=60 * RAD_PER_DEG
+        )
+        place = check_array(
+            self.place, "place", (3,), what="numbers: latitude and longitude (rad) and height (m)"
+        )
+        check_number(
+            float(place[0]),
+            "latitude of the place, up to 89 deg north or south,",
+            "rad",
+            least=-LATITUDE_LIMIT,
+            most=LATITUDE_LIMIT,
+        )
+        object.__setattr__(self, "waypoints", tuple(map(tuple, points.tolist())))
+        object.__setattr__(self, "place", tuple(place.tolist()))
 
     @property
     def begin_airspeed(self) -> float:
@@ -152,18 +143,27 @@ PLANS: dict[str, Callable[[], FlightPlan]] = {"straight": straight, "turning": t
 """Plans that ship with the package."""
 
 
-KEYS: dict[str, tuple[str, float, bool]] = {
-    "waypoints_m": ("waypoints", 1.0, True),
-    "airspeed_m_s": ("airspeed", 1.0, True),
-    "start_airspeed_m_s": ("start_airspeed", 1.0, False),
-    "clearance_m": ("clearance", 1.0, False),
-    "bank_deg": ("bank", RAD_PER_DEG, False),
-    "duration_s": ("duration", 1.0, False),
+def _numbers(value: Any, where: str) -> Any:
+    """A number, or a list of them or of lists."""
+    return listed(_numbers)(value, where) if isinstance(value, list) else number(value, where)
+
+
+PLACE_KEYS = {
+    "latitude_deg": Key("latitude", scaled(RAD_PER_DEG), ""),
+    "longitude_deg": Key("longitude", scaled(RAD_PER_DEG), ""),
+    "height_m": Key("height", number, ""),
 }
-"""Keys of a plan's file: the field that each sets, the size of its unit, whether it may be a
-list."""
-PLACE_KEYS = {"latitude_deg": RAD_PER_DEG, "longitude_deg": RAD_PER_DEG, "height_m": 1.0}
-"""Those of its place."""
+KEYS = {
+    "name": Key("name", text),
+    "place": Key("place", made(lambda **place: tuple(place.values()), PLACE_KEYS)),
+    "waypoints_m": Key("waypoints", _numbers, "write [[north, east, up], ...], m from the place"),
+    "airspeed_m_s": Key("airspeed", _numbers),
+    "start_airspeed_m_s": Key("start_airspeed", number),
+    "clearance_m": Key("clearance", number),
+    "bank_deg": Key("bank", scaled(RAD_PER_DEG)),
+    "duration_s": Key("duration", number),
+}
+"""Keys of a plan's file, each with the field that it sets and how it is read."""
 
 
 def flight_plan(plan: FlightPlan | File) -> FlightPlan:
@@ -189,47 +189,8 @@ def flight_plan(plan: FlightPlan | File) -> FlightPlan:
 def read_plan(path: File) -> FlightPlan:
     """The FlightPlan of a TOML file. Raises DataError naming file, key and remedy."""
     table = read_toml(path, f"give the path of a plan's .toml file, or one of {', '.join(PLANS)}")
-    try:
-        return _from_table(table, Path(path).stem)
-    except DataError as error:
-        raise DataError(f"{path}: {error}") from None
-
-
-def _from_table(table: dict[str, Any], name: str) -> FlightPlan:
-    """The FlightPlan of a parsed file; `name` is that of a plan without one."""
-    check_keys(table, ["name", "place", *KEYS], "flight plan")
-    if "waypoints_m" not in table:
-        raise DataError("waypoints_m is missing; write [[north, east, up], ...], m from the place")
-    if not isinstance(table.get("name", name), str):
-        raise DataError(f"name is {table['name']!r}; it must be text in quotes")
-    fields = {
-        field: _scaled(table[key], unit, key, listed)
-        for key, (field, unit, listed) in KEYS.items()
-        if key in table
-    }
-    if "place" in table:
-        place = table["place"]
-        if not isinstance(place, dict) or set(place) != set(PLACE_KEYS):
-            raise DataError(
-                f"place is {place!r}; write {{ latitude_deg = ..., longitude_deg = ..., height_m = "
-                f"... }}"
-            )
-        fields["place"] = tuple(
-            _scaled(place[key], unit, f"place, {key}", False) for key, unit in PLACE_KEYS.items()
-        )
-    return FlightPlan(table.get("name", name), **fields)
-
-
-def _scaled(value: Any, unit: float, where: str, listed: bool) -> Any:
-    """A number of a file, or where `listed` a list of them, in SI."""
-    if listed and isinstance(value, list):
-        return tuple(_scaled(each, unit, where, True) for each in value)
-    if not is_number(value) or not abs(value) < 1e300:
-        raise DataError(
-            f"{where} is {str(value)[:40]}; it must be a finite "
-            f"number{' or a list of them' if listed else ''}"
-        )
-    return value * unit
+    with located(path):
+        return FlightPlan(**{"name": Path(path).stem} | read_table(table, KEYS))
 
 
 def route(plan: FlightPlan, wind: Sequence[float] | Array, gravity: float) -> tuple[Array, float]:
@@ -338,15 +299,3 @@ def _arc(
         *end,
         math.atan2(outward[1], outward[0]),
     )
-
-
-def _numbers(values: Any, what: str) -> Array:
-    try:
-        values = np.asarray(values, float)
-    except (TypeError, ValueError):
-        raise DataError(
-            f"{what}: {values!r} is no number or list of numbers of one length"
-        ) from None
-    if not np.all(np.isfinite(values)):
-        raise DataError(f"{what}: not all numbers are finite")
-    return values

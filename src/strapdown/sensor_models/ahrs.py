@@ -10,15 +10,15 @@ in correlated ways; the white errors are those of Fossen (2021), Handbook of Mar
 14.3.2.
 """
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..checks import DataError, is_number
+from ..checks import DataError, check_array, check_number
 from ..data import Aiding, Trajectory
 from ..typing import Array
-from .gnss import fix_times
+from .gnss import sample_times, spread
 from .magnetometer import rotation_at
 
 if TYPE_CHECKING:
@@ -38,22 +38,17 @@ class Ahrs:
     sd: tuple[float, ...] | float = tuple(np.radians([0.5, 0.5, 1.0]).tolist())
 
     def __post_init__(self) -> None:
-        if self.rate is not None and (not is_number(self.rate) or not 0 < self.rate < np.inf):
-            raise DataError(f"attitude: rate is {self.rate!r}; it must be larger than 0, in Hz")
-        listed: Any = (self.sd,) * 3 if is_number(self.sd) else self.sd
-        if np.shape(listed) != (3,) or not all(
-            is_number(each) and 0 < each < np.inf for each in listed
-        ):
-            raise DataError(
-                f"attitude: sd is {self.sd!r}; it must be three numbers above 0: of roll, pitch and "
-                f"heading, rad"
-            )
-        if max(listed) > LARGEST_ANGLE_SD:
-            raise DataError(
-                f"attitude: sd is {[float(each) for each in listed]} rad; at most "
-                f"{LARGEST_ANGLE_SD:.4g} (30 deg): is it in rad?"
-            )
-        object.__setattr__(self, "sd", tuple(map(float, listed)))
+        if self.rate is not None:
+            check_number(self.rate, "attitude: rate", "Hz", above=0)
+        sd = check_array(
+            spread(self.sd),
+            "attitude: sd",
+            (3,),
+            what="numbers: of roll, pitch and heading, rad",
+            above=0,
+            most=LARGEST_ANGLE_SD,
+        )
+        object.__setattr__(self, "sd", tuple(sd.tolist()))
 
     def measure(self, truth: Trajectory, rng: np.random.Generator) -> Aiding:
         """Aiding "attitude" of a flight; truth: data.Trajectory with attitude, rng: numpy
@@ -65,7 +60,7 @@ class Ahrs:
         Raises DataError."""
         if truth.q_nb is None:
             raise DataError("attitude: the trajectory has no attitude")
-        t = truth.t[1:] if self.rate is None else fix_times(truth, 1 / self.rate)
+        t = sample_times(truth, self.rate)
         return AhrsPlan(
             Aiding(
                 "attitude", t, np.empty((0, 3)), np.tile(self.sd, (len(t), 1)), (), gate, "AHRS"
@@ -110,15 +105,7 @@ class AhrsPlan(NamedTuple):
             if len(t)
             else np.empty((0, 3))
         )
-        return Aiding(
-            self.aiding.kind,
-            t,
-            y,
-            self.aiding.sd,
-            self.aiding.parameters,
-            self.aiding.gate,
-            self.aiding.name,
-        )
+        return replace(self.aiding, y=y)
 
 
 def _heading(attitude: "Rotation") -> Array:

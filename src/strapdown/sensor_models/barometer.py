@@ -10,12 +10,12 @@ the heights of the standard atmosphere are geopotential and are not told from ge
 differ by 0.16 m at 1 km.
 """
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import DataError, is_number
+from ..checks import DataError, check_array, check_choice, check_number
 from ..data import Aiding, Trajectory
 from ..typing import Array
 from .atmosphere import (
@@ -25,12 +25,20 @@ from .atmosphere import (
     pressure_gradient,
     standard_pressure,
 )
-from .gnss import arm_in_navigation, fix_times, interpolated
+from .gnss import arm_in_navigation, interpolated, sample_times
 from .noise import gauss_markov
 
 KIND_OF_QUANTITY = {"pressure": "pressure", "height": "pressure-altitude"}
 """What a barometer can give, and the kind of aiding that this is."""
 LARGEST_ERROR = 10_000.0  # Pa: of weather, offset and noise; the weather of the Earth stays within
+BOUNDS: dict[str, tuple[str, dict[str, Any]]] = {
+    "sd": ("Pa", {"above": 0, "most": LARGEST_ERROR}),
+    "bias": ("Pa", {"least": -LARGEST_ERROR, "most": LARGEST_ERROR}),
+    "drift": ("Pa", {"least": 0, "most": LARGEST_ERROR}),
+    "drift_time": ("s", {"above": 0}),
+    "zero": ("m", {}),
+}
+"""What the numbers of a barometer may be: unit and bounds."""
 
 
 @dataclass(frozen=True)
@@ -47,39 +55,15 @@ class Barometer:
     quantity: str = "pressure"  # what it gives: "pressure", or "height" by the standard atmosphere
 
     def __post_init__(self) -> None:
-        for name in ("sd", "bias", "drift", "drift_time", "zero"):
-            if not is_number(getattr(self, name)) or not np.isfinite(getattr(self, name)):
-                raise DataError(
-                    f"barometer: {name} is {getattr(self, name)!r}; it must be a finite number"
-                )
-        for name in ("sd", "drift_time"):
-            if not getattr(self, name) > 0:
-                raise DataError(
-                    f"barometer: {name} is {getattr(self, name)!r}; it must be larger than 0"
-                )
-        if self.drift < 0 or max(self.sd, abs(self.bias), self.drift) > LARGEST_ERROR:
-            raise DataError(
-                f"barometer: sd {self.sd:g}, bias {self.bias:g} and drift {self.drift:g} Pa; they "
-                f"are at most {LARGEST_ERROR:g} Pa, "
-                "and the drift is 0 or more"
-            )
-        if self.rate is not None and (not is_number(self.rate) or not 0 < self.rate < np.inf):
-            raise DataError(f"barometer: rate is {self.rate!r}; it must be larger than 0, in Hz")
-        if (
-            np.shape(self.lever_arm) != (3,)
-            or not all(map(is_number, self.lever_arm))
-            or not np.all(np.isfinite(self.lever_arm))
-        ):
-            raise DataError(
-                f"barometer: lever_arm is {self.lever_arm!r}; it must be three numbers: forward, "
-                f"right, down, m"
-            )
-        object.__setattr__(self, "lever_arm", tuple(map(float, self.lever_arm)))
-        if self.quantity not in KIND_OF_QUANTITY:
-            raise DataError(
-                f"barometer: quantity is {self.quantity!r}; it is one of "
-                f"{', '.join(KIND_OF_QUANTITY)}"
-            )
+        if self.rate is not None:
+            check_number(self.rate, "barometer: rate", "Hz", above=0)
+        for name, (unit, bounds) in BOUNDS.items():
+            check_number(getattr(self, name), f"barometer: {name}", unit, **bounds)
+        lever_arm = check_array(
+            self.lever_arm, "barometer: lever_arm", (3,), what="numbers: forward, right, down, m"
+        )
+        object.__setattr__(self, "lever_arm", tuple(lever_arm.tolist()))
+        check_choice(self.quantity, "barometer: quantity", KIND_OF_QUANTITY)
 
     def measure(self, truth: Trajectory, rng: np.random.Generator) -> Aiding:
         """Aiding "pressure" (y in Pa) or "pressure-altitude" (y in m) of a flight, its sd in m;
@@ -89,7 +73,7 @@ class Barometer:
     def plan(self, truth: Trajectory, gate: float | None = None) -> "BarometerPlan":
         """What all runs over one trajectory share, as a BarometerPlan; `gate` is that of its
         aiding. Raises DataError."""
-        t = truth.t[1:] if self.rate is None else fix_times(truth, 1 / self.rate)
+        t = sample_times(truth, self.rate)
         height = (
             interpolated(truth, t).lla[:, 2]
             - arm_in_navigation(truth, t, self.lever_arm, "barometer")[:, 2]
@@ -153,12 +137,4 @@ class BarometerPlan(NamedTuple):
 
     def _with(self, pressure: Array) -> Aiding:
         y = pressure if self.barometer.quantity == "pressure" else pressure_altitude(pressure)
-        return Aiding(
-            self.aiding.kind,
-            self.aiding.t,
-            y[:, None].copy(),
-            self.aiding.sd,
-            self.aiding.parameters,
-            self.aiding.gate,
-            self.aiding.name,
-        )
+        return replace(self.aiding, y=y[:, None].copy())

@@ -11,13 +11,12 @@ by 1 % where nothing is near, and by as much as you like beside iron.
 import datetime
 import math
 from functools import cache
-from numbers import Real
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import DataError
+from ..checks import DataError, check_number, is_number
 from ..core.earth import LATITUDE_LIMIT
 
 YEARS = 5.0  # that each WMM is meant for
@@ -97,7 +96,7 @@ def models() -> dict[str, tuple[float, float]]:
 
 def decimal_year(date: datetime.date | str | float) -> float:
     """Year with its fraction, from a date, a datetime, ISO text or a number. Raises DataError."""
-    if isinstance(date, Real) and not isinstance(date, bool) and math.isfinite(date):
+    if is_number(date) and math.isfinite(date):
         return float(date)
     if isinstance(date, str):
         try:
@@ -119,8 +118,7 @@ def decimal_year(date: datetime.date | str | float) -> float:
 
 def _check_place(lat: float, lon: float, height: float) -> None:
     for name, value in (("latitude", lat), ("longitude", lon), ("height", height)):
-        if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
-            raise DataError(f"{name} is {value!r}; the geomagnetic model needs a finite number")
+        check_number(value, f"geomagnetic model: {name}")
     if abs(lat) > math.pi / 2 or abs(lon) > 2 * math.pi:
         raise DataError(
             f"latitude {lat:g}, longitude {lon:g} rad: no place has these; are they in degrees?"

@@ -2,14 +2,15 @@
 noise, outages and latency, as Aiding."""
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import DataError, is_number
+from ..checks import DataError, check_array, check_number, is_number
 from ..data import Aiding, Trajectory
 from ..geodesy import radii, wrap
-from ..typing import Array, ArrayLike, Ints
+from ..typing import Array, Ints
 
 
 class Kept(NamedTuple):
@@ -65,24 +66,23 @@ class Gnss(NamedTuple):
             )
         return Plan(position, velocity)
 
-    def check(self) -> None:
-        """Raise DataError, in one line, where no receiver can be like that."""
-        if not np.ndim(self.interval):
-            _interval(self.interval)
-        elif not np.all(np.isfinite(_numbers(self.interval, "times of the fixes"))):
-            raise DataError("times of the fixes must be finite, s")
+    def check(self, rate: float = np.inf) -> None:
+        """Raise DataError, in one line, where no receiver can be like that, beside an IMU of
+        `rate` (Hz)."""
+        if np.ndim(self.interval):
+            check_array(self.interval, "times of the fixes", (None,), what="numbers, s")
+        else:
+            check_rate(1 / _interval(self.interval), rate, "fixes")
         for sd, name in ((self.position_sd, "GNSS position"), (self.velocity_sd, "GNSS velocity")):
             if sd is not None:
                 _deviations(sd, name)
         _lever_arm(self.lever_arm, "GNSS")
-        if not is_number(self.latency) or not 0 <= self.latency < np.inf:
-            raise DataError(f"latency of the fixes is {self.latency!r} s; it must be 0 or more")
+        check_number(self.latency, "latency of the fixes", "s", least=0)
         for window in self.outages:
-            if (
-                np.shape(window) != (2,)
-                or not all(map(is_number, window))
-                or not window[0] < window[1]
-            ):
+            start, stop = check_array(
+                window, "outage", (2,), finite=False, what="times (start, stop) in s"
+            ).tolist()
+            if not start < stop:
                 raise DataError(
                     f"outage {window!r}: write (start, stop) in s, the start before the stop"
                 )
@@ -293,15 +293,7 @@ def _without_values(
 
 
 def _with_values(aiding: Aiding, y: Array, keep: Ints | None) -> Aiding:
-    return Aiding(
-        aiding.kind,
-        aiding.t,
-        y if keep is None else y[keep],
-        aiding.sd,
-        aiding.parameters,
-        aiding.gate,
-        aiding.name,
-    )
+    return replace(aiding, y=y if keep is None else y[keep])
 
 
 def arm_in_navigation(
@@ -324,9 +316,8 @@ def fix_times(trajectory: Trajectory, times: float | Array) -> Array:
     if np.ndim(times):
         t = np.asarray(times, float)
     else:
-        _interval(times)
-        start, stop = trajectory.t[0], trajectory.t[-1]
-        t = start + times * np.arange(1, int((stop - start) / times + 1e-9) + 1)
+        start, stop, interval = trajectory.t[0], trajectory.t[-1], _interval(times)
+        t = start + interval * np.arange(1, int((stop - start) / interval + 1e-9) + 1)
     after = np.clip(np.searchsorted(trajectory.t, t), 1, len(trajectory.t) - 1)
     nearest = np.where(
         t - trajectory.t[after - 1] < trajectory.t[after] - t,
@@ -347,36 +338,38 @@ def without_fixes(aidings: Iterable[Aiding]) -> list[str]:
     ]
 
 
-def _numbers(values: ArrayLike, what: str) -> Array:
-    try:
-        return np.asarray(values, float)
-    except (TypeError, ValueError):
-        raise DataError(f"{what}: {values!r} is no number") from None
+def sample_times(trajectory: Trajectory, rate: float | None) -> Array:
+    """Times (n,) s at which a sensor of that `rate` (Hz) measures: None is with every sample."""
+    return trajectory.t[1:] if rate is None else fix_times(trajectory, 1 / rate)
 
 
-def _interval(seconds: float | Array) -> None:
-    if not is_number(seconds) or not 0 < seconds < np.inf:
-        raise DataError(f"interval between fixes is {seconds!r} s; it must be larger than 0")
+def check_rate(rate: float | None, most: float, what: str) -> None:
+    """Raise DataError where the samples of a sensor come faster than the `most` (Hz) of the IMU."""
+    if (rate or 0.0) > most * (1 + 1e-9):
+        raise DataError(
+            f"{what}: {rate:g} a second come faster than the IMU's samples, {most:g} a second; give "
+            f"it a lower rate, or the IMU a higher one"
+        )
+
+
+def spread(value: Any) -> Any:
+    """Three of one number; else what it is."""
+    return (value,) * 3 if is_number(value) else value
+
+
+def _interval(seconds: float | Array) -> float:
+    return check_number(seconds, "interval between fixes", "s", above=0)
 
 
 def _lever_arm(lever_arm: Sequence[float] | Array, name: str) -> None:
-    if np.shape(lever_arm) != (3,) or not np.all(
-        np.isfinite(_numbers(lever_arm, f"{name}: lever arm"))
-    ):
-        raise DataError(
-            f"{name}: lever arm is {lever_arm!r}; it must be three numbers: forward, right, down, m"
-        )
+    check_array(lever_arm, f"{name}: lever arm", (3,), what="numbers: forward, right, down, m")
 
 
 def _deviations(sd: float | Sequence[float] | Array, name: str) -> Array:
-    if np.ndim(sd) and np.shape(sd) != (3,):
-        raise DataError(
-            f"{name}: {np.size(sd)} standard deviations are given; give three, north, east, down, "
-            f"or one for all"
-        )
-    sd = np.broadcast_to(_numbers(sd, f"{name}: standard deviations"), (3,))
-    if not np.all((sd > 0) & np.isfinite(sd)):
-        raise DataError(
-            f"{name}: standard deviations are {sd.tolist()}; they must be larger than 0"
-        )
-    return sd
+    return check_array(
+        spread(sd),
+        f"{name}: standard deviations",
+        (3,),
+        what="numbers: north, east, down, or one for all",
+        above=0,
+    )

@@ -3,24 +3,24 @@ TOML file, and the grades that ship with the package."""
 
 import math
 import tomllib
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
-from ..checks import DataError, check_keys, check_number, did_you_mean
+from ..checks import DataError, check_number, did_you_mean, located
 from ..core.contract import Imu, Noise
 from ..files import find_shipped, read_toml, replacing, shipped
+from ..toml_keys import Key, Read, made, read_table, section, text
 from ..typing import Array, File
 from ..units import SHEET, factor, in_units, quantity, toml_quantity
 from .errors import Triad, WarmUp, terms
 
-Made = TypeVar("Made")
-
 WARM_UP = {"start": "degC", "end": "degC", "time_constant": "s"}
 """Keys of the section [warm_up] and their SI units."""
+EXAMPLE = 'write noise = {{ value = ..., unit = "{}" }}'
+"""What the section of a sensor needs at least."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -201,62 +201,42 @@ def _bias_unit(sensor: str) -> str:
 
 
 def _from_table(table: dict[str, Any], where: str) -> ImuSpec:
-    check_keys(table, ["name", "source", "gyro", "accel", "warm_up"], where)
-    text = {
-        "name": Path(where).stem,
-        "source": "",
-        **{key: table[key] for key in ("name", "source") if key in table},
+    with located(where):
+        values = {"name": Path(where).stem, "warm_up": None} | read_table(table, IMU_KEYS)
+        return ImuSpec(**values)
+
+
+def _quantity(si: str, sheet: str | None = None, least: float = 0.0) -> Read:
+    """How a table {value, unit} is read."""
+    return lambda value, where: quantity(value, si, where, sheet, least)
+
+
+def _triad(sensor: str) -> Read:
+    """How the section of a sensor is read."""
+    keys = {
+        term.name: Key(
+            term.name,
+            _quantity(term.metadata[sensor], term.metadata[f"{sensor}_sheet"]),
+            EXAMPLE.format(term.metadata[f"{sensor}_sheet"]) if term.name == "noise" else None,
+        )
+        for term in terms(sensor)
     }
-    for key, value in text.items():
-        if not isinstance(value, str):
-            raise DataError(f"{where}: {key} must be text, not {value!r}")
-    gyro, accel, warm_up = (
-        _triad(table, "gyro", where),
-        _triad(table, "accel", where),
-        _warm_up(table, where),
+    si = _bias_unit(sensor)
+    keys["temperature"] = Key(
+        "temperature", lambda value, where: temperature_rows(value, si, where)
     )
-    return _made(where, ImuSpec, text["name"], gyro, accel, text["source"], warm_up)
 
+    def read(value: Any, where: str) -> Triad:
+        values = read_table(value, keys, where)
+        if values.get("saturation") == 0:
+            raise DataError(
+                f"{where} saturation: the full scale is 0, so nothing would be measured; give it "
+                f"above 0, or leave it out for none"
+            )
+        with located(where):
+            return Triad(**values)
 
-def _made(where: str, kind: Callable[..., Made], *arguments: Any, **named: Any) -> Made:
-    """kind(...), its complaint preceded by the place in the file."""
-    try:
-        return kind(*arguments, **named)
-    except DataError as error:
-        raise DataError(f"{where}: {error}") from None
-
-
-def _triad(table: dict[str, Any], sensor: str, where: str) -> Triad:
-    entries = table.get(sensor)
-    if not isinstance(entries, dict):
-        raise DataError(
-            f"{where}: section [{sensor}] is missing; it needs at least noise = {{ value = ..., "
-            f"unit = ... }}"
-        )
-    known = {term.name: term.metadata for term in terms(sensor)}
-    check_keys(entries, [*known, "temperature"], f"{where}, [{sensor}]")
-    if "noise" not in entries:
-        raise DataError(
-            f"{where}, [{sensor}]: noise is missing; give it as {{ value = ..., unit = "
-            f'"{known["noise"][f"{sensor}_sheet"]}" }}'
-        )
-    values: dict[str, Any] = {
-        name: quantity(
-            entry, known[name][sensor], f"{where}, {sensor}.{name}", known[name][f"{sensor}_sheet"]
-        )
-        for name, entry in entries.items()
-        if name != "temperature"
-    }
-    if values.get("saturation") == 0:
-        raise DataError(
-            f"{where}, {sensor}.saturation: the full scale is 0, so nothing would be measured; give "
-            f"it above 0, or leave it out for none"
-        )
-    if "temperature" in entries:
-        values["temperature"] = temperature_rows(
-            entries["temperature"], _bias_unit(sensor), f"{where}, {sensor}.temperature"
-        )
-    return _made(f"{where}, [{sensor}]", Triad, **values)
+    return section(read)
 
 
 def temperature_rows(entry: Any, si: str, where: str) -> list[tuple[float, ...]]:
@@ -281,23 +261,22 @@ def temperature_rows(entry: Any, si: str, where: str) -> list[tuple[float, ...]]
     return rows
 
 
-def _warm_up(table: dict[str, Any], where: str) -> WarmUp | None:
-    entries = table.get("warm_up")
-    if entries is None:
-        return None
-    if not isinstance(entries, dict) or set(entries) != set(WARM_UP):
-        raise DataError(
-            f"{where}: [warm_up] needs start, end and time_constant, each as {{ value = ..., unit = "
-            f"... }}, and nothing else"
-        )
-    return _made(
-        where,
-        WarmUp,
-        **{
-            key: quantity(entries[key], si, f"{where}, warm_up.{key}", least=-math.inf)
-            for key, si in WARM_UP.items()
-        },
-    )
+IMU_KEYS = {
+    "name": Key("name", text),
+    "source": Key("source", text),
+    "gyro": Key("gyro", _triad("gyro"), EXAMPLE.format("deg/sqrt(h)")),
+    "accel": Key("accel", _triad("accel"), EXAMPLE.format("m/s/sqrt(h)")),
+    "warm_up": Key(
+        "warm_up",
+        section(
+            made(
+                WarmUp,
+                {key: Key(key, _quantity(si, least=-math.inf), "") for key, si in WARM_UP.items()},
+            )
+        ),
+    ),
+}
+"""Keys of a spec file."""
 
 
 def _as_toml(spec: ImuSpec) -> str:

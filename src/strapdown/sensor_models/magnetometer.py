@@ -10,16 +10,15 @@ Sensors 967245.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from numbers import Real
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..checks import DataError, is_number
+from ..checks import DataError, check_array, check_choice, check_number, is_number
 from ..data import Aiding, Trajectory
 from ..typing import Array, ArrayLike
-from .gnss import fix_times
+from .gnss import sample_times, spread
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -57,44 +56,24 @@ class Magnetometer:
     disturbances: tuple[Disturbance, ...] = ()
 
     def __post_init__(self) -> None:
-        def settle(name: str, value: object) -> None:
-            object.__setattr__(self, name, value)
-
-        three: dict[str, tuple[float, ...]] = {}
-        if self.rate is not None and not _positive(self.rate):
-            raise DataError(f"magnetometer: rate is {self.rate!r}; it must be larger than 0, in Hz")
-        for name, largest in (
-            ("sd", STRONGEST_MAGNET),
-            ("hard_iron", STRONGEST_MAGNET),
-            ("scale", 1.0),
-        ):
-            three[name] = _three(getattr(self, name), name, largest, spread=name != "hard_iron")
-            settle(name, three[name])
-        if not min(three["sd"]) > 0:
-            raise DataError(
-                f"magnetometer: sd is {list(three['sd'])}; it must be larger than 0, in T"
-            )
-        if min(three["scale"]) <= -1:
-            raise DataError(
-                f"magnetometer: scale is {list(three['scale'])}; an error of -1 would leave nothing "
-                f"of the field"
-            )
-        settle("soft_iron", _soft_iron(self.soft_iron))
-        if not (_positive(self.saturation) or self.saturation == 0) or isinstance(
-            self.saturation, bool
-        ):
-            raise DataError(
-                f"magnetometer: saturation is {self.saturation!r}; it must be larger than 0, in T, "
-                f"or 0 for none"
-            )
-        if self.field is not None:
-            settle("field", reference_field(self.field))
+        if self.rate is not None:
+            check_number(self.rate, "magnetometer: rate", "Hz", above=0)
+        check_number(self.saturation, "magnetometer: saturation", "T", least=0)
         if not isinstance(self.disturbances, (tuple, list)):
             raise DataError(
                 f"magnetometer: disturbances is {_shown(self.disturbances)}; it must be a list of "
                 f"them"
             )
-        settle("disturbances", tuple(_disturbance(each) for each in self.disturbances))
+        strongest: dict[str, Any] = {"least": -STRONGEST_MAGNET, "most": STRONGEST_MAGNET}
+        for name, value in {
+            "sd": _three(spread(self.sd), "sd", above=0, most=STRONGEST_MAGNET),
+            "hard_iron": _three(self.hard_iron, "hard_iron", **strongest),
+            "scale": _three(spread(self.scale), "scale", "", above=-1, most=1),
+            "soft_iron": _soft_iron(self.soft_iron),
+            "field": None if self.field is None else reference_field(self.field),
+            "disturbances": tuple(_disturbance(each) for each in self.disturbances),
+        }.items():
+            object.__setattr__(self, name, value)
 
     def measure(
         self,
@@ -125,7 +104,7 @@ class Magnetometer:
         field = np.array(self.field if field is None else reference_field(field))
         if truth.q_nb is None:
             raise DataError("magnetometer: the trajectory has no attitude")
-        t = truth.t[1:] if self.rate is None else fix_times(truth, 1 / self.rate)
+        t = sample_times(truth, self.rate)
         outside, inside = self._disturbance(t, "n"), self._disturbance(t, "b")
         turn = rotation_at(truth, t)
         ideal = turn.inv().apply(field)
@@ -192,21 +171,13 @@ class MagnetometerPlan(NamedTuple):
         )
 
     def _with(self, y: Array) -> Aiding:
-        return Aiding(
-            self.aiding.kind,
-            self.aiding.t,
-            y,
-            self.aiding.sd,
-            self.aiding.parameters,
-            self.aiding.gate,
-            self.aiding.name,
-        )
+        return replace(self.aiding, y=y)
 
 
 def reference_field(field: Sequence[float] | Array) -> tuple[float, ...]:
     """The Earth's field north, east, down, T, as three floats. Raises DataError where it is no
     field of the Earth."""
-    field = _three(field, "field", STRONGEST_EARTH, spread=False)
+    field = _three(field, "field", least=-STRONGEST_EARTH, most=STRONGEST_EARTH)
     if not any(field):
         raise DataError("magnetometer: field is 0; give the Earth's, north, east, down, in T")
     return field
@@ -226,28 +197,17 @@ def rotation_at(truth: Trajectory, t: Array) -> "Rotation":
     return Slerp(truth.t, truth.rotation)(t)
 
 
-def _three(values: Any, name: str, largest: float, spread: bool) -> tuple[float, ...]:
-    """Three floats, of one where `spread`. Raises DataError."""
-    listed = [values] * 3 if spread and isinstance(values, Real) else values
-    if np.shape(listed) != (3,) or not all(is_number(v) and np.isfinite(v) for v in listed):
-        raise DataError(f"magnetometer: {name} is {_shown(values)}; it must be three numbers")
-    if max(map(abs, listed)) > largest:
-        raise DataError(
-            f"magnetometer: {name} is {[float(v) for v in listed]}; at most {largest:g}"
-            + ("" if name == "scale" else " T: is it in tesla?")
-        )
-    return tuple(map(float, listed))
+def _three(values: Any, name: str, unit: str = " in tesla", **bounds: Any) -> tuple[float, ...]:
+    """Three floats. Raises DataError."""
+    return tuple(
+        check_array(values, f"magnetometer: {name}", (3,), what=f"numbers{unit}", **bounds).tolist()
+    )
 
 
 def _soft_iron(matrix: ArrayLike) -> tuple[tuple[float, ...], ...]:
     """The matrix as a tuple of rows. Raises DataError where it is none, mirrors the field or
     leaves too little of it in some direction."""
-    try:
-        rows = np.array(matrix, float)
-    except (TypeError, ValueError):
-        rows = np.zeros(0)
-    if rows.shape != (3, 3) or not np.all(np.isfinite(rows)):
-        raise DataError("magnetometer: soft_iron must be three rows of three numbers")
+    rows = check_array(matrix, "magnetometer: soft_iron", (3, 3))
     values = np.linalg.svd(rows, compute_uv=False)
     if np.linalg.det(rows) <= 0 or values[2] < LEAST_LEFT * values[0]:
         raise DataError(
@@ -271,20 +231,15 @@ def _disturbance(values: Iterable[Any]) -> Disturbance:
             f"magnetometer: disturbance from {made.start!r} to {made.stop!r} s; its start must come "
             f"before its stop"
         )
-    if made.frame not in ("n", "b"):
-        raise DataError(
-            f'magnetometer: disturbance: frame is {made.frame!r}; it is "n", fixed to the '
-            f'surroundings, or "b", fixed to the body'
-        )
+    # "n" is fixed to the surroundings, "b" to the body
+    check_choice(made.frame, "magnetometer: disturbance: frame", ("n", "b"))
     return made._replace(
-        field=_three(made.field, "field of a disturbance", STRONGEST_MAGNET, spread=False)
+        field=_three(
+            made.field, "field of a disturbance", least=-STRONGEST_MAGNET, most=STRONGEST_MAGNET
+        )
     )
 
 
 def _shown(value: object) -> str:
     """Its repr in one line."""
     return " ".join(repr(value).split())
-
-
-def _positive(value: object) -> bool:
-    return is_number(value) and 0 < value < np.inf

@@ -30,7 +30,7 @@ from ..core.contract import (
 from ..core.jit import COMPILED
 from ..data import Aiding, Trajectory
 from ..typing import Array
-from .gnss import fix_times, interpolated
+from .gnss import interpolated, sample_times
 from .magnetometer import rotation_at
 
 STEP = {"latitude": 1e-6, "longitude": 1e-6, "angle": 1e-6}
@@ -62,10 +62,8 @@ class Simulated:
             )
         size = len(measurement.quantities)
         deviations = check_array(
-            self.sd if np.ndim(self.sd) else [self.sd] * size, f"{own}: sd", (size,)
+            self.sd if np.ndim(self.sd) else [self.sd] * size, f"{own}: sd", (size,), above=0
         )
-        for deviation in deviations:
-            check_number(float(deviation), f"{own}: sd", above=0)
         if self.rate is not None:
             check_number(self.rate, f"{own}: rate", "Hz", above=0)
         most = WALK if measurement.states else PARAMETERS
@@ -94,7 +92,7 @@ class Simulated:
     def plan(self, truth: Trajectory, ideal: Imu, gate: float | None = None) -> "SimulatedPlan":
         """What all runs over one trajectory share, as a SimulatedPlan. `ideal`: the samples of an
         IMU without errors on it; `gate`: that of the aiding. Raises DataError."""
-        t = truth.t[1:] if self.rate is None else fix_times(truth, 1 / self.rate)
+        t = sample_times(truth, self.rate)
         y, gain = _solved(self, _beliefs(truth, ideal, t, len(self.measurement.states)))
         sd = np.tile(self.sd, (len(t), 1))
         return SimulatedPlan(Aiding(self.kind, t, y, sd, self.parameters, gate, self.name), gain)
@@ -109,11 +107,11 @@ class SimulatedPlan(NamedTuple):
     def fixes(self, rng: np.random.Generator) -> Aiding:
         """The aiding of one run, with noise from `rng`."""
         noise = rng.standard_normal(self.aiding.sd.shape) * self.aiding.sd
-        return self._with(self.aiding.y + np.einsum("nij,nj->ni", self.gain, noise))
+        return replace(self.aiding, y=self.aiding.y + np.einsum("nij,nj->ni", self.gain, noise))
 
     def exact(self) -> Aiding:
         """The aiding without noise, which states that of the one with it."""
-        return self._with(self.aiding.y.copy())
+        return replace(self.aiding, y=self.aiding.y.copy())
 
     def notes(self, aiding: Aiding) -> list[str]:
         """Sentences for the notes of a recording: no fix at all."""
@@ -122,9 +120,6 @@ class SimulatedPlan(NamedTuple):
             if len(aiding.t)
             else [f"{aiding.name}: not one fix falls into the recording; its rate is too low"]
         )
-
-    def _with(self, y: Array) -> Aiding:
-        return replace(self.aiding, y=y)
 
 
 def _beliefs(truth: Trajectory, ideal: Imu, t: Array, states: int) -> list[Belief]:

@@ -6,11 +6,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import RLock
-from typing import Any, NamedTuple, TypeGuard
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import DataError, did_you_mean, is_number
+from ..checks import DataError, check_array, check_number, did_you_mean, is_number, located
 from ..data import Trajectory
 from ..typing import Array
 from .splined import splined
@@ -178,24 +178,15 @@ def found() -> Any:
     return jsbsim
 
 
-def _finite(value: object) -> TypeGuard[float]:
-    return is_number(value) and bool(np.isfinite(value))
-
-
 def _checked_start(start: object) -> tuple[float, ...]:
     """(latitude rad, longitude rad, height m) as floats. Raises DataError."""
-    numbers = list(start) if isinstance(start, Iterable) else []
-    if (
-        len(numbers) != 3
-        or not all(map(_finite, numbers))
-        or abs(numbers[0]) > 89 * DEG
-        or abs(numbers[1]) > 360 * DEG
-    ):
-        raise DataError(
-            f"start is {start!r}; give latitude (rad, within 89 deg = 1.553), longitude (rad) and "
-            f"ellipsoidal height (m)"
-        )
-    return tuple(map(float, numbers))
+    what = (
+        "numbers: latitude (rad, within 89 deg = 1.553), longitude (rad) and ellipsoidal height (m)"
+    )
+    numbers = check_array(start, "start", (3,), what=what)
+    if np.any(np.abs(numbers[:2]) > [89 * DEG, 360 * DEG]):
+        raise DataError(f"start is {start!r}; it must be {what}")
+    return tuple(numbers.tolist())
 
 
 def _checked(
@@ -203,20 +194,12 @@ def _checked(
 ) -> list[Target]:
     """The targets in order of time. Raises DataError for a number that no flight can have, or
     what is no target."""
-    for name, value, unit in (
-        ("speed", speed, "m/s"),
-        ("duration", duration, "s"),
-        ("rate", rate, "steps per second"),
-        ("row", row, "s"),
-    ):
-        if not _finite(value) or value <= 0:
-            raise DataError(
-                f"{name} of a flight of JSBSim is {value!r}; it must be a number above 0, in {unit}"
-            )
-    if not _finite(heading):
-        raise DataError(
-            f"heading of a flight of JSBSim is {heading!r}; it must be a finite number, in rad"
-        )
+    with located("a flight of JSBSim"):
+        check_number(speed, "speed", "m/s", above=0)
+        check_number(duration, "duration", "s", above=0)
+        check_number(rate, "rate", "steps per second", above=0)
+        check_number(row, "row", "s", above=0)
+        check_number(heading, "heading", "rad")
     if row > duration or duration * rate > MOST_STEPS:
         raise DataError(
             f"a flight of {duration:g} s cannot have rows of {row:g} s at {rate:g} steps per "
@@ -231,19 +214,13 @@ def _checked(
     if not isinstance(targets, list) or not all(isinstance(target, Target) for target in targets):
         raise DataError(f"targets are a list of strapdown.sim.jsbsim.Target, not {targets!r}")
     for target in targets:
-        if (
-            not all(
-                _finite(value)
-                for value in (target.at, *(value for value in target if value is not None))
-            )
-            or not 0 <= target.at <= duration
-        ):
-            raise DataError(
-                f"{target}: its time is within the flight's 0 to {duration:g} s and its values are "
-                f"finite numbers"
-            )
-        if target.throttle is not None and not 0 <= target.throttle <= 1:
-            raise DataError(f"{target}: throttle is between 0 and 1")
+        with located(target):
+            check_number(target.at, "its time", "s", least=0, most=duration)
+            for name, value in target._asdict().items():
+                if value is not None:
+                    check_number(value, name)
+            if target.throttle is not None:
+                check_number(target.throttle, "throttle", least=0, most=1)
     return sorted(targets, key=lambda target: target.at)
 
 
@@ -252,11 +229,9 @@ def _checked_properties(properties: object) -> dict[str, float]:
     if not isinstance(properties, Mapping | None):
         raise DataError(f"properties are {properties!r}; give a number for each name of JSBSim's")
     for key, value in (properties or {}).items():
-        if not isinstance(key, str) or not _finite(value):
-            raise DataError(
-                f"property {key!r} of JSBSim is {value!r}; it must be a finite number, in the unit "
-                f"that its name ends in"
-            )
+        if not isinstance(key, str):
+            raise DataError(f"property {key!r} of JSBSim is no text; give a name of JSBSim's")
+        check_number(value, f"property {key!r} of JSBSim, in the unit that its name ends in,")
     return {key: float(value) for key, value in (properties or {}).items()}
 
 

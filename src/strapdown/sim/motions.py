@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Chebyshev
 
-from ..checks import DataError
+from ..checks import DataError, check_keys, check_number, located
 from ..typing import Array
 from .analytic import Numbers, Profile, Times, arctangent, cosine, lifted, sine, waves
 from .trajectory import DEG, Motion, radii, ramp, ramp_rate, static as _static
@@ -90,12 +90,12 @@ def hand_held(
     to 3 m/s^2; 0: the IMU stays in its place and feels gravity alone). It lies level and still for
     the first `rest` s and is in full motion 2 s later. Raises DataError.
     """
-    if not (0 <= turning <= 1.5 and 0 <= travel < np.inf and 0 <= rest < np.inf):
-        raise DataError(
-            f"a motion in a hand has turning from 0 to 1.5 (beyond, it pitches over the vertical), "
-            f"travel and rest from 0, "
-            f"not {turning!r}, {travel!r}, {rest!r} s"
+    with located("a motion in a hand"):
+        check_number(
+            turning, "turning, which beyond 1.5 pitches over the vertical,", least=0, most=1.5
         )
+        check_number(travel, "travel", least=0)
+        check_number(rest, "rest", "s", least=0)
     begun: Callable[[Numbers], Numbers] = (
         lifted(lambda t: ramp(t, rest + 1.0, 0.25), lambda t: ramp_rate(t, rest + 1.0, 0.25))
         if rest
@@ -133,11 +133,8 @@ def moored(
     period `wave_period` (s); the others have 0.3 of it and less. It surges and sways by 0.3 of the
     heave and yaws by a fifth of the roll around `heading` (rad). Raises DataError.
     """
-    if not (0 <= heave < np.inf and 0 < wave_period < np.inf):
-        raise DataError(
-            f"a swell has a heave of 0 m or more and a period above 0 s, not {heave!r} m, "
-            f"{wave_period!r} s"
-        )
+    check_number(heave, "heave of a swell", "m", least=0)
+    check_number(wave_period, "period of a swell", "s", above=0)
 
     def swell(t: Numbers, size: float, phase: float) -> Numbers:
         return waves(
@@ -182,11 +179,10 @@ def straight(
     Roll, pitch and heading swing by `amplitude` (rad) with `period` (s), a third of a period apart,
     heading around the course.
     """
-    if not (speed > 0 and duration > 0 and period > 0 and np.isfinite(duration + speed)):
-        raise DataError(
-            f"a straight flight needs speed, duration and period above 0, not {speed!r} m/s, "
-            f"{duration!r} s, {period!r} s"
-        )
+    with located("a straight flight"):
+        check_number(speed, "speed", "m/s", above=0)
+        check_number(duration, "duration", "s", above=0)
+        check_number(period, "period", "s", above=0)
     course = _geodesic_course(start, azimuth, speed, duration + _SLACK)
 
     def swing(t: Times, phase: float) -> Numbers:
@@ -381,11 +377,8 @@ def ship(
     A metre of wave height rolls it by 2.5 deg and pitches it by 0.8 deg (standard deviations 1.8
     and 0.6 deg), as a vessel of some 50 m.
     """
-    if not (wave_height >= 0 and wave_period > 0):
-        raise DataError(
-            f"a sea has a wave height of 0 m or more and a period above 0 s, not {wave_height!r} m, "
-            f"{wave_period!r} s"
-        )
+    check_number(wave_height, "wave height of a sea", "m", least=0)
+    check_number(wave_period, "wave period of a sea", "s", above=0)
     path, pace, _, end = profiles(flat_legs(legs, None), course, speed, smoothing)
     surge = 2 * np.pi / wave_period  # from a displacement to its speed
 
@@ -419,10 +412,7 @@ def flat_legs(legs: Sequence[dict[str, Any]], vertical: str | None) -> list[dict
     for number, leg in enumerate(legs, 1):
         if not isinstance(leg, dict):
             raise DataError(f"leg {number} is {leg!r}; write a table of its keys")
-        known = leg_keys(vertical)
-        for key in leg:
-            if key not in known:
-                raise DataError(f"leg {number}: unknown key {key!r}; known: {', '.join(known)}")
+        check_keys(leg, leg_keys(vertical), f"leg {number}")
         if "legs" in leg or "repeat" in leg:
             if (
                 set(leg) != {"legs", "repeat"}

@@ -3,21 +3,21 @@ simulated run needs but its seed and its IMU."""
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime
-from numbers import Real
 from typing import Any
 
 import numpy as np
 
-from ..checks import DataError
+from ..checks import DataError, check_array, check_choice, check_number, located
 from ..core.contract import STATES
 from ..core.earth import LATITUDE_LIMIT
 from ..data import Trajectory
 from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.geomagnetism import geomagnetic_field
-from ..sensor_models.gnss import Gnss
+from ..sensor_models.gnss import Gnss, check_rate
 from ..sensor_models.imu import ImuSpec, grade
 from ..sensor_models.magnetometer import Magnetometer
 from ..sensor_models.simulated import Simulated
@@ -37,6 +37,12 @@ GRAVITIES = ("height", "latitude")
 OTHER_SENSORS = {"magnetometer": Magnetometer, "barometer": Barometer, "attitude": Ahrs}
 """Sensors that a scenario may have beside IMU and GNSS, by its fields, in the order of their
 random streams."""
+KINDS: dict[str, tuple[type, ...]] = {
+    "motion": (Motion,),
+    "gnss": (Gnss,),
+    **{name: (kind, type(None)) for name, kind in OTHER_SENSORS.items()},
+}
+"""What fields of a scenario must be."""
 _GLANCE = 0.5  # s: pieces of the position integral behind checks and fingerprint
 _ROWS = 50  # samples of the truth in a fingerprint
 # of latitude, longitude (rad), height (m), velocity (m/s), quaternion in a fingerprint
@@ -73,99 +79,70 @@ class Scenario:
     sensors: tuple[Simulated, ...] = ()  # of any kind of aiding, each with a name of its own
 
     def __post_init__(self) -> None:
-        if not isinstance(self.motion, Motion) or not isinstance(self.gnss, Gnss):
-            raise DataError(
-                f"scenario {self.name!r}: motion must be a Motion and gnss a Gnss, "
-                f"not {type(self.motion).__name__}, {type(self.gnss).__name__}"
-            )
-        self._check_others()
-        for name in ("start_sd", "accel_offset"):
+        for name in ("start_sd", "accel_offset", "sensors"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
-        for name in ("duration", "rate"):
-            if isinstance(getattr(self, name), bool) or not isinstance(getattr(self, name), Real):
+        with located(f"scenario {self.name!r}"):
+            self._check()
+
+    def _check(self) -> None:
+        """Raise DataError where the scenario is impossible."""
+        for name, kinds in KINDS.items():
+            if not isinstance(getattr(self, name), kinds):
                 raise DataError(
-                    f"scenario {self.name!r}: {name} is {getattr(self, name)!r}; it must be a "
-                    f"number"
+                    f"{name} must be a "
+                    f"{' or '.join(kind.__name__.removesuffix('Type') for kind in kinds)}, not "
+                    f"{type(getattr(self, name)).__name__}"
                 )
-        if not (
-            0 < self.rate < np.inf
-            and 0 < self.duration < np.inf
-            and round(self.duration * self.rate) >= 2
-        ):
+        check_number(self.rate, "rate", "Hz", above=0)
+        check_number(self.duration, "duration", "s", above=0)
+        if self.duration * self.rate < 1.5:
             raise DataError(
                 f"cannot simulate {self.duration!r} s at {self.rate!r} Hz; both must be larger than "
                 f"0 and give two samples or more"
             )
         if self.duration * self.rate > MOST_IMU_SAMPLES or self.duration > LONGEST_SCENARIO:
             raise DataError(
-                f"scenario {self.name!r}: {self.duration:g} s at {self.rate:g} Hz are "
+                f"{self.duration:g} s at {self.rate:g} Hz are "
                 f"{self.duration * self.rate:.3g} IMU samples; "
                 f"at most {MOST_IMU_SAMPLES / 1e6:g} million in {LONGEST_SCENARIO / 86400:g} days "
                 f"are simulated (a day at 100 Hz has 8.6 million)"
             )
-        if self.gravity not in GRAVITIES:
-            raise DataError(
-                f"scenario {self.name!r}: gravity is {self.gravity!r}; it is one of "
-                f"{', '.join(GRAVITIES)}"
-            )
-        if self.gate is not None and not self.gate > 0:
-            raise DataError(
-                f"scenario {self.name!r}: gate is {self.gate!r}; it must be larger than 0, or inf "
-                f"for none"
-            )
-        if np.shape(self.accel_offset) != (3,) or not np.all(
-            np.abs(self.accel_offset) <= LARGEST_OFFSET
-        ):
-            raise DataError(
-                f"scenario {self.name!r}: accel_offset is {self.accel_offset!r}; "
-                f"it must be three numbers within {LARGEST_OFFSET:g} m/s^2"
-            )
-        _check_start(self.start_sd, self.name)
-        self.gnss.check()
-        if not np.ndim(self.gnss.interval) and self.gnss.interval * self.rate < 1 - 1e-9:
-            raise DataError(
-                f"scenario {self.name!r}: fixes every {self.gnss.interval:g} s come faster than the "
-                f"IMU's samples, "
-                f"{self.rate:g} a second; give fixes less often, or the IMU a higher rate"
-            )
-        others = [(name, getattr(self, name)) for name in OTHER_SENSORS]
-        for name, other in others + [(sensor.name, sensor) for sensor in self.sensors]:
-            if other is not None and (other.rate or 0.0) > self.rate * (1 + 1e-9):
-                raise DataError(
-                    f"scenario {self.name!r}: the {name} has {other.rate:g} samples a second, more "
-                    f"than the IMU's {self.rate:g}; "
-                    "give it a lower rate, or none to sample with the IMU"
-                )
+        check_choice(self.gravity, "gravity", GRAVITIES)
+        if self.gate is not None:
+            check_number(self.gate, "gate", above=0, infinite=True)
+        check_array(
+            self.accel_offset,
+            "accel_offset",
+            (3,),
+            what="numbers in m/s^2",
+            least=-LARGEST_OFFSET,
+            most=LARGEST_OFFSET,
+        )
+        _check_start(self.start_sd)
+        self.gnss.check(self.rate)
+        self._check_others()
         grade(self.imu)
         self._check_truth()
 
     def _check_others(self) -> None:
-        """Raise DataError where the sensors beside IMU and GNSS are none, or the date is."""
-        for name, kind in OTHER_SENSORS.items():
-            if not isinstance(getattr(self, name), kind | None):
-                raise DataError(
-                    f"scenario {self.name!r}: {name} must be a {kind.__name__} or None, not "
-                    f"{type(getattr(self, name)).__name__}"
-                )
-        object.__setattr__(self, "sensors", tuple(self.sensors))
+        """Raise DataError where the sensors beside IMU and GNSS are impossible, or the date is."""
         names = [sensor.name for sensor in self.sensors if isinstance(sensor, Simulated)]
         if len(set(names)) < len(self.sensors):
             raise DataError(
-                f"scenario {self.name!r}: sensors are {self.sensors!r}; each must be a Simulated with "
-                f"a name of its own"
+                f"sensors are {self.sensors!r}; each must be a Simulated with a name of its own"
             )
-        if self.date is not None:
-            try:
-                datetime.fromisoformat(self.date)
-            except (TypeError, ValueError):
-                raise DataError(
-                    f"scenario {self.name!r}: date is {self.date!r}; write it as 2025-06-01"
-                ) from None
+        others = [(name, getattr(self, name)) for name in OTHER_SENSORS]
+        for name, other in others + list(zip(names, self.sensors)):
+            if other is not None:
+                check_rate(other.rate, self.rate, name)
+        try:
+            datetime.fromisoformat("2025-06-01" if self.date is None else self.date)
+        except (TypeError, ValueError):
+            raise DataError(f"date is {self.date!r}; write it as 2025-06-01") from None
         if self.magnetometer is not None and self.magnetometer.field is None and self.date is None:
             raise DataError(
-                f"scenario {self.name!r}: a magnetometer needs the Earth's field: give it as the "
-                f"magnetometer's field, "
-                "or a date for the geomagnetic model"
+                "a magnetometer needs the Earth's field: give it as the magnetometer's field, or a "
+                "date for the geomagnetic model"
             )
 
     def magnetic_field(self) -> Array:
@@ -190,7 +167,7 @@ class Scenario:
         for name, values in columns.items():
             if not np.all(np.isfinite(values)):
                 raise DataError(
-                    f"scenario {self.name!r}: the motion's {name} is not finite at "
+                    f"the motion's {name} is not finite at "
                     f"{truth.t[~np.isfinite(values).all(axis=1)][0]:g} s"
                 )
         w, x, y, z = truth.q_nb.T
@@ -212,8 +189,7 @@ class Scenario:
         ):
             if bad.any():
                 raise DataError(
-                    f"scenario {self.name!r}: the motion {text} at {truth.t[bad][0]:g} s; the "
-                    f"models do not hold there"
+                    f"the motion {text} at {truth.t[bad][0]:g} s; the models do not hold there"
                 )
 
     def glance(self, rows: int) -> Trajectory:
@@ -228,11 +204,7 @@ class Scenario:
     def start_deviations(self, spec: ImuSpec) -> Array:
         """The 15 standard deviations of a start with the IMU `spec` (ImuSpec): `start_sd`, its
         None those of the IMU's biases."""
-        accel, gyro = spec.bias_sd()
-        own = np.r_[np.zeros(9), np.full(3, accel), np.full(3, gyro)]
-        return np.array(
-            [own[i] if value is None else value for i, value in enumerate(self.start_sd)], float
-        )
+        return start_deviations(self.start_sd, spec)
 
     def replace(self, **changes: Any) -> "Scenario":
         """The same scenario with some fields changed."""
@@ -288,20 +260,19 @@ class Scenario:
         )
 
 
-def _check_start(sd: tuple[float | None, ...], name: str) -> None:
-    right = len(sd) == STATES and all(
-        (value is None and i >= 9)
-        or (isinstance(value, Real) and not isinstance(value, bool) and 0 <= value < np.inf)
-        for i, value in enumerate(sd)
-    )
-    if not right:
+def start_deviations(sd: Sequence[float | None], spec: ImuSpec) -> Array:
+    """`sd`, the 15 standard deviations of a start, with those of the biases of the IMU `spec` where
+    one of its last six is None. Raises DataError."""
+    _check_start(sd)
+    own = [None] * 9 + np.repeat(spec.bias_sd(), 3).tolist()
+    return np.array([own[i] if value is None else value for i, value in enumerate(sd)], float)
+
+
+def _check_start(sd: Sequence[float | None]) -> None:
+    own = [0.0 if value is None and row >= 9 else value for row, value in enumerate(sd)]
+    what = "numbers; of the last six, None is the IMU's own"
+    attitude = check_array(own, "start_sd", (STATES,), what=what, least=0)[6:9].max()
+    if attitude > np.pi:
         raise DataError(
-            f"scenario {name!r}: start_sd must be {STATES} numbers, finite and 0 or more; "
-            "of the last six, None is the IMU's own"
-        )
-    largest = max(value for value in sd[6:9] if value is not None)
-    if largest > np.pi:
-        raise DataError(
-            f"scenario {name!r}: the attitude's start_sd is {largest / DEG:g} deg; it must be at "
-            f"most 180"
+            f"the attitude's start_sd is {attitude / DEG:g} deg; it must be at most 180"
         )

@@ -9,7 +9,7 @@ from zlib import crc32
 
 import numpy as np
 
-from ..checks import DataError
+from ..checks import DataError, check_array, check_number
 from ..core.contract import ATT, BA, BG, POS, STATES, VEL, Imu, Start
 from ..data import Aiding, Trajectory
 from ..geodesy import displaced
@@ -245,8 +245,7 @@ def simulate(
     sensor has its own random stream: the fixes of a seed are the same for every grade. Raises
     DataError.
     """
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise DataError(f"seed is {seed!r}; it must be a whole number, 0 or more")
+    check_number(seed, "seed", least=0, whole=True)
     given: dict[str, Any] = {
         "duration": duration,
         "imu": imu,
@@ -296,9 +295,7 @@ def draw_start(
     `biases` are the true (b_a, b_g) there; without them the estimated biases are 0, right where the
     sensor has drawn its biases from the same standard deviations.
     """
-    sd = np.asarray(sd, float)
-    if sd.shape != (STATES,) or not np.all((sd >= 0) & np.isfinite(sd)):
-        raise DataError(f"a start needs {STATES} standard deviations, finite and 0 or more")
+    sd = check_array(sd, "sd of a start", (STATES,), what="standard deviations", least=0)
     row = 0 if t is None else int(np.argmin(np.abs(truth.t - t)))
     if t is not None and abs(truth.t[row] - t) > 1e-6:
         raise DataError(f"the truth has no row at {t:g} s; the nearest is at {truth.t[row]:g} s")

@@ -157,8 +157,11 @@ def test_steps_of_any_length_and_no_airspeed_stay_finite_and_unknown_levels_are_
         assert np.isfinite(wind).all() and np.abs(wind).max() < 30
     with pytest.raises(
         DataError,
-        match="unknown turbulence 'ligt' .did you mean 'light'..; levels: none, light, moderate, severe",
+        match="turbulence is 'ligt' .did you mean 'light'..; it must be one of none, light, moderate, severe",
     ):
         turbulence("ligt")
-    with pytest.raises(DataError, match="height must be finite, span between 0 and 200 m"):
+    with pytest.raises(
+        DataError,
+        match="height above ground is nan m; it must be a finite number|span in turbulence is",
+    ):
         turbulence("light", np.nan)

@@ -346,7 +346,7 @@ def test_a_step_too_long_for_the_fastest_mode_is_refused():
         check_step(trim, 0.05)
     for dt in (math.nan, "0.01", None):
         with pytest.raises(
-            DataError, match="time step of the aircraft is .* s; it must be above 0"
+            DataError, match="time step of the aircraft is .* s; it must be a finite number above 0"
         ):
             check_step(trim, dt)
     for call in (lambda: check_step(None, 0.01), lambda: sd.linearise("aerosonde", None)):
@@ -367,22 +367,22 @@ def test_a_step_too_long_for_the_fastest_mode_is_refused():
         (dict(airspeed=25, climb=0.5), "needs throttle"),
         (dict(airspeed=25, radius=25.0), "climb 0 deg, radius 25 m: .*; fly faster or turn wider"),
         (dict(airspeed=25, climb=-0.9), "descend less steeply"),
-        (dict(airspeed=-3), "airspeed is -3 m/s; it must be above 0"),
-        (dict(airspeed=math.nan), "must be finite"),
-        (dict(airspeed=25, climb=5), "climb is 5 rad; a flight-path angle is in rad"),
+        (dict(airspeed=-3), "airspeed is -3 m/s; it must be a finite number above 0"),
+        (dict(airspeed=math.nan), "must be a finite number"),
+        (dict(airspeed=25, climb=5), "a flight-path angle within 57 deg, is 5 rad"),
         (
             dict(airspeed=0.1),
             "it needs an angle of attack of .* deg, beyond the stall at 26.9 deg; fly faster",
         ),
         (dict(airspeed=25, radius=1), "it needs an angle of attack of .* deg, beyond the stall"),
-        (dict(airspeed="fast"), "must be finite"),
-        (dict(airspeed=25, radius="a"), "radius .m. a number"),
-        (dict(airspeed=25, climb=None), "must be finite"),
-        (dict(airspeed=25, radius=math.nan), "radius .m. a number"),
-        (dict(airspeed=25, wind="abc"), "wind .three numbers"),
+        (dict(airspeed="fast"), "must be a finite number"),
+        (dict(airspeed=25, radius="a"), "radius is .* m; it must be a number"),
+        (dict(airspeed=25, climb=None), "must be a finite number"),
+        (dict(airspeed=25, radius=math.nan), "radius is .* m; it must be a number"),
+        (dict(airspeed=25, wind="abc"), "wind is .*; it must be 3 finite numbers"),
         (dict(airspeed=25, wind=1.0), "wind"),
         (dict(airspeed=25, radius=0), "radius is 0 m; give 1 m or more"),
-        (dict(airspeed=25, wind=(1, 2)), "wind .three numbers"),
+        (dict(airspeed=25, wind=(1, 2)), "wind is .*; it must be 3 finite numbers"),
         (dict(airspeed=25, origin=(100, 0, 0)), "latitude goes to 89 deg"),
         (dict(airspeed=25, earth="hollow"), "earth is 'hollow'"),
     ],

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...checks import DataError, is_number
+from ...checks import DataError, check_number
 from ...core.contract import Imu
 from ...core.earth import gravity, gravity_north, place, rotation_rates
 from ...core.jit import COMPILED, compile_kernel, entry_point, helper, inlined, kernel
@@ -393,11 +393,7 @@ def respond(
         checked_array(commands, (None, 4), "respond: commands"),
         checked_state(state, "respond"),
     )
-    if not is_number(dt) or not 0 < dt <= LONGEST_HELD:
-        raise DataError(
-            f"respond: dt is {dt!r} s; it must be above 0 and at most {LONGEST_HELD:g} s, for which "
-            f"commands are held"
-        )
+    check_number(dt, "respond: dt", "s", above=0, most=LONGEST_HELD)
     array, go, n = aircraft.array(earth, state[:3]), ready(step), len(commands)
     winds = _winds(wind, n)
     states, increments = np.empty((n + 1, STATE_SIZE)), np.empty((n, 6))

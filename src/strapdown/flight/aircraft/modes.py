@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ...checks import DataError, is_number
+from ...checks import DataError, check_number
 from ...core.jit import plain
 from ...core.rotation import euler_terms
 from ...typing import Array, File
@@ -113,8 +113,7 @@ def deviation_point(trim: Trim) -> tuple[Array, Array]:
 def check_step(trim: Trim, dt: float) -> None:
     """Refuse a time step dt (s) too long for the fastest mode about a Trim: controls and gusts
     are held over it. Raises DataError naming the longest."""
-    if not is_number(dt) or not 0 < dt < math.inf:
-        raise DataError(f"time step of the aircraft is {dt!r} s; it must be above 0")
+    check_number(dt, "time step of the aircraft", "s", above=0)
     fastest = max(abs(np.linalg.eigvals(linearise(_checked(trim).aircraft, trim).A)))
     if dt > _RESOLVED / fastest:
         raise DataError(

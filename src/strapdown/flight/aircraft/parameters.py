@@ -3,6 +3,7 @@ read, and TOML files of them."""
 
 import math
 import tomllib
+from collections import ChainMap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
@@ -12,10 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from ...checks import DataError, check_keys, did_you_mean, is_number
+from ...checks import (
+    DataError,
+    check_array,
+    check_choice,
+    check_keys,
+    check_number,
+    did_you_mean,
+    located,
+)
 from ...core.earth import E2, A
 from ...files import read_toml
 from ...geodesy import gravity
+from ...toml_keys import Key, made, read_table, scaled, section, text
 from ...typing import Array, ArrayLike, File
 
 SECTIONS: dict[str, tuple[tuple[str, str, float, float], ...]] = {
@@ -184,11 +194,7 @@ class Aircraft:
             )
         for name, value in self.values.items():
             _, _, low, high = TERMS[name]
-            if not is_number(value) or not low <= value <= high:
-                raise DataError(
-                    f"{where}: {name} is {value!r}; it must be a number between {low:g} and "
-                    f"{high:g} (SI)"
-                )
+            check_number(value, f"{where}: {name}", "(SI)", least=low, most=high)
         _check_inertia(self.values, where)
         _check_stops(self.values, where)
 
@@ -216,8 +222,7 @@ class Aircraft:
         The flat one touches WGS-84 at `origin` (rad, rad, m): gravity there, everywhere; latitude
         and longitude by the radii there; no rotation.
         """
-        if earth not in ("geodetic", "flat"):
-            raise DataError(f"earth is {earth!r}; it must be 'geodetic' or 'flat'")
+        check_choice(earth, "earth", ("geodetic", "flat"))
         lat, _, height = checked_origin(origin)
         north, east = _scales(lat, height)
         array = np.zeros(SIZE)
@@ -291,12 +296,8 @@ def key(name: str) -> str:
 def checked_origin(origin: Iterable[float]) -> tuple[float, float, float]:
     """(lat rad, lon rad, height m) as floats. Raises DataError unless it is a place below 89 deg
     of latitude."""
-    try:
-        lat, lon, height = (float(value) for value in origin)
-    except (TypeError, ValueError):
-        raise DataError(
-            f"origin is {origin!r}; give latitude and longitude in rad and height in m"
-        ) from None
+    what = "numbers: latitude and longitude in rad, height in m"
+    lat, lon, height = check_array(origin, "origin", (3,), what=what).tolist()
     if not (abs(lat) <= math.radians(89) and abs(lon) <= 2 * math.pi and -1e4 <= height <= 1e5):
         raise DataError(
             f"origin is ({lat:g} rad, {lon:g} rad, {height:g} m); latitude goes to 89 deg (1.553 "
@@ -308,22 +309,7 @@ def checked_origin(origin: Iterable[float]) -> tuple[float, float, float]:
 def checked_array(value: ArrayLike, shape: tuple[int | None, ...], what: str) -> Array:
     """`value` as a contiguous float array of `shape` (None: any length). Raises DataError naming
     `what` where it is another or not finite."""
-    try:
-        array = np.ascontiguousarray(value, float)
-    except (TypeError, ValueError):
-        raise DataError(f"{what} is not an array of numbers") from None
-    if array.ndim != len(shape) or any(
-        asked not in (None, length) for asked, length in zip(shape, array.shape)
-    ):
-        raise DataError(
-            f"{what} {array.shape} must be "
-            f"({', '.join('n' if asked is None else str(asked) for asked in shape)}{',' * (len(shape) == 1)})"
-        )
-    if not np.isfinite(array).all():
-        raise DataError(
-            f"{what} is not finite at {[int(i) for i in np.argwhere(~np.isfinite(array))[0]]}"
-        )
-    return array
+    return np.ascontiguousarray(check_array(value, what, shape))
 
 
 def flat_metres(array: Array, origin: ArrayLike, lla: ArrayLike) -> Array:
@@ -370,25 +356,30 @@ def _check_stops(values: Mapping[str, float], where: str) -> None:
         )
 
 
+KEYS: dict[str, Key] = {
+    "name": Key("name", text),
+    "source": Key("source", text),
+    **{
+        section_name: Key(
+            section_name,
+            section(
+                made(
+                    dict,
+                    {
+                        key(name): Key(name, scaled(_FACTOR.get(unit, 1.0)))
+                        for name, unit, *_ in each
+                    },
+                )
+            ),
+        )
+        for section_name, each in SECTIONS.items()
+    },
+}
+"""Keys of an aircraft file."""
+
+
 def _from_table(table: dict[str, Any], where: str) -> Aircraft:
-    check_keys(table, ["name", "source", *SECTIONS], where)
-    text = {
-        "name": Path(where).stem,
-        "source": "",
-        **{entry: table[entry] for entry in ("name", "source") if entry in table},
-    }
-    for entry, value in text.items():
-        if not isinstance(value, str):
-            raise DataError(f"{where}: {entry} must be text, not {value!r}")
-    values = {}
-    for section, terms in SECTIONS.items():
-        entries = table.get(section, {})
-        if not isinstance(entries, dict):
-            raise DataError(f"{where}: {section} must be a section [{section}], not {entries!r}")
-        known = {key(name): name for name, *_ in terms}
-        check_keys(entries, known, f"{where}, [{section}]")
-        for entry, value in entries.items():
-            if not is_number(value):
-                raise DataError(f"{where}, [{section}]: {entry} is {value!r}; it must be a number")
-            values[known[entry]] = float(value) * _FACTOR.get(TERMS[known[entry]][1], 1.0)
-    return Aircraft(text["name"], values, text["source"])
+    with located(where):
+        sections = {"name": Path(where).stem, "source": ""} | read_table(table, KEYS)
+        name, source = sections.pop("name"), sections.pop("source")
+        return Aircraft(name, dict(ChainMap(*sections.values())), source)

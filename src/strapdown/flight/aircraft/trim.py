@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...checks import DataError, is_number
+from ...checks import DataError, check_array, check_number
 from ...typing import Array, File
 from .dynamics import OUTPUTS, PROPELLER, STATE_SIZE, THRUST, evaluate, ready
 from .parameters import GRAVITY, Aircraft, aircraft as find, checked_origin
@@ -291,25 +291,11 @@ def _frame_rate(array: Array, state: Array) -> Array:
 def _check(
     airspeed: float, climb: float, radius: float, course: float, wind: Sequence[float] | Array
 ) -> None:
-    numbers = [airspeed, climb, course, *(wind if np.iterable(wind) else [None])]
-    if (
-        len(numbers) != 6
-        or not all(is_number(value) and math.isfinite(value) for value in numbers)
-        or not is_number(radius)
-        or math.isnan(radius)
-    ):
-        raise DataError(
-            "trim: airspeed (m/s), climb (rad), course (rad) and wind (three numbers, NED, m/s) "
-            "must be finite, radius (m) a number"
-        )
-    if not 0 < airspeed < 500:
-        raise DataError(f"trim: airspeed is {airspeed:g} m/s; it must be above 0 and below 500")
-    if abs(climb) > 1.0:
-        raise DataError(
-            f"trim: climb is {climb:g} rad; a flight-path angle is in rad and lies within 1 rad (57 "
-            f"deg)"
-        )
-    if radius == 0 or (not math.isinf(radius) and abs(radius) < 1):
+    check_number(airspeed, "trim: airspeed", "m/s", above=0, below=500)
+    check_number(climb, "trim: climb, a flight-path angle within 57 deg,", "rad", least=-1, most=1)
+    check_number(course, "trim: course", "rad")
+    check_array(wind, "trim: wind", (3,), what="numbers: north, east, down, m/s")
+    if math.isnan(check_number(radius, "trim: radius", "m", infinite=True)) or abs(radius) < 1:
         raise DataError(
             f"trim: radius is {radius:g} m; give 1 m or more, negative to the left, infinite for "
             f"straight flight"

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from ...checks import DataError, did_you_mean
+from ...checks import check_choice, check_number
 from ...core.jit import COMPILED, helper, kernel
 from ...typing import Array
 
@@ -31,16 +31,9 @@ def turbulence(level: str = "light", height: float = 50.0, span: float = 3.0) ->
 
     MIL-F-8785C, 3.7.2: from 10 to 1000 ft; below and above, the values at the ends are kept.
     """
-    if level not in TURBULENCE_LEVELS:
-        raise DataError(
-            f"unknown turbulence {level!r}{did_you_mean(level, TURBULENCE_LEVELS)}; levels: "
-            f"{', '.join(TURBULENCE_LEVELS)}"
-        )
-    if not (math.isfinite(height) and 0 < span < 200):
-        raise DataError(
-            f"turbulence at {height} m for a span of {span} m: height must be finite, span between "
-            f"0 and 200 m"
-        )
+    check_choice(level, "turbulence", TURBULENCE_LEVELS)
+    check_number(height, "height above ground", "m")
+    check_number(span, "span in turbulence", "m", above=0, below=200)
     feet = min(max(height / _FOOT, 10.0), 1000.0)
     shape = 0.177 + 0.000823 * feet
     vertical = 0.1 * TURBULENCE_LEVELS[level] * _KNOT
