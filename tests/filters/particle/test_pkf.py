@@ -471,7 +471,7 @@ def test_a_bent_posterior_is_that_of_quadrature():
     [
         ({"components": 0}, "components is 0; it must be a whole number, at least 1"),
         ({"components": 2.5}, "components is 2.5"),
-        ({"kernel": 0.0}, "kernel is 0.0; it must be above 0 and at most 1"),
+        ({"kernel": 0.0}, "kernel is 0.0; it must be a finite number above 0 and at most 1"),
         ({"kernel": 1.5}, "kernel is 1.5"),
         ({"resample": -0.1}, "resample is -0.1"),
         ({"resample": 2}, "resample is 2"),
