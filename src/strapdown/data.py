@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from . import geodesy
 from .checks import DataError as DataError
 from .core.contract import BRIDGED, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
+from .core.rotation import quaternion_to_euler
 from .typing import Array, Ints, Mask, Vector
 
 if TYPE_CHECKING:
@@ -100,16 +101,9 @@ class Trajectory:
 
     @cached_property
     def rph(self) -> Array:
-        """(n, 3) roll, pitch, heading in rad, heading in [0, 2 pi); NaN where the quaternion is.
-        Groves (2013) eq. 2.37."""
-        w, x, y, z = _known(self.q_nb).T
-        roll = np.arctan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
-        pitch = np.arcsin(np.clip(2 * (w * y - x * z), -1, 1))
-        return np.c_[
-            roll,
-            pitch,
-            np.arctan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z) % (2 * np.pi),
-        ]
+        """(n, 3) roll, pitch, heading in rad, heading in [0, 2 pi); NaN where the quaternion is."""
+        angles = quaternion_to_euler(_known(self.q_nb))
+        return np.c_[angles[:, :2], angles[:, 2] % (2 * np.pi)]
 
     def displaced(self, lever_arm: Vector, omega: Array) -> Trajectory:
         """The trajectory of another point of the body: `lever_arm` (3,) m from this one, body;

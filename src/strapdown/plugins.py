@@ -14,7 +14,8 @@ import inspect
 import os
 import sys
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -252,17 +253,23 @@ def check_kernel(function: Any, signature: Any, arguments: int, what: str) -> No
         )
 
 
-def not_compiled(function: Any, error: Exception) -> str:
-    """Where and why a kernel does not compile, in one line of numba's many."""
-    code = function.__code__
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    reasons = [line for line in lines if not line.startswith(("Failed in", "- Resolution"))]
-    place = next((line for line in lines if line.startswith("File ")), "")
-    reason = reasons[0] if reasons else one_line(error)
-    return (
-        f"the kernel {function.__name__} ({code.co_filename}, line {code.co_firstlineno}) does not "
-        f"compile: {reason}{place and f' ({place.rstrip(chr(58))})'}"
-    )
+@contextmanager
+def blamed(value: Any, kernel: Any, plugin: Callable[[], Plugin | None]) -> Iterator[None]:
+    """Where and why a kernel of `value` does not compile, as a DataError of one line in place of
+    numba's many."""
+    try:
+        yield
+    except Exception as error:  # numba's own, and what its passes let through
+        whose = plugin()
+        code = kernel.py_func.__code__
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        said = (line for line in lines if not line.startswith(("Failed in", "- Resolution")))
+        place = next((f" ({line.rstrip(':')})" for line in lines if line.startswith("File ")), "")
+        raise DataError(
+            f"{f'plugin {whose.name}: ' if whose else ''}{type(value).__name__} {value.name!r}: the "
+            f"kernel {code.co_name} ({code.co_filename}, line {code.co_firstlineno}) does not "
+            f"compile: {next(said, one_line(error))}{place}"
+        ) from error
 
 
 def require(needed: Iterable[tuple[str, str]]) -> None:

@@ -7,7 +7,7 @@ from functools import cache
 
 from .. import plugins, quantities
 from ..checks import DataError, check_choice, check_number, did_you_mean
-from ..core.contract import NUMBERED, OBSERVE, Measurement
+from ..core.contract import NUMBERED, OBSERVE, Measurement, Observe, compile_kernel
 
 PARAMETER_MEANINGS = ("", "antenna", "reference", "field")
 """What parameters[0:3] of a source can be."""
@@ -71,6 +71,15 @@ def number(name: str) -> int:
 def brought_by(name: str) -> plugins.Plugin | None:
     """The plugin that brings a kind; None for the library's own."""
     return None if name in _own() or name not in (others := brought()) else others[name][1]
+
+
+def compiled(name: str) -> Observe:
+    """The observation of a kind, compiled. Raises DataError of one line, which names the plugin,
+    where somebody else's code does not compile."""
+    sensor = find(name)
+    with plugins.blamed(sensor, sensor.observe, lambda: brought_by(name)):
+        compile_kernel(sensor.observe)
+    return sensor.observe
 
 
 def check(sensor: Measurement) -> None:

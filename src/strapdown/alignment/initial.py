@@ -15,6 +15,8 @@ import numpy as np
 from ..checks import DataError
 from ..core.contract import Imu, Start
 from ..core.earth import GRAVITY_EQUATOR, RATE
+from ..core.jit import plain
+from ..core.rotation import matrix_to_euler
 from ..data import Aiding
 from ..geodesy import displaced, displacement
 from ..preprocessing.stationary import at_rest, stretches
@@ -287,12 +289,8 @@ def _turned(
 
     turn = running_products(Rotation.from_rotvec(np.vstack([np.zeros(3), dtheta])))[-1].as_matrix()
     C = body_to_navigation(rph[0], rph[1], np.nan_to_num(rph[2])) @ (turn.T if back else turn)
-    roll, pitch, heading = (
-        np.arctan2(C[2, 1], C[2, 2]),
-        np.arcsin(np.clip(-C[2, 0], -1, 1)),
-        np.arctan2(C[1, 0], C[0, 0]),
-    )
-    return float(roll), float(pitch), float(heading) if np.isfinite(rph[2]) else np.nan
+    roll, pitch, heading = plain(matrix_to_euler)(C)
+    return roll, pitch, heading if np.isfinite(rph[2]) else np.nan
 
 
 def _level_recorded(record: Record, psi: float) -> tuple[float, float, Array, str]:

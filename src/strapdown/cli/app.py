@@ -265,7 +265,7 @@ def _start(
     """The Start of `filter` at a heading (deg) that the user knows; None leaves it to `fuse`."""
     if heading is None:
         return None
-    from ..engine.prepare import found, positioned
+    from ..engine.prepare import positioned
     from ..filters import find
 
     if not isfinite(heading):
@@ -277,7 +277,7 @@ def _start(
             f"--heading {heading:g}: it is clockwise from true north in deg, at most 360"
         )
     return sd.align(
-        recording, sd.grade(imu), heading=radians(heading), position=positioned(found(find, filter))
+        recording, sd.grade(imu), heading=radians(heading), position=positioned(find(filter))
     )
 
 

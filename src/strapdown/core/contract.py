@@ -5,7 +5,6 @@ Everything is SI and radians, navigation frame NED, body frame forward-right-dow
 estimate. `docs/design.md` tells why.
 """
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
@@ -25,7 +24,7 @@ from .jit import (
     matrix,
     plain,
 )
-from .rotation import euler_to_matrix
+from .rotation import euler_to_matrix, quaternion_to_euler
 from .workspace import MOST_STATES, Slots
 
 __all__ = [
@@ -151,14 +150,8 @@ class Start(NamedTuple):
                 f"start: q_nb is {q_nb}; it must be four numbers, scalar first, whose squares add "
                 f"up to 1 (here to {size * size:.4g})"
             )
-        w, x, y, z = q / size
-        return self._replace(
-            rph=(
-                math.atan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z),
-                math.asin(max(-1.0, min(1.0, 2 * (w * y - x * z)))),
-                math.atan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z),
-            )
-        )
+        roll, pitch, heading = quaternion_to_euler(q / size).tolist()
+        return self._replace(rph=(roll, pitch, heading))
 
     def belief(self, workspace: Array) -> Belief:
         """A Belief at this start with a diagonal P; `workspace` is the filter's own array."""

@@ -32,6 +32,20 @@ def turned(C: Array, x: float, y: float, z: float) -> tuple[float, float, float]
     )
 
 
+def quaternion_to_euler(q: Array) -> Array:
+    """(n, 3) roll, pitch, heading, rad, each in [-pi, pi], of unit quaternions (n, 4); for use in
+    Python. Groves (2013) eq. 2.37."""
+    w, x, y, z = np.asarray(q, float).T
+    return np.stack(
+        [
+            np.arctan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z),
+            np.arcsin(np.clip(2 * (w * y - x * z), -1, 1)),
+            np.arctan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z),
+        ],
+        axis=-1,
+    )
+
+
 @helper
 def euler_to_matrix(roll: float, pitch: float, heading: float, C: Array) -> None:
     """C_nb = Rz(heading) Ry(pitch) Rx(roll), rad."""

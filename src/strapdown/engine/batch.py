@@ -20,7 +20,6 @@ from .prepare import (
     assumed_noise,
     check_needs,
     check_start,
-    found,
     positioned,
     ready,
 )
@@ -68,7 +67,7 @@ def begin(recording: Recording, filter: str | Filter, asked: Asked) -> Run:
     noise, spec = assumed_noise(
         recording.meta.get("grade") if imu is None else imu, asked.noise, needed=start is None
     )
-    filter = found(filters.find, filter)
+    filter = filters.find(filter)
     if start is not None:
         check_start(start, noise)  # before an AHRS or anything else takes it for one
     recording, made = fed(

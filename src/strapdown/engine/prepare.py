@@ -5,11 +5,11 @@ import inspect
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from numbers import Real
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from .. import aiding, filters, plugins
+from .. import aiding, filters
 from ..checks import DataError
 from ..core import loop
 from ..core.contract import (
@@ -24,12 +24,10 @@ from ..core.contract import (
     Filter,
     Fixes,
     Imu,
-    Measurement,
     Noise,
     Output,
     Start,
     address,
-    compile_kernel,
     is_cached,
 )
 from ..core.earth import LATITUDE_LIMIT
@@ -51,8 +49,6 @@ AHRS_RATE = 10.0
 
 GivenImu: TypeAlias = ImuSpec | dict[str, Any] | File
 """What names an IMU: a grade, a file, a table of either, or the ImuSpec itself."""
-Name = TypeVar("Name")
-Found = TypeVar("Found")
 
 
 class Asked(NamedTuple):
@@ -81,41 +77,19 @@ class Prepared(NamedTuple):
 def prepare(filter: str | Filter, kinds: Iterable[str], say: Say | None = None) -> Prepared:
     """Compile (or load from the cache) the kernels of `filter` and of the aiding `kinds`. `say`
     is told once where that takes seconds."""
-    filter = found(filters.find, filter)
-    sensors = [found(aiding.find, kind) for kind in dict.fromkeys(kinds)]
+    filter = filters.find(filter)
+    sensors = [aiding.find(kind) for kind in dict.fromkeys(kinds)]
     slow: list[Any] = [filter.predict, filter.correct, loop.run]
     if say and not all(map(is_cached, slow)):
         say(f"compiling {filter.name} for the first time on this machine, about 15 s ...")
     for kernel in slow:
-        compiled(kernel, filter)
+        filters.compiled(filter, kernel)
     for sensor in sensors:
-        compiled(sensor.observe, sensor)
+        aiding.compiled(sensor.name)
     numbers = [aiding.number(sensor.name) for sensor in sensors]
     observers = np.zeros(max(numbers, default=0) + 1, np.int64)
     observers[numbers] = [address(sensor.observe) for sensor in sensors]
     return Prepared(filter, address(filter.predict), address(filter.correct), observers)
-
-
-def compiled(kernel: Any, of: Filter | Measurement) -> None:
-    """Compile a kernel of a filter or a sensor. Raises DataError of one line, which names the
-    plugin, where somebody else's code does not compile."""
-    try:
-        compile_kernel(kernel)
-    except Exception as error:  # numba's own, and what its passes let through
-        home = filters if isinstance(of, Filter) else aiding
-        plugin = home.brought_by(of.name)
-        raise DataError(
-            f"{f'plugin {plugin.name}: ' if plugin else ''}{type(of).__name__} {of.name!r}: "
-            f"{plugins.not_compiled(kernel.py_func, error)}"
-        ) from error
-
-
-def found(find: Callable[[Name], Found], name: Name) -> Found:
-    """What `find` has of that name; what it has not is bad input."""
-    try:
-        return find(name)
-    except ValueError as error:
-        raise DataError(str(error)) from None
 
 
 def merge(aidings: Sequence[Aiding], after: float = -np.inf) -> Fixes:
@@ -157,7 +131,7 @@ def brought(aidings: Sequence[Aiding]) -> list[tuple[str, float]]:
     states = [
         (f"{a.name or a.kind} {name}", sensor.state_sd)
         for a in aidings
-        for sensor in [found(aiding.find, a.kind)]
+        for sensor in [aiding.find(a.kind)]
         for name in sensor.states
     ]
     if len(states) > STATES:
@@ -441,6 +415,12 @@ def new_belief(
         return filter.begin(start, noise, **options)
     except (TypeError, ValueError) as error:
         raise DataError(f"filter {filter.name!r}: {error}") from None
+    except Exception as error:
+        if plugin := filters.brought_by(filter.name):
+            raise DataError(
+                f"plugin {plugin.name}: start of the Filter {filter.name!r} fails ({error})"
+            ) from error
+        raise
 
 
 def fitted(

@@ -31,7 +31,7 @@ from ..recording import Recording
 from ..typing import Array, Ints, Progress, Say
 from .batch import begin
 from .finish import solution
-from .prepare import Asked, GivenImu, Run, found, new_output
+from .prepare import Asked, GivenImu, Run, new_output
 
 RECORDED_ROWS = 512 if COMPILED else 250
 """IMU samples whose record is kept at once: few enough for the processor's cache, enough to make
@@ -59,7 +59,7 @@ def smooth(
     before and after. Innovations, status, events and the filter's own columns are the filter's.
     Raises DataError.
     """
-    filter = found(filters.find, filter)
+    filter = filters.find(filter)
     if filter.smoother is None:
         able = [name for name in filters.names() if filters.find(name).smoother]
         raise DataError(f"{filter.name} cannot be smoothed; these can: {', '.join(able)}")

@@ -20,7 +20,6 @@ from .prepare import (
     assumed_noise,
     check_needs,
     fitted,
-    found,
     merge,
     new_belief,
     new_cursor,
@@ -87,7 +86,7 @@ class Stream:
         if not lag >= 0:
             raise DataError(f"lag is {lag} s; it must be 0 or more")
         self.noise, _ = assumed_noise(imu, noise, needed=False)
-        filter = found(filters.find, filter)
+        filter = filters.find(filter)
         used, _ = usable(filter, aidings)
         check_needs(
             filter, aidings, "a stream runs no AHRS: give an Aiding of that kind among its aidings"

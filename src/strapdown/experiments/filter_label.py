@@ -7,7 +7,7 @@ from typing import Any
 from .. import filters
 from ..checks import DataError
 from ..core.contract import STATES, Filter, Noise, Start
-from ..engine.prepare import check_options, found, new_belief
+from ..engine.prepare import check_options, new_belief
 
 ANYWHERE, NOISELESS = (
     Start(0.0, (0.0, 0.0, 0.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * STATES),
@@ -31,7 +31,7 @@ def parsed(label: str) -> tuple[Filter, dict[str, Any]]:
 def tried(name: str, options: dict[str, Any]) -> tuple[Filter, dict[str, Any]]:
     """(Filter, options) where there is a filter of that name and it takes these options. Raises
     DataError."""
-    filter = found(filters.find, name)
+    filter = filters.find(name)
     check_options(filter, options)
     new_belief(filter, ANYWHERE, NOISELESS, options, ())  # refuses values
     return filter, options

@@ -7,10 +7,19 @@ import inspect
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from .. import plugins
 from ..checks import DataError, did_you_mean
-from ..core.contract import ADJOINT_STEP, CORRECT, PREDICT, SAVE_STEP, STATES, Filter
+from ..core.contract import (
+    ADJOINT_STEP,
+    CORRECT,
+    PREDICT,
+    SAVE_STEP,
+    STATES,
+    Filter,
+    compile_kernel,
+)
 
 
 @cache
@@ -75,6 +84,12 @@ def find(name: str | Filter) -> Filter:
 def brought_by(name: str) -> plugins.Plugin | None:
     """The plugin that brings a filter; None for the library's own."""
     return None if _filter(name) or name not in (others := brought()) else others[name][1]
+
+
+def compiled(filter: Filter, kernel: Callable[..., Any]) -> None:
+    """Compile a kernel of a filter. Raises DataError as `aiding.compiled` does."""
+    with plugins.blamed(filter, kernel, lambda: brought_by(filter.name)):
+        compile_kernel(kernel)
 
 
 def check(filter: Filter) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from ..checks import DataError, check_array, check_choice, check_number
 from ..core.contract import Filter, Noise
 from ..data import Aiding
-from ..engine.prepare import check_needs, found, positioned
+from ..engine.prepare import check_needs, positioned
 from ..filters import find as find_filter, names as find_names
 from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
 from ..sensor_models.gnss import Gnss, check_rate
@@ -110,7 +110,7 @@ def checked_filter(
     inputs: int | None,
 ) -> Filter:
     """The Filter of that name; raises DataError where nothing can be flown on it."""
-    chosen = found(find_filter, filter)
+    chosen = find_filter(filter)
     if not positioned(chosen) and (feedback == "estimate" or prediction == "model"):
         raise DataError(
             f"{chosen.name} estimates no position, and the autopilot flies by one; take "

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..aiding import find
+from ..aiding import compiled, find
 from ..checks import DataError, check_array, check_number
 from ..core.contract import (
     FIRST,
@@ -24,10 +24,8 @@ from ..core.contract import (
     Belief,
     Imu,
     Measurement,
-    compile_kernel,
     entry_point,
 )
-from ..core.jit import COMPILED
 from ..data import Aiding, Trajectory
 from ..typing import Array
 from .gnss import interpolated, sample_times
@@ -84,10 +82,7 @@ class Simulated:
     @property
     def measurement(self) -> Measurement:
         """What the kind is. Raises DataError with the nearest name."""
-        try:
-            return find(self.kind)
-        except ValueError as error:
-            raise DataError(str(error)) from None
+        return find(self.kind)
 
     def plan(self, truth: Trajectory, ideal: Imu, gate: float | None = None) -> "SimulatedPlan":
         """What all runs over one trajectory share, as a SimulatedPlan. `ideal`: the samples of an
@@ -143,9 +138,7 @@ def _solved(sensor: Simulated, beliefs: Sequence[Belief]) -> tuple[Array, Array]
     """((n, k) y without innovation, (n, k, k) its derivative by the innovation) by Newton's
     method. Raises DataError."""
     kind = sensor.measurement
-    if COMPILED:
-        compile_kernel(kind.observe)
-    observe, size = entry_point(kind.observe), len(kind.quantities)
+    observe, size = entry_point(compiled(kind.name)), len(kind.quantities)
     parameters, innovation = np.zeros(PARAMETERS), np.zeros(3)
     parameters[: len(sensor.parameters)] = sensor.parameters
     parameters[FIRST] = STATES if kind.states else parameters[FIRST]

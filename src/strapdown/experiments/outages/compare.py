@@ -18,7 +18,7 @@ from ...alignment.initial import align
 from ...checks import DataError, check_number
 from ...core.contract import Filter, Noise, Start
 from ...data import Trajectory
-from ...engine.prepare import GivenImu, assumed_noise, found, positioned, prepare
+from ...engine.prepare import GivenImu, assumed_noise, positioned, prepare
 from ...recording import Recording
 from ...sensor_models.imu import ImuSpec
 from ...typing import Progress, Say
@@ -162,7 +162,7 @@ def _kinds(kinds: str | Iterable[str]) -> tuple[str, ...]:
             f"velocity"
         )
     for kind in named:
-        found(aiding.find, kind)
+        aiding.find(kind)
     return tuple(dict.fromkeys(named))
 
 
