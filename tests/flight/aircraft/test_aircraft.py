@@ -18,7 +18,7 @@ from strapdown.data import Trajectory
 from strapdown.flight.aircraft.dynamics import OUTPUTS, evaluate, ready, respond
 from strapdown.flight.aircraft.parameters import GRAVITY, NAMES, SECTIONS, flat_metres
 from strapdown.recording import Recording
-from strapdown.sim.trajectory import gravity
+from strapdown.sim.trajectory import normal_gravity
 
 AEROSONDE = sd.aircraft("aerosonde")
 RHO = AEROSONDE["density"]
@@ -319,13 +319,15 @@ def test_flight_over_the_ellipsoid_is_that_of_newton_s_law_in_ecef():
         turning = omega - C.T @ earth
         lat, lon, height = pymap3d.ecef2geodetic(*(begin + x[:3]), deg=False)
         force, moment = forces(AEROSONDE, C.T @ x[3:6], turning, x[13:], RHO)
-        down = axes(lat, lon)[:, 2]
+        gravity_north, gravity_down = normal_gravity(lat, height)
+        north, _, down = axes(lat, lon).T
         b, c, d, a = x[6:10]
         p, q, r = turning
         return np.r_[
             x[3:6],
             C @ force / AEROSONDE["mass"]
-            + gravity(lat, height) * down
+            + gravity_north * north
+            + gravity_down * down
             - 2 * np.cross(earth, x[3:6]),
             0.5
             * np.array(
