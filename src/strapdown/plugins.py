@@ -118,6 +118,9 @@ def _imported_from(path: Path) -> ModuleType:
     """The module in a file, whose neighbours it can import as a script can."""
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
+    for module in list(sys.modules.values()):
+        if getattr(module, "__file__", None) and Path(str(module.__file__)).resolve() == path:
+            return module
     name = path.stem if path.stem not in sys.modules else f"{path.stem}_{abs(hash(path)):x}"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec and spec.loader  # as of every file that ends in .py
@@ -132,22 +135,37 @@ def _imported_from(path: Path) -> ModuleType:
     return module
 
 
-def keep(value: Any, module: str, file: str | None) -> None:
-    """Keep a value that a module registers; file: None where it has none. It takes the place of one
-    of the same type and name that this module registered before."""
+def keep(value: Any, module: str) -> None:
+    """Keep a value that a module registers. It takes the place of one of the same type and name
+    that came from the same place before."""
     with _one_at_a_time:
-        if not file:
-            module = uuid4().hex  # there is no code to look at: another value is another module
-        where = _where(file)
-        known = _plugins.get(where) or Plugin(
-            Path(file).name if file else SESSION, where, "", [], []
-        )
+        name, where, module = _place(value, module)
+        known = _plugins.get(where) or Plugin(name, where, "", [], [])
         before = [type(other) is type(value) and other.name == value.name for other in known.values]
         if any(before):
             known.values[before.index(True)] = value
         else:
             known.values.append(value)
         _plugins[where] = known._replace(module=module)
+
+
+def _place(value: Any, registers: str) -> tuple[str, str, str]:
+    """Name, `where` and module of the plugin of a value: the module at whose top level it stands,
+    else the one that registers it."""
+    holders = [
+        name
+        for name, module in list(sys.modules.items())
+        if not name.startswith(("strapdown.", "__main__", "__mp_main__"))
+        and any(each is value for each in list(getattr(module, "__dict__", {}).values()))
+    ]
+    name = min(holders, key=len, default=registers)
+    file = getattr(sys.modules.get(name), "__file__", None)
+    if not file:  # there is no code to look at: another value is another module
+        return SESSION, "", uuid4().hex
+    if "." in name:  # of a package, whose modules need their package
+        return name, name, name
+    path = Path(file).resolve()
+    return path.name, str(path), name
 
 
 def collect(
@@ -193,19 +211,14 @@ def admit(
     found: dict[str, tuple[Kind, Plugin]],
     check: Callable[[Kind], None],
     module: str,
-    file: str | None,
 ) -> None:
     """Keep a value that a module registers, unless its name is taken or `check` refuses it; arguments
     as of `collect`, of which `found` is the result. Raises DataError."""
-    where = _where(file)
+    where = _place(value, module)[1]
     others = {name: (it, plugin) for name, (it, plugin) in found.items() if plugin.where != where}
     refuse_taken(value, own, others)
     check(value)
-    keep(value, module, file)
-
-
-def _where(file: str | None) -> str:
-    return str(Path(file).resolve()) if file else ""
+    keep(value, module)
 
 
 def _name(value: Any) -> str:

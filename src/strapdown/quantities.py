@@ -119,6 +119,6 @@ def check(quantity: Quantity) -> None:
     UNITS[quantity.name] = dict(quantity.units)
 
 
-def add(quantity: Quantity, module: str, file: str | None) -> None:
+def add(quantity: Quantity, module: str) -> None:
     """Add a quantity that a module registers. Raises DataError."""
-    plugins.admit(quantity, OWN.get, brought(), check, module, file)
+    plugins.admit(quantity, OWN.get, brought(), check, module)

@@ -11,21 +11,21 @@ def register(*values: Any) -> None:
     """Add a `Measurement`, a `Filter`, a `Reader`, a `Figure` or a `Quantity` of your own to the
     library, for this process and for worker processes that a study starts from it.
 
-    They then work wherever one of the library's does. A value that this file has registered under
-    the same name before is replaced. Raises DataError where something else has the name, or where
+    They then work wherever one of the library's does. A value of the same name that came from the
+    same file before is replaced. Raises DataError where something else has the name, or where
     the value cannot be used.
     """
     homes = _homes()
     caller = inspect.currentframe()
     assert caller and caller.f_back  # there is somebody who calls
-    module = caller.f_back.f_globals
+    module = caller.f_back.f_globals["__name__"]
     for value in values:
         if type(value) not in homes:
             raise DataError(
                 f"register: {value!r} is a {type(value).__name__}; it must be one of "
                 f"{', '.join(kind.__name__ for kind in homes)}"
             )
-        homes[type(value)].add(value, module["__name__"], module.get("__file__"))
+        homes[type(value)].add(value, module)
 
 
 def brought() -> list[tuple[str, str, str, str]]:

@@ -98,6 +98,6 @@ def check(sensor: Measurement) -> None:
     check_number(sensor.state_walk, what + "state_walk", least=0)
 
 
-def add(sensor: Measurement, module: str, file: str | None) -> None:
+def add(sensor: Measurement, module: str) -> None:
     """Add a kind that a module registers. Raises DataError."""
-    plugins.admit(sensor, _own().get, brought(), check, module, file)
+    plugins.admit(sensor, _own().get, brought(), check, module)

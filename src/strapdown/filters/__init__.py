@@ -108,9 +108,9 @@ def check(filter: Filter) -> None:
             raise DataError(f"{what}{field} must be indices of states, 0 to {STATES - 1}")
 
 
-def add(filter: Filter, module: str, file: str | None) -> None:
+def add(filter: Filter, module: str) -> None:
     """Add a filter that a module registers. Raises DataError."""
-    plugins.admit(filter, _filter, brought(), check, module, file)
+    plugins.admit(filter, _filter, brought(), check, module)
 
 
 def _by_name(filter: Filter) -> tuple[Callable[[str], Filter], tuple[str]]:

@@ -74,10 +74,10 @@ def check(figure: Figure) -> None:
     check_keys(figure.takes, TAKES, f"figure {figure.name!r}, takes")
 
 
-def add(figure: Figure, module: str, file: str | None) -> None:
+def add(figure: Figure, module: str) -> None:
     """Add a figure that a module registers to every report page that is made from now on. Raises
     DataError."""
-    plugins.admit(figure, _own, brought(), check, module, file)
+    plugins.admit(figure, _own, brought(), check, module)
 
 
 def _banded(states: slice, claimed: str, before: str = "", after: str = "") -> Text:

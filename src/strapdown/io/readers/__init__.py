@@ -52,10 +52,10 @@ def check(reader: Reader) -> None:
             )
 
 
-def add(reader: Reader, module: str, file: str | None) -> None:
+def add(reader: Reader, module: str) -> None:
     """Add a format that a module registers: `read`, `inspect`, the help and the complaints know it.
     Raises DataError."""
-    plugins.admit(reader, _own().get, brought(), check, module, file)
+    plugins.admit(reader, _own().get, brought(), check, module)
 
 
 def _check_fields(reader: Reader) -> None:
