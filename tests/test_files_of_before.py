@@ -77,7 +77,8 @@ def test_a_grade_and_a_calibration_read():
 def test_a_scenario_gives_the_same_recording():
     recording = sd.simulate(sd.scenario(FILES / "scenario.toml"), seed=3)
     assert len(recording.imu.t) == FACTS["scenario"]["samples"]
-    assert np.abs(recording.imu.dv).sum() == pytest.approx(FACTS["scenario"]["dv"], rel=1e-12)
+    # but for the north component of gravity, which 0.1 left out
+    assert np.abs(recording.imu.dv).sum() == pytest.approx(FACTS["scenario"]["dv"], rel=1e-6)
 
 
 def test_a_campaign_opens():

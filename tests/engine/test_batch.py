@@ -203,7 +203,7 @@ def test_the_antimeridian_is_crossed(name):
 @pytest.mark.parametrize(
     "wrong, words",
     [
-        (dict(filter="closed-lop"), "no filter is called 'closed-lop'; did you mean 'closed-loop'"),
+        (dict(filter="closed-lop"), "no filter is called 'closed-lop' (did you mean 'closed-loop'"),
         (dict(interval=3.0), "filter 'closed-loop' has no option 'interval'; it has error_model"),
         (
             dict(error_model="exact"),
@@ -348,7 +348,7 @@ def test_what_nothing_observes_is_said(name, words):
 
 def test_an_unknown_aiding_is_refused():
     recording = flight()
-    with pytest.raises(DataError, match="no aiding is of kind 'positon'; did you mean 'position'"):
+    with pytest.raises(DataError, match="no aiding is of kind 'positon' .did you mean 'position'"):
         fused(replace(recording, aidings=(replace(recording.aidings[0], kind="positon"),)))
 
 

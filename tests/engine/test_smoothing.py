@@ -407,7 +407,7 @@ def test_refusals(short):
     ):
         sd.smooth(recording, "mahony", **given)
     with pytest.raises(
-        DataError, match="no filter is called 'attitude-mek'; did you mean 'attitude-mekf'"
+        DataError, match="no filter is called 'attitude-mek' .did you mean 'attitude-mekf'"
     ):
         sd.smooth(recording, "attitude-mek", **given)
     with pytest.raises(DataError, match="has no option 'low'"):

@@ -12,7 +12,7 @@ from strapdown.sensor_models.simulated import Simulated
 from strapdown.sim.scenario import Scenario
 from strapdown.sim.scenario_file import read
 from strapdown.sim.synthesis import Simulator, simulate
-from strapdown.sim.trajectory import demo_flight, gravity, rates
+from strapdown.sim.trajectory import demo_flight, normal_gravity, rates
 
 ARM = (0.5, -1.0, 2.0)
 FIELD = (21e-6, 1.5e-6, 43e-6)
@@ -35,7 +35,7 @@ def test_altitude_speed_and_heading_are_those_of_the_truth():
         Simulated("heading", 0.01),
     )
     C = truth.rotation.as_matrix()[rows]
-    omega = rates(FLIGHT.motion, truth.t[rows], truth.lla[rows].T, gravity)[0].T
+    omega = rates(FLIGHT.motion, truth.t[rows], truth.lla[rows].T, normal_gravity)[0].T
     np.testing.assert_allclose(y["altitude"][:, 0], truth.lla[rows, 2] - (C @ ARM)[:, 2], atol=1e-9)
     moved = np.einsum("nji,nj->ni", C, truth.v_n[rows]) + np.cross(omega, ARM)
     np.testing.assert_allclose(y["speed"][:, 0], moved[:, 0], atol=5e-4)
