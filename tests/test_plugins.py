@@ -291,3 +291,57 @@ assert "plugin first has a Measurement of the name 'vertical-speed'" in third.co
 """,
     )
     assert run("main.py", PYTHONPATH=path) == (0, "", "")
+
+
+STUDY = """
+import sys
+import strapdown as sd
+from sensor import VERTICAL_SPEED
+from mine import CAREFUL
+from strapdown.sensor_models.simulated import Simulated
+
+if __name__ == "__main__":
+    sd.register(VERTICAL_SPEED, CAREFUL)
+    flight = sd.scenario("demo").replace(
+        name="flight", duration=10.0, sensors=(Simulated("vertical-speed", 0.05, 4.0),)
+    )
+    study = sd.Study((flight,), ("closed-loop", "careful"), runs=4, seed=3)
+    alone = study.run(out="alone")
+    assert list(alone.manifest["plugins"]) == ["mine.py", "sensor.py"], alone.manifest["plugins"]
+    study.run(out="apart", workers=2)
+    for name in ("summary.csv", "runs.csv"):
+        assert open(f"alone/{name}").read() == open(f"apart/{name}").read()
+"""
+
+
+def test_workers_of_a_study_import_what_it_needs(run):
+    run.write(sensor=SENSOR, mine=FILTER, main=STUDY)
+    assert run("main.py") == (0, "", "")
+    # with another sensor the same folder is another campaign
+    run.write(sensor=SENSOR.replace("belief.v[2]", "belief.v[2] * 1"))
+    code, _, err = run("main.py")
+    assert code == 1 and "DataError: alone: " in err.splitlines()[-1], err
+
+
+@pytest.mark.short
+def test_a_plugin_that_a_worker_lacks_is_named():
+    from strapdown.checks import DataError
+    from strapdown.plugins import PluginWarning, require
+
+    with pytest.warns(PluginWarning), pytest.raises(DataError) as error:
+        require([("vario.py", "/no/such/folder/vario.py")])
+    said = str(error.value)
+    assert "plugin vario.py on a worker" in said and "there is no file" in said and "\n" not in said
+
+
+def test_what_has_no_file_is_refused_before_workers_start(run):
+    run.write(sensor=SENSOR)
+    session = """
+import strapdown as sd
+from strapdown.filters.ins.closed_loop import CLOSED_LOOP
+
+sd.register(CLOSED_LOOP._replace(name="typed"))
+sd.Study(("demo",), ("typed",), runs=1).run(workers=2)
+"""
+    code, _, err = run("-c", session)
+    assert code == 1 and "write it into a file" in err.splitlines()[-1], err
