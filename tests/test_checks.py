@@ -43,6 +43,8 @@ def test_numbers_within_their_bounds(value, bounds):
         (INF, dict(least=0), "finite"),
         (NAN, dict(infinite=True), "it must be a number"),
         (1.5, dict(whole=True, least=1), "a whole number, 1 or more"),
+        (10**400, {}, "a finite number"),
+        (np.eye(3), {}, "array("),
         (True, {}, "True"),
         ("1", {}, "'1'"),
         (None, {}, "None"),

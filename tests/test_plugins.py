@@ -285,7 +285,7 @@ from strapdown import aiding
 from strapdown.plugins import plugins
 own = len(aiding.own_names())
 assert [aiding.number(n) for n in ("vertical-speed", "vertical-speed-2")] == [own, own + 1]
-assert aiding.brought_by("vertical-speed").name == "first"
+assert aiding.REGISTRY.brought_by("vertical-speed").name == "first"
 (third,) = [p for p in plugins() if p.name == "third"]
 assert "plugin first has a Measurement of the name 'vertical-speed'" in third.complaints[0]
 """,
@@ -307,7 +307,7 @@ if __name__ == "__main__":
     )
     study = sd.Study((flight,), ("closed-loop", "careful"), runs=4, seed=3)
     alone = study.run(out="alone")
-    assert list(alone.manifest["plugins"]) == ["mine.py", "sensor.py"], alone.manifest["plugins"]
+    assert [name for name, _ in alone.manifest["plugins"]] == ["mine.py", "sensor.py"]
     study.run(out="apart", workers=2)
     for name in ("summary.csv", "runs.csv"):
         assert open(f"alone/{name}").read() == open(f"apart/{name}").read()
@@ -345,3 +345,103 @@ sd.Study(("demo",), ("typed",), runs=1).run(workers=2)
 """
     code, _, err = run("-c", session)
     assert code == 1 and "write it into a file" in err.splitlines()[-1], err
+
+
+def test_two_packages_may_call_their_entry_points_alike(run):
+    path = installed(run.folder, "one", one_sensors=SENSOR)
+    two = SENSOR.replace("vertical-speed", "vertical-speed-2")
+    path = os.pathsep.join([installed(run.folder, "two", two_sensors=two), path])
+    for name in ("one", "two"):
+        entry = run.folder / "site" / f"{name}-1.0.dist-info" / "entry_points.txt"
+        entry.write_text(f"[strapdown.plugins]\nsensors = {name}_sensors\n")
+    code, out, err = run("-m", "strapdown", "plugins", PYTHONPATH=path)
+    assert code == 0 and err == "" and "vertical-speed-2" in out and out.count("sensors") >= 2
+
+
+def test_an_edited_sensor_that_is_registered_again_runs_its_new_code(run):
+    main = """
+import importlib, pathlib, sys, time
+import numpy as np
+import strapdown as sd
+import sensor
+from strapdown.sensor_models.simulated import Simulated
+
+def measured():
+    made = sd.simulate("demo", 5.0, seed=1, sensors=(Simulated("vertical-speed", 1e-6),))
+    return made.aidings[-1].y.sum()
+
+sd.register(sensor.VERTICAL_SPEED)
+first = measured()
+file = pathlib.Path("sensor.py")
+file.write_text(file.read_text().replace("belief.v[2]", "(belief.v[2] + 10.0)"))
+importlib.reload(sensor)
+sd.register(sensor.VERTICAL_SPEED)
+assert abs(measured() - first - 50.0) < 1e-3, (first, measured())
+file.write_text(file.read_text().replace("10.0", "20.0"))  # and saved again before it is compiled
+importlib.reload(sensor)
+time.sleep(0.1)
+file.write_text(file.read_text().replace("20.0", "30.0"))
+sd.register(sensor.VERTICAL_SPEED)
+assert abs(measured() - first - 100.0) < 1e-3
+"""
+    run.write(sensor=SENSOR, main=main)
+    assert run("main.py") == (0, "", "")
+    run.write(
+        main="import strapdown as sd, sensor\n" + main.partition("file =")[0] + "print(first)"
+    )
+    moved = float(run("main.py")[1])
+    run.write(sensor=SENSOR)
+    assert moved - float(run("main.py")[1]) == pytest.approx(150.0, abs=1e-3)
+
+
+@pytest.mark.short
+def test_numbers_of_kinds_stay_and_filters_are_found_by_name_or_not_sent(monkeypatch):
+    import copy
+    import pickle
+
+    from strapdown import aiding, filters, plugins
+    from strapdown.checks import DataError
+
+    monkeypatch.setattr(plugins, "_plugins", {})
+    monkeypatch.setattr(aiding, "_given", {})
+    velocity = aiding.find("velocity")
+    for name in ("one", "two"):
+        aiding.REGISTRY.add(velocity._replace(name=name), f"module_{name}")
+    numbers = [aiding.number("two"), aiding.number("one")]
+    aiding.REGISTRY.add(velocity._replace(name="three"), "module_one")
+    assert [aiding.number("two"), aiding.number("one")] == numbers
+    assert aiding.number("three") == numbers[1] + 1 == len(aiding.own_names()) + 2
+
+    own = filters.find("closed-loop")
+    other = own._replace(reference="mine")
+    assert pickle.loads(pickle.dumps(own)) is own and copy.deepcopy(other) is other
+    with pytest.raises(DataError, match="known in this process alone"):
+        pickle.dumps(other)
+
+
+@pytest.mark.short
+@pytest.mark.parametrize(
+    "changes, said",
+    [
+        (dict(name="angular rate", units={"rad/s": 1.0, "rpm": 0.1}), "give dimension='angular"),
+        (dict(units={"V": 1.0, "m/s": 2.0}), "the unit 'm/s' exists already"),
+        (dict(units={"u": 1.0, "m/s": 2.0}, dimension="speed"), "give one of the two"),
+        (dict(units={"mV": 1e-3}), "must begin with the SI unit"),
+        (dict(dimension="sped"), "did you mean 'speed'"),
+        (dict(units={"V": 1.0}, innovation="lenght"), "did you mean 'length'"),
+        (dict(units=("V", "mV")), "is not sound"),
+        (dict(units={"V": 1.0}, most=0.0), "most is 0.0; it must be a number above 0"),
+        (dict(name="speed", units={"V": 1.0}), "the library has a Quantity of the name 'speed'"),
+    ],
+)
+def test_quantities_that_cannot_be(monkeypatch, changes, said):
+    from strapdown import plugins
+    from strapdown.checks import DataError
+    from strapdown.quantities import REGISTRY, Quantity
+    from strapdown.units import UNITS, factor
+
+    monkeypatch.setattr(plugins, "_plugins", {})
+    before = {name: dict(units) for name, units in UNITS.items()}
+    with pytest.raises(DataError, match=said):
+        REGISTRY.add(Quantity(**{"name": "voltage", **changes}), __name__)
+    assert UNITS == before and factor("deg/s", "angular rate") < 0.02

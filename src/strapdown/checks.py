@@ -33,6 +33,13 @@ def is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
+def _finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer beyond all floats
+        return False
+
+
 def nearest(word: object, words: Iterable[str]) -> str | None:
     """The one of `words` that is most like `word`, in upper or lower case, if one is like it."""
     by_lower = {each.lower(): each for each in words}
@@ -49,9 +56,9 @@ def did_you_mean(word: object, words: Iterable[str]) -> str:
 def check_choice(value: object, name: str, choices: Collection[str]) -> str:
     """The value, which must be one of the words. Raises DataError with the nearest."""
     if not isinstance(value, str) or value not in choices:
+        known = ", ".join(choice or "''" for choice in choices)
         raise DataError(
-            f"{name} is {value!r}{did_you_mean(value, choices)}; it must be one of "
-            f"{', '.join(choices)}"
+            f"{name} is {value!r}{did_you_mean(value, choices)}; it must be one of {known}"
         )
     return value
 
@@ -84,13 +91,13 @@ def check_number(
         and least <= value <= most
         and (above < value or above == -math.inf)
         and (value < below or below == math.inf)
-        and (math.isfinite(value) or infinite)
+        and (_finite(value) or (infinite and abs(value) == math.inf))
         and (not whole or isinstance(value, Integral))
     )
     if not fits:
         kind = "a whole number" if whole else "a number" if infinite else "a finite number"
         raise DataError(
-            f"{name} is {value!r}{unit and ' ' + unit}; it must be {kind}"
+            f"{name} is {' '.join(repr(value).split())}{unit and ' ' + unit}; it must be {kind}"
             f"{_bounds(least, above, most, below)}"
         )
     return value  # type: ignore[return-value]

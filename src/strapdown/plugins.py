@@ -1,5 +1,5 @@
-"""What comes from outside the library: sensors, filters, readers and figures of installed packages
-and of a user's own files.
+"""What comes from outside the library: sensors, filters, readers, figures and quantities of
+installed packages and of a user's own files.
 
 A plugin is a module. What it brings are the values of these types at its top level. Installed
 packages name their modules under the entry points `strapdown.plugins`, a user names files or modules
@@ -14,17 +14,18 @@ import inspect
 import os
 import sys
 import warnings
+import zlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from threading import RLock
-from types import ModuleType
-from typing import Any, NamedTuple, TypeVar
+from threading import Lock, RLock
+from typing import Any, Generic, TypeVar
 from uuid import uuid4
 
-from .checks import DataError
+from .checks import DataError, did_you_mean
 
 ENTRY_POINTS = "strapdown.plugins"
 """Group under which installed packages name their modules."""
@@ -32,6 +33,8 @@ VARIABLE = "STRAPDOWN_PLUGINS"
 """Environment variable with files (.py) and modules, separated as folders in PATH."""
 SESSION = "this session"
 """Name of what was registered where there is no file, such as in a notebook."""
+PATIENCE = 60.0
+"""s that a thread waits for another one that imports plugins."""
 
 Kind = TypeVar("Kind")
 
@@ -40,30 +43,57 @@ class PluginWarning(UserWarning):
     """A plugin, or something that it brings, cannot be used; everything else goes on working."""
 
 
-class Plugin(NamedTuple):
+@dataclass
+class Plugin:
     """A module that brings values."""
 
     name: str  # as shown
-    # what another process finds it by: path of a file, name of a module or of an entry point;
-    # empty where there is nothing to find
+    # what another process finds it by: path of a file, or module; empty: there is nothing to find
     where: str
-    # its name while it is imported here; of what has no file a name that nothing else had
-    module: str
-    values: list[Any]
-    complaints: list[str]
+    # name of the imported module; of what has no file a name that nothing else had
+    module: str = ""
+    whole: bool = False  # whether all of that module counts, not only what is registered
+    failed: str = ""  # why it could not be imported
+    registered: list[Any] = field(default_factory=list)
+    complaints: list[str] = field(default_factory=list)
+
+    @property
+    def values(self) -> list[Any]:
+        """What it brings now, beside whatever else stands at its top level."""
+        module = sys.modules.get(self.module) if self.whole else None
+        return [*(vars(module).values() if module else ()), *self.registered]
+
+    def complain(self, text: str) -> None:
+        """Tell once what is wrong with it."""
+        if text not in self.complaints:
+            self.complaints.append(text)
+            # as from no line of code, which would be shown with it
+            message = f"plugin {self.name}: {text}"
+            warnings.warn_explicit(message, PluginWarning, "strapdown", 0)
 
 
 _plugins: dict[str, Plugin] = {}  # by `where`, in the order of their coming
-_one_at_a_time = RLock()
+_writing = Lock()  # of that; never held while somebody else's code runs
+_loading = RLock()
 
 
 def plugins() -> list[Plugin]:
     """All plugins, each imported, in the order of their coming."""
-    with _one_at_a_time:
-        for entry in _installed():
-            _load(entry.name, entry.name, entry.load)
-        for where in filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)):
-            load(where)
+    # a module that looks a name up while another thread waits for that module would wait forever
+    if _loading.acquire(timeout=PATIENCE):
+        try:
+            for entry in _installed():
+                _load(entry.name, entry.value, entry.load)
+            for where in filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)):
+                load(where)
+        finally:
+            _loading.release()
+    return known()
+
+
+def known() -> list[Plugin]:
+    """Those that have come so far; nothing is imported."""
+    with _writing:
         return list(_plugins.values())
 
 
@@ -74,11 +104,21 @@ def name_plugins(places: Iterable[str]) -> None:
         with warnings.catch_warnings():  # told of below
             warnings.simplefilter("ignore", PluginWarning)
             plugin = load(where)
-        if problem := plugin.complaints:
-            raise DataError(f"plugin {where}: {problem[0]}")
-        known = os.environ.get(VARIABLE, "")
-        where = str(Path(where).resolve()) if where.endswith(".py") else where
-        os.environ[VARIABLE] = os.pathsep.join(filter(None, [known, where]))
+        if plugin.failed:
+            raise DataError(f"plugin {where}: {plugin.failed}")
+        named = os.environ.get(VARIABLE, "")
+        os.environ[VARIABLE] = os.pathsep.join(filter(None, [named, plugin.where]))
+
+
+def require(needed: Iterable[tuple[str, str]]) -> None:
+    """Import the plugins [(name, where)] of another process in this one. Raises DataError where one
+    is missing here."""
+    for name, where in needed:
+        if failed := load(where).failed:
+            raise DataError(
+                f"plugin {name} on a worker: {failed}; put {where} there as it is here, or install "
+                f"it as a package"
+            )
 
 
 @cache
@@ -87,41 +127,65 @@ def _installed() -> tuple[EntryPoint, ...]:
 
 
 def load(where: str) -> Plugin:
-    """The plugin at the path of a file (.py) or of that module name, imported."""
-    with _one_at_a_time:
-        if not where.endswith(".py"):
-            return _load(where, where, lambda: importlib.import_module(where))
-        path = Path(where).resolve()
-        return _load(path.name, str(path), lambda: _imported_from(path))
+    """The plugin at the path of a file (.py), or of a module (and the value in it, behind a colon),
+    imported."""
+    if not where.endswith(".py"):
+        return _load(where, where, EntryPoint(where, where, ENTRY_POINTS).load)
+    path = _absolute(where)
+    return _load(path.name, str(path), lambda: _imported_from(path))
+
+
+@cache
+def _absolute(where: str) -> Path:
+    """The path as it was where it was first asked for, also after a change of the folder."""
+    return Path(where).resolve()
 
 
 def _load(name: str, where: str, imported: Callable[[], Any]) -> Plugin:
-    if where in _plugins:
-        return _plugins[where]
-    plugin = _plugins[where] = Plugin(name, where, "", [], [])
+    with _writing:
+        if where in _plugins:
+            _plugins[where].whole = True
+            return _plugins[where]
+        module = _module_name(where)
+        plugin = _plugins[where] = Plugin(name, where, module, whole=True)
     try:
         found = imported()
     except KeyboardInterrupt:
+        with _writing:
+            del _plugins[where]
         raise
     except BaseException as error:  # whatever a stranger's code raises, also SystemExit
-        complain(plugin, f"cannot be imported ({one_line(error)})")
+        plugin.module, plugin.failed = "", f"cannot be imported ({one_line(error)})"
+        plugin.complain(plugin.failed)
     else:
-        is_module = isinstance(found, ModuleType)
-        # it may have registered values while it was imported
-        values = [*(vars(found).values() if is_module else [found]), *_plugins[where].values]
-        module = found.__name__ if is_module else type(found).__module__
-        _plugins[where] = plugin._replace(module=module, values=values)
-    return _plugins[where]
+        if not inspect.ismodule(found):
+            plugin.whole = False
+            plugin.registered.append(found)
+        elif found.__name__ != module:
+            plugin.module = found.__name__
+    return plugin
 
 
-def _imported_from(path: Path) -> ModuleType:
-    """The module in a file, whose neighbours it can import as a script can."""
+def _module_name(where: str) -> str:
+    """The name under which a plugin's module is imported; that of a file is its own unless
+    something else has it."""
+    if not where.endswith(".py"):
+        return where.partition(":")[0]
+    stem = Path(where).stem
+    taken = stem in sys.modules or stem in sys.stdlib_module_names
+    return f"{stem}_{zlib.crc32(where.encode()):x}" if taken else stem
+
+
+def _imported_from(path: Path) -> Any:
+    """The module in a file, whose neighbours it can import as a script can; one that is imported
+    already under whatever name is not imported again."""
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
     for module in list(sys.modules.values()):
-        if getattr(module, "__file__", None) and Path(str(module.__file__)).resolve() == path:
-            return module
-    name = path.stem if path.stem not in sys.modules else f"{path.stem}_{abs(hash(path)):x}"
+        if isinstance(file := getattr(module, "__file__", None), str):
+            if Path(file).resolve() == path:
+                return module
+    name = _module_name(str(path))
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec and spec.loader  # as of every file that ends in .py
     module = sys.modules[name] = importlib.util.module_from_spec(spec)
@@ -135,23 +199,111 @@ def _imported_from(path: Path) -> ModuleType:
     return module
 
 
-def keep(value: Any, module: str) -> None:
-    """Keep a value that a module registers. It takes the place of one of the same type and name
-    that came from the same place before."""
-    with _one_at_a_time:
-        name, where, module = _place(value, module)
-        known = _plugins.get(where) or Plugin(name, where, "", [], [])
-        before = [type(other) is type(value) and other.name == value.name for other in known.values]
-        if any(before):
-            known.values[before.index(True)] = value
-        else:
-            known.values.append(value)
-        _plugins[where] = known._replace(module=module)
+class Registry(Generic[Kind]):
+    """The values of one type by name: those of the library, then those of plugins in the order of
+    their coming."""
+
+    def __init__(
+        self,
+        kind: type[Kind],
+        what: str,
+        own: Callable[[str], Kind | None],
+        own_names: Callable[[], Iterable[str]],
+        check: Callable[[Kind], None],
+    ) -> None:
+        """what: as in "no filter is called"; own: finds what the library has of a name; own_names:
+        all of these; check: refuses what cannot be used, by DataError."""
+        self.kind, self.what, self.own, self.own_names = kind, what, own, own_names
+        self.check = check
+
+    def names(self) -> list[str]:
+        """All names."""
+        return [*self.own_names(), *self.brought()]
+
+    def find(self, name: str) -> Kind:
+        """The value of that name; one of the library imports no plugin. Raises DataError with the
+        nearest name."""
+        if own := self.own(name):
+            return own
+        if name not in (others := self.brought()):
+            names = [*self.own_names(), *others]
+            raise DataError(
+                f"{self.what} {name!r}{did_you_mean(name, names)}; there are: {', '.join(names)}; one "
+                f"of your own must be named first (docs/plugins.md)"
+            )
+        return others[name][0]
+
+    def brought_by(self, name: str) -> Plugin | None:
+        """The plugin that brings the value of a name; None of the library's own."""
+        return None if self.own(name) else self.brought().get(name, (None, None))[1]
+
+    def brought(self, imports: bool = True) -> dict[str, tuple[Kind, Plugin]]:
+        """{name: (value, plugin)} of what plugins bring. What has a name that is taken or cannot be
+        used is left out and told of once."""
+        found: dict[str, tuple[Kind, Plugin]] = {}
+        for plugin in plugins() if imports else known():
+            for value in plugin.values:
+                if isinstance(value, self.kind):
+                    try:
+                        if not self._is_there(value, found):
+                            self.check(value)
+                            found[value.name] = value, plugin  # type: ignore[attr-defined]
+                    except DataError as error:
+                        plugin.complain(str(error))
+                    except Exception as error:  # a field is of another type than it should be
+                        plugin.complain(f"a {self.kind.__name__} is not sound ({one_line(error)})")
+        return found
+
+    def add(self, value: Kind, module: str) -> None:
+        """Keep a value that a module registers. It takes the place of one of the same name that came
+        from the same place before. Raises DataError where it cannot be used."""
+        plugin = _place(value, module)
+        others = {
+            name: (other, its)
+            for name, (other, its) in self.brought(imports=False).items()
+            if its.where != plugin.where or other is value
+        }
+        try:
+            if self._is_there(value, others):
+                return
+            self.check(value)
+        except DataError:
+            raise
+        except Exception as error:
+            raise DataError(f"a {self.kind.__name__} is not sound ({one_line(error)})") from error
+        with _writing:
+            place, plugin = plugin, _plugins.setdefault(plugin.where, plugin)
+            plugin.module = place.module  # without a file, another value is another module
+            kept = plugin.registered
+            same = [
+                type(each) is type(value) and each.name == value.name  # type: ignore[attr-defined]
+                for each in kept
+            ]
+            if any(same):
+                kept[same.index(True)] = value
+            elif not any(each is value for each in plugin.values):
+                kept.append(value)
+
+    def _is_there(self, value: Any, found: dict[str, tuple[Kind, Plugin]]) -> bool:
+        """Whether the very value is there already. Raises DataError where its name is none, or
+        something else has it."""
+        name, kind = value.name, self.kind.__name__
+        if not isinstance(name, str) or not name.strip() or "\n" in name:
+            raise DataError(f"a {kind} has the name {name!r}; it must be text")
+        own, other = self.own(name), found.get(name)
+        if value is own or (other and value is other[0]):
+            return True
+        if own or other:
+            owner = "the library" if own else f"plugin {other[1].name}" if other else ""
+            raise DataError(
+                f"{owner} has a {kind} of the name {name!r} already; choose another name"
+            )
+        return False
 
 
-def _place(value: Any, registers: str) -> tuple[str, str, str]:
-    """Name, `where` and module of the plugin of a value: the module at whose top level it stands,
-    else the one that registers it."""
+def _place(value: Any, registers: str) -> Plugin:
+    """The plugin of a value: the module at whose top level it stands, else the one that registers
+    it."""
     holders = [
         name
         for name, module in list(sys.modules.items())
@@ -159,73 +311,14 @@ def _place(value: Any, registers: str) -> tuple[str, str, str]:
         and any(each is value for each in list(getattr(module, "__dict__", {}).values()))
     ]
     name = min(holders, key=len, default=registers)
-    file = getattr(sys.modules.get(name), "__file__", None)
-    if not file:  # there is no code to look at: another value is another module
-        return SESSION, "", uuid4().hex
-    if "." in name:  # of a package, whose modules need their package
-        return name, name, name
+    module = sys.modules.get(name)
+    file = getattr(module, "__file__", None)
+    if not file:  # there is no code to look at
+        return Plugin(SESSION, "", uuid4().hex)
+    if "." in name or hasattr(module, "__path__"):  # modules of a package need their package
+        return Plugin(name, name, name)
     path = Path(file).resolve()
-    return path.name, str(path), name
-
-
-def collect(
-    kind: type[Kind], own: Callable[[str], Kind | None], check: Callable[[Kind], None]
-) -> dict[str, tuple[Kind, Plugin]]:
-    """{name: (value, plugin)} of this type that plugins bring, in the order of their coming.
-
-    own: finds what the library has of a name; check: raises DataError for what cannot be used.
-    What has a name that is taken or is refused by `check` is left out and told of once.
-    """
-    found: dict[str, tuple[Kind, Plugin]] = {}
-    for plugin in plugins():
-        for value in plugin.values:
-            if not isinstance(value, kind):
-                continue
-            try:
-                name = _name(value)
-                if value is own(name) or (name in found and value is found[name][0]):
-                    continue  # it only imports it
-                refuse_taken(value, own, found)
-                check(value)
-                found[name] = value, plugin
-            except DataError as error:
-                complain(plugin, str(error))
-    return found
-
-
-def refuse_taken(
-    value: Any, own: Callable[[str], Any], found: dict[str, tuple[Any, Plugin]]
-) -> None:
-    """Raise DataError where something else has the name of this value."""
-    name = _name(value)
-    owner = "the library" if own(name) else name in found and f"plugin {found[name][1].name}"
-    if owner:
-        raise DataError(
-            f"{owner} has a {type(value).__name__} of the name {name!r} already; choose another name"
-        )
-
-
-def admit(
-    value: Kind,
-    own: Callable[[str], Kind | None],
-    found: dict[str, tuple[Kind, Plugin]],
-    check: Callable[[Kind], None],
-    module: str,
-) -> None:
-    """Keep a value that a module registers, unless its name is taken or `check` refuses it; arguments
-    as of `collect`, of which `found` is the result. Raises DataError."""
-    where = _place(value, module)[1]
-    others = {name: (it, plugin) for name, (it, plugin) in found.items() if plugin.where != where}
-    refuse_taken(value, own, others)
-    check(value)
-    keep(value, module)
-
-
-def _name(value: Any) -> str:
-    name = value.name
-    if not isinstance(name, str) or not name.strip() or "\n" in name:
-        raise DataError(f"a {type(value).__name__} has the name {name!r}; it must be text")
-    return name
+    return Plugin(path.name, str(path), name)
 
 
 def check_word(value: Any) -> None:
@@ -235,19 +328,6 @@ def check_word(value: Any) -> None:
             f"a {type(value).__name__} has the name {value.name!r}; it must be text without spaces "
             f"and punctuation, such as 'sun-sensor'"
         )
-
-
-def complain(plugin: Plugin, text: str) -> None:
-    """Tell once what is wrong with a plugin."""
-    if text not in plugin.complaints:
-        plugin.complaints.append(text)
-        warnings.warn(f"plugin {plugin.name}: {text}", PluginWarning, stacklevel=2)
-
-
-def one_line(error: BaseException) -> str:
-    """Kind and first line of an exception."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
 
 
 def check_kernel(function: Any, signature: Any, arguments: int, what: str) -> None:
@@ -285,14 +365,7 @@ def blamed(value: Any, kernel: Any, plugin: Callable[[], Plugin | None]) -> Iter
         ) from error
 
 
-def require(needed: Iterable[tuple[str, str]]) -> None:
-    """Import the plugins [(name, where)] of another process in this one. Raises DataError where one
-    is missing here."""
-    known = {plugin.where: plugin for plugin in plugins()}
-    for name, where in needed:
-        plugin = known.get(where) or load(where)
-        if plugin.complaints:
-            raise DataError(
-                f"plugin {name} on a worker: {plugin.complaints[0]}; put {where} there as it is "
-                f"here, or install it as a package"
-            )
+def one_line(error: BaseException) -> str:
+    """Kind and first line of an exception."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from . import plugins
-from .checks import DataError, check_number, did_you_mean
+from .checks import DataError, check_choice, check_number
 from .units import UNITS
 
 SHOWN = {"rad": "deg", "T": "uT"}
@@ -51,36 +51,14 @@ OWN = {
 }
 
 
-def brought() -> dict[str, tuple[Quantity, plugins.Plugin]]:
-    """{name: (value, plugin)} of what plugins bring."""
-    return plugins.collect(Quantity, OWN.get, check)
-
-
-def names() -> list[str]:
-    """Names of all quantities."""
-    return [*OWN, *brought()]
-
-
-def find(name: str) -> Quantity:
-    """The Quantity of that name. Raises DataError with the nearest."""
-    if name in OWN:
-        return OWN[name]
-    if name not in (others := brought()):
-        raise DataError(
-            f"no quantity is called {name!r}{did_you_mean(name, names())}; there are: "
-            f"{', '.join(names())}"
-        )
-    return others[name][0]
-
-
 def dimension(name: str) -> str:
     """The dimension in `units` of a quantity."""
-    return find(name).dimension or name
+    return REGISTRY.find(name).dimension or name
 
 
 def innovation_dimension(name: str) -> str:
     """The dimension of the innovation of a quantity and of its standard deviation."""
-    return find(name).innovation or dimension(name)
+    return REGISTRY.find(name).innovation or dimension(name)
 
 
 def si(dimension: str) -> str:
@@ -97,18 +75,17 @@ def shown_unit(name: str) -> tuple[str, float]:
 
 def check(quantity: Quantity) -> None:
     """Refuse a Quantity that cannot be used; take up its units. Raises DataError."""
-    what = f"Quantity {quantity.name!r}: "
+    what, own = f"Quantity {quantity.name!r}: ", not quantity.dimension
     check_number(quantity.most, what + "most", above=0, infinite=True)
-    if quantity.dimension:
-        if quantity.dimension not in UNITS:
-            raise DataError(
-                f"{what}there is no dimension {quantity.dimension!r}"
-                f"{did_you_mean(quantity.dimension, UNITS)}"
-            )
-        return
-    if not quantity.units or next(iter(quantity.units.values())) != 1:
+    for dimension in filter(None, (quantity.dimension, quantity.innovation)):
+        check_choice(dimension, what + "dimension", UNITS)
+    if quantity.dimension and quantity.units:
+        raise DataError(f"{what}it has units of its own and a dimension; give one of the two")
+    if own and quantity.name in DIMENSIONS_OF_LIBRARY:
+        raise DataError(f"{what}it is a dimension already: give dimension={quantity.name!r}")
+    if own and next(iter(quantity.units.values()), 0) != 1:
         raise DataError(f"{what}its units must begin with the SI unit, of factor 1")
-    for unit, size in quantity.units.items():
+    for unit, size in quantity.units.items() if own else ():
         check_number(size, f"{what}the size of {unit!r}", above=0)
         for dimension, units in UNITS.items():
             if unit in units and dimension != quantity.name:
@@ -116,9 +93,11 @@ def check(quantity: Quantity) -> None:
                     f"{what}the unit {unit!r} exists already, as one of {dimension}; choose another "
                     f"name, or give dimension={dimension!r}"
                 )
-    UNITS[quantity.name] = dict(quantity.units)
+    if own:
+        UNITS[quantity.name] = dict(quantity.units)
 
 
-def add(quantity: Quantity, module: str) -> None:
-    """Add a quantity that a module registers. Raises DataError."""
-    plugins.admit(quantity, OWN.get, brought(), check, module)
+DIMENSIONS_OF_LIBRARY = frozenset(UNITS)
+REGISTRY = plugins.Registry(
+    Quantity, "no quantity is called", lambda name: OWN.get(name), lambda: OWN, check
+)

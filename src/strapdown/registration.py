@@ -4,7 +4,7 @@ import inspect
 from typing import Any
 
 from .checks import DataError
-from .plugins import plugins
+from .plugins import Registry, plugins
 
 
 def register(*values: Any) -> None:
@@ -46,18 +46,11 @@ def brought() -> list[tuple[str, str, str, str]]:
     ]
 
 
-def _homes() -> dict[type, Any]:
-    """{type: module that keeps values of it}."""
+def _homes() -> dict[type, Registry[Any]]:
+    """{type: registry of its values}."""
     from . import aiding, filters, quantities
-    from .core.contract import Filter, Measurement
     from .io import readers
-    from .io.contract import Reader
     from .reports import figure_list
 
-    return {
-        quantities.Quantity: quantities,
-        Measurement: aiding,
-        Filter: filters,
-        Reader: readers,
-        figure_list.Figure: figure_list,
-    }
+    homes = (quantities, aiding, filters, readers, figure_list)
+    return {home.REGISTRY.kind: home.REGISTRY for home in homes}

@@ -32,7 +32,7 @@ MINE = Reader("mine", (".mine", ".mine.xz"), "log of my logger", still)
 
 
 def add(reader):
-    readers.add(reader, __name__)
+    readers.REGISTRY.add(reader, __name__)
 
 
 @pytest.fixture(autouse=True)

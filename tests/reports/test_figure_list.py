@@ -20,7 +20,7 @@ OTHER = solution(TRUTH, seed=2, name="open-loop")
 
 
 def add(figure):
-    figure_list.add(figure, __name__)
+    figure_list.REGISTRY.add(figure, __name__)
 
 
 @pytest.fixture(autouse=True)

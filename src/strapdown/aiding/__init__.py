@@ -4,10 +4,12 @@
 import importlib
 import pkgutil
 from functools import cache
+from threading import Lock
 
 from .. import plugins, quantities
-from ..checks import DataError, check_choice, check_number, did_you_mean
+from ..checks import DataError, check_choice, check_number, located
 from ..core.contract import NUMBERED, OBSERVE, Measurement, Observe, compile_kernel
+from .trial import tried
 
 PARAMETER_MEANINGS = ("", "antenna", "reference", "field")
 """What parameters[0:3] of a source can be."""
@@ -29,57 +31,54 @@ def _own() -> dict[str, Measurement]:
     return {name: found.pop(name) for name in NUMBERED} | found
 
 
-def brought() -> dict[str, tuple[Measurement, plugins.Plugin]]:
-    """{name: (value, plugin)} of what plugins bring."""
-    return plugins.collect(Measurement, _own().get, check)
-
-
-def measurements() -> dict[str, Measurement]:
-    """{name: Measurement} of all kinds: the library's, then those of plugins in the order of
-    their coming."""
-    return _own() | {name: value for name, (value, _) in brought().items()}
-
-
-def names() -> list[str]:
-    """Names of all kinds of aiding."""
-    return list(measurements())
-
-
 def own_names() -> list[str]:
     """Names of the library's own kinds; no plugin is imported."""
     return list(_own())
 
 
+def measurements() -> dict[str, Measurement]:
+    """{name: Measurement} of all kinds: the library's, then those of plugins in the order of
+    their coming."""
+    return _own() | {name: value for name, (value, _) in REGISTRY.brought().items()}
+
+
+def names() -> list[str]:
+    """Names of all kinds of aiding."""
+    return REGISTRY.names()
+
+
 def find(name: str) -> Measurement:
     """The Measurement of that kind. Raises DataError with the nearest name."""
-    if name in _own():
-        return _own()[name]
-    if name not in measurements():
-        raise DataError(
-            f"no aiding is of kind {name!r}{did_you_mean(name, names())}; there are: "
-            f"{', '.join(names())}"
-        )
-    return measurements()[name]
+    return REGISTRY.find(name)
 
 
 def number(name: str) -> int:
-    """The number by which kernels of this process know a kind: its place among all."""
+    """The number by which kernels of this process know a kind, from the first time it is asked for."""
     own = list(_own())
-    return own.index(name) if name in own else len(own) + list(brought()).index(name)
+    with _one_at_a_time:
+        return own.index(name) if name in own else _given.setdefault(name, len(own) + len(_given))
 
 
-def brought_by(name: str) -> plugins.Plugin | None:
-    """The plugin that brings a kind; None for the library's own."""
-    return None if name in _own() or name not in (others := brought()) else others[name][1]
+_given: dict[str, int] = {}
+_one_at_a_time = Lock()
 
 
 def compiled(name: str) -> Observe:
     """The observation of a kind, compiled. Raises DataError of one line, which names the plugin,
-    where somebody else's code does not compile."""
+    where somebody else's code does not compile or does not pass its trial."""
     sensor = find(name)
-    with plugins.blamed(sensor, sensor.observe, lambda: brought_by(name)):
+    with plugins.blamed(sensor, sensor.observe, lambda: REGISTRY.brought_by(name)):
         compile_kernel(sensor.observe)
+    plugin = None if name in _own() else REGISTRY.brought_by(name)
+    if plugin and _tried.get(name) is not sensor.observe:
+        with located(f"plugin {plugin.name}: Measurement {name!r}"):
+            for text in tried(sensor, sensor.observe):
+                plugin.complain(f"Measurement {name!r}: {text}")
+        _tried[name] = sensor.observe
     return sensor.observe
+
+
+_tried: dict[str, Observe] = {}
 
 
 def check(sensor: Measurement) -> None:
@@ -87,17 +86,27 @@ def check(sensor: Measurement) -> None:
     what = f"Measurement {sensor.name!r}: "
     plugins.check_word(sensor)
     plugins.check_kernel(sensor.observe, OBSERVE, 5, what + "observe")
+    for field in ("quantities", "states"):
+        texts = getattr(sensor, field)
+        if not isinstance(texts, tuple) or not all(isinstance(text, str) for text in texts):
+            raise DataError(
+                f'{what}{field} is {texts!r}; it must be a tuple of texts, as ("speed",)'
+            )
     if not 1 <= len(sensor.quantities) <= 3:
         raise DataError(f"{what}it has {len(sensor.quantities)} quantities; it must have 1 to 3")
-    for quantity in sensor.quantities:
-        quantities.find(quantity)
+    with located(what[:-2]):
+        for quantity in sensor.quantities:
+            quantities.REGISTRY.find(quantity)
     check_choice(sensor.parameters, what + "parameters", PARAMETER_MEANINGS)
     check_choice(sensor.vector, what + "vector", ("", "n", "b"))
     check_choice(sensor.when, what + "when", ("", "at rest"))
-    check_number(sensor.state_sd, what + "state_sd", least=0, above=0 if sensor.states else -1)
+    if len(set(sensor.states)) < len(sensor.states):
+        raise DataError(f"{what}two of its states have one name: {', '.join(sensor.states)}")
+    if sensor.states:
+        check_number(sensor.state_sd, what + "state_sd", above=0)
     check_number(sensor.state_walk, what + "state_walk", least=0)
 
 
-def add(sensor: Measurement, module: str) -> None:
-    """Add a kind that a module registers. Raises DataError."""
-    plugins.admit(sensor, _own().get, brought(), check, module)
+REGISTRY = plugins.Registry(
+    Measurement, "no aiding is of kind", lambda name: _own().get(name), own_names, check
+)

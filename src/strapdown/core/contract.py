@@ -406,6 +406,12 @@ class Filter(NamedTuple):
     smoother: Smoother | None = None
     diagnose: Diagnose | None = None  # what of the kept rows a user must know
 
+    def __copy__(self) -> "Filter":
+        return self  # kernels are not copied
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Filter":
+        return self
+
     @property
     def columns(self) -> tuple[str, ...]:
         """Names, with units, of its extra output columns."""

@@ -6,6 +6,7 @@ NUMBA_DISABLE_JIT=1 each part has a plain Python twin.
 """
 
 import threading
+import time
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
@@ -70,7 +71,7 @@ def kernel(signature: Any, **options: Any) -> Callable[[Function], Function]:
             function.signature = signature  # type: ignore[attr-defined]  # as of a dispatcher
             return function
         dispatcher = numba.njit(**{**OPTIONS, **options})(function)
-        dispatcher.signature = signature
+        dispatcher.signature, dispatcher.declared = signature, time.time_ns()
         return dispatcher
 
     return declare

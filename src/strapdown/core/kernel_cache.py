@@ -79,9 +79,14 @@ class _Code(ast.NodeTransformer):
         return self.generic_visit(node)
 
 
-@cache
 def _module_code(file: Path) -> tuple[tuple[Import, ...], bytes]:
     """(import statements that run when the module is loaded, digest of its code)."""
+    now = file.stat()
+    return _parsed(file, now.st_mtime_ns, now.st_size)
+
+
+@cache
+def _parsed(file: Path, changed: int, size: int) -> tuple[tuple[Import, ...], bytes]:
     tree = _Code().visit(ast.parse(file.read_bytes()))
     return tuple(_imports(tree)), hashlib.sha256(ast.dump(tree).encode()).digest()
 
@@ -167,9 +172,8 @@ def _settings() -> str:
     )
 
 
-@cache
 def closure_digest(name: str) -> str:
-    """Digest of the code of a loaded module and of all that it imports."""
+    """Digest of the code of a loaded module and of all that it imports, as the files say now."""
     files, packages = import_closure(sys.modules[name])
     digest = hashlib.sha256(repr(sorted(packages.items())).encode())
     for module, file in sorted((module, file) for file, module in files.items()):
@@ -197,6 +201,12 @@ def key(dispatcher: Any) -> str:
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
 
 
+def _edited_since(name: str, declared: int) -> bool:
+    """Whether a file that a kernel's code comes from was written after the kernel was declared (ns):
+    then what is in memory is another code than what the files say."""
+    return any(file.stat().st_mtime_ns > declared for file in import_closure(sys.modules[name])[0])
+
+
 class KernelCache:
     """What numba asks of a cache, for one kernel. Where nothing can be read or written the
     kernel is compiled anew, and that is all."""
@@ -208,9 +218,10 @@ class KernelCache:
         module = sys.modules.get(function.__module__)
         known = "<" not in self._stem and getattr(module, "__file__", None)
         place = folder()
-        self.path: Path | None = (
-            place / f"{self._stem}-{key(dispatcher)}.kernel" if known and place else None
-        )
+        self.path: Path | None = None
+        with suppress(OSError):  # its file is gone
+            if known and place and not _edited_since(function.__module__, dispatcher.declared):
+                self.path = place / f"{self._stem}-{key(dispatcher)}.kernel"
 
     @property
     def cache_path(self) -> str:

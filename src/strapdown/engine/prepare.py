@@ -3,6 +3,7 @@ fixes, cursor and output, all held in a `Run`."""
 
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from numbers import Real
 from typing import Any, NamedTuple, TypeAlias
@@ -32,6 +33,7 @@ from ..core.contract import (
 )
 from ..core.earth import LATITUDE_LIMIT
 from ..data import Aiding
+from ..plugins import one_line
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec, grade, grades
 from ..typing import Array, ArrayLike, File, Ints, Progress, Say
@@ -90,6 +92,21 @@ def prepare(filter: str | Filter, kinds: Iterable[str], say: Say | None = None) 
     observers = np.zeros(max(numbers, default=0) + 1, np.int64)
     observers[numbers] = [address(sensor.observe) for sensor in sensors]
     return Prepared(filter, address(filter.predict), address(filter.correct), observers)
+
+
+@contextmanager
+def blamed_at_run(filter: Filter, aidings: Sequence[Aiding]) -> Iterator[None]:
+    """Where a kernel of a plugin raises: a DataError of one line that names the plugins in use."""
+    try:
+        yield
+    except Exception as error:
+        used = [filters.REGISTRY.brought_by(filter.name)]
+        used += [aiding.REGISTRY.brought_by(a.kind) for a in aidings]
+        if names := dict.fromkeys(plugin.name for plugin in used if plugin):
+            raise DataError(
+                f"plugin {', '.join(names)}: a kernel fails while it runs ({one_line(error)})"
+            ) from error
+        raise
 
 
 def merge(aidings: Sequence[Aiding], after: float = -np.inf) -> Fixes:
@@ -221,15 +238,16 @@ class Run(NamedTuple):
         """Go on to the end of the sample before row `rows`; writes into `out`, or its own; `run`
         is `loop.run_recorded` where that has a record."""
         self.cursor.at[loop.STOP] = rows
-        run(
-            *self.kernels,
-            self.belief,
-            self.samples,
-            self.fixes,
-            self.noise,
-            self.cursor,
-            out or self.out,
-        )
+        with blamed_at_run(self.filter, self.recording.aidings):
+            run(
+                *self.kernels,
+                self.belief,
+                self.samples,
+                self.fixes,
+                self.noise,
+                self.cursor,
+                out or self.out,
+            )
 
     def chunks(self, rows: int) -> Iterator[int]:
         """Rows to stop at: every `rows` samples and the last. Ends early where the filter does."""
@@ -416,7 +434,7 @@ def new_belief(
     except (TypeError, ValueError) as error:
         raise DataError(f"filter {filter.name!r}: {error}") from None
     except Exception as error:
-        if plugin := filters.brought_by(filter.name):
+        if plugin := filters.REGISTRY.brought_by(filter.name):
             raise DataError(
                 f"plugin {plugin.name}: start of the Filter {filter.name!r} fails ({error})"
             ) from error

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import plugins
-from ..checks import DataError, did_you_mean
+from ..checks import DataError
 from ..core.contract import (
     ADJOINT_STEP,
     CORRECT,
@@ -18,6 +18,7 @@ from ..core.contract import (
     SAVE_STEP,
     STATES,
     Filter,
+    Slots,
     compile_kernel,
 )
 
@@ -56,39 +57,20 @@ def own_names() -> list[str]:
     return [name for name in _modules() if _filter(name)]
 
 
-def brought() -> dict[str, tuple[Filter, plugins.Plugin]]:
-    """{name: (value, plugin)} of what plugins bring."""
-    return plugins.collect(Filter, _filter, check)
-
-
 def names() -> list[str]:
     """Names of all filters: the library's, then those of plugins."""
-    return [*own_names(), *brought()]
+    return REGISTRY.names()
 
 
 def find(name: str | Filter) -> Filter:
     """The Filter of that name; of the library's own, only its file is imported. Raises DataError
     with the nearest name."""
-    if isinstance(name, Filter):
-        return name
-    if own := _filter(name):
-        return own
-    if name not in (others := brought()):
-        raise DataError(
-            f"no filter is called {name!r}{did_you_mean(name, names())}; there are: "
-            f"{', '.join(names())}"
-        )
-    return others[name][0]
-
-
-def brought_by(name: str) -> plugins.Plugin | None:
-    """The plugin that brings a filter; None for the library's own."""
-    return None if _filter(name) or name not in (others := brought()) else others[name][1]
+    return name if isinstance(name, Filter) else REGISTRY.find(name)
 
 
 def compiled(filter: Filter, kernel: Callable[..., Any]) -> None:
     """Compile a kernel of a filter. Raises DataError as `aiding.compiled` does."""
-    with plugins.blamed(filter, kernel, lambda: brought_by(filter.name)):
+    with plugins.blamed(filter, kernel, lambda: REGISTRY.brought_by(filter.name)):
         compile_kernel(kernel)
 
 
@@ -106,15 +88,31 @@ def check(filter: Filter) -> None:
     for field in ("states", "estimates"):
         if not set(getattr(filter, field)) <= set(range(STATES)):
             raise DataError(f"{what}{field} must be indices of states, 0 to {STATES - 1}")
+    for field in ("uses", "needs"):
+        kinds = getattr(filter, field) or ()
+        if not isinstance(kinds, tuple) or not all(isinstance(kind, str) for kind in kinds):
+            raise DataError(f"{what}{field} is {kinds!r}; it must be a tuple of kinds of aiding")
+    for field in ("configure", "diagnose"):
+        if not callable(getattr(filter, field) or callable):
+            raise DataError(f"{what}{field} is {getattr(filter, field)!r}; it must be a function")
+    if not isinstance(filter.slots, Slots):
+        raise DataError(f"{what}slots is {filter.slots!r}; it must be Slots")
 
 
-def add(filter: Filter, module: str) -> None:
-    """Add a filter that a module registers. Raises DataError."""
-    plugins.admit(filter, _filter, brought(), check, module)
+REGISTRY = plugins.Registry(Filter, "no filter is called", _filter, own_names, check)
 
 
 def _by_name(filter: Filter) -> tuple[Callable[[str], Filter], tuple[str]]:
-    """Kernels are no data: another process finds the filter by its name."""
+    """Kernels are no data: another process finds the filter by its name. Raises DataError for one
+    that cannot be found so."""
+    try:
+        found = find(filter.name)
+    except DataError:
+        found = None
+    if found is not filter:
+        raise DataError(
+            f"filter {filter.name!r} is known in this process alone; strapdown.register makes it known"
+        )
     return find, (filter.name,)
 
 

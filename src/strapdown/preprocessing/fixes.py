@@ -11,7 +11,7 @@ from ..checks import DataError
 from ..core.contract import Imu, Measurement
 from ..core.earth import LATITUDE_LIMIT
 from ..data import Aiding, Trajectory
-from ..quantities import dimension, find as find_quantity, si
+from ..quantities import REGISTRY as QUANTITIES, dimension, si
 from ..typing import Array
 from .attitude_checks import refuse_unit
 from .attitude_record import possible_attitude, together
@@ -151,7 +151,7 @@ def possible(y: Array, quantities: Sequence[str], origin: Origin) -> None:
             _latitude(column, size, origin)
         elif quantity == "pressure":
             _pressure(column, origin)
-        elif (size > (known := find_quantity(quantity)).most).any():
+        elif (size > (known := QUANTITIES.find(quantity)).most).any():
             row = int(np.nanargmax(size))
             raise DataError(
                 f"{origin.row(row)}: {quantity} is {column[row]:.6g} {si(dimension(quantity))}; "

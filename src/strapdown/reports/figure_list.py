@@ -50,12 +50,7 @@ class Figure(NamedTuple):
 
 def figures_of_page() -> list[Figure]:
     """Those of the library, then those of plugins."""
-    return [*FIGURES, *(figure for figure, _ in brought().values())]
-
-
-def brought() -> dict[str, tuple[Figure, plugins.Plugin]]:
-    """{name: (value, plugin)} of what plugins bring."""
-    return plugins.collect(Figure, _own, check)
+    return [*FIGURES, *(figure for figure, _ in REGISTRY.brought().values())]
 
 
 def _own(name: str) -> Figure | None:
@@ -74,10 +69,9 @@ def check(figure: Figure) -> None:
     check_keys(figure.takes, TAKES, f"figure {figure.name!r}, takes")
 
 
-def add(figure: Figure, module: str) -> None:
-    """Add a figure that a module registers to every report page that is made from now on. Raises
-    DataError."""
-    plugins.admit(figure, _own, brought(), check, module)
+REGISTRY = plugins.Registry(
+    Figure, "no figure is called", _own, lambda: [figure.name for figure in FIGURES], check
+)
 
 
 def _banded(states: slice, claimed: str, before: str = "", after: str = "") -> Text:

@@ -30,6 +30,7 @@ from ... import __version__
 from ...checks import DataError
 from ...core.kernel_cache import closure_digest
 from ...files import netcdf, replacing
+from ...plugins import Plugin
 from ...typing import File
 from .chunks import SCALARS, Arrays, Chunk, plugins_of, run_chunk
 from .scoring import ERROR_GROUPS, ERROR_STATE_NAMES
@@ -322,11 +323,18 @@ def describe(study: Study) -> dict[str, Any]:
         "cells": cells,
     }
     if brought := plugins_of(study):
-        manifest["plugins"] = {
-            plugin.name: closure_digest(plugin.module)[:12] if plugin.where else plugin.module
-            for plugin in brought
-        }
+        manifest["plugins"] = sorted([plugin.name, _digest(plugin)] for plugin in brought)
     return json.loads(json.dumps(manifest, default=float))
+
+
+def _digest(plugin: Plugin) -> str:
+    """A short digest of the code of a plugin. Raises DataError."""
+    try:
+        return closure_digest(plugin.module)[:12] if plugin.where else plugin.module
+    except OSError as error:
+        raise DataError(
+            f"plugin {plugin.name}: its file cannot be read any more ({error.strerror}); put it back"
+        ) from None
 
 
 def _sources() -> str:

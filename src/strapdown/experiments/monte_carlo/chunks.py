@@ -22,6 +22,7 @@ from ...engine.batch import fuse
 from ...engine.prepare import prepare
 from ...evaluation.cramer_rao import cramer_rao
 from ...plugins import Plugin
+from ...quantities import REGISTRY as QUANTITIES
 from ...sensor_models.imu import ImuSpec, grade
 from ...sim.scenario import Scenario, scenario
 from ...sim.synthesis import Simulator
@@ -87,14 +88,15 @@ def seeds(study: Study, cell: Cell, run: int) -> np.random.SeedSequence:
     )
 
 
-_simulators: dict[str, tuple[threading.Lock, list[Simulator]]] = {}
+_simulators: dict[tuple[Any, ...], tuple[threading.Lock, list[Simulator]]] = {}
 _making = threading.Lock()
 
 
 def simulator(cell: Cell) -> Simulator:
     """The Simulator of a cell's scenario; the last two are kept."""
     # a worker gets a new copy of the scenario with every chunk
-    key = cell.scenario.describe()["fingerprint"]
+    observed = [sensor.measurement.observe for sensor in cell.scenario.sensors]
+    key = (cell.scenario.describe()["fingerprint"], *observed)
     with _making:
         if key not in _simulators:
             while len(_simulators) > 1:
@@ -202,15 +204,19 @@ def _keep(arrays: Arrays, number: int, place: int, scored: Scored) -> None:
 
 
 def plugins_of(study: Study) -> list[Plugin]:
-    """The plugins that bring its filters and the kinds of its sensors, sorted."""
-    found = [filters.brought_by(parsed(label)[0].name) for label in study.filters]
-    found += [aiding.brought_by(kind) for kind in _kinds(study)]
+    """The plugins that bring its filters, the kinds of its sensors and their quantities."""
+    kinds = _kinds(study)
+    found = [
+        *(QUANTITIES.brought_by(q) for kind in kinds for q in aiding.find(kind).quantities),
+        *(aiding.REGISTRY.brought_by(kind) for kind in kinds),
+        *(filters.REGISTRY.brought_by(parsed(label)[0].name) for label in study.filters),
+    ]
     return list({plugin.where: plugin for plugin in found if plugin}.values())
 
 
 def _kinds(study: Study) -> list[str]:
     """Kinds of aiding that its recordings can have."""
-    sensors = [sensor for cell in study.cells for sensor in getattr(cell.scenario, "sensors", ())]
+    sensors = [sensor for cell in study.cells for sensor in cell.scenario.sensors]
     return list(dict.fromkeys([*aiding.own_names(), *(sensor.kind for sensor in sensors)]))
 
 

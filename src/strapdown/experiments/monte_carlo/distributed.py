@@ -44,13 +44,13 @@ def run(
         return
     study = campaign.study
     assert study is not None  # it began this campaign
+    needed = _needed(study)
     if not scheduler:
         compile_for(study, say)  # once, into the cache that the workers load from
     with _client(workers, scheduler) as client:
         from dask.distributed import as_completed
 
         options = {"pure": False, "retries": 0}
-        needed = _needed(study)
         futures = {
             client.submit(_work, needed, campaign, chunk, **options): chunk for chunk in missing
         }
@@ -68,7 +68,7 @@ def run(
                 needed,
                 campaign,
                 chunk,
-                _killers(client, study, chunk, tried[chunk], say),
+                _killers(client, needed, study, chunk, tried[chunk], say),
                 **options,
             )
             futures[again] = chunk
@@ -103,7 +103,12 @@ def _killed(future: Future[Any]) -> bool:
 
 
 def _killers(
-    client: Client, study: Study, chunk: Chunk, times: int, say: Say | None
+    client: Client,
+    needed: list[tuple[str, str]],
+    study: Study,
+    chunk: Chunk,
+    times: int,
+    say: Say | None,
 ) -> tuple[int, ...]:
     """Runs of a chunk that kill their worker when they are alone, found one after the other so
     that none dies for another. Raises DataError."""
@@ -112,7 +117,7 @@ def _killers(
     cell, killers = study.cells[chunk.cell], []
     for number in range(chunk.first, chunk.stop):
         alone = client.submit(
-            _probe, _needed(study), study, Chunk(chunk.cell, number, number + 1), pure=False
+            _probe, needed, study, Chunk(chunk.cell, number, number + 1), pure=False
         )
         wait(alone)  # type: ignore[no-untyped-call]
         if not _killed(alone):

@@ -29,14 +29,9 @@ def _own() -> dict[str, Reader]:
     return {module.READER.name: module.READER for module in modules}
 
 
-def brought() -> dict[str, tuple[Reader, plugins.Plugin]]:
-    """{name: (value, plugin)} of what plugins bring."""
-    return plugins.collect(Reader, _own().get, check)
-
-
 def readers() -> dict[str, Reader]:
     """{name: Reader} of all formats, those of plugins last."""
-    return _own() | {name: reader for name, (reader, _) in brought().items()}
+    return _own() | {name: reader for name, (reader, _) in REGISTRY.brought().items()}
 
 
 def check(reader: Reader) -> None:
@@ -50,12 +45,6 @@ def check(reader: Reader) -> None:
                 f"reader {reader.name!r}: files that end in {min(shared)} are read by "
                 f"{other.name!r}; give it a sniff that tells them apart, or another suffix"
             )
-
-
-def add(reader: Reader, module: str) -> None:
-    """Add a format that a module registers: `read`, `inspect`, the help and the complaints know it.
-    Raises DataError."""
-    plugins.admit(reader, _own().get, brought(), check, module)
 
 
 def _check_fields(reader: Reader) -> None:
@@ -84,34 +73,33 @@ def _check_fields(reader: Reader) -> None:
             )
 
 
+REGISTRY = plugins.Registry(
+    Reader, "no reader is called", lambda name: _own().get(name), lambda: _own(), check
+)
+
+
 def find(path: Path) -> Reader | None:
-    """The Reader of a file, or None. Raises DataError where a `sniff` fails."""
-    lower = path.name.lower()
-    claims = {
-        name: max((len(end) for end in reader.suffixes if lower.endswith(end)), default=0)
-        for name, reader in readers().items()
-    }
-    longest_first = lambda each: (-claims[each.name], each.sniff is None)
-    for reader in sorted(readers().values(), key=longest_first):
-        if ask(reader, "sniff", path) if reader.sniff else claims[reader.name]:
-            return _only(reader, claims, path)
+    """The Reader of a file, or None. Raises DataError where a `sniff` fails, or where two readers
+    claim the file alike."""
+    lower, claims = path.name.lower(), []
+    for reader in readers().values():
+        length = max((len(end) for end in reader.suffixes if lower.endswith(end)), default=0)
+        if length or reader.sniff:
+            claims.append(((-length, reader.sniff is None), reader))
+    for claim, reader in sorted(claims, key=lambda each: each[0]):
+        if not reader.sniff or ask(reader, "sniff", path):
+            for other_claim, other in claims:
+                if (
+                    other is not reader
+                    and other_claim == claim
+                    and (not other.sniff or ask(other, "sniff", path))
+                ):
+                    raise DataError(
+                        f"{path}: the readers {reader.name!r} and {other.name!r} both take it for "
+                        f"theirs; leave one of them out"
+                    )
+            return reader
     return None
-
-
-def _only(reader: Reader, claims: dict[str, int], path: Path) -> Reader:
-    """The reader, where no other claims the file as much. Raises DataError."""
-    for other in readers().values():
-        if (
-            other.name != reader.name
-            and claims[other.name] == claims[reader.name]
-            and (other.sniff is None) == (reader.sniff is None)
-            and (other.sniff is None or ask(other, "sniff", path))
-        ):
-            raise DataError(
-                f"{path}: the readers {reader.name!r} and {other.name!r} both take it for theirs; "
-                f"leave one of them out"
-            )
-    return reader
 
 
 def ask(reader: Reader, function: str, path: Path, *arguments: Any) -> Any:
@@ -120,7 +108,7 @@ def ask(reader: Reader, function: str, path: Path, *arguments: Any) -> Any:
         return getattr(reader, function)(path, *arguments)
     except DataError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         reason = (str(error).splitlines() or [""])[0]
         said = (
             f"needs a package that is not installed ({reason}); install it"

@@ -1,0 +1,133 @@
+"""The trial of observations from outside: the library's own pass it, mistakes are found before
+anything is computed with them."""
+
+import numpy as np
+import pytest
+
+from strapdown import aiding, plugins
+from strapdown.aiding.trial import tried
+from strapdown.checks import DataError
+from strapdown.core.contract import OBSERVE, Measurement, compile_kernel, kernel
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("name", aiding.own_names())
+def test_the_kinds_of_the_library_pass(name):
+    assert tried(aiding.find(name), aiding.compiled(name)) == []
+
+
+@kernel(OBSERVE)
+def returns_nothing(belief, y, parameters, innovation, H):
+    innovation[0] = y[0] - belief.v[2]
+    H[0, 5] = 1.0
+
+
+@kernel(OBSERVE)
+def two_rows(belief, y, parameters, innovation, H):
+    innovation[0] = y[0] - belief.v[2]
+    H[0, 5] = 1.0
+    return 2
+
+
+@kernel(OBSERVE)
+def beside(belief, y, parameters, innovation, H):
+    innovation[0] = y[0] - belief.v[2]
+    H[0, 5] = 1.0
+    H[0, 400] = 1.0
+    return 1
+
+
+@kernel(OBSERVE)
+def second_row(belief, y, parameters, innovation, H):
+    innovation[0] = y[0] - belief.v[2]
+    H[0, 5], H[1, 5] = 1.0, 1.0
+    return 1
+
+
+@kernel(OBSERVE)
+def raises(belief, y, parameters, innovation, H):
+    if y[0] == y[0]:
+        raise ValueError("no such thing")
+    return 1
+
+
+@kernel(OBSERVE)
+def writes(belief, y, parameters, innovation, H):
+    innovation[0] = y[0] - belief.v[2]
+    belief.v[2] = 0.0
+    H[0, 5] = 1.0
+    return 1
+
+
+@kernel(OBSERVE)
+def wrong_sign(belief, y, parameters, innovation, H):
+    innovation[0] = y[0] + belief.v[2]
+    H[0, 5] = 1.0
+    return 1
+
+
+@kernel(OBSERVE)
+def left_out(belief, y, parameters, innovation, H):
+    """Forward speed without its derivative by the attitude."""
+    innovation[0] = y[0]
+    for i in range(3):
+        innovation[0] -= belief.C[i, 0] * belief.v[i]
+        H[0, 3 + i] = belief.C[i, 0]
+    return 1
+
+
+@kernel(OBSERVE)
+def sometimes(belief, y, parameters, innovation, H):
+    return 0
+
+
+@pytest.mark.parametrize(
+    "observe, said",
+    [
+        (returns_nothing, "returns None; it must return the number of its rows, 1"),
+        (two_rows, "returns 2; it must return the number of its rows, 1"),
+        (beside, "writes beside its arrays|index 400 is out of bounds"),
+        (second_row, "writes beside its arrays"),
+        (raises, "fails at a trial: ValueError: no such thing"),
+        (writes, "changes the belief"),
+    ],
+    ids=lambda each: getattr(each, "__name__", None),
+)
+def test_mistakes_are_refused(observe, said):
+    compile_kernel(observe)
+    with pytest.raises(DataError, match=said) as error:
+        tried(Measurement("mine", observe, ("speed",)), observe)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.short
+@pytest.mark.parametrize(
+    "observe, said",
+    [
+        (wrong_sign, r"H\[0, 5\] is 1 \(velocity down, m/s\), and the innovation changes by -1 "),
+        (left_out, r"H\[0, 6\] is 0 \(attitude north, rad\)"),
+        (sometimes, None),
+    ],
+    ids=lambda each: getattr(each, "__name__", None),
+)
+def test_derivatives_that_are_not_the_innovations_are_told(observe, said):
+    compile_kernel(observe)
+    found = tried(Measurement("mine", observe, ("speed",)), observe)
+    if said is None:
+        assert found == []
+    else:
+        assert any(np.char.find(found, said.replace("\\", "")) >= 0), found
+
+
+def test_a_registered_sensor_is_tried_once_before_it_is_used(monkeypatch):
+    monkeypatch.setattr(plugins, "_plugins", {})
+    monkeypatch.setattr(aiding, "_tried", {})
+    aiding.REGISTRY.add(Measurement("mine", wrong_sign, ("speed",)), __name__)
+    with pytest.warns(plugins.PluginWarning, match=r"test_trial.py: Measurement 'mine': H\[0, 5\]"):
+        aiding.compiled("mine")
+    aiding.compiled("mine")  # and says no more
+    aiding.REGISTRY.add(Measurement("other", two_rows, ("speed",)), __name__)
+    with pytest.raises(
+        DataError, match="plugin test_trial.py: Measurement 'other': observe returns 2"
+    ):
+        aiding.compiled("other")
