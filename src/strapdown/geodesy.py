@@ -83,7 +83,7 @@ def gravity(lat: ArrayLike, h: ArrayLike = 0.0, model: str = "wgs84") -> Any:
 
 def gravity_ned(lat: ArrayLike, h: ArrayLike = 0.0) -> Array:
     """Gravity (..., 3) in m/s^2, north, east, down, of latitudes (rad) and ellipsoidal heights
-    (m), as every filter here computes it.
+    (m), as the INS filters here compute it.
 
     Down is `gravity`. North is -1.63e-8 h sin L cos L: above the ellipsoid gravity leans towards
     the equator, by 8.3e-6 rad at 45 deg and 10 km (`core.earth.gravity_north`).
