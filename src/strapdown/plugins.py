@@ -337,7 +337,7 @@ def check_kernel(function: Any, signature: Any, arguments: int, what: str) -> No
     if declared is None:
         raise DataError(f"{what} is no kernel: write @kernel(SIGNATURE) above it")
     if declared != signature:
-        raise DataError(f"{what} is a kernel of another signature; it must be {signature}")
+        raise DataError(f"{what} is a kernel of another signature, see docs/plugins.md")
     names = list(inspect.signature(getattr(function, "py_func", function)).parameters)
     if len(names) != arguments:
         raise DataError(
@@ -356,7 +356,13 @@ def blamed(value: Any, kernel: Any, plugin: Callable[[], Plugin | None]) -> Iter
         whose = plugin()
         code = kernel.py_func.__code__
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        said = (line for line in lines if not line.startswith(("Failed in", "- Resolution")))
+        said = (
+            "it allocates memory, for an array or a list; write a loop over numbers"
+            if "NRT required" in line
+            else line
+            for line in lines
+            if not line.startswith(("Failed in", "- Resolution"))
+        )
         place = next((f" ({line.rstrip(':')})" for line in lines if line.startswith("File ")), "")
         raise DataError(
             f"{f'plugin {whose.name}: ' if whose else ''}{type(value).__name__} {value.name!r}: the "

@@ -21,6 +21,8 @@ def register(*values: Any) -> None:
     module = caller.f_back.f_globals["__name__"]
     for value in values:
         if type(value) not in homes:
+            if inspect.ismodule(value):
+                raise DataError(f"register: {value.__name__} is a module; give the values in it")
             raise DataError(
                 f"register: {value!r} is a {type(value).__name__}; it must be one of "
                 f"{', '.join(kind.__name__ for kind in homes)}"
@@ -31,15 +33,15 @@ def register(*values: Any) -> None:
 def brought() -> list[tuple[str, str, str, str]]:
     """[(plugin, where it is from, what it brings, what cannot be used)], a row per plugin."""
     found = [
-        (plugin.where, f"{kind.__name__} {name}")
+        (plugin, f"{kind.__name__} {name}")
         for kind, home in _homes().items()
         for name, (_, plugin) in home.brought().items()
     ]
     return [
         (
             plugin.name,
-            plugin.where if plugin.where != plugin.name else "installed",
-            ", ".join(text for where, text in found if where == plugin.where),
+            plugin.where,
+            ", ".join(text for its, text in found if its is plugin),
             "; ".join(plugin.complaints),
         )
         for plugin in plugins()

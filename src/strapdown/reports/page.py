@@ -20,7 +20,7 @@ from ..evaluation.metrics import Errors
 from ..io.solution import plain
 from . import summary
 from .drawing import COLOURS, MARKED, SHADES, WITHHELD
-from .figure_list import Figure, figures_of_page
+from .figure_list import REGISTRY, Figure, figures_of_page
 from .shell import Page, listed, placed, shell
 
 FOOTER = (
@@ -285,9 +285,13 @@ class _Drawer:
                 )
             )
             return self.place(made, title, caption, tag)
-        except Exception as error:  # whatever a user's own figure does, the page is not lost
-            why = " ".join(str(error).split())
-            self.notes.append(f"figure {figure.name!r}: {type(error).__name__}: {why}")
+        # whatever a user's own figure does, the page is not lost
+        except (Exception, SystemExit) as error:
+            why, plugin = " ".join(str(error).split()), REGISTRY.brought_by(figure.name)
+            whose = f"plugin {plugin.name}: " if plugin else ""
+            self.notes.append(
+                f"{whose}figure {figure.name!r} is left out: {type(error).__name__}: {why}"
+            )
             return f"<p class=note>{escape(self.notes[-1])}</p>"
 
     def place(self, figure: go.Figure, heading: str, caption: str, tag: str = "") -> str:

@@ -106,8 +106,10 @@ def ask(reader: Reader, function: str, path: Path, *arguments: Any) -> Any:
     """What a function of the reader returns. Whatever it raises is a DataError of one line."""
     try:
         return getattr(reader, function)(path, *arguments)
-    except DataError:
-        raise
+    except DataError as error:
+        if str(path) in str(error) or str(path.name) in str(error):
+            raise
+        raise DataError(f"{path}: {error}") from error
     except (Exception, SystemExit) as error:
         reason = (str(error).splitlines() or [""])[0]
         said = (
@@ -128,6 +130,15 @@ def read(path: File) -> Recording:
     path = Path(path)
     reader = find(path)
     if reader is None:
+        known = [
+            each.name
+            for each in readers().values()
+            if path.name.lower().endswith(each.suffixes or ("\0",))
+        ]
+        if known:
+            raise DataError(
+                f"{path}: its name ends as files of {' and '.join(known)} do, and its content is none"
+            )
         ending = "".join(path.suffixes[-2 if path.suffix.lower() in PACKED else -1 :]).lower()
         raise DataError(
             f"{path}: files of type {ending or '(no suffix)'!r} are not read; supported are: "
