@@ -316,11 +316,12 @@ def test_reference_written_by_this_library(build, tmp_path):
 
 
 def test_a_new_kind_of_aiding_needs_nothing_here(build, monkeypatch):
-    import strapdown.aiding
+    from strapdown import aiding, plugins
 
-    known = strapdown.aiding.measurements()
-    sensor = Measurement("airflow", None, ("speed", "angle"), parameters="antenna")
-    monkeypatch.setattr(strapdown.aiding, "measurements", lambda: known | {"airflow": sensor})
+    monkeypatch.setattr(plugins, "_plugins", {})
+    observe = aiding.find("position").observe  # nothing here calls it
+    sensor = Measurement("airflow", observe, ("speed", "angle"), parameters="antenna")
+    aiding.REGISTRY.add(sensor, __name__)
     extra = '[[aiding]]\nkind = "airflow"\nfile = "gnss.csv"\ntime = { column = "t", unit = "s" }\ncolumns = ["vn", "ve"]\nunit = ["knot", "deg"]\nsd = [1.0, 2.0]\n'
     airflow = read(build(toml=lambda s: s + extra)).aidings[2]
     np.testing.assert_allclose(airflow.y[0], [0.11 * 1852 / 3600, np.radians(-0.08)])
