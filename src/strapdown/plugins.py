@@ -228,8 +228,8 @@ class Registry(Generic[Kind]):
         if name not in (others := self.brought()):
             names = [*self.own_names(), *others]
             raise DataError(
-                f"{self.what} {name!r}{did_you_mean(name, names)}; there are: {', '.join(names)}; one "
-                f"of your own must be named first (docs/plugins.md)"
+                f"{self.what} {name!r}{did_you_mean(name, names)}; there are: {', '.join(names)}; for "
+                f"one of a plugin name that by --plugin FILE or sd.register (docs/plugins.md)"
             )
         return others[name][0]
 

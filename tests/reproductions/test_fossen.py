@@ -493,7 +493,7 @@ def test_the_command(command, tmp_path, monkeypatch):
     for words, text in (
         (("--runs", "0"), "runs is 0"),
         (("--recordings", "."), "reproduce fossen has no option --recordings"),
-        (("--runs", "1", "--seed", "-1"), "seed -1"),
+        (("--runs", "1", "--seed", "-1"), "seed is -1"),
     ):
         code, _, err = command("reproduce", "fossen", *words, "--out", tmp_path / "y")
         assert code == 2 and text in err[-1] and len(err) == 1

@@ -339,7 +339,7 @@ def test_a_stream_is_the_batch_bit_for_bit_and_a_seed_repeats(filter, options):
         (filters.UKF6, dict(alpha=0.0), "alpha must be above 0"),
         (filters.PKF6, dict(components=0), "components is 0; it must be a whole number"),
         (filters.PKF6, dict(components=2.5), "components is 2.5"),
-        (filters.PKF6, dict(kernel=0.0), "kernel is 0.0; it must be above 0"),
+        (filters.PKF6, dict(kernel=0.0), "kernel is 0.0; it must be a finite number above 0"),
         (
             filters.PKF6,
             dict(resample=1.5),

@@ -43,9 +43,9 @@ def on_threads(
     called with the fraction done."""
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         for done, result in enumerate(pool.map(work, tasks), 1):
-            yield result
-            if progress:
+            if progress:  # before it is handed out: nobody may come for another one
                 progress(done / len(tasks))
+            yield result
 
 
 def write_study(
