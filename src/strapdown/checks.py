@@ -120,7 +120,7 @@ def check_array(
 
     try:
         array = np.asarray(value, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = np.empty(0)
     fits = array.ndim == len(shape) and all(
         size in (None, own) for size, own in zip(shape, array.shape)

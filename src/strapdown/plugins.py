@@ -143,11 +143,14 @@ def _absolute(where: str) -> Path:
 
 def _load(name: str, where: str, imported: Callable[[], Any]) -> Plugin:
     with _writing:
-        if where in _plugins:
-            _plugins[where].whole = True
-            return _plugins[where]
-        module = _module_name(where)
-        plugin = _plugins[where] = Plugin(name, where, module, whole=True)
+        plugin = _plugins.get(where)
+        is_new = plugin is None
+        plugin = plugin or Plugin(name, where, _module_name(where))
+        _plugins[where] = plugin
+        # of an entry point that names a value, that value alone
+        plugin.whole = where.endswith(".py") or ":" not in where
+    if not is_new:
+        return plugin
     try:
         found = imported()
     except KeyboardInterrupt:
@@ -159,9 +162,8 @@ def _load(name: str, where: str, imported: Callable[[], Any]) -> Plugin:
         plugin.complain(plugin.failed)
     else:
         if not inspect.ismodule(found):
-            plugin.whole = False
             plugin.registered.append(found)
-        elif found.__name__ != module:
+        else:
             plugin.module = found.__name__
     return plugin
 

@@ -69,7 +69,7 @@ def compiled(name: str) -> Observe:
     sensor = find(name)
     with plugins.blamed(sensor, sensor.observe, lambda: REGISTRY.brought_by(name)):
         compile_kernel(sensor.observe)
-    plugin = None if name in _own() else REGISTRY.brought_by(name)
+    plugin = REGISTRY.brought_by(name)
     if plugin and _tried.get(name) is not sensor.observe:
         with located(f"plugin {plugin.name}: Measurement {name!r}"):
             for text in tried(sensor, sensor.observe):
