@@ -20,10 +20,13 @@ from .checks import DataError as DataError
 from .core.contract import BRIDGED, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
 from .core.rotation import quaternion_to_euler
 from .typing import Array, Ints, Mask, Vector
+from .verdict import Verdict
 
 if TYPE_CHECKING:
     import pandas as pd
     from scipy.spatial.transform import Rotation
+
+    from .recording import Recording
 
 ATTITUDE_COLUMNS = ["roll", "pitch", "heading"]
 NAV_COLUMNS = ["lat", "lon", "alt", "VN", "VE", "VD", *ATTITUDE_COLUMNS]
@@ -197,6 +200,17 @@ class Solution:
     columns: dict[str, Array] = field(default_factory=dict)
     covariance: Array | None = None  # (n, k, k) at the same times, where it was asked for
     meta: dict[str, Any] = field(default_factory=dict)  # filter, imu, start, recording, counts
+    # the sources that the filter used, with their samples; None of a solution read from a file
+    recording: Recording | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Whether to trust it, with the reasons: found when asked for, or as its file says."""
+        if "verdict" in self.meta:
+            return Verdict.from_dict(self.meta["verdict"])
+        from .diagnosis.judge import judge
+
+        return judge(self)
 
     @property
     def t(self) -> Array:

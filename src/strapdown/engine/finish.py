@@ -90,6 +90,7 @@ def solution(run: Run) -> Solution:
         columns,
         out.covariance[: len(nav)] if len(out.covariance) else None,
         meta,
+        recording,
     )
 
 

@@ -1,0 +1,1 @@
+"""What the parts of a recording say of each other, before any filter runs."""

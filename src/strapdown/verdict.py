@@ -1,0 +1,108 @@
+"""What is said of a result or a recording that may be wrong: reasons with their probable cause, and
+the verdict that they come to. Whoever finds something (`cross_checks`, `diagnosis`) makes Reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+TRUSTED, DOUBTFUL, NOT_TO_BE_TRUSTED = "trusted", "doubtful", "not to be trusted"
+GRAVE = 3.0
+"""Weight from which a reason alone makes a result not to be trusted; 1 makes it doubtful."""
+CAUSES = {
+    "clock": "time stamps",
+    "unit": "unit or scale",
+    "axes": "axes of the IMU",
+    "frame": "frame of the velocity",
+    "height": "height above geoid or ellipsoid",
+    "lever arm": "lever arm of the antenna",
+    "mounting": "mounting of the IMU",
+    "odometer scale": "scale of the odometer",
+    "fix noise": "standard deviations of fixes",
+    "lasting errors": "errors of fixes that last",
+    "repeated": "repeated or held values",
+    "imu noise": "description of the IMU",
+    "accelerometer": "accelerometer bias or scale",
+    "gyro": "gyro bias or scale",
+    "heading": "heading at the start",
+    "outliers": "fixes that are far off",
+    "unknown": "set-up",
+}
+"""{cause: words for it}: what can be wrong with a set-up."""
+
+
+class Reason(NamedTuple):
+    """Something that should not be so in a right set-up."""
+
+    cause: str  # the probable one, a key of CAUSES
+    # what was seen, with its number and unit, and what was expected: one clause, no full stop
+    seen: str
+    remedy: str  # what to change or to run next: one clause in the imperative
+    source: str = ""  # name of the source of fixes concerned; empty: the IMU, or no single one
+    weight: float = 1.0  # what was seen over what a right set-up shows at most
+
+    @property
+    def what(self) -> str:
+        """The cause in words, with the source."""
+        return f"{CAUSES[self.cause]} of {self.source}" if self.source else CAUSES[self.cause]
+
+    def __str__(self) -> str:
+        return f"{self.what}: {self.seen}; {self.remedy}"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether to trust a result: `word` is one of TRUSTED, DOUBTFUL, NOT_TO_BE_TRUSTED."""
+
+    word: str
+    reasons: tuple[Reason, ...] = ()  # the weightiest first
+    untested: tuple[str, ...] = ()  # what could not be tested, and why
+
+    @classmethod
+    def of(cls, reasons: Iterable[Reason], untested: Iterable[str] = ()) -> Verdict:
+        """The verdict that these reasons come to."""
+        ranked = tuple(sorted(reasons, key=lambda reason: -reason.weight))
+        heaviest = ranked[0].weight if ranked else 0.0
+        word = NOT_TO_BE_TRUSTED if heaviest >= GRAVE else DOUBTFUL if heaviest >= 1.0 else TRUSTED
+        return cls(word, ranked, tuple(untested))
+
+    @property
+    def trusted(self) -> bool:
+        """Whether nothing speaks against the result."""
+        return self.word == TRUSTED
+
+    @property
+    def line(self) -> str:
+        """The verdict in one line, with its first reason."""
+        if self.reasons:
+            return f"{self.word}: {self.reasons[0]}"
+        return (
+            f"{self.word}; not tested: {', '.join(self.untested)}" if self.untested else self.word
+        )
+
+    @property
+    def lines(self) -> list[str]:
+        """The verdict in lines for people: all reasons, what could not be tested."""
+        return [
+            self.word,
+            *(f"  {number}. {reason}" for number, reason in enumerate(self.reasons, 1)),
+            *(f"  not tested: {text}" for text in self.untested),
+        ]
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines)
+
+    def as_dict(self) -> dict[str, Any]:
+        """As plain values, for files."""
+        return {
+            "word": self.word,
+            "reasons": [reason._asdict() for reason in self.reasons],
+            "untested": list(self.untested),
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Verdict:
+        """From what `as_dict` gave."""
+        reasons = tuple(Reason(**reason) for reason in values["reasons"])
+        return cls(values["word"], reasons, tuple(values["untested"]))
