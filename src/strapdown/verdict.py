@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 
 TRUSTED, DOUBTFUL, NOT_TO_BE_TRUSTED = "trusted", "doubtful", "not to be trusted"
 GRAVE = 3.0
-"""Weight from which a reason alone makes a result not to be trusted; 1 makes it doubtful."""
+"""Sum of the weights that makes a result not to be trusted; a single one of 1 makes it doubtful, less
+is a remark."""
 CAUSES = {
     "clock": "time stamps",
     "unit": "unit or scale",
@@ -63,8 +64,8 @@ class Verdict:
     def of(cls, reasons: Iterable[Reason], untested: Iterable[str] = ()) -> Verdict:
         """The verdict that these reasons come to."""
         ranked = tuple(sorted(reasons, key=lambda reason: -reason.weight))
-        heaviest = ranked[0].weight if ranked else 0.0
-        word = NOT_TO_BE_TRUSTED if heaviest >= GRAVE else DOUBTFUL if heaviest >= 1.0 else TRUSTED
+        total = sum(reason.weight for reason in ranked if reason.weight >= 1.0)
+        word = NOT_TO_BE_TRUSTED if total >= GRAVE else DOUBTFUL if total else TRUSTED
         return cls(word, ranked, tuple(untested))
 
     @property
@@ -75,7 +76,7 @@ class Verdict:
     @property
     def line(self) -> str:
         """The verdict in one line, with its first reason."""
-        if self.reasons:
+        if self.reasons and not self.trusted:
             return f"{self.word}: {self.reasons[0]}"
         return (
             f"{self.word}; not tested: {', '.join(self.untested)}" if self.untested else self.word

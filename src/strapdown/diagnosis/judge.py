@@ -1,9 +1,65 @@
-"""The Verdict of a Solution, from statistics of its run."""
+"""The Verdict of a Solution, from the statistics of its run, its positions against its velocities
+and the sensitivity of its innovations to the installation."""
+
+from collections.abc import Iterator
+
+import numpy as np
 
 from ..data import Solution
-from ..verdict import Verdict
+from ..verdict import Reason, Verdict
+from . import evidence
+from .evidence import GATED, Fixes
+
+SHORTEST = 30.0  # s of a run that says something of itself
+AT_REST = 1.0  # m/s that is never exceeded by what does not move
 
 
 def judge(solution: Solution) -> Verdict:
     """The Verdict of a Solution that `fuse` or `smooth` made of a recording."""
-    return Verdict.of([])
+    if solution.recording is None:
+        return Verdict.of([], ["anything: it was read from a file that has no verdict"])
+    sources = evidence.by_source(solution)
+    symptoms = list(_symptoms(solution, sources))
+    return Verdict.of(symptoms, _untested(solution, sources))
+
+
+def _symptoms(solution: Solution, sources: list[Fixes]) -> Iterator[Reason]:
+    """What the run shows that a right set-up does not."""
+    yield from evidence.stopped(solution)
+    yield from evidence.biases(solution)
+    yield from evidence.smoother(solution)
+    for source in sources:
+        found = [*evidence.noise(source), *evidence.rejections(source)]
+        yield from sorted(found, key=lambda reason: -reason.weight)[:1]
+    for source in sources:
+        if source.kind in ("position", "velocity"):
+            yield from evidence.course(solution, source.t)
+            break
+
+
+def _untested(solution: Solution, sources: list[Fixes]) -> Iterator[str]:
+    """What could not be tested, and why."""
+    seconds = float(np.ptp(solution.t)) if len(solution.t) > 1 else 0.0
+    if seconds < SHORTEST:
+        yield f"anything that takes time: the run lasts {seconds:.0f} s"
+    few = [source.name for source in sources if len(source.t) < GATED]
+    if few:
+        yield f"innovations of {', '.join(few)}: fewer than {GATED} fixes"
+    if any(not np.isfinite(source.ratio).all() for source in sources):
+        yield f"innovations: {solution.meta.get('filter', 'the filter')} does not gate"
+    if solution.meta.get("bias_sd") is None:
+        yield "biases: the IMU is not described"
+    kinds = {source.kind for source in sources}
+    if not kinds & {"position", "velocity"}:
+        yield "clock and lever arm: there is no GNSS"
+    elif not {"position", "velocity"} <= kinds:
+        yield "clock and lever arm: position and velocity are not both measured"
+    elif not _moves(solution):
+        yield "clock, lever arm and heading: it never moves"
+    if evidence.heading_never_seen(solution):
+        yield "heading: no turn or acceleration showed it, its error is that of the start"
+
+
+def _moves(solution: Solution) -> bool:
+    v = solution.trajectory.v_n
+    return v is not None and bool((np.abs(v[:, :2]) > AT_REST).any())

@@ -34,6 +34,7 @@ def solution(run: Run) -> Solution:
         "recording": recording.meta.get("name", ""),
         "notes": list(recording.meta.get("notes", [])),
         "imu": spec.name if spec else "",
+        "bias_sd": list(map(float, spec.bias_sd())) if spec else None,
         "start": start._asdict(),
         "noise": noise._asdict(),
         "fixes_outside": sum(len(a.t) for a in recording.aidings) - len(used),

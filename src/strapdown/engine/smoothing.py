@@ -6,6 +6,8 @@ more through each such piece, the last one first, leaving in a record what the w
 beside the solution and these states memory is that of a piece, however long the recording.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -27,6 +29,7 @@ from ..core.contract import (
 )
 from ..core.smoother import run_back, work_size
 from ..data import Solution
+from ..geodesy import displacement
 from ..recording import Recording
 from ..typing import Array, Ints, Progress, Say
 from .batch import begin
@@ -78,15 +81,16 @@ def smooth(
         say("compiling the smoother for the first time on this machine, about 15 s ...")
     for kernel in kernels:
         compile_kernel(kernel)
-    both_ways(run, progress or (lambda done: None))
+    differences = both_ways(run, progress or (lambda done: None))
     result = solution(run)
     result.meta["smoothed"] = True
+    result.meta["filter_against_smoother"] = differences.ratios()
     return result
 
 
-def both_ways(run: Run, report: Progress) -> None:
-    """Fill the output of a Run that has not begun with smoothed rows; `report` is told the
-    fraction done. Its kernels must be compiled."""
+def both_ways(run: Run, report: Progress) -> Differences:
+    """Fill the output of a Run that has not begun with smoothed rows, and say how far the filter
+    was from them; `report` is told the fraction done. Its kernels must be compiled."""
     at = run.cursor.at
     at[loop.SAVE_STEP], keeping = (
         address(_smoother(run).save_step),
@@ -98,7 +102,7 @@ def both_ways(run: Run, report: Progress) -> None:
         run.advance(rows)
         kept.append(_stand(run))
         report(run.done / 2)
-    _backwards(run, kept, keeping, report)
+    return _backwards(run, kept, keeping, report)
 
 
 def _smoother(run: Run) -> Smoother:
@@ -129,7 +133,7 @@ def _restore(run: Run, stand: _Stand) -> None:
         array[...] = before
 
 
-def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress) -> None:
+def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress) -> Differences:
     """Fill `run.out` with smoothed rows, chunk after chunk from the end; `kept` are the stands
     before each chunk and after the last.
 
@@ -149,6 +153,7 @@ def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress
     room = new_output(run.filter, run.belief, rows, True, 0, max(calls, 1))._replace(
         fix=run.out.fix
     )
+    differences = Differences()
     for number in range(len(pairs), 0, -1):
         (before, after), rows, whole = (
             pairs[number - 1],
@@ -159,6 +164,7 @@ def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress
         run.cursor.at[loop.OUT] = run.cursor.at[loop.RECORDED] = 0
         run.cursor.at[[loop.EVERY, loop.PHASE]] = keeping
         run.advance(after.row, room._replace(nav=run.out.nav[whole]), loop.run_recorded)
+        filtered = run.out.nav[whole, : loop.ROW_STATUS].copy()
         run_back(
             adjoint_step,
             room.record[: run.cursor.at[loop.RECORDED]],
@@ -171,6 +177,39 @@ def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress
             run.out.nav[whole],
             run.out.covariance[whole],
         )
+        differences.add(filtered, run.out.nav[whole])
         report(1 - (number - 1) / len(pairs) / 2)
     _restore(run, kept[-1])
     run.cursor.at[loop.OUT] = out[-1]
+    return differences
+
+
+class Differences:
+    """Squares of the differences between filter and smoother over their variance, which is that
+    of the filter less that of the smoother."""
+
+    LEAST = 0.05  # part of the filter's variance below which there is nothing to compare
+
+    def __init__(self) -> None:
+        self.sums, self.counts = np.zeros(6), np.zeros(6)
+
+    def add(self, filtered: Array, smoothed: Array) -> None:
+        """Take in rows of the output of the filter and of the smoother."""
+        position = displacement(smoothed[:, loop.LLA : loop.V], filtered[:, loop.LLA : loop.V])
+        moved = np.c_[position, smoothed[:, loop.V : loop.Q] - filtered[:, loop.V : loop.Q]]
+        first, last = loop.SD, loop.SD + 6
+        before, after = filtered[:, first:last] ** 2, smoothed[:, first:last] ** 2
+        with np.errstate(invalid="ignore", divide="ignore"):
+            squares = np.where(
+                before - after > self.LEAST * before, moved**2 / (before - after), np.nan
+            )
+        self.sums += np.nansum(squares, axis=0)
+        self.counts += np.isfinite(squares).sum(axis=0)
+
+    def ratios(self) -> dict[str, float]:
+        """{what: mean of the squares}, 1 where both are right; of what was compared."""
+        found = {}
+        for what, states in (("position", slice(0, 3)), ("velocity", slice(3, 6))):
+            if count := self.counts[states].sum():
+                found[what] = float(self.sums[states].sum() / count)
+        return found

@@ -1,0 +1,254 @@
+"""What the run of a filter says of itself: its biases, its innovations, its course and its claims,
+each against what a right set-up shows.
+
+The bounds are beyond what recordings with a right set-up reached, recorded ones and simulated ones
+with other random numbers than those of any published figure (docs/verdict.md).
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.contract import ATT, BA, BG, INVALID
+from ..core.rotation import quaternion_to_euler
+from ..data import Solution
+from ..typing import Array, Mask
+from ..verdict import GRAVE, Reason
+
+MEDIAN_CHI2 = {1: 0.4549, 2: 1.3863, 3: 2.3660}
+"""Median of chi-square by degrees of freedom: half of the NIS of a source are below it."""
+GATED = 20  # fixes of a source from which its statistics say something
+BIAS = 5.0  # estimated bias over what the description of the IMU allows
+SURE = 3.0  # and over its own standard deviation
+NIS_HIGH, NIS_LOW = 2.0, 0.05  # median NIS of a source over its expectation
+NIS_PART, PARTS, SHARE_OF_PARTS = 4.0, 20, 0.1  # the same in parts of a run, and in how many
+FEWEST_PARTS = 5
+LASTING = 0.5  # correlation of one innovation with the next
+REJECTED = 0.13  # share of the fixes of a source; one in a thousand is expected
+UNBELIEVED = 10.0  # s in which every fix of a source is rejected
+MOVING = 3.0  # m/s above which a course is compared with the heading
+STEADY, OFF_COURSE = 25.0, 20.0  # deg: spread and mean of course less heading
+UNPLACED = 0.2  # share of rows without a valid position
+SMOOTHER = 3.0  # mean squared difference between filter and smoother over its expectation
+
+
+class Fixes(NamedTuple):
+    """The measured fixes of one source."""
+
+    name: str
+    kind: str
+    t: Array  # (m,) s
+    innovation: Array  # (m, 3)
+    ratio: Array  # (m,) NIS over its expected median; NaN where the filter does not gate
+    accepted: Mask  # (m,)
+
+
+def by_source(solution: Solution) -> list[Fixes]:
+    """The Fixes of each source that measured something, in the order of the sources."""
+    every = solution.innovations
+    rows = np.isfinite(every.innovation).sum(axis=1)
+    expected = np.array([np.nan, *MEDIAN_CHI2.values()])[rows]
+    found = []
+    for s, name in enumerate(every.names):
+        own = np.flatnonzero((every.source == s) & (rows > 0))
+        if len(own):
+            found.append(
+                Fixes(
+                    name,
+                    solution.meta.get("kinds", {}).get(name, name),
+                    every.t[own],
+                    every.innovation[own],
+                    every.nis[own] / expected[own],
+                    every.accepted[own],
+                )
+            )
+    return found
+
+
+def stopped(solution: Solution) -> Iterator[Reason]:
+    """The filter diverged, or has no position for long."""
+    if "stopped" in solution.meta:
+        yield Reason(
+            "unknown",
+            f"the filter {solution.meta['stopped']}",
+            "run `strapdown inspect` on the recording and mend what it names",
+            weight=10 * GRAVE,
+        )
+    share = float((solution.status == INVALID).mean())
+    if share > UNPLACED:
+        yield Reason(
+            "unknown",
+            f"{100 * share:.0f} % of the rows are invalid: no fix was accepted after a gap of the "
+            f"IMU",
+            "look for missing samples and for the time base of the IMU",
+            weight=share / UNPLACED,
+        )
+
+
+def biases(solution: Solution) -> Iterator[Reason]:
+    """Biases at the end beyond what the description of the IMU allows."""
+    described = solution.meta.get("bias_sd")
+    claimed = solution.trajectory.sd
+    if described is None or claimed is None:
+        return
+    for sensor, bias, allowed, sd, scale, unit in (
+        ("accelerometer", solution.b_a[-1], described[0], claimed[-1, BA], 1.0, "m/s^2"),
+        ("gyro", solution.b_g[-1], described[1], claimed[-1, BG], np.degrees(1), "deg/s"),
+    ):
+        times = np.where(np.abs(bias) > SURE * np.nan_to_num(sd), np.abs(bias) / allowed, 0.0)
+        axis = int(np.argmax(times))
+        if not times[axis] > BIAS:
+            continue
+        yield Reason(
+            sensor,
+            f"the bias of {sensor} {'xyz'[axis]} comes out at {bias[axis] * scale:.2g} {unit}, "
+            f"{times[axis]:.3g} times the {allowed * scale:.2g} {unit} of its description "
+            f"({BIAS:.0f} times at most)",
+            "check unit, axes and time of the IMU; if they are right, describe a coarser IMU than "
+            + (solution.meta.get("imu") or "this"),
+            weight=float(times[axis] / BIAS),
+        )
+
+
+def noise(source: Fixes) -> Iterator[Reason]:
+    """Innovations of another size than their standard deviations say, over the run or in part
+    of it."""
+    if len(source.t) < GATED or not np.isfinite(source.ratio).all():
+        return
+    ratio = float(np.median(source.ratio))
+    times = np.sqrt(ratio)
+    if ratio > NIS_HIGH:
+        yield Reason(
+            "lasting errors" if correlation(source) > LASTING else "fix noise",
+            f"the fixes differ from the prediction {times:.2g} times as much as the standard "
+            f"deviations say ({np.sqrt(NIS_HIGH):.2g} times at most)",
+            "check its unit, its time and the lever arm; if they are right, give it a larger sd",
+            source.name,
+            ratio / NIS_HIGH,
+        )
+    elif bad := _bad_parts(source):
+        start, stop, worst = bad
+        yield Reason(
+            "outliers",
+            f"between {start:.0f} and {stop:.0f} s the fixes differ from the prediction up to "
+            f"{np.sqrt(worst):.2g} times as much as the standard deviations say "
+            f"({np.sqrt(NIS_PART):.2g} times at most)",
+            "look at these times in the page, or leave the fixes out there",
+            source.name,
+            worst / NIS_PART,
+        )
+    if ratio < NIS_LOW and source.kind in ("position", "velocity"):
+        yield Reason(
+            "fix noise",
+            f"the fixes agree with the prediction {1 / times:.2g} times better than the standard "
+            f"deviations say",
+            f"divide its sd by about {1 / times:.1g}; the result is better than it claims",
+            source.name,
+            0.9,  # a remark: claims that are too large mislead nobody
+        )
+
+
+def correlation(source: Fixes) -> float:
+    """Correlation of the innovations of neighbouring fixes, the mean over the components."""
+    e = source.innovation[:, np.isfinite(source.innovation).all(axis=0)]
+    power = (e * e).sum(axis=0)
+    if not e.size or not (power > 0).all():
+        return 0.0
+    return float(((e[1:] * e[:-1]).sum(axis=0) / power).mean())
+
+
+def _bad_parts(source: Fixes) -> tuple[float, float, float] | None:
+    """(first and last time in s, largest ratio) of the parts of a run with too large
+    innovations; None where there are too few."""
+    size = max(GATED, -(-len(source.t) // PARTS))
+    count = len(source.t) // size
+    if count < FEWEST_PARTS:
+        return None
+    ratios = np.median(source.ratio[: count * size].reshape(count, size), axis=1)
+    bad = np.flatnonzero(ratios > NIS_PART)
+    if len(bad) <= SHARE_OF_PARTS * count:
+        return None
+    first, last = source.t[bad[0] * size], source.t[(bad[-1] + 1) * size - 1]
+    return float(first), float(last), float(ratios[bad].max())
+
+
+def rejections(source: Fixes) -> Iterator[Reason]:
+    """Too many fixes that the filter did not believe, or none accepted for long."""
+    if len(source.t) < GATED:
+        return
+    share = float(1 - source.accepted.mean())
+    if share > REJECTED:
+        yield Reason(
+            "outliers",
+            f"{100 * share:.0f} % of the fixes were rejected (0.1 % expected, {100 * REJECTED:.0f} "
+            f"% at most)",
+            "check its unit, its time and its sd",
+            source.name,
+            share / REJECTED,
+        )
+        return
+    times = np.r_[source.t[0], source.t[source.accepted], source.t[-1]]
+    longest = int(np.argmax(np.diff(times)))
+    inside = (source.t > times[longest]) & (source.t < times[longest + 1])
+    seconds = float(np.diff(times)[longest])
+    if seconds > UNBELIEVED and inside.sum() >= 5:
+        yield Reason(
+            "outliers",
+            f"none of the {inside.sum()} fixes from {times[longest]:.0f} s on was accepted for "
+            f"{seconds:.0f} s ({UNBELIEVED:.0f} s at most)",
+            "look at these times in the page",
+            source.name,
+            min(seconds / UNBELIEVED, GRAVE),
+        )
+
+
+def course(solution: Solution, t: Array) -> Iterator[Reason]:
+    """The course over ground, at the times `t` (s) of fixes, against the heading, where one
+    follows the other."""
+    made = solution.trajectory
+    if made.v_n is None or made.q_nb is None:
+        return
+    later = t[t > made.t[0] + 0.2 * (made.t[-1] - made.t[0])]
+    rows = np.minimum(np.searchsorted(made.t, later), len(made.t) - 1)
+    v = made.v_n[rows]
+    fast = v[:, 0] ** 2 + v[:, 1] ** 2 > MOVING**2
+    if fast.sum() < GATED:
+        return
+    heading = quaternion_to_euler(made.q_nb[rows[fast]])[:, 2]
+    angle = np.arctan2(v[fast, 1], v[fast, 0]) - heading
+    mean = np.nanmean(np.exp(1j * angle))
+    off = float(np.degrees(np.angle(mean)))
+    spread = float(np.degrees(np.sqrt(-2 * np.log(np.clip(abs(mean), 1e-9, 1.0)))))
+    if spread > STEADY or abs(off) < max(OFF_COURSE, 1.5 * spread):
+        return
+    quarter = abs(abs(off) - 90) < 20 or abs(off) > 160
+    yield Reason(
+        "axes" if quarter else "mounting",
+        f"the course is {abs(off):.0f} deg to the {'right' if off > 0 else 'left'} of the heading "
+        f"while moving, steadily ({OFF_COURSE:.0f} deg at most)",
+        f"turn the axes of the IMU by {off:+.0f} deg about down ([imu] axes or mounting)",
+        weight=abs(off) / OFF_COURSE,
+    )
+
+
+def smoother(solution: Solution) -> Iterator[Reason]:
+    """The filter against the smoother, which knows what came later."""
+    for what, ratio in solution.meta.get("filter_against_smoother", {}).items():
+        if ratio > SMOOTHER:
+            yield Reason(
+                "unknown",
+                f"{what} of the filter and of the smoother differ {np.sqrt(ratio):.2g} times as "
+                f"much as their standard deviations allow ({np.sqrt(SMOOTHER):.2g} times at most)",
+                "run `strapdown diagnose` on the recording",
+                weight=ratio / SMOOTHER,
+            )
+
+
+def heading_never_seen(solution: Solution) -> bool:
+    """Whether the heading is no better known at the end than at the start, and badly."""
+    sd = solution.trajectory.sd
+    if sd is None or not np.isfinite(sd[-1, ATT.stop - 1]):
+        return False
+    first, last = solution.meta["start"]["sd"][ATT.stop - 1], sd[-1, ATT.stop - 1]
+    return bool(last > 0.7 * first and last > np.radians(5.0))

@@ -1,0 +1,165 @@
+"""What a run says of itself, on solutions whose statistics are known because they are made up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from strapdown.data import Innovations, Solution, Trajectory
+from strapdown.diagnosis import evidence
+from strapdown.verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, TRUSTED, Reason, Verdict
+
+pytestmark = pytest.mark.short
+COUNT = 1000
+
+
+def made_up(nis_factor=1.0, seed=0, lasting=0.0, **meta):
+    """A straight run north at 10 m/s, with `COUNT` position fixes whose innovations are white, or
+    `lasting` (correlation of neighbours), and of that size."""
+    rng = np.random.default_rng(seed)
+    e = rng.normal(size=(COUNT, 3))
+    for k in range(1, COUNT):
+        e[k] = lasting * e[k - 1] + np.sqrt(1 - lasting**2) * e[k]
+    e *= np.sqrt(nis_factor)
+    t = np.arange(COUNT) * 0.2
+    quaternion = np.tile([1.0, 0.0, 0.0, 0.0], (COUNT, 1))
+    sd = np.full((COUNT, 15), 0.1)
+    return Solution(
+        Trajectory(t, np.zeros((COUNT, 3)), np.tile([10.0, 0.0, 0.0], (COUNT, 1)), quaternion, sd),
+        np.zeros((COUNT, 3)),
+        np.zeros((COUNT, 3)),
+        np.zeros(COUNT, np.int8),
+        Innovations(
+            t, np.zeros(COUNT, int), e, (e**2).sum(axis=1), np.ones(COUNT, bool), ("GNSS",), (16.3,)
+        ),
+        meta={"kinds": {"GNSS": "position"}, "bias_sd": [0.02, 1e-4], "imu": "mems", **meta},
+    )
+
+
+def source(solution):
+    (found,) = evidence.by_source(solution)
+    return found
+
+
+def test_white_innovations_of_the_claimed_size_have_a_median_ratio_of_one():
+    # 1000 values: the median of their ratio scatters by 0.04, so 0.15 is missed once in 5000
+    assert abs(np.median(source(made_up()).ratio) - 1) < 0.15
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3])
+def test_medians_are_those_of_chi_square(rows):
+    from scipy.stats import chi2
+
+    assert evidence.MEDIAN_CHI2[rows] == pytest.approx(chi2.median(rows), abs=1e-4)
+
+
+def test_right_statistics_give_no_reason():
+    solution = made_up()
+    own = source(solution)
+    found = [
+        *evidence.stopped(solution),
+        *evidence.biases(solution),
+        *evidence.noise(own),
+        *evidence.rejections(own),
+        *evidence.course(solution, solution.t),
+        *evidence.smoother(solution),
+    ]
+    assert not found
+
+
+def test_innovations_four_times_too_large_are_named_with_their_factor():
+    (found,) = evidence.noise(source(made_up(16.0)))
+    assert found.cause == "fix noise" and found.source == "GNSS"
+    assert "4 times" in found.seen and found.weight == pytest.approx(8, rel=0.15)
+
+
+def test_large_innovations_that_last_are_told_from_large_noise():
+    (found,) = evidence.noise(source(made_up(16.0, lasting=0.9)))
+    assert found.cause == "lasting errors"
+
+
+def test_claims_that_are_too_large_are_a_remark():
+    (found,) = evidence.noise(source(made_up(0.04)))
+    assert found.weight < 1 and Verdict.of([found]).word == TRUSTED
+
+
+def test_a_bad_part_of_a_run_is_named_with_its_times():
+    solution = made_up()
+    nis = solution.innovations.nis.copy()
+    nis[500:700] *= 9
+    worse = replace(solution, innovations=replace(solution.innovations, nis=nis))
+    (found,) = evidence.noise(source(worse))
+    assert "between 100 and 140 s" in found.seen
+
+
+def test_rejections_count_by_share_and_by_length():
+    solution = made_up()
+    accepted = np.ones(COUNT, bool)
+    accepted[::5] = False
+    often = replace(solution, innovations=replace(solution.innovations, accepted=accepted))
+    (found,) = evidence.rejections(source(often))
+    assert "20 %" in found.seen and found.weight == pytest.approx(0.2 / evidence.REJECTED)
+    accepted = np.ones(COUNT, bool)
+    accepted[500:580] = False
+    long = replace(solution, innovations=replace(solution.innovations, accepted=accepted))
+    (found,) = evidence.rejections(source(long))
+    assert "from 100 s on" in found.seen and "for 16 s" in found.seen
+
+
+def test_a_pause_of_the_fixes_is_no_rejection():
+    solution = made_up()
+    keep = (solution.t < 100) | (solution.t > 150)
+    every = solution.innovations
+    paused = replace(
+        solution,
+        innovations=Innovations(
+            every.t[keep],
+            every.source[keep],
+            every.innovation[keep],
+            every.nis[keep],
+            every.accepted[keep],
+            every.names,
+            every.gates,
+        ),
+    )
+    assert not list(evidence.rejections(source(paused)))
+
+
+def test_a_bias_beyond_the_description_is_named_with_axis_and_times():
+    solution = made_up()
+    b_a = np.tile([0.0, -0.5, 0.0], (COUNT, 1))
+    (found,) = evidence.biases(replace(solution, b_a=b_a))
+    assert found.weight == pytest.approx(0.5 / 0.02 / evidence.BIAS)
+    assert found.cause == "accelerometer" and "accelerometer y" in found.seen
+    assert "-0.5 m/s^2" in found.seen
+
+
+@pytest.mark.parametrize(
+    ("turned", "cause", "seen"),
+    [
+        (90, "axes", "90 deg to the left"),
+        (-90, "axes", "90 deg to the right"),
+        (180, "axes", "180 deg"),
+        (50, "mounting", "50 deg to the left"),
+    ],
+)
+def test_a_course_beside_the_heading_is_axes_or_mounting(turned, cause, seen):
+    solution = made_up()
+    half = np.radians(turned) / 2
+    q = np.tile([np.cos(half), 0.0, 0.0, np.sin(half)], (COUNT, 1))
+    beside = replace(solution, trajectory=replace(solution.trajectory, q_nb=q))
+    (found,) = evidence.course(beside, solution.t)
+    assert found.cause == cause and seen in found.seen
+
+
+def test_a_filter_that_stopped_is_not_to_be_trusted():
+    reasons = evidence.stopped(made_up(stopped="stopped at 3 s: diverged"))
+    assert Verdict.of(reasons).word == NOT_TO_BE_TRUSTED
+
+
+def test_verdicts_rank_their_reasons_and_come_back_from_a_file():
+    light, heavy = Reason("clock", "a", "b", "GNSS", 1.2), Reason("axes", "c", "d", weight=2.0)
+    verdict = Verdict.of([light, heavy], ["heading: no turn"])
+    assert verdict.word == DOUBTFUL and verdict.reasons[0] is heavy and not verdict.trusted
+    assert Verdict.from_dict(verdict.as_dict()) == verdict
+    assert verdict.line == "doubtful: axes of the IMU: c; d"

@@ -1,0 +1,79 @@
+"""Verdicts on simulated runs with right and wrong set-ups, and on what cannot be tested."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import strapdown as sd
+from strapdown.sensor_models.gnss import Gnss
+from strapdown.verdict import NOT_TO_BE_TRUSTED
+
+SEED = 2000
+
+
+@pytest.fixture(scope="module")
+def drive():
+    gnss = Gnss(interval=0.2, velocity_sd=(0.1, 0.1, 0.1), lever_arm=(0.5, 0.2, -1.0))
+    return sd.simulate("car", duration=150.0, imu="industrial", seed=SEED, gnss=gnss)
+
+
+def with_fixes(recording, change, *kinds):
+    changed = (change(a) if a.kind in kinds else a for a in recording.aidings)
+    return replace(recording, aidings=tuple(changed))
+
+
+def test_a_right_set_up_is_trusted(drive):
+    verdict = sd.fuse(drive).verdict
+    assert verdict.trusted, str(verdict)
+
+
+@pytest.mark.parametrize("seconds", [-1.0, 1.0])
+def test_a_clock_off_by_a_second_is_not_to_be_trusted(drive, seconds):
+    def late(aiding):
+        return replace(aiding, t=aiding.t + seconds).between(*drive.span)
+
+    verdict = sd.fuse(with_fixes(drive, late, "position", "velocity")).verdict
+    assert verdict.word == NOT_TO_BE_TRUSTED, str(verdict)
+
+
+def test_axes_turned_by_a_quarter_are_named(drive):
+    imu = drive.imu
+    turned = replace(
+        drive,
+        imu=imu._replace(
+            dtheta=imu.dtheta[:, [1, 0, 2]] * [-1, 1, 1], dv=imu.dv[:, [1, 0, 2]] * [-1, 1, 1]
+        ),
+    )
+    verdict = sd.fuse(turned).verdict
+    assert any(reason.cause == "axes" for reason in verdict.reasons), str(verdict)
+
+
+def test_standard_deviations_five_times_too_small_are_doubted(drive):
+    small = with_fixes(drive, lambda a: replace(a, sd=a.sd / 5), "position", "velocity")
+    assert not sd.fuse(small).verdict.trusted
+
+
+def test_a_smoothed_solution_is_judged_against_its_filter(drive):
+    far = with_fixes(
+        drive, lambda a: replace(a, parameters=(3.5, 0.2, -1.0)), "position", "velocity"
+    )
+    right, wrong = (sd.smooth(each) for each in (drive, far))
+    assert max(right.meta["filter_against_smoother"].values()) < 1.6
+    assert right.verdict.trusted
+    assert any("smoother" in reason.seen for reason in wrong.verdict.reasons)
+
+
+def test_what_cannot_be_tested_is_said(drive):
+    brief = sd.fuse(drive.between(stop=20.0)).verdict
+    assert any("lasts 20 s" in text for text in brief.untested)
+    blind = sd.fuse(replace(drive, aidings=drive.aidings[:1])).verdict
+    assert any("velocity" in text for text in blind.untested)
+    alone = sd.fuse(replace(drive, aidings=()), "attitude-mekf").verdict
+    assert any("no GNSS" in text for text in alone.untested)
+
+
+def test_a_verdict_is_found_when_asked_for_and_once(drive):
+    solution = sd.fuse(drive)
+    assert solution.verdict is solution.verdict
+    assert np.isfinite(solution.meta["bias_sd"]).all()
