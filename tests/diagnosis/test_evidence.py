@@ -158,7 +158,7 @@ def test_a_filter_that_stopped_is_not_to_be_trusted():
 
 
 def test_verdicts_rank_their_reasons_and_come_back_from_a_file():
-    light, heavy = Reason("clock", "a", "b", "GNSS", 1.2), Reason("axes", "c", "d", weight=2.0)
+    light, heavy = Reason("clock", "a", "b", "GNSS", 1.2), Reason("axes", "c", "d", weight=1.5)
     verdict = Verdict.of([light, heavy], ["heading: no turn"])
     assert verdict.word == DOUBTFUL and verdict.reasons[0] is heavy and not verdict.trusted
     assert Verdict.from_dict(verdict.as_dict()) == verdict

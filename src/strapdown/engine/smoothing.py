@@ -84,7 +84,8 @@ def smooth(
     differences = both_ways(run, progress or (lambda done: None))
     result = solution(run)
     result.meta["smoothed"] = True
-    result.meta["filter_against_smoother"] = differences.ratios()
+    if ratios := differences.ratios():
+        result.meta["filter_against_smoother"] = ratios
     return result
 
 
