@@ -22,15 +22,12 @@ from strapdown.io.readers.broad import with_positions
 from strapdown.recording import Recording
 from strapdown.typing import Array, Mask
 
-from ..common.example_recordings import FLIGHT, windows_of
+from ..common.example_recordings import FLIGHT, in_motion, windows_of
 
 LASER = ("lasergyro", "lasergyro.imu.xz")
 """The ring-laser record in the data folder."""
 POSITION_SD = 0.1
 """m per axis of the BROAD positions."""
-SCALE, LASTS = 0.01, 0.3
-"""Part by which scale and axes of a MEMS IMU may be off, and s for which a movement of the hand
-lasts in one direction."""
 PARKED_RATE, PARKED_SD, PARKED_SETTLED, PARKED_IMU = 1.0, 0.05, 60.0, "navigation"
 """Of the parked vehicle: Hz of its fixes, m/s of its zero velocity (it rocks and vibrates), s
 after which it is scored, the grade of its IMU."""
@@ -81,34 +78,6 @@ def held_by_hand(group: str, recording: Recording) -> Case:
         recording,
         tuple(map(tuple, recording.meta["movement"])),
         held=True,
-    )
-
-
-def in_motion(recording: Recording) -> Recording:
-    """The recording of a hand-held IMU with the errors that motion brings, none of which its
-    records at rest show.
-
-    Scale and axes of a MEMS IMU are off by `SCALE`: that part of rates and forces is an error which
-    lasts as long as a movement of the hand, so that it weighs like white noise of density SCALE rms
-    sqrt(2 LASTS). The rows of a magnetometer that stand for one second have the weight of one
-    reading, since iron near by bends the field for longer than that. Neither looks at the
-    reference.
-    """
-    imu, grade = recording.imu, recording.meta["grade"]
-    density = lambda increments: float(
-        SCALE * np.sqrt(2 * LASTS) * np.sqrt(np.mean((increments / imu.dt[:, None]) ** 2))
-    )
-    noisy = lambda triad, increments: replace(
-        triad, noise=float(np.hypot(triad.noise, density(increments)))
-    )
-    moved = replace(grade, gyro=noisy(grade.gyro, imu.dtheta), accel=noisy(grade.accel, imu.dv))
-    rare = lambda a: (
-        replace(a, sd=a.sd / np.sqrt(np.median(np.diff(a.t)))) if a.kind == "magnetic-field" else a
-    )
-    return replace(
-        recording,
-        aidings=tuple(map(rare, recording.aidings)),
-        meta=recording.meta | {"grade": moved},
     )
 
 

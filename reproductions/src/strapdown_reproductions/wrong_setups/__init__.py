@@ -1,0 +1,1 @@
+"""Set-ups with a known mistake: how many of them `inspect` and the verdict find and name."""

@@ -1,0 +1,201 @@
+"""The recordings of the study, each with the set-up that is taken for right: simulated motions,
+one recording per seed, and recorded ones.
+
+The simulated receiver states its true noise and the filter knows the IMU's grade, so that a right
+set-up is right in everything.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from strapdown import io
+from strapdown.data import Aiding
+from strapdown.io.locate import data_folder
+from strapdown.io.readers.broad import with_positions
+from strapdown.recording import Recording
+from strapdown.sensor_models.gnss import Gnss
+from strapdown.sensor_models.magnetometer import Magnetometer
+from strapdown.sensor_models.simulated import Simulated
+from strapdown.sim.scenario import scenario
+from strapdown.sim.synthesis import Simulator
+from strapdown.typing import Array
+
+from ..common.example_recordings import FLIGHT, in_motion
+
+SKIPPED = 0.2
+"""Part of a recording at its beginning that is not scored: the filter settles."""
+BETTER = {"consumer": "tactical", "industrial": "navigation"}
+"""Two grades up."""
+CONSTRAINTS = ("zero-lateral-velocity", "zero-vertical-velocity")
+TRIALS = ("02_undisturbed_slow_rotation_B", "21_undisturbed_fast_combined")
+"""Trials of BROAD: a slow and a fast one, undisturbed."""
+SWISSLOG_LAG = 0.22
+"""s by which the GNSS of swisslog comes late."""
+
+
+class Case(NamedTuple):
+    """A recording with its right set-up, and where it is scored."""
+
+    name: str
+    recording: Recording
+    windows: tuple[tuple[float, float], ...]  # ((start, stop), ...) in s
+    true: bool  # whether the reference is the truth; else the right set-up's solution stands for it
+    better: str  # grade of an IMU two grades better
+
+
+def simulated(name: str, seed: int) -> Case:
+    """The Case of one of MOTIONS, with the errors of a seed."""
+    return _simulated(name, _simulator(name), seed)
+
+
+class _Simulated(NamedTuple):
+    scenario: str
+    imu: str
+    stop: float  # s
+    gnss: Gnss
+    start: float = 0.0
+    magnetometer: Magnetometer | None = None
+    sensors: tuple[Simulated, ...] = ()
+    constrained: bool = False
+
+
+RECEIVER = Gnss(0.2, (1.0, 1.0, 1.5), (0.1, 0.1, 0.1), (0.5, 0.2, -1.0))
+MOTIONS = {
+    "car": _Simulated("car", "industrial", 240.0, RECEIVER),
+    "car with odometer": _Simulated(
+        "car",
+        "consumer",
+        240.0,
+        RECEIVER,
+        sensors=(Simulated("speed", 0.1, 10.0),),
+        constrained=True,
+    ),
+    "flight": _Simulated(
+        "demo",
+        "industrial",
+        280.0,
+        RECEIVER._replace(interval=1.0, lever_arm=(0.4, 0.0, -1.1)),
+        sensors=(Simulated("altitude", 2.0, 1.0),),
+    ),
+    # from a straight leg through a turn
+    "ship": _Simulated(
+        "ship",
+        "industrial",
+        520.0,
+        RECEIVER._replace(interval=1.0, lever_arm=(-5.0, 0.5, -12.0)),
+        start=250.0,
+    ),
+    "hand-held": _Simulated(
+        "hand-held",
+        "consumer",
+        200.0,
+        RECEIVER._replace(lever_arm=(0.1, 0.0, -0.2)),
+        magnetometer=Magnetometer(rate=10.0, field=(21e-6, 1.6e-6, 43.9e-6)),
+    ),
+}
+"""{name: what is simulated}."""
+
+
+@cache
+def _simulator(name: str) -> Simulator:
+    motion = MOTIONS[name]
+    parts = {"sensors": motion.sensors}
+    if motion.magnetometer is not None:
+        parts |= {"magnetometer": motion.magnetometer}
+    return Simulator(
+        scenario(motion.scenario).replace(
+            duration=motion.stop, imu=motion.imu, gnss=motion.gnss, **parts
+        )
+    )
+
+
+def _simulated(name: str, simulator: Simulator, seed: int) -> Case:
+    motion = MOTIONS[name]
+    recording = simulator.recording(motion.imu, np.random.default_rng(seed))
+    if motion.start:
+        recording = recording.between(motion.start)
+    if motion.constrained:
+        recording = replace(recording, aidings=(*recording.aidings, *constraints(recording)))
+    return Case(name, recording, _settled(recording), True, BETTER[motion.imu])
+
+
+def constraints(recording: Recording, rate: float = 10.0, sd: float = 0.1) -> list[Aiding]:
+    """Zero lateral and vertical velocity of a car, `rate` times a second."""
+    t = np.arange(recording.span[0] + 1.0, recording.span[1], 1 / rate)
+    zeros = np.zeros((len(t), 1))
+    return [Aiding(kind, t, zeros, zeros + sd, (0.0, 0.0, 0.0)) for kind in CONSTRAINTS]
+
+
+def _settled(recording: Recording) -> tuple[tuple[float, float], ...]:
+    start, stop = recording.span
+    return ((start + SKIPPED * (stop - start), stop),)
+
+
+def recorded(folder: Path) -> dict[str, Callable[[], Case]]:
+    """{name: maker of its Case} of the descriptions in `folder` and of the data folder."""
+    data = data_folder(folder)
+
+    def described(name: str, windows: tuple[tuple[float, float], ...] = ()) -> Case:
+        recording = io.read(folder / f"{name}.toml")
+        return Case(name, recording, windows or _settled(recording), False, "tactical")
+
+    def trial(name: str) -> Case:
+        recording = in_motion(
+            with_positions(io.read(data / "broad" / f"{name}.npz"), rate=5.0, sd=0.1)
+        )
+        windows = tuple(map(tuple, recording.meta["movement"]))
+        return Case(f"BROAD {name[:2]}", recording, windows, True, "tactical")
+
+    def swiss() -> Case:
+        recording = swisslog(data / "swisslog")
+        return Case("swisslog", recording, _settled(recording), False, "tactical")
+
+    return {
+        "thor75": lambda: described("thor75", (FLIGHT,)),
+        "drive0708": lambda: described("drive0708"),
+        "drive0708-vehicle": lambda: described("drive0708-vehicle"),
+        "swisslog": swiss,
+        **{f"BROAD {name[:2]}": lambda name=name: trial(name) for name in TRIALS},
+    }
+
+
+def swisslog(folder: Path) -> Recording:
+    """The Recording of swisslog with its traps known: the course is in radians in spite of its
+    column's name, and GNSS comes late by SWISSLOG_LAG.
+
+    The log states no standard deviations: 2 m and 0.3 m/s are those of a small receiver.
+    """
+    imu, gps = (pd.read_csv(folder / f"{name}.csv.xz") for name in ("imu", "gps"))
+    columns = lambda *names: gps[list(names)].to_numpy(float)
+    t = gps["GPStime"].to_numpy(float) - SWISSLOG_LAG
+    lla = columns("LatDeg", "LngDeg", "Hgt") * [np.pi / 180, np.pi / 180, 1.0]
+    speed, course, down = columns("GndSpd", "CourseDeg", "VelD").T
+    sd = lambda *values: np.tile(np.array(values), (len(t), 1))
+    return Recording.from_arrays(
+        imu["IMUtime"],
+        imu[[f"angRate{axis}" for axis in "XYZ"]],
+        imu[[f"accel{axis}" for axis in "XYZ"]],
+        (
+            Aiding("position", t, lla, sd(2.0, 2.0, 3.0), name="GNSS position"),
+            Aiding(
+                "velocity",
+                t,
+                heading_to(speed, course, down),
+                sd(0.3, 0.3, 0.4),
+                name="GNSS velocity",
+            ),
+        ),
+        name="swisslog",
+        grade="consumer",
+    )
+
+
+def heading_to(speed: Array, course: Array, down: Array) -> Array:
+    """(n, 3) velocity NED of a speed over ground and a course, rad."""
+    return np.c_[speed * np.cos(course), speed * np.sin(course), down]

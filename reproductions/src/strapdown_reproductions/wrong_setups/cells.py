@@ -1,0 +1,185 @@
+"""A cell: a mistake, a recording and a seed; what it does to the solution and who notices."""
+
+import time
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from strapdown.checks import DataError
+from strapdown.data import Solution
+from strapdown.engine.batch import fuse
+from strapdown.io.facts import recording_facts
+from strapdown.recording import Recording
+from strapdown.verdict import TRUSTED, Reason
+
+from .cases import Case
+from .harm import Harm, harm, of_right
+from .mistakes import MISTAKES, Mistake
+from .not_showable import hidden
+
+REFUSED = "refused"
+"""Word of a run that ended in a DataError."""
+RIGHT = "right set-up"
+
+
+class Heard(NamedTuple):
+    """What inspect and the verdict say of a set-up."""
+
+    reasons: tuple[Reason, ...]  # of inspect, the weightiest first
+    word: str  # of the verdict; REFUSED where there is none
+    own: tuple[Reason, ...]  # of the verdict
+    untested: tuple[str, ...]
+    refusal: str  # text of the DataError
+    solution: Solution | None
+    fuse_s: float
+    verdict_s: float
+    inspect_s: float
+
+
+def inspected(recording: Recording) -> tuple[Reason, ...]:
+    """What `inspect` finds wrong with a recording, the weightiest first."""
+    problems = recording_facts(recording).problems
+    return tuple(Reason("unknown", text, "see inspect") for text in problems)
+
+
+def heard(recording: Recording) -> Heard:
+    """What is said of a recording as it is set up."""
+    began = time.perf_counter()
+    try:
+        reasons = inspected(recording)
+    except DataError as error:
+        return Heard((), REFUSED, (), (), str(error), None, np.nan, np.nan, np.nan)
+    looked = time.perf_counter()
+    try:
+        solution = fuse(recording)
+    except DataError as error:
+        return Heard(reasons, REFUSED, (), (), str(error), None, np.nan, np.nan, looked - began)
+    ran = time.perf_counter()
+    verdict = solution.verdict
+    judged = time.perf_counter()
+    return Heard(
+        reasons,
+        verdict.word,
+        verdict.reasons,
+        verdict.untested,
+        "",
+        solution,
+        ran - looked,
+        judged - ran,
+        looked - began,
+    )
+
+
+def cells(case: Case, seed: int, mistakes: Sequence[Mistake] = MISTAKES) -> list[dict[str, Any]]:
+    """Rows of `table`: the right set-up of a recording, then every mistake that can be made with
+    it."""
+    right = heard(case.recording)
+    rows = [row(RIGHT, RIGHT, case, seed, right)]
+    if right.solution is None:
+        raise DataError(f"{case.name}, right set-up: {right.refusal}")
+    right_scores = of_right(case, right.solution)
+    for mistake in mistakes:
+        recording = mistake.make(case)
+        if recording is None:
+            continue
+        found = heard(recording)
+        done = (
+            harm(case, right.solution, right_scores, found.solution)
+            if found.solution
+            else Harm((REFUSED,), np.inf, 1.0)
+        )
+        made = row(mistake.name, mistake.group, case, seed, found)
+        rows.append(made | judged(mistake, case, found, done))
+    return rows
+
+
+def right_row(case: Case, seed: int) -> dict[str, Any]:
+    """The row of a right set-up."""
+    return row(RIGHT, RIGHT, case, seed, heard(case.recording))
+
+
+def judged(mistake: Mistake, case: Case, found: Heard, done: Harm) -> dict[str, Any]:
+    """The columns of a row that rest on what the mistake was."""
+    cannot = hidden(mistake, case.name)
+    which, worse, beyond = done
+    first = first_cause(found)
+    return {
+        "harmful": bool(which),
+        "which": ", ".join(which),
+        "worse": worse,
+        "beyond": beyond,
+        "showable": cannot is None,
+        "named": first in mistake.causes or refusal_names(found, mistake),
+        "plainly_named": first == mistake.causes[0],
+        "named_untested": cannot is not None
+        and any(cannot.parameter in text for text in found.untested),
+    }
+
+
+def first_cause(found: Heard) -> str:
+    """The cause of the first reason: of inspect, else of the verdict; empty without any."""
+    reasons = found.reasons or found.own
+    return reasons[0].cause if reasons else ""
+
+
+WORDS = {
+    "clock": ("time", "clock", "offset"),
+    "unit": ("unit", "scale"),
+    "axes": ("axes",),
+    "frame": ("axes", "NED"),
+    "repeated": ("repeat",),
+}
+"""By which words a refusal names a cause."""
+
+
+def refusal_names(found: Heard, mistake: Mistake) -> bool:
+    """Whether the text of a refusal names the cause of a mistake."""
+    return not found.reasons and any(
+        word in found.refusal for cause in mistake.causes for word in WORDS.get(cause, ())
+    )
+
+
+def row(name: str, group: str, case: Case, seed: int, found: Heard) -> dict[str, Any]:
+    """What is said of a set-up, as a row."""
+    reasons = lambda of: [reason for reason in of[:1]]
+    texts = lambda of: " | ".join(f"{r.cause} {r.weight:.3g} {r}" for r in of[:3])
+    cause = lambda of: reasons(of)[0].cause if of else ""
+    weight = lambda of: reasons(of)[0].weight if of else np.nan
+    by_inspect = bool(found.reasons)
+    by_verdict = found.word != TRUSTED
+    return {
+        "mistake": name,
+        "group": group,
+        "recording": case.name,
+        "seed": seed,
+        "harmful": False,
+        "which": "",
+        "worse": np.nan,
+        "beyond": np.nan,
+        "showable": True,
+        "found": by_inspect or by_verdict,
+        "by_inspect": by_inspect,
+        "by_verdict": by_verdict,
+        "word": found.word,
+        "named": False,
+        "plainly_named": False,
+        "named_untested": False,
+        "inspect_cause": cause(found.reasons),
+        "inspect_weight": weight(found.reasons),
+        "verdict_cause": cause(found.own),
+        "verdict_weight": weight(found.own),
+        "inspect_says": texts(found.reasons),
+        "verdict_says": texts(found.own),
+        "refusal": found.refusal,
+        "untested": " | ".join(found.untested),
+        "fuse_s": found.fuse_s,
+        "verdict_s": found.verdict_s,
+        "inspect_s": found.inspect_s,
+    }
+
+
+def table(rows: Iterable[dict[str, Any]]) -> pd.DataFrame:
+    """DataFrame of `cells`, a row each."""
+    return pd.DataFrame(list(rows))

@@ -1,0 +1,136 @@
+"""When a mistake does harm.
+
+Of five quantities: horizontal position, height, velocity, roll and pitch (the angle between true
+and estimated vertical), heading. A mistake is harmful where the rms of one over the scored time is
+at least twice that of the right set-up, or where one is beyond three claimed standard deviations
+for more than 5 % of the time while that of the right set-up is not. A length counts against the
+root of the sum of the variances of its axes. Without truth: where the solution lies further than
+three claimed standard deviations of the right set-up from that one for more than 5 % of the time.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from strapdown.checks import DataError
+from strapdown.data import Solution, Trajectory
+from strapdown.evaluation.metrics import Errors, attitude_angles, errors
+from strapdown.typing import Array, Mask
+
+from .cases import Case
+
+DOUBLED, SIGMAS, OFTEN = 2.0, 3.0, 0.05
+RATE = 5.0
+"""Hz at which solutions are scored."""
+QUANTITIES = {
+    "horizontal position": slice(0, 2),
+    "height": slice(2, 3),
+    "velocity": slice(3, 6),
+    "roll and pitch": slice(6, 8),
+    "heading": slice(8, 9),
+}
+"""{quantity: its columns of the claimed standard deviations}."""
+
+
+class Harm(NamedTuple):
+    """What a mistake does to a solution; empty where it does none."""
+
+    harmful: tuple[str, ...]  # quantities
+    worse: float  # largest rms error over that of the right set-up; NaN without truth
+    beyond: float  # largest share of time beyond three claimed standard deviations
+
+
+class Score(NamedTuple):
+    """Of a quantity: rms error, and the share of time beyond three standard deviations."""
+
+    rms: float
+    beyond: float
+
+
+def sizes(e: Errors) -> dict[str, Array]:
+    """{quantity: (n,) its error without sign}, of those that are known; m, m/s and rad."""
+    found: dict[str, Array] = {}
+    if e.position is not None:
+        found["horizontal position"] = np.hypot(e.position[:, 0], e.position[:, 1])
+        found["height"] = np.abs(e.position[:, 2])
+    if e.velocity is not None:
+        found["velocity"] = np.linalg.norm(e.velocity, axis=1)
+    if (angles := attitude_angles(e)) is not None:
+        found["roll and pitch"], found["heading"] = angles.inclination, angles.heading
+    return found
+
+
+def scores(e: Errors, sd: Array) -> dict[str, Score]:
+    """{quantity: Score} of errors against the standard deviations sd (n, 9)."""
+    found = {}
+    for quantity, size in sizes(e).items():
+        known = np.isfinite(size)
+        if not known.any():
+            continue
+        claimed = np.sqrt((sd[known, QUANTITIES[quantity]] ** 2).sum(axis=1))
+        far = size[known] > SIGMAS * claimed
+        found[quantity] = Score(float(np.sqrt((size[known] ** 2).mean())), float(far.mean()))
+    return found
+
+
+def inside(t: Array, windows: tuple[tuple[float, float], ...]) -> Mask:
+    """(n,) which times are in one of the windows, both ends included."""
+    return np.logical_or.reduce([(t >= start) & (t <= stop) for start, stop in windows])
+
+
+def thinned(solution: Solution, windows: tuple[tuple[float, float], ...]) -> Trajectory:
+    """The rows of a solution that are scored: RATE of them a second within the windows."""
+    own = solution.trajectory
+    within = np.flatnonzero(inside(own.t, windows))
+    step = max(1, round(1 / RATE / float(np.median(np.diff(own.t))))) if len(own) > 1 else 1
+    return own.taking(within[::step])
+
+
+def against(truth: Trajectory, solution: Solution, case: Case) -> dict[str, Score]:
+    """{quantity: Score} of a solution against the truth."""
+    e = errors(thinned(solution, case.windows), truth)
+    assert e.sd is not None
+    return scores(e, e.sd)
+
+
+def moved(right: Solution, wrong: Solution, case: Case) -> dict[str, Score]:
+    """{quantity: Score} of a solution against that of the right set-up and what that one
+    claims."""
+    own = right.trajectory
+    e = errors(thinned(wrong, case.windows), own)
+    assert own.sd is not None
+    nearest = np.clip(np.searchsorted(own.t, e.t), 0, len(own.t) - 1)
+    return scores(e, own.sd[nearest])
+
+
+def of_right(case: Case, right: Solution) -> dict[str, Score]:
+    """{quantity: Score} of the right set-up's solution; empty without truth."""
+    return against(case.recording.reference, right, case) if case.true else {}
+
+
+def harm(case: Case, right: Solution, right_scores: dict[str, Score], wrong: Solution) -> Harm:
+    """The Harm of a wrong set-up's solution beside that of the right one, whose scores are those
+    of `of_right`. One that stopped, or has nothing in the scored time, is harmful."""
+    if wrong.meta.get("stopped"):
+        return Harm(("stopped",), np.inf, 1.0)
+    try:
+        if case.true:
+            return compared(right_scores, against(case.recording.reference, wrong, case))
+        return compared({}, moved(right, wrong, case))
+    except DataError:  # no time in common
+        return Harm(("no solution",), np.inf, 1.0)
+
+
+def compared(right: dict[str, Score], wrong: dict[str, Score]) -> Harm:
+    """The Harm by the Scores of both; without those of the right one by `beyond` alone."""
+    if not wrong:
+        return Harm(("no solution",), np.inf, 1.0)
+    harmful = []
+    for quantity, (rms, beyond) in wrong.items():
+        before = right.get(quantity)
+        doubled = before is not None and not rms < DOUBLED * before.rms
+        overconfident = beyond > OFTEN and (before is None or before.beyond <= OFTEN)
+        if doubled or overconfident:
+            harmful.append(quantity)
+    ratios = [rms / right[name].rms for name, (rms, _) in wrong.items() if name in right]
+    return Harm(tuple(harmful), max(ratios, default=np.nan), max(s.beyond for s in wrong.values()))

@@ -1,0 +1,99 @@
+"""Set-ups with a known mistake: `strapdown reproduce wrong-setups`.
+
+Each mistake is made on each recording; the solution says how much harm it does, `inspect` and the
+verdict whether anyone notices, and the first reason whether the cause is named.
+"""
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from strapdown.checks import check_number
+from strapdown.typing import File, Progress
+
+from ..common.example_recordings import DESCRIPTIONS
+from ..common.pages import write_page
+from . import summary
+from .cases import MOTIONS, recorded, simulated
+from .cells import cells, right_row, table
+
+SEEDS, QUICK_SEEDS = 20, 1
+RIGHT_SEEDS, RIGHT_FIRST = 25, 101
+"""Right set-ups: seeds of each of RIGHT_MOTIONS, and the first of them."""
+RIGHT_MOTIONS = ("car", "flight", "ship", "hand-held")
+
+
+def reproduce(
+    out: File,
+    quick: bool = False,
+    runs: int | None = None,
+    seed: int = 1,
+    recordings: File | None = None,
+    workers: int = 0,
+    progress: Progress | None = None,
+) -> list[dict[str, Any]]:
+    """Run every cell, write the page into the folder `out`, return the claims.
+
+    quick: one seed, one simulated motion; runs: number of seeds; seed: the first of them;
+    recordings: folder of the descriptions (default: those of the source tree, left out where they
+    are not); workers: processes, the processors by default; progress: called with the fraction
+    done. Raises DataError.
+    """
+    count = (QUICK_SEEDS if quick else SEEDS) if runs is None else runs
+    check_number(count, "runs", least=1, whole=True)
+    check_number(seed, "seed", least=0, whole=True)
+    folder = Path(recordings) if recordings else DESCRIPTIONS
+    motions = list(MOTIONS)[:1] if quick else list(MOTIONS)
+    tasks = [("simulated", name, s) for s in range(seed, seed + count) for name in motions]
+    rights = max(1, round(count * RIGHT_SEEDS / SEEDS))
+    tasks += [
+        ("right", name, s)
+        for s in range(RIGHT_FIRST + seed - 1, RIGHT_FIRST + seed - 1 + rights)
+        for name in RIGHT_MOTIONS
+        if name in motions
+    ]
+    if not quick:
+        tasks[:0] = [("recorded", name, 0) for name in recorded(folder)]
+    rows = []
+    for done, found in enumerate(on_processes(partial(work, folder), tasks, workers), 1):
+        rows += found
+        if progress:
+            progress(done / len(tasks))
+    return write(Path(out), table(rows))
+
+
+def on_processes(run, tasks: Sequence[Any], workers: int):
+    """What `run` makes of each task, in their order, each in one of `workers` processes."""
+    workers = workers or os.cpu_count() or 1
+    if workers == 1 or len(tasks) < 4:
+        yield from map(run, tasks)
+        return
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        yield from pool.map(run, tasks)
+
+
+def work(folder: Path, task: tuple[str, str, int]) -> list[dict[str, Any]]:
+    """Rows of a task: (what, recording, seed)."""
+    what, name, seed = task
+    case = recorded(folder)[name]() if what == "recorded" else simulated(name, seed)
+    return [right_row(case, seed)] if what == "right" else cells(case, seed)
+
+
+def write(out: Path, rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """Write page and tables of finished cells into the folder `out`; return the claims."""
+    claims = summary.claims(rows)
+    write_page(
+        out,
+        summary.TITLE,
+        summary.INTRODUCTION,
+        claims,
+        {"cells": (None, rows), **summary.tables(rows)},
+        texts={"table.md": summary.in_docs(rows)},
+    )
+    return claims

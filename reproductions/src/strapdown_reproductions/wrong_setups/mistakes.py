@@ -1,0 +1,262 @@
+"""The mistakes: what each makes of a right recording, and what its cause is called."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from strapdown.data import Aiding
+from strapdown.geodesy import displaced
+from strapdown.recording import Recording
+from strapdown.sensor_models.imu import grade
+from strapdown.typing import Array
+
+from .cases import CONSTRAINTS, SWISSLOG_LAG, Case
+
+GNSS = ("position", "velocity")
+UNDULATION = 47.0
+"""m by which the geoid lies above the ellipsoid."""
+DRIFT = 0.1
+"""m/s to the north."""
+REPEATS = 4
+"""How often a receiver that repeats its fixes gives each."""
+
+
+class Mistake(NamedTuple):
+    """A mistake of a set-up."""
+
+    name: str
+    group: str
+    # names of causes (strapdown.verdict.CAUSES) that count as the true one; the first is the plain
+    # one
+    causes: tuple[str, ...]
+    make: Callable[[Case], Recording | None]  # None: it cannot be made with this recording
+
+
+def _on(
+    kinds: tuple[str, ...], change: Callable[[Aiding], Aiding]
+) -> Callable[[Case], Recording | None]:
+    """A change of every source of these kinds."""
+
+    def make(case: Case) -> Recording | None:
+        found = case.recording.aidings
+        if not any(a.kind in kinds for a in found):
+            return None
+        changed = tuple(change(a) if a.kind in kinds else a for a in found)
+        return replace(case.recording, aidings=changed)
+
+    return make
+
+
+def clock(kinds: tuple[str, ...], seconds: float) -> Callable[[Case], Recording | None]:
+    """Stamps of these sources that are too late by `seconds`."""
+
+    def make(case: Case) -> Recording | None:
+        present = {a.kind for a in case.recording.aidings} & set(GNSS)
+        if len(present) < 2 and kinds != GNSS:
+            return None  # one source alone is all of them
+        made = _on(kinds, lambda a: replace(a, t=a.t + seconds))(case)
+        assert made is not None
+        inside = tuple(a.between(*made.span) for a in made.aidings)
+        return replace(made, aidings=inside)
+
+    return make
+
+
+def turned(axis: str, degrees: float) -> Callable[[Case], Recording]:
+    """Axes of gyros and accelerometers that are turned by an angle about a body axis."""
+    C = _turn(axis, degrees)
+    return _samples(lambda dtheta, dv: (dtheta @ C, dv @ C))
+
+
+def mounted(axis: str, degrees: float) -> Callable[[Case], Recording]:
+    """A box that is mounted turned by an angle: the IMU and the magnetometer in it."""
+    turn = turned(axis, degrees)
+    field = _on(("magnetic-field",), lambda a: replace(a, y=a.y @ _turn(axis, degrees)))
+
+    def make(case: Case) -> Recording:
+        made = turn(case)
+        return field(case._replace(recording=made)) or made
+
+    return make
+
+
+def _turn(axis: str, degrees: float) -> Array:
+    """(3, 3) C_bs, from the axes of the sensors to those of the body."""
+    return Rotation.from_euler(axis, degrees, degrees=True).as_matrix()
+
+
+def _samples(change: Callable[[Array, Array], tuple[Array, Array]]) -> Callable[[Case], Recording]:
+    """A change of the rotation and velocity increments."""
+
+    def make(case: Case) -> Recording:
+        imu = case.recording.imu
+        dtheta, dv = change(imu.dtheta, imu.dv)
+        return replace(case.recording, imu=imu._replace(dtheta=dtheta, dv=dv))
+
+    return make
+
+
+MIRROR = np.array([1.0, -1.0, 1.0])
+"""Signs of the axes where the sign of y is misread, for both sensors."""
+
+
+def scaled(factor: float) -> Callable[[Case], Recording | None]:
+    """Velocities in another unit."""
+    return _on(("velocity",), lambda a: replace(a, y=a.y * factor))
+
+
+def east_first(a: Aiding) -> Aiding:
+    """East, north, up taken for north, east, down."""
+    return replace(a, y=a.y[:, [1, 0, 2]] * [1.0, 1.0, -1.0])
+
+
+def radians_as_degrees(a: Aiding) -> Aiding:
+    """Velocity made of a speed and a course whose radians, 0 to 2 pi, are taken for degrees."""
+    north, east, down = a.y.T
+    course = np.radians(np.arctan2(east, north) % (2 * np.pi))
+    speed = np.hypot(north, east)
+    return replace(a, y=np.c_[speed * np.cos(course), speed * np.sin(course), down])
+
+
+def longer(arm: tuple[float, float, float]) -> Callable[[Case], Recording | None]:
+    """An antenna said to be further off by `arm` (forward, right, down, m) than it is."""
+
+    def change(a: Aiding) -> Aiding:
+        given = np.array(a.parameters or (0.0, 0.0, 0.0))
+        return replace(a, parameters=tuple((given + arm).tolist()))
+
+    return _on(GNSS, change)
+
+
+def below_geoid(a: Aiding) -> Aiding:
+    """Heights above the geoid taken for ellipsoidal ones."""
+    return replace(a, y=a.y - [0.0, 0.0, UNDULATION])
+
+
+def stated(factor: float) -> Callable[[Case], Recording | None]:
+    """Standard deviations of position and velocity stated `factor` times as large."""
+    return _on(GNSS, lambda a: replace(a, sd=a.sd * factor))
+
+
+def two_grades_better(case: Case) -> Recording:
+    """The IMU described as one two grades better."""
+    return replace(case.recording, meta=case.recording.meta | {"grade": case.better})
+
+
+def biased(case: Case) -> Recording:
+    """An accelerometer x whose bias is 10 standard deviations of its description."""
+    spec = grade(case.recording.meta["grade"])
+    imu = case.recording.imu
+    bias = np.array([10 * spec.bias_sd()[0], 0.0, 0.0])
+    return replace(case.recording, imu=imu._replace(dv=imu.dv + bias * imu.dt[:, None]))
+
+
+def repeated(a: Aiding) -> Aiding:
+    """Each fix given REPEATS times until the next one comes, with stamps of their own."""
+    step = float(np.median(np.diff(a.t))) / REPEATS
+    t = (a.t[:, None] + step * np.arange(REPEATS)).ravel()
+    late = np.flatnonzero(t <= a.t[-1] + 1e-9)
+    late = late[np.r_[True, np.diff(t[late]) > 0]] if len(late) else late
+    rows = late // REPEATS
+    return replace(a, t=t[late], y=a.y[rows], sd=a.sd[rows])
+
+
+def drifting(a: Aiding) -> Aiding:
+    """Positions that drift to the north."""
+    away = np.zeros((len(a.t), 3))
+    away[:, 0] = DRIFT * (a.t - a.t[0])
+    return replace(a, y=displaced(a.y, away))
+
+
+def as_logged(case: Case) -> Recording | None:
+    """swisslog as its columns are named: the course in degrees, no lag."""
+    if case.name != "swisslog":
+        return None
+    wrong = tuple(
+        replace(radians_as_degrees(a) if a.kind == "velocity" else a, t=a.t + SWISSLOG_LAG)
+        for a in case.recording.aidings
+    )
+    return replace(case.recording, aidings=wrong)
+
+
+SECONDS = (0.1, 0.25, 1.0, 18.0)
+MISTAKES: tuple[Mistake, ...] = (
+    *(
+        Mistake(
+            f"clock of {whose} {sign * seconds:+g} s",
+            f"clock of {whose}",
+            ("clock",),
+            clock(kinds, sign * seconds),
+        )
+        for whose, kinds in (("GNSS", GNSS), ("position", GNSS[:1]), ("velocity", GNSS[1:]))
+        for seconds in SECONDS
+        for sign in (1, -1)
+    ),
+    *(
+        Mistake(f"axes turned {angle} deg", "axes", ("axes", "mounting"), turned("z", angle))
+        for angle in (90, 180, 270)
+    ),
+    Mistake("axes mirrored", "axes", ("axes",), _samples(lambda w, f: (w * MIRROR, f * MIRROR))),
+    Mistake("ENU taken for NED", "frame", ("frame",), _on(("velocity",), east_first)),
+    *(
+        Mistake(f"{unit} taken for m/s", "unit", ("unit",), scaled(factor))
+        for unit, factor in (("km/h", 3.6), ("knots", 3600 / 1852), ("mm/s", 1000.0))
+    ),
+    Mistake(
+        "course in rad taken for deg", "unit", ("unit",), _on(("velocity",), radians_as_degrees)
+    ),
+    *(
+        Mistake(
+            f"antenna arm {size:g} m off, {where}",
+            f"antenna arm, {where}",
+            ("lever arm",),
+            longer(tuple(size * np.array(way))),
+        )
+        for where, way in (("forward", (1.0, 0.0, 0.0)), ("up", (0.0, 0.0, -1.0)))
+        for size in (1.0, 3.0)
+    ),
+    *(
+        Mistake(
+            f"mounting {angle} deg off in {name}",
+            "mounting",
+            ("mounting", "axes"),
+            mounted(axis, angle),
+        )
+        for name, axis in (("pitch", "y"), ("heading", "z"))
+        for angle in (2, 5, 10)
+    ),
+    Mistake("height above the geoid", "height", ("height",), _on(("position",), below_geoid)),
+    Mistake("stated sd 5 times too small", "fix noise", ("fix noise",), stated(0.2)),
+    Mistake("stated sd 5 times too large", "fix noise", ("fix noise",), stated(5.0)),
+    Mistake(
+        "IMU two grades too good", "IMU", ("imu noise", "accelerometer", "gyro"), two_grades_better
+    ),
+    Mistake("accelerometer bias of 10 sd", "IMU", ("accelerometer", "imu noise"), biased),
+    Mistake(
+        "odometer 2 % off",
+        "scale",
+        ("odometer scale",),
+        _on(("speed",), lambda a: replace(a, y=a.y * 1.02)),
+    ),
+    Mistake(
+        "accelerometers 2 % off",
+        "scale",
+        ("accelerometer", "imu noise"),
+        _samples(lambda w, f: (w, 1.02 * f)),
+    ),
+    Mistake("gyros 2 % off", "scale", ("gyro", "imu noise"), _samples(lambda w, f: (1.02 * w, f))),
+    Mistake("each fix four times", "repeated", ("repeated", "fix noise"), _on(GNSS, repeated)),
+    Mistake(
+        "position drifts by 0.1 m/s", "drift", ("lasting errors",), _on(("position",), drifting)
+    ),
+    Mistake("as logged", "as logged", ("unit", "clock"), as_logged),
+)
+"""Every mistake of the study."""
+
+
+def constrained(case: Case) -> bool:
+    """Whether the vehicle's constraints are among the sources."""
+    return any(a.kind in CONSTRAINTS for a in case.recording.aidings)

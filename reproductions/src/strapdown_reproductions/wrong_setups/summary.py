@@ -1,0 +1,165 @@
+"""The figures of the study: shares of mistakes found and named, false alarms, costs; their targets
+and tables."""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..common import markdown
+from .cells import RIGHT
+from .not_showable import NOT_SHOWABLE
+
+TITLE = "Wrong set-ups: who notices, and what is named"
+INTRODUCTION = (
+    "Each mistake is made on each recording. It is harmful where the rms of an error (horizontal "
+    "position, height, velocity, roll and pitch, heading) is at least twice that of the right "
+    "set-up, or where an error exceeds three claimed standard deviations for more than 5 % of the "
+    "time while that of the right set-up does not; without truth, where the solution lies beyond "
+    "three claimed standard deviations of the right set-up from that one for more than 5 % of the "
+    "time. A mistake is found where `inspect` reports a problem or the verdict is anything but "
+    "trusted; it is named where the first reason has the true cause.",
+    "Which mistakes the data of a recording cannot show was written down before the table ran; "
+    "there the verdict must name what was mistaken as not tested.",
+)
+RECORDED = ("thor75", "drive0708", "drive0708-vehicle", "swisslog", "BROAD 02", "BROAD 21")
+
+
+def harmful(rows: pd.DataFrame, showable: bool = True) -> pd.DataFrame:
+    """The harmful cells that the data can show, or cannot."""
+    return rows[(rows["mistake"] != RIGHT) & rows["harmful"] & (rows["showable"] == showable)]
+
+
+def rights(rows: pd.DataFrame, recorded: bool = False) -> pd.DataFrame:
+    """The right set-ups of simulated or of recorded data."""
+    own = rows[rows["mistake"] == RIGHT]
+    return own[own["recording"].isin(RECORDED) == recorded]
+
+
+def percent(held: pd.Series) -> float:
+    """Share in %; NaN of nothing."""
+    return 100.0 * float(held.mean()) if len(held) else np.nan
+
+
+def claims(rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """The claims that the cells decide."""
+    own, unseen, right = harmful(rows), harmful(rows, showable=False), rights(rows)
+    cost = 100.0 * right["verdict_s"].sum() / right["fuse_s"].sum()
+    return [
+        at_least(
+            "harmful mistakes that the data can show, found", percent(own["found"]), 95.0, "%"
+        ),
+        at_least("of them with the true cause named first", percent(own["named"]), 80.0, "%"),
+        at_least(
+            "harmful mistakes that the data cannot show, named as not tested",
+            percent(unseen["named_untested"]),
+            100.0,
+            "%",
+        ),
+        at_most(
+            f"simulated right set-ups called anything but trusted, of {len(right)}",
+            percent(right["found"]),
+            2.0,
+            "%",
+        ),
+        at_most("verdict's time over the filter's", cost, 10.0, "%"),
+    ]
+
+
+def at_least(text: str, figure: float, bound: float, unit: str) -> dict[str, Any]:
+    """A claim that `figure` is at least `bound`."""
+    return _claim(text, figure, bound, unit, "at least", bool(figure >= bound))
+
+
+def at_most(text: str, figure: float, bound: float, unit: str) -> dict[str, Any]:
+    """A claim that `figure` is at most `bound`."""
+    return _claim(text, figure, bound, unit, "at most", bool(figure <= bound))
+
+
+def _claim(
+    text: str, figure: float, bound: float, unit: str, word: str, holds: bool
+) -> dict[str, Any]:
+    return {
+        "claim": text,
+        "target": f"{word} {bound:g} {unit}",
+        "figure": f"{figure:.3g} {unit}",
+        "value": float(figure),
+        "bound": float(bound),
+        "holds": holds,
+    }
+
+
+def tables(rows: pd.DataFrame) -> dict[str, tuple[str | None, pd.DataFrame]]:
+    """{name: (caption, DataFrame)}: by mistake, by recording, what was missed, right set-ups that
+    were not trusted, what cannot be shown."""
+    own = harmful(rows)
+    return {
+        "by-mistake": ("Harmful cells that the data can show, by mistake", counted(own, "mistake")),
+        "by-recording": ("The same by recording", counted(own, "recording")),
+        "missed": ("Harmful cells that nobody noticed", missed(own[~own["found"]])),
+        "misnamed": (
+            "Found, but another cause stands first",
+            missed(own[own["found"] & ~own["named"]]),
+        ),
+        "alarms": ("Right set-ups that are called anything but trusted", alarms(rows)),
+        "not-showable": ("What the data cannot show, and why", not_showable()),
+    }
+
+
+def counted(own: pd.DataFrame, by: str) -> pd.DataFrame:
+    """A row per mistake or recording: harmful cells, of them found, found by each, named."""
+    groups = own.groupby(by, sort=False)
+    return pd.DataFrame(
+        {
+            "harmful": groups.size(),
+            "found": groups["found"].sum(),
+            "by inspect": groups["by_inspect"].sum(),
+            "by the verdict": groups["by_verdict"].sum(),
+            "named": groups["named"].sum(),
+        }
+    ).reset_index()
+
+
+def missed(own: pd.DataFrame) -> pd.DataFrame:
+    """A row per mistake and recording: in how many seeds, which errors, how large, and what was
+    said first."""
+    groups = own.assign(
+        said=own["inspect_cause"].where(own["inspect_cause"] != "", own["verdict_cause"])
+    ).groupby(["mistake", "recording"], sort=False)
+    often = lambda texts: texts.mode().iloc[0]
+    return groups.agg(
+        cells=("seed", "size"),
+        errors=("which", often),
+        worse=("worse", "median"),
+        beyond=("beyond", "median"),
+        said_first=("said", often),
+    ).reset_index()
+
+
+def alarms(rows: pd.DataFrame) -> pd.DataFrame:
+    """A row per right set-up that is called anything but trusted, and what was said."""
+    own = rows[(rows["mistake"] == RIGHT) & rows["found"]]
+    return own[["recording", "seed", "word", "inspect_says", "verdict_says"]]
+
+
+def not_showable() -> pd.DataFrame:
+    """The table of not_showable, as text."""
+    return pd.DataFrame(
+        [(", ".join(h.groups), ", ".join(h.recordings), h.reason) for h in NOT_SHOWABLE],
+        columns=["mistakes", "recordings", "reason"],
+    )
+
+
+def in_docs(rows: pd.DataFrame) -> str:
+    """Markdown for docs/wrong-setups.md."""
+    shown = pd.DataFrame(
+        [
+            (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")
+            for c in claims(rows)
+        ],
+        columns=["figure", "target", "measured", ""],
+    )
+    made = {name: (caption, table) for name, (caption, table) in tables(rows).items()}
+    return markdown.tables(
+        [("### Figures", shown), *((f"### {caption}", table) for caption, table in made.values())]
+    )
