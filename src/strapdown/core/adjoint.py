@@ -53,20 +53,26 @@ def save_step(belief: Belief, record: Array) -> None:
 @helper
 def kept(belief: Belief, record: Array) -> None:
     """The step of `save_step`, for a filter that keeps something beside."""
-    workspace, n = belief.workspace, belief.P.shape[0]
+    workspace = belief.workspace
     record[0] = workspace[CALL]
     if record[0] == PREDICTED:
         for i in range(PREDICTION):
             record[i] = workspace[CALL + i]
     elif record[0] > 0:
-        used, first = WORK.start + used_rows(n), WORK.start + n * n + 1
-        rows = int(record[0])
-        whiten(matrix(workspace, JACOBIAN, 3, n), workspace[WORK])
-        for k in range(3):
-            record[INNOVATION + k] = workspace[used + 1 + k]
-            for j in range(n):
-                record[U + k * n + j] = workspace[first + k * (n + 1) + j]
-                record[U + (3 + k) * n + j] = workspace[JACOBIAN + k * n + j] if k < rows else 0.0
+        kept_rows(belief, record, int(record[0]))
+
+
+@helper
+def kept_rows(belief: Belief, record: Array, rows: int) -> None:
+    """Whitened innovations, U and H of the rows that `measure` found, whether used or not."""
+    workspace, n = belief.workspace, belief.P.shape[0]
+    used, first = WORK.start + used_rows(n), WORK.start + n * n + 1
+    whiten(matrix(workspace, JACOBIAN, 3, n), workspace[WORK])
+    for k in range(3):
+        record[INNOVATION + k] = workspace[used + 1 + k]
+        for j in range(n):
+            record[U + k * n + j] = workspace[first + k * (n + 1) + j]
+            record[U + (3 + k) * n + j] = workspace[JACOBIAN + k * n + j] if k < rows else 0.0
 
 
 @kernel(ADJOINT_STEP)

@@ -73,6 +73,7 @@ __all__ = [
     "SAVE_STEP",
     "ADJOINT_STEP",
     "RUN_BACK",
+    "RUN_SENSITIVITY",
     "POS",
     "VEL",
     "ATT",
@@ -270,6 +271,7 @@ RUN_RECORDED: Any
 SAVE_STEP: Any
 ADJOINT_STEP: Any
 RUN_BACK: Any
+RUN_SENSITIVITY: Any
 if COMPILED:
     types: Any = numba_types  # whose own annotations are not complete
     _f8, _i8 = types.float64, types.int64
@@ -304,8 +306,19 @@ if COMPILED:
     SAVE_STEP = types.void(BELIEF, _line)
     ADJOINT_STEP = types.void(_line, _line, _table, _line)
     RUN_BACK = types.void(_i8, _table, _count, _cube, _count, _line, _table, _line, _table, _cube)
+    RUN_SENSITIVITY = types.void(_i8, _table, _cube, _line, _cube)
 else:
-    OBSERVE, PREDICT, CORRECT, RUN, RUN_RECORDED, SAVE_STEP, ADJOINT_STEP, RUN_BACK = (
+    (
+        OBSERVE,
+        PREDICT,
+        CORRECT,
+        RUN,
+        RUN_RECORDED,
+        SAVE_STEP,
+        ADJOINT_STEP,
+        RUN_BACK,
+        RUN_SENSITIVITY,
+    ) = (
         "observe",
         "predict",
         "correct",
@@ -314,6 +327,7 @@ else:
         "save step",
         "adjoint step",
         "run back",
+        "run sensitivity",
     )
 
 

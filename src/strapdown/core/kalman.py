@@ -288,8 +288,13 @@ WORKSPACE = max(600, plain(used_rows)(MOST_STATES) + 13)
 def whiten(H: Array, work: Array) -> None:
     """After `update`: the first rows of H, as many as were used, become those of L^-1 H, L L' =
     H P H' + R."""
+    whiten_rows(H, work, used_rows(H.shape[1]))
+
+
+@helper
+def whiten_rows(H: Array, work: Array, used: int) -> None:
+    """`whiten` for rows of any length, such as those of the identity; `used` is `used_rows(n)`."""
     n = H.shape[1]
-    used = used_rows(n)
     for m in range(int(work[used])):
         scale, i = work[used + 4 + m], int(work[used + 7 + m])
         for j in range(n):

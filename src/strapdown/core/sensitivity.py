@@ -1,0 +1,129 @@
+"""What constants that a filter does not know would change in its innovations: separate bias
+estimation, from what its calls leave behind.
+
+theta (m,) are such constants, 0 where the set-up is right, h the derivative of a measurement by
+them. The error of the filter is that of one that knows theta, plus V theta. A prediction takes V to
+Phi V; a correction, with L^-1 H, L^-1 h and U = L^-1 H P of the whitened rows, finds
+J = L^-1 (H V + h), the derivative of the whitened innovation, and takes V to V - U' J. So the
+innovations of one run are J theta plus white noise. Source: Friedland (1969), IEEE Trans. Automatic
+Control 14(4).
+"""
+
+from ..typing import Array
+from .adjoint import (
+    DECAY_A,
+    DECAY_G,
+    DT,
+    HALF_FORCE,
+    C,
+    F,
+    U,
+    W,
+    kept,
+    kept_rows,
+)
+from .contract import MOST_STATES, RUN_SENSITIVITY, SAVE_STEP, Belief
+from .error_state import PREDICTED, WORK
+from .jit import helper, inlined, kernel, matrix
+from .kalman import decay, transition, used_rows, whiten_rows
+
+REJECTED = 10.0
+"""The first number of the record of a fix that was measured and not used: REJECTED + rows."""
+BEHIND = 27
+"""Numbers that a record has beyond `adjoint.width`: v (3), C (9), omega (3), accelerometer bias
+(3) and L^-1 (9) of a fix; INVERSE is where L^-1 begins among them."""
+INVERSE = 18
+LANES = 16
+"""Columns that V has room for."""
+MOVED = LANES * MOST_STATES
+"""Where, behind the rows of V, the moved ones of a prediction stand for a moment."""
+V_SIZE = MOVED + 9 * LANES
+"""Numbers of V with its workspace: row i of V is [LANES i, LANES (i + 1))."""
+
+
+@kernel(SAVE_STEP)
+def save_step(belief: Belief, record: Array) -> None:
+    """What the smoother needs; of fixes, used or not, also the belief and L^-1."""
+    kept(belief, record)
+    if record[0] == PREDICTED:
+        return
+    workspace, n = belief.workspace, belief.P.shape[0]
+    used = used_rows(n)
+    rows = int(workspace[WORK.start + used])
+    if rows == 0:
+        return
+    if record[0] == 0.0:
+        kept_rows(belief, record, rows)
+        record[0] = REJECTED + rows
+    at = record.size - BEHIND
+    for i in range(3):
+        record[at + i], record[at + 12 + i] = belief.v[i], belief.omega[i]
+        record[at + 15 + i] = belief.ba[i]
+        for j in range(3):
+            record[at + 3 + 3 * i + j] = belief.C[i, j]
+            record[at + INVERSE + 3 * i + j] = 1.0 if i == j else 0.0
+    whiten_rows(matrix(record, at + INVERSE, 3, 3), workspace[WORK], used)
+
+
+_moved = transition("_moved", 0, LANES, MOVED, LANES, (0, 8), 8)
+
+
+@helper
+def _predicted(V: Array, step: Array) -> None:
+    """V <- Phi V; states beyond the fifteenth stand still."""
+    dt = step[DT]
+    transport = step[W], step[W + 1], step[W + 2]
+    _moved(V, step[F:C], matrix(step, C, 3, 3), step[HALF_FORCE : HALF_FORCE + 3], *transport, dt)
+    keep_a, keep_g = decay(step[DECAY_A] * dt), decay(step[DECAY_G] * dt)
+    for j in range(9 * LANES):
+        V[j] = V[MOVED + j]
+    for j in range(3 * LANES):
+        V[9 * LANES + j] *= keep_a
+        V[12 * LANES + j] *= keep_g
+
+
+@inlined
+def _corrected(n: int, V: Array, call: Array, h: Array, J: Array) -> None:
+    """J = L^-1 (H V + h) of a fix and, where it was used, V <- V - U' J."""
+    was_used = call[0] < REJECTED
+    rows, H, inverse = (
+        int(call[0] if was_used else call[0] - REJECTED),
+        U + 3 * n,
+        call.size - BEHIND,
+    )
+    for i in range(rows):
+        for j in range(LANES):
+            J[i, j] = 0.0
+        for k in range(3):
+            factor = call[inverse + INVERSE + 3 * i + k]
+            for j in range(LANES):
+                J[i, j] += factor * h[k, j]
+        for k in range(n):
+            factor = call[H + n * i + k]
+            if factor != 0.0:
+                for j in range(LANES):
+                    J[i, j] += factor * V[LANES * k + j]
+    if was_used:
+        for i in range(rows):
+            for k in range(n):
+                factor = call[U + n * i + k]
+                for j in range(LANES):
+                    V[LANES * k + j] -= factor * J[i, j]
+
+
+@kernel(RUN_SENSITIVITY)
+def run_sensitivity(n: int, record: Array, h: Array, V: Array, J: Array) -> None:
+    """V over a piece of a record of `save_step`, n states, and J (k, 3, LANES) of its k fixes.
+
+    h (k, 3, LANES) are the derivatives of the measurements themselves, before whitening. A fix
+    whose first number is 0 does not count. J arrives zeroed; rows that were not measured stay so.
+    """
+    fix = 0
+    for c in range(record.shape[0]):
+        call = record[c]
+        if call[0] == PREDICTED:
+            _predicted(V, call)
+        else:
+            if call[0] > 0:
+                _corrected(n, V, call, h[fix], J[fix])
+            fix += 1

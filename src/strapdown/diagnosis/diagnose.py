@@ -1,0 +1,225 @@
+"""`diagnose`: what of an installation is wrong, from runs of the filter itself: clock offsets, lever
+arms, mounting and odometer scale, each found, consistent with what was given, or not observable.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .. import filters
+from ..checks import DataError
+from ..core import loop
+from ..core.contract import Filter, Start
+from ..engine.finish import solution
+from ..engine.prepare import Asked, GivenImu
+from ..engine.sensitivity import begin_sensitive, check_sensitive, fit, sums
+from ..recording import Recording
+from ..typing import Array, Progress, Say
+from .findings import (
+    CONSISTENT,
+    FOUND,
+    LEAST_GAIN,
+    LEAST_Z,
+    NOT_OBSERVABLE,
+    UNITS,
+    Diagnosis,
+    Estimate,
+    changes,
+    named,
+    reasons,
+)
+from .installation import ARM, CLOCK, MOUNTING, SCALE, SHOWN_BY, Model, applied, constants
+from .settling import MOST_RUNS, Estimated, Settling, Trial, Unknown, estimated, unknowns
+
+LEAST = {CLOCK: 0.02, ARM: 0.1, MOUNTING: np.radians(0.5), SCALE: 0.003}
+"""s, m, rad: smaller changes are not reported."""
+LEAST_CLOCK_ALONE = 0.5
+"""s: the same of a clock where no source measures velocity."""
+LARGEST_SD = {CLOCK: 0.2, ARM: 0.5, MOUNTING: np.radians(3.0), SCALE: 0.02}
+"""s, m, rad: a constant that is known no better is not observable. Half of the prior, or what harms
+a solution."""
+MOTIONS = {
+    CLOCK: ("accelerate, brake or turn",) * 3,
+    ARM: ("turn, to both sides",) * 2 + ("roll and pitch, as in banked turns",),
+    MOUNTING: ("drive faster, on slopes", "drive faster", "drive faster"),
+    SCALE: ("drive faster",) * 3,
+}
+"""{kind: what would show it, by axis}."""
+
+
+def diagnose(
+    recording: Recording,
+    filter: str | Filter = "closed-loop",
+    imu: GivenImu | None = None,
+    start: Start | None = None,
+    say: Say | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Diagnosis:
+    """What of the installation of `recording` is wrong: clock offset of the GNSS, lever arm of its
+    antenna, mounting of the IMU, scale of the odometer.
+
+    Each is estimated from the innovations of the filter (separate bias estimation, Friedland 1969),
+    applied, and the filter is run again until nothing moves: `settling.MOST_RUNS` runs at most.
+    filter: the closed loop or one of its relatives; the other arguments are those of `fuse`.
+    Without a source of velocity no more than a clock offset beyond 0.5 s is reported. Raises
+    DataError.
+    """
+    return _Runs(recording, filter, Asked(options, imu, start, say=say), progress).diagnosis()
+
+
+class _Runs:
+    """The runs of one `diagnose`."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        filter: str | Filter,
+        asked: Asked,
+        progress: Progress | None = None,
+    ):
+        self.recording, self.filter, self.asked = recording, filters.find(filter), asked
+        check_sensitive(self.filter)
+        self.kinds = [a.kind for a in recording.aidings]
+        if "position" not in self.kinds:
+            raise DataError(
+                "nothing of the installation shows without a source of position: add one"
+            )
+        self.constants = constants(recording.aidings)
+        self.progress = progress or (lambda done: None)
+        self.way = Settling(self.run, np.zeros(len(self.constants)))
+
+    def run(self, theta: Array) -> Trial:
+        """The filter over the recording with its set-up changed by theta."""
+        before = self.way.runs - 1
+        run = begin_sensitive(
+            applied(self.recording, self.constants, theta), self.filter, self.asked
+        )
+        model = Model(run, self.constants, self.asked.start is None)
+        found = sums(
+            run,
+            model.derivatives,
+            model.start,
+            lambda part: self.progress((before + part) / MOST_RUNS),
+        )
+        cost, fixes = fit(run)
+        return Trial(theta, np.inf if run.cursor.at[loop.FAULT] else cost, fixes, found, run)
+
+    def diagnosis(self) -> Diagnosis:
+        """All runs, and what they say."""
+        first = self.way.tried(np.zeros(len(self.constants)))
+        if np.isinf(first.cost):
+            raise DataError(
+                f"{self.filter.name} does not come to the end of the recording: run `fuse` and see why"
+            )
+        sought = unknowns(self.constants)
+        clocks = [each for each in sought if each.kind == CLOCK]
+        last = self.way.settled(first, clocks)
+        if "velocity" in self.kinds:
+            last = self.way.settled(last, sought)
+        else:
+            sought = clocks
+        return self.told(first, last, sought)
+
+    def told(self, first: Trial, last: Trial, sought: Sequence[Unknown]) -> Diagnosis:
+        """What the last trial says of what was sought."""
+        final = estimated(last, sought, self.way.centre)
+        wrong = np.array([self.wrong(each, final, i) for i, each in enumerate(sought)])
+        value, best = final.value.copy(), first
+        if wrong.any():
+            some = [each for each, one in zip(sought, wrong) if one]
+            value[wrong], best = self.alone(last, some, final.value[wrong])
+        gain = (first.cost - best.cost) * first.fixes
+        if gain <= LEAST_GAIN:
+            wrong, value, best, gain = wrong & False, final.value, first, 0.0
+        shares = (value / final.model_sd) ** 2 * wrong
+        shares *= gain / max(shares.sum(), 1e-300)
+        estimates = [
+            self.estimate(each, final, i, float(value[i]), bool(wrong[i]), float(shares[i]))
+            for i, each in enumerate(sought)
+        ]
+        lines = changes(
+            self.recording, [each for each, one in zip(sought, wrong) if one], value[wrong]
+        )
+        self.progress(1.0)
+        return Diagnosis(
+            tuple(estimates + self.never(sought)),
+            applied(self.recording, self.constants, best.theta),
+            solution(best.made),
+            self.way.runs,
+            gain,
+            reasons(estimates, lines, gain),
+            tuple(line for own in lines.values() for line in own),
+        )
+
+    def wrong(self, unknown: Unknown, final: Estimated, i: int) -> bool:
+        """Whether the i-th estimate is one to report."""
+        least = LEAST[unknown.kind]
+        if "velocity" not in self.kinds:
+            least = LEAST_CLOCK_ALONE
+        return bool(abs(final.value[i]) > least and final.z[i] > LEAST_Z)
+
+    def alone(self, last: Trial, some: Sequence[Unknown], value: Array) -> tuple[Array, Trial]:
+        """Values of the unknowns `some` with all others as given, and the run with them."""
+        theta = np.sum([x * each.direction for x, each in zip(value, some)], axis=0)
+        there = last._replace(theta=theta, sums=last.sums.moved(theta - last.theta))
+        value = estimated(there, some, self.way.centre).value
+        theta = np.sum([x * each.direction for x, each in zip(value, some)], axis=0)
+        return value, self.way.tried(theta)
+
+    def estimate(
+        self, unknown: Unknown, final: Estimated, i: int, value: float, wrong: bool, gain: float
+    ) -> Estimate:
+        """The i-th estimate in the terms of recording.toml."""
+        unit, factor = UNITS[unknown.kind]
+        aidings = [self.recording.aidings[k] for k in unknown.sources]
+        names = tuple(a.name or a.kind for a in aidings)
+        given = 0.0
+        if unknown.kind == ARM:
+            of_imu = self.recording.meta.get("imu_lever_arm", [0.0] * 3)
+            given = (*aidings[0].parameters, 0.0, 0.0, 0.0)[unknown.axis] + of_imu[unknown.axis]
+        elif unknown.kind == SCALE:
+            given = 1.0
+        sd = float(final.sd[i])
+        status = FOUND if wrong else NOT_OBSERVABLE if sd > LARGEST_SD[unknown.kind] else CONSISTENT
+        antennas = sum(each.kind == ARM for each in self.constants) // 3
+        return Estimate(
+            named(unknown, names, antennas),
+            unknown.kind,
+            names,
+            unit,
+            status,
+            given,
+            value * factor,
+            sd * factor,
+            gain,
+            MOTIONS[unknown.kind][unknown.axis] if status == NOT_OBSERVABLE else "",
+        )
+
+    def never(self, sought: Sequence[Unknown]) -> list[Estimate]:
+        """What no motion would show with these sources, with what is missing."""
+        found = []
+        for kind, axis in [(ARM, 0), (ARM, 1), (ARM, 2), (MOUNTING, 1), (MOUNTING, 2), (SCALE, 0)]:
+            if any(each.kind == kind and each.axis == axis for each in sought):
+                continue
+            missing = "add a source of velocity"
+            if kind == MOUNTING and SHOWN_BY[axis] not in self.kinds:
+                missing = f"drive with the constraint {SHOWN_BY[axis]} switched on"
+            elif kind == SCALE and "speed" not in self.kinds:
+                missing = "add an odometer (kind speed)"
+            nothing = Unknown(kind, (), axis, np.zeros(0))
+            found.append(
+                Estimate(
+                    named(nothing, (), 1),
+                    kind,
+                    (),
+                    UNITS[kind][0],
+                    NOT_OBSERVABLE,
+                    np.nan,
+                    np.nan,
+                    np.nan,
+                    motion=missing,
+                )
+            )
+        return found

@@ -1,0 +1,180 @@
+"""What is said of the constants of an installation: each with its value in the terms of
+recording.toml, its status, and what to change."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.jit import plain
+from ..core.rotation import matrix_to_euler
+from ..data import Aiding, Solution
+from ..preprocessing.axes import rotation_matrix
+from ..recording import Recording
+from ..typing import Array
+from ..verdict import GRAVE, Reason
+from .installation import ARM, CLOCK, MOUNTING, SCALE, rotation
+from .settling import Unknown
+
+FOUND, CONSISTENT, NOT_OBSERVABLE = "found", "consistent", "not observable"
+UNITS = {CLOCK: ("s", 1.0), ARM: ("m", 1.0), MOUNTING: ("deg", 180 / np.pi), SCALE: ("", 1.0)}
+"""{kind: (unit, factor to it from SI)}."""
+AXES = {ARM: ("forward", "right", "down"), MOUNTING: ("roll", "pitch", "heading")}
+LEAST_Z = 5.0
+"""Standard deviations from which a change is reported."""
+LEAST_GAIN = 25.0
+"""Of all changes together, in the sum of min(NIS, 30)."""
+
+
+class Estimate(NamedTuple):
+    """A constant of the installation. Numbers are in `unit`: s, m, deg, or none for a scale."""
+
+    name: str  # such as "clock of gnss", "lever arm forward"
+    cause: str  # a key of verdict.CAUSES
+    sources: tuple[str, ...]  # names of those that it concerns
+    unit: str
+    status: str  # FOUND, CONSISTENT or NOT_OBSERVABLE
+    # as the recording has it; of a clock and of a mounting 0, of a scale 1
+    given: float
+    change: float  # to be added to it; NaN where nothing can be said
+    sd: float  # of the change
+    gain: float = 0.0  # of FOUND: its share of what the solution gains, in the sum of min(NIS, 30)
+    motion: str = ""  # of NOT_OBSERVABLE: what would show it
+
+    @property
+    def value(self) -> float:
+        """What it is, as estimated."""
+        return self.given + self.change
+
+    @property
+    def seen(self) -> str:
+        """The change with its standard deviation and unit."""
+        return f"{self.change:+.3f} +- {self.sd:.3f} {self.unit}".rstrip()
+
+    def __str__(self) -> str:
+        if self.status == NOT_OBSERVABLE:
+            return f"{self.name}: not observable; to show it, {self.motion}"
+        if self.status == CONSISTENT:
+            return f"{self.name}: consistent with what was given ({self.seen})"
+        return f"{self.name}: found to be off by {self.seen}; the fit gains {self.gain:.0f}"
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What `diagnose` found."""
+
+    parameters: tuple[Estimate, ...]
+    recording: Recording  # set up as found
+    solution: Solution  # of the last run: of that recording
+    runs: int  # of the filter
+    gain: float  # sum of min(NIS, 30) of all fixes, as given less as found
+    reasons: tuple[Reason, ...]  # the weightiest first
+    changes: tuple[str, ...]  # what to write into recording.toml, a line each
+
+    @property
+    def found(self) -> tuple[Estimate, ...]:
+        """The parameters that are wrong as given."""
+        return tuple(each for each in self.parameters if each.status == FOUND)
+
+    @property
+    def lines(self) -> list[str]:
+        """For people: every parameter, then what to change."""
+        lines = [str(each) for each in self.parameters]
+        if not self.found:
+            return [*lines, f"nothing to change in recording.toml ({counted(self.runs)})"]
+        return [
+            *lines,
+            f"to change in recording.toml ({counted(self.runs)}):",
+            *(f"  {change}" for change in self.changes),
+        ]
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines)
+
+
+def counted(runs: int) -> str:
+    """How often the filter ran, in words."""
+    return f"{runs} run{'s' * (runs > 1)} of the filter"
+
+
+def named(unknown: Unknown, names: Sequence[str], antennas: int) -> str:
+    """The name of an unknown, with its sources where there may be others like it."""
+    if unknown.kind == CLOCK:
+        return f"clock of {' and '.join(names)}"
+    own = f" of {' and '.join(names)}" if unknown.kind == ARM and antennas > 1 else ""
+    axis = AXES.get(unknown.kind)
+    return f"{unknown.kind} {axis[unknown.axis]}{own}" if axis else unknown.kind
+
+
+def changes(recording: Recording, found: Sequence[Unknown], value: Array) -> dict[str, list[str]]:
+    """{kind: lines of recording.toml} for what was found, with values (SI) as changes."""
+    lines: dict[str, list[str]] = {each.kind: [] for each in found}
+    arms: dict[tuple[int, ...], Array] = {}
+    turn = np.zeros(3)
+    for each, change in zip(found, value):
+        if each.kind == CLOCK:
+            lines[CLOCK] += [
+                f"{section(recording.aidings, i)} time: add {change:+.3f} s to offset"
+                for i in each.sources
+            ]
+        elif each.kind == SCALE:
+            lines[SCALE].append(
+                f"{section(recording.aidings, each.sources[0])} scale: multiply by "
+                f"{1 / (1 + change):.4f}"
+            )
+        elif each.kind == ARM:
+            arms.setdefault(each.sources, np.zeros(3))[each.axis] = change
+        else:
+            turn[each.axis] = change
+    of_imu = np.array(recording.meta.get("imu_lever_arm", [0.0] * 3))
+    for sources, arm in arms.items():
+        for i in sources:
+            given = np.array((*recording.aidings[i].parameters, 0.0, 0.0, 0.0)[:3])
+            lines[ARM].append(
+                f"{section(recording.aidings, i)} lever_arm = {triple(of_imu + given + arm, 2)}"
+            )
+    if turn.any():
+        C = rotation(turn) @ rotation_matrix(*recording.meta.get("imu_mounting", (0.0, 0.0, 0.0)))
+        roll, pitch, heading = np.degrees(plain(matrix_to_euler)(C))
+        lines[MOUNTING].append(
+            f"[imu] mounting = {{ roll = {roll:.2f}, pitch = {pitch:.2f}, heading = {heading:.2f}, "
+            f'unit = "deg" }}'
+        )
+    return lines
+
+
+def section(aidings: Sequence[Aiding], i: int) -> str:
+    """Where recording.toml has a source."""
+    return f"[[aiding]] {i + 1} ({aidings[i].name or aidings[i].kind})"
+
+
+def triple(values: Array, digits: int) -> str:
+    """Three numbers as in TOML."""
+    return f"[{', '.join(f'{each:.{digits}f}' for each in values)}]"
+
+
+def reasons(
+    estimates: Sequence[Estimate], lines: dict[str, list[str]], gain: float
+) -> tuple[Reason, ...]:
+    """A Reason for each kind of constant that was found wrong, the weightiest first."""
+    made = []
+    for kind, remedy in lines.items():
+        own = [each for each in estimates if each.cause == kind and each.status == FOUND]
+        share = sum(each.gain for each in own)
+        weight = min(
+            max(abs(each.change) / each.sd for each in own) / LEAST_Z,
+            GRAVE * share / LEAST_GAIN,
+        )
+        seen = ", ".join(f"{each.name} off by {each.seen}" for each in own)
+        source = own[0].sources[0] if kind == CLOCK and len(own) == 1 == len(own[0].sources) else ""
+        made.append(
+            Reason(
+                kind,
+                f"{seen}, and the sum of min(NIS, 30) falls by {share:.0f} with it",
+                "in recording.toml, " + "; ".join(remedy),
+                source,
+                max(1.0, weight),
+            )
+        )
+    return tuple(sorted(made, key=lambda reason: -reason.weight))

@@ -1,0 +1,159 @@
+"""The constants of an installation that a filter does not know: clock offset of each GNSS source,
+lever arm of the antenna, mounting of the IMU, scale of the odometer. What each does to the
+measurements, and a recording with them changed.
+
+A constant is true less assumed: clock, s to add to the time stamps of a source; lever arm, m forward, right, down;
+mounting, rad, the rotation vector exp(mu x) of the body axes of the IMU, of which forward motion
+shows pitch and heading; scale, by which the odometer's speed is too large.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.contract import Imu
+from ..core.earth import gravity
+from ..core.error_dynamics import cross_matrix
+from ..core.jit import plain
+from ..data import Aiding
+from ..engine.prepare import Run
+from ..engine.sensitivity import Corrections, acceleration_at
+from ..preprocessing.axes import rotation_matrix
+from ..recording import Recording
+from ..typing import Array
+
+CLOCK, ARM, MOUNTING, SCALE = "clock", "lever arm", "mounting", "odometer scale"
+"""Kinds of constants: causes of `verdict.CAUSES`."""
+GNSS = ("position", "velocity")
+CONSTRAINED = {"speed": 0, "zero-lateral-velocity": 1, "zero-vertical-velocity": 2}
+"""{kind of aiding: body axis along which it sees the velocity of the vehicle}."""
+SHOWN_BY = {1: "zero-vertical-velocity", 2: "zero-lateral-velocity"}
+"""{axis of the mounting: the constraint that shows it}."""
+
+
+class Constant(NamedTuple):
+    """One unknown number of an installation."""
+
+    kind: str
+    sources: tuple[int, ...]  # of the recording, whose measurements it changes
+    axis: int = 0  # 0, 1, 2 of a lever arm or a mounting
+
+
+def constants(aidings: Sequence[Aiding]) -> tuple[Constant, ...]:
+    """The constants that a recording with these sources has."""
+    kinds = [a.kind for a in aidings]
+    gnss = tuple(i for i, kind in enumerate(kinds) if kind in GNSS)
+    found = [Constant(CLOCK, (i,)) for i in gnss]
+    for arm in dict.fromkeys(_arm(aidings[i]) for i in gnss):
+        own = tuple(i for i in gnss if _arm(aidings[i]) == arm)
+        found += [Constant(ARM, own, axis) for axis in range(3)]
+    seen = tuple(i for i, kind in enumerate(kinds) if kind in CONSTRAINED)
+    found += [
+        Constant(MOUNTING, (*gnss, *seen), axis)
+        for axis, shown_by in SHOWN_BY.items()
+        if shown_by in kinds
+    ]
+    found += [Constant(SCALE, (i,)) for i, kind in enumerate(kinds) if kind == "speed"]
+    return tuple(found)
+
+
+def _arm(aiding: Aiding) -> tuple[float, ...]:
+    return tuple((*aiding.parameters, 0.0, 0.0, 0.0)[:3])
+
+
+def applied(recording: Recording, found: Sequence[Constant], theta: Array) -> Recording:
+    """The recording set up with these constants changed by theta (m,)."""
+    aidings, turn = list(recording.aidings), np.zeros(3)
+    for constant, value in zip(found, theta):
+        if constant.kind == MOUNTING:
+            turn[constant.axis] = value
+            continue
+        for i in constant.sources:
+            a = aidings[i]
+            if constant.kind == CLOCK:
+                aidings[i] = replace(a, t=a.t + value)
+            elif constant.kind == ARM:
+                arm = np.array(_arm(a))
+                arm[constant.axis] += value
+                aidings[i] = replace(a, parameters=tuple(map(float, arm)))
+            else:
+                aidings[i] = replace(a, y=a.y / (1 + value))
+    imu = recording.imu
+    if turn.any():
+        R = rotation(turn)
+        imu = Imu(imu.t, imu.dt, imu.dtheta @ R.T, imu.dv @ R.T)
+    return replace(recording, imu=imu, aidings=tuple(aidings))
+
+
+def rotation(turn: Array) -> Array:
+    """(3, 3) exp(turn x)."""
+    from scipy.spatial.transform import Rotation
+
+    matrix: Array = Rotation.from_rotvec(turn).as_matrix()
+    return matrix
+
+
+class Model:
+    """What the constants do to the measurements of a Run: `derivatives` at its fixes, and `start`
+    (n, m), the derivative of its error at the start."""
+
+    def __init__(self, run: Run, found: Sequence[Constant], aligned: bool):
+        """aligned: whether the start was made of the first fixes, and errs with them."""
+        self.found, aidings = tuple(found), run.recording.aidings
+        self.kinds = np.array([a.kind for a in aidings])
+        self.arms = np.array([_arm(a) for a in aidings])
+        # what the turning Earth adds to an acceleration, 0.015 m/s^2 at 100 m/s, is left out
+        latitude, height = run.start.lla[0], run.start.lla[2]
+        self.g = np.array([0.0, 0.0, plain(gravity)(np.sin(latitude), height)])
+        self.start = np.zeros((len(run.belief.P), len(self.found)))
+        if aligned:
+            self._start(run)
+
+    def _start(self, run: Run) -> None:
+        start, V = run.start, self.start
+        C = rotation_matrix(*start.rph)
+        acceleration = C @ acceleration_at(run, start.t) + self.g
+        rate = run.samples.dtheta[run.first] / run.samples.dt[run.first] - np.asarray(start.bg)
+        swing = C @ cross_matrix(rate)
+        for j, constant in enumerate(self.found):
+            kinds = self.kinds[list(constant.sources)]
+            if constant.kind == CLOCK:
+                V[0:3, j] = -np.asarray(start.v) * ("position" in kinds)
+                V[3:6, j] = -acceleration * ("velocity" in kinds)
+            elif constant.kind == ARM:
+                V[0:3, j], V[3:6, j] = -C[:, constant.axis], -swing[:, constant.axis]
+
+    def derivatives(self, at: Corrections) -> Array:
+        """h (k, 3, m) at these corrections."""
+        kinds, arm = self.kinds[at.source], self.arms[at.source]
+        position, velocity = kinds == "position", kinds == "velocity"
+        swing = np.cross(at.omega, arm)
+        speed = at.v + turned(at.C, swing)  # of the antenna
+        acceleration = turned(at.C, at.f + np.cross(at.omega, swing)) + self.g
+        body = turned(at.C.transpose(0, 2, 1), at.v) + swing
+        h = np.zeros((len(at.t), 3, len(self.found)))
+        for j, constant in enumerate(self.found):
+            own = np.isin(at.source, constant.sources)
+            p, v = own & position, own & velocity
+            if constant.kind == CLOCK:
+                h[p, :, j], h[v, :, j] = speed[p], acceleration[v]
+            elif constant.kind == SCALE:
+                h[own, 0, j] = body[own, 0]
+            else:
+                axis = np.eye(3)[constant.axis]
+                if constant.kind == MOUNTING:  # arms are given in axes of the vehicle
+                    axis = np.cross(arm, axis)
+                    for kind, seen in CONSTRAINED.items():
+                        c = own & (kinds == kind)
+                        h[c, 0, j] = np.cross(body[c], np.eye(3)[seen])[:, constant.axis]
+                axis = np.broadcast_to(axis, arm.shape)
+                h[p, :, j] = turned(at.C, axis)[p]
+                h[v, :, j] = turned(at.C, np.cross(at.omega, axis))[v]
+        return h
+
+
+def turned(C: Array, vectors: Array) -> Array:
+    """(k, 3) C (k, 3, 3) times vectors (k, 3)."""
+    return np.einsum("kij,kj->ki", C, vectors)

@@ -1,0 +1,127 @@
+"""Estimate, apply, run again: the constants of an installation from runs of the filter itself, until
+the estimate stays where it is."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..engine.prepare import Run
+from ..engine.sensitivity import Sums
+from ..typing import Array
+from .installation import ARM, CLOCK, MOUNTING, SCALE, Constant
+
+PRIOR = {CLOCK: 10.0, ARM: 1.0, MOUNTING: np.radians(20.0), SCALE: 0.05}
+"""s, m, rad: standard deviation of what was given, before the run. A constant that is hardly seen
+would else gather false information, because its derivatives are noisy."""
+MOST_RUNS = 15
+RISE = 1.02
+"""A step is taken unless the cost of a run rises by more than this factor."""
+HALVINGS = 3
+SETTLED = 0.5
+"""Standard deviations: a smaller step is none."""
+NOTABLE = 3.0
+"""Standard deviations: where no constant is further off, there is nothing to settle."""
+
+
+class Unknown(NamedTuple):
+    """What is estimated as one number: a constant, or one that several share."""
+
+    kind: str
+    sources: tuple[int, ...]  # of the recording
+    axis: int
+    direction: Array  # (m,) what it is in the constants
+
+
+def unknowns(constants: Sequence[Constant], split: bool = False) -> list[Unknown]:
+    """One Unknown per constant; but all clocks as one, unless `split`."""
+    rows = np.eye(len(constants))
+    clocks = [j for j, constant in enumerate(constants) if constant.kind == CLOCK]
+    found = [
+        Unknown(*constant, rows[j])
+        for j, constant in enumerate(constants)
+        if split or constant.kind != CLOCK
+    ]
+    if split or not clocks:
+        return found
+    sources = tuple(i for j in clocks for i in constants[j].sources)
+    return [Unknown(CLOCK, sources, 0, rows[clocks].sum(axis=0)), *found]
+
+
+class Trial(NamedTuple):
+    """A run with a set-up that is changed by theta, and what it says of further change."""
+
+    theta: Array  # (m,)
+    cost: float  # of `engine.sensitivity.fit`; inf where the run broke off
+    fixes: int  # that were measured
+    sums: Sums
+    made: Run
+
+
+class Estimated(NamedTuple):
+    """Values of q unknowns from one run."""
+
+    value: Array  # (q,) change of what was given
+    step: Array  # (q,) of it, what is not in the set-up of the run yet
+    sd: Array  # (q,) the larger of the model's and the scatter's over blocks of time
+    model_sd: Array  # (q,)
+
+    @property
+    def z(self) -> Array:
+        """The values in standard deviations."""
+        return np.abs(self.value) / self.sd
+
+
+def estimated(trial: Trial, sought: Sequence[Unknown], centre: Array) -> Estimated:
+    """The unknowns by least squares with a prior around `centre` (m,), all other constants being
+    those of the trial."""
+    basis = np.stack([each.direction for each in sought], axis=1)
+    inverse = basis / (basis**2).sum(axis=0)  # of directions that share no constant
+    now, mean = trial.theta @ inverse, centre @ inverse
+    information, score = trial.sums.mapped(basis)
+    weight = np.array([PRIOR[each.kind] ** -2.0 for each in sought])
+    covariance = np.linalg.inv(information.sum(axis=0) + np.diag(weight))
+    step = covariance @ (score.sum(axis=0) + weight * (mean - now))
+    left = score - information @ step
+    blocks = len(left)
+    scatter = covariance @ (left.T @ left) @ covariance * (blocks / (blocks - 1))
+    model_sd = np.sqrt(np.diag(covariance))
+    return Estimated(now + step, step, np.maximum(model_sd, np.sqrt(np.diag(scatter))), model_sd)
+
+
+class Settling:
+    """The way from what was given to what the runs say. `run` makes the Trial of a theta (m,)."""
+
+    def __init__(self, run: Callable[[Array], Trial], centre: Array):
+        self.run, self.centre, self.runs = run, centre, 0
+
+    def tried(self, theta: Array) -> Trial:
+        """A run with the set-up changed by theta."""
+        self.runs += 1
+        return self.run(theta)
+
+    def settled(self, trial: Trial, sought: Sequence[Unknown], keep: int = 1) -> Trial:
+        """The trial from which the unknowns `sought` no longer move, or the last for which there
+        are runs, `keep` of them left over."""
+        while self.runs < MOST_RUNS - keep:
+            found = estimated(trial, sought, self.centre)
+            if (np.abs(found.step) <= SETTLED * found.sd).all():
+                break
+            if not trial.theta.any() and (found.z <= NOTABLE).all():
+                break
+            step = sum(s * each.direction for s, each in zip(found.step, sought))
+            better = self._stepped(trial, np.asarray(step), keep)
+            if better is None:
+                break
+            trial = better
+        return trial
+
+    def _stepped(self, trial: Trial, step: Array, keep: int) -> Trial | None:
+        """The trial after that step, or half of it, ...; None where the cost rises with each."""
+        for halving in range(HALVINGS + 1):
+            if self.runs >= MOST_RUNS - keep:
+                break
+            new = self.tried(trial.theta + step / 2**halving)
+            if new.cost <= RISE * trial.cost:
+                return new
+        return None

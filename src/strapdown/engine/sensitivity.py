@@ -1,0 +1,197 @@
+"""A run of a filter that also says what unknown constants would change in its innovations: the
+normal equations of a least-squares estimate of them (core/sensitivity.py).
+
+It goes forwards in pieces of `RECORDED_ROWS` samples, each with a record of its calls, so beside the
+solution memory is that of a piece.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from .. import filters
+from ..checks import DataError
+from ..core import loop
+from ..core.adjoint import INNOVATION, SMOOTHER, width
+from ..core.contract import COMPILED, Filter, Imu, Start, address, compile_kernel, is_cached
+from ..core.error_state import PREDICTED
+from ..core.sensitivity import (
+    BEHIND,
+    LANES,
+    MOVED,
+    REJECTED,
+    V_SIZE,
+    run_sensitivity,
+    save_step,
+)
+from ..recording import Recording
+from ..typing import Array, Ints, Progress, Say
+from .batch import begin
+from .prepare import Asked, Run
+
+RECORDED_ROWS = 2048 if COMPILED else 250
+"""IMU samples whose record is kept at once."""
+WINDOW = 0.2
+"""s over which specific force is averaged for the acceleration at a fix: vibration of single
+samples would make derivatives by time too large."""
+BLOCKS = 20
+"""Pieces of time whose sums are kept apart, to see how an estimate scatters."""
+LARGEST_NIS = 30.0
+"""A fix that fits worse counts as this in `fit`."""
+
+
+class Corrections(NamedTuple):
+    """The k calls of `correct` in a piece of a run: when, of which source, and the belief there."""
+
+    t: Array  # (k,) s
+    source: Ints  # (k,)
+    v: Array  # (k, 3) m/s, NED
+    C: Array  # (k, 3, 3) body to n
+    omega: Array  # (k, 3) bias-free rate, rad/s, body
+    f: Array  # (k, 3) bias-free specific force around the fix, m/s^2, body
+    innovation: Array  # (k, 3) whitened; 0 where nothing was measured
+
+
+Derivatives: TypeAlias = Callable[[Corrections], Array]
+"""h (k, 3, m): the derivatives of the measurements of these corrections by m constants."""
+
+
+class Sums(NamedTuple):
+    """Normal equations for m constants theta, over blocks of time: information theta = score."""
+
+    information: Array  # (BLOCKS, m, m)
+    score: Array  # (BLOCKS, m)
+
+    def mapped(self, basis: Array) -> "Sums":
+        """Those of fewer constants phi, theta = basis (m, q) phi."""
+        return Sums(basis.T @ self.information @ basis, self.score @ basis)
+
+    def moved(self, step: Array) -> "Sums":
+        """Those of the constants that are left when theta is taken as `step` (m,)."""
+        return Sums(self.information, self.score - self.information @ step)
+
+
+def check_sensitive(filter: Filter) -> None:
+    """Refuse a filter whose calls cannot be followed. Raises DataError."""
+    if filter.smoother is not SMOOTHER:
+        able = [name for name in filters.names() if filters.find(name).smoother is SMOOTHER]
+        raise DataError(
+            f"{filter.name} cannot be used to diagnose an installation; these can: {', '.join(able)}"
+        )
+
+
+def begin_sensitive(recording: Recording, filter: Filter, asked: Asked) -> Run:
+    """The Run of `fuse` with the kernels that `pieces` needs. Raises DataError."""
+    check_sensitive(filter)
+    run = begin(recording, filter, asked)
+    kernels: list[Any] = [loop.run_recorded, save_step, run_sensitivity]
+    if asked.say and not all(map(is_cached, kernels)):
+        asked.say("compiling the diagnosis for the first time on this machine, about 15 s ...")
+    for kernel in kernels:
+        compile_kernel(kernel)
+    return run
+
+
+def sums(run: Run, derivatives: Derivatives, V: Array, progress: Progress | None = None) -> Sums:
+    """Take a Run of `begin_sensitive` to its end; V (n, m) is the derivative of its error at the
+    start by the m constants."""
+    m = V.shape[1]
+    found = Sums(np.zeros((BLOCKS, m, m)), np.zeros((BLOCKS, m)))
+    last = run.samples.t[-1] + loop.SAME_TIME
+    edges = np.linspace(run.start.t, last, BLOCKS + 1)[1:-1]
+    for corrections, J in pieces(run, derivatives, V):
+        block = np.searchsorted(edges, corrections.t)
+        np.add.at(found.information, block, J.transpose(0, 2, 1) @ J)
+        np.add.at(found.score, block, np.einsum("kim,ki->km", J, corrections.innovation))
+        if progress:
+            progress(run.done)
+    return found
+
+
+def pieces(run: Run, derivatives: Derivatives, V: Array) -> Iterator[tuple[Corrections, Array]]:
+    """Take a Run to its end; per piece its Corrections and J (k, 3, m), the derivatives of their
+    whitened innovations."""
+    (n, m), at = V.shape, run.cursor.at
+    columns = np.zeros(V_SIZE)
+    columns[:MOVED].reshape(-1, LANES)[:n, :m] = V
+    at[loop.SAVE_STEP], forces = address(save_step), _Forces(run.samples)
+    for stop in run.chunks(RECORDED_ROWS):
+        before, at[loop.RECORDED] = at[loop.FIX], 0
+        record = np.empty((most_calls(run, stop), width(n) + BEHIND))
+        run.advance(stop, run.out._replace(record=record), loop.run_recorded)
+        record = record[: at[loop.RECORDED]]
+        corrections = _corrections(run.out.fix[before : at[loop.FIX]], record, n, forces)
+        h, J = (np.zeros((len(corrections.t), 3, LANES)) for _ in range(2))
+        h[:, :, :m] = derivatives(corrections)
+        run_sensitivity(n, record, h, columns, J)
+        yield corrections, J[:, :, :m]
+
+
+def most_calls(run: Run, stop: int) -> int:
+    """Calls of predict and correct to the end of the sample before row `stop`, or more: a fix
+    splits a sample and is tried twice at most, and a gap has its steps."""
+    row, k = run.cursor.at[[loop.ROW, loop.FIX]]
+    t, dt = run.samples.t[row:stop], run.samples.dt[row:stop]
+    gaps = t - dt - np.r_[run.cursor.now[0], t[:-1]]
+    steps = np.ceil(np.clip(gaps, 0.0, loop.LONGEST_HOLD) / loop.LONGEST_STEP) + 1
+    fixes = np.searchsorted(run.fixes.t, t[-1] + 2 * loop.SAME_TIME, side="right") - k
+    return int(len(t) + 3 * fixes + steps[gaps > 0].sum() + 8)
+
+
+def _corrections(fix: Array, record: Array, n: int, forces: "_Forces") -> Corrections:
+    """Those on a record, whose rows of the loop are `fix`. Of the two of a fix whose gate is
+    lifted, the first is marked so that it does not count."""
+    calls = np.flatnonzero(record[:, 0] != PREDICTED)
+    row = np.repeat(np.arange(len(fix)), 1 + (fix[:, loop.F_USE] == loop.REACQUIRED))
+    record[calls[:-1][row[1:] == row[:-1]], 0] = 0.0
+    kept, t = record[calls], fix[row, loop.F_T]
+    rows = kept[:, 0] % REJECTED
+    measured = np.arange(3) < rows[:, None]
+    belief = np.where(rows[:, None] > 0, kept[:, width(n) :], 0.0)
+    return Corrections(
+        t,
+        fix[row, loop.F_SOURCE].astype(int),
+        belief[:, 0:3],
+        belief[:, 3:12].reshape(-1, 3, 3),
+        belief[:, 12:15],
+        forces.mean(t) - belief[:, 15:18],
+        np.where(measured, kept[:, INNOVATION : INNOVATION + 3], 0.0),
+    )
+
+
+class _Forces:
+    """Specific force of the samples, averaged over `WINDOW` or two samples around a time."""
+
+    def __init__(self, imu: Imu):
+        self.edges = np.r_[imu.t[0] - imu.dt[0], imu.t]
+        self.integral = np.vstack([np.zeros(3), np.cumsum(imu.dv, axis=0)])
+        self.half = max(0.5 * WINDOW, float(np.median(imu.dt)))
+
+    def mean(self, t: Array) -> Array:
+        """(k, 3) m/s^2, body, at the times t (k,)."""
+        first, last = (
+            np.clip(t + side * self.half, self.edges[0], self.edges[-1]) for side in (-1, 1)
+        )
+        first = np.minimum(first, self.edges[-1] - self.half)
+        last = np.maximum(last, self.edges[0] + self.half)
+        return np.stack(
+            [
+                (np.interp(last, self.edges, x) - np.interp(first, self.edges, x)) / (last - first)
+                for x in self.integral.T
+            ],
+            axis=1,
+        )
+
+
+def fit(run: Run) -> tuple[float, int]:
+    """How well a Run that has ended fits its fixes: the mean of their NIS, `LARGEST_NIS` at most
+    each, and how many were measured."""
+    nis = run.out.fix[: run.cursor.at[loop.FIX], loop.F_NIS]
+    nis = nis[np.isfinite(nis)]
+    return (float(np.minimum(nis, LARGEST_NIS).mean()) if len(nis) else 0.0), len(nis)
+
+
+def acceleration_at(run: Run, t: float) -> Array:
+    """Specific force (3,) around a time, m/s^2, body, without the biases of the start."""
+    return _Forces(run.samples).mean(np.array([t]))[0] - np.asarray(run.start.ba)
