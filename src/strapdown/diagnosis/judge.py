@@ -5,9 +5,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..checks import DataError
 from ..data import Solution
 from ..verdict import Reason, Verdict
-from . import evidence
+from . import evidence, screening
 from .evidence import GATED, Fixes
 
 SHORTEST = 30.0  # s of a run that says something of itself
@@ -19,8 +20,14 @@ def judge(solution: Solution) -> Verdict:
     if solution.recording is None:
         return Verdict.of([], ["anything: it was read from a file that has no verdict"])
     sources = evidence.by_source(solution)
-    symptoms = list(_symptoms(solution, sources))
-    return Verdict.of(symptoms, _untested(solution, sources))
+    untested = list(_untested(solution, sources))
+    causes = []
+    if {"position", "velocity"} <= {source.kind for source in sources}:
+        try:
+            causes = screening.reasons(solution)
+        except DataError as error:
+            untested.append(f"clock and lever arm: {error}")
+    return Verdict.of([*causes, *_symptoms(solution, sources)], untested)
 
 
 def _symptoms(solution: Solution, sources: list[Fixes]) -> Iterator[Reason]:
