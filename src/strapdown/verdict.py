@@ -61,9 +61,19 @@ class Verdict:
     untested: tuple[str, ...] = ()  # what could not be tested, and why
 
     @classmethod
-    def of(cls, reasons: Iterable[Reason], untested: Iterable[str] = ()) -> Verdict:
-        """The verdict that these reasons come to."""
-        ranked = tuple(sorted(reasons, key=lambda reason: -reason.weight))
+    def of(
+        cls,
+        reasons: Iterable[Reason],
+        untested: Iterable[str] = (),
+        symptoms: Iterable[Reason] = (),
+    ) -> Verdict:
+        """The verdict that these reasons come to. Symptoms, which may have several causes, stand
+        behind reasons that have one."""
+        ranked = tuple(
+            reason
+            for group in (reasons, symptoms)
+            for reason in sorted(group, key=lambda reason: -reason.weight)
+        )
         total = sum(reason.weight for reason in ranked if reason.weight >= 1.0)
         word = NOT_TO_BE_TRUSTED if total >= GRAVE else DOUBTFUL if total else TRUSTED
         return cls(word, ranked, tuple(untested))

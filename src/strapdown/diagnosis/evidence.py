@@ -88,26 +88,29 @@ def stopped(solution: Solution) -> Iterator[Reason]:
 
 def biases(solution: Solution) -> Iterator[Reason]:
     """Biases at the end beyond what the description of the IMU allows."""
-    described = solution.meta.get("bias_sd")
-    claimed = solution.trajectory.sd
+    described, claimed = solution.meta.get("bias_sd"), solution.trajectory.sd
     if described is None or claimed is None:
         return
+    found = []
     for sensor, bias, allowed, sd, scale, unit in (
         ("accelerometer", solution.b_a[-1], described[0], claimed[-1, BA], 1.0, "m/s^2"),
         ("gyro", solution.b_g[-1], described[1], claimed[-1, BG], np.degrees(1), "deg/s"),
     ):
         times = np.where(np.abs(bias) > SURE * np.nan_to_num(sd), np.abs(bias) / allowed, 0.0)
         axis = int(np.argmax(times))
-        if not times[axis] > BIAS:
-            continue
+        if times[axis] > BIAS:
+            seen = (
+                f"the bias of {sensor} {'xyz'[axis]} comes out at {bias[axis] * scale:.2g} {unit}, "
+                f"{times[axis]:.3g} times the {allowed * scale:.2g} {unit} of its description"
+            )
+            found.append((sensor, seen, float(times[axis] / BIAS)))
+    if found:
         yield Reason(
-            sensor,
-            f"the bias of {sensor} {'xyz'[axis]} comes out at {bias[axis] * scale:.2g} {unit}, "
-            f"{times[axis]:.3g} times the {allowed * scale:.2g} {unit} of its description "
-            f"({BIAS:.0f} times at most)",
+            found[0][0] if len(found) == 1 else "imu noise",
+            f"{' and '.join(seen for _, seen, _ in found)} ({BIAS:.0f} times at most)",
             "check unit, axes and time of the IMU; if they are right, describe a coarser IMU than "
             + (solution.meta.get("imu") or "this"),
-            weight=float(times[axis] / BIAS),
+            weight=max(weight for *_, weight in found),
         )
 
 

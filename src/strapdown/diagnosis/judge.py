@@ -6,6 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..checks import DataError
+from ..cross_checks import position_velocity
+from ..cross_checks.all import check
 from ..data import Solution
 from ..verdict import Reason, Verdict
 from . import evidence, screening
@@ -17,17 +19,28 @@ AT_REST = 1.0  # m/s that is never exceeded by what does not move
 
 def judge(solution: Solution) -> Verdict:
     """The Verdict of a Solution that `fuse` or `smooth` made of a recording."""
-    if solution.recording is None:
+    recording = solution.recording
+    if recording is None:
         return Verdict.of([], ["anything: it was read from a file that has no verdict"])
     sources = evidence.by_source(solution)
     untested = list(_untested(solution, sources))
+    symptoms = list(_symptoms(solution, sources))
     causes = []
     if {"position", "velocity"} <= {source.kind for source in sources}:
         try:
             causes = screening.reasons(solution)
         except DataError as error:
             untested.append(f"clock and lever arm: {error}")
-    return Verdict.of([*causes, *_symptoms(solution, sources)], untested)
+    # what compares the parts of the recording takes longer: all of it only where there is doubt
+    doubt = any(reason.weight >= 1.0 for reason in (*causes, *symptoms))
+    checked = check(recording) if doubt else position_velocity.check(recording)
+    return Verdict.of(_once([*checked.reasons, *causes]), untested, symptoms)
+
+
+def _once(reasons: list[Reason]) -> list[Reason]:
+    """The weightiest of those with the same cause."""
+    ranked = sorted(reasons, key=lambda reason: reason.weight)
+    return list({reason.cause: reason for reason in ranked}.values())
 
 
 def _symptoms(solution: Solution, sources: list[Fixes]) -> Iterator[Reason]:
