@@ -19,7 +19,7 @@ def text(html):
 
 def test_it_says_word_cause_what_was_seen_and_what_to_do():
     shown = text(verdict_block({"a": WRONG}))
-    assert shown.startswith("✕ Not to be trusted Something of the set-up is wrong.")
+    assert shown.startswith("✕ Not to be trusted Something in the set-up is wrong.")
     cause, seen, remedy = map(
         shown.index, ("Probable cause: axes", "Seen The course", "To do Turn")
     )

@@ -116,13 +116,17 @@ def summarise(solution: "sd.Solution") -> None:
 
 def print_verdicts(verdicts: Mapping[str, Verdict]) -> None:
     """The verdict on each of {name: result}, the gravest first: a line with the first reason, a
-    line for each further one, and what could not be tested. Results that agree share theirs."""
+    line for each further one (of several results one that names them), and what could not be
+    tested. Results that agree share theirs."""
     groups = together(verdicts)
     for names, verdict in groups:
         them = f"all {len(names)}" if len(groups) == 1 else ", ".join(names)
         _say(f"verdict{f' on {them}' if len(verdicts) > 1 else ''}: {verdict.line}")
-        for reason in verdict.reasons[1:]:
-            _say(f"  also {reason}")
+        also = [str(reason) for reason in verdict.reasons[1:]]
+        if also and len(verdicts) > 1:
+            also = [", ".join(reason.what for reason in verdict.reasons[1:])]
+        for text in also:
+            _say(f"  also {text}")
         if verdict.reasons and verdict.untested:
             _say(f"  not tested: {', '.join(verdict.untested)}")
 

@@ -18,11 +18,15 @@ from ..verdict import (
 
 LOOKS = {
     TRUSTED: ("right", "✓", "Nothing that could be tested speaks against it."),
-    DOUBTFUL: ("doubt", "!", "Something is not as a right set-up has it. Check before you use it."),
+    DOUBTFUL: (
+        "doubt",
+        "!",
+        "Something does not look like a right set-up. Check it before you rely on this.",
+    ),
     NOT_TO_BE_TRUSTED: (
         "wrong",
         "✕",
-        "Something of the set-up is wrong. Correct it and run again.",
+        "Something in the set-up is wrong. Correct it and run again.",
     ),
     NOT_JUDGED: ("unknown", "?", "Nothing is known of the run that it comes from."),
 }
