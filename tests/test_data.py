@@ -11,6 +11,7 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.data import BIAS_COLUMNS, NAV_COLUMNS, SD_COLUMNS, UNITS
 from strapdown.sim.trajectory import demo_flight, sample
+from strapdown.verdict import Reason, Verdict
 
 pytestmark = pytest.mark.short
 
@@ -119,3 +120,20 @@ def test_short_words_for_people(recording, solution):
         and "closed-loop" in repr(solution)
         and "<table" in solution._repr_html_()
     )
+
+
+def test_a_notebook_shows_the_verdict_first_and_repr_asks_for_none(solution, monkeypatch):
+    judged = []
+
+    def judge(solution):
+        judged.append(solution)
+        return Verdict.of([Reason("clock", "0.25 s < 1 s", "set it", "gnss", 2.0)])
+
+    monkeypatch.setattr("strapdown.diagnosis.judge.judge", judge)
+    fresh = replace(solution)
+    assert "closed-loop" in repr(fresh) and not judged
+    shown = fresh._repr_html_()
+    assert shown.startswith("<p><b>Verdict: doubtful</b><br>  1. time stamps of gnss: 0.25 s &lt;")
+    assert fresh.verdict.word == "doubtful" and len(judged) == 1  # found once
+    bare = replace(solution, recording=None)
+    assert bare.verdict.word == "not judged" and len(judged) == 1

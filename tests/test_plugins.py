@@ -148,6 +148,52 @@ assert aiding.names()[-1] == "vertical-speed" and "careful" in filters.names()
     assert run("main.py", PYTHONPATH=path) == (0, "", "")
 
 
+def test_an_entry_point_may_name_a_single_value(run):
+    """That value comes, and nothing else of its module."""
+    both = SENSOR + "\nOTHER = VERTICAL_SPEED._replace(name='other-speed')\n"
+    path = installed(run.folder, "variometers", pair=both)
+    entry = run.folder / "site" / "variometers-1.0.dist-info" / "entry_points.txt"
+    entry.write_text("[strapdown.plugins]\nvario = pair:VERTICAL_SPEED\n")
+    run.write(
+        main="""
+from strapdown import aiding
+
+assert "vertical-speed" in aiding.names() and "other-speed" not in aiding.names()
+"""
+    )
+    assert run("main.py", PYTHONPATH=path) == (0, "", "")
+
+
+def test_a_kernel_that_raises_is_named_in_batch_and_stream(run):
+    run.write(
+        sensor=SENSOR.replace(
+            "    return 1",
+            "    if y[0] > 900.0:\n        raise ValueError('too fast')\n    return 1",
+        ),
+        main="""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import strapdown as sd
+from sensor import VERTICAL_SPEED
+
+sd.register(VERTICAL_SPEED)
+r = sd.simulate("demo", 4.0, seed=1)
+vario = sd.Aiding("vertical-speed", np.array([2.0]), np.array([[999.0]]), np.array([[0.1]]))
+start, said = sd.align(r, sd.grade("tactical")), "^plugin sensor.py: a kernel fails while it runs .ValueError: too fast.$"
+with pytest.raises(sd.DataError, match=said):
+    sd.fuse(replace(r, aidings=(*r.aidings, vario)), start=start)
+stream = sd.Stream("closed-loop", start, imu="tactical", aidings=[vario])
+stream.step(sd.Fix(2.0, 0, (999.0,), (0.1,)))
+with pytest.raises(sd.DataError, match=said):
+    for row in zip(*map(np.ndarray.tolist, r.imu)):
+        stream.step(sd.Sample(*row))
+""",
+    )
+    assert run("main.py") == (0, "", "")
+
+
 def test_a_recording_toml_names_a_kind_from_outside(run):
     run.write(
         sensor=SENSOR,

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from .checks import DataError as DataError
 from .core.contract import BRIDGED, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
 from .core.rotation import quaternion_to_euler
 from .typing import Array, Ints, Mask, Vector
-from .verdict import Verdict
+from .verdict import NOT_JUDGED, Verdict
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -205,9 +206,13 @@ class Solution:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Whether to trust it, with the reasons: found when asked for, or as its file says."""
+        """Whether to trust it, with the reasons: found when asked for, or as its file says; "not
+        judged" where a file says nothing."""
         if "verdict" in self.meta:
             return Verdict.from_dict(self.meta["verdict"])
+        if self.recording is None:
+            remedy = "its file has no verdict, fuse the recording again"
+            return Verdict(NOT_JUDGED, untested=(remedy,))
         from .diagnosis.judge import judge
 
         return judge(self)
@@ -250,7 +255,10 @@ class Solution:
         }
 
     def _repr_html_(self) -> str:
-        return f"<p>{self!r}</p>" + self.table().iloc[:: max(1, len(self.t) // 8)].to_html()
+        first, *more = (escape(line) for line in self.verdict.lines)
+        said = "".join(f"<br>{line}" for line in more)
+        rows = self.table().iloc[:: max(1, len(self.t) // 8)].to_html()
+        return f"<p><b>Verdict: {first}</b>{said}</p><p>{escape(repr(self))}</p>{rows}"
 
     def __repr__(self) -> str:
         fixes = ", ".join(

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 
-from .checks import DataError, check_keys, is_number
+from .checks import DataError, check_keys, check_number
 
 Made = TypeVar("Made")
 Read: TypeAlias = Callable[[Any, str], Any]
@@ -44,11 +44,7 @@ def within(where: str, key: str) -> str:
 
 def number(value: Any, where: str) -> float:
     """A finite number."""
-    if not is_number(value):
-        raise DataError(f"{where} is {value!r}; it must be a number")
-    if not abs(value) < 1e300:  # an integer of TOML has no end
-        raise DataError(f"{where} is {str(value)[:20]}; it must be a finite number")
-    return float(value)
+    return float(check_number(value, where))
 
 
 def bound(value: Any, where: str) -> float:

@@ -8,6 +8,10 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 TRUSTED, DOUBTFUL, NOT_TO_BE_TRUSTED = "trusted", "doubtful", "not to be trusted"
+NOT_JUDGED = "not judged"
+"""The word where nothing is known of how a result came about; its Verdict is not `trusted`."""
+SEVERITY = (NOT_TO_BE_TRUSTED, DOUBTFUL, NOT_JUDGED, TRUSTED)
+"""All words, the gravest first."""
 GRAVE = 3.0
 """Sum of the weights that makes a result not to be trusted; a single one of 1 makes it doubtful, less
 is a remark."""
@@ -46,7 +50,8 @@ class Reason(NamedTuple):
     @property
     def what(self) -> str:
         """The cause in words, with the source."""
-        return f"{CAUSES[self.cause]} of {self.source}" if self.source else CAUSES[self.cause]
+        words = CAUSES.get(self.cause, self.cause)  # a later version may know more causes
+        return f"{words} of {self.source}" if self.source else words
 
     def __str__(self) -> str:
         return f"{self.what}: {self.seen}; {self.remedy}"
@@ -54,7 +59,8 @@ class Reason(NamedTuple):
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether to trust a result: `word` is one of TRUSTED, DOUBTFUL, NOT_TO_BE_TRUSTED."""
+    """Whether to trust a result: `word` is one of TRUSTED, DOUBTFUL, NOT_TO_BE_TRUSTED, or
+    NOT_JUDGED."""
 
     word: str
     reasons: tuple[Reason, ...] = ()  # the weightiest first
@@ -114,6 +120,33 @@ class Verdict:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Verdict:
-        """From what `as_dict` gave."""
+        """From what `as_dict` gave. Raises ValueError where it is something else."""
+        if values["word"] not in SEVERITY:
+            raise ValueError(f"the verdict {values['word']!r} is none of {', '.join(SEVERITY)}")
         reasons = tuple(Reason(**reason) for reason in values["reasons"])
         return cls(values["word"], reasons, tuple(values["untested"]))
+
+
+def together(verdicts: Mapping[str, Verdict]) -> list[tuple[list[str], Verdict]]:
+    """[(names, Verdict)] of the {name: Verdict} that have the same word and the same first cause,
+    the gravest first.
+
+    The Verdict of several has every reason once, as the result says it that has it weightiest.
+    """
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for name, verdict in verdicts.items():
+        first = [(reason.cause, reason.source) for reason in verdict.reasons[:1]]
+        alike.setdefault((verdict.word, *(first[0] if first else ())), []).append(name)
+    groups = [(names, _merged([verdicts[name] for name in names])) for names in alike.values()]
+    return sorted(groups, key=lambda group: SEVERITY.index(group[1].word))
+
+
+def _merged(verdicts: list[Verdict]) -> Verdict:
+    heaviest: dict[tuple[str, str], Reason] = {}
+    for reason in (reason for verdict in verdicts for reason in verdict.reasons):
+        known = heaviest.setdefault((reason.cause, reason.source), reason)
+        if reason.weight > known.weight:
+            heaviest[reason.cause, reason.source] = reason
+    ranked = sorted(heaviest.values(), key=lambda reason: -reason.weight)
+    untested = dict.fromkeys(text for verdict in verdicts for text in verdict.untested)
+    return Verdict(verdicts[0].word, tuple(ranked), tuple(untested))

@@ -13,8 +13,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from synthetic import DOUBTFUL, TRUSTED, WRONG
 
 import strapdown as sd
+from strapdown.cli.console import print_verdicts
 from strapdown.sim.trajectory import demo_flight
 
 COMMAND = shutil.which(
@@ -222,6 +224,52 @@ def test_fuse_names_its_folder_and_reads_netcdf(good, flight):
     assert set(sd.read_solution("recording-open-loop/solution.nc").columns) == {
         f"ins_error_{axis} [m]" for axis in ("north", "east", "down")
     }
+
+
+def judged(monkeypatch, *verdicts):
+    """What is judged has these verdicts, one after the other, the last one again and again."""
+    given = [*reversed(verdicts)]
+
+    def judge(_):
+        return given.pop() if len(given) > 1 else given[0]
+
+    monkeypatch.setattr("strapdown.diagnosis.judge.judge", judge)
+
+
+def test_the_verdict_is_the_first_line_and_goes_into_the_files(good, flight, monkeypatch):
+    judged(monkeypatch, WRONG)
+    for more in ([], ["--smooth"]):
+        first, second, *rest = good(
+            "fuse", flight, "--hide", "10:15", "--out", "a", *more
+        ).splitlines()
+        assert first.startswith("verdict: not to be trusted: axes of the IMU: the course is 89.7")
+        assert second.startswith("  also time stamps of gnss velocity:") and "note" not in rest[0]
+        assert sd.read_solution("a/solution.nc").verdict == WRONG
+        assert sd.read_solution("a/solution.csv").verdict == WRONG
+        assert "Not to be trusted" in Path("a/report.html").read_text()
+    judged(monkeypatch, TRUSTED)
+    assert good("fuse", flight, "--out", "a").startswith(
+        "verdict: trusted; not tested: heading without turns\n"
+    )
+
+
+def test_on_a_terminal_the_verdict_is_wrapped(capsys, monkeypatch):
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+    monkeypatch.setenv("COLUMNS", "60")
+    print_verdicts({"": WRONG})
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 60
+    assert lines[0].startswith("verdict: not to be trusted: axes") and lines[1].startswith("    ")
+
+
+def test_strict_exits_with_3_unless_trusted(command, flight, monkeypatch):
+    for verdict, expected in ((TRUSTED, 0), (DOUBTFUL, 3), (WRONG, 3)):
+        shutil.rmtree("a", ignore_errors=True)
+        judged(monkeypatch, verdict)
+        code, _, err = command("fuse", flight, "--strict", "--out", "a")
+        assert code == expected and {path.name for path in Path("a").iterdir()} == RESULTS
+        assert len(err) == (1 if expected else 0)
+        assert command("fuse", flight, "--out", "a")[0] == 0
 
 
 def test_from_to_and_every(good, flight):
@@ -439,7 +487,9 @@ def test_ctrl_c_during_a_long_run(tmp_path):
         env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONUNBUFFERED": "1"},
     )
     try:
-        assert process.stdout.readline().endswith("fixes withheld\n")  # read, and about to fuse
+        while not (tmp_path / "result").exists():  # read, and about to fuse
+            assert process.poll() is None, process.communicate()
+            time.sleep(0.05)
         time.sleep(2.0)
         assert process.poll() is None, process.communicate()
         process.send_signal(signal.SIGINT)

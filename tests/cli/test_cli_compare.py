@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import recordings
+from synthetic import TRUSTED, WRONG
 
 import strapdown as sd
 from strapdown.checks import DataError
@@ -84,6 +85,47 @@ def test_a_list_is_compared_printed_and_written(here, command):
         escape(next(line for line in lines if "horizontal RMSE" in line and "2 outages" in line))
         in html
     )
+
+
+def test_verdicts_come_first_and_decide_the_strict_exit_code(here, command, monkeypatch):
+    """A filter that cannot run has none."""
+    known = {"closed-loop": TRUSTED, "open-loop": WRONG, "mekf": TRUSTED}
+    monkeypatch.setattr(
+        "strapdown.diagnosis.judge.judge", lambda solution: known[solution.meta["filter"]]
+    )
+    words = "--filters", "closed-loop,open-loop,fixed-gain,mekf", "--outages", "8:11,14:17"
+    code, out, err = command("compare", "flight.nc", *words, "--out", "made", "--strict")
+    lines = out.splitlines()
+    assert lines[0].startswith("verdict on open-loop: not to be trusted: axes of the IMU:")
+    assert lines[1] == "  also time stamps of gnss velocity, description of the IMU"
+    assert lines[2] == "verdict on closed-loop, mekf: trusted; not tested: heading without turns"
+    assert code == 3 and "not trusted" in err[0] and (here / "made" / "table.csv").exists()
+    html = (here / "made" / "index.html").read_text()
+    assert html.index("Not to be trusted") < html.index("<strong>Trusted") < html.index("<section")
+    known["open-loop"] = TRUSTED
+    code, out, err = command("compare", "flight.nc", *words, "--out", "made", "--strict")
+    assert (code, err) == (0, []) and out.startswith("verdict on all 3: trusted;")
+
+
+@pytest.mark.parametrize("outages", ["8:11,14:17", "3@8:15/2"])
+def test_a_verdict_is_on_the_run_to_the_end_with_rows_by_the_second(monkeypatch, outages):
+    """In one run without what is withheld, in a sweep with all fixes."""
+    judged = []
+
+    def judge(solution):
+        judged.append(solution)
+        return TRUSTED
+
+    monkeypatch.setattr("strapdown.diagnosis.judge.judge", judge)
+    recording = recordings.flight()
+    found = sd.compare(recording, ["closed-loop"], outages)
+    ((label, verdict),), (solution,) = found.verdicts.items(), judged
+    assert (label, verdict) == ("closed-loop", TRUSTED)
+    seen = recording if found.sweep else recording.hidden(found.windows)
+    whole = sd.fuse(seen, start=sd.Start(**found.settings["start"]))
+    np.testing.assert_array_equal(solution.innovations.nis, whole.innovations.nis)
+    assert solution.t[-1] == recording.span[1] and 0.9 < np.diff(solution.t[:-1]).max() < 1.1
+    assert len(solution.recording.aidings) == len(recording.aidings)
 
 
 def test_it_is_what_python_finds(here, command):

@@ -38,7 +38,7 @@ def test_a_plans_file_is_the_plan(tmp_path):
     [
         ("bank_deg", "bank", "unknown key 'bank'.*did you mean 'bank_deg'"),
         ("waypoints_m", "#", "waypoints_m is missing"),
-        ("25\nd", "'25'\nd", "bank_deg is .25.; it must be a number"),
+        ("25\nd", "'25'\nd", "bank_deg is .25.; it must be a finite number"),
         ("500.5, 40", "500.5", "waypoints is .*it must be n x 3 finite numbers"),
         ("500.5", "true", "waypoints_m 3 2 is True"),
         ("20\n", "[20]\n", "duration_s is .20.; it must"),

@@ -1,5 +1,6 @@
 """Solutions written and read back: what each format keeps, atomic writing, refusals in one line."""
 
+import json
 import os
 import subprocess
 import sys
@@ -8,14 +9,16 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
+import h5netcdf
 import numpy as np
 import pandas as pd
 import pytest
-from synthetic import flight, solution
+from synthetic import DOUBTFUL, TRUSTED, WRONG, flight, solution
 
 from strapdown.checks import DataError
 from strapdown.data import UNITS
 from strapdown.io.solution import read_solution, write_solution
+from strapdown.verdict import NOT_JUDGED
 
 pytestmark = pytest.mark.short
 KML = "{http://www.opengis.net/kml/2.2}"
@@ -257,7 +260,7 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path, ending):
     program = textwrap.dedent(f"""
         import resource, signal, sys
         sys.path.insert(0, {str(Path(__file__).parents[1] / "support")!r})
-        from synthetic import flight, solution
+        from synthetic import DOUBTFUL, TRUSTED, WRONG, flight, solution
         from strapdown.checks import DataError
         from strapdown.io.solution import write_solution
         made = solution(flight(60, rate=20.0))
@@ -290,3 +293,61 @@ def test_what_a_solution_does_not_know_is_left_out(made, tmp_path, name, unknown
     back = read_solution(tmp_path / name).trajectory
     assert back.q_nb is None and np.allclose(back.lla, made.trajectory.lla, rtol=0, atol=1e-9)
     assert np.isnan(back.v_n).all() == ("v_n" in unknown)
+
+
+def judged(made, verdict):
+    return replace(made, meta=made.meta | {"verdict": verdict.as_dict()})
+
+
+@pytest.mark.parametrize("ending", ["nc", "csv", "csv.gz", "csv.xz"])
+@pytest.mark.parametrize("verdict", [TRUSTED, WRONG], ids=lambda verdict: verdict.word)
+def test_the_verdict_comes_back_from_every_file(made, tmp_path, ending, verdict):
+    path = tmp_path / f"a.{ending}"
+    write_solution(judged(made, verdict), path)
+    back = read_solution(path)
+    assert back.verdict == verdict
+    write_solution(back, path)
+    assert read_solution(path).verdict == verdict
+
+
+def test_a_verdict_is_read_without_strapdown(made, tmp_path):
+    for ending in ("nc", "csv"):
+        write_solution(judged(made, DOUBTFUL), tmp_path / f"a.{ending}")
+    with h5netcdf.File(tmp_path / "a.nc", "r") as file:
+        assert file.attrs["verdict"] == "doubtful"
+        said = json.loads(file["verdict"][...].item())
+    assert said["reasons"][0]["cause"] == "imu noise" and said["untested"]
+    first = (tmp_path / "a.csv").read_text().splitlines()[0]
+    assert first.startswith("# verdict: doubtful {") and json.loads(first[20:]) == said
+    table = pd.read_csv(tmp_path / "a.csv", comment="#")
+    assert table.columns[0] == "t [s]" and len(table) == len(made.t)
+
+
+@pytest.mark.parametrize("ending", ["nc", "csv"])
+def test_a_file_without_a_verdict_is_not_judged_and_stays_so(made, tmp_path, ending):
+    path = tmp_path / f"a.{ending}"
+    write_solution(made, path)
+    back = read_solution(path)
+    assert back.verdict.word == NOT_JUDGED and not back.verdict.trusted
+    assert "fuse the recording again" in back.verdict.line and "verdict" not in back.meta
+    assert b"verdict" not in path.read_bytes()
+
+
+@pytest.mark.parametrize("line", ["nonsense", "good {}", "good {]", 'good {"word": "good"}'])
+def test_a_damaged_verdict_is_refused_in_one_line(made, tmp_path, line):
+    write_solution(made, tmp_path / "a.csv")
+    text = (tmp_path / "a.csv").read_text()
+    (tmp_path / "a.csv").write_text(f"# verdict: {line}\n{text}")
+    with pytest.raises(DataError, match="not a solution, or damaged") as refused:
+        read_solution(tmp_path / "a.csv")
+    assert "\n" not in str(refused.value)
+
+
+def test_kml_says_the_verdict(made, tmp_path):
+    write_solution(judged(made, WRONG), tmp_path / "a.kml")
+    document = ElementTree.parse(tmp_path / "a.kml").getroot()[0]
+    assert document[0].text.endswith("(not to be trusted)")
+    assert document[1].text.startswith("Verdict: not to be trusted: axes of the IMU: the course")
+    write_solution(judged(made, TRUSTED), tmp_path / "a.kml")
+    document = ElementTree.parse(tmp_path / "a.kml").getroot()[0]
+    assert "(" not in document[0].text and "Verdict: trusted" in document[1].text

@@ -224,7 +224,7 @@ def test_an_imu_file_is_found_beside_the_scenario(tmp_path):
         ("accel_bias_sd_m_s2 = 0.05", "accel_bias_sd_m_s2 = -1", "0 or more"),
         ("bank_deg = 25", "bank_deg = 95", "bank between"),
         ('imu = "industrial"', 'imu = "industrail"', "did you mean 'industrial'"),
-        ("rate_hz = 50", 'rate_hz = "fast"', "it must be a number"),
+        ("rate_hz = 50", 'rate_hz = "fast"', "it must be a finite number"),
         ('gravity = "latitude"', 'gravity = "flat"', "height, latitude"),
         ("gate = inf", "gate = 0", "gate is 0.0; it must be a number above 0"),
         ("rate_hz = 50", "rate_hz = ", "is not TOML"),

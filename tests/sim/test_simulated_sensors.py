@@ -279,7 +279,7 @@ def test_a_file_is_read_as_it_is_written(tmp_path):
             "magnetometer: 101 a second come faster than the IMU's samples, 100",
         ),
         ("rate_hz = 10", "rate_hz = 200", "barometer: 200 a second come faster"),
-        ("sd_uT = [0.3, 0.3, 0.5]", 'sd_uT = "low"', "it must be a number"),
+        ("sd_uT = [0.3, 0.3, 0.5]", 'sd_uT = "low"', "it must be a finite number"),
         ("hard_iron_uT = [10, -5, 2]", "hard_iron_uT = 10", "square brackets"),
         ("field_uT = [15, 1, 48]", "field_uT = [15000, 1, 48]", "in tesla, .* at most 0.0001"),
         ("field_uT = [15, 1, 48]", "field_uT = [15, 1]", "has 2 numbers"),

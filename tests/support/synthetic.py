@@ -5,6 +5,32 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from strapdown.data import BRIDGED, INVALID, Innovations, Solution, Trajectory
+from strapdown.verdict import Reason, Verdict
+
+LATE = Reason(
+    "clock",
+    "innovations of velocity grow with acceleration, 0.25 s late (0.23 to 0.27), expected within "
+    "0.02 s",
+    "set `offset = 0.25` in its [[aiding]], then fuse again",
+    "gnss velocity",
+    4.2,
+)
+TURNED = Reason(
+    "axes",
+    "the course is 89.7 deg right of the heading at 12 m/s, expected within 3 deg",
+    "turn `axes` of [imu] by 90 deg, then fuse again",
+    weight=7.0,
+)
+WORSE = Reason(
+    "imu noise",
+    "the gyro bias about z is 140 times the sd of the description, expected within 4",
+    "check the grade of the IMU with `strapdown allan`",
+    weight=1.8,
+)
+UNSEEN = ("heading without turns",)
+TRUSTED = Verdict.of([], UNSEEN)
+DOUBTFUL = Verdict.of([WORSE], UNSEEN)
+WRONG = Verdict.of([LATE, WORSE, TURNED])
 
 SD_FLOOR = np.r_[
     1.0,

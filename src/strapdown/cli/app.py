@@ -1,5 +1,6 @@
-"""The command line. Bad input ends in one line on standard error and exit code 2; Ctrl-C in one
-line and 130; what was read and found wrong with 3; nothing is left half-written."""
+"""The command line. Bad input ends in one line on standard error and exit code 2; what is found
+wrong by `inspect`, or is not trusted with --strict, in 3; Ctrl-C in one line and 130; nothing is left
+half-written."""
 
 import signal
 import sys
@@ -19,11 +20,14 @@ from .console import (
     FORMATS_AND_TABLES,
     IMU,
     OPTION,
+    STRICT,
     Progress,
     Reads,
+    end,
     option_values,
     print_errors,
     print_outages,
+    print_verdicts,
     recording_argument,
     results_folder,
     save_page,
@@ -156,6 +160,7 @@ def demo(
             name: sd.fuse(recording, name, imu, say=progress.say, progress=progress.track(name))
             for name in ("closed-loop", "open-loop")
         }
+        print_verdicts({name: solution.verdict for name, solution in solutions.items()})
         print_errors(solutions, truth, (120.0, 600.0))
         title = "strapdown demo: a simulated 10-minute flight"
         save_page(sd.report(solutions, truth, title, window=(120.0, 600.0)), out)
@@ -210,6 +215,7 @@ def fuse(
         Path | None,
         typer.Option(help="Folder for the results.  [default: NAME-FILTER, or NAME-FILTER-smooth]"),
     ] = None,
+    strict: STRICT = False,
 ) -> None:
     """Fuse a recording: writes solution.nc, solution.csv, report.html and, where there is a
     position, track.kml."""
@@ -219,11 +225,7 @@ def fuse(
     grade = imu or _grade_of(whole)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
     seen = part.hidden(windows)
-    if windows:
-        print(
-            f"{sum(len(a.t) for a in part.aidings) - sum(len(a.t) for a in seen.aidings)} fixes "
-            f"withheld"
-        )
+    withheld = sum(len(a.t) for a in part.aidings) - sum(len(a.t) for a in seen.aidings)
     estimate, label, ending = (
         (sd.smooth, f"{filter}, smoothed", "-smooth") if smooth else (sd.fuse, filter, "")
     )
@@ -247,6 +249,8 @@ def fuse(
         if windows:
             solution.meta["withheld"] = windows
         summarise(solution)
+        if windows:
+            print(f"{withheld} fixes withheld")
         if whole.reference is not None:
             print_errors({label: solution}, whole.reference)
             print_outages(solution, whole.reference, windows)
@@ -258,6 +262,7 @@ def fuse(
         f"wrote {folder}/{', '.join(names)}, "
         f"report.html{'' if solution.has_position else '; no track.kml, because there is no position'}"
     )
+    end(strict, [solution.verdict])
 
 
 def _start(

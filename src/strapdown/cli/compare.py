@@ -9,7 +9,18 @@ import typer
 
 import strapdown as sd
 
-from .console import IMU, Progress, number, recording_argument, results_folder, table, triple
+from .console import (
+    IMU,
+    STRICT,
+    Progress,
+    end,
+    number,
+    print_verdicts,
+    recording_argument,
+    results_folder,
+    table,
+    triple,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -62,6 +73,7 @@ def compare(
     out: Annotated[
         Path | None, typer.Option(help="Folder for the results.  [default: NAME-compare]")
     ] = None,
+    strict: STRICT = False,
 ) -> None:
     """Compare filters in the same GNSS outages, with the same start and noise: writes index.html
     and CSV tables."""
@@ -85,6 +97,7 @@ def compare(
         found.write(folder)
     show(found)
     print(f"wrote {folder}/index.html, scores.csv, summary.csv, paired.csv, growth.csv, table.csv")
+    end(strict, found.verdicts.values())
 
 
 def labels(items: Sequence[str] | None) -> list[str] | None:
@@ -120,12 +133,13 @@ def words(text: str) -> list[str]:
 
 
 def show(found: "sd.Comparison") -> None:
-    """Print what a Comparison says: the notes, the protocol, the RMSE of each outage where they
+    """Print what a Comparison says: the verdicts, the notes, the protocol, the RMSE of each outage where they
     are few, the summary, the answer, who failed."""
     from ..experiments.outages.figures import are_listed
     from ..experiments.outages.tables import in_order
     from ..experiments.outages.words import counted, sentences
 
+    print_verdicts(found.verdicts)
     for note in found.notes:
         print(f"note: {note}")
     # that of a list counts them itself

@@ -1,19 +1,22 @@
 """What the commands share: options, the folder for results, tables, summaries, progress. Heavy
 imports inside functions, so that `--help` stays quick."""
 
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import zip_longest
 from pathlib import Path
 from shutil import get_terminal_size
 from tempfile import TemporaryFile
-from textwrap import wrap
+from textwrap import fill, wrap
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import typer
 from typer.core import TyperCommand
 
 import strapdown as sd
+
+from ..verdict import Verdict, together
 
 if TYPE_CHECKING:
     from ..reports.shell import Page
@@ -34,6 +37,13 @@ OPTION = Annotated[
         help="An option of the filter (see `strapdown filters`); may be repeated.",
     ),
 ]
+STRICT = Annotated[
+    bool,
+    typer.Option(
+        "--strict",
+        help="Exit with code 3 unless the verdict is `trusted`; results are written all the same.",
+    ),
+]
 SEED = Annotated[int, typer.Option(help="Of the random errors.")]
 WORKERS = Annotated[
     int,
@@ -51,6 +61,9 @@ SCHEDULER = Annotated[
 
 FORMATS, FORMATS_AND_TABLES = "<formats>", "<formats and tables>"
 """What `Reads` puts the formats in place of; with tables, those that are only inspected too."""
+NOT_TRUSTED = 3
+"""Exit code of a command with --strict whose result is not trusted; docs/conventions.md lists
+all."""
 NARROWEST = 32
 """Characters that a column that is wrapped may have at least."""
 
@@ -77,10 +90,11 @@ def recording_argument(note: str = "") -> Any:
 
 
 def summarise(solution: "sd.Solution") -> None:
-    """What a user must know of a solution beside its errors: notes, start, fixes, events,
-    uncertainty at the end."""
+    """What a user must know of a solution beside its errors: the verdict first, then notes,
+    start, fixes, events, uncertainty at the end."""
     from ..reports.summary import claimed_sd
 
+    print_verdicts({"": solution.verdict})
     for note in solution.meta.get("notes", []):
         print(f"note: {note}")
     print(f"start: {solution.meta['start']['note']}")
@@ -98,6 +112,38 @@ def summarise(solution: "sd.Solution") -> None:
     if len(solution.events) > 10:
         print(f"           and {len(solution.events) - 10} more events; the report lists them")
     print(f"at the end: {uncertainty(claimed_sd(solution)[-1])}")
+
+
+def print_verdicts(verdicts: Mapping[str, Verdict]) -> None:
+    """The verdict on each of {name: result}, the gravest first: a line with the first reason, a
+    line for each further one (of several results one that names them), and what could not be
+    tested. Results that agree share theirs."""
+    groups = together(verdicts)
+    for names, verdict in groups:
+        them = f"all {len(names)}" if len(groups) == 1 else ", ".join(names)
+        _say(f"verdict{f' on {them}' if len(verdicts) > 1 else ''}: {verdict.line}")
+        also = [str(reason) for reason in verdict.reasons[1:]]
+        if also and len(verdicts) > 1:
+            also = [", ".join(reason.what for reason in verdict.reasons[1:])]
+        for text in also:
+            _say(f"  also {text}")
+        if verdict.reasons and verdict.untested:
+            _say(f"  not tested: {', '.join(verdict.untested)}")
+
+
+def _say(text: str) -> None:
+    """Print a line, on a terminal in lines of its width, the further ones indented."""
+    if sys.stdout.isatty():
+        width = max(get_terminal_size().columns, NARROWEST)
+        text = fill(text, width, subsequent_indent="    ", break_on_hyphens=False)
+    print(text)
+
+
+def end(strict: bool, verdicts: Iterable[Verdict]) -> None:
+    """End a command with its exit code, which with --strict says whether all is trusted."""
+    if strict and not all(verdict.trusted for verdict in verdicts):
+        print("strapdown: not trusted (--strict); the results are written", file=sys.stderr)
+        raise SystemExit(NOT_TRUSTED)
 
 
 def save_page(page: "Page", path: Path) -> None:

@@ -13,7 +13,9 @@ import strapdown as sd
 from .console import (
     OPTION,
     SEED,
+    STRICT,
     Progress,
+    end,
     number,
     option_values,
     print_errors,
@@ -73,6 +75,7 @@ def fly(
     out: Annotated[
         Path | None, typer.Option(help="Folder for the results.  [default: fly-PLAN-FILTER]")
     ] = None,
+    strict: STRICT = False,
 ) -> None:
     """Fly an aircraft on a filter's estimates: writes recording.nc, solution.nc, log.csv and
     report.html."""
@@ -119,6 +122,7 @@ def fly(
         save_page(page, folder / "report.html")
     show(flight, filter, windows)
     print(f"wrote {folder}/recording.nc, solution.nc, log.csv, report.html")
+    end(strict, [flight.solution.verdict])
 
 
 def _options(items: list[str] | None, flown: Callable[..., object]) -> dict[str, float | str]:

@@ -176,6 +176,14 @@ def advise(
     quick: Annotated[
         bool, typer.Option("--quick", help="No map, fewer runs and reset intervals.")
     ] = False,
+    alignment: Annotated[
+        str,
+        typer.Option(
+            metavar="HOW",
+            help="How the attitude at the start is known: given (as the scenario says), or moving "
+            "(as an alignment in motion knows it).",
+        ),
+    ] = "given",
     out: OUT = Path("advice"),
     workers: WORKERS = 0,
     scheduler: SCHEDULER = None,
@@ -198,6 +206,7 @@ def advise(
             scheduler=scheduler,
             say=progress.say,
             progress=progress.track("advise"),
+            alignment=alignment,
         )
     print(made)
     print(f"wrote {out}/index.html")

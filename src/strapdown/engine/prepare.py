@@ -100,13 +100,19 @@ def blamed_at_run(filter: Filter, aidings: Sequence[Aiding]) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        used = [filters.REGISTRY.brought_by(filter.name)]
-        used += [aiding.REGISTRY.brought_by(a.kind) for a in aidings]
-        if names := dict.fromkeys(plugin.name for plugin in used if plugin):
-            raise DataError(
-                f"plugin {', '.join(names)}: a kernel fails while it runs ({one_line(error)})"
-            ) from error
+        blame(error, filter, aidings)
         raise
+
+
+def blame(error: Exception, filter: Filter, aidings: Sequence[Aiding]) -> None:
+    """Raise what a kernel raised as a DataError that names the plugins in use; nothing without
+    any."""
+    used = [filters.REGISTRY.brought_by(filter.name)]
+    used += [aiding.REGISTRY.brought_by(a.kind) for a in aidings]
+    if names := dict.fromkeys(plugin.name for plugin in used if plugin):
+        raise DataError(
+            f"plugin {', '.join(names)}: a kernel fails while it runs ({one_line(error)})"
+        ) from error
 
 
 def merge(aidings: Sequence[Aiding], after: float = -np.inf) -> Fixes:

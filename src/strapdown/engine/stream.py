@@ -18,6 +18,7 @@ from .prepare import (
     LONGEST_GAP,
     GivenImu,
     assumed_noise,
+    blame,
     check_needs,
     fitted,
     merge,
@@ -95,6 +96,7 @@ class Stream:
         self.belief = new_belief(filter, start, self.noise, options, used)
         self.prepared = prepare(filter, [a.kind for a in used], say)
         self.lag, self.newest, self.dropped = lag, start.t, 0
+        self._filter, self._used = filter, used  # to blame where one of them raises
         self._widths = [len(aiding.find(a.kind).quantities) for a in aidings]
         # among those that the filter can use
         self._places = [next((i for i, b in enumerate(used) if b is a), None) for a in aidings]
@@ -229,7 +231,11 @@ class Stream:
             k += 1
         imu.t[0], imu.dt[0], imu.dtheta[0], imu.dv[0] = sample
         at[loop.ROW], at[loop.STOP], at[loop.FIXES] = 0, 1, k
-        self._run(*self._arguments)
+        try:
+            self._run(*self._arguments)
+        except Exception as error:
+            blame(error, self._filter, self._used)
+            raise
         if at[loop.FAULT]:
             raise DataError(
                 f"stream stopped at {sample[0]:.2f} s: the latitude left the +-89 deg where results "

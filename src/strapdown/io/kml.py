@@ -9,6 +9,7 @@ import numpy as np
 
 from ..data import Solution
 from ..typing import Array, Ints
+from ..verdict import NOT_JUDGED, TRUSTED
 
 MOST_VERTICES, MOST_STAMPS = 10000, 500
 """At most this many vertices of the line and points with a time stamp, taken at even steps."""
@@ -56,7 +57,9 @@ def kml(solution: Solution) -> bytes:
     """The KML document of a Solution, as bytes."""
     t, lla = solution.t, solution.trajectory.lla
     words = [str(solution.meta[key]) for key in ("recording", "filter") if solution.meta.get(key)]
-    midnight, dated = _midnight(solution.meta.get("date"))
+    verdict, (midnight, dated) = solution.verdict, _midnight(solution.meta.get("date"))
+    doubt = "" if verdict.word in (TRUSTED, NOT_JUDGED) else f" ({verdict.word})"
+    said = "" if verdict.word == NOT_JUDGED else f"Verdict: {verdict.line}. "
     known = np.flatnonzero(np.isfinite(lla).all(axis=1))
     track = lla[_every(known, MOST_VERTICES)]
     # cut at the antimeridian: a viewer would draw the missing step around the Earth
@@ -66,8 +69,8 @@ def kml(solution: Solution) -> bytes:
         for row in _every(known, MOST_STAMPS)
     ]
     return DOCUMENT.format(
-        name=_text(" ".join(words) or "strapdown solution"),
-        description=_text(_description(solution, midnight, dated)),
+        name=_text((" ".join(words) or "strapdown solution") + doubt),
+        description=_text(said + _description(solution, midnight, dated)),
         lines="\n".join(LINE.format(" ".join(map(_coordinates, piece))) for piece in pieces),
         points="\n".join(
             POINT.format(

@@ -5,9 +5,12 @@ Every column says its unit: as an attribute in NetCDF, in brackets behind the na
 [deg]`). docs/report.md lists them.
 """
 
+import gzip
 import json
+import lzma
 import re
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -27,8 +30,9 @@ from ..data import (
 )
 from ..files import netcdf, replacing
 from ..typing import Array, File
+from ..verdict import NOT_JUDGED, Verdict
 from .kml import kml
-from .table_file import read_table
+from .table_file import open_text, read_table, reading
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,6 +41,9 @@ QUATERNION = ["q_w", "q_x", "q_y", "q_z"]
 Variables: TypeAlias = dict[str, tuple[Sequence[str], Any, dict[str, Any]]]
 """{name: (dimensions, values, attributes)} of a group of a NetCDF file."""
 FORMAT = "strapdown solution 1"
+VERDICT_LINE = "# verdict: "
+"""Begins the first line of a CSV file whose solution was judged; the word follows, then all as
+JSON."""
 CSV_DECIMALS = 10
 """Digits after the point in CSV: 0.01 mm of latitude, and nine orders below the biases of any
 sensor."""
@@ -69,7 +76,7 @@ def read_solution(path: File) -> Solution:
         return read(path)
     except DataError:
         raise
-    except (OSError, ValueError, KeyError, RuntimeError) as error:  # of h5netcdf
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:  # of h5netcdf
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise DataError(
             f"{path}: not a solution, or damaged ({reason}); write it again with strapdown fuse"
@@ -95,6 +102,8 @@ def _write_netcdf(solution: Solution, part: Path, _: Path) -> None:
         part, sum(np.asarray(values).nbytes for _, values, _ in variables.values())
     ) as file:
         file.attrs["format"] = FORMAT
+        if solution.verdict.word != NOT_JUDGED:
+            file.attrs["verdict"] = solution.verdict.word
         fill(file, variables, compression="gzip", compression_opts=1, shuffle=True)
 
 
@@ -164,8 +173,10 @@ def _variables(solution: Solution) -> Variables:
         "sources": fixes.names,
         "gates": fixes.gates,
         "events": solution.events,
-        "meta": solution.meta,
+        "meta": {name: value for name, value in solution.meta.items() if name != "verdict"},
     }
+    if solution.verdict.word != NOT_JUDGED:
+        texts["verdict"] = solution.verdict.as_dict()
     return found | {
         name: ((), json.dumps(plain(value)), {"long_name": f"{name} as JSON"})
         for name, value in texts.items()
@@ -205,6 +216,9 @@ def _read_netcdf(path: Path) -> Solution:
             for name in file.variables
             if re.fullmatch(r"extra_\d+", name)
         }
+        meta = read("meta")
+        if "verdict" in file.variables:
+            meta["verdict"] = _checked(read("verdict"))
         covariance = column("covariance") if "covariance" in file.variables else None
         q_nb = table(QUATERNION) if QUATERNION[0] in file.variables else None
         trajectory, b_a, b_g = _state(column("time"), table, q_nb)
@@ -217,7 +231,7 @@ def _read_netcdf(path: Path) -> Solution:
             tuple((t, text) for t, text in read("events")),
             extra,
             covariance,
-            read("meta"),
+            meta,
         )
 
 
@@ -254,10 +268,13 @@ def plain(value: Any) -> Any:
 def _write_csv(solution: Solution, part: Path, path: Path) -> None:
     table = _table(solution)
     table.columns = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in table.columns]
-    ways: dict[str, Any] = {".gz": "gzip", ".xz": {"method": "xz", "preset": 1}}
-    compression = ways.get(path.suffix.lower())
+    ways: dict[str, Any] = {".gz": gzip.open, ".xz": partial(lzma.open, preset=1)}
     table.index = table.index.to_series().round(CSV_DECIMALS).rename("t [s]")
-    table.round(CSV_DECIMALS).to_csv(part, compression=compression, lineterminator="\n")
+    verdict = solution.verdict
+    with ways.get(path.suffix.lower(), open)(part, "wt", encoding="utf-8", newline="") as file:
+        if verdict.word != NOT_JUDGED:
+            file.write(f"{VERDICT_LINE}{verdict.word} {json.dumps(verdict.as_dict())}\n")
+        table.round(CSV_DECIMALS).to_csv(file, lineterminator="\n")
 
 
 def _read_csv(path: Path) -> Solution:
@@ -301,8 +318,23 @@ def _read_csv(path: Path) -> Solution:
         meta={
             "recording": path.name,
             "notes": [f"read from {path.name}: a table without innovations, events or covariance"],
+            **_verdict_of(path),
         },
     )
+
+
+def _verdict_of(path: Path) -> dict[str, Any]:
+    """{"verdict": as the first line of a CSV file says it}; {} where it says none."""
+    with reading(path), open_text(path) as file:
+        first = file.readline()
+    if not first.startswith(VERDICT_LINE):
+        return {}
+    return {"verdict": _checked(json.loads(first[first.index("{") :]))}
+
+
+def _checked(verdict: dict[str, Any]) -> dict[str, Any]:
+    """What a file says as its verdict, where it is one; else what `read_solution` refuses."""
+    return Verdict.from_dict(verdict).as_dict()
 
 
 def _quaternion(rph: Array) -> Array | None:

@@ -22,6 +22,7 @@ from . import summary
 from .drawing import COLOURS, MARKED, SHADES, WITHHELD
 from .figure_list import REGISTRY, Figure, figures_of_page
 from .shell import Page, listed, placed, shell
+from .verdict_block import verdict_block
 
 FOOTER = (
     "Errors are true − estimate.",
@@ -64,7 +65,9 @@ def report(
         FOOTER if any(solution.has_position for solution in solutions.values()) else FOOTER[::2]
     )
     below = listed(_facts(solutions, window, facts))
-    return shell(title, below, sections, footer, wide=len(solutions) > 1, notes=tuple(draw.notes))
+    verdicts = verdict_block({name: solution.verdict for name, solution in solutions.items()})
+    several, notes = len(solutions) > 1, tuple(draw.notes)
+    return shell(title, below, sections, footer, verdicts, wide=several, notes=notes)
 
 
 def _key(solutions: Mapping[str, Solution]) -> str:

@@ -20,7 +20,8 @@ ECCENTRICITY2 = FLATTENING * (2 - FLATTENING)
 GRAVITY_EQUATOR, GRAVITY_POLE, GM = 9.7803253359, 9.8321849378, 3.986004418e14
 """WGS-84: m, -, rad/s, -, m/s^2, m/s^2, m^3/s^2."""
 ZONAL = 1.082629821313e-3, -2.37091120053e-6, 6.083464988811e-9
-"""J_2, J_4, J_6 of the field of the same ellipsoid."""
+"""J_2, J_4, J_6 of the normal field of the same ellipsoid, computed from the constants above by
+Heiskanen & Moritz (1967), 2-90 and 2-92."""
 DEG = np.pi / 180
 
 # as of the models: beyond it, heading and longitude turn too fast to mean anything

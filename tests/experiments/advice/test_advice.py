@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import strapdown as sd
 from strapdown import DataError
 from strapdown.evaluation.consistency import Interval, proportion
 from strapdown.experiments.advice.advise import _map_imus, _map_scenarios, advise, durations
@@ -38,6 +39,8 @@ from strapdown.sim.scenario import scenario
 MINE = replace(
     grade("navigation"), name="my IMU", gyro=replace(grade("navigation").gyro, scale_factor=1e-3)
 )
+MOVING = (False, Rules(), 20.0, None, 0, None, None, None, "moving")
+"""Further arguments of `advise`, the last one the alignment."""
 GOOD = Interval(1.05, 0.98, 1.12)
 LEVEL = Interval(1.0, 0.99, 1.01)
 
@@ -369,7 +372,7 @@ def test_the_users_imu_has_its_own_row_in_the_map():
         ),
     ],
 )
-def test_sentences_begin_with_the_answer(changes, said):
+def test_sentences_begin_with_the_condition_and_the_answer(changes, said):
     found = asked(**changes)
     others = {name: decide(found, rules) for name, rules in variants().items()}
     decision = decide(found)
@@ -384,7 +387,11 @@ def test_sentences_begin_with_the_answer(changes, said):
             imu=MINE,
             scenario=mission("static", 60.0),
             rules=Rules(),
+            alignment="given",
         )
+    )
+    assert lines.pop(0) == (
+        "If at the start roll and pitch are known to 0.11 deg and heading to 0.57 deg:"
     )
     assert lines[0].startswith(said) and any(line.startswith("How sure") for line in lines)
     assert len([line for line in lines if line.startswith("  ")]) == 4 and lines[1].startswith(
@@ -400,9 +407,46 @@ def test_sentences_begin_with_the_answer(changes, said):
 
 def test_a_navigation_grade_in_a_short_mission_may_run_open_loop():
     advice = advise("navigation", "dynamic", "60s", quick=True, seed=1)
-    assert (advice.answer, advice.decision.filter) == ("open", OPEN) and str(advice).startswith(
-        "Open loop"
+    assert (advice.answer, advice.decision.filter) == ("open", OPEN)
+    assert str(advice).splitlines()[1].startswith("Open loop")
+    assert "--alignment moving" in str(advice)
+
+
+def test_after_an_alignment_in_motion_runs_begin_with_its_errors():
+    """Those that `align` claims on the first seconds: heading from the course."""
+    advice = advise("navigation", "dynamic", "60s", runs=20, quick=True, seed=1, alignment="moving")
+    recording = sd.simulate(mission("dynamic", 60.0), imu="navigation", seed=0)
+    claimed = np.degrees(sd.align(recording, grade("navigation")).sd[6:9])
+    assert claimed[2] > 3.0
+    written = advice.as_dict()
+    assert written["alignment"] == "moving"
+    assert written["start_attitude_sd_deg"] == pytest.approx(claimed)
+    first, second, *_ = str(advice).splitlines()
+    assert first.startswith("If after an alignment in motion roll and pitch are known to")
+    assert f"heading to {claimed[2]:.2g} deg:" in first and "--alignment" not in str(advice)
+    # of 20 normal errors the root mean square is within 0.6 and 1.4 of it, 99 % of the time
+    (error,) = (
+        part["error"] for part in advice.campaign.read(advice.campaign.cells[0], ("error",))
     )
+    begun = np.degrees(np.sqrt(np.mean(error[:, :, 0, 8].astype(float) ** 2)))
+    assert 0.3 * claimed[2] < begun < 1.4 * claimed[2]  # a second of fixes has been used
+    given = advise("navigation", "dynamic", "60s", runs=2, quick=True, seed=1)
+    assert given.as_dict()["start_attitude_sd_deg"] == pytest.approx(
+        [0.115, 0.115, 0.573], abs=1e-3
+    )
+
+
+def test_the_cost_is_told_before_and_after(tmp_path):
+    said = []
+    arguments = ("tactical", "straight", 60, 3, 1, tmp_path / "a", False)
+    advise(*arguments, say=said.append)
+    before, after = said[-2:]  # before them there may be lines on compiling
+    # 3 runs of 3 filters over 60 s at 20 Hz
+    assert before.startswith("3 runs of 3 filters: 0.0108 million filter steps, about 0.31 s")
+    elapsed = float(re.match(r"it took ([0-9.]+) s, with", after)[1])
+    assert 0 < elapsed < 60
+    advise(*arguments, say=said.append)
+    assert "0 to do of 0.0108 million filter steps" in said[-2]
 
 
 def test_a_consumer_grade_may_not():
@@ -483,6 +527,7 @@ def test_bad_requests_end_in_one_line(tmp_path):
         (("tactical", "static", "soon"), "duration"),
         (("tactical", "static", "10s", 2, 0, None, True, True), "leave out one"),
         (("tactical", "static", "10s", 2, -1), "seed is -1"),
+        ((*("tactical", "static", "60s", 2, 0, None, False), *MOVING), "finds no heading"),
         (("tactical", "static", "10s", 2, 0, tmp_path / "file" / "sub"), "cannot be made"),
     ):
         with pytest.raises(DataError, match=said) as caught:

@@ -11,12 +11,13 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
+from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ...checks import DataError, check_number
+from ...checks import DataError, check_choice, check_number
 from ...evaluation.consistency import Interval
 from ...files import replacing
 from ...sensor_models.imu import ImuSpec, grade
@@ -24,7 +25,7 @@ from ...sim.scenario import Scenario
 from ...typing import Array, File, Progress, Say
 from ..monte_carlo.campaign import Campaign, make_folder
 from ..monte_carlo.study import Study
-from .mission import CIRCUIT, MISSION_RATE, mission, seconds
+from .mission import CIRCUIT, MISSION_RATE, aligned_in_motion, mission, seconds
 from .page import page, sentences, summary_table
 from .verdicts import (
     CLOSED,
@@ -53,8 +54,11 @@ GRADES = ("consumer", "industrial", "tactical", "navigation")
 MAP_FILTERS = (CLOSED, OPEN, f"{RESET}60")
 STORED_ROWS = 400
 """Stored rows of a run, about."""
-STEP_TIME = 1.2e-6
-"""s of one core per filter step, about."""
+STEP_TIME, CELL_TIME = 1.2e-6, 0.3
+"""s of one core per filter step, and beside that per scenario and IMU, about: measured, see
+docs/advise.md."""
+GIVEN, MOVING = "given", "moving"
+"""How the attitude at the start is known: as the scenario says, or by an alignment in motion."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +78,7 @@ class Advice:
     map: list[dict[str, Any]]  # dicts: motion, imu, duration_s, answer, filter, sure
     map_campaign: Campaign | None
     seed: int
+    alignment: str = GIVEN
 
     @property
     def answer(self) -> str:
@@ -129,6 +134,10 @@ class Advice:
             "mission": self.scenario.name,
             "duration_s": self.scenario.duration,
             "imu_rate_hz": self.scenario.rate,
+            "alignment": self.alignment,
+            "start_attitude_sd_deg": np.degrees(
+                np.array(self.scenario.start_sd[6:9], float)
+            ).tolist(),
             "seed": self.seed,
             **decision(self.decision),
             "text": sentences(self),
@@ -159,40 +168,41 @@ def advise(
     scheduler: str | None = None,
     say: Say | None = None,
     progress: Progress | None = None,
+    alignment: str = GIVEN,
 ) -> Advice:
     """Advice on open loop, resets or closed loop for an IMU (grade, file or ImuSpec) on a mission.
     Raises DataError.
 
     flight, duration: as `mission.mission` and `mission.seconds` take them; runs: of the study
     (default 40, quick 36); map: also the crossover map of grades, durations and dynamics (default:
-    unless quick); quick: no map and two reset intervals only. With `out`, the folder that all goes
+    unless quick); quick: no map and two reset intervals only; alignment: "given", the attitude at
+    the start is known as the scenario says, or "moving", as an alignment in motion knows it. With `out`, the folder that all goes
     to, a command that was interrupted goes on where it was. threads, workers, scheduler, say,
     progress: as `Study.run`.
     """
     if quick and map:
         raise DataError("quick makes no map (--quick, --map): leave out one of the two")
     map = not quick if map is None else map
+    check_choice(alignment, "alignment", (GIVEN, MOVING))
     spec, length = grade(imu), seconds(duration)
     scenario = mission(flight, length, rate)
+    if alignment == MOVING:
+        scenario = aligned_in_motion(scenario, spec)
     runs = runs if runs is not None else QUICK_RUNS if quick else RUNS
     study = _study((scenario,), (spec,), _candidates(length, quick), runs, seed)
     maps = None
     if map:
         scenarios, imus = _map_scenarios(scenario), _map_imus(spec)
         maps = _study(scenarios, imus, MAP_FILTERS, min(study.runs, MAP_RUNS), seed)
-    steps = study.steps() + (maps.steps() if maps else 0)
+    parts = {"mission": study} | ({"map": maps} if maps else {})
+    steps = sum(part.steps() for part in parts.values())
     folder = Path(out) if out is not None else None
     check_number(workers, "workers", least=0, whole=True)
-    if folder:  # what is refused is refused before anything is said
-        for each, name in ((study, "mission"), (maps, "map")):
-            if each:
-                Campaign.begin(each, folder / "runs" / name)
+    # what is refused is refused before anything is said
+    begun = [Campaign.begin(parts[name], folder / "runs" / name) for name in parts if folder]
     if say:
-        say(
-            f"{study.runs} runs of {len(study.filters)} filters"
-            + (f", and a map of {len(maps.cells)} cells" if maps else "")
-            + f": {steps / 1e6:.3g} million filter steps, about {steps * STEP_TIME:.0f} s of one core"
-        )
+        say(_cost(study, maps, _missing_steps(begun) if folder else steps))
+    clocks = perf_counter(), process_time()
 
     def run(part: Study, name: str, first: int) -> Campaign:
         def report(done: float) -> None:
@@ -210,10 +220,36 @@ def advise(
 
     campaign = run(study, "mission", 0)
     map_campaign = run(maps, "map", study.steps()) if maps else None
-    made = _advice(scenario, spec, rules, campaign, map_campaign, int(seed))
+    made = _advice(scenario, spec, rules, campaign, map_campaign, int(seed), alignment)
     if folder:
         made.save(folder)
+    if say:
+        elapsed, worked = perf_counter() - clocks[0], process_time() - clocks[1]
+        say(f"it took {elapsed:.3g} s, with {worked:.3g} s of processor time in this process")
     return made
+
+
+def _cost(study: Study, maps: Study | None, steps: int) -> str:
+    """What a command is about to do, and the work that it takes, in a line."""
+    cells = len(study.cells) + (len(maps.cells) if maps else 0)
+    work = steps * STEP_TIME + cells * CELL_TIME
+    total = study.steps() + (maps.steps() if maps else 0)
+    left = f" to do of {total / 1e6:.3g}" if steps < total else ""
+    return (
+        f"{study.runs} runs of {len(study.filters)} filters"
+        + (f", and a map of {len(maps.cells)} cells" if maps else "")
+        + f": {steps / 1e6:.3g}{left} million filter steps, about {work:.2g} s of processor time "
+        "where kernels are compiled already"
+    )
+
+
+def _missing_steps(campaigns: list[Campaign]) -> int:
+    """Filter steps that are still to be done, as the folders say."""
+    found = 0
+    for campaign in campaigns:
+        assert campaign.study is not None  # it began this campaign
+        found += sum(map(campaign.study.steps, campaign.missing()))
+    return found
 
 
 def _advice(
@@ -223,6 +259,7 @@ def _advice(
     campaign: Campaign,
     map_campaign: Campaign | None,
     seed: int,
+    alignment: str,
 ) -> Advice:
     own = Runs.of(campaign, campaign.cells[0])
     found = evidence(own)
@@ -244,6 +281,7 @@ def _advice(
         seen,
         map_campaign,
         seed,
+        alignment,
     )
 
 

@@ -9,10 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from ...alignment.initial import align
 from ...checks import DataError, did_you_mean
 from ...files import find_shipped, read_toml
+from ...sensor_models.imu import ImuSpec
 from ...sim.scenario import Scenario, scenario, scenarios
 from ...sim.scenario_file import from_table
+from ...sim.synthesis import simulate
 from ...typing import File
 
 DURATION_UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
@@ -22,6 +25,10 @@ SHORTEST_MISSION, LONGEST_MISSION = 10.0, 24 * 3600.0
 MISSION_RATE = 20.0
 """IMU samples per second of a mission, at most: vibration is no part of the question, and the
 time that the runs take grows with it."""
+ALIGNING = 120.0
+"""s of a mission in which an alignment in motion must find the heading."""
+UNKNOWN_HEADING = np.radians(90.0)
+"""Standard deviation from which on a heading is taken for not found."""
 CIRCUIT: dict[str, Any] = {
     "name": "dynamic",
     "about": "circuits of a light aircraft: climbs, descents, coordinated turns, changes of speed, "
@@ -112,6 +119,20 @@ def mission(flight: File | Scenario, duration: float, rate: float = MISSION_RATE
     return made.replace(
         name=made.name.removesuffix(ending) + ending, rate=min(max(rate, _fastest(made)), made.rate)
     )
+
+
+def aligned_in_motion(made: Scenario, spec: ImuSpec) -> Scenario:
+    """The Scenario whose start knows the attitude as well as `align` claims to on its first
+    seconds, simulated once with this IMU. Raises DataError where that finds no heading."""
+    beginning = made.replace(duration=min(made.duration, ALIGNING))
+    start = align(simulate(beginning, imu=spec, seed=0), spec)
+    if start.sd[8] > UNKNOWN_HEADING:
+        raise DataError(
+            f"an alignment in motion finds no heading in the first {beginning.duration:g} s of "
+            f"{made.name!r} ({start.note}): choose a flight that moves, or leave out "
+            f"--alignment moving"
+        )
+    return made.replace(start_sd=(*made.start_sd[:6], *start.sd[6:9], *made.start_sd[9:]))
 
 
 def _table(flight: File) -> tuple[dict[str, Any], Path]:

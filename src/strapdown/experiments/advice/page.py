@@ -86,8 +86,9 @@ temperature, hold only roughly."""
 
 
 def sentences(advice: Advice) -> list[str]:
-    """The answer, what it is about, the reasons, and how sure it is: a list of lines."""
-    head = [_headline(advice), _about(advice), *notes(advice)]
+    """The condition, the answer, what it is about, the reasons, and how sure it is: a list of
+    lines."""
+    head = [_condition(advice), _headline(advice), _about(advice), *notes(advice)]
     lines = [f"  {called(e.filter):<20} {_verdict(advice, e)}" for e in advice.found.values()]
     return [*head, *lines, *_not_estimated(advice), _sure(advice), *_shorter(advice)]
 
@@ -101,6 +102,14 @@ def imu_name(advice: Advice) -> str:
     """The IMU for people: "tactical IMU"; a name that says it is one stays as it is."""
     name = advice.imu.name
     return name if re.search(r"(^|[\s_-])imu$", name.lower()) else f"{name} IMU"
+
+
+def _condition(advice: Advice) -> str:
+    """What the answer holds for: how well the attitude is known at the start."""
+    north, east, down = np.degrees(np.array(advice.scenario.start_sd[6:9], float))
+    known = f"roll and pitch are known to {max(north, east):.2g} deg and heading to {down:.2g} deg"
+    how = "after an alignment in motion" if advice.alignment == "moving" else "at the start"
+    return f"If {how} {known}:"
 
 
 def _headline(advice: Advice) -> str:
@@ -148,8 +157,6 @@ def _about(advice: Advice) -> str:
         f"{imu_name(advice)}, {flight(advice)}, {spoken(scenario.duration)}, simulated at "
         f"{scenario.rate:g} Hz; "
         f"GNSS {' and '.join(measured) or 'nothing'} every {gnss.interval:g} s; "
-        f"attitude at the start to "
-        f"{axes(np.degrees(np.array(scenario.start_sd[6:9], float)).round(3))} deg; "
         f"{advice.found[CLOSED].count} runs, seed {advice.seed}"
     )
 
@@ -251,7 +258,12 @@ def _sure(advice: Advice) -> str:
         if changed
         else f"no other threshold that was tried {same}"
     )
-    return f"How sure: {counts}{said}{few}."
+    start = (
+        " The start decides too: an alignment in motion knows less, see --alignment moving."
+        if advice.alignment != "moving"
+        else ""
+    )
+    return f"How sure: {counts}{said}{few}.{start}"
 
 
 def _shorter(advice: Advice) -> list[str]:
@@ -335,6 +347,7 @@ def _answer(advice: Advice) -> str:
             "IMU": advice.imu.name,
             "mission": flight(advice),
             "duration": spoken(advice.scenario.duration),
+            "condition": _condition(advice).removesuffix(":"),
             "answer": called(advice.decision.filter)
             if advice.answer != "undecided"
             else "not decided",
@@ -347,12 +360,15 @@ def _answer(advice: Advice) -> str:
 
 
 def _why(advice: Advice) -> str:
-    first, about, *rest = [line.strip() for line in sentences(advice)]
+    condition, first, about, *rest = [line.strip() for line in sentences(advice)]
     said = [
         line for line in rest if not line.startswith(tuple(called(label) for label in advice.found))
     ]
     answer, _, reason = first.partition(": ")
-    head = f"<p><b>{escape(answer)}:</b> {escape(reason)}</p><p class=caption>{escape(about)}</p>"
+    head = (
+        f"<p>{escape(condition)}</p><p><b>{escape(answer)}:</b> {escape(reason)}</p>"
+        f"<p class=caption>{escape(about)}</p>"
+    )
     return head + "".join(f"<p>{escape(line)}</p>" for line in said) + _evidence(advice)
 
 

@@ -223,12 +223,10 @@ def judge(found: Evidence, rules: Rules = DEFAULT_RULES) -> Verdict:
     belief = _between(found.nees, 1 / rules.belief, rules.belief)
     worse = YES if found.filter == CLOSED else _between(found.ratio, 0.0, 1 + rules.worse)
     criteria = (survival, belief, worse)
-    admissible = NO if NO in criteria else UNDECIDED if UNDECIDED in criteria else YES
-    runs = max(
-        (needed for state, needed in zip(criteria, _needed(found, rules)) if state == UNDECIDED),
-        default=0,
-    )
-    return Verdict(admissible, *criteria, runs if admissible == UNDECIDED else 0)
+    if NO in criteria or UNDECIDED not in criteria:
+        return Verdict(NO if NO in criteria else YES, *criteria, 0)
+    needed = zip(criteria, _needed(found, rules))
+    return Verdict(UNDECIDED, *criteria, max(runs for state, runs in needed if state == UNDECIDED))
 
 
 def guess(found: Evidence, rules: Rules = DEFAULT_RULES) -> Verdict:

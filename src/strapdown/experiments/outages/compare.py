@@ -236,6 +236,7 @@ def _comparison(
         (common.start.t, common.recording.span[1]),
         _settings(common, entrants, ways, spec),
         tuple(notes),
+        {label: way.verdict for label, way in zip(labels, ways) if way.verdict},
     )
 
 

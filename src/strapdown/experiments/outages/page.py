@@ -14,6 +14,7 @@ import numpy as np
 from ... import __version__
 from ...reports.shell import Page, listed, placed, shell
 from ...reports.summary import listing
+from ...reports.verdict_block import verdict_block
 from . import figures, tables
 from .words import answers, counted, failures, ranked, unlike
 
@@ -117,6 +118,7 @@ def page(comparison: Comparison) -> Page:
         listed(facts),
         [(heading, text) for heading, text in sections if text],
         FOOTER,
+        verdict_block(comparison.verdicts),
         style=STYLE,
         wide=True,
     )

@@ -15,6 +15,7 @@ from ...data import Trajectory
 from ...evaluation.metrics import NED_AXES
 from ...files import replacing
 from ...typing import File
+from ...verdict import Verdict
 from .protocols import Window
 from .scores import Track
 from .summaries import PAIR_COLUMNS, curves, pooled, ratio
@@ -45,6 +46,8 @@ class Comparison:
     # imu, noise, start, kinds, withheld, kept, and per filter options, sources
     settings: dict[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    # of each filter that could run: on its whole run, in a sweep that with all fixes
+    verdicts: dict[str, Verdict] = field(default_factory=dict)
 
     @cached_property
     def lengths(self) -> tuple[float, ...]:

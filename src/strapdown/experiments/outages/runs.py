@@ -22,7 +22,11 @@ from ...engine.finish import solution
 from ...engine.prepare import AHRS_RATE, Asked, GivenImu, Run, new_output
 from ...recording import Recording
 from ...typing import Progress, Say
+from ...verdict import Verdict
 from .scores import Outage, Track, scored
+
+KEPT_INTERVAL = 1.0
+"""s between the rows that are kept of a filter's way, for its verdict."""
 
 Stand: TypeAlias = tuple[Belief, Cursor]
 """A filter on its way, copied before an IMU row."""
@@ -61,6 +65,7 @@ class Way(NamedTuple):
     # withheld
     alone: bool
     said: str  # why it cannot run, or stopped
+    verdict: Verdict | None = None  # on its run to the end of the recording
 
 
 def through(
@@ -69,7 +74,7 @@ def through(
     """([Way], per filter and outage (row, Track, events) or text): first every filter's way to
     the outages, then all outages of all filters."""
     weights = [each.last - each.branch for each in common.outages]
-    before = max(each.branch for each in common.outages)
+    before = len(common.recording.imu.t)
     total, done = len(entrants) * (before + sum(weights)), 0
     pool = ThreadPoolExecutor(threads)
     try:
@@ -95,7 +100,7 @@ def through(
 
 
 def _begun(common: Common, entrant: Entrant, recording: Recording, say: Say | None = None) -> Run:
-    """The Run of a filter on `recording`, which keeps no rows on the way."""
+    """The Run of a filter on `recording`, which keeps a row per second on the way."""
     ahrs = common.ahrs if "attitude" in entrant.filter.needs else None
     return begin(
         recording,
@@ -105,7 +110,7 @@ def _begun(common: Common, entrant: Entrant, recording: Recording, say: Say | No
             common.imu,
             common.start,
             common.noise,
-            every=len(recording.imu.t),
+            every=max(1, round(KEPT_INTERVAL / float(np.median(recording.imu.dt)))),
             say=say,
             ahrs=ahrs,
             ahrs_rate=AHRS_RATE,
@@ -121,8 +126,18 @@ def _way(common: Common, entrant: Entrant, say: Say | None) -> Way:
     except DataError as error:
         return Way(None, {}, False, str(error))
     if common.sweep and not _fed_alike(common, entrant, _fed(run, base)):
-        return Way(run, {}, True, "")
-    return Way(run, _stands(run, {each.branch for each in common.outages}), False, _stopped(run))
+        return Way(run, {}, True, "", _verdict(run))
+    stands = _stands(run, {each.branch for each in common.outages})
+    return Way(run, stands, False, _stopped(run), _verdict(run))
+
+
+def _verdict(run: Run) -> Verdict | None:
+    """The Verdict on a run, which goes on to its end; None where it has no solution."""
+    run.complete()
+    try:
+        return solution(run).verdict
+    except DataError:
+        return None
 
 
 def _fed_alike(common: Common, entrant: Entrant, fed: list[Aiding]) -> bool:
