@@ -72,7 +72,7 @@ def heard(recording: Recording) -> Heard:
     )
 
 
-def cells(case: Case, seed: int, mistakes: Sequence[Mistake] = MISTAKES) -> list[dict[str, Any]]:
+def cells(case: Case, seed: int, mistakes: Sequence[Mistake] | None = None) -> list[dict[str, Any]]:
     """Rows of `table`: the right set-up of a recording, then every mistake that can be made with
     it."""
     right = heard(case.recording)
@@ -80,7 +80,7 @@ def cells(case: Case, seed: int, mistakes: Sequence[Mistake] = MISTAKES) -> list
     if right.solution is None:
         raise DataError(f"{case.name}, right set-up: {right.refusal}")
     right_scores = of_right(case, right.solution)
-    for mistake in mistakes:
+    for mistake in MISTAKES if mistakes is None else mistakes:
         recording = mistake.make(case)
         if recording is None:
             continue
@@ -143,12 +143,10 @@ def refusal_names(found: Heard, mistake: Mistake) -> bool:
 
 def row(name: str, group: str, case: Case, seed: int, found: Heard) -> dict[str, Any]:
     """What is said of a set-up, as a row."""
-    reasons = lambda of: [reason for reason in of[:1]]
     texts = lambda of: " | ".join(f"{r.cause} {r.weight:.3g} {r}" for r in of[:3])
-    cause = lambda of: reasons(of)[0].cause if of else ""
-    weight = lambda of: reasons(of)[0].weight if of else np.nan
-    by_inspect = bool(found.reasons)
-    by_verdict = found.word != TRUSTED
+    cause = lambda of: of[0].cause if of else ""
+    weight = lambda of: of[0].weight if of else np.nan
+    by_inspect, by_verdict = bool(found.reasons), found.word != TRUSTED
     return {
         "mistake": name,
         "group": group,
