@@ -22,6 +22,8 @@ from .not_showable import hidden
 REFUSED = "refused"
 """Word of a run that ended in a DataError."""
 RIGHT = "right set-up"
+SAID = ""
+"""Cause of what is said as text alone."""
 
 
 class Heard(NamedTuple):
@@ -39,9 +41,12 @@ class Heard(NamedTuple):
 
 
 def inspected(recording: Recording) -> tuple[Reason, ...]:
-    """What `inspect` finds wrong with a recording, the weightiest first."""
-    problems = recording_facts(recording).problems
-    return tuple(Reason("unknown", text, "see inspect") for text in problems)
+    """What `inspect` finds wrong with a recording: reasons, the weightiest first, then problems
+    that are text alone."""
+    found = recording_facts(recording)
+    told = set(map(str, found.reasons))
+    more = [Reason(SAID, text, "") for text in found.problems if text not in told]
+    return (*sorted(found.reasons, key=lambda reason: -reason.weight), *more)
 
 
 def heard(recording: Recording) -> Heard:
@@ -72,7 +77,7 @@ def heard(recording: Recording) -> Heard:
     )
 
 
-def cells(case: Case, seed: int, mistakes: Sequence[Mistake] = MISTAKES) -> list[dict[str, Any]]:
+def cells(case: Case, seed: int, mistakes: Sequence[Mistake] | None = None) -> list[dict[str, Any]]:
     """Rows of `table`: the right set-up of a recording, then every mistake that can be made with
     it."""
     right = heard(case.recording)
@@ -80,7 +85,7 @@ def cells(case: Case, seed: int, mistakes: Sequence[Mistake] = MISTAKES) -> list
     if right.solution is None:
         raise DataError(f"{case.name}, right set-up: {right.refusal}")
     right_scores = of_right(case, right.solution)
-    for mistake in mistakes:
+    for mistake in MISTAKES if mistakes is None else mistakes:
         recording = mistake.make(case)
         if recording is None:
             continue
@@ -104,24 +109,19 @@ def judged(mistake: Mistake, case: Case, found: Heard, done: Harm) -> dict[str, 
     """The columns of a row that rest on what the mistake was."""
     cannot = hidden(mistake, case.name)
     which, worse, beyond = done
-    first = first_cause(found)
+    first = next(iter(found.reasons or found.own), Reason(SAID, found.refusal, ""))
     return {
         "harmful": bool(which),
         "which": ", ".join(which),
         "worse": worse,
         "beyond": beyond,
         "showable": cannot is None,
-        "named": first in mistake.causes or refusal_names(found, mistake),
-        "plainly_named": first == mistake.causes[0],
+        "named": first.cause in mistake.causes
+        or (first.cause == SAID and text_names(first.seen, mistake)),
+        "plainly_named": first.cause == mistake.causes[0],
         "named_untested": cannot is not None
         and any(cannot.parameter in text for text in found.untested),
     }
-
-
-def first_cause(found: Heard) -> str:
-    """The cause of the first reason: of inspect, else of the verdict; empty without any."""
-    reasons = found.reasons or found.own
-    return reasons[0].cause if reasons else ""
 
 
 WORDS = {
@@ -131,24 +131,20 @@ WORDS = {
     "frame": ("axes", "NED"),
     "repeated": ("repeat",),
 }
-"""By which words a refusal names a cause."""
+"""By which words a text that is no Reason names a cause."""
 
 
-def refusal_names(found: Heard, mistake: Mistake) -> bool:
-    """Whether the text of a refusal names the cause of a mistake."""
-    return not found.reasons and any(
-        word in found.refusal for cause in mistake.causes for word in WORDS.get(cause, ())
-    )
+def text_names(text: str, mistake: Mistake) -> bool:
+    """Whether the text of a problem or of a refusal names the cause of a mistake."""
+    return any(word in text for cause in mistake.causes for word in WORDS.get(cause, ()))
 
 
 def row(name: str, group: str, case: Case, seed: int, found: Heard) -> dict[str, Any]:
     """What is said of a set-up, as a row."""
-    reasons = lambda of: [reason for reason in of[:1]]
-    texts = lambda of: " | ".join(f"{r.cause} {r.weight:.3g} {r}" for r in of[:3])
-    cause = lambda of: reasons(of)[0].cause if of else ""
-    weight = lambda of: reasons(of)[0].weight if of else np.nan
-    by_inspect = bool(found.reasons)
-    by_verdict = found.word != TRUSTED
+    texts = lambda of: " | ".join(f"{r.cause} {r.weight:.3g} {r.source} {r.seen}" for r in of[:3])
+    cause = lambda of: of[0].cause if of else ""
+    weight = lambda of: of[0].weight if of else np.nan
+    by_inspect, by_verdict = bool(found.reasons), found.word != TRUSTED
     return {
         "mistake": name,
         "group": group,

@@ -5,12 +5,12 @@ verdict whether anyone notices, and the first reason whether the cause is named.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import pandas as pd
 
@@ -27,6 +27,9 @@ SEEDS, QUICK_SEEDS = 20, 1
 RIGHT_SEEDS, RIGHT_FIRST = 25, 101
 """Right set-ups: seeds of each of RIGHT_MOTIONS, and the first of them."""
 RIGHT_MOTIONS = ("car", "flight", "ship", "hand-held")
+Task: TypeAlias = tuple[str, str, int]
+"""What is run (SIMULATED, RECORDED or ALONE), recording, seed."""
+SIMULATED, RECORDED, ALONE = "simulated", "recorded", "right set-up alone"
 
 
 def reproduce(
@@ -49,17 +52,7 @@ def reproduce(
     check_number(count, "runs", least=1, whole=True)
     check_number(seed, "seed", least=0, whole=True)
     folder = Path(recordings) if recordings else DESCRIPTIONS
-    motions = list(MOTIONS)[:1] if quick else list(MOTIONS)
-    tasks = [("simulated", name, s) for s in range(seed, seed + count) for name in motions]
-    rights = max(1, round(count * RIGHT_SEEDS / SEEDS))
-    tasks += [
-        ("right", name, s)
-        for s in range(RIGHT_FIRST + seed - 1, RIGHT_FIRST + seed - 1 + rights)
-        for name in RIGHT_MOTIONS
-        if name in motions
-    ]
-    if not quick:
-        tasks[:0] = [("recorded", name, 0) for name in recorded(folder)]
+    tasks = quick_tasks(seed, count) if quick else all_tasks(folder, seed, count)
     rows = []
     for done, found in enumerate(on_processes(partial(work, folder), tasks, workers), 1):
         rows += found
@@ -68,21 +61,42 @@ def reproduce(
     return write(Path(out), table(rows))
 
 
-def on_processes(run, tasks: Sequence[Any], workers: int):
-    """What `run` makes of each task, in their order, each in one of `workers` processes."""
-    workers = workers or os.cpu_count() or 1
-    if workers == 1 or len(tasks) < 4:
+def all_tasks(folder: Path, seed: int, count: int) -> list[Task]:
+    """The recorded cases, `count` seeds of the simulated ones from `seed` on, and right set-ups
+    with other seeds."""
+    rights = max(1, round(count * RIGHT_SEEDS / SEEDS))
+    first = RIGHT_FIRST + seed - 1
+    return [
+        *((RECORDED, name, 0) for name in recorded(folder)),
+        *((SIMULATED, name, s) for s in range(seed, seed + count) for name in MOTIONS),
+        *((ALONE, name, s) for s in range(first, first + rights) for name in RIGHT_MOTIONS),
+    ]
+
+
+def quick_tasks(seed: int, count: int) -> list[Task]:
+    """One simulated motion alone."""
+    return [(SIMULATED, next(iter(MOTIONS)), s) for s in range(seed, seed + count)]
+
+
+def on_processes(
+    run: Callable[[Task], list[dict[str, Any]]], tasks: Sequence[Task], workers: int
+) -> Iterator[list[dict[str, Any]]]:
+    """What `run` makes of each task, in their order, by so many processes; 0: the processors."""
+    workers = min(workers or os.cpu_count() or 1, len(tasks))
+    if workers == 1:
         yield from map(run, tasks)
         return
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
         yield from pool.map(run, tasks)
 
 
-def work(folder: Path, task: tuple[str, str, int]) -> list[dict[str, Any]]:
-    """Rows of a task: (what, recording, seed)."""
+def work(folder: Path, task: Task) -> list[dict[str, Any]]:
+    """Rows of a task."""
     what, name, seed = task
-    case = recorded(folder)[name]() if what == "recorded" else simulated(name, seed)
-    return [right_row(case, seed)] if what == "right" else cells(case, seed)
+    if what == RECORDED:
+        return cells(recorded(folder)[name](), seed)
+    case = simulated(name, seed)
+    return [right_row(case, seed)] if what == ALONE else cells(case, seed)
 
 
 def write(out: Path, rows: pd.DataFrame) -> list[dict[str, Any]]:

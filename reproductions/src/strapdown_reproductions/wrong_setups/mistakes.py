@@ -13,7 +13,7 @@ from strapdown.recording import Recording
 from strapdown.sensor_models.imu import grade
 from strapdown.typing import Array
 
-from .cases import CONSTRAINTS, SWISSLOG_LAG, Case
+from .cases import SWISSLOG_LAG, Case
 
 GNSS = ("position", "velocity")
 UNDULATION = 47.0
@@ -255,8 +255,3 @@ MISTAKES: tuple[Mistake, ...] = (
     Mistake("as logged", "as logged", ("unit", "clock"), as_logged),
 )
 """Every mistake of the study."""
-
-
-def constrained(case: Case) -> bool:
-    """Whether the vehicle's constraints are among the sources."""
-    return any(a.kind in CONSTRAINTS for a in case.recording.aidings)

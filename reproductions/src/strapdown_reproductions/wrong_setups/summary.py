@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from strapdown.verdict import DOUBTFUL
+
 from ..common import markdown
 from .cells import RIGHT
 from .not_showable import NOT_SHOWABLE
@@ -42,50 +44,55 @@ def percent(held: pd.Series) -> float:
 
 
 def claims(rows: pd.DataFrame) -> list[dict[str, Any]]:
-    """The claims that the cells decide."""
+    """The claims that the cells at hand can decide."""
     own, unseen, right = harmful(rows), harmful(rows, showable=False), rights(rows)
-    cost = 100.0 * right["verdict_s"].sum() / right["fuse_s"].sum()
-    return [
-        at_least(
-            "harmful mistakes that the data can show, found", percent(own["found"]), 95.0, "%"
-        ),
-        at_least("of them with the true cause named first", percent(own["named"]), 80.0, "%"),
-        at_least(
-            "harmful mistakes that the data cannot show, named as not tested",
+    known = rights(rows, recorded=True)
+    doubted = known[known["found"] & ~doubt_allowed(known)]
+    logged = rows[rows["group"] == "as logged"]
+    cost = 100 * right["verdict_s"] / right["fuse_s"]
+    found = [
+        _claim("harmful, and the data can show it: found", percent(own["found"]), ">=", 95),
+        _claim("of them, the true cause named first", percent(own["named"]), ">=", 80),
+        _claim(
+            "harmful, and the data cannot show it: named as not tested",
             percent(unseen["named_untested"]),
-            100.0,
-            "%",
+            ">=",
+            100,
         ),
-        at_most(
-            f"simulated right set-ups called anything but trusted, of {len(right)}",
+        _claim(
+            f"right set-ups called anything but trusted, of {len(right)} simulated ones",
             percent(right["found"]),
-            2.0,
-            "%",
+            "<=",
+            2,
         ),
-        at_most("verdict's time over the filter's", cost, 10.0, "%"),
+        _claim(
+            f"the same of {len(known)} recorded ones, thor75 for its clock aside",
+            100 * len(doubted) / len(known) if len(known) else np.nan,
+            "<=",
+            0,
+        ),
+        _claim(
+            "swisslog as logged: the true cause named first", percent(logged["named"]), ">=", 100
+        ),
+        _claim("the verdict's time over the filter's, median", float(cost.median()), "<=", 10),
     ]
+    return [each for each in found if np.isfinite(each["value"])]
 
 
-def at_least(text: str, figure: float, bound: float, unit: str) -> dict[str, Any]:
-    """A claim that `figure` is at least `bound`."""
-    return _claim(text, figure, bound, unit, "at least", bool(figure >= bound))
+def doubt_allowed(known: pd.DataFrame) -> pd.Series:
+    """Which right set-ups may be doubted: thor75, whose clock is off by 0.05 s."""
+    return (known["recording"] == "thor75") & (known["word"] == DOUBTFUL)
 
 
-def at_most(text: str, figure: float, bound: float, unit: str) -> dict[str, Any]:
-    """A claim that `figure` is at most `bound`."""
-    return _claim(text, figure, bound, unit, "at most", bool(figure <= bound))
-
-
-def _claim(
-    text: str, figure: float, bound: float, unit: str, word: str, holds: bool
-) -> dict[str, Any]:
+def _claim(text: str, figure: float, comparison: str, bound: float) -> dict[str, Any]:
+    """A claim in %: what was asked for, what was measured, whether it holds."""
     return {
         "claim": text,
-        "target": f"{word} {bound:g} {unit}",
-        "figure": f"{figure:.3g} {unit}",
+        "target": f"{comparison} {bound:g} %",
+        "figure": f"{figure:.3g} %",
         "value": float(figure),
         "bound": float(bound),
-        "holds": holds,
+        "holds": bool(figure >= bound if comparison == ">=" else figure <= bound),
     }
 
 
