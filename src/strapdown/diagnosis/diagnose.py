@@ -2,7 +2,7 @@
 arms, mounting and odometer scale, each found, consistent with what was given, or not observable.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,12 +10,14 @@ import numpy as np
 from .. import filters
 from ..checks import DataError
 from ..core import loop
+from ..core.adjoint import SMOOTHER
 from ..core.contract import Filter, Start
 from ..engine.finish import solution
 from ..engine.prepare import Asked, GivenImu
 from ..engine.sensitivity import begin_sensitive, check_sensitive, fit, sums
 from ..recording import Recording
 from ..typing import Array, Progress, Say
+from ..verdict import Reason
 from .findings import (
     CONSISTENT,
     FOUND,
@@ -29,8 +31,28 @@ from .findings import (
     named,
     reasons,
 )
-from .installation import ARM, CLOCK, MOUNTING, SCALE, SHOWN_BY, Model, applied, constants
-from .settling import MOST_RUNS, Estimated, Settling, Trial, Unknown, estimated, unknowns
+from .installation import (
+    ARM,
+    CLOCK,
+    MOUNTING,
+    SCALE,
+    SHOWN_BY,
+    Model,
+    applied,
+    constants,
+    slower,
+)
+from .settling import (
+    MOST_RUNS,
+    Estimated,
+    Settling,
+    Trial,
+    Unknown,
+    estimated,
+    explained,
+    groups,
+    unknowns,
+)
 
 LEAST = {CLOCK: 0.02, ARM: 0.1, MOUNTING: np.radians(0.5), SCALE: 0.003}
 """s, m, rad: smaller changes are not reported."""
@@ -46,6 +68,11 @@ MOTIONS = {
     SCALE: ("drive faster",) * 3,
 }
 """{kind: what would show it, by axis}."""
+ARM_SHARE = 0.5
+"""Of what a lever arm explains alone: its three numbers take up most of a clock's error too, but a
+clock takes up less than a fifth of an arm's."""
+FAST = 20.0
+"""Hz of the IMU samples of `first_causes`."""
 
 
 def diagnose(
@@ -69,6 +96,36 @@ def diagnose(
     return _Runs(recording, filter, Asked(options, imu, start, say=say), progress).diagnosis()
 
 
+def first_causes(
+    recording: Recording,
+    filter: str | Filter = "closed-loop",
+    imu: GivenImu | None = None,
+    start: Start | None = None,
+    **options: Any,
+) -> list[Reason]:
+    """What of the installation is probably wrong, by a single run over IMU samples of `FAST` Hz:
+    the kinds of constants that alone would explain most of the misfit, the likeliest first.
+
+    Empty where none would, and for a filter or sources that cannot be diagnosed. The values are
+    first estimates: `diagnose` settles them. Arguments as of `diagnose`. Raises DataError.
+    """
+    filter = filters.find(filter)
+    kinds = {a.kind for a in recording.aidings}
+    if filter.smoother is not SMOOTHER or "position" not in kinds:
+        return []
+    runs = _Runs(slower(recording, FAST), filter, Asked(options, imu, start))
+    first = runs.way.tried(np.zeros(len(runs.constants)))
+    if np.isinf(first.cost):
+        return []
+    found = sorted(
+        (one for group in groups(runs.constants) for one in runs.probable(first, group)),
+        key=lambda one: -one[0] * (ARM_SHARE if one[1].cause == ARM else 1.0),
+    )
+    # in the order of the gain: none weighs more than the one before
+    most = np.minimum.accumulate([reason.weight for _, reason in found])
+    return [reason._replace(weight=float(w)) for (_, reason), w in zip(found, most)]
+
+
 class _Runs:
     """The runs of one `diagnose`."""
 
@@ -78,7 +135,7 @@ class _Runs:
         filter: str | Filter,
         asked: Asked,
         progress: Progress | None = None,
-    ):
+    ) -> None:
         self.recording, self.filter, self.asked = recording, filters.find(filter), asked
         check_sensitive(self.filter)
         self.kinds = [a.kind for a in recording.aidings]
@@ -122,6 +179,21 @@ class _Runs:
             sought = clocks
         return self.told(first, last, sought)
 
+    def probable(self, first: Trial, group: Sequence[Unknown]) -> Iterator[tuple[float, Reason]]:
+        """(what it explains of the sum of NIS, Reason) where this group alone would be wrong."""
+        found = estimated(first, group, self.way.centre)
+        gain = explained(first, group, found.step)
+        wrong = [self.wrong(each, found, i) for i, each in enumerate(group)]
+        if gain <= LEAST_GAIN or not any(wrong):
+            return
+        some = [
+            self.estimate(each, found, i, float(found.value[i]), one, gain)
+            for i, (each, one) in enumerate(zip(group, wrong))
+        ]
+        kind = group[0].kind
+        remedy = {kind: ["run `strapdown diagnose` to settle it and to say what to change"]}
+        yield gain, reasons(some, remedy, "would fall")[0]
+
     def told(self, first: Trial, last: Trial, sought: Sequence[Unknown]) -> Diagnosis:
         """What the last trial says of what was sought."""
         final = estimated(last, sought, self.way.centre)
@@ -149,7 +221,7 @@ class _Runs:
             solution(best.made),
             self.way.runs,
             gain,
-            reasons(estimates, lines, gain),
+            reasons(estimates, lines, "falls"),
             tuple(line for own in lines.values() for line in own),
         )
 

@@ -48,6 +48,17 @@ def unknowns(constants: Sequence[Constant], split: bool = False) -> list[Unknown
     return [Unknown(CLOCK, sources, 0, rows[clocks].sum(axis=0)), *found]
 
 
+def groups(constants: Sequence[Constant]) -> list[list[Unknown]]:
+    """The unknowns that are looked at alone: all clocks as one, each clock, the arm of each
+    antenna, the mounting, the scale."""
+    together = unknowns(constants)
+    of_kind: dict[tuple[str, tuple[int, ...]], list[Unknown]] = {}
+    for each in together:
+        of_kind.setdefault((each.kind, each.sources), []).append(each)
+    own = [each for each in unknowns(constants, split=True) if each.kind == CLOCK]
+    return [*of_kind.values(), *([each] for each in own if len(own) > 1)]
+
+
 class Trial(NamedTuple):
     """A run with a set-up that is changed by theta, and what it says of further change."""
 
@@ -89,10 +100,18 @@ def estimated(trial: Trial, sought: Sequence[Unknown], centre: Array) -> Estimat
     return Estimated(now + step, step, np.maximum(model_sd, np.sqrt(np.diag(scatter))), model_sd)
 
 
+def explained(trial: Trial, sought: Sequence[Unknown], step: Array) -> float:
+    """By how much the sum of the NIS falls when the unknowns change by `step`, as far as it is
+    quadratic."""
+    basis = np.stack([each.direction for each in sought], axis=1)
+    information, score = (part.sum(axis=0) for part in trial.sums.mapped(basis))
+    return float(2 * score @ step - step @ information @ step)
+
+
 class Settling:
     """The way from what was given to what the runs say. `run` makes the Trial of a theta (m,)."""
 
-    def __init__(self, run: Callable[[Array], Trial], centre: Array):
+    def __init__(self, run: Callable[[Array], Trial], centre: Array) -> None:
         self.run, self.centre, self.runs = run, centre, 0
 
     def tried(self, theta: Array) -> Trial:
