@@ -173,11 +173,21 @@ class _Runs:
         sought = unknowns(self.constants)
         clocks = [each for each in sought if each.kind == CLOCK]
         last = self.way.settled(first, clocks)
-        if "velocity" in self.kinds:
-            last = self.way.settled(last, sought)
-        else:
-            sought = clocks
-        return self.told(first, last, sought)
+        if "velocity" not in self.kinds:
+            return self.told(first, last, clocks)
+        split = self.apart(last)
+        last = self.way.settled(last, unknowns(self.constants, split))
+        if not split and self.apart(last):
+            last = self.way.settled(last, unknowns(self.constants, split=True))
+        return self.told(first, last, unknowns(self.constants, self.apart(last)))
+
+    def apart(self, trial: Trial) -> bool:
+        """Whether the clocks of the GNSS sources differ from each other."""
+        together = unknowns(self.constants)
+        clocks = [each for each in unknowns(self.constants, split=True) if each.kind == CLOCK]
+        others = clocks[1:]  # beside what is common to all: by how much they differ from the first
+        found = estimated(trial, [*others, *together], self.way.centre)
+        return any(self.wrong(each, found, i) for i, each in enumerate(others))
 
     def probable(self, first: Trial, group: Sequence[Unknown]) -> Iterator[tuple[float, Reason]]:
         """(what it explains of the sum of NIS, Reason) where this group alone would be wrong."""

@@ -87,8 +87,8 @@ def estimated(trial: Trial, sought: Sequence[Unknown], centre: Array) -> Estimat
     """The unknowns by least squares with a prior around `centre` (m,), all other constants being
     those of the trial."""
     basis = np.stack([each.direction for each in sought], axis=1)
-    inverse = basis / (basis**2).sum(axis=0)  # of directions that share no constant
-    now, mean = trial.theta @ inverse, centre @ inverse
+    inverse = np.linalg.pinv(basis)
+    now, mean = inverse @ trial.theta, inverse @ centre
     information, score = trial.sums.mapped(basis)
     weight = np.array([PRIOR[each.kind] ** -2.0 for each in sought])
     covariance = np.linalg.inv(information.sum(axis=0) + np.diag(weight))
