@@ -56,7 +56,7 @@ def test_example_recordings(data_folder, name, samples, fixes, rest):
         recording.imu.dv[still].sum(axis=0) / recording.imu.dt[still].sum(), rest, atol=0.01
     )
     found = inspect(EXAMPLES / f"{name}.toml")
-    assert found.problems == () and any("turns of gyro z" in line for line in found.facts)
+    assert found.problems == () and any("turns of the gyro" in line for line in found.facts)
     assert recording.meta["grade"] and recording.meta["date"] and len(recording.reference) > 2000
 
 

@@ -90,11 +90,14 @@ def test_facts_of_a_good_recording(build, tmp_path):
     [
         (dict(), None),
         (dict(gyro=57.3), "gyro.unit: the gyro claims tilting"),
-        (dict(gyro=1 / 57.3), "gyro.unit: gyro z turns 0.017"),
+        (
+            dict(gyro=1 / 57.3),
+            "times as much as the course of velocity: rad/s read as deg/s",
+        ),
         (dict(gyro=[1, 1, -1]), "check the sign of gyro z"),
         (
             dict(offset=1.0),
-            "fits the gyro best with -1.00 s added to its time, or +1.00 s to that of the IMU: check `offset`",
+            "add -1 s to `offset` of the `time` of velocity, or +1 s to that of the IMU",
         ),
         (
             dict(toml=lambda s: s.replace('"m/s^2"', '"g"')),

@@ -96,7 +96,8 @@ def test_a_reader_from_outside_is_known_everywhere(log, command):
     ):
         sd.read(log.with_suffix(".other"))
     code, out, err = command("inspect", str(log))
-    assert code == 0 and "100 samples" in out and err == []
+    # its gyro never changes
+    assert code == 3 and "100 samples" in out and err == []
     for name in ("fuse", "inspect", "compare", "calibrate", "allan"):
         code, out, _ = command(name, "--help")
         words = " ".join(out.split())

@@ -1,5 +1,5 @@
 """The command line. Bad input ends in one line on standard error and exit code 2; Ctrl-C in one
-line and 130; nothing is left half-written."""
+line and 130; what was read and found wrong with 3; nothing is left half-written."""
 
 import signal
 import sys
@@ -44,6 +44,8 @@ app = typer.Typer(
 )
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
+FOUND_WRONG = 3
+"""Exit code where a recording or a result was read, and something is wrong with it."""
 
 
 def main() -> None:
@@ -53,10 +55,12 @@ def main() -> None:
     sys.unraisablehook = _again
     warnings.showwarning = _warn
     try:
-        if (
-            app(standalone_mode=False, prog_name="strapdown") == INTERRUPTED
-        ):  # typer takes Ctrl-C for itself and returns the code
+        # typer takes Ctrl-C for itself and returns the code, as it does that of an Exit
+        code = app(standalone_mode=False, prog_name="strapdown")
+        if code == INTERRUPTED:
             raise KeyboardInterrupt
+        if code:
+            raise SystemExit(code)
     except (KeyboardInterrupt, typer.Abort):
         _stop("interrupted; files written so far are whole, nothing is half-written", INTERRUPTED)
     except Exception as error:
@@ -300,8 +304,8 @@ def inspect(
         typer.Option(help="From a bare table: draft the recording.toml that describes it."),
     ] = None,
 ) -> None:
-    """Say what a recording or a table holds, and what is probably wrong with it: rates, gaps, time
-    base, units, axes."""
+    """Say what a recording or a table holds, what is probably wrong with it (rates, gaps, clocks,
+    units, axes, mounting) and what could not be checked. Ends with 3 where something is wrong."""
     from ..io.inspection import inspect, taker
     from ..io.readers import ask
 
@@ -314,7 +318,8 @@ def inspect(
         raise sd.DataError(
             f"--write {write}: there is such a file already; name another, or remove it"
         )
-    print(inspect(path))
+    found = inspect(path)
+    print(found)
     if write is not None:
         from ..files import replacing
 
@@ -322,6 +327,8 @@ def inspect(
         with replacing(write) as part:
             part.write_text(text)
         print(f"wrote {write}: read it through, then `strapdown inspect {write}`")
+    if found.problems:
+        raise typer.Exit(FOUND_WRONG)
 
 
 @app.command()

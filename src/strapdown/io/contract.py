@@ -6,21 +6,43 @@ from typing import Any, NamedTuple, TypeVar
 
 from ..checks import DataError
 from ..recording import Recording
+from ..verdict import Reason
 
 Made = TypeVar("Made")
 
 
 class Findings(NamedTuple):
-    """Lines on a file: what it holds, and what is probably wrong with it. A problem names the field
-    and the remedy."""
+    """Lines on a file: what it holds, what is probably wrong with it, and what could not be
+    checked. A problem names the field and the remedy; of one that the checks of a recording against
+    itself found, the reason is kept too."""
 
     facts: list[str]
     problems: list[str]
+    reasons: list[Reason]
+    inconclusive: list[str]
 
-    def add(self, facts: Iterable[str] = (), problems: Iterable[str] = ()) -> None:
-        """Take these lines in."""
+    @classmethod
+    def of(cls, facts: Iterable[str] = (), problems: Iterable[str] = ()) -> "Findings":
+        """These lines, without a reason."""
+        return cls(list(facts), list(problems), [], [])
+
+    def add(
+        self,
+        facts: Iterable[str] = (),
+        problems: Iterable[str] = (),
+        reasons: Iterable[Reason] = (),
+        inconclusive: Iterable[str] = (),
+    ) -> None:
+        """Take these in."""
         self.facts.extend(facts)
         self.problems.extend(problems)
+        self.reasons.extend(reasons)
+        self.inconclusive.extend(inconclusive)
+
+    def take(self, facts: Iterable[str], reasons: Iterable[Reason], more: Iterable[str]) -> None:
+        """Take in what the checks of a recording against itself say: `more` is inconclusive."""
+        reasons = list(reasons)
+        self.add(facts, map(str, reasons), reasons, more)
 
     def attempt(self, function: Callable[..., Made], *arguments: Any) -> Made | None:
         """What the function returns; None where it raises a DataError, which then is a problem."""
@@ -40,8 +62,9 @@ class Reader(NamedTuple):
     ]  # how names of such files end, in small letters, as (".imu", ".imu.xz")
     summary: str  # what such a file is, a few words for help and complaints
     read: Callable[[Path], Recording]
-    # (facts, problems), also of a file that `read` refuses; None: of what `read` gives
-    inspect: Callable[[Path], tuple[list[str], list[str]]] | None = None
+    # Findings, or (facts, problems) alone, also of a file that `read` refuses; None: of what `read`
+    # gives
+    inspect: Callable[[Path], Findings | tuple[list[str], list[str]]] | None = None
     # whether the file is one, by its content, where other formats have its suffix or it has none
     sniff: Callable[[Path], bool] | None = None
     # of a format that is not read alone: text of a recording.toml that stands in the folder

@@ -1,13 +1,13 @@
 """What can be said of samples and fixes, in lines for people: rates, gaps, what the sensors read at
 rest, how fixes and gyro agree."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import numpy as np
 
 from ..aiding import find
 from ..core.contract import Imu
-from ..core.earth import A
+from ..cross_checks.all import check
 from ..data import Aiding
 from ..preprocessing.attitude_checks import facts_and_problems as of_attitude
 from ..preprocessing.fixes import overlap_notes
@@ -25,7 +25,7 @@ def recording_facts(recording: Recording, *more: str) -> Findings:
     """Findings on a Recording: samples, fixes, magnetometers, then the lines `more`, reference and
     notes."""
     imu, reference = recording.imu, recording.reference
-    found = Findings(imu_facts(imu), [f"imu: {text}" for text in doubts(imu)])
+    found = Findings.of(imu_facts(imu), [f"imu: {text}" for text in doubts(imu)])
     found.add(*aiding_facts(imu, recording.aidings))
     for aiding in recording.aidings:
         if find(aiding.kind).parameters == "field":
@@ -96,7 +96,7 @@ def _triple(values: Iterable[float], digits: int = 2) -> str:
 
 def aiding_facts(imu: Imu, aidings: Iterable[Aiding]) -> Findings:
     """Findings on fixes: their times, what is held, attitudes and turns against those of the gyro."""
-    found, aidings = Findings([], []), list(aidings)
+    found, aidings = Findings.of(), list(aidings)
     for aiding in aidings:
         found.add([_span(imu, aiding)])
         if find(aiding.kind).recorded:
@@ -113,11 +113,7 @@ def aiding_facts(imu: Imu, aidings: Iterable[Aiding]) -> Findings:
                 f"{aiding.name}: latitude and longitude within 1.8 deg of zero: are they in rad, or "
                 f"is a scale wrong?"
             )
-    long = [
-        a for kind in ("velocity", "position") for a in aidings if a.kind == kind and len(a.t) > 20
-    ]
-    if long:
-        found.add(*course_facts(imu, long[0]))
+    found.take(*check(Recording(imu, tuple(aidings))))
     return found
 
 
@@ -146,69 +142,3 @@ def _span(imu: Imu, aiding: Aiding) -> str:
         f"{aiding.name}: {len(aiding.t)} fixes, {aiding.t[0]:.3f} to {aiding.t[-1]:.3f} s{pace}, "
         f"{max(0.0, stop - start):.1f} s of it with the IMU"
     )
-
-
-def course_facts(imu: Imu, aiding: Aiding) -> Findings:
-    """Findings on turns of the gyro about body z against turns of the course over ground: unit, sign
-    and clock of one against the other."""
-    fit = _course_fit(imu, aiding)
-    correlation, ratio, count = fit(0.0)
-    if count < 20 or not np.isfinite(correlation):
-        return Findings([], [])
-    found = Findings(
-        [
-            f"turns of gyro z against the course of {aiding.name}: correlation {correlation:.3f}, "
-            f"gyro / course {ratio:.3g} ({count} intervals)"
-        ],
-        [],
-    )
-    shifts = np.arange(-3.0, 3.01, 0.05)
-    others = np.array([fit(shift)[0] for shift in shifts])
-    best = int(np.nanargmax(np.abs(others)))
-    sure, shift, ratio = others[best], shifts[best], fit(shifts[best])[1]
-    if abs(sure) > 0.9 and 1 - abs(sure) < 0.5 * (1 - abs(correlation)) and abs(shift) > 0.2:
-        found.problems.append(
-            f"{aiding.name}: it fits the gyro best with {-shift:+.2f} s added to its time, "
-            f"or {shift:+.2f} s to that of the IMU: check `offset`"
-        )
-    if sure <= -0.7:
-        found.problems.append(
-            "[imu] axes: the gyro turns left where the course turns right: check the sign of gyro "
-            "z, or axes"
-        )
-    if abs(sure) >= 0.7 and not 0.4 < ratio < 2.5:
-        likely = "a wrong unit or scale"
-        if 0.5 < max(ratio, 1 / ratio) * np.radians(1) < 2:
-            likely = "deg/s read as rad/s" if ratio > 1 else "rad/s read as deg/s"
-        found.problems.append(
-            f"[imu] gyro.unit: gyro z turns {ratio:.3g} times as much as the course: {likely}?"
-        )
-    return found
-
-
-def _course_fit(imu: Imu, aiding: Aiding) -> Callable[[float], tuple[float, float, int]]:
-    """Function of a shift of the IMU time (s): correlation and ratio of turns over about a
-    second of motion above 2 m/s, and their count."""
-    v = aiding.y if aiding.kind == "velocity" else _velocity(aiding.t, aiding.y)
-    step = max(1, round(1.0 / float(np.median(np.diff(aiding.t)))))
-    first, last = slice(None, -step), slice(step, None)
-    fast = np.hypot(v[:, 0], v[:, 1]) > 2.0
-    use = fast[first] & fast[last] & (aiding.t[last] - aiding.t[first] < 2.5)
-    use &= (aiding.t[first] > imu.t[0] + 3.0) & (aiding.t[last] < imu.t[-1] - 3.0)
-    course, heading = np.arctan2(v[:, 1], v[:, 0]), np.cumsum(imu.dtheta[:, 2])
-    turn = ((course[last] - course[first] + np.pi) % (2 * np.pi) - np.pi)[use]
-
-    def fit(shift: float) -> tuple[float, float, int]:
-        psi = np.interp(aiding.t - shift, imu.t, heading)
-        claimed = (psi[last] - psi[first])[use]
-        if len(turn) < 3 or turn.std() < 0.02 or not claimed.std() > 0:
-            return np.nan, np.nan, 0
-        return np.corrcoef(turn, claimed)[0, 1], claimed.std() / turn.std(), len(turn)
-
-    return fit
-
-
-def _velocity(t: Array, lla: Array) -> Array:
-    """North and east velocity by differences of positions, m/s."""
-    north = np.gradient(lla[:, 0], t) * A
-    return np.c_[north, np.gradient(np.unwrap(lla[:, 1]), t) * A * np.cos(lla[:, 0])]

@@ -101,7 +101,7 @@ def inspect_table(path: Path) -> Findings:
     """Findings on a bare table by what was guessed of it. Raises DataError where it cannot be
     read."""
     guessed = guess(path)
-    found = Findings(guessed.facts, guessed.problems)
+    found = Findings.of(guessed.facts, guessed.problems)
     if guessed.imu is not None:
         wrong = [text for _, text in mistakes(guessed.imu, "rate")]
         found.add(imu_facts(guessed.imu), wrong + doubts(guessed.imu))

@@ -22,7 +22,7 @@ from .source_files import Files
 
 def inspect_description(path: Path) -> Findings:
     """Findings on a description and all that it names. Raises DataError where it is no TOML."""
-    found, description = Findings([], []), complaints(path)
+    found, description = Findings.of(), complaints(path)
     if isinstance(description, Description):
         notes = _parts(path, description, found)
         found.add(f"note: {note}" for note in notes if note not in found.problems)

@@ -259,7 +259,7 @@ def first_rest(imu: Imu) -> slice | None:
 
 def inspect(path: Path) -> Findings:
     """Findings on a trial; that it cannot be read is one."""
-    found = Findings([], [])
+    found = Findings.of()
     trial = found.attempt(read_broad, path)
     if trial is not None:
         movement = [

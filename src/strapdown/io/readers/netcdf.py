@@ -230,7 +230,7 @@ def inspect(path: Path) -> Findings:
     """Findings on a recording, also where its samples cannot be true. Raises DataError where the
     file is no whole recording."""
     meta, imu, aidings, reference = parts(path)
-    found = Findings([], [])
+    found = Findings.of()
     found.attempt(read_recording, path)
     found.add(*recording_facts(Recording(imu, tuple(aidings), reference, meta)))
     return found

@@ -196,7 +196,8 @@ def inspect(path: Path) -> Findings:
         f"{height:.1f} m, heading {np.degrees(recording.meta['attitude'][2]):.1f} deg",
     )
     wrong = [f"imu: {text}" for _, text in mistakes(recording.imu, "increment")]
-    return Findings(found.facts, wrong + found.problems)
+    found.problems[:0] = wrong
+    return found
 
 
 READER = Reader("psins", packed(".imu"), "log of the PSINS toolbox", read_psins, inspect)

@@ -1,0 +1,235 @@
+"""The clock of the fixes against that of the IMU, over a minute either way.
+
+Two quantities are compared that no mounting changes: the size of the specific force, |dv/dt - g|,
+and the rate of turn about the vertical, that of the course over ground. Their correlation is taken
+over all lags. What it shows is believed where it is far likelier than any lag farther off.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from ..data import Aiding
+from ..geodesy import STANDARD_GRAVITY
+from ..recording import Recording
+from ..typing import Array
+from ..verdict import Reason
+from .checked import Checked, label
+from .motion import Felt, Moved, course_rate, felt, moved
+
+REACH, COARSE, FINE = 60.0, 0.1, 0.02
+"""Lags that are looked at, and their steps in the first and the second search, s."""
+SPACING = 0.4
+"""Seconds between the fixes that the first search uses."""
+HALF = 1.0
+"""Half the window over which accelerations and rates are taken, s; of positions twice that."""
+FAR, EVIDENCE = 3.0, 10.0
+"""A lag is believed where the logarithm of its likelihood over that of any other more than FAR (s)
+off is above EVIDENCE."""
+SYSTEMATIC = {"acceleration": 0.02, "turns": 0.08}
+"""What no scatter shows, s: the course of an antenna ahead of the rear axle leads the turn of the
+vehicle, that of an aircraft lags its own."""
+LEAST_FIXES, BLOCKS = 30, 10
+SURE, LEAST = 5.0, 0.1
+"""A lag is a reason from so many standard deviations and seconds on."""
+LEAPS = {
+    18.0: "the leap seconds between GPS time and UTC",
+    37.0: "the leap seconds between TAI and UTC",
+    19.0: "TAI against GPS time",
+}
+"""What whole seconds may be, since 2017."""
+
+
+class Lag(NamedTuple):
+    """The clock of a source of fixes against the IMU's."""
+
+    source: str
+    seconds: float  # that must be added to the time stamps of the fixes
+    sd: float  # s
+    correlation: float  # there
+    evidence: float  # logarithm of the likelihood ratio to the best lag farther off
+    by: str  # what was compared
+
+    @property
+    def believed(self) -> bool:
+        """Whether it is far likelier than any other."""
+        return self.evidence > EVIDENCE and self.sd < 1.0
+
+
+class Series(NamedTuple):
+    """One quantity as the fixes tell it and as the IMU feels it."""
+
+    by: str
+    t: Array  # (n,) s, of the fixes' clock
+    theirs: Array  # (n,)
+    at: Array  # (m,) s, of the IMU's clock, evenly
+    ours: Array  # (m,); NaN where it is not known
+    independent: float  # how many of the n count
+
+    def felt(self, lags: Array, every: int = 1) -> Array:
+        """(k, n / every) what the IMU felt at the times of the fixes, each lag (s) a row."""
+        times = self.t[::every] + lags[:, None]
+        return np.interp(times, self.at, self.ours, left=np.nan, right=np.nan)
+
+
+def check(recording: Recording) -> Checked:
+    """The clock of each source of velocity and position against the IMU's."""
+    found, lags = Checked.nothing(), []
+    sources = [a for a in recording.aidings if a.kind in ("velocity", "position")]
+    motion = felt(recording.imu) if sources else None
+    for source in sources:
+        lag = coarse_lag(recording, source, motion)
+        if lag is None or not lag.believed:
+            why = "too few fixes with the IMU" if lag is None else _unclear(lag)
+            found.add(Checked.unknown(f"clock of {label(source)} against the IMU", why))
+        else:
+            lags.append(lag)
+            found.facts.append(
+                f"clock of {lag.source} against the IMU: {lag.seconds:+.2f} +- {lag.sd:.2f} s to "
+                f"add, by its {lag.by} (correlation {lag.correlation:.2f})"
+            )
+    found.reasons.extend(_reasons(lags, len(sources)))
+    return found
+
+
+def coarse_lag(recording: Recording, source: Aiding, motion: Felt | None = None) -> Lag | None:
+    """The Lag of one source of velocities or positions, within REACH; None where there are too few
+    fixes. `motion`: the Felt of the recording, where it is known."""
+    fixes = moved(source)
+    if fixes is None:
+        return None
+    motion = felt(recording.imu) if motion is None else motion
+    lags = [lag for each in _series(fixes, source.kind, motion) if (lag := _lag(each, fixes.name))]
+    if not lags:
+        return None
+    best = max(lags, key=lambda lag: lag.evidence)
+    sure = [lag for lag in lags if lag.evidence > EVIDENCE] or [best]
+    seconds, weight = np.array([[lag.seconds, lag.sd**-2] for lag in sure]).T
+    mean = float(np.average(seconds, weights=weight))
+    # quantities that disagree are not better known than that
+    spread = float(np.sqrt(max(1.0, (weight * (seconds - mean) ** 2).sum())))
+    return best._replace(seconds=mean, sd=spread * float(weight.sum() ** -0.5))
+
+
+def _series(fixes: Moved, kind: str, motion: Felt) -> Iterator[Series]:
+    """The quantities to compare."""
+    half = max(HALF, fixes.interval) * (2 if kind == "position" else 1)
+    first, last = fixes.at(fixes.t - half), fixes.at(fixes.t + half)
+    a = (last - first) / (2 * half)
+    force = np.linalg.norm(a - [0, 0, STANDARD_GRAVITY], axis=1)
+    turn = course_rate(fixes, half)
+    f = motion.mean(motion.at_antenna(fixes.arm), motion.t, half)
+    size = np.maximum(np.linalg.norm(f, axis=1), 1e-9)
+    rate = -(motion.mean(motion.turn, motion.t, half) * f).sum(axis=1) / size
+    for by, theirs, ours in (("acceleration", force, size), ("turns", turn, rate)):
+        use = np.isfinite(theirs)
+        count = float(use.sum() * fixes.interval / (2 * half))
+        yield Series(by, fixes.t[use], theirs[use], motion.t, ours, count)
+
+
+def _lag(series: Series, name: str) -> Lag | None:
+    """The Lag by one quantity; None where nothing varies or too few fixes are left."""
+    if len(series.t) < LEAST_FIXES:
+        return None
+    every = max(1, int(SPACING / float(np.median(np.diff(series.t)))))
+    lags = np.arange(-REACH, REACH + COARSE / 2, COARSE)
+    r = correlations(series.theirs[::every], series.felt(lags, every))
+    if not np.isfinite(r).any():
+        return None
+    top = int(np.nanargmax(r))
+    far = np.nan_to_num(r[np.abs(lags - lags[top]) > FAR])
+    other = min(max(0.0, float(far.max(initial=0.0))), 0.999)
+    lag, sd = _refined(series, float(lags[top]))
+    best = min(max(float(r[top]), 0.0), 0.9999)
+    evidence = series.independent / 2 * np.log((1 - other**2) / (1 - best**2))
+    sd = float(np.hypot(sd, SYSTEMATIC[series.by]))
+    return Lag(name, lag, sd, best, float(evidence), series.by)
+
+
+def correlations(theirs: Array, ours: Array, weight: Array | None = None) -> Array:
+    """(k,) correlation of `theirs` (n,) with each row of `ours` (k, n), where that is known for
+    half of the fixes at least; NaN elsewhere."""
+    known = np.isfinite(ours)
+    enough = known.sum(axis=1) >= max(LEAST_FIXES, 0.5 * len(theirs))
+    w = known if weight is None else known * weight
+    total = np.maximum(w.sum(axis=1), 1e-9)
+    x, y = np.where(known, ours, 0.0), theirs
+    mx, my = (w * x).sum(axis=1) / total, (w * y).sum(axis=1) / total
+    xx, yy = (w * x * x).sum(axis=1) / total - mx**2, (w * y * y).sum(axis=1) / total - my**2
+    xy = (w * x * y).sum(axis=1) / total - mx * my
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(enough & (xx > 1e-12) & (yy > 1e-12), xy / np.sqrt(xx * yy), np.nan)
+
+
+def _refined(series: Series, lag: float) -> tuple[float, float]:
+    """(lag, sd) in s near a lag: the top of the correlation, and by leaving out one tenth of the
+    record after the other (jackknife)."""
+    lags = lag + np.arange(-1.0, 1.0 + FINE / 2, FINE)
+    ours = series.felt(lags)
+    tops = [_top(lags, correlations(series.theirs, ours))]
+    for left_out in np.array_split(np.arange(len(series.t)), BLOCKS):
+        weight = np.ones(len(series.t))
+        weight[left_out] = 0.0
+        tops.append(_top(lags, correlations(series.theirs, ours, weight)))
+    others = np.array(tops[1:])
+    sd = np.sqrt((BLOCKS - 1) * np.mean((others - others.mean()) ** 2))
+    return tops[0], float(sd)
+
+
+def _top(lags: Array, r: Array) -> float:
+    """Where the correlation is largest, s; between lags by a parabola."""
+    if not np.isfinite(r).any():
+        return float(lags[len(lags) // 2])
+    k = int(np.nanargmax(r))
+    if 0 < k < len(r) - 1:
+        left, middle, right = r[k - 1 : k + 2]
+        bend = left - 2 * middle + right
+        if bend < 0:
+            return float(lags[k] + 0.5 * (left - right) / bend * FINE)
+    return float(lags[k])
+
+
+def _unclear(lag: Lag) -> str:
+    """Why a Lag is not believed."""
+    if lag.evidence <= EVIDENCE:
+        return "the motion is too even to tell one time from another"
+    return f"acceleration and turns disagree by {2 * lag.sd:.1f} s"
+
+
+def _reasons(lags: list[Lag], sources: int) -> Iterator[Reason]:
+    """Reasons from lags that are believed; one where all sources have the same."""
+    wrong = [lag for lag in lags if _weight(lag) > 1]
+    if not wrong:
+        return
+    common = float(
+        np.average([lag.seconds for lag in wrong], weights=[lag.sd**-2 for lag in wrong])
+    )
+    together = len(wrong) == sources and all(
+        abs(lag.seconds - common) < max(SURE * lag.sd, LEAST) for lag in wrong
+    )
+    if together and sources > 1:
+        sure = min(wrong, key=lambda lag: lag.sd)
+        yield _reason(sure, f"the fixes fit the IMU with {sure.seconds:+.2f}", "")
+        return
+    for lag in wrong:
+        yield _reason(lag, f"it fits the IMU with {lag.seconds:+.2f}", lag.source)
+
+
+def _reason(lag: Lag, seen: str, source: str) -> Reason:
+    near = min(LEAPS, key=lambda leap: abs(abs(lag.seconds) - leap))
+    leap = abs(abs(lag.seconds) - near) < max(SURE * lag.sd, 0.3)
+    whose = f"the `time` of {source}" if source else "the `time` of every source of fixes"
+    add = np.copysign(near, lag.seconds) if leap else lag.seconds
+    return Reason(
+        "clock",
+        f"{seen} +- {lag.sd:.2f} s added to its time, by {lag.by}"
+        + (f": {LEAPS[near]}" if leap else ""),
+        f"add {add:+.4g} s to `offset` of {whose}, or {-add:+.4g} s to that of the IMU",
+        source,
+        _weight(lag),
+    )
+
+
+def _weight(lag: Lag) -> float:
+    return abs(lag.seconds) / max(SURE * lag.sd, LEAST)
