@@ -18,11 +18,13 @@ from ..engine.sensitivity import begin_sensitive, check_sensitive, fit, sums
 from ..recording import Recording
 from ..typing import Array, Progress, Say
 from ..verdict import Reason
+from .coarse import check_velocities, coarse_clocks
 from .findings import (
     CONSISTENT,
     FOUND,
     LEAST_GAIN,
     LEAST_Z,
+    MISFIT,
     NOT_OBSERVABLE,
     UNITS,
     Diagnosis,
@@ -71,6 +73,8 @@ MOTIONS = {
 ARM_SHARE = 0.5
 """Of what a lever arm explains alone: its three numbers take up most of a clock's error too, but a
 clock takes up less than a fifth of an arm's."""
+COARSE_GAIN = 0.8
+"""A coarse step is believed where it takes the mean NIS, 30 at most each, below this share."""
 FAST = 20.0
 """Hz of the IMU samples of `first_causes`."""
 
@@ -115,8 +119,6 @@ def first_causes(
         return []
     runs = _Runs(slower(recording, FAST), filter, Asked(options, imu, start))
     first = runs.way.tried(np.zeros(len(runs.constants)))
-    if np.isinf(first.cost):
-        return []
     found = sorted(
         (one for group in groups(runs.constants) for one in runs.probable(first, group)),
         key=lambda one: -one[0] * (ARM_SHARE if one[1].cause == ARM else 1.0),
@@ -160,19 +162,19 @@ class _Runs:
             model.start,
             lambda part: self.progress((before + part) / MOST_RUNS),
         )
-        cost, fixes = fit(run)
-        return Trial(theta, np.inf if run.cursor.at[loop.FAULT] else cost, fixes, found, run)
+        return Trial(theta, fit(run), found, run)
 
     def diagnosis(self) -> Diagnosis:
         """All runs, and what they say."""
         first = self.way.tried(np.zeros(len(self.constants)))
-        if np.isinf(first.cost):
+        last = self.roughly(first)
+        if last.made.cursor.at[loop.FAULT]:
             raise DataError(
                 f"{self.filter.name} does not come to the end of the recording: run `fuse` and see why"
             )
         sought = unknowns(self.constants)
         clocks = [each for each in sought if each.kind == CLOCK]
-        last = self.way.settled(first, clocks)
+        last = self.way.settled(last, clocks)
         if "velocity" not in self.kinds:
             return self.told(first, last, clocks)
         split = self.apart(last)
@@ -180,6 +182,19 @@ class _Runs:
         if not split and self.apart(last):
             last = self.way.settled(last, unknowns(self.constants, split=True))
         return self.told(first, last, unknowns(self.constants, self.apart(last)))
+
+    def roughly(self, first: Trial) -> Trial:
+        """The trial to settle from: with the clocks that the motion itself shows, where `first`
+        fits badly and they improve it. Raises DataError where something else is wrong."""
+        if first.fit.cost <= MISFIT * first.fit.expected:
+            return first
+        check_velocities(self.recording)
+        for theta in coarse_clocks(self.recording, self.constants):
+            new = self.way.tried(theta)
+            if new.fit.cost < COARSE_GAIN * first.fit.cost:
+                self.way.centre = theta
+                return new
+        return first
 
     def apart(self, trial: Trial) -> bool:
         """Whether the clocks of the GNSS sources differ from each other."""
@@ -212,7 +227,7 @@ class _Runs:
         if wrong.any():
             some = [each for each, one in zip(sought, wrong) if one]
             value[wrong], best = self.alone(last, some, final.value[wrong])
-        gain = (first.cost - best.cost) * first.fixes
+        gain = (first.fit.cost - best.fit.cost) * first.fit.fixes
         if gain <= LEAST_GAIN:
             wrong, value, best, gain = wrong & False, final.value, first, 0.0
         shares = (value / final.model_sd) ** 2 * wrong
@@ -231,6 +246,7 @@ class _Runs:
             solution(best.made),
             self.way.runs,
             gain,
+            best.fit.cost / best.fit.expected,
             reasons(estimates, lines, "falls"),
             tuple(line for own in lines.values() for line in own),
         )

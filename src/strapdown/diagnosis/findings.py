@@ -26,6 +26,10 @@ LEAST_Z = 5.0
 LEAST_GAIN = 25.0
 """Of all changes together, in the sum of min(NIS, 30)."""
 
+MISFIT = 2.0
+"""Times the expected NIS from which a fit is bad: an offset may be beyond what a linear estimate can
+find, or something else is wrong."""
+
 
 class Estimate(NamedTuple):
     """A constant of the installation. Numbers are in `unit`: s, m, deg, or none for a scale."""
@@ -69,6 +73,7 @@ class Diagnosis:
     solution: Solution  # of the last run: of that recording
     runs: int  # of the filter
     gain: float  # sum of min(NIS, 30) of all fixes, as given less as found
+    misfit: float  # mean of min(NIS, 30) as found, over that of a right set-up: about 1
     reasons: tuple[Reason, ...]  # the weightiest first
     changes: tuple[str, ...]  # what to write into recording.toml, a line each
 
@@ -81,6 +86,11 @@ class Diagnosis:
     def lines(self) -> list[str]:
         """For people: every parameter, then what to change."""
         lines = [str(each) for each in self.parameters]
+        if self.misfit > MISFIT:
+            lines.append(
+                f"the fixes still fit badly: their NIS is {self.misfit:.1f} times what is expected, "
+                f"so something else is wrong, and what stands above may be too"
+            )
         if not self.found:
             return [*lines, f"nothing to change in recording.toml ({counted(self.runs)})"]
         return [

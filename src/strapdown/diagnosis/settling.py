@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..engine.prepare import Run
-from ..engine.sensitivity import Sums
+from ..engine.sensitivity import Fit, Sums
 from ..typing import Array
 from .installation import ARM, CLOCK, MOUNTING, SCALE, Constant
 
@@ -63,8 +63,7 @@ class Trial(NamedTuple):
     """A run with a set-up that is changed by theta, and what it says of further change."""
 
     theta: Array  # (m,)
-    cost: float  # of `engine.sensitivity.fit`; inf where the run broke off
-    fixes: int  # that were measured
+    fit: Fit
     sums: Sums
     made: Run
 
@@ -141,6 +140,6 @@ class Settling:
             if self.runs >= MOST_RUNS - keep:
                 break
             new = self.tried(trial.theta + step / 2**halving)
-            if new.cost <= RISE * trial.cost:
+            if new.fit.cost <= RISE * trial.fit.cost:
                 return new
         return None

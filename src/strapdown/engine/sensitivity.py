@@ -188,12 +188,24 @@ class _Forces:
         )
 
 
-def fit(run: Run) -> tuple[float, int]:
-    """How well a Run that has ended fits its fixes: the mean of their NIS, `LARGEST_NIS` at most
-    each, and how many were measured."""
-    nis = run.out.fix[: run.cursor.at[loop.FIX], loop.F_NIS]
-    nis = nis[np.isfinite(nis)]
-    return (float(np.minimum(nis, LARGEST_NIS).mean()) if len(nis) else 0.0), len(nis)
+class Fit(NamedTuple):
+    """How well a Run fits its fixes."""
+
+    cost: float  # mean of their NIS, `LARGEST_NIS` at most each; that of a run that broke off
+    fixes: int  # that were measured
+    expected: float  # mean of the NIS of a right filter: the components measured
+
+
+def fit(run: Run) -> Fit:
+    """The Fit of a Run that has ended or broken off."""
+    fix = run.out.fix[: run.cursor.at[loop.FIX]]
+    fix = fix[np.isfinite(fix[:, loop.F_NIS])]
+    if not len(fix):
+        return Fit(0.0, 0, 1.0)
+    rows = np.isfinite(fix[:, loop.F_INNOVATION : loop.F_NIS]).sum(axis=1)
+    whole = not run.cursor.at[loop.FAULT]
+    cost = np.minimum(fix[:, loop.F_NIS], LARGEST_NIS).mean() if whole else LARGEST_NIS
+    return Fit(float(cost), len(fix), float(rows.mean()))
 
 
 def acceleration_at(run: Run, t: float) -> Array:
