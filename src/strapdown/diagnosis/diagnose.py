@@ -13,7 +13,7 @@ from ..core import loop
 from ..core.adjoint import SMOOTHER
 from ..core.contract import Filter, Start
 from ..engine.finish import solution
-from ..engine.prepare import Asked, GivenImu
+from ..engine.prepare import Asked, GivenImu, Run
 from ..engine.sensitivity import begin_sensitive, check_sensitive, fit, sums
 from ..recording import Recording
 from ..typing import Array, Progress, Say
@@ -54,6 +54,7 @@ from .settling import (
     explained,
     groups,
     unknowns,
+    whole,
 )
 
 LEAST = {CLOCK: 0.02, ARM: 0.1, MOUNTING: np.radians(0.5), SCALE: 0.003}
@@ -151,10 +152,7 @@ class _Runs:
 
     def run(self, theta: Array) -> Trial:
         """The filter over the recording with its set-up changed by theta."""
-        before = self.way.runs - 1
-        run = begin_sensitive(
-            applied(self.recording, self.constants, theta), self.filter, self.asked
-        )
+        before, run = self.way.runs - 1, self.begun(theta)
         model = Model(run, self.constants, self.asked.start is None)
         found = sums(
             run,
@@ -164,6 +162,11 @@ class _Runs:
         )
         return Trial(theta, fit(run), found, run)
 
+    def begun(self, theta: Array) -> Run:
+        """A Run with the set-up changed by theta, before its first sample."""
+        recording = applied(self.recording, self.constants, theta)
+        return begin_sensitive(recording, self.filter, self.asked)
+
     def diagnosis(self) -> Diagnosis:
         """All runs, and what they say."""
         first = self.way.tried(np.zeros(len(self.constants)))
@@ -172,12 +175,13 @@ class _Runs:
             raise DataError(
                 f"{self.filter.name} does not come to the end of the recording: run `fuse` and see why"
             )
-        sought = unknowns(self.constants)
-        clocks = [each for each in sought if each.kind == CLOCK]
+        of_clocks = [c.kind == CLOCK for c in self.constants]
+        split = bool(np.ptp(self.way.centre[of_clocks]) > 0)
+        clocks = [each for each in unknowns(self.constants, split) if each.kind == CLOCK]
         last = self.way.settled(last, clocks)
         if "velocity" not in self.kinds:
             return self.told(first, last, clocks)
-        split = self.apart(last)
+        split = split or self.apart(last)
         last = self.way.settled(last, unknowns(self.constants, split))
         if not split and self.apart(last):
             last = self.way.settled(last, unknowns(self.constants, split=True))
@@ -186,7 +190,7 @@ class _Runs:
     def roughly(self, first: Trial) -> Trial:
         """The trial to settle from: with the clocks that the motion itself shows, where `first`
         fits badly and they improve it. Raises DataError where something else is wrong."""
-        if first.fit.cost <= MISFIT * first.fit.expected:
+        if first.fit.misfit <= MISFIT:
             return first
         check_velocities(self.recording)
         for theta in coarse_clocks(self.recording, self.constants):
@@ -223,13 +227,17 @@ class _Runs:
         """What the last trial says of what was sought."""
         final = estimated(last, sought, self.way.centre)
         wrong = np.array([self.wrong(each, final, i) for i, each in enumerate(sought)])
-        value, best = final.value.copy(), first
+        value, theta, best = final.value.copy(), first.theta, first.made
         if wrong.any():
             some = [each for each, one in zip(sought, wrong) if one]
-            value[wrong], best = self.alone(last, some, final.value[wrong])
-        gain = (first.fit.cost - best.fit.cost) * first.fit.fixes
+            value[wrong], theta = self.alone(last, some, final.value[wrong])
+            best = self.begun(theta)
+            best.complete()
+            self.way.runs += 1
+        gain = (first.fit.cost - fit(best).cost) * first.fit.fixes
         if gain <= LEAST_GAIN:
-            wrong, value, best, gain = wrong & False, final.value, first, 0.0
+            wrong, value, gain = wrong & False, final.value, 0.0
+            theta, best = first.theta, first.made
         shares = (value / final.model_sd) ** 2 * wrong
         shares *= gain / max(shares.sum(), 1e-300)
         estimates = [
@@ -242,11 +250,11 @@ class _Runs:
         self.progress(1.0)
         return Diagnosis(
             tuple(estimates + self.never(sought)),
-            applied(self.recording, self.constants, best.theta),
-            solution(best.made),
+            applied(self.recording, self.constants, theta),
+            solution(best),
             self.way.runs,
             gain,
-            best.fit.cost / best.fit.expected,
+            fit(best).misfit,
             reasons(estimates, lines, "falls"),
             tuple(line for own in lines.values() for line in own),
         )
@@ -258,13 +266,12 @@ class _Runs:
             least = LEAST_CLOCK_ALONE
         return bool(abs(final.value[i]) > least and final.z[i] > LEAST_Z)
 
-    def alone(self, last: Trial, some: Sequence[Unknown], value: Array) -> tuple[Array, Trial]:
-        """Values of the unknowns `some` with all others as given, and the run with them."""
-        theta = np.sum([x * each.direction for x, each in zip(value, some)], axis=0)
+    def alone(self, last: Trial, some: Sequence[Unknown], value: Array) -> tuple[Array, Array]:
+        """Values of the unknowns `some` with all others as given, and theta (m,) with them."""
+        theta = whole(some, value)
         there = last._replace(theta=theta, sums=last.sums.moved(theta - last.theta))
         value = estimated(there, some, self.way.centre).value
-        theta = np.sum([x * each.direction for x, each in zip(value, some)], axis=0)
-        return value, self.way.tried(theta)
+        return value, whole(some, value)
 
     def estimate(
         self, unknown: Unknown, final: Estimated, i: int, value: float, wrong: bool, gain: float
@@ -303,7 +310,7 @@ class _Runs:
                 continue
             missing = "add a source of velocity"
             if kind == MOUNTING and SHOWN_BY[axis] not in self.kinds:
-                missing = f"drive with the constraint {SHOWN_BY[axis]} switched on"
+                missing = f"on a road vehicle, add the constraint {SHOWN_BY[axis]}"
             elif kind == SCALE and "speed" not in self.kinds:
                 missing = "add an odometer (kind speed)"
             nothing = Unknown(kind, (), axis, np.zeros(0))

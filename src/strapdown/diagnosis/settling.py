@@ -48,6 +48,12 @@ def unknowns(constants: Sequence[Constant], split: bool = False) -> list[Unknown
     return [Unknown(CLOCK, sources, 0, rows[clocks].sum(axis=0)), *found]
 
 
+def whole(some: Sequence[Unknown], values: Array) -> Array:
+    """theta (m,) with these values of some unknowns and 0 of all others."""
+    theta: Array = values @ np.stack([each.direction for each in some])
+    return theta
+
+
 def groups(constants: Sequence[Constant]) -> list[list[Unknown]]:
     """The unknowns that are looked at alone: all clocks as one, each clock, the arm of each
     antenna, the mounting, the scale."""
@@ -127,8 +133,7 @@ class Settling:
                 break
             if not trial.theta.any() and (found.z <= NOTABLE).all():
                 break
-            step = sum(s * each.direction for s, each in zip(found.step, sought))
-            better = self._stepped(trial, np.asarray(step), keep)
+            better = self._stepped(trial, whole(sought, found.step), keep)
             if better is None:
                 break
             trial = better

@@ -195,6 +195,12 @@ class Fit(NamedTuple):
     fixes: int  # that were measured
     expected: float  # mean of the NIS of a right filter: the components measured
 
+    @property
+    def misfit(self) -> float:
+        """The cost over the expected one: about 1 for a right filter, less where the stated
+        standard deviations are large."""
+        return self.cost / self.expected
+
 
 def fit(run: Run) -> Fit:
     """The Fit of a Run that has ended or broken off."""
