@@ -15,7 +15,7 @@ import typer
 
 import strapdown as sd
 
-from . import calibrate, compare, fly, simulation
+from . import calibrate, compare, diagnose, fly, simulation
 from .console import (
     FORMATS_AND_TABLES,
     IMU,
@@ -211,6 +211,12 @@ def fuse(
             help="Estimate each time from the whole recording, for filters that can be smoothed.",
         ),
     ] = False,
+    diagnosed: Annotated[
+        bool,
+        typer.Option(
+            "--diagnose", help="Then say what of the installation is wrong: `strapdown diagnose`."
+        ),
+    ] = False,
     out: Annotated[
         Path | None,
         typer.Option(help="Folder for the results.  [default: NAME-FILTER, or NAME-FILTER-smooth]"),
@@ -262,6 +268,8 @@ def fuse(
         f"wrote {folder}/{', '.join(names)}, "
         f"report.html{'' if solution.has_position else '; no track.kml, because there is no position'}"
     )
+    if diagnosed:
+        diagnose.show(seen, filter, grade, begin, options)
     end(strict, [solution.verdict])
 
 
@@ -402,7 +410,13 @@ def _windows(text: str | None) -> list[tuple[float, float]]:
     return windows
 
 
-for command in (*simulation.COMMANDS, calibrate.calibrate, compare.compare, fly.fly):
+for command in (
+    *simulation.COMMANDS,
+    calibrate.calibrate,
+    compare.compare,
+    diagnose.diagnose,
+    fly.fly,
+):
     app.command(cls=Reads)(command)
 
 if __name__ == "__main__":

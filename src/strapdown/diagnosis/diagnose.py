@@ -2,7 +2,7 @@
 arms, mounting and odometer scale, each found, consistent with what was given, or not observable.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,17 +10,21 @@ import numpy as np
 from .. import filters
 from ..checks import DataError
 from ..core import loop
+from ..core.adjoint import SMOOTHER
 from ..core.contract import Filter, Start
 from ..engine.finish import solution
-from ..engine.prepare import Asked, GivenImu
+from ..engine.prepare import Asked, GivenImu, Run
 from ..engine.sensitivity import begin_sensitive, check_sensitive, fit, sums
 from ..recording import Recording
 from ..typing import Array, Progress, Say
+from ..verdict import Reason
+from .coarse import check_velocities, coarse_clocks
 from .findings import (
     CONSISTENT,
     FOUND,
     LEAST_GAIN,
     LEAST_Z,
+    MISFIT,
     NOT_OBSERVABLE,
     UNITS,
     Diagnosis,
@@ -29,8 +33,29 @@ from .findings import (
     named,
     reasons,
 )
-from .installation import ARM, CLOCK, MOUNTING, SCALE, SHOWN_BY, Model, applied, constants
-from .settling import MOST_RUNS, Estimated, Settling, Trial, Unknown, estimated, unknowns
+from .installation import (
+    ARM,
+    CLOCK,
+    MOUNTING,
+    SCALE,
+    SHOWN_BY,
+    Model,
+    applied,
+    constants,
+    slower,
+)
+from .settling import (
+    MOST_RUNS,
+    Estimated,
+    Settling,
+    Trial,
+    Unknown,
+    estimated,
+    explained,
+    groups,
+    unknowns,
+    whole,
+)
 
 LEAST = {CLOCK: 0.02, ARM: 0.1, MOUNTING: np.radians(0.5), SCALE: 0.003}
 """s, m, rad: smaller changes are not reported."""
@@ -46,6 +71,13 @@ MOTIONS = {
     SCALE: ("drive faster",) * 3,
 }
 """{kind: what would show it, by axis}."""
+ARM_SHARE = 0.5
+"""Of what a lever arm explains alone: its three numbers take up most of a clock's error too, but a
+clock takes up less than a fifth of an arm's."""
+COARSE_GAIN = 0.8
+"""A coarse step is believed where it takes the mean NIS, 30 at most each, below this share."""
+FAST = 20.0
+"""Hz of the IMU samples of `first_causes`."""
 
 
 def diagnose(
@@ -69,6 +101,34 @@ def diagnose(
     return _Runs(recording, filter, Asked(options, imu, start, say=say), progress).diagnosis()
 
 
+def first_causes(
+    recording: Recording,
+    filter: str | Filter = "closed-loop",
+    imu: GivenImu | None = None,
+    start: Start | None = None,
+    **options: Any,
+) -> list[Reason]:
+    """What of the installation is probably wrong, by a single run over IMU samples of `FAST` Hz:
+    the kinds of constants that alone would explain most of the misfit, the likeliest first.
+
+    Empty where none would, and for a filter or sources that cannot be diagnosed. The values are
+    first estimates: `diagnose` settles them. Arguments as of `diagnose`. Raises DataError.
+    """
+    filter = filters.find(filter)
+    kinds = {a.kind for a in recording.aidings}
+    if filter.smoother is not SMOOTHER or "position" not in kinds:
+        return []
+    runs = _Runs(slower(recording, FAST), filter, Asked(options, imu, start))
+    first = runs.way.tried(np.zeros(len(runs.constants)))
+    found = sorted(
+        (one for group in groups(runs.constants) for one in runs.probable(first, group)),
+        key=lambda one: -one[0] * (ARM_SHARE if one[1].cause == ARM else 1.0),
+    )
+    # in the order of the gain: none weighs more than the one before
+    most = np.minimum.accumulate([reason.weight for _, reason in found])
+    return [reason._replace(weight=float(w)) for (_, reason), w in zip(found, most)]
+
+
 class _Runs:
     """The runs of one `diagnose`."""
 
@@ -78,7 +138,7 @@ class _Runs:
         filter: str | Filter,
         asked: Asked,
         progress: Progress | None = None,
-    ):
+    ) -> None:
         self.recording, self.filter, self.asked = recording, filters.find(filter), asked
         check_sensitive(self.filter)
         self.kinds = [a.kind for a in recording.aidings]
@@ -92,10 +152,7 @@ class _Runs:
 
     def run(self, theta: Array) -> Trial:
         """The filter over the recording with its set-up changed by theta."""
-        before = self.way.runs - 1
-        run = begin_sensitive(
-            applied(self.recording, self.constants, theta), self.filter, self.asked
-        )
+        before, run = self.way.runs - 1, self.begun(theta)
         model = Model(run, self.constants, self.asked.start is None)
         found = sums(
             run,
@@ -103,36 +160,84 @@ class _Runs:
             model.start,
             lambda part: self.progress((before + part) / MOST_RUNS),
         )
-        cost, fixes = fit(run)
-        return Trial(theta, np.inf if run.cursor.at[loop.FAULT] else cost, fixes, found, run)
+        return Trial(theta, fit(run), found, run)
+
+    def begun(self, theta: Array) -> Run:
+        """A Run with the set-up changed by theta, before its first sample."""
+        recording = applied(self.recording, self.constants, theta)
+        return begin_sensitive(recording, self.filter, self.asked)
 
     def diagnosis(self) -> Diagnosis:
         """All runs, and what they say."""
         first = self.way.tried(np.zeros(len(self.constants)))
-        if np.isinf(first.cost):
+        last = self.roughly(first)
+        if last.made.cursor.at[loop.FAULT]:
             raise DataError(
                 f"{self.filter.name} does not come to the end of the recording: run `fuse` and see why"
             )
-        sought = unknowns(self.constants)
-        clocks = [each for each in sought if each.kind == CLOCK]
-        last = self.way.settled(first, clocks)
-        if "velocity" in self.kinds:
-            last = self.way.settled(last, sought)
-        else:
-            sought = clocks
-        return self.told(first, last, sought)
+        of_clocks = [c.kind == CLOCK for c in self.constants]
+        split = bool(np.ptp(self.way.centre[of_clocks]) > 0)
+        clocks = [each for each in unknowns(self.constants, split) if each.kind == CLOCK]
+        last = self.way.settled(last, clocks)
+        if "velocity" not in self.kinds:
+            return self.told(first, last, clocks)
+        split = split or self.apart(last)
+        last = self.way.settled(last, unknowns(self.constants, split))
+        if not split and self.apart(last):
+            last = self.way.settled(last, unknowns(self.constants, split=True))
+        return self.told(first, last, unknowns(self.constants, self.apart(last)))
+
+    def roughly(self, first: Trial) -> Trial:
+        """The trial to settle from: with the clocks that the motion itself shows, where `first`
+        fits badly and they improve it. Raises DataError where something else is wrong."""
+        if first.fit.misfit <= MISFIT:
+            return first
+        check_velocities(self.recording)
+        for theta in coarse_clocks(self.recording, self.constants):
+            new = self.way.tried(theta)
+            if new.fit.cost < COARSE_GAIN * first.fit.cost:
+                self.way.centre = theta
+                return new
+        return first
+
+    def apart(self, trial: Trial) -> bool:
+        """Whether the clocks of the GNSS sources differ from each other."""
+        together = unknowns(self.constants)
+        clocks = [each for each in unknowns(self.constants, split=True) if each.kind == CLOCK]
+        others = clocks[1:]  # beside what is common to all: by how much they differ from the first
+        found = estimated(trial, [*others, *together], self.way.centre)
+        return any(self.wrong(each, found, i) for i, each in enumerate(others))
+
+    def probable(self, first: Trial, group: Sequence[Unknown]) -> Iterator[tuple[float, Reason]]:
+        """(what it explains of the sum of NIS, Reason) where this group alone would be wrong."""
+        found = estimated(first, group, self.way.centre)
+        gain = explained(first, group, found.step)
+        wrong = [self.wrong(each, found, i) for i, each in enumerate(group)]
+        if gain <= LEAST_GAIN or not any(wrong):
+            return
+        some = [
+            self.estimate(each, found, i, float(found.value[i]), one, gain)
+            for i, (each, one) in enumerate(zip(group, wrong))
+        ]
+        kind = group[0].kind
+        remedy = {kind: ["run `strapdown diagnose` to settle it and to say what to change"]}
+        yield gain, reasons(some, remedy, "would fall")[0]
 
     def told(self, first: Trial, last: Trial, sought: Sequence[Unknown]) -> Diagnosis:
         """What the last trial says of what was sought."""
         final = estimated(last, sought, self.way.centre)
         wrong = np.array([self.wrong(each, final, i) for i, each in enumerate(sought)])
-        value, best = final.value.copy(), first
+        value, theta, best = final.value.copy(), first.theta, first.made
         if wrong.any():
             some = [each for each, one in zip(sought, wrong) if one]
-            value[wrong], best = self.alone(last, some, final.value[wrong])
-        gain = (first.cost - best.cost) * first.fixes
+            value[wrong], theta = self.alone(last, some, final.value[wrong])
+            best = self.begun(theta)
+            best.complete()
+            self.way.runs += 1
+        gain = (first.fit.cost - fit(best).cost) * first.fit.fixes
         if gain <= LEAST_GAIN:
-            wrong, value, best, gain = wrong & False, final.value, first, 0.0
+            wrong, value, gain = wrong & False, final.value, 0.0
+            theta, best = first.theta, first.made
         shares = (value / final.model_sd) ** 2 * wrong
         shares *= gain / max(shares.sum(), 1e-300)
         estimates = [
@@ -145,11 +250,12 @@ class _Runs:
         self.progress(1.0)
         return Diagnosis(
             tuple(estimates + self.never(sought)),
-            applied(self.recording, self.constants, best.theta),
-            solution(best.made),
+            applied(self.recording, self.constants, theta),
+            solution(best),
             self.way.runs,
             gain,
-            reasons(estimates, lines, gain),
+            fit(best).misfit,
+            reasons(estimates, lines, "falls"),
             tuple(line for own in lines.values() for line in own),
         )
 
@@ -160,13 +266,12 @@ class _Runs:
             least = LEAST_CLOCK_ALONE
         return bool(abs(final.value[i]) > least and final.z[i] > LEAST_Z)
 
-    def alone(self, last: Trial, some: Sequence[Unknown], value: Array) -> tuple[Array, Trial]:
-        """Values of the unknowns `some` with all others as given, and the run with them."""
-        theta = np.sum([x * each.direction for x, each in zip(value, some)], axis=0)
+    def alone(self, last: Trial, some: Sequence[Unknown], value: Array) -> tuple[Array, Array]:
+        """Values of the unknowns `some` with all others as given, and theta (m,) with them."""
+        theta = whole(some, value)
         there = last._replace(theta=theta, sums=last.sums.moved(theta - last.theta))
         value = estimated(there, some, self.way.centre).value
-        theta = np.sum([x * each.direction for x, each in zip(value, some)], axis=0)
-        return value, self.way.tried(theta)
+        return value, whole(some, value)
 
     def estimate(
         self, unknown: Unknown, final: Estimated, i: int, value: float, wrong: bool, gain: float
@@ -205,7 +310,7 @@ class _Runs:
                 continue
             missing = "add a source of velocity"
             if kind == MOUNTING and SHOWN_BY[axis] not in self.kinds:
-                missing = f"drive with the constraint {SHOWN_BY[axis]} switched on"
+                missing = f"on a road vehicle, add the constraint {SHOWN_BY[axis]}"
             elif kind == SCALE and "speed" not in self.kinds:
                 missing = "add an odometer (kind speed)"
             nothing = Unknown(kind, (), axis, np.zeros(0))

@@ -13,7 +13,7 @@ from ..data import Aiding, Solution
 from ..preprocessing.axes import rotation_matrix
 from ..recording import Recording
 from ..typing import Array
-from ..verdict import GRAVE, Reason
+from ..verdict import Reason
 from .installation import ARM, CLOCK, MOUNTING, SCALE, rotation
 from .settling import Unknown
 
@@ -25,6 +25,10 @@ LEAST_Z = 5.0
 """Standard deviations from which a change is reported."""
 LEAST_GAIN = 25.0
 """Of all changes together, in the sum of min(NIS, 30)."""
+
+MISFIT = 2.0
+"""Times the expected NIS from which a fit is bad: an offset may be beyond what a linear estimate can
+find, or something else is wrong."""
 
 
 class Estimate(NamedTuple):
@@ -69,6 +73,7 @@ class Diagnosis:
     solution: Solution  # of the last run: of that recording
     runs: int  # of the filter
     gain: float  # sum of min(NIS, 30) of all fixes, as given less as found
+    misfit: float  # mean of min(NIS, 30) as found, over that of a right set-up: about 1
     reasons: tuple[Reason, ...]  # the weightiest first
     changes: tuple[str, ...]  # what to write into recording.toml, a line each
 
@@ -81,6 +86,11 @@ class Diagnosis:
     def lines(self) -> list[str]:
         """For people: every parameter, then what to change."""
         lines = [str(each) for each in self.parameters]
+        if self.misfit > MISFIT:
+            lines.append(
+                f"the fixes still fit badly: their NIS is {self.misfit:.1f} times what is expected, "
+                f"so something else is wrong, and what stands above may be too"
+            )
         if not self.found:
             return [*lines, f"nothing to change in recording.toml ({counted(self.runs)})"]
         return [
@@ -155,26 +165,24 @@ def triple(values: Array, digits: int) -> str:
 
 
 def reasons(
-    estimates: Sequence[Estimate], lines: dict[str, list[str]], gain: float
+    estimates: Sequence[Estimate], lines: dict[str, list[str]], falls: str
 ) -> tuple[Reason, ...]:
-    """A Reason for each kind of constant that was found wrong, the weightiest first."""
+    """A Reason for each kind of constant that was found wrong, with its lines as the remedy, the
+    weightiest first; `falls` is the verb of what the fit gains."""
     made = []
     for kind, remedy in lines.items():
         own = [each for each in estimates if each.cause == kind and each.status == FOUND]
-        share = sum(each.gain for each in own)
-        weight = min(
-            max(abs(each.change) / each.sd for each in own) / LEAST_Z,
-            GRAVE * share / LEAST_GAIN,
-        )
+        gain = sum(each.gain for each in own)
+        z = max(abs(each.change) / each.sd for each in own)
         seen = ", ".join(f"{each.name} off by {each.seen}" for each in own)
-        source = own[0].sources[0] if kind == CLOCK and len(own) == 1 == len(own[0].sources) else ""
+        alone = len(own) == 1 == len(own[0].sources)
         made.append(
             Reason(
                 kind,
-                f"{seen}, and the sum of min(NIS, 30) falls by {share:.0f} with it",
-                "in recording.toml, " + "; ".join(remedy),
-                source,
-                max(1.0, weight),
+                f"{seen}; the sum of min(NIS, 30) {falls} by {gain:.0f} with it",
+                "; ".join(remedy),
+                own[0].sources[0] if alone else "",
+                max(1.0, min(z / LEAST_Z, float(np.sqrt(gain / LEAST_GAIN)))),
             )
         )
     return tuple(sorted(made, key=lambda reason: -reason.weight))

@@ -22,7 +22,7 @@ from ..engine.prepare import Run
 from ..engine.sensitivity import Corrections, acceleration_at
 from ..preprocessing.axes import rotation_matrix
 from ..recording import Recording
-from ..typing import Array
+from ..typing import Array, Ints
 
 CLOCK, ARM, MOUNTING, SCALE = "clock", "lever arm", "mounting", "odometer scale"
 """Kinds of constants: causes of `verdict.CAUSES`."""
@@ -87,6 +87,19 @@ def applied(recording: Recording, found: Sequence[Constant], theta: Array) -> Re
     return replace(recording, imu=imu, aidings=tuple(aidings))
 
 
+def slower(recording: Recording, rate: float) -> Recording:
+    """The recording with the IMU samples summed to about `rate` (Hz), but not across gaps."""
+    imu = recording.imu
+    number = np.floor((imu.t - 0.5 * imu.dt - imu.t[0]) * rate)
+    gap = imu.t[1:] - imu.dt[1:] - imu.t[:-1] > 0.5 * imu.dt[1:]
+    first = np.r_[0, 1 + np.flatnonzero((np.diff(number) > 0) | gap)]
+    if 2 * len(first) > len(imu.t):
+        return recording
+    last = np.r_[first[1:] - 1, len(imu.t) - 1]
+    sums = (np.add.reduceat(column, first) for column in imu[1:])
+    return replace(recording, imu=Imu(imu.t[last], *sums))
+
+
 def rotation(turn: Array) -> Array:
     """(3, 3) exp(turn x)."""
     from scipy.spatial.transform import Rotation
@@ -99,7 +112,7 @@ class Model:
     """What the constants do to the measurements of a Run: `derivatives` at its fixes, and `start`
     (n, m), the derivative of its error at the start."""
 
-    def __init__(self, run: Run, found: Sequence[Constant], aligned: bool):
+    def __init__(self, run: Run, found: Sequence[Constant], aligned: bool) -> None:
         """aligned: whether the start was made of the first fixes, and errs with them."""
         self.found, aidings = tuple(found), run.recording.aidings
         self.kinds = np.array([a.kind for a in aidings])
@@ -127,33 +140,62 @@ class Model:
 
     def derivatives(self, at: Corrections) -> Array:
         """h (k, 3, m) at these corrections."""
-        kinds, arm = self.kinds[at.source], self.arms[at.source]
-        position, velocity = kinds == "position", kinds == "velocity"
-        swing = np.cross(at.omega, arm)
-        speed = at.v + turned(at.C, swing)  # of the antenna
-        acceleration = turned(at.C, at.f + np.cross(at.omega, swing)) + self.g
-        body = turned(at.C.transpose(0, 2, 1), at.v) + swing
-        h = np.zeros((len(at.t), 3, len(self.found)))
-        for j, constant in enumerate(self.found):
-            own = np.isin(at.source, constant.sources)
-            p, v = own & position, own & velocity
-            if constant.kind == CLOCK:
-                h[p, :, j], h[v, :, j] = speed[p], acceleration[v]
-            elif constant.kind == SCALE:
-                h[own, 0, j] = body[own, 0]
-            else:
-                axis = np.eye(3)[constant.axis]
-                if constant.kind == MOUNTING:  # arms are given in axes of the vehicle
-                    axis = np.cross(arm, axis)
-                    for kind, seen in CONSTRAINED.items():
-                        c = own & (kinds == kind)
-                        h[c, 0, j] = np.cross(body[c], np.eye(3)[seen])[:, constant.axis]
-                axis = np.broadcast_to(axis, arm.shape)
-                h[p, :, j] = turned(at.C, axis)[p]
-                h[v, :, j] = turned(at.C, np.cross(at.omega, axis))[v]
+        h, all_kinds = np.zeros((len(at.t), 3, len(self.found))), list(self.kinds)
+        for s in np.unique(at.source):
+            rows = np.flatnonzero(at.source == s)
+            kind, arm, C = all_kinds[s], self.arms[s], at.C[rows]
+            if kind in GNSS:
+                h[rows] = self._of_antenna(at, rows, s)
+            elif kind in CONSTRAINED:
+                body = turned(C.transpose(0, 2, 1), at.v[rows]) + cross(at.omega[rows], arm)
+                h[rows, 0] = self._of_body(body, CONSTRAINED[kind], s)
         return h
+
+    def _of_antenna(self, at: Corrections, rows: Ints, s: int) -> Array:
+        """Of positions or velocities of the source s."""
+        C, omega, arm = at.C[rows], at.omega[rows], self.arms[s]
+        swing = cross(omega, arm)
+        by_time = (
+            at.v[rows] + turned(C, swing)
+            if self.kinds[s] == "position"
+            else turned(C, at.f[rows] + cross(omega, swing)) + self.g
+        )
+        by_arm = C if self.kinds[s] == "position" else C @ cross_matrices(omega)
+        by = {CLOCK: by_time[:, :, None], ARM: by_arm, MOUNTING: by_arm @ cross_matrix(arm)}
+        return self._columns(by, s)
+
+    def _of_body(self, body: Array, axis: int, s: int) -> Array:
+        """Of the velocity `body` (k, 3) of the vehicle along a body axis, of the source s."""
+        by = {SCALE: body[:, None, :1], MOUNTING: cross(body, np.eye(3)[axis])[:, None]}
+        return self._columns(by, s)[:, 0]
+
+    def _columns(self, by: dict[str, Array], s: int) -> Array:
+        """(k, rows, m) from the derivatives (k, rows, axes) by each kind of constant, of source s;
+        arms are given in axes of the vehicle, so that they turn with the mounting."""
+        some = next(iter(by.values()))
+        nothing = np.zeros(some.shape[:2])
+        return np.stack(
+            [
+                by[one.kind][:, :, one.axis] if s in one.sources and one.kind in by else nothing
+                for one in self.found
+            ],
+            axis=2,
+        )
 
 
 def turned(C: Array, vectors: Array) -> Array:
     """(k, 3) C (k, 3, 3) times vectors (k, 3)."""
     return np.einsum("kij,kj->ki", C, vectors)
+
+
+def cross(a: Array, b: Array) -> Array:
+    """(k, 3) a (k, 3) x b (k, 3) or (3,)."""
+    (x, y, z), (u, v, w) = a.T, b.T
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
+
+
+def cross_matrices(a: Array) -> Array:
+    """(k, 3, 3) S(a) with S(a) b = a x b."""
+    S = np.zeros((len(a), 3, 3))
+    S[:, 2, 1], S[:, 0, 2], S[:, 1, 0] = a.T
+    return S - S.transpose(0, 2, 1)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..engine.prepare import Run
-from ..engine.sensitivity import Sums
+from ..engine.sensitivity import Fit, Sums
 from ..typing import Array
 from .installation import ARM, CLOCK, MOUNTING, SCALE, Constant
 
@@ -48,12 +48,28 @@ def unknowns(constants: Sequence[Constant], split: bool = False) -> list[Unknown
     return [Unknown(CLOCK, sources, 0, rows[clocks].sum(axis=0)), *found]
 
 
+def whole(some: Sequence[Unknown], values: Array) -> Array:
+    """theta (m,) with these values of some unknowns and 0 of all others."""
+    theta: Array = values @ np.stack([each.direction for each in some])
+    return theta
+
+
+def groups(constants: Sequence[Constant]) -> list[list[Unknown]]:
+    """The unknowns that are looked at alone: all clocks as one, each clock, the arm of each
+    antenna, the mounting, the scale."""
+    together = unknowns(constants)
+    of_kind: dict[tuple[str, tuple[int, ...]], list[Unknown]] = {}
+    for each in together:
+        of_kind.setdefault((each.kind, each.sources), []).append(each)
+    own = [each for each in unknowns(constants, split=True) if each.kind == CLOCK]
+    return [*of_kind.values(), *([each] for each in own if len(own) > 1)]
+
+
 class Trial(NamedTuple):
     """A run with a set-up that is changed by theta, and what it says of further change."""
 
     theta: Array  # (m,)
-    cost: float  # of `engine.sensitivity.fit`; inf where the run broke off
-    fixes: int  # that were measured
+    fit: Fit
     sums: Sums
     made: Run
 
@@ -76,8 +92,8 @@ def estimated(trial: Trial, sought: Sequence[Unknown], centre: Array) -> Estimat
     """The unknowns by least squares with a prior around `centre` (m,), all other constants being
     those of the trial."""
     basis = np.stack([each.direction for each in sought], axis=1)
-    inverse = basis / (basis**2).sum(axis=0)  # of directions that share no constant
-    now, mean = trial.theta @ inverse, centre @ inverse
+    inverse = np.linalg.pinv(basis)
+    now, mean = inverse @ trial.theta, inverse @ centre
     information, score = trial.sums.mapped(basis)
     weight = np.array([PRIOR[each.kind] ** -2.0 for each in sought])
     covariance = np.linalg.inv(information.sum(axis=0) + np.diag(weight))
@@ -89,10 +105,18 @@ def estimated(trial: Trial, sought: Sequence[Unknown], centre: Array) -> Estimat
     return Estimated(now + step, step, np.maximum(model_sd, np.sqrt(np.diag(scatter))), model_sd)
 
 
+def explained(trial: Trial, sought: Sequence[Unknown], step: Array) -> float:
+    """By how much the sum of the NIS falls when the unknowns change by `step`, as far as it is
+    quadratic."""
+    basis = np.stack([each.direction for each in sought], axis=1)
+    information, score = (part.sum(axis=0) for part in trial.sums.mapped(basis))
+    return float(2 * score @ step - step @ information @ step)
+
+
 class Settling:
     """The way from what was given to what the runs say. `run` makes the Trial of a theta (m,)."""
 
-    def __init__(self, run: Callable[[Array], Trial], centre: Array):
+    def __init__(self, run: Callable[[Array], Trial], centre: Array) -> None:
         self.run, self.centre, self.runs = run, centre, 0
 
     def tried(self, theta: Array) -> Trial:
@@ -109,8 +133,7 @@ class Settling:
                 break
             if not trial.theta.any() and (found.z <= NOTABLE).all():
                 break
-            step = sum(s * each.direction for s, each in zip(found.step, sought))
-            better = self._stepped(trial, np.asarray(step), keep)
+            better = self._stepped(trial, whole(sought, found.step), keep)
             if better is None:
                 break
             trial = better
@@ -122,6 +145,6 @@ class Settling:
             if self.runs >= MOST_RUNS - keep:
                 break
             new = self.tried(trial.theta + step / 2**halving)
-            if new.cost <= RISE * trial.cost:
+            if new.fit.cost <= RISE * trial.fit.cost:
                 return new
         return None

@@ -14,7 +14,7 @@ from .. import filters
 from ..checks import DataError
 from ..core import loop
 from ..core.adjoint import INNOVATION, SMOOTHER, width
-from ..core.contract import COMPILED, Filter, Imu, Start, address, compile_kernel, is_cached
+from ..core.contract import COMPILED, Filter, Imu, address, compile_kernel, is_cached
 from ..core.error_state import PREDICTED
 from ..core.sensitivity import (
     BEHIND,
@@ -26,11 +26,11 @@ from ..core.sensitivity import (
     save_step,
 )
 from ..recording import Recording
-from ..typing import Array, Ints, Progress, Say
+from ..typing import Array, Ints, Progress
 from .batch import begin
 from .prepare import Asked, Run
 
-RECORDED_ROWS = 2048 if COMPILED else 250
+RECORDED_ROWS = 4096 if COMPILED else 250
 """IMU samples whose record is kept at once."""
 WINDOW = 0.2
 """s over which specific force is averaged for the acceleration at a fix: vibration of single
@@ -102,8 +102,10 @@ def sums(run: Run, derivatives: Derivatives, V: Array, progress: Progress | None
     edges = np.linspace(run.start.t, last, BLOCKS + 1)[1:-1]
     for corrections, J in pieces(run, derivatives, V):
         block = np.searchsorted(edges, corrections.t)
-        np.add.at(found.information, block, J.transpose(0, 2, 1) @ J)
-        np.add.at(found.score, block, np.einsum("kim,ki->km", J, corrections.innovation))
+        for b in np.unique(block):
+            rows = J[block == b].reshape(-1, m)
+            found.information[b] += rows.T @ rows
+            found.score[b] += corrections.innovation[block == b].ravel() @ rows
         if progress:
             progress(run.done)
     return found
@@ -116,11 +118,13 @@ def pieces(run: Run, derivatives: Derivatives, V: Array) -> Iterator[tuple[Corre
     columns = np.zeros(V_SIZE)
     columns[:MOVED].reshape(-1, LANES)[:n, :m] = V
     at[loop.SAVE_STEP], forces = address(save_step), _Forces(run.samples)
+    room = np.empty((0, width(n) + BEHIND))
     for stop in run.chunks(RECORDED_ROWS):
         before, at[loop.RECORDED] = at[loop.FIX], 0
-        record = np.empty((most_calls(run, stop), width(n) + BEHIND))
-        run.advance(stop, run.out._replace(record=record), loop.run_recorded)
-        record = record[: at[loop.RECORDED]]
+        if len(room) < (needed := most_calls(run, stop)):
+            room = np.empty((needed, width(n) + BEHIND))
+        run.advance(stop, run.out._replace(record=room), loop.run_recorded)
+        record = room[: at[loop.RECORDED]]
         corrections = _corrections(run.out.fix[before : at[loop.FIX]], record, n, forces)
         h, J = (np.zeros((len(corrections.t), 3, LANES)) for _ in range(2))
         h[:, :, :m] = derivatives(corrections)
@@ -163,7 +167,7 @@ def _corrections(fix: Array, record: Array, n: int, forces: "_Forces") -> Correc
 class _Forces:
     """Specific force of the samples, averaged over `WINDOW` or two samples around a time."""
 
-    def __init__(self, imu: Imu):
+    def __init__(self, imu: Imu) -> None:
         self.edges = np.r_[imu.t[0] - imu.dt[0], imu.t]
         self.integral = np.vstack([np.zeros(3), np.cumsum(imu.dv, axis=0)])
         self.half = max(0.5 * WINDOW, float(np.median(imu.dt)))
@@ -184,12 +188,30 @@ class _Forces:
         )
 
 
-def fit(run: Run) -> tuple[float, int]:
-    """How well a Run that has ended fits its fixes: the mean of their NIS, `LARGEST_NIS` at most
-    each, and how many were measured."""
-    nis = run.out.fix[: run.cursor.at[loop.FIX], loop.F_NIS]
-    nis = nis[np.isfinite(nis)]
-    return (float(np.minimum(nis, LARGEST_NIS).mean()) if len(nis) else 0.0), len(nis)
+class Fit(NamedTuple):
+    """How well a Run fits its fixes."""
+
+    cost: float  # mean of their NIS, `LARGEST_NIS` at most each; that of a run that broke off
+    fixes: int  # that were measured
+    expected: float  # mean of the NIS of a right filter: the components measured
+
+    @property
+    def misfit(self) -> float:
+        """The cost over the expected one: about 1 for a right filter, less where the stated
+        standard deviations are large."""
+        return self.cost / self.expected
+
+
+def fit(run: Run) -> Fit:
+    """The Fit of a Run that has ended or broken off."""
+    fix = run.out.fix[: run.cursor.at[loop.FIX]]
+    fix = fix[np.isfinite(fix[:, loop.F_NIS])]
+    if not len(fix):
+        return Fit(0.0, 0, 1.0)
+    rows = np.isfinite(fix[:, loop.F_INNOVATION : loop.F_NIS]).sum(axis=1)
+    whole = not run.cursor.at[loop.FAULT]
+    cost = np.minimum(fix[:, loop.F_NIS], LARGEST_NIS).mean() if whole else LARGEST_NIS
+    return Fit(float(cost), len(fix), float(rows.mean()))
 
 
 def acceleration_at(run: Run, t: float) -> Array:

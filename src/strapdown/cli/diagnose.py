@@ -1,0 +1,59 @@
+"""The command diagnose: what of an installation is wrong, from the filter's own runs."""
+
+from math import inf
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import strapdown as sd
+
+from .console import IMU, OPTION, Progress, option_values, recording_argument
+
+if TYPE_CHECKING:
+    from ..core.contract import Start
+
+
+def diagnose(
+    recording: Annotated[Path, recording_argument()],
+    filter: Annotated[
+        str, typer.Option(help="The closed loop or one of its relatives.")
+    ] = "closed-loop",
+    imu: IMU = None,
+    start: Annotated[
+        float | None,
+        typer.Option("--from", metavar="T", help="First second of the recording to use."),
+    ] = None,
+    stop: Annotated[
+        float | None,
+        typer.Option("--to", metavar="T", help="Last second of the recording to use."),
+    ] = None,
+    option: OPTION = None,
+) -> None:
+    """Say what of the installation is wrong: clock offset and lever arm of the GNSS, mounting of
+    the IMU, scale of the odometer; what is right; and what the motion does not show."""
+    whole = sd.read(recording)
+    part = whole.between(-inf if start is None else start, inf if stop is None else stop)
+    show(part, filter, imu, None, option_values(option))
+
+
+def show(
+    recording: "sd.Recording",
+    filter: str,
+    imu: Any,
+    start: "Start | None",
+    options: dict[str, Any],
+) -> None:
+    """Diagnose, and print what was found."""
+    with Progress() as progress:
+        found = sd.diagnose(
+            recording,
+            filter,
+            imu=imu,
+            start=start,
+            say=progress.say,
+            progress=progress.track("diagnose"),
+            **options,
+        )
+    for line in found.lines:
+        print(line)

@@ -1,0 +1,56 @@
+"""What must be known roughly before an estimate can find it: clocks that are seconds off, and
+velocities that are in a wrong unit or frame."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..checks import DataError
+from ..cross_checks import position_velocity
+from ..cross_checks.clock import coarse_lag
+from ..cross_checks.motion import felt
+from ..recording import Recording
+from ..typing import Array
+from .installation import CLOCK, Constant
+
+LEAST = 0.5
+"""s: a smaller lag is left to the estimate, which finds it better."""
+APART = 1.0
+"""s: by so much the lags of two sources must differ to be believed to."""
+
+
+def check_velocities(recording: Recording) -> None:
+    """Refuse velocities that the positions contradict. Raises DataError."""
+    for reason in position_velocity.check(recording).reasons:
+        if reason.cause in ("unit", "frame"):
+            raise DataError(f"{reason}; until then the installation cannot be diagnosed")
+
+
+def coarse_clocks(recording: Recording, constants: Sequence[Constant]) -> list[Array]:
+    """Candidates for theta (m,), the likeliest first: clocks of the GNSS sources by the lag between
+    what they and the IMU tell of the motion.
+
+    In the first, sources whose own lag is not believed go with the surest one; in the second each
+    has its own. 0 below `LEAST`, and for all other constants. A run must confirm them.
+    """
+    motion = felt(recording.imu)
+    clocks = [j for j, constant in enumerate(constants) if constant.kind == CLOCK]
+    lags = {
+        j: lag
+        for j in clocks
+        if (lag := coarse_lag(recording, recording.aidings[constants[j].sources[0]], motion))
+    }
+    if not lags:
+        return []
+    surest = max(lags.values(), key=lambda lag: lag.evidence)
+    found: list[Array] = []
+    for believed in (True, False):
+        theta = np.zeros(len(constants))
+        for j in clocks:
+            own = lags.get(j, surest)
+            apart = abs(own.seconds - surest.seconds) > APART and (own.believed or not believed)
+            theta[j] = own.seconds if apart else surest.seconds
+        theta[np.abs(theta) < LEAST] = 0.0
+        if theta.any() and not any(np.array_equal(theta, other) for other in found):
+            found.append(theta)
+    return found
