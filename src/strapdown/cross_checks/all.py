@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from ..recording import Recording
-from . import clock, heights, plane, position_velocity, repeats, turns
+from . import clock, fix_noise, heights, plane, position_velocity, repeats, turns
 from .checked import Checked
 from .motion import Subject
 
@@ -11,6 +11,7 @@ CHECKS: tuple[Callable[[Subject], Checked], ...] = (
     position_velocity.check,
     turns.check,
     plane.check,
+    fix_noise.check,
     clock.check,
     heights.check,
     repeats.check,

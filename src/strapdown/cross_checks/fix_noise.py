@@ -11,10 +11,10 @@ import numpy as np
 
 from ..data import Aiding
 from ..geodesy import displacement
-from ..recording import Recording
 from ..typing import Array
 from ..verdict import Reason
 from .checked import Checked, label
+from .motion import Subject
 from .position_velocity import pairs
 
 QUICK, SLOW = 0.25, 1.5
@@ -27,11 +27,11 @@ MEDIAN = 0.6745
 """Of the absolute value of a standard normal number."""
 
 
-def check(recording: Recording) -> Checked:
+def check(subject: Subject) -> Checked:
     """Reasons against standard deviations that are smaller than the noise of their fixes."""
-    sources = [a for a in recording.aidings if a.kind in ("position", "velocity")]
+    sources = subject.sources("position", "velocity")
     noise = {id(a): _of_third_differences(a) for a in sources}
-    for position, velocity in pairs(recording.aidings):
+    for position, velocity in pairs(subject.recording.aidings):
         if noise[id(position)] is None:
             noise[id(position)] = _against_velocity(position, velocity)
     reasons = [reason for a in sources for reason in _reasons(a, noise[id(a)])]

@@ -8,7 +8,7 @@ import numpy as np
 from ..checks import DataError
 from ..cross_checks import position_velocity
 from ..cross_checks.clock import coarse_lag
-from ..cross_checks.motion import felt
+from ..cross_checks.motion import Subject
 from ..recording import Recording
 from ..typing import Array
 from .installation import CLOCK, Constant
@@ -21,7 +21,7 @@ APART = 1.0
 
 def check_velocities(recording: Recording) -> None:
     """Refuse velocities that the positions contradict. Raises DataError."""
-    for reason in position_velocity.check(recording).reasons:
+    for reason in position_velocity.check(Subject(recording)).reasons:
         if reason.cause in ("unit", "frame"):
             raise DataError(f"{reason}; until then the installation cannot be diagnosed")
 
@@ -33,12 +33,12 @@ def coarse_clocks(recording: Recording, constants: Sequence[Constant]) -> list[A
     In the first, sources whose own lag is not believed go with the surest one; in the second each
     has its own. 0 below `LEAST`, and for all other constants. A run must confirm them.
     """
-    motion = felt(recording.imu)
+    subject = Subject(recording)
     clocks = [j for j, constant in enumerate(constants) if constant.kind == CLOCK]
     lags = {
         j: lag
         for j in clocks
-        if (lag := coarse_lag(recording, recording.aidings[constants[j].sources[0]], motion))
+        if (lag := coarse_lag(subject, recording.aidings[constants[j].sources[0]]))
     }
     if not lags:
         return []

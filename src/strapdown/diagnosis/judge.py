@@ -8,6 +8,7 @@ import numpy as np
 from ..checks import DataError
 from ..cross_checks import position_velocity
 from ..cross_checks.all import check
+from ..cross_checks.motion import Subject
 from ..data import Solution
 from ..verdict import Reason, Verdict
 from . import evidence, screening
@@ -33,7 +34,7 @@ def judge(solution: Solution) -> Verdict:
             untested.append(f"clock and lever arm: {error}")
     # what compares the parts of the recording takes longer: all of it only where there is doubt
     doubt = any(reason.weight >= 1.0 for reason in (*causes, *symptoms))
-    checked = check(recording) if doubt else position_velocity.check(recording)
+    checked = check(recording) if doubt else position_velocity.check(Subject(recording))
     return Verdict.of(_once([*checked.reasons, *causes]), untested, symptoms)
 
 

@@ -12,13 +12,13 @@ from ..core import loop
 from ..core.contract import POS, VEL, Imu, Noise, Start
 from ..data import Aiding, Solution
 from ..engine.prepare import Asked
-from ..engine.sensitivity import begin_sensitive, sums
+from ..engine.sensitivity import begin_sensitive, fit, sums
 from ..recording import Recording
 from ..typing import Array
 from ..verdict import Reason
 from .findings import AXES, LEAST_Z, UNITS
-from .installation import ARM, CLOCK, CONSTRAINED, GNSS, MOUNTING, SCALE, Constant, Model, constants
-from .settling import Trial, Unknown, estimated, unknowns
+from .installation import ARM, CLOCK, CONSTRAINED, GNSS, MOUNTING, SCALE, Model, constants
+from .settling import Trial, Unknown, estimated, explained, groups
 
 STEP, PACE = 0.2, 1.0
 """s: of the thinned samples, and between the fixes of a source that are used."""
@@ -28,6 +28,9 @@ HARMFUL = 3.0
 """Claimed standard deviations that an error must not exceed."""
 EXPLAINED = 25.0
 """Of the sum of squared innovations: less is no reason for doubt."""
+ARM_SHARE = 0.5
+"""Of what a lever arm explains: its three numbers take up most of a clock's error too, but a clock
+takes up less than a fifth of an arm's."""
 PART_OF_EXCESS = 0.3
 """Of what the innovations are too large by; what explains less is a consequence and no cause."""
 
@@ -40,6 +43,11 @@ class Suspect(NamedTuple):
     z: Array  # (q,) in standard deviations
     explained: float  # of the sum of squared whitened innovations
     excess: float  # of that sum over its expectation
+
+    @property
+    def likely(self) -> float:
+        """What it explains, for comparison with others."""
+        return self.explained * (ARM_SHARE if self.unknowns[0].kind == ARM else 1.0)
 
 
 def thinned(recording: Recording) -> Recording:
@@ -75,29 +83,19 @@ def suspects(solution: Solution) -> list[Suspect]:
         recording, filters.find("closed-loop"), Asked({}, start=start, noise=noise)
     )
     model = Model(run, known, True)
-    trial = Trial(np.zeros(len(known)), 0.0, 0, sums(run, model.derivatives, model.start), run)
+    found = sums(run, model.derivatives, model.start)
     fixes = run.out.fix[: run.cursor.at[loop.FIX]]
     measured = np.isfinite(fixes[:, loop.F_INNOVATION : loop.F_NIS]).sum()
     excess = float(np.nansum(fixes[:, loop.F_NIS]) - measured)
-    found = [_suspect(trial, group, excess) for group in groups(known)]
-    return sorted(found, key=lambda suspect: -suspect.explained)
-
-
-def groups(known: Sequence[Constant]) -> list[list[Unknown]]:
-    """The unknowns that may be wrong together: the clock of all, of each source, an antenna's arm,
-    the mounting, the odometer."""
-    every = [*unknowns(known), *(each for each in unknowns(known, True) if each.kind == "clock")]
-    keyed: dict[tuple[str, tuple[int, ...]], list[Unknown]] = {}
-    for each in every:
-        keyed.setdefault((each.kind, each.sources), []).append(each)
-    return list(keyed.values())
+    trial = Trial(np.zeros(len(known)), fit(run), found, run)
+    each = [_suspect(trial, group, excess) for group in groups(known)]
+    return sorted(each, key=lambda suspect: -suspect.likely)
 
 
 def _suspect(trial: Trial, group: Sequence[Unknown], excess: float) -> Suspect:
     one = estimated(trial, group, np.zeros_like(trial.theta))
-    basis = np.stack([each.direction for each in group], axis=1)
-    score = trial.sums.mapped(basis).score.sum(axis=0)
-    return Suspect(tuple(group), one.value, one.z, float(score @ one.value), excess)
+    gain = explained(trial, group, one.step)
+    return Suspect(tuple(group), one.value, one.z, gain, excess)
 
 
 def reasons(solution: Solution) -> list[Reason]:
