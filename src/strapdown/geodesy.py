@@ -6,7 +6,17 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.earth import E2, FAR_HEIGHT, GRAVITY_EQUATOR, M_RATIO, MU, PLUMB_LINE, SOMIGLIANA, A, F
+from .core.earth import (
+    E2,
+    FAR_HEIGHT,
+    GRAVITY_EQUATOR,
+    GRAVITY_NORTH_GRADIENT,
+    M_RATIO,
+    MU,
+    SOMIGLIANA,
+    A,
+    F,
+)
 from .typing import Array, ArrayLike, Vector
 
 STANDARD_GRAVITY = 9.80665
@@ -89,5 +99,7 @@ def gravity_ned(lat: ArrayLike, h: ArrayLike = 0.0) -> Array:
     the equator, by 8.3e-6 rad at 45 deg and 10 km (`core.earth.gravity_north`).
     """
     lat, h = np.broadcast_arrays(np.asarray(lat, float), np.asarray(h, float))
-    north = np.where(np.abs(h) > FAR_HEIGHT, 0.0, -PLUMB_LINE * np.sin(lat) * np.cos(lat) * h)
+    north = np.where(
+        np.abs(h) > FAR_HEIGHT, 0.0, -GRAVITY_NORTH_GRADIENT * np.sin(lat) * np.cos(lat) * h
+    )
     return np.stack([north, np.zeros(lat.shape), gravity(lat, h)], axis=-1)

@@ -24,7 +24,7 @@ MU = 3.986004418e14
 GRAVITY_EQUATOR, SOMIGLIANA = 9.7803253359, 0.00193185265241
 M_RATIO = RATE**2 * A**3 * (1 - F) / MU
 """Centrifugal over gravitational acceleration at the equator."""
-PLUMB_LINE = 2 * GRAVITY_EQUATOR * (SOMIGLIANA + E2 / 2) / (A * (1 - E2))
+GRAVITY_NORTH_GRADIENT = 2 * GRAVITY_EQUATOR * (SOMIGLIANA + E2 / 2) / (A * (1 - E2))
 """By how much gravity's north component falls with height, over sin L cos L, 1/s^2: see
 `gravity_north`."""
 FAR_HEIGHT = 500e3
@@ -96,7 +96,7 @@ def gravity_north(sine: float, cosine: float, h: float) -> float:
     potential, 8.14e-5 m/s^2 at 45 deg and 10 km, it is off by 0.3 % of the largest at a height, or
     less, up to 20 km.
     """
-    return -PLUMB_LINE * sine * cosine * h if abs(h) <= FAR_HEIGHT else 0.0
+    return -GRAVITY_NORTH_GRADIENT * sine * cosine * h if abs(h) <= FAR_HEIGHT else 0.0
 
 
 @helper

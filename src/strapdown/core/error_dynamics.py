@@ -10,7 +10,7 @@ import numpy as np
 
 from ..typing import Array, Vector
 from .contract import Noise
-from .earth import PLUMB_LINE, gravity_gradient, place, rotation_rates
+from .earth import GRAVITY_NORTH_GRADIENT, gravity_gradient, place, rotation_rates
 from .jit import helper
 
 CORRECTED, LITERAL, PRINTED_SIGNS, NO_GRADIENT, LATITUDE_GRAVITY = range(5)
@@ -71,8 +71,8 @@ def kinematic_blocks(lla: Array, v: Array, model: int, F: Array) -> tuple[float,
         F[VP + 6] += g_lat / M
         F[VP + 8] -= g_h
         # of gravity's north component: 1e-8 1/s^2, but more than the rest of F[VP + 2]
-        F[VP] -= PLUMB_LINE * (cosine * cosine - sine * sine) * lla[2] / M
-        F[VP + 2] += PLUMB_LINE * sine * cosine
+        F[VP] -= GRAVITY_NORTH_GRADIENT * (cosine * cosine - sine * sine) * lla[2] / M
+        F[VP + 2] += GRAVITY_NORTH_GRADIENT * sine * cosine
     elif model == LATITUDE_GRAVITY:
         F[VP + 6] += gravity_gradient(sine, cosine, 0.0)[0] / M
     if model == LITERAL:
