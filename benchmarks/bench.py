@@ -34,6 +34,8 @@ import workload  # noqa: E402
 import yardstick  # noqa: E402
 
 from strapdown_reproductions.recordings import main as recordings  # noqa: E402
+from strapdown_reproductions.wrong_setups import main as wrong_setups  # noqa: E402
+from strapdown_reproductions.wrong_setups.summary import TARGETS as SETUP_TARGETS  # noqa: E402
 
 OUT = HERE.parent / "build" / "bench.json"
 ERRORS = (("position", "m"), ("velocity", "m/s"), ("attitude", "deg"))
@@ -265,6 +267,30 @@ def recorded_figures(book):
     book.measure(RECORDED, measured)
 
 
+SETUPS = {
+    "wrong set-ups, found": "found",
+    "wrong set-ups, named": "named",
+    "right set-ups, doubted": "alarms",
+    "verdict, time over filter": "cost",
+}
+"""{figure: name of its target in `strapdown reproduce wrong-setups`}."""
+SETUP_SEEDS = 2
+"""Of its 20."""
+
+
+def setup_figures(book):
+    """Of the mistakes of set-ups that inspect and the verdict find."""
+
+    def measured():
+        with tempfile.TemporaryDirectory() as folder:
+            claims = wrong_setups.reproduce(Path(folder), runs=SETUP_SEEDS)
+        values = {claim["claim"]: claim["value"] for claim in claims}
+        note = f"strapdown reproduce wrong-setups --runs {SETUP_SEEDS}"
+        return [(values[SETUP_TARGETS[name].text], note) for name in SETUPS.values()]
+
+    book.measure(list(SETUPS), measured)
+
+
 def peer_figures(book, full):
     """Times of the peers over strapdown's on the same workload, strapdown run before and after
     each."""
@@ -338,6 +364,7 @@ def main():
         process_figures(book)
         study_figures(book)
         recorded_figures(book)
+        setup_figures(book)
         attitude_figures(book)
         navigation_figures(book)
         exogenous_figures(book)

@@ -206,7 +206,8 @@ def test_the_table_names_what_exists():
         assert set(mistake.causes) <= set(CAUSES)
     for each in NOT_SHOWABLE:
         assert set(each.groups) <= groups and set(each.recordings) <= known
-    assert hidden(OF["mounting 2 deg off in pitch"], "car").parameter == "mounting"
+        assert each.cause in CAUSES
+    assert hidden(OF["mounting 2 deg off in pitch"], "car").cause == "mounting"
     assert hidden(OF["mounting 2 deg off in pitch"], "car with odometer") is None
     assert {a.kind for a in simulated("car with odometer", 1).recording.aidings} <= set(names())
 

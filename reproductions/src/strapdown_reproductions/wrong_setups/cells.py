@@ -17,7 +17,7 @@ from strapdown.verdict import TRUSTED, Reason
 from .cases import Case
 from .harm import Harm, harm, of_right
 from .mistakes import MISTAKES, Mistake
-from .not_showable import hidden
+from .not_showable import hidden, named
 
 REFUSED = "refused"
 """Word of a run that ended in a DataError."""
@@ -119,8 +119,7 @@ def judged(mistake: Mistake, case: Case, found: Heard, done: Harm) -> dict[str, 
         "named": first.cause in mistake.causes
         or (first.cause == SAID and text_names(first.seen, mistake)),
         "plainly_named": first.cause == mistake.causes[0],
-        "named_untested": cannot is not None
-        and any(cannot.parameter in text for text in found.untested),
+        "named_untested": cannot is not None and named(cannot, found.untested),
     }
 
 

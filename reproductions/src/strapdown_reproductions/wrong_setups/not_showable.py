@@ -3,6 +3,8 @@ ran. Where such a mistake is harmful the verdict must name as not tested what wa
 
 from typing import NamedTuple
 
+from strapdown.verdict import CAUSES
+
 from .mistakes import Mistake
 
 
@@ -12,7 +14,7 @@ class Hidden(NamedTuple):
     groups: tuple[str, ...]
     recordings: tuple[str, ...]
     reason: str
-    parameter: str  # what the verdict must name as not tested
+    cause: str  # key of CAUSES: what the verdict must name as not tested
 
 
 BROAD = ("BROAD 02", "BROAD 21")
@@ -49,6 +51,13 @@ NOT_SHOWABLE: tuple[Hidden, ...] = (
         "lever arm",
     ),
     Hidden(
+        ("clock of GNSS",),
+        ("BROAD 02",),
+        "the body turns in its place: at 0.07 m/s rms it does not leave the noise of its fixes, "
+        "and what it accelerates is within that of its accelerometers",
+        "clock",
+    ),
+    Hidden(
         ("drift",),
         BROAD,
         "no velocity stands beside the positions, and an IMU feels no constant velocity",
@@ -64,3 +73,9 @@ def hidden(mistake: Mistake, recording: str) -> Hidden | None:
         if mistake.group in each.groups and recording in each.recordings:
             return each
     return None
+
+
+def named(why: Hidden, untested: tuple[str, ...]) -> bool:
+    """Whether what was mistaken is named as not tested."""
+    words = (why.cause, CAUSES[why.cause])
+    return any(word in text for text in untested for word in words)

@@ -1,7 +1,7 @@
 """The figures of the study: shares of mistakes found and named, false alarms, costs; their targets
 and tables."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -43,57 +43,65 @@ def percent(held: pd.Series) -> float:
     return 100.0 * float(held.mean()) if len(held) else np.nan
 
 
-def claims(rows: pd.DataFrame) -> list[dict[str, Any]]:
-    """The claims that the cells at hand can decide."""
+class Target(NamedTuple):
+    """What is asked for, in %."""
+
+    text: str
+    comparison: str  # <= or >=
+    bound: float
+
+
+TARGETS = {
+    "found": Target("harmful mistakes that the data can show: found", ">=", 95.0),
+    "named": Target("of them: the true cause named first", ">=", 80.0),
+    "untested": Target(
+        "harmful mistakes that the data cannot show: named as not tested", ">=", 100.0
+    ),
+    "alarms": Target("simulated right set-ups: called anything but trusted", "<=", 2.0),
+    "recorded": Target(
+        "recorded right set-ups, thor75 aside: called anything but trusted", "<=", 0.0
+    ),
+    "as logged": Target("swisslog as logged: the true cause named first", ">=", 100.0),
+    "cost": Target("the verdict's time over the filter's, median", "<=", 10.0),
+}
+"""The targets, by name."""
+
+
+def figures(rows: pd.DataFrame) -> dict[str, float]:
+    """{name of a target: figure, %}; NaN where the cells do not decide."""
     own, unseen, right = harmful(rows), harmful(rows, showable=False), rights(rows)
     known = rights(rows, recorded=True)
-    doubted = known[known["found"] & ~doubt_allowed(known)]
-    logged = rows[rows["group"] == "as logged"]
-    cost = 100 * right["verdict_s"] / right["fuse_s"]
-    found = [
-        _claim("harmful, and the data can show it: found", percent(own["found"]), ">=", 95),
-        _claim("of them, the true cause named first", percent(own["named"]), ">=", 80),
-        _claim(
-            "harmful, and the data cannot show it: named as not tested",
-            percent(unseen["named_untested"]),
-            ">=",
-            100,
-        ),
-        _claim(
-            f"right set-ups called anything but trusted, of {len(right)} simulated ones",
-            percent(right["found"]),
-            "<=",
-            2,
-        ),
-        _claim(
-            f"the same of {len(known)} recorded ones, thor75 for its clock aside",
-            100 * len(doubted) / len(known) if len(known) else np.nan,
-            "<=",
-            0,
-        ),
-        _claim(
-            "swisslog as logged: the true cause named first", percent(logged["named"]), ">=", 100
-        ),
-        _claim("the verdict's time over the filter's, median", float(cost.median()), "<=", 10),
-    ]
-    return [each for each in found if np.isfinite(each["value"])]
-
-
-def doubt_allowed(known: pd.DataFrame) -> pd.Series:
-    """Which right set-ups may be doubted: thor75, whose clock is off by 0.05 s."""
-    return (known["recording"] == "thor75") & (known["word"] == DOUBTFUL)
-
-
-def _claim(text: str, figure: float, comparison: str, bound: float) -> dict[str, Any]:
-    """A claim in %: what was asked for, what was measured, whether it holds."""
+    # its clock is off by 0.05 s: a doubt is right, more would be an alarm
+    doubted = known["found"] & ~((known["recording"] == "thor75") & (known["word"] == DOUBTFUL))
     return {
-        "claim": text,
-        "target": f"{comparison} {bound:g} %",
-        "figure": f"{figure:.3g} %",
-        "value": float(figure),
-        "bound": float(bound),
-        "holds": bool(figure >= bound if comparison == ">=" else figure <= bound),
+        "found": percent(own["found"]),
+        "named": percent(own["named"]),
+        "untested": percent(unseen["named_untested"]),
+        "alarms": percent(right["found"]),
+        "recorded": percent(doubted),
+        "as logged": percent(rows.loc[rows["group"] == "as logged", "named"]),
+        "cost": float(100 * (right["verdict_s"] / right["fuse_s"]).median()),
     }
+
+
+def claims(rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """The claims that the cells at hand decide: what was asked for, what was measured, whether it
+    holds."""
+    return [
+        {
+            "claim": target.text,
+            "target": f"{target.comparison} {target.bound:g} %",
+            "figure": f"{figure:.3g} %",
+            "value": figure,
+            "bound": target.bound,
+            "holds": bool(
+                figure >= target.bound if target.comparison == ">=" else figure <= target.bound
+            ),
+        }
+        for name, figure in figures(rows).items()
+        for target in [TARGETS[name]]
+        if np.isfinite(figure)
+    ]
 
 
 def tables(rows: pd.DataFrame) -> dict[str, tuple[str | None, pd.DataFrame]]:
