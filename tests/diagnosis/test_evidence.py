@@ -7,7 +7,7 @@ import pytest
 
 from strapdown.data import Innovations, Solution, Trajectory
 from strapdown.diagnosis import evidence
-from strapdown.verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, TRUSTED, Reason, Verdict
+from strapdown.verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, Reason, Verdict
 
 pytestmark = pytest.mark.short
 COUNT = 1000
@@ -78,9 +78,11 @@ def test_large_innovations_that_last_are_told_from_large_noise():
     assert found.cause == "lasting errors"
 
 
-def test_claims_that_are_too_large_are_a_remark():
+def test_claims_five_times_too_large_are_doubtful_and_no_more():
     (found,) = evidence.noise(source(made_up(0.04)))
-    assert found.weight < 1 and Verdict.of([found]).word == TRUSTED
+    assert found.cause == "fix noise" and "5 times better" in found.seen
+    assert Verdict.of([found]).word == DOUBTFUL
+    assert not list(evidence.noise(source(made_up(0.1))))
 
 
 def test_a_bad_part_of_a_run_is_named_with_its_times():

@@ -21,7 +21,7 @@ MEDIAN_CHI2 = {1: 0.4549, 2: 1.3863, 3: 2.3660}
 GATED = 20  # fixes of a source from which its statistics say something
 BIAS = 5.0  # estimated bias over what the description of the IMU allows
 SURE = 3.0  # and over its own standard deviation
-NIS_HIGH, NIS_LOW = 2.0, 0.05  # median NIS of a source over its expectation
+NIS_HIGH, NIS_LOW = 2.0, 0.06  # median NIS of a source over its expectation
 NIS_PART, PARTS, SHARE_OF_PARTS = 4.0, 20, 0.1  # the same in parts of a run, and in how many
 FEWEST_PARTS = 5
 LASTING = 0.5  # correlation of one innovation with the next
@@ -148,7 +148,6 @@ def noise(source: Fixes) -> Iterator[Reason]:
             f"deviations say",
             f"divide its sd by about {1 / times:.1g}; the result is better than it claims",
             source.name,
-            0.9,  # a remark: claims that are too large mislead nobody
         )
 
 

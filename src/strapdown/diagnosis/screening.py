@@ -20,8 +20,9 @@ from .findings import AXES, LEAST_Z, UNITS
 from .installation import ARM, CLOCK, CONSTRAINED, GNSS, MOUNTING, SCALE, Model, constants
 from .settling import Trial, Unknown, estimated, explained, groups
 
-STEP, PACE = 0.2, 1.0
-"""s: of the thinned samples, and between the fixes of a source that are used."""
+STEP, PACE, MOST = 0.5, 1.0, 300
+"""s: of the thinned samples, and between the fixes of a source that are used; and how many of them
+are."""
 LEAST = {CLOCK: 0.02, ARM: 0.3, MOUNTING: np.radians(1.0), SCALE: 0.005}
 """s, m, rad: smaller ones are no reason for doubt."""
 HARMFUL = 3.0
@@ -51,12 +52,13 @@ class Suspect(NamedTuple):
 
 
 def thinned(recording: Recording) -> Recording:
-    """The recording with a fix of each source every `PACE` s, of sources that say something of the
+    """The recording with a fix of each source every `PACE` s or more, of sources that say something of the
     installation, and with samples of `STEP` s, but whole ones at these fixes: a lever arm needs
     the angular rate of that moment."""
-    imu = recording.imu
-    aidings = tuple(map(_paced, thinned_sources(recording.aidings)))
-    part = np.floor((imu.t - recording.span[0]) / STEP - 1e-6)
+    imu, (begin, end) = recording.imu, recording.span
+    pace = max(PACE, (end - begin) / MOST)
+    aidings = tuple(_paced(a, pace) for a in thinned_sources(recording.aidings))
+    part = np.floor((imu.t - begin) / max(STEP, pace / 2) - 1e-6)
     begins = np.r_[True, part[1:] != part[:-1]]
     at = np.concatenate([np.searchsorted(imu.t, a.t) for a in aidings] or [np.empty(0, int)])
     begins[at[at < len(begins)]] = True
@@ -67,8 +69,8 @@ def thinned(recording: Recording) -> Recording:
     return Recording(samples, aidings)
 
 
-def _paced(aiding: Aiding) -> Aiding:
-    number = np.floor(aiding.t / PACE + 1e-6)
+def _paced(aiding: Aiding, pace: float) -> Aiding:
+    number = np.floor(aiding.t / pace + 1e-6)
     return aiding._where(np.r_[True, number[1:] != number[:-1]])
 
 
