@@ -184,7 +184,9 @@ def position_against_velocity(position: Aiding, velocity: Aiding) -> Checked:
         return Checked.unknown(what, "too few fixes of both at the same time")
     wrong = _gross(pair)
     if wrong is None:
-        return Checked.unknown(what, "the positions hardly move")
+        found = Checked.unknown(what, "the positions hardly move")
+        found.reasons.extend(_drift(pair, _blocks(pair), 0.0))
+        return found
     if wrong:
         return Checked([], wrong, [])
     return _fine(pair, what)
@@ -504,7 +506,7 @@ def _drift(pair: Pair, block: Ints, lag: float) -> Iterator[Reason]:
     count = count[count > 0]
     middle = np.bincount(number, pair.t[use]) / count
     same = np.diff(np.bincount(number, pair.pauses(pair.t)[use]) / count) == 0
-    if same.sum() < 2 * LEAST_WINDOWS:
+    if same.sum() < LEAST_WINDOWS:
         return
     for axis, name in enumerate(("north", "east", "down")):
         level = np.bincount(number, e[use, axis]) / count
