@@ -108,6 +108,15 @@ def test_rejections_count_by_share_and_by_length():
     assert "from 100 s on" in found.seen and "for 16 s" in found.seen
 
 
+def test_fixes_for_which_the_gate_was_lifted_count():
+    solution = made_up()
+    nis = solution.innovations.nis.copy()
+    nis[::20] = 100.0
+    lifted = replace(solution, innovations=replace(solution.innovations, nis=nis))
+    (found,) = evidence.rejections(source(lifted))
+    assert "5 % of the fixes were used only because" in found.seen
+
+
 def test_a_pause_of_the_fixes_is_no_rejection():
     solution = made_up()
     keep = (solution.t < 100) | (solution.t > 150)

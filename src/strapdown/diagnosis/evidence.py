@@ -26,6 +26,7 @@ NIS_PART, PARTS, SHARE_OF_PARTS = 4.0, 20, 0.1  # the same in parts of a run, an
 FEWEST_PARTS = 5
 LASTING = 0.5  # correlation of one innovation with the next
 REJECTED = 0.13  # share of the fixes of a source; one in a thousand is expected
+LIFTED = 0.03  # share of the fixes for which the gate was lifted
 UNBELIEVED = 10.0  # s in which every fix of a source is rejected
 MOVING = 3.0  # m/s above which a course is compared with the heading
 STEADY, OFF_COURSE = 25.0, 20.0  # deg: spread and mean of course less heading
@@ -42,6 +43,7 @@ class Fixes(NamedTuple):
     innovation: Array  # (m, 3)
     ratio: Array  # (m,) NIS over its expected median; NaN where the filter does not gate
     accepted: Mask  # (m,)
+    lifted: Mask  # (m,) used although their NIS was above the gate
 
 
 def by_source(solution: Solution) -> list[Fixes]:
@@ -50,7 +52,7 @@ def by_source(solution: Solution) -> list[Fixes]:
     rows = np.isfinite(every.innovation).sum(axis=1)
     expected = np.array([np.nan, *MEDIAN_CHI2.values()])[rows]
     found = []
-    for s, name in enumerate(every.names):
+    for s, (name, gate) in enumerate(zip(every.names, every.gates)):
         own = np.flatnonzero((every.source == s) & (rows > 0))
         if len(own):
             found.append(
@@ -61,6 +63,7 @@ def by_source(solution: Solution) -> list[Fixes]:
                     every.innovation[own],
                     every.nis[own] / expected[own],
                     every.accepted[own],
+                    every.accepted[own] & (every.nis[own] > gate),
                 )
             )
     return found
@@ -190,6 +193,16 @@ def rejections(source: Fixes) -> Iterator[Reason]:
             share / REJECTED,
         )
         return
+    lifted = float(source.lifted.mean())
+    if lifted > LIFTED:
+        yield Reason(
+            "outliers",
+            f"{100 * lifted:.0f} % of the fixes were used only because so many before them had been "
+            f"rejected ({100 * LIFTED:.0f} % at most)",
+            "check its unit, its time and its sd",
+            source.name,
+            lifted / LIFTED,
+        )
     times = np.r_[source.t[0], source.t[source.accepted], source.t[-1]]
     longest = int(np.argmax(np.diff(times)))
     inside = (source.t > times[longest]) & (source.t < times[longest + 1])

@@ -20,7 +20,7 @@ from .findings import AXES, LEAST_Z, UNITS
 from .installation import ARM, CLOCK, CONSTRAINED, GNSS, MOUNTING, SCALE, Model, constants
 from .settling import Trial, Unknown, estimated, explained, groups
 
-STEP, PACE, MOST = 0.5, 1.0, 600
+STEP, PACE, MOST = 0.5, 1.0, 1000
 """s: of the thinned samples, and between the fixes of a source that are used; and how many of them
 are."""
 LEAST = {CLOCK: 0.02, ARM: 0.3, MOUNTING: np.radians(1.0), SCALE: 0.005}
