@@ -6,6 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from ..core.contract import Noise
 from ..core.earth import GRAVITY_EQUATOR, RATE
 from ..data import Aiding
 from ..geodesy import wrap
@@ -25,6 +26,9 @@ GYROCOMPASS_SD = np.radians(5.0)  # deviation from which on the Earth's rate giv
 
 class StatesBiases(Protocol):
     """Of an IMU's description all that an alignment asks for; an ImuSpec has it."""
+
+    def noise(self) -> Noise:
+        """What a filter assumes of it."""
 
     def bias_sd(self) -> tuple[float, float]:
         """Standard deviations of the turn-on biases: accelerometer m/s^2, gyro rad/s."""
