@@ -90,16 +90,13 @@ def align(
 
 
 def starts_around(
-    recording: Recording, imu: StatesBiases, t: float, headings: Iterable[float], sd: float
+    recording: Recording, imu: StatesBiases, t: float, headings: Iterable[Found]
 ) -> list[Start]:
-    """Starts at t (s), one for each of these headings (rad), which err by `sd` (rad)."""
+    """Starts at t (s), one for each of these headings."""
     fixes, velocity = position_and_velocity(recording)
     assert fixes is not None  # whoever tries headings has a Start, and so a fix
     moment = _moment(recording, imu, fixes, velocity, t)
-    return [
-        _start_heading(recording, moment, Found(float(heading), sd, "heading tried"))
-        for heading in headings
-    ]
+    return [_start_heading(recording, moment, heading) for heading in headings]
 
 
 class _Moment(NamedTuple):

@@ -13,7 +13,9 @@ from .fixes import position_and_velocity, velocities
 from .initial_heading import StatesBiases
 
 REST_TIME = 2.0  # s: shortest rest that is worth averaging
-FASTEST_REST = 1.0  # m/s: fixes surely faster than that are no rest, whatever the IMU feels
+FASTEST_REST = 0.3  # m/s: fixes surely faster than that are no rest, whatever the IMU feels
+SURELY = 2.5  # standard deviations
+TURNING = 4.0  # standard deviations of the gyro bias that the mean rate of a rest must not exceed
 REST_SEARCH = 600.0  # s before and after an instant in which rest is looked for
 
 
@@ -53,7 +55,7 @@ def moves(recording: Recording, t: Array) -> Mask:
     if position is None:
         return np.zeros(len(t), bool)
     t_fix, v, sd = velocities(position, velocity)
-    fast = np.hypot(v[:, 0], v[:, 1]) > FASTEST_REST + 2 * np.hypot(sd[:, 0], sd[:, 1])
+    fast = np.hypot(v[:, 0], v[:, 1]) > FASTEST_REST + SURELY * np.hypot(sd[:, 0], sd[:, 1])
     after = np.searchsorted(t_fix, t)
     return fast[np.clip(after - 1, 0, len(fast) - 1)] | fast[np.clip(after, 0, len(fast) - 1)]
 
@@ -78,13 +80,22 @@ def gyro_bias(recording: Recording, imu: StatesBiases, t: float) -> tuple[Array,
     T = samples.dt[rows].sum()
     noise = samples.dtheta[rows].std(axis=0) * np.sqrt(len(rows)) / T
     age = max(0.0, t - samples.t[used[-1][-1]], samples.t[used[0][0]] - t)
+    mean = samples.dtheta[rows].sum(axis=0) / T
+    # a bias that this IMU should not have, or no rest: it steadily turns
+    turning = np.where(np.abs(mean) > TURNING * b_g_sd + RATE, np.abs(mean), 0.0)
     sd = np.linalg.norm(
-        [noise, np.full(3, RATE), np.full(3, _wander(imu, age)), unsteadiness(samples, used)],
+        [
+            turning,
+            noise,
+            np.full(3, RATE),
+            np.full(3, _wander(imu, age)),
+            unsteadiness(samples, used),
+        ],
         axis=0,
     )
-    surer = sd < b_g_sd
+    surer = (sd < b_g_sd) | (turning > 0)
     return (
-        np.where(surer, samples.dtheta[rows].sum(axis=0) / T, 0.0),
+        np.where(surer, mean, 0.0),
         np.where(surer, sd, b_g_sd),
         f"gyro bias from {T:.0f} s of rest" + ("" if found.before else f" {age:.0f} s later"),
     )

@@ -1,0 +1,163 @@
+"""Headings tried: where nothing tells the heading at the start, the closed loop runs from headings
+all around until its fixes say which is right.
+
+With the heading psi at the start held as known, the normalised innovations squared (NIS) of a run
+sum up to -2 log likelihood of psi, but for a constant; all other states are integrated out by the
+filter. Sources: Magill (1965) for the bank of filters; Groves (2013) section 16.3 on hypotheses.
+"""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from .. import filters
+from ..alignment.initial import align, starts_around
+from ..alignment.initial_heading import Found
+from ..alignment.rest import rests
+from ..core import loop
+from ..core.contract import Filter, Noise, Start
+from ..geodesy import wrap
+from ..recording import Recording
+from ..sensor_models.imu import ImuSpec
+from ..typing import Array, Say
+from .prepare import Asked, Run, positioned, ready
+
+DOUBTFUL = np.radians(20.0)  # standard deviation of a heading from which on others are tried
+HEADINGS = 12
+SPACING = 2 * np.pi / HEADINGS
+LOOKS = (5.0, 10.0, 20.0, 40.0, 60.0)  # s after which the sums are compared
+LOST = 50.0  # by which a sum exceeds the least: this heading is given up
+TOGETHER = np.radians(20.0)  # spread of what is left, below which it is one heading
+DECIDED = np.radians(10.0)  # standard deviation below which it is found
+LEAST_SD = np.radians(1.0)
+FIXED_SD = np.radians(0.1)  # of a heading that is held as known
+
+
+def aligned(
+    recording: Recording,
+    filter: Filter,
+    imu: ImuSpec,
+    noise: Noise | None = None,
+    say: Say | None = None,
+) -> Start:
+    """The Start that `align` finds for `filter`; where it estimates positions and that heading is
+    doubtful, the one that the fixes decide for.
+
+    Where the vehicle stands, headings are tried from the end of that rest on. Raises DataError.
+    """
+    start = align(recording, imu, position=positioned(filter))
+    if not positioned(filter) or start.sd[8] <= DOUBTFUL:
+        return start
+    begin = rests(recording, start.t).until(recording.imu, start.t)
+    part = recording.between(begin, begin + LOOKS[-1])
+    found, seconds = _decided(_Trials(part, begin, imu, noise or imu.noise(), say))
+    if found is None:
+        tried = f"{HEADINGS} headings tried over {seconds:.0f} s, none stands out"
+        return start._replace(note=f"{start.note}, {tried}")
+    note = (
+        f"heading {np.degrees(found.heading) % 360:.0f} deg found by trying {HEADINGS} headings "
+        f"over {seconds:.0f} s"
+    )
+    # the filter uses the same fixes again: twice the deviation leaves a quarter of their weight
+    sd = max(2 * found.sd, LEAST_SD)
+    return starts_around(recording, imu, start.t, [Found(found.heading, sd, note)])[0]
+
+
+class _Trials(NamedTuple):
+    """What the runs of all headings share."""
+
+    recording: Recording
+    begin: float  # s
+    imu: ImuSpec
+    noise: Noise
+    say: Say | None
+
+    def runs(self, headings: Iterable[float], sd: float) -> list[Run]:
+        """Runs from these headings (rad) with this standard deviation (rad)."""
+        founds = [Found(float(wrap(heading)), sd, "") for heading in headings]
+        every = len(self.recording.imu.t)
+        closed_loop = filters.find("closed-loop")
+        return [
+            ready(
+                self.recording,
+                closed_loop,
+                start,
+                self.noise,
+                self.imu,
+                Asked({}, every=every, say=self.say),
+            )
+            for start in starts_around(self.recording, self.imu, self.begin, founds)
+        ]
+
+    def row(self, seconds: float) -> int:
+        """Row of the samples where so many seconds are over."""
+        return int(np.searchsorted(self.recording.imu.t, self.begin + seconds))
+
+
+class _Peak(NamedTuple):
+    """Heading and its standard deviation, rad."""
+
+    heading: float
+    sd: float
+
+
+def _decided(trials: _Trials) -> tuple[_Peak | None, float]:
+    """The _Peak that the innovations decide for, or None, and the seconds that it took."""
+    headings = SPACING * np.arange(HEADINGS)
+    runs = trials.runs(headings, 0.5 * SPACING)
+    for seconds in LOOKS:
+        sums, scale = _sums(runs, trials.row(seconds))
+        if not np.isfinite(sums.min()):
+            break
+        weights = np.exp(-0.5 * (sums - sums.min()) / scale)
+        mean = np.sum(weights * np.exp(1j * headings)) / weights.sum()
+        spread = np.sqrt(-2 * np.log(min(1.0, abs(mean))))
+        if spread < TOGETHER:
+            found = _refined(trials, float(np.angle(mean)), trials.row(seconds))
+            if found and found.sd < DECIDED:
+                return found, seconds
+        kept = (sums - sums.min()) / scale < LOST
+        headings, runs = headings[kept], [run for run, keep in zip(runs, kept) if keep]
+        if trials.row(seconds) == len(trials.recording.imu.t):
+            break
+    return None, min(seconds, trials.recording.imu.t[-1] - trials.begin)
+
+
+def _refined(trials: _Trials, heading: float, row: int) -> _Peak | None:
+    """The _Peak of the likelihood around a heading, by parabolas through sums of runs whose
+    heading is fixed; None where there is no peak."""
+    offsets = np.radians([-20.0, -10.0, 0.0, 10.0, 20.0])
+    for _ in range(2):
+        sums, scale = _sums(trials.runs(heading + offsets, FIXED_SD), row)
+        curvature, slope, _ = np.polyfit(offsets, sums / scale, 2)
+        if not (np.isfinite(sums).all() and curvature > 0):
+            return None
+        best, sd = -0.5 * slope / curvature, 1 / np.sqrt(curvature)
+        if not abs(best) < 1.5 * offsets[-1]:
+            return None
+        heading += best
+        offsets = np.clip(2 * sd, np.radians(0.5), offsets[-1]) * np.array([-1.0, 0.0, 1.0])
+    return _Peak(float(wrap(heading)), float(sd))
+
+
+def _sums(runs: list[Run], row: int) -> tuple[Array, float]:
+    """Sums of NIS of these runs up to a row, inf where one failed, and the scale of them: 1, or
+    the mean of the best run where its innovations are larger than they should be.
+
+    An outlier counts as what the gate lets through: it is one for all headings."""
+    sums = np.empty(len(runs))
+    rows = np.empty(len(runs))
+    for i, run in enumerate(runs):
+        if not run.cursor.at[loop.FAULT]:
+            run.advance(row)
+        used = run.out.fix[: run.cursor.at[loop.FIX]]
+        gates = run.fixes.gate[used[:, loop.F_SOURCE].astype(int)]
+        rows[i] = np.isfinite(used[:, loop.F_INNOVATION : loop.F_NIS]).sum()
+        sums[i] = (
+            np.inf
+            if run.cursor.at[loop.FAULT]
+            else np.minimum(np.nan_to_num(used[:, loop.F_NIS]), gates).sum()
+        )
+    best = int(np.argmin(sums))
+    return sums, max(1.0, sums[best] / max(1.0, rows[best]))
