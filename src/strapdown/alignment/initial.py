@@ -435,15 +435,17 @@ def _level(recording: Recording, moment: _Moment, heading: Found) -> Level:
         return _level_from_rest(recording, t, moment.rest, moment.bg, moment.bias_sd[0])
     if not heading.known:
         return *level(moment.f), LEVEL_SD_GUESSED, "level from specific force alone"
-    if velocity is not None and len(velocity.t) > 1:
-        k = int(np.clip(np.searchsorted(velocity.t, t), 1, len(velocity.t) - 1))
-        step = velocity.t[k] - velocity.t[k - 1]
-        if step <= 2.0 and velocity.t[k - 1] <= t <= velocity.t[k]:
-            return (
-                *level(moment.f, (velocity.y[k] - velocity.y[k - 1]) / step, psi),
-                LEVEL_SD_MOVING,
-                "level in motion",
-            )
+    if velocity is not None and (between := _around(velocity.t, t)):
+        first, last = between
+        step = velocity.t[last] - velocity.t[first]
+        window = (float(velocity.t[first]), float(velocity.t[last]))
+        force = mean_force(recording, t, moment.bg, window)
+        noise = np.hypot(velocity.sd[first, :2], velocity.sd[last, :2]).max() / step
+        return (
+            *level(force.f, (velocity.y[last] - velocity.y[first]) / step, psi),
+            float(np.linalg.norm([LEVEL_SD_MOVING, noise / GRAVITY_EQUATOR])),
+            "level in motion",
+        )
     c, s = np.cos(psi), np.sin(psi)
     v_b = np.array([c * v[0] + s * v[1], c * v[1] - s * v[0], 0.0])
     return (
@@ -451,6 +453,17 @@ def _level(recording: Recording, moment: _Moment, heading: Found) -> Level:
         LEVEL_SD_GUESSED,
         "level in motion, without the change of speed",
     )
+
+
+def _around(t: Array, at: float) -> tuple[int, int] | None:
+    """Places of two of these times (n,) that hold an instant and are a second apart, at most two;
+    None without."""
+    if len(t) < 2:
+        return None
+    first = int(np.clip(np.searchsorted(t, at - 0.5, side="right") - 1, 0, len(t) - 2))
+    last = int(np.clip(np.searchsorted(t, t[first] + 1.0 - 1e-6), first + 1, len(t) - 1))
+    held = t[first] <= at <= t[last] and t[last] - t[first] <= 2.0
+    return (first, last) if held else None
 
 
 def _level_from_rest(

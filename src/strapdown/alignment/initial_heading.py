@@ -107,18 +107,21 @@ class MeanForce(NamedTuple):
     turns: Callable[[Array], Array]
 
 
-def mean_force(recording: Recording, t: float, bg: Array) -> MeanForce:
-    """The MeanForce at t: over half a second before and after it, or over a second after or before
-    it where the record begins or ends there.
+def mean_force(
+    recording: Recording, t: float, bg: Array, window: tuple[float, float] | None = None
+) -> MeanForce:
+    """The MeanForce at t: over the `window` (begin and end, s), else over half a second before and
+    after it, or over a second after or before it where the record begins or ends there.
 
     Every sample is turned by the gyros, less their bias bg (rad/s), to the body as it is at t: a
     rotation does not blur the mean.
     """
     imu, (first, last) = recording.imu, recording.span
     begin = min(max(t - 0.5, first), last - 1.0)
+    begin, end = window or (begin, begin + 1.0)
     rows = slice(
         *np.clip(
-            np.searchsorted(imu.t, [begin + 1e-9, begin + 1.0 + 1e-9]),
+            np.searchsorted(imu.t, [begin + 1e-9, end + 1e-9]),
             [0, 1],
             [len(imu.t) - 1, len(imu.t)],
         )

@@ -7,6 +7,7 @@ filter. Sources: Magill (1965) for the bank of filters; Groves (2013) section 16
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +31,8 @@ LOOKS = (5.0, 10.0, 20.0, 40.0, 60.0)  # s after which the sums are compared
 LOST = 50.0  # by which a sum exceeds the least: this heading is given up
 TOGETHER = np.radians(20.0)  # spread of what is left, below which it is one heading
 DECIDED = np.radians(10.0)  # standard deviation below which it is found
+MOST_ROUNDS = 6
+OUTLIER = 100.0  # NIS from which on a fix is one for every heading
 LEAST_SD = np.radians(1.0)
 FIXED_SD = np.radians(0.1)  # of a heading that is held as known
 
@@ -51,6 +54,7 @@ def aligned(
         return start
     begin = rests(recording, start.t).until(recording.imu, start.t)
     part = recording.between(begin, begin + LOOKS[-1])
+    part = replace(part, aidings=tuple(replace(a, gate=OUTLIER) for a in part.aidings))
     found, seconds = _decided(_Trials(part, begin, imu, noise or imu.noise(), say))
     if found is None:
         tried = f"{HEADINGS} headings tried over {seconds:.0f} s, none stands out"
@@ -125,39 +129,42 @@ def _decided(trials: _Trials) -> tuple[_Peak | None, float]:
 
 
 def _refined(trials: _Trials, heading: float, row: int) -> _Peak | None:
-    """The _Peak of the likelihood around a heading, by parabolas through sums of runs whose
-    heading is fixed; None where there is no peak."""
-    offsets = np.radians([-20.0, -10.0, 0.0, 10.0, 20.0])
-    for _ in range(2):
+    """The _Peak of the likelihood around a heading: a parabola through the sums of runs whose
+    heading is fixed, as wide as the peak; None where there is none."""
+    width = np.radians(10.0)
+    for _ in range(MOST_ROUNDS):
+        offsets = width * np.arange(-2.0, 3.0)
         sums, scale = _sums(trials.runs(heading + offsets, FIXED_SD), row)
-        curvature, slope, _ = np.polyfit(offsets, sums / scale, 2)
-        if not (np.isfinite(sums).all() and curvature > 0):
+        least = int(np.argmin(sums))
+        if not np.isfinite(sums).all():
             return None
+        if least in (0, len(sums) - 1):
+            heading += offsets[least]
+            continue
+        near = slice(least - 1, least + 2)
+        curvature, slope, _ = np.polyfit(offsets[near], sums[near] / scale, 2)
         best, sd = -0.5 * slope / curvature, 1 / np.sqrt(curvature)
-        if not abs(best) < 1.5 * offsets[-1]:
-            return None
         heading += best
-        offsets = np.clip(2 * sd, np.radians(0.5), offsets[-1]) * np.array([-1.0, 0.0, 1.0])
-    return _Peak(float(wrap(heading)), float(sd))
+        if sd > 0.5 * width:
+            return _Peak(float(wrap(heading)), float(sd))
+        width = sd
+    return None
 
 
 def _sums(runs: list[Run], row: int) -> tuple[Array, float]:
     """Sums of NIS of these runs up to a row, inf where one failed, and the scale of them: 1, or
-    the mean of the best run where its innovations are larger than they should be.
-
-    An outlier counts as what the gate lets through: it is one for all headings."""
+    the mean of the best run where its innovations are larger than they should be."""
     sums = np.empty(len(runs))
     rows = np.empty(len(runs))
     for i, run in enumerate(runs):
         if not run.cursor.at[loop.FAULT]:
             run.advance(row)
         used = run.out.fix[: run.cursor.at[loop.FIX]]
-        gates = run.fixes.gate[used[:, loop.F_SOURCE].astype(int)]
         rows[i] = np.isfinite(used[:, loop.F_INNOVATION : loop.F_NIS]).sum()
         sums[i] = (
             np.inf
             if run.cursor.at[loop.FAULT]
-            else np.minimum(np.nan_to_num(used[:, loop.F_NIS]), gates).sum()
+            else np.minimum(np.nan_to_num(used[:, loop.F_NIS]), OUTLIER).sum()
         )
     best = int(np.argmin(sums))
     return sums, max(1.0, sums[best] / max(1.0, rows[best]))
