@@ -79,6 +79,17 @@ def walker(rng, stands=0.0):
     )
 
 
+def straight(rng):
+    """1 m/s straight on, without anything that tells the heading but the course."""
+    course, off = rng.uniform(0, 2 * np.pi), 15 * DEG * rng.normal()
+    return Motion(
+        "straight",
+        LLA,
+        lambda t: (np.cos(course) + 0 * t, np.sin(course) + 0 * t, 0 * t),
+        lambda t: (0 * t, 0 * t, course + off + 0 * t),
+    )
+
+
 def hovering(rng):
     """A multicopter that drifts to and fro, its nose anywhere."""
     off, phase = rng.uniform(0, 2 * np.pi), rng.uniform(0, 6, 5)
@@ -116,13 +127,21 @@ CASES = {
     "car, fast": Case("course", 60.0, lambda rng: car(rng, 15.0, 12.0, 5 * DEG), FINE),
     "car, positions alone": Case("course", 60.0, lambda rng: car(rng, 15.0, 12.0, 5 * DEG), COARSE),
     "car, 2 m/s": Case("trying", 80.0, lambda rng: car(rng, 2.0, 12.0, 5 * DEG), FINE),
-    "car, from rest": Case("trying", 80.0, lambda rng: car(rng, 8.0, 25.0, 5 * DEG), FINE, at=5.0),
+    "car, from rest": Case("course", 80.0, lambda rng: car(rng, 8.0, 25.0, 5 * DEG), FINE, at=5.0),
     "car, rest later": Case(
         "later", 60.0, lambda rng: car(rng, 12.0, 0.0, 5 * DEG, stops=35.0), FINE, at=10.0
     ),
     "walker": Case("trying", 80.0, walker, FINE),
     "walker, after rest": Case("trying", 80.0, lambda rng: walker(rng, 10.0), FINE),
+    "walker, positions alone": Case("tried", 80.0, lambda rng: walker(rng, 10.0), COARSE),
     "hovering": Case("trying", 80.0, hovering, FINE),
+    "hovering, RTK": Case("trying", 80.0, hovering, Gnss(0.2, 0.02, 0.03)),
+    "hovering, latency 0.1 s": Case("trying", 80.0, hovering, Gnss(0.2, 1.5, 0.1, latency=0.1)),
+    "hovering, consumer": Case("trying", 80.0, hovering, FINE, "consumer"),
+    "straight, 1 m/s": Case("none stands", 80.0, straight, FINE),
+    "rest, noisy positions": Case(
+        "unknown", 80.0, lambda rng: car(rng, 0.0), Gnss(0.2, 10.0, None)
+    ),
     "flight": Case("course", 60.0, flight, FINE),
     "flight, consumer": Case("course", 60.0, flight, FINE, "consumer"),
 }
@@ -176,8 +195,11 @@ if __name__ == "__main__":
     print(f"{'':22}" + "".join(f"{part:>13}" for part in PARTS) + "   note  sd of heading, deg")
     first = int(sys.argv[2]) if len(sys.argv) > 2 else 1
     names = sys.argv[3:] or CASES
-    for name, (squares, says, heading_sd, notes, z) in table(names, range(first, first + count)).items():
+    for name, (squares, says, heading_sd, notes, z) in table(
+        names, range(first, first + count)
+    ).items():
         line = "".join(f"{value:13.2f}" for value in squares.values())
         print(f"{name:22}{line}{says:7.0%}{heading_sd:9.1f}", flush=True)
         if len(sys.argv) > 3:
-            for n, row in zip(notes, z): print("   ", row[3:9].round(1), n)
+            for n, row in zip(notes, z):
+                print("   ", row[3:9].round(1), n)

@@ -14,7 +14,7 @@ from .initial_heading import StatesBiases
 
 REST_TIME = 2.0  # s: shortest rest that is worth averaging
 FASTEST_REST = 0.3  # m/s: fixes surely faster than that are no rest, whatever the IMU feels
-SURELY = 2.5  # standard deviations
+SURELY = 4.0  # standard deviations of a component: one in 3000 is as fast by noise
 TURNING = 4.0  # standard deviations of the gyro bias that the mean rate of a rest must not exceed
 REST_SEARCH = 600.0  # s before and after an instant in which rest is looked for
 
@@ -55,7 +55,9 @@ def moves(recording: Recording, t: Array) -> Mask:
     if position is None:
         return np.zeros(len(t), bool)
     t_fix, v, sd = velocities(position, velocity)
-    fast = np.hypot(v[:, 0], v[:, 1]) > FASTEST_REST + SURELY * np.hypot(sd[:, 0], sd[:, 1])
+    fast = np.hypot(v[:, 0], v[:, 1]) > FASTEST_REST + SURELY * np.sqrt(
+        np.mean(sd[:, :2] ** 2, axis=1)
+    )
     after = np.searchsorted(t_fix, t)
     return fast[np.clip(after - 1, 0, len(fast) - 1)] | fast[np.clip(after, 0, len(fast) - 1)]
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from .. import filters
 from ..alignment.initial import align, starts_around
-from ..alignment.initial_heading import Found
+from ..alignment.initial_heading import UNKNOWN_SD, Found
 from ..alignment.rest import rests
 from ..core import loop
 from ..core.contract import Filter, Noise, Start
@@ -29,9 +29,10 @@ HEADINGS = 12
 SPACING = 2 * np.pi / HEADINGS
 LOOKS = (5.0, 10.0, 20.0, 40.0, 60.0)  # s after which the sums are compared
 LOST = 50.0  # by which a sum exceeds the least: this heading is given up
+LIKELIEST = np.radians(60.0)  # spread of all headings, below which one is worth naming
 TOGETHER = np.radians(20.0)  # spread of what is left, below which it is one heading
 DECIDED = np.radians(10.0)  # standard deviation below which it is found
-MOST_ROUNDS = 6
+MOST_ROUNDS = 5
 OUTLIER = 100.0  # NIS from which on a fix is one for every heading
 LEAST_SD = np.radians(1.0)
 FIXED_SD = np.radians(0.1)  # of a heading that is held as known
@@ -53,19 +54,14 @@ def aligned(
     if not positioned(filter) or start.sd[8] <= DOUBTFUL:
         return start
     begin = rests(recording, start.t).until(recording.imu, start.t)
+    if recording.span[1] - begin < LOOKS[0]:
+        return start
     part = recording.between(begin, begin + LOOKS[-1])
     part = replace(part, aidings=tuple(replace(a, gate=OUTLIER) for a in part.aidings))
-    found, seconds = _decided(_Trials(part, begin, imu, noise or imu.noise(), say))
-    if found is None:
-        tried = f"{HEADINGS} headings tried over {seconds:.0f} s, none stands out"
-        return start._replace(note=f"{start.note}, {tried}")
-    note = (
-        f"heading {np.degrees(found.heading) % 360:.0f} deg found by trying {HEADINGS} headings "
-        f"over {seconds:.0f} s"
-    )
-    # the filter uses the same fixes again: twice the deviation leaves a quarter of their weight
-    sd = max(2 * found.sd, LEAST_SD)
-    return starts_around(recording, imu, start.t, [Found(found.heading, sd, note)])[0]
+    found = _found(_Trials(part, begin, imu, noise or imu.noise(), say), start)
+    if not found.known:
+        return start._replace(note=f"{start.note}, {found.note}")
+    return starts_around(recording, imu, start.t, [found])[0]
 
 
 class _Trials(NamedTuple):
@@ -94,6 +90,11 @@ class _Trials(NamedTuple):
             for start in starts_around(self.recording, self.imu, self.begin, founds)
         ]
 
+    @property
+    def seconds(self) -> float:
+        """s that they last at most."""
+        return float(self.recording.imu.t[-1] - self.begin)
+
     def row(self, seconds: float) -> int:
         """Row of the samples where so many seconds are over."""
         return int(np.searchsorted(self.recording.imu.t, self.begin + seconds))
@@ -106,26 +107,48 @@ class _Peak(NamedTuple):
     sd: float
 
 
-def _decided(trials: _Trials) -> tuple[_Peak | None, float]:
-    """The _Peak that the innovations decide for, or None, and the seconds that it took."""
+def _found(trials: _Trials, start: Start) -> Found:
+    """The heading that the innovations decide for; else their mean over all headings, of which that
+    of `start` is as likely before as all others together."""
     headings = SPACING * np.arange(HEADINGS)
-    runs = trials.runs(headings, 0.5 * SPACING)
+    runs, sums = trials.runs(headings, 0.5 * SPACING), np.zeros(HEADINGS)
+    alive = np.ones(HEADINGS, bool)
+    end = len(trials.recording.imu.t)
     for seconds in LOOKS:
-        sums, scale = _sums(runs, trials.row(seconds))
-        if not np.isfinite(sums.min()):
+        row = trials.row(seconds)
+        sums[alive], scale = _sums([run for run, kept in zip(runs, alive) if kept], row)
+        alive &= sums < sums[alive].min() + LOST * scale
+        if not alive.any():
             break
-        weights = np.exp(-0.5 * (sums - sums.min()) / scale)
-        mean = np.sum(weights * np.exp(1j * headings)) / weights.sum()
-        spread = np.sqrt(-2 * np.log(min(1.0, abs(mean))))
-        if spread < TOGETHER:
-            found = _refined(trials, float(np.angle(mean)), trials.row(seconds))
-            if found and found.sd < DECIDED:
-                return found, seconds
-        kept = (sums - sums.min()) / scale < LOST
-        headings, runs = headings[kept], [run for run, keep in zip(runs, kept) if keep]
-        if trials.row(seconds) == len(trials.recording.imu.t):
+        weights = np.where(alive, np.exp(-0.5 * (sums - sums[alive].min()) / scale), 0.0)
+        mean, spread = _mean(headings, weights)
+        peak = _refined(trials, mean, row) if spread < TOGETHER else None
+        if peak and peak.sd < DECIDED:
+            # the filter uses the same fixes again: twice the deviation leaves a quarter of them
+            sd = max(2 * peak.sd, LEAST_SD)
+            note = f"found by trying {HEADINGS} headings over {seconds:.0f} s"
+            return Found(peak.heading, sd, f"heading {_degrees(peak.heading)} deg {note}")
+        if row == end:
             break
-    return None, min(seconds, trials.recording.imu.t[-1] - trials.begin)
+    tried = f"of {HEADINGS} headings tried over {min(seconds, trials.seconds):.0f} s"
+    if not alive.any():
+        return Found(0.0, UNKNOWN_SD, f"{tried} none could be followed")
+    from_start = np.exp(-0.5 * (wrap(headings - start.rph[2]) / start.sd[8]) ** 2)
+    mean, spread = _mean(headings, weights * (from_start / from_start.sum() + 1 / HEADINGS))
+    sd = min(np.hypot(spread, SPACING / np.sqrt(12)), UNKNOWN_SD)
+    words = "is the likeliest" if sd < LIKELIEST else "is a guess, none stands out"
+    note = f"heading {_degrees(mean)} deg {words} {tried}"
+    return Found(mean, sd, note if sd < UNKNOWN_SD else f"{tried} none stands out")
+
+
+def _mean(headings: Array, weights: Array) -> tuple[float, float]:
+    """Circular mean and standard deviation (rad) of weighted headings."""
+    mean = np.sum(weights * np.exp(1j * headings)) / weights.sum()
+    return float(np.angle(mean)), float(np.sqrt(-2 * np.log(np.clip(abs(mean), 1e-9, 1.0))))
+
+
+def _degrees(heading: float) -> str:
+    return f"{np.degrees(heading) % 360:.0f}"
 
 
 def _refined(trials: _Trials, heading: float, row: int) -> _Peak | None:
