@@ -13,7 +13,7 @@ from strapdown.engine.heading_hypotheses import aligned
 from strapdown.filters import find
 from strapdown.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
-from strapdown.sim.trajectory import DEG, Motion, ramp
+from strapdown.sim.trajectory import DEG, Motion, ramp, static
 
 LLA = (DEG * 50, DEG * 7, 150.0)
 CHOSEN_ON = 1000  # constants of the alignment were chosen on seeds from here on
@@ -79,6 +79,11 @@ def walker(rng, stands=0.0):
     )
 
 
+def rest(rng):
+    """Stands, at any heading."""
+    return static(LLA, (0.02, 0.03, rng.uniform(0, 2 * np.pi)))
+
+
 def straight(rng):
     """1 m/s straight on, without anything that tells the heading but the course."""
     course, off = rng.uniform(0, 2 * np.pi), 15 * DEG * rng.normal()
@@ -139,9 +144,8 @@ CASES = {
     "hovering, latency 0.1 s": Case("trying", 80.0, hovering, Gnss(0.2, 1.5, 0.1, latency=0.1)),
     "hovering, consumer": Case("trying", 80.0, hovering, FINE, "consumer"),
     "straight, 1 m/s": Case("none stands", 80.0, straight, FINE),
-    "rest, noisy positions": Case(
-        "unknown", 80.0, lambda rng: car(rng, 0.0), Gnss(0.2, 10.0, None)
-    ),
+    "turning on the spot": Case("none", 80.0, lambda rng: car(rng, 0.0), Gnss(0.2, 10.0, None)),
+    "rest, noisy positions": Case("unknown", 80.0, rest, Gnss(0.2, 10.0, None)),
     "flight": Case("course", 60.0, flight, FINE),
     "flight, consumer": Case("course", 60.0, flight, FINE, "consumer"),
 }

@@ -120,7 +120,8 @@ class _Moment(NamedTuple):
 def _moment(
     recording: Recording, imu: StatesBiases, fixes: Aiding, velocity: Aiding | None, t: float
 ) -> _Moment:
-    bg, bg_sd, note = gyro_bias(recording, imu, t)
+    rest = rests(recording, t)
+    bg, bg_sd, note = gyro_bias(recording.imu, imu, t, rest)
     b_a_sd = imu.bias_sd()[0]
     return _Moment(
         t,
@@ -128,7 +129,7 @@ def _moment(
         int(np.argmin(np.abs(fixes.t - t))),
         velocity,
         *_velocity(fixes, velocity, t),
-        rests(recording, t).before,
+        rest.before,
         *_rates(recording, t, bg),
         bg,
         np.r_[np.full(3, b_a_sd), bg_sd],
@@ -205,8 +206,9 @@ def _attitude_start(
     if fixes is not None and fixes.t[0] - 1 <= t <= fixes.t[-1] + 1:
         v, v_sd = _velocity(fixes, velocity, t)
     b_a_sd = imu.bias_sd()[0]
-    rest = rests(recording, t).before
-    bg, bg_sd, bias_note = gyro_bias(recording, imu, t)
+    found = rests(recording, t)
+    rest = found.before
+    bg, bg_sd, bias_note = gyro_bias(recording.imu, imu, t, found)
     place = lla if np.isfinite(lla_sd).all() else None
     psi, psi_sd, psi_note, still = _or_course(
         _heading(recording, imu, t, given, bg, place), recording, fixes, velocity, t

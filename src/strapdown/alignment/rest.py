@@ -62,15 +62,15 @@ def moves(recording: Recording, t: Array) -> Mask:
     return fast[np.clip(after - 1, 0, len(fast) - 1)] | fast[np.clip(after, 0, len(fast) - 1)]
 
 
-def gyro_bias(recording: Recording, imu: StatesBiases, t: float) -> tuple[Array, Array, str]:
-    """Gyro bias at t (rad/s), its sd and a note: from the rests up to t, else from the first after
+def gyro_bias(samples: Imu, imu: StatesBiases, t: float, found: Rests) -> tuple[Array, Array, str]:
+    """Gyro bias at t (rad/s), its sd and a note: from the Rests up to t, else from the first after
     it, where the IMU's own turn-on bias is larger than the Earth's rate that rest cannot tell from
     it.
 
     The sd holds the noise, the Earth's rate, how unsteady the rate was, and what the bias wanders
     by in between.
     """
-    found, b_g_sd = rests(recording, t), imu.bias_sd()[1]
+    b_g_sd = imu.bias_sd()[1]
     used = found.before or found.after[:1]
     if not used or b_g_sd <= 2 * RATE:
         return (
@@ -78,7 +78,7 @@ def gyro_bias(recording: Recording, imu: StatesBiases, t: float) -> tuple[Array,
             np.full(3, b_g_sd),
             "biases smaller than the Earth's rate" if used else "biases unknown",
         )
-    samples, rows = recording.imu, np.concatenate(used)
+    rows = np.concatenate(used)
     T = samples.dt[rows].sum()
     noise = samples.dtheta[rows].std(axis=0) * np.sqrt(len(rows)) / T
     age = max(0.0, t - samples.t[used[-1][-1]], samples.t[used[0][0]] - t)

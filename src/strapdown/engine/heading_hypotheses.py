@@ -6,11 +6,11 @@ sum up to -2 log likelihood of psi, but for a constant; all other states are int
 filter. Sources: Magill (1965) for the bank of filters; Groves (2013) section 16.3 on hypotheses.
 """
 
-from collections.abc import Iterable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import filters
 from ..alignment.initial import align, starts_around
@@ -28,10 +28,13 @@ DOUBTFUL = np.radians(20.0)  # standard deviation of a heading from which on oth
 HEADINGS = 12
 SPACING = 2 * np.pi / HEADINGS
 LOOKS = (5.0, 10.0, 20.0, 40.0, 60.0)  # s after which the sums are compared
-LOST = 50.0  # by which a sum exceeds the least: this heading is given up
+REUSE = 4.0
+"""By this the sums count less than they are: the filter uses the same fixes again, which doubles
+the standard deviation of what they tell first, and the level at the start rests on some of them."""
+LOST = 12.0  # by which a sum in its scale exceeds the least: this heading is given up
 LIKELIEST = np.radians(60.0)  # spread of all headings, below which one is worth naming
 TOGETHER = np.radians(20.0)  # spread of what is left, below which it is one heading
-DECIDED = np.radians(10.0)  # standard deviation below which it is found
+DECIDED = np.radians(20.0)  # standard deviation below which it is found
 MOST_ROUNDS = 5
 OUTLIER = 100.0  # NIS from which on a fix is one for every heading
 LEAST_SD = np.radians(1.0)
@@ -73,9 +76,10 @@ class _Trials(NamedTuple):
     noise: Noise
     say: Say | None
 
-    def runs(self, headings: Iterable[float], sd: float) -> list[Run]:
-        """Runs from these headings (rad) with this standard deviation (rad)."""
-        founds = [Found(float(wrap(heading)), sd, "") for heading in headings]
+    def runs(self, headings: NDArray[np.floating[Any]]) -> list[Run]:
+        """Runs from these headings (rad), held as known: from a doubtful one a linear filter draws
+        knowledge that is not in its fixes."""
+        founds = [Found(float(wrap(heading)), FIXED_SD, "") for heading in headings]
         every = len(self.recording.imu.t)
         closed_loop = filters.find("closed-loop")
         return [
@@ -111,7 +115,7 @@ def _found(trials: _Trials, start: Start) -> Found:
     """The heading that the innovations decide for; else their mean over all headings, of which that
     of `start` is as likely before as all others together."""
     headings = SPACING * np.arange(HEADINGS)
-    runs, sums = trials.runs(headings, 0.5 * SPACING), np.zeros(HEADINGS)
+    runs, sums = trials.runs(headings), np.zeros(HEADINGS)
     alive = np.ones(HEADINGS, bool)
     end = len(trials.recording.imu.t)
     for seconds in LOOKS:
@@ -120,20 +124,18 @@ def _found(trials: _Trials, start: Start) -> Found:
         alive &= sums < sums[alive].min() + LOST * scale
         if not alive.any():
             break
-        weights = np.where(alive, np.exp(-0.5 * (sums - sums[alive].min()) / scale), 0.0)
+        weights: Array = np.where(alive, np.exp(-0.5 * (sums - sums[alive].min()) / scale), 0.0)
         mean, spread = _mean(headings, weights)
         peak = _refined(trials, mean, row) if spread < TOGETHER else None
         if peak and peak.sd < DECIDED:
-            # the filter uses the same fixes again: twice the deviation leaves a quarter of them
-            sd = max(2 * peak.sd, LEAST_SD)
             note = f"found by trying {HEADINGS} headings over {seconds:.0f} s"
-            return Found(peak.heading, sd, f"heading {_degrees(peak.heading)} deg {note}")
+            return Found(peak.heading, peak.sd, f"heading {_degrees(peak.heading)} deg {note}")
         if row == end:
             break
     tried = f"of {HEADINGS} headings tried over {min(seconds, trials.seconds):.0f} s"
     if not alive.any():
         return Found(0.0, UNKNOWN_SD, f"{tried} none could be followed")
-    from_start = np.exp(-0.5 * (wrap(headings - start.rph[2]) / start.sd[8]) ** 2)
+    from_start: Array = np.exp(-0.5 * (wrap(headings - start.rph[2]) / start.sd[8]) ** 2)
     mean, spread = _mean(headings, weights * (from_start / from_start.sum() + 1 / HEADINGS))
     sd = min(np.hypot(spread, SPACING / np.sqrt(12)), UNKNOWN_SD)
     words = "is the likeliest" if sd < LIKELIEST else "is a guess, none stands out"
@@ -141,7 +143,7 @@ def _found(trials: _Trials, start: Start) -> Found:
     return Found(mean, sd, note if sd < UNKNOWN_SD else f"{tried} none stands out")
 
 
-def _mean(headings: Array, weights: Array) -> tuple[float, float]:
+def _mean(headings: NDArray[np.floating[Any]], weights: Array) -> tuple[float, float]:
     """Circular mean and standard deviation (rad) of weighted headings."""
     mean = np.sum(weights * np.exp(1j * headings)) / weights.sum()
     return float(np.angle(mean)), float(np.sqrt(-2 * np.log(np.clip(abs(mean), 1e-9, 1.0))))
@@ -157,7 +159,7 @@ def _refined(trials: _Trials, heading: float, row: int) -> _Peak | None:
     width = np.radians(10.0)
     for _ in range(MOST_ROUNDS):
         offsets = width * np.arange(-2.0, 3.0)
-        sums, scale = _sums(trials.runs(heading + offsets, FIXED_SD), row)
+        sums, scale = _sums(trials.runs(heading + offsets), row)
         least = int(np.argmin(sums))
         if not np.isfinite(sums).all():
             return None
@@ -169,14 +171,14 @@ def _refined(trials: _Trials, heading: float, row: int) -> _Peak | None:
         best, sd = -0.5 * slope / curvature, 1 / np.sqrt(curvature)
         heading += best
         if sd > 0.5 * width:
-            return _Peak(float(wrap(heading)), float(sd))
+            return _Peak(float(wrap(heading)), max(float(sd), LEAST_SD))
         width = sd
     return None
 
 
 def _sums(runs: list[Run], row: int) -> tuple[Array, float]:
-    """Sums of NIS of these runs up to a row, inf where one failed, and the scale of them: 1, or
-    the mean of the best run where its innovations are larger than they should be."""
+    """Sums of NIS of these runs up to a row, inf where one failed, and the scale of them:
+    `REUSE`, or more where the innovations of the best run are larger than they should be."""
     sums = np.empty(len(runs))
     rows = np.empty(len(runs))
     for i, run in enumerate(runs):
@@ -190,4 +192,4 @@ def _sums(runs: list[Run], row: int) -> tuple[Array, float]:
             else np.minimum(np.nan_to_num(used[:, loop.F_NIS]), OUTLIER).sum()
         )
     best = int(np.argmin(sums))
-    return sums, max(1.0, sums[best] / max(1.0, rows[best]))
+    return sums, REUSE * max(1.0, sums[best] / max(1.0, rows[best]))
