@@ -20,6 +20,7 @@ from .prepare import (
     assumed_noise,
     check_needs,
     check_start,
+    positioned,
     ready,
 )
 
@@ -82,5 +83,5 @@ def begin(recording: Recording, filter: str | Filter, asked: Asked) -> Run:
     check_needs(filter, recording.aidings)
     if start is None:
         assert spec is not None  # it was needed above
-        start = aligned(recording, filter, spec, asked.noise, asked.say)
+        start = aligned(recording, spec, positioned(filter), asked.noise, asked.say)
     return ready(recording, filter, start, noise, spec, asked, made)

@@ -17,12 +17,12 @@ from ..alignment.initial import align, starts_around
 from ..alignment.initial_heading import UNKNOWN_SD, Found
 from ..alignment.rest import rests
 from ..core import loop
-from ..core.contract import Filter, Noise, Start
+from ..core.contract import Noise, Start
 from ..geodesy import wrap
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Say
-from .prepare import Asked, Run, positioned, ready
+from .prepare import Asked, Run, ready
 
 DOUBTFUL = np.radians(20.0)  # standard deviation of a heading from which on others are tried
 HEADINGS = 12
@@ -43,18 +43,18 @@ FIXED_SD = np.radians(0.1)  # of a heading that is held as known
 
 def aligned(
     recording: Recording,
-    filter: Filter,
     imu: ImuSpec,
+    position: bool = True,
     noise: Noise | None = None,
     say: Say | None = None,
 ) -> Start:
-    """The Start that `align` finds for `filter`; where it estimates positions and that heading is
-    doubtful, the one that the fixes decide for.
+    """The Start that `align` finds; for a filter of positions, where that heading is doubtful, the
+    one that the fixes decide for.
 
     Where the vehicle stands, headings are tried from the end of that rest on. Raises DataError.
     """
-    start = align(recording, imu, position=positioned(filter))
-    if not positioned(filter) or start.sd[8] <= DOUBTFUL:
+    start = align(recording, imu, position=position)
+    if not position or start.sd[8] <= DOUBTFUL:
         return start
     begin = rests(recording, start.t).until(recording.imu, start.t)
     if recording.span[1] - begin < LOOKS[0]:
