@@ -22,12 +22,12 @@ COURSE_SD = np.radians(15.0)  # sideslip, and the crab of what is fast against t
 DRIFT = 0.5  # m/s across the forward axis: wind, current, a step aside
 SURE = 5.0
 """Standard deviations that a speed must exceed to have a course: of noise one in 3e5 does."""
-SURE_AT_REST = 10.0
+SURE_AT_REST = 15.0
 """The same where the IMU feels no motion: smooth travel does, and so do fixes that are worse than
 their standard deviations say."""
 MOVING = 5.0  # m/s: a course that is worth waiting for
 WAIT = 300.0  # s for it, from the first course on
-ENOUGH = 0.1  # rad of noise: no more fixes are asked
+ENOUGH = 0.06  # rad of noise: no more fixes are asked
 LONGEST = 10.0  # s that the fixes of one course may span
 
 

@@ -18,7 +18,7 @@ from ..core.earth import GRAVITY_EQUATOR
 from ..core.jit import plain
 from ..core.rotation import matrix_to_euler
 from ..data import Aiding
-from ..geodesy import displaced
+from ..geodesy import displaced, displacement
 from ..recording import Recording
 from ..rotation_products import running_products
 from ..typing import Array, Ints
@@ -448,6 +448,8 @@ def _level(recording: Recording, moment: _Moment, heading: Found) -> Level:
             float(np.linalg.norm([LEVEL_SD_MOVING, noise / GRAVITY_EQUATOR])),
             "level in motion",
         )
+    if by_positions := _level_by_positions(recording, moment, psi):
+        return by_positions
     c, s = np.cos(psi), np.sin(psi)
     v_b = np.array([c * v[0] + s * v[1], c * v[1] - s * v[0], 0.0])
     return (
@@ -455,6 +457,40 @@ def _level(recording: Recording, moment: _Moment, heading: Found) -> Level:
         LEVEL_SD_GUESSED,
         "level in motion, without the change of speed",
     )
+
+
+def _level_by_positions(recording: Recording, moment: _Moment, psi: float) -> Level | None:
+    """Roll, pitch, their sd and a note: from specific force less the second difference of three
+    positions around t, as far apart as their noise and the gyros like it; None without."""
+    found = []
+    for apart in (1.0, 2.0, 4.0):
+        if (rows := _three(moment.fixes.t, moment.t, apart)) is None:
+            continue
+        t, y, sd = (column[rows] for column in (moment.fixes.t, moment.fixes.y, moment.fixes.sd))
+        before, after = np.diff(t)
+        weights = np.array([1 / before, -1 / before - 1 / after, 1 / after]) * 2 / (before + after)
+        errors = [
+            LEVEL_SD_MOVING,
+            np.linalg.norm(weights * sd[:, :2].max(axis=1)) / GRAVITY_EQUATOR,
+            apart * moment.bias_sd[3:].max(),
+        ]
+        found.append((float(np.linalg.norm(errors)), t, weights @ displacement(y, y[1])))
+    found = [each for each in found if each[0] < LEVEL_SD_GUESSED]
+    if not found:
+        return None
+    level_sd, t, acceleration = min(found, key=lambda each: each[0])
+    force = mean_force(recording, moment.t, moment.bg, (t[0], t[2]), t[1])
+    return *level(force.f, acceleration, psi), level_sd, "level in motion"
+
+
+def _three(t: Array, at: float, apart: float) -> Ints | None:
+    """Places of three of these times (n,) that hold an instant and are so far apart (s), not much
+    further; None without."""
+    first = max(int(np.searchsorted(t, at - apart, side="right")) - 1, 0)
+    middle = int(np.searchsorted(t, t[first] + apart - 1e-6))
+    last = int(np.searchsorted(t, t[min(middle, len(t) - 1)] + apart - 1e-6))
+    held = last < len(t) and t[first] <= at <= t[last] <= t[first] + 3 * apart
+    return np.array([first, middle, last]) if held else None
 
 
 def _around(t: Array, at: float) -> tuple[int, int] | None:

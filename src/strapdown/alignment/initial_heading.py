@@ -108,10 +108,15 @@ class MeanForce(NamedTuple):
 
 
 def mean_force(
-    recording: Recording, t: float, bg: Array, window: tuple[float, float] | None = None
+    recording: Recording,
+    t: float,
+    bg: Array,
+    window: tuple[float, float] | None = None,
+    peak: float | None = None,
 ) -> MeanForce:
     """The MeanForce at t: over the `window` (begin and end, s), else over half a second before and
-    after it, or over a second after or before it where the record begins or ends there.
+    after it, or over a second after or before it where the record begins or ends there; weighted by
+    a triangle over the window where its `peak` (s) is given, as a second difference weights.
 
     Every sample is turned by the gyros, less their bias bg (rad/s), to the body as it is at t: a
     rotation does not blur the mean.
@@ -138,7 +143,10 @@ def mean_force(
             ]
         )
 
-    f = np.einsum("nij,nj->i", turns(middles), imu.dv[rows]) / seconds.sum()
+    weights = (
+        np.ones(len(middles)) if peak is None else np.interp(middles, [begin, peak, end], [0, 1, 0])
+    )
+    f = np.einsum("n,nij,nj->i", weights, turns(middles), imu.dv[rows]) / (weights @ seconds)
     return MeanForce(
         f,
         float(abs(np.linalg.norm(f) / GRAVITY_EQUATOR - 1)),

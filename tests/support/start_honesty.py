@@ -1,5 +1,8 @@
-"""Whether starts are as good as they say: `python tests/alignment/honesty.py [SEEDS]` prints a table
-of normalised start errors of simulated cars, walkers and flights."""
+"""Whether starts are as good as they say: `python tests/support/start_honesty.py [SEEDS]` prints a table
+of normalised start errors of simulated cars, walkers and flights.
+
+The constants of the alignment were chosen on seeds from 1000 on.
+"""
 
 import sys
 from typing import NamedTuple
@@ -15,14 +18,13 @@ from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import DEG, Motion, ramp, static
 
 LLA = (DEG * 50, DEG * 7, 150.0)
-CHOSEN_ON = 1000  # constants of the alignment were chosen on seeds from here on
 PARTS = {
     "velocity": slice(3, 6),
     "roll, pitch": slice(6, 8),
     "heading": slice(8, 9),
     "gyro bias": slice(12, 15),
 }
-FALSE_ALARMS = 1e-3  # share of honest starts whose table has a given entry beyond its bound
+FALSE_ALARMS = 1e-3  # share of the entries of the table that exceed their bound by chance
 
 
 class Case(NamedTuple):
@@ -171,38 +173,35 @@ def normalised(case, seed):
     return error / start.sd, start.note, start.sd
 
 
-def bound(count):
-    """Mean square of `count` normalised errors that honest ones exceed once in 1 / FALSE_ALARMS."""
-    return chi2.ppf(1 - FALSE_ALARMS, count) / count
+def bound(seeds):
+    """The mean square of so many independent errors that honest standard deviations let pass but
+    once in 1 / FALSE_ALARMS.
+
+    Those of one start may all hang together: each seed counts as one.
+    """
+    return float(chi2.ppf(1 - FALSE_ALARMS, seeds) / seeds)
 
 
-def table(cases, seeds):
-    """{case: ({part: mean square}, share of notes that say what they should, median heading sd)}."""
+def table(names, seeds):
+    """{case: ({part: mean square}, share of notes that say what they should, median sd of heading
+    in deg)}."""
     rows = {}
-    for name in cases:
-        found = [normalised(CASES[name], seed) for seed in seeds]
-        z = np.array([each[0] for each in found])
+    for name in names:
+        z, notes, sds = zip(*(normalised(CASES[name], seed) for seed in seeds))
         rows[name] = (
-            {part: float(np.mean(z[:, columns] ** 2)) for part, columns in PARTS.items()},
-            float(np.mean([CASES[name].says in each[1] for each in found])),
-            float(np.degrees(np.median([each[2][8] for each in found]))),
-            [each[1] for each in found],
-            z,
+            {part: float(np.mean(np.array(z)[:, columns] ** 2)) for part, columns in PARTS.items()},
+            float(np.mean([CASES[name].says in note for note in notes])),
+            float(np.degrees(np.median([each[8] for each in sds]))),
         )
     return rows
 
 
 if __name__ == "__main__":
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
-    print(f"mean squares of normalised errors over {count} seeds (bound {bound(count):.2f} of one)")
-    print(f"{'':22}" + "".join(f"{part:>13}" for part in PARTS) + "   note  sd of heading, deg")
-    first = int(sys.argv[2]) if len(sys.argv) > 2 else 1
-    names = sys.argv[3:] or CASES
-    for name, (squares, says, heading_sd, notes, z) in table(
-        names, range(first, first + count)
-    ).items():
+    seeds = range(1, 1 + (int(sys.argv[1]) if len(sys.argv) > 1 else 100))
+    print(f"mean squares of normalised errors over {len(seeds)} seeds")
+    print(f"{'':24}" + "".join(f"{part:>13}" for part in PARTS) + "   note  sd of heading, deg")
+    for name in sys.argv[2:] or CASES:
+        squares, says, heading_sd = table([name], seeds)[name]
         line = "".join(f"{value:13.2f}" for value in squares.values())
-        print(f"{name:22}{line}{says:7.0%}{heading_sd:9.1f}", flush=True)
-        if len(sys.argv) > 3:
-            for n, row in zip(notes, z):
-                print("   ", row[3:9].round(1), n)
+        print(f"{name:24}{line}{says:7.0%}{heading_sd:9.1f}", flush=True)
+    print(f"honest ones stay below {bound(len(seeds)):.2f} but for one in {1 / FALSE_ALARMS:.0f}")
