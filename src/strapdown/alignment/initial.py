@@ -1,28 +1,29 @@
 """From the first seconds of a Recording to a filter's Start: position and velocity from fixes,
 level from specific force, heading from what there is.
 
-The start is the first position fix; where the heading can only come from the course, the first fix
-faster than `MOVING`. A filter of attitude alone needs no fix and starts with the record. Everything
+The start is the first position fix; where the heading can only come from the course, the fix that is
+best for that (course.py). A filter of attitude alone needs no fix and starts with the record. Everything
 found is stated in `Start.note` and can be overridden with `Start._replace`. Source: Groves (2013)
 section 5.6.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from ..checks import DataError
-from ..core.contract import Imu, Start
-from ..core.earth import GRAVITY_EQUATOR, RATE
+from ..core.contract import Start
+from ..core.earth import GRAVITY_EQUATOR
 from ..core.jit import plain
 from ..core.rotation import matrix_to_euler
 from ..data import Aiding
 from ..geodesy import displaced, displacement
-from ..preprocessing.stationary import at_rest, stretches
 from ..recording import Recording
 from ..rotation_products import running_products
-from ..typing import Array, Ints, Mask
+from ..typing import Array, Ints
+from .course import SURE, best_instant, courses, heading_of
+from .fixes import UNKNOWN_SPEED, position_and_velocity, source, velocities
 from .initial_heading import (
     LEVEL_SD_MOVING,
     LEVEL_SD_REST,
@@ -35,22 +36,14 @@ from .initial_heading import (
     mean_force,
 )
 from .location import place_of
+from .rest import gyro_bias, moves, rests
 from .static_attitude import body_to_navigation, level
 
-MOVING = 5.0  # m/s: above it the course of the velocity is taken as heading
-COURSE_SD = np.radians(15.0)  # wind, sideslip
 LEVEL_SD_GUESSED = np.radians(15.0)
-REST_TIME = 2.0  # s: shortest rest that is worth averaging
-FASTEST_REST = 1.0  # m/s: fixes surely faster than that are no rest, whatever the IMU feels
 UNKNOWN_ACCELERATION = 3.0  # m/s^2: what a velocity may change by between fixes
-REST_SEARCH = 600.0  # s before the start in which rest is looked for
-# s after the start in which a filter of attitude alone may find it, where the record begins with
-# rest
-REST_AHEAD = 10.0
 RECORD_AGE = 1.0  # s that a record of the attitude may be away from the start
 REST_AGE = 30.0  # s for which the gyros carry on the level of a rest
-# m/s, m: standard deviations of what a filter of attitude alone does not need
-UNKNOWN_SPEED, EARTH_RADIUS = 10.0, 6.4e6
+EARTH_RADIUS = 6.4e6  # m: standard deviation of a place that is not known
 GYRO_SCALE = 0.01  # of the angle turned: what a MEMS gyro's scale and axes may be off by
 WEIGHTLESS = 0.8  # of gravity: a mean specific force further from it has no level in it
 
@@ -81,55 +74,99 @@ def align(
     given = None if heading is None else Found(float(heading), float(heading_sd), "heading given")
     if not position:
         return _attitude_start(recording, imu, given, recording.span[0] if at is None else at)
-    fixes = _source(recording, "position")
+    fixes, velocity = position_and_velocity(recording)
     if fixes is None:
         raise DataError(
             "no position fix to start from: add a position aiding, or give start= (in Python), "
             "or choose a filter of attitude alone (attitude-mekf, mahony, vru)"
         )
-    velocity = _source(recording, "velocity")
-    b_a_sd, b_g_sd = imu.bias_sd()
-    t, v, v_sd, moving = _instant(
-        recording,
+    if at is None:
+        first = max(fixes.t[0], recording.span[0])
+        heading_known = _heading(recording, imu, first, given, np.zeros(3), fixes.y[0]).known
+        at = first if heading_known else _instant(recording, fixes, velocity)
+    moment = _moment(recording, imu, fixes, velocity, at)
+    found = _heading(recording, imu, at, given, moment.bg, fixes.y[moment.nearest])
+    return _start_heading(recording, moment, _or_course(found, recording, fixes, velocity, at))
+
+
+def starts_around(
+    recording: Recording, imu: StatesBiases, t: float, headings: Iterable[Found]
+) -> list[Start]:
+    """Starts at t (s), one for each of these headings."""
+    fixes, velocity = position_and_velocity(recording)
+    assert fixes is not None  # whoever tries headings has a Start, and so a fix
+    moment = _moment(recording, imu, fixes, velocity, t)
+    return [_start_heading(recording, moment, heading) for heading in headings]
+
+
+class _Moment(NamedTuple):
+    """What is known of an instant before its heading and its level are."""
+
+    t: float  # s
+    fixes: Aiding  # positions
+    nearest: int  # row of them
+    velocity: Aiding | None
+    v: Array  # m/s NED
+    v_sd: Array  # m/s
+    rest: list[Ints]  # that begin before t
+    omega: Array  # rad/s, body
+    f: Array  # m/s^2, body
+    bg: Array  # rad/s, gyro bias
+    bias_sd: Array  # m/s^2 and rad/s, of both biases
+    force: MeanForce
+    note: str  # on the gyro bias
+
+
+def _moment(
+    recording: Recording, imu: StatesBiases, fixes: Aiding, velocity: Aiding | None, t: float
+) -> _Moment:
+    rest = rests(recording, t)
+    bg, bg_sd, note = gyro_bias(recording.imu, imu, t, rest)
+    b_a_sd = imu.bias_sd()[0]
+    return _Moment(
+        t,
         fixes,
+        int(np.argmin(np.abs(fixes.t - t))),
         velocity,
-        at,
-        lambda t: _heading(recording, imu, t, given, np.zeros(3), fixes.y[0]).known,
+        *_velocity(fixes, velocity, t),
+        rest.before,
+        *_rates(recording, t, bg),
+        bg,
+        np.r_[np.full(3, b_a_sd), bg_sd],
+        mean_force(recording, t, bg),
+        note,
     )
-    k = int(np.argmin(np.abs(fixes.t - t)))
-    age = abs(t - fixes.t[k])
-    rest = _rest_before(recording, t)
-    bg, bg_sd, bias_note = _gyro_bias(recording, rest, b_g_sd)
-    omega, f = _rates(recording, t, bg)
-    psi, psi_sd, psi_note, still = _or_course(
-        _heading(recording, imu, t, given, bg, fixes.y[k]), v, moving
-    )
+
+
+def _start_heading(recording: Recording, moment: _Moment, heading: Found) -> Start:
+    """The Start at that moment and heading."""
+    t, fixes, k = moment.t, moment.fixes, moment.nearest
+    psi = heading.heading
     roll, pitch, level_sd, level_note = (
-        _level_at_rest(mean_force(recording, t, bg), b_a_sd)
-        if still
-        else _level(recording, rest, velocity, b_a_sd, _Moment(t, v, omega, f, bg, psi, psi_sd))
+        _level_at_rest(moment.force, moment.bias_sd[0])
+        if heading.at_rest
+        else _level(recording, moment, heading)
     )
-    if record := _recorded(recording, t, bg):
+    if record := _recorded(recording, t, moment.bg):
         roll, pitch, level_sd, level_note = _level_recorded(record, psi)
     C = body_to_navigation(roll, pitch, psi)
-    v = v - C @ np.cross(omega, _arm(velocity))
+    v = moment.v - C @ np.cross(moment.omega, _arm(moment.velocity))
     lla = displaced(fixes.y[k], v * (t - fixes.t[k]) - C @ _arm(fixes))
     sd = [
-        *np.hypot(fixes.sd[k], age * v_sd),
-        *v_sd,
+        *np.hypot(fixes.sd[k], abs(t - fixes.t[k]) * moment.v_sd),
+        *moment.v_sd,
         *np.broadcast_to(level_sd, 2),
-        psi_sd,
-        *[b_a_sd] * 3,
-        *bg_sd,
+        heading.sd,
+        *moment.bias_sd,
     ]
     return _start(
         t,
         lla,
         v,
         (roll, pitch, psi),
-        bg,
+        moment.bg,
         sd,
-        f"position and velocity at {t:.2f} s, {psi_note}, {level_note}, {bias_note}",
+        f"position and velocity at {t:.2f} s, {heading.note}, {level_note}, {moment.note}",
     )
 
 
@@ -163,20 +200,21 @@ def _attitude_start(
 ) -> Start:
     """A Start for a filter of attitude alone: level from rest or else the mean specific force;
     place and velocity as far as they are known."""
-    fixes, velocity = _source(recording, "position"), _source(recording, "velocity")
+    fixes, velocity = position_and_velocity(recording)
     lla, lla_sd, place_note = _place(recording, fixes, t)
-    v, v_sd, moving = np.zeros(3), np.full(3, UNKNOWN_SPEED), False
+    v, v_sd = np.zeros(3), np.full(3, UNKNOWN_SPEED)
     if fixes is not None and fixes.t[0] - 1 <= t <= fixes.t[-1] + 1:
-        _, v, v_sd, moving = _instant(recording, fixes, velocity, t)
-    b_a_sd, b_g_sd = imu.bias_sd()
-    rest = _rest_before(recording, t, REST_AHEAD)
-    bg, bg_sd, bias_note = _gyro_bias(recording, rest, b_g_sd)
-    bg_sd = np.hypot(bg_sd, _unsteadiness(recording.imu, rest)) if bg.any() else bg_sd
+        v, v_sd = _velocity(fixes, velocity, t)
+    b_a_sd = imu.bias_sd()[0]
+    found = rests(recording, t)
+    rest = found.before
+    bg, bg_sd, bias_note = gyro_bias(recording.imu, imu, t, found)
     place = lla if np.isfinite(lla_sd).all() else None
     psi, psi_sd, psi_note, still = _or_course(
-        _heading(recording, imu, t, given, bg, place), v, moving
+        _heading(recording, imu, t, given, bg, place), recording, fixes, velocity, t
     )
-    force, age = mean_force(recording, t, bg), t - recording.imu.t[rest[-1][-1]] if rest else np.inf
+    force = mean_force(recording, t, bg)
+    age = t - recording.imu.t[rest[-1][-1]] if rest else np.inf
     record = _recorded(recording, t, bg)
     if force.off > WEIGHTLESS and not record:
         raise DataError(
@@ -234,18 +272,6 @@ def _levels_in_motion(
         ).sum()
         found.append((roll, pitch, np.hypot(sd, GYRO_SCALE * turned), note))
     return found
-
-
-class _Moment(NamedTuple):
-    """What is known of an instant before its level is."""
-
-    t: float  # s
-    v: Array  # m/s NED
-    omega: Array  # rad/s, body
-    f: Array  # m/s^2, body
-    bg: Array  # rad/s, gyro bias
-    psi: float  # rad, heading
-    psi_sd: float  # rad
 
 
 class Record(NamedTuple):
@@ -333,88 +359,22 @@ def _rates(recording: Recording, t: float, bg: Array) -> tuple[Array, Array]:
     return imu.dtheta[rows].sum(axis=0) / seconds - bg, imu.dv[rows].sum(axis=0) / seconds
 
 
-def _source(recording: Recording, kind: str) -> Aiding | None:
-    """The first source of that kind with a complete fix within the IMU's time, those fixes only;
-    or None."""
-    for a in recording.aidings:
-        usable = (
-            np.isfinite(a.y).all(axis=1) & (a.t >= recording.span[0]) & (a.t < recording.span[1])
-            if a.kind == kind
-            else np.array([False])
-        )
-        if usable.any():
-            return a._where(usable)
-    return None
+def _instant(recording: Recording, position: Aiding, velocity: Aiding | None) -> float:
+    """When to start where the heading can only come from the course: where that is best, else
+    with the first fix."""
+    found = courses(recording.imu, position, velocity)
+    best = best_instant(found, recording.imu)
+    return max(float(found.t[best or 0]), recording.span[0])
 
 
-def _instant(
-    recording: Recording,
-    position: Aiding,
-    velocity: Aiding | None,
-    at: float | None = None,
-    heading_known: Callable[[float], bool] | None = None,
-) -> tuple[float, Array, Array, bool]:
-    """When to start, and velocity (m/s), its sd and whether the course is to be believed then;
-    without `at`, once `heading_known(t)` or fast."""
-    t, v, sd = _velocities(position, velocity)
-    if at is not None:
-        k = int(np.argmin(np.abs(t - at)))
-        between = np.array([np.interp(at, t, column) for column in v.T])
-        return (
-            at,
-            between,
-            np.hypot(sd[k], UNKNOWN_ACCELERATION * abs(at - t[k])),
-            np.hypot(*between[:2]) > MOVING,
-        )
-    fast = np.hypot(v[:, 0], v[:, 1]) > MOVING
-    first = max(t[0], recording.span[0])
-    known = heading_known is not None and fast.any() and heading_known(first)
-    k = int(np.argmax(fast)) if fast.any() and not known else 0
-    return max(t[k], recording.span[0]), v[k], sd[k], fast[k]
-
-
-def _velocities(position: Aiding, velocity: Aiding | None) -> tuple[Array, Array, Array]:
-    """Times, velocities and standard deviations: of the velocity source, else of differences of
-    positions."""
-    if velocity is not None:
-        later = velocity.t >= position.t[0] - 0.5
-        if later.any():
-            return velocity.t[later], velocity.y[later], velocity.sd[later]
-    if len(position.t) < 2:
-        return position.t, np.zeros((1, 3)), np.full((1, 3), 10.0)
-    step = np.diff(position.t)[:, None]
-    v = displacement(position.y[1:], position.y[:-1]) / step
-    return position.t[1:], v, np.hypot(position.sd[1:], position.sd[:-1]) / step + 0.5
-
-
-def _rest_before(recording: Recording, t: float, ahead: float = 0.0) -> list[Ints]:
-    """The rests before t that lasted REST_TIME, as arrays of rows, in order; with `ahead` (s) so
-    much after t counts too, of a rest that holds t."""
-    imu = recording.imu
-    first, n = np.searchsorted(imu.t, [t - REST_SEARCH, t + ahead])
-    if n - first < 2:
-        return []
-    still = at_rest(type(imu)(*(column[first:n] for column in imu))) & ~_moves(
-        recording, imu.t[first:n]
+def _velocity(position: Aiding, velocity: Aiding | None, at: float) -> tuple[Array, Array]:
+    """Velocity (m/s) and its sd at an instant: between fixes interpolated."""
+    t, v, sd = velocities(position, velocity)
+    k = int(np.argmin(np.abs(t - at)))
+    return (
+        np.array([np.interp(at, t, column) for column in v.T]),
+        np.hypot(sd[k], UNKNOWN_ACCELERATION * abs(at - t[k])),
     )
-    runs = [np.arange(*run) for run in first + stretches(still)]
-    return [
-        run
-        for run in runs
-        if imu.t[run[-1]] - imu.t[run[0]] >= REST_TIME and imu.t[run[0]] - imu.dt[run[0]] <= t + 0.1
-    ]
-
-
-def _moves(recording: Recording, t: Array) -> Mask:
-    """Where the fixes around the times t say that the vehicle moves: smooth flight feels like
-    rest to an IMU."""
-    position, velocity = _source(recording, "position"), _source(recording, "velocity")
-    if position is None:
-        return np.zeros(len(t), bool)
-    t_fix, v, sd = _velocities(position, velocity)
-    fast = np.hypot(v[:, 0], v[:, 1]) > FASTEST_REST + 2 * np.hypot(sd[:, 0], sd[:, 1])
-    after = np.searchsorted(t_fix, t)
-    return fast[np.clip(after - 1, 0, len(fast) - 1)] | fast[np.clip(after, 0, len(fast) - 1)]
 
 
 def _heading(
@@ -432,19 +392,19 @@ def _heading(
     record = _recorded(recording, t, bg)
     if record and record.sd[2] < UNKNOWN_SD and np.isfinite(record.rph[2]):
         return Found(record.rph[2], float(record.sd[2]), f"heading from {record.name}")
-    source = _source(recording, "heading")
-    if source is not None:
-        k = int(np.argmin(np.abs(source.t - t)))
-        away = np.linalg.norm(_rates(recording, t, bg)[0]) * (t - source.t[k])
+    compass = source(recording, "heading")
+    if compass is not None:
+        k = int(np.argmin(np.abs(compass.t - t)))
+        away = np.linalg.norm(_rates(recording, t, bg)[0]) * (t - compass.t[k])
         return Found(
-            float(source.y[k, 0]), float(np.hypot(source.sd[k, 0], away)), "heading measured"
+            float(compass.y[k, 0]), float(np.hypot(compass.sd[k, 0], away)), "heading measured"
         )
-    field, b_a_sd = _source(recording, "magnetic-field"), imu.bias_sd()[0]
-    rest = _rest_before(recording, t, REST_AHEAD) if field is not None else []
+    field, b_a_sd = source(recording, "magnetic-field"), imu.bias_sd()[0]
+    rest = rests(recording, t).before if field is not None else []
     tilt_sd = LEVEL_SD_REST if rest and t - recording.imu.t[rest[-1][-1]] < 1.0 else LEVEL_SD_MOVING
     found = [
         magnetic_heading(recording, field, t, bg, np.hypot(tilt_sd, b_a_sd / GRAVITY_EQUATOR)),
-        earth_rate_heading(recording, imu, t, place, lambda t: _moves(recording, t)),
+        earth_rate_heading(recording, imu, t, place, lambda t: moves(recording, t)),
     ]
     return min(
         (each for each in found if each),
@@ -453,51 +413,95 @@ def _heading(
     )
 
 
-def _or_course(found: Found, v: Array, moving: bool) -> Found:
+def _or_course(
+    found: Found, recording: Recording, position: Aiding | None, velocity: Aiding | None, t: float
+) -> Found:
     """The Found heading, else the course, else an unknown one; they say what kept the other from
     being found."""
     if found.known:
         return found
     why = found.note and f" ({found.note})"
-    if moving:
-        return Found(
-            float(np.arctan2(v[1], v[0])),
-            COURSE_SD,
-            f"heading from the course at {np.hypot(v[0], v[1]):.1f} m/s{why}",
-        )
-    return Found(0.0, UNKNOWN_SD, f"heading unknown{why or f' (never faster than {MOVING:g} m/s)'}")
+    if position is not None:
+        course = heading_of(courses(recording.imu, position, velocity), recording.imu, t)
+        if course is not None:
+            return course._replace(note=course.note + why)
+        why = why or f" (no speed beyond {SURE:g} standard deviations there)"
+    return Found(0.0, UNKNOWN_SD, f"heading unknown{why}")
 
 
-def _level(
-    recording: Recording,
-    rest: list[Ints],
-    velocity: Aiding | None,
-    b_a_sd: float,
-    moment: _Moment,
-) -> Level:
+def _level(recording: Recording, moment: _Moment, heading: Found) -> Level:
     """Roll, pitch, their sd and a note: from the last rest, carried to t by the gyros; else from
     specific force less the acceleration."""
-    t, v, omega, f, bg, psi, psi_sd = moment
-    if rest and t - recording.imu.t[rest[-1][-1]] < REST_AGE:
-        return _level_from_rest(recording, t, rest, bg, b_a_sd)
-    if psi_sd == UNKNOWN_SD:
-        return *level(f), LEVEL_SD_GUESSED, "level from specific force alone"
-    if velocity is not None and len(velocity.t) > 1:
-        k = int(np.clip(np.searchsorted(velocity.t, t), 1, len(velocity.t) - 1))
-        step = velocity.t[k] - velocity.t[k - 1]
-        if step <= 2.0 and velocity.t[k - 1] <= t <= velocity.t[k]:
-            return (
-                *level(f, (velocity.y[k] - velocity.y[k - 1]) / step, psi),
-                LEVEL_SD_MOVING,
-                "level in motion",
-            )
+    t, v, velocity, psi = moment.t, moment.v, moment.velocity, heading.heading
+    if moment.rest and t - recording.imu.t[moment.rest[-1][-1]] < REST_AGE:
+        return _level_from_rest(recording, t, moment.rest, moment.bg, moment.bias_sd[0])
+    if not heading.known:
+        return *level(moment.f), LEVEL_SD_GUESSED, "level from specific force alone"
+    if velocity is not None and (between := _around(velocity.t, t)):
+        first, last = between
+        step = velocity.t[last] - velocity.t[first]
+        window = (float(velocity.t[first]), float(velocity.t[last]))
+        force = mean_force(recording, t, moment.bg, window)
+        noise = np.hypot(velocity.sd[first, :2], velocity.sd[last, :2]).max() / step
+        return (
+            *level(force.f, (velocity.y[last] - velocity.y[first]) / step, psi),
+            float(np.linalg.norm([LEVEL_SD_MOVING, noise / GRAVITY_EQUATOR])),
+            "level in motion",
+        )
+    if by_positions := _level_by_positions(recording, moment, psi):
+        return by_positions
     c, s = np.cos(psi), np.sin(psi)
     v_b = np.array([c * v[0] + s * v[1], c * v[1] - s * v[0], 0.0])
     return (
-        *level(f - np.cross(omega, v_b)),
+        *level(moment.f - np.cross(moment.omega, v_b)),
         LEVEL_SD_GUESSED,
         "level in motion, without the change of speed",
     )
+
+
+def _level_by_positions(recording: Recording, moment: _Moment, psi: float) -> Level | None:
+    """Roll, pitch, their sd and a note: from specific force less the second difference of three
+    positions around t, as far apart as their noise and the gyros like it; None without."""
+    found = []
+    for apart in (1.0, 2.0, 4.0):
+        if (rows := _three(moment.fixes.t, moment.t, apart)) is None:
+            continue
+        t, y, sd = (column[rows] for column in (moment.fixes.t, moment.fixes.y, moment.fixes.sd))
+        before, after = np.diff(t)
+        weights = np.array([1 / before, -1 / before - 1 / after, 1 / after]) * 2 / (before + after)
+        errors = [
+            LEVEL_SD_MOVING,
+            np.linalg.norm(weights * sd[:, :2].max(axis=1)) / GRAVITY_EQUATOR,
+            apart * moment.bias_sd[3:].max(),
+        ]
+        found.append((float(np.linalg.norm(errors)), t, weights @ displacement(y, y[1])))
+    found = [each for each in found if each[0] < LEVEL_SD_GUESSED]
+    if not found:
+        return None
+    level_sd, t, acceleration = min(found, key=lambda each: each[0])
+    force = mean_force(recording, moment.t, moment.bg, (t[0], t[2]), t[1])
+    return *level(force.f, acceleration, psi), level_sd, "level in motion"
+
+
+def _three(t: Array, at: float, apart: float) -> Ints | None:
+    """Places of three of these times (n,) that hold an instant and are so far apart (s), not much
+    further; None without."""
+    first = max(int(np.searchsorted(t, at - apart, side="right")) - 1, 0)
+    middle = int(np.searchsorted(t, t[first] + apart - 1e-6))
+    last = int(np.searchsorted(t, t[min(middle, len(t) - 1)] + apart - 1e-6))
+    held = last < len(t) and t[first] <= at <= t[last] <= t[first] + 3 * apart
+    return np.array([first, middle, last]) if held else None
+
+
+def _around(t: Array, at: float) -> tuple[int, int] | None:
+    """Places of two of these times (n,) that hold an instant and are a second apart, at most two;
+    None without."""
+    if len(t) < 2:
+        return None
+    first = int(np.clip(np.searchsorted(t, at - 0.5, side="right") - 1, 0, len(t) - 2))
+    last = int(np.clip(np.searchsorted(t, t[first] + 1.0 - 1e-6), first + 1, len(t) - 1))
+    held = t[first] <= at <= t[last] and t[last] - t[first] <= 2.0
+    return (first, last) if held else None
 
 
 def _level_from_rest(
@@ -509,7 +513,7 @@ def _level_from_rest(
     roll, pitch = level(imu.dv[last].sum(axis=0) / imu.dt[last].sum())
     since = slice(last[-1] + 1, int(np.searchsorted(imu.t, t)))
     roll, pitch = _carried(roll, pitch, imu.dtheta[since] - bg * imu.dt[since, None])
-    age = t - imu.t[last[-1]]
+    age = max(0.0, t - imu.t[last[-1]])
     return (
         roll,
         pitch,
@@ -537,33 +541,3 @@ def _carried(roll: float, pitch: float, dtheta: Array) -> tuple[float, float]:
     return level(
         turn.inv().apply(body_to_navigation(roll, pitch, 0.0).T @ [0.0, 0.0, -GRAVITY_EQUATOR])
     )
-
-
-def _gyro_bias(recording: Recording, rest: list[Ints], b_g_sd: float) -> tuple[Array, Array, str]:
-    """Gyro bias (rad/s) from all rest, where the IMU's own turn-on bias is larger than the
-    Earth's rate that rest cannot tell from it."""
-    if not rest or b_g_sd <= 2 * RATE:
-        return (
-            np.zeros(3),
-            np.full(3, b_g_sd),
-            "biases smaller than the Earth's rate" if rest else "biases unknown",
-        )
-    imu, rows = recording.imu, np.concatenate(rest)
-    T = imu.dt[rows].sum()
-    noise = imu.dtheta[rows].std(axis=0) * np.sqrt(len(rows)) / T
-    return (
-        imu.dtheta[rows].sum(axis=0) / T,
-        np.hypot(noise, RATE),
-        f"gyro bias from {T:.0f} s of rest",
-    )
-
-
-def _unsteadiness(imu: Imu, rest: list[Ints]) -> Array:
-    """(3,) rad/s: scatter of the mean rates of single seconds of these rests. A hand that turns
-    slowly feels like rest, but not as steady."""
-    seconds = [
-        imu.dtheta[part].sum(axis=0) / imu.dt[part].sum()
-        for run in rest
-        for part in np.array_split(run, max(1, int(imu.t[run[-1]] - imu.t[run[0]])))
-    ]
-    return np.std(seconds, axis=0)

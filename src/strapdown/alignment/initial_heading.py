@@ -6,6 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from ..core.contract import Noise
 from ..core.earth import GRAVITY_EQUATOR, RATE
 from ..data import Aiding
 from ..geodesy import wrap
@@ -25,6 +26,9 @@ GYROCOMPASS_SD = np.radians(5.0)  # deviation from which on the Earth's rate giv
 
 class StatesBiases(Protocol):
     """Of an IMU's description all that an alignment asks for; an ImuSpec has it."""
+
+    def noise(self) -> Noise:
+        """What a filter assumes of it."""
 
     def bias_sd(self) -> tuple[float, float]:
         """Standard deviations of the turn-on biases: accelerometer m/s^2, gyro rad/s."""
@@ -103,18 +107,26 @@ class MeanForce(NamedTuple):
     turns: Callable[[Array], Array]
 
 
-def mean_force(recording: Recording, t: float, bg: Array) -> MeanForce:
-    """The MeanForce at t: over half a second before and after it, or over a second after or before
-    it where the record begins or ends there.
+def mean_force(
+    recording: Recording,
+    t: float,
+    bg: Array,
+    window: tuple[float, float] | None = None,
+    peak: float | None = None,
+) -> MeanForce:
+    """The MeanForce at t: over the `window` (begin and end, s), else over half a second before and
+    after it, or over a second after or before it where the record begins or ends there; weighted by
+    a triangle over the window where its `peak` (s) is given, as a second difference weights.
 
     Every sample is turned by the gyros, less their bias bg (rad/s), to the body as it is at t: a
     rotation does not blur the mean.
     """
     imu, (first, last) = recording.imu, recording.span
     begin = min(max(t - 0.5, first), last - 1.0)
+    begin, end = window or (begin, begin + 1.0)
     rows = slice(
         *np.clip(
-            np.searchsorted(imu.t, [begin + 1e-9, begin + 1.0 + 1e-9]),
+            np.searchsorted(imu.t, [begin + 1e-9, end + 1e-9]),
             [0, 1],
             [len(imu.t) - 1, len(imu.t)],
         )
@@ -131,7 +143,10 @@ def mean_force(recording: Recording, t: float, bg: Array) -> MeanForce:
             ]
         )
 
-    f = np.einsum("nij,nj->i", turns(middles), imu.dv[rows]) / seconds.sum()
+    weights = (
+        np.ones(len(middles)) if peak is None else np.interp(middles, [begin, peak, end], [0, 1, 0])
+    )
+    f = np.einsum("n,nij,nj->i", weights, turns(middles), imu.dv[rows]) / (weights @ seconds)
     return MeanForce(
         f,
         float(abs(np.linalg.norm(f) / GRAVITY_EQUATOR - 1)),

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 
 from .. import filters
-from ..alignment.initial import align
 from ..checks import DataError
 from ..core.contract import Filter, Noise, Start
 from ..data import Solution
@@ -13,6 +12,7 @@ from ..recording import Recording
 from ..typing import Progress, Say
 from .attitude_first import fed
 from .finish import solution
+from .heading_hypotheses import aligned
 from .prepare import (
     Asked,
     GivenImu,
@@ -42,7 +42,7 @@ def fuse(
     """Run `filter` over `recording` and return the Solution.
 
     imu: grade, file or ImuSpec (default: what the recording names); start: a Start (default:
-    `alignment.align`), to which fixes at its time belong: they are not used again; noise: a Noise
+    `heading_hypotheses.aligned`), to which fixes at its time belong: they are not used again; noise: a Noise
     in place of the IMU's; every: keep each n-th row (the last one always); covariance: keep the
     whole covariance of these rows too; say: told of slow compilation; progress: called with the
     fraction done; ahrs: a filter of attitude alone that runs first and whose output at `ahrs_rate`
@@ -83,5 +83,5 @@ def begin(recording: Recording, filter: str | Filter, asked: Asked) -> Run:
     check_needs(filter, recording.aidings)
     if start is None:
         assert spec is not None  # it was needed above
-        start = align(recording, spec, position=positioned(filter))
+        start = aligned(recording, spec, positioned(filter), asked.noise, asked.say)
     return ready(recording, filter, start, noise, spec, asked, made)

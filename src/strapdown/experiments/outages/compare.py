@@ -14,10 +14,10 @@ from typing import Any
 import pandas as pd
 
 from ... import aiding, filters
-from ...alignment.initial import align
 from ...checks import DataError, check_number
 from ...core.contract import Filter, Noise, Start
 from ...data import Trajectory
+from ...engine.heading_hypotheses import aligned
 from ...engine.prepare import GivenImu, assumed_noise, positioned, prepare
 from ...recording import Recording
 from ...sensor_models.imu import ImuSpec
@@ -85,13 +85,13 @@ def compare(
         if start is not None:
             return start
         assert spec is not None  # it was needed above
-        return align(recording, spec)
+        return aligned(recording, spec, noise=noise, say=say)
 
     made = protocol(outages, recording.span, end, lambda: whole().t + SETTLING)
     # without the fixes of an early outage an alignment would wait, or begin with less
     before_start(made, whole())
     hidden = recording.hidden(made.windows, kinds)
-    start = start or _aligned(hidden, spec)
+    start = start or _aligned(hidden, spec, noise, say)
     before_start(made, start)
     scenes, notes = outages_of(made, recording, reference, kinds, start)
     if ahrs is not None and not any("attitude" in entrant.filter.needs for entrant in entrants):
@@ -173,10 +173,12 @@ def _check_ahrs(name: str | None) -> None:
         raise DataError(f"ahrs is {name!r}, which is no AHRS; there are: {', '.join(known)}")
 
 
-def _aligned(recording: Recording, spec: ImuSpec | None) -> Start:
+def _aligned(
+    recording: Recording, spec: ImuSpec | None, noise: Noise | None, say: Say | None
+) -> Start:
     assert spec is not None  # it is, where there is no start
     try:
-        return align(recording, spec)
+        return aligned(recording, spec, noise=noise, say=say)
     except DataError as error:
         raise DataError(f"alignment without the fixes of the outages: {error}") from None
 

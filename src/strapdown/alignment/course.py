@@ -1,0 +1,158 @@
+"""The course over ground as a heading: where fixes say that a vehicle goes, as far as they are sure
+that it goes anywhere.
+
+The forward axis is taken to point where the vehicle goes. That is wrong by the sideslip, by the
+drift in wind and current, by half a turn in reverse, and by anything for what is carried in a hand;
+the standard deviation allows for the first two.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.contract import Imu
+from ..data import Aiding
+from ..geodesy import displacement
+from ..preprocessing.stationary import at_rest
+from ..typing import Array
+from .fixes import velocities
+from .initial_heading import UNKNOWN_SD, Found
+
+COURSE_SD = np.radians(15.0)  # sideslip, and the crab of what is fast against the wind
+DRIFT = 0.5  # m/s across the forward axis: wind, current, a step aside
+SURE = 5.0
+"""Standard deviations that a speed must exceed to have a course: of noise one in 3e5 does."""
+SURE_AT_REST = 15.0
+"""The same where the IMU feels no motion: smooth travel does, and so do fixes that are worse than
+their standard deviations say."""
+MOVING = 5.0  # m/s: a course that is worth waiting for
+WAIT = 300.0  # s for it, from the first course on
+ENOUGH = 0.06  # rad of noise: no more fixes are asked
+LONGEST = 10.0  # s that the fixes of one course may span
+
+
+class Courses(NamedTuple):
+    """Mean velocities up to each fix, over as many fixes as make the course sure."""
+
+    t: Array  # (n,) s
+    v: Array  # (n, 2) m/s, north and east
+    sd: Array  # (n,) m/s, of either
+    turned: Array  # (n,) rad: by how much the body turned meanwhile
+
+    @property
+    def speed(self) -> Array:
+        """(n,) m/s."""
+        return np.hypot(self.v[:, 0], self.v[:, 1])
+
+    @property
+    def noise(self) -> Array:
+        """(n,) rad: standard deviation of the course as the heading at its fix, but for drift."""
+        return np.hypot(self.sd / np.maximum(self.speed, 1e-9), 0.5 * self.turned)
+
+
+def courses(imu: Imu, position: Aiding, velocity: Aiding | None) -> Courses:
+    """The Courses of a velocity source, else of displacements between positions: each over 1, 2, 4,
+    ... intervals within `LONGEST` seconds."""
+    t, v, sd = velocities(position, velocity)
+    angle = np.cumsum(_turns(imu, t), axis=0)
+    best = Courses(t, v[:, :2].copy(), _rms(sd), np.zeros(len(t)))
+    for several in 2 ** np.arange(1, max(1, len(t).bit_length())):
+        last = slice(int(several) - 1, None)
+        first = slice(None, len(t) - int(several) + 1)
+        span = t[last] - t[first]
+        if not (span <= LONGEST).any():
+            break
+        if velocity is None:
+            mean = _displacement_rate(position, int(several))
+        else:
+            mean = _mean(velocity, int(several), span)
+        turned = np.linalg.norm(angle[last] - angle[first], axis=1)
+        found, here = Courses(t[last], *mean, turned), Courses(*(column[last] for column in best))
+        surer = (here.noise > ENOUGH) & (found.noise < here.noise) & (span <= LONGEST)
+        for column, better in zip(here, found):
+            column[surer] = better[surer]
+    return best
+
+
+def _mean(velocity: Aiding, several: int, span: Array) -> tuple[Array, Array]:
+    """Means (k, 2) of so many velocities in a row, that span so many seconds, and their sd (k,).
+    Those of one second count as one: their errors are alike."""
+    v = np.cumsum(np.vstack([np.zeros(2), velocity.y[:, :2]]), axis=0)
+    variance = np.cumsum(np.r_[0.0, _rms(velocity.sd) ** 2])
+    independent = np.clip(span + 1.0, 1.0, several)
+    return (
+        (v[several:] - v[:-several]) / several,
+        np.sqrt((variance[several:] - variance[:-several]) / several / independent),
+    )
+
+
+def _displacement_rate(position: Aiding, several: int) -> tuple[Array, Array]:
+    """Displacements (k, 2) over so many intervals by their time, m/s, and their sd (k,)."""
+    seconds = position.t[several:] - position.t[:-several]
+    moved = displacement(position.y[several:], position.y[:-several])[:, :2]
+    return moved / seconds[:, None], np.hypot(
+        _rms(position.sd[several:]), _rms(position.sd[:-several])
+    ) / seconds
+
+
+def _rms(sd: Array) -> Array:
+    return np.sqrt(np.mean(sd[:, :2] ** 2, axis=1))
+
+
+def _turns(imu: Imu, t: Array) -> Array:
+    """(n, 3) rad: what the gyros sum up to before each of these times since the one before."""
+    rows = np.minimum(np.searchsorted(imu.t, t, side="right"), len(imu.t) - 1)
+    sums = np.add.reduceat(imu.dtheta, rows, axis=0)
+    sums[:-1][rows[1:] == rows[:-1]] = 0.0  # where no sample lies between
+    return np.vstack([np.zeros(3), sums[:-1]])
+
+
+def heading_of(courses: Courses, imu: Imu, t: float) -> Found | None:
+    """The Found heading at t, by the courses before and after; None where neither is sure."""
+    after = int(np.searchsorted(courses.t, t))
+    near = [k for k in (after - 1, after) if 0 <= k < len(courses.t) and is_sure(courses, imu, k)]
+    if not near:
+        return None
+    k = min(near, key=lambda k: abs(courses.t[k] - t))
+    v = courses.v[k]
+    if len(near) == 2:
+        share = (t - courses.t[near[0]]) / (courses.t[near[1]] - courses.t[near[0]])
+        v = (1 - share) * courses.v[near[0]] + share * courses.v[near[1]]
+    away = np.linalg.norm(_turns(imu, np.sort([courses.t[k], t]))[1])
+    speed = np.hypot(*v)
+    sd = np.linalg.norm([COURSE_SD, DRIFT / speed, courses.noise[k], away])
+    return Found(
+        float(np.arctan2(v[1], v[0])),
+        float(min(sd, UNKNOWN_SD)),
+        f"heading from the course at {speed:.1f} m/s",
+    )
+
+
+def is_sure(courses: Courses, imu: Imu, k: int) -> bool:
+    """Whether the k-th has a course: a speed that its noise does not make."""
+    if not courses.speed[k] > SURE * courses.sd[k]:
+        return False
+    return bool(courses.speed[k] > SURE_AT_REST * courses.sd[k]) or not _still(imu, courses.t[k])
+
+
+def _still(imu: Imu, t: float) -> bool:
+    """Whether the IMU feels rest at t."""
+    rows = slice(*np.searchsorted(imu.t, [t - 1.5, t + 1.5]))
+    still = at_rest(Imu(*(column[rows] for column in imu)))
+    return bool(len(still)) and bool(
+        still[min(int(np.searchsorted(imu.t[rows], t)), len(still) - 1)]
+    )
+
+
+def best_instant(courses: Courses, imu: Imu) -> int | None:
+    """The place of the course to start at: the first faster than `MOVING` where one comes within
+    `WAIT` seconds of the first, else the first; None without any."""
+    first = None
+    for k in np.flatnonzero(courses.speed > SURE * courses.sd):
+        if first is not None and courses.t[k] > courses.t[first] + WAIT:
+            break
+        if (first is None or courses.speed[k] > MOVING) and is_sure(courses, imu, int(k)):
+            if courses.speed[k] > MOVING:
+                return int(k)
+            first = int(k)
+    return first

@@ -1,0 +1,73 @@
+"""Of the fixes of a recording what an alignment can use: their complete ones, and the velocities
+that they tell."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..data import Aiding
+from ..geodesy import displacement
+from ..recording import Recording
+from ..typing import Array
+
+UNKNOWN_SPEED = 10.0  # m/s: standard deviation of a velocity of which nothing is known
+UNKNOWN_CHANGE = 0.5  # m/s: what a mean velocity between two fixes differs by from that at the last
+HORIZONTAL = slice(0, 2)
+
+
+class Velocities(NamedTuple):
+    """Velocities over ground, NED, one a row."""
+
+    t: Array  # (n,) s
+    v: Array  # (n, 3) m/s
+    sd: Array  # (n, 3) m/s
+
+
+def source(recording: Recording, kind: str, needed: slice = slice(None)) -> Aiding | None:
+    """The first source of that kind with a fix within the IMU's time whose `needed` components
+    are all there, those fixes only; or None."""
+    for a in recording.aidings:
+        usable = (
+            np.isfinite(a.y[:, needed]).all(axis=1)
+            & (a.t >= recording.span[0])
+            & (a.t < recording.span[1])
+            if a.kind == kind
+            else np.array([False])
+        )
+        if usable.any():
+            return a._where(usable)
+    return None
+
+
+def position_and_velocity(recording: Recording) -> tuple[Aiding | None, Aiding | None]:
+    """The `source` of positions, and that of velocities from the first position on, whose vertical
+    part is the climb of the positions where it was not measured."""
+    position, velocity = source(recording, "position"), source(recording, "velocity", HORIZONTAL)
+    if velocity is not None and position is not None:
+        later = velocity.t >= position.t[0] - 0.5
+        velocity = velocity._where(later) if later.any() else None
+    if velocity is None or np.isfinite(velocity.y).all():
+        return position, velocity
+    v, sd = velocity.y.copy(), velocity.sd.copy()
+    missing = ~np.isfinite(v[:, 2])
+    v[missing, 2], sd[missing, 2] = 0.0, UNKNOWN_SPEED
+    if position is not None and len(position.t) > 1:
+        climb = velocities(position, None)
+        for column, of_climb in ((v, climb.v), (sd, climb.sd)):
+            column[missing, 2] = np.interp(velocity.t[missing], climb.t, of_climb[:, 2])
+    return position, replace(velocity, y=v, sd=sd)
+
+
+def velocities(position: Aiding, velocity: Aiding | None) -> Velocities:
+    """Of the velocity source, else of differences of positions."""
+    if velocity is not None:
+        return Velocities(velocity.t, velocity.y, velocity.sd)
+    if len(position.t) < 2:
+        return Velocities(position.t, np.zeros((1, 3)), np.full((1, 3), UNKNOWN_SPEED))
+    step = np.diff(position.t)[:, None]
+    return Velocities(
+        position.t[1:],
+        displacement(position.y[1:], position.y[:-1]) / step,
+        np.hypot(position.sd[1:], position.sd[:-1]) / step + UNKNOWN_CHANGE,
+    )

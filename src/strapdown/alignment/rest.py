@@ -1,0 +1,128 @@
+"""Where a vehicle stands still, before an instant and after it, and the gyro bias that this tells."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.contract import Imu
+from ..core.earth import RATE
+from ..preprocessing.stationary import at_rest, stretches
+from ..recording import Recording
+from ..typing import Array, Ints, Mask
+from .fixes import position_and_velocity, velocities
+from .initial_heading import StatesBiases
+
+REST_TIME = 2.0  # s: shortest rest that is worth averaging
+FASTEST_REST = 0.3  # m/s: fixes surely faster than that are no rest, whatever the IMU feels
+SURELY = 4.0  # standard deviations of a component: one in 3000 is as fast by noise
+TURNING = 4.0  # standard deviations of the gyro bias that the mean rate of a rest must not exceed
+REST_SEARCH = 600.0  # s before and after an instant in which rest is looked for
+
+
+class Rests(NamedTuple):
+    """The rests that lasted `REST_TIME`, as arrays of rows, in order."""
+
+    before: list[Ints]  # that begin before the instant; the last may hold it
+    after: list[Ints]
+
+    def until(self, imu: Imu, t: float) -> float:
+        """s: when the rest ends that holds t; t itself where none does."""
+        return max(t, float(imu.t[self.before[-1][-1]])) if self.before else t
+
+
+def rests(recording: Recording, t: float) -> Rests:
+    """The Rests within `REST_SEARCH` seconds of t, by the IMU and by the fixes around."""
+    imu = recording.imu
+    first, n = np.searchsorted(imu.t, [t - REST_SEARCH, t + REST_SEARCH])
+    if n - first < 2:
+        return Rests([], [])
+    still = at_rest(type(imu)(*(column[first:n] for column in imu))) & ~moves(
+        recording, imu.t[first:n]
+    )
+    runs = [np.arange(*run) for run in first + stretches(still)]
+    runs = [run for run in runs if imu.t[run[-1]] - imu.t[run[0]] >= REST_TIME]
+    begun = [imu.t[run[0]] - imu.dt[run[0]] <= t + 0.1 for run in runs]
+    return Rests(
+        [run for run, before in zip(runs, begun) if before],
+        [run for run, before in zip(runs, begun) if not before],
+    )
+
+
+def moves(recording: Recording, t: Array) -> Mask:
+    """Where the fixes around the times t say that the vehicle moves: smooth flight feels like
+    rest to an IMU."""
+    position, velocity = position_and_velocity(recording)
+    if position is None:
+        return np.zeros(len(t), bool)
+    t_fix, v, sd = velocities(position, velocity)
+    fast = np.hypot(v[:, 0], v[:, 1]) > FASTEST_REST + SURELY * np.sqrt(
+        np.mean(sd[:, :2] ** 2, axis=1)
+    )
+    after = np.searchsorted(t_fix, t)
+    return fast[np.clip(after - 1, 0, len(fast) - 1)] | fast[np.clip(after, 0, len(fast) - 1)]
+
+
+def gyro_bias(samples: Imu, imu: StatesBiases, t: float, found: Rests) -> tuple[Array, Array, str]:
+    """Gyro bias at t (rad/s), its sd and a note: from the Rests up to t, else from the first after
+    it, where the IMU's own turn-on bias is larger than the Earth's rate that rest cannot tell from
+    it.
+
+    The sd holds the noise, the Earth's rate, how unsteady the rate was, and what the bias wanders
+    by in between.
+    """
+    b_g_sd = imu.bias_sd()[1]
+    used = found.before or found.after[:1]
+    if not used or b_g_sd <= 2 * RATE:
+        return (
+            np.zeros(3),
+            np.full(3, b_g_sd),
+            "biases smaller than the Earth's rate" if used else "biases unknown",
+        )
+    rows = np.concatenate(used)
+    T = samples.dt[rows].sum()
+    noise = samples.dtheta[rows].std(axis=0) * np.sqrt(len(rows)) / T
+    age = max(0.0, t - samples.t[used[-1][-1]], samples.t[used[0][0]] - t)
+    mean = samples.dtheta[rows].sum(axis=0) / T
+    # a bias that this IMU should not have, or no rest: it steadily turns
+    turning = np.where(np.abs(mean) > TURNING * b_g_sd + RATE, np.abs(mean), 0.0)
+    sd = np.linalg.norm(
+        [
+            turning,
+            noise,
+            np.full(3, RATE),
+            np.full(3, _wander(imu, age)),
+            unsteadiness(samples, used),
+        ],
+        axis=0,
+    )
+    surer = (sd < b_g_sd) | (turning > 0)
+    return (
+        np.where(surer, mean, 0.0),
+        np.where(surer, sd, b_g_sd),
+        f"gyro bias from {T:.0f} s of rest" + ("" if found.before else f" {age:.0f} s later"),
+    )
+
+
+def _wander(imu: StatesBiases, seconds: float) -> float:
+    """rad/s: by what the gyro bias differs after so long, by the IMU's description."""
+    noise = imu.noise()
+    decay = noise.gyro_decay
+    effective = -np.expm1(-2 * decay * seconds) / (2 * decay) if decay else seconds
+    return float(noise.gyro_bias * np.sqrt(effective))
+
+
+def unsteadiness(imu: Imu, rest: list[Ints]) -> Array:
+    """(3,) rad/s: scatter of the mean rates of single seconds of these rests, as far as it is more
+    than the noise of the samples makes. A hand that turns slowly feels like rest."""
+    seconds = [
+        (imu.dtheta[part].sum(axis=0) / imu.dt[part].sum(), len(part))
+        for run in rest
+        for part in np.array_split(run, max(1, int(imu.t[run[-1]] - imu.t[run[0]])))
+    ]
+    rows = np.concatenate(rest)
+    rate = imu.dtheta[rows] / imu.dt[rows, None]
+    # differences of neighbours: what is slow is not in them
+    white = 0.5 * np.mean(np.diff(rate, axis=0) ** 2, axis=0)
+    scatter = np.var([mean for mean, _ in seconds], axis=0)
+    allowed = 2.5 * white / np.mean([count for _, count in seconds])
+    return np.sqrt(np.where(scatter > allowed, scatter, 0.0))

@@ -1,0 +1,195 @@
+"""Headings tried: where nothing tells the heading at the start, the closed loop runs from headings
+all around until its fixes say which is right.
+
+With the heading psi at the start held as known, the normalised innovations squared (NIS) of a run
+sum up to -2 log likelihood of psi, but for a constant; all other states are integrated out by the
+filter. Sources: Magill (1965) for the bank of filters; Groves (2013) section 16.3 on hypotheses.
+"""
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import filters
+from ..alignment.initial import align, starts_around
+from ..alignment.initial_heading import UNKNOWN_SD, Found
+from ..alignment.rest import rests
+from ..core import loop
+from ..core.contract import Noise, Start
+from ..geodesy import wrap
+from ..recording import Recording
+from ..sensor_models.imu import ImuSpec
+from ..typing import Array, Say
+from .prepare import Asked, Run, ready
+
+DOUBTFUL = np.radians(20.0)  # standard deviation of a heading from which on others are tried
+HEADINGS = 12
+SPACING = 2 * np.pi / HEADINGS
+LOOKS = (5.0, 10.0, 20.0, 40.0, 60.0)  # s after which the sums are compared
+REUSE = 4.0
+"""By this the sums count less than they are: the filter uses the same fixes again, which doubles
+the standard deviation of what they tell first, and the level at the start rests on some of them."""
+LOST = 12.0  # by which a sum in its scale exceeds the least: this heading is given up
+LIKELIEST = np.radians(60.0)  # spread of all headings, below which one is worth naming
+TOGETHER = np.radians(20.0)  # spread of what is left, below which it is one heading
+DECIDED = np.radians(20.0)  # standard deviation below which it is found
+MOST_ROUNDS = 5
+OUTLIER = 100.0  # NIS from which on a fix is one for every heading
+LEAST_SD = np.radians(1.0)
+FIXED_SD = np.radians(0.1)  # of a heading that is held as known
+
+
+def aligned(
+    recording: Recording,
+    imu: ImuSpec,
+    position: bool = True,
+    noise: Noise | None = None,
+    say: Say | None = None,
+) -> Start:
+    """The Start that `align` finds; for a filter of positions, where that heading is doubtful, the
+    one that the fixes decide for.
+
+    Where the vehicle stands, headings are tried from the end of that rest on. Raises DataError.
+    """
+    start = align(recording, imu, position=position)
+    if not position or start.sd[8] <= DOUBTFUL:
+        return start
+    begin = rests(recording, start.t).until(recording.imu, start.t)
+    if recording.span[1] - begin < LOOKS[0]:
+        return start
+    part = recording.between(begin, begin + LOOKS[-1])
+    part = replace(part, aidings=tuple(replace(a, gate=OUTLIER) for a in part.aidings))
+    found = _found(_Trials(part, begin, imu, noise or imu.noise(), say), start)
+    if not found.known:
+        return start._replace(note=f"{start.note}, {found.note}")
+    return starts_around(recording, imu, start.t, [found])[0]
+
+
+class _Trials(NamedTuple):
+    """What the runs of all headings share."""
+
+    recording: Recording
+    begin: float  # s
+    imu: ImuSpec
+    noise: Noise
+    say: Say | None
+
+    def runs(self, headings: NDArray[np.floating[Any]]) -> list[Run]:
+        """Runs from these headings (rad), held as known: from a doubtful one a linear filter draws
+        knowledge that is not in its fixes."""
+        founds = [Found(float(wrap(heading)), FIXED_SD, "") for heading in headings]
+        every = len(self.recording.imu.t)
+        closed_loop = filters.find("closed-loop")
+        return [
+            ready(
+                self.recording,
+                closed_loop,
+                start,
+                self.noise,
+                self.imu,
+                Asked({}, every=every, say=self.say),
+            )
+            for start in starts_around(self.recording, self.imu, self.begin, founds)
+        ]
+
+    @property
+    def seconds(self) -> float:
+        """s that they last at most."""
+        return float(self.recording.imu.t[-1] - self.begin)
+
+    def row(self, seconds: float) -> int:
+        """Row of the samples where so many seconds are over."""
+        return int(np.searchsorted(self.recording.imu.t, self.begin + seconds))
+
+
+class _Peak(NamedTuple):
+    """Heading and its standard deviation, rad."""
+
+    heading: float
+    sd: float
+
+
+def _found(trials: _Trials, start: Start) -> Found:
+    """The heading that the innovations decide for; else their mean over all headings, of which that
+    of `start` is as likely before as all others together."""
+    headings = SPACING * np.arange(HEADINGS)
+    runs, sums = trials.runs(headings), np.zeros(HEADINGS)
+    alive = np.ones(HEADINGS, bool)
+    end = len(trials.recording.imu.t)
+    for seconds in LOOKS:
+        row = trials.row(seconds)
+        sums[alive], scale = _sums([run for run, kept in zip(runs, alive) if kept], row)
+        alive &= sums < sums[alive].min() + LOST * scale
+        if not alive.any():
+            break
+        weights: Array = np.where(alive, np.exp(-0.5 * (sums - sums[alive].min()) / scale), 0.0)
+        mean, spread = _mean(headings, weights)
+        peak = _refined(trials, mean, row) if spread < TOGETHER else None
+        if peak and peak.sd < DECIDED:
+            note = f"found by trying {HEADINGS} headings over {seconds:.0f} s"
+            return Found(peak.heading, peak.sd, f"heading {_degrees(peak.heading)} deg {note}")
+        if row == end:
+            break
+    tried = f"of {HEADINGS} headings tried over {min(seconds, trials.seconds):.0f} s"
+    if not alive.any():
+        return Found(0.0, UNKNOWN_SD, f"{tried} none could be followed")
+    from_start: Array = np.exp(-0.5 * (wrap(headings - start.rph[2]) / start.sd[8]) ** 2)
+    mean, spread = _mean(headings, weights * (from_start / from_start.sum() + 1 / HEADINGS))
+    sd = min(np.hypot(spread, SPACING / np.sqrt(12)), UNKNOWN_SD)
+    words = "is the likeliest" if sd < LIKELIEST else "is a guess, none stands out"
+    note = f"heading {_degrees(mean)} deg {words} {tried}"
+    return Found(mean, sd, note if sd < UNKNOWN_SD else f"{tried} none stands out")
+
+
+def _mean(headings: NDArray[np.floating[Any]], weights: Array) -> tuple[float, float]:
+    """Circular mean and standard deviation (rad) of weighted headings."""
+    mean = np.sum(weights * np.exp(1j * headings)) / weights.sum()
+    return float(np.angle(mean)), float(np.sqrt(-2 * np.log(np.clip(abs(mean), 1e-9, 1.0))))
+
+
+def _degrees(heading: float) -> str:
+    return f"{np.degrees(heading) % 360:.0f}"
+
+
+def _refined(trials: _Trials, heading: float, row: int) -> _Peak | None:
+    """The _Peak of the likelihood around a heading: a parabola through the sums of runs whose
+    heading is fixed, as wide as the peak; None where there is none."""
+    width = np.radians(10.0)
+    for _ in range(MOST_ROUNDS):
+        offsets = width * np.arange(-2.0, 3.0)
+        sums, scale = _sums(trials.runs(heading + offsets), row)
+        least = int(np.argmin(sums))
+        if not np.isfinite(sums).all():
+            return None
+        if least in (0, len(sums) - 1):
+            heading += offsets[least]
+            continue
+        near = slice(least - 1, least + 2)
+        curvature, slope, _ = np.polyfit(offsets[near], sums[near] / scale, 2)
+        best, sd = -0.5 * slope / curvature, 1 / np.sqrt(curvature)
+        heading += best
+        if sd > 0.5 * width:
+            return _Peak(float(wrap(heading)), max(float(sd), LEAST_SD))
+        width = sd
+    return None
+
+
+def _sums(runs: list[Run], row: int) -> tuple[Array, float]:
+    """Sums of NIS of these runs up to a row, inf where one failed, and the scale of them:
+    `REUSE`, or more where the innovations of the best run are larger than they should be."""
+    sums = np.empty(len(runs))
+    rows = np.empty(len(runs))
+    for i, run in enumerate(runs):
+        if not run.cursor.at[loop.FAULT]:
+            run.advance(row)
+        used = run.out.fix[: run.cursor.at[loop.FIX]]
+        rows[i] = np.isfinite(used[:, loop.F_INNOVATION : loop.F_NIS]).sum()
+        sums[i] = (
+            np.inf
+            if run.cursor.at[loop.FAULT]
+            else np.minimum(np.nan_to_num(used[:, loop.F_NIS]), OUTLIER).sum()
+        )
+    best = int(np.argmin(sums))
+    return sums, REUSE * max(1.0, sums[best] / max(1.0, rows[best]))
