@@ -33,7 +33,7 @@ def check(recording: Recording) -> Checked:
     left = tuple(a for a in recording.aidings if a.kind != "velocity" or label(a) not in useless)
     subject = Subject(replace(recording, aidings=left))
     for name in sorted(useless):
-        found.inconclusive.append(f"{name} against the IMU: inconclusive, first correct it")
+        found.inconclusive.append(f"{name} against the IMU: correct it first")
     for each in CHECKS:
         found.add(each(subject))
     found.reasons.sort(key=lambda reason: -reason.weight)

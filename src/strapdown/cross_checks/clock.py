@@ -183,8 +183,9 @@ def _lag(series: Series, name: str) -> Lag | None:
     if not np.isfinite(r).any():
         return None
     top = int(np.nanargmax(r))
-    far = np.nan_to_num(r[np.abs(lags - lags[top]) > FAR])
-    other = min(max(0.0, float(far.max(initial=0.0))), 0.999)
+    # what fits as well with the opposite sign is no clock
+    far = np.nan_to_num(np.abs(r[np.abs(lags - lags[top]) > FAR]))
+    other = min(float(far.max(initial=0.0)), 0.999)
     lag, sd = _refined(series, float(lags[top]))
     best = min(max(float(r[top]), 0.0), 0.9999)
     evidence = series.independent / 2 * np.log((1 - other**2) / (1 - best**2))

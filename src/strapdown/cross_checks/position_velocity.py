@@ -137,6 +137,7 @@ class Pair(NamedTuple):
     t_v: Array  # (m,) s
     v: Array  # (m, 3) m/s NED; NaN where there is no vertical part
     pause: float  # s: a longer one ends what can be integrated
+    has_height: bool  # whether the positions have heights
 
     def integral(self, v: Array, at: Array) -> Array:
         """The integral of the velocities `v` (m, k), straight between its fixes, to the times
@@ -202,10 +203,12 @@ def _pair(position: Aiding, velocity: Aiding) -> Pair | None:
     if common.sum() < LEAST_FIXES:
         return None
     t, y, sd = t[common], y[common], sd[common]
-    y = np.c_[y[:, :2], np.where(np.isfinite(y[:, 2]), y[:, 2], np.nanmedian(np.r_[y[:, 2], 0]))]
+    high = np.isfinite(y[:, 2])
+    heights = np.interp(t, t[high], y[high, 2]) if high.any() else np.zeros(len(t))
+    y = np.c_[y[:, :2], heights]
     p = np.vstack([np.zeros(3), np.cumsum(displacement(y[1:], y[:-1]), axis=0)])
     pause = 3 * max(float(np.median(np.diff(t))), float(np.median(np.diff(t_v)))) + 0.1
-    return Pair(label(position), label(velocity), t, p, sd, t_v, v, pause)
+    return Pair(label(position), label(velocity), t, p, sd, t_v, v, pause, high.mean() > 0.9)
 
 
 def _rows(aiding: Aiding) -> tuple[Array, Array, Array]:
@@ -369,7 +372,7 @@ def _fine(pair: Pair, what: str) -> Checked:
     for name, value, least in (("scale", sd[0], SCALE), ("latency", sd[2], LAG)):
         if not value * SURE < 3 * least:
             found.inconclusive.append(
-                f"{name} of {what}: inconclusive, known to +- {value:.2g} only: too little motion"
+                f"{name} of {what}: known to +- {value:.2g} only: too little motion"
             )
     return found
 
@@ -422,7 +425,7 @@ def _horizontal(pair: Pair, block: Ints, lag: float) -> tuple[Array, Array]:
 
 def _departures(pair: Pair, x: Array, sd: Array) -> Iterator[Reason]:
     """Reasons from what `_horizontal` found."""
-    scale, angle, lag = np.abs(x) / np.maximum(SURE * sd, [SCALE, ANGLE, LAG])
+    scale, angle, lag = (np.abs(x) / np.maximum(SURE * sd, [SCALE, ANGLE, LAG])).tolist()
     if scale > 1:
         factor = 1 / (1 + x[0])
         yield _unit_reason(pair, factor, f"(+- {sd[0]:.2g})", scale)
@@ -450,8 +453,8 @@ def _departures(pair: Pair, x: Array, sd: Array) -> Iterator[Reason]:
 def _vertical(pair: Pair, block: Ints, lag: float, what: str) -> Checked:
     """Sign and scale of the vertical velocity."""
     known = np.isfinite(pair.v[:, 2])
-    if known.mean() < 0.9:
-        return Checked.unknown(f"vertical of {what}", "the velocity has no vertical part")
+    if known.mean() < 0.9 or not pair.has_height:
+        return Checked.unknown(f"vertical of {what}", "one of the two has no vertical part")
     v = np.where(known, pair.v[:, 2], 0.0)[:, None]
     W = pair.integral(v, pair.t + lag)[:, 0]
     use = np.isfinite(W)
@@ -471,7 +474,7 @@ def _vertical(pair: Pair, block: Ints, lag: float, what: str) -> Checked:
     if abs(x[0] - 1) > max(SURE * sd[0], 0.25):
         seen = f"its vertical part is {1 / x[0]:.3g} times the change of height of {pair.position}"
         remedy = "check unit, scale and column of both verticals"
-        weight = abs(x[0] - 1) / max(SURE * sd[0], 0.25)
+        weight = float(abs(x[0] - 1) / max(SURE * sd[0], 0.25))
         return Checked([], [Reason("unit", seen, remedy, pair.velocity, weight)], [])
     return Checked.nothing()
 
@@ -513,8 +516,8 @@ def _drift(pair: Pair, block: Ints, lag: float) -> Iterator[Reason]:
         steps, seconds = np.diff(level)[same], np.diff(middle)[same]
         rate = steps.sum() / seconds.sum()
         scatter = (steps - rate * seconds).std() * np.sqrt(len(steps)) / seconds.sum()
-        weight = abs(rate) / max(SURE * scatter, DRIFT)
-        if weight > 1 and not (axis == 2 and not v[:, 2].any()):
+        weight = float(abs(rate) / max(SURE * scatter, DRIFT))
+        if weight > 1 and (axis < 2 or (pair.has_height and v[:, 2].any())):
             yield Reason(
                 "lasting errors",
                 f"its mean {name} rate differs by {rate:+.3f} +- {scatter:.3f} m/s from {pair.velocity}",

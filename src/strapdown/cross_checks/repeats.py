@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..aiding import find
+from ..core.earth import A
 from ..data import Aiding
 from ..preprocessing.stationary import at_rest
 from ..typing import Array, Mask
@@ -80,7 +81,8 @@ def _stuck(aiding: Aiding, t_imu: Array, moving: Mask) -> Iterator[Reason]:
     begin, end = np.searchsorted(t_imu, aiding.t[new]), np.searchsorted(t_imu, aiding.t[last])
     shaken = (total[end] - total[begin]) > 0.8 * np.maximum(end - begin, 1)
     stuck = shaken & (seconds > STUCK_TIME) & (fixes >= STUCK_FIXES)
-    jump = np.r_[np.abs(np.diff(aiding.y[new], axis=0)).max(axis=1), 0.0]
+    metres = [A, A, 1.0] if aiding.kind == "position" else 1.0
+    jump = np.r_[np.abs(np.diff(aiding.y[new] * metres, axis=0)).max(axis=1), 0.0]
     usual = 5 * float(np.median(jump))
     stuck &= jump > usual
     if not stuck.any():
