@@ -27,12 +27,13 @@ MOVING = 5.0
 WRONG, RIGHT = 0.3, 0.2
 """Median misfit of displacements, as a share of them: axes are wrong above WRONG, and others
 explain them where they halve it and come below RIGHT."""
+MOST_WEIGHT = 100.0
 SURE = 5.0
 """Standard deviations from which a difference is no chance."""
 SCALE, ANGLE, LAG, DRIFT = 0.015, np.radians(1.5), 0.08, 0.04
 """Differences up to these are not spoken of: ratio, rad, s, m/s."""
-FARTHEST = 60.0
-"""The largest lag that is looked for, s."""
+FARTHEST, SETTLED, MOST_STEPS = 60.0, 0.02, 5
+"""The largest lag that is looked for, the last step of the search, both s, and the most steps."""
 FACTORS = {
     3.6: "km/h read as m/s",
     1 / 3.6: "m/s read as km/h",
@@ -246,7 +247,7 @@ def _gross(pair: Pair) -> list[Reason] | None:
     # another reading must be clearly better than the axes as they are
     best = min(fits, key=lambda fit: fit[0])
     off, factor, axes = fits[0] if fits[0][0] < max(RIGHT, 2 * best[0]) else best
-    weight = as_read / WRONG * SURE
+    weight = min(as_read / WRONG * SURE, MOST_WEIGHT)
     if off < min(RIGHT, as_read / 2):
         return _misread(pair, axes, factor, off, as_read, weight)
     lag, off = _coarse_lag(pair, misfit, integrated)
@@ -347,13 +348,15 @@ def _fine(pair: Pair, what: str) -> Checked:
     found = Checked.nothing()
     block = _blocks(pair)
     lag, x, sd = 0.0, np.full(3, np.nan), np.full(3, np.nan)
-    for _ in range(3):
+    for _ in range(MOST_STEPS):
         x, sd = _horizontal(pair, block, lag)
         if not np.isfinite(x).all():
             return Checked.unknown(what, "too little motion for scale and latency")
         lag += x[2]
-        if abs(x[2]) < 0.02 or abs(lag) > FARTHEST:
+        if abs(x[2]) < SETTLED or abs(lag) > FARTHEST:
             break
+    if abs(x[2]) >= SETTLED:
+        return Checked.unknown(what, "no latency between the two fits them")
     found.facts.append(
         f"{what}: scale {1 / (1 + x[0]):.4f} +- {sd[0]:.4f}, turned by {np.degrees(-x[1]):+.2f} +- "
         f"{np.degrees(sd[1]):.2f} deg, later by {lag:+.3f} +- {sd[2]:.3f} s"
