@@ -10,6 +10,7 @@ import pandas as pd
 from strapdown.verdict import DOUBTFUL
 
 from ..common import markdown
+from .cases import MOTIONS
 from .cells import RIGHT
 from .not_showable import NOT_SHOWABLE
 
@@ -25,7 +26,6 @@ INTRODUCTION = (
     "Which mistakes the data of a recording cannot show was written down before the table ran; "
     "there the verdict must name what was mistaken as not tested.",
 )
-RECORDED = ("thor75", "drive0708", "drive0708-vehicle", "swisslog", "BROAD 02", "BROAD 21")
 
 
 def harmful(rows: pd.DataFrame, showable: bool = True) -> pd.DataFrame:
@@ -36,7 +36,7 @@ def harmful(rows: pd.DataFrame, showable: bool = True) -> pd.DataFrame:
 def rights(rows: pd.DataFrame, recorded: bool = False) -> pd.DataFrame:
     """The right set-ups of simulated or of recorded data."""
     own = rows[rows["mistake"] == RIGHT]
-    return own[own["recording"].isin(RECORDED) == recorded]
+    return own[own["recording"].isin(list(MOTIONS)) != recorded]
 
 
 def percent(held: pd.Series) -> float:
