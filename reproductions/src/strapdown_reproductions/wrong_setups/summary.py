@@ -123,6 +123,10 @@ def tables(
             missed(own[own["found"] & ~own["named"]]),
         ),
         "alarms": ("Right set-ups that are called anything but trusted", alarms(rows)),
+        "hidden": (
+            "Harmful cells that the data cannot show",
+            unshown(harmful(rows, showable=False)),
+        ),
         "diagnoses": ("What diagnose finds, on one seed of each motion", diagnoses),
         "not-showable": ("What the data cannot show, and why", not_showable()),
     }
@@ -139,6 +143,15 @@ def counted(own: pd.DataFrame, by: str) -> pd.DataFrame:
             "by the verdict": groups["by_verdict"].sum(),
             "named": groups["named"].sum(),
         }
+    ).reset_index()
+
+
+def unshown(own: pd.DataFrame) -> pd.DataFrame:
+    """A row per group and recording: harmful cells, and in how many the verdict names as not
+    tested what was mistaken."""
+    groups = own.groupby(["group", "recording"], sort=False)
+    return pd.DataFrame(
+        {"harmful": groups.size(), "named as not tested": groups["named_untested"].sum()}
     ).reset_index()
 
 
