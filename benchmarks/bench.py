@@ -272,6 +272,7 @@ SETUPS = {
     "wrong set-ups, named": "named",
     "right set-ups, doubted": "alarms",
     "verdict, time over filter": "cost",
+    "diagnose, filter runs": "runs",
 }
 """{figure: name of its target in `strapdown reproduce wrong-setups`}."""
 SETUP_SEEDS = 2

@@ -33,8 +33,12 @@ SKIPPED = 0.2
 BETTER = {"consumer": "tactical", "industrial": "navigation"}
 """Two grades up."""
 CONSTRAINTS = ("zero-lateral-velocity", "zero-vertical-velocity")
-TRIALS = ("02_undisturbed_slow_rotation_B", "21_undisturbed_fast_combined")
-"""Trials of BROAD: a slow and a fast one, undisturbed."""
+TRIALS = (
+    "02_undisturbed_slow_rotation_B",
+    "15_undisturbed_fast_translation_A",
+    "21_undisturbed_fast_combined",
+)
+"""Trials of BROAD: the undisturbed ones of the data folder."""
 SWISSLOG_LAG = 0.22
 """s by which the GNSS of swisslog comes late."""
 

@@ -19,7 +19,7 @@ from strapdown.typing import File, Progress
 
 from ..common.example_recordings import DESCRIPTIONS
 from ..common.pages import write_page
-from . import summary
+from . import diagnosed, summary
 from .cases import MOTIONS, recorded, simulated
 from .cells import cells, right_row, table
 
@@ -28,8 +28,9 @@ RIGHT_SEEDS, RIGHT_FIRST = 25, 101
 """Right set-ups: seeds of each of RIGHT_MOTIONS, and the first of them."""
 RIGHT_MOTIONS = ("car", "flight", "ship", "hand-held")
 Task: TypeAlias = tuple[str, str, int]
-"""What is run (SIMULATED, RECORDED or ALONE), recording, seed."""
+"""What is run (SIMULATED, RECORDED, ALONE or DIAGNOSED), recording, seed."""
 SIMULATED, RECORDED, ALONE = "simulated", "recorded", "right set-up alone"
+DIAGNOSED = "diagnosed"
 
 
 def reproduce(
@@ -53,12 +54,13 @@ def reproduce(
     check_number(seed, "seed", least=0, whole=True)
     folder = Path(recordings) if recordings else DESCRIPTIONS
     tasks = quick_tasks(seed, count) if quick else all_tasks(folder, seed, count)
-    rows = []
-    for done, found in enumerate(on_processes(partial(work, folder), tasks, workers), 1):
-        rows += found
+    rows: dict[str, list[dict[str, Any]]] = {}
+    made = on_processes(partial(work, folder), tasks, workers)
+    for done, (task, found) in enumerate(zip(tasks, made), 1):
+        rows.setdefault(DIAGNOSED if task[0] == DIAGNOSED else SIMULATED, []).extend(found)
         if progress:
             progress(done / len(tasks))
-    return write(Path(out), table(rows))
+    return write(Path(out), table(rows[SIMULATED]), diagnosed.table(rows.get(DIAGNOSED, [])))
 
 
 def all_tasks(folder: Path, seed: int, count: int) -> list[Task]:
@@ -69,6 +71,7 @@ def all_tasks(folder: Path, seed: int, count: int) -> list[Task]:
     return [
         *((RECORDED, name, 0) for name in recorded(folder)),
         *((SIMULATED, name, s) for s in range(seed, seed + count) for name in MOTIONS),
+        *((DIAGNOSED, name, seed) for name in MOTIONS),
         *((ALONE, name, s) for s in range(first, first + rights) for name in RIGHT_MOTIONS),
     ]
 
@@ -96,18 +99,22 @@ def work(folder: Path, task: Task) -> list[dict[str, Any]]:
     if what == RECORDED:
         return cells(recorded(folder)[name](), seed)
     case = simulated(name, seed)
+    if what == DIAGNOSED:
+        return diagnosed.diagnoses(case, seed)
     return [right_row(case, seed)] if what == ALONE else cells(case, seed)
 
 
-def write(out: Path, rows: pd.DataFrame) -> list[dict[str, Any]]:
-    """Write page and tables of finished cells into the folder `out`; return the claims."""
-    claims = summary.claims(rows)
+def write(out: Path, rows: pd.DataFrame, diagnoses: pd.DataFrame) -> list[dict[str, Any]]:
+    """Write page and tables of finished cells and diagnoses into the folder `out`; return the
+    claims."""
+    claims = summary.claims(rows, diagnoses)
+    tables = summary.tables(rows, diagnoses)
     write_page(
         out,
         summary.TITLE,
         summary.INTRODUCTION,
         claims,
-        {"cells": (None, rows), **summary.tables(rows)},
-        texts={"table.md": summary.in_docs(rows)},
+        {"cells": (None, rows), **tables},
+        texts={"table.md": summary.in_docs(claims, tables)},
     )
     return claims

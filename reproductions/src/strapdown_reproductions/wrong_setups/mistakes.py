@@ -237,7 +237,7 @@ MISTAKES: tuple[Mistake, ...] = (
     Mistake("accelerometer bias of 10 sd", "IMU", ("accelerometer", "imu noise"), biased),
     Mistake(
         "odometer 2 % off",
-        "scale",
+        "odometer",
         ("odometer scale",),
         _on(("speed",), lambda a: replace(a, y=a.y * 1.02)),
     ),

@@ -17,7 +17,7 @@ class Hidden(NamedTuple):
     cause: str  # key of CAUSES: what the verdict must name as not tested
 
 
-BROAD = ("BROAD 02", "BROAD 21")
+BROAD = ("BROAD 02", "BROAD 15", "BROAD 21")
 ON_WHEELS = ("car", "car with odometer", "drive0708", "drive0708-vehicle")
 UNCONSTRAINED = (
     "car",

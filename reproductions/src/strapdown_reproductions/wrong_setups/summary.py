@@ -1,6 +1,7 @@
 """The figures of the study: shares of mistakes found and named, false alarms, costs; their targets
 and tables."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ import pandas as pd
 from strapdown.verdict import DOUBTFUL
 
 from ..common import markdown
+from .cases import MOTIONS
 from .cells import RIGHT
 from .not_showable import NOT_SHOWABLE
 
@@ -24,7 +26,6 @@ INTRODUCTION = (
     "Which mistakes the data of a recording cannot show was written down before the table ran; "
     "there the verdict must name what was mistaken as not tested.",
 )
-RECORDED = ("thor75", "drive0708", "drive0708-vehicle", "swisslog", "BROAD 02", "BROAD 21")
 
 
 def harmful(rows: pd.DataFrame, showable: bool = True) -> pd.DataFrame:
@@ -35,7 +36,7 @@ def harmful(rows: pd.DataFrame, showable: bool = True) -> pd.DataFrame:
 def rights(rows: pd.DataFrame, recorded: bool = False) -> pd.DataFrame:
     """The right set-ups of simulated or of recorded data."""
     own = rows[rows["mistake"] == RIGHT]
-    return own[own["recording"].isin(RECORDED) == recorded]
+    return own[own["recording"].isin(list(MOTIONS)) != recorded]
 
 
 def percent(held: pd.Series) -> float:
@@ -44,11 +45,12 @@ def percent(held: pd.Series) -> float:
 
 
 class Target(NamedTuple):
-    """What is asked for, in %."""
+    """What is asked for."""
 
     text: str
     comparison: str  # <= or >=
     bound: float
+    unit: str = "%"
 
 
 TARGETS = {
@@ -63,12 +65,13 @@ TARGETS = {
     ),
     "as logged": Target("swisslog as logged: the true cause named first", ">=", 100.0),
     "cost": Target("the verdict's time over the filter's, median", "<=", 10.0),
+    "runs": Target("runs of the filter that diagnose takes, the most", "<=", 15.0, "runs"),
 }
 """The targets, by name."""
 
 
-def figures(rows: pd.DataFrame) -> dict[str, float]:
-    """{name of a target: figure, %}; NaN where the cells do not decide."""
+def figures(rows: pd.DataFrame, diagnoses: pd.DataFrame) -> dict[str, float]:
+    """{name of a target: figure}; NaN where the cells do not decide."""
     own, unseen, right = harmful(rows), harmful(rows, showable=False), rights(rows)
     known = rights(rows, recorded=True)
     # its clock is off by 0.05 s: a doubt is right, more would be an alarm
@@ -81,32 +84,35 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
         "recorded": percent(doubted),
         "as logged": percent(rows.loc[rows["group"] == "as logged", "named"]),
         "cost": float(100 * (right["verdict_s"] / right["fuse_s"]).median()),
+        "runs": float(diagnoses["runs"].max()) if len(diagnoses) else np.nan,
     }
 
 
-def claims(rows: pd.DataFrame) -> list[dict[str, Any]]:
+def claims(rows: pd.DataFrame, diagnoses: pd.DataFrame) -> list[dict[str, Any]]:
     """The claims that the cells at hand decide: what was asked for, what was measured, whether it
     holds."""
     return [
         {
             "claim": target.text,
-            "target": f"{target.comparison} {target.bound:g} %",
-            "figure": f"{figure:.3g} %",
+            "target": f"{target.comparison} {target.bound:g} {target.unit}",
+            "figure": f"{figure:.3g} {target.unit}",
             "value": figure,
             "bound": target.bound,
             "holds": bool(
                 figure >= target.bound if target.comparison == ">=" else figure <= target.bound
             ),
         }
-        for name, figure in figures(rows).items()
+        for name, figure in figures(rows, diagnoses).items()
         for target in [TARGETS[name]]
         if np.isfinite(figure)
     ]
 
 
-def tables(rows: pd.DataFrame) -> dict[str, tuple[str | None, pd.DataFrame]]:
+def tables(
+    rows: pd.DataFrame, diagnoses: pd.DataFrame
+) -> dict[str, tuple[str | None, pd.DataFrame]]:
     """{name: (caption, DataFrame)}: by mistake, by recording, what was missed, right set-ups that
-    were not trusted, what cannot be shown."""
+    were not trusted, diagnoses, what cannot be shown."""
     own = harmful(rows)
     return {
         "by-mistake": ("Harmful cells that the data can show, by mistake", counted(own, "mistake")),
@@ -117,6 +123,11 @@ def tables(rows: pd.DataFrame) -> dict[str, tuple[str | None, pd.DataFrame]]:
             missed(own[own["found"] & ~own["named"]]),
         ),
         "alarms": ("Right set-ups that are called anything but trusted", alarms(rows)),
+        "hidden": (
+            "Harmful cells that the data cannot show",
+            unshown(harmful(rows, showable=False)),
+        ),
+        "diagnoses": ("What diagnose finds, on one seed of each motion", diagnoses),
         "not-showable": ("What the data cannot show, and why", not_showable()),
     }
 
@@ -132,6 +143,15 @@ def counted(own: pd.DataFrame, by: str) -> pd.DataFrame:
             "by the verdict": groups["by_verdict"].sum(),
             "named": groups["named"].sum(),
         }
+    ).reset_index()
+
+
+def unshown(own: pd.DataFrame) -> pd.DataFrame:
+    """A row per group and recording: harmful cells, and in how many the verdict names as not
+    tested what was mistaken."""
+    groups = own.groupby(["group", "recording"], sort=False)
+    return pd.DataFrame(
+        {"harmful": groups.size(), "named as not tested": groups["named_untested"].sum()}
     ).reset_index()
 
 
@@ -165,16 +185,16 @@ def not_showable() -> pd.DataFrame:
     )
 
 
-def in_docs(rows: pd.DataFrame) -> str:
+def in_docs(
+    claims: Sequence[Mapping[str, Any]], tables: Mapping[str, tuple[str | None, pd.DataFrame]]
+) -> str:
     """Markdown for docs/wrong-setups.md."""
     shown = pd.DataFrame(
         [
             (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")
-            for c in claims(rows)
+            for c in claims
         ],
         columns=["figure", "target", "measured", ""],
     )
-    made = {name: (caption, table) for name, (caption, table) in tables(rows).items()}
-    return markdown.tables(
-        [("### Figures", shown), *((f"### {caption}", table) for caption, table in made.values())]
-    )
+    headed = [(f"### {caption}", table) for caption, table in tables.values() if len(table)]
+    return markdown.tables([("### Figures", shown), *headed])
