@@ -405,7 +405,13 @@ def _windows(text: str | None) -> list[tuple[float, float]]:
     return windows
 
 
-for command in (*simulation.COMMANDS, calibrate.calibrate, compare.compare, diagnose.diagnose, fly.fly):
+for command in (
+    *simulation.COMMANDS,
+    calibrate.calibrate,
+    compare.compare,
+    diagnose.diagnose,
+    fly.fly,
+):
     app.command(cls=Reads)(command)
 
 if __name__ == "__main__":
