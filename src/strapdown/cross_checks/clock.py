@@ -12,11 +12,10 @@ import numpy as np
 
 from ..data import Aiding
 from ..geodesy import STANDARD_GRAVITY
-from ..recording import Recording
 from ..typing import Array
 from ..verdict import Reason
 from .checked import Checked, label
-from .motion import Felt, Moved, course_rate, felt, moved
+from .motion import Felt, Moved, Subject, course_rate, moved
 
 REACH, COARSE, FINE = 60.0, 0.1, 0.02
 """Lags that are looked at, and their steps in the first and the second search, s."""
@@ -73,13 +72,12 @@ class Series(NamedTuple):
         return np.interp(times, self.at, self.ours, left=np.nan, right=np.nan)
 
 
-def check(recording: Recording) -> Checked:
+def check(subject: Subject) -> Checked:
     """The clock of each source of velocity and position against the IMU's."""
     found, lags = Checked.nothing(), []
-    sources = [a for a in recording.aidings if a.kind in ("velocity", "position")]
-    motion = felt(recording.imu) if sources else None
+    sources = subject.sources("position", "velocity")
     for source in sources:
-        lag = coarse_lag(recording, source, motion)
+        lag = coarse_lag(subject, source)
         if lag is None or not lag.believed:
             why = "too few fixes with the IMU" if lag is None else _unclear(lag)
             found.add(Checked.unknown(f"clock of {label(source)} against the IMU", why))
@@ -93,14 +91,14 @@ def check(recording: Recording) -> Checked:
     return found
 
 
-def coarse_lag(recording: Recording, source: Aiding, motion: Felt | None = None) -> Lag | None:
+def coarse_lag(subject: Subject, source: Aiding) -> Lag | None:
     """The Lag of one source of velocities or positions, within REACH; None where there are too few
-    fixes. `motion`: the Felt of the recording, where it is known."""
+    fixes."""
     fixes = moved(source)
     if fixes is None:
         return None
-    motion = felt(recording.imu) if motion is None else motion
-    lags = [lag for each in _series(fixes, source.kind, motion) if (lag := _lag(each, fixes.name))]
+    series = _series(fixes, source.kind, subject.felt)
+    lags = [lag for each in series if (lag := _lag(each, fixes.name))]
     if not lags:
         return None
     best = max(lags, key=lambda lag: lag.evidence)

@@ -3,6 +3,8 @@ compare the two without knowing the attitude."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -11,6 +13,7 @@ from ..core.contract import Imu
 from ..data import Aiding
 from ..geodesy import displacement, wrap
 from ..preprocessing.stationary import rate_at_rest
+from ..recording import Recording
 from ..rotation_products import running_products
 from ..typing import Array
 from .checked import label
@@ -23,6 +26,29 @@ STEP = 0.05
 LEAST_FIXES = 30
 PAUSE_INTERVALS = 3
 """A pause of the fixes of more than so many intervals is not bridged."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A recording under check, with what several checks need of it."""
+
+    recording: Recording
+
+    @cached_property
+    def felt(self) -> Felt:
+        """What its IMU felt."""
+        return felt(self.recording.imu)
+
+    @cached_property
+    def mirrored(self) -> Felt:
+        """What its IMU felt if its y axis had the wrong sign."""
+        y = np.array([1.0, -1.0, 1.0])
+        imu = self.recording.imu
+        return felt(imu._replace(dtheta=imu.dtheta * y, dv=imu.dv * y))
+
+    def sources(self, *kinds: str) -> list[Aiding]:
+        """Its sources of these kinds, in the order of the kinds."""
+        return [a for kind in kinds for a in self.recording.aidings if a.kind == kind]
 
 
 class Moved(NamedTuple):

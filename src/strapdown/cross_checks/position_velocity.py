@@ -14,10 +14,10 @@ import numpy as np
 
 from ..data import Aiding
 from ..geodesy import displacement
-from ..recording import Recording
 from ..typing import Array, Ints, Mask
 from ..verdict import Reason
 from .checked import Checked, clustered, label
+from .motion import Subject
 
 WINDOW, BLOCK = 5.0, 20.0
 """Seconds of a displacement, and of a block of the fine comparison."""
@@ -157,10 +157,10 @@ class Pair(NamedTuple):
         return count
 
 
-def check(recording: Recording) -> Checked:
+def check(subject: Subject) -> Checked:
     """Each velocity against the positions of its receiver."""
     found = Checked.nothing()
-    for position, velocity in pairs(recording.aidings):
+    for position, velocity in pairs(subject.recording.aidings):
         found.add(position_against_velocity(position, velocity))
     return found
 
@@ -255,7 +255,7 @@ def _gross(pair: Pair) -> list[Reason] | None:
             Reason(
                 "clock",
                 f"it fits {pair.position} with {-lag:+.1f} s added to its time "
-                f"({off:.0%} off instead of {as_read:.0%})",
+                f"({100 * off:.0f} % off instead of {100 * as_read:.0f} %)",
                 f"add {-lag:+.1f} s to `offset` of its `time`, or find which of the two clocks is off",
                 pair.velocity,
                 weight,
@@ -264,7 +264,7 @@ def _gross(pair: Pair) -> list[Reason] | None:
     return [
         Reason(
             "unknown",
-            f"displacements of {pair.position} are {as_read:.0%} off its integral over {WINDOW:g} s, "
+            f"displacements of {pair.position} are {100 * as_read:.0f} % off its integral over {WINDOW:g} s, "
             f"and no other unit, axes or clock explain it",
             "check columns, unit, scale, axes and time of both",
             pair.velocity,
@@ -286,7 +286,7 @@ def _misread(
     pair: Pair, axes: Axes, factor: float, off: float, as_read: float, weight: float
 ) -> list[Reason]:
     """The Reasons of wrong axes and a wrong factor."""
-    better = f"(it is {as_read:.0%} off the displacements of {pair.position}, read so {off:.0%})"
+    better = f"(it is {100 * as_read:.0f} % off the displacements of {pair.position}, read so {100 * off:.0f} %)"
     reasons = []
     if axes is not AXES[0]:
         reasons.append(

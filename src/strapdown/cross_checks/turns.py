@@ -6,11 +6,10 @@ integrated: a gyro in a wrong unit would spoil it.
 
 import numpy as np
 
-from ..recording import Recording
 from ..verdict import Reason
 from .checked import Checked, label
 from .clock import LEAST_FIXES, correlations
-from .motion import course_rate, felt, moved
+from .motion import Subject, course_rate, moved
 
 HALF, REACH, STEP = 1.0, 3.0, 0.1
 """Half the window of a turn, and lags between the clocks that are looked at, s."""
@@ -31,9 +30,9 @@ FACTORS = {
 }
 
 
-def check(recording: Recording) -> Checked:
+def check(subject: Subject) -> Checked:
     """The gyro against the course of the first velocity, or else position."""
-    sources = [a for kind in ("velocity", "position") for a in recording.aidings if a.kind == kind]
+    sources = subject.sources("velocity", "position")
     fixes = moved(sources[0]) if sources else None
     if fixes is None:
         return Checked.nothing()
@@ -43,7 +42,7 @@ def check(recording: Recording) -> Checked:
     use = np.isfinite(theirs)
     if use.sum() < LEAST_FIXES or not theirs[use].std() > LEAST_TURN:
         return Checked.unknown(what, "the course is known too seldom, or hardly turns")
-    motion = felt(recording.imu)
+    motion = subject.felt
     f = motion.mean(motion.body_v, motion.t, half)
     rate = motion.mean(motion.body_turn, motion.t, half)
     turn = -(rate * f).sum(axis=1) / np.maximum(np.linalg.norm(f, axis=1), 1e-9)

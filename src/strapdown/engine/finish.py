@@ -12,6 +12,10 @@ from ..data import Aiding, Innovations, Solution, Trajectory
 from ..typing import Array
 from .prepare import ROWS_AT_ONCE, Run, brought, positioned
 
+SHORT_GAP, MOST_SHORT_GAPS = 2.5, 5
+"""Gaps up to so many intervals of the samples are told in one line where there are more than so
+many."""
+
 
 def solution(run: Run) -> Solution:
     """The Solution from what `run` wrote; a run that stopped early keeps what it has and says
@@ -112,18 +116,37 @@ def _events(
 ) -> list[tuple[float, str]]:
     """Gaps in the first `rows` samples and re-acquisitions of a source, as (t, text); `long_gap`
     is what happens in one beyond a second."""
-    events = []
+    events: list[tuple[float, str]] = []
+    short: list[tuple[float, float]] = []
     # in pieces: a day of samples is too long for temporary columns
     for first in range(0, rows, ROWS_AT_ONCE):
         t, dt = (column[first : min(first + ROWS_AT_ONCE, rows)] for column in samples[:2])
         before = np.r_[samples.t[first - 1] if first else start.t, t[:-1]]
         gap = t - dt - np.maximum(before, start.t)
         for k in np.flatnonzero((gap > 0.5 * dt + loop.SAME_TIME) & (t > start.t)):
+            if gap[k] <= min(SHORT_GAP * dt[k], loop.BRIDGE):
+                short.append((float(before[k]), float(gap[k])))
+                continue
             rule = "bridged" if gap[k] <= loop.BRIDGE else long_gap
             events.append((float(before[k]), f"IMU gap of {gap[k]:.3g} s: {rule}"))
+    events += _short_gaps(short)
     for s, name in enumerate(names):
         events += _lifted(used[used[:, loop.F_SOURCE] == s], name)
     return events
+
+
+def _short_gaps(short: list[tuple[float, float]]) -> list[tuple[float, str]]:
+    """Events for gaps [(t, s)] of a sample or two: one for all where they are many."""
+    if len(short) <= MOST_SHORT_GAPS:
+        return [(t, f"IMU gap of {gap:.3g} s: bridged") for t, gap in short]
+    gaps = [gap for _, gap in short]
+    return [
+        (
+            short[0][0],
+            f"{len(short)} IMU gaps of {min(gaps):.3g} to {max(gaps):.3g} s from here on: bridged; "
+            f"single lost samples, or time stamps that jitter",
+        )
+    ]
 
 
 def _lifted(own: Array, name: str) -> list[tuple[float, str]]:

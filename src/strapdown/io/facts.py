@@ -16,9 +16,12 @@ from ..preprocessing.origin import counted
 from ..preprocessing.plausible import doubts
 from ..preprocessing.stationary import at_rest, stretches
 from ..recording import Recording
-from ..typing import Array, Mask
+from ..typing import Array, Ints, Mask
 from .contract import Findings
 from .magnetic_record import facts_and_problems as of_field
+
+SHORT_GAP, MOST_SHORT_GAPS = 2.5, 5
+"""Gaps up to so many median intervals are one line where there are more than so many of them."""
 
 
 def recording_facts(recording: Recording, *more: str) -> Findings:
@@ -40,7 +43,6 @@ def imu_facts(imu: Imu) -> list[str]:
     steps, median = np.diff(imu.t), float(np.median(np.diff(imu.t)))
     missing = imu.t[1:] - imu.dt[1:] - imu.t[:-1]
     gaps = np.flatnonzero(missing > 1e-6 * median + 1e-9 * np.abs(imu.t[1:]))
-    longest = gaps[np.argmax(missing[gaps])] if len(gaps) else None
     rate, force = imu.dtheta / imu.dt[:, None], imu.dv / imu.dt[:, None]
     same = (np.abs(np.diff(rate, axis=0)) < 1e-9) & (np.abs(np.diff(force, axis=0)) < 1e-7)
     held = int(same.all(axis=1).sum())
@@ -55,12 +57,33 @@ def imu_facts(imu: Imu) -> list[str]:
         f"({imu.t[-1] - imu.t[0]:.1f} s), {1 / median:.6g} Hz, "
         f"intervals {steps.min() * 1e3:.3f} to {steps.max() * 1e3:.3f} ms, median "
         f"{median * 1e3:.3f}",
-        f"gaps: {len(gaps)}, the longest {missing[longest]:.3f} s after {imu.t[longest]:.3f} s"
-        if len(gaps)
-        else f"gaps: none (no interval beyond {GAP_MEDIANS} medians)",
+        *_gaps(imu, missing, gaps, median),
         *([repeated] if held else []),
         f"specific force: median magnitude {magnitude:.3f} m/s^2; angular rate: rms {rms:.3g} deg/s",
         *_rest_facts(imu, np.degrees(rate), force),
+    ]
+
+
+def _gaps(imu: Imu, missing: Array, gaps: Ints, median: float) -> list[str]:
+    """Lines on gaps, those of a sample or two apart: many of them are jitter of the time stamps."""
+    if not len(gaps):
+        return [f"gaps: none (no interval beyond {GAP_MEDIANS} medians)"]
+    short = gaps[missing[gaps] <= SHORT_GAP * median]
+    lines = []
+    if len(short) > MOST_SHORT_GAPS:
+        gaps = gaps[missing[gaps] > SHORT_GAP * median]
+        scatter = 1e3 * float(np.diff(imu.t).std())
+        lines = [
+            f"time stamps: {len(short)} intervals are longer than the median by "
+            f"{1e3 * missing[short].min():.3g} to {1e3 * missing[short].max():.3g} ms: single lost "
+            f"samples or jitter (scatter of all intervals {scatter:.2g} ms)"
+        ]
+    if not len(gaps):
+        return ["gaps: none of several samples", *lines]
+    longest = gaps[np.argmax(missing[gaps])]
+    return [
+        f"gaps: {len(gaps)}, the longest {missing[longest]:.3f} s after {imu.t[longest]:.3f} s",
+        *lines,
     ]
 
 
@@ -100,7 +123,7 @@ def aiding_facts(imu: Imu, aidings: Iterable[Aiding]) -> Findings:
     for aiding in aidings:
         found.add([_span(imu, aiding)])
         if find(aiding.kind).recorded:
-            found.add(problems=overlap_notes(imu, aiding) + _held(aiding))
+            found.add(problems=overlap_notes(imu, aiding))
     for aiding in aidings:
         if aiding.kind == "attitude":
             found.add(*of_attitude(aiding, imu))
@@ -115,19 +138,6 @@ def aiding_facts(imu: Imu, aidings: Iterable[Aiding]) -> Findings:
             )
     found.take(*check(Recording(imu, tuple(aidings))))
     return found
-
-
-def _held(aiding: Aiding) -> list[str]:
-    """A problem where most of the fixes repeat the one before."""
-    y = np.nan_to_num(aiding.y)
-    same = (y[1:] == y[:-1]).all(axis=1)
-    if len(y) <= 10 or same.mean() <= 0.5 or np.ptp(y, axis=0).max() <= 0:
-        return []
-    return [
-        f"{aiding.name}: {100 * same.mean():.0f} % of the fixes repeat the one before: "
-        f"held values counted as new ones "
-        "make a filter too sure; keep only the rows where a fix arrived"
-    ]
 
 
 def _span(imu: Imu, aiding: Aiding) -> str:

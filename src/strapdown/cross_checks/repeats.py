@@ -1,0 +1,112 @@
+"""Values that are held: fixes that repeat the one before, sources and channels that are stuck,
+IMU samples that are written more than once."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..aiding import find
+from ..data import Aiding
+from ..preprocessing.stationary import at_rest
+from ..typing import Array, Mask
+from ..verdict import Reason
+from .checked import Checked, label
+from .motion import Subject
+
+AROUND = 5
+"""A fix moves where it and so many before and after it take more than half as many values."""
+LEAST_FIXES, SHARE, COARSE_SHARE = 11, 0.15, 0.5
+"""Fixes that must move, and the share of repeated ones from which they are a reason: of positions
+and velocities, and of others, which may be coarse."""
+IMU_SHARE = 0.3
+"""The same of IMU samples, which are often written twice and do little harm."""
+STUCK_TIME, STUCK_FIXES = 5.0, 10
+"""A source is stuck where a value lasts for so many seconds and fixes while the IMU moves."""
+
+
+def check(subject: Subject) -> Checked:
+    """All recorded sources, and the IMU."""
+    found = Checked.nothing()
+    recording = subject.recording
+    moving = ~at_rest(recording.imu)
+    for aiding in recording.aidings:
+        if find(aiding.kind).recorded:
+            found.reasons.extend(_repeated(aiding))
+        if aiding.kind in ("position", "velocity"):
+            found.reasons.extend(_stuck(aiding, recording.imu.t, moving))
+    found.reasons.extend(_imu(subject, moving))
+    return found
+
+
+def _same(y: Array) -> Mask:
+    """(m,) whether a row (k,) is the one before."""
+    with np.errstate(invalid="ignore"):
+        same = (y[1:] == y[:-1]) | (np.isnan(y[1:]) & np.isnan(y[:-1]))
+    return np.r_[False, same.all(axis=1)]
+
+
+def _repeated(aiding: Aiding) -> Iterator[Reason]:
+    """Fixes that repeat the one before while those around them change."""
+    same = _same(aiding.y)
+    if len(same) < LEAST_FIXES:
+        return
+    # of 2 AROUND fixes, how many are new ones: none while a vehicle stands and its fixes are round
+    total = np.r_[0, np.cumsum(~same)]
+    k = np.arange(len(same))
+    first, last = np.maximum(k - AROUND, 0), np.minimum(k + AROUND, len(same))
+    alive = total[last] - total[first] >= 2
+    count = int(alive.sum())
+    share = float(same[alive].mean()) if count >= LEAST_FIXES else 0.0
+    most = SHARE if aiding.kind in ("position", "velocity") else COARSE_SHARE
+    if share > most:
+        yield Reason(
+            "repeated",
+            f"{100 * share:.0f} % of the fixes repeat the one before while it moves: held values counted as "
+            f"new ones make a filter too sure",
+            "keep only the rows where a fix arrived",
+            label(aiding),
+            share / most,
+        )
+
+
+def _stuck(aiding: Aiding, t_imu: Array, moving: Mask) -> Iterator[Reason]:
+    """The longest time for which a value is held while the IMU moves."""
+    new = np.flatnonzero(~_same(aiding.y))
+    if len(new) < 2:
+        return
+    last = np.r_[new[1:], len(aiding.t)] - 1
+    seconds, fixes = aiding.t[last] - aiding.t[new], last - new
+    total = np.r_[0, np.cumsum(moving)]
+    begin, end = np.searchsorted(t_imu, aiding.t[new]), np.searchsorted(t_imu, aiding.t[last])
+    shaken = (total[end] - total[begin]) > 0.8 * np.maximum(end - begin, 1)
+    stuck = shaken & (seconds > STUCK_TIME) & (fixes >= STUCK_FIXES)
+    jump = np.r_[np.abs(np.diff(aiding.y[new], axis=0)).max(axis=1), 0.0]
+    usual = 5 * float(np.median(jump))
+    stuck &= jump > usual
+    if not stuck.any():
+        return
+    k = int(np.argmax(np.where(stuck, seconds, 0)))
+    yield Reason(
+        "repeated",
+        f"one value from {aiding.t[new[k]]:.1f} to {aiding.t[last[k]]:.1f} s while the IMU moves, "
+        f"then a jump: stuck ({int(stuck.sum())} times)",
+        "leave those rows out",
+        label(aiding),
+        float(min(seconds[k] / STUCK_TIME, 10.0)),
+    )
+
+
+def _imu(subject: Subject, moving: Mask) -> Iterator[Reason]:
+    """IMU samples in motion that read the same as the one before."""
+    imu = subject.recording.imu
+    values = np.c_[imu.dtheta, imu.dv] / imu.dt[:, None]
+    same = np.r_[False, (np.abs(np.diff(values, axis=0)) < 1e-9).all(axis=1)] & moving
+    share = same.sum() / max(int(moving.sum()), 1)
+    if moving.sum() > LEAST_FIXES and share > IMU_SHARE:
+        yield Reason(
+            "repeated",
+            f"{100 * share:.0f} % of the IMU samples in motion read the same as the one before: written "
+            f"more often than measured",
+            "keep only the rows where the IMU measured",
+            weight=float(share / IMU_SHARE),
+        )
