@@ -1,15 +1,14 @@
-"""What must be known roughly before an estimate can find it: clocks that are seconds off, and
-velocities that are in a wrong unit or frame."""
+"""What must be right, at least roughly, before anything can be estimated: clocks that are seconds
+off, velocities in a wrong unit or frame, axes of the IMU."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from ..checks import DataError
-from ..cross_checks import position_velocity
+from ..cross_checks import plane, position_velocity
 from ..cross_checks.clock import coarse_lag
 from ..cross_checks.motion import Subject
-from ..recording import Recording
 from ..typing import Array
 from .installation import CLOCK, Constant
 
@@ -19,26 +18,26 @@ APART = 1.0
 """s: by so much the lags of two sources must differ to be believed to."""
 
 
-def check_velocities(recording: Recording) -> None:
-    """Refuse velocities that the positions contradict. Raises DataError."""
-    for reason in position_velocity.check(Subject(recording)).reasons:
-        if reason.cause in ("unit", "frame"):
+def check_axes(subject: Subject) -> None:
+    """Refuse velocities that the positions contradict, and axes of the IMU that the velocities do.
+    Raises DataError."""
+    for reason in (*position_velocity.check(subject).reasons, *plane.check(subject).reasons):
+        if reason.cause in ("unit", "frame", "axes"):
             raise DataError(f"{reason}; until then the installation cannot be diagnosed")
 
 
-def coarse_clocks(recording: Recording, constants: Sequence[Constant]) -> list[Array]:
+def coarse_clocks(subject: Subject, constants: Sequence[Constant]) -> list[Array]:
     """Candidates for theta (m,), the likeliest first: clocks of the GNSS sources by the lag between
     what they and the IMU tell of the motion.
 
     In the first, sources whose own lag is not believed go with the surest one; in the second each
     has its own. 0 below `LEAST`, and for all other constants. A run must confirm them.
     """
-    subject = Subject(recording)
     clocks = [j for j, constant in enumerate(constants) if constant.kind == CLOCK]
     lags = {
         j: lag
         for j in clocks
-        if (lag := coarse_lag(subject, recording.aidings[constants[j].sources[0]]))
+        if (lag := coarse_lag(subject, subject.recording.aidings[constants[j].sources[0]]))
     }
     if not lags:
         return []

@@ -12,13 +12,14 @@ from ..checks import DataError
 from ..core import loop
 from ..core.adjoint import SMOOTHER
 from ..core.contract import Filter, Start
+from ..cross_checks.motion import Subject
 from ..engine.finish import solution
 from ..engine.prepare import Asked, GivenImu, Run
 from ..engine.sensitivity import begin_sensitive, check_sensitive, fit, sums
 from ..recording import Recording
 from ..typing import Array, Progress, Say
 from ..verdict import Reason
-from .coarse import check_velocities, coarse_clocks
+from .coarse import check_axes, coarse_clocks
 from .findings import (
     CONSISTENT,
     FOUND,
@@ -192,8 +193,9 @@ class _Runs:
         fits badly and they improve it. Raises DataError where something else is wrong."""
         if first.fit.misfit <= MISFIT:
             return first
-        check_velocities(self.recording)
-        for theta in coarse_clocks(self.recording, self.constants):
+        subject = Subject(self.recording)
+        check_axes(subject)
+        for theta in coarse_clocks(subject, self.constants):
             new = self.way.tried(theta)
             if new.fit.cost < COARSE_GAIN * first.fit.cost:
                 self.way.centre = theta

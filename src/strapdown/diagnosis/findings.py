@@ -15,7 +15,7 @@ from ..recording import Recording
 from ..typing import Array
 from ..verdict import Reason
 from .installation import ARM, CLOCK, MOUNTING, SCALE, rotation
-from .settling import Unknown
+from .settling import NOTABLE, Unknown
 
 FOUND, CONSISTENT, NOT_OBSERVABLE = "found", "consistent", "not observable"
 UNITS = {CLOCK: ("s", 1.0), ARM: ("m", 1.0), MOUNTING: ("deg", 180 / np.pi), SCALE: ("", 1.0)}
@@ -60,7 +60,9 @@ class Estimate(NamedTuple):
         if self.status == NOT_OBSERVABLE:
             return f"{self.name}: not observable; to show it, {self.motion}"
         if self.status == CONSISTENT:
-            return f"{self.name}: consistent with what was given ({self.seen})"
+            if abs(self.change) < NOTABLE * self.sd:
+                return f"{self.name}: consistent with what was given ({self.seen})"
+            return f"{self.name}: not surely, or not by much, off what was given ({self.seen})"
         return f"{self.name}: found to be off by {self.seen}; the fit gains {self.gain:.0f}"
 
 

@@ -128,7 +128,11 @@ class Model:
         start, V = run.start, self.start
         C = rotation_matrix(*start.rph)
         acceleration = C @ acceleration_at(run, start.t) + self.g
-        rate = run.samples.dtheta[run.first] / run.samples.dt[run.first] - np.asarray(start.bg)
+        # over half a second to both sides, as in the alignment
+        first, last = np.searchsorted(run.samples.t, [start.t - 0.5, start.t + 0.5])
+        near = slice(first, max(last, first + 1))
+        seconds = run.samples.dt[near].sum()
+        rate = run.samples.dtheta[near].sum(axis=0) / seconds - np.asarray(start.bg)
         swing = C @ cross_matrix(rate)
         for j, constant in enumerate(self.found):
             kinds = self.kinds[list(constant.sources)]

@@ -140,7 +140,7 @@ def most_calls(run: Run, stop: int) -> int:
     gaps = t - dt - np.r_[run.cursor.now[0], t[:-1]]
     steps = np.ceil(np.clip(gaps, 0.0, loop.LONGEST_HOLD) / loop.LONGEST_STEP) + 1
     fixes = np.searchsorted(run.fixes.t, t[-1] + 2 * loop.SAME_TIME, side="right") - k
-    return int(len(t) + 3 * fixes + steps[gaps > 0].sum() + 8)
+    return int(len(t) + 3 * fixes + steps[gaps > 0].sum())
 
 
 def _corrections(fix: Array, record: Array, n: int, forces: "_Forces") -> Corrections:

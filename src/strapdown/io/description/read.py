@@ -75,14 +75,17 @@ def _renamed(aiding: Aiding, number: int) -> Aiding:
 
 
 def read_meta(description: Description, files: Files) -> dict[str, Any]:
-    """The meta of a Recording that its description gives: name, date, place, grade, point, lever
-    arm of the IMU. Raises DataError."""
+    """The meta of a Recording that its description gives: name, date, place, grade, point, mounting
+    (roll, pitch, heading, rad) and lever arm of the IMU. Raises DataError."""
     grade = description.imu.grade
     if grade and grade.endswith(".toml"):
         grade = str(files.locate(grade))
     place = description.place and description.place.lla
     found = {"name": files.path.stem, "date": description.date, "place": place, "grade": grade}
     found = {key: value for key, value in found.items() if value is not None}
+    mounting = description.imu.mounting
+    if mounting is not None:
+        found["imu_mounting"] = mounting.angles
     return found | {"point": description.point, "imu_lever_arm": list(description.imu.lever_arm)}
 
 

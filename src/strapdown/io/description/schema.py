@@ -53,11 +53,14 @@ class Mounting(Part):
     unit: AngleUnit = MISSING
 
     @property
+    def angles(self) -> list[float]:
+        """Roll, pitch and heading, rad."""
+        return [self.unit * each for each in (self.roll, self.pitch, self.heading)]
+
+    @property
     def matrix(self) -> Array:
         """(3, 3) C_bs."""
-        return rotation_matrix(
-            *(self.unit * each for each in (self.roll, self.pitch, self.heading))
-        )
+        return rotation_matrix(*self.angles)
 
 
 class Temperature(Part):

@@ -1,0 +1,144 @@
+"""What the constants of an installation do to measurements, differentiated numerically; and recordings
+with them changed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from installed import car
+from recordings import flight
+
+from strapdown import filters
+from strapdown.diagnosis.installation import Model, applied, constants, rotation, slower
+from strapdown.engine.prepare import Asked
+from strapdown.engine.sensitivity import Corrections, begin_sensitive
+from strapdown.geodesy import displacement
+
+STEP = 1e-6
+
+
+@pytest.fixture(scope="module")
+def model():
+    run = begin_sensitive(car(1040, 20.0), filters.find("closed-loop"), Asked({}))
+    return Model(run, constants(run.recording.aidings), True)
+
+
+@pytest.fixture(scope="module")
+def at():
+    """One correction by each of the five sources, at one turning belief."""
+    rng, count = np.random.default_rng(5), 5
+    tile = lambda values: np.tile(values, (count, *[1] * np.ndim(values)))
+    return Corrections(
+        np.zeros(count),
+        np.arange(count),
+        tile(rng.normal(0, 10, 3)),
+        tile(rotation(rng.normal(0, 1, 3))),
+        tile(rng.normal(0, 1, 3)),
+        tile(rng.normal(0, 5, 3)),
+        np.zeros((count, 3)),
+    )
+
+
+def measured(model, at, source, arm, turn, scale):
+    """The measurement of a source whose IMU must be turned, whose arm is given in vehicle axes."""
+    C, omega = at.C[0] @ rotation(turn).T, rotation(turn) @ at.omega[0]
+    swing = np.cross(omega, arm)
+    if model.kinds[source] == "position":
+        return C @ arm
+    if model.kinds[source] == "velocity":
+        return at.v[0] + C @ swing
+    axis = ["speed", "zero-lateral-velocity", "zero-vertical-velocity"].index(model.kinds[source])
+    return np.array([(C.T @ at.v[0] + swing)[axis] * (1 + scale), 0.0, 0.0])
+
+
+@pytest.mark.parametrize("source", range(5))
+def test_derivatives_are_those_of_the_measurements(model, at, source):
+    h, arm = model.derivatives(at), model.arms[source]
+    for j, one in enumerate(model.found):
+        change = np.zeros(3)
+        change[one.axis] = STEP
+        given = {
+            "lever arm": (arm + change * (source in one.sources), np.zeros(3), 0.0),
+            "mounting": (arm, change, 0.0),
+            "odometer scale": (arm, np.zeros(3), STEP * (source in one.sources)),
+        }.get(one.kind)
+        if given is None:
+            continue
+        as_given = measured(model, at, source, arm, np.zeros(3), 0.0)
+        numeric = (measured(model, at, source, *given) - as_given) / STEP
+        np.testing.assert_allclose(h[source, :, j], numeric, atol=2e-4)
+
+
+def test_clocks_move_the_antenna_along_its_way(model, at):
+    h, arm = model.derivatives(at), model.arms[0]
+    C, omega = at.C[0], at.omega[0]
+    swing = np.cross(omega, arm)
+    np.testing.assert_allclose(h[0, :, 0], at.v[0] + C @ swing)
+    force = C @ (at.f[0] + np.cross(omega, swing))
+    np.testing.assert_allclose(h[1, :, 1], force + [0, 0, 9.8], atol=0.03)
+    assert not h[1, :, 0].any() and not h[0, :, 1].any() and not h[2:, :, :2].any()
+
+
+def test_a_start_made_of_fixes_errs_with_them():
+    """By aligning anew with another arm."""
+    recording = car(1040, 60.0)
+    found, step = constants(recording.aidings), 0.01
+    begun = lambda theta: begin_sensitive(
+        applied(recording, found, theta), filters.find("closed-loop"), Asked({})
+    )
+    run = begun(np.zeros(len(found)))
+    V = Model(run, found, True).start
+    assert not Model(run, found, False).start.any()
+    for j, one in enumerate(found):
+        if one.kind != "lever arm":
+            continue
+        theta = step * np.eye(len(found))[j]
+        there, back = begun(theta).start, begun(-theta).start
+        moved = displacement(np.array(there.lla), np.array(back.lla)) / (2 * step)
+        np.testing.assert_allclose(V[0:3, j], moved, atol=0.01)
+        change = (np.array(there.v) - np.array(back.v)) / (2 * step)
+        np.testing.assert_allclose(V[3:6, j], change, atol=0.01)
+    # the clocks: what was true then is true later
+    assert V[0:3, 0] == pytest.approx(-np.array(run.start.v))
+    assert not V[0:3, 1].any() and V[3:6, 1].any() and not V[3:6, 0].any()
+
+
+def test_what_is_applied_is_what_the_constants_say():
+    recording = car(1040, 20.0)
+    found = constants(recording.aidings)
+    theta = np.zeros(len(found))
+    theta[[j for j, one in enumerate(found) if one.kind == "clock"]] = 0.3
+    theta[[one.kind == "lever arm" and one.axis == 2 for one in found].index(True)] = 0.4
+    theta[[one.kind == "mounting" and one.axis == 2 for one in found].index(True)] = np.pi / 2
+    theta[[one.kind == "odometer scale" for one in found].index(True)] = 0.25
+    made = applied(recording, found, theta)
+    position, _, speed = made.aidings[:3]
+    np.testing.assert_allclose(position.t, recording.aidings[0].t + 0.3)
+    np.testing.assert_allclose(position.parameters, (0.5, 0.2, -0.6))
+    np.testing.assert_allclose(speed.y, recording.aidings[2].y / 1.25)
+    # its x axis points to the right of the vehicle
+    np.testing.assert_allclose(made.imu.dv[:, 1], recording.imu.dv[:, 0], atol=1e-12)
+    assert applied(recording, found, 0 * theta).imu is recording.imu
+
+
+def test_each_antenna_has_an_arm_of_its_own():
+    recording = flight()
+    position, velocity = recording.aidings
+    other = replace(position, parameters=(2.0, 0.0, 0.0), name="second")
+    found = constants((position, velocity, other))
+    arms = {one.sources for one in found if one.kind == "lever arm"}
+    assert arms == {(0, 1), (2,)} and sum(one.kind == "clock" for one in found) == 3
+
+
+def test_slower_samples_keep_all_motion_and_the_gaps():
+    from recordings import without_samples
+
+    recording = without_samples(car(1040, 20.0), (5.0, 6.0))
+    made = slower(recording, 20.0)
+    assert len(made.imu.t) == pytest.approx(len(recording.imu.t) / 5, rel=0.02)
+    for fast, slow in zip(recording.imu[1:], made.imu[1:]):
+        np.testing.assert_allclose(slow.sum(axis=0), fast.sum(axis=0))
+    begin = made.imu.t - made.imu.dt
+    pauses = begin[1:] - made.imu.t[:-1]
+    assert pauses.max() == pytest.approx(1.0) and (pauses > 1e-6).sum() == 1
+    assert slower(made, 20.0) is made

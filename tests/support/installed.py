@@ -1,0 +1,62 @@
+"""Simulated recordings with an installation that is known, and what is done wrong to it."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+import strapdown as sd
+from strapdown.data import Aiding
+from strapdown.diagnosis.installation import CLOCK, applied, constants
+from strapdown.sensor_models.gnss import Gnss
+
+GNSS = Gnss(
+    interval=0.2,
+    position_sd=(1.0, 1.0, 1.5),
+    velocity_sd=(0.1, 0.1, 0.1),
+    lever_arm=(0.5, 0.2, -1.0),
+)
+
+
+@cache
+def car(seed, seconds=200.0, imu="consumer", vehicle=True, gnss=GNSS):
+    """A car with GNSS at 5 Hz and, of a vehicle, an odometer of 0.1 m/s and constraints at 10 Hz."""
+    made = sd.simulate("car", seconds, imu, seed, gnss=gnss)
+    if not vehicle:
+        return made
+    truth, t = made.reference, np.arange(0.05, seconds - 0.1, 0.1)
+    forward = truth.rotation.inv().apply(truth.v_n)[:, 0]
+    noise = np.random.default_rng(seed).normal(0, 0.1, len(t))
+    own = [
+        Aiding(kind, t, y[:, None], np.full((len(t), 1), 0.1), (0.0, 0.0, 0.0))
+        for kind, y in (
+            ("speed", np.interp(t, truth.t, forward) + noise),
+            ("zero-lateral-velocity", 0 * t),
+            ("zero-vertical-velocity", 0 * t),
+        )
+    ]
+    return replace(made, aidings=(*made.aidings, *own))
+
+
+@cache
+def flown(seed, seconds=300.0, imu="tactical"):
+    """A flight with GNSS at 5 Hz."""
+    return sd.simulate("demo", seconds, imu, seed, gnss=GNSS)
+
+
+def wrong(recording, kind, value, axis=0, of=None):
+    """The recording set up so that `kind` must be changed by `value` to be right; of clocks only
+    that of the kind of source `of`, or all."""
+    found = constants(recording.aidings)
+    theta = np.array(
+        [
+            value
+            if one.kind == kind
+            and (kind == CLOCK or one.axis == axis)
+            and (of is None or recording.aidings[one.sources[0]].kind == of)
+            else 0.0
+            for one in found
+        ]
+    )
+    assert theta.any()
+    return applied(recording, found, -theta)
