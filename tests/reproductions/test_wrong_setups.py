@@ -209,6 +209,11 @@ def test_the_table_names_what_exists():
         assert each.cause in CAUSES
     assert hidden(OF["mounting 2 deg off in pitch"], "car").cause == "mounting"
     assert hidden(OF["mounting 2 deg off in pitch"], "car with odometer") is None
+    assert hidden(OF["clock of position -0.25 s"], "ship") and hidden(
+        OF["clock of GNSS +0.1 s"], "ship"
+    )
+    assert hidden(OF["clock of GNSS +0.25 s"], "ship") is None
+    assert hidden(OF["antenna arm 3 m off, forward"], "ship") is None
     assert {a.kind for a in simulated("car with odometer", 1).recording.aidings} <= set(names())
 
 

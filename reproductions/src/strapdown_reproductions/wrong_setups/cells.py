@@ -22,8 +22,8 @@ from .not_showable import hidden, named
 REFUSED = "refused"
 """Word of a run that ended in a DataError."""
 RIGHT = "right set-up"
-SAID = ""
-"""Cause of what is said as text alone."""
+SAID = "unknown"
+"""Cause of what inspect says as text alone."""
 
 
 class Heard(NamedTuple):
@@ -109,16 +109,16 @@ def judged(mistake: Mistake, case: Case, found: Heard, done: Harm) -> dict[str, 
     """The columns of a row that rest on what the mistake was."""
     cannot = hidden(mistake, case.name)
     which, worse, beyond = done
-    first = next(iter(found.reasons or found.own), Reason(SAID, found.refusal, ""))
+    first = next(iter(found.reasons or found.own), None)
+    cause = first.cause if first else ""
     return {
         "harmful": bool(which),
         "which": ", ".join(which),
         "worse": worse,
         "beyond": beyond,
         "showable": cannot is None,
-        "named": first.cause in mistake.causes
-        or (first.cause == SAID and text_names(first.seen, mistake)),
-        "plainly_named": first.cause == mistake.causes[0],
+        "named": cause in mistake.causes or (first is None and refused(found.refusal, mistake)),
+        "plainly_named": cause == mistake.causes[0],
         "named_untested": cannot is not None and named(cannot, found.untested),
     }
 
@@ -128,13 +128,12 @@ WORDS = {
     "unit": ("unit", "scale"),
     "axes": ("axes",),
     "frame": ("axes", "NED"),
-    "repeated": ("repeat",),
 }
-"""By which words a text that is no Reason names a cause."""
+"""By which words a refusal names a cause."""
 
 
-def text_names(text: str, mistake: Mistake) -> bool:
-    """Whether the text of a problem or of a refusal names the cause of a mistake."""
+def refused(text: str, mistake: Mistake) -> bool:
+    """Whether the text of a refusal names the cause of a mistake."""
     return any(word in text for cause in mistake.causes for word in WORDS.get(cause, ()))
 
 

@@ -33,6 +33,7 @@ class Mistake(NamedTuple):
     # one
     causes: tuple[str, ...]
     make: Callable[[Case], Recording | None]  # None: it cannot be made with this recording
+    size: float = 0.0  # s of a clock, m of an arm
 
 
 def _on(
@@ -190,6 +191,7 @@ MISTAKES: tuple[Mistake, ...] = (
             f"clock of {whose}",
             ("clock",),
             clock(kinds, sign * seconds),
+            seconds,
         )
         for whose, kinds in (("GNSS", GNSS), ("position", GNSS[:1]), ("velocity", GNSS[1:]))
         for seconds in SECONDS
@@ -214,6 +216,7 @@ MISTAKES: tuple[Mistake, ...] = (
             f"antenna arm, {where}",
             ("lever arm",),
             longer(tuple(size * np.array(way))),
+            size,
         )
         for where, way in (("forward", (1.0, 0.0, 0.0)), ("up", (0.0, 0.0, -1.0)))
         for size in (1.0, 3.0)
