@@ -19,7 +19,7 @@ from ..verdict import GRAVE, Reason
 MEDIAN_CHI2 = {1: 0.4549, 2: 1.3863, 3: 2.3660}
 """Median of chi-square by degrees of freedom: half of the NIS of a source are below it."""
 GATED = 20  # fixes of a source from which its statistics say something
-BIAS = 5.0  # estimated bias over what the description of the IMU allows
+BIAS = 6.0  # estimated bias over what the description of the IMU allows
 SURE = 3.0  # and over its own standard deviation
 NIS_HIGH, NIS_LOW = 2.0, 0.06  # median NIS of a source over its expectation
 NIS_PART, PARTS, SHARE_OF_PARTS = 4.0, 20, 0.1  # the same in parts of a run, and in how many

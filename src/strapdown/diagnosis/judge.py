@@ -13,9 +13,12 @@ from ..data import Solution
 from ..verdict import Reason, Verdict
 from . import evidence, screening
 from .evidence import GATED, Fixes
+from .installation import CONSTRAINED
 
 SHORTEST = 30.0  # s of a run that says something of itself
-AT_REST = 1.0  # m/s that is never exceeded by what does not move
+AT_REST = 0.3  # m/s that is never exceeded by what hardly moves
+HEIGHTS = {"position", "altitude", "pressure", "pressure-altitude", "zero-sea-level"}
+"""Kinds that measure a height."""
 
 
 def judge(solution: Solution) -> Verdict:
@@ -26,10 +29,11 @@ def judge(solution: Solution) -> Verdict:
     sources = evidence.by_source(solution)
     untested = list(_untested(solution, sources))
     symptoms = list(_symptoms(solution, sources))
-    causes = []
-    if {"position", "velocity"} <= {source.kind for source in sources}:
+    causes: list[Reason] = []
+    if any(source.kind == "position" for source in sources):
         try:
-            causes = screening.reasons(solution)
+            causes, unknown = screening.look(solution)
+            untested += unknown
         except DataError as error:
             untested.append(f"clock and lever arm: {error}")
     # what compares the parts of the recording takes longer: all of it only where there is doubt
@@ -74,9 +78,16 @@ def _untested(solution: Solution, sources: list[Fixes]) -> Iterator[str]:
     if not kinds & {"position", "velocity"}:
         yield "clock and lever arm: there is no GNSS"
     elif not {"position", "velocity"} <= kinds:
-        yield "clock and lever arm: position and velocity are not both measured"
+        yield (
+            "clock, lever arm and lasting errors of the fixes: position and velocity are not both "
+            "measured"
+        )
     elif not _moves(solution):
-        yield "clock, lever arm and heading: it never moves"
+        yield "clock, lever arm and heading: it hardly moves"
+    if "position" in kinds and len(kinds & HEIGHTS) < 2:
+        yield "height above geoid or ellipsoid: there is one source of height"
+    if not kinds & set(CONSTRAINED):
+        yield "mounting of the IMU in the vehicle: no constraint or odometer shows it"
     if evidence.heading_never_seen(solution):
         yield "heading: no turn or acceleration showed it, its error is that of the start"
 

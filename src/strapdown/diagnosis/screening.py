@@ -2,7 +2,7 @@
 closed loop over a thinned recording, and by how much each constant of the installation would have
 made its innovations smaller (separate bias estimation, as `diagnose`, but one step of it)."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..engine.sensitivity import begin_sensitive, fit, sums
 from ..recording import Recording
 from ..typing import Array
 from ..verdict import Reason
+from .diagnose import LEAST_CLOCK_ALONE, MOTIONS
 from .findings import AXES, LEAST_Z, UNITS
 from .installation import ARM, CLOCK, CONSTRAINED, GNSS, MOUNTING, SCALE, Model, constants
 from .settling import Trial, Unknown, estimated, explained, groups
@@ -25,6 +26,8 @@ STEP, PACE, MOST = 0.5, 1.0, 1000
 are."""
 LEAST = {CLOCK: 0.02, ARM: 0.3, MOUNTING: np.radians(1.0), SCALE: 0.005}
 """s, m, rad: smaller ones are no reason for doubt."""
+KNOWN = {CLOCK: 0.02, ARM: 0.3, MOUNTING: np.radians(1.0), SCALE: 0.005}
+"""s, m, rad: standard deviations from which a constant counts as not tested."""
 HARMFUL = 3.0
 """Claimed standard deviations that an error must not exceed."""
 EXPLAINED = 25.0
@@ -41,9 +44,14 @@ class Suspect(NamedTuple):
 
     unknowns: tuple[Unknown, ...]
     value: Array  # (q,) s, m, rad
-    z: Array  # (q,) in standard deviations
+    sd: Array  # (q,) of the value
     explained: float  # of the sum of squared whitened innovations
     excess: float  # of that sum over its expectation
+
+    @property
+    def z(self) -> Array:
+        """(q,) the values in standard deviations."""
+        return np.abs(self.value) / self.sd
 
     @property
     def likely(self) -> float:
@@ -97,13 +105,45 @@ def suspects(solution: Solution) -> list[Suspect]:
 def _suspect(trial: Trial, group: Sequence[Unknown], excess: float) -> Suspect:
     one = estimated(trial, group, np.zeros_like(trial.theta))
     gain = explained(trial, group, one.step)
-    return Suspect(tuple(group), one.value, one.z, gain, excess)
+    return Suspect(tuple(group), one.value, one.sd, gain, excess)
 
 
-def reasons(solution: Solution) -> list[Reason]:
-    """Reasons to doubt the installation of a solution, the likeliest first."""
-    found = [each for each in suspects(solution) if _matters(each)]
-    return [_reason(solution, each) for each in found[:1]]
+def look(solution: Solution) -> tuple[list[Reason], list[str]]:
+    """Reasons to doubt the installation of a solution, and what of it its motion does not show.
+    Raises DataError."""
+    found, alone = suspects(solution), not _has(solution, "velocity")
+    likely = [each for each in found if _matters(each, alone)]
+    reasons = [_reason(solution, each) for each in likely[:1]]
+    return reasons, [] if alone else [text for each in found for text in _unknown(solution, each)]
+
+
+def _has(solution: Solution, kind: str) -> bool:
+    assert solution.recording is not None
+    return any(a.kind == kind for a in solution.recording.aidings)
+
+
+def _unknown(solution: Solution, suspect: Suspect) -> Iterator[str]:
+    kind = suspect.unknowns[0].kind
+    worse = [i for i, sd in enumerate(suspect.sd) if sd > KNOWN[kind]]
+    if not worse:
+        return
+    unit, factor = UNITS[kind]
+    size = f"{suspect.sd[worse].max() * factor:.2g} {unit}".strip()
+    axes = ", ".join(AXES[kind][suspect.unknowns[i].axis] for i in worse) if kind in AXES else ""
+    shows = dict.fromkeys(MOTIONS[kind][suspect.unknowns[i].axis] for i in worse)
+    yield (
+        f"{kind} of {_concerned(solution, suspect)}{axes and ', '}{axes}: known to +-{size} only; "
+        f"to show it, {' and '.join(shows)}"
+    )
+
+
+def _concerned(solution: Solution, suspect: Suspect) -> str:
+    """Names of the sources that it concerns."""
+    assert solution.recording is not None
+    names = [a.name or a.kind for a in thinned_sources(solution.recording.aidings)]
+    if suspect.unknowns[0].kind == MOUNTING:
+        return "the IMU"
+    return " and ".join(names[i] for i in suspect.unknowns[0].sources)
 
 
 def harm(solution: Solution, suspect: Suspect) -> float:
@@ -132,18 +172,18 @@ def thinned_sources(aidings: Sequence[Aiding]) -> list[Aiding]:
     return [a for a in aidings if a.kind in (*GNSS, *CONSTRAINED)]
 
 
-def _matters(suspect: Suspect) -> bool:
+def _matters(suspect: Suspect, alone: bool) -> bool:
+    """Whether it is a reason; of positions `alone`, without velocities, only a clock is."""
     kind = suspect.unknowns[0].kind
-    clear = (suspect.z > LEAST_Z) & (np.abs(suspect.value) > LEAST[kind])
+    least = LEAST_CLOCK_ALONE if alone else LEAST[kind]
+    clear = (suspect.z > LEAST_Z) & (np.abs(suspect.value) > least) & (not alone or kind == CLOCK)
     explains = suspect.explained > max(EXPLAINED, PART_OF_EXCESS * suspect.excess)
     return bool(clear.any() and explains)
 
 
 def _reason(solution: Solution, suspect: Suspect) -> Reason:
-    kind, recording = suspect.unknowns[0].kind, solution.recording
-    assert recording is not None
-    names = [a.name or a.kind for a in thinned_sources(recording.aidings)]
-    sources = " and ".join(names[i] for i in suspect.unknowns[0].sources if kind != MOUNTING)
+    kind = suspect.unknowns[0].kind
+    sources = "" if kind == MOUNTING else _concerned(solution, suspect)
     unit, factor = UNITS[kind]
     clear = [i for i, z in enumerate(suspect.z) if z > LEAST_Z]
     values = ", ".join(

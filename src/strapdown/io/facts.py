@@ -1,7 +1,8 @@
 """What can be said of samples and fixes, in lines for people: rates, gaps, what the sensors read at
 rest, how fixes and gyro agree."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from ..preprocessing.origin import counted
 from ..preprocessing.plausible import doubts
 from ..preprocessing.stationary import at_rest, stretches
 from ..recording import Recording
+from ..sensor_models.imu import grade
 from ..typing import Array, Ints, Mask
 from .contract import Findings
 from .magnetic_record import facts_and_problems as of_field
@@ -28,7 +30,8 @@ def recording_facts(recording: Recording, *more: str) -> Findings:
     """Findings on a Recording: samples, fixes, magnetometers, then the lines `more`, reference and
     notes."""
     imu, reference = recording.imu, recording.reference
-    found = Findings.of(imu_facts(imu), [f"imu: {text}" for text in doubts(imu)])
+    unusual = doubts(imu, gyro_bias_sd(recording.meta))
+    found = Findings.of(imu_facts(imu), [f"imu: {text}" for text in unusual])
     found.add(*aiding_facts(imu, recording.aidings))
     for aiding in recording.aidings:
         if find(aiding.kind).parameters == "field":
@@ -36,6 +39,12 @@ def recording_facts(recording: Recording, *more: str) -> Findings:
     found.add([*more, *([f"reference: {reference!r}"] if reference is not None else [])])
     found.add(f"note: {note}" for note in recording.meta.get("notes", []))
     return found
+
+
+def gyro_bias_sd(meta: Mapping[str, Any]) -> float:
+    """What the description of the IMU in the meta of a recording allows, rad/s; 0 without one."""
+    named = meta.get("grade")
+    return 0.0 if named is None else grade(named).bias_sd()[1]
 
 
 def imu_facts(imu: Imu) -> list[str]:

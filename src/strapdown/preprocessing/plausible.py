@@ -122,8 +122,13 @@ def _gravity_sign(force: Array) -> list[tuple[str, str]]:
     ]
 
 
-def doubts(imu: Imu) -> list[str]:
-    """[text] of what is unusual and may be a mistake."""
+USUAL_GYRO_BIAS = np.radians(2.5)
+"""rad/s that gyros without a description may read at rest."""
+
+
+def doubts(imu: Imu, gyro_bias_sd: float = 0.0) -> list[str]:
+    """[text] of what is unusual and may be a mistake; `gyro_bias_sd` (rad/s) is what the description
+    of the IMU allows, 0 where there is none."""
     rate, force = half_seconds(imu)
     found = []
     median = np.median(force, axis=0)
@@ -134,7 +139,8 @@ def doubts(imu: Imu) -> list[str]:
             f"z: check axes or mounting"
         )
     bias = rate_at_rest(imu)
-    if bias is not None and np.abs(np.degrees(bias)).max() > 2.5:
+    most = max(USUAL_GYRO_BIAS, 5 * gyro_bias_sd)
+    if bias is not None and np.abs(bias).max() > most:
         found.append(
             f"the gyro reads [{' '.join(f'{b:.2f}' for b in np.degrees(bias))}] deg/s at rest: a "
             f"large turn-on bias, or a wrong unit or scale"

@@ -9,7 +9,7 @@ from ...core.contract import Imu
 from ...data import Aiding
 from ...preprocessing.plausible import doubts, mistakes
 from ..contract import Findings
-from ..facts import aiding_facts, imu_facts
+from ..facts import aiding_facts, gyro_bias_sd, imu_facts
 from ..locate import locate
 from ..magnetic_record import facts_and_problems
 from .complaints import complaints, parse
@@ -43,7 +43,9 @@ def _parts(path: Path, description: Description, found: Findings) -> list[str]:
     if imu is None:
         return notes
     wrong = [f"{field}: {text}" for field, text in mistakes(imu, description.imu.kind)]
-    found.add(imu_facts(imu), (f"{path}: [imu] {text}" for text in wrong + doubts(imu)))
+    meta = found.attempt(read_meta, description, files) or {}
+    wrong += doubts(imu, gyro_bias_sd(meta))
+    found.add(imu_facts(imu), (f"{path}: [imu] {text}" for text in wrong))
     aidings: list[Aiding] = []
     parts: list[tuple[AidingPart, int]] = []
     for number, part in enumerate(description.aiding, 1):
@@ -52,7 +54,6 @@ def _parts(path: Path, description: Description, found: Findings) -> list[str]:
             aidings.append(read[0])
             parts.append((part, number))
             notes += read[1]
-    meta = found.attempt(read_meta, description, files) or {}
     notes += level_notes(aidings, meta)
     notes += _magnetometers(path, parts, aidings, imu, meta, found)
     if description.reference is not None:
