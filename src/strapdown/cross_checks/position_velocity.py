@@ -361,8 +361,9 @@ def _fine(pair: Pair, what: str) -> Checked:
     if abs(x[2]) >= SETTLED:
         return Checked.unknown(what, "no latency between the two fits them")
     found.facts.append(
-        f"{what}: scale {1 / (1 + x[0]):.4f} +- {sd[0]:.4f}, turned by {np.degrees(-x[1]):+.2f} +- "
-        f"{np.degrees(sd[1]):.2f} deg, later by {lag:+.3f} +- {sd[2]:.3f} s"
+        f"{what}: the velocity is {1 / (1 + x[0]):.4f} +- {sd[0]:.4f} of the change of position, "
+        f"turned by {np.degrees(-x[1]):+.2f} +- {np.degrees(sd[1]):.2f} deg, later by {lag:+.3f} +- "
+        f"{sd[2]:.3f} s"
     )
     found.reasons.extend(_departures(pair, np.r_[x[:2], lag], sd))
     found.add(_vertical(pair, block, lag, what))
