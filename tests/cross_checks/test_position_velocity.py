@@ -47,7 +47,7 @@ def causes(pair):
 def test_a_right_receiver_is_not_accused():
     found = position_against_velocity(*receiver(T, winding, wound, noise=0.5))
     assert found.reasons == [] and found.inconclusive == []
-    assert found.facts[0].startswith("p against v: scale ")
+    assert found.facts[0].startswith("p against v: the velocity is ")
 
 
 @pytest.mark.parametrize("lag", [-1.3, -0.2, 0.15, 0.6])

@@ -313,3 +313,15 @@ def test_jitter_is_one_line(drive, tmp_path):
     facts = inspect(path).facts
     assert any("time stamps: 120 intervals are longer than the median by" in f for f in facts)
     assert "gaps: none of several samples" in facts
+
+
+@pytest.mark.parametrize("name, wrong", [("hMSL", True), ("alt_amsl_m", True), ("h_ell", False)])
+def test_a_column_that_speaks_of_the_sea_level(build, name, wrong):
+    found = inspect(
+        build(
+            gnss=lambda f: f.rename(columns={"alt": name}),
+            toml=lambda s: s.replace('"alt"', f'"{name}"'),
+        )
+    )
+    assert [reason.cause for reason in found.reasons] == ["height"] * wrong
+    assert any("mean sea level" in problem for problem in found.problems) == wrong

@@ -21,7 +21,8 @@ from .motion import Subject
 
 WINDOW, BLOCK = 5.0, 20.0
 """Seconds of a displacement, and of a block of the fine comparison."""
-LEAST_FIXES, LEAST_WINDOWS = 30, 6
+LEAST_FIXES, LEAST_WINDOWS, LEAST_STEPS = 30, 6, 8
+"""Fixes, displacements that move, and steps from block to block that are needed."""
 MOVING = 5.0
 """A displacement tells something from so many claimed standard deviations on."""
 WRONG, RIGHT = 0.3, 0.2
@@ -363,8 +364,9 @@ def _fine(pair: Pair, what: str) -> Checked:
     if abs(x[2]) >= SETTLED:
         return Checked.unknown(what, "no latency between the two fits them")
     found.facts.append(
-        f"{what}: scale {1 / (1 + x[0]):.4f} +- {sd[0]:.4f}, turned by {np.degrees(-x[1]):+.2f} +- "
-        f"{np.degrees(sd[1]):.2f} deg, later by {lag:+.3f} +- {sd[2]:.3f} s"
+        f"{what}: the velocity is {1 / (1 + x[0]):.4f} +- {sd[0]:.4f} of the change of position, "
+        f"turned by {np.degrees(-x[1]):+.2f} +- {np.degrees(sd[1]):.2f} deg, later by {lag:+.3f} +- "
+        f"{sd[2]:.3f} s"
     )
     found.reasons.extend(_departures(pair, np.r_[x[:2], lag], sd))
     found.add(_vertical(pair, block, lag, what))
@@ -381,10 +383,12 @@ def _blocks(pair: Pair) -> Ints:
     """(n,) number of the stretch of BLOCK seconds without a pause that each position is in."""
     length = max(BLOCK, 12 * float(np.median(np.diff(pair.t))))
     pauses = pair.pauses(pair.t)
-    _, block = np.unique(
-        np.floor((pair.t - pair.t[0]) / length) + 1e6 * pauses, return_inverse=True
-    )
-    return block
+    return _numbered(np.floor((pair.t - pair.t[0]) / length) + 1e6 * pauses)
+
+
+def _numbered(values: Array | Ints) -> Ints:
+    """(n,) 0, 1, 2 ...: numbers of the runs of equal values."""
+    return np.r_[0, np.cumsum(np.diff(values) != 0)][: len(values)]
 
 
 def _within(columns: Array, block: Ints) -> Array:
@@ -411,7 +415,7 @@ def _horizontal(pair: Pair, block: Ints, lag: float) -> tuple[Array, Array]:
     e = pair.p[:, :2] - W
     use: Mask = np.asarray(np.isfinite(e).all(axis=1))
     for _ in range(2):
-        number = np.unique(block[use], return_inverse=True)[1]
+        number = _numbered(block[use])
         columns = _within(np.c_[e[use], W[use], v[use]], number)
         ex, ey, wx, wy, vx, vy = columns.T
         A = np.c_[np.r_[wx, wy], np.r_[-wy, wx], np.r_[vx, vy]]
@@ -458,10 +462,10 @@ def _vertical(pair: Pair, block: Ints, lag: float, what: str) -> Checked:
     v = np.where(known, pair.v[:, 2], 0.0)[:, None]
     W = pair.integral(v, pair.t + lag)[:, 0]
     use = np.isfinite(W)
-    number = np.unique(block[use], return_inverse=True)[1]
+    number = _numbered(block[use])
     p, W = _within(np.c_[pair.p[use, 2], W[use]], number).T
     keep = _sound((p - W)[:, None]) | _sound((p + W)[:, None])
-    number = np.unique(number[keep], return_inverse=True)[1]
+    number = _numbered(number[keep])
     x, sd, _ = clustered(W[keep, None], p[keep], number)
     if not v.any():
         return _no_vertical(pair, p)
@@ -505,11 +509,11 @@ def _drift(pair: Pair, block: Ints, lag: float) -> Iterator[Reason]:
     v = np.where(np.isfinite(pair.v), pair.v, 0.0)
     e = pair.p - pair.integral(v, pair.t + lag)
     use = np.isfinite(e).all(axis=1)
-    number, count = np.unique(block[use], return_inverse=True)[1], np.bincount(block[use])
+    number, count = _numbered(block[use]), np.bincount(block[use])
     count = count[count > 0]
     middle = np.bincount(number, pair.t[use]) / count
     same = np.diff(np.bincount(number, pair.pauses(pair.t)[use]) / count) == 0
-    if same.sum() < LEAST_WINDOWS:
+    if same.sum() < LEAST_STEPS:
         return
     for axis, name in enumerate(("north", "east", "down")):
         level = np.bincount(number, e[use, axis]) / count

@@ -1,13 +1,15 @@
 """What a `recording.toml` describes, part by part, in lines for people: where one part cannot be
 read, the others still are."""
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from ...core.contract import Imu
 from ...data import Aiding
 from ...preprocessing.plausible import doubts, mistakes
+from ...verdict import Reason
 from ..contract import Findings
 from ..facts import aiding_facts, gyro_bias_sd, imu_facts
 from ..locate import locate
@@ -18,6 +20,9 @@ from .read import level_notes, read_aiding, read_field, read_imu, read_meta, rea
 from .schema import Description
 from .schema_aiding import AidingPart
 from .source_files import Files
+
+SEA_LEVEL = re.compile("msl|orthometric|geoid|sea_?level", re.IGNORECASE)
+"""What is in the name of a column of heights above mean sea level."""
 
 
 def inspect_description(path: Path) -> Findings:
@@ -54,6 +59,7 @@ def _parts(path: Path, description: Description, found: Findings) -> list[str]:
             aidings.append(read[0])
             parts.append((part, number))
             notes += read[1]
+            found.take([], _above_sea_level(part, read[0].name), [])
     notes += level_notes(aidings, meta)
     notes += _magnetometers(path, parts, aidings, imu, meta, found)
     if description.reference is not None:
@@ -65,6 +71,19 @@ def _parts(path: Path, description: Description, found: Findings) -> list[str]:
         notes += more
     found.add(*aiding_facts(imu, aidings))
     return notes
+
+
+def _above_sea_level(part: AidingPart, name: str) -> Iterator[Reason]:
+    """A Reason where the column of an ellipsoidal height is named as one above mean sea level."""
+    column = (part.columns or [""])[-1] if part.sensor.name in ("position", "altitude") else ""
+    if isinstance(column, str) and SEA_LEVEL.search(column):
+        yield Reason(
+            "height",
+            f"its column {column!r} reads like a height above mean sea level; heights are above the "
+            f"WGS-84 ellipsoid, which is up to 110 m off",
+            "take the ellipsoidal height, or add the undulation of the geoid to the column",
+            name,
+        )
 
 
 def _magnetometers(
