@@ -1,6 +1,8 @@
 """Headings tried where nothing tells the heading: the fixes decide, or the start says that they do
 not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -62,6 +64,14 @@ def test_what_stands_has_no_heading():
     recording = sd.simulate(static(LLA, (0.0, 0.0, 2.0)), 30.0, IMU, 1, 50.0, Gnss(0.5, 2.0, None))
     start = aligned(recording, sd.grade(IMU))
     assert start.sd[8] == UNKNOWN_SD and "heading unknown" in start.note
+
+
+def test_where_fixes_end_nothing_is_tried():
+    recording = sd.simulate(carried(1.0, 15.0), 30.0, IMU, 4, 50.0, Gnss(1.0, 1.5, None))
+    early = replace(recording, aidings=tuple(a.between(0.0, 5.0) for a in recording.aidings))
+    assert "tried" not in aligned(early, sd.grade(IMU)).note
+    short = recording.between(0.0, 1.02)
+    assert "heading unknown" in aligned(short, sd.grade(IMU)).note
 
 
 def test_a_slow_straight_course_is_a_guess_that_nothing_confirms():

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import filters
+from ..alignment.fixes import source
 from ..alignment.initial import align, starts_around
 from ..alignment.initial_heading import UNKNOWN_SD, Found
 from ..alignment.rest import rests
@@ -24,7 +25,7 @@ from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Say
 from .prepare import Asked, Run, ready
 
-DOUBTFUL = np.radians(20.0)  # standard deviation of a heading from which on others are tried
+DOUBTFUL = np.radians(17.0)  # standard deviation of a heading from which on others are tried
 HEADINGS = 12
 SPACING = 2 * np.pi / HEADINGS
 LOOKS = (5.0, 10.0, 20.0, 40.0, 60.0)  # s after which the sums are compared
@@ -57,13 +58,14 @@ def aligned(
     if not position or start.sd[8] <= DOUBTFUL:
         return start
     begin = rests(recording, start.t).until(recording.imu, start.t)
-    if recording.span[1] - begin < LOOKS[0]:
+    fresh = (recording.imu.t > begin) & (recording.imu.t <= begin + LOOKS[-1])
+    if fresh.sum() < 2:
         return start
     part = recording.between(begin, begin + LOOKS[-1])
+    if source(part, "position") is None:
+        return start
     part = replace(part, aidings=tuple(replace(a, gate=OUTLIER) for a in part.aidings))
     found = _found(_Trials(part, begin, imu, noise or imu.noise(), say), start)
-    if not found.known:
-        return start._replace(note=f"{start.note}, {found.note}")
     return starts_around(recording, imu, start.t, [found])[0]
 
 
@@ -134,13 +136,20 @@ def _found(trials: _Trials, start: Start) -> Found:
             break
     tried = f"of {HEADINGS} headings tried over {min(seconds, trials.seconds):.0f} s"
     if not alive.any():
-        return Found(0.0, UNKNOWN_SD, f"{tried} none could be followed")
+        return Found(0.0, UNKNOWN_SD, f"heading unknown, {tried} none could be followed")
     from_start: Array = np.exp(-0.5 * (wrap(headings - start.rph[2]) / start.sd[8]) ** 2)
     mean, spread = _mean(headings, weights * (from_start / from_start.sum() + 1 / HEADINGS))
     sd = min(np.hypot(spread, SPACING / np.sqrt(12)), UNKNOWN_SD)
-    words = "is the likeliest" if sd < LIKELIEST else "is a guess, none stands out"
-    note = f"heading {_degrees(mean)} deg {words} {tried}"
-    return Found(mean, sd, note if sd < UNKNOWN_SD else f"{tried} none stands out")
+    words = (
+        f"heading {_degrees(mean)} deg is the likeliest"
+        if sd < LIKELIEST
+        else (
+            f"heading {_degrees(mean)} deg is a guess, none stands out"
+            if sd < UNKNOWN_SD
+            else "heading unknown, none stands out"
+        )
+    )
+    return Found(mean, sd, f"{words} {tried}")
 
 
 def _mean(headings: NDArray[np.floating[Any]], weights: Array) -> tuple[float, float]:
