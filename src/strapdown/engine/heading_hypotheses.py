@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import filters
+from ..alignment.course import MOVING
 from ..alignment.fixes import source
 from ..alignment.initial import align, starts_around
 from ..alignment.initial_heading import UNKNOWN_SD, Found
@@ -25,7 +26,7 @@ from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Say
 from .prepare import Asked, Run, ready
 
-DOUBTFUL = np.radians(17.0)  # standard deviation of a heading from which on others are tried
+DOUBTFUL = np.radians(20.0)  # standard deviation of a course from which on headings are tried
 HEADINGS = 12
 SPACING = 2 * np.pi / HEADINGS
 LOOKS = (5.0, 10.0, 20.0, 40.0, 60.0)  # s after which the sums are compared
@@ -49,13 +50,13 @@ def aligned(
     noise: Noise | None = None,
     say: Say | None = None,
 ) -> Start:
-    """The Start that `align` finds; for a filter of positions, where that heading is doubtful, the
-    one that the fixes decide for.
+    """The Start that `align` finds; for a filter of positions, where that heading is unknown or
+    that of a slow course, the one that the fixes decide for.
 
     Where the vehicle stands, headings are tried from the end of that rest on. Raises DataError.
     """
     start = align(recording, imu, position=position)
-    if not position or start.sd[8] <= DOUBTFUL:
+    if not (position and _doubtful(start)):
         return start
     begin = rests(recording, start.t).until(recording.imu, start.t)
     fresh = (recording.imu.t > begin) & (recording.imu.t <= begin + LOOKS[-1])
@@ -67,6 +68,14 @@ def aligned(
     part = replace(part, aidings=tuple(replace(a, gate=OUTLIER) for a in part.aidings))
     found = _found(_Trials(part, begin, imu, noise or imu.noise(), say), start)
     return starts_around(recording, imu, start.t, [found])[0]
+
+
+def _doubtful(start: Start) -> bool:
+    """Whether the heading is unknown, or from the course of what goes slowly: a hand may carry
+    it."""
+    if "heading from the course" not in start.note:
+        return not start.sd[8] < UNKNOWN_SD
+    return bool(start.sd[8] > DOUBTFUL or np.hypot(start.v[0], start.v[1]) < MOVING)
 
 
 class _Trials(NamedTuple):
