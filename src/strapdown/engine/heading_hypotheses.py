@@ -30,6 +30,7 @@ DOUBTFUL = np.radians(20.0)  # standard deviation of a course from which on head
 HEADINGS = 12
 SPACING = 2 * np.pi / HEADINGS
 LOOKS = (5.0, 10.0, 20.0, 40.0, 60.0)  # s after which the sums are compared
+BEFORE = 60.0  # s: the rest in it tells level and gyro bias
 REUSE = 4.0
 """By this the sums count less than they are: the filter uses the same fixes again, which doubles
 the standard deviation of what they tell first, and the level at the start rests on some of them."""
@@ -62,8 +63,9 @@ def aligned(
     fresh = (recording.imu.t > begin) & (recording.imu.t <= begin + LOOKS[-1])
     if fresh.sum() < 2:
         return start
-    part = recording.between(begin, begin + LOOKS[-1])
-    if source(part, "position") is None:
+    part = recording.between(begin - BEFORE, begin + LOOKS[-1])
+    fixes = source(part, "position")
+    if fixes is None or fixes.t[-1] <= begin:
         return start
     part = replace(part, aidings=tuple(replace(a, gate=OUTLIER) for a in part.aidings))
     found = _found(_Trials(part, begin, imu, noise or imu.noise(), say), start)
