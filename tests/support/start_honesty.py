@@ -146,7 +146,7 @@ CASES = {
     "hovering, consumer": Case("trying", 80.0, hovering, FINE, "consumer"),
     "straight, 1 m/s": Case("headings", 80.0, straight, FINE),
     "turning on the spot": Case("headings", 80.0, lambda rng: car(rng, 0.0), Gnss(0.2, 10.0, None)),
-    "rest, noisy positions": Case("none stands out", 80.0, rest, Gnss(0.2, 10.0, None)),
+    "rest, noisy positions": Case("heading unknown", 80.0, rest, Gnss(0.2, 10.0, None)),
     "flight": Case("course", 60.0, flight, FINE),
     "flight, consumer": Case("course", 60.0, flight, FINE, "consumer"),
 }
