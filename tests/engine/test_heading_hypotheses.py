@@ -1,12 +1,16 @@
 """Headings tried where nothing tells the heading: the fixes decide, or the start says that they do
 not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.alignment.initial_heading import UNKNOWN_SD
 from strapdown.engine.heading_hypotheses import DOUBTFUL, REUSE, _mean, aligned
+from strapdown.io.readers.broad import with_positions
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import DEG, Motion, demo_flight, ramp, static
 
@@ -64,6 +68,14 @@ def test_what_stands_has_no_heading():
     assert start.sd[8] == UNKNOWN_SD and "heading unknown" in start.note
 
 
+def test_where_fixes_end_nothing_is_tried():
+    recording = sd.simulate(carried(1.0, 15.0), 30.0, IMU, 4, 50.0, Gnss(1.0, 1.5, None))
+    early = replace(recording, aidings=tuple(a.between(0.0, 5.0) for a in recording.aidings))
+    assert "tried" not in aligned(early, sd.grade(IMU)).note
+    short = recording.between(0.0, 1.02)
+    assert "heading unknown" in aligned(short, sd.grade(IMU)).note
+
+
 def test_a_slow_straight_course_is_a_guess_that_nothing_confirms():
     straight = Motion(
         "straight", LLA, lambda t: (0 * t, 1 + 0 * t, 0 * t), lambda t: (0 * t, 0 * t, 1.7 + 0 * t)
@@ -80,6 +92,28 @@ def test_a_sure_heading_is_not_tried():
     slow = sd.simulate(carried(1.0), 20.0, IMU, 4, 50.0)
     alone = aligned(slow, sd.grade(IMU), position=False)
     assert alone == sd.align(slow, sd.grade(IMU), position=False)
+
+
+def test_recorded_hands(data_folder):
+    """BROAD: an IMU turned about all axes, its heading to its way arbitrary; truth by cameras."""
+    errors = []
+    for path in sorted((data_folder / "broad").glob("*.npz")):
+        trial = sd.read(path)
+        placed = with_positions(replace(trial, aidings=()), 10.0, 0.05)
+        begin = trial.meta["movement"][0][0]
+        for after in (20.0,):
+            recording = placed.between(begin + after)
+            start = aligned(recording, sd.grade("consumer"))
+            row = int(np.argmin(np.abs(trial.reference.t - start.t)))
+            turn = trial.reference.rotation[row] * euler(start.rph).inv()
+            errors.append(turn.as_rotvec() / start.sd[6:9])
+            assert "12 headings" in start.note, start.note
+    assert len(errors) == 5 and np.abs(errors).max() < 3.5
+    assert (np.mean(np.square(errors), axis=0) < 2.5).all()
+
+
+def euler(rph):
+    return Rotation.from_euler("ZYX", rph[::-1])
 
 
 @pytest.mark.short

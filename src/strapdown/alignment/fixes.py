@@ -47,9 +47,10 @@ def position_and_velocity(recording: Recording) -> tuple[Aiding | None, Aiding |
     if velocity is not None and position is not None:
         later = velocity.t >= position.t[0] - 0.5
         velocity = velocity._where(later) if later.any() else None
-    if velocity is None or np.isfinite(velocity.y).all():
+    if velocity is None or (velocity.y.shape[1] == 3 and np.isfinite(velocity.y).all()):
         return position, velocity
-    v, sd = velocity.y.copy(), velocity.sd.copy()
+    lacking = ((0, 0), (0, 3 - velocity.y.shape[1]))
+    v, sd = (np.pad(each, lacking, constant_values=np.nan) for each in (velocity.y, velocity.sd))
     missing = ~np.isfinite(v[:, 2])
     v[missing, 2], sd[missing, 2] = 0.0, UNKNOWN_SPEED
     if position is not None and len(position.t) > 1:

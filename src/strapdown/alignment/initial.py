@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from ..checks import DataError
-from ..core.contract import Start
+from ..core.contract import Imu, Start
 from ..core.earth import GRAVITY_EQUATOR
 from ..core.jit import plain
 from ..core.rotation import matrix_to_euler
@@ -99,6 +99,14 @@ def starts_around(
     return [_start_heading(recording, moment, heading) for heading in headings]
 
 
+class _Felt(NamedTuple):
+    """Means around an instant, of the same seconds."""
+
+    f: Array  # (3,) specific force, m/s^2, in the body as it is then
+    acceleration: Array  # (3,) m/s^2, NED, by the fixes
+    sd: float  # rad, of the level that both tell
+
+
 class _Moment(NamedTuple):
     """What is known of an instant before its heading and its level are."""
 
@@ -114,7 +122,12 @@ class _Moment(NamedTuple):
     bg: Array  # rad/s, gyro bias
     bias_sd: Array  # m/s^2 and rad/s, of both biases
     force: MeanForce
+    felt: _Felt | None  # None where a rest tells the level, or fixes are too few
     note: str  # on the gyro bias
+
+    def rested(self, imu: Imu) -> bool:
+        """Whether a rest tells the level."""
+        return bool(self.rest) and self.t - imu.t[self.rest[-1][-1]] < REST_AGE
 
 
 def _moment(
@@ -123,7 +136,7 @@ def _moment(
     rest = rests(recording, t)
     bg, bg_sd, note = gyro_bias(recording.imu, imu, t, rest)
     b_a_sd = imu.bias_sd()[0]
-    return _Moment(
+    moment = _Moment(
         t,
         fixes,
         int(np.argmin(np.abs(fixes.t - t))),
@@ -134,8 +147,10 @@ def _moment(
         bg,
         np.r_[np.full(3, b_a_sd), bg_sd],
         mean_force(recording, t, bg),
+        None,
         note,
     )
+    return moment._replace(felt=_felt(recording, moment))
 
 
 def _start_heading(recording: Recording, moment: _Moment, heading: Found) -> Start:
@@ -432,24 +447,13 @@ def _or_course(
 def _level(recording: Recording, moment: _Moment, heading: Found) -> Level:
     """Roll, pitch, their sd and a note: from the last rest, carried to t by the gyros; else from
     specific force less the acceleration."""
-    t, v, velocity, psi = moment.t, moment.v, moment.velocity, heading.heading
-    if moment.rest and t - recording.imu.t[moment.rest[-1][-1]] < REST_AGE:
-        return _level_from_rest(recording, t, moment.rest, moment.bg, moment.bias_sd[0])
+    v, psi, felt = moment.v, heading.heading, moment.felt
+    if moment.rested(recording.imu):
+        return _level_from_rest(recording, moment.t, moment.rest, moment.bg, moment.bias_sd[0])
     if not heading.known:
         return *level(moment.f), LEVEL_SD_GUESSED, "level from specific force alone"
-    if velocity is not None and (between := _around(velocity.t, t)):
-        first, last = between
-        step = velocity.t[last] - velocity.t[first]
-        window = (float(velocity.t[first]), float(velocity.t[last]))
-        force = mean_force(recording, t, moment.bg, window)
-        noise = np.hypot(velocity.sd[first, :2], velocity.sd[last, :2]).max() / step
-        return (
-            *level(force.f, (velocity.y[last] - velocity.y[first]) / step, psi),
-            float(np.linalg.norm([LEVEL_SD_MOVING, noise / GRAVITY_EQUATOR])),
-            "level in motion",
-        )
-    if by_positions := _level_by_positions(recording, moment, psi):
-        return by_positions
+    if felt:
+        return *level(felt.f, felt.acceleration, psi), felt.sd, "level in motion"
     c, s = np.cos(psi), np.sin(psi)
     v_b = np.array([c * v[0] + s * v[1], c * v[1] - s * v[0], 0.0])
     return (
@@ -459,9 +463,27 @@ def _level(recording: Recording, moment: _Moment, heading: Found) -> Level:
     )
 
 
-def _level_by_positions(recording: Recording, moment: _Moment, psi: float) -> Level | None:
-    """Roll, pitch, their sd and a note: from specific force less the second difference of three
-    positions around t, as far apart as their noise and the gyros like it; None without."""
+def _felt(recording: Recording, moment: _Moment) -> _Felt | None:
+    """What is _Felt by the velocity fixes around, else by positions; None where a rest tells the
+    level, or fixes are too few."""
+    if moment.rested(recording.imu):
+        return None
+    velocity = moment.velocity
+    between = _around(velocity.t, moment.t) if velocity is not None else None
+    if velocity is None or between is None:
+        return _felt_by_positions(recording, moment)
+    t, v, sd = (column[list(between)] for column in (velocity.t, velocity.y, velocity.sd))
+    noise = np.hypot(*sd[:, :2]).max() / (t[1] - t[0])
+    return _Felt(
+        mean_force(recording, moment.t, moment.bg, (t[0], t[1])).f,
+        (v[1] - v[0]) / (t[1] - t[0]),
+        float(np.hypot(LEVEL_SD_MOVING, noise / GRAVITY_EQUATOR)),
+    )
+
+
+def _felt_by_positions(recording: Recording, moment: _Moment) -> _Felt | None:
+    """What is _Felt by the second difference of three positions around, as far apart as their
+    noise and the gyros like it; None without."""
     found = []
     for apart in (1.0, 2.0, 4.0):
         if (rows := _three(moment.fixes.t, moment.t, apart)) is None:
@@ -480,7 +502,7 @@ def _level_by_positions(recording: Recording, moment: _Moment, psi: float) -> Le
         return None
     level_sd, t, acceleration = min(found, key=lambda each: each[0])
     force = mean_force(recording, moment.t, moment.bg, (t[0], t[2]), t[1])
-    return *level(force.f, acceleration, psi), level_sd, "level in motion"
+    return _Felt(force.f, acceleration, level_sd)
 
 
 def _three(t: Array, at: float, apart: float) -> Ints | None:

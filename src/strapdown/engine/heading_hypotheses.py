@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import filters
+from ..alignment.course import MOVING
+from ..alignment.fixes import source
 from ..alignment.initial import align, starts_around
 from ..alignment.initial_heading import UNKNOWN_SD, Found
 from ..alignment.rest import rests
@@ -24,10 +26,11 @@ from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Say
 from .prepare import Asked, Run, ready
 
-DOUBTFUL = np.radians(20.0)  # standard deviation of a heading from which on others are tried
+DOUBTFUL = np.radians(20.0)  # standard deviation of a course from which on headings are tried
 HEADINGS = 12
 SPACING = 2 * np.pi / HEADINGS
 LOOKS = (5.0, 10.0, 20.0, 40.0, 60.0)  # s after which the sums are compared
+BEFORE = 60.0  # s: the rest in it tells level and gyro bias
 REUSE = 4.0
 """By this the sums count less than they are: the filter uses the same fixes again, which doubles
 the standard deviation of what they tell first, and the level at the start rests on some of them."""
@@ -48,23 +51,33 @@ def aligned(
     noise: Noise | None = None,
     say: Say | None = None,
 ) -> Start:
-    """The Start that `align` finds; for a filter of positions, where that heading is doubtful, the
-    one that the fixes decide for.
+    """The Start that `align` finds; for a filter of positions, where that heading is unknown or
+    that of a slow course, the one that the fixes decide for.
 
     Where the vehicle stands, headings are tried from the end of that rest on. Raises DataError.
     """
     start = align(recording, imu, position=position)
-    if not position or start.sd[8] <= DOUBTFUL:
+    if not (position and _doubtful(start)):
         return start
     begin = rests(recording, start.t).until(recording.imu, start.t)
-    if recording.span[1] - begin < LOOKS[0]:
+    fresh = (recording.imu.t > begin) & (recording.imu.t <= begin + LOOKS[-1])
+    if fresh.sum() < 2:
         return start
-    part = recording.between(begin, begin + LOOKS[-1])
+    part = recording.between(begin - BEFORE, begin + LOOKS[-1])
+    fixes = source(part, "position")
+    if fixes is None or fixes.t[-1] <= begin:
+        return start
     part = replace(part, aidings=tuple(replace(a, gate=OUTLIER) for a in part.aidings))
     found = _found(_Trials(part, begin, imu, noise or imu.noise(), say), start)
-    if not found.known:
-        return start._replace(note=f"{start.note}, {found.note}")
     return starts_around(recording, imu, start.t, [found])[0]
+
+
+def _doubtful(start: Start) -> bool:
+    """Whether the heading is unknown, or from the course of what goes slowly: a hand may carry
+    it."""
+    if "heading from the course" not in start.note:
+        return not start.sd[8] < UNKNOWN_SD
+    return bool(start.sd[8] > DOUBTFUL or np.hypot(start.v[0], start.v[1]) < MOVING)
 
 
 class _Trials(NamedTuple):
@@ -134,13 +147,20 @@ def _found(trials: _Trials, start: Start) -> Found:
             break
     tried = f"of {HEADINGS} headings tried over {min(seconds, trials.seconds):.0f} s"
     if not alive.any():
-        return Found(0.0, UNKNOWN_SD, f"{tried} none could be followed")
+        return Found(0.0, UNKNOWN_SD, f"heading unknown, {tried} none could be followed")
     from_start: Array = np.exp(-0.5 * (wrap(headings - start.rph[2]) / start.sd[8]) ** 2)
     mean, spread = _mean(headings, weights * (from_start / from_start.sum() + 1 / HEADINGS))
     sd = min(np.hypot(spread, SPACING / np.sqrt(12)), UNKNOWN_SD)
-    words = "is the likeliest" if sd < LIKELIEST else "is a guess, none stands out"
-    note = f"heading {_degrees(mean)} deg {words} {tried}"
-    return Found(mean, sd, note if sd < UNKNOWN_SD else f"{tried} none stands out")
+    words = (
+        f"heading {_degrees(mean)} deg is the likeliest"
+        if sd < LIKELIEST
+        else (
+            f"heading {_degrees(mean)} deg is a guess, none stands out"
+            if sd < UNKNOWN_SD
+            else "heading unknown, none stands out"
+        )
+    )
+    return Found(mean, sd, f"{words} {tried}")
 
 
 def _mean(headings: NDArray[np.floating[Any]], weights: Array) -> tuple[float, float]:
